@@ -1,0 +1,43 @@
+// Reading a case: its entries and, with an identity, its segments. Immutable after open(); thread-safe.
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <functional>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "archive/ledger_entry.h"
+
+namespace kiroku::archive {
+
+/// The ledger of a case, parsed (not verified: see verifier.h).
+class CaseReader {
+ public:
+  /// Throws kiroku::Error naming the folder if it is no case, or the line that cannot be read.
+  static CaseReader open(const std::filesystem::path& folder);
+  [[nodiscard]] const std::filesystem::path& folder() const { return folder_; }
+  [[nodiscard]] const OpenEntry& opening() const { return opening_; }
+  [[nodiscard]] const Moment& opened_at() const { return opened_at_; }
+  [[nodiscard]] std::optional<CloseEntry> closing() const { return closing_; }
+  [[nodiscard]] const StreamInfo& stream(
+      const std::string& name) const;  // throws UsageError that lists the streams there are
+  /// Segments of a stream whose span meets [from_ns, to_ns), in order.
+  [[nodiscard]] std::vector<SegmentEntry> segments(const std::string& stream, std::int64_t from_ns,
+                                                   std::int64_t to_ns) const;
+  [[nodiscard]] std::int64_t duration_ns() const;
+  /// Every entry in order.
+  void for_each(const std::function<void(const CaseEntry&)>& visit) const;
+  /// Case-clock time of "hh:mm:ss[.fff]" from the start or RFC 3339; throws UsageError.
+  [[nodiscard]] std::int64_t parse_time(const std::string& text) const;
+
+ private:
+  std::filesystem::path folder_;
+  OpenEntry opening_;
+  Moment opened_at_;
+  std::optional<CloseEntry> closing_;
+  std::vector<SegmentEntry> segments_;
+};
+
+}  // namespace kiroku::archive

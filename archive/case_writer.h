@@ -1,0 +1,78 @@
+// Writes one case: ledger, checkpoints, tokens, subject. "One writer of the ledger": every function that
+// appends is called from one thread; begin_segment alone may be called from any.
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "archive/ledger_entry.h"
+#include "archive/segment_writer.h"
+#include "crypto/age_recipient.h"
+#include "crypto/signed_note.h"
+
+namespace kiroku::archive {
+
+class ApplianceLog;
+class FileSystem;
+
+/// A signed checkpoint on disk.
+struct StoredCheckpoint {
+  std::uint64_t size = 0;
+  crypto::Sha256Digest root{};
+  std::string note;  // the file's exact bytes: what a token is asked over
+  std::filesystem::path file;
+};
+
+class CaseWriter {
+ public:
+  struct Options {
+    std::filesystem::path archive;  // the archive folder; the case folder is made in it
+    const crypto::SigningKey* key = nullptr;
+    std::string device_name;  // name part of the verifier key
+    std::vector<StreamInfo> streams;
+    std::vector<crypto::AgeRecipients> stream_recipients;  // one a stream, same order
+    std::optional<Bytes> subject;                          // plaintext JSON, sealed to subject_recipients
+    crypto::AgeRecipients subject_recipients;
+    std::string boot_id;
+    ApplianceLog* log = nullptr;  // may be null (tests); receives case-opened, case-checkpoint, case-closed
+    std::optional<crypto::Sha256Digest> plan;
+  };
+  /// Makes the folder and writes `open` durably. Throws kiroku::Error; nothing is left behind then.
+  static std::unique_ptr<CaseWriter> create(FileSystem& files, const Options& options, Moment now);
+  ~CaseWriter();
+
+  [[nodiscard]] const std::string& case_id() const;
+  [[nodiscard]] const std::filesystem::path& folder() const;
+
+  /// A new segment file of stream `stream_index` (position in Options::streams). Thread-safe.
+  std::unique_ptr<SegmentWriter> begin_segment(std::size_t stream_index, std::uint64_t segment_index);
+
+  /// Appends and makes durable; several bodies share one fsync. Segment entries must name committed files.
+  /// Totals for `close` are kept here. Throws kiroku::IoError; after a failed fsync the writer refuses
+  /// everything (it is never retried).
+  void append(const std::vector<CaseEntryBody>& bodies, Moment now);
+  /// Signs the tree as it is and stores the note; also logged in the appliance log when a minute has passed
+  /// or `log_it` is set.
+  StoredCheckpoint checkpoint(Moment now, bool log_it = false);
+  /// Stores a response durably, then appends its `token` entry (also after close()). `authority` is a short
+  /// name [a-z0-9-].
+  void add_token(const StoredCheckpoint& over, const std::string& authority, ByteView response,
+                 const TokenEntry& facts, Moment now);
+  /// The authority's certificates, a convenience beside the tokens.
+  void store_authority_chain(const std::string& authority, const std::vector<Bytes>& chain_der);
+  /// Appends `close`. Only tokens and token-missed may follow.
+  void close(const std::string& reason, Moment now);
+  /// After the closing token: the last checkpoint over its entry, and `case-closed` in the appliance log.
+  StoredCheckpoint finish(Moment now);
+
+ private:
+  struct State;
+  explicit CaseWriter(std::unique_ptr<State> state);
+  std::unique_ptr<State> state_;
+};
+
+}  // namespace kiroku::archive

@@ -1,0 +1,27 @@
+// A verifiable part of a case (docs/format.md, "Excerpts"). Functions; thread-safe.
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <string>
+#include <vector>
+
+#include "crypto/age_recipient.h"
+
+namespace kiroku::archive {
+
+struct ExcerptOptions {
+  std::int64_t from_ns = 0, to_ns = 0;                // case clock, half open
+  std::vector<std::string> streams;                   // empty: all
+  const crypto::AgeIdentities* identities = nullptr;  // with `recipients`: re-key for a new reader
+  crypto::AgeRecipients recipients;
+};
+struct ExcerptResult {
+  std::uint64_t segments = 0, bytes = 0;
+  std::uint64_t first_entry = 0, last_entry = 0;
+};
+/// Writes `folder` (which must not exist); nothing is left there on failure.
+ExcerptResult make_excerpt(const std::filesystem::path& case_folder, const ExcerptOptions& options,
+                           const std::filesystem::path& folder);
+
+}  // namespace kiroku::archive

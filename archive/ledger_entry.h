@@ -1,0 +1,150 @@
+// Entries of a case's ledger (docs/format.md, "Ledger entries") and of the appliance log, as values, to and
+// from their line. Pure functions, thread-safe.
+#pragma once
+
+#include <cstdint>
+#include <map>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <variant>
+#include <vector>
+
+#include "base/utc_time.h"
+#include "crypto/hash.h"
+
+namespace kiroku::archive {
+
+/// When something was written: the machine's opinion of UTC, and the case clock (nanoseconds since `open`).
+struct Moment {
+  UtcTime utc;
+  std::int64_t mono_ns = 0;
+};
+
+/// Half-open span of the case clock.
+struct Span {
+  std::int64_t start_ns = 0;
+  std::int64_t end_ns = 0;
+};
+
+/// One recorded stream, as `open` declares it.
+struct StreamInfo {
+  std::string name;                     // folder below segments/: [a-z0-9][a-z0-9-]{0,31}
+  std::string kind;                     // "video", "audio", "vitals", "events"
+  std::string media;                    // "video/mp2t", "video/x-matroska", "application/jsonl"
+  std::string source;                   // the source as it was asked for, passwords removed
+  std::string profile;                  // "mpeg2", "uncompressed", "lossless", "jsonl"
+  std::string purpose;                  // free text for people: "endoscope"
+  std::vector<std::string> recipients;  // "age1…"
+  /// "arrival": times are when frames reached this machine. "source": a file played at its own or full speed
+  /// states its own times.
+  std::string timing = "arrival";
+  std::string extension;  // of plaintext: "ts", "mkv", "jsonl"; derived from media, not stored
+};
+
+struct FileReference {
+  std::string file;  // relative to the case folder
+  std::uint64_t bytes = 0;
+  crypto::Sha256Digest sha256{};
+};
+
+struct OpenEntry {
+  static constexpr std::string_view kFormat = "kiroku-case/1";
+  std::string case_id;
+  std::string device;  // verifier key
+  std::string boot_id;
+  std::vector<StreamInfo> streams;
+  std::optional<FileReference> subject;
+  std::optional<crypto::Sha256Digest> plan;
+  std::uint64_t appliance_log_size = 0;
+  crypto::Sha256Digest appliance_log_root{};
+};
+
+struct SegmentEntry {
+  std::string stream;
+  std::uint64_t index = 0;
+  FileReference file;
+  Span span;
+  std::int64_t first_pts = 0;  // in time_base units of the stream's one muxer timeline
+  std::string time_base;       // "1/90000"
+  std::uint64_t frames = 0;    // frames of video; samples of vitals; lines of events
+  std::uint64_t dropped = 0;
+  bool counts_samples = false;  // written as `samples` instead of `frames`
+  bool complete = true;
+};
+
+enum class GapCause { kSignalLost, kOverload, kDiskFull, kDeviceRemoved, kFormatChange, kPaused };
+struct GapEntry {
+  std::string stream;
+  Span span;
+  GapCause cause = GapCause::kSignalLost;
+};
+
+struct ClockEntry {
+  bool synchronised = false;
+  std::int64_t offset_ns = 0, error_ns = 0, step_ns = 0;
+};
+
+struct TokenEntry {
+  std::uint64_t checkpoint = 0;  // tree size
+  std::string authority;
+  std::string file;
+  crypto::Sha256Digest sha256{};
+  UtcTime gen_time;
+  std::int64_t accuracy_ns = 0;
+  std::string serial;  // hex
+};
+
+struct TokenMissedEntry {
+  std::uint64_t checkpoint = 0;
+  std::string authority;
+  std::string cause;  // one sentence
+};
+
+struct MarkEntry {
+  crypto::Sha256Digest commitment{};
+};
+
+struct RecoveredEntry {
+  std::string boot_id;
+  std::string after;      // "power-loss", "crash"
+  std::string truncated;  // one sentence, "" if nothing
+};
+
+struct StreamTotal {
+  std::uint64_t segments = 0, frames = 0, dropped = 0, bytes = 0;
+};
+struct CloseEntry {
+  std::string reason;  // "operator", "duration", "sources-ended", "disk-full", "error: …"
+  std::map<std::string, StreamTotal> totals;
+};
+
+struct ErasedEntry {
+  std::string stream;
+  std::uint64_t first_index = 0, last_index = 0;
+  std::string policy;
+};
+
+using CaseEntryBody = std::variant<OpenEntry, SegmentEntry, GapEntry, ClockEntry, TokenEntry,
+                                   TokenMissedEntry, MarkEntry, RecoveredEntry, CloseEntry, ErasedEntry>;
+
+struct CaseEntry {
+  std::uint64_t seq = 0;
+  Moment at;
+  CaseEntryBody body;
+};
+
+/// The ledger line, without LF.
+std::string to_line(const CaseEntry& entry);
+
+/// What is wrong with a line, or the entry. Strict: unknown or missing keys, duplicate keys, wrong types,
+/// integers of 2^53 and more, NUL, invalid UTF-8, nesting deeper than the format's, lines longer than
+/// kMaximumLineBytes.
+struct EntryParse {
+  std::optional<CaseEntry> entry;
+  std::string problem;  // one sentence when there is no entry
+};
+inline constexpr std::size_t kMaximumLineBytes = 1 << 20;
+EntryParse parse_case_entry(std::string_view line);
+
+}  // namespace kiroku::archive

@@ -1,0 +1,77 @@
+// Verifying a case from its files alone (docs/format.md, "Verification"). One verifier object is used by one
+// thread; it uses several inside. Memory stays constant in the case's length apart from a few dozen bytes a
+// segment.
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <functional>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "archive/finding.h"
+#include "archive/ledger_entry.h"
+#include "crypto/age_recipient.h"
+#include "crypto/signed_note.h"
+#include "timestamp/token_verifier.h"
+
+namespace kiroku::archive {
+
+enum class Verdict { kIntact, kIntactWithGaps, kUnproven, kIncomplete, kTampered };
+std::string_view verdict_name(Verdict verdict);  // "intact-with-gaps"
+int exit_status(Verdict verdict);                // 0 0 3 3 1
+
+enum class TimeProof { kExternal, kSelfIssued, kNone };
+std::string_view time_proof_name(TimeProof proof);
+
+struct StreamReport {
+  StreamInfo info;
+  std::uint64_t segments = 0, frames = 0, dropped = 0, bytes = 0;
+  Span span;
+  std::int64_t gap_ns = 0;
+};
+
+/// Entries [first_entry, last_entry] were written after not_before and before not_after, by outside clocks.
+struct Bracket {
+  std::uint64_t first_entry = 0, last_entry = 0;
+  std::optional<UtcTime> not_before, not_after;
+  std::string authority_before, authority_after;
+};
+
+struct VerificationReport {
+  Verdict verdict = Verdict::kTampered;
+  std::string case_id;
+  std::string device;  // verifier key of the case
+  TimeProof time = TimeProof::kNone;
+  std::uint64_t entries = 0, files = 0, bytes = 0, tokens = 0, checkpoints = 0;
+  std::vector<StreamReport> streams;
+  std::vector<Bracket> brackets;
+  std::vector<Finding> findings;  // ordered by entry, then file
+  std::optional<UtcTime> opened, closed;
+};
+
+/// Looks at one decrypted segment: returns a sentence if it does not decode to what the entry states. Given
+/// by the full program, which has decoders; the small verifier has none. Called from several threads.
+using SegmentInspector = std::function<std::optional<std::string>(const StreamInfo&, const SegmentEntry&,
+                                                                  const std::filesystem::path& sealed_file,
+                                                                  const crypto::AgeIdentities&)>;
+
+struct VerifyOptions {
+  std::vector<crypto::VerifierKey> devices;  // trusted; empty: unproven
+  const timestamp::TrustStore* trust = nullptr;
+  std::optional<std::filesystem::path> log;  // appliance log folder
+  const crypto::AgeIdentities* identities = nullptr;
+  SegmentInspector inspect;
+  unsigned threads = 0;  // 0: one a core
+  std::function<void(std::uint64_t done_bytes, std::uint64_t total_bytes)>
+      progress;  // from any thread, serialised
+};
+
+/// Throws kiroku::Error only where the case cannot be read at all (no such folder, not a case, no
+/// permission). Understands both a case folder and an excerpt folder.
+VerificationReport verify_case(const std::filesystem::path& folder, const VerifyOptions& options);
+/// The appliance log by itself.
+VerificationReport verify_log(const std::filesystem::path& folder, const VerifyOptions& options);
+
+}  // namespace kiroku::archive

@@ -1,0 +1,46 @@
+# kiroku_configure(TARGET): language level, warnings, sanitizers and the include root that every target shares.
+set(CMAKE_CXX_STANDARD 20)
+set(CMAKE_CXX_STANDARD_REQUIRED ON)
+set(CMAKE_CXX_EXTENSIONS OFF)
+set(CMAKE_POSITION_INDEPENDENT_CODE ON)
+if(NOT CMAKE_BUILD_TYPE)
+  set(CMAKE_BUILD_TYPE RelWithDebInfo CACHE STRING "" FORCE)
+endif()
+
+find_program(KIROKU_CCACHE ccache)
+if(KIROKU_CCACHE)
+  set(CMAKE_C_COMPILER_LAUNCHER "${KIROKU_CCACHE}")
+  set(CMAKE_CXX_COMPILER_LAUNCHER "${KIROKU_CCACHE}")
+endif()
+
+function(kiroku_configure target)
+  target_include_directories(${target} PUBLIC "${PROJECT_SOURCE_DIR}")
+  target_compile_options(${target} PRIVATE -Wall -Wextra -Wpedantic -Wshadow -Wconversion -Wsign-conversion -Wnon-virtual-dtor
+                                           -Woverloaded-virtual -Werror)
+  if(KIROKU_SANITIZE)
+    target_compile_options(${target} PRIVATE -fsanitize=${KIROKU_SANITIZE} -fno-omit-frame-pointer -fno-sanitize-recover=all -O1)
+    target_link_options(${target} PUBLIC -fsanitize=${KIROKU_SANITIZE})
+  endif()
+  if(KIROKU_FUZZ)
+    target_compile_options(${target} PRIVATE -fsanitize=fuzzer-no-link)
+  endif()
+endfunction()
+
+# kiroku_library(NAME SOURCES... ) with the house's options.
+function(kiroku_library target)
+  add_library(${target} STATIC ${ARGN})
+  kiroku_configure(${target})
+endfunction()
+
+# kiroku_test(NAME LABEL SOURCES... LIBS...): a GoogleTest program whose cases are found by CTest.
+function(kiroku_test target)
+  cmake_parse_arguments(ARG "" "LABEL;TIMEOUT" "SOURCES;LIBRARIES" ${ARGN})
+  add_executable(${target} ${ARG_SOURCES})
+  kiroku_configure(${target})
+  target_link_libraries(${target} PRIVATE ${ARG_LIBRARIES} GTest::gmock GTest::gtest_main)
+  target_compile_definitions(${target} PRIVATE KIROKU_SOURCE_DIR="${PROJECT_SOURCE_DIR}" KIROKU_BINARY_DIR="${PROJECT_BINARY_DIR}")
+  if(NOT ARG_TIMEOUT)
+    set(ARG_TIMEOUT 120)
+  endif()
+  gtest_discover_tests(${target} DISCOVERY_MODE PRE_TEST PROPERTIES LABELS "${ARG_LABEL}" TIMEOUT ${ARG_TIMEOUT})
+endfunction()

@@ -1,0 +1,57 @@
+// Merkle tree of RFC 6962 / RFC 9162 section 2.1 over SHA-256: leaves are hashed with prefix 0x00, nodes with
+// 0x01. Functions are pure; objects are not thread-safe.
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "base/bytes.h"
+#include "crypto/hash.h"
+
+namespace kiroku::crypto {
+
+Sha256Digest merkle_leaf_hash(ByteView entry);
+Sha256Digest merkle_node_hash(const Sha256Digest& left, const Sha256Digest& right);
+
+/// The right edge of a growing tree: O(log n) memory, root at any time. Root of the empty tree is SHA-256 of
+/// nothing.
+class MerkleFrontier {
+ public:
+  void append(const Sha256Digest& leaf_hash);
+  [[nodiscard]] std::uint64_t size() const { return size_; }
+  [[nodiscard]] Sha256Digest root() const;
+
+ private:
+  std::uint64_t size_ = 0;
+  std::vector<Sha256Digest> complete_subtrees_;  // sizes are the binary digits of size_, largest first
+};
+
+/// All leaf hashes in memory (32 bytes each), for proofs.
+class MerkleTree {
+ public:
+  void append(const Sha256Digest& leaf_hash) { leaves_.push_back(leaf_hash); }
+  [[nodiscard]] std::uint64_t size() const { return leaves_.size(); }
+  /// Root of the first `size` leaves; `size` ≤ size().
+  [[nodiscard]] Sha256Digest root(std::uint64_t size) const;
+  /// RFC 6962 2.1.1: index < size ≤ size().
+  [[nodiscard]] std::vector<Sha256Digest> inclusion_proof(std::uint64_t index, std::uint64_t size) const;
+  /// RFC 6962 2.1.2: 0 < old_size ≤ new_size ≤ size().
+  [[nodiscard]] std::vector<Sha256Digest> consistency_proof(std::uint64_t old_size,
+                                                            std::uint64_t new_size) const;
+  /// The complete subtrees left of `first` and right of `last` (half open), left to right, in the tree of
+  /// `size` leaves: with the leaves [first, last) they give the root.
+  [[nodiscard]] std::vector<Sha256Digest> range_proof(std::uint64_t first, std::uint64_t last,
+                                                      std::uint64_t size) const;
+
+ private:
+  std::vector<Sha256Digest> leaves_;
+};
+
+bool verify_inclusion(const Sha256Digest& leaf_hash, std::uint64_t index, std::uint64_t size,
+                      const std::vector<Sha256Digest>& proof, const Sha256Digest& root);
+bool verify_consistency(std::uint64_t old_size, const Sha256Digest& old_root, std::uint64_t new_size,
+                        const Sha256Digest& new_root, const std::vector<Sha256Digest>& proof);
+bool verify_range(const std::vector<Sha256Digest>& leaf_hashes, std::uint64_t first, std::uint64_t size,
+                  const std::vector<Sha256Digest>& proof, const Sha256Digest& root);
+
+}  // namespace kiroku::crypto

@@ -1,0 +1,41 @@
+// Ed25519 (RFC 8032) keys of a device. Immutable after construction; safe from several threads.
+#pragma once
+
+#include <array>
+#include <memory>
+#include <optional>
+#include <string>
+#include <string_view>
+
+#include "base/bytes.h"
+#include "crypto/openssl_handles.h"
+#include "crypto/secret.h"
+
+namespace kiroku::crypto {
+
+using Ed25519PublicKey = std::array<std::byte, 32>;
+using Ed25519Signature = std::array<std::byte, 64>;
+
+bool verify_ed25519(const Ed25519PublicKey& key, ByteView message, ByteView signature);
+
+/// A private signing key. Move-only.
+class SigningKey {
+ public:
+  static SigningKey generate();
+  /// PKCS#8 PEM (RFC 5958), plain or encrypted; throws kiroku::Error if it is none, of another algorithm, or
+  /// the passphrase is wrong. `passphrase` is null for a plain key; an encrypted one then is refused with a
+  /// message that says so.
+  static SigningKey from_pem(std::string_view pem, const Secret* passphrase);
+  [[nodiscard]] static bool pem_is_encrypted(std::string_view pem);
+  /// PKCS#8 PEM, encrypted (PBES2, AES-256-CBC, PBKDF2) when a passphrase is given.
+  [[nodiscard]] Secret to_pem(const Secret* passphrase) const;
+
+  [[nodiscard]] Ed25519PublicKey public_key() const;
+  [[nodiscard]] Ed25519Signature sign(ByteView message) const;
+
+ private:
+  explicit SigningKey(PrivateKey key);
+  PrivateKey key_;
+};
+
+}  // namespace kiroku::crypto

@@ -1,0 +1,110 @@
+// Recording one procedure from its sources into one case. A Session is driven by one thread; it has its own
+// inside.
+#pragma once
+
+#include <atomic>
+#include <chrono>
+#include <cstdint>
+#include <functional>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "archive/appliance_log.h"
+#include "archive/case_writer.h"
+#include "archive/file_system.h"
+#include "crypto/age_recipient.h"
+#include "crypto/signing_key.h"
+#include "timestamp/client.h"
+#include "timestamp/token_verifier.h"
+
+namespace kiroku::recorder {
+
+/// Archived form of pictures.
+enum class Profile { kMpeg2, kUncompressed, kLossless };
+std::string_view profile_name(Profile profile);
+std::optional<Profile> parse_profile(std::string_view name);
+
+struct VideoProfile {
+  Profile profile = Profile::kMpeg2;
+  std::int64_t bit_rate = 4'000'000;  // mpeg2 only
+  bool chroma_422 = false;            // mpeg2 only: 4:2:2 instead of 4:2:0
+  bool deinterlace = false;
+  bool audio = false;  // record sound beside the pictures
+};
+
+/// One asked-for stream.
+struct StreamRequest {
+  std::string name;    // "endoscope", "room", "vitals"
+  std::string source;  // SRC of the command line
+  std::string purpose;
+  VideoProfile video;  // ignored for vitals
+  crypto::AgeRecipients recipients;
+};
+
+struct NamedAuthority {
+  std::string name;  // short, [a-z0-9-]
+  std::shared_ptr<timestamp::StampSource> source;
+};
+
+struct SessionOptions {
+  std::filesystem::path archive;
+  const crypto::SigningKey* key = nullptr;
+  std::string device_name;
+  std::vector<StreamRequest> video;
+  std::vector<StreamRequest> vitals;
+  crypto::AgeRecipients event_recipients;  // for the events stream and the subject
+  std::optional<Bytes> subject;
+  std::vector<NamedAuthority> authorities;
+  const timestamp::TrustStore* trust = nullptr;  // a token that does not hold under it is token-missed
+  archive::ApplianceLog* log = nullptr;
+  archive::FileSystem* files = nullptr;  // null: the real one
+  std::chrono::nanoseconds segment_duration = std::chrono::seconds(2);
+  std::chrono::nanoseconds stamp_interval = std::chrono::seconds(60);
+  std::optional<std::chrono::nanoseconds> duration;
+  std::size_t queue_bytes = 128U << 20;  // frames waiting for an encoder, all streams together
+};
+
+struct StreamStatus {
+  std::string name;
+  bool live = false;
+  std::uint64_t frames = 0, dropped = 0, segments = 0, bytes = 0;
+};
+struct SessionStatus {
+  std::int64_t now_ns = 0;
+  std::vector<StreamStatus> streams;
+  std::uint64_t tokens = 0, missed = 0;
+  std::string last_problem;  // latest sentence a person should see, "" if none
+};
+
+struct SessionResult {
+  std::string case_id;
+  std::filesystem::path folder;
+  std::int64_t duration_ns = 0;
+  std::string close_reason;
+  SessionStatus last;
+};
+
+class Session {
+ public:
+  /// Opens every source and probes it, then makes the case. Throws kiroku::Error (source absent, picture
+  /// wider than the encoder can, …); no case is left behind then.
+  explicit Session(SessionOptions options);
+  ~Session();
+  [[nodiscard]] const std::string& case_id() const;
+  [[nodiscard]] const std::filesystem::path& folder() const;
+  /// Records until stop(), the duration, or the end of every source; closes the case properly; returns.
+  /// `progress` about four times a second.
+  SessionResult run(const std::function<void(const SessionStatus&)>& progress = {});
+  /// From any thread or a signal handler.
+  void stop() noexcept;
+  /// An operator's mark: sealed in the events stream, committed to in the ledger. From any thread.
+  void mark(const std::string& text);
+
+ private:
+  struct State;
+  std::unique_ptr<State> state_;
+};
+
+}  // namespace kiroku::recorder

@@ -1,0 +1,46 @@
+// The embedded RFC 3161 authority: its own CA and time-stamping certificate (P-256, critical sole
+// timeStamping EKU), for demonstration, tests and closed networks. Its time is this machine's: tokens say
+// "self-issued", never "external".
+#pragma once
+
+#include <filesystem>
+#include <functional>
+#include <memory>
+#include <mutex>
+#include <string>
+
+#include "base/bytes.h"
+#include "base/utc_time.h"
+
+namespace kiroku::timestamp {
+
+/// Policy of every token of an embedded authority, by which a verifier tells self-issued time. Under the UUID
+/// arc (2.25).
+inline constexpr std::string_view kEmbeddedPolicy = "2.25.197830237812365870224498532130945381713";
+
+/// Answers queries. respond() is thread-safe.
+class Authority {
+ public:
+  /// Makes `folder` with ca.pem, ca.key, tsa.pem, tsa.key (mode 0600) and the serial counter; refuses a
+  /// folder that exists with an authority in it.
+  static Authority create(const std::filesystem::path& folder, const std::string& organisation);
+  static Authority open(const std::filesystem::path& folder);
+  Authority(Authority&&) noexcept;
+  ~Authority();
+
+  /// RFC 3161 response for any bytes: rejections (badDataFormat, badAlg, badRequest, unacceptedPolicy,
+  /// unacceptedExtension) are responses, too. Each token's serial number is durable before the token leaves,
+  /// so it never repeats, also after a crash.
+  Bytes respond(ByteView query);
+  [[nodiscard]] std::string root_pem() const;   // the CA certificate
+  [[nodiscard]] std::string chain_pem() const;  // signer and CA
+  /// Replaces the clock, for tests of clocks that go wrong.
+  void set_clock(std::function<UtcTime()> now);
+
+ private:
+  struct State;
+  explicit Authority(std::unique_ptr<State> state);
+  std::unique_ptr<State> state_;
+};
+
+}  // namespace kiroku::timestamp

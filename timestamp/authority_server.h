@@ -1,0 +1,27 @@
+// HTTP front of the embedded authority (POST application/timestamp-query), for stock clients.
+#pragma once
+
+#include <atomic>
+#include <cstdint>
+#include <memory>
+#include <string>
+
+#include "timestamp/authority.h"
+
+namespace kiroku::timestamp {
+
+/// Listens from construction to destruction on its own thread. `authority` must outlive it.
+class AuthorityServer {
+ public:
+  /// `listen` is "address:port"; port 0 takes a free one. Throws kiroku::Error if it cannot listen there.
+  AuthorityServer(Authority& authority, const std::string& listen);
+  ~AuthorityServer();
+  [[nodiscard]] std::uint16_t port() const;
+  [[nodiscard]] std::string url() const;  // "http://127.0.0.1:3161/"
+
+ private:
+  struct State;
+  std::unique_ptr<State> state_;
+};
+
+}  // namespace kiroku::timestamp

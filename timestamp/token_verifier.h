@@ -1,0 +1,91 @@
+// Judging RFC 3161 tokens: RFC 3161 section 2.3/2.4.2, RFC 5652 section 5.4-5.6, RFC 5035 and RFC 5816
+// (ESSCertIDv2), RFC 5280 path validation at genTime. TrustStore is immutable after filling; judging is
+// thread-safe.
+#pragma once
+
+#include <filesystem>
+#include <memory>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "base/bytes.h"
+#include "timestamp/request.h"
+#include "timestamp/token.h"
+
+namespace kiroku::timestamp {
+
+/// Roots that are trusted and further certificates that merely help to build a chain.
+class TrustStore {
+ public:
+  TrustStore();
+  TrustStore(TrustStore&&) noexcept;
+  TrustStore& operator=(TrustStore&&) noexcept;
+  ~TrustStore();
+  /// PEM (one or several) or DER. Throws kiroku::Error naming the file if there is no certificate in it.
+  /// Returns how many.
+  std::size_t add_trusted_file(const std::filesystem::path& file);
+  std::size_t add_trusted(ByteView pem_or_der, const std::string& name_for_errors);
+  std::size_t add_untrusted_file(const std::filesystem::path& file);
+  std::size_t add_untrusted(ByteView pem_or_der, const std::string& name_for_errors);
+  [[nodiscard]] bool has_trusted() const;
+
+ private:
+  friend class TokenVerifierAccess;
+  struct State;
+  std::unique_ptr<State> state_;
+};
+
+/// What the token must be about. Unset members are not checked.
+struct Expectation {
+  std::optional<crypto::HashAlgorithm> algorithm;
+  std::optional<Bytes> imprint;  // hash under the token's own algorithm (or `algorithm`, if set)
+  std::optional<Bytes> data;     // alternative to imprint: hashed here with the token's algorithm
+  /// Set: the token must carry exactly this nonce (as the request did); `forbid_nonce` is not needed, RFC
+  /// 3161 has no such rule.
+  std::optional<Bytes> nonce;
+  std::optional<std::string> policy;
+};
+
+/// Each refusal has its own code; `code_name` gives the stable text ("token-imprint-differs").
+enum class TokenCode {
+  kValid,
+  // refused: the answer is no
+  kNotAToken,            // not DER, HTML, trailing bytes, not a TimeStampResp or CMS
+  kRejected,             // the authority refused (PKIStatus)
+  kMalformed,            // wrong content type, version, missing or doubled signed attributes
+  kSignerCount,          // not exactly one signer
+  kSignerNotIdentified,  // no ESSCertID, or no certificate fits it
+  kSignatureInvalid,
+  kWeakAlgorithm,  // imprint or signature hash that proves nothing any more (MD5, SHA-1)
+  kImprintDiffers,
+  kNonceDiffers,
+  kPolicyDiffers,
+  kNotATimeStampSigner,  // extended key usage not critical, not sole, or not timeStamping
+  kCertificateNotValidAtTime,
+  kChainInvalid,  // a chain exists but is broken (bad signature, not a CA, path length, …)
+  // not decided: could not check
+  kSignerCertificateMissing,  // token has no certificate and none was given
+  kIssuerUnknown,             // no chain to a trusted root could be built
+  kNoTrust,                   // no trusted roots were given
+};
+std::string_view code_name(TokenCode code);
+
+enum class TokenVerdict { kValid, kRefused, kCouldNotCheck };
+TokenVerdict verdict_of(TokenCode code);
+
+struct TokenJudgement {
+  TokenCode code = TokenCode::kNotAToken;
+  std::string explanation;        // one sentence
+  std::optional<TokenInfo> info;  // whenever the TSTInfo could be read, also when refused
+  std::string signer_subject;     // RFC 2253 text of the signer found by ESSCertID; empty if none
+  std::string root_subject;       // of the trusted root, when valid
+  std::vector<Bytes> chain;       // DER, signer first, when valid
+};
+
+/// Judges a TimeStampResp or a bare token.
+TokenJudgement judge_token(ByteView response_or_token, const Expectation& expectation,
+                           const TrustStore& trust);
+
+}  // namespace kiroku::timestamp
