@@ -1,0 +1,125 @@
+// libav (FFmpeg) objects as unique_ptr, its errors as kiroku::Error, its chatter kept off the terminal. Every
+// libav handle of the project is one of these. The libav headers themselves stay in .cpp files: this header
+// only names their types.
+//
+// Deleters are stateless and accept only what libav's own free function accepts; each frees the object and
+// everything it owns. Free functions are thread-safe.
+#pragma once
+
+#include <functional>
+#include <memory>
+#include <string>
+#include <string_view>
+
+struct AVBSFContext;
+struct AVBufferRef;
+struct AVCodecContext;
+struct AVCodecParameters;
+struct AVCodecParserContext;
+struct AVDictionary;
+struct AVFilterGraph;
+struct AVFilterInOut;
+struct AVFormatContext;
+struct AVFrame;
+struct AVIOContext;
+struct AVPacket;
+struct SwsContext;
+
+namespace kiroku::media {
+
+struct LibavDeleter {
+  void operator()(AVBSFContext* object) const noexcept;
+  void operator()(AVBufferRef* object) const noexcept;
+  void operator()(AVCodecContext* object) const noexcept;
+  void operator()(AVCodecParameters* object) const noexcept;
+  void operator()(AVCodecParserContext* object) const noexcept;
+  void operator()(AVDictionary* object) const noexcept;
+  void operator()(AVFilterGraph* object) const noexcept;
+  void operator()(AVFilterInOut* object) const noexcept;
+  void operator()(AVFrame* object) const noexcept;
+  void operator()(AVPacket* object) const noexcept;
+  void operator()(SwsContext* object) const noexcept;
+};
+/// avformat_close_input: also closes an AVIOContext that libav itself opened, not one given to it.
+struct LibavInputDeleter {
+  void operator()(AVFormatContext* object) const noexcept;
+};
+/// avformat_free_context: the AVIOContext is the caller's and must outlive the context.
+struct LibavOutputDeleter {
+  void operator()(AVFormatContext* object) const noexcept;
+};
+/// For avio_alloc_context over callbacks: frees the context and its buffer. Never for avio_open.
+struct LibavCustomIoDeleter {
+  void operator()(AVIOContext* object) const noexcept;
+};
+
+using BitstreamFilter = std::unique_ptr<AVBSFContext, LibavDeleter>;
+using BufferReference = std::unique_ptr<AVBufferRef, LibavDeleter>;
+using CodecContext = std::unique_ptr<AVCodecContext, LibavDeleter>;
+using CodecParameters = std::unique_ptr<AVCodecParameters, LibavDeleter>;
+using CodecParser = std::unique_ptr<AVCodecParserContext, LibavDeleter>;
+using FilterGraph = std::unique_ptr<AVFilterGraph, LibavDeleter>;
+using FilterInOut = std::unique_ptr<AVFilterInOut, LibavDeleter>;
+using Frame = std::unique_ptr<AVFrame, LibavDeleter>;
+using Packet = std::unique_ptr<AVPacket, LibavDeleter>;
+using Scaler = std::unique_ptr<SwsContext, LibavDeleter>;
+using InputContext = std::unique_ptr<AVFormatContext, LibavInputDeleter>;
+using OutputContext = std::unique_ptr<AVFormatContext, LibavOutputDeleter>;
+using CustomIo = std::unique_ptr<AVIOContext, LibavCustomIoDeleter>;
+
+/// An empty frame or packet; throws kiroku::Error when memory is out.
+Frame new_frame();
+Packet new_packet();
+
+/// Options for a libav call that takes AVDictionary**. Owns the dictionary; not thread-safe.
+class Options {
+ public:
+  Options() = default;
+  Options(Options&& other) noexcept;
+  Options& operator=(Options&& other) noexcept;
+  Options(const Options&) = delete;
+  Options& operator=(const Options&) = delete;
+  ~Options();
+  void set(const std::string& key, const std::string& value);
+  /// For the call; libav replaces the dictionary by what it did not understand.
+  [[nodiscard]] AVDictionary** address() { return &dictionary_; }
+  /// Name of an option that is left, "" if none.
+  [[nodiscard]] std::string first_left() const;
+
+ private:
+  AVDictionary* dictionary_ = nullptr;
+};
+
+/// Text of a libav error code, e.g. "Invalid data found when processing input".
+std::string libav_error_text(int code);
+
+/// Throws kiroku::Error "cannot <action>: <text of code>"; `action` says what and where, e.g. "open the
+/// camera /dev/video0".
+[[noreturn]] void throw_libav(std::string_view action, int code);
+/// `code` itself if it is no error, else throw_libav.
+int check_libav(int code, std::string_view action);
+/// The pointer if there is one; else throws "cannot <action>: out of memory".
+template <typename Handle>
+Handle check_allocated(Handle handle, std::string_view action);
+
+/// Receives one finished line of libav's log without its line end; `level` is AV_LOG_ERROR, AV_LOG_WARNING, …
+/// (smaller is worse). Called from any thread, one call at a time; it must not call libav.
+using LibavLogSink = std::function<void(int level, std::string_view line)>;
+/// From now on libav's log goes to `sink`, and nowhere if that is empty. Until the first call libav prints on
+/// standard error.
+void route_libav_log(LibavLogSink sink);
+/// As route_libav_log({}), unless a sink is already set. Everything in this project that opens libav calls
+/// it, so that no program can forget; calling it again does nothing.
+void quiet_libav();
+
+[[noreturn]] void throw_out_of_memory(std::string_view action);
+
+template <typename Handle>
+Handle check_allocated(Handle handle, std::string_view action) {
+  if (!handle) {
+    throw_out_of_memory(action);
+  }
+  return handle;
+}
+
+}  // namespace kiroku::media
