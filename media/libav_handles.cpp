@@ -3,6 +3,7 @@
 #include <array>
 #include <cstdarg>
 #include <mutex>
+#include <new>
 #include <utility>
 
 extern "C" {
@@ -31,16 +32,29 @@ void LibavDeleter::operator()(AVFilterInOut* object) const noexcept { avfilter_i
 void LibavDeleter::operator()(AVFrame* object) const noexcept { av_frame_free(&object); }
 void LibavDeleter::operator()(AVPacket* object) const noexcept { av_packet_free(&object); }
 void LibavDeleter::operator()(SwsContext* object) const noexcept { sws_freeContext(object); }
-void LibavInputDeleter::operator()(AVFormatContext* object) const noexcept { avformat_close_input(&object); }
-void LibavOutputDeleter::operator()(AVFormatContext* object) const noexcept { avformat_free_context(object); }
-void LibavCustomIoDeleter::operator()(AVIOContext* object) const noexcept {
+void InputDeleter::operator()(AVFormatContext* object) const noexcept { avformat_close_input(&object); }
+void OutputDeleter::operator()(AVFormatContext* object) const noexcept { avformat_free_context(object); }
+void CustomIoDeleter::operator()(AVIOContext* object) const noexcept {
   // libav may have replaced the buffer, so the context's own pointer is the one to free.
   av_freep(static_cast<void*>(&object->buffer));
   avio_context_free(&object);
 }
 
-Frame new_frame() { return check_allocated(Frame(av_frame_alloc()), "make a video frame"); }
-Packet new_packet() { return check_allocated(Packet(av_packet_alloc()), "make a media packet"); }
+namespace {
+
+template <typename Handle>
+Handle allocated(Handle handle) {
+  if (!handle) {
+    throw std::bad_alloc();
+  }
+  return handle;
+}
+
+}  // namespace
+
+Frame make_frame() { return allocated(Frame(av_frame_alloc())); }
+Packet make_packet() { return allocated(Packet(av_packet_alloc())); }
+Frame reference(const AVFrame& frame) { return allocated(Frame(av_frame_clone(&frame))); }
 
 Options::Options(Options&& other) noexcept : dictionary_(std::exchange(other.dictionary_, nullptr)) {}
 Options& Options::operator=(Options&& other) noexcept {
@@ -50,10 +64,10 @@ Options& Options::operator=(Options&& other) noexcept {
 Options::~Options() { av_dict_free(&dictionary_); }
 
 void Options::set(const std::string& key, const std::string& value) {
-  check_libav(av_dict_set(&dictionary_, key.c_str(), value.c_str(), 0), "set the media option " + key);
+  require(av_dict_set(&dictionary_, key.c_str(), value.c_str(), 0), "cannot set the media option " + key);
 }
 
-std::string Options::first_left() const {
+std::string Options::unused() const {
   const AVDictionaryEntry* entry = av_dict_get(dictionary_, "", nullptr, AV_DICT_IGNORE_SUFFIX);
   return entry == nullptr ? "" : entry->key;
 }
@@ -64,19 +78,13 @@ std::string libav_error_text(int code) {
   return text.data();
 }
 
-void throw_libav(std::string_view action, int code) {
-  throw Error("cannot " + std::string(action) + ": " + libav_error_text(code));
-}
+void throw_libav(const std::string& what, int code) { throw Error(what + ": " + libav_error_text(code)); }
 
-int check_libav(int code, std::string_view action) {
+int require(int code, const std::string& what) {
   if (code < 0) {
-    throw_libav(action, code);
+    throw_libav(what, code);
   }
   return code;
-}
-
-void throw_out_of_memory(std::string_view action) {
-  throw Error("cannot " + std::string(action) + ": out of memory");
 }
 
 namespace {
@@ -127,7 +135,7 @@ void route_libav_log(LibavLogSink sink) {
   av_log_set_callback(receive);
 }
 
-void quiet_libav() {
+void silence_libav() {
   const std::lock_guard lock(log_state().mutex);
   if (!std::exchange(log_state().routed, true)) {
     av_log_set_callback(receive);

@@ -41,21 +41,21 @@ struct LibavDeleter {
   void operator()(SwsContext* object) const noexcept;
 };
 /// avformat_close_input: also closes an AVIOContext that libav itself opened, not one given to it.
-struct LibavInputDeleter {
+struct InputDeleter {
   void operator()(AVFormatContext* object) const noexcept;
 };
 /// avformat_free_context: the AVIOContext is the caller's and must outlive the context.
-struct LibavOutputDeleter {
+struct OutputDeleter {
   void operator()(AVFormatContext* object) const noexcept;
 };
 /// For avio_alloc_context over callbacks: frees the context and its buffer. Never for avio_open.
-struct LibavCustomIoDeleter {
+struct CustomIoDeleter {
   void operator()(AVIOContext* object) const noexcept;
 };
 
 using BitstreamFilter = std::unique_ptr<AVBSFContext, LibavDeleter>;
 using BufferReference = std::unique_ptr<AVBufferRef, LibavDeleter>;
-using CodecContext = std::unique_ptr<AVCodecContext, LibavDeleter>;
+using Codec = std::unique_ptr<AVCodecContext, LibavDeleter>;
 using CodecParameters = std::unique_ptr<AVCodecParameters, LibavDeleter>;
 using CodecParser = std::unique_ptr<AVCodecParserContext, LibavDeleter>;
 using FilterGraph = std::unique_ptr<AVFilterGraph, LibavDeleter>;
@@ -63,13 +63,14 @@ using FilterInOut = std::unique_ptr<AVFilterInOut, LibavDeleter>;
 using Frame = std::unique_ptr<AVFrame, LibavDeleter>;
 using Packet = std::unique_ptr<AVPacket, LibavDeleter>;
 using Scaler = std::unique_ptr<SwsContext, LibavDeleter>;
-using InputContext = std::unique_ptr<AVFormatContext, LibavInputDeleter>;
-using OutputContext = std::unique_ptr<AVFormatContext, LibavOutputDeleter>;
-using CustomIo = std::unique_ptr<AVIOContext, LibavCustomIoDeleter>;
+using InputContext = std::unique_ptr<AVFormatContext, InputDeleter>;
+using OutputContext = std::unique_ptr<AVFormatContext, OutputDeleter>;
+using CustomIo = std::unique_ptr<AVIOContext, CustomIoDeleter>;
 
-/// An empty frame or packet; throws kiroku::Error when memory is out.
-Frame new_frame();
-Packet new_packet();
+Frame make_frame();    // empty; throws std::bad_alloc
+Packet make_packet();  // likewise
+/// Another reference to the same picture; throws std::bad_alloc.
+Frame reference(const AVFrame& frame);
 
 /// Options for a libav call that takes AVDictionary**. Owns the dictionary; not thread-safe.
 class Options {
@@ -83,8 +84,8 @@ class Options {
   void set(const std::string& key, const std::string& value);
   /// For the call; libav replaces the dictionary by what it did not understand.
   [[nodiscard]] AVDictionary** address() { return &dictionary_; }
-  /// Name of an option that is left, "" if none.
-  [[nodiscard]] std::string first_left() const;
+  /// First option that nobody took, "" if all were.
+  [[nodiscard]] std::string unused() const;
 
  private:
   AVDictionary* dictionary_ = nullptr;
@@ -93,14 +94,11 @@ class Options {
 /// Text of a libav error code, e.g. "Invalid data found when processing input".
 std::string libav_error_text(int code);
 
-/// Throws kiroku::Error "cannot <action>: <text of code>"; `action` says what and where, e.g. "open the
+/// Throws kiroku::Error "<what>: <text of code>"; `what` says what failed and where, e.g. "cannot open the
 /// camera /dev/video0".
-[[noreturn]] void throw_libav(std::string_view action, int code);
+[[noreturn]] void throw_libav(const std::string& what, int code);
 /// `code` itself if it is no error, else throw_libav.
-int check_libav(int code, std::string_view action);
-/// The pointer if there is one; else throws "cannot <action>: out of memory".
-template <typename Handle>
-Handle check_allocated(Handle handle, std::string_view action);
+int require(int code, const std::string& what);
 
 /// Receives one finished line of libav's log without its line end; `level` is AV_LOG_ERROR, AV_LOG_WARNING, …
 /// (smaller is worse). Called from any thread, one call at a time; it must not call libav.
@@ -110,16 +108,6 @@ using LibavLogSink = std::function<void(int level, std::string_view line)>;
 void route_libav_log(LibavLogSink sink);
 /// As route_libav_log({}), unless a sink is already set. Everything in this project that opens libav calls
 /// it, so that no program can forget; calling it again does nothing.
-void quiet_libav();
-
-[[noreturn]] void throw_out_of_memory(std::string_view action);
-
-template <typename Handle>
-Handle check_allocated(Handle handle, std::string_view action) {
-  if (!handle) {
-    throw_out_of_memory(action);
-  }
-  return handle;
-}
+void silence_libav();
 
 }  // namespace kiroku::media

@@ -18,21 +18,21 @@ namespace {
 TEST(LibavHandles, MakesOneSentenceOfAnErrorCode) {
   EXPECT_EQ(libav_error_text(AVERROR_INVALIDDATA), "Invalid data found when processing input");
   try {
-    throw_libav("open the camera /dev/video9", AVERROR(ENOENT));
+    throw_libav("cannot open the camera /dev/video9", AVERROR(ENOENT));
     FAIL();
   } catch (const Error& error) {
     EXPECT_STREQ(error.what(), "cannot open the camera /dev/video9: No such file or directory");
   }
-  EXPECT_EQ(check_libav(7, "read"), 7);
-  EXPECT_THROW(check_libav(AVERROR_EOF, "read"), Error);
+  EXPECT_EQ(require(7, "read"), 7);
+  EXPECT_THROW(require(AVERROR_EOF, "read"), Error);
 }
 
 TEST(LibavHandles, ReportsAnOptionThatNobodyUnderstood) {
   Options options;
-  EXPECT_EQ(options.first_left(), "");
+  EXPECT_EQ(options.unused(), "");
   options.set("no_such_option", "1");
   const Options moved = std::move(options);
-  EXPECT_EQ(moved.first_left(), "no_such_option");
+  EXPECT_EQ(moved.unused(), "no_such_option");
 }
 
 TEST(LibavHandles, RoutesTheLogLineByLine) {
@@ -40,7 +40,7 @@ TEST(LibavHandles, RoutesTheLogLineByLine) {
   route_libav_log([&](int level, std::string_view line) { lines.emplace_back(level, line); });
   av_log(nullptr, AV_LOG_WARNING, "first ");
   av_log(nullptr, AV_LOG_WARNING, "half\nsecond\n");
-  quiet_libav();  // must not take the sink away
+  silence_libav();  // must not take the sink away
   av_log(nullptr, AV_LOG_ERROR, "third\n");
   route_libav_log({});
   av_log(nullptr, AV_LOG_ERROR, "unheard\n");
@@ -50,7 +50,7 @@ TEST(LibavHandles, RoutesTheLogLineByLine) {
 }
 
 TEST(LibavHandles, PrintsNothingOnTheTerminalOfAFailedOpen) {
-  quiet_libav();
+  silence_libav();
   testing::internal::CaptureStderr();
   AVFormatContext* context = nullptr;
   EXPECT_LT(avformat_open_input(&context, "/nonexistent/film.ts", nullptr, nullptr), 0);

@@ -1,0 +1,74 @@
+// One vital sign as it is recorded, and its line in a vitals segment. Values; functions are pure and
+// thread-safe.
+//
+// A vitals segment is JSON Lines: one object a line, UTF-8, LF after every line, no blanks outside strings.
+// Keys in this order, none repeated, none else:
+//
+//   {"time_ns":1500000000,"code":"MDC_PULS_OXIM_SAT_O2","mdc":150456,"value":97.5,"unit":"%",
+//    "source":"synthetic:patient","quality":"good"}
+//
+//   time_ns      case clock at arrival, whole nanoseconds since `open`, 0 … 2^53 - 1
+//   device_time  (only if the device told) the device's own time, RFC 3339 UTC with microseconds
+//   code         IEEE 11073-10101 reference identifier; own codes begin with KIROKU_
+//   mdc          (only if known) its numeric code, partition * 65536 + term, 1 … 2^32 - 1
+//   value        a number, or null where the device reported that it has none (quality "missing")
+//   rate_hz, values   instead of `value`, for a waveform: see VitalSample
+//   unit         UCUM (case sensitive), "1" for none
+//   source       which device or file said so, "" if there is but one
+//   quality      "good", "questionable", "invalid", "missing"
+//
+// Numbers are the shortest decimal that reads back to the same double; they are always finite.
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "base/utc_time.h"
+
+namespace kiroku::media {
+
+/// Bounds what a reader must hold to bring waveforms into the order of time.
+inline constexpr std::int64_t kLongestWaveformNs = 60'000'000'000;
+inline constexpr std::size_t kMaximumVitalLineBytes = 1U << 20;
+
+enum class VitalQuality { kGood, kQuestionable, kInvalid, kMissing };
+std::string_view quality_name(VitalQuality quality);
+std::optional<VitalQuality> parse_quality(std::string_view name);
+
+/// One quantity at one time, or a waveform: a block of evenly spaced values, oldest first. Value i of n was
+/// measured at time_ns - (n - i) / rate_hz, so that a block is complete, and stamped, when its last value is.
+/// (| values | = n >= 1, n / rate_hz <= kLongestWaveformNs.)
+struct VitalSample {
+  std::int64_t time_ns = 0;
+  std::optional<UtcTime> device_time;
+  std::string code;
+  std::uint32_t mdc = 0;        // 0: unknown
+  std::optional<double> value;  // nothing: a waveform, or quality missing
+  double rate_hz = 0;           // above 0 for a waveform
+  std::vector<double> values;   // of a waveform, else empty
+  std::string unit;
+  std::string source;
+  VitalQuality quality = VitalQuality::kGood;
+
+  [[nodiscard]] bool is_waveform() const { return rate_hz > 0; }
+  bool operator==(const VitalSample&) const = default;
+};
+
+/// The line, without LF. Throws kiroku::Error where the sample breaks a rule above (a value that is not
+/// finite, an empty code, a waveform too long, no value though the quality is not missing, …).
+std::string to_json_line(const VitalSample& sample);
+
+/// The sample, or one sentence saying what is wrong with the line. Never throws for what a line holds.
+struct VitalParse {
+  std::optional<VitalSample> sample;
+  std::string problem;
+};
+VitalParse parse_vital_line(std::string_view line);
+
+/// Case-clock time of value `index` of a waveform.
+std::int64_t waveform_time_ns(const VitalSample& waveform, std::size_t index);
+
+}  // namespace kiroku::media

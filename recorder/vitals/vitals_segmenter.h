@@ -1,0 +1,58 @@
+// Cuts a stream of vital signs into segments at whole multiples of the segment duration on the case clock. An
+// object belongs to one thread.
+#pragma once
+
+#include <chrono>
+#include <cstdint>
+#include <optional>
+
+#include "base/bytes.h"
+#include "media/vital_sample.h"
+
+namespace kiroku::recorder {
+
+/// Receives the pieces, always begin, write*, end. Segment spans join without a hole: a segment in which no
+/// sample arrived is still begun and ended, with no line in it. Errors thrown here pass through the
+/// segmenter, which then is good for nothing more.
+class VitalsSegmentSink {
+ public:
+  virtual ~VitalsSegmentSink() = default;
+  virtual void begin_segment(std::uint64_t index, std::int64_t start_ns) = 0;
+  /// Whole lines, each with its LF.
+  virtual void write(ByteView lines) = 0;
+  virtual void end_segment(std::int64_t end_ns, std::uint64_t samples) = 0;
+};
+
+class VitalsSegmenter {
+ public:
+  /// `sink` must outlive the object. Segment k spans [k * duration, (k + 1) * duration). The first begins at
+  /// the first add() or advance_to(), with index 0 and the start of the multiple that time falls into, or
+  /// `first_start_ns` if that is later (a stream that began in the middle of one).
+  VitalsSegmenter(VitalsSegmentSink& sink, std::chrono::nanoseconds duration,
+                  std::int64_t first_start_ns = 0);
+
+  /// Adds a sample, ending the segments that lie before it. Samples must come in order of time and not before
+  /// the last advance_to(); throws kiroku::Error else.
+  void add(const media::VitalSample& sample);
+  /// Nothing with time_ns < `now_ns` will come any more: ends the segments that lie wholly before.
+  void advance_to(std::int64_t now_ns);
+  /// Ends the last segment at `end_ns`, or just after the last sample if that is later. Nothing may follow.
+  void finish(std::int64_t end_ns);
+
+  [[nodiscard]] std::uint64_t samples() const { return samples_; }
+  [[nodiscard]] std::uint64_t segments() const { return next_index_; }
+
+ private:
+  void begin_at(std::int64_t time_ns);
+  void end_at(std::int64_t end_ns);
+
+  VitalsSegmentSink& sink_;
+  std::int64_t duration_ns_;
+  std::int64_t first_start_ns_;
+  std::int64_t floor_ns_;               // no sample before it is taken any more
+  std::optional<std::int64_t> end_ns_;  // of the segment being written
+  std::uint64_t next_index_ = 0, samples_ = 0, segment_samples_ = 0;
+  bool finished_ = false;
+};
+
+}  // namespace kiroku::recorder
