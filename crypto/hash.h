@@ -5,6 +5,7 @@
 #include <compare>
 #include <filesystem>
 #include <memory>
+#include <string_view>
 
 #include "base/bytes.h"
 #include "crypto/openssl_handles.h"

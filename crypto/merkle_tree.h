@@ -26,11 +26,12 @@ class MerkleFrontier {
   std::vector<Sha256Digest> complete_subtrees_;  // sizes are the binary digits of size_, largest first
 };
 
-/// All leaf hashes in memory (32 bytes each), for proofs.
+/// Every leaf hash and complete node in memory (64 bytes a leaf), for roots at any size and proofs in O(log
+/// n) hashes. Arguments outside the stated bounds throw kiroku::UsageError.
 class MerkleTree {
  public:
-  void append(const Sha256Digest& leaf_hash) { leaves_.push_back(leaf_hash); }
-  [[nodiscard]] std::uint64_t size() const { return leaves_.size(); }
+  void append(const Sha256Digest& leaf_hash);
+  [[nodiscard]] std::uint64_t size() const { return levels_.empty() ? 0 : levels_.front().size(); }
   /// Root of the first `size` leaves; `size` ≤ size().
   [[nodiscard]] Sha256Digest root(std::uint64_t size) const;
   /// RFC 6962 2.1.1: index < size ≤ size().
@@ -38,15 +39,20 @@ class MerkleTree {
   /// RFC 6962 2.1.2: 0 < old_size ≤ new_size ≤ size().
   [[nodiscard]] std::vector<Sha256Digest> consistency_proof(std::uint64_t old_size,
                                                             std::uint64_t new_size) const;
-  /// The complete subtrees left of `first` and right of `last` (half open), left to right, in the tree of
-  /// `size` leaves: with the leaves [first, last) they give the root.
+  /// The largest subtrees left of `first` and right of `last` (half open, not empty), left to right, in the
+  /// tree of `size` leaves: with the leaves [first, last) they give the root.
   [[nodiscard]] std::vector<Sha256Digest> range_proof(std::uint64_t first, std::uint64_t last,
                                                       std::uint64_t size) const;
 
  private:
-  std::vector<Sha256Digest> leaves_;
+  /// RFC 6962's MTH of the leaves [first, last), a node of the tree.
+  [[nodiscard]] Sha256Digest node(std::uint64_t first, std::uint64_t last) const;
+  void require(bool condition, const char* what) const;
+
+  std::vector<std::vector<Sha256Digest>> levels_;  // levels_[k][i]: leaves [i·2^k, (i+1)·2^k)
 };
 
+// Verifiers of proofs; every argument may come from an adversary. RFC 9162 2.1.3.2 and 2.1.4.2.
 bool verify_inclusion(const Sha256Digest& leaf_hash, std::uint64_t index, std::uint64_t size,
                       const std::vector<Sha256Digest>& proof, const Sha256Digest& root);
 bool verify_consistency(std::uint64_t old_size, const Sha256Digest& old_root, std::uint64_t new_size,
