@@ -1,5 +1,36 @@
-// Entries of a case's ledger (docs/format.md, "Ledger entries") and of the appliance log, as values, to and
-// from their line. Pure functions, thread-safe.
+// Entries of a case's ledger (docs/format.md, "Ledger entries") as values, to and from their line. Pure
+// functions, thread-safe.
+//
+// The line. One JSON object, keys in this order, no white space; a reader takes any order of keys, since the
+// bytes themselves are hashed. Every key is always there unless marked "optional". Every entry begins with
+//   type (text), seq (integer), utc (text), mono_ns (integer, not negative)
+// and goes on with
+//   open          format "kiroku-case/1", case, device, boot_id, streams [{name, kind, media, source,
+//   profile,
+//                 purpose, recipients [text…], timing}], subject {file, bytes, sha256} (optional), plan
+//                 (optional), appliance_log {size, root}
+//   segment       stream, index, file, bytes, sha256, start_ns, end_ns, first_pts, time_base, frames or
+//                 samples (exactly one), dropped, complete
+//   gap           stream, start_ns, end_ns, cause
+//   clock         synchronised, offset_ns, error_ns, step_ns
+//   token         checkpoint, authority, file, sha256, gen_time, accuracy_ns, serial
+//   token-missed  checkpoint, authority, cause
+//   mark          commitment
+//   recovered     boot_id, after, truncated
+//   close         reason, totals {<stream>: {segments, frames, dropped, bytes}}
+//   erased        stream, first_index, last_index, policy
+// Values:
+//   times         RFC 3339 in UTC with exactly six decimals and Z
+//   hashes        SHA-256, 64 lower-case hex digits
+//   integers      plain decimal, magnitude below 2^53; counts, indexes, sizes, starts and ends not negative;
+//                 end_ns >= start_ns; accuracy_ns >= 0; first_pts, offset_ns and step_ns may be negative
+//   names         of streams and authorities: [a-z0-9][a-z0-9-]{0,31}, unique among the streams
+//   time_base     "<n>/<d>", decimal without leading zeros
+//   serial        lower-case hex
+//   texts         UTF-8, never NUL. A text that is not (an error message in `cause`) is written with U+FFFD
+//                 in place of the bytes that are not.
+//   appliance_log without a log: size 0 and the root of the empty tree, SHA-256 of nothing
+//   totals        one member for every stream of `open`; `frames` counts samples where the segments do
 #pragma once
 
 #include <cstdint>
@@ -74,6 +105,7 @@ struct SegmentEntry {
 };
 
 enum class GapCause { kSignalLost, kOverload, kDiskFull, kDeviceRemoved, kFormatChange, kPaused };
+std::string_view gap_cause_name(GapCause cause);  // "signal-lost"
 struct GapEntry {
   std::string stream;
   Span span;
@@ -134,7 +166,11 @@ struct CaseEntry {
   CaseEntryBody body;
 };
 
-/// The ledger line, without LF.
+/// The value of `type`: "open", "token-missed", …
+std::string_view type_of(const CaseEntryBody& body);
+
+/// The ledger line, without LF, its keys in the order of the table below. Throws kiroku::Error for a number
+/// of magnitude 2^53 or more and for a line above kMaximumLineBytes.
 std::string to_line(const CaseEntry& entry);
 
 /// What is wrong with a line, or the entry. Strict: unknown or missing keys, duplicate keys, wrong types,
@@ -142,7 +178,8 @@ std::string to_line(const CaseEntry& entry);
 /// kMaximumLineBytes.
 struct EntryParse {
   std::optional<CaseEntry> entry;
-  std::string problem;  // one sentence when there is no entry
+  std::string problem;                  // one sentence when there is no entry
+  std::optional<std::size_t> position;  // byte within the line, where it is no JSON of the strict profile
 };
 inline constexpr std::size_t kMaximumLineBytes = 1 << 20;
 EntryParse parse_case_entry(std::string_view line);
