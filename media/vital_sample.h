@@ -13,11 +13,13 @@
 //   mdc          (only if known) its numeric code, partition * 65536 + term, 1 … 2^32 - 1
 //   value        a number, or null where the device reported that it has none (quality "missing")
 //   rate_hz, values   instead of `value`, for a waveform: see VitalSample
-//   unit         UCUM (case sensitive), "1" for none
+//   unit         UCUM (case sensitive), "1" for a pure number, "" if not stated
 //   source       which device or file said so, "" if there is but one
 //   quality      "good", "questionable", "invalid", "missing"
 //
-// Numbers are the shortest decimal that reads back to the same double; they are always finite.
+// Numbers are the shortest decimal that reads back to the same double (std::to_chars); they are always
+// finite. Text is escaped only where it must be: \", \\ and \u00xx for control characters. So a sample has
+// exactly one line, and a line that to_json_line would not have written is refused.
 #pragma once
 
 #include <cstdint>
@@ -57,8 +59,11 @@ struct VitalSample {
   bool operator==(const VitalSample&) const = default;
 };
 
+/// Which rule above the sample breaks, as half a sentence ("the value is not finite"); "" if none.
+std::string problem_of(const VitalSample& sample);
+
 /// The line, without LF. Throws kiroku::Error where the sample breaks a rule above (a value that is not
-/// finite, an empty code, a waveform too long, no value though the quality is not missing, …).
+/// finite, an empty code, a waveform too long, no value though the quality is not missing, …: problem_of).
 std::string to_json_line(const VitalSample& sample);
 
 /// The sample, or one sentence saying what is wrong with the line. Never throws for what a line holds.

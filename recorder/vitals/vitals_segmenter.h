@@ -4,7 +4,6 @@
 
 #include <chrono>
 #include <cstdint>
-#include <optional>
 
 #include "base/bytes.h"
 #include "media/vital_sample.h"
@@ -18,21 +17,20 @@ class VitalsSegmentSink {
  public:
   virtual ~VitalsSegmentSink() = default;
   virtual void begin_segment(std::uint64_t index, std::int64_t start_ns) = 0;
-  /// Whole lines, each with its LF.
+  /// One or more whole lines, each with its LF.
   virtual void write(ByteView lines) = 0;
   virtual void end_segment(std::int64_t end_ns, std::uint64_t samples) = 0;
 };
 
 class VitalsSegmenter {
  public:
-  /// `sink` must outlive the object. Segment k spans [k * duration, (k + 1) * duration). The first begins at
-  /// the first add() or advance_to(), with index 0 and the start of the multiple that time falls into, or
-  /// `first_start_ns` if that is later (a stream that began in the middle of one).
+  /// `sink` must outlive the object. The first segment begins at `first_start_ns`, all others at whole
+  /// multiples of `duration`. Throws kiroku::UsageError if the duration is not positive.
   VitalsSegmenter(VitalsSegmentSink& sink, std::chrono::nanoseconds duration,
                   std::int64_t first_start_ns = 0);
 
-  /// Adds a sample, ending the segments that lie before it. Samples must come in order of time and not before
-  /// the last advance_to(); throws kiroku::Error else.
+  /// Adds a sample, after ending the segments that lie before it. Samples must come in order of time and not
+  /// before the last advance_to(); throws kiroku::Error else.
   void add(const media::VitalSample& sample);
   /// Nothing with time_ns < `now_ns` will come any more: ends the segments that lie wholly before.
   void advance_to(std::int64_t now_ns);
@@ -43,16 +41,16 @@ class VitalsSegmenter {
   [[nodiscard]] std::uint64_t segments() const { return next_index_; }
 
  private:
-  void begin_at(std::int64_t time_ns);
+  void begin_if_needed();
   void end_at(std::int64_t end_ns);
 
   VitalsSegmentSink& sink_;
   std::int64_t duration_ns_;
-  std::int64_t first_start_ns_;
-  std::int64_t floor_ns_;               // no sample before it is taken any more
-  std::optional<std::int64_t> end_ns_;  // of the segment being written
-  std::uint64_t next_index_ = 0, samples_ = 0, segment_samples_ = 0;
+  std::int64_t start_ns_;  // of the segment that is open, or the next one
+  std::int64_t floor_ns_;  // no sample before it is taken any more
+  bool open_ = false;
   bool finished_ = false;
+  std::uint64_t next_index_ = 0, samples_ = 0, segment_samples_ = 0;
 };
 
 }  // namespace kiroku::recorder

@@ -1,0 +1,21 @@
+#include "recorder/vitals/vital_source.h"
+
+#include "base/error.h"
+#include "recorder/source/source_address.h"
+#include "recorder/vitals/csv_source.h"
+#include "recorder/vitals/synthetic_patient.h"
+
+namespace kiroku::recorder {
+
+std::unique_ptr<VitalSource> open_vital_source(const SourceAddress& address) {
+  if (address.kind == SourceKind::kSynthetic && address.location == "patient") {
+    return open_synthetic_patient(address);
+  }
+  if (address.kind == SourceKind::kFile && address.location.ends_with(".csv")) {
+    return open_csv_source(address);
+  }
+  throw UsageError("source '" + address.stated +
+                   "' gives no vital signs; give synthetic:patient or the path of a .csv file");
+}
+
+}  // namespace kiroku::recorder

@@ -1,0 +1,66 @@
+#include "recorder/vitals/vitals_segmenter.h"
+
+#include <algorithm>
+
+#include "base/error.h"
+
+namespace kiroku::recorder {
+
+VitalsSegmenter::VitalsSegmenter(VitalsSegmentSink& sink, std::chrono::nanoseconds duration,
+                                 std::int64_t first_start_ns)
+    : sink_(sink), duration_ns_(duration.count()), start_ns_(first_start_ns), floor_ns_(first_start_ns) {
+  if (duration_ns_ <= 0 || first_start_ns < 0) {
+    throw UsageError("a segment of vital signs must last longer than nothing and begin within the case");
+  }
+}
+
+// Begun only when there is something to say about it, so that none of length zero is left at the end.
+void VitalsSegmenter::begin_if_needed() {
+  if (!open_) {
+    sink_.begin_segment(next_index_++, start_ns_);
+    segment_samples_ = 0;
+    open_ = true;
+  }
+}
+
+void VitalsSegmenter::end_at(std::int64_t end_ns) {
+  begin_if_needed();
+  sink_.end_segment(end_ns, segment_samples_);
+  start_ns_ = end_ns;
+  open_ = false;
+}
+
+void VitalsSegmenter::advance_to(std::int64_t now_ns) {
+  if (finished_ || now_ns < floor_ns_) {
+    throw Error("a stream of vital signs went back in time, or on after its end; its source is at fault");
+  }
+  floor_ns_ = now_ns;
+  for (;;) {
+    const std::int64_t boundary_ns = (start_ns_ / duration_ns_ + 1) * duration_ns_;
+    if (boundary_ns > now_ns) {
+      return;
+    }
+    end_at(boundary_ns);
+  }
+}
+
+void VitalsSegmenter::add(const media::VitalSample& sample) {
+  advance_to(sample.time_ns);
+  const std::string line = media::to_json_line(sample) + '\n';
+  begin_if_needed();
+  sink_.write(bytes_of(line));
+  ++segment_samples_;
+  ++samples_;
+}
+
+void VitalsSegmenter::finish(std::int64_t end_ns) {
+  // A segment with a sample spans at least that sample's instant.
+  const std::int64_t last_ns = std::max(end_ns, open_ && segment_samples_ > 0 ? floor_ns_ + 1 : floor_ns_);
+  advance_to(last_ns);
+  finished_ = true;
+  if (open_ || last_ns > start_ns_) {
+    end_at(last_ns);
+  }
+}
+
+}  // namespace kiroku::recorder
