@@ -1,11 +1,15 @@
 // The appliance's own ledger (docs/format.md, "The appliance log"): same lines, tree and checkpoints as a
-// case. Thread-safe.
+// case. Thread-safe. Several processes may have it open: each holds the file only while it appends, after
+// reading what the others appended, so that an export can be logged while a recording runs.
 #pragma once
 
 #include <cstdint>
 #include <filesystem>
+#include <functional>
 #include <memory>
+#include <optional>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "archive/ledger_entry.h"
@@ -25,24 +29,45 @@ struct LogLine {
 
 class ApplianceLog {
  public:
-  /// Opens or starts `<folder>/ledger.jsonl`. A torn last line (power cut) is cut off and stated. A second
-  /// process on the same log is refused.
+  /// How many entries there are, and the tree's root over them.
+  struct Head {
+    std::uint64_t size = 0;
+    crypto::Sha256Digest root{};
+  };
+
+  /// Opens or starts `<folder>/ledger.jsonl`; the folder is made if its parent is there. A torn last line
+  /// (power cut) is cut off, and a `recovered` entry states how many bytes it had. `files` and `key` must
+  /// outlive the log. Throws kiroku::Error.
   static std::unique_ptr<ApplianceLog> open(FileSystem& files, const std::filesystem::path& folder,
                                             const crypto::SigningKey& key, const std::string& device_name);
   ~ApplianceLog();
 
+  // Each of these appends one entry durably; all but boot() and config_changed(), which the next one covers,
+  // then sign a checkpoint. They throw kiroku::IoError; after a failed fsync the object refuses everything.
+
+  /// States that the machine runs with this boot identifier; nothing if the newest `boot` states the same.
+  /// Every other entry makes sure of it by itself, with the kernel's boot_id unless boot() was called, since
+  /// mono_ns is only comparable within one boot.
   void boot(const std::string& boot_id);
   void shutdown();
   void config_changed(const crypto::Sha256Digest& sha256);
+  /// The key itself is the one given to open().
+  void device_key_changed();
+  void plan_sealed(const crypto::Sha256Digest& sha256);
   void case_opened(const std::string& case_id, const crypto::Sha256Digest& entry0);
   void case_checkpoint(const std::string& case_id, std::uint64_t size, const crypto::Sha256Digest& root);
   void case_closed(const std::string& case_id, std::uint64_t size, const crypto::Sha256Digest& root,
                    const std::optional<crypto::Sha256Digest>& final_token);
+  void replicated(const std::string& case_id, const std::string& target);
+  void erased(const std::string& case_id, const std::string& policy);
   /// Who decrypted or exported what.
   void access(const std::string& case_id, const std::string& what, const std::string& who);
+
+  /// As this object last saw it; head() first takes in what other processes appended.
   [[nodiscard]] std::uint64_t size() const;
   [[nodiscard]] crypto::Sha256Digest root() const;
-  /// Signs the present state into checkpoints/; done by the above at cases' ends and at shutdown.
+  [[nodiscard]] Head head() const;
+  /// Signs the present state into checkpoints/, if no note of that size is there.
   void checkpoint();
 
  private:
@@ -51,7 +76,10 @@ class ApplianceLog {
   std::unique_ptr<State> state_;
 };
 
-/// Reads a log without opening it for writing.
+/// Calls `visit` with each line of a log, in order, without opening it for writing; a torn last line is left
+/// out. Throws kiroku::Error naming the line that cannot be read.
+void for_each_log_line(const std::filesystem::path& folder, const std::function<void(const LogLine&)>& visit);
+/// All of them.
 std::vector<LogLine> read_log(const std::filesystem::path& folder);
 
 }  // namespace kiroku::archive

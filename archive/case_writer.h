@@ -1,5 +1,6 @@
 // Writes one case: ledger, checkpoints, tokens, subject. "One writer of the ledger": every function that
-// appends is called from one thread; begin_segment alone may be called from any.
+// appends is called from one thread; begin_segment alone may be called from any. Another process that would
+// write the same ledger is refused.
 #pragma once
 
 #include <cstdint>
@@ -41,7 +42,9 @@ class CaseWriter {
     ApplianceLog* log = nullptr;  // may be null (tests); receives case-opened, case-checkpoint, case-closed
     std::optional<crypto::Sha256Digest> plan;
   };
-  /// Makes the folder and writes `open` durably. Throws kiroku::Error; nothing is left behind then.
+  /// Makes the folder and writes `open` durably. The folder is made under a hidden name and gets its own when
+  /// all of it is on the disk: a case without its `open` entry never exists, not even after a power cut.
+  /// Throws kiroku::Error; nothing is left behind then. `files`, `key` and `log` must outlive the writer.
   static std::unique_ptr<CaseWriter> create(FileSystem& files, const Options& options, Moment now);
   ~CaseWriter();
 
@@ -51,15 +54,18 @@ class CaseWriter {
   /// A new segment file of stream `stream_index` (position in Options::streams). Thread-safe.
   std::unique_ptr<SegmentWriter> begin_segment(std::size_t stream_index, std::uint64_t segment_index);
 
-  /// Appends and makes durable; several bodies share one fsync. Segment entries must name committed files.
-  /// Totals for `close` are kept here. Throws kiroku::IoError; after a failed fsync the writer refuses
-  /// everything (it is never retried).
+  /// Appends and makes durable; several bodies share one fsync. Segment entries must name files as commit()
+  /// or salvage() returned them, which are there with that size, in rising index a stream; nothing is written
+  /// otherwise (UsageError). `mono_ns` never goes back: an earlier one is entered as the last one. Totals for
+  /// `close` are kept here. Throws kiroku::IoError; on a full disk the archive's reserve is used first. After
+  /// a failed fsync the writer refuses everything (it is never retried).
   void append(const std::vector<CaseEntryBody>& bodies, Moment now);
-  /// Signs the tree as it is and stores the note; also logged in the appliance log when a minute has passed
-  /// or `log_it` is set.
+  /// Signs the tree as it is and stores the note; also logged in the appliance log the first time, when a
+  /// minute has passed since, or when `log_it` is set.
   StoredCheckpoint checkpoint(Moment now, bool log_it = false);
   /// Stores a response durably, then appends its `token` entry (also after close()). `authority` is a short
-  /// name [a-z0-9-].
+  /// name [a-z0-9-]. Of `facts` only gen_time, accuracy_ns and serial are read; the rest is filled in. A
+  /// second token of one authority over one checkpoint is refused (UsageError).
   void add_token(const StoredCheckpoint& over, const std::string& authority, ByteView response,
                  const TokenEntry& facts, Moment now);
   /// The authority's certificates, a convenience beside the tokens.

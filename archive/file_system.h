@@ -12,32 +12,52 @@
 
 namespace kiroku::archive {
 
-/// A file open for appending. write() by one thread; sync() from any.
+/// A flush to the disk failed. The kernel may have dropped the pages and would report success the next time,
+/// so it is never retried: whoever owns the file refuses everything from then on.
+class SyncError : public IoError {
+ public:
+  using IoError::IoError;
+};
+
+/// A file open for appending. write(), reserve(), start_writeback() and truncate() by one thread; sync() from
+/// any. Every function throws kiroku::IoError naming the file.
 class WritableFile {
  public:
   virtual ~WritableFile() = default;
-  /// All bytes or an IoError.
+  /// All bytes or an IoError; some of them may stand in the file then.
   virtual void write(ByteView bytes) = 0;
-  /// fdatasync. An error here is final: the kernel may have dropped the pages, so it is never retried.
+  /// fdatasync: the bytes and the size. Throws SyncError.
   virtual void sync() = 0;
-  /// Allocates blocks ahead without changing the size (fallocate KEEP_SIZE); best effort where the file
-  /// system cannot.
+  /// fsync: times and permissions too, before a file gets its final name. Throws SyncError.
+  virtual void sync_all() = 0;
+  /// Allocates blocks for `bytes` more than there are without changing the size (fallocate KEEP_SIZE). Does
+  /// nothing where the file system cannot; throws where the disk is full.
   virtual void reserve(std::uint64_t bytes) = 0;
-  /// Asks the kernel to begin writing back without waiting.
+  /// Asks the kernel to begin writing back what is new since the last call, without waiting for the disk.
   virtual void start_writeback() = 0;
+  /// Cuts or extends. Blocks allocated beyond `size` are given back.
   virtual void truncate(std::uint64_t size) = 0;
+  /// Advisory lock of the open file (flock), against other processes and other openings in this one. True if
+  /// it is ours now; false if another has it.
+  virtual bool try_lock() = 0;
+  /// The same, waiting until it is free.
+  virtual void lock() = 0;
+  virtual void unlock() noexcept = 0;
 };
 
 class FileSystem {
  public:
   virtual ~FileSystem() = default;
-  virtual std::unique_ptr<WritableFile> create(const std::filesystem::path& file) = 0;  // must not exist
-  virtual std::unique_ptr<WritableFile> append_to(const std::filesystem::path& file) = 0;
+  virtual std::unique_ptr<WritableFile> create(const std::filesystem::path& file) = 0;     // must not exist
+  virtual std::unique_ptr<WritableFile> append_to(const std::filesystem::path& file) = 0;  // must exist
   virtual void rename(const std::filesystem::path& from, const std::filesystem::path& to) = 0;
+  /// A file or an empty folder.
   virtual void remove(const std::filesystem::path& file) = 0;
-  virtual void make_folder(const std::filesystem::path& folder) = 0;
+  virtual void make_folder(const std::filesystem::path& folder) = 0;  // must not exist, its parent must
+  /// fsync of the folder: names in it are durable. Throws SyncError.
   virtual void sync_folder(const std::filesystem::path& folder) = 0;
-  /// A small file that is wholly there or not at all: NAME.part, fsync, rename, fsync of the folder.
+  /// A small file that is wholly there or not at all; one that stands there already is replaced. Nothing is
+  /// left behind after an IoError.
   void write_durably(const std::filesystem::path& file, ByteView bytes);
 };
 

@@ -6,6 +6,8 @@
 #include <cstdint>
 #include <filesystem>
 #include <memory>
+#include <optional>
+#include <string>
 
 #include "archive/ledger_entry.h"
 #include "base/bytes.h"
@@ -16,7 +18,9 @@ namespace kiroku::archive {
 class FileSystem;
 
 /// Seals plaintext with age into `<name>.part`, hashing the ciphertext as it goes; durable and renamed by
-/// commit().
+/// commit(). Every sealed chunk (64 KiB) goes to the kernel at once, so that a killed program loses only the
+/// chunk that was not full yet; write-back to the disk is begun every few MiB, so that commit() finds little
+/// left to do.
 class SegmentWriter {
  public:
   /// `final_path` is the segment's path; its folder must exist. `relative` is what the ledger calls it.
@@ -30,14 +34,16 @@ class SegmentWriter {
   void write(ByteView plaintext);
   /// Seals the last chunk and writes it: nothing may be written after. Fast, does not wait for the disk.
   void seal();
-  /// fdatasync of what was written so far. May be called from another thread while write() runs.
+  /// fdatasync of what was written so far. May be called from another thread while write() runs, not while
+  /// commit() or salvage() does. After it failed, everything is refused.
   void sync();
   /// After seal(): fsync, rename to the final name, fsync of the folder. Only then the ledger may name it.
   FileReference commit();
   /// After a failed write: makes durable what is in the `.part` file and returns its reference (for an entry
-  /// with complete = false); nothing if the file holds no byte, which then is removed.
+  /// with complete = false), hashed from the file's own bytes; nothing if no picture can be in it, and then
+  /// the file is removed. Not after a failed flush: what the disk holds is unknown then.
   std::optional<FileReference> salvage();
-  [[nodiscard]] std::uint64_t bytes() const;  // ciphertext so far
+  [[nodiscard]] std::uint64_t bytes() const;  // ciphertext so far; from any thread
   [[nodiscard]] std::uint64_t plaintext_bytes() const;
 
  private:
