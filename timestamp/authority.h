@@ -26,6 +26,7 @@ class Authority {
   static Authority create(const std::filesystem::path& folder, const std::string& organisation);
   static Authority open(const std::filesystem::path& folder);
   Authority(Authority&&) noexcept;
+  Authority& operator=(Authority&&) noexcept;
   ~Authority();
 
   /// RFC 3161 response for any bytes: rejections (badDataFormat, badAlg, badRequest, unacceptedPolicy,

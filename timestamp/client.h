@@ -13,9 +13,9 @@ namespace kiroku::timestamp {
 
 /// How an authority is reached.
 struct AuthorityPath {
-  std::string url;                // http:// or https://
-  std::string proxy;              // "http://host:port", empty: none, never taken from the environment
-  std::string network_interface;  // "wwan0" or an address; empty: the routing table's choice
+  std::string url{};                // http:// or https://
+  std::string proxy{};              // "http://host:port", empty: none, never taken from the environment
+  std::string network_interface{};  // "wwan0" or an address; empty: the routing table's choice
   std::chrono::milliseconds connect_timeout{5'000};
   std::chrono::milliseconds total_timeout{15'000};
 };
@@ -35,7 +35,12 @@ class StampSource {
 };
 
 /// Over HTTP: POST application/timestamp-query; refuses other content types, redirects to other schemes, and
-/// more than 1 MiB.
+/// more than 1 MiB. TLS certificates are checked against the system's store. Throws UsageError for a URL that
+/// is not http or https.
 std::unique_ptr<StampSource> http_stamp_source(AuthorityPath path);
+
+class Authority;
+/// The embedded authority, asked without a network. `authority` must outlive the source.
+std::unique_ptr<StampSource> embedded_stamp_source(Authority& authority);
 
 }  // namespace kiroku::timestamp

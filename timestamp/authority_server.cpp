@@ -1,0 +1,217 @@
+#include "timestamp/authority_server.h"
+
+#include <charconv>
+#include <chrono>
+#include <optional>
+#include <thread>
+#include <utility>
+
+#include <boost/asio/io_context.hpp>
+#include <boost/asio/ip/tcp.hpp>
+#include <boost/asio/post.hpp>
+#include <boost/asio/steady_timer.hpp>
+#include <boost/beast/core.hpp>
+#include <boost/beast/http.hpp>
+
+#include "base/error.h"
+
+namespace kiroku::timestamp {
+namespace {
+
+namespace asio = boost::asio;
+namespace beast = boost::beast;
+namespace http = boost::beast::http;
+using boost::system::error_code;
+
+/// A query is about 100 bytes; extensions make it larger, but never this large.
+constexpr std::uint64_t kLargestQuery = 64 * 1024;
+constexpr std::uint32_t kLargestHeader = 8 * 1024;
+/// For one query to arrive, and for one response to leave; also how long an idle connection is kept.
+constexpr std::chrono::seconds kTimeLimit{10};
+constexpr int kMostConnections = 64;
+constexpr std::chrono::milliseconds kAcceptPause{100};
+
+constexpr std::string_view kHelp =
+    "This is a time-stamping authority (RFC 3161). POST it a query as application/timestamp-query, for "
+    "example:\n"
+    "openssl ts -query -data FILE -sha256 -cert | curl -H 'Content-Type: application/timestamp-query' "
+    "--data-binary @- -o FILE.tsr URL\n";
+
+/// One client: reads a query, answers it, and again while the client keeps the connection.
+class Session : public std::enable_shared_from_this<Session> {
+ public:
+  Session(asio::ip::tcp::socket socket, Authority& authority, std::shared_ptr<int> connections)
+      : stream_(std::move(socket)), authority_(authority), connections_(std::move(connections)) {
+    ++*connections_;
+  }
+  Session(const Session&) = delete;
+  Session& operator=(const Session&) = delete;
+  ~Session() { --*connections_; }
+
+  void read() {
+    parser_.emplace();
+    parser_->body_limit(kLargestQuery);
+    parser_->header_limit(kLargestHeader);
+    stream_.expires_after(kTimeLimit);
+    http::async_read(stream_, buffer_, *parser_,
+                     [self = shared_from_this()](error_code error, std::size_t) { self->answer(error); });
+  }
+
+ private:
+  void answer(error_code error) {
+    if (error == http::error::body_limit) {
+      refuse(http::status::payload_too_large, "A time-stamp query is never as large as this.\n");
+    } else if (error && error.category() == error_code(http::error::bad_method).category() &&
+               error != http::error::end_of_stream && error != http::error::partial_message) {
+      refuse(http::status::bad_request, "This is not an HTTP request.\n");
+    } else if (error) {
+      close();
+    } else {
+      keep_alive_ = parser_->get().keep_alive();
+      answer_request(parser_->get());
+    }
+  }
+
+  void answer_request(const http::request<http::string_body>& request) {
+    if (request.method() != http::verb::post) {
+      send(http::status::method_not_allowed, "text/plain; charset=utf-8", std::string(kHelp));
+      return;
+    }
+    const auto type = request[http::field::content_type];
+    if (!beast::iequals(type.substr(0, type.find(';')), "application/timestamp-query")) {
+      send(http::status::unsupported_media_type, "text/plain; charset=utf-8", std::string(kHelp));
+      return;
+    }
+    const Bytes response = authority_.respond(bytes_of({request.body().data(), request.body().size()}));
+    send(http::status::ok, "application/timestamp-reply", std::string(text_of(response)));
+  }
+
+  /// After bytes that cannot be made sense of, nothing more is read.
+  void refuse(http::status status, std::string text) {
+    keep_alive_ = false;
+    send(status, "text/plain; charset=utf-8", std::move(text));
+  }
+
+  void send(http::status status, const char* type, std::string body) {
+    response_.emplace(status, 11);
+    response_->set(http::field::server, "kiroku");
+    response_->set(http::field::content_type, type);
+    if (status == http::status::method_not_allowed) response_->set(http::field::allow, "POST");
+    response_->keep_alive(keep_alive_);
+    response_->body() = std::move(body);
+    response_->prepare_payload();
+    stream_.expires_after(kTimeLimit);
+    http::async_write(stream_, *response_, [self = shared_from_this()](error_code error, std::size_t) {
+      if (!error && self->keep_alive_) {
+        self->read();
+      } else {
+        self->close();
+      }
+    });
+  }
+
+  void close() {
+    error_code ignored;
+    stream_.socket().shutdown(asio::ip::tcp::socket::shutdown_send, ignored);
+  }
+
+  beast::tcp_stream stream_;
+  beast::flat_buffer buffer_;
+  std::optional<http::request_parser<http::string_body>> parser_;
+  std::optional<http::response<http::string_body>> response_;
+  Authority& authority_;
+  std::shared_ptr<int> connections_;  // touched by the server's only thread
+  bool keep_alive_ = false;
+};
+
+asio::ip::tcp::endpoint parse_endpoint(const std::string& listen) {
+  const std::size_t colon = listen.rfind(':');
+  std::string host = listen.substr(0, colon);
+  if (host.size() > 2 && host.front() == '[' && host.back() == ']') host = host.substr(1, host.size() - 2);
+  error_code error;
+  const auto address = asio::ip::make_address(host, error);
+  std::uint16_t port = 0;
+  const char* const end = listen.data() + listen.size();
+  const char* const digits = colon == std::string::npos ? end : listen.data() + colon + 1;
+  const auto [stop, failure] = std::from_chars(digits, end, port);
+  if (error || failure != std::errc() || stop != end) {
+    throw UsageError("'" + listen + "' is no address to listen on: write it as 127.0.0.1:3161 or [::1]:3161");
+  }
+  return {address, port};
+}
+
+}  // namespace
+
+struct AuthorityServer::State {
+  State(Authority& the_authority, const std::string& listen)
+      : authority(the_authority), acceptor(context), pause(context) {
+    const auto endpoint = parse_endpoint(listen);
+    error_code error;
+    acceptor.open(endpoint.protocol(), error);
+    if (!error) acceptor.set_option(asio::socket_base::reuse_address(true), error);
+    if (!error) acceptor.bind(endpoint, error);
+    if (!error) acceptor.listen(asio::socket_base::max_listen_connections, error);
+    if (error) throw Error("cannot listen on " + listen + ": " + error.message());
+    local = acceptor.local_endpoint();
+  }
+
+  void accept() {
+    acceptor.async_accept([this](error_code error, asio::ip::tcp::socket socket) {
+      if (error == asio::error::operation_aborted) return;
+      if (error) {
+        // Out of file descriptors, say: asking again at once would spin.
+        pause.expires_after(kAcceptPause);
+        pause.async_wait([this](error_code stopped) {
+          if (!stopped) accept();
+        });
+        return;
+      }
+      // A client too many is let go at once; it may come again.
+      if (*connections < kMostConnections) {
+        std::make_shared<Session>(std::move(socket), authority, connections)->read();
+      }
+      accept();
+    });
+  }
+
+  void run() {
+    while (true) {
+      try {
+        context.run();
+        return;
+      } catch (const std::exception&) {
+        // A session that fails (out of memory) ends with its own connection, never the others'.
+        continue;
+      }
+    }
+  }
+
+  Authority& authority;
+  std::shared_ptr<int> connections = std::make_shared<int>(0);
+  asio::io_context context{1};
+  asio::ip::tcp::acceptor acceptor;
+  asio::steady_timer pause;
+  asio::ip::tcp::endpoint local;
+  std::thread thread;
+};
+
+AuthorityServer::AuthorityServer(Authority& authority, const std::string& listen)
+    : state_(std::make_unique<State>(authority, listen)) {
+  state_->accept();
+  state_->thread = std::thread([state = state_.get()] { state->run(); });
+}
+
+AuthorityServer::~AuthorityServer() {
+  state_->context.stop();
+  state_->thread.join();
+}
+
+std::uint16_t AuthorityServer::port() const { return state_->local.port(); }
+
+std::string AuthorityServer::url() const {
+  const auto address = state_->local.address();
+  const std::string host = address.is_v6() ? "[" + address.to_string() + "]" : address.to_string();
+  return "http://" + host + ":" + std::to_string(port()) + "/";
+}
+
+}  // namespace kiroku::timestamp

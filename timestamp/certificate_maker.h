@@ -1,0 +1,35 @@
+// Issuing the embedded authority's own certificates (RFC 5280): P-256 keys, ECDSA with SHA-256. For .cpp
+// files of this folder and its tests. Functions are thread-safe.
+#pragma once
+
+#include <string>
+
+#include "base/utc_time.h"
+#include "timestamp/asn1_objects.h"
+
+namespace kiroku::timestamp {
+
+/// A private key and the certificate for it.
+struct Credential {
+  crypto::PrivateKey key;
+  Certificate certificate;
+};
+
+enum class CertificateRole { kAuthority, kSigner };
+
+/// What a new certificate says.
+struct CertificateProfile {
+  std::string organisation;  // 1 to 64 characters, UTF-8
+  std::string common_name;   // likewise
+  CertificateRole role = CertificateRole::kSigner;
+  UtcTime not_before;
+  UtcTime not_after;
+  /// OpenSSL's notation, as "critical,timeStamping"; empty: no extended key usage.
+  std::string extended_key_usage;
+};
+
+/// A new key and its certificate with a random serial number, signed by `issuer` (null: by itself). Throws
+/// kiroku::UsageError for names that do not fit, kiroku::Error if OpenSSL fails.
+Credential issue_certificate(const CertificateProfile& profile, const Credential* issuer);
+
+}  // namespace kiroku::timestamp

@@ -1,0 +1,206 @@
+#include "timestamp/client.h"
+
+#include <algorithm>
+#include <array>
+#include <cctype>
+#include <string_view>
+
+#include <curl/curl.h>
+
+namespace kiroku::timestamp {
+namespace {
+
+constexpr std::size_t kLargestResponse = 1 << 20;
+constexpr long kMostRedirects = 3;
+constexpr long kHttpOk = 200;
+constexpr long kFirstRedirect = 300;
+constexpr long kLastRedirect = 399;
+constexpr std::string_view kReplyType = "application/timestamp-reply";
+
+struct EasyDeleter {
+  void operator()(CURL* handle) const { curl_easy_cleanup(handle); }
+};
+using EasyHandle = std::unique_ptr<CURL, EasyDeleter>;
+struct ListDeleter {
+  void operator()(curl_slist* list) const { curl_slist_free_all(list); }
+};
+using HeaderList = std::unique_ptr<curl_slist, ListDeleter>;
+
+/// libcurl's global state, made once and before any handle.
+void initialise_curl() {
+  static const CURLcode initialised = curl_global_init(CURL_GLOBAL_DEFAULT);
+  if (initialised != CURLE_OK) {
+    throw AuthorityError(std::string("cannot start libcurl: ") + curl_easy_strerror(initialised));
+  }
+}
+
+std::string lower_case(std::string_view text) {
+  std::string out(text);
+  std::transform(out.begin(), out.end(), out.begin(),
+                 [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
+  return out;
+}
+
+/// "http" or "https".
+std::string scheme_of(const std::string& url) {
+  std::string scheme = lower_case(std::string_view(url).substr(0, url.find("://")));
+  if (url.find("://") == std::string::npos || (scheme != "http" && scheme != "https")) {
+    throw UsageError("'" + url +
+                     "' is no address of a time-stamping authority: it must start with http:// or https://");
+  }
+  return scheme;
+}
+
+/// The address without user name and password, for messages and logs.
+std::string without_credentials(const std::string& url) {
+  const std::size_t host = url.find("://") + 3;
+  const std::size_t host_end = std::min(url.find_first_of("/?#", host), url.size());
+  const std::size_t at = url.substr(0, host_end).rfind('@');
+  return at == std::string::npos || at < host ? url : url.substr(0, host) + url.substr(at + 1);
+}
+
+std::string in_seconds(std::chrono::milliseconds time) {
+  std::string text = std::to_string(time.count() / 1000);
+  if (time.count() % 1000 != 0) text += "." + std::to_string(1000 + time.count() % 1000).substr(1);
+  return text + " s";
+}
+
+/// The media type without parameters.
+std::string media_type(const char* content_type) {
+  std::string_view type = content_type == nullptr ? std::string_view() : std::string_view(content_type);
+  type = type.substr(0, type.find(';'));
+  while (!type.empty() && type.back() == ' ') type.remove_suffix(1);
+  return lower_case(type);
+}
+
+struct Received {
+  Bytes body;
+  bool too_large = false;
+};
+
+std::size_t receive(char* data, std::size_t size, std::size_t count, void* user) {
+  auto& received = *static_cast<Received*>(user);
+  const std::size_t bytes = size * count;
+  if (received.body.size() + bytes > kLargestResponse) {
+    received.too_large = true;
+    return 0;
+  }
+  append(received.body, bytes_of({data, bytes}));
+  return bytes;
+}
+
+class HttpStampSource final : public StampSource {
+ public:
+  explicit HttpStampSource(AuthorityPath path)
+      : path_(std::move(path)),
+        scheme_(scheme_of(path_.url)),
+        who_("the authority " + without_credentials(path_.url)) {
+    initialise_curl();
+    handle_.reset(curl_easy_init());
+    for (const char* header :
+         {"Content-Type: application/timestamp-query", "Accept: application/timestamp-reply", "Expect:"}) {
+      curl_slist* extended = curl_slist_append(headers_.get(), header);
+      if (extended == nullptr) break;
+      static_cast<void>(headers_.release());
+      headers_.reset(extended);
+    }
+    if (!handle_ || !headers_) throw AuthorityError("cannot start libcurl: out of memory");
+    configure();
+  }
+
+  Bytes ask(ByteView query) override {
+    Received received;
+    reason_[0] = '\0';
+    set(CURLOPT_POSTFIELDSIZE_LARGE, static_cast<curl_off_t>(query.size()));
+    set(CURLOPT_POSTFIELDS, text_of(query).data());
+    set(CURLOPT_WRITEDATA, &received);
+    const CURLcode result = curl_easy_perform(handle_.get());
+    if (result != CURLE_OK) throw AuthorityError(failure_text(result, received));
+    check_reply();
+    if (received.body.empty()) throw AuthorityError(who_ + " answered with nothing");
+    return std::move(received.body);
+  }
+
+ private:
+  template <typename Value>
+  void set(CURLoption option, Value value) {
+    if (const CURLcode result = curl_easy_setopt(handle_.get(), option, value); result != CURLE_OK) {
+      throw AuthorityError("cannot ask " + who_ + ": " + curl_easy_strerror(result));
+    }
+  }
+
+  void configure() {
+    set(CURLOPT_URL, path_.url.c_str());
+    set(CURLOPT_PROTOCOLS_STR, scheme_.c_str());
+    set(CURLOPT_REDIR_PROTOCOLS_STR, scheme_.c_str());
+    set(CURLOPT_FOLLOWLOCATION, 1L);
+    set(CURLOPT_MAXREDIRS, kMostRedirects);
+    set(CURLOPT_POSTREDIR, static_cast<long>(CURL_REDIR_POST_ALL));
+    set(CURLOPT_POST, 1L);
+    set(CURLOPT_HTTPHEADER, headers_.get());
+    set(CURLOPT_USERAGENT, "kiroku");
+    set(CURLOPT_NOSIGNAL, 1L);
+    // An empty proxy, and an empty list of exceptions, keep the environment's settings out.
+    set(CURLOPT_PROXY, path_.proxy.c_str());
+    set(CURLOPT_NOPROXY, "");
+    if (!path_.network_interface.empty()) set(CURLOPT_INTERFACE, path_.network_interface.c_str());
+    set(CURLOPT_CONNECTTIMEOUT_MS, static_cast<long>(path_.connect_timeout.count()));
+    set(CURLOPT_TIMEOUT_MS, static_cast<long>(path_.total_timeout.count()));
+    set(CURLOPT_WRITEFUNCTION, receive);
+    set(CURLOPT_ERRORBUFFER, reason_.data());
+  }
+
+  [[nodiscard]] std::string failure_text(CURLcode result, const Received& received) const {
+    const std::string reason = reason_[0] != '\0' ? reason_.data() : curl_easy_strerror(result);
+    if (received.too_large) return who_ + " answered with more than 1 MiB, which is no time-stamp response";
+    long status = 0;
+    curl_easy_getinfo(handle_.get(), CURLINFO_RESPONSE_CODE, &status);
+    if (status >= kFirstRedirect && status <= kLastRedirect) {
+      return who_ + " redirects where it may not: " + reason;
+    }
+    switch (result) {
+      case CURLE_OPERATION_TIMEDOUT:
+        return who_ + " did not answer in time (" + in_seconds(path_.connect_timeout) + " to connect, " +
+               in_seconds(path_.total_timeout) + " in all)";
+      case CURLE_INTERFACE_FAILED:
+        return who_ + " cannot be asked through the network interface '" + path_.network_interface +
+               "': " + reason;
+      case CURLE_COULDNT_RESOLVE_PROXY:
+      case CURLE_COULDNT_RESOLVE_HOST:
+      case CURLE_COULDNT_CONNECT:
+        return who_ + " is unreachable: " + reason;
+      default:
+        return who_ + " could not be asked: " + reason;
+    }
+  }
+
+  void check_reply() {
+    long status = 0;
+    const char* content_type = nullptr;
+    curl_easy_getinfo(handle_.get(), CURLINFO_RESPONSE_CODE, &status);
+    curl_easy_getinfo(handle_.get(), CURLINFO_CONTENT_TYPE, &content_type);
+    const std::string type = media_type(content_type);
+    if (status != kHttpOk) {
+      throw AuthorityError(who_ + " answered with HTTP status " + std::to_string(status));
+    }
+    if (type == kReplyType) return;
+    const std::string what = type.empty() ? "without a content type" : type;
+    throw AuthorityError(who_ + " answered " + what + ", not a time-stamp response" +
+                         (type == "text/html" ? ": is there a captive portal or proxy login?" : ""));
+  }
+
+  AuthorityPath path_;
+  std::string scheme_;
+  std::string who_;
+  HeaderList headers_;
+  std::array<char, CURL_ERROR_SIZE> reason_{};
+  EasyHandle handle_;  // last: it refers to the members above
+};
+
+}  // namespace
+
+std::unique_ptr<StampSource> http_stamp_source(AuthorityPath path) {
+  return std::make_unique<HttpStampSource>(std::move(path));
+}
+
+}  // namespace kiroku::timestamp

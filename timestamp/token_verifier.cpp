@@ -1,0 +1,274 @@
+#include "timestamp/token_verifier.h"
+
+#include <algorithm>
+#include <array>
+
+#include "crypto/encoding.h"
+#include "timestamp/certificate_path.h"
+#include "timestamp/signed_attributes.h"
+#include "timestamp/token_parts.h"
+#include "timestamp/trust_store_state.h"
+
+namespace kiroku::timestamp {
+namespace {
+
+struct CodeEntry {
+  TokenCode code;
+  std::string_view name;
+  TokenVerdict verdict;
+};
+constexpr std::array kCodes{
+    CodeEntry{TokenCode::kValid, "token-valid", TokenVerdict::kValid},
+    CodeEntry{TokenCode::kNotAToken, "token-not-a-token", TokenVerdict::kRefused},
+    CodeEntry{TokenCode::kRejected, "token-rejected", TokenVerdict::kRefused},
+    CodeEntry{TokenCode::kMalformed, "token-malformed", TokenVerdict::kRefused},
+    CodeEntry{TokenCode::kSignerCount, "token-signer-count", TokenVerdict::kRefused},
+    CodeEntry{TokenCode::kSignerNotIdentified, "token-signer-not-identified", TokenVerdict::kRefused},
+    CodeEntry{TokenCode::kSignatureInvalid, "token-signature-invalid", TokenVerdict::kRefused},
+    CodeEntry{TokenCode::kWeakAlgorithm, "token-weak-algorithm", TokenVerdict::kRefused},
+    CodeEntry{TokenCode::kImprintDiffers, "token-imprint-differs", TokenVerdict::kRefused},
+    CodeEntry{TokenCode::kNonceDiffers, "token-nonce-differs", TokenVerdict::kRefused},
+    CodeEntry{TokenCode::kPolicyDiffers, "token-policy-differs", TokenVerdict::kRefused},
+    CodeEntry{TokenCode::kNotATimeStampSigner, "token-not-a-time-stamp-signer", TokenVerdict::kRefused},
+    CodeEntry{TokenCode::kCertificateNotValidAtTime, "token-certificate-not-valid-at-time",
+              TokenVerdict::kRefused},
+    CodeEntry{TokenCode::kChainInvalid, "token-chain-invalid", TokenVerdict::kRefused},
+    CodeEntry{TokenCode::kSignerCertificateMissing, "token-signer-certificate-missing",
+              TokenVerdict::kCouldNotCheck},
+    CodeEntry{TokenCode::kIssuerUnknown, "token-issuer-unknown", TokenVerdict::kCouldNotCheck},
+    CodeEntry{TokenCode::kNoTrust, "token-no-trust", TokenVerdict::kCouldNotCheck},
+};
+
+const CodeEntry& entry_of(TokenCode code) {
+  return *std::find_if(kCodes.begin(), kCodes.end(),
+                       [&](const CodeEntry& entry) { return entry.code == code; });
+}
+
+bool same_bytes(ByteView a, ByteView b) { return std::equal(a.begin(), a.end(), b.begin(), b.end()); }
+
+ByteView without_leading_zeros(ByteView number) {
+  while (number.size() > 1 && number[0] == std::byte{0}) number = number.subspan(1);
+  return number;
+}
+
+/// One judgement: each step either finds a reason against the token or lets it pass to the next. What speaks
+/// against the token itself comes before what merely cannot be checked.
+class Judge {
+ public:
+  Judge(const Expectation& expectation, const TrustStore& trust)
+      : expectation_(expectation), trust_(TokenVerifierAccess::state_of(trust)) {}
+
+  TokenJudgement judge(ByteView response_or_token) {
+    std::optional<Refusal> refusal = read(response_or_token);
+    if (!refusal) refusal = check_expectation();
+    if (!refusal) refusal = find_signer();
+    if (!refusal) refusal = check_signature();
+    if (!refusal) refusal = check_path();
+    if (refusal) {
+      out_.code = refusal->code;
+      out_.explanation = std::move(refusal->explanation);
+    } else {
+      out_.code = TokenCode::kValid;
+      out_.explanation = "signed by " + out_.signer_subject + " at " + format_utc(out_.info->gen_time);
+    }
+    return std::move(out_);
+  }
+
+ private:
+  std::optional<Refusal> read(ByteView response_or_token);
+  std::optional<Refusal> check_expectation() const;
+  std::optional<Refusal> find_signer();
+  std::optional<Refusal> check_signature();
+  std::optional<Refusal> check_path();
+
+  const Expectation& expectation_;
+  const TokenVerifierAccess::State& trust_;
+  CmsContent envelope_;
+  ByteView content_;                       // the TSTInfo inside envelope_
+  CMS_SignerInfo* signer_info_ = nullptr;  // inside envelope_
+  SignedAttributes attributes_;
+  OwnedCertificates enclosed_;  // the token's own certificates
+  X509* signer_ = nullptr;      // one of enclosed_ or trust_
+  TokenJudgement out_;
+};
+
+std::optional<Refusal> Judge::read(ByteView response_or_token) {
+  std::string why;
+  const auto response = parse_response(response_or_token, why);
+  if (!response) return Refusal{TokenCode::kNotAToken, why};
+  if (response->token.empty()) {
+    std::string text = "the authority rejected the request with status " + std::to_string(response->status);
+    if (response->failure_info) text += ", failure " + std::to_string(*response->failure_info);
+    for (const std::string& line : response->status_text) text += ": " + line;
+    return Refusal{TokenCode::kRejected, text};
+  }
+  envelope_ = parse_envelope(response->token, why);
+  if (!envelope_) return Refusal{TokenCode::kNotAToken, why};
+  const auto content = attached_info(envelope_.get(), why);
+  if (!content) return Refusal{TokenCode::kMalformed, why};
+  content_ = *content;
+  out_.info = parse_tst_info(content_, why);
+  if (!out_.info) return Refusal{TokenCode::kMalformed, why};
+
+  STACK_OF(CMS_SignerInfo)* signers = CMS_get0_SignerInfos(envelope_.get());
+  if (const int count = sk_CMS_SignerInfo_num(signers); count != 1) {
+    return Refusal{TokenCode::kSignerCount, "the token has " + std::to_string(std::max(count, 0)) +
+                                                " signers, where RFC 3161 demands exactly one"};
+  }
+  signer_info_ = sk_CMS_SignerInfo_value(signers, 0);
+
+  // RFC 5652 section 5.1: 3 for content other than plain data; 4 and 5 where attribute certificates or
+  // foreign revocation data (OCSP answers) are enclosed, for which real tokens say 3 as well as 5.
+  // Section 5.3: 1 with issuer and serial number, 3 with a subject key identifier.
+  const EnvelopeVersions versions = versions_of(response->token);
+  if (versions.signed_data < 3 || versions.signed_data > 5) {
+    return Refusal{TokenCode::kMalformed, "the token's SignedData has version " +
+                                              std::to_string(versions.signed_data) +
+                                              ", which RFC 5652 forbids"};
+  }
+  ASN1_OCTET_STRING* key_identifier = nullptr;
+  CMS_SignerInfo_get0_signer_id(signer_info_, &key_identifier, nullptr, nullptr);
+  if (versions.signer_info != (key_identifier == nullptr ? 1 : 3)) {
+    return Refusal{TokenCode::kMalformed, "the token's SignerInfo has version " +
+                                              std::to_string(versions.signer_info) +
+                                              ", which RFC 5652 forbids for the way it names its signer"};
+  }
+  Refusal refusal;
+  auto attributes = read_signed_attributes(signer_info_, refusal);
+  if (!attributes) return refusal;
+  attributes_ = std::move(*attributes);
+  return {};
+}
+
+std::optional<Refusal> Judge::check_expectation() const {
+  const TokenInfo& info = *out_.info;
+  if (!info.algorithm) {
+    return Refusal{TokenCode::kWeakAlgorithm, "the token's imprint is a " + info.algorithm_name +
+                                                  " hash, and only SHA-256, SHA-384 and SHA-512 count here"};
+  }
+  if (expectation_.algorithm && *expectation_.algorithm != *info.algorithm) {
+    return Refusal{TokenCode::kImprintDiffers,
+                   "the token is over a " + info.algorithm_name + " hash, where " +
+                       std::string(crypto::hash_name(*expectation_.algorithm)) + " was expected"};
+  }
+  const bool imprint_fits =
+      (!expectation_.imprint || same_bytes(*expectation_.imprint, info.imprint)) &&
+      (!expectation_.data || same_bytes(crypto::digest(*info.algorithm, *expectation_.data), info.imprint));
+  if (!imprint_fits) {
+    return Refusal{TokenCode::kImprintDiffers,
+                   "the token is about other bytes: its imprint is " + crypto::to_hex(info.imprint)};
+  }
+  if (expectation_.nonce &&
+      (!info.nonce || !same_bytes(without_leading_zeros(*expectation_.nonce), *info.nonce))) {
+    return Refusal{TokenCode::kNonceDiffers,
+                   info.nonce
+                       ? "the token answers another request: its nonce is " + crypto::to_hex(*info.nonce)
+                       : "the token carries no nonce, although the request did"};
+  }
+  if (expectation_.policy && *expectation_.policy != info.policy) {
+    return Refusal{TokenCode::kPolicyDiffers,
+                   "the token was issued under policy " + info.policy + ", not " + *expectation_.policy};
+  }
+  return {};
+}
+
+std::optional<Refusal> Judge::find_signer() {
+  enclosed_.reset(CMS_get1_certs(envelope_.get()));
+  forget_openssl_errors();
+  std::vector<X509*> candidates;
+  const int enclosed = std::max(sk_X509_num(enclosed_.get()), 0);
+  candidates.reserve(static_cast<std::size_t>(enclosed) + trust_.untrusted.size() + trust_.trusted.size());
+  for (int i = 0; i < enclosed; ++i) candidates.push_back(sk_X509_value(enclosed_.get(), i));
+  for (const auto& certificate : trust_.untrusted) candidates.push_back(certificate.get());
+  for (const auto& certificate : trust_.trusted) candidates.push_back(certificate.get());
+
+  const auto is_signer = [&](const X509* certificate) {
+    return std::all_of(
+        attributes_.signer.begin(), attributes_.signer.end(),
+        [&](const CertificateIdentifier& identifier) { return fits(identifier, certificate); });
+  };
+  const auto found = std::find_if(candidates.begin(), candidates.end(), is_signer);
+  if (found == candidates.end()) {
+    if (enclosed == 0) {
+      return Refusal{TokenCode::kSignerCertificateMissing,
+                     "the token encloses no certificate and none of those given is its signer's: give the "
+                     "authority's chain"};
+    }
+    return Refusal{TokenCode::kSignerNotIdentified,
+                   "none of the certificates in the token is the one that its ESSCertID names"};
+  }
+  if (CMS_SignerInfo_cert_cmp(signer_info_, *found) != 0) {
+    return Refusal{TokenCode::kSignerNotIdentified,
+                   "the token's ESSCertID and its SignerInfo name different certificates"};
+  }
+  signer_ = *found;
+  out_.signer_subject = subject_of(signer_);
+  return {};
+}
+
+std::optional<Refusal> Judge::check_signature() {
+  X509_ALGOR* digest_identifier = nullptr;
+  X509_ALGOR* signature_identifier = nullptr;
+  CMS_SignerInfo_get0_algs(signer_info_, nullptr, nullptr, &digest_identifier, &signature_identifier);
+  const auto algorithm = hash_algorithm_of(digest_identifier);
+  if (!algorithm) {
+    const ASN1_OBJECT* object = nullptr;
+    X509_ALGOR_get0(&object, nullptr, nullptr, digest_identifier);
+    return Refusal{TokenCode::kWeakAlgorithm, "the token is signed over a " + name_of(object) +
+                                                  " hash, and only SHA-256, SHA-384 and SHA-512 count here"};
+  }
+  // A signature algorithm that names a hash of its own must name the same one.
+  const ASN1_OBJECT* signature_object = nullptr;
+  X509_ALGOR_get0(&signature_object, nullptr, nullptr, signature_identifier);
+  int signature_hash = NID_undef;
+  if (OBJ_find_sigid_algs(OBJ_obj2nid(signature_object), &signature_hash, nullptr) == 1 &&
+      signature_hash != NID_undef && signature_hash != EVP_MD_get_type(message_digest_of(*algorithm))) {
+    return Refusal{TokenCode::kMalformed, "the token's signature algorithm " + name_of(signature_object) +
+                                              " contradicts its digest algorithm"};
+  }
+  if (!same_bytes(crypto::digest(*algorithm, content_), attributes_.message_digest)) {
+    return Refusal{TokenCode::kSignatureInvalid,
+                   "the TSTInfo is not what was signed (message-digest differs)"};
+  }
+  CMS_SignerInfo_set1_signer_cert(signer_info_, signer_);
+  const bool verified = CMS_SignerInfo_verify(signer_info_) == 1;
+  forget_openssl_errors();
+  if (!verified) {
+    return Refusal{TokenCode::kSignatureInvalid, "the token's signature is not by " + out_.signer_subject};
+  }
+  return {};
+}
+
+std::optional<Refusal> Judge::check_path() {
+  const BorrowedCertificates helpers(sk_X509_new_null());
+  const auto add = [&](X509* certificate) { sk_X509_push(helpers.get(), certificate); };
+  for (const auto& certificate : trust_.untrusted) add(certificate.get());
+  for (int i = 0; i < sk_X509_num(enclosed_.get()); ++i) add(sk_X509_value(enclosed_.get(), i));
+
+  if (auto refusal = check_signer_certificate(signer_, out_.info->gen_time)) return refusal;
+  if (trust_.trusted.empty()) {
+    return Refusal{TokenCode::kNoTrust,
+                   "no trusted root certificate was given, so nobody vouches for " + out_.signer_subject};
+  }
+  CertificatePath path =
+      validate_path(trust_.trusted_store.get(), signer_, helpers.get(), out_.info->gen_time);
+  if (path.refusal) return path.refusal;
+  out_.root_subject = subject_of(path.certificates.back().get());
+  for (const auto& certificate : path.certificates) {
+    out_.chain.push_back(encode_with<i2d_X509>(certificate.get()));
+  }
+  return {};
+}
+
+}  // namespace
+
+std::string_view code_name(TokenCode code) { return entry_of(code).name; }
+
+TokenVerdict verdict_of(TokenCode code) { return entry_of(code).verdict; }
+
+TokenJudgement judge_token(ByteView response_or_token, const Expectation& expectation,
+                           const TrustStore& trust) {
+  return Judge(expectation, trust).judge(response_or_token);
+}
+
+}  // namespace kiroku::timestamp
