@@ -30,7 +30,7 @@ constexpr double kBaselineZ = 0.004;  // wander with the breath
 constexpr double kEcgNoiseMv = 0.006;
 
 // Windkessel of an adult: resistance in mmHg s/ml, compliance in ml/mmHg.
-constexpr double kResistance = 1.02, kCompliance = 1.6, kEjectionS = 0.3, kStrokeVolumeMl = 75;
+constexpr double kResistance = 1.02, kCompliance = 1.3, kEjectionS = 0.3, kStrokeVolumeMl = 75;
 constexpr double kStrokeVolumeBreathShare = 0.04;  // ventilation's effect
 
 constexpr double kPulseTransitS = 0.22;
