@@ -1,0 +1,69 @@
+# Shared by the scripts of this folder; sourced, not run.
+
+root=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)
+
+say() { printf '\n\033[1m== %s\033[0m\n' "$*"; }
+die() { printf '%s: %s\n' "$(basename "$0")" "$*" >&2; exit 1; }
+
+# install_missing GROUP...: installs the packages of deploy/dependencies that are not there yet, and says which.
+install_missing() {
+  command -v dpkg-query >/dev/null || die "this is not a Debian system; install what deploy/dependencies lists by hand, then run cmake --preset release"
+  local groups=" $* " group package missing=()
+  while read -r group package; do
+    [[ -z $group || $group == \#* || $groups != *" $group "* ]] && continue
+    [[ $(dpkg-query -W -f '${db:Status-Abbrev}' "$package" 2>/dev/null) == "ii "* ]] || missing+=("$package")
+  done <"$root/deploy/dependencies"
+  if ((${#missing[@]} == 0)); then
+    echo "Nothing to install: every package is there."
+    return
+  fi
+  echo "Installing ${#missing[@]} Debian packages: ${missing[*]}"
+  local sudo=()
+  if ((EUID != 0)); then
+    command -v sudo >/dev/null || die "not root and no sudo; as root run: apt-get install --no-install-recommends ${missing[*]}"
+    sudo=(sudo)
+  fi
+  local log
+  log=$(mktemp)
+  if ! { "${sudo[@]}" apt-get update && "${sudo[@]}" env DEBIAN_FRONTEND=noninteractive apt-get install -y --no-install-recommends "${missing[@]}"; } >"$log" 2>&1; then
+    tail -20 "$log" >&2
+    die "installing failed; the whole output is in $log"
+  fi
+  rm -f "$log"
+}
+
+# build PRESET TARGET...: configures and builds quietly; on failure shows what the compiler said.
+build() {
+  local preset=$1 log targets=()
+  shift
+  (($# == 0)) || targets=(--target "$@")
+  log=$(mktemp)
+  if ! { cd "$root" && cmake --preset "$preset" && cmake --build --preset "$preset" "${targets[@]}"; } >"$log" 2>&1; then
+    grep -E -A5 'error|Error|FAILED' "$log" | head -60 >&2
+    die "building preset '$preset' failed; the whole output is in $log"
+  fi
+  rm -f "$log"
+}
+
+# run_tests PRESET [CTEST OPTION...]: runs CTest and adds its counts to passed, failed and skipped.
+passed=0 failed=0 skipped=0
+run_tests() {
+  local preset=$1 report
+  shift
+  report=$(mktemp)
+  (cd "$root" && ctest --preset "$preset" --output-junit "$report" "$@") || true
+  local tests failures skips
+  tests=$(sed -n 's/.*[ \t]tests="\([0-9]*\)".*/\1/p' "$report" | head -1)
+  failures=$(sed -n 's/.*[ \t]failures="\([0-9]*\)".*/\1/p' "$report" | head -1)
+  skips=$(sed -n 's/.*[ \t]skipped="\([0-9]*\)".*/\1/p' "$report" | head -1)
+  rm -f "$report"
+  [[ -n $tests && $tests -gt 0 ]] || die "CTest ran no test of preset '$preset'"
+  passed=$((passed + tests - failures - skips)) failed=$((failed + failures)) skipped=$((skipped + skips))
+}
+
+# tally: the closing line; fails if a test did.
+tally() {
+  echo
+  echo "$passed passed, $failed failed, $skipped skipped"
+  ((failed == 0))
+}
