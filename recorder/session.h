@@ -16,23 +16,12 @@
 #include "archive/file_system.h"
 #include "crypto/age_recipient.h"
 #include "crypto/signing_key.h"
+#include "recorder/encoder/video_profile.h"
+#include "recorder/stamper.h"
 #include "timestamp/client.h"
 #include "timestamp/token_verifier.h"
 
 namespace kiroku::recorder {
-
-/// Archived form of pictures.
-enum class Profile { kMpeg2, kUncompressed, kLossless };
-std::string_view profile_name(Profile profile);
-std::optional<Profile> parse_profile(std::string_view name);
-
-struct VideoProfile {
-  Profile profile = Profile::kMpeg2;
-  std::int64_t bit_rate = 4'000'000;  // mpeg2 only
-  bool chroma_422 = false;            // mpeg2 only: 4:2:2 instead of 4:2:0
-  bool deinterlace = false;
-  bool audio = false;  // record sound beside the pictures
-};
 
 /// One asked-for stream.
 struct StreamRequest {
@@ -41,11 +30,6 @@ struct StreamRequest {
   std::string purpose;
   VideoProfile video;  // ignored for vitals
   crypto::AgeRecipients recipients;
-};
-
-struct NamedAuthority {
-  std::string name;  // short, [a-z0-9-]
-  std::shared_ptr<timestamp::StampSource> source;
 };
 
 struct SessionOptions {
@@ -94,8 +78,8 @@ class Session {
   ~Session();
   [[nodiscard]] const std::string& case_id() const;
   [[nodiscard]] const std::filesystem::path& folder() const;
-  /// Records until stop(), the duration, or the end of every source; closes the case properly; returns.
-  /// `progress` about four times a second.
+  /// Records until stop(), the duration, or the end of the sources (of all video; of the vital signs where
+  /// there is no video); closes the case properly; returns. `progress` about four times a second.
   SessionResult run(const std::function<void(const SessionStatus&)>& progress = {});
   /// From any thread or a signal handler.
   void stop() noexcept;

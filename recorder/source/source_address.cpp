@@ -10,7 +10,8 @@
 namespace kiroku::recorder {
 namespace {
 
-constexpr std::array<std::string_view, 9> kNetworkSchemes{"rtsp", "rtsps", "srt", "udp", "rtp", "tcp", "http", "https", "rtmp"};
+constexpr std::array<std::string_view, 9> kNetworkSchemes{"rtsp", "rtsps", "srt",   "udp", "rtp",
+                                                          "tcp",  "http",  "https", "rtmp"};
 
 /// Splits "a?x=1&y" into "a" and its options.
 void split_options(const std::string& text, SourceAddress& address) {
@@ -22,14 +23,16 @@ void split_options(const std::string& text, SourceAddress& address) {
     const std::size_t end = std::min(rest.find('&'), rest.size());
     const std::string_view item = rest.substr(0, end);
     const std::size_t equals = std::min(item.find('='), item.size());
-    address.options[std::string(item.substr(0, equals))] = std::string(item.substr(std::min(equals + 1, item.size())));
+    address.options[std::string(item.substr(0, equals))] =
+        std::string(item.substr(std::min(equals + 1, item.size())));
     rest.remove_prefix(std::min(end + 1, rest.size()));
   }
 }
 
 std::string without_secrets(const std::string& url) {
   static const std::regex kUserinfo("(://[^:/@]*):[^@/]*@");
-  static const std::regex kPassphrase("([?&](passphrase|password|streamid|key|token)=)[^&]*", std::regex::icase);
+  static const std::regex kPassphrase("([?&](passphrase|password|streamid|key|token)=)[^&]*",
+                                      std::regex::icase);
   return std::regex_replace(std::regex_replace(url, kUserinfo, "$1:***@"), kPassphrase, "$1***");
 }
 
@@ -43,14 +46,17 @@ std::string SourceAddress::option(const std::string& name, const std::string& ot
 void SourceAddress::require_options(std::string_view known) const {
   for (const auto& [name, value] : options) {
     if (("," + std::string(known) + ",").find("," + name + ",") == std::string::npos) {
-      throw UsageError("source '" + stated + "' has no option '" + name + "'; it knows " + std::string(known));
+      throw UsageError("source '" + stated + "' has no option '" + name + "'; it knows " +
+                       std::string(known));
     }
-    if (name == "speed" && value != "max") throw UsageError("source '" + stated + "': speed can only be 'max', or left out for its own pace");
+    if (name == "speed" && value != "max")
+      throw UsageError("source '" + stated + "': speed can only be 'max', or left out for its own pace");
   }
 }
 
 SourceAddress parse_source_address(const std::string& text) {
-  if (text.empty()) throw UsageError("a source is missing: give a device, a file, an address or synthetic:NAME");
+  if (text.empty())
+    throw UsageError("a source is missing: give a device, a file, an address or synthetic:NAME");
   SourceAddress address;
   address.stated = without_secrets(text);
   constexpr std::string_view kSynthetic = "synthetic:";
@@ -63,7 +69,8 @@ SourceAddress parse_source_address(const std::string& text) {
   if (scheme_end != std::string::npos && scheme_end > 0) {
     const std::string scheme = text.substr(0, scheme_end);
     if (std::find(kNetworkSchemes.begin(), kNetworkSchemes.end(), scheme) == kNetworkSchemes.end()) {
-      throw UsageError("source '" + address.stated + "' has the unknown scheme '" + scheme + "'; known are rtsp, srt, udp, rtp, tcp, http, rtmp");
+      throw UsageError("source '" + address.stated + "' has the unknown scheme '" + scheme +
+                       "'; known are rtsp, srt, udp, rtp, tcp, http, rtmp");
     }
     address.kind = SourceKind::kNetwork;
     address.location = text;
@@ -73,23 +80,27 @@ SourceAddress parse_source_address(const std::string& text) {
   std::error_code error;
   const auto status = std::filesystem::status(address.location, error);
   if (!std::filesystem::exists(status)) {
-    throw UsageError("source '" + address.stated + "' does not exist; check the path, or that the device is plugged in");
+    throw UsageError("source '" + address.stated +
+                     "' does not exist; check the path, or that the device is plugged in");
   }
-  if (std::filesystem::is_directory(status)) throw UsageError("source '" + address.stated + "' is a folder; give a file in it");
+  if (std::filesystem::is_directory(status))
+    throw UsageError("source '" + address.stated + "' is a folder; give a file in it");
   address.kind = std::filesystem::is_fifo(status)             ? SourceKind::kPipe
                  : std::filesystem::is_character_file(status) ? SourceKind::kDevice
                                                               : SourceKind::kFile;
   return address;
 }
 
-int integer_option(const SourceAddress& address, const std::string& name, int otherwise, int least, int most) {
+int integer_option(const SourceAddress& address, const std::string& name, int otherwise, int least,
+                   int most) {
   const auto found = address.options.find(name);
   if (found == address.options.end()) return otherwise;
   int value = 0;
   const char* end = found->second.data() + found->second.size();
   const auto result = std::from_chars(found->second.data(), end, value);
   if (result.ec != std::errc() || result.ptr != end || value < least || value > most) {
-    throw UsageError("source '" + address.stated + "': " + name + " must be a whole number from " + std::to_string(least) + " to " + std::to_string(most));
+    throw UsageError("source '" + address.stated + "': " + name + " must be a whole number from " +
+                     std::to_string(least) + " to " + std::to_string(most));
   }
   return value;
 }

@@ -1,5 +1,5 @@
-// Addresses of sources as people type them: "rtsp://user:secret@host/x", "film.mp4?speed=max&loop=1", "synthetic:room?size=640x480".
-// Pure functions, thread-safe.
+// Addresses of sources as people type them: "rtsp://user:secret@host/x", "film.mp4?speed=max&loop=1",
+// "synthetic:room?size=640x480". Pure functions, thread-safe.
 #pragma once
 
 #include <map>
@@ -12,14 +12,16 @@ enum class SourceKind { kSynthetic, kFile, kPipe, kDevice, kNetwork };
 
 struct SourceAddress {
   SourceKind kind = SourceKind::kFile;
-  std::string location;                           // without our options: "/dev/video0", "film.mp4", "room" (synthetic)
-  std::map<std::string, std::string> options;     // after '?', for synthetic sources and files; part of the location for network addresses
-  std::string stated;                             // for the ledger and for people: passwords and passphrases replaced by "***"
+  std::string location;  // without our options: "/dev/video0", "film.mp4", "room" (synthetic)
+  std::map<std::string, std::string>
+      options;  // after '?', for synthetic sources and files; part of the location for network addresses
+  std::string stated;  // for the ledger and for people: passwords and passphrases replaced by "***"
 
   [[nodiscard]] std::string option(const std::string& name, const std::string& otherwise) const;
   /// Whether it goes as fast as it can and states its own times (`?speed=max`).
   [[nodiscard]] bool unpaced() const { return option("speed", "") == "max"; }
-  /// Throws kiroku::UsageError naming an option that is none of `known` (comma-separated), or a speed other than "max".
+  /// Throws kiroku::UsageError naming an option that is none of `known` (comma-separated), or a speed other
+  /// than "max".
   void require_options(std::string_view known) const;
 };
 

@@ -1,0 +1,66 @@
+#include "recorder/events_lane.h"
+
+#include <algorithm>
+
+#include <nlohmann/json.hpp>
+
+#include "crypto/encoding.h"
+#include "crypto/secret.h"
+
+namespace kiroku::recorder {
+
+EventsLane::EventsLane(const LaneContext& context, std::size_t stream_index, archive::StreamInfo info)
+    : context_(context), output_(context.writer, stream_index, std::move(info), context.facts) {}
+
+void EventsLane::mark(const std::string& text) {
+  const crypto::Secret salt = crypto::Secret::random(32);
+  const archive::Moment now = context_.clock.moment();
+  Bytes committed = to_bytes(salt.bytes());
+  append(committed, bytes_of(text));
+  nlohmann::ordered_json line;
+  line["time_ns"] = now.mono_ns;
+  line["utc"] = format_utc(now.utc);
+  line["kind"] = "mark";
+  line["text"] = text;
+  line["salt"] = crypto::to_hex(salt.bytes());
+  {
+    const std::lock_guard guard(mutex_);
+    waiting_.push_back(line.dump(-1, ' ', false, nlohmann::json::error_handler_t::replace) + "\n");
+  }
+  context_.facts.push(archive::CaseEntryBody(archive::MarkEntry{crypto::sha256(committed)}));
+}
+
+void EventsLane::step(std::int64_t now_ns) {
+  std::vector<std::string> events;
+  {
+    const std::lock_guard guard(mutex_);
+    events.swap(waiting_);
+  }
+  if (events.empty() || failed_) return;
+  const std::int64_t end_ns = std::max(now_ns, sealed_until_ns_ + 1);
+  try {
+    output_.begin(sealed_until_ns_, sealed_until_ns_, "1/1000000000");
+    for (const std::string& event : events) output_.write(bytes_of(event));
+    output_.end({end_ns, events.size(), 0});
+    sealed_until_ns_ = end_ns;
+  } catch (const std::exception& error) {
+    failed_ = true;
+    context_.troubles.end_session(close_reason_for(error), error.what());
+    try {
+      output_.give_up({end_ns, 0, 0});
+    } catch (const std::exception& second) {
+      context_.troubles.mention(second.what());
+    }
+  }
+}
+
+void EventsLane::finish(std::int64_t close_ns) {
+  step(close_ns);
+  try {
+    output_.drain();
+  } catch (const std::exception& error) {
+    context_.troubles.end_session(close_reason_for(error), error.what());
+  }
+}
+
+}  // namespace kiroku::recorder

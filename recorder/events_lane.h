@@ -1,0 +1,36 @@
+// The operator's marks: sealed in the events stream, committed to in the ledger without revealing them.
+#pragma once
+
+#include <mutex>
+#include <string>
+#include <vector>
+
+#include "recorder/lane.h"
+#include "recorder/stream_output.h"
+
+namespace kiroku::recorder {
+
+/// One line an event: {"time_ns":…,"utc":"…","kind":"mark","text":"…","salt":"<64 hex digits>"}. The ledger's
+/// commitment is SHA-256(salt bytes ‖ text bytes), so whoever can open the stream can prove what was marked,
+/// and nobody can guess it from the ledger.
+class EventsLane {
+ public:
+  EventsLane(const LaneContext& context, std::size_t stream_index, archive::StreamInfo info);
+  /// From any thread. The commitment goes to the ledger at once; the sealed event with the next step().
+  void mark(const std::string& text);
+  /// Seals what was marked, in one segment that follows the one before. Called by the session's thread, about
+  /// each segment's duration.
+  void step(std::int64_t now_ns);
+  /// Seals the rest. Throws nothing: troubles go where the lanes' go.
+  void finish(std::int64_t close_ns);
+
+ private:
+  LaneContext context_;
+  StreamOutput output_;
+  std::mutex mutex_;
+  std::vector<std::string> waiting_;
+  std::int64_t sealed_until_ns_ = 0;
+  bool failed_ = false;
+};
+
+}  // namespace kiroku::recorder

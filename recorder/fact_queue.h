@@ -1,0 +1,60 @@
+// Finished facts on their way to the one writer of the ledger.
+#pragma once
+
+#include <chrono>
+#include <condition_variable>
+#include <mutex>
+#include <utility>
+#include <variant>
+#include <vector>
+
+#include "archive/case_writer.h"
+#include "timestamp/token_verifier.h"
+
+namespace kiroku::recorder {
+
+/// What an authority said to one checkpoint.
+struct AuthorityAnswer {
+  archive::StoredCheckpoint checkpoint;
+  std::string authority;
+  Bytes response;                       // empty if none came
+  timestamp::TokenJudgement judgement;  // of the response
+  std::string cause;                    // why there is no valid token, "" if there is one
+};
+
+using Fact = std::variant<archive::CaseEntryBody, AuthorityAnswer>;
+
+/// Unbounded: facts are few and small. Thread-safe.
+class FactQueue {
+ public:
+  void push(Fact fact) {
+    {
+      const std::lock_guard guard(mutex_);
+      facts_.push_back(std::move(fact));
+    }
+    arrived_.notify_one();
+  }
+  /// Everything that arrived, at the latest after `patience`; may be empty. Also returns when wake() is
+  /// called.
+  std::vector<Fact> take(std::chrono::nanoseconds patience) {
+    std::unique_lock lock(mutex_);
+    arrived_.wait_for(lock, patience, [&] { return !facts_.empty() || woken_; });
+    woken_ = false;
+    return std::exchange(facts_, {});
+  }
+  void wake() {
+    {
+      const std::lock_guard guard(mutex_);
+      woken_ = true;
+    }
+    arrived_.notify_one();
+  }
+
+ private:
+  std::mutex mutex_;
+  std::condition_variable arrived_;
+  std::vector<Fact> facts_;
+  bool woken_ = false;
+};
+
+}  // namespace kiroku::recorder

@@ -1,0 +1,102 @@
+#include "recorder/frame_queue.h"
+
+extern "C" {
+#include <libavutil/frame.h>
+#include <libavutil/imgutils.h>
+}
+
+#include <algorithm>
+#include <utility>
+
+namespace kiroku::recorder {
+
+std::size_t picture_bytes(const AVFrame& frame) {
+  const int bytes =
+      av_image_get_buffer_size(static_cast<AVPixelFormat>(frame.format), frame.width, frame.height, 1);
+  return bytes > 0 ? static_cast<std::size_t>(bytes) : 0;
+}
+
+bool FrameQueue::push(TimedFrame frame, bool patient) {
+  const std::size_t bytes = picture_bytes(*frame.frame);
+  std::unique_lock lock(mutex_);
+  // A picture larger than the whole budget still fits into an empty queue.
+  const auto has_room = [&] {
+    return abandoned_ || items_.empty() || waiting_bytes_ + bytes <= budget_bytes_;
+  };
+  if (patient) changed_.wait(lock, has_room);
+  if (abandoned_) return false;
+  if (!has_room()) {
+    if (dropped_before_next_++ == 0) first_dropped_ns_ = frame.time_ns;
+    last_dropped_ns_ = frame.time_ns;
+    ++dropped_;
+    return false;
+  }
+  QueuedFrame item{std::move(frame), 0, {}};
+  item.dropped_before = std::exchange(dropped_before_next_, 0) + item.picture.lost_before;
+  if (item.dropped_before > 0) {
+    const std::int64_t end = item.picture.time_ns;
+    item.overload = archive::Span{
+        item.picture.lost_before == item.dropped_before ? end : std::min(first_dropped_ns_, end), end};
+  }
+  dropped_ += item.picture.lost_before;
+  waiting_bytes_ += bytes;
+  items_.emplace_back(std::move(item));
+  lock.unlock();
+  changed_.notify_all();
+  return true;
+}
+
+void FrameQueue::push(Interruption interruption) {
+  {
+    const std::lock_guard guard(mutex_);
+    items_.emplace_back(interruption);
+  }
+  changed_.notify_all();
+}
+
+void FrameQueue::finish() {
+  {
+    const std::lock_guard guard(mutex_);
+    finished_ = true;
+  }
+  changed_.notify_all();
+}
+
+std::optional<QueueItem> FrameQueue::pop() {
+  std::unique_lock lock(mutex_);
+  changed_.wait(lock, [&] { return finished_ || !items_.empty(); });
+  if (items_.empty()) return {};
+  QueueItem item = std::move(items_.front());
+  items_.pop_front();
+  if (const auto* frame = std::get_if<QueuedFrame>(&item))
+    waiting_bytes_ -= picture_bytes(*frame->picture.frame);
+  lock.unlock();
+  changed_.notify_all();
+  return item;
+}
+
+void FrameQueue::abandon() {
+  {
+    const std::lock_guard guard(mutex_);
+    abandoned_ = true;
+    items_.clear();
+    waiting_bytes_ = 0;
+  }
+  changed_.notify_all();
+}
+
+std::uint64_t FrameQueue::dropped() const {
+  const std::lock_guard guard(mutex_);
+  return dropped_;
+}
+
+std::optional<QueuedFrame> FrameQueue::unstated_drops() {
+  const std::lock_guard guard(mutex_);
+  if (dropped_before_next_ == 0) return {};
+  QueuedFrame item;
+  item.dropped_before = std::exchange(dropped_before_next_, 0);
+  item.overload = archive::Span{first_dropped_ns_, last_dropped_ns_};
+  return item;
+}
+
+}  // namespace kiroku::recorder

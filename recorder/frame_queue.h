@@ -1,0 +1,69 @@
+// Between a capture thread and its encoder: bounded in bytes, so that a slow encoder or disk costs frames and
+// never memory or the camera's time.
+#pragma once
+
+#include <condition_variable>
+#include <cstdint>
+#include <deque>
+#include <mutex>
+#include <optional>
+#include <variant>
+
+#include "archive/ledger_entry.h"
+#include "recorder/source/source.h"
+
+namespace kiroku::recorder {
+
+/// A frame, with what was lost right before it for want of room.
+struct QueuedFrame {
+  TimedFrame picture;
+  std::uint64_t dropped_before = 0;
+  std::optional<archive::Span> overload;  // case-clock span of the dropped frames
+};
+/// The source was away: nothing could be recorded in `span`.
+struct Interruption {
+  archive::Span span;
+  archive::GapCause cause = archive::GapCause::kSignalLost;
+};
+using QueueItem = std::variant<QueuedFrame, Interruption>;
+
+/// One producer, one consumer. Thread-safe.
+class FrameQueue {
+ public:
+  /// `budget_bytes` of pictures may wait.
+  explicit FrameQueue(std::size_t budget_bytes) : budget_bytes_(budget_bytes) {}
+
+  /// Adds a frame if there is room. Without room: waits if `patient` (a source that states its own times
+  /// loses nothing by waiting), else drops it, counts it, and states it with the next frame that fits.
+  /// Returns whether the frame was taken.
+  bool push(TimedFrame frame, bool patient);
+  void push(Interruption interruption);
+  /// Nothing more comes; drops not yet stated come out with the end.
+  void finish();
+  /// The next item; nothing when finished and empty.
+  std::optional<QueueItem> pop();
+  /// Makes a patient push() return and everything after it be dropped unstated: the consumer failed.
+  void abandon();
+
+  [[nodiscard]] std::uint64_t dropped() const;
+  /// Frames dropped after the last one that was taken, and their span; for the end of the stream.
+  [[nodiscard]] std::optional<QueuedFrame> unstated_drops();
+
+ private:
+  const std::size_t budget_bytes_;
+  mutable std::mutex mutex_;
+  std::condition_variable changed_;
+  std::deque<QueueItem> items_;
+  std::size_t waiting_bytes_ = 0;
+  bool finished_ = false;
+  bool abandoned_ = false;
+  std::uint64_t dropped_ = 0;
+  std::uint64_t dropped_before_next_ = 0;
+  std::int64_t first_dropped_ns_ = 0;
+  std::int64_t last_dropped_ns_ = 0;
+};
+
+/// Memory that the picture's planes occupy.
+std::size_t picture_bytes(const AVFrame& frame);
+
+}  // namespace kiroku::recorder

@@ -1,0 +1,71 @@
+// One stream of a session from its source to its segments. A lane owns its threads; its session drives it
+// from one thread.
+#pragma once
+
+#include <atomic>
+#include <chrono>
+#include <cstdint>
+#include <mutex>
+#include <optional>
+#include <string>
+
+#include "archive/case_writer.h"
+#include "recorder/case_clock.h"
+#include "recorder/fact_queue.h"
+
+namespace kiroku::recorder {
+
+/// What people should hear about, and whether the session must end. Thread-safe.
+class Troubles {
+ public:
+  /// Something a person should see; recording goes on.
+  void mention(const std::string& sentence);
+  /// The disk is full, or another write failed: the case must be closed with what is there. The first one
+  /// stands.
+  void end_session(const std::string& close_reason, const std::string& sentence);
+
+  [[nodiscard]] std::string latest() const;
+  [[nodiscard]] std::string close_reason() const;  // "" while nothing forces an end
+
+ private:
+  mutable std::mutex mutex_;
+  std::string latest_;
+  std::string close_reason_;
+};
+
+/// What lanes share; outlives them.
+struct LaneContext {
+  const CaseClock& clock;
+  archive::CaseWriter& writer;
+  FactQueue& facts;
+  Troubles& troubles;
+  std::chrono::nanoseconds segment_duration;
+  std::optional<std::int64_t> end_ns;  // nothing is recorded from this case-clock time on
+};
+
+struct LaneStatus {
+  bool live = false;
+  std::uint64_t frames = 0, dropped = 0, segments = 0, bytes = 0;
+  std::int64_t last_ns = 0;  // case-clock end of what was recorded
+};
+
+class Lane {
+ public:
+  virtual ~Lane() = default;
+  virtual void start() = 0;
+  /// Asks the source to end; returns at once. Thread-safe.
+  virtual void stop() = 0;
+  /// Waits until everything is recorded and stated. Gaps that last until the end are stated up to `close_ns`.
+  virtual void finish(std::int64_t close_ns) = 0;
+  /// Whether the source has ended by itself. Thread-safe.
+  [[nodiscard]] virtual bool ended() const = 0;
+  [[nodiscard]] virtual LaneStatus status() const = 0;
+  [[nodiscard]] virtual const std::string& name() const = 0;
+};
+
+/// The multiple of `duration` after `time_ns`.
+std::int64_t next_boundary(std::int64_t time_ns, std::chrono::nanoseconds duration);
+/// The close reason for a failed write: "disk-full", or "error: <sentence>".
+std::string close_reason_for(const std::exception& error);
+
+}  // namespace kiroku::recorder

@@ -1,0 +1,38 @@
+#include "recorder/source/source.h"
+
+extern "C" {
+#include <libavutil/frame.h>
+}
+
+#include <algorithm>
+#include <thread>
+
+#include "recorder/source/ffmpeg_source.h"
+#include "recorder/source/synthetic_source.h"
+
+namespace kiroku::recorder {
+
+PictureFormat format_of(const AVFrame& frame) {
+  return {frame.width,       frame.height,
+          frame.format,      {frame.sample_aspect_ratio.num, frame.sample_aspect_ratio.den},
+          frame.color_range, frame.color_primaries,
+          frame.color_trc,   frame.colorspace};
+}
+
+bool wait_until(const CaseClock& clock, std::int64_t due_ns, const std::atomic<bool>& interrupted) {
+  // In steps, so that an interruption is noticed within a tenth of a second.
+  constexpr std::int64_t kStepNs = 100'000'000;
+  while (!interrupted) {
+    const std::int64_t left = due_ns - clock.now_ns();
+    if (left <= 0) return true;
+    std::this_thread::sleep_for(std::chrono::nanoseconds(std::min(left, kStepNs)));
+  }
+  return false;
+}
+
+std::unique_ptr<Source> open_source(const SourceAddress& address, const CaseClock& clock) {
+  if (address.kind == SourceKind::kSynthetic) return open_synthetic_source(address, clock);
+  return open_ffmpeg_source(address, clock);
+}
+
+}  // namespace kiroku::recorder

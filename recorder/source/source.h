@@ -1,0 +1,70 @@
+// Where pictures come from. One thread reads a Source; interrupt() may be called from any.
+#pragma once
+
+#include <atomic>
+#include <cstdint>
+#include <memory>
+#include <optional>
+
+#include "media/libav_handles.h"
+#include "recorder/case_clock.h"
+#include "recorder/source/source_address.h"
+
+namespace kiroku::recorder {
+
+struct Rational {
+  int numerator = 0, denominator = 1;
+};
+
+/// What every frame of a run has in common; when it changes, a new encoder is needed.
+struct PictureFormat {
+  int width = 0, height = 0;
+  int pixel_format = -1;   // AVPixelFormat
+  Rational sample_aspect;  // 0/1: unknown
+  int colour_range = 0, colour_primaries = 2, colour_transfer = 2,
+      colour_space = 2;  // AVCOL_*; 2 is "unspecified"
+  friend bool operator==(const PictureFormat& a, const PictureFormat& b) {
+    return a.width == b.width && a.height == b.height && a.pixel_format == b.pixel_format;
+  }
+};
+PictureFormat format_of(const AVFrame& frame);
+
+/// A picture and when it reached this machine (case clock), or when it was due (a file at its own pace), or
+/// its own time (unpaced).
+struct TimedFrame {
+  media::Frame frame;
+  std::int64_t time_ns = 0;
+  std::uint64_t lost_before = 0;  // frames that the source knows it lost since the last one
+};
+
+/// A run of frames from one opened device, address or file. Disposable: any error ends it, and a fresh one is
+/// opened.
+class Source {
+ public:
+  virtual ~Source() = default;
+  [[nodiscard]] virtual PictureFormat format() const = 0;
+  /// Nominal rate; the real one may differ, which is why frames are stamped.
+  [[nodiscard]] virtual Rational frame_rate() const = 0;
+  /// Whether frames come when the world sends them, so that losing the source is a fault and not an end.
+  [[nodiscard]] virtual bool is_live() const = 0;
+  /// Waits for the next frame; nothing at the end of a file or after interrupt(). Throws kiroku::Error when
+  /// the source is lost.
+  virtual std::optional<TimedFrame> read() = 0;
+  /// Makes a waiting read() return.
+  void interrupt() { interrupted_ = true; }
+
+ protected:
+  [[nodiscard]] bool interrupted() const { return interrupted_; }
+  [[nodiscard]] const std::atomic<bool>& interruption() const { return interrupted_; }
+
+ private:
+  std::atomic<bool> interrupted_ = false;
+};
+
+/// Waits until the case clock reaches `due_ns`; false if `interrupted` became true first.
+bool wait_until(const CaseClock& clock, std::int64_t due_ns, const std::atomic<bool>& interrupted);
+
+/// Opens what the address names; `clock` must outlive the source. Throws kiroku::Error in one sentence.
+std::unique_ptr<Source> open_source(const SourceAddress& address, const CaseClock& clock);
+
+}  // namespace kiroku::recorder

@@ -1,0 +1,14 @@
+// The embedded synthetic operating room: pictures from libavfilter, for demonstration, tests and load.
+#pragma once
+
+#include "recorder/source/source.h"
+
+namespace kiroku::recorder {
+
+/// synthetic:endoscope (a moving view into a body), synthetic:room (a room with people and a running clock),
+/// synthetic:pattern (costs next to nothing). Options: `size=WxH`, `rate=N`, `pixel_format=NAME`, `flash=N`
+/// (a white picture at every N-th second of the case clock), `speed=max`, `change=N` (the picture's size
+/// halves after N seconds: for tests of a source that changes). Throws kiroku::UsageError for others.
+std::unique_ptr<Source> open_synthetic_source(const SourceAddress& address, const CaseClock& clock);
+
+}  // namespace kiroku::recorder

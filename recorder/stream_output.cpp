@@ -1,0 +1,126 @@
+#include "recorder/stream_output.h"
+
+#include "base/error.h"
+
+namespace kiroku::recorder {
+namespace {
+
+constexpr std::chrono::seconds kSyncInterval{1};
+
+}  // namespace
+
+StreamOutput::StreamOutput(archive::CaseWriter& writer, std::size_t stream_index, archive::StreamInfo info,
+                           FactQueue& facts)
+    : writer_(writer), stream_index_(stream_index), info_(std::move(info)), facts_(facts), finisher_([this] {
+        run();
+      }) {}
+
+StreamOutput::~StreamOutput() {
+  {
+    const std::lock_guard guard(mutex_);
+    stopping_ = true;
+  }
+  changed_.notify_all();
+  finisher_.join();
+}
+
+void StreamOutput::begin(std::int64_t start_ns, std::int64_t first_pts, std::string time_base) {
+  current_ = writer_.begin_segment(stream_index_, next_index_);
+  entry_ = {};
+  entry_.stream = info_.name;
+  entry_.index = next_index_++;
+  entry_.span.start_ns = start_ns;
+  entry_.first_pts = first_pts;
+  entry_.time_base = std::move(time_base);
+  entry_.counts_samples = info_.kind != "video";
+  const std::lock_guard guard(mutex_);
+  growing_ = current_;
+}
+
+void StreamOutput::write(ByteView plaintext) { current_->write(plaintext); }
+
+std::uint64_t StreamOutput::open_bytes() const { return current_ ? current_->plaintext_bytes() : 0; }
+
+archive::SegmentEntry StreamOutput::entry_for(const Ending& ending) const {
+  archive::SegmentEntry entry = entry_;
+  entry.span.end_ns = ending.end_ns;
+  entry.frames = ending.frames;
+  entry.dropped = ending.dropped;
+  return entry;
+}
+
+void StreamOutput::end(const Ending& ending) {
+  current_->seal();
+  {
+    const std::lock_guard guard(mutex_);
+    if (failure_) std::rethrow_exception(failure_);
+    growing_.reset();
+    handed_.push_back({std::move(current_), entry_for(ending)});
+  }
+  current_.reset();
+  changed_.notify_all();
+}
+
+void StreamOutput::give_up(const Ending& ending) {
+  {
+    const std::lock_guard guard(mutex_);
+    growing_.reset();
+  }
+  const std::shared_ptr<archive::SegmentWriter> segment = std::move(current_);
+  current_.reset();
+  if (!segment) return;
+  if (const std::optional<archive::FileReference> kept = segment->salvage()) {
+    archive::SegmentEntry entry = entry_for(ending);
+    entry.file = *kept;
+    entry.complete = false;
+    ++segments_;
+    bytes_ += kept->bytes;
+    facts_.push(archive::CaseEntryBody(std::move(entry)));
+  }
+}
+
+void StreamOutput::drain() {
+  std::unique_lock lock(mutex_);
+  changed_.wait(lock, [&] { return failure_ || (handed_.empty() && !busy_); });
+  if (failure_) std::rethrow_exception(failure_);
+}
+
+void StreamOutput::run() {
+  std::unique_lock lock(mutex_);
+  for (;;) {
+    changed_.wait_for(lock, kSyncInterval, [&] { return stopping_ || !handed_.empty(); });
+    if (failure_) {
+      // Nothing more is claimed after a failed fsync; what waits stays as .part, unclaimed.
+      if (stopping_) return;
+      handed_.clear();
+      changed_.notify_all();
+      continue;
+    }
+    if (handed_.empty() && stopping_) return;
+    busy_ = true;
+    try {
+      if (!handed_.empty()) {
+        Handed next = std::move(handed_.front());
+        handed_.pop_front();
+        lock.unlock();
+        next.entry.file = next.segment->commit();
+        ++segments_;
+        bytes_ += next.entry.file.bytes;
+        facts_.push(archive::CaseEntryBody(std::move(next.entry)));
+        lock.lock();
+      } else if (growing_) {
+        const std::shared_ptr<archive::SegmentWriter> segment = growing_;
+        lock.unlock();
+        segment->sync();
+        lock.lock();
+      }
+    } catch (...) {
+      if (!lock.owns_lock()) lock.lock();
+      failure_ = std::current_exception();
+    }
+    busy_ = false;
+    changed_.notify_all();
+  }
+}
+
+}  // namespace kiroku::recorder

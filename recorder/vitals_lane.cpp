@@ -1,0 +1,106 @@
+#include "recorder/vitals_lane.h"
+
+#include <algorithm>
+
+#include "base/error.h"
+#include "recorder/source/source.h"
+
+namespace kiroku::recorder {
+
+VitalsLane::VitalsLane(const LaneContext& context, std::size_t stream_index, archive::StreamInfo info,
+                       const SourceAddress& address, std::unique_ptr<VitalSource> source)
+    : context_(context),
+      unpaced_(address.unpaced()),
+      source_(std::move(source)),
+      output_(context.writer, stream_index, std::move(info), context.facts),
+      segmenter_(*this, context.segment_duration) {}
+
+VitalsLane::~VitalsLane() {
+  stop();
+  if (thread_.joinable()) thread_.join();
+}
+
+void VitalsLane::start() {
+  thread_ = std::thread([this] { read(); });
+}
+
+void VitalsLane::stop() {
+  stopping_ = true;
+  source_->interrupt();
+}
+
+LaneStatus VitalsLane::status() const {
+  return {live_, samples_, 0, output_.segments(), output_.bytes(), last_ns_};
+}
+
+void VitalsLane::read() {
+  try {
+    while (std::optional<VitalSample> sample = source_->next()) {
+      if (context_.end_ns && sample->time_ns >= *context_.end_ns) break;
+      while (!unpaced_ && context_.clock.now_ns() < sample->time_ns && !stopping_) {
+        // Wakes at each segment's end, so that a segment becomes durable when its time is over, not when the
+        // next sample comes.
+        const std::int64_t wake =
+            std::min(sample->time_ns, next_boundary(context_.clock.now_ns(), context_.segment_duration));
+        wait_until(context_.clock, wake, stopping_);
+        segmenter_.advance_to(std::min(context_.clock.now_ns(), sample->time_ns));
+      }
+      if (stopping_) break;
+      live_ = true;
+      segmenter_.add(*sample);
+      ++samples_;
+      last_ns_ = sample->time_ns;
+    }
+  } catch (const IoError& error) {
+    fail(error);
+  } catch (const std::exception& error) {
+    // The source is damaged: what it gave is kept, and the rest of the case goes on.
+    context_.troubles.mention(error.what());
+  }
+  live_ = false;
+  ended_ = true;
+}
+
+void VitalsLane::fail(const std::exception& error) {
+  failed_since_ns_ = last_ns_;
+  context_.troubles.end_session(close_reason_for(error), error.what());
+  try {
+    output_.give_up({last_ns_ + 1, samples_ - samples_before_segment_, 0});
+  } catch (const std::exception& second) {
+    context_.troubles.mention(second.what());
+  }
+}
+
+void VitalsLane::finish(std::int64_t close_ns) {
+  stop();
+  if (thread_.joinable()) thread_.join();
+  if (!failed_since_ns_) {
+    try {
+      // A stream that stated its own times ends where they end.
+      const std::int64_t end_ns = unpaced_ ? context_.end_ns.value_or(last_ns_ + 1)
+                                           : std::min(close_ns, context_.end_ns.value_or(close_ns));
+      segmenter_.finish(end_ns);
+      output_.drain();
+    } catch (const std::exception& error) {
+      fail(error);
+    }
+  }
+  if (failed_since_ns_) {
+    const std::int64_t since = std::min(*failed_since_ns_ + 1, close_ns);
+    context_.facts.push(
+        archive::CaseEntryBody(archive::GapEntry{name(), {since, close_ns}, archive::GapCause::kDiskFull}));
+  }
+}
+
+void VitalsLane::begin_segment(std::uint64_t, std::int64_t start_ns) {
+  samples_before_segment_ = samples_;
+  output_.begin(start_ns, start_ns, "1/1000000000");
+}
+
+void VitalsLane::write(ByteView lines) { output_.write(lines); }
+
+void VitalsLane::end_segment(std::int64_t end_ns, std::uint64_t samples) {
+  output_.end({end_ns, samples, 0});
+}
+
+}  // namespace kiroku::recorder

@@ -1,0 +1,49 @@
+// A stream of vital signs: reader thread, JSON Lines, durable segments.
+#pragma once
+
+#include <atomic>
+#include <memory>
+#include <thread>
+
+#include "recorder/lane.h"
+#include "recorder/source/source_address.h"
+#include "recorder/stream_output.h"
+#include "recorder/vitals/vital_source.h"
+#include "recorder/vitals/vitals_segmenter.h"
+
+namespace kiroku::recorder {
+
+class VitalsLane : public Lane, private VitalsSegmentSink {
+ public:
+  VitalsLane(const LaneContext& context, std::size_t stream_index, archive::StreamInfo info,
+             const SourceAddress& address, std::unique_ptr<VitalSource> source);
+  ~VitalsLane() override;
+
+  void start() override;
+  void stop() override;
+  void finish(std::int64_t close_ns) override;
+  [[nodiscard]] bool ended() const override { return ended_; }
+  [[nodiscard]] LaneStatus status() const override;
+  [[nodiscard]] const std::string& name() const override { return output_.info().name; }
+
+ private:
+  void read();
+  void fail(const std::exception& error);
+  void begin_segment(std::uint64_t index, std::int64_t start_ns) override;
+  void write(ByteView lines) override;
+  void end_segment(std::int64_t end_ns, std::uint64_t samples) override;
+
+  LaneContext context_;
+  const bool unpaced_;
+  std::unique_ptr<VitalSource> source_;
+  StreamOutput output_;
+  VitalsSegmenter segmenter_;
+  std::atomic<bool> stopping_ = false, ended_ = false, live_ = false;
+  std::atomic<std::uint64_t> samples_ = 0;
+  std::atomic<std::int64_t> last_ns_ = 0;
+  std::uint64_t samples_before_segment_ = 0;
+  std::optional<std::int64_t> failed_since_ns_;
+  std::thread thread_;
+};
+
+}  // namespace kiroku::recorder
