@@ -38,8 +38,11 @@ class NewFolder {
   NewFolder& operator=(const NewFolder&) = delete;
   ~NewFolder() {
     if (!kept_) {
-      std::error_code ignored;
-      fs::remove_all(path_, ignored);
+      try {
+        remove_all(path_);
+      } catch (const std::exception&) {  // NOLINT(bugprone-empty-catch): the error that led here is the one
+                                         // to tell
+      }
     }
   }
   [[nodiscard]] const fs::path& path() const { return path_; }
@@ -54,6 +57,17 @@ class NewFolder {
   void keep() { kept_ = true; }
 
  private:
+  void remove_all(const fs::path& folder) {
+    for (const fs::directory_entry& entry : fs::directory_iterator(folder)) {
+      if (entry.symlink_status().type() == fs::file_type::directory) {
+        remove_all(entry.path());
+      } else {
+        files_.remove(entry.path());
+      }
+    }
+    files_.remove(folder);
+  }
+
   FileSystem& files_;
   fs::path path_;
   fs::path final_path_;

@@ -125,10 +125,12 @@ SegmentWriter::SegmentWriter(FileSystem& files, fs::path final_path, std::string
   State& state = *state_;
   try {
     state.sealer.emplace(recipients, [&state](ByteView ciphertext) { state.take(ciphertext); });
-  } catch (...) {
+  } catch (const Error&) {
     state.file.reset();
-    std::error_code ignored;
-    fs::remove(state.part, ignored);  // holds part of a header at most
+    try {
+      files.remove(state.part);  // holds part of a header at most
+    } catch (const IoError&) {   // NOLINT(bugprone-empty-catch): the first error is the one to tell
+    }
     throw;
   }
   state.header_bytes = state.written.load();
