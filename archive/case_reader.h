@@ -26,8 +26,9 @@ class CaseReader {
   /// Segments of a stream whose span meets [from_ns, to_ns), in order.
   [[nodiscard]] std::vector<SegmentEntry> segments(const std::string& stream, std::int64_t from_ns,
                                                    std::int64_t to_ns) const;
+  /// Where the last segment ends on the case clock; without segments, when the last entry was written.
   [[nodiscard]] std::int64_t duration_ns() const;
-  /// Every entry in order.
+  /// Every entry in order, read from the file again. A last line without LF is not an entry yet.
   void for_each(const std::function<void(const CaseEntry&)>& visit) const;
   /// Case-clock time of "hh:mm:ss[.fff]" from the start or RFC 3339; throws UsageError.
   [[nodiscard]] std::int64_t parse_time(const std::string& text) const;
@@ -38,6 +39,7 @@ class CaseReader {
   Moment opened_at_;
   std::optional<CloseEntry> closing_;
   std::vector<SegmentEntry> segments_;
+  std::int64_t last_mono_ns_ = 0;
 };
 
 }  // namespace kiroku::archive

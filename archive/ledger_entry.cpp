@@ -402,6 +402,11 @@ void write(JsonWriter& line, const ErasedEntry& erased) {
 
 }  // namespace
 
+bool meets(const Span& span, std::int64_t from_ns, std::int64_t to_ns) {
+  const std::int64_t end_ns = std::max(span.end_ns, span.start_ns + 1);
+  return span.start_ns < to_ns && from_ns < end_ns;
+}
+
 std::string_view gap_cause_name(GapCause cause) {
   return std::find_if(kGapCauses.begin(), kGapCauses.end(),
                       [&](const auto& known) { return known.first == cause; })

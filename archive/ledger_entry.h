@@ -57,6 +57,8 @@ struct Span {
   std::int64_t start_ns = 0;
   std::int64_t end_ns = 0;
 };
+/// Whether any of the span lies in [from_ns, to_ns); an empty span counts as its start.
+bool meets(const Span& span, std::int64_t from_ns, std::int64_t to_ns);
 
 /// One recorded stream, as `open` declares it.
 struct StreamInfo {

@@ -1,0 +1,85 @@
+// Reading a case folder that somebody may have prepared: nothing outside it is ever opened. Symbolic links
+// are not followed at any level (openat with O_NOFOLLOW, component by component), special files are not
+// opened for reading (a FIFO would block for ever). Immutable after open(); thread-safe.
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "base/bytes.h"
+#include "crypto/age_file.h"
+
+namespace kiroku::archive {
+
+/// A regular file open for reading. Movable; read_at() is thread-safe.
+class ReadableFile final : public crypto::ByteSource {
+ public:
+  /// Takes over the descriptor of a regular file.
+  ReadableFile(int descriptor, std::uint64_t size, std::filesystem::path path);
+  ReadableFile(ReadableFile&& other) noexcept;
+  ReadableFile& operator=(ReadableFile&&) = delete;
+  ReadableFile(const ReadableFile&) = delete;
+  ReadableFile& operator=(const ReadableFile&) = delete;
+  ~ReadableFile() override;
+
+  /// As it was when the file was opened.
+  [[nodiscard]] std::uint64_t size() const override { return size_; }
+  /// Fewer bytes only at the end of the file, which may have moved since. Throws kiroku::IoError.
+  std::size_t read_at(std::uint64_t offset, std::span<std::byte> into) const override;
+  /// Tells the kernel that the file is read from front to end.
+  void expect_sequential_reading() const;
+
+ private:
+  int descriptor_;
+  std::uint64_t size_;
+  std::filesystem::path path_;
+};
+
+enum class FileProblem { kMissing, kNotRegular, kUnreadable };
+struct FileOpening {
+  std::optional<ReadableFile> file;
+  FileProblem problem = FileProblem::kMissing;  // where there is no file
+  std::string explanation;                      // "is a symbolic link", "cannot be read: Permission denied"
+};
+
+/// One name in the folder.
+struct ListedFile {
+  enum class Kind { kRegular, kFolder, kLink, kSpecial, kUnreadableFolder };
+  std::string path;  // relative, with '/'
+  Kind kind = Kind::kRegular;
+  std::uint64_t bytes = 0;
+};
+
+class CaseFolder {
+ public:
+  /// `folder` itself may be reached over links: that is the caller's choice. Throws kiroku::UsageError if
+  /// there is no such folder, kiroku::IoError if it cannot be opened.
+  static CaseFolder open(const std::filesystem::path& folder);
+  CaseFolder(CaseFolder&& other) noexcept;
+  CaseFolder& operator=(CaseFolder&&) = delete;
+  CaseFolder(const CaseFolder&) = delete;
+  CaseFolder& operator=(const CaseFolder&) = delete;
+  ~CaseFolder();
+
+  [[nodiscard]] const std::filesystem::path& path() const { return path_; }
+  /// `relative` must be as format 1 names files: no empty, "." or ".." component (kMissing otherwise).
+  [[nodiscard]] FileOpening open_file(std::string_view relative) const;
+  /// Everything in the folder, sorted by path, down to three levels (segments/<stream>/<file>); a folder
+  /// below that is listed and not entered.
+  [[nodiscard]] std::vector<ListedFile> list() const;
+
+ private:
+  CaseFolder(int descriptor, std::filesystem::path path) : descriptor_(descriptor), path_(std::move(path)) {}
+
+  int descriptor_;
+  std::filesystem::path path_;
+};
+
+/// The file's bytes if there are at most `limit`; nothing if there are more. Throws kiroku::IoError.
+std::optional<std::string> read_small(const ReadableFile& file, std::size_t limit);
+
+}  // namespace kiroku::archive

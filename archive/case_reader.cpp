@@ -1,0 +1,171 @@
+#include "archive/case_reader.h"
+
+#include <algorithm>
+#include <charconv>
+
+#include "archive/case_folder.h"
+#include "archive/case_layout.h"
+#include "archive/line_reader.h"
+#include "base/error.h"
+
+namespace kiroku::archive {
+
+namespace {
+
+constexpr std::int64_t kNsPerSecond = 1'000'000'000;
+
+/// Visits the entries in order; a torn last line is not an entry yet.
+void read_entries(const std::filesystem::path& path, const std::function<void(CaseEntry&&)>& visit) {
+  const CaseFolder folder = CaseFolder::open(path);
+  const FileOpening opening = folder.open_file(kLedgerFile);
+  if (!opening.file) {
+    if (opening.problem == FileProblem::kMissing) {
+      throw UsageError(path.string() + " is no case: there is no " + std::string(kLedgerFile) +
+                       " in it; give the folder of a case");
+    }
+    throw Error("cannot read " + (path / kLedgerFile).string() + ": it " + opening.explanation);
+  }
+  LineReader reader(*opening.file);
+  LedgerLine line;
+  std::uint64_t number = 0;
+  while (reader.next(line) && !line.torn) {
+    EntryParse parse =
+        line.too_long ? EntryParse{std::nullopt, "the line is too long", {}} : parse_case_entry(line.text);
+    if (!parse.entry) {
+      throw Error("cannot read entry " + std::to_string(number) + " of " + (path / kLedgerFile).string() +
+                  ": " + parse.problem + "; see what `kiroku verify` says of the case");
+    }
+    visit(std::move(*parse.entry));
+    ++number;
+  }
+}
+
+/// A two-digit number below 60 at the front, which is cut off.
+std::optional<std::int64_t> take_sixtieth(std::string_view& text) {
+  const auto digit = [&](std::size_t at) { return text.size() > at && text[at] >= '0' && text[at] <= '9'; };
+  if (!digit(0) || !digit(1)) {
+    return std::nullopt;
+  }
+  const std::int64_t value = (text[0] - '0') * 10 + (text[1] - '0');
+  text.remove_prefix(2);
+  return value < 60 ? std::optional(value) : std::nullopt;
+}
+
+/// Nanoseconds of "hh:mm:ss[.f…]", one to nine decimals; nothing for any other text.
+std::optional<std::int64_t> parse_offset(std::string_view text) {
+  constexpr std::size_t kMostHourDigits = 4;
+  constexpr std::size_t kMostDecimals = 9;
+  const std::size_t colon = text.find(':');
+  std::int64_t hours = 0;
+  if (colon == std::string_view::npos || colon == 0 || colon > kMostHourDigits ||
+      std::from_chars(text.data(), text.data() + colon, hours).ptr != text.data() + colon || hours < 0) {
+    return std::nullopt;
+  }
+  text.remove_prefix(colon + 1);
+  const auto minutes = take_sixtieth(text);
+  if (!minutes || !text.starts_with(':')) {
+    return std::nullopt;
+  }
+  text.remove_prefix(1);
+  const auto seconds = take_sixtieth(text);
+  if (!seconds) {
+    return std::nullopt;
+  }
+  std::int64_t nanoseconds = 0;
+  if (!text.empty()) {
+    if (text.front() != '.' || text.size() < 2 || text.size() > kMostDecimals + 1) {
+      return std::nullopt;
+    }
+    std::int64_t unit = kNsPerSecond;
+    for (const char c : text.substr(1)) {
+      if (c < '0' || c > '9') {
+        return std::nullopt;
+      }
+      unit /= 10;
+      nanoseconds += (c - '0') * unit;
+    }
+  }
+  return ((hours * 60 + *minutes) * 60 + *seconds) * kNsPerSecond + nanoseconds;
+}
+
+}  // namespace
+
+CaseReader CaseReader::open(const std::filesystem::path& folder) {
+  CaseReader reader;
+  reader.folder_ = folder;
+  bool first = true;
+  read_entries(folder, [&](CaseEntry&& entry) {
+    if (first) {
+      auto* opening = std::get_if<OpenEntry>(&entry.body);
+      if (opening == nullptr) {
+        throw Error("cannot read " + (folder / kLedgerFile).string() + ": entry 0 is not `open`");
+      }
+      reader.opening_ = std::move(*opening);
+      reader.opened_at_ = entry.at;
+      first = false;
+    } else if (auto* segment = std::get_if<SegmentEntry>(&entry.body)) {
+      reader.segments_.push_back(std::move(*segment));
+    } else if (auto* closing = std::get_if<CloseEntry>(&entry.body)) {
+      reader.closing_ = std::move(*closing);
+    }
+    reader.last_mono_ns_ = entry.at.mono_ns;
+  });
+  if (first) {
+    throw Error("cannot read " + (folder / kLedgerFile).string() + ": it holds no whole entry");
+  }
+  return reader;
+}
+
+const StreamInfo& CaseReader::stream(const std::string& name) const {
+  std::string names;
+  for (const StreamInfo& stream : opening_.streams) {
+    if (stream.name == name) {
+      return stream;
+    }
+    names += (names.empty() ? "" : ", ") + stream.name;
+  }
+  throw UsageError("case " + opening_.case_id + " has no stream \"" + name + "\"; it has " +
+                   (names.empty() ? "none" : names));
+}
+
+std::vector<SegmentEntry> CaseReader::segments(const std::string& stream, std::int64_t from_ns,
+                                               std::int64_t to_ns) const {
+  std::vector<SegmentEntry> found;
+  std::copy_if(segments_.begin(), segments_.end(), std::back_inserter(found),
+               [&](const SegmentEntry& segment) {
+                 return segment.stream == stream && meets(segment.span, from_ns, to_ns);
+               });
+  return found;
+}
+
+std::int64_t CaseReader::duration_ns() const {
+  std::int64_t end = 0;
+  for (const SegmentEntry& segment : segments_) {
+    end = std::max(end, segment.span.end_ns);
+  }
+  return segments_.empty() ? last_mono_ns_ : end;
+}
+
+void CaseReader::for_each(const std::function<void(const CaseEntry&)>& visit) const {
+  read_entries(folder_, [&](CaseEntry&& entry) { visit(entry); });
+}
+
+std::int64_t CaseReader::parse_time(const std::string& text) const {
+  if (const std::optional<std::int64_t> offset = parse_offset(text)) {
+    return *offset;
+  }
+  const std::optional<UtcTime> utc = parse_utc(text);
+  if (!utc) {
+    throw UsageError("\"" + text +
+                     "\" is no time; give hh:mm:ss[.fff] from the start of the case, or UTC such as " +
+                     format_utc(opened_at_.utc));
+  }
+  const auto since_open = std::chrono::duration_cast<std::chrono::nanoseconds>(*utc - opened_at_.utc).count();
+  const std::int64_t time = opened_at_.mono_ns + since_open;
+  if (time < 0) {
+    throw UsageError(text + " is before the case was opened, at " + format_utc(opened_at_.utc));
+  }
+  return time;
+}
+
+}  // namespace kiroku::archive

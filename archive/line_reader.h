@@ -1,0 +1,38 @@
+// The lines of a ledger, one after the other, in constant memory whatever the file holds. Not thread-safe.
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <string_view>
+
+#include "archive/case_folder.h"
+
+namespace kiroku::archive {
+
+/// One line without its LF.
+struct LedgerLine {
+  std::string_view text;     // valid until the next call; only the beginning where it is too long
+  std::uint64_t offset = 0;  // of its first byte in the file
+  std::uint64_t bytes = 0;   // of the whole line, without LF
+  bool too_long = false;     // longer than the format's kMaximumLineBytes
+  bool torn = false;         // the file ends before an LF: the last line of a write that did not finish
+};
+
+class LineReader {
+ public:
+  /// `file` must outlive the reader.
+  explicit LineReader(const ReadableFile& file) : file_(&file) {}
+  /// The next line; false at the end. Throws kiroku::IoError.
+  bool next(LedgerLine& line);
+
+ private:
+  bool fill();
+
+  const ReadableFile* file_;
+  std::uint64_t read_ = 0;  // bytes taken from the file
+  std::string buffer_;
+  std::size_t at_ = 0;  // in buffer_
+  std::string line_;
+};
+
+}  // namespace kiroku::archive
