@@ -6,7 +6,7 @@
 #include "crypto/encoding.h"
 #include "crypto/signing_key.h"
 
-namespace kiroku::tests {
+namespace kiroku::test {
 
 /// The Ed25519 key of a 32-byte seed (RFC 8032), by way of its PKCS#8 form.
 inline crypto::SigningKey key_from_seed(ByteView seed) {
@@ -18,4 +18,4 @@ inline crypto::SigningKey key_from_seed(ByteView seed) {
   return crypto::SigningKey::from_pem(pem, nullptr);
 }
 
-}  // namespace kiroku::tests
+}  // namespace kiroku::test

@@ -30,7 +30,7 @@ std::string published_note() { return std::string(kText) + "\n" + std::string(kS
 
 SigningKey peter_neumanns_key() {
   const auto typed_seed = *from_base64(kPeterNeumannSeed, Base64Padding::kPadded);
-  return tests::key_from_seed(ByteView(typed_seed).subspan(1));
+  return test::key_from_seed(ByteView(typed_seed).subspan(1));
 }
 
 TEST(SignedNote, OpensThePublishedNote) {

@@ -13,9 +13,9 @@
 namespace kiroku::crypto {
 namespace {
 
+using test::key_from_seed;
 using testing::HasSubstr;
 using testing::ThrowsMessage;
-using tests::key_from_seed;
 
 struct Vector {
   std::string_view seed, public_key, message, signature;
