@@ -316,6 +316,39 @@ TEST_F(HostileToken, ThroughASignerThatIsNoAuthorityIsRefused) {
   EXPECT_EQ(judge_token(make_token(spoilt), {}, trust).code, TokenCode::kChainInvalid);
 }
 
+TEST_F(HostileToken, IsNotSpoiltByAnIntermediateThatOnlyLooksRight) {
+  CertificateProfile profile{.organisation = "Test",
+                             .common_name = "Test intermediate",
+                             .role = CertificateRole::kAuthority,
+                             .not_before = *parse_utc("2020-01-01T00:00:00Z"),
+                             .not_after = *parse_utc("2040-01-01T00:00:00Z"),
+                             .extended_key_usage = ""};
+  TestAuthority below;
+  below.ca = issue_certificate(profile, &authority_.ca);
+  profile.common_name = "Test signer";
+  profile.role = CertificateRole::kSigner;
+  profile.extended_key_usage = "critical,timeStamping";
+  below.signer = issue_certificate(profile, &below.ca);
+  // The same in every field, key identifier included, but with another key and signature.
+  const TestAuthority stranger = make_test_authority();
+  const Certificate double_of_ca(X509_dup(below.ca.certificate.get()));
+  ASSERT_EQ(X509_set_pubkey(double_of_ca.get(), stranger.ca.key.get()), 1);
+  ASSERT_GT(X509_sign(double_of_ca.get(), stranger.ca.key.get(), EVP_sha256()), 0);
+
+  TokenRecipe recipe;
+  recipe.signer = &below.signer;
+  for (const bool double_first : {true, false}) {
+    recipe.enclosed = {below.signer.certificate.get(), below.ca.certificate.get(), double_of_ca.get()};
+    if (double_first) std::swap(recipe.enclosed[1], recipe.enclosed[2]);
+    const auto judgement = judge(make_token(recipe), authority_);
+    EXPECT_EQ(judgement.code, TokenCode::kValid) << judgement.explanation;
+    ASSERT_EQ(judgement.chain.size(), 3U);
+    EXPECT_EQ(judgement.chain[1], encode_with<i2d_X509>(below.ca.certificate.get()));
+  }
+  recipe.enclosed = {below.signer.certificate.get(), double_of_ca.get()};
+  EXPECT_EQ(judge(make_token(recipe), authority_).code, TokenCode::kChainInvalid);
+}
+
 TEST_F(HostileToken, ThroughAnIntermediateForOtherPurposesIsRefused) {
   const CertificateProfile intermediate{.organisation = "Test",
                                         .common_name = "Test web CA",
