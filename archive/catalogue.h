@@ -1,5 +1,5 @@
 // What is recorded, in SQLite, for quick lists. The folders are the truth: rebuild() makes it anew from them.
-// Not thread-safe.
+// One file serves one archive. Not thread-safe; other processes may use the same file.
 #pragma once
 
 #include <cstdint>
@@ -14,8 +14,8 @@
 namespace kiroku::archive {
 
 struct CatalogueRow {
-  std::string case_id;
-  UtcTime opened;
+  std::string case_id;                      // name of the folder
+  UtcTime opened;                           // by the ledger; of an unreadable case, by the folder's name
   std::optional<std::int64_t> duration_ns;  // nothing while open
   std::string state;                        // "closed", "open", "unreadable"
   std::vector<std::string> streams;
@@ -24,18 +24,23 @@ struct CatalogueRow {
   std::optional<UtcTime> verified;
 };
 
+/// Every function throws kiroku::Error where the catalogue or the archive cannot be used.
 class Catalogue {
  public:
-  /// Opens or makes the file; a damaged one is set aside as .damaged and made anew (rebuild it then).
+  /// Opens or makes the file; a damaged one is set aside as .damaged and made anew (rebuild it then). One of
+  /// a newer version is refused.
   static std::unique_ptr<Catalogue> open(const std::filesystem::path& file);
   ~Catalogue();
-  /// Reads one case's folder into its row.
+  /// Reads one case's folder into its row. A verdict is forgotten if the ledger changed since.
   void refresh(const std::filesystem::path& case_folder);
   /// Everything anew from the archive's folders; verdicts are kept where the ledger did not change. Returns
   /// how many cases.
   std::size_t rebuild(const std::filesystem::path& archive);
-  /// Rows whose folder appeared, vanished or grew since are brought up to date first; newest first.
+  /// Rows whose folder appeared, vanished or grew since are brought up to date first; newest first. Folders
+  /// that cannot be read as a case are listed as unreadable, never left out; `log` and names that begin with
+  /// a dot are none.
   std::vector<CatalogueRow> list(const std::filesystem::path& archive);
+  /// Nothing happens for a case that is not in the catalogue.
   void set_verdict(const std::string& case_id, const std::string& verdict, UtcTime when);
 
  private:

@@ -10,8 +10,8 @@ namespace kiroku::test {
 
 class TemporaryFolder {
  public:
-  TemporaryFolder() {
-    std::string name = (std::filesystem::temp_directory_path() / "kiroku-test-XXXXXX").string();
+  explicit TemporaryFolder(const std::filesystem::path& parent = std::filesystem::temp_directory_path()) {
+    std::string name = (parent / "kiroku-test-XXXXXX").string();
     if (mkdtemp(name.data()) == nullptr) throw std::runtime_error("cannot make a temporary folder");
     path_ = name;
   }
@@ -27,5 +27,11 @@ class TemporaryFolder {
  private:
   std::filesystem::path path_;
 };
+
+/// Where files are in memory, if there is such a place: for tests that flush thousands of times.
+inline std::filesystem::path quick_parent() {
+  const std::filesystem::path memory = "/dev/shm";
+  return std::filesystem::is_directory(memory) ? memory : std::filesystem::temp_directory_path();
+}
 
 }  // namespace kiroku::test

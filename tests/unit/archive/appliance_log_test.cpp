@@ -198,7 +198,7 @@ TEST_F(ApplianceLogTest, ReadingNamesTheLineThatIsDamaged) {
 TEST_F(ApplianceLogTest, WhereverItIsKilledNoNoteCoversWhatIsNotThere) {
   for (const bool power : {false, true}) {
     for (std::size_t at = 0;; ++at) {
-      const TemporaryFolder folder;
+      const TemporaryFolder folder(test::quick_parent());
       FaultFileSystem files(folder.path());
       files.kill_at(at);
       bool whole = false;

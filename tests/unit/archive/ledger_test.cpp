@@ -230,7 +230,7 @@ TEST_F(LedgerTest, TellsTheFullDiskWhenTheReserveDoesNotDo) {
 TEST_F(LedgerTest, WhereverItIsKilledEveryFlushedLineIsThere) {
   for (const bool power : {false, true}) {
     for (std::size_t at = 0; at < 9; ++at) {
-      const TemporaryFolder folder;
+      const TemporaryFolder folder(test::quick_parent());
       FaultFileSystem files(folder.path());
       files.kill_at(at);
       std::vector<std::string> confirmed;
