@@ -6,7 +6,10 @@
 namespace kiroku::media {
 
 /// For archive::VerifyOptions::inspect: video must decode to the stated number of frames without an error,
-/// vitals must be JSON Lines with the stated number of samples. Thread-safe.
+/// vitals must be as vital_sample.h says, events JSON objects, one a line, and as many as stated. A segment
+/// with complete = false may end anywhere; what it holds until there is not counted against what is stated,
+/// which may include what was lost. What does not hold is returned, with an identity that does not fit among
+/// it; nothing is thrown but std::bad_alloc. Thread-safe: each call decodes in its own thread alone.
 archive::SegmentInspector decoding_inspector();
 
 }  // namespace kiroku::media

@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "base/error.h"
+#include "crypto/utf8.h"
 
 namespace kiroku::media {
 namespace {
@@ -17,42 +18,6 @@ constexpr std::array<std::pair<VitalQuality, std::string_view>, 4> kQualities{
      {VitalQuality::kQuestionable, "questionable"},
      {VitalQuality::kInvalid, "invalid"},
      {VitalQuality::kMissing, "missing"}}};
-
-/// Bytes of the UTF-8 character that begins `text`, 0 if none does (RFC 3629: no overlong form, no
-/// surrogate).
-std::size_t utf8_length(std::string_view text) {
-  const auto byte = [&](std::size_t i) { return static_cast<unsigned>(static_cast<unsigned char>(text[i])); };
-  const unsigned first = byte(0);
-  if (first < 0x80) {
-    return 1;
-  }
-  const std::size_t length = first >= 0xC2 && first < 0xE0   ? 2
-                             : first >= 0xE0 && first < 0xF0 ? 3
-                             : first >= 0xF0 && first < 0xF5 ? 4
-                                                             : 0;
-  if (length == 0 || text.size() < length) {
-    return 0;
-  }
-  for (std::size_t i = 1; i < length; ++i) {
-    if ((byte(i) & 0xC0U) != 0x80) {
-      return 0;
-    }
-  }
-  const bool overlong = (first == 0xE0 && byte(1) < 0xA0) || (first == 0xF0 && byte(1) < 0x90);
-  const bool beyond = (first == 0xED && byte(1) >= 0xA0) || (first == 0xF4 && byte(1) >= 0x90);
-  return overlong || beyond ? 0 : length;
-}
-
-bool is_utf8(std::string_view text) {
-  while (!text.empty()) {
-    const std::size_t length = utf8_length(text);
-    if (length == 0) {
-      return false;
-    }
-    text.remove_prefix(length);
-  }
-  return true;
-}
 
 template <typename Number>
 void append_number(std::string& line, Number number) {
@@ -143,7 +108,7 @@ class Cursor {
       into += c;
       position_ += length;
     }
-    if (!is_utf8(line_.substr(begin, position_ - begin))) {
+    if (!crypto::is_utf8(line_.substr(begin, position_ - begin))) {
       return fail("a text is not UTF-8");
     }
     return expect("\"");
@@ -274,7 +239,7 @@ std::string problem_of(const VitalSample& sample) {
     return "the code is empty";
   }
   for (const std::string* text : {&sample.code, &sample.unit, &sample.source}) {
-    if (!is_utf8(*text)) {
+    if (!crypto::is_utf8(*text)) {
       return "a text is not UTF-8";
     }
   }

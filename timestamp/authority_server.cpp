@@ -26,8 +26,6 @@ using boost::system::error_code;
 /// A query is about 100 bytes; extensions make it larger, but never this large.
 constexpr std::uint64_t kLargestQuery = 64 * 1024;
 constexpr std::uint32_t kLargestHeader = 8 * 1024;
-/// For one query to arrive, and for one response to leave; also how long an idle connection is kept.
-constexpr std::chrono::seconds kTimeLimit{10};
 constexpr int kMostConnections = 64;
 constexpr std::chrono::milliseconds kAcceptPause{100};
 
@@ -40,8 +38,12 @@ constexpr std::string_view kHelp =
 /// One client: reads a query, answers it, and again while the client keeps the connection.
 class Session : public std::enable_shared_from_this<Session> {
  public:
-  Session(asio::ip::tcp::socket socket, Authority& authority, std::shared_ptr<int> connections)
-      : stream_(std::move(socket)), authority_(authority), connections_(std::move(connections)) {
+  Session(asio::ip::tcp::socket socket, Authority& authority, std::chrono::milliseconds time_limit,
+          std::shared_ptr<int> connections)
+      : stream_(std::move(socket)),
+        authority_(authority),
+        time_limit_(time_limit),
+        connections_(std::move(connections)) {
     ++*connections_;
   }
   Session(const Session&) = delete;
@@ -52,7 +54,7 @@ class Session : public std::enable_shared_from_this<Session> {
     parser_.emplace();
     parser_->body_limit(kLargestQuery);
     parser_->header_limit(kLargestHeader);
-    stream_.expires_after(kTimeLimit);
+    stream_.expires_after(time_limit_);
     http::async_read(stream_, buffer_, *parser_,
                      [self = shared_from_this()](error_code error, std::size_t) { self->answer(error); });
   }
@@ -100,7 +102,7 @@ class Session : public std::enable_shared_from_this<Session> {
     response_->keep_alive(keep_alive_);
     response_->body() = std::move(body);
     response_->prepare_payload();
-    stream_.expires_after(kTimeLimit);
+    stream_.expires_after(time_limit_);
     http::async_write(stream_, *response_, [self = shared_from_this()](error_code error, std::size_t) {
       if (!error && self->keep_alive_) {
         self->read();
@@ -120,6 +122,7 @@ class Session : public std::enable_shared_from_this<Session> {
   std::optional<http::request_parser<http::string_body>> parser_;
   std::optional<http::response<http::string_body>> response_;
   Authority& authority_;
+  std::chrono::milliseconds time_limit_;
   std::shared_ptr<int> connections_;  // touched by the server's only thread
   bool keep_alive_ = false;
 };
@@ -143,8 +146,8 @@ asio::ip::tcp::endpoint parse_endpoint(const std::string& listen) {
 }  // namespace
 
 struct AuthorityServer::State {
-  State(Authority& the_authority, const std::string& listen)
-      : authority(the_authority), acceptor(context), pause(context) {
+  State(Authority& the_authority, const std::string& listen, std::chrono::milliseconds the_time_limit)
+      : authority(the_authority), time_limit(the_time_limit), acceptor(context), pause(context) {
     const auto endpoint = parse_endpoint(listen);
     error_code error;
     acceptor.open(endpoint.protocol(), error);
@@ -168,7 +171,7 @@ struct AuthorityServer::State {
       }
       // A client too many is let go at once; it may come again.
       if (*connections < kMostConnections) {
-        std::make_shared<Session>(std::move(socket), authority, connections)->read();
+        std::make_shared<Session>(std::move(socket), authority, time_limit, connections)->read();
       }
       accept();
     });
@@ -187,6 +190,7 @@ struct AuthorityServer::State {
   }
 
   Authority& authority;
+  std::chrono::milliseconds time_limit;
   std::shared_ptr<int> connections = std::make_shared<int>(0);
   asio::io_context context{1};
   asio::ip::tcp::acceptor acceptor;
@@ -195,8 +199,9 @@ struct AuthorityServer::State {
   std::thread thread;
 };
 
-AuthorityServer::AuthorityServer(Authority& authority, const std::string& listen)
-    : state_(std::make_unique<State>(authority, listen)) {
+AuthorityServer::AuthorityServer(Authority& authority, const std::string& listen,
+                                 std::chrono::milliseconds time_limit)
+    : state_(std::make_unique<State>(authority, listen, time_limit)) {
   state_->accept();
   state_->thread = std::thread([state = state_.get()] { state->run(); });
 }

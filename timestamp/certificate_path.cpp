@@ -1,5 +1,6 @@
 #include "timestamp/certificate_path.h"
 
+#include <algorithm>
 #include <ctime>
 
 #include "base/error.h"
@@ -68,6 +69,31 @@ Refusal refusal_of(X509_STORE_CTX* context) {
   return {code, "the certificate path does not hold at " + who + ": " + X509_verify_cert_error_string(error)};
 }
 
+/// Those of `helpers` that descend from `trusted` by signatures: OpenSSL picks issuers by name and key
+/// identifier, which anybody can imitate in the unsigned part of a token.
+BorrowedCertificates vouched_for(const std::vector<Certificate>& trusted, STACK_OF(X509) * helpers) {
+  BorrowedCertificates out(sk_X509_new_null());
+  std::vector<X509*> issuers;
+  issuers.reserve(trusted.size());
+  for (const auto& certificate : trusted) issuers.push_back(certificate.get());
+  // Each certificate that is found in turn may have issued others; whoever is in `issuers` is tried once.
+  for (std::size_t next = 0; next < issuers.size(); ++next) {
+    X509* issuer = issuers[next];
+    for (int i = 0; i < sk_X509_num(helpers); ++i) {
+      X509* helper = sk_X509_value(helpers, i);
+      if (std::find(issuers.begin(), issuers.end(), helper) != issuers.end() ||
+          X509_NAME_cmp(X509_get_issuer_name(helper), X509_get_subject_name(issuer)) != 0 ||
+          X509_verify(helper, X509_get0_pubkey(issuer)) != 1) {
+        continue;
+      }
+      sk_X509_push(out.get(), helper);
+      issuers.push_back(helper);
+    }
+  }
+  forget_openssl_errors();
+  return out;
+}
+
 CertificatePath validate(X509_STORE* trusted, X509* signer, STACK_OF(X509) * helpers, UtcTime time,
                          unsigned long flags) {
   const CertificateStoreContext context(X509_STORE_CTX_new());
@@ -124,12 +150,19 @@ std::optional<Refusal> check_signer_certificate(X509* signer, UtcTime time) {
   return {};
 }
 
-CertificatePath validate_path(X509_STORE* trusted, X509* signer, STACK_OF(X509) * helpers, UtcTime time) {
-  CertificatePath path = validate(trusted, signer, helpers, time, 0);
-  if (path.refusal && path.refusal->code == TokenCode::kIssuerUnknown) {
-    return validate(trusted, signer, helpers, time, X509_V_FLAG_PARTIAL_CHAIN);
-  }
-  return path;
+CertificatePath validate_path(X509_STORE* store, const std::vector<Certificate>& trusted, X509* signer,
+                              STACK_OF(X509) * helpers, UtcTime time) {
+  const auto attempt = [&](STACK_OF(X509) * between) {
+    CertificatePath path = validate(store, signer, between, time, 0);
+    if (path.refusal && path.refusal->code == TokenCode::kIssuerUnknown) {
+      path = validate(store, signer, between, time, X509_V_FLAG_PARTIAL_CHAIN);
+    }
+    return path;
+  };
+  CertificatePath path = attempt(helpers);
+  if (!path.refusal) return path;
+  CertificatePath clean = attempt(vouched_for(trusted, helpers).get());
+  return clean.refusal ? std::move(path) : std::move(clean);
 }
 
 }  // namespace kiroku::timestamp

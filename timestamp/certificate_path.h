@@ -22,10 +22,12 @@ struct CertificatePath {
   std::optional<Refusal> refusal;
 };
 
-/// Builds and validates a path from `signer` to a certificate in `trusted`, with `helpers` between. A path to
-/// a self-signed root is preferred; failing that, any trusted certificate ends it, since experts hand over
-/// intermediates. Keys and hashes must give 112 bits of security, and an intermediate that restricts its
-/// extended key usage must allow timeStamping.
-CertificatePath validate_path(X509_STORE* trusted, X509* signer, STACK_OF(X509) * helpers, UtcTime time);
+/// Builds and validates a path from `signer` to one of `trusted` (which `store` holds as well), with
+/// `helpers` between. A path to a self-signed root is preferred; failing that, any trusted certificate ends
+/// it, since experts hand over intermediates. A certificate among the helpers that only pretends to be part
+/// of a path (same name and key identifier, other key) does not spoil it. Keys and hashes must give 112 bits
+/// of security, and an intermediate that restricts its extended key usage must allow timeStamping.
+CertificatePath validate_path(X509_STORE* store, const std::vector<Certificate>& trusted, X509* signer,
+                              STACK_OF(X509) * helpers, UtcTime time);
 
 }  // namespace kiroku::timestamp

@@ -16,7 +16,7 @@ struct Request {
   Bytes imprint;                      // the hash itself, hash_size(algorithm) bytes
   std::optional<std::string> policy;  // dotted object identifier
   /// 64-bit nonce as unsigned big-endian bytes without leading zeros (foreign requests may carry longer
-  /// ones).
+  /// ones; of a negative number the two's complement).
   std::optional<Bytes> nonce;
   bool want_certificates = true;  // certReq
 };

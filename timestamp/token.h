@@ -1,6 +1,7 @@
 // RFC 3161 sections 2.4.2 and 2.4.2.1: TimeStampResp and the TSTInfo inside its CMS token, read with
 // OpenSSL's CMS functions (the older PKCS7/TS path refuses real tokens that carry OCSP answers and accepts
 // forged bags). Parsing only: nothing here is trusted yet, see token_verifier.h. Pure functions, thread-safe.
+// Response and TSTInfo must be DER, as RFC 3161 says; around the TSTInfo, BER is read where CMS permits it.
 #pragma once
 
 #include <cstdint>
@@ -21,7 +22,7 @@ struct TokenInfo {
       algorithm;  // nothing: one not known here (the name is in algorithm_name)
   std::string algorithm_name;
   Bytes imprint;
-  std::string serial;  // hex, lower case, without leading zeros
+  std::string serial;  // hex, lower case, without leading zeros; "-" in front of a negative one
   UtcTime gen_time;
   std::int64_t accuracy_ns = 0;  // 0 where the token states none
   bool ordering = false;

@@ -44,6 +44,29 @@ const CodeEntry& entry_of(TokenCode code) {
                        [&](const CodeEntry& entry) { return entry.code == code; });
 }
 
+/// PKIStatus of RFC 3161 section 2.4.2.
+std::string status_name(int status) {
+  constexpr std::array<std::string_view, 6> kNames{"granted", "grantedWithMods",   "rejection",
+                                                   "waiting", "revocationWarning", "revocationNotification"};
+  const auto index = static_cast<std::size_t>(status);
+  return index < kNames.size() ? std::string(kNames[index]) : "status " + std::to_string(status);
+}
+
+/// PKIFailureInfo of RFC 3161 section 2.4.2, by bit number.
+std::string failure_name(int bit) {
+  constexpr std::array kNames{std::pair(0, "badAlg"),
+                              std::pair(2, "badRequest"),
+                              std::pair(5, "badDataFormat"),
+                              std::pair(14, "timeNotAvailable"),
+                              std::pair(15, "unacceptedPolicy"),
+                              std::pair(16, "unacceptedExtension"),
+                              std::pair(17, "addInfoNotAvailable"),
+                              std::pair(25, "systemFailure")};
+  const auto* known =
+      std::find_if(kNames.begin(), kNames.end(), [&](const auto& name) { return name.first == bit; });
+  return known != kNames.end() ? known->second : "failure " + std::to_string(bit);
+}
+
 bool same_bytes(ByteView a, ByteView b) { return std::equal(a.begin(), a.end(), b.begin(), b.end()); }
 
 ByteView without_leading_zeros(ByteView number) {
@@ -97,8 +120,9 @@ std::optional<Refusal> Judge::read(ByteView response_or_token) {
   const auto response = parse_response(response_or_token, why);
   if (!response) return Refusal{TokenCode::kNotAToken, why};
   if (response->token.empty()) {
-    std::string text = "the authority rejected the request with status " + std::to_string(response->status);
-    if (response->failure_info) text += ", failure " + std::to_string(*response->failure_info);
+    std::string text = "the authority rejected the request (" + status_name(response->status);
+    if (response->failure_info) text += ", " + failure_name(*response->failure_info);
+    text += ")";
     for (const std::string& line : response->status_text) text += ": " + line;
     return Refusal{TokenCode::kRejected, text};
   }
@@ -251,7 +275,7 @@ std::optional<Refusal> Judge::check_path() {
                    "no trusted root certificate was given, so nobody vouches for " + out_.signer_subject};
   }
   CertificatePath path =
-      validate_path(trust_.trusted_store.get(), signer_, helpers.get(), out_.info->gen_time);
+      validate_path(trust_.trusted_store.get(), trust_.trusted, signer_, helpers.get(), out_.info->gen_time);
   if (path.refusal) return path.refusal;
   out_.root_subject = subject_of(path.certificates.back().get());
   for (const auto& certificate : path.certificates) {

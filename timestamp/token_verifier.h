@@ -1,6 +1,25 @@
 // Judging RFC 3161 tokens: RFC 3161 section 2.3/2.4.2, RFC 5652 section 5.4-5.6, RFC 5035 and RFC 5816
 // (ESSCertIDv2), RFC 5280 path validation at genTime. TrustStore is immutable after filling; judging is
 // thread-safe.
+//
+// What is demanded, in this order, so that what speaks against the token itself is told before what merely
+// could not be checked:
+//  1. a granted TimeStampResp (DER) or bare token (CMS; BER where CMS permits it), nothing after it; a
+//  TSTInfo
+//     attached, in DER, version 1, without critical extensions; one SignerInfo; the versions that RFC 5652
+//     assigns; content-type, message-digest and ESSCertID or ESSCertIDv2 (or both) as signed attributes, each
+//     once;
+//  2. SHA-256, SHA-384 or SHA-512 as imprint; imprint, nonce and policy as expected;
+//  3. the signer: the certificate whose hash the ESSCertIDs give, among those in the token and those given;
+//  it must
+//     also be the one that the SignerInfo names. Where it stands in the token means nothing;
+//  4. its signature, over SHA-256, SHA-384 or SHA-512;
+//  5. its extended key usage, critical and timeStamping alone; its validity at genTime;
+//  6. a path to a trusted certificate, wholly valid at genTime, of at least 112 bits of security. Whether
+//  anything
+//     has expired since does not matter. A trusted certificate that is not self-signed ends a path, too, if
+//     none leads to a root; certificates in the token that have no part in the path cannot spoil it.
+// Revocation is not judged.
 #pragma once
 
 #include <filesystem>

@@ -1,6 +1,9 @@
 // Tokens that no honest authority issues, and what each must be told.
+#include <algorithm>
+
 #include <gtest/gtest.h>
 
+#include "crypto/encoding.h"
 #include "tests/support/token_maker.h"
 #include "timestamp/der.h"
 #include "timestamp/token_verifier.h"
@@ -314,6 +317,70 @@ TEST_F(HostileToken, ThroughASignerThatIsNoAuthorityIsRefused) {
   TrustStore trust;
   trust.add_trusted(bytes_of(authority_.root_pem()), "test root");
   EXPECT_EQ(judge_token(make_token(spoilt), {}, trust).code, TokenCode::kChainInvalid);
+}
+
+TEST_F(HostileToken, IsNotSpoiltByAnIntermediateThatOnlyLooksRight) {
+  CertificateProfile profile{.organisation = "Test",
+                             .common_name = "Test intermediate",
+                             .role = CertificateRole::kAuthority,
+                             .not_before = *parse_utc("2020-01-01T00:00:00Z"),
+                             .not_after = *parse_utc("2040-01-01T00:00:00Z"),
+                             .extended_key_usage = ""};
+  TestAuthority below;
+  below.ca = issue_certificate(profile, &authority_.ca);
+  profile.common_name = "Test signer";
+  profile.role = CertificateRole::kSigner;
+  profile.extended_key_usage = "critical,timeStamping";
+  below.signer = issue_certificate(profile, &below.ca);
+  // The same in every field, key identifier included, but with another key and signature; given first, it is
+  // found first.
+  const TestAuthority stranger = make_test_authority();
+  const Certificate double_of_ca(X509_dup(below.ca.certificate.get()));
+  ASSERT_EQ(X509_set_pubkey(double_of_ca.get(), stranger.ca.key.get()), 1);
+  ASSERT_GT(X509_sign(double_of_ca.get(), stranger.ca.key.get(), EVP_sha256()), 0);
+  TrustStore trust;
+  trust.add_trusted(bytes_of(authority_.root_pem()), "test root");
+  trust.add_untrusted(bytes_of(pem_of(double_of_ca.get())), "double");
+
+  TokenRecipe recipe;
+  recipe.signer = &below.signer;
+  recipe.enclosed = {below.signer.certificate.get(), below.ca.certificate.get()};
+  const auto judgement = judge_token(make_token(recipe), {}, trust);
+  EXPECT_EQ(judgement.code, TokenCode::kValid) << judgement.explanation;
+  ASSERT_EQ(judgement.chain.size(), 3U);
+  EXPECT_EQ(judgement.chain[1], encode_with<i2d_X509>(below.ca.certificate.get()));
+
+  recipe.enclosed = {below.signer.certificate.get()};
+  EXPECT_EQ(judge_token(make_token(recipe), {}, trust).code, TokenCode::kChainInvalid);
+}
+
+TEST_F(HostileToken, UnderACertificateSignedOverAWeakHashIsRefused) {
+  ASSERT_GT(X509_sign(authority_.signer.certificate.get(), authority_.ca.key.get(), EVP_sha1()), 0);
+  EXPECT_EQ(judge(recipe()).code, TokenCode::kWeakAlgorithm);
+}
+
+TEST_F(HostileToken, WhoseSignatureAlgorithmContradictsItsDigestIsRefused) {
+  Bytes token = make_token(recipe());
+  const Bytes ecdsa_with_sha256 = *crypto::from_hex("06082a8648ce3d040302");
+  const auto at =
+      std::find_end(token.begin(), token.end(), ecdsa_with_sha256.begin(), ecdsa_with_sha256.end());
+  ASSERT_NE(at, token.end());
+  *(at + std::ssize(ecdsa_with_sha256) - 1) = std::byte{3};  // with SHA-384
+  const auto judgement = judge(token, authority_);
+  EXPECT_EQ(judgement.code, TokenCode::kMalformed);
+  EXPECT_EQ(judgement.explanation,
+            "the token's signature algorithm ecdsa-with-SHA384 contradicts its digest algorithm");
+}
+
+TEST_F(HostileToken, WithASignedAttributeTwiceIsRefused) {
+  // signing-time (…9.5) renamed to message-digest (…9.4)
+  Bytes token = make_token(recipe());
+  const Bytes signing_time = *crypto::from_hex("06092a864886f70d010905");
+  const auto at = std::search(token.begin(), token.end(), signing_time.begin(), signing_time.end());
+  ASSERT_NE(at, token.end());
+  *(at + std::ssize(signing_time) - 1) = std::byte{4};
+  EXPECT_EQ(judge(token, authority_).explanation,
+            "the token's signed attribute message-digest does not occur exactly once");
 }
 
 TEST_F(HostileToken, ThroughAnIntermediateForOtherPurposesIsRefused) {

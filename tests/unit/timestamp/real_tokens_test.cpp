@@ -198,9 +198,9 @@ TEST_F(RealToken, WithoutAResponseAroundItIsRead) {
 TEST_F(RealToken, ThatIsARejectionSaysWhy) {
   const auto judgement = judge_token(file("digitorus-embedded/respRejection.tsr"), {}, TrustStore());
   EXPECT_EQ(judgement.code, TokenCode::kRejected);
-  EXPECT_EQ(
-      judgement.explanation,
-      "the authority rejected the request with status 2, failure 17: Error during serial number generation.");
+  EXPECT_EQ(judgement.explanation,
+            "the authority rejected the request (rejection, addInfoNotAvailable): Error during serial number "
+            "generation.");
   EXPECT_FALSE(judgement.info);
 }
 

@@ -122,6 +122,19 @@ TEST_F(AuthorityServerTest, LetsClientsGoThatAreTooMany) {
   EXPECT_EQ(exchange("GET / HTTP/1.1\r\nHost: x\r\n\r\n"), "");
 }
 
+TEST_F(AuthorityServerTest, LetsClientsGoThatNeverFinish) {
+  const AuthorityServer hasty(authority_, "127.0.0.1:0", std::chrono::milliseconds(50));
+  asio::io_context context;
+  asio::ip::tcp::socket socket(context);
+  socket.connect({asio::ip::make_address("127.0.0.1"), hasty.port()});
+  asio::write(socket, asio::buffer(std::string("POST / HTTP/1.1\r\nHost: x\r\n")));
+  std::string answer;
+  boost::system::error_code error;
+  asio::read(socket, asio::dynamic_buffer(answer), error);
+  EXPECT_EQ(answer, "");
+  EXPECT_EQ(error, asio::error::eof);
+}
+
 TEST_F(AuthorityServerTest, SaysWhereItCannotListen) {
   EXPECT_EQ(server_.url(), "http://127.0.0.1:" + std::to_string(server_.port()) + "/");
   EXPECT_THROW(AuthorityServer(authority_, "127.0.0.1:" + std::to_string(server_.port())), Error);

@@ -1,12 +1,18 @@
 #include "timestamp/client.h"
 
 #include <cstdlib>
+#include <thread>
 
+#include <boost/asio/io_context.hpp>
+#include <boost/asio/ip/tcp.hpp>
+#include <boost/asio/ssl/context.hpp>
+#include <boost/asio/ssl/stream.hpp>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include "tests/support/scripted_server.h"
 #include "tests/support/temporary_folder.h"
+#include "tests/support/token_maker.h"
 #include "timestamp/authority_server.h"
 #include "timestamp/token_verifier.h"
 
@@ -172,6 +178,25 @@ TEST_F(HttpStampSourceTest, UsesAProxyOnlyWhenTold) {
             "through the proxy");
   unsetenv("http_proxy");
   unsetenv("no_proxy");
+}
+
+TEST_F(HttpStampSourceTest, TrustsNoTlsCertificateThatTheSystemDoesNot) {
+  namespace asio = boost::asio;
+  const test::TestAuthority stranger = test::make_test_authority("serverAuth");
+  asio::io_context context;
+  asio::ssl::context tls(asio::ssl::context::tls_server);
+  ASSERT_EQ(SSL_CTX_use_certificate(tls.native_handle(), stranger.signer.certificate.get()), 1);
+  ASSERT_EQ(SSL_CTX_use_PrivateKey(tls.native_handle(), stranger.signer.key.get()), 1);
+  asio::ip::tcp::acceptor acceptor(context, {asio::ip::make_address("127.0.0.1"), 0});
+  std::thread server([&] {
+    asio::ssl::stream<asio::ip::tcp::socket> stream(acceptor.accept(), tls);
+    boost::system::error_code refused;
+    stream.handshake(asio::ssl::stream_base::server, refused);
+  });
+  const std::string url = "https://127.0.0.1:" + std::to_string(acceptor.local_endpoint().port()) + "/";
+  EXPECT_THAT(complaint_about({.url = url}),
+              StartsWith("the authority " + url + " could not be asked: SSL certificate problem: "));
+  server.join();
 }
 
 TEST_F(HttpStampSourceTest, BindsToTheInterfaceItIsTold) {

@@ -1,0 +1,212 @@
+#include "media/remuxer.h"
+
+#include <algorithm>
+#include <exception>
+#include <utility>
+#include <vector>
+
+extern "C" {
+#include <libavcodec/avcodec.h>
+#include <libavformat/avformat.h>
+#include <libavutil/mem.h>
+#include <libavutil/pixdesc.h>
+}
+
+#include "base/error.h"
+
+namespace kiroku::media {
+namespace {
+
+constexpr int kBufferBytes = 1 << 18;
+
+const char* muxer_name(Container container) { return container == Container::kMatroska ? "matroska" : "mp4"; }
+const char* container_name(Container container) {
+  return container == Container::kMatroska ? "Matroska (.mkv)" : "MP4 (.mp4)";
+}
+
+bool is_copied(const AVStream& stream) {
+  return stream.codecpar->codec_type == AVMEDIA_TYPE_VIDEO ||
+         stream.codecpar->codec_type == AVMEDIA_TYPE_AUDIO;
+}
+
+/// Streams of an input that are copied, in order.
+std::vector<const AVStream*> copied_streams(SegmentInput& input) {
+  std::vector<const AVStream*> streams;
+  for (unsigned i = 0; i < input.context().nb_streams; ++i) {
+    if (is_copied(*input.context().streams[i])) {
+      streams.push_back(input.context().streams[i]);
+    }
+  }
+  return streams;
+}
+
+std::string describe(const AVCodecParameters& parameters) {
+  std::string text = avcodec_get_name(parameters.codec_id);
+  if (parameters.codec_type == AVMEDIA_TYPE_VIDEO) {
+    const char* const format = av_get_pix_fmt_name(static_cast<AVPixelFormat>(parameters.format));
+    text += " " + std::to_string(parameters.width) + "x" + std::to_string(parameters.height) + " " +
+            (format == nullptr ? "unknown" : format);
+  }
+  return text;
+}
+
+bool same_parameters(const AVCodecParameters& a, const AVCodecParameters& b) {
+  return a.codec_type == b.codec_type && a.codec_id == b.codec_id && a.format == b.format &&
+         a.width == b.width && a.height == b.height && a.sample_rate == b.sample_rate &&
+         a.ch_layout.nb_channels == b.ch_layout.nb_channels && a.extradata_size == b.extradata_size &&
+         std::equal(a.extradata, a.extradata + a.extradata_size, b.extradata);
+}
+
+}  // namespace
+
+/// Where libav's callbacks land. An exception may not pass through libav's C code, so it waits in `failure`.
+struct Remuxer::Io {
+  explicit Io(OutputFile& file) : output(file) {}
+
+  OutputFile& output;
+  std::exception_ptr failure;
+  CustomIo context;
+
+  static int write(void* opaque, std::uint8_t* bytes, int size) {
+    auto& io = *static_cast<Io*>(opaque);
+    if (io.failure) {
+      return AVERROR(EIO);
+    }
+    try {
+      io.output.write(std::as_bytes(std::span(bytes, static_cast<std::size_t>(size))));
+      return size;
+    } catch (...) {
+      io.failure = std::current_exception();
+      return AVERROR(EIO);
+    }
+  }
+
+  static std::int64_t seek(void* opaque, std::int64_t offset, int whence) {
+    auto& io = *static_cast<Io*>(opaque);
+    if ((whence & ~AVSEEK_FORCE) == AVSEEK_SIZE) {
+      return static_cast<std::int64_t>(io.output.size());
+    }
+    if ((whence & ~AVSEEK_FORCE) != SEEK_SET || offset < 0) {
+      return AVERROR(EINVAL);
+    }
+    io.output.seek(static_cast<std::uint64_t>(offset));
+    return offset;
+  }
+};
+
+Remuxer::Remuxer(OutputFile& output, Container container, std::string name)
+    : name_(std::move(name)), container_(container), io_(std::make_unique<Io>(output)) {
+  silence_libav();
+  auto* const buffer = static_cast<unsigned char*>(av_malloc(kBufferBytes));
+  if (buffer == nullptr) {
+    throw std::bad_alloc();
+  }
+  io_->context.reset(avio_alloc_context(buffer, kBufferBytes, 1, io_.get(), nullptr, Io::write, Io::seek));
+  if (!io_->context) {
+    av_free(buffer);
+    throw std::bad_alloc();
+  }
+}
+
+Remuxer::~Remuxer() = default;
+
+void Remuxer::check(int result, const std::string& what) {
+  if (io_->failure) {
+    std::rethrow_exception(io_->failure);
+  }
+  require(result, what + " " + name_);
+}
+
+void Remuxer::open(SegmentInput& input) {
+  AVFormatContext* raw = nullptr;
+  require(avformat_alloc_output_context2(&raw, nullptr, muxer_name(container_), nullptr),
+          "cannot begin " + name_);
+  context_.reset(raw);
+  context_->pb = io_->context.get();
+  context_->flags |= AVFMT_FLAG_CUSTOM_IO | AVFMT_FLAG_BITEXACT;
+  context_->avoid_negative_ts = AVFMT_AVOID_NEG_TS_MAKE_ZERO;
+  for (const AVStream* from : copied_streams(input)) {
+    const AVCodecID codec = from->codecpar->codec_id;
+    if (avformat_query_codec(context_->oformat, codec, FF_COMPLIANCE_NORMAL) != 1) {
+      throw UsageError(std::string(container_name(container_)) + " cannot hold " + avcodec_get_name(codec) +
+                       "; export it as .mkv");
+    }
+    AVStream* const to = avformat_new_stream(context_.get(), nullptr);
+    if (to == nullptr) {
+      throw std::bad_alloc();
+    }
+    require(avcodec_parameters_copy(to->codecpar, from->codecpar), "cannot begin " + name_);
+    // A tag is the input container's own; only for uncompressed pictures it says what they are.
+    to->codecpar->codec_tag = codec == AV_CODEC_ID_RAWVIDEO ? from->codecpar->codec_tag : 0;
+    to->time_base = from->time_base;
+    to->avg_frame_rate = from->avg_frame_rate;
+    to->sample_aspect_ratio = from->sample_aspect_ratio;
+  }
+  check(avformat_write_header(context_.get(), nullptr), "cannot begin");
+}
+
+void Remuxer::require_same_streams(SegmentInput& input) const {
+  const std::vector<const AVStream*> streams = copied_streams(input);
+  const std::string hint = "; export the times before and after the change one by one (--from, --to)";
+  if (streams.size() != context_->nb_streams) {
+    throw Error("cannot join the segments of " + name_ + ": sound comes or goes in the middle" + hint);
+  }
+  for (unsigned i = 0; i < context_->nb_streams; ++i) {
+    const AVCodecParameters& before = *context_->streams[i]->codecpar;
+    const AVCodecParameters& now = *streams[i]->codecpar;
+    if (!same_parameters(before, now)) {
+      throw Error("cannot join the segments of " + name_ + ": it changes from " + describe(before) + " to " +
+                  describe(now) + hint);
+    }
+  }
+}
+
+void Remuxer::copy(SegmentInput& input, bool tolerate_cut) {
+  if (!context_) {
+    open(input);
+  } else {
+    require_same_streams(input);
+  }
+  std::vector<int> output_index(input.context().nb_streams, -1);
+  int next_index = 0;
+  for (const AVStream* stream : copied_streams(input)) {
+    output_index[static_cast<std::size_t>(stream->index)] = next_index++;
+  }
+  const Packet packet = make_packet();
+  for (;;) {
+    try {
+      if (!input.read(*packet)) {
+        break;
+      }
+    } catch (const MediaError&) {
+      if (!tolerate_cut) {
+        throw;
+      }
+      break;
+    }
+    const auto from_index = static_cast<std::size_t>(packet->stream_index);
+    // MPEG-TS may announce a stream later; such a one has no place in what was begun.
+    if (from_index >= output_index.size() || output_index[from_index] < 0) {
+      av_packet_unref(packet.get());
+      continue;
+    }
+    const AVStream& from = *input.context().streams[from_index];
+    const int to_index = output_index[from_index];
+    frames_ += from.codecpar->codec_type == AVMEDIA_TYPE_VIDEO ? 1 : 0;
+    packet->stream_index = to_index;
+    packet->pos = -1;
+    av_packet_rescale_ts(packet.get(), from.time_base, context_->streams[to_index]->time_base);
+    check(av_interleaved_write_frame(context_.get(), packet.get()), "cannot write");
+  }
+}
+
+void Remuxer::finish() {
+  if (!context_) {
+    throw Error("cannot write " + name_ + ": there is no media in it");
+  }
+  check(av_write_trailer(context_.get()), "cannot finish");
+  avio_flush(io_->context.get());
+  check(io_->context->error, "cannot finish");
+}
+
+}  // namespace kiroku::media

@@ -1,0 +1,111 @@
+#include "media/vitals_table.h"
+
+#include <array>
+#include <charconv>
+#include <limits>
+#include <utility>
+
+#include "base/error.h"
+
+namespace kiroku::media {
+namespace {
+
+constexpr std::size_t kPieceBytes = 256U << 10;
+
+void append_field(std::string& text, std::string_view field) {
+  if (field.find_first_of(",\"\r\n") == std::string_view::npos) {
+    text += field;
+    return;
+  }
+  text += '"';
+  for (const char c : field) {
+    text += c;
+    if (c == '"') {
+      text += c;
+    }
+  }
+  text += '"';
+}
+
+/// Seconds with as many decimals as they need.
+void append_seconds(std::string& text, std::int64_t time_ns) {
+  constexpr std::uint64_t kSecondNs = 1'000'000'000;
+  const bool negative = time_ns < 0;
+  const auto magnitude =
+      negative ? std::uint64_t{0} - static_cast<std::uint64_t>(time_ns) : static_cast<std::uint64_t>(time_ns);
+  text += negative ? "-" : "";
+  text += std::to_string(magnitude / kSecondNs);
+  std::string decimals = std::to_string(kSecondNs + magnitude % kSecondNs);
+  decimals.erase(decimals.find_last_not_of('0') + 1);
+  if (decimals.size() > 1) {
+    text += '.';
+    text += std::string_view(decimals).substr(1);
+  }
+}
+
+}  // namespace
+
+VitalsTable::VitalsTable(crypto::ByteSink sink)
+    : sink_(std::move(sink)), text_("time,code,value,unit,quality,source\n") {}
+
+void VitalsTable::add(const VitalSample& sample) {
+  if (sample.time_ns < last_ns_) {
+    throw Error("the vital signs are not in order of time at " + std::to_string(sample.time_ns) +
+                " ns; export them as .jsonl to see them as they were recorded");
+  }
+  last_ns_ = sample.time_ns;
+  std::string rest;
+  append_field(rest, sample.code);
+  const std::size_t code_bytes = rest.size();
+  for (const std::string_view field :
+       {std::string_view(sample.unit), quality_name(sample.quality), std::string_view(sample.source)}) {
+    rest += ',';
+    append_field(rest, field);
+  }
+  const auto shared = std::make_shared<const std::string>(std::move(rest));
+  if (sample.is_waveform()) {
+    for (std::size_t i = 0; i < sample.values.size(); ++i) {
+      held_.push({waveform_time_ns(sample, i), sequence_++, sample.values[i], shared, code_bytes});
+    }
+  } else {
+    held_.push({sample.time_ns, sequence_++, sample.value, shared, code_bytes});
+  }
+  // Whatever comes later begins no earlier than this.
+  write_until(sample.time_ns - kLongestWaveformNs);
+}
+
+void VitalsTable::finish() {
+  write_until(std::numeric_limits<std::int64_t>::max());
+  flush();
+}
+
+void VitalsTable::write_until(std::int64_t time_ns) {
+  while (!held_.empty() && held_.top().time_ns < time_ns) {
+    write(held_.top());
+    held_.pop();
+  }
+}
+
+void VitalsTable::write(const Row& row) {
+  const std::string_view rest = *row.rest;
+  append_seconds(text_, row.time_ns);
+  text_ += ',';
+  text_ += rest.substr(0, row.code_bytes);
+  text_ += ',';
+  if (row.value) {
+    std::array<char, 32> number{};
+    text_.append(number.data(), std::to_chars(number.data(), number.data() + number.size(), *row.value).ptr);
+  }
+  text_ += rest.substr(row.code_bytes);
+  text_ += '\n';
+  if (text_.size() >= kPieceBytes) {
+    flush();
+  }
+}
+
+void VitalsTable::flush() {
+  sink_(bytes_of(text_));
+  text_.clear();
+}
+
+}  // namespace kiroku::media

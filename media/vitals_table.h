@@ -1,0 +1,60 @@
+// Vital signs as a table of comma-separated values (RFC 4180), in order of time. An object belongs to one
+// thread.
+//
+//   time,code,value,unit,quality,source
+//   0.4,MDC_ECG_HEART_RATE,72,/min,good,synthetic:patient
+//
+// `time` is in seconds of the case clock, exact to the nanosecond. A waveform becomes one row a value, each
+// at its own time (vital_sample.h); the first values of a waveform that began before the case have negative
+// times. A sample without value has an empty field. The device's own time stands in the JSON Lines only. Read
+// back by the recorder's CSV source, all rows but those of negative time give the same times, codes, values,
+// units and qualities.
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <optional>
+#include <queue>
+#include <string>
+#include <vector>
+
+#include "crypto/age_stream.h"
+#include "media/vital_sample.h"
+
+namespace kiroku::media {
+
+class VitalsTable {
+ public:
+  /// Writes the line of column names. Rows leave through `sink` in large pieces.
+  explicit VitalsTable(crypto::ByteSink sink);
+  /// Samples in order of their time_ns; throws kiroku::Error else.
+  void add(const VitalSample& sample);
+  /// Writes what was held back to bring waveforms into order. Nothing may be added after.
+  void finish();
+
+ private:
+  struct Row {
+    std::int64_t time_ns = 0;
+    std::uint64_t sequence = 0;
+    std::optional<double> value;
+    std::shared_ptr<const std::string> rest;  // code, and unit to source, as they stand around the value
+    std::size_t code_bytes = 0;
+  };
+  struct Later {
+    bool operator()(const Row& a, const Row& b) const {
+      return a.time_ns != b.time_ns ? a.time_ns > b.time_ns : a.sequence > b.sequence;
+    }
+  };
+
+  void write_until(std::int64_t time_ns);
+  void write(const Row& row);
+  void flush();
+
+  crypto::ByteSink sink_;
+  std::priority_queue<Row, std::vector<Row>, Later> held_;
+  std::string text_;
+  std::int64_t last_ns_ = 0;
+  std::uint64_t sequence_ = 0;
+};
+
+}  // namespace kiroku::media
