@@ -1,0 +1,24 @@
+// Sizes of the age v1 format (C2SP age, "payload") that checks without a key need. Functions are thread-safe.
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <string_view>
+
+#include "crypto/age_file.h"
+
+namespace kiroku::archive {
+
+inline constexpr std::uint64_t kAgeChunkBytes = 64U << 10U;  // of plaintext
+inline constexpr std::uint64_t kAgeTagBytes = 16;            // after each chunk
+inline constexpr std::uint64_t kAgeNonceBytes = 16;          // between header and first chunk
+/// Headers of more recipients than that are not looked at.
+inline constexpr std::size_t kMaximumAgeHeaderBytes = 64U << 10U;
+/// An excerpt's original header beside a re-keyed segment: NAME.header.
+inline constexpr std::string_view kOriginalHeaderSuffix = ".header";
+
+/// Length of the header text, up to and with the line "--- <MAC>"; nothing if the file does not begin with
+/// one. Throws kiroku::IoError.
+std::optional<std::uint64_t> age_header_bytes(const crypto::ByteSource& file);
+
+}  // namespace kiroku::archive

@@ -1,0 +1,240 @@
+#include "archive/case_rules.h"
+
+#include <algorithm>
+#include <cmath>
+#include <utility>
+
+#include "archive/case_layout.h"
+#include "base/error.h"
+
+namespace kiroku::archive {
+
+namespace {
+
+template <typename... Functions>
+struct Overloaded : Functions... {
+  using Functions::operator()...;
+};
+template <typename... Functions>
+Overloaded(Functions...) -> Overloaded<Functions...>;
+
+std::string at_entry(std::uint64_t number) { return "entry " + std::to_string(number); }
+
+Place in_ledger(std::uint64_t number, std::optional<std::uint64_t> offset = std::nullopt) {
+  return {std::string(kLedgerFile), number, offset};
+}
+
+}  // namespace
+
+CaseRules::CaseRules(const CaseFolder& folder, const VerifyOptions& options, FindingList& findings,
+                     CheckpointRules& checkpoints, FileChecker& files, Scope scope)
+    : folder_(&folder),
+      options_(&options),
+      findings_(&findings),
+      checkpoints_(&checkpoints),
+      files_(&files),
+      scope_(std::move(scope)),
+      tokens_(folder, options, findings, checkpoints) {}
+
+void CaseRules::take(const LedgerLine& line, std::uint64_t number) {
+  if (line.too_long) {
+    findings_->add("entry-too-long", in_ledger(number, line.offset),
+                   "the line of " + at_entry(number) + " has " + std::to_string(line.bytes) +
+                       " bytes where at most " + std::to_string(kMaximumLineBytes) + " are allowed");
+    return;
+  }
+  const EntryParse parse = parse_case_entry(line.text);
+  if (!parse.entry) {
+    findings_->add("entry-malformed", in_ledger(number, line.offset + parse.position.value_or(0)),
+                   at_entry(number) + " is no entry of the format: " + parse.problem);
+    if (number == 0) {
+      findings_->add("open-missing", in_ledger(0, line.offset),
+                     "the ledger does not begin with a readable open");
+    }
+    return;
+  }
+  const CaseEntry& entry = *parse.entry;
+  check_common(entry, number, line);
+  std::visit(
+      Overloaded{[&](const OpenEntry& open) { take_open(open, entry, number); },
+                 [&](const SegmentEntry& segment) { take_segment(segment, number); },
+                 [&](const GapEntry& gap) {
+                   if (StreamRules* its = stream(gap.stream, number)) {
+                     its->take(gap, number);
+                   }
+                 },
+                 [&](const ErasedEntry& erased) {
+                   if (StreamRules* its = stream(erased.stream, number)) {
+                     its->take(erased, number);
+                   }
+                 },
+                 [&](const ClockEntry& clock) { take_clock(clock, number); },
+                 [&](const TokenEntry& token) {
+                   named_.insert(token.file);
+                   tokens_.take(token, number, entry.at.mono_ns);
+                 },
+                 [&](const TokenMissedEntry& missed) { tokens_.take_missed(missed, number); },
+                 [&](const RecoveredEntry& recovered) {
+                   recovered_ = true;
+                   tokens_.take_recovered();
+                   for (auto& [name, its] : streams_) {
+                     its.take_interruption();
+                   }
+                   findings_->add("recovered", in_ledger(number),
+                                  "recording was cut off (" + recovered.after + ") and found again" +
+                                      (recovered.truncated.empty() ? "" : ": " + recovered.truncated));
+                 },
+                 [&](const CloseEntry& close) { take_close(close, entry, number); }, [](const MarkEntry&) {}},
+      entry.body);
+}
+
+void CaseRules::check_common(const CaseEntry& entry, std::uint64_t number, const LedgerLine& line) {
+  const bool is_open = std::holds_alternative<OpenEntry>(entry.body);
+  if (entry.seq != number) {
+    findings_->add("entry-out-of-sequence", in_ledger(number, line.offset),
+                   "line " + std::to_string(number) + " has seq " + std::to_string(entry.seq));
+  }
+  if (number == 0 && !is_open) {
+    findings_->add("open-missing", in_ledger(0, line.offset),
+                   "the ledger begins with " + std::string(type_of(entry.body)) + " instead of open");
+  }
+  if (number != 0 && is_open) {
+    findings_->add("open-repeated", in_ledger(number, line.offset), at_entry(number) + " is a second open");
+  }
+  if (entry.at.mono_ns < last_mono_ns_) {
+    findings_->add("clock-went-back", in_ledger(number, line.offset),
+                   "the case clock of " + at_entry(number) + " is " +
+                       std::to_string(last_mono_ns_ - entry.at.mono_ns) +
+                       " ns before that of the entry before it");
+  }
+  last_mono_ns_ = std::max(last_mono_ns_, entry.at.mono_ns);
+  if (last_utc_ && entry.at.utc < *last_utc_ && !clock_step_stated_ &&
+      !std::holds_alternative<ClockEntry>(entry.body)) {
+    findings_->add("utc-went-back", in_ledger(number, line.offset),
+                   "the machine's UTC of " + at_entry(number) + " is " + format_utc(entry.at.utc) +
+                       ", before " + format_utc(*last_utc_) + " of the entry before it");
+  }
+  last_utc_ = entry.at.utc;
+  clock_step_stated_ = false;
+  const bool may_follow_close =
+      std::holds_alternative<TokenEntry>(entry.body) || std::holds_alternative<TokenMissedEntry>(entry.body);
+  if (close_ && !may_follow_close) {
+    findings_->add("entry-after-close", in_ledger(number, line.offset),
+                   at_entry(number) + " is a " + std::string(type_of(entry.body)) + " after close in " +
+                       at_entry(*close_));
+  }
+}
+
+void CaseRules::take_open(const OpenEntry& open, const CaseEntry& entry, std::uint64_t number) {
+  if (number != 0) {
+    return;
+  }
+  opening_ = open;
+  opened_ = entry.at.utc;
+  for (const StreamInfo& each : open.streams) {
+    streams_.emplace(each.name, StreamRules(each, scope_.whole_case, *findings_));
+  }
+  try {
+    device_ = crypto::VerifierKey::parse(open.device);
+    checkpoints_->set_signer(*device_, case_origin(device_->name(), open.case_id));
+    judge_device(*device_, *options_, *findings_);
+  } catch (const UsageError& error) {
+    findings_->add("device-invalid", in_ledger(0), std::string("open names no device: ") + error.what());
+  }
+  if (open.subject) {
+    named_.insert(open.subject->file);
+    if (scope_.whole_case) {
+      files_->check({*open.subject, number, {}, {}, false});
+    }
+  }
+}
+
+void CaseRules::take_segment(const SegmentEntry& segment, std::uint64_t number) {
+  StreamRules* its = stream(segment.stream, number);
+  if (its == nullptr || !its->take(segment, number)) {
+    return;
+  }
+  named_.insert(segment.file.file);
+  if (!scope_.wanted || scope_.wanted(segment)) {
+    files_->check(
+        {segment.file, number, segment, its->info(), scope_.rekeyed && scope_.rekeyed(segment.file.file)});
+  }
+}
+
+void CaseRules::take_clock(const ClockEntry& clock, std::uint64_t number) {
+  if (clock.step_ns != 0) {
+    clock_step_stated_ = true;
+    findings_->add("clock-stepped", in_ledger(number),
+                   "the machine's wall clock was set by " + std::to_string(clock.step_ns) + " ns");
+  }
+  if (!clock.synchronised && !said_not_synchronised_) {
+    said_not_synchronised_ = true;
+    findings_->add("clock-not-synchronised", in_ledger(number),
+                   "the machine's wall clock was not synchronised");
+  }
+}
+
+void CaseRules::take_close(const CloseEntry& close, const CaseEntry& entry, std::uint64_t number) {
+  if (close_) {
+    return;  // a finding already
+  }
+  close_ = number;
+  closed_ = entry.at.utc;
+  tokens_.take_close(number);
+  for (auto& [name, its] : streams_) {
+    its.take_interruption();
+    const auto stated = close.totals.find(name);
+    its.check_totals(stated == close.totals.end() ? nullptr : &stated->second, number);
+  }
+  for (const auto& [name, total] : close.totals) {
+    stream(name, number);
+  }
+}
+
+StreamRules* CaseRules::stream(const std::string& name, std::uint64_t number) {
+  const auto found = streams_.find(name);
+  if (found != streams_.end()) {
+    return &found->second;
+  }
+  if (opening_) {
+    findings_->add("stream-unknown", in_ledger(number),
+                   at_entry(number) + " is of a stream \"" + name + "\", which open does not name");
+  }
+  return nullptr;
+}
+
+void CaseRules::finish(std::uint64_t entries) {
+  for (auto& [name, its] : streams_) {
+    its.finish();
+  }
+  tokens_.finish(entries);
+}
+
+void CaseRules::judge_missing(const std::vector<FileJob>& missing) {
+  for (const FileJob& job : missing) {
+    if (job.segment) {
+      const auto its = streams_.find(job.segment->stream);
+      if (its != streams_.end() && its->second.erased(job.segment->index)) {
+        continue;
+      }
+    }
+    findings_->add("file-missing", {job.expected.file, job.entry},
+                   job.expected.file + " is not there, which " + at_entry(job.entry) + " names");
+  }
+}
+
+void CaseRules::describe(VerificationReport& report) const {
+  if (opening_) {
+    report.case_id = opening_->case_id;
+    report.device = opening_->device;
+    for (const StreamInfo& each : opening_->streams) {
+      report.streams.push_back(streams_.at(each.name).report());
+    }
+  }
+  report.opened = opened_;
+  report.closed = closed_;
+  report.time = tokens_.time();
+  report.tokens = tokens_.count();
+}
+
+}  // namespace kiroku::archive

@@ -1,0 +1,84 @@
+// All rules for the entries of a case, fed line by line, whether from a whole ledger or an excerpt's part of
+// one. Knows nothing of where lines come from. Not thread-safe.
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <map>
+#include <optional>
+#include <set>
+#include <string>
+#include <unordered_set>
+#include <vector>
+
+#include "archive/case_folder.h"
+#include "archive/checkpoint_rules.h"
+#include "archive/file_checker.h"
+#include "archive/finding_list.h"
+#include "archive/line_reader.h"
+#include "archive/stream_rules.h"
+#include "archive/token_rules.h"
+#include "archive/verifier.h"
+
+namespace kiroku::archive {
+
+class CaseRules {
+ public:
+  /// What an excerpt leaves out is not looked for: which segments must be there, and no subject.
+  struct Scope {
+    bool whole_case = true;
+    std::function<bool(const SegmentEntry&)> wanted;  // unset: all
+    std::function<bool(const std::string& file)> rekeyed;
+  };
+  /// Everything referred to must outlive the object.
+  CaseRules(const CaseFolder& folder, const VerifyOptions& options, FindingList& findings,
+            CheckpointRules& checkpoints, FileChecker& files, Scope scope);
+
+  /// Entry `number`. Lines that are no entries are findings.
+  void take(const LedgerLine& line, std::uint64_t number);
+  /// After the last line. `entries` is the ledger's size.
+  void finish(std::uint64_t entries);
+  /// After FileChecker::finish(): files that are not there, unless erased.
+  void judge_missing(const std::vector<FileJob>& missing);
+
+  [[nodiscard]] const std::optional<OpenEntry>& opening() const { return opening_; }
+  [[nodiscard]] const std::optional<crypto::VerifierKey>& device() const { return device_; }
+  [[nodiscard]] std::optional<std::uint64_t> close_entry() const { return close_; }
+  [[nodiscard]] bool recovered() const { return recovered_; }
+  [[nodiscard]] std::int64_t last_mono_ns() const { return last_mono_ns_; }
+  [[nodiscard]] const std::map<std::string, StreamRules>& streams() const { return streams_; }
+  [[nodiscard]] const TokenRules& tokens() const { return tokens_; }
+  /// Whether an entry names this file.
+  [[nodiscard]] bool names(const std::string& file) const { return named_.contains(file); }
+  /// Fills what the entries tell of the report.
+  void describe(VerificationReport& report) const;
+
+ private:
+  void check_common(const CaseEntry& entry, std::uint64_t number, const LedgerLine& line);
+  void take_open(const OpenEntry& open, const CaseEntry& entry, std::uint64_t number);
+  void take_segment(const SegmentEntry& segment, std::uint64_t number);
+  void take_clock(const ClockEntry& clock, std::uint64_t number);
+  void take_close(const CloseEntry& close, const CaseEntry& entry, std::uint64_t number);
+  StreamRules* stream(const std::string& name, std::uint64_t number);
+
+  const CaseFolder* folder_;
+  const VerifyOptions* options_;
+  FindingList* findings_;
+  CheckpointRules* checkpoints_;
+  FileChecker* files_;
+  Scope scope_;
+  TokenRules tokens_;
+  std::map<std::string, StreamRules> streams_;
+  std::optional<OpenEntry> opening_;
+  std::optional<crypto::VerifierKey> device_;
+  std::optional<UtcTime> opened_, closed_;
+  std::optional<std::uint64_t> close_;
+  std::optional<UtcTime> last_utc_;
+  std::unordered_set<std::string> named_;
+  std::int64_t last_mono_ns_ = 0;
+  bool recovered_ = false;
+  bool clock_step_stated_ = false;
+  bool said_not_synchronised_ = false;
+};
+
+}  // namespace kiroku::archive

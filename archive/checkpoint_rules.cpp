@@ -1,0 +1,155 @@
+#include "archive/checkpoint_rules.h"
+
+#include <algorithm>
+#include <utility>
+
+#include "archive/case_layout.h"
+#include "archive/file_checker.h"
+#include "base/error.h"
+
+namespace kiroku::archive {
+
+std::vector<std::uint64_t> note_sizes(const std::vector<ListedFile>& listing) {
+  const std::string prefix = std::string(kCheckpointsFolder) + "/";
+  std::vector<std::uint64_t> sizes;
+  for (const ListedFile& file : listing) {
+    if (file.path.starts_with(prefix) && file.kind != ListedFile::Kind::kFolder) {
+      if (const auto size = size_of_note_name(std::string_view(file.path).substr(prefix.size()));
+          size && *size > 0) {
+        sizes.push_back(*size);
+      }
+    }
+  }
+  std::sort(sizes.begin(), sizes.end());
+  return sizes;
+}
+
+std::optional<std::string> read_note(const CaseFolder& folder, std::uint64_t size,
+                                     std::optional<std::uint64_t> entry, FindingList& findings) {
+  const Place place{note_path(size), entry};
+  const FileOpening opening = folder.open_file(place.file);
+  if (!opening.file) {
+    report_unopened(findings, place, opening);
+    return std::nullopt;
+  }
+  try {
+    std::optional<std::string> note = read_small(*opening.file, kMaximumNoteBytes);
+    if (!note) {
+      findings.add("checkpoint-malformed", place, place.file + " is far too long for a checkpoint");
+    }
+    return note;
+  } catch (const IoError& error) {
+    findings.add("file-unreadable", place, std::string(error.what()) + "; so it was not checked");
+    return std::nullopt;
+  }
+}
+
+void judge_device(const crypto::VerifierKey& device, const VerifyOptions& options, FindingList& findings) {
+  if (options.devices.empty()) {
+    findings.add("no-trusted-device", {"", 0},
+                 "no trusted device key was given, so the signatures of " + device.name() +
+                     " prove only that one key made them all");
+  } else if (std::find(options.devices.begin(), options.devices.end(), device) == options.devices.end()) {
+    findings.add(
+        "device-not-trusted", {"", 0},
+        "the device " + device.to_string() + " is not among the trusted ones: anybody can make such a key");
+  }
+}
+
+CheckpointRules::CheckpointRules(const CaseFolder& folder, const VerifyOptions& options,
+                                 FindingList& findings, std::vector<std::uint64_t> sizes)
+    : folder_(&folder), options_(&options), findings_(&findings), sizes_(std::move(sizes)) {}
+
+void CheckpointRules::set_signer(crypto::VerifierKey device, std::string origin) {
+  device_ = std::move(device);
+  origin_ = std::move(origin);
+}
+
+bool CheckpointRules::has(std::uint64_t size) const {
+  return std::binary_search(sizes_.begin(), sizes_.end(), size);
+}
+
+std::optional<std::int64_t> CheckpointRules::mono_at(std::uint64_t size) const {
+  const auto found = mono_.find(size);
+  return found == mono_.end() ? std::nullopt : std::optional(found->second);
+}
+
+std::optional<crypto::Checkpoint> CheckpointRules::check_note(std::uint64_t size, const std::string& note) {
+  const Place place{note_path(size)};
+  std::vector<crypto::VerifierKey> signers;
+  if (device_) {
+    signers.push_back(*device_);
+  }
+  const crypto::OpenedNote opened = crypto::open_note(note, signers);
+  const std::optional<crypto::Checkpoint> checkpoint = crypto::Checkpoint::parse(opened.text);
+  if (opened.failure == crypto::NoteFailure::kMalformed || !checkpoint) {
+    findings_->add("checkpoint-malformed", place,
+                   place.file + " is no signed checkpoint" +
+                       (opened.explanation.empty() || checkpoint ? "" : ": " + opened.explanation));
+    return std::nullopt;
+  }
+  if (device_ && opened.failure == crypto::NoteFailure::kBadSignature) {
+    findings_->add("checkpoint-signature-invalid", place, place.file + ": " + opened.explanation);
+    return std::nullopt;
+  }
+  if (device_ && opened.failure) {
+    findings_->add(
+        "checkpoint-unknown-key", place,
+        place.file + " is not signed by the device " + device_->name() + ": " + opened.explanation);
+    return std::nullopt;
+  }
+  if (device_ && checkpoint->origin != origin_) {
+    findings_->add("checkpoint-of-other-origin", place,
+                   place.file + " is of \"" + checkpoint->origin + "\", not of \"" + origin_ + "\"");
+    return std::nullopt;
+  }
+  if (checkpoint->size != size) {
+    findings_->add("checkpoint-size-differs", place,
+                   place.file + " states a tree of " + std::to_string(checkpoint->size) + " entries");
+    return std::nullopt;
+  }
+  return checkpoint;
+}
+
+void CheckpointRules::reached(std::uint64_t size, const crypto::Sha256Digest& root, bool tree_known,
+                              std::int64_t mono_ns) {
+  if (!has(size)) {
+    return;
+  }
+  mono_[size] = mono_ns;
+  const std::optional<std::string> note = read_note(*folder_, size, std::nullopt, *findings_);
+  if (!note) {
+    return;
+  }
+  ++count_;
+  const std::optional<crypto::Checkpoint> checkpoint = check_note(size, *note);
+  if (!checkpoint || !tree_known) {
+    return;
+  }
+  if (checkpoint->root == root) {
+    covered_ = size;
+    return;
+  }
+  if (!changed_) {
+    changed_ = true;
+    findings_->add("ledger-changed", {std::string(kLedgerFile), covered_},
+                   "entries " + std::to_string(covered_) + " to " + std::to_string(size - 1) +
+                       " are not those of which " + note_path(size) +
+                       " was signed: at least one was changed, added, removed or moved");
+  }
+}
+
+void CheckpointRules::finish(std::uint64_t size) {
+  const auto beyond = std::upper_bound(sizes_.begin(), sizes_.end(), size);
+  for (auto each = beyond; each != sizes_.end(); ++each) {
+    const std::optional<std::string> note = read_note(*folder_, *each, std::nullopt, *findings_);
+    if (!note || !check_note(*each, *note)) {
+      continue;
+    }
+    findings_->add("ledger-cut", {note_path(*each), size},
+                   note_path(*each) + " covers " + std::to_string(*each) + " entries and there are " +
+                       std::to_string(size) + ": the end of the ledger was removed");
+  }
+}
+
+}  // namespace kiroku::archive

@@ -1,0 +1,70 @@
+// Signed notes of a ledger against its tree. Not thread-safe.
+#pragma once
+
+#include <cstdint>
+#include <map>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "archive/case_folder.h"
+#include "archive/finding_list.h"
+#include "archive/verifier.h"
+#include "crypto/signed_note.h"
+
+namespace kiroku::archive {
+
+/// Longer files are no notes: a checkpoint with a hundred cosignatures is a tenth of it.
+inline constexpr std::size_t kMaximumNoteBytes = 1U << 17U;
+
+/// The note files of `checkpoints/`, by tree size, from the folder's listing. Files there with other names
+/// are not in it.
+std::vector<std::uint64_t> note_sizes(const std::vector<ListedFile>& listing);
+
+/// The bytes of one note; adds a finding and gives nothing where it cannot be had.
+std::optional<std::string> read_note(const CaseFolder& folder, std::uint64_t size,
+                                     std::optional<std::uint64_t> entry, FindingList& findings);
+
+/// Takes the tree's root at each size that a note has, in rising order, and checks that note.
+class CheckpointRules {
+ public:
+  CheckpointRules(const CaseFolder& folder, const VerifyOptions& options, FindingList& findings,
+                  std::vector<std::uint64_t> sizes);
+
+  /// Who must sign from here on, and the origin line; before the first call signatures and origins are not
+  /// checked (the ledger has no usable `open`, which is a finding of its own).
+  void set_signer(crypto::VerifierKey device, std::string origin);
+  /// Whether a note of this size is there.
+  [[nodiscard]] bool has(std::uint64_t size) const;
+  /// The tree has `size` entries and this root. `tree_known` is false once a line could not be hashed.
+  /// `mono_ns` is the case clock of the last entry.
+  void reached(std::uint64_t size, const crypto::Sha256Digest& root, bool tree_known, std::int64_t mono_ns);
+  /// The ledger ends with `size` entries: notes beyond are findings.
+  void finish(std::uint64_t size);
+
+  /// Largest size whose note fits the tree; 0 if none.
+  [[nodiscard]] std::uint64_t covered() const { return covered_; }
+  [[nodiscard]] std::uint64_t count() const { return count_; }
+  /// Case clock when the tree had this size; nothing for a size without a note.
+  [[nodiscard]] std::optional<std::int64_t> mono_at(std::uint64_t size) const;
+
+ private:
+  /// Form, signature, origin and size; the checkpoint if all hold.
+  std::optional<crypto::Checkpoint> check_note(std::uint64_t size, const std::string& note);
+
+  const CaseFolder* folder_;
+  const VerifyOptions* options_;
+  FindingList* findings_;
+  std::vector<std::uint64_t> sizes_;  // ascending
+  std::optional<crypto::VerifierKey> device_;
+  std::string origin_;
+  std::map<std::uint64_t, std::int64_t> mono_;
+  std::uint64_t covered_ = 0;
+  std::uint64_t count_ = 0;
+  bool changed_ = false;  // a root did not fit: all later ones cannot either
+};
+
+/// Adds "no-trusted-device" or "device-not-trusted" unless `device` is trusted.
+void judge_device(const crypto::VerifierKey& device, const VerifyOptions& options, FindingList& findings);
+
+}  // namespace kiroku::archive

@@ -1,0 +1,280 @@
+#include "archive/file_checker.h"
+
+#include <algorithm>
+#include <cstring>
+#include <utility>
+
+#include "archive/age_layout.h"
+#include "archive/case_layout.h"
+#include "base/error.h"
+#include "crypto/age_file.h"
+
+namespace kiroku::archive {
+
+namespace {
+
+// Half of what a core's second-level cache holds, so that the hash reads what the kernel just copied.
+constexpr std::size_t kBufferBytes = 512U << 10U;
+constexpr std::size_t kMostWaiting = 64;
+constexpr std::uint64_t kProgressStep = 8U << 20U;
+
+std::string digits(std::uint64_t number) { return std::to_string(number); }
+
+}  // namespace
+
+void report_unopened(FindingList& findings, const Place& place, const FileOpening& opening) {
+  const std::string text = place.file + " " + opening.explanation;
+  switch (opening.problem) {
+    case FileProblem::kMissing:
+      findings.add("file-missing", place, place.file + " is named by the ledger and " + opening.explanation);
+      break;
+    case FileProblem::kNotRegular:
+      findings.add("file-not-regular", place, text + ", where a regular file must be");
+      break;
+    case FileProblem::kUnreadable:
+      findings.add("file-unreadable", place, text + "; so it was not checked");
+      break;
+  }
+}
+
+FileChecker::FileChecker(const CaseFolder& folder, const VerifyOptions& options, FindingList& findings,
+                         std::uint64_t total_bytes)
+    : folder_(&folder), options_(&options), findings_(&findings), total_bytes_(total_bytes) {
+  const unsigned count =
+      options.threads > 0 ? options.threads : std::max(1U, std::thread::hardware_concurrency());
+  for (unsigned i = 0; i < count; ++i) {
+    workers_.emplace_back([this] { work(); });
+  }
+}
+
+FileChecker::~FileChecker() {
+  {
+    const std::lock_guard lock(mutex_);
+    no_more_ = true;
+    waiting_.clear();
+  }
+  changed_.notify_all();
+  for (std::thread& worker : workers_) {
+    worker.join();
+  }
+}
+
+void FileChecker::check(FileJob job) {
+  std::unique_lock lock(mutex_);
+  changed_.wait(lock, [&] { return waiting_.size() < kMostWaiting || failure_; });
+  if (failure_) {
+    return;  // finish() tells
+  }
+  waiting_.push_back(std::move(job));
+  lock.unlock();
+  changed_.notify_all();
+}
+
+std::vector<FileJob> FileChecker::finish() {
+  {
+    const std::lock_guard lock(mutex_);
+    no_more_ = true;
+  }
+  changed_.notify_all();
+  for (std::thread& worker : workers_) {
+    worker.join();
+  }
+  workers_.clear();
+  if (failure_) {
+    std::rethrow_exception(failure_);
+  }
+  if (options_->progress) {
+    options_->progress(total_bytes_, total_bytes_);
+  }
+  return std::exchange(missing_, {});
+}
+
+void FileChecker::work() {
+  std::vector<std::byte> buffer(kBufferBytes);
+  for (;;) {
+    std::unique_lock lock(mutex_);
+    changed_.wait(lock, [&] { return !waiting_.empty() || no_more_ || failure_; });
+    if (waiting_.empty() || failure_) {
+      return;
+    }
+    const FileJob job = std::move(waiting_.front());
+    waiting_.pop_front();
+    lock.unlock();
+    changed_.notify_all();
+    try {
+      check_one(job, buffer);
+    } catch (...) {
+      lock.lock();
+      failure_ = std::current_exception();
+      lock.unlock();
+      changed_.notify_all();
+      return;
+    }
+  }
+}
+
+void FileChecker::check_one(const FileJob& job, std::span<std::byte> buffer) {
+  const Place place{job.expected.file, job.entry};
+  const FileOpening opening = folder_->open_file(job.expected.file);
+  if (!opening.file) {
+    if (opening.problem == FileProblem::kMissing) {
+      const std::lock_guard lock(mutex_);
+      missing_.push_back(job);
+    } else {
+      report_unopened(*findings_, place, opening);
+    }
+    return;
+  }
+  try {
+    const bool intact = hash_fits(job, *opening.file, buffer);
+    if (job.segment && options_->identities != nullptr) {
+      look_inside(job, *opening.file, intact);
+    } else if (job.rekeyed) {
+      findings_->add("rekeyed-not-opened", place,
+                     job.expected.file +
+                         " was re-keyed for a new reader; verify with the reader's identity to prove "
+                         "that it opens to the film that was recorded");
+    }
+  } catch (const IoError& error) {
+    findings_->add("file-unreadable", place, std::string(error.what()) + "; so it was not checked");
+  }
+}
+
+bool FileChecker::hash_fits(const FileJob& job, const ReadableFile& file, std::span<std::byte> buffer) {
+  const Place place{job.expected.file, job.entry};
+  crypto::Sha256 hash;
+  std::uint64_t from = 0;
+  std::uint64_t size = file.size();
+  if (job.rekeyed) {
+    // What the ledger hashed is the original header and the payload behind the new one.
+    const FileOpening header = folder_->open_file(job.expected.file + std::string(kOriginalHeaderSuffix));
+    if (!header.file) {
+      report_unopened(*findings_, {job.expected.file + std::string(kOriginalHeaderSuffix), job.entry},
+                      header);
+      return false;
+    }
+    const std::optional<std::string> original = read_small(*header.file, kMaximumAgeHeaderBytes);
+    const std::optional<std::uint64_t> new_header = age_header_bytes(file);
+    if (!original || !new_header) {
+      findings_->add("file-hash-differs", place,
+                     job.expected.file + " or the header beside it is no age file");
+      return false;
+    }
+    hash.update(bytes_of(*original));
+    from = *new_header;
+    size = size - from + original->size();
+  }
+  if (size != job.expected.bytes) {
+    findings_->add("file-size-differs", place,
+                   job.expected.file + " has " + digits(size) + " bytes where entry " + digits(job.entry) +
+                       " states " + digits(job.expected.bytes));
+    report_progress(file.size());
+    return false;
+  }
+  file.expect_sequential_reading();
+  std::uint64_t at = from;
+  while (const std::size_t got = file.read_at(at, buffer)) {
+    hash.update(buffer.first(got));
+    at += got;
+    report_progress(got);
+  }
+  {
+    const std::lock_guard lock(mutex_);
+    ++files_;
+    bytes_ += at;
+  }
+  if (hash.finish() == job.expected.sha256) {
+    return true;
+  }
+  if (!job.segment || options_->identities == nullptr) {
+    findings_->add("file-hash-differs", place,
+                   job.expected.file + " is not the file whose hash entry " + digits(job.entry) + " states");
+  }
+  return false;
+}
+
+void FileChecker::look_inside(const FileJob& job, const ReadableFile& file, bool intact) {
+  const Place place{job.expected.file, job.entry};
+  std::uint64_t plaintext = 0;
+  std::uint64_t header = 0;
+  std::optional<crypto::AgeError> failure;
+  try {
+    // A damaged file is read as far as it goes, to say where the damage begins.
+    const bool whole = intact && job.segment->complete;
+    const crypto::AgeFile sealed = crypto::AgeFile::open(
+        file, *options_->identities, whole ? crypto::Truncation::kRefuse : crypto::Truncation::kTolerate);
+    header = sealed.header_size();
+    sealed.read_all([&](ByteView piece) { plaintext += piece.size(); });
+    if (!intact && sealed.is_truncated()) {
+      failure.emplace(crypto::AgeFailure::kTruncated, "its last chunk does not decrypt");
+    }
+  } catch (const crypto::AgeError& error) {
+    failure = error;
+  }
+  const bool wrong_size = file.size() != job.expected.bytes && !job.rekeyed;  // has its finding already
+  if (!intact && !wrong_size) {
+    Place where = place;
+    std::string text =
+        job.expected.file + " is not the file whose hash entry " + digits(job.entry) + " states";
+    if (failure && header > 0) {
+      where.offset = header + kAgeNonceBytes + plaintext / kAgeChunkBytes * (kAgeChunkBytes + kAgeTagBytes);
+      text += ": the 64 KiB chunk " + digits(plaintext / kAgeChunkBytes) + ", at byte " +
+              digits(*where.offset) + ", does not decrypt";
+    } else if (failure) {
+      where.offset = 0;
+      text += ": " + std::string(failure->what());
+    } else {
+      text += ", yet it decrypts: somebody who knows a recipient made it";
+    }
+    findings_->add("file-hash-differs", where, text);
+    return;
+  }
+  if (failure && failure->failure() == crypto::AgeFailure::kNoMatch) {
+    const std::lock_guard lock(mutex_);
+    if (streams_not_decrypted_.insert(job.segment->stream).second) {
+      findings_->add(
+          "segment-not-decrypted", place,
+          "the segments of " + job.segment->stream + " were not decrypted: no identity given is a recipient");
+    }
+    return;
+  }
+  if (failure) {
+    findings_->add("segment-undecryptable", place,
+                   job.expected.file + " does not decrypt: " + failure->what());
+    return;
+  }
+  if (job.rekeyed) {
+    look_at_new_header(job, file);
+  }
+  if (intact && options_->inspect) {
+    if (const auto problem = options_->inspect(*job.stream, *job.segment, folder_->path() / job.expected.file,
+                                               *options_->identities)) {
+      findings_->add("segment-undecodable", place, job.expected.file + ": " + *problem);
+    }
+  }
+}
+
+void FileChecker::look_at_new_header(const FileJob& job, const ReadableFile& file) {
+  const FileOpening header = folder_->open_file(job.expected.file + std::string(kOriginalHeaderSuffix));
+  const std::optional<std::string> original =
+      header.file ? read_small(*header.file, kMaximumAgeHeaderBytes) : std::nullopt;
+  if (original && !crypto::same_file_key(file, bytes_of(*original), *options_->identities)) {
+    findings_->add("rekeyed-key-differs", {job.expected.file, job.entry},
+                   "the new header of " + job.expected.file +
+                       " yields another key than the original one: it opens to another film");
+  }
+}
+
+void FileChecker::report_progress(std::uint64_t more) {
+  if (!options_->progress) {
+    return;
+  }
+  const std::lock_guard lock(progress_mutex_);
+  const std::uint64_t before = progress_bytes_ / kProgressStep;
+  progress_bytes_ += more;
+  if (progress_bytes_ / kProgressStep != before) {
+    options_->progress(std::min(progress_bytes_, total_bytes_), total_bytes_);
+  }
+}
+
+}  // namespace kiroku::archive

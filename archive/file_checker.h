@@ -1,0 +1,81 @@
+// Checks files against what the ledger states of them, on several threads, while the ledger is still being
+// walked. One thread gives the work; the callbacks of VerifyOptions are called from the workers.
+#pragma once
+
+#include <condition_variable>
+#include <cstdint>
+#include <deque>
+#include <exception>
+#include <mutex>
+#include <optional>
+#include <set>
+#include <string>
+#include <thread>
+#include <vector>
+
+#include "archive/case_folder.h"
+#include "archive/finding_list.h"
+#include "archive/ledger_entry.h"
+#include "archive/verifier.h"
+
+namespace kiroku::archive {
+
+/// One file to check.
+struct FileJob {
+  FileReference expected;
+  std::uint64_t entry = 0;
+  std::optional<SegmentEntry> segment;  // set for segments: they may be erased, decrypted, inspected
+  std::optional<StreamInfo> stream;     // of the segment
+  bool rekeyed = false;                 // excerpt: the original age header lies beside as NAME.header
+};
+
+class FileChecker {
+ public:
+  /// Everything referred to must outlive the object. `total_bytes` is for progress only.
+  FileChecker(const CaseFolder& folder, const VerifyOptions& options, FindingList& findings,
+              std::uint64_t total_bytes);
+  FileChecker(const FileChecker&) = delete;
+  FileChecker& operator=(const FileChecker&) = delete;
+  ~FileChecker();
+
+  /// Hands over one file; waits while many are waiting already, so that memory stays bounded.
+  void check(FileJob job);
+  /// Waits for all work. Rethrows what a worker could not turn into a finding. Returns the jobs whose file is
+  /// not there: whether that is a finding depends on `erased` entries that come later.
+  std::vector<FileJob> finish();
+
+  [[nodiscard]] std::uint64_t files() const { return files_; }  // after finish()
+  [[nodiscard]] std::uint64_t bytes() const { return bytes_; }
+
+ private:
+  void work();
+  void check_one(const FileJob& job, std::span<std::byte> buffer);
+  bool hash_fits(const FileJob& job, const ReadableFile& file, std::span<std::byte> buffer);
+  void look_inside(const FileJob& job, const ReadableFile& file, bool intact);
+  void look_at_new_header(const FileJob& job, const ReadableFile& file);
+  void report_progress(std::uint64_t more);
+
+  const CaseFolder* folder_;
+  const VerifyOptions* options_;
+  FindingList* findings_;
+  std::uint64_t total_bytes_;
+
+  std::mutex mutex_;
+  std::condition_variable changed_;
+  std::deque<FileJob> waiting_;
+  bool no_more_ = false;
+  std::exception_ptr failure_;
+  std::vector<FileJob> missing_;
+  std::set<std::string> streams_not_decrypted_;
+  std::uint64_t files_ = 0;
+  std::uint64_t bytes_ = 0;
+
+  std::mutex progress_mutex_;
+  std::uint64_t progress_bytes_ = 0;
+  std::vector<std::thread> workers_;
+};
+
+/// Adds the finding for a file that could not be opened.
+void report_unopened(FindingList& findings, const Place& place, const FileOpening& opening);
+
+}  // namespace kiroku::archive

@@ -1,0 +1,32 @@
+// Names in a folder that nothing accounts for, are no plain files, or differ only in case. Functions;
+// thread-safe.
+#pragma once
+
+#include <functional>
+#include <string_view>
+#include <vector>
+
+#include "archive/case_folder.h"
+#include "archive/finding_list.h"
+
+namespace kiroku::archive {
+
+enum class NameJudgement {
+  kNamed,              // something names it, and what it is was or is checked elsewhere
+  kFree,               // may be there or not, but must be a plain file or folder
+  kPart,               // was being written when recording stopped, or is now
+  kTokenNotEntered,    // its entry is not written yet
+  kSegmentNotEntered,  // likewise
+  kUnnamed
+};
+
+/// Judges every name of a listing. ASCII case alone counts for clashes: every name of the format is ASCII.
+void check_folder_names(const std::vector<ListedFile>& listing, FindingList& findings,
+                        const std::function<NameJudgement(const ListedFile&)>& judge);
+
+/// "checkpoints/00000042.note", of a size above 0.
+bool is_note_path(std::string_view path);
+/// "tokens/00000042.swiss.tsr".
+bool is_token_path(std::string_view path);
+
+}  // namespace kiroku::archive

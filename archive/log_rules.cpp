@@ -1,0 +1,240 @@
+#include "archive/log_rules.h"
+
+#include <algorithm>
+#include <utility>
+
+#include "archive/case_layout.h"
+#include "archive/folder_names.h"
+#include "base/error.h"
+
+namespace kiroku::archive {
+
+namespace {
+
+template <typename... Functions>
+struct Overloaded : Functions... {
+  using Functions::operator()...;
+};
+template <typename... Functions>
+Overloaded(Functions...) -> Overloaded<Functions...>;
+
+std::string at_entry(std::uint64_t number) { return "entry " + std::to_string(number); }
+
+Place in_ledger(std::uint64_t number, std::optional<std::uint64_t> offset = std::nullopt) {
+  return {std::string(kLedgerFile), number, offset};
+}
+
+Place in_log(std::uint64_t number) { return {"log/" + std::string(kLedgerFile), number}; }
+
+}  // namespace
+
+LogWalk::LogWalk(const CaseFolder& folder, const VerifyOptions& options, FindingList& findings,
+                 std::string case_id, std::uint64_t head)
+    : folder_(&folder),
+      options_(&options),
+      findings_(&findings),
+      case_id_(std::move(case_id)),
+      head_(head),
+      listing_(folder.list()),
+      checkpoints_(folder, options, findings, note_sizes(listing_)) {}
+
+LogContents LogWalk::run() {
+  const FileOpening opening = folder_->open_file(kLedgerFile);
+  if (!opening.file) {
+    throw UsageError(folder_->path().string() + " is no appliance log: its " + std::string(kLedgerFile) +
+                     " " + opening.explanation + "; give the folder of the log");
+  }
+  if (head_ == 0) {
+    contents_.root_at_head = tree_.root();
+  }
+  LineReader reader(*opening.file);
+  LedgerLine line;
+  bool tree_known = true;
+  while (reader.next(line)) {
+    if (line.torn) {
+      findings_->add("log-tail-not-covered", in_ledger(tree_.size(), line.offset),
+                     "the last line of the log is not whole: a write that did not finish");
+      break;
+    }
+    const std::uint64_t number = tree_.size();
+    tree_.append(crypto::merkle_leaf_hash(bytes_of(line.text)));
+    tree_known = tree_known && !line.too_long;
+    take(line, number);
+    if (checkpoints_.has(tree_.size())) {
+      checkpoints_.reached(tree_.size(), tree_.root(), tree_known, 0);
+    }
+    if (tree_.size() == head_) {
+      contents_.root_at_head = tree_.root();
+    }
+  }
+  checkpoints_.finish(tree_.size());
+  if (checkpoints_.covered() < tree_.size()) {
+    findings_->add("log-tail-not-covered", in_ledger(checkpoints_.covered()),
+                   "no checkpoint covers the log from " + at_entry(checkpoints_.covered()) + " on");
+  }
+  check_names();
+  contents_.entries = tree_.size();
+  contents_.checkpoints = checkpoints_.count();
+  return std::move(contents_);
+}
+
+void LogWalk::take(const LedgerLine& line, std::uint64_t number) {
+  if (line.too_long) {
+    findings_->add("entry-too-long", in_ledger(number, line.offset),
+                   "the line of " + at_entry(number) + " of the log has " + std::to_string(line.bytes) +
+                       " bytes where at most " + std::to_string(kMaximumLineBytes) + " are allowed");
+    return;
+  }
+  const LogEntryParse parse = parse_log_entry(line.text);
+  if (!parse.entry) {
+    findings_->add("entry-malformed", in_ledger(number, line.offset),
+                   at_entry(number) + " of the log is no entry of the format: " + parse.problem);
+    return;
+  }
+  const LogEntry& entry = *parse.entry;
+  if (entry.seq != number) {
+    findings_->add("entry-out-of-sequence", in_ledger(number, line.offset),
+                   "line " + std::to_string(number) + " of the log has seq " + std::to_string(entry.seq));
+  }
+  const bool boots = std::holds_alternative<BootEntry>(entry.body);
+  if (number == 0 && !boots) {
+    findings_->add("open-missing", in_ledger(0),
+                   "the log begins with " + std::string(type_of(entry.body)) + " instead of boot");
+  }
+  if (!boots && entry.at.mono_ns < last_mono_ns_) {
+    findings_->add(
+        "clock-went-back", in_ledger(number, line.offset),
+        "the machine's monotonic clock goes back in " + at_entry(number) + " of the log without a boot");
+  }
+  last_mono_ns_ = entry.at.mono_ns;
+  contents_.begins = contents_.begins.value_or(entry.at.utc);
+  std::visit(Overloaded{[&](const BootEntry& boot) { set_device(boot.device, number); },
+                        [&](const DeviceKeyChangedEntry& change) { set_device(change.device, number); },
+                        [&](const CaseOpenedEntry& opened) {
+                          LoggedCase& logged = contents_.cases[opened.case_id];
+                          if (!logged.opened) {
+                            logged.opened = number;
+                            logged.opening_line = opened.sha256;
+                          }
+                        },
+                        [&](const CaseCheckpointEntry& checkpoint) {
+                          note_root(checkpoint.case_id, {checkpoint.size, checkpoint.root, number});
+                        },
+                        [&](const CaseClosedEntry& closed) {
+                          const KnownRoot root{closed.size, closed.root, number};
+                          note_root(closed.case_id, root);
+                          contents_.cases[closed.case_id].closed = root;
+                          contents_.cases[closed.case_id].final_token = closed.final_token;
+                        },
+                        [&](const CaseErasedEntry& erased) { contents_.cases[erased.case_id].erased = true; },
+                        [](const auto&) {}},
+             entry.body);
+}
+
+void LogWalk::set_device(const std::string& device, std::uint64_t number) {
+  if (device == contents_.device) {
+    return;
+  }
+  contents_.device = device;
+  try {
+    const crypto::VerifierKey key = crypto::VerifierKey::parse(device);
+    checkpoints_.set_signer(key, log_origin(key.name()));
+    judge_device(key, *options_, *findings_);
+  } catch (const UsageError& error) {
+    findings_->add("device-invalid", in_ledger(number),
+                   at_entry(number) + " of the log names no device: " + error.what());
+  }
+}
+
+void LogWalk::note_root(const std::string& case_id, const KnownRoot& root) {
+  if (case_id == case_id_) {
+    contents_.cases[case_id].roots.push_back(root);
+  }
+}
+
+void LogWalk::check_names() {
+  check_folder_names(listing_, *findings_, [](const ListedFile& file) {
+    if (file.path == kCheckpointsFolder || file.path == kLedgerFile || is_note_path(file.path)) {
+      return NameJudgement::kNamed;
+    }
+    return file.path.ends_with(kPartSuffix) ? NameJudgement::kPart : NameJudgement::kUnnamed;
+  });
+}
+
+LogComparison::LogComparison(const LogContents* log, const std::optional<OpenEntry>& opening,
+                             FindingList& findings)
+    : findings_(&findings) {
+  if (log == nullptr || !opening) {
+    return;
+  }
+  case_id_ = opening->case_id;
+  const auto found = log->cases.find(case_id_);
+  if (found == log->cases.end() || !found->second.opened) {
+    findings_->add("log-case-unknown", {"log/" + std::string(kLedgerFile)},
+                   "the appliance log does not know a case " + case_id_);
+  } else {
+    known_ = &found->second;
+  }
+  if (log->root_at_head != opening->appliance_log_root) {
+    findings_->add("log-head-differs", in_ledger(0),
+                   "open states the log's root at " + std::to_string(opening->appliance_log_size) +
+                       " entries, and the log " +
+                       (log->root_at_head ? std::string("has another") : std::string("is shorter")));
+  }
+}
+
+void LogComparison::check_opening(const crypto::Sha256Digest& entry0) {
+  if (known_ != nullptr && known_->opening_line != entry0) {
+    findings_->add(
+        "log-opening-differs", in_log(*known_->opened),
+        "the appliance log knows another open of case " + case_id_ + " in its " + at_entry(*known_->opened));
+  }
+}
+
+bool LogComparison::asks_for(std::uint64_t size) const {
+  return known_ != nullptr && std::any_of(known_->roots.begin(), known_->roots.end(),
+                                          [&](const KnownRoot& each) { return each.size == size; });
+}
+
+void LogComparison::reached(std::uint64_t size, const crypto::Sha256Digest& root) {
+  for (const KnownRoot& each : known_->roots) {
+    if (each.size == size && each.root != root && !differs_) {
+      differs_ = true;
+      findings_->add("log-checkpoint-differs", in_log(each.entry),
+                     "the first " + std::to_string(size) +
+                         " entries are not those whose root the appliance log states in its " +
+                         at_entry(each.entry));
+    }
+  }
+}
+
+void LogComparison::finish(std::uint64_t entries,
+                           const std::map<std::uint64_t, crypto::Sha256Digest>& tokens) {
+  if (known_ == nullptr) {
+    return;
+  }
+  const auto most = std::max_element(known_->roots.begin(), known_->roots.end(),
+                                     [](const KnownRoot& a, const KnownRoot& b) { return a.size < b.size; });
+  if (most != known_->roots.end() && most->size > entries) {
+    findings_->add("log-knows-more", {std::string(kLedgerFile), entries},
+                   "the appliance log knows " + std::to_string(most->size) + " entries of this case (its " +
+                       at_entry(most->entry) + ") and there are " + std::to_string(entries) +
+                       ": the end of the ledger was removed");
+    return;
+  }
+  if (known_->closed) {
+    std::optional<crypto::Sha256Digest> last;
+    for (const auto& [entry, hash] : tokens) {
+      if (entry < known_->closed->size) {
+        last = hash;
+      }
+    }
+    if (last != known_->final_token) {
+      findings_->add("log-end-differs", in_log(known_->closed->entry),
+                     "the appliance log states another final token of this case in its " +
+                         at_entry(known_->closed->entry));
+    }
+  }
+}
+
+}  // namespace kiroku::archive

@@ -1,0 +1,97 @@
+// The appliance log: its own integrity, and what it knows of cases. Not thread-safe.
+#pragma once
+
+#include <cstdint>
+#include <map>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "archive/case_folder.h"
+#include "archive/checkpoint_rules.h"
+#include "archive/finding_list.h"
+#include "archive/ledger_entry.h"
+#include "archive/line_reader.h"
+#include "archive/log_entry.h"
+#include "archive/verifier.h"
+#include "crypto/merkle_tree.h"
+
+namespace kiroku::archive {
+
+/// A tree of a case as the log states it, in `entry` of the log.
+struct KnownRoot {
+  std::uint64_t size = 0;
+  crypto::Sha256Digest root{};
+  std::uint64_t entry = 0;
+};
+
+/// What a log says of one case.
+struct LoggedCase {
+  std::optional<std::uint64_t> opened;  // entry of case-opened
+  crypto::Sha256Digest opening_line{};  // SHA-256 of entry 0 of the case
+  std::vector<KnownRoot> roots;         // of case-checkpoint and case-closed
+  std::optional<KnownRoot> closed;
+  std::optional<crypto::Sha256Digest> final_token;
+  bool erased = false;
+};
+
+/// What a walk over a log gives.
+struct LogContents {
+  std::map<std::string, LoggedCase> cases;
+  std::optional<crypto::Sha256Digest> root_at_head;  // nothing: the log is shorter
+  std::uint64_t entries = 0, checkpoints = 0;
+  std::string device;
+  std::optional<UtcTime> begins;
+};
+
+/// Walks a log once. Findings name files relative to the log's folder.
+class LogWalk {
+ public:
+  /// Roots of one case only are kept (`case_id`), and the log's own root at size `head`: for verifying that
+  /// case. Everything referred to must outlive the object.
+  LogWalk(const CaseFolder& folder, const VerifyOptions& options, FindingList& findings, std::string case_id,
+          std::uint64_t head);
+
+  /// Once. Throws kiroku::Error if the folder is no log.
+  LogContents run();
+
+ private:
+  void take(const LedgerLine& line, std::uint64_t number);
+  void set_device(const std::string& device, std::uint64_t number);
+  void note_root(const std::string& case_id, const KnownRoot& root);
+  void check_names();
+
+  const CaseFolder* folder_;
+  const VerifyOptions* options_;
+  FindingList* findings_;
+  std::string case_id_;
+  std::uint64_t head_;
+  std::vector<ListedFile> listing_;
+  CheckpointRules checkpoints_;
+  crypto::MerkleFrontier tree_;
+  LogContents contents_;
+  std::int64_t last_mono_ns_ = 0;
+};
+
+/// One case against what the log knows of it, while its ledger is walked.
+class LogComparison {
+ public:
+  /// `log` may be null: then nothing is compared. It must be of a walk for this case and its `open`, and
+  /// outlive the object.
+  LogComparison(const LogContents* log, const std::optional<OpenEntry>& opening, FindingList& findings);
+
+  void check_opening(const crypto::Sha256Digest& entry0);
+  [[nodiscard]] bool asks_for(std::uint64_t size) const;
+  /// The case's tree has `size` entries and this root.
+  void reached(std::uint64_t size, const crypto::Sha256Digest& root);
+  /// The case has `entries`; `tokens` are the hashes of its token files by entry.
+  void finish(std::uint64_t entries, const std::map<std::uint64_t, crypto::Sha256Digest>& tokens);
+
+ private:
+  const LoggedCase* known_ = nullptr;
+  FindingList* findings_;
+  std::string case_id_;
+  bool differs_ = false;
+};
+
+}  // namespace kiroku::archive

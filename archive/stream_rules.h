@@ -1,0 +1,78 @@
+// The segments of one stream in order, without overlap, without silent holes (docs/format.md,
+// "Verification"). Not thread-safe.
+//
+// - Indexes count 0, 1, 2 … without hole; an excerpt begins anywhere.
+// - A segment begins where the one before it ends, to within kSeamTolerance. If it begins later, the `gap`
+//   entries of the stream (before or after it in the ledger) must cover the time between; it never begins
+//   earlier. Before the first segment and after the last nothing is demanded: sources begin and end when they
+//   do.
+// - An incomplete segment is explained by `recovered`, `close` or a `gap` of its stream between the segments
+//   around it.
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "archive/finding_list.h"
+#include "archive/ledger_entry.h"
+#include "archive/verifier.h"
+
+namespace kiroku::archive {
+
+/// A container's time base can round to milliseconds (Matroska); no picture or sample fits in less.
+inline constexpr std::int64_t kSeamToleranceNs = 1'000'000;
+
+class StreamRules {
+ public:
+  StreamRules(StreamInfo info, bool whole_case, FindingList& findings);
+
+  /// False if the segment's file name is not the one its stream and index dictate, so that it must not be
+  /// opened.
+  bool take(const SegmentEntry& segment, std::uint64_t entry);
+  void take(const GapEntry& gap, std::uint64_t entry);
+  void take(const ErasedEntry& erased, std::uint64_t entry);
+  /// `recovered` or `close`, which explain an incomplete segment.
+  void take_interruption();
+  /// Totals of `close` against what was seen; not for excerpts.
+  void check_totals(const StreamTotal* stated, std::uint64_t entry);
+  void finish();
+
+  [[nodiscard]] const StreamInfo& info() const { return report_.info; }
+  [[nodiscard]] const StreamReport& report() const { return report_; }
+  [[nodiscard]] bool erased(std::uint64_t index) const;
+  /// The file name of the segment that comes next, complete.
+  [[nodiscard]] std::string next_file() const;
+  /// Whether segments and gaps reach over [from_ns, to_ns), as far as the stream goes: `begins` and `ends`
+  /// say that nothing of the stream lies before or after what was seen.
+  [[nodiscard]] bool reaches_over(std::int64_t from_ns, std::int64_t to_ns, bool ends) const;
+
+ private:
+  struct Hole {
+    Span span;
+    std::uint64_t entry = 0;
+    std::uint64_t index = 0;
+  };
+  void check_seam(const SegmentEntry& segment, std::uint64_t entry);
+  /// What is left of a hole after all gaps; nothing if they cover it.
+  [[nodiscard]] std::optional<Span> uncovered(Span hole) const;
+
+  StreamReport report_;
+  bool whole_case_;
+  FindingList* findings_;
+  std::optional<std::uint64_t> first_index_, next_index_;
+  std::optional<std::int64_t> end_ns_;
+  std::vector<Span> gaps_;
+  std::vector<Hole> holes_;
+  std::vector<ErasedEntry> erased_;
+  struct Cut {
+    std::uint64_t entry = 0;
+    std::string file;
+  };
+  std::optional<Cut> cut_;    // an incomplete segment that nothing has explained yet
+  bool interrupted_ = false;  // since the last segment
+  std::optional<std::uint64_t> first_dropped_entry_;
+};
+
+}  // namespace kiroku::archive

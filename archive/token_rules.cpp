@@ -1,0 +1,260 @@
+#include "archive/token_rules.h"
+
+#include <algorithm>
+#include <chrono>
+#include <utility>
+
+#include "archive/case_layout.h"
+#include "archive/file_checker.h"
+#include "base/error.h"
+#include "timestamp/authority.h"
+
+namespace kiroku::archive {
+
+namespace {
+
+using std::chrono::nanoseconds;
+
+// Tokens often state whole seconds (RFC 3161 2.4.2: the fraction may be left out) and a crystal drifts.
+constexpr std::int64_t kSlackNs = 2'000'000'000;
+constexpr std::int64_t kDriftDivisor = 5'000;  // 0.02 %
+
+std::string at_entry(std::uint64_t entry) { return "entry " + std::to_string(entry); }
+
+std::int64_t ns_of(UtcTime::duration duration) {
+  return std::chrono::duration_cast<nanoseconds>(duration).count();
+}
+
+std::string seconds(std::int64_t ns) {
+  constexpr std::int64_t kNsPerMs = 1'000'000;
+  const std::int64_t ms = ns / kNsPerMs;
+  std::string fraction = std::to_string(std::abs(ms % 1'000));
+  fraction.insert(0, 3 - fraction.size(), '0');
+  return (ms < 0 && ms > -1'000 ? "-" : "") + std::to_string(ms / 1'000) + "." + fraction + " s";
+}
+
+}  // namespace
+
+TokenRules::TokenRules(const CaseFolder& folder, const VerifyOptions& options, FindingList& findings,
+                       const CheckpointRules& checkpoints)
+    : folder_(&folder), options_(&options), findings_(&findings), checkpoints_(&checkpoints) {}
+
+void TokenRules::take(const TokenEntry& token, std::uint64_t entry, std::int64_t mono_ns) {
+  ++count_;
+  hashes_[entry] = token.sha256;
+  const Place place{token.file, entry};
+  if (token.file != token_path(token.checkpoint, token.authority)) {
+    findings_->add("token-name-differs", place,
+                   at_entry(entry) + " names " + token.file + " where " +
+                       token_path(token.checkpoint, token.authority) + " must be");
+    return;
+  }
+  if (!entered_.emplace(token.checkpoint, token.authority).second) {
+    findings_->add("token-repeated", place, at_entry(entry) + " enters " + token.file + " a second time");
+    return;
+  }
+  if (token.checkpoint > entry) {
+    findings_->add("token-covers-later", place,
+                   at_entry(entry) + " names a checkpoint of " + std::to_string(token.checkpoint) +
+                       " entries, which did not exist yet");
+    return;
+  }
+  largest_checkpoint_ = std::max(largest_checkpoint_, token.checkpoint);
+  const std::optional<std::string> response = read_token(token, entry);
+  const Judged judged = response ? judge(token, entry, *response) : Judged{};
+
+  Earlier now{entry,          token.checkpoint,  mono_ns,
+              token.gen_time, token.accuracy_ns, judged.valid && judged.external};
+  check_order(token, entry);
+  check_elapsed(token, now);
+  last_of_authority_[token.authority] = now;
+  const StampedToken stamped{entry, token.checkpoint, token.gen_time, token.accuracy_ns, token.authority};
+  all_.push_back(stamped);
+  const bool later = latest_of_all_.empty() || all_[latest_of_all_.back()].earliest() < stamped.earliest();
+  latest_of_all_.push_back(later ? all_.size() - 1 : latest_of_all_.back());
+  if (judged.valid) {
+    valid_.push_back(stamped);
+    valid_checkpoints_.insert(token.checkpoint);
+    largest_valid_ = std::max(largest_valid_, token.checkpoint);
+    if (judged.external) {
+      time_ = TimeProof::kExternal;
+    } else if (time_ == TimeProof::kNone) {
+      time_ = TimeProof::kSelfIssued;
+    }
+  }
+}
+
+std::optional<std::string> TokenRules::read_token(const TokenEntry& token, std::uint64_t entry) {
+  const Place place{token.file, entry};
+  const FileOpening opening = folder_->open_file(token.file);
+  if (!opening.file) {
+    report_unopened(*findings_, place, opening);
+    return std::nullopt;
+  }
+  try {
+    std::optional<std::string> response = read_small(*opening.file, kMaximumTokenBytes);
+    if (!response || crypto::sha256(bytes_of(*response)) != token.sha256) {
+      findings_->add("file-hash-differs", place,
+                     token.file + " is not the file whose hash " + at_entry(entry) + " states");
+      return std::nullopt;
+    }
+    return response;
+  } catch (const IoError& error) {
+    findings_->add("file-unreadable", place, std::string(error.what()) + "; so it was not checked");
+    return std::nullopt;
+  }
+}
+
+TokenRules::Judged TokenRules::judge(const TokenEntry& token, std::uint64_t entry,
+                                     const std::string& response) {
+  const Place place{token.file, entry};
+  if (!checkpoints_->has(token.checkpoint)) {
+    findings_->add(
+        "checkpoint-missing", {note_path(token.checkpoint), entry},
+        note_path(token.checkpoint) + " is not there, which the token of " + at_entry(entry) + " is over");
+    return {};
+  }
+  const std::optional<std::string> note = read_note(*folder_, token.checkpoint, entry, *findings_);
+  if (!note) {
+    return {};
+  }
+  static const timestamp::TrustStore kNoTrust;
+  timestamp::Expectation expectation;
+  expectation.data = to_bytes(*note);
+  const timestamp::TokenJudgement judgement = timestamp::judge_token(
+      bytes_of(response), expectation, options_->trust == nullptr ? kNoTrust : *options_->trust);
+  if (judgement.info) {
+    compare_entry(token, entry, *judgement.info);
+    // Said also where the chain could not be judged: the imprint needs no trust.
+    const bool other_imprint =
+        judgement.info->algorithm &&
+        crypto::digest(*judgement.info->algorithm, *expectation.data) != judgement.info->imprint;
+    if (other_imprint || judgement.code == timestamp::TokenCode::kImprintDiffers) {
+      findings_->add("token-imprint-differs", place,
+                     token.file + " is a token over something else than " + note_path(token.checkpoint));
+      return {};
+    }
+  }
+  switch (timestamp::verdict_of(judgement.code)) {
+    case timestamp::TokenVerdict::kRefused:
+      findings_->add("token-refused", place,
+                     token.file + " does not hold (" + std::string(timestamp::code_name(judgement.code)) +
+                         "): " + judgement.explanation);
+      return {};
+    case timestamp::TokenVerdict::kCouldNotCheck:
+      if (judgement.code == timestamp::TokenCode::kNoTrust) {
+        no_trust_ = true;
+      } else {
+        untrusted_.push_back({token.checkpoint, entry, token.file, judgement.explanation});
+      }
+      return {};
+    case timestamp::TokenVerdict::kValid:
+      break;
+  }
+  return {true, judgement.info->policy != timestamp::kEmbeddedPolicy};
+}
+
+void TokenRules::compare_entry(const TokenEntry& token, std::uint64_t entry,
+                               const timestamp::TokenInfo& info) {
+  const auto differs = [&](const std::string& field, const std::string& stated, const std::string& real) {
+    findings_->add(
+        "token-entry-differs", {std::string(kLedgerFile), entry},
+        at_entry(entry) + " states " + field + " " + stated + " where " + token.file + " has " + real);
+  };
+  if (token.gen_time != info.gen_time) {
+    differs("gen_time", format_utc(token.gen_time), format_utc(info.gen_time));
+  }
+  if (token.accuracy_ns != info.accuracy_ns) {
+    differs("accuracy_ns", std::to_string(token.accuracy_ns), std::to_string(info.accuracy_ns));
+  }
+  if (token.serial != info.serial) {
+    differs("serial", token.serial, info.serial);
+  }
+}
+
+void TokenRules::check_order(const TokenEntry& token, std::uint64_t entry) {
+  // Among the tokens whose entry this token's checkpoint covers, the one with the latest lower bound.
+  const auto covered = std::partition_point(
+      all_.begin(), all_.end(), [&](const StampedToken& a) { return a.entry < token.checkpoint; });
+  if (covered == all_.begin()) {
+    return;
+  }
+  const StampedToken& before = all_[latest_of_all_[static_cast<std::size_t>(covered - all_.begin()) - 1]];
+  const StampedToken now{entry, token.checkpoint, token.gen_time, token.accuracy_ns, token.authority};
+  if (before.earliest() > now.latest()) {
+    findings_->add("token-order", {token.file, entry},
+                   token.file + " says " + format_utc(token.gen_time) + ", yet it covers " +
+                       at_entry(before.entry) + " with the token of " + before.authority + " of " +
+                       format_utc(before.gen_time));
+  }
+}
+
+void TokenRules::check_elapsed(const TokenEntry& token, const Earlier& now) {
+  const auto found = last_of_authority_.find(token.authority);
+  if (found == last_of_authority_.end()) {
+    return;
+  }
+  const Earlier& before = found->second;
+  const std::optional<std::int64_t> before_asked = checkpoints_->mono_at(before.checkpoint);
+  const std::optional<std::int64_t> now_asked = checkpoints_->mono_at(now.checkpoint);
+  if (!before_asked || !now_asked) {
+    return;  // a checkpoint that is not there, or before an excerpt
+  }
+  // Each genTime lies between the entry before its checkpoint and its own entry on the case clock.
+  const std::int64_t shortest = *now_asked - before.mono_ns;
+  const std::int64_t longest = now.mono_ns - *before_asked;
+  const std::int64_t elapsed = ns_of(now.gen_time - before.gen_time);
+  const std::int64_t tolerance = kSlackNs + before.accuracy_ns + now.accuracy_ns + longest / kDriftDivisor;
+  if (elapsed >= shortest - tolerance && elapsed <= longest + tolerance) {
+    return;
+  }
+  const Place place{token.file, now.entry};
+  const std::string text = "between the tokens of " + token.authority + " in entries " +
+                           std::to_string(before.entry) + " and " + std::to_string(now.entry) +
+                           " its clock went on by " + seconds(elapsed) + " and the case clock by " +
+                           seconds(shortest) + " to " + seconds(longest);
+  if (now.external && before.external) {
+    findings_->add("clock-contradicted", place, text);
+  } else {
+    findings_->add("clock-disagreement", place, text);
+  }
+}
+
+void TokenRules::take_missed(const TokenMissedEntry& missed, std::uint64_t entry) {
+  missed_after_close_ = missed_after_close_ || close_.has_value();
+  findings_->add("token-missed", {std::string(kLedgerFile), entry},
+                 missed.authority + " did not stamp the checkpoint of " + std::to_string(missed.checkpoint) +
+                     " entries: " + missed.cause);
+}
+
+void TokenRules::take_recovered() { last_of_authority_.clear(); }
+
+void TokenRules::finish(std::uint64_t entries) {
+  if (count_ == 0) {
+    findings_->add("no-token", {},
+                   "there is no time-stamp token: only the device's own clock says when this was");
+  } else if (no_trust_) {
+    findings_->add("no-trusted-authority", {},
+                   "no trusted time-stamping root was given, so the tokens prove no time");
+  }
+  for (const Untrusted& token : untrusted_) {
+    const Place place{token.file, token.entry};
+    const std::string text = token.file + " could not be judged: " + token.explanation;
+    if (valid_checkpoints_.contains(token.checkpoint)) {
+      findings_->add("second-token-untrusted", place, text);
+    } else {
+      findings_->add("token-untrusted", place, text);
+    }
+  }
+  if (count_ > 0 && close_ && *close_ < entries && largest_checkpoint_ <= *close_ && !missed_after_close_) {
+    findings_->add(
+        "end-not-stamped", {std::string(kLedgerFile), close_},
+        "no token covers close in " + at_entry(*close_) + ": when the end was written is not proven");
+  }
+}
+
+std::vector<Bracket> TokenRules::brackets(std::uint64_t first, std::uint64_t entries) const {
+  return brackets_of(valid_, first, entries);
+}
+
+}  // namespace kiroku::archive

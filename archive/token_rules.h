@@ -1,0 +1,92 @@
+// Tokens of a case: each by itself, in order among each other, and against the case clock; and the brackets
+// of outside time that they give (docs/format.md, "Checkpoints and tokens"). Not thread-safe.
+#pragma once
+
+#include <cstdint>
+#include <map>
+#include <optional>
+#include <set>
+#include <string>
+#include <vector>
+
+#include "archive/brackets.h"
+#include "archive/case_folder.h"
+#include "archive/checkpoint_rules.h"
+#include "archive/finding_list.h"
+#include "archive/ledger_entry.h"
+#include "archive/verifier.h"
+
+namespace kiroku::archive {
+
+/// Longer files are no tokens; those in the world have 1 to 15 kB.
+inline constexpr std::size_t kMaximumTokenBytes = 1U << 20U;
+
+class TokenRules {
+ public:
+  /// Everything referred to must outlive the object.
+  TokenRules(const CaseFolder& folder, const VerifyOptions& options, FindingList& findings,
+             const CheckpointRules& checkpoints);
+
+  /// The token entry at `entry`, written at `mono_ns` of the case clock.
+  void take(const TokenEntry& token, std::uint64_t entry, std::int64_t mono_ns);
+  void take_missed(const TokenMissedEntry& missed, std::uint64_t entry);
+  /// The case clock went over a crash by the wall clock: elapsed times across it prove nothing.
+  void take_recovered();
+  void take_close(std::uint64_t entry) { close_ = entry; }
+  /// `entries` is the ledger's size.
+  void finish(std::uint64_t entries);
+
+  [[nodiscard]] TimeProof time() const { return time_; }
+  [[nodiscard]] std::uint64_t count() const { return count_; }
+  [[nodiscard]] std::vector<Bracket> brackets(std::uint64_t first, std::uint64_t entries) const;
+  /// Hashes of the entered token files, in order.
+  [[nodiscard]] const std::map<std::uint64_t, crypto::Sha256Digest>& hashes() const { return hashes_; }
+  /// Whether a valid token's checkpoint covers `entry`.
+  [[nodiscard]] bool stamped(std::uint64_t entry) const { return largest_valid_ > entry; }
+
+ private:
+  struct Judged {
+    bool valid = false;
+    bool external = false;
+  };
+  struct Earlier {
+    std::uint64_t entry = 0, checkpoint = 0;
+    std::int64_t mono_ns = 0;
+    UtcTime gen_time;
+    std::int64_t accuracy_ns = 0;
+    bool external = false;
+  };
+  struct Untrusted {
+    std::uint64_t checkpoint = 0, entry = 0;
+    std::string file, explanation;
+  };
+
+  std::optional<std::string> read_token(const TokenEntry& token, std::uint64_t entry);
+  Judged judge(const TokenEntry& token, std::uint64_t entry, const std::string& response);
+  void compare_entry(const TokenEntry& token, std::uint64_t entry, const timestamp::TokenInfo& info);
+  void check_order(const TokenEntry& token, std::uint64_t entry);
+  void check_elapsed(const TokenEntry& token, const Earlier& now);
+
+  const CaseFolder* folder_;
+  const VerifyOptions* options_;
+  FindingList* findings_;
+  const CheckpointRules* checkpoints_;
+
+  std::vector<StampedToken> valid_;
+  std::vector<StampedToken> all_;           // by entry, for the order rule
+  std::vector<std::size_t> latest_of_all_;  // index into all_ of the latest lower bound up to each
+  std::map<std::string, Earlier> last_of_authority_;
+  std::set<std::pair<std::uint64_t, std::string>> entered_;
+  std::vector<Untrusted> untrusted_;
+  std::set<std::uint64_t> valid_checkpoints_;
+  std::map<std::uint64_t, crypto::Sha256Digest> hashes_;
+  std::optional<std::uint64_t> close_;
+  std::uint64_t largest_checkpoint_ = 0;
+  std::uint64_t largest_valid_ = 0;
+  bool missed_after_close_ = false;
+  bool no_trust_ = false;
+  TimeProof time_ = TimeProof::kNone;
+  std::uint64_t count_ = 0;
+};
+
+}  // namespace kiroku::archive

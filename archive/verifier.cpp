@@ -1,0 +1,301 @@
+#include "archive/verifier.h"
+
+#include <algorithm>
+#include <utility>
+
+#include "archive/case_folder.h"
+#include "archive/case_layout.h"
+#include "archive/case_rules.h"
+#include "archive/checkpoint_rules.h"
+#include "archive/file_checker.h"
+#include "archive/finding_list.h"
+#include "archive/folder_names.h"
+#include "archive/line_reader.h"
+#include "archive/log_rules.h"
+#include "archive/verdict.h"
+#include "base/error.h"
+#include "crypto/merkle_tree.h"
+
+namespace kiroku::archive {
+
+namespace {
+
+std::uint64_t bytes_in(const std::vector<ListedFile>& listing) {
+  std::uint64_t total = 0;
+  for (const ListedFile& file : listing) {
+    total += file.kind == ListedFile::Kind::kRegular ? file.bytes : 0;
+  }
+  return total;
+}
+
+/// `open` and the hash of its line, if the first line is one.
+std::optional<OpenEntry> read_opening(const ReadableFile& ledger, crypto::Sha256Digest& line_hash) {
+  LineReader reader(ledger);
+  LedgerLine line;
+  if (!reader.next(line) || line.torn || line.too_long) {
+    return std::nullopt;
+  }
+  line_hash = crypto::sha256(bytes_of(line.text));
+  EntryParse parse = parse_case_entry(line.text);
+  if (!parse.entry || !std::holds_alternative<OpenEntry>(parse.entry->body)) {
+    return std::nullopt;
+  }
+  return std::get<OpenEntry>(std::move(parse.entry->body));
+}
+
+/// One run over one case folder.
+class CaseVerification {
+ public:
+  // The folder is listed before the ledger is read: of a case that is being recorded, everything listed then
+  // has its entry, apart from what is in the making.
+  CaseVerification(const CaseFolder& folder, const VerifyOptions& options)
+      : folder_(folder),
+        options_(options),
+        listing_(folder.list()),
+        checkpoints_(folder, options, findings_, note_sizes(listing_)),
+        files_(folder, options, findings_, bytes_in(listing_)),
+        rules_(folder, options, findings_, checkpoints_, files_, {}) {}
+
+  VerificationReport run() {
+    const FileOpening opening = folder_.open_file(kLedgerFile);
+    if (opening.file) {
+      walk(*opening.file);
+    } else {
+      report_unopened(findings_, {std::string(kLedgerFile)}, opening);
+    }
+    return report();
+  }
+
+ private:
+  void walk(const ReadableFile& ledger) {
+    crypto::Sha256Digest entry0{};
+    const std::optional<OpenEntry> open = read_opening(ledger, entry0);
+    const std::optional<LogContents> log = walk_log(open);
+    LogComparison comparison(log ? &*log : nullptr, open, findings_);
+    comparison.check_opening(entry0);
+
+    LineReader reader(ledger);
+    LedgerLine line;
+    bool tree_known = true;
+    while (reader.next(line) && !line.torn) {
+      const std::uint64_t number = tree_.size();
+      tree_.append(crypto::merkle_leaf_hash(bytes_of(line.text)));
+      tree_known = tree_known && !line.too_long;
+      rules_.take(line, number);
+      if (checkpoints_.has(tree_.size())) {
+        checkpoints_.reached(tree_.size(), tree_.root(), tree_known, rules_.last_mono_ns());
+      }
+      if (comparison.asks_for(tree_.size())) {
+        comparison.reached(tree_.size(), tree_.root());
+      }
+    }
+    judge_end(line);
+    checkpoints_.finish(tree_.size());
+    rules_.finish(tree_.size());
+    comparison.finish(tree_.size(), rules_.tokens().hashes());
+    rules_.judge_missing(files_.finish());
+    judge_names();
+    judge_device_file();
+  }
+
+  std::optional<LogContents> walk_log(const std::optional<OpenEntry>& open) {
+    if (!options_.log) {
+      return std::nullopt;
+    }
+    const CaseFolder folder = CaseFolder::open(*options_.log);
+    FindingList of_log;
+    LogWalk walk(folder, options_, of_log, open ? open->case_id : std::string(),
+                 open ? open->appliance_log_size : 0);
+    LogContents contents = walk.run();
+    findings_.take_from(of_log, "log");
+    return contents;
+  }
+
+  /// `last` is what the reader stopped at.
+  void judge_end(const LedgerLine& last) {
+    const std::uint64_t entries = tree_.size();
+    const std::optional<std::uint64_t> close = rules_.close_entry();
+    const Place end{std::string(kLedgerFile), entries, last.offset};
+    if (last.torn && last.bytes > 0) {
+      if (close) {
+        findings_.add("ledger-end-damaged", end,
+                      "the ledger does not end with a whole line, although the case was closed");
+      } else {
+        findings_.add("ledger-torn", end, "the last line of the ledger was not written to its end");
+      }
+    }
+    if (entries == 0) {
+      findings_.add("open-missing", {std::string(kLedgerFile)}, "the ledger holds no whole entry");
+    }
+    if (!close) {
+      findings_.add("not-closed", {std::string(kLedgerFile)},
+                    "the case was not closed: it is still being recorded, or recording was cut off");
+    } else if (checkpoints_.covered() <= *close) {
+      findings_.add(
+          "close-not-covered", {std::string(kLedgerFile), close},
+          "no checkpoint covers close in entry " + std::to_string(*close) + ": the case was not finished");
+    } else if (checkpoints_.covered() < entries) {
+      findings_.add("ledger-not-covered", {std::string(kLedgerFile), checkpoints_.covered()},
+                    "no checkpoint covers the entries from " + std::to_string(checkpoints_.covered()) +
+                        " on, although the case was closed");
+    }
+  }
+
+  NameJudgement judge_name(const ListedFile& file) const {
+    const std::string& path = file.path;
+    if (path == kLedgerFile || path == kDeviceFile || rules_.names(path) || is_note_path(path)) {
+      return NameJudgement::kNamed;
+    }
+    if (file.kind == ListedFile::Kind::kFolder) {
+      for (const std::string_view folder :
+           {kCheckpointsFolder, kTokensFolder, kSegmentsFolder, kAuthoritiesFolder}) {
+        if (path == folder) {
+          return NameJudgement::kNamed;
+        }
+      }
+    }
+    if (path.starts_with(std::string(kAuthoritiesFolder) + "/")) {
+      return NameJudgement::kFree;
+    }
+    for (const auto& [name, stream] : rules_.streams()) {
+      if (file.kind == ListedFile::Kind::kFolder && path == std::string(kSegmentsFolder) + "/" + name) {
+        return NameJudgement::kNamed;
+      }
+      if (!rules_.close_entry() && path == stream.next_file()) {
+        return NameJudgement::kSegmentNotEntered;
+      }
+    }
+    if (!rules_.close_entry() || rules_.recovered()) {
+      if (path.ends_with(kPartSuffix)) {
+        return NameJudgement::kPart;
+      }
+      if (is_token_path(path)) {
+        return NameJudgement::kTokenNotEntered;
+      }
+    }
+    return NameJudgement::kUnnamed;
+  }
+
+  void judge_names() {
+    check_folder_names(listing_, findings_, [&](const ListedFile& file) { return judge_name(file); });
+    if (rules_.opening() && std::filesystem::absolute(folder_.path()).lexically_normal().filename() !=
+                                rules_.opening()->case_id) {
+      findings_.add("folder-name-differs", {}, "the folder is not called " + rules_.opening()->case_id);
+    }
+  }
+
+  void judge_device_file() {
+    if (!rules_.opening()) {
+      return;
+    }
+    const Place place{std::string(kDeviceFile)};
+    const FileOpening opening = folder_.open_file(kDeviceFile);
+    if (!opening.file && opening.problem != FileProblem::kMissing) {
+      report_unopened(findings_, place, opening);
+      return;
+    }
+    std::optional<std::string> text;
+    try {
+      text = opening.file ? read_small(*opening.file, kMaximumNoteBytes) : std::nullopt;
+    } catch (const IoError& error) {
+      findings_.add("file-unreadable", place, std::string(error.what()) + "; so it was not checked");
+      return;
+    }
+    if (text != rules_.opening()->device + "\n") {
+      findings_.add("device-file-differs", place,
+                    std::string(kDeviceFile) +
+                        (opening.file ? " is not the key that open names" : " is not there") +
+                        "; it is a convenience that nothing was checked with");
+    }
+  }
+
+  VerificationReport report() {
+    VerificationReport report;
+    rules_.describe(report);
+    report.entries = tree_.size();
+    report.checkpoints = checkpoints_.count();
+    report.files = files_.files() + report.tokens + report.checkpoints + 1;
+    report.bytes = bytes_in(listing_);
+    report.brackets = rules_.tokens().brackets(0, tree_.size());
+    report.verdict = verdict_of(findings_.worst());
+    report.findings = findings_.take();
+    return report;
+  }
+
+  const CaseFolder& folder_;
+  const VerifyOptions& options_;
+  FindingList findings_;
+  std::vector<ListedFile> listing_;
+  CheckpointRules checkpoints_;
+  FileChecker files_;
+  CaseRules rules_;
+  crypto::MerkleFrontier tree_;
+};
+
+/// Whether cases are to be looked for beside the log: it lies where an archive keeps it.
+bool is_archive(const std::filesystem::path& folder) {
+  std::error_code error;
+  for (const auto& each : std::filesystem::directory_iterator(folder, error)) {
+    if (is_case_id(each.path().filename().string()) || each.path().filename() == ".reserve") {
+      return true;
+    }
+  }
+  return false;
+}
+
+void look_for_cases(const LogContents& log, const std::filesystem::path& log_folder, FindingList& findings) {
+  const std::filesystem::path absolute = std::filesystem::absolute(log_folder).lexically_normal();
+  const std::filesystem::path normal = absolute.has_filename() ? absolute : absolute.parent_path();
+  const std::filesystem::path archive = normal.parent_path();
+  const bool search = normal.filename() == "log" && is_archive(archive);
+  for (const auto& [case_id, logged] : log.cases) {
+    if (!logged.opened) {
+      continue;
+    }
+    std::error_code error;
+    if (search && !logged.erased && !std::filesystem::is_directory(archive / case_id, error)) {
+      findings.add("case-missing", {std::string(kLedgerFile), logged.opened},
+                   "case " + case_id + " was opened (entry " + std::to_string(*logged.opened) +
+                       " of the log), was not erased, and is not in " + archive.string());
+    } else if (!logged.closed && !logged.erased) {
+      findings.add("log-case-open", {std::string(kLedgerFile), logged.opened},
+                   "the log knows no end of case " + case_id);
+    }
+  }
+}
+
+}  // namespace
+
+VerificationReport verify_case(const std::filesystem::path& folder, const VerifyOptions& options) {
+  const CaseFolder opened = CaseFolder::open(folder);
+  const FileOpening ledger = opened.open_file(kLedgerFile);
+  if (!ledger.file && ledger.problem == FileProblem::kMissing) {
+    throw UsageError(folder.string() + " is no case: there is no " + std::string(kLedgerFile) +
+                     " in it; give the folder of a case");
+  }
+  if (!ledger.file && ledger.problem == FileProblem::kUnreadable) {
+    throw Error("cannot verify " + folder.string() + ": its " + std::string(kLedgerFile) + " " +
+                ledger.explanation);
+  }
+  return CaseVerification(opened, options).run();
+}
+
+VerificationReport verify_log(const std::filesystem::path& folder, const VerifyOptions& options) {
+  const CaseFolder opened = CaseFolder::open(folder);
+  FindingList findings;
+  const LogContents log = LogWalk(opened, options, findings, {}, 0).run();
+  look_for_cases(log, folder, findings);
+  VerificationReport report;
+  report.case_id = "log";
+  report.device = log.device;
+  report.entries = log.entries;
+  report.checkpoints = log.checkpoints;
+  report.files = log.checkpoints + 1;
+  report.bytes = bytes_in(opened.list());
+  report.opened = log.begins;
+  report.verdict = verdict_of(findings.worst());
+  report.findings = findings.take();
+  return report;
+}
+
+}  // namespace kiroku::archive
