@@ -1,6 +1,7 @@
 #include "crypto/age_file.h"
 
 #include <algorithm>
+#include <cstring>
 #include <mutex>
 
 #include "crypto/age_chunk_reader.h"
@@ -136,7 +137,7 @@ std::size_t AgeFile::read_at(std::uint64_t offset, std::span<std::byte> into) co
       reader.read(number, 1, part, authentic_size);
     } else {
       const auto plaintext = state_->chunk(number, reader);
-      std::ranges::copy(ByteView(*plaintext).subspan(skipped, part.size()), part.begin());
+      std::memcpy(part.data(), plaintext->data() + skipped, part.size());
     }
     filled += part.size();
   }

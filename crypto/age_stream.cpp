@@ -1,6 +1,7 @@
 #include "crypto/age_stream.h"
 
 #include <algorithm>
+#include <cstring>
 
 #include "crypto/age_error.h"
 #include "crypto/secret.h"
@@ -83,7 +84,8 @@ void AgeStreamWriter::write(ByteView plaintext) {
         continue;
       }
       const auto taken = plaintext.first(std::min(plaintext.size(), kAgeChunkSize - held_size_));
-      std::ranges::copy(taken, held_.begin() + static_cast<std::ptrdiff_t>(held_size_));
+      // Not std::ranges::copy: of std::byte, GCC 12 makes a loop of single bytes, a quarter of all time here.
+      std::memcpy(held_.data() + held_size_, taken.data(), taken.size());
       held_size_ += taken.size();
       plaintext = plaintext.subspan(taken.size());
     }

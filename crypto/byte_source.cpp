@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cerrno>
+#include <cstring>
 #include <fcntl.h>
 #include <sys/stat.h>
 #include <unistd.h>
@@ -60,7 +61,7 @@ class MemorySource : public ByteSource {
     if (offset >= bytes_.size()) return 0;
     const auto rest = bytes_.subspan(static_cast<std::size_t>(offset));
     const auto taken = rest.first(std::min(rest.size(), into.size()));
-    std::ranges::copy(taken, into.begin());
+    if (!taken.empty()) std::memcpy(into.data(), taken.data(), taken.size());
     return taken.size();
   }
 
