@@ -43,17 +43,20 @@ class FrameCounter {
 
   /// Pictures up to the end; or, if `tolerate_cut`, up to the first that is not whole.
   std::uint64_t count(bool tolerate_cut) {
+    const LibavComplaints complaints;
     try {
       const Packet packet = make_packet();
       while (input_.read(*packet)) {
         if (packet->stream_index == input_.video().index) {
           check(avcodec_send_packet(codec_.get(), packet.get()));
           receive();
+          require_no_complaint(complaints);
         }
         av_packet_unref(packet.get());
       }
       check(avcodec_send_packet(codec_.get(), nullptr));
       receive();
+      require_no_complaint(complaints);
     } catch (const MediaError&) {
       if (!tolerate_cut) {
         throw;
@@ -74,6 +77,13 @@ class FrameCounter {
         check(AVERROR_INVALIDDATA);
       }
       ++frames_;
+    }
+  }
+
+  void require_no_complaint(const LibavComplaints& complaints) const {
+    if (!complaints.first().empty()) {
+      throw MediaError("picture " + std::to_string(frames_ == 0 ? 0 : frames_ - 1) + " of " + name_ +
+                       " is damaged: " + complaints.first());
     }
   }
 

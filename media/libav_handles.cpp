@@ -103,7 +103,27 @@ Log& log_state() {
   return *instance;
 }
 
+thread_local LibavComplaints* complaints = nullptr;
+
+void pass_complaint(void* object, int level, const char* format, va_list arguments) {
+  std::array<char, 1024> text{};
+  int print_prefix = 0;  // which names an address in memory
+  av_log_format_line2(object, level, format, arguments, text.data(), static_cast<int>(text.size()),
+                      &print_prefix);
+  const std::string_view line = text.data();
+  complaints->take(line.substr(0, line.find_first_of("\r\n")));
+}
+
 void receive(void* object, int level, const char* format, va_list arguments) {
+  if ((level & 0xff) > av_log_get_level()) {
+    return;
+  }
+  if (complaints != nullptr && (level & 0xff) <= AV_LOG_ERROR) {
+    va_list again;
+    va_copy(again, arguments);
+    pass_complaint(object, level, format, again);
+    va_end(again);
+  }
   Log& state = log_state();
   const std::lock_guard lock(state.mutex);
   if (!state.sink) {
@@ -139,6 +159,15 @@ void silence_libav() {
   const std::lock_guard lock(log_state().mutex);
   if (!std::exchange(log_state().routed, true)) {
     av_log_set_callback(receive);
+  }
+}
+
+LibavComplaints::LibavComplaints() : outer_(std::exchange(complaints, this)) { silence_libav(); }
+LibavComplaints::~LibavComplaints() { complaints = outer_; }
+
+void LibavComplaints::take(std::string_view line) {
+  if (first_.empty()) {
+    first_ = line;
   }
 }
 

@@ -102,6 +102,7 @@ int require(int code, const std::string& what);
 
 /// Receives one finished line of libav's log without its line end; `level` is AV_LOG_ERROR, AV_LOG_WARNING, …
 /// (smaller is worse). Called from any thread, one call at a time; it must not call libav.
+/// What libav's own level (by default AV_LOG_INFO) leaves out does not come here either.
 using LibavLogSink = std::function<void(int level, std::string_view line)>;
 /// From now on libav's log goes to `sink`, and nowhere if that is empty. Until the first call libav prints on
 /// standard error.
@@ -109,5 +110,26 @@ void route_libav_log(LibavLogSink sink);
 /// As route_libav_log({}), unless a sink is already set. Everything in this project that opens libav calls
 /// it, so that no program can forget; calling it again does nothing.
 void silence_libav();
+
+/// What libav logs as an error in this thread while the object lives: some decoders conceal damage and tell
+/// of it nowhere else (FFV1 a wrong checksum). Calls silence_libav. Lives and dies in one thread, the newest
+/// first.
+class LibavComplaints {
+ public:
+  LibavComplaints();
+  ~LibavComplaints();
+  LibavComplaints(const LibavComplaints&) = delete;
+  LibavComplaints& operator=(const LibavComplaints&) = delete;
+  /// The first line, "" if there was none.
+  [[nodiscard]] const std::string& first() const { return first_; }
+  void clear() { first_.clear(); }
+
+  /// For the log's receiver.
+  void take(std::string_view line);
+
+ private:
+  std::string first_;
+  LibavComplaints* outer_;
+};
 
 }  // namespace kiroku::media

@@ -20,7 +20,7 @@ namespace {
 constexpr int kBufferBytes = 4 * 64 * 1024;
 
 constexpr const char* kCodecs =
-    "mpeg1video,mpeg2video,rawvideo,ffv1,mp2,aac,flac,pcm_s16le,pcm_s24le,pcm_s32le";
+    "mpeg1video,mpeg2video,rawvideo,ffv1,mp2,mp2float,mp3,mp3float,aac,flac,pcm_s16le,pcm_s24le,pcm_s32le";
 
 const char* demuxer_of(const std::string& media) {
   if (media == "video/mp2t") {

@@ -1,5 +1,6 @@
 #include "media/libav_handles.h"
 
+#include <thread>
 #include <vector>
 
 #include <gtest/gtest.h>
@@ -47,6 +48,26 @@ TEST(LibavHandles, RoutesTheLogLineByLine) {
   const std::vector<std::pair<int, std::string>> expected = {
       {AV_LOG_WARNING, "first half"}, {AV_LOG_WARNING, "second"}, {AV_LOG_ERROR, "third"}};
   EXPECT_EQ(lines, expected);
+}
+
+TEST(LibavHandles, HearsTheErrorsOfItsThreadWhileItLives) {
+  LibavComplaints outer;
+  {
+    const LibavComplaints inner;
+    av_log(nullptr, AV_LOG_WARNING, "only a warning\n");
+    EXPECT_EQ(inner.first(), "");
+    av_log(nullptr, AV_LOG_ERROR, "first\n");
+    av_log(nullptr, AV_LOG_ERROR, "second\n");
+    std::thread([] { av_log(nullptr, AV_LOG_ERROR, "elsewhere\n"); }).join();
+    EXPECT_EQ(inner.first(), "first");
+  }
+  EXPECT_EQ(outer.first(), "");
+  std::thread([] { av_log(nullptr, AV_LOG_ERROR, "elsewhere\n"); }).join();
+  EXPECT_EQ(outer.first(), "");
+  av_log(nullptr, AV_LOG_ERROR, "outer\n");
+  EXPECT_EQ(outer.first(), "outer");
+  outer.clear();
+  EXPECT_EQ(outer.first(), "");
 }
 
 TEST(LibavHandles, PrintsNothingOnTheTerminalOfAFailedOpen) {

@@ -1,0 +1,365 @@
+#include "media/exporter.h"
+
+#include <fstream>
+#include <iterator>
+#include <sys/stat.h>
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "base/error.h"
+#include "crypto/age_file.h"
+#include "media/vital_sample.h"
+#include "tests/support/media_maker.h"
+#include "tests/support/recorded_case.h"
+#include "tests/support/temporary_folder.h"
+
+namespace kiroku::media {
+namespace {
+
+using test::RecordedStream;
+using testing::HasSubstr;
+
+std::string read_file(const std::filesystem::path& path) {
+  std::ifstream input(path, std::ios::binary);
+  return {std::istreambuf_iterator<char>(input), {}};
+}
+
+std::string joined(const std::vector<Bytes>& pieces) {
+  std::string text;
+  for (const Bytes& piece : pieces) {
+    text += text_of(piece);
+  }
+  return text;
+}
+
+VitalSample sample_at(std::int64_t time_ns, const std::string& code, double value) {
+  VitalSample sample;
+  sample.time_ns = time_ns;
+  sample.code = code;
+  sample.value = value;
+  sample.unit = "/min";
+  sample.source = "bed 4";
+  return sample;
+}
+
+class ExporterTest : public testing::Test {
+ protected:
+  void record(const std::vector<RecordedStream>& streams) {
+    case_ = test::record_case(folder_ / "archive", streams, reader_.recipients);
+  }
+  RecordedStream transport_stream(const test::FilmOptions& options = {}) {
+    film_ = test::make_transport_stream(options);
+    return {"endoscope", "video", "video/mp2t", film_,
+            std::vector<std::uint64_t>(film_.size(), static_cast<std::uint64_t>(options.frames_per_segment))};
+  }
+  RecordedStream matroska(const std::string& codec, const test::FilmOptions& options = {}) {
+    film_ = test::make_matroska(options, codec);
+    return {"room", "video", "video/x-matroska", film_,
+            std::vector<std::uint64_t>(film_.size(), static_cast<std::uint64_t>(options.frames_per_segment))};
+  }
+  ExportResult run(const std::string& stream, const std::string& output) {
+    options_.stream = stream;
+    options_.output = folder_ / output;
+    return export_stream(archive::CaseReader::open(case_), reader_.identities, options_);
+  }
+  std::string refusal(const std::string& stream, const std::string& output) {
+    try {
+      run(stream, output);
+    } catch (const Error& error) {
+      EXPECT_FALSE(std::filesystem::exists(folder_ / output)) << "something was left behind";
+      EXPECT_FALSE(std::filesystem::exists(folder_ / (output + ".part"))) << "something was left behind";
+      return error.what();
+    }
+    return "";
+  }
+  std::filesystem::path segment_file(const std::string& name) const { return case_ / "segments" / name; }
+
+  test::TemporaryFolder folder_;
+  test::Reader reader_ = test::make_reader();
+  std::filesystem::path case_;
+  std::vector<Bytes> film_;
+  ExportOptions options_;
+};
+
+TEST_F(ExporterTest, JoinsTransportStreamSegmentsByteForByte) {
+  record({transport_stream()});
+  const ExportResult result = run("endoscope", "film.ts");
+  EXPECT_EQ(read_file(folder_ / "film.ts"), joined(film_));
+  EXPECT_EQ(result.segments, 3U);
+  EXPECT_EQ(result.frames, 75U);
+  EXPECT_EQ(result.bytes, joined(film_).size());
+  EXPECT_EQ(result.start_ns, 0);
+  EXPECT_EQ(result.end_ns, 3'000'000'000);
+  EXPECT_EQ(result.incomplete, 0U);
+  EXPECT_EQ(test::decode_file(folder_ / "film.ts").size(), 75U);
+}
+
+TEST_F(ExporterTest, KeepsEveryPictureAndItsTimeInMatroskaAndMp4) {
+  record({transport_stream({.gap_frames = 10, .sound = true})});
+  run("endoscope", "film.ts");
+  const auto pictures = test::decode_file(folder_ / "film.ts");
+  ASSERT_EQ(pictures.size(), 75U);
+  EXPECT_EQ(pictures[25].time_ms - pictures[24].time_ms, 11 * 40) << "the gap";
+  for (const char* name : {"film.mkv", "film.mp4"}) {
+    const ExportResult result = run("endoscope", name);
+    EXPECT_EQ(result.frames, 75U);
+    EXPECT_EQ(test::decode_file(folder_ / name), pictures) << name;
+    EXPECT_EQ(result.bytes, std::filesystem::file_size(folder_ / name));
+  }
+}
+
+TEST_F(ExporterTest, JoinsMatroskaSegmentsWithoutTouchingAPicture) {
+  for (const char* codec : {"ffv1", "rawvideo"}) {
+    record({matroska(codec, {.gap_frames = 5})});
+    options_.overwrite = true;
+    EXPECT_EQ(run("room", "film.mkv").frames, 75U);
+    const auto pictures = test::decode_file(folder_ / "film.mkv");
+    ASSERT_EQ(pictures.size(), 75U) << codec;
+    EXPECT_EQ(pictures[25].time_ms, 30 * 40) << codec;
+    std::vector<test::Picture> one_by_one;
+    for (std::size_t i = 0; i < film_.size(); ++i) {
+      std::ofstream(folder_ / "one.mkv", std::ios::binary) << text_of(film_[i]);
+      for (test::Picture picture : test::decode_file(folder_ / "one.mkv")) {
+        picture.time_ms += static_cast<std::int64_t>(i) * 30 * 40;
+        one_by_one.push_back(picture);
+      }
+    }
+    EXPECT_EQ(pictures, one_by_one) << codec;
+  }
+}
+
+TEST_F(ExporterTest, GivesTheSameBytesEachTime) {
+  record({transport_stream({.sound = true})});
+  for (const char* ending : {".mkv", ".mp4"}) {
+    run("endoscope", std::string("a") + ending);
+    run("endoscope", std::string("b") + ending);
+    EXPECT_EQ(read_file(folder_ / (std::string("a") + ending)),
+              read_file(folder_ / (std::string("b") + ending)));
+  }
+}
+
+TEST_F(ExporterTest, CutsAtSegmentsAndSaysWhatItWrote) {
+  record({transport_stream()});
+  options_.from_ns = 1'500'000'000;
+  options_.to_ns = 2'000'000'000;
+  const ExportResult result = run("endoscope", "film.ts");
+  EXPECT_EQ(read_file(folder_ / "film.ts"), text_of(film_[1]));
+  EXPECT_EQ(result.start_ns, 1'000'000'000);
+  EXPECT_EQ(result.end_ns, 2'000'000'000);
+  EXPECT_EQ(run("endoscope", "film.mkv").frames, 25U);
+  EXPECT_EQ(test::decode_file(folder_ / "film.mkv").size(), 25U);
+  options_.from_ns = 3'000'000'000;
+  options_.to_ns = INT64_MAX;
+  EXPECT_EQ(refusal("endoscope", "none.ts"), "stream 'endoscope' has nothing recorded in that time");
+}
+
+TEST_F(ExporterTest, ReportsProgressUpToTheEnd) {
+  record({transport_stream()});
+  std::uint64_t last = 0, total = 0;
+  options_.progress = [&](std::uint64_t done, std::uint64_t of) {
+    EXPECT_GT(done, last);
+    last = done;
+    total = of;
+  };
+  run("endoscope", "film.mkv");
+  EXPECT_EQ(last, total);
+  EXPECT_GT(total, joined(film_).size());
+}
+
+TEST_F(ExporterTest, RefusesAFormThatDoesNotGoWithTheStream) {
+  record({transport_stream(),
+          matroska("ffv1"),
+          {"vitals", "vitals", "application/jsonl", {{}}, {0}},
+          {"events", "events", "application/jsonl", {{}}, {0}}});
+  EXPECT_EQ(refusal("endoscope", "x.csv"),
+            "stream 'endoscope' cannot be exported as 'x.csv'; its name must end in .ts, .mkv or .mp4");
+  EXPECT_EQ(refusal("room", "x.ts"),
+            "stream 'room' cannot be exported as 'x.ts'; its name must end in .mkv or .mp4");
+  EXPECT_EQ(refusal("vitals", "x.mkv"),
+            "stream 'vitals' cannot be exported as 'x.mkv'; its name must end in .jsonl or .csv");
+  EXPECT_EQ(refusal("events", "x.csv"),
+            "stream 'events' cannot be exported as 'x.csv'; its name must end in .jsonl");
+  EXPECT_EQ(refusal("events", "x"), "stream 'events' cannot be exported as 'x'; its name must end in .jsonl");
+  EXPECT_THAT(refusal("endoscope", "x.DCM"), HasSubstr("DICOM is not among the forms that are written here"));
+  EXPECT_THAT(refusal("kitchen", "x.ts"), HasSubstr("no stream \"kitchen\""));
+}
+
+TEST_F(ExporterTest, RefusesAContainerThatCannotHoldTheCodec) {
+  record({matroska("ffv1")});
+  EXPECT_EQ(refusal("room", "x.mp4"), "MP4 (.mp4) cannot hold ffv1; export it as .mkv");
+  record({matroska("rawvideo")});
+  EXPECT_EQ(refusal("room", "x.mp4"), "MP4 (.mp4) cannot hold rawvideo; export it as .mkv");
+}
+
+TEST_F(ExporterTest, RefusesToJoinPicturesOfAnotherSize) {
+  RecordedStream stream = matroska("ffv1");
+  stream.segments[2] = test::make_matroska({.width = 128}, "ffv1")[2];
+  record({stream});
+  const std::string text = refusal("room", "film.mkv");
+  EXPECT_THAT(text, HasSubstr("it changes from ffv1 96x64 yuv420p to ffv1 128x64 yuv420p"));
+  EXPECT_THAT(text, HasSubstr("one by one (--from, --to)"));
+  options_.to_ns = 2'000'000'000;
+  EXPECT_EQ(run("room", "before.mkv").frames, 50U);
+}
+
+TEST_F(ExporterTest, RefusesASegmentThatIsNotWhatTheLedgerSays) {
+  record({transport_stream()});
+  const auto file = segment_file("endoscope/00000001.ts.age");
+  std::string bytes = read_file(file);
+  bytes[bytes.size() / 2] ^= 1;
+  std::ofstream(file, std::ios::binary) << bytes;
+  for (const char* name : {"film.ts", "film.mkv"}) {
+    EXPECT_EQ(refusal("endoscope", name),
+              "the segment file segments/endoscope/00000001.ts.age is not what the ledger says (its SHA-256 "
+              "differs); run kiroku verify to see what else does not hold");
+  }
+  std::ofstream(file, std::ios::binary) << bytes << 'x';
+  EXPECT_THAT(refusal("endoscope", "film.ts"), HasSubstr("it has " + std::to_string(bytes.size() + 1) +
+                                                         " bytes, not " + std::to_string(bytes.size())));
+  // What lies outside the damage can still be had.
+  options_.to_ns = 1'000'000'000;
+  EXPECT_EQ(run("endoscope", "film.ts").frames, 25U);
+}
+
+TEST_F(ExporterTest, RefusesASegmentThatAnotherFileStandsInFor) {
+  record({transport_stream()});
+  const auto file = segment_file("endoscope/00000001.ts.age");
+  std::filesystem::rename(file, folder_ / "moved.age");
+  std::filesystem::create_symlink(folder_ / "moved.age", file);
+  EXPECT_THAT(refusal("endoscope", "film.ts"), HasSubstr("is a symbolic link"));
+  std::filesystem::remove(file);
+  EXPECT_THAT(refusal("endoscope", "film.ts"), HasSubstr("segments/endoscope/00000001.ts.age"));
+}
+
+TEST_F(ExporterTest, SaysThatASegmentWasErased) {
+  RecordedStream stream = transport_stream();
+  stream.first_is_erased = true;
+  record({stream});
+  EXPECT_EQ(refusal("endoscope", "film.ts"),
+            "the segment file segments/endoscope/00000000.ts.age was erased under the policy 'after 30 "
+            "days'; choose "
+            "a time without it (--from, --to)");
+  options_.from_ns = 1'000'000'000;
+  EXPECT_EQ(run("endoscope", "film.ts").frames, 50U);
+}
+
+TEST_F(ExporterTest, RefusesAnIdentityThatIsNoRecipient) {
+  record({transport_stream()});
+  reader_ = test::make_reader();
+  EXPECT_THAT(refusal("endoscope", "film.ts"),
+              HasSubstr("cannot open the segment file segments/endoscope/00000000"));
+}
+
+TEST_F(ExporterTest, LeavesAFileThatIsThereAloneUnlessTold) {
+  record({transport_stream()});
+  std::ofstream(folder_ / "film.ts") << "mine";
+  EXPECT_THROW(run("endoscope", "film.ts"), UsageError);
+  EXPECT_EQ(read_file(folder_ / "film.ts"), "mine");
+  options_.overwrite = true;
+  run("endoscope", "film.ts");
+  EXPECT_EQ(read_file(folder_ / "film.ts"), joined(film_));
+  EXPECT_FALSE(std::filesystem::exists(folder_ / "film.ts.part"));
+}
+
+TEST_F(ExporterTest, WritesForItsOwnerAlone) {
+  record({transport_stream()});
+  run("endoscope", "film.ts");
+  struct stat facts {};
+  ASSERT_EQ(stat((folder_ / "film.ts").c_str(), &facts), 0);
+  EXPECT_EQ(facts.st_mode & 0777U, 0600U);
+}
+
+TEST_F(ExporterTest, SaysSoWhenItCannotWrite) {
+  record({transport_stream()});
+  EXPECT_THAT(refusal("endoscope", "no/such/film.ts"), HasSubstr("No such file or directory"));
+  std::filesystem::create_directory(folder_ / "folder.ts");
+  options_.stream = "endoscope";
+  options_.output = folder_ / "folder.ts";
+  EXPECT_THROW(export_stream(archive::CaseReader::open(case_), reader_.identities, options_), UsageError);
+}
+
+TEST_F(ExporterTest, ExportsASegmentThatAPowerCutEnded) {
+  // Long enough that whole chunks of 64 KiB are on the disk before the cut.
+  const test::FilmOptions options{.width = 320, .height = 240, .frames_per_segment = 30, .segments = 2};
+  for (const bool lossless : {false, true}) {
+    RecordedStream stream = lossless ? matroska("ffv1", options) : transport_stream(options);
+    stream.last_is_cut = true;
+    record({stream});
+    options_.overwrite = true;
+    const std::string name = lossless ? "film.mkv" : "film.ts";
+    const ExportResult result = run(stream.name, name);
+    EXPECT_EQ(result.incomplete, 1U);
+    const auto pictures = test::decode_file(folder_ / name);
+    EXPECT_GT(pictures.size(), 30U) << name;
+    EXPECT_LT(pictures.size(), 60U) << name;
+    if (!lossless) {
+      EXPECT_EQ(result.bytes % 188, 0U);
+      EXPECT_TRUE(joined(film_).starts_with(read_file(folder_ / name)));
+    }
+  }
+}
+
+TEST_F(ExporterTest, JoinsLinesAsTheyWereRecorded) {
+  const Bytes first = to_bytes("{\"time_ns\":1}\n{\"time_ns\":2}\n"), second = to_bytes("{\"time_ns\":3}\n");
+  record({{"events", "events", "application/jsonl", {first, {}, second}, {2, 0, 1}}});
+  EXPECT_EQ(run("events", "events.jsonl").frames, 3U);
+  EXPECT_EQ(read_file(folder_ / "events.jsonl"), "{\"time_ns\":1}\n{\"time_ns\":2}\n{\"time_ns\":3}\n");
+}
+
+TEST_F(ExporterTest, DropsTheLineThatAPowerCutBroke) {
+  std::string lines;
+  while (lines.size() < 100'000) {
+    lines +=
+        to_json_line(sample_at(static_cast<std::int64_t>(lines.size()), "MDC_ECG_HEART_RATE", 72)) + "\n";
+  }
+  record({{"vitals", "vitals", "application/jsonl", {to_bytes(lines)}, {1}, true}});
+  run("vitals", "vitals.jsonl");
+  const std::string exported = read_file(folder_ / "vitals.jsonl");
+  EXPECT_TRUE(lines.starts_with(exported));
+  EXPECT_TRUE(exported.ends_with("}\n"));
+  EXPECT_GT(exported.size(), 60'000U);
+  EXPECT_GT(run("vitals", "vitals.csv").frames, 400U);
+}
+
+TEST_F(ExporterTest, TabulatesVitalSignsInOrderOfTime) {
+  VitalSample wave = sample_at(400'000'000, "MDC_ECG_ELEC_POTL_II", 0);
+  wave.value.reset();
+  wave.rate_hz = 250;
+  wave.values = {0.5, -0.25};
+  wave.unit = "mV";
+  VitalSample missing = sample_at(1'000'000'000, "a \"b\", c", 0);
+  missing.value.reset();
+  missing.quality = VitalQuality::kMissing;
+  const std::string first = to_json_line(sample_at(394'000'000, "HR", 72)) + "\n" + to_json_line(wave) + "\n";
+  const std::string second = to_json_line(missing) + "\n";
+  record({{"vitals", "vitals", "application/jsonl", {to_bytes(first), to_bytes(second)}, {2, 1}}});
+  EXPECT_EQ(run("vitals", "vitals.csv").frames, 3U);
+  EXPECT_EQ(read_file(folder_ / "vitals.csv"),
+            "time,code,value,unit,quality,source\n"
+            "0.392,MDC_ECG_ELEC_POTL_II,0.5,mV,good,bed 4\n"
+            "0.394,HR,72,/min,good,bed 4\n"
+            "0.396,MDC_ECG_ELEC_POTL_II,-0.25,mV,good,bed 4\n"
+            "1,\"a \"\"b\"\", c\",,/min,missing,bed 4\n");
+}
+
+TEST_F(ExporterTest, NamesTheLineThatIsNoVitalSign) {
+  const std::string line = to_json_line(sample_at(1, "HR", 72)) + "\n";
+  record({{"vitals", "vitals", "application/jsonl", {to_bytes(line + "{}\n")}, {2}}});
+  EXPECT_EQ(
+      refusal("vitals", "x.csv"),
+      "line 2 of segments/vitals/00000000.jsonl.age is no vital sign: expected {\"time_ns\": at column 1");
+  record({{"vitals", "vitals", "application/jsonl", {to_bytes(line + "{")}, {2}}});
+  EXPECT_EQ(refusal("vitals", "x.jsonl"), "line 2 of segments/vitals/00000000.jsonl.age has no line end");
+}
+
+TEST_F(ExporterTest, RefusesASegmentThatHoldsOtherMediaThanStated) {
+  RecordedStream stream = transport_stream();
+  stream.media = "video/x-matroska";
+  record({stream});
+  EXPECT_THAT(refusal("endoscope", "x.mkv"),
+              HasSubstr("cannot read the media of segments/endoscope/00000000"));
+}
+
+}  // namespace
+}  // namespace kiroku::media

@@ -1,0 +1,94 @@
+// The table that an export writes is one that the recorder reads.
+#include <fstream>
+#include <map>
+
+#include <gtest/gtest.h>
+
+#include "base/error.h"
+#include "media/vitals_table.h"
+#include "recorder/source/source_address.h"
+#include "recorder/vitals/vital_source.h"
+#include "tests/support/temporary_folder.h"
+
+namespace kiroku::recorder {
+namespace {
+
+struct Point {
+  std::int64_t time_ns = 0;
+  std::optional<double> value;
+  std::string unit;
+  media::VitalQuality quality = media::VitalQuality::kGood;
+  bool operator==(const Point&) const = default;
+};
+
+/// Samples by code, waveforms value by value.
+std::map<std::string, std::vector<Point>> points_of(const std::vector<VitalSample>& samples) {
+  std::map<std::string, std::vector<Point>> points;
+  for (const VitalSample& sample : samples) {
+    auto& of_code = points[sample.code];
+    if (!sample.is_waveform()) {
+      of_code.push_back({sample.time_ns, sample.value, sample.unit, sample.quality});
+    }
+    for (std::size_t i = 0; i < sample.values.size(); ++i) {
+      of_code.push_back({waveform_time_ns(sample, i), sample.values[i], sample.unit, sample.quality});
+    }
+  }
+  return points;
+}
+
+std::vector<VitalSample> through_a_table(const std::vector<VitalSample>& samples) {
+  const test::TemporaryFolder folder;
+  const std::string path = (folder / "vitals.csv").string();
+  {
+    std::ofstream file(path, std::ios::binary);
+    media::VitalsTable table([&](ByteView bytes) { file << text_of(bytes); });
+    for (const VitalSample& sample : samples) {
+      table.add(sample);
+    }
+    table.finish();
+  }
+  const auto source = open_vital_source(parse_source_address(path));
+  std::vector<VitalSample> read;
+  while (auto sample = source->next()) {
+    read.push_back(std::move(*sample));
+  }
+  return read;
+}
+
+TEST(CsvRoundTrip, KeepsAPatientsEveryPoint) {
+  const auto patient = open_vital_source(parse_source_address("synthetic:patient?seed=9&flash=7"));
+  std::vector<VitalSample> samples;
+  while (samples.size() < 2000) {
+    samples.push_back(*patient->next());
+  }
+  EXPECT_EQ(points_of(through_a_table(samples)), points_of(samples));
+}
+
+TEST(CsvRoundTrip, KeepsMissingValuesQualitiesAndAwkwardNames) {
+  std::vector<VitalSample> samples(3);
+  samples[0].code = "a, \"b\"\nc";
+  samples[0].unit = "10*9/L";
+  samples[0].quality = media::VitalQuality::kMissing;
+  samples[1].code = "HR";
+  samples[1].time_ns = 1;
+  samples[1].value = -1.5e-300;
+  samples[1].quality = media::VitalQuality::kInvalid;
+  samples[2] = samples[1];
+  samples[2].time_ns = 9'000'000'000'000'001;
+  samples[2].quality = media::VitalQuality::kQuestionable;
+  EXPECT_EQ(points_of(through_a_table(samples)), points_of(samples));
+}
+
+TEST(CsvRoundTrip, RefusesSamplesOutOfOrder) {
+  media::VitalsTable table([](ByteView) {});
+  VitalSample sample;
+  sample.code = "HR";
+  sample.value = 1;
+  sample.time_ns = 5;
+  table.add(sample);
+  sample.time_ns = 4;
+  EXPECT_THROW(table.add(sample), Error);
+}
+
+}  // namespace
+}  // namespace kiroku::recorder
