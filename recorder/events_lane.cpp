@@ -4,6 +4,7 @@
 
 #include <nlohmann/json.hpp>
 
+#include "base/error.h"
 #include "crypto/encoding.h"
 #include "crypto/secret.h"
 
@@ -13,20 +14,23 @@ EventsLane::EventsLane(const LaneContext& context, std::size_t stream_index, arc
     : context_(context), output_(context.writer, stream_index, std::move(info), context.facts) {}
 
 void EventsLane::mark(const std::string& text) {
-  const crypto::Secret salt = crypto::Secret::random(32);
   const archive::Moment now = context_.clock.moment();
+  nlohmann::ordered_json event;
+  event["time_ns"] = now.mono_ns;
+  event["utc"] = format_utc(now.utc);
+  event["kind"] = "mark";
+  event["text"] = text;
+  const std::string event_text = event.dump(-1, ' ', false, nlohmann::json::error_handler_t::replace);
+  const crypto::Secret salt = crypto::Secret::random(32);
   Bytes committed = to_bytes(salt.bytes());
-  append(committed, bytes_of(text));
+  append(committed, bytes_of(event_text));
   nlohmann::ordered_json line;
-  line["time_ns"] = now.mono_ns;
-  line["utc"] = format_utc(now.utc);
-  line["kind"] = "mark";
-  line["text"] = text;
   line["salt"] = crypto::to_hex(salt.bytes());
-  {
-    const std::lock_guard guard(mutex_);
-    waiting_.push_back(line.dump(-1, ' ', false, nlohmann::json::error_handler_t::replace) + "\n");
-  }
+  line["event"] = event_text;
+
+  const std::lock_guard guard(mutex_);
+  if (closed_) throw Error("the case is closed: nothing can be marked in it any more");
+  waiting_.push_back(line.dump() + "\n");
   context_.facts.push(archive::CaseEntryBody(archive::MarkEntry{crypto::sha256(committed)}));
 }
 
@@ -55,6 +59,10 @@ void EventsLane::step(std::int64_t now_ns) {
 }
 
 void EventsLane::finish(std::int64_t close_ns) {
+  {
+    const std::lock_guard guard(mutex_);
+    closed_ = true;
+  }
   step(close_ns);
   try {
     output_.drain();

@@ -10,13 +10,18 @@
 
 namespace kiroku::recorder {
 
-/// One line an event: {"time_ns":…,"utc":"…","kind":"mark","text":"…","salt":"<64 hex digits>"}. The ledger's
-/// commitment is SHA-256(salt bytes ‖ text bytes), so whoever can open the stream can prove what was marked,
-/// and nobody can guess it from the ledger.
+/// One line a mark: {"salt":"<64 hex digits>","event":"<JSON text>"}, the event being, as text inside a
+/// string so that its bytes stay what they are,
+///
+///   {"time_ns":1500000000,"utc":"2026-08-05T09:15:03.500000Z","kind":"mark","text":"clip placed"}
+///
+/// The ledger's commitment is SHA-256(salt bytes ‖ event bytes): whoever can open the stream can prove what
+/// was marked (`jq -j .event`), and nobody can guess it from the ledger.
 class EventsLane {
  public:
   EventsLane(const LaneContext& context, std::size_t stream_index, archive::StreamInfo info);
-  /// From any thread. The commitment goes to the ledger at once; the sealed event with the next step().
+  /// From any thread. The commitment goes to the ledger at once, the sealed event with the next step().
+  /// Throws kiroku::Error after finish().
   void mark(const std::string& text);
   /// Seals what was marked, in one segment that follows the one before. Called by the session's thread, about
   /// each segment's duration.
@@ -30,6 +35,7 @@ class EventsLane {
   std::mutex mutex_;
   std::vector<std::string> waiting_;
   std::int64_t sealed_until_ns_ = 0;
+  bool closed_ = false;
   bool failed_ = false;
 };
 

@@ -18,6 +18,7 @@ std::size_t picture_bytes(const AVFrame& frame) {
 
 bool FrameQueue::push(TimedFrame frame, bool patient) {
   const std::size_t bytes = picture_bytes(*frame.frame);
+  const std::int64_t time_ns = frame.time_ns;
   std::unique_lock lock(mutex_);
   // A picture larger than the whole budget still fits into an empty queue.
   const auto has_room = [&] {
@@ -25,31 +26,31 @@ bool FrameQueue::push(TimedFrame frame, bool patient) {
   };
   if (patient) changed_.wait(lock, has_room);
   if (abandoned_) return false;
+  // What the source lost lay between the frame before and this one, evenly.
+  const auto lost = static_cast<std::int64_t>(frame.lost_before);
+  dropped_ += frame.lost_before;
+  if (lost > 0 && dropped_before_next_ == 0) {
+    first_dropped_ns_ = last_taken_ns_ + (time_ns - last_taken_ns_) / (lost + 1);
+  }
+  dropped_before_next_ += frame.lost_before;
   if (!has_room()) {
-    if (dropped_before_next_++ == 0) first_dropped_ns_ = frame.time_ns;
-    last_dropped_ns_ = frame.time_ns;
+    if (dropped_before_next_++ == 0) first_dropped_ns_ = time_ns;
     ++dropped_;
     return false;
   }
-  QueuedFrame item{std::move(frame), 0, {}};
-  item.dropped_before = std::exchange(dropped_before_next_, 0) + item.picture.lost_before;
-  if (item.dropped_before > 0) {
-    const std::int64_t end = item.picture.time_ns;
-    item.overload = archive::Span{
-        item.picture.lost_before == item.dropped_before ? end : std::min(first_dropped_ns_, end), end};
-  }
-  dropped_ += item.picture.lost_before;
+  items_.emplace_back(
+      QueuedFrame{std::move(frame), std::exchange(dropped_before_next_, 0), first_dropped_ns_});
   waiting_bytes_ += bytes;
-  items_.emplace_back(std::move(item));
+  last_taken_ns_ = time_ns;
   lock.unlock();
   changed_.notify_all();
   return true;
 }
 
-void FrameQueue::push(Interruption interruption) {
+void FrameQueue::push(SourceLost lost) {
   {
     const std::lock_guard guard(mutex_);
-    items_.emplace_back(interruption);
+    items_.emplace_back(lost);
   }
   changed_.notify_all();
 }
@@ -95,7 +96,7 @@ std::optional<QueuedFrame> FrameQueue::unstated_drops() {
   if (dropped_before_next_ == 0) return {};
   QueuedFrame item;
   item.dropped_before = std::exchange(dropped_before_next_, 0);
-  item.overload = archive::Span{first_dropped_ns_, last_dropped_ns_};
+  item.dropped_since_ns = first_dropped_ns_;
   return item;
 }
 

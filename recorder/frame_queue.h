@@ -14,18 +14,17 @@
 
 namespace kiroku::recorder {
 
-/// A frame, with what was lost right before it for want of room.
+/// A frame, with what was lost right before it: for want of room, or by the source itself.
 struct QueuedFrame {
   TimedFrame picture;
   std::uint64_t dropped_before = 0;
-  std::optional<archive::Span> overload;  // case-clock span of the dropped frames
+  std::int64_t dropped_since_ns = 0;  // case clock; until the picture's own time nothing was taken
 };
-/// The source was away: nothing could be recorded in `span`.
-struct Interruption {
-  archive::Span span;
+/// The source went away after the last frame.
+struct SourceLost {
   archive::GapCause cause = archive::GapCause::kSignalLost;
 };
-using QueueItem = std::variant<QueuedFrame, Interruption>;
+using QueueItem = std::variant<QueuedFrame, SourceLost>;
 
 /// One producer, one consumer. Thread-safe.
 class FrameQueue {
@@ -37,16 +36,17 @@ class FrameQueue {
   /// loses nothing by waiting), else drops it, counts it, and states it with the next frame that fits.
   /// Returns whether the frame was taken.
   bool push(TimedFrame frame, bool patient);
-  void push(Interruption interruption);
-  /// Nothing more comes; drops not yet stated come out with the end.
+  void push(SourceLost lost);
+  /// Nothing more comes.
   void finish();
   /// The next item; nothing when finished and empty.
   std::optional<QueueItem> pop();
   /// Makes a patient push() return and everything after it be dropped unstated: the consumer failed.
   void abandon();
 
+  /// Frames dropped so far, those that the source lost included.
   [[nodiscard]] std::uint64_t dropped() const;
-  /// Frames dropped after the last one that was taken, and their span; for the end of the stream.
+  /// Frames dropped after the last one that was taken, and since when; `picture` is empty. Nothing if none.
   [[nodiscard]] std::optional<QueuedFrame> unstated_drops();
 
  private:
@@ -60,7 +60,7 @@ class FrameQueue {
   std::uint64_t dropped_ = 0;
   std::uint64_t dropped_before_next_ = 0;
   std::int64_t first_dropped_ns_ = 0;
-  std::int64_t last_dropped_ns_ = 0;
+  std::int64_t last_taken_ns_ = 0;
 };
 
 /// Memory that the picture's planes occupy.

@@ -44,7 +44,7 @@ struct LaneContext {
 };
 
 struct LaneStatus {
-  bool live = false;
+  bool live = false;  // something came lately
   std::uint64_t frames = 0, dropped = 0, segments = 0, bytes = 0;
   std::int64_t last_ns = 0;  // case-clock end of what was recorded
 };
@@ -57,8 +57,13 @@ class Lane {
   virtual void stop() = 0;
   /// Waits until everything is recorded and stated. Gaps that last until the end are stated up to `close_ns`.
   virtual void finish(std::int64_t close_ns) = 0;
-  /// Whether the source has ended by itself. Thread-safe.
+  /// Whether nothing more comes, so that finish() would not cut anything off. Thread-safe.
   [[nodiscard]] virtual bool ended() const = 0;
+  /// Whether the source had more when LaneContext::end_ns was reached. Thread-safe.
+  [[nodiscard]] virtual bool reached_end() const = 0;
+  /// Whether the source states its own times and goes as fast as it can, so that the clock says nothing of
+  /// it.
+  [[nodiscard]] virtual bool is_unpaced() const = 0;
   [[nodiscard]] virtual LaneStatus status() const = 0;
   [[nodiscard]] virtual const std::string& name() const = 0;
 };

@@ -31,13 +31,14 @@ void Scribe::start() {
 void Scribe::run() {
   try {
     while (!stopping_) {
-      write(facts_.take(kPatience));
-      if (const std::optional<archive::ClockEntry> clock = clock_watch_.check())
+      if (const std::optional<archive::ClockEntry> clock = clock_watch_.check()) {
         writer_.append({*clock}, clock_.moment());
+      }
       if (clock_.now_ns() >= next_stamp_ns_) {
         stamp(false);
         next_stamp_ns_ = clock_.now_ns() + stamp_interval_.count();
       }
+      write(facts_.take(kPatience));
     }
   } catch (const std::exception& error) {
     failure_ = std::current_exception();

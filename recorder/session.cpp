@@ -4,6 +4,7 @@
 #include <fstream>
 #include <thread>
 
+#include "archive/case_layout.h"
 #include "base/error.h"
 #include "recorder/events_lane.h"
 #include "recorder/scribe.h"
@@ -15,6 +16,9 @@ namespace {
 
 constexpr std::chrono::milliseconds kProgressInterval{250};
 constexpr std::int64_t kGraceNs = 1'000'000'000;
+constexpr std::chrono::milliseconds kShortestSegment{100};
+// Format 1 allows ten seconds; the rest is for a source that is silent at a segment's end.
+constexpr std::chrono::seconds kLongestSegment{9};
 constexpr const char* kEventsStream = "events";
 
 std::string boot_id() {
@@ -39,102 +43,19 @@ archive::StreamInfo stream_info(const StreamRequest& request, const SourceAddres
   info.profile = video ? std::string(profile_name(request.video.profile)) : "jsonl";
   info.purpose = request.purpose;
   info.recipients = names_of(request.recipients);
-  info.timing = address.unpaced() ? "source" : "arrival";
+  info.timing = address.unpaced() || address.kind == SourceKind::kFile ? "source" : "arrival";
   return info;
 }
 
 }  // namespace
 
 struct Session::State {
-  explicit State(SessionOptions asked)
-      : options(std::move(asked)),
-        files(options.files == nullptr ? archive::real_file_system() : *options.files) {
-    if (options.video.empty() && options.vitals.empty())
-      throw UsageError("nothing to record: give at least one source");
-    if (options.segment_duration < std::chrono::milliseconds(100) ||
-        options.segment_duration > std::chrono::seconds(10)) {
-      throw UsageError("a segment must last from 0.1 to 10 seconds");
-    }
-    // Sources first: what cannot be opened must not leave a case behind.
-    struct OpenedVideo {
-      SourceAddress address;
-      std::unique_ptr<Source> source;
-    };
-    struct OpenedVitals {
-      SourceAddress address;
-      std::unique_ptr<VitalSource> source;
-    };
-    std::vector<OpenedVideo> videos;
-    std::vector<OpenedVitals> vitals;
-    archive::CaseWriter::Options writing;
-    for (const StreamRequest& request : options.video) {
-      OpenedVideo opened{parse_source_address(request.source), {}};
-      opened.source = open_source(opened.address, clock);
-      require_end(opened.address);
-      // Tried once, so that a picture too large for the encoder is refused now and not in the first second.
-      (void)VideoEncoder(opened.source->format(), opened.source->frame_rate(), request.video);
-      writing.streams.push_back(stream_info(request, opened.address, true));
-      writing.stream_recipients.push_back(request.recipients);
-      videos.push_back(std::move(opened));
-    }
-    for (const StreamRequest& request : options.vitals) {
-      OpenedVitals opened{parse_source_address(request.source), {}};
-      opened.source = open_vital_source(opened.address);
-      require_end(opened.address);
-      writing.streams.push_back(stream_info(request, opened.address, false));
-      writing.stream_recipients.push_back(request.recipients);
-      vitals.push_back(std::move(opened));
-    }
-    archive::StreamInfo events_info;
-    events_info.name = events_info.kind = kEventsStream;
-    events_info.media = "application/jsonl";
-    events_info.source = "operator";
-    events_info.profile = "jsonl";
-    events_info.purpose = "marks of the operator";
-    events_info.recipients = names_of(options.event_recipients);
-    writing.streams.push_back(std::move(events_info));
-    writing.stream_recipients.push_back(options.event_recipients);
+  explicit State(SessionOptions asked);
+  ~State();
+  State(const State&) = delete;
+  State& operator=(const State&) = delete;
 
-    writing.archive = options.archive;
-    writing.key = options.key;
-    writing.device_name = options.device_name;
-    writing.subject = options.subject;
-    writing.subject_recipients = options.event_recipients;
-    writing.boot_id = boot_id();
-    writing.log = options.log;
-    clock.restart();
-    writer = archive::CaseWriter::create(files, writing, clock.moment());
-
-    if (options.duration) end_ns = options.duration->count();
-    const LaneContext context{clock, *writer, facts, troubles, options.segment_duration, end_ns};
-    const std::size_t budget = options.queue_bytes / std::max<std::size_t>(1, videos.size());
-    std::size_t index = 0;
-    for (OpenedVideo& opened : videos) {
-      lanes.push_back(std::make_unique<VideoLane>(context, index, writing.streams[index], opened.address,
-                                                  std::move(opened.source), options.video[index].video,
-                                                  budget));
-      ++index;
-    }
-    video_lanes = lanes.size();
-    for (OpenedVitals& opened : vitals) {
-      lanes.push_back(std::make_unique<VitalsLane>(context, index, writing.streams[index], opened.address,
-                                                   std::move(opened.source)));
-      ++index;
-    }
-    events = std::make_unique<EventsLane>(context, index, writing.streams[index]);
-    stamper = std::make_unique<Stamper>(options.authorities, options.trust, facts);
-    scribe = std::make_unique<Scribe>(*writer, facts, clock, troubles, *stamper, options.stamp_interval);
-    all_unpaced = std::all_of(writing.streams.begin(), writing.streams.end() - 1,
-                              [](const archive::StreamInfo& info) { return info.timing == "source"; });
-  }
-
-  void require_end(const SourceAddress& address) const {
-    if (address.unpaced() && !options.duration &&
-        (address.kind == SourceKind::kSynthetic || address.option("loop", "0") == "1")) {
-      throw UsageError("source '" + address.stated +
-                       "' never ends and goes as fast as it can; say when to stop with --duration");
-    }
-  }
+  void finish_lanes();
 
   [[nodiscard]] SessionStatus status() const {
     SessionStatus status;
@@ -153,26 +74,22 @@ struct Session::State {
   [[nodiscard]] std::string reason_to_end() const {
     if (stopping) return "operator";
     if (std::string trouble = troubles.close_reason(); !trouble.empty()) return trouble;
-    // Sources end by their own times at the duration; one that sends nothing is ended by the clock.
-    if (end_ns && !all_unpaced && clock.now_ns() >= *end_ns + kGraceNs) return "duration";
-    const std::size_t deciding = video_lanes > 0 ? video_lanes : lanes.size();
-    const bool over = std::all_of(lanes.begin(), lanes.begin() + static_cast<std::ptrdiff_t>(deciding),
-                                  [](const auto& lane) { return lane->ended(); });
+    const auto has_ended = [](const auto& lane) { return lane->ended(); };
+    if (!end_ns) {
+      const std::size_t deciding = video_lanes > 0 ? video_lanes : lanes.size();
+      const auto last = lanes.begin() + static_cast<std::ptrdiff_t>(deciding);
+      return std::all_of(lanes.begin(), last, has_ended) ? "sources-ended" : "";
+    }
+    // Sources end by their own times when the duration is over; one that is silent is ended by the clock.
+    const bool overdue = clock.now_ns() >= *end_ns + kGraceNs;
+    const bool over = std::all_of(lanes.begin(), lanes.end(), [&](const auto& lane) {
+      return lane->ended() || (overdue && !lane->is_unpaced());
+    });
     if (!over) return "";
-    if (!end_ns) return "sources-ended";
-    // The other streams go on to the duration.
-    const bool all_over =
-        std::all_of(lanes.begin(), lanes.end(), [](const auto& lane) { return lane->ended(); });
-    const bool time_is_up = !all_unpaced && clock.now_ns() >= *end_ns;
-    if (!all_over && !time_is_up) return "";
-    return reached_duration() ? "duration" : "sources-ended";
-  }
-
-  [[nodiscard]] bool reached_duration() const {
-    if (!all_unpaced) return clock.now_ns() >= *end_ns;
-    std::int64_t last = 0;
-    for (const auto& lane : lanes) last = std::max(last, lane->status().last_ns);
-    return last + kGraceNs >= *end_ns;
+    const bool to_the_end = std::any_of(lanes.begin(), lanes.end(), [&](const auto& lane) {
+      return lane->reached_end() || (overdue && !lane->is_unpaced());
+    });
+    return to_the_end ? "duration" : "sources-ended";
   }
 
   SessionOptions options;
@@ -184,12 +101,150 @@ struct Session::State {
   std::unique_ptr<archive::CaseWriter> writer;
   std::vector<std::unique_ptr<Lane>> lanes;  // video first
   std::size_t video_lanes = 0;
-  bool all_unpaced = false;
   std::unique_ptr<EventsLane> events;
   std::unique_ptr<Stamper> stamper;
   std::unique_ptr<Scribe> scribe;
   std::atomic<bool> stopping = false;
+  bool closed = false;
 };
+
+namespace {
+
+/// What was asked for, checked and opened, before there is a case.
+struct OpenedVideo {
+  SourceAddress address;
+  std::unique_ptr<Source> source;
+};
+struct OpenedVitals {
+  SourceAddress address;
+  std::unique_ptr<VitalSource> source;
+};
+
+void check(const SessionOptions& options) {
+  if (options.video.empty() && options.vitals.empty()) {
+    throw UsageError("there is nothing to record: give at least one source");
+  }
+  if (options.segment_duration < kShortestSegment || options.segment_duration > kLongestSegment) {
+    throw UsageError("a segment must last from 0.1 to 9 seconds");
+  }
+  if (options.stamp_interval <= std::chrono::nanoseconds(0)) {
+    throw UsageError("the time between two time-stamps must be longer than nothing");
+  }
+  if (options.duration && *options.duration <= std::chrono::nanoseconds(0)) {
+    throw UsageError("the duration must be longer than nothing");
+  }
+  for (const NamedAuthority& authority : options.authorities) {
+    const auto same = [&](const NamedAuthority& other) { return other.name == authority.name; };
+    if (!archive::is_short_name(authority.name) ||
+        std::count_if(options.authorities.begin(), options.authorities.end(), same) > 1) {
+      throw UsageError(
+          "'" + authority.name +
+          "' cannot name a time-stamping authority: names are unique, of up to 32 lower-case letters, "
+          "digits and hyphens");
+    }
+  }
+}
+
+SourceAddress checked_address(const StreamRequest& request, const SessionOptions& options) {
+  SourceAddress address = parse_source_address(request.source);
+  if (address.unpaced() && !options.duration &&
+      (address.kind == SourceKind::kSynthetic || address.option("loop", "0") == "1")) {
+    throw UsageError("source '" + address.stated +
+                     "' never ends and goes as fast as it can; say when to stop with --duration");
+  }
+  return address;
+}
+
+archive::StreamInfo events_info(const crypto::AgeRecipients& recipients) {
+  archive::StreamInfo info;
+  info.name = info.kind = kEventsStream;
+  info.media = "application/jsonl";
+  info.source = "operator";
+  info.profile = "jsonl";
+  info.purpose = "marks of the operator";
+  info.recipients = names_of(recipients);
+  return info;
+}
+
+}  // namespace
+
+Session::State::State(SessionOptions asked)
+    : options(std::move(asked)),
+      files(options.files == nullptr ? archive::real_file_system() : *options.files) {
+  check(options);
+  archive::CaseWriter::Options writing;
+  const auto declare = [&](archive::StreamInfo info, const crypto::AgeRecipients& recipients) {
+    writing.streams.push_back(std::move(info));
+    writing.stream_recipients.push_back(recipients);
+  };
+  // Sources first: what cannot be opened must not leave a case behind.
+  std::vector<OpenedVideo> videos;
+  std::vector<OpenedVitals> vitals;
+  for (const StreamRequest& request : options.video) {
+    OpenedVideo opened{checked_address(request, options), {}};
+    opened.source = open_source(opened.address, clock);
+    // Tried once, so that a picture too large for the encoder is refused now and not in the first second.
+    const VideoEncoder tried(opened.source->format(), opened.source->frame_rate(), request.video);
+    declare(stream_info(request, opened.address, true), request.recipients);
+    videos.push_back(std::move(opened));
+  }
+  for (const StreamRequest& request : options.vitals) {
+    OpenedVitals opened{checked_address(request, options), {}};
+    opened.source = open_vital_source(opened.address);
+    declare(stream_info(request, opened.address, false), request.recipients);
+    vitals.push_back(std::move(opened));
+  }
+  declare(events_info(options.event_recipients), options.event_recipients);
+
+  writing.archive = options.archive;
+  writing.key = options.key;
+  writing.device_name = options.device_name;
+  writing.subject = options.subject;
+  writing.subject_recipients = options.event_recipients;
+  writing.boot_id = boot_id();
+  writing.log = options.log;
+  clock.restart();
+  writer = archive::CaseWriter::create(files, writing, clock.moment());
+
+  if (options.duration) end_ns = options.duration->count();
+  const LaneContext context{clock, *writer, facts, troubles, options.segment_duration, end_ns};
+  const std::size_t budget = options.queue_bytes / std::max<std::size_t>(1, videos.size());
+  std::size_t index = 0;
+  for (OpenedVideo& opened : videos) {
+    lanes.push_back(std::make_unique<VideoLane>(context, index, writing.streams[index], opened.address,
+                                                std::move(opened.source), options.video[index].video,
+                                                budget));
+    ++index;
+  }
+  video_lanes = lanes.size();
+  for (OpenedVitals& opened : vitals) {
+    lanes.push_back(std::make_unique<VitalsLane>(context, index, writing.streams[index], opened.address,
+                                                 std::move(opened.source)));
+    ++index;
+  }
+  events = std::make_unique<EventsLane>(context, index, writing.streams[index]);
+  stamper = std::make_unique<Stamper>(options.authorities, options.trust, facts);
+  scribe = std::make_unique<Scribe>(*writer, facts, clock, troubles, *stamper, options.stamp_interval);
+}
+
+Session::State::~State() {
+  if (closed || !scribe) return;
+  // Never run, or run() was left by an error: the case is still closed properly.
+  try {
+    finish_lanes();
+    scribe->finish("error: the recording was abandoned");
+  } catch (const std::exception&) {
+    // The ledger cannot be written any more; verification says "incomplete".
+    return;
+  }
+}
+
+void Session::State::finish_lanes() {
+  for (const auto& lane : lanes) lane->stop();
+  const std::int64_t close_ns = clock.now_ns();
+  for (const auto& lane : lanes) lane->finish(close_ns);
+  events->finish(close_ns);
+}
 
 Session::Session(SessionOptions options) : state_(std::make_unique<State>(std::move(options))) {}
 
@@ -218,12 +273,10 @@ SessionResult Session::run(const std::function<void(const SessionStatus&)>& prog
       next_progress_ns = now + std::chrono::nanoseconds(kProgressInterval).count();
     }
   }
-  for (const auto& lane : s.lanes) lane->stop();
-  const std::int64_t close_ns = s.clock.now_ns();
-  for (const auto& lane : s.lanes) lane->finish(close_ns);
-  s.events->finish(close_ns);
+  s.finish_lanes();
   // A write that failed while the rest was brought in changes the reason.
   if (const std::string trouble = s.troubles.close_reason(); !trouble.empty()) reason = trouble;
+  s.closed = true;
   s.scribe->finish(reason);
 
   SessionResult result;

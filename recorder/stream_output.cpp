@@ -63,8 +63,10 @@ void StreamOutput::end(const Ending& ending) {
 
 void StreamOutput::give_up(const Ending& ending) {
   {
-    const std::lock_guard guard(mutex_);
+    std::unique_lock lock(mutex_);
     growing_.reset();
+    // The segment must not be salvaged while its data is being synced.
+    changed_.wait(lock, [&] { return !busy_; });
   }
   const std::shared_ptr<archive::SegmentWriter> segment = std::move(current_);
   current_.reset();

@@ -6,6 +6,7 @@ extern "C" {
 }
 
 #include <algorithm>
+#include <filesystem>
 
 #include "base/error.h"
 
@@ -14,18 +15,14 @@ namespace {
 
 // A segment holds at most 1 GiB (docs/format.md); it is cut well before.
 constexpr std::uint64_t kLargestSegmentBytes = 960ULL << 20;
-constexpr std::chrono::milliseconds kReopenPause{1000};
+// And at most 10 s, so a silence that would stretch it further is stated as a gap.
+constexpr std::int64_t kLongestSegmentNs = 10'000'000'000;
+constexpr std::int64_t kLongestSilenceNs = 5'000'000'000;
+constexpr std::int64_t kShortestSilenceNs = 1'000'000'000;
+constexpr std::int64_t kReopenPauseNs = 1'000'000'000;
+constexpr std::chrono::seconds kPipePatience{10};
 
 }  // namespace
-
-struct VideoLane::Coding {
-  Coding(const PictureFormat& format, Rational rate, const VideoProfile& profile)
-      : encoder(format, rate, profile),
-        muxer(profile.in_transport_stream() ? make_transport_stream_muxer({&encoder.context()})
-                                            : make_matroska_muxer({&encoder.context()})) {}
-  VideoEncoder encoder;
-  std::unique_ptr<SegmentMuxer> muxer;
-};
 
 VideoLane::VideoLane(const LaneContext& context, std::size_t stream_index, archive::StreamInfo info,
                      SourceAddress address, std::unique_ptr<Source> source, VideoProfile profile,
@@ -35,6 +32,7 @@ VideoLane::VideoLane(const LaneContext& context, std::size_t stream_index, archi
       profile_(profile),
       output_(context.writer, stream_index, std::move(info), context.facts),
       queue_(queue_bytes),
+      muxer_(profile.in_transport_stream() ? make_transport_stream_muxer() : make_matroska_muxer()),
       source_(std::move(source)) {}
 
 VideoLane::~VideoLane() {
@@ -56,83 +54,91 @@ void VideoLane::stop() {
 }
 
 LaneStatus VideoLane::status() const {
-  return {live_, frames_, dropped_ + queue_.dropped(), output_.segments(), output_.bytes(), last_ns_};
+  return {live_, frames_, refused_ + queue_.dropped(), output_.segments(), output_.bytes(), last_ns_};
 }
 
-// --- capture
-// ------------------------------------------------------------------------------------------------------------
+// --- capture -----------------------------------------------------------------------------------------------
 
 void VideoLane::capture() {
-  const bool is_live = source_->is_live();
-  for (;;) {
-    bool lost = false;
+  const bool comes_back = source_->is_live();
+  bool lost = true;
+  while (lost && !stopping_) {
+    lost = false;
     try {
-      lost = source_ == nullptr || !capture_from(*source_);
+      capture_from(*source_);
     } catch (const std::exception& error) {
       context_.troubles.mention(error.what());
       lost = true;
     }
     live_ = false;
-    if (stopping_ || !lost) break;
-    if (!away_) {
-      away_ = archive::GapCause::kSignalLost;
-      away_since_ns_ = captured_until_ns_;
-    }
-    if (!is_live) break;  // a damaged file does not come back
-    // Full teardown, a pause, and a fresh one: stale buffers and half-open connections are gone with the old
+    if (!lost || stopping_ || !comes_back) break;  // a damaged file does not come back
+    queue_.push(SourceLost{cause_of_loss()});
+    // Full teardown, a pause, and a fresh one: stale buffers and half-open connections go with the old
     // object.
     {
       const std::lock_guard guard(source_mutex_);
       source_.reset();
     }
-    if (!wait_until(context_.clock, context_.clock.now_ns() + std::chrono::nanoseconds(kReopenPause).count(),
-                    stopping_))
-      break;
-    try {
-      auto fresh = open_source(address_, context_.clock);
-      const std::lock_guard guard(source_mutex_);
-      source_ = std::move(fresh);
-      if (stopping_) source_->interrupt();
-    } catch (const std::exception& error) {
-      context_.troubles.mention(error.what());
-    }
+    lost = reopen();
   }
   ended_ = true;
   queue_.finish();
 }
 
-bool VideoLane::capture_from(Source& source) {
+void VideoLane::capture_from(Source& source) {
+  const Rational rate = source.frame_rate();
   while (std::optional<TimedFrame> frame = source.read()) {
-    if (context_.end_ns && frame->time_ns >= *context_.end_ns) return true;
+    if (context_.end_ns && frame->time_ns >= *context_.end_ns) {
+      reached_end_ = true;
+      return;
+    }
     live_ = true;
-    if (away_) state_interruption(frame->time_ns);
-    captured_until_ns_ = frame->time_ns;
+    frame->rate = rate;
     queue_.push(std::move(*frame), address_.unpaced());
   }
-  return true;
 }
 
-void VideoLane::state_interruption(std::int64_t until_ns) {
-  queue_.push(Interruption{{std::min(away_since_ns_, until_ns), until_ns}, *away_});
-  away_.reset();
+/// Tries until the source is back; false if it has ended or the session stops.
+bool VideoLane::reopen() {
+  const bool is_pipe = address_.kind == SourceKind::kPipe;
+  for (;;) {
+    if (!is_pipe && !wait_until(context_.clock, context_.clock.now_ns() + kReopenPauseNs, stopping_)) {
+      return false;
+    }
+    try {
+      OpeningTerms terms;
+      terms.cancelled = &stopping_;
+      if (is_pipe) terms.patience = kPipePatience;
+      auto fresh = open_source(address_, context_.clock, terms);
+      const std::lock_guard guard(source_mutex_);
+      source_ = std::move(fresh);
+      if (stopping_) source_->interrupt();
+      return true;
+    } catch (const std::exception& error) {
+      if (stopping_ || is_pipe) return false;
+      context_.troubles.mention(error.what());
+    }
+  }
 }
 
-// --- encoding
-// -----------------------------------------------------------------------------------------------------------
+archive::GapCause VideoLane::cause_of_loss() const {
+  std::error_code ignored;
+  const bool unplugged =
+      address_.kind == SourceKind::kDevice && !std::filesystem::exists(address_.location, ignored);
+  return unplugged ? archive::GapCause::kDeviceRemoved : archive::GapCause::kSignalLost;
+}
+
+// --- encoding ----------------------------------------------------------------------------------------------
 
 void VideoLane::encode() {
   while (std::optional<QueueItem> item = queue_.pop()) {
-    if (failed_since_ns_) continue;
+    if (failed_) continue;
     try {
-      std::visit(
-          [this](auto& value) {
-            if constexpr (std::is_same_v<std::decay_t<decltype(value)>, QueuedFrame>) {
-              take(std::move(value));
-            } else {
-              take(value);
-            }
-          },
-          *item);
+      if (auto* frame = std::get_if<QueuedFrame>(&*item)) {
+        take(std::move(*frame));
+      } else {
+        take(std::get<SourceLost>(*item));
+      }
     } catch (const std::exception& error) {
       fail(error);
     }
@@ -141,83 +147,121 @@ void VideoLane::encode() {
 
 void VideoLane::take(QueuedFrame item) {
   const std::int64_t time_ns = item.picture.time_ns;
-  const PictureFormat format = format_of(*item.picture.frame);
-  if (coding_ && !(format == coded_format_)) {
-    end_coding(time_ns);
-    context_.facts.push(archive::CaseEntryBody(
-        archive::GapEntry{name(), {time_ns, time_ns}, archive::GapCause::kFormatChange}));
-    context_.troubles.mention("source '" + address_.stated + "' changed to " + std::to_string(format.width) +
-                              "x" + std::to_string(format.height) + "; recording goes on in a new segment");
+  segment_dropped_ += item.dropped_before;
+  const std::int64_t longest_silence_ns = std::clamp(kLongestSegmentNs - context_.segment_duration.count(),
+                                                     kShortestSilenceNs, kLongestSilenceNs);
+  if (!absence_ && time_ns - end_of_last_frame() > longest_silence_ns) {
+    end_segment(end_of_last_frame());
+    absence_ = Absence{recorded_until_ns_, item.dropped_before > 0 ? archive::GapCause::kOverload
+                                                                   : archive::GapCause::kSignalLost};
+  } else if (item.dropped_before > 0) {
+    state_gap(item.dropped_since_ns, time_ns, archive::GapCause::kOverload);
   }
-  if (!coding_) {
-    Rational rate{25, 1};
-    {
-      const std::lock_guard guard(source_mutex_);
-      if (source_) rate = source_->frame_rate();
-    }
-    frame_ns_ = 1'000'000'000LL * rate.denominator / rate.numerator;
-    coding_ = std::make_unique<Coding>(format, rate, profile_);
-    coded_format_ = format;
+  if (!ready_for(format_of(*item.picture.frame), item.picture.rate)) {
+    ++refused_;
+    ++segment_dropped_;
+    return;
   }
-  if (item.dropped_before > 0) {
-    segment_dropped_ += item.dropped_before;
-    context_.facts.push(
-        archive::CaseEntryBody(archive::GapEntry{name(), *item.overload, archive::GapCause::kOverload}));
+  if (absence_) {
+    state_gap(absence_->since_ns, time_ns, absence_->cause);
+    absence_.reset();
   }
-  if (media::Frame prepared = coding_->encoder.prepare(std::move(item.picture.frame), time_ns))
+  if (media::Frame prepared = encoder_->prepare(std::move(item.picture.frame), time_ns)) {
     record(std::move(prepared));
+  }
+}
+
+void VideoLane::take(const SourceLost& lost) {
+  end_coding();
+  if (!absence_) absence_ = Absence{recorded_until_ns_, lost.cause};
+}
+
+bool VideoLane::ready_for(const PictureFormat& format, Rational rate) {
+  if (encoder_ && format == coded_format_) return true;
+  if (refused_format_ && format == *refused_format_) return false;
+  const bool changed = encoder_ || refused_format_ || (last_frame_ns_ >= 0 && !(format == coded_format_));
+  end_coding();
+  if (changed) {
+    if (!absence_) absence_ = Absence{recorded_until_ns_, archive::GapCause::kFormatChange};
+    context_.troubles.mention("source '" + address_.stated + "' changed its pictures to " +
+                              format.to_string() + "; recording goes on in a new segment");
+  }
+  try {
+    encoder_ = std::make_unique<VideoEncoder>(format, rate, profile_);
+  } catch (const Error& error) {
+    // Another format may follow: the other streams, and this one, go on.
+    refused_format_ = format;
+    context_.troubles.mention("source '" + address_.stated +
+                              "' cannot be recorded any more: " + error.what());
+    return false;
+  }
+  refused_format_.reset();
+  coded_format_ = format;
+  interval_ns_ = encoder_->frame_interval_ns();
+  return true;
 }
 
 void VideoLane::record(media::Frame prepared) {
   const std::int64_t time_ns = prepared->pts;
-  if (output_.is_open() && (time_ns >= boundary_ns_ || output_.open_bytes() >= kLargestSegmentBytes))
+  if (output_.is_open() && (time_ns >= boundary_ns_ || output_.open_bytes() >= kLargestSegmentBytes)) {
     end_segment(time_ns);
+  }
   const bool first = !output_.is_open();
-  media::Packet packet = coding_->encoder.encode(std::move(prepared), first);
+  media::Packet packet = encoder_->encode(std::move(prepared), first);
   if (first) {
-    const SegmentTime stated = coding_->muxer->stated(packet->pts);
+    const MuxedStream muxed = encoder_->muxed_stream();
+    const SegmentTime stated = muxer_->stated(packet->pts, muxed.time_base);
     output_.begin(time_ns, stated.pts, stated.time_base);
     boundary_ns_ = next_boundary(time_ns, context_.segment_duration);
-    coding_->muxer->begin([this](ByteView bytes) { output_.write(bytes); });
+    muxer_->begin({muxed}, [this](ByteView bytes) { output_.write(bytes); });
   }
+  muxer_->write(std::move(packet), 0);
   last_frame_ns_ = time_ns;
-  coding_->muxer->write(std::move(packet), 0);
   ++segment_frames_;
   ++frames_;
-  last_ns_ = time_ns + frame_ns_;
-}
-
-void VideoLane::take(const Interruption& interruption) {
-  if (coding_) end_coding(std::max(interruption.span.start_ns, last_frame_ns_ + 1));
-  archive::GapEntry gap{name(), interruption.span, interruption.cause};
-  if (frames_ > 0) gap.span.start_ns = std::max(gap.span.start_ns, last_frame_ns_ + 1);
-  gap.span.end_ns = std::max(gap.span.start_ns, gap.span.end_ns);
-  context_.facts.push(archive::CaseEntryBody(gap));
+  last_ns_ = time_ns + interval_ns_;
 }
 
 void VideoLane::end_segment(std::int64_t end_ns) {
   if (!output_.is_open()) return;
-  coding_->muxer->end();
+  muxer_->end();
   output_.end({end_ns, segment_frames_, segment_dropped_});
+  recorded_until_ns_ = end_ns;
   segment_frames_ = segment_dropped_ = 0;
 }
 
-void VideoLane::end_coding(std::int64_t end_ns) {
-  if (!coding_) return;
-  while (media::Frame held = coding_->encoder.drain()) record(std::move(held));
-  end_segment(end_ns);
-  coding_.reset();
+void VideoLane::end_coding() {
+  if (!encoder_) return;
+  while (media::Frame held = encoder_->drain()) record(std::move(held));
+  end_segment(end_of_last_frame());
+  encoder_.reset();
+}
+
+void VideoLane::state_gap(std::int64_t start_ns, std::int64_t end_ns, archive::GapCause cause) {
+  context_.facts.push(
+      archive::CaseEntryBody(archive::GapEntry{name(), {std::min(start_ns, end_ns), end_ns}, cause}));
+}
+
+std::int64_t VideoLane::end_of_last_frame() const {
+  if (last_frame_ns_ < 0) return 0;
+  std::int64_t latest = context_.end_ns.value_or(INT64_MAX);
+  // What is stamped at arrival cannot last beyond now.
+  if (!address_.unpaced()) latest = std::min(latest, context_.clock.now_ns());
+  return std::max(std::min(last_frame_ns_ + interval_ns_, latest), last_frame_ns_ + 1);
 }
 
 void VideoLane::fail(const std::exception& error) {
-  failed_since_ns_ = last_frame_ns_;
+  failed_ = true;
+  const auto* io = dynamic_cast<const IoError*>(&error);
   context_.troubles.end_session(close_reason_for(error), error.what());
+  if (output_.is_open()) recorded_until_ns_ = end_of_last_frame();
+  if (io != nullptr && io->disk_full()) absence_ = Absence{recorded_until_ns_, archive::GapCause::kDiskFull};
   try {
-    output_.give_up({last_frame_ns_ + 1, segment_frames_, segment_dropped_});
+    output_.give_up({recorded_until_ns_, segment_frames_, segment_dropped_});
   } catch (const std::exception& second) {
     context_.troubles.mention(second.what());
   }
-  coding_.reset();
+  encoder_.reset();
   queue_.abandon();
   stop();
 }
@@ -225,30 +269,23 @@ void VideoLane::fail(const std::exception& error) {
 void VideoLane::finish(std::int64_t close_ns) {
   stop();
   if (capture_thread_.joinable()) capture_thread_.join();
+  queue_.finish();
   if (encode_thread_.joinable()) encode_thread_.join();
-  if (!failed_since_ns_) {
+  if (!failed_) {
     try {
       if (const std::optional<QueuedFrame> drops = queue_.unstated_drops()) {
         segment_dropped_ += drops->dropped_before;
-        context_.facts.push(archive::CaseEntryBody(
-            archive::GapEntry{name(), *drops->overload, archive::GapCause::kOverload}));
+        state_gap(drops->dropped_since_ns, std::max(close_ns, drops->dropped_since_ns),
+                  archive::GapCause::kOverload);
       }
-      end_coding(std::min(last_frame_ns_ + frame_ns_,
-                          std::max(context_.end_ns.value_or(INT64_MAX), last_frame_ns_ + 1)));
+      end_coding();
       output_.drain();
     } catch (const std::exception& error) {
       fail(error);
     }
   }
-  if (failed_since_ns_) {
-    const std::int64_t since = std::min(*failed_since_ns_ + 1, close_ns);
-    context_.facts.push(
-        archive::CaseEntryBody(archive::GapEntry{name(), {since, close_ns}, archive::GapCause::kDiskFull}));
-  } else if (away_) {
-    const std::int64_t since = frames_ > 0 ? last_frame_ns_ + frame_ns_ : 0;
-    context_.facts.push(
-        archive::CaseEntryBody(archive::GapEntry{name(), {std::min(since, close_ns), close_ns}, *away_}));
-  }
+  if (last_frame_ns_ < 0 && !absence_) absence_ = Absence{};  // not one frame came
+  if (absence_) state_gap(absence_->since_ns, std::max(close_ns, absence_->since_ns), absence_->cause);
 }
 
 }  // namespace kiroku::recorder

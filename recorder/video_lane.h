@@ -1,4 +1,10 @@
 // A stream of pictures: capture thread, bounded queue, encoding and sealing thread, durable segments.
+//
+// Cutting. A segment ends with the first frame at or after the next whole multiple of the segment duration on
+// the case clock, and the next one begins with that frame, so spans join without a hole. It ends early, after
+// its last frame, where nothing more can be recorded: the source is lost or silent for long, its pictures
+// change their size or pixel format, the disk is full. What follows is a `gap` until the next frame, or until
+// the end.
 #pragma once
 
 #include <atomic>
@@ -16,8 +22,9 @@ namespace kiroku::recorder {
 
 class VideoLane : public Lane {
  public:
-  /// `source` was opened from `address`; a live one is opened anew when it is lost. The encoder was tried on
-  /// the source's format before.
+  /// `source` was opened from `address`; a live one is opened anew when it is lost, each second until it is
+  /// back (a pipe: when somebody writes to it again within ten seconds, else it has ended). The encoder was
+  /// tried on the source's format before.
   VideoLane(const LaneContext& context, std::size_t stream_index, archive::StreamInfo info,
             SourceAddress address, std::unique_ptr<Source> source, VideoProfile profile,
             std::size_t queue_bytes);
@@ -27,49 +34,61 @@ class VideoLane : public Lane {
   void stop() override;
   void finish(std::int64_t close_ns) override;
   [[nodiscard]] bool ended() const override { return ended_; }
+  [[nodiscard]] bool reached_end() const override { return reached_end_; }
+  [[nodiscard]] bool is_unpaced() const override { return address_.unpaced(); }
   [[nodiscard]] LaneStatus status() const override;
   [[nodiscard]] const std::string& name() const override { return output_.info().name; }
 
  private:
-  /// An encoder and its muxer, for as long as the pictures keep their format.
-  struct Coding;
-
+  // Capture.
   void capture();
-  /// Reads until the source ends; false if it was lost.
-  bool capture_from(Source& source);
-  void state_interruption(std::int64_t until_ns);
+  void capture_from(Source& source);
+  bool reopen();
+  [[nodiscard]] archive::GapCause cause_of_loss() const;
+
+  // Encoding.
   void encode();
   void take(QueuedFrame item);
-  void take(const Interruption& interruption);
+  void take(const SourceLost& lost);
+  /// Whether there is an encoder for pictures like these; makes one if not.
+  bool ready_for(const PictureFormat& format, Rational rate);
   void record(media::Frame prepared);
   void end_segment(std::int64_t end_ns);
-  void end_coding(std::int64_t end_ns);
+  void end_coding();
+  void state_gap(std::int64_t start_ns, std::int64_t end_ns, archive::GapCause cause);
+  /// When the last frame ceased to be shown.
+  [[nodiscard]] std::int64_t end_of_last_frame() const;
   void fail(const std::exception& error);
 
-  LaneContext context_;
-  SourceAddress address_;
-  VideoProfile profile_;
+  /// Nothing has been recorded since then.
+  struct Absence {
+    std::int64_t since_ns = 0;
+    archive::GapCause cause = archive::GapCause::kSignalLost;
+  };
+
+  const LaneContext context_;
+  const SourceAddress address_;
+  const VideoProfile profile_;
   StreamOutput output_;
   FrameQueue queue_;
+  std::unique_ptr<SegmentMuxer> muxer_;
 
   std::mutex source_mutex_;  // guards the pointer: stop() interrupts whatever source there is
   std::unique_ptr<Source> source_;
-  std::atomic<bool> stopping_ = false, ended_ = false, live_ = false;
-  std::atomic<std::uint64_t> frames_ = 0, dropped_ = 0;
-  std::atomic<std::int64_t> last_ns_ = 0;
+  std::atomic<bool> stopping_ = false, ended_ = false, reached_end_ = false, live_ = false;
+  std::atomic<std::uint64_t> frames_ = 0, refused_ = 0;
+  std::atomic<std::int64_t> last_ns_ = 0;  // when the last frame ceased to be shown
 
-  // The capture thread's.
-  std::int64_t captured_until_ns_ = 0;
-  std::optional<archive::GapCause> away_;
-  std::int64_t away_since_ns_ = 0;
-
-  // The encoding thread's.
-  std::unique_ptr<Coding> coding_;
+  // The encoding thread's; finish()'s when that has ended.
+  std::unique_ptr<VideoEncoder> encoder_;
   PictureFormat coded_format_;
-  std::int64_t frame_ns_ = 40'000'000;
-  std::int64_t boundary_ns_ = 0, last_frame_ns_ = 0;
+  std::optional<PictureFormat> refused_format_;
+  std::int64_t boundary_ns_ = 0, last_frame_ns_ = -1;
+  std::int64_t interval_ns_ = 0;
+  std::int64_t recorded_until_ns_ = 0;  // end of the last segment
   std::uint64_t segment_frames_ = 0, segment_dropped_ = 0;
-  std::optional<std::int64_t> failed_since_ns_;
+  std::optional<Absence> absence_;
+  bool failed_ = false;
 
   std::thread capture_thread_, encode_thread_;
 };

@@ -33,62 +33,83 @@ LaneStatus VitalsLane::status() const {
   return {live_, samples_, 0, output_.segments(), output_.bytes(), last_ns_};
 }
 
+std::optional<VitalSample> VitalsLane::next_sample() {
+  try {
+    return source_->next();
+  } catch (const std::exception& error) {
+    // The source is damaged: what it gave is kept, and the rest of the case goes on.
+    context_.troubles.mention(error.what());
+    return {};
+  }
+}
+
+void VitalsLane::wait_for(std::int64_t time_ns) {
+  while (context_.clock.now_ns() < time_ns && !stopping_) {
+    // Wakes at each segment's end, so that a segment becomes durable when its time is over, not when the next
+    // sample comes.
+    const std::int64_t boundary = next_boundary(context_.clock.now_ns(), context_.segment_duration);
+    wait_until(context_.clock, std::min(time_ns, boundary), stopping_);
+    segmenter_.advance_to(std::min(context_.clock.now_ns(), time_ns));
+  }
+}
+
 void VitalsLane::read() {
   try {
-    while (std::optional<VitalSample> sample = source_->next()) {
-      if (context_.end_ns && sample->time_ns >= *context_.end_ns) break;
-      while (!unpaced_ && context_.clock.now_ns() < sample->time_ns && !stopping_) {
-        // Wakes at each segment's end, so that a segment becomes durable when its time is over, not when the
-        // next sample comes.
-        const std::int64_t wake =
-            std::min(sample->time_ns, next_boundary(context_.clock.now_ns(), context_.segment_duration));
-        wait_until(context_.clock, wake, stopping_);
-        segmenter_.advance_to(std::min(context_.clock.now_ns(), sample->time_ns));
-      }
+    while (std::optional<VitalSample> sample = next_sample()) {
+      const bool beyond = context_.end_ns && sample->time_ns >= *context_.end_ns;
+      if (!unpaced_) wait_for(beyond ? *context_.end_ns : sample->time_ns);
       if (stopping_) break;
+      if (beyond) {
+        reached_end_ = true;
+        break;
+      }
       live_ = true;
       segmenter_.add(*sample);
       ++samples_;
       last_ns_ = sample->time_ns;
     }
-  } catch (const IoError& error) {
-    fail(error);
   } catch (const std::exception& error) {
-    // The source is damaged: what it gave is kept, and the rest of the case goes on.
-    context_.troubles.mention(error.what());
+    fail(error);
   }
   live_ = false;
   ended_ = true;
 }
 
 void VitalsLane::fail(const std::exception& error) {
-  failed_since_ns_ = last_ns_;
+  failed_ = true;
+  const std::int64_t until_ns = last_ns_ + 1;
+  const auto* io = dynamic_cast<const IoError*>(&error);
+  if (io != nullptr && io->disk_full()) gap_since_ns_ = until_ns;
   context_.troubles.end_session(close_reason_for(error), error.what());
   try {
-    output_.give_up({last_ns_ + 1, samples_ - samples_before_segment_, 0});
+    output_.give_up({until_ns, samples_ - samples_before_segment_, 0});
   } catch (const std::exception& second) {
     context_.troubles.mention(second.what());
   }
 }
 
+std::int64_t VitalsLane::end_of_stream(std::int64_t close_ns) const {
+  if (reached_end_) return *context_.end_ns;
+  // What stated its own times ends where they end.
+  if (unpaced_) return last_ns_ + 1;
+  return std::min(close_ns, context_.end_ns.value_or(close_ns));
+}
+
 void VitalsLane::finish(std::int64_t close_ns) {
   stop();
   if (thread_.joinable()) thread_.join();
-  if (!failed_since_ns_) {
+  if (!failed_) {
     try {
-      // A stream that stated its own times ends where they end.
-      const std::int64_t end_ns = unpaced_ ? context_.end_ns.value_or(last_ns_ + 1)
-                                           : std::min(close_ns, context_.end_ns.value_or(close_ns));
-      segmenter_.finish(end_ns);
+      segmenter_.finish(end_of_stream(close_ns));
       output_.drain();
     } catch (const std::exception& error) {
       fail(error);
     }
   }
-  if (failed_since_ns_) {
-    const std::int64_t since = std::min(*failed_since_ns_ + 1, close_ns);
+  if (gap_since_ns_) {
+    const archive::Span span{*gap_since_ns_, std::max(close_ns, *gap_since_ns_)};
     context_.facts.push(
-        archive::CaseEntryBody(archive::GapEntry{name(), {since, close_ns}, archive::GapCause::kDiskFull}));
+        archive::CaseEntryBody(archive::GapEntry{name(), span, archive::GapCause::kDiskFull}));
   }
 }
 

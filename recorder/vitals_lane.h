@@ -23,11 +23,17 @@ class VitalsLane : public Lane, private VitalsSegmentSink {
   void stop() override;
   void finish(std::int64_t close_ns) override;
   [[nodiscard]] bool ended() const override { return ended_; }
+  [[nodiscard]] bool reached_end() const override { return reached_end_; }
+  [[nodiscard]] bool is_unpaced() const override { return unpaced_; }
   [[nodiscard]] LaneStatus status() const override;
   [[nodiscard]] const std::string& name() const override { return output_.info().name; }
 
  private:
   void read();
+  std::optional<VitalSample> next_sample();
+  /// Waits until the case clock shows `time_ns`, ending segments meanwhile.
+  void wait_for(std::int64_t time_ns);
+  [[nodiscard]] std::int64_t end_of_stream(std::int64_t close_ns) const;
   void fail(const std::exception& error);
   void begin_segment(std::uint64_t index, std::int64_t start_ns) override;
   void write(ByteView lines) override;
@@ -38,11 +44,12 @@ class VitalsLane : public Lane, private VitalsSegmentSink {
   std::unique_ptr<VitalSource> source_;
   StreamOutput output_;
   VitalsSegmenter segmenter_;
-  std::atomic<bool> stopping_ = false, ended_ = false, live_ = false;
+  std::atomic<bool> stopping_ = false, ended_ = false, reached_end_ = false, live_ = false;
   std::atomic<std::uint64_t> samples_ = 0;
   std::atomic<std::int64_t> last_ns_ = 0;
   std::uint64_t samples_before_segment_ = 0;
-  std::optional<std::int64_t> failed_since_ns_;
+  bool failed_ = false;
+  std::optional<std::int64_t> gap_since_ns_;  // the disk was full from then on
   std::thread thread_;
 };
 

@@ -2,12 +2,11 @@
 #pragma once
 
 #include <cstdint>
-#include <functional>
 #include <memory>
-#include <optional>
 
 #include "media/libav_handles.h"
 #include "recorder/encoder/frame_filter.h"
+#include "recorder/encoder/segment_muxer.h"
 #include "recorder/encoder/video_profile.h"
 #include "recorder/source/source.h"
 
@@ -15,6 +14,11 @@ namespace kiroku::recorder {
 
 /// An encoder for one picture format. Every picture gives exactly one packet, at once: none is held back or
 /// reordered, so that a segment can begin with any picture.
+///
+/// Time stamps. A packet carries the case-clock time of its picture, rounded to the container's unit (1/90000
+/// s in MPEG-TS, 1/1000 s in Matroska); nothing is counted up from the nominal frame rate, so nothing drifts.
+/// Two exceptions keep files playable: pictures that arrived in a burst are spread to half the nominal frame
+/// interval, and time stamps strictly increase.
 class VideoEncoder {
  public:
   /// Throws kiroku::UsageError for a picture that the profile cannot hold (too large, a pixel format without
@@ -27,17 +31,25 @@ class VideoEncoder {
   media::Frame prepare(media::Frame frame, std::int64_t time_ns);
   /// What a deinterlacer still holds; null when nothing.
   media::Frame drain();
-  /// Encodes a prepared picture, as a key frame if `first_of_segment`. The packet's pts and dts are in
-  /// context().time_base.
+  /// Encodes a prepared picture, as a key frame if `first_of_segment`.
   media::Packet encode(media::Frame prepared, bool first_of_segment);
 
-  [[nodiscard]] const AVCodecContext& context() const { return *codec_; }
+  /// For the muxer; valid as long as this object.
+  [[nodiscard]] MuxedStream muxed_stream() const { return {codec_.get(), time_base_}; }
+  /// The nominal time between two pictures.
+  [[nodiscard]] std::int64_t frame_interval_ns() const { return interval_ns_; }
 
  private:
+  void open_mpeg2(const PictureFormat& format, Rational frame_rate, const VideoProfile& profile);
+  void open_uncompressed(const PictureFormat& format, Rational frame_rate);
+  void open_lossless(const PictureFormat& format, Rational frame_rate);
   [[nodiscard]] std::int64_t pts_of(std::int64_t time_ns);
 
   std::unique_ptr<FrameFilter> filter_;
   media::Codec codec_;
+  Rational time_base_;
+  std::int64_t interval_ns_;
+  std::int64_t last_time_ns_ = -1;
   std::int64_t last_pts_ = -1;
 };
 

@@ -7,28 +7,60 @@ extern "C" {
 #include <libavutil/pixdesc.h>
 }
 
+#include <algorithm>
 #include <filesystem>
 #include <mutex>
 
 #include "base/error.h"
+#include "recorder/source/fifo_input.h"
 
 namespace kiroku::recorder {
 namespace {
 
 using media::require;
 
-constexpr std::int64_t kOpenTimeoutNs = 15'000'000'000;
 // A live source that sends nothing for this long is lost: torn down and opened anew.
 constexpr std::int64_t kStallTimeoutNs = 5'000'000'000;
 // A file whose time stamps jump further than this is taken to go on where it was.
 constexpr std::int64_t kLargestJumpNs = 10'000'000'000;
+constexpr AVRational kNanoseconds{1, 1'000'000'000};
+
+/// The same samples under the name that says their range apart from their layout.
+AVPixelFormat without_range(AVPixelFormat format) {
+  switch (format) {
+    case AV_PIX_FMT_YUVJ420P:
+      return AV_PIX_FMT_YUV420P;
+    case AV_PIX_FMT_YUVJ422P:
+      return AV_PIX_FMT_YUV422P;
+    case AV_PIX_FMT_YUVJ444P:
+      return AV_PIX_FMT_YUV444P;
+    case AV_PIX_FMT_YUVJ440P:
+      return AV_PIX_FMT_YUV440P;
+    case AV_PIX_FMT_YUVJ411P:
+      return AV_PIX_FMT_YUV411P;
+    default:
+      return format;
+  }
+}
 
 class FfmpegSource : public Source {
  public:
-  FfmpegSource(const SourceAddress& address, const CaseClock& clock) : address_(address), clock_(clock) {
-    live_ = address.kind != SourceKind::kFile;
-    loop_ = integer_option(address, "loop", 0, 0, 1) == 1;
-    open();
+  FfmpegSource(const SourceAddress& address, const CaseClock& clock, const OpeningTerms& terms)
+      : address_(address),
+        clock_(clock),
+        cancelled_(terms.cancelled),
+        name_("source '" + address.stated + "'"),
+        live_(address.kind != SourceKind::kFile),
+        loop_(integer_option(address, "loop", 0, 0, 1) == 1) {
+    deadline_ns_ = clock_.now_ns() + terms.patience.count();
+    open_input();
+    open_decoder();
+    // The first picture tells what the container may not: its real size and format.
+    first_frame_ = decode();
+    if (!first_frame_) throw Error(name_ + " holds no picture that can be decoded");
+    format_ = format_of(*first_frame_);
+    cancelled_ = nullptr;
+    opening_ = false;
   }
 
   [[nodiscard]] PictureFormat format() const override { return format_; }
@@ -36,20 +68,22 @@ class FfmpegSource : public Source {
   [[nodiscard]] bool is_live() const override { return live_; }
 
   std::optional<TimedFrame> read() override {
-    // The picture that open() looked at came before recording began.
+    // The picture that opening looked at came before recording began.
     if (live_) first_frame_.reset();
+    bool rewound = false;
     while (!interrupted()) {
       media::Frame frame = first_frame_ ? std::move(first_frame_) : decode();
       if (!frame) {
-        if (live_ && !interrupted()) throw Error("source '" + address_.stated + "' ended");
-        if (!loop_ || interrupted()) return {};
+        if (live_ && !interrupted()) throw Error(name_ + " ended");
+        if (!loop_ || rewound || interrupted()) return {};
         rewind();
+        rewound = true;
         continue;
       }
       TimedFrame timed;
       if (live_) {
         timed.time_ns =
-            std::max(std::min<std::int64_t>(frame->reordered_opaque, clock_.now_ns()), last_time_ns_);
+            std::max(std::min<std::int64_t>(frame->reordered_opaque, clock_.now_ns()), last_time_ns_ + 1);
       } else {
         timed.time_ns = file_time_ns(*frame);
         if (!address_.unpaced() && !wait_until(clock_, timed.time_ns, interruption())) return {};
@@ -62,156 +96,181 @@ class FfmpegSource : public Source {
   }
 
  private:
-  static int must_stop(void* self) {
-    const auto* source = static_cast<FfmpegSource*>(self);
-    return source->interrupted() || source->clock_.now_ns() > source->deadline_ns_ ? 1 : 0;
+  static int must_stop(void* self) { return static_cast<FfmpegSource*>(self)->must_stop() ? 1 : 0; }
+  [[nodiscard]] bool must_stop() const {
+    return interrupted() || (cancelled_ != nullptr && *cancelled_) ||
+           (live_ && clock_.now_ns() > deadline_ns_);
   }
 
-  void open() {
-    std::error_code ignored;
-    if (address_.kind == SourceKind::kFile && std::filesystem::file_size(address_.location, ignored) == 0) {
-      throw UsageError("source '" + address_.stated + "' is an empty file");
-    }
+  [[nodiscard]] media::Options options_for_input(const AVInputFormat*& format) const {
     media::Options options;
-    const AVInputFormat* input_format = nullptr;
     if (address_.kind == SourceKind::kDevice) {
       address_.require_options("size,rate,format");
       static std::once_flag registered;
       std::call_once(registered, avdevice_register_all);
-      input_format = av_find_input_format("video4linux2");
-      if (input_format == nullptr)
-        throw Error("this libavdevice has no video4linux2; source '" + address_.stated +
-                    "' cannot be opened");
+      format = av_find_input_format("video4linux2");
+      if (format == nullptr) throw Error(name_ + " cannot be opened: this libavdevice has no video4linux2");
       if (address_.options.contains("size")) options.set("video_size", address_.option("size", ""));
       if (address_.options.contains("rate")) options.set("framerate", address_.option("rate", ""));
       if (address_.options.contains("format")) options.set("input_format", address_.option("format", ""));
-    } else if (address_.kind != SourceKind::kNetwork) {
+    } else if (address_.kind == SourceKind::kPipe) {
+      address_.require_options("");
+    } else if (address_.kind == SourceKind::kFile) {
       address_.require_options("speed,loop");
     }
     if (address_.location.starts_with("rtsp")) options.set("rtsp_transport", "tcp");
+    if (address_.location.starts_with("udp")) {
+      // A moment's delay must not end the stream; what is lost shows in the pictures.
+      options.set("overrun_nonfatal", "1");
+      options.set("fifo_size", "65536");
+    }
     // A hole in a transport stream costs fewer frames when the demuxer searches further for its next packet.
     options.set("resync_size", "1000000");
+    return options;
+  }
 
-    deadline_ns_ = clock_.now_ns() + kOpenTimeoutNs;
+  void open_input() {
+    std::error_code ignored;
+    if (address_.kind == SourceKind::kFile && std::filesystem::file_size(address_.location, ignored) == 0) {
+      throw UsageError(name_ + " is an empty file; give one that holds a film");
+    }
+    const AVInputFormat* input_format = nullptr;
+    media::Options options = options_for_input(input_format);
     AVFormatContext* raw = avformat_alloc_context();
     if (raw == nullptr) throw std::bad_alloc();
     raw->interrupt_callback = {must_stop, this};
     if (live_) raw->flags |= AVFMT_FLAG_NOBUFFER;
-    // A bare path must not be mistaken for a protocol ("a:b.mp4").
-    const std::string location = address_.kind == SourceKind::kFile || address_.kind == SourceKind::kPipe
-                                     ? "file:" + address_.location
-                                     : address_.location;
-    const int opened = avformat_open_input(&raw, location.c_str(), input_format, options.address());
-    if (opened < 0) {
-      const bool late = clock_.now_ns() > deadline_ns_;
-      throw Error("source '" + address_.stated + "' cannot be opened: " +
-                  (late                            ? "it did not answer within 15 s"
-                   : opened == AVERROR_INVALIDDATA ? "it is no video that libavformat knows"
-                                                   : media::libav_error_text(opened)));
+    std::string location = address_.location;
+    if (address_.kind == SourceKind::kPipe) {
+      try {
+        fifo_ = std::make_unique<FifoInput>(location, [this] { return must_stop(); });
+      } catch (...) {
+        avformat_free_context(raw);
+        throw;
+      }
+      raw->pb = fifo_->context();
+    } else if (address_.kind == SourceKind::kFile) {
+      location.insert(0, "file:");  // a path must not be mistaken for a protocol ("a:b.mp4")
     }
+    const int opened = avformat_open_input(&raw, location.c_str(), input_format, options.address());
+    if (opened < 0) throw Error(name_ + " cannot be opened: " + why_not_opened(opened));
     input_.reset(raw);
-    require(avformat_find_stream_info(input_.get(), nullptr), "cannot read source '" + address_.stated + "'");
+    const int described = avformat_find_stream_info(input_.get(), nullptr);
+    if (described < 0) throw Error(name_ + " cannot be opened: " + why_not_opened(described));
+  }
+
+  [[nodiscard]] std::string why_not_opened(int code) const {
+    if (live_ && clock_.now_ns() > deadline_ns_) return "nothing came in time; check that it is sending";
+    if (code == AVERROR_INVALIDDATA || code == AVERROR_EOF) return "it holds no video that libavformat knows";
+    return media::libav_error_text(code);
+  }
+
+  void open_decoder() {
     const AVCodec* decoder = nullptr;
     stream_ = av_find_best_stream(input_.get(), AVMEDIA_TYPE_VIDEO, -1, -1, &decoder, 0);
-    if (stream_ < 0) throw Error("source '" + address_.stated + "' holds no video");
-    const AVStream* stream = input_->streams[stream_];
+    if (stream_ < 0) throw Error(name_ + " holds no video");
+    AVStream* stream = input_->streams[stream_];
     for (unsigned i = 0; i < input_->nb_streams; ++i) {
       if (static_cast<int>(i) != stream_) input_->streams[i]->discard = AVDISCARD_ALL;
     }
+    const std::string action = "cannot decode " + name_;
     decoder_.reset(avcodec_alloc_context3(decoder));
     if (!decoder_) throw std::bad_alloc();
-    require(avcodec_parameters_to_context(decoder_.get(), stream->codecpar),
-            "cannot decode source '" + address_.stated + "'");
+    require(avcodec_parameters_to_context(decoder_.get(), stream->codecpar), action);
     decoder_->pkt_timebase = stream->time_base;
     decoder_->thread_count = 2;
     // Frame threads hold frames back: a live picture would arrive late.
     decoder_->thread_type = live_ ? FF_THREAD_SLICE : FF_THREAD_FRAME | FF_THREAD_SLICE;
-    require(avcodec_open2(decoder_.get(), decoder, nullptr),
-            "cannot decode source '" + address_.stated + "'");
-    const AVRational rate = av_guess_frame_rate(input_.get(), input_->streams[stream_], nullptr);
+    require(avcodec_open2(decoder_.get(), decoder, nullptr), action);
+    const AVRational rate = av_guess_frame_rate(input_.get(), stream, nullptr);
     rate_ = rate.num > 0 && rate.den > 0 ? Rational{rate.num, rate.den} : Rational{25, 1};
-    // The first picture tells what the container may not: its real size and format.
-    first_frame_ = decode();
-    if (!first_frame_) throw Error("source '" + address_.stated + "' holds no picture that can be decoded");
-    format_ = format_of(*first_frame_);
   }
 
-  /// The next decoded picture, nothing at the end. Damaged packets are skipped, as long as the input goes on.
+  /// The next decoded picture, nothing at the end. Damaged packets are the decoder's to conceal or skip, as
+  /// long as the input goes on.
   media::Frame decode() {
     media::Frame frame = media::make_frame();
     const media::Packet packet = media::make_packet();
     for (;;) {
       const int received = avcodec_receive_frame(decoder_.get(), frame.get());
-      if (received == 0) return frame;
+      if (received == 0) {
+        const auto format = static_cast<AVPixelFormat>(frame->format);
+        if (without_range(format) != format) {
+          frame->format = without_range(format);
+          frame->color_range = AVCOL_RANGE_JPEG;
+        }
+        return frame;
+      }
       if (received == AVERROR_EOF) return {};
-      if (received != AVERROR(EAGAIN)) require(received, "cannot decode source '" + address_.stated + "'");
-      deadline_ns_ = clock_.now_ns() + kStallTimeoutNs;
+      if (received != AVERROR(EAGAIN)) require(received, "cannot decode " + name_);
+      if (!opening_) deadline_ns_ = clock_.now_ns() + kStallTimeoutNs;
       const int read = av_read_frame(input_.get(), packet.get());
       if (read == AVERROR_EOF || interrupted()) {
         (void)avcodec_send_packet(decoder_.get(), nullptr);
         continue;
       }
-      if (read == AVERROR_EXIT) throw Error("source '" + address_.stated + "' sent nothing for 5 s");
-      require(read, "cannot read on from source '" + address_.stated + "'");
+      if (read == AVERROR_EXIT) throw Error(name_ + " sent nothing for too long; check its cable or network");
+      require(read, "cannot read on from " + name_);
       if (packet->stream_index == stream_) {
         decoder_->reordered_opaque = clock_.now_ns();
-        (void)avcodec_send_packet(decoder_.get(),
-                                  packet.get());  // a damaged packet is the decoder's to conceal or skip
+        (void)avcodec_send_packet(decoder_.get(), packet.get());
       }
       av_packet_unref(packet.get());
     }
   }
 
   void rewind() {
-    require(av_seek_frame(input_.get(), -1, input_->start_time == AV_NOPTS_VALUE ? 0 : input_->start_time,
-                          AVSEEK_FLAG_BACKWARD),
-            "cannot play source '" + address_.stated + "' again from its start");
+    const std::int64_t start = input_->start_time == AV_NOPTS_VALUE ? 0 : input_->start_time;
+    require(av_seek_frame(input_.get(), -1, start, AVSEEK_FLAG_BACKWARD),
+            "cannot play " + name_ + " again from its start");
     avcodec_flush_buffers(decoder_.get());
     last_pts_ns_.reset();
   }
 
-  [[nodiscard]] std::int64_t frame_duration_ns() const {
-    return 1'000'000'000LL * rate_.denominator / rate_.numerator;
-  }
-
   /// The file's own time line, beginning at 0 and always going forward, over loops and jumps.
   std::int64_t file_time_ns(const AVFrame& frame) {
-    const std::int64_t pts = frame.best_effort_timestamp;
-    const std::int64_t step = frame_duration_ns();
-    if (pts == AV_NOPTS_VALUE) return next_file_time_ns_ = frames_read_++ == 0 ? 0 : last_time_ns_ + step;
-    const std::int64_t pts_ns =
-        av_rescale_q(pts, input_->streams[stream_]->time_base, AVRational{1, 1'000'000'000});
+    const std::int64_t step = 1'000'000'000LL * rate_.denominator / rate_.numerator;
     std::int64_t advance = frames_read_ == 0 ? 0 : step;
-    if (last_pts_ns_) {
-      const std::int64_t difference = pts_ns - *last_pts_ns_;
-      if (difference > 0 && difference < kLargestJumpNs) advance = difference;
+    if (frame.best_effort_timestamp != AV_NOPTS_VALUE) {
+      const std::int64_t pts_ns =
+          av_rescale_q(frame.best_effort_timestamp, input_->streams[stream_]->time_base, kNanoseconds);
+      if (last_pts_ns_) {
+        const std::int64_t difference = pts_ns - *last_pts_ns_;
+        if (difference > 0 && difference < kLargestJumpNs) advance = difference;
+      }
+      last_pts_ns_ = pts_ns;
     }
-    last_pts_ns_ = pts_ns;
     ++frames_read_;
-    return next_file_time_ns_ += advance;
+    return file_time_ns_ += advance;
   }
 
-  SourceAddress address_;
+  const SourceAddress address_;
   const CaseClock& clock_;
-  bool live_ = false;
-  bool loop_ = false;
+  const std::atomic<bool>* cancelled_;  // while opening
+  const std::string name_;
+  const bool live_;
+  const bool loop_;
+  bool opening_ = true;
   std::int64_t deadline_ns_ = 0;
+  std::unique_ptr<FifoInput> fifo_;
   media::InputContext input_;
   media::Codec decoder_;
   int stream_ = -1;
   PictureFormat format_;
   Rational rate_;
   media::Frame first_frame_;
-  std::int64_t last_time_ns_ = 0;
+  std::int64_t last_time_ns_ = -1;
   std::optional<std::int64_t> last_pts_ns_;
-  std::int64_t next_file_time_ns_ = 0;
+  std::int64_t file_time_ns_ = 0;
   std::uint64_t frames_read_ = 0;
 };
 
 }  // namespace
 
-std::unique_ptr<Source> open_ffmpeg_source(const SourceAddress& address, const CaseClock& clock) {
-  return std::make_unique<FfmpegSource>(address, clock);
+std::unique_ptr<Source> open_ffmpeg_source(const SourceAddress& address, const CaseClock& clock,
+                                           const OpeningTerms& terms) {
+  media::silence_libav();
+  return std::make_unique<FfmpegSource>(address, clock, terms);
 }
 
 }  // namespace kiroku::recorder

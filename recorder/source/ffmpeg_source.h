@@ -5,8 +5,11 @@
 
 namespace kiroku::recorder {
 
-/// Options of files: `speed=max`, `loop=1`; of devices: `size=WxH`, `rate=N`, `format=NAME`. Throws
+/// Options of files: `speed=max`, `loop=1`; of devices: `size=WxH`, `rate=N`, `format=NAME` (as `ffmpeg -f
+/// v4l2` calls them). Frames of devices, pipes and network streams are stamped when their data arrives; those
+/// of files carry the file's own times, beginning at 0 and always going forward, over loops and jumps. Throws
 /// kiroku::Error: cannot be opened, holds no picture, empty file, no decoder.
-std::unique_ptr<Source> open_ffmpeg_source(const SourceAddress& address, const CaseClock& clock);
+std::unique_ptr<Source> open_ffmpeg_source(const SourceAddress& address, const CaseClock& clock,
+                                           const OpeningTerms& terms);
 
 }  // namespace kiroku::recorder

@@ -2,6 +2,7 @@
 
 extern "C" {
 #include <libavutil/frame.h>
+#include <libavutil/pixdesc.h>
 }
 
 #include <algorithm>
@@ -19,6 +20,11 @@ PictureFormat format_of(const AVFrame& frame) {
           frame.color_trc,   frame.colorspace};
 }
 
+std::string PictureFormat::to_string() const {
+  const char* name = av_get_pix_fmt_name(static_cast<AVPixelFormat>(pixel_format));
+  return std::to_string(width) + "x" + std::to_string(height) + " " + (name == nullptr ? "unknown" : name);
+}
+
 bool wait_until(const CaseClock& clock, std::int64_t due_ns, const std::atomic<bool>& interrupted) {
   // In steps, so that an interruption is noticed within a tenth of a second.
   constexpr std::int64_t kStepNs = 100'000'000;
@@ -30,9 +36,10 @@ bool wait_until(const CaseClock& clock, std::int64_t due_ns, const std::atomic<b
   return false;
 }
 
-std::unique_ptr<Source> open_source(const SourceAddress& address, const CaseClock& clock) {
+std::unique_ptr<Source> open_source(const SourceAddress& address, const CaseClock& clock,
+                                    const OpeningTerms& terms) {
   if (address.kind == SourceKind::kSynthetic) return open_synthetic_source(address, clock);
-  return open_ffmpeg_source(address, clock);
+  return open_ffmpeg_source(address, clock, terms);
 }
 
 }  // namespace kiroku::recorder

@@ -2,9 +2,11 @@
 #pragma once
 
 #include <atomic>
+#include <chrono>
 #include <cstdint>
 #include <memory>
 #include <optional>
+#include <string>
 
 #include "media/libav_handles.h"
 #include "recorder/case_clock.h"
@@ -23,9 +25,12 @@ struct PictureFormat {
   Rational sample_aspect;  // 0/1: unknown
   int colour_range = 0, colour_primaries = 2, colour_transfer = 2,
       colour_space = 2;  // AVCOL_*; 2 is "unspecified"
+  /// Whether one encoder can take both: of the same size and pixel format.
   friend bool operator==(const PictureFormat& a, const PictureFormat& b) {
     return a.width == b.width && a.height == b.height && a.pixel_format == b.pixel_format;
   }
+  /// For people: "1920x1080 yuv420p".
+  [[nodiscard]] std::string to_string() const;
 };
 PictureFormat format_of(const AVFrame& frame);
 
@@ -35,6 +40,7 @@ struct TimedFrame {
   media::Frame frame;
   std::int64_t time_ns = 0;
   std::uint64_t lost_before = 0;  // frames that the source knows it lost since the last one
+  Rational rate{25, 1};           // nominal, of the source it came from
 };
 
 /// A run of frames from one opened device, address or file. Disposable: any error ends it, and a fresh one is
@@ -64,7 +70,15 @@ class Source {
 /// Waits until the case clock reaches `due_ns`; false if `interrupted` became true first.
 bool wait_until(const CaseClock& clock, std::int64_t due_ns, const std::atomic<bool>& interrupted);
 
-/// Opens what the address names; `clock` must outlive the source. Throws kiroku::Error in one sentence.
-std::unique_ptr<Source> open_source(const SourceAddress& address, const CaseClock& clock);
+/// How long, and whether, opening goes on. Read from the opening thread; `cancelled` may be set from any.
+struct OpeningTerms {
+  std::chrono::nanoseconds patience = std::chrono::seconds(15);
+  const std::atomic<bool>* cancelled = nullptr;
+};
+
+/// Opens what the address names; `clock` must outlive the source. Throws kiroku::Error in one sentence: not
+/// there, no answer, no picture in it, cancelled.
+std::unique_ptr<Source> open_source(const SourceAddress& address, const CaseClock& clock,
+                                    const OpeningTerms& terms = {});
 
 }  // namespace kiroku::recorder

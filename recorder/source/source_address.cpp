@@ -13,9 +13,9 @@ namespace {
 constexpr std::array<std::string_view, 9> kNetworkSchemes{"rtsp", "rtsps", "srt",   "udp", "rtp",
                                                           "tcp",  "http",  "https", "rtmp"};
 
-/// Splits "a?x=1&y" into "a" and its options.
+/// Splits "a?x=1&y" into "a" and its options. The last question mark counts: a file may have one in its name.
 void split_options(const std::string& text, SourceAddress& address) {
-  const std::size_t question = text.find('?');
+  const std::size_t question = text.rfind('?');
   address.location = text.substr(0, question);
   if (question == std::string::npos) return;
   std::string_view rest = std::string_view(text).substr(question + 1);
@@ -29,11 +29,21 @@ void split_options(const std::string& text, SourceAddress& address) {
   }
 }
 
-std::string without_secrets(const std::string& url) {
-  static const std::regex kUserinfo("(://[^:/@]*):[^@/]*@");
-  static const std::regex kPassphrase("([?&](passphrase|password|streamid|key|token)=)[^&]*",
-                                      std::regex::icase);
-  return std::regex_replace(std::regex_replace(url, kUserinfo, "$1:***@"), kPassphrase, "$1***");
+/// Removes what opens the source to others: the password of "user:password@host", and telling query values.
+/// Errs on the side of removing: a password may itself hold '@' or '/'.
+std::string without_secrets(const std::string& text) {
+  std::string stated = text;
+  const std::size_t scheme = stated.find("://");
+  if (scheme != std::string::npos) {
+    const std::size_t begin = scheme + 3;
+    const std::size_t query = std::min(stated.find('?', begin), stated.size());
+    const std::size_t at = stated.rfind('@', query);
+    const std::size_t colon = stated.find(':', begin);
+    if (at != std::string::npos && at > begin && colon < at) stated.replace(colon + 1, at - colon - 1, "***");
+  }
+  static const std::regex kSecretOptions(
+      "([?&](passphrase|password|passwd|pwd|streamid|key|token|auth)=)[^&]*", std::regex::icase);
+  return std::regex_replace(stated, kSecretOptions, "$1***");
 }
 
 }  // namespace
@@ -76,8 +86,15 @@ SourceAddress parse_source_address(const std::string& text) {
     address.location = text;
     return address;
   }
-  split_options(text, address);
+  constexpr std::string_view kDevice = "v4l2:";
+  const std::string path = text.starts_with(kDevice) ? text.substr(kDevice.size()) : text;
   std::error_code error;
+  // A file may have a question mark in its own name.
+  if (std::filesystem::exists(path, error)) {
+    address.location = path;
+  } else {
+    split_options(path, address);
+  }
   const auto status = std::filesystem::status(address.location, error);
   if (!std::filesystem::exists(status)) {
     throw UsageError("source '" + address.stated +

@@ -255,6 +255,7 @@ class SyntheticSource : public Source {
 }  // namespace
 
 std::unique_ptr<Source> open_synthetic_source(const SourceAddress& address, const CaseClock& clock) {
+  media::silence_libav();
   return std::make_unique<SyntheticSource>(address, clock);
 }
 

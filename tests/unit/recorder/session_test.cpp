@@ -1,0 +1,327 @@
+#include "recorder/session.h"
+
+#include <fstream>
+#include <thread>
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <nlohmann/json.hpp>
+
+#include "base/error.h"
+#include "crypto/encoding.h"
+#include "tests/support/decoded_video.h"
+#include "tests/support/recording.h"
+
+namespace kiroku::recorder {
+namespace {
+
+using namespace std::chrono_literals;
+using archive::GapCause;
+using test::decode_video;
+using test::RecordedCase;
+using test::RecorderBench;
+using testing::ElementsAre;
+using testing::HasSubstr;
+using testing::IsEmpty;
+using testing::SizeIs;
+
+constexpr std::int64_t kSecond = 1'000'000'000;
+
+std::uint64_t frames(const std::vector<archive::SegmentEntry>& segments) {
+  std::uint64_t sum = 0;
+  for (const auto& segment : segments) sum += segment.frames;
+  return sum;
+}
+
+class SessionOfEachProfile : public testing::TestWithParam<Profile> {};
+
+TEST_P(SessionOfEachProfile, CutsSegmentsThatDecodeAloneToTheStatedFrames) {
+  const RecorderBench bench;
+  SessionOptions options = bench.options();
+  options.video = {bench.stream("endoscope", "synthetic:pattern?size=64x48&rate=20&speed=max", GetParam())};
+  options.duration = 2s;
+  const RecordedCase recorded = bench.record(options);
+  const auto segments = recorded.segments("endoscope");
+  ASSERT_THAT(segments, SizeIs(10));
+  for (const archive::SegmentEntry& segment : segments) {
+    EXPECT_EQ(segment.frames, 4U);
+    EXPECT_EQ(segment.span.start_ns, static_cast<std::int64_t>(segment.index) * kSecond / 5);
+    EXPECT_EQ(segment.span.end_ns, static_cast<std::int64_t>(segment.index + 1) * kSecond / 5);
+    const auto video = decode_video(recorded.plaintext(segment));
+    ASSERT_THAT(video.frames, SizeIs(segment.frames));
+    EXPECT_TRUE(video.frames.front().key);
+    EXPECT_EQ(video.frames.front().pts, segment.first_pts);
+    EXPECT_THAT(video.complaints, IsEmpty());
+  }
+  EXPECT_THAT(recorded.broken_rules(), IsEmpty());
+  EXPECT_THAT(recorded.gaps("endoscope"), IsEmpty());
+}
+
+INSTANTIATE_TEST_SUITE_P(Profiles, SessionOfEachProfile,
+                         testing::Values(Profile::kMpeg2, Profile::kUncompressed, Profile::kLossless),
+                         [](const auto& tested) { return std::string(profile_name(tested.param)); });
+
+TEST(Session, MakesOneCleanTransportStreamOfItsSegments) {
+  const RecorderBench bench;
+  SessionOptions options = bench.options();
+  options.video = {bench.stream("endoscope", "synthetic:pattern?size=64x48&rate=20&speed=max")};
+  options.duration = 3s;
+  const RecordedCase recorded = bench.record(options);
+  const auto video = decode_video(recorded.joined("endoscope"));
+  ASSERT_THAT(video.frames, SizeIs(60));
+  EXPECT_THAT(video.complaints, IsEmpty());
+  for (std::size_t i = 1; i < video.frames.size(); ++i) {
+    EXPECT_EQ(video.frames[i].pts - video.frames[i - 1].pts, 4500) << "frame " << i;
+  }
+}
+
+TEST(Session, KeepsThePicturesBitForBitWhereTheProfileIsLossless) {
+  const RecorderBench bench;
+  std::vector<std::vector<std::string>> pictures;
+  for (const Profile profile : {Profile::kUncompressed, Profile::kLossless}) {
+    SessionOptions options = bench.options();
+    options.video = {bench.stream("endoscope", "synthetic:endoscope?size=64x48&rate=10&speed=max", profile)};
+    options.duration = 1s;
+    const RecordedCase recorded = bench.record(options);
+    pictures.emplace_back();
+    for (const auto& segment : recorded.segments("endoscope")) {
+      for (const auto& frame : decode_video(recorded.plaintext(segment)).frames)
+        pictures.back().push_back(frame.sha256);
+    }
+  }
+  EXPECT_THAT(pictures[0], SizeIs(10));
+  EXPECT_EQ(pictures[0], pictures[1]);
+}
+
+TEST(Session, KeepsPaceWithTheClockAndEndsAtTheDuration) {
+  const RecorderBench bench;
+  SessionOptions options = bench.options();
+  options.video = {bench.stream("room", "synthetic:room?size=64x48&rate=20")};
+  options.duration = 1s;
+  Session session(options);
+  const SessionResult result = session.run();
+  EXPECT_EQ(result.close_reason, "duration");
+  const RecordedCase recorded = bench.read(result.folder);
+  EXPECT_EQ(frames(recorded.segments("room")), 20U);
+  // No segment is claimed before its time is over.
+  for (const archive::CaseEntry& entry : recorded.entries()) {
+    if (const auto* segment = std::get_if<archive::SegmentEntry>(&entry.body)) {
+      EXPECT_GE(entry.at.mono_ns, segment->span.end_ns);
+    }
+  }
+  EXPECT_THAT(recorded.broken_rules(), IsEmpty());
+}
+
+TEST(Session, ClosesProperlyWhenStopped) {
+  const RecorderBench bench;
+  SessionOptions options = bench.options();
+  options.video = {bench.stream("room", "synthetic:pattern?size=64x48&rate=20")};
+  options.vitals = {bench.stream("vitals", "synthetic:patient?waves=0")};
+  Session session(options);
+  std::thread operator_thread([&] {
+    std::this_thread::sleep_for(500ms);
+    session.stop();
+  });
+  const SessionResult result = session.run();
+  operator_thread.join();
+  EXPECT_EQ(result.close_reason, "operator");
+  const RecordedCase recorded = bench.read(result.folder);
+  EXPECT_THAT(recorded.all<archive::CloseEntry>(), SizeIs(1));
+  EXPECT_THAT(recorded.broken_rules(), IsEmpty());
+  // The last, partial segment is there, too.
+  const auto segments = recorded.segments("room");
+  ASSERT_GE(segments.size(), 2U);
+  EXPECT_EQ(frames(segments), result.last.streams[0].frames);
+  EXPECT_GE(frames(segments), 10U);
+}
+
+TEST(Session, StampsAtOpenEachIntervalAndAfterClose) {
+  const RecorderBench bench;
+  SessionOptions options = bench.options();
+  options.video = {bench.stream("room", "synthetic:pattern?size=64x48&rate=10")};
+  options.duration = 1500ms;
+  const RecordedCase recorded = bench.record(options);
+  const auto& entries = recorded.entries();
+  const auto tokens = recorded.all<archive::TokenEntry>();
+  ASSERT_THAT(tokens, SizeIs(3));
+  EXPECT_EQ(tokens[0].checkpoint, 2U);  // open and clock
+  const auto closed = std::find_if(entries.begin(), entries.end(), [](const auto& entry) {
+    return std::holds_alternative<archive::CloseEntry>(entry.body);
+  });
+  ASSERT_NE(closed, entries.end());
+  EXPECT_EQ(tokens[2].checkpoint, closed->seq + 1);
+  EXPECT_EQ(recorded.all<archive::ClockEntry>().size(), 1U);
+}
+
+class SilentAuthority : public timestamp::StampSource {
+ public:
+  Bytes ask(ByteView) override { throw timestamp::AuthorityError("the authority is not there"); }
+};
+class ChattingAuthority : public timestamp::StampSource {
+ public:
+  Bytes ask(ByteView) override { return to_bytes("<html>welcome to the hospital's network</html>"); }
+};
+
+TEST(Session, GoesOnWithoutATokenAndSaysWhy) {
+  const RecorderBench bench;
+  SessionOptions options = bench.options();
+  options.video = {bench.stream("room", "synthetic:pattern?size=64x48&rate=10&speed=max")};
+  options.duration = 1s;
+  options.authorities = {{"silent", std::make_shared<SilentAuthority>()},
+                         {"portal", std::make_shared<ChattingAuthority>()}};
+  const RecordedCase recorded = bench.record(options);
+  EXPECT_THAT(recorded.all<archive::TokenEntry>(), IsEmpty());
+  std::map<std::string, std::string> causes;
+  for (const auto& missed : recorded.all<archive::TokenMissedEntry>())
+    causes[missed.authority] = missed.cause;
+  EXPECT_EQ(causes["silent"], "the authority is not there");
+  EXPECT_FALSE(causes["portal"].empty());
+  EXPECT_EQ(frames(recorded.segments("room")), 10U);
+}
+
+TEST(Session, RefusesATokenOfAnAuthorityThatIsNotTrusted) {
+  const RecorderBench bench;
+  const RecorderBench stranger;
+  SessionOptions options = bench.options();
+  options.video = {bench.stream("room", "synthetic:pattern?size=64x48&rate=10&speed=max")};
+  options.duration = 1s;
+  options.authorities = stranger.options().authorities;
+  const RecordedCase recorded = bench.record(options);
+  EXPECT_THAT(recorded.all<archive::TokenEntry>(), IsEmpty());
+  EXPECT_FALSE(recorded.all<archive::TokenMissedEntry>().empty());
+}
+
+TEST(Session, FlashAndVitalSignMarkAreTheSameInstantToAFrame) {
+  const RecorderBench bench;
+  SessionOptions options = bench.options();
+  options.video = {bench.stream("endoscope", "synthetic:endoscope?size=64x48&rate=25&flash=1")};
+  options.vitals = {bench.stream("vitals", "synthetic:patient?waves=0&flash=1")};
+  options.duration = 2500ms;
+  const RecordedCase recorded = bench.record(options);
+  std::vector<double> flashes_s;
+  const std::int64_t first_pts = recorded.segments("endoscope").front().first_pts;
+  const std::int64_t first_ns = recorded.segments("endoscope").front().span.start_ns;
+  for (const auto& frame : decode_video(recorded.joined("endoscope")).frames) {
+    if (frame.brightness > 200) {
+      flashes_s.push_back(static_cast<double>(first_ns) / 1e9 +
+                          static_cast<double>(frame.pts - first_pts) / 90'000);
+    }
+  }
+  std::vector<double> marks_s;
+  for (const std::string& line : recorded.lines("vitals")) {
+    const auto sample = nlohmann::json::parse(line);
+    if (sample["code"] == "KIROKU_FLASH") marks_s.push_back(sample["time_ns"].get<double>() / 1e9);
+  }
+  ASSERT_THAT(marks_s, ElementsAre(0, 1, 2));
+  ASSERT_THAT(flashes_s, SizeIs(3));
+  for (std::size_t i = 0; i < 3; ++i) EXPECT_LT(std::abs(flashes_s[i] - marks_s[i]), 1.0 / 25);
+}
+
+TEST(Session, StartsAFreshEncoderWhenThePicturesChange) {
+  const RecorderBench bench;
+  for (const Profile profile : {Profile::kMpeg2, Profile::kLossless}) {
+    SessionOptions options = bench.options();
+    options.video = {
+        bench.stream("endoscope", "synthetic:pattern?size=128x96&rate=10&change=1&speed=max", profile)};
+    options.duration = 2s;
+    const RecordedCase recorded = bench.record(options);
+    const auto gaps = recorded.gaps("endoscope");
+    ASSERT_THAT(gaps, SizeIs(1));
+    EXPECT_EQ(gaps[0].cause, GapCause::kFormatChange);
+    EXPECT_EQ(gaps[0].span.start_ns, kSecond);
+    EXPECT_THAT(recorded.broken_rules(), IsEmpty());
+    EXPECT_EQ(frames(recorded.segments("endoscope")), 20U);
+    for (const auto& segment : recorded.segments("endoscope")) {
+      const auto video = decode_video(recorded.plaintext(segment));
+      ASSERT_THAT(video.frames, SizeIs(segment.frames));
+      EXPECT_EQ(video.frames.front().width, segment.span.start_ns < kSecond ? 128 : 64);
+      EXPECT_EQ(video.frames.back().width, video.frames.front().width);
+    }
+  }
+}
+
+TEST(Session, SealsMarksAndCommitsToThem) {
+  const RecorderBench bench;
+  SessionOptions options = bench.options();
+  options.video = {bench.stream("room", "synthetic:pattern?size=64x48&rate=10")};
+  options.duration = 1s;
+  Session session(options);
+  session.mark("clip placed: \"Läsion\"");
+  std::thread operator_thread([&] {
+    std::this_thread::sleep_for(600ms);
+    session.mark("second");
+  });
+  const SessionResult result = session.run();
+  operator_thread.join();
+  EXPECT_THROW(session.mark("too late"), Error);
+  const RecordedCase recorded = bench.read(result.folder);
+  const auto lines = recorded.lines("events");
+  const auto marks = recorded.all<archive::MarkEntry>();
+  ASSERT_THAT(lines, SizeIs(2));
+  ASSERT_THAT(marks, SizeIs(2));
+  for (std::size_t i = 0; i < 2; ++i) {
+    const auto line = nlohmann::json::parse(lines[i]);
+    const auto event = line["event"].get<std::string>();
+    Bytes committed = crypto::from_hex(line["salt"].get<std::string>()).value();
+    ASSERT_EQ(committed.size(), 32U);
+    append(committed, bytes_of(event));
+    EXPECT_EQ(crypto::sha256(committed), marks[i].commitment);
+    EXPECT_EQ(nlohmann::json::parse(event)["text"], i == 0 ? "clip placed: \"Läsion\"" : "second");
+  }
+  EXPECT_EQ(frames(recorded.segments("events")), 2U);
+  EXPECT_THAT(recorded.broken_rules(), IsEmpty());
+}
+
+TEST(Session, IsClosedProperlyAlsoWhenItNeverRan) {
+  const RecorderBench bench;
+  SessionOptions options = bench.options();
+  options.video = {bench.stream("room", "synthetic:pattern?size=64x48&rate=10")};
+  std::filesystem::path folder;
+  {
+    const Session session(options);
+    folder = session.folder();
+  }
+  const RecordedCase recorded = bench.read(folder);
+  ASSERT_THAT(recorded.all<archive::CloseEntry>(), SizeIs(1));
+  EXPECT_THAT(recorded.all<archive::CloseEntry>()[0].reason, HasSubstr("abandoned"));
+}
+
+// What cannot be recorded is refused in one sentence and leaves no case.
+struct Refusal {
+  std::string name, source, sentence;
+  Profile profile = Profile::kMpeg2;
+};
+class SessionRefuses : public testing::TestWithParam<Refusal> {};
+
+TEST_P(SessionRefuses, AndLeavesNothing) {
+  const RecorderBench bench;
+  std::ofstream(bench / "empty.mp4").flush();
+  std::ofstream(bench / "text.mp4") << "this is no film\n";
+  SessionOptions options = bench.options();
+  std::string source = GetParam().source;
+  if (source.starts_with("@")) source = (bench / source.substr(1)).string();
+  options.video = {bench.stream("room", source, GetParam().profile)};
+  try {
+    const Session session(options);
+    FAIL() << "recorded " << source;
+  } catch (const Error& error) {
+    EXPECT_THAT(error.what(), HasSubstr(GetParam().sentence));
+  }
+  EXPECT_EQ(bench.cases(), 0U);
+}
+
+INSTANTIATE_TEST_SUITE_P(
+    Sources, SessionRefuses,
+    testing::Values(Refusal{"absent", "/nowhere/film.mp4", "does not exist"},
+                    Refusal{"empty", "@empty.mp4", "is an empty file"},
+                    Refusal{"no_film", "@text.mp4", "cannot be opened"},
+                    Refusal{"too_wide", "synthetic:pattern?size=5000x48", "larger than MPEG-2 can hold"},
+                    Refusal{"endless", "synthetic:pattern?speed=max", "never ends"},
+                    Refusal{"unknown_option", "synthetic:pattern?colour=red", "has no option 'colour'"},
+                    Refusal{"unknown_picture", "synthetic:kitchen", "there is no source"},
+                    Refusal{"nameless_format", "synthetic:pattern?size=64x48&pixel_format=yuv422p10le",
+                            "Matroska has no name for uncompressed yuv422p10le", Profile::kUncompressed}),
+    [](const auto& tested) { return tested.param.name; });
+
+}  // namespace
+}  // namespace kiroku::recorder
