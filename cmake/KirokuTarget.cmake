@@ -7,10 +7,12 @@ if(NOT CMAKE_BUILD_TYPE)
   set(CMAKE_BUILD_TYPE RelWithDebInfo CACHE STRING "" FORCE)
 endif()
 
+# The same file compiled by two presets, or in two checkouts, is one entry of the cache.
 find_program(KIROKU_CCACHE ccache)
 if(KIROKU_CCACHE)
-  set(CMAKE_C_COMPILER_LAUNCHER "${KIROKU_CCACHE}")
-  set(CMAKE_CXX_COMPILER_LAUNCHER "${KIROKU_CCACHE}")
+  set(launcher "${CMAKE_COMMAND}" -E env "CCACHE_BASEDIR=${PROJECT_SOURCE_DIR}" CCACHE_NOHASHDIR=1 "${KIROKU_CCACHE}")
+  set(CMAKE_C_COMPILER_LAUNCHER ${launcher})
+  set(CMAKE_CXX_COMPILER_LAUNCHER ${launcher})
 endif()
 
 function(kiroku_configure target)
