@@ -1,0 +1,254 @@
+#include "apps/common/command_line.h"
+
+#include <iostream>
+#include <new>
+
+#include <CLI/CLI.hpp>
+
+#include "apps/common/version.h"
+#include "base/error.h"
+
+namespace kiroku::apps {
+namespace {
+
+std::vector<std::string> split_names(const std::string& names) {
+  std::vector<std::string> parts;
+  std::istringstream in(names);
+  for (std::string part; std::getline(in, part, ',');) parts.push_back(part);
+  return parts;
+}
+
+/// CLI11's own pages are not used: help comes from what the command was told.
+class StatedHelp : public CLI::FormatterBase {
+ public:
+  explicit StatedHelp(const Command& command) : command_(command) {}
+  std::string make_help(const CLI::App* /*app*/, std::string /*name*/,
+                        CLI::AppFormatMode /*mode*/) const override {
+    return command_.help();
+  }
+
+ private:
+  const Command& command_;
+};
+
+std::string alternatives(const std::vector<std::string>& choices) {
+  std::string out;
+  for (const std::string& choice : choices) out += (out.empty() ? "" : "|") + choice;
+  return out;
+}
+
+/// One sentence, beginning in lower case, for what CLI11 refused.
+std::string parse_sentence(const CLI::ParseError& error, const std::string& program) {
+  std::string text = error.what();
+  const std::string one = "The following argument was not expected: ";
+  const std::string several = "The following arguments were not expected: ";
+  if (dynamic_cast<const CLI::ExtrasError*>(&error) != nullptr) {
+    const std::string first =
+        text.rfind(one, 0) == 0 ? text.substr(one.size())
+        : text.rfind(several, 0) == 0
+            ? text.substr(several.size(), text.find(' ', several.size()) - several.size())
+            : text;
+    return first.rfind('-', 0) == 0
+               ? "there is no option '" + first + "' here"
+               : "'" + first + "' is neither a command of " + program + " nor expected as an argument here";
+  }
+  if (!text.empty() && text[0] >= 'A' && text[0] <= 'Z') text[0] = char(text[0] - 'A' + 'a');
+  while (!text.empty() && (text.back() == '\n' || text.back() == '.' || text.back() == ' ')) text.pop_back();
+  return text;
+}
+
+}  // namespace
+
+std::string printable(std::string_view text) {
+  std::string out(text);
+  for (char& c : out) {
+    if (static_cast<unsigned char>(c) < 0x20 || c == 0x7f) c = c == '\n' || c == '\t' ? ' ' : '?';
+  }
+  return out;
+}
+
+void print_error(std::string_view program, std::string_view sentence) {
+  std::cerr << program << ": " << printable(sentence) << std::endl;
+}
+
+Command::Command(CLI::App& app, std::string full_name, std::string purpose)
+    : app_(app),
+      full_name_(std::move(full_name)),
+      name_(full_name_.substr(full_name_.rfind(' ') == std::string::npos ? 0 : full_name_.rfind(' ') + 1)),
+      purpose_(std::move(purpose)) {
+  app_.formatter(std::make_shared<StatedHelp>(*this));
+  app_.set_help_flag("-h,--help", "prints this page");
+  state_option("-h,--help", "", "prints this page");
+}
+
+Command::~Command() = default;
+
+Command& Command::add_command(const std::string& name, const std::string& purpose) {
+  CLI::App* app = app_.add_subcommand(name, purpose);
+  commands_.push_back(std::make_unique<Command>(*app, full_name_ + " " + name, purpose));
+  return *commands_.back();
+}
+
+OptionStatement& Command::state_option(const std::string& names, const std::string& value,
+                                       const std::string& description) {
+  OptionStatement statement;
+  statement.names = split_names(names);
+  statement.value = value;
+  statement.description = description;
+  // --help stays last on the page.
+  const auto at = options_.empty() ? options_.end() : options_.end() - 1;
+  return *options_.insert(at, statement);
+}
+
+OptionStatement& Command::state_argument(const std::string& name, const std::string& description) {
+  OptionStatement statement;
+  statement.names = {name};
+  statement.value = name;
+  statement.description = description;
+  arguments_.push_back(statement);
+  return arguments_.back();
+}
+
+void Command::option(const std::string& names, const std::string& value, std::string& into,
+                     const std::string& description) {
+  app_.add_option(names, into, description);
+  state_option(names, value, description).default_text = into;
+}
+
+void Command::option(const std::string& names, const std::string& value, std::optional<std::string>& into,
+                     const std::string& description, const std::string& default_text) {
+  app_.add_option_function<std::string>(
+      names, [&into](const std::string& text) { into = text; }, description);
+  state_option(names, value, description).default_text = default_text;
+}
+
+void Command::option(const std::string& names, const std::string& value, std::vector<std::string>& into,
+                     const std::string& description) {
+  app_.add_option(names, into, description)->allow_extra_args(false);
+  state_option(names, value, description).repeatable = true;
+}
+
+void Command::choice(const std::string& names, const std::vector<std::string>& choices,
+                     std::optional<std::string>& into, const std::string& description,
+                     const std::string& default_text) {
+  app_.add_option_function<std::string>(
+          names, [&into](const std::string& text) { into = text; }, description)
+      ->check(CLI::IsMember(choices));
+  OptionStatement& statement = state_option(names, alternatives(choices), description);
+  statement.choices = choices;
+  statement.default_text = default_text;
+}
+
+void Command::required_option(const std::string& names, const std::string& value, std::string& into,
+                              const std::string& description) {
+  app_.add_option(names, into, description)->required();
+  state_option(names, value, description).required = true;
+}
+
+void Command::flag(const std::string& names, bool& into, const std::string& description) {
+  app_.add_flag(names, into, description);
+  state_option(names, "", description);
+}
+
+void Command::argument(const std::string& name, std::string& into, const std::string& description) {
+  app_.add_option(name, into, description)->required();
+  state_argument(name, description).required = true;
+}
+
+void Command::argument(const std::string& name, std::optional<std::string>& into,
+                       const std::string& description) {
+  app_.add_option_function<std::string>(
+      name, [&into](const std::string& text) { into = text; }, description);
+  state_argument(name, description);
+}
+
+void Command::choice_argument(const std::string& name, const std::vector<std::string>& choices,
+                              std::string& into, const std::string& description) {
+  app_.add_option(name, into, description)->required()->check(CLI::IsMember(choices));
+  OptionStatement& statement = state_argument(name, description);
+  statement.required = true;
+  statement.choices = choices;
+}
+
+void Command::arguments(const std::string& name, std::vector<std::string>& into,
+                        const std::string& description) {
+  app_.add_option(name, into, description)->required();
+  OptionStatement& statement = state_argument(name, description);
+  statement.required = true;
+  statement.repeatable = true;
+}
+
+void Command::explain(const std::string& paragraph) { paragraphs_.push_back(paragraph); }
+
+void Command::example(const std::string& command_line, const std::string& effect) {
+  examples_.push_back({command_line, effect});
+}
+
+void Command::on_run(std::function<int()> action) { action_ = std::move(action); }
+
+Program::Program(const std::string& name, const std::string& purpose, std::string overview)
+    : name_(name), overview_(std::move(overview)), app_(std::make_unique<CLI::App>(purpose, name)) {
+  root_ = std::make_unique<Command>(*app_, name, purpose);
+  app_->set_version_flag("--version", name + " " + kVersion);
+  root_->state_option("--version", "", "prints the version");
+}
+
+Program::~Program() = default;
+
+int Program::run_parsed(int argc, const char* const* argv) {
+  const Command* command = root_.get();
+  const auto descend = [&] {
+    for (bool found = true; found;) {
+      found = false;
+      for (const auto& child : command->commands_) {
+        if (!child->app_.parsed()) continue;
+        command = child.get();
+        found = true;
+        break;
+      }
+    }
+  };
+  try {
+    app_->parse(argc, argv);
+    descend();
+  } catch (const CLI::Success& wish) {
+    descend();
+    if (dynamic_cast<const CLI::CallForVersion*>(&wish) != nullptr) {
+      std::cout << wish.what() << "\n";
+    } else {
+      std::cout << command->help();
+    }
+    return kDone;
+  } catch (const CLI::ParseError& error) {
+    descend();
+    throw UsageError(parse_sentence(error, command->full_name()) + "; see '" + command->full_name() +
+                     " --help'");
+  }
+  if (command->action_) return command->action_();
+  if (command == root_.get()) {
+    std::cout << overview_;
+    return kDone;
+  }
+  std::string names;
+  for (const auto& child : command->commands_) names += (names.empty() ? "" : ", ") + child->name();
+  throw UsageError("'" + command->full_name() + "' needs a command after it (" + names + "); see '" +
+                   command->full_name() + " --help'");
+}
+
+int Program::run(int argc, const char* const* argv) {
+  try {
+    const int status = run_parsed(argc, argv);
+    std::cout.flush();
+    if (!std::cout) throw Error("cannot write all of the answer to standard output: is its disk full?");
+    return status;
+  } catch (const Error& error) {
+    print_error(name_, error.what());
+  } catch (const std::bad_alloc&) {
+    print_error(name_, "there is not enough memory for this: close other programs and try again");
+  } catch (const std::exception& error) {
+    print_error(name_, std::string("stopped by an unforeseen error: ") + error.what());
+  }
+  return kRefused;
+}
+
+}  // namespace kiroku::apps

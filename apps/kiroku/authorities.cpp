@@ -1,0 +1,46 @@
+#include "apps/kiroku/authorities.h"
+
+#include <algorithm>
+
+#include "base/error.h"
+
+namespace kiroku::apps {
+namespace {
+
+std::string names_of(const Configuration& configuration) {
+  std::string out;
+  for (const auto& authority : configuration.authorities) out += (out.empty() ? "" : ", ") + authority.name;
+  return out;
+}
+
+}  // namespace
+
+Authorities::Authorities(const Home& home, const Configuration& configuration,
+                         const std::vector<std::string>& wanted) {
+  const auto& all = configuration.authorities;
+  if (all.empty()) {
+    throw UsageError(
+        home.configuration_file().string() +
+        " names no time-stamping authority, so that nothing could prove when a case existed: add an "
+        "[[authority]]");
+  }
+  for (const std::string& name : wanted) {
+    if (std::none_of(all.begin(), all.end(), [&](const auto& authority) { return authority.name == name; })) {
+      throw UsageError("no authority is named '" + name + "' in " + home.configuration_file().string() +
+                       "; there are: " + names_of(configuration));
+    }
+  }
+  for (const AuthorityConfiguration& authority : all) {
+    if (!wanted.empty() && std::find(wanted.begin(), wanted.end(), authority.name) == wanted.end()) continue;
+    if (!authority.is_embedded()) {
+      named_.push_back({authority.name, timestamp::http_stamp_source(authority.path)});
+      continue;
+    }
+    if (!embedded_) {
+      embedded_ = std::make_unique<timestamp::Authority>(timestamp::Authority::open(home.authority_folder()));
+    }
+    named_.push_back({authority.name, timestamp::embedded_stamp_source(*embedded_)});
+  }
+}
+
+}  // namespace kiroku::apps

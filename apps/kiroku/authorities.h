@@ -1,0 +1,27 @@
+// The time-stamping authorities of a home, ready to be asked.
+#pragma once
+
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "apps/kiroku/home.h"
+#include "recorder/stamper.h"
+#include "timestamp/authority.h"
+
+namespace kiroku::apps {
+
+/// Owns the embedded authority beside the sources that ask it. One thread at a time.
+class Authorities {
+ public:
+  /// Those of kiroku.toml, or only the `wanted` ones. Throws kiroku::UsageError for a name that is not
+  /// configured, and where there is none at all.
+  Authorities(const Home& home, const Configuration& configuration, const std::vector<std::string>& wanted);
+  [[nodiscard]] const std::vector<recorder::NamedAuthority>& named() const { return named_; }
+
+ private:
+  std::unique_ptr<timestamp::Authority> embedded_;
+  std::vector<recorder::NamedAuthority> named_;
+};
+
+}  // namespace kiroku::apps

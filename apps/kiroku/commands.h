@@ -1,0 +1,24 @@
+// Every command of kiroku adds itself to the program; one file a command.
+#pragma once
+
+#include "apps/common/command_line.h"
+
+namespace kiroku::apps {
+
+void add_init_command(Command& program);
+void add_record_command(Command& program);
+void add_cases_command(Command& program);
+void add_verify_command(Command& program);
+void add_export_command(Command& program);
+void add_seal_command(Command& program);
+void add_unseal_command(Command& program);
+void add_token_command(Command& program);
+void add_tsa_command(Command& program);
+void add_log_command(Command& program);
+/// Last, so that it knows all others.
+void add_completion_command(Command& program);
+
+/// --home DIR, the same words everywhere.
+void add_home_option(Command& command, std::optional<std::string>& into);
+
+}  // namespace kiroku::apps

@@ -1,0 +1,208 @@
+#include "apps/kiroku/configuration.h"
+
+#include <algorithm>
+
+#include <toml++/toml.h>
+
+#include "apps/common/format.h"
+#include "base/error.h"
+
+namespace kiroku::apps {
+namespace {
+
+using std::chrono::milliseconds;
+using std::chrono::nanoseconds;
+
+/// Reads the keys of one table and refuses those that nobody asked for.
+class TableReader {
+ public:
+  TableReader(const toml::table& table, std::string name, const std::string& file)
+      : table_(table), name_(std::move(name)), file_(file) {}
+
+  [[noreturn]] void refuse(const toml::source_region& where, const std::string& sentence) const {
+    throw UsageError(file_ + ":" + std::to_string(where.begin.line) + ":" +
+                     std::to_string(where.begin.column) + ": " + sentence);
+  }
+
+  /// Calls `take` with the text of `key`; an error it throws gets the place of the value.
+  template <typename Take>
+  void text(const std::string& key, const Take& take) {
+    const toml::node* node = find(key);
+    if (node == nullptr) return;
+    const auto value = node->value_exact<std::string>();
+    if (!value) refuse(node->source(), "'" + key + "' must be a text in quotation marks");
+    try {
+      take(*value);
+    } catch (const UsageError& error) {
+      refuse(node->source(), error.what());
+    }
+  }
+  void flag(const std::string& key, bool& into) {
+    const toml::node* node = find(key);
+    if (node == nullptr) return;
+    const auto value = node->value_exact<bool>();
+    if (!value) refuse(node->source(), "'" + key + "' must be true or false");
+    into = *value;
+  }
+  const toml::node* find(const std::string& key) {
+    known_.push_back(key);
+    return table_.get(key);
+  }
+  /// Call after everything known was asked for.
+  void refuse_unknown_keys() const {
+    for (const auto& [key, node] : table_) {
+      if (std::find(known_.begin(), known_.end(), key.str()) != known_.end()) continue;
+      std::string names;
+      for (const std::string& one : known_) names += (names.empty() ? "" : ", ") + one;
+      refuse(key.source(),
+             "unknown key '" + std::string(key.str()) + "' in " + name_ + "; known are " + names);
+    }
+  }
+
+ private:
+  const toml::table& table_;
+  std::string name_;
+  const std::string& file_;
+  std::vector<std::string> known_;
+};
+
+void require_profile(const std::string& text) {
+  if (text != "mpeg2" && text != "uncompressed" && text != "lossless") {
+    throw UsageError("'profile' is '" + text + "': it must be mpeg2, uncompressed or lossless");
+  }
+}
+
+void require_authority_name(const std::string& name) {
+  const bool good = !name.empty() && name.size() <= 32 &&
+                    name.find_first_not_of("abcdefghijklmnopqrstuvwxyz0123456789-") == std::string::npos;
+  if (!good) throw UsageError("'name' is '" + name + "': it must be 1 to 32 of a-z, 0-9 and '-'");
+}
+
+void require_url(const std::string& url) {
+  if (url != "embedded" && !url.starts_with("http://") && !url.starts_with("https://")) {
+    throw UsageError("'url' is '" + url + "': it must begin with http:// or https://, or be embedded");
+  }
+}
+
+AuthorityConfiguration read_authority(const toml::table& table, const std::string& file) {
+  AuthorityConfiguration authority;
+  TableReader reader(table, "[[authority]]", file);
+  reader.text("name", [&](const std::string& text) {
+    require_authority_name(text);
+    authority.name = text;
+  });
+  reader.text("url", [&](const std::string& text) {
+    require_url(text);
+    authority.path.url = text;
+  });
+  reader.text("proxy", [&](const std::string& text) { authority.path.proxy = text; });
+  reader.text("interface", [&](const std::string& text) { authority.path.network_interface = text; });
+  const auto timeout = [&reader](const std::string& key, milliseconds& into) {
+    reader.text(key, [&](const std::string& text) {
+      const nanoseconds duration = parse_duration(text, "'" + key + "'");
+      if (duration < milliseconds(100) || duration > std::chrono::minutes(5)) {
+        throw UsageError("'" + key + "' is '" + text + "': it must be between 100ms and 5m");
+      }
+      into = std::chrono::duration_cast<milliseconds>(duration);
+    });
+  };
+  timeout("connect_timeout", authority.path.connect_timeout);
+  timeout("total_timeout", authority.path.total_timeout);
+  reader.refuse_unknown_keys();
+  if (authority.name.empty()) reader.refuse(table.source(), "an [[authority]] needs a 'name'");
+  if (authority.path.url.empty()) reader.refuse(table.source(), "an [[authority]] needs a 'url'");
+  return authority;
+}
+
+void read_recording(const toml::table& table, const std::string& file, Configuration& into) {
+  TableReader reader(table, "[recording]", file);
+  reader.text("profile", [&](const std::string& text) {
+    require_profile(text);
+    into.profile = text;
+  });
+  reader.text("bit_rate",
+              [&](const std::string& text) { into.bit_rate = parse_bit_rate(text, "'bit_rate'"); });
+  reader.text("chroma", [&](const std::string& text) { into.chroma_422 = parse_chroma(text, "'chroma'"); });
+  reader.flag("deinterlace", into.deinterlace);
+  reader.flag("audio", into.audio);
+  reader.text("segment",
+              [&](const std::string& text) { into.segment = parse_segment_duration(text, "'segment'"); });
+  reader.text("stamp_every", [&](const std::string& text) {
+    into.stamp_every = parse_stamp_interval(text, "'stamp_every'");
+  });
+  reader.refuse_unknown_keys();
+}
+
+void read_recipients(const toml::table& table, const std::string& file, Configuration& into) {
+  TableReader reader(table, "[recipients]", file);
+  for (const auto& [key, node] : table) {
+    const std::string stream(key.str());
+    reader.text(stream, [&](const std::string& text) { into.recipients[stream] = text; });
+  }
+}
+
+void read_authorities(const toml::node& node, const TableReader& top, const std::string& file,
+                      Configuration& into) {
+  const toml::array* entries = node.as_array();
+  if (entries == nullptr) top.refuse(node.source(), "authorities are written as [[authority]]");
+  for (const toml::node& entry : *entries) {
+    if (!entry.is_table()) top.refuse(entry.source(), "authorities are written as [[authority]]");
+    AuthorityConfiguration authority = read_authority(*entry.as_table(), file);
+    const bool twice = std::any_of(into.authorities.begin(), into.authorities.end(),
+                                   [&](const auto& other) { return other.name == authority.name; });
+    if (twice) top.refuse(entry.source(), "there are two authorities named '" + authority.name + "'");
+    into.authorities.push_back(std::move(authority));
+  }
+}
+
+}  // namespace
+
+std::chrono::nanoseconds parse_segment_duration(std::string_view text, const std::string& what) {
+  const nanoseconds duration = parse_duration(text, what);
+  if (duration < milliseconds(500) || duration > std::chrono::seconds(10)) {
+    throw UsageError(what + " is '" + std::string(text) + "': a segment lasts between 500ms and 10s");
+  }
+  return duration;
+}
+
+std::chrono::nanoseconds parse_stamp_interval(std::string_view text, const std::string& what) {
+  const nanoseconds duration = parse_duration(text, what);
+  if (duration < std::chrono::seconds(1) || duration > std::chrono::hours(24)) {
+    throw UsageError(what + " is '" + std::string(text) + "': time-stamps are asked for every 1s to 24h");
+  }
+  return duration;
+}
+
+bool parse_chroma(std::string_view text, const std::string& what) {
+  if (text != "420" && text != "422") {
+    throw UsageError(what + " is '" + std::string(text) + "': it must be 420 or 422");
+  }
+  return text == "422";
+}
+
+Configuration parse_configuration(std::string_view text, const std::string& name_for_errors) {
+  toml::table root;
+  try {
+    root = toml::parse(text);
+  } catch (const toml::parse_error& error) {
+    const auto& where = error.source().begin;
+    throw UsageError(name_for_errors + ":" + std::to_string(where.line) + ":" + std::to_string(where.column) +
+                     ": " + std::string(error.description()));
+  }
+  Configuration configuration;
+  TableReader top(root, "the file", name_for_errors);
+  const auto section = [&](const std::string& key, const auto& read) {
+    const toml::node* node = top.find(key);
+    if (node == nullptr) return;
+    if (!node->is_table()) top.refuse(node->source(), "'" + key + "' must be a table: [" + key + "]");
+    read(*node->as_table(), name_for_errors, configuration);
+  };
+  section("recording", read_recording);
+  section("recipients", read_recipients);
+  if (const toml::node* node = top.find("authority"))
+    read_authorities(*node, top, name_for_errors, configuration);
+  top.refuse_unknown_keys();
+  return configuration;
+}
+
+}  // namespace kiroku::apps

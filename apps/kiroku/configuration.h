@@ -1,0 +1,48 @@
+// kiroku.toml: how a home records. The default file (default_kiroku.toml, kept in the program) is also the
+// documentation of every key. Pure functions, thread-safe.
+#pragma once
+
+#include <chrono>
+#include <cstdint>
+#include <map>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "timestamp/client.h"
+
+namespace kiroku::apps {
+
+/// One [[authority]].
+struct AuthorityConfiguration {
+  std::string name;               // [a-z0-9-], at most 32
+  timestamp::AuthorityPath path;  // path.url is "embedded" for the home's own
+  [[nodiscard]] bool is_embedded() const { return path.url == "embedded"; }
+};
+
+struct Configuration {
+  std::string profile = "mpeg2";
+  std::int64_t bit_rate = 4'000'000;
+  bool chroma_422 = false;
+  bool deinterlace = false;
+  bool audio = false;
+  std::chrono::nanoseconds segment = std::chrono::seconds(2);
+  std::chrono::nanoseconds stamp_every = std::chrono::seconds(60);
+  std::map<std::string, std::string> recipients;  // stream to recipients file, relative to the home
+  std::vector<AuthorityConfiguration> authorities;
+};
+
+/// Throws kiroku::UsageError "<name_for_errors>:<line>:<column>: …" for what is no TOML, an unknown key, a
+/// wrong type or a value out of its range.
+Configuration parse_configuration(std::string_view toml, const std::string& name_for_errors);
+
+/// The text `kiroku init` writes.
+std::string_view default_configuration_text();
+
+/// Limits that the command line shares with the file; throw kiroku::UsageError naming `what`.
+std::chrono::nanoseconds parse_segment_duration(std::string_view text,
+                                                const std::string& what);                       // 0.5 to 10 s
+std::chrono::nanoseconds parse_stamp_interval(std::string_view text, const std::string& what);  // 1 s to 24 h
+bool parse_chroma(std::string_view text, const std::string& what);  // "422" is true, "420" false
+
+}  // namespace kiroku::apps

@@ -1,0 +1,173 @@
+#include "apps/kiroku/home.h"
+
+#include <cstdlib>
+#include <pwd.h>
+#include <unistd.h>
+
+#include "apps/common/command_line.h"
+#include "apps/common/file.h"
+#include "apps/common/terminal.h"
+#include "apps/verify/verify_command.h"
+#include "archive/appliance_log.h"
+#include "archive/file_system.h"
+#include "base/error.h"
+
+namespace kiroku::apps {
+namespace {
+
+namespace fs = std::filesystem;
+
+bool is_home(const fs::path& folder) {
+  std::error_code ignored;
+  return fs::exists(folder / "device.pub", ignored);
+}
+
+std::string environment(const char* name) {
+  const char* value = std::getenv(name);
+  return value == nullptr ? "" : value;
+}
+
+/// Who runs this program, for the appliance log.
+std::string user_name() {
+  const passwd* entry = ::getpwuid(::geteuid());
+  return entry == nullptr ? "uid " + std::to_string(::geteuid()) : std::string(entry->pw_name);
+}
+
+/// Folders of the archive whose name begins with `beginning`.
+std::vector<std::string> cases_beginning(const fs::path& archive, const std::string& beginning) {
+  std::vector<std::string> found;
+  std::error_code ignored;
+  for (const auto& entry : fs::directory_iterator(archive, ignored)) {
+    const std::string name = entry.path().filename().string();
+    if (name != "log" && name.starts_with(beginning) && entry.is_directory(ignored)) found.push_back(name);
+  }
+  return found;
+}
+
+}  // namespace
+
+Home::Home(fs::path folder) : folder_(std::move(folder)) {}
+
+fs::path Home::default_folder() {
+  if (const std::string home = environment("KIROKU_HOME"); !home.empty()) return home;
+  if (const std::string data = environment("XDG_DATA_HOME"); !data.empty()) return fs::path(data) / "kiroku";
+  if (const std::string user = environment("HOME"); !user.empty())
+    return fs::path(user) / ".local/share/kiroku";
+  throw UsageError("neither KIROKU_HOME nor HOME is set: name the home with --home DIR");
+}
+
+Home Home::open(const std::optional<std::string>& asked) {
+  const fs::path folder = asked ? fs::path(*asked) : default_folder();
+  if (!is_home(folder)) {
+    throw UsageError("there is no Kiroku home in " + folder.string() +
+                     ": make one with 'kiroku init', or name another with --home DIR");
+  }
+  return Home(folder);
+}
+
+std::optional<Home> Home::find(const std::optional<std::string>& asked) {
+  if (asked) return open(asked);
+  try {
+    const fs::path folder = default_folder();
+    if (is_home(folder)) return Home(folder);
+  } catch (const UsageError&) {
+    return {};
+  }
+  return {};
+}
+
+Configuration Home::configuration() const {
+  const Bytes text = read_small_file(configuration_file(), "the configuration");
+  return parse_configuration(text_of(text), configuration_file().string());
+}
+
+crypto::VerifierKey Home::device() const {
+  const Bytes text = read_small_file(device_file(), "the device's public key");
+  return parse_device_keys(text_of(text), device_file().string()).front();
+}
+
+crypto::SigningKey Home::signing_key() const {
+  Bytes file = read_small_file(device_key_file(), "the device key");
+  const crypto::Secret pem = crypto::Secret::copy_of(file);
+  crypto::zeroise(file);
+  if (!crypto::SigningKey::pem_is_encrypted(pem.text()))
+    return crypto::SigningKey::from_pem(pem.text(), nullptr);
+  const crypto::Secret passphrase = ask_passphrase("the device key " + device_key_file().string());
+  return crypto::SigningKey::from_pem(pem.text(), &passphrase);
+}
+
+timestamp::TrustStore Home::trust() const {
+  timestamp::TrustStore trust;
+  trust.add_trusted_file(trust_file());
+  return trust;
+}
+
+bool Home::holds(const fs::path& case_folder) const {
+  std::error_code failed;
+  const fs::path parent = fs::canonical(case_folder, failed).parent_path();
+  if (failed) return false;
+  const fs::path own = fs::canonical(archive(), failed);
+  return !failed && parent == own;
+}
+
+crypto::AgeRecipients load_recipients(const fs::path& file) {
+  const Bytes text = read_small_file(file, "the recipients");
+  crypto::AgeRecipients recipients = crypto::parse_recipients(text_of(text), file.string());
+  if (recipients.empty()) throw UsageError(file.string() + " names no recipient: write one age1... a line");
+  return recipients;
+}
+
+fs::path find_case(const std::optional<Home>& home, const std::string& named) {
+  std::error_code ignored;
+  if (named.empty()) throw UsageError("an empty text names no case: give a folder or an identifier");
+  if (fs::exists(named, ignored)) return named;
+  const bool looks_like_path = named.find('/') != std::string::npos;
+  if (looks_like_path || !home) {
+    throw UsageError("there is no case folder " + named +
+                     (home || looks_like_path
+                          ? ": look at the path"
+                          : " and no home whose archive could hold it: look at the path, or "
+                            "name the home with --home DIR"));
+  }
+  const std::vector<std::string> found = cases_beginning(home->archive(), named);
+  if (found.empty()) {
+    throw UsageError("'" + named + "' is neither a folder nor a case in " + home->archive().string() +
+                     ": 'kiroku cases' lists what there is");
+  }
+  if (found.size() > 1) {
+    throw UsageError("'" + named + "' begins the names of " + std::to_string(found.size()) +
+                     " cases, such as " + found[0] + " and " + found[1] + ": write more of the identifier");
+  }
+  return home->archive() / found.front();
+}
+
+void log_access(const std::optional<Home>& home, const fs::path& case_folder, const std::string& what) {
+  if (!home || !home->holds(case_folder)) return;
+  try {
+    const crypto::SigningKey key = home->signing_key();
+    const auto log = archive::ApplianceLog::open(archive::real_file_system(), home->log_folder(), key,
+                                                 home->device().name());
+    log->access(fs::canonical(case_folder).filename().string(), what, user_name());
+  } catch (const Error& error) {
+    print_error("kiroku",
+                std::string("warning: the appliance log does not know of this access: ") + error.what());
+  }
+}
+
+crypto::AgeIdentities load_identities(const std::vector<std::string>& files,
+                                      const std::optional<Home>& home) {
+  std::vector<std::string> names = files;
+  std::error_code ignored;
+  if (names.empty() && home && fs::exists(home->identity_file(), ignored)) {
+    names.push_back(home->identity_file().string());
+  }
+  if (names.empty()) throw UsageError("only a recipient's identity opens this: give it with --identity FILE");
+  crypto::AgeIdentities identities;
+  for (const std::string& name : names) {
+    for (auto& identity : crypto::load_identity_file(name, ask_passphrase))
+      identities.push_back(std::move(identity));
+  }
+  return identities;
+}
+
+}  // namespace kiroku::apps

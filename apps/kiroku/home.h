@@ -1,0 +1,78 @@
+// A home: the folder that holds what one recorder is (docs/format.md does not depend on it; a case can be
+// judged without any home). Layout:
+//
+//   kiroku.toml      how it records            device.key   signing key, PKCS#8, mode 0600
+//   recipients.txt   who can open recordings   device.pub   its C2SP verifier key
+//   trust.pem        time-stamping roots       authority/   the embedded authority
+//   archive/<case>/  the recordings            archive/log/ the appliance log
+//   catalogue.sqlite                           identity.txt only with --demo
+//
+// Immutable; thread-safe.
+#pragma once
+
+#include <filesystem>
+#include <optional>
+#include <string>
+
+#include "apps/kiroku/configuration.h"
+#include "crypto/age_recipient.h"
+#include "crypto/signed_note.h"
+#include "crypto/signing_key.h"
+#include "timestamp/token_verifier.h"
+
+namespace kiroku::apps {
+
+/// Where everything of a home lies.
+class Home {
+ public:
+  /// Names the places; nothing needs to be there yet.
+  explicit Home(std::filesystem::path folder);
+  /// $KIROKU_HOME, else $XDG_DATA_HOME/kiroku, else ~/.local/share/kiroku. Throws kiroku::UsageError where
+  /// the environment names none of them.
+  static std::filesystem::path default_folder();
+  /// The home of --home or the default one; throws kiroku::UsageError where there is none.
+  static Home open(const std::optional<std::string>& asked);
+  /// The same; nothing if none was asked for and there is no default one.
+  static std::optional<Home> find(const std::optional<std::string>& asked);
+
+  [[nodiscard]] const std::filesystem::path& folder() const { return folder_; }
+  [[nodiscard]] std::filesystem::path configuration_file() const { return folder_ / "kiroku.toml"; }
+  [[nodiscard]] std::filesystem::path device_key_file() const { return folder_ / "device.key"; }
+  [[nodiscard]] std::filesystem::path device_file() const { return folder_ / "device.pub"; }
+  [[nodiscard]] std::filesystem::path trust_file() const { return folder_ / "trust.pem"; }
+  [[nodiscard]] std::filesystem::path recipients_file() const { return folder_ / "recipients.txt"; }
+  [[nodiscard]] std::filesystem::path authority_folder() const { return folder_ / "authority"; }
+  [[nodiscard]] std::filesystem::path identity_file() const { return folder_ / "identity.txt"; }
+  [[nodiscard]] std::filesystem::path archive() const { return folder_ / "archive"; }
+  [[nodiscard]] std::filesystem::path log_folder() const { return archive() / "log"; }
+  [[nodiscard]] std::filesystem::path catalogue_file() const { return folder_ / "catalogue.sqlite"; }
+
+  [[nodiscard]] Configuration configuration() const;
+  [[nodiscard]] crypto::VerifierKey device() const;
+  /// Asks for the passphrase if the key has one.
+  [[nodiscard]] crypto::SigningKey signing_key() const;
+  [[nodiscard]] timestamp::TrustStore trust() const;
+  /// Whether the folder is a case of this home's archive, links resolved.
+  [[nodiscard]] bool holds(const std::filesystem::path& case_folder) const;
+
+ private:
+  std::filesystem::path folder_;
+};
+
+/// recipients.txt or another file of recipients.
+crypto::AgeRecipients load_recipients(const std::filesystem::path& file);
+
+/// The case a person named: a folder, or the identifier (or its beginning, if only one has it) of a case in
+/// the home's archive. Throws kiroku::UsageError.
+std::filesystem::path find_case(const std::optional<Home>& home, const std::string& named);
+
+/// Writes an `access` entry into the appliance log where the case is this home's. What was asked for goes on
+/// even if that fails: then a warning on standard error says so.
+void log_access(const std::optional<Home>& home, const std::filesystem::path& case_folder,
+                const std::string& what);
+
+/// Identities of the files given, or of the demonstration home's identity.txt if none was. Throws
+/// kiroku::UsageError if there is neither.
+crypto::AgeIdentities load_identities(const std::vector<std::string>& files, const std::optional<Home>& home);
+
+}  // namespace kiroku::apps

@@ -1,0 +1,278 @@
+#include <cerrno>
+#include <fcntl.h>
+#include <iostream>
+#include <memory>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <nlohmann/json.hpp>
+
+#include "apps/common/file.h"
+#include "apps/common/json_output.h"
+#include "apps/common/terminal.h"
+#include "apps/kiroku/commands.h"
+#include "apps/kiroku/home.h"
+#include "apps/kiroku/output_file.h"
+#include "archive/appliance_log.h"
+#include "archive/catalogue.h"
+#include "archive/file_system.h"
+#include "base/error.h"
+#include "crypto/age_file.h"
+#include "timestamp/authority.h"
+
+namespace kiroku::apps {
+namespace {
+
+namespace fs = std::filesystem;
+using nlohmann::ordered_json;
+
+constexpr std::size_t kFewestRecipients = 2;
+
+struct Request {
+  std::optional<std::string> home, device_name;
+  std::vector<std::string> recipients, recipient_files, new_identities;
+  bool demo = false, no_passphrase = false, passphrase = false, json = false;
+};
+
+/// What was made so far, taken away again unless all of it succeeds.
+class Undo {
+ public:
+  ~Undo() {
+    std::error_code ignored;
+    for (const fs::path& path : made_) fs::remove_all(path, ignored);
+  }
+  Undo() = default;
+  Undo(const Undo&) = delete;
+  Undo& operator=(const Undo&) = delete;
+  void made(fs::path path) { made_.push_back(std::move(path)); }
+  void keep_all() { made_.clear(); }
+
+ private:
+  std::vector<fs::path> made_;
+};
+
+/// A new file with exactly these bytes; refuses one that exists.
+void write_new_file(const fs::path& file, ByteView bytes, mode_t mode, Undo& undo) {
+  const int descriptor = ::open(file.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, mode);
+  if (descriptor < 0 && errno == EEXIST)
+    throw UsageError(file.string() + " is there already and is not overwritten: name another file");
+  if (descriptor < 0) throw IoError("write", file, errno);
+  undo.made(file);
+  try {
+    write_all(descriptor, bytes, file);
+    if (::fsync(descriptor) != 0) throw IoError("make durable", file, errno);
+  } catch (...) {
+    ::close(descriptor);
+    throw;
+  }
+  ::close(descriptor);
+}
+
+void make_folder(const fs::path& folder) {
+  if (::mkdir(folder.c_str(), 0755) != 0) throw IoError("make the folder", folder, errno);
+}
+
+/// This machine's name with what a key name may not hold left out.
+std::string default_device_name() {
+  std::string name(256, '\0');
+  if (::gethostname(name.data(), name.size() - 1) != 0) return "kiroku";
+  name.resize(name.find('\0'));
+  std::string out;
+  for (const char c : name) {
+    if (c > ' ' && c < 127 && c != '+' && c != '/') out += c;
+  }
+  return out.empty() ? "kiroku" : out;
+}
+
+/// An identity file as age-keygen writes it.
+crypto::Secret identity_file_text(const crypto::AgeKeyPair& pair) {
+  const std::string head = "# created: " + format_utc(utc_now()) + "\n# public key: " + pair.recipient + "\n";
+  crypto::Secret text(head.size() + pair.identity_text.size() + 1);
+  auto at = std::copy_n(bytes_of(head).begin(), head.size(), text.bytes().begin());
+  at = std::copy_n(pair.identity_text.bytes().begin(), pair.identity_text.size(), at);
+  *at = std::byte('\n');
+  return text;
+}
+
+/// Makes identities where the operator said and returns their recipients.
+std::vector<std::string> make_identities(const Request& request, Undo& undo) {
+  std::vector<std::string> recipients;
+  for (const std::string& file : request.new_identities) {
+    const crypto::AgeKeyPair pair = crypto::generate_age_key();
+    const crypto::Secret text = identity_file_text(pair);
+    if (request.no_passphrase) {
+      write_new_file(file, text.bytes(), 0600, undo);
+    } else {
+      const crypto::Secret passphrase = ask_new_passphrase("the identity " + file);
+      const Bytes sealed = crypto::seal_bytes(text.bytes(), {crypto::passphrase_recipient(passphrase)});
+      write_new_file(file, sealed, 0600, undo);
+    }
+    recipients.push_back(pair.recipient);
+  }
+  return recipients;
+}
+
+std::string recipients_text(const std::vector<std::string>& recipients) {
+  std::string text = "# Who can open what this home records, one age recipient a line.\n";
+  for (const std::string& recipient : recipients) text += recipient + "\n";
+  return text;
+}
+
+/// Recipients that exist already, each checked.
+std::vector<std::string> given_recipients(const Request& request) {
+  std::vector<std::string> out;
+  for (const std::string& text : request.recipients)
+    out.push_back(crypto::parse_recipient(text)->to_string());
+  for (const std::string& file : request.recipient_files) {
+    for (const auto& recipient : load_recipients(file)) out.push_back(recipient->to_string());
+  }
+  return out;
+}
+
+void require_enough_recipients(const Request& request, std::size_t given) {
+  if (request.demo || given + request.new_identities.size() >= kFewestRecipients) return;
+  throw UsageError(
+      "a home needs at least two recipients, so that one lost identity does not lose every recording: "
+      "give two of --recipient age1... and --new-identity FILE, or --demo to try things out");
+}
+
+void require_free_place(const fs::path& folder) {
+  std::error_code ignored;
+  const fs::file_status status = fs::status(folder, ignored);
+  if (!fs::exists(status)) return;
+  if (fs::exists(folder / "device.pub", ignored)) {
+    throw UsageError(folder.string() + " is a home already and stays as it is: name another with --home DIR");
+  }
+  if (!fs::is_directory(status) || !fs::is_empty(folder, ignored)) {
+    throw UsageError(folder.string() + " is there and not empty: name a new folder with --home DIR");
+  }
+}
+
+/// Everything of a home in `home`, which exists and is empty. Returns the device's key.
+crypto::VerifierKey fill(const Home& home, const Request& request, const std::vector<std::string>& recipients,
+                         Undo& undo) {
+  const std::string name = request.device_name.value_or(default_device_name());
+  const crypto::SigningKey key = crypto::SigningKey::generate();
+  const crypto::VerifierKey device(name, key.public_key());
+  std::optional<crypto::Secret> passphrase;
+  if (request.passphrase) passphrase = ask_new_passphrase("the device key");
+  write_new_file(home.device_key_file(), key.to_pem(passphrase ? &*passphrase : nullptr).bytes(), 0600, undo);
+  write_new_file(home.device_file(), bytes_of(device.to_string() + "\n"), 0644, undo);
+  write_new_file(home.recipients_file(), bytes_of(recipients_text(recipients)), 0644, undo);
+  write_new_file(home.configuration_file(), bytes_of(default_configuration_text()), 0644, undo);
+  const timestamp::Authority authority = timestamp::Authority::create(home.authority_folder(), name);
+  write_new_file(home.trust_file(), bytes_of(authority.root_pem()), 0644, undo);
+  make_folder(home.archive());
+  const auto log = archive::ApplianceLog::open(archive::real_file_system(), home.log_folder(), key, name);
+  log->config_changed(crypto::sha256(bytes_of(default_configuration_text())));
+  log->checkpoint();
+  archive::Catalogue::open(home.catalogue_file());
+  return device;
+}
+
+/// The new home is filled beside its place and renamed there when it is whole.
+fs::path make_place_beside(const fs::path& folder, Undo& undo) {
+  const fs::path parent = fs::absolute(folder).lexically_normal().parent_path();
+  std::error_code failed;
+  fs::create_directories(parent, failed);
+  if (failed) throw IoError("make the folder", parent, failed.value());
+  std::string name = (parent / ".kiroku-init-XXXXXX").string();
+  if (::mkdtemp(name.data()) == nullptr) throw IoError("make a folder in", parent, errno);
+  undo.made(name);
+  return name;
+}
+
+void print_result(const Request& request, const fs::path& folder, const crypto::VerifierKey& device,
+                  const std::vector<std::string>& recipients) {
+  const Home home(folder);
+  std::vector<std::string> identities = request.new_identities;
+  if (request.demo) identities.push_back(home.identity_file().string());
+  if (request.json) {
+    print_json({{"home", folder.string()},
+                {"device", device.to_string()},
+                {"recipients", recipients},
+                {"identities", identities},
+                {"demo", request.demo}});
+    return;
+  }
+  std::cout << "The home " << folder.string() << " is ready.\n\n"
+            << "  device key   " << device.to_string() << "\n"
+            << "               Give this line (or " << home.device_file().string()
+            << ") to whoever shall verify; it proves nothing if it comes with the recording.\n";
+  for (const std::string& recipient : recipients) std::cout << "  recipient    " << recipient << "\n";
+  for (const std::string& identity : identities) std::cout << "  identity     " << identity << "\n";
+  if (request.demo) {
+    std::cout << "               For demonstration only: whoever has this folder can open its recordings.\n";
+  } else if (!identities.empty()) {
+    std::cout << "               Whoever has one of these can open the recordings; lose all of them and "
+                 "nobody can.\n";
+  }
+  std::cout << "\nNext: kiroku record --endoscope synthetic:endoscope --room synthetic:room --vitals "
+               "synthetic:patient --duration 20s\n"
+            << "Time-stamps come from the home's own authority until " << home.configuration_file().string()
+            << " names outside ones.\n";
+}
+
+int run(const Request& request) {
+  const fs::path folder = request.home ? fs::path(*request.home) : Home::default_folder();
+  require_free_place(folder);
+  std::vector<std::string> recipients = given_recipients(request);
+  require_enough_recipients(request, recipients.size());
+  if (request.no_passphrase && request.new_identities.empty()) {
+    throw UsageError(
+        "--no-passphrase is about identities made with --new-identity FILE: name one, or leave it out");
+  }
+  Undo undo;
+  const Home place(make_place_beside(folder, undo));
+  for (std::string& recipient : make_identities(request, undo)) recipients.push_back(std::move(recipient));
+  if (request.demo) {
+    const crypto::AgeKeyPair pair = crypto::generate_age_key();
+    write_new_file(place.identity_file(), identity_file_text(pair).bytes(), 0600, undo);
+    recipients.push_back(pair.recipient);
+  }
+  const crypto::VerifierKey device = fill(place, request, recipients, undo);
+  archive::real_file_system().sync_folder(place.folder());
+  if (::rename(place.folder().c_str(), folder.c_str()) != 0) throw IoError("make the home", folder, errno);
+  undo.keep_all();
+  archive::real_file_system().sync_folder(fs::absolute(folder).lexically_normal().parent_path());
+  print_result(request, folder, device, recipients);
+  return kDone;
+}
+
+}  // namespace
+
+void add_init_command(Command& program) {
+  Command& command = program.add_command("init", "makes a home: keys, recipients, authority, archive");
+  const auto request = std::make_shared<Request>();
+  add_home_option(command, request->home);
+  command.flag("--demo", request->demo,
+               "makes an identity without passphrase inside the home, to try things out; never for patients");
+  command.option("-r,--recipient", "KEY", request->recipients,
+                 "an existing age1... recipient who can open recordings");
+  command.option("-R,--recipients-file", "FILE", request->recipient_files, "a file of them, one a line");
+  command.option(
+      "--new-identity", "FILE", request->new_identities,
+      "makes a new identity in FILE, sealed with a passphrase that is asked for, and its recipient");
+  command.flag("--no-passphrase", request->no_passphrase,
+               "new identities lie open in their files (mode 0600)");
+  command.option("--device-name", "NAME", request->device_name, "how this recorder signs",
+                 "this machine's name");
+  command.flag("--passphrase", request->passphrase,
+               "protects the device key with a passphrase, which every 'kiroku record' then needs");
+  command.flag("--json", request->json, "prints one JSON object instead");
+  command.explain(
+      "At least two recipients are needed, except with --demo. Keep identities away from the recorder: it "
+      "needs none "
+      "of them. Passphrases are asked on the terminal or taken from KIROKU_PASSPHRASE. If anything fails, "
+      "nothing is "
+      "left behind.");
+  command.example("kiroku init --demo", "a home to try things out");
+  command.example(
+      "kiroku init --new-identity /media/stick-a/surgeon.txt --new-identity /media/stick-b/archive.txt",
+      "a home whose recordings either stick opens");
+  command.example("kiroku init --home /srv/kiroku -R recipients.txt --device-name or-3",
+                  "a home for known recipients");
+  command.on_run([request] { return run(*request); });
+}
+
+}  // namespace kiroku::apps

@@ -1,0 +1,95 @@
+#include <iostream>
+#include <memory>
+
+#include <nlohmann/json.hpp>
+
+#include "apps/common/format.h"
+#include "apps/common/json_output.h"
+#include "apps/common/progress.h"
+#include "apps/kiroku/commands.h"
+#include "apps/kiroku/home.h"
+#include "apps/verify/report_json.h"
+#include "apps/verify/report_text.h"
+#include "archive/appliance_log.h"
+#include "archive/verifier.h"
+
+namespace kiroku::apps {
+namespace {
+
+using nlohmann::ordered_json;
+
+struct Request {
+  std::optional<std::string> home;
+  bool verify = false, json = false;
+};
+
+/// What an entry says beyond its number, time and type: "case=… size=…".
+std::string details(const std::string& line) {
+  std::string out;
+  const ordered_json entry = ordered_json::parse(line, nullptr, false);
+  if (!entry.is_object()) return printable(line);
+  for (const auto& [key, value] : entry.items()) {
+    if (key == "type" || key == "seq" || key == "utc" || key == "mono_ns") continue;
+    out +=
+        (out.empty() ? "" : "  ") + key + "=" + (value.is_string() ? value.get<std::string>() : value.dump());
+  }
+  return printable(out);
+}
+
+int list(const Home& home, bool json) {
+  if (json) {
+    ordered_json entries = ordered_json::array();
+    archive::for_each_log_line(home.log_folder(), [&](const archive::LogLine& line) {
+      entries.push_back(ordered_json::parse(line.json));
+    });
+    print_json({{"log", home.log_folder().string()}, {"entries", entries}});
+    return kDone;
+  }
+  std::vector<std::vector<std::string>> rows{{"entry", "when", "what", ""}};
+  archive::for_each_log_line(home.log_folder(), [&](const archive::LogLine& line) {
+    rows.push_back({std::to_string(line.seq), format_local(line.utc), line.type, details(line.json)});
+  });
+  std::cout << format_table(rows, "rlll", 0);
+  return kDone;
+}
+
+int verify(const Home& home, bool json) {
+  const timestamp::TrustStore trust = home.trust();
+  archive::VerifyOptions options;
+  options.devices = {home.device()};
+  options.trust = &trust;
+  Progress progress("verifying");
+  options.progress = [&progress](std::uint64_t done, std::uint64_t total) { progress.update(done, total); };
+  const archive::VerificationReport report = archive::verify_log(home.log_folder(), options);
+  if (json) {
+    print_json(report_json(report));
+  } else {
+    std::cout << report_text(report, home.log_folder().string(),
+                             report.device == options.devices[0].to_string());
+  }
+  return archive::exit_status(report.verdict);
+}
+
+}  // namespace
+
+void add_log_command(Command& program) {
+  Command& command = program.add_command("log", "lists or verifies the appliance log");
+  const auto request = std::make_shared<Request>();
+  command.flag("--verify", request->verify, "judges the log instead of listing it");
+  add_home_option(command, request->home);
+  command.flag("--json", request->json, "prints one JSON object instead");
+  command.explain(
+      "The appliance log states when the recorder ran, which cases it opened and closed, and who decrypted "
+      "or "
+      "exported what; it makes the removal of a whole case evident. With --verify, exit status as for "
+      "'kiroku "
+      "verify'.");
+  command.example("kiroku log", "lists every entry");
+  command.example("kiroku log --verify", "tells whether the log is whole");
+  command.on_run([request] {
+    const Home home = Home::open(request->home);
+    return request->verify ? verify(home, request->json) : list(home, request->json);
+  });
+}
+
+}  // namespace kiroku::apps

@@ -1,0 +1,301 @@
+#include <atomic>
+#include <csignal>
+#include <initializer_list>
+#include <iostream>
+#include <memory>
+#include <unistd.h>
+
+#include <nlohmann/json.hpp>
+
+#include "apps/common/file.h"
+#include "apps/common/format.h"
+#include "apps/common/json_output.h"
+#include "apps/kiroku/authorities.h"
+#include "apps/kiroku/commands.h"
+#include "apps/kiroku/home.h"
+#include "apps/kiroku/recording_display.h"
+#include "archive/appliance_log.h"
+#include "archive/catalogue.h"
+#include "base/error.h"
+#include "crypto/encoding.h"
+#include "recorder/session.h"
+
+namespace kiroku::apps {
+namespace {
+
+using nlohmann::ordered_json;
+
+struct Request {
+  std::optional<std::string> home, endoscope, room, vitals, profile, duration, subject, segment, stamp_every,
+      bit_rate, chroma;
+  std::vector<std::string> authorities, recipients_for;
+  bool audio = false, deinterlace = false, json = false;
+};
+
+// --- Ctrl-C: once closes the case, twice ends at once. The handler may touch nothing but these.
+std::atomic<recorder::Session*> running{nullptr};
+std::atomic<int> stops{0};
+
+void write_from_handler(std::string_view text) { (void)!::write(STDERR_FILENO, text.data(), text.size()); }
+
+void on_stop(int /*signal*/) {
+  constexpr int kInterrupted = 130;
+  if (stops.fetch_add(1) > 0) ::_exit(kInterrupted);
+  write_from_handler("\nkiroku: closing the case; Ctrl-C again ends at once and leaves it unclosed\n");
+  if (recorder::Session* session = running.load()) session->stop();
+}
+
+void catch_stops() {
+  struct sigaction stop {};
+  stop.sa_handler = on_stop;
+  stop.sa_flags = SA_RESTART;
+  for (const int signal : {SIGINT, SIGTERM, SIGHUP}) ::sigaction(signal, &stop, nullptr);
+  // A recording must not die because nobody reads its messages any more.
+  ::signal(SIGPIPE, SIG_IGN);
+}
+
+/// Recipients of each stream: the command line's, else kiroku.toml's, else recipients.txt.
+class RecipientChoice {
+ public:
+  RecipientChoice(const Home& home, const Configuration& configuration, const std::vector<std::string>& asked)
+      : default_(load_recipients(home.recipients_file())) {
+    for (const auto& [stream, file] : configuration.recipients) by_stream_[stream] = home.folder() / file;
+    for (const std::string& text : asked) {
+      const std::size_t equals = text.find('=');
+      if (equals == std::string::npos || equals == 0) {
+        throw UsageError("--recipients-for is '" + text +
+                         "': write STREAM=FILE, such as room=recipients-room.txt");
+      }
+      by_stream_[text.substr(0, equals)] = text.substr(equals + 1);
+    }
+  }
+  [[nodiscard]] const crypto::AgeRecipients& usual() const { return default_; }
+  [[nodiscard]] crypto::AgeRecipients of(const std::string& stream) {
+    const auto found = by_stream_.find(stream);
+    if (found == by_stream_.end()) return default_;
+    crypto::AgeRecipients recipients = load_recipients(found->second);
+    by_stream_.erase(found);
+    return recipients;
+  }
+  /// What was asked for on the command line must be about a stream that is recorded.
+  void require_all_used(const std::vector<std::string>& asked) const {
+    for (const std::string& text : asked) {
+      const std::string stream = text.substr(0, text.find('='));
+      if (by_stream_.contains(stream)) {
+        throw UsageError("--recipients-for names the stream '" + stream + "', which is not recorded here");
+      }
+    }
+  }
+
+ private:
+  crypto::AgeRecipients default_;
+  std::map<std::string, std::filesystem::path> by_stream_;
+};
+
+recorder::VideoProfile video_profile(const Request& request, const Configuration& configuration) {
+  recorder::VideoProfile video;
+  video.profile = *recorder::parse_profile(request.profile.value_or(configuration.profile));
+  video.bit_rate = request.bit_rate ? parse_bit_rate(*request.bit_rate, "--bitrate") : configuration.bit_rate;
+  video.chroma_422 = request.chroma ? *request.chroma == "422" : configuration.chroma_422;
+  video.deinterlace = request.deinterlace || configuration.deinterlace;
+  video.audio = request.audio || configuration.audio;
+  return video;
+}
+
+Bytes load_subject(const std::string& file) {
+  Bytes bytes = read_small_file(file, "the subject");
+  const auto parsed = nlohmann::json::parse(text_of(bytes), nullptr, false);
+  if (!parsed.is_object()) {
+    throw UsageError("the subject " + file +
+                     " is no JSON object: write {\"patient\": {...}, \"procedure\": \"...\"}");
+  }
+  return bytes;
+}
+
+recorder::SessionOptions session_options(const Request& request, const Home& home,
+                                         const Configuration& configuration) {
+  recorder::SessionOptions options;
+  RecipientChoice recipients(home, configuration, request.recipients_for);
+  const recorder::VideoProfile video = video_profile(request, configuration);
+  const auto add = [&](std::vector<recorder::StreamRequest>& to, const char* name,
+                       const std::optional<std::string>& source) {
+    if (source) to.push_back({name, *source, name, video, recipients.of(name)});
+  };
+  add(options.video, "endoscope", request.endoscope);
+  add(options.video, "room", request.room);
+  add(options.vitals, "vitals", request.vitals);
+  recipients.require_all_used(request.recipients_for);
+  options.archive = home.archive();
+  options.device_name = home.device().name();
+  options.event_recipients = recipients.usual();
+  if (request.subject) options.subject = load_subject(*request.subject);
+  options.segment_duration =
+      request.segment ? parse_segment_duration(*request.segment, "--segment") : configuration.segment;
+  options.stamp_interval = request.stamp_every ? parse_stamp_interval(*request.stamp_every, "--stamp-every")
+                                               : configuration.stamp_every;
+  if (request.duration) options.duration = parse_duration(*request.duration, "--duration");
+  return options;
+}
+
+/// Enters kiroku.toml's hash where it is not the last one the log knows.
+void log_configuration(const Home& home, archive::ApplianceLog& log) {
+  const Bytes text = read_small_file(home.configuration_file(), "the configuration");
+  const crypto::Sha256Digest digest = crypto::sha256(text);
+  std::string last;
+  archive::for_each_log_line(home.log_folder(), [&](const archive::LogLine& line) {
+    if (line.type != "config-changed") return;
+    const auto entry = nlohmann::json::parse(line.json, nullptr, false);
+    if (entry.is_object()) last = entry.value("sha256", "");
+  });
+  if (last != crypto::to_hex(digest)) log.config_changed(digest);
+}
+
+ordered_json result_json(const recorder::SessionResult& result) {
+  ordered_json streams = ordered_json::array();
+  for (const auto& stream : result.last.streams) {
+    streams.push_back({{"name", stream.name},
+                       {"frames", stream.frames},
+                       {"dropped", stream.dropped},
+                       {"segments", stream.segments},
+                       {"bytes", stream.bytes}});
+  }
+  return {{"case", result.folder.string()},
+          {"id", result.case_id},
+          {"duration_ns", result.duration_ns},
+          {"reason", result.close_reason},
+          {"streams", streams},
+          {"tokens", result.last.tokens},
+          {"missed", result.last.missed},
+          {"last_problem", result.last.last_problem}};
+}
+
+void print_summary(const recorder::SessionResult& result) {
+  std::cerr << "recorded " << format_duration(result.duration_ns) << ":";
+  for (const auto& stream : result.last.streams) {
+    std::cerr << "  " << stream.name << " " << stream.frames << " (" << stream.dropped << " lost, "
+              << format_bytes(stream.bytes) << ")";
+  }
+  std::cerr << "  time-stamps " << result.last.tokens;
+  if (result.last.missed > 0) std::cerr << " (" << result.last.missed << " missed)";
+  std::cerr << std::endl;
+}
+
+/// A recording that ended by itself before it should have: the case is closed, but the person must know.
+int status_of(const recorder::SessionResult& result) {
+  const std::string& reason = result.close_reason;
+  if (reason == "disk-full") {
+    print_error(
+        "kiroku",
+        "the disk is full: the case was closed early with what is there; make room before recording on");
+    return kRefused;
+  }
+  if (reason.starts_with("error: ")) {
+    print_error("kiroku", "the recording ended early and was closed with what is there: " + reason.substr(7));
+    return kRefused;
+  }
+  return kDone;
+}
+
+void refresh_catalogue(const Home& home, const std::filesystem::path& case_folder) {
+  try {
+    archive::Catalogue::open(home.catalogue_file())->refresh(case_folder);
+  } catch (const Error& error) {
+    print_error("kiroku", std::string("warning: the catalogue does not know this case yet: ") + error.what());
+  }
+}
+
+int run(const Request& request) {
+  if (!request.endoscope && !request.room && !request.vitals) {
+    throw UsageError("there is nothing to record: name a source with --endoscope, --room or --vitals");
+  }
+  const Home home = Home::open(request.home);
+  const Configuration configuration = home.configuration();
+  recorder::SessionOptions options = session_options(request, home, configuration);
+  const Authorities authorities(home, configuration, request.authorities);
+  options.authorities = authorities.named();
+  const timestamp::TrustStore trust = home.trust();
+  options.trust = &trust;
+  const crypto::SigningKey key = home.signing_key();
+  options.key = &key;
+  const auto log =
+      archive::ApplianceLog::open(archive::real_file_system(), home.log_folder(), key, options.device_name);
+  options.log = log.get();
+  log_configuration(home, *log);
+
+  catch_stops();
+  recorder::SessionResult result;
+  {
+    recorder::Session session(std::move(options));
+    running = &session;
+    if (stops > 0) session.stop();
+    RecordingDisplay display;
+    try {
+      result = session.run([&](const recorder::SessionStatus& status) {
+        if (stops == 0) display.show(status);
+      });
+    } catch (...) {
+      running = nullptr;
+      throw;
+    }
+    running = nullptr;
+  }
+  refresh_catalogue(home, result.folder);
+  if (request.json) {
+    print_json(result_json(result));
+  } else {
+    print_summary(result);
+    std::cout << result.folder.string() << "\n";
+  }
+  return status_of(result);
+}
+
+}  // namespace
+
+void add_record_command(Command& program) {
+  Command& command = program.add_command("record", "records one procedure until its end or Ctrl-C");
+  const auto request = std::make_shared<Request>();
+  command.option("--endoscope", "SRC", request->endoscope, "the endoscope's picture");
+  command.option("--room", "SRC", request->room, "the room's picture");
+  command.option("--vitals", "SRC", request->vitals, "the patient's vital signs");
+  command.option("--duration", "T", request->duration, "ends by itself after hh:mm:ss, or 20s, 90m, 2h",
+                 "until Ctrl-C");
+  command.option("--subject", "FILE", request->subject,
+                 "JSON about patient, procedure and staff, to be sealed with the case");
+  command.choice("--profile", {"mpeg2", "uncompressed", "lossless"}, request->profile,
+                 "how pictures are archived", "kiroku.toml's, mpeg2 at first");
+  command.option("--bitrate", "RATE", request->bit_rate, "bits a second of one MPEG-2 stream",
+                 "kiroku.toml's, 4M at first");
+  command.choice("--chroma", {"420", "422"}, request->chroma, "colour resolution of MPEG-2",
+                 "kiroku.toml's, 420 at first");
+  command.flag("--audio", request->audio, "records sound where a source has it");
+  command.flag("--deinterlace", request->deinterlace, "takes interlacing out before encoding");
+  command.option("--segment", "T", request->segment, "length of one sealed file, 500ms to 10s",
+                 "kiroku.toml's, 2s at first");
+  command.option("--stamp-every", "T", request->stamp_every, "how often a time-stamp is asked for",
+                 "kiroku.toml's, 60s at first");
+  command.option("--authority", "NAME", request->authorities, "asks only this authority of kiroku.toml");
+  command.option("--recipients-for", "STREAM=FILE", request->recipients_for,
+                 "seals one stream to the recipients in FILE instead of recipients.txt");
+  add_home_option(command, request->home);
+  command.flag("--json", request->json, "prints one JSON object at the end instead");
+  command.explain(
+      "SRC is a device (/dev/video0), rtsp://, srt:// or udp:// address, a film played at its own speed "
+      "(film.mp4, "
+      "film.mp4?loop=1, film.mp4?speed=max), or synthetic:endoscope, synthetic:room; for vital signs a .csv "
+      "file (time, "
+      "code, value, unit) or synthetic:patient.");
+  command.explain(
+      "Ctrl-C closes the case properly; a second one ends at once and leaves it unclosed. The case folder is "
+      "printed on "
+      "standard output. Exit status: 0 recorded, 2 refused, or closed early because the disk was full.");
+  command.example(
+      "kiroku record --endoscope synthetic:endoscope --room synthetic:room --vitals synthetic:patient "
+      "--duration 20s",
+      "twenty seconds without any camera");
+  command.example(
+      "kiroku record --endoscope /dev/video0 --room rtsp://camera.local/stream --subject patient.json",
+      "a procedure, until Ctrl-C");
+  command.on_run([request] { return run(*request); });
+}
+
+}  // namespace kiroku::apps

@@ -1,0 +1,53 @@
+#include "apps/verify/verify_command.h"
+
+#include <memory>
+
+#include "apps/kiroku/commands.h"
+#include "apps/kiroku/home.h"
+#include "archive/catalogue.h"
+#include "base/error.h"
+#include "media/inspector.h"
+
+namespace kiroku::apps {
+namespace {
+
+VerifyDefaults defaults_of(const std::optional<Home>& home, const std::filesystem::path& case_folder) {
+  VerifyDefaults defaults;
+  if (!home) return defaults;
+  defaults.devices = {home->device()};
+  defaults.trust = home->trust_file();
+  if (home->holds(case_folder)) defaults.log = home->log_folder();
+  return defaults;
+}
+
+void remember(const std::optional<Home>& home, const std::filesystem::path& case_folder,
+              const archive::VerificationReport& report, bool decrypted) {
+  if (!home || !home->holds(case_folder)) return;
+  if (decrypted) log_access(home, case_folder, "verified with an identity");
+  try {
+    const std::string case_id = std::filesystem::canonical(case_folder).filename().string();
+    const auto catalogue = archive::Catalogue::open(home->catalogue_file());
+    catalogue->refresh(case_folder);
+    catalogue->set_verdict(case_id, std::string(archive::verdict_name(report.verdict)), utc_now());
+  } catch (const Error& error) {
+    print_error("kiroku", std::string("warning: the catalogue does not know this verdict: ") + error.what());
+  }
+}
+
+}  // namespace
+
+void add_verify_command(Command& program) {
+  Command& command = program.add_command("verify", "tells whether a case is whole and when it existed");
+  const auto asked_home = std::make_shared<std::optional<std::string>>();
+  const auto home = [asked_home] { return Home::find(*asked_home); };
+  VerifyExtras extras;
+  extras.find_case = [home](const std::string& named) { return find_case(home(), named); };
+  extras.defaults = [home](const std::filesystem::path& folder) { return defaults_of(home(), folder); };
+  extras.inspect = media::decoding_inspector();
+  extras.verified = [home](const std::filesystem::path& folder, const archive::VerificationReport& report,
+                           bool decrypted) { remember(home(), folder, report, decrypted); };
+  make_verify_command(command, extras);
+  add_home_option(command, *asked_home);
+}
+
+}  // namespace kiroku::apps

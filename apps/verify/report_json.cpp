@@ -1,0 +1,73 @@
+#include "apps/verify/report_json.h"
+
+#include <nlohmann/json.hpp>
+
+#include "apps/verify/report_text.h"
+
+namespace kiroku::apps {
+namespace {
+
+using nlohmann::ordered_json;
+
+template <typename T>
+ordered_json or_null(const std::optional<T>& value) {
+  return value ? ordered_json(*value) : ordered_json(nullptr);
+}
+
+ordered_json time_or_null(const std::optional<UtcTime>& time) {
+  return time ? ordered_json(format_utc(*time)) : ordered_json(nullptr);
+}
+
+ordered_json text_or_null(const std::string& text) {
+  return text.empty() ? ordered_json(nullptr) : ordered_json(text);
+}
+
+ordered_json stream_json(const archive::StreamReport& stream) {
+  return {{"name", stream.info.name},         {"kind", stream.info.kind},     {"media", stream.info.media},
+          {"profile", stream.info.profile},   {"source", stream.info.source}, {"segments", stream.segments},
+          {"frames", stream.frames},          {"dropped", stream.dropped},    {"bytes", stream.bytes},
+          {"start_ns", stream.span.start_ns}, {"end_ns", stream.span.end_ns}, {"gap_ns", stream.gap_ns}};
+}
+
+ordered_json bracket_json(const archive::Bracket& bracket) {
+  return {{"first_entry", bracket.first_entry},
+          {"last_entry", bracket.last_entry},
+          {"not_before", time_or_null(bracket.not_before)},
+          {"not_after", time_or_null(bracket.not_after)},
+          {"authority_before", text_or_null(bracket.authority_before)},
+          {"authority_after", text_or_null(bracket.authority_after)}};
+}
+
+ordered_json finding_json(const archive::Finding& finding) {
+  return {{"code", finding.code},
+          {"severity", severity_name(finding.severity)},
+          {"file", text_or_null(finding.file)},
+          {"entry", or_null(finding.entry)},
+          {"offset", or_null(finding.offset)},
+          {"text", finding.text}};
+}
+
+}  // namespace
+
+ordered_json report_json(const archive::VerificationReport& report) {
+  ordered_json out = {{"case", report.case_id},
+                      {"verdict", archive::verdict_name(report.verdict)},
+                      {"time", archive::time_proof_name(report.time)},
+                      {"device", report.device},
+                      {"opened", time_or_null(report.opened)},
+                      {"closed", time_or_null(report.closed)},
+                      {"entries", report.entries},
+                      {"files", report.files},
+                      {"bytes", report.bytes},
+                      {"checkpoints", report.checkpoints},
+                      {"tokens", report.tokens}};
+  out["streams"] = ordered_json::array();
+  for (const auto& stream : report.streams) out["streams"].push_back(stream_json(stream));
+  out["brackets"] = ordered_json::array();
+  for (const auto& bracket : report.brackets) out["brackets"].push_back(bracket_json(bracket));
+  out["findings"] = ordered_json::array();
+  for (const auto& finding : report.findings) out["findings"].push_back(finding_json(finding));
+  return out;
+}
+
+}  // namespace kiroku::apps

@@ -1,0 +1,159 @@
+#include "apps/verify/report_text.h"
+
+#include <algorithm>
+#include <string_view>
+#include <utility>
+#include <vector>
+
+#include "apps/common/command_line.h"
+#include "apps/common/format.h"
+#include "apps/common/terminal.h"
+
+namespace kiroku::apps {
+namespace {
+
+using archive::Severity;
+using archive::TimeProof;
+using archive::Verdict;
+using archive::VerificationReport;
+
+std::string verdict_words(Verdict verdict) {
+  switch (verdict) {
+    case Verdict::kIntact:
+      return paint(Colour::kGreen, "INTACT") + ": everything is as it was recorded.";
+    case Verdict::kIntactWithGaps:
+      return paint(Colour::kGreen, "INTACT, WITH STATED GAPS") +
+             ": what is here is as it was recorded; what is missing was stated at the time.";
+    case Verdict::kUnproven:
+      return paint(Colour::kYellow, "UNPROVEN") +
+             ": consistent in itself, but something that would prove it was not given or is not there.";
+    case Verdict::kIncomplete:
+      return paint(Colour::kYellow, "INCOMPLETE") + ": still being recorded, or never closed.";
+    case Verdict::kTampered:
+      break;
+  }
+  return paint(Colour::kRed, "TAMPERED") + ": something does not hold; the findings say what and where.";
+}
+
+std::string time_words(TimeProof time) {
+  switch (time) {
+    case TimeProof::kExternal:
+      return "proved by an outside time-stamping authority";
+    case TimeProof::kSelfIssued:
+      return "self-issued: by an embedded authority, no outside clock stands behind it";
+    case TimeProof::kNone:
+      break;
+  }
+  return "not proved: no time-stamp that could be checked";
+}
+
+/// UTC, and this machine's zone beside it where that is another.
+std::string both_times(UtcTime time) {
+  const std::string local = format_local(time);
+  return format_utc_for_people(time) + (local.ends_with("+0000") ? "" : " (" + local + ")");
+}
+
+std::string count(std::uint64_t number, const std::string& one, const std::string& many) {
+  return std::to_string(number) + " " + (number == 1 ? one : many);
+}
+
+std::string line(const std::string& name, const std::string& text) {
+  std::string label = "  " + name;
+  label.resize(13, ' ');
+  return label + printable(text) + "\n";
+}
+
+/// Earliest and latest outside times and the widest bracket.
+std::string bracket_lines(const VerificationReport& report) {
+  std::optional<UtcTime> earliest, latest;
+  std::optional<std::chrono::microseconds> widest;
+  for (const auto& bracket : report.brackets) {
+    if (bracket.not_before)
+      earliest = earliest ? std::min(*earliest, *bracket.not_before) : bracket.not_before;
+    if (bracket.not_after) latest = latest ? std::max(*latest, *bracket.not_after) : bracket.not_after;
+    if (bracket.not_before && bracket.not_after) {
+      const auto width = *bracket.not_after - *bracket.not_before;
+      widest = widest ? std::max(*widest, width) : width;
+    }
+  }
+  std::string out;
+  if (earliest) out += line("", "not before " + both_times(*earliest));
+  if (latest) out += line("", "not after  " + both_times(*latest));
+  if (widest) {
+    out += line("", count(report.brackets.size(), "bracket", "brackets") + ", the widest " +
+                        format_duration(std::chrono::nanoseconds(*widest).count()));
+  }
+  return out;
+}
+
+std::string stream_table(const VerificationReport& report) {
+  std::vector<std::vector<std::string>> rows{
+      {"stream", "segments", "frames", "dropped", "length", "gaps", "size"}};
+  for (const auto& stream : report.streams) {
+    rows.push_back(
+        {printable(stream.info.name), std::to_string(stream.segments), std::to_string(stream.frames),
+         std::to_string(stream.dropped), format_duration(stream.span.end_ns - stream.span.start_ns),
+         stream.gap_ns == 0 ? "none" : format_duration(stream.gap_ns), format_bytes(stream.bytes)});
+  }
+  return format_table(rows, "lrrrrrr", 2);
+}
+
+std::string place(const archive::Finding& finding) {
+  std::string out = finding.file;
+  if (finding.entry) out += (out.empty() ? "entry " : ", entry ") + std::to_string(*finding.entry);
+  if (finding.offset) out += (out.empty() ? "byte " : ", byte ") + std::to_string(*finding.offset);
+  return out;
+}
+
+std::string finding_text(const archive::Finding& finding) {
+  const std::string severity = severity_name(finding.severity);
+  const Colour colour = finding.severity == Severity::kTampered ? Colour::kRed : Colour::kYellow;
+  const bool plain = finding.severity == Severity::kNote || finding.severity == Severity::kGap;
+  std::string out = "  " + (plain ? severity : paint(colour, severity)) + " " + printable(finding.code);
+  if (const std::string where = place(finding); !where.empty()) out += " (" + printable(where) + ")";
+  return out + "\n      " + printable(finding.text) + "\n";
+}
+
+}  // namespace
+
+std::string severity_name(Severity severity) {
+  switch (severity) {
+    case Severity::kNote:
+      return "note";
+    case Severity::kGap:
+      return "gap";
+    case Severity::kUnproven:
+      return "unproven";
+    case Severity::kIncomplete:
+      return "incomplete";
+    case Severity::kTampered:
+      break;
+  }
+  return "tampered";
+}
+
+std::string report_text(const VerificationReport& report, const std::string& case_name, bool device_trusted) {
+  std::string out = printable(case_name) + "\n" + verdict_words(report.verdict) + "\n\n";
+  out += line("case", report.case_id);
+  out += line("device", report.device + (device_trusted ? " (trusted)" : " (not among the trusted keys)"));
+  if (report.opened) out += line("opened", both_times(*report.opened) + ", by the recorder's clock");
+  if (report.closed) out += line("closed", both_times(*report.closed) + ", by the recorder's clock");
+  out += line("time", time_words(report.time));
+  out += bracket_lines(report);
+  out += line("checked", count(report.entries, "entry", "entries") + ", " +
+                             count(report.files, "file", "files") + " (" + format_bytes(report.bytes) +
+                             "), " + count(report.checkpoints, "checkpoint", "checkpoints") + ", " +
+                             count(report.tokens, "time-stamp", "time-stamps"));
+  if (!report.streams.empty()) out += "\n" + stream_table(report);
+  if (report.findings.empty()) return out;
+
+  // The worst first; within the same severity in the order of the case.
+  std::vector<archive::Finding> findings = report.findings;
+  std::stable_sort(findings.begin(), findings.end(),
+                   [](const auto& a, const auto& b) { return a.severity > b.severity; });
+  out += "\n" + count(findings.size(), "finding", "findings") + "\n";
+  for (const auto& finding : findings) out += finding_text(finding);
+  return out;
+}
+
+}  // namespace kiroku::apps

@@ -1,0 +1,189 @@
+#include "apps/verify/verify_command.h"
+
+#include <algorithm>
+#include <iostream>
+#include <sstream>
+
+#include <nlohmann/json.hpp>
+
+#include "apps/common/file.h"
+#include "apps/common/json_output.h"
+#include "apps/common/progress.h"
+#include "apps/common/terminal.h"
+#include "apps/verify/report_json.h"
+#include "apps/verify/report_text.h"
+#include "base/error.h"
+
+namespace kiroku::apps {
+namespace {
+
+using nlohmann::ordered_json;
+
+struct Request {
+  std::vector<std::string> cases, devices, trust, untrusted, identities;
+  std::optional<std::string> log, threads;
+  bool json = false;
+};
+
+/// What is the same for every case of one call.
+struct Trusted {
+  std::vector<crypto::VerifierKey> devices;
+  crypto::AgeIdentities identities;
+  unsigned threads = 0;
+};
+
+unsigned parse_threads(const std::optional<std::string>& text) {
+  if (!text) return 0;
+  if (text->empty() || text->size() > 4 || text->find_first_not_of("0123456789") != std::string::npos) {
+    throw UsageError("--threads is '" + *text + "', which is no number of threads: give 1 or more");
+  }
+  return unsigned(std::stoul(*text));
+}
+
+timestamp::TrustStore load_trust(const Request& request, const VerifyDefaults& defaults) {
+  timestamp::TrustStore trust;
+  for (const std::string& file : request.trust) trust.add_trusted_file(file);
+  for (const std::string& file : request.untrusted) trust.add_untrusted_file(file);
+  if (request.trust.empty() && defaults.trust) trust.add_trusted_file(*defaults.trust);
+  return trust;
+}
+
+struct Judged {
+  archive::VerificationReport report;
+  bool device_trusted = false;
+};
+
+Judged judge(const std::filesystem::path& folder, const Request& request, const Trusted& trusted,
+             const VerifyExtras& extras) {
+  const VerifyDefaults defaults = extras.defaults ? extras.defaults(folder) : VerifyDefaults{};
+  const timestamp::TrustStore trust = load_trust(request, defaults);
+  archive::VerifyOptions options;
+  options.devices = request.devices.empty() ? defaults.devices : trusted.devices;
+  if (trust.has_trusted()) options.trust = &trust;
+  options.log = request.log ? std::optional<std::filesystem::path>(*request.log) : defaults.log;
+  if (!trusted.identities.empty()) {
+    options.identities = &trusted.identities;
+    options.inspect = extras.inspect;
+  }
+  options.threads = trusted.threads;
+  Progress progress("verifying");
+  options.progress = [&progress](std::uint64_t done, std::uint64_t total) { progress.update(done, total); };
+  Judged judged;
+  judged.report = archive::verify_case(folder, options);
+  judged.device_trusted =
+      std::any_of(options.devices.begin(), options.devices.end(),
+                  [&](const crypto::VerifierKey& key) { return key.to_string() == judged.report.device; });
+  if (extras.verified) extras.verified(folder, judged.report, !trusted.identities.empty());
+  return judged;
+}
+
+/// The worst of several: a no outweighs a refusal, which outweighs no answer yet.
+int worse(int a, int b) {
+  const auto rank = [](int status) {
+    return status == kAnswerIsNo ? 3 : status == kRefused ? 2 : status == kNoAnswer ? 1 : 0;
+  };
+  return rank(a) >= rank(b) ? a : b;
+}
+
+int run(const Request& request, const VerifyExtras& extras, const std::string& program) {
+  Trusted trusted;
+  for (const std::string& device : request.devices) {
+    for (crypto::VerifierKey& key : load_device_keys(device)) trusted.devices.push_back(std::move(key));
+  }
+  for (const std::string& file : request.identities) {
+    for (auto& identity : crypto::load_identity_file(file, ask_passphrase)) {
+      trusted.identities.push_back(std::move(identity));
+    }
+  }
+  trusted.threads = parse_threads(request.threads);
+
+  int status = kDone;
+  ordered_json reports = ordered_json::array();
+  bool first = true;
+  for (const std::string& named : request.cases) {
+    try {
+      const std::filesystem::path folder =
+          extras.find_case ? extras.find_case(named) : std::filesystem::path(named);
+      const Judged judged = judge(folder, request, trusted, extras);
+      status = worse(status, archive::exit_status(judged.report.verdict));
+      if (request.json) {
+        reports.push_back(report_json(judged.report));
+      } else {
+        std::cout << (first ? "" : "\n") << report_text(judged.report, folder.string(), judged.device_trusted)
+                  << std::flush;
+        first = false;
+      }
+    } catch (const Error& error) {
+      // One case that cannot be read does not hide what the others say.
+      if (request.cases.size() == 1) throw;
+      print_error(program, error.what());
+      status = worse(status, kRefused);
+      reports.push_back({{"case", named}, {"error", error.what()}});
+    }
+  }
+  if (request.json) print_json(request.cases.size() == 1 ? reports[0] : ordered_json{{"cases", reports}});
+  return status;
+}
+
+}  // namespace
+
+std::vector<crypto::VerifierKey> parse_device_keys(std::string_view text,
+                                                   const std::string& name_for_errors) {
+  std::vector<crypto::VerifierKey> keys;
+  std::istringstream lines{std::string(text)};
+  for (std::string line; std::getline(lines, line);) {
+    if (line.empty() || line[0] == '#') continue;
+    try {
+      keys.push_back(crypto::VerifierKey::parse(line));
+    } catch (const Error& error) {
+      throw UsageError(name_for_errors + " is no device key file: " + error.what());
+    }
+  }
+  if (keys.empty()) {
+    throw UsageError(name_for_errors + " holds no device key: give the device.pub of the recorder's home");
+  }
+  return keys;
+}
+
+std::vector<crypto::VerifierKey> load_device_keys(const std::string& file_or_key) {
+  std::error_code ignored;
+  if (!std::filesystem::exists(file_or_key, ignored) &&
+      std::count(file_or_key.begin(), file_or_key.end(), '+') >= 2) {
+    return {crypto::VerifierKey::parse(file_or_key)};
+  }
+  const Bytes text = read_small_file(file_or_key, "the device key");
+  return parse_device_keys(text_of(text), file_or_key);
+}
+
+void make_verify_command(Command& command, const VerifyExtras& extras) {
+  const auto request = std::make_shared<Request>();
+  const std::string program = command.full_name().substr(0, command.full_name().find(' '));
+  const bool home = bool(extras.defaults);
+  command.arguments("CASE", request->cases,
+                    home ? "case folder, excerpt folder, or identifier of a case in the home's archive"
+                         : "case folder or excerpt folder");
+  command.option("--device", "FILE", request->devices,
+                 home ? "trusted device key: a device.pub or the key itself; instead of the home's"
+                      : "trusted device key: a device.pub or the key itself");
+  command.option("--trust", "PEM", request->trust,
+                 home ? "trusted time-stamping roots; instead of the home's" : "trusted time-stamping roots");
+  command.option("--untrusted", "PEM", request->untrusted,
+                 "certificates that help to build a chain without being trusted");
+  command.option("--log", "DIR", request->log, "appliance log that must know the case",
+                 home ? "the home's, for cases in its archive" : "");
+  command.option(
+      "-i,--identity", "FILE", request->identities,
+      extras.inspect ? "also decrypts every segment and decodes it" : "also decrypts every segment");
+  command.option("--threads", "N", request->threads, "how many threads hash", "one a core");
+  command.flag("--json", request->json, "prints one JSON object instead");
+  command.explain(
+      "Exit status: 0 intact (also with stated gaps), 1 tampered, 2 wrong usage or unreadable, 3 incomplete "
+      "or "
+      "unproven. Of several cases the worst counts.");
+  command.example(command.full_name() + " 20260805T091502Z-3f9c21ab --device device.pub --trust roots.pem",
+                  "judges a case by a device key and roots that you trust");
+  command.example(command.full_name() + " --json CASE | jq -r .verdict", "prints the verdict alone");
+  command.on_run([request, extras, program] { return run(*request, extras, program); });
+}
+
+}  // namespace kiroku::apps

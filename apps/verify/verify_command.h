@@ -1,0 +1,44 @@
+// `kiroku verify` and the whole of `kiroku-verify`: the same code, so that an expert who reads the small
+// program has read what the large one does.
+#pragma once
+
+#include <filesystem>
+#include <functional>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "apps/common/command_line.h"
+#include "archive/verifier.h"
+
+namespace kiroku::apps {
+
+/// What is trusted where the person named nothing.
+struct VerifyDefaults {
+  std::vector<crypto::VerifierKey> devices;
+  std::optional<std::filesystem::path> trust;  // PEM file of time-stamping roots
+  std::optional<std::filesystem::path> log;    // appliance log that should know the case
+};
+
+/// What a program with a home and decoders adds; every member may be empty.
+struct VerifyExtras {
+  /// Folder of a case that was named by its identifier.
+  std::function<std::filesystem::path(const std::string& named)> find_case;
+  std::function<VerifyDefaults(const std::filesystem::path& case_folder)> defaults;
+  archive::SegmentInspector inspect;
+  /// Called after each verification; `decrypted` when an identity was used.
+  std::function<void(const std::filesystem::path& case_folder, const archive::VerificationReport& report,
+                     bool decrypted)>
+      verified;
+};
+
+/// Gives `command` its options and action. `extras` is copied.
+void make_verify_command(Command& command, const VerifyExtras& extras);
+
+/// Keys in the text of a device.pub: one C2SP verifier key a line, '#' comments skipped. Throws
+/// kiroku::UsageError naming `name_for_errors`.
+std::vector<crypto::VerifierKey> parse_device_keys(std::string_view text, const std::string& name_for_errors);
+/// The same from a file, or from the key itself ("or-3+1a2b3c4d+A…").
+std::vector<crypto::VerifierKey> load_device_keys(const std::string& file_or_key);
+
+}  // namespace kiroku::apps
