@@ -156,6 +156,7 @@ void CaseRules::take_segment(const SegmentEntry& segment, std::uint64_t number) 
   }
   named_.insert(segment.file.file);
   if (!scope_.wanted || scope_.wanted(segment)) {
+    last_checked_segment_ = number;
     files_->check(
         {segment.file, number, segment, its->info(), scope_.rekeyed && scope_.rekeyed(segment.file.file)});
   }
@@ -203,11 +204,11 @@ StreamRules* CaseRules::stream(const std::string& name, std::uint64_t number) {
   return nullptr;
 }
 
-void CaseRules::finish(std::uint64_t entries) {
+void CaseRules::finish() {
   for (auto& [name, its] : streams_) {
     its.finish();
   }
-  tokens_.finish(entries);
+  tokens_.finish(scope_.whole_case);
 }
 
 void CaseRules::judge_missing(const std::vector<FileJob>& missing) {
@@ -220,6 +221,42 @@ void CaseRules::judge_missing(const std::vector<FileJob>& missing) {
     }
     findings_->add("file-missing", {job.expected.file, job.entry},
                    job.expected.file + " is not there, which " + at_entry(job.entry) + " names");
+  }
+}
+
+bool CaseRules::is_folder(const std::string& path) const {
+  for (const std::string_view folder :
+       {kCheckpointsFolder, kTokensFolder, kSegmentsFolder, kAuthoritiesFolder}) {
+    if (path == folder) {
+      return true;
+    }
+  }
+  const std::string prefix = std::string(kSegmentsFolder) + "/";
+  return path.starts_with(prefix) && streams_.contains(path.substr(prefix.size()));
+}
+
+void CaseRules::check_device_file() {
+  if (!opening_) {
+    return;
+  }
+  const Place place{std::string(kDeviceFile)};
+  const FileOpening opening = folder_->open_file(kDeviceFile);
+  if (!opening.file && opening.problem != FileProblem::kMissing) {
+    report_unopened(*findings_, place, opening);
+    return;
+  }
+  std::optional<std::string> text;
+  try {
+    text = opening.file ? read_small(*opening.file, kMaximumNoteBytes) : std::nullopt;
+  } catch (const IoError& error) {
+    findings_->add("file-unreadable", place, std::string(error.what()) + "; so it was not checked");
+    return;
+  }
+  if (text != opening_->device + "\n") {
+    findings_->add("device-file-differs", place,
+                   std::string(kDeviceFile) +
+                       (opening.file ? " is not the key that open names" : " is not there") +
+                       "; it is a convenience that nothing was checked with");
   }
 }
 

@@ -36,8 +36,8 @@ class CaseRules {
 
   /// Entry `number`. Lines that are no entries are findings.
   void take(const LedgerLine& line, std::uint64_t number);
-  /// After the last line. `entries` is the ledger's size.
-  void finish(std::uint64_t entries);
+  /// After the last line.
+  void finish();
   /// After FileChecker::finish(): files that are not there, unless erased.
   void judge_missing(const std::vector<FileJob>& missing);
 
@@ -50,6 +50,12 @@ class CaseRules {
   [[nodiscard]] const TokenRules& tokens() const { return tokens_; }
   /// Whether an entry names this file.
   [[nodiscard]] bool names(const std::string& file) const { return named_.contains(file); }
+  /// Whether format 1 has a folder of this path in this case.
+  [[nodiscard]] bool is_folder(const std::string& path) const;
+  /// Entry of the last segment that was within the scope.
+  [[nodiscard]] std::optional<std::uint64_t> last_checked_segment() const { return last_checked_segment_; }
+  /// device.pub against `open`.
+  void check_device_file();
   /// Fills what the entries tell of the report.
   void describe(VerificationReport& report) const;
 
@@ -76,6 +82,7 @@ class CaseRules {
   std::optional<UtcTime> last_utc_;
   std::unordered_set<std::string> named_;
   std::int64_t last_mono_ns_ = 0;
+  std::optional<std::uint64_t> last_checked_segment_;
   bool recovered_ = false;
   bool clock_step_stated_ = false;
   bool said_not_synchronised_ = false;

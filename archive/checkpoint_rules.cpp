@@ -44,6 +44,14 @@ std::optional<std::string> read_note(const CaseFolder& folder, std::uint64_t siz
   }
 }
 
+std::uint64_t bytes_in(const std::vector<ListedFile>& listing) {
+  std::uint64_t total = 0;
+  for (const ListedFile& file : listing) {
+    total += file.kind == ListedFile::Kind::kRegular ? file.bytes : 0;
+  }
+  return total;
+}
+
 void judge_device(const crypto::VerifierKey& device, const VerifyOptions& options, FindingList& findings) {
   if (options.devices.empty()) {
     findings.add("no-trusted-device", {"", 0},
@@ -111,12 +119,14 @@ std::optional<crypto::Checkpoint> CheckpointRules::check_note(std::uint64_t size
   return checkpoint;
 }
 
-void CheckpointRules::reached(std::uint64_t size, const crypto::Sha256Digest& root, bool tree_known,
-                              std::int64_t mono_ns) {
+void CheckpointRules::reached(std::uint64_t size, const RootTest& fits, bool tree_known,
+                              std::optional<std::int64_t> mono_ns) {
   if (!has(size)) {
     return;
   }
-  mono_[size] = mono_ns;
+  if (mono_ns) {
+    mono_[size] = *mono_ns;
+  }
   const std::optional<std::string> note = read_note(*folder_, size, std::nullopt, *findings_);
   if (!note) {
     return;
@@ -126,7 +136,7 @@ void CheckpointRules::reached(std::uint64_t size, const crypto::Sha256Digest& ro
   if (!checkpoint || !tree_known) {
     return;
   }
-  if (checkpoint->root == root) {
+  if (fits(checkpoint->root)) {
     covered_ = size;
     return;
   }

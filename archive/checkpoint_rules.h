@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
 #include <map>
 #include <optional>
 #include <string>
@@ -25,6 +26,9 @@ std::vector<std::uint64_t> note_sizes(const std::vector<ListedFile>& listing);
 std::optional<std::string> read_note(const CaseFolder& folder, std::uint64_t size,
                                      std::optional<std::uint64_t> entry, FindingList& findings);
 
+/// Whether a root is that of the tree as it stands.
+using RootTest = std::function<bool(const crypto::Sha256Digest& root)>;
+
 /// Takes the tree's root at each size that a note has, in rising order, and checks that note.
 class CheckpointRules {
  public:
@@ -36,9 +40,10 @@ class CheckpointRules {
   void set_signer(crypto::VerifierKey device, std::string origin);
   /// Whether a note of this size is there.
   [[nodiscard]] bool has(std::uint64_t size) const;
-  /// The tree has `size` entries and this root. `tree_known` is false once a line could not be hashed.
-  /// `mono_ns` is the case clock of the last entry.
-  void reached(std::uint64_t size, const crypto::Sha256Digest& root, bool tree_known, std::int64_t mono_ns);
+  /// The tree has `size` entries, and `fits` tells whether a root is its. `tree_known` is false once a line
+  /// could not be hashed. `mono_ns` is the case clock of the last entry, where known.
+  void reached(std::uint64_t size, const RootTest& fits, bool tree_known,
+               std::optional<std::int64_t> mono_ns);
   /// The ledger ends with `size` entries: notes beyond are findings.
   void finish(std::uint64_t size);
 
@@ -63,6 +68,9 @@ class CheckpointRules {
   std::uint64_t count_ = 0;
   bool changed_ = false;  // a root did not fit: all later ones cannot either
 };
+
+/// Sizes of all regular files together.
+std::uint64_t bytes_in(const std::vector<ListedFile>& listing);
 
 /// Adds "no-trusted-device" or "device-not-trusted" unless `device` is trusted.
 void judge_device(const crypto::VerifierKey& device, const VerifyOptions& options, FindingList& findings);

@@ -126,21 +126,26 @@ void FileChecker::check_one(const FileJob& job, std::span<std::byte> buffer) {
     return;
   }
   try {
-    const bool intact = hash_fits(job, *opening.file, buffer);
+    const HashCheck hash = check_hash(job, *opening.file, buffer);
+    if (hash == HashCheck::kReported) {
+      return;
+    }
     if (job.segment && options_->identities != nullptr) {
-      look_inside(job, *opening.file, intact);
+      look_inside(job, *opening.file, hash == HashCheck::kFits);
+    } else if (hash == HashCheck::kDiffers) {
+      findings_->add(
+          "file-hash-differs", place,
+          job.expected.file + " is not the file whose hash entry " + digits(job.entry) + " states");
     } else if (job.rekeyed) {
-      findings_->add("rekeyed-not-opened", place,
-                     job.expected.file +
-                         " was re-keyed for a new reader; verify with the reader's identity to prove "
-                         "that it opens to the film that was recorded");
+      report_rekeyed_unopened(job);
     }
   } catch (const IoError& error) {
     findings_->add("file-unreadable", place, std::string(error.what()) + "; so it was not checked");
   }
 }
 
-bool FileChecker::hash_fits(const FileJob& job, const ReadableFile& file, std::span<std::byte> buffer) {
+FileChecker::HashCheck FileChecker::check_hash(const FileJob& job, const ReadableFile& file,
+                                               std::span<std::byte> buffer) {
   const Place place{job.expected.file, job.entry};
   crypto::Sha256 hash;
   std::uint64_t from = 0;
@@ -151,14 +156,14 @@ bool FileChecker::hash_fits(const FileJob& job, const ReadableFile& file, std::s
     if (!header.file) {
       report_unopened(*findings_, {job.expected.file + std::string(kOriginalHeaderSuffix), job.entry},
                       header);
-      return false;
+      return HashCheck::kReported;
     }
     const std::optional<std::string> original = read_small(*header.file, kMaximumAgeHeaderBytes);
     const std::optional<std::uint64_t> new_header = age_header_bytes(file);
     if (!original || !new_header) {
       findings_->add("file-hash-differs", place,
                      job.expected.file + " or the header beside it is no age file");
-      return false;
+      return HashCheck::kReported;
     }
     hash.update(bytes_of(*original));
     from = *new_header;
@@ -169,7 +174,7 @@ bool FileChecker::hash_fits(const FileJob& job, const ReadableFile& file, std::s
                    job.expected.file + " has " + digits(size) + " bytes where entry " + digits(job.entry) +
                        " states " + digits(job.expected.bytes));
     report_progress(file.size());
-    return false;
+    return HashCheck::kReported;
   }
   file.expect_sequential_reading();
   std::uint64_t at = from;
@@ -183,70 +188,72 @@ bool FileChecker::hash_fits(const FileJob& job, const ReadableFile& file, std::s
     ++files_;
     bytes_ += at;
   }
-  if (hash.finish() == job.expected.sha256) {
-    return true;
-  }
-  if (!job.segment || options_->identities == nullptr) {
-    findings_->add("file-hash-differs", place,
-                   job.expected.file + " is not the file whose hash entry " + digits(job.entry) + " states");
-  }
-  return false;
+  return hash.finish() == job.expected.sha256 ? HashCheck::kFits : HashCheck::kDiffers;
 }
 
-void FileChecker::look_inside(const FileJob& job, const ReadableFile& file, bool intact) {
-  const Place place{job.expected.file, job.entry};
-  std::uint64_t plaintext = 0;
-  std::uint64_t header = 0;
-  std::optional<crypto::AgeError> failure;
+FileChecker::Opened FileChecker::try_opening(const FileJob& job, const ReadableFile& file,
+                                             bool intact) const {
+  Opened opened;
   try {
     // A damaged file is read as far as it goes, to say where the damage begins.
     const bool whole = intact && job.segment->complete;
     const crypto::AgeFile sealed = crypto::AgeFile::open(
         file, *options_->identities, whole ? crypto::Truncation::kRefuse : crypto::Truncation::kTolerate);
-    header = sealed.header_size();
-    sealed.read_all([&](ByteView piece) { plaintext += piece.size(); });
+    opened.header = sealed.header_size();
+    sealed.read_all([&](ByteView piece) { opened.plaintext += piece.size(); });
     if (!intact && sealed.is_truncated()) {
-      failure.emplace(crypto::AgeFailure::kTruncated, "its last chunk does not decrypt");
+      opened.failure.emplace(crypto::AgeFailure::kTruncated, "its last chunk does not decrypt");
     }
   } catch (const crypto::AgeError& error) {
-    failure = error;
+    opened.failure = error;
   }
-  const bool wrong_size = file.size() != job.expected.bytes && !job.rekeyed;  // has its finding already
-  if (!intact && !wrong_size) {
-    Place where = place;
-    std::string text =
-        job.expected.file + " is not the file whose hash entry " + digits(job.entry) + " states";
-    if (failure && header > 0) {
-      where.offset = header + kAgeNonceBytes + plaintext / kAgeChunkBytes * (kAgeChunkBytes + kAgeTagBytes);
-      text += ": the 64 KiB chunk " + digits(plaintext / kAgeChunkBytes) + ", at byte " +
-              digits(*where.offset) + ", does not decrypt";
-    } else if (failure) {
-      where.offset = 0;
-      text += ": " + std::string(failure->what());
-    } else {
-      text += ", yet it decrypts: somebody who knows a recipient made it";
-    }
-    findings_->add("file-hash-differs", where, text);
+  return opened;
+}
+
+void FileChecker::report_damage(const FileJob& job, const Opened& opened) {
+  Place where{job.expected.file, job.entry};
+  std::string text = job.expected.file + " is not the file whose hash entry " + digits(job.entry) + " states";
+  if (opened.failure && opened.header > 0) {
+    const std::uint64_t chunk = opened.plaintext / kAgeChunkBytes;
+    where.offset = opened.header + kAgeNonceBytes + chunk * (kAgeChunkBytes + kAgeTagBytes);
+    text +=
+        ": the 64 KiB chunk " + digits(chunk) + ", at byte " + digits(*where.offset) + ", does not decrypt";
+  } else if (opened.failure) {
+    where.offset = 0;
+    text += ": " + std::string(opened.failure->what());
+  } else {
+    text += ", yet it decrypts: somebody who knows a recipient made it";
+  }
+  findings_->add("file-hash-differs", where, text);
+}
+
+void FileChecker::look_inside(const FileJob& job, const ReadableFile& file, bool intact) {
+  const Place place{job.expected.file, job.entry};
+  const Opened opened = try_opening(job, file, intact);
+  if (!intact) {
+    report_damage(job, opened);
     return;
   }
-  if (failure && failure->failure() == crypto::AgeFailure::kNoMatch) {
-    const std::lock_guard lock(mutex_);
-    if (streams_not_decrypted_.insert(job.segment->stream).second) {
-      findings_->add(
-          "segment-not-decrypted", place,
-          "the segments of " + job.segment->stream + " were not decrypted: no identity given is a recipient");
-    }
+  const auto failed_with = [&](crypto::AgeFailure what) {
+    return opened.failure && opened.failure->failure() == what;
+  };
+  if (failed_with(crypto::AgeFailure::kNoMatch)) {
+    report_not_decrypted(job);
     return;
   }
-  if (failure) {
+  if (job.rekeyed && !new_header_fits(job, file)) {
+    findings_->add("rekeyed-key-differs", place,
+                   "the new header of " + job.expected.file +
+                       " yields another key than the original one: it would open to another film");
+    return;
+  }
+  // A power cut can leave less than a header; that it was cut off is said already.
+  const bool cut_in_header = !job.segment->complete && (failed_with(crypto::AgeFailure::kHeaderMalformed) ||
+                                                        failed_with(crypto::AgeFailure::kTruncated));
+  if (opened.failure && !cut_in_header) {
     findings_->add("segment-undecryptable", place,
-                   job.expected.file + " does not decrypt: " + failure->what());
-    return;
-  }
-  if (job.rekeyed) {
-    look_at_new_header(job, file);
-  }
-  if (intact && options_->inspect) {
+                   job.expected.file + " does not decrypt: " + opened.failure->what());
+  } else if (!opened.failure && options_->inspect) {
     if (const auto problem = options_->inspect(*job.stream, *job.segment, folder_->path() / job.expected.file,
                                                *options_->identities)) {
       findings_->add("segment-undecodable", place, job.expected.file + ": " + *problem);
@@ -254,15 +261,36 @@ void FileChecker::look_inside(const FileJob& job, const ReadableFile& file, bool
   }
 }
 
-void FileChecker::look_at_new_header(const FileJob& job, const ReadableFile& file) {
+void FileChecker::report_not_decrypted(const FileJob& job) {
+  if (job.rekeyed) {
+    report_rekeyed_unopened(job);
+    return;
+  }
+  const std::lock_guard lock(mutex_);
+  if (streams_not_decrypted_.insert(job.segment->stream).second) {
+    findings_->add(
+        "segment-not-decrypted", {job.expected.file, job.entry},
+        "the segments of " + job.segment->stream + " were not decrypted: no identity given is a recipient");
+  }
+}
+
+bool FileChecker::new_header_fits(const FileJob& job, const ReadableFile& file) {
   const FileOpening header = folder_->open_file(job.expected.file + std::string(kOriginalHeaderSuffix));
   const std::optional<std::string> original =
       header.file ? read_small(*header.file, kMaximumAgeHeaderBytes) : std::nullopt;
-  if (original && !crypto::same_file_key(file, bytes_of(*original), *options_->identities)) {
-    findings_->add("rekeyed-key-differs", {job.expected.file, job.entry},
-                   "the new header of " + job.expected.file +
-                       " yields another key than the original one: it opens to another film");
+  try {
+    return original && crypto::same_file_key(file, bytes_of(*original), *options_->identities);
+  } catch (const crypto::AgeError&) {
+    return false;  // one of the headers yields no key at all
   }
+}
+
+void FileChecker::report_rekeyed_unopened(const FileJob& job) {
+  findings_->add(
+      "rekeyed-not-opened", {job.expected.file, job.entry},
+      job.expected.file +
+          " was re-keyed for a new reader; verify with the reader's identity to prove that it opens "
+          "to the film that was recorded");
 }
 
 void FileChecker::report_progress(std::uint64_t more) {

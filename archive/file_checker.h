@@ -48,11 +48,22 @@ class FileChecker {
   [[nodiscard]] std::uint64_t bytes() const { return bytes_; }
 
  private:
+  enum class HashCheck { kFits, kDiffers, kReported };  // kReported: not compared, a finding says why
+  /// How far a segment could be decrypted.
+  struct Opened {
+    std::optional<crypto::AgeError> failure;
+    std::uint64_t header = 0;  // bytes; 0: not even the header
+    std::uint64_t plaintext = 0;
+  };
   void work();
   void check_one(const FileJob& job, std::span<std::byte> buffer);
-  bool hash_fits(const FileJob& job, const ReadableFile& file, std::span<std::byte> buffer);
+  HashCheck check_hash(const FileJob& job, const ReadableFile& file, std::span<std::byte> buffer);
+  Opened try_opening(const FileJob& job, const ReadableFile& file, bool intact) const;
+  void report_damage(const FileJob& job, const Opened& opened);
+  void report_not_decrypted(const FileJob& job);
   void look_inside(const FileJob& job, const ReadableFile& file, bool intact);
-  void look_at_new_header(const FileJob& job, const ReadableFile& file);
+  void report_rekeyed_unopened(const FileJob& job);
+  bool new_header_fits(const FileJob& job, const ReadableFile& file);
   void report_progress(std::uint64_t more);
 
   const CaseFolder* folder_;

@@ -82,8 +82,8 @@ class LogComparison {
 
   void check_opening(const crypto::Sha256Digest& entry0);
   [[nodiscard]] bool asks_for(std::uint64_t size) const;
-  /// The case's tree has `size` entries and this root.
-  void reached(std::uint64_t size, const crypto::Sha256Digest& root);
+  /// The case's tree has `size` entries; `fits` tells whether a root is its.
+  void reached(std::uint64_t size, const RootTest& fits);
   /// The case has `entries`; `tokens` are the hashes of its token files by entry.
   void finish(std::uint64_t entries, const std::map<std::uint64_t, crypto::Sha256Digest>& tokens);
 

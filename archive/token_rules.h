@@ -33,16 +33,16 @@ class TokenRules {
   /// The case clock went over a crash by the wall clock: elapsed times across it prove nothing.
   void take_recovered();
   void take_close(std::uint64_t entry) { close_ = entry; }
-  /// `entries` is the ledger's size.
-  void finish(std::uint64_t entries);
+  /// After the last entry. An excerpt may leave out the token over close.
+  void finish(bool whole_case);
 
   [[nodiscard]] TimeProof time() const { return time_; }
   [[nodiscard]] std::uint64_t count() const { return count_; }
   [[nodiscard]] std::vector<Bracket> brackets(std::uint64_t first, std::uint64_t entries) const;
   /// Hashes of the entered token files, in order.
   [[nodiscard]] const std::map<std::uint64_t, crypto::Sha256Digest>& hashes() const { return hashes_; }
-  /// Whether a valid token's checkpoint covers `entry`.
-  [[nodiscard]] bool stamped(std::uint64_t entry) const { return largest_valid_ > entry; }
+  /// Largest tree size that an entered token is over; 0 if there is none.
+  [[nodiscard]] std::uint64_t largest_checkpoint() const { return largest_checkpoint_; }
 
  private:
   struct Judged {
@@ -82,7 +82,6 @@ class TokenRules {
   std::map<std::uint64_t, crypto::Sha256Digest> hashes_;
   std::optional<std::uint64_t> close_;
   std::uint64_t largest_checkpoint_ = 0;
-  std::uint64_t largest_valid_ = 0;
   bool missed_after_close_ = false;
   bool no_trust_ = false;
   TimeProof time_ = TimeProof::kNone;

@@ -7,6 +7,7 @@
 #include "archive/case_layout.h"
 #include "archive/case_rules.h"
 #include "archive/checkpoint_rules.h"
+#include "archive/excerpt_verifier.h"
 #include "archive/file_checker.h"
 #include "archive/finding_list.h"
 #include "archive/folder_names.h"
@@ -19,14 +20,6 @@
 namespace kiroku::archive {
 
 namespace {
-
-std::uint64_t bytes_in(const std::vector<ListedFile>& listing) {
-  std::uint64_t total = 0;
-  for (const ListedFile& file : listing) {
-    total += file.kind == ListedFile::Kind::kRegular ? file.bytes : 0;
-  }
-  return total;
-}
 
 /// `open` and the hash of its line, if the first line is one.
 std::optional<OpenEntry> read_opening(const ReadableFile& ledger, crypto::Sha256Digest& line_hash) {
@@ -82,20 +75,19 @@ class CaseVerification {
       tree_.append(crypto::merkle_leaf_hash(bytes_of(line.text)));
       tree_known = tree_known && !line.too_long;
       rules_.take(line, number);
-      if (checkpoints_.has(tree_.size())) {
-        checkpoints_.reached(tree_.size(), tree_.root(), tree_known, rules_.last_mono_ns());
-      }
+      const auto fits = [&](const crypto::Sha256Digest& root) { return root == tree_.root(); };
+      checkpoints_.reached(tree_.size(), fits, tree_known, rules_.last_mono_ns());
       if (comparison.asks_for(tree_.size())) {
-        comparison.reached(tree_.size(), tree_.root());
+        comparison.reached(tree_.size(), fits);
       }
     }
     judge_end(line);
     checkpoints_.finish(tree_.size());
-    rules_.finish(tree_.size());
+    rules_.finish();
     comparison.finish(tree_.size(), rules_.tokens().hashes());
     rules_.judge_missing(files_.finish());
     judge_names();
-    judge_device_file();
+    rules_.check_device_file();
   }
 
   std::optional<LogContents> walk_log(const std::optional<OpenEntry>& open) {
@@ -146,21 +138,13 @@ class CaseVerification {
     if (path == kLedgerFile || path == kDeviceFile || rules_.names(path) || is_note_path(path)) {
       return NameJudgement::kNamed;
     }
-    if (file.kind == ListedFile::Kind::kFolder) {
-      for (const std::string_view folder :
-           {kCheckpointsFolder, kTokensFolder, kSegmentsFolder, kAuthoritiesFolder}) {
-        if (path == folder) {
-          return NameJudgement::kNamed;
-        }
-      }
+    if (file.kind == ListedFile::Kind::kFolder && rules_.is_folder(path)) {
+      return NameJudgement::kNamed;
     }
     if (path.starts_with(std::string(kAuthoritiesFolder) + "/")) {
       return NameJudgement::kFree;
     }
     for (const auto& [name, stream] : rules_.streams()) {
-      if (file.kind == ListedFile::Kind::kFolder && path == std::string(kSegmentsFolder) + "/" + name) {
-        return NameJudgement::kNamed;
-      }
       if (!rules_.close_entry() && path == stream.next_file()) {
         return NameJudgement::kSegmentNotEntered;
       }
@@ -181,31 +165,6 @@ class CaseVerification {
     if (rules_.opening() && std::filesystem::absolute(folder_.path()).lexically_normal().filename() !=
                                 rules_.opening()->case_id) {
       findings_.add("folder-name-differs", {}, "the folder is not called " + rules_.opening()->case_id);
-    }
-  }
-
-  void judge_device_file() {
-    if (!rules_.opening()) {
-      return;
-    }
-    const Place place{std::string(kDeviceFile)};
-    const FileOpening opening = folder_.open_file(kDeviceFile);
-    if (!opening.file && opening.problem != FileProblem::kMissing) {
-      report_unopened(findings_, place, opening);
-      return;
-    }
-    std::optional<std::string> text;
-    try {
-      text = opening.file ? read_small(*opening.file, kMaximumNoteBytes) : std::nullopt;
-    } catch (const IoError& error) {
-      findings_.add("file-unreadable", place, std::string(error.what()) + "; so it was not checked");
-      return;
-    }
-    if (text != rules_.opening()->device + "\n") {
-      findings_.add("device-file-differs", place,
-                    std::string(kDeviceFile) +
-                        (opening.file ? " is not the key that open names" : " is not there") +
-                        "; it is a convenience that nothing was checked with");
     }
   }
 
@@ -268,6 +227,9 @@ void look_for_cases(const LogContents& log, const std::filesystem::path& log_fol
 
 VerificationReport verify_case(const std::filesystem::path& folder, const VerifyOptions& options) {
   const CaseFolder opened = CaseFolder::open(folder);
+  if (is_excerpt(opened)) {
+    return verify_excerpt(opened, options);
+  }
   const FileOpening ledger = opened.open_file(kLedgerFile);
   if (!ledger.file && ledger.problem == FileProblem::kMissing) {
     throw UsageError(folder.string() + " is no case: there is no " + std::string(kLedgerFile) +

@@ -1,0 +1,348 @@
+#include "archive/excerpt.h"
+
+#include <algorithm>
+#include <map>
+#include <optional>
+#include <set>
+#include <utility>
+
+#include "archive/age_layout.h"
+#include "archive/case_folder.h"
+#include "archive/case_layout.h"
+#include "archive/checkpoint_rules.h"
+#include "archive/excerpt_document.h"
+#include "archive/file_system.h"
+#include "archive/ledger_entry.h"
+#include "archive/line_reader.h"
+#include "base/error.h"
+#include "crypto/age_file.h"
+#include "crypto/merkle_tree.h"
+
+namespace kiroku::archive {
+
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr std::size_t kCopyBytes = 1U << 20U;
+
+/// What an excerpt needs to know of the whole ledger.
+struct Survey {
+  OpenEntry opening;
+  crypto::MerkleTree tree;
+  std::map<std::uint64_t, TokenEntry> tokens;  // by entry
+  std::vector<std::pair<std::uint64_t, SegmentEntry>> segments;
+  std::optional<std::uint64_t> close;
+};
+
+[[noreturn]] void refuse_line(const CaseFolder& folder, std::uint64_t number, const std::string& problem) {
+  throw Error("cannot take an excerpt of " + folder.path().string() + ": entry " + std::to_string(number) +
+              " cannot be read: " + problem + "; see what `kiroku verify` says of the case");
+}
+
+ReadableFile open_or_refuse(const CaseFolder& folder, const std::string& file) {
+  FileOpening opening = folder.open_file(file);
+  if (!opening.file) {
+    throw UsageError("cannot take an excerpt of " + folder.path().string() + ": " + file + " " +
+                     opening.explanation + "; see what `kiroku verify` says of the case");
+  }
+  return std::move(*opening.file);
+}
+
+Survey survey(const CaseFolder& folder, const ReadableFile& ledger) {
+  Survey result;
+  LineReader reader(ledger);
+  LedgerLine line;
+  while (reader.next(line) && !line.torn) {
+    const std::uint64_t number = result.tree.size();
+    EntryParse parse =
+        line.too_long ? EntryParse{std::nullopt, "its line is too long", {}} : parse_case_entry(line.text);
+    if (!parse.entry) {
+      refuse_line(folder, number, parse.problem);
+    }
+    result.tree.append(crypto::merkle_leaf_hash(bytes_of(line.text)));
+    CaseEntryBody& body = parse.entry->body;
+    if (number == 0) {
+      if (!std::holds_alternative<OpenEntry>(body)) {
+        refuse_line(folder, 0, "it is not `open`");
+      }
+      result.opening = std::get<OpenEntry>(std::move(body));
+    } else if (auto* segment = std::get_if<SegmentEntry>(&body)) {
+      result.segments.emplace_back(number, std::move(*segment));
+    } else if (auto* token = std::get_if<TokenEntry>(&body)) {
+      result.tokens.emplace(number, std::move(*token));
+    } else if (std::holds_alternative<CloseEntry>(body)) {
+      result.close = number;
+    }
+  }
+  if (result.tree.size() == 0) {
+    refuse_line(folder, 0, "there is none");
+  }
+  return result;
+}
+
+std::vector<std::string> selected_streams(const OpenEntry& opening, const std::vector<std::string>& asked) {
+  std::vector<std::string> names;
+  std::string known;
+  for (const StreamInfo& stream : opening.streams) {
+    known += (known.empty() ? "" : ", ") + stream.name;
+    if (asked.empty() || std::find(asked.begin(), asked.end(), stream.name) != asked.end()) {
+      names.push_back(stream.name);
+    }
+  }
+  for (const std::string& name : asked) {
+    if (std::find(names.begin(), names.end(), name) == names.end()) {
+      throw UsageError("case " + opening.case_id + " has no stream \"" + name + "\"; it has " + known);
+    }
+  }
+  return names;
+}
+
+/// Entries that must be among the lines: those of the segments wanted, and for each stream enough around them
+/// to show that nothing of the selected time is left out.
+std::pair<std::uint64_t, std::uint64_t> needed_entries(const Survey& ledger,
+                                                       const ExcerptDocument& document) {
+  std::uint64_t first = ledger.tree.size() - 1;
+  std::uint64_t last = 0;
+  for (const std::string& stream : document.streams) {
+    std::optional<std::uint64_t> before;
+    std::optional<std::uint64_t> after;
+    for (const auto& [entry, segment] : ledger.segments) {
+      if (segment.stream != stream) {
+        continue;
+      }
+      if (!before || segment.span.start_ns <= document.from_ns) {
+        before = entry;
+      }
+      if (!after && segment.span.end_ns >= document.to_ns) {
+        after = entry;
+      }
+    }
+    first = std::min(first, before.value_or(first));
+    last = std::max(last, after.value_or(ledger.close.value_or(ledger.tree.size() - 1)));
+  }
+  return {std::min(first, last), last};
+}
+
+/// Chooses the lines: from the token before to the checkpoint that covers the token after.
+void choose_lines(const Survey& ledger, const std::vector<std::uint64_t>& notes, ExcerptDocument& document) {
+  const auto [first, last] = needed_entries(ledger, document);
+  document.first_entry = 0;
+  std::optional<std::uint64_t> token_after;
+  for (const auto& [entry, token] : ledger.tokens) {
+    if (entry < first) {
+      document.first_entry = entry;
+    }
+    if (!token_after && token.checkpoint > last) {
+      token_after = entry;
+    }
+  }
+  const auto covering = [&](std::uint64_t entry) -> std::optional<std::uint64_t> {
+    const auto note = std::find_if(notes.begin(), notes.end(), [&](std::uint64_t size) {
+      return size > entry && size <= ledger.tree.size();
+    });
+    return note == notes.end() ? std::nullopt : std::optional(*note);
+  };
+  std::optional<std::uint64_t> size = covering(token_after.value_or(last));
+  if (!size) {
+    size = covering(last);
+  }
+  if (!size) {
+    throw UsageError("no checkpoint covers that part of case " + ledger.opening.case_id +
+                     " yet: take the excerpt when the case is closed");
+  }
+  document.size = *size;
+}
+
+/// Writes the files of one excerpt below a folder that gets its name only when all is there.
+class ExcerptFolder {
+ public:
+  ExcerptFolder(FileSystem& files, fs::path folder) : files_(files), folder_(std::move(folder)) {
+    if (fs::exists(fs::symlink_status(folder_))) {
+      throw UsageError("there is a " + folder_.string() + " already; give a folder that does not exist yet");
+    }
+    const fs::path parent = fs::absolute(folder_).parent_path();
+    if (!fs::is_directory(parent)) {
+      throw UsageError("there is no folder " + parent.string() + " to make the excerpt in");
+    }
+    temporary_ = parent / ("." + folder_.filename().string() + std::string(kPartSuffix));
+    fs::remove_all(temporary_);
+    make(temporary_);
+  }
+  ExcerptFolder(const ExcerptFolder&) = delete;
+  ExcerptFolder& operator=(const ExcerptFolder&) = delete;
+  ~ExcerptFolder() {
+    if (!finished_) {
+      std::error_code ignored;
+      fs::remove_all(temporary_, ignored);
+    }
+  }
+
+  std::unique_ptr<WritableFile> create(const std::string& file) {
+    const fs::path path = temporary_ / file;
+    for (fs::path below = temporary_; const fs::path& part : fs::path(file).parent_path()) {
+      below /= part;
+      if (!fs::exists(below)) {
+        make(below);
+      }
+    }
+    return files_.create(path);
+  }
+  void write(const std::string& file, ByteView bytes) {
+    const auto written = create(file);
+    written->write(bytes);
+    written->sync();
+  }
+  void finish() {
+    for (const fs::path& each : made_) {
+      files_.sync_folder(each);
+    }
+    files_.rename(temporary_, folder_);
+    finished_ = true;
+    files_.sync_folder(temporary_.parent_path());
+  }
+
+ private:
+  void make(const fs::path& folder) {
+    files_.make_folder(folder);
+    made_.push_back(folder);
+  }
+
+  FileSystem& files_;
+  fs::path folder_, temporary_;
+  std::vector<fs::path> made_;
+  bool finished_ = false;
+};
+
+void copy_small(const CaseFolder& from, const std::string& file, ExcerptFolder& to) {
+  const ReadableFile source = open_or_refuse(from, file);
+  const std::optional<std::string> text = read_small(source, kMaximumExcerptBytes);
+  if (!text) {
+    throw Error("cannot take an excerpt of " + from.path().string() + ": " + file + " is far too long");
+  }
+  to.write(file, bytes_of(*text));
+}
+
+void copy_lines(const ReadableFile& ledger, const ExcerptDocument& document, ExcerptFolder& to) {
+  const auto part = to.create(std::string(kExcerptLinesFile));
+  LineReader reader(ledger);
+  LedgerLine line;
+  for (std::uint64_t number = 0; number < document.size && reader.next(line); ++number) {
+    const std::string text = std::string(line.text) + "\n";
+    if (number == 0) {
+      to.write(std::string(kExcerptOpenFile), bytes_of(text));
+    }
+    if (number >= document.first_entry) {
+      part->write(bytes_of(text));
+    }
+  }
+  part->sync();
+}
+
+/// Copies one segment, re-keyed if asked; the bytes are hashed on the way.
+void copy_segment(const CaseFolder& from, const SegmentEntry& segment, const ExcerptOptions& options,
+                  ExcerptFolder& to) {
+  const ReadableFile source = open_or_refuse(from, segment.file.file);
+  const auto copy = to.create(segment.file.file);
+  std::vector<std::byte> buffer(kCopyBytes);
+  crypto::Sha256 hash;
+  std::uint64_t at = 0;
+  if (options.identities != nullptr && !options.recipients.empty()) {
+    std::uint64_t header_bytes = 0;
+    const Bytes header = crypto::rekey_header(source, *options.identities, options.recipients, header_bytes);
+    Bytes original(static_cast<std::size_t>(header_bytes));
+    source.read_at(0, original);
+    hash.update(original);
+    at = header_bytes;
+    copy->write(header);
+    to.write(segment.file.file + std::string(kOriginalHeaderSuffix), original);
+  }
+  while (const std::size_t got = source.read_at(at, buffer)) {
+    const ByteView piece = std::span(buffer).first(got);
+    hash.update(piece);
+    copy->write(piece);
+    at += got;
+  }
+  if (hash.finish() != segment.file.sha256) {
+    throw Error("cannot take an excerpt of " + from.path().string() + ": " + segment.file.file +
+                " is not the file whose hash the ledger states; see what `kiroku verify` says of the case");
+  }
+  copy->sync();
+}
+
+void copy_conveniences(const CaseFolder& from, const std::vector<ListedFile>& listing, ExcerptFolder& to) {
+  for (const ListedFile& file : listing) {
+    const bool convenience =
+        file.path == kDeviceFile || file.path.starts_with(std::string(kAuthoritiesFolder) + "/");
+    if (convenience && file.kind == ListedFile::Kind::kRegular) {
+      copy_small(from, file.path, to);
+    }
+  }
+}
+
+}  // namespace
+
+ExcerptResult make_excerpt(const fs::path& case_folder, const ExcerptOptions& options,
+                           const fs::path& folder) {
+  if (options.from_ns < 0 || options.to_ns <= options.from_ns) {
+    throw UsageError("an excerpt must end after it begins");
+  }
+  if ((options.identities == nullptr) != options.recipients.empty()) {
+    throw UsageError(
+        "re-keying an excerpt takes both an identity that opens the case and a recipient to seal it to");
+  }
+  const CaseFolder from = CaseFolder::open(case_folder);
+  const std::vector<ListedFile> listing = from.list();
+  const ReadableFile ledger_file = open_or_refuse(from, std::string(kLedgerFile));
+  const Survey ledger = survey(from, ledger_file);
+
+  ExcerptDocument document;
+  document.case_id = ledger.opening.case_id;
+  document.from_ns = options.from_ns;
+  document.to_ns = options.to_ns;
+  document.streams = selected_streams(ledger.opening, options.streams);
+  std::vector<const SegmentEntry*> wanted;
+  for (const auto& [entry, segment] : ledger.segments) {
+    const bool selected =
+        std::find(document.streams.begin(), document.streams.end(), segment.stream) != document.streams.end();
+    if (selected && meets(segment.span, document.from_ns, document.to_ns)) {
+      wanted.push_back(&segment);
+    }
+  }
+  if (wanted.empty()) {
+    throw UsageError("nothing was recorded in that time in case " + document.case_id);
+  }
+  choose_lines(ledger, note_sizes(listing), document);
+  document.open_proof = ledger.tree.inclusion_proof(0, document.size);
+  document.left = ledger.tree.range_proof(document.first_entry, document.size, document.size);
+
+  ExcerptFolder to(real_file_system(), folder);
+  std::set<std::uint64_t> notes{document.size};
+  for (const auto& [entry, token] : ledger.tokens) {
+    if (entry >= document.first_entry && entry < document.size) {
+      copy_small(from, token_path(token.checkpoint, token.authority), to);
+      notes.insert(token.checkpoint);
+    }
+  }
+  for (const std::uint64_t size : notes) {
+    copy_small(from, note_path(size), to);
+    if (size <= document.first_entry) {
+      document.earlier.push_back({size, ledger.tree.consistency_proof(size, document.size)});
+    }
+  }
+  to.write(std::string(kExcerptFile), bytes_of(to_text(document)));
+  copy_lines(ledger_file, document, to);
+  copy_conveniences(from, listing, to);
+  ExcerptResult result;
+  for (const SegmentEntry* segment : wanted) {
+    copy_segment(from, *segment, options, to);
+    ++result.segments;
+    result.bytes += segment->file.bytes;
+  }
+  to.finish();
+  result.first_entry = document.first_entry;
+  result.last_entry = document.size - 1;
+  return result;
+}
+
+}  // namespace kiroku::archive

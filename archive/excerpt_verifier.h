@@ -1,0 +1,15 @@
+// Verifying an excerpt: the same rules as for a case, over part of its ledger and with proofs in place of the
+// rest. Functions; thread-safe.
+#pragma once
+
+#include "archive/case_folder.h"
+#include "archive/verifier.h"
+
+namespace kiroku::archive {
+
+/// Whether the folder holds an excerpt and not a case.
+bool is_excerpt(const CaseFolder& folder);
+/// As verify_case().
+VerificationReport verify_excerpt(const CaseFolder& folder, const VerifyOptions& options);
+
+}  // namespace kiroku::archive

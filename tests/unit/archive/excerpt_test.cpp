@@ -1,0 +1,189 @@
+#include "archive/excerpt.h"
+
+#include <fstream>
+#include <sstream>
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "archive/verifier.h"
+#include "crypto/age_file.h"
+#include "tests/support/report_text.h"
+#include "tests/support/sample_case.h"
+
+namespace kiroku::archive {
+namespace {
+
+namespace fs = std::filesystem;
+using test::details;
+using test::summary;
+
+constexpr std::int64_t kSecond = 1'000'000'000;
+
+std::string read(const fs::path& file) {
+  std::ostringstream text;
+  text << std::ifstream(file, std::ios::binary).rdbuf();
+  return text.str();
+}
+
+void write(const fs::path& file, const std::string& text) {
+  std::ofstream(file, std::ios::binary | std::ios::trunc) << text;
+}
+
+class Excerpt : public ::testing::Test {
+ protected:
+  ExcerptResult make(const ExcerptOptions& options) { return make_excerpt(folder_, options, excerpt()); }
+  [[nodiscard]] fs::path excerpt() const { return archive_.folder() / "excerpt"; }
+  [[nodiscard]] VerificationReport verify() const { return verify_case(excerpt(), archive_.options()); }
+  /// The middle of the endoscope's film: segment 1 of 3.
+  static ExcerptOptions middle() {
+    ExcerptOptions options;
+    options.from_ns = 2 * kSecond + 1;
+    options.to_ns = 4 * kSecond;
+    options.streams = {"endoscope"};
+    return options;
+  }
+
+  test::SampleArchive archive_;
+  fs::path folder_ = test::SampleCase::write(archive_);
+};
+
+TEST_F(Excerpt, VerifiesByItself) {
+  const ExcerptResult result = make(middle());
+  EXPECT_EQ(result.segments, 1U);
+  EXPECT_EQ(result.first_entry, 1U);
+  const VerificationReport report = verify();
+  EXPECT_EQ(summary(report), "intact") << details(report);
+  EXPECT_EQ(report.time, TimeProof::kSelfIssued);
+  EXPECT_TRUE(fs::exists(excerpt() / "segments/endoscope/00000001.ts.age"));
+  EXPECT_FALSE(fs::exists(excerpt() / "segments/endoscope/00000000.ts.age"));
+  EXPECT_FALSE(fs::exists(excerpt() / "subject.json.age"));
+}
+
+TEST_F(Excerpt, OfEverythingVerifies) {
+  ExcerptOptions options;
+  options.to_ns = 3600 * kSecond;
+  EXPECT_EQ(make(options).segments, 4U);
+  const VerificationReport report = verify();
+  EXPECT_EQ(summary(report), "intact") << details(report);
+}
+
+TEST_F(Excerpt, WithASegmentLeftOutNamesIt) {
+  make(middle());
+  fs::remove(excerpt() / "segments/endoscope/00000001.ts.age");
+  EXPECT_EQ(summary(verify()), "tampered\nfile-missing segments/endoscope/00000001.ts.age 4");
+}
+
+TEST_F(Excerpt, WithALineRemovedIsTampered) {
+  make(middle());
+  const fs::path lines = excerpt() / "ledger-part.jsonl";
+  const std::string text = read(lines);
+  const std::size_t second = text.find('\n') + 1;
+  write(lines, text.substr(0, second) + text.substr(text.find('\n', second) + 1));
+  const VerificationReport report = verify();
+  EXPECT_EQ(report.verdict, Verdict::kTampered);
+  EXPECT_THAT(summary(report), ::testing::HasSubstr("excerpt-malformed ledger-part.jsonl"));
+}
+
+TEST_F(Excerpt, WithAnotherOpenIsTampered) {
+  make(middle());
+  std::string open = read(excerpt() / "ledger-open.jsonl");
+  open.replace(open.find("monitor"), 7, "patient");
+  write(excerpt() / "ledger-open.jsonl", open);
+  EXPECT_THAT(summary(verify()), ::testing::HasSubstr("excerpt-proof-invalid ledger-open.jsonl 0"));
+}
+
+TEST_F(Excerpt, WithAForeignEarlierCheckpointIsTampered) {
+  make(middle());
+  std::string document = read(excerpt() / "excerpt.json");
+  const std::size_t proof = document.find("\"proof\":[\"") + 10;
+  document[proof] = document[proof] == '0' ? '1' : '0';
+  write(excerpt() / "excerpt.json", document);
+  EXPECT_THAT(summary(verify()), ::testing::HasSubstr("excerpt-proof-invalid checkpoints/00000001.note"));
+}
+
+TEST_F(Excerpt, ThatStatesMoreTimeThanItsLinesShowIsUnproven) {
+  ExcerptOptions options = middle();
+  options.from_ns = 5 * kSecond;
+  options.to_ns = 6 * kSecond;
+  make(options);
+  std::string document = read(excerpt() / "excerpt.json");
+  document.replace(document.find("\"from_ns\":5"), 11, "\"from_ns\":1");
+  write(excerpt() / "excerpt.json", document);
+  const VerificationReport report = verify();
+  EXPECT_EQ(report.verdict, Verdict::kUnproven) << details(report);
+  EXPECT_THAT(summary(report), ::testing::HasSubstr("excerpt-range-short ledger-part.jsonl"));
+}
+
+TEST_F(Excerpt, HoldsNothingThatItDoesNotName) {
+  make(middle());
+  write(excerpt() / "segments/endoscope/00000007.ts.age", "x");
+  EXPECT_EQ(summary(verify()), "tampered\nfile-unnamed segments/endoscope/00000007.ts.age -");
+}
+
+TEST_F(Excerpt, ReKeyedOpensForTheNewReaderAndProvesTheFilm) {
+  const crypto::AgeKeyPair pair = crypto::generate_age_key();
+  ExcerptOptions options = middle();
+  options.identities = &archive_.identities();
+  options.recipients = {crypto::parse_recipient(pair.recipient)};
+  make(options);
+
+  VerificationReport report = verify();
+  EXPECT_EQ(summary(report), "unproven\nrekeyed-not-opened segments/endoscope/00000001.ts.age 4")
+      << details(report);
+
+  const crypto::AgeIdentities reader{crypto::parse_identity(pair.identity_text.text())};
+  VerifyOptions with_identity = archive_.options();
+  with_identity.identities = &reader;
+  report = verify_case(excerpt(), with_identity);
+  EXPECT_EQ(summary(report), "intact") << details(report);
+
+  const auto source = crypto::open_file_source(excerpt() / "segments/endoscope/00000001.ts.age");
+  EXPECT_EQ(crypto::AgeFile::open(*source, reader).plaintext_size(), 70'000U);
+}
+
+TEST_F(Excerpt, WithAHeaderThatOpensAnotherFilmIsTampered) {
+  const crypto::AgeKeyPair pair = crypto::generate_age_key();
+  ExcerptOptions options = middle();
+  options.identities = &archive_.identities();
+  options.recipients = {crypto::parse_recipient(pair.recipient)};
+  make(options);
+  // A header of the reader's for another file key, before the same payload.
+  const fs::path segment = excerpt() / "segments/endoscope/00000001.ts.age";
+  const Bytes other = crypto::seal_bytes({}, options.recipients);
+  const std::string other_text(text_of(other));
+  const std::string film = read(segment);
+  const auto header_end = [](const std::string& text) {
+    return text.find('\n', text.find("\n--- ") + 1) + 1;
+  };
+  write(segment, other_text.substr(0, header_end(other_text)) + film.substr(header_end(film)));
+  const crypto::AgeIdentities reader{crypto::parse_identity(pair.identity_text.text())};
+  VerifyOptions with_identity = archive_.options();
+  with_identity.identities = &reader;
+  const VerificationReport report = verify_case(excerpt(), with_identity);
+  EXPECT_EQ(summary(report), "tampered\nrekeyed-key-differs segments/endoscope/00000001.ts.age 4")
+      << details(report);
+}
+
+TEST_F(Excerpt, IsRefusedWithNothingLeftBehind) {
+  fs::create_directory(excerpt());
+  EXPECT_THROW(make(middle()), UsageError);
+  fs::remove(excerpt());
+  ExcerptOptions options = middle();
+  options.streams = {"cardiology"};
+  EXPECT_THROW(make(options), UsageError);
+  options = middle();
+  options.from_ns = 100 * kSecond;
+  options.to_ns = 101 * kSecond;
+  EXPECT_THROW(make(options), UsageError);
+  write(folder_ / "segments/endoscope/00000001.ts.age", "damaged");
+  EXPECT_THROW(make(middle()), Error);
+  std::vector<std::string> names;
+  for (const auto& each : fs::directory_iterator(archive_.folder())) {
+    names.push_back(each.path().filename());
+  }
+  EXPECT_THAT(names, ::testing::UnorderedElementsAre("log", ".reserve", folder_.filename()));
+}
+
+}  // namespace
+}  // namespace kiroku::archive
