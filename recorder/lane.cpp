@@ -29,9 +29,21 @@ std::int64_t next_boundary(std::int64_t time_ns, std::chrono::nanoseconds durati
   return (time_ns / duration.count() + 1) * duration.count();
 }
 
-std::string close_reason_for(const std::exception& error) {
+namespace {
+
+bool is_disk_full(const std::exception& error) {
   const auto* io = dynamic_cast<const IoError*>(&error);
-  return io != nullptr && io->disk_full() ? "disk-full" : std::string("error: ") + error.what();
+  return io != nullptr && io->disk_full();
+}
+
+}  // namespace
+
+archive::GapCause gap_cause_for(const std::exception& error) {
+  return is_disk_full(error) ? archive::GapCause::kDiskFull : archive::GapCause::kOverload;
+}
+
+std::string close_reason_for(const std::exception& error) {
+  return is_disk_full(error) ? "disk-full" : std::string("error: ") + error.what();
 }
 
 }  // namespace kiroku::recorder

@@ -70,6 +70,8 @@ class Lane {
 
 /// The multiple of `duration` after `time_ns`.
 std::int64_t next_boundary(std::int64_t time_ns, std::chrono::nanoseconds duration);
+/// What a gap after a failed write is caused by: a full disk, or a machine that could not take what came.
+archive::GapCause gap_cause_for(const std::exception& error);
 /// The close reason for a failed write: "disk-full", or "error: <sentence>".
 std::string close_reason_for(const std::exception& error);
 

@@ -62,21 +62,23 @@ void StreamOutput::end(const Ending& ending) {
 }
 
 void StreamOutput::give_up(const Ending& ending) {
+  const std::shared_ptr<archive::SegmentWriter> segment = std::move(current_);
+  current_.reset();
   {
     std::unique_lock lock(mutex_);
     growing_.reset();
-    // The segment must not be salvaged while its data is being synced.
-    changed_.wait(lock, [&] { return !busy_; });
+    // Segments are entered in order, and none is salvaged while its data is being synced.
+    changed_.wait(lock, [&] { return (failure_ || handed_.empty()) && !busy_; });
+    // After a failed flush nobody knows what the disk holds: nothing more is claimed.
+    if (failure_ || !segment) return;
   }
-  const std::shared_ptr<archive::SegmentWriter> segment = std::move(current_);
-  current_.reset();
-  if (!segment) return;
   if (const std::optional<archive::FileReference> kept = segment->salvage()) {
     archive::SegmentEntry entry = entry_for(ending);
     entry.file = *kept;
     entry.complete = false;
     ++segments_;
     bytes_ += kept->bytes;
+    claimed_until_ns_ = entry.span.end_ns;
     facts_.push(archive::CaseEntryBody(std::move(entry)));
   }
 }
@@ -108,6 +110,7 @@ void StreamOutput::run() {
         next.entry.file = next.segment->commit();
         ++segments_;
         bytes_ += next.entry.file.bytes;
+        claimed_until_ns_ = next.entry.span.end_ns;
         facts_.push(archive::CaseEntryBody(std::move(next.entry)));
         lock.lock();
       } else if (growing_) {

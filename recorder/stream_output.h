@@ -46,6 +46,8 @@ class StreamOutput {
 
   [[nodiscard]] std::uint64_t segments() const { return segments_; }
   [[nodiscard]] std::uint64_t bytes() const { return bytes_; }
+  /// Case-clock end of the last segment whose entry has gone to the ledger's writer; 0 before the first.
+  [[nodiscard]] std::int64_t claimed_until_ns() const { return claimed_until_ns_; }
   [[nodiscard]] const archive::StreamInfo& info() const { return info_; }
 
  private:
@@ -75,6 +77,7 @@ class StreamOutput {
   std::exception_ptr failure_;
 
   std::atomic<std::uint64_t> segments_ = 0, bytes_ = 0;
+  std::atomic<std::int64_t> claimed_until_ns_ = 0;
   std::thread finisher_;
 };
 

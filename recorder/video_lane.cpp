@@ -246,21 +246,19 @@ std::int64_t VideoLane::end_of_last_frame() const {
   if (last_frame_ns_ < 0) return 0;
   std::int64_t latest = context_.end_ns.value_or(INT64_MAX);
   // What is stamped at arrival cannot last beyond now.
-  if (!address_.unpaced()) latest = std::min(latest, context_.clock.now_ns());
+  if (output_.info().timing == "arrival") latest = std::min(latest, context_.clock.now_ns());
   return std::max(std::min(last_frame_ns_ + interval_ns_, latest), last_frame_ns_ + 1);
 }
 
 void VideoLane::fail(const std::exception& error) {
   failed_ = true;
-  const auto* io = dynamic_cast<const IoError*>(&error);
   context_.troubles.end_session(close_reason_for(error), error.what());
-  if (output_.is_open()) recorded_until_ns_ = end_of_last_frame();
-  if (io != nullptr && io->disk_full()) absence_ = Absence{recorded_until_ns_, archive::GapCause::kDiskFull};
   try {
-    output_.give_up({recorded_until_ns_, segment_frames_, segment_dropped_});
+    output_.give_up({end_of_last_frame(), segment_frames_, segment_dropped_});
   } catch (const std::exception& second) {
     context_.troubles.mention(second.what());
   }
+  absence_ = Absence{output_.claimed_until_ns(), gap_cause_for(error)};
   encoder_.reset();
   queue_.abandon();
   stop();

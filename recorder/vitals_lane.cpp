@@ -77,15 +77,13 @@ void VitalsLane::read() {
 
 void VitalsLane::fail(const std::exception& error) {
   failed_ = true;
-  const std::int64_t until_ns = last_ns_ + 1;
-  const auto* io = dynamic_cast<const IoError*>(&error);
-  if (io != nullptr && io->disk_full()) gap_since_ns_ = until_ns;
   context_.troubles.end_session(close_reason_for(error), error.what());
   try {
-    output_.give_up({until_ns, samples_ - samples_before_segment_, 0});
+    output_.give_up({last_ns_ + 1, samples_ - samples_before_segment_, 0});
   } catch (const std::exception& second) {
     context_.troubles.mention(second.what());
   }
+  gap_cause_ = gap_cause_for(error);
 }
 
 std::int64_t VitalsLane::end_of_stream(std::int64_t close_ns) const {
@@ -106,10 +104,10 @@ void VitalsLane::finish(std::int64_t close_ns) {
       fail(error);
     }
   }
-  if (gap_since_ns_) {
-    const archive::Span span{*gap_since_ns_, std::max(close_ns, *gap_since_ns_)};
-    context_.facts.push(
-        archive::CaseEntryBody(archive::GapEntry{name(), span, archive::GapCause::kDiskFull}));
+  if (gap_cause_) {
+    const std::int64_t since_ns = output_.claimed_until_ns();
+    context_.facts.push(archive::CaseEntryBody(
+        archive::GapEntry{name(), {since_ns, std::max(close_ns, since_ns)}, *gap_cause_}));
   }
 }
 

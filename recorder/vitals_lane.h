@@ -49,7 +49,7 @@ class VitalsLane : public Lane, private VitalsSegmentSink {
   std::atomic<std::int64_t> last_ns_ = 0;
   std::uint64_t samples_before_segment_ = 0;
   bool failed_ = false;
-  std::optional<std::int64_t> gap_since_ns_;  // the disk was full from then on
+  std::optional<archive::GapCause> gap_cause_;  // why nothing more could be recorded
   std::thread thread_;
 };
 

@@ -1,0 +1,66 @@
+// The real file system with a disk that takes its time: each write to a file whose name contains a text
+// waits.
+#pragma once
+
+#include <chrono>
+#include <memory>
+#include <string>
+#include <thread>
+#include <utility>
+
+#include "archive/file_system.h"
+
+namespace kiroku::test {
+
+class SlowFileSystem final : public archive::FileSystem {
+ public:
+  SlowFileSystem(std::string part_of_name, std::chrono::milliseconds delay)
+      : part_of_name_(std::move(part_of_name)), delay_(delay) {}
+
+  std::unique_ptr<archive::WritableFile> create(const std::filesystem::path& file) override {
+    auto made = archive::real_file_system().create(file);
+    if (file.string().find(part_of_name_) == std::string::npos) return made;
+    return std::make_unique<File>(std::move(made), delay_);
+  }
+  std::unique_ptr<archive::WritableFile> append_to(const std::filesystem::path& file) override {
+    return archive::real_file_system().append_to(file);
+  }
+  void rename(const std::filesystem::path& from, const std::filesystem::path& to) override {
+    archive::real_file_system().rename(from, to);
+  }
+  void remove(const std::filesystem::path& file) override { archive::real_file_system().remove(file); }
+  void make_folder(const std::filesystem::path& folder) override {
+    archive::real_file_system().make_folder(folder);
+  }
+  void sync_folder(const std::filesystem::path& folder) override {
+    archive::real_file_system().sync_folder(folder);
+  }
+
+ private:
+  class File final : public archive::WritableFile {
+   public:
+    File(std::unique_ptr<archive::WritableFile> real, std::chrono::milliseconds delay)
+        : real_(std::move(real)), delay_(delay) {}
+    void write(ByteView bytes) override {
+      std::this_thread::sleep_for(delay_);
+      real_->write(bytes);
+    }
+    void sync() override { real_->sync(); }
+    void sync_all() override { real_->sync_all(); }
+    void reserve(std::uint64_t bytes) override { real_->reserve(bytes); }
+    void start_writeback() override { real_->start_writeback(); }
+    void truncate(std::uint64_t size) override { real_->truncate(size); }
+    bool try_lock() override { return real_->try_lock(); }
+    void lock() override { real_->lock(); }
+    void unlock() noexcept override { real_->unlock(); }
+
+   private:
+    std::unique_ptr<archive::WritableFile> real_;
+    std::chrono::milliseconds delay_;
+  };
+
+  std::string part_of_name_;
+  std::chrono::milliseconds delay_;
+};
+
+}  // namespace kiroku::test

@@ -1,0 +1,109 @@
+#include "recorder/frame_queue.h"
+
+extern "C" {
+#include <libavutil/frame.h>
+#include <libavutil/pixfmt.h>
+}
+
+#include <thread>
+
+#include <gtest/gtest.h>
+
+namespace kiroku::recorder {
+namespace {
+
+// 64 x 48 in 4:2:0.
+constexpr std::size_t kPictureBytes = 64 * 48 * 3 / 2;
+
+TimedFrame frame_at(std::int64_t time_ns, std::uint64_t lost_before = 0) {
+  TimedFrame timed;
+  timed.frame = media::make_frame();
+  timed.frame->format = AV_PIX_FMT_YUV420P;
+  timed.frame->width = 64;
+  timed.frame->height = 48;
+  timed.time_ns = time_ns;
+  timed.lost_before = lost_before;
+  return timed;
+}
+
+QueuedFrame popped(FrameQueue& queue) { return std::get<QueuedFrame>(std::move(queue.pop().value())); }
+
+TEST(FrameQueue, DropsWholeFramesWhenFullAndStatesThemWithTheNext) {
+  FrameQueue queue(2 * kPictureBytes);
+  EXPECT_TRUE(queue.push(frame_at(0), false));
+  EXPECT_TRUE(queue.push(frame_at(100), false));
+  EXPECT_FALSE(queue.push(frame_at(200), false));
+  EXPECT_FALSE(queue.push(frame_at(300), false));
+  EXPECT_EQ(popped(queue).dropped_before, 0U);
+  EXPECT_TRUE(queue.push(frame_at(400), false));
+  EXPECT_EQ(popped(queue).picture.time_ns, 100);
+  const QueuedFrame next = popped(queue);
+  EXPECT_EQ(next.picture.time_ns, 400);
+  EXPECT_EQ(next.dropped_before, 2U);
+  EXPECT_EQ(next.dropped_since_ns, 200);
+  EXPECT_EQ(queue.dropped(), 2U);
+  EXPECT_FALSE(queue.unstated_drops().has_value());
+}
+
+TEST(FrameQueue, TakesAPictureLargerThanItsBudgetWhenEmpty) {
+  FrameQueue queue(1);
+  EXPECT_TRUE(queue.push(frame_at(0), false));
+  EXPECT_FALSE(queue.push(frame_at(1), false));
+}
+
+TEST(FrameQueue, StatesDropsThatNoFrameFollows) {
+  FrameQueue queue(kPictureBytes);
+  queue.push(frame_at(0), false);
+  queue.push(frame_at(100), false);
+  queue.finish();
+  EXPECT_EQ(popped(queue).picture.time_ns, 0);
+  EXPECT_FALSE(queue.pop().has_value());
+  const std::optional<QueuedFrame> drops = queue.unstated_drops();
+  ASSERT_TRUE(drops.has_value());
+  EXPECT_EQ(drops->dropped_before, 1U);
+  EXPECT_EQ(drops->dropped_since_ns, 100);
+}
+
+TEST(FrameQueue, CountsWhatTheSourceLost) {
+  FrameQueue queue(2 * kPictureBytes);
+  queue.push(frame_at(0), false);
+  queue.push(frame_at(400, 3), false);
+  EXPECT_EQ(popped(queue).dropped_before, 0U);
+  const QueuedFrame next = popped(queue);
+  EXPECT_EQ(next.dropped_before, 3U);
+  EXPECT_EQ(next.dropped_since_ns, 100);
+  EXPECT_EQ(queue.dropped(), 3U);
+}
+
+TEST(FrameQueue, LetsAPatientSourceWaitForRoom) {
+  FrameQueue queue(kPictureBytes);
+  queue.push(frame_at(0), true);
+  std::thread source([&] { EXPECT_TRUE(queue.push(frame_at(1), true)); });
+  EXPECT_EQ(popped(queue).picture.time_ns, 0);
+  EXPECT_EQ(popped(queue).picture.time_ns, 1);
+  source.join();
+  EXPECT_EQ(queue.dropped(), 0U);
+}
+
+TEST(FrameQueue, LetsAWaitingSourceGoWhenItsConsumerFailed) {
+  FrameQueue queue(kPictureBytes);
+  queue.push(frame_at(0), true);
+  std::thread source([&] { EXPECT_FALSE(queue.push(frame_at(1), true)); });
+  queue.abandon();
+  source.join();
+}
+
+TEST(FrameQueue, KeepsALossInItsPlace) {
+  FrameQueue queue(4 * kPictureBytes);
+  queue.push(frame_at(0), false);
+  queue.push(SourceLost{archive::GapCause::kDeviceRemoved});
+  queue.push(frame_at(100), false);
+  queue.finish();
+  EXPECT_EQ(popped(queue).picture.time_ns, 0);
+  EXPECT_EQ(std::get<SourceLost>(queue.pop().value()).cause, archive::GapCause::kDeviceRemoved);
+  EXPECT_EQ(popped(queue).picture.time_ns, 100);
+  EXPECT_FALSE(queue.pop().has_value());
+}
+
+}  // namespace
+}  // namespace kiroku::recorder

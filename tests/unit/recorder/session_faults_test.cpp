@@ -1,0 +1,247 @@
+// What a session does when the world does not behave: pipes that end and come back, slow and full disks,
+// films that stop early.
+#include <csignal>
+#include <fstream>
+#include <sys/stat.h>
+#include <thread>
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "base/error.h"
+#include "recorder/session.h"
+#include "tests/support/decoded_video.h"
+#include "tests/support/fault_file_system.h"
+#include "tests/support/recording.h"
+#include "tests/support/shared_data.h"
+#include "tests/support/slow_file_system.h"
+
+namespace kiroku::recorder {
+namespace {
+
+using namespace std::chrono_literals;
+using archive::GapCause;
+using test::decode_video;
+using test::RecordedCase;
+using test::RecorderBench;
+using testing::Contains;
+using testing::Each;
+using testing::IsEmpty;
+using testing::SizeIs;
+using testing::StartsWith;
+
+constexpr std::int64_t kSecond = 1'000'000'000;
+
+struct Sums {
+  std::uint64_t frames = 0, dropped = 0;
+};
+Sums sums(const std::vector<archive::SegmentEntry>& segments) {
+  Sums sum;
+  for (const auto& segment : segments) {
+    sum.frames += segment.frames;
+    sum.dropped += segment.dropped;
+  }
+  return sum;
+}
+
+/// Writes pictures of 64x48 at 20 a second, as YUV4MPEG2, until `count` are written or nobody reads any more.
+void write_film(const std::filesystem::path& pipe, int count) {
+  std::ofstream out(pipe, std::ios::binary);
+  out << "YUV4MPEG2 W64 H48 F20:1 Ip A1:1 C420jpeg\n";
+  for (int i = 0; i < count && out; ++i) {
+    out << "FRAME\n" << std::string(64 * 48 * 3 / 2, static_cast<char>(i)) << std::flush;
+    std::this_thread::sleep_for(50ms);
+  }
+}
+
+class FifoSession : public testing::Test {
+ protected:
+  void SetUp() override {
+    std::signal(SIGPIPE, SIG_IGN);
+    ASSERT_EQ(::mkfifo((bench / "camera").c_str(), 0600), 0);
+  }
+  RecorderBench bench;
+};
+
+TEST_F(FifoSession, StatesTheGapWhileAPipeHasNoWriterAndGoesOnWhenItIsBack) {
+  std::thread camera([&] {
+    write_film(bench / "camera", 12);
+    std::this_thread::sleep_for(600ms);
+    write_film(bench / "camera", 1000);
+  });
+  SessionOptions options = bench.options();
+  options.video = {bench.stream("endoscope", (bench / "camera").string())};
+  options.duration = 2500ms;
+  const RecordedCase recorded = bench.record(options);
+  camera.join();
+  const auto gaps = recorded.gaps("endoscope");
+  ASSERT_THAT(gaps, SizeIs(1));
+  EXPECT_EQ(gaps[0].cause, GapCause::kSignalLost);
+  EXPECT_GE(gaps[0].span.end_ns - gaps[0].span.start_ns, kSecond / 2);
+  EXPECT_THAT(recorded.broken_rules(), IsEmpty());
+  EXPECT_THAT(recorded.all<archive::CloseEntry>(), SizeIs(1));
+  EXPECT_GT(recorded.segments("endoscope").back().span.start_ns, gaps[0].span.end_ns - 1);
+  // The joins are clean although the source was opened twice.
+  const auto video = decode_video(recorded.joined("endoscope"));
+  EXPECT_THAT(video.complaints, IsEmpty());
+  EXPECT_EQ(video.frames.size(), sums(recorded.segments("endoscope")).frames);
+}
+
+TEST_F(FifoSession, CanBeStoppedWhileAPipeHasNoWriter) {
+  std::thread camera([&] { write_film(bench / "camera", 12); });
+  SessionOptions options = bench.options();
+  options.video = {bench.stream("endoscope", (bench / "camera").string())};
+  Session session(options);
+  std::thread operator_thread([&] {
+    camera.join();
+    std::this_thread::sleep_for(300ms);
+    session.stop();
+  });
+  const SessionResult result = session.run();
+  operator_thread.join();
+  EXPECT_EQ(result.close_reason, "operator");
+  const RecordedCase recorded = bench.read(result.folder);
+  ASSERT_THAT(recorded.gaps("endoscope"), SizeIs(1));
+  EXPECT_THAT(recorded.broken_rules(), IsEmpty());
+}
+
+TEST(SessionUnderLoad, DropsWholeFramesAndStatesThemWhenTheDiskIsTooSlow) {
+  const RecorderBench bench;
+  test::SlowFileSystem files("segments/room", 150ms);
+  SessionOptions options = bench.options();
+  options.files = &files;
+  options.queue_bytes = 300'000;  // two pictures
+  options.video = {bench.stream("room", "synthetic:pattern?size=320x240&rate=20", Profile::kUncompressed)};
+  options.duration = 1500ms;
+  const RecordedCase recorded = bench.record(options);
+  const auto segments = recorded.segments("room");
+  EXPECT_GT(sums(segments).dropped, 0U);
+  EXPECT_EQ(sums(segments).frames + sums(segments).dropped, 30U);
+  const auto gaps = recorded.gaps("room");
+  ASSERT_THAT(gaps, testing::Not(IsEmpty()));
+  for (const auto& gap : gaps) {
+    EXPECT_EQ(gap.cause, GapCause::kOverload);
+    EXPECT_LT(gap.span.start_ns, gap.span.end_ns);
+  }
+  EXPECT_THAT(recorded.broken_rules(), IsEmpty());
+  for (const auto& segment : segments) {
+    EXPECT_THAT(decode_video(recorded.plaintext(segment)).frames, SizeIs(segment.frames));
+  }
+}
+
+TEST(SessionUnderLoad, NeverDropsWhatASourceStatesAtItsOwnTimes) {
+  const RecorderBench bench;
+  test::SlowFileSystem files("segments/room", 20ms);
+  SessionOptions options = bench.options();
+  options.files = &files;
+  options.queue_bytes = 300'000;
+  options.video = {
+      bench.stream("room", "synthetic:pattern?size=320x240&rate=20&speed=max", Profile::kUncompressed)};
+  options.duration = 1s;
+  const RecordedCase recorded = bench.record(options);
+  EXPECT_EQ(sums(recorded.segments("room")).frames, 20U);
+  EXPECT_EQ(sums(recorded.segments("room")).dropped, 0U);
+}
+
+TEST(SessionOnAFullDisk, KeepsWhatIsThereStatesTheGapAndCloses) {
+  const RecorderBench bench;
+  test::FaultFileSystem files(bench / "archive");
+  SessionOptions options = bench.options();
+  options.files = &files;
+  options.video = {bench.stream("room", "synthetic:pattern?size=320x240&rate=20", Profile::kUncompressed)};
+  options.vitals = {bench.stream("vitals", "synthetic:patient?waves=0")};
+  options.duration = 20s;
+  Session session(options);
+  files.fail("write " + session.case_id() + "/segments/room", ENOSPC, 12);
+  const SessionResult result = session.run();
+  EXPECT_EQ(result.close_reason, "disk-full");
+  EXPECT_FALSE(result.last.last_problem.empty());
+  const RecordedCase recorded = bench.read(result.folder);
+  EXPECT_EQ(recorded.all<archive::CloseEntry>().at(0).reason, "disk-full");
+  const auto segments = recorded.segments("room");
+  ASSERT_GE(segments.size(), 2U);
+  EXPECT_FALSE(segments.back().complete);
+  EXPECT_THAT(decode_video(recorded.plaintext(segments.back())).frames, testing::Not(IsEmpty()));
+  const auto gaps = recorded.gaps("room");
+  ASSERT_THAT(gaps, SizeIs(1));
+  EXPECT_EQ(gaps[0].cause, GapCause::kDiskFull);
+  EXPECT_EQ(gaps[0].span.start_ns, segments.back().span.end_ns);
+  EXPECT_THAT(recorded.broken_rules(), IsEmpty());
+  // The other stream is whole.
+  EXPECT_TRUE(recorded.segments("vitals").back().complete);
+}
+
+TEST(SessionOnABrokenDisk, ClaimsNothingAfterAFailedFlush) {
+  const RecorderBench bench;
+  test::FaultFileSystem files(bench / "archive");
+  SessionOptions options = bench.options();
+  options.files = &files;
+  options.video = {bench.stream("room", "synthetic:pattern?size=64x48&rate=20")};
+  options.duration = 20s;
+  Session session(options);
+  files.fail("sync_all " + session.case_id() + "/segments/room", EIO, 2);
+  const SessionResult result = session.run();
+  EXPECT_THAT(result.close_reason, StartsWith("error: "));
+  const RecordedCase recorded = bench.read(result.folder);
+  EXPECT_THAT(recorded.segments("room"), SizeIs(2));
+  ASSERT_THAT(recorded.gaps("room"), SizeIs(1));
+  EXPECT_EQ(recorded.gaps("room")[0].cause, GapCause::kOverload);
+  EXPECT_EQ(recorded.gaps("room")[0].span.start_ns, recorded.segments("room").back().span.end_ns);
+  EXPECT_THAT(recorded.all<archive::CloseEntry>(), SizeIs(1));
+}
+
+/// A film of two seconds, 20 pictures a second, made by the recorder itself.
+std::filesystem::path make_film(const RecorderBench& bench) {
+  SessionOptions options = bench.options();
+  options.video = {bench.stream("room", "synthetic:endoscope?size=64x48&rate=20&speed=max")};
+  options.duration = 2s;
+  const Bytes film = bench.record(options).joined("room");
+  std::ofstream(bench / "film.ts", std::ios::binary) << text_of(film);
+  return bench / "film.ts";
+}
+
+TEST(SessionFromAFile, EndsWithTheFilmAtItsOwnPace) {
+  const RecorderBench bench;
+  SessionOptions options = bench.options();
+  options.video = {bench.stream("room", make_film(bench).string())};
+  Session session(options);
+  const SessionResult result = session.run();
+  EXPECT_EQ(result.close_reason, "sources-ended");
+  EXPECT_GE(result.duration_ns, 2 * kSecond - kSecond / 20);
+  const RecordedCase recorded = bench.read(result.folder);
+  EXPECT_EQ(sums(recorded.segments("room")).frames, 40U);
+  EXPECT_EQ(recorded.segments("room").back().span.end_ns, 2 * kSecond);
+  EXPECT_GE(recorded.entries().back().at.mono_ns, 2 * kSecond - kSecond / 20);
+}
+
+TEST(SessionFromAFile, RepeatsTheFilmWithoutAHole) {
+  const RecorderBench bench;
+  SessionOptions options = bench.options();
+  options.video = {bench.stream("room", make_film(bench).string() + "?loop=1&speed=max")};
+  options.duration = 5s;
+  Session session(options);
+  EXPECT_EQ(session.run().close_reason, "duration");
+  const RecordedCase recorded = bench.read(session.folder());
+  EXPECT_EQ(sums(recorded.segments("room")).frames, 100U);
+  EXPECT_THAT(recorded.gaps("room"), IsEmpty());
+  EXPECT_THAT(recorded.broken_rules(), IsEmpty());
+}
+
+TEST(SessionFromAFile, KeepsEveryPictureOfARealFilmBitForBit) {
+  KIROKU_NEEDS_SHARED_DATA("recording/video/rvimlab_endo.mp4");
+  const auto film = test::shared_data("recording/video/rvimlab_endo.mp4");
+  const RecorderBench bench;
+  SessionOptions options = bench.options();
+  options.segment_duration = 2s;
+  options.video = {bench.stream("endoscope", film.string() + "?speed=max", Profile::kLossless)};
+  options.duration = 1s;
+  const RecordedCase recorded = bench.record(options);
+  const auto original = decode_video(test::read_whole(film));
+  const auto kept = decode_video(recorded.plaintext(recorded.segments("endoscope").at(0)));
+  ASSERT_THAT(kept.frames, SizeIs(25));
+  for (std::size_t i = 0; i < kept.frames.size(); ++i)
+    EXPECT_EQ(kept.frames[i].sha256, original.frames[i].sha256) << i;
+}
+
+}  // namespace
+}  // namespace kiroku::recorder
