@@ -38,7 +38,8 @@ function(kiroku_library target)
   kiroku_configure(${target})
 endfunction()
 
-# kiroku_test(NAME LABEL SOURCES... LIBS...): a GoogleTest program whose cases are found by CTest.
+# kiroku_test(NAME LABEL label SOURCES... LIBRARIES... [TIMEOUT seconds]): a GoogleTest program whose cases are found by CTest. Labels: unit, unit-threads
+# (also run under the thread sanitizer), attack, system.
 function(kiroku_test target)
   cmake_parse_arguments(ARG "" "LABEL;TIMEOUT" "SOURCES;LIBRARIES" ${ARGN})
   add_executable(${target} ${ARG_SOURCES})
@@ -48,5 +49,6 @@ function(kiroku_test target)
   if(NOT ARG_TIMEOUT)
     set(ARG_TIMEOUT 120)
   endif()
+  set_property(GLOBAL APPEND PROPERTY KIROKU_TESTS_${ARG_LABEL} ${target})
   gtest_discover_tests(${target} DISCOVERY_MODE PRE_TEST PROPERTIES LABELS "${ARG_LABEL}" TIMEOUT ${ARG_TIMEOUT})
 endfunction()
