@@ -333,7 +333,7 @@ TEST_F(CaseWriterTest, TellsTheApplianceLog) {
   options.log = log.get();
   const crypto::Sha256Digest root_before = log->root();
   const auto writer = CaseWriter::create(files_, options, moment(0));
-  const auto& open = std::get<OpenEntry>(entries_of(writer->folder())[0].body);
+  const auto open = std::get<OpenEntry>(entries_of(writer->folder())[0].body);
   EXPECT_EQ(open.appliance_log_size, 1U);
   EXPECT_EQ(open.appliance_log_root, root_before);
   const StoredCheckpoint first = writer->checkpoint(moment(1));
