@@ -60,6 +60,10 @@ Bytes wrap_file_key(const Secret& file_key, const AgeRecipients& recipients) {
   for (const auto& recipient : recipients) {
     if (recipient->must_be_alone() && recipients.size() > 1)
       throw UsageError("a file sealed with a " + recipient->to_string() + " cannot have other recipients");
+    if (recipient->is_post_quantum() != recipients.front()->is_post_quantum())
+      throw UsageError(
+          "a file cannot be sealed to both post-quantum recipients (age1pq1...) and others, which would "
+          "undo the protection; give recipients of one kind");
     stanzas.push_back(recipient->wrap(file_key));
   }
   return write_age_header(stanzas, file_key);

@@ -3,6 +3,7 @@
 #include <algorithm>
 
 #include "base/error.h"
+#include "crypto/age_hybrid.h"
 #include "crypto/encoding.h"
 #include "crypto/file_key_wrap.h"
 #include "crypto/key_derivation.h"
@@ -91,6 +92,7 @@ Secret secret_key_of(std::string_view text) {
 }  // namespace
 
 std::shared_ptr<const AgeRecipient> parse_recipient(std::string_view text) {
+  if (is_hybrid_recipient_text(text)) return parse_hybrid_recipient(text);
   const auto decoded = from_bech32(text);
   X25519PublicKey key;
   if (!decoded || decoded->human_part != kRecipientPart || decoded->bytes.size() != key.size())
@@ -128,10 +130,12 @@ AgeKeyPair generate_age_key() {
 }
 
 std::string recipient_of(std::string_view identity_text) {
+  if (is_hybrid_identity_text(identity_text)) return hybrid_recipient_of(identity_text);
   return to_bech32(kRecipientPart, x25519_public_key(secret_key_of(identity_text).bytes()));
 }
 
 std::shared_ptr<const AgeIdentity> parse_identity(std::string_view text) {
+  if (is_hybrid_identity_text(text)) return parse_hybrid_identity(text);
   return std::make_shared<X25519Identity>(secret_key_of(text));
 }
 

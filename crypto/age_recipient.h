@@ -31,6 +31,8 @@ class AgeRecipient {
   [[nodiscard]] virtual AgeStanza wrap(const Secret& file_key) const = 0;
   /// A scrypt recipient must stand alone in a file (age specification).
   [[nodiscard]] virtual bool must_be_alone() const { return false; }
+  /// A file is sealed to post-quantum recipients only, or to others only: one of the others would undo it.
+  [[nodiscard]] virtual bool is_post_quantum() const { return false; }
   /// "age1…", or "passphrase".
   [[nodiscard]] virtual std::string to_string() const = 0;
 };
@@ -47,7 +49,8 @@ class AgeIdentity {
 using AgeRecipients = std::vector<std::shared_ptr<const AgeRecipient>>;
 using AgeIdentities = std::vector<std::shared_ptr<const AgeIdentity>>;
 
-/// X25519 recipient from "age1…"; throws kiroku::UsageError naming the text if it is none.
+/// X25519 recipient from "age1…", or a post-quantum one from "age1pq1…" (see age_hybrid.h); throws
+/// kiroku::UsageError naming the text if it is neither.
 std::shared_ptr<const AgeRecipient> parse_recipient(std::string_view text);
 /// A recipients file (-R): one recipient a line, '#' comments and blank lines skipped; errors name the line.
 AgeRecipients parse_recipients(std::string_view text, const std::string& name_for_errors);
@@ -60,10 +63,11 @@ struct AgeKeyPair {
   std::string recipient;  // "age1…"
 };
 AgeKeyPair generate_age_key();
-/// The age1… recipient of an AGE-SECRET-KEY-1… text.
+/// The recipient of an AGE-SECRET-KEY-1… or AGE-SECRET-KEY-PQ-1… text.
 std::string recipient_of(std::string_view identity_text);
 
-/// Identity from "AGE-SECRET-KEY-1…".
+/// Identity from "AGE-SECRET-KEY-1…" or "AGE-SECRET-KEY-PQ-1…". Throws kiroku::UsageError, which does not
+/// repeat the text.
 std::shared_ptr<const AgeIdentity> parse_identity(std::string_view text);
 /// Identity that opens passphrase files; refuses work factors above `maximum_work_factor` before doing the
 /// work.

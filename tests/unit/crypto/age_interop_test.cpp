@@ -25,7 +25,7 @@ class AgeInterop : public testing::Test {
       GTEST_SKIP() << "needs the programs age and age-keygen, not there";
   }
   [[nodiscard]] bool run(const std::string& command) const {
-    return std::system(("cd '" + folder_.path().string() + "' && " + command + " 2>>log").c_str()) == 0;
+    return std::system(("cd '" + folder_.path().string() + "' && { " + command + "; } 2>>log").c_str()) == 0;
   }
   /// Makes an identity with age-keygen and returns its recipient.
   [[nodiscard]] std::string keygen(const std::string& name) const {
