@@ -106,11 +106,6 @@ std::optional<crypto::Checkpoint> CheckpointRules::check_note(std::uint64_t size
         place.file + " is not signed by the device " + device_->name() + ": " + opened.explanation);
     return std::nullopt;
   }
-  if (device_ && checkpoint->origin != origin_) {
-    findings_->add("checkpoint-of-other-origin", place,
-                   place.file + " is of \"" + checkpoint->origin + "\", not of \"" + origin_ + "\"");
-    return std::nullopt;
-  }
   if (checkpoint->size != size) {
     findings_->add("checkpoint-size-differs", place,
                    place.file + " states a tree of " + std::to_string(checkpoint->size) + " entries");
@@ -136,8 +131,14 @@ void CheckpointRules::reached(std::uint64_t size, const RootTest& fits, bool tre
   if (!checkpoint || !tree_known) {
     return;
   }
+  // A changed `open` makes every origin foreign: the root says so, too, and names the ledger.
+  const bool foreign = device_ && checkpoint->origin != origin_;
+  if (foreign) {
+    findings_->add("checkpoint-of-other-origin", {note_path(size)},
+                   note_path(size) + " is of \"" + checkpoint->origin + "\", not of \"" + origin_ + "\"");
+  }
   if (fits(checkpoint->root)) {
-    covered_ = size;
+    covered_ = foreign ? covered_ : size;
     return;
   }
   if (!changed_) {
@@ -153,7 +154,13 @@ void CheckpointRules::finish(std::uint64_t size) {
   const auto beyond = std::upper_bound(sizes_.begin(), sizes_.end(), size);
   for (auto each = beyond; each != sizes_.end(); ++each) {
     const std::optional<std::string> note = read_note(*folder_, *each, std::nullopt, *findings_);
-    if (!note || !check_note(*each, *note)) {
+    const std::optional<crypto::Checkpoint> checkpoint = note ? check_note(*each, *note) : std::nullopt;
+    if (!checkpoint) {
+      continue;
+    }
+    if (device_ && checkpoint->origin != origin_) {
+      findings_->add("checkpoint-of-other-origin", {note_path(*each)},
+                     note_path(*each) + " is of \"" + checkpoint->origin + "\", not of \"" + origin_ + "\"");
       continue;
     }
     findings_->add("ledger-cut", {note_path(*each), size},

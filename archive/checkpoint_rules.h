@@ -54,7 +54,7 @@ class CheckpointRules {
   [[nodiscard]] std::optional<std::int64_t> mono_at(std::uint64_t size) const;
 
  private:
-  /// Form, signature, origin and size; the checkpoint if all hold.
+  /// Form, signature and size; the checkpoint if all hold. Its origin is the caller's to check.
   std::optional<crypto::Checkpoint> check_note(std::uint64_t size, const std::string& note);
 
   const CaseFolder* folder_;
