@@ -1,0 +1,249 @@
+// Attacks on what the appliance log makes evident, and on the log.
+#include <algorithm>
+#include <sstream>
+
+#include "archive/case_layout.h"
+#include "archive/log_entry.h"
+#include "crypto/merkle_tree.h"
+#include "tests/attack/attack_table.h"
+
+namespace kiroku::test {
+namespace {
+
+namespace fs = std::filesystem;
+using archive::CaseEntry;
+using archive::Verdict;
+
+constexpr const char* kLedger = "ledger.jsonl";
+constexpr const char* kLog = "log/ledger.jsonl";
+
+std::vector<std::string> log_lines(const fs::path& log) {
+  std::vector<std::string> lines;
+  std::istringstream text(read_file(log / kLedger));
+  for (std::string line; std::getline(text, line);) {
+    lines.push_back(line);
+  }
+  return lines;
+}
+
+/// Writes a log's lines and signs all its checkpoints anew: what the owner of the device can do.
+void set_log(const fs::path& log, const std::vector<std::string>& lines) {
+  std::string text;
+  crypto::MerkleFrontier tree;
+  std::vector<crypto::Sha256Digest> roots{tree.root()};
+  for (const std::string& line : lines) {
+    text += line + "\n";
+    tree.append(crypto::merkle_leaf_hash(bytes_of(line)));
+    roots.push_back(tree.root());
+  }
+  write_file(log / kLedger, text);
+  std::vector<fs::path> notes;
+  for (const auto& each : fs::directory_iterator(log / "checkpoints")) {
+    notes.push_back(each.path());
+  }
+  for (const fs::path& note : notes) {
+    const std::uint64_t size = archive::size_of_note_name(note.filename().string()).value();
+    if (size >= roots.size()) {
+      fs::remove(note);
+      continue;
+    }
+    const crypto::Checkpoint checkpoint{archive::log_origin(SampleArchive::kDeviceName), size, roots[size]};
+    write_file(note, crypto::sign_note(checkpoint.to_text(), SampleArchive::kDeviceName,
+                                       SoundCases::get().archive.key()));
+  }
+}
+
+/// All that the owner of device and authority can make fit in the case, without the log.
+void forge_all(AttackedCase& c) { c.forge(SoundCases::get().archive.key(), true); }
+
+class AttackBesideTheLog : public ::testing::TestWithParam<Attack> {};
+
+TEST_P(AttackBesideTheLog, IsTold) { expect_told(GetParam()); }
+
+INSTANTIATE_TEST_SUITE_P(
+    Table, AttackBesideTheLog,
+    ::testing::Values(
+        Attack{"EverythingForgedWithDeviceAndAuthority",
+               [](AttackedCase& c) {
+                 c.edit(5, [](CaseEntry& e) { std::get<archive::MarkEntry>(e.body).commitment = {}; });
+                 forge_all(c);
+                 ASSERT_EQ(summary(c.verify(false)), "intact");  // only the log can tell
+               },
+               "log-checkpoint-differs",
+               kLog,
+               {},
+               Verdict::kTampered,
+               true},
+        Attack{"OpenForgedWithDeviceAndAuthority",
+               [](AttackedCase& c) {
+                 c.edit_text(0, "monitor", "patient");
+                 forge_all(c);
+               },
+               "log-opening-differs", kLog, 1, Verdict::kTampered, true},
+        Attack{"LastMinutesDroppedAndAPowerCutClaimed",
+               [](AttackedCase& c) {
+                 c.cut(7);
+                 c.append(archive::RecoveredEntry{"boot", "power-loss", ""});
+                 c.append(archive::CloseEntry{
+                     "power-loss",
+                     {{"endoscope", {2, 100, 0, 2 * fs::file_size(c / "segments/endoscope/00000000.ts.age")}},
+                      {"vitals", {}}}});
+                 SampleArchive& archive = SoundCases::get().archive;
+                 c.write_note(9, c.origin(), 9, c.root(9), archive.key(), SampleArchive::kDeviceName);
+                 const auto clock = archive.authority_time;
+                 archive.authority_time = [](std::int64_t) {
+                   return SampleArchive::opened_at() + std::chrono::seconds(6);
+                 };
+                 const Bytes response = archive.stamp(read_file(c / "checkpoints/00000009.note"));
+                 archive.authority_time = clock;
+                 write_file(c / "tokens/00000009.embedded.tsr", std::string(text_of(response)));
+                 archive::TokenEntry token = SampleArchive::facts_of(response);
+                 token.checkpoint = 9;
+                 token.authority = SampleArchive::kAuthorityName;
+                 token.file = "tokens/00000009.embedded.tsr";
+                 token.sha256 = crypto::sha256(response);
+                 c.append(token);
+                 c.write_note(10, c.origin(), 10, c.root(10), archive.key(), SampleArchive::kDeviceName);
+                 ASSERT_EQ(summary(c.verify(false)),
+                           "intact-with-gaps\nrecovered ledger.jsonl 7");  // only the log can tell
+               },
+               "log-checkpoint-differs",
+               kLog,
+               {},
+               Verdict::kTampered,
+               true},
+        Attack{"EndCutBehindAClaimedPowerCut", [](AttackedCase& c) { c.cut(7); }, "log-knows-more", kLedger,
+               7, Verdict::kTampered, true},
+        Attack{"TwoCasesOfOneIdentifier",
+               [](AttackedCase& c) {
+                 const fs::path other = SoundCases::get().second;
+                 for (const char* part :
+                      {"ledger.jsonl", "checkpoints", "tokens", "segments", "subject.json.age"}) {
+                   fs::remove_all(c / part);
+                   fs::copy(other / part, c / part, fs::copy_options::recursive);
+                 }
+                 c.edit(0, [&](CaseEntry& e) {
+                   std::get<archive::OpenEntry>(e.body).case_id = c.folder().filename().string();
+                 });
+                 forge_all(c);
+               },
+               "log-opening-differs", kLog, 1, Verdict::kTampered, true},
+        Attack{
+            "LogTruncated",
+            [](AttackedCase& c) { fs::resize_file(c.log() / kLedger, fs::file_size(c.log() / kLedger) / 2); },
+            "ledger-cut",
+            "log/checkpoints/00000010.note",
+            {},
+            Verdict::kTampered,
+            true},
+        Attack{"LogCutConsistently",
+               [](AttackedCase& c) {
+                 std::vector<std::string> lines = log_lines(c.log());
+                 lines.resize(1);
+                 set_log(c.log(), lines);
+               },
+               "log-case-unknown",
+               kLog,
+               {},
+               Verdict::kTampered,
+               true},
+        Attack{"LogWithAnotherRoot",
+               [](AttackedCase& c) {
+                 std::vector<std::string> lines = log_lines(c.log());
+                 lines[3][lines[3].find("\"root\":\"") + 8] ^= 1;
+                 set_log(c.log(), lines);
+               },
+               "log-checkpoint-differs", kLog, 3, Verdict::kTampered, true},
+        Attack{"LogLineEditedWithoutTheKey",
+               [](AttackedCase& c) {
+                 std::string text = read_file(c.log() / kLedger);
+                 text.replace(text.find("case-closed"), 11, "case-opened");
+                 write_file(c.log() / kLedger, text);
+               },
+               "entry-malformed",
+               kLog,
+               {},
+               Verdict::kTampered,
+               true},
+        Attack{"LogWithAnotherFinalToken",
+               [](AttackedCase& c) {
+                 std::vector<std::string> lines = log_lines(c.log());
+                 const auto closed = std::find_if(lines.begin(), lines.end(), [](const std::string& line) {
+                   return line.find("case-closed") != std::string::npos;
+                 });
+                 const std::size_t at = closed->find("\"final_token\":\"") + 15;
+                 (*closed)[at] = (*closed)[at] == '0' ? '1' : '0';
+                 set_log(c.log(), lines);
+               },
+               "log-end-differs",
+               kLog,
+               {},
+               Verdict::kTampered,
+               true},
+        Attack{"StrayFileInTheLog",
+               [](AttackedCase& c) { write_file(c.log() / "x", ""); },
+               "file-unnamed",
+               "log/x",
+               {},
+               Verdict::kTampered,
+               true}),
+    name_of);
+
+TEST(AttackBesideALogOfAnotherAppliance, IsTold) {
+  AttackedCase victim;
+  SampleArchive other;
+  SampleCase::write(other);
+  archive::VerifyOptions options = SoundCases::get().archive.options();
+  options.log = other.log_folder();
+  const archive::VerificationReport report = archive::verify_case(victim.folder(), options);
+  EXPECT_EQ(report.verdict, Verdict::kTampered);
+  EXPECT_THAT(summary(report), ::testing::AllOf(::testing::HasSubstr("log-case-unknown"),
+                                                ::testing::HasSubstr("device-not-trusted")));
+}
+
+TEST(AttackByAForgedDevice, ACaseWithGenuineTokensIsUnprovenAndUnknownToTheLog) {
+  SampleArchive& sound = SoundCases::get().archive;
+  SampleArchive forger;
+  const fs::path forged = SampleCase::write(forger);
+  archive::VerifyOptions options = forger.options();
+  options.devices = {sound.device()};
+  options.log.reset();
+  EXPECT_EQ(summary(archive::verify_case(forged, options)), "unproven\ndevice-not-trusted - 0");
+  options.log = sound.log_folder();
+  const archive::VerificationReport report = archive::verify_case(forged, options);
+  EXPECT_EQ(report.verdict, Verdict::kTampered);
+  EXPECT_THAT(summary(report), ::testing::HasSubstr("log-case-unknown log/ledger.jsonl"));
+}
+
+TEST(AttackOnTheArchive, ACaseTakenAwayIsToldByTheLog) {
+  SampleArchive archive;
+  const fs::path folder = SampleCase::write(archive);
+  EXPECT_EQ(summary(archive::verify_log(archive.log_folder(), archive.options())), "intact");
+  fs::remove_all(folder);
+  const archive::VerificationReport report = archive::verify_log(archive.log_folder(), archive.options());
+  EXPECT_EQ(summary(report), "tampered\ncase-missing ledger.jsonl 1") << details(report);
+}
+
+TEST(AttackOnTheArchive, ACaseAndItsLogEntriesTakenAwayAreToldByTheNextCase) {
+  SampleArchive archive;
+  const fs::path first = SampleCase::write(archive);
+  const fs::path second = SampleCase::write(archive);
+  AttackedCase victim(second);
+  std::vector<std::string> lines = log_lines(victim.log());
+  std::erase_if(lines,
+                [&](const std::string& line) { return line.find(first.filename()) != std::string::npos; });
+  write_file(victim.log() / kLedger, "");
+  std::string text;
+  for (const std::string& line : lines) {
+    text += line + "\n";
+  }
+  write_file(victim.log() / kLedger, text);
+  archive::VerifyOptions options = archive.options();
+  options.log = victim.log();
+  const archive::VerificationReport report = archive::verify_case(victim.folder(), options);
+  EXPECT_EQ(report.verdict, Verdict::kTampered);
+  EXPECT_THAT(summary(report), ::testing::HasSubstr("log-head-differs ledger.jsonl 0")) << details(report);
+}
+
+}  // namespace
+}  // namespace kiroku::test
