@@ -3,6 +3,7 @@
 extern "C" {
 #include <libavutil/frame.h>
 #include <libavutil/imgutils.h>
+#include <libavutil/samplefmt.h>
 }
 
 #include <algorithm>
@@ -11,6 +12,11 @@ extern "C" {
 namespace kiroku::recorder {
 
 std::size_t picture_bytes(const AVFrame& frame) {
+  if (frame.nb_samples > 0) {
+    const int samples = av_samples_get_buffer_size(nullptr, frame.ch_layout.nb_channels, frame.nb_samples,
+                                                   static_cast<AVSampleFormat>(frame.format), 1);
+    return samples > 0 ? static_cast<std::size_t>(samples) : 0;
+  }
   const int bytes =
       av_image_get_buffer_size(static_cast<AVPixelFormat>(frame.format), frame.width, frame.height, 1);
   return bytes > 0 ? static_cast<std::size_t>(bytes) : 0;
@@ -34,14 +40,19 @@ bool FrameQueue::push(TimedFrame frame, bool patient) {
   }
   dropped_before_next_ += frame.lost_before;
   if (!has_room()) {
+    if (frame.is_sound) return false;  // silence fills the hole
     if (dropped_before_next_++ == 0) first_dropped_ns_ = time_ns;
     ++dropped_;
     return false;
   }
-  items_.emplace_back(
-      QueuedFrame{std::move(frame), std::exchange(dropped_before_next_, 0), first_dropped_ns_});
+  if (frame.is_sound) {
+    items_.emplace_back(QueuedFrame{std::move(frame), 0, 0});
+  } else {
+    items_.emplace_back(
+        QueuedFrame{std::move(frame), std::exchange(dropped_before_next_, 0), first_dropped_ns_});
+    last_taken_ns_ = time_ns;
+  }
   waiting_bytes_ += bytes;
-  last_taken_ns_ = time_ns;
   lock.unlock();
   changed_.notify_all();
   return true;

@@ -63,7 +63,7 @@ class FrameQueue {
   std::int64_t last_taken_ns_ = 0;
 };
 
-/// Memory that the picture's planes occupy.
+/// Memory that the picture or sound occupies.
 std::size_t picture_bytes(const AVFrame& frame);
 
 }  // namespace kiroku::recorder

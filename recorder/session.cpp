@@ -182,7 +182,9 @@ Session::State::State(SessionOptions asked)
   std::vector<OpenedVitals> vitals;
   for (const StreamRequest& request : options.video) {
     OpenedVideo opened{checked_address(request, options), {}};
-    opened.source = open_source(opened.address, clock);
+    OpeningTerms terms;
+    terms.sound = request.video.audio;
+    opened.source = open_source(opened.address, clock, terms);
     // Tried once, so that a picture too large for the encoder is refused now and not in the first second.
     const VideoEncoder tried(opened.source->format(), opened.source->frame_rate(), request.video);
     declare(stream_info(request, opened.address, true), request.recipients);

@@ -33,7 +33,11 @@ VideoLane::VideoLane(const LaneContext& context, std::size_t stream_index, archi
       output_(context.writer, stream_index, std::move(info), context.facts),
       queue_(queue_bytes),
       muxer_(profile.in_transport_stream() ? make_transport_stream_muxer() : make_matroska_muxer()),
-      source_(std::move(source)) {}
+      source_(std::move(source)) {
+  if (const auto format = source_->sound_format(); format && profile_.audio) {
+    sound_ = std::make_unique<SoundEncoder>(*format, profile_);
+  }
+}
 
 VideoLane::~VideoLane() {
   stop();
@@ -88,6 +92,12 @@ void VideoLane::capture() {
 void VideoLane::capture_from(Source& source) {
   const Rational rate = source.frame_rate();
   while (std::optional<TimedFrame> frame = source.read()) {
+    if (frame->is_sound) {
+      if (!context_.end_ns || frame->time_ns < *context_.end_ns) {
+        queue_.push(std::move(*frame), address_.unpaced());
+      }
+      continue;
+    }
     if (context_.end_ns && frame->time_ns >= *context_.end_ns) {
       reached_end_ = true;
       return;
@@ -108,6 +118,7 @@ bool VideoLane::reopen() {
     try {
       OpeningTerms terms;
       terms.cancelled = &stopping_;
+      terms.sound = profile_.audio;
       if (is_pipe) terms.patience = kPipePatience;
       auto fresh = open_source(address_, context_.clock, terms);
       const std::lock_guard guard(source_mutex_);
@@ -146,6 +157,10 @@ void VideoLane::encode() {
 }
 
 void VideoLane::take(QueuedFrame item) {
+  if (item.picture.is_sound) {
+    take_sound(std::move(item.picture));
+    return;
+  }
   const std::int64_t time_ns = item.picture.time_ns;
   segment_dropped_ += item.dropped_before;
   const std::int64_t longest_silence_ns = std::clamp(kLongestSegmentNs - context_.segment_duration.count(),
@@ -169,6 +184,15 @@ void VideoLane::take(QueuedFrame item) {
   if (media::Frame prepared = encoder_->prepare(std::move(item.picture.frame), time_ns)) {
     record(std::move(prepared));
   }
+}
+
+void VideoLane::take_sound(TimedFrame sound) {
+  // Sound stands beside pictures; while there are none, there is nothing to stand beside.
+  if (sound_ && output_.is_open()) write_sound(sound_->encode(std::move(sound.frame), sound.time_ns));
+}
+
+void VideoLane::write_sound(std::vector<media::Packet> packets) {
+  for (media::Packet& packet : packets) muxer_->write(std::move(packet), 1);
 }
 
 void VideoLane::take(const SourceLost& lost) {
@@ -213,7 +237,9 @@ void VideoLane::record(media::Frame prepared) {
     const SegmentTime stated = muxer_->stated(packet->pts, muxed.time_base);
     output_.begin(time_ns, stated.pts, stated.time_base);
     boundary_ns_ = next_boundary(time_ns, context_.segment_duration);
-    muxer_->begin({muxed}, [this](ByteView bytes) { output_.write(bytes); });
+    std::vector<MuxedStream> streams{muxed};
+    if (sound_) streams.push_back(sound_->muxed_stream());
+    muxer_->begin(streams, [this](ByteView bytes) { output_.write(bytes); });
   }
   muxer_->write(std::move(packet), 0);
   last_frame_ns_ = time_ns;
@@ -276,6 +302,7 @@ void VideoLane::finish(std::int64_t close_ns) {
         state_gap(drops->dropped_since_ns, std::max(close_ns, drops->dropped_since_ns),
                   archive::GapCause::kOverload);
       }
+      if (sound_ && output_.is_open()) write_sound(sound_->drain());
       end_coding();
       output_.drain();
     } catch (const std::exception& error) {

@@ -12,6 +12,7 @@
 #include <thread>
 
 #include "recorder/encoder/segment_muxer.h"
+#include "recorder/encoder/sound_encoder.h"
 #include "recorder/encoder/video_encoder.h"
 #include "recorder/frame_queue.h"
 #include "recorder/lane.h"
@@ -50,6 +51,8 @@ class VideoLane : public Lane {
   void encode();
   void take(QueuedFrame item);
   void take(const SourceLost& lost);
+  void take_sound(TimedFrame sound);
+  void write_sound(std::vector<media::Packet> packets);
   /// Whether there is an encoder for pictures like these; makes one if not.
   bool ready_for(const PictureFormat& format, Rational rate);
   void record(media::Frame prepared);
@@ -72,6 +75,7 @@ class VideoLane : public Lane {
   StreamOutput output_;
   FrameQueue queue_;
   std::unique_ptr<SegmentMuxer> muxer_;
+  std::unique_ptr<SoundEncoder> sound_;  // null: no sound
 
   std::mutex source_mutex_;  // guards the pointer: stop() interrupts whatever source there is
   std::unique_ptr<Source> source_;

@@ -18,7 +18,7 @@ struct VideoProfile {
   std::int64_t bit_rate = 4'000'000;  // bit/s, mpeg2 only
   bool chroma_422 = false;            // mpeg2 only: 4:2:2 instead of 4:2:0
   bool deinterlace = false;
-  bool audio = false;  // record sound beside the pictures: MP2 beside MPEG-2, FLAC otherwise
+  bool audio = false;  // record sound where the source has it: layer II beside MPEG-2, else FLAC
 
   [[nodiscard]] bool in_transport_stream() const { return profile == Profile::kMpeg2; }
   [[nodiscard]] std::string_view media() const {

@@ -51,12 +51,15 @@ class FfmpegSource : public Source {
         cancelled_(terms.cancelled),
         name_("source '" + address.stated + "'"),
         live_(address.kind != SourceKind::kFile),
+        wants_sound_(terms.sound),
         loop_(integer_option(address, "loop", 0, 0, 1) == 1) {
     deadline_ns_ = clock_.now_ns() + terms.patience.count();
     open_input();
     open_decoder();
     // The first picture tells what the container may not: its real size and format.
-    first_frame_ = decode();
+    do {
+      first_frame_ = decode();
+    } while (first_frame_ && is_sound(*first_frame_));
     if (!first_frame_) throw Error(name_ + " holds no picture that can be decoded");
     format_ = format_of(*first_frame_);
     cancelled_ = nullptr;
@@ -65,6 +68,11 @@ class FfmpegSource : public Source {
 
   [[nodiscard]] PictureFormat format() const override { return format_; }
   [[nodiscard]] Rational frame_rate() const override { return rate_; }
+  [[nodiscard]] std::optional<SoundFormat> sound_format() const override {
+    if (!sound_decoder_) return {};
+    return SoundFormat{sound_decoder_->sample_rate, sound_decoder_->ch_layout.nb_channels,
+                       sound_decoder_->sample_fmt};
+  }
   [[nodiscard]] bool is_live() const override { return live_; }
 
   std::optional<TimedFrame> read() override {
@@ -81,6 +89,13 @@ class FfmpegSource : public Source {
         continue;
       }
       TimedFrame timed;
+      timed.is_sound = is_sound(*frame);
+      if (timed.is_sound) {
+        timed.time_ns = sound_time_ns(*frame);
+        timed.frame = std::move(frame);
+        if (timed.time_ns < 0) continue;  // before the first picture
+        return timed;
+      }
       if (live_) {
         timed.time_ns =
             std::max(std::min<std::int64_t>(frame->reordered_opaque, clock_.now_ns()), last_time_ns_ + 1);
@@ -170,8 +185,10 @@ class FfmpegSource : public Source {
     stream_ = av_find_best_stream(input_.get(), AVMEDIA_TYPE_VIDEO, -1, -1, &decoder, 0);
     if (stream_ < 0) throw Error(name_ + " holds no video");
     AVStream* stream = input_->streams[stream_];
+    if (wants_sound_) open_sound_decoder();
     for (unsigned i = 0; i < input_->nb_streams; ++i) {
-      if (static_cast<int>(i) != stream_) input_->streams[i]->discard = AVDISCARD_ALL;
+      const int index = static_cast<int>(i);
+      if (index != stream_ && index != sound_stream_) input_->streams[i]->discard = AVDISCARD_ALL;
     }
     const std::string action = "cannot decode " + name_;
     decoder_.reset(avcodec_alloc_context3(decoder));
@@ -186,8 +203,23 @@ class FfmpegSource : public Source {
     rate_ = rate.num > 0 && rate.den > 0 ? Rational{rate.num, rate.den} : Rational{25, 1};
   }
 
-  /// The next decoded picture, nothing at the end. Damaged packets are the decoder's to conceal or skip, as
-  /// long as the input goes on.
+  void open_sound_decoder() {
+    const AVCodec* decoder = nullptr;
+    sound_stream_ = av_find_best_stream(input_.get(), AVMEDIA_TYPE_AUDIO, -1, stream_, &decoder, 0);
+    if (sound_stream_ < 0) return;
+    const AVStream* stream = input_->streams[sound_stream_];
+    sound_decoder_.reset(avcodec_alloc_context3(decoder));
+    if (!sound_decoder_) throw std::bad_alloc();
+    const std::string action = "cannot decode the sound of " + name_;
+    require(avcodec_parameters_to_context(sound_decoder_.get(), stream->codecpar), action);
+    sound_decoder_->pkt_timebase = stream->time_base;
+    require(avcodec_open2(sound_decoder_.get(), decoder, nullptr), action);
+  }
+
+  [[nodiscard]] static bool is_sound(const AVFrame& frame) { return frame.nb_samples > 0; }
+
+  /// The next decoded picture or sound, nothing at the end. Damaged packets are the decoder's to conceal or
+  /// skip, as long as the input goes on.
   media::Frame decode() {
     media::Frame frame = media::make_frame();
     const media::Packet packet = media::make_packet();
@@ -201,12 +233,14 @@ class FfmpegSource : public Source {
         }
         return frame;
       }
+      if (sound_decoder_ && avcodec_receive_frame(sound_decoder_.get(), frame.get()) == 0) return frame;
       if (received == AVERROR_EOF) return {};
       if (received != AVERROR(EAGAIN)) require(received, "cannot decode " + name_);
       if (!opening_) deadline_ns_ = clock_.now_ns() + kStallTimeoutNs;
       const int read = av_read_frame(input_.get(), packet.get());
       if (read == AVERROR_EOF || interrupted()) {
         (void)avcodec_send_packet(decoder_.get(), nullptr);
+        if (sound_decoder_) (void)avcodec_send_packet(sound_decoder_.get(), nullptr);
         continue;
       }
       if (read == AVERROR_EXIT) throw Error(name_ + " sent nothing for too long; check its cable or network");
@@ -214,6 +248,9 @@ class FfmpegSource : public Source {
       if (packet->stream_index == stream_) {
         decoder_->reordered_opaque = clock_.now_ns();
         (void)avcodec_send_packet(decoder_.get(), packet.get());
+      } else if (sound_decoder_ && packet->stream_index == sound_stream_) {
+        sound_decoder_->reordered_opaque = clock_.now_ns();
+        (void)avcodec_send_packet(sound_decoder_.get(), packet.get());
       }
       av_packet_unref(packet.get());
     }
@@ -224,6 +261,7 @@ class FfmpegSource : public Source {
     require(av_seek_frame(input_.get(), -1, start, AVSEEK_FLAG_BACKWARD),
             "cannot play " + name_ + " again from its start");
     avcodec_flush_buffers(decoder_.get());
+    if (sound_decoder_) avcodec_flush_buffers(sound_decoder_.get());
     last_pts_ns_.reset();
   }
 
@@ -244,11 +282,22 @@ class FfmpegSource : public Source {
     return file_time_ns_ += advance;
   }
 
+  /// On the same time line as the pictures; negative where there is no picture to go by.
+  [[nodiscard]] std::int64_t sound_time_ns(const AVFrame& frame) const {
+    if (live_)
+      return last_time_ns_ < 0 ? -1 : std::min<std::int64_t>(frame.reordered_opaque, clock_.now_ns());
+    if (!last_pts_ns_ || frame.best_effort_timestamp == AV_NOPTS_VALUE) return -1;
+    const std::int64_t pts_ns =
+        av_rescale_q(frame.best_effort_timestamp, input_->streams[sound_stream_]->time_base, kNanoseconds);
+    return file_time_ns_ + pts_ns - *last_pts_ns_;
+  }
+
   const SourceAddress address_;
   const CaseClock& clock_;
   const std::atomic<bool>* cancelled_;  // while opening
   const std::string name_;
   const bool live_;
+  const bool wants_sound_;
   const bool loop_;
   bool opening_ = true;
   std::int64_t deadline_ns_ = 0;
@@ -256,6 +305,8 @@ class FfmpegSource : public Source {
   media::InputContext input_;
   media::Codec decoder_;
   int stream_ = -1;
+  media::Codec sound_decoder_;
+  int sound_stream_ = -1;
   PictureFormat format_;
   Rational rate_;
   media::Frame first_frame_;

@@ -20,6 +20,10 @@ PictureFormat format_of(const AVFrame& frame) {
           frame.color_trc,   frame.colorspace};
 }
 
+SoundFormat sound_format_of(const AVFrame& frame) {
+  return {frame.sample_rate, frame.ch_layout.nb_channels, frame.format};
+}
+
 std::string PictureFormat::to_string() const {
   const char* name = av_get_pix_fmt_name(static_cast<AVPixelFormat>(pixel_format));
   return std::to_string(width) + "x" + std::to_string(height) + " " + (name == nullptr ? "unknown" : name);

@@ -34,13 +34,22 @@ struct PictureFormat {
 };
 PictureFormat format_of(const AVFrame& frame);
 
-/// A picture and when it reached this machine (case clock), or when it was due (a file at its own pace), or
-/// its own time (unpaced).
+/// Decoded sound.
+struct SoundFormat {
+  int sample_rate = 0, channels = 0;
+  int sample_format = -1;  // AVSampleFormat
+  friend bool operator==(const SoundFormat&, const SoundFormat&) = default;
+};
+SoundFormat sound_format_of(const AVFrame& frame);
+
+/// A picture, or a piece of sound, and when it reached this machine (case clock), or when it was due (a file
+/// at its own pace), or its own time (unpaced).
 struct TimedFrame {
   media::Frame frame;
   std::int64_t time_ns = 0;
   std::uint64_t lost_before = 0;  // frames that the source knows it lost since the last one
   Rational rate{25, 1};           // nominal, of the source it came from
+  bool is_sound = false;
 };
 
 /// A run of frames from one opened device, address or file. Disposable: any error ends it, and a fresh one is
@@ -51,6 +60,8 @@ class Source {
   [[nodiscard]] virtual PictureFormat format() const = 0;
   /// Nominal rate; the real one may differ, which is why frames are stamped.
   [[nodiscard]] virtual Rational frame_rate() const = 0;
+  /// What its sound is like; nothing if it has none or none was asked for.
+  [[nodiscard]] virtual std::optional<SoundFormat> sound_format() const { return {}; }
   /// Whether frames come when the world sends them, so that losing the source is a fault and not an end.
   [[nodiscard]] virtual bool is_live() const = 0;
   /// Waits for the next frame; nothing at the end of a file or after interrupt(). Throws kiroku::Error when
@@ -74,6 +85,7 @@ bool wait_until(const CaseClock& clock, std::int64_t due_ns, const std::atomic<b
 struct OpeningTerms {
   std::chrono::nanoseconds patience = std::chrono::seconds(15);
   const std::atomic<bool>* cancelled = nullptr;
+  bool sound = false;  // also read its sound, if it has any
 };
 
 /// Opens what the address names; `clock` must outlive the source. Throws kiroku::Error in one sentence: not

@@ -76,7 +76,7 @@ void decode(AVCodecContext& decoder, const AVPacket* packet, DecodedVideo& video
 
 }  // namespace
 
-DecodedVideo decode_video(ByteView film) {
+DecodedVideo decode_video(ByteView film, std::size_t at_most) {
   DecodedVideo video;
   media::route_libav_log([&](int level, std::string_view line) {
     if (level <= AV_LOG_WARNING) video.complaints.emplace_back(line);
@@ -99,7 +99,7 @@ DecodedVideo decode_video(ByteView film) {
     video.sound_codec = avcodec_get_name(sound_decoder->codec_id);
   }
   const media::Packet packet = media::make_packet();
-  while (av_read_frame(input.get(), packet.get()) >= 0) {
+  while (video.frames.size() < at_most && av_read_frame(input.get(), packet.get()) >= 0) {
     if (packet->stream_index == picture) decode(*picture_decoder, packet.get(), video);
     if (packet->stream_index == sound) decode(*sound_decoder, packet.get(), video);
     av_packet_unref(packet.get());

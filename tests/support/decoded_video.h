@@ -25,8 +25,8 @@ struct DecodedVideo {
   std::vector<std::string> complaints;  // libav's warnings and errors while reading and decoding
 };
 
-/// Reads `film` as libavformat finds it and decodes every picture and sound. Not thread-safe: it listens to
-/// libav's log meanwhile.
-DecodedVideo decode_video(ByteView film);
+/// Reads `film` as libavformat finds it and decodes pictures and sound until there are `at_most` pictures.
+/// Not thread-safe: it listens to libav's log meanwhile.
+DecodedVideo decode_video(ByteView film, std::size_t at_most = SIZE_MAX);
 
 }  // namespace kiroku::test

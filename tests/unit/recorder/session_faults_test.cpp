@@ -1,14 +1,23 @@
 // What a session does when the world does not behave: pipes that end and come back, slow and full disks,
 // films that stop early.
+#include <cmath>
 #include <csignal>
 #include <fstream>
 #include <sys/stat.h>
+
+extern "C" {
+#include <libavutil/channel_layout.h>
+#include <libavutil/frame.h>
+#include <libavutil/samplefmt.h>
+}
 #include <thread>
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include "base/error.h"
+#include "recorder/encoder/sound_encoder.h"
+#include "recorder/encoder/video_encoder.h"
 #include "recorder/session.h"
 #include "tests/support/decoded_video.h"
 #include "tests/support/fault_file_system.h"
@@ -227,6 +236,78 @@ TEST(SessionFromAFile, RepeatsTheFilmWithoutAHole) {
   EXPECT_THAT(recorded.broken_rules(), IsEmpty());
 }
 
+/// The same with a tone beside the pictures, 440 Hz at 44.1 kHz.
+std::filesystem::path make_film_with_sound(const RecorderBench& bench) {
+  constexpr int kRate = 44'100;
+  constexpr int kPiece = 441;  // a hundredth of a second
+  const CaseClock clock;
+  VideoProfile profile;
+  profile.profile = Profile::kLossless;
+  const auto pictures =
+      open_source(parse_source_address("synthetic:pattern?size=64x48&rate=20&speed=max"), clock);
+  VideoEncoder encoder(pictures->format(), pictures->frame_rate(), profile);
+  SoundEncoder sound({kRate, 1, AV_SAMPLE_FMT_S16}, profile);
+  const auto muxer = make_matroska_muxer();
+  Bytes film;
+  muxer->begin({encoder.muxed_stream(), sound.muxed_stream()}, [&](ByteView bytes) { append(film, bytes); });
+  for (int i = 0; i < 200; ++i) {
+    const std::int64_t time_ns = i * 10'000'000LL;
+    if (i % 5 == 0) {
+      media::Frame picture = encoder.prepare(std::move(pictures->read().value().frame), time_ns);
+      muxer->write(encoder.encode(std::move(picture), i == 0), 0);
+    }
+    media::Frame piece = media::make_frame();
+    piece->nb_samples = kPiece;
+    piece->format = AV_SAMPLE_FMT_S16;
+    piece->sample_rate = kRate;
+    av_channel_layout_default(&piece->ch_layout, 1);
+    media::require(av_frame_get_buffer(piece.get(), 0), "cannot make sound");
+    auto* samples = reinterpret_cast<std::int16_t*>(piece->data[0]);
+    for (int k = 0; k < kPiece; ++k) {
+      samples[k] =
+          static_cast<std::int16_t>(8000 * std::sin(2 * 3.14159265 * 440 * (i * kPiece + k) / kRate));
+    }
+    for (media::Packet& packet : sound.encode(std::move(piece), time_ns)) muxer->write(std::move(packet), 1);
+  }
+  for (media::Packet& packet : sound.drain()) muxer->write(std::move(packet), 1);
+  muxer->end();
+  std::ofstream(bench / "sound.mkv", std::ios::binary) << text_of(film);
+  return bench / "sound.mkv";
+}
+
+TEST(SessionWithSound, KeepsItBesideThePictures) {
+  const RecorderBench bench;
+  const std::string film = make_film_with_sound(bench).string() + "?speed=max";
+  for (const Profile profile : {Profile::kMpeg2, Profile::kLossless}) {
+    SessionOptions options = bench.options();
+    options.segment_duration = 1s;
+    options.video = {bench.stream("room", film, profile)};
+    options.video[0].video.audio = true;
+    const RecordedCase recorded = bench.record(options);
+    std::int64_t samples = 0;
+    for (const auto& segment : recorded.segments("room")) {
+      const auto video = decode_video(recorded.plaintext(segment));
+      EXPECT_THAT(video.frames, SizeIs(segment.frames));
+      EXPECT_EQ(video.sound_codec, profile == Profile::kMpeg2 ? "mp2" : "flac");
+      EXPECT_THAT(video.complaints, IsEmpty());
+      EXPECT_GT(video.sound_samples, 0);
+      samples += video.sound_samples;
+    }
+    // Two seconds, to a packet.
+    const double rate = profile == Profile::kMpeg2 ? 48'000 : 44'100;
+    EXPECT_NEAR(static_cast<double>(samples), 2 * rate, 5000) << profile_name(profile);
+    EXPECT_EQ(sums(recorded.segments("room")).frames, 40U);
+  }
+}
+
+TEST(SessionWithSound, LeavesItOutUnlessAsked) {
+  const RecorderBench bench;
+  SessionOptions options = bench.options();
+  options.video = {bench.stream("room", make_film_with_sound(bench).string() + "?speed=max")};
+  const RecordedCase recorded = bench.record(options);
+  EXPECT_EQ(decode_video(recorded.joined("room")).sound_codec, "");
+}
+
 TEST(SessionFromAFile, KeepsEveryPictureOfARealFilmBitForBit) {
   KIROKU_NEEDS_SHARED_DATA("recording/video/rvimlab_endo.mp4");
   const auto film = test::shared_data("recording/video/rvimlab_endo.mp4");
@@ -236,7 +317,7 @@ TEST(SessionFromAFile, KeepsEveryPictureOfARealFilmBitForBit) {
   options.video = {bench.stream("endoscope", film.string() + "?speed=max", Profile::kLossless)};
   options.duration = 1s;
   const RecordedCase recorded = bench.record(options);
-  const auto original = decode_video(test::read_whole(film));
+  const auto original = decode_video(test::read_whole(film), 25);
   const auto kept = decode_video(recorded.plaintext(recorded.segments("endoscope").at(0)));
   ASSERT_THAT(kept.frames, SizeIs(25));
   for (std::size_t i = 0; i < kept.frames.size(); ++i)
