@@ -80,6 +80,7 @@ struct ApplianceLog::State {
       }
       const Moment now = machine_now();
       std::vector<std::string> lines;
+      lines.reserve(bodies.size());
       for (const LogEntryBody& each : bodies) {
         lines.push_back(to_line(LogEntry{size + lines.size(), now, each}));
       }

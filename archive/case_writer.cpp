@@ -342,6 +342,7 @@ void CaseWriter::State::write_entries(const std::vector<CaseEntryBody>& bodies, 
   durably([&] {
     ledger->append([&](std::uint64_t size) {
       std::vector<std::string> lines;
+      lines.reserve(bodies.size());
       for (const CaseEntryBody& body : bodies) {
         lines.push_back(to_line({size + lines.size(), now, body}));
       }
@@ -452,7 +453,7 @@ StoredCheckpoint CaseWriter::finish(Moment now) {
   if (state.stage == State::Stage::kRecording) {
     throw UsageError("case " + state.case_id + " must be closed before it is finished");
   }
-  const StoredCheckpoint last = checkpoint(now);
+  StoredCheckpoint last = checkpoint(now);
   if (state.log != nullptr) {
     state.log->case_closed(state.case_id, last.size, last.root, state.final_token);
   }

@@ -24,7 +24,7 @@ using testing::ElementsAre;
 using testing::HasSubstr;
 
 constexpr const char* kCase = "20260805T091502Z-3f9c21ab";
-const crypto::Sha256Digest kDigest = crypto::sha256(bytes_of("abc"));
+crypto::Sha256Digest some_digest() { return crypto::sha256(bytes_of("abc")); }
 
 class ApplianceLogTest : public testing::Test {
  protected:
@@ -83,12 +83,12 @@ TEST_F(ApplianceLogTest, StatesOneBootOnce) {
 TEST_F(ApplianceLogTest, CarriesWhatItIsTold) {
   const auto log = open();
   log->boot("b1");
-  log->config_changed(kDigest);
+  log->config_changed(some_digest());
   log->device_key_changed();
-  log->plan_sealed(kDigest);
-  log->case_opened(kCase, kDigest);
-  log->case_checkpoint(kCase, 5, kDigest);
-  log->case_closed(kCase, 9, kDigest, kDigest);
+  log->plan_sealed(some_digest());
+  log->case_opened(kCase, some_digest());
+  log->case_checkpoint(kCase, 5, some_digest());
+  log->case_closed(kCase, 9, some_digest(), some_digest());
   log->replicated(kCase, "s3://bucket");
   log->erased(kCase, "10 years");
   log->access(kCase, "what", "who");
@@ -111,7 +111,7 @@ TEST_F(ApplianceLogTest, CarriesWhatItIsTold) {
 TEST_F(ApplianceLogTest, SignsACheckpointAfterEachEntryThatMatters) {
   const auto log = open();
   log->boot("b1");
-  log->case_closed(kCase, 9, kDigest, {});
+  log->case_closed(kCase, 9, some_digest(), {});
   log->shutdown();
   EXPECT_EQ(note(1), std::nullopt) << "the next one covers the boot";
   EXPECT_EQ(note(2), (crypto::Checkpoint{"kiroku/theatre-1/log", 2, root_of_first(2)}));
@@ -120,7 +120,7 @@ TEST_F(ApplianceLogTest, SignsACheckpointAfterEachEntryThatMatters) {
 
 TEST_F(ApplianceLogTest, ChecksTheCaseIdentifier) {
   const auto log = open();
-  EXPECT_THROW(log->case_opened("../../etc", kDigest), UsageError);
+  EXPECT_THROW(log->case_opened("../../etc", some_digest()), UsageError);
   EXPECT_EQ(log->size(), 0U);
 }
 
@@ -129,9 +129,9 @@ TEST_F(ApplianceLogTest, TwoProcessesAddToOneLog) {
   const auto exporting = ApplianceLog::open(real_file_system(), folder_ / "log", key_, "theatre-1");
   recording->boot("b1");
   exporting->boot("b1");
-  recording->case_opened(kCase, kDigest);
+  recording->case_opened(kCase, some_digest());
   exporting->access(kCase, "export", "somebody");
-  recording->case_checkpoint(kCase, 5, kDigest);
+  recording->case_checkpoint(kCase, 5, some_digest());
   EXPECT_THAT(types(), ElementsAre("boot", "case-opened", "access", "case-checkpoint"));
   EXPECT_EQ(exporting->head().size, 4U);
   EXPECT_EQ(exporting->root(), recording->root());
@@ -205,8 +205,8 @@ TEST_F(ApplianceLogTest, WhereverItIsKilledNoNoteCoversWhatIsNotThere) {
       try {
         const auto log = ApplianceLog::open(files, folder / "log", key_, "theatre-1");
         log->boot("b1");
-        log->case_opened(kCase, kDigest);
-        log->case_closed(kCase, 9, kDigest, {});
+        log->case_opened(kCase, some_digest());
+        log->case_closed(kCase, 9, some_digest(), {});
         whole = true;
       } catch (const test::Killed&) {
       }

@@ -11,7 +11,7 @@ namespace {
 using testing::HasSubstr;
 
 constexpr std::string_view kCase = "20260805T091502Z-3f9c21ab";
-const crypto::Sha256Digest kDigest = crypto::sha256(bytes_of("abc"));
+crypto::Sha256Digest some_digest() { return crypto::sha256(bytes_of("abc")); }
 constexpr std::string_view kHex = "ba7816bf8f01cfea414140de5dae2223b00361a396177a9cb410ff61f20015ad";
 
 LogEntry entry_of(LogEntryBody body) {
@@ -35,16 +35,17 @@ std::vector<Example> examples() {
   return {
       {BootEntry{"b1", "dev+1+k"}, head_of("boot") + R"(,"boot_id":"b1","device":"dev+1+k"})"},
       {ShutdownEntry{}, head_of("shutdown") + "}"},
-      {ConfigChangedEntry{kDigest}, head_of("config-changed") + ",\"sha256\":\"" + hex + "\"}"},
+      {ConfigChangedEntry{some_digest()}, head_of("config-changed") + ",\"sha256\":\"" + hex + "\"}"},
       {DeviceKeyChangedEntry{"dev+2+k"}, head_of("device-key-changed") + R"(,"device":"dev+2+k"})"},
-      {PlanSealedEntry{kDigest}, head_of("plan-sealed") + ",\"sha256\":\"" + hex + "\"}"},
-      {CaseOpenedEntry{id, kDigest}, head_of("case-opened") + with_case + ",\"sha256\":\"" + hex + "\"}"},
-      {CaseCheckpointEntry{id, 9, kDigest},
+      {PlanSealedEntry{some_digest()}, head_of("plan-sealed") + ",\"sha256\":\"" + hex + "\"}"},
+      {CaseOpenedEntry{id, some_digest()},
+       head_of("case-opened") + with_case + ",\"sha256\":\"" + hex + "\"}"},
+      {CaseCheckpointEntry{id, 9, some_digest()},
        head_of("case-checkpoint") + with_case + ",\"size\":9,\"root\":\"" + hex + "\"}"},
-      {CaseClosedEntry{id, 9, kDigest, kDigest}, head_of("case-closed") + with_case +
-                                                     ",\"size\":9,\"root\":\"" + hex +
-                                                     "\",\"final_token\":\"" + hex + "\"}"},
-      {CaseClosedEntry{id, 9, kDigest, {}},
+      {CaseClosedEntry{id, 9, some_digest(), some_digest()}, head_of("case-closed") + with_case +
+                                                                 ",\"size\":9,\"root\":\"" + hex +
+                                                                 "\",\"final_token\":\"" + hex + "\"}"},
+      {CaseClosedEntry{id, 9, some_digest(), {}},
        head_of("case-closed") + with_case + ",\"size\":9,\"root\":\"" + hex + "\"}"},
       {ReplicatedEntry{id, "s3://x"}, head_of("replicated") + with_case + R"(,"target":"s3://x"})"},
       {CaseErasedEntry{id, "10 years"}, head_of("erased") + with_case + R"(,"policy":"10 years"})"},
