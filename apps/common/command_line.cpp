@@ -37,22 +37,31 @@ std::string alternatives(const std::vector<std::string>& choices) {
   return out;
 }
 
+/// The words of an ExtrasError: the list after its colon.
+std::vector<std::string> unexpected_words(const std::string& text) {
+  std::istringstream in(text.substr(text.find(": ") + 2));
+  std::vector<std::string> words;
+  for (std::string word; in >> word;) words.push_back(word);
+  return words;
+}
+
 /// One sentence, beginning in lower case, for what CLI11 refused.
-std::string parse_sentence(const CLI::ParseError& error, const std::string& program) {
+std::string parse_sentence(const CLI::ParseError& error, const std::string& command) {
   std::string text = error.what();
-  const std::string one = "The following argument was not expected: ";
-  const std::string several = "The following arguments were not expected: ";
   if (dynamic_cast<const CLI::ExtrasError*>(&error) != nullptr) {
-    const std::string first =
-        text.rfind(one, 0) == 0 ? text.substr(one.size())
-        : text.rfind(several, 0) == 0
-            ? text.substr(several.size(), text.find(' ', several.size()) - several.size())
-            : text;
-    return first.rfind('-', 0) == 0
-               ? "there is no option '" + first + "' here"
-               : "'" + first + "' is neither a command of " + program + " nor expected as an argument here";
+    // An unknown option makes its value unexpected, too: the option is what was wrong.
+    const std::vector<std::string> words = unexpected_words(text);
+    for (const std::string& word : words) {
+      if (word.size() > 1 && word[0] == '-') return "there is no option '" + word + "' here";
+    }
+    return "'" + (words.empty() ? "" : words.front()) + "' is neither a command of " + command +
+           " nor expected as an argument here";
   }
-  if (!text.empty() && text[0] >= 'A' && text[0] <= 'Z') text[0] = char(text[0] - 'A' + 'a');
+  if (const std::size_t many = text.find(": At Most 1 required but received"); many != std::string::npos) {
+    return text.substr(0, many) + " may be given only once";
+  }
+  const auto is_upper = [](char c) { return c >= 'A' && c <= 'Z'; };
+  if (text.size() > 1 && is_upper(text[0]) && !is_upper(text[1])) text[0] = char(text[0] - 'A' + 'a');
   while (!text.empty() && (text.back() == '\n' || text.back() == '.' || text.back() == ' ')) text.pop_back();
   return text;
 }

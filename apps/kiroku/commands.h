@@ -10,6 +10,7 @@ void add_record_command(Command& program);
 void add_cases_command(Command& program);
 void add_verify_command(Command& program);
 void add_export_command(Command& program);
+void add_excerpt_command(Command& program);
 void add_seal_command(Command& program);
 void add_unseal_command(Command& program);
 void add_token_command(Command& program);

@@ -14,7 +14,7 @@ constexpr const char* kOverview =
   kiroku verify CASE                                   is it whole, and when did it exist?
   kiroku export CASE --stream endoscope -o film.ts     the pictures, for a recipient
 
-Other commands: seal, unseal, token, tsa, log, completion.
+Other commands: excerpt, seal, unseal, token, tsa, log, completion.
 'kiroku --help' lists them all, 'kiroku COMMAND --help' explains one.
 )";
 
@@ -29,6 +29,7 @@ int main(int argc, char** argv) {
   add_cases_command(root);
   add_verify_command(root);
   add_export_command(root);
+  add_excerpt_command(root);
   add_seal_command(root);
   add_unseal_command(root);
   add_token_command(root);

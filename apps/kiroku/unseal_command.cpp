@@ -74,10 +74,14 @@ int run(const Request& request) {
     bytes += plaintext.size();
   };
   bool whole = true;
-  if (input.is_regular_file()) {
-    whole = unseal_file(input, identities, request.keep_truncated, sink);
-  } else {
-    crypto::unseal_stream([&](std::span<std::byte> into) { return input.read(into); }, identities, sink);
+  try {
+    if (input.is_regular_file()) {
+      whole = unseal_file(input, identities, request.keep_truncated, sink);
+    } else {
+      crypto::unseal_stream([&](std::span<std::byte> into) { return input.read(into); }, identities, sink);
+    }
+  } catch (const crypto::AgeError& error) {
+    throw Error("cannot open " + input.file().string() + ": " + error.what());
   }
   // The sealed file is still there: no need to wait for the disk.
   output.commit(OutputFile::Durability::kEventually);

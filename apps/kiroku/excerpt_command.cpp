@@ -1,0 +1,93 @@
+#include <iostream>
+#include <memory>
+
+#include <nlohmann/json.hpp>
+
+#include "apps/common/format.h"
+#include "apps/common/json_output.h"
+#include "apps/kiroku/commands.h"
+#include "apps/kiroku/home.h"
+#include "archive/case_reader.h"
+#include "archive/excerpt.h"
+#include "base/error.h"
+
+namespace kiroku::apps {
+namespace {
+
+struct Request {
+  std::string named, from, to, output;
+  std::vector<std::string> streams, identities, recipients, recipient_files;
+  std::optional<std::string> home;
+  bool json = false;
+};
+
+int run(const Request& request) {
+  const std::optional<Home> home = Home::find(request.home);
+  const archive::CaseReader recording = archive::CaseReader::open(find_case(home, request.named));
+  archive::ExcerptOptions options;
+  options.from_ns = recording.parse_time(request.from);
+  options.to_ns = recording.parse_time(request.to);
+  options.streams = request.streams;
+  for (const std::string& text : request.recipients)
+    options.recipients.push_back(crypto::parse_recipient(text));
+  for (const std::string& file : request.recipient_files) {
+    for (auto& recipient : load_recipients(file)) options.recipients.push_back(std::move(recipient));
+  }
+  const bool rekey = !options.recipients.empty();
+  if (!rekey && !request.identities.empty()) {
+    throw UsageError(
+        "an identity is only needed to let a new reader in: name him with --to-recipient age1..., or "
+        "leave out --identity");
+  }
+  crypto::AgeIdentities identities;
+  if (rekey) {
+    identities = load_identities(request.identities, home);
+    options.identities = &identities;
+  }
+  const archive::ExcerptResult result = archive::make_excerpt(recording.folder(), options, request.output);
+  if (rekey) log_access(home, recording.folder(), "excerpt for a new reader");
+  if (request.json) {
+    print_json({{"case", recording.opening().case_id},
+                {"excerpt", request.output},
+                {"segments", result.segments},
+                {"bytes", result.bytes},
+                {"first_entry", result.first_entry},
+                {"last_entry", result.last_entry}});
+  } else {
+    std::cout << request.output << ": " << result.segments << " segments, " << format_bytes(result.bytes)
+              << ", ledger entries " << result.first_entry << " to " << result.last_entry << "\n";
+  }
+  return kDone;
+}
+
+}  // namespace
+
+void add_excerpt_command(Command& program) {
+  Command& command = program.add_command("excerpt", "copies a part of a case that can be verified by itself");
+  const auto request = std::make_shared<Request>();
+  command.argument("CASE", request->named, "case folder, or identifier of a case in the home's archive");
+  command.required_option("--from", "T", request->from, "hh:mm:ss[.fff] from the start, or RFC 3339");
+  command.required_option("--to", "T", request->to, "likewise");
+  command.required_option("-o,--output", "DIR", request->output, "a folder that does not exist yet");
+  command.option("--stream", "STREAM", request->streams, "only this stream; all of them if absent");
+  command.option("--to-recipient", "KEY", request->recipients,
+                 "an age1... recipient who shall open the excerpt");
+  command.option("--to-recipients-file", "FILE", request->recipient_files, "a file of them, one a line");
+  command.option("-i,--identity", "FILE", request->identities,
+                 "identity that opens the case, to let the new reader in; in a --demo home its own");
+  add_home_option(command, request->home);
+  command.flag("--json", request->json, "prints one JSON object instead");
+  command.explain(
+      "Without --to-recipient the segments stay sealed to whom they were. 'kiroku verify' judges an excerpt "
+      "as it "
+      "judges a case.");
+  command.example("kiroku excerpt CASE --from 00:10:00 --to 00:12:30 -o for-the-court",
+                  "two and a half minutes, with their proof");
+  command.example(
+      "kiroku excerpt CASE --from 00:10:00 --to 00:12:30 --stream endoscope -i identity.txt --to-recipient "
+      "age1... -o for-the-expert",
+      "the endoscope alone, which the expert can open");
+  command.on_run([request] { return run(*request); });
+}
+
+}  // namespace kiroku::apps

@@ -1,0 +1,83 @@
+#include "tests/system/program_test.h"
+
+namespace kiroku::test {
+namespace {
+
+using testing::Contains;
+using testing::HasSubstr;
+using testing::Not;
+
+class Excerpt : public ProgramTest {
+ protected:
+  void SetUp() override {
+    make_demo_home();
+    case_ = record({"--segment", "1s"}, "00:00:08").filename().string();
+  }
+  [[nodiscard]] Arguments cut(const std::string& output, const Arguments& more = {}) const {
+    Arguments arguments{"excerpt", case_, "--from", "00:00:02", "--to", "00:00:04", "-o", output};
+    arguments.insert(arguments.end(), more.begin(), more.end());
+    return arguments;
+  }
+  std::string case_;
+};
+
+TEST_F(Excerpt, VerifiesByItself) {
+  Arguments json = cut("part", {"--json"});
+  const auto made = kiroku_json(json);
+  EXPECT_EQ(made["segments"], 4);
+  EXPECT_EQ(made["case"], case_);
+  const ProcessResult judged = kiroku({"verify", path("part")});
+  EXPECT_EQ(judged.status, 0) << judged.out << judged.err;
+}
+
+TEST_F(Excerpt, HoldsOnlyTheStreamsAskedFor) {
+  ASSERT_EQ(kiroku(cut("part", {"--stream", "vitals"})).status, 0);
+  const auto files = files_below(folder() / "part");
+  EXPECT_THAT(files, Contains(HasSubstr("segments/vitals/")));
+  EXPECT_THAT(files, Not(Contains(HasSubstr("segments/endoscope/0"))));
+  EXPECT_EQ(kiroku({"verify", path("part")}).status, 0);
+}
+
+TEST_F(Excerpt, WithASegmentTakenOutIsTampered) {
+  ASSERT_EQ(kiroku(cut("part")).status, 0);
+  for (const std::string& file : files_below(folder() / "part")) {
+    if (!file.starts_with("segments/endoscope/") || !file.ends_with(".age")) continue;
+    std::filesystem::remove(folder() / "part" / file);
+    break;
+  }
+  EXPECT_EQ(kiroku({"verify", path("part")}).status, 1);
+}
+
+TEST_F(Excerpt, IsOpenedByTheNewReaderAlone) {
+  if (!has_tool("age-keygen")) GTEST_SKIP() << "age is not installed";
+  ASSERT_EQ(tool({"age-keygen", "-o", "expert.txt"}).status, 0);
+  std::string expert = tool({"age-keygen", "-y", "expert.txt"}).out;
+  expert.pop_back();
+  const ProcessResult made = kiroku(cut("part", {"--to-recipient", expert}));
+  ASSERT_EQ(made.status, 0) << made.err;
+  EXPECT_EQ(kiroku({"verify", path("part")}).status, 0);
+  for (const std::string& file : files_below(folder() / "part")) {
+    if (!file.ends_with(".age") || file.find("/events/") != std::string::npos) continue;
+    const std::string sealed = path("part/" + file);
+    EXPECT_EQ(tool({"age", "-d", "-i", "expert.txt", "-o", "opened", sealed}).status, 0) << file;
+    EXPECT_NE(tool({"age", "-d", "-i", (home() / "identity.txt").string(), "-o", "opened", sealed}).status, 0)
+        << file;
+  }
+  EXPECT_EQ(kiroku({"verify", "-i", "expert.txt", path("part")}).status, 0);
+  EXPECT_THAT(kiroku({"log"}).out, HasSubstr("excerpt for a new reader"));
+}
+
+TEST_F(Excerpt, RefusesWhatItCannotDoAndLeavesNothing) {
+  std::filesystem::create_directory(folder() / "there");
+  const auto before = files_below(folder());
+  EXPECT_REFUSED(kiroku(cut("there")), "there");
+  EXPECT_REFUSED(kiroku(cut("part", {"--stream", "kitchen"})), "kitchen");
+  EXPECT_REFUSED(kiroku({"excerpt", case_, "--from", "00:00:04", "--to", "00:00:02", "-o", "part"}), "");
+  EXPECT_REFUSED(kiroku({"excerpt", case_, "--from", "01:00:00", "--to", "01:00:02", "-o", "part"}), "");
+  EXPECT_REFUSED(kiroku({"excerpt", case_, "--from", "noon", "--to", "00:00:02", "-o", "part"}), "noon");
+  EXPECT_REFUSED(kiroku(cut("part", {"-i", (home() / "identity.txt").string()})), "--to-recipient");
+  EXPECT_EQ(files_below(folder()), before);
+}
+
+}  // namespace
+}  // namespace kiroku::test

@@ -1,0 +1,100 @@
+#include <csignal>
+
+#include "tests/system/program_test.h"
+
+namespace kiroku::test {
+namespace {
+
+using testing::HasSubstr;
+
+class Token : public ProgramTest {
+ protected:
+  void SetUp() override {
+    for (const char* name : {"openssl", "curl"}) {
+      if (!has_tool(name)) GTEST_SKIP() << name << " is not installed";
+    }
+    make_demo_home();
+    write_text(folder() / "data", "to be stamped\n");
+  }
+  /// Serves the home's authority, has stock tools ask it for a time-stamp of `data`, and ends it with Ctrl-C.
+  void stamp(const std::string& hash = "-sha256") const {
+    Process authority(options({"tsa", "serve", "--listen", "127.0.0.1:0", "--json"}));
+    ASSERT_TRUE(authority.wait_for("}\n"));
+    const std::string url = nlohmann::json::parse(authority.out()).at("url");
+    ASSERT_EQ(tool({"openssl", "ts", "-query", "-data", "data", hash, "-cert", "-out", "query"}).status, 0);
+    ASSERT_EQ(tool({"curl", "-sSf", "-H", "Content-Type: application/timestamp-query", "--data-binary",
+                    "@query", "-o", "response", url})
+                  .status,
+              0);
+    authority.signal(SIGINT);
+    EXPECT_EQ(authority.wait().status, 0);
+  }
+  [[nodiscard]] std::string trust() const { return (home() / "trust.pem").string(); }
+};
+
+TEST_F(Token, OfTheHomesAuthorityIsVerifiedByStockOpenssl) {
+  stamp();
+  const ProcessResult verified =
+      tool({"openssl", "ts", "-verify", "-data", "data", "-in", "response", "-CAfile", trust()});
+  EXPECT_EQ(verified.status, 0) << verified.out << verified.err;
+}
+
+TEST_F(Token, IsValidForItsDataAndNoOther) {
+  stamp();
+  const ProcessResult valid = kiroku({"token", "verify", "response", "--data", "data", "--trust", trust()});
+  EXPECT_EQ(valid.status, 0) << valid.out << valid.err;
+  EXPECT_THAT(valid.out, testing::StartsWith("VALID: "));
+  write_text(folder() / "other", "something else\n");
+  const ProcessResult refused =
+      kiroku({"token", "verify", "response", "--data", "other", "--trust", trust()});
+  EXPECT_EQ(refused.status, 1) << refused.out;
+  EXPECT_THAT(refused.out, HasSubstr("token-imprint-differs"));
+}
+
+TEST_F(Token, TakesTheHomesRootsWhereNoneIsNamed) {
+  stamp();
+  const auto answer = kiroku_json({"token", "verify", "response", "--data", "data", "--json"});
+  EXPECT_EQ(answer["verdict"], "valid");
+  EXPECT_EQ(answer["token"]["algorithm"], "sha256");
+}
+
+TEST_F(Token, IsJudgedByTheHashAloneInItsOwnHashFunction) {
+  stamp("-sha512");
+  std::string digest = tool({"sha512sum", "data"}).out.substr(0, 128);
+  EXPECT_EQ(kiroku({"token", "verify", "response", "--digest", digest}).status, 0);
+  EXPECT_EQ(kiroku({"token", "verify", "response", "--data", "data"}).status, 0);
+  digest[0] = digest[0] == '0' ? '1' : '0';
+  EXPECT_EQ(kiroku({"token", "verify", "response", "--digest", digest}).status, 1);
+}
+
+TEST_F(Token, CouldNotBeCheckedUnderAForeignRoot) {
+  stamp();
+  ASSERT_EQ(tool({"openssl", "req", "-x509", "-newkey", "ec", "-pkeyopt", "ec_paramgen_curve:P-256", "-nodes",
+                  "-keyout", "foreign.key", "-out", "foreign.pem", "-subj", "/CN=foreign", "-days", "10"})
+                .status,
+            0);
+  const ProcessResult unknown =
+      kiroku({"token", "verify", "response", "--data", "data", "--trust", "foreign.pem"});
+  EXPECT_EQ(unknown.status, 2) << unknown.out;
+  EXPECT_THAT(unknown.out, testing::StartsWith("COULD NOT BE CHECKED: "));
+}
+
+TEST_F(Token, VerificationRefusesUnusableInput) {
+  stamp();
+  write_text(folder() / "page.html", "<html>502 Bad Gateway</html>");
+  EXPECT_EQ(kiroku({"token", "verify", "page.html", "--data", "data"}).status, 1);
+  EXPECT_REFUSED(kiroku({"token", "verify", "absent", "--data", "data"}), "absent");
+  EXPECT_REFUSED(kiroku({"token", "verify", "response", "--data", "absent"}), "absent");
+  EXPECT_REFUSED(kiroku({"token", "verify", "response"}), "--data FILE");
+  EXPECT_REFUSED(kiroku({"token", "verify", "response", "--digest", "XYZ"}), "XYZ");
+  EXPECT_REFUSED(kiroku({"token", "verify", "response", "--data", "data", "--trust", "page.html"}),
+                 "page.html");
+}
+
+TEST_F(Token, AuthorityRefusesAnAddressItCannotListenOn) {
+  EXPECT_REFUSED(kiroku({"tsa", "serve", "--listen", "nonsense"}), "nonsense");
+  EXPECT_REFUSED(kiroku({"tsa", "serve", "--listen", "203.0.113.1:3161"}), "203.0.113.1");
+}
+
+}  // namespace
+}  // namespace kiroku::test

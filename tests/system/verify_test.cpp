@@ -1,0 +1,133 @@
+#include <sstream>
+
+#include "tests/system/program_test.h"
+
+namespace kiroku::test {
+namespace {
+
+using testing::HasSubstr;
+
+class Verify : public ProgramTest {
+ protected:
+  void SetUp() override {
+    make_demo_home();
+    case_ = record();
+  }
+  [[nodiscard]] ProcessResult small_verifier(Arguments arguments) const {
+    Process::Options run = options({});
+    run.command = {KIROKU_VERIFY_PROGRAM};
+    run.command.insert(run.command.end(), arguments.begin(), arguments.end());
+    return run_process(run);
+  }
+  [[nodiscard]] std::filesystem::path copy_of_case() const {
+    const auto copy = folder() / "copy" / case_.filename();
+    std::filesystem::create_directories(copy.parent_path());
+    std::filesystem::copy(case_, copy, std::filesystem::copy_options::recursive);
+    return copy;
+  }
+
+  std::filesystem::path case_;
+};
+
+TEST_F(Verify, NamesTheFileThatWasTamperedWith) {
+  const auto copy = copy_of_case();
+  flip_byte(copy / "segments/endoscope/00000001.ts.age", 500);
+  const ProcessResult judged = kiroku({"verify", copy.string()});
+  EXPECT_EQ(judged.status, 1);
+  EXPECT_THAT(judged.out, HasSubstr("TAMPERED: "));
+  EXPECT_THAT(judged.out, HasSubstr("segments/endoscope/00000001.ts.age"));
+  const auto report = nlohmann::json::parse(kiroku({"verify", "--json", copy.string()}).out);
+  EXPECT_EQ(report["verdict"], "tampered");
+  std::vector<std::string> tampered;
+  for (const auto& finding : report["findings"]) {
+    if (finding["severity"] == "tampered") tampered.push_back(finding["file"]);
+  }
+  EXPECT_THAT(tampered, testing::ElementsAre("segments/endoscope/00000001.ts.age"));
+  EXPECT_EQ(kiroku({"verify", case_.string()}).status, 0) << "the original is as it was";
+}
+
+TEST_F(Verify, OfSeveralCasesReturnsTheWorst) {
+  const auto copy = copy_of_case();
+  flip_byte(copy / "ledger.jsonl", 20);
+  EXPECT_EQ(kiroku({"verify", case_.string(), copy.string()}).status, 1);
+  EXPECT_EQ(kiroku({"verify", copy.string(), case_.string()}).status, 1);
+  const ProcessResult with_absent = kiroku({"verify", "--json", case_.string(), path("absent")});
+  EXPECT_EQ(with_absent.status, 2);
+  EXPECT_THAT(with_absent.err, HasSubstr("absent"));
+  const auto reports = nlohmann::json::parse(with_absent.out);
+  EXPECT_EQ(reports["cases"][0]["verdict"], "intact");
+  EXPECT_THAT(reports["cases"][1]["error"].get<std::string>(), HasSubstr("absent"));
+}
+
+TEST_F(Verify, BySmallProgramTrustsNothingByItself) {
+  const ProcessResult judged = small_verifier({"--json", case_.string()});
+  EXPECT_EQ(judged.status, 3) << judged.err;
+  EXPECT_EQ(nlohmann::json::parse(judged.out)["verdict"], "unproven");
+}
+
+TEST_F(Verify, BySmallProgramFindsTheSameUnderWhatIsTrusted) {
+  const Arguments trusted{"--json",
+                          "--device",
+                          (home() / "device.pub").string(),
+                          "--trust",
+                          (home() / "trust.pem").string(),
+                          "--log",
+                          (home() / "archive/log").string()};
+  Arguments arguments = trusted;
+  arguments.push_back(case_.string());
+  const ProcessResult small = small_verifier(arguments);
+  EXPECT_EQ(small.status, 0) << small.out << small.err;
+  Arguments large = trusted;
+  large.insert(large.begin(), "verify");
+  large.push_back(case_.string());
+  EXPECT_EQ(small.out, kiroku(large).out);
+}
+
+TEST_F(Verify, TakesTheDeviceKeyItselfInsteadOfAFile) {
+  std::string key = read_text(home() / "device.pub");
+  key.pop_back();
+  EXPECT_EQ(
+      small_verifier({"--device", key, "--trust", (home() / "trust.pem").string(), case_.string()}).status,
+      0);
+  EXPECT_REFUSED(small_verifier({"--device", "or-3+00000000+AAAA", case_.string()}), "or-3");
+  EXPECT_REFUSED(small_verifier({"--device", case_.string() + "/ledger.jsonl", case_.string()}),
+                 "ledger.jsonl");
+}
+
+TEST_F(Verify, UnderAnotherDeviceKeyIsNoYes) {
+  ASSERT_EQ(kiroku({"init", "--demo", "--home", path("other"), "--device-name", "other"}).status, 0);
+  const int status = kiroku({"verify", "--device", path("other/device.pub"), case_.string()}).status;
+  EXPECT_TRUE(status == 1 || status == 3) << status;
+}
+
+TEST_F(Verify, MissesACaseThatTheLogDoesNotKnow) {
+  ASSERT_EQ(kiroku({"init", "--demo", "--home", path("other")}).status, 0);
+  const ProcessResult judged = kiroku({"verify", "--log", path("other/archive/log"), case_.string()});
+  EXPECT_NE(judged.status, 0) << judged.out;
+}
+
+TEST_F(Verify, SmallProgramNeedsOpensslAndNothingHeavier) {
+  if (std::string(KIROKU_SANITIZERS) != "") GTEST_SKIP() << "sanitizers bring libraries of their own";
+  const ProcessResult listed = tool({"ldd", KIROKU_VERIFY_PROGRAM});
+  ASSERT_EQ(listed.status, 0);
+  std::istringstream lines(listed.out);
+  for (std::string line; std::getline(lines, line);) {
+    EXPECT_THAT(line, testing::ContainsRegex(
+                          "linux-vdso|ld-linux|libc[.]so|libm[.]so|libgcc_s|libstdc[+][+]|libcrypto[.]so"))
+        << line;
+  }
+}
+
+TEST_F(Verify, ColoursTheVerdictOnlyOnATerminalThatWantsIt) {
+  Process::Options run = options({"verify", case_.string()});
+  EXPECT_THAT(run_process(run).out, testing::Not(HasSubstr("\x1b[")));
+  run.terminal = true;
+  Process coloured(run);
+  EXPECT_THAT(coloured.wait().out, HasSubstr("\x1b[1;32mINTACT"));
+  run.environment["NO_COLOR"] = "1";
+  Process plain(run);
+  EXPECT_THAT(plain.wait().out, testing::Not(HasSubstr("\x1b[1;")));
+}
+
+}  // namespace
+}  // namespace kiroku::test

@@ -1,0 +1,78 @@
+#include "apps/kiroku/configuration.h"
+
+#include <gtest/gtest.h>
+
+#include "base/error.h"
+
+namespace kiroku::apps {
+namespace {
+
+std::string refusal(const std::string& toml) {
+  try {
+    parse_configuration(toml, "k.toml");
+  } catch (const UsageError& error) {
+    return error.what();
+  }
+  return "accepted";
+}
+
+TEST(Configuration, DefaultFileStatesTheDefaults) {
+  const Configuration read = parse_configuration(default_configuration_text(), "k.toml");
+  const Configuration defaults;
+  EXPECT_EQ(read.profile, defaults.profile);
+  EXPECT_EQ(read.bit_rate, defaults.bit_rate);
+  EXPECT_EQ(read.chroma_422, defaults.chroma_422);
+  EXPECT_EQ(read.segment, defaults.segment);
+  EXPECT_EQ(read.stamp_every, defaults.stamp_every);
+  ASSERT_EQ(read.authorities.size(), 1U);
+  EXPECT_TRUE(read.authorities[0].is_embedded());
+}
+
+TEST(Configuration, ReadsAnAuthorityBehindAProxy) {
+  const Configuration read = parse_configuration(
+      "[[authority]]\nname = \"a\"\nurl = \"https://tsa.example/\"\nproxy = \"http://p:3128\"\ninterface = "
+      "\"wwan0\"\n"
+      "connect_timeout = \"2s\"\ntotal_timeout = \"1m\"\n",
+      "k.toml");
+  ASSERT_EQ(read.authorities.size(), 1U);
+  const timestamp::AuthorityPath& path = read.authorities[0].path;
+  EXPECT_EQ(path.url, "https://tsa.example/");
+  EXPECT_EQ(path.proxy, "http://p:3128");
+  EXPECT_EQ(path.network_interface, "wwan0");
+  EXPECT_EQ(path.connect_timeout, std::chrono::seconds(2));
+  EXPECT_EQ(path.total_timeout, std::chrono::minutes(1));
+}
+
+TEST(Configuration, RefusesUnknownKeysWithTheirPlace) {
+  EXPECT_EQ(refusal("[recording]\nsegment = \"2s\"\n  bitrat = 4\n").substr(0, 37),
+            "k.toml:3:3: unknown key 'bitrat' in [");
+  EXPECT_EQ(refusal("recordings = 1\n").substr(0, 37), "k.toml:1:1: unknown key 'recordings' ");
+  EXPECT_EQ(refusal("[[authority]]\nname = \"a\"\nurl = \"embedded\"\nprxy = \"\"\n").substr(0, 30),
+            "k.toml:4:1: unknown key 'prxy'");
+}
+
+TEST(Configuration, RefusesWrongTypesAndValuesWithTheirPlace) {
+  EXPECT_EQ(refusal("[recording]\nprofile = 3\n"),
+            "k.toml:2:11: 'profile' must be a text in quotation marks");
+  EXPECT_EQ(refusal("[recording]\naudio = \"yes\"\n"), "k.toml:2:9: 'audio' must be true or false");
+  EXPECT_EQ(refusal("[recording]\nprofile = \"h264\"\n"),
+            "k.toml:2:11: 'profile' is 'h264': it must be mpeg2, uncompressed or lossless");
+  EXPECT_EQ(refusal("[recording]\nsegment = \"20s\"\n"),
+            "k.toml:2:11: 'segment' is '20s': a segment lasts between 500ms and 10s");
+  EXPECT_EQ(refusal("[[authority]]\nname = \"A b\"\nurl = \"embedded\"\n"),
+            "k.toml:2:8: 'name' is 'A b': it must be 1 to 32 of a-z, 0-9 and '-'");
+  EXPECT_EQ(refusal("[[authority]]\nname = \"a\"\nurl = \"ftp://x\"\n"),
+            "k.toml:3:7: 'url' is 'ftp://x': it must begin with http:// or https://, or be embedded");
+}
+
+TEST(Configuration, RefusesIncompleteAndDoubledAuthorities) {
+  EXPECT_EQ(refusal("[[authority]]\nname = \"a\"\n"), "k.toml:1:1: an [[authority]] needs a 'url'");
+  EXPECT_EQ(refusal("[authority]\nname = \"a\"\n"), "k.toml:1:1: authorities are written as [[authority]]");
+  const std::string one = "[[authority]]\nname = \"a\"\nurl = \"embedded\"\n";
+  EXPECT_EQ(refusal(one + one), "k.toml:4:1: there are two authorities named 'a'");
+}
+
+TEST(Configuration, RefusesWhatIsNoToml) { EXPECT_EQ(refusal("[recording\n").substr(0, 9), "k.toml:1:"); }
+
+}  // namespace
+}  // namespace kiroku::apps
