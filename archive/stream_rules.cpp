@@ -184,6 +184,8 @@ std::string StreamRules::next_file() const {
 }
 
 bool StreamRules::reaches_over(std::int64_t from_ns, std::int64_t to_ns, bool ends) const {
+  // Events have segments only where something was marked: that there are none shows nothing.
+  if (report_.info.kind == "events") return true;
   std::optional<std::int64_t> begin = end_ns_ ? std::optional(report_.span.start_ns) : std::nullopt;
   std::int64_t end = end_ns_.value_or(0);
   for (const Span& gap : gaps_) {

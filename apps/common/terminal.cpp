@@ -61,11 +61,13 @@ class SilentKeys {
   bool changed_ = false;
 };
 
-crypto::Secret read_silently(const TerminalDevice& device) {
+/// The prompt comes when keys are silent already: nothing typed at once is shown or lost.
+crypto::Secret ask(const TerminalDevice& device, const std::string& prompt) {
   constexpr char kInterrupt = 3, kEndOfFile = 4, kKillLine = 21;
   const SilentKeys keys(device.descriptor());
   if (!keys.silent())
     throw UsageError("cannot read a passphrase unseen on this terminal: set KIROKU_PASSPHRASE");
+  device.print(prompt);
   crypto::Secret typed(kLongestPassphrase);
   std::size_t length = 0;
   for (;;) {
@@ -89,11 +91,6 @@ crypto::Secret read_silently(const TerminalDevice& device) {
   }
   device.print("\n");
   return crypto::Secret::copy_of(ByteView(typed.bytes()).first(length));
-}
-
-crypto::Secret ask(const TerminalDevice& device, const std::string& prompt) {
-  device.print(prompt);
-  return read_silently(device);
 }
 
 /// The passphrase of the environment, if there is one.
