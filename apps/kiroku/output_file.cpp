@@ -41,7 +41,8 @@ void sync_folder_of(const fs::path& file) {
 }  // namespace
 
 void write_all(int descriptor, ByteView bytes, const fs::path& name_for_errors) {
-  // Measured on ext4: a page cache filled in steps of 64 KiB takes a third of the time that steps of 1 MiB take.
+  // Measured on ext4: a page cache filled in steps of 64 KiB takes a third of the time that steps of 1 MiB
+  // take.
   constexpr std::size_t kStep = 64U << 10;
   while (!bytes.empty()) {
     const ssize_t written = ::write(descriptor, bytes.data(), std::min(bytes.size(), kStep));

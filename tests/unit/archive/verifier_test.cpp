@@ -11,8 +11,9 @@ namespace {
 std::string listing(const VerificationReport& report) {
   std::string text = std::string(verdict_name(report.verdict)) + "\n";
   for (const Finding& finding : report.findings) {
-    text += finding.code + " | " + finding.file + " | " + (finding.entry ? std::to_string(*finding.entry) : "-") +
-            " | " + (finding.offset ? std::to_string(*finding.offset) : "-") + " | " + finding.text + "\n";
+    text += finding.code + " | " + finding.file + " | " +
+            (finding.entry ? std::to_string(*finding.entry) : "-") + " | " +
+            (finding.offset ? std::to_string(*finding.offset) : "-") + " | " + finding.text + "\n";
   }
   return text;
 }
