@@ -56,7 +56,7 @@ class ApplianceLogTest : public testing::Test {
     return opened.failure ? std::nullopt : crypto::Checkpoint::parse(opened.text);
   }
 
-  TemporaryFolder folder_;
+  TemporaryFolder folder_{test::quick_parent()};
   crypto::SigningKey key_ = crypto::SigningKey::generate();
   FaultFileSystem files_{folder_.path()};
 };

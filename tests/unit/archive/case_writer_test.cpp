@@ -40,7 +40,7 @@ class CaseWriterTest : public testing::Test {
     return facts;
   }
 
-  TemporaryFolder folder_;
+  TemporaryFolder folder_{test::quick_parent()};
   test::CaseKit kit_{folder_.path()};
   FaultFileSystem files_{folder_.path()};
 };
@@ -350,6 +350,7 @@ TEST_F(CaseWriterTest, TellsTheApplianceLog) {
 
   const std::vector<LogLine> lines = read_log(folder_ / "log");
   std::vector<std::string> types;
+  types.reserve(lines.size());
   for (const LogLine& line : lines) {
     types.push_back(line.type);
   }

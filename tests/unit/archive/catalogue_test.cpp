@@ -73,13 +73,14 @@ class CatalogueTest : public testing::Test {
   std::unique_ptr<Catalogue> open() const { return Catalogue::open(file_); }
   static std::vector<std::string> ids(const std::vector<CatalogueRow>& rows) {
     std::vector<std::string> ids;
+    ids.reserve(rows.size());
     for (const CatalogueRow& row : rows) {
       ids.push_back(row.case_id);
     }
     return ids;
   }
 
-  TemporaryFolder folder_;
+  TemporaryFolder folder_{test::quick_parent()};
   fs::path archive_ = folder_ / "archive";
   fs::path file_ = folder_ / "catalogue.sqlite";
   std::map<std::string, std::uint64_t> seq_;

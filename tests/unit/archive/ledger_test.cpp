@@ -41,7 +41,7 @@ class LedgerTest : public testing::Test {
     return tree.root();
   }
 
-  TemporaryFolder folder_;
+  TemporaryFolder folder_{test::quick_parent()};
   fs::path file_ = folder_ / "ledger.jsonl";
   FaultFileSystem files_{folder_.path()};
 };

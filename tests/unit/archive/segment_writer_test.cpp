@@ -53,7 +53,7 @@ class SegmentWriterTest : public testing::Test {
     EXPECT_EQ(reference.sha256, crypto::sha256(bytes_of(bytes)));
   }
 
-  TemporaryFolder folder_;
+  TemporaryFolder folder_{test::quick_parent()};
   fs::path file_ = folder_ / "00000000.ts.age";
   fs::path part_ = folder_ / "00000000.ts.age.part";
   FaultFileSystem files_{folder_.path()};
