@@ -150,7 +150,8 @@ INSTANTIATE_TEST_SUITE_P(
         Attack{"LogWithAnotherRoot",
                [](AttackedCase& c) {
                  std::vector<std::string> lines = log_lines(c.log());
-                 lines[3][lines[3].find("\"root\":\"") + 8] ^= 1;
+                 char& digit = lines[3][lines[3].find("\"root\":\"") + 8];
+                 digit = digit == '0' ? '1' : '0';
                  set_log(c.log(), lines);
                },
                "log-checkpoint-differs", kLog, 3, Verdict::kTampered, true},
