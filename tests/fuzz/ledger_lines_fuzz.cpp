@@ -1,0 +1,58 @@
+// Lines of a case's ledger and of the appliance log, and excerpt.json, as a stranger may have written them.
+// What is accepted is written again in the one form of the format, and that form reads back as itself.
+#include <cstdint>
+#include <cstdlib>
+#include <string_view>
+
+#include "archive/excerpt_document.h"
+#include "archive/ledger_entry.h"
+#include "archive/log_entry.h"
+
+namespace {
+
+using namespace kiroku::archive;  // NOLINT(google-build-using-namespace)
+
+void require(bool holds) {
+  if (!holds) {
+    std::abort();
+  }
+}
+
+void check_case_entry(std::string_view line) {
+  const EntryParse parse = parse_case_entry(line);
+  require(parse.entry.has_value() == parse.problem.empty());
+  if (parse.entry) {
+    const std::string written = to_line(*parse.entry);
+    const EntryParse again = parse_case_entry(written);
+    require(again.entry && to_line(*again.entry) == written);
+  }
+}
+
+void check_log_entry(std::string_view line) {
+  const LogEntryParse parse = parse_log_entry(line);
+  if (parse.entry) {
+    const std::string written = to_line(*parse.entry);
+    const LogEntryParse again = parse_log_entry(written);
+    require(again.entry && to_line(*again.entry) == written);
+  }
+}
+
+void check_excerpt(std::string_view text) {
+  const ExcerptParse parse = parse_excerpt(text);
+  require(parse.document.has_value() == parse.problem.empty());
+  if (parse.document) {
+    const std::string written = to_text(*parse.document);
+    const ExcerptParse again = parse_excerpt(written);
+    require(again.document && to_text(*again.document) == written);
+  }
+}
+
+}  // namespace
+
+extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
+  const std::string_view text(reinterpret_cast<const char*>(data), size);
+  check_case_entry(text);
+  check_log_entry(text);
+  check_excerpt(text);
+  return 0;
+}
