@@ -7,12 +7,18 @@
 
 #include <curl/curl.h>
 
+#include "timestamp/token.h"
+
 namespace kiroku::timestamp {
 namespace {
 
 constexpr std::size_t kLargestResponse = 1 << 20;
 constexpr long kMostRedirects = 3;
 constexpr long kHttpOk = 200;
+constexpr long kTooManyRequests = 429;
+constexpr long kUnavailable = 503;
+constexpr std::chrono::seconds kUsualPause{60};
+constexpr std::chrono::seconds kLongestPause = std::chrono::hours(24);
 constexpr long kFirstRedirect = 300;
 constexpr long kLastRedirect = 399;
 constexpr std::string_view kReplyType = "application/timestamp-reply";
@@ -53,7 +59,8 @@ std::string scheme_of(const std::string& url) {
 
 /// The address without user name and password, for messages and logs.
 std::string without_credentials(const std::string& url) {
-  const std::size_t host = url.find("://") + 3;
+  const std::size_t scheme = url.find("://");  // a proxy may be "host:port" alone
+  const std::size_t host = scheme == std::string::npos ? 0 : scheme + 3;
   const std::size_t host_end = std::min(url.find_first_of("/?#", host), url.size());
   const std::size_t at = url.substr(0, host_end).rfind('@');
   return at == std::string::npos || at < host ? url : url.substr(0, host) + url.substr(at + 1);
@@ -118,8 +125,10 @@ class HttpStampSource final : public StampSource {
     if (result != CURLE_OK) throw AuthorityError(failure_text(result, received));
     check_reply();
     if (received.body.empty()) throw AuthorityError(who_ + " answered with nothing");
+    answered_ = true;
     return std::move(received.body);
   }
+  [[nodiscard]] std::string path() const override { return answered_ ? path_name(path_) : std::string(); }
 
  private:
   template <typename Value>
@@ -174,6 +183,13 @@ class HttpStampSource final : public StampSource {
     }
   }
 
+  [[nodiscard]] std::optional<std::chrono::seconds> pause(long status) const {
+    curl_off_t seconds = 0;  // also where Retry-After is a date
+    curl_easy_getinfo(handle_.get(), CURLINFO_RETRY_AFTER, &seconds);
+    if (status != kTooManyRequests && (status != kUnavailable || seconds <= 0)) return {};
+    return seconds <= 0 ? kUsualPause : std::min(std::chrono::seconds(seconds), kLongestPause);
+  }
+
   void check_reply() {
     long status = 0;
     const char* content_type = nullptr;
@@ -181,7 +197,7 @@ class HttpStampSource final : public StampSource {
     curl_easy_getinfo(handle_.get(), CURLINFO_CONTENT_TYPE, &content_type);
     const std::string type = media_type(content_type);
     if (status != kHttpOk) {
-      throw AuthorityError(who_ + " answered with HTTP status " + std::to_string(status));
+      throw AuthorityError(who_ + " answered with HTTP status " + std::to_string(status), pause(status));
     }
     if (type == kReplyType) return;
     const std::string what = type.empty() ? "without a content type" : type;
@@ -194,13 +210,73 @@ class HttpStampSource final : public StampSource {
   std::string who_;
   HeaderList headers_;
   std::array<char, CURL_ERROR_SIZE> reason_{};
+  bool answered_ = false;
   EasyHandle handle_;  // last: it refers to the members above
+};
+
+class SeveralPaths final : public StampSource {
+ public:
+  explicit SeveralPaths(const std::vector<AuthorityPath>& paths) {
+    for (const AuthorityPath& path : paths) ways_.push_back({path_name(path), http_stamp_source(path)});
+  }
+
+  Bytes ask(ByteView query) override {
+    std::string complaints;
+    for (const std::size_t i : order()) {
+      const Way& way = ways_[i];
+      try {
+        Bytes response = way.source->ask(query);
+        std::string why;
+        if (!parse_response(response, why)) throw AuthorityError("what answered is no authority: " + why);
+        latest_ = i;
+        return response;
+      } catch (const AuthorityError& error) {
+        if (error.leave_alone_for()) throw;
+        complaints +=
+            (complaints.empty() ? "" : "; ") + (ways_.size() == 1 ? "" : way.name + ": ") + error.what();
+      }
+    }
+    throw AuthorityError(complaints);
+  }
+  [[nodiscard]] std::string path() const override { return latest_ ? ways_[*latest_].name : std::string(); }
+
+ private:
+  struct Way {
+    std::string name;
+    std::unique_ptr<StampSource> source;
+  };
+
+  /// The way that led to the latest answer, then the others as they were given.
+  [[nodiscard]] std::vector<std::size_t> order() const {
+    std::vector<std::size_t> order;
+    if (latest_) order.push_back(*latest_);
+    for (std::size_t i = 0; i < ways_.size(); ++i) {
+      if (i != latest_) order.push_back(i);
+    }
+    return order;
+  }
+
+  std::vector<Way> ways_;
+  std::optional<std::size_t> latest_;
 };
 
 }  // namespace
 
+std::string path_name(const AuthorityPath& path) {
+  std::string name = path.network_interface.empty() ? "" : "over " + path.network_interface;
+  if (!path.proxy.empty()) {
+    name += (name.empty() ? "" : " ") + ("through the proxy " + without_credentials(path.proxy));
+  }
+  return name.empty() ? "directly" : name;
+}
+
 std::unique_ptr<StampSource> http_stamp_source(AuthorityPath path) {
   return std::make_unique<HttpStampSource>(std::move(path));
+}
+
+std::unique_ptr<StampSource> http_stamp_source(const std::vector<AuthorityPath>& paths) {
+  if (paths.empty()) throw UsageError("an authority cannot be asked without any path to it");
+  return std::make_unique<SeveralPaths>(paths);
 }
 
 }  // namespace kiroku::timestamp

@@ -33,7 +33,7 @@ Authorities::Authorities(const Home& home, const Configuration& configuration,
   for (const AuthorityConfiguration& authority : all) {
     if (!wanted.empty() && std::find(wanted.begin(), wanted.end(), authority.name) == wanted.end()) continue;
     if (!authority.is_embedded()) {
-      named_.push_back({authority.name, timestamp::http_stamp_source(authority.path)});
+      named_.push_back({authority.name, timestamp::http_stamp_source(authority.paths)});
       continue;
     }
     if (!embedded_) {

@@ -84,8 +84,38 @@ void require_url(const std::string& url) {
   }
 }
 
+/// proxy and interface, of an [[authority]] or of one of its paths.
+void read_path(TableReader& reader, timestamp::AuthorityPath& into) {
+  reader.text("proxy", [&](const std::string& text) { into.proxy = text; });
+  reader.text("interface", [&](const std::string& text) { into.network_interface = text; });
+}
+
+void read_paths(const toml::node& node, const TableReader& top, const std::string& file,
+                AuthorityConfiguration& into) {
+  const timestamp::AuthorityPath common = into.paths.front();
+  if (into.is_embedded()) {
+    top.refuse(node.source(), "the embedded authority is asked without a network: it has no paths");
+  }
+  if (!common.proxy.empty() || !common.network_interface.empty()) {
+    top.refuse(node.source(), "write 'proxy' and 'interface' either in [[authority]] or in its paths");
+  }
+  const toml::array* entries = node.as_array();
+  if (entries == nullptr || !entries->is_homogeneous(toml::node_type::table)) {
+    top.refuse(node.source(), "paths are written as [[authority.path]]");
+  }
+  into.paths.clear();
+  for (const toml::node& entry : *entries) {
+    timestamp::AuthorityPath path = common;
+    TableReader reader(*entry.as_table(), "[[authority.path]]", file);
+    read_path(reader, path);
+    reader.refuse_unknown_keys();
+    into.paths.push_back(std::move(path));
+  }
+}
+
 AuthorityConfiguration read_authority(const toml::table& table, const std::string& file) {
   AuthorityConfiguration authority;
+  timestamp::AuthorityPath path;
   TableReader reader(table, "[[authority]]", file);
   reader.text("name", [&](const std::string& text) {
     require_authority_name(text);
@@ -93,24 +123,33 @@ AuthorityConfiguration read_authority(const toml::table& table, const std::strin
   });
   reader.text("url", [&](const std::string& text) {
     require_url(text);
-    authority.path.url = text;
+    authority.url = text;
   });
-  reader.text("proxy", [&](const std::string& text) { authority.path.proxy = text; });
-  reader.text("interface", [&](const std::string& text) { authority.path.network_interface = text; });
-  const auto timeout = [&reader](const std::string& key, milliseconds& into) {
+  read_path(reader, path);
+  const auto limited = [&reader](const std::string& key, nanoseconds least, nanoseconds most,
+                                 const std::string& range, const auto& take) {
     reader.text(key, [&](const std::string& text) {
       const nanoseconds duration = parse_duration(text, "'" + key + "'");
-      if (duration < milliseconds(100) || duration > std::chrono::minutes(5)) {
-        throw UsageError("'" + key + "' is '" + text + "': it must be between 100ms and 5m");
+      if (duration < least || duration > most) {
+        throw UsageError("'" + key + "' is '" + text + "': it must be between " + range);
       }
-      into = std::chrono::duration_cast<milliseconds>(duration);
+      take(duration);
     });
   };
-  timeout("connect_timeout", authority.path.connect_timeout);
-  timeout("total_timeout", authority.path.total_timeout);
+  const auto timeout = [&limited](const std::string& key, milliseconds& into) {
+    limited(key, milliseconds(100), std::chrono::minutes(5), "100ms and 5m",
+            [&into](nanoseconds duration) { into = std::chrono::duration_cast<milliseconds>(duration); });
+  };
+  timeout("connect_timeout", path.connect_timeout);
+  timeout("total_timeout", path.total_timeout);
+  limited("min_interval", milliseconds(1), std::chrono::hours(24), "1ms and 24h",
+          [&authority](nanoseconds duration) { authority.min_interval = duration; });
+  path.url = authority.url;
+  authority.paths = {path};
+  if (const toml::node* paths = reader.find("path")) read_paths(*paths, reader, file, authority);
   reader.refuse_unknown_keys();
   if (authority.name.empty()) reader.refuse(table.source(), "an [[authority]] needs a 'name'");
-  if (authority.path.url.empty()) reader.refuse(table.source(), "an [[authority]] needs a 'url'");
+  if (authority.url.empty()) reader.refuse(table.source(), "an [[authority]] needs a 'url'");
   return authority;
 }
 

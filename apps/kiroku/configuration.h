@@ -15,9 +15,11 @@ namespace kiroku::apps {
 
 /// One [[authority]].
 struct AuthorityConfiguration {
-  std::string name;               // [a-z0-9-], at most 32
-  timestamp::AuthorityPath path;  // path.url is "embedded" for the home's own
-  [[nodiscard]] bool is_embedded() const { return path.url == "embedded"; }
+  std::string name;                             // [a-z0-9-], at most 32
+  std::string url;                              // "embedded" for the home's own
+  std::vector<timestamp::AuthorityPath> paths;  // at least one; all of this url
+  std::chrono::nanoseconds min_interval{0};     // between two requests
+  [[nodiscard]] bool is_embedded() const { return url == "embedded"; }
 };
 
 struct Configuration {

@@ -20,6 +20,7 @@ struct Connection {
   explicit Connection(asio::ip::tcp::socket the_socket) : socket(std::move(the_socket)) {}
   asio::ip::tcp::socket socket;
   asio::streambuf request;
+  std::string answer;
 };
 
 }  // namespace
@@ -43,10 +44,12 @@ struct ScriptedServer::State {
                              const auto* data = static_cast<const char*>(connection->request.data().data());
                              const std::lock_guard guard(mutex);
                              request.assign(data, size);
+                             ++requests;
+                             connection->answer = answer;
                              if (answer.empty()) {
                                wait(connection);
                              } else {
-                               asio::async_write(connection->socket, asio::buffer(answer),
+                               asio::async_write(connection->socket, asio::buffer(connection->answer),
                                                  [connection](error_code, std::size_t) {});
                              }
                            });
@@ -58,9 +61,10 @@ struct ScriptedServer::State {
                            [connection](error_code, std::size_t) {});
   }
 
-  std::string answer;
   std::mutex mutex;
+  std::string answer;
   std::string request;
+  std::size_t requests = 0;
   asio::io_context context{1};
   asio::ip::tcp::acceptor acceptor;
   std::thread thread;
@@ -83,6 +87,16 @@ std::string ScriptedServer::url() const { return "http://127.0.0.1:" + std::to_s
 std::string ScriptedServer::last_request() const {
   const std::lock_guard guard(state_->mutex);
   return state_->request;
+}
+
+std::size_t ScriptedServer::requests() const {
+  const std::lock_guard guard(state_->mutex);
+  return state_->requests;
+}
+
+void ScriptedServer::answer_with(std::string answer) {
+  const std::lock_guard guard(state_->mutex);
+  state_->answer = std::move(answer);
 }
 
 std::string http_answer(const std::string& status, const std::string& content_type, const std::string& body) {

@@ -1,6 +1,7 @@
 // An HTTP server that answers whatever it is told, for clients that must cope with it.
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
 #include <memory>
 #include <string>
@@ -18,6 +19,9 @@ class ScriptedServer {
   [[nodiscard]] std::string url() const;
   /// Header of the newest request.
   [[nodiscard]] std::string last_request() const;
+  [[nodiscard]] std::size_t requests() const;
+  /// From the next request on.
+  void answer_with(std::string answer);
 
  private:
   struct State;

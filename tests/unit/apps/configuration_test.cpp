@@ -35,12 +35,48 @@ TEST(Configuration, ReadsAnAuthorityBehindAProxy) {
       "connect_timeout = \"2s\"\ntotal_timeout = \"1m\"\n",
       "k.toml");
   ASSERT_EQ(read.authorities.size(), 1U);
-  const timestamp::AuthorityPath& path = read.authorities[0].path;
+  ASSERT_EQ(read.authorities[0].paths.size(), 1U);
+  const timestamp::AuthorityPath& path = read.authorities[0].paths[0];
   EXPECT_EQ(path.url, "https://tsa.example/");
   EXPECT_EQ(path.proxy, "http://p:3128");
   EXPECT_EQ(path.network_interface, "wwan0");
   EXPECT_EQ(path.connect_timeout, std::chrono::seconds(2));
   EXPECT_EQ(path.total_timeout, std::chrono::minutes(1));
+}
+
+TEST(Configuration, ReadsSeveralPathsToAnAuthorityInTheirOrder) {
+  const Configuration read = parse_configuration(
+      "[[authority]]\nname = \"a\"\nurl = \"https://tsa.example/\"\ntotal_timeout = \"1m\"\nmin_interval = "
+      "\"75s\"\n"
+      "[[authority.path]]\n[[authority.path]]\nproxy = \"http://p:3128\"\n[[authority.path]]\ninterface = "
+      "\"wwan0\"\n",
+      "k.toml");
+  ASSERT_EQ(read.authorities.size(), 1U);
+  EXPECT_EQ(read.authorities[0].min_interval, std::chrono::seconds(75));
+  const auto& paths = read.authorities[0].paths;
+  ASSERT_EQ(paths.size(), 3U);
+  EXPECT_EQ(timestamp::path_name(paths[0]), "directly");
+  EXPECT_EQ(timestamp::path_name(paths[1]), "through the proxy http://p:3128");
+  EXPECT_EQ(timestamp::path_name(paths[2]), "over wwan0");
+  for (const auto& path : paths) {
+    EXPECT_EQ(path.url, "https://tsa.example/");
+    EXPECT_EQ(path.total_timeout, std::chrono::minutes(1));
+  }
+}
+
+TEST(Configuration, RefusesPathsThatAreNone) {
+  const std::string authority = "[[authority]]\nname = \"a\"\nurl = \"https://tsa.example/\"\n";
+  EXPECT_EQ(refusal(authority + "[[authority.path]]\nprxy = \"x\"\n"),
+            "k.toml:5:1: unknown key 'prxy' in [[authority.path]]; known are proxy, interface");
+  EXPECT_EQ(refusal(authority + "path = \"wwan0\"\n"), "k.toml:4:8: paths are written as [[authority.path]]");
+  EXPECT_EQ(refusal(authority + "path = []\n"), "k.toml:4:8: paths are written as [[authority.path]]");
+  EXPECT_EQ(refusal(authority + "proxy = \"p:1\"\n[[authority.path]]\n"),
+            "k.toml:5:1: write 'proxy' and 'interface' either in [[authority]] or in its paths");
+  EXPECT_EQ(refusal("[[authority]]\nname = \"a\"\nurl = \"embedded\"\n[[authority.path]]\n"),
+            "k.toml:4:1: the embedded authority is asked without a network: it has no paths");
+  EXPECT_EQ(refusal(authority + "min_interval = \"2d\"\n").substr(0, 12), "k.toml:4:16:");
+  EXPECT_EQ(refusal(authority + "min_interval = \"25h\"\n"),
+            "k.toml:4:16: 'min_interval' is '25h': it must be between 1ms and 24h");
 }
 
 TEST(Configuration, RefusesUnknownKeysWithTheirPlace) {

@@ -110,6 +110,30 @@ TEST_F(HttpStampSourceTest, TellsTheHttpStatus) {
               HasSubstr("answered with HTTP status 429"));
 }
 
+TEST_F(HttpStampSourceTest, TellsHowLongAnAuthorityWantsToBeLeftAlone) {
+  const auto pause = [](const std::string& status, const std::string& header) {
+    const ScriptedServer server("HTTP/1.1 " + status + "\r\n" + header +
+                                "Content-Length: 0\r\nConnection: close\r\n\r\n");
+    try {
+      ask(server.url());
+    } catch (const AuthorityError& error) {
+      return error.leave_alone_for();
+    }
+    return std::optional<std::chrono::seconds>(-1);
+  };
+  EXPECT_EQ(pause("429 Too Many Requests", "Retry-After: 1200\r\n"), std::chrono::seconds(1200));
+  EXPECT_EQ(pause("503 Service Unavailable", "Retry-After: 90\r\n"), std::chrono::seconds(90));
+  EXPECT_EQ(pause("429 Too Many Requests", ""), std::chrono::seconds(60));
+  EXPECT_EQ(pause("429 Too Many Requests", "Retry-After: 99999999\r\n"), std::chrono::hours(24));
+  // As a date, far away and gone by.
+  EXPECT_EQ(pause("429 Too Many Requests", "Retry-After: Fri, 31 Dec 2399 23:59:59 GMT\r\n"),
+            std::chrono::hours(24));
+  EXPECT_EQ(pause("429 Too Many Requests", "Retry-After: Fri, 31 Dec 1999 23:59:59 GMT\r\n"),
+            std::chrono::seconds(60));
+  EXPECT_EQ(pause("503 Service Unavailable", ""), std::nullopt);
+  EXPECT_EQ(pause("500 Internal Server Error", "Retry-After: 90\r\n"), std::nullopt);
+}
+
 TEST_F(HttpStampSourceTest, TellsWhenNobodyListens) {
   std::string url;
   {
@@ -205,6 +229,84 @@ TEST_F(HttpStampSourceTest, BindsToTheInterfaceItIsTold) {
             "answer");
   EXPECT_THAT(complaint_about({.url = server.url(), .network_interface = "nosuch0"}),
               HasSubstr("cannot be asked through the network interface 'nosuch0'"));
+}
+
+TEST(AuthorityPath, IsNamedForPeopleWithoutPasswords) {
+  EXPECT_EQ(path_name({}), "directly");
+  EXPECT_EQ(path_name({.proxy = "http://user:secret@proxy:3128"}), "through the proxy http://proxy:3128");
+  EXPECT_EQ(path_name({.proxy = "user:secret@proxy:3128"}), "through the proxy proxy:3128");
+  EXPECT_EQ(path_name({.network_interface = "wwan0"}), "over wwan0");
+  EXPECT_EQ(path_name({.proxy = "proxy:3128", .network_interface = "wwan0"}),
+            "over wwan0 through the proxy proxy:3128");
+}
+
+class SeveralPathsTest : public HttpStampSourceTest {
+ protected:
+  /// TimeStampResp that says no: an authority was reached. Proxies answer it by themselves, so that the ways
+  /// can be told apart.
+  static std::string rejection() { return http_answer("200 OK", kReply, "\x30\x05\x30\x03\x02\x01\x02"); }
+  [[nodiscard]] std::vector<AuthorityPath> paths(const std::vector<const ScriptedServer*>& proxies) const {
+    std::vector<AuthorityPath> paths;
+    for (const ScriptedServer* proxy : proxies) paths.push_back({.url = url_, .proxy = proxy->url()});
+    return paths;
+  }
+  static std::string refusal(StampSource& source) {
+    try {
+      source.ask(query());
+    } catch (const AuthorityError& error) {
+      return error.what();
+    }
+    return "none";
+  }
+  const std::string url_ = "http://authority.invalid/";
+};
+
+TEST_F(SeveralPathsTest, PassesOverWaysThatLeadNowhere) {
+  const ScriptedServer portal(http_answer("200 OK", "text/html", "<html>log in</html>"));
+  const ScriptedServer broken(http_answer("502 Bad Gateway", "text/plain", "no"));
+  const ScriptedServer liar(http_answer("200 OK", kReply, "<html>log in</html>"));
+  const ScriptedServer modem(rejection());
+  const auto source = http_stamp_source(paths({&portal, &broken, &liar, &modem}));
+  EXPECT_EQ(source->path(), "");
+  source->ask(query());
+  EXPECT_EQ(source->path(), "through the proxy " + modem.url());
+}
+
+TEST_F(SeveralPathsTest, BeginsWithTheWayThatWorkedLastThenTheOthersInOrder) {
+  ScriptedServer first(http_answer("502 Bad Gateway", "text/plain", "no"));
+  ScriptedServer second(rejection());
+  const auto source = http_stamp_source(paths({&first, &second}));
+  source->ask(query());
+  source->ask(query());
+  EXPECT_EQ(first.requests(), 1U);
+  EXPECT_EQ(second.requests(), 2U);
+  first.answer_with(rejection());
+  second.answer_with(http_answer("502 Bad Gateway", "text/plain", "no"));
+  source->ask(query());
+  EXPECT_EQ(source->path(), "through the proxy " + first.url());
+}
+
+TEST_F(SeveralPathsTest, TellsWhatWasTheMatterWithEach) {
+  const ScriptedServer portal(http_answer("200 OK", "text/html", "<html>log in</html>"));
+  const ScriptedServer broken(http_answer("502 Bad Gateway", "text/plain", "no"));
+  const auto source = http_stamp_source(paths({&portal, &broken}));
+  EXPECT_EQ(refusal(*source),
+            "through the proxy " + portal.url() + ": the authority " + url_ +
+                " answered text/html, not a time-stamp response: is there a captive portal or "
+                "proxy login?; through the proxy " +
+                broken.url() + ": the authority " + url_ + " answered with HTTP status 502");
+  EXPECT_EQ(refusal(*http_stamp_source(paths({&broken}))),
+            "the authority " + url_ + " answered with HTTP status 502");
+}
+
+TEST_F(SeveralPathsTest, DoesNotGoRoundALimit) {
+  const ScriptedServer limited(
+      "HTTP/1.1 429 Too Many Requests\r\nRetry-After: 1200\r\nContent-Length: 0\r\n\r\n");
+  const ScriptedServer modem(rejection());
+  const auto source = http_stamp_source(paths({&limited, &modem}));
+  EXPECT_THAT(refusal(*source), HasSubstr("429"));
+  EXPECT_EQ(modem.requests(), 0U);
+  EXPECT_THROW(http_stamp_source(std::vector<AuthorityPath>{}), UsageError);
 }
 
 }  // namespace
