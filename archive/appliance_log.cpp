@@ -3,6 +3,7 @@
 #include <chrono>
 #include <fstream>
 #include <mutex>
+#include <unordered_map>
 #include <utility>
 
 #include "archive/case_layout.h"
@@ -54,14 +55,26 @@ struct ApplianceLog::State {
         reserve(the_files, reserve_file(folder.parent_path())),
         boot_id(kernel_boot_id()) {}
 
-  /// Keeps track of the newest boot in what stands in the file, whoever wrote it.
+  /// Keeps track of the newest boot and of which cases are open, in what stands in the file, whoever wrote
+  /// it. Most lines are checkpoints of cases, which tell nothing of either.
   void look_at(std::string_view line) {
-    if (line.find(R"("type":"boot")") == std::string_view::npos) {
+    constexpr std::string_view kType = R"("type":")";
+    const std::size_t at = line.find(kType);
+    const std::string_view type = at == std::string_view::npos ? "" : line.substr(at + kType.size());
+    if (!type.starts_with("boot\"") && !type.starts_with("case-opened\"") &&
+        !type.starts_with("case-closed\"")) {
       return;
     }
     const LogEntryParse parsed = parse_log_entry(line);
-    if (parsed.entry && std::holds_alternative<BootEntry>(parsed.entry->body)) {
-      newest_boot_id = std::get<BootEntry>(parsed.entry->body).boot_id;
+    if (!parsed.entry) {
+      return;
+    }
+    if (const auto* boot = std::get_if<BootEntry>(&parsed.entry->body)) {
+      newest_boot_id = boot->boot_id;
+    } else if (const auto* opened = std::get_if<CaseOpenedEntry>(&parsed.entry->body)) {
+      cases.try_emplace(opened->case_id, CaseState::kOpened);
+    } else if (const auto* closed = std::get_if<CaseClosedEntry>(&parsed.entry->body)) {
+      cases[closed->case_id] = CaseState::kClosed;
     }
   }
 
@@ -115,6 +128,7 @@ struct ApplianceLog::State {
   SpaceReserve reserve;
   std::string boot_id;         // of this machine, as far as known
   std::string newest_boot_id;  // that the log states
+  std::unordered_map<std::string, CaseState> cases;
   std::unique_ptr<Ledger> ledger;
   std::mutex mutex;
 };
@@ -176,9 +190,10 @@ void ApplianceLog::replicated(const std::string& case_id, const std::string& tar
   state_->append_and_checkpoint(ReplicatedEntry{case_id, target});
 }
 
-void ApplianceLog::erased(const std::string& case_id, const std::string& policy) {
+void ApplianceLog::erased(const std::string& case_id, const std::optional<std::string>& stream,
+                          const std::string& policy) {
   check_case_id(case_id);
-  state_->append_and_checkpoint(CaseErasedEntry{case_id, policy});
+  state_->append_and_checkpoint(CaseErasedEntry{case_id, stream, policy});
 }
 
 void ApplianceLog::access(const std::string& case_id, const std::string& what, const std::string& who) {
@@ -199,6 +214,12 @@ ApplianceLog::Head ApplianceLog::head() const {
   const std::lock_guard guard(state_->mutex);
   state_->ledger->catch_up();
   return {state_->ledger->size(), state_->ledger->root()};
+}
+
+ApplianceLog::CaseState ApplianceLog::case_state(const std::string& case_id) const {
+  const std::lock_guard guard(state_->mutex);
+  const auto found = state_->cases.find(case_id);
+  return found == state_->cases.end() ? CaseState::kUnknown : found->second;
 }
 
 void ApplianceLog::checkpoint() {

@@ -59,7 +59,9 @@ class ApplianceLog {
   void case_closed(const std::string& case_id, std::uint64_t size, const crypto::Sha256Digest& root,
                    const std::optional<crypto::Sha256Digest>& final_token);
   void replicated(const std::string& case_id, const std::string& target);
-  void erased(const std::string& case_id, const std::string& policy);
+  /// One stream's segments by retention; without a stream, the whole case.
+  void erased(const std::string& case_id, const std::optional<std::string>& stream,
+              const std::string& policy);
   /// Who decrypted or exported what.
   void access(const std::string& case_id, const std::string& what, const std::string& who);
 
@@ -67,6 +69,9 @@ class ApplianceLog {
   [[nodiscard]] std::uint64_t size() const;
   [[nodiscard]] crypto::Sha256Digest root() const;
   [[nodiscard]] Head head() const;
+  enum class CaseState { kUnknown, kOpened, kClosed };
+  /// What the log says of a case, as this object last saw it.
+  [[nodiscard]] CaseState case_state(const std::string& case_id) const;
   /// Signs the present state into checkpoints/, if no note of that size is there.
   void checkpoint();
 

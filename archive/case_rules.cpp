@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <filesystem>
 #include <utility>
 
 #include "archive/case_layout.h"
@@ -78,7 +79,7 @@ void CaseRules::take(const LedgerLine& line, std::uint64_t number) {
                    recovered_ = true;
                    tokens_.take_recovered();
                    for (auto& [name, its] : streams_) {
-                     its.take_interruption();
+                     its.take_recovered();
                    }
                    findings_->add("recovered", in_ledger(number),
                                   "recording was cut off (" + recovered.after + ") and found again" +
@@ -116,8 +117,9 @@ void CaseRules::check_common(const CaseEntry& entry, std::uint64_t number, const
   }
   last_utc_ = entry.at.utc;
   clock_step_stated_ = false;
-  const bool may_follow_close =
-      std::holds_alternative<TokenEntry>(entry.body) || std::holds_alternative<TokenMissedEntry>(entry.body);
+  const bool may_follow_close = std::holds_alternative<TokenEntry>(entry.body) ||
+                                std::holds_alternative<TokenMissedEntry>(entry.body) ||
+                                std::holds_alternative<ErasedEntry>(entry.body);
   if (close_ && !may_follow_close) {
     findings_->add("entry-after-close", in_ledger(number, line.offset),
                    at_entry(number) + " is a " + std::string(type_of(entry.body)) + " after close in " +
@@ -222,6 +224,17 @@ void CaseRules::judge_missing(const std::vector<FileJob>& missing) {
     findings_->add("file-missing", {job.expected.file, job.entry},
                    job.expected.file + " is not there, which " + at_entry(job.entry) + " names");
   }
+}
+
+bool CaseRules::erased(const std::string& path) const {
+  const std::filesystem::path parts(path);
+  const auto its = streams_.find(parts.parent_path().filename().string());
+  if (its == streams_.end() || !names(path)) {
+    return false;
+  }
+  const std::string name = parts.filename().string();
+  const std::optional<std::uint64_t> index = parse_index(name.substr(0, name.find('.')));
+  return index && its->second.erased(*index);
 }
 
 bool CaseRules::is_folder(const std::string& path) const {

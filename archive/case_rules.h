@@ -50,6 +50,8 @@ class CaseRules {
   [[nodiscard]] const TokenRules& tokens() const { return tokens_; }
   /// Whether an entry names this file.
   [[nodiscard]] bool names(const std::string& file) const { return named_.contains(file); }
+  /// Whether it is a segment's file that an `erased` entry says is gone.
+  [[nodiscard]] bool erased(const std::string& path) const;
   /// Whether format 1 has a folder of this path in this case.
   [[nodiscard]] bool is_folder(const std::string& path) const;
   /// Entry of the last segment that was within the scope.

@@ -7,10 +7,13 @@
 #include <utility>
 
 #include "archive/appliance_log.h"
+#include "archive/case_folder.h"
 #include "archive/case_layout.h"
+#include "archive/checkpoint_rules.h"
 #include "archive/file_system.h"
 #include "archive/ledger.h"
 #include "archive/space_reserve.h"
+#include "archive/token_rules.h"
 #include "crypto/age_file.h"
 #include "crypto/encoding.h"
 #include "crypto/secret.h"
@@ -39,7 +42,7 @@ class NewFolder {
   ~NewFolder() {
     if (!kept_) {
       try {
-        remove_all(path_);
+        remove_tree(files_, path_);
       } catch (const std::exception&) {  // NOLINT(bugprone-empty-catch): the error that led here is the one
                                          // to tell
       }
@@ -57,17 +60,6 @@ class NewFolder {
   void keep() { kept_ = true; }
 
  private:
-  void remove_all(const fs::path& folder) {
-    for (const fs::directory_entry& entry : fs::directory_iterator(folder)) {
-      if (entry.symlink_status().type() == fs::file_type::directory) {
-        remove_all(entry.path());
-      } else {
-        files_.remove(entry.path());
-      }
-    }
-    files_.remove(folder);
-  }
-
   FileSystem& files_;
   fs::path path_;
   fs::path final_path_;
@@ -172,12 +164,13 @@ struct CaseWriter::State {
     StreamTotal total;
   };
 
-  State(FileSystem& the_files, const Options& options)
+  State(FileSystem& the_files, const crypto::SigningKey* the_key, std::string device, ApplianceLog* the_log,
+        const fs::path& archive)
       : files(the_files),
-        key(options.key),
-        device_name(options.device_name),
-        log(options.log),
-        reserve(the_files, reserve_file(options.archive)) {}
+        key(the_key),
+        device_name(std::move(device)),
+        log(the_log),
+        reserve(the_files, reserve_file(archive)) {}
 
   void refuse_unless_writable() const {
     if (!failure.empty()) {
@@ -211,8 +204,15 @@ struct CaseWriter::State {
 
   /// What an entry says must be so before it is written.
   void check_segment(const SegmentEntry& segment, std::map<std::string, std::uint64_t>& last_in_batch);
+  void check_authority(const std::string& authority) const;
   void check_all(const std::vector<CaseEntryBody>& bodies);
   void write_entries(const std::vector<CaseEntryBody>& bodies, Moment now);
+  void enter_token(std::uint64_t checkpoint, const std::string& authority, const crypto::Sha256Digest& sha256,
+                   const TokenEntry& facts, Moment now);
+  /// Keeps count of what is in the ledger, written just now or found there.
+  void account_for(const CaseEntryBody& body);
+  void take_opening(const CaseEntry& entry, const std::string& device);
+  void take_newest_note(std::uint64_t size, const crypto::Sha256Digest& root);
 
   FileSystem& files;
   const crypto::SigningKey* key;
@@ -223,6 +223,7 @@ struct CaseWriter::State {
   fs::path folder;
   std::vector<Stream> streams;
   std::unique_ptr<Ledger> ledger;
+  std::uint64_t torn_bytes = 0;
   std::int64_t last_mono_ns = 0;
   std::optional<StoredCheckpoint> last_checkpoint;
   std::optional<std::int64_t> last_logged_ns;
@@ -240,7 +241,7 @@ CaseWriter::~CaseWriter() = default;
 //
 std::unique_ptr<CaseWriter> CaseWriter::create(FileSystem& files, const Options& options, Moment now) {
   check(options);
-  auto state = std::make_unique<State>(files, options);
+  auto state = std::make_unique<State>(files, options.key, options.device_name, options.log, options.archive);
   state->reserve.fill();
   state->case_id = new_case_id(now.utc);
   state->folder = options.archive / state->case_id;
@@ -273,19 +274,134 @@ std::unique_ptr<CaseWriter> CaseWriter::create(FileSystem& files, const Options&
   state->ledger =
       Ledger::open(files, state->folder / kLedgerFile, Ledger::Sharing::kExclusive, &state->reserve);
   state->last_mono_ns = now.mono_ns;
+  // From here on the log may know the case, even if its own flush fails: it must not vanish.
+  folder.keep();
   if (options.log != nullptr) {
     options.log->case_opened(state->case_id, crypto::sha256(bytes_of(line)));
   }
-  folder.keep();
+  return std::unique_ptr<CaseWriter>(new CaseWriter(std::move(state)));
+}
+
+namespace {
+
+/// Size of the newest note in the folder; 0 if there is none.
+std::uint64_t newest_note(const fs::path& folder) {
+  std::uint64_t newest = 0;
+  for (const fs::directory_entry& file : fs::directory_iterator(folder / kCheckpointsFolder)) {
+    newest = std::max(newest, size_of_note_name(file.path().filename().string()).value_or(0));
+  }
+  return newest;
+}
+
+[[noreturn]] void refuse_damaged(const fs::path& folder, const std::string& what) {
+  throw Error("case " + folder.filename().string() + " is not taken up again, since " + what +
+              ": `kiroku verify " + folder.string() + "` says more");
+}
+
+}  // namespace
+
+void CaseWriter::State::take_opening(const CaseEntry& entry, const std::string& device) {
+  const auto* open = std::get_if<OpenEntry>(&entry.body);
+  if (open == nullptr) {
+    refuse_damaged(folder, "its ledger does not begin with open");
+  }
+  if (open->device != device) {
+    throw UsageError("case " + folder.filename().string() + " was recorded by another device, " +
+                     open->device + ": only that one can bring it to an end");
+  }
+  if (open->case_id != folder.filename().string()) {
+    refuse_damaged(folder, "its ledger is that of case " + open->case_id);
+  }
+  case_id = open->case_id;
+  for (const StreamInfo& info : open->streams) {
+    streams.push_back({info, {}, {}, {}});
+  }
+}
+
+void CaseWriter::State::take_newest_note(std::uint64_t size, const crypto::Sha256Digest& root) {
+  const fs::path file = folder / note_path(size);
+  const FileOpening opening = CaseFolder::open(folder).open_file(note_path(size));
+  const std::optional<std::string> note =
+      opening.file ? read_small(*opening.file, kMaximumNoteBytes) : std::nullopt;
+  if (!note) {
+    refuse_damaged(folder, file.string() + " cannot be read");
+  }
+  const crypto::OpenedNote opened =
+      crypto::open_note(*note, {crypto::VerifierKey(device_name, key->public_key())});
+  const std::optional<crypto::Checkpoint> checkpoint = crypto::Checkpoint::parse(opened.text);
+  if (opened.failure || !checkpoint || checkpoint->origin != case_origin(device_name, case_id) ||
+      checkpoint->size != size || checkpoint->root != root) {
+    refuse_damaged(folder,
+                   "its newest checkpoint, " + file.filename().string() + ", does not fit its ledger");
+  }
+  last_checkpoint = StoredCheckpoint{size, root, *note, file};
+}
+
+std::unique_ptr<CaseWriter> CaseWriter::resume(FileSystem& files, const fs::path& folder,
+                                               const crypto::SigningKey& key, const std::string& device_name,
+                                               ApplianceLog* log,
+                                               const std::function<void(const CaseEntry&)>& visit) {
+  auto state = std::make_unique<State>(files, &key, device_name, log, folder.parent_path());
+  state->folder = folder;
+  const std::uint64_t newest = newest_note(folder);
+  const std::string device = crypto::VerifierKey(device_name, key.public_key()).to_string();
+  crypto::MerkleFrontier tree;
+  std::optional<crypto::Sha256Digest> root;  // that the newest note must state
+  const auto take = [&](std::uint64_t seq, std::string_view line) {
+    const EntryParse parse = parse_case_entry(line);
+    if (!parse.entry || parse.entry->seq != seq) {
+      refuse_damaged(folder, "line " + std::to_string(seq + 1) + " of its ledger is no entry" +
+                                 (parse.problem.empty() ? "" : " (" + parse.problem + ")"));
+    }
+    if (seq == 0) {
+      state->take_opening(*parse.entry, device);
+    }
+    tree.append(crypto::merkle_leaf_hash(bytes_of(line)));
+    if (tree.size() == newest) {
+      root = tree.root();
+    }
+    state->last_mono_ns = std::max(state->last_mono_ns, parse.entry->at.mono_ns);
+    state->account_for(parse.entry->body);
+    visit(*parse.entry);
+  };
+  // Only what stands there already is of interest, not what is appended later.
+  const auto reading = std::make_shared<Ledger::Visitor>(take);
+  state->ledger = Ledger::open(files, folder / kLedgerFile, Ledger::Sharing::kExclusive, &state->reserve,
+                               [reading](std::uint64_t seq, std::string_view line) {
+                                 if (*reading) {
+                                   (*reading)(seq, line);
+                                 }
+                               });
+  *reading = nullptr;
+  state->torn_bytes = state->ledger->torn_bytes();
+  if (state->ledger->size() == 0) {
+    refuse_damaged(folder, "its ledger holds no whole entry");
+  }
+  if (newest > state->ledger->size()) {
+    refuse_damaged(folder, "a checkpoint covers " + std::to_string(newest) + " entries and there are " +
+                               std::to_string(state->ledger->size()));
+  }
+  if (newest > 0) {
+    state->take_newest_note(newest, *root);
+  }
   return std::unique_ptr<CaseWriter>(new CaseWriter(std::move(state)));
 }
 
 const std::string& CaseWriter::case_id() const { return state_->case_id; }
 const fs::path& CaseWriter::folder() const { return state_->folder; }
+std::uint64_t CaseWriter::size() const { return state_->ledger->size(); }
+std::uint64_t CaseWriter::covered() const {
+  return state_->last_checkpoint ? state_->last_checkpoint->size : 0;
+}
+std::uint64_t CaseWriter::torn_bytes() const { return state_->torn_bytes; }
 
 std::unique_ptr<SegmentWriter> CaseWriter::begin_segment(std::size_t stream_index,
                                                          std::uint64_t segment_index) {
   const State::Stream& stream = state_->streams.at(stream_index);
+  if (stream.recipients.empty()) {
+    throw UsageError("case " + state_->case_id +
+                     " was taken up again to be brought to its end: nothing more is recorded in it");
+  }
   const std::string relative = segment_path(stream.info.name, segment_index, stream.info.extension);
   const fs::path path = state_->folder / relative;
   if (fs::exists(fs::symlink_status(path))) {
@@ -325,8 +441,8 @@ void CaseWriter::State::check_all(const std::vector<CaseEntryBody>& bodies) {
   std::map<std::string, std::uint64_t> last_in_batch;
   for (const CaseEntryBody& body : bodies) {
     if (stage == Stage::kClosed && !std::holds_alternative<TokenEntry>(body) &&
-        !std::holds_alternative<TokenMissedEntry>(body)) {
-      throw UsageError("case " + case_id + " is closed: only time-stamps can be added to it");
+        !std::holds_alternative<TokenMissedEntry>(body) && !std::holds_alternative<ErasedEntry>(body)) {
+      throw UsageError("case " + case_id + " is closed: only time-stamps and erasures can be added to it");
     }
     std::visit(Overloaded{[&](const SegmentEntry& segment) { check_segment(segment, last_in_batch); },
                           [&](const GapEntry& gap) { stream(gap.stream); },
@@ -351,14 +467,29 @@ void CaseWriter::State::write_entries(const std::vector<CaseEntryBody>& bodies, 
   });
   last_mono_ns = now.mono_ns;
   for (const CaseEntryBody& body : bodies) {
-    if (const auto* segment = std::get_if<SegmentEntry>(&body)) {
-      Stream& its_stream = stream(segment->stream);
-      its_stream.last_index = segment->index;
-      its_stream.total.segments += 1;
-      its_stream.total.frames += segment->frames;
-      its_stream.total.dropped += segment->dropped;
-      its_stream.total.bytes += segment->file.bytes;
-    }
+    account_for(body);
+  }
+}
+
+void CaseWriter::State::account_for(const CaseEntryBody& body) {
+  if (const auto* segment = std::get_if<SegmentEntry>(&body)) {
+    Stream& its_stream = stream(segment->stream);
+    its_stream.last_index = segment->index;
+    its_stream.total.segments += 1;
+    its_stream.total.frames += segment->frames;
+    its_stream.total.dropped += segment->dropped;
+    its_stream.total.bytes += segment->file.bytes;
+  } else if (const auto* token = std::get_if<TokenEntry>(&body)) {
+    final_token = token->sha256;
+  } else if (std::holds_alternative<CloseEntry>(body)) {
+    stage = Stage::kClosed;
+  }
+}
+
+void CaseWriter::State::check_authority(const std::string& authority) const {
+  if (!is_short_name(authority)) {
+    throw UsageError("an authority cannot be called \"" + authority +
+                     "\": use up to 32 of a-z, 0-9 and '-', not '-' first");
   }
 }
 
@@ -399,35 +530,48 @@ StoredCheckpoint CaseWriter::checkpoint(Moment now, bool log_it) {
   return *state.last_checkpoint;
 }
 
+void CaseWriter::State::enter_token(std::uint64_t checkpoint, const std::string& authority,
+                                    const crypto::Sha256Digest& sha256, const TokenEntry& facts, Moment now) {
+  TokenEntry entry = facts;
+  entry.checkpoint = checkpoint;
+  entry.authority = authority;
+  entry.file = token_path(checkpoint, authority);
+  entry.sha256 = sha256;
+  write_entries({entry}, now);
+}
+
 void CaseWriter::add_token(const StoredCheckpoint& over, const std::string& authority, ByteView response,
                            const TokenEntry& facts, Moment now) {
   State& state = *state_;
   state.refuse_unless_writable();
-  if (!is_short_name(authority)) {
-    throw UsageError("an authority cannot be called \"" + authority +
-                     "\": use up to 32 of a-z, 0-9 and '-', not '-' first");
-  }
-  TokenEntry entry = facts;
-  entry.checkpoint = over.size;
-  entry.authority = authority;
-  entry.file = token_path(over.size, authority);
-  entry.sha256 = crypto::sha256(response);
-  if (fs::exists(fs::symlink_status(state.folder / entry.file))) {
-    throw UsageError("there is a token " + (state.folder / entry.file).string() +
+  state.check_authority(authority);
+  const fs::path file = state.folder / token_path(over.size, authority);
+  if (fs::exists(fs::symlink_status(file))) {
+    throw UsageError("there is a token " + file.string() +
                      " already: one of each authority for a checkpoint");
   }
-  state.durably([&] { state.reserve.write_durably(state.folder / entry.file, response); });
-  state.write_entries({entry}, now);
-  state.final_token = entry.sha256;
+  state.durably([&] { state.reserve.write_durably(file, response); });
+  state.enter_token(over.size, authority, crypto::sha256(response), facts, now);
+}
+
+void CaseWriter::adopt_token(std::uint64_t checkpoint, const std::string& authority, const TokenEntry& facts,
+                             Moment now) {
+  State& state = *state_;
+  state.refuse_unless_writable();
+  state.check_authority(authority);
+  const FileOpening opening = CaseFolder::open(state.folder).open_file(token_path(checkpoint, authority));
+  const std::optional<std::string> response =
+      opening.file ? read_small(*opening.file, kMaximumTokenBytes) : std::nullopt;
+  if (!response) {
+    throw UsageError("there is no token " + token_path(checkpoint, authority) + " in case " + state.case_id);
+  }
+  state.enter_token(checkpoint, authority, crypto::sha256(bytes_of(*response)), facts, now);
 }
 
 void CaseWriter::store_authority_chain(const std::string& authority, const std::vector<Bytes>& chain_der) {
   State& state = *state_;
   state.refuse_unless_writable();
-  if (!is_short_name(authority)) {
-    throw UsageError("an authority cannot be called \"" + authority +
-                     "\": use up to 32 of a-z, 0-9 and '-', not '-' first");
-  }
+  state.check_authority(authority);
   std::string pem;
   for (const Bytes& der : chain_der) {
     pem += pem_of(der);
@@ -445,7 +589,6 @@ void CaseWriter::close(const std::string& reason, Moment now) {
   }
   state_->check_all({close});
   state_->write_entries({close}, now);
-  state_->stage = State::Stage::kClosed;
 }
 
 StoredCheckpoint CaseWriter::finish(Moment now) {
@@ -453,8 +596,11 @@ StoredCheckpoint CaseWriter::finish(Moment now) {
   if (state.stage == State::Stage::kRecording) {
     throw UsageError("case " + state.case_id + " must be closed before it is finished");
   }
-  StoredCheckpoint last = checkpoint(now);
-  if (state.log != nullptr) {
+  // A case that was finished before, and erased from since, is closed in the log already.
+  const bool known =
+      state.log != nullptr && state.log->case_state(state.case_id) == ApplianceLog::CaseState::kClosed;
+  StoredCheckpoint last = checkpoint(now, known);
+  if (state.log != nullptr && !known) {
     state.log->case_closed(state.case_id, last.size, last.root, state.final_token);
   }
   state.stage = State::Stage::kFinished;

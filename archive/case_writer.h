@@ -5,6 +5,7 @@
 
 #include <cstdint>
 #include <filesystem>
+#include <functional>
 #include <memory>
 #include <optional>
 #include <string>
@@ -44,12 +45,30 @@ class CaseWriter {
   };
   /// Makes the folder and writes `open` durably. The folder is made under a hidden name and gets its own when
   /// all of it is on the disk: a case without its `open` entry never exists, not even after a power cut.
-  /// Throws kiroku::Error; nothing is left behind then. `files`, `key` and `log` must outlive the writer.
+  /// Throws kiroku::Error; nothing is left behind then, but for a case that is on the disk when the log
+  /// cannot be written: it is left for recovery, since the log may know it. `files`, `key` and `log` must
+  /// outlive the writer.
   static std::unique_ptr<CaseWriter> create(FileSystem& files, const Options& options, Moment now);
+
+  /// Opens a case that stands on the disk, to bring it to its end (recovery.h) or to erase from it
+  /// (retention.h): entries, tokens and checkpoints can be added as before, segments cannot be begun. A torn
+  /// last line is cut off. `visit` is called with every entry, in order. Of an unfinished case nothing else
+  /// is touched. Throws UsageError if another process is writing it, or if another device recorded it;
+  /// kiroku::Error if the ledger is damaged or its newest checkpoint does not fit it: then it must be
+  /// verified, and not be signed again. `files`, `key` and `log` must outlive the writer.
+  static std::unique_ptr<CaseWriter> resume(FileSystem& files, const std::filesystem::path& folder,
+                                            const crypto::SigningKey& key, const std::string& device_name,
+                                            ApplianceLog* log,
+                                            const std::function<void(const CaseEntry&)>& visit);
   ~CaseWriter();
 
   [[nodiscard]] const std::string& case_id() const;
   [[nodiscard]] const std::filesystem::path& folder() const;
+  /// How many entries there are, and how many of them the newest checkpoint covers.
+  [[nodiscard]] std::uint64_t size() const;
+  [[nodiscard]] std::uint64_t covered() const;
+  /// Bytes of a torn last line that resume() cut off.
+  [[nodiscard]] std::uint64_t torn_bytes() const;
 
   /// A new segment file of stream `stream_index` (position in Options::streams). Thread-safe.
   std::unique_ptr<SegmentWriter> begin_segment(std::size_t stream_index, std::uint64_t segment_index);
@@ -68,9 +87,12 @@ class CaseWriter {
   /// second token of one authority over one checkpoint is refused (UsageError).
   void add_token(const StoredCheckpoint& over, const std::string& authority, ByteView response,
                  const TokenEntry& facts, Moment now);
+  /// Appends the entry of a token whose file is there already: the recorder died in between.
+  void adopt_token(std::uint64_t checkpoint, const std::string& authority, const TokenEntry& facts,
+                   Moment now);
   /// The authority's certificates, a convenience beside the tokens.
   void store_authority_chain(const std::string& authority, const std::vector<Bytes>& chain_der);
-  /// Appends `close`. Only tokens and token-missed may follow.
+  /// Appends `close`. Only tokens, token-missed and erased may follow.
   void close(const std::string& reason, Moment now);
   /// After the closing token: the last checkpoint over its entry, and `case-closed` in the appliance log.
   StoredCheckpoint finish(Moment now);

@@ -222,6 +222,17 @@ void FileSystem::write_durably(const fs::path& file, ByteView bytes) {
   sync_folder(file.parent_path());
 }
 
+void remove_tree(FileSystem& files, const fs::path& folder) {
+  for (const fs::directory_entry& entry : fs::directory_iterator(folder)) {
+    if (entry.symlink_status().type() == fs::file_type::directory) {
+      remove_tree(files, entry.path());
+    } else {
+      files.remove(entry.path());
+    }
+  }
+  files.remove(folder);
+}
+
 FileSystem& real_file_system() {
   static RealFileSystem system;
   return system;

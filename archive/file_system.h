@@ -61,6 +61,9 @@ class FileSystem {
   void write_durably(const std::filesystem::path& file, ByteView bytes);
 };
 
+/// Removes a folder and all below it; symbolic links are removed, never followed. Throws kiroku::IoError.
+void remove_tree(FileSystem& files, const std::filesystem::path& folder);
+
 /// The operating system's.
 FileSystem& real_file_system();
 

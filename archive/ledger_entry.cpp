@@ -19,12 +19,13 @@ constexpr std::size_t kMaximumDepth = 4;  // entry, streams, stream, recipients
 template <typename Value>
 using Names = std::pair<Value, std::string_view>;
 
-constexpr std::array<Names<GapCause>, 6> kGapCauses{{{GapCause::kSignalLost, "signal-lost"},
+constexpr std::array<Names<GapCause>, 7> kGapCauses{{{GapCause::kSignalLost, "signal-lost"},
                                                      {GapCause::kOverload, "overload"},
                                                      {GapCause::kDiskFull, "disk-full"},
                                                      {GapCause::kDeviceRemoved, "device-removed"},
                                                      {GapCause::kFormatChange, "format-change"},
-                                                     {GapCause::kPaused, "paused"}}};
+                                                     {GapCause::kPaused, "paused"},
+                                                     {GapCause::kInterrupted, "interrupted"}}};
 constexpr std::array<std::string_view, 4> kKinds{"video", "audio", "vitals", "events"};
 constexpr std::array<std::string_view, 2> kTimings{"arrival", "source"};
 constexpr std::array<std::string_view, 2> kRecoveryReasons{"power-loss", "crash"};
@@ -156,6 +157,13 @@ SegmentEntry read_segment(JsonFields& fields) {
   segment.index = fields.count("index");
   segment.file = read_file(fields);
   segment.span = read_span(fields);
+  segment.complete = fields.flag("complete");
+  // All that only the recorder knew is there, or nothing of it.
+  segment.counted = fields.has("first_pts") || fields.has("time_base") || fields.has("frames") ||
+                    fields.has("samples") || fields.has("dropped");
+  if (!segment.counted) {
+    return segment;
+  }
   segment.first_pts = fields.integer("first_pts");
   segment.time_base = fields.text("time_base");
   if (!fields.failed() && !is_time_base(segment.time_base)) {
@@ -164,7 +172,6 @@ SegmentEntry read_segment(JsonFields& fields) {
   segment.counts_samples = fields.has("samples");
   segment.frames = fields.count(segment.counts_samples ? "samples" : "frames");
   segment.dropped = fields.count("dropped");
-  segment.complete = fields.flag("complete");
   return segment;
 }
 
@@ -338,11 +345,13 @@ void write(JsonWriter& line, const SegmentEntry& segment) {
   line.text("stream", segment.stream).count("index", segment.index);
   write_file(line, segment.file);
   write_span(line, segment.span);
-  line.integer("first_pts", segment.first_pts)
-      .text("time_base", segment.time_base)
-      .count(segment.counts_samples ? "samples" : "frames", segment.frames)
-      .count("dropped", segment.dropped)
-      .flag("complete", segment.complete);
+  if (segment.counted) {
+    line.integer("first_pts", segment.first_pts)
+        .text("time_base", segment.time_base)
+        .count(segment.counts_samples ? "samples" : "frames", segment.frames)
+        .count("dropped", segment.dropped);
+  }
+  line.flag("complete", segment.complete);
 }
 
 void write(JsonWriter& line, const GapEntry& gap) {

@@ -10,7 +10,9 @@
 //                 purpose, recipients [text…], timing}], subject {file, bytes, sha256} (optional), plan
 //                 (optional), appliance_log {size, root}
 //   segment       stream, index, file, bytes, sha256, start_ns, end_ns, first_pts, time_base, frames or
-//                 samples (exactly one), dropped, complete
+//                 samples (exactly one), dropped, complete. Of a segment that recovery found, which nobody
+//                 without a key can look into, first_pts, time_base, frames or samples, and dropped are all
+//                 left out, and start_ns and end_ns are estimates
 //   gap           stream, start_ns, end_ns, cause
 //   clock         synchronised, offset_ns, error_ns, step_ns
 //   token         checkpoint, authority, file, sha256, gen_time, accuracy_ns, serial
@@ -104,9 +106,20 @@ struct SegmentEntry {
   std::uint64_t dropped = 0;
   bool counts_samples = false;  // written as `samples` instead of `frames`
   bool complete = true;
+  /// False for what recovery found: only the recorder that died knew how many frames there are. Then
+  /// first_pts, time_base, frames and dropped are empty and not written, and `span` is an estimate.
+  bool counted = true;
 };
 
-enum class GapCause { kSignalLost, kOverload, kDiskFull, kDeviceRemoved, kFormatChange, kPaused };
+enum class GapCause {
+  kSignalLost,
+  kOverload,
+  kDiskFull,
+  kDeviceRemoved,
+  kFormatChange,
+  kPaused,
+  kInterrupted
+};
 std::string_view gap_cause_name(GapCause cause);  // "signal-lost"
 struct GapEntry {
   std::string stream;
@@ -149,7 +162,7 @@ struct StreamTotal {
   std::uint64_t segments = 0, frames = 0, dropped = 0, bytes = 0;
 };
 struct CloseEntry {
-  std::string reason;  // "operator", "duration", "sources-ended", "disk-full", "error: …"
+  std::string reason;  // "operator", "duration", "sources-ended", "disk-full", "recovered", "error: …"
   std::map<std::string, StreamTotal> totals;
 };
 

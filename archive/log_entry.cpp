@@ -43,7 +43,11 @@ void write(JsonWriter& line, const ReplicatedEntry& entry) {
   line.text("case", entry.case_id).text("target", entry.target);
 }
 void write(JsonWriter& line, const CaseErasedEntry& entry) {
-  line.text("case", entry.case_id).text("policy", entry.policy);
+  line.text("case", entry.case_id);
+  if (entry.stream) {
+    line.text("stream", *entry.stream);
+  }
+  line.text("policy", entry.policy);
 }
 void write(JsonWriter& line, const AccessEntry& entry) {
   line.text("case", entry.case_id).text("what", entry.what).text("who", entry.who);
@@ -91,6 +95,9 @@ void read(JsonFields& fields, ReplicatedEntry& entry) {
 }
 void read(JsonFields& fields, CaseErasedEntry& entry) {
   entry.case_id = read_case_id(fields);
+  if (fields.has("stream")) {
+    entry.stream = fields.text("stream");
+  }
   entry.policy = fields.text("policy");
 }
 void read(JsonFields& fields, AccessEntry& entry) {

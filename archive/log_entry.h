@@ -11,9 +11,11 @@
 //   case-opened          case, sha256 (of the bytes of the case's first line, without LF)
 //   case-checkpoint      case, size, root
 //   case-closed          case, size, root, final_token (SHA-256 of the closing token's file; absent if none
-//   came) replicated           case, target erased               case, policy access               case (as
-//   it was asked for), what, who recovered            truncated (bytes of a torn last line that were cut off
-//   before this entry)
+//                        came)
+//   replicated           case, target
+//   erased               case, stream (absent: the whole case), policy
+//   access               case (as it was asked for), what, who
+//   recovered            truncated (bytes of a torn last line that were cut off before this entry)
 #pragma once
 
 #include <cstdint>
@@ -59,7 +61,9 @@ struct ReplicatedEntry {
   std::string case_id, target;
 };
 struct CaseErasedEntry {
-  std::string case_id, policy;
+  std::string case_id;
+  std::optional<std::string> stream;  // nothing: the whole case
+  std::string policy;
 };
 struct AccessEntry {
   std::string case_id, what, who;

@@ -128,7 +128,12 @@ void LogWalk::take(const LedgerLine& line, std::uint64_t number) {
                           contents_.cases[closed.case_id].closed = root;
                           contents_.cases[closed.case_id].final_token = closed.final_token;
                         },
-                        [&](const CaseErasedEntry& erased) { contents_.cases[erased.case_id].erased = true; },
+                        [&](const CaseErasedEntry& erased) {
+                          // Of one stream's segments only: the rest of the case must still be there.
+                          if (!erased.stream) {
+                            contents_.cases[erased.case_id].erased = true;
+                          }
+                        },
                         [](const auto&) {}},
              entry.body);
 }

@@ -1,13 +1,11 @@
 #include "archive/segment_writer.h"
 
 #include <atomic>
-#include <cerrno>
-#include <fstream>
 #include <utility>
-#include <vector>
 
 #include "archive/case_layout.h"
 #include "archive/file_system.h"
+#include "archive/found_files.h"
 #include "crypto/age_file.h"
 #include "crypto/hash.h"
 
@@ -18,33 +16,10 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr std::uint64_t kWritebackBytes = 8U << 20U;
-constexpr std::size_t kReadBytes = 1U << 20U;
 
 fs::path part_of(fs::path file) {
   file += kPartSuffix;
   return file;
-}
-
-/// Size and hash of what really stands in a file.
-FileReference measure(const fs::path& file) {
-  std::ifstream input(file, std::ios::binary);
-  if (!input) {
-    throw IoError("read back", file, errno);
-  }
-  FileReference reference;
-  crypto::Sha256 hash;
-  std::vector<char> buffer(kReadBytes);
-  while (input) {
-    input.read(buffer.data(), static_cast<std::streamsize>(buffer.size()));
-    const std::string_view piece(buffer.data(), static_cast<std::size_t>(input.gcount()));
-    hash.update(bytes_of(piece));
-    reference.bytes += piece.size();
-  }
-  if (input.bad()) {
-    throw IoError("read back", file, EIO);
-  }
-  reference.sha256 = hash.finish();
-  return reference;
 }
 
 }  // namespace
@@ -180,7 +155,7 @@ std::optional<FileReference> SegmentWriter::salvage() {
     throw Error(state.part.string() + " cannot be salvaged: it was flushed in vain or is done with");
   }
   state.stage = State::Stage::kDone;
-  FileReference reference = measure(state.part);
+  FileReference reference = measure_file(state.part);
   if (reference.bytes <= state.header_bytes) {
     state.file.reset();
     state.files.remove(state.part);

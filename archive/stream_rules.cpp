@@ -1,6 +1,7 @@
 #include "archive/stream_rules.h"
 
 #include <algorithm>
+#include <filesystem>
 #include <utility>
 
 #include "archive/case_layout.h"
@@ -73,6 +74,16 @@ bool StreamRules::take(const SegmentEntry& segment, std::uint64_t entry) {
     }
   }
   interrupted_ = false;
+  if (!segment.counted && recovered_) {
+    findings_->add("segment-uncounted", place,
+                   segment.file.file +
+                       " was found after recording was cut off: its times are estimates, and "
+                       "only its recipients can count what is in it");
+  } else if (!segment.counted) {
+    findings_->add("segment-uncounted-unexplained", place,
+                   "entry " + digits(entry) + " does not state what " + segment.file.file +
+                       " holds, although recording was not cut off before it");
+  }
 
   if (report_.segments == 0) {
     report_.span.start_ns = segment.span.start_ns;
@@ -119,14 +130,20 @@ void StreamRules::take(const GapEntry& gap, std::uint64_t entry) {
 
 void StreamRules::take(const ErasedEntry& erased, std::uint64_t entry) {
   findings_->add("segments-erased", {std::string(kLedgerFile), entry},
-                 "segments " + digits(erased.first_index) + " to " + digits(erased.last_index) + " of " +
-                     report_.info.name + " were erased (" + erased.policy + ")");
+                 digits(erased.last_index - erased.first_index + 1) + " segments of " + report_.info.name +
+                     " (" + digits(erased.first_index) + " to " + digits(erased.last_index) +
+                     ") were erased by policy: " + erased.policy);
   erased_.push_back(erased);
 }
 
 void StreamRules::take_interruption() {
   cut_.reset();
   interrupted_ = true;
+}
+
+void StreamRules::take_recovered() {
+  recovered_ = true;
+  take_interruption();
 }
 
 void StreamRules::check_totals(const StreamTotal* stated, std::uint64_t entry) {
@@ -181,6 +198,19 @@ bool StreamRules::erased(std::uint64_t index) const {
 
 std::string StreamRules::next_file() const {
   return segment_path(report_.info.name, next_index_.value_or(0), report_.info.extension);
+}
+
+bool StreamRules::may_leave_part(const std::string& path) const {
+  const bool ends_with_gap = std::any_of(gaps_.begin(), gaps_.end(),
+                                         [&](const Span& gap) { return gap.end_ns > end_ns_.value_or(-1); });
+  if (!ends_with_gap || !path.ends_with(kPartSuffix)) {
+    return false;
+  }
+  const std::string whole = path.substr(0, path.size() - kPartSuffix.size());
+  const std::string number = std::filesystem::path(whole).filename().string();
+  const std::optional<std::uint64_t> index = parse_index(number.substr(0, number.find('.')));
+  return index && *index >= next_index_.value_or(0) &&
+         whole == segment_path(report_.info.name, *index, report_.info.extension);
 }
 
 bool StreamRules::reaches_over(std::int64_t from_ns, std::int64_t to_ns, bool ends) const {

@@ -6,6 +6,7 @@
 //   entries of the stream (before or after it in the ledger) must cover the time between; it never begins
 //   earlier. Before the first segment and after the last nothing is demanded: sources begin and end when they
 //   do.
+// - A segment without counts is one that recovery found: a `recovered` stands before it.
 // - An incomplete segment is explained by `recovered`, `close` or a `gap` of its stream between the segments
 //   around it.
 #pragma once
@@ -35,6 +36,8 @@ class StreamRules {
   void take(const ErasedEntry& erased, std::uint64_t entry);
   /// `recovered` or `close`, which explain an incomplete segment.
   void take_interruption();
+  /// `recovered`, after which segments may stand that nobody could count.
+  void take_recovered();
   /// Totals of `close` against what was seen; not for excerpts.
   void check_totals(const StreamTotal* stated, std::uint64_t entry);
   void finish();
@@ -44,6 +47,9 @@ class StreamRules {
   [[nodiscard]] bool erased(std::uint64_t index) const;
   /// The file name of the segment that comes next, complete.
   [[nodiscard]] std::string next_file() const;
+  /// Whether the file may be what is left of a segment that could not be made durable: a part that no entry
+  /// names, of an index that comes next or later, of a stream whose last word is a gap.
+  [[nodiscard]] bool may_leave_part(const std::string& path) const;
   /// Whether segments and gaps reach over [from_ns, to_ns), as far as the stream goes: `begins` and `ends`
   /// say that nothing of the stream lies before or after what was seen.
   [[nodiscard]] bool reaches_over(std::int64_t from_ns, std::int64_t to_ns, bool ends) const;
@@ -72,6 +78,7 @@ class StreamRules {
   };
   std::optional<Cut> cut_;    // an incomplete segment that nothing has explained yet
   bool interrupted_ = false;  // since the last segment
+  bool recovered_ = false;
   std::optional<std::uint64_t> first_dropped_entry_;
 };
 

@@ -30,7 +30,7 @@ class TokenRules {
   /// The token entry at `entry`, written at `mono_ns` of the case clock.
   void take(const TokenEntry& token, std::uint64_t entry, std::int64_t mono_ns);
   void take_missed(const TokenMissedEntry& missed, std::uint64_t entry);
-  /// The case clock went over a crash by the wall clock: elapsed times across it prove nothing.
+  /// Across a crash the case clock is carried on by the wall clock: elapsed times across it prove nothing.
   void take_recovered();
   void take_close(std::uint64_t entry) { close_ = entry; }
   /// After the last entry. An excerpt may leave out the token over close.

@@ -148,6 +148,9 @@ class CaseVerification {
       if (!rules_.close_entry() && path == stream.next_file()) {
         return NameJudgement::kSegmentNotEntered;
       }
+      if (stream.may_leave_part(path)) {
+        return NameJudgement::kPart;
+      }
     }
     if (!rules_.close_entry() || rules_.recovered()) {
       if (path.ends_with(kPartSuffix)) {
@@ -162,6 +165,12 @@ class CaseVerification {
 
   void judge_names() {
     check_folder_names(listing_, findings_, [&](const ListedFile& file) { return judge_name(file); });
+    for (const ListedFile& file : listing_) {
+      if (file.kind == ListedFile::Kind::kRegular && rules_.erased(file.path)) {
+        findings_.add("erased-file-present", {file.path},
+                      file.path + " is still there, although it was erased by policy");
+      }
+    }
     if (rules_.opening() && std::filesystem::absolute(folder_.path()).lexically_normal().filename() !=
                                 rules_.opening()->case_id) {
       findings_.add("folder-name-differs", {}, "the folder is not called " + rules_.opening()->case_id);

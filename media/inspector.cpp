@@ -134,7 +134,7 @@ std::optional<std::string> inspect(const archive::StreamInfo& stream, const arch
     const bool lines = stream.media == "application/jsonl";
     const std::uint64_t counted =
         lines ? count_lines(stream, entry, segment) : count_frames(stream, entry, segment);
-    if (entry.complete && counted != entry.frames) {
+    if (entry.complete && entry.counted && counted != entry.frames) {
       const std::string what = stream.kind == "vitals" ? " samples" : lines ? " lines" : " frames";
       return entry.file.file + " holds " + std::to_string(counted) + what + ", the ledger states " +
              std::to_string(entry.frames);

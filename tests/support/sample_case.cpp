@@ -4,8 +4,6 @@
 #include <stdexcept>
 #include <utility>
 
-#include "archive/appliance_log.h"
-#include "archive/file_system.h"
 #include "timestamp/request.h"
 #include "timestamp/token.h"
 
@@ -50,6 +48,11 @@ SampleArchive::SampleArchive()
 
 crypto::VerifierKey SampleArchive::device() const { return {kDeviceName, key_.public_key()}; }
 
+void SampleArchive::clear() const {
+  std::filesystem::remove_all(folder());
+  std::filesystem::create_directory(folder());
+}
+
 // The authority's certificates are made now; its clock, and so the case, follows them.
 UtcTime SampleArchive::opened_at() {
   static const UtcTime kOpened =
@@ -92,9 +95,8 @@ archive::TokenEntry SampleArchive::facts_of(ByteView response) {
   return facts;
 }
 
-SampleCase::SampleCase(SampleArchive& archive, bool log) : archive_(&archive) {
+SampleCase::SampleCase(SampleArchive& archive, bool log, archive::FileSystem& files) : archive_(&archive) {
   archive.now_ns = 0;
-  archive::FileSystem& files = archive::real_file_system();
   if (log) {
     log_ =
         archive::ApplianceLog::open(files, archive.log_folder(), archive.key(), SampleArchive::kDeviceName);

@@ -11,7 +11,9 @@
 #include <optional>
 #include <string>
 
+#include "archive/appliance_log.h"
 #include "archive/case_writer.h"
+#include "archive/file_system.h"
 #include "archive/verifier.h"
 #include "crypto/signing_key.h"
 #include "tests/support/temporary_folder.h"
@@ -26,6 +28,8 @@ class SampleArchive {
   SampleArchive();
   [[nodiscard]] std::filesystem::path folder() const { return temporary_ / "archive"; }
   [[nodiscard]] std::filesystem::path log_folder() const { return folder() / "log"; }
+  /// An empty archive again; keys, recipients and authority stay.
+  void clear() const;
   [[nodiscard]] const crypto::SigningKey& key() const { return key_; }
   [[nodiscard]] crypto::VerifierKey device() const;
   [[nodiscard]] const crypto::AgeRecipients& recipients() const { return recipients_; }
@@ -59,8 +63,9 @@ class SampleArchive {
 /// Steps of writing a case, so that a test can stop or go astray between them.
 class SampleCase {
  public:
-  /// `log` makes the archive's appliance log take part.
-  explicit SampleCase(SampleArchive& archive, bool log = true);
+  /// `log` makes the archive's appliance log take part. `files` must outlive the object.
+  explicit SampleCase(SampleArchive& archive, bool log = true,
+                      archive::FileSystem& files = archive::real_file_system());
   ~SampleCase();
 
   /// The whole story: record(), close(), finish().
@@ -76,6 +81,7 @@ class SampleCase {
   void close();
 
   archive::CaseWriter& writer() { return *writer_; }
+  archive::ApplianceLog* log() { return log_.get(); }
   [[nodiscard]] const std::filesystem::path& folder() const { return writer_->folder(); }
 
  private:

@@ -90,7 +90,7 @@ TEST_F(ApplianceLogTest, CarriesWhatItIsTold) {
   log->case_checkpoint(kCase, 5, some_digest());
   log->case_closed(kCase, 9, some_digest(), some_digest());
   log->replicated(kCase, "s3://bucket");
-  log->erased(kCase, "10 years");
+  log->erased(kCase, std::nullopt, "10 years");
   log->access(kCase, "what", "who");
   log->shutdown();
   EXPECT_THAT(types(),

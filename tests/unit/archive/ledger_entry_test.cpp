@@ -70,6 +70,21 @@ TEST(LedgerEntry, WritesSegment) {
           R"(","start_ns":4000,"end_ns":6000,"first_pts":-90,"time_base":"1/90000","frames":50,"dropped":1,"complete":true})");
 }
 
+TEST(LedgerEntry, WritesNothingOfASegmentThatNobodyCounted) {
+  SegmentEntry found = segment();
+  found.counted = false;
+  found.complete = false;
+  const std::string line =
+      "{\"type\":\"segment\"," + kHead +
+      R"(,"stream":"endoscope","index":2,"file":"segments/endoscope/00000002.ts.age","bytes":1234,"sha256":")" +
+      kDigestHex + R"(","start_ns":4000,"end_ns":6000,"complete":false})";
+  EXPECT_EQ(line_of(found), line);
+  // Half of what only the recorder knew is no statement.
+  std::string half = line;
+  half.insert(half.find(R"("complete")"), R"("frames":50,)");
+  EXPECT_FALSE(parse_case_entry(half).entry);
+}
+
 TEST(LedgerEntry, WritesTheOthers) {
   EXPECT_EQ(
       line_of(GapEntry{"room", {1, 2}, GapCause::kDeviceRemoved}),
@@ -106,9 +121,17 @@ TEST(LedgerEntry, EveryEntryComesBackAsItWas) {
   SegmentEntry samples = segment();
   samples.counts_samples = true;
   samples.complete = false;
+  SegmentEntry found;
+  found.stream = "room";
+  found.index = 7;
+  found.file = {"segments/room/00000007.ts.age.part", 12, kDigest};
+  found.span = {1, 2};
+  found.complete = false;
+  found.counted = false;
   const std::vector<CaseEntryBody> bodies{full,
                                           samples,
                                           segment(),
+                                          found,
                                           GapEntry{"room", {1, 2}, GapCause::kPaused},
                                           ClockEntry{false, 1, 2, -3},
                                           TokenEntry{2, "swiss", "f", kDigest, kMoment.utc, 0, "ff"},

@@ -48,7 +48,9 @@ std::vector<Example> examples() {
       {CaseClosedEntry{id, 9, some_digest(), {}},
        head_of("case-closed") + with_case + ",\"size\":9,\"root\":\"" + hex + "\"}"},
       {ReplicatedEntry{id, "s3://x"}, head_of("replicated") + with_case + R"(,"target":"s3://x"})"},
-      {CaseErasedEntry{id, "10 years"}, head_of("erased") + with_case + R"(,"policy":"10 years"})"},
+      {CaseErasedEntry{id, {}, "10 years"}, head_of("erased") + with_case + R"(,"policy":"10 years"})"},
+      {CaseErasedEntry{id, "room", "30 days"},
+       head_of("erased") + with_case + R"(,"stream":"room","policy":"30 days"})"},
       {AccessEntry{"a/folder", "export room", "Dr. Sato"},
        head_of("access") + R"(,"case":"a/folder","what":"export room","who":"Dr. Sato"})"},
       {LogRecoveredEntry{17}, head_of("recovered") + R"(,"truncated":17})"},
@@ -74,7 +76,7 @@ TEST(LogEntry, IsReadBackToTheSameLine) {
 
 TEST(LogEntry, RefusesALineFromWhichAnyMemberIsMissing) {
   for (const Example& example : examples()) {
-    // Cut each member out in turn; `final_token` alone may be absent.
+    // Cut each member out in turn; `final_token`, and an erased stream, may be absent.
     std::size_t start = 1;
     while (start < example.line.size() - 1) {
       const bool last = example.line.find(",\"", start) == std::string::npos;
@@ -85,7 +87,8 @@ TEST(LogEntry, RefusesALineFromWhichAnyMemberIsMissing) {
       } else {
         cut.erase(start, end - start + 1);
       }
-      if (example.line.compare(start, 13, "\"final_token\"") != 0) {
+      if (example.line.compare(start, 13, "\"final_token\"") != 0 &&
+          example.line.compare(start, 8, "\"stream\"") != 0) {
         EXPECT_FALSE(parse_log_entry(cut).entry) << cut;
       }
       start = end + 1;

@@ -1,0 +1,142 @@
+#include "archive/found_files.h"
+
+#include <algorithm>
+#include <cerrno>
+#include <chrono>
+#include <fcntl.h>
+#include <fstream>
+#include <string>
+#include <sys/stat.h>
+#include <tuple>
+#include <unistd.h>
+
+#include "archive/age_layout.h"
+#include "archive/case_folder.h"
+#include "archive/file_system.h"
+#include "base/error.h"
+#include "crypto/hash.h"
+
+namespace kiroku::archive {
+
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr std::size_t kReadBytes = 1U << 20U;
+
+UtcTime last_change_of(const fs::path& file) {
+  struct stat status {};
+  if (::lstat(file.c_str(), &status) != 0) {
+    throw IoError("examine", file, errno);
+  }
+  return UtcTime(std::chrono::seconds(status.st_mtim.tv_sec) +
+                 std::chrono::microseconds(status.st_mtim.tv_nsec / 1'000));
+}
+
+/// Regular files of a folder; none if it is not there.
+std::vector<fs::path> regular_files(const fs::path& folder) {
+  std::vector<fs::path> files;
+  if (!fs::is_directory(folder)) {
+    return files;
+  }
+  for (const fs::directory_entry& entry : fs::directory_iterator(folder)) {
+    if (entry.symlink_status().type() == fs::file_type::regular) {
+      files.push_back(entry.path());
+    }
+  }
+  return files;
+}
+
+/// Clean pages of the file leave the cache. A hint: where it is not taken, nothing is worse than before.
+void forget_cached(const fs::path& file) {
+  const int descriptor = ::open(file.c_str(), O_RDONLY | O_CLOEXEC | O_NOFOLLOW);
+  if (descriptor >= 0) {
+    ::posix_fadvise(descriptor, 0, 0, POSIX_FADV_DONTNEED);
+    ::close(descriptor);
+  }
+}
+
+}  // namespace
+
+std::vector<FoundSegment> found_segments(const fs::path& case_folder, const StreamInfo& stream,
+                                         std::uint64_t first_index) {
+  std::vector<FoundSegment> found;
+  for (const fs::path& file : regular_files(case_folder / kSegmentsFolder / stream.name)) {
+    const std::string name = file.filename().string();
+    const std::optional<std::uint64_t> index = parse_index(name.substr(0, name.find('.')));
+    if (!index || *index < first_index) {
+      continue;
+    }
+    const std::string whole =
+        fs::path(segment_path(stream.name, *index, stream.extension)).filename().string();
+    if (name == whole || name == whole + std::string(kPartSuffix)) {
+      found.push_back({*index, name == whole, file, last_change_of(file)});
+    }
+  }
+  std::sort(found.begin(), found.end(), [](const FoundSegment& a, const FoundSegment& b) {
+    return std::make_tuple(a.index, !a.complete) < std::make_tuple(b.index, !b.complete);
+  });
+  return found;
+}
+
+std::vector<TokenName> found_tokens(const fs::path& case_folder) {
+  std::vector<TokenName> found;
+  for (const fs::path& file : regular_files(case_folder / kTokensFolder)) {
+    if (const std::optional<TokenName> name = parse_token_name(file.filename().string())) {
+      found.push_back(*name);
+    }
+  }
+  std::sort(found.begin(), found.end(), [](const TokenName& a, const TokenName& b) {
+    return std::tie(a.size, a.authority) < std::tie(b.size, b.authority);
+  });
+  return found;
+}
+
+bool holds_a_chunk(const fs::path& part) {
+  const FileOpening opening = CaseFolder::open(part.parent_path()).open_file(part.filename().string());
+  if (!opening.file) {
+    throw Error("cannot read " + part.string() + ": it " + opening.explanation);
+  }
+  const std::optional<std::uint64_t> header = age_header_bytes(*opening.file);
+  return header && opening.file->size() > *header + kAgeNonceBytes;
+}
+
+FileReference measure_file(const fs::path& file) {
+  std::ifstream input(file, std::ios::binary);
+  if (!input) {
+    throw IoError("read back", file, errno);
+  }
+  FileReference reference;
+  crypto::Sha256 hash;
+  std::vector<char> buffer(kReadBytes);
+  while (input) {
+    input.read(buffer.data(), static_cast<std::streamsize>(buffer.size()));
+    const std::string_view piece(buffer.data(), static_cast<std::size_t>(input.gcount()));
+    hash.update(bytes_of(piece));
+    reference.bytes += piece.size();
+  }
+  if (input.bad()) {
+    throw IoError("read back", file, EIO);
+  }
+  reference.sha256 = hash.finish();
+  return reference;
+}
+
+FileReference make_durable(FileSystem& files, const fs::path& file) {
+  files.append_to(file)->sync_all();
+  files.sync_folder(file.parent_path());
+  forget_cached(file);
+  return measure_file(file);
+}
+
+void remove_unfinished_files(FileSystem& files, const fs::path& case_folder) {
+  for (const std::string_view folder : {kCheckpointsFolder, kTokensFolder, kAuthoritiesFolder}) {
+    for (const fs::path& file : regular_files(case_folder / folder)) {
+      if (file.extension() == kPartSuffix) {
+        files.remove(file);
+      }
+    }
+  }
+}
+
+}  // namespace kiroku::archive

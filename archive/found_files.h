@@ -1,0 +1,40 @@
+// What a recorder that died left in a case's folder without an entry in its ledger. Symbolic links and
+// special files are never among it. Functions; thread-safe for different cases.
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <vector>
+
+#include "archive/case_layout.h"
+#include "archive/ledger_entry.h"
+
+namespace kiroku::archive {
+
+class FileSystem;
+
+struct FoundSegment {
+  std::uint64_t index = 0;
+  bool complete = false;  // it has its final name, so it was sealed to its end and durable
+  std::filesystem::path path;
+  UtcTime last_change;  // of the file's contents, by the wall clock
+};
+/// Segment files of the stream from `first_index` on, in order; those with a final name before parts.
+std::vector<FoundSegment> found_segments(const std::filesystem::path& case_folder, const StreamInfo& stream,
+                                         std::uint64_t first_index);
+/// All token files, by checkpoint, then authority.
+std::vector<TokenName> found_tokens(const std::filesystem::path& case_folder);
+
+/// Whether a part holds more than an age header. Throws kiroku::IoError.
+bool holds_a_chunk(const std::filesystem::path& part);
+/// Flushes a file and its folder, and measures what the disk then gives back, past the page cache: after a
+/// flush that failed unseen, the cache may hold what the disk does not. `file` of the result is empty. Throws
+/// kiroku::IoError.
+FileReference make_durable(FileSystem& files, const std::filesystem::path& file);
+/// Size and SHA-256 of a file; `file` of the result is empty. Throws kiroku::IoError.
+FileReference measure_file(const std::filesystem::path& file);
+/// Removes what was not written to its end of checkpoints, tokens and certificates: nothing names it, and
+/// all of it can be made anew. Throws kiroku::IoError.
+void remove_unfinished_files(FileSystem& files, const std::filesystem::path& case_folder);
+
+}  // namespace kiroku::archive

@@ -1,0 +1,391 @@
+#include "archive/recovery.h"
+
+#include <algorithm>
+#include <optional>
+#include <set>
+#include <utility>
+
+#include "archive/appliance_log.h"
+#include "archive/case_folder.h"
+#include "archive/case_layout.h"
+#include "archive/checkpoint_rules.h"
+#include "archive/file_system.h"
+#include "archive/found_files.h"
+#include "archive/ledger_tail.h"
+#include "archive/retention.h"
+#include "archive/token_rules.h"
+#include "timestamp/token.h"
+
+namespace kiroku::archive {
+
+namespace {
+
+namespace fs = std::filesystem;
+using std::chrono::nanoseconds;
+
+constexpr std::string_view kHiddenPrefix = ".new-";
+/// A segment lasts no longer (docs/format.md, "Layout").
+constexpr std::int64_t kLongestSegmentNs = 10'000'000'000;
+/// How far the wall clock may carry the case clock over a crash; beyond that it was probably set wrong, and
+/// integers of the format end at 104 days.
+constexpr nanoseconds kLongestBridge = std::chrono::hours(24 * 30);
+
+std::int64_t ns_between(UtcTime earlier, UtcTime later) {
+  return std::chrono::duration_cast<nanoseconds>(later - earlier).count();
+}
+
+std::string count_of(std::uint64_t number, const std::string& one, const std::string& many) {
+  return std::to_string(number) + " " + (number == 1 ? one : many);
+}
+
+/// What the ledger says of one stream.
+struct StreamStanding {
+  StreamInfo info;
+  std::uint64_t next_index = 0;
+  std::int64_t end_ns = 0;  // of the last segment
+  std::vector<Span> gaps;
+  bool interruption_stated = false;  // by an earlier recovery, and nothing was entered since
+
+  /// Until when segments, and gaps that join on to them, account for the stream.
+  [[nodiscard]] std::int64_t accounted_until() const {
+    std::int64_t until = end_ns;
+    for (const Span& gap : gaps) {
+      if (gap.start_ns <= until && gap.end_ns > until) {
+        until = gap.end_ns;
+      }
+    }
+    return until;
+  }
+};
+
+/// What the ledger of a case says, gathered while it is read.
+struct Standing {
+  std::vector<StreamStanding> streams;
+  std::string boot_id;  // of the machine when it was last written
+  Moment last;          // of the last entry
+  std::optional<std::uint64_t> close;
+  std::uint64_t newest_stamped = 0;  // largest checkpoint with a token
+  bool missed_after_close = false;
+  std::set<std::pair<std::uint64_t, std::string>> tokens;
+  std::vector<ErasedEntry> erased;
+  crypto::Sha256Digest opening_line{};
+
+  void take(const CaseEntry& entry) {
+    last = entry.at;
+    if (const auto* open = std::get_if<OpenEntry>(&entry.body)) {
+      boot_id = open->boot_id;
+      for (const StreamInfo& info : open->streams) {
+        streams.push_back({info, 0, 0, {}, false});
+      }
+      opening_line = crypto::sha256(bytes_of(to_line(entry)));
+    } else if (const auto* segment = std::get_if<SegmentEntry>(&entry.body)) {
+      StreamStanding& stream = of(segment->stream);
+      stream.next_index = segment->index + 1;
+      stream.end_ns = std::max(stream.end_ns, segment->span.end_ns);
+      stream.interruption_stated = false;
+    } else if (const auto* gap = std::get_if<GapEntry>(&entry.body)) {
+      StreamStanding& stream = of(gap->stream);
+      stream.gaps.push_back(gap->span);
+      stream.interruption_stated = gap->cause == GapCause::kInterrupted;
+    } else if (const auto* token = std::get_if<TokenEntry>(&entry.body)) {
+      tokens.emplace(token->checkpoint, token->authority);
+      newest_stamped = std::max(newest_stamped, token->checkpoint);
+    } else if (std::holds_alternative<TokenMissedEntry>(entry.body)) {
+      missed_after_close = missed_after_close || close;
+    } else if (const auto* gone = std::get_if<ErasedEntry>(&entry.body)) {
+      erased.push_back(*gone);
+    } else if (const auto* recovered = std::get_if<RecoveredEntry>(&entry.body)) {
+      boot_id = recovered->boot_id;
+    } else if (std::holds_alternative<CloseEntry>(entry.body)) {
+      close = entry.seq;
+    }
+  }
+
+  StreamStanding& of(const std::string& name) {
+    const auto found = std::find_if(streams.begin(), streams.end(),
+                                    [&](const StreamStanding& each) { return each.info.name == name; });
+    if (found == streams.end()) {
+      throw Error("its ledger has an entry of a stream \"" + name + "\" that open does not name");
+    }
+    return *found;
+  }
+};
+
+/// The facts of a token that lies in the folder without an entry; nothing if it is not over that checkpoint's
+/// note.
+std::optional<TokenEntry> facts_of(const CaseFolder& folder, const TokenName& name) {
+  const FileOpening token = folder.open_file(token_path(name.size, name.authority));
+  const FileOpening note = folder.open_file(note_path(name.size));
+  const std::optional<std::string> response =
+      token.file ? read_small(*token.file, kMaximumTokenBytes) : std::nullopt;
+  const std::optional<std::string> text =
+      note.file ? read_small(*note.file, kMaximumNoteBytes) : std::nullopt;
+  if (!response || !text) {
+    return std::nullopt;
+  }
+  std::string ignored;
+  const auto parsed = timestamp::parse_response(bytes_of(*response), ignored);
+  const auto info = parsed ? timestamp::parse_token_info(parsed->token, ignored) : std::nullopt;
+  if (!info || !info->algorithm || crypto::digest(*info->algorithm, bytes_of(*text)) != info->imprint) {
+    return std::nullopt;
+  }
+  TokenEntry facts;
+  facts.gen_time = info->gen_time;
+  facts.accuracy_ns = info->accuracy_ns;
+  facts.serial = info->serial;
+  return facts;
+}
+
+/// One unfinished case on its way to its end.
+class Recovery {
+ public:
+  Recovery(FileSystem& files, const RecoveryOptions& options, fs::path folder)
+      : files_(files), options_(options), folder_(std::move(folder)) {
+    result_.case_id = folder_.filename().string();
+    result_.folder = folder_;
+  }
+
+  CaseRecovery run() {
+    try {
+      bring_to_its_end();
+    } catch (const Error& error) {
+      result_.outcome = CaseRecovery::Outcome::kRefused;
+      result_.problem = error.what();
+    }
+    return std::move(result_);
+  }
+
+ private:
+  // Step by step, each durable before the next:
+  //
+  //   torn last line cut off → recovered, found segments, gaps (one append) → found tokens → close
+  //   → checkpoint → token or token-missed → last checkpoint → case-closed in the appliance log
+  //
+  // A case that was closed already takes it up at the tokens.
+  void bring_to_its_end() {
+    writer_ = CaseWriter::resume(files_, folder_, *options_.key, options_.device_name, options_.log,
+                                 [this](const CaseEntry& entry) { standing_.take(entry); });
+    make_known_to_the_log();
+    const bool was_closed = standing_.close.has_value();
+    result_.outcome = was_closed ? CaseRecovery::Outcome::kFinished : CaseRecovery::Outcome::kRecovered;
+    if (!was_closed) {
+      state_what_was_found();
+    }
+    adopt_tokens();
+    if (!was_closed) {
+      standing_.close = writer_->size();
+      writer_->close("recovered", now());
+    }
+    if (standing_.newest_stamped > *standing_.close) {
+      result_.stamped = true;
+    } else if (!standing_.missed_after_close) {
+      result_.stamped = stamp_end(*writer_, options_.stamp, [this] { return now(); });
+    }
+    writer_->finish(now());
+    finish_erasures();
+  }
+
+  /// A kill between a case's first entry and the log's `case-opened` leaves a case that the log does not
+  /// know. With more than that first entry it never was one of ours.
+  void make_known_to_the_log() {
+    if (options_.log == nullptr ||
+        options_.log->case_state(result_.case_id) != ApplianceLog::CaseState::kUnknown) {
+      return;
+    }
+    if (writer_->size() > 1) {
+      throw Error("the appliance log does not know case " + result_.case_id + ", which has " +
+                  std::to_string(writer_->size()) + " entries: `kiroku verify " + folder_.string() +
+                  "` says more");
+    }
+    options_.log->case_opened(result_.case_id, standing_.opening_line);
+  }
+
+  /// While nobody recorded, the wall clock carries the case clock on; after `close` it stands.
+  [[nodiscard]] Moment now() const {
+    const UtcTime utc = options_.now();
+    if (standing_.close) {
+      return {utc, standing_.last.mono_ns};
+    }
+    return {utc, standing_.last.mono_ns + std::clamp<std::int64_t>(ns_between(standing_.last.utc, utc), 0,
+                                                                   kLongestBridge.count())};
+  }
+
+  void state_what_was_found() {
+    const Moment at = now();
+    std::vector<CaseEntryBody> entries;
+    std::vector<std::string> cut;
+    if (const std::uint64_t torn = writer_->torn_bytes(); torn > 0) {
+      cut.push_back("a ledger line of which " + count_of(torn, "byte", "bytes") + " were written");
+    }
+    for (StreamStanding& stream : standing_.streams) {
+      adopt_segments(stream, at, entries, cut);
+      state_gap(stream, at, entries);
+    }
+    RecoveredEntry recovered;
+    recovered.boot_id = options_.boot_id;
+    recovered.after = options_.boot_id == standing_.boot_id ? "crash" : "power-loss";
+    for (const std::string& each : cut) {
+      recovered.truncated += (recovered.truncated.empty() ? "" : "; ") + each;
+    }
+    result_.after = recovered.after;
+    result_.truncated = recovered.truncated;
+    entries.insert(entries.begin(), recovered);
+    remove_unfinished_files(files_, folder_);
+    writer_->append(entries, at);
+  }
+
+  void adopt_segments(StreamStanding& stream, const Moment& at, std::vector<CaseEntryBody>& entries,
+                      std::vector<std::string>& cut) {
+    for (const FoundSegment& found : found_segments(folder_, stream.info, stream.next_index)) {
+      const std::string name = found.path.filename().string();
+      if (found.index != stream.next_index) {
+        result_.problem = found.path.string() + " is left as it is, since the segment before it is not there";
+        continue;
+      }
+      if (!found.complete && !holds_a_chunk(found.path)) {
+        files_.remove(found.path);
+        cut.push_back(stream.info.name + "/" + name + ", removed because nothing was sealed in it yet");
+        continue;
+      }
+      SegmentEntry entry;
+      entry.stream = stream.info.name;
+      entry.index = found.index;
+      entry.span = estimated_span(stream, found, at);
+      entry.complete = found.complete;
+      entry.counted = false;
+      entry.file = make_durable(files_, found.path);
+      entry.file.file = segment_path(stream.info.name, found.index, stream.info.extension);
+      if (!found.complete) {
+        entry.file.file += kPartSuffix;
+        cut.push_back(stream.info.name + "/" + name + ", of which " +
+                      count_of(entry.file.bytes, "byte is", "bytes are") + " there");
+        ++result_.incomplete;
+      }
+      ++result_.segments;
+      ++stream.next_index;
+      stream.end_ns = entry.span.end_ns;
+      stream.interruption_stated = false;
+      entries.emplace_back(std::move(entry));
+    }
+  }
+
+  /// From where the stream was accounted for to the file's last change. Of a stream that stated its own times
+  /// the file's say nothing.
+  [[nodiscard]] Span estimated_span(const StreamStanding& stream, const FoundSegment& found,
+                                    const Moment& at) const {
+    const std::int64_t start_ns = stream.accounted_until();
+    if (stream.info.timing != "arrival") {
+      return {start_ns, start_ns};
+    }
+    const std::int64_t changed_ns =
+        standing_.last.mono_ns + ns_between(standing_.last.utc, found.last_change);
+    const std::int64_t latest_ns = std::min(std::max(at.mono_ns, start_ns), start_ns + kLongestSegmentNs);
+    return {start_ns, std::clamp(changed_ns, start_ns, latest_ns)};
+  }
+
+  void state_gap(StreamStanding& stream, const Moment& at, std::vector<CaseEntryBody>& entries) {
+    if (stream.interruption_stated) {
+      return;
+    }
+    const std::int64_t start_ns = stream.accounted_until();
+    GapEntry gap{stream.info.name, {start_ns, std::max(start_ns, at.mono_ns)}, GapCause::kInterrupted};
+    result_.gaps.push_back(gap);
+    entries.emplace_back(std::move(gap));
+  }
+
+  void adopt_tokens() {
+    const CaseFolder folder = CaseFolder::open(folder_);
+    for (const TokenName& name : found_tokens(folder_)) {
+      if (standing_.tokens.contains({name.size, name.authority}) || name.size > writer_->size()) {
+        continue;
+      }
+      const std::optional<TokenEntry> facts = facts_of(folder, name);
+      if (!facts) {
+        result_.problem =
+            token_path(name.size, name.authority) + " is left as it is: it is no token over that checkpoint";
+        continue;
+      }
+      writer_->adopt_token(name.size, name.authority, *facts, now());
+      standing_.newest_stamped = std::max(standing_.newest_stamped, name.size);
+      ++result_.tokens;
+    }
+  }
+
+  /// An erasure that was cut off: its entry is there, and perhaps not yet the log's.
+  void finish_erasures() {
+    const std::vector<fs::path> left = files_to_erase(folder_, standing_.erased);
+    if (left.empty()) {
+      return;
+    }
+    if (options_.log != nullptr) {
+      options_.log->erased(result_.case_id, standing_.erased.back().stream, standing_.erased.back().policy);
+    }
+    remove_erased(files_, left);
+  }
+
+  FileSystem& files_;
+  const RecoveryOptions& options_;
+  fs::path folder_;
+  Standing standing_;
+  std::unique_ptr<CaseWriter> writer_;
+  CaseRecovery result_;
+};
+
+/// Whether the case was brought to its end: closed, covered by a checkpoint, not open by the log. (One that
+/// the log does not know at all came from elsewhere.)
+bool is_finished(const fs::path& folder, const ApplianceLog* log) {
+  if (log != nullptr && log->case_state(folder.filename().string()) == ApplianceLog::CaseState::kOpened) {
+    return false;
+  }
+  const std::optional<LedgerTail> tail = read_ledger_tail(folder);
+  return tail && tail->closed && tail->covered && files_to_erase(folder, tail->erased).empty();
+}
+
+CaseRecovery remove_hidden(FileSystem& files, const fs::path& folder) {
+  CaseRecovery result;
+  result.case_id = folder.filename().string().substr(kHiddenPrefix.size());
+  result.folder = folder;
+  result.outcome = CaseRecovery::Outcome::kNotBegun;
+  try {
+    remove_tree(files, folder);
+    files.sync_folder(folder.parent_path());
+  } catch (const Error& error) {
+    result.outcome = CaseRecovery::Outcome::kRefused;
+    result.problem = error.what();
+  }
+  return result;
+}
+
+}  // namespace
+
+std::vector<CaseRecovery> recover_archive(FileSystem& files, const RecoveryOptions& options,
+                                          const RecordingLock& /*lock*/) {
+  std::set<fs::path> hidden;
+  std::set<fs::path> unfinished;
+  std::error_code error;
+  fs::directory_iterator entries(options.archive, error);
+  for (; !error && entries != fs::directory_iterator(); entries.increment(error)) {
+    const std::string name = entries->path().filename().string();
+    if (entries->symlink_status().type() != fs::file_type::directory) {
+      continue;
+    }
+    if (name.starts_with(kHiddenPrefix) && is_case_id(name.substr(kHiddenPrefix.size()))) {
+      hidden.insert(entries->path());
+    } else if (is_case_id(name) && !is_finished(entries->path(), options.log)) {
+      unfinished.insert(entries->path());
+    }
+  }
+  if (error) {
+    throw IoError("read the archive folder", options.archive, error.value());
+  }
+  std::vector<CaseRecovery> results;
+  for (const fs::path& folder : hidden) {
+    results.push_back(remove_hidden(files, folder));
+  }
+  for (const fs::path& folder : unfinished) {
+    results.push_back(Recovery(files, options, folder).run());
+  }
+  return results;
+}
+
+}  // namespace kiroku::archive

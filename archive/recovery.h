@@ -1,0 +1,68 @@
+// Bringing cases to their end whose recorder died: power cut, crash, kill (docs/format.md, "Recovery"). It
+// uses the writer that recording uses, so what it leaves is what recording leaves. Everything it does may be
+// cut off as well: the next start takes it up from what is there. Finished, entered segments are not read
+// again, so ten hours take seconds. Functions; one thread at a time.
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <functional>
+#include <string>
+#include <vector>
+
+#include "archive/case_writer.h"
+#include "archive/recording_lock.h"
+
+namespace kiroku::archive {
+
+class ApplianceLog;
+
+/// What one authority answered over a checkpoint.
+struct CheckpointStamp {
+  std::string authority;     // short name
+  Bytes response;            // the token, judged valid; empty if there is none
+  TokenEntry facts;          // gen_time, accuracy_ns and serial of it
+  std::vector<Bytes> chain;  // DER certificates
+  std::string cause;         // one sentence where there is no token
+};
+/// Has a checkpoint time-stamped: one answer from each authority. May take as long as authorities do.
+using CheckpointStamper = std::function<std::vector<CheckpointStamp>(const StoredCheckpoint&)>;
+
+struct RecoveryOptions {
+  std::filesystem::path archive;
+  const crypto::SigningKey* key = nullptr;
+  std::string device_name;
+  std::string boot_id;          // of the machine as it runs now: another one means that power was lost
+  ApplianceLog* log = nullptr;  // may be null (tests)
+  CheckpointStamper stamp;      // may be empty: then `token-missed` says so
+  std::function<UtcTime()> now = utc_now;
+};
+
+/// What became of one unfinished case.
+struct CaseRecovery {
+  enum class Outcome {
+    kRecovered,  // it was cut off while it was recorded: now closed
+    kFinished,   // it was closed, but not stamped, signed or logged to its end: now it is
+    kNotBegun,   // it was never more than a hidden folder: removed
+    kRefused     // left as it is; `problem` says why
+  };
+  std::string case_id;
+  std::filesystem::path folder;
+  Outcome outcome = Outcome::kRecovered;
+  std::string after;             // kRecovered: "power-loss", "crash"
+  std::string truncated;         // kRecovered: what was cut off, as `recovered` states it
+  std::uint64_t segments = 0;    // that no entry named and now one does
+  std::uint64_t incomplete = 0;  // of these
+  std::uint64_t tokens = 0;      // likewise
+  std::vector<GapEntry> gaps;    // stated now
+  bool stamped = false;          // the end has a token
+  std::string problem;           // a sentence, also where it was recovered but something was left aside
+};
+
+/// Looks for unfinished cases and brings each to its end, oldest first. A case that fails is reported as
+/// kRefused and does not keep others from being recovered. The lock shows that no recorder is alive. Throws
+/// kiroku::IoError only if the archive folder cannot be read.
+std::vector<CaseRecovery> recover_archive(FileSystem& files, const RecoveryOptions& options,
+                                          const RecordingLock& lock);
+
+}  // namespace kiroku::archive
