@@ -8,7 +8,7 @@
 
 #include "archive/case_layout.h"
 #include "archive/ledger_summary.h"
-#include "archive/sqlite_handles.h"
+#include "archive/sqlite_file.h"
 #include "base/error.h"
 
 namespace kiroku::archive {
@@ -17,12 +17,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr std::int64_t kSchemaVersion = 1;
-constexpr int kBusyMilliseconds = 5000;
-
-// A rollback journal, SQLite's default, rather than a write-ahead log: lists are short and rare, and no
-// further files stay beside the catalogue.
-constexpr const char* kSchema = R"(
+constexpr SqliteFile::Schema kSchema{"catalogue", R"(
   CREATE TABLE cases (
     case_id         TEXT PRIMARY KEY,   -- name of the folder
     opened_us       INTEGER NOT NULL,   -- microseconds since 1970, UTC
@@ -38,7 +33,8 @@ constexpr const char* kSchema = R"(
     ledger_mtime_ns INTEGER NOT NULL
   ) STRICT;
   PRAGMA user_version = 1;
-)";
+)",
+                                     1, "SELECT ledger_mtime_ns FROM cases LIMIT 1"};
 
 /// What tells that a ledger changed.
 struct LedgerStamp {
@@ -122,97 +118,17 @@ CatalogueRow read_case(const std::string& name, const fs::path& folder) {
   return row;
 }
 
-bool is_damage(int code) { return code == SQLITE_CORRUPT || code == SQLITE_NOTADB; }
-
 }  // namespace
 
 struct Catalogue::State {
-  explicit State(fs::path the_file) : file(std::move(the_file)) {
-    sqlite3* raw = nullptr;
-    const int result =
-        sqlite3_open_v2(file.c_str(), &raw, SQLITE_OPEN_READWRITE | SQLITE_OPEN_CREATE, nullptr);
-    database.reset(raw);
-    if (result != SQLITE_OK) {
-      throw SqliteError(database.get(), file);
-    }
-    sqlite3_busy_timeout(database.get(), kBusyMilliseconds);
-  }
+  explicit State(std::unique_ptr<SqliteFile> the_database) : database(std::move(the_database)) {}
 
-  SqliteStatement statement(std::string_view sql) { return {database.get(), file, sql}; }
-
-  void execute(const char* sql) {
-    if (sqlite3_exec(database.get(), sql, nullptr, nullptr, nullptr) != SQLITE_OK) {
-      throw SqliteError(database.get(), file);
-    }
-  }
-
-  std::int64_t version() {
-    SqliteStatement asked = statement("PRAGMA user_version");
-    asked.step();
-    return asked.integer(0);
-  }
-
-  /// Makes the table in a new file; false if what is there is damaged.
-  bool prepare();
+  SqliteStatement statement(std::string_view sql) { return database->statement(sql); }
   void store(const CatalogueRow& row, const LedgerStamp& stamp);
   std::map<std::string, LedgerStamp> stamps();
 
-  fs::path file;
-  SqliteDatabase database;
+  std::unique_ptr<SqliteFile> database;
 };
-
-namespace {
-
-/// Everything until commit() or nothing.
-template <typename State>
-class Transaction {
- public:
-  explicit Transaction(State& state) : state_(state) { state_.execute("BEGIN IMMEDIATE"); }
-  Transaction(const Transaction&) = delete;
-  Transaction& operator=(const Transaction&) = delete;
-  ~Transaction() {
-    if (!committed_) {
-      sqlite3_exec(state_.database.get(), "ROLLBACK", nullptr, nullptr, nullptr);
-    }
-  }
-  void commit() {
-    state_.execute("COMMIT");
-    committed_ = true;
-  }
-
- private:
-  State& state_;
-  bool committed_ = false;
-};
-
-}  // namespace
-
-bool Catalogue::State::prepare() {
-  try {
-    SqliteStatement check = statement("PRAGMA quick_check(1)");
-    if (!check.step() || check.text(0) != "ok") {
-      return false;
-    }
-    if (version() == 0) {
-      Transaction transaction(*this);
-      if (version() == 0) {  // unless another process was quicker
-        execute(kSchema);
-      }
-      transaction.commit();
-    }
-    if (version() != kSchemaVersion) {
-      throw UsageError("the catalogue " + file.string() +
-                       " was made by a newer version: use that, or remove the file");
-    }
-    statement("SELECT ledger_mtime_ns FROM cases LIMIT 1").step();
-    return true;
-  } catch (const SqliteError& error) {
-    if (is_damage(error.code()) || error.code() == SQLITE_ERROR) {  // SQLITE_ERROR: not our table
-      return false;
-    }
-    throw;
-  }
-}
 
 void Catalogue::State::store(const CatalogueRow& row, const LedgerStamp& stamp) {
   statement(R"(
@@ -253,22 +169,7 @@ Catalogue::Catalogue(std::unique_ptr<State> state) : state_(std::move(state)) {}
 Catalogue::~Catalogue() = default;
 
 std::unique_ptr<Catalogue> Catalogue::open(const fs::path& file) {
-  auto state = std::make_unique<State>(file);
-  if (!state->prepare()) {
-    state.reset();
-    fs::path aside = file;
-    aside += ".damaged";
-    std::error_code error;
-    fs::rename(file, aside, error);
-    if (error) {
-      throw IoError("set aside the damaged catalogue", file, error.value());
-    }
-    state = std::make_unique<State>(file);
-    if (!state->prepare()) {
-      throw Error("cannot make a catalogue at " + file.string() + ": check the disk it is on");
-    }
-  }
-  return std::unique_ptr<Catalogue>(new Catalogue(std::move(state)));
+  return std::unique_ptr<Catalogue>(new Catalogue(std::make_unique<State>(SqliteFile::open(file, kSchema))));
 }
 
 // The stamp is taken before the ledger is read: what is appended meanwhile makes the row old at once, rather
@@ -284,7 +185,7 @@ void Catalogue::refresh(const fs::path& case_folder) {
 
 std::size_t Catalogue::rebuild(const fs::path& archive) {
   const std::map<std::string, fs::path> folders = case_folders(archive);
-  Transaction transaction(*state_);
+  SqliteFile::Transaction transaction(*state_->database);
   for (const auto& [name, stamp] : state_->stamps()) {
     if (!folders.contains(name)) {
       state_->statement("DELETE FROM cases WHERE case_id = ?").bind(name).step();
@@ -300,7 +201,7 @@ std::size_t Catalogue::rebuild(const fs::path& archive) {
 
 std::vector<CatalogueRow> Catalogue::list(const fs::path& archive) {
   const std::map<std::string, fs::path> folders = case_folders(archive);
-  Transaction transaction(*state_);
+  SqliteFile::Transaction transaction(*state_->database);
   std::map<std::string, LedgerStamp> known = state_->stamps();
   for (const auto& [name, folder] : folders) {
     const LedgerStamp stamp = stamp_of(folder);

@@ -9,18 +9,9 @@
 #include <vector>
 
 #include "archive/case_writer.h"
-#include "timestamp/token_verifier.h"
+#include "recorder/authority_contact.h"
 
 namespace kiroku::recorder {
-
-/// What an authority said to one checkpoint.
-struct AuthorityAnswer {
-  archive::StoredCheckpoint checkpoint;
-  std::string authority;
-  Bytes response;                       // empty if none came
-  timestamp::TokenJudgement judgement;  // of the response
-  std::string cause;                    // why there is no valid token, "" if there is one
-};
 
 using Fact = std::variant<archive::CaseEntryBody, AuthorityAnswer>;
 

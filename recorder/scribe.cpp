@@ -6,6 +6,11 @@ namespace {
 // How soon a fact is durable in the ledger: many facts share one fsync, and nobody waits for it.
 constexpr std::chrono::milliseconds kPatience{200};
 
+/// "37 s", rounded up.
+std::string in_seconds(std::chrono::nanoseconds time) {
+  return std::to_string(std::chrono::ceil<std::chrono::seconds>(time).count()) + " s";
+}
+
 }  // namespace
 
 Scribe::Scribe(archive::CaseWriter& writer, FactQueue& facts, const CaseClock& clock, Troubles& troubles,
@@ -35,7 +40,7 @@ void Scribe::run() {
         writer_.append({*clock}, clock_.moment());
       }
       if (clock_.now_ns() >= next_stamp_ns_) {
-        stamp(false);
+        stamper_.stamp(writer_.checkpoint(clock_.moment()));
         next_stamp_ns_ = clock_.now_ns() + stamp_interval_.count();
       }
       write(facts_.take(kPatience));
@@ -64,23 +69,39 @@ void Scribe::write(std::vector<Fact> facts) {
 }
 
 void Scribe::write(const AuthorityAnswer& answer) {
-  if (!answer.cause.empty()) {
+  tell(answer);
+  if (!answer.valid()) {
     ++missed_;
-    troubles_.mention("no time stamp from " + answer.authority + ": " + answer.cause);
-    writer_.append({archive::TokenMissedEntry{answer.checkpoint.size, answer.authority, answer.cause}},
+    writer_.append({archive::TokenMissedEntry{answer.checkpoint.size, answer.authority,
+                                              answer.cause + "; left alone for " + in_seconds(answer.pause)}},
                    clock_.moment());
     return;
   }
-  archive::TokenEntry entry;
-  entry.gen_time = answer.judgement.info->gen_time;
-  entry.accuracy_ns = answer.judgement.info->accuracy_ns;
-  entry.serial = answer.judgement.info->serial;
   writer_.store_authority_chain(answer.authority, answer.judgement.chain);
-  writer_.add_token(answer.checkpoint, answer.authority, answer.response, entry, clock_.moment());
+  writer_.add_token(answer.checkpoint, answer.authority, answer.response, token_facts(answer),
+                    clock_.moment());
   ++tokens_;
+  stamper_.entered(answer);
 }
 
-void Scribe::stamp(bool log_it) { stamper_.stamp(writer_.checkpoint(clock_.moment(), log_it)); }
+void Scribe::tell(const AuthorityAnswer& answer) {
+  if (!answer.valid()) {
+    failing_ns_.try_emplace(answer.authority, clock_.now_ns());
+    troubles_.mention("no time-stamp from " + answer.authority + ": " + answer.cause);
+    return;
+  }
+  const auto failing = failing_ns_.extract(answer.authority);
+  const auto [path, first] = paths_.try_emplace(answer.authority, answer.path);
+  const bool moved = !first && path->second != answer.path;
+  path->second = answer.path;
+  if (failing.empty() && !moved) return;
+  std::string sentence = answer.authority + " gives time-stamps";
+  if (!failing.empty()) {
+    sentence += " again after " + in_seconds(std::chrono::nanoseconds(clock_.now_ns() - failing.mapped()));
+  }
+  if (!answer.path.empty()) sentence += ", " + answer.path;
+  troubles_.mention(sentence);
+}
 
 void Scribe::finish(const std::string& close_reason) {
   stopping_ = true;
@@ -89,7 +110,7 @@ void Scribe::finish(const std::string& close_reason) {
   if (failure_) std::rethrow_exception(failure_);
   write(facts_.take(std::chrono::nanoseconds(0)));
   writer_.close(close_reason, clock_.moment());
-  stamp(true);
+  stamper_.stamp_closing(writer_.checkpoint(clock_.moment(), true));
   while (stamper_.outstanding() > 0) write(facts_.take(kPatience));
   write(facts_.take(std::chrono::nanoseconds(0)));
   writer_.finish(clock_.moment());

@@ -3,6 +3,7 @@
 
 #include <atomic>
 #include <chrono>
+#include <map>
 #include <memory>
 #include <string>
 #include <thread>
@@ -35,7 +36,8 @@ class Scribe {
   void run();
   void write(std::vector<Fact> facts);
   void write(const AuthorityAnswer& answer);
-  void stamp(bool log_it);
+  /// What people should hear of an authority's answer.
+  void tell(const AuthorityAnswer& answer);
 
   archive::CaseWriter& writer_;
   FactQueue& facts_;
@@ -45,6 +47,8 @@ class Scribe {
   const std::chrono::nanoseconds stamp_interval_;
   ClockWatch clock_watch_;
   std::int64_t next_stamp_ns_ = 0;
+  std::map<std::string, std::string> paths_;        // by authority: over which its latest token came
+  std::map<std::string, std::int64_t> failing_ns_;  // by authority: case clock since when it fails
   std::atomic<std::uint64_t> tokens_ = 0, missed_ = 0;
   std::atomic<bool> stopping_ = false;
   std::exception_ptr failure_;

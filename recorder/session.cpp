@@ -66,6 +66,7 @@ struct Session::State {
     }
     status.tokens = scribe->tokens();
     status.missed = scribe->missed();
+    status.authorities = stamper->status();
     status.last_problem = troubles.latest();
     return status;
   }
@@ -225,7 +226,9 @@ Session::State::State(SessionOptions asked)
     ++index;
   }
   events = std::make_unique<EventsLane>(context, index, writing.streams[index]);
-  stamper = std::make_unique<Stamper>(options.authorities, options.trust, facts);
+  Stamper::Surroundings around{options.trust, options.queue, writer->case_id(),
+                               [this](const std::string& sentence) { troubles.mention(sentence); }};
+  stamper = std::make_unique<Stamper>(options.authorities, std::move(around), facts);
   scribe = std::make_unique<Scribe>(*writer, facts, clock, troubles, *stamper, options.stamp_interval);
 }
 

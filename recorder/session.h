@@ -42,6 +42,7 @@ struct SessionOptions {
   std::optional<Bytes> subject;
   std::vector<NamedAuthority> authorities;
   const timestamp::TrustStore* trust = nullptr;  // a token that does not hold under it is token-missed
+  StampingQueue* queue = nullptr;                // remembers tokens that did not come; may be null
   archive::ApplianceLog* log = nullptr;
   archive::FileSystem* files = nullptr;  // null: the real one
   std::chrono::nanoseconds segment_duration = std::chrono::seconds(2);
@@ -59,6 +60,7 @@ struct SessionStatus {
   std::int64_t now_ns = 0;
   std::vector<StreamStatus> streams;
   std::uint64_t tokens = 0, missed = 0;
+  std::vector<AuthorityStatus> authorities;
   std::string last_problem;  // latest sentence a person should see, "" if none
 };
 

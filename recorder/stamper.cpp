@@ -5,38 +5,24 @@
 #include <optional>
 #include <thread>
 
-#include "timestamp/request.h"
+#include "base/error.h"
 
 namespace kiroku::recorder {
 namespace {
 
-AuthorityAnswer ask(const NamedAuthority& authority, const timestamp::TrustStore& trust,
-                    archive::StoredCheckpoint checkpoint) {
-  AuthorityAnswer answer;
-  answer.authority = authority.name;
-  const timestamp::Request request =
-      timestamp::make_request(crypto::HashAlgorithm::kSha256,
-                              crypto::digest(crypto::HashAlgorithm::kSha256, bytes_of(checkpoint.note)));
-  answer.checkpoint = std::move(checkpoint);
-  try {
-    answer.response = authority.source->ask(timestamp::encode_request(request));
-    timestamp::Expectation expectation;
-    expectation.algorithm = request.algorithm;
-    expectation.imprint = request.imprint;
-    expectation.nonce = request.nonce;
-    answer.judgement = timestamp::judge_token(answer.response, expectation, trust);
-    if (answer.judgement.code != timestamp::TokenCode::kValid) answer.cause = answer.judgement.explanation;
-  } catch (const std::exception& error) {
-    answer.cause = error.what();
-  }
-  return answer;
-}
+using std::chrono::steady_clock;
+
+// Another process may have learnt meanwhile that an authority is to be left alone, or that it answers again.
+constexpr std::chrono::seconds kLongestSleep{5};
 
 }  // namespace
 
 struct Stamper::Worker {
-  Worker(NamedAuthority named, const timestamp::TrustStore* trusted, FactQueue& queue)
-      : authority(std::move(named)), trust(trusted), facts(queue), thread([this] { run(); }) {}
+  Worker(NamedAuthority named, const Surroundings& around, FactQueue& queue)
+      : surroundings(around),
+        facts(queue),
+        contact(std::move(named), around.trust, around.queue),
+        thread([this] { run(); }) {}
   ~Worker() {
     {
       const std::lock_guard guard(mutex);
@@ -46,49 +32,132 @@ struct Stamper::Worker {
     thread.join();
   }
 
+  void give(const archive::StoredCheckpoint& checkpoint, bool is_closing) {
+    {
+      const std::lock_guard guard(mutex);
+      closing = closing || is_closing;
+      // Nothing was added since: there is a token, or a request for one, already.
+      if (newest && *newest == checkpoint.size && !(is_closing && next)) return;
+      newest = checkpoint.size;
+      next = checkpoint;
+      unqueued = true;
+      due = true;
+    }
+    changed.notify_all();
+  }
+
   void run() {
-    const timestamp::TrustStore nothing;
     std::unique_lock lock(mutex);
     for (;;) {
       changed.wait(lock, [&] { return stopping || next.has_value(); });
-      if (!next) return;
-      archive::StoredCheckpoint checkpoint = std::move(*next);
-      next.reset();
+      if (stopping) return;
+      if (std::exchange(unqueued, false)) put_in_queue(lock);
+      const bool last_chance = closing;
       lock.unlock();
-      AuthorityAnswer answer = ask(authority, trust == nullptr ? nothing : *trust, std::move(checkpoint));
+      const AuthorityContact::Time allowed = last_chance ? contact.limit() : contact.next();
       lock.lock();
-      facts.push(std::move(answer));
-      busy = next.has_value();
+      if (stopping) return;
+      if (closing != last_chance) continue;
+      const auto now = steady_clock::now();
+      if (allowed > now) {
+        if (closing && allowed > now + kClosingPatience) {
+          give_up();
+        } else {
+          due = closing;
+          changed.wait_until(lock, std::min(allowed, now + kLongestSleep),
+                             [&] { return stopping || unqueued || closing != last_chance; });
+        }
+        continue;
+      }
+      ask(lock);
     }
   }
 
-  NamedAuthority authority;
-  const timestamp::TrustStore* trust;
+  void ask(std::unique_lock<std::mutex>& lock) {
+    const archive::StoredCheckpoint checkpoint = *next;
+    due = asking = true;
+    unqueued = false;  // what the queue knows is older at most, and will do
+    lock.unlock();
+    AuthorityAnswer answer = contact.ask(checkpoint);
+    if (!answer.valid()) {
+      in_queue([&] { surroundings.queue->failed(surroundings.case_id, answer.authority, answer.cause); });
+    }
+    lock.lock();
+    const bool newer = unqueued;
+    if (!newer && (answer.valid() || closing)) next.reset();
+    facts.push(std::move(answer));
+    asking = false;
+    due = newer;
+  }
+
+  /// The case ends before the authority may be asked again.
+  void give_up() {
+    if (const AuthorityStatus status = contact.status(); !status.last_error.empty()) {
+      AuthorityAnswer answer;
+      answer.authority = contact.name();
+      answer.checkpoint = *next;
+      answer.cause = "not asked, since it is to be left alone: " + status.last_error;
+      answer.pause = status.pause;
+      facts.push(std::move(answer));
+    }
+    next.reset();
+    due = false;
+  }
+
+  void put_in_queue(std::unique_lock<std::mutex>& lock) {
+    const std::uint64_t size = next->size;
+    lock.unlock();
+    in_queue([&] { surroundings.queue->want(surroundings.case_id, contact.name(), size, utc_now()); });
+    lock.lock();
+  }
+
+  /// Does something with the queue, if there is one; recording goes on without it.
+  template <typename Step>
+  void in_queue(Step step) {
+    if (surroundings.queue == nullptr) return;
+    try {
+      step();
+    } catch (const Error& error) {
+      if (surroundings.mention) surroundings.mention(error.what());
+    }
+  }
+
+  const Surroundings& surroundings;
   FactQueue& facts;
-  mutable std::mutex mutex;
+  AuthorityContact contact;
+  mutable std::mutex mutex;  // of what follows
   std::condition_variable changed;
   std::optional<archive::StoredCheckpoint> next;
-  bool busy = false;
+  std::optional<std::uint64_t> newest;  // size of the newest checkpoint that was given
+  bool unqueued = false;                // the queue does not know of `next` yet
+  bool due = false;                     // an answer to `next` is about to come
+  bool asking = false;
+  bool closing = false;
   bool stopping = false;
   std::thread thread;
 };
 
-Stamper::Stamper(std::vector<NamedAuthority> authorities, const timestamp::TrustStore* trust,
-                 FactQueue& facts) {
+Stamper::Stamper(std::vector<NamedAuthority> authorities, Surroundings surroundings, FactQueue& facts)
+    : surroundings_(std::move(surroundings)) {
   for (NamedAuthority& authority : authorities)
-    workers_.push_back(std::make_unique<Worker>(std::move(authority), trust, facts));
+    workers_.push_back(std::make_unique<Worker>(std::move(authority), surroundings_, facts));
 }
 
 Stamper::~Stamper() = default;
 
 void Stamper::stamp(const archive::StoredCheckpoint& checkpoint) {
+  for (const auto& worker : workers_) worker->give(checkpoint, false);
+}
+
+void Stamper::stamp_closing(const archive::StoredCheckpoint& checkpoint) {
+  for (const auto& worker : workers_) worker->give(checkpoint, true);
+}
+
+void Stamper::entered(const AuthorityAnswer& answer) {
   for (const auto& worker : workers_) {
-    {
-      const std::lock_guard guard(worker->mutex);
-      worker->next = checkpoint;
-      worker->busy = true;
-    }
-    worker->changed.notify_all();
+    if (worker->contact.name() != answer.authority) continue;
+    worker->in_queue(
+        [&] { surroundings_.queue->done(surroundings_.case_id, answer.authority, answer.checkpoint.size); });
   }
 }
 
@@ -96,9 +165,15 @@ std::size_t Stamper::outstanding() const {
   std::size_t count = 0;
   for (const auto& worker : workers_) {
     const std::lock_guard guard(worker->mutex);
-    count += worker->busy ? 1U : 0U;
+    count += worker->due || worker->asking ? 1U : 0U;
   }
   return count;
+}
+
+std::vector<AuthorityStatus> Stamper::status() const {
+  std::vector<AuthorityStatus> list;
+  for (const auto& worker : workers_) list.push_back(worker->contact.status());
+  return list;
 }
 
 }  // namespace kiroku::recorder

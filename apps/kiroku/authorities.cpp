@@ -2,6 +2,7 @@
 
 #include <algorithm>
 
+#include "apps/common/command_line.h"
 #include "base/error.h"
 
 namespace kiroku::apps {
@@ -33,13 +34,26 @@ Authorities::Authorities(const Home& home, const Configuration& configuration,
   for (const AuthorityConfiguration& authority : all) {
     if (!wanted.empty() && std::find(wanted.begin(), wanted.end(), authority.name) == wanted.end()) continue;
     if (!authority.is_embedded()) {
-      named_.push_back({authority.name, timestamp::http_stamp_source(authority.paths)});
+      recorder::BackOffPolicy pauses;
+      pauses.min_interval = authority.min_interval;
+      named_.push_back({authority.name, timestamp::http_stamp_source(authority.paths), pauses});
       continue;
     }
     if (!embedded_) {
       embedded_ = std::make_unique<timestamp::Authority>(timestamp::Authority::open(home.authority_folder()));
     }
     named_.push_back({authority.name, timestamp::embedded_stamp_source(*embedded_)});
+  }
+}
+
+std::unique_ptr<recorder::StampingQueue> open_stamping_queue(const Home& home) {
+  try {
+    return recorder::StampingQueue::open(home.stamping_file());
+  } catch (const Error& error) {
+    print_error(
+        "kiroku",
+        std::string("warning: time-stamps that do not come are not asked for again later: ") + error.what());
+    return nullptr;
   }
 }
 

@@ -6,7 +6,8 @@
 #include <vector>
 
 #include "apps/kiroku/home.h"
-#include "recorder/stamper.h"
+#include "recorder/authority_contact.h"
+#include "recorder/stamping_queue.h"
 #include "timestamp/authority.h"
 
 namespace kiroku::apps {
@@ -23,5 +24,9 @@ class Authorities {
   std::unique_ptr<timestamp::Authority> embedded_;
   std::vector<recorder::NamedAuthority> named_;
 };
+
+/// The home's queue of wanted time-stamps. Nothing, and a warning on standard error, where it cannot be used:
+/// recording goes on without it.
+std::unique_ptr<recorder::StampingQueue> open_stamping_queue(const Home& home);
 
 }  // namespace kiroku::apps

@@ -6,6 +6,7 @@
 //   trust.pem        time-stamping roots       authority/   the embedded authority
 //   archive/<case>/  the recordings            archive/log/ the appliance log
 //   catalogue.sqlite                           identity.txt only with --demo
+//   stamping.sqlite  time-stamps that are still wanted
 //
 // Immutable; thread-safe.
 #pragma once
@@ -46,6 +47,7 @@ class Home {
   [[nodiscard]] std::filesystem::path archive() const { return folder_ / "archive"; }
   [[nodiscard]] std::filesystem::path log_folder() const { return archive() / "log"; }
   [[nodiscard]] std::filesystem::path catalogue_file() const { return folder_ / "catalogue.sqlite"; }
+  [[nodiscard]] std::filesystem::path stamping_file() const { return folder_ / "stamping.sqlite"; }
 
   [[nodiscard]] Configuration configuration() const;
   [[nodiscard]] crypto::VerifierKey device() const;

@@ -159,6 +159,13 @@ ordered_json result_json(const recorder::SessionResult& result) {
                        {"segments", stream.segments},
                        {"bytes", stream.bytes}});
   }
+  ordered_json authorities = ordered_json::array();
+  for (const auto& authority : result.last.authorities) {
+    authorities.push_back({{"name", authority.name},
+                           {"path", authority.path},
+                           {"failures", authority.failures},
+                           {"last_error", authority.last_error}});
+  }
   return {{"case", result.folder.string()},
           {"id", result.case_id},
           {"duration_ns", result.duration_ns},
@@ -166,6 +173,7 @@ ordered_json result_json(const recorder::SessionResult& result) {
           {"streams", streams},
           {"tokens", result.last.tokens},
           {"missed", result.last.missed},
+          {"authorities", authorities},
           {"last_problem", result.last.last_problem}};
 }
 
@@ -215,6 +223,8 @@ int run(const Request& request) {
   options.authorities = authorities.named();
   const timestamp::TrustStore trust = home.trust();
   options.trust = &trust;
+  const auto queue = open_stamping_queue(home);
+  options.queue = queue.get();
   const crypto::SigningKey key = home.signing_key();
   options.key = &key;
   const auto log =

@@ -1,0 +1,81 @@
+// One time-stamping authority as this process deals with it: asking, judging what comes, and leaving it alone
+// for as long as it or the network demands.
+#pragma once
+
+#include <chrono>
+#include <memory>
+#include <mutex>
+#include <optional>
+#include <string>
+
+#include "archive/case_writer.h"
+#include "recorder/back_off.h"
+#include "recorder/stamping_queue.h"
+#include "timestamp/client.h"
+#include "timestamp/token_verifier.h"
+
+namespace kiroku::recorder {
+
+struct NamedAuthority {
+  std::string name;  // short: [a-z0-9-], as in file names
+  std::shared_ptr<timestamp::StampSource> source;
+  BackOffPolicy pauses{};
+};
+
+/// What an authority said to one checkpoint.
+struct AuthorityAnswer {
+  archive::StoredCheckpoint checkpoint;
+  std::string authority;
+  Bytes response;                       // empty if none came
+  timestamp::TokenJudgement judgement;  // of the response
+  std::string cause;                    // why there is no valid token, "" if there is one
+  std::chrono::steady_clock::time_point asked, answered;
+  std::string path;                   // timestamp::StampSource::path() of a valid token
+  std::chrono::nanoseconds pause{0};  // how long the authority is left alone after a failure
+
+  [[nodiscard]] bool valid() const { return cause.empty(); }
+};
+
+/// For whoever watches.
+struct AuthorityStatus {
+  std::string name;
+  std::string path;        // over which the latest token came, "" if there is no network between
+  unsigned failures = 0;   // in a row
+  std::string last_error;  // of the latest failure, "" after a token
+  std::optional<UtcTime> last_token;
+  std::chrono::nanoseconds pause{0};  // until it may be asked again
+};
+
+/// The entry of a valid answer, but for what CaseWriter::add_token() fills in.
+archive::TokenEntry token_facts(const AuthorityAnswer& answer);
+
+class AuthorityContact {
+ public:
+  using Time = BackOff::Time;
+
+  /// `trust` null: nothing is trusted. With a `queue`, what it remembers of the authority is taken up, and
+  /// kept there; a queue that cannot be used is done without. All must outlive the object.
+  AuthorityContact(NamedAuthority authority, const timestamp::TrustStore* trust, StampingQueue* queue);
+
+  [[nodiscard]] const std::string& name() const { return authority_.name; }
+  /// Asks now, whatever limit() and next() say. Used by one thread at a time.
+  AuthorityAnswer ask(archive::StoredCheckpoint checkpoint);
+  /// As BackOff says, and what other processes learnt meanwhile. Thread-safe.
+  [[nodiscard]] Time limit();
+  [[nodiscard]] Time next();
+  [[nodiscard]] AuthorityStatus status() const;
+
+ private:
+  /// Takes over what another process, or an earlier run of the program, has written.
+  void catch_up_locked();
+  void remember_locked();
+
+  NamedAuthority authority_;
+  const timestamp::TrustStore* trust_;
+  StampingQueue* queue_;
+  mutable std::mutex mutex_;  // of what follows
+  BackOff back_off_;
+  AuthorityRecord record_;
+};
+
+}  // namespace kiroku::recorder
