@@ -46,7 +46,8 @@ struct LaneContext {
 struct LaneStatus {
   bool live = false;  // something came lately
   std::uint64_t frames = 0, dropped = 0, segments = 0, bytes = 0;
-  std::int64_t last_ns = 0;  // case-clock end of what was recorded
+  std::int64_t last_ns = 0;     // case-clock end of what was recorded
+  std::int64_t durable_ns = 0;  // case-clock end of the last segment that was handed to the ledger
 };
 
 class Lane {

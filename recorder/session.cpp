@@ -2,6 +2,8 @@
 
 #include <algorithm>
 #include <fstream>
+#include <future>
+#include <mutex>
 #include <thread>
 
 #include "archive/case_layout.h"
@@ -19,6 +21,8 @@ constexpr std::int64_t kGraceNs = 1'000'000'000;
 constexpr std::chrono::milliseconds kShortestSegment{100};
 // Format 1 allows ten seconds; the rest is for a source that is silent at a segment's end.
 constexpr std::chrono::seconds kLongestSegment{9};
+// Nobody waits long for what may be absent: it is tried again while the rest is recorded.
+constexpr std::chrono::seconds kPatienceWithAbsent{2};
 constexpr const char* kEventsStream = "events";
 
 std::string boot_id() {
@@ -50,11 +54,17 @@ archive::StreamInfo stream_info(const StreamRequest& request, const SourceAddres
 }  // namespace
 
 struct Session::State {
+  /// What was asked for, checked and opened, before there is a case.
+  struct OpenedVideo {
+    SourceAddress address;
+    std::unique_ptr<Source> source;  // null: absent
+  };
   explicit State(SessionOptions asked);
   ~State();
   State(const State&) = delete;
   State& operator=(const State&) = delete;
 
+  void open(OpenedVideo& opened, const StreamRequest& request);
   void finish_lanes();
 
   [[nodiscard]] SessionStatus status() const {
@@ -62,7 +72,8 @@ struct Session::State {
     status.now_ns = clock.now_ns();
     for (const auto& lane : lanes) {
       const LaneStatus l = lane->status();
-      status.streams.push_back({lane->name(), l.live, l.frames, l.dropped, l.segments, l.bytes});
+      status.streams.push_back(
+          {lane->name(), l.live, l.frames, l.dropped, l.segments, l.bytes, l.last_ns, l.durable_ns});
     }
     status.tokens = scribe->tokens();
     status.missed = scribe->missed();
@@ -73,7 +84,10 @@ struct Session::State {
 
   /// Why the session must end now; "" while it must not.
   [[nodiscard]] std::string reason_to_end() const {
-    if (stopping) return "operator";
+    if (stopping) {
+      const std::lock_guard guard(stop_mutex);
+      return stop_reason;
+    }
     if (std::string trouble = troubles.close_reason(); !trouble.empty()) return trouble;
     const auto has_ended = [](const auto& lane) { return lane->ended(); };
     if (!end_ns) {
@@ -106,16 +120,13 @@ struct Session::State {
   std::unique_ptr<Stamper> stamper;
   std::unique_ptr<Scribe> scribe;
   std::atomic<bool> stopping = false;
+  mutable std::mutex stop_mutex;
+  std::string stop_reason = "operator";
   bool closed = false;
 };
 
 namespace {
 
-/// What was asked for, checked and opened, before there is a case.
-struct OpenedVideo {
-  SourceAddress address;
-  std::unique_ptr<Source> source;
-};
 struct OpenedVitals {
   SourceAddress address;
   std::unique_ptr<VitalSource> source;
@@ -181,15 +192,18 @@ Session::State::State(SessionOptions asked)
   // Sources first: what cannot be opened must not leave a case behind.
   std::vector<OpenedVideo> videos;
   std::vector<OpenedVitals> vitals;
+  // All at once, so that slow ones do not add up.
+  std::vector<std::future<OpenedVideo>> opening;
   for (const StreamRequest& request : options.video) {
-    OpenedVideo opened{checked_address(request, options), {}};
-    OpeningTerms terms;
-    terms.sound = request.video.audio;
-    opened.source = open_source(opened.address, clock, terms);
-    // Tried once, so that a picture too large for the encoder is refused now and not in the first second.
-    const VideoEncoder tried(opened.source->format(), opened.source->frame_rate(), request.video);
-    declare(stream_info(request, opened.address, true), request.recipients);
-    videos.push_back(std::move(opened));
+    opening.push_back(std::async(std::launch::async, [this, &request] {
+      OpenedVideo opened{checked_address(request, options), {}};
+      open(opened, request);
+      return opened;
+    }));
+  }
+  for (std::size_t i = 0; i < opening.size(); ++i) {
+    videos.push_back(opening[i].get());
+    declare(stream_info(options.video[i], videos.back().address, true), options.video[i].recipients);
   }
   for (const StreamRequest& request : options.vitals) {
     OpenedVitals opened{checked_address(request, options), {}};
@@ -230,6 +244,20 @@ Session::State::State(SessionOptions asked)
                                [this](const std::string& sentence) { troubles.mention(sentence); }};
   stamper = std::make_unique<Stamper>(options.authorities, std::move(around), facts);
   scribe = std::make_unique<Scribe>(*writer, facts, clock, troubles, *stamper, options.stamp_interval);
+}
+
+void Session::State::open(OpenedVideo& opened, const StreamRequest& request) {
+  OpeningTerms terms;
+  terms.sound = request.video.audio;
+  if (request.may_be_absent) terms.patience = kPatienceWithAbsent;
+  try {
+    opened.source = open_source(opened.address, clock, terms);
+    // Tried once, so that a picture too large for the encoder is refused now and not in the first second.
+    const VideoEncoder tried(opened.source->format(), opened.source->frame_rate(), request.video);
+  } catch (const Error& error) {
+    if (!request.may_be_absent) throw;
+    troubles.mention(error.what());
+  }
 }
 
 Session::State::~State() {
@@ -294,6 +322,15 @@ SessionResult Session::run(const std::function<void(const SessionStatus&)>& prog
 }
 
 void Session::stop() noexcept { state_->stopping = true; }
+
+void Session::stop(const std::string& reason) {
+  const std::lock_guard guard(state_->stop_mutex);
+  if (state_->stopping) return;
+  state_->stop_reason = reason;
+  state_->stopping = true;
+}
+
+SessionStatus Session::status() const { return state_->status(); }
 
 void Session::mark(const std::string& text) { state_->events->mark(text); }
 

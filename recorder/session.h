@@ -30,6 +30,9 @@ struct StreamRequest {
   std::string purpose;
   VideoProfile video;  // ignored for vitals
   crypto::AgeRecipients recipients;
+  /// An unattended recorder begins without a source that is not there, states the gap, and takes it up when
+  /// it comes; a person at a keyboard would rather be told (the default).
+  bool may_be_absent = false;
 };
 
 struct SessionOptions {
@@ -55,6 +58,8 @@ struct StreamStatus {
   std::string name;
   bool live = false;
   std::uint64_t frames = 0, dropped = 0, segments = 0, bytes = 0;
+  std::int64_t last_ns = 0;     // case-clock end of what came last
+  std::int64_t durable_ns = 0;  // case-clock end of what is safely on the disk and in the ledger
 };
 struct SessionStatus {
   std::int64_t now_ns = 0;
@@ -83,8 +88,12 @@ class Session {
   /// Records until stop(), the duration, or the end of the sources (of all video; of the vital signs where
   /// there is no video); closes the case properly; returns. `progress` about four times a second.
   SessionResult run(const std::function<void(const SessionStatus&)>& progress = {});
-  /// From any thread or a signal handler.
+  /// From any thread or a signal handler; the close reason is "operator".
   void stop() noexcept;
+  /// The same with another close reason. From any thread; the first reason stands.
+  void stop(const std::string& reason);
+  /// What run() tells its `progress`. From any thread.
+  [[nodiscard]] SessionStatus status() const;
   /// An operator's mark: sealed in the events stream, committed to in the ledger. From any thread.
   void mark(const std::string& text);
 

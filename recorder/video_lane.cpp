@@ -19,7 +19,8 @@ constexpr std::uint64_t kLargestSegmentBytes = 960ULL << 20;
 constexpr std::int64_t kLongestSegmentNs = 10'000'000'000;
 constexpr std::int64_t kLongestSilenceNs = 5'000'000'000;
 constexpr std::int64_t kShortestSilenceNs = 1'000'000'000;
-constexpr std::int64_t kReopenPauseNs = 1'000'000'000;
+constexpr std::int64_t kFirstReopenPauseNs = 1'000'000'000;
+constexpr std::int64_t kLongestReopenPauseNs = 16'000'000'000;
 constexpr std::chrono::seconds kPipePatience{10};
 
 }  // namespace
@@ -34,9 +35,8 @@ VideoLane::VideoLane(const LaneContext& context, std::size_t stream_index, archi
       queue_(queue_bytes),
       muxer_(profile.in_transport_stream() ? make_transport_stream_muxer() : make_matroska_muxer()),
       source_(std::move(source)) {
-  if (const auto format = source_->sound_format(); format && profile_.audio) {
-    sound_ = std::make_unique<SoundEncoder>(*format, profile_);
-  }
+  if (!source_ || !profile_.audio) return;
+  if (const auto format = source_->sound_format()) sound_ = std::make_unique<SoundEncoder>(*format, profile_);
 }
 
 VideoLane::~VideoLane() {
@@ -58,16 +58,21 @@ void VideoLane::stop() {
 }
 
 LaneStatus VideoLane::status() const {
-  return {live_, frames_, refused_ + queue_.dropped(), output_.segments(), output_.bytes(), last_ns_};
+  return {live_,           frames_,  refused_ + queue_.dropped(), output_.segments(),
+          output_.bytes(), last_ns_, output_.claimed_until_ns()};
 }
 
 // --- capture -----------------------------------------------------------------------------------------------
 
 void VideoLane::capture() {
-  const bool comes_back = source_->is_live();
-  bool lost = true;
-  while (lost && !stopping_) {
-    lost = false;
+  bool present = source_ != nullptr;
+  if (!present) {
+    queue_.push(SourceLost{cause_of_loss()});
+    present = reopen(false);
+  }
+  const bool comes_back = present && source_->is_live();
+  while (present && !stopping_) {
+    bool lost = false;
     try {
       capture_from(*source_);
     } catch (const std::exception& error) {
@@ -83,7 +88,7 @@ void VideoLane::capture() {
       const std::lock_guard guard(source_mutex_);
       source_.reset();
     }
-    lost = reopen();
+    present = reopen(true);
   }
   ended_ = true;
   queue_.finish();
@@ -108,25 +113,23 @@ void VideoLane::capture_from(Source& source) {
   }
 }
 
-/// Tries until the source is back; false if it has ended or the session stops.
-bool VideoLane::reopen() {
-  const bool is_pipe = address_.kind == SourceKind::kPipe;
-  for (;;) {
-    if (!is_pipe && !wait_until(context_.clock, context_.clock.now_ns() + kReopenPauseNs, stopping_)) {
-      return false;
-    }
+bool VideoLane::reopen(bool was_open) {
+  const bool may_end = was_open && address_.kind == SourceKind::kPipe;
+  for (std::int64_t pause_ns = kFirstReopenPauseNs;;
+       pause_ns = std::min(2 * pause_ns, kLongestReopenPauseNs)) {
+    if (!may_end && !wait_until(context_.clock, context_.clock.now_ns() + pause_ns, stopping_)) return false;
     try {
       OpeningTerms terms;
       terms.cancelled = &stopping_;
       terms.sound = profile_.audio;
-      if (is_pipe) terms.patience = kPipePatience;
+      if (address_.kind == SourceKind::kPipe) terms.patience = kPipePatience;
       auto fresh = open_source(address_, context_.clock, terms);
       const std::lock_guard guard(source_mutex_);
       source_ = std::move(fresh);
       if (stopping_) source_->interrupt();
       return true;
     } catch (const std::exception& error) {
-      if (stopping_ || is_pipe) return false;
+      if (stopping_ || may_end) return false;
       context_.troubles.mention(error.what());
     }
   }
@@ -187,8 +190,12 @@ void VideoLane::take(QueuedFrame item) {
 }
 
 void VideoLane::take_sound(TimedFrame sound) {
+  // Where the source came late, its sound is first heard of now; segments carry it from the next one on.
+  if (!sound_) sound_ = std::make_unique<SoundEncoder>(sound_format_of(*sound.frame), profile_);
   // Sound stands beside pictures; while there are none, there is nothing to stand beside.
-  if (sound_ && output_.is_open()) write_sound(sound_->encode(std::move(sound.frame), sound.time_ns));
+  if (output_.is_open() && segment_has_sound_) {
+    write_sound(sound_->encode(std::move(sound.frame), sound.time_ns));
+  }
 }
 
 void VideoLane::write_sound(std::vector<media::Packet> packets) {
@@ -238,6 +245,7 @@ void VideoLane::record(media::Frame prepared) {
     output_.begin(time_ns, stated.pts, stated.time_base);
     boundary_ns_ = next_boundary(time_ns, context_.segment_duration);
     std::vector<MuxedStream> streams{muxed};
+    segment_has_sound_ = sound_ != nullptr;
     if (sound_) streams.push_back(sound_->muxed_stream());
     muxer_->begin(streams, [this](ByteView bytes) { output_.write(bytes); });
   }
@@ -302,7 +310,7 @@ void VideoLane::finish(std::int64_t close_ns) {
         state_gap(drops->dropped_since_ns, std::max(close_ns, drops->dropped_since_ns),
                   archive::GapCause::kOverload);
       }
-      if (sound_ && output_.is_open()) write_sound(sound_->drain());
+      if (sound_ && segment_has_sound_ && output_.is_open()) write_sound(sound_->drain());
       end_coding();
       output_.drain();
     } catch (const std::exception& error) {

@@ -23,9 +23,10 @@ namespace kiroku::recorder {
 
 class VideoLane : public Lane {
  public:
-  /// `source` was opened from `address`; a live one is opened anew when it is lost, each second until it is
-  /// back (a pipe: when somebody writes to it again within ten seconds, else it has ended). The encoder was
-  /// tried on the source's format before.
+  /// `source` was opened from `address`, and the encoder was tried on its format; or it is null, and the
+  /// source is taken up when it can be opened, with a gap stated until then. A live one is opened anew when
+  /// it is lost, after pauses that grow from one second to sixteen, until it is back (a pipe: when somebody
+  /// writes to it again within ten seconds, else it has ended).
   VideoLane(const LaneContext& context, std::size_t stream_index, archive::StreamInfo info,
             SourceAddress address, std::unique_ptr<Source> source, VideoProfile profile,
             std::size_t queue_bytes);
@@ -44,7 +45,9 @@ class VideoLane : public Lane {
   // Capture.
   void capture();
   void capture_from(Source& source);
-  bool reopen();
+  /// Tries until there is a source; false if it has ended or the session stops. A pipe that was never
+  /// opened is waited for like anything else.
+  bool reopen(bool was_open);
   [[nodiscard]] archive::GapCause cause_of_loss() const;
 
   // Encoding.
@@ -75,7 +78,7 @@ class VideoLane : public Lane {
   StreamOutput output_;
   FrameQueue queue_;
   std::unique_ptr<SegmentMuxer> muxer_;
-  std::unique_ptr<SoundEncoder> sound_;  // null: no sound
+  std::unique_ptr<SoundEncoder> sound_;  // null: no sound, or none yet
 
   std::mutex source_mutex_;  // guards the pointer: stop() interrupts whatever source there is
   std::unique_ptr<Source> source_;
@@ -91,6 +94,7 @@ class VideoLane : public Lane {
   std::int64_t interval_ns_ = 0;
   std::int64_t recorded_until_ns_ = 0;  // end of the last segment
   std::uint64_t segment_frames_ = 0, segment_dropped_ = 0;
+  bool segment_has_sound_ = false;
   std::optional<Absence> absence_;
   bool failed_ = false;
 

@@ -30,7 +30,7 @@ void VitalsLane::stop() {
 }
 
 LaneStatus VitalsLane::status() const {
-  return {live_, samples_, 0, output_.segments(), output_.bytes(), last_ns_};
+  return {live_, samples_, 0, output_.segments(), output_.bytes(), last_ns_, output_.claimed_until_ns()};
 }
 
 std::optional<VitalSample> VitalsLane::next_sample() {
