@@ -1,0 +1,47 @@
+// How other programs speak with a running recorder: one JSON object a line over a Unix socket, one answer a
+// line. Who may connect is decided by the socket's mode (0660) and its folder.
+//
+//   {"do":"status"}                                  {"ok":true,"rooms":[…],…}
+//   {"do":"start","room":"or-1","subject":{…}}       {"ok":true,"case":"…"}
+//   {"do":"stop","room":"or-1","wait":true}          {"ok":true,"case":"…"}
+//   {"do":"mark","room":"or-1","text":"…"}           {"ok":true}
+//   anything that cannot be done                     {"ok":false,"error":"one sentence"}
+//
+// "room" may be left out where there is only one.
+#pragma once
+
+#include <filesystem>
+#include <functional>
+#include <memory>
+#include <string>
+
+#include <nlohmann/json_fwd.hpp>
+
+#include "base/error.h"
+
+namespace kiroku::recorder {
+
+/// Answers a request; may take its time, and is called from several threads. What it throws becomes an error
+/// answer.
+using ControlHandler = std::function<nlohmann::ordered_json(const nlohmann::json& request)>;
+
+class ControlServer {
+ public:
+  /// Listens on `socket`; one that a dead process left behind is replaced. Throws kiroku::Error where a
+  /// living process answers there, or the path is too long or cannot be written.
+  ControlServer(std::filesystem::path socket, ControlHandler handler);
+  /// Waits for answers under way.
+  ~ControlServer();
+  ControlServer(const ControlServer&) = delete;
+  ControlServer& operator=(const ControlServer&) = delete;
+
+ private:
+  struct State;
+  std::unique_ptr<State> state_;
+};
+
+/// Sends one request to the recorder that listens on `socket` and returns its answer. Throws kiroku::Error
+/// where nobody answers, and with the recorder's own sentence where it could not do what was asked.
+nlohmann::json ask_recorder(const std::filesystem::path& socket, const nlohmann::json& request);
+
+}  // namespace kiroku::recorder

@@ -1,0 +1,315 @@
+#include "recorder/daemon/daemon.h"
+
+#include <algorithm>
+#include <cmath>
+#include <mutex>
+#include <sstream>
+#include <sys/statvfs.h>
+#include <thread>
+
+#include <nlohmann/json.hpp>
+
+#include "base/error.h"
+#include "recorder/clock_watch.h"
+
+namespace kiroku::recorder {
+namespace {
+
+using nlohmann::json;
+using nlohmann::ordered_json;
+using SteadyClock = std::chrono::steady_clock;
+
+// A room that records or waits does something several times a second; opening sources and closing a case wait
+// for networks, each with its own time limit.
+constexpr std::chrono::seconds kLongestSilence{30};
+constexpr std::chrono::minutes kLongestTransition{10};
+// Containers, sealing and hashes beside the encoder's bits.
+constexpr double kOverhead = 1.08;
+constexpr double kBitsPerByte = 8;
+constexpr double kSecondsPerHour = 3600;
+constexpr double kNanosecondsPerMillisecond = 1e6;
+
+struct DiskState {
+  std::uint64_t free_bytes = 0, total_bytes = 0;
+};
+
+DiskState disk_of(const std::filesystem::path& folder) {
+  struct statvfs disk {};
+  if (::statvfs(folder.c_str(), &disk) != 0) throw IoError("ask for the free space of", folder, errno);
+  return {std::uint64_t(disk.f_bavail) * disk.f_frsize, std::uint64_t(disk.f_blocks) * disk.f_frsize};
+}
+
+/// What the streams of a room will write, where that can be known before they do.
+std::optional<double> expected_bytes_per_second(const RoomPlan& plan) {
+  double bits = 0;
+  for (const StreamRequest& stream : plan.session.video) {
+    if (stream.video.profile != Profile::kMpeg2) return {};
+    bits += static_cast<double>(stream.video.bit_rate);
+  }
+  if (bits == 0) return {};
+  return bits * kOverhead / kBitsPerByte;
+}
+
+ordered_json stream_json(const StreamStatus& stream, std::int64_t now_ns) {
+  const auto milliseconds_since = [now_ns](std::int64_t then_ns) {
+    return static_cast<double>(std::max<std::int64_t>(0, now_ns - then_ns)) / kNanosecondsPerMillisecond;
+  };
+  return {{"name", stream.name},
+          {"live", stream.live},
+          {"frames", stream.frames},
+          {"dropped", stream.dropped},
+          {"segments", stream.segments},
+          {"bytes", stream.bytes},
+          {"age_ms", std::llround(milliseconds_since(stream.last_ns))},
+          {"durable_age_ms", std::llround(milliseconds_since(stream.durable_ns))}};
+}
+
+/// A label's value in Prometheus' text format.
+std::string quoted(const std::string& text) {
+  std::string out = "\"";
+  for (const char c : text) {
+    if (c == '"' || c == '\\') out += '\\';
+    out += c;
+  }
+  return out + "\"";
+}
+
+std::string required_text(const json& request, const char* key) {
+  const auto found = request.find(key);
+  if (found == request.end() || !found->is_string() || found->get_ref<const std::string&>().empty()) {
+    throw UsageError(std::string("the request needs a text \"") + key + "\"");
+  }
+  return found->get<std::string>();
+}
+
+}  // namespace
+
+struct Daemon::State {
+  explicit State(DaemonOptions asked) : options(std::move(asked)), began(SteadyClock::now()) {
+    for (RoomPlan& plan : options.rooms) {
+      expected.push_back(expected_bytes_per_second(plan));
+      RoomListener listener;
+      const std::string prefix = "room " + plan.name + ": ";
+      listener.closed = options.listener.closed;
+      listener.note = [this, prefix](const std::string& sentence) {
+        if (options.listener.note) options.listener.note(prefix + sentence);
+      };
+      listener.warn = [this, prefix](const std::string& sentence) {
+        if (options.listener.warn) options.listener.warn(prefix + sentence);
+      };
+      rooms.push_back(std::make_unique<Room>(std::move(plan), std::move(listener)));
+    }
+    options.rooms.clear();
+  }
+  ~State() {
+    // All at once: closing waits for time-stamping authorities.
+    std::vector<std::thread> closers;
+    for (std::unique_ptr<Room>& room : rooms) {
+      closers.emplace_back([&room] { room.reset(); });
+    }
+    for (std::thread& closer : closers) closer.join();
+  }
+  State(const State&) = delete;
+  State& operator=(const State&) = delete;
+
+  Room& room(const std::string& name) {
+    for (const std::unique_ptr<Room>& one : rooms) {
+      if (one->name() == name) return *one;
+    }
+    std::string known;
+    for (const std::unique_ptr<Room>& one : rooms) known += (known.empty() ? "" : ", ") + one->name();
+    throw UsageError("there is no room named '" + name + "'; there are: " + known);
+  }
+  Room& room(const json& request) {
+    if (!request.contains("room") && rooms.size() == 1) return *rooms.front();
+    if (!request.contains("room")) throw UsageError("there are several rooms: say which one");
+    return room(required_text(request, "room"));
+  }
+
+  /// Hours until the disk is full if every room recorded; nothing if that cannot be known.
+  [[nodiscard]] std::optional<double> hours_left(const DiskState& disk) const {
+    double rate = 0;
+    for (std::size_t i = 0; i < rooms.size(); ++i) {
+      const RoomStatus status = rooms[i]->status();
+      if (status.bytes_per_second > 0) {
+        rate += status.bytes_per_second;
+      } else if (expected[i]) {
+        rate += *expected[i];
+      } else {
+        return {};
+      }
+    }
+    if (rate <= 0) return {};
+    return static_cast<double>(disk.free_bytes) / rate / kSecondsPerHour;
+  }
+
+  [[nodiscard]] ordered_json disk_json() const {
+    const DiskState disk = disk_of(options.archive);
+    ordered_json out{{"folder", options.archive.string()},
+                     {"free_bytes", disk.free_bytes},
+                     {"total_bytes", disk.total_bytes},
+                     {"hours_left", nullptr}};
+    if (const auto hours = hours_left(disk)) out["hours_left"] = std::round(*hours * 10) / 10;
+    return out;
+  }
+
+  static ordered_json clock_json() {
+    const CaseClock now;
+    const auto state = ClockWatch(now).check();
+    return {{"synchronised", state->synchronised},
+            {"offset_ns", state->offset_ns},
+            {"error_ns", state->error_ns}};
+  }
+
+  static ordered_json room_json(const RoomStatus& status) {
+    ordered_json streams = ordered_json::array();
+    for (const StreamStatus& stream : status.session.streams) {
+      streams.push_back(stream_json(stream, status.session.now_ns));
+    }
+    return {{"room", status.name},
+            {"state", state_name(status.state)},
+            {"case", status.case_id},
+            {"reason", status.reason},
+            {"elapsed_ns", status.session.now_ns},
+            {"streams", streams},
+            {"tokens", status.session.tokens},
+            {"missed", status.session.missed},
+            {"bytes_per_second", std::llround(status.bytes_per_second)},
+            {"cases", status.cases},
+            {"problem", status.problem}};
+  }
+
+  [[nodiscard]] ordered_json status() const {
+    ordered_json all = ordered_json::array();
+    for (const std::unique_ptr<Room>& one : rooms) all.push_back(room_json(one->status()));
+    const std::chrono::duration<double> up = SteadyClock::now() - began;
+    return {{"rooms", all},
+            {"disk", disk_json()},
+            {"clock", clock_json()},
+            {"uptime_s", std::llround(up.count())}};
+  }
+
+  DaemonOptions options;
+  const SteadyClock::time_point began;
+  std::vector<std::optional<double>> expected;
+  std::vector<std::unique_ptr<Room>> rooms;
+  std::mutex disk_mutex;
+  bool warned_of_disk = false;
+};
+
+Daemon::Daemon(DaemonOptions options) : state_(std::make_unique<State>(std::move(options))) {}
+Daemon::~Daemon() = default;
+
+ordered_json Daemon::handle(const json& request) {
+  const std::string what = required_text(request, "do");
+  if (what == "status") return state_->status();
+  Room& room = state_->room(request);
+  if (what == "start") {
+    std::optional<Bytes> subject;
+    if (const auto found = request.find("subject"); found != request.end()) {
+      if (!found->is_object()) throw UsageError("\"subject\" must be a JSON object");
+      subject = to_bytes(bytes_of(found->dump()));
+    }
+    return {{"room", room.name()}, {"case", room.start("operator", std::move(subject))}};
+  }
+  if (what == "stop") {
+    return {{"room", room.name()}, {"case", room.stop("operator", request.value("wait", true))}};
+  }
+  if (what == "mark") {
+    room.mark(required_text(request, "text"));
+    return {{"room", room.name()}, {"case", room.status().case_id}};
+  }
+  throw UsageError("'" + what + "' is nothing a recorder can do: status, start, stop or mark");
+}
+
+ordered_json Daemon::hook(const std::string& name, const std::string& action, const std::string& body) {
+  Room& room = state_->room(name);
+  if (action == "start") return {{"case", room.start("hook")}};
+  if (action == "stop") return {{"case", room.stop("hook", false)}};
+  if (body.empty()) throw UsageError("the body must hold the text of the mark");
+  room.mark(body);
+  return {{"case", room.status().case_id}};
+}
+
+std::string Daemon::metrics() const {
+  std::ostringstream out;
+  const auto family = [&out](const char* name, const char* type, const char* help) {
+    out << "# HELP " << name << ' ' << help << "\n# TYPE " << name << ' ' << type << "\n";
+  };
+  std::vector<RoomStatus> rooms;
+  for (const std::unique_ptr<Room>& room : state_->rooms) rooms.push_back(room->status());
+  const auto per_room = [&](const char* name, const char* type, const char* help, const auto& value) {
+    family(name, type, help);
+    for (const RoomStatus& room : rooms)
+      out << name << "{room=" << quoted(room.name) << "} " << value(room) << "\n";
+  };
+  const auto per_stream = [&](const char* name, const char* type, const char* help, const auto& value) {
+    family(name, type, help);
+    for (const RoomStatus& room : rooms) {
+      for (const StreamStatus& stream : room.session.streams) {
+        out << name << "{room=" << quoted(room.name) << ",stream=" << quoted(stream.name) << "} "
+            << value(stream) << "\n";
+      }
+    }
+  };
+  per_room("kiroku_room_recording", "gauge", "1 while a case is recorded",
+           [](const RoomStatus& room) { return room.state == RoomState::kRecording ? 1 : 0; });
+  per_room("kiroku_room_cases_total", "counter", "Cases ended since the recorder started",
+           [](const RoomStatus& room) { return room.cases; });
+  per_room("kiroku_case_tokens", "gauge", "Time-stamp tokens of the newest case",
+           [](const RoomStatus& room) { return room.session.tokens; });
+  per_room("kiroku_case_tokens_missed", "gauge",
+           "Time-stamps that an authority did not give, of the newest case",
+           [](const RoomStatus& room) { return room.session.missed; });
+  per_stream("kiroku_stream_live", "gauge", "1 while the source delivers",
+             [](const StreamStatus& stream) { return stream.live ? 1 : 0; });
+  per_stream("kiroku_stream_frames", "gauge", "Frames or samples recorded in the newest case",
+             [](const StreamStatus& stream) { return stream.frames; });
+  per_stream("kiroku_stream_dropped", "gauge", "Frames lost in the newest case",
+             [](const StreamStatus& stream) { return stream.dropped; });
+  per_stream("kiroku_stream_bytes", "gauge", "Sealed bytes of the newest case",
+             [](const StreamStatus& stream) { return stream.bytes; });
+  const DiskState disk = disk_of(state_->options.archive);
+  family("kiroku_disk_free_bytes", "gauge", "Free space of the archive's disk");
+  out << "kiroku_disk_free_bytes " << disk.free_bytes << "\n";
+  if (const auto hours = state_->hours_left(disk)) {
+    family("kiroku_disk_hours_left", "gauge", "Hours until the disk is full if every room records");
+    out << "kiroku_disk_hours_left " << *hours << "\n";
+  }
+  const CaseClock now;
+  family("kiroku_clock_synchronised", "gauge", "1 while the kernel says that the wall clock is synchronised");
+  out << "kiroku_clock_synchronised " << (ClockWatch(now).check()->synchronised ? 1 : 0) << "\n";
+  return out.str();
+}
+
+void Daemon::watch_disk() {
+  const DiskState disk = disk_of(state_->options.archive);
+  const auto hours = state_->hours_left(disk);
+  const std::lock_guard guard(state_->disk_mutex);
+  const bool low = hours && *hours < state_->options.warn_below_hours;
+  if (low && !state_->warned_of_disk && state_->options.listener.warn) {
+    std::ostringstream sentence;
+    sentence.precision(2);
+    sentence << "the disk of " << state_->options.archive.string() << " is full in " << *hours
+             << " hours of recording: make room, or replicate and erase what may be erased";
+    state_->options.listener.warn(sentence.str());
+  }
+  state_->warned_of_disk = low;
+}
+
+bool Daemon::healthy() const {
+  return std::all_of(state_->rooms.begin(), state_->rooms.end(), [](const std::unique_ptr<Room>& room) {
+    const RoomState state = room->status().state;
+    const bool in_transition = state == RoomState::kStarting || state == RoomState::kClosing;
+    const auto silence = SteadyClock::now() - room->heartbeat();
+    return in_transition ? silence < kLongestTransition : silence < kLongestSilence;
+  });
+}
+
+bool Daemon::recording() const {
+  return std::any_of(state_->rooms.begin(), state_->rooms.end(), [](const std::unique_ptr<Room>& room) {
+    return room->status().state != RoomState::kIdle;
+  });
+}
+
+}  // namespace kiroku::recorder

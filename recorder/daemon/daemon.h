@@ -1,0 +1,51 @@
+// The rooms of one machine, and what can be asked of and said about them. Every function may be called from
+// any thread.
+#pragma once
+
+#include <chrono>
+#include <filesystem>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include <nlohmann/json_fwd.hpp>
+
+#include "recorder/daemon/room.h"
+
+namespace kiroku::recorder {
+
+struct DaemonOptions {
+  std::vector<RoomPlan> rooms;
+  std::filesystem::path archive;  // whose disk is watched
+  double warn_below_hours = 8;
+  RoomListener listener;  // of every room; `note` and `warn` are given the room's name before the sentence
+};
+
+class Daemon {
+ public:
+  explicit Daemon(DaemonOptions options);
+  /// Closes every case that runs, all rooms at once.
+  ~Daemon();
+  Daemon(const Daemon&) = delete;
+  Daemon& operator=(const Daemon&) = delete;
+
+  /// A request of recorder/daemon/control_server.h and its answer. Throws kiroku::Error for one that cannot
+  /// be done.
+  nlohmann::ordered_json handle(const nlohmann::json& request);
+  /// The same by way of the HTTP hook.
+  nlohmann::ordered_json hook(const std::string& room, const std::string& action, const std::string& body);
+  /// Prometheus' text format, 0.0.4.
+  [[nodiscard]] std::string metrics() const;
+  /// Looks at the disk and warns when a new threshold is passed. Call each few seconds.
+  void watch_disk();
+  /// Whether every room's thread is alive.
+  [[nodiscard]] bool healthy() const;
+  [[nodiscard]] bool recording() const;
+
+ private:
+  struct State;
+  std::unique_ptr<State> state_;
+};
+
+}  // namespace kiroku::recorder

@@ -1,0 +1,43 @@
+// A small HTTP server for machines on the same host: Prometheus' /metrics, and a hook by which another
+// program (a room control, a button) starts and stops cases.
+//
+//   GET  /metrics                                    text/plain; version=0.0.4
+//   GET  /healthz                                    200 "ok"
+//   POST /rooms/<room>/start | stop | mark           with "Authorization: Bearer <token>"; the body of mark
+//   is
+//                                                    the text. Answers 200 and JSON, or 4xx and {"error": …}.
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <memory>
+#include <string>
+
+#include <nlohmann/json_fwd.hpp>
+
+namespace kiroku::recorder {
+
+struct HttpServerOptions {
+  std::string address = "127.0.0.1";
+  std::uint16_t port = 0;  // 0: any free one
+  std::string token;       // empty: there is no hook
+  std::function<std::string()> metrics;
+  /// (room, "start" | "stop" | "mark", body); what it throws becomes status 409.
+  std::function<nlohmann::ordered_json(const std::string&, const std::string&, const std::string&)> hook;
+};
+
+class HttpServer {
+ public:
+  /// Throws kiroku::Error where the address cannot be listened on.
+  explicit HttpServer(HttpServerOptions options);
+  ~HttpServer();
+  HttpServer(const HttpServer&) = delete;
+  HttpServer& operator=(const HttpServer&) = delete;
+  [[nodiscard]] std::uint16_t port() const;
+
+ private:
+  struct State;
+  std::unique_ptr<State> state_;
+};
+
+}  // namespace kiroku::recorder

@@ -1,0 +1,304 @@
+#include "recorder/daemon/room.h"
+
+#include <algorithm>
+#include <condition_variable>
+#include <deque>
+#include <future>
+#include <mutex>
+#include <thread>
+
+#include "base/error.h"
+
+namespace kiroku::recorder {
+namespace {
+
+using Clock = std::chrono::steady_clock;
+constexpr std::chrono::seconds kRuleInterval{1};
+constexpr std::chrono::seconds kFirstPause{1};
+constexpr std::chrono::seconds kLongestPause{60};
+constexpr std::chrono::seconds kRateWindow{60};
+
+/// Bytes a second over about the last minute.
+class RateMeter {
+ public:
+  void add(Clock::time_point now, std::uint64_t bytes) {
+    if (!samples_.empty() && now - samples_.back().when < std::chrono::seconds(1)) return;
+    samples_.push_back({now, bytes});
+    while (samples_.size() > 2 && now - samples_.front().when > kRateWindow) samples_.pop_front();
+  }
+  [[nodiscard]] double bytes_per_second() const {
+    if (samples_.size() < 2) return 0;
+    const std::chrono::duration<double> span = samples_.back().when - samples_.front().when;
+    return static_cast<double>(samples_.back().bytes - samples_.front().bytes) / span.count();
+  }
+
+ private:
+  struct Sample {
+    Clock::time_point when;
+    std::uint64_t bytes;
+  };
+  std::deque<Sample> samples_;
+};
+
+std::uint64_t total_bytes(const SessionStatus& status) {
+  std::uint64_t bytes = 0;
+  for (const StreamStatus& stream : status.streams) bytes += stream.bytes;
+  return bytes;
+}
+
+}  // namespace
+
+std::string_view state_name(RoomState state) {
+  switch (state) {
+    case RoomState::kIdle:
+      return "idle";
+    case RoomState::kStarting:
+      return "starting";
+    case RoomState::kRecording:
+      return "recording";
+    case RoomState::kClosing:
+      return "closing";
+  }
+  return "";
+}
+
+struct Room::State {
+  State(RoomPlan asked, RoomListener told) : plan(std::move(asked)), listener(std::move(told)) {
+    status.name = plan.name;
+    beat();
+    thread = std::thread([this] { run(); });
+  }
+  ~State() {
+    {
+      const std::lock_guard guard(mutex);
+      ending = true;
+      if (session) session->stop("shutdown");
+    }
+    changed.notify_all();
+    thread.join();
+  }
+  State(const State&) = delete;
+  State& operator=(const State&) = delete;
+
+  struct Request {
+    std::string reason;
+    std::optional<Bytes> subject;
+    std::promise<std::string> begun;
+  };
+
+  void beat() { heartbeat = Clock::now().time_since_epoch().count(); }
+
+  void run() {
+    std::unique_lock lock(mutex);
+    while (!ending) {
+      beat();
+      changed.wait_for(lock, kRuleInterval, [&] { return ending || request; });
+      if (ending) break;
+      const bool in_window = !plan.rules.schedule.empty() && plan.rules.schedule.contains(local_now());
+      if (!in_window) stopped_in_window = false;
+      if (!request && in_window && !stopped_in_window && Clock::now() >= not_before) {
+        request = std::make_unique<Request>();
+        request->reason = "schedule";
+      }
+      if (!request) continue;
+      const std::unique_ptr<Request> taken = std::move(request);
+      lock.unlock();
+      record(*taken);
+      lock.lock();
+    }
+    if (request) {
+      request->begun.set_exception(std::make_exception_ptr(Error("the recorder is being shut down")));
+    }
+  }
+
+  /// One case from its beginning to its end.
+  void record(Request& asked) {
+    set_state(RoomState::kStarting, asked.reason);
+    std::shared_ptr<Session> running;
+    try {
+      SessionOptions options = plan.session;
+      options.subject = std::move(asked.subject);
+      running = std::make_shared<Session>(std::move(options));
+    } catch (const std::exception& error) {
+      refuse_start(asked, error.what());
+      return;
+    }
+    {
+      const std::lock_guard guard(mutex);
+      session = running;
+      status.state = RoomState::kRecording;
+      status.case_id = running->case_id();
+      if (ending) running->stop("shutdown");
+    }
+    if (listener.note) listener.note("case " + running->case_id() + " begins (" + asked.reason + ")");
+    asked.begun.set_value(running->case_id());
+    try {
+      end(running->run([&](const SessionStatus& now) { follow(*running, now, asked.reason == "schedule"); }));
+    } catch (const std::exception& error) {
+      end_badly(error.what());
+    }
+  }
+
+  void refuse_start(Request& asked, const std::string& why) {
+    pause = std::clamp<Clock::duration>(2 * pause, kFirstPause, kLongestPause);
+    not_before = Clock::now() + pause;
+    tell_problem("no case could be begun: " + why);
+    set_state(RoomState::kIdle, "");
+    asked.begun.set_exception(std::current_exception());
+  }
+
+  /// What is looked at a few times a second while a case runs.
+  void follow(Session& running, const SessionStatus& now, bool by_schedule) {
+    beat();
+    const RoomRules& rules = plan.rules;
+    if (now.now_ns >= rules.longest_case.count()) running.stop("longest-case");
+    if (rules.stop_after_silence && now.now_ns - last_sign_of_life(now) > rules.stop_after_silence->count()) {
+      running.stop("silence");
+    }
+    if (by_schedule && !rules.schedule.contains(local_now())) running.stop("schedule");
+    const std::lock_guard guard(mutex);
+    rate.add(Clock::now(), total_bytes(now));
+    status.bytes_per_second = rate.bytes_per_second();
+    status.session = now;
+    if (!now.last_problem.empty() && now.last_problem != status.problem) {
+      status.problem = now.last_problem;
+      if (listener.warn) listener.warn(now.last_problem);
+    }
+  }
+
+  [[nodiscard]] std::int64_t last_sign_of_life(const SessionStatus& now) const {
+    const std::size_t deciding = plan.session.video.empty() ? now.streams.size() : plan.session.video.size();
+    std::int64_t last_ns = 0;
+    for (std::size_t i = 0; i < std::min(deciding, now.streams.size()); ++i) {
+      last_ns = std::max(last_ns, now.streams[i].last_ns);
+    }
+    return last_ns;
+  }
+
+  void end(const SessionResult& result) {
+    const bool by_itself = result.close_reason == "disk-full" || result.close_reason.starts_with("error: ") ||
+                           result.close_reason == "sources-ended";
+    {
+      const std::lock_guard guard(mutex);
+      session.reset();
+      status.state = RoomState::kIdle;
+      status.reason = result.close_reason;
+      status.session = result.last;
+      status.bytes_per_second = 0;
+      ++status.cases;
+      rate = {};
+      // A case that ends again and again as soon as it has begun must not fill the archive with beginnings.
+      pause =
+          by_itself ? std::clamp<Clock::duration>(2 * pause, kFirstPause, kLongestPause) : Clock::duration{};
+      not_before = Clock::now() + pause;
+    }
+    if (listener.note) listener.note("case " + result.case_id + " is closed (" + result.close_reason + ")");
+    if (listener.closed) listener.closed(result);
+    changed.notify_all();
+  }
+
+  void end_badly(const std::string& why) {
+    std::string id;
+    {
+      const std::lock_guard guard(mutex);
+      session.reset();
+      status.state = RoomState::kIdle;
+      status.reason = "error: " + why;
+      id = status.case_id;
+      ++status.cases;
+      pause = std::clamp<Clock::duration>(2 * pause, kFirstPause, kLongestPause);
+      not_before = Clock::now() + pause;
+    }
+    tell_problem("case " + id + " could not be closed: " + why);
+    changed.notify_all();
+  }
+
+  void tell_problem(const std::string& sentence) {
+    {
+      const std::lock_guard guard(mutex);
+      status.problem = sentence;
+    }
+    if (listener.warn) listener.warn(sentence);
+  }
+
+  void set_state(RoomState state, const std::string& reason) {
+    beat();
+    const std::lock_guard guard(mutex);
+    status.state = state;
+    if (!reason.empty()) status.reason = reason;
+  }
+
+  const RoomPlan plan;
+  const RoomListener listener;
+  std::atomic<Clock::rep> heartbeat{0};
+
+  mutable std::mutex mutex;  // guards what follows but for the two that only the room's thread uses
+  std::condition_variable changed;
+  bool ending = false;
+  bool stopped_in_window = false;
+  std::unique_ptr<Request> request;
+  std::shared_ptr<Session> session;  // while a case runs
+  RoomStatus status;
+  RateMeter rate;
+
+  Clock::duration pause{};
+  Clock::time_point not_before{};
+  std::thread thread;
+};
+
+Room::Room(RoomPlan plan, RoomListener listener)
+    : state_(std::make_unique<State>(std::move(plan), std::move(listener))) {}
+Room::~Room() = default;
+
+const std::string& Room::name() const { return state_->plan.name; }
+
+std::string Room::start(const std::string& reason, std::optional<Bytes> subject) {
+  std::future<std::string> begun;
+  {
+    const std::lock_guard guard(state_->mutex);
+    if (state_->status.state != RoomState::kIdle || state_->request) {
+      throw UsageError("room " + name() + " is recording already: case " + state_->status.case_id);
+    }
+    state_->request = std::make_unique<State::Request>();
+    state_->request->reason = reason;
+    state_->request->subject = std::move(subject);
+    begun = state_->request->begun.get_future();
+  }
+  state_->changed.notify_all();
+  return begun.get();
+}
+
+std::string Room::stop(const std::string& reason, bool wait) {
+  std::unique_lock lock(state_->mutex);
+  if (!state_->session) throw UsageError("room " + name() + " is not recording");
+  const std::string id = state_->status.case_id;
+  const std::uint64_t before = state_->status.cases;
+  state_->session->stop(reason);
+  state_->status.state = RoomState::kClosing;
+  state_->stopped_in_window = true;
+  if (wait) state_->changed.wait(lock, [&] { return state_->status.cases > before; });
+  return id;
+}
+
+void Room::mark(const std::string& text) {
+  std::shared_ptr<Session> session;
+  {
+    const std::lock_guard guard(state_->mutex);
+    session = state_->session;
+  }
+  if (!session) throw UsageError("room " + name() + " is not recording: there is nothing to mark");
+  session->mark(text);
+}
+
+RoomStatus Room::status() const {
+  const std::lock_guard guard(state_->mutex);
+  RoomStatus status = state_->status;
+  if (state_->session) status.session = state_->session->status();
+  return status;
+}
+
+Clock::time_point Room::heartbeat() const {
+  return Clock::time_point(Clock::duration(state_->heartbeat.load()));
+}
+
+}  // namespace kiroku::recorder

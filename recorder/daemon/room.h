@@ -1,0 +1,80 @@
+// One operating room of an unattended recorder: starts and stops cases, by command or by rule, for as long as
+// it lives. Every function may be called from any thread.
+#pragma once
+
+#include <chrono>
+#include <cstdint>
+#include <functional>
+#include <memory>
+#include <optional>
+#include <string>
+
+#include "recorder/daemon/schedule.h"
+#include "recorder/session.h"
+
+namespace kiroku::recorder {
+
+/// When a room starts and stops by itself.
+struct RoomRules {
+  Schedule schedule;  // records inside its windows
+  /// A case in which no video (or, where there is none, no vital sign) came for so long is ended.
+  std::optional<std::chrono::nanoseconds> stop_after_silence;
+  /// A case is ended after so long; a forgotten one does not fill the disk.
+  std::chrono::nanoseconds longest_case = std::chrono::hours(24);
+};
+
+struct RoomPlan {
+  std::string name;
+  SessionOptions session;  // what it points to must outlive the room; no subject, no duration
+  RoomRules rules;
+};
+
+enum class RoomState { kIdle, kStarting, kRecording, kClosing };
+std::string_view state_name(RoomState state);
+
+struct RoomStatus {
+  std::string name;
+  RoomState state = RoomState::kIdle;
+  std::string case_id;          // of the case being recorded, or of the last one
+  std::string reason;           // why it was started, or why the last one ended
+  SessionStatus session;        // of that case
+  std::string problem;          // latest sentence a person should see, "" if none
+  std::uint64_t cases = 0;      // ended since the room was made
+  double bytes_per_second = 0;  // of the case being recorded, over the last minute or so
+};
+
+/// What a room tells the world; called from the room's thread. Must not call the room.
+struct RoomListener {
+  std::function<void(const std::string& sentence)> note;    // something happened
+  std::function<void(const std::string& sentence)> warn;    // something a person should see
+  std::function<void(const SessionResult& result)> closed;  // a case was closed
+};
+
+class Room {
+ public:
+  Room(RoomPlan plan, RoomListener listener);
+  /// Ends a case that runs, properly, with the reason "shutdown".
+  ~Room();
+  Room(const Room&) = delete;
+  Room& operator=(const Room&) = delete;
+
+  [[nodiscard]] const std::string& name() const;
+  /// Begins a case and returns its identifier when recording has begun. `subject` is JSON to be sealed with
+  /// it. Throws kiroku::UsageError if a case is running, kiroku::Error if none can be begun.
+  std::string start(const std::string& reason, std::optional<Bytes> subject = {});
+  /// Ends the case that runs and returns its identifier; returns when it is closed if `wait`. Inside a window
+  /// of the schedule no new one is begun until the next window. Throws kiroku::UsageError if none runs.
+  std::string stop(const std::string& reason, bool wait);
+  /// Marks a moment. Throws kiroku::UsageError if no case runs.
+  void mark(const std::string& text);
+  [[nodiscard]] RoomStatus status() const;
+  /// When the room's thread last did anything; older than a few seconds, it hangs (opening sources and
+  /// closing a case count as doing something).
+  [[nodiscard]] std::chrono::steady_clock::time_point heartbeat() const;
+
+ private:
+  struct State;
+  std::unique_ptr<State> state_;
+};
+
+}  // namespace kiroku::recorder

@@ -1,0 +1,165 @@
+#include "recorder/daemon/room.h"
+
+#include <atomic>
+#include <mutex>
+#include <thread>
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "base/error.h"
+#include "tests/support/recording.h"
+
+namespace kiroku::recorder {
+namespace {
+
+using namespace std::chrono_literals;
+using test::RecordedCase;
+using test::RecorderBench;
+using testing::Contains;
+using testing::HasSubstr;
+using testing::IsEmpty;
+using testing::SizeIs;
+
+constexpr const char* kCamera = "synthetic:pattern?size=64x48&rate=20";
+constexpr const char* kAbsentCamera = "udp://127.0.0.1:9?timeout=100000";
+
+class RoomTest : public testing::Test {
+ protected:
+  RoomPlan plan(const std::vector<std::string>& cameras) {
+    RoomPlan plan;
+    plan.name = "or-1";
+    plan.session = bench.options();
+    for (std::size_t i = 0; i < cameras.size(); ++i) {
+      plan.session.video.push_back(bench.stream("camera-" + std::to_string(i), cameras[i]));
+      plan.session.video.back().may_be_absent = true;
+    }
+    return plan;
+  }
+  RoomListener listener() {
+    RoomListener told;
+    told.warn = [this](const std::string& sentence) {
+      const std::lock_guard guard(mutex);
+      warnings.push_back(sentence);
+    };
+    told.closed = [this](const SessionResult& result) {
+      const std::lock_guard guard(mutex);
+      results.push_back(result);
+    };
+    return told;
+  }
+  template <typename Condition>
+  static bool within(std::chrono::seconds limit, const Condition& holds) {
+    const auto end = std::chrono::steady_clock::now() + limit;
+    while (!holds()) {
+      if (std::chrono::steady_clock::now() > end) return false;
+      std::this_thread::sleep_for(10ms);
+    }
+    return true;
+  }
+  [[nodiscard]] std::size_t closed() {
+    const std::lock_guard guard(mutex);
+    return results.size();
+  }
+
+  const RecorderBench bench;
+  std::mutex mutex;
+  std::vector<std::string> warnings;
+  std::vector<SessionResult> results;
+};
+
+TEST_F(RoomTest, RecordsFromStartToStopWithMarks) {
+  Room room(plan({kCamera}), listener());
+  EXPECT_EQ(room.status().state, RoomState::kIdle);
+  const std::string id = room.start("operator");
+  EXPECT_EQ(room.status().state, RoomState::kRecording);
+  EXPECT_EQ(room.status().case_id, id);
+  ASSERT_TRUE(within(20s, [&] { return room.status().session.streams.at(0).frames >= 10; }));
+  room.mark("clip placed");
+  EXPECT_EQ(room.stop("operator", true), id);
+  EXPECT_EQ(room.status().state, RoomState::kIdle);
+  ASSERT_EQ(closed(), 1U);
+  EXPECT_EQ(results[0].close_reason, "operator");
+  const RecordedCase recorded = bench.read(results[0].folder);
+  EXPECT_THAT(recorded.broken_rules(), IsEmpty());
+  EXPECT_THAT(recorded.all<archive::MarkEntry>(), SizeIs(1));
+}
+
+TEST_F(RoomTest, OneCaseAtATime) {
+  Room room(plan({kCamera}), listener());
+  EXPECT_THROW(room.stop("operator", true), UsageError);
+  EXPECT_THROW(room.mark("nothing"), UsageError);
+  const std::string first = room.start("operator");
+  EXPECT_THROW(room.start("operator"), UsageError);
+  room.stop("operator", true);
+  EXPECT_NE(room.start("operator"), first);
+  room.stop("operator", true);
+  EXPECT_EQ(bench.cases(), 2U);
+}
+
+TEST_F(RoomTest, BeginsWithoutASourceThatIsAbsentAndStatesTheGap) {
+  Room room(plan({kCamera, kAbsentCamera}), listener());
+  room.start("operator");
+  ASSERT_TRUE(within(20s, [&] { return room.status().session.streams.at(0).frames >= 10; }));
+  room.stop("operator", true);
+  const RecordedCase recorded = bench.read(results.at(0).folder);
+  EXPECT_THAT(recorded.broken_rules(), IsEmpty());
+  const auto gaps = recorded.gaps("camera-1");
+  ASSERT_THAT(gaps, SizeIs(1));
+  EXPECT_EQ(gaps[0].span.start_ns, 0);
+  EXPECT_EQ(gaps[0].cause, archive::GapCause::kSignalLost);
+  EXPECT_THAT(warnings, Contains(HasSubstr("cannot be opened")));
+}
+
+TEST_F(RoomTest, EndsACaseThatNoPictureReaches) {
+  RoomPlan silent = plan({kAbsentCamera});
+  silent.rules.stop_after_silence = 1s;
+  Room room(std::move(silent), listener());
+  room.start("operator");
+  ASSERT_TRUE(within(30s, [&] { return closed() == 1; }));
+  EXPECT_EQ(results[0].close_reason, "silence");
+}
+
+TEST_F(RoomTest, EndsACaseThatIsTooLong) {
+  RoomPlan bounded = plan({kCamera});
+  bounded.rules.longest_case = 1s;
+  Room room(std::move(bounded), listener());
+  room.start("operator");
+  ASSERT_TRUE(within(30s, [&] { return closed() == 1; }));
+  EXPECT_EQ(results[0].close_reason, "longest-case");
+}
+
+TEST_F(RoomTest, ScheduleStartsByItselfAndRestsAfterAPersonStoppedIt) {
+  RoomPlan scheduled = plan({kCamera});
+  scheduled.rules.schedule = Schedule::parse({"daily 00:00-24:00"});
+  Room room(std::move(scheduled), listener());
+  ASSERT_TRUE(within(20s, [&] { return room.status().state == RoomState::kRecording; }));
+  EXPECT_EQ(room.status().reason, "schedule");
+  room.stop("operator", true);
+  std::this_thread::sleep_for(2500ms);  // the rule is looked at each second
+  EXPECT_EQ(room.status().state, RoomState::kIdle);
+  EXPECT_EQ(closed(), 1U);
+}
+
+TEST_F(RoomTest, ClosesTheCaseThatRunsWhenItEnds) {
+  {
+    Room room(plan({kCamera}), listener());
+    room.start("operator");
+    ASSERT_TRUE(within(20s, [&] { return room.status().session.streams.at(0).frames > 0; }));
+  }
+  ASSERT_EQ(closed(), 1U);
+  EXPECT_EQ(results[0].close_reason, "shutdown");
+  EXPECT_THAT(bench.read(results[0].folder).all<archive::CloseEntry>(), SizeIs(1));
+}
+
+TEST_F(RoomTest, TellsWhyNoCaseCouldBeBegun) {
+  RoomPlan impossible = plan({kCamera});
+  impossible.session.archive = bench / "no-such-folder";
+  Room room(std::move(impossible), listener());
+  EXPECT_THROW(room.start("operator"), Error);
+  EXPECT_EQ(room.status().state, RoomState::kIdle);
+  EXPECT_THAT(room.status().problem, HasSubstr("no-such-folder"));
+}
+
+}  // namespace
+}  // namespace kiroku::recorder
