@@ -7,6 +7,8 @@ namespace kiroku::apps {
 
 void add_init_command(Command& program);
 void add_record_command(Command& program);
+void add_case_command(Command& program);
+void add_status_command(Command& program);
 void add_cases_command(Command& program);
 void add_verify_command(Command& program);
 void add_export_command(Command& program);

@@ -2,75 +2,23 @@
 
 #include <algorithm>
 
-#include <toml++/toml.h>
-
 #include "apps/common/format.h"
+#include "apps/kiroku/room_configuration.h"
+#include "apps/kiroku/table_reader.h"
 #include "base/error.h"
 
 namespace kiroku::apps {
-namespace {
 
 using std::chrono::milliseconds;
 using std::chrono::nanoseconds;
-
-/// Reads the keys of one table and refuses those that nobody asked for.
-class TableReader {
- public:
-  TableReader(const toml::table& table, std::string name, const std::string& file)
-      : table_(table), name_(std::move(name)), file_(file) {}
-
-  [[noreturn]] void refuse(const toml::source_region& where, const std::string& sentence) const {
-    throw UsageError(file_ + ":" + std::to_string(where.begin.line) + ":" +
-                     std::to_string(where.begin.column) + ": " + sentence);
-  }
-
-  /// Calls `take` with the text of `key`; an error it throws gets the place of the value.
-  template <typename Take>
-  void text(const std::string& key, const Take& take) {
-    const toml::node* node = find(key);
-    if (node == nullptr) return;
-    const auto value = node->value_exact<std::string>();
-    if (!value) refuse(node->source(), "'" + key + "' must be a text in quotation marks");
-    try {
-      take(*value);
-    } catch (const UsageError& error) {
-      refuse(node->source(), error.what());
-    }
-  }
-  void flag(const std::string& key, bool& into) {
-    const toml::node* node = find(key);
-    if (node == nullptr) return;
-    const auto value = node->value_exact<bool>();
-    if (!value) refuse(node->source(), "'" + key + "' must be true or false");
-    into = *value;
-  }
-  const toml::node* find(const std::string& key) {
-    known_.push_back(key);
-    return table_.get(key);
-  }
-  /// Call after everything known was asked for.
-  void refuse_unknown_keys() const {
-    for (const auto& [key, node] : table_) {
-      if (std::find(known_.begin(), known_.end(), key.str()) != known_.end()) continue;
-      std::string names;
-      for (const std::string& one : known_) names += (names.empty() ? "" : ", ") + one;
-      refuse(key.source(),
-             "unknown key '" + std::string(key.str()) + "' in " + name_ + "; known are " + names);
-    }
-  }
-
- private:
-  const toml::table& table_;
-  std::string name_;
-  const std::string& file_;
-  std::vector<std::string> known_;
-};
 
 void require_profile(const std::string& text) {
   if (text != "mpeg2" && text != "uncompressed" && text != "lossless") {
     throw UsageError("'profile' is '" + text + "': it must be mpeg2, uncompressed or lossless");
   }
 }
+
+namespace {
 
 void require_authority_name(const std::string& name) {
   const bool good = !name.empty() && name.size() <= 32 &&
@@ -198,8 +146,8 @@ void read_authorities(const toml::node& node, const TableReader& top, const std:
 
 std::chrono::nanoseconds parse_segment_duration(std::string_view text, const std::string& what) {
   const nanoseconds duration = parse_duration(text, what);
-  if (duration < milliseconds(500) || duration > std::chrono::seconds(10)) {
-    throw UsageError(what + " is '" + std::string(text) + "': a segment lasts between 500ms and 10s");
+  if (duration < milliseconds(500) || duration > std::chrono::seconds(9)) {
+    throw UsageError(what + " is '" + std::string(text) + "': a segment lasts between 500ms and 9s");
   }
   return duration;
 }
@@ -231,15 +179,14 @@ Configuration parse_configuration(std::string_view text, const std::string& name
   Configuration configuration;
   TableReader top(root, "the file", name_for_errors);
   const auto section = [&](const std::string& key, const auto& read) {
-    const toml::node* node = top.find(key);
-    if (node == nullptr) return;
-    if (!node->is_table()) top.refuse(node->source(), "'" + key + "' must be a table: [" + key + "]");
-    read(*node->as_table(), name_for_errors, configuration);
+    if (const toml::table* table = top.table(key)) read(*table, name_for_errors, configuration);
   };
   section("recording", read_recording);
   section("recipients", read_recipients);
   if (const toml::node* node = top.find("authority"))
     read_authorities(*node, top, name_for_errors, configuration);
+  read_daemon(top, configuration);
+  read_rooms(top, configuration);
   top.refuse_unknown_keys();
   return configuration;
 }

@@ -1,4 +1,4 @@
-// kiroku.toml: how a home records. The default file (default_kiroku.toml, kept in the program) is also the
+// kiroku.toml: how a home records. The default file (deploy/kiroku.toml, kept in the program) is also the
 // documentation of every key. Pure functions, thread-safe.
 #pragma once
 
@@ -9,6 +9,7 @@
 #include <string_view>
 #include <vector>
 
+#include "apps/kiroku/room_configuration.h"
 #include "timestamp/client.h"
 
 namespace kiroku::apps {
@@ -32,6 +33,10 @@ struct Configuration {
   std::chrono::nanoseconds stamp_every = std::chrono::seconds(60);
   std::map<std::string, std::string> recipients;  // stream to recipients file, relative to the home
   std::vector<AuthorityConfiguration> authorities;
+  // Of an unattended recorder.
+  std::vector<RoomConfiguration> rooms;
+  DaemonConfiguration daemon;
+  StorageConfiguration storage;
 };
 
 /// Throws kiroku::UsageError "<name_for_errors>:<line>:<column>: …" for what is no TOML, an unknown key, a
@@ -43,8 +48,9 @@ std::string_view default_configuration_text();
 
 /// Limits that the command line shares with the file; throw kiroku::UsageError naming `what`.
 std::chrono::nanoseconds parse_segment_duration(std::string_view text,
-                                                const std::string& what);                       // 0.5 to 10 s
+                                                const std::string& what);                       // 0.5 to 9 s
 std::chrono::nanoseconds parse_stamp_interval(std::string_view text, const std::string& what);  // 1 s to 24 h
+void require_profile(const std::string& text);                      // of recorder::parse_profile
 bool parse_chroma(std::string_view text, const std::string& what);  // "422" is true, "420" false
 
 }  // namespace kiroku::apps

@@ -76,6 +76,11 @@ std::optional<Home> Home::find(const std::optional<std::string>& asked) {
   return {};
 }
 
+fs::path Home::control_socket(const Configuration& configuration) const {
+  // An absolute path replaces the home.
+  return folder_ / (configuration.daemon.socket.empty() ? "control.sock" : configuration.daemon.socket);
+}
+
 Configuration Home::configuration() const {
   const Bytes text = read_small_file(configuration_file(), "the configuration");
   return parse_configuration(text_of(text), configuration_file().string());

@@ -49,6 +49,9 @@ class Home {
   [[nodiscard]] std::filesystem::path catalogue_file() const { return folder_ / "catalogue.sqlite"; }
   [[nodiscard]] std::filesystem::path stamping_file() const { return folder_ / "stamping.sqlite"; }
 
+  /// Where a recorder that runs on this home is spoken to.
+  [[nodiscard]] std::filesystem::path control_socket(const Configuration& configuration) const;
+
   [[nodiscard]] Configuration configuration() const;
   [[nodiscard]] crypto::VerifierKey device() const;
   /// Asks for the passphrase if the key has one.

@@ -14,7 +14,7 @@ constexpr const char* kOverview =
   kiroku verify CASE                                   is it whole, and when did it exist?
   kiroku export CASE --stream endoscope -o film.ts     the pictures, for a recipient
 
-Other commands: excerpt, seal, unseal, token, tsa, log, completion.
+Other commands: case, status, excerpt, seal, unseal, token, tsa, log, completion.
 'kiroku --help' lists them all, 'kiroku COMMAND --help' explains one.
 )";
 
@@ -26,6 +26,8 @@ int main(int argc, char** argv) {
   Command& root = program.root();
   add_init_command(root);
   add_record_command(root);
+  add_case_command(root);
+  add_status_command(root);
   add_cases_command(root);
   add_verify_command(root);
   add_export_command(root);

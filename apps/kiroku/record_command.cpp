@@ -14,10 +14,9 @@
 #include "apps/kiroku/commands.h"
 #include "apps/kiroku/home.h"
 #include "apps/kiroku/recording_display.h"
+#include "apps/kiroku/recording_setup.h"
 #include "archive/appliance_log.h"
-#include "archive/catalogue.h"
 #include "base/error.h"
-#include "crypto/encoding.h"
 #include "recorder/session.h"
 
 namespace kiroku::apps {
@@ -54,51 +53,13 @@ void catch_stops() {
   ::signal(SIGPIPE, SIG_IGN);
 }
 
-/// Recipients of each stream: the command line's, else kiroku.toml's, else recipients.txt.
-class RecipientChoice {
- public:
-  RecipientChoice(const Home& home, const Configuration& configuration, const std::vector<std::string>& asked)
-      : default_(load_recipients(home.recipients_file())) {
-    for (const auto& [stream, file] : configuration.recipients) by_stream_[stream] = home.folder() / file;
-    for (const std::string& text : asked) {
-      const std::size_t equals = text.find('=');
-      if (equals == std::string::npos || equals == 0) {
-        throw UsageError("--recipients-for is '" + text +
-                         "': write STREAM=FILE, such as room=recipients-room.txt");
-      }
-      by_stream_[text.substr(0, equals)] = text.substr(equals + 1);
-    }
-  }
-  [[nodiscard]] const crypto::AgeRecipients& usual() const { return default_; }
-  [[nodiscard]] crypto::AgeRecipients of(const std::string& stream) {
-    const auto found = by_stream_.find(stream);
-    if (found == by_stream_.end()) return default_;
-    crypto::AgeRecipients recipients = load_recipients(found->second);
-    by_stream_.erase(found);
-    return recipients;
-  }
-  /// What was asked for on the command line must be about a stream that is recorded.
-  void require_all_used(const std::vector<std::string>& asked) const {
-    for (const std::string& text : asked) {
-      const std::string stream = text.substr(0, text.find('='));
-      if (by_stream_.contains(stream)) {
-        throw UsageError("--recipients-for names the stream '" + stream + "', which is not recorded here");
-      }
-    }
-  }
-
- private:
-  crypto::AgeRecipients default_;
-  std::map<std::string, std::filesystem::path> by_stream_;
-};
-
 recorder::VideoProfile video_profile(const Request& request, const Configuration& configuration) {
-  recorder::VideoProfile video;
-  video.profile = *recorder::parse_profile(request.profile.value_or(configuration.profile));
-  video.bit_rate = request.bit_rate ? parse_bit_rate(*request.bit_rate, "--bitrate") : configuration.bit_rate;
-  video.chroma_422 = request.chroma ? *request.chroma == "422" : configuration.chroma_422;
-  video.deinterlace = request.deinterlace || configuration.deinterlace;
-  video.audio = request.audio || configuration.audio;
+  recorder::VideoProfile video = default_video_profile(configuration);
+  if (request.profile) video.profile = *recorder::parse_profile(*request.profile);
+  if (request.bit_rate) video.bit_rate = parse_bit_rate(*request.bit_rate, "--bitrate");
+  if (request.chroma) video.chroma_422 = *request.chroma == "422";
+  if (request.deinterlace) video.deinterlace = true;
+  if (request.audio) video.audio = true;
   return video;
 }
 
@@ -135,19 +96,6 @@ recorder::SessionOptions session_options(const Request& request, const Home& hom
                                                : configuration.stamp_every;
   if (request.duration) options.duration = parse_duration(*request.duration, "--duration");
   return options;
-}
-
-/// Enters kiroku.toml's hash where it is not the last one the log knows.
-void log_configuration(const Home& home, archive::ApplianceLog& log) {
-  const Bytes text = read_small_file(home.configuration_file(), "the configuration");
-  const crypto::Sha256Digest digest = crypto::sha256(text);
-  std::string last;
-  archive::for_each_log_line(home.log_folder(), [&](const archive::LogLine& line) {
-    if (line.type != "config-changed") return;
-    const auto entry = nlohmann::json::parse(line.json, nullptr, false);
-    if (entry.is_object()) last = entry.value("sha256", "");
-  });
-  if (last != crypto::to_hex(digest)) log.config_changed(digest);
 }
 
 ordered_json result_json(const recorder::SessionResult& result) {
@@ -204,14 +152,6 @@ int status_of(const recorder::SessionResult& result) {
   return kDone;
 }
 
-void refresh_catalogue(const Home& home, const std::filesystem::path& case_folder) {
-  try {
-    archive::Catalogue::open(home.catalogue_file())->refresh(case_folder);
-  } catch (const Error& error) {
-    print_error("kiroku", std::string("warning: the catalogue does not know this case yet: ") + error.what());
-  }
-}
-
 int run(const Request& request) {
   if (!request.endoscope && !request.room && !request.vitals) {
     throw UsageError("there is nothing to record: name a source with --endoscope, --room or --vitals");
@@ -230,7 +170,7 @@ int run(const Request& request) {
   const auto log =
       archive::ApplianceLog::open(archive::real_file_system(), home.log_folder(), key, options.device_name);
   options.log = log.get();
-  log_configuration(home, *log);
+  log_configuration(home.configuration_file(), home, *log);
 
   catch_stops();
   recorder::SessionResult result;
@@ -249,7 +189,11 @@ int run(const Request& request) {
     }
     running = nullptr;
   }
-  refresh_catalogue(home, result.folder);
+  try {
+    refresh_catalogue(home, result.folder);
+  } catch (const Error& error) {
+    print_error("kiroku", std::string("warning: the catalogue does not know this case yet: ") + error.what());
+  }
   if (request.json) {
     print_json(result_json(result));
   } else {
@@ -279,7 +223,7 @@ void add_record_command(Command& program) {
                  "kiroku.toml's, 420 at first");
   command.flag("--audio", request->audio, "records sound where a source has it");
   command.flag("--deinterlace", request->deinterlace, "takes interlacing out before encoding");
-  command.option("--segment", "T", request->segment, "length of one sealed file, 500ms to 10s",
+  command.option("--segment", "T", request->segment, "length of one sealed file, 500ms to 9s",
                  "kiroku.toml's, 2s at first");
   command.option("--stamp-every", "T", request->stamp_every, "how often a time-stamp is asked for",
                  "kiroku.toml's, 60s at first");

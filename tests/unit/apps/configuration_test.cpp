@@ -94,7 +94,7 @@ TEST(Configuration, RefusesWrongTypesAndValuesWithTheirPlace) {
   EXPECT_EQ(refusal("[recording]\nprofile = \"h264\"\n"),
             "k.toml:2:11: 'profile' is 'h264': it must be mpeg2, uncompressed or lossless");
   EXPECT_EQ(refusal("[recording]\nsegment = \"20s\"\n"),
-            "k.toml:2:11: 'segment' is '20s': a segment lasts between 500ms and 10s");
+            "k.toml:2:11: 'segment' is '20s': a segment lasts between 500ms and 9s");
   EXPECT_EQ(refusal("[[authority]]\nname = \"A b\"\nurl = \"embedded\"\n"),
             "k.toml:2:8: 'name' is 'A b': it must be 1 to 32 of a-z, 0-9 and '-'");
   EXPECT_EQ(refusal("[[authority]]\nname = \"a\"\nurl = \"ftp://x\"\n"),

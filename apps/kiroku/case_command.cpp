@@ -1,0 +1,91 @@
+#include <iostream>
+#include <memory>
+
+#include <nlohmann/json.hpp>
+
+#include "apps/common/file.h"
+#include "apps/common/json_output.h"
+#include "apps/kiroku/commands.h"
+#include "apps/kiroku/home.h"
+#include "base/error.h"
+#include "recorder/daemon/control_server.h"
+
+namespace kiroku::apps {
+namespace {
+
+using nlohmann::json;
+using nlohmann::ordered_json;
+
+struct Request {
+  std::optional<std::string> home, room, subject;
+  std::string text;
+  bool no_wait = false, json = false;
+};
+
+int ask(const Request& request, json question, const std::string& done) {
+  const Home home = Home::open(request.home);
+  if (request.room) question["room"] = *request.room;
+  const json answer = recorder::ask_recorder(home.control_socket(home.configuration()), question);
+  if (request.json) {
+    print_json(answer);
+  } else {
+    std::cout << "room " << answer.value("room", "") << ": " << done << " " << answer.value("case", "")
+              << "\n";
+  }
+  return kDone;
+}
+
+int start(const Request& request) {
+  json question{{"do", "start"}};
+  if (request.subject) {
+    const Bytes bytes = read_small_file(*request.subject, "the subject");
+    question["subject"] = json::parse(text_of(bytes), nullptr, false);
+    if (!question["subject"].is_object()) {
+      throw UsageError("the subject " + *request.subject +
+                       " is no JSON object: write {\"patient\": {...}, \"procedure\": \"...\"}");
+    }
+  }
+  return ask(request, question, "recording");
+}
+
+void add_room(Command& command, const std::shared_ptr<Request>& request) {
+  command.option("--room", "NAME", request->room, "which operating room", "the only one");
+  add_home_option(command, request->home);
+  command.flag("--json", request->json, "prints one JSON object instead");
+}
+
+}  // namespace
+
+void add_case_command(Command& program) {
+  Command& command = program.add_command("case", "starts, stops and marks cases of the running kirokud");
+  {
+    Command& one = command.add_command("start", "begins a case");
+    const auto request = std::make_shared<Request>();
+    one.option("--subject", "FILE", request->subject,
+               "JSON about patient, procedure and staff, to be sealed with the case");
+    add_room(one, request);
+    one.explain(
+        "Returns when recording has begun. Sources that are absent are stated as gaps and taken up when they "
+        "come.");
+    one.example("kiroku case start --room or-1 --subject patient.json", "begins a case in one room");
+    one.on_run([request] { return start(*request); });
+  }
+  {
+    Command& one = command.add_command("stop", "ends the case that runs");
+    const auto request = std::make_shared<Request>();
+    one.flag("--no-wait", request->no_wait, "returns before the case is closed and time-stamped");
+    add_room(one, request);
+    one.example("kiroku case stop --room or-1", "ends it, and waits until it is closed");
+    one.on_run([request] { return ask(*request, {{"do", "stop"}, {"wait", !request->no_wait}}, "closed"); });
+  }
+  {
+    Command& one = command.add_command("mark", "marks a moment of the case that runs");
+    const auto request = std::make_shared<Request>();
+    one.argument("TEXT", request->text, "what happens now; sealed, only recipients can read it");
+    add_room(one, request);
+    one.example("kiroku case mark --room or-1 'clip placed'", "marks this moment");
+    one.on_run([request] { return ask(*request, {{"do", "mark"}, {"text", request->text}}, "marked in"); });
+  }
+}
+
+}  // namespace kiroku::apps

@@ -1,0 +1,59 @@
+#include "apps/kiroku/recording_setup.h"
+
+#include <algorithm>
+
+#include <nlohmann/json.hpp>
+
+#include "apps/common/file.h"
+#include "archive/appliance_log.h"
+#include "archive/catalogue.h"
+#include "base/error.h"
+#include "crypto/encoding.h"
+
+namespace kiroku::apps {
+
+RecipientChoice::RecipientChoice(const Home& home, const Configuration& configuration,
+                                 const std::vector<std::string>& asked)
+    : default_(load_recipients(home.recipients_file())) {
+  for (const auto& [stream, file] : configuration.recipients) by_stream_[stream] = home.folder() / file;
+  for (const std::string& text : asked) {
+    const std::size_t equals = text.find('=');
+    if (equals == std::string::npos || equals == 0) {
+      throw UsageError("--recipients-for is '" + text +
+                       "': write STREAM=FILE, such as room=recipients-room.txt");
+    }
+    by_stream_[text.substr(0, equals)] = text.substr(equals + 1);
+  }
+}
+
+crypto::AgeRecipients RecipientChoice::of(const std::string& stream) {
+  used_.push_back(stream);
+  const auto found = by_stream_.find(stream);
+  return found == by_stream_.end() ? default_ : load_recipients(found->second);
+}
+
+void RecipientChoice::require_all_used(const std::vector<std::string>& asked) const {
+  for (const std::string& text : asked) {
+    const std::string stream = text.substr(0, text.find('='));
+    if (std::find(used_.begin(), used_.end(), stream) == used_.end()) {
+      throw UsageError("--recipients-for names the stream '" + stream + "', which is not recorded here");
+    }
+  }
+}
+
+void log_configuration(const std::filesystem::path& file, const Home& home, archive::ApplianceLog& log) {
+  const crypto::Sha256Digest digest = crypto::sha256(read_small_file(file, "the configuration"));
+  std::string last;
+  archive::for_each_log_line(home.log_folder(), [&](const archive::LogLine& line) {
+    if (line.type != "config-changed") return;
+    const auto entry = nlohmann::json::parse(line.json, nullptr, false);
+    if (entry.is_object()) last = entry.value("sha256", "");
+  });
+  if (last != crypto::to_hex(digest)) log.config_changed(digest);
+}
+
+void refresh_catalogue(const Home& home, const std::filesystem::path& case_folder) {
+  archive::Catalogue::open(home.catalogue_file())->refresh(case_folder);
+}
+
+}  // namespace kiroku::apps

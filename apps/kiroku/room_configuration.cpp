@@ -1,0 +1,135 @@
+#include "apps/kiroku/room_configuration.h"
+
+#include <algorithm>
+
+#include "apps/common/format.h"
+#include "apps/kiroku/configuration.h"
+#include "apps/kiroku/table_reader.h"
+#include "archive/case_layout.h"
+#include "recorder/source/source_address.h"
+
+namespace kiroku::apps {
+namespace {
+
+void require_name(const std::string& name) {
+  if (!archive::is_short_name(name)) {
+    throw UsageError("'name' is '" + name + "': it must be 1 to 32 of a-z, 0-9 and '-'");
+  }
+}
+
+StreamConfiguration read_stream(const toml::table& table, const TableReader& in,
+                                const Configuration& defaults) {
+  StreamConfiguration stream;
+  stream.video = default_video_profile(defaults);
+  TableReader reader(table, "[[room.stream]]", in.file());
+  reader.text("name", [&](const std::string& text) {
+    require_name(text);
+    if (text == "events") throw UsageError("'name' is 'events': that stream holds the operator's marks");
+    stream.name = text;
+  });
+  reader.text("kind", [&](const std::string& text) {
+    if (text != "video" && text != "vitals")
+      throw UsageError("'kind' is '" + text + "': it must be video or vitals");
+    stream.is_video = text == "video";
+  });
+  reader.text("source", [&](const std::string& text) {
+    if (recorder::parse_source_address(text).unpaced()) {
+      throw UsageError("'source' is '" + text +
+                       "': a room is recorded at the pace of its clock, without speed=max");
+    }
+    stream.source = text;
+  });
+  stream.purpose = stream.name;
+  reader.text("purpose", [&](const std::string& text) { stream.purpose = text; });
+  reader.text("profile", [&](const std::string& text) {
+    require_profile(text);
+    stream.video.profile = *recorder::parse_profile(text);
+  });
+  reader.text("bit_rate",
+              [&](const std::string& text) { stream.video.bit_rate = parse_bit_rate(text, "'bit_rate'"); });
+  reader.text("chroma",
+              [&](const std::string& text) { stream.video.chroma_422 = parse_chroma(text, "'chroma'"); });
+  reader.flag("deinterlace", stream.video.deinterlace);
+  reader.flag("audio", stream.video.audio);
+  reader.refuse_unknown_keys();
+  if (stream.name.empty()) reader.refuse(table.source(), "a [[room.stream]] needs a 'name'");
+  if (stream.source.empty()) reader.refuse(table.source(), "a [[room.stream]] needs a 'source'");
+  return stream;
+}
+
+RoomConfiguration read_room(const toml::table& table, const TableReader& top, const Configuration& defaults) {
+  RoomConfiguration room;
+  TableReader reader(table, "[[room]]", top.file());
+  reader.text("name", [&](const std::string& text) {
+    require_name(text);
+    room.name = text;
+  });
+  reader.texts("schedule", [&](const std::vector<std::string>& windows) {
+    room.rules.schedule = recorder::Schedule::parse(windows);
+  });
+  reader.text("stop_after_silence", [&](const std::string& text) {
+    room.rules.stop_after_silence = parse_duration(text, "'stop_after_silence'");
+  });
+  reader.text("longest_case", [&](const std::string& text) {
+    room.rules.longest_case = parse_duration(text, "'longest_case'");
+  });
+  for_each_table(reader, "stream", [&](const toml::table& entry) {
+    StreamConfiguration stream = read_stream(entry, reader, defaults);
+    const bool twice = std::any_of(room.streams.begin(), room.streams.end(),
+                                   [&](const auto& other) { return other.name == stream.name; });
+    if (twice)
+      reader.refuse(entry.source(), "there are two streams named '" + stream.name + "' in this room");
+    room.streams.push_back(std::move(stream));
+  });
+  reader.refuse_unknown_keys();
+  if (room.name.empty()) reader.refuse(table.source(), "a [[room]] needs a 'name'");
+  if (room.streams.empty()) reader.refuse(table.source(), "a [[room]] needs at least one [[room.stream]]");
+  return room;
+}
+
+}  // namespace
+
+recorder::VideoProfile default_video_profile(const Configuration& configuration) {
+  recorder::VideoProfile video;
+  video.profile = *recorder::parse_profile(configuration.profile);
+  video.bit_rate = configuration.bit_rate;
+  video.chroma_422 = configuration.chroma_422;
+  video.deinterlace = configuration.deinterlace;
+  video.audio = configuration.audio;
+  return video;
+}
+
+void read_rooms(TableReader& top, Configuration& into) {
+  for_each_table(top, "room", [&](const toml::table& entry) {
+    RoomConfiguration room = read_room(entry, top, into);
+    const bool twice = std::any_of(into.rooms.begin(), into.rooms.end(),
+                                   [&](const auto& other) { return other.name == room.name; });
+    if (twice) top.refuse(entry.source(), "there are two rooms named '" + room.name + "'");
+    into.rooms.push_back(std::move(room));
+  });
+}
+
+void read_daemon(TableReader& top, Configuration& into) {
+  if (const toml::table* table = top.table("daemon")) {
+    TableReader reader(*table, "[daemon]", top.file());
+    reader.text("socket", [&](const std::string& text) { into.daemon.socket = text; });
+    reader.text("listen", [&](const std::string& text) {
+      if (text.rfind(':') == std::string::npos) {
+        throw UsageError("'listen' is '" + text + "': write an address and a port, such as 127.0.0.1:9464");
+      }
+      into.daemon.listen = text;
+    });
+    reader.text("hook_token_file", [&](const std::string& text) { into.daemon.hook_token_file = text; });
+    reader.refuse_unknown_keys();
+  }
+  if (const toml::table* table = top.table("storage")) {
+    TableReader reader(*table, "[storage]", top.file());
+    reader.text("warn_below", [&](const std::string& text) {
+      const std::chrono::duration<double, std::ratio<3600>> hours = parse_duration(text, "'warn_below'");
+      into.storage.warn_below_hours = hours.count();
+    });
+    reader.refuse_unknown_keys();
+  }
+}
+
+}  // namespace kiroku::apps

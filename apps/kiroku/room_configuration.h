@@ -1,0 +1,55 @@
+// The parts of kiroku.toml that only an unattended recorder reads: [[room]], [daemon], [storage]. Pure
+// functions, thread-safe.
+#pragma once
+
+#include <chrono>
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "recorder/daemon/room.h"
+#include "recorder/encoder/video_profile.h"
+
+namespace kiroku::apps {
+
+struct Configuration;
+class TableReader;
+
+/// One [[room.stream]].
+struct StreamConfiguration {
+  std::string name;  // [a-z0-9-], unique in its room
+  bool is_video = true;
+  std::string source;
+  std::string purpose;
+  recorder::VideoProfile video;  // what is not stated is [recording]'s
+};
+
+/// One [[room]].
+struct RoomConfiguration {
+  std::string name;  // [a-z0-9-]
+  std::vector<StreamConfiguration> streams;
+  recorder::RoomRules rules;
+};
+
+/// [daemon].
+struct DaemonConfiguration {
+  std::string socket;  // of the control; empty: control.sock in the home
+  std::string listen;  // "127.0.0.1:9464" of /metrics and the hook; empty: no HTTP
+  std::string hook_token_file;
+};
+
+/// [storage].
+struct StorageConfiguration {
+  double warn_below_hours = 8;
+};
+
+/// The recording profile that [recording] states.
+recorder::VideoProfile default_video_profile(const Configuration& configuration);
+
+/// Read what `top` holds of them into `into`; [recording] must have been read. Throw kiroku::UsageError with
+/// line and column.
+void read_rooms(TableReader& top, Configuration& into);
+void read_daemon(TableReader& top, Configuration& into);
+
+}  // namespace kiroku::apps

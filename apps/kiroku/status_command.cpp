@@ -1,0 +1,119 @@
+#include <chrono>
+#include <iostream>
+#include <memory>
+#include <thread>
+
+#include <nlohmann/json.hpp>
+
+#include "apps/common/format.h"
+#include "apps/common/json_output.h"
+#include "apps/common/terminal.h"
+#include "apps/kiroku/commands.h"
+#include "apps/kiroku/home.h"
+#include "base/error.h"
+#include "recorder/daemon/control_server.h"
+
+namespace kiroku::apps {
+namespace {
+
+using nlohmann::json;
+using nlohmann::ordered_json;
+
+constexpr std::int64_t kNanosecondsPerMillisecond = 1'000'000;
+constexpr std::int64_t kStaleMilliseconds = 5'000;
+
+struct Request {
+  std::optional<std::string> home;
+  bool watch = false, json = false;
+};
+
+std::string age(const json& stream, const char* key) {
+  return format_duration(stream.value(key, std::int64_t{0}) * kNanosecondsPerMillisecond);
+}
+
+void print_room(const json& room, std::string& out) {
+  const std::string state = room.value("state", "");
+  const bool recording = state == "recording";
+  out +=
+      "room " + printable(room.value("room", "")) + ": " + (recording ? paint(Colour::kGreen, state) : state);
+  if (const std::string id = room.value("case", ""); !id.empty()) {
+    out += recording ? "  case " + id + "  " + format_duration(room.value("elapsed_ns", std::int64_t{0}))
+                     : "  last case " + id + " (" + printable(room.value("reason", "")) + ")";
+  }
+  out += "\n";
+  if (recording) {
+    std::vector<std::vector<std::string>> rows{
+        {"stream", "", "recorded", "lost", "segments", "size", "last", "on disk to"}};
+    for (const json& stream : room["streams"]) {
+      const bool live = stream.value("live", false);
+      const bool stale = stream.value("age_ms", std::int64_t{0}) > kStaleMilliseconds;
+      rows.push_back({printable(stream.value("name", "")), live && !stale ? "live" : "SILENT",
+                      std::to_string(stream.value("frames", 0)), std::to_string(stream.value("dropped", 0)),
+                      std::to_string(stream.value("segments", 0)), format_bytes(stream.value("bytes", 0ULL)),
+                      age(stream, "age_ms") + " ago", age(stream, "durable_age_ms") + " ago"});
+    }
+    out += format_table(rows, "llrrrrrr", 2);
+    out += "  time-stamps: " + std::to_string(room.value("tokens", 0)) + ", missed " +
+           std::to_string(room.value("missed", 0)) + "\n";
+  }
+  if (const std::string problem = room.value("problem", ""); !problem.empty()) {
+    out += "  " + paint(Colour::kYellow, "latest problem: " + printable(problem)) + "\n";
+  }
+}
+
+std::string page(const json& status) {
+  std::string out;
+  for (const json& room : status["rooms"]) print_room(room, out);
+  const json& disk = status["disk"];
+  out += "disk: " + format_bytes(disk.value("free_bytes", 0ULL)) + " free";
+  if (disk["hours_left"].is_number()) {
+    char hours[32];
+    std::snprintf(hours, sizeof hours, ", about %.1f hours", disk["hours_left"].get<double>());
+    out += std::string(hours) + " if every room records";
+  }
+  const json& clock = status["clock"];
+  out += std::string("\nclock: ") +
+         (clock.value("synchronised", false) ? "synchronised" : "not synchronised") + "\n";
+  return out;
+}
+
+int run(const Request& request) {
+  const Home home = Home::open(request.home);
+  const std::filesystem::path socket = home.control_socket(home.configuration());
+  const auto status = [&] { return recorder::ask_recorder(socket, {{"do", "status"}}); };
+  if (!request.watch) {
+    const json now = status();
+    if (request.json) {
+      print_json(now);
+    } else {
+      std::cout << page(now);
+    }
+    return kDone;
+  }
+  for (;;) {
+    const std::string text = request.json ? status().dump() + "\n" : page(status());
+    // Home and clear: one steady page on a terminal, a list of pages elsewhere.
+    if (!request.json && output_is_terminal()) std::cout << "\033[H\033[2J";
+    std::cout << text << std::flush;
+    if (!std::cout) return kDone;
+    std::this_thread::sleep_for(std::chrono::seconds(1));
+  }
+}
+
+}  // namespace
+
+void add_status_command(Command& program) {
+  Command& command = program.add_command("status", "tells how the running kirokud is");
+  const auto request = std::make_shared<Request>();
+  command.flag("--watch", request->watch, "each second anew, until Ctrl-C");
+  add_home_option(command, request->home);
+  command.flag("--json", request->json, "prints one JSON object instead; with --watch, one a line");
+  command.explain(
+      "For each stream: whether its source delivers, how much was recorded and lost, how long ago the last "
+      "picture or "
+      "sample came, and up to when everything is safely on the disk. Exit status 2 if no recorder answers.");
+  command.example("kiroku status --watch", "a page that stays up to date");
+  command.on_run([request] { return run(*request); });
+}
+
+}  // namespace kiroku::apps

@@ -1,0 +1,262 @@
+// kirokud: records unattended. Configuration in kiroku.toml; control by `kiroku case` and `kiroku status`.
+
+#include <atomic>
+#include <chrono>
+#include <csignal>
+#include <fcntl.h>
+#include <initializer_list>
+#include <iostream>
+#include <poll.h>
+#include <sys/file.h>
+#include <sys/signalfd.h>
+#include <systemd/sd-daemon.h>
+#include <thread>
+#include <unistd.h>
+
+#include <nlohmann/json.hpp>
+#include <spdlog/sinks/stdout_sinks.h>
+#include <spdlog/sinks/systemd_sink.h>
+#include <spdlog/spdlog.h>
+
+#include "apps/common/command_line.h"
+#include "apps/common/file.h"
+#include "apps/kiroku/authorities.h"
+#include "apps/kiroku/home.h"
+#include "apps/kiroku/recording_setup.h"
+#include "archive/appliance_log.h"
+#include "base/error.h"
+#include "recorder/daemon/control_server.h"
+#include "recorder/daemon/daemon.h"
+#include "recorder/daemon/http_server.h"
+
+namespace kiroku::apps {
+namespace {
+
+constexpr const char* kServiceHome = "/var/lib/kiroku";
+constexpr std::chrono::seconds kTick{1};
+constexpr int kDiskTicks = 10;
+
+struct Request {
+  std::optional<std::string> home, configuration;
+  bool check = false;
+};
+
+/// To the journal with its priorities where systemd reads standard error, else to standard error for a
+/// person.
+void set_up_logging() {
+  std::shared_ptr<spdlog::logger> logger;
+  if (std::getenv("JOURNAL_STREAM") != nullptr) {
+    logger = std::make_shared<spdlog::logger>("kirokud", std::make_shared<spdlog::sinks::systemd_sink_mt>());
+  } else {
+    logger = std::make_shared<spdlog::logger>("kirokud", std::make_shared<spdlog::sinks::stderr_sink_mt>());
+    logger->set_pattern("%Y-%m-%dT%H:%M:%S.%eZ %-8l %v", spdlog::pattern_time_type::utc);
+  }
+  logger->flush_on(spdlog::level::info);
+  spdlog::set_default_logger(logger);
+}
+
+/// One recorder a home: held for as long as the process lives, also by one that was killed.
+class HomeLock {
+ public:
+  explicit HomeLock(const std::filesystem::path& file)
+      : descriptor_(::open(file.c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0600)) {
+    if (descriptor_ < 0) throw IoError("write", file, errno);
+    if (::flock(descriptor_, LOCK_EX | LOCK_NB) == 0) return;
+    ::close(descriptor_);
+    throw Error("another kirokud runs on this home already (it holds " + file.string() + "): only one may");
+  }
+  ~HomeLock() { ::close(descriptor_); }
+  HomeLock(const HomeLock&) = delete;
+  HomeLock& operator=(const HomeLock&) = delete;
+
+ private:
+  int descriptor_;
+};
+
+Home home_of(const Request& request) {
+  if (request.home) return Home::open(request.home);
+  if (std::getenv("KIROKU_HOME") != nullptr) return Home::open({});
+  return Home::open(std::string(kServiceHome));
+}
+
+Configuration read_configuration(const std::filesystem::path& file) {
+  const Bytes text = read_small_file(file, "the configuration");
+  Configuration configuration = parse_configuration(text_of(text), file.string());
+  if (configuration.rooms.empty()) {
+    throw UsageError(file.string() +
+                     " names no [[room]], so that there is nothing to record: see the example in the "
+                     "file that `kiroku init` wrote, or deploy/kiroku.toml");
+  }
+  return configuration;
+}
+
+/// What all rooms share; outlives them.
+struct Shared {
+  crypto::SigningKey key;
+  timestamp::TrustStore trust;
+  std::unique_ptr<archive::ApplianceLog> log;
+};
+
+recorder::RoomPlan plan_of(const RoomConfiguration& room, const Home& home,
+                           const Configuration& configuration, const Authorities& authorities,
+                           const Shared& shared) {
+  recorder::RoomPlan plan;
+  plan.name = room.name;
+  plan.rules = room.rules;
+  RecipientChoice recipients(home, configuration, {});
+  for (const StreamConfiguration& stream : room.streams) {
+    recorder::StreamRequest asked{
+        stream.name, stream.source, stream.purpose, stream.video, recipients.of(stream.name), true};
+    (stream.is_video ? plan.session.video : plan.session.vitals).push_back(std::move(asked));
+  }
+  plan.session.archive = home.archive();
+  plan.session.device_name = home.device().name();
+  plan.session.event_recipients = recipients.usual();
+  plan.session.segment_duration = configuration.segment;
+  plan.session.stamp_interval = configuration.stamp_every;
+  plan.session.authorities = authorities.named();
+  plan.session.key = &shared.key;
+  plan.session.trust = &shared.trust;
+  plan.session.log = shared.log.get();
+  return plan;
+}
+
+recorder::RoomListener listener_for(const Home& home) {
+  recorder::RoomListener listener;
+  listener.note = [](const std::string& sentence) { spdlog::info("{}", printable(sentence)); };
+  listener.warn = [](const std::string& sentence) { spdlog::warn("{}", printable(sentence)); };
+  listener.closed = [&home](const recorder::SessionResult& result) {
+    try {
+      refresh_catalogue(home, result.folder);
+    } catch (const std::exception& error) {
+      spdlog::warn("the catalogue does not know case {} yet: {}", result.case_id, error.what());
+    }
+  };
+  return listener;
+}
+
+std::unique_ptr<recorder::HttpServer> serve_http(const Home& home, const Configuration& configuration,
+                                                 recorder::Daemon& daemon) {
+  if (configuration.daemon.listen.empty()) return {};
+  recorder::HttpServerOptions options;
+  const std::string& listen = configuration.daemon.listen;
+  const std::size_t colon = listen.rfind(':');
+  options.address = listen.substr(0, colon);
+  options.port = static_cast<std::uint16_t>(std::stoul(listen.substr(colon + 1)));
+  if (!configuration.daemon.hook_token_file.empty()) {
+    const Bytes token =
+        read_small_file(home.folder() / configuration.daemon.hook_token_file, "the hook's token");
+    options.token = std::string(text_of(token));
+    options.token.erase(options.token.find_last_not_of(" \r\n") + 1);
+    if (options.token.size() < 16) throw UsageError("the hook's token must have at least 16 characters");
+  }
+  options.metrics = [&daemon] { return daemon.metrics(); };
+  options.hook = [&daemon](const std::string& room, const std::string& action, const std::string& body) {
+    return daemon.hook(room, action, body);
+  };
+  return std::make_unique<recorder::HttpServer>(std::move(options));
+}
+
+/// Whether the program's file was replaced by a newer one: a package was upgraded.
+bool was_replaced() {
+  std::error_code ignored;
+  return std::filesystem::read_symlink("/proc/self/exe", ignored).string().ends_with(" (deleted)");
+}
+
+/// Waits for signals and feeds the watchdog; returns the sentence that says why the recorder ends.
+std::string watch(recorder::Daemon& daemon, int signals) {
+  for (int tick = 0;; ++tick) {
+    pollfd waiting{signals, POLLIN, 0};
+    const auto milliseconds = std::chrono::duration_cast<std::chrono::milliseconds>(kTick).count();
+    if (::poll(&waiting, 1, static_cast<int>(milliseconds)) > 0) {
+      signalfd_siginfo signal{};
+      if (::read(signals, &signal, sizeof signal) == sizeof signal) {
+        return std::string("received ") + ::strsignal(static_cast<int>(signal.ssi_signo));
+      }
+    }
+    if (daemon.healthy()) ::sd_notify(0, "WATCHDOG=1");
+    if (tick % kDiskTicks == 0) daemon.watch_disk();
+    if (!daemon.recording() && was_replaced())
+      return "a newer version was installed and nothing is being recorded";
+  }
+}
+
+/// SIGINT, SIGTERM and SIGHUP as a descriptor, blocked in every thread that is started from now on.
+int signal_descriptor() {
+  sigset_t wanted;
+  ::sigemptyset(&wanted);
+  for (const int signal : {SIGINT, SIGTERM, SIGHUP}) ::sigaddset(&wanted, signal);
+  ::pthread_sigmask(SIG_BLOCK, &wanted, nullptr);
+  ::signal(SIGPIPE, SIG_IGN);
+  const int descriptor = ::signalfd(-1, &wanted, SFD_CLOEXEC);
+  if (descriptor < 0) throw Error("signals cannot be received");
+  return descriptor;
+}
+
+int run(const Request& request) {
+  const Home home = home_of(request);
+  const std::filesystem::path file =
+      request.configuration ? std::filesystem::path(*request.configuration) : home.configuration_file();
+  const Configuration configuration = read_configuration(file);
+  if (request.check) {
+    for (const RoomConfiguration& room : configuration.rooms) {
+      RecipientChoice recipients(home, configuration, {});
+      for (const StreamConfiguration& stream : room.streams) static_cast<void>(recipients.of(stream.name));
+    }
+    std::cout << file.string() << ": good, " << configuration.rooms.size() << " room(s)\n";
+    return kDone;
+  }
+  set_up_logging();
+  const int signals = signal_descriptor();
+  const HomeLock lock(home.folder() / "kirokud.lock");
+  Shared shared{home.signing_key(), home.trust(), {}};
+  shared.log = archive::ApplianceLog::open(archive::real_file_system(), home.log_folder(), shared.key,
+                                           home.device().name());
+  log_configuration(file, home, *shared.log);
+
+  const Authorities authorities(home, configuration, {});
+  recorder::DaemonOptions options;
+  options.archive = home.archive();
+  options.warn_below_hours = configuration.storage.warn_below_hours;
+  options.listener = listener_for(home);
+  for (const RoomConfiguration& room : configuration.rooms) {
+    options.rooms.push_back(plan_of(room, home, configuration, authorities, shared));
+  }
+  std::string reason;
+  {
+    recorder::Daemon daemon(std::move(options));
+    const recorder::ControlServer control(
+        home.control_socket(configuration),
+        [&daemon](const nlohmann::json& asked) { return daemon.handle(asked); });
+    const std::unique_ptr<recorder::HttpServer> http = serve_http(home, configuration, daemon);
+    ::sd_notify(0, "READY=1");
+    spdlog::info("recording for {} room(s), home {}", configuration.rooms.size(), home.folder().string());
+    reason = watch(daemon, signals);
+    ::sd_notify(0, "STOPPING=1");
+    spdlog::info("ending: {}", reason);
+  }
+  shared.log->shutdown();
+  spdlog::info("ended; every case is closed");
+  return kDone;
+}
+
+}  // namespace
+}  // namespace kiroku::apps
+
+int main(int argc, char** argv) {
+  using namespace kiroku::apps;
+  Program program("kirokud", "records operating rooms unattended", "");
+  Command& root = program.root();
+  const auto request = std::make_shared<Request>();
+  root.option("--home", "DIR", request->home, "the recorder's home", "$KIROKU_HOME, else /var/lib/kiroku");
+  root.option("--config", "FILE", request->configuration, "the configuration", "kiroku.toml in the home");
+  root.flag("--check", request->check, "says whether the configuration is good, and records nothing");
+  root.explain(
+      "Records the rooms of kiroku.toml, each case sealed and time-stamped, until it is told to end "
+      "(SIGTERM): then cases "
+      "that run are closed properly. 'kiroku case' starts and stops cases, 'kiroku status' tells how it is.");
+  root.example("kirokud --check --config kiroku.toml", "looks for mistakes in a configuration");
+  root.example("kirokud --home ~/.local/share/kiroku", "records in the foreground");
+  root.on_run([request] { return run(*request); });
+  return program.run(argc, argv);
+}
