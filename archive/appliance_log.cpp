@@ -23,13 +23,6 @@ Moment machine_now() {
   return {utc_now(), std::chrono::duration_cast<std::chrono::nanoseconds>(since_boot).count()};
 }
 
-std::string kernel_boot_id() {
-  std::ifstream input("/proc/sys/kernel/random/boot_id");
-  std::string id;
-  std::getline(input, id);
-  return id.empty() ? "unknown" : id;
-}
-
 void make_folder_unless_there(FileSystem& files, const fs::path& folder) {
   if (!fs::exists(folder)) {
     files.make_folder(folder);
@@ -227,6 +220,13 @@ void ApplianceLog::checkpoint() {
   const Ledger::Turn turn(*state_->ledger);
   state_->ledger->catch_up();
   state_->checkpoint_locked();
+}
+
+std::string kernel_boot_id() {
+  std::ifstream input("/proc/sys/kernel/random/boot_id");
+  std::string id;
+  std::getline(input, id);
+  return id.empty() ? "unknown" : id;
 }
 
 void for_each_log_line(const fs::path& folder, const std::function<void(const LogLine&)>& visit) {

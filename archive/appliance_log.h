@@ -81,6 +81,9 @@ class ApplianceLog {
   std::unique_ptr<State> state_;
 };
 
+/// The kernel's identifier of this boot of the machine; "unknown" where it gives none.
+std::string kernel_boot_id();
+
 /// Calls `visit` with each line of a log, in order, without opening it for writing; a torn last line is left
 /// out. Throws kiroku::Error naming the line that cannot be read.
 void for_each_log_line(const std::filesystem::path& folder, const std::function<void(const LogLine&)>& visit);

@@ -1,5 +1,6 @@
 // What a list of cases shows of one, counted from its ledger without parsing every line: only the first and
-// the `close` line are, the others are recognised by how they begin. A quick look, not a verification. Pure
+// the `close` line are, the others are recognised by how they begin (`erased` and `recovered`
+// are rare). A quick look, not a verification. Pure
 // functions, thread-safe.
 #pragma once
 
@@ -15,9 +16,11 @@ namespace kiroku::archive {
 
 struct LedgerSummary {
   UtcTime opened;
-  std::optional<std::int64_t> duration_ns;  // case clock at `close`; nothing while it is not closed
+  /// Case clock at `close`; of a recovered case, of the last entry before it was cut off. Nothing while it is
+  /// not closed.
+  std::optional<std::int64_t> duration_ns;
   std::vector<std::string> streams;
-  std::uint64_t segments = 0, bytes = 0, tokens = 0;
+  std::uint64_t segments = 0, bytes = 0, tokens = 0;  // what was erased is not among the first two
 };
 
 /// Nothing where the folder holds no ledger that can be read: no `open` first, a line that is no entry, a

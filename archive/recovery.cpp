@@ -44,6 +44,8 @@ struct StreamStanding {
   std::uint64_t next_index = 0;
   std::int64_t end_ns = 0;  // of the last segment
   std::vector<Span> gaps;
+  std::uint64_t units = 0;           // frames, samples or lines that are counted
+  bool uncounted = false;            // and a segment whose are not
   bool interruption_stated = false;  // by an earlier recovery, and nothing was entered since
 
   /// Until when segments, and gaps that join on to them, account for the stream.
@@ -66,6 +68,7 @@ struct Standing {
   std::optional<std::uint64_t> close;
   std::uint64_t newest_stamped = 0;  // largest checkpoint with a token
   bool missed_after_close = false;
+  std::uint64_t marks = 0;
   std::set<std::pair<std::uint64_t, std::string>> tokens;
   std::vector<ErasedEntry> erased;
   crypto::Sha256Digest opening_line{};
@@ -75,12 +78,15 @@ struct Standing {
     if (const auto* open = std::get_if<OpenEntry>(&entry.body)) {
       boot_id = open->boot_id;
       for (const StreamInfo& info : open->streams) {
-        streams.push_back({info, 0, 0, {}, false});
+        streams.emplace_back();
+        streams.back().info = info;
       }
       opening_line = crypto::sha256(bytes_of(to_line(entry)));
     } else if (const auto* segment = std::get_if<SegmentEntry>(&entry.body)) {
       StreamStanding& stream = of(segment->stream);
       stream.next_index = segment->index + 1;
+      stream.units += segment->frames;
+      stream.uncounted = stream.uncounted || !segment->counted;
       stream.end_ns = std::max(stream.end_ns, segment->span.end_ns);
       stream.interruption_stated = false;
     } else if (const auto* gap = std::get_if<GapEntry>(&entry.body)) {
@@ -92,6 +98,8 @@ struct Standing {
       newest_stamped = std::max(newest_stamped, token->checkpoint);
     } else if (std::holds_alternative<TokenMissedEntry>(entry.body)) {
       missed_after_close = missed_after_close || close;
+    } else if (std::holds_alternative<MarkEntry>(entry.body)) {
+      ++marks;
     } else if (const auto* gone = std::get_if<ErasedEntry>(&entry.body)) {
       erased.push_back(*gone);
     } else if (const auto* recovered = std::get_if<RecoveredEntry>(&entry.body)) {
@@ -166,6 +174,7 @@ class Recovery {
     writer_ = CaseWriter::resume(files_, folder_, *options_.key, options_.device_name, options_.log,
                                  [this](const CaseEntry& entry) { standing_.take(entry); });
     make_known_to_the_log();
+    remove_unfinished_files(files_, folder_);
     const bool was_closed = standing_.close.has_value();
     result_.outcome = was_closed ? CaseRecovery::Outcome::kFinished : CaseRecovery::Outcome::kRecovered;
     if (!was_closed) {
@@ -230,7 +239,6 @@ class Recovery {
     result_.after = recovered.after;
     result_.truncated = recovered.truncated;
     entries.insert(entries.begin(), recovered);
-    remove_unfinished_files(files_, folder_);
     writer_->append(entries, at);
   }
 
@@ -263,6 +271,7 @@ class Recovery {
       }
       ++result_.segments;
       ++stream.next_index;
+      stream.uncounted = true;
       stream.end_ns = entry.span.end_ns;
       stream.interruption_stated = false;
       entries.emplace_back(std::move(entry));
@@ -283,11 +292,19 @@ class Recovery {
     return {start_ns, std::clamp(changed_ns, start_ns, latest_ns)};
   }
 
+  /// Events have segments only where something was marked: while every mark of the ledger is sealed, nothing
+  /// is missing.
+  [[nodiscard]] std::int64_t lost_since(const StreamStanding& stream) const {
+    const bool all_sealed =
+        stream.info.kind == "events" && (stream.uncounted || standing_.marks <= stream.units);
+    return all_sealed ? std::max(stream.accounted_until(), standing_.last.mono_ns) : stream.accounted_until();
+  }
+
   void state_gap(StreamStanding& stream, const Moment& at, std::vector<CaseEntryBody>& entries) {
     if (stream.interruption_stated) {
       return;
     }
-    const std::int64_t start_ns = stream.accounted_until();
+    const std::int64_t start_ns = lost_since(stream);
     GapEntry gap{stream.info.name, {start_ns, std::max(start_ns, at.mono_ns)}, GapCause::kInterrupted};
     result_.gaps.push_back(gap);
     entries.emplace_back(std::move(gap));

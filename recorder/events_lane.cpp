@@ -40,7 +40,7 @@ void EventsLane::step(std::int64_t now_ns) {
     const std::lock_guard guard(mutex_);
     events.swap(waiting_);
   }
-  if (events.empty() || failed_) return;
+  if (events.empty() || gap_cause_) return;
   const std::int64_t end_ns = std::max(now_ns, sealed_until_ns_ + 1);
   try {
     output_.begin(sealed_until_ns_, sealed_until_ns_, "1/1000000000");
@@ -48,7 +48,7 @@ void EventsLane::step(std::int64_t now_ns) {
     output_.end({end_ns, events.size(), 0});
     sealed_until_ns_ = end_ns;
   } catch (const std::exception& error) {
-    failed_ = true;
+    gap_cause_ = gap_cause_for(error);
     context_.troubles.end_session(close_reason_for(error), error.what());
     try {
       output_.give_up({end_ns, 0, 0});
@@ -67,7 +67,13 @@ void EventsLane::finish(std::int64_t close_ns) {
   try {
     output_.drain();
   } catch (const std::exception& error) {
+    if (!gap_cause_) gap_cause_ = gap_cause_for(error);
     context_.troubles.end_session(close_reason_for(error), error.what());
+  }
+  if (gap_cause_) {
+    const std::int64_t since_ns = output_.claimed_until_ns();
+    context_.facts.push(archive::CaseEntryBody(
+        archive::GapEntry{output_.info().name, {since_ns, std::max(close_ns, since_ns)}, *gap_cause_}));
   }
 }
 

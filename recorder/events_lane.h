@@ -2,6 +2,7 @@
 #pragma once
 
 #include <mutex>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -36,7 +37,7 @@ class EventsLane {
   std::vector<std::string> waiting_;
   std::int64_t sealed_until_ns_ = 0;
   bool closed_ = false;
-  bool failed_ = false;
+  std::optional<archive::GapCause> gap_cause_;  // set once nothing more can be sealed
 };
 
 }  // namespace kiroku::recorder

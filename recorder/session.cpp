@@ -1,7 +1,6 @@
 #include "recorder/session.h"
 
 #include <algorithm>
-#include <fstream>
 #include <future>
 #include <mutex>
 #include <thread>
@@ -24,13 +23,6 @@ constexpr std::chrono::seconds kLongestSegment{9};
 // Nobody waits long for what may be absent: it is tried again while the rest is recorded.
 constexpr std::chrono::seconds kPatienceWithAbsent{2};
 constexpr const char* kEventsStream = "events";
-
-std::string boot_id() {
-  std::ifstream in("/proc/sys/kernel/random/boot_id");
-  std::string id;
-  std::getline(in, id);
-  return id;
-}
 
 std::vector<std::string> names_of(const crypto::AgeRecipients& recipients) {
   std::vector<std::string> names;
@@ -218,7 +210,7 @@ Session::State::State(SessionOptions asked)
   writing.device_name = options.device_name;
   writing.subject = options.subject;
   writing.subject_recipients = options.event_recipients;
-  writing.boot_id = boot_id();
+  writing.boot_id = archive::kernel_boot_id();
   writing.log = options.log;
   clock.restart();
   writer = archive::CaseWriter::create(files, writing, clock.moment());

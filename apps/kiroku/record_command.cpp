@@ -15,6 +15,7 @@
 #include "apps/kiroku/home.h"
 #include "apps/kiroku/recording_display.h"
 #include "apps/kiroku/recording_setup.h"
+#include "apps/kiroku/recovering.h"
 #include "archive/appliance_log.h"
 #include "base/error.h"
 #include "recorder/session.h"
@@ -152,6 +153,15 @@ int status_of(const recorder::SessionResult& result) {
   return kDone;
 }
 
+/// What a recorder that died left behind comes first: then nothing else writes the archive.
+void recover_first(const Home& home, const crypto::SigningKey& key, archive::ApplianceLog& log,
+                   const Authorities& authorities, const timestamp::TrustStore& trust,
+                   const archive::RecordingLock& lock) {
+  for (const archive::CaseRecovery& each : recover_home(home, key, log, authorities.named(), trust, lock)) {
+    std::cerr << recovery_text(each);
+  }
+}
+
 int run(const Request& request) {
   if (!request.endoscope && !request.room && !request.vitals) {
     throw UsageError("there is nothing to record: name a source with --endoscope, --room or --vitals");
@@ -170,7 +180,10 @@ int run(const Request& request) {
   const auto log =
       archive::ApplianceLog::open(archive::real_file_system(), home.log_folder(), key, options.device_name);
   options.log = log.get();
+  const archive::RecordingLock lock =
+      archive::RecordingLock::take(archive::real_file_system(), home.archive());
   log_configuration(home.configuration_file(), home, *log);
+  recover_first(home, key, *log, authorities, trust, lock);
 
   catch_stops();
   recorder::SessionResult result;

@@ -52,7 +52,7 @@ class SampleArchive {
   static constexpr const char* kAuthorityName = "embedded";
 
  private:
-  TemporaryFolder temporary_;
+  TemporaryFolder temporary_{quick_parent()};
   crypto::SigningKey key_;
   crypto::AgeRecipients recipients_;
   crypto::AgeIdentities identities_;

@@ -8,8 +8,8 @@ namespace {
 using testing::HasSubstr;
 
 const std::vector<Arguments> kCommands{
-    {"init"}, {"record"}, {"cases"},           {"verify"},       {"export"}, {"excerpt"},
-    {"seal"}, {"unseal"}, {"token", "verify"}, {"tsa", "serve"}, {"log"},    {"completion"}};
+    {"init"},   {"record"},          {"cases"},        {"verify"}, {"export"},     {"excerpt"}, {"seal"},
+    {"unseal"}, {"token", "verify"}, {"tsa", "serve"}, {"log"},    {"completion"}, {"recover"}, {"erase"}};
 
 class Help : public ProgramTest {
  protected:
@@ -69,7 +69,7 @@ TEST_F(Help, CompletionForBashIsValidAndKnowsEveryOption) {
                      "; _kiroku; printf '%s\\n' \"${COMPREPLY[@]}\""})
         .out;
   };
-  EXPECT_EQ(completions("kiroku rec", 1), "record\n");
+  EXPECT_EQ(completions("kiroku rec", 1), "record\nrecover\n");
   EXPECT_EQ(completions("kiroku record --endo", 2), "--endoscope\n");
   EXPECT_EQ(completions("kiroku record --profile unc", 3), "uncompressed\n");
   EXPECT_EQ(completions("kiroku token ver", 2), "verify\n");

@@ -88,6 +88,26 @@ class CatalogueTest : public testing::Test {
   void SetUp() override { fs::create_directory(archive_); }
 };
 
+TEST_F(CatalogueTest, CountsWhatIsLeftAfterAnErasure) {
+  add_whole_case(kFirst);
+  add(kFirst, ErasedEntry{"room", 0, 0, "30 days"}, 7'000'000'000);
+  const auto rows = open()->list(archive_);
+  ASSERT_EQ(rows.size(), 1U);
+  EXPECT_EQ(rows[0].segments, 1U);
+  EXPECT_EQ(rows[0].bytes, 234U);
+  EXPECT_EQ(rows[0].state, "closed");
+}
+
+TEST_F(CatalogueTest, ARecoveredCaseLastedUntilItWasCutOff) {
+  add_open(kFirst);
+  add_segment(kFirst, 0, 10);
+  add(kFirst, RecoveredEntry{"b", "crash", ""}, 900'000'000'000);
+  add(kFirst, CloseEntry{"recovered", {}}, 900'000'000'001);
+  const auto rows = open()->list(archive_);
+  ASSERT_EQ(rows.size(), 1U);
+  EXPECT_EQ(rows[0].duration_ns, 1);
+}
+
 TEST_F(CatalogueTest, ListsWhatAClosedCaseHolds) {
   add_whole_case(kFirst);
   const auto rows = open()->list(archive_);

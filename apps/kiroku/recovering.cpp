@@ -1,0 +1,86 @@
+#include "apps/kiroku/recovering.h"
+
+#include "apps/common/command_line.h"
+#include "apps/common/format.h"
+#include "archive/catalogue.h"
+#include "archive/file_system.h"
+#include "base/error.h"
+#include "recorder/checkpoint_stamper.h"
+
+namespace kiroku::apps {
+namespace {
+
+using archive::CaseRecovery;
+
+std::string count(std::uint64_t number, const std::string& one, const std::string& many) {
+  return std::to_string(number) + " " + (number == 1 ? one : many);
+}
+
+std::string outcome_text(const CaseRecovery& recovery) {
+  switch (recovery.outcome) {
+    case CaseRecovery::Outcome::kRecovered:
+      return "was cut off by a " + std::string(recovery.after == "crash" ? "crash" : "loss of power") +
+             " and is closed now";
+    case CaseRecovery::Outcome::kFinished:
+      return "was closed, and is stamped and signed to its end now";
+    case CaseRecovery::Outcome::kNotBegun:
+      return "was cut off before it began: nothing was recorded, what was left of it is removed";
+    case CaseRecovery::Outcome::kRefused:
+      break;
+  }
+  return "was not recovered and is left as it is";
+}
+
+std::string found_text(const CaseRecovery& recovery) {
+  std::string out = "found " + count(recovery.segments, "segment", "segments") + " without an entry";
+  if (recovery.incomplete > 0) out += ", " + std::to_string(recovery.incomplete) + " of them cut off";
+  if (recovery.tokens > 0) out += "; " + count(recovery.tokens, "time-stamp", "time-stamps");
+  return out;
+}
+
+}  // namespace
+
+std::vector<CaseRecovery> recover_home(const Home& home, const crypto::SigningKey& key,
+                                       archive::ApplianceLog& log,
+                                       const std::vector<recorder::NamedAuthority>& authorities,
+                                       const timestamp::TrustStore& trust,
+                                       const archive::RecordingLock& lock) {
+  archive::RecoveryOptions options;
+  options.archive = home.archive();
+  options.key = &key;
+  options.device_name = home.device().name();
+  options.boot_id = archive::kernel_boot_id();
+  options.log = &log;
+  options.stamp = recorder::checkpoint_stamper(authorities, &trust);
+  std::vector<CaseRecovery> recovered = archive::recover_archive(archive::real_file_system(), options, lock);
+  for (const CaseRecovery& each : recovered) {
+    if (each.outcome == CaseRecovery::Outcome::kRecovered || each.outcome == CaseRecovery::Outcome::kFinished)
+      refresh_catalogue(home, each.folder);
+  }
+  return recovered;
+}
+
+std::string recovery_text(const CaseRecovery& recovery) {
+  std::string out = "case " + printable(recovery.case_id) + " " + outcome_text(recovery) + "\n";
+  const auto line = [&out](const std::string& text) { out += "  " + printable(text) + "\n"; };
+  if (recovery.segments > 0 || recovery.tokens > 0) line(found_text(recovery));
+  if (!recovery.truncated.empty()) line("cut off: " + recovery.truncated);
+  for (const archive::GapEntry& gap : recovery.gaps) {
+    line("nothing of " + gap.stream + " from " + format_duration(gap.span.start_ns) + " on");
+  }
+  const bool ended = recovery.outcome == CaseRecovery::Outcome::kRecovered ||
+                     recovery.outcome == CaseRecovery::Outcome::kFinished;
+  if (ended && !recovery.stamped) line("its end has no time-stamp: no authority gave one");
+  if (!recovery.problem.empty()) line(recovery.problem);
+  return out;
+}
+
+void refresh_catalogue(const Home& home, const std::filesystem::path& case_folder) {
+  try {
+    archive::Catalogue::open(home.catalogue_file())->refresh(case_folder);
+  } catch (const Error& error) {
+    print_error("kiroku", std::string("warning: the catalogue does not know this case yet: ") + error.what());
+  }
+}
+
+}  // namespace kiroku::apps

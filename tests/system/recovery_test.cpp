@@ -1,0 +1,121 @@
+#include <algorithm>
+#include <csignal>
+#include <thread>
+
+#include "tests/system/program_test.h"
+
+namespace kiroku::test {
+namespace {
+
+using testing::AllOf;
+using testing::HasSubstr;
+
+class Recovering : public ProgramTest {
+ protected:
+  void SetUp() override { make_demo_home(); }
+  [[nodiscard]] Process::Options endless() const {
+    return options({"record", "--endoscope", "synthetic:endoscope?size=64x48&rate=10", "--vitals",
+                    "synthetic:patient", "--segment", "500ms"});
+  }
+  /// Until a recording has at least one whole segment; its case's folder.
+  [[nodiscard]] std::filesystem::path wait_for_segment() const {
+    for (int i = 0; i < 600; ++i) {
+      for (const std::string& file : files_below(home() / "archive")) {
+        if (file.ends_with("0.ts.age")) {
+          return home() / "archive" / *std::filesystem::path(file).begin();
+        }
+      }
+      std::this_thread::sleep_for(std::chrono::milliseconds(50));
+    }
+    ADD_FAILURE() << "no segment";
+    return {};
+  }
+  [[nodiscard]] nlohmann::json verified(const std::filesystem::path& folder) const {
+    return kiroku_json(
+        {"verify", "--json", "--identity", (home() / "identity.txt").string(), folder.string()});
+  }
+};
+
+TEST_F(Recovering, AKilledRecordingIsClosedByRecover) {
+  std::filesystem::path folder;
+  {
+    Process recording(endless());
+    folder = wait_for_segment();
+    recording.signal(SIGKILL);
+    EXPECT_EQ(recording.wait().status, 128 + SIGKILL);
+  }
+  EXPECT_EQ(kiroku({"verify", folder.string()}).status, 3) << "incomplete";
+  const nlohmann::json recovered = kiroku_json({"recover", "--json"});
+  ASSERT_EQ(recovered["cases"].size(), 1U);
+  EXPECT_EQ(recovered["cases"][0]["case"], folder.filename().string());
+  EXPECT_EQ(recovered["cases"][0]["outcome"], "recovered");
+  EXPECT_EQ(recovered["cases"][0]["after"], "crash");
+  EXPECT_EQ(recovered["cases"][0]["stamped"], true);
+  EXPECT_EQ(recovered["cases"][0]["problem"], "");
+  const nlohmann::json report = verified(folder);
+  EXPECT_EQ(report["verdict"], "intact-with-gaps");
+  EXPECT_THAT(report["findings"].dump(), HasSubstr("\"recovered\""));
+  EXPECT_THAT(kiroku({"recover"}).out, HasSubstr("was brought to its end"));
+  const auto row = kiroku_json({"cases", "--json"})["cases"][0];
+  EXPECT_EQ(row["state"], "closed");
+  EXPECT_EQ(kiroku({"log", "--verify"}).status, 0);
+}
+
+TEST_F(Recovering, TheNextRecordingRecoversFirstAndSaysSo) {
+  std::filesystem::path folder;
+  {
+    Process recording(endless());
+    folder = wait_for_segment();
+    recording.signal(SIGKILL);
+    recording.wait();
+  }
+  const ProcessResult next = kiroku({"record", "--duration", "00:00:01", "--endoscope",
+                                     "synthetic:endoscope?size=64x48&rate=10&speed=max"});
+  EXPECT_EQ(next.status, 0);
+  EXPECT_THAT(next.err, HasSubstr("case " + folder.filename().string() + " was cut off by a crash"));
+  EXPECT_EQ(verified(folder)["verdict"], "intact-with-gaps");
+}
+
+TEST_F(Recovering, WhileARecorderLivesNothingIsTouchedAndNoneBeginsBesideIt) {
+  Process recording(endless());
+  const std::filesystem::path folder = wait_for_segment();
+  EXPECT_REFUSED(kiroku({"recover"}), "another recorder (process ");
+  EXPECT_REFUSED(kiroku({"record", "--duration", "00:00:01", "--endoscope",
+                         "synthetic:endoscope?size=64x48&rate=10&speed=max"}),
+                 "another recorder (process ");
+  recording.signal(SIGINT);
+  EXPECT_EQ(recording.wait().status, 0);
+  EXPECT_EQ(verified(folder)["verdict"], "intact");
+}
+
+TEST_F(Recovering, ErasesOneStreamAndTheRestStaysProved) {
+  const std::filesystem::path folder = record();
+  EXPECT_REFUSED(kiroku({"erase", "--stream", "endoscope", "--policy", "p"}), "--older-than");
+  EXPECT_REFUSED(kiroku({"erase", folder.filename().string(), "--stream", "nobody", "--policy", "p"}),
+                 "no stream");
+  EXPECT_REFUSED(kiroku({"erase", folder.filename().string(), "--stream", "endoscope", "--policy", "p",
+                         "--older-than", "1d"}),
+                 "is not older than 1d");
+  EXPECT_REFUSED(kiroku({"erase", "--stream", "endoscope", "--policy", "p", "--older-than", "soon"}),
+                 "--older-than is 'soon'");
+  const nlohmann::json none =
+      kiroku_json({"erase", "--json", "--stream", "endoscope", "--policy", "p", "--older-than", "30d"});
+  EXPECT_EQ(none["cases"].size(), 0U);
+  EXPECT_EQ(verified(folder)["verdict"], "intact");
+
+  std::this_thread::sleep_for(std::chrono::milliseconds(20));
+  const nlohmann::json erased = kiroku_json(
+      {"erase", "--json", "--stream", "endoscope", "--policy", "room: at once", "--older-than", "10ms"});
+  ASSERT_EQ(erased["cases"].size(), 1U);
+  EXPECT_GT(erased["cases"][0]["segments"], 0);
+  EXPECT_EQ(erased["cases"][0]["stamped"], true);
+  EXPECT_TRUE(std::filesystem::is_empty(folder / "segments/endoscope"));
+  const nlohmann::json report = verified(folder);
+  EXPECT_EQ(report["verdict"], "intact-with-gaps");
+  EXPECT_THAT(report["findings"].dump(),
+              AllOf(HasSubstr("segments-erased"), HasSubstr("erased by policy: room: at once")));
+  EXPECT_THAT(kiroku({"log"}).out, HasSubstr("stream=endoscope  policy=room: at once"));
+}
+
+}  // namespace
+}  // namespace kiroku::test
