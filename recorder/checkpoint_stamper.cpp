@@ -1,69 +1,93 @@
 #include "recorder/checkpoint_stamper.h"
 
-#include <chrono>
-#include <map>
+#include <future>
 #include <memory>
 #include <string>
+#include <thread>
 #include <utility>
 
-#include "recorder/fact_queue.h"
+#include "base/error.h"
 
 namespace kiroku::recorder {
 namespace {
 
-constexpr std::chrono::milliseconds kPatience{100};
+/// A pause this short is waited for.
+constexpr std::chrono::seconds kPatience{2};
 
-class AskEach {
+class Authorities {
  public:
-  AskEach(std::vector<NamedAuthority> authorities, const timestamp::TrustStore* trust)
-      : authorities_(std::move(authorities)), trust_(trust) {}
+  Authorities(const std::vector<NamedAuthority>& authorities, const timestamp::TrustStore* trust,
+              StampingQueue* queue)
+      : queue_(queue) {
+    for (const NamedAuthority& each : authorities) {
+      contacts_.push_back(std::make_unique<AuthorityContact>(each, trust, queue));
+    }
+  }
 
   std::vector<archive::CheckpointStamp> ask(const archive::StoredCheckpoint& over) {
+    std::vector<std::future<AuthorityAnswer>> asked;
+    for (const auto& contact : contacts_) {
+      asked.push_back(std::async(std::launch::async, [&] { return answer_of(*contact, over); }));
+    }
     std::vector<archive::CheckpointStamp> stamps;
-    for (const auto& [name, cause] : silent_) {
-      stamps.push_back({name, {}, {}, {}, "not asked again: " + cause});
-    }
-    FactQueue answers;
-    Stamper stamper(authorities_, trust_, answers);
-    stamper.stamp(over);
-    for (std::size_t left = authorities_.size(); left > 0;) {
-      for (Fact& fact : answers.take(kPatience)) {
-        stamps.push_back(stamp_of(std::get<AuthorityAnswer>(std::move(fact))));
-        --left;
-      }
-    }
+    for (auto& each : asked) stamps.push_back(stamp_of(each.get()));
     return stamps;
   }
 
  private:
+  static AuthorityAnswer answer_of(AuthorityContact& contact, const archive::StoredCheckpoint& over) {
+    const AuthorityContact::Time allowed = contact.next();
+    if (allowed <= std::chrono::steady_clock::now() + kPatience) {
+      std::this_thread::sleep_until(allowed);
+      return contact.ask(over);
+    }
+    AuthorityAnswer answer;
+    answer.authority = contact.name();
+    answer.checkpoint = over;
+    const std::string reason = contact.status().last_error;
+    answer.cause = "not asked, since it is to be left alone" + (reason.empty() ? "" : ": " + reason);
+    return answer;
+  }
+
   archive::CheckpointStamp stamp_of(AuthorityAnswer answer) {
+    remember(answer);
     archive::CheckpointStamp stamp;
     stamp.authority = answer.authority;
     stamp.cause = answer.cause;
-    if (!stamp.cause.empty()) {
-      silent_[answer.authority] = answer.cause;
-      std::erase_if(authorities_, [&](const NamedAuthority& each) { return each.name == answer.authority; });
-      return stamp;
+    if (answer.valid()) {
+      stamp.facts = token_facts(answer);
+      stamp.response = std::move(answer.response);
+      stamp.chain = std::move(answer.judgement.chain);
     }
-    stamp.response = std::move(answer.response);
-    stamp.facts.gen_time = answer.judgement.info->gen_time;
-    stamp.facts.accuracy_ns = answer.judgement.info->accuracy_ns;
-    stamp.facts.serial = answer.judgement.info->serial;
-    stamp.chain = std::move(answer.judgement.chain);
     return stamp;
   }
 
-  std::vector<NamedAuthority> authorities_;
-  const timestamp::TrustStore* trust_;
-  std::map<std::string, std::string> silent_;  // and why
+  void remember(const AuthorityAnswer& answer) {
+    if (queue_ == nullptr) return;
+    const std::filesystem::path folder = answer.checkpoint.file.parent_path().parent_path();
+    const std::string case_id = folder.filename().string();
+    try {
+      if (answer.valid()) {
+        queue_->done(case_id, answer.authority, answer.checkpoint.size);
+      } else {
+        queue_->want(case_id, answer.authority, answer.checkpoint.size, utc_now());
+        queue_->failed(case_id, answer.authority, answer.cause);
+      }
+    } catch (const Error&) {  // NOLINT(bugprone-empty-catch): a reminder is lost, the ledger says what is
+                              // missing
+    }
+  }
+
+  std::vector<std::unique_ptr<AuthorityContact>> contacts_;
+  StampingQueue* queue_;
 };
 
 }  // namespace
 
-archive::CheckpointStamper checkpoint_stamper(std::vector<NamedAuthority> authorities,
-                                              const timestamp::TrustStore* trust) {
-  const auto each = std::make_shared<AskEach>(std::move(authorities), trust);
-  return [each](const archive::StoredCheckpoint& over) { return each->ask(over); };
+archive::CheckpointStamper checkpoint_stamper(const std::vector<NamedAuthority>& authorities,
+                                              const timestamp::TrustStore* trust, StampingQueue* queue) {
+  const auto all = std::make_shared<Authorities>(authorities, trust, queue);
+  return [all](const archive::StoredCheckpoint& over) { return all->ask(over); };
 }
 
 }  // namespace kiroku::recorder

@@ -4,14 +4,15 @@
 #include <vector>
 
 #include "archive/recovery.h"
-#include "recorder/stamper.h"
+#include "recorder/authority_contact.h"
 
 namespace kiroku::recorder {
 
-/// Asks all authorities at once and waits for their answers, judged under `trust` (null: nothing is trusted),
-/// which must outlive the function. One that gave no token is not asked again: a dead network costs its time
-/// limit once, not once a case. Not thread-safe.
-archive::CheckpointStamper checkpoint_stamper(std::vector<NamedAuthority> authorities,
-                                              const timestamp::TrustStore* trust);
+/// Asks all authorities at once and waits for their answers, judged under `trust` (null: nothing is trusted).
+/// One that is to be left alone is not asked, so that a dead network costs its time limit once, not once a
+/// case. What did not come is put into `queue` (may be null). `trust` and `queue` must outlive the function.
+/// Not thread-safe.
+archive::CheckpointStamper checkpoint_stamper(const std::vector<NamedAuthority>& authorities,
+                                              const timestamp::TrustStore* trust, StampingQueue* queue);
 
 }  // namespace kiroku::recorder

@@ -8,7 +8,7 @@
 #include "apps/kiroku/authorities.h"
 #include "apps/kiroku/commands.h"
 #include "apps/kiroku/home.h"
-#include "apps/kiroku/recovering.h"
+#include "apps/kiroku/recording_setup.h"
 #include "archive/case_layout.h"
 #include "archive/case_reader.h"
 #include "archive/file_system.h"
@@ -85,6 +85,7 @@ int run(const Request& request) {
   const Configuration configuration = home.configuration();
   const Authorities authorities(home, configuration, {});
   const timestamp::TrustStore trust = home.trust();
+  const auto queue = open_stamping_queue(home);
   const crypto::SigningKey key = home.signing_key();
   const auto log =
       archive::ApplianceLog::open(archive::real_file_system(), home.log_folder(), key, home.device().name());
@@ -92,7 +93,7 @@ int run(const Request& request) {
   options.key = &key;
   options.device_name = home.device().name();
   options.log = log.get();
-  options.stamp = recorder::checkpoint_stamper(authorities.named(), &trust);
+  options.stamp = recorder::checkpoint_stamper(authorities.named(), &trust, queue.get());
   ordered_json cases = ordered_json::array();
   for (const fs::path& folder : folders) {
     const archive::Erasure erased =

@@ -156,8 +156,9 @@ int status_of(const recorder::SessionResult& result) {
 /// What a recorder that died left behind comes first: then nothing else writes the archive.
 void recover_first(const Home& home, const crypto::SigningKey& key, archive::ApplianceLog& log,
                    const Authorities& authorities, const timestamp::TrustStore& trust,
-                   const archive::RecordingLock& lock) {
-  for (const archive::CaseRecovery& each : recover_home(home, key, log, authorities.named(), trust, lock)) {
+                   recorder::StampingQueue* queue, const archive::RecordingLock& lock) {
+  for (const archive::CaseRecovery& each :
+       recover_home(home, key, log, authorities.named(), trust, queue, lock)) {
     std::cerr << recovery_text(each);
   }
 }
@@ -183,7 +184,7 @@ int run(const Request& request) {
   const archive::RecordingLock lock =
       archive::RecordingLock::take(archive::real_file_system(), home.archive());
   log_configuration(home.configuration_file(), home, *log);
-  recover_first(home, key, *log, authorities, trust, lock);
+  recover_first(home, key, *log, authorities, trust, queue.get(), lock);
 
   catch_stops();
   recorder::SessionResult result;

@@ -2,7 +2,7 @@
 
 #include "apps/common/command_line.h"
 #include "apps/common/format.h"
-#include "archive/catalogue.h"
+#include "apps/kiroku/recording_setup.h"
 #include "archive/file_system.h"
 #include "base/error.h"
 #include "recorder/checkpoint_stamper.h"
@@ -14,6 +14,14 @@ using archive::CaseRecovery;
 
 std::string count(std::uint64_t number, const std::string& one, const std::string& many) {
   return std::to_string(number) + " " + (number == 1 ? one : many);
+}
+
+void tell_catalogue(const Home& home, const std::filesystem::path& folder) {
+  try {
+    refresh_catalogue(home, folder);
+  } catch (const Error& error) {
+    print_error("kiroku", std::string("warning: the catalogue does not know this case yet: ") + error.what());
+  }
 }
 
 std::string outcome_text(const CaseRecovery& recovery) {
@@ -43,7 +51,7 @@ std::string found_text(const CaseRecovery& recovery) {
 std::vector<CaseRecovery> recover_home(const Home& home, const crypto::SigningKey& key,
                                        archive::ApplianceLog& log,
                                        const std::vector<recorder::NamedAuthority>& authorities,
-                                       const timestamp::TrustStore& trust,
+                                       const timestamp::TrustStore& trust, recorder::StampingQueue* queue,
                                        const archive::RecordingLock& lock) {
   archive::RecoveryOptions options;
   options.archive = home.archive();
@@ -51,11 +59,11 @@ std::vector<CaseRecovery> recover_home(const Home& home, const crypto::SigningKe
   options.device_name = home.device().name();
   options.boot_id = archive::kernel_boot_id();
   options.log = &log;
-  options.stamp = recorder::checkpoint_stamper(authorities, &trust);
+  options.stamp = recorder::checkpoint_stamper(authorities, &trust, queue);
   std::vector<CaseRecovery> recovered = archive::recover_archive(archive::real_file_system(), options, lock);
   for (const CaseRecovery& each : recovered) {
     if (each.outcome == CaseRecovery::Outcome::kRecovered || each.outcome == CaseRecovery::Outcome::kFinished)
-      refresh_catalogue(home, each.folder);
+      tell_catalogue(home, each.folder);
   }
   return recovered;
 }
@@ -73,14 +81,6 @@ std::string recovery_text(const CaseRecovery& recovery) {
   if (ended && !recovery.stamped) line("its end has no time-stamp: no authority gave one");
   if (!recovery.problem.empty()) line(recovery.problem);
   return out;
-}
-
-void refresh_catalogue(const Home& home, const std::filesystem::path& case_folder) {
-  try {
-    archive::Catalogue::open(home.catalogue_file())->refresh(case_folder);
-  } catch (const Error& error) {
-    print_error("kiroku", std::string("warning: the catalogue does not know this case yet: ") + error.what());
-  }
 }
 
 }  // namespace kiroku::apps
