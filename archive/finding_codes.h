@@ -120,7 +120,8 @@ inline constexpr auto kFindingCodes = std::to_array<FindingCode>({
     {"part-file", Severity::kNote, "a file that was being written when recording stopped, or is now"},
     {"token-not-entered", Severity::kNote,
      "a token whose entry is not written yet, or was not when recording stopped"},
-    {"segment-not-entered", Severity::kNote, "a stream's next segment, whose entry is not written yet"},
+    {"segment-not-entered", Severity::kNote,
+     "a segment whose entry is not written yet, or whose flush failed"},
     // -- the appliance log; `file` begins with "log/" when a case is verified against one
     {"log-case-unknown", Severity::kTampered, "the log has no case-opened for this case"},
     {"log-opening-differs", Severity::kTampered, "the log knows another entry 0"},

@@ -69,7 +69,7 @@ bool StreamRules::take(const SegmentEntry& segment, std::uint64_t entry) {
   }
   if (!segment.complete) {
     findings_->add("segment-incomplete", place, segment.file.file + " was cut off; its beginning is there");
-    if (!interrupted_) {
+    if (!interrupted_ && segment.counted) {
       cut_ = Cut{entry, segment.file.file};
     }
   }
@@ -200,13 +200,14 @@ std::string StreamRules::next_file() const {
   return segment_path(report_.info.name, next_index_.value_or(0), report_.info.extension);
 }
 
-bool StreamRules::may_leave_part(const std::string& path) const {
+bool StreamRules::may_be_left_over(const std::string& path) const {
   const bool ends_with_gap = std::any_of(gaps_.begin(), gaps_.end(),
-                                         [&](const Span& gap) { return gap.end_ns > end_ns_.value_or(-1); });
-  if (!ends_with_gap || !path.ends_with(kPartSuffix)) {
+                                         [&](const Span& gap) { return gap.end_ns >= end_ns_.value_or(0); });
+  if (!ends_with_gap) {
     return false;
   }
-  const std::string whole = path.substr(0, path.size() - kPartSuffix.size());
+  const bool part = path.ends_with(kPartSuffix);
+  const std::string whole = part ? path.substr(0, path.size() - kPartSuffix.size()) : path;
   const std::string number = std::filesystem::path(whole).filename().string();
   const std::optional<std::uint64_t> index = parse_index(number.substr(0, number.find('.')));
   return index && *index >= next_index_.value_or(0) &&

@@ -8,7 +8,7 @@
 //   do.
 // - A segment without counts is one that recovery found: a `recovered` stands before it.
 // - An incomplete segment is explained by `recovered`, `close` or a `gap` of its stream between the segments
-//   around it.
+//   around it; one that recovery found, by that.
 #pragma once
 
 #include <cstdint>
@@ -47,9 +47,10 @@ class StreamRules {
   [[nodiscard]] bool erased(std::uint64_t index) const;
   /// The file name of the segment that comes next, complete.
   [[nodiscard]] std::string next_file() const;
-  /// Whether the file may be what is left of a segment that could not be made durable: a part that no entry
-  /// names, of an index that comes next or later, of a stream whose last word is a gap.
-  [[nodiscard]] bool may_leave_part(const std::string& path) const;
+  /// Whether a file that no entry names may be a segment that could not be made durable, so that nothing is
+  /// claimed of it: a part, or whole, of an index that comes next or later, of a stream whose last word is a
+  /// gap.
+  [[nodiscard]] bool may_be_left_over(const std::string& path) const;
   /// Whether segments and gaps reach over [from_ns, to_ns), as far as the stream goes: `begins` and `ends`
   /// say that nothing of the stream lies before or after what was seen.
   [[nodiscard]] bool reaches_over(std::int64_t from_ns, std::int64_t to_ns, bool ends) const;

@@ -148,8 +148,8 @@ class CaseVerification {
       if (!rules_.close_entry() && path == stream.next_file()) {
         return NameJudgement::kSegmentNotEntered;
       }
-      if (stream.may_leave_part(path)) {
-        return NameJudgement::kPart;
+      if (stream.may_be_left_over(path)) {
+        return path.ends_with(kPartSuffix) ? NameJudgement::kPart : NameJudgement::kSegmentNotEntered;
       }
     }
     if (!rules_.close_entry() || rules_.recovered()) {

@@ -1,5 +1,7 @@
 #include "recorder/stream_output.h"
 
+#include <algorithm>
+
 #include "base/error.h"
 
 namespace kiroku::recorder {
@@ -43,7 +45,8 @@ std::uint64_t StreamOutput::open_bytes() const { return current_ ? current_->pla
 
 archive::SegmentEntry StreamOutput::entry_for(const Ending& ending) const {
   archive::SegmentEntry entry = entry_;
-  entry.span.end_ns = ending.end_ns;
+  // What was cut off before its first picture or sample ends where it begins.
+  entry.span.end_ns = std::max(ending.end_ns, entry.span.start_ns);
   entry.frames = ending.frames;
   entry.dropped = ending.dropped;
   return entry;

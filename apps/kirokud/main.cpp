@@ -3,11 +3,10 @@
 #include <atomic>
 #include <chrono>
 #include <csignal>
-#include <fcntl.h>
 #include <initializer_list>
 #include <iostream>
 #include <poll.h>
-#include <sys/file.h>
+#include <sstream>
 #include <sys/signalfd.h>
 #include <systemd/sd-daemon.h>
 #include <thread>
@@ -23,7 +22,9 @@
 #include "apps/kiroku/authorities.h"
 #include "apps/kiroku/home.h"
 #include "apps/kiroku/recording_setup.h"
+#include "apps/kiroku/recovering.h"
 #include "archive/appliance_log.h"
+#include "archive/file_system.h"
 #include "base/error.h"
 #include "recorder/daemon/control_server.h"
 #include "recorder/daemon/daemon.h"
@@ -55,23 +56,22 @@ void set_up_logging() {
   spdlog::set_default_logger(logger);
 }
 
-/// One recorder a home: held for as long as the process lives, also by one that was killed.
-class HomeLock {
- public:
-  explicit HomeLock(const std::filesystem::path& file)
-      : descriptor_(::open(file.c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0600)) {
-    if (descriptor_ < 0) throw IoError("write", file, errno);
-    if (::flock(descriptor_, LOCK_EX | LOCK_NB) == 0) return;
-    ::close(descriptor_);
-    throw Error("another kirokud runs on this home already (it holds " + file.string() + "): only one may");
-  }
-  ~HomeLock() { ::close(descriptor_); }
-  HomeLock(const HomeLock&) = delete;
-  HomeLock& operator=(const HomeLock&) = delete;
-
- private:
-  int descriptor_;
+/// What all rooms share; outlives them.
+struct Shared {
+  crypto::SigningKey key;
+  timestamp::TrustStore trust;
+  std::unique_ptr<archive::ApplianceLog> log;
 };
+
+/// What a recorder that died left behind comes first.
+void recover_first(const Home& home, const Authorities& authorities, const Shared& shared,
+                   const archive::RecordingLock& lock) {
+  for (const archive::CaseRecovery& each :
+       recover_home(home, shared.key, *shared.log, authorities.named(), shared.trust, nullptr, lock)) {
+    std::istringstream lines(recovery_text(each));
+    for (std::string line; std::getline(lines, line);) spdlog::warn("{}", line);
+  }
+}
 
 Home home_of(const Request& request) {
   if (request.home) return Home::open(request.home);
@@ -89,13 +89,6 @@ Configuration read_configuration(const std::filesystem::path& file) {
   }
   return configuration;
 }
-
-/// What all rooms share; outlives them.
-struct Shared {
-  crypto::SigningKey key;
-  timestamp::TrustStore trust;
-  std::unique_ptr<archive::ApplianceLog> log;
-};
 
 recorder::RoomPlan plan_of(const RoomConfiguration& room, const Home& home,
                            const Configuration& configuration, const Authorities& authorities,
@@ -208,13 +201,15 @@ int run(const Request& request) {
   }
   set_up_logging();
   const int signals = signal_descriptor();
-  const HomeLock lock(home.folder() / "kirokud.lock");
+  const archive::RecordingLock lock =
+      archive::RecordingLock::take(archive::real_file_system(), home.archive());
   Shared shared{home.signing_key(), home.trust(), {}};
   shared.log = archive::ApplianceLog::open(archive::real_file_system(), home.log_folder(), shared.key,
                                            home.device().name());
   log_configuration(file, home, *shared.log);
 
   const Authorities authorities(home, configuration, {});
+  recover_first(home, authorities, shared, lock);
   recorder::DaemonOptions options;
   options.archive = home.archive();
   options.warn_below_hours = configuration.storage.warn_below_hours;

@@ -73,7 +73,7 @@ TEST_F(Daemon, OnlyOneOnAHome) {
   ASSERT_TRUE(daemon.wait_for("recording for 1 room"));
   const ProcessResult second = run_process(kirokud());
   EXPECT_EQ(second.status, 2);
-  EXPECT_THAT(second.err, HasSubstr("another kirokud runs on this home already"));
+  EXPECT_THAT(second.err, HasSubstr("another recorder (process "));
 }
 
 TEST_F(Daemon, ChecksItsConfiguration) {
