@@ -22,6 +22,9 @@ constexpr std::chrono::milliseconds kShortestSegment{100};
 constexpr std::chrono::seconds kLongestSegment{9};
 // Nobody waits long for what may be absent: it is tried again while the rest is recorded.
 constexpr std::chrono::seconds kPatienceWithAbsent{2};
+// Lines fill an age chunk in minutes, and one that is not full dies with the program: so their segments are
+// shorter, and at most a second is lost.
+constexpr std::chrono::nanoseconds kLongestSegmentOfLines = std::chrono::milliseconds(900);
 constexpr const char* kEventsStream = "events";
 
 std::vector<std::string> names_of(const crypto::AgeRecipients& recipients) {
@@ -217,6 +220,8 @@ Session::State::State(SessionOptions asked)
 
   if (options.duration) end_ns = options.duration->count();
   const LaneContext context{clock, *writer, facts, troubles, options.segment_duration, end_ns};
+  const std::chrono::nanoseconds of_lines = std::min(options.segment_duration, kLongestSegmentOfLines);
+  const LaneContext lines{clock, *writer, facts, troubles, of_lines, end_ns};
   const std::size_t budget = options.queue_bytes / std::max<std::size_t>(1, videos.size());
   std::size_t index = 0;
   for (OpenedVideo& opened : videos) {
@@ -227,7 +232,7 @@ Session::State::State(SessionOptions asked)
   }
   video_lanes = lanes.size();
   for (OpenedVitals& opened : vitals) {
-    lanes.push_back(std::make_unique<VitalsLane>(context, index, writing.streams[index], opened.address,
+    lanes.push_back(std::make_unique<VitalsLane>(lines, index, writing.streams[index], opened.address,
                                                  std::move(opened.source)));
     ++index;
   }
@@ -285,13 +290,14 @@ SessionResult Session::run(const std::function<void(const SessionStatus&)>& prog
   for (const auto& lane : s.lanes) lane->start();
   std::string reason;
   std::int64_t next_progress_ns = 0;
-  std::int64_t next_events_ns = s.options.segment_duration.count();
+  const auto events_duration = std::min(s.options.segment_duration, kLongestSegmentOfLines);
+  std::int64_t next_events_ns = events_duration.count();
   while ((reason = s.reason_to_end()).empty()) {
     std::this_thread::sleep_for(std::chrono::milliseconds(20));
     const std::int64_t now = s.clock.now_ns();
     if (now >= next_events_ns) {
       s.events->step(now);
-      next_events_ns = next_boundary(now, s.options.segment_duration);
+      next_events_ns = next_boundary(now, events_duration);
     }
     if (progress && now >= next_progress_ns) {
       progress(s.status());

@@ -8,6 +8,7 @@ extern "C" {
 #include <algorithm>
 #include <filesystem>
 
+#include "archive/age_layout.h"
 #include "base/error.h"
 
 namespace kiroku::recorder {
@@ -19,6 +20,7 @@ constexpr std::uint64_t kLargestSegmentBytes = 960ULL << 20;
 constexpr std::int64_t kLongestSegmentNs = 10'000'000'000;
 constexpr std::int64_t kLongestSilenceNs = 5'000'000'000;
 constexpr std::int64_t kShortestSilenceNs = 1'000'000'000;
+constexpr std::int64_t kLongestUnsealedNs = 750'000'000;
 constexpr std::int64_t kFirstReopenPauseNs = 1'000'000'000;
 constexpr std::int64_t kLongestReopenPauseNs = 16'000'000'000;
 constexpr std::chrono::seconds kPipePatience{10};
@@ -248,12 +250,25 @@ void VideoLane::record(media::Frame prepared) {
     segment_has_sound_ = sound_ != nullptr;
     if (sound_) streams.push_back(sound_->muxed_stream());
     muxer_->begin(streams, [this](ByteView bytes) { output_.write(bytes); });
+    sealed_chunks_ = 0;
+    sealed_at_ns_ = time_ns;
   }
   muxer_->write(std::move(packet), 0);
+  seal_in_time(time_ns);
   last_frame_ns_ = time_ns;
   ++segment_frames_;
   ++frames_;
   last_ns_ = time_ns + interval_ns_;
+}
+
+// Ciphertext leaves in chunks, and a chunk that is not full dies with the program: of pictures that need few
+// bits it would be seconds.
+void VideoLane::seal_in_time(std::int64_t time_ns) {
+  if (time_ns - sealed_at_ns_ >= kLongestUnsealedNs) muxer_->fill_up(archive::kAgeChunkBytes);
+  const std::uint64_t chunks = output_.open_bytes() / archive::kAgeChunkBytes;
+  if (chunks == sealed_chunks_) return;
+  sealed_chunks_ = chunks;
+  sealed_at_ns_ = time_ns;
 }
 
 void VideoLane::end_segment(std::int64_t end_ns) {

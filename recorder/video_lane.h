@@ -59,6 +59,7 @@ class VideoLane : public Lane {
   /// Whether there is an encoder for pictures like these; makes one if not.
   bool ready_for(const PictureFormat& format, Rational rate);
   void record(media::Frame prepared);
+  void seal_in_time(std::int64_t time_ns);
   void end_segment(std::int64_t end_ns);
   void end_coding();
   void state_gap(std::int64_t start_ns, std::int64_t end_ns, archive::GapCause cause);
@@ -94,6 +95,8 @@ class VideoLane : public Lane {
   std::int64_t interval_ns_ = 0;
   std::int64_t recorded_until_ns_ = 0;  // end of the last segment
   std::uint64_t segment_frames_ = 0, segment_dropped_ = 0;
+  std::uint64_t sealed_chunks_ = 0;  // of the segment
+  std::int64_t sealed_at_ns_ = 0;    // when there was one more of them
   bool segment_has_sound_ = false;
   std::optional<Absence> absence_;
   bool failed_ = false;

@@ -154,6 +154,8 @@ class TransportStreamMuxer : public LibavMuxer {
     if (!output_) {
       auto output = make_output("mpegts", streams);
       output->max_delay = kTransportStreamDelayUs;
+      // Each picture leaves at once: what a kill finds in a buffer here is lost.
+      output->flags |= AVFMT_FLAG_FLUSH_PACKETS;
       sink_.check(avformat_write_header(output.get(), nullptr));
       output_ = std::move(output);
     } else {
@@ -164,11 +166,13 @@ class TransportStreamMuxer : public LibavMuxer {
   void end() override {
     sink_.check(av_write_frame(output_.get(), nullptr));
     sink_.flush();
-    while (sink_.sent() < kFewestTransportPackets * kTransportPacketBytes) {
-      avio_write(sink_.context(), kNullPacket.data(), kNullPacket.size());
-      sink_.flush();
-    }
+    fill_until(kFewestTransportPackets * kTransportPacketBytes);
     sink_.send_to({});
+  }
+
+  void fill_up(std::uint64_t unit) override {
+    sink_.flush();
+    fill_until(sink_.sent() / unit * unit + unit + 1);
   }
 
   [[nodiscard]] SegmentTime stated(std::int64_t pts, Rational time_base) const override {
@@ -177,6 +181,14 @@ class TransportStreamMuxer : public LibavMuxer {
     return {av_rescale_q(pts, rational(time_base), kTimeBase) +
                 2 * av_rescale(kTransportStreamDelayUs, kTimeBase.den, AV_TIME_BASE),
             text_of(kTimeBase)};
+  }
+
+ private:
+  void fill_until(std::uint64_t bytes) {
+    while (sink_.sent() < bytes) {
+      avio_write(sink_.context(), kNullPacket.data(), kNullPacket.size());
+      sink_.flush();
+    }
   }
 };
 
@@ -195,6 +207,9 @@ class MatroskaMuxer : public LibavMuxer {
     sink_.check(avformat_write_header(output.get(), nullptr));
     output_ = std::move(output);
   }
+
+  /// Its clusters leave as they fill, at rates at which chunks fill many times a second.
+  void fill_up(std::uint64_t /*unit*/) override {}
 
   void end() override {
     const media::OutputContext output = std::move(output_);

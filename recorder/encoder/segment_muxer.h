@@ -39,6 +39,10 @@ class SegmentMuxer {
   virtual void begin(const std::vector<MuxedStream>& streams, SegmentSink sink) = 0;
   /// Takes a packet of stream `stream` (0: pictures, 1: sound), time stamps in that stream's time base.
   virtual void write(media::Packet packet, int stream) = 0;
+  /// Adds what every reader skips until more than a whole number of `unit` bytes of the segment have left
+  /// through its sink, so that a sealer of chunks of that size lets go of everything before. Nothing where
+  /// the container has no such filling.
+  virtual void fill_up(std::uint64_t unit) = 0;
   /// Everything of the segment has left through its sink.
   virtual void end() = 0;
   /// How a packet's pts in `time_base` stands in the file.

@@ -180,6 +180,31 @@ TEST(SessionOnAFullDisk, KeepsWhatIsThereStatesTheGapAndCloses) {
   EXPECT_TRUE(recorded.segments("vitals").back().complete);
 }
 
+TEST(SessionThatMayDie, SealsWhatNeedsFewBitsWithinASecond) {
+  const RecorderBench bench;
+  test::FaultFileSystem files(bench / "archive");
+  SessionOptions options = bench.options();
+  options.files = &files;
+  options.segment_duration = 4s;
+  options.video = {bench.stream("room", "synthetic:pattern?size=64x48&rate=20&speed=max")};
+  options.vitals = {bench.stream("vitals", "synthetic:patient?waves=0&speed=max")};
+  options.duration = 4s;
+  const RecordedCase recorded = bench.record(options);
+  ASSERT_THAT(recorded.segments("room"), SizeIs(1));
+  const std::vector<std::string> calls = files.calls();
+  constexpr const char* kWholeChunk = " 65552";
+  const auto chunks = std::count_if(calls.begin(), calls.end(), [&](const std::string& call) {
+    return call.starts_with("write ") && call.find("/room/") != std::string::npos &&
+           call.ends_with(kWholeChunk);
+  });
+  EXPECT_GE(chunks, 4) << "one each second at least";
+  const auto decoded = decode_video(recorded.plaintext(recorded.segments("room")[0]));
+  EXPECT_THAT(decoded.frames, SizeIs(80)) << "what fills a chunk up is skipped";
+  for (const auto& segment : recorded.segments("vitals")) {
+    EXPECT_LE(segment.span.end_ns - segment.span.start_ns, kSecond);
+  }
+}
+
 TEST(SessionOnABrokenDisk, ClaimsNothingAfterAFailedFlush) {
   const RecorderBench bench;
   test::FaultFileSystem files(bench / "archive");
