@@ -396,6 +396,7 @@ std::vector<CaseRecovery> recover_archive(FileSystem& files, const RecoveryOptio
     throw IoError("read the archive folder", options.archive, error.value());
   }
   std::vector<CaseRecovery> results;
+  results.reserve(hidden.size() + unfinished.size());
   for (const fs::path& folder : hidden) {
     results.push_back(remove_hidden(files, folder));
   }

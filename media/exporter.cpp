@@ -160,6 +160,7 @@ class Export {
         offset += count;
       }
       result_.frames += entry.frames;
+      result_.uncounted += entry.counted ? 0 : 1;
     }
   }
 

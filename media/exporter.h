@@ -31,6 +31,8 @@ struct ExportOptions {
 struct ExportResult {
   /// Segments read, pictures (of vital signs and events: lines) and bytes written.
   std::uint64_t segments = 0, frames = 0, bytes = 0;
+  /// Segments found by recovery: what they hold is in the file and not in `frames`.
+  std::uint64_t uncounted = 0;
   /// Case-clock span of what was written; whole segments, so it may be wider than asked for.
   std::int64_t start_ns = 0, end_ns = 0;
   /// Segments that were being written when the power or the program failed; they end early.

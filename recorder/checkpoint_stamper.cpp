@@ -26,6 +26,7 @@ class Authorities {
 
   std::vector<archive::CheckpointStamp> ask(const archive::StoredCheckpoint& over) {
     std::vector<std::future<AuthorityAnswer>> asked;
+    asked.reserve(contacts_.size());
     for (const auto& contact : contacts_) {
       asked.push_back(std::async(std::launch::async, [&] { return answer_of(*contact, over); }));
     }

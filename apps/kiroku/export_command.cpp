@@ -45,13 +45,18 @@ int run(const Request& request) {
                 {"file", request.output},
                 {"segments", result.segments},
                 {"frames", result.frames},
+                {"uncounted_segments", result.uncounted},
                 {"bytes", result.bytes},
                 {"start_ns", result.start_ns},
                 {"end_ns", result.end_ns}});
   } else {
     std::cout << request.output << ": " << result.frames << (pictures ? " frames" : " lines") << " of "
               << request.stream << ", from " << format_duration(result.start_ns) << " to "
-              << format_duration(result.end_ns) << " of the case, " << format_bytes(result.bytes) << "\n";
+              << format_duration(result.end_ns) << " of the case, " << format_bytes(result.bytes)
+              << (result.uncounted == 0 ? ""
+                                        : "; " + std::to_string(result.uncounted) +
+                                              " segment(s) found by recovery are in it and not counted")
+              << "\n";
   }
   return kDone;
 }

@@ -2,7 +2,6 @@
 // system call fails, or all from it on, or the program dies. Where the session lives on it closes the case
 // itself; else the next start does. Either way the case must verify.
 #include <cerrno>
-#include <cstdlib>
 #include <iostream>
 #include <string>
 
@@ -13,6 +12,7 @@
 #include "archive/recovery.h"
 #include "archive/verifier.h"
 #include "recorder/checkpoint_stamper.h"
+#include "tests/fault/fault_step.h"
 #include "tests/support/fault_file_system.h"
 #include "tests/support/recording.h"
 
@@ -25,12 +25,7 @@ using archive::ApplianceLog;
 using test::FaultFileSystem;
 using test::RecorderBench;
 
-/// Which points are tried: each, or every so many (KIROKU_FAULT_EVERY).
-std::size_t step() {
-  const char* const asked = std::getenv("KIROKU_FAULT_EVERY");
-  constexpr std::size_t kUsual = 11;
-  return asked == nullptr ? kUsual : std::max<std::size_t>(1, std::stoul(asked));
-}
+constexpr std::size_t kUsualStep = 11;
 
 class SessionFault : public testing::Test {
  protected:
@@ -110,7 +105,7 @@ class SessionFault : public testing::Test {
     const std::size_t calls = this->calls();
     ASSERT_GT(calls, 150U);
     std::size_t points = 0, recovered = 0;
-    for (std::size_t at = 0; at < calls; at += step()) {
+    for (std::size_t at = 0; at < calls; at += test::fault_step(kUsualStep)) {
       clear();
       FaultFileSystem files(archive());
       prepare(files, at);
