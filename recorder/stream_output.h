@@ -16,8 +16,8 @@
 namespace kiroku::recorder {
 
 /// Writes segments one after the other and makes them durable on a thread of its own, so that the writer
-/// never waits for the disk: data each second while a segment grows, everything when it ends; then its entry
-/// goes to the ledger's writer. begin, write, end and give_up are called by one thread.
+/// never waits for the disk: data each quarter of a second while a segment grows, everything when it ends;
+/// then its entry goes to the ledger's writer. begin, write, end and give_up are called by one thread.
 class StreamOutput {
  public:
   struct Ending {
@@ -68,10 +68,11 @@ class StreamOutput {
   archive::SegmentEntry entry_;
   std::uint64_t next_index_ = 0;
 
-  std::mutex mutex_;  // guards the four below
+  std::mutex mutex_;  // guards the six below
   std::condition_variable changed_;
   std::deque<Handed> handed_;
   std::shared_ptr<archive::SegmentWriter> growing_;
+  std::uint64_t synced_bytes_ = 0;  // of growing_
   bool stopping_ = false;
   bool busy_ = false;
   std::exception_ptr failure_;
