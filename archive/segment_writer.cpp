@@ -91,6 +91,7 @@ struct SegmentWriter::State {
   std::uint64_t writeback_at = 0;
   std::atomic<std::uint64_t> written{0};
   std::atomic<bool> flush_failed{false};
+  bool name_durable = false;  // of the part; sync()'s own
   Stage stage = Stage::kWriting;
 };
 
@@ -129,7 +130,14 @@ void SegmentWriter::sync() {
   if (state_->flush_failed.load()) {
     throw Error("an earlier flush of " + state_->part.string() + " failed, so it is not tried again");
   }
-  state_->flushing([&] { state_->file->sync(); });
+  state_->flushing([&] {
+    state_->file->sync();
+    // Bytes are of no use under a name that a power cut takes away.
+    if (!state_->name_durable) {
+      state_->files.sync_folder(state_->part.parent_path());
+      state_->name_durable = true;
+    }
+  });
 }
 
 // The name changes only after fsync of the bytes, and counts only after fsync of the folder:

@@ -34,8 +34,9 @@ class SegmentWriter {
   void write(ByteView plaintext);
   /// Seals the last chunk and writes it: nothing may be written after. Fast, does not wait for the disk.
   void seal();
-  /// fdatasync of what was written so far. May be called from another thread while write() runs, not while
-  /// commit() or salvage() does. After it failed, everything is refused.
+  /// fdatasync of what was written so far; the first time also fsync of the folder, for the part's name. May
+  /// be called from one other thread while write() runs, not while commit() or salvage() does. After it
+  /// failed, everything is refused.
   void sync();
   /// After seal(): fsync, rename to the final name, fsync of the folder. Only then the ledger may name it.
   FileReference commit();

@@ -2,8 +2,10 @@
 // system call fails, or all from it on, or the program dies. Where the session lives on it closes the case
 // itself; else the next start does. Either way the case must verify.
 #include <cerrno>
+#include <chrono>
 #include <iostream>
 #include <string>
+#include <thread>
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -13,6 +15,7 @@
 #include "archive/verifier.h"
 #include "recorder/checkpoint_stamper.h"
 #include "tests/fault/fault_step.h"
+#include "tests/support/decoded_video.h"
 #include "tests/support/fault_file_system.h"
 #include "tests/support/recording.h"
 
@@ -153,6 +156,61 @@ TEST_F(SessionFault, ADiskThatTakesNoMoreSegments) {
 
 TEST_F(SessionFault, Death) {
   try_each_call("kill", [](FaultFileSystem& files, std::size_t at) { files.kill_at(at); });
+}
+
+/// At its own pace, cut off at a moment: what was never flushed is gone.
+TEST_F(SessionFault, APowerCutCostsASecondAtMost) {
+  constexpr std::int64_t kSecond = 1'000'000'000;
+  constexpr std::int64_t kFrames = 20;            // a second
+  constexpr std::int64_t kMachine = kSecond / 2;  // a machine that is busy with other things
+  std::int64_t most_pictures = 0, most_lines = 0;
+  for (const auto moment : {650ms, 1130ms, 1610ms, 2090ms, 2570ms, 3050ms}) {
+    clear();
+    FaultFileSystem files(archive());
+    std::int64_t cut_ns = 0;
+    {
+      const auto log = this->log(files);
+      SessionOptions options = bench_.options();
+      options.files = &files;
+      options.log = log.get();
+      options.segment_duration = 2s;
+      options.video = {bench_.stream("room", "synthetic:pattern?size=64x48&rate=20")};
+      options.vitals = {bench_.stream("vitals", "synthetic:patient?waves=0")};
+      Session session(options);
+      const auto begun = std::chrono::steady_clock::now();
+      std::thread cut([&] {
+        std::this_thread::sleep_until(begun + moment);
+        files.kill_at(0);
+        cut_ns = (std::chrono::steady_clock::now() - begun).count();
+        session.stop();
+      });
+      EXPECT_ANY_THROW(session.run());
+      cut.join();
+    }
+    files.lose_power();
+    for (const archive::CaseRecovery& recovery : recover()) EXPECT_EQ(recovery.problem, "");
+    EXPECT_THAT(broken(), testing::IsEmpty());
+    for (const fs::directory_entry& entry : fs::directory_iterator(archive())) {
+      if (!archive::is_case_id(entry.path().filename().string())) continue;
+      const test::RecordedCase recorded = bench_.read(entry.path());
+      const auto pictures = recorded.segments("room");
+      const Bytes film = recorded.joined("room");
+      const std::size_t frames = film.empty() ? 0 : test::decode_video(film).frames.size();
+      const std::int64_t start_ns = pictures.empty() ? 0 : pictures.front().span.start_ns;
+      most_pictures =
+          std::max(most_pictures, cut_ns - start_ns - static_cast<std::int64_t>(frames) * kSecond / kFrames);
+      std::int64_t lines_ns = 0;
+      for (const auto& segment : recorded.segments("vitals")) {
+        if (segment.counted) lines_ns = std::max(lines_ns, segment.span.end_ns);
+      }
+      most_lines = std::max(most_lines, cut_ns - lines_ns);
+    }
+    ASSERT_FALSE(HasFailure());
+  }
+  EXPECT_LE(most_pictures, kSecond + kMachine);
+  EXPECT_LE(most_lines, kSecond + kMachine);
+  std::cout << "power cut: lost at most " << most_pictures / 1'000'000 << " ms of pictures, "
+            << most_lines / 1'000'000 << " ms of lines\n";
 }
 
 }  // namespace
