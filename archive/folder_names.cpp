@@ -53,9 +53,9 @@ bool is_note_path(std::string_view path) {
   return name && size_of_note_name(*name).value_or(0) > 0;
 }
 
-bool is_token_path(std::string_view path) {
+std::optional<TokenName> token_of_path(std::string_view path) {
   const auto name = name_in(kTokensFolder, path);
-  return name && parse_token_name(*name);
+  return name ? parse_token_name(*name) : std::nullopt;
 }
 
 void check_folder_names(const std::vector<ListedFile>& listing, FindingList& findings,

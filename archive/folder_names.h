@@ -3,10 +3,12 @@
 #pragma once
 
 #include <functional>
+#include <optional>
 #include <string_view>
 #include <vector>
 
 #include "archive/case_folder.h"
+#include "archive/case_layout.h"
 #include "archive/finding_list.h"
 
 namespace kiroku::archive {
@@ -26,7 +28,7 @@ void check_folder_names(const std::vector<ListedFile>& listing, FindingList& fin
 
 /// "checkpoints/00000042.note", of a size above 0.
 bool is_note_path(std::string_view path);
-/// "tokens/00000042.swiss.tsr".
-bool is_token_path(std::string_view path);
+/// Of "tokens/00000042.swiss.tsr"; nothing for any other path.
+std::optional<TokenName> token_of_path(std::string_view path);
 
 }  // namespace kiroku::archive

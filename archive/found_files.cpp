@@ -11,10 +11,12 @@
 #include <unistd.h>
 
 #include "archive/age_layout.h"
-#include "archive/case_folder.h"
+#include "archive/checkpoint_rules.h"
 #include "archive/file_system.h"
+#include "archive/token_rules.h"
 #include "base/error.h"
 #include "crypto/hash.h"
+#include "timestamp/token.h"
 
 namespace kiroku::archive {
 
@@ -90,6 +92,29 @@ std::vector<TokenName> found_tokens(const fs::path& case_folder) {
     return std::tie(a.size, a.authority) < std::tie(b.size, b.authority);
   });
   return found;
+}
+
+std::optional<TokenEntry> token_in_folder(const CaseFolder& folder, const TokenName& name) {
+  const FileOpening token = folder.open_file(token_path(name.size, name.authority));
+  const FileOpening note = folder.open_file(note_path(name.size));
+  const std::optional<std::string> response =
+      token.file ? read_small(*token.file, kMaximumTokenBytes) : std::nullopt;
+  const std::optional<std::string> text =
+      note.file ? read_small(*note.file, kMaximumNoteBytes) : std::nullopt;
+  if (!response || !text) {
+    return std::nullopt;
+  }
+  std::string ignored;
+  const auto parsed = timestamp::parse_response(bytes_of(*response), ignored);
+  const auto info = parsed ? timestamp::parse_token_info(parsed->token, ignored) : std::nullopt;
+  if (!info || !info->algorithm || crypto::digest(*info->algorithm, bytes_of(*text)) != info->imprint) {
+    return std::nullopt;
+  }
+  TokenEntry facts;
+  facts.gen_time = info->gen_time;
+  facts.accuracy_ns = info->accuracy_ns;
+  facts.serial = info->serial;
+  return facts;
 }
 
 bool holds_a_chunk(const fs::path& part) {

@@ -4,8 +4,10 @@
 
 #include <cstdint>
 #include <filesystem>
+#include <optional>
 #include <vector>
 
+#include "archive/case_folder.h"
 #include "archive/case_layout.h"
 #include "archive/ledger_entry.h"
 
@@ -24,6 +26,10 @@ std::vector<FoundSegment> found_segments(const std::filesystem::path& case_folde
                                          std::uint64_t first_index);
 /// All token files, by checkpoint, then authority.
 std::vector<TokenName> found_tokens(const std::filesystem::path& case_folder);
+
+/// gen_time, accuracy_ns and serial of a token file, which may have no entry yet; nothing if it is not over
+/// that checkpoint's note, or one of the two is not there. Nothing is trusted here.
+std::optional<TokenEntry> token_in_folder(const CaseFolder& folder, const TokenName& name);
 
 /// Whether a part holds more than an age header. Throws kiroku::IoError.
 bool holds_a_chunk(const std::filesystem::path& part);

@@ -8,13 +8,10 @@
 #include "archive/appliance_log.h"
 #include "archive/case_folder.h"
 #include "archive/case_layout.h"
-#include "archive/checkpoint_rules.h"
 #include "archive/file_system.h"
 #include "archive/found_files.h"
 #include "archive/ledger_tail.h"
 #include "archive/retention.h"
-#include "archive/token_rules.h"
-#include "timestamp/token.h"
 
 namespace kiroku::archive {
 
@@ -118,31 +115,6 @@ struct Standing {
     return *found;
   }
 };
-
-/// The facts of a token that lies in the folder without an entry; nothing if it is not over that checkpoint's
-/// note.
-std::optional<TokenEntry> facts_of(const CaseFolder& folder, const TokenName& name) {
-  const FileOpening token = folder.open_file(token_path(name.size, name.authority));
-  const FileOpening note = folder.open_file(note_path(name.size));
-  const std::optional<std::string> response =
-      token.file ? read_small(*token.file, kMaximumTokenBytes) : std::nullopt;
-  const std::optional<std::string> text =
-      note.file ? read_small(*note.file, kMaximumNoteBytes) : std::nullopt;
-  if (!response || !text) {
-    return std::nullopt;
-  }
-  std::string ignored;
-  const auto parsed = timestamp::parse_response(bytes_of(*response), ignored);
-  const auto info = parsed ? timestamp::parse_token_info(parsed->token, ignored) : std::nullopt;
-  if (!info || !info->algorithm || crypto::digest(*info->algorithm, bytes_of(*text)) != info->imprint) {
-    return std::nullopt;
-  }
-  TokenEntry facts;
-  facts.gen_time = info->gen_time;
-  facts.accuracy_ns = info->accuracy_ns;
-  facts.serial = info->serial;
-  return facts;
-}
 
 /// One unfinished case on its way to its end.
 class Recovery {
@@ -316,7 +288,7 @@ class Recovery {
       if (standing_.tokens.contains({name.size, name.authority}) || name.size > writer_->size()) {
         continue;
       }
-      const std::optional<TokenEntry> facts = facts_of(folder, name);
+      const std::optional<TokenEntry> facts = token_in_folder(folder, name);
       if (!facts) {
         result_.problem =
             token_path(name.size, name.authority) + " is left as it is: it is no token over that checkpoint";

@@ -11,6 +11,7 @@
 #include "archive/file_checker.h"
 #include "archive/finding_list.h"
 #include "archive/folder_names.h"
+#include "archive/found_files.h"
 #include "archive/line_reader.h"
 #include "archive/log_rules.h"
 #include "archive/verdict.h"
@@ -156,11 +157,29 @@ class CaseVerification {
       if (path.ends_with(kPartSuffix)) {
         return NameJudgement::kPart;
       }
-      if (is_token_path(path)) {
+      if (token_of_path(path)) {
         return NameJudgement::kTokenNotEntered;
       }
     }
-    return NameJudgement::kUnnamed;
+    return rules_.close_entry() ? judge_after_close(path) : NameJudgement::kUnnamed;
+  }
+
+  /// A token that comes after the recording is stored before its entry is written, and the checkpoint over
+  /// that comes last, too: a power cut can come between. A token is one if it is over the checkpoint it is
+  /// named after, and that covers close.
+  NameJudgement judge_after_close(std::string_view path) const {
+    const bool part = path.ends_with(kPartSuffix);
+    if (part) {
+      path.remove_suffix(kPartSuffix.size());
+    }
+    const std::optional<TokenName> token = token_of_path(path);
+    if (part) {
+      const bool later_token = token && token->size > *rules_.close_entry();
+      return later_token || is_note_path(path) ? NameJudgement::kPart : NameJudgement::kUnnamed;
+    }
+    return token && token->size > *rules_.close_entry() && token_in_folder(folder_, *token)
+               ? NameJudgement::kTokenNotEntered
+               : NameJudgement::kUnnamed;
   }
 
   void judge_names() {

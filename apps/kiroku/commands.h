@@ -17,6 +17,7 @@ void add_excerpt_command(Command& program);
 void add_erase_command(Command& program);
 void add_seal_command(Command& program);
 void add_unseal_command(Command& program);
+void add_stamp_command(Command& program);
 void add_token_command(Command& program);
 void add_tsa_command(Command& program);
 void add_log_command(Command& program);

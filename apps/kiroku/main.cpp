@@ -14,7 +14,7 @@ constexpr const char* kOverview =
   kiroku verify CASE                                   is it whole, and when did it exist?
   kiroku export CASE --stream endoscope -o film.ts     the pictures, for a recipient
 
-Other commands: case, status, recover, excerpt, erase, seal, unseal, token, tsa, log, completion.
+Other commands: case, status, recover, excerpt, erase, seal, unseal, stamp, token, tsa, log, completion.
 'kiroku --help' lists them all, 'kiroku COMMAND --help' explains one.
 )";
 
@@ -36,6 +36,7 @@ int main(int argc, char** argv) {
   add_erase_command(root);
   add_seal_command(root);
   add_unseal_command(root);
+  add_stamp_command(root);
   add_token_command(root);
   add_tsa_command(root);
   add_log_command(root);

@@ -8,6 +8,7 @@
 #include <gtest/gtest.h>
 
 #include "tests/support/scripted_server.h"
+#include "tests/support/switched_authority.h"
 #include "tests/support/temporary_folder.h"
 #include "timestamp/authority.h"
 #include "timestamp/authority_server.h"
@@ -16,35 +17,15 @@ namespace kiroku::recorder {
 namespace {
 
 using namespace std::chrono_literals;
-using std::chrono::steady_clock;
 using test::http_answer;
 using test::ScriptedServer;
+using test::SwitchedAuthority;
 using testing::AllOf;
 using testing::Ge;
 using testing::HasSubstr;
 using testing::IsEmpty;
 using testing::Le;
 using testing::SizeIs;
-
-/// The embedded authority behind a switch.
-class SwitchedAuthority : public timestamp::StampSource {
- public:
-  explicit SwitchedAuthority(timestamp::Authority& authority)
-      : inner_(timestamp::embedded_stamp_source(authority)) {}
-  Bytes ask(ByteView query) override {
-    ++requests;
-    if (!up) throw timestamp::AuthorityError("the authority is not there", leave_alone_for);
-    return inner_->ask(query);
-  }
-  [[nodiscard]] std::string path() const override { return "over wwan0"; }
-
-  std::atomic<bool> up = true;
-  std::atomic<int> requests = 0;
-  std::optional<std::chrono::seconds> leave_alone_for;
-
- private:
-  std::unique_ptr<timestamp::StampSource> inner_;
-};
 
 class StamperTest : public testing::Test {
  protected:
@@ -81,7 +62,8 @@ class StamperTest : public testing::Test {
   test::TemporaryFolder folder_{test::quick_parent()};
   timestamp::Authority authority_ = timestamp::Authority::create(folder_ / "authority", "Test");
   timestamp::TrustStore trust_;
-  std::shared_ptr<SwitchedAuthority> source_ = std::make_shared<SwitchedAuthority>(authority_);
+  std::shared_ptr<SwitchedAuthority> source_ =
+      std::make_shared<SwitchedAuthority>(timestamp::embedded_stamp_source(authority_));
   std::unique_ptr<StampingQueue> queue_ = StampingQueue::open(folder_ / "stamping.sqlite");
   FactQueue facts_;
   std::vector<AuthorityAnswer> waiting_;
@@ -132,7 +114,7 @@ TEST_F(StamperTest, AfterAnOutageOneTokenCatchesUp) {
 
 TEST_F(StamperTest, ANewStartDoesNotAskSoonerAndTakesUpWhatIsWanted) {
   source_->up = false;
-  source_->leave_alone_for = 3600s;
+  source_->leave_alone_for_s = 3600;
   {
     const auto stamper = this->stamper({});
     stamper->stamp(checkpoint(7));
@@ -170,7 +152,7 @@ TEST_F(StamperTest, TheClosingCheckpointIsTriedOnceMoreInTheMiddleOfAPause) {
 TEST_F(StamperTest, TheClosingCheckpointDoesNotWaitForALimitedAuthority) {
   const auto stamper = this->stamper({});
   source_->up = false;
-  source_->leave_alone_for = 1200s;
+  source_->leave_alone_for_s = 1200;
   stamper->stamp(checkpoint(1));
   EXPECT_FALSE(answer().valid());
   source_->up = true;

@@ -1,0 +1,37 @@
+// An authority behind a switch, for outages. Its members may be changed from any thread while it is
+// asked.
+#pragma once
+
+#include <atomic>
+#include <chrono>
+#include <memory>
+#include <optional>
+#include <utility>
+
+#include "timestamp/client.h"
+
+namespace kiroku::test {
+
+class SwitchedAuthority : public timestamp::StampSource {
+ public:
+  explicit SwitchedAuthority(std::shared_ptr<timestamp::StampSource> inner) : inner_(std::move(inner)) {}
+  Bytes ask(ByteView query) override {
+    ++requests;
+    if (!up) {
+      const std::chrono::seconds pause(leave_alone_for_s);
+      throw timestamp::AuthorityError("the authority is not there",
+                                      pause.count() > 0 ? std::optional(pause) : std::nullopt);
+    }
+    return inner_->ask(query);
+  }
+  [[nodiscard]] std::string path() const override { return "over wwan0"; }
+
+  std::atomic<bool> up = true;
+  std::atomic<int> requests = 0;
+  std::atomic<int> leave_alone_for_s = 0;  // what it asks for while it is not up; 0: nothing
+
+ private:
+  std::shared_ptr<timestamp::StampSource> inner_;
+};
+
+}  // namespace kiroku::test
