@@ -69,7 +69,7 @@ void CaseRules::take(const LedgerLine& line, std::uint64_t number) {
                      its->take(erased, number);
                    }
                  },
-                 [&](const ClockEntry& clock) { take_clock(clock, number); },
+                 [&](const ClockEntry& clock) { take_clock(clock, entry.at.mono_ns, number); },
                  [&](const TokenEntry& token) {
                    named_.insert(token.file);
                    tokens_.take(token, number, entry.at.mono_ns);
@@ -164,7 +164,18 @@ void CaseRules::take_segment(const SegmentEntry& segment, std::uint64_t number) 
   }
 }
 
-void CaseRules::take_clock(const ClockEntry& clock, std::uint64_t number) {
+void CaseRules::take_clock(const ClockEntry& clock, std::int64_t mono_ns, std::uint64_t number) {
+  if (clock.rate_ppb) {
+    tokens_.take_rate(*clock.rate_ppb, mono_ns);
+    const bool slewed = std::abs(*clock.rate_ppb) > kSlewPpb;
+    if (slewed && !slewed_) {
+      findings_->add("clock-slewed", in_ledger(number),
+                     "the machine's clocks, the case clock among them, were made to run " +
+                         std::to_string(std::abs(*clock.rate_ppb) / 1'000) + " ppm " +
+                         (*clock.rate_ppb > 0 ? "faster" : "slower") + " than its crystal");
+    }
+    slewed_ = slewed;
+  }
   if (clock.step_ns != 0) {
     clock_step_stated_ = true;
     findings_->add("clock-stepped", in_ledger(number),

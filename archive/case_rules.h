@@ -65,7 +65,7 @@ class CaseRules {
   void check_common(const CaseEntry& entry, std::uint64_t number, const LedgerLine& line);
   void take_open(const OpenEntry& open, const CaseEntry& entry, std::uint64_t number);
   void take_segment(const SegmentEntry& segment, std::uint64_t number);
-  void take_clock(const ClockEntry& clock, std::uint64_t number);
+  void take_clock(const ClockEntry& clock, std::int64_t mono_ns, std::uint64_t number);
   void take_close(const CloseEntry& close, const CaseEntry& entry, std::uint64_t number);
   StreamRules* stream(const std::string& name, std::uint64_t number);
 
@@ -87,6 +87,7 @@ class CaseRules {
   std::optional<std::uint64_t> last_checked_segment_;
   bool recovered_ = false;
   bool clock_step_stated_ = false;
+  bool slewed_ = false;  // by the latest clock entry
   bool said_not_synchronised_ = false;
 };
 

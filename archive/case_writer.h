@@ -83,8 +83,8 @@ class CaseWriter {
   /// minute has passed since, or when `log_it` is set.
   StoredCheckpoint checkpoint(Moment now, bool log_it = false);
   /// Stores a response durably, then appends its `token` entry (also after close()). `authority` is a short
-  /// name [a-z0-9-]. Of `facts` only gen_time, accuracy_ns and serial are read; the rest is filled in. A
-  /// second token of one authority over one checkpoint is refused (UsageError).
+  /// name [a-z0-9-]. Of `facts` gen_time, accuracy_ns, serial and exchange are read; the rest is filled in.
+  /// A second token of one authority over one checkpoint is refused (UsageError).
   void add_token(const StoredCheckpoint& over, const std::string& authority, ByteView response,
                  const TokenEntry& facts, Moment now);
   /// Appends the entry of a token whose file is there already: the recorder died in between.

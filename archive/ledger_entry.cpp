@@ -196,6 +196,9 @@ ClockEntry read_clock(JsonFields& fields) {
   clock.offset_ns = fields.integer("offset_ns");
   clock.error_ns = fields.integer("error_ns");
   clock.step_ns = fields.integer("step_ns");
+  if (fields.has("rate_ppb")) {
+    clock.rate_ppb = fields.integer("rate_ppb");
+  }
   return clock;
 }
 
@@ -213,6 +216,17 @@ TokenEntry read_token(JsonFields& fields) {
   token.serial = fields.text("serial");
   if (!fields.failed() && !is_hex(token.serial)) {
     fields.refuse("serial", "is not a number in lower-case hex digits");
+  }
+  if (fields.has("asked_ns") || fields.has("answered_ns")) {
+    const std::int64_t asked_ns = fields.integer("asked_ns");
+    const std::int64_t answered_ns = fields.integer("answered_ns");
+    if (asked_ns < 0) {
+      fields.refuse("asked_ns", "is negative");
+    }
+    if (answered_ns < asked_ns) {
+      fields.refuse("answered_ns", "is before asked_ns");
+    }
+    token.exchange = TokenEntry::Exchange{asked_ns, answered_ns};
   }
   return token;
 }
@@ -365,6 +379,9 @@ void write(JsonWriter& line, const ClockEntry& clock) {
       .integer("offset_ns", clock.offset_ns)
       .integer("error_ns", clock.error_ns)
       .integer("step_ns", clock.step_ns);
+  if (clock.rate_ppb) {
+    line.integer("rate_ppb", *clock.rate_ppb);
+  }
 }
 
 void write(JsonWriter& line, const TokenEntry& token) {
@@ -375,6 +392,9 @@ void write(JsonWriter& line, const TokenEntry& token) {
       .utc("gen_time", token.gen_time)
       .integer("accuracy_ns", token.accuracy_ns)
       .text("serial", token.serial);
+  if (token.exchange) {
+    line.integer("asked_ns", token.exchange->asked_ns).integer("answered_ns", token.exchange->answered_ns);
+  }
 }
 
 void write(JsonWriter& line, const TokenMissedEntry& missed) {

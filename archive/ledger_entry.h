@@ -14,8 +14,10 @@
 //                 without a key can look into, first_pts, time_base, frames or samples, and dropped are all
 //                 left out, and start_ns and end_ns are estimates
 //   gap           stream, start_ns, end_ns, cause
-//   clock         synchronised, offset_ns, error_ns, step_ns
-//   token         checkpoint, authority, file, sha256, gen_time, accuracy_ns, serial
+//   clock         synchronised, offset_ns, error_ns, step_ns, rate_ppb (optional)
+//   token         checkpoint, authority, file, sha256, gen_time, accuracy_ns, serial, asked_ns and
+//   answered_ns
+//                 (optional, both or none)
 //   token-missed  checkpoint, authority, cause
 //   mark          commitment
 //   recovered     boot_id, after, truncated
@@ -25,7 +27,8 @@
 //   times         RFC 3339 in UTC with exactly six decimals and Z
 //   hashes        SHA-256, 64 lower-case hex digits
 //   integers      plain decimal, magnitude below 2^53; counts, indexes, sizes, starts and ends not negative;
-//                 end_ns >= start_ns; accuracy_ns >= 0; first_pts, offset_ns and step_ns may be negative
+//                 end_ns >= start_ns; accuracy_ns >= 0; 0 <= asked_ns <= answered_ns; first_pts, offset_ns,
+//                 step_ns and rate_ppb may be negative
 //   names         of streams and authorities: [a-z0-9][a-z0-9-]{0,31}, unique among the streams
 //   time_base     "<n>/<d>", decimal without leading zeros
 //   serial        lower-case hex
@@ -130,7 +133,15 @@ struct GapEntry {
 struct ClockEntry {
   bool synchronised = false;
   std::int64_t offset_ns = 0, error_ns = 0, step_ns = 0;
+  /// How much faster the case clock (CLOCK_MONOTONIC) ran than the machine's uncorrected crystal
+  /// (CLOCK_MONOTONIC_RAW), in parts of 10^9: since the clock entry before or, where a slew begins, over the
+  /// second that showed it.
+  std::optional<std::int64_t> rate_ppb = std::nullopt;
 };
+/// A rate beyond this, either way, is a slew: crystals are right to 100 ppm and the correction of that is
+/// what a synchronised clock always has; a kernel that slews does so by 500 ppm (adjtime; RFC 5905's maximum
+/// frequency), NTP programs by even more.
+inline constexpr std::int64_t kSlewPpb = 200'000;
 
 struct TokenEntry {
   std::uint64_t checkpoint = 0;  // tree size
@@ -140,6 +151,12 @@ struct TokenEntry {
   UtcTime gen_time;
   std::int64_t accuracy_ns = 0;
   std::string serial;  // hex
+  /// Case clock when the request went out and when its answer was there: gen_time lies between. Not there
+  /// where the case clock stood (a token that came after its recorder had ended).
+  struct Exchange {
+    std::int64_t asked_ns = 0, answered_ns = 0;
+  };
+  std::optional<Exchange> exchange = std::nullopt;
 };
 
 struct TokenMissedEntry {

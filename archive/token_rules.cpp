@@ -63,8 +63,21 @@ void TokenRules::take(const TokenEntry& token, std::uint64_t entry, std::int64_t
   const std::optional<std::string> response = read_token(token, entry);
   const Judged judged = response ? judge(token, entry, *response) : Judged{};
 
-  Earlier now{entry,          token.checkpoint,  mono_ns,
-              token.gen_time, token.accuracy_ns, judged.valid && judged.external};
+  Earlier now{entry,
+              token.checkpoint,
+              mono_ns,
+              token.gen_time,
+              token.accuracy_ns,
+              judged.valid && judged.external,
+              {},
+              mono_ns,
+              slewed_until(mono_ns)};
+  now.earliest_ns = checkpoints_->mono_at(token.checkpoint);
+  check_exchange(token, entry, mono_ns);
+  if (token.exchange) {
+    now.earliest_ns = token.exchange->asked_ns;
+    now.latest_ns = token.exchange->answered_ns;
+  }
   check_order(token, entry);
   check_elapsed(token, now);
   last_of_authority_[token.authority] = now;
@@ -73,6 +86,7 @@ void TokenRules::take(const TokenEntry& token, std::uint64_t entry, std::int64_t
   const bool later = latest_of_all_.empty() || all_[latest_of_all_.back()].earliest() < stamped.earliest();
   latest_of_all_.push_back(later ? all_.size() - 1 : latest_of_all_.back());
   if (judged.valid) {
+    compare_clocks(token);
     valid_.push_back(stamped);
     valid_checkpoints_.insert(token.checkpoint);
     if (judged.external) {
@@ -194,16 +208,14 @@ void TokenRules::check_elapsed(const TokenEntry& token, const Earlier& now) {
     return;
   }
   const Earlier& before = found->second;
-  const std::optional<std::int64_t> before_asked = checkpoints_->mono_at(before.checkpoint);
-  const std::optional<std::int64_t> now_asked = checkpoints_->mono_at(now.checkpoint);
-  if (!before_asked || !now_asked) {
-    return;  // a checkpoint that is not there, or before an excerpt
+  if (!before.earliest_ns || !now.earliest_ns) {
+    return;  // over a checkpoint that is not there, or before an excerpt
   }
-  // Each genTime lies between the entry before its checkpoint and its own entry on the case clock.
-  const std::int64_t shortest = *now_asked - before.mono_ns;
-  const std::int64_t longest = now.mono_ns - *before_asked;
+  const std::int64_t shortest = *now.earliest_ns - before.latest_ns;
+  const std::int64_t longest = now.latest_ns - *before.earliest_ns;
   const std::int64_t elapsed = ns_of(now.gen_time - before.gen_time);
-  const std::int64_t tolerance = kSlackNs + before.accuracy_ns + now.accuracy_ns + longest / kDriftDivisor;
+  const std::int64_t tolerance = kSlackNs + before.accuracy_ns + now.accuracy_ns + longest / kDriftDivisor +
+                                 (now.slewed_ns - before.slewed_ns);
   // After close the case clock stands: a token may come hours or years later.
   const bool stands = close_ && now.checkpoint > *close_;
   if (elapsed >= shortest - tolerance && (stands || elapsed <= longest + tolerance)) {
@@ -228,7 +240,62 @@ void TokenRules::take_missed(const TokenMissedEntry& missed, std::uint64_t entry
                      " entries: " + missed.cause);
 }
 
-void TokenRules::take_recovered() { last_of_authority_.clear(); }
+void TokenRules::take_recovered() {
+  last_of_authority_.clear();
+  recovered_ = true;
+}
+
+void TokenRules::take_rate(std::int64_t rate_ppb, std::int64_t mono_ns) {
+  const std::int64_t rate = std::abs(rate_ppb) > kSlewPpb ? std::abs(rate_ppb) : 0;
+  // The entry at a slew's end states its mean rate.
+  slew_.rate_ppb = std::max(slew_.rate_ppb, rate);
+  slew_.total_ns = slewed_until(mono_ns);
+  slew_.since_ns = std::max(slew_.since_ns, mono_ns);
+  slew_.rate_ppb = rate;
+}
+
+std::int64_t TokenRules::slewed_until(std::int64_t mono_ns) const {
+  const double elapsed = static_cast<double>(std::max<std::int64_t>(mono_ns - slew_.since_ns, 0));
+  constexpr double kMostNs = 1e15;  // of a rate that is nonsense
+  return slew_.total_ns +
+         static_cast<std::int64_t>(std::min(elapsed * static_cast<double>(slew_.rate_ppb) / 1e9, kMostNs));
+}
+
+// The case clock goes on from the request to the entry, so this can only be false of entries that were made
+// up.
+void TokenRules::check_exchange(const TokenEntry& token, std::uint64_t entry, std::int64_t mono_ns) {
+  if (!token.exchange) {
+    return;
+  }
+  const auto [asked_ns, answered_ns] = *token.exchange;
+  const std::int64_t signed_ns = checkpoints_->mono_at(token.checkpoint).value_or(0);
+  if (asked_ns < signed_ns || answered_ns < asked_ns || mono_ns < answered_ns) {
+    findings_->add(
+        "token-exchange-impossible", {std::string(kLedgerFile), entry},
+        at_entry(entry) + " states that " + token.file +
+            " was asked for and answered at a time that is not between its checkpoint and its entry");
+  }
+}
+
+void TokenRules::compare_clocks(const TokenEntry& token) {
+  if (!token.exchange || recovered_) {
+    return;
+  }
+  const auto [asked_ns, answered_ns] = *token.exchange;
+  const bool whole_seconds = token.gen_time == std::chrono::floor<std::chrono::seconds>(token.gen_time);
+  const ClockComparison comparison{
+      token.gen_time, asked_ns + (answered_ns - asked_ns) / 2,
+      (answered_ns - asked_ns + 1) / 2 + token.accuracy_ns + (whole_seconds ? 1'000'000'000 : 0)};
+  const auto known = std::find_if(clocks_.begin(), clocks_.end(), [&](const AuthorityClock& each) {
+    return each.authority == token.authority;
+  });
+  if (known == clocks_.end()) {
+    clocks_.push_back({token.authority, 1, comparison, comparison});
+  } else {
+    ++known->comparisons;
+    known->last = comparison;
+  }
+}
 
 void TokenRules::finish(bool whole_case) {
   if (count_ == 0) {

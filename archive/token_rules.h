@@ -32,6 +32,8 @@ class TokenRules {
   void take_missed(const TokenMissedEntry& missed, std::uint64_t entry);
   /// Across a crash the case clock is carried on by the wall clock: elapsed times across it prove nothing.
   void take_recovered();
+  /// The rate of a clock entry: what the case clock is stated to have gained or lost is allowed for.
+  void take_rate(std::int64_t rate_ppb, std::int64_t mono_ns);
   void take_close(std::uint64_t entry) { close_ = entry; }
   /// After the last entry. An excerpt may leave out the token over close.
   void finish(bool whole_case);
@@ -39,6 +41,7 @@ class TokenRules {
   [[nodiscard]] TimeProof time() const { return time_; }
   [[nodiscard]] std::uint64_t count() const { return count_; }
   [[nodiscard]] std::vector<Bracket> brackets(std::uint64_t first, std::uint64_t entries) const;
+  [[nodiscard]] const std::vector<AuthorityClock>& clocks() const { return clocks_; }
   /// Hashes of the entered token files, in order.
   [[nodiscard]] const std::map<std::uint64_t, crypto::Sha256Digest>& hashes() const { return hashes_; }
   /// Largest tree size that an entered token is over; 0 if there is none.
@@ -55,6 +58,10 @@ class TokenRules {
     UtcTime gen_time;
     std::int64_t accuracy_ns = 0;
     bool external = false;
+    // gen_time lies between these on the case clock, where the first is known
+    std::optional<std::int64_t> earliest_ns;
+    std::int64_t latest_ns = 0;
+    std::int64_t slewed_ns = 0;  // slewed_until() then
   };
   struct Untrusted {
     std::uint64_t checkpoint = 0, entry = 0;
@@ -65,7 +72,11 @@ class TokenRules {
   Judged judge(const TokenEntry& token, std::uint64_t entry, const std::string& response);
   void compare_entry(const TokenEntry& token, std::uint64_t entry, const timestamp::TokenInfo& info);
   void check_order(const TokenEntry& token, std::uint64_t entry);
+  void check_exchange(const TokenEntry& token, std::uint64_t entry, std::int64_t mono_ns);
   void check_elapsed(const TokenEntry& token, const Earlier& now);
+  void compare_clocks(const TokenEntry& token);
+  /// How much slews may have moved the case clock, all in all, up to this time.
+  [[nodiscard]] std::int64_t slewed_until(std::int64_t mono_ns) const;
 
   const CaseFolder* folder_;
   const VerifyOptions* options_;
@@ -80,6 +91,14 @@ class TokenRules {
   std::vector<Untrusted> untrusted_;
   std::set<std::uint64_t> valid_checkpoints_;
   std::map<std::uint64_t, crypto::Sha256Digest> hashes_;
+  std::vector<AuthorityClock> clocks_;
+  struct Slew {
+    std::int64_t total_ns = 0;  // up to since_ns
+    std::int64_t since_ns = 0;
+    std::int64_t rate_ppb = 0;  // since then; 0 while there is none
+  };
+  Slew slew_;
+  bool recovered_ = false;
   std::optional<std::uint64_t> close_;
   std::uint64_t largest_checkpoint_ = 0;
   bool missed_after_close_ = false;

@@ -204,6 +204,7 @@ class CaseVerification {
     report.files = files_.files() + report.tokens + report.checkpoints + 1;
     report.bytes = bytes_in(listing_);
     report.brackets = rules_.tokens().brackets(0, tree_.size());
+    report.clocks = rules_.tokens().clocks();
     report.verdict = verdict_of(findings_.worst());
     report.findings = findings_.take();
     return report;
@@ -252,6 +253,16 @@ void look_for_cases(const LogContents& log, const std::filesystem::path& log_fol
 }
 
 }  // namespace
+
+std::int64_t AuthorityClock::drift_ns() const {
+  const auto elapsed = std::chrono::duration_cast<std::chrono::nanoseconds>(last.gen_time - first.gen_time);
+  return elapsed.count() - (last.case_ns - first.case_ns);
+}
+
+std::int64_t offset_ns(const ClockComparison& comparison, UtcTime opened) {
+  const auto since_open = std::chrono::duration_cast<std::chrono::nanoseconds>(comparison.gen_time - opened);
+  return since_open.count() - comparison.case_ns;
+}
 
 VerificationReport verify_case(const std::filesystem::path& folder, const VerifyOptions& options) {
   const CaseFolder opened = CaseFolder::open(folder);

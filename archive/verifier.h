@@ -39,6 +39,28 @@ struct Bracket {
   std::string authority_before, authority_after;
 };
 
+/// An authority's clock beside the case clock: gen_time, and the case clock in the middle of the exchange
+/// that brought it. True time was within half_width_ns of gen_time then: half the round trip, the authority's
+/// stated accuracy, and a second where gen_time has none but whole seconds.
+struct ClockComparison {
+  UtcTime gen_time;
+  std::int64_t case_ns = 0;
+  std::int64_t half_width_ns = 0;
+};
+/// First and last comparison of one authority, over valid tokens.
+struct AuthorityClock {
+  std::string authority;
+  std::uint64_t comparisons = 0;
+  ClockComparison first, last;
+
+  /// By how much the authority's clock went on more than the case clock between the two; right to
+  /// drift_half_width_ns().
+  [[nodiscard]] std::int64_t drift_ns() const;
+  [[nodiscard]] std::int64_t drift_half_width_ns() const { return first.half_width_ns + last.half_width_ns; }
+};
+/// By how much gen_time is ahead of the recorder's UTC at open plus the case clock.
+std::int64_t offset_ns(const ClockComparison& comparison, UtcTime opened);
+
 struct VerificationReport {
   Verdict verdict = Verdict::kTampered;
   std::string case_id;
@@ -47,7 +69,8 @@ struct VerificationReport {
   std::uint64_t entries = 0, files = 0, bytes = 0, tokens = 0, checkpoints = 0;
   std::vector<StreamReport> streams;
   std::vector<Bracket> brackets;
-  std::vector<Finding> findings;  // ordered by entry, then file
+  std::vector<AuthorityClock> clocks;  // one an authority, in the order of their first tokens
+  std::vector<Finding> findings;       // ordered by entry, then file
   std::optional<UtcTime> opened, closed;
 };
 

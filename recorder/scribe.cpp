@@ -78,8 +78,9 @@ void Scribe::write(const AuthorityAnswer& answer) {
     return;
   }
   writer_.store_authority_chain(answer.authority, answer.judgement.chain);
-  writer_.add_token(answer.checkpoint, answer.authority, answer.response, token_facts(answer),
-                    clock_.moment());
+  archive::TokenEntry facts = token_facts(answer);
+  facts.exchange = {clock_.at_ns(answer.asked), clock_.at_ns(answer.answered)};
+  writer_.add_token(answer.checkpoint, answer.authority, answer.response, facts, clock_.moment());
   ++tokens_;
   stamper_.entered(answer);
 }

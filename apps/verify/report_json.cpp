@@ -38,6 +38,24 @@ ordered_json bracket_json(const archive::Bracket& bracket) {
           {"authority_after", text_or_null(bracket.authority_after)}};
 }
 
+ordered_json comparison_json(const archive::ClockComparison& comparison,
+                             const std::optional<UtcTime>& opened) {
+  return {
+      {"gen_time", format_utc(comparison.gen_time)},
+      {"case_ns", comparison.case_ns},
+      {"offset_ns", opened ? ordered_json(archive::offset_ns(comparison, *opened)) : ordered_json(nullptr)},
+      {"half_width_ns", comparison.half_width_ns}};
+}
+
+ordered_json clock_json(const archive::AuthorityClock& clock, const std::optional<UtcTime>& opened) {
+  return {{"authority", clock.authority},
+          {"comparisons", clock.comparisons},
+          {"first", comparison_json(clock.first, opened)},
+          {"last", comparison_json(clock.last, opened)},
+          {"drift_ns", clock.drift_ns()},
+          {"drift_half_width_ns", clock.drift_half_width_ns()}};
+}
+
 ordered_json finding_json(const archive::Finding& finding) {
   return {{"code", finding.code},
           {"severity", severity_name(finding.severity)},
@@ -65,6 +83,8 @@ ordered_json report_json(const archive::VerificationReport& report) {
   for (const auto& stream : report.streams) out["streams"].push_back(stream_json(stream));
   out["brackets"] = ordered_json::array();
   for (const auto& bracket : report.brackets) out["brackets"].push_back(bracket_json(bracket));
+  out["clocks"] = ordered_json::array();
+  for (const auto& clock : report.clocks) out["clocks"].push_back(clock_json(clock, report.opened));
   out["findings"] = ordered_json::array();
   for (const auto& finding : report.findings) out["findings"].push_back(finding_json(finding));
   return out;

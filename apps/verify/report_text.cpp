@@ -1,6 +1,8 @@
 #include "apps/verify/report_text.h"
 
 #include <algorithm>
+#include <array>
+#include <cstdio>
 #include <string_view>
 #include <utility>
 #include <vector>
@@ -86,6 +88,33 @@ std::string bracket_lines(const VerificationReport& report) {
   return out;
 }
 
+/// "+0.013 s".
+std::string seconds(std::int64_t ns, bool with_sign) {
+  std::array<char, 40> text{};
+  const int size = std::snprintf(text.data(), text.size(), with_sign ? "%+.3f s" : "%.3f s",
+                                 static_cast<double>(ns) / 1e9);
+  return {text.data(), static_cast<std::size_t>(size)};
+}
+
+/// How each authority's clock stood to the recorder's.
+std::string clock_lines(const VerificationReport& report) {
+  std::string out;
+  for (const archive::AuthorityClock& clock : report.clocks) {
+    std::string text = clock.authority + "'s clock";
+    if (report.opened) {
+      text += " " + seconds(archive::offset_ns(clock.first, *report.opened), true) + " (± " +
+              seconds(clock.first.half_width_ns, false) + ") against the recorder's";
+    }
+    if (clock.comparisons > 1) {
+      text += std::string(report.opened ? "," : "") + " drift " + seconds(clock.drift_ns(), true) + " (± " +
+              seconds(clock.drift_half_width_ns(), false) + ") in " +
+              format_duration(clock.last.case_ns - clock.first.case_ns);
+    }
+    out += line(out.empty() ? "clocks" : "", text);
+  }
+  return out;
+}
+
 std::string stream_table(const VerificationReport& report) {
   std::vector<std::vector<std::string>> rows{
       {"stream", "segments", "frames", "dropped", "length", "gaps", "size"}};
@@ -140,6 +169,7 @@ std::string report_text(const VerificationReport& report, const std::string& cas
   if (report.closed) out += line("closed", both_times(*report.closed) + ", by the recorder's clock");
   out += line("time", time_words(report.time));
   out += bracket_lines(report);
+  out += clock_lines(report);
   out += line("checked", count(report.entries, "entry", "entries") + ", " +
                              count(report.files, "file", "files") + " (" + format_bytes(report.bytes) +
                              "), " + count(report.checkpoints, "checkpoint", "checkpoints") + ", " +

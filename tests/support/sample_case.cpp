@@ -1,5 +1,6 @@
 #include "tests/support/sample_case.h"
 
+#include <algorithm>
 #include <random>
 #include <stdexcept>
 #include <utility>
@@ -161,7 +162,7 @@ void SampleCase::record() {
 }
 
 void SampleCase::close() {
-  archive_->now_ns = 7 * kSecond;
+  archive_->now_ns = std::max(archive_->now_ns, 7 * kSecond);
   writer_->close("operator", archive_->now());
   stamp();
   writer_->finish(archive_->now());

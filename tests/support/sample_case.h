@@ -77,7 +77,7 @@ class SampleCase {
   void stamp();
   /// Everything up to 6 s: three segments of endoscope, one of vitals, a mark, clock entries, two tokens.
   void record();
-  /// `close` at 7 s, its checkpoint and token, the last checkpoint.
+  /// `close` at 7 s or now, its checkpoint and token, the last checkpoint.
   void close();
 
   archive::CaseWriter& writer() { return *writer_; }

@@ -96,6 +96,28 @@ TEST_F(Stamping, ACaseThatIsBeingRecordedWaitsForItsRecorder) {
   EXPECT_EQ(recording.wait().status, 0);
 }
 
+TEST_F(Stamping, ReportsHowTheAuthoritysClockStoodToTheRecorders) {
+  const auto server = authority_returns();
+  const auto folder =
+      record({"--stamp-every", "1s", "--room", "synthetic:room?size=64x48&rate=10"}, "00:00:03");
+  const auto report = verify(folder);
+  EXPECT_EQ(report.at("verdict"), "intact") << report.at("findings");
+  ASSERT_THAT(report.at("clocks"), SizeIs(1));
+  const auto& clock = report.at("clocks")[0];
+  EXPECT_EQ(clock.at("authority"), "outside");
+  EXPECT_GE(clock.at("comparisons").get<int>(), 3);
+  // Both are this machine's clock.
+  for (const char* which : {"first", "last"}) {
+    const auto& comparison = clock.at(which);
+    EXPECT_LE(std::abs(comparison.at("offset_ns").get<double>()),
+              comparison.at("half_width_ns").get<double>() + 1e6);
+    EXPECT_LT(comparison.at("half_width_ns").get<double>(), 5e9);
+  }
+  EXPECT_LE(std::abs(clock.at("drift_ns").get<double>()),
+            clock.at("drift_half_width_ns").get<double>() + 1e6);
+  EXPECT_THAT(kiroku({"verify", folder.string()}).out, HasSubstr("outside's clock "));
+}
+
 TEST_F(Stamping, RefusesWhatItCannotDo) {
   EXPECT_REFUSED(kiroku({"stamp", "--case", "1999"}), "'kiroku cases' lists");
   const auto elsewhere = folder() / "20260101T000000Z-00000000";

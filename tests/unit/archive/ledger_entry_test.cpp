@@ -92,6 +92,12 @@ TEST(LedgerEntry, WritesTheOthers) {
   EXPECT_EQ(
       line_of(ClockEntry{true, -5, 6, 0}),
       "{\"type\":\"clock\"," + kHead + R"(,"synchronised":true,"offset_ns":-5,"error_ns":6,"step_ns":0})");
+  EXPECT_EQ(line_of(ClockEntry{true, -5, 6, 0, -20'000}),
+            "{\"type\":\"clock\"," + kHead +
+                R"(,"synchronised":true,"offset_ns":-5,"error_ns":6,"step_ns":0,"rate_ppb":-20000})");
+  TokenEntry exchanged{2, "swiss", "f", kDigest, kMoment.utc, 0, "ff"};
+  exchanged.exchange = {700, 900};
+  EXPECT_THAT(line_of(exchanged), ::testing::EndsWith(R"("serial":"ff","asked_ns":700,"answered_ns":900})"));
   EXPECT_EQ(
       line_of(TokenEntry{2, "swiss", "tokens/00000002.swiss.tsr", kDigest, kMoment.utc, 1'000'000, "0a1b"}),
       "{\"type\":\"token\"," + kHead +
@@ -128,12 +134,16 @@ TEST(LedgerEntry, EveryEntryComesBackAsItWas) {
   found.span = {1, 2};
   found.complete = false;
   found.counted = false;
+  TokenEntry exchanged{2, "swiss", "f", kDigest, kMoment.utc, 0, "ff"};
+  exchanged.exchange = {700, 900};
   const std::vector<CaseEntryBody> bodies{full,
                                           samples,
                                           segment(),
                                           found,
                                           GapEntry{"room", {1, 2}, GapCause::kPaused},
                                           ClockEntry{false, 1, 2, -3},
+                                          ClockEntry{false, 1, 2, -3, 4},
+                                          exchanged,
                                           TokenEntry{2, "swiss", "f", kDigest, kMoment.utc, 0, "ff"},
                                           TokenMissedEntry{2, "swiss", "größer \"x\" \\ \n"},
                                           MarkEntry{kDigest},
@@ -228,6 +238,20 @@ TEST(LedgerEntry, RefusesWhatOpenMayNotSay) {
                 o.subject = FileReference{"../s", 1, {}};
               }),
               HasSubstr("\"subject\" does not name subject.json.age"));
+}
+
+TEST(LedgerEntry, RefusesHalfAnExchangeAndOneThatRunsBackwards) {
+  TokenEntry token{2, "swiss", "f", kDigest, kMoment.utc, 0, "ff"};
+  token.exchange = {700, 900};
+  const auto problem = [&](const std::string& from, const std::string& to) {
+    std::string line = line_of(token);
+    line.replace(line.find(from), from.size(), to);
+    return parse_case_entry(line).problem;
+  };
+  EXPECT_THAT(problem(",\"answered_ns\":900", ""), HasSubstr("\"answered_ns\" is missing"));
+  EXPECT_THAT(problem("\"asked_ns\":700,", ""), HasSubstr("\"asked_ns\" is missing"));
+  EXPECT_THAT(problem("900", "699"), HasSubstr("\"answered_ns\" is before asked_ns"));
+  EXPECT_THAT(problem("700", "-1"), HasSubstr("\"asked_ns\" is negative"));
 }
 
 TEST(LedgerEntry, TellsWhereALineStopsBeingJson) {

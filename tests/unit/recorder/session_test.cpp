@@ -11,6 +11,7 @@
 #include "crypto/encoding.h"
 #include "tests/support/decoded_video.h"
 #include "tests/support/recording.h"
+#include "tests/support/switched_authority.h"
 
 namespace kiroku::recorder {
 namespace {
@@ -23,6 +24,7 @@ using test::RecorderBench;
 using testing::ElementsAre;
 using testing::HasSubstr;
 using testing::IsEmpty;
+using testing::Not;
 using testing::SizeIs;
 
 constexpr std::int64_t kSecond = 1'000'000'000;
@@ -177,6 +179,43 @@ TEST(Session, GoesOnWithoutATokenAndSaysWhy) {
   EXPECT_THAT(causes["silent"], HasSubstr("the authority is not there; left alone for "));
   EXPECT_FALSE(causes["portal"].empty());
   EXPECT_EQ(frames(recorded.segments("room")), 10U);
+}
+
+TEST(Session, AnOutageCostsAFewEntriesAndOneTokenCatchesUp) {
+  // Two hours in 1.2 s: a checkpoint each minute (10 ms), pauses from half a minute to ten.
+  const RecorderBench bench;
+  SessionOptions options = bench.options();
+  options.video = {bench.stream("room", "synthetic:pattern?size=64x48&rate=10")};
+  options.duration = 2500ms;
+  options.stamp_interval = 10ms;
+  const auto authority = std::make_shared<test::SwitchedAuthority>(options.authorities.at(0).source);
+  options.authorities = {{"embedded", authority, {.first = 5ms, .longest = 100ms}}};
+  authority->up = false;
+  std::thread network([&] {
+    std::this_thread::sleep_for(1200ms);
+    authority->up = true;
+  });
+  Session session(options);
+  const SessionResult result = session.run();
+  network.join();
+  const RecordedCase recorded = bench.read(result.folder);
+  const auto tokens = recorded.all<archive::TokenEntry>();
+  const auto missed = recorded.all<archive::TokenMissedEntry>();
+  ASSERT_THAT(tokens, Not(IsEmpty()));
+  EXPECT_GE(missed.size(), 3U);
+  EXPECT_LE(missed.size(), 30U) << "not one for each of the checkpoints that were signed";
+  // Checkpoints were signed all the time; the first token is over one of the newest.
+  const auto& entries = recorded.entries();
+  const auto first_token = std::find_if(entries.begin(), entries.end(), [](const auto& entry) {
+    return std::holds_alternative<archive::TokenEntry>(entry.body);
+  });
+  EXPECT_GE(entries.at(tokens.front().checkpoint - 1).at.mono_ns, first_token->at.mono_ns - kSecond);
+  EXPECT_GT(tokens.front().checkpoint, missed.back().checkpoint - 1);
+  ASSERT_TRUE(tokens.front().exchange);
+  EXPECT_LE(tokens.front().exchange->asked_ns, tokens.front().exchange->answered_ns);
+  EXPECT_LE(tokens.front().exchange->answered_ns, first_token->at.mono_ns);
+  EXPECT_EQ(result.last.missed, missed.size());
+  EXPECT_EQ(result.last.authorities.at(0).failures, 0U);
 }
 
 TEST(Session, RefusesATokenOfAnAuthorityThatIsNotTrusted) {
