@@ -10,6 +10,7 @@ void add_record_command(Command& program);
 void add_case_command(Command& program);
 void add_status_command(Command& program);
 void add_recover_command(Command& program);
+void add_doctor_command(Command& program);
 void add_cases_command(Command& program);
 void add_verify_command(Command& program);
 void add_export_command(Command& program);

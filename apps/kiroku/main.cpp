@@ -14,7 +14,7 @@ constexpr const char* kOverview =
   kiroku verify CASE                                   is it whole, and when did it exist?
   kiroku export CASE --stream endoscope -o film.ts     the pictures, for a recipient
 
-Other commands: case, status, recover, excerpt, erase, seal, unseal, stamp, token, tsa, log, completion.
+Other commands: case, status, doctor, recover, excerpt, erase, seal, unseal, stamp, token, tsa, log, completion.
 'kiroku --help' lists them all, 'kiroku COMMAND --help' explains one.
 )";
 
@@ -28,6 +28,7 @@ int main(int argc, char** argv) {
   add_record_command(root);
   add_case_command(root);
   add_status_command(root);
+  add_doctor_command(root);
   add_recover_command(root);
   add_cases_command(root);
   add_verify_command(root);

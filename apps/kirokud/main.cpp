@@ -25,6 +25,7 @@
 #include "apps/kiroku/recovering.h"
 #include "archive/appliance_log.h"
 #include "archive/file_system.h"
+#include "archive/recording_lock.h"
 #include "base/error.h"
 #include "recorder/daemon/control_server.h"
 #include "recorder/daemon/daemon.h"

@@ -1,0 +1,331 @@
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <fcntl.h>
+#include <functional>
+#include <iostream>
+#include <memory>
+#include <sys/resource.h>
+#include <sys/stat.h>
+#include <sys/statvfs.h>
+#include <unistd.h>
+
+#include <nlohmann/json.hpp>
+
+#include "apps/common/format.h"
+#include "apps/common/json_output.h"
+#include "apps/common/terminal.h"
+#include "apps/kiroku/authorities.h"
+#include "apps/kiroku/commands.h"
+#include "apps/kiroku/home.h"
+#include "apps/kiroku/output_file.h"
+#include "apps/kiroku/recording_setup.h"
+#include "base/error.h"
+#include "crypto/secret.h"
+#include "recorder/clock_watch.h"
+#include "recorder/daemon/control_server.h"
+#include "recorder/source/source.h"
+#include "recorder/vitals/vital_source.h"
+#include "timestamp/request.h"
+
+namespace kiroku::apps {
+namespace {
+
+using nlohmann::ordered_json;
+namespace fs = std::filesystem;
+
+constexpr std::size_t kTrialBytes = 256U << 20;
+constexpr std::size_t kTrialStep = 1U << 20;
+constexpr double kBytesPerMegabyte = 1e6;
+constexpr rlim_t kWantedLockedBytes = 8U << 20;
+constexpr std::chrono::seconds kSourcePatience{5};
+
+struct Request {
+  std::optional<std::string> home;
+  bool json = false;
+};
+
+enum class Health { kGood, kWarning, kBad };
+
+struct Check {
+  Health health = Health::kGood;
+  std::string subject;  // "disk"
+  std::string finding;  // one sentence
+  std::string advice;   // what to do; "" if nothing
+};
+
+/// Looks at one thing after the other and keeps what was found.
+class Examination {
+ public:
+  explicit Examination(bool print) : print_(print) {}
+  void add(Check check) {
+    if (print_) show(check);
+    checks_.push_back(std::move(check));
+  }
+  /// What `look` throws is bad, with `advice`.
+  void examine(const std::string& subject, const std::string& advice, const std::function<Check()>& look) {
+    try {
+      add(look());
+    } catch (const std::exception& error) {
+      add({Health::kBad, subject, error.what(), advice});
+    }
+  }
+  [[nodiscard]] const std::vector<Check>& checks() const { return checks_; }
+  [[nodiscard]] std::size_t count(Health health) const {
+    return static_cast<std::size_t>(std::count_if(
+        checks_.begin(), checks_.end(), [&](const Check& check) { return check.health == health; }));
+  }
+
+ private:
+  static void show(const Check& check) {
+    const std::string word = check.health == Health::kGood      ? paint(Colour::kGreen, "good   ")
+                             : check.health == Health::kWarning ? paint(Colour::kYellow, "WARNING")
+                                                                : paint(Colour::kRed, "BAD    ");
+    std::cout << word << "  " << check.subject << ": " << printable(check.finding) << "\n";
+    if (!check.advice.empty()) std::cout << "         → " << check.advice << "\n";
+    std::cout << std::flush;
+  }
+  bool print_;
+  std::vector<Check> checks_;
+};
+
+Check check_clock() {
+  const recorder::CaseClock now;
+  const auto state = recorder::ClockWatch(now).check();
+  if (state->synchronised) {
+    const double milliseconds = static_cast<double>(state->error_ns) / 1e6;
+    char text[96];
+    std::snprintf(text, sizeof text, "the kernel calls it synchronised, error at most %.1f ms", milliseconds);
+    return {Health::kGood, "clock", text, ""};
+  }
+  return {Health::kWarning, "clock",
+          "it is not synchronised, so that times in cases are only this machine's opinion",
+          "apt install chrony, or allow NTP (UDP 123) to the hospital's time server"};
+}
+
+Check check_permissions(const Home& home) {
+  struct stat info {};
+  if (::stat(home.device_key_file().c_str(), &info) != 0)
+    throw IoError("look at", home.device_key_file(), errno);
+  if ((info.st_mode & (S_IRWXG | S_IRWXO)) != 0) {
+    return {Health::kBad, "device key",
+            home.device_key_file().string() + " can be read by others than its owner",
+            "chmod 600 " + home.device_key_file().string()};
+  }
+  if (::access(home.archive().c_str(), W_OK) != 0) {
+    return {Health::kBad, "archive", home.archive().string() + " cannot be written by this user",
+            "run as the user that records (sudo -u kiroku kiroku doctor), or give it the folder"};
+  }
+  return {Health::kGood, "permissions", "the device key is its owner's alone, the archive can be written",
+          ""};
+}
+
+Check check_recipients(const Home& home, const Configuration& configuration) {
+  RecipientChoice recipients(home, configuration, {});
+  for (const auto& [stream, file] : configuration.recipients) static_cast<void>(recipients.of(stream));
+  std::error_code ignored;
+  if (fs::exists(home.identity_file(), ignored)) {
+    return {Health::kWarning, "recipients",
+            "this home holds an identity that opens what it records (made by init --demo)",
+            "for real cases make a home with --new-identity on a stick that is kept elsewhere"};
+  }
+  return {Health::kGood, "recipients",
+          std::to_string(recipients.usual().size()) + " can open what is recorded, none of them this machine",
+          ""};
+}
+
+/// Writes and flushes a trial file as recording would.
+double trial_megabytes_per_second(const fs::path& archive) {
+  const fs::path trial = archive / ".doctor-trial";
+  const int descriptor = ::open(trial.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0600);
+  if (descriptor < 0) throw IoError("write", trial, errno);
+  ::unlink(trial.c_str());  // goes with the descriptor, whatever becomes of this process
+  const Bytes block(kTrialStep, std::byte{0x5A});
+  const auto begin = std::chrono::steady_clock::now();
+  int failed = 0;
+  try {
+    for (std::size_t done = 0; done < kTrialBytes; done += kTrialStep) write_all(descriptor, block, trial);
+    if (::fdatasync(descriptor) != 0) failed = errno;
+  } catch (...) {
+    ::close(descriptor);
+    throw;
+  }
+  ::close(descriptor);
+  if (failed != 0) throw IoError("flush", trial, failed);
+  const std::chrono::duration<double> took = std::chrono::steady_clock::now() - begin;
+  return static_cast<double>(kTrialBytes) / kBytesPerMegabyte / took.count();
+}
+
+Check check_disk(const Home& home) {
+  struct statvfs disk {};
+  if (::statvfs(home.archive().c_str(), &disk) != 0)
+    throw IoError("ask for the free space of", home.archive(), errno);
+  const std::uint64_t free_bytes = std::uint64_t(disk.f_bavail) * disk.f_frsize;
+  if (free_bytes < 2 * kTrialBytes) {
+    return {Health::kBad, "disk",
+            "only " + format_bytes(free_bytes) + " are free in " + home.archive().string(),
+            "make room before anything is recorded"};
+  }
+  const double speed = trial_megabytes_per_second(home.archive());
+  std::string finding =
+      format_bytes(free_bytes) + " free, writes " + std::to_string(std::lround(speed)) + " MB/s";
+  constexpr double kSlow = 20;
+  if (speed < kSlow) {
+    return {Health::kWarning, "disk", finding,
+            "too slow for anything but MPEG-2; look at its cable, its file system, its age"};
+  }
+  return {Health::kGood, "disk", finding, ""};
+}
+
+Check check_locked_memory() {
+  rlimit limit{};
+  ::getrlimit(RLIMIT_MEMLOCK, &limit);
+  if (limit.rlim_cur >= kWantedLockedBytes || ::geteuid() == 0) {
+    return {Health::kGood, "memory", "keys can be kept out of the swap", ""};
+  }
+  return {Health::kWarning, "memory",
+          "only " + format_bytes(limit.rlim_cur) + " can be locked, so that keys may reach the swap",
+          "set LimitMEMLOCK=64M (the unit has it), or ulimit -l 65536"};
+}
+
+Check check_authority(const recorder::NamedAuthority& authority, const timestamp::TrustStore& trust) {
+  const std::string subject = "authority " + authority.name;
+  Bytes imprint(crypto::hash_size(crypto::HashAlgorithm::kSha256));
+  crypto::fill_random(imprint);
+  const auto asked = timestamp::make_request(crypto::HashAlgorithm::kSha256, imprint);
+  const auto begin = std::chrono::steady_clock::now();
+  const UtcTime before = utc_now();
+  const Bytes answer = authority.source->ask(timestamp::encode_request(asked));
+  const std::chrono::duration<double, std::milli> took = std::chrono::steady_clock::now() - begin;
+  timestamp::Expectation expectation;
+  expectation.algorithm = asked.algorithm;
+  expectation.imprint = asked.imprint;
+  expectation.nonce = asked.nonce;
+  const timestamp::TokenJudgement judgement = timestamp::judge_token(answer, expectation, trust);
+  if (judgement.code != timestamp::TokenCode::kValid) {
+    return {Health::kBad, subject, judgement.explanation,
+            "its tokens prove nothing here: add its root to trust.pem, or ask another authority"};
+  }
+  const double offset_s = std::chrono::duration<double>(judgement.info->gen_time - before).count();
+  char text[128];
+  std::snprintf(text, sizeof text, "answers in %.0f ms; its clock is %+.1f s from this machine's",
+                took.count(), offset_s);
+  constexpr double kFarOff = 5;
+  if (std::abs(offset_s) > kFarOff)
+    return {Health::kWarning, subject, text, "one of the two clocks is wrong: look at NTP first"};
+  return {Health::kGood, subject, text, ""};
+}
+
+Check check_source(const RoomConfiguration& room, const StreamConfiguration& stream) {
+  const std::string subject = "source " + room.name + "/" + stream.name;
+  const recorder::SourceAddress address = recorder::parse_source_address(stream.source);
+  if (!stream.is_video) {
+    static_cast<void>(recorder::open_vital_source(address));
+    return {Health::kGood, subject, "'" + address.stated + "' can be opened", ""};
+  }
+  const recorder::CaseClock clock;
+  recorder::OpeningTerms terms;
+  terms.patience = kSourcePatience;
+  const auto source = recorder::open_source(address, clock, terms);
+  const recorder::Rational rate = source->frame_rate();
+  char text[64];
+  std::snprintf(text, sizeof text, "%.4g pictures a second",
+                double(rate.numerator) / double(rate.denominator));
+  return {Health::kGood, subject, source->format().to_string() + ", " + text, ""};
+}
+
+/// Whether a recorder runs on this home, which then holds the sources.
+bool recorder_answers(const Home& home, const Configuration& configuration, Examination& out) {
+  try {
+    const auto status = recorder::ask_recorder(home.control_socket(configuration), {{"do", "status"}});
+    out.add({Health::kGood, "kirokud",
+             "runs since " + format_duration(status.value("uptime_s", std::int64_t{0}) * 1'000'000'000), ""});
+    return true;
+  } catch (const Error&) {
+    if (!configuration.rooms.empty()) {
+      out.add({Health::kWarning, "kirokud", "does not run on this home",
+               "systemctl start kirokud, or kirokud --home DIR"});
+    }
+    return false;
+  }
+}
+
+void examine_all(const Home& home, const Configuration& configuration, Examination& out) {
+  const timestamp::TrustStore trust = home.trust();
+  out.add({Health::kGood, "configuration",
+           home.configuration_file().string() + " is good, " + std::to_string(configuration.rooms.size()) +
+               " room(s)",
+           ""});
+  out.examine("permissions", "make the home anew with kiroku init, or restore it",
+              [&] { return check_permissions(home); });
+  out.examine("recipients", "without recipients nothing can be recorded: kiroku init --help",
+              [&] { return check_recipients(home, configuration); });
+  out.examine("disk", "look at the disk of the archive", [&] { return check_disk(home); });
+  out.add(check_locked_memory());
+  out.add(check_clock());
+  const Authorities authorities(home, configuration, {});
+  for (const recorder::NamedAuthority& authority : authorities.named()) {
+    out.examine("authority " + authority.name,
+                "give it another path in kiroku.toml (proxy, or another interface such as a mobile link), or "
+                "another authority",
+                [&] { return check_authority(authority, trust); });
+  }
+  if (recorder_answers(home, configuration, out)) {
+    out.add({Health::kGood, "sources", "kirokud holds them: 'kiroku status' tells how they are", ""});
+    return;
+  }
+  for (const RoomConfiguration& room : configuration.rooms) {
+    for (const StreamConfiguration& stream : room.streams) {
+      out.examine("source " + room.name + "/" + stream.name,
+                  "look at cable, power and address; a case begins without it and states the gap",
+                  [&] { return check_source(room, stream); });
+    }
+  }
+}
+
+ordered_json checks_json(const Examination& examination) {
+  ordered_json checks = ordered_json::array();
+  for (const Check& check : examination.checks()) {
+    const char* health = check.health == Health::kGood      ? "good"
+                         : check.health == Health::kWarning ? "warning"
+                                                            : "bad";
+    checks.push_back({{"subject", check.subject},
+                      {"health", health},
+                      {"finding", check.finding},
+                      {"advice", check.advice}});
+  }
+  return {{"checks", checks}};
+}
+
+int run(const Request& request) {
+  const Home home = Home::open(request.home);
+  const Configuration configuration = home.configuration();
+  Examination examination(!request.json);
+  examine_all(home, configuration, examination);
+  if (request.json) {
+    print_json(checks_json(examination));
+  } else {
+    std::cout << examination.count(Health::kGood) << " good, " << examination.count(Health::kWarning)
+              << " warnings, " << examination.count(Health::kBad) << " bad\n";
+  }
+  return examination.count(Health::kBad) == 0 ? kDone : kAnswerIsNo;
+}
+
+}  // namespace
+
+void add_doctor_command(Command& program) {
+  Command& command = program.add_command("doctor", "looks whether this machine is ready to record");
+  const auto request = std::make_shared<Request>();
+  add_home_option(command, request->home);
+  command.flag("--json", request->json, "prints one JSON object instead");
+  command.explain(
+      "Looks at configuration, permissions, recipients, disk, clock, time-stamping authorities and sources, "
+      "and says what to "
+      "do about what is not good. Writes a trial file of 256 MB into the archive and removes it. Exit status "
+      "1 if anything is "
+      "bad.");
+  command.example("kiroku doctor", "before the first case of the day");
+  command.on_run([request] { return run(*request); });
+}
+
+}  // namespace kiroku::apps

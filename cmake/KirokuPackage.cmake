@@ -1,0 +1,25 @@
+# `cmake --build build/release --target package` makes kiroku_<version>_<architecture>.deb.
+include(GNUInstallDirs)
+install(FILES deploy/systemd/kirokud.service DESTINATION lib/systemd/system)
+install(FILES README.md deploy/kiroku.toml DESTINATION ${CMAKE_INSTALL_DOCDIR})
+install(DIRECTORY docs DESTINATION ${CMAKE_INSTALL_DOCDIR})
+install(FILES LICENSE DESTINATION ${CMAKE_INSTALL_DOCDIR} RENAME copyright)
+
+set(CPACK_GENERATOR DEB)
+set(CPACK_PACKAGE_NAME kiroku)
+set(CPACK_PACKAGE_CONTACT "Kiroku developers <kiroku@localhost>")
+set(CPACK_PACKAGE_DESCRIPTION_SUMMARY "forensic recorder for operating rooms")
+set(CPACK_PACKAGE_DESCRIPTION
+    "Captures endoscope video, room video and vital signs on one clock, seals and hash-chains them, and has them time-stamped (RFC 3161) while the
+ operation goes on. Anyone can verify a record without a key; only recipients can watch it.")
+set(CPACK_PACKAGING_INSTALL_PREFIX /usr)
+set(CPACK_STRIP_FILES ON)
+set(CPACK_DEBIAN_FILE_NAME DEB-DEFAULT)
+set(CPACK_DEBIAN_PACKAGE_SECTION science)
+set(CPACK_DEBIAN_PACKAGE_SHLIBDEPS ON)
+set(CPACK_DEBIAN_PACKAGE_DEPENDS "adduser, debconf (>= 0.5) | debconf-2.0")
+set(CPACK_DEBIAN_PACKAGE_RECOMMENDS "fonts-dejavu-core, ca-certificates")
+set(CPACK_DEBIAN_PACKAGE_CONTROL_STRICT_PERMISSION ON)
+set(CPACK_DEBIAN_PACKAGE_CONTROL_EXTRA
+    "${CMAKE_CURRENT_SOURCE_DIR}/deploy/package/postinst;${CMAKE_CURRENT_SOURCE_DIR}/deploy/package/prerm;${CMAKE_CURRENT_SOURCE_DIR}/deploy/package/postrm;${CMAKE_CURRENT_SOURCE_DIR}/deploy/package/config;${CMAKE_CURRENT_SOURCE_DIR}/deploy/package/templates")
+include(CPack)
