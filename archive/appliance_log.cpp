@@ -189,6 +189,10 @@ void ApplianceLog::erased(const std::string& case_id, const std::optional<std::s
   state_->append_and_checkpoint(CaseErasedEntry{case_id, stream, policy});
 }
 
+void ApplianceLog::pre_roll_discarded(std::uint64_t segments, std::int64_t duration_ns) {
+  state_->append_and_checkpoint(PreRollDiscardedEntry{segments, duration_ns});
+}
+
 void ApplianceLog::access(const std::string& case_id, const std::string& what, const std::string& who) {
   state_->append_and_checkpoint(AccessEntry{case_id, what, who});
 }

@@ -143,7 +143,7 @@ std::int64_t CaseReader::duration_ns() const {
   for (const SegmentEntry& segment : segments_) {
     end = std::max(end, segment.span.end_ns);
   }
-  return segments_.empty() ? last_mono_ns_ : end;
+  return (segments_.empty() ? last_mono_ns_ : end) - opening_.begins_ns;
 }
 
 void CaseReader::for_each(const std::function<void(const CaseEntry&)>& visit) const {
@@ -152,7 +152,7 @@ void CaseReader::for_each(const std::function<void(const CaseEntry&)>& visit) co
 
 std::int64_t CaseReader::parse_time(const std::string& text) const {
   if (const std::optional<std::int64_t> offset = parse_offset(text)) {
-    return *offset;
+    return opening_.begins_ns + *offset;
   }
   const std::optional<UtcTime> utc = parse_utc(text);
   if (!utc) {
@@ -162,8 +162,8 @@ std::int64_t CaseReader::parse_time(const std::string& text) const {
   }
   const auto since_open = std::chrono::duration_cast<std::chrono::nanoseconds>(*utc - opened_at_.utc).count();
   const std::int64_t time = opened_at_.mono_ns + since_open;
-  if (time < 0) {
-    throw UsageError(text + " is before the case was opened, at " + format_utc(opened_at_.utc));
+  if (time < opening_.begins_ns) {
+    throw UsageError(text + " is before the case begins; it was opened at " + format_utc(opened_at_.utc));
   }
   return time;
 }

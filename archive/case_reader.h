@@ -26,7 +26,7 @@ class CaseReader {
   /// Segments of a stream whose span meets [from_ns, to_ns), in order.
   [[nodiscard]] std::vector<SegmentEntry> segments(const std::string& stream, std::int64_t from_ns,
                                                    std::int64_t to_ns) const;
-  /// Where the last segment ends on the case clock; without segments, when the last entry was written.
+  /// From the case's beginning to the end of its last segment; without segments, to its last entry.
   [[nodiscard]] std::int64_t duration_ns() const;
   /// Every entry in order, read from the file again. A last line without LF is not an entry yet.
   void for_each(const std::function<void(const CaseEntry&)>& visit) const;

@@ -252,6 +252,7 @@ std::unique_ptr<CaseWriter> CaseWriter::create(FileSystem& files, const Options&
   open.boot_id = options.boot_id;
   open.streams = declared_streams(options);
   open.plan = options.plan;
+  open.begins_ns = options.begins_ns;
   open.appliance_log_root = crypto::MerkleFrontier().root();
   if (options.log != nullptr) {
     const ApplianceLog::Head head = options.log->head();
@@ -408,6 +409,25 @@ std::unique_ptr<SegmentWriter> CaseWriter::begin_segment(std::size_t stream_inde
     throw UsageError("there is a segment " + path.string() + " already: segments are written once");
   }
   return std::make_unique<SegmentWriter>(state_->files, path, relative, stream.recipients);
+}
+
+void CaseWriter::take_in(SegmentEntry& segment, const fs::path& from) {
+  State& state = *state_;
+  state.refuse_unless_writable();
+  std::string relative =
+      segment_path(segment.stream, segment.index, state.stream(segment.stream).info.extension);
+  if (!segment.complete) {
+    relative += kPartSuffix;
+  }
+  const fs::path target = state.folder / relative;
+  if (fs::exists(fs::symlink_status(target))) {
+    throw UsageError("there is a segment " + target.string() + " already: segments are written once");
+  }
+  state.durably([&] {
+    state.files.rename(from, target);
+    state.files.sync_folder(target.parent_path());
+  });
+  segment.file.file = relative;
 }
 
 void CaseWriter::State::check_segment(const SegmentEntry& segment,

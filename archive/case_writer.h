@@ -42,6 +42,7 @@ class CaseWriter {
     std::string boot_id;
     ApplianceLog* log = nullptr;  // may be null (tests); receives case-opened, case-checkpoint, case-closed
     std::optional<crypto::Sha256Digest> plan;
+    std::int64_t begins_ns = 0;  // OpenEntry::begins_ns
   };
   /// Makes the folder and writes `open` durably. The folder is made under a hidden name and gets its own when
   /// all of it is on the disk: a case without its `open` entry never exists, not even after a power cut.
@@ -72,6 +73,11 @@ class CaseWriter {
 
   /// A new segment file of stream `stream_index` (position in Options::streams). Thread-safe.
   std::unique_ptr<SegmentWriter> begin_segment(std::size_t stream_index, std::uint64_t segment_index);
+
+  /// Moves a finished segment file that was recorded ahead of the case (archive/standby_folder.h) to the
+  /// place of `segment.index`, durably, and sets `segment.file.file`; it is entered by append(). Throws
+  /// kiroku::IoError.
+  void take_in(SegmentEntry& segment, const std::filesystem::path& from);
 
   /// Appends and makes durable; several bodies share one fsync. Segment entries must name files as commit()
   /// or salvage() returned them, which are there with that size, in rising index a stream; nothing is written

@@ -144,6 +144,12 @@ OpenEntry read_open(JsonFields& fields) {
   if (fields.has("plan")) {
     open.plan = fields.digest("plan");
   }
+  if (fields.has("begins_ns")) {
+    open.begins_ns = fields.integer("begins_ns");
+    if (!fields.failed() && open.begins_ns <= 0) {
+      fields.refuse("begins_ns", "is not after 0, where it would not be written");
+    }
+  }
   JsonFields log = fields.object("appliance_log");
   open.appliance_log_size = log.count("size");
   open.appliance_log_root = log.digest("root");
@@ -350,6 +356,9 @@ void write(JsonWriter& line, const OpenEntry& open) {
   if (open.plan) {
     line.digest("plan", *open.plan);
   }
+  if (open.begins_ns > 0) {
+    line.integer("begins_ns", open.begins_ns);
+  }
   JsonWriter log;
   log.count("size", open.appliance_log_size).digest("root", open.appliance_log_root);
   line.json("appliance_log", log.finish());
@@ -483,6 +492,10 @@ EntryParse parse_case_entry(std::string_view line) {
     std::optional<CaseEntryBody> body = read_body(type, fields);
     if (!body) {
       fields.refuse("type", "has a value that format 1 does not know");
+    }
+    if (const auto* open = body ? std::get_if<OpenEntry>(&*body) : nullptr;
+        open != nullptr && !fields.failed() && open->begins_ns > at.mono_ns) {
+      fields.refuse("begins_ns", "is after the entry itself was made");
     }
     fields.no_more();
     if (!fields.failed()) {

@@ -94,6 +94,9 @@ struct OpenEntry {
   std::vector<StreamInfo> streams;
   std::optional<FileReference> subject;
   std::optional<crypto::Sha256Digest> plan;
+  /// Where the case begins on its clock: after 0 if it was decided at `open` to keep what was recorded before
+  /// (pre-roll). Written only then; never after the entry's own mono_ns.
+  std::int64_t begins_ns = 0;
   std::uint64_t appliance_log_size = 0;
   crypto::Sha256Digest appliance_log_root{};
 };

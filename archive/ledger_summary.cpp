@@ -80,7 +80,9 @@ class Counter {
     begun_ = true;
     before_ = line;
     summary_.opened = parsed.entry->at.utc;
-    for (const StreamInfo& stream : std::get<OpenEntry>(parsed.entry->body).streams) {
+    const auto& open = std::get<OpenEntry>(parsed.entry->body);
+    begins_ns_ = open.begins_ns;
+    for (const StreamInfo& stream : open.streams) {
       summary_.streams.push_back(stream.name);
     }
     return true;
@@ -142,7 +144,7 @@ class Counter {
     } else if (std::holds_alternative<RecoveredEntry>(parsed.entry->body)) {
       take_interruption();
     } else if (std::holds_alternative<CloseEntry>(parsed.entry->body)) {
-      summary_.duration_ns = cut_off_ ? *cut_off_ : parsed.entry->at.mono_ns;
+      summary_.duration_ns = (cut_off_ ? *cut_off_ : parsed.entry->at.mono_ns) - begins_ns_;
     }
     return true;
   }
@@ -159,6 +161,7 @@ class Counter {
   std::string before_;  // the last line, until recording was cut off
   std::optional<std::int64_t> cut_off_;
   std::vector<std::pair<std::string, std::vector<std::optional<std::uint64_t>>>> sizes_;  // of segments
+  std::int64_t begins_ns_ = 0;
 };
 
 }  // namespace

@@ -16,8 +16,8 @@ namespace kiroku::archive {
 
 struct LedgerSummary {
   UtcTime opened;
-  /// Case clock at `close`; of a recovered case, of the last entry before it was cut off. Nothing while it is
-  /// not closed.
+  /// From the case's beginning to `close`; of a recovered case, to the last entry before it was cut off.
+  /// Nothing while it is not closed.
   std::optional<std::int64_t> duration_ns;
   std::vector<std::string> streams;
   std::uint64_t segments = 0, bytes = 0, tokens = 0;  // what was erased is not among the first two

@@ -14,9 +14,9 @@ namespace {
 constexpr std::size_t kMaximumDepth = 1;
 
 constexpr std::array<std::string_view, std::variant_size_v<LogEntryBody>> kTypes{
-    "boot",        "shutdown",    "config-changed",  "device-key-changed",
-    "plan-sealed", "case-opened", "case-checkpoint", "case-closed",
-    "replicated",  "erased",      "access",          "recovered"};
+    "boot",        "shutdown",        "config-changed",    "device-key-changed", "plan-sealed",
+    "case-opened", "case-checkpoint", "case-closed",       "replicated",         "erased",
+    "access",      "recovered",       "pre-roll-discarded"};
 
 // -- writing, one function an entry type
 
@@ -53,6 +53,9 @@ void write(JsonWriter& line, const AccessEntry& entry) {
   line.text("case", entry.case_id).text("what", entry.what).text("who", entry.who);
 }
 void write(JsonWriter& line, const LogRecoveredEntry& entry) { line.count("truncated", entry.truncated); }
+void write(JsonWriter& line, const PreRollDiscardedEntry& entry) {
+  line.count("segments", entry.segments).integer("duration_ns", entry.duration_ns);
+}
 
 // -- reading, likewise; each takes every key it knows
 
@@ -106,6 +109,10 @@ void read(JsonFields& fields, AccessEntry& entry) {
   entry.who = fields.text("who");
 }
 void read(JsonFields& fields, LogRecoveredEntry& entry) { entry.truncated = fields.count("truncated"); }
+void read(JsonFields& fields, PreRollDiscardedEntry& entry) {
+  entry.segments = fields.count("segments");
+  entry.duration_ns = fields.integer("duration_ns");
+}
 
 /// A body of the type called `type`, its fields still empty.
 template <std::size_t Index = 0>

@@ -71,10 +71,15 @@ struct AccessEntry {
 struct LogRecoveredEntry {
   std::uint64_t truncated = 0;
 };
+struct PreRollDiscardedEntry {
+  std::uint64_t segments = 0;    // that were still there
+  std::int64_t duration_ns = 0;  // they covered
+};
 
-using LogEntryBody = std::variant<BootEntry, ShutdownEntry, ConfigChangedEntry, DeviceKeyChangedEntry,
-                                  PlanSealedEntry, CaseOpenedEntry, CaseCheckpointEntry, CaseClosedEntry,
-                                  ReplicatedEntry, CaseErasedEntry, AccessEntry, LogRecoveredEntry>;
+using LogEntryBody =
+    std::variant<BootEntry, ShutdownEntry, ConfigChangedEntry, DeviceKeyChangedEntry, PlanSealedEntry,
+                 CaseOpenedEntry, CaseCheckpointEntry, CaseClosedEntry, ReplicatedEntry, CaseErasedEntry,
+                 AccessEntry, LogRecoveredEntry, PreRollDiscardedEntry>;
 
 struct LogEntry {
   std::uint64_t seq = 0;

@@ -11,7 +11,12 @@
 namespace kiroku::recorder {
 
 EventsLane::EventsLane(const LaneContext& context, std::size_t stream_index, archive::StreamInfo info)
-    : context_(context), output_(context.writer, stream_index, std::move(info), context.facts) {}
+    : context_(context), output_(context.store, stream_index, std::move(info), context.facts) {}
+
+void EventsLane::begin(std::int64_t begins_ns) {
+  const std::lock_guard guard(mutex_);
+  sealed_until_ns_ = begins_ns;
+}
 
 void EventsLane::mark(const std::string& text) {
   const archive::Moment now = context_.clock.moment();

@@ -21,6 +21,8 @@ namespace kiroku::recorder {
 class EventsLane {
  public:
   EventsLane(const LaneContext& context, std::size_t stream_index, archive::StreamInfo info);
+  /// The case begins at this time of its clock (0 unless it begins with what was recorded before).
+  void begin(std::int64_t begins_ns);
   /// From any thread. The commitment goes to the ledger at once, the sealed event with the next step().
   /// Throws kiroku::Error after finish().
   void mark(const std::string& text);

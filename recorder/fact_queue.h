@@ -13,7 +13,13 @@
 
 namespace kiroku::recorder {
 
-using Fact = std::variant<archive::CaseEntryBody, AuthorityAnswer>;
+/// A finished segment that lies in a standby folder; `entry` numbers it as it is numbered there.
+struct StandbySegment {
+  std::size_t stream_index = 0;
+  archive::SegmentEntry entry;
+};
+
+using Fact = std::variant<archive::CaseEntryBody, AuthorityAnswer, StandbySegment>;
 
 /// Unbounded: facts are few and small. Thread-safe.
 class FactQueue {

@@ -12,6 +12,7 @@
 #include "archive/case_writer.h"
 #include "recorder/case_clock.h"
 #include "recorder/fact_queue.h"
+#include "recorder/segment_store.h"
 
 namespace kiroku::recorder {
 
@@ -36,7 +37,7 @@ class Troubles {
 /// What lanes share; outlives them.
 struct LaneContext {
   const CaseClock& clock;
-  archive::CaseWriter& writer;
+  SegmentStore& store;
   FactQueue& facts;
   Troubles& troubles;
   std::chrono::nanoseconds segment_duration;

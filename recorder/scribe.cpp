@@ -13,13 +13,12 @@ std::string in_seconds(std::chrono::nanoseconds time) {
 
 }  // namespace
 
-Scribe::Scribe(archive::CaseWriter& writer, FactQueue& facts, const CaseClock& clock, Troubles& troubles,
-               Stamper& stamper, std::chrono::nanoseconds stamp_interval)
-    : writer_(writer),
-      facts_(facts),
+Scribe::Scribe(FactQueue& facts, const CaseClock& clock, Troubles& troubles, PreRoll* pre_roll,
+               std::chrono::nanoseconds stamp_interval)
+    : facts_(facts),
       clock_(clock),
       troubles_(troubles),
-      stamper_(stamper),
+      pre_roll_(pre_roll),
       stamp_interval_(stamp_interval),
       clock_watch_(clock) {}
 
@@ -33,14 +32,35 @@ void Scribe::start() {
   thread_ = std::thread([this] { run(); });
 }
 
+void Scribe::begin_case(archive::CaseWriter& writer, Stamper& stamper) {
+  begun_ = {&writer, &stamper};
+  case_ = &begun_;
+  facts_.wake();
+}
+
+void Scribe::abandon() {
+  stopping_ = true;
+  facts_.wake();
+  if (thread_.joinable()) thread_.join();
+}
+
+void Scribe::hold() {
+  while (!stopping_ && case_ == nullptr) {
+    for (Fact& fact : facts_.take(kPatience)) pre_roll_->add(std::move(fact));
+    pre_roll_->trim(clock_.now_ns());
+  }
+  if (case_ != nullptr) write(pre_roll_->take());
+}
+
 void Scribe::run() {
   try {
+    if (pre_roll_ != nullptr) hold();
     while (!stopping_) {
       if (const std::optional<archive::ClockEntry> clock = clock_watch_.check()) {
-        writer_.append({*clock}, clock_.moment());
+        writer().append({*clock}, clock_.moment());
       }
       if (clock_.now_ns() >= next_stamp_ns_) {
-        stamper_.stamp(writer_.checkpoint(clock_.moment()));
+        stamper().stamp(writer().checkpoint(clock_.moment()));
         next_stamp_ns_ = clock_.now_ns() + stamp_interval_.count();
       }
       write(facts_.take(kPatience));
@@ -54,35 +74,52 @@ void Scribe::run() {
 void Scribe::write(std::vector<Fact> facts) {
   std::vector<archive::CaseEntryBody> bodies;
   const auto flush = [&] {
-    if (!bodies.empty()) writer_.append(bodies, clock_.moment());
+    if (!bodies.empty()) writer().append(bodies, clock_.moment());
     bodies.clear();
   };
   for (Fact& fact : facts) {
     if (auto* body = std::get_if<archive::CaseEntryBody>(&fact)) {
-      bodies.push_back(std::move(*body));
+      auto* gap = std::get_if<archive::GapEntry>(body);
+      if (gap == nullptr || pre_roll_ == nullptr) {
+        bodies.push_back(std::move(*body));
+      } else if (const auto within = pre_roll_->within_case(std::move(*gap))) {
+        bodies.emplace_back(*within);
+      }
+      continue;
+    }
+    flush();
+    if (auto* segment = std::get_if<StandbySegment>(&fact)) {
+      write(std::move(*segment));
     } else {
-      flush();
       write(std::get<AuthorityAnswer>(fact));
     }
   }
   flush();
 }
 
+void Scribe::write(StandbySegment segment) {
+  const std::filesystem::path from = pre_roll_->path_of(segment.entry.file);
+  pre_roll_->number(segment);
+  writer().take_in(segment.entry, from);
+  writer().append({std::move(segment.entry)}, clock_.moment());
+}
+
 void Scribe::write(const AuthorityAnswer& answer) {
   tell(answer);
   if (!answer.valid()) {
     ++missed_;
-    writer_.append({archive::TokenMissedEntry{answer.checkpoint.size, answer.authority,
-                                              answer.cause + "; left alone for " + in_seconds(answer.pause)}},
-                   clock_.moment());
+    writer().append(
+        {archive::TokenMissedEntry{answer.checkpoint.size, answer.authority,
+                                   answer.cause + "; left alone for " + in_seconds(answer.pause)}},
+        clock_.moment());
     return;
   }
-  writer_.store_authority_chain(answer.authority, answer.judgement.chain);
+  writer().store_authority_chain(answer.authority, answer.judgement.chain);
   archive::TokenEntry facts = token_facts(answer);
   facts.exchange = {clock_.at_ns(answer.asked), clock_.at_ns(answer.answered)};
-  writer_.add_token(answer.checkpoint, answer.authority, answer.response, facts, clock_.moment());
+  writer().add_token(answer.checkpoint, answer.authority, answer.response, facts, clock_.moment());
   ++tokens_;
-  stamper_.entered(answer);
+  stamper().entered(answer);
 }
 
 void Scribe::tell(const AuthorityAnswer& answer) {
@@ -109,12 +146,14 @@ void Scribe::finish(const std::string& close_reason) {
   facts_.wake();
   if (thread_.joinable()) thread_.join();
   if (failure_) std::rethrow_exception(failure_);
+  // A case that ended as soon as it had begun.
+  if (pre_roll_ != nullptr) write(pre_roll_->take());
   write(facts_.take(std::chrono::nanoseconds(0)));
-  writer_.close(close_reason, clock_.moment());
-  stamper_.stamp_closing(writer_.checkpoint(clock_.moment(), true));
-  while (stamper_.outstanding() > 0) write(facts_.take(kPatience));
+  writer().close(close_reason, clock_.moment());
+  stamper().stamp_closing(writer().checkpoint(clock_.moment(), true));
+  while (stamper().outstanding() > 0) write(facts_.take(kPatience));
   write(facts_.take(std::chrono::nanoseconds(0)));
-  writer_.finish(clock_.moment());
+  writer().finish(clock_.moment());
 }
 
 }  // namespace kiroku::recorder

@@ -12,18 +12,26 @@
 #include "recorder/clock_watch.h"
 #include "recorder/fact_queue.h"
 #include "recorder/lane.h"
+#include "recorder/pre_roll.h"
 #include "recorder/stamper.h"
 
 namespace kiroku::recorder {
 
 /// Appends the facts that lanes and authorities hand over, states the clock, and signs and stamps checkpoints
-/// at their times, on a thread of its own from start() to finish().
+/// at their times, on a thread of its own from start() to finish(). Before begin_case() there is no case:
+/// what is handed over is held, as long as the pre-roll wants it.
 class Scribe {
  public:
-  Scribe(archive::CaseWriter& writer, FactQueue& facts, const CaseClock& clock, Troubles& troubles,
-         Stamper& stamper, std::chrono::nanoseconds stamp_interval);
+  /// `pre_roll` may be null: then begin_case() is called before start(). All must outlive the object.
+  Scribe(FactQueue& facts, const CaseClock& clock, Troubles& troubles, PreRoll* pre_roll,
+         std::chrono::nanoseconds stamp_interval);
   ~Scribe();
   void start();
+  /// From now on everything goes into this case; what is held goes first. Once, from any thread. `writer` is
+  /// used by this object's thread alone from here on.
+  void begin_case(archive::CaseWriter& writer, Stamper& stamper);
+  /// There will be no case: ends the thread. What is held stays with the pre-roll.
+  void abandon();
   /// All lanes have finished: appends the rest and `close`, has the last state stamped, waits for the
   /// authorities, and signs the last checkpoint. Throws kiroku::Error if the ledger could not be written to
   /// its end.
@@ -34,16 +42,26 @@ class Scribe {
 
  private:
   void run();
+  void hold();
   void write(std::vector<Fact> facts);
+  void write(StandbySegment segment);
   void write(const AuthorityAnswer& answer);
   /// What people should hear of an authority's answer.
   void tell(const AuthorityAnswer& answer);
 
-  archive::CaseWriter& writer_;
+  struct Case {
+    archive::CaseWriter* writer;
+    Stamper* stamper;
+  };
+  [[nodiscard]] archive::CaseWriter& writer() { return *case_.load()->writer; }
+  [[nodiscard]] Stamper& stamper() { return *case_.load()->stamper; }
+
   FactQueue& facts_;
   const CaseClock& clock_;
   Troubles& troubles_;
-  Stamper& stamper_;
+  PreRoll* pre_roll_;
+  Case begun_{};
+  std::atomic<Case*> case_ = nullptr;  // &begun_ from begin_case() on
   const std::chrono::nanoseconds stamp_interval_;
   ClockWatch clock_watch_;
   std::int64_t next_stamp_ns_ = 0;

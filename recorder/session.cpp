@@ -60,6 +60,10 @@ struct Session::State {
   State& operator=(const State&) = delete;
 
   void open(OpenedVideo& opened, const StreamRequest& request);
+  /// Makes the case, which begins at `from_ns` of its clock.
+  void make_case(std::int64_t from_ns);
+  /// There was none: what was recorded ahead is discarded, and stated.
+  void discard();
   void finish_lanes();
 
   [[nodiscard]] SessionStatus status() const {
@@ -70,9 +74,12 @@ struct Session::State {
       status.streams.push_back(
           {lane->name(), l.live, l.frames, l.dropped, l.segments, l.bytes, l.last_ns, l.durable_ns});
     }
+    status.begun = begun;
+    status.begins_ns = begins_ns;
+    status.decided_ns = decided_ns;
     status.tokens = scribe->tokens();
     status.missed = scribe->missed();
-    status.authorities = stamper->status();
+    if (begun) status.authorities = stamper->status();
     status.last_problem = troubles.latest();
     return status;
   }
@@ -108,11 +115,18 @@ struct Session::State {
   FactQueue facts;
   Troubles troubles;
   std::optional<std::int64_t> end_ns;
+  archive::CaseWriter::Options writing;
+  std::mutex begin_mutex;  // guards the making of the case: the next three
   std::unique_ptr<archive::CaseWriter> writer;
+  std::unique_ptr<Stamper> stamper;
+  std::unique_ptr<archive::StandbyFolder> standby;  // null: there is a case from the start
+  std::unique_ptr<PreRoll> pre_roll;
+  std::unique_ptr<SegmentStore> store;
+  std::atomic<bool> begun = false;
+  std::atomic<std::int64_t> begins_ns = 0, decided_ns = 0;
   std::vector<std::unique_ptr<Lane>> lanes;  // video first
   std::size_t video_lanes = 0;
   std::unique_ptr<EventsLane> events;
-  std::unique_ptr<Stamper> stamper;
   std::unique_ptr<Scribe> scribe;
   std::atomic<bool> stopping = false;
   mutable std::mutex stop_mutex;
@@ -179,7 +193,6 @@ Session::State::State(SessionOptions asked)
     : options(std::move(asked)),
       files(options.files == nullptr ? archive::real_file_system() : *options.files) {
   check(options);
-  archive::CaseWriter::Options writing;
   const auto declare = [&](archive::StreamInfo info, const crypto::AgeRecipients& recipients) {
     writing.streams.push_back(std::move(info));
     writing.stream_recipients.push_back(recipients);
@@ -216,12 +229,19 @@ Session::State::State(SessionOptions asked)
   writing.boot_id = archive::kernel_boot_id();
   writing.log = options.log;
   clock.restart();
-  writer = archive::CaseWriter::create(files, writing, clock.moment());
+  if (options.pre_roll) {
+    standby = std::make_unique<archive::StandbyFolder>(files, options.archive, writing.streams,
+                                                       writing.stream_recipients);
+    pre_roll = std::make_unique<PreRoll>(*standby, writing.streams.size(), *options.pre_roll);
+  }
+  store = std::make_unique<SegmentStore>(standby.get(), writing.streams.size());
+  scribe = std::make_unique<Scribe>(facts, clock, troubles, pre_roll.get(), options.stamp_interval);
+  if (!options.pre_roll) make_case(0);
 
   if (options.duration) end_ns = options.duration->count();
-  const LaneContext context{clock, *writer, facts, troubles, options.segment_duration, end_ns};
+  const LaneContext context{clock, *store, facts, troubles, options.segment_duration, end_ns};
   const std::chrono::nanoseconds of_lines = std::min(options.segment_duration, kLongestSegmentOfLines);
-  const LaneContext lines{clock, *writer, facts, troubles, of_lines, end_ns};
+  const LaneContext lines{clock, *store, facts, troubles, of_lines, end_ns};
   const std::size_t budget = options.queue_bytes / std::max<std::size_t>(1, videos.size());
   std::size_t index = 0;
   for (OpenedVideo& opened : videos) {
@@ -237,10 +257,26 @@ Session::State::State(SessionOptions asked)
     ++index;
   }
   events = std::make_unique<EventsLane>(context, index, writing.streams[index]);
-  Stamper::Surroundings around{options.trust, options.queue, writer->case_id(),
+}
+
+void Session::State::make_case(std::int64_t from_ns) {
+  writing.begins_ns = from_ns;
+  auto made = archive::CaseWriter::create(files, writing, clock.moment());
+  Stamper::Surroundings around{options.trust, options.queue, made->case_id(),
                                [this](const std::string& sentence) { troubles.mention(sentence); }};
   stamper = std::make_unique<Stamper>(options.authorities, std::move(around), facts);
-  scribe = std::make_unique<Scribe>(*writer, facts, clock, troubles, *stamper, options.stamp_interval);
+  writer = std::move(made);
+  store->enter(*writer, pre_roll ? pre_roll->gone() : std::vector<std::uint64_t>(writing.streams.size()));
+  if (events) events->begin(from_ns);
+  scribe->begin_case(*writer, *stamper);
+  begins_ns = from_ns;
+  begun = true;
+}
+
+void Session::State::discard() {
+  scribe->abandon();
+  const PreRoll::Amount amount = pre_roll->amount();
+  if (options.log != nullptr) options.log->pre_roll_discarded(amount.segments, amount.duration_ns);
 }
 
 void Session::State::open(OpenedVideo& opened, const StreamRequest& request) {
@@ -262,6 +298,10 @@ Session::State::~State() {
   // Never run, or run() was left by an error: the case is still closed properly.
   try {
     finish_lanes();
+    if (!begun) {
+      discard();
+      return;
+    }
     scribe->finish("error: the recording was abandoned");
   } catch (const std::exception&) {
     // The ledger cannot be written any more; verification says "incomplete".
@@ -280,9 +320,30 @@ Session::Session(SessionOptions options) : state_(std::make_unique<State>(std::m
 
 Session::~Session() = default;
 
-const std::string& Session::case_id() const { return state_->writer->case_id(); }
+std::string Session::case_id() const {
+  const std::lock_guard guard(state_->begin_mutex);
+  return state_->writer ? state_->writer->case_id() : "";
+}
 
-const std::filesystem::path& Session::folder() const { return state_->writer->folder(); }
+std::filesystem::path Session::folder() const {
+  const std::lock_guard guard(state_->begin_mutex);
+  return state_->writer ? state_->writer->folder() : std::filesystem::path();
+}
+
+std::string Session::begin(std::optional<Bytes> subject) {
+  State& s = *state_;
+  const std::lock_guard guard(s.begin_mutex);
+  if (s.writer) throw UsageError("case " + s.writer->case_id() + " has begun already");
+  s.writing.subject = std::move(subject);
+  s.decided_ns = s.clock.now_ns();
+  try {
+    s.make_case(s.pre_roll->decide(s.decided_ns));
+  } catch (const std::exception&) {
+    s.pre_roll->reconsider();
+    throw;
+  }
+  return s.writer->case_id();
+}
 
 SessionResult Session::run(const std::function<void(const SessionStatus&)>& progress) {
   State& s = *state_;
@@ -308,14 +369,23 @@ SessionResult Session::run(const std::function<void(const SessionStatus&)>& prog
   // A write that failed while the rest was brought in changes the reason.
   if (const std::string trouble = s.troubles.close_reason(); !trouble.empty()) reason = trouble;
   s.closed = true;
-  s.scribe->finish(reason);
-
   SessionResult result;
-  result.case_id = s.writer->case_id();
-  result.folder = s.writer->folder();
+  {
+    // Nothing begins any more.
+    const std::lock_guard guard(s.begin_mutex);
+    if (s.begun) {
+      s.scribe->finish(reason);
+      result.case_id = s.writer->case_id();
+      result.folder = s.writer->folder();
+    } else {
+      s.discard();
+    }
+  }
   result.last = s.status();
   result.close_reason = reason;
-  for (const auto& lane : s.lanes) result.duration_ns = std::max(result.duration_ns, lane->status().last_ns);
+  for (const auto& lane : s.lanes) {
+    result.duration_ns = std::max(result.duration_ns, lane->status().last_ns - s.begins_ns);
+  }
   return result;
 }
 
@@ -330,6 +400,9 @@ void Session::stop(const std::string& reason) {
 
 SessionStatus Session::status() const { return state_->status(); }
 
-void Session::mark(const std::string& text) { state_->events->mark(text); }
+void Session::mark(const std::string& text) {
+  if (!state_->begun) throw UsageError("no case has begun: there is nothing to mark");
+  state_->events->mark(text);
+}
 
 }  // namespace kiroku::recorder

@@ -51,6 +51,9 @@ struct SessionOptions {
   std::chrono::nanoseconds segment_duration = std::chrono::seconds(2);
   std::chrono::nanoseconds stamp_interval = std::chrono::seconds(60);
   std::optional<std::chrono::nanoseconds> duration;
+  /// Given: sources are recorded, but a case exists only from Session::begin() on; it then holds what was
+  /// recorded up to so long before.
+  std::optional<std::chrono::nanoseconds> pre_roll;
   std::size_t queue_bytes = 128U << 20;  // frames waiting for an encoder, all streams together
 };
 
@@ -63,6 +66,9 @@ struct StreamStatus {
 };
 struct SessionStatus {
   std::int64_t now_ns = 0;
+  bool begun = false;           // there is a case
+  std::int64_t begins_ns = 0;   // where it begins on the case clock
+  std::int64_t decided_ns = 0;  // when begin() was called
   std::vector<StreamStatus> streams;
   std::uint64_t tokens = 0, missed = 0;
   std::vector<AuthorityStatus> authorities;
@@ -70,7 +76,7 @@ struct SessionStatus {
 };
 
 struct SessionResult {
-  std::string case_id;
+  std::string case_id;  // "": no case had begun, what was recorded is discarded
   std::filesystem::path folder;
   std::int64_t duration_ns = 0;
   std::string close_reason;
@@ -79,12 +85,18 @@ struct SessionResult {
 
 class Session {
  public:
-  /// Opens every source and probes it, then makes the case. Throws kiroku::Error (source absent, picture
-  /// wider than the encoder can, …); no case is left behind then.
+  /// Opens every source and probes it, then makes the case (with SessionOptions::pre_roll: a folder for what
+  /// may become one). Throws kiroku::Error (source absent, picture wider than the encoder can, …); no case is
+  /// left behind then.
   explicit Session(SessionOptions options);
   ~Session();
-  [[nodiscard]] const std::string& case_id() const;
-  [[nodiscard]] const std::filesystem::path& folder() const;
+  /// Of the case, once there is one.
+  [[nodiscard]] std::string case_id() const;
+  [[nodiscard]] std::filesystem::path folder() const;
+  /// With SessionOptions::pre_roll, while run() runs: makes a case of what is recorded and returns its
+  /// identifier. `subject` is JSON to be sealed with it. From any thread. Throws UsageError if there is one
+  /// already, kiroku::Error if it cannot be made: then recording ahead goes on.
+  std::string begin(std::optional<Bytes> subject);
   /// Records until stop(), the duration, or the end of the sources (of all video; of the vital signs where
   /// there is no video); closes the case properly; returns. `progress` about four times a second.
   SessionResult run(const std::function<void(const SessionStatus&)>& progress = {});
@@ -94,7 +106,8 @@ class Session {
   void stop(const std::string& reason);
   /// What run() tells its `progress`. From any thread.
   [[nodiscard]] SessionStatus status() const;
-  /// An operator's mark: sealed in the events stream, committed to in the ledger. From any thread.
+  /// An operator's mark: sealed in the events stream, committed to in the ledger. From any thread. Throws
+  /// kiroku::Error before a case has begun and after it has ended.
   void mark(const std::string& text);
 
  private:

@@ -13,9 +13,9 @@ constexpr std::chrono::milliseconds kSyncInterval{250};
 
 }  // namespace
 
-StreamOutput::StreamOutput(archive::CaseWriter& writer, std::size_t stream_index, archive::StreamInfo info,
+StreamOutput::StreamOutput(SegmentStore& store, std::size_t stream_index, archive::StreamInfo info,
                            FactQueue& facts)
-    : writer_(writer), stream_index_(stream_index), info_(std::move(info)), facts_(facts), finisher_([this] {
+    : store_(store), stream_index_(stream_index), info_(std::move(info)), facts_(facts), finisher_([this] {
         run();
       }) {}
 
@@ -29,10 +29,12 @@ StreamOutput::~StreamOutput() {
 }
 
 void StreamOutput::begin(std::int64_t start_ns, std::int64_t first_pts, std::string time_base) {
-  current_ = writer_.begin_segment(stream_index_, next_index_);
+  SegmentStore::Begun begun = store_.begin(stream_index_);
+  current_ = std::move(begun.segment);
+  in_standby_ = begun.in_standby;
   entry_ = {};
   entry_.stream = info_.name;
-  entry_.index = next_index_++;
+  entry_.index = begun.index;
   entry_.span.start_ns = start_ns;
   entry_.first_pts = first_pts;
   entry_.time_base = std::move(time_base);
@@ -61,7 +63,7 @@ void StreamOutput::end(const Ending& ending) {
     const std::lock_guard guard(mutex_);
     if (failure_) std::rethrow_exception(failure_);
     growing_.reset();
-    handed_.push_back({std::move(current_), entry_for(ending)});
+    handed_.push_back({std::move(current_), entry_for(ending), in_standby_});
   }
   current_.reset();
   changed_.notify_all();
@@ -82,9 +84,17 @@ void StreamOutput::give_up(const Ending& ending) {
     archive::SegmentEntry entry = entry_for(ending);
     entry.file = *kept;
     entry.complete = false;
-    ++segments_;
-    bytes_ += kept->bytes;
-    claimed_until_ns_ = entry.span.end_ns;
+    tell(std::move(entry), in_standby_);
+  }
+}
+
+void StreamOutput::tell(archive::SegmentEntry entry, bool in_standby) {
+  ++segments_;
+  bytes_ += entry.file.bytes;
+  claimed_until_ns_ = entry.span.end_ns;
+  if (in_standby) {
+    facts_.push(StandbySegment{stream_index_, std::move(entry)});
+  } else {
     facts_.push(archive::CaseEntryBody(std::move(entry)));
   }
 }
@@ -114,10 +124,7 @@ void StreamOutput::run() {
         handed_.pop_front();
         lock.unlock();
         next.entry.file = next.segment->commit();
-        ++segments_;
-        bytes_ += next.entry.file.bytes;
-        claimed_until_ns_ = next.entry.span.end_ns;
-        facts_.push(archive::CaseEntryBody(std::move(next.entry)));
+        tell(std::move(next.entry), next.in_standby);
         lock.lock();
       } else if (growing_ && growing_->bytes() != synced_bytes_) {
         const std::shared_ptr<archive::SegmentWriter> segment = growing_;

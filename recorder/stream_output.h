@@ -10,8 +10,8 @@
 #include <string>
 #include <thread>
 
-#include "archive/case_writer.h"
 #include "recorder/fact_queue.h"
+#include "recorder/segment_store.h"
 
 namespace kiroku::recorder {
 
@@ -25,8 +25,7 @@ class StreamOutput {
     std::uint64_t frames = 0, dropped = 0;
   };
 
-  StreamOutput(archive::CaseWriter& writer, std::size_t stream_index, archive::StreamInfo info,
-               FactQueue& facts);
+  StreamOutput(SegmentStore& store, std::size_t stream_index, archive::StreamInfo info, FactQueue& facts);
   /// Waits until everything handed over is durable and stated.
   ~StreamOutput();
   StreamOutput(const StreamOutput&) = delete;
@@ -54,11 +53,13 @@ class StreamOutput {
   struct Handed {
     std::shared_ptr<archive::SegmentWriter> segment;
     archive::SegmentEntry entry;
+    bool in_standby = false;
   };
+  void tell(archive::SegmentEntry entry, bool in_standby);
   void run();
   [[nodiscard]] archive::SegmentEntry entry_for(const Ending& ending) const;
 
-  archive::CaseWriter& writer_;
+  SegmentStore& store_;
   const std::size_t stream_index_;
   const archive::StreamInfo info_;
   FactQueue& facts_;
@@ -66,7 +67,7 @@ class StreamOutput {
   // The writing thread's.
   std::shared_ptr<archive::SegmentWriter> current_;
   archive::SegmentEntry entry_;
-  std::uint64_t next_index_ = 0;
+  bool in_standby_ = false;
 
   std::mutex mutex_;  // guards the six below
   std::condition_variable changed_;

@@ -33,7 +33,7 @@ VideoLane::VideoLane(const LaneContext& context, std::size_t stream_index, archi
     : context_(context),
       address_(std::move(address)),
       profile_(profile),
-      output_(context.writer, stream_index, std::move(info), context.facts),
+      output_(context.store, stream_index, std::move(info), context.facts),
       queue_(queue_bytes),
       muxer_(profile.in_transport_stream() ? make_transport_stream_muxer() : make_matroska_muxer()),
       source_(std::move(source)) {

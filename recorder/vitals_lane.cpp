@@ -12,7 +12,7 @@ VitalsLane::VitalsLane(const LaneContext& context, std::size_t stream_index, arc
     : context_(context),
       unpaced_(address.unpaced()),
       source_(std::move(source)),
-      output_(context.writer, stream_index, std::move(info), context.facts),
+      output_(context.store, stream_index, std::move(info), context.facts),
       segmenter_(*this, context.segment_duration) {}
 
 VitalsLane::~VitalsLane() {

@@ -57,6 +57,20 @@ StreamConfiguration read_stream(const toml::table& table, const TableReader& in,
   return stream;
 }
 
+void require_signal(const RoomConfiguration& room, TableReader& reader) {
+  const toml::node* node = reader.find("start_on_signal");
+  const std::string& wanted = room.rules.start_on_signal;
+  if (std::none_of(room.streams.begin(), room.streams.end(),
+                   [&](const auto& stream) { return stream.name == wanted; })) {
+    reader.refuse(node->source(), "'start_on_signal' is '" + wanted + "', which is no stream of this room");
+  }
+  if (room.rules.pre_roll < room.rules.signal_lasts) {
+    reader.refuse(node->source(),
+                  "'start_on_signal' needs a 'pre_roll' that is not shorter than 'signal_lasts', or the "
+                  "beginning would be lost");
+  }
+}
+
 RoomConfiguration read_room(const toml::table& table, const TableReader& top, const Configuration& defaults) {
   RoomConfiguration room;
   TableReader reader(table, "[[room]]", top.file());
@@ -73,6 +87,15 @@ RoomConfiguration read_room(const toml::table& table, const TableReader& top, co
   reader.text("longest_case", [&](const std::string& text) {
     room.rules.longest_case = parse_duration(text, "'longest_case'");
   });
+  reader.text("pre_roll", [&](const std::string& text) {
+    room.rules.pre_roll = parse_duration(text, "'pre_roll'");
+    if (room.rules.pre_roll > std::chrono::hours(1))
+      throw UsageError("'pre_roll' is '" + text + "': at most 1h");
+  });
+  reader.text("start_on_signal", [&](const std::string& text) { room.rules.start_on_signal = text; });
+  reader.text("signal_lasts", [&](const std::string& text) {
+    room.rules.signal_lasts = parse_duration(text, "'signal_lasts'");
+  });
   for_each_table(reader, "stream", [&](const toml::table& entry) {
     StreamConfiguration stream = read_stream(entry, reader, defaults);
     const bool twice = std::any_of(room.streams.begin(), room.streams.end(),
@@ -83,6 +106,7 @@ RoomConfiguration read_room(const toml::table& table, const TableReader& top, co
   });
   reader.refuse_unknown_keys();
   if (room.name.empty()) reader.refuse(table.source(), "a [[room]] needs a 'name'");
+  if (!room.rules.start_on_signal.empty()) require_signal(room, reader);
   if (room.streams.empty()) reader.refuse(table.source(), "a [[room]] needs at least one [[room.stream]]");
   return room;
 }

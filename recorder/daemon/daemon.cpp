@@ -64,6 +64,9 @@ ordered_json stream_json(const StreamStatus& stream, std::int64_t now_ns) {
           {"durable_age_ms", std::llround(milliseconds_since(stream.durable_ns))}};
 }
 
+/// Whether a case would be cut by ending now.
+bool is_busy(RoomState state) { return state != RoomState::kIdle && state != RoomState::kStandby; }
+
 /// A label's value in Prometheus' text format.
 std::string quoted(const std::string& text) {
   std::string out = "\"";
@@ -170,7 +173,7 @@ struct Daemon::State {
             {"state", state_name(status.state)},
             {"case", status.case_id},
             {"reason", status.reason},
-            {"elapsed_ns", status.session.now_ns},
+            {"elapsed_ns", status.session.now_ns - status.session.begins_ns},
             {"streams", streams},
             {"tokens", status.session.tokens},
             {"missed", status.session.missed},
@@ -307,9 +310,8 @@ bool Daemon::healthy() const {
 }
 
 bool Daemon::recording() const {
-  return std::any_of(state_->rooms.begin(), state_->rooms.end(), [](const std::unique_ptr<Room>& room) {
-    return room->status().state != RoomState::kIdle;
-  });
+  return std::any_of(state_->rooms.begin(), state_->rooms.end(),
+                     [](const std::unique_ptr<Room>& room) { return is_busy(room->status().state); });
 }
 
 }  // namespace kiroku::recorder

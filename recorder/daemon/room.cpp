@@ -17,6 +17,11 @@ constexpr std::chrono::seconds kRuleInterval{1};
 constexpr std::chrono::seconds kFirstPause{1};
 constexpr std::chrono::seconds kLongestPause{60};
 constexpr std::chrono::seconds kRateWindow{60};
+// Nothing came for so long: the signal has paused.
+constexpr std::int64_t kSignalPauseNs = 1'000'000'000;
+// Recording ahead is begun anew after so long: MPEG-TS counts time to 26.5 hours (33 bits at 90 kHz), and a
+// case of a day shall fit behind it.
+constexpr std::int64_t kLongestStandbyNs = 2LL * 3600 * 1'000'000'000;
 
 /// Bytes a second over about the last minute.
 class RateMeter {
@@ -52,6 +57,8 @@ std::string_view state_name(RoomState state) {
   switch (state) {
     case RoomState::kIdle:
       return "idle";
+    case RoomState::kStandby:
+      return "standby";
     case RoomState::kStarting:
       return "starting";
     case RoomState::kRecording:
@@ -92,11 +99,16 @@ struct Room::State {
     std::unique_lock lock(mutex);
     while (!ending) {
       beat();
-      changed.wait_for(lock, kRuleInterval, [&] { return ending || request; });
+      const bool ahead = plan.rules.pre_roll.count() > 0 && Clock::now() >= not_before;
+      if (!ahead) changed.wait_for(lock, kRuleInterval, [&] { return ending || request; });
       if (ending) break;
-      const bool in_window = !plan.rules.schedule.empty() && plan.rules.schedule.contains(local_now());
-      if (!in_window) stopped_in_window = false;
-      if (!request && in_window && !stopped_in_window && Clock::now() >= not_before) {
+      if (ahead) {
+        lock.unlock();
+        record_ahead();
+        lock.lock();
+        continue;
+      }
+      if (!request && schedule_wants_a_case() && Clock::now() >= not_before) {
         request = std::make_unique<Request>();
         request->reason = "schedule";
       }
@@ -109,6 +121,105 @@ struct Room::State {
     if (request) {
       request->begun.set_exception(std::make_exception_ptr(Error("the recorder is being shut down")));
     }
+  }
+
+  /// With the mutex held.
+  [[nodiscard]] bool schedule_wants_a_case() {
+    const bool in_window = !plan.rules.schedule.empty() && plan.rules.schedule.contains(local_now());
+    if (!in_window) stopped_in_window = false;
+    return in_window && !stopped_in_window;
+  }
+
+  /// Records without a case until one begins, and that one to its end.
+  void record_ahead() {
+    std::shared_ptr<Session> running;
+    try {
+      SessionOptions options = plan.session;
+      options.pre_roll = plan.rules.pre_roll;
+      running = std::make_shared<Session>(std::move(options));
+    } catch (const std::exception& error) {
+      back_off();
+      tell_problem(std::string("nothing can be recorded ahead: ") + error.what());
+      return;
+    }
+    {
+      const std::lock_guard guard(mutex);
+      session = running;
+      status.state = RoomState::kStandby;
+      status.session = {};
+      if (ending) running->stop("shutdown");
+    }
+    signal_since_ns.reset();
+    std::string reason;
+    try {
+      end(running->run([&](const SessionStatus& now) {
+        if (now.begun) {
+          follow(*running, now, reason == "schedule");
+        } else {
+          reason = begin_if_wanted(*running, now);
+        }
+      }));
+    } catch (const std::exception& error) {
+      end_badly(error.what());
+    }
+  }
+
+  /// Looks whether a case shall begin; the reason if it has.
+  std::string begin_if_wanted(Session& running, const SessionStatus& now) {
+    beat();
+    std::unique_ptr<Request> taken;
+    {
+      const std::lock_guard guard(mutex);
+      status.session = now;
+      if (request) {
+        taken = std::move(request);
+      } else if (schedule_wants_a_case() || signal_wants_a_case(now)) {
+        taken = std::make_unique<Request>();
+        taken->reason = schedule_wants_a_case() ? "schedule" : "signal";
+      }
+    }
+    if (!taken) {
+      if (now.now_ns > kLongestStandbyNs) running.stop("renewal");
+      return "";
+    }
+    try {
+      const std::string id = running.begin(std::move(taken->subject));
+      {
+        const std::lock_guard guard(mutex);
+        status.state = RoomState::kRecording;
+        status.case_id = id;
+        status.reason = taken->reason;
+      }
+      if (listener.note) listener.note("case " + id + " begins (" + taken->reason + ")");
+      taken->begun.set_value(id);
+      return taken->reason;
+    } catch (const std::exception& error) {
+      tell_problem(std::string("no case could be begun: ") + error.what());
+      taken->begun.set_exception(std::current_exception());
+      return "";
+    }
+  }
+
+  /// With the mutex held.
+  [[nodiscard]] bool signal_wants_a_case(const SessionStatus& now) {
+    for (const StreamStatus& stream : now.streams) {
+      if (stream.name != plan.rules.start_on_signal) continue;
+      const bool present = stream.frames > 0 && now.now_ns - stream.last_ns < kSignalPauseNs;
+      if (!present) {
+        signal_since_ns.reset();
+        stopped_by_person = false;  // the next signal is another procedure
+      } else if (!signal_since_ns) {
+        signal_since_ns = now.now_ns;
+      }
+      return present && !stopped_by_person &&
+             now.now_ns - *signal_since_ns >= plan.rules.signal_lasts.count();
+    }
+    return false;
+  }
+
+  void back_off() {
+    pause = std::clamp<Clock::duration>(2 * pause, kFirstPause, kLongestPause);
+    not_before = Clock::now() + pause;
   }
 
   /// One case from its beginning to its end.
@@ -140,8 +251,7 @@ struct Room::State {
   }
 
   void refuse_start(Request& asked, const std::string& why) {
-    pause = std::clamp<Clock::duration>(2 * pause, kFirstPause, kLongestPause);
-    not_before = Clock::now() + pause;
+    back_off();
     tell_problem("no case could be begun: " + why);
     set_state(RoomState::kIdle, "");
     asked.begun.set_exception(std::current_exception());
@@ -151,8 +261,9 @@ struct Room::State {
   void follow(Session& running, const SessionStatus& now, bool by_schedule) {
     beat();
     const RoomRules& rules = plan.rules;
-    if (now.now_ns >= rules.longest_case.count()) running.stop("longest-case");
-    if (rules.stop_after_silence && now.now_ns - last_sign_of_life(now) > rules.stop_after_silence->count()) {
+    if (now.now_ns - now.begins_ns >= rules.longest_case.count()) running.stop("longest-case");
+    const std::int64_t silent_since_ns = std::max(last_sign_of_life(now), now.decided_ns);
+    if (rules.stop_after_silence && now.now_ns - silent_since_ns > rules.stop_after_silence->count()) {
       running.stop("silence");
     }
     if (by_schedule && !rules.schedule.contains(local_now())) running.stop("schedule");
@@ -182,19 +293,25 @@ struct Room::State {
       const std::lock_guard guard(mutex);
       session.reset();
       status.state = RoomState::kIdle;
-      status.reason = result.close_reason;
-      status.session = result.last;
       status.bytes_per_second = 0;
-      ++status.cases;
+      if (!result.case_id.empty()) {
+        status.reason = result.close_reason;
+        status.session = result.last;
+        ++status.cases;
+      }
       rate = {};
       // A case that ends again and again as soon as it has begun must not fill the archive with beginnings.
       pause =
           by_itself ? std::clamp<Clock::duration>(2 * pause, kFirstPause, kLongestPause) : Clock::duration{};
       not_before = Clock::now() + pause;
     }
+    changed.notify_all();
+    if (result.case_id.empty()) {
+      if (by_itself) tell_problem("recording ahead ended: " + result.close_reason);
+      return;
+    }
     if (listener.note) listener.note("case " + result.case_id + " is closed (" + result.close_reason + ")");
     if (listener.closed) listener.closed(result);
-    changed.notify_all();
   }
 
   void end_badly(const std::string& why) {
@@ -206,8 +323,7 @@ struct Room::State {
       status.reason = "error: " + why;
       id = status.case_id;
       ++status.cases;
-      pause = std::clamp<Clock::duration>(2 * pause, kFirstPause, kLongestPause);
-      not_before = Clock::now() + pause;
+      back_off();
     }
     tell_problem("case " + id + " could not be closed: " + why);
     changed.notify_all();
@@ -235,12 +351,14 @@ struct Room::State {
   mutable std::mutex mutex;  // guards what follows but for the two that only the room's thread uses
   std::condition_variable changed;
   bool ending = false;
-  bool stopped_in_window = false;
+  bool stopped_in_window = false;  // by a person, so that the schedule rests
+  bool stopped_by_person = false;  // so that the signal that is there begins no other case
   std::unique_ptr<Request> request;
   std::shared_ptr<Session> session;  // while a case runs
   RoomStatus status;
   RateMeter rate;
 
+  std::optional<std::int64_t> signal_since_ns;  // on the clock of the session
   Clock::duration pause{};
   Clock::time_point not_before{};
   std::thread thread;
@@ -256,7 +374,8 @@ std::string Room::start(const std::string& reason, std::optional<Bytes> subject)
   std::future<std::string> begun;
   {
     const std::lock_guard guard(state_->mutex);
-    if (state_->status.state != RoomState::kIdle || state_->request) {
+    const bool free = state_->status.state == RoomState::kIdle || state_->status.state == RoomState::kStandby;
+    if (!free || state_->request) {
       throw UsageError("room " + name() + " is recording already: case " + state_->status.case_id);
     }
     state_->request = std::make_unique<State::Request>();
@@ -270,12 +389,13 @@ std::string Room::start(const std::string& reason, std::optional<Bytes> subject)
 
 std::string Room::stop(const std::string& reason, bool wait) {
   std::unique_lock lock(state_->mutex);
-  if (!state_->session) throw UsageError("room " + name() + " is not recording");
+  if (state_->status.state != RoomState::kRecording) throw UsageError("room " + name() + " is not recording");
   const std::string id = state_->status.case_id;
   const std::uint64_t before = state_->status.cases;
   state_->session->stop(reason);
   state_->status.state = RoomState::kClosing;
   state_->stopped_in_window = true;
+  state_->stopped_by_person = true;
   if (wait) state_->changed.wait(lock, [&] { return state_->status.cases > before; });
   return id;
 }
@@ -284,7 +404,7 @@ void Room::mark(const std::string& text) {
   std::shared_ptr<Session> session;
   {
     const std::lock_guard guard(state_->mutex);
-    session = state_->session;
+    if (state_->status.state == RoomState::kRecording) session = state_->session;
   }
   if (!session) throw UsageError("room " + name() + " is not recording: there is nothing to mark");
   session->mark(text);

@@ -17,6 +17,12 @@ namespace kiroku::recorder {
 /// When a room starts and stops by itself.
 struct RoomRules {
   Schedule schedule;  // records inside its windows
+  /// What was recorded so long before a case begins becomes part of it. Sources are open all the time then.
+  std::chrono::nanoseconds pre_roll{0};
+  /// A case begins when this stream (of pictures, or of vital signs) has delivered for `signal_lasts` without
+  /// a pause; "": never. Needs a pre-roll, which holds what was delivered meanwhile.
+  std::string start_on_signal;
+  std::chrono::nanoseconds signal_lasts = std::chrono::seconds(3);
   /// A case in which no video (or, where there is none, no vital sign) came for so long is ended.
   std::optional<std::chrono::nanoseconds> stop_after_silence;
   /// A case is ended after so long; a forgotten one does not fill the disk.
@@ -29,7 +35,8 @@ struct RoomPlan {
   RoomRules rules;
 };
 
-enum class RoomState { kIdle, kStarting, kRecording, kClosing };
+/// kIdle: nothing is recorded. kStandby: sources are recorded ahead, no case has begun.
+enum class RoomState { kIdle, kStandby, kStarting, kRecording, kClosing };
 std::string_view state_name(RoomState state);
 
 struct RoomStatus {

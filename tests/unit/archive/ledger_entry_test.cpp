@@ -120,6 +120,17 @@ TEST(LedgerEntry, WritesTheOthers) {
                 R"(,"stream":"room","first_index":1,"last_index":2,"policy":"30 days"})");
 }
 
+TEST(LedgerEntry, OpenSaysWhereACaseWithPreRollBegins) {
+  OpenEntry open = opening();
+  open.begins_ns = 3;
+  const std::string line = to_line({0, {UtcTime{}, 5}, open});
+  EXPECT_NE(line.find(R"("begins_ns":3,)"), std::string::npos) << line;
+  const EntryParse parsed = parse_case_entry(line);
+  ASSERT_TRUE(parsed.entry) << parsed.problem;
+  EXPECT_EQ(std::get<OpenEntry>(parsed.entry->body).begins_ns, 3);
+  EXPECT_FALSE(parse_case_entry(to_line({0, {UtcTime{}, 2}, open})).entry) << "begins after it was opened";
+}
+
 TEST(LedgerEntry, EveryEntryComesBackAsItWas) {
   OpenEntry full = opening();
   full.subject = FileReference{"subject.json.age", 9, kDigest};

@@ -54,6 +54,8 @@ std::vector<Example> examples() {
       {AccessEntry{"a/folder", "export room", "Dr. Sato"},
        head_of("access") + R"(,"case":"a/folder","what":"export room","who":"Dr. Sato"})"},
       {LogRecoveredEntry{17}, head_of("recovered") + R"(,"truncated":17})"},
+      {PreRollDiscardedEntry{3, 4'000'000'000},
+       head_of("pre-roll-discarded") + R"(,"segments":3,"duration_ns":4000000000})"},
   };
 }
 

@@ -7,6 +7,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include "archive/standby_folder.h"
 #include "base/error.h"
 #include "tests/support/recording.h"
 
@@ -150,6 +151,73 @@ TEST_F(RoomTest, ClosesTheCaseThatRunsWhenItEnds) {
   ASSERT_EQ(closed(), 1U);
   EXPECT_EQ(results[0].close_reason, "shutdown");
   EXPECT_THAT(bench.read(results[0].folder).all<archive::CloseEntry>(), SizeIs(1));
+}
+
+TEST_F(RoomTest, ACaseBeginsWithWhatWasRecordedBefore) {
+  RoomPlan ahead = plan({kCamera, kAbsentCamera});
+  ahead.rules.pre_roll = 1s;
+  Room room(std::move(ahead), listener());
+  ASSERT_TRUE(within(20s, [&] { return room.status().session.now_ns > 3'000'000'000; }));
+  EXPECT_EQ(room.status().state, RoomState::kStandby);
+  EXPECT_THROW(room.mark("too early"), UsageError);
+  EXPECT_THROW(room.stop("operator", true), UsageError);
+  EXPECT_EQ(bench.cases(), 0U);
+  const std::string id = room.start("operator");
+  const std::int64_t before = room.status().session.streams.at(0).last_ns;
+  ASSERT_TRUE(
+      within(20s, [&] { return room.status().session.streams.at(0).last_ns > before + 1'000'000'000; }));
+  room.mark("clip placed");
+  room.stop("operator", true);
+  ASSERT_EQ(closed(), 1U);
+  const RecordedCase recorded = bench.read(results[0].folder);
+  EXPECT_THAT(recorded.broken_rules(), IsEmpty());
+  const auto open = recorded.all<archive::OpenEntry>().at(0);
+  const std::int64_t decided_ns = recorded.entries().at(0).at.mono_ns;
+  EXPECT_GT(open.begins_ns, 1'000'000'000);
+  EXPECT_GE(decided_ns - open.begins_ns, 800'000'000) << "a second before, in segments of 200 ms";
+  EXPECT_LE(decided_ns - open.begins_ns, 2'000'000'000);
+  const auto segments = recorded.segments("camera-0");
+  EXPECT_EQ(segments.front().index, 0U);
+  EXPECT_EQ(segments.front().span.start_ns, open.begins_ns);
+  EXPECT_GT(segments.back().span.end_ns, decided_ns + 900'000'000);
+  const auto gaps = recorded.gaps("camera-1");
+  ASSERT_THAT(gaps, SizeIs(1));
+  EXPECT_EQ(gaps[0].span.start_ns, open.begins_ns) << "what was before the case is no gap of it";
+  EXPECT_THAT(recorded.all<archive::MarkEntry>(), SizeIs(1));
+}
+
+TEST_F(RoomTest, WhatNoCaseNeedsIsDiscardedAndStated) {
+  {
+    RoomPlan ahead = plan({kCamera});
+    ahead.rules.pre_roll = 500ms;
+    Room room(std::move(ahead), listener());
+    ASSERT_TRUE(within(20s, [&] { return room.status().session.now_ns > 2'000'000'000; }));
+    std::size_t segments = 0;
+    for (const auto& entry : std::filesystem::recursive_directory_iterator(bench.options().archive)) {
+      segments += entry.path().extension() == ".age" ? 1U : 0U;
+    }
+    EXPECT_LE(segments, 5U) << "of ten that were recorded";
+  }
+  EXPECT_EQ(closed(), 0U);
+  for (const auto& entry : std::filesystem::directory_iterator(bench.options().archive)) {
+    EXPECT_FALSE(entry.path().filename().string().starts_with(archive::kStandbyPrefix)) << entry.path();
+  }
+}
+
+TEST_F(RoomTest, ASignalBeginsACaseAndAPersonEndsIt) {
+  RoomPlan ahead = plan({kCamera});
+  ahead.rules.pre_roll = 2s;
+  ahead.rules.start_on_signal = "camera-0";
+  ahead.rules.signal_lasts = 1s;
+  Room room(std::move(ahead), listener());
+  ASSERT_TRUE(within(20s, [&] { return room.status().state == RoomState::kRecording; }));
+  EXPECT_EQ(room.status().reason, "signal");
+  const std::string id = room.status().case_id;
+  room.stop("operator", true);
+  std::this_thread::sleep_for(3s);
+  EXPECT_NE(room.status().state, RoomState::kRecording) << "the same signal";
+  ASSERT_EQ(closed(), 1U);
+  EXPECT_EQ(results[0].case_id, id);
 }
 
 TEST_F(RoomTest, TellsWhyNoCaseCouldBeBegun) {

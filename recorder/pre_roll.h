@@ -1,0 +1,59 @@
+// What was recorded ahead of a case that may begin: sealed segments in a standby folder, and the facts about
+// them, as long as they are young enough. Thread-safe.
+#pragma once
+
+#include <chrono>
+#include <cstdint>
+#include <deque>
+#include <filesystem>
+#include <mutex>
+#include <optional>
+#include <vector>
+
+#include "archive/standby_folder.h"
+#include "recorder/fact_queue.h"
+
+namespace kiroku::recorder {
+
+class PreRoll {
+ public:
+  /// Keeps segments whose end is not older than `keep`. `folder` must outlive the object.
+  PreRoll(archive::StandbyFolder& folder, std::size_t streams, std::chrono::nanoseconds keep);
+
+  /// In the order of the queue of facts.
+  void add(Fact fact);
+  /// Discards what is too old at `now_ns`, until decide() was called. Throws kiroku::IoError.
+  void trim(std::int64_t now_ns);
+
+  /// A case begins: from now on everything is kept. Returns where it begins: the start of the oldest segment
+  /// there is, `now_ns` if there is none.
+  std::int64_t decide(std::int64_t now_ns);
+  /// The case could not be made: old segments are discarded again.
+  void reconsider();
+  /// For each stream, how many segments were discarded.
+  [[nodiscard]] std::vector<std::uint64_t> gone() const;
+  /// The facts that are kept, handed over once.
+  std::vector<Fact> take();
+  /// Where a segment of the folder lies, and its number in the case. After decide().
+  [[nodiscard]] std::filesystem::path path_of(const archive::FileReference& file) const;
+  void number(StandbySegment& segment) const;
+  /// A gap as far as it lies in the case; nothing if it does not.
+  [[nodiscard]] std::optional<archive::GapEntry> within_case(archive::GapEntry gap) const;
+
+  struct Amount {
+    std::uint64_t segments = 0;
+    std::int64_t duration_ns = 0;
+  };
+  /// What is held now.
+  [[nodiscard]] Amount amount() const;
+
+ private:
+  archive::StandbyFolder& folder_;
+  const std::int64_t keep_ns_;
+  mutable std::mutex mutex_;
+  std::deque<Fact> facts_;
+  std::vector<std::uint64_t> gone_;
+  std::optional<std::int64_t> begins_ns_;  // once decided
+};
+
+}  // namespace kiroku::recorder
