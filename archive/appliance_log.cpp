@@ -189,7 +189,7 @@ void ApplianceLog::erased(const std::string& case_id, const std::optional<std::s
   state_->append_and_checkpoint(CaseErasedEntry{case_id, stream, policy});
 }
 
-void ApplianceLog::pre_roll_discarded(std::uint64_t segments, std::int64_t duration_ns) {
+void ApplianceLog::pre_roll_discarded(std::uint64_t segments, std::optional<std::int64_t> duration_ns) {
   state_->append_and_checkpoint(PreRollDiscardedEntry{segments, duration_ns});
 }
 

@@ -59,7 +59,7 @@ class ApplianceLog {
   void case_closed(const std::string& case_id, std::uint64_t size, const crypto::Sha256Digest& root,
                    const std::optional<crypto::Sha256Digest>& final_token);
   /// What was recorded ahead of a case that never began.
-  void pre_roll_discarded(std::uint64_t segments, std::int64_t duration_ns);
+  void pre_roll_discarded(std::uint64_t segments, std::optional<std::int64_t> duration_ns);
   void replicated(const std::string& case_id, const std::string& target);
   /// One stream's segments by retention; without a stream, the whole case.
   void erased(const std::string& case_id, const std::optional<std::string>& stream,

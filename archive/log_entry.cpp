@@ -54,7 +54,10 @@ void write(JsonWriter& line, const AccessEntry& entry) {
 }
 void write(JsonWriter& line, const LogRecoveredEntry& entry) { line.count("truncated", entry.truncated); }
 void write(JsonWriter& line, const PreRollDiscardedEntry& entry) {
-  line.count("segments", entry.segments).integer("duration_ns", entry.duration_ns);
+  line.count("segments", entry.segments);
+  if (entry.duration_ns) {
+    line.integer("duration_ns", *entry.duration_ns);
+  }
 }
 
 // -- reading, likewise; each takes every key it knows
@@ -111,7 +114,9 @@ void read(JsonFields& fields, AccessEntry& entry) {
 void read(JsonFields& fields, LogRecoveredEntry& entry) { entry.truncated = fields.count("truncated"); }
 void read(JsonFields& fields, PreRollDiscardedEntry& entry) {
   entry.segments = fields.count("segments");
-  entry.duration_ns = fields.integer("duration_ns");
+  if (fields.has("duration_ns")) {
+    entry.duration_ns = fields.integer("duration_ns");
+  }
 }
 
 /// A body of the type called `type`, its fields still empty.

@@ -72,8 +72,8 @@ struct LogRecoveredEntry {
   std::uint64_t truncated = 0;
 };
 struct PreRollDiscardedEntry {
-  std::uint64_t segments = 0;    // that were still there
-  std::int64_t duration_ns = 0;  // they covered
+  std::uint64_t segments = 0;               // that were still there
+  std::optional<std::int64_t> duration_ns;  // they covered; nothing where a dead recorder left them
 };
 
 using LogEntryBody =

@@ -12,6 +12,7 @@
 #include "archive/found_files.h"
 #include "archive/ledger_tail.h"
 #include "archive/retention.h"
+#include "archive/standby_folder.h"
 
 namespace kiroku::archive {
 
@@ -371,6 +372,10 @@ std::vector<CaseRecovery> recover_archive(FileSystem& files, const RecoveryOptio
   results.reserve(hidden.size() + unfinished.size());
   for (const fs::path& folder : hidden) {
     results.push_back(remove_hidden(files, folder));
+  }
+  const std::uint64_t ahead = remove_abandoned_standby(files, options.archive);
+  if (ahead > 0 && options.log != nullptr) {
+    options.log->pre_roll_discarded(ahead, {});
   }
   for (const fs::path& folder : unfinished) {
     results.push_back(Recovery(files, options, folder).run());

@@ -56,6 +56,7 @@ std::vector<Example> examples() {
       {LogRecoveredEntry{17}, head_of("recovered") + R"(,"truncated":17})"},
       {PreRollDiscardedEntry{3, 4'000'000'000},
        head_of("pre-roll-discarded") + R"(,"segments":3,"duration_ns":4000000000})"},
+      {PreRollDiscardedEntry{3, {}}, head_of("pre-roll-discarded") + R"(,"segments":3})"},
   };
 }
 
