@@ -13,7 +13,7 @@
 #include "media/remuxer.h"
 #include "media/sealed_segment.h"
 #include "media/segment_input.h"
-#include "media/vital_sample.h"
+#include "media/vital_line.h"
 #include "media/vitals_table.h"
 
 namespace kiroku::media {
@@ -227,13 +227,17 @@ class Export {
       const SealedSegment segment = open(entry);
       for_each_line(segment, entry.file.file, kLongestLineBytes, !entry.complete,
                     [&](std::uint64_t number, std::string_view line) {
-                      const VitalParse parse = parse_vital_line(line);
-                      if (!parse.sample) {
+                      const VitalLineParse parse = parse_vital_line_of_any_kind(line);
+                      if (!parse.line) {
                         throw Error("line " + std::to_string(number) + " of " + entry.file.file +
                                     " is no vital sign: " + parse.problem);
                       }
-                      table.add(*parse.sample);
-                      ++result_.frames;
+                      if (const auto* const sample = std::get_if<VitalSample>(&*parse.line)) {
+                        table.add(*sample);
+                        ++result_.frames;
+                      } else {
+                        ++result_.left_out;
+                      }
                     });
     }
     table.finish();

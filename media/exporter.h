@@ -33,6 +33,8 @@ struct ExportResult {
   std::uint64_t segments = 0, frames = 0, bytes = 0;
   /// Segments found by recovery: what they hold is in the file and not in `frames`.
   std::uint64_t uncounted = 0;
+  /// Lines that are no sample and so have no place in a table (.csv): texts, alarms, messages, notices.
+  std::uint64_t left_out = 0;
   /// Case-clock span of what was written; whole segments, so it may be wider than asked for.
   std::int64_t start_ns = 0, end_ns = 0;
   /// Segments that were being written when the power or the program failed; they end early.

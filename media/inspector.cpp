@@ -11,7 +11,7 @@ extern "C" {
 #include "media/plaintext_lines.h"
 #include "media/sealed_segment.h"
 #include "media/segment_input.h"
-#include "media/vital_sample.h"
+#include "media/vital_line.h"
 
 namespace kiroku::media {
 namespace {
@@ -114,8 +114,8 @@ std::uint64_t count_lines(const archive::StreamInfo& stream, const archive::Segm
                 [&](std::uint64_t number, std::string_view line) {
                   const std::string where = "line " + std::to_string(number) + " of " + entry.file.file;
                   if (stream.kind == "vitals") {
-                    const VitalParse parse = parse_vital_line(line);
-                    if (!parse.sample) {
+                    const VitalLineParse parse = parse_vital_line_of_any_kind(line);
+                    if (!parse.line) {
                       throw MediaError(where + " is no vital sign: " + parse.problem);
                     }
                   } else if (!line.starts_with('{') || !nlohmann::json::accept(line)) {

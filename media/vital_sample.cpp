@@ -1,12 +1,14 @@
 #include "media/vital_sample.h"
 
+#include <algorithm>
 #include <array>
-#include <charconv>
 #include <cmath>
+#include <limits>
 #include <utility>
 
 #include "base/error.h"
 #include "crypto/utf8.h"
+#include "media/json_line.h"
 
 namespace kiroku::media {
 namespace {
@@ -19,154 +21,27 @@ constexpr std::array<std::pair<VitalQuality, std::string_view>, 4> kQualities{
      {VitalQuality::kInvalid, "invalid"},
      {VitalQuality::kMissing, "missing"}}};
 
-template <typename Number>
-void append_number(std::string& line, Number number) {
-  std::array<char, 32> text{};
-  const auto end = std::to_chars(text.data(), text.data() + text.size(), number).ptr;
-  line.append(text.data(), end);
-}
-
-void append_text(std::string& line, std::string_view text) {
-  constexpr std::string_view kHexDigits = "0123456789abcdef";
-  line += '"';
-  for (const char c : text) {
-    const auto code = static_cast<unsigned char>(c);
-    if (c == '"' || c == '\\') {
-      line += '\\';
-      line += c;
-    } else if (code < 0x20) {
-      line += "\\u00";
-      line += kHexDigits[code >> 4U];
-      line += kHexDigits[code & 0xFU];
-    } else {
-      line += c;
-    }
-  }
-  line += '"';
-}
-
-/// Reads a line from its start; after the first failure every call fails, and problem() stays.
-class Cursor {
- public:
-  explicit Cursor(std::string_view line) : line_(line) {}
-
-  [[nodiscard]] const std::string& problem() const { return problem_; }
-  [[nodiscard]] bool at_end() const { return position_ == line_.size(); }
-
-  bool fail(std::string_view what) {
-    if (problem_.empty()) {
-      problem_ = std::string(what) + " at column " + std::to_string(position_ + 1);
-    }
-    return false;
-  }
-  /// Steps over `expected` if it comes next.
-  bool skip(std::string_view expected) {
-    if (!problem_.empty() || !line_.substr(position_).starts_with(expected)) {
-      return false;
-    }
-    position_ += expected.size();
-    return true;
-  }
-  bool expect(std::string_view expected) {
-    return skip(expected) || fail("expected " + std::string(expected));
-  }
-  /// A number in exactly the form append_number gives it.
-  template <typename Number>
-  bool number(Number& into) {
-    if (!problem_.empty()) {
-      return false;
-    }
-    const char* const begin = line_.data() + position_;
-    const auto [end, error] = std::from_chars(begin, line_.data() + line_.size(), into);
-    if (error != std::errc()) {
-      return fail("expected a number");
-    }
-    std::string canonical;
-    append_number(canonical, into);
-    const auto length = static_cast<std::size_t>(end - begin);
-    if (line_.substr(position_, length) != canonical) {
-      return fail("a number is not in its shortest form");
-    }
-    position_ += length;
-    return true;
-  }
-  bool text(std::string& into) {
-    if (!expect("\"")) {
-      return false;
-    }
-    const std::size_t begin = position_;
-    into.clear();
-    while (position_ < line_.size() && line_[position_] != '"') {
-      char c = line_[position_];
-      std::size_t length = 1;
-      if (static_cast<unsigned char>(c) < 0x20) {
-        return fail("a control character is not escaped");
-      }
-      if (c == '\\' && !escape(c, length)) {
-        return false;
-      }
-      into += c;
-      position_ += length;
-    }
-    if (!crypto::is_utf8(line_.substr(begin, position_ - begin))) {
-      return fail("a text is not UTF-8");
-    }
-    return expect("\"");
-  }
-
- private:
-  bool escape(char& c, std::size_t& length) {
-    const std::string_view rest = line_.substr(position_);
-    if (rest.starts_with("\\\"") || rest.starts_with("\\\\")) {
-      c = rest[1];
-      length = 2;
-      return true;
-    }
-    unsigned code = 0;
-    if (rest.starts_with("\\u00") && rest.size() >= 6) {
-      const auto [end, error] = std::from_chars(rest.data() + 4, rest.data() + 6, code, 16);
-      c = static_cast<char>(code);
-      std::string canonical;
-      append_text(canonical, std::string_view(&c, 1));
-      if (error == std::errc() && end == rest.data() + 6 && code < 0x20 &&
-          canonical.substr(1, 6) == rest.substr(0, 6)) {
-        length = 6;
-        return true;
-      }
-    }
-    return fail("a character is escaped that need not be");
-  }
-
-  std::string_view line_;
-  std::size_t position_ = 0;
-  std::string problem_;
-};
-
-bool read_values(Cursor& cursor, std::vector<double>& values) {
+bool read_values(LineCursor& cursor, std::vector<double>& values) {
   if (!cursor.expect("[")) {
     return false;
   }
   do {
-    if (!cursor.number(values.emplace_back())) {
+    if (cursor.skip("null")) {
+      values.push_back(std::numeric_limits<double>::quiet_NaN());
+    } else if (!cursor.number(values.emplace_back())) {
       return false;
+    } else if (!std::isfinite(values.back())) {
+      return cursor.fail("a value is not finite");
     }
   } while (cursor.skip(","));
   return cursor.expect("]");
 }
 
-bool read_device_time(Cursor& cursor, VitalSample& sample) {
-  std::string text;
-  if (!cursor.text(text)) {
-    return false;
-  }
-  sample.device_time = parse_utc(text);
-  if (!sample.device_time || format_utc(*sample.device_time) != text) {
-    return cursor.fail("device_time is not RFC 3339 UTC with six decimals");
-  }
-  return true;
+bool read_device_time(LineCursor& cursor, VitalSample& sample) {
+  return cursor.utc(sample.device_time.emplace(), "device_time");
 }
 
-bool read_value(Cursor& cursor, VitalSample& sample) {
+bool read_value(LineCursor& cursor, VitalSample& sample) {
   if (cursor.skip("\"value\":")) {
     return cursor.skip("null") || cursor.number(sample.value.emplace());
   }
@@ -179,7 +54,7 @@ bool read_value(Cursor& cursor, VitalSample& sample) {
   return cursor.expect(",\"values\":") && read_values(cursor, sample.values);
 }
 
-bool read_sample(Cursor& cursor, VitalSample& sample) {
+bool read_sample(LineCursor& cursor, VitalSample& sample) {
   if (!cursor.expect("{\"time_ns\":") || !cursor.number(sample.time_ns) || !cursor.expect(",")) {
     return false;
   }
@@ -208,7 +83,7 @@ bool read_sample(Cursor& cursor, VitalSample& sample) {
     return cursor.fail("quality is none of good, questionable, invalid, missing");
   }
   sample.quality = *known;
-  return cursor.expect("}") && (cursor.at_end() || cursor.fail("there is more after the object"));
+  return cursor.end_of_object();
 }
 
 }  // namespace
@@ -265,10 +140,11 @@ std::string problem_of(const VitalSample& sample) {
       static_cast<double>(kLongestWaveformNs)) {
     return "a waveform is longer than " + std::to_string(kLongestWaveformNs / 1'000'000'000) + " s";
   }
-  for (const double value : sample.values) {
-    if (!std::isfinite(value)) {
-      return "a value is not finite";
-    }
+  if (std::ranges::any_of(sample.values, [](double value) { return std::isinf(value); })) {
+    return "a value is not finite";
+  }
+  if (std::ranges::all_of(sample.values, [](double value) { return std::isnan(value); })) {
+    return "a waveform has no value but null";
   }
   return "";
 }
@@ -295,7 +171,11 @@ std::string to_json_line(const VitalSample& sample) {
     char before = '[';
     for (const double value : sample.values) {
       line += std::exchange(before, ',');
-      append_number(line, value);
+      if (std::isnan(value)) {
+        line += "null";
+      } else {
+        append_number(line, value);
+      }
     }
     line += ']';
   } else if (sample.value) {
@@ -321,7 +201,7 @@ VitalParse parse_vital_line(std::string_view line) {
   if (line.size() > kMaximumVitalLineBytes) {
     return {std::nullopt, "the line is longer than 1 MiB"};
   }
-  Cursor cursor(line);
+  LineCursor cursor(line);
   VitalSample sample;
   if (!read_sample(cursor, sample)) {
     return {std::nullopt, cursor.problem()};

@@ -1,5 +1,5 @@
-// One vital sign as it is recorded, and its line in a vitals segment. Values; functions are pure and
-// thread-safe.
+// One vital sign as it is recorded, and its line in a vitals segment; the other lines such a segment may hold
+// are in vital_line.h. Values; functions are pure and thread-safe.
 //
 // A vitals segment is JSON Lines: one object a line, UTF-8, LF after every line, no blanks outside strings.
 // Keys in this order, none repeated, none else:
@@ -12,7 +12,9 @@
 //   code         IEEE 11073-10101 reference identifier; own codes begin with KIROKU_
 //   mdc          (only if known) its numeric code, partition * 65536 + term, 1 … 2^32 - 1
 //   value        a number, or null where the device reported that it has none (quality "missing")
-//   rate_hz, values   instead of `value`, for a waveform: see VitalSample
+//   rate_hz, values   instead of `value`, for a waveform: see VitalSample; null among the values where the
+//   device
+//                    reported that it had none
 //   unit         UCUM (case sensitive), "1" for a pure number, "" if not stated
 //   source       which device or file said so, "" if there is but one
 //   quality      "good", "questionable", "invalid", "missing"
@@ -42,7 +44,8 @@ std::optional<VitalQuality> parse_quality(std::string_view name);
 
 /// One quantity at one time, or a waveform: a block of evenly spaced values, oldest first. Value i of n was
 /// measured at time_ns - (n - i) / rate_hz, so that a block is complete, and stamped, when its last value is.
-/// (| values | = n >= 1, n / rate_hz <= kLongestWaveformNs.)
+/// (| values | = n >= 1, n / rate_hz <= kLongestWaveformNs, not all of them missing.) Its device_time is that
+/// of time_ns, its end.
 struct VitalSample {
   std::int64_t time_ns = 0;
   std::optional<UtcTime> device_time;
@@ -50,7 +53,7 @@ struct VitalSample {
   std::uint32_t mdc = 0;        // 0: unknown
   std::optional<double> value;  // nothing: a waveform, or quality missing
   double rate_hz = 0;           // above 0 for a waveform
-  std::vector<double> values;   // of a waveform, else empty
+  std::vector<double> values;   // of a waveform, else empty; NaN where one is missing
   std::string unit;
   std::string source;
   VitalQuality quality = VitalQuality::kGood;

@@ -2,6 +2,7 @@
 
 #include <array>
 #include <charconv>
+#include <cmath>
 #include <limits>
 #include <utility>
 
@@ -54,18 +55,30 @@ void VitalsTable::add(const VitalSample& sample) {
                 " ns; export them as .jsonl to see them as they were recorded");
   }
   last_ns_ = sample.time_ns;
-  std::string rest;
-  append_field(rest, sample.code);
-  const std::size_t code_bytes = rest.size();
-  for (const std::string_view field :
-       {std::string_view(sample.unit), quality_name(sample.quality), std::string_view(sample.source)}) {
-    rest += ',';
-    append_field(rest, field);
-  }
-  const auto shared = std::make_shared<const std::string>(std::move(rest));
+  const auto rest_with = [&](VitalQuality quality) {
+    std::string rest;
+    append_field(rest, sample.code);
+    for (const std::string_view field :
+         {std::string_view(sample.unit), quality_name(quality), std::string_view(sample.source)}) {
+      rest += ',';
+      append_field(rest, field);
+    }
+    return std::make_shared<const std::string>(std::move(rest));
+  };
+  std::string code;
+  append_field(code, sample.code);
+  const std::size_t code_bytes = code.size();
+  const auto shared = rest_with(sample.quality);
+  std::shared_ptr<const std::string> missing;
   if (sample.is_waveform()) {
     for (std::size_t i = 0; i < sample.values.size(); ++i) {
-      held_.push({waveform_time_ns(sample, i), sequence_++, sample.values[i], shared, code_bytes});
+      const double value = sample.values[i];
+      if (std::isnan(value) && !missing) {
+        missing = rest_with(VitalQuality::kMissing);
+      }
+      held_.push({waveform_time_ns(sample, i), sequence_++,
+                  std::isnan(value) ? std::nullopt : std::optional(value),
+                  std::isnan(value) ? missing : shared, code_bytes});
     }
   } else {
     held_.push({sample.time_ns, sequence_++, sample.value, shared, code_bytes});

@@ -215,7 +215,7 @@ Session::State::State(SessionOptions asked)
   }
   for (const StreamRequest& request : options.vitals) {
     OpenedVitals opened{checked_address(request, options), {}};
-    opened.source = open_vital_source(opened.address);
+    opened.source = open_vital_source(opened.address, clock);
     declare(stream_info(request, opened.address, false), request.recipients);
     vitals.push_back(std::move(opened));
   }

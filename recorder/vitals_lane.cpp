@@ -6,6 +6,12 @@
 #include "recorder/source/source.h"
 
 namespace kiroku::recorder {
+namespace {
+
+/// After so long without a line a monitor is taken to be silent.
+constexpr std::int64_t kSilenceNs = 10'000'000'000;
+
+}  // namespace
 
 VitalsLane::VitalsLane(const LaneContext& context, std::size_t stream_index, archive::StreamInfo info,
                        const SourceAddress& address, std::unique_ptr<VitalSource> source)
@@ -30,10 +36,12 @@ void VitalsLane::stop() {
 }
 
 LaneStatus VitalsLane::status() const {
-  return {live_, samples_, 0, output_.segments(), output_.bytes(), last_ns_, output_.claimed_until_ns()};
+  // What waits for arrivals may be silent for long though its connection stands.
+  const bool live = live_ && (!source_->is_live() || context_.clock.now_ns() - last_ns_ < kSilenceNs);
+  return {live, samples_, 0, output_.segments(), output_.bytes(), last_ns_, output_.claimed_until_ns()};
 }
 
-std::optional<VitalSample> VitalsLane::next_sample() {
+std::optional<VitalLine> VitalsLane::next_line() {
   try {
     return source_->next();
   } catch (const std::exception& error) {
@@ -53,20 +61,41 @@ void VitalsLane::wait_for(std::int64_t time_ns) {
   }
 }
 
+bool VitalsLane::take_next() {
+  const std::optional<VitalLine> line = next_line();
+  if (!line) return wait_for_arrivals();
+  const std::int64_t time_ns = media::time_ns_of(*line);
+  const bool beyond = context_.end_ns && time_ns >= *context_.end_ns;
+  if (!unpaced_) wait_for(beyond ? *context_.end_ns : time_ns);
+  // What a live source has taken was acknowledged to its device, and is recorded though the end was asked
+  // for.
+  if (stopping_ && !source_->is_live()) return false;
+  if (beyond) {
+    reached_end_ = true;
+    if (source_->is_live()) {
+      context_.troubles.mention("'" + name() +
+                                "' took messages after the end of the case; they are not in it");
+    }
+    return false;
+  }
+  live_ = true;
+  segmenter_.add(*line);
+  ++samples_;
+  last_ns_ = time_ns;
+  return true;
+}
+
+bool VitalsLane::wait_for_arrivals() {
+  const std::optional<std::int64_t> quiet_until_ns = source_->quiet_until_ns();
+  if (!quiet_until_ns) return false;
+  segmenter_.advance_to(std::min(*quiet_until_ns, context_.end_ns.value_or(*quiet_until_ns)));
+  reached_end_ = context_.end_ns && *quiet_until_ns >= *context_.end_ns;
+  return !reached_end_;
+}
+
 void VitalsLane::read() {
   try {
-    while (std::optional<VitalSample> sample = next_sample()) {
-      const bool beyond = context_.end_ns && sample->time_ns >= *context_.end_ns;
-      if (!unpaced_) wait_for(beyond ? *context_.end_ns : sample->time_ns);
-      if (stopping_) break;
-      if (beyond) {
-        reached_end_ = true;
-        break;
-      }
-      live_ = true;
-      segmenter_.add(*sample);
-      ++samples_;
-      last_ns_ = sample->time_ns;
+    while (take_next()) {
     }
   } catch (const std::exception& error) {
     fail(error);

@@ -30,7 +30,10 @@ class VitalsLane : public Lane, private VitalsSegmentSink {
 
  private:
   void read();
-  std::optional<VitalSample> next_sample();
+  /// Records one line, or waits a little for one; false when nothing more will be recorded.
+  bool take_next();
+  bool wait_for_arrivals();
+  std::optional<VitalLine> next_line();
   /// Waits until the case clock shows `time_ns`, ending segments meanwhile.
   void wait_for(std::int64_t time_ns);
   [[nodiscard]] std::int64_t end_of_stream(std::int64_t close_ns) const;

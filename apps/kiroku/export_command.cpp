@@ -46,6 +46,7 @@ int run(const Request& request) {
                 {"segments", result.segments},
                 {"frames", result.frames},
                 {"uncounted_segments", result.uncounted},
+                {"left_out", result.left_out},
                 {"bytes", result.bytes},
                 {"start_ns", result.start_ns},
                 {"end_ns", result.end_ns}});
@@ -57,6 +58,12 @@ int run(const Request& request) {
                                         : "; " + std::to_string(result.uncounted) +
                                               " segment(s) found by recovery are in it and not counted")
               << "\n";
+    if (result.left_out > 0) {
+      std::cout
+          << result.left_out
+          << " lines are texts, alarms, messages or notices and have no place in a table; export .jsonl to "
+             "see them\n";
+    }
   }
   return kDone;
 }

@@ -129,7 +129,7 @@ class CsvSource : public VitalSource {
     first_ = read_sample();
   }
 
-  std::optional<VitalSample> next() override {
+  std::optional<VitalLine> next() override {
     if (interrupted_ || ended_) {
       return std::nullopt;
     }

@@ -31,16 +31,16 @@ class SyntheticPatient : public VitalSource {
                          static_cast<std::uint64_t>(integer_option(address, "flash", 0, 0, 86'400)),
                          integer_option(address, "waves", 1, 0, 1) == 1) {}
 
-  std::optional<VitalSample> next() override {
+  std::optional<VitalLine> next() override {
     while (!interrupted_ && ready_.empty()) {
       advance();
     }
     if (interrupted_) {
       return std::nullopt;
     }
-    VitalSample sample = std::move(ready_.front());
+    VitalLine line = std::move(ready_.front());
     ready_.pop_front();
-    return sample;
+    return line;
   }
   void interrupt() noexcept override { interrupted_ = true; }
 

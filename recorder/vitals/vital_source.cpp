@@ -7,7 +7,7 @@
 
 namespace kiroku::recorder {
 
-std::unique_ptr<VitalSource> open_vital_source(const SourceAddress& address) {
+std::unique_ptr<VitalSource> open_vital_source(const SourceAddress& address, const CaseClock& /*clock*/) {
   if (address.kind == SourceKind::kSynthetic && address.location == "patient") {
     return open_synthetic_patient(address);
   }

@@ -5,30 +5,40 @@
 #include <optional>
 #include <string>
 
-#include "media/vital_sample.h"
+#include "media/vital_line.h"
 
 namespace kiroku::recorder {
 
+class CaseClock;
 struct SourceAddress;
 
 using media::to_json_line;
+using media::VitalLine;
 using media::VitalSample;
 
 class VitalSource {
  public:
   virtual ~VitalSource() = default;
-  /// The next sample in order of time_ns, which counts from the case's zero; nothing at the end, and after
-  /// interrupt(). A source that states its own times (file, synthetic) never waits: whoever records it at its
-  /// own pace waits until the case clock shows time_ns. Throws kiroku::Error when the source fails (a damaged
-  /// line of a file: with its line and column); it has ended then.
-  virtual std::optional<VitalSample> next() = 0;
-  /// Makes next() end now and always, from any thread (not from a signal handler).
+  /// The next line in order of time_ns, which counts from the case's zero; nothing at the end, and where
+  /// quiet_until_ns() says so. A source that states its own times (file, synthetic) never waits: whoever
+  /// records it at its own pace waits until the case clock shows time_ns. One that waits for what arrives
+  /// stamps it with the case clock. Throws kiroku::Error when the source fails (a damaged line of a file:
+  /// with its line and column); it has ended then.
+  virtual std::optional<VitalLine> next() = 0;
+  /// After next() gave nothing: for a source that waits for what arrives and may yet give more, the time
+  /// before which nothing more will be stamped; nothing if it has ended.
+  [[nodiscard]] virtual std::optional<std::int64_t> quiet_until_ns() const { return std::nullopt; }
+  /// Makes next() end, from any thread (not from a signal handler). A source that waits for what arrives
+  /// first gives what it had taken; all others end now.
   virtual void interrupt() noexcept = 0;
+  /// Whether it waits for what arrives, rather than stating its own times.
+  [[nodiscard]] virtual bool is_live() const { return false; }
 };
 
 /// Opens `synthetic:patient?…` (synthetic_patient.h) or a `.csv` file (csv_source.h) and checks as much as
-/// can be checked without reading all of it. Throws kiroku::UsageError for an address nothing here
-/// understands, kiroku::Error for a file that is absent or no such table.
-std::unique_ptr<VitalSource> open_vital_source(const SourceAddress& address);
+/// can be checked without reading all of it. `clock` must outlive the source; it may be restarted until
+/// next() is first called. Throws kiroku::UsageError for an address nothing here understands, kiroku::Error
+/// for a file that is absent or no such table.
+std::unique_ptr<VitalSource> open_vital_source(const SourceAddress& address, const CaseClock& clock);
 
 }  // namespace kiroku::recorder

@@ -44,11 +44,11 @@ void VitalsSegmenter::advance_to(std::int64_t now_ns) {
   }
 }
 
-void VitalsSegmenter::add(const media::VitalSample& sample) {
-  advance_to(sample.time_ns);
-  const std::string line = media::to_json_line(sample) + '\n';
+void VitalsSegmenter::add(const media::VitalLine& line) {
+  advance_to(media::time_ns_of(line));
+  const std::string text = media::to_json_line(line) + '\n';
   begin_if_needed();
-  sink_.write(bytes_of(line));
+  sink_.write(bytes_of(text));
   ++segment_samples_;
   ++samples_;
 }

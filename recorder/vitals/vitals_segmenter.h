@@ -6,7 +6,7 @@
 #include <cstdint>
 
 #include "base/bytes.h"
-#include "media/vital_sample.h"
+#include "media/vital_line.h"
 
 namespace kiroku::recorder {
 
@@ -29,9 +29,9 @@ class VitalsSegmenter {
   VitalsSegmenter(VitalsSegmentSink& sink, std::chrono::nanoseconds duration,
                   std::int64_t first_start_ns = 0);
 
-  /// Adds a sample, after ending the segments that lie before it. Samples must come in order of time and not
+  /// Adds a line, after ending the segments that lie before it. Lines must come in order of time and not
   /// before the last advance_to(); throws kiroku::Error else.
-  void add(const media::VitalSample& sample);
+  void add(const media::VitalLine& line);
   /// Nothing with time_ns < `now_ns` will come any more: ends the segments that lie wholly before.
   void advance_to(std::int64_t now_ns);
   /// Ends the last segment at `end_ns`, or just after the last sample if that is later. Nothing may follow.

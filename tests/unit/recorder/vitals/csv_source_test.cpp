@@ -9,6 +9,7 @@
 #include <gtest/gtest.h>
 
 #include "base/error.h"
+#include "recorder/case_clock.h"
 #include "recorder/source/source_address.h"
 #include "recorder/vitals/csv_reader.h"
 #include "tests/support/temporary_folder.h"
@@ -18,15 +19,17 @@ namespace {
 
 class CsvSourceTest : public testing::Test {
  protected:
+  CaseClock clock_;
+
   std::unique_ptr<VitalSource> open(const std::string& table, const std::string& options = "") {
     std::ofstream(path_, std::ios::binary) << table;
-    return open_vital_source(parse_source_address(path_.string() + options));
+    return open_vital_source(parse_source_address(path_.string() + options), clock_);
   }
   std::vector<VitalSample> read(const std::string& table, const std::string& options = "") {
     const auto source = open(table, options);
     std::vector<VitalSample> samples;
-    while (auto sample = source->next()) {
-      samples.push_back(*sample);
+    while (auto line = source->next()) {
+      samples.push_back(std::get<VitalSample>(*line));
     }
     return samples;
   }
@@ -168,8 +171,8 @@ TEST_F(CsvSourceTest, NamesLineAndColumnOfWhatItCannotRead) {
 
 TEST_F(CsvSourceTest, GivesWhatStandsBeforeADamagedLineAndEndsThere) {
   const auto source = open("time,code,value,unit\n0,A,1,1\n1,A,2,1\n2,A,x,1\n3,A,4,1\n");
-  EXPECT_EQ(source->next()->value, 1);
-  EXPECT_EQ(source->next()->value, 2);
+  EXPECT_EQ(std::get<VitalSample>(*source->next()).value, 1);
+  EXPECT_EQ(std::get<VitalSample>(*source->next()).value, 2);
   EXPECT_THROW(source->next(), Error);
   EXPECT_FALSE(source->next());
 }
@@ -191,12 +194,13 @@ TEST_F(CsvSourceTest, EndsWhenInterrupted) {
 }
 
 TEST(VitalSource, RefusesWhatGivesNoVitalSigns) {
+  const CaseClock clock;
   const test::TemporaryFolder folder;
   const auto film = folder.path() / "film.mp4";
   std::ofstream(film) << "x";
-  EXPECT_THROW(open_vital_source(parse_source_address(film.string())), UsageError);
-  EXPECT_THROW(open_vital_source(parse_source_address("synthetic:room")), UsageError);
-  EXPECT_THROW(open_vital_source(parse_source_address("udp://127.0.0.1:1")), UsageError);
+  EXPECT_THROW(open_vital_source(parse_source_address(film.string()), clock), UsageError);
+  EXPECT_THROW(open_vital_source(parse_source_address("synthetic:room"), clock), UsageError);
+  EXPECT_THROW(open_vital_source(parse_source_address("udp://127.0.0.1:1"), clock), UsageError);
 }
 
 std::string csv_field(const std::string& field) {

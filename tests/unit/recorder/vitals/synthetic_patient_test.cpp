@@ -8,6 +8,7 @@
 
 #include "base/error.h"
 #include "media/vital_codes.h"
+#include "recorder/case_clock.h"
 #include "recorder/source/source_address.h"
 #include "recorder/vitals/patient_model.h"
 
@@ -15,14 +16,15 @@ namespace kiroku::recorder {
 namespace {
 
 std::vector<VitalSample> first_seconds(const std::string& options, std::int64_t seconds) {
-  const auto source = open_vital_source(parse_source_address("synthetic:patient" + options));
+  const CaseClock clock;
+  const auto source = open_vital_source(parse_source_address("synthetic:patient" + options), clock);
   std::vector<VitalSample> samples;
   for (;;) {
-    auto sample = source->next();
-    if (sample->time_ns > seconds * 1'000'000'000) {
+    auto sample = std::get<VitalSample>(*source->next());
+    if (sample.time_ns > seconds * 1'000'000'000) {
       return samples;
     }
-    samples.push_back(std::move(*sample));
+    samples.push_back(std::move(sample));
   }
 }
 
@@ -145,14 +147,16 @@ TEST(SyntheticPatient, HasSinusArrhythmia) {
 
 TEST(SyntheticPatient, RefusesOptionsItDoesNotKnow) {
   for (const char* options : {"?sed=1", "?seed=x", "?seed=-1", "?flash=0.5", "?waves=2", "?speed=2"}) {
-    EXPECT_THROW(open_vital_source(parse_source_address(std::string("synthetic:patient") + options)),
-                 UsageError)
+    EXPECT_THROW(
+        open_vital_source(parse_source_address(std::string("synthetic:patient") + options), CaseClock()),
+        UsageError)
         << options;
   }
 }
 
 TEST(SyntheticPatient, EndsWhenInterrupted) {
-  const auto source = open_vital_source(parse_source_address("synthetic:patient"));
+  const CaseClock clock;
+  const auto source = open_vital_source(parse_source_address("synthetic:patient"), clock);
   EXPECT_TRUE(source->next());
   source->interrupt();
   EXPECT_FALSE(source->next());
