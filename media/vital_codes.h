@@ -1,6 +1,6 @@
-// The vital signs this project names itself: IEEE 11073-10101 reference identifiers, numeric codes and UCUM
-// units. Constant data; thread-safe. Sources that receive codes from a device pass them on as they are and
-// need no entry here.
+// Vital signs by their IEEE 11073-10101 reference identifiers, numeric codes and usual UCUM units: those this
+// project names itself, and those it completes where a device gives only name or number. Constant data;
+// thread-safe. Codes of a device that have no entry here are passed on as they are.
 #pragma once
 
 #include <cstdint>
@@ -24,5 +24,7 @@ inline constexpr std::string_view kFlashCode = "KIROKU_FLASH";
 std::span<const VitalCode> vital_codes();
 /// The entry for a reference identifier, or null.
 const VitalCode* find_vital_code(std::string_view code);
+/// The entry for a numeric code, or null; null for 0.
+const VitalCode* find_vital_code(std::uint32_t mdc);
 
 }  // namespace kiroku::media

@@ -137,4 +137,11 @@ std::string format_hl7_time(UtcTime time) {
   return digits + "+0000";
 }
 
+std::string format_hl7_zone(minutes zone) {
+  const auto size = static_cast<int>(zone.count() < 0 ? -zone.count() : zone.count());
+  std::array<char, 16> text{};
+  std::snprintf(text.data(), text.size(), "%c%02d%02d", zone.count() < 0 ? '-' : '+', size / 60, size % 60);
+  return text.data();
+}
+
 }  // namespace kiroku::recorder

@@ -3,6 +3,7 @@
 
 #include <chrono>
 #include <optional>
+#include <string>
 #include <string_view>
 
 #include "base/utc_time.h"
@@ -30,5 +31,7 @@ std::optional<Hl7Time> parse_hl7_time(std::string_view text);
 
 /// "20260124131540.123+0000".
 std::string format_hl7_time(UtcTime time);
+/// "+0530".
+std::string format_hl7_zone(std::chrono::minutes zone);
 
 }  // namespace kiroku::recorder

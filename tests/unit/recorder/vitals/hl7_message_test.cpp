@@ -196,7 +196,7 @@ TEST(Hl7Message, ReadsOrRefusesEveryRealMessage) {
       const Hl7Parse parsed = parse_hl7_message(one);
       ASSERT_TRUE(parsed.message) << entry.path() << ": " << parsed.problem;
       ++messages;
-      untyped += parsed.message->type().empty() ? 1 : 0;
+      untyped += parsed.message->type().empty() ? 1U : 0U;
       if (entry.path().filename() == "unicode-names.hl7") {
         EXPECT_EQ(parsed.message->segments().at(2).field(5).repetitions().at(0).text(), "Müller^Jürgen");
       }

@@ -1,0 +1,76 @@
+// What one monitor says in its messages, as lines of a vitals stream: IHE PCD-01 (ORU^R01), alarms (ORU^R40,
+// IHE PCD-04) and waveforms (NA arrays in ORU^R01 and ORU^W01), as monitors really send them. An object
+// belongs to one thread.
+//
+//   numeric value   a sample; NM and SN "^97", and what says no type but is a number
+//   no value        a sample of quality "missing": status X, flag NAV, nothing, -999, -99.9, 32767, 8388607,
+//   "---" other value     a text waveform        a sample with rate and values; the rate from
+//   MDC_ATTR_SAMP_RATE or MDC_ATTR_TIME_PD_SAMP under
+//                   its sub-identifier, a CD before it, "500 Hz" in its own segment, the message before, or
+//                   from begin and end in OBR; counts become values by MDC_ATTR_NU_MSMT_RES where they have
+//                   no unit
+//   repeated cuff   a cuff pressure (also: APERIODIC) with the time of the one before and its value is the
+//   same
+//                   measurement, and not a sample again
+//   quality         INV, W, D: invalid; QUES, DEMO, TEST, CALIB: questionable
+//
+// Whatever is not understood, or was taken otherwise than it stands, becomes a notice; the same notice is
+// made once a monitor. The message itself is kept beside by whoever has it (hl7_vitals.h).
+#pragma once
+
+#include <chrono>
+#include <cstdint>
+#include <map>
+#include <set>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "media/vital_line.h"
+#include "recorder/vitals/device_clock_estimate.h"
+#include "recorder/vitals/hl7_message.h"
+#include "recorder/vitals/hl7_observation.h"
+
+namespace kiroku::recorder {
+
+class MonitorReader {
+ public:
+  /// `source` stands in the lines; times without zone count by `assumed_zone`.
+  MonitorReader(std::string source, std::chrono::minutes assumed_zone);
+
+  /// Whether messages of this type (MSH-9, "ORU^R01") hold what is read here.
+  static bool reads(const std::string& type);
+
+  /// The lines of a message that reads(), all stamped `arrival_ns`, which must not decrease.
+  std::vector<media::VitalLine> read(const Hl7Message& message, std::int64_t arrival_ns);
+
+ private:
+  struct Order;
+
+  void notice(const std::string& name, const std::string& text);
+  void read_clock(const Hl7Message& message);
+  void note_unknown_segments(const Hl7Message& message);
+  void read_order(const Order& order, bool alarms);
+  void read_one(const Order& order, std::size_t index);
+  void read_number(const Order& order, const Observation& observation);
+  void read_text(const Order& order, const Observation& observation);
+  void read_wave(const Order& order, std::size_t index);
+  void read_alarm(const Order& order, std::size_t index);
+  [[nodiscard]] double rate_of(const Order& order, std::size_t index, std::size_t values) const;
+  [[nodiscard]] std::optional<UtcTime> device_time(const Order& order, const Observation& observation) const;
+  bool is_repeated(const Observation& observation, const media::VitalSample& sample);
+  media::VitalQuality quality_of(const Observation& observation);
+
+  std::string source_;
+  std::chrono::minutes assumed_zone_;
+  std::int64_t arrival_ns_ = 0;
+  std::optional<UtcTime> message_time_;
+  std::vector<media::VitalLine> lines_;  // of the message being read
+  DeviceClockEstimate clock_;
+  std::optional<std::int64_t> clock_stated_ns_;
+  std::map<std::pair<std::string, std::string>, std::pair<UtcTime, std::optional<double>>> measured_;
+  std::map<std::pair<std::string, std::string>, double> rates_;  // by code and sub-identifier
+  std::set<std::string> noticed_;
+};
+
+}  // namespace kiroku::recorder
