@@ -78,9 +78,14 @@ SourceAddress parse_source_address(const std::string& text) {
   const std::size_t scheme_end = text.find("://");
   if (scheme_end != std::string::npos && scheme_end > 0) {
     const std::string scheme = text.substr(0, scheme_end);
+    if (scheme == "mllp" || scheme == "mllps") {
+      address.kind = SourceKind::kMonitors;
+      split_options(text, address);
+      return address;
+    }
     if (std::find(kNetworkSchemes.begin(), kNetworkSchemes.end(), scheme) == kNetworkSchemes.end()) {
       throw UsageError("source '" + address.stated + "' has the unknown scheme '" + scheme +
-                       "'; known are rtsp, srt, udp, rtp, tcp, http, rtmp");
+                       "'; known are rtsp, srt, udp, rtp, tcp, http, rtmp, and mllp for vital signs");
     }
     address.kind = SourceKind::kNetwork;
     address.location = text;

@@ -8,13 +8,14 @@
 
 namespace kiroku::recorder {
 
-enum class SourceKind { kSynthetic, kFile, kPipe, kDevice, kNetwork };
+enum class SourceKind { kSynthetic, kFile, kPipe, kDevice, kNetwork, kMonitors };
 
 struct SourceAddress {
   SourceKind kind = SourceKind::kFile;
-  std::string location;  // without our options: "/dev/video0", "film.mp4", "room" (synthetic)
-  std::map<std::string, std::string>
-      options;  // after '?', for synthetic sources and files; part of the location for network addresses
+  std::string
+      location;  // without our options: "/dev/video0", "film.mp4", "room" (synthetic), "mllp://0.0.0.0:2575"
+  std::map<std::string, std::string> options;  // after '?', for synthetic sources, files and monitors; part
+                                               // of the location for network addresses
   std::string stated;  // for the ledger and for people: passwords and passphrases replaced by "***"
 
   [[nodiscard]] std::string option(const std::string& name, const std::string& otherwise) const;

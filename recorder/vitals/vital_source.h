@@ -35,10 +35,10 @@ class VitalSource {
   [[nodiscard]] virtual bool is_live() const { return false; }
 };
 
-/// Opens `synthetic:patient?…` (synthetic_patient.h) or a `.csv` file (csv_source.h) and checks as much as
-/// can be checked without reading all of it. `clock` must outlive the source; it may be restarted until
-/// next() is first called. Throws kiroku::UsageError for an address nothing here understands, kiroku::Error
-/// for a file that is absent or no such table.
+/// Opens `synthetic:patient?…` (synthetic_patient.h), a `.csv` file (csv_source.h), `mllp://…` or a `.hl7`
+/// file (mllp_source.h) and checks as much as can be checked without reading all of it. `clock` must outlive
+/// the source; it may be restarted until next() is first called. Throws kiroku::UsageError for an address
+/// nothing here understands, kiroku::Error for a file that is absent or no such table.
 std::unique_ptr<VitalSource> open_vital_source(const SourceAddress& address, const CaseClock& clock);
 
 }  // namespace kiroku::recorder

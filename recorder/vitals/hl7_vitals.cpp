@@ -1,0 +1,178 @@
+#include "recorder/vitals/hl7_vitals.h"
+
+#include <ctime>
+#include <utility>
+
+#include "base/bytes.h"
+#include "base/error.h"
+
+namespace kiroku::recorder {
+namespace {
+
+/// As a field's text: separators, and what would end a segment, escaped.
+std::string escaped(std::string_view text, const Hl7Separators& separators) {
+  std::string result;
+  const auto add = [&](char name) {
+    if (separators.escape != '\0') {
+      result += separators.escape;
+      result += name;
+      result += separators.escape;
+    } else {
+      result += ' ';
+    }
+  };
+  for (const char c : text) {
+    if (c == separators.field) {
+      add('F');
+    } else if (c == separators.component) {
+      add('S');
+    } else if (c == separators.repetition) {
+      add('R');
+    } else if (c == separators.subcomponent) {
+      add('T');
+    } else if (c == separators.escape && c != '\0') {
+      add('E');
+    } else {
+      result += static_cast<unsigned char>(c) < 0x20 ? ' ' : c;
+    }
+  }
+  return result;
+}
+
+}  // namespace
+
+std::chrono::minutes parse_assumed_zone(const std::string& text, const std::string& source) {
+  if (text == "UTC") {
+    return std::chrono::minutes(0);
+  }
+  if (text == "local") {
+    const std::time_t now = std::time(nullptr);
+    std::tm here{};
+    localtime_r(&now, &here);
+    return std::chrono::minutes(here.tm_gmtoff / 60);
+  }
+  const auto time = parse_hl7_time("20260101000000" + text);
+  if (!time || !time->zone || text.empty()) {
+    throw UsageError("source '" + source +
+                     "': zone must be as +05:30 or -0800, UTC, or 'local' for this machine's own");
+  }
+  return *time->zone;
+}
+
+std::string make_acknowledgement(const Hl7Message* message, std::string_view code, std::string_view text,
+                                 UtcTime now) {
+  const Hl7Separators separators = message != nullptr ? message->separators() : Hl7Separators();
+  const auto echoed = [&](std::size_t number) {
+    return message != nullptr ? message->header().field(number).raw() : std::string_view();
+  };
+  if (echoed(15) == "NE" && echoed(16) == "NE") {
+    return "";
+  }
+  std::string line("MSH");
+  const auto field = [&](std::string_view raw) {
+    line += separators.field;
+    line += raw;
+  };
+  std::string delimiters{separators.component, separators.repetition};
+  if (separators.escape != '\0') {
+    delimiters += separators.escape;
+  }
+  delimiters += separators.subcomponent;
+  field(delimiters);
+  field("KIROKU");
+  field("");
+  field(echoed(3));
+  field(echoed(4));
+  field(format_hl7_time(now));
+  field("");
+  const std::string trigger = message != nullptr ? message->header().field(9).component(2).text() : "";
+  field(trigger.empty() ? "ACK"
+                        : std::string("ACK") + separators.component + trigger + separators.component + "ACK");
+  field("K" + std::to_string(now.time_since_epoch().count()));
+  field(echoed(11).empty() ? "P" : echoed(11));
+  field(echoed(12).empty() ? "2.6" : echoed(12));
+  for (int i = 13; i <= 17; ++i) {
+    field("");
+  }
+  field("UNICODE UTF-8");
+  line += "\rMSA";
+  field(code);
+  field(echoed(10));
+  if (!text.empty()) {
+    field(escaped(text, separators));
+  }
+  return line + "\r";
+}
+
+Hl7Vitals::Taken Hl7Vitals::take(std::string_view bytes, std::int64_t arrival_ns, UtcTime now,
+                                 const std::string& peer) {
+  const std::string at = peer.empty() ? "" : "@" + peer;
+  const Hl7Parse parsed = parse_hl7_message(bytes);
+  std::string source = at, problem = parsed.problem;
+  Taken taken;
+  taken.answer = "AA";
+  if (parsed.message) {
+    source = parsed.message->sender() + at;
+    const std::string type = parsed.message->type();
+    if (type.empty()) {
+      taken.answer = "AE";
+      problem = "the message states no type (MSH-9)";
+    } else if (!MonitorReader::reads(type)) {
+      taken.answer = "AR";
+      problem =
+          "messages of type " + type + " are not read; ORU^R01, ORU^R30 to R32, ORU^R40 and ORU^W01 are";
+    }
+  } else {
+    taken.answer = "AE";
+  }
+  const std::string control_id = parsed.message ? parsed.message->control_id() : "";
+  const bool repeated = problem.empty() && is_repeated(source, control_id, bytes);
+  taken.acknowledgement = make_acknowledgement(parsed.message.get(), taken.answer, problem, now);
+  if (repeated) {
+    taken.lines.emplace_back(
+        media::VitalNotice{arrival_ns, "message-repeated",
+                           "the message '" + control_id + "' came again; it is recorded once", source});
+    return taken;
+  }
+  taken.lines.emplace_back(media::DeviceMessage{arrival_ns, std::string(bytes),
+                                                taken.acknowledgement.empty() ? "" : taken.answer, source});
+  if (!problem.empty()) {
+    taken.lines.emplace_back(media::VitalNotice{arrival_ns, "message-refused", problem, source});
+    return taken;
+  }
+  for (media::VitalLine& line : reader_of(source).read(*parsed.message, arrival_ns)) {
+    taken.lines.push_back(std::move(line));
+  }
+  return taken;
+}
+
+bool Hl7Vitals::is_repeated(const std::string& source, const std::string& control_id,
+                            std::string_view bytes) {
+  const std::string key = source + '\n' + control_id;
+  const crypto::Sha256Digest hash = crypto::sha256(bytes_of(bytes));
+  const auto [known, added] = seen_.try_emplace(key, hash);
+  if (!added) {
+    const bool same = known->second == hash;
+    known->second = hash;
+    return same;
+  }
+  seen_order_.push_back(key);
+  if (seen_order_.size() > kRemembered) {
+    seen_.erase(seen_order_.front());
+    seen_order_.pop_front();
+  }
+  return false;
+}
+
+MonitorReader& Hl7Vitals::reader_of(const std::string& source) {
+  const auto known = readers_.find(source);
+  if (known != readers_.end()) {
+    return known->second;
+  }
+  if (readers_.size() >= kMostSenders) {
+    readers_.clear();  // somebody makes up senders; notices are made again
+  }
+  return readers_.try_emplace(source, source, assumed_zone_).first->second;
+}
+
+}  // namespace kiroku::recorder

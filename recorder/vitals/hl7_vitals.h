@@ -1,0 +1,59 @@
+// Messages of several monitors on their way into a vitals stream: each is kept as it came, read, answered,
+// and known again when it is sent twice. An object belongs to one thread.
+#pragma once
+
+#include <chrono>
+#include <cstdint>
+#include <deque>
+#include <map>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "crypto/hash.h"
+#include "media/vital_line.h"
+#include "recorder/vitals/monitor_reader.h"
+
+namespace kiroku::recorder {
+
+/// "+0530", "+05:30", "UTC" or "local" (this machine's zone now). Throws kiroku::UsageError naming `source`
+/// for anything else.
+std::chrono::minutes parse_assumed_zone(const std::string& text, const std::string& source);
+
+/// The acknowledgement of a message (ACK, HL7 v2 chapter 2.9.2, original mode): MSA-2 is its MSH-10.
+/// `message` may be null where none could be read. "" where the sender asks for none (MSH-15 and MSH-16 are
+/// both NE). `code` is AA, AE or AR; `text` is for people.
+std::string make_acknowledgement(const Hl7Message* message, std::string_view code, std::string_view text,
+                                 UtcTime now);
+
+class Hl7Vitals {
+ public:
+  explicit Hl7Vitals(std::chrono::minutes assumed_zone) : assumed_zone_(assumed_zone) {}
+
+  struct Taken {
+    /// The message itself first, then what was read from it; all stamped with the arrival.
+    std::vector<media::VitalLine> lines;
+    /// "AA" taken (also if it came before), "AE" not readable, "AR" not of a kind that is recorded.
+    std::string answer;
+    std::string acknowledgement;  // without framing; "" if none is wanted
+  };
+  /// `peer` is who brought it, "" for a file: the source of its lines is "<MSH-3, MSH-4>@<peer>". A message
+  /// is a repeated one if sender, MSH-10 and every byte are those of one of the last kRemembered: an
+  /// identifier alone does not suffice, monitors begin anew with 1 or always send the same. `arrival_ns` must
+  /// not decrease.
+  Taken take(std::string_view bytes, std::int64_t arrival_ns, UtcTime now, const std::string& peer);
+
+  static constexpr std::size_t kRemembered = 4096;
+  static constexpr std::size_t kMostSenders = 256;
+
+ private:
+  bool is_repeated(const std::string& source, const std::string& control_id, std::string_view bytes);
+  MonitorReader& reader_of(const std::string& source);
+
+  std::chrono::minutes assumed_zone_;
+  std::map<std::string, MonitorReader> readers_;
+  std::map<std::string, crypto::Sha256Digest> seen_;  // by sender and MSH-10
+  std::deque<std::string> seen_order_;
+};
+
+}  // namespace kiroku::recorder

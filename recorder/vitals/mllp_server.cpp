@@ -1,0 +1,328 @@
+#include "recorder/vitals/mllp_server.h"
+
+#include <array>
+#include <atomic>
+#include <set>
+#include <thread>
+#include <utility>
+
+#include <boost/asio.hpp>
+#include <boost/asio/ssl.hpp>
+
+#include "base/error.h"
+#include "recorder/vitals/mllp_framing.h"
+
+namespace kiroku::recorder {
+namespace {
+
+namespace asio = boost::asio;
+using asio::ip::tcp;
+using boost::system::error_code;
+using TlsStream = asio::ssl::stream<tcp::socket>;
+
+constexpr std::chrono::milliseconds kOfferAgain{20};
+
+std::string printable(std::string_view text) {
+  std::string result;
+  for (const char c : text.substr(0, 60)) {
+    result += c >= ' ' && c < 0x7F ? c : '?';
+  }
+  return result;
+}
+
+/// One connection, seen by the server.
+class Connection {
+ public:
+  virtual ~Connection() = default;
+  virtual void begin() = 0;
+  virtual void close() = 0;
+};
+
+struct Shared {
+  MllpServer::Options options;
+  MllpServer::Taker taker;
+  MllpServer::Complaint complaint;
+  std::set<std::shared_ptr<Connection>> connections;
+};
+
+tcp::socket& socket_of(tcp::socket& stream) { return stream; }
+tcp::socket& socket_of(TlsStream& stream) { return stream.next_layer(); }
+
+/// Reads, hands over, answers, one message after the other, so that answers keep the order of messages. Kept
+/// alive by its pending operations.
+template <typename Stream>
+class StreamConnection : public Connection, public std::enable_shared_from_this<StreamConnection<Stream>> {
+ public:
+  StreamConnection(Shared& shared, Stream stream, std::string peer)
+      : shared_(shared),
+        stream_(std::move(stream)),
+        peer_(std::move(peer)),
+        deframer_(shared.options.longest_message),
+        limit_(socket_of(stream_).get_executor()),
+        again_(socket_of(stream_).get_executor()) {}
+
+  void begin() override {
+    if constexpr (std::is_same_v<Stream, TlsStream>) {
+      watch(shared_.options.stall_limit, "did not complete the TLS handshake in time");
+      stream_.async_handshake(asio::ssl::stream_base::server,
+                              [self = this->shared_from_this(), this](const error_code& error) {
+                                if (error) {
+                                  end("the TLS handshake failed: " + error.message());
+                                } else {
+                                  read();
+                                }
+                              });
+    } else {
+      read();
+    }
+  }
+
+  void close() override {
+    error_code ignored;
+    limit_.cancel();
+    again_.cancel();
+    socket_of(stream_).close(ignored);
+    shared_.connections.erase(this->shared_from_this());
+  }
+
+ private:
+  void watch(std::chrono::seconds limit, const char* what) {
+    limit_.expires_after(limit);
+    limit_.async_wait([self = this->shared_from_this(), this, what](const error_code& error) {
+      if (!error && socket_of(stream_).is_open()) {
+        end(what);
+      }
+    });
+  }
+
+  void read() {
+    const bool within = deframer_.within_frame();
+    watch(within ? shared_.options.stall_limit : shared_.options.idle_limit,
+          within ? "stopped within a message" : "was silent for long");
+    stream_.async_read_some(asio::buffer(buffer_), [self = this->shared_from_this(), this](
+                                                       const error_code& error, std::size_t count) {
+      if (error) {
+        end(deframer_.within_frame()
+                ? "ended within a message that began with '" + printable(deframer_.partial()) + "'"
+                : "");
+        return;
+      }
+      unread_ = std::string_view(buffer_.data(), count);
+      proceed();
+    });
+  }
+
+  /// Handles what has been read, up to the next answer.
+  void proceed() {
+    if (!socket_of(stream_).is_open()) {
+      return;  // closed while an answer was on its way
+    }
+    while (auto event = deframer_.feed(unread_)) {
+      switch (event->kind) {
+        case MllpDeframer::Event::Kind::kMessage:
+          offered_ = std::move(event->text);
+          offer();
+          return;
+        case MllpDeframer::Event::Kind::kStray:
+          shared_.complaint("bytes-outside-frame",
+                            "bytes outside of a message were passed over: '" + printable(event->text) + "'",
+                            peer_);
+          break;
+        case MllpDeframer::Event::Kind::kCut:
+          shared_.complaint(
+              "message-cut",
+              "a message that began with '" + printable(event->text) + "' was cut short by the next", peer_);
+          break;
+        case MllpDeframer::Event::Kind::kTooLong:
+          shared_.complaint("message-too-long",
+                            "a message longer than " +
+                                std::to_string(shared_.options.longest_message >> 10U) +
+                                " KiB, which began with '" + printable(event->text) + "', was dropped",
+                            peer_);
+          break;
+      }
+    }
+    read();
+  }
+
+  void offer() {
+    limit_.cancel();  // what the recorder takes its time for is not the monitor's fault
+    std::optional<std::string> answer;
+    try {
+      answer = shared_.taker(offered_, peer_);
+    } catch (const std::exception& error) {
+      end(std::string("brought a message that could not be taken: ") + error.what());
+      return;
+    }
+    if (!answer) {
+      again_.expires_after(kOfferAgain);
+      again_.async_wait([self = this->shared_from_this(), this](const error_code& error) {
+        if (!error && socket_of(stream_).is_open()) {
+          offer();
+        }
+      });
+      return;
+    }
+    if (answer->empty()) {
+      proceed();
+      return;
+    }
+    answer_ = mllp_frame(*answer);
+    watch(shared_.options.stall_limit, "does not read its acknowledgements");
+    asio::async_write(stream_, asio::buffer(answer_),
+                      [self = this->shared_from_this(), this](const error_code& error, std::size_t) {
+                        if (error) {
+                          end("an acknowledgement could not be sent: " + error.message());
+                        } else {
+                          proceed();
+                        }
+                      });
+  }
+
+  void end(const std::string& why) {
+    if (!socket_of(stream_).is_open()) {
+      limit_.cancel();  // closed from here; nothing may keep the server waiting
+      return;
+    }
+    if (!why.empty()) {
+      shared_.complaint("connection-ended", "the connection was closed: it " + why, peer_);
+    }
+    close();
+  }
+
+  Shared& shared_;
+  Stream stream_;
+  std::string peer_;
+  MllpDeframer deframer_;
+  asio::steady_timer limit_, again_;
+  std::array<char, 64U << 10> buffer_{};
+  std::string_view unread_;  // of buffer_
+  std::string offered_, answer_;
+};
+
+}  // namespace
+
+struct MllpServer::State {
+  State(const Options& options, Taker taker, Complaint complaint)
+      : shared{options, std::move(taker), std::move(complaint), {}}, acceptor(context), pause(context) {
+    listen();
+    if (!options.certificate.empty()) {
+      prepare_tls();
+    }
+  }
+
+  void listen() {
+    const Options& options = shared.options;
+    const std::string where = options.address + ":" + std::to_string(options.port);
+    try {
+      const tcp::endpoint endpoint(asio::ip::make_address(options.address), options.port);
+      acceptor.open(endpoint.protocol());
+      acceptor.set_option(tcp::acceptor::reuse_address(true));
+      acceptor.bind(endpoint);
+      acceptor.listen();
+    } catch (const boost::system::system_error& error) {
+      throw UsageError("cannot wait for monitors at " + where + ": " + error.code().message() +
+                       "; check the address, and that nothing else uses the port");
+    }
+  }
+
+  void prepare_tls() {
+    const Options& options = shared.options;
+    try {
+      tls.emplace(asio::ssl::context::tls_server);
+      tls->set_options(asio::ssl::context::default_workarounds | asio::ssl::context::no_tlsv1 |
+                       asio::ssl::context::no_tlsv1_1);
+      tls->use_certificate_chain_file(options.certificate);
+      tls->use_private_key_file(options.key.empty() ? options.certificate : options.key,
+                                asio::ssl::context::pem);
+      if (!options.clients.empty()) {
+        tls->load_verify_file(options.clients);
+        tls->set_verify_mode(asio::ssl::verify_peer | asio::ssl::verify_fail_if_no_peer_cert);
+      }
+    } catch (const boost::system::system_error& error) {
+      throw UsageError("cannot use the certificate '" + options.certificate + "' or its key for monitors: " +
+                       error.code().message() + "; both must be PEM files, the key without passphrase");
+    }
+  }
+
+  void accept() {
+    acceptor.async_accept([this](const error_code& error, tcp::socket socket) {
+      if (!acceptor.is_open()) {
+        return;
+      }
+      if (error) {
+        // Out of descriptors, most likely: others may close.
+        pause.expires_after(std::chrono::seconds(1));
+        pause.async_wait([this](const error_code& cancelled) {
+          if (!cancelled) {
+            accept();
+          }
+        });
+        return;
+      }
+      welcome(std::move(socket));
+      accept();
+    });
+  }
+
+  void welcome(tcp::socket socket) {
+    error_code ignored;
+    const auto remote = socket.remote_endpoint(ignored);
+    const std::string peer = remote.address().to_string(ignored);
+    if (shared.connections.size() >= shared.options.most_connections) {
+      shared.complaint("connection-refused",
+                       "a connection was refused: there are " + std::to_string(shared.connections.size()),
+                       peer);
+      return;
+    }
+    socket.set_option(tcp::no_delay(true), ignored);
+    socket.set_option(asio::socket_base::keep_alive(true), ignored);
+    std::shared_ptr<Connection> connection;
+    if (tls) {
+      connection =
+          std::make_shared<StreamConnection<TlsStream>>(shared, TlsStream(std::move(socket), *tls), peer);
+    } else {
+      connection = std::make_shared<StreamConnection<tcp::socket>>(shared, std::move(socket), peer);
+    }
+    shared.connections.insert(connection);
+    connection->begin();
+  }
+
+  asio::io_context context{1};
+  std::optional<asio::ssl::context> tls;
+  Shared shared;
+  tcp::acceptor acceptor;
+  asio::steady_timer pause;
+  std::thread thread;
+};
+
+MllpServer::MllpServer(const Options& options, Taker taker, Complaint complaint)
+    : state_(std::make_unique<State>(options, std::move(taker), std::move(complaint))) {}
+
+MllpServer::~MllpServer() { stop(); }
+
+std::uint16_t MllpServer::port() const { return state_->acceptor.local_endpoint().port(); }
+
+void MllpServer::start() {
+  state_->accept();
+  state_->thread = std::thread([this] { state_->context.run(); });
+}
+
+void MllpServer::stop() noexcept {
+  State& state = *state_;
+  if (!state.thread.joinable()) {
+    return;
+  }
+  asio::post(state.context, [&state] {
+    error_code ignored;
+    state.acceptor.close(ignored);
+    state.pause.cancel();
+    const auto connections = state.shared.connections;
+    for (const std::shared_ptr<Connection>& connection : connections) {
+      connection->close();
+    }
+  });
+  state.thread.join();
+}
+
+}  // namespace kiroku::recorder

@@ -1,0 +1,56 @@
+// Where monitors deliver their messages: an MLLP server for any number of them, in the clear or over TLS. It
+// has one thread of its own; every function may be called from any other.
+#pragma once
+
+#include <chrono>
+#include <cstdint>
+#include <functional>
+#include <memory>
+#include <optional>
+#include <string>
+#include <string_view>
+
+namespace kiroku::recorder {
+
+class MllpServer {
+ public:
+  struct Options {
+    std::string address = "0.0.0.0";
+    std::uint16_t port = 2575;  // 0: any that is free
+    std::size_t longest_message = 512U << 10;
+    std::size_t most_connections = 64;
+    /// A connection that is silent for so long is closed; so is one that stops within a message, sooner, or
+    /// does not read what it is sent.
+    std::chrono::seconds idle_limit = std::chrono::hours(1);
+    std::chrono::seconds stall_limit = std::chrono::minutes(1);
+    /// PEM files; TLS (1.2 at least) if there is a certificate. With `clients` only who has a certificate
+    /// issued by one of those is let in.
+    std::string certificate, key, clients;
+  };
+  /// Takes one message and says what to answer, "" for nothing. Nothing where there is no room for it now: it
+  /// is offered again a little later, and its connection read no further meanwhile. Called on the server's
+  /// thread; what is answered is sent after it returned.
+  using Taker = std::function<std::optional<std::string>(std::string_view message, const std::string& peer)>;
+  /// What a person should know of a connection: name of the notice, sentence, peer.
+  using Complaint =
+      std::function<void(const std::string& name, const std::string& text, const std::string& peer)>;
+
+  /// Listens at once, so that a port that is taken is told now; monitors wait until start(). Throws
+  /// kiroku::UsageError for an address that cannot be listened on, or TLS files that cannot be used.
+  MllpServer(const Options& options, Taker taker, Complaint complaint);
+  ~MllpServer();
+  MllpServer(const MllpServer&) = delete;
+  MllpServer& operator=(const MllpServer&) = delete;
+
+  [[nodiscard]] std::uint16_t port() const;
+  /// Begins to serve; once.
+  void start();
+  /// Closes all connections and returns when nothing more will be taken. May be called more than once.
+  void stop() noexcept;
+
+ private:
+  struct State;
+  std::unique_ptr<State> state_;
+};
+
+}  // namespace kiroku::recorder

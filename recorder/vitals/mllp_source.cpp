@@ -1,0 +1,171 @@
+#include "recorder/vitals/mllp_source.h"
+
+#include <atomic>
+#include <charconv>
+#include <condition_variable>
+#include <deque>
+#include <mutex>
+#include <utility>
+
+#include "base/error.h"
+#include "recorder/case_clock.h"
+#include "recorder/source/source_address.h"
+#include "recorder/vitals/hl7_vitals.h"
+#include "recorder/vitals/mllp_server.h"
+
+namespace kiroku::recorder {
+namespace {
+
+/// So often a reader who waits hears that nothing has come.
+constexpr std::chrono::milliseconds kPatience{50};
+
+MllpServer::Options server_options(const SourceAddress& address) {
+  address.require_options("zone,idle,connections,certificate,key,clients");
+  MllpServer::Options options;
+  const bool tls = address.location.starts_with("mllps://");
+  std::string rest = address.location.substr(address.location.find("://") + 3);
+  while (rest.ends_with('/')) {
+    rest.pop_back();
+  }
+  const std::size_t colon = rest.rfind(':');
+  if (colon != std::string::npos && rest.find(']', colon) == std::string::npos) {
+    const std::string port = rest.substr(colon + 1);
+    const auto [end, error] = std::from_chars(port.data(), port.data() + port.size(), options.port);
+    if (error != std::errc() || end != port.data() + port.size()) {
+      throw UsageError("source '" + address.stated + "': '" + port + "' is no port");
+    }
+    rest.resize(colon);
+  }
+  if (rest.starts_with('[') && rest.ends_with(']')) {
+    rest = rest.substr(1, rest.size() - 2);
+  }
+  options.address = rest.empty() ? "0.0.0.0" : rest;
+  options.idle_limit = std::chrono::seconds(integer_option(address, "idle", 3600, 1, 7 * 86'400));
+  options.most_connections = static_cast<std::size_t>(integer_option(address, "connections", 64, 1, 1000));
+  options.certificate = address.option("certificate", "");
+  options.key = address.option("key", "");
+  options.clients = address.option("clients", "");
+  if (tls == options.certificate.empty()) {
+    throw UsageError("source '" + address.stated +
+                     "': TLS needs mllps:// and certificate=PEM; give both or neither");
+  }
+  return options;
+}
+
+class MllpSource : public VitalSource {
+ public:
+  MllpSource(const SourceAddress& address, const CaseClock& clock)
+      : clock_(clock),
+        vitals_(parse_assumed_zone(address.option("zone", "local"), address.stated)),
+        server_(
+            server_options(address),
+            [this](std::string_view message, const std::string& peer) { return take(message, peer); },
+            [this](const std::string& name, const std::string& text, const std::string& peer) {
+              complain(name, text, peer);
+            }) {}
+
+  std::optional<VitalLine> next() override {
+    if (!started_) {
+      started_ = true;
+      server_.start();
+    }
+    if (interrupted_) {
+      server_.stop();  // what is in the queue then is all there will be
+    }
+    std::unique_lock lock(mutex_);
+    arrived_.wait_for(lock, kPatience, [this] { return !queue_.empty() || interrupted_; });
+    quiet_until_ns_.reset();
+    if (queue_.empty()) {
+      if (!interrupted_ || !drained_) {
+        drained_ = interrupted_;  // once more after the server has stopped
+        quiet_until_ns_ = taking_since_ns_.value_or(clock_.now_ns());
+      }
+      return std::nullopt;
+    }
+    Queued queued = std::move(queue_.front());
+    queue_.pop_front();
+    queued_bytes_ -= queued.bytes;
+    return std::move(queued.line);
+  }
+
+  [[nodiscard]] std::optional<std::int64_t> quiet_until_ns() const override { return quiet_until_ns_; }
+  [[nodiscard]] bool is_live() const override { return true; }
+
+  void interrupt() noexcept override {
+    interrupted_ = true;
+    arrived_.notify_all();
+  }
+
+ private:
+  struct Queued {
+    VitalLine line;
+    std::size_t bytes;
+  };
+
+  // Both on the server's thread.
+  std::optional<std::string> take(std::string_view message, const std::string& peer) {
+    std::int64_t now_ns = 0;
+    {
+      const std::lock_guard lock(mutex_);
+      if (queued_bytes_ > 0 && queued_bytes_ + message.size() > kMllpQueueBytes) {
+        return std::nullopt;
+      }
+      // Until its lines are in the queue nobody may believe that nothing came since now.
+      now_ns = clock_.now_ns();
+      taking_since_ns_ = now_ns;
+    }
+    Hl7Vitals::Taken taken;
+    try {
+      taken = vitals_.take(message, now_ns, utc_now(), peer);
+    } catch (const std::exception&) {
+      push({}, 0);
+      throw;
+    }
+    push(std::move(taken.lines), message.size());
+    return std::move(taken.acknowledgement);
+  }
+
+  void complain(const std::string& name, const std::string& text, const std::string& peer) {
+    std::int64_t now_ns = 0;
+    {
+      const std::lock_guard lock(mutex_);
+      now_ns = clock_.now_ns();
+      taking_since_ns_ = now_ns;
+    }
+    std::vector<VitalLine> lines;
+    lines.emplace_back(media::VitalNotice{now_ns, name, text, "@" + peer});
+    push(std::move(lines), text.size());
+  }
+
+  void push(std::vector<VitalLine> lines, std::size_t bytes) {
+    {
+      const std::lock_guard lock(mutex_);
+      taking_since_ns_.reset();
+      for (VitalLine& line : lines) {
+        queue_.push_back({std::move(line), std::exchange(bytes, 0)});
+        queued_bytes_ += queue_.back().bytes;
+      }
+    }
+    arrived_.notify_one();
+  }
+
+  const CaseClock& clock_;
+  Hl7Vitals vitals_;  // the server's thread alone
+  bool started_ = false, drained_ = false;
+  std::optional<std::int64_t> quiet_until_ns_;
+  std::atomic<bool> interrupted_ = false;
+  std::mutex mutex_;
+  std::condition_variable arrived_;
+  std::deque<Queued> queue_;
+  std::size_t queued_bytes_ = 0;
+  std::optional<std::int64_t> taking_since_ns_;
+  MllpServer server_;  // last: its thread uses the rest
+};
+
+}  // namespace
+
+std::unique_ptr<VitalSource> open_mllp_source(const SourceAddress& address, const CaseClock& clock) {
+  return std::make_unique<MllpSource>(address, clock);
+}
+
+}  // namespace kiroku::recorder

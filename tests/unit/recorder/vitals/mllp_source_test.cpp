@@ -1,0 +1,269 @@
+#include "recorder/vitals/mllp_source.h"
+
+#include <fstream>
+#include <thread>
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "base/error.h"
+#include "recorder/case_clock.h"
+#include "recorder/source/source_address.h"
+#include "recorder/vitals/hl7_message.h"
+#include "recorder/vitals/mllp_server.h"
+#include "tests/support/mllp_client.h"
+#include "tests/support/temporary_folder.h"
+
+namespace kiroku::recorder {
+namespace {
+
+using test::MllpClient;
+using testing::HasSubstr;
+using testing::SizeIs;
+
+std::string message(int id, const std::string& value = "97") {
+  return "MSH|^~\\&|MON||||20260101120000+0000||ORU^R01|" + std::to_string(id) +
+         "|P|2.6\rOBX|1|NM|1^MDC_X^MDC|1|" + value + "\r";
+}
+
+/// A port that nobody used a moment ago.
+std::uint16_t free_port() {
+  boost::asio::io_context context;
+  boost::asio::ip::tcp::acceptor acceptor(context, {boost::asio::ip::make_address("127.0.0.1"), 0});
+  return acceptor.local_endpoint().port();
+}
+
+/// A source read by a thread of its own, as a lane reads it.
+class Running {
+ public:
+  explicit Running(const std::string& options = "", const std::string& scheme = "mllp")
+      : port_(free_port()),
+        source_(open_vital_source(
+            parse_source_address(scheme + "://127.0.0.1:" + std::to_string(port_) + options), clock_)),
+        thread_([this] { read(); }) {}
+  ~Running() { finish(); }
+
+  [[nodiscard]] std::uint16_t port() const { return port_; }
+  std::vector<VitalLine> finish() {
+    if (thread_.joinable()) {
+      source_->interrupt();
+      thread_.join();
+    }
+    return lines_;
+  }
+
+ private:
+  void read() {
+    std::int64_t floor_ns = 0;
+    for (;;) {
+      if (auto line = source_->next()) {
+        EXPECT_GE(media::time_ns_of(*line), floor_ns);
+        floor_ns = media::time_ns_of(*line);
+        lines_.push_back(std::move(*line));
+      } else if (const auto quiet = source_->quiet_until_ns()) {
+        EXPECT_GE(*quiet, floor_ns);
+        floor_ns = *quiet;
+      } else {
+        return;
+      }
+    }
+  }
+  CaseClock clock_;
+  std::uint16_t port_;
+  std::unique_ptr<VitalSource> source_;
+  std::vector<VitalLine> lines_;
+  std::thread thread_;
+};
+
+template <typename Line>
+std::vector<Line> of(const std::vector<VitalLine>& lines) {
+  std::vector<Line> found;
+  for (const VitalLine& line : lines) {
+    if (const auto* const one = std::get_if<Line>(&line)) {
+      found.push_back(*one);
+    }
+  }
+  return found;
+}
+
+std::string acknowledged(MllpClient& client) {
+  const auto answer = client.receive();
+  const Hl7Parse parsed = parse_hl7_message(answer.value_or(""));
+  if (!parsed.message || parsed.message->segments().size() != 2) {
+    return "nothing";
+  }
+  const Hl7Segment& msa = parsed.message->segments()[1];
+  return msa.field(1).text() + " " + msa.field(2).text();
+}
+
+TEST(MllpSource, RecordsAndAcknowledges) {
+  Running running;
+  MllpClient client("127.0.0.1", running.port());
+  client.send_message(message(1));
+  EXPECT_EQ(acknowledged(client), "AA 1");
+  client.send_message("MSH|^~\\&|MON||||20260101||ADT^A01|2|P|2.6\r");
+  EXPECT_EQ(acknowledged(client), "AR 2");
+  const auto lines = running.finish();
+  const auto samples = of<VitalSample>(lines);
+  ASSERT_THAT(samples, SizeIs(1));
+  EXPECT_EQ(samples[0].source, "MON@127.0.0.1");
+  EXPECT_THAT(of<media::DeviceMessage>(lines), SizeIs(2));
+}
+
+TEST(MllpSource, TakesMessagesByteByByteAndManyAtOnce) {
+  Running running;
+  MllpClient slow("127.0.0.1", running.port());
+  MllpClient fast("127.0.0.1", running.port());
+  std::thread trickle([&] {
+    for (const char c : mllp_frame(message(1))) {
+      slow.send(std::string(1, c));
+      std::this_thread::sleep_for(std::chrono::milliseconds(2));
+    }
+  });
+  std::string all;
+  for (int i = 0; i < 500; ++i) {
+    all += mllp_frame(message(i, std::to_string(i)));
+  }
+  fast.send(all);
+  for (int i = 0; i < 500; ++i) {
+    ASSERT_EQ(acknowledged(fast), "AA " + std::to_string(i));
+  }
+  trickle.join();
+  EXPECT_EQ(acknowledged(slow), "AA 1");
+  EXPECT_THAT(of<VitalSample>(running.finish()), SizeIs(501));
+}
+
+TEST(MllpSource, RecordsWhatItAcknowledgedThoughTheEndIsAskedFor) {
+  for (int round = 0; round < 20; ++round) {
+    Running running;
+    std::thread stopper;
+    std::size_t answered = 0;
+    {
+      MllpClient client("127.0.0.1", running.port());
+      std::string all;
+      for (int i = 0; i < 200; ++i) {
+        all += mllp_frame(message(i, std::to_string(i)));
+      }
+      client.send(all);
+      stopper = std::thread([&, round] {
+        std::this_thread::sleep_for(std::chrono::milliseconds(round));
+        running.finish();
+      });
+      while (acknowledged(client) != "nothing") {
+        ++answered;
+      }
+    }
+    stopper.join();
+    EXPECT_GE(of<VitalSample>(running.finish()).size(), answered);
+  }
+}
+
+TEST(MllpSource, DropsARepeatedMessageButAcknowledgesIt) {
+  Running running;
+  MllpClient client("127.0.0.1", running.port());
+  client.send_message(message(1));
+  EXPECT_EQ(acknowledged(client), "AA 1");
+  client.close();
+  MllpClient again("127.0.0.1", running.port());  // as after a lost acknowledgement
+  again.send_message(message(1));
+  EXPECT_EQ(acknowledged(again), "AA 1");
+  EXPECT_THAT(of<VitalSample>(running.finish()), SizeIs(1));
+}
+
+TEST(MllpSource, SaysWhatBecameOfBrokenConnections) {
+  Running running("?idle=1&connections=2");
+  {
+    MllpClient cut("127.0.0.1", running.port());
+    cut.send("\x0BMSH|^~\\&|CUT");
+    std::this_thread::sleep_for(std::chrono::milliseconds(50));
+  }
+  MllpClient noisy("127.0.0.1", running.port());
+  noisy.send("GET / HTTP/1.1\r\n\r\n" + mllp_frame("\x0BMSH") + mllp_frame(message(3)));
+  EXPECT_EQ(acknowledged(noisy), "AE ");
+  EXPECT_EQ(acknowledged(noisy), "AA 3");
+  MllpClient large("127.0.0.1", running.port());
+  large.send("\x0B" + std::string((512U << 10) + 1, 'x') + "\x1C\r" + mllp_frame(message(4)));
+  EXPECT_EQ(acknowledged(large), "AA 4");
+  MllpClient third("127.0.0.1", running.port());
+  EXPECT_FALSE(third.receive(std::chrono::seconds(5)));
+  EXPECT_FALSE(noisy.receive(std::chrono::seconds(5)));  // silent for a second
+  std::string said;
+  for (const media::VitalNotice& notice : of<media::VitalNotice>(running.finish())) {
+    said += notice.notice + ": " + notice.text + " " + notice.source + "\n";
+  }
+  EXPECT_THAT(said,
+              HasSubstr("connection-ended: the connection was closed: it ended within a message that began "
+                        "with 'MSH|^~\\&|CUT' @127.0.0.1"));
+  EXPECT_THAT(said,
+              HasSubstr("bytes-outside-frame: bytes outside of a message were passed over: 'GET / HTTP/1.1"));
+  EXPECT_THAT(said, HasSubstr("message-cut"));
+  EXPECT_THAT(said, HasSubstr("message-too-long: a message longer than 512 KiB, which began with 'xxx"));
+  EXPECT_THAT(said, HasSubstr("connection-refused: a connection was refused: there are 2"));
+  EXPECT_THAT(said, HasSubstr("was silent for long"));
+}
+
+TEST(MllpServer, OffersAMessageAgainWhereThereIsNoRoomForItYet) {
+  std::atomic<int> offered = 0;
+  MllpServer::Options options;
+  options.address = "127.0.0.1";
+  options.port = 0;
+  MllpServer server(
+      options,
+      [&](std::string_view bytes, const std::string&) -> std::optional<std::string> {
+        return ++offered < 5 ? std::nullopt : std::optional("MSH|" + std::string(bytes));
+      },
+      [](const std::string&, const std::string&, const std::string&) {});
+  server.start();
+  MllpClient client("127.0.0.1", server.port());
+  client.send_message("x");
+  EXPECT_EQ(client.receive(), "MSH|x");
+  EXPECT_EQ(offered, 5);
+  server.stop();
+  EXPECT_FALSE(client.receive());
+}
+
+TEST(MllpSource, RefusesWhatItCannotListenOn) {
+  const CaseClock clock;
+  const auto open = [&](const std::string& address) {
+    return open_vital_source(parse_source_address(address), clock);
+  };
+  const Running running;
+  EXPECT_THROW(open("mllp://127.0.0.1:" + std::to_string(running.port())), UsageError);
+  EXPECT_THROW(open("mllp://nowhere.invalid:2575"), UsageError);
+  EXPECT_THROW(open("mllp://127.0.0.1:port"), UsageError);
+  EXPECT_THROW(open("mllp://127.0.0.1:99999"), UsageError);
+  EXPECT_THROW(open("mllp://127.0.0.1:0?zone=Mars"), UsageError);
+  EXPECT_THROW(open("mllp://127.0.0.1:0?speed=max"), UsageError);
+  EXPECT_THROW(open("mllps://127.0.0.1:0"), UsageError);
+  EXPECT_THROW(open("mllps://127.0.0.1:0?certificate=/nowhere.pem"), UsageError);
+  EXPECT_NO_THROW(open("mllp://[::1]:0"));
+}
+
+TEST(Hl7File, GivesItsMessagesByTheirOwnTime) {
+  const test::TemporaryFolder folder;
+  const auto path = folder.path() / "monitor.hl7";
+  std::ofstream(path, std::ios::binary)
+      << "MSH|^~\\&|M||||20260101120000||ORU^R01|1|P|2.6\rOBX|1|NM|1^MDC_X^MDC||1\r"
+      << "MSH|^~\\&|M||||20260101120002.5||ORU^R01|2|P|2.6\rOBX|1|NM|1^MDC_X^MDC||2\r"
+      << "MSH|^~\\&|M||||20260101110000||ORU^R01|3|P|2.6\rOBX|1|NM|1^MDC_X^MDC||3\r"
+      << "MSH|^~\\&|M||||||ADT^A01|4|P|2.6\r";
+  const CaseClock clock;
+  const auto source = open_vital_source(parse_source_address(path.string() + "?zone=UTC"), clock);
+  std::vector<VitalLine> lines;
+  while (auto line = source->next()) {
+    lines.push_back(*line);
+  }
+  const auto samples = of<VitalSample>(lines);
+  ASSERT_THAT(samples, SizeIs(3));
+  EXPECT_EQ(samples[0].time_ns, 0);
+  EXPECT_EQ(samples[1].time_ns, 2'500'000'000);
+  EXPECT_EQ(samples[2].time_ns, 2'500'000'000);
+  EXPECT_EQ(of<media::DeviceMessage>(lines).size(), 4U);
+  std::ofstream(path, std::ios::binary) << "no message";
+  EXPECT_THROW(open_vital_source(parse_source_address(path.string()), clock), Error);
+  std::ofstream(path, std::ios::binary) << "";
+  EXPECT_THROW(open_vital_source(parse_source_address(path.string()), clock), Error);
+}
+
+}  // namespace
+}  // namespace kiroku::recorder
