@@ -224,7 +224,9 @@ void add_record_command(Command& program) {
   const auto request = std::make_shared<Request>();
   command.option("--endoscope", "SRC", request->endoscope, "the endoscope's picture");
   command.option("--room", "SRC", request->room, "the room's picture");
-  command.option("--vitals", "SRC", request->vitals, "the patient's vital signs");
+  command.option(
+      "--vitals", "SRC", request->vitals,
+      "the patient's vital signs: mllp://ADDRESS:PORT where monitors deliver HL7, a file, synthetic:patient");
   command.option("--duration", "T", request->duration, "ends by itself after hh:mm:ss, or 20s, 90m, 2h",
                  "until Ctrl-C");
   command.option("--subject", "FILE", request->subject,

@@ -104,7 +104,12 @@ class Player {
 
   void play(const std::string& message) {
     const recorder::Hl7Parse parsed = recorder::parse_hl7_message(message);
-    waiting_.push_back(parsed.message ? parsed.message->control_id() : "");
+    if (parsed.message && parsed.message->header().field(15).raw() == "NE" &&
+        parsed.message->header().field(16).raw() == "NE") {
+      ++sent_;  // asks for no answer
+    } else {
+      waiting_.push_back(parsed.message ? parsed.message->control_id() : "");
+    }
     if (playing_.trickle > 0) {
       for (const char c : recorder::mllp_frame(message)) {
         client_.send(std::string(1, c));
