@@ -1,5 +1,6 @@
 #include "recorder/vitals/hl7_vitals.h"
 
+#include <algorithm>
 #include <ctime>
 #include <utility>
 
@@ -63,7 +64,11 @@ std::string make_acknowledgement(const Hl7Message* message, std::string_view cod
                                  UtcTime now) {
   const Hl7Separators separators = message != nullptr ? message->separators() : Hl7Separators();
   const auto echoed = [&](std::size_t number) {
-    return message != nullptr ? message->header().field(number).raw() : std::string_view();
+    std::string raw(message != nullptr ? message->header().field(number).raw() : std::string_view());
+    // A line that goes on with the header must not end the answer's.
+    std::ranges::replace_if(
+        raw, [](char c) { return static_cast<unsigned char>(c) < 0x20; }, ' ');
+    return raw;
   };
   if (echoed(15) == "NE" && echoed(16) == "NE") {
     return "";

@@ -47,7 +47,8 @@ class Monitors : public ProgramTest {
     const auto report =
         kiroku_json({"verify", "--json", "--identity", (home() / "identity.txt").string(), recorded});
     EXPECT_EQ(report["verdict"], "intact") << report.dump(1);
-    const auto exported = kiroku_json({"export", recorded, "--stream", "vitals", "-o", "vitals.jsonl", "--json"});
+    const auto exported =
+        kiroku_json({"export", recorded, "--stream", "vitals", "-o", "vitals.jsonl", "--json"});
     EXPECT_EQ(exported["stream"], "vitals");
     std::vector<nlohmann::json> lines;
     std::istringstream text(read_text(folder() / "vitals.jsonl"));
@@ -172,6 +173,17 @@ TEST_F(Monitors, AFileOfMessagesIsASource) {
   ASSERT_FALSE(lines.empty());
   EXPECT_EQ(lines.back()["value"], 6);
   EXPECT_EQ(lines.back()["time_ns"], 9'000'000'000);
+}
+
+TEST_F(Monitors, ARealRecordOfSignalsIsASource) {
+  KIROKU_NEEDS_SHARED_DATA("recording/vitals/03700181.hea");
+  const std::string header = shared_data("recording/vitals/03700181.hea").string();
+  const auto recorded = kiroku_json({"record", "--vitals", header + "?speed=max", "--json"});
+  std::size_t values = 0;
+  for (const nlohmann::json& line : lines_of(recorded.value("case", ""))) {
+    values += line.contains("values") ? line["values"].size() : 0U;
+  }
+  EXPECT_EQ(values, (4 + 1 + 1) * 75'000U);
 }
 
 TEST_F(Monitors, APortThatIsTakenIsToldBeforeThereIsACase) {
