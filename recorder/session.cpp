@@ -10,6 +10,7 @@
 #include "recorder/events_lane.h"
 #include "recorder/scribe.h"
 #include "recorder/video_lane.h"
+#include "recorder/vitals/awaited_source.h"
 #include "recorder/vitals_lane.h"
 
 namespace kiroku::recorder {
@@ -215,7 +216,13 @@ Session::State::State(SessionOptions asked)
   }
   for (const StreamRequest& request : options.vitals) {
     OpenedVitals opened{checked_address(request, options), {}};
-    opened.source = open_vital_source(opened.address, clock);
+    try {
+      opened.source = open_vital_source(opened.address, clock);
+    } catch (const Error& error) {
+      if (!request.may_be_absent) throw;
+      troubles.mention(error.what());
+      opened.source = await_vital_source(opened.address, clock, error.what());
+    }
     declare(stream_info(request, opened.address, false), request.recipients);
     vitals.push_back(std::move(opened));
   }

@@ -219,11 +219,11 @@ Check check_authority(const recorder::NamedAuthority& authority, const timestamp
 Check check_source(const RoomConfiguration& room, const StreamConfiguration& stream) {
   const std::string subject = "source " + room.name + "/" + stream.name;
   const recorder::SourceAddress address = recorder::parse_source_address(stream.source);
+  const recorder::CaseClock clock;
   if (!stream.is_video) {
-    static_cast<void>(recorder::open_vital_source(address));
+    static_cast<void>(recorder::open_vital_source(address, clock));
     return {Health::kGood, subject, "'" + address.stated + "' can be opened", ""};
   }
-  const recorder::CaseClock clock;
   recorder::OpeningTerms terms;
   terms.patience = kSourcePatience;
   const auto source = recorder::open_source(address, clock, terms);

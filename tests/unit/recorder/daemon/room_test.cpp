@@ -1,6 +1,7 @@
 #include "recorder/daemon/room.h"
 
 #include <atomic>
+#include <fstream>
 #include <mutex>
 #include <thread>
 
@@ -110,6 +111,25 @@ TEST_F(RoomTest, BeginsWithoutASourceThatIsAbsentAndStatesTheGap) {
   EXPECT_EQ(gaps[0].span.start_ns, 0);
   EXPECT_EQ(gaps[0].cause, archive::GapCause::kSignalLost);
   EXPECT_THAT(warnings, Contains(HasSubstr("cannot be opened")));
+}
+
+TEST_F(RoomTest, TakesUpVitalSignsThatComeLate) {
+  const std::string file = (bench / "monitor.csv").string();
+  RoomPlan late = plan({kCamera});
+  late.session.vitals.push_back(bench.stream("vitals", file));
+  late.session.vitals.back().may_be_absent = true;
+  Room room(std::move(late), listener());
+  room.start("operator");
+  std::ofstream(file) << "time,code,value,unit\n0.5,MDC_ECG_HEART_RATE,71,/min\n";
+  ASSERT_TRUE(within(20s, [&] { return room.status().session.streams.at(1).frames >= 3; }));
+  room.stop("operator", true);
+  const RecordedCase recorded = bench.read(results.at(0).folder);
+  EXPECT_THAT(recorded.broken_rules(), IsEmpty());
+  const std::vector<std::string> lines = recorded.lines("vitals");
+  ASSERT_THAT(lines, SizeIs(3));
+  EXPECT_THAT(lines[0], HasSubstr("source-absent"));
+  EXPECT_THAT(lines[1], HasSubstr("source-present"));
+  EXPECT_THAT(lines[2], HasSubstr("\"value\":71"));
 }
 
 TEST_F(RoomTest, EndsACaseThatNoPictureReaches) {
