@@ -51,7 +51,8 @@ function(kiroku_test target)
   target_precompile_headers(${target} PRIVATE <gmock/gmock.h> <gtest/gtest.h> <algorithm> <chrono> <filesystem> <fstream> <functional> <map>
                                               <optional> <string> <thread> <vector>)
   if(CMAKE_CXX_COMPILER_ID STREQUAL "GNU")
-    target_compile_options(${target} PRIVATE -fpch-preprocess)  # ccache asks for it
+    # ccache asks for the first. With it, GCC 12 sees strings overflow that it inlined itself (GCC bugs 105329, 105651).
+    target_compile_options(${target} PRIVATE -fpch-preprocess -Wno-array-bounds -Wno-stringop-overflow -Wno-restrict)
   endif()
   if(NOT ARG_TIMEOUT)
     set(ARG_TIMEOUT 120)

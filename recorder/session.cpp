@@ -168,7 +168,8 @@ void check(const SessionOptions& options) {
 }
 
 SourceAddress checked_address(const StreamRequest& request, const SessionOptions& options) {
-  SourceAddress address = parse_source_address(request.source);
+  SourceAddress address = parse_source_address(
+      request.source, request.may_be_absent ? Presence::kMayBeAbsent : Presence::kRequired);
   if (address.unpaced() && !options.duration &&
       (address.kind == SourceKind::kSynthetic || address.option("loop", "0") == "1")) {
     throw UsageError("source '" + address.stated +

@@ -64,7 +64,7 @@ void SourceAddress::require_options(std::string_view known) const {
   }
 }
 
-SourceAddress parse_source_address(const std::string& text) {
+SourceAddress parse_source_address(const std::string& text, Presence presence) {
   if (text.empty())
     throw UsageError("a source is missing: give a device, a file, an address or synthetic:NAME");
   SourceAddress address;
@@ -102,6 +102,10 @@ SourceAddress parse_source_address(const std::string& text) {
   }
   const auto status = std::filesystem::status(address.location, error);
   if (!std::filesystem::exists(status)) {
+    if (presence == Presence::kMayBeAbsent) {
+      address.kind = address.location.starts_with("/dev/") ? SourceKind::kDevice : SourceKind::kFile;
+      return address;
+    }
     throw UsageError("source '" + address.stated +
                      "' does not exist; check the path, or that the device is plugged in");
   }

@@ -26,8 +26,12 @@ struct SourceAddress {
   void require_options(std::string_view known) const;
 };
 
-/// Throws kiroku::UsageError for an empty address, an unknown scheme, or a path that is not there.
-SourceAddress parse_source_address(const std::string& text);
+/// Whether a path must be there when its address is read. One that is not, and may be absent, is taken for a
+/// device below /dev, for a file elsewhere.
+enum class Presence { kRequired, kMayBeAbsent };
+/// Throws kiroku::UsageError for an empty address, an unknown scheme, or a path that is required and not
+/// there.
+SourceAddress parse_source_address(const std::string& text, Presence presence = Presence::kRequired);
 
 /// A whole number from an option, within [least, most]; throws kiroku::UsageError naming the option.
 int integer_option(const SourceAddress& address, const std::string& name, int otherwise, int least, int most);

@@ -122,7 +122,7 @@ RecordedCase RecorderBench::record(recorder::SessionOptions options) const {
 std::size_t RecorderBench::cases() const {
   std::size_t count = 0;
   for (const auto& entry : std::filesystem::directory_iterator(folder_ / "archive")) {
-    count += entry.is_directory() ? 1U : 0U;
+    count += entry.is_directory() && !entry.path().filename().string().starts_with('.') ? 1U : 0U;
   }
   return count;
 }

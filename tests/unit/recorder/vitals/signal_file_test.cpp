@@ -312,7 +312,7 @@ TEST_F(SignalFileTest, ReadsADamagedVitalFileAsFarAsItGoesAndSaysSo) {
   file.record(1004, 1, VitalPackets::raw(2.F));
   write("a.vital", compressed(file.bytes() + std::string("\x01\xFF\xFF\x00\x00", 5)));
   auto lines = read("a.vital");
-  EXPECT_THAT(values_of(lines, "HR"), ElementsAre(1, 2));
+  EXPECT_THAT(values_of(lines, "MDC_ECG_HEART_RATE"), ElementsAre(1, 2));
   EXPECT_THAT(notices(lines), ElementsAre("unit-unknown", "track-unknown", "file-cut", "packets-unknown",
                                           "records-left-out"));
   EXPECT_THAT(of<VitalNotice>(lines).back().text, HasSubstr("4 records"));
