@@ -2,15 +2,18 @@
 
 #include <atomic>
 #include <chrono>
+#include <condition_variable>
 #include <csignal>
 #include <initializer_list>
 #include <iostream>
+#include <mutex>
 #include <poll.h>
 #include <sstream>
 #include <sys/signalfd.h>
 #include <systemd/sd-daemon.h>
 #include <thread>
 #include <unistd.h>
+#include <vector>
 
 #include <nlohmann/json.hpp>
 #include <spdlog/sinks/stdout_sinks.h>
@@ -30,6 +33,7 @@
 #include "recorder/daemon/control_server.h"
 #include "recorder/daemon/daemon.h"
 #include "recorder/daemon/http_server.h"
+#include "recorder/late_stamping.h"
 
 namespace kiroku::apps {
 namespace {
@@ -37,6 +41,7 @@ namespace {
 constexpr const char* kServiceHome = "/var/lib/kiroku";
 constexpr std::chrono::seconds kTick{1};
 constexpr int kDiskTicks = 10;
+constexpr std::chrono::seconds kLateStampInterval{15};
 
 struct Request {
   std::optional<std::string> home, configuration;
@@ -62,13 +67,14 @@ struct Shared {
   crypto::SigningKey key;
   timestamp::TrustStore trust;
   std::unique_ptr<archive::ApplianceLog> log;
+  std::unique_ptr<recorder::StampingQueue> queue;  // null: it cannot be used, and a warning said so
 };
 
 /// What a recorder that died left behind comes first.
 void recover_first(const Home& home, const Authorities& authorities, const Shared& shared,
                    const archive::RecordingLock& lock) {
-  for (const archive::CaseRecovery& each :
-       recover_home(home, shared.key, *shared.log, authorities.named(), shared.trust, nullptr, lock)) {
+  for (const archive::CaseRecovery& each : recover_home(home, shared.key, *shared.log, authorities.named(),
+                                                        shared.trust, shared.queue.get(), lock)) {
     std::istringstream lines(recovery_text(each));
     for (std::string line; std::getline(lines, line);) spdlog::warn("{}", line);
   }
@@ -112,6 +118,7 @@ recorder::RoomPlan plan_of(const RoomConfiguration& room, const Home& home,
   plan.session.key = &shared.key;
   plan.session.trust = &shared.trust;
   plan.session.log = shared.log.get();
+  plan.session.queue = shared.queue.get();
   return plan;
 }
 
@@ -150,6 +157,51 @@ std::unique_ptr<recorder::HttpServer> serve_http(const Home& home, const Configu
   };
   return std::make_unique<recorder::HttpServer>(std::move(options));
 }
+
+/// Works off the stamping queue, for cases that were closed while no authority answered, until it is
+/// destroyed.
+class LateStamper {
+ public:
+  LateStamper(const Home& home, const Authorities& authorities, const Shared& shared)
+      : home_(home),
+        stamping_(authorities.named(), {nullptr, home.archive(), &shared.key, home.device().name(),
+                                        shared.log.get(), &shared.trust, shared.queue.get()}),
+        thread_([this] { run(); }) {}
+  ~LateStamper() {
+    {
+      const std::lock_guard guard(mutex_);
+      ending_ = true;
+    }
+    changed_.notify_all();
+    thread_.join();
+  }
+  LateStamper(const LateStamper&) = delete;
+  LateStamper& operator=(const LateStamper&) = delete;
+
+ private:
+  void run() {
+    std::unique_lock lock(mutex_);
+    while (!changed_.wait_for(lock, kLateStampInterval, [this] { return ending_; })) {
+      lock.unlock();
+      try {
+        for (const auto& each : stamping_.work_off(recorder::LateStamping::Patience::kAllPauses).stamped) {
+          spdlog::info("case {} is stamped by {} now", each.case_id, each.authority);
+          refresh_catalogue(home_, home_.archive() / each.case_id);
+        }
+      } catch (const std::exception& error) {
+        spdlog::warn("time-stamps that did not come cannot be asked for now: {}", error.what());
+      }
+      lock.lock();
+    }
+  }
+
+  const Home& home_;
+  recorder::LateStamping stamping_;
+  std::mutex mutex_;
+  std::condition_variable changed_;
+  bool ending_ = false;
+  std::thread thread_;
+};
 
 /// Whether the program's file was replaced by a newer one: a package was upgraded.
 bool was_replaced() {
@@ -204,7 +256,7 @@ int run(const Request& request) {
   const int signals = signal_descriptor();
   const archive::RecordingLock lock =
       archive::RecordingLock::take(archive::real_file_system(), home.archive());
-  Shared shared{home.signing_key(), home.trust(), {}};
+  Shared shared{home.signing_key(), home.trust(), {}, open_stamping_queue(home)};
   shared.log = archive::ApplianceLog::open(archive::real_file_system(), home.log_folder(), shared.key,
                                            home.device().name());
   log_configuration(file, home, *shared.log);
@@ -215,11 +267,16 @@ int run(const Request& request) {
   options.archive = home.archive();
   options.warn_below_hours = configuration.storage.warn_below_hours;
   options.listener = listener_for(home);
+  // Each room asks over connections of its own: a source of stamps belongs to one thread at a time.
+  std::vector<std::unique_ptr<Authorities>> of_rooms;
   for (const RoomConfiguration& room : configuration.rooms) {
-    options.rooms.push_back(plan_of(room, home, configuration, authorities, shared));
+    of_rooms.push_back(std::make_unique<Authorities>(home, configuration, std::vector<std::string>{}));
+    options.rooms.push_back(plan_of(room, home, configuration, *of_rooms.back(), shared));
   }
   std::string reason;
   {
+    std::unique_ptr<LateStamper> late;
+    if (shared.queue) late = std::make_unique<LateStamper>(home, authorities, shared);
     recorder::Daemon daemon(std::move(options));
     const recorder::ControlServer control(
         home.control_socket(configuration),
