@@ -289,6 +289,13 @@ struct Room::State {
   void end(const SessionResult& result) {
     const bool by_itself = result.close_reason == "disk-full" || result.close_reason.starts_with("error: ") ||
                            result.close_reason == "sources-ended";
+    // First, so that whoever waits for the end finds everything done.
+    if (!result.case_id.empty()) {
+      if (listener.note) {
+        listener.note("case " + result.case_id + " is closed (" + result.close_reason + ")");
+      }
+      if (listener.closed) listener.closed(result);
+    }
     {
       const std::lock_guard guard(mutex);
       session.reset();
@@ -306,12 +313,7 @@ struct Room::State {
       not_before = Clock::now() + pause;
     }
     changed.notify_all();
-    if (result.case_id.empty()) {
-      if (by_itself) tell_problem("recording ahead ended: " + result.close_reason);
-      return;
-    }
-    if (listener.note) listener.note("case " + result.case_id + " is closed (" + result.close_reason + ")");
-    if (listener.closed) listener.closed(result);
+    if (result.case_id.empty() && by_itself) tell_problem("recording ahead ended: " + result.close_reason);
   }
 
   void end_badly(const std::string& why) {

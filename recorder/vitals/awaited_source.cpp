@@ -25,12 +25,14 @@ class AwaitedSource : public VitalSource {
     if (!told_) {
       told_ = true;
       next_try_ns_ = clock_.now_ns() + kRetryNs;
-      return notice("source-absent", why_ + "; it is tried again");
+      return notice(clock_.now_ns(), "source-absent", why_ + "; it is tried again");
     }
     if (source_) return from_source();
     if (!interrupted_ && clock_.now_ns() >= next_try_ns_) {
       next_try_ns_ = clock_.now_ns() + kRetryNs;
-      if (open()) return notice("source-present", "source '" + address_.stated + "' is there");
+      if (open()) {
+        return notice(present_since_ns_, "source-present", "source '" + address_.stated + "' is there");
+      }
     }
     std::this_thread::sleep_for(kPatience);
     return {};
@@ -48,8 +50,9 @@ class AwaitedSource : public VitalSource {
   [[nodiscard]] bool is_live() const override { return true; }
 
  private:
-  [[nodiscard]] VitalLine notice(const std::string& word, const std::string& sentence) const {
-    return media::VitalNotice{clock_.now_ns(), word, sentence, address_.stated};
+  [[nodiscard]] VitalLine notice(std::int64_t time_ns, const std::string& word,
+                                 const std::string& sentence) const {
+    return media::VitalNotice{time_ns, word, sentence, address_.stated};
   }
   bool open() {
     try {

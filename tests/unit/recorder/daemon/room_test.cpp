@@ -121,7 +121,8 @@ TEST_F(RoomTest, TakesUpVitalSignsThatComeLate) {
   Room room(std::move(late), listener());
   room.start("operator");
   std::ofstream(file) << "time,code,value,unit\n0.5,MDC_ECG_HEART_RATE,71,/min\n";
-  ASSERT_TRUE(within(20s, [&] { return room.status().session.streams.at(1).frames >= 3; }));
+  ASSERT_TRUE(within(20s, [&] { return room.status().session.streams.at(1).frames >= 3; }))
+      << room.status().session.streams.at(1).frames << " lines; " << room.status().problem;
   room.stop("operator", true);
   const RecordedCase recorded = bench.read(results.at(0).folder);
   EXPECT_THAT(recorded.broken_rules(), IsEmpty());
