@@ -4,6 +4,7 @@
 #include <memory>
 #include <sys/stat.h>
 #include <unistd.h>
+#include <vector>
 
 #include <nlohmann/json.hpp>
 
@@ -170,9 +171,12 @@ crypto::VerifierKey fill(const Home& home, const Request& request, const std::ve
   return device;
 }
 
-/// The new home is filled beside its place and renamed there when it is whole.
-fs::path make_place_beside(const fs::path& folder, Undo& undo) {
-  const fs::path parent = fs::absolute(folder).lexically_normal().parent_path();
+/// The new home is filled beside its place and renamed there when it is whole; inside it where the folder is
+/// there, empty, and this user may write nothing beside it (a service's folder below /var/lib).
+fs::path make_place(const fs::path& folder, Undo& undo) {
+  const fs::path beside = fs::absolute(folder).lexically_normal().parent_path();
+  const bool inside = fs::is_directory(folder) && ::access(beside.c_str(), W_OK) != 0;
+  const fs::path parent = inside ? folder : beside;
   std::error_code failed;
   fs::create_directories(parent, failed);
   if (failed) throw IoError("make the folder", parent, failed.value());
@@ -180,6 +184,30 @@ fs::path make_place_beside(const fs::path& folder, Undo& undo) {
   if (::mkdtemp(name.data()) == nullptr) throw IoError("make a folder in", parent, errno);
   undo.made(name);
   return name;
+}
+
+/// Gives the filled place its name. What makes a folder a home, the device key's public half, comes last.
+void settle(const Home& place, const fs::path& folder) {
+  std::error_code absent;
+  if (!fs::equivalent(place.folder().parent_path(), folder, absent)) {
+    if (::rename(place.folder().c_str(), folder.c_str()) != 0) throw IoError("make the home", folder, errno);
+    return;
+  }
+  const auto move_up = [&](const fs::path& entry) {
+    const fs::path target = folder / entry.filename();
+    if (::rename(entry.c_str(), target.c_str()) != 0) throw IoError("make the home", target, errno);
+  };
+  std::vector<fs::path> entries;
+  for (const fs::directory_entry& entry : fs::directory_iterator(place.folder()))
+    entries.push_back(entry.path());
+  for (const fs::path& entry : entries) {
+    if (entry != place.device_file()) move_up(entry);
+  }
+  archive::real_file_system().sync_folder(folder);
+  move_up(place.device_file());
+  std::error_code ignored;
+  fs::remove(place.folder(), ignored);
+  archive::real_file_system().sync_folder(folder);
 }
 
 void print_result(const Request& request, const fs::path& folder, const crypto::VerifierKey& device,
@@ -223,7 +251,7 @@ int run(const Request& request) {
         "--no-passphrase is about identities made with --new-identity FILE: name one, or leave it out");
   }
   Undo undo;
-  const Home place(make_place_beside(folder, undo));
+  const Home place(make_place(folder, undo));
   for (std::string& recipient : make_identities(request, undo)) recipients.push_back(std::move(recipient));
   if (request.demo) {
     const crypto::AgeKeyPair pair = crypto::generate_age_key();
@@ -232,7 +260,7 @@ int run(const Request& request) {
   }
   const crypto::VerifierKey device = fill(place, request, recipients, undo);
   archive::real_file_system().sync_folder(place.folder());
-  if (::rename(place.folder().c_str(), folder.c_str()) != 0) throw IoError("make the home", folder, errno);
+  settle(place, folder);
   undo.keep_all();
   archive::real_file_system().sync_folder(fs::absolute(folder).lexically_normal().parent_path());
   print_result(request, folder, device, recipients);
