@@ -133,6 +133,8 @@ void CaseRules::take_open(const OpenEntry& open, const CaseEntry& entry, std::ui
   }
   opening_ = open;
   opened_ = entry.at.utc;
+  clock_zero_ = entry.at.utc -
+                std::chrono::floor<std::chrono::microseconds>(std::chrono::nanoseconds(entry.at.mono_ns));
   for (const StreamInfo& each : open.streams) {
     streams_.emplace(each.name, StreamRules(each, scope_.whole_case, *findings_));
   }
@@ -293,6 +295,7 @@ void CaseRules::describe(VerificationReport& report) const {
     }
   }
   report.opened = opened_;
+  report.clock_zero = clock_zero_;
   report.closed = closed_;
   report.time = tokens_.time();
   report.tokens = tokens_.count();

@@ -79,7 +79,7 @@ class CaseRules {
   std::map<std::string, StreamRules> streams_;
   std::optional<OpenEntry> opening_;
   std::optional<crypto::VerifierKey> device_;
-  std::optional<UtcTime> opened_, closed_;
+  std::optional<UtcTime> opened_, closed_, clock_zero_;
   std::optional<std::uint64_t> close_;
   std::optional<UtcTime> last_utc_;
   std::unordered_set<std::string> named_;

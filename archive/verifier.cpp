@@ -259,9 +259,10 @@ std::int64_t AuthorityClock::drift_ns() const {
   return elapsed.count() - (last.case_ns - first.case_ns);
 }
 
-std::int64_t offset_ns(const ClockComparison& comparison, UtcTime opened) {
-  const auto since_open = std::chrono::duration_cast<std::chrono::nanoseconds>(comparison.gen_time - opened);
-  return since_open.count() - comparison.case_ns;
+std::int64_t offset_ns(const ClockComparison& comparison, UtcTime clock_zero) {
+  const auto since_zero =
+      std::chrono::duration_cast<std::chrono::nanoseconds>(comparison.gen_time - clock_zero);
+  return since_zero.count() - comparison.case_ns;
 }
 
 VerificationReport verify_case(const std::filesystem::path& folder, const VerifyOptions& options) {

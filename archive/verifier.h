@@ -58,8 +58,8 @@ struct AuthorityClock {
   [[nodiscard]] std::int64_t drift_ns() const;
   [[nodiscard]] std::int64_t drift_half_width_ns() const { return first.half_width_ns + last.half_width_ns; }
 };
-/// By how much gen_time is ahead of the recorder's UTC at open plus the case clock.
-std::int64_t offset_ns(const ClockComparison& comparison, UtcTime opened);
+/// By how much gen_time is ahead of the recorder's UTC: of `clock_zero` plus the case clock.
+std::int64_t offset_ns(const ClockComparison& comparison, UtcTime clock_zero);
 
 struct VerificationReport {
   Verdict verdict = Verdict::kTampered;
@@ -72,6 +72,7 @@ struct VerificationReport {
   std::vector<AuthorityClock> clocks;  // one an authority, in the order of their first tokens
   std::vector<Finding> findings;       // ordered by entry, then file
   std::optional<UtcTime> opened, closed;
+  std::optional<UtcTime> clock_zero;  // the recorder's wall clock at 0 of the case clock, by `open`
 };
 
 /// Looks at one decrypted segment: returns a sentence if it does not decode to what the entry states. Given

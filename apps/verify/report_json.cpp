@@ -39,19 +39,19 @@ ordered_json bracket_json(const archive::Bracket& bracket) {
 }
 
 ordered_json comparison_json(const archive::ClockComparison& comparison,
-                             const std::optional<UtcTime>& opened) {
-  return {
-      {"gen_time", format_utc(comparison.gen_time)},
-      {"case_ns", comparison.case_ns},
-      {"offset_ns", opened ? ordered_json(archive::offset_ns(comparison, *opened)) : ordered_json(nullptr)},
-      {"half_width_ns", comparison.half_width_ns}};
+                             const std::optional<UtcTime>& clock_zero) {
+  return {{"gen_time", format_utc(comparison.gen_time)},
+          {"case_ns", comparison.case_ns},
+          {"offset_ns",
+           clock_zero ? ordered_json(archive::offset_ns(comparison, *clock_zero)) : ordered_json(nullptr)},
+          {"half_width_ns", comparison.half_width_ns}};
 }
 
-ordered_json clock_json(const archive::AuthorityClock& clock, const std::optional<UtcTime>& opened) {
+ordered_json clock_json(const archive::AuthorityClock& clock, const std::optional<UtcTime>& clock_zero) {
   return {{"authority", clock.authority},
           {"comparisons", clock.comparisons},
-          {"first", comparison_json(clock.first, opened)},
-          {"last", comparison_json(clock.last, opened)},
+          {"first", comparison_json(clock.first, clock_zero)},
+          {"last", comparison_json(clock.last, clock_zero)},
           {"drift_ns", clock.drift_ns()},
           {"drift_half_width_ns", clock.drift_half_width_ns()}};
 }
@@ -84,7 +84,7 @@ ordered_json report_json(const archive::VerificationReport& report) {
   out["brackets"] = ordered_json::array();
   for (const auto& bracket : report.brackets) out["brackets"].push_back(bracket_json(bracket));
   out["clocks"] = ordered_json::array();
-  for (const auto& clock : report.clocks) out["clocks"].push_back(clock_json(clock, report.opened));
+  for (const auto& clock : report.clocks) out["clocks"].push_back(clock_json(clock, report.clock_zero));
   out["findings"] = ordered_json::array();
   for (const auto& finding : report.findings) out["findings"].push_back(finding_json(finding));
   return out;

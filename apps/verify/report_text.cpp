@@ -101,13 +101,13 @@ std::string clock_lines(const VerificationReport& report) {
   std::string out;
   for (const archive::AuthorityClock& clock : report.clocks) {
     std::string text = clock.authority + "'s clock";
-    if (report.opened) {
-      text += " " + seconds(archive::offset_ns(clock.first, *report.opened), true) + " (± " +
+    if (report.clock_zero) {
+      text += " " + seconds(archive::offset_ns(clock.first, *report.clock_zero), true) + " (± " +
               seconds(clock.first.half_width_ns, false) + ") against the recorder's";
     }
     if (clock.comparisons > 1) {
-      text += std::string(report.opened ? "," : "") + " drift " + seconds(clock.drift_ns(), true) + " (± " +
-              seconds(clock.drift_half_width_ns(), false) + ") in " +
+      text += std::string(report.clock_zero ? "," : "") + " drift " + seconds(clock.drift_ns(), true) +
+              " (± " + seconds(clock.drift_half_width_ns(), false) + ") in " +
               format_duration(clock.last.case_ns - clock.first.case_ns);
     }
     out += line(out.empty() ? "clocks" : "", text);

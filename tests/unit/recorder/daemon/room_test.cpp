@@ -24,7 +24,8 @@ using testing::IsEmpty;
 using testing::SizeIs;
 
 constexpr const char* kCamera = "synthetic:pattern?size=64x48&rate=20";
-constexpr const char* kAbsentCamera = "udp://127.0.0.1:9?timeout=100000";
+// Refused at once; libav makes no thread for it, which the thread sanitizer could not follow.
+constexpr const char* kAbsentCamera = "tcp://127.0.0.1:9";
 
 class RoomTest : public testing::Test {
  protected:
