@@ -1,5 +1,7 @@
 #include "apps/kiroku/configuration.h"
 
+#include <sstream>
+
 #include <gtest/gtest.h>
 
 #include "base/error.h"
@@ -77,6 +79,33 @@ TEST(Configuration, RefusesPathsThatAreNone) {
   EXPECT_EQ(refusal(authority + "min_interval = \"2d\"\n").substr(0, 12), "k.toml:4:16:");
   EXPECT_EQ(refusal(authority + "min_interval = \"25h\"\n"),
             "k.toml:4:16: 'min_interval' is '25h': it must be between 1ms and 24h");
+}
+
+TEST(Configuration, ListensOnThisMachineAlone) {
+  const Configuration read = parse_configuration("[daemon]\nlisten = \"127.0.0.1:9464\"\n", "k.toml");
+  EXPECT_EQ(read.daemon.listen_address, "127.0.0.1");
+  EXPECT_EQ(read.daemon.listen_port, 9464);
+  for (const char* text : {"0.0.0.0:9464", "127.0.0.1", "127.0.0.1:", "127.0.0.1:http", "127.0.0.1:70000",
+                           "127.0.0.1:0", "9464"}) {
+    EXPECT_EQ(refusal("[daemon]\nlisten = \"" + std::string(text) + "\"\n").substr(0, 23),
+              "k.toml:2:10: 'listen' i")
+        << text;
+  }
+}
+
+/// The room that the file written by init shows in comments is a good one.
+TEST(Configuration, TheExampleOfARoomIsGood) {
+  const std::string_view all = default_configuration_text();
+  std::istringstream lines{std::string(all.substr(all.find("# # An operating room")))};
+  std::string example;
+  for (std::string line; std::getline(lines, line);) {
+    example += (line.starts_with("# ") ? line.substr(2) : line == "#" ? "" : line) + "\n";
+  }
+  const Configuration read = parse_configuration(example, "example");
+  ASSERT_EQ(read.rooms.size(), 1U);
+  EXPECT_EQ(read.rooms[0].streams.size(), 3U);
+  EXPECT_EQ(read.rooms[0].rules.start_on_signal, "endoscope");
+  EXPECT_EQ(read.daemon.listen_port, 9464);
 }
 
 TEST(Configuration, RefusesUnknownKeysWithTheirPlace) {
