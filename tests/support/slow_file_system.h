@@ -48,7 +48,7 @@ class SlowFileSystem final : public archive::FileSystem {
     void sync() override { real_->sync(); }
     void sync_all() override { real_->sync_all(); }
     void reserve(std::uint64_t bytes) override { real_->reserve(bytes); }
-    void start_writeback() override { real_->start_writeback(); }
+    void write_behind() override { real_->write_behind(); }
     void truncate(std::uint64_t size) override { real_->truncate(size); }
     bool try_lock() override { return real_->try_lock(); }
     void lock() override { real_->lock(); }
