@@ -106,6 +106,24 @@ TEST(Configuration, TheExampleOfARoomIsGood) {
   EXPECT_EQ(read.rooms[0].streams.size(), 3U);
   EXPECT_EQ(read.rooms[0].rules.start_on_signal, "endoscope");
   EXPECT_EQ(read.daemon.listen_port, 9464);
+  ASSERT_EQ(read.retention.rules.size(), 1U);
+  EXPECT_EQ(read.retention.rules[0].after, std::chrono::hours(30 * 24));
+  EXPECT_EQ(read.retention.replicas.size(), 1U);
+}
+
+TEST(Configuration, RetentionSaysWhatWhenAndWhy) {
+  EXPECT_EQ(refusal("[[retention]]\nafter = \"1d\"\npolicy = \"p\"\n"),
+            "k.toml:1:1: a [[retention]] needs either a 'stream' or a 'purpose'");
+  EXPECT_EQ(refusal("[[retention]]\nstream = \"a\"\npurpose = \"b\"\nafter = \"1d\"\npolicy = \"p\"\n"),
+            "k.toml:1:1: a [[retention]] needs either a 'stream' or a 'purpose'");
+  EXPECT_EQ(refusal("[[retention]]\nstream = \"a\"\npolicy = \"p\"\n"),
+            "k.toml:1:1: a [[retention]] needs 'after', such as \"30d\"");
+  EXPECT_EQ(refusal("[[retention]]\nstream = \"a\"\nafter = \"1d\"\n"),
+            "k.toml:1:1: a [[retention]] needs a 'policy': why the recording may go");
+  EXPECT_EQ(refusal("[[retention]]\nstream = \"a\"\nafter = \"soon\"\n").substr(0, 37),
+            "k.toml:3:9: 'after' is 'soon', which ");
+  EXPECT_EQ(refusal("[storage]\nreplicas = [\"copies\"]\n"),
+            "k.toml:2:12: 'replicas' has 'copies': write the whole path of an archive's copy");
 }
 
 TEST(Configuration, RefusesUnknownKeysWithTheirPlace) {
