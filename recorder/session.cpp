@@ -66,6 +66,10 @@ struct Session::State {
   /// There was none: what was recorded ahead is discarded, and stated.
   void discard();
   void finish_lanes();
+  [[nodiscard]] EventsLane& begun_events() const {
+    if (!begun) throw UsageError("no case has begun: there is nothing to mark");
+    return *events;
+  }
 
   [[nodiscard]] SessionStatus status() const {
     SessionStatus status;
@@ -408,9 +412,10 @@ void Session::stop(const std::string& reason) {
 
 SessionStatus Session::status() const { return state_->status(); }
 
-void Session::mark(const std::string& text) {
-  if (!state_->begun) throw UsageError("no case has begun: there is nothing to mark");
-  state_->events->mark(text);
-}
+void Session::mark(const std::string& text) { state_->begun_events().mark(text); }
+
+void Session::late_subject(const Bytes& json) { state_->begun_events().late_subject(json); }
+
+void Session::subject_missing(const std::string& why) { state_->begun_events().subject_missing(why); }
 
 }  // namespace kiroku::recorder

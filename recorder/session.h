@@ -109,6 +109,10 @@ class Session {
   /// An operator's mark: sealed in the events stream, committed to in the ledger. From any thread. Throws
   /// kiroku::Error before a case has begun and after it has ended.
   void mark(const std::string& text);
+  /// The same for what is known of the patient and the procedure only after the case had begun: JSON as of
+  /// SessionOptions::subject, and a sentence on why nothing is known (nothing of a patient in it).
+  void late_subject(const Bytes& json);
+  void subject_missing(const std::string& why);
 
  private:
   struct State;

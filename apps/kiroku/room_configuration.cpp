@@ -96,6 +96,7 @@ RoomConfiguration read_room(const toml::table& table, const TableReader& top, co
   reader.text("signal_lasts", [&](const std::string& text) {
     room.rules.signal_lasts = parse_duration(text, "'signal_lasts'");
   });
+  room.procedure = read_procedure(reader);
   for_each_table(reader, "stream", [&](const toml::table& entry) {
     StreamConfiguration stream = read_stream(entry, reader, defaults);
     const bool twice = std::any_of(room.streams.begin(), room.streams.end(),

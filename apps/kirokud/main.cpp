@@ -6,6 +6,7 @@
 #include <csignal>
 #include <initializer_list>
 #include <iostream>
+#include <map>
 #include <mutex>
 #include <poll.h>
 #include <sstream>
@@ -34,6 +35,7 @@
 #include "recorder/daemon/daemon.h"
 #include "recorder/daemon/http_server.h"
 #include "recorder/late_stamping.h"
+#include "recorder/procedure/room_procedure.h"
 
 namespace kiroku::apps {
 namespace {
@@ -120,6 +122,34 @@ recorder::RoomPlan plan_of(const RoomConfiguration& room, const Home& home,
   plan.session.log = shared.log.get();
   plan.session.queue = shared.queue.get();
   return plan;
+}
+
+/// Where hospital systems deliver messages of patients, by address: rooms that name the same one share it.
+using Inboxes = std::map<std::string, std::shared_ptr<recorder::ProcedureInbox>>;
+
+/// Where the room learns about procedures; null where nothing is configured.
+std::shared_ptr<recorder::ProcedureSource> procedure_of(const RoomConfiguration& room, Inboxes& inboxes) {
+  if (room.procedure.empty()) return {};
+  std::shared_ptr<recorder::ProcedureInbox> inbox;
+  recorder::ProcedureRule rule;
+  if (room.procedure.hl7) {
+    rule = room.procedure.hl7->rule;
+    std::shared_ptr<recorder::ProcedureInbox>& shared = inboxes[room.procedure.hl7->listen];
+    if (!shared) {
+      shared = std::make_shared<recorder::ProcedureInbox>(
+          room.procedure.hl7->listen,
+          [](const std::string& sentence) { spdlog::warn("{}", printable(sentence)); });
+    }
+    inbox = shared;
+  }
+  std::unique_ptr<recorder::Worklist> worklist;
+  if (room.procedure.worklist) {
+    worklist = std::make_unique<recorder::Worklist>(*room.procedure.worklist,
+                                                    [name = room.name](const std::string& sentence) {
+                                                      spdlog::warn("room {}: {}", name, printable(sentence));
+                                                    });
+  }
+  return std::make_shared<recorder::RoomProcedure>(std::move(inbox), std::move(rule), std::move(worklist));
 }
 
 recorder::RoomListener listener_for(const Home& home) {
@@ -210,8 +240,9 @@ bool was_replaced() {
 }
 
 /// Waits for signals and feeds the watchdog; returns the sentence that says why the recorder ends.
-std::string watch(recorder::Daemon& daemon, int signals) {
+std::string watch(recorder::Daemon& daemon, const Inboxes& inboxes, int signals) {
   for (int tick = 0;; ++tick) {
+    for (const auto& [listen, inbox] : inboxes) inbox->tend();
     pollfd waiting{signals, POLLIN, 0};
     const auto milliseconds = std::chrono::duration_cast<std::chrono::milliseconds>(kTick).count();
     if (::poll(&waiting, 1, static_cast<int>(milliseconds)) > 0) {
@@ -269,9 +300,11 @@ int run(const Request& request) {
   options.listener = listener_for(home);
   // Each room asks over connections of its own: a source of stamps belongs to one thread at a time.
   std::vector<std::unique_ptr<Authorities>> of_rooms;
+  Inboxes inboxes;
   for (const RoomConfiguration& room : configuration.rooms) {
     of_rooms.push_back(std::make_unique<Authorities>(home, configuration, std::vector<std::string>{}));
     options.rooms.push_back(plan_of(room, home, configuration, *of_rooms.back(), shared));
+    options.rooms.back().procedure = procedure_of(room, inboxes);
   }
   std::string reason;
   {
@@ -284,7 +317,7 @@ int run(const Request& request) {
     const std::unique_ptr<recorder::HttpServer> http = serve_http(home, configuration, daemon);
     ::sd_notify(0, "READY=1");
     spdlog::info("recording for {} room(s), home {}", configuration.rooms.size(), home.folder().string());
-    reason = watch(daemon, signals);
+    reason = watch(daemon, inboxes, signals);
     ::sd_notify(0, "STOPPING=1");
     spdlog::info("ending: {}", reason);
   }

@@ -169,10 +169,16 @@ struct Daemon::State {
     for (const StreamStatus& stream : status.session.streams) {
       streams.push_back(stream_json(stream, status.session.now_ns));
     }
+    ordered_json procedure = ordered_json::array();
+    for (const ProcedureWay& way : status.procedure) {
+      procedure.push_back({{"name", way.name}, {"well", way.well}, {"state", way.state}});
+    }
     return {{"room", status.name},
             {"state", state_name(status.state)},
             {"case", status.case_id},
             {"reason", status.reason},
+            {"subject", subject_state_name(status.subject)},
+            {"procedure", procedure},
             {"elapsed_ns", status.session.now_ns - status.session.begins_ns},
             {"streams", streams},
             {"tokens", status.session.tokens},
