@@ -4,13 +4,14 @@
 #include <chrono>
 #include <condition_variable>
 #include <csignal>
+#include <cstring>
 #include <initializer_list>
 #include <iostream>
 #include <map>
 #include <mutex>
 #include <poll.h>
 #include <sstream>
-#include <sys/signalfd.h>
+#include <sys/eventfd.h>
 #include <systemd/sd-daemon.h>
 #include <thread>
 #include <unistd.h>
@@ -239,35 +240,58 @@ bool was_replaced() {
   return std::filesystem::read_symlink("/proc/self/exe", ignored).string().ends_with(" (deleted)");
 }
 
+/// SIGINT, SIGTERM and SIGHUP, as a descriptor that becomes readable. They are blocked in every thread that
+/// is started from now on, so that they interrupt nothing there. A signalfd would not do: libraries start
+/// threads before main() (OpenBLAS, which FFmpeg's filters stand on), and a signal that one of those takes
+/// would end the process.
+class EndSignals {
+ public:
+  EndSignals() {
+    descriptor_ = ::eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK);
+    if (descriptor_ < 0) throw Error("signals cannot be received");
+    struct sigaction end {};
+    end.sa_handler = [](int signal) {
+      number_ = signal;
+      constexpr std::uint64_t kOne = 1;
+      (void)!::write(descriptor_, &kOne, sizeof kOne);
+    };
+    end.sa_flags = SA_RESTART;
+    sigset_t wanted;
+    ::sigemptyset(&wanted);
+    for (const int signal : {SIGINT, SIGTERM, SIGHUP}) {
+      ::sigaddset(&wanted, signal);
+      ::sigaction(signal, &end, nullptr);
+    }
+    ::pthread_sigmask(SIG_BLOCK, &wanted, &before_);
+    ::signal(SIGPIPE, SIG_IGN);
+  }
+
+  /// The signal that came within `limit`, 0 if none did. Called by the thread that made the object.
+  [[nodiscard]] int wait(std::chrono::seconds limit) const {
+    pollfd waiting{descriptor_, POLLIN, 0};
+    const timespec time{limit.count(), 0};
+    ::ppoll(&waiting, 1, &time, &before_);
+    return number_;
+  }
+
+ private:
+  // The handler's.
+  static inline std::atomic<int> number_ = 0;
+  static inline std::atomic<int> descriptor_ = -1;
+  sigset_t before_{};
+};
+
 /// Waits for signals and feeds the watchdog; returns the sentence that says why the recorder ends.
-std::string watch(recorder::Daemon& daemon, const Inboxes& inboxes, int signals) {
+std::string watch(recorder::Daemon& daemon, const Inboxes& inboxes, const EndSignals& signals) {
   for (int tick = 0;; ++tick) {
     for (const auto& [listen, inbox] : inboxes) inbox->tend();
-    pollfd waiting{signals, POLLIN, 0};
-    const auto milliseconds = std::chrono::duration_cast<std::chrono::milliseconds>(kTick).count();
-    if (::poll(&waiting, 1, static_cast<int>(milliseconds)) > 0) {
-      signalfd_siginfo signal{};
-      if (::read(signals, &signal, sizeof signal) == sizeof signal) {
-        return std::string("received ") + ::strsignal(static_cast<int>(signal.ssi_signo));
-      }
-    }
+    if (const int signal = signals.wait(kTick); signal != 0)
+      return std::string("received ") + ::strsignal(signal);
     if (daemon.healthy()) ::sd_notify(0, "WATCHDOG=1");
     if (tick % kDiskTicks == 0) daemon.watch_disk();
     if (!daemon.recording() && was_replaced())
       return "a newer version was installed and nothing is being recorded";
   }
-}
-
-/// SIGINT, SIGTERM and SIGHUP as a descriptor, blocked in every thread that is started from now on.
-int signal_descriptor() {
-  sigset_t wanted;
-  ::sigemptyset(&wanted);
-  for (const int signal : {SIGINT, SIGTERM, SIGHUP}) ::sigaddset(&wanted, signal);
-  ::pthread_sigmask(SIG_BLOCK, &wanted, nullptr);
-  ::signal(SIGPIPE, SIG_IGN);
-  const int descriptor = ::signalfd(-1, &wanted, SFD_CLOEXEC);
-  if (descriptor < 0) throw Error("signals cannot be received");
-  return descriptor;
 }
 
 int run(const Request& request) {
@@ -284,7 +308,7 @@ int run(const Request& request) {
     return kDone;
   }
   set_up_logging();
-  const int signals = signal_descriptor();
+  const EndSignals signals;
   const archive::RecordingLock lock =
       archive::RecordingLock::take(archive::real_file_system(), home.archive());
   Shared shared{home.signing_key(), home.trust(), {}, open_stamping_queue(home)};

@@ -178,11 +178,28 @@ void take_code(ProcedureData& data, DcmItem* code) {
   if (data.description.empty()) data.description = text(code, DCM_CodeMeaning);
 }
 
+/// The values of Specific Character Set (PS3.3 C.12.1.1.2), without the "2022" that only says that there may
+/// be others: "ISO 2022 IR 87" is "ISO IR 87", as HL7 calls it.
+std::vector<std::string> character_sets(DcmDataset& answer) {
+  constexpr std::string_view kSwitching = "ISO 2022";
+  std::vector<std::string> sets;
+  std::string rest = text(&answer, DCM_SpecificCharacterSet);
+  while (!rest.empty()) {
+    const std::size_t end = std::min(rest.find('\\'), rest.size());
+    std::string one = rest.substr(0, end);
+    if (one.starts_with(kSwitching)) one.replace(0, kSwitching.size(), "ISO");
+    sets.push_back(std::move(one));
+    rest.erase(0, end + 1);
+  }
+  return sets;
+}
+
 WorklistItem read_item(DcmDataset& answer) {
-  // To UTF-8 by what the answer states; where that does not fit, `words` goes by what the bytes are.
-  static_cast<void>(answer.convertToUTF8());
-  const auto words = [&answer](DcmItem* item, const DcmTagKey& key) {
-    return hl7_text_as_utf8(text(item, key), {"UNICODE UTF-8"}).text;
+  // DCMTK converts what it can; it cannot switch between sets (ISO 2022, Japanese) with glibc's iconv.
+  std::vector<std::string> sets = character_sets(answer);
+  if (answer.convertToUTF8().good()) sets = {"UNICODE UTF-8"};
+  const auto words = [&sets](DcmItem* item, const DcmTagKey& key) {
+    return hl7_text_as_utf8(text(item, key), sets).text;
   };
   WorklistItem item;
   ProcedureData& data = item.data;

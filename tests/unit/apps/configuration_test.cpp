@@ -1,5 +1,8 @@
 #include "apps/kiroku/configuration.h"
 
+#include <regex>
+#include <sstream>
+
 #include <gtest/gtest.h>
 
 #include "base/error.h"
@@ -106,6 +109,64 @@ TEST(Configuration, RefusesIncompleteAndDoubledAuthorities) {
   EXPECT_EQ(refusal("[authority]\nname = \"a\"\n"), "k.toml:1:1: authorities are written as [[authority]]");
   const std::string one = "[[authority]]\nname = \"a\"\nurl = \"embedded\"\n";
   EXPECT_EQ(refusal(one + one), "k.toml:4:1: there are two authorities named 'a'");
+}
+
+/// The part of the default file that is written as comments, with its prose left out.
+std::string uncommented_example() {
+  std::string example;
+  std::istringstream text{std::string(default_configuration_text())};
+  bool of_rooms = false;
+  for (std::string line; std::getline(text, line);) {
+    of_rooms |= line.starts_with("# ---");
+    static const std::regex kCode(
+        R"(# ((\[{1,2}[a-z0-9.]+\]{1,2})|([a-z0-9_]+ = (".*"|\[.*\]|true|false|[0-9]+))))");
+    std::smatch match;
+    if (of_rooms && std::regex_match(line, match, kCode)) example += match[1].str() + "\n";
+  }
+  return example;
+}
+
+TEST(Configuration, TheExampleOfARoomIsGoodAsItStands) {
+  const std::string example = uncommented_example();
+  const Configuration read = parse_configuration(example, "k.toml");
+  ASSERT_EQ(read.rooms.size(), 1U) << example;
+  const RoomConfiguration& room = read.rooms[0];
+  EXPECT_EQ(room.streams.size(), 3U);
+  ASSERT_TRUE(room.procedure.hl7);
+  EXPECT_EQ(room.procedure.hl7->listen, "mllp://0.0.0.0:2576");
+  EXPECT_EQ(room.procedure.hl7->rule.locations, (std::vector<std::string>{"OR1", "SURGERY^OR1"}));
+  ASSERT_TRUE(room.procedure.worklist);
+  EXPECT_EQ(room.procedure.worklist->host, "ris.hospital.example");
+  EXPECT_EQ(room.procedure.worklist->port, 104);
+  EXPECT_EQ(room.procedure.worklist->called_ae, "RIS");
+  EXPECT_EQ(room.procedure.worklist->station_ae, "ENDO1");
+  EXPECT_EQ(room.procedure.worklist->modality, "ES");
+  EXPECT_EQ(room.procedure.worklist->timeout, std::chrono::seconds(5));
+  EXPECT_EQ(room.procedure.worklist->refresh, std::chrono::minutes(1));
+  EXPECT_EQ(room.procedure.worklist->window, std::chrono::hours(12));
+}
+
+TEST(Configuration, RefusesWaysToProcedureDataThatAreNone) {
+  const std::string room = "[[room]]\nname = \"a\"\n";
+  const std::string hl7 = room + "[room.procedure.hl7]\n", worklist = room + "[room.procedure.worklist]\n";
+  EXPECT_EQ(refusal(hl7), "k.toml:3:1: [room.procedure.hl7] needs a 'listen'");
+  EXPECT_EQ(refusal(hl7 + "listen = \"rtsp://a\"\n"),
+            "k.toml:4:10: 'rtsp://a' is nowhere to wait for HL7 messages: write mllp://ADDRESS:PORT");
+  EXPECT_EQ(refusal(hl7 + "window = \"5d\"\n").substr(0, 12), "k.toml:4:10:");
+  EXPECT_EQ(refusal(hl7 + "window = \"80h\"\n"),
+            "k.toml:4:10: 'window' is '80h': it must be between 1m and 72h");
+  EXPECT_EQ(refusal(worklist + "station_ae = \"A\"\n"),
+            "k.toml:3:1: [room.procedure.worklist] needs an 'address'");
+  for (const char* address : {"ris", "ris:", ":104", "ris:0", "ris:70000", "ris:10x"}) {
+    EXPECT_EQ(refusal(worklist + "address = \"" + address + "\"\n"),
+              std::string("k.toml:4:11: 'address' is '") + address +
+                  "': write a host and a port, such as ris.hospital.example:104");
+  }
+  EXPECT_EQ(refusal(worklist + "called_ae = \"SEVENTEEN-LETTERS\"\n"),
+            "k.toml:4:13: 'called_ae' is 'SEVENTEEN-LETTERS': a title has 1 to 16 printable characters, no "
+            "backslash");
+  EXPECT_EQ(refusal(room + "[room.procedure]\nworklst = 1\n"),
+            "k.toml:4:1: unknown key 'worklst' in [room.procedure]; known are hl7, worklist");
 }
 
 TEST(Configuration, RefusesWhatIsNoToml) { EXPECT_EQ(refusal("[recording\n").substr(0, 9), "k.toml:1:"); }
