@@ -32,6 +32,7 @@ struct RoomConfiguration {
   std::vector<StreamConfiguration> streams;
   recorder::RoomRules rules;
   ProcedureConfiguration procedure;
+  std::vector<recorder::FootswitchOptions> footswitches;
 };
 
 /// [daemon].

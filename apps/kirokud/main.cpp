@@ -329,6 +329,7 @@ int run(const Request& request) {
     of_rooms.push_back(std::make_unique<Authorities>(home, configuration, std::vector<std::string>{}));
     options.rooms.push_back(plan_of(room, home, configuration, *of_rooms.back(), shared));
     options.rooms.back().procedure = procedure_of(room, inboxes);
+    options.rooms.back().footswitches = room.footswitches;
   }
   std::string reason;
   {

@@ -8,7 +8,9 @@
 #include <memory>
 #include <optional>
 #include <string>
+#include <vector>
 
+#include "recorder/daemon/footswitch.h"
 #include "recorder/daemon/schedule.h"
 #include "recorder/procedure/procedure_source.h"
 #include "recorder/session.h"
@@ -37,6 +39,7 @@ struct RoomPlan {
   /// Asked for the subject of a case for which nobody gave one; null: none. What is not known when the case
   /// begins is looked for while it runs, and becomes an event of it (events_lane.h).
   std::shared_ptr<ProcedureSource> procedure;
+  std::vector<FootswitchOptions> footswitches;  // the daemon's, which presses
 };
 
 /// Where the subject of a case came from: nowhere, from who started it, from the room's procedure data, or

@@ -132,6 +132,10 @@ TEST(Configuration, TheExampleOfARoomIsGoodAsItStands) {
   ASSERT_EQ(read.rooms.size(), 1U) << example;
   const RoomConfiguration& room = read.rooms[0];
   EXPECT_EQ(room.streams.size(), 3U);
+  ASSERT_EQ(room.footswitches.size(), 1U);
+  EXPECT_EQ(room.footswitches[0].key, 183);
+  EXPECT_EQ(room.footswitches[0].action, recorder::PressAction::kStartStop);
+  EXPECT_EQ(room.footswitches[0].mark, "footswitch");
   ASSERT_TRUE(room.procedure.hl7);
   EXPECT_EQ(room.procedure.hl7->listen, "mllp://0.0.0.0:2576");
   EXPECT_EQ(room.procedure.hl7->rule.locations, (std::vector<std::string>{"OR1", "SURGERY^OR1"}));
@@ -167,6 +171,20 @@ TEST(Configuration, RefusesWaysToProcedureDataThatAreNone) {
             "backslash");
   EXPECT_EQ(refusal(room + "[room.procedure]\nworklst = 1\n"),
             "k.toml:4:1: unknown key 'worklst' in [room.procedure]; known are hl7, worklist");
+}
+
+TEST(Configuration, RefusesFootswitchesThatAreNone) {
+  const std::string one = "[[room]]\nname = \"a\"\n[[room.footswitch]]\n";
+  const std::string incomplete =
+      "k.toml:3:1: a [[room.footswitch]] needs a 'device', a 'key' and what a 'press' does";
+  EXPECT_EQ(refusal(one), incomplete);
+  EXPECT_EQ(refusal(one + "device = \"name:Pedal\"\nkey = 183\n"), incomplete);
+  EXPECT_EQ(refusal(one + "device = \"pedal\"\n"),
+            "k.toml:4:10: 'device' is 'pedal': write a path below /dev/input, or name:NAME");
+  EXPECT_EQ(refusal(one + "key = \"KEY_F13\"\n"), "k.toml:4:7: 'key' must be a whole number from 1 to 767");
+  EXPECT_EQ(refusal(one + "key = 768\n"), "k.toml:4:7: 'key' must be a whole number from 1 to 767");
+  EXPECT_EQ(refusal(one + "press = \"kick\"\n"),
+            "k.toml:4:9: 'press' is 'kick': it must be start, stop, start-stop or mark");
 }
 
 TEST(Configuration, RefusesWhatIsNoToml) { EXPECT_EQ(refusal("[recording\n").substr(0, 9), "k.toml:1:"); }
