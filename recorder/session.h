@@ -60,6 +60,7 @@ struct SessionOptions {
 struct StreamStatus {
   std::string name;
   bool live = false;
+  // Of the case; before it has begun, of what it would begin with. Not what was discarded of a pre-roll.
   std::uint64_t frames = 0, dropped = 0, segments = 0, bytes = 0;
   std::int64_t last_ns = 0;     // case-clock end of what came last
   std::int64_t durable_ns = 0;  // case-clock end of what is safely on the disk and in the ledger

@@ -64,6 +64,19 @@ ordered_json stream_json(const StreamStatus& stream, std::int64_t now_ns) {
           {"durable_age_ms", std::llround(milliseconds_since(stream.durable_ns))}};
 }
 
+/// "path" is over which the latest token came; "left_alone_ms", until it may be asked again, is 0 where it
+/// may.
+ordered_json authority_json(const AuthorityStatus& authority) {
+  ordered_json out{{"name", authority.name},
+                   {"path", authority.path},
+                   {"failures", authority.failures},
+                   {"last_error", authority.last_error},
+                   {"last_token", nullptr},
+                   {"left_alone_ms", std::chrono::ceil<std::chrono::milliseconds>(authority.pause).count()}};
+  if (authority.last_token) out["last_token"] = format_utc(*authority.last_token);
+  return out;
+}
+
 /// Whether a case would be cut by ending now.
 bool is_busy(RoomState state) { return state != RoomState::kIdle && state != RoomState::kStandby; }
 
@@ -193,6 +206,10 @@ struct Daemon::State {
     for (const StreamStatus& stream : status.session.streams) {
       streams.push_back(stream_json(stream, status.session.now_ns));
     }
+    ordered_json authorities = ordered_json::array();
+    for (const AuthorityStatus& authority : status.session.authorities) {
+      authorities.push_back(authority_json(authority));
+    }
     ordered_json procedure = ordered_json::array();
     for (const ProcedureWay& way : status.procedure) {
       procedure.push_back({{"name", way.name}, {"well", way.well}, {"state", way.state}});
@@ -207,6 +224,7 @@ struct Daemon::State {
             {"streams", streams},
             {"tokens", status.session.tokens},
             {"missed", status.session.missed},
+            {"authorities", authorities},
             {"bytes_per_second", std::llround(status.bytes_per_second)},
             {"cases", status.cases},
             {"problem", status.problem}};

@@ -64,6 +64,11 @@ TEST_F(Daemon, RecordsWhatItIsToldAndClosesWhenItEnds) {
       kiroku_json({"case", "start", "--subject", path("subject.json"), "--json"})["case"];
   EXPECT_TRUE(
       until([](const nlohmann::json& room) { return room["streams"][0]["segments"].get<int>() > 0; }));
+  EXPECT_TRUE(until([](const nlohmann::json& room) {
+    return room["authorities"].size() == 1 && room["authorities"][0]["name"] == "embedded" &&
+           room["authorities"][0]["last_token"].is_string();
+  }));
+  EXPECT_THAT(kiroku({"status"}).out, testing::ContainsRegex("embedded  answers  last token 20[0-9-]+T"));
   EXPECT_EQ(kiroku({"case", "mark", "clip placed"}).status, 0);
   EXPECT_REFUSED(kiroku({"case", "start"}), "recording already");
   EXPECT_EQ(kiroku_json({"case", "stop", "--json"})["case"], first);

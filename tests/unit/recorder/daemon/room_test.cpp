@@ -200,6 +200,11 @@ TEST_F(RoomTest, ACaseBeginsWithWhatWasRecordedBefore) {
   EXPECT_LE(decided_ns - open.begins_ns, 2'000'000'000);
   const auto segments = recorded.segments("camera-0");
   EXPECT_EQ(segments.front().index, 0U);
+  const StreamStatus& counted = results[0].last.streams.at(0);
+  const archive::StreamTotal total = recorded.all<archive::CloseEntry>().at(0).totals.at("camera-0");
+  EXPECT_EQ(counted.segments, total.segments) << "without those that were discarded before";
+  EXPECT_EQ(counted.frames, total.frames);
+  EXPECT_EQ(counted.bytes, total.bytes);
   EXPECT_EQ(segments.front().span.start_ns, open.begins_ns);
   EXPECT_GT(segments.back().span.end_ns, decided_ns + 900'000'000);
   const auto gaps = recorded.gaps("camera-1");
