@@ -84,16 +84,12 @@ int run(const Request& request) {
   const std::vector<fs::path> folders = cases_to_erase_from(home, request);
   const Configuration configuration = home.configuration();
   const Authorities authorities(home, configuration, {});
-  const timestamp::TrustStore trust = home.trust();
-  const auto queue = open_stamping_queue(home);
-  const crypto::SigningKey key = home.signing_key();
-  const auto log =
-      archive::ApplianceLog::open(archive::real_file_system(), home.log_folder(), key, home.device().name());
+  const WritableHome writable(home);
   archive::RetentionOptions options;
-  options.key = &key;
+  options.key = &writable.key;
   options.device_name = home.device().name();
-  options.log = log.get();
-  options.stamp = recorder::checkpoint_stamper(authorities.named(), &trust, queue.get());
+  options.log = writable.log.get();
+  options.stamp = recorder::checkpoint_stamper(authorities.named(), &writable.trust, writable.queue.get());
   ordered_json cases = ordered_json::array();
   for (const fs::path& folder : folders) {
     const archive::Erasure erased =

@@ -65,19 +65,10 @@ void set_up_logging() {
   spdlog::set_default_logger(logger);
 }
 
-/// What all rooms share; outlives them.
-struct Shared {
-  crypto::SigningKey key;
-  timestamp::TrustStore trust;
-  std::unique_ptr<archive::ApplianceLog> log;
-  std::unique_ptr<recorder::StampingQueue> queue;  // null: it cannot be used, and a warning said so
-};
-
 /// What a recorder that died left behind comes first.
-void recover_first(const Home& home, const Authorities& authorities, const Shared& shared,
+void recover_first(const WritableHome& shared, const Authorities& authorities,
                    const archive::RecordingLock& lock) {
-  for (const archive::CaseRecovery& each : recover_home(home, shared.key, *shared.log, authorities.named(),
-                                                        shared.trust, shared.queue.get(), lock)) {
+  for (const archive::CaseRecovery& each : recover_home(shared, authorities.named(), lock)) {
     std::istringstream lines(recovery_text(each));
     for (std::string line; std::getline(lines, line);) spdlog::warn("{}", line);
   }
@@ -102,7 +93,7 @@ Configuration read_configuration(const std::filesystem::path& file) {
 
 recorder::RoomPlan plan_of(const RoomConfiguration& room, const Home& home,
                            const Configuration& configuration, const Authorities& authorities,
-                           const Shared& shared) {
+                           const WritableHome& shared) {
   recorder::RoomPlan plan;
   plan.name = room.name;
   plan.rules = room.rules;
@@ -153,17 +144,20 @@ std::shared_ptr<recorder::ProcedureSource> procedure_of(const RoomConfiguration&
   return std::make_shared<recorder::RoomProcedure>(std::move(inbox), std::move(rule), std::move(worklist));
 }
 
+/// Of a case that has changed. A catalogue that cannot be written is no fault of the case.
+void tell_catalogue(const Home& home, const std::filesystem::path& folder) {
+  try {
+    refresh_catalogue(home, folder);
+  } catch (const std::exception& error) {
+    spdlog::warn("the catalogue does not know case {} yet: {}", folder.filename().string(), error.what());
+  }
+}
+
 recorder::RoomListener listener_for(const Home& home) {
   recorder::RoomListener listener;
   listener.note = [](const std::string& sentence) { spdlog::info("{}", printable(sentence)); };
   listener.warn = [](const std::string& sentence) { spdlog::warn("{}", printable(sentence)); };
-  listener.closed = [&home](const recorder::SessionResult& result) {
-    try {
-      refresh_catalogue(home, result.folder);
-    } catch (const std::exception& error) {
-      spdlog::warn("the catalogue does not know case {} yet: {}", result.case_id, error.what());
-    }
-  };
+  listener.closed = [&home](const recorder::SessionResult& result) { tell_catalogue(home, result.folder); };
   return listener;
 }
 
@@ -193,7 +187,7 @@ std::unique_ptr<recorder::HttpServer> serve_http(const Home& home, const Configu
 /// destroyed.
 class LateStamper {
  public:
-  LateStamper(const Home& home, const Authorities& authorities, const Shared& shared)
+  LateStamper(const Home& home, const Authorities& authorities, const WritableHome& shared)
       : home_(home),
         stamping_(authorities.named(), {nullptr, home.archive(), &shared.key, home.device().name(),
                                         shared.log.get(), &shared.trust, shared.queue.get()}),
@@ -217,7 +211,7 @@ class LateStamper {
       try {
         for (const auto& each : stamping_.work_off(recorder::LateStamping::Patience::kAllPauses).stamped) {
           spdlog::info("case {} is stamped by {} now", each.case_id, each.authority);
-          refresh_catalogue(home_, home_.archive() / each.case_id);
+          tell_catalogue(home_, home_.archive() / each.case_id);
         }
       } catch (const std::exception& error) {
         spdlog::warn("time-stamps that did not come cannot be asked for now: {}", error.what());
@@ -311,13 +305,11 @@ int run(const Request& request) {
   const EndSignals signals;
   const archive::RecordingLock lock =
       archive::RecordingLock::take(archive::real_file_system(), home.archive());
-  Shared shared{home.signing_key(), home.trust(), {}, open_stamping_queue(home)};
-  shared.log = archive::ApplianceLog::open(archive::real_file_system(), home.log_folder(), shared.key,
-                                           home.device().name());
+  const WritableHome shared(home);  // by all rooms
   log_configuration(file, home, *shared.log);
 
   const Authorities authorities(home, configuration, {});
-  recover_first(home, authorities, shared, lock);
+  recover_first(shared, authorities, lock);
   recorder::DaemonOptions options;
   options.archive = home.archive();
   options.warn_below_hours = configuration.storage.warn_below_hours;
