@@ -42,6 +42,9 @@ inline constexpr auto kFindingCodes = std::to_array<FindingCode>({
      "the case is not closed, and the last line was not written to its end"},
     {"not-closed", Severity::kIncomplete, "there is no close: still being recorded, or never closed"},
     {"close-not-covered", Severity::kIncomplete, "no checkpoint covers close: the case was not finished"},
+    {"token-not-covered", Severity::kIncomplete,
+     "behind the last checkpoint there are only entries of tokens over the end, which state what those say: "
+     "the case was not finished"},
     {"recovered", Severity::kGap, "recording was cut off by power loss or a crash and found again"},
     {"clock-stepped", Severity::kNote, "the machine's wall clock was set"},
     {"clock-slewed", Severity::kNote,

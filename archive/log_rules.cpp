@@ -203,6 +203,11 @@ bool LogComparison::asks_for(std::uint64_t size) const {
                                           [&](const KnownRoot& each) { return each.size == size; });
 }
 
+bool LogComparison::knows_beyond(std::uint64_t size) const {
+  return known_ != nullptr && std::any_of(known_->roots.begin(), known_->roots.end(),
+                                          [&](const KnownRoot& each) { return each.size > size; });
+}
+
 void LogComparison::reached(std::uint64_t size, const RootTest& fits) {
   for (const KnownRoot& each : known_->roots) {
     if (each.size == size && !differs_ && !fits(each.root)) {

@@ -82,6 +82,8 @@ class LogComparison {
 
   void check_opening(const crypto::Sha256Digest& entry0);
   [[nodiscard]] bool asks_for(std::uint64_t size) const;
+  /// Whether the log states a root for more entries: a checkpoint over them was made before.
+  [[nodiscard]] bool knows_beyond(std::uint64_t size) const;
   /// The case's tree has `size` entries; `fits` tells whether a root is its.
   void reached(std::uint64_t size, const RootTest& fits);
   /// The case has `entries`; `tokens` are the hashes of its token files by entry.

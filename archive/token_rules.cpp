@@ -62,6 +62,9 @@ void TokenRules::take(const TokenEntry& token, std::uint64_t entry, std::int64_t
   largest_checkpoint_ = std::max(largest_checkpoint_, token.checkpoint);
   const std::optional<std::string> response = read_token(token, entry);
   const Judged judged = response ? judge(token, entry, *response) : Judged{};
+  if (judged.restated && close_ && token.checkpoint > *close_) {
+    restating_.insert(entry);
+  }
 
   Earlier now{entry,
               token.checkpoint,
@@ -136,8 +139,9 @@ TokenRules::Judged TokenRules::judge(const TokenEntry& token, std::uint64_t entr
   expectation.data = to_bytes(*note);
   const timestamp::TokenJudgement judgement = timestamp::judge_token(
       bytes_of(response), expectation, options_->trust == nullptr ? kNoTrust : *options_->trust);
+  bool restated = false;
   if (judgement.info) {
-    compare_entry(token, entry, *judgement.info);
+    restated = compare_entry(token, entry, *judgement.info);
     // Said also where the chain could not be judged: the imprint needs no trust.
     const bool other_imprint =
         judgement.info->algorithm &&
@@ -160,16 +164,18 @@ TokenRules::Judged TokenRules::judge(const TokenEntry& token, std::uint64_t entr
       } else {
         untrusted_.push_back({token.checkpoint, entry, token.file, judgement.explanation});
       }
-      return {};
+      return {false, false, restated};
     case timestamp::TokenVerdict::kValid:
       break;
   }
-  return {true, judgement.info->policy != timestamp::kEmbeddedPolicy};
+  return {true, judgement.info->policy != timestamp::kEmbeddedPolicy, restated};
 }
 
-void TokenRules::compare_entry(const TokenEntry& token, std::uint64_t entry,
+bool TokenRules::compare_entry(const TokenEntry& token, std::uint64_t entry,
                                const timestamp::TokenInfo& info) {
+  bool same = true;
   const auto differs = [&](const std::string& field, const std::string& stated, const std::string& real) {
+    same = false;
     findings_->add(
         "token-entry-differs", {std::string(kLedgerFile), entry},
         at_entry(entry) + " states " + field + " " + stated + " where " + token.file + " has " + real);
@@ -183,6 +189,16 @@ void TokenRules::compare_entry(const TokenEntry& token, std::uint64_t entry,
   if (token.serial != info.serial) {
     differs("serial", token.serial, info.serial);
   }
+  return same;
+}
+
+bool TokenRules::restate_late_tokens(std::uint64_t first, std::uint64_t end) const {
+  for (std::uint64_t entry = first; entry < end; ++entry) {
+    if (!restating_.contains(entry)) {
+      return false;
+    }
+  }
+  return true;
 }
 
 void TokenRules::check_order(const TokenEntry& token, std::uint64_t entry) {

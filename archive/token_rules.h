@@ -46,11 +46,15 @@ class TokenRules {
   [[nodiscard]] const std::map<std::uint64_t, crypto::Sha256Digest>& hashes() const { return hashes_; }
   /// Largest tree size that an entered token is over; 0 if there is none.
   [[nodiscard]] std::uint64_t largest_checkpoint() const { return largest_checkpoint_; }
+  /// Whether each of the entries [first, end) enters a token that is over a checkpoint behind close and
+  /// states what that token says: then they say nothing that the token files do not.
+  [[nodiscard]] bool restate_late_tokens(std::uint64_t first, std::uint64_t end) const;
 
  private:
   struct Judged {
     bool valid = false;
     bool external = false;
+    bool restated = false;  // the entry states what the token says, and that is over its checkpoint
   };
   struct Earlier {
     std::uint64_t entry = 0, checkpoint = 0;
@@ -70,7 +74,7 @@ class TokenRules {
 
   std::optional<std::string> read_token(const TokenEntry& token, std::uint64_t entry);
   Judged judge(const TokenEntry& token, std::uint64_t entry, const std::string& response);
-  void compare_entry(const TokenEntry& token, std::uint64_t entry, const timestamp::TokenInfo& info);
+  bool compare_entry(const TokenEntry& token, std::uint64_t entry, const timestamp::TokenInfo& info);
   void check_order(const TokenEntry& token, std::uint64_t entry);
   void check_exchange(const TokenEntry& token, std::uint64_t entry, std::int64_t mono_ns);
   void check_elapsed(const TokenEntry& token, const Earlier& now);
@@ -90,6 +94,7 @@ class TokenRules {
   std::set<std::pair<std::uint64_t, std::string>> entered_;
   std::vector<Untrusted> untrusted_;
   std::set<std::uint64_t> valid_checkpoints_;
+  std::set<std::uint64_t> restating_;  // entries behind close
   std::map<std::uint64_t, crypto::Sha256Digest> hashes_;
   std::vector<AuthorityClock> clocks_;
   struct Slew {

@@ -82,7 +82,7 @@ class CaseVerification {
         comparison.reached(tree_.size(), fits);
       }
     }
-    judge_end(line);
+    judge_end(line, comparison);
     checkpoints_.finish(tree_.size());
     rules_.finish();
     comparison.finish(tree_.size(), rules_.tokens().hashes());
@@ -105,7 +105,7 @@ class CaseVerification {
   }
 
   /// `last` is what the reader stopped at.
-  void judge_end(const LedgerLine& last) {
+  void judge_end(const LedgerLine& last, const LogComparison& log) {
     const std::uint64_t entries = tree_.size();
     const std::optional<std::uint64_t> close = rules_.close_entry();
     const Place end{std::string(kLedgerFile), entries, last.offset};
@@ -127,6 +127,15 @@ class CaseVerification {
       findings_.add(
           "close-not-covered", {std::string(kLedgerFile), close},
           "no checkpoint covers close in entry " + std::to_string(*close) + ": the case was not finished");
+    } else if (checkpoints_.covered() < entries && !log.knows_beyond(checkpoints_.covered()) &&
+               rules_.tokens().restate_late_tokens(checkpoints_.covered(), entries)) {
+      // What a recorder leaves that dies between a token's entry and the checkpoint over it. Nobody signed
+      // these lines, so nothing is believed for their sake: the tokens hold without them, and speak of the
+      // checkpoints that they are over. Whoever removes that last checkpoint leaves the same; the appliance
+      // log knows.
+      findings_.add("token-not-covered", {std::string(kLedgerFile), checkpoints_.covered()},
+                    "no checkpoint covers the entries of tokens from " +
+                        std::to_string(checkpoints_.covered()) + " on: the case was not finished");
     } else if (checkpoints_.covered() < entries) {
       findings_.add("ledger-not-covered", {std::string(kLedgerFile), checkpoints_.covered()},
                     "no checkpoint covers the entries from " + std::to_string(checkpoints_.covered()) +

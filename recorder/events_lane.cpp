@@ -18,13 +18,23 @@ void EventsLane::begin(std::int64_t begins_ns) {
   sealed_until_ns_ = begins_ns;
 }
 
-void EventsLane::mark(const std::string& text) {
+void EventsLane::mark(const std::string& text) { add("mark", "text", text); }
+
+void EventsLane::subject_missing(const std::string& why) { add("subject-missing", "text", why); }
+
+void EventsLane::late_subject(const Bytes& json) {
+  const auto subject = nlohmann::ordered_json::parse(text_of(json), nullptr, false);
+  if (!subject.is_object()) throw UsageError("a subject must be a JSON object");
+  add("subject", "subject", subject);
+}
+
+void EventsLane::add(const std::string& kind, const std::string& key, const nlohmann::ordered_json& value) {
   const archive::Moment now = context_.clock.moment();
   nlohmann::ordered_json event;
   event["time_ns"] = now.mono_ns;
   event["utc"] = format_utc(now.utc);
-  event["kind"] = "mark";
-  event["text"] = text;
+  event["kind"] = kind;
+  event[key] = value;
   const std::string event_text = event.dump(-1, ' ', false, nlohmann::json::error_handler_t::replace);
   const crypto::Secret salt = crypto::Secret::random(32);
   Bytes committed = to_bytes(salt.bytes());

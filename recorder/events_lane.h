@@ -1,4 +1,5 @@
-// The operator's marks: sealed in the events stream, committed to in the ledger without revealing them.
+// What happened beside the pictures: the operator's marks, and procedure data that came late. Sealed in the
+// events stream, committed to in the ledger without revealing them.
 #pragma once
 
 #include <mutex>
@@ -6,15 +7,23 @@
 #include <string>
 #include <vector>
 
+#include <nlohmann/json_fwd.hpp>
+
+#include "base/bytes.h"
 #include "recorder/lane.h"
 #include "recorder/stream_output.h"
 
 namespace kiroku::recorder {
 
-/// One line a mark: {"salt":"<64 hex digits>","event":"<JSON text>"}, the event being, as text inside a
+/// One line an event: {"salt":"<64 hex digits>","event":"<JSON text>"}, the event being, as text inside a
 /// string so that its bytes stay what they are,
 ///
 ///   {"time_ns":1500000000,"utc":"2026-08-05T09:15:03.500000Z","kind":"mark","text":"clip placed"}
+///
+/// or, of procedure data that came after the case had begun, and of their lack,
+///
+///   {"time_ns":…,"utc":"…","kind":"subject","subject":{"patient":{…},…}}
+///   {"time_ns":…,"utc":"…","kind":"subject-missing","text":"the worklist of ris:104 does not answer"}
 ///
 /// The ledger's commitment is SHA-256(salt bytes ‖ event bytes): whoever can open the stream can prove what
 /// was marked (`jq -j .event`), and nobody can guess it from the ledger.
@@ -23,16 +32,21 @@ class EventsLane {
   EventsLane(const LaneContext& context, std::size_t stream_index, archive::StreamInfo info);
   /// The case begins at this time of its clock (0 unless it begins with what was recorded before).
   void begin(std::int64_t begins_ns);
-  /// From any thread. The commitment goes to the ledger at once, the sealed event with the next step().
-  /// Throws kiroku::Error after finish().
+  /// These three from any thread. The commitment goes to the ledger at once, the sealed event with the next
+  /// step(). Throw kiroku::Error after finish().
   void mark(const std::string& text);
-  /// Seals what was marked, in one segment that follows the one before. Called by the session's thread, about
+  /// `json` is what a subject file holds: one JSON object. Throws kiroku::UsageError for anything else.
+  void late_subject(const Bytes& json);
+  void subject_missing(const std::string& why);
+  /// Seals what happened, in one segment that follows the one before. Called by the session's thread, about
   /// each segment's duration.
   void step(std::int64_t now_ns);
   /// Seals the rest. Throws nothing: troubles go where the lanes' go.
   void finish(std::int64_t close_ns);
 
  private:
+  void add(const std::string& kind, const std::string& key, const nlohmann::ordered_json& value);
+
   LaneContext context_;
   StreamOutput output_;
   std::mutex mutex_;

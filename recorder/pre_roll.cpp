@@ -36,7 +36,11 @@ void PreRoll::trim(std::int64_t now_ns) {
     }
     if (segment != nullptr) {
       folder_.discard(segment->entry.file);
-      ++gone_.at(segment->stream_index);
+      archive::StreamTotal& gone = gone_.at(segment->stream_index);
+      gone.segments += 1;
+      gone.frames += segment->entry.frames;
+      gone.dropped += segment->entry.dropped;
+      gone.bytes += segment->entry.file.bytes;
     }
     fact = facts_.erase(fact);
   }
@@ -59,7 +63,7 @@ void PreRoll::reconsider() {
   begins_ns_.reset();
 }
 
-std::vector<std::uint64_t> PreRoll::gone() const {
+std::vector<archive::StreamTotal> PreRoll::gone() const {
   const std::lock_guard guard(mutex_);
   return gone_;
 }
@@ -77,7 +81,7 @@ std::filesystem::path PreRoll::path_of(const archive::FileReference& file) const
 
 void PreRoll::number(StandbySegment& segment) const {
   const std::lock_guard guard(mutex_);
-  segment.entry.index -= gone_.at(segment.stream_index);
+  segment.entry.index -= gone_.at(segment.stream_index).segments;
 }
 
 std::optional<archive::GapEntry> PreRoll::within_case(archive::GapEntry gap) const {

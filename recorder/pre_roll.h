@@ -30,8 +30,8 @@ class PreRoll {
   std::int64_t decide(std::int64_t now_ns);
   /// The case could not be made: old segments are discarded again.
   void reconsider();
-  /// For each stream, how many segments were discarded.
-  [[nodiscard]] std::vector<std::uint64_t> gone() const;
+  /// For each stream, what was discarded.
+  [[nodiscard]] std::vector<archive::StreamTotal> gone() const;
   /// The facts that are kept, handed over once.
   std::vector<Fact> take();
   /// Where a segment of the folder lies, and its number in the case. After decide().
@@ -52,7 +52,7 @@ class PreRoll {
   const std::int64_t keep_ns_;
   mutable std::mutex mutex_;
   std::deque<Fact> facts_;
-  std::vector<std::uint64_t> gone_;
+  std::vector<archive::StreamTotal> gone_;
   std::optional<std::int64_t> begins_ns_;  // once decided
 };
 

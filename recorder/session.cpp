@@ -66,14 +66,24 @@ struct Session::State {
   /// There was none: what was recorded ahead is discarded, and stated.
   void discard();
   void finish_lanes();
+  [[nodiscard]] EventsLane& begun_events() const {
+    if (!begun) throw UsageError("no case has begun: there is nothing to mark");
+    return *events;
+  }
 
   [[nodiscard]] SessionStatus status() const {
     SessionStatus status;
     status.now_ns = clock.now_ns();
-    for (const auto& lane : lanes) {
-      const LaneStatus l = lane->status();
-      status.streams.push_back(
-          {lane->name(), l.live, l.frames, l.dropped, l.segments, l.bytes, l.last_ns, l.durable_ns});
+    const std::vector<archive::StreamTotal> gone =
+        pre_roll ? pre_roll->gone() : std::vector<archive::StreamTotal>(writing.streams.size());
+    for (std::size_t i = 0; i < lanes.size(); ++i) {
+      const LaneStatus l = lanes[i]->status();
+      const auto kept = [](std::uint64_t all, std::uint64_t discarded) {
+        return all - std::min(all, discarded);
+      };
+      status.streams.push_back({lanes[i]->name(), l.live, kept(l.frames, gone[i].frames),
+                                kept(l.dropped, gone[i].dropped), kept(l.segments, gone[i].segments),
+                                kept(l.bytes, gone[i].bytes), l.last_ns, l.durable_ns});
     }
     status.begun = begun;
     status.begins_ns = begins_ns;
@@ -274,7 +284,12 @@ void Session::State::make_case(std::int64_t from_ns) {
                                [this](const std::string& sentence) { troubles.mention(sentence); }};
   stamper = std::make_unique<Stamper>(options.authorities, std::move(around), facts);
   writer = std::move(made);
-  store->enter(*writer, pre_roll ? pre_roll->gone() : std::vector<std::uint64_t>(writing.streams.size()));
+  std::vector<std::uint64_t> discarded(writing.streams.size());
+  if (pre_roll) {
+    const std::vector<archive::StreamTotal> gone = pre_roll->gone();
+    for (std::size_t i = 0; i < gone.size(); ++i) discarded[i] = gone[i].segments;
+  }
+  store->enter(*writer, discarded);
   if (events) events->begin(from_ns);
   scribe->begin_case(*writer, *stamper);
   begins_ns = from_ns;
@@ -408,9 +423,10 @@ void Session::stop(const std::string& reason) {
 
 SessionStatus Session::status() const { return state_->status(); }
 
-void Session::mark(const std::string& text) {
-  if (!state_->begun) throw UsageError("no case has begun: there is nothing to mark");
-  state_->events->mark(text);
-}
+void Session::mark(const std::string& text) { state_->begun_events().mark(text); }
+
+void Session::late_subject(const Bytes& json) { state_->begun_events().late_subject(json); }
+
+void Session::subject_missing(const std::string& why) { state_->begun_events().subject_missing(why); }
 
 }  // namespace kiroku::recorder

@@ -60,6 +60,7 @@ struct SessionOptions {
 struct StreamStatus {
   std::string name;
   bool live = false;
+  // Of the case; before it has begun, of what it would begin with. Not what was discarded of a pre-roll.
   std::uint64_t frames = 0, dropped = 0, segments = 0, bytes = 0;
   std::int64_t last_ns = 0;     // case-clock end of what came last
   std::int64_t durable_ns = 0;  // case-clock end of what is safely on the disk and in the ledger
@@ -109,6 +110,10 @@ class Session {
   /// An operator's mark: sealed in the events stream, committed to in the ledger. From any thread. Throws
   /// kiroku::Error before a case has begun and after it has ended.
   void mark(const std::string& text);
+  /// The same for what is known of the patient and the procedure only after the case had begun: JSON as of
+  /// SessionOptions::subject, and a sentence on why nothing is known (nothing of a patient in it).
+  void late_subject(const Bytes& json);
+  void subject_missing(const std::string& why);
 
  private:
   struct State;

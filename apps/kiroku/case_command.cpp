@@ -62,7 +62,8 @@ void add_case_command(Command& program) {
     Command& one = command.add_command("start", "begins a case");
     const auto request = std::make_shared<Request>();
     one.option("--subject", "FILE", request->subject,
-               "JSON about patient, procedure and staff, to be sealed with the case");
+               "JSON about patient, procedure and staff, to be sealed with the case",
+               "what the room's [room.procedure] finds");
     add_room(one, request);
     one.explain(
         "Returns when recording has begun. Sources that are absent are stated as gaps and taken up when they "

@@ -120,33 +120,24 @@ std::vector<Candidate> what_was_named(const Home& home, const Request& request) 
 class Eraser {
  public:
   Eraser(const Home& home, const Configuration& configuration)
-      : home_(home),
-        authorities_(home, configuration, {}),
-        trust_(home.trust()),
-        queue_(open_stamping_queue(home)),
-        key_(home.signing_key()),
-        log_(archive::ApplianceLog::open(archive::real_file_system(), home.log_folder(), key_,
-                                         home.device().name())) {
-    options_.key = &key_;
+      : writable_(home), authorities_(home, configuration, {}) {
+    options_.key = &writable_.key;
     options_.device_name = home.device().name();
-    options_.log = log_.get();
-    options_.stamp = recorder::checkpoint_stamper(authorities_.named(), &trust_, queue_.get());
+    options_.log = writable_.log.get();
+    options_.stamp =
+        recorder::checkpoint_stamper(authorities_.named(), &writable_.trust, writable_.queue.get());
   }
 
   archive::Erasure erase(const Candidate& candidate) {
     const archive::Erasure erased = archive::erase_stream(
         archive::real_file_system(), options_, candidate.folder, candidate.stream, candidate.policy);
-    refresh_catalogue(home_, candidate.folder);
+    refresh_catalogue(writable_.home, candidate.folder);
     return erased;
   }
 
  private:
-  const Home& home_;
+  WritableHome writable_;
   Authorities authorities_;
-  timestamp::TrustStore trust_;
-  std::unique_ptr<recorder::StampingQueue> queue_;
-  crypto::SigningKey key_;
-  std::unique_ptr<archive::ApplianceLog> log_;
   archive::RetentionOptions options_;
 };
 

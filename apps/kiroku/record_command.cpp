@@ -154,11 +154,9 @@ int status_of(const recorder::SessionResult& result) {
 }
 
 /// What a recorder that died left behind comes first: then nothing else writes the archive.
-void recover_first(const Home& home, const crypto::SigningKey& key, archive::ApplianceLog& log,
-                   const Authorities& authorities, const timestamp::TrustStore& trust,
-                   recorder::StampingQueue* queue, const archive::RecordingLock& lock) {
-  for (const archive::CaseRecovery& each :
-       recover_home(home, key, log, authorities.named(), trust, queue, lock)) {
+void recover_first(const WritableHome& writable, const Authorities& authorities,
+                   const archive::RecordingLock& lock) {
+  for (const archive::CaseRecovery& each : recover_home(writable, authorities.named(), lock)) {
     std::cerr << recovery_text(each);
   }
 }
@@ -172,19 +170,15 @@ int run(const Request& request) {
   recorder::SessionOptions options = session_options(request, home, configuration);
   const Authorities authorities(home, configuration, request.authorities);
   options.authorities = authorities.named();
-  const timestamp::TrustStore trust = home.trust();
-  options.trust = &trust;
-  const auto queue = open_stamping_queue(home);
-  options.queue = queue.get();
-  const crypto::SigningKey key = home.signing_key();
-  options.key = &key;
-  const auto log =
-      archive::ApplianceLog::open(archive::real_file_system(), home.log_folder(), key, options.device_name);
-  options.log = log.get();
+  const WritableHome writable(home);
+  options.trust = &writable.trust;
+  options.queue = writable.queue.get();
+  options.key = &writable.key;
+  options.log = writable.log.get();
   const archive::RecordingLock lock =
       archive::RecordingLock::take(archive::real_file_system(), home.archive());
-  log_configuration(home.configuration_file(), home, *log);
-  recover_first(home, key, *log, authorities, trust, queue.get(), lock);
+  log_configuration(home.configuration_file(), home, *writable.log);
+  recover_first(writable, authorities, lock);
 
   catch_stops();
   recorder::SessionResult result;

@@ -5,12 +5,20 @@
 #include <nlohmann/json.hpp>
 
 #include "apps/common/file.h"
-#include "archive/appliance_log.h"
 #include "archive/catalogue.h"
+#include "archive/file_system.h"
 #include "base/error.h"
 #include "crypto/encoding.h"
 
 namespace kiroku::apps {
+
+WritableHome::WritableHome(const Home& its_home)
+    : home(its_home),
+      trust(home.trust()),
+      queue(open_stamping_queue(home)),
+      key(home.signing_key()),
+      log(archive::ApplianceLog::open(archive::real_file_system(), home.log_folder(), key,
+                                      home.device().name())) {}
 
 RecipientChoice::RecipientChoice(const Home& home, const Configuration& configuration,
                                  const std::vector<std::string>& asked)

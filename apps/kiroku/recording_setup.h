@@ -3,17 +3,30 @@
 
 #include <filesystem>
 #include <map>
+#include <memory>
 #include <string>
 #include <vector>
 
+#include "apps/kiroku/authorities.h"
 #include "apps/kiroku/home.h"
+#include "archive/appliance_log.h"
 #include "crypto/age_recipient.h"
 
-namespace kiroku::archive {
-class ApplianceLog;
-}
-
 namespace kiroku::apps {
+
+/// A home whose archive is written to: what recording, recovery, retention and late time-stamps all need.
+/// `home` must outlive it. What its members refer to stays; each is as thread-safe as its own header says.
+struct WritableHome {
+  /// Asks for the key's passphrase if it has one. Throws kiroku::Error where the key, the trusted roots or
+  /// the appliance log cannot be used; of the queue, a warning says so.
+  explicit WritableHome(const Home& its_home);
+
+  const Home& home;
+  timestamp::TrustStore trust;
+  std::unique_ptr<recorder::StampingQueue> queue;  // null: it cannot be used
+  crypto::SigningKey key;
+  std::unique_ptr<archive::ApplianceLog> log;
+};
 
 /// Recipients of each stream: the command line's, else kiroku.toml's, else recipients.txt.
 class RecipientChoice {

@@ -60,13 +60,8 @@ int run(const Request& request) {
       archive::RecordingLock::take(archive::real_file_system(), home.archive());
   const Configuration configuration = home.configuration();
   const Authorities authorities(home, configuration, {});
-  const timestamp::TrustStore trust = home.trust();
-  const auto queue = open_stamping_queue(home);
-  const crypto::SigningKey key = home.signing_key();
-  const auto log =
-      archive::ApplianceLog::open(archive::real_file_system(), home.log_folder(), key, home.device().name());
-  const std::vector<CaseRecovery> recovered =
-      recover_home(home, key, *log, authorities.named(), trust, queue.get(), lock);
+  const WritableHome writable(home);
+  const std::vector<CaseRecovery> recovered = recover_home(writable, authorities.named(), lock);
   if (request.json) {
     ordered_json cases = ordered_json::array();
     for (const CaseRecovery& each : recovered) cases.push_back(recovery_json(each));

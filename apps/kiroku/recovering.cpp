@@ -2,7 +2,6 @@
 
 #include "apps/common/command_line.h"
 #include "apps/common/format.h"
-#include "apps/kiroku/recording_setup.h"
 #include "archive/file_system.h"
 #include "base/error.h"
 #include "recorder/checkpoint_stamper.h"
@@ -48,18 +47,17 @@ std::string found_text(const CaseRecovery& recovery) {
 
 }  // namespace
 
-std::vector<CaseRecovery> recover_home(const Home& home, const crypto::SigningKey& key,
-                                       archive::ApplianceLog& log,
+std::vector<CaseRecovery> recover_home(const WritableHome& writable,
                                        const std::vector<recorder::NamedAuthority>& authorities,
-                                       const timestamp::TrustStore& trust, recorder::StampingQueue* queue,
                                        const archive::RecordingLock& lock) {
+  const Home& home = writable.home;
   archive::RecoveryOptions options;
   options.archive = home.archive();
-  options.key = &key;
+  options.key = &writable.key;
   options.device_name = home.device().name();
   options.boot_id = archive::kernel_boot_id();
-  options.log = &log;
-  options.stamp = recorder::checkpoint_stamper(authorities, &trust, queue);
+  options.log = writable.log.get();
+  options.stamp = recorder::checkpoint_stamper(authorities, &writable.trust, writable.queue.get());
   std::vector<CaseRecovery> recovered = archive::recover_archive(archive::real_file_system(), options, lock);
   for (const CaseRecovery& each : recovered) {
     if (each.outcome == CaseRecovery::Outcome::kRecovered || each.outcome == CaseRecovery::Outcome::kFinished)

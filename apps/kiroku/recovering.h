@@ -3,21 +3,17 @@
 
 #include <vector>
 
-#include "apps/kiroku/home.h"
-#include "archive/appliance_log.h"
+#include "apps/kiroku/recording_setup.h"
 #include "archive/recovery.h"
 #include "recorder/authority_contact.h"
 
 namespace kiroku::apps {
 
 /// Brings every unfinished case of the home to its end, time-stamped by `authorities`, and tells the
-/// catalogue. Tokens that do not come are put into `queue` (may be null). Throws kiroku::Error only where the
+/// catalogue. Tokens that do not come are put into the home's queue. Throws kiroku::Error only where the
 /// archive cannot be looked at.
-std::vector<archive::CaseRecovery> recover_home(const Home& home, const crypto::SigningKey& key,
-                                                archive::ApplianceLog& log,
+std::vector<archive::CaseRecovery> recover_home(const WritableHome& writable,
                                                 const std::vector<recorder::NamedAuthority>& authorities,
-                                                const timestamp::TrustStore& trust,
-                                                recorder::StampingQueue* queue,
                                                 const archive::RecordingLock& lock);
 
 /// A few lines about one case, for people.

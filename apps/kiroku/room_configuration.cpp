@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <charconv>
+#include <linux/input-event-codes.h>
 
 #include "apps/common/format.h"
 #include "apps/kiroku/configuration.h"
@@ -58,6 +59,40 @@ StreamConfiguration read_stream(const toml::table& table, const TableReader& in,
   return stream;
 }
 
+recorder::FootswitchOptions read_footswitch(const toml::table& table, const TableReader& in) {
+  recorder::FootswitchOptions footswitch;
+  TableReader reader(table, "[[room.footswitch]]", in.file());
+  reader.text("device", [&](const std::string& text) {
+    if (!text.starts_with('/') && !(text.starts_with("name:") && text.size() > 5)) {
+      throw UsageError("'device' is '" + text + "': write a path below /dev/input, or name:NAME");
+    }
+    footswitch.device = text;
+  });
+  std::int64_t key = 0;
+  reader.integer("key", 1, KEY_MAX, key);
+  footswitch.key = static_cast<std::uint16_t>(key);
+  bool stated = false;
+  reader.text("press", [&](const std::string& text) {
+    using recorder::PressAction;
+    for (const PressAction action :
+         {PressAction::kStart, PressAction::kStop, PressAction::kStartStop, PressAction::kMark}) {
+      if (text != recorder::press_action_name(action)) continue;
+      footswitch.action = action;
+      stated = true;
+    }
+    if (!stated) throw UsageError("'press' is '" + text + "': it must be start, stop, start-stop or mark");
+  });
+  reader.text("mark", [&](const std::string& text) {
+    if (text.empty()) throw UsageError("'mark' is empty: say what a press marks");
+    footswitch.mark = text;
+  });
+  reader.refuse_unknown_keys();
+  if (footswitch.device.empty() || footswitch.key == 0 || !stated) {
+    reader.refuse(table.source(), "a [[room.footswitch]] needs a 'device', a 'key' and what a 'press' does");
+  }
+  return footswitch;
+}
+
 void require_signal(const RoomConfiguration& room, TableReader& reader) {
   const toml::node* node = reader.find("start_on_signal");
   const std::string& wanted = room.rules.start_on_signal;
@@ -96,6 +131,10 @@ RoomConfiguration read_room(const toml::table& table, const TableReader& top, co
   reader.text("start_on_signal", [&](const std::string& text) { room.rules.start_on_signal = text; });
   reader.text("signal_lasts", [&](const std::string& text) {
     room.rules.signal_lasts = parse_duration(text, "'signal_lasts'");
+  });
+  room.procedure = read_procedure(reader);
+  for_each_table(reader, "footswitch", [&](const toml::table& entry) {
+    room.footswitches.push_back(read_footswitch(entry, reader));
   });
   for_each_table(reader, "stream", [&](const toml::table& entry) {
     StreamConfiguration stream = read_stream(entry, reader, defaults);

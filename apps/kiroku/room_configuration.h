@@ -8,6 +8,7 @@
 #include <string>
 #include <vector>
 
+#include "apps/kiroku/procedure_configuration.h"
 #include "recorder/daemon/room.h"
 #include "recorder/encoder/video_profile.h"
 
@@ -30,6 +31,8 @@ struct RoomConfiguration {
   std::string name;  // [a-z0-9-]
   std::vector<StreamConfiguration> streams;
   recorder::RoomRules rules;
+  ProcedureConfiguration procedure;
+  std::vector<recorder::FootswitchOptions> footswitches;
 };
 
 /// [daemon].

@@ -31,6 +31,33 @@ std::string age(const json& stream, const char* key) {
   return format_duration(stream.value(key, std::int64_t{0}) * kNanosecondsPerMillisecond);
 }
 
+/// Which authority answers, and why another does not.
+void print_authorities(const json& authorities, std::string& out) {
+  std::vector<std::vector<std::string>> rows;
+  for (const json& authority : authorities) {
+    const bool failing = authority.value("failures", 0) > 0;
+    const bool stamped = authority["last_token"].is_string();
+    std::string state =
+        stamped ? "last token " + printable(authority["last_token"].get<std::string>()) : "no token yet";
+    if (const std::string path = authority.value("path", ""); !path.empty()) state += " " + printable(path);
+    if (failing) {
+      const std::int64_t pause_ns =
+          authority.value("left_alone_ms", std::int64_t{0}) * kNanosecondsPerMillisecond;
+      state += "; " + std::to_string(authority.value("failures", 0)) + " failures in a row, asked again in " +
+               format_duration(pause_ns) + ": " + printable(authority.value("last_error", ""));
+    }
+    rows.push_back({printable(authority.value("name", "")),
+                    failing ? "FAILING" : (stamped ? "answers" : "asked"), state});
+  }
+  if (!rows.empty()) out += format_table(rows, "lll", 4);
+}
+
+/// What a case can be recorded without.
+void print_helper(const json& helper, const std::string& name, std::string& out) {
+  const std::string line = name + ": " + printable(helper.value("state", ""));
+  out += "  " + (helper.value("well", false) ? line : paint(Colour::kYellow, line)) + "\n";
+}
+
 void print_room(const json& room, std::string& out) {
   const std::string state = room.value("state", "");
   const bool recording = state == "recording";
@@ -55,7 +82,13 @@ void print_room(const json& room, std::string& out) {
     out += format_table(rows, "llrrrrrr", 2);
     out += "  time-stamps: " + std::to_string(room.value("tokens", 0)) + ", missed " +
            std::to_string(room.value("missed", 0)) + "\n";
+    print_authorities(room["authorities"], out);
+    if (!room["procedure"].empty()) out += "  subject: " + room.value("subject", "") + "\n";
   }
+  for (const json& way : room["procedure"]) {
+    print_helper(way, "procedure data, " + way.value("name", ""), out);
+  }
+  for (const json& footswitch : room["footswitches"]) print_helper(footswitch, "footswitch", out);
   if (const std::string problem = room.value("problem", ""); !problem.empty()) {
     out += "  " + paint(Colour::kYellow, "latest problem: " + printable(problem)) + "\n";
   }
@@ -111,7 +144,9 @@ void add_status_command(Command& program) {
   command.explain(
       "For each stream: whether its source delivers, how much was recorded and lost, how long ago the last "
       "picture or "
-      "sample came, and up to when everything is safely on the disk. Exit status 2 if no recorder answers.");
+      "sample came, and up to when everything is safely on the disk. For each room which time-stamping "
+      "authorities "
+      "answer, where procedure data come from, and its footswitches. Exit status 2 if no recorder answers.");
   command.example("kiroku status --watch", "a page that stays up to date");
   command.on_run([request] { return run(*request); });
 }

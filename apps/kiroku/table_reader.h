@@ -3,6 +3,7 @@
 #pragma once
 
 #include <algorithm>
+#include <cstdint>
 #include <string>
 #include <vector>
 
@@ -41,6 +42,16 @@ class TableReader {
     if (node == nullptr) return;
     const auto value = node->value_exact<bool>();
     if (!value) refuse(node->source(), "'" + key + "' must be true or false");
+    into = *value;
+  }
+  void integer(const std::string& key, std::int64_t least, std::int64_t most, std::int64_t& into) {
+    const toml::node* node = find(key);
+    if (node == nullptr) return;
+    const auto value = node->value_exact<std::int64_t>();
+    if (!value || *value < least || *value > most) {
+      refuse(node->source(), "'" + key + "' must be a whole number from " + std::to_string(least) + " to " +
+                                 std::to_string(most));
+    }
     into = *value;
   }
   /// Calls `take` with the texts of a list.

@@ -1,17 +1,17 @@
 // kirokud: records unattended. Configuration in kiroku.toml; control by `kiroku case` and `kiroku status`.
 
-#include <array>
 #include <atomic>
-#include <cerrno>
 #include <chrono>
 #include <condition_variable>
 #include <csignal>
-#include <fcntl.h>
+#include <cstring>
 #include <initializer_list>
 #include <iostream>
+#include <map>
 #include <mutex>
 #include <poll.h>
 #include <sstream>
+#include <sys/eventfd.h>
 #include <systemd/sd-daemon.h>
 #include <thread>
 #include <unistd.h>
@@ -36,6 +36,7 @@
 #include "recorder/daemon/daemon.h"
 #include "recorder/daemon/http_server.h"
 #include "recorder/late_stamping.h"
+#include "recorder/procedure/room_procedure.h"
 
 namespace kiroku::apps {
 namespace {
@@ -64,19 +65,10 @@ void set_up_logging() {
   spdlog::set_default_logger(logger);
 }
 
-/// What all rooms share; outlives them.
-struct Shared {
-  crypto::SigningKey key;
-  timestamp::TrustStore trust;
-  std::unique_ptr<archive::ApplianceLog> log;
-  std::unique_ptr<recorder::StampingQueue> queue;  // null: it cannot be used, and a warning said so
-};
-
 /// What a recorder that died left behind comes first.
-void recover_first(const Home& home, const Authorities& authorities, const Shared& shared,
+void recover_first(const WritableHome& shared, const Authorities& authorities,
                    const archive::RecordingLock& lock) {
-  for (const archive::CaseRecovery& each : recover_home(home, shared.key, *shared.log, authorities.named(),
-                                                        shared.trust, shared.queue.get(), lock)) {
+  for (const archive::CaseRecovery& each : recover_home(shared, authorities.named(), lock)) {
     std::istringstream lines(recovery_text(each));
     for (std::string line; std::getline(lines, line);) spdlog::warn("{}", line);
   }
@@ -101,7 +93,7 @@ Configuration read_configuration(const std::filesystem::path& file) {
 
 recorder::RoomPlan plan_of(const RoomConfiguration& room, const Home& home,
                            const Configuration& configuration, const Authorities& authorities,
-                           const Shared& shared) {
+                           const WritableHome& shared) {
   recorder::RoomPlan plan;
   plan.name = room.name;
   plan.rules = room.rules;
@@ -124,17 +116,48 @@ recorder::RoomPlan plan_of(const RoomConfiguration& room, const Home& home,
   return plan;
 }
 
+/// Where hospital systems deliver messages of patients, by address: rooms that name the same one share it.
+using Inboxes = std::map<std::string, std::shared_ptr<recorder::ProcedureInbox>>;
+
+/// Where the room learns about procedures; null where nothing is configured.
+std::shared_ptr<recorder::ProcedureSource> procedure_of(const RoomConfiguration& room, Inboxes& inboxes) {
+  if (room.procedure.empty()) return {};
+  std::shared_ptr<recorder::ProcedureInbox> inbox;
+  recorder::ProcedureRule rule;
+  if (room.procedure.hl7) {
+    rule = room.procedure.hl7->rule;
+    std::shared_ptr<recorder::ProcedureInbox>& shared = inboxes[room.procedure.hl7->listen];
+    if (!shared) {
+      shared = std::make_shared<recorder::ProcedureInbox>(
+          room.procedure.hl7->listen,
+          [](const std::string& sentence) { spdlog::warn("{}", printable(sentence)); });
+    }
+    inbox = shared;
+  }
+  std::unique_ptr<recorder::Worklist> worklist;
+  if (room.procedure.worklist) {
+    worklist = std::make_unique<recorder::Worklist>(*room.procedure.worklist,
+                                                    [name = room.name](const std::string& sentence) {
+                                                      spdlog::warn("room {}: {}", name, printable(sentence));
+                                                    });
+  }
+  return std::make_shared<recorder::RoomProcedure>(std::move(inbox), std::move(rule), std::move(worklist));
+}
+
+/// Of a case that has changed. A catalogue that cannot be written is no fault of the case.
+void tell_catalogue(const Home& home, const std::filesystem::path& folder) {
+  try {
+    refresh_catalogue(home, folder);
+  } catch (const std::exception& error) {
+    spdlog::warn("the catalogue does not know case {} yet: {}", folder.filename().string(), error.what());
+  }
+}
+
 recorder::RoomListener listener_for(const Home& home) {
   recorder::RoomListener listener;
   listener.note = [](const std::string& sentence) { spdlog::info("{}", printable(sentence)); };
   listener.warn = [](const std::string& sentence) { spdlog::warn("{}", printable(sentence)); };
-  listener.closed = [&home](const recorder::SessionResult& result) {
-    try {
-      refresh_catalogue(home, result.folder);
-    } catch (const std::exception& error) {
-      spdlog::warn("the catalogue does not know case {} yet: {}", result.case_id, error.what());
-    }
-  };
+  listener.closed = [&home](const recorder::SessionResult& result) { tell_catalogue(home, result.folder); };
   return listener;
 }
 
@@ -162,7 +185,7 @@ std::unique_ptr<recorder::HttpServer> serve_http(const Home& home, const Configu
 /// destroyed.
 class LateStamper {
  public:
-  LateStamper(const Home& home, const Authorities& authorities, const Shared& shared)
+  LateStamper(const Home& home, const Authorities& authorities, const WritableHome& shared)
       : home_(home),
         stamping_(authorities.named(), {nullptr, home.archive(), &shared.key, home.device().name(),
                                         shared.log.get(), &shared.trust, shared.queue.get()}),
@@ -186,7 +209,7 @@ class LateStamper {
       try {
         for (const auto& each : stamping_.work_off(recorder::LateStamping::Patience::kAllPauses).stamped) {
           spdlog::info("case {} is stamped by {} now", each.case_id, each.authority);
-          refresh_catalogue(home_, home_.archive() / each.case_id);
+          tell_catalogue(home_, home_.archive() / each.case_id);
         }
       } catch (const std::exception& error) {
         spdlog::warn("time-stamps that did not come cannot be asked for now: {}", error.what());
@@ -218,47 +241,58 @@ void watch_disk(recorder::Daemon& daemon) {
   }
 }
 
-/// Waits for signals and feeds the watchdog; returns the sentence that says why the recorder ends.
-std::string watch(recorder::Daemon& daemon, int signals) {
-  for (int tick = 0;; ++tick) {
-    pollfd waiting{signals, POLLIN, 0};
-    const auto milliseconds = std::chrono::duration_cast<std::chrono::milliseconds>(kTick).count();
-    if (::poll(&waiting, 1, static_cast<int>(milliseconds)) > 0) {
-      unsigned char signal = 0;
-      if (::read(signals, &signal, sizeof signal) == sizeof signal) {
-        return std::string("received ") + ::strsignal(signal);
-      }
+/// SIGINT, SIGTERM and SIGHUP, as a descriptor that becomes readable. They are blocked in every thread that
+/// is started from now on, so that they interrupt nothing there. A signalfd would not do: libraries start
+/// threads before main() (OpenBLAS, which FFmpeg's filters stand on), and a signal that one of those takes
+/// would end the process.
+class EndSignals {
+ public:
+  EndSignals() {
+    descriptor_ = ::eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK);
+    if (descriptor_ < 0) throw Error("signals cannot be received");
+    struct sigaction end {};
+    end.sa_handler = [](int signal) {
+      number_ = signal;
+      constexpr std::uint64_t kOne = 1;
+      (void)!::write(descriptor_, &kOne, sizeof kOne);
+    };
+    end.sa_flags = SA_RESTART;
+    sigset_t wanted;
+    ::sigemptyset(&wanted);
+    for (const int signal : {SIGINT, SIGTERM, SIGHUP}) {
+      ::sigaddset(&wanted, signal);
+      ::sigaction(signal, &end, nullptr);
     }
+    ::pthread_sigmask(SIG_BLOCK, &wanted, &before_);
+    ::signal(SIGPIPE, SIG_IGN);
+  }
+
+  /// The signal that came within `limit`, 0 if none did. Called by the thread that made the object.
+  [[nodiscard]] int wait(std::chrono::seconds limit) const {
+    pollfd waiting{descriptor_, POLLIN, 0};
+    const timespec time{limit.count(), 0};
+    ::ppoll(&waiting, 1, &time, &before_);
+    return number_;
+  }
+
+ private:
+  // The handler's.
+  static inline std::atomic<int> number_ = 0;
+  static inline std::atomic<int> descriptor_ = -1;
+  sigset_t before_{};
+};
+
+/// Waits for signals and feeds the watchdog; returns the sentence that says why the recorder ends.
+std::string watch(recorder::Daemon& daemon, const Inboxes& inboxes, const EndSignals& signals) {
+  for (int tick = 0;; ++tick) {
+    for (const auto& [listen, inbox] : inboxes) inbox->tend();
+    if (const int signal = signals.wait(kTick); signal != 0)
+      return std::string("received ") + ::strsignal(signal);
     if (daemon.healthy()) ::sd_notify(0, "WATCHDOG=1");
     if (tick % kDiskTicks == 0) watch_disk(daemon);
     if (!daemon.recording() && was_replaced())
       return "a newer version was installed and nothing is being recorded";
   }
-}
-
-// The handler may touch nothing but this.
-int signal_entrance = -1;
-
-void on_end(int signal) {
-  const auto number = static_cast<unsigned char>(signal);
-  const int error = errno;
-  (void)!::write(signal_entrance, &number, sizeof number);
-  errno = error;
-}
-
-/// A descriptor from which the numbers of SIGINT, SIGTERM and SIGHUP are read, a byte each. By a handler, not
-/// by blocking them for signalfd: libraries may have started threads before main (OpenBLAS does), in which
-/// they would not be blocked.
-int signal_descriptor() {
-  std::array<int, 2> ends{};
-  if (::pipe2(ends.data(), O_CLOEXEC | O_NONBLOCK) != 0) throw Error("signals cannot be received");
-  signal_entrance = ends[1];
-  struct sigaction end {};
-  end.sa_handler = on_end;
-  end.sa_flags = SA_RESTART;
-  for (const int signal : {SIGINT, SIGTERM, SIGHUP}) ::sigaction(signal, &end, nullptr);
-  ::signal(SIGPIPE, SIG_IGN);
-  return ends[0];
 }
 
 int run(const Request& request) {
@@ -275,25 +309,26 @@ int run(const Request& request) {
     return kDone;
   }
   set_up_logging();
-  const int signals = signal_descriptor();
+  const EndSignals signals;
   const archive::RecordingLock lock =
       archive::RecordingLock::take(archive::real_file_system(), home.archive());
-  Shared shared{home.signing_key(), home.trust(), {}, open_stamping_queue(home)};
-  shared.log = archive::ApplianceLog::open(archive::real_file_system(), home.log_folder(), shared.key,
-                                           home.device().name());
+  const WritableHome shared(home);  // by all rooms
   log_configuration(file, home, *shared.log);
 
   const Authorities authorities(home, configuration, {});
-  recover_first(home, authorities, shared, lock);
+  recover_first(shared, authorities, lock);
   recorder::DaemonOptions options;
   options.archive = home.archive();
   options.warn_below_hours = configuration.storage.warn_below_hours;
   options.listener = listener_for(home);
   // Each room asks over connections of its own: a source of stamps belongs to one thread at a time.
   std::vector<std::unique_ptr<Authorities>> of_rooms;
+  Inboxes inboxes;
   for (const RoomConfiguration& room : configuration.rooms) {
     of_rooms.push_back(std::make_unique<Authorities>(home, configuration, std::vector<std::string>{}));
     options.rooms.push_back(plan_of(room, home, configuration, *of_rooms.back(), shared));
+    options.rooms.back().procedure = procedure_of(room, inboxes);
+    options.rooms.back().footswitches = room.footswitches;
   }
   std::string reason;
   {
@@ -306,7 +341,7 @@ int run(const Request& request) {
     const std::unique_ptr<recorder::HttpServer> http = serve_http(home, configuration, daemon);
     ::sd_notify(0, "READY=1");
     spdlog::info("recording for {} room(s), home {}", configuration.rooms.size(), home.folder().string());
-    reason = watch(daemon, signals);
+    reason = watch(daemon, inboxes, signals);
     ::sd_notify(0, "STOPPING=1");
     spdlog::info("ending: {}", reason);
   }

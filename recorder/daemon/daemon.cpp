@@ -64,6 +64,19 @@ ordered_json stream_json(const StreamStatus& stream, std::int64_t now_ns) {
           {"durable_age_ms", std::llround(milliseconds_since(stream.durable_ns))}};
 }
 
+/// "path" is over which the latest token came; "left_alone_ms", until it may be asked again, is 0 where it
+/// may.
+ordered_json authority_json(const AuthorityStatus& authority) {
+  ordered_json out{{"name", authority.name},
+                   {"path", authority.path},
+                   {"failures", authority.failures},
+                   {"last_error", authority.last_error},
+                   {"last_token", nullptr},
+                   {"left_alone_ms", std::chrono::ceil<std::chrono::milliseconds>(authority.pause).count()}};
+  if (authority.last_token) out["last_token"] = format_utc(*authority.last_token);
+  return out;
+}
+
 /// Whether a case would be cut by ending now.
 bool is_busy(RoomState state) { return state != RoomState::kIdle && state != RoomState::kStandby; }
 
@@ -100,11 +113,22 @@ struct Daemon::State {
       listener.warn = [this, prefix](const std::string& sentence) {
         if (options.listener.warn) options.listener.warn(prefix + sentence);
       };
+      const std::vector<FootswitchOptions> switches = std::move(plan.footswitches);
       rooms.push_back(std::make_unique<Room>(std::move(plan), std::move(listener)));
+      for (const FootswitchOptions& one : switches) {
+        Room& its_room = *rooms.back();
+        const auto tell = [this, prefix](const std::string& sentence) {
+          if (options.listener.warn) options.listener.warn(prefix + sentence);
+        };
+        footswitches.emplace_back(its_room.name(),
+                                  std::make_unique<Footswitch>(
+                                      one, [&its_room, one] { act_on_press(its_room, one); }, tell));
+      }
     }
     options.rooms.clear();
   }
   ~State() {
+    footswitches.clear();
     // All at once: closing waits for time-stamping authorities.
     std::vector<std::thread> closers;
     for (std::unique_ptr<Room>& room : rooms) {
@@ -114,6 +138,19 @@ struct Daemon::State {
   }
   State(const State&) = delete;
   State& operator=(const State&) = delete;
+
+  static void act_on_press(Room& room, const FootswitchOptions& asked) {
+    const RoomState state = room.status().state;
+    const bool starts =
+        asked.action == PressAction::kStart || (asked.action == PressAction::kStartStop && !is_busy(state));
+    if (asked.action == PressAction::kMark) {
+      room.mark(asked.mark);
+    } else if (starts) {
+      room.start("footswitch");
+    } else {
+      room.stop("footswitch", false);
+    }
+  }
 
   Room& room(const std::string& name) {
     for (const std::unique_ptr<Room>& one : rooms) {
@@ -169,22 +206,49 @@ struct Daemon::State {
     for (const StreamStatus& stream : status.session.streams) {
       streams.push_back(stream_json(stream, status.session.now_ns));
     }
+    ordered_json authorities = ordered_json::array();
+    for (const AuthorityStatus& authority : status.session.authorities) {
+      authorities.push_back(authority_json(authority));
+    }
+    ordered_json procedure = ordered_json::array();
+    for (const ProcedureWay& way : status.procedure) {
+      procedure.push_back({{"name", way.name}, {"well", way.well}, {"state", way.state}});
+    }
     return {{"room", status.name},
             {"state", state_name(status.state)},
             {"case", status.case_id},
             {"reason", status.reason},
+            {"subject", subject_state_name(status.subject)},
+            {"procedure", procedure},
             {"elapsed_ns", status.session.now_ns - status.session.begins_ns},
             {"streams", streams},
             {"tokens", status.session.tokens},
             {"missed", status.session.missed},
+            {"authorities", authorities},
             {"bytes_per_second", std::llround(status.bytes_per_second)},
             {"cases", status.cases},
             {"problem", status.problem}};
   }
 
+  [[nodiscard]] ordered_json footswitches_json(const std::string& room) const {
+    ordered_json out = ordered_json::array();
+    for (const auto& [its_room, footswitch] : footswitches) {
+      if (its_room != room) continue;
+      const FootswitchStatus status = footswitch->status();
+      out.push_back({{"device", status.device},
+                     {"well", status.well},
+                     {"state", status.state},
+                     {"presses", status.presses}});
+    }
+    return out;
+  }
+
   [[nodiscard]] ordered_json status() const {
     ordered_json all = ordered_json::array();
-    for (const std::unique_ptr<Room>& one : rooms) all.push_back(room_json(one->status()));
+    for (const std::unique_ptr<Room>& one : rooms) {
+      all.push_back(room_json(one->status()));
+      all.back()["footswitches"] = footswitches_json(one->name());
+    }
     const std::chrono::duration<double> up = SteadyClock::now() - began;
     return {{"rooms", all},
             {"disk", disk_json()},
@@ -196,6 +260,7 @@ struct Daemon::State {
   const SteadyClock::time_point began;
   std::vector<std::optional<double>> expected;
   std::vector<std::unique_ptr<Room>> rooms;
+  std::vector<std::pair<std::string, std::unique_ptr<Footswitch>>> footswitches;  // by room; use the rooms
   std::mutex disk_mutex;
   bool warned_of_disk = false;
 };

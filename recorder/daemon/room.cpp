@@ -69,6 +69,20 @@ std::string_view state_name(RoomState state) {
   return "";
 }
 
+std::string_view subject_state_name(SubjectState state) {
+  switch (state) {
+    case SubjectState::kNone:
+      return "none";
+    case SubjectState::kGiven:
+      return "given";
+    case SubjectState::kFound:
+      return "found";
+    case SubjectState::kLate:
+      return "late";
+  }
+  return "";
+}
+
 struct Room::State {
   State(RoomPlan asked, RoomListener told) : plan(std::move(asked)), listener(std::move(told)) {
     status.name = plan.name;
@@ -182,22 +196,66 @@ struct Room::State {
       if (now.now_ns > kLongestStandbyNs) running.stop("renewal");
       return "";
     }
+    std::string id;
     try {
-      const std::string id = running.begin(std::move(taken->subject));
-      {
-        const std::lock_guard guard(mutex);
-        status.state = RoomState::kRecording;
-        status.case_id = id;
-        status.reason = taken->reason;
-      }
-      if (listener.note) listener.note("case " + id + " begins (" + taken->reason + ")");
-      taken->begun.set_value(id);
-      return taken->reason;
+      id = running.begin(subject_of(*taken));
     } catch (const std::exception& error) {
       tell_problem(std::string("no case could be begun: ") + error.what());
       taken->begun.set_exception(std::current_exception());
       return "";
     }
+    {
+      const std::lock_guard guard(mutex);
+      status.state = RoomState::kRecording;
+      status.case_id = id;
+      status.reason = taken->reason;
+    }
+    if (listener.note) listener.note("case " + id + " begins (" + taken->reason + ")");
+    state_missing_subject(running);
+    taken->begun.set_value(id);
+    return taken->reason;
+  }
+
+  /// For a case that begins now: what a person gave, else what is known of the procedure.
+  std::optional<Bytes> subject_of(Request& asked) {
+    std::optional<Bytes> subject = std::move(asked.subject);
+    SubjectState state = subject ? SubjectState::kGiven : SubjectState::kNone;
+    begun_at = utc_now();
+    if (!subject && plan.procedure) {
+      if (const auto found = plan.procedure->find(begun_at)) {
+        subject = subject_json(*found);
+        state = SubjectState::kFound;
+      }
+    }
+    look_for_subject = !subject && plan.procedure;
+    const std::lock_guard guard(mutex);
+    status.subject = state;
+    return subject;
+  }
+
+  /// In the case and to people; recording does not wait for it.
+  void state_missing_subject(Session& running) {
+    if (!look_for_subject) return;
+    plan.procedure->hurry();
+    std::string why = "the case begins without procedure data";
+    for (const ProcedureWay& way : plan.procedure->ways()) why += "; " + way.name + ": " + way.state;
+    running.subject_missing(why);
+    tell_problem(why);
+  }
+
+  /// Each second, until there is one.
+  void look_for_late_subject(Session& running) {
+    if (!look_for_subject || Clock::now() < next_look) return;
+    next_look = Clock::now() + kRuleInterval;
+    const auto found = plan.procedure->find(begun_at);
+    if (!found) return;
+    look_for_subject = false;
+    running.late_subject(subject_json(*found));
+    {
+      const std::lock_guard guard(mutex);
+      status.subject = SubjectState::kLate;
+    }
+    if (listener.note) listener.note("procedure data came while the case ran");
   }
 
   /// With the mutex held.
@@ -228,7 +286,7 @@ struct Room::State {
     std::shared_ptr<Session> running;
     try {
       SessionOptions options = plan.session;
-      options.subject = std::move(asked.subject);
+      options.subject = subject_of(asked);
       running = std::make_shared<Session>(std::move(options));
     } catch (const std::exception& error) {
       refuse_start(asked, error.what());
@@ -242,6 +300,7 @@ struct Room::State {
       if (ending) running->stop("shutdown");
     }
     if (listener.note) listener.note("case " + running->case_id() + " begins (" + asked.reason + ")");
+    state_missing_subject(*running);
     asked.begun.set_value(running->case_id());
     try {
       end(running->run([&](const SessionStatus& now) { follow(*running, now, asked.reason == "schedule"); }));
@@ -267,6 +326,7 @@ struct Room::State {
       running.stop("silence");
     }
     if (by_schedule && !rules.schedule.contains(local_now())) running.stop("schedule");
+    look_for_late_subject(running);
     const std::lock_guard guard(mutex);
     rate.add(Clock::now(), total_bytes(now));
     status.bytes_per_second = rate.bytes_per_second();
@@ -352,7 +412,7 @@ struct Room::State {
   const RoomListener listener;
   std::atomic<Clock::rep> heartbeat{0};
 
-  mutable std::mutex mutex;  // guards what follows but for the two that only the room's thread uses
+  mutable std::mutex mutex;  // guards what follows, but for the last ones, which only the room's thread uses
   std::condition_variable changed;
   bool ending = false;
   bool stopped_in_window = false;  // by a person, so that the schedule rests
@@ -363,6 +423,9 @@ struct Room::State {
   RateMeter rate;
 
   std::optional<std::int64_t> signal_since_ns;  // on the clock of the session
+  UtcTime begun_at{};                           // of the case that runs
+  bool look_for_subject = false;                // of that case: nobody gave one, none was known
+  Clock::time_point next_look{};
   Clock::duration pause{};
   Clock::time_point not_before{};
   std::thread thread;
@@ -417,6 +480,7 @@ void Room::mark(const std::string& text) {
 RoomStatus Room::status() const {
   const std::lock_guard guard(state_->mutex);
   RoomStatus status = state_->status;
+  if (state_->plan.procedure) status.procedure = state_->plan.procedure->ways();
   if (state_->session) status.session = state_->session->status();
   return status;
 }

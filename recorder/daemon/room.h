@@ -8,8 +8,11 @@
 #include <memory>
 #include <optional>
 #include <string>
+#include <vector>
 
+#include "recorder/daemon/footswitch.h"
 #include "recorder/daemon/schedule.h"
+#include "recorder/procedure/procedure_source.h"
 #include "recorder/session.h"
 
 namespace kiroku::recorder {
@@ -33,7 +36,16 @@ struct RoomPlan {
   std::string name;
   SessionOptions session;  // what it points to must outlive the room; no subject, no duration
   RoomRules rules;
+  /// Asked for the subject of a case for which nobody gave one; null: none. What is not known when the case
+  /// begins is looked for while it runs, and becomes an event of it (events_lane.h).
+  std::shared_ptr<ProcedureSource> procedure;
+  std::vector<FootswitchOptions> footswitches;  // the daemon's, which presses
 };
+
+/// Where the subject of a case came from: nowhere, from who started it, from the room's procedure data, or
+/// from them while it ran.
+enum class SubjectState { kNone, kGiven, kFound, kLate };
+std::string_view subject_state_name(SubjectState state);
 
 /// kIdle: nothing is recorded. kStandby: sources are recorded ahead, no case has begun.
 enum class RoomState { kIdle, kStandby, kStarting, kRecording, kClosing };
@@ -42,12 +54,14 @@ std::string_view state_name(RoomState state);
 struct RoomStatus {
   std::string name;
   RoomState state = RoomState::kIdle;
-  std::string case_id;          // of the case being recorded, or of the last one
-  std::string reason;           // why it was started, or why the last one ended
-  SessionStatus session;        // of that case
-  std::string problem;          // latest sentence a person should see, "" if none
-  std::uint64_t cases = 0;      // ended since the room was made
-  double bytes_per_second = 0;  // of the case being recorded, over the last minute or so
+  std::string case_id;                         // of the case being recorded, or of the last one
+  std::string reason;                          // why it was started, or why the last one ended
+  SessionStatus session;                       // of that case
+  std::string problem;                         // latest sentence a person should see, "" if none
+  SubjectState subject = SubjectState::kNone;  // of that case
+  std::vector<ProcedureWay> procedure;         // how the ways to procedure data are
+  std::uint64_t cases = 0;                     // ended since the room was made
+  double bytes_per_second = 0;                 // of the case being recorded, over the last minute or so
 };
 
 /// What a room tells the world; called from the room's thread. Must not call the room.

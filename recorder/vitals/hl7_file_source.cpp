@@ -1,7 +1,5 @@
 #include <algorithm>
-#include <atomic>
 #include <cerrno>
-#include <deque>
 #include <filesystem>
 #include <fstream>
 #include <iterator>
@@ -9,6 +7,7 @@
 
 #include "base/error.h"
 #include "recorder/source/source_address.h"
+#include "recorder/vitals/block_source.h"
 #include "recorder/vitals/hl7_vitals.h"
 #include "recorder/vitals/mllp_source.h"
 
@@ -35,7 +34,7 @@ std::string read_file(const std::string& path) {
   return bytes;
 }
 
-class Hl7FileSource : public VitalSource {
+class Hl7FileSource : public BlockSource {
  public:
   explicit Hl7FileSource(const SourceAddress& address)
       : zone_(parse_assumed_zone(address.option("zone", "local"), address.stated)),
@@ -51,27 +50,22 @@ class Hl7FileSource : public VitalSource {
     }
   }
 
-  std::optional<VitalLine> next() override {
-    while (!interrupted_ && ready_.empty() && next_message_ < messages_.size()) {
-      const std::string_view message = messages_[next_message_++];
-      Hl7Vitals::Taken taken = vitals_.take(message, time_of(message), utc_now(), "");
-      for (VitalLine& line : taken.lines) {
-        if (auto* const kept = std::get_if<media::DeviceMessage>(&line)) {
-          kept->answer.clear();  // nobody is there to hear it
-        }
-        ready_.push_back(std::move(line));
+ private:
+  bool read_block(std::vector<VitalLine>& lines) override {
+    if (next_message_ == messages_.size()) {
+      return false;
+    }
+    const std::string_view message = messages_[next_message_++];
+    Hl7Vitals::Taken taken = vitals_.take(message, time_of(message), utc_now(), "");
+    for (VitalLine& line : taken.lines) {
+      if (auto* const kept = std::get_if<media::DeviceMessage>(&line)) {
+        kept->answer.clear();  // nobody is there to hear it
       }
     }
-    if (interrupted_ || ready_.empty()) {
-      return std::nullopt;
-    }
-    VitalLine line = std::move(ready_.front());
-    ready_.pop_front();
-    return line;
+    lines = std::move(taken.lines);
+    return true;
   }
-  void interrupt() noexcept override { interrupted_ = true; }
 
- private:
   std::int64_t time_of(std::string_view message) {
     const Hl7Parse parsed = parse_hl7_message(message);
     const auto time =
@@ -96,8 +90,6 @@ class Hl7FileSource : public VitalSource {
   Hl7Vitals vitals_;
   std::optional<UtcTime> first_;
   std::int64_t last_ns_ = 0;
-  std::deque<VitalLine> ready_;
-  std::atomic<bool> interrupted_ = false;
 };
 
 }  // namespace

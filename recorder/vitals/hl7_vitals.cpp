@@ -40,6 +40,25 @@ std::string escaped(std::string_view text, const Hl7Separators& separators) {
   return result;
 }
 
+/// Of all that a message says but when it was sent (MSH-7), which a retry may state anew.
+crypto::Sha256Digest content_hash(const Hl7Message& message) {
+  constexpr std::size_t kSentAt = 7;
+  crypto::Sha256 hash;
+  for (const Hl7Segment& segment : message.segments()) {
+    const bool is_header = &segment == &message.header();
+    hash.update(bytes_of(segment.name()));
+    for (std::size_t number = 1; number <= segment.size(); ++number) {
+      // The separator keeps fields apart: none holds it.
+      hash.update(bytes_of("|"));
+      if (!is_header || number != kSentAt) {
+        hash.update(bytes_of(segment.field(number).raw()));
+      }
+    }
+    hash.update(bytes_of("\r"));
+  }
+  return hash.finish();
+}
+
 }  // namespace
 
 std::chrono::minutes parse_assumed_zone(const std::string& text, const std::string& source) {
@@ -130,17 +149,23 @@ Hl7Vitals::Taken Hl7Vitals::take(std::string_view bytes, std::int64_t arrival_ns
   } else {
     taken.answer = "AE";
   }
-  const std::string control_id = parsed.message ? parsed.message->control_id() : "";
-  const bool repeated = problem.empty() && is_repeated(source, control_id, bytes);
+  const Novelty novelty =
+      problem.empty() ? novelty_of(source, *parsed.message, bytes, arrival_ns) : Novelty::kNew;
   taken.acknowledgement = make_acknowledgement(parsed.message.get(), taken.answer, problem, now);
-  if (repeated) {
-    taken.lines.emplace_back(
-        media::VitalNotice{arrival_ns, "message-repeated",
-                           "the message '" + control_id + "' came again; it is recorded once", source});
+  const auto repeated = [&](const std::string& how) {
+    taken.lines.emplace_back(media::VitalNotice{
+        arrival_ns, "message-repeated", "the message '" + parsed.message->control_id() + "' " + how, source});
+  };
+  if (novelty == Novelty::kRepeated) {
+    repeated("came again; it is recorded once");
     return taken;
   }
   taken.lines.emplace_back(media::DeviceMessage{arrival_ns, std::string(bytes),
                                                 taken.acknowledgement.empty() ? "" : taken.answer, source});
+  if (novelty == Novelty::kRepeatedWithOtherTime) {
+    repeated("came again with another time (MSH-7); its values are recorded once");
+    return taken;
+  }
   if (!problem.empty()) {
     taken.lines.emplace_back(media::VitalNotice{arrival_ns, "message-refused", problem, source});
     return taken;
@@ -151,22 +176,36 @@ Hl7Vitals::Taken Hl7Vitals::take(std::string_view bytes, std::int64_t arrival_ns
   return taken;
 }
 
-bool Hl7Vitals::is_repeated(const std::string& source, const std::string& control_id,
-                            std::string_view bytes) {
+Hl7Vitals::Novelty Hl7Vitals::novelty_of(const std::string& source, const Hl7Message& message,
+                                         std::string_view bytes, std::int64_t arrival_ns) {
+  const std::string control_id = message.control_id();
+  const Seen now{crypto::sha256(bytes_of(bytes)), content_hash(message), arrival_ns};
+  if (identifiers_.size() >= kMostSenders) {
+    identifiers_.clear();  // somebody makes up senders
+  }
+  Identifiers& identifiers = identifiers_.try_emplace(source, Identifiers{control_id}).first->second;
+  identifiers.several = identifiers.several || identifiers.first != control_id;
   const std::string key = source + '\n' + control_id;
-  const crypto::Sha256Digest hash = crypto::sha256(bytes_of(bytes));
-  const auto [known, added] = seen_.try_emplace(key, hash);
+  const auto [known, added] = seen_.try_emplace(key, now);
   if (!added) {
-    const bool same = known->second == hash;
-    known->second = hash;
-    return same;
+    const Seen before = std::exchange(known->second, now);
+    if (before.whole == now.whole) {
+      return Novelty::kRepeated;
+    }
+    if (before.content != now.content) {
+      identifiers.reused = true;
+      return Novelty::kNew;
+    }
+    const bool tells_apart = identifiers.several && !identifiers.reused;
+    const bool soon = arrival_ns - before.arrival_ns <= kLongestRetryNs;
+    return tells_apart && soon ? Novelty::kRepeatedWithOtherTime : Novelty::kNew;
   }
   seen_order_.push_back(key);
   if (seen_order_.size() > kRemembered) {
     seen_.erase(seen_order_.front());
     seen_order_.pop_front();
   }
-  return false;
+  return Novelty::kNew;
 }
 
 MonitorReader& Hl7Vitals::reader_of(const std::string& source) {

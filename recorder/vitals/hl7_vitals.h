@@ -37,22 +37,40 @@ class Hl7Vitals {
     std::string answer;
     std::string acknowledgement;  // without framing; "" if none is wanted
   };
-  /// `peer` is who brought it, "" for a file: the source of its lines is "<MSH-3, MSH-4>@<peer>". A message
-  /// is a repeated one if sender, MSH-10 and every byte are those of one of the last kRemembered: an
-  /// identifier alone does not suffice, monitors begin anew with 1 or always send the same. `arrival_ns` must
-  /// not decrease.
+  /// `peer` is who brought it, "" for a file: the source of its lines is "<MSH-3, MSH-4>@<peer>".
+  /// `arrival_ns` must not decrease.
+  ///
+  /// A message is repeated if one of the last kRemembered had its sender, its MSH-10 and every byte of it: an
+  /// identifier alone does not suffice, monitors begin anew with 1 or always send the same. It is not kept
+  /// again. It is sent again with another time if all is the same but MSH-7, within kLongestRetryNs, and its
+  /// sender is one whose identifiers tell messages apart: it has used several, and none for two contents.
+  /// Then the message itself is kept, its values are not read again. From any other sender that is a new
+  /// message with the same values.
   Taken take(std::string_view bytes, std::int64_t arrival_ns, UtcTime now, const std::string& peer);
 
   static constexpr std::size_t kRemembered = 4096;
+  static constexpr std::int64_t kLongestRetryNs = 600'000'000'000;
   static constexpr std::size_t kMostSenders = 256;
 
  private:
-  bool is_repeated(const std::string& source, const std::string& control_id, std::string_view bytes);
+  enum class Novelty { kNew, kRepeated, kRepeatedWithOtherTime };
+  struct Seen {
+    crypto::Sha256Digest whole, content;  // content: without MSH-7
+    std::int64_t arrival_ns = 0;
+  };
+  /// How a sender uses MSH-10.
+  struct Identifiers {
+    std::string first;
+    bool several = false, reused = false;
+  };
+  Novelty novelty_of(const std::string& source, const Hl7Message& message, std::string_view bytes,
+                     std::int64_t arrival_ns);
   MonitorReader& reader_of(const std::string& source);
 
   std::chrono::minutes assumed_zone_;
   std::map<std::string, MonitorReader> readers_;
-  std::map<std::string, crypto::Sha256Digest> seen_;  // by sender and MSH-10
+  std::map<std::string, Identifiers> identifiers_;  // by sender
+  std::map<std::string, Seen> seen_;                // by sender and MSH-10
   std::deque<std::string> seen_order_;
 };
 

@@ -1,7 +1,6 @@
 #include "recorder/vitals/mllp_source.h"
 
 #include <atomic>
-#include <charconv>
 #include <condition_variable>
 #include <deque>
 #include <mutex>
@@ -11,6 +10,7 @@
 #include "recorder/case_clock.h"
 #include "recorder/source/source_address.h"
 #include "recorder/vitals/hl7_vitals.h"
+#include "recorder/vitals/mllp_address.h"
 #include "recorder/vitals/mllp_server.h"
 
 namespace kiroku::recorder {
@@ -19,46 +19,13 @@ namespace {
 /// So often a reader who waits hears that nothing has come.
 constexpr std::chrono::milliseconds kPatience{50};
 
-MllpServer::Options server_options(const SourceAddress& address) {
-  address.require_options("zone,idle,connections,certificate,key,clients");
-  MllpServer::Options options;
-  const bool tls = address.location.starts_with("mllps://");
-  std::string rest = address.location.substr(address.location.find("://") + 3);
-  while (rest.ends_with('/')) {
-    rest.pop_back();
-  }
-  const std::size_t colon = rest.rfind(':');
-  if (colon != std::string::npos && rest.find(']', colon) == std::string::npos) {
-    const std::string port = rest.substr(colon + 1);
-    const auto [end, error] = std::from_chars(port.data(), port.data() + port.size(), options.port);
-    if (error != std::errc() || end != port.data() + port.size()) {
-      throw UsageError("source '" + address.stated + "': '" + port + "' is no port");
-    }
-    rest.resize(colon);
-  }
-  if (rest.starts_with('[') && rest.ends_with(']')) {
-    rest = rest.substr(1, rest.size() - 2);
-  }
-  options.address = rest.empty() ? "0.0.0.0" : rest;
-  options.idle_limit = std::chrono::seconds(integer_option(address, "idle", 3600, 1, 7 * 86'400));
-  options.most_connections = static_cast<std::size_t>(integer_option(address, "connections", 64, 1, 1000));
-  options.certificate = address.option("certificate", "");
-  options.key = address.option("key", "");
-  options.clients = address.option("clients", "");
-  if (tls == options.certificate.empty()) {
-    throw UsageError("source '" + address.stated +
-                     "': TLS needs mllps:// and certificate=PEM; give both or neither");
-  }
-  return options;
-}
-
 class MllpSource : public VitalSource {
  public:
   MllpSource(const SourceAddress& address, const CaseClock& clock)
       : clock_(clock),
         vitals_(parse_assumed_zone(address.option("zone", "local"), address.stated)),
         server_(
-            server_options(address),
+            mllp_server_options(address),
             [this](std::string_view message, const std::string& peer) { return take(message, peer); },
             [this](const std::string& name, const std::string& text, const std::string& peer) {
               complain(name, text, peer);

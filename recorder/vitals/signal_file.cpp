@@ -1,9 +1,7 @@
 #include "recorder/vitals/signal_file.h"
 
 #include <algorithm>
-#include <atomic>
 #include <cmath>
-#include <deque>
 #include <filesystem>
 #include <limits>
 #include <utility>
@@ -11,6 +9,7 @@
 #include "base/error.h"
 #include "crypto/byte_source.h"
 #include "recorder/source/source_address.h"
+#include "recorder/vitals/block_source.h"
 #include "recorder/vitals/edf_reader.h"
 #include "recorder/vitals/hl7_vitals.h"
 #include "recorder/vitals/vital_file_reader.h"
@@ -19,41 +18,25 @@
 namespace kiroku::recorder {
 namespace {
 
-class SignalSource : public VitalSource {
+class SignalSource : public BlockSource {
  public:
   explicit SignalSource(std::unique_ptr<SignalReader> reader) : reader_(std::move(reader)) {}
 
-  std::optional<VitalLine> next() override {
-    while (!interrupted_ && ready_.empty() && !ended_) {
-      std::vector<VitalLine> block;
-      try {
-        ended_ = !reader_->read_block(block);
-      } catch (const std::exception&) {
-        ended_ = true;
-        throw;
-      }
-      std::ranges::stable_sort(block, {}, [](const VitalLine& line) { return media::time_ns_of(line); });
-      for (VitalLine& line : block) {
-        last_ns_ = std::max(last_ns_, media::time_ns_of(line));
-        media::set_time_ns(line, last_ns_);
-        ready_.push_back(std::move(line));
-      }
-    }
-    if (interrupted_ || ready_.empty()) {
-      return std::nullopt;
-    }
-    VitalLine line = std::move(ready_.front());
-    ready_.pop_front();
-    return line;
-  }
-  void interrupt() noexcept override { interrupted_ = true; }
-
  private:
+  bool read_block(std::vector<VitalLine>& lines) override {
+    if (!reader_->read_block(lines)) {
+      return false;
+    }
+    std::ranges::stable_sort(lines, {}, [](const VitalLine& line) { return media::time_ns_of(line); });
+    for (VitalLine& line : lines) {
+      last_ns_ = std::max(last_ns_, media::time_ns_of(line));
+      media::set_time_ns(line, last_ns_);
+    }
+    return true;
+  }
+
   std::unique_ptr<SignalReader> reader_;
-  std::deque<VitalLine> ready_;
   std::int64_t last_ns_ = 0;
-  bool ended_ = false;
-  std::atomic<bool> interrupted_ = false;
 };
 
 }  // namespace

@@ -121,7 +121,27 @@ INSTANTIATE_TEST_SUITE_P(
         Attack{"EndCutConsistently", [](AttackedCase& c) { c.cut(7); }, "not-closed", kLedger, {}, Verdict::kIncomplete},
         Attack{"EndCutConsistentlyWithTheLogAtHand", [](AttackedCase& c) { c.cut(7); }, "log-knows-more", kLedger, 7,
                Verdict::kTampered, true},
+        // A recorder that died before it wrote the last checkpoint leaves the same: only the log can tell.
         Attack{"LastCheckpointRemoved", [](AttackedCase& c) { fs::remove(c / "checkpoints/00000011.note"); },
+               "token-not-covered", kLedger, 10, Verdict::kIncomplete},
+        Attack{"LastCheckpointRemovedWithTheLogAtHand",
+               [](AttackedCase& c) { fs::remove(c / "checkpoints/00000011.note"); }, "ledger-not-covered", kLedger, 10,
+               Verdict::kTampered, true},
+        Attack{"TokenEntryBehindTheLastCheckpointMadeUp",
+               [](AttackedCase& c) {
+                 fs::remove(c / "checkpoints/00000011.note");
+                 c.edit_text(10, "\"serial\":\"", "\"serial\":\"1");
+               },
+               "ledger-not-covered", kLedger, 10},
+        Attack{"TokenBehindTheLastCheckpointOverSomethingElse",
+               [](AttackedCase& c) {
+                 fs::remove(c / "checkpoints/00000011.note");
+                 const std::string other = read_file(c / "tokens/00000006.embedded.tsr");
+                 write_file(c / "tokens/00000010.embedded.tsr", other);
+                 c.edit(10, [&](archive::CaseEntry& entry) {
+                   std::get<archive::TokenEntry>(entry.body).sha256 = crypto::sha256(bytes_of(other));
+                 });
+               },
                "ledger-not-covered", kLedger, 10},
         Attack{"EntryBehindTheLastCheckpoint",
                [](AttackedCase& c) { c.append(archive::TokenMissedEntry{11, "embedded", "x"}); }, "ledger-not-covered",

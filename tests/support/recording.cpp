@@ -51,6 +51,17 @@ std::vector<std::string> RecordedCase::lines(const std::string& stream) const {
   return found;
 }
 
+std::string RecordedCase::subject() const {
+  const auto& file = std::get<archive::OpenEntry>(entries_.front().body).subject;
+  if (!file) return "";
+  const auto source = crypto::open_file_source(folder_ / file->file);
+  Bytes plain;
+  crypto::AgeFile::open(*source, identities_, crypto::Truncation::kRefuse).read_all([&](ByteView bytes) {
+    append(plain, bytes);
+  });
+  return std::string(text_of(plain));
+}
+
 std::vector<std::string> RecordedCase::broken_rules() const {
   constexpr std::int64_t kLongestNs = 10'000'000'000;
   std::vector<std::string> broken;

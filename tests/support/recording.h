@@ -35,6 +35,8 @@ class RecordedCase {
   /// Of all segments of the stream, one after the other.
   [[nodiscard]] Bytes joined(const std::string& stream) const;
   [[nodiscard]] std::vector<std::string> lines(const std::string& stream) const;
+  /// The subject file's text; "" where there is none.
+  [[nodiscard]] std::string subject() const;
   /// One sentence for each rule of streams that does not hold: spans in order and joined by nothing but
   /// stated gaps, at most ten seconds, indexes without a hole, no frame in two segments.
   [[nodiscard]] std::vector<std::string> broken_rules() const;

@@ -1,6 +1,9 @@
 #include <csignal>
+#include <ctime>
 #include <thread>
 
+#include "tests/support/mllp_client.h"
+#include "tests/support/worklist_server.h"
 #include "tests/system/program_test.h"
 
 namespace kiroku::test {
@@ -19,6 +22,15 @@ name = "vitals"
 kind = "vitals"
 source = "synthetic:patient"
 )";
+
+std::string compact_local_time(const char* format) {
+  const std::time_t now = std::time(nullptr);
+  std::tm here{};
+  localtime_r(&now, &here);
+  char text[16];
+  std::strftime(text, sizeof text, format, &here);
+  return text;
+}
 
 class Daemon : public ProgramTest {
  protected:
@@ -52,6 +64,11 @@ TEST_F(Daemon, RecordsWhatItIsToldAndClosesWhenItEnds) {
       kiroku_json({"case", "start", "--subject", path("subject.json"), "--json"})["case"];
   EXPECT_TRUE(
       until([](const nlohmann::json& room) { return room["streams"][0]["segments"].get<int>() > 0; }));
+  EXPECT_TRUE(until([](const nlohmann::json& room) {
+    return room["authorities"].size() == 1 && room["authorities"][0]["name"] == "embedded" &&
+           room["authorities"][0]["last_token"].is_string();
+  }));
+  EXPECT_THAT(kiroku({"status"}).out, testing::ContainsRegex("embedded  answers  last token 20[0-9-]+T"));
   EXPECT_EQ(kiroku({"case", "mark", "clip placed"}).status, 0);
   EXPECT_REFUSED(kiroku({"case", "start"}), "recording already");
   EXPECT_EQ(kiroku_json({"case", "stop", "--json"})["case"], first);
@@ -66,6 +83,81 @@ TEST_F(Daemon, RecordsWhatItIsToldAndClosesWhenItEnds) {
   EXPECT_EQ(kiroku_json({"verify", "--json", (home() / "archive" / second).string()})["verdict"], "intact");
   EXPECT_THAT(read_text(home() / "archive" / "log" / "ledger.jsonl"), HasSubstr(R"("type":"shutdown")"));
   EXPECT_REFUSED(kiroku({"status"}), "no recorder answers");
+}
+
+TEST_F(Daemon, SealsWhatTheHospitalSaysOfAProcedureAndTellsItNowhereElse) {
+  if (!has_worklist_server()) GTEST_SKIP() << "wlmscpfs is not installed (Debian package dcmtk)";
+  WorklistServer server(folder() / "worklist");
+  const std::uint16_t hl7_port = WorklistServer::free_port();
+  write_text(home() / "kiroku.toml", read_text(home() / "kiroku.toml") + R"(
+[[room]]
+name = "or-2"
+[room.procedure.hl7]
+listen = "mllp://127.0.0.1:)" + std::to_string(hl7_port) +
+                                         R"("
+locations = ["OR2"]
+[room.procedure.worklist]
+address = "127.0.0.1:)" + std::to_string(server.port()) +
+                                         R"("
+called_ae = "RIS"
+timeout = "1s"
+refresh = "5s"
+[[room.stream]]
+name = "endoscope"
+source = "synthetic:endoscope?size=64x48&rate=10"
+)");
+  Process daemon(kirokud());
+  ASSERT_TRUE(daemon.wait_for("recording for 2 room"));
+  ASSERT_TRUE(daemon.wait_for("it is asked again"));
+  const auto room = [this] { return kiroku_json({"status", "--json"})["rooms"][1]; };
+  const auto until_subject = [&](const std::string& wanted) {
+    for (int i = 0; i < 600 && room()["subject"] != wanted; ++i) {
+      std::this_thread::sleep_for(std::chrono::milliseconds(50));
+    }
+    return room()["subject"] == wanted;
+  };
+  const auto opened = [&](const std::string& case_id) {
+    return kiroku({"unseal", "-i", (home() / "identity.txt").string(),
+                   (home() / "archive" / case_id / "subject.json.age").string()})
+        .out;
+  };
+
+  // No worklist yet: recording begins all the same, and says so; then it comes, while the case runs.
+  const std::string late = kiroku_json({"case", "start", "--room", "or-2", "--json"})["case"];
+  EXPECT_EQ(room()["subject"], "none");
+  EXPECT_THAT(room()["problem"].get<std::string>(), HasSubstr("begins without procedure data"));
+  EXPECT_FALSE(room()["procedure"][1]["well"].get<bool>());
+  server.add("11", "Listed^Lisa", compact_local_time("%Y%m%d"), compact_local_time("%H%M"));
+  server.start();
+  EXPECT_TRUE(until_subject("late"));
+  EXPECT_EQ(kiroku({"case", "stop", "--room", "or-2"}).status, 0);
+  EXPECT_EQ(kiroku_json({"verify", "--json", (home() / "archive" / late).string()})["verdict"], "intact");
+  EXPECT_THAT(kiroku({"export", late, "--stream", "events", "-o", path("events.jsonl")}).err, testing::_);
+  EXPECT_THAT(read_text(path("events.jsonl")), HasSubstr("Listed^Lisa"));
+
+  // Known ahead: the worklist's; then a message's, which goes before it.
+  const std::string listed = kiroku_json({"case", "start", "--room", "or-2", "--json"})["case"];
+  EXPECT_EQ(room()["subject"], "found");
+  EXPECT_EQ(kiroku({"case", "stop", "--room", "or-2"}).status, 0);
+  EXPECT_THAT(opened(listed), HasSubstr("Listed^Lisa"));
+  MllpClient hospital("127.0.0.1", hl7_port);
+  hospital.send_message(
+      "MSH|^~\\&|ADT|HOSP|||20260805080000||ADT^A02|77|P|2.5||||||8859/1\r"
+      "PID|1||4711^^^HOSP^MR||M\xFCller^J\xF6rg\rPV1|1|I|SURGERY^OR2\r");
+  EXPECT_THAT(hospital.receive().value_or(""), HasSubstr("MSA|AA|77"));
+  const std::string placed = kiroku_json({"case", "start", "--room", "or-2", "--json"})["case"];
+  EXPECT_EQ(kiroku({"case", "stop", "--room", "or-2"}).status, 0);
+  EXPECT_EQ(nlohmann::json::parse(opened(placed))["patient"]["family"], "Müller");
+  EXPECT_EQ(kiroku_json({"verify", "--json", (home() / "archive" / placed).string()})["verdict"], "intact");
+
+  const std::string status = kiroku({"status", "--json"}).out;
+  daemon.signal(SIGTERM);
+  const ProcessResult ended = daemon.wait();
+  EXPECT_EQ(ended.status, 0);
+  for (const std::string said : {"Lisa", "Müller", "4711"}) {
+    EXPECT_THAT(ended.err + ended.out + status, testing::Not(HasSubstr(said)));
+    EXPECT_THAT(read_text(home() / "archive" / placed / "ledger.jsonl"), testing::Not(HasSubstr(said)));
+  }
 }
 
 TEST_F(Daemon, OnlyOneOnAHome) {

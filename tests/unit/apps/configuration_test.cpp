@@ -93,22 +93,15 @@ TEST(Configuration, ListensOnThisMachineAlone) {
   }
 }
 
-/// The room that the file written by init shows in comments is a good one.
-TEST(Configuration, TheExampleOfARoomIsGood) {
+/// What the file written by init shows in comments, as it is once they are taken away.
+std::string uncommented_example() {
   const std::string_view all = default_configuration_text();
   std::istringstream lines{std::string(all.substr(all.find("# # An operating room")))};
   std::string example;
   for (std::string line; std::getline(lines, line);) {
     example += (line.starts_with("# ") ? line.substr(2) : line == "#" ? "" : line) + "\n";
   }
-  const Configuration read = parse_configuration(example, "example");
-  ASSERT_EQ(read.rooms.size(), 1U);
-  EXPECT_EQ(read.rooms[0].streams.size(), 3U);
-  EXPECT_EQ(read.rooms[0].rules.start_on_signal, "endoscope");
-  EXPECT_EQ(read.daemon.listen_port, 9464);
-  ASSERT_EQ(read.retention.rules.size(), 1U);
-  EXPECT_EQ(read.retention.rules[0].after, std::chrono::hours(30 * 24));
-  EXPECT_EQ(read.retention.replicas.size(), 1U);
+  return example;
 }
 
 TEST(Configuration, RetentionSaysWhatWhenAndWhy) {
@@ -153,6 +146,72 @@ TEST(Configuration, RefusesIncompleteAndDoubledAuthorities) {
   EXPECT_EQ(refusal("[authority]\nname = \"a\"\n"), "k.toml:1:1: authorities are written as [[authority]]");
   const std::string one = "[[authority]]\nname = \"a\"\nurl = \"embedded\"\n";
   EXPECT_EQ(refusal(one + one), "k.toml:4:1: there are two authorities named 'a'");
+}
+
+TEST(Configuration, TheExampleOfARoomIsGood) {
+  const std::string example = uncommented_example();
+  const Configuration read = parse_configuration(example, "k.toml");
+  ASSERT_EQ(read.rooms.size(), 1U) << example;
+  const RoomConfiguration& room = read.rooms[0];
+  EXPECT_EQ(room.streams.size(), 3U);
+  EXPECT_EQ(room.rules.start_on_signal, "endoscope");
+  EXPECT_EQ(read.daemon.listen_port, 9464);
+  ASSERT_EQ(read.retention.rules.size(), 1U);
+  EXPECT_EQ(read.retention.rules[0].after, std::chrono::hours(30 * 24));
+  EXPECT_EQ(read.retention.replicas.size(), 1U);
+  ASSERT_EQ(room.footswitches.size(), 1U);
+  EXPECT_EQ(room.footswitches[0].key, 183);
+  EXPECT_EQ(room.footswitches[0].action, recorder::PressAction::kStartStop);
+  EXPECT_EQ(room.footswitches[0].mark, "footswitch");
+  ASSERT_TRUE(room.procedure.hl7);
+  EXPECT_EQ(room.procedure.hl7->listen, "mllp://0.0.0.0:2576");
+  EXPECT_EQ(room.procedure.hl7->rule.locations, (std::vector<std::string>{"OR1", "SURGERY^OR1"}));
+  ASSERT_TRUE(room.procedure.worklist);
+  EXPECT_EQ(room.procedure.worklist->host, "ris.hospital.example");
+  EXPECT_EQ(room.procedure.worklist->port, 104);
+  EXPECT_EQ(room.procedure.worklist->called_ae, "RIS");
+  EXPECT_EQ(room.procedure.worklist->station_ae, "ENDO1");
+  EXPECT_EQ(room.procedure.worklist->modality, "ES");
+  EXPECT_EQ(room.procedure.worklist->timeout, std::chrono::seconds(5));
+  EXPECT_EQ(room.procedure.worklist->refresh, std::chrono::minutes(1));
+  EXPECT_EQ(room.procedure.worklist->window, std::chrono::hours(12));
+}
+
+TEST(Configuration, RefusesWaysToProcedureDataThatAreNone) {
+  const std::string room = "[[room]]\nname = \"a\"\n";
+  const std::string hl7 = room + "[room.procedure.hl7]\n", worklist = room + "[room.procedure.worklist]\n";
+  EXPECT_EQ(refusal(hl7), "k.toml:3:1: [room.procedure.hl7] needs a 'listen'");
+  EXPECT_EQ(refusal(hl7 + "listen = \"rtsp://a\"\n"),
+            "k.toml:4:10: 'rtsp://a' is nowhere to wait for HL7 messages: write mllp://ADDRESS:PORT");
+  EXPECT_EQ(refusal(hl7 + "window = \"5d\"\n").substr(0, 12), "k.toml:4:10:");
+  EXPECT_EQ(refusal(hl7 + "window = \"80h\"\n"),
+            "k.toml:4:10: 'window' is '80h': it must be between 1m and 72h");
+  EXPECT_EQ(refusal(worklist + "station_ae = \"A\"\n"),
+            "k.toml:3:1: [room.procedure.worklist] needs an 'address'");
+  for (const char* address : {"ris", "ris:", ":104", "ris:0", "ris:70000", "ris:10x"}) {
+    EXPECT_EQ(refusal(worklist + "address = \"" + address + "\"\n"),
+              std::string("k.toml:4:11: 'address' is '") + address +
+                  "': write a host and a port, such as ris.hospital.example:104");
+  }
+  EXPECT_EQ(refusal(worklist + "called_ae = \"SEVENTEEN-LETTERS\"\n"),
+            "k.toml:4:13: 'called_ae' is 'SEVENTEEN-LETTERS': a title has 1 to 16 printable characters, no "
+            "backslash");
+  EXPECT_EQ(refusal(room + "[room.procedure]\nworklst = 1\n"),
+            "k.toml:4:1: unknown key 'worklst' in [room.procedure]; known are hl7, worklist");
+}
+
+TEST(Configuration, RefusesFootswitchesThatAreNone) {
+  const std::string one = "[[room]]\nname = \"a\"\n[[room.footswitch]]\n";
+  const std::string incomplete =
+      "k.toml:3:1: a [[room.footswitch]] needs a 'device', a 'key' and what a 'press' does";
+  EXPECT_EQ(refusal(one), incomplete);
+  EXPECT_EQ(refusal(one + "device = \"name:Pedal\"\nkey = 183\n"), incomplete);
+  EXPECT_EQ(refusal(one + "device = \"pedal\"\n"),
+            "k.toml:4:10: 'device' is 'pedal': write a path below /dev/input, or name:NAME");
+  EXPECT_EQ(refusal(one + "key = \"KEY_F13\"\n"), "k.toml:4:7: 'key' must be a whole number from 1 to 767");
+  EXPECT_EQ(refusal(one + "key = 768\n"), "k.toml:4:7: 'key' must be a whole number from 1 to 767");
+  EXPECT_EQ(refusal(one + "press = \"kick\"\n"),
+            "k.toml:4:9: 'press' is 'kick': it must be start, stop, start-stop or mark");
 }
 
 TEST(Configuration, RefusesWhatIsNoToml) { EXPECT_EQ(refusal("[recording\n").substr(0, 9), "k.toml:1:"); }

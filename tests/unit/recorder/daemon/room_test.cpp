@@ -200,6 +200,11 @@ TEST_F(RoomTest, ACaseBeginsWithWhatWasRecordedBefore) {
   EXPECT_LE(decided_ns - open.begins_ns, 2'000'000'000);
   const auto segments = recorded.segments("camera-0");
   EXPECT_EQ(segments.front().index, 0U);
+  const StreamStatus& counted = results[0].last.streams.at(0);
+  const archive::StreamTotal total = recorded.all<archive::CloseEntry>().at(0).totals.at("camera-0");
+  EXPECT_EQ(counted.segments, total.segments) << "without those that were discarded before";
+  EXPECT_EQ(counted.frames, total.frames);
+  EXPECT_EQ(counted.bytes, total.bytes);
   EXPECT_EQ(segments.front().span.start_ns, open.begins_ns);
   EXPECT_GT(segments.back().span.end_ns, decided_ns + 900'000'000);
   const auto gaps = recorded.gaps("camera-1");
@@ -240,6 +245,77 @@ TEST_F(RoomTest, ASignalBeginsACaseAndAPersonEndsIt) {
   EXPECT_NE(room.status().state, RoomState::kRecording) << "the same signal";
   ASSERT_EQ(closed(), 1U);
   EXPECT_EQ(results[0].case_id, id);
+}
+
+/// What a test makes known.
+class StatedProcedure : public ProcedureSource {
+ public:
+  void state(const std::string& patient) {
+    const std::lock_guard guard(mutex_);
+    data_ = ProcedureData{};
+    data_->patient_id = patient;
+  }
+  [[nodiscard]] std::optional<ProcedureData> find(UtcTime /*at*/) const override {
+    const std::lock_guard guard(mutex_);
+    return data_;
+  }
+  void hurry() override { ++hurried; }
+  [[nodiscard]] std::vector<ProcedureWay> ways() const override {
+    return {{"worklist", false, "does not answer"}};
+  }
+  std::atomic<int> hurried = 0;
+
+ private:
+  mutable std::mutex mutex_;
+  std::optional<ProcedureData> data_;
+};
+
+TEST_F(RoomTest, ProcedureDataBecomeTheSubjectUnlessAPersonGaveOne) {
+  for (const std::chrono::milliseconds pre_roll : {0ms, 500ms}) {
+    const auto procedure = std::make_shared<StatedProcedure>();
+    procedure->state("4711");
+    RoomPlan known = plan({kCamera});
+    known.procedure = procedure;
+    known.rules.pre_roll = pre_roll;
+    Room room(std::move(known), listener());
+    room.start("operator");
+    EXPECT_EQ(room.status().subject, SubjectState::kFound);
+    room.stop("operator", true);
+    ASSERT_TRUE(within(20s, [&] {
+      return room.status().state == (pre_roll > 0ms ? RoomState::kStandby : RoomState::kIdle);
+    }));
+    room.start("operator", to_bytes("{\"patient\":\"given\"}"));
+    EXPECT_EQ(room.status().subject, SubjectState::kGiven);
+    room.stop("operator", true);
+    EXPECT_EQ(procedure->hurried, 0);
+  }
+  ASSERT_EQ(closed(), 4U);
+  for (const std::size_t found : {0U, 2U}) {
+    EXPECT_THAT(bench.read(results[found].folder).subject(), HasSubstr("4711"));
+    EXPECT_EQ(bench.read(results[found + 1].folder).subject(), "{\"patient\":\"given\"}");
+  }
+}
+
+TEST_F(RoomTest, ProcedureDataThatComeLateAreAnEventOfTheCase) {
+  const auto procedure = std::make_shared<StatedProcedure>();
+  RoomPlan unknown = plan({kCamera});
+  unknown.procedure = procedure;
+  Room room(std::move(unknown), listener());
+  room.start("operator");
+  EXPECT_EQ(room.status().subject, SubjectState::kNone);
+  EXPECT_THAT(room.status().problem, HasSubstr("worklist: does not answer"));
+  EXPECT_EQ(procedure->hurried, 1);
+  procedure->state("4711");
+  ASSERT_TRUE(within(20s, [&] { return room.status().subject == SubjectState::kLate; }));
+  room.stop("operator", true);
+  const RecordedCase recorded = bench.read(results.at(0).folder);
+  EXPECT_THAT(recorded.broken_rules(), IsEmpty());
+  EXPECT_FALSE(recorded.all<archive::OpenEntry>().at(0).subject);
+  EXPECT_THAT(recorded.all<archive::MarkEntry>(), SizeIs(2));
+  const std::vector<std::string> events = recorded.lines("events");
+  ASSERT_THAT(events, SizeIs(2));
+  EXPECT_THAT(events[0], HasSubstr("subject-missing"));
+  EXPECT_THAT(events[1], HasSubstr(R"(\"subject\":{\"patient\":{\"id\":\"4711\"}})"));
 }
 
 TEST_F(RoomTest, TellsWhyNoCaseCouldBeBegun) {

@@ -69,6 +69,42 @@ TEST(Hl7Vitals, RecordsAMessageSentAgainOnceAndAcknowledgesItAgain) {
   EXPECT_THAT(vitals.take(other, 9, kNow, "a").lines, SizeIs(1));
 }
 
+std::string sent_at(const std::string& time, std::string text) {
+  return text.replace(text.find("20260101120000"), 14, time);
+}
+
+TEST(Hl7Vitals, ReadsTheValuesOfARetryWithAnotherTimeOnce) {
+  Hl7Vitals vitals(std::chrono::minutes(0));
+  vitals.take(message("6"), 4, kNow, "a");
+  EXPECT_EQ(samples_in(vitals.take(message("7"), 5, kNow, "a")), 1U);
+  const std::string retry = sent_at("20260101120005", message("7"));
+  const auto again = vitals.take(retry, 6, kNow, "a");
+  ASSERT_THAT(again.lines, SizeIs(2));
+  EXPECT_EQ(std::get<media::DeviceMessage>(again.lines[0]).bytes, retry) << "what differs is kept";
+  EXPECT_THAT(std::get<media::VitalNotice>(again.lines[1]).text, HasSubstr("another time (MSH-7)"));
+  EXPECT_THAT(again.acknowledgement, HasSubstr("MSA|AA|7\r"));
+  // Much later it is another message, of a monitor that began to count anew.
+  const auto later =
+      vitals.take(sent_at("20260101120105", message("7")), Hl7Vitals::kLongestRetryNs + 7, kNow, "a");
+  EXPECT_EQ(samples_in(later), 1U);
+}
+
+TEST(Hl7Vitals, TheSameValuesUnderAnIdentifierThatTellsNothingAreNewOnes) {
+  Hl7Vitals constant(std::chrono::minutes(0));
+  for (int second = 10; second < 20; ++second) {
+    const std::string time = "202601011200" + std::to_string(second);
+    EXPECT_EQ(samples_in(constant.take(sent_at(time, message("1")), second, kNow, "a")), 1U) << second;
+  }
+  // One that has used an identifier twice does not tell messages apart by it, however many it has.
+  Hl7Vitals reusing(std::chrono::minutes(0));
+  reusing.take(message("1"), 1, kNow, "a");
+  reusing.take(message("2"), 2, kNow, "a");
+  std::string other = message("1");
+  other.replace(other.find("|97|"), 4, "|98|");
+  reusing.take(other, 3, kNow, "a");
+  EXPECT_EQ(samples_in(reusing.take(sent_at("20260101120030", message("2")), 4, kNow, "a")), 1U);
+}
+
 TEST(Hl7Vitals, ForgetsOnlyWhatIsLongAgo) {
   Hl7Vitals vitals(std::chrono::minutes(0));
   for (std::size_t i = 0; i <= Hl7Vitals::kRemembered; ++i) {

@@ -1,0 +1,117 @@
+#include "archive/case_folder.h"
+#include "archive/case_layout.h"
+#include "archive/case_writer_state.h"
+#include "archive/checkpoint_rules.h"
+#include "crypto/merkle_tree.h"
+#include "crypto/signed_note.h"
+
+namespace kiroku::archive {
+
+namespace {
+
+namespace fs = std::filesystem;
+
+/// Size of the newest note in the folder; 0 if there is none.
+std::uint64_t newest_note(const fs::path& folder) {
+  std::uint64_t newest = 0;
+  for (const fs::directory_entry& file : fs::directory_iterator(folder / kCheckpointsFolder)) {
+    newest = std::max(newest, size_of_note_name(file.path().filename().string()).value_or(0));
+  }
+  return newest;
+}
+
+[[noreturn]] void refuse_damaged(const fs::path& folder, const std::string& what) {
+  throw Error("case " + folder.filename().string() + " is not taken up again, since " + what +
+              ": `kiroku verify " + folder.string() + "` says more");
+}
+
+}  // namespace
+
+void CaseWriter::State::take_opening(const CaseEntry& entry, const std::string& device) {
+  const auto* open = std::get_if<OpenEntry>(&entry.body);
+  if (open == nullptr) {
+    refuse_damaged(folder, "its ledger does not begin with open");
+  }
+  if (open->device != device) {
+    throw UsageError("case " + folder.filename().string() + " was recorded by another device, " +
+                     open->device + ": only that one can bring it to an end");
+  }
+  if (open->case_id != folder.filename().string()) {
+    refuse_damaged(folder, "its ledger is that of case " + open->case_id);
+  }
+  case_id = open->case_id;
+  for (const StreamInfo& info : open->streams) {
+    streams.push_back({info, {}, {}, {}});
+  }
+}
+
+void CaseWriter::State::take_newest_note(std::uint64_t size, const crypto::Sha256Digest& root) {
+  const fs::path file = folder / note_path(size);
+  const FileOpening opening = CaseFolder::open(folder).open_file(note_path(size));
+  const std::optional<std::string> note =
+      opening.file ? read_small(*opening.file, kMaximumNoteBytes) : std::nullopt;
+  if (!note) {
+    refuse_damaged(folder, file.string() + " cannot be read");
+  }
+  const crypto::OpenedNote opened =
+      crypto::open_note(*note, {crypto::VerifierKey(device_name, key->public_key())});
+  const std::optional<crypto::Checkpoint> checkpoint = crypto::Checkpoint::parse(opened.text);
+  if (opened.failure || !checkpoint || checkpoint->origin != case_origin(device_name, case_id) ||
+      checkpoint->size != size || checkpoint->root != root) {
+    refuse_damaged(folder,
+                   "its newest checkpoint, " + file.filename().string() + ", does not fit its ledger");
+  }
+  last_checkpoint = StoredCheckpoint{size, root, *note, file};
+}
+
+std::unique_ptr<CaseWriter> CaseWriter::resume(FileSystem& files, const fs::path& folder,
+                                               const crypto::SigningKey& key, const std::string& device_name,
+                                               ApplianceLog* log,
+                                               const std::function<void(const CaseEntry&)>& visit) {
+  auto state = std::make_unique<State>(files, &key, device_name, log, folder.parent_path());
+  state->folder = folder;
+  const std::uint64_t newest = newest_note(folder);
+  const std::string device = crypto::VerifierKey(device_name, key.public_key()).to_string();
+  crypto::MerkleFrontier tree;
+  std::optional<crypto::Sha256Digest> root;  // that the newest note must state
+  const auto take = [&](std::uint64_t seq, std::string_view line) {
+    const EntryParse parse = parse_case_entry(line);
+    if (!parse.entry || parse.entry->seq != seq) {
+      refuse_damaged(folder, "line " + std::to_string(seq + 1) + " of its ledger is no entry" +
+                                 (parse.problem.empty() ? "" : " (" + parse.problem + ")"));
+    }
+    if (seq == 0) {
+      state->take_opening(*parse.entry, device);
+    }
+    tree.append(crypto::merkle_leaf_hash(bytes_of(line)));
+    if (tree.size() == newest) {
+      root = tree.root();
+    }
+    state->last_mono_ns = std::max(state->last_mono_ns, parse.entry->at.mono_ns);
+    state->account_for(parse.entry->body);
+    visit(*parse.entry);
+  };
+  // Only what stands there already is of interest, not what is appended later.
+  const auto reading = std::make_shared<Ledger::Visitor>(take);
+  state->ledger = Ledger::open(files, folder / kLedgerFile, Ledger::Sharing::kExclusive, &state->reserve,
+                               [reading](std::uint64_t seq, std::string_view line) {
+                                 if (*reading) {
+                                   (*reading)(seq, line);
+                                 }
+                               });
+  *reading = nullptr;
+  state->torn_bytes = state->ledger->torn_bytes();
+  if (state->ledger->size() == 0) {
+    refuse_damaged(folder, "its ledger holds no whole entry");
+  }
+  if (newest > state->ledger->size()) {
+    refuse_damaged(folder, "a checkpoint covers " + std::to_string(newest) + " entries and there are " +
+                               std::to_string(state->ledger->size()));
+  }
+  if (newest > 0) {
+    state->take_newest_note(newest, *root);
+  }
+  return std::unique_ptr<CaseWriter>(new CaseWriter(std::move(state)));
+}
+
+}  // namespace kiroku::archive

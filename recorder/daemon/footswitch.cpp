@@ -1,0 +1,221 @@
+#include "recorder/daemon/footswitch.h"
+
+#include <algorithm>
+#include <array>
+#include <cerrno>
+#include <fcntl.h>
+#include <filesystem>
+#include <linux/input.h>
+#include <mutex>
+#include <optional>
+#include <poll.h>
+#include <sys/eventfd.h>
+#include <sys/ioctl.h>
+#include <thread>
+#include <unistd.h>
+#include <utility>
+#include <vector>
+
+#include "base/error.h"
+
+namespace kiroku::recorder {
+namespace {
+
+using std::chrono::steady_clock;
+
+constexpr const char* kInputFolder = "/dev/input";
+constexpr std::string_view kByName = "name:";
+constexpr int kPress = 1;  // the value of an EV_KEY event; 0 is a release, 2 a repetition
+
+class Descriptor {
+ public:
+  explicit Descriptor(int number = -1) : number_(number) {}
+  ~Descriptor() {
+    if (number_ >= 0) ::close(number_);
+  }
+  Descriptor(Descriptor&& other) noexcept : number_(std::exchange(other.number_, -1)) {}
+  Descriptor& operator=(Descriptor&& other) noexcept {
+    std::swap(number_, other.number_);
+    return *this;
+  }
+  Descriptor(const Descriptor&) = delete;
+  Descriptor& operator=(const Descriptor&) = delete;
+  [[nodiscard]] int number() const { return number_; }
+
+ private:
+  int number_;
+};
+
+Descriptor open_quietly(const std::filesystem::path& file) {
+  return Descriptor(::open(file.c_str(), O_RDONLY | O_NONBLOCK | O_CLOEXEC | O_NOCTTY));
+}
+
+std::string name_of(const Descriptor& device) {
+  std::array<char, 256> name{};
+  if (::ioctl(device.number(), EVIOCGNAME(name.size() - 1), name.data()) < 0) return "";
+  return name.data();
+}
+
+/// Of all input devices the first that is called so.
+Descriptor open_by_name(const std::string& name) {
+  std::error_code error;
+  std::vector<std::filesystem::path> events;
+  for (const auto& entry : std::filesystem::directory_iterator(kInputFolder, error)) {
+    if (entry.path().filename().string().starts_with("event")) events.push_back(entry.path());
+  }
+  std::sort(events.begin(), events.end());
+  for (const std::filesystem::path& event : events) {
+    Descriptor device = open_quietly(event);
+    if (device.number() >= 0 && name_of(device) == name) return device;
+  }
+  throw Error("there is no input device named '" + name + "' that may be read");
+}
+
+/// Throws kiroku::Error where the device is not there, may not be read, or has no such key.
+Descriptor open_device(const FootswitchOptions& options) {
+  Descriptor device;
+  if (options.device.starts_with(kByName)) {
+    device = open_by_name(options.device.substr(kByName.size()));
+  } else {
+    device = open_quietly(options.device);
+    if (device.number() < 0) throw IoError("open the footswitch", options.device, errno);
+  }
+  // What is no input device (a pipe) cannot say which keys it has.
+  std::array<unsigned char, KEY_MAX / 8 + 1> keys{};
+  if (::ioctl(device.number(), EVIOCGBIT(EV_KEY, keys.size()), keys.data()) >= 0 &&
+      (keys.at(options.key / 8U) & (1U << (options.key % 8U))) == 0) {
+    throw Error("the footswitch " + options.device + " has no key " + std::to_string(options.key));
+  }
+  return device;
+}
+
+}  // namespace
+
+std::string_view press_action_name(PressAction action) {
+  switch (action) {
+    case PressAction::kStart:
+      return "start";
+    case PressAction::kStop:
+      return "stop";
+    case PressAction::kStartStop:
+      return "start-stop";
+    case PressAction::kMark:
+      return "mark";
+  }
+  return "";
+}
+
+struct Footswitch::State {
+  State(FootswitchOptions asked, Pressed act, Tell told)
+      : options(std::move(asked)),
+        pressed(std::move(act)),
+        tell(std::move(told)),
+        end(::eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK)) {
+    if (end.number() < 0) throw IoError("wait for the footswitch", options.device, errno);
+    thread = std::thread([this] { run(); });
+  }
+  ~State() {
+    constexpr std::uint64_t kOne = 1;
+    (void)!::write(end.number(), &kOne, sizeof kOne);
+    thread.join();
+  }
+  State(const State&) = delete;
+  State& operator=(const State&) = delete;
+
+  void run() {
+    auto pause = options.first_pause;
+    for (;;) {
+      try {
+        const Descriptor device = open_device(options);
+        set_problem("");
+        pause = options.first_pause;
+        if (read_presses(device)) return;
+      } catch (const Error& error) {
+        set_problem(error.what());
+      }
+      if (is_over(pause)) return;
+      pause = std::min(2 * pause, options.longest_pause);
+    }
+  }
+
+  /// Until the end, which it returns true for; throws kiroku::Error where the device is lost.
+  bool read_presses(const Descriptor& device) {
+    std::array<input_event, 64> events{};
+    for (;;) {
+      std::array<pollfd, 2> waiting{pollfd{device.number(), POLLIN, 0}, pollfd{end.number(), POLLIN, 0}};
+      if (::poll(waiting.data(), waiting.size(), -1) < 0 && errno != EINTR) {
+        throw IoError("wait for the footswitch", options.device, errno);
+      }
+      if (waiting[1].revents != 0) return true;
+      if (waiting[0].revents == 0) continue;
+      const ssize_t bytes = ::read(device.number(), events.data(), sizeof events);
+      if (bytes < 0 && (errno == EAGAIN || errno == EINTR)) continue;
+      if (bytes <= 0) throw Error("the footswitch " + options.device + " is not there any more");
+      const std::size_t count = static_cast<std::size_t>(bytes) / sizeof(input_event);
+      for (std::size_t i = 0; i < count; ++i) {
+        if (events.at(i).type != EV_KEY || events.at(i).code != options.key || events.at(i).value != kPress)
+          continue;
+        press();
+      }
+    }
+  }
+
+  void press() {
+    const auto now = steady_clock::now();
+    if (last_press && now - *last_press < options.bounce) return;
+    last_press = now;
+    {
+      const std::lock_guard guard(mutex);
+      ++presses;
+    }
+    try {
+      pressed();
+    } catch (const std::exception& error) {
+      if (tell) tell(std::string("a press of the footswitch did nothing: ") + error.what());
+    }
+  }
+
+  /// Whether the end came within the time.
+  [[nodiscard]] bool is_over(std::chrono::milliseconds limit) const {
+    pollfd waiting{end.number(), POLLIN, 0};
+    return ::poll(&waiting, 1, static_cast<int>(limit.count())) > 0;
+  }
+
+  void set_problem(const std::string& sentence) {
+    std::string before;
+    {
+      const std::lock_guard guard(mutex);
+      opened = sentence.empty();
+      before = std::exchange(problem, sentence);
+    }
+    if (!tell || before == sentence) return;
+    tell(sentence.empty() ? "the footswitch " + options.device + " is there"
+                          : sentence + "; it is looked for again");
+  }
+
+  const FootswitchOptions options;
+  const Pressed pressed;
+  const Tell tell;
+  const Descriptor end;
+  mutable std::mutex mutex;  // guards the next three
+  bool opened = false;
+  std::string problem;
+  std::uint64_t presses = 0;
+  std::optional<steady_clock::time_point> last_press;  // the thread's
+  std::thread thread;
+};
+
+Footswitch::Footswitch(FootswitchOptions options, Pressed pressed, Tell tell)
+    : state_(std::make_unique<State>(std::move(options), std::move(pressed), std::move(tell))) {}
+
+Footswitch::~Footswitch() = default;
+
+FootswitchStatus Footswitch::status() const {
+  const std::lock_guard guard(state_->mutex);
+  FootswitchStatus status{state_->options.device, state_->opened, state_->problem, state_->presses};
+  if (state_->opened) status.state = "is there; " + std::to_string(state_->presses) + " presses";
+  if (status.state.empty()) status.state = "is being looked for";
+  return status;
+}
+
+}  // namespace kiroku::recorder

@@ -1,0 +1,61 @@
+// A footswitch or another switch with keys, as Linux shows it (evdev: /dev/input/event…, linux/input.h).
+#pragma once
+
+#include <chrono>
+#include <cstdint>
+#include <functional>
+#include <memory>
+#include <string>
+#include <string_view>
+
+namespace kiroku::recorder {
+
+/// What a press does to its room. kStartStop: begins a case where none runs, else ends it.
+enum class PressAction { kStart, kStop, kStartStop, kMark };
+std::string_view press_action_name(PressAction action);
+
+struct FootswitchOptions {
+  /// A path, best below /dev/input/by-id, or "name:…", the name by which the kernel lists it
+  /// (/proc/bus/input/devices).
+  std::string device;
+  std::uint16_t key = 0;  // KEY_… or BTN_… of linux/input-event-codes.h
+  PressAction action = PressAction::kStartStop;
+  std::string mark = "footswitch";  // text of a mark
+  /// A press so soon after another is the same one: contacts bounce.
+  std::chrono::nanoseconds bounce = std::chrono::milliseconds(300);
+  /// A device that is not there, or was unplugged, is looked for again after so long, twice, four times as
+  /// long, …
+  std::chrono::milliseconds first_pause{1000};
+  std::chrono::milliseconds longest_pause{30'000};
+};
+
+/// How it is; the sentence is for people.
+struct FootswitchStatus {
+  std::string device;
+  bool well = false;
+  std::string state;  // "is there; 3 presses"
+  std::uint64_t presses = 0;
+};
+
+/// Waits for presses, from a thread of its own. Every function may be called from any thread.
+class Footswitch {
+ public:
+  /// Called for each press from the footswitch's thread; presses meanwhile wait. What it throws is told.
+  using Pressed = std::function<void()>;
+  /// Hears when the device is lost, cannot be opened, or is there again.
+  using Tell = std::function<void(const std::string& sentence)>;
+
+  Footswitch(FootswitchOptions options, Pressed pressed, Tell tell);
+  /// Waits for a press that is being acted on.
+  ~Footswitch();
+  Footswitch(const Footswitch&) = delete;
+  Footswitch& operator=(const Footswitch&) = delete;
+
+  [[nodiscard]] FootswitchStatus status() const;
+
+ private:
+  struct State;
+  std::unique_ptr<State> state_;
+};
+
+}  // namespace kiroku::recorder

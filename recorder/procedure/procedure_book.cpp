@@ -1,0 +1,105 @@
+#include "recorder/procedure/procedure_book.h"
+
+#include <algorithm>
+#include <cctype>
+#include <utility>
+
+namespace kiroku::recorder {
+namespace {
+
+bool same_text(const std::string& a, const std::string& b) {
+  return std::equal(a.begin(), a.end(), b.begin(), b.end(), [](char x, char y) {
+    return std::tolower(static_cast<unsigned char>(x)) == std::tolower(static_cast<unsigned char>(y));
+  });
+}
+
+bool concerns(const ProcedureRule& rule, const ProcedureMessage& message) {
+  if (rule.locations.empty()) return true;
+  return std::any_of(message.places.begin(), message.places.end(), [&](const std::string& place) {
+    return std::any_of(rule.locations.begin(), rule.locations.end(),
+                       [&](const std::string& location) { return same_text(place, location); });
+  });
+}
+
+}  // namespace
+
+void ProcedureBook::take(ProcedureMessage message, UtcTime received) {
+  using Kind = ProcedureMessage::Kind;
+  switch (message.kind) {
+    case Kind::kPlaces: {
+      // Whoever only sends other facts (A08 without PV1, A31) does not say that the patient has moved.
+      const auto known = placed_.find(message.patient);
+      if (message.places.empty() && known != placed_.end()) {
+        message.places = known->second.message.places;
+        message.data.location = known->second.message.data.location;
+        known->second.message = std::move(message);
+      } else {
+        const std::string patient = message.patient;
+        placed_.insert_or_assign(patient, Kept{received, std::move(message)});
+      }
+      forget_old(placed_, received);
+      break;
+    }
+    case Kind::kLeaves:
+      placed_.erase(message.patient);
+      break;
+    case Kind::kAppointment: {
+      const std::string appointment = message.appointment;
+      appointments_.insert_or_assign(appointment, Kept{received, std::move(message)});
+      forget_old(appointments_, received);
+      break;
+    }
+    case Kind::kCancels:
+      appointments_.erase(message.appointment);
+      break;
+    case Kind::kNothing:
+      break;
+  }
+}
+
+void ProcedureBook::forget_old(Messages& messages, UtcTime now) {
+  const auto age = [](const Kept& kept) {
+    return std::max(kept.received, kept.message.planned.value_or(kept.received));
+  };
+  std::erase_if(messages, [&](const auto& each) { return now - age(each.second) > kLongestWindow; });
+  while (messages.size() > kMostKept) {
+    messages.erase(std::min_element(messages.begin(), messages.end(), [](const auto& a, const auto& b) {
+      return a.second.received < b.second.received;
+    }));
+  }
+}
+
+std::optional<ProcedureData> ProcedureBook::find(const ProcedureRule& rule, UtcTime at) const {
+  const Kept* here = nullptr;
+  for (const auto& [patient, kept] : placed_) {
+    const bool counts = concerns(rule, kept.message) && std::chrono::abs(at - kept.received) <= rule.window;
+    if (counts && (here == nullptr || here->received <= kept.received)) here = &kept;
+  }
+  std::vector<const ProcedureMessage*> planned;
+  std::vector<std::optional<UtcTime>> times;
+  for (const auto& [appointment, kept] : appointments_) {
+    if (!concerns(rule, kept.message)) continue;
+    if (here != nullptr && kept.message.patient != here->message.patient) continue;
+    planned.push_back(&kept.message);
+    times.emplace_back(kept.message.planned.value_or(kept.received));
+  }
+  const auto chosen = nearest(times, at, rule.window);
+  if (here == nullptr && !chosen) return {};
+  const auto count = std::count_if(times.begin(), times.end(), [&](const auto& time) {
+    return std::chrono::abs(*time - at) <= rule.window;
+  });
+  ProcedureData appointment;
+  if (chosen) {
+    appointment = planned[*chosen]->data;
+    appointment.chosen =
+        "the appointment nearest to the beginning, of " + std::to_string(count) + " within " +
+        std::to_string(std::chrono::duration_cast<std::chrono::minutes>(rule.window).count()) + " minutes";
+  }
+  if (here == nullptr) return appointment;
+  ProcedureData found = here->message.data;
+  found.chosen = "the patient whom a message placed in the room last, at " + format_utc(here->received);
+  if (chosen) complete(found, appointment);
+  return found;
+}
+
+}  // namespace kiroku::recorder

@@ -1,0 +1,50 @@
+// Which patient is in which room, and what is planned there, after all messages so far. Kept in memory alone:
+// nothing of it may lie on a disk in the clear. An object belongs to one thread at a time.
+#pragma once
+
+#include <chrono>
+#include <map>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "recorder/procedure/procedure_message.h"
+
+namespace kiroku::recorder {
+
+/// What of all messages concerns one room.
+struct ProcedureRule {
+  /// As ProcedureMessage::places has them, upper and lower case alike; none: every message is about this
+  /// room.
+  std::vector<std::string> locations;
+  std::chrono::nanoseconds window =
+      std::chrono::hours(12);  // what is further from the case's beginning is not used
+};
+
+class ProcedureBook {
+ public:
+  static constexpr std::size_t kMostKept = 2000;           // of each kind; the oldest go
+  static constexpr std::chrono::hours kLongestWindow{72};  // and what is older than that
+
+  void take(ProcedureMessage message, UtcTime received);
+
+  /// For a case that begins at `at`. If a message within the window placed a patient in the room, it is that
+  /// patient (the last one placed), completed by their appointment; else the appointment planned nearest to
+  /// `at` (one without a time counts as planned when its message came).
+  [[nodiscard]] std::optional<ProcedureData> find(const ProcedureRule& rule, UtcTime at) const;
+
+  [[nodiscard]] std::size_t size() const { return placed_.size() + appointments_.size(); }
+
+ private:
+  struct Kept {
+    UtcTime received;
+    ProcedureMessage message;
+  };
+  using Messages = std::map<std::string, Kept>;
+  static void forget_old(Messages& messages, UtcTime now);
+
+  Messages placed_;        // by patient
+  Messages appointments_;  // by appointment
+};
+
+}  // namespace kiroku::recorder

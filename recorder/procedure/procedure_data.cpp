@@ -1,0 +1,104 @@
+#include "recorder/procedure/procedure_data.h"
+
+#include <algorithm>
+
+#include <nlohmann/json.hpp>
+
+namespace kiroku::recorder {
+namespace {
+
+using nlohmann::ordered_json;
+
+void put(ordered_json& into, const char* key, const std::string& value) {
+  if (!value.empty()) into[key] = value;
+}
+
+void put(ordered_json& into, const char* key, const ordered_json& value) {
+  if (!value.empty()) into[key] = value;
+}
+
+void put_name(ordered_json& into, const PersonName& name) {
+  put(into, "family", name.family);
+  put(into, "given", name.given);
+  put(into, "name", name.as_sent);
+}
+
+}  // namespace
+
+void complete(ProcedureData& data, const ProcedureData& more) {
+  for (const auto member :
+       {&ProcedureData::patient_id, &ProcedureData::patient_id_issuer, &ProcedureData::birth_date,
+        &ProcedureData::sex, &ProcedureData::visit, &ProcedureData::procedure_id, &ProcedureData::accession,
+        &ProcedureData::study_uid, &ProcedureData::planned, &ProcedureData::location}) {
+    if ((data.*member).empty()) data.*member = more.*member;
+  }
+  if (data.patient.empty()) data.patient = more.patient;
+  // A code and its words belong together.
+  if (data.description.empty() && data.code.empty()) {
+    data.description = more.description;
+    data.code = more.code;
+    data.coding_system = more.coding_system;
+  }
+  for (const StaffMember& member : more.staff) {
+    if (std::find(data.staff.begin(), data.staff.end(), member) == data.staff.end())
+      data.staff.push_back(member);
+  }
+  data.origin += "+" + more.origin;
+  data.chosen += "; " + more.chosen;
+}
+
+Bytes subject_json(const ProcedureData& data) {
+  ordered_json patient = ordered_json::object();
+  put(patient, "id", data.patient_id);
+  put(patient, "id_issuer", data.patient_id_issuer);
+  put_name(patient, data.patient);
+  put(patient, "birth_date", data.birth_date);
+  put(patient, "sex", data.sex);
+  put(patient, "visit", data.visit);
+  ordered_json procedure = ordered_json::object();
+  put(procedure, "description", data.description);
+  put(procedure, "code", data.code);
+  put(procedure, "coding_system", data.coding_system);
+  put(procedure, "id", data.procedure_id);
+  put(procedure, "accession", data.accession);
+  put(procedure, "study_uid", data.study_uid);
+  put(procedure, "planned", data.planned);
+  put(procedure, "location", data.location);
+  ordered_json staff = ordered_json::array();
+  for (const StaffMember& member : data.staff) {
+    ordered_json one = ordered_json::object();
+    put(one, "role", member.role);
+    put(one, "id", member.id);
+    put_name(one, member.name);
+    staff.push_back(one);
+  }
+  ordered_json subject = ordered_json::object();
+  put(subject, "patient", patient);
+  put(subject, "procedure", procedure);
+  put(subject, "staff", staff);
+  put(subject, "origin", data.origin);
+  put(subject, "chosen", data.chosen);
+  return to_bytes(subject.dump(1, ' ', false, ordered_json::error_handler_t::replace) + "\n");
+}
+
+std::string iso_date(std::string_view digits) {
+  const bool is_date = (digits.size() == 8 || digits.size() == 6) &&
+                       digits.find_first_not_of("0123456789") == std::string_view::npos;
+  if (!is_date) return std::string(digits);
+  std::string date(digits.substr(0, 4));
+  for (std::size_t i = 4; i < digits.size(); i += 2) date.append("-").append(digits.substr(i, 2));
+  return date;
+}
+
+std::optional<std::size_t> nearest(const std::vector<std::optional<UtcTime>>& times, UtcTime at,
+                                   std::chrono::nanoseconds window) {
+  std::optional<std::size_t> best;
+  const auto distance = [&](std::size_t i) { return std::chrono::abs(*times[i] - at); };
+  for (std::size_t i = 0; i < times.size(); ++i) {
+    if (!times[i] || distance(i) > window) continue;
+    if (!best || distance(i) <= distance(*best)) best = i;
+  }
+  return best;
+}
+
+}  // namespace kiroku::recorder

@@ -1,0 +1,65 @@
+// What is known of a procedure before it begins: who, what, by whom, when it was planned. Values; functions
+// are pure and thread-safe. All of it is patient data: it goes into sealed files and nowhere else.
+#pragma once
+
+#include <chrono>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "base/bytes.h"
+#include "base/utc_time.h"
+
+namespace kiroku::recorder {
+
+/// A person's name (HL7 XPN and XCN, DICOM PN), its parts in UTF-8.
+struct PersonName {
+  std::string family, given;  // given: with further ones, "John Q"
+  std::string as_sent;        // whole: "Yamada^Tarou=山田^太郎=やまだ^たろう"
+  [[nodiscard]] bool empty() const { return as_sent.empty(); }
+  bool operator==(const PersonName&) const = default;
+};
+
+struct StaffMember {
+  std::string
+      role;  // as sent, or "attending", "surgeon", "performing", "requesting" after the field it came from
+  std::string id;
+  PersonName name;
+  bool operator==(const StaffMember&) const = default;
+};
+
+/// Whatever is not known is empty.
+struct ProcedureData {
+  std::string patient_id, patient_id_issuer;
+  PersonName patient;
+  std::string birth_date;  // "1980-01-15", or less of it
+  std::string sex;         // as sent: "M", "F", "O", …
+  std::string visit;       // number of the visit or admission
+  std::string description, code, coding_system;
+  std::string procedure_id, accession, study_uid;
+  std::string planned;  // "2026-08-05T09:15:00+02:00"; without zone where none was stated
+  std::string location;
+  std::vector<StaffMember> staff;
+
+  std::string origin;  // "hl7", "worklist", "hl7+hl7": who said so
+  std::string chosen;  // why these data and no others, one sentence
+
+  bool operator==(const ProcedureData&) const = default;
+};
+
+/// What `data` leaves empty, as `more` has it, which must be of the same patient.
+void complete(ProcedureData& data, const ProcedureData& more);
+
+/// The subject file's text (docs/format.md): one JSON object, what is empty left out.
+Bytes subject_json(const ProcedureData& data);
+
+/// "2026-08-05" of "20260805", "2026-08" of "202608"; anything else as it is.
+std::string iso_date(std::string_view digits);
+
+/// The index of the time nearest to `at` that is not further from it than `window`, the later one of two;
+/// nothing if none is.
+std::optional<std::size_t> nearest(const std::vector<std::optional<UtcTime>>& times, UtcTime at,
+                                   std::chrono::nanoseconds window);
+
+}  // namespace kiroku::recorder

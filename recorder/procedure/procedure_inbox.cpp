@@ -1,0 +1,144 @@
+#include "recorder/procedure/procedure_inbox.h"
+
+#include <chrono>
+#include <mutex>
+
+#include "base/error.h"
+#include "recorder/source/source_address.h"
+#include "recorder/vitals/hl7_vitals.h"
+#include "recorder/vitals/mllp_address.h"
+
+namespace kiroku::recorder {
+namespace {
+
+using std::chrono::steady_clock;
+
+constexpr std::chrono::seconds kListenAgain{10};
+// Of what is kept of one message; whoever sends more than that does not fill the memory.
+constexpr std::size_t kLongestKept = 16U << 10;
+
+struct Listening {
+  MllpServer::Options server;
+  std::chrono::minutes zone;
+};
+
+Listening listening_at(const std::string& listen) {
+  const SourceAddress address = parse_source_address(listen);
+  if (address.kind != SourceKind::kMonitors) {
+    throw UsageError("'" + address.stated +
+                     "' is nowhere to wait for HL7 messages: write mllp://ADDRESS:PORT");
+  }
+  return {mllp_server_options(address), parse_assumed_zone(address.option("zone", "local"), address.stated)};
+}
+
+std::size_t kept_bytes(const ProcedureMessage& message) {
+  std::size_t bytes = subject_json(message.data).size() + message.patient.size() + message.appointment.size();
+  for (const std::string& place : message.places) bytes += place.size();
+  return bytes;
+}
+
+}  // namespace
+
+struct ProcedureInbox::State {
+  State(const std::string& listen, Tell told)
+      : where(parse_source_address(listen).stated), listening(listening_at(listen)), tell(std::move(told)) {}
+
+  /// On the server's thread.
+  std::string take(std::string_view bytes) {
+    const UtcTime now = utc_now();
+    const Hl7Parse parsed = parse_hl7_message(bytes);
+    std::string answer = "AA", why;
+    std::optional<ProcedureMessage> message;
+    if (!parsed.message) {
+      answer = "AE";
+      why = parsed.problem;
+    } else if (!is_of_procedures(parsed.message->type())) {
+      answer = "AR";
+      why = "only messages of patients and appointments (ADT, SIU) are taken here";
+    } else {
+      message = read_procedure_message(*parsed.message, listening.zone);
+      if (kept_bytes(*message) > kLongestKept) {
+        answer = "AE";
+        why = "the message says more of a patient and a procedure than is kept";
+        message.reset();
+      }
+    }
+    {
+      const std::lock_guard guard(mutex);
+      ++(message ? taken : refused);
+      if (message) book.take(std::move(*message), now);
+    }
+    return make_acknowledgement(parsed.message.get(), answer, why, now);
+  }
+
+  void complain(const std::string& name) {
+    // The sentence beside the name may begin with a patient's.
+    if (tell) tell("HL7 messages at " + where + ": " + name);
+  }
+
+  const std::string where;
+  const Listening listening;
+  const Tell tell;
+
+  mutable std::mutex mutex;  // guards what follows, but for the server's own thread
+  ProcedureBook book;
+  std::uint64_t taken = 0, refused = 0;
+  std::string problem;
+  steady_clock::time_point not_before{};
+  std::unique_ptr<MllpServer> server;  // last: its thread uses the rest
+};
+
+ProcedureInbox::ProcedureInbox(const std::string& listen, Tell tell)
+    : state_(std::make_unique<State>(listen, std::move(tell))) {}
+
+ProcedureInbox::~ProcedureInbox() = default;
+
+void ProcedureInbox::check(const std::string& listen) { listening_at(listen); }
+
+void ProcedureInbox::tend() {
+  State& state = *state_;
+  std::string news;
+  {
+    const std::lock_guard guard(state.mutex);
+    if (state.server || steady_clock::now() < state.not_before) return;
+    try {
+      auto server = std::make_unique<MllpServer>(
+          state.listening.server,
+          [&state](std::string_view message, const std::string& /*peer*/) { return state.take(message); },
+          [&state](const std::string& name, const std::string& /*text*/, const std::string& /*peer*/) {
+            state.complain(name);
+          });
+      server->start();
+      if (!state.problem.empty()) news = "HL7 messages are waited for at " + state.where + " now";
+      state.problem.clear();
+      state.server = std::move(server);
+    } catch (const Error& error) {
+      state.not_before = steady_clock::now() + kListenAgain;
+      if (state.problem != error.what()) news = error.what();
+      state.problem = error.what();
+    }
+  }
+  if (!news.empty() && state.tell) state.tell(news);
+}
+
+std::optional<ProcedureData> ProcedureInbox::find(const ProcedureRule& rule, UtcTime at) const {
+  const std::lock_guard guard(state_->mutex);
+  return state_->book.find(rule, at);
+}
+
+ProcedureWay ProcedureInbox::way() const {
+  const std::lock_guard guard(state_->mutex);
+  if (!state_->server) {
+    return {"hl7", false, state_->problem.empty() ? "does not wait for messages yet" : state_->problem};
+  }
+  return {"hl7", true,
+          "waits for messages at " + state_->where + "; " + std::to_string(state_->taken) + " taken, " +
+              std::to_string(state_->refused) + " refused"};
+}
+
+std::uint16_t ProcedureInbox::port() const {
+  const std::lock_guard guard(state_->mutex);
+  return state_->server ? state_->server->port() : std::uint16_t{0};
+}
+
+}  // namespace kiroku::recorder

@@ -1,0 +1,31 @@
+// Where a room learns about the procedure that is done in it, other than from a person. Every function may be
+// called from any thread.
+#pragma once
+
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "recorder/procedure/procedure_data.h"
+
+namespace kiroku::recorder {
+
+/// How one way to procedure data is; sentences hold nothing of a patient.
+struct ProcedureWay {
+  std::string name;  // "hl7", "worklist"
+  bool well = true;
+  std::string state;  // "waits for messages at 0.0.0.0:2576; 12 taken"
+};
+
+class ProcedureSource {
+ public:
+  virtual ~ProcedureSource() = default;
+  /// What is known now for a case that began at `at`; nothing if nothing is. Returns at once: whatever takes
+  /// time is done ahead, or meanwhile.
+  [[nodiscard]] virtual std::optional<ProcedureData> find(UtcTime at) const = 0;
+  /// A case waits for it: what is asked for now and then is asked for now.
+  virtual void hurry() {}
+  [[nodiscard]] virtual std::vector<ProcedureWay> ways() const = 0;
+};
+
+}  // namespace kiroku::recorder

@@ -1,0 +1,44 @@
+// The procedure data of one room: what HL7 messages said, else what the worklist lists. Every function may be
+// called from any thread.
+#pragma once
+
+#include <memory>
+
+#include "recorder/procedure/procedure_inbox.h"
+#include "recorder/procedure/procedure_source.h"
+#include "recorder/procedure/worklist.h"
+
+namespace kiroku::recorder {
+
+class RoomProcedure : public ProcedureSource {
+ public:
+  /// Either may be null. Several rooms may share an inbox.
+  RoomProcedure(std::shared_ptr<const ProcedureInbox> inbox, ProcedureRule rule,
+                std::unique_ptr<Worklist> worklist)
+      : inbox_(std::move(inbox)), rule_(std::move(rule)), worklist_(std::move(worklist)) {}
+
+  /// Where both know the same patient, the worklist completes what the messages say.
+  [[nodiscard]] std::optional<ProcedureData> find(UtcTime at) const override {
+    std::optional<ProcedureData> found = inbox_ ? inbox_->find(rule_, at) : std::nullopt;
+    const std::optional<ProcedureData> listed = worklist_ ? worklist_->find(at) : std::nullopt;
+    if (!found) return listed;
+    if (listed && listed->patient_id == found->patient_id) complete(*found, *listed);
+    return found;
+  }
+  void hurry() override {
+    if (worklist_) worklist_->hurry();
+  }
+  [[nodiscard]] std::vector<ProcedureWay> ways() const override {
+    std::vector<ProcedureWay> ways;
+    if (inbox_) ways.push_back(inbox_->way());
+    if (worklist_) ways.push_back(worklist_->way());
+    return ways;
+  }
+
+ private:
+  const std::shared_ptr<const ProcedureInbox> inbox_;
+  const ProcedureRule rule_;
+  const std::unique_ptr<Worklist> worklist_;
+};
+
+}  // namespace kiroku::recorder

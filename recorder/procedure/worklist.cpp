@@ -1,0 +1,124 @@
+#include "recorder/procedure/worklist.h"
+
+#include <algorithm>
+#include <condition_variable>
+#include <mutex>
+#include <thread>
+#include <utility>
+
+namespace kiroku::recorder {
+namespace {
+
+using std::chrono::steady_clock;
+
+constexpr std::chrono::seconds kLeastInterval{5};
+constexpr std::chrono::minutes kLongestInterval{5};
+
+}  // namespace
+
+struct Worklist::State {
+  State(WorklistOptions asked, Tell told)
+      : options(std::move(asked)), tell(std::move(told)), thread([this] { run(); }) {}
+  ~State() {
+    {
+      const std::lock_guard guard(mutex);
+      ending = true;
+    }
+    changed.notify_all();
+    thread.join();
+  }
+  State(const State&) = delete;
+  State& operator=(const State&) = delete;
+
+  void run() {
+    std::unique_lock lock(mutex);
+    while (!ending) {
+      hurried = false;
+      lock.unlock();
+      const UtcTime now = utc_now();
+      WorklistAnswer answer = ask_worklist(options, now);
+      const auto asked = steady_clock::now();
+      lock.lock();
+      const std::string news = take(std::move(answer), now);
+      if (!news.empty() && tell) {
+        lock.unlock();
+        tell(news);
+        lock.lock();
+      }
+      const auto refresh = std::chrono::duration_cast<steady_clock::duration>(options.refresh);
+      const auto pause = failures == 0 ? refresh
+                                       : std::min<steady_clock::duration>(
+                                             std::max(refresh, steady_clock::duration(kLeastInterval)) *
+                                                 (1U << std::min(failures - 1, 6U)),
+                                             std::max<steady_clock::duration>(refresh, kLongestInterval));
+      // Whoever is in a hurry waits a little, too: a room that begins a case each second asks no oftener.
+      const auto soonest = asked + kLeastInterval;
+      while (!ending && steady_clock::now() < asked + pause && !(hurried && steady_clock::now() >= soonest)) {
+        changed.wait_until(lock, hurried ? std::min(soonest, asked + pause) : asked + pause);
+      }
+    }
+  }
+
+  /// With the mutex held. The sentence that a person should see, if any.
+  std::string take(WorklistAnswer answer, UtcTime now) {
+    const std::string before = std::exchange(problem, answer.problem);
+    if (!answer.problem.empty()) {
+      ++failures;
+      return before.empty() ? answer.problem + "; it is asked again" : "";
+    }
+    failures = 0;
+    items = std::move(answer.items);
+    answered = now;
+    return before.empty() ? "" : "the worklist of " + options.called_ae + " answers again";
+  }
+
+  const WorklistOptions options;
+  const Tell tell;
+  mutable std::mutex mutex;
+  std::condition_variable changed;
+  bool ending = false, hurried = false;
+  unsigned failures = 0;
+  std::vector<WorklistItem> items;
+  std::optional<UtcTime> answered;
+  std::string problem;
+  std::thread thread;
+};
+
+Worklist::Worklist(WorklistOptions options, Tell tell)
+    : state_(std::make_unique<State>(std::move(options), std::move(tell))) {}
+
+Worklist::~Worklist() = default;
+
+std::optional<ProcedureData> Worklist::find(UtcTime at) const {
+  const std::lock_guard guard(state_->mutex);
+  const auto window = state_->options.window;
+  if (!state_->answered || std::chrono::abs(at - *state_->answered) > window) return {};
+  std::vector<std::optional<UtcTime>> times;
+  for (const WorklistItem& item : state_->items) times.push_back(item.planned);
+  const auto chosen = nearest(times, at, window);
+  if (!chosen) return {};
+  ProcedureData data = state_->items[*chosen].data;
+  data.chosen = "the worklist's step nearest to the beginning, of " + std::to_string(times.size()) +
+                " that it listed at " + format_utc(*state_->answered);
+  return data;
+}
+
+void Worklist::hurry() {
+  {
+    const std::lock_guard guard(state_->mutex);
+    state_->hurried = true;
+  }
+  state_->changed.notify_all();
+}
+
+ProcedureWay Worklist::way() const {
+  const std::lock_guard guard(state_->mutex);
+  const std::string name = "worklist";
+  if (!state_->problem.empty()) return {name, false, state_->problem};
+  if (!state_->answered) return {name, true, "is being asked for the first time"};
+  return {name, true,
+          state_->options.called_ae + " listed " + std::to_string(state_->items.size()) + " steps at " +
+              format_utc(*state_->answered)};
+}
+
+}  // namespace kiroku::recorder

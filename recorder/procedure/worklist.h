@@ -1,0 +1,71 @@
+// A hospital's list of planned procedures: DICOM modality worklist (PS3.4 annex K), asked for by C-FIND.
+#pragma once
+
+#include <chrono>
+#include <cstdint>
+#include <functional>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "recorder/procedure/procedure_data.h"
+#include "recorder/procedure/procedure_source.h"
+
+namespace kiroku::recorder {
+
+struct WorklistOptions {
+  std::string host;
+  std::uint16_t port = 104;
+  std::string called_ae = "ANY-SCP";  // the worklist's application entity title: 1 to 16 characters
+  std::string calling_ae = "KIROKU";  // this recorder's
+  std::string station_ae;             // Scheduled Station AE Title (0040,0001); "": of any station
+  std::string modality;               // (0008,0060), "ES" of endoscopy; "": any
+  std::chrono::seconds timeout{5};    // to connect, for the association, and for each answer
+  std::chrono::nanoseconds window =
+      std::chrono::hours(12);  // planned further from a case's beginning: not used
+  std::chrono::nanoseconds refresh = std::chrono::minutes(1);
+};
+
+/// One scheduled procedure step.
+struct WorklistItem {
+  std::optional<UtcTime> planned;  // by this machine's time zone, or the one that the item states
+  ProcedureData data;
+};
+
+struct WorklistAnswer {
+  std::vector<WorklistItem> items;
+  std::string problem;  // one sentence, without anything of a patient; "": asked and answered
+};
+
+inline constexpr std::size_t kMostWorklistItems = 500;  // of one answer
+
+/// Asks for the steps of the days within the window around `now`. Blocks for a few timeouts at most.
+/// Thread-safe.
+WorklistAnswer ask_worklist(const WorklistOptions& options, UtcTime now);
+
+/// Asks again and again, from a thread of its own; after failures at longer intervals, up to five minutes.
+/// Every function may be called from any thread.
+class Worklist {
+ public:
+  using Tell = std::function<void(const std::string& sentence)>;
+  /// `tell` hears when the worklist cannot be asked, and when it can again.
+  Worklist(WorklistOptions options, Tell tell);
+  /// Waits for a question that is under way: a few timeouts at most.
+  ~Worklist();
+  Worklist(const Worklist&) = delete;
+  Worklist& operator=(const Worklist&) = delete;
+
+  /// Of the last answer, which is kept while it is not older than the window, the step planned nearest to
+  /// `at`.
+  [[nodiscard]] std::optional<ProcedureData> find(UtcTime at) const;
+  /// Asks now, unless it did so within the last seconds.
+  void hurry();
+  [[nodiscard]] ProcedureWay way() const;
+
+ private:
+  struct State;
+  std::unique_ptr<State> state_;
+};
+
+}  // namespace kiroku::recorder

@@ -1,0 +1,298 @@
+// The DICOM side of a worklist: one association, one C-FIND. The only file that knows DCMTK.
+#include <array>
+#include <ctime>
+#include <mutex>
+
+#include "dcmtk/config/osconfig.h"
+#include "dcmtk/dcmdata/dctk.h"
+#include "dcmtk/dcmnet/scu.h"
+#include "dcmtk/oflog/oflog.h"
+#include "recorder/procedure/worklist.h"
+#include "recorder/vitals/hl7_charset.h"
+
+namespace kiroku::recorder {
+namespace {
+
+/// DCMTK would write to standard error, and what it writes may hold a patient's name.
+void silence_dcmtk() {
+  static std::once_flag once;
+  std::call_once(once, [] { OFLog::configure(OFLogger::OFF_LOG_LEVEL); });
+}
+
+/// Asks once, and takes no more answers than are kept.
+class Query : public DcmSCU {
+ public:
+  [[nodiscard]] bool cut() const { return cut_; }
+
+ protected:
+  OFCondition handleFINDResponse(const T_ASC_PresentationContextID context, QRResponse* response,
+                                 OFBool& wait_for_next) override {
+    const OFCondition result = DcmSCU::handleFINDResponse(context, response, wait_for_next);
+    if (++answers_ > kMostWorklistItems) {
+      cut_ = true;
+      wait_for_next = OFFalse;
+    }
+    return result;
+  }
+
+ private:
+  std::size_t answers_ = 0;
+  bool cut_ = false;
+};
+
+std::tm local_time(UtcTime time) {
+  const std::time_t seconds = std::chrono::system_clock::to_time_t(
+      std::chrono::time_point_cast<std::chrono::system_clock::duration>(time));
+  std::tm here{};
+  localtime_r(&seconds, &here);
+  return here;
+}
+
+std::string local_day(UtcTime time) {
+  const std::tm here = local_time(time);
+  std::array<char, 16> text{};
+  std::strftime(text.data(), text.size(), "%Y%m%d", &here);
+  return text.data();
+}
+
+/// Empty attributes are asked for, others are matched (PS3.4 table K.6-1).
+void fill_question(DcmDataset& question, const WorklistOptions& options, UtcTime now) {
+  for (const DcmTagKey& key :
+       {DCM_SpecificCharacterSet, DCM_TimezoneOffsetFromUTC, DCM_AccessionNumber, DCM_ReferringPhysicianName,
+        DCM_PatientName, DCM_PatientID, DCM_IssuerOfPatientID, DCM_PatientBirthDate, DCM_PatientSex,
+        DCM_AdmissionID, DCM_StudyInstanceUID, DCM_RequestingPhysician, DCM_RequestedProcedureDescription,
+        DCM_RequestedProcedureID}) {
+    question.insertEmptyElement(key);
+  }
+  DcmItem* code = nullptr;
+  question.findOrCreateSequenceItem(DCM_RequestedProcedureCodeSequence, code);
+  DcmItem* step = nullptr;
+  question.findOrCreateSequenceItem(DCM_ScheduledProcedureStepSequence, step);
+  DcmItem* protocol = nullptr;
+  step->findOrCreateSequenceItem(DCM_ScheduledProtocolCodeSequence, protocol);
+  for (DcmItem* item : {code, protocol}) {
+    for (const DcmTagKey& key : {DCM_CodeValue, DCM_CodingSchemeDesignator, DCM_CodeMeaning}) {
+      item->insertEmptyElement(key);
+    }
+  }
+  for (const DcmTagKey& key : {DCM_ScheduledProcedureStepStartTime, DCM_ScheduledPerformingPhysicianName,
+                               DCM_ScheduledProcedureStepDescription, DCM_ScheduledProcedureStepID,
+                               DCM_ScheduledStationName, DCM_ScheduledProcedureStepLocation}) {
+    step->insertEmptyElement(key);
+  }
+  step->putAndInsertString(DCM_Modality, options.modality.c_str());
+  step->putAndInsertString(DCM_ScheduledStationAETitle, options.station_ae.c_str());
+  const auto window = std::chrono::duration_cast<UtcTime::duration>(options.window);
+  const std::string first = local_day(now - window), last = local_day(now + window);
+  step->putAndInsertString(DCM_ScheduledProcedureStepStartDate, (first + "-" + last).c_str());
+}
+
+/// All of an attribute; "" where it is absent.
+std::string text(DcmItem* item, const DcmTagKey& key) {
+  OFString value;
+  if (item == nullptr || item->findAndGetOFStringArray(key, value).bad()) return "";
+  std::string result(value.c_str(), value.length());
+  result.erase(result.find_last_not_of(std::string("\0 ", 2)) + 1);
+  return result;
+}
+
+DcmItem* first_item(DcmItem* of, const DcmTagKey& sequence) {
+  DcmItem* item = nullptr;
+  if (of != nullptr) of->findAndGetSequenceItem(sequence, item);
+  return item;
+}
+
+/// A PN (PS3.5 6.2.1): the alphabetic group's family, given and middle name.
+PersonName person(const std::string& as_sent) {
+  PersonName name;
+  name.as_sent = as_sent;
+  const std::string alphabetic = as_sent.substr(0, as_sent.find('='));
+  std::array<std::string, 3> parts;
+  std::size_t begin = 0;
+  for (std::string& part : parts) {
+    const std::size_t end = alphabetic.find('^', begin);
+    part = alphabetic.substr(begin, end == std::string::npos ? end : end - begin);
+    if (end == std::string::npos) break;
+    begin = end + 1;
+  }
+  name.family = parts[0];
+  name.given = parts[1] + (parts[1].empty() || parts[2].empty() ? "" : " ") + parts[2];
+  return name;
+}
+
+/// ±HHMM of (0008,0201).
+std::optional<std::chrono::minutes> stated_zone(const std::string& offset) {
+  if (offset.size() != 5 || (offset[0] != '+' && offset[0] != '-') ||
+      offset.find_first_not_of("0123456789", 1) != std::string::npos) {
+    return {};
+  }
+  const auto minutes =
+      std::chrono::hours(std::stoi(offset.substr(1, 2))) + std::chrono::minutes(std::stoi(offset.substr(3)));
+  return offset[0] == '-' ? -minutes : minutes;
+}
+
+/// DA and TM (HH[MM[SS[.F…]]]) of a step; nothing where they say no hour.
+std::optional<UtcTime> moment(const std::string& date, const std::string& time, const std::string& zone) {
+  const auto digits = [](const std::string& all, std::size_t from, std::size_t count) {
+    const std::string part = from < all.size() ? all.substr(from, count) : "";
+    return part.size() == count && part.find_first_not_of("0123456789") == std::string::npos ? std::stoi(part)
+                                                                                             : -1;
+  };
+  const int year = digits(date, 0, 4), month = digits(date, 4, 2), day = digits(date, 6, 2);
+  const int hour = digits(time, 0, 2);
+  const std::chrono::year_month_day on{std::chrono::year(year),
+                                       std::chrono::month(static_cast<unsigned>(std::max(month, 0))),
+                                       std::chrono::day(static_cast<unsigned>(std::max(day, 0)))};
+  if (date.size() != 8 || year < 0 || !on.ok() || hour < 0) return {};
+  const int minute = std::max(0, digits(time, 2, 2)), second = std::max(0, digits(time, 4, 2));
+  if (const auto offset = stated_zone(zone)) {
+    return UtcTime(std::chrono::sys_days(on)) + std::chrono::hours(hour) + std::chrono::minutes(minute) +
+           std::chrono::seconds(second) - *offset;
+  }
+  std::tm here{};
+  here.tm_year = year - 1900;
+  here.tm_mon = month - 1;
+  here.tm_mday = day;
+  here.tm_hour = hour;
+  here.tm_min = minute;
+  here.tm_sec = second;
+  here.tm_isdst = -1;
+  const std::time_t seconds = std::mktime(&here);
+  if (seconds == -1) return {};
+  return UtcTime(std::chrono::seconds(seconds));
+}
+
+/// "2026-08-05T09:15" of a date and a time, for people.
+std::string planned_text(const std::string& date, const std::string& time) {
+  std::string result = iso_date(date);
+  for (std::size_t i = 0; !result.empty() && i < 6 && i + 2 <= time.size() && time[i] != '.'; i += 2) {
+    result += (i == 0 ? "T" : ":") + time.substr(i, 2);
+  }
+  return result;
+}
+
+void take_code(ProcedureData& data, DcmItem* code) {
+  if (code == nullptr || !data.code.empty()) return;
+  data.code = text(code, DCM_CodeValue);
+  data.coding_system = text(code, DCM_CodingSchemeDesignator);
+  if (data.description.empty()) data.description = text(code, DCM_CodeMeaning);
+}
+
+/// The values of Specific Character Set (PS3.3 C.12.1.1.2), without the "2022" that only says that there may
+/// be others: "ISO 2022 IR 87" is "ISO IR 87", as HL7 calls it.
+std::vector<std::string> character_sets(DcmDataset& answer) {
+  constexpr std::string_view kSwitching = "ISO 2022";
+  std::vector<std::string> sets;
+  std::string rest = text(&answer, DCM_SpecificCharacterSet);
+  while (!rest.empty()) {
+    const std::size_t end = std::min(rest.find('\\'), rest.size());
+    std::string one = rest.substr(0, end);
+    if (one.starts_with(kSwitching)) one.replace(0, kSwitching.size(), "ISO");
+    sets.push_back(std::move(one));
+    rest.erase(0, end + 1);
+  }
+  return sets;
+}
+
+WorklistItem read_item(DcmDataset& answer) {
+  // DCMTK converts what it can; it cannot switch between sets (ISO 2022, Japanese) with glibc's iconv.
+  std::vector<std::string> sets = character_sets(answer);
+  if (answer.convertToUTF8().good()) sets = {"UNICODE UTF-8"};
+  const auto words = [&sets](DcmItem* item, const DcmTagKey& key) {
+    return hl7_text_as_utf8(text(item, key), sets).text;
+  };
+  WorklistItem item;
+  ProcedureData& data = item.data;
+  data.origin = "worklist";
+  data.patient_id = words(&answer, DCM_PatientID);
+  data.patient_id_issuer = words(&answer, DCM_IssuerOfPatientID);
+  data.patient = person(words(&answer, DCM_PatientName));
+  data.birth_date = iso_date(text(&answer, DCM_PatientBirthDate));
+  data.sex = text(&answer, DCM_PatientSex);
+  data.visit = words(&answer, DCM_AdmissionID);
+  data.accession = words(&answer, DCM_AccessionNumber);
+  data.study_uid = text(&answer, DCM_StudyInstanceUID);
+  data.procedure_id = words(&answer, DCM_RequestedProcedureID);
+  data.description = words(&answer, DCM_RequestedProcedureDescription);
+  DcmItem* step = first_item(&answer, DCM_ScheduledProcedureStepSequence);
+  if (data.description.empty()) data.description = words(step, DCM_ScheduledProcedureStepDescription);
+  take_code(data, first_item(&answer, DCM_RequestedProcedureCodeSequence));
+  take_code(data, first_item(step, DCM_ScheduledProtocolCodeSequence));
+  data.location = words(step, DCM_ScheduledProcedureStepLocation);
+  if (data.location.empty()) data.location = words(step, DCM_ScheduledStationName);
+  const auto staff = [&](const char* role, const std::string& name) {
+    if (!name.empty()) data.staff.push_back({role, "", person(name)});
+  };
+  staff("performing", words(step, DCM_ScheduledPerformingPhysicianName));
+  staff("requesting", words(&answer, DCM_RequestingPhysician));
+  staff("referring", words(&answer, DCM_ReferringPhysicianName));
+  const std::string date = text(step, DCM_ScheduledProcedureStepStartDate);
+  const std::string time = text(step, DCM_ScheduledProcedureStepStartTime);
+  data.planned = planned_text(date, time);
+  item.planned = moment(date, time, text(&answer, DCM_TimezoneOffsetFromUTC));
+  return item;
+}
+
+}  // namespace
+
+WorklistAnswer ask_worklist(const WorklistOptions& options, UtcTime now) {
+  silence_dcmtk();
+  WorklistAnswer answer;
+  const std::string who =
+      "the worklist " + options.called_ae + " at " + options.host + ":" + std::to_string(options.port);
+  const auto fail = [&](const std::string& what, const OFCondition& why) {
+    answer.items.clear();
+    answer.problem = who + " " + what + (why.bad() ? std::string(": ") + why.text() : "");
+    return answer;
+  };
+  if (!dcmDataDict.isDictionaryLoaded()) {
+    answer.problem = "the worklist cannot be asked: DCMTK's data dictionary (dicom.dic) is not installed";
+    return answer;
+  }
+  Query query;
+  query.setAETitle(options.calling_ae.c_str());
+  query.setPeerAETitle(options.called_ae.c_str());
+  query.setPeerHostName(options.host.c_str());
+  query.setPeerPort(options.port);
+  const auto seconds = static_cast<Uint32>(options.timeout.count());
+  query.setConnectionTimeout(static_cast<Sint32>(seconds));
+  query.setACSETimeout(seconds);
+  query.setDIMSEBlockingMode(DIMSE_NONBLOCKING);
+  query.setDIMSETimeout(seconds);
+  OFList<OFString> syntaxes;
+  syntaxes.push_back(UID_LittleEndianExplicitTransferSyntax);
+  syntaxes.push_back(UID_LittleEndianImplicitTransferSyntax);
+  query.addPresentationContext(UID_FINDModalityWorklistInformationModel, syntaxes);
+  if (const OFCondition result = query.initNetwork(); result.bad()) return fail("cannot be asked", result);
+  if (const OFCondition result = query.negotiateAssociation(); result.bad())
+    return fail("cannot be asked", result);
+  const auto context = query.findPresentationContextID(UID_FINDModalityWorklistInformationModel, "");
+  if (context == 0) {
+    query.releaseAssociation();
+    return fail("has no modality worklist", EC_Normal);
+  }
+  DcmDataset question;
+  fill_question(question, options, now);
+  OFList<QRResponse*> responses;
+  const OFCondition result = query.sendFINDRequest(context, &question, &responses);
+  Uint16 status = STATUS_Success;
+  for (QRResponse* response : responses) {
+    status = response->m_status;
+    if (result.good() && response->m_dataset != nullptr && answer.items.size() < kMostWorklistItems) {
+      answer.items.push_back(read_item(*response->m_dataset));
+    }
+    delete response;
+  }
+  if (result.good() && !query.cut()) {
+    query.releaseAssociation();
+  } else {
+    query.abortAssociation();
+  }
+  if (result.bad()) return fail("did not answer to the end", result);
+  if (status != STATUS_Success && !query.cut()) {
+    return fail("refused the question with status " + std::to_string(status), EC_Normal);
+  }
+  return answer;
+}
+
+}  // namespace kiroku::recorder

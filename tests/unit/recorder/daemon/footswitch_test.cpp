@@ -1,0 +1,200 @@
+// A pipe stands for the device: it gives the same records, and is lost the same way. What only a real input
+// device can be asked (its name, its keys) is not tested.
+#include "recorder/daemon/footswitch.h"
+
+#include <atomic>
+#include <fcntl.h>
+#include <filesystem>
+#include <linux/input.h>
+#include <mutex>
+#include <sys/stat.h>
+#include <thread>
+#include <unistd.h>
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <nlohmann/json.hpp>
+
+#include "base/error.h"
+#include "recorder/daemon/daemon.h"
+#include "tests/support/recording.h"
+#include "tests/support/temporary_folder.h"
+
+namespace kiroku::recorder {
+namespace {
+
+using namespace std::chrono_literals;
+using testing::HasSubstr;
+using testing::SizeIs;
+
+constexpr std::uint16_t kKey = KEY_F13;
+
+template <typename Condition>
+bool within(std::chrono::seconds limit, const Condition& holds) {
+  const auto end = std::chrono::steady_clock::now() + limit;
+  while (!holds()) {
+    if (std::chrono::steady_clock::now() > end) return false;
+    std::this_thread::sleep_for(5ms);
+  }
+  return true;
+}
+
+/// A device that is plugged in and unplugged.
+class Pedal {
+ public:
+  explicit Pedal(std::filesystem::path path) : path_(std::move(path)) {}
+  ~Pedal() { unplug(); }
+  Pedal(const Pedal&) = delete;
+  Pedal& operator=(const Pedal&) = delete;
+
+  void plug_in() {
+    ASSERT_EQ(::mkfifo(path_.c_str(), 0600), 0);
+    // Both ways, so that opening does not wait for a reader.
+    descriptor_ = ::open(path_.c_str(), O_RDWR | O_CLOEXEC);
+    ASSERT_GE(descriptor_, 0);
+  }
+  void unplug() {
+    std::filesystem::remove(path_);
+    if (descriptor_ >= 0) ::close(std::exchange(descriptor_, -1));
+  }
+  void send(std::uint16_t type, std::uint16_t code, std::int32_t value) const {
+    input_event event{};
+    event.type = type;
+    event.code = code;
+    event.value = value;
+    ASSERT_EQ(::write(descriptor_, &event, sizeof event), static_cast<ssize_t>(sizeof event));
+  }
+  void press(std::uint16_t key = kKey) const {
+    send(EV_MSC, MSC_SCAN, 5);
+    send(EV_KEY, key, 1);
+    send(EV_SYN, SYN_REPORT, 0);
+    send(EV_KEY, key, 2);
+    send(EV_KEY, key, 0);
+    send(EV_SYN, SYN_REPORT, 0);
+  }
+  [[nodiscard]] std::string path() const { return path_.string(); }
+
+ private:
+  std::filesystem::path path_;
+  int descriptor_ = -1;
+};
+
+class FootswitchTest : public testing::Test {
+ protected:
+  [[nodiscard]] FootswitchOptions options(PressAction action = PressAction::kStartStop) const {
+    FootswitchOptions options;
+    options.device = pedal.path();
+    options.key = kKey;
+    options.action = action;
+    options.bounce = 0ns;
+    options.first_pause = 20ms;
+    options.longest_pause = 50ms;
+    return options;
+  }
+  void tell(const std::string& sentence) {
+    const std::lock_guard guard(mutex);
+    told.push_back(sentence);
+  }
+  const test::TemporaryFolder folder;
+  Pedal pedal{folder / "event7"};
+  std::mutex mutex;
+  std::vector<std::string> told;
+};
+
+TEST_F(FootswitchTest, CountsPressesOfItsKeyAlone) {
+  pedal.plug_in();
+  std::atomic<int> presses = 0;
+  const Footswitch footswitch(options(), [&] { ++presses; }, {});
+  pedal.press();
+  pedal.press(KEY_A);
+  pedal.press();
+  ASSERT_TRUE(within(10s, [&] { return presses == 2; }));
+  EXPECT_TRUE(footswitch.status().well);
+  EXPECT_EQ(footswitch.status().state, "is there; 2 presses");
+}
+
+TEST_F(FootswitchTest, ContactsThatBounceAreOnePress) {
+  pedal.plug_in();
+  FootswitchOptions bouncing = options();
+  bouncing.bounce = 1h;
+  std::atomic<int> presses = 0;
+  const Footswitch footswitch(bouncing, [&] { ++presses; }, {});
+  for (int i = 0; i < 5; ++i) pedal.press();
+  ASSERT_TRUE(within(10s, [&] { return presses == 1; }));
+  std::this_thread::sleep_for(50ms);
+  EXPECT_EQ(presses, 1);
+}
+
+TEST_F(FootswitchTest, IsLookedForUntilItIsThereAndAgainWhenItIsLost) {
+  std::atomic<int> presses = 0;
+  const Footswitch footswitch(
+      options(), [&] { ++presses; }, [this](const std::string& said) { tell(said); });
+  ASSERT_TRUE(within(10s, [&] { return footswitch.status().state.starts_with("cannot open"); }));
+  for (int i = 0; i < 3; ++i) {
+    pedal.plug_in();
+    ASSERT_TRUE(within(10s, [&] { return footswitch.status().well; }));
+    pedal.press();
+    ASSERT_TRUE(within(10s, [&] { return presses == i + 1; }));
+    pedal.unplug();
+    ASSERT_TRUE(within(10s, [&] { return !footswitch.status().well; }));
+  }
+  EXPECT_THAT(footswitch.status().state, HasSubstr("event7"));
+  const std::lock_guard guard(mutex);
+  ASSERT_GE(told.size(), 3U);
+  EXPECT_THAT(told[0], HasSubstr("No such file or directory; it is looked for again"));
+  EXPECT_THAT(told[1], HasSubstr("event7 is there"));
+  EXPECT_THAT(told[2], HasSubstr("not there any more; it is looked for again"));
+}
+
+TEST_F(FootswitchTest, APressThatCannotBeActedOnIsTold) {
+  pedal.plug_in();
+  const Footswitch footswitch(
+      options(), [] { throw UsageError("room or-1 is not recording"); },
+      [this](const std::string& said) { tell(said); });
+  pedal.press();
+  ASSERT_TRUE(within(10s, [&] {
+    const std::lock_guard guard(mutex);
+    return !told.empty();
+  }));
+  EXPECT_EQ(told[0], "a press of the footswitch did nothing: room or-1 is not recording");
+}
+
+TEST_F(FootswitchTest, StartsMarksAndStopsARoom) {
+  const test::RecorderBench bench;
+  Pedal marker(folder / "event8");
+  pedal.plug_in();
+  marker.plug_in();
+  std::vector<SessionResult> closed;
+  {
+    RoomPlan plan;
+    plan.name = "or-1";
+    plan.session = bench.options();
+    plan.session.video.push_back(bench.stream("camera", "synthetic:pattern?size=64x48&rate=20"));
+    plan.footswitches = {options(), options(PressAction::kMark)};
+    plan.footswitches[1].device = marker.path();
+    plan.footswitches[1].mark = "left pedal";
+    DaemonOptions asked;
+    asked.rooms.push_back(std::move(plan));
+    asked.archive = bench.options().archive;
+    asked.listener.closed = [&](const SessionResult& result) { closed.push_back(result); };
+    Daemon daemon(std::move(asked));
+    const auto room = [&] { return daemon.handle({{"do", "status"}})["rooms"][0]; };
+    EXPECT_THAT(room()["footswitches"], SizeIs(2));
+    pedal.press();
+    ASSERT_TRUE(within(20s, [&] { return room()["state"] == "recording"; }));
+    EXPECT_EQ(room()["reason"], "footswitch");
+    marker.press();
+    ASSERT_TRUE(within(20s, [&] { return room()["footswitches"][1]["presses"] == 1; }));
+    std::this_thread::sleep_for(300ms);
+    pedal.press();
+    ASSERT_TRUE(within(20s, [&] { return room()["state"] == "idle"; }));
+  }
+  ASSERT_THAT(closed, SizeIs(1));
+  EXPECT_EQ(closed[0].close_reason, "footswitch");
+  const auto recorded = bench.read(closed[0].folder);
+  ASSERT_THAT(recorded.lines("events"), SizeIs(1));
+  EXPECT_THAT(recorded.lines("events")[0], HasSubstr("left pedal"));
+}
+
+}  // namespace
+}  // namespace kiroku::recorder

@@ -1,0 +1,115 @@
+#include "recorder/procedure/procedure_book.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+namespace kiroku::recorder {
+namespace {
+
+using namespace std::chrono_literals;
+using Kind = ProcedureMessage::Kind;
+using testing::HasSubstr;
+
+const UtcTime kMorning = *parse_utc("2026-08-05T07:00:00Z");
+
+ProcedureMessage placed(const std::string& patient, const std::vector<std::string>& places) {
+  ProcedureMessage message;
+  message.kind = Kind::kPlaces;
+  message.patient = message.data.patient_id = patient;
+  message.places = places;
+  return message;
+}
+
+ProcedureMessage planned(const std::string& patient, const std::string& what, std::optional<UtcTime> time,
+                         const std::string& place = "OR1") {
+  ProcedureMessage message = placed(patient, {place});
+  message.kind = Kind::kAppointment;
+  message.appointment = what;
+  message.planned = time;
+  message.data.description = what;
+  return message;
+}
+
+std::string found(const ProcedureBook& book, UtcTime at, const std::vector<std::string>& locations = {"OR1"},
+                  std::chrono::nanoseconds window = 12h) {
+  const auto data = book.find({locations, window}, at);
+  return data ? data->patient_id + " " + data->description : "nobody";
+}
+
+TEST(ProcedureBook, TheLastPatientPlacedInTheRoomIsTaken) {
+  ProcedureBook book;
+  EXPECT_EQ(found(book, kMorning), "nobody");
+  book.take(placed("1", {"OR1"}), kMorning);
+  book.take(placed("2", {"SURGERY", "or1", "SURGERY^or1"}), kMorning + 1h);
+  book.take(placed("3", {"OR2"}), kMorning + 2h);
+  EXPECT_EQ(found(book, kMorning + 3h), "2 ");
+  EXPECT_EQ(found(book, kMorning + 3h, {"OR2"}), "3 ");
+  EXPECT_EQ(found(book, kMorning + 3h, {}), "3 ") << "every message is about the room";
+  EXPECT_EQ(found(book, kMorning + 3h, {"OR9"}), "nobody");
+  EXPECT_EQ(found(book, kMorning + 20h), "nobody") << "too long ago";
+}
+
+TEST(ProcedureBook, WhoMovesOnOrLeavesIsNotInTheRoomAnyMore) {
+  ProcedureBook book;
+  book.take(placed("1", {"OR1"}), kMorning);
+  book.take(placed("2", {"OR1"}), kMorning + 1min);
+  book.take(placed("2", {"ICU"}), kMorning + 2min);
+  EXPECT_EQ(found(book, kMorning + 3min), "1 ");
+  ProcedureMessage gone = placed("1", {});
+  gone.kind = Kind::kLeaves;
+  book.take(gone, kMorning + 4min);
+  EXPECT_EQ(found(book, kMorning + 5min), "nobody");
+}
+
+TEST(ProcedureBook, OtherFactsOfAPatientDoNotMoveThem) {
+  ProcedureBook book;
+  book.take(placed("1", {"OR1"}), kMorning);
+  ProcedureMessage update = placed("1", {});
+  update.data.sex = "F";
+  book.take(update, kMorning + 1h);
+  const auto data = book.find({{"OR1"}, 12h}, kMorning + 2h);
+  ASSERT_TRUE(data);
+  EXPECT_EQ(data->sex, "F");
+}
+
+TEST(ProcedureBook, TheNearestAppointmentIsTakenAndSaysOfHowMany) {
+  ProcedureBook book;
+  book.take(planned("1", "first", kMorning), kMorning - 10h);
+  book.take(planned("2", "second", kMorning + 3h), kMorning - 10h);
+  book.take(planned("3", "elsewhere", kMorning + 1h, "OR2"), kMorning - 10h);
+  EXPECT_EQ(found(book, kMorning + 1h), "1 first");
+  EXPECT_EQ(found(book, kMorning + 2h), "2 second");
+  EXPECT_EQ(found(book, kMorning + 16h), "nobody");
+  EXPECT_THAT(book.find({{"OR1"}, 12h}, kMorning)->chosen, HasSubstr("of 2 within 720 minutes"));
+  // Moved, then cancelled.
+  book.take(planned("2", "second", kMorning + 9h), kMorning);
+  EXPECT_EQ(found(book, kMorning + 3h), "1 first");
+  ProcedureMessage cancelled = planned("1", "first", {});
+  cancelled.kind = Kind::kCancels;
+  book.take(cancelled, kMorning);
+  EXPECT_EQ(found(book, kMorning), "2 second");
+  EXPECT_EQ(book.size(), 2U);
+}
+
+TEST(ProcedureBook, AnAppointmentCompletesThePatientInTheRoom) {
+  ProcedureBook book;
+  book.take(planned("1", "first", kMorning), kMorning - 10h);
+  book.take(planned("2", "second", kMorning + 3h), kMorning - 10h);
+  book.take(placed("2", {"OR1"}), kMorning);
+  EXPECT_EQ(found(book, kMorning), "2 second") << "who is there, though another was planned";
+  book.take(placed("7", {"OR1"}), kMorning + 1min);
+  EXPECT_EQ(found(book, kMorning + 1min), "7 ") << "an emergency: nobody else's appointment";
+}
+
+TEST(ProcedureBook, ForgetsWhatIsOldAndTheOldestOfTooMany) {
+  ProcedureBook book;
+  for (std::size_t i = 0; i < ProcedureBook::kMostKept + 10; ++i) {
+    book.take(placed(std::to_string(i), {"OR1"}), kMorning + std::chrono::seconds(i));
+  }
+  EXPECT_EQ(book.size(), ProcedureBook::kMostKept);
+  book.take(placed("last", {"OR1"}), kMorning + 100h);
+  EXPECT_EQ(book.size(), 1U);
+}
+
+}  // namespace
+}  // namespace kiroku::recorder

@@ -1,0 +1,98 @@
+#include "recorder/procedure/procedure_inbox.h"
+
+#include <mutex>
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "base/error.h"
+#include "tests/support/mllp_client.h"
+
+namespace kiroku::recorder {
+namespace {
+
+using namespace std::chrono_literals;
+using test::MllpClient;
+using testing::HasSubstr;
+using testing::Not;
+
+const std::string kInOr1 =
+    "MSH|^~\\&|ADT|HOSP|||20260805080000||ADT^A02^ADT_A02|77|P|2.5||||||8859/1\r"
+    "PID|1||4711^^^HOSP^MR||M\xFCller^J\xF6rg\rPV1|1|I|SURGERY^OR1\r";
+
+class ProcedureInboxTest : public testing::Test {
+ protected:
+  void tell(const std::string& sentence) {
+    const std::lock_guard guard(mutex);
+    told += sentence + "\n";
+  }
+  std::mutex mutex;
+  std::string told;
+};
+
+std::string answer(MllpClient& client, const std::string& message) {
+  client.send_message(message);
+  const std::string acknowledgement = client.receive().value_or("none");
+  return acknowledgement.substr(std::min(acknowledgement.size(), acknowledgement.find("\rMSA|") + 5));
+}
+
+TEST_F(ProcedureInboxTest, TakesMessagesOverASocketAndAcknowledges) {
+  ProcedureInbox inbox("mllp://127.0.0.1:0?zone=UTC",
+                       [this](const std::string& sentence) { tell(sentence); });
+  EXPECT_FALSE(inbox.way().well);
+  inbox.tend();
+  inbox.tend();
+  ASSERT_TRUE(inbox.way().well) << inbox.way().state;
+  EXPECT_EQ(inbox.find({{"OR1"}, 12h}, utc_now()), std::nullopt);
+  MllpClient client("127.0.0.1", inbox.port());
+  EXPECT_EQ(answer(client, kInOr1), "AA|77\r");
+  const auto found = inbox.find({{"surgery^or1"}, 12h}, utc_now());
+  ASSERT_TRUE(found);
+  EXPECT_EQ(found->patient.family, "Müller");
+  EXPECT_EQ(inbox.find({{"OR2"}, 12h}, utc_now()), std::nullopt);
+  EXPECT_THAT(answer(client, "MSH|^~\\&|MON||||20260101||ORU^R01|5|P|2.6\rOBX|1|NM|1^X||5\r"),
+              HasSubstr("AR|5|only messages of patients and appointments"));
+  EXPECT_THAT(answer(client, "PID|1||4711||Secret^Name\r"), HasSubstr("AE|"));
+  EXPECT_THAT(inbox.way().state, HasSubstr("1 taken, 2 refused"));
+}
+
+TEST_F(ProcedureInboxTest, TellsNothingOfAPatient) {
+  ProcedureInbox inbox("mllp://127.0.0.1:0", [this](const std::string& sentence) { tell(sentence); });
+  inbox.tend();
+  {
+    MllpClient client("127.0.0.1", inbox.port());
+    client.send("PID|1||4711||Secret^Name\r");  // outside of a frame
+    client.send("\x0BMSH|Secret^Name");
+    EXPECT_EQ(answer(client, kInOr1), "AA|77\r");
+    EXPECT_THAT(
+        answer(client, "MSH|^~\\&|A||||2026||ADT^A01|8|P|2.5\rPID|1||7||" + std::string(40'000, 'x') + "\r"),
+        HasSubstr("AE|8|the message says more"));
+  }
+  const std::lock_guard guard(mutex);
+  EXPECT_THAT(told, HasSubstr("bytes-outside-frame"));
+  EXPECT_THAT(told, HasSubstr("message-cut"));
+  EXPECT_THAT(told, Not(HasSubstr("Secret")));
+}
+
+TEST_F(ProcedureInboxTest, APortThatIsTakenIsToldAndTriedAgain) {
+  ProcedureInbox first("mllp://127.0.0.1:0", {});
+  first.tend();
+  const std::string taken = "mllp://127.0.0.1:" + std::to_string(first.port());
+  ProcedureInbox second(taken, [this](const std::string& sentence) { tell(sentence); });
+  second.tend();
+  second.tend();
+  EXPECT_FALSE(second.way().well);
+  EXPECT_THAT(second.way().state, HasSubstr("cannot wait for monitors at 127.0.0.1"));
+  const std::lock_guard guard(mutex);
+  EXPECT_EQ(std::count(told.begin(), told.end(), '\n'), 1) << "told once";
+}
+
+TEST_F(ProcedureInboxTest, RefusesAddressesThatAreNone) {
+  for (const char* listen :
+       {"rtsp://camera", "mllp://127.0.0.1:x", "mllps://127.0.0.1", "mllp://a?speed=9", "x"}) {
+    EXPECT_THROW(ProcedureInbox::check(listen), UsageError) << listen;
+  }
+}
+
+}  // namespace
+}  // namespace kiroku::recorder

@@ -1,0 +1,158 @@
+#include "recorder/procedure/worklist.h"
+
+#include <atomic>
+#include <ctime>
+#include <mutex>
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <nlohmann/json.hpp>
+
+#include "tests/support/temporary_folder.h"
+#include "tests/support/worklist_server.h"
+
+namespace kiroku::recorder {
+namespace {
+
+using namespace std::chrono_literals;
+using testing::HasSubstr;
+using testing::IsEmpty;
+using testing::SizeIs;
+
+std::string local(UtcTime time, const char* format) {
+  const std::time_t seconds = std::chrono::system_clock::to_time_t(
+      std::chrono::time_point_cast<std::chrono::system_clock::duration>(time));
+  std::tm here{};
+  localtime_r(&seconds, &here);
+  char text[16];
+  std::strftime(text, sizeof text, format, &here);
+  return text;
+}
+
+/// Skips where the server is not installed.
+class WorklistTest : public testing::Test {
+ protected:
+  void SetUp() override {
+    if (!test::has_worklist_server()) GTEST_SKIP() << "wlmscpfs is not installed (Debian package dcmtk)";
+  }
+  void add(const std::string& id, const std::string& name, UtcTime planned,
+           const std::string& station = "ENDO1", const std::string& charset = "ISO_IR 192") {
+    server.add(id, name, local(planned, "%Y%m%d"), local(planned, "%H%M"), station, charset);
+  }
+  [[nodiscard]] WorklistOptions options() const {
+    WorklistOptions options;
+    options.host = "127.0.0.1";
+    options.port = server.port();
+    options.called_ae = "RIS";
+    options.timeout = 5s;
+    return options;
+  }
+  const test::TemporaryFolder folder;
+  test::WorklistServer server{folder.path()};
+  const UtcTime now = std::chrono::floor<std::chrono::minutes>(utc_now());
+};
+
+TEST_F(WorklistTest, ReadsTheStepsOfTheDay) {
+  add("1", "Müller^Jörg^Q", now);
+  add("2", "Other^Day", now + 72h);
+  server.start();
+  const WorklistAnswer answer = ask_worklist(options(), now);
+  EXPECT_EQ(answer.problem, "");
+  ASSERT_THAT(answer.items, SizeIs(1));
+  EXPECT_EQ(answer.items[0].planned, now);
+  ProcedureData data = answer.items[0].data;
+  EXPECT_EQ(data.planned, local(now, "%Y-%m-%dT") + local(now, "%H:%M"));
+  data.planned = "";
+  const auto subject = nlohmann::json::parse(text_of(subject_json(data)));
+  EXPECT_EQ(subject, nlohmann::json::parse(R"({"patient":{"id":"1","family":"Müller","given":"Jörg Q",
+      "name":"Müller^Jörg^Q","birth_date":"1980-01-15","sex":"F"},
+      "procedure":{"description":"Colonoscopy 1","id":"P1","accession":"A1","study_uid":"1.2.826.0.1.1",
+                   "location":"Room 1"},
+      "staff":[{"role":"performing","family":"Cutter","given":"Carla M","name":"Cutter^Carla^M"},
+               {"role":"requesting","family":"Asks","given":"Ann","name":"Asks^Ann"}],
+      "origin":"worklist"})"))
+      << subject.dump(1);
+}
+
+TEST_F(WorklistTest, AsksForItsStationAlone) {
+  add("1", "A^A", now);
+  add("2", "B^B", now, "ENDO2");
+  server.start();
+  EXPECT_THAT(ask_worklist(options(), now).items, SizeIs(2));
+  WorklistOptions one = options();
+  one.station_ae = "ENDO2";
+  const WorklistAnswer answer = ask_worklist(one, now);
+  ASSERT_THAT(answer.items, SizeIs(1));
+  EXPECT_EQ(answer.items[0].data.patient_id, "2");
+  one.modality = "CT";
+  EXPECT_THAT(ask_worklist(one, now).items, IsEmpty());
+}
+
+TEST_F(WorklistTest, ReadsNamesInTheirCharacterSet) {
+  add("1", "M\xFCller^J\xF6rg", now, "LATIN", "ISO_IR 100");
+  add("2", "Yamada^Tarou=\x1B$B;3ED\x1B(B^\x1B$BB@O:\x1B(B", now, "JAPAN", "\\ISO 2022 IR 87");
+  server.start();
+  WorklistOptions one = options();
+  one.station_ae = "LATIN";
+  const auto latin = ask_worklist(one, now);
+  ASSERT_THAT(latin.items, SizeIs(1)) << latin.problem;
+  EXPECT_EQ(latin.items[0].data.patient.family, "Müller");
+  one.station_ae = "JAPAN";
+  const auto japan = ask_worklist(one, now);
+  ASSERT_THAT(japan.items, SizeIs(1)) << japan.problem;
+  EXPECT_EQ(japan.items[0].data.patient, (PersonName{"Yamada", "Tarou", "Yamada^Tarou=山田^太郎"}));
+}
+
+TEST_F(WorklistTest, SaysWhyItCannotBeAsked) {
+  EXPECT_THAT(ask_worklist(options(), now).problem, HasSubstr("the worklist RIS at 127.0.0.1:"))
+      << "nobody listens";
+  server.start();
+  WorklistOptions wrong = options();
+  wrong.called_ae = "NOBODY";
+  EXPECT_THAT(ask_worklist(wrong, now).problem, HasSubstr("cannot be asked"));
+}
+
+TEST_F(WorklistTest, DoesNotWaitForAServerThatSaysNothing) {
+  boost::asio::io_context context;
+  boost::asio::ip::tcp::acceptor silent(context, {boost::asio::ip::make_address("127.0.0.1"), 0});
+  WorklistOptions asked = options();
+  asked.port = silent.local_endpoint().port();
+  asked.timeout = 1s;
+  const auto begin = std::chrono::steady_clock::now();
+  EXPECT_THAT(ask_worklist(asked, now).problem, HasSubstr("cannot be asked"));
+  EXPECT_LT(std::chrono::steady_clock::now() - begin, 5s);
+}
+
+TEST_F(WorklistTest, IsAskedAgainUntilItAnswersAndKeepsTheNearestStep) {
+  std::mutex mutex;
+  std::vector<std::string> told;
+  WorklistOptions often = options();
+  often.refresh = 100ms;
+  often.timeout = 1s;
+  Worklist worklist(often, [&](const std::string& sentence) {
+    const std::lock_guard guard(mutex);
+    told.push_back(sentence);
+  });
+  const auto until = [](const auto& holds) {
+    for (int i = 0; i < 300 && !holds(); ++i) std::this_thread::sleep_for(50ms);
+    return holds();
+  };
+  ASSERT_TRUE(until([&] { return !worklist.way().well; }));
+  EXPECT_EQ(worklist.find(now), std::nullopt);
+  add("1", "Near^Er", now + 10min);
+  add("2", "Far^Ther", now - 2h);
+  server.start();
+  worklist.hurry();
+  ASSERT_TRUE(until([&] { return worklist.find(now).has_value(); })) << worklist.way().state;
+  EXPECT_EQ(worklist.find(now)->patient_id, "1");
+  EXPECT_EQ(worklist.find(now - 90min)->patient_id, "2");
+  EXPECT_EQ(worklist.find(now - 40h), std::nullopt);
+  EXPECT_THAT(worklist.way().state, HasSubstr("RIS listed 2 steps"));
+  const std::lock_guard guard(mutex);
+  ASSERT_THAT(told, SizeIs(2));
+  EXPECT_THAT(told[0], HasSubstr("it is asked again"));
+  EXPECT_THAT(told[1], HasSubstr("answers again"));
+}
+
+}  // namespace
+}  // namespace kiroku::recorder
