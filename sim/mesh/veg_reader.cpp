@@ -1,6 +1,7 @@
 // VegaFEM's volumetric meshes (.veg), tetrahedra only: https://viterbi-web.usc.edu/~jbarbic/vega/
 #include <algorithm>
 #include <charconv>
+#include <cmath>
 #include <map>
 
 #include "sim/mesh/mesh_builder.h"
@@ -61,7 +62,8 @@ class VegReader {
     Number value{};
     const std::string_view text = word < words_.size() ? words_[word] : std::string_view();
     const auto [end, failure] = std::from_chars(text.data(), text.data() + text.size(), value);
-    if (failure != std::errc() || end != text.data() + text.size() || !(value - value == 0)) {
+    if (failure != std::errc() || end != text.data() + text.size() ||
+        !std::isfinite(static_cast<double>(value))) {
       cursor_.fail(std::string(what) +
                    (text.empty() ? " is missing"
                                  : " is '" + std::string(text.substr(0, 24)) + "', which is no such number"));

@@ -1,0 +1,37 @@
+// K = L L^T over the unknowns that are free, once, for many solves: CHOLMOD, supernodal, ordered by METIS
+// over nodes. Same matrix, same bits: BLAS is kept to one thread (for the whole process), since the order of
+// its sums may change with their number.
+#pragma once
+
+#include <Eigen/Core>
+#include <memory>
+#include <vector>
+
+#include "sim/fem/stiffness.h"
+
+namespace kiroku::sim {
+
+/// Owns its factor; not thread-safe, as solves share memory to work in.
+class Factorisation {
+ public:
+  /// `free` (3 |V|): the unknowns; may be none. The matrix is read only here. kiroku::Error if it is not
+  /// positive definite on them, with the node whose motion nothing resists, or if memory does not suffice.
+  Factorisation(const StiffnessMatrix& stiffness, const std::vector<bool>& free);
+  ~Factorisation();
+  Factorisation(const Factorisation&) = delete;
+  Factorisation& operator=(const Factorisation&) = delete;
+
+  /// Displacements (3 |V|), zero where not free, that make K u = `force_n` (3 |V|) where free.
+  [[nodiscard]] Eigen::VectorXd solve(const Eigen::VectorXd& force_n) const;
+
+  [[nodiscard]] std::size_t unknowns() const { return unknown_.size(); }
+  /// Numbers that the factor keeps.
+  [[nodiscard]] std::size_t entries() const;
+
+ private:
+  struct Cholmod;
+  std::unique_ptr<Cholmod> cholmod_;
+  std::vector<std::size_t> unknown_;  // their numbers in (3 |V|), ascending
+};
+
+}  // namespace kiroku::sim
