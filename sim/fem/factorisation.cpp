@@ -9,7 +9,10 @@
 
 #include "base/error.h"
 
-extern "C" void openblas_set_num_threads(int number);  // its header declares far more, in C99
+// Their headers declare far more: OpenBLAS's in C99, OpenMP's only for compilers that are told to use it.
+extern "C" void openblas_set_num_threads(int number);
+extern "C" void omp_set_max_active_levels(int levels);
+extern "C" int omp_get_max_active_levels();
 
 namespace kiroku::sim {
 
@@ -57,6 +60,22 @@ struct Factorisation::Cholmod {
 
 namespace {
 
+/// While it lives, CHOLMOD starts no threads. Debian's starts four for each small loop, however many cores there are;
+/// on two they wait for each other longer than they work.
+class WithoutThreads {
+ public:
+  WithoutThreads() : levels_(omp_get_max_active_levels()) {
+    openblas_set_num_threads(1);
+    omp_set_max_active_levels(0);
+  }
+  ~WithoutThreads() { omp_set_max_active_levels(levels_); }
+  WithoutThreads(const WithoutThreads&) = delete;
+  WithoutThreads& operator=(const WithoutThreads&) = delete;
+
+ private:
+  int levels_;
+};
+
 constexpr std::uint32_t kHeld = std::numeric_limits<std::uint32_t>::max();
 
 std::int64_t* column_pointers(cholmod_sparse& matrix) { return static_cast<std::int64_t*>(matrix.p); }
@@ -67,7 +86,7 @@ std::int64_t* row_numbers(cholmod_sparse& matrix) { return static_cast<std::int6
 Factorisation::Factorisation(const StiffnessMatrix& stiffness, const std::vector<bool>& free)
     : cholmod_(std::make_unique<Cholmod>()) {
   static_assert(sizeof(SuiteSparse_long) == sizeof(std::int64_t));
-  openblas_set_num_threads(1);
+  const WithoutThreads without_threads;
   // Unknowns and the nodes that have any, counted without gaps.
   std::vector<std::uint32_t> unknown_of(free.size(), kHeld), graph_node_of(stiffness.nodes(), kHeld);
   std::vector<std::uint32_t> graph_nodes;
@@ -155,6 +174,7 @@ std::size_t Factorisation::entries() const {
 Eigen::VectorXd Factorisation::solve(const Eigen::VectorXd& force_n) const {
   Eigen::VectorXd displacement_m = Eigen::VectorXd::Zero(force_n.size());
   if (unknown_.empty()) return displacement_m;
+  const WithoutThreads without_threads;
   const Cholmod::DenseDeleter deleter{&cholmod_->common};
   const Cholmod::Dense right(
       cholmod_l_allocate_dense(unknown_.size(), 1, unknown_.size(), CHOLMOD_REAL, &cholmod_->common),
