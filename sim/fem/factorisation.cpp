@@ -1,18 +1,16 @@
 #include "sim/fem/factorisation.h"
 
 #include <algorithm>
-#include <limits>
 #include <new>
 #include <string>
 #include <suitesparse/cholmod.h>
+#include <sys/mman.h>
 #include <utility>
 
 #include "base/error.h"
+#include "sim/fem/supernodal_cholesky.h"
 
-// Their headers declare far more: OpenBLAS's in C99, OpenMP's only for compilers that are told to use it.
-extern "C" void openblas_set_num_threads(int number);
-extern "C" void omp_set_max_active_levels(int levels);
-extern "C" int omp_get_max_active_levels();
+extern "C" void openblas_set_num_threads(int number);  // its header declares far more, in C99
 
 namespace kiroku::sim {
 
@@ -60,41 +58,34 @@ struct Factorisation::Cholmod {
 
 namespace {
 
-/// While it lives, CHOLMOD starts no threads. Debian's starts four for each small loop, however many cores there are;
-/// on two they wait for each other longer than they work.
-class WithoutThreads {
- public:
-  WithoutThreads() : levels_(omp_get_max_active_levels()) {
-    openblas_set_num_threads(1);
-    omp_set_max_active_levels(0);
-  }
-  ~WithoutThreads() { omp_set_max_active_levels(levels_); }
-  WithoutThreads(const WithoutThreads&) = delete;
-  WithoutThreads& operator=(const WithoutThreads&) = delete;
-
- private:
-  int levels_;
-};
-
-constexpr std::uint32_t kHeld = std::numeric_limits<std::uint32_t>::max();
-
 std::int64_t* column_pointers(cholmod_sparse& matrix) { return static_cast<std::int64_t*>(matrix.p); }
 std::int64_t* row_numbers(cholmod_sparse& matrix) { return static_cast<std::int64_t*>(matrix.i); }
 
+/// The kernel then clears and maps 2 MiB at a time; it may decline.
+void use_huge_pages(cholmod_factor& factor) {
+  constexpr std::uintptr_t kPage = 2U << 20;
+  const auto begin = (reinterpret_cast<std::uintptr_t>(factor.x) + kPage - 1) & ~(kPage - 1);
+  const auto end =
+      (reinterpret_cast<std::uintptr_t>(factor.x) + factor.xsize * sizeof(double)) & ~(kPage - 1);
+  if (begin < end) ::madvise(reinterpret_cast<void*>(begin), end - begin, MADV_HUGEPAGE);
+}
+
 }  // namespace
 
-Factorisation::Factorisation(const StiffnessMatrix& stiffness, const std::vector<bool>& free)
+Factorisation::Factorisation(const StiffnessMatrix& stiffness, const std::vector<bool>& free,
+                             unsigned threads)
     : cholmod_(std::make_unique<Cholmod>()) {
   static_assert(sizeof(SuiteSparse_long) == sizeof(std::int64_t));
-  const WithoutThreads without_threads;
+  openblas_set_num_threads(1);
   // Unknowns and the nodes that have any, counted without gaps.
-  std::vector<std::uint32_t> unknown_of(free.size(), kHeld), graph_node_of(stiffness.nodes(), kHeld);
+  std::vector<std::uint32_t> unknown_of(free.size(), kNoUnknown),
+      graph_node_of(stiffness.nodes(), kNoUnknown);
   std::vector<std::uint32_t> graph_nodes;
   for (std::size_t number = 0; number < free.size(); ++number) {
     if (!free[number]) continue;
     unknown_of[number] = static_cast<std::uint32_t>(unknown_.size());
     unknown_.push_back(number);
-    if (graph_node_of[number / 3] == kHeld) {
+    if (graph_node_of[number / 3] == kNoUnknown) {
       graph_node_of[number / 3] = static_cast<std::uint32_t>(graph_nodes.size());
       graph_nodes.push_back(static_cast<std::uint32_t>(number / 3));
     }
@@ -114,7 +105,7 @@ Factorisation::Factorisation(const StiffnessMatrix& stiffness, const std::vector
     for (std::size_t column = 0; column < graph_nodes.size(); ++column) {
       column_pointers(*graph)[column] = at;
       for (const std::uint32_t row : stiffness.rows(graph_nodes[column])) {
-        if (graph_node_of[row] != kHeld) row_numbers(*graph)[at++] = graph_node_of[row];
+        if (graph_node_of[row] != kNoUnknown) row_numbers(*graph)[at++] = graph_node_of[row];
       }
     }
     column_pointers(*graph)[graph_nodes.size()] = at;
@@ -130,39 +121,34 @@ Factorisation::Factorisation(const StiffnessMatrix& stiffness, const std::vector
     }
   }
 
-  const Cholmod::Sparse matrix = cholmod_->allocate(unknown_.size(), entries, CHOLMOD_REAL);
-  auto* const values = static_cast<double*>(matrix->x);
+  const Cholmod::Sparse pattern = cholmod_->allocate(unknown_.size(), entries, CHOLMOD_PATTERN);
   std::int64_t at = 0;
   for (std::size_t column = 0; column < unknown_.size(); ++column) {
-    column_pointers(*matrix)[column] = at;
-    const std::size_t number = unknown_[column], node = number / 3;
-    const auto rows = stiffness.rows(node);
-    for (std::size_t i = 0; i < rows.size(); ++i) {
-      const Eigen::Matrix3d& block = stiffness.blocks(node)[i];
-      for (std::size_t component = 0; component < 3; ++component) {
-        const std::size_t row = 3 * std::size_t{rows[i]} + component;
-        if (row < number || !free[row]) continue;
-        row_numbers(*matrix)[at] = unknown_of[row];
-        values[at++] = block(static_cast<Eigen::Index>(component), static_cast<Eigen::Index>(number % 3));
+    column_pointers(*pattern)[column] = at;
+    const std::size_t number = unknown_[column];
+    for (const std::uint32_t node : stiffness.rows(number / 3)) {
+      for (std::size_t row = 3 * std::size_t{node}; row < 3 * std::size_t{node} + 3; ++row) {
+        if (row >= number && free[row]) row_numbers(*pattern)[at++] = unknown_of[row];
       }
     }
   }
-  column_pointers(*matrix)[unknown_.size()] = at;
+  column_pointers(*pattern)[unknown_.size()] = at;
 
   cholmod_->common.nmethods = 1;
   cholmod_->common.method[0].ordering = CHOLMOD_GIVEN;
-  cholmod_->factor = cholmod_l_analyze_p(matrix.get(), order.data(), nullptr, 0, &cholmod_->common);
+  cholmod_->factor = cholmod_l_analyze_p(pattern.get(), order.data(), nullptr, 0, &cholmod_->common);
   cholmod_->check();
-  cholmod_l_factorize(matrix.get(), cholmod_->factor, &cholmod_->common);
-  if (cholmod_->common.status == CHOLMOD_NOT_POSDEF) {
+  cholmod_l_change_factor(CHOLMOD_REAL, 1, 1, 1, 1, cholmod_->factor, &cholmod_->common);
+  cholmod_->check();
+  use_huge_pages(*cholmod_->factor);
+  const auto failed = factorise_supernodes(stiffness, unknown_of, threads, *cholmod_->factor);
+  if (failed) {
     const auto* const permutation = static_cast<const std::int64_t*>(cholmod_->factor->Perm);
-    const auto unknown = static_cast<std::size_t>(
-        permutation[std::min<std::size_t>(cholmod_->factor->minor, unknown_.size() - 1)]);
+    const std::size_t number = unknown_[static_cast<std::size_t>(permutation[*failed])];
     throw Error(
-        "node " + std::to_string(unknown_[unknown] / 3) +
+        "node " + std::to_string(number / 3) +
         " can move without any resistance: it hangs on tetrahedra that can turn about an edge or a node");
   }
-  cholmod_->check();
 }
 
 Factorisation::~Factorisation() = default;
@@ -174,7 +160,6 @@ std::size_t Factorisation::entries() const {
 Eigen::VectorXd Factorisation::solve(const Eigen::VectorXd& force_n) const {
   Eigen::VectorXd displacement_m = Eigen::VectorXd::Zero(force_n.size());
   if (unknown_.empty()) return displacement_m;
-  const WithoutThreads without_threads;
   const Cholmod::DenseDeleter deleter{&cholmod_->common};
   const Cholmod::Dense right(
       cholmod_l_allocate_dense(unknown_.size(), 1, unknown_.size(), CHOLMOD_REAL, &cholmod_->common),

@@ -4,7 +4,9 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <algorithm>
 #include <memory>
+#include <thread>
 #include <vector>
 
 #include "sim/fem/stiffness.h"
@@ -14,9 +16,11 @@ namespace kiroku::sim {
 /// Owns its factor; not thread-safe, as solves share memory to work in.
 class Factorisation {
  public:
-  /// `free` (3 |V|): the unknowns; may be none. The matrix is read only here. kiroku::Error if it is not
-  /// positive definite on them, with the node whose motion nothing resists, or if memory does not suffice.
-  Factorisation(const StiffnessMatrix& stiffness, const std::vector<bool>& free);
+  /// `free` (3 |V|): the unknowns; may be none. The matrix is read only here. `threads`: how many work on it,
+  /// 1 at least. kiroku::Error if it is not positive definite on them, with the node whose motion nothing
+  /// resists, or if memory does not suffice.
+  Factorisation(const StiffnessMatrix& stiffness, const std::vector<bool>& free,
+                unsigned threads = std::max(std::thread::hardware_concurrency(), 1U));
   ~Factorisation();
   Factorisation(const Factorisation&) = delete;
   Factorisation& operator=(const Factorisation&) = delete;
