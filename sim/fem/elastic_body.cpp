@@ -32,9 +32,9 @@ void check_materials(const Materials& materials) {
   }
 }
 
-void refuse_free_motions(const TetMesh& mesh, const Constraints& constraints) {
+void refuse_free_motions(const TetMesh& mesh, const Faces& faces, const Constraints& constraints) {
   constexpr std::size_t kMostNamedParts = 3;
-  const std::vector<std::string> motions = free_rigid_motions(mesh, constraints);
+  const std::vector<std::string> motions = free_rigid_motions(mesh, faces, constraints);
   if (motions.empty()) return;
   std::string sentence =
       constraints.any() ? "the displacements that are fixed do not hold it: " : "nothing is fixed: ";
@@ -54,16 +54,16 @@ ElasticBody::ElasticBody(TetMesh mesh, const Materials& materials, Constraints c
       constraints_(std::move(constraints)),
       used_(nodes_in_use(mesh_)) {
   check_materials(materials_);
-  for (const MeshFinding& finding : check_mesh(mesh_)) {
-    if (prevents_solving(finding.fault)) throw Error("the mesh is not sound: " + finding.text);
-  }
+  const Faces faces = faces_of(mesh_);
+  const std::vector<MeshFinding> unsound = check_for_solving(mesh_, faces);
+  if (!unsound.empty()) throw Error("the mesh is not sound: " + unsound.front().text);
   material_of_.reserve(mesh_.tetrahedra.size());
   for (const std::int32_t region : mesh_.regions) {
     const auto found = materials_.find(region);
     if (found == materials_.end()) throw Error("region " + std::to_string(region) + " has no material");
     material_of_.push_back(&found->second);
   }
-  refuse_free_motions(mesh_, constraints_);
+  refuse_free_motions(mesh_, faces, constraints_);
   stiffness_ = std::make_unique<StiffnessMatrix>(mesh_, material_of_);
   std::vector<bool> free(3 * mesh_.nodes.size());
   for (std::size_t number = 0; number < free.size(); ++number) {

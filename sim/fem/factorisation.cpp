@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <new>
+#include <span>
 #include <string>
 #include <suitesparse/cholmod.h>
 #include <sys/mman.h>
@@ -20,6 +21,12 @@ struct Factorisation::Cholmod {
     cholmod_l_start(&common);
     common.print = 0;
     common.supernodal = CHOLMOD_SUPERNODAL;
+    common.nmethods = 1;
+    common.method[0].ordering = CHOLMOD_METIS;
+    // Supernodes are merged by their number of columns; those of the graph are three of the matrix.
+    common.nrelax[0] = 2;
+    common.nrelax[1] = 6;
+    common.nrelax[2] = 16;
   }
   ~Cholmod() {
     cholmod_l_free_factor(&factor, &common);
@@ -39,11 +46,22 @@ struct Factorisation::Cholmod {
   };
   using Dense = std::unique_ptr<cholmod_dense, DenseDeleter>;
 
-  /// A lower triangle, columns sorted; `type` CHOLMOD_REAL or CHOLMOD_PATTERN.
-  Sparse allocate(std::size_t size, std::size_t entries, int type) {
-    Sparse matrix(cholmod_l_allocate_sparse(size, size, entries, 1, 1, -1, type, &common), {&common});
+  /// Of a lower triangle, columns sorted.
+  Sparse allocate_pattern(std::size_t size, std::size_t entries) {
+    Sparse matrix(cholmod_l_allocate_sparse(size, size, entries, 1, 1, -1, CHOLMOD_PATTERN, &common),
+                  {&common});
     check();
     return matrix;
+  }
+  /// Lays the factor of a graph of nodes out anew for their unknowns: node i has those from first_unknown[i]
+  /// to first_unknown[i + 1], one to three.
+  void expand(const std::vector<std::size_t>& first_unknown);
+  /// Replaces one of the factor's arrays.
+  void replace(void*& array, std::size_t old_size, const std::vector<std::int64_t>& content) {
+    cholmod_l_free(old_size, sizeof(std::int64_t), array, &common);
+    array = cholmod_l_malloc(content.size(), sizeof(std::int64_t), &common);
+    check();
+    std::ranges::copy(content, static_cast<std::int64_t*>(array));
   }
   void check() const {
     if (common.status == CHOLMOD_OUT_OF_MEMORY) throw std::bad_alloc();
@@ -58,9 +76,6 @@ struct Factorisation::Cholmod {
 
 namespace {
 
-std::int64_t* column_pointers(cholmod_sparse& matrix) { return static_cast<std::int64_t*>(matrix.p); }
-std::int64_t* row_numbers(cholmod_sparse& matrix) { return static_cast<std::int64_t*>(matrix.i); }
-
 /// The kernel then clears and maps 2 MiB at a time; it may decline.
 void use_huge_pages(cholmod_factor& factor) {
   constexpr std::uintptr_t kPage = 2U << 20;
@@ -71,6 +86,50 @@ void use_huge_pages(cholmod_factor& factor) {
 }
 
 }  // namespace
+
+void Factorisation::Cholmod::expand(const std::vector<std::size_t>& first_unknown) {
+  const std::size_t nodes = factor->n, unknowns = first_unknown.back();
+  const std::span order(static_cast<const std::int64_t*>(factor->Perm), nodes);
+  // Of each node in the order of elimination, where its unknowns begin in that order.
+  std::vector<std::int64_t> begin{0}, permutation;
+  permutation.reserve(unknowns);
+  for (const std::int64_t node : order) {
+    const auto i = static_cast<std::size_t>(node);
+    for (std::size_t u = first_unknown[i]; u < first_unknown[i + 1]; ++u)
+      permutation.push_back(static_cast<std::int64_t>(u));
+    begin.push_back(static_cast<std::int64_t>(permutation.size()));
+  }
+  const auto expanded = [&](std::int64_t node) { return begin[static_cast<std::size_t>(node)]; };
+  const std::span old_columns(static_cast<const std::int64_t*>(factor->super), factor->nsuper + 1);
+  const std::span old_rows_begin(static_cast<const std::int64_t*>(factor->pi), factor->nsuper + 1);
+  const std::span old_rows(static_cast<const std::int64_t*>(factor->s), factor->ssize);
+  std::vector<std::int64_t> columns{0}, rows_begin{0}, numbers_begin{0}, rows, column_counts;
+  column_counts.reserve(unknowns);
+  std::int64_t most_below = 1;
+  for (std::size_t s = 0; s < factor->nsuper; ++s) {
+    columns.push_back(expanded(old_columns[s + 1]));
+    for (std::int64_t i = old_rows_begin[s]; i < old_rows_begin[s + 1]; ++i) {
+      const std::int64_t node = old_rows[static_cast<std::size_t>(i)];
+      for (std::int64_t row = expanded(node); row < expanded(node + 1); ++row) rows.push_back(row);
+    }
+    rows_begin.push_back(static_cast<std::int64_t>(rows.size()));
+    const std::int64_t width = columns[s + 1] - columns[s], height = rows_begin[s + 1] - rows_begin[s];
+    numbers_begin.push_back(numbers_begin.back() + width * height);
+    for (std::int64_t column = 0; column < width; ++column) column_counts.push_back(height - column);
+    most_below = std::max(most_below, height - width);
+  }
+  replace(factor->Perm, nodes, permutation);
+  replace(factor->ColCount, nodes, column_counts);
+  replace(factor->super, factor->nsuper + 1, columns);
+  replace(factor->pi, factor->nsuper + 1, rows_begin);
+  replace(factor->px, factor->nsuper + 1, numbers_begin);
+  replace(factor->s, factor->ssize, rows);
+  factor->n = factor->minor = unknowns;
+  factor->ssize = rows.size();
+  factor->xsize = static_cast<std::size_t>(numbers_begin.back());
+  factor->maxcsize *= 9;  // at most
+  factor->maxesize = static_cast<std::size_t>(most_below);
+}
 
 Factorisation::Factorisation(const StiffnessMatrix& stiffness, const std::vector<bool>& free,
                              unsigned threads)
@@ -92,52 +151,27 @@ Factorisation::Factorisation(const StiffnessMatrix& stiffness, const std::vector
   }
   if (unknown_.empty()) return;
 
-  // The order of elimination is sought on the graph of nodes, a ninth of the matrix.
-  std::size_t graph_entries = 0, entries = 0;
-  for (const std::uint32_t node : graph_nodes) {
-    graph_entries += stiffness.rows(node).size();
-    entries += 9 * stiffness.rows(node).size();
-  }
-  std::vector<std::int64_t> node_order(graph_nodes.size());
-  {
-    const Cholmod::Sparse graph = cholmod_->allocate(graph_nodes.size(), graph_entries, CHOLMOD_PATTERN);
-    std::int64_t at = 0;
-    for (std::size_t column = 0; column < graph_nodes.size(); ++column) {
-      column_pointers(*graph)[column] = at;
-      for (const std::uint32_t row : stiffness.rows(graph_nodes[column])) {
-        if (graph_node_of[row] != kNoUnknown) row_numbers(*graph)[at++] = graph_node_of[row];
-      }
-    }
-    column_pointers(*graph)[graph_nodes.size()] = at;
-    cholmod_l_metis(graph.get(), nullptr, 0, 1, node_order.data(), &cholmod_->common);
-    cholmod_->check();
-  }
-  std::vector<std::int64_t> order;
-  order.reserve(unknown_.size());
-  for (const std::int64_t position : node_order) {
-    const std::size_t node = graph_nodes[static_cast<std::size_t>(position)];
-    for (std::size_t number = 3 * node; number < 3 * node + 3; ++number) {
-      if (free[number]) order.push_back(unknown_of[number]);
-    }
-  }
-
-  const Cholmod::Sparse pattern = cholmod_->allocate(unknown_.size(), entries, CHOLMOD_PATTERN);
+  // Order and layout are sought on the graph of nodes, a ninth of the matrix.
+  std::size_t entries = 0;
+  for (const std::uint32_t node : graph_nodes) entries += stiffness.rows(node).size();
+  const Cholmod::Sparse graph = cholmod_->allocate_pattern(graph_nodes.size(), entries);
+  auto* const column_begin = static_cast<std::int64_t*>(graph->p);
+  auto* const rows = static_cast<std::int64_t*>(graph->i);
   std::int64_t at = 0;
-  for (std::size_t column = 0; column < unknown_.size(); ++column) {
-    column_pointers(*pattern)[column] = at;
-    const std::size_t number = unknown_[column];
-    for (const std::uint32_t node : stiffness.rows(number / 3)) {
-      for (std::size_t row = 3 * std::size_t{node}; row < 3 * std::size_t{node} + 3; ++row) {
-        if (row >= number && free[row]) row_numbers(*pattern)[at++] = unknown_of[row];
-      }
+  for (std::size_t column = 0; column < graph_nodes.size(); ++column) {
+    column_begin[column] = at;
+    for (const std::uint32_t row : stiffness.rows(graph_nodes[column])) {
+      if (graph_node_of[row] != kNoUnknown) rows[at++] = graph_node_of[row];
     }
   }
-  column_pointers(*pattern)[unknown_.size()] = at;
-
-  cholmod_->common.nmethods = 1;
-  cholmod_->common.method[0].ordering = CHOLMOD_GIVEN;
-  cholmod_->factor = cholmod_l_analyze_p(pattern.get(), order.data(), nullptr, 0, &cholmod_->common);
+  column_begin[graph_nodes.size()] = at;
+  cholmod_->factor = cholmod_l_analyze(graph.get(), &cholmod_->common);
   cholmod_->check();
+  std::vector<std::size_t> first_unknown(graph_nodes.size() + 1, unknown_.size());
+  for (std::size_t unknown = unknown_.size(); unknown-- > 0;) {
+    first_unknown[graph_node_of[unknown_[unknown] / 3]] = unknown;
+  }
+  cholmod_->expand(first_unknown);
   cholmod_l_change_factor(CHOLMOD_REAL, 1, 1, 1, 1, cholmod_->factor, &cholmod_->common);
   cholmod_->check();
   use_huge_pages(*cholmod_->factor);

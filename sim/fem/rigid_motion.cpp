@@ -7,7 +7,6 @@
 
 #include "sim/fem/number_text.h"
 #include "sim/mesh/disjoint_sets.h"
-#include "sim/mesh/mesh_topology.h"
 
 namespace kiroku::sim {
 namespace {
@@ -135,8 +134,9 @@ Eigen::MatrixXd null_motions(const TetMesh& mesh, const Constraints& constraints
 
 }  // namespace
 
-std::vector<std::string> free_rigid_motions(const TetMesh& mesh, const Constraints& constraints) {
-  const std::vector<Part> parts = parts_of(mesh, face_connected_parts(mesh, faces_of(mesh)));
+std::vector<std::string> free_rigid_motions(const TetMesh& mesh, const Faces& faces,
+                                            const Constraints& constraints) {
+  const std::vector<Part> parts = parts_of(mesh, face_connected_parts(mesh, faces));
   // Parts that share nodes are judged together.
   DisjointSets groups(parts.size());
   std::vector<std::int64_t> first_at(mesh.nodes.size(), -1);

@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "sim/fem/constraints.h"
+#include "sim/mesh/mesh_topology.h"
 #include "sim/mesh/tet_mesh.h"
 
 namespace kiroku::sim {
@@ -15,7 +16,8 @@ namespace kiroku::sim {
 ///
 /// A part is what hangs together by whole faces. Parts that share a node move alike there, so that hinges are
 /// found too. A piece of the mesh with more than kMostHingedParts parts is judged by the factorisation alone.
-std::vector<std::string> free_rigid_motions(const TetMesh& mesh, const Constraints& constraints);
+std::vector<std::string> free_rigid_motions(const TetMesh& mesh, const Faces& faces,
+                                            const Constraints& constraints);
 inline constexpr std::size_t kMostHingedParts = 100;
 
 }  // namespace kiroku::sim

@@ -6,6 +6,7 @@
 #include <exception>
 #include <mutex>
 #include <suitesparse/cholmod.h>
+#include <system_error>
 #include <thread>
 
 // BLAS and LAPACK as Fortran names them; all matrices are stored by columns.
@@ -95,7 +96,11 @@ class SupernodalCholesky {
 
   std::optional<std::size_t> run(unsigned threads) {
     std::vector<std::thread> workers;
-    for (unsigned i = 1; i < threads; ++i) workers.emplace_back([this] { work(); });
+    try {
+      for (unsigned i = 1; i < threads; ++i) workers.emplace_back([this] { work(); });
+    } catch (const std::system_error&) {
+      // The machine gives no more threads; those that are there suffice.
+    }
     work();
     for (std::thread& worker : workers) worker.join();
     if (failure_) std::rethrow_exception(failure_);
@@ -183,6 +188,7 @@ class SupernodalCholesky {
     try {
       space.row_in_supernode.resize(supernode_of_.size());
       space.update.resize(largest_update_);
+      space.target.reserve(supernode_of_.size());
     } catch (...) {
       const std::lock_guard lock(mutex_);
       if (!failure_) failure_ = std::current_exception();

@@ -4,7 +4,6 @@
 #include <cmath>
 
 #include "sim/mesh/disjoint_sets.h"
-#include "sim/mesh/mesh_topology.h"
 
 namespace kiroku::sim {
 namespace {
@@ -132,14 +131,20 @@ void check_pieces(const TetMesh& mesh, std::vector<MeshFinding>& findings) {
 
 }  // namespace
 
-std::vector<MeshFinding> check_mesh(const TetMesh& mesh) {
+std::vector<MeshFinding> check_for_solving(const TetMesh& mesh, const Faces& faces) {
   std::vector<MeshFinding> findings;
   check_shapes(mesh, findings);
-  const Faces faces = faces_of(mesh);
-  Culprits crowded, loose;
+  Culprits crowded;
   for (const auto& nodes : faces.overcrowded) crowded.add(joined(nodes));
   crowded.report(MeshFault::kCrowdedFace, "face belongs to more than two tetrahedra",
                  "faces belong to more than two tetrahedra", findings);
+  return findings;
+}
+
+std::vector<MeshFinding> check_mesh(const TetMesh& mesh) {
+  const Faces faces = faces_of(mesh);
+  std::vector<MeshFinding> findings = check_for_solving(mesh, faces);
+  Culprits loose;
   const std::vector<bool> used = nodes_in_use(mesh);
   for (std::size_t node = 0; node < used.size(); ++node) {
     if (!used[node]) loose.add(node);

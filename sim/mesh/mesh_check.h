@@ -4,6 +4,7 @@
 #include <string>
 #include <vector>
 
+#include "sim/mesh/mesh_topology.h"
 #include "sim/mesh/tet_mesh.h"
 
 namespace kiroku::sim {
@@ -34,5 +35,7 @@ std::vector<MeshFinding> check_mesh(const TetMesh& mesh);
 
 /// Inverted and flat elements and crowded faces leave nothing to compute with; the others can be lived with.
 bool prevents_solving(MeshFault fault);
+/// Only the findings that do, for which the rest need not be looked for.
+std::vector<MeshFinding> check_for_solving(const TetMesh& mesh, const Faces& faces);
 
 }  // namespace kiroku::sim

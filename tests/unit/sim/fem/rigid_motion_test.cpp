@@ -19,7 +19,9 @@ class FreeRigidMotions : public testing::Test {
  protected:
   void hold(std::size_t node) { constraints_.prescribe(node, Vector3::Zero(), "test"); }
   void hold(std::size_t node, std::size_t component) { constraints_.prescribe(node, component, 0, "test"); }
-  [[nodiscard]] std::vector<std::string> found() const { return free_rigid_motions(mesh_, constraints_); }
+  [[nodiscard]] std::vector<std::string> found() const {
+    return free_rigid_motions(mesh_, faces_of(mesh_), constraints_);
+  }
 
   TetMesh mesh_ = tet_grid({1, 1, 1}, {1, 1, 1});  // node i + 2 j + 4 k at (i, j, k)
   Constraints constraints_{8};
