@@ -1,9 +1,11 @@
 #include "sim/fem/elastic_body.h"
 
 #include <cmath>
+#include <future>
 #include <utility>
 
 #include "base/error.h"
+#include "sim/fem/elimination_order.h"
 #include "sim/fem/number_text.h"
 #include "sim/fem/rigid_motion.h"
 #include "sim/mesh/mesh_check.h"
@@ -54,6 +56,8 @@ ElasticBody::ElasticBody(TetMesh mesh, const Materials& materials, Constraints c
       constraints_(std::move(constraints)),
       used_(nodes_in_use(mesh_)) {
   check_materials(materials_);
+  // Seeking the order takes as long as everything else up to the factorisation.
+  std::future<std::vector<std::uint32_t>> order = std::async([this] { return elimination_order(mesh_); });
   const Faces faces = faces_of(mesh_);
   const std::vector<MeshFinding> unsound = check_for_solving(mesh_, faces);
   if (!unsound.empty()) throw Error("the mesh is not sound: " + unsound.front().text);
@@ -69,7 +73,7 @@ ElasticBody::ElasticBody(TetMesh mesh, const Materials& materials, Constraints c
   for (std::size_t number = 0; number < free.size(); ++number) {
     free[number] = used_[number / 3] && !constraints_.prescribed(number);
   }
-  factorisation_ = std::make_unique<Factorisation>(*stiffness_, free);
+  factorisation_ = std::make_unique<Factorisation>(*stiffness_, free, order.get());
 }
 
 Eigen::VectorXd ElasticBody::weight_n(const Vector3& gravity_m_s2) const {

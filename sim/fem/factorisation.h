@@ -6,6 +6,7 @@
 #include <Eigen/Core>
 #include <algorithm>
 #include <memory>
+#include <span>
 #include <thread>
 #include <vector>
 
@@ -16,10 +17,11 @@ namespace kiroku::sim {
 /// Owns its factor; not thread-safe, as solves share memory to work in.
 class Factorisation {
  public:
-  /// `free` (3 |V|): the unknowns; may be none. The matrix is read only here. `threads`: how many work on it,
-  /// 1 at least. kiroku::Error if it is not positive definite on them, with the node whose motion nothing
-  /// resists, or if memory does not suffice.
+  /// `free` (3 |V|): the unknowns; may be none. `order`: all nodes, as elimination_order() gives them.
+  /// `threads`: how many work on it, at least one. The matrix is read only here. kiroku::Error if it is not
+  /// positive definite on the unknowns, with the node whose motion nothing resists; std::bad_alloc.
   Factorisation(const StiffnessMatrix& stiffness, const std::vector<bool>& free,
+                std::span<const std::uint32_t> order,
                 unsigned threads = std::max(std::thread::hardware_concurrency(), 1U));
   ~Factorisation();
   Factorisation(const Factorisation&) = delete;

@@ -12,6 +12,9 @@
 
 namespace kiroku::sim {
 
+/// Where the unknowns of a system are counted: what marks components that are none.
+inline constexpr std::uint32_t kNoUnknown = 0xFFFFFFFF;
+
 class StiffnessMatrix {
  public:
   /// `materials` (|T|) is each tetrahedron's. Elements are added in their order, so that the same mesh gives

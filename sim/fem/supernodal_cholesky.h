@@ -17,9 +17,6 @@ struct cholmod_factor_struct;
 
 namespace kiroku::sim {
 
-/// Marks numbers in (3 |V|) that are no unknowns.
-inline constexpr std::uint32_t kNoUnknown = 0xFFFFFFFF;
-
 /// Fills `factor`, supernodal and with memory for its numbers, with L of L L^T = P K P^T; K restricted to the
 /// unknowns that `unknown_of` (3 |V|) counts. Returns the first column (in the factor's order) where K is not
 /// positive definite, nothing if it is. BLAS must be set to one thread. Throws what a thread of its own
