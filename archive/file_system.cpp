@@ -9,6 +9,7 @@
 #include <utility>
 
 #include "archive/case_layout.h"
+#include "base/write_behind.h"
 
 namespace kiroku::archive {
 
@@ -59,9 +60,7 @@ int open_file(const fs::path& file, int flags, const std::string& action) {
 
 class RealFile final : public WritableFile {
  public:
-  RealFile(fs::path file, int number) : file_(std::move(file)), descriptor_(number) {
-    writeback_from_ = size();
-  }
+  RealFile(fs::path file, int number) : file_(std::move(file)), descriptor_(number), behind_(number) {}
 
   void write(ByteView bytes) override {
     while (!bytes.empty()) {
@@ -97,14 +96,7 @@ class RealFile final : public WritableFile {
     }
   }
 
-  void start_writeback() override {
-    // Only a hint: file systems that know nothing of it write back in their own time.
-    const off_t end = size();
-    if (end > writeback_from_ && ::sync_file_range(descriptor_.number(), writeback_from_,
-                                                   end - writeback_from_, SYNC_FILE_RANGE_WRITE) == 0) {
-      writeback_from_ = end;
-    }
-  }
+  void write_behind() override { behind_.wrote_until(static_cast<std::uint64_t>(size())); }
 
   void truncate(std::uint64_t size) override {
     const auto length = static_cast<off_t>(size);
@@ -143,7 +135,7 @@ class RealFile final : public WritableFile {
 
   fs::path file_;
   Descriptor descriptor_;
-  off_t writeback_from_ = 0;
+  WriteBehind behind_;
 };
 
 class RealFileSystem final : public FileSystem {

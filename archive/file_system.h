@@ -19,7 +19,7 @@ class SyncError : public IoError {
   using IoError::IoError;
 };
 
-/// A file open for appending. write(), reserve(), start_writeback() and truncate() by one thread; sync() from
+/// A file open for appending. write(), reserve(), write_behind() and truncate() by one thread; sync() from
 /// any. Every function throws kiroku::IoError naming the file.
 class WritableFile {
  public:
@@ -33,8 +33,8 @@ class WritableFile {
   /// Allocates blocks for `bytes` more than there are without changing the size (fallocate KEEP_SIZE). Does
   /// nothing where the file system cannot; throws where the disk is full.
   virtual void reserve(std::uint64_t bytes) = 0;
-  /// Asks the kernel to begin writing back what is new since the last call, without waiting for the disk.
-  virtual void start_writeback() = 0;
+  /// To be called now and then while much is written: base/write_behind.h.
+  virtual void write_behind() = 0;
   /// Cuts or extends. Blocks allocated beyond `size` are given back.
   virtual void truncate(std::uint64_t size) = 0;
   /// Advisory lock of the open file (flock), against other processes and other openings in this one. True if

@@ -15,7 +15,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr std::uint64_t kWritebackBytes = 8U << 20U;
+constexpr std::uint64_t kWriteBehindBytes = 8U << 20U;
 
 fs::path part_of(fs::path file) {
   file += kPartSuffix;
@@ -40,9 +40,9 @@ struct SegmentWriter::State {
     hash.update(ciphertext);
     const std::uint64_t total = written.load(std::memory_order_relaxed) + ciphertext.size();
     written.store(total, std::memory_order_relaxed);
-    if (total - writeback_at >= kWritebackBytes) {
-      writeback_at = total;
-      file->start_writeback();
+    if (total - written_behind >= kWriteBehindBytes) {
+      written_behind = total;
+      file->write_behind();
     }
   }
 
@@ -88,7 +88,7 @@ struct SegmentWriter::State {
   std::optional<crypto::AgeSealer> sealer;
   std::uint64_t header_bytes = 0;  // age header and nonce: no picture is in them
   std::uint64_t plaintext = 0;
-  std::uint64_t writeback_at = 0;
+  std::uint64_t written_behind = 0;
   std::atomic<std::uint64_t> written{0};
   std::atomic<bool> flush_failed{false};
   bool name_durable = false;  // of the part; sync()'s own

@@ -148,8 +148,9 @@ void AgeFile::read_all(const ByteSink& sink, unsigned threads) const {
   read_payload_in_order(state_->payload, sink, threads);
 }
 
-void AgeFile::write_to(int file_descriptor, const std::filesystem::path& name, unsigned threads) const {
-  write_payload_to_file(state_->payload, file_descriptor, name, threads);
+void AgeFile::write_to(int file_descriptor, const std::filesystem::path& name, const ByteProgress& progress,
+                       unsigned threads) const {
+  write_payload_to_file(state_->payload, file_descriptor, name, progress, threads);
 }
 
 }  // namespace kiroku::crypto

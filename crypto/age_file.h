@@ -61,10 +61,12 @@ class AgeFile {
   /// AgeError at the first bad chunk, after all before it have left.
   void read_all(const ByteSink& sink, unsigned threads = 1) const;
   /// Writes the whole plaintext to an empty regular file opened for writing, several threads each reading,
-  /// decrypting and writing (pwrite) parts of it: the fastest way from file to file. `name` stands in errors.
-  /// Throws AgeError at the first bad chunk; then the file has been cut to the plaintext before it. Throws
-  /// kiroku::IoError; then what the file holds is undefined.
-  void write_to(int file_descriptor, const std::filesystem::path& name, unsigned threads = 2) const;
+  /// decrypting and writing (pwrite) parts of it: the fastest way from file to file. `name` stands in errors;
+  /// `progress` may be empty, and is called by one thread at a time. Throws AgeError at the first bad chunk;
+  /// then the file has been cut to the plaintext before it. Throws kiroku::IoError; then what the file holds
+  /// is undefined.
+  void write_to(int file_descriptor, const std::filesystem::path& name, const ByteProgress& progress,
+                unsigned threads) const;
 
   struct State;
 

@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "base/error.h"
+#include "base/write_behind.h"
 
 namespace kiroku::crypto {
 namespace {
@@ -172,8 +173,11 @@ void read_payload_in_order(const AgePayload& payload, const ByteSink& sink, unsi
 }
 
 void write_payload_to_file(const AgePayload& payload, int file_descriptor, const std::filesystem::path& name,
-                           unsigned threads) {
+                           const ByteProgress& progress, unsigned threads) {
   RunQueue queue(run_count(payload));
+  std::mutex written_mutex;
+  std::uint64_t written = 0;
+  WriteBehind behind(file_descriptor);
   const auto work = [&] {
     AgeChunkReader reader(payload);
     Run run;
@@ -183,6 +187,10 @@ void write_payload_to_file(const AgePayload& payload, int file_descriptor, const
       const std::uint64_t offset = number * kChunksPerRun * kAgeChunkSize;
       try {
         write_at(file_descriptor, name, run.plaintext(), offset);
+        const std::lock_guard lock(written_mutex);
+        written += run.plaintext().size();
+        behind.wrote_until(written);
+        if (progress) progress(written);
       } catch (...) {
         run.error = std::current_exception();
       }

@@ -12,6 +12,6 @@ namespace kiroku::crypto {
 void read_payload_in_order(const AgePayload& payload, const ByteSink& sink, unsigned threads);
 /// See AgeFile::write_to.
 void write_payload_to_file(const AgePayload& payload, int file_descriptor, const std::filesystem::path& name,
-                           unsigned threads);
+                           const ByteProgress& progress, unsigned threads);
 
 }  // namespace kiroku::crypto

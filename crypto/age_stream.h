@@ -17,6 +17,8 @@ inline constexpr std::size_t kSealedAgeChunkSize = kAgeChunkSize + kAeadTagSize;
 
 /// Receives bytes in order. May throw; the thrower's error then stays (every later call fails the same way).
 using ByteSink = std::function<void(ByteView)>;
+/// Told how many bytes are done.
+using ByteProgress = std::function<void(std::uint64_t)>;
 /// Fills a buffer and returns how much; 0 at the end.
 using ByteReader = std::function<std::size_t(std::span<std::byte>)>;
 

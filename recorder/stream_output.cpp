@@ -10,6 +10,9 @@ namespace {
 // Format 1 asks for one second; what waits to be sealed adds to what a power cut costs, and both together
 // stay within that.
 constexpr std::chrono::milliseconds kSyncInterval{250};
+// Sealed segments that wait for the disk keep their files open. Of a camera it is half a minute of a disk that
+// does nothing; a source that is read as fast as it goes would have hundreds.
+constexpr std::size_t kMostHanded = 16;
 
 }  // namespace
 
@@ -60,7 +63,8 @@ archive::SegmentEntry StreamOutput::entry_for(const Ending& ending) const {
 void StreamOutput::end(const Ending& ending) {
   current_->seal();
   {
-    const std::lock_guard guard(mutex_);
+    std::unique_lock lock(mutex_);
+    changed_.wait(lock, [&] { return failure_ || handed_.size() < kMostHanded; });
     if (failure_) std::rethrow_exception(failure_);
     growing_.reset();
     handed_.push_back({std::move(current_), entry_for(ending), in_standby_});

@@ -168,8 +168,11 @@ void VideoLane::take(QueuedFrame item) {
   }
   const std::int64_t time_ns = item.picture.time_ns;
   segment_dropped_ += item.dropped_before;
-  const std::int64_t longest_silence_ns = std::clamp(kLongestSegmentNs - context_.segment_duration.count(),
-                                                     kShortestSilenceNs, kLongestSilenceNs);
+  // A short silence lies within a segment; before the first one there is none that could hold it.
+  const std::int64_t longest_silence_ns =
+      last_frame_ns_ < 0 ? kShortestSilenceNs
+                         : std::clamp(kLongestSegmentNs - context_.segment_duration.count(),
+                                      kShortestSilenceNs, kLongestSilenceNs);
   if (!absence_ && time_ns - end_of_last_frame() > longest_silence_ns) {
     end_segment(end_of_last_frame());
     absence_ = Absence{recorded_until_ns_, item.dropped_before > 0 ? archive::GapCause::kOverload

@@ -68,6 +68,7 @@ OutputFile::OutputFile(fs::path name, unsigned mode) : name_(std::move(name)), p
   }
   if (descriptor_ < 0) throw IoError("write", target, errno);
   if (direct_) return;
+  behind_.emplace(descriptor_);
   unfinished = part_.c_str();
   remove_on_signals();
 }
@@ -80,7 +81,11 @@ OutputFile::~OutputFile() {
   ::unlink(part_.c_str());
 }
 
-void OutputFile::write(ByteView bytes) { write_all(descriptor_, bytes, name_); }
+void OutputFile::write(ByteView bytes) {
+  write_all(descriptor_, bytes, name_);
+  written_ += bytes.size();
+  if (behind_) behind_->wrote_until(written_);
+}
 
 void OutputFile::commit(Durability durability) {
   if (!direct_) {

@@ -2,9 +2,12 @@
 // thread-safe; one at a time in a program.
 #pragma once
 
+#include <cstdint>
 #include <filesystem>
+#include <optional>
 
 #include "base/bytes.h"
+#include "base/write_behind.h"
 
 namespace kiroku::apps {
 
@@ -18,6 +21,9 @@ class OutputFile {
   OutputFile(const OutputFile&) = delete;
   OutputFile& operator=(const OutputFile&) = delete;
   void write(ByteView bytes);
+  /// For who writes by offset instead; -1 where that cannot be (a pipe).
+  [[nodiscard]] int descriptor() const { return direct_ ? -1 : descriptor_; }
+  [[nodiscard]] const std::filesystem::path& name() const { return name_; }
   enum class Durability { kNow, kEventually };
   /// kNow: fsync of file and folder, for what may be the only copy from now on.
   void commit(Durability durability);
@@ -26,6 +32,8 @@ class OutputFile {
   std::filesystem::path name_, part_;
   int descriptor_ = -1;
   bool direct_ = false;
+  std::uint64_t written_ = 0;
+  std::optional<WriteBehind> behind_;
 };
 
 /// Everything to a descriptor such as standard output; throws kiroku::IoError naming `name_for_errors`.

@@ -1,6 +1,7 @@
 #include "apps/kiroku/room_configuration.h"
 
 #include <algorithm>
+#include <charconv>
 #include <linux/input-event-codes.h>
 
 #include "apps/common/format.h"
@@ -150,6 +151,21 @@ RoomConfiguration read_room(const toml::table& table, const TableReader& top, co
   return room;
 }
 
+/// Without sign-in nobody but this machine's own programs may come.
+void read_listen(const std::string& text, DaemonConfiguration& into) {
+  const std::size_t colon = text.rfind(':');
+  const std::string port = colon == std::string::npos ? "" : text.substr(colon + 1);
+  const auto [end, error] = std::from_chars(port.data(), port.data() + port.size(), into.listen_port);
+  if (port.empty() || error != std::errc() || end != port.data() + port.size() || into.listen_port == 0 ||
+      !text.starts_with("127.")) {
+    throw UsageError(
+        "'listen' is '" + text +
+        "': write an address of this machine alone and a port, such as 127.0.0.1:9464; from elsewhere "
+        "it is reached through a proxy that asks who comes");
+  }
+  into.listen_address = text.substr(0, colon);
+}
+
 }  // namespace
 
 recorder::VideoProfile default_video_profile(const Configuration& configuration) {
@@ -176,12 +192,7 @@ void read_daemon(TableReader& top, Configuration& into) {
   if (const toml::table* table = top.table("daemon")) {
     TableReader reader(*table, "[daemon]", top.file());
     reader.text("socket", [&](const std::string& text) { into.daemon.socket = text; });
-    reader.text("listen", [&](const std::string& text) {
-      if (text.rfind(':') == std::string::npos) {
-        throw UsageError("'listen' is '" + text + "': write an address and a port, such as 127.0.0.1:9464");
-      }
-      into.daemon.listen = text;
-    });
+    reader.text("listen", [&](const std::string& text) { read_listen(text, into.daemon); });
     reader.text("hook_token_file", [&](const std::string& text) { into.daemon.hook_token_file = text; });
     reader.refuse_unknown_keys();
   }

@@ -37,8 +37,9 @@ struct RoomConfiguration {
 
 /// [daemon].
 struct DaemonConfiguration {
-  std::string socket;  // of the control; empty: control.sock in the home
-  std::string listen;  // "127.0.0.1:9464" of /metrics and the hook; empty: no HTTP
+  std::string socket;          // of the control; empty: control.sock in the home
+  std::string listen_address;  // of /metrics and the hook, on this machine alone; empty: no HTTP
+  std::uint16_t listen_port = 0;
   std::string hook_token_file;
 };
 

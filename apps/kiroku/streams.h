@@ -47,6 +47,9 @@ class OutputStream {
   OutputStream(const std::optional<std::string>& name, const InputStream& input, bool binary);
   void write(ByteView bytes);
   void commit(OutputFile::Durability durability);
+  /// For who writes by offset instead of write(); -1 where that cannot be.
+  [[nodiscard]] int descriptor() const { return file_ ? file_->descriptor() : -1; }
+  [[nodiscard]] std::filesystem::path name() const { return file_ ? file_->name() : "standard output"; }
   [[nodiscard]] bool is_file() const { return file_ != nullptr; }
 
  private:

@@ -39,22 +39,45 @@ crypto::AgeIdentities identities_for(const Request& request, InputStream& input)
   return load_identities(request.identities, {});
 }
 
-/// By offset, with several threads: returns whether the file was whole.
-bool unseal_file(const InputStream& input, const crypto::AgeIdentities& identities, bool keep_truncated,
-                 const crypto::ByteSink& sink) {
+struct Unsealed {
+  std::uint64_t bytes = 0;
+  bool whole = true;
+};
+
+/// By offset, with several threads.
+Unsealed unseal_file(const InputStream& input, const crypto::AgeIdentities& identities, bool keep_truncated,
+                     OutputStream& output) {
   const auto source = crypto::open_file_source(input.file());
   const auto truncation = keep_truncated ? crypto::Truncation::kTolerate : crypto::Truncation::kRefuse;
   const crypto::AgeFile file = crypto::AgeFile::open(*source, identities, truncation);
   Progress progress("unsealing");
-  std::uint64_t done = 0;
-  file.read_all(
-      [&](ByteView plaintext) {
-        sink(plaintext);
-        done += plaintext.size();
-        progress.update(done, file.plaintext_size());
-      },
-      std::max(1U, std::thread::hardware_concurrency()));
-  return !file.is_truncated();
+  const unsigned threads = std::max(1U, std::thread::hardware_concurrency());
+  Unsealed unsealed{0, !file.is_truncated()};
+  const auto proceed = [&](std::uint64_t done) {
+    unsealed.bytes = done;
+    progress.update(done, file.plaintext_size());
+  };
+  if (output.descriptor() >= 0) {
+    file.write_to(output.descriptor(), output.name(), proceed, threads);
+  } else {
+    file.read_all(
+        [&](ByteView plaintext) {
+          output.write(plaintext);
+          proceed(unsealed.bytes + plaintext.size());
+        },
+        threads);
+  }
+  return unsealed;
+}
+
+Unsealed unseal_pipe(InputStream& input, const crypto::AgeIdentities& identities, OutputStream& output) {
+  Unsealed unsealed;
+  crypto::unseal_stream([&](std::span<std::byte> into) { return input.read(into); }, identities,
+                        [&](ByteView plaintext) {
+                          output.write(plaintext);
+                          unsealed.bytes += plaintext.size();
+                        });
+  return unsealed;
 }
 
 int run(const Request& request) {
@@ -68,26 +91,19 @@ int run(const Request& request) {
   }
   const crypto::AgeIdentities identities = identities_for(request, input);
   OutputStream output(request.output, input, false);
-  std::uint64_t bytes = 0;
-  const crypto::ByteSink sink = [&](ByteView plaintext) {
-    output.write(plaintext);
-    bytes += plaintext.size();
-  };
-  bool whole = true;
+  Unsealed unsealed;
   try {
-    if (input.is_regular_file()) {
-      whole = unseal_file(input, identities, request.keep_truncated, sink);
-    } else {
-      crypto::unseal_stream([&](std::span<std::byte> into) { return input.read(into); }, identities, sink);
-    }
+    unsealed = input.is_regular_file() ? unseal_file(input, identities, request.keep_truncated, output)
+                                       : unseal_pipe(input, identities, output);
   } catch (const crypto::AgeError& error) {
     throw Error("cannot open " + input.file().string() + ": " + error.what());
   }
   // The sealed file is still there: no need to wait for the disk.
   output.commit(OutputFile::Durability::kEventually);
-  if (request.json) print_json({{"file", *request.output}, {"bytes", bytes}, {"whole", whole}});
-  if (whole) return kDone;
-  print_error("kiroku", input.file().string() + " ends early: its first " + std::to_string(bytes) +
+  if (request.json)
+    print_json({{"file", *request.output}, {"bytes", unsealed.bytes}, {"whole", unsealed.whole}});
+  if (unsealed.whole) return kDone;
+  print_error("kiroku", input.file().string() + " ends early: its first " + std::to_string(unsealed.bytes) +
                             " bytes were opened, the rest is missing");
   return kAnswerIsNo;
 }

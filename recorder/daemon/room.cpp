@@ -368,9 +368,11 @@ struct Room::State {
       }
       rate = {};
       // A case that ends again and again as soon as it has begun must not fill the archive with beginnings.
-      pause =
-          by_itself ? std::clamp<Clock::duration>(2 * pause, kFirstPause, kLongestPause) : Clock::duration{};
-      not_before = Clock::now() + pause;
+      if (by_itself) {
+        back_off();
+      } else {
+        pause = {};
+      }
     }
     changed.notify_all();
     if (result.case_id.empty() && by_itself) tell_problem("recording ahead ended: " + result.close_reason);

@@ -112,7 +112,7 @@ void ProcedureInbox::tend() {
       if (!state.problem.empty()) news = "HL7 messages are waited for at " + state.where + " now";
       state.problem.clear();
       state.server = std::move(server);
-    } catch (const Error& error) {
+    } catch (const std::exception& error) {
       state.not_before = steady_clock::now() + kListenAgain;
       if (state.problem != error.what()) news = error.what();
       state.problem = error.what();

@@ -47,9 +47,9 @@ class FaultFileSystem::File final : public archive::WritableFile {
     real_->reserve(bytes);
   }
 
-  void start_writeback() override {
+  void write_behind() override {
     step("writeback " + name(), "write back");
-    real_->start_writeback();
+    real_->write_behind();
   }
 
   void truncate(std::uint64_t size) override {

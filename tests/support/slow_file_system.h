@@ -1,7 +1,9 @@
 // The real file system with a disk that takes its time: each write to a file whose name contains a text
-// waits.
+// waits, and each flush of one that is finished.
 #pragma once
 
+#include <algorithm>
+#include <atomic>
 #include <chrono>
 #include <memory>
 #include <string>
@@ -14,13 +16,16 @@ namespace kiroku::test {
 
 class SlowFileSystem final : public archive::FileSystem {
  public:
-  SlowFileSystem(std::string part_of_name, std::chrono::milliseconds delay)
-      : part_of_name_(std::move(part_of_name)), delay_(delay) {}
+  SlowFileSystem(std::string part_of_name, std::chrono::milliseconds write_delay,
+                 std::chrono::milliseconds flush_delay = {})
+      : part_of_name_(std::move(part_of_name)), write_delay_(write_delay), flush_delay_(flush_delay) {}
+  /// The most such files that were open at once.
+  [[nodiscard]] int most_open() const { return most_open_; }
 
   std::unique_ptr<archive::WritableFile> create(const std::filesystem::path& file) override {
     auto made = archive::real_file_system().create(file);
     if (file.string().find(part_of_name_) == std::string::npos) return made;
-    return std::make_unique<File>(std::move(made), delay_);
+    return std::make_unique<File>(std::move(made), *this);
   }
   std::unique_ptr<archive::WritableFile> append_to(const std::filesystem::path& file) override {
     return archive::real_file_system().append_to(file);
@@ -39,16 +44,24 @@ class SlowFileSystem final : public archive::FileSystem {
  private:
   class File final : public archive::WritableFile {
    public:
-    File(std::unique_ptr<archive::WritableFile> real, std::chrono::milliseconds delay)
-        : real_(std::move(real)), delay_(delay) {}
+    File(std::unique_ptr<archive::WritableFile> real, SlowFileSystem& files)
+        : real_(std::move(real)), files_(files) {
+      files_.most_open_ = std::max(files_.most_open_.load(), ++files_.open_);
+    }
+    ~File() override { --files_.open_; }
+    File(const File&) = delete;
+    File& operator=(const File&) = delete;
     void write(ByteView bytes) override {
-      std::this_thread::sleep_for(delay_);
+      std::this_thread::sleep_for(files_.write_delay_);
       real_->write(bytes);
     }
     void sync() override { real_->sync(); }
-    void sync_all() override { real_->sync_all(); }
+    void sync_all() override {
+      std::this_thread::sleep_for(files_.flush_delay_);
+      real_->sync_all();
+    }
     void reserve(std::uint64_t bytes) override { real_->reserve(bytes); }
-    void start_writeback() override { real_->start_writeback(); }
+    void write_behind() override { real_->write_behind(); }
     void truncate(std::uint64_t size) override { real_->truncate(size); }
     bool try_lock() override { return real_->try_lock(); }
     void lock() override { real_->lock(); }
@@ -56,11 +69,12 @@ class SlowFileSystem final : public archive::FileSystem {
 
    private:
     std::unique_ptr<archive::WritableFile> real_;
-    std::chrono::milliseconds delay_;
+    SlowFileSystem& files_;
   };
 
   std::string part_of_name_;
-  std::chrono::milliseconds delay_;
+  std::chrono::milliseconds write_delay_, flush_delay_;
+  std::atomic<int> open_{0}, most_open_{0};
 };
 
 }  // namespace kiroku::test

@@ -89,7 +89,7 @@ TEST(FileSystem, SyncsWhileAnotherThreadWrites) {
   });
   for (int i = 0; i < 100; ++i) {
     file->write(bytes_of("0123456789"));
-    file->start_writeback();
+    file->write_behind();
   }
   syncing.join();
   EXPECT_EQ(fs::file_size(folder / "a"), 1000U);

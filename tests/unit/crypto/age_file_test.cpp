@@ -362,7 +362,7 @@ TEST(AgeFile, WritesAFileFromSeveralThreads) {
     const auto source = memory_source(sealed);
     for (const unsigned threads : {1U, 2U, 5U}) {
       const OutputFile out(folder / "plain");
-      AgeFile::open(*source, keys().identities).write_to(out.descriptor(), out.name(), threads);
+      AgeFile::open(*source, keys().identities).write_to(out.descriptor(), out.name(), {}, threads);
       EXPECT_EQ(out.content(), plaintext) << size;
     }
   }
@@ -379,7 +379,7 @@ TEST(AgeFile, AWrittenFileEndsBeforeTheDamage) {
   for (const unsigned threads : {1U, 2U, 5U}) {
     const OutputFile out(folder / "plain");
     EXPECT_THAT(
-        [&] { AgeFile::open(*source, keys().identities).write_to(out.descriptor(), out.name(), threads); },
+        [&] { AgeFile::open(*source, keys().identities).write_to(out.descriptor(), out.name(), {}, threads); },
         ThrowsMessage<AgeError>(HasSubstr("chunk 29 ")));
     EXPECT_EQ(out.content(), front_of(plaintext, 29 * kAgeChunkSize));
   }
@@ -390,7 +390,7 @@ TEST(AgeFile, TellsWhenAFileCannotBeWritten) {
   const Bytes sealed = seal_bytes(patterned_bytes(100), keys().recipients);
   const auto source = memory_source(sealed);
   const OutputFile out("/dev/full");
-  EXPECT_THROW(AgeFile::open(*source, keys().identities).write_to(out.descriptor(), out.name(), 2), IoError);
+  EXPECT_THROW(AgeFile::open(*source, keys().identities).write_to(out.descriptor(), out.name(), {}, 2), IoError);
 }
 
 TEST(AgeFile, ANewHeaderOpensTheSamePayloadForAnotherReader) {

@@ -152,6 +152,20 @@ TEST(SessionUnderLoad, NeverDropsWhatASourceStatesAtItsOwnTimes) {
   EXPECT_EQ(sums(recorded.segments("room")).dropped, 0U);
 }
 
+TEST(SessionUnderLoad, KeepsFewFilesOpenWhenTheDiskIsSlowerThanTheSource) {
+  const RecorderBench bench;
+  test::SlowFileSystem files("segments/room", 0ms, 25ms);
+  SessionOptions options = bench.options();
+  options.files = &files;
+  options.video = {bench.stream("room", "synthetic:pattern?size=64x48&rate=5&speed=max")};
+  options.duration = 12s;  // 60 segments
+  const RecordedCase recorded = bench.record(options);
+  EXPECT_THAT(recorded.segments("room"), SizeIs(60));
+  EXPECT_EQ(sums(recorded.segments("room")).dropped, 0U);
+  EXPECT_GE(files.most_open(), 10);
+  EXPECT_LE(files.most_open(), 18);
+}
+
 TEST(SessionOnAFullDisk, KeepsWhatIsThereStatesTheGapAndCloses) {
   const RecorderBench bench;
   test::FaultFileSystem files(bench / "archive");

@@ -1,0 +1,82 @@
+#!/usr/bin/env bash
+# A day in shortened time, and a year's cases: memory, descriptors and threads must be flat, every case intact.
+#   tests/fault/soak.sh 24 200        so many hours in one case, recorded as fast as sources deliver (two videos of tiny pictures at five a second, vital signs);
+#                                     then so many cases of seconds by one kirokud, which `kiroku status` and /metrics are asked all the time
+# Exit status: 0 it holds, 1 it does not, 77 where a tool is missing.
+set -euo pipefail
+root=$(cd "$(dirname "${BASH_SOURCE[0]}")/../.." && pwd)
+kiroku=${KIROKU:-$root/build/release/apps/kiroku}
+daemon=$(dirname "$kiroku")/kirokud
+hours=${1:-24} cases=${2:-200}
+for program in "$kiroku" "$daemon"; do [[ -x $program ]] || { echo "no program at $program: run deploy/test first" >&2; exit 2; }; done
+for tool in jq curl; do command -v $tool >/dev/null || { echo "SKIPPED: $tool is not installed"; exit 77; }; done
+scratch=$(mktemp -d "${TMPDIR:-/tmp}/kiroku-soak.XXXXXX")
+export KIROKU_HOME=$scratch/home
+recorder=
+trap '[[ -z $recorder ]] || kill "$recorder" 2>/dev/null || true; wait 2>/dev/null || true; rm -rf "$scratch"' EXIT
+fail() { echo "FAILED: $*"; tail -20 "$scratch/daemon.log"; exit 1; }
+port=$((20000 + RANDOM % 10000))
+needs() { # PROCESS: a line of MiB, descriptors, threads
+  awk '/VmRSS/ { print $2 / 1024 }' "/proc/$1/status" | paste -d' ' - <(find "/proc/$1/fd" | wc -l) <(find "/proc/$1/task" -maxdepth 1 | wc -l)
+}
+flat() { # WHAT: judges lines of needs()
+  awk -v what="$1" '{ m[NR] = $1; d[NR] = $2; t[NR] = $3 }
+    END { from = int(NR / 10) + 1; half = int((NR + from) / 2)
+      for (i = from; i <= NR; ++i) { if (i <= half) { a += m[i]; ++n } else { b += m[i]; ++o } if (m[i] > most) most = m[i] }
+      a /= n; b /= o
+      printf "%s: memory %.0f MiB in the first half, %.0f MiB in the second, %.0f MiB at most; descriptors %d, %d; threads %d, %d (%d readings)\n", what, a, b, most, d[from], d[NR], t[from], t[NR], NR
+      exit !(b < a * 1.1 + 5 && d[NR] <= d[from] + 5 && t[NR] <= t[from] + 2) }' "$scratch/needs" || fail "$1: it grows"
+}
+
+"$kiroku" init --demo >/dev/null
+"$kiroku" record --duration "$hours:00:00" --json --endoscope 'synthetic:pattern?size=64x48&rate=5&speed=max' \
+  --room 'synthetic:pattern?size=64x48&rate=5&speed=max' --vitals 'synthetic:patient?waves=0&speed=max' >"$scratch/record" 2>"$scratch/daemon.log" &
+recorder=$!
+sleep 2
+: >"$scratch/needs"
+while kill -0 "$recorder" 2>/dev/null; do
+  needs "$recorder" >>"$scratch/needs" 2>/dev/null || true
+  sleep 0.5
+done
+wait "$recorder" || fail "the recording did not end well"
+recorder=
+sed -i '$d' "$scratch/needs"  # taken while it ended
+case=$(jq -r .case "$scratch/record")
+verdict=$("$kiroku" verify --json "$case" | jq -r .verdict) || true
+[[ $verdict == intact ]] || fail "the long case is $verdict"
+flat "one case of $hours hours, intact"
+rm -rf "$case"
+
+port=$((20000 + RANDOM % 10000))
+cat >>"$KIROKU_HOME/kiroku.toml" <<TOML
+[[room]]
+name = "or-1"
+[[room.stream]]
+name = "endoscope"
+kind = "video"
+source = "synthetic:pattern?size=640x480&rate=25"
+[[room.stream]]
+name = "vitals"
+kind = "vitals"
+source = "synthetic:patient"
+[daemon]
+listen = "127.0.0.1:$port"
+TOML
+"$daemon" 2>"$scratch/daemon.log" &
+recorder=$!
+until "$kiroku" status >/dev/null 2>&1; do kill -0 "$recorder" || fail "kirokud did not start"; sleep 0.1; done
+: >"$scratch/needs"
+for ((i = 1; i <= cases; ++i)); do
+  id=$("$kiroku" case start --json | jq -r .case)
+  until (($("$kiroku" status --json | jq '.rooms[0].streams[0].frames') >= 50)); do
+    curl -sf "http://127.0.0.1:$port/metrics" >/dev/null || fail "no metrics"
+  done
+  "$kiroku" case stop >/dev/null
+  verdict=$("$kiroku" verify --json "$KIROKU_HOME/archive/$id" | jq -r .verdict) || true
+  [[ $verdict == intact ]] || { "$kiroku" verify "$KIROKU_HOME/archive/$id" || true; fail "case $i is $verdict"; }
+  needs "$recorder" >>"$scratch/needs"
+done
+kill "$recorder"
+wait "$recorder" || fail "kirokud did not end well"
+recorder=
+flat "$cases cases by one kirokud, every one intact"
