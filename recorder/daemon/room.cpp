@@ -457,7 +457,7 @@ std::string Room::start(const std::string& reason, std::optional<Bytes> subject)
 std::string Room::stop(const std::string& reason, bool wait) {
   std::unique_lock lock(state_->mutex);
   if (state_->status.state != RoomState::kRecording) throw UsageError("room " + name() + " is not recording");
-  const std::string id = state_->status.case_id;
+  std::string id = state_->status.case_id;
   const std::uint64_t before = state_->status.cases;
   state_->session->stop(reason);
   state_->status.state = RoomState::kClosing;

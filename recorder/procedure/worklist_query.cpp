@@ -250,9 +250,9 @@ WorklistAnswer ask_worklist(const WorklistOptions& options, UtcTime now) {
     return answer;
   }
   Query query;
-  query.setAETitle(options.calling_ae.c_str());
-  query.setPeerAETitle(options.called_ae.c_str());
-  query.setPeerHostName(options.host.c_str());
+  query.setAETitle(options.calling_ae);
+  query.setPeerAETitle(options.called_ae);
+  query.setPeerHostName(options.host);
   query.setPeerPort(options.port);
   const auto seconds = static_cast<Uint32>(options.timeout.count());
   query.setConnectionTimeout(static_cast<Sint32>(seconds));
@@ -260,8 +260,8 @@ WorklistAnswer ask_worklist(const WorklistOptions& options, UtcTime now) {
   query.setDIMSEBlockingMode(DIMSE_NONBLOCKING);
   query.setDIMSETimeout(seconds);
   OFList<OFString> syntaxes;
-  syntaxes.push_back(UID_LittleEndianExplicitTransferSyntax);
-  syntaxes.push_back(UID_LittleEndianImplicitTransferSyntax);
+  syntaxes.emplace_back(UID_LittleEndianExplicitTransferSyntax);
+  syntaxes.emplace_back(UID_LittleEndianImplicitTransferSyntax);
   query.addPresentationContext(UID_FINDModalityWorklistInformationModel, syntaxes);
   if (const OFCondition result = query.initNetwork(); result.bad()) return fail("cannot be asked", result);
   if (const OFCondition result = query.negotiateAssociation(); result.bad())
