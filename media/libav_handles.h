@@ -11,6 +11,8 @@
 #include <string>
 #include <string_view>
 
+#include "base/error.h"
+
 struct AVBSFContext;
 struct AVBufferRef;
 struct AVCodecContext;
@@ -94,7 +96,13 @@ class Options {
 /// Text of a libav error code, e.g. "Invalid data found when processing input".
 std::string libav_error_text(int code);
 
-/// Throws kiroku::Error "<what>: <text of code>"; `what` says what failed and where, e.g. "cannot open the
+/// A call of libav failed.
+class LibavError : public Error {
+ public:
+  using Error::Error;
+};
+
+/// Throws LibavError "<what>: <text of code>"; `what` says what failed and where, e.g. "cannot open the
 /// camera /dev/video0".
 [[noreturn]] void throw_libav(const std::string& what, int code);
 /// `code` itself if it is no error, else throw_libav.

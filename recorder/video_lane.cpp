@@ -24,6 +24,7 @@ constexpr std::int64_t kLongestUnsealedNs = 750'000'000;
 constexpr std::int64_t kFirstReopenPauseNs = 1'000'000'000;
 constexpr std::int64_t kLongestReopenPauseNs = 16'000'000'000;
 constexpr std::chrono::seconds kPipePatience{10};
+constexpr int kMostFailuresInARow = 5;
 
 }  // namespace
 
@@ -150,15 +151,41 @@ void VideoLane::encode() {
   while (std::optional<QueueItem> item = queue_.pop()) {
     if (failed_) continue;
     try {
-      if (auto* frame = std::get_if<QueuedFrame>(&*item)) {
-        take(std::move(*frame));
-      } else {
-        take(std::get<SourceLost>(*item));
+      try {
+        if (auto* frame = std::get_if<QueuedFrame>(&*item)) {
+          take(std::move(*frame));
+        } else {
+          take(std::get<SourceLost>(*item));
+        }
+      } catch (const media::LibavError& error) {
+        begin_anew(error);
       }
     } catch (const std::exception& error) {
       fail(error);
     }
   }
+}
+
+// What libav refuses concerns one picture of one stream, and must end neither the stream nor the case: all
+// that coded it goes, and the next picture meets a new encoder in a new segment. What it refuses again and
+// again is left out until the source changes its pictures.
+void VideoLane::begin_anew(const media::LibavError& error) {
+  const int failures = failures_in_a_row_ + 1;
+  context_.troubles.mention("source '" + address_.stated + "' is taken up anew: " + error.what());
+  ++segment_dropped_;
+  ++refused_;
+  try {
+    end_segment(end_of_last_frame());
+  } catch (const media::LibavError&) {
+    output_.give_up({end_of_last_frame(), segment_frames_, segment_dropped_});
+    segment_frames_ = segment_dropped_ = 0;
+    recorded_until_ns_ = output_.claimed_until_ns();
+  }
+  if (!absence_) absence_ = Absence{recorded_until_ns_, archive::GapCause::kInterrupted};
+  if (encoder_) forget_encoder();
+  muxer_ = profile_.in_transport_stream() ? make_transport_stream_muxer() : make_matroska_muxer();
+  failures_in_a_row_ = failures;
+  if (failures >= kMostFailuresInARow) refused_format_ = coded_format_;
 }
 
 void VideoLane::take(QueuedFrame item) {
@@ -223,7 +250,7 @@ bool VideoLane::ready_for(const PictureFormat& format, Rational rate) {
                               format.to_string() + "; recording goes on in a new segment");
   }
   try {
-    encoder_ = std::make_unique<VideoEncoder>(format, rate, profile_);
+    encoder_ = std::make_unique<VideoEncoder>(format, rate, profile_, coded_until_ns_);
   } catch (const Error& error) {
     // Another format may follow: the other streams, and this one, go on.
     refused_format_ = format;
@@ -280,12 +307,18 @@ void VideoLane::end_segment(std::int64_t end_ns) {
   output_.end({end_ns, segment_frames_, segment_dropped_});
   recorded_until_ns_ = end_ns;
   segment_frames_ = segment_dropped_ = 0;
+  failures_in_a_row_ = 0;
 }
 
 void VideoLane::end_coding() {
   if (!encoder_) return;
   while (media::Frame held = encoder_->drain()) record(std::move(held));
   end_segment(end_of_last_frame());
+  forget_encoder();
+}
+
+void VideoLane::forget_encoder() {
+  coded_until_ns_ = encoder_->coded_until_ns();
   encoder_.reset();
 }
 

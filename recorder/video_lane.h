@@ -62,6 +62,9 @@ class VideoLane : public Lane {
   void seal_in_time(std::int64_t time_ns);
   void end_segment(std::int64_t end_ns);
   void end_coding();
+  void forget_encoder();
+  /// After what concerns no more than a picture.
+  void begin_anew(const media::LibavError& error);
   void state_gap(std::int64_t start_ns, std::int64_t end_ns, archive::GapCause cause);
   /// When the last frame ceased to be shown.
   [[nodiscard]] std::int64_t end_of_last_frame() const;
@@ -93,6 +96,8 @@ class VideoLane : public Lane {
   std::optional<PictureFormat> refused_format_;
   std::int64_t boundary_ns_ = 0, last_frame_ns_ = -1;
   std::int64_t interval_ns_ = 0;
+  std::int64_t coded_until_ns_ = -1;    // by the encoders before this one
+  int failures_in_a_row_ = 0;           // without a segment that came to its end
   std::int64_t recorded_until_ns_ = 0;  // end of the last segment
   std::uint64_t segment_frames_ = 0, segment_dropped_ = 0;
   std::uint64_t sealed_chunks_ = 0;  // of the segment

@@ -187,6 +187,7 @@ Configuration parse_configuration(std::string_view text, const std::string& name
     read_authorities(*node, top, name_for_errors, configuration);
   read_daemon(top, configuration);
   read_rooms(top, configuration);
+  read_retention_rules(top, configuration.retention);
   top.refuse_unknown_keys();
   return configuration;
 }

@@ -9,6 +9,7 @@
 #include <string_view>
 #include <vector>
 
+#include "apps/kiroku/retention_configuration.h"
 #include "apps/kiroku/room_configuration.h"
 #include "timestamp/client.h"
 
@@ -37,6 +38,7 @@ struct Configuration {
   std::vector<RoomConfiguration> rooms;
   DaemonConfiguration daemon;
   StorageConfiguration storage;
+  RetentionConfiguration retention;
 };
 
 /// Throws kiroku::UsageError "<name_for_errors>:<line>:<column>: …" for what is no TOML, an unknown key, a

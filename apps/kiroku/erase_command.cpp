@@ -1,5 +1,8 @@
+#include <algorithm>
+#include <functional>
 #include <iostream>
 #include <memory>
+#include <set>
 
 #include <nlohmann/json.hpp>
 
@@ -25,29 +28,70 @@ using nlohmann::ordered_json;
 struct Request {
   std::optional<std::string> case_name, older_than, home;
   std::string stream, policy;
-  bool json = false;
+  bool due = false, only_copy = false, json = false;
 };
 
-/// "30d", or what every other duration is written as.
-std::chrono::nanoseconds parse_age(const std::string& text) {
-  constexpr std::size_t kMostDigits = 5;
-  if (!text.ends_with('d')) return parse_duration(text, "--older-than");
-  const std::string number = text.substr(0, text.size() - 1);
-  if (number.empty() || number.size() > kMostDigits ||
-      number.find_first_not_of("0123456789") != std::string::npos) {
-    throw UsageError("--older-than is '" + text + "': write whole days such as 30d, or 12h, 90m");
-  }
-  return std::chrono::hours(24) * std::stol(number);
+/// One stream of one case that may go.
+struct Candidate {
+  fs::path folder;
+  std::string stream, policy;
+};
+
+bool is_older(const archive::CaseReader& reader, std::chrono::nanoseconds age) {
+  return utc_now() - reader.opened_at().utc > std::chrono::duration_cast<UtcTime::duration>(age);
 }
 
-bool is_old_enough(const fs::path& folder, const Request& request) {
-  if (!request.older_than) return true;
-  const UtcTime opened = archive::CaseReader::open(folder).opened_at().utc;
-  return utc_now() - opened > std::chrono::duration_cast<UtcTime::duration>(parse_age(*request.older_than));
+/// Whether the stream has a segment that is not erased yet.
+bool has_something_left(const archive::CaseReader& reader, const std::string& stream) {
+  std::set<std::uint64_t> left;
+  for (const archive::SegmentEntry& segment : reader.segments(stream, INT64_MIN, INT64_MAX))
+    left.insert(segment.index);
+  reader.for_each([&](const archive::CaseEntry& entry) {
+    const auto* gone = std::get_if<archive::ErasedEntry>(&entry.body);
+    if (gone == nullptr || gone->stream != stream) return;
+    left.erase(left.lower_bound(gone->first_index), left.upper_bound(gone->last_index));
+  });
+  return !left.empty();
+}
+
+void for_each_closed_case(const Home& home, const std::function<void(const archive::CaseReader&)>& visit) {
+  std::vector<fs::path> folders;
+  for (const fs::directory_entry& entry : fs::directory_iterator(home.archive())) {
+    if (archive::is_case_id(entry.path().filename().string()) && entry.is_directory())
+      folders.push_back(entry.path());
+  }
+  std::sort(folders.begin(), folders.end());
+  for (const fs::path& folder : folders) {
+    const archive::CaseReader reader = archive::CaseReader::open(folder);
+    if (reader.closing()) visit(reader);
+  }
+}
+
+/// What [[retention]] says may go by now.
+std::vector<Candidate> what_is_due(const Home& home, const std::vector<RetentionRule>& rules) {
+  std::vector<Candidate> due;
+  for_each_closed_case(home, [&](const archive::CaseReader& reader) {
+    for (const archive::StreamInfo& stream : reader.opening().streams) {
+      const auto rule = std::find_if(rules.begin(), rules.end(), [&](const RetentionRule& each) {
+        return each.concerns(stream) && is_older(reader, each.after);
+      });
+      if (rule != rules.end() && has_something_left(reader, stream.name)) {
+        due.push_back({reader.folder(), stream.name, rule->policy});
+      }
+    }
+  });
+  return due;
 }
 
 /// The one case that was named, or every case of the home that is old enough and has the stream.
-std::vector<fs::path> cases_to_erase_from(const Home& home, const Request& request) {
+std::vector<Candidate> what_was_named(const Home& home, const Request& request) {
+  if (!request.case_name && !request.older_than) {
+    throw UsageError("name the CASE to erase from, or say which with --older-than, such as 30d");
+  }
+  if (request.stream.empty()) throw UsageError("name the stream that may go with --stream");
+  if (request.policy.empty()) throw UsageError("--policy is empty: say why the recording may go");
+  const auto age =
+      request.older_than ? parse_age(*request.older_than, "--older-than") : std::chrono::nanoseconds{};
   if (request.case_name) {
     const fs::path folder = find_case(home, *request.case_name);
     if (!home.holds(folder)) {
@@ -55,65 +99,102 @@ std::vector<fs::path> cases_to_erase_from(const Home& home, const Request& reque
                        " is not in this home's archive: only the recorder that recorded a "
                        "case can state that something was erased from it");
     }
-    if (!is_old_enough(folder, request)) {
+    if (request.older_than && !is_older(archive::CaseReader::open(folder), age)) {
       throw UsageError("case " + folder.filename().string() + " is not older than " + *request.older_than +
                        ": nothing was erased");
     }
-    return {fs::canonical(folder)};
+    return {{fs::canonical(folder), request.stream, request.policy}};
   }
-  std::vector<fs::path> folders;
-  for (const fs::directory_entry& entry : fs::directory_iterator(home.archive())) {
-    if (!archive::is_case_id(entry.path().filename().string()) || !entry.is_directory()) continue;
-    const archive::CaseReader reader = archive::CaseReader::open(entry.path());
+  std::vector<Candidate> named;
+  for_each_closed_case(home, [&](const archive::CaseReader& reader) {
     const auto& streams = reader.opening().streams;
     const bool has_stream = std::any_of(streams.begin(), streams.end(),
                                         [&](const auto& stream) { return stream.name == request.stream; });
-    if (has_stream && reader.closing() && is_old_enough(entry.path(), request))
-      folders.push_back(entry.path());
+    if (has_stream && is_older(reader, age))
+      named.push_back({reader.folder(), request.stream, request.policy});
+  });
+  return named;
+}
+
+/// Erases from the home's cases, one after the other, and tells of each.
+class Eraser {
+ public:
+  Eraser(const Home& home, const Configuration& configuration)
+      : writable_(home), authorities_(home, configuration, {}) {
+    options_.key = &writable_.key;
+    options_.device_name = home.device().name();
+    options_.log = writable_.log.get();
+    options_.stamp =
+        recorder::checkpoint_stamper(authorities_.named(), &writable_.trust, writable_.queue.get());
   }
-  std::sort(folders.begin(), folders.end());
-  return folders;
+
+  archive::Erasure erase(const Candidate& candidate) {
+    const archive::Erasure erased = archive::erase_stream(
+        archive::real_file_system(), options_, candidate.folder, candidate.stream, candidate.policy);
+    refresh_catalogue(writable_.home, candidate.folder);
+    return erased;
+  }
+
+ private:
+  WritableHome writable_;
+  Authorities authorities_;
+  archive::RetentionOptions options_;
+};
+
+std::string told(const Candidate& candidate, const archive::Erasure& erased) {
+  const std::string what = erased.segments == 0
+                               ? "nothing of " + candidate.stream + " was left to erase"
+                               : "erased " + std::to_string(erased.segments) + " segments of " +
+                                     candidate.stream + " (" + format_bytes(erased.bytes) + ")";
+  return what + (erased.segments > 0 && !erased.stamped ? "; no authority time-stamped it" : "");
 }
 
 int run(const Request& request) {
-  if (!request.case_name && !request.older_than) {
-    throw UsageError("name the CASE to erase from, or say which with --older-than, such as 30d");
+  if (request.due && (request.case_name || request.older_than || !request.stream.empty() ||
+                      !request.policy.empty() || request.only_copy)) {
+    throw UsageError(
+        "--due goes by [[retention]] of kiroku.toml alone: leave out what else says what may go");
   }
-  if (request.policy.empty()) throw UsageError("--policy is empty: say why the recording may go");
   const Home home = Home::open(request.home);
-  const std::vector<fs::path> folders = cases_to_erase_from(home, request);
   const Configuration configuration = home.configuration();
-  const Authorities authorities(home, configuration, {});
-  const WritableHome writable(home);
-  archive::RetentionOptions options;
-  options.key = &writable.key;
-  options.device_name = home.device().name();
-  options.log = writable.log.get();
-  options.stamp = recorder::checkpoint_stamper(authorities.named(), &writable.trust, writable.queue.get());
-  ordered_json cases = ordered_json::array();
-  for (const fs::path& folder : folders) {
-    const archive::Erasure erased =
-        archive::erase_stream(archive::real_file_system(), options, folder, request.stream, request.policy);
-    refresh_catalogue(home, folder);
-    cases.push_back({{"case", folder.filename().string()},
-                     {"stream", request.stream},
+  const RetentionConfiguration& retention = configuration.retention;
+  const std::vector<Candidate> candidates =
+      request.due ? what_is_due(home, retention.rules) : what_was_named(home, request);
+  std::optional<Eraser> eraser;
+  if (!candidates.empty()) eraser.emplace(home, configuration);
+  ordered_json cases = ordered_json::array(), kept = ordered_json::array();
+  for (const Candidate& candidate : candidates) {
+    const std::string name = candidate.folder.filename().string();
+    const bool may_go = request.only_copy ||
+                        !has_something_left(archive::CaseReader::open(candidate.folder), candidate.stream);
+    const auto only_copy =
+        may_go ? std::nullopt : why_not_replicated(candidate.folder, candidate.stream, retention.replicas);
+    if (only_copy) {
+      kept.push_back({{"case", name}, {"stream", candidate.stream}, {"reason", *only_copy}});
+      if (!request.json) {
+        print_error("kiroku", name + ": " + candidate.stream + " is kept, for no replica holds it (" +
+                                  *only_copy + ")" +
+                                  (request.due ? "" : "; --only-copy erases it all the same"));
+      }
+      continue;
+    }
+    const archive::Erasure erased = eraser->erase(candidate);
+    cases.push_back({{"case", name},
+                     {"stream", candidate.stream},
                      {"segments", erased.segments},
                      {"bytes", erased.bytes},
                      {"stamped", erased.stamped}});
-    if (request.json) continue;
-    std::cout << folder.filename().string() << ": "
-              << (erased.segments == 0 ? "nothing of " + request.stream + " was left to erase"
-                                       : "erased " + std::to_string(erased.segments) + " segments of " +
-                                             request.stream + " (" + format_bytes(erased.bytes) + ")")
-              << (erased.segments > 0 && !erased.stamped ? "; no authority time-stamped it" : "") << "\n";
+    if (!request.json) std::cout << name << ": " << told(candidate, erased) << "\n";
   }
   if (request.json) {
-    print_json({{"cases", cases}});
-  } else if (folders.empty()) {
-    std::cout << "No closed case with a stream " << printable(request.stream) << " is older than "
-              << *request.older_than << ".\n";
+    print_json({{"cases", cases}, {"kept", kept}});
+  } else if (candidates.empty()) {
+    std::cout << (request.due ? "Nothing is due to be erased."
+                              : "No closed case with a stream " + printable(request.stream) +
+                                    " is older than " + *request.older_than + ".")
+              << "\n";
   }
-  return kDone;
+  return kept.empty() ? kDone : kAnswerIsNo;
 }
 
 }  // namespace
@@ -123,22 +204,28 @@ void add_erase_command(Command& program) {
       program.add_command("erase", "erases one stream of closed cases and keeps the proof of the rest");
   const auto request = std::make_shared<Request>();
   command.argument("CASE", request->case_name, "a case of this home; all that are old enough if absent");
-  command.required_option("--stream", "S", request->stream, "the stream whose pictures or samples go");
-  command.required_option("--policy", "TEXT", request->policy,
-                          "why they may go; stands in the case and in the appliance log for good");
+  command.option("--stream", "S", request->stream, "the stream whose pictures or samples go");
+  command.option("--policy", "TEXT", request->policy,
+                 "why they may go; stands in the case and in the appliance log for good");
   command.option("--older-than", "T", request->older_than,
                  "only what was opened longer ago: 30d, or 12h, 90m");
+  command.flag("--due", request->due,
+               "what [[retention]] of kiroku.toml says may go by now, instead of naming it");
+  command.flag("--only-copy", request->only_copy, "also what no replica holds");
   add_home_option(command, request->home);
   command.flag("--json", request->json, "prints one JSON object instead");
   command.explain(
       "Bytes go, hashes stay: 'kiroku verify' goes on proving everything else and says how many segments "
       "were "
       "erased by which policy. That they are erased is signed and time-stamped before the first byte goes. "
-      "There is no way back. A case that is not closed is refused.");
+      "There is no way back. A case that is not closed is refused. What no replica of [storage] in "
+      "kiroku.toml "
+      "holds, byte for byte, is kept, and the exit status is 1, unless --only-copy is given.");
   command.example("kiroku erase 20260805T091502Z-3f9c21ab --stream room --policy 'consent withdrawn'",
                   "erases the room camera of one case");
   command.example("kiroku erase --older-than 30d --stream room --policy 'room: 30 days'",
                   "erases the room camera of every case that is older than thirty days");
+  command.example("kiroku erase --due", "erases what kiroku.toml says may go, as the daily timer does");
   command.on_run([request] { return run(*request); });
 }
 

@@ -202,6 +202,7 @@ void read_daemon(TableReader& top, Configuration& into) {
       const std::chrono::duration<double, std::ratio<3600>> hours = parse_duration(text, "'warn_below'");
       into.storage.warn_below_hours = hours.count();
     });
+    read_replicas(reader, into.retention);
     reader.refuse_unknown_keys();
   }
 }

@@ -1,19 +1,17 @@
 // kirokud: records unattended. Configuration in kiroku.toml; control by `kiroku case` and `kiroku status`.
 
-#include <array>
 #include <atomic>
-#include <cerrno>
 #include <chrono>
 #include <condition_variable>
 #include <csignal>
 #include <cstring>
-#include <fcntl.h>
 #include <initializer_list>
 #include <iostream>
 #include <map>
 #include <mutex>
 #include <poll.h>
 #include <sstream>
+#include <sys/eventfd.h>
 #include <systemd/sd-daemon.h>
 #include <thread>
 #include <unistd.h>
@@ -243,48 +241,58 @@ void watch_disk(recorder::Daemon& daemon) {
   }
 }
 
+/// SIGINT, SIGTERM and SIGHUP, as a descriptor that becomes readable. They are blocked in every thread that
+/// is started from now on, so that they interrupt nothing there. A signalfd would not do: libraries start
+/// threads before main() (OpenBLAS, which FFmpeg's filters stand on), and a signal that one of those takes
+/// would end the process.
+class EndSignals {
+ public:
+  EndSignals() {
+    descriptor_ = ::eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK);
+    if (descriptor_ < 0) throw Error("signals cannot be received");
+    struct sigaction end {};
+    end.sa_handler = [](int signal) {
+      number_ = signal;
+      constexpr std::uint64_t kOne = 1;
+      (void)!::write(descriptor_, &kOne, sizeof kOne);
+    };
+    end.sa_flags = SA_RESTART;
+    sigset_t wanted;
+    ::sigemptyset(&wanted);
+    for (const int signal : {SIGINT, SIGTERM, SIGHUP}) {
+      ::sigaddset(&wanted, signal);
+      ::sigaction(signal, &end, nullptr);
+    }
+    ::pthread_sigmask(SIG_BLOCK, &wanted, &before_);
+    ::signal(SIGPIPE, SIG_IGN);
+  }
+
+  /// The signal that came within `limit`, 0 if none did. Called by the thread that made the object.
+  [[nodiscard]] int wait(std::chrono::seconds limit) const {
+    pollfd waiting{descriptor_, POLLIN, 0};
+    const timespec time{limit.count(), 0};
+    ::ppoll(&waiting, 1, &time, &before_);
+    return number_;
+  }
+
+ private:
+  // The handler's.
+  static inline std::atomic<int> number_ = 0;
+  static inline std::atomic<int> descriptor_ = -1;
+  sigset_t before_{};
+};
+
 /// Waits for signals and feeds the watchdog; returns the sentence that says why the recorder ends.
-std::string watch(recorder::Daemon& daemon, const Inboxes& inboxes, int signals) {
+std::string watch(recorder::Daemon& daemon, const Inboxes& inboxes, const EndSignals& signals) {
   for (int tick = 0;; ++tick) {
     for (const auto& [listen, inbox] : inboxes) inbox->tend();
-    pollfd waiting{signals, POLLIN, 0};
-    const auto milliseconds = std::chrono::duration_cast<std::chrono::milliseconds>(kTick).count();
-    if (::poll(&waiting, 1, static_cast<int>(milliseconds)) > 0) {
-      unsigned char signal = 0;
-      if (::read(signals, &signal, sizeof signal) == sizeof signal) {
-        return std::string("received ") + ::strsignal(signal);
-      }
-    }
+    if (const int signal = signals.wait(kTick); signal != 0)
+      return std::string("received ") + ::strsignal(signal);
     if (daemon.healthy()) ::sd_notify(0, "WATCHDOG=1");
     if (tick % kDiskTicks == 0) watch_disk(daemon);
     if (!daemon.recording() && was_replaced())
       return "a newer version was installed and nothing is being recorded";
   }
-}
-
-// The handler may touch nothing but this.
-int signal_entrance = -1;
-
-void on_end(int signal) {
-  const auto number = static_cast<unsigned char>(signal);
-  const int error = errno;
-  (void)!::write(signal_entrance, &number, sizeof number);
-  errno = error;
-}
-
-/// A descriptor from which the numbers of SIGINT, SIGTERM and SIGHUP are read, a byte each. By a handler, not
-/// by blocking them for signalfd: libraries may have started threads before main (OpenBLAS does), in which
-/// they would not be blocked.
-int signal_descriptor() {
-  std::array<int, 2> ends{};
-  if (::pipe2(ends.data(), O_CLOEXEC | O_NONBLOCK) != 0) throw Error("signals cannot be received");
-  signal_entrance = ends[1];
-  struct sigaction end {};
-  end.sa_handler = on_end;
-  end.sa_flags = SA_RESTART;
-  for (const int signal : {SIGINT, SIGTERM, SIGHUP}) ::sigaction(signal, &end, nullptr);
-  ::signal(SIGPIPE, SIG_IGN);
-  return ends[0];
 }
 
 int run(const Request& request) {
@@ -301,7 +309,7 @@ int run(const Request& request) {
     return kDone;
   }
   set_up_logging();
-  const int signals = signal_descriptor();
+  const EndSignals signals;
   const archive::RecordingLock lock =
       archive::RecordingLock::take(archive::real_file_system(), home.archive());
   const WritableHome shared(home);  // by all rooms

@@ -93,9 +93,12 @@ bool is_full_range(const PictureFormat& format) { return format.colour_range == 
 
 }  // namespace
 
-VideoEncoder::VideoEncoder(const PictureFormat& format, Rational frame_rate, const VideoProfile& profile)
+VideoEncoder::VideoEncoder(const PictureFormat& format, Rational frame_rate, const VideoProfile& profile,
+                           std::int64_t after_ns)
     : time_base_(profile.in_transport_stream() ? Rational{1, 90'000} : Rational{1, 1'000}),
-      interval_ns_(1'000'000'000LL * frame_rate.denominator / frame_rate.numerator) {
+      interval_ns_(1'000'000'000LL * frame_rate.denominator / frame_rate.numerator),
+      last_time_ns_(after_ns),
+      last_pts_(after_ns < 0 ? -1 : rescaled(after_ns)) {
   media::silence_libav();
   switch (profile.profile) {
     case Profile::kMpeg2:
@@ -188,11 +191,13 @@ media::Frame VideoEncoder::prepare(media::Frame frame, std::int64_t time_ns) {
 
 media::Frame VideoEncoder::drain() { return filter_ ? filter_->drain() : media::Frame(); }
 
+std::int64_t VideoEncoder::rescaled(std::int64_t time_ns) const {
+  return av_rescale_q(time_ns, kNanoseconds, AVRational{time_base_.numerator, time_base_.denominator});
+}
+
 std::int64_t VideoEncoder::pts_of(std::int64_t time_ns) {
   last_time_ns_ = last_time_ns_ < 0 ? time_ns : std::max(time_ns, last_time_ns_ + interval_ns_ / 2);
-  const std::int64_t pts =
-      av_rescale_q(last_time_ns_, kNanoseconds, AVRational{time_base_.numerator, time_base_.denominator});
-  last_pts_ = std::max(pts, last_pts_ + 1);
+  last_pts_ = std::max(rescaled(last_time_ns_), last_pts_ + 1);
   return last_pts_;
 }
 
@@ -205,8 +210,7 @@ media::Packet VideoEncoder::encode(media::Frame prepared, bool first_of_segment)
   require(avcodec_send_frame(codec_.get(), prepared.get()), "cannot encode a picture");
   media::Packet packet = media::make_packet();
   require(avcodec_receive_packet(codec_.get(), packet.get()), "cannot encode a picture");
-  packet->duration = std::max<std::int64_t>(
-      1, av_rescale_q(interval_ns_, kNanoseconds, AVRational{time_base_.numerator, time_base_.denominator}));
+  packet->duration = std::max<std::int64_t>(1, rescaled(interval_ns_));
   return packet;
 }
 

@@ -23,7 +23,10 @@ class VideoEncoder {
  public:
   /// Throws kiroku::UsageError for a picture that the profile cannot hold (too large, a pixel format without
   /// a name in Matroska, …).
-  VideoEncoder(const PictureFormat& format, Rational frame_rate, const VideoProfile& profile);
+  /// Its first picture is coded after `after_ns`, where an encoder before it ended: a stream has one time
+  /// line whatever pictures it had. -1 if there was none.
+  VideoEncoder(const PictureFormat& format, Rational frame_rate, const VideoProfile& profile,
+               std::int64_t after_ns = -1);
 
   /// The picture as the encoder takes it (pixel format, deinterlaced), its `pts` being `time_ns` of the case
   /// clock. Null while a deinterlacer waits for the next picture; what comes out then is the earlier one,
@@ -38,19 +41,22 @@ class VideoEncoder {
   [[nodiscard]] MuxedStream muxed_stream() const { return {codec_.get(), time_base_}; }
   /// The nominal time between two pictures.
   [[nodiscard]] std::int64_t frame_interval_ns() const { return interval_ns_; }
+  /// The time that the last picture was coded at: its own, or later where pictures came in a burst.
+  [[nodiscard]] std::int64_t coded_until_ns() const { return last_time_ns_; }
 
  private:
   void open_mpeg2(const PictureFormat& format, Rational frame_rate, const VideoProfile& profile);
   void open_uncompressed(const PictureFormat& format, Rational frame_rate);
   void open_lossless(const PictureFormat& format, Rational frame_rate);
   [[nodiscard]] std::int64_t pts_of(std::int64_t time_ns);
+  [[nodiscard]] std::int64_t rescaled(std::int64_t time_ns) const;  // to the time base
 
   std::unique_ptr<FrameFilter> filter_;
   media::Codec codec_;
   Rational time_base_;
   std::int64_t interval_ns_;
-  std::int64_t last_time_ns_ = -1;
-  std::int64_t last_pts_ = -1;
+  std::int64_t last_time_ns_;
+  std::int64_t last_pts_;
 };
 
 }  // namespace kiroku::recorder

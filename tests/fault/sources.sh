@@ -43,10 +43,11 @@ send_vitals() {
   pid[vitals]=$!
 }
 frames() { "$kiroku" status --json | jq --arg name "$1" '.rooms[0].streams[] | select(.name == $name) | .frames'; }
-# Waits until more pictures of STREAM are recorded than BEFORE.
+# Waits until more pictures of STREAM are recorded than BEFORE. A sender that ended because nobody took what it sent while it stalled begins anew, as an encoder does.
 comes_back() { # STREAM BEFORE
   for ((wait = 0; wait < 300; ++wait)); do
     if (($(frames "$1") > $2)); then return 0; fi
+    kill -0 "${pid[$1]}" 2>/dev/null || send "$1"
     sleep 0.1
   done
   return 1

@@ -104,8 +104,13 @@ TEST_F(Recovering, ErasesOneStreamAndTheRestStaysProved) {
   EXPECT_EQ(verified(folder)["verdict"], "intact");
 
   std::this_thread::sleep_for(std::chrono::milliseconds(20));
-  const nlohmann::json erased = kiroku_json(
-      {"erase", "--json", "--stream", "endoscope", "--policy", "room: at once", "--older-than", "10ms"});
+  const ProcessResult only_copy =
+      kiroku({"erase", "--stream", "endoscope", "--policy", "p", "--older-than", "10ms"});
+  EXPECT_EQ(only_copy.status, 1);
+  EXPECT_THAT(only_copy.err, AllOf(HasSubstr("no replica holds it"), HasSubstr("--only-copy")));
+  EXPECT_EQ(verified(folder)["verdict"], "intact");
+  const nlohmann::json erased = kiroku_json({"erase", "--json", "--stream", "endoscope", "--policy",
+                                             "room: at once", "--older-than", "10ms", "--only-copy"});
   ASSERT_EQ(erased["cases"].size(), 1U);
   EXPECT_GT(erased["cases"][0]["segments"], 0);
   EXPECT_EQ(erased["cases"][0]["stamped"], true);
@@ -115,6 +120,29 @@ TEST_F(Recovering, ErasesOneStreamAndTheRestStaysProved) {
   EXPECT_THAT(report["findings"].dump(),
               AllOf(HasSubstr("segments-erased"), HasSubstr("erased by policy: room: at once")));
   EXPECT_THAT(kiroku({"log"}).out, HasSubstr("stream=endoscope  policy=room: at once"));
+}
+
+TEST_F(Recovering, ErasesWhatIsDueOnceAReplicaHoldsIt) {
+  const std::filesystem::path folder = record({"--room", "synthetic:room?size=64x48&rate=10&speed=max"});
+  const std::filesystem::path replica = path("copies");
+  write_text(home() / "kiroku.toml", "[storage]\nreplicas = [\"" + replica.string() +
+                                         "\"]\n[[retention]]\nstream = \"room\"\nafter = \"10ms\"\n"
+                                         "policy = \"room: at once\"\n" +
+                                         read_text(home() / "kiroku.toml"));
+  EXPECT_REFUSED(kiroku({"erase", "--due", "--stream", "room"}), "--due goes by [[retention]]");
+  std::this_thread::sleep_for(std::chrono::milliseconds(20));
+  const ProcessResult kept = kiroku({"erase", "--due", "--json"});
+  EXPECT_EQ(kept.status, 1);
+  EXPECT_THAT(kept.out, HasSubstr("there is no copy of the case"));
+  std::filesystem::create_directories(replica);
+  std::filesystem::copy(folder, replica / folder.filename(), std::filesystem::copy_options::recursive);
+  const nlohmann::json erased = kiroku_json({"erase", "--due", "--json"});
+  ASSERT_EQ(erased["cases"].size(), 1U);
+  EXPECT_EQ(erased["cases"][0]["stream"], "room");
+  EXPECT_TRUE(std::filesystem::is_empty(folder / "segments/room"));
+  EXPECT_FALSE(std::filesystem::is_empty(folder / "segments/endoscope"));
+  EXPECT_EQ(verified(folder)["verdict"], "intact-with-gaps");
+  EXPECT_EQ(kiroku({"erase", "--due"}).out, "Nothing is due to be erased.\n");
 }
 
 }  // namespace

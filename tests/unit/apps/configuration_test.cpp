@@ -93,36 +93,30 @@ TEST(Configuration, ListensOnThisMachineAlone) {
   }
 }
 
-/// The room that the file written by init shows in comments is a good one.
-TEST(Configuration, TheExampleOfARoomIsGood) {
+/// What the file written by init shows in comments, as it is once they are taken away.
+std::string uncommented_example() {
   const std::string_view all = default_configuration_text();
   std::istringstream lines{std::string(all.substr(all.find("# # An operating room")))};
   std::string example;
   for (std::string line; std::getline(lines, line);) {
     example += (line.starts_with("# ") ? line.substr(2) : line == "#" ? "" : line) + "\n";
   }
-  const Configuration read = parse_configuration(example, "example");
-  ASSERT_EQ(read.rooms.size(), 1U);
-  const RoomConfiguration& room = read.rooms[0];
-  EXPECT_EQ(room.streams.size(), 3U);
-  EXPECT_EQ(room.rules.start_on_signal, "endoscope");
-  EXPECT_EQ(read.daemon.listen_port, 9464);
-  ASSERT_EQ(room.footswitches.size(), 1U);
-  EXPECT_EQ(room.footswitches[0].key, 183);
-  EXPECT_EQ(room.footswitches[0].action, recorder::PressAction::kStartStop);
-  EXPECT_EQ(room.footswitches[0].mark, "footswitch");
-  ASSERT_TRUE(room.procedure.hl7);
-  EXPECT_EQ(room.procedure.hl7->listen, "mllp://0.0.0.0:2576");
-  EXPECT_EQ(room.procedure.hl7->rule.locations, (std::vector<std::string>{"OR1", "SURGERY^OR1"}));
-  ASSERT_TRUE(room.procedure.worklist);
-  EXPECT_EQ(room.procedure.worklist->host, "ris.hospital.example");
-  EXPECT_EQ(room.procedure.worklist->port, 104);
-  EXPECT_EQ(room.procedure.worklist->called_ae, "RIS");
-  EXPECT_EQ(room.procedure.worklist->station_ae, "ENDO1");
-  EXPECT_EQ(room.procedure.worklist->modality, "ES");
-  EXPECT_EQ(room.procedure.worklist->timeout, std::chrono::seconds(5));
-  EXPECT_EQ(room.procedure.worklist->refresh, std::chrono::minutes(1));
-  EXPECT_EQ(room.procedure.worklist->window, std::chrono::hours(12));
+  return example;
+}
+
+TEST(Configuration, RetentionSaysWhatWhenAndWhy) {
+  EXPECT_EQ(refusal("[[retention]]\nafter = \"1d\"\npolicy = \"p\"\n"),
+            "k.toml:1:1: a [[retention]] needs either a 'stream' or a 'purpose'");
+  EXPECT_EQ(refusal("[[retention]]\nstream = \"a\"\npurpose = \"b\"\nafter = \"1d\"\npolicy = \"p\"\n"),
+            "k.toml:1:1: a [[retention]] needs either a 'stream' or a 'purpose'");
+  EXPECT_EQ(refusal("[[retention]]\nstream = \"a\"\npolicy = \"p\"\n"),
+            "k.toml:1:1: a [[retention]] needs 'after', such as \"30d\"");
+  EXPECT_EQ(refusal("[[retention]]\nstream = \"a\"\nafter = \"1d\"\n"),
+            "k.toml:1:1: a [[retention]] needs a 'policy': why the recording may go");
+  EXPECT_EQ(refusal("[[retention]]\nstream = \"a\"\nafter = \"soon\"\n").substr(0, 37),
+            "k.toml:3:9: 'after' is 'soon', which ");
+  EXPECT_EQ(refusal("[storage]\nreplicas = [\"copies\"]\n"),
+            "k.toml:2:12: 'replicas' has 'copies': write the whole path of an archive's copy");
 }
 
 TEST(Configuration, RefusesUnknownKeysWithTheirPlace) {
@@ -152,6 +146,35 @@ TEST(Configuration, RefusesIncompleteAndDoubledAuthorities) {
   EXPECT_EQ(refusal("[authority]\nname = \"a\"\n"), "k.toml:1:1: authorities are written as [[authority]]");
   const std::string one = "[[authority]]\nname = \"a\"\nurl = \"embedded\"\n";
   EXPECT_EQ(refusal(one + one), "k.toml:4:1: there are two authorities named 'a'");
+}
+
+TEST(Configuration, TheExampleOfARoomIsGood) {
+  const std::string example = uncommented_example();
+  const Configuration read = parse_configuration(example, "k.toml");
+  ASSERT_EQ(read.rooms.size(), 1U) << example;
+  const RoomConfiguration& room = read.rooms[0];
+  EXPECT_EQ(room.streams.size(), 3U);
+  EXPECT_EQ(room.rules.start_on_signal, "endoscope");
+  EXPECT_EQ(read.daemon.listen_port, 9464);
+  ASSERT_EQ(read.retention.rules.size(), 1U);
+  EXPECT_EQ(read.retention.rules[0].after, std::chrono::hours(30 * 24));
+  EXPECT_EQ(read.retention.replicas.size(), 1U);
+  ASSERT_EQ(room.footswitches.size(), 1U);
+  EXPECT_EQ(room.footswitches[0].key, 183);
+  EXPECT_EQ(room.footswitches[0].action, recorder::PressAction::kStartStop);
+  EXPECT_EQ(room.footswitches[0].mark, "footswitch");
+  ASSERT_TRUE(room.procedure.hl7);
+  EXPECT_EQ(room.procedure.hl7->listen, "mllp://0.0.0.0:2576");
+  EXPECT_EQ(room.procedure.hl7->rule.locations, (std::vector<std::string>{"OR1", "SURGERY^OR1"}));
+  ASSERT_TRUE(room.procedure.worklist);
+  EXPECT_EQ(room.procedure.worklist->host, "ris.hospital.example");
+  EXPECT_EQ(room.procedure.worklist->port, 104);
+  EXPECT_EQ(room.procedure.worklist->called_ae, "RIS");
+  EXPECT_EQ(room.procedure.worklist->station_ae, "ENDO1");
+  EXPECT_EQ(room.procedure.worklist->modality, "ES");
+  EXPECT_EQ(room.procedure.worklist->timeout, std::chrono::seconds(5));
+  EXPECT_EQ(room.procedure.worklist->refresh, std::chrono::minutes(1));
+  EXPECT_EQ(room.procedure.worklist->window, std::chrono::hours(12));
 }
 
 TEST(Configuration, RefusesWaysToProcedureDataThatAreNone) {

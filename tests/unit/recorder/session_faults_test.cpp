@@ -53,13 +53,16 @@ Sums sums(const std::vector<archive::SegmentEntry>& segments) {
   return sum;
 }
 
-/// Writes pictures of 64x48 at 20 a second, as YUV4MPEG2, until `count` are written or nobody reads any more.
-void write_film(const std::filesystem::path& pipe, int count) {
+/// Writes pictures of 48 lines, as YUV4MPEG2 of 20 a second, until `count` are written or nobody reads any
+/// more.
+void write_film(const std::filesystem::path& pipe, int count, int width = 64,
+                std::chrono::milliseconds pause = 50ms) {
   std::ofstream out(pipe, std::ios::binary);
-  out << "YUV4MPEG2 W64 H48 F20:1 Ip A1:1 C420jpeg\n";
+  out << "YUV4MPEG2 W" << width << " H48 F20:1 Ip A1:1 C420jpeg\n";
   for (int i = 0; i < count && out; ++i) {
-    out << "FRAME\n" << std::string(64 * 48 * 3 / 2, static_cast<char>(i)) << std::flush;
-    std::this_thread::sleep_for(50ms);
+    out << "FRAME\n"
+        << std::string(static_cast<std::size_t>(width) * 48 * 3 / 2, static_cast<char>(i)) << std::flush;
+    std::this_thread::sleep_for(pause);
   }
 }
 
@@ -94,6 +97,26 @@ TEST_F(FifoSession, StatesTheGapWhileAPipeHasNoWriterAndGoesOnWhenItIsBack) {
   const auto video = decode_video(recorded.joined("endoscope"));
   EXPECT_THAT(video.complaints, IsEmpty());
   EXPECT_EQ(video.frames.size(), sums(recorded.segments("endoscope")).frames);
+}
+
+// Pictures that arrive all at once are coded one after the other, so their time line runs ahead of the clock;
+// what another camera sends next must not fall behind it.
+TEST_F(FifoSession, GoesOnWithOtherPicturesAfterABurst) {
+  std::thread camera([&] {
+    write_film(bench / "camera", 80, 64, 0ms);
+    std::this_thread::sleep_for(200ms);
+    write_film(bench / "camera", 1000, 128);
+  });
+  SessionOptions options = bench.options();
+  options.video = {bench.stream("endoscope", (bench / "camera").string())};
+  options.duration = 3500ms;
+  const RecordedCase recorded = bench.record(options);
+  camera.join();
+  EXPECT_EQ(recorded.all<archive::CloseEntry>().at(0).reason, "duration");
+  EXPECT_THAT(recorded.gaps("endoscope"), SizeIs(1));
+  EXPECT_THAT(recorded.broken_rules(), IsEmpty());
+  EXPECT_GT(sums(recorded.segments("endoscope")).frames, 100U);
+  EXPECT_EQ(sums(recorded.segments("endoscope")).dropped, 0U);
 }
 
 TEST_F(FifoSession, CanBeStoppedWhileAPipeHasNoWriter) {

@@ -1,0 +1,76 @@
+#include "apps/kiroku/retention_configuration.h"
+
+#include "apps/common/format.h"
+#include "apps/kiroku/table_reader.h"
+#include "archive/replica.h"
+#include "base/error.h"
+
+namespace kiroku::apps {
+namespace {
+
+RetentionRule read_rule(const toml::table& table, const std::string& file) {
+  RetentionRule rule{};
+  TableReader reader(table, "[[retention]]", file);
+  reader.text("stream", [&](const std::string& text) { rule.stream = text; });
+  reader.text("purpose", [&](const std::string& text) { rule.purpose = text; });
+  reader.text("after", [&](const std::string& text) { rule.after = parse_age(text, "'after'"); });
+  reader.text("policy", [&](const std::string& text) { rule.policy = text; });
+  reader.refuse_unknown_keys();
+  if (rule.stream.empty() == rule.purpose.empty()) {
+    reader.refuse(table.source(), "a [[retention]] needs either a 'stream' or a 'purpose'");
+  }
+  if (rule.after.count() == 0)
+    reader.refuse(table.source(), "a [[retention]] needs 'after', such as \"30d\"");
+  if (rule.policy.empty()) {
+    reader.refuse(table.source(), "a [[retention]] needs a 'policy': why the recording may go");
+  }
+  return rule;
+}
+
+}  // namespace
+
+bool RetentionRule::concerns(const archive::StreamInfo& info) const {
+  return stream.empty() ? info.purpose == purpose : info.name == stream;
+}
+
+void read_retention_rules(TableReader& top, RetentionConfiguration& into) {
+  for_each_table(top, "retention",
+                 [&](const toml::table& table) { into.rules.push_back(read_rule(table, top.file())); });
+}
+
+void read_replicas(TableReader& storage, RetentionConfiguration& into) {
+  storage.texts("replicas", [&](const std::vector<std::string>& folders) {
+    for (const std::string& folder : folders) {
+      if (!folder.starts_with('/')) {
+        throw UsageError("'replicas' has '" + folder + "': write the whole path of an archive's copy");
+      }
+      into.replicas.emplace_back(folder);
+    }
+  });
+}
+
+std::chrono::nanoseconds parse_age(const std::string& text, const std::string& what) {
+  constexpr std::size_t kMostDigits = 5;
+  if (!text.ends_with('d')) return parse_duration(text, what);
+  const std::string number = text.substr(0, text.size() - 1);
+  if (number.empty() || number.size() > kMostDigits ||
+      number.find_first_not_of("0123456789") != std::string::npos) {
+    throw UsageError(what + " is '" + text + "': write whole days such as 30d, or 12h, 90m");
+  }
+  return std::chrono::hours(24) * std::stol(number);
+}
+
+std::optional<std::string> why_not_replicated(const std::filesystem::path& case_folder,
+                                              const std::string& stream,
+                                              const std::vector<std::filesystem::path>& replicas) {
+  if (replicas.empty()) return "[storage] of kiroku.toml names no replicas";
+  std::string reasons;
+  for (const std::filesystem::path& replica : replicas) {
+    const auto reason = archive::why_not_replicated(case_folder, stream, replica / case_folder.filename());
+    if (!reason) return std::nullopt;
+    reasons += (reasons.empty() ? "" : "; ") + replica.string() + ": " + *reason;
+  }
+  return reasons;
+}
+
+}  // namespace kiroku::apps
