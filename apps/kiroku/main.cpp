@@ -1,6 +1,7 @@
 // kiroku: everything a person does.
 
 #include "apps/kiroku/commands.h"
+#include "apps/sim/sim_command.h"
 
 namespace {
 
@@ -14,7 +15,7 @@ constexpr const char* kOverview =
   kiroku verify CASE                                   is it whole, and when did it exist?
   kiroku export CASE --stream endoscope -o film.ts     the pictures, for a recipient
 
-Other commands: case, status, doctor, recover, excerpt, erase, seal, unseal, stamp, token, tsa, log, completion.
+Other commands: case, status, doctor, recover, excerpt, erase, seal, unseal, stamp, token, tsa, log, sim, completion.
 'kiroku --help' lists them all, 'kiroku COMMAND --help' explains one.
 )";
 
@@ -41,6 +42,7 @@ int main(int argc, char** argv) {
   add_token_command(root);
   add_tsa_command(root);
   add_log_command(root);
+  add_sim_command(root);
   add_completion_command(root);
   return program.run(argc, argv);
 }

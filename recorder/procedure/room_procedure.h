@@ -20,7 +20,7 @@ class RoomProcedure : public ProcedureSource {
   /// Where both know the same patient, the worklist completes what the messages say.
   [[nodiscard]] std::optional<ProcedureData> find(UtcTime at) const override {
     std::optional<ProcedureData> found = inbox_ ? inbox_->find(rule_, at) : std::nullopt;
-    const std::optional<ProcedureData> listed = worklist_ ? worklist_->find(at) : std::nullopt;
+    std::optional<ProcedureData> listed = worklist_ ? worklist_->find(at) : std::nullopt;
     if (!found) return listed;
     if (listed && listed->patient_id == found->patient_id) complete(*found, *listed);
     return found;

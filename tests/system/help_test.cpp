@@ -8,8 +8,9 @@ namespace {
 using testing::HasSubstr;
 
 const std::vector<Arguments> kCommands{
-    {"init"},   {"record"},          {"cases"},        {"verify"}, {"export"},     {"excerpt"}, {"seal"},
-    {"unseal"}, {"token", "verify"}, {"tsa", "serve"}, {"log"},    {"completion"}, {"recover"}, {"erase"}};
+    {"init"},         {"record"},  {"cases"},      {"sim", "solve"}, {"verify"},
+    {"export"},       {"excerpt"}, {"seal"},       {"unseal"},       {"token", "verify"},
+    {"tsa", "serve"}, {"log"},     {"completion"}, {"recover"},      {"erase"}};
 
 class Help : public ProgramTest {
  protected:

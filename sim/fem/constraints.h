@@ -1,0 +1,36 @@
+// Which displacements of a body are prescribed. Not thread-safe while it is changed.
+#pragma once
+
+#include <Eigen/Core>
+#include <cstdint>
+#include <string>
+#include <vector>
+
+namespace kiroku::sim {
+
+/// Component `c` (0 to 2: x, y, z) of node `n` has the number 3 n + c, as in all vectors of (3 |V|).
+class Constraints {
+ public:
+  explicit Constraints(std::size_t nodes);
+
+  /// `source` says who asks ("fixed[1]"). The same again is welcome; another displacement of the same
+  /// component is refused in a kiroku::Error that names both sources, the node and both displacements.
+  void prescribe(std::size_t node, std::size_t component, double displacement_m, const std::string& source);
+  /// All three components.
+  void prescribe(std::size_t node, const Eigen::Vector3d& displacement_m, const std::string& source);
+
+  [[nodiscard]] std::size_t nodes() const { return source_.size() / 3; }
+  [[nodiscard]] bool prescribed(std::size_t number) const { return source_[number] != kFree; }
+  [[nodiscard]] bool any() const { return !sources_.empty(); }
+  /// (3 |V|), m; zero where nothing is prescribed.
+  [[nodiscard]] const Eigen::VectorXd& displacement_m() const { return displacement_m_; }
+
+ private:
+  static constexpr std::uint32_t kFree = 0xFFFFFFFF;
+
+  Eigen::VectorXd displacement_m_;
+  std::vector<std::uint32_t> source_;  // of each component: kFree, or which of sources_
+  std::vector<std::string> sources_;
+};
+
+}  // namespace kiroku::sim

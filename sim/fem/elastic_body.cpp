@@ -1,0 +1,162 @@
+#include "sim/fem/elastic_body.h"
+
+#include <cmath>
+#include <future>
+#include <utility>
+
+#include "base/error.h"
+#include "sim/fem/elimination_order.h"
+#include "sim/fem/number_text.h"
+#include "sim/fem/rigid_motion.h"
+#include "sim/mesh/mesh_check.h"
+
+namespace kiroku::sim {
+namespace {
+
+constexpr double kLargestResidual = 1e-9;
+
+Eigen::Matrix<double, 4, 3> displacements_of(const Tetrahedron& corners,
+                                             const Eigen::VectorXd& displacement_m) {
+  Eigen::Matrix<double, 4, 3> rows;
+  for (std::size_t a = 0; a < 4; ++a) {
+    rows.row(static_cast<Eigen::Index>(a)) =
+        displacement_m.segment<3>(static_cast<Eigen::Index>(3 * std::size_t{corners[a]})).transpose();
+  }
+  return rows;
+}
+
+void check_materials(const Materials& materials) {
+  for (const auto& [region, material] : materials) {
+    const MaterialProblem found = problem_of(material);
+    if (!found.problem.empty()) {
+      throw Error("the " + found.property + " of region " + std::to_string(region) + " " + found.problem);
+    }
+  }
+}
+
+void refuse_free_motions(const TetMesh& mesh, const Faces& faces, const Constraints& constraints) {
+  constexpr std::size_t kMostNamedParts = 3;
+  const std::vector<std::string> motions = free_rigid_motions(mesh, faces, constraints);
+  if (motions.empty()) return;
+  std::string sentence =
+      constraints.any() ? "the displacements that are fixed do not hold it: " : "nothing is fixed: ";
+  for (std::size_t i = 0; i < std::min(motions.size(), kMostNamedParts); ++i)
+    sentence += (i == 0 ? "" : "; ") + motions[i];
+  if (motions.size() > kMostNamedParts) {
+    sentence += "; so can " + std::to_string(motions.size() - kMostNamedParts) + " other parts";
+  }
+  throw Error(sentence + " (three nodes that are not on one line hold a body)");
+}
+
+}  // namespace
+
+ElasticBody::ElasticBody(TetMesh mesh, const Materials& materials, Constraints constraints)
+    : mesh_(std::move(mesh)),
+      materials_(materials),
+      constraints_(std::move(constraints)),
+      used_(nodes_in_use(mesh_)) {
+  check_materials(materials_);
+  // Seeking the order takes as long as everything else up to the factorisation.
+  std::future<std::vector<std::uint32_t>> order = std::async([this] { return elimination_order(mesh_); });
+  const Faces faces = faces_of(mesh_);
+  const std::vector<MeshFinding> unsound = check_for_solving(mesh_, faces);
+  if (!unsound.empty()) throw Error("the mesh is not sound: " + unsound.front().text);
+  material_of_.reserve(mesh_.tetrahedra.size());
+  for (const std::int32_t region : mesh_.regions) {
+    const auto found = materials_.find(region);
+    if (found == materials_.end()) throw Error("region " + std::to_string(region) + " has no material");
+    material_of_.push_back(&found->second);
+  }
+  refuse_free_motions(mesh_, faces, constraints_);
+  stiffness_ = std::make_unique<StiffnessMatrix>(mesh_, material_of_);
+  std::vector<bool> free(3 * mesh_.nodes.size());
+  for (std::size_t number = 0; number < free.size(); ++number) {
+    free[number] = used_[number / 3] && !constraints_.prescribed(number);
+  }
+  factorisation_ = std::make_unique<Factorisation>(*stiffness_, free, order.get());
+}
+
+Eigen::VectorXd ElasticBody::weight_n(const Vector3& gravity_m_s2) const {
+  Eigen::VectorXd force_n = Eigen::VectorXd::Zero(static_cast<Eigen::Index>(3 * mesh_.nodes.size()));
+  for (std::size_t t = 0; t < mesh_.tetrahedra.size(); ++t) {
+    const Vector3 quarter_n = signed_volume_m3(mesh_, t) * material_of_[t]->density_kg_m3 / 4 * gravity_m_s2;
+    for (const std::uint32_t node : mesh_.tetrahedra[t]) {
+      force_n.segment<3>(static_cast<Eigen::Index>(3 * std::size_t{node})) += quarter_n;
+    }
+  }
+  return force_n;
+}
+
+StaticSolution ElasticBody::solve(const Eigen::VectorXd& force_n) const {
+  const Eigen::VectorXd& prescribed_m = constraints_.displacement_m();
+  const auto count = static_cast<std::size_t>(force_n.size());
+  StaticSolution solution;
+  // What the prescribed displacements alone would ask of the unknowns, then one step of refinement.
+  const Eigen::VectorXd first_n = force_n - *stiffness_ * prescribed_m;
+  solution.displacement_m = prescribed_m + factorisation_->solve(first_n);
+  Eigen::VectorXd residual_n = force_n - *stiffness_ * solution.displacement_m;
+  solution.displacement_m += factorisation_->solve(residual_n);
+  const Eigen::VectorXd inner_n = *stiffness_ * solution.displacement_m;
+  residual_n = force_n - inner_n;
+
+  solution.reaction_force_n = Eigen::VectorXd::Zero(force_n.size());
+  double largest_n = 0, largest_residual_n = 0;
+  for (std::size_t number = 0; number < count; ++number) {
+    if (!used_[number / 3]) continue;
+    const auto i = static_cast<Eigen::Index>(number);
+    largest_n = std::max({largest_n, std::abs(inner_n[i]), std::abs(force_n[i]), std::abs(first_n[i])});
+    if (constraints_.prescribed(number)) {
+      solution.reaction_force_n[i] = -residual_n[i];
+    } else {
+      largest_residual_n = std::max(largest_residual_n, std::abs(residual_n[i]));
+    }
+  }
+  if (!solution.displacement_m.allFinite() || !solution.reaction_force_n.allFinite()) {
+    throw Error("the solution is not finite: a force, a displacement or a modulus is out of all proportion");
+  }
+  if (!(largest_residual_n <= kLargestResidual * largest_n)) {
+    throw Error("the equations are too badly conditioned to be solved (they are met to " +
+                number_text(largest_residual_n / largest_n, 2) +
+                " only): moduli differ too much, or a Poisson's ratio is too near 0.5");
+  }
+  return solution;
+}
+
+std::vector<SymmetricTensor> ElasticBody::strain(const Eigen::VectorXd& displacement_m) const {
+  std::vector<SymmetricTensor> strain;
+  strain.reserve(mesh_.tetrahedra.size());
+  for (std::size_t t = 0; t < mesh_.tetrahedra.size(); ++t) {
+    strain.push_back(strain_of(element_of(mesh_, t), displacements_of(mesh_.tetrahedra[t], displacement_m)));
+  }
+  return strain;
+}
+
+std::vector<SymmetricTensor> ElasticBody::stress_pa(const Eigen::VectorXd& displacement_m) const {
+  std::vector<SymmetricTensor> stress_pa = strain(displacement_m);
+  for (std::size_t t = 0; t < stress_pa.size(); ++t) {
+    stress_pa[t] = stress_of(*material_of_[t], stress_pa[t]);
+    if (!stress_pa[t].allFinite() || !std::isfinite(von_mises(stress_pa[t]))) {
+      throw Error("the stress of tetrahedron " + std::to_string(t) +
+                  " is not finite: a force, a displacement or a modulus is out of all proportion");
+    }
+  }
+  return stress_pa;
+}
+
+std::vector<SymmetricTensor> ElasticBody::at_nodes(const std::vector<SymmetricTensor>& of_tetrahedra) const {
+  std::vector<SymmetricTensor> sums(mesh_.nodes.size(), SymmetricTensor::Zero());
+  std::vector<double> volumes_m3(mesh_.nodes.size());
+  for (std::size_t t = 0; t < mesh_.tetrahedra.size(); ++t) {
+    const double volume_m3 = signed_volume_m3(mesh_, t);
+    for (const std::uint32_t node : mesh_.tetrahedra[t]) {
+      sums[node] += volume_m3 * of_tetrahedra[t];
+      volumes_m3[node] += volume_m3;
+    }
+  }
+  for (std::size_t node = 0; node < sums.size(); ++node) {
+    if (volumes_m3[node] > 0) sums[node] /= volumes_m3[node];
+  }
+  return sums;
+}
+
+}  // namespace kiroku::sim

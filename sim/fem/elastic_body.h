@@ -1,0 +1,67 @@
+// Linear elastostatics: a body that is held somewhere, factorised once, solved for many loads.
+//
+// Source: small displacements, K u = f with 4-node tetrahedra (Zienkiewicz and Taylor, "The Finite Element
+// Method", vol. 1). Prescribed displacements are eliminated, not penalised, so that they hold to the bit.
+#pragma once
+
+#include <map>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "sim/fem/constraints.h"
+#include "sim/fem/element.h"
+#include "sim/fem/factorisation.h"
+#include "sim/fem/material.h"
+#include "sim/fem/stiffness.h"
+#include "sim/mesh/tet_mesh.h"
+
+namespace kiroku::sim {
+
+/// By region.
+using Materials = std::map<std::int32_t, Material>;
+
+struct StaticSolution {
+  Eigen::VectorXd
+      displacement_m;  // (3 |V|); zero for nodes that belong to no tetrahedron and are not prescribed
+  /// (3 |V|), N: what holds the prescribed components, on top of the loads there; zero for all others.
+  Eigen::VectorXd reaction_force_n;
+};
+
+/// All of a result is finite. Not thread-safe.
+class ElasticBody {
+ public:
+  /// kiroku::Error in one sentence for: elements that are flat or inverted, regions without a material and
+  /// unsound materials, and for everything that can still move as a rigid body, saying how.
+  ElasticBody(TetMesh mesh, const Materials& materials, Constraints constraints);
+
+  [[nodiscard]] const TetMesh& mesh() const { return mesh_; }
+  [[nodiscard]] const Constraints& constraints() const { return constraints_; }
+  [[nodiscard]] const StiffnessMatrix& stiffness() const { return *stiffness_; }
+  [[nodiscard]] std::size_t unknowns() const { return factorisation_->unknowns(); }
+
+  /// The weight of each tetrahedron, a quarter at each of its nodes; (3 |V|), N.
+  [[nodiscard]] Eigen::VectorXd weight_n(const Vector3& gravity_m_s2) const;
+
+  /// `force_n` (3 |V|), finite. One step of iterative refinement after the solve. kiroku::Error where the
+  /// result would not be finite, or the equations are not met to 1e-9 of their largest term.
+  [[nodiscard]] StaticSolution solve(const Eigen::VectorXd& force_n) const;
+
+  /// Constant in each tetrahedron; (|T|).
+  [[nodiscard]] std::vector<SymmetricTensor> strain(const Eigen::VectorXd& displacement_m) const;
+  [[nodiscard]] std::vector<SymmetricTensor> stress_pa(const Eigen::VectorXd& displacement_m) const;
+  /// Averages over the tetrahedra around each node, weighted by volume; (|V|), zero for loose nodes.
+  [[nodiscard]] std::vector<SymmetricTensor> at_nodes(
+      const std::vector<SymmetricTensor>& of_tetrahedra) const;
+
+ private:
+  TetMesh mesh_;
+  Materials materials_;
+  Constraints constraints_;
+  std::vector<const Material*> material_of_;  // (|T|), in materials_
+  std::vector<bool> used_;                    // (|V|)
+  std::unique_ptr<StiffnessMatrix> stiffness_;
+  std::unique_ptr<Factorisation> factorisation_;
+};
+
+}  // namespace kiroku::sim

@@ -1,0 +1,43 @@
+// K = L L^T over the unknowns that are free, once, for many solves: CHOLMOD, supernodal, ordered by METIS
+// over nodes. Same matrix, same bits: BLAS is kept to one thread (for the whole process), since the order of
+// its sums may change with their number.
+#pragma once
+
+#include <Eigen/Core>
+#include <algorithm>
+#include <memory>
+#include <span>
+#include <thread>
+#include <vector>
+
+#include "sim/fem/stiffness.h"
+
+namespace kiroku::sim {
+
+/// Owns its factor; not thread-safe, as solves share memory to work in.
+class Factorisation {
+ public:
+  /// `free` (3 |V|): the unknowns; may be none. `order`: all nodes, as elimination_order() gives them.
+  /// `threads`: how many work on it, at least one. The matrix is read only here. kiroku::Error if it is not
+  /// positive definite on the unknowns, with the node whose motion nothing resists; std::bad_alloc.
+  Factorisation(const StiffnessMatrix& stiffness, const std::vector<bool>& free,
+                std::span<const std::uint32_t> order,
+                unsigned threads = std::max(std::thread::hardware_concurrency(), 1U));
+  ~Factorisation();
+  Factorisation(const Factorisation&) = delete;
+  Factorisation& operator=(const Factorisation&) = delete;
+
+  /// Displacements (3 |V|), zero where not free, that make K u = `force_n` (3 |V|) where free.
+  [[nodiscard]] Eigen::VectorXd solve(const Eigen::VectorXd& force_n) const;
+
+  [[nodiscard]] std::size_t unknowns() const { return unknown_.size(); }
+  /// Numbers that the factor keeps.
+  [[nodiscard]] std::size_t entries() const;
+
+ private:
+  struct Cholmod;
+  std::unique_ptr<Cholmod> cholmod_;
+  std::vector<std::size_t> unknown_;  // their numbers in (3 |V|), ascending
+};
+
+}  // namespace kiroku::sim

@@ -1,0 +1,15 @@
+#include "sim/fem/number_text.h"
+
+#include <array>
+#include <charconv>
+
+namespace kiroku::sim {
+
+std::string number_text(double number, int digits) {
+  std::array<char, 40> text{};
+  const auto end =
+      std::to_chars(text.data(), text.data() + text.size(), number, std::chars_format::general, digits).ptr;
+  return {text.data(), end};
+}
+
+}  // namespace kiroku::sim

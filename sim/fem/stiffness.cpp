@@ -1,0 +1,51 @@
+#include "sim/fem/stiffness.h"
+
+#include <algorithm>
+#include <utility>
+
+#include "sim/fem/element.h"
+#include "sim/mesh/node_graph.h"
+
+namespace kiroku::sim {
+
+StiffnessMatrix::StiffnessMatrix(const TetMesh& mesh, std::span<const Material* const> materials) {
+  NodeGraph graph = node_graph_of(mesh);
+  begin_ = std::move(graph.begin);
+  rows_ = std::move(graph.rows);
+  blocks_.assign(rows_.size(), Eigen::Matrix3d::Zero());
+  for (std::size_t t = 0; t < mesh.tetrahedra.size(); ++t) {
+    const LinearElement element = element_of(mesh, t);
+    for (std::size_t a = 0; a < 4; ++a) {
+      for (std::size_t b = 0; b < 4; ++b) {
+        const std::uint32_t row = mesh.tetrahedra[t][a], column = mesh.tetrahedra[t][b];
+        if (row < column) continue;
+        blocks_[block_at(row, column)] += stiffness_block(
+            element, *materials[t], static_cast<Eigen::Index>(a), static_cast<Eigen::Index>(b));
+      }
+    }
+  }
+}
+
+std::size_t StiffnessMatrix::block_at(std::uint32_t row, std::uint32_t column) const {
+  const auto column_rows = rows(column);
+  return begin_[column] +
+         static_cast<std::size_t>(std::ranges::lower_bound(column_rows, row) - column_rows.begin());
+}
+
+Eigen::VectorXd StiffnessMatrix::operator*(const Eigen::VectorXd& displacement_m) const {
+  Eigen::VectorXd force_n = Eigen::VectorXd::Zero(displacement_m.size());
+  for (std::size_t column = 0; column < nodes(); ++column) {
+    const auto at_column = static_cast<Eigen::Index>(3 * column);
+    const Eigen::Vector3d moved_m = displacement_m.segment<3>(at_column);
+    Eigen::Vector3d at_column_n = Eigen::Vector3d::Zero();
+    for (std::size_t i = begin_[column]; i < begin_[column + 1]; ++i) {
+      const auto at_row = static_cast<Eigen::Index>(3 * std::size_t{rows_[i]});
+      force_n.segment<3>(at_row) += blocks_[i] * moved_m;
+      if (at_row != at_column) at_column_n += blocks_[i].transpose() * displacement_m.segment<3>(at_row);
+    }
+    force_n.segment<3>(at_column) += at_column_n;
+  }
+  return force_n;
+}
+
+}  // namespace kiroku::sim

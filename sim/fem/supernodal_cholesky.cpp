@@ -1,0 +1,312 @@
+#include "sim/fem/supernodal_cholesky.h"
+
+#include <algorithm>
+#include <array>
+#include <condition_variable>
+#include <exception>
+#include <mutex>
+#include <suitesparse/cholmod.h>
+#include <system_error>
+#include <thread>
+
+// BLAS and LAPACK as Fortran names them; all matrices are stored by columns.
+extern "C" {
+void dsyrk_(const char* triangle, const char* transposed, const int* n, const int* k, const double* alpha,
+            const double* a, const int* lda, const double* beta, double* c, const int* ldc);
+void dgemm_(const char* transposed_a, const char* transposed_b, const int* m, const int* n, const int* k,
+            const double* alpha, const double* a, const int* lda, const double* b, const int* ldb,
+            const double* beta, double* c, const int* ldc);
+void dtrsm_(const char* side, const char* triangle, const char* transposed, const char* diagonal,
+            const int* m, const int* n, const double* alpha, const double* a, const int* lda, double* b,
+            const int* ldb);
+void dpotrf_(const char* triangle, const int* n, double* a, const int* lda, int* info);
+}
+
+namespace kiroku::sim {
+namespace {
+
+/// Rows of supernode `from` that are columns of another: its row list from `begin` to `end`.
+struct Update {
+  std::uint32_t from;
+  std::int64_t begin, end;
+};
+
+/// A block of K, some of whose entries are in the columns of a supernode.
+struct BlockPlace {
+  std::uint32_t row, column;  // nodes
+  const Eigen::Matrix3d* block;
+};
+
+/// Lists of one kind for every supernode, one after the other.
+template <typename Item>
+class Lists {
+ public:
+  explicit Lists(std::size_t lists) : begin_(lists + 1) {}
+  /// First all are counted, then all are added.
+  void count(std::size_t list) { ++begin_[list + 1]; }
+  void allocate() {
+    for (std::size_t list = 1; list < begin_.size(); ++list) begin_[list] += begin_[list - 1];
+    items_.resize(begin_.back());
+    next_.assign(begin_.begin(), begin_.end() - 1);
+  }
+  void add(std::size_t list, const Item& item) { items_[next_[list]++] = item; }
+  [[nodiscard]] std::span<const Item> operator[](std::size_t list) const {
+    return std::span(items_).subspan(begin_[list], begin_[list + 1] - begin_[list]);
+  }
+
+ private:
+  std::vector<std::size_t> begin_, next_;
+  std::vector<Item> items_;
+};
+
+class SupernodalCholesky {
+ public:
+  SupernodalCholesky(const StiffnessMatrix& stiffness, std::span<const std::uint32_t> unknown_of,
+                     cholmod_factor& factor)
+      : count_(factor.nsuper),
+        first_column_(static_cast<const std::int64_t*>(factor.super), count_ + 1),
+        first_row_(static_cast<const std::int64_t*>(factor.pi), count_ + 1),
+        first_number_(static_cast<const std::int64_t*>(factor.px), count_ + 1),
+        rows_(static_cast<const std::int64_t*>(factor.s), factor.ssize),
+        numbers_(static_cast<double*>(factor.x)),
+        largest_update_(factor.maxcsize),
+        position_of_(unknown_of.begin(), unknown_of.end()),
+        supernode_of_(factor.n),
+        updates_(count_),
+        blocks_(count_),
+        children_left_(count_) {
+    for (std::uint32_t s = 0; s < count_; ++s) {
+      std::fill(supernode_of_.begin() + first_column_[s], supernode_of_.begin() + first_column_[s + 1], s);
+    }
+    const auto* const permutation = static_cast<const std::int64_t*>(factor.Perm);
+    std::vector<std::uint32_t> position(factor.n);
+    for (std::uint32_t i = 0; i < factor.n; ++i) position[static_cast<std::size_t>(permutation[i])] = i;
+    for (std::uint32_t& unknown : position_of_) {
+      if (unknown != kNoUnknown) unknown = position[unknown];
+    }
+    list_updates();
+    list_blocks(stiffness);
+    for (std::uint32_t s = 0; s < count_; ++s) {
+      if (const auto parent = parent_of(s)) ++children_left_[*parent];
+    }
+    for (std::uint32_t s = static_cast<std::uint32_t>(count_); s-- > 0;) {
+      if (children_left_[s] == 0) ready_.push_back(s);
+    }
+  }
+
+  std::optional<std::size_t> run(unsigned threads) {
+    std::vector<std::thread> workers;
+    try {
+      for (unsigned i = 1; i < threads; ++i) workers.emplace_back([this] { work(); });
+    } catch (const std::system_error&) {
+      // The machine gives no more threads; those that are there suffice.
+    }
+    work();
+    for (std::thread& worker : workers) worker.join();
+    if (failure_) std::rethrow_exception(failure_);
+    return failed_column_;
+  }
+
+ private:
+  [[nodiscard]] std::size_t columns_of(std::uint32_t s) const {
+    return static_cast<std::size_t>(first_column_[s + 1] - first_column_[s]);
+  }
+  [[nodiscard]] std::size_t rows_of(std::uint32_t s) const {
+    return static_cast<std::size_t>(first_row_[s + 1] - first_row_[s]);
+  }
+  /// Where the first row below its columns is one of; none for a root.
+  [[nodiscard]] std::optional<std::uint32_t> parent_of(std::uint32_t s) const {
+    if (rows_of(s) == columns_of(s)) return std::nullopt;
+    return supernode_of_[static_cast<std::size_t>(
+        rows_[static_cast<std::size_t>(first_row_[s]) + columns_of(s)])];
+  }
+
+  template <typename Take>
+  void for_each_update(std::uint32_t from, Take take) const {
+    const std::int64_t end = first_row_[from + 1];
+    for (std::int64_t at = first_row_[from] + static_cast<std::int64_t>(columns_of(from)); at < end;) {
+      const std::uint32_t to = supernode_of_[static_cast<std::size_t>(rows_[static_cast<std::size_t>(at)])];
+      const std::int64_t begin = at;
+      while (at < end && rows_[static_cast<std::size_t>(at)] < first_column_[to + 1]) ++at;
+      take(to, Update{from, begin, at});
+    }
+  }
+
+  void list_updates() {
+    for (std::uint32_t s = 0; s < count_; ++s) {
+      for_each_update(s, [this](std::uint32_t to, const Update&) { updates_.count(to); });
+    }
+    updates_.allocate();
+    for (std::uint32_t s = 0; s < count_; ++s) {
+      for_each_update(s, [this](std::uint32_t to, const Update& update) { updates_.add(to, update); });
+    }
+  }
+
+  /// Each supernode that has a column of an entry of the block, once.
+  template <typename Take>
+  void for_each_owner(std::uint32_t row, std::uint32_t column, Take take) const {
+    std::array<std::uint32_t, 9> owners{};
+    std::size_t found = 0;
+    for (std::size_t i = 0; i < 3; ++i) {
+      for (std::size_t j = 0; j < 3; ++j) {
+        const std::uint32_t a = position_of_[3 * std::size_t{row} + i],
+                            b = position_of_[3 * std::size_t{column} + j];
+        if (a == kNoUnknown || b == kNoUnknown) continue;
+        const std::uint32_t owner = supernode_of_[std::min(a, b)];
+        if (std::find(owners.begin(), owners.begin() + found, owner) != owners.begin() + found) continue;
+        owners[found++] = owner;
+        take(owner);
+      }
+    }
+  }
+
+  void list_blocks(const StiffnessMatrix& stiffness) {
+    const auto for_each_block = [&](auto take) {
+      for (std::uint32_t column = 0; column < stiffness.nodes(); ++column) {
+        const auto rows = stiffness.rows(column);
+        for (std::size_t i = 0; i < rows.size(); ++i) {
+          for_each_owner(rows[i], column, [&](std::uint32_t owner) {
+            take(owner, BlockPlace{rows[i], column, &stiffness.blocks(column)[i]});
+          });
+        }
+      }
+    };
+    for_each_block([this](std::uint32_t owner, const BlockPlace&) { blocks_.count(owner); });
+    blocks_.allocate();
+    for_each_block([this](std::uint32_t owner, const BlockPlace& place) { blocks_.add(owner, place); });
+  }
+
+  /// What a thread keeps from one supernode to the next.
+  struct Workspace {
+    std::vector<std::int32_t> row_in_supernode;  // of each row of the matrix
+    std::vector<std::int32_t> target;
+    std::vector<double> update;
+  };
+
+  void work() {
+    Workspace space;
+    try {
+      space.row_in_supernode.resize(supernode_of_.size());
+      space.update.resize(largest_update_);
+      space.target.reserve(supernode_of_.size());
+    } catch (...) {
+      const std::lock_guard lock(mutex_);
+      if (!failure_) failure_ = std::current_exception();
+      changed_.notify_all();
+      return;
+    }
+    std::unique_lock lock(mutex_);
+    while (true) {
+      changed_.wait(lock, [this] { return !ready_.empty() || running_ == 0 || failure_; });
+      if (ready_.empty() || failure_) break;
+      const std::uint32_t s = ready_.back();
+      ready_.pop_back();
+      ++running_;
+      lock.unlock();
+      const std::optional<std::size_t> failed = compute(s, space);
+      lock.lock();
+      --running_;
+      if (failed) {
+        failed_column_ = std::min(failed_column_.value_or(*failed), *failed);
+      } else if (const auto parent = parent_of(s); parent && --children_left_[*parent] == 0) {
+        ready_.push_back(*parent);
+      }
+      changed_.notify_all();
+    }
+  }
+
+  /// The column that failed, if one did.
+  std::optional<std::size_t> compute(std::uint32_t s, Workspace& space) {
+    const std::size_t rows = rows_of(s), columns = columns_of(s);
+    const auto row_list = rows_.subspan(static_cast<std::size_t>(first_row_[s]), rows);
+    double* const block = numbers_ + first_number_[s];
+    for (std::size_t i = 0; i < rows; ++i) {
+      space.row_in_supernode[static_cast<std::size_t>(row_list[i])] = static_cast<std::int32_t>(i);
+    }
+    std::fill_n(block, rows * columns, 0.0);
+    add_stiffness(s, space, block, rows);
+    for (const Update& update : updates_[s]) subtract(update, space, block, rows);
+
+    const int order = static_cast<int>(columns), leading = static_cast<int>(rows), below = leading - order;
+    int failed = 0;
+    dpotrf_("L", &order, block, &leading, &failed);
+    if (failed != 0) return static_cast<std::size_t>(first_column_[s] + failed - 1);
+    const double one = 1;
+    if (below > 0)
+      dtrsm_("R", "L", "T", "N", &below, &order, &one, block, &leading, block + columns, &leading);
+    return std::nullopt;
+  }
+
+  void add_stiffness(std::uint32_t s, const Workspace& space, double* block, std::size_t rows) const {
+    const auto begin = static_cast<std::uint32_t>(first_column_[s]),
+               end = static_cast<std::uint32_t>(first_column_[s + 1]);
+    for (const BlockPlace& place : blocks_[s]) {
+      for (std::size_t i = 0; i < 3; ++i) {
+        // Of a block on the diagonal, one triangle.
+        for (std::size_t j = 0; j < (place.row == place.column ? i + 1 : 3); ++j) {
+          const std::uint32_t a = position_of_[3 * std::size_t{place.row} + i];
+          const std::uint32_t b = position_of_[3 * std::size_t{place.column} + j];
+          if (a == kNoUnknown || b == kNoUnknown) continue;
+          const auto [column, row] = std::minmax(a, b);
+          if (column < begin || column >= end) continue;
+          block[static_cast<std::size_t>(space.row_in_supernode[row]) + rows * (column - begin)] =
+              (*place.block)(static_cast<Eigen::Index>(i), static_cast<Eigen::Index>(j));
+        }
+      }
+    }
+  }
+
+  /// Takes L_d L_d^T off the supernode's block, for the rows of d that are in it.
+  void subtract(const Update& update, Workspace& space, double* block, std::size_t rows) const {
+    const std::uint32_t d = update.from;
+    const int leading = static_cast<int>(rows_of(d)), inner = static_cast<int>(columns_of(d));
+    const int columns = static_cast<int>(update.end - update.begin),
+              all = static_cast<int>(first_row_[d + 1] - update.begin);
+    const int below = all - columns;
+    const double* const source = numbers_ + first_number_[d] + (update.begin - first_row_[d]);
+    const double one = 1, zero = 0;
+    double* const product = space.update.data();
+    dsyrk_("L", "N", &columns, &inner, &one, source, &leading, &zero, product, &all);
+    if (below > 0) {
+      dgemm_("N", "T", &below, &columns, &inner, &one, source + columns, &leading, source, &leading, &zero,
+             product + columns, &all);
+    }
+    space.target.clear();
+    for (std::int64_t at = update.begin; at < first_row_[d + 1]; ++at) {
+      space.target.push_back(
+          space.row_in_supernode[static_cast<std::size_t>(rows_[static_cast<std::size_t>(at)])]);
+    }
+    for (std::size_t j = 0; j < static_cast<std::size_t>(columns); ++j) {
+      double* const into = block + rows * static_cast<std::size_t>(space.target[j]);
+      const double* const from = product + static_cast<std::size_t>(all) * j;
+      for (std::size_t i = j; i < static_cast<std::size_t>(all); ++i) into[space.target[i]] -= from[i];
+    }
+  }
+
+  std::size_t count_;
+  std::span<const std::int64_t> first_column_, first_row_, first_number_, rows_;
+  double* numbers_;
+  std::size_t largest_update_;
+  std::vector<std::uint32_t> position_of_;   // of each component of (3 |V|), in the factor's order
+  std::vector<std::uint32_t> supernode_of_;  // of each column
+  Lists<Update> updates_;
+  Lists<BlockPlace> blocks_;
+
+  std::mutex mutex_;  // for all below
+  std::condition_variable changed_;
+  std::vector<std::uint32_t> children_left_;  // that are not computed yet
+  std::vector<std::uint32_t> ready_;          // the last is next
+  std::size_t running_ = 0;
+  std::optional<std::size_t> failed_column_;
+  std::exception_ptr failure_;
+};
+
+}  // namespace
+
+std::optional<std::size_t> factorise_supernodes(const StiffnessMatrix& stiffness,
+                                                std::span<const std::uint32_t> unknown_of, unsigned threads,
+                                                cholmod_factor_struct& factor) {
+  return SupernodalCholesky(stiffness, unknown_of, factor).run(threads);
+}
+
+}  // namespace kiroku::sim

@@ -1,0 +1,11 @@
+// Units at the border: files and models say which they are in, everything inside is in metres.
+#pragma once
+
+namespace kiroku::sim {
+
+enum class LengthUnit { kMetre, kMillimetre };
+
+/// Dividing by it is exact where multiplying by 0.001 is not.
+constexpr double units_per_metre(LengthUnit unit) { return unit == LengthUnit::kMetre ? 1.0 : 1000.0; }
+
+}  // namespace kiroku::sim

@@ -1,0 +1,53 @@
+// Taking a JSON document apart so that every refusal names the file and the path of the value. Not
+// thread-safe.
+#pragma once
+
+#include <initializer_list>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include <nlohmann/json.hpp>
+
+#include "sim/mesh/tet_mesh.h"
+
+namespace kiroku::sim {
+
+/// A value and where it stands: "cannot use liver.json: materials[0].poisson_ratio is a text where a number
+/// is expected". The document must outlive its fields.
+class JsonField {
+ public:
+  /// Parses; kiroku::Error with line and column for what is no JSON, and for a key that stands twice in an
+  /// object.
+  static nlohmann::json parse(std::string_view text, const std::string& file);
+  JsonField(const nlohmann::json& document, std::string file);
+
+  /// Whose only keys are these; others are refused, so that a slip of the pen does not go unnoticed.
+  void expect_object(std::initializer_list<std::string_view> keys) const;
+  [[nodiscard]] bool has(const char* key) const { return value_->contains(key); }
+  [[nodiscard]] JsonField member(const char* key) const;  // refused if absent
+  [[nodiscard]] std::optional<JsonField> optional_member(const char* key) const;
+  [[nodiscard]] std::vector<JsonField> elements() const;                   // of an array
+  [[nodiscard]] std::vector<JsonField> elements(std::size_t count) const;  // of an array of so many
+
+  [[nodiscard]] double number() const;  // finite
+  [[nodiscard]] std::optional<double> number_or_null() const;
+  [[nodiscard]] std::int64_t integer() const;
+  [[nodiscard]] std::string text() const;
+  [[nodiscard]] bool is_text() const { return value_->is_string(); }
+  [[nodiscard]] Vector3 vector() const;  // of three numbers
+
+  [[nodiscard]] const std::string& path() const { return path_; }
+  /// "cannot use FILE: PATH WHAT".
+  [[noreturn]] void fail(const std::string& what) const;
+
+ private:
+  JsonField(const nlohmann::json& value, std::string file, std::string path);
+  [[noreturn]] void fail_type(const char* expected) const;
+
+  const nlohmann::json* value_;
+  std::string file_, path_;
+};
+
+}  // namespace kiroku::sim

@@ -1,0 +1,50 @@
+// One static solve as a document: which mesh, of what, held where, loaded how; and its result. Thread-safe
+// but for files that others change meanwhile.
+//
+// {"mesh": "liver.msh", "length_unit": "mm",
+//  "materials": [{"region": "all", "young_modulus_pa": 5000, "poisson_ratio": 0.45, "density_kg_m3": 1060}],
+//  "fixed": [{"box": [[0, 0, 0], [10, 50, 50]], "displacement": [0, 0, null]}],
+//  "forces": [{"nodes": [17, 18], "force_n": [0, 0, -0.5]}],
+//  "gravity_m_s2": [0, -9.81, 0]}
+//
+// docs/simulation.md says what each key means.
+#pragma once
+
+#include <filesystem>
+#include <string>
+#include <vector>
+
+#include "sim/fem/elastic_body.h"
+#include "sim/mesh/length_unit.h"
+
+namespace kiroku::sim {
+
+struct StaticModel {
+  TetMesh mesh;
+  LengthUnit unit = LengthUnit::kMetre;
+  Materials materials;
+  Constraints constraints{0};
+  Eigen::VectorXd force_n;  // (3 |V|), without weight
+  Vector3 gravity_m_s2 = Vector3::Zero();
+  /// What is odd and does not prevent an answer, each a sentence: a mesh of a strange size, in several
+  /// pieces, with loose nodes, cells that were left out, a density that was assumed.
+  std::vector<std::string> warnings;
+};
+
+/// kiroku::Error in one sentence with the file and the JSON path; also what read_mesh() throws. The mesh is
+/// sought beside the model.
+StaticModel read_static_model(const std::filesystem::path& file);
+
+struct StaticResult {
+  StaticSolution solution;
+  std::vector<SymmetricTensor> stress_pa;  // (|T|)
+  Vector3 load_n, reaction_n;              // sums over the body; weight is a load
+  std::size_t unknowns = 0;
+};
+StaticResult solve(const StaticModel& model);
+
+/// Point data displacement (in the mesh's unit) and reaction_force (N), cell data stress (XX, YY, ZZ, XY, YZ,
+/// XZ; Pa), von_mises_stress (Pa) and region, on the undeformed mesh.
+std::string vtu_text(const StaticModel& model, const StaticResult& result);
+
+}  // namespace kiroku::sim
