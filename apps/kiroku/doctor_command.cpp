@@ -24,6 +24,7 @@
 #include "crypto/secret.h"
 #include "recorder/clock_watch.h"
 #include "recorder/daemon/control_server.h"
+#include "recorder/procedure/worklist.h"
 #include "recorder/source/source.h"
 #include "recorder/vitals/vital_source.h"
 #include "timestamp/request.h"
@@ -234,6 +235,20 @@ Check check_source(const RoomConfiguration& room, const StreamConfiguration& str
   return {Health::kGood, subject, source->format().to_string() + ", " + text, ""};
 }
 
+/// A case begins without it: never worse than a warning.
+Check check_worklist(const RoomConfiguration& room) {
+  const std::string subject = "worklist of " + room.name;
+  const recorder::WorklistAnswer answer = recorder::ask_worklist(*room.procedure.worklist, utc_now());
+  if (!answer.problem.empty()) {
+    return {
+        Health::kWarning, subject, answer.problem,
+        "look at address and titles in kiroku.toml, and whether the worklist knows calling_ae; cases begin "
+        "without it"};
+  }
+  return {Health::kGood, subject, "lists " + std::to_string(answer.items.size()) + " steps of these days",
+          ""};
+}
+
 /// Whether a recorder runs on this home, which then holds the sources.
 bool recorder_answers(const Home& home, const Configuration& configuration, Examination& out) {
   try {
@@ -269,6 +284,9 @@ void examine_all(const Home& home, const Configuration& configuration, Examinati
                 "give it another path in kiroku.toml (proxy, or another interface such as a mobile link), or "
                 "another authority",
                 [&] { return check_authority(authority, trust); });
+  }
+  for (const RoomConfiguration& room : configuration.rooms) {
+    if (room.procedure.worklist) out.add(check_worklist(room));
   }
   if (recorder_answers(home, configuration, out)) {
     out.add({Health::kGood, "sources", "kirokud holds them: 'kiroku status' tells how they are", ""});
@@ -319,9 +337,10 @@ void add_doctor_command(Command& program) {
   add_home_option(command, request->home);
   command.flag("--json", request->json, "prints one JSON object instead");
   command.explain(
-      "Looks at configuration, permissions, recipients, disk, clock, time-stamping authorities and sources, "
-      "and says what to "
-      "do about what is not good. Writes a trial file of 256 MB into the archive and removes it. Exit status "
+      "Looks at configuration, permissions, recipients, disk, clock, time-stamping authorities, worklists "
+      "and "
+      "sources, and says what to do about what is not good. Writes a trial file of 256 MB into the archive "
+      "and removes it. Exit status "
       "1 if anything is "
       "bad.");
   command.example("kiroku doctor", "before the first case of the day");

@@ -130,7 +130,7 @@ struct Footswitch::State {
         set_problem("");
         pause = options.first_pause;
         if (read_presses(device)) return;
-      } catch (const Error& error) {
+      } catch (const std::exception& error) {
         set_problem(error.what());
       }
       if (is_over(pause)) return;

@@ -216,16 +216,25 @@ struct Room::State {
     return taken->reason;
   }
 
+  /// What is known of the procedure; nothing that goes wrong with it may end a recording, or keep one from
+  /// beginning.
+  std::optional<Bytes> find_subject() {
+    try {
+      if (const auto found = plan.procedure->find(begun_at)) return subject_json(*found);
+    } catch (const std::exception& error) {
+      tell_problem(std::string("procedure data cannot be looked up: ") + error.what());
+    }
+    return {};
+  }
+
   /// For a case that begins now: what a person gave, else what is known of the procedure.
   std::optional<Bytes> subject_of(Request& asked) {
     std::optional<Bytes> subject = std::move(asked.subject);
     SubjectState state = subject ? SubjectState::kGiven : SubjectState::kNone;
     begun_at = utc_now();
     if (!subject && plan.procedure) {
-      if (const auto found = plan.procedure->find(begun_at)) {
-        subject = subject_json(*found);
-        state = SubjectState::kFound;
-      }
+      subject = find_subject();
+      if (subject) state = SubjectState::kFound;
     }
     look_for_subject = !subject && plan.procedure;
     const std::lock_guard guard(mutex);
@@ -247,10 +256,10 @@ struct Room::State {
   void look_for_late_subject(Session& running) {
     if (!look_for_subject || Clock::now() < next_look) return;
     next_look = Clock::now() + kRuleInterval;
-    const auto found = plan.procedure->find(begun_at);
+    const std::optional<Bytes> found = find_subject();
     if (!found) return;
     look_for_subject = false;
-    running.late_subject(subject_json(*found));
+    running.late_subject(*found);
     {
       const std::lock_guard guard(mutex);
       status.subject = SubjectState::kLate;
@@ -457,7 +466,7 @@ std::string Room::start(const std::string& reason, std::optional<Bytes> subject)
 std::string Room::stop(const std::string& reason, bool wait) {
   std::unique_lock lock(state_->mutex);
   if (state_->status.state != RoomState::kRecording) throw UsageError("room " + name() + " is not recording");
-  const std::string id = state_->status.case_id;
+  std::string id = state_->status.case_id;
   const std::uint64_t before = state_->status.cases;
   state_->session->stop(reason);
   state_->status.state = RoomState::kClosing;

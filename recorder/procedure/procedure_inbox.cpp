@@ -19,7 +19,11 @@ constexpr std::size_t kLongestKept = 16U << 10;
 
 struct Listening {
   MllpServer::Options server;
-  std::chrono::minutes zone;
+  SourceAddress address;
+  /// Looked at for each message: a recorder runs for months, and "local" changes twice a year.
+  [[nodiscard]] std::chrono::minutes zone() const {
+    return parse_assumed_zone(address.option("zone", "local"), address.stated);
+  }
 };
 
 Listening listening_at(const std::string& listen) {
@@ -28,7 +32,9 @@ Listening listening_at(const std::string& listen) {
     throw UsageError("'" + address.stated +
                      "' is nowhere to wait for HL7 messages: write mllp://ADDRESS:PORT");
   }
-  return {mllp_server_options(address), parse_assumed_zone(address.option("zone", "local"), address.stated)};
+  Listening listening{mllp_server_options(address), address};
+  static_cast<void>(listening.zone());  // refuses what is none
+  return listening;
 }
 
 std::size_t kept_bytes(const ProcedureMessage& message) {
@@ -56,7 +62,7 @@ struct ProcedureInbox::State {
       answer = "AR";
       why = "only messages of patients and appointments (ADT, SIU) are taken here";
     } else {
-      message = read_procedure_message(*parsed.message, listening.zone);
+      message = read_procedure_message(*parsed.message, listening.zone());
       if (kept_bytes(*message) > kLongestKept) {
         answer = "AE";
         why = "the message says more of a patient and a procedure than is kept";
@@ -112,7 +118,7 @@ void ProcedureInbox::tend() {
       if (!state.problem.empty()) news = "HL7 messages are waited for at " + state.where + " now";
       state.problem.clear();
       state.server = std::move(server);
-    } catch (const Error& error) {
+    } catch (const std::exception& error) {
       state.not_before = steady_clock::now() + kListenAgain;
       if (state.problem != error.what()) news = error.what();
       state.problem = error.what();

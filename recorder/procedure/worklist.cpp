@@ -36,7 +36,7 @@ struct Worklist::State {
       hurried = false;
       lock.unlock();
       const UtcTime now = utc_now();
-      WorklistAnswer answer = ask_worklist(options, now);
+      WorklistAnswer answer = ask(now);
       const auto asked = steady_clock::now();
       lock.lock();
       const std::string news = take(std::move(answer), now);
@@ -45,18 +45,31 @@ struct Worklist::State {
         tell(news);
         lock.lock();
       }
-      const auto refresh = std::chrono::duration_cast<steady_clock::duration>(options.refresh);
-      const auto pause = failures == 0 ? refresh
-                                       : std::min<steady_clock::duration>(
-                                             std::max(refresh, steady_clock::duration(kLeastInterval)) *
-                                                 (1U << std::min(failures - 1, 6U)),
-                                             std::max<steady_clock::duration>(refresh, kLongestInterval));
+      const auto next = asked + pause();
       // Whoever is in a hurry waits a little, too: a room that begins a case each second asks no oftener.
       const auto soonest = asked + kLeastInterval;
-      while (!ending && steady_clock::now() < asked + pause && !(hurried && steady_clock::now() >= soonest)) {
-        changed.wait_until(lock, hurried ? std::min(soonest, asked + pause) : asked + pause);
+      while (!ending && steady_clock::now() < (hurried ? std::min(soonest, next) : next)) {
+        changed.wait_until(lock, hurried ? std::min(soonest, next) : next);
       }
     }
+  }
+
+  /// Whatever goes wrong with it, nothing else ends.
+  [[nodiscard]] WorklistAnswer ask(UtcTime now) const {
+    try {
+      return ask_worklist(options, now);
+    } catch (const std::exception& error) {
+      return {{}, std::string("the worklist cannot be asked: ") + error.what()};
+    }
+  }
+
+  /// With the mutex held. Until the next question: after failures twice as long each time.
+  [[nodiscard]] steady_clock::duration pause() const {
+    const auto refresh = std::chrono::duration_cast<steady_clock::duration>(options.refresh);
+    if (failures == 0) return refresh;
+    const auto first = std::max<steady_clock::duration>(refresh, kLeastInterval);
+    const auto longest = std::max<steady_clock::duration>(refresh, kLongestInterval);
+    return std::min<steady_clock::duration>(first * (1U << std::min(failures - 1, 6U)), longest);
   }
 
   /// With the mutex held. The sentence that a person should see, if any.

@@ -127,8 +127,10 @@ source = "synthetic:endoscope?size=64x48&rate=10"
   EXPECT_EQ(room()["subject"], "none");
   EXPECT_THAT(room()["problem"].get<std::string>(), HasSubstr("begins without procedure data"));
   EXPECT_FALSE(room()["procedure"][1]["well"].get<bool>());
+  EXPECT_THAT(kiroku({"doctor"}).out, testing::ContainsRegex("WARNING +worklist of or-2"));
   server.add("11", "Listed^Lisa", compact_local_time("%Y%m%d"), compact_local_time("%H%M"));
   server.start();
+  EXPECT_THAT(kiroku({"doctor"}).out, HasSubstr("lists 1 steps of these days"));
   EXPECT_TRUE(until_subject("late"));
   EXPECT_EQ(kiroku({"case", "stop", "--room", "or-2"}).status, 0);
   EXPECT_EQ(kiroku_json({"verify", "--json", (home() / "archive" / late).string()})["verdict"], "intact");

@@ -256,6 +256,7 @@ class StatedProcedure : public ProcedureSource {
     data_->patient_id = patient;
   }
   [[nodiscard]] std::optional<ProcedureData> find(UtcTime /*at*/) const override {
+    if (broken) throw Error("it broke");
     const std::lock_guard guard(mutex_);
     return data_;
   }
@@ -264,6 +265,7 @@ class StatedProcedure : public ProcedureSource {
     return {{"worklist", false, "does not answer"}};
   }
   std::atomic<int> hurried = 0;
+  std::atomic<bool> broken = false;
 
  private:
   mutable std::mutex mutex_;
@@ -316,6 +318,21 @@ TEST_F(RoomTest, ProcedureDataThatComeLateAreAnEventOfTheCase) {
   ASSERT_THAT(events, SizeIs(2));
   EXPECT_THAT(events[0], HasSubstr("subject-missing"));
   EXPECT_THAT(events[1], HasSubstr(R"(\"subject\":{\"patient\":{\"id\":\"4711\"}})"));
+}
+
+TEST_F(RoomTest, ASourceOfProcedureDataThatFailsEndsNothing) {
+  const auto procedure = std::make_shared<StatedProcedure>();
+  procedure->broken = true;
+  RoomPlan broken = plan({kCamera});
+  broken.procedure = procedure;
+  Room room(std::move(broken), listener());
+  room.start("operator");
+  ASSERT_TRUE(within(20s, [&] { return room.status().problem.find("it broke") != std::string::npos; }));
+  procedure->broken = false;
+  procedure->state("4711");
+  ASSERT_TRUE(within(20s, [&] { return room.status().subject == SubjectState::kLate; }));
+  room.stop("operator", true);
+  EXPECT_EQ(results.at(0).close_reason, "operator");
 }
 
 TEST_F(RoomTest, TellsWhyNoCaseCouldBeBegun) {
