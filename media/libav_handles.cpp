@@ -78,7 +78,9 @@ std::string libav_error_text(int code) {
   return text.data();
 }
 
-void throw_libav(const std::string& what, int code) { throw LibavError(what + ": " + libav_error_text(code)); }
+void throw_libav(const std::string& what, int code) {
+  throw LibavError(what + ": " + libav_error_text(code));
+}
 
 int require(int code, const std::string& what) {
   if (code < 0) {

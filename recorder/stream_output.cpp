@@ -10,8 +10,8 @@ namespace {
 // Format 1 asks for one second; what waits to be sealed adds to what a power cut costs, and both together
 // stay within that.
 constexpr std::chrono::milliseconds kSyncInterval{250};
-// Sealed segments that wait for the disk keep their files open. Of a camera it is half a minute of a disk that
-// does nothing; a source that is read as fast as it goes would have hundreds.
+// Sealed segments that wait for the disk keep their files open. Of a camera it is half a minute of a disk
+// that does nothing; a source that is read as fast as it goes would have hundreds.
 constexpr std::size_t kMostHanded = 16;
 
 }  // namespace

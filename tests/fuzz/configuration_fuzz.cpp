@@ -20,7 +20,8 @@ void require(bool holds) {
 bool names_its_place(const std::string& message) {
   constexpr std::string_view kFile = "fuzz.toml:";
   if (!message.starts_with(kFile)) return false;
-  return message.size() > kFile.size() && std::isdigit(static_cast<unsigned char>(message[kFile.size()])) != 0;
+  return message.size() > kFile.size() &&
+         std::isdigit(static_cast<unsigned char>(message[kFile.size()])) != 0;
 }
 
 }  // namespace
@@ -31,7 +32,8 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
     const apps::Configuration read = apps::parse_configuration(text, "fuzz.toml");
     require(!read.authorities.empty());
     for (const apps::AuthorityConfiguration& authority : read.authorities) require(!authority.paths.empty());
-    for (const apps::RoomConfiguration& room : read.rooms) require(!room.name.empty() && !room.streams.empty());
+    for (const apps::RoomConfiguration& room : read.rooms)
+      require(!room.name.empty() && !room.streams.empty());
   } catch (const UsageError& error) {
     require(names_its_place(error.what()));
   }

@@ -379,7 +379,9 @@ TEST(AgeFile, AWrittenFileEndsBeforeTheDamage) {
   for (const unsigned threads : {1U, 2U, 5U}) {
     const OutputFile out(folder / "plain");
     EXPECT_THAT(
-        [&] { AgeFile::open(*source, keys().identities).write_to(out.descriptor(), out.name(), {}, threads); },
+        [&] {
+          AgeFile::open(*source, keys().identities).write_to(out.descriptor(), out.name(), {}, threads);
+        },
         ThrowsMessage<AgeError>(HasSubstr("chunk 29 ")));
     EXPECT_EQ(out.content(), front_of(plaintext, 29 * kAgeChunkSize));
   }
@@ -390,7 +392,8 @@ TEST(AgeFile, TellsWhenAFileCannotBeWritten) {
   const Bytes sealed = seal_bytes(patterned_bytes(100), keys().recipients);
   const auto source = memory_source(sealed);
   const OutputFile out("/dev/full");
-  EXPECT_THROW(AgeFile::open(*source, keys().identities).write_to(out.descriptor(), out.name(), {}, 2), IoError);
+  EXPECT_THROW(AgeFile::open(*source, keys().identities).write_to(out.descriptor(), out.name(), {}, 2),
+               IoError);
 }
 
 TEST(AgeFile, ANewHeaderOpensTheSamePayloadForAnotherReader) {
