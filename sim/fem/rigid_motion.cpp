@@ -32,8 +32,7 @@ std::vector<Part> parts_of(const TetMesh& mesh, const Parts& parts) {
   }
   for (Part& part : all) {
     std::ranges::sort(part.nodes);
-    const auto repeated = std::ranges::unique(part.nodes);
-    part.nodes.erase(repeated.begin(), repeated.end());
+    part.nodes.erase(std::unique(part.nodes.begin(), part.nodes.end()), part.nodes.end());
     for (const std::uint32_t node : part.nodes)
       part.centre += mesh.nodes[node] / static_cast<double>(part.nodes.size());
   }
