@@ -5,11 +5,13 @@
 #include <condition_variable>
 #include <exception>
 #include <mutex>
-#include <suitesparse/cholmod.h>
 #include <system_error>
 #include <thread>
 
+#include <suitesparse/cholmod.h>
+
 // BLAS and LAPACK as Fortran names them; all matrices are stored by columns.
+// NOLINTBEGIN(readability-identifier-naming)
 extern "C" {
 void dsyrk_(const char* triangle, const char* transposed, const int* n, const int* k, const double* alpha,
             const double* a, const int* lda, const double* beta, double* c, const int* ldc);
@@ -21,6 +23,7 @@ void dtrsm_(const char* side, const char* triangle, const char* transposed, cons
             const int* ldb);
 void dpotrf_(const char* triangle, const int* n, double* a, const int* lda, int* info);
 }
+// NOLINTEND(readability-identifier-naming)
 
 namespace kiroku::sim {
 namespace {

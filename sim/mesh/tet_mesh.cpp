@@ -1,7 +1,8 @@
 #include "sim/mesh/tet_mesh.h"
 
-#include <Eigen/Geometry>
 #include <algorithm>
+
+#include <Eigen/Geometry>
 
 namespace kiroku::sim {
 
