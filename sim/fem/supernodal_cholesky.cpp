@@ -4,6 +4,7 @@
 #include <array>
 #include <condition_variable>
 #include <exception>
+#include <memory>
 #include <mutex>
 #include <system_error>
 #include <thread>
@@ -183,14 +184,14 @@ class SupernodalCholesky {
   struct Workspace {
     std::vector<std::int32_t> row_in_supernode;  // of each row of the matrix
     std::vector<std::int32_t> target;
-    std::vector<double> update;
+    std::unique_ptr<double[]> update;  // as much of it as is used takes memory
   };
 
   void work() {
     Workspace space;
     try {
       space.row_in_supernode.resize(supernode_of_.size());
-      space.update.resize(largest_update_);
+      space.update = std::make_unique_for_overwrite<double[]>(largest_update_);
       space.target.reserve(supernode_of_.size());
     } catch (...) {
       const std::lock_guard lock(mutex_);
@@ -268,7 +269,7 @@ class SupernodalCholesky {
     const int below = all - columns;
     const double* const source = numbers_ + first_number_[d] + (update.begin - first_row_[d]);
     const double one = 1, zero = 0;
-    double* const product = space.update.data();
+    double* const product = space.update.get();
     dsyrk_("L", "N", &columns, &inner, &one, source, &leading, &zero, product, &all);
     if (below > 0) {
       dgemm_("N", "T", &below, &columns, &inner, &one, source + columns, &leading, source, &leading, &zero,
