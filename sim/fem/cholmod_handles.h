@@ -4,6 +4,7 @@
 #include <memory>
 #include <new>
 #include <string>
+
 #include <suitesparse/cholmod.h>
 
 #include "base/error.h"

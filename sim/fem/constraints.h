@@ -1,10 +1,11 @@
 // Which displacements of a body are prescribed. Not thread-safe while it is changed.
 #pragma once
 
-#include <Eigen/Core>
 #include <cstdint>
 #include <string>
 #include <vector>
+
+#include <Eigen/Core>
 
 namespace kiroku::sim {
 
@@ -19,7 +20,6 @@ class Constraints {
   /// All three components.
   void prescribe(std::size_t node, const Eigen::Vector3d& displacement_m, const std::string& source);
 
-  [[nodiscard]] std::size_t nodes() const { return source_.size() / 3; }
   [[nodiscard]] bool prescribed(std::size_t number) const { return source_[number] != kFree; }
   [[nodiscard]] bool any() const { return !sources_.empty(); }
   /// (3 |V|), m; zero where nothing is prescribed.

@@ -35,9 +35,6 @@ class ElasticBody {
   /// unsound materials, and for everything that can still move as a rigid body, saying how.
   ElasticBody(TetMesh mesh, const Materials& materials, Constraints constraints);
 
-  [[nodiscard]] const TetMesh& mesh() const { return mesh_; }
-  [[nodiscard]] const Constraints& constraints() const { return constraints_; }
-  [[nodiscard]] const StiffnessMatrix& stiffness() const { return *stiffness_; }
   [[nodiscard]] std::size_t unknowns() const { return factorisation_->unknowns(); }
 
   /// The weight of each tetrahedron, a quarter at each of its nodes; (3 |V|), N.

@@ -1,7 +1,8 @@
 #include "sim/fem/element.h"
 
-#include <Eigen/Geometry>
 #include <cmath>
+
+#include <Eigen/Geometry>
 
 namespace kiroku::sim {
 

@@ -1,6 +1,7 @@
 #include "sim/fem/factor_layout.h"
 
 #include <algorithm>
+#include <memory>
 #include <sys/mman.h>
 #include <vector>
 
@@ -61,11 +62,11 @@ void expand(cholmod_factor* factor, const std::vector<std::size_t>& first_unknow
 
 /// The kernel then clears and maps 2 MiB at a time; it may decline.
 void use_huge_pages(cholmod_factor& factor) {
-  constexpr std::uintptr_t kPage = 2U << 20;
-  const auto begin = (reinterpret_cast<std::uintptr_t>(factor.x) + kPage - 1) & ~(kPage - 1);
-  const auto end =
-      (reinterpret_cast<std::uintptr_t>(factor.x) + factor.xsize * sizeof(double)) & ~(kPage - 1);
-  if (begin < end) ::madvise(reinterpret_cast<void*>(begin), end - begin, MADV_HUGEPAGE);
+  constexpr std::size_t kPage = 2U << 20;
+  void* begin = factor.x;
+  std::size_t bytes = factor.xsize * sizeof(double);
+  if (std::align(kPage, kPage, begin, bytes) != nullptr)
+    ::madvise(begin, bytes - bytes % kPage, MADV_HUGEPAGE);
 }
 
 }  // namespace

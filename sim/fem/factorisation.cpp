@@ -38,8 +38,6 @@ Factorisation::Factorisation(const StiffnessMatrix& stiffness, const std::vector
 
 Factorisation::~Factorisation() = default;
 
-std::size_t Factorisation::entries() const { return cholmod_->factor ? cholmod_->factor->xsize : 0; }
-
 Eigen::VectorXd Factorisation::solve(const Eigen::VectorXd& force_n) const {
   Eigen::VectorXd displacement_m = Eigen::VectorXd::Zero(force_n.size());
   if (unknown_.empty()) return displacement_m;

@@ -3,12 +3,13 @@
 // its sums may change with their number.
 #pragma once
 
-#include <Eigen/Core>
 #include <algorithm>
 #include <memory>
 #include <span>
 #include <thread>
 #include <vector>
+
+#include <Eigen/Core>
 
 #include "sim/fem/stiffness.h"
 
@@ -31,8 +32,6 @@ class Factorisation {
   [[nodiscard]] Eigen::VectorXd solve(const Eigen::VectorXd& force_n) const;
 
   [[nodiscard]] std::size_t unknowns() const { return unknown_.size(); }
-  /// Numbers that the factor keeps.
-  [[nodiscard]] std::size_t entries() const;
 
  private:
   struct Cholmod;

@@ -1,9 +1,10 @@
 #include "sim/fem/rigid_motion.h"
 
-#include <Eigen/Eigenvalues>
-#include <Eigen/SVD>
 #include <algorithm>
 #include <cmath>
+
+#include <Eigen/Eigenvalues>
+#include <Eigen/SVD>
 
 #include "sim/fem/number_text.h"
 #include "sim/mesh/disjoint_sets.h"
@@ -32,8 +33,7 @@ std::vector<Part> parts_of(const TetMesh& mesh, const Parts& parts) {
   }
   for (Part& part : all) {
     std::ranges::sort(part.nodes);
-    const auto repeated = std::ranges::unique(part.nodes);
-    part.nodes.erase(repeated.begin(), repeated.end());
+    part.nodes.erase(std::unique(part.nodes.begin(), part.nodes.end()), part.nodes.end());
     for (const std::uint32_t node : part.nodes)
       part.centre += mesh.nodes[node] / static_cast<double>(part.nodes.size());
   }
@@ -96,13 +96,13 @@ std::string motion_text(const Eigen::MatrixXd& null) {
 }
 
 /// The free motions of parts that are linked by nodes, each with six rows of the result; none: no columns.
+/// `first_at` (|V|) is memory to work in, -1 for the nodes of these parts.
 Eigen::MatrixXd null_motions(const TetMesh& mesh, const Constraints& constraints,
                              const std::vector<Part>& parts, const std::vector<std::size_t>& members,
-                             double length_m) {
+                             double length_m, std::vector<std::int64_t>& first_at) {
   const auto unknowns = static_cast<Eigen::Index>(6 * members.size());
   Eigen::MatrixXd normal = Eigen::MatrixXd::Zero(unknowns, unknowns);
   // Which member moves each node first; others that share it must move alike.
-  std::vector<std::int64_t> first_at(mesh.nodes.size(), -1);
   for (std::size_t member = 0; member < members.size(); ++member) {
     const Part& part = parts[members[member]];
     const auto own = static_cast<Eigen::Index>(6 * member);
@@ -149,10 +149,11 @@ std::vector<std::string> free_rigid_motions(const TetMesh& mesh, const Faces& fa
   std::vector<std::vector<std::size_t>> members(parts.size());
   for (std::uint32_t part = 0; part < parts.size(); ++part) members[groups.find(part)].push_back(part);
   const double length_m = std::max(extent_of(mesh).longest_side_m(), 1e-300);
+  std::ranges::fill(first_at, -1);
   std::vector<std::string> sentences;
   for (const std::vector<std::size_t>& group : members) {
     if (group.empty() || group.size() > kMostHingedParts) continue;
-    const Eigen::MatrixXd null = null_motions(mesh, constraints, parts, group, length_m);
+    const Eigen::MatrixXd null = null_motions(mesh, constraints, parts, group, length_m, first_at);
     if (null.cols() == 0) continue;
     for (std::size_t member = 0; member < group.size(); ++member) {
       const Part& part = parts[group[member]];

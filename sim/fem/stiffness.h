@@ -2,10 +2,11 @@
 // element). Immutable; thread-safe.
 #pragma once
 
-#include <Eigen/Core>
 #include <cstdint>
 #include <span>
 #include <vector>
+
+#include <Eigen/Core>
 
 #include "sim/fem/material.h"
 #include "sim/mesh/tet_mesh.h"

@@ -4,12 +4,15 @@
 #include <array>
 #include <condition_variable>
 #include <exception>
+#include <memory>
 #include <mutex>
-#include <suitesparse/cholmod.h>
 #include <system_error>
 #include <thread>
 
+#include <suitesparse/cholmod.h>
+
 // BLAS and LAPACK as Fortran names them; all matrices are stored by columns.
+// NOLINTBEGIN(readability-identifier-naming)
 extern "C" {
 void dsyrk_(const char* triangle, const char* transposed, const int* n, const int* k, const double* alpha,
             const double* a, const int* lda, const double* beta, double* c, const int* ldc);
@@ -21,6 +24,7 @@ void dtrsm_(const char* side, const char* triangle, const char* transposed, cons
             const int* ldb);
 void dpotrf_(const char* triangle, const int* n, double* a, const int* lda, int* info);
 }
+// NOLINTEND(readability-identifier-naming)
 
 namespace kiroku::sim {
 namespace {
@@ -180,14 +184,14 @@ class SupernodalCholesky {
   struct Workspace {
     std::vector<std::int32_t> row_in_supernode;  // of each row of the matrix
     std::vector<std::int32_t> target;
-    std::vector<double> update;
+    std::unique_ptr<double[]> update;  // as much of it as is used takes memory
   };
 
   void work() {
     Workspace space;
     try {
       space.row_in_supernode.resize(supernode_of_.size());
-      space.update.resize(largest_update_);
+      space.update = std::make_unique_for_overwrite<double[]>(largest_update_);
       space.target.reserve(supernode_of_.size());
     } catch (...) {
       const std::lock_guard lock(mutex_);
@@ -265,7 +269,7 @@ class SupernodalCholesky {
     const int below = all - columns;
     const double* const source = numbers_ + first_number_[d] + (update.begin - first_row_[d]);
     const double one = 1, zero = 0;
-    double* const product = space.update.data();
+    double* const product = space.update.get();
     dsyrk_("L", "N", &columns, &inner, &one, source, &leading, &zero, product, &all);
     if (below > 0) {
       dgemm_("N", "T", &below, &columns, &inner, &one, source + columns, &leading, source, &leading, &zero,

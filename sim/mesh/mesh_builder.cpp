@@ -35,9 +35,10 @@ void MeshBuilder::add_node(std::int64_t number, const Vector3& in_file_units) {
   if (nodes.size() >= kMostNodes) cursor_.fail("it has more than " + std::to_string(kMostNodes) + " nodes");
   const auto index = static_cast<std::uint32_t>(nodes.size());
   if (nodes.empty()) first_number_ = number;
-  if (!node_of_number_ && number != first_number_ + index) {
+  if (!node_of_number_ && distance(first_number_, number) != index) {
     node_of_number_.emplace();
-    for (std::uint32_t i = 0; i < index; ++i) node_of_number_->emplace(first_number_ + i, i);
+    for (std::uint32_t i = 0; i < index; ++i)
+      node_of_number_->emplace(static_cast<std::int64_t>(static_cast<std::uint64_t>(first_number_) + i), i);
   }
   if (node_of_number_ && !node_of_number_->emplace(number, index).second) {
     cursor_.fail("two nodes have the number " + std::to_string(number));
@@ -49,9 +50,8 @@ std::uint32_t MeshBuilder::node_of(std::int64_t number) const {
   if (node_of_number_) {
     const auto found = node_of_number_->find(number);
     if (found != node_of_number_->end()) return found->second;
-  } else if (number >= first_number_ &&
-             number - first_number_ < static_cast<std::int64_t>(file_.mesh.nodes.size())) {
-    return static_cast<std::uint32_t>(number - first_number_);
+  } else if (const std::uint64_t index = distance(first_number_, number); index < file_.mesh.nodes.size()) {
+    return static_cast<std::uint32_t>(index);
   }
   cursor_.fail("tetrahedron " + std::to_string(tetrahedra()) + " (counted from 0) names the node " +
                std::to_string(number) + ", which is not there");

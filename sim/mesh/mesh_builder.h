@@ -43,6 +43,11 @@ class MeshBuilder {
   std::optional<std::unordered_map<std::int64_t, std::uint32_t>> node_of_number_;
 };
 
+/// How far a number of a file is from the first, whatever both are; huge where it comes before it.
+inline std::uint64_t distance(std::int64_t first, std::int64_t number) {
+  return static_cast<std::uint64_t>(number) - static_cast<std::uint64_t>(first);
+}
+
 /// A region's number, refused where it does not fit.
 std::int32_t region_number(std::int64_t number, const MeshCursor& cursor);
 

@@ -1,7 +1,8 @@
 #include "sim/mesh/tet_mesh.h"
 
-#include <Eigen/Geometry>
 #include <algorithm>
+
+#include <Eigen/Geometry>
 
 namespace kiroku::sim {
 
@@ -39,8 +40,7 @@ std::vector<std::int32_t> regions_of(const TetMesh& mesh) {
     if (regions.empty() || regions.back() != region) regions.push_back(region);
   }
   std::ranges::sort(regions);
-  const auto repeated = std::ranges::unique(regions);
-  regions.erase(repeated.begin(), repeated.end());
+  regions.erase(std::unique(regions.begin(), regions.end()), regions.end());
   return regions;
 }
 

@@ -1,11 +1,12 @@
 // A body as tetrahedra, and its measures. Plain data; functions are pure and thread-safe.
 #pragma once
 
-#include <Eigen/Core>
 #include <array>
 #include <cstddef>
 #include <cstdint>
 #include <vector>
+
+#include <Eigen/Core>
 
 namespace kiroku::sim {
 

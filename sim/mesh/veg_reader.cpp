@@ -99,8 +99,7 @@ class VegReader {
       next_line();
       const auto element = number<std::int64_t>(0, "the number of an element");
       if (i == 0) first_element_ = element;
-      if (element != first_element_ + static_cast<std::int64_t>(i))
-        cursor_.fail("elements are not numbered one by one");
+      if (distance(first_element_, element) != i) cursor_.fail("elements are not numbered one by one");
       std::array<std::int64_t, 4> corners{};
       for (std::size_t corner = 0; corner < corners.size(); ++corner) {
         corners[corner] = number<std::int64_t>(corner + 1, "a vertex of an element");
@@ -115,12 +114,13 @@ class VegReader {
     std::vector<std::size_t>& elements = sets_[std::string(words_[1])];
     for (next_line(); !words_.empty() && words_[0][0] != '*'; next_line()) {
       for (std::size_t word = 0; word < words_.size(); ++word) {
-        const auto element = number<std::int64_t>(word, "an element of a *SET") - first_element_;
-        if (element < 0 || element >= static_cast<std::int64_t>(builder_.tetrahedra())) {
+        const std::uint64_t element =
+            distance(first_element_, number<std::int64_t>(word, "an element of a *SET"));
+        if (element >= builder_.tetrahedra()) {
           cursor_.fail("a *SET names the element " + std::string(words_[word].substr(0, 24)) +
                        ", which is not there");
         }
-        elements.push_back(static_cast<std::size_t>(element));
+        elements.push_back(element);
       }
     }
   }

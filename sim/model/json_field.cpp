@@ -50,7 +50,10 @@ void JsonField::fail_type(const char* expected) const {
 void JsonField::expect_object(std::initializer_list<std::string_view> keys) const {
   if (!value_->is_object()) fail_type("an object");
   std::string known;
-  for (const std::string_view key : keys) known += (known.empty() ? "" : ", ") + std::string(key);
+  for (const std::string_view key : keys) {
+    if (!known.empty()) known += ", ";
+    known += key;
+  }
   for (const auto& [key, value] : value_->items()) {
     if (std::ranges::find(keys, key) == keys.end())
       fail("has the unknown key '" + key + "'; known are " + known);

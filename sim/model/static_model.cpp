@@ -253,6 +253,11 @@ StaticResult solve(const StaticModel& model) {
   result.load_n = sum_over_nodes(force_n);
   result.reaction_n = sum_over_nodes(result.solution.reaction_force_n);
   result.unknowns = body.unknowns();
+  const double units = units_per_metre(model.unit);
+  if (!(result.solution.displacement_m * units).allFinite() || !result.load_n.allFinite() ||
+      !result.reaction_n.allFinite()) {
+    throw Error("the solution is not finite: a force, a displacement or a modulus is out of all proportion");
+  }
   return result;
 }
 

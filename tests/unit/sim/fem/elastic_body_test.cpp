@@ -1,9 +1,9 @@
 // Physical laws that every solution obeys, and what is refused.
 #include "sim/fem/elastic_body.h"
 
-#include <Eigen/Geometry>
 #include <random>
 
+#include <Eigen/Geometry>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 

@@ -1,7 +1,6 @@
 #include "sim/fem/factorisation.h"
 
 #include <Eigen/Cholesky>
-
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 

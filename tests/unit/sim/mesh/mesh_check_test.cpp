@@ -1,7 +1,6 @@
 #include "sim/mesh/mesh_check.h"
 
 #include <Eigen/LU>
-
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 

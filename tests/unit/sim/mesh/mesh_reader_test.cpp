@@ -126,6 +126,8 @@ TEST(MeshReader, RefusesDamagedMshWithLineAndCause) {
   EXPECT_EQ(with("9 -1000", "4 -1000"), "line 14: two nodes have the number 4");
   EXPECT_EQ(with("1 3 9 4", "1 3 8 4"),
             "line 20: tetrahedron 1 (counted from 0) names the node 8, which is not there");
+  EXPECT_THAT(with("1 3 9 4", "9223372036854775807 -9223372036854775808 9 4"),
+              HasSubstr("which is not there"));
   EXPECT_EQ(with("$Nodes\n5", "$Nodes\n4"),
             "line 14: $EndNodes was expected: the count in its section is wrong");
   EXPECT_EQ(with("$Nodes\n5", "$Nodes\n99999999999"),
