@@ -54,7 +54,7 @@ struct SessionOptions {
   /// Given: sources are recorded, but a case exists only from Session::begin() on; it then holds what was
   /// recorded up to so long before.
   std::optional<std::chrono::nanoseconds> pre_roll;
-  std::size_t queue_bytes = 96U << 20;  // frames waiting for an encoder, all streams together
+  std::size_t queue_bytes = 120U << 20;  // frames waiting for an encoder, all streams together
 };
 
 struct StreamStatus {
