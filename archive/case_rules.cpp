@@ -180,6 +180,7 @@ void CaseRules::take_clock(const ClockEntry& clock, std::int64_t mono_ns, std::u
   }
   if (clock.step_ns != 0) {
     clock_step_stated_ = true;
+    tokens_.take_step(clock.step_ns, mono_ns);
     findings_->add("clock-stepped", in_ledger(number),
                    "the machine's wall clock was set by " + std::to_string(clock.step_ns) + " ns");
   }

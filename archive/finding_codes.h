@@ -83,7 +83,8 @@ inline constexpr auto kFindingCodes = std::to_array<FindingCode>({
      "time between two trusted outside tokens differs from the case clock by more than accuracies, round "
      "trips, 2 s and 0.02 %"},
     {"clock-disagreement", Severity::kUnproven,
-     "the same between tokens that are self-issued or not trusted: the wall clock was probably set"},
+     "the same between tokens that are self-issued or not trusted, where no stated step of the wall clock "
+     "explains it: it was probably set"},
     {"token-untrusted", Severity::kUnproven,
      "a token could not be judged under the trusted roots, and no other over the same checkpoint could"},
     {"no-trusted-authority", Severity::kUnproven, "there are tokens, and no trusted root was given"},

@@ -17,6 +17,7 @@ using std::chrono::nanoseconds;
 
 // Tokens often state whole seconds (RFC 3161 2.4.2: the fraction may be left out) and a crystal drifts.
 constexpr std::int64_t kSlackNs = 2'000'000'000;
+constexpr std::int64_t kStepStatedWithinNs = 2'000'000'000;
 constexpr std::int64_t kDriftDivisor = 5'000;  // 0.02 %
 
 std::string at_entry(std::uint64_t entry) { return "entry " + std::to_string(entry); }
@@ -245,7 +246,9 @@ void TokenRules::check_elapsed(const TokenEntry& token, const Earlier& now) {
   if (now.external && before.external) {
     findings_->add("clock-contradicted", place, text);
   } else {
-    findings_->add("clock-disagreement", place, text);
+    const std::int64_t excess =
+        std::max(shortest - tolerance - elapsed, stands ? 0 : elapsed - longest - tolerance);
+    disagreements_.push_back({place, text, before.mono_ns, now.mono_ns, excess});
   }
 }
 
@@ -268,6 +271,22 @@ void TokenRules::take_rate(std::int64_t rate_ppb, std::int64_t mono_ns) {
   slew_.total_ns = slewed_until(mono_ns);
   slew_.since_ns = std::max(slew_.since_ns, mono_ns);
   slew_.rate_ppb = rate;
+}
+
+void TokenRules::report_disagreements() const {
+  for (const Disagreement& each : disagreements_) {
+    // A step is stated within a second, so an entry may follow the token that shows it already.
+    double stepped_ns = 0;
+    for (const Step& step : steps_) {
+      if (each.from_ns - kStepStatedWithinNs <= step.mono_ns &&
+          step.mono_ns <= each.until_ns + kStepStatedWithinNs) {
+        stepped_ns += std::abs(static_cast<double>(step.step_ns));
+      }
+    }
+    if (static_cast<double>(each.excess_ns) > stepped_ns) {
+      findings_->add("clock-disagreement", each.place, each.text);
+    }
+  }
 }
 
 std::int64_t TokenRules::slewed_until(std::int64_t mono_ns) const {
@@ -314,6 +333,7 @@ void TokenRules::compare_clocks(const TokenEntry& token) {
 }
 
 void TokenRules::finish(bool whole_case) {
+  report_disagreements();
   if (count_ == 0) {
     findings_->add("no-token", {},
                    "there is no time-stamp token: only the device's own clock says when this was");

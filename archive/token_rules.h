@@ -34,6 +34,8 @@ class TokenRules {
   void take_recovered();
   /// The rate of a clock entry: what the case clock is stated to have gained or lost is allowed for.
   void take_rate(std::int64_t rate_ppb, std::int64_t mono_ns);
+  /// A clock entry's step of the machine's wall clock: tokens of an authority on this machine follow it.
+  void take_step(std::int64_t step_ns, std::int64_t mono_ns) { steps_.push_back({mono_ns, step_ns}); }
   void take_close(std::uint64_t entry) { close_ = entry; }
   /// After the last entry. An excerpt may leave out the token over close.
   void finish(bool whole_case);
@@ -67,6 +69,16 @@ class TokenRules {
     std::int64_t latest_ns = 0;
     std::int64_t slewed_ns = 0;  // slewed_until() then
   };
+  struct Step {
+    std::int64_t mono_ns = 0, step_ns = 0;
+  };
+  /// Of two tokens' clock, which is not vouched for from outside, with the case clock.
+  struct Disagreement {
+    Place place;
+    std::string text;
+    std::int64_t from_ns = 0, until_ns = 0;  // the entries of both
+    std::int64_t excess_ns = 0;              // beyond what is tolerated
+  };
   struct Untrusted {
     std::uint64_t checkpoint = 0, entry = 0;
     std::string file, explanation;
@@ -79,6 +91,8 @@ class TokenRules {
   void check_exchange(const TokenEntry& token, std::uint64_t entry, std::int64_t mono_ns);
   void check_elapsed(const TokenEntry& token, const Earlier& now);
   void compare_clocks(const TokenEntry& token);
+  /// Adds what no stated step of the wall clock explains.
+  void report_disagreements() const;
   /// How much slews may have moved the case clock, all in all, up to this time.
   [[nodiscard]] std::int64_t slewed_until(std::int64_t mono_ns) const;
 
@@ -103,6 +117,8 @@ class TokenRules {
     std::int64_t rate_ppb = 0;  // since then; 0 while there is none
   };
   Slew slew_;
+  std::vector<Step> steps_;
+  std::vector<Disagreement> disagreements_;
   bool recovered_ = false;
   std::optional<std::uint64_t> close_;
   std::uint64_t largest_checkpoint_ = 0;

@@ -1,6 +1,8 @@
 #include "timestamp/authority.h"
 
+#include <algorithm>
 #include <array>
+#include <optional>
 #include <utility>
 
 #include <openssl/pem.h>
@@ -21,6 +23,7 @@ enum class FailureBit {
   kBadAlg = 0,
   kBadRequest = 2,
   kBadDataFormat = 5,
+  kTimeNotAvailable = 14,
   kUnacceptedPolicy = 15,
   kUnacceptedExtension = 16,
   kSystemFailure = 25,
@@ -146,6 +149,7 @@ struct Authority::State {
   SerialCounter serials;
   std::mutex clock_mutex;
   std::function<UtcTime()> clock = utc_now;
+  UtcTime latest;  // of the tokens given
 
   explicit State(const Layout& files)
       : ca(read_certificate(files.ca_certificate)),
@@ -157,12 +161,17 @@ struct Authority::State {
     }
   }
 
-  UtcTime now() {
+  /// The time of the next token; nothing if the clock was set back behind the last one by more than tokens
+  /// state as their accuracy.
+  std::optional<UtcTime> next_time() {
     const std::lock_guard guard(clock_mutex);
-    return clock();
+    const UtcTime time = clock();
+    if (time + std::chrono::seconds(kAccuracySeconds) < latest) return {};
+    latest = std::max(latest, time);
+    return time;
   }
 
-  Bytes grant(ByteView query);
+  Bytes grant(ByteView query, UtcTime time);
 };
 
 Authority::Authority(std::unique_ptr<State> state) : state_(std::move(state)) {}
@@ -218,15 +227,20 @@ Bytes Authority::respond(ByteView query) {
         FailureBit::kUnacceptedPolicy,
         "policy " + *parsed.request->policy + " is not served here, only " + std::string(kEmbeddedPolicy));
   }
+  const std::optional<UtcTime> time = state_->next_time();
+  if (!time) {
+    return rejection(FailureBit::kTimeNotAvailable,
+                     "the clock was set back: this authority waits until it is where it was");
+  }
   try {
-    return state_->grant(query);
+    return state_->grant(query, *time);
   } catch (const Error& error) {
     return rejection(FailureBit::kSystemFailure, error.what());
   }
 }
 
-Bytes Authority::State::grant(ByteView query) {
-  Stamp stamp{serials.next(), now()};
+Bytes Authority::State::grant(ByteView query, UtcTime time) {
+  Stamp stamp{serials.next(), time};
   const Asn1Object policy(OBJ_txt2obj(std::string(kEmbeddedPolicy).c_str(), 1));
   const TsResponseContext context(TS_RESP_CTX_new());
   const BorrowedCertificates chain(sk_X509_new_null());
@@ -262,6 +276,7 @@ std::string Authority::chain_pem() const {
 void Authority::set_clock(std::function<UtcTime()> now) {
   const std::lock_guard guard(state_->clock_mutex);
   state_->clock = std::move(now);
+  state_->latest = {};
 }
 
 }  // namespace kiroku::timestamp

@@ -31,11 +31,12 @@ class Authority {
 
   /// RFC 3161 response for any bytes: rejections (badDataFormat, badAlg, badRequest, unacceptedPolicy,
   /// unacceptedExtension) are responses, too. Each token's serial number is durable before the token leaves,
-  /// so it never repeats, also after a crash.
+  /// so it never repeats, also after a crash. While the clock stands behind the last token of this object by
+  /// more than tokens state as their accuracy, requests are rejected (timeNotAvailable).
   Bytes respond(ByteView query);
   [[nodiscard]] std::string root_pem() const;   // the CA certificate
   [[nodiscard]] std::string chain_pem() const;  // signer and CA
-  /// Replaces the clock, for tests of clocks that go wrong.
+  /// Replaces the clock, for tests of clocks that go wrong; what the old one said does not count any more.
   void set_clock(std::function<UtcTime()> now);
 
  private:

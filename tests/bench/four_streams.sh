@@ -3,42 +3,23 @@
 # Goals: within 2 cores without a dropped frame; from capture to durable at most a segment and 100 ms for 99 of 100 frames; status within 50 ms.
 set -euo pipefail
 source "$(dirname "${BASH_SOURCE[0]}")/lib.sh"
+source "$root/tests/support/daemon.sh"
 seconds=${1:-60}
 player=${KIROKU_MLLP_PLAYER:-$root/build/release/tests/system/mllp_player}
-daemon=$(dirname "$kiroku")/kirokud
 [[ -x $player ]] || { echo "no player of monitors at $player: run deploy/test first" >&2; exit 2; }
 port=$((20000 + RANDOM % 10000))
 "$kiroku" init --demo >/dev/null
-cat >>"$KIROKU_HOME/kiroku.toml" <<TOML
-[[room]]
-name = "or-1"
-[[room.stream]]
-name = "endoscope"
-kind = "video"
-source = "synthetic:pattern?size=1920x1080&rate=30"
-[[room.stream]]
-name = "microscope"
-kind = "video"
-profile = "uncompressed"
-source = "synthetic:pattern?size=720x576&rate=25&pixel_format=uyvy422"
-[[room.stream]]
-name = "room"
-kind = "video"
-source = "synthetic:pattern?size=1280x720&rate=25"
-[[room.stream]]
-name = "table"
-kind = "video"
-source = "synthetic:pattern?size=1280x720&rate=25"
-[[room.stream]]
-name = "vitals"
-kind = "vitals"
-source = "mllp://127.0.0.1:$port"
-TOML
-"$daemon" 2>"$scratch/daemon.log" &
-pid=$!
-trap 'kill "$pid" 2>/dev/null || true; wait "$pid" 2>/dev/null || true; rm -rf "$scratch"' EXIT
-until "$kiroku" status >/dev/null 2>&1; do kill -0 "$pid"; sleep 0.1; done
-ticks() { awk '{ print $14 + $15 }' "/proc/$pid/stat"; }
+{
+  room
+  stream endoscope video 'synthetic:pattern?size=1920x1080&rate=30'
+  stream microscope video 'synthetic:pattern?size=720x576&rate=25&pixel_format=uyvy422' 'profile = "uncompressed"'
+  stream room video 'synthetic:pattern?size=1280x720&rate=25'
+  stream table video 'synthetic:pattern?size=1280x720&rate=25'
+  stream vitals vitals "mllp://127.0.0.1:$port"
+} >>"$KIROKU_HOME/kiroku.toml"
+trap '[[ -z $recorder ]] || kill "$recorder" 2>/dev/null || true; wait 2>/dev/null || true; rm -rf "$scratch"' EXIT
+start_recorder
+ticks() { awk '{ print $14 + $15 }' "/proc/$recorder/stat"; }
 id=$("$kiroku" case start --json | jq -r .case)
 before=$(ticks) since=$EPOCHREALTIME
 "$player" "127.0.0.1:$port" --waves "8x500x$((seconds - 2))" >"$scratch/player" &
@@ -61,7 +42,7 @@ for ((i = 0; i < 100; ++i)); do
 done
 wait "$playing" || true
 after=$(ticks) until=$EPOCHREALTIME
-peak=$(awk '/VmHWM/ { print int($2 / 1024) }' "/proc/$pid/status")
+peak=$(awk '/VmHWM/ { print int($2 / 1024) }' "/proc/$recorder/status")
 "$kiroku" case stop >/dev/null
 case=$KIROKU_HOME/archive/$id
 echo "the monitor's messages: $(cat "$scratch/player")"

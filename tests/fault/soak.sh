@@ -6,15 +6,13 @@
 set -euo pipefail
 root=$(cd "$(dirname "${BASH_SOURCE[0]}")/../.." && pwd)
 kiroku=${KIROKU:-$root/build/release/apps/kiroku}
-daemon=$(dirname "$kiroku")/kirokud
 hours=${1:-24} cases=${2:-200}
-for program in "$kiroku" "$daemon"; do [[ -x $program ]] || { echo "no program at $program: run deploy/test first" >&2; exit 2; }; done
+for program in "$kiroku"; do [[ -x $program ]] || { echo "no program at $program: run deploy/test first" >&2; exit 2; }; done
 for tool in jq curl; do command -v $tool >/dev/null || { echo "SKIPPED: $tool is not installed"; exit 77; }; done
 scratch=$(mktemp -d "${TMPDIR:-/tmp}/kiroku-soak.XXXXXX")
 export KIROKU_HOME=$scratch/home
-recorder=
+source "$root/tests/support/daemon.sh"
 trap '[[ -z $recorder ]] || kill "$recorder" 2>/dev/null || true; wait 2>/dev/null || true; rm -rf "$scratch"' EXIT
-fail() { echo "FAILED: $*"; tail -20 "$scratch/daemon.log"; exit 1; }
 port=$((20000 + RANDOM % 10000))
 needs() { # PROCESS: a line of MiB, descriptors, threads
   awk '/VmRSS/ { print $2 / 1024 }' "/proc/$1/status" | paste -d' ' - <(find "/proc/$1/fd" | wc -l) <(find "/proc/$1/task" -maxdepth 1 | wc -l)
@@ -48,23 +46,13 @@ flat "one case of $hours hours, intact"
 rm -rf "$case"
 
 port=$((20000 + RANDOM % 10000))
-cat >>"$KIROKU_HOME/kiroku.toml" <<TOML
-[[room]]
-name = "or-1"
-[[room.stream]]
-name = "endoscope"
-kind = "video"
-source = "synthetic:pattern?size=640x480&rate=25"
-[[room.stream]]
-name = "vitals"
-kind = "vitals"
-source = "synthetic:patient"
-[daemon]
-listen = "127.0.0.1:$port"
-TOML
-"$daemon" 2>"$scratch/daemon.log" &
-recorder=$!
-until "$kiroku" status >/dev/null 2>&1; do kill -0 "$recorder" || fail "kirokud did not start"; sleep 0.1; done
+{
+  room
+  stream endoscope video 'synthetic:pattern?size=640x480&rate=25'
+  stream vitals vitals synthetic:patient
+  printf '[daemon]\nlisten = "127.0.0.1:%s"\n' "$port"
+} >>"$KIROKU_HOME/kiroku.toml"
+start_recorder
 : >"$scratch/needs"
 for ((i = 1; i <= cases; ++i)); do
   id=$("$kiroku" case start --json | jq -r .case)
@@ -76,7 +64,5 @@ for ((i = 1; i <= cases; ++i)); do
   [[ $verdict == intact ]] || { "$kiroku" verify "$KIROKU_HOME/archive/$id" || true; fail "case $i is $verdict"; }
   needs "$recorder" >>"$scratch/needs"
 done
-kill "$recorder"
-wait "$recorder" || fail "kirokud did not end well"
-recorder=
+stop_recorder
 flat "$cases cases by one kirokud, every one intact"

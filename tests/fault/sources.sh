@@ -8,18 +8,17 @@
 set -euo pipefail
 root=$(cd "$(dirname "${BASH_SOURCE[0]}")/../.." && pwd)
 kiroku=${KIROKU:-$root/build/release/apps/kiroku}
-daemon=$(dirname "$kiroku")/kirokud
 player=${KIROKU_MLLP_PLAYER:-$root/build/release/tests/system/mllp_player}
 faults=${1:-100}
-for program in "$kiroku" "$daemon" "$player"; do [[ -x $program ]] || { echo "no program at $program: run deploy/test first" >&2; exit 2; }; done
+for program in "$kiroku" "$player"; do [[ -x $program ]] || { echo "no program at $program: run deploy/test first" >&2; exit 2; }; done
 for tool in jq ffmpeg; do command -v $tool >/dev/null || { echo "SKIPPED: $tool is not installed"; exit 77; }; done
 ffmpeg -v quiet -protocols | grep -qw srt || { echo "SKIPPED: this ffmpeg does not speak SRT"; exit 77; }
 scratch=$(mktemp -d "${TMPDIR:-/tmp}/kiroku-sources.XXXXXX")
 export KIROKU_HOME=$scratch/home
+source "$root/tests/support/daemon.sh"
 base=$((20000 + RANDOM % 10000))
 declare -A pid size
 size=([endoscope]=640x480 [room]=320x240)
-recorder=
 cleanup() {
   for sender in "${pid[@]}"; do kill -9 "$sender" 2>/dev/null || true; done
   [[ -z $recorder ]] || kill "$recorder" 2>/dev/null || true
@@ -27,7 +26,6 @@ cleanup() {
   rm -rf "$scratch"
 }
 trap cleanup EXIT
-fail() { echo "FAILED: $*"; tail -30 "$scratch/daemon.log"; exit 1; }
 
 send() { # STREAM: starts its sender
   local to
@@ -55,28 +53,16 @@ comes_back() { # STREAM BEFORE
 needs() { echo "$(awk '/VmRSS/ { print int($2 / 1024) }' "/proc/$recorder/status") $(find "/proc/$recorder/fd" | wc -l)"; }
 
 "$kiroku" init --demo >/dev/null
-cat >>"$KIROKU_HOME/kiroku.toml" <<TOML
-[[room]]
-name = "or-1"
-[[room.stream]]
-name = "endoscope"
-kind = "video"
-source = "srt://127.0.0.1:$base?latency=100000"
-[[room.stream]]
-name = "room"
-kind = "video"
-source = "udp://127.0.0.1:$((base + 1))"
-[[room.stream]]
-name = "vitals"
-kind = "vitals"
-source = "mllp://127.0.0.1:$((base + 2))"
-TOML
+{
+  room
+  stream endoscope video "srt://127.0.0.1:$base?latency=100000"
+  stream room video "udp://127.0.0.1:$((base + 1))"
+  stream vitals vitals "mllp://127.0.0.1:$((base + 2))"
+} >>"$KIROKU_HOME/kiroku.toml"
 send endoscope
 send room
 send_vitals
-"$daemon" 2>"$scratch/daemon.log" &
-recorder=$!
-until "$kiroku" status >/dev/null 2>&1; do kill -0 "$recorder" || fail "kirokud did not start"; sleep 0.1; done
+start_recorder
 id=$("$kiroku" case start --json | jq -r .case)
 for stream in endoscope room; do comes_back $stream 5 || fail "$stream never came"; done
 read -r memory descriptors < <(needs)

@@ -8,17 +8,15 @@
 set -euo pipefail
 root=$(cd "$(dirname "${BASH_SOURCE[0]}")/../.." && pwd)
 kiroku=${KIROKU:-$root/build/release/apps/kiroku}
-daemon=$(dirname "$kiroku")/kirokud
 steps=${1:-20}
-for program in "$kiroku" "$daemon"; do [[ -x $program ]] || { echo "no program at $program: run deploy/test first" >&2; exit 2; }; done
+for program in "$kiroku"; do [[ -x $program ]] || { echo "no program at $program: run deploy/test first" >&2; exit 2; }; done
 command -v jq >/dev/null || { echo "SKIPPED: jq is not installed"; exit 77; }
 library=$(find /usr/lib -name libfaketimeMT.so.1 2>/dev/null | head -1)
 [[ -n $library ]] || { echo "SKIPPED: faketime is not installed"; exit 77; }
 scratch=$(mktemp -d "${TMPDIR:-/tmp}/kiroku-clock.XXXXXX")
 export KIROKU_HOME=$scratch/home
-recorder=
+source "$root/tests/support/daemon.sh"
 trap '[[ -z $recorder ]] || kill "$recorder" 2>/dev/null || true; wait 2>/dev/null || true; rm -rf "$scratch"' EXIT
-fail() { echo "FAILED: $*"; tail -20 "$scratch/daemon.log"; exit 1; }
 offset=0
 set_clock() { # SECONDS the wall clock is ahead of the real one
   # A file that is replaced at once: the program never reads half of it.
@@ -26,32 +24,20 @@ set_clock() { # SECONDS the wall clock is ahead of the real one
   mv "$scratch/offset.new" "$scratch/offset"
   offset=$1
 }
-faked() { LD_PRELOAD=$library FAKETIME_TIMESTAMP_FILE=$scratch/offset FAKETIME_NO_CACHE=1 FAKETIME_DONT_FAKE_MONOTONIC=1 "$@"; }
-start_recorder() { # TIME ZONE
-  TZ=$1 LD_PRELOAD=$library FAKETIME_TIMESTAMP_FILE=$scratch/offset FAKETIME_NO_CACHE=1 FAKETIME_DONT_FAKE_MONOTONIC=1 "$daemon" 2>>"$scratch/daemon.log" &
-  recorder=$!
-  for ((wait = 0; wait < 100; ++wait)); do "$kiroku" status >/dev/null 2>&1 && return; sleep 0.1; done
-  fail "kirokud did not start"
+faked=(env "LD_PRELOAD=$library" "FAKETIME_TIMESTAMP_FILE=$scratch/offset" FAKETIME_NO_CACHE=1 FAKETIME_DONT_FAKE_MONOTONIC=1)
+streams() {
+  stream endoscope video 'synthetic:endoscope?size=64x48&rate=10'
+  stream vitals vitals synthetic:patient
 }
-stop_recorder() { kill "$recorder"; wait "$recorder" || fail "kirokud did not end well"; recorder=; }
-room='[[room]]
-name = "or-1"
-SCHEDULE
-[[room.stream]]
-name = "endoscope"
-kind = "video"
-source = "synthetic:endoscope?size=64x48&rate=10"
-[[room.stream]]
-name = "vitals"
-kind = "vitals"
-source = "synthetic:patient"
-'
 
 set_clock 0
 "$kiroku" init --demo >/dev/null
+# Tokens before, between and after the steps; the authority goes by the same wall clock, and waits while that stands behind its last token.
+sed -i 's/^stamp_every = .*/stamp_every = "1s"/' "$KIROKU_HOME/kiroku.toml"
+grep -q '^stamp_every = "1s"$' "$KIROKU_HOME/kiroku.toml" || fail "kiroku.toml has no stamp_every"
 cp "$KIROKU_HOME/kiroku.toml" "$scratch/kiroku.toml"
-echo "${room/SCHEDULE/}" >>"$KIROKU_HOME/kiroku.toml"
-start_recorder UTC
+{ room; streams; } >>"$KIROKU_HOME/kiroku.toml"
+start_recorder "${faked[@]}"
 id=$("$kiroku" case start --json | jq -r .case)
 began=$EPOCHREALTIME
 case=$KIROKU_HOME/archive/$id
@@ -72,7 +58,7 @@ jq -r 'select(.type == "clock" and .step_ns != 0) | "\(.step_ns / 1e9) \(.mono_n
 paste -d' ' "$scratch/steps" "$scratch/stated" | awk '
   { d = $1 - $3; if (d < 0) d = -d; late = $4 - $2; if (late > worst) worst = late; if (d > 0.05 || late > 1.3 || NF != 4) { print "step " NR " of " $1 " s at " $2 " s: stated " $3 " s at " $4 " s"; bad = 1 } }
   END { printf "%d steps of the wall clock, each stated, the latest after %.1f s\n", NR, worst; exit bad }' || fail "a step is not stated as it was"
-report=$("$kiroku" verify --json --identity "$KIROKU_HOME/identity.txt" "$case") || fail "verify: $(jq -r .verdict <<<"$report")"
+report=$("$kiroku" verify --json --identity "$KIROKU_HOME/identity.txt" "$case") || fail "verify: $(jq -c ".verdict, .findings" <<<"$report")"
 echo "verdict: $(jq -r .verdict <<<"$report")"
 [[ -z $(jq -r 'select(.type == "gap") | .stream' "$case/ledger.jsonl") ]] || fail "there is a gap"
 jq -r 'select(.type == "close") | .mono_ns / 1e9' "$case/ledger.jsonl" | awk -v l="$lasted" '{ d = $1 - l; exit !(d < 0.5 && d > -0.5) }' || fail "the case did not last as long as it did"
@@ -81,10 +67,10 @@ jq -r 'select(.type == "close") | .mono_ns / 1e9' "$case/ledger.jsonl" | awk -v 
 at_utc() { awk -v t="$(date -u -d "$1" +%s)" -v n="$(date +%s)" 'BEGIN { print t - n }'; }
 export KIROKU_HOME=$scratch/home-in-berlin
 set_clock "$(at_utc '2025-10-25 12:00:00')"
-faked "$kiroku" init --demo >/dev/null
-{ cat "$scratch/kiroku.toml"; echo "${room/SCHEDULE/schedule = [\"sun 02:30-02:50\"\]}"; } >"$KIROKU_HOME/kiroku.toml"
+"${faked[@]}" "$kiroku" init --demo >/dev/null
+{ cat "$scratch/kiroku.toml"; room 'schedule = ["sun 02:30-02:50"]'; streams; } >"$KIROKU_HOME/kiroku.toml"
 set_clock "$(at_utc '2025-10-26 00:29:55')"
-start_recorder Europe/Berlin
+TZ=Europe/Berlin start_recorder "${faked[@]}"
 sleep 8
 "$kiroku" status --json | jq -e '.rooms[0].state == "recording"' >/dev/null || fail "the window did not begin a case"
 set_clock "$(at_utc '2025-10-26 00:49:57')"

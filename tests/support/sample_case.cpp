@@ -44,7 +44,6 @@ SampleArchive::SampleArchive()
     return opened_at() +
            std::chrono::duration_cast<std::chrono::microseconds>(std::chrono::nanoseconds(mono_ns));
   };
-  authority_.set_clock([this] { return authority_time(now_ns); });
 }
 
 crypto::VerifierKey SampleArchive::device() const { return {kDeviceName, key_.public_key()}; }
@@ -77,6 +76,8 @@ archive::VerifyOptions SampleArchive::options() const {
 }
 
 Bytes SampleArchive::stamp(const std::string& note) {
+  // Set anew each time: one that follows any clock back, for the verifier to judge.
+  authority_.set_clock([this] { return authority_time(now_ns); });
   const crypto::Sha256Digest imprint = crypto::sha256(bytes_of(note));
   return authority_.respond(
       timestamp::encode_request(timestamp::make_request(crypto::HashAlgorithm::kSha256, imprint)));

@@ -135,6 +135,39 @@ TEST(Verifier, AllowsForAStatedSlew) {
       "the machine's clocks, the case clock among them, were made to run 80000 ppm faster than its crystal");
 }
 
+/// The machine's wall clock, which the embedded authority follows, is set an hour ahead at 30 s.
+VerificationReport stepped(bool stated) {
+  test::SampleArchive archive;
+  archive.authority_time = [](std::int64_t mono_ns) {
+    return test::SampleArchive::opened_at() + std::chrono::microseconds(mono_ns / 1'000) +
+           std::chrono::hours(mono_ns > 30 * kSecond ? 1 : 0);
+  };
+  test::SampleCase sample(archive);
+  stamp(archive, sample);
+  archive.now_ns = 30 * kSecond + kSecond / 2;
+  stamp(archive, sample);  // before the step is stated
+  archive.now_ns = 31 * kSecond;
+  if (stated) sample.writer().append({ClockEntry{true, 0, 0, 3600 * kSecond, {}}}, archive.now());
+  archive.now_ns = 90 * kSecond;
+  stamp(archive, sample);
+  sample.close();
+  return verify_case(sample.folder(), archive.options());
+}
+
+TEST(Verifier, AStatedStepExplainsAClockThatFollowedIt) {
+  const VerificationReport report = stepped(true);
+  EXPECT_EQ(report.verdict, Verdict::kIntact) << listing(report);
+  ASSERT_EQ(report.findings.size(), 1U) << listing(report);
+  EXPECT_EQ(report.findings[0].code, "clock-stepped");
+}
+
+TEST(Verifier, AStepThatNobodyStatedExplainsNothing) {
+  const VerificationReport report = stepped(false);
+  EXPECT_EQ(report.verdict, Verdict::kUnproven);
+  ASSERT_EQ(report.findings.size(), 1U) << listing(report);
+  EXPECT_EQ(report.findings[0].code, "clock-disagreement");
+}
+
 TEST(Verifier, TellsASlewThatNobodyStated) {
   const VerificationReport report = slewed(false);
   EXPECT_EQ(report.verdict, Verdict::kUnproven);

@@ -180,6 +180,18 @@ TEST_F(AuthorityTest, RejectsWhenItCannotCount) {
   EXPECT_EQ(failure_of(encode_request(request_over(std::byte{1}))), 25);
 }
 
+TEST_F(AuthorityTest, WaitsWhileItsClockStandsBehindItsLastToken) {
+  UtcTime now = *parse_utc("2027-03-04T05:06:07Z");
+  authority_.set_clock([&now] { return now; });
+  const Bytes query = encode_request(request_over(std::byte{1}));
+  EXPECT_EQ(judge_token(authority_.respond(query), {}, trust_).code, TokenCode::kValid);
+  now -= std::chrono::hours(1);
+  EXPECT_EQ(failure_of(query), 14);  // timeNotAvailable
+  // Within what tokens state as their accuracy it goes on.
+  now += std::chrono::hours(1) - std::chrono::milliseconds(900);
+  EXPECT_EQ(judge_token(authority_.respond(query), {}, trust_).code, TokenCode::kValid);
+}
+
 TEST_F(AuthorityTest, OutsideItsCertificatesValidityIsTold) {
   authority_.set_clock([] { return *parse_utc("1999-12-31T23:59:59Z"); });
   const Bytes response = authority_.respond(encode_request(request_over(std::byte{1})));
