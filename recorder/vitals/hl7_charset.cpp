@@ -57,6 +57,13 @@ constexpr std::array<std::pair<std::string_view, const char*>, 30> kNames{{
     {"CP1251", "CP1251"},
 }};
 
+/// For a sentence: what a message states is bytes of no known character set yet.
+std::string in_ascii(std::string text) {
+  std::ranges::replace_if(
+      text, [](char c) { return static_cast<unsigned char>(c) >= 0x80; }, '?');
+  return text;
+}
+
 /// iconv's name for what a message states, "" if unknown.
 std::string iconv_name(std::string_view stated) {
   const std::string name = plain(stated);
@@ -127,10 +134,10 @@ Utf8Text hl7_text_as_utf8(std::string_view bytes, const std::vector<std::string>
     if (one.empty()) {
       continue;
     }
-    name += (name.empty() ? "" : "~") + one;
+    name += (name.empty() ? "" : "~") + in_ascii(one);
     const std::string known = iconv_name(one);
     if (known.empty()) {
-      unknown = one;
+      unknown = in_ascii(one);
     } else if (known != "ASCII") {
       charset = known;  // of several the last beyond ASCII: ISO 2022 switches between them
     }

@@ -82,20 +82,29 @@ std::chrono::minutes parse_assumed_zone(const std::string& text, const std::stri
 std::string make_acknowledgement(const Hl7Message* message, std::string_view code, std::string_view text,
                                  UtcTime now) {
   const Hl7Separators separators = message != nullptr ? message->separators() : Hl7Separators();
-  const auto echoed = [&](std::size_t number) {
-    std::string raw(message != nullptr ? message->header().field(number).raw() : std::string_view());
-    // A line that goes on with the header must not end the answer's.
-    std::ranges::replace_if(
-        raw, [](char c) { return static_cast<unsigned char>(c) < 0x20; }, ' ');
-    return raw;
+  const auto raw = [&](std::size_t number) {
+    return message != nullptr ? message->header().field(number).raw() : std::string_view();
   };
-  if (echoed(15) == "NE" && echoed(16) == "NE") {
+  if (raw(15) == "NE" && raw(16) == "NE") {
     return "";
   }
+  // A line that was taken to go on with the header tore its field: repeated, it would end the answer's header
+  // or begin a segment in it.
+  const auto torn = [&](std::size_t number) {
+    return std::ranges::any_of(raw(number), [](char c) { return static_cast<unsigned char>(c) < 0x20; });
+  };
+  const bool addressed = !torn(3) && !torn(4);
+  // What is none of these words is none of the header's: "2.3.1", "P".
+  const auto plain = [&](std::size_t number, std::string_view letters, std::size_t most,
+                         std::string_view otherwise) {
+    std::string word = message != nullptr ? message->header().field(number).component(1).text() : "";
+    const bool good = !word.empty() && word.size() <= most && word.find_first_not_of(letters) == word.npos;
+    return good ? word : std::string(otherwise);
+  };
   std::string line("MSH");
-  const auto field = [&](std::string_view raw) {
+  const auto field = [&](std::string_view value) {
     line += separators.field;
-    line += raw;
+    line += value;
   };
   std::string delimiters{separators.component, separators.repetition};
   if (separators.escape != '\0') {
@@ -105,23 +114,23 @@ std::string make_acknowledgement(const Hl7Message* message, std::string_view cod
   field(delimiters);
   field("KIROKU");
   field("");
-  field(echoed(3));
-  field(echoed(4));
+  field(addressed ? raw(3) : "");
+  field(addressed ? raw(4) : "");
   field(format_hl7_time(now));
   field("");
   const std::string trigger = message != nullptr ? message->header().field(9).component(2).text() : "";
   field(trigger.empty() ? "ACK"
                         : std::string("ACK") + separators.component + trigger + separators.component + "ACK");
   field("K" + std::to_string(now.time_since_epoch().count()));
-  field(echoed(11).empty() ? "P" : echoed(11));
-  field(echoed(12).empty() ? "2.6" : echoed(12));
+  field(plain(11, "DPT", 1, "P"));
+  field(plain(12, "0123456789.", 8, "2.6"));
   for (int i = 13; i <= 17; ++i) {
     field("");
   }
   field("UNICODE UTF-8");
   line += "\rMSA";
   field(code);
-  field(echoed(10));
+  field(torn(10) ? "" : raw(10));
   if (!text.empty()) {
     field(escaped(text, separators));
   }

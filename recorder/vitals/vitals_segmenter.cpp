@@ -46,7 +46,16 @@ void VitalsSegmenter::advance_to(std::int64_t now_ns) {
 
 void VitalsSegmenter::add(const media::VitalLine& line) {
   advance_to(media::time_ns_of(line));
-  const std::string text = media::to_json_line(line) + '\n';
+  std::string text;
+  try {
+    text = media::to_json_line(line) + '\n';
+  } catch (const Error& error) {
+    // A line that the format cannot hold costs itself, not the stream; the monitor's message stands before
+    // it.
+    text =
+        media::to_json_line(media::VitalNotice{media::time_ns_of(line), "line-left-out", error.what(), ""}) +
+        '\n';
+  }
   begin_if_needed();
   sink_.write(bytes_of(text));
   ++segment_samples_;

@@ -52,6 +52,18 @@ TEST(Hl7Vitals, AcknowledgesByTheIdentifierOfTheMessage) {
   EXPECT_THAT(odd.acknowledgement,
               StartsWith("MSH@~&#\\@KIROKU@@MON@@20260101120000.500+0000@@ACK~R01~ACK@"));
   EXPECT_THAT(odd.acknowledgement, HasSubstr("\rMSA@AA@9\r"));
+  // What a broken line added to the header is not repeated: it would begin a segment of the answer.
+  const auto broken =
+      vitals.take("MSH|^~\\&|MON||||20260101||ORU^R01|10|P|2.3\nNTEOBX|1|NM|1^MDC_X^MDC||5", 5, kNow, "");
+  ASSERT_NE(broken.acknowledgement, "");
+  EXPECT_THAT(parse_hl7_message(broken.acknowledgement).message->segments(), SizeIs(2));
+}
+
+TEST(Hl7Vitals, ACharacterSetWhoseNameIsNoTextIsToldOfInText) {
+  Hl7Vitals vitals(std::chrono::minutes(0));
+  for (const media::VitalLine& line : vitals.take(message("7", "||||||\xbaR1"), 5, kNow, "").lines) {
+    EXPECT_NO_THROW(media::to_json_line(line));
+  }
 }
 
 TEST(Hl7Vitals, RecordsAMessageSentAgainOnceAndAcknowledgesItAgain) {

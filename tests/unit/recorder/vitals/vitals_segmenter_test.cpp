@@ -26,6 +26,7 @@ class Diary : public VitalsSegmentSink {
       lines_written += c == '\n' ? 1 : 0;
     }
     entries.emplace_back("line");
+    written += text_of(lines);
   }
   void end_segment(std::int64_t end_ns, std::uint64_t samples) override {
     entries.push_back("end at " + std::to_string(end_ns) + " with " + std::to_string(samples));
@@ -34,6 +35,7 @@ class Diary : public VitalsSegmentSink {
   }
 
   std::vector<std::string> entries;
+  std::string written;
   std::vector<std::pair<std::int64_t, std::int64_t>> spans;
   std::int64_t start = 0;
   std::uint64_t lines_written = 0, samples_told = 0;
@@ -143,6 +145,17 @@ TEST(VitalsSegmenter, JoinsSpansWithoutHoleWhateverComes) {
     ASSERT_EQ(diary.lines_written, samples);
     ASSERT_EQ(diary.samples_told, samples);
   }
+}
+
+TEST(VitalsSegmenter, ALineThatCannotBeWrittenIsStatedAndTheStreamGoesOn) {
+  Diary diary;
+  VitalsSegmenter segmenter(diary, nanoseconds(100), 0);
+  segmenter.add(media::VitalNotice{10, "of-tests", "\xff is no UTF-8", ""});
+  segmenter.add(media::VitalNotice{20, "of-tests", "text", ""});
+  EXPECT_EQ(diary.lines_written, 2U);
+  EXPECT_NE(diary.written.find(R"("notice":"line-left-out")"), std::string::npos);
+  // What has no place in time is the recorder's own mistake.
+  EXPECT_THROW(segmenter.add(media::VitalNotice{-1, "of-tests", "text", ""}), Error);
 }
 
 }  // namespace
