@@ -10,6 +10,7 @@
 #include <unistd.h>
 #include <utility>
 
+#include "base/descriptor.h"
 #include "base/error.h"
 
 namespace kiroku::archive {
@@ -19,29 +20,6 @@ namespace {
 constexpr int kMaximumDepth = 3;
 
 /// A file descriptor that closes itself.
-class Descriptor {
- public:
-  explicit Descriptor(int number) : number_(number) {}
-  Descriptor(Descriptor&& other) noexcept : number_(std::exchange(other.number_, -1)) {}
-  Descriptor& operator=(Descriptor&& other) noexcept {
-    std::swap(number_, other.number_);
-    return *this;
-  }
-  Descriptor(const Descriptor&) = delete;
-  Descriptor& operator=(const Descriptor&) = delete;
-  ~Descriptor() {
-    if (number_ >= 0) {
-      ::close(number_);
-    }
-  }
-  [[nodiscard]] int get() const { return number_; }
-  int release() { return std::exchange(number_, -1); }
-  explicit operator bool() const { return number_ >= 0; }
-
- private:
-  int number_;
-};
-
 struct FolderCloser {
   void operator()(DIR* folder) const { ::closedir(folder); }
 };
@@ -85,11 +63,11 @@ ListedFile::Kind kind_of(const struct stat& status) {
 }
 
 void list_into(Descriptor folder, const std::string& prefix, int depth, std::vector<ListedFile>& all) {
-  const FolderHandle handle(::fdopendir(folder.get()));
+  const FolderHandle handle(::fdopendir(folder.number()));
   if (!handle) {
     return;
   }
-  folder.release();  // the handle closes it
+  (void)folder.release();  // the handle closes it
   while (const dirent* entry = ::readdir(handle.get())) {
     const std::string name = entry->d_name;
     if (name == "." || name == "..") {
@@ -179,23 +157,23 @@ FileOpening CaseFolder::open_file(std::string_view relative) const {
       return {std::nullopt, FileProblem::kMissing, "is not a name of the case format"};
     }
     if (slash == std::string_view::npos) {
-      const Descriptor opened(open_below(folder.get(), name, 0));
+      const Descriptor opened(open_below(folder.number(), name, 0));
       if (!opened) {
-        return failed_opening(folder.get(), name, errno);
+        return failed_opening(folder.number(), name, errno);
       }
       struct stat status {};
-      if (::fstat(opened.get(), &status) != 0 || !S_ISREG(status.st_mode)) {
+      if (::fstat(opened.number(), &status) != 0 || !S_ISREG(status.st_mode)) {
         return {std::nullopt, FileProblem::kNotRegular,
                 S_ISDIR(status.st_mode) ? "is a folder" : "is a special file"};
       }
-      return {ReadableFile(::fcntl(opened.get(), F_DUPFD_CLOEXEC, 0),
+      return {ReadableFile(::fcntl(opened.number(), F_DUPFD_CLOEXEC, 0),
                            static_cast<std::uint64_t>(status.st_size), path_ / relative),
               {},
               {}};
     }
-    Descriptor below(open_below(folder.get(), name, O_DIRECTORY));
+    Descriptor below(open_below(folder.number(), name, O_DIRECTORY));
     if (!below) {
-      return failed_opening(folder.get(), name, errno);
+      return failed_opening(folder.number(), name, errno);
     }
     folder = std::move(below);
     rest.remove_prefix(slash + 1);

@@ -9,6 +9,7 @@
 #include <utility>
 
 #include "archive/case_layout.h"
+#include "base/descriptor.h"
 #include "base/write_behind.h"
 
 namespace kiroku::archive {
@@ -22,22 +23,6 @@ constexpr mode_t kFolderMode = 0755;
 
 /// A file descriptor that closes itself. Errors of close() are of no interest: what must be durable was
 /// synced before.
-class Descriptor {
- public:
-  explicit Descriptor(int number) : number_(number) {}
-  Descriptor(const Descriptor&) = delete;
-  Descriptor& operator=(const Descriptor&) = delete;
-  ~Descriptor() {
-    if (number_ >= 0) {
-      ::close(number_);
-    }
-  }
-  [[nodiscard]] int number() const { return number_; }
-
- private:
-  int number_;
-};
-
 /// Repeats a system call that a signal interrupted.
 template <typename Call>
 auto uninterrupted(Call call) {

@@ -7,6 +7,7 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
+#include "base/descriptor.h"
 #include "base/error.h"
 
 namespace kiroku::timestamp {
@@ -14,29 +15,20 @@ namespace {
 
 constexpr std::size_t kLargest = 1 << 20;
 
-class Descriptor {
- public:
-  Descriptor(const std::filesystem::path& path, int flags, mode_t mode, const char* action)
-      : number_(::open(path.c_str(), flags | O_CLOEXEC, mode)) {
-    if (number_ < 0) throw IoError(action, path, errno);
-  }
-  Descriptor(const Descriptor&) = delete;
-  Descriptor& operator=(const Descriptor&) = delete;
-  ~Descriptor() { ::close(number_); }
-  [[nodiscard]] int number() const { return number_; }
-
- private:
-  int number_;
-};
+Descriptor open_or_throw(const std::filesystem::path& path, int flags, mode_t mode, const char* action) {
+  Descriptor opened(::open(path.c_str(), flags | O_CLOEXEC, mode));
+  if (!opened) throw IoError(action, path, errno);
+  return opened;
+}
 
 void sync_folder_of(const std::filesystem::path& file) {
   const auto folder = file.has_parent_path() ? file.parent_path() : std::filesystem::path(".");
-  const Descriptor descriptor(folder, O_RDONLY | O_DIRECTORY, 0, "open the folder");
+  const Descriptor descriptor = open_or_throw(folder, O_RDONLY | O_DIRECTORY, 0, "open the folder");
   if (::fsync(descriptor.number()) != 0) throw IoError("sync the folder", folder, errno);
 }
 
 void write_and_sync(const std::filesystem::path& file, ByteView bytes, int flags, mode_t mode) {
-  const Descriptor descriptor(file, O_WRONLY | O_CREAT | flags, mode, "create");
+  const Descriptor descriptor = open_or_throw(file, O_WRONLY | O_CREAT | flags, mode, "create");
   // The umask may have taken bits away, and a file that was there keeps its mode.
   if (::fchmod(descriptor.number(), mode) != 0) throw IoError("set the mode of", file, errno);
   while (!bytes.empty()) {
@@ -51,7 +43,7 @@ void write_and_sync(const std::filesystem::path& file, ByteView bytes, int flags
 }  // namespace
 
 Bytes read_small_file(const std::filesystem::path& file) {
-  const Descriptor descriptor(file, O_RDONLY, 0, "open");
+  const Descriptor descriptor = open_or_throw(file, O_RDONLY, 0, "open");
   Bytes out;
   std::array<std::byte, 16'384> piece{};
   while (true) {

@@ -6,30 +6,22 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
+#include "base/descriptor.h"
 #include "base/error.h"
 
 namespace kiroku::apps {
 namespace {
 
-class Descriptor {
- public:
-  Descriptor(const std::filesystem::path& file, const std::string& what)
-      : number_(::open(file.c_str(), O_RDONLY | O_CLOEXEC)) {
-    if (number_ < 0) throw IoError("read " + what, file, errno);
-  }
-  ~Descriptor() { ::close(number_); }
-  Descriptor(const Descriptor&) = delete;
-  Descriptor& operator=(const Descriptor&) = delete;
-  [[nodiscard]] int number() const { return number_; }
-
- private:
-  int number_;
-};
+Descriptor open_to_read(const std::filesystem::path& file, const std::string& what) {
+  Descriptor opened(::open(file.c_str(), O_RDONLY | O_CLOEXEC));
+  if (!opened) throw IoError("read " + what, file, errno);
+  return opened;
+}
 
 }  // namespace
 
 Bytes read_small_file(const std::filesystem::path& file, const std::string& what) {
-  const Descriptor descriptor(file, what);
+  const Descriptor descriptor = open_to_read(file, what);
   Bytes bytes;
   Bytes block(64U << 10);
   for (;;) {
@@ -45,7 +37,7 @@ Bytes read_small_file(const std::filesystem::path& file, const std::string& what
 }
 
 MappedFile::MappedFile(const std::filesystem::path& file) {
-  const Descriptor descriptor(file, "the file");
+  const Descriptor descriptor = open_to_read(file, "the file");
   struct stat facts {};
   if (::fstat(descriptor.number(), &facts) != 0) throw IoError("look at", file, errno);
   if (!S_ISREG(facts.st_mode)) throw UsageError(file.string() + " is not a regular file: give one");

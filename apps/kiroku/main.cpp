@@ -1,48 +1,47 @@
-// kiroku: everything a person does.
+// kiroku: what people start. What asks the running recorder is answered here, with a few small libraries:
+// loading those of cameras and codecs would take far longer than the answer. Everything else becomes
+// kiroku-full.
+
+#include <algorithm>
+#include <array>
+#include <cerrno>
+#include <cstring>
+#include <filesystem>
+#include <string>
+#include <string_view>
+#include <system_error>
+#include <unistd.h>
 
 #include "apps/kiroku/commands.h"
-#include "apps/sim/sim_command.h"
 
 namespace {
 
-constexpr const char* kOverview =
-    R"(kiroku records operations so that a recording can be proved whole, and when it was made.
+namespace fs = std::filesystem;
 
-  kiroku init --demo                                   a home to try things out
-  kiroku record --endoscope synthetic:endoscope --room synthetic:room \
-      --vitals synthetic:patient --duration 20s        a recording without any camera
-  kiroku cases                                         what is recorded
-  kiroku verify CASE                                   is it whole, and when did it exist?
-  kiroku export CASE --stream endoscope -o film.ts     the pictures, for a recipient
+constexpr std::array<std::string_view, 2> kAnsweredHere{"case", "status"};
 
-Other commands: case, status, doctor, recover, excerpt, erase, seal, unseal, stamp, token, tsa, log, sim, completion.
-'kiroku --help' lists them all, 'kiroku COMMAND --help' explains one.
-)";
+/// Beside this program, as it is built, or where it is installed.
+fs::path full_program() {
+  std::error_code failed;
+  const fs::path here = fs::read_symlink("/proc/self/exe", failed).parent_path();
+  fs::path beside = here / "kiroku-full";
+  if (::access(beside.c_str(), X_OK) == 0) return beside;
+  return here.parent_path() / "libexec/kiroku/kiroku-full";
+}
 
 }  // namespace
 
 int main(int argc, char** argv) {
   using namespace kiroku::apps;
-  Program program("kiroku", "records operations, sealed and time-stamped, and proves it", kOverview);
-  Command& root = program.root();
-  add_init_command(root);
-  add_record_command(root);
-  add_case_command(root);
-  add_status_command(root);
-  add_doctor_command(root);
-  add_recover_command(root);
-  add_cases_command(root);
-  add_verify_command(root);
-  add_export_command(root);
-  add_excerpt_command(root);
-  add_erase_command(root);
-  add_seal_command(root);
-  add_unseal_command(root);
-  add_stamp_command(root);
-  add_token_command(root);
-  add_tsa_command(root);
-  add_log_command(root);
-  add_sim_command(root);
-  add_completion_command(root);
-  return program.run(argc, argv);
+  if (argc > 1 && std::ranges::count(kAnsweredHere, argv[1]) > 0) {
+    Program program("kiroku", "records operations, sealed and time-stamped, and proves it", "");
+    add_case_command(program.root());
+    add_status_command(program.root());
+    return program.run(argc, argv);
+  }
+  const fs::path full = full_program();
+  ::execv(full.c_str(), argv);
+  print_error("kiroku", "cannot start " + full.string() + ": " + std::strerror(errno) +
+                            "; it belongs to this program, so install both anew");
+  return kRefused;
 }

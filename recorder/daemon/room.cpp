@@ -381,6 +381,7 @@ struct Room::State {
         back_off();
       } else {
         pause = {};
+        not_before = {};
       }
     }
     changed.notify_all();
