@@ -7,7 +7,7 @@ set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/../.."
 seconds=${1:-60}
 shift || true
-command -v clang++-16 >/dev/null || { echo "SKIPPED: clang++-16 is not installed (deploy/dependencies, group fuzz)"; exit 77; }
+command -v clang++ >/dev/null || { echo "SKIPPED: clang is not installed (deploy/dependencies, group fuzz)"; exit 77; }
 cmake --preset fuzz -DKIROKU_TESTS=ON >/dev/null
 all=$(sed -n 's/^ *kiroku_fuzz_target(\([a-z0-9_]*_fuzz\) .*/\1/p' tests/fuzz/CMakeLists.txt)
 targets=${*:-$all}
