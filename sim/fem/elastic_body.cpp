@@ -69,11 +69,12 @@ ElasticBody::ElasticBody(TetMesh mesh, const Materials& materials, Constraints c
   }
   refuse_free_motions(mesh_, faces, constraints_);
   stiffness_ = std::make_unique<StiffnessMatrix>(mesh_, material_of_);
-  std::vector<bool> free(3 * mesh_.nodes.size());
-  for (std::size_t number = 0; number < free.size(); ++number) {
-    free[number] = used_[number / 3] && !constraints_.prescribed(number);
+  free_.resize(3 * mesh_.nodes.size());
+  for (std::size_t number = 0; number < free_.size(); ++number) {
+    free_[number] = used_[number / 3] && !constraints_.prescribed(number);
   }
-  factorisation_ = std::make_unique<Factorisation>(*stiffness_, free, order.get());
+  order_ = order.get();
+  factorisation_ = std::make_unique<Factorisation>(*stiffness_, free_, order_);
 }
 
 Eigen::VectorXd ElasticBody::weight_n(const Vector3& gravity_m_s2) const {

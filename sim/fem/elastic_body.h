@@ -36,6 +36,15 @@ class ElasticBody {
   ElasticBody(TetMesh mesh, const Materials& materials, Constraints constraints);
 
   [[nodiscard]] std::size_t unknowns() const { return factorisation_->unknowns(); }
+  [[nodiscard]] const TetMesh& mesh() const { return mesh_; }
+  [[nodiscard]] const Constraints& constraints() const { return constraints_; }
+  [[nodiscard]] const Material& material_of(std::size_t tetrahedron) const {
+    return *material_of_[tetrahedron];
+  }
+  /// Those that a solve finds, (3 |V|): of nodes in use, not prescribed.
+  [[nodiscard]] const std::vector<bool>& free() const { return free_; }
+  /// In which its nodes are eliminated.
+  [[nodiscard]] const std::vector<std::uint32_t>& order() const { return order_; }
 
   /// The weight of each tetrahedron, a quarter at each of its nodes; (3 |V|), N.
   [[nodiscard]] Eigen::VectorXd weight_n(const Vector3& gravity_m_s2) const;
@@ -57,6 +66,8 @@ class ElasticBody {
   Constraints constraints_;
   std::vector<const Material*> material_of_;  // (|T|), in materials_
   std::vector<bool> used_;                    // (|V|)
+  std::vector<bool> free_;
+  std::vector<std::uint32_t> order_;
   std::unique_ptr<StiffnessMatrix> stiffness_;
   std::unique_ptr<Factorisation> factorisation_;
 };

@@ -8,20 +8,39 @@
 
 namespace kiroku::sim {
 
-StiffnessMatrix::StiffnessMatrix(const TetMesh& mesh, std::span<const Material* const> materials) {
+StiffnessMatrix::StiffnessMatrix(const TetMesh& mesh) {
   NodeGraph graph = node_graph_of(mesh);
   begin_ = std::move(graph.begin);
   rows_ = std::move(graph.rows);
   blocks_.assign(rows_.size(), Eigen::Matrix3d::Zero());
+}
+
+StiffnessMatrix::StiffnessMatrix(const TetMesh& mesh, std::span<const Material* const> materials)
+    : StiffnessMatrix(mesh) {
   for (std::size_t t = 0; t < mesh.tetrahedra.size(); ++t) {
     const LinearElement element = element_of(mesh, t);
-    for (std::size_t a = 0; a < 4; ++a) {
-      for (std::size_t b = 0; b < 4; ++b) {
-        const std::uint32_t row = mesh.tetrahedra[t][a], column = mesh.tetrahedra[t][b];
-        if (row < column) continue;
-        blocks_[block_at(row, column)] += stiffness_block(
-            element, *materials[t], static_cast<Eigen::Index>(a), static_cast<Eigen::Index>(b));
-      }
+    add(mesh.tetrahedra[t],
+        [&](Eigen::Index a, Eigen::Index b) { return stiffness_block(element, *materials[t], a, b); });
+  }
+}
+
+StiffnessMatrix::StiffnessMatrix(
+    const TetMesh& mesh, const std::function<Eigen::Matrix<double, 12, 12>(std::size_t)>& element_matrix)
+    : StiffnessMatrix(mesh) {
+  for (std::size_t t = 0; t < mesh.tetrahedra.size(); ++t) {
+    const Eigen::Matrix<double, 12, 12> matrix = element_matrix(t);
+    add(mesh.tetrahedra[t],
+        [&](Eigen::Index a, Eigen::Index b) -> Eigen::Matrix3d { return matrix.block<3, 3>(3 * a, 3 * b); });
+  }
+}
+
+template <typename BlockOf>
+void StiffnessMatrix::add(const Tetrahedron& tetrahedron, BlockOf block_of) {
+  for (std::size_t a = 0; a < 4; ++a) {
+    for (std::size_t b = 0; b < 4; ++b) {
+      const std::uint32_t row = tetrahedron[a], column = tetrahedron[b];
+      if (row < column) continue;
+      blocks_[block_at(row, column)] += block_of(static_cast<Eigen::Index>(a), static_cast<Eigen::Index>(b));
     }
   }
 }

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
 #include <span>
 #include <vector>
 
@@ -21,6 +22,9 @@ class StiffnessMatrix {
   /// `materials` (|T|) is each tetrahedron's. Elements are added in their order, so that the same mesh gives
   /// the same bits.
   StiffnessMatrix(const TetMesh& mesh, std::span<const Material* const> materials);
+  /// From other elements than linear ones; `element_matrix` is asked for each tetrahedron in turn.
+  StiffnessMatrix(const TetMesh& mesh,
+                  const std::function<Eigen::Matrix<double, 12, 12>(std::size_t)>& element_matrix);
 
   [[nodiscard]] std::size_t nodes() const { return begin_.size() - 1; }
   /// K u; (3 |V|), N for m.
@@ -37,6 +41,10 @@ class StiffnessMatrix {
   }
 
  private:
+  /// All blocks zero.
+  explicit StiffnessMatrix(const TetMesh& mesh);
+  template <typename BlockOf>
+  void add(const Tetrahedron& tetrahedron, BlockOf block_of);
   [[nodiscard]] std::size_t block_at(std::uint32_t row, std::uint32_t column) const;
 
   std::vector<std::size_t> begin_;  // (|V| + 1)

@@ -109,6 +109,11 @@ std::int64_t JsonField::integer() const {
   return static_cast<std::int64_t>(real);
 }
 
+bool JsonField::boolean() const {
+  if (!value_->is_boolean()) fail_type("true or false");
+  return value_->get<bool>();
+}
+
 std::string JsonField::text() const {
   if (!value_->is_string()) fail_type("a text");
   return value_->get<std::string>();

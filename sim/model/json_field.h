@@ -34,6 +34,7 @@ class JsonField {
   [[nodiscard]] double number() const;  // finite
   [[nodiscard]] std::optional<double> number_or_null() const;
   [[nodiscard]] std::int64_t integer() const;
+  [[nodiscard]] bool boolean() const;
   [[nodiscard]] std::string text() const;
   [[nodiscard]] bool is_text() const { return value_->is_string(); }
   [[nodiscard]] Vector3 vector() const;  // of three numbers

@@ -8,6 +8,7 @@
 #include <map>
 
 #include "base/error.h"
+#include "sim/fem/corotational_body.h"
 #include "sim/fem/number_text.h"
 #include "sim/mesh/mesh_check.h"
 #include "sim/mesh/mesh_reader.h"
@@ -38,7 +39,8 @@ std::string vector_text(const Vector3& vector) {
 class ModelReader {
  public:
   ModelReader(const JsonField& document, const std::filesystem::path& folder) {
-    document.expect_object({"mesh", "length_unit", "materials", "fixed", "forces", "gravity_m_s2"});
+    document.expect_object(
+        {"mesh", "length_unit", "materials", "fixed", "forces", "gravity_m_s2", "corotational"});
     read_mesh_and_unit(document, folder);
     read_materials(document.member("materials"));
     model_.constraints = Constraints(model_.mesh.nodes.size());
@@ -55,6 +57,8 @@ class ModelReader {
         warn("a material has no density_kg_m3: 1000 was taken for its weight");
       }
     }
+    if (const auto corotational = document.optional_member("corotational"))
+      model_.corotational = corotational->boolean();
   }
 
   StaticModel take() { return std::move(model_); }
@@ -245,14 +249,23 @@ StaticModel read_static_model(const std::filesystem::path& file) {
 }
 
 StaticResult solve(const StaticModel& model) {
-  const ElasticBody body(model.mesh, model.materials, model.constraints);
-  const Eigen::VectorXd force_n = model.force_n + body.weight_n(model.gravity_m_s2);
   StaticResult result;
-  result.solution = body.solve(force_n);
-  result.stress_pa = body.stress_pa(result.solution.displacement_m);
+  Eigen::VectorXd force_n;
+  if (model.corotational) {
+    const CorotationalBody body(model.mesh, model.materials, model.constraints);
+    force_n = model.force_n + body.linear().weight_n(model.gravity_m_s2);
+    result.solution = body.solve(force_n);
+    result.stress_pa = body.stress_pa(result.solution.displacement_m);
+    result.unknowns = body.linear().unknowns();
+  } else {
+    const ElasticBody body(model.mesh, model.materials, model.constraints);
+    force_n = model.force_n + body.weight_n(model.gravity_m_s2);
+    result.solution = body.solve(force_n);
+    result.stress_pa = body.stress_pa(result.solution.displacement_m);
+    result.unknowns = body.unknowns();
+  }
   result.load_n = sum_over_nodes(force_n);
   result.reaction_n = sum_over_nodes(result.solution.reaction_force_n);
-  result.unknowns = body.unknowns();
   const double units = units_per_metre(model.unit);
   if (!(result.solution.displacement_m * units).allFinite() || !result.load_n.allFinite() ||
       !result.reaction_n.allFinite()) {

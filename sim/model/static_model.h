@@ -5,7 +5,7 @@
 //  "materials": [{"region": "all", "young_modulus_pa": 5000, "poisson_ratio": 0.45, "density_kg_m3": 1060}],
 //  "fixed": [{"box": [[0, 0, 0], [10, 50, 50]], "displacement": [0, 0, null]}],
 //  "forces": [{"nodes": [17, 18], "force_n": [0, 0, -0.5]}],
-//  "gravity_m_s2": [0, -9.81, 0]}
+//  "gravity_m_s2": [0, -9.81, 0], "corotational": false}
 //
 // docs/simulation.md says what each key means.
 #pragma once
@@ -26,6 +26,7 @@ struct StaticModel {
   Constraints constraints{0};
   Eigen::VectorXd force_n;  // (3 |V|), without weight
   Vector3 gravity_m_s2 = Vector3::Zero();
+  bool corotational = false;  // for large rotations
   /// What is odd and does not prevent an answer, each a sentence: a mesh of a strange size, in several
   /// pieces, with loose nodes, cells that were left out, a density that was assumed.
   std::vector<std::string> warnings;

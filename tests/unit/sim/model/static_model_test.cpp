@@ -135,6 +135,8 @@ TEST_F(StaticModelTest, NamesThePathOfWhatIsWrong) {
   EXPECT_EQ(refusal_with("/forces/0/force_n", json{1, 2, nullptr}),
             "forces[0].force_n[2] is null where a number is expected");
   EXPECT_EQ(refusal_with("/gravity_m_s2", 9.81), "gravity_m_s2 is of type number where an array is expected");
+  EXPECT_EQ(refusal_with("/corotational", 1),
+            "corotational is of type number where true or false is expected");
   EXPECT_EQ(refusal_with("/fixed/1/nodes/0", 15),
             "fixed[1] contradicts another: fixed[1] moves node 15 by -0.002 m along z, fixed[0] by 0 m: only "
             "one of them can "
@@ -178,6 +180,22 @@ TEST_F(StaticModelTest, RefusesUnsoundMeshesByTheirNumber) {
   std::swap(mesh.tetrahedra[7][0], mesh.tetrahedra[7][1]);
   write_mesh(mesh);
   EXPECT_EQ(refusal(model_), "mesh names a mesh that is not sound: 1 tetrahedron is inverted: 7");
+}
+
+TEST_F(StaticModelTest, LargeRotationsAreAskedForByAFlag) {
+  json document = model_;
+  document["fixed"] = json::array({document["fixed"][0]});
+  document["forces"] = json::array({{{"nodes", {4, 9, 14}}, {"force_n", {0, 0, -0.2}}}});
+  document["gravity_m_s2"] = {0, 0, 0};
+  const StaticResult linear = solve(read(document));
+  document["corotational"] = true;
+  const StaticResult turned = solve(read(document));
+  // The middle of the end goes down, and only what turns comes back towards what holds it.
+  const Eigen::Index middle = 3 * 24;
+  EXPECT_LT(linear.solution.displacement_m[middle + 2], -0.005);
+  EXPECT_LT(turned.solution.displacement_m[middle], linear.solution.displacement_m[middle] - 0.001);
+  EXPECT_NEAR(turned.reaction_n.z(), 0.2, 1e-8);
+  EXPECT_EQ(turned.unknowns, linear.unknowns);
 }
 
 }  // namespace
