@@ -104,6 +104,16 @@ std::vector<std::string> stated_charsets(std::string_view bytes, const Hl7Separa
   return charsets;
 }
 
+/// Where the header's version (MSH-12) begins, the last field that no header is without; npos if it ends
+/// before.
+std::size_t end_of_required_header(std::string_view header, char separator) {
+  std::size_t at = 0;
+  for (int field = 2; field <= 12 && at != std::string_view::npos; ++field) {
+    at = header.find(separator, at + 1);
+  }
+  return at;
+}
+
 /// Where within `segment` another begins though no line ends; npos if nowhere.
 std::size_t find_glued(std::string_view segment, char separator, std::size_t from) {
   constexpr std::array<std::string_view, 5> kNames{"PID", "PV1", "OBR", "OBX", "NTE"};
@@ -120,6 +130,9 @@ std::size_t find_glued(std::string_view segment, char separator, std::size_t fro
     const std::size_t digits = std::min(rest.find_first_not_of("0123456789"), rest.size());
     if (digits == rest.size() || rest[digits] != separator) {
       continue;  // every one of them begins with a set identifier, or nothing
+    }
+    if (name == "NTE" && digits == 0) {
+      continue;  // a word can end so: PACIENTE
     }
     const std::string_view type = rest.substr(digits + 1, 4);
     const std::size_t letters = std::min(type.find(separator), type.size());
@@ -336,8 +349,9 @@ struct Hl7Parser {
   static void add(Hl7Message& message, std::string_view segment) {
     const char separator = message.separators_.field;
     while (!segment.empty() && message.segments_.size() <= Hl7Message::kMaximumSegments) {
-      // Within MSH only what comes after its separators can be another segment.
-      const std::size_t next = find_glued(segment, separator, segment.starts_with("MSH") ? 8 : 3);
+      // A monitor may be called CLIENTE: within the header only what follows all of it is another segment.
+      const std::size_t next = find_glued(
+          segment, separator, segment.starts_with("MSH") ? end_of_required_header(segment, separator) : 3);
       std::vector<std::string_view> fields = split(segment.substr(0, next), separator);
       if (fields.front() == "MSH") {
         fields.insert(fields.begin() + 1, segment.substr(3, 1));

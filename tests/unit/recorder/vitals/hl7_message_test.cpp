@@ -62,6 +62,14 @@ TEST(Hl7Message, TakesEveryLineEnd) {
   EXPECT_EQ(parse(ending_with_nul)->segments().at(1).field(1).raw(), "1");
 }
 
+TEST(Hl7Message, AWordThatEndsAsASegmentBeginsIsOne) {
+  const auto message =
+      parse("MSH|^~\\&|CLIENTE||||20260101120000||ORU^R01|7|P|2.6\rOBX|1|ST|X||PACIENTE||||||F");
+  EXPECT_THAT(names(*message), ElementsAre("MSH", "OBX"));
+  EXPECT_EQ(message->header().field(3).raw(), "CLIENTE");
+  EXPECT_EQ(message->segments()[1].field(5).raw(), "PACIENTE");
+}
+
 TEST(Hl7Message, FindsSegmentsThatAreGluedTogether) {
   const auto message =
       parse(kHeader +
