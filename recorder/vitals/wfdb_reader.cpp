@@ -396,7 +396,10 @@ void WfdbReader::read_file(File& file, std::uint64_t begin, std::uint64_t end,
     for (std::uint64_t frame = 0; frame < end - begin; ++frame) {
       for (std::size_t i = 0; i < signal.per_frame; ++i) {
         const std::uint64_t place = frame * file.per_frame + signal.offset + i;
-        signal.sum = static_cast<std::uint16_t>(signal.sum + (frame < frames ? values[place] : 0));
+        if (frame < frames) {
+          // The sum of all samples modulo 2^16.
+          signal.sum = static_cast<std::uint16_t>(signal.sum + static_cast<std::uint16_t>(values[place]));
+        }
         const std::uint64_t shifted = place + signal.skew * file.per_frame;
         const bool there = shifted < values.size() && values[shifted] != missing;
         wave.push_back(there ? signal.scaling(values[shifted]) : std::numeric_limits<double>::quiet_NaN());
