@@ -100,7 +100,7 @@ bool UdpDevice::read(std::span<Pose> poses) {
         pose.orientation = {real_at(at + 24), real_at(at + 32), real_at(at + 40), real_at(at + 48)};
         const double length = pose.orientation.norm();
         // Senders round; what is further off than that is another kind of number.
-        if (!pose.position_m.allFinite() || pose.position_m.norm() > kFurthest_m ||
+        if (!pose.position_m.allFinite() || pose.position_m.norm() > kFurthestMetres ||
             !(std::abs(length - 1) <= 1e-3))
           return false;
         pose.orientation.normalize();

@@ -52,7 +52,7 @@ class UdpDevice : public HapticDevice {
   /// Who was not heard for so long may be followed by another sender, or by itself counting anew.
   static constexpr std::chrono::milliseconds kSilence{500};
   /// Positions further from the origin than this, m, are no poses of a tool at an organ.
-  static constexpr double kFurthest_m = 10;
+  static constexpr double kFurthestMetres = 10;
 
  private:
   struct Peer {

@@ -27,12 +27,12 @@ namespace {
 
 using namespace kiroku::sim;  // NOLINT(google-build-using-namespace): a program of one file
 
-constexpr double kRadius_m = 0.03, kLength_m = 0.08;
+constexpr double kRadiusMetres = 0.03, kLengthMetres = 0.08;
 // The papers' figures, ms, for one to five fingers.
-constexpr double kPaperForce_ms[] = {0.20, 0.63, 2.36, 8.18, 29.7}, kPaperDeformation_ms = 32;
+constexpr double kPaperForceMs[] = {0.20, 0.63, 2.36, 8.18, 29.7}, kPaperDeformationMs = 32;
 
 ElasticBody held_cylinder(std::uint32_t rings, std::uint32_t layers) {
-  TetMesh mesh = kiroku::test::tet_cylinder(rings, layers, kRadius_m, kLength_m);
+  TetMesh mesh = kiroku::test::tet_cylinder(rings, layers, kRadiusMetres, kLengthMetres);
   Constraints constraints(mesh.nodes.size());
   for (std::size_t node = 0; node < mesh.nodes.size(); ++node) {
     if (mesh.nodes[node].z() == 0) constraints.prescribe(node, Vector3::Zero(), "bench");
@@ -53,9 +53,9 @@ void move(std::vector<Pose>& poses, double time_s) {
   const double turn = 2 * std::numbers::pi * time_s / 0.5;
   for (std::size_t i = 0; i < poses.size(); ++i) {
     const double angle = i == 0 ? std::numbers::pi : 0.6 * (static_cast<double>(i) - 2.5);
-    const double from_axis_m = kRadius_m + 0.012 - 0.0045 - 0.0015 * std::sin(turn);
+    const double from_axis_m = kRadiusMetres + 0.012 - 0.0045 - 0.0015 * std::sin(turn);
     poses[i].position_m = {from_axis_m * std::cos(angle), from_axis_m * std::sin(angle),
-                           0.6 * kLength_m + 0.004 * std::sin(turn / 3 + static_cast<double>(i))};
+                           0.6 * kLengthMetres + 0.004 * std::sin(turn / 3 + static_cast<double>(i))};
   }
 }
 
@@ -124,7 +124,7 @@ BENCHMARK(compliance_group)->Args({5, 8})->Args({10, 14})->Args({15, 27})->Unit(
 void force_loop(benchmark::State& state) {
   const ElasticBody body = held_cylinder(15, 27);
   const ContactBody contact(body);
-  constexpr double kPeriod_s = 1e-3;
+  constexpr double kPeriodSeconds = 1e-3;
   std::vector<SimulatedHand::Path> paths;
   for (std::size_t tool = 0; tool < 5; ++tool) {
     paths.emplace_back([tool](double time_s) {
@@ -139,7 +139,7 @@ void force_loop(benchmark::State& state) {
   state.counters["prepared_s"] = prepared.count();
   for ([[maybe_unused]] auto _ : state) {
     HapticContact source(contact, fingers(5));
-    SimulatedHand hand(paths, kPeriod_s);
+    SimulatedHand hand(paths, kPeriodSeconds);
     ForceLoop loop(hand, source);
     const auto end = std::chrono::steady_clock::now() + std::chrono::seconds(60);
     double deformations = 0, contacts = 0;
@@ -183,9 +183,9 @@ class LeastTimes : public benchmark::ConsoleReporter {
   }
   void print_ratios() const {
     for (std::size_t count = 1; count <= 5; ++count)
-      print("reaction_force/fingers:" + std::to_string(count) + "/sticking:0", kPaperForce_ms[count - 1],
+      print("reaction_force/fingers:" + std::to_string(count) + "/sticking:0", kPaperForceMs[count - 1],
             0.03);
-    print("deformation/", kPaperDeformation_ms, 0.05);
+    print("deformation/", kPaperDeformationMs, 0.05);
   }
 
  private:
