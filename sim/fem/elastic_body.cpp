@@ -123,6 +123,30 @@ StaticSolution ElasticBody::solve(const Eigen::VectorXd& force_n) const {
   return solution;
 }
 
+bool ElasticBody::held(std::size_t node) const {
+  if (!used_[node]) return true;
+  for (std::size_t component = 0; component < 3; ++component) {
+    if (!constraints_.prescribed(3 * node + component)) return false;
+  }
+  return true;
+}
+
+Eigen::MatrixXd ElasticBody::compliance_columns(std::span<const std::uint32_t> nodes) const {
+  Eigen::MatrixXd columns = Eigen::MatrixXd::Zero(static_cast<Eigen::Index>(3 * mesh_.nodes.size()),
+                                                  static_cast<Eigen::Index>(3 * nodes.size()));
+  for (std::size_t i = 0; i < nodes.size(); ++i) {
+    columns
+        .block<3, 3>(static_cast<Eigen::Index>(3 * std::size_t{nodes[i]}), static_cast<Eigen::Index>(3 * i))
+        .setIdentity();
+  }
+  factorisation_->solve_columns(columns);
+  if (!columns.allFinite()) {
+    throw Error("the compliance of node " + std::to_string(nodes.front()) +
+                " and its neighbours is not finite: a modulus is out of all proportion");
+  }
+  return columns;
+}
+
 std::vector<SymmetricTensor> ElasticBody::strain(const Eigen::VectorXd& displacement_m) const {
   std::vector<SymmetricTensor> strain;
   strain.reserve(mesh_.tetrahedra.size());
@@ -133,15 +157,21 @@ std::vector<SymmetricTensor> ElasticBody::strain(const Eigen::VectorXd& displace
 }
 
 std::vector<SymmetricTensor> ElasticBody::stress_pa(const Eigen::VectorXd& displacement_m) const {
-  std::vector<SymmetricTensor> stress_pa = strain(displacement_m);
-  for (std::size_t t = 0; t < stress_pa.size(); ++t) {
-    stress_pa[t] = stress_of(*material_of_[t], stress_pa[t]);
-    if (!stress_pa[t].allFinite() || !std::isfinite(von_mises(stress_pa[t]))) {
-      throw Error("the stress of tetrahedron " + std::to_string(t) +
-                  " is not finite: a force, a displacement or a modulus is out of all proportion");
-    }
+  std::vector<SymmetricTensor> all_pa;
+  all_pa.reserve(mesh_.tetrahedra.size());
+  for (std::size_t t = 0; t < mesh_.tetrahedra.size(); ++t) all_pa.push_back(stress_pa(displacement_m, t));
+  return all_pa;
+}
+
+SymmetricTensor ElasticBody::stress_pa(const Eigen::VectorXd& displacement_m, std::size_t tetrahedron) const {
+  const SymmetricTensor strain = strain_of(
+      element_of(mesh_, tetrahedron), displacements_of(mesh_.tetrahedra[tetrahedron], displacement_m));
+  const SymmetricTensor stress = stress_of(*material_of_[tetrahedron], strain);
+  if (!stress.allFinite() || !std::isfinite(von_mises(stress))) {
+    throw Error("the stress of tetrahedron " + std::to_string(tetrahedron) +
+                " is not finite: a force, a displacement or a modulus is out of all proportion");
   }
-  return stress_pa;
+  return stress;
 }
 
 std::vector<SymmetricTensor> ElasticBody::at_nodes(const std::vector<SymmetricTensor>& of_tetrahedra) const {

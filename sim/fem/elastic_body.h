@@ -6,6 +6,7 @@
 
 #include <map>
 #include <memory>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -28,7 +29,7 @@ struct StaticSolution {
   Eigen::VectorXd reaction_force_n;
 };
 
-/// All of a result is finite. Not thread-safe.
+/// All of a result is finite. Not thread-safe but where a function says so.
 class ElasticBody {
  public:
   /// kiroku::Error in one sentence for: elements that are flat or inverted, regions without a material and
@@ -45,6 +46,8 @@ class ElasticBody {
   [[nodiscard]] const std::vector<bool>& free() const { return free_; }
   /// In which its nodes are eliminated.
   [[nodiscard]] const std::vector<std::uint32_t>& order() const { return order_; }
+  /// Whether nothing can move the node: all its components are prescribed, or it belongs to no tetrahedron.
+  [[nodiscard]] bool held(std::size_t node) const;
 
   /// The weight of each tetrahedron, a quarter at each of its nodes; (3 |V|), N.
   [[nodiscard]] Eigen::VectorXd weight_n(const Vector3& gravity_m_s2) const;
@@ -53,9 +56,17 @@ class ElasticBody {
   /// result would not be finite, or the equations are not met to 1e-9 of their largest term.
   [[nodiscard]] StaticSolution solve(const Eigen::VectorXd& force_n) const;
 
+  /// Columns of K^-1: how forces of 1 N at the nodes, along x, y and z, displace all; (3 |V| x 3 m), m/N, zero
+  /// where nothing is free. kiroku::Error where that is not finite. Thread-safe, beside solve() too. The same
+  /// nodes in the same order give the same bits.
+  [[nodiscard]] Eigen::MatrixXd compliance_columns(std::span<const std::uint32_t> nodes) const;
+
   /// Constant in each tetrahedron; (|T|).
   [[nodiscard]] std::vector<SymmetricTensor> strain(const Eigen::VectorXd& displacement_m) const;
   [[nodiscard]] std::vector<SymmetricTensor> stress_pa(const Eigen::VectorXd& displacement_m) const;
+  /// Of one of them.
+  [[nodiscard]] SymmetricTensor stress_pa(const Eigen::VectorXd& displacement_m,
+                                          std::size_t tetrahedron) const;
   /// Averages over the tetrahedra around each node, weighted by volume; (|V|), zero for loose nodes.
   [[nodiscard]] std::vector<SymmetricTensor> at_nodes(
       const std::vector<SymmetricTensor>& of_tetrahedra) const;

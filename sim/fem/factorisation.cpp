@@ -42,7 +42,7 @@ Eigen::VectorXd Factorisation::solve(const Eigen::VectorXd& force_n) const {
   Eigen::VectorXd displacement_m = Eigen::VectorXd::Zero(force_n.size());
   if (unknown_.empty()) return displacement_m;
   CholmodSession& session = cholmod_->session;
-  const CholmodSession::Dense right = session.allocate_vector(unknown_.size());
+  const CholmodSession::Dense right = session.allocate_dense(unknown_.size(), 1);
   auto* const forces = static_cast<double*>(right->x);
   for (std::size_t i = 0; i < unknown_.size(); ++i)
     forces[i] = force_n[static_cast<Eigen::Index>(unknown_[i])];
@@ -54,6 +54,33 @@ Eigen::VectorXd Factorisation::solve(const Eigen::VectorXd& force_n) const {
     displacement_m[static_cast<Eigen::Index>(unknown_[i])] = moved[i];
   }
   return displacement_m;
+}
+
+void Factorisation::solve_columns(Eigen::Ref<Eigen::MatrixXd> columns) const {
+  if (unknown_.empty()) {
+    columns.setZero();
+    return;
+  }
+  // Of its own, so that threads share nothing but the factor, which solving leaves as it is.
+  CholmodSession session;
+  const auto count = static_cast<std::size_t>(columns.cols());
+  const CholmodSession::Dense right = session.allocate_dense(unknown_.size(), count);
+  auto* const forces = static_cast<double*>(right->x);
+  for (std::size_t column = 0; column < count; ++column) {
+    const auto from = columns.col(static_cast<Eigen::Index>(column));
+    for (std::size_t i = 0; i < unknown_.size(); ++i)
+      forces[column * unknown_.size() + i] = from[static_cast<Eigen::Index>(unknown_[i])];
+  }
+  const CholmodSession::Dense solution(
+      cholmod_l_solve(CHOLMOD_A, cholmod_->factor.get(), right.get(), session.common()), {session.common()});
+  session.check();
+  const auto* const moved = static_cast<const double*>(solution->x);
+  columns.setZero();
+  for (std::size_t column = 0; column < count; ++column) {
+    auto into = columns.col(static_cast<Eigen::Index>(column));
+    for (std::size_t i = 0; i < unknown_.size(); ++i)
+      into[static_cast<Eigen::Index>(unknown_[i])] = moved[column * unknown_.size() + i];
+  }
 }
 
 }  // namespace kiroku::sim

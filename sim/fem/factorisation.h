@@ -15,7 +15,7 @@
 
 namespace kiroku::sim {
 
-/// Owns its factor; not thread-safe, as solves share memory to work in.
+/// Owns its factor; not thread-safe but for solve_columns(), as solves share memory to work in.
 class Factorisation {
  public:
   /// `free` (3 |V|): the unknowns; may be none. `order`: all nodes, as elimination_order() gives them.
@@ -30,6 +30,11 @@ class Factorisation {
 
   /// Displacements (3 |V|), zero where not free, that make K u = `force_n` (3 |V|) where free.
   [[nodiscard]] Eigen::VectorXd solve(const Eigen::VectorXd& force_n) const;
+
+  /// The same for many right sides, one a column; (3 |V| x m), in place. Much faster than one by one, as the
+  /// factor is read once. The same matrix of right sides gives the same bits, other columns beside one may
+  /// change its last ones. Thread-safe: any number of threads may be in it, and one in solve(). std::bad_alloc.
+  void solve_columns(Eigen::Ref<Eigen::MatrixXd> columns) const;
 
   [[nodiscard]] std::size_t unknowns() const { return unknown_.size(); }
 
