@@ -79,14 +79,13 @@ void ContactSolver::continue_from(const ContactSolver& previous) {
 }
 
 SurfaceDistance ContactSolver::distance(std::uint32_t tool, std::uint32_t point) const {
-  SurfaceDistance found =
-      distance_to(tools_[tool].shape,
-                  rotations_[tool].transpose() * (position_m(point) - poses_[tool].position_m));
+  SurfaceDistance found = distance_to(
+      tools_[tool].shape, rotations_[tool].transpose() * (position_m(point) - poses_[tool].position_m));
   found.normal = rotations_[tool] * found.normal;
   return found;
 }
 
-const ContactResult& ContactSolver::step(std::span<const Pose> poses) {
+void ContactSolver::check(std::span<const Pose> poses) const {
   if (poses.size() != tools_.size()) {
     throw UsageError(std::to_string(tools_.size()) + " tools need as many poses; there are " +
                      std::to_string(poses.size()));
@@ -97,6 +96,10 @@ const ContactResult& ContactSolver::step(std::span<const Pose> poses) {
                   " is none: its numbers must be finite and its quaternion of length 1");
     }
   }
+}
+
+const ContactResult& ContactSolver::step(std::span<const Pose> poses) {
+  check(poses);
   const auto go_to = [this](std::span<const Pose> there) {
     poses_.assign(there.begin(), there.end());
     for (std::size_t tool = 0; tool < poses_.size(); ++tool)
@@ -167,8 +170,8 @@ bool ContactSolver::add_touching(double depth_m) {
 
 void ContactSolver::bind(Touch& touch) {
   if (neighbourhood_->free[touch.point] == 0 || bound_[touch.point] != 0) return;
-  const Vector3 at_m = rotations_[touch.tool].transpose() *
-                       (position_m(touch.point) - poses_[touch.tool].position_m);
+  const Vector3 at_m =
+      rotations_[touch.tool].transpose() * (position_m(touch.point) - poses_[touch.tool].position_m);
   const SurfaceDistance found = distance_to(tools_[touch.tool].shape, at_m);
   touch.anchor_m = at_m - found.distance_m * found.normal;
   touch.anchor_normal = found.normal;

@@ -59,7 +59,7 @@ struct ContactOptions {
 struct Contact {
   std::uint32_t node = 0;  // of the mesh
   std::uint32_t tool = 0;
-  Vector3 force_n = Vector3::Zero();   // on the tissue
+  Vector3 force_n = Vector3::Zero();  // on the tissue
   Vector3 normal = Vector3::UnitX();  // of the tool's surface there, outwards
   double pressure_pa = 0;             // the force along the normal for the node's area
 };
@@ -100,6 +100,9 @@ class ContactSolver {
   /// that leave a node no place because they overlap, naming it and them.
   const ContactResult& step(std::span<const Pose> poses);
 
+  /// Throws as step() does where these are no poses for the tools.
+  void check(std::span<const Pose> poses) const;
+
   /// As of the last step (or continue_from()).
   [[nodiscard]] const ContactResult& result() const { return result_; }
   /// (3 |N|), where the nodes are.
@@ -136,7 +139,9 @@ class ContactSolver {
   void keep(bool all);
   void report();
   [[noreturn]] void refuse(const Row& row) const;
-  [[nodiscard]] Vector3 position_m(std::uint32_t point) const { return positions_m_.segment<3>(3 * Eigen::Index{point}); }
+  [[nodiscard]] Vector3 position_m(std::uint32_t point) const {
+    return positions_m_.segment<3>(3 * Eigen::Index{point});
+  }
   [[nodiscard]] SurfaceDistance distance(std::uint32_t tool, std::uint32_t point) const;
   [[nodiscard]] std::uint32_t& touch_at(std::uint32_t tool, std::uint32_t point) {
     return touch_at_[tool * neighbourhood_->nodes.size() + point];

@@ -15,9 +15,7 @@ struct Pose {
   [[nodiscard]] Vector3 to_tool(const Vector3& point_m) const {
     return orientation.conjugate() * (point_m - position_m);
   }
-  [[nodiscard]] Vector3 from_tool(const Vector3& point_m) const {
-    return orientation * point_m + position_m;
-  }
+  [[nodiscard]] Vector3 from_tool(const Vector3& point_m) const { return orientation * point_m + position_m; }
   /// Numbers that are no pose would leave as forces: false for what is not finite or not of length 1.
   [[nodiscard]] bool sound() const {
     return position_m.allFinite() && std::abs(orientation.norm() - 1) <= 1e-6;

@@ -44,7 +44,8 @@ class Compliance {
   /// the memory, they are all computed here. If not, columns have rows for the chosen nodes only and are
   /// computed when they are asked for. kiroku::Error for nodes that are not in the mesh or chosen twice, and
   /// what ElasticBody::compliance_columns() throws.
-  Compliance(const ElasticBody& body, std::vector<std::uint32_t> nodes, const ComplianceOptions& options = {});
+  Compliance(const ElasticBody& body, std::vector<std::uint32_t> nodes,
+             const ComplianceOptions& options = {});
   ~Compliance();
   Compliance(const Compliance&) = delete;
   Compliance& operator=(const Compliance&) = delete;
@@ -72,8 +73,8 @@ class Compliance {
   void prefetch(std::span<const std::uint32_t> nodes);
 
   struct Usage {
-    std::size_t columns_bytes = 0;    // held now
-    std::size_t groups_computed = 0;  // so far, by anyone
+    std::size_t columns_bytes = 0;      // held now
+    std::size_t groups_computed = 0;    // so far, by anyone
     std::size_t groups_waited_for = 0;  // of these, while someone waited for it in group_of() or groups_of()
   };
   [[nodiscard]] Usage usage() const;

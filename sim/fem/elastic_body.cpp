@@ -123,12 +123,12 @@ StaticSolution ElasticBody::solve(const Eigen::VectorXd& force_n) const {
   return solution;
 }
 
-bool ElasticBody::held(std::size_t node) const {
-  if (!used_[node]) return true;
-  for (std::size_t component = 0; component < 3; ++component) {
-    if (!constraints_.prescribed(3 * node + component)) return false;
+std::size_t ElasticBody::free_components(std::size_t node) const {
+  std::size_t count = 0;
+  for (std::size_t component = 0; used_[node] && component < 3; ++component) {
+    if (!constraints_.prescribed(3 * node + component)) ++count;
   }
-  return true;
+  return count;
 }
 
 Eigen::MatrixXd ElasticBody::compliance_columns(std::span<const std::uint32_t> nodes) const {
@@ -164,8 +164,8 @@ std::vector<SymmetricTensor> ElasticBody::stress_pa(const Eigen::VectorXd& displ
 }
 
 SymmetricTensor ElasticBody::stress_pa(const Eigen::VectorXd& displacement_m, std::size_t tetrahedron) const {
-  const SymmetricTensor strain = strain_of(
-      element_of(mesh_, tetrahedron), displacements_of(mesh_.tetrahedra[tetrahedron], displacement_m));
+  const SymmetricTensor strain = strain_of(element_of(mesh_, tetrahedron),
+                                           displacements_of(mesh_.tetrahedra[tetrahedron], displacement_m));
   const SymmetricTensor stress = stress_of(*material_of_[tetrahedron], strain);
   if (!stress.allFinite() || !std::isfinite(von_mises(stress))) {
     throw Error("the stress of tetrahedron " + std::to_string(tetrahedron) +

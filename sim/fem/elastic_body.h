@@ -46,8 +46,9 @@ class ElasticBody {
   [[nodiscard]] const std::vector<bool>& free() const { return free_; }
   /// In which its nodes are eliminated.
   [[nodiscard]] const std::vector<std::uint32_t>& order() const { return order_; }
-  /// Whether nothing can move the node: all its components are prescribed, or it belongs to no tetrahedron.
-  [[nodiscard]] bool held(std::size_t node) const;
+  /// How many components of the node's displacement are not prescribed: 0 to 3, 0 if it belongs to no
+  /// tetrahedron.
+  [[nodiscard]] std::size_t free_components(std::size_t node) const;
 
   /// The weight of each tetrahedron, a quarter at each of its nodes; (3 |V|), N.
   [[nodiscard]] Eigen::VectorXd weight_n(const Vector3& gravity_m_s2) const;
@@ -56,9 +57,9 @@ class ElasticBody {
   /// result would not be finite, or the equations are not met to 1e-9 of their largest term.
   [[nodiscard]] StaticSolution solve(const Eigen::VectorXd& force_n) const;
 
-  /// Columns of K^-1: how forces of 1 N at the nodes, along x, y and z, displace all; (3 |V| x 3 m), m/N, zero
-  /// where nothing is free. kiroku::Error where that is not finite. Thread-safe, beside solve() too. The same
-  /// nodes in the same order give the same bits.
+  /// Columns of K^-1: how forces of 1 N at the nodes, along x, y and z, displace all; (3 |V| x 3 m), m/N,
+  /// zero where nothing is free. kiroku::Error where that is not finite. Thread-safe, beside solve() too. The
+  /// same nodes in the same order give the same bits.
   [[nodiscard]] Eigen::MatrixXd compliance_columns(std::span<const std::uint32_t> nodes) const;
 
   /// Constant in each tetrahedron; (|T|).

@@ -33,7 +33,8 @@ class Factorisation {
 
   /// The same for many right sides, one a column; (3 |V| x m), in place. Much faster than one by one, as the
   /// factor is read once. The same matrix of right sides gives the same bits, other columns beside one may
-  /// change its last ones. Thread-safe: any number of threads may be in it, and one in solve(). std::bad_alloc.
+  /// change its last ones. Thread-safe: any number of threads may be in it, and one in solve().
+  /// std::bad_alloc.
   void solve_columns(Eigen::Ref<Eigen::MatrixXd> columns) const;
 
   [[nodiscard]] std::size_t unknowns() const { return unknown_.size(); }

@@ -47,8 +47,7 @@ Eigen::VectorXd by_enumeration(const Eigen::MatrixXd& matrix, const Eigen::Vecto
     const Eigen::VectorXd w = matrix * force + gap;
     bool possible = true;
     for (unsigned row = 0; row < size; ++row) {
-      if ((equal >> row & 1U) == 0)
-        possible &= (state >> row & 1U) != 0 ? force[row] >= 0 : w[row] >= -1e-14;
+      if ((equal >> row & 1U) == 0) possible &= (state >> row & 1U) != 0 ? force[row] >= 0 : w[row] >= -1e-14;
     }
     if (!possible) continue;
     answer = force;
