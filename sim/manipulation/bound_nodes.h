@@ -1,0 +1,110 @@
+// Nodes that tools hold: their displacements are prescribed without touching K. The forces that hold them are
+// the unknowns, in the condensed compliance (after Hirota and Kaneko, see fem/compliance.h):
+//
+//   u = u_0 + C_:b f_b + C_:c f_c,  u_b prescribed  =>  f_b = C_bb^-1 (u_b - u_0b - C_bc f_c)
+//
+// u_0 is the body under its load alone, b what is bound, c contacts. What contacts see is the body with b
+// held: the compliance C_cc - C_cb C_bb^-1 C_bc. C_bb has rows for components that are not prescribed, and is
+// positive definite; its factor grows with a grasp and shrinks with a release (growing_cholesky.h).
+//
+// A tool moves what it holds as a rigid body, so that u_b is affine in the twelve numbers of the motion, its
+// rotation matrix and translation. How these displace the whole body, and what they ask of the forces, is
+// computed at the grasp: a step costs twelve columns a tool, however many nodes it holds.
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <optional>
+#include <span>
+#include <vector>
+
+#include "sim/contact/contact_body.h"
+#include "sim/manipulation/growing_cholesky.h"
+
+namespace kiroku::sim {
+
+/// Where a tool is, in the mesh's frame; nothing where it is not there: taken away, it touches nothing.
+using OptionalPose = std::optional<Pose>;
+
+/// A node that a tool holds.
+struct BoundNode {
+  std::uint32_t node = 0;  // of the mesh
+  std::uint32_t tool = 0;
+  Vector3 force_n = Vector3::Zero();  // on the tissue
+};
+
+/// Rows are those of the body's Compliance: of all nodes where it is complete(), of the surface if not. Not
+/// thread-safe while it is changed; copies are independent. The body must outlive it.
+class BoundNodes {
+ public:
+  explicit BoundNodes(const ContactBody& body);
+
+  /// What one tool holds.
+  struct Hold {
+    std::uint32_t tool = 0;
+    Pose pose;                             // at the grasp; the quaternion's length is 1
+    std::vector<std::uint32_t> nodes;      // of the mesh
+    std::vector<Vector3> displacements_m;  // of these, at the grasp
+  };
+
+  /// A tool that holds nothing yet, and nodes of ContactBody::surface() that are not bound. kiroku::Error if
+  /// the compliance of all that is bound cannot be factorised; then nothing is sound any more.
+  void bind(Hold hold);
+  /// Of a tool that holds something.
+  void release(std::uint32_t tool);
+
+  [[nodiscard]] bool bound(std::uint32_t node) const { return bound_[node] != 0; }
+  /// In the order of the grasps.
+  [[nodiscard]] std::vector<Hold> holds() const;
+
+  /// Of all rows, (3 |rows|), while the tools are at these poses, one a tool and at least for those that hold
+  /// something, and nothing presses.
+  void displacement_m(std::span<const OptionalPose> poses, Eigen::VectorXd& displacement_m) const;
+  /// Adds what contacts of nodes that are not bound do to them beside that.
+  void add_contacts(std::span<const Contact> contacts, Eigen::VectorXd& displacement_m) const;
+  /// What holds the nodes meanwhile; by tool and node.
+  [[nodiscard]] std::vector<BoundNode> forces(std::span<const OptionalPose> poses,
+                                              std::span<const Contact> contacts) const;
+
+  /// Nodes of the surface, by their place there, ascending, none of them bound: how they give way while what
+  /// is bound is held. rest_m is where `displacement_m` takes them.
+  [[nodiscard]] std::shared_ptr<const ContactNeighbourhood> neighbourhood(
+      std::span<const std::uint32_t> places, const Eigen::VectorXd& displacement_m) const;
+
+ private:
+  /// The numbers of a motion: its rotation matrix less the identity by columns, its translation.
+  static constexpr Eigen::Index kMotion = 12;
+  using Motion = Eigen::Matrix<double, kMotion, 1>;
+
+  struct Node {
+    std::uint32_t node = 0;
+    std::size_t row = 0;                           // of the compliance
+    std::shared_ptr<const ComplianceGroup> group;  // of its columns
+    Eigen::Index first_column = 0;
+    std::vector<Eigen::Index> free;  // which of its components are not prescribed
+  };
+  /// A Hold with what it does to all that is bound.
+  struct Held {
+    Hold hold;
+    std::vector<Node> nodes;         // of the hold
+    Eigen::Index first_row = 0;      // of C_bb
+    Eigen::MatrixXd force_n;         // (3 |bound| x kMotion), on what is bound by anyone
+    Eigen::MatrixXd displacement_m;  // (3 |rows| x kMotion)
+  };
+
+  void append_rows(const Held& held);
+  void prepare();
+  [[nodiscard]] Motion motion(const Held& held, std::span<const OptionalPose> poses) const;
+  /// What holds the bound nodes where they are while contacts press: (3 |bound|).
+  [[nodiscard]] Eigen::VectorXd withstand_n(std::span<const Contact> contacts) const;
+
+  const ContactBody* body_;
+  std::vector<std::uint8_t> bound_;  // (|V|)
+  std::vector<Held> held_;
+  GrowingCholesky compliance_;  // C_bb
+  Eigen::VectorXd unheld_m_;    // (3 |rows|), u_0
+  Eigen::VectorXd grasped_m_;   // (3 |rows|), with all tools where they grasped
+  Eigen::VectorXd grasped_n_;   // (3 |bound|), what holds it there
+};
+
+}  // namespace kiroku::sim
