@@ -150,6 +150,8 @@ bool ContactSolver::add_touching(double depth_m) {
   for (std::uint32_t tool = 0; tool < tools_.size(); ++tool) {
     tree_.visit_near(poses_[tool].position_m, reach_m_[tool], [&](std::size_t at) {
       const auto point = static_cast<std::uint32_t>(at);
+      if ((position_m(point) - poses_[tool].position_m).squaredNorm() >= reach_m_[tool] * reach_m_[tool])
+        return;
       const SurfaceDistance found = distance(tool, point);
       if (found.distance_m >= 0) return;
       const std::uint32_t touch = touch_at(tool, point);
@@ -213,10 +215,15 @@ void ContactSolver::solve_rows() {
     const Row& column = rows_[b];
     const auto of_column = neighbourhood_->compliance.middleCols<3>(3 * Eigen::Index{column.point});
     const auto at_b = static_cast<Eigen::Index>(b);
+    std::uint32_t point = kNone;
+    Vector3 moves_m;  // the point, under 1 N of this row
     for (std::size_t a = b; a < rows_.size(); ++a) {
       const Row& row = rows_[a];
-      matrix(static_cast<Eigen::Index>(a), at_b) =
-          row.direction.dot(of_column.middleRows<3>(3 * Eigen::Index{row.point}) * column.direction);
+      if (row.point != point) {
+        point = row.point;
+        moves_m = of_column.middleRows<3>(3 * Eigen::Index{point}) * column.direction;
+      }
+      matrix(static_cast<Eigen::Index>(a), at_b) = row.direction.dot(moves_m);
     }
     gap_m[at_b] = column.gap_m;
     problem_.equality()[b] = column.equality ? 1 : 0;

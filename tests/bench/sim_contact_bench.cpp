@@ -20,7 +20,7 @@ namespace {
 
 using namespace kiroku::sim;  // NOLINT(google-build-using-namespace): a program of one file
 
-constexpr double kRadius_m = 0.03, kLength_m = 0.12;
+constexpr double kRadius_m = 0.03, kLength_m = 0.08;
 // The papers' figures, ms, for one to five fingers.
 constexpr double kPaperForce_ms[] = {0.20, 0.63, 2.36, 8.18, 29.7}, kPaperDeformation_ms = 32;
 
@@ -36,16 +36,16 @@ ElasticBody held_cylinder(std::uint32_t rings, std::uint32_t layers) {
 std::vector<ContactTool> fingers(std::size_t count, bool stick = false) {
   std::vector<ContactTool> tools;
   for (std::size_t i = 0; i < count; ++i)
-    tools.push_back({"finger " + std::to_string(i + 1), Sphere{0.008}, stick});
+    tools.push_back({"finger " + std::to_string(i + 1), Sphere{0.012}, stick});
   return tools;
 }
 
-/// A hand around the cylinder that presses up to 4 mm deep and strokes along it, 0.5 s a turn, at `time_s`.
+/// A hand around the cylinder that presses up to 6 mm deep and strokes along it, 0.5 s a turn, at `time_s`.
 void move(std::vector<Pose>& poses, double time_s) {
   const double turn = 2 * std::numbers::pi * time_s / 0.5;
   for (std::size_t i = 0; i < poses.size(); ++i) {
     const double angle = i == 0 ? std::numbers::pi : 0.6 * (static_cast<double>(i) - 2.5);
-    const double from_axis_m = kRadius_m + 0.008 - 0.003 - 0.001 * std::sin(turn);
+    const double from_axis_m = kRadius_m + 0.012 - 0.0045 - 0.0015 * std::sin(turn);
     poses[i].position_m = {from_axis_m * std::cos(angle), from_axis_m * std::sin(angle),
                            0.6 * kLength_m + 0.004 * std::sin(turn / 3 + static_cast<double>(i))};
   }
