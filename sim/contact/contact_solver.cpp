@@ -38,7 +38,8 @@ ContactSolver::ContactSolver(std::shared_ptr<const ContactNeighbourhood> neighbo
       touch_at_(tools_.size() * neighbourhood_->nodes.size(), kNone),
       bound_(neighbourhood_->nodes.size()),
       tree_(neighbourhood_->nodes.size()),
-      positions_m_(neighbourhood_->rest_m),
+      rest_m_(neighbourhood_->rest_m),
+      positions_m_(rest_m_),
       tolerance_m_(options.tolerance * neighbourhood_->size_m) {
   for (const ContactTool& tool : tools_) {
     if (const std::string problem = problem_of(tool.shape); !problem.empty())
@@ -59,11 +60,25 @@ ContactSolver::ContactSolver(std::shared_ptr<const ContactNeighbourhood> neighbo
 }
 
 void ContactSolver::continue_from(const ContactSolver& previous) {
+  std::vector<std::uint32_t> same(tools_.size());
+  for (std::uint32_t tool = 0; tool < same.size(); ++tool) same[tool] = tool;
+  continue_from(previous, same);
+}
+
+void ContactSolver::continue_from(const ContactSolver& previous, std::span<const std::uint32_t> tool_there) {
   const std::vector<std::uint32_t>& nodes = neighbourhood_->nodes;
-  poses_ = previous.poses_;
-  rotations_ = previous.rotations_;
+  std::vector<std::uint32_t> tool_here(previous.tools_.size(), kNone);
+  for (std::uint32_t tool = 0; tool < tools_.size(); ++tool) {
+    const std::uint32_t there = tool_there[tool];
+    if (there >= tool_here.size()) continue;
+    tool_here[there] = tool;
+    poses_[tool] = previous.poses_[there];
+    rotations_[tool] = previous.rotations_[there];
+  }
   touches_.clear();
   for (Touch touch : previous.touches_) {
+    touch.tool = tool_here[touch.tool];
+    if (touch.tool == kNone) continue;
     const auto found = std::ranges::find(nodes, previous.neighbourhood_->nodes[touch.point]);
     if (found == nodes.end()) continue;
     touch.point = static_cast<std::uint32_t>(found - nodes.begin());
@@ -83,6 +98,11 @@ SurfaceDistance ContactSolver::distance(std::uint32_t tool, std::uint32_t point)
       tools_[tool].shape, rotations_[tool].transpose() * (position_m(point) - poses_[tool].position_m));
   found.normal = rotations_[tool] * found.normal;
   return found;
+}
+
+void ContactSolver::rest_at(Eigen::VectorXd rest_m) {
+  rest_m_ = std::move(rest_m);
+  move();
 }
 
 void ContactSolver::check(std::span<const Pose> poses) const {
@@ -186,7 +206,7 @@ void ContactSolver::make_rows() {
   for (std::uint32_t i = 0; i < touches_.size(); ++i) {
     Touch& touch = touches_[i];
     const auto at = 3 * Eigen::Index{touch.point};
-    const Vector3 rest_m = neighbourhood_->rest_m.segment<3>(at);
+    const Vector3 rest_m = rest_m_.segment<3>(at);
     if (touch.bound) {
       const Eigen::Matrix3d& rotation = rotations_[touch.tool];
       touch.normal = rotation * touch.anchor_normal;
@@ -258,7 +278,7 @@ bool ContactSolver::let_go() {
 }
 
 void ContactSolver::move() {
-  positions_m_ = neighbourhood_->rest_m;
+  positions_m_ = rest_m_;
   for (const Touch& touch : touches_) {
     if (!touch.pressing) continue;
     positions_m_ +=

@@ -94,6 +94,12 @@ class ContactSolver {
   /// Takes over the contacts of another of the same tools, whose neighbourhood may be another; contacts of
   /// nodes that are not in this one are lost.
   void continue_from(const ContactSolver& previous);
+  /// The same where the tools may be others: `tool_there` says for each of these which one of the previous it
+  /// is, or a number too large for one that was not there. Contacts of tools that are no longer are lost.
+  void continue_from(const ContactSolver& previous, std::span<const std::uint32_t> tool_there);
+
+  /// What else moves the body has taken the nodes of the neighbourhood, (3 |N|), to other places to rest at.
+  void rest_at(Eigen::VectorXd rest_m);
 
   /// Moves the tools there and finds the balance. Valid until the next call. The same poses from the same
   /// state give the same bits. kiroku::Error, and the state as before, for poses that are none, and for tools
@@ -161,7 +167,7 @@ class ContactSolver {
   std::vector<Row> rows_;
   ComplementarityProblem problem_;
   PointTree tree_;
-  Eigen::VectorXd positions_m_;
+  Eigen::VectorXd rest_m_, positions_m_;
   double tolerance_m_, deepest_m_ = 0;
   ContactResult result_;
 };

@@ -54,6 +54,7 @@ class BoundNodes {
   void release(std::uint32_t tool);
 
   [[nodiscard]] bool bound(std::uint32_t node) const { return bound_[node] != 0; }
+  [[nodiscard]] std::size_t held_by(std::uint32_t tool) const;
   /// In the order of the grasps.
   [[nodiscard]] std::vector<Hold> holds() const;
 
@@ -67,44 +68,51 @@ class BoundNodes {
                                               std::span<const Contact> contacts) const;
 
   /// Nodes of the surface, by their place there, ascending, none of them bound: how they give way while what
-  /// is bound is held. rest_m is where `displacement_m` takes them.
-  [[nodiscard]] std::shared_ptr<const ContactNeighbourhood> neighbourhood(
-      std::span<const std::uint32_t> places, const Eigen::VectorXd& displacement_m) const;
+  /// is bound is held. Its rest_m is that of the body while nothing is held.
+  [[nodiscard]] std::shared_ptr<ContactNeighbourhood> neighbourhood(
+      std::span<const std::uint32_t> places) const;
 
  private:
   /// The numbers of a motion: its rotation matrix less the identity by columns, its translation.
   static constexpr Eigen::Index kMotion = 12;
   using Motion = Eigen::Matrix<double, kMotion, 1>;
 
+  /// A bound node and its columns in the compliance.
   struct Node {
-    std::uint32_t node = 0;
-    std::size_t row = 0;                           // of the compliance
-    std::shared_ptr<const ComplianceGroup> group;  // of its columns
+    std::uint32_t node = 0, tool = 0;
+    std::size_t row = 0;
+    std::shared_ptr<const ComplianceGroup> group;
     Eigen::Index first_column = 0;
-    std::vector<Eigen::Index> free;  // which of its components are not prescribed
+
+    [[nodiscard]] auto columns() const { return group->columns.middleCols<3>(first_column); }
   };
-  /// A Hold with what it does to all that is bound.
+  /// A hold and what its motion does.
   struct Held {
     Hold hold;
-    std::vector<Node> nodes;         // of the hold
-    Eigen::Index first_row = 0;      // of C_bb
-    Eigen::MatrixXd force_n;         // (3 |bound| x kMotion), on what is bound by anyone
+    std::size_t first = 0;           // of nodes_
+    Eigen::MatrixXd force_n;         // (3 |bound| x kMotion), on all that is bound
     Eigen::MatrixXd displacement_m;  // (3 |rows| x kMotion)
   };
 
-  void append_rows(const Held& held);
+  void append_rows(std::size_t first);
   void prepare();
-  [[nodiscard]] Motion motion(const Held& held, std::span<const OptionalPose> poses) const;
-  /// What holds the bound nodes where they are while contacts press: (3 |bound|).
-  [[nodiscard]] Eigen::VectorXd withstand_n(std::span<const Contact> contacts) const;
+  /// What holds the bound nodes at `displacement_m` less what is there without; (3 |bound| x m) both.
+  [[nodiscard]] Eigen::MatrixXd holding_n(const Eigen::MatrixXd& displacement_m) const;
+  /// Adds what forces on bound nodes do, (3 |bound| x m), to (3 |rows| x m).
+  void add_displacements(const Eigen::MatrixXd& force_n, Eigen::MatrixXd& displacement_m) const;
+  /// How contacts would displace the bound nodes, (3 |bound|).
+  [[nodiscard]] Eigen::VectorXd pushed_m(std::span<const Contact> contacts) const;
+  [[nodiscard]] static Motion motion(const Hold& hold, std::span<const OptionalPose> poses);
 
   const ContactBody* body_;
   std::vector<std::uint8_t> bound_;  // (|V|)
   std::vector<Held> held_;
-  GrowingCholesky compliance_;  // C_bb
-  Eigen::VectorXd unheld_m_;    // (3 |rows|), u_0
-  Eigen::VectorXd grasped_m_;   // (3 |rows|), with all tools where they grasped
-  Eigen::VectorXd grasped_n_;   // (3 |bound|), what holds it there
+  std::vector<Node> nodes_;         // (|bound|), by hold
+  std::vector<Eigen::Index> free_;  // which of the 3 |bound| components are not prescribed: rows of C_bb
+  GrowingCholesky compliance_;      // C_bb
+  Eigen::VectorXd unheld_m_;        // (3 |rows|), u_0
+  Eigen::VectorXd grasped_m_;       // (3 |rows|), with all tools where they grasped
+  Eigen::VectorXd grasped_n_;       // (3 |bound|), what holds it there
 };
 
 }  // namespace kiroku::sim

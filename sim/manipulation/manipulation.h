@@ -98,19 +98,28 @@ class Manipulation {
 
   [[nodiscard]] std::vector<OptionalPose> checked(std::span<const OptionalPose> poses) const;
   [[nodiscard]] const Tool& known(std::size_t tool) const;
-  [[noreturn]] void refuse_grasp(std::uint32_t tool, const Pose& pose) const;
-  Pressed press(std::span<const OptionalPose> poses, const Eigen::VectorXd& untouched_m);
+  [[noreturn]] void refuse_grasp(const Tool& tool, const Pose& pose) const;
+  Pressed press(std::span<const OptionalPose> poses, Eigen::VectorXd untouched_m);
+  void look_at_surface(const Eigen::VectorXd& displacement_m);
+  [[nodiscard]] std::vector<std::uint32_t> places_near() const;
   [[nodiscard]] ManipulationResult report(std::span<const OptionalPose> poses, const Pressed& pressed) const;
+  [[nodiscard]] Eigen::Index row_of(std::uint32_t node) const;
   [[nodiscard]] Vector3 position_m(std::uint32_t node, const Eigen::VectorXd& displacement_m) const;
 
   const ContactBody& body_;
   std::vector<Tool> tools_;
   ContactOptions options_;
+  double size_m_;  // of the body, as in ContactNeighbourhood
   BoundNodes bound_;
   bool bound_changed_ = false;       // since the last step
   std::vector<OptionalPose> poses_;  // of the last step or grasp
   Pressed pressed_;                  // as of the last step; no solver where no tool that presses was there
   ManipulationResult result_;
+
+  // Of one step only, kept for their memory.
+  std::vector<std::uint8_t> near_;  // (|surface|), what tools that press may meet
+  Eigen::VectorXd surface_m_;       // (3 |surface|)
+  PointTree tree_;
 };
 
 }  // namespace kiroku::sim
