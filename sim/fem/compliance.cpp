@@ -216,6 +216,11 @@ std::vector<std::shared_ptr<const ComplianceGroup>> Compliance::groups_of(
   return groups;
 }
 
+bool Compliance::available(std::uint32_t node) const {
+  const std::lock_guard lock(mutex_);
+  return slots_[group_number(node)].group != nullptr;
+}
+
 void Compliance::prefetch(std::span<const std::uint32_t> nodes) {
   {
     const std::lock_guard lock(mutex_);

@@ -67,6 +67,8 @@ class Compliance {
   /// The same for many nodes, those that are missing on all threads; in the order of the nodes.
   std::vector<std::shared_ptr<const ComplianceGroup>> groups_of(std::span<const std::uint32_t> nodes);
 
+  /// Whether a chosen node's columns are there now.
+  [[nodiscard]] bool available(std::uint32_t node) const;
   /// Has columns computed by a worker thread, in this order, and forgets what it was asked before and has not
   /// begun: what lies around the contact now counts. Returns at once. A failure of the worker is thrown by
   /// the next call of any function.
