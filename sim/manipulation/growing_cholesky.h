@@ -17,7 +17,7 @@ class GrowingCholesky {
   /// False, and A as before, if A would not be positive definite: a pivot is not above kSmallestPivot of its
   /// diagonal entry, or something is not finite.
   [[nodiscard]] bool append(const Eigen::MatrixXd& last_rows);
-  static constexpr double kSmallestPivot = 1e-13;
+  static constexpr double kSmallestPivot = 1e-10;
 
   /// Leaves the first `rows` rows and columns.
   void truncate(Eigen::Index rows);
