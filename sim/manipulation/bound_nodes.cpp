@@ -1,8 +1,8 @@
 #include "sim/manipulation/bound_nodes.h"
 
 #include <algorithm>
-#include <limits>
-#include <tuple>
+#include <iterator>
+#include <set>
 #include <utility>
 
 #include "base/error.h"
@@ -107,6 +107,7 @@ void BoundNodes::add_displacements(const Eigen::MatrixXd& force_n, Eigen::Matrix
 
 /// What a motion of each tool does, when it has been told what is bound.
 void BoundNodes::prepare() {
+  pressed_.clear();
   const Eigen::Index bound = at(nodes_.size());
   Eigen::MatrixXd pulled_m(bound, 1);
   for (const Held& held : held_) {
@@ -152,34 +153,47 @@ void BoundNodes::displacement_m(std::span<const OptionalPose> poses, Eigen::Vect
   for (const Held& held : held_) displacement_m.noalias() += held.displacement_m * motion(held.hold, poses);
 }
 
-Eigen::VectorXd BoundNodes::pushed_m(std::span<const Contact> contacts) const {
-  Eigen::VectorXd pushed_m = Eigen::VectorXd::Zero(at(nodes_.size()));
-  for (const Contact& contact : contacts) {
-    const Eigen::Index row = at(body_->compliance().row_of(contact.node));
-    for (std::size_t i = 0; i < nodes_.size(); ++i) {
-      pushed_m.segment<3>(at(i)) += nodes_[i].columns().middleRows<3>(row).transpose() * contact.force_n;
-    }
-  }
+Eigen::MatrixXd BoundNodes::pushed_m(std::uint32_t node) const {
+  const Eigen::Index row = at(body_->compliance().row_of(node));
+  Eigen::MatrixXd pushed_m(at(nodes_.size()), 3);
+  for (std::size_t i = 0; i < nodes_.size(); ++i)
+    pushed_m.middleRows<3>(at(i)) = nodes_[i].columns().middleRows<3>(row).transpose();
   return pushed_m;
 }
 
-void BoundNodes::add_contacts(std::span<const Contact> contacts, Eigen::VectorXd& displacement_m) const {
-  for (const Contact& contact : contacts) {
-    const auto group = body_->compliance().group_of(contact.node);
-    displacement_m += group->columns.middleCols<3>(Compliance::first_column(*group, contact.node))
-                          .lazyProduct(contact.force_n);
+void BoundNodes::learn_columns(std::span<const Contact> contacts) {
+  std::set<std::uint32_t> now;
+  for (const Contact& contact : contacts) now.insert(contact.node);
+  std::erase_if(pressed_, [&](const auto& known) { return !now.contains(known.first); });
+  std::vector<std::uint32_t> nodes;
+  std::ranges::copy_if(now, std::back_inserter(nodes), [&](auto node) { return !pressed_.contains(node); });
+  if (nodes.empty()) return;
+  // All together, so that what is known of the bound nodes is read once.
+  Eigen::MatrixXd pushed(at(nodes_.size()), at(nodes.size())), columns(unheld_m_.size(), at(nodes.size()));
+  for (std::size_t i = 0; i < nodes.size(); ++i) {
+    const auto group = body_->compliance().group_of(nodes[i]);
+    columns.middleCols<3>(at(i)) = group->columns.middleCols<3>(Compliance::first_column(*group, nodes[i]));
+    pushed.middleCols<3>(at(i)) = -pushed_m(nodes[i]);
   }
-  if (contacts.empty() || nodes_.empty()) return;
-  const Eigen::VectorXd withstood_n = holding_n(-pushed_m(contacts));
-  for (std::size_t i = 0; i < nodes_.size(); ++i)
-    displacement_m += nodes_[i].columns().lazyProduct(withstood_n.segment<3>(at(i)));
+  add_displacements(holding_n(pushed), columns);
+  for (std::size_t i = 0; i < nodes.size(); ++i) pressed_[nodes[i]] = columns.middleCols<3>(at(i));
+}
+
+void BoundNodes::add_contacts(std::span<const Contact> contacts, Eigen::VectorXd& displacement_m) {
+  learn_columns(contacts);
+  for (const Contact& contact : contacts)
+    displacement_m += pressed_.at(contact.node).lazyProduct(contact.force_n);
 }
 
 std::vector<BoundNode> BoundNodes::forces(std::span<const OptionalPose> poses,
                                           std::span<const Contact> contacts) const {
   Eigen::VectorXd force_n = grasped_n_;
   for (const Held& held : held_) force_n.noalias() += held.force_n * motion(held.hold, poses);
-  if (!contacts.empty()) force_n -= holding_n(pushed_m(contacts));
+  if (!contacts.empty() && !nodes_.empty()) {
+    Eigen::VectorXd pushed = Eigen::VectorXd::Zero(force_n.size());
+    for (const Contact& contact : contacts) pushed += pushed_m(contact.node) * contact.force_n;
+    force_n -= holding_n(pushed);
+  }
   std::vector<BoundNode> all;
   for (std::size_t i = 0; i < nodes_.size(); ++i)
     all.push_back({nodes_[i].node, nodes_[i].tool, force_n.segment<3>(at(i))});

@@ -13,6 +13,7 @@
 #pragma once
 
 #include <cstdint>
+#include <map>
 #include <memory>
 #include <optional>
 #include <span>
@@ -61,8 +62,9 @@ class BoundNodes {
   /// Of all rows, (3 |rows|), while the tools are at these poses, one a tool and at least for those that hold
   /// something, and nothing presses.
   void displacement_m(std::span<const OptionalPose> poses, Eigen::VectorXd& displacement_m) const;
-  /// Adds what contacts of nodes that are not bound do to them beside that.
-  void add_contacts(std::span<const Contact> contacts, Eigen::VectorXd& displacement_m) const;
+  /// Adds what contacts of nodes that are not bound do to them beside that. How the held body gives way at a
+  /// node is computed when it is pressed first, and known as long as it is pressed in every call.
+  void add_contacts(std::span<const Contact> contacts, Eigen::VectorXd& displacement_m);
   /// What holds the nodes meanwhile; by tool and node.
   [[nodiscard]] std::vector<BoundNode> forces(std::span<const OptionalPose> poses,
                                               std::span<const Contact> contacts) const;
@@ -94,14 +96,15 @@ class BoundNodes {
     Eigen::MatrixXd displacement_m;  // (3 |rows| x kMotion)
   };
 
+  void learn_columns(std::span<const Contact> contacts);
   void append_rows(std::size_t first);
   void prepare();
   /// What holds the bound nodes at `displacement_m` less what is there without; (3 |bound| x m) both.
   [[nodiscard]] Eigen::MatrixXd holding_n(const Eigen::MatrixXd& displacement_m) const;
   /// Adds what forces on bound nodes do, (3 |bound| x m), to (3 |rows| x m).
   void add_displacements(const Eigen::MatrixXd& force_n, Eigen::MatrixXd& displacement_m) const;
-  /// How contacts would displace the bound nodes, (3 |bound|).
-  [[nodiscard]] Eigen::VectorXd pushed_m(std::span<const Contact> contacts) const;
+  /// How forces at a node would displace the bound nodes, (3 |bound| x 3): C_bc.
+  [[nodiscard]] Eigen::MatrixXd pushed_m(std::uint32_t node) const;
   [[nodiscard]] static Motion motion(const Hold& hold, std::span<const OptionalPose> poses);
 
   const ContactBody* body_;
@@ -113,6 +116,7 @@ class BoundNodes {
   Eigen::VectorXd unheld_m_;        // (3 |rows|), u_0
   Eigen::VectorXd grasped_m_;       // (3 |rows|), with all tools where they grasped
   Eigen::VectorXd grasped_n_;       // (3 |bound|), what holds it there
+  std::map<std::uint32_t, Eigen::MatrixXd> pressed_;  // (3 |rows| x 3), of nodes: C_:c - C_:b C_bb^-1 C_bc
 };
 
 }  // namespace kiroku::sim
