@@ -87,9 +87,10 @@ void ContactSolver::continue_from(const ContactSolver& previous, std::span<const
   std::ranges::fill(touch_at_, kNone);
   keep(true);
   move();
-  deepest_m_ = previous.deepest_m_;
-  result_.iterations = previous.result_.iterations;
-  result_.converged = previous.result_.converged;
+  deepest_m_ = previous.result_.deepest_penetration_m;
+  largest_gap_m_ = previous.result_.largest_gap_m;
+  iterations_ = previous.result_.iterations;
+  converged_ = previous.result_.converged;
   report();
 }
 
@@ -148,18 +149,18 @@ void ContactSolver::find_balance() {
     if (tools_[touch.tool].sticks && !touch.bound) bind(touch);
   }
   add_touching(0);
-  result_.iterations = 0;
-  result_.converged = touches_.empty();
-  result_.largest_gap_m = 0;
-  while (!result_.converged && result_.iterations < options_.most_iterations) {
+  iterations_ = 0;
+  largest_gap_m_ = 0;
+  converged_ = touches_.empty();
+  while (!converged_ && iterations_ < options_.most_iterations) {
     do {
       make_rows();
       solve_rows();
     } while (let_go());
     move();
-    ++result_.iterations;
+    ++iterations_;
     const bool more = add_touching(tolerance_m_);
-    result_.converged = settled() && !more;
+    converged_ = settled() && !more;
   }
 }
 
@@ -289,13 +290,12 @@ void ContactSolver::move() {
 
 /// Whether what presses lies on its tool.
 bool ContactSolver::settled() {
-  result_.largest_gap_m = 0;
+  largest_gap_m_ = 0;
   for (const Touch& touch : touches_) {
     if (!touch.pressing || touch.bound) continue;
-    result_.largest_gap_m =
-        std::max(result_.largest_gap_m, std::abs(distance(touch.tool, touch.point).distance_m));
+    largest_gap_m_ = std::max(largest_gap_m_, std::abs(distance(touch.tool, touch.point).distance_m));
   }
-  return result_.largest_gap_m <= tolerance_m_;
+  return largest_gap_m_ <= tolerance_m_;
 }
 
 /// Forgets touches that do not press, unless all are to be kept, and counts the others anew.
@@ -340,7 +340,10 @@ void ContactSolver::report() {
   std::ranges::sort(result_.contacts, [](const Contact& a, const Contact& b) {
     return std::tie(a.tool, a.node) < std::tie(b.tool, b.node);
   });
+  result_.iterations = iterations_;
+  result_.converged = converged_;
   result_.deepest_penetration_m = deepest_m_;
+  result_.largest_gap_m = largest_gap_m_;
 }
 
 void ContactSolver::refuse(const Row& row) const {

@@ -168,7 +168,9 @@ class ContactSolver {
   ComplementarityProblem problem_;
   PointTree tree_;
   Eigen::VectorXd rest_m_, positions_m_;
-  double tolerance_m_, deepest_m_ = 0;
+  double tolerance_m_, deepest_m_ = 0, largest_gap_m_ = 0;
+  int iterations_ = 0;
+  bool converged_ = false;
   ContactResult result_;
 };
 

@@ -71,7 +71,7 @@ class Compliance {
   [[nodiscard]] bool available(std::uint32_t node) const;
   /// Has columns computed by a worker thread, in this order, and forgets what it was asked before and has not
   /// begun: what lies around the contact now counts. Returns at once. A failure of the worker is thrown by
-  /// the next call of any function.
+  /// the next call that asks for columns.
   void prefetch(std::span<const std::uint32_t> nodes);
 
   struct Usage {

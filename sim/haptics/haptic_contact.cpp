@@ -65,7 +65,7 @@ void HapticContact::forces(std::span<const Pose> poses, double period_s, std::sp
   }
   const std::unique_lock lock(mutex_, std::try_to_lock);
   if (!lock.owns_lock()) return;
-  if (next_) {
+  if (next_ && !used_) {
     next_->continue_from(*solver_);
     std::swap(solver_, next_);
     used_ = std::move(next_);  // freed by refresh()
