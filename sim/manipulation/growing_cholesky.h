@@ -15,7 +15,7 @@ class GrowingCholesky {
 
   /// The last k rows of A as it is to be, (k x (n + k)); of its last k columns the lower triangle is read.
   /// False, and A as before, if A would not be positive definite: a pivot is not above kSmallestPivot of its
-  /// diagonal entry, or something is not finite.
+  /// diagonal entry, so that more than some 1e-6 of an answer would be rounding, or something is not finite.
   [[nodiscard]] bool append(const Eigen::MatrixXd& last_rows);
   static constexpr double kSmallestPivot = 1e-10;
 
