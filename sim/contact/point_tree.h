@@ -2,6 +2,7 @@
 // other, refitted as they move. Not thread-safe.
 #pragma once
 
+#include <algorithm>
 #include <cstdint>
 #include <vector>
 

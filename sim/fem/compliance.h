@@ -6,6 +6,7 @@
 // what a force at node j displaces node i by.
 #pragma once
 
+#include <algorithm>
 #include <condition_variable>
 #include <cstdint>
 #include <deque>

@@ -50,6 +50,8 @@ bool HapticContact::solve(std::span<const Pose> poses, std::span<Vector3> forces
     for (std::size_t tool = 0; tool < result.tools.size(); ++tool)
       forces_n[tool] = result.tools[tool].force_n;
     return true;
+  } catch (const UsageError&) {
+    throw;  // another number of tools than the device has: no step would ever succeed
   } catch (const Error&) {
     ++failed_;
     return false;

@@ -243,6 +243,7 @@ TEST_F(HapticContactTest, ToolsThatOverlapRepeatTheForcesBefore) {
   contact.forces(poses, 1e-3, forces_n);
   EXPECT_LE((forces_n[0] - before_n).norm(), 1e-9 * before_n.norm());
   EXPECT_EQ(contact.refresh().steps_failed, 1U);
+  EXPECT_THROW(contact.forces(std::span(poses).first(1), 1e-3, forces_n), UsageError);
 }
 
 // Both threads on the real thing; the thread sanitizer watches.
