@@ -6,6 +6,7 @@
 
 #include <map>
 #include <memory>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -14,6 +15,7 @@
 #include "sim/fem/factorisation.h"
 #include "sim/fem/material.h"
 #include "sim/fem/stiffness.h"
+#include "sim/mesh/mesh_change.h"
 #include "sim/mesh/tet_mesh.h"
 
 namespace kiroku::sim {
@@ -37,14 +39,21 @@ class ElasticBody {
 
   [[nodiscard]] std::size_t unknowns() const { return factorisation_->unknowns(); }
 
-  /// The weight of each tetrahedron, a quarter at each of its nodes; (3 |V|), N.
+  /// Takes a change of its mesh: nodes that move, tetrahedra that go. `adrift` names tetrahedra that are
+  /// still there and hang on nothing that is held: they bear nothing any longer, and nodes that belong to no
+  /// others stay where they were, whatever pulls at them. So the unknowns stay the same, and only the part of
+  /// the factor that depends on the change is computed again. kiroku::Error where what is left is not held,
+  /// or an element has no volume; the body is of no use after one.
+  void apply(const MeshChange& change, std::span<const std::uint32_t> adrift);
+
+  /// The weight of each tetrahedron that bears, a quarter at each of its nodes; (3 |V|), N.
   [[nodiscard]] Eigen::VectorXd weight_n(const Vector3& gravity_m_s2) const;
 
   /// `force_n` (3 |V|), finite. One step of iterative refinement after the solve. kiroku::Error where the
   /// result would not be finite, or the equations are not met to 1e-9 of their largest term.
   [[nodiscard]] StaticSolution solve(const Eigen::VectorXd& force_n) const;
 
-  /// Constant in each tetrahedron; (|T|).
+  /// Constant in each tetrahedron, zero in those that bear nothing; (|T|).
   [[nodiscard]] std::vector<SymmetricTensor> strain(const Eigen::VectorXd& displacement_m) const;
   [[nodiscard]] std::vector<SymmetricTensor> stress_pa(const Eigen::VectorXd& displacement_m) const;
   /// Averages over the tetrahedra around each node, weighted by volume; (|V|), zero for loose nodes.
@@ -52,11 +61,14 @@ class ElasticBody {
       const std::vector<SymmetricTensor>& of_tetrahedra) const;
 
  private:
+  void set_unused_to_zero(Eigen::VectorXd& force_n) const;
+
   TetMesh mesh_;
   Materials materials_;
   Constraints constraints_;
   std::vector<const Material*> material_of_;  // (|T|), in materials_
-  std::vector<bool> used_;                    // (|V|)
+  std::vector<bool> bears_;                   // (|T|)
+  std::vector<bool> used_;                    // (|V|), by a tetrahedron that bears
   std::unique_ptr<StiffnessMatrix> stiffness_;
   std::unique_ptr<Factorisation> factorisation_;
 };

@@ -12,11 +12,12 @@ namespace kiroku::sim {
 struct Factorisation::Cholmod {
   CholmodSession session;  // outlives the factor
   CholmodSession::Factor factor;
+  std::unique_ptr<SupernodalCholesky> numbers;
 };
 
 Factorisation::Factorisation(const StiffnessMatrix& stiffness, const std::vector<bool>& free,
                              std::span<const std::uint32_t> order, unsigned threads)
-    : cholmod_(std::make_unique<Cholmod>()) {
+    : cholmod_(std::make_unique<Cholmod>()), threads_(threads) {
   openblas_set_num_threads(1);
   std::vector<std::uint32_t> unknown_of(free.size(), kNoUnknown);
   for (std::size_t number = 0; number < free.size(); ++number) {
@@ -26,14 +27,21 @@ Factorisation::Factorisation(const StiffnessMatrix& stiffness, const std::vector
   }
   if (unknown_.empty()) return;
   cholmod_->factor = lay_out_factor(cholmod_->session, stiffness, unknown_of, order);
-  const auto failed = factorise_supernodes(stiffness, unknown_of, threads, *cholmod_->factor);
-  if (failed) {
-    const auto* const permutation = static_cast<const std::int64_t*>(cholmod_->factor->Perm);
-    const std::size_t number = unknown_[static_cast<std::size_t>(permutation[*failed])];
-    throw Error(
-        "node " + std::to_string(number / 3) +
-        " can move without any resistance: it hangs on tetrahedra that can turn about an edge or a node");
-  }
+  cholmod_->numbers = std::make_unique<SupernodalCholesky>(stiffness, unknown_of, *cholmod_->factor);
+  refuse(cholmod_->numbers->compute(threads_));
+}
+
+void Factorisation::update(std::span<const std::uint32_t> nodes) {
+  if (!unknown_.empty()) refuse(cholmod_->numbers->recompute(nodes, threads_));
+}
+
+void Factorisation::refuse(std::optional<std::size_t> failed_column) const {
+  if (!failed_column) return;
+  const auto* const permutation = static_cast<const std::int64_t*>(cholmod_->factor->Perm);
+  const std::size_t number = unknown_[static_cast<std::size_t>(permutation[*failed_column])];
+  throw Error(
+      "node " + std::to_string(number / 3) +
+      " can move without any resistance: it hangs on tetrahedra that can turn about an edge or a node");
 }
 
 Factorisation::~Factorisation() = default;

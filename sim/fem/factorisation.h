@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <memory>
+#include <optional>
 #include <span>
 #include <thread>
 #include <vector>
@@ -19,7 +20,7 @@ namespace kiroku::sim {
 class Factorisation {
  public:
   /// `free` (3 |V|): the unknowns; may be none. `order`: all nodes, as elimination_order() gives them.
-  /// `threads`: how many work on it, at least one. The matrix is read only here. kiroku::Error if it is not
+  /// `threads`: how many work on it, at least one. The matrix must outlive it. kiroku::Error if it is not
   /// positive definite on the unknowns, with the node whose motion nothing resists; std::bad_alloc.
   Factorisation(const StiffnessMatrix& stiffness, const std::vector<bool>& free,
                 std::span<const std::uint32_t> order,
@@ -28,6 +29,10 @@ class Factorisation {
   Factorisation(const Factorisation&) = delete;
   Factorisation& operator=(const Factorisation&) = delete;
 
+  /// Brings the factor up to date where only blocks between these nodes have changed in the matrix: the same
+  /// bits as a new factorisation gives. Errors as above; it is of no use after one.
+  void update(std::span<const std::uint32_t> nodes);
+
   /// Displacements (3 |V|), zero where not free, that make K u = `force_n` (3 |V|) where free.
   [[nodiscard]] Eigen::VectorXd solve(const Eigen::VectorXd& force_n) const;
 
@@ -35,7 +40,10 @@ class Factorisation {
 
  private:
   struct Cholmod;
+  void refuse(std::optional<std::size_t> failed_column) const;
+
   std::unique_ptr<Cholmod> cholmod_;
+  unsigned threads_;
   std::vector<std::size_t> unknown_;  // their numbers in (3 |V|), ascending
 };
 

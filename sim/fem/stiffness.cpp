@@ -13,16 +13,47 @@ StiffnessMatrix::StiffnessMatrix(const TetMesh& mesh, std::span<const Material* 
   begin_ = std::move(graph.begin);
   rows_ = std::move(graph.rows);
   blocks_.assign(rows_.size(), Eigen::Matrix3d::Zero());
-  for (std::size_t t = 0; t < mesh.tetrahedra.size(); ++t) {
-    const LinearElement element = element_of(mesh, t);
-    for (std::size_t a = 0; a < 4; ++a) {
-      for (std::size_t b = 0; b < 4; ++b) {
-        const std::uint32_t row = mesh.tetrahedra[t][a], column = mesh.tetrahedra[t][b];
-        if (row < column) continue;
-        blocks_[block_at(row, column)] += stiffness_block(
-            element, *materials[t], static_cast<Eigen::Index>(a), static_cast<Eigen::Index>(b));
-      }
+  for (std::size_t t = 0; t < mesh.tetrahedra.size(); ++t)
+    add(mesh, t, *materials[t], [](std::uint32_t) { return true; });
+}
+
+/// Blocks of an element between nodes that count.
+template <typename Counts>
+void StiffnessMatrix::add(const TetMesh& mesh, std::size_t tetrahedron, const Material& material,
+                          Counts counts) {
+  const LinearElement element = element_of(mesh, tetrahedron);
+  const Tetrahedron& corners = mesh.tetrahedra[tetrahedron];
+  for (std::size_t a = 0; a < 4; ++a) {
+    for (std::size_t b = 0; b < 4; ++b) {
+      const std::uint32_t row = corners[a], column = corners[b];
+      if (row < column || !counts(row) || !counts(column)) continue;
+      blocks_[block_at(row, column)] +=
+          stiffness_block(element, material, static_cast<Eigen::Index>(a), static_cast<Eigen::Index>(b));
     }
+  }
+}
+
+void StiffnessMatrix::update(const TetMesh& mesh, std::span<const Material* const> materials,
+                             const std::vector<bool>& bears, std::span<const std::uint32_t> nodes) {
+  std::vector<std::uint8_t> touched(this->nodes());
+  for (const std::uint32_t node : nodes) touched[node] = 1;
+  const auto counts = [&](std::uint32_t node) { return touched[node] != 0; };
+  std::vector<double> mean(nodes.size());  // of the diagonal, before
+  for (std::size_t i = 0; i < nodes.size(); ++i) {
+    const auto column_rows = rows(nodes[i]);
+    if (column_rows.empty()) continue;
+    mean[i] = blocks_[begin_[nodes[i]]].trace() / 3;  // the first row is the node's own
+    for (std::size_t row = 0; row < column_rows.size(); ++row) {
+      if (counts(column_rows[row])) blocks_[begin_[nodes[i]] + row].setZero();
+    }
+  }
+  for (std::size_t t = 0; t < mesh.tetrahedra.size(); ++t) {
+    if (bears[t] && std::ranges::any_of(mesh.tetrahedra[t], counts)) add(mesh, t, *materials[t], counts);
+  }
+  for (std::size_t i = 0; i < nodes.size(); ++i) {
+    if (rows(nodes[i]).empty()) continue;
+    Eigen::Matrix3d& own = blocks_[begin_[nodes[i]]];
+    if (own.isZero(0)) own.diagonal().setConstant(mean[i]);
   }
 }
 

@@ -1,5 +1,5 @@
 // The stiffness matrix of a body: sparse, symmetric, in blocks of 3 by 3 (one for each pair of nodes of an
-// element). Immutable; thread-safe.
+// element). Not thread-safe while it is updated.
 #pragma once
 
 #include <cstdint>
@@ -22,6 +22,13 @@ class StiffnessMatrix {
   /// the same bits.
   StiffnessMatrix(const TetMesh& mesh, std::span<const Material* const> materials);
 
+  /// Brings the blocks between these nodes up to date with the mesh, whose tetrahedra and `materials` keep
+  /// their numbers; only those that `bears` (|T|) names count. The blocks are summed anew in the same order,
+  /// so that any sequence of updates gives the bits of a new matrix. A node that no tetrahedron bears any
+  /// longer keeps a third of the trace of its block, so that the matrix stays positive definite.
+  void update(const TetMesh& mesh, std::span<const Material* const> materials, const std::vector<bool>& bears,
+              std::span<const std::uint32_t> nodes);
+
   [[nodiscard]] std::size_t nodes() const { return begin_.size() - 1; }
   /// K u; (3 |V|), N for m.
   [[nodiscard]] Eigen::VectorXd operator*(const Eigen::VectorXd& displacement_m) const;
@@ -37,6 +44,8 @@ class StiffnessMatrix {
   }
 
  private:
+  template <typename Counts>
+  void add(const TetMesh& mesh, std::size_t tetrahedron, const Material& material, Counts counts);
   [[nodiscard]] std::size_t block_at(std::uint32_t row, std::uint32_t column) const;
 
   std::vector<std::size_t> begin_;  // (|V| + 1)

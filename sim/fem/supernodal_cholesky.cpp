@@ -63,10 +63,11 @@ class Lists {
   std::vector<Item> items_;
 };
 
-class SupernodalCholesky {
+}  // namespace
+
+class SupernodalCholesky::Work {
  public:
-  SupernodalCholesky(const StiffnessMatrix& stiffness, std::span<const std::uint32_t> unknown_of,
-                     cholmod_factor& factor)
+  Work(const StiffnessMatrix& stiffness, std::span<const std::uint32_t> unknown_of, cholmod_factor& factor)
       : count_(factor.nsuper),
         first_column_(static_cast<const std::int64_t*>(factor.super), count_ + 1),
         first_row_(static_cast<const std::int64_t*>(factor.pi), count_ + 1),
@@ -78,7 +79,8 @@ class SupernodalCholesky {
         supernode_of_(factor.n),
         updates_(count_),
         blocks_(count_),
-        children_left_(count_) {
+        children_left_(count_),
+        chosen_(count_) {
     for (std::uint32_t s = 0; s < count_; ++s) {
       std::fill(supernode_of_.begin() + first_column_[s], supernode_of_.begin() + first_column_[s + 1], s);
     }
@@ -90,22 +92,42 @@ class SupernodalCholesky {
     }
     list_updates();
     list_blocks(stiffness);
-    for (std::uint32_t s = 0; s < count_; ++s) {
-      if (const auto parent = parent_of(s)) ++children_left_[*parent];
-    }
-    for (std::uint32_t s = static_cast<std::uint32_t>(count_); s-- > 0;) {
-      if (children_left_[s] == 0) ready_.push_back(s);
+  }
+
+  void choose_all() { chosen_.assign(count_, true); }
+  /// The supernodes with columns of these nodes, and their ancestors.
+  void choose(std::span<const std::uint32_t> nodes) {
+    chosen_.assign(count_, false);
+    for (const std::uint32_t node : nodes) {
+      for (std::size_t component = 0; component < 3; ++component) {
+        const std::uint32_t position = position_of_[3 * std::size_t{node} + component];
+        if (position == kNoUnknown) continue;
+        for (std::optional<std::uint32_t> s = supernode_of_[position]; s && !chosen_[*s]; s = parent_of(*s))
+          chosen_[*s] = true;
+      }
     }
   }
 
   std::optional<std::size_t> run(unsigned threads) {
+    failed_column_.reset();
+    failure_ = nullptr;
+    ready_.clear();
+    std::ranges::fill(children_left_, 0);
+    for (std::uint32_t s = 0; s < count_; ++s) {
+      if (!chosen_[s]) continue;
+      if (const auto parent = parent_of(s)) ++children_left_[*parent];
+    }
+    for (std::uint32_t s = static_cast<std::uint32_t>(count_); s-- > 0;) {
+      if (chosen_[s] && children_left_[s] == 0) ready_.push_back(s);
+    }
+    if (spaces_.size() < threads) spaces_.resize(threads);
     std::vector<std::thread> workers;
     try {
-      for (unsigned i = 1; i < threads; ++i) workers.emplace_back([this] { work(); });
+      for (unsigned i = 1; i < threads; ++i) workers.emplace_back([this, i] { work(spaces_[i]); });
     } catch (const std::system_error&) {
       // The machine gives no more threads; those that are there suffice.
     }
-    work();
+    work(spaces_[0]);
     for (std::thread& worker : workers) worker.join();
     if (failure_) std::rethrow_exception(failure_);
     return failed_column_;
@@ -180,18 +202,17 @@ class SupernodalCholesky {
     for_each_block([this](std::uint32_t owner, const BlockPlace& place) { blocks_.add(owner, place); });
   }
 
-  /// What a thread keeps from one supernode to the next.
+  /// What a thread keeps from one supernode to the next, and from one run to the next.
   struct Workspace {
     std::vector<std::int32_t> row_in_supernode;  // of each row of the matrix
     std::vector<std::int32_t> target;
     std::unique_ptr<double[]> update;  // as much of it as is used takes memory
   };
 
-  void work() {
-    Workspace space;
+  void work(Workspace& space) {
     try {
       space.row_in_supernode.resize(supernode_of_.size());
-      space.update = std::make_unique_for_overwrite<double[]>(largest_update_);
+      if (!space.update) space.update = std::make_unique_for_overwrite<double[]>(largest_update_);
       space.target.reserve(supernode_of_.size());
     } catch (...) {
       const std::lock_guard lock(mutex_);
@@ -295,22 +316,33 @@ class SupernodalCholesky {
   std::vector<std::uint32_t> supernode_of_;  // of each column
   Lists<Update> updates_;
   Lists<BlockPlace> blocks_;
+  std::vector<Workspace> spaces_;  // of each thread
 
   std::mutex mutex_;  // for all below
   std::condition_variable changed_;
   std::vector<std::uint32_t> children_left_;  // that are not computed yet
+  std::vector<bool> chosen_;                  // those to compute: with each its ancestors
   std::vector<std::uint32_t> ready_;          // the last is next
   std::size_t running_ = 0;
   std::optional<std::size_t> failed_column_;
   std::exception_ptr failure_;
 };
 
-}  // namespace
+SupernodalCholesky::SupernodalCholesky(const StiffnessMatrix& stiffness,
+                                       std::span<const std::uint32_t> unknown_of,
+                                       cholmod_factor_struct& factor)
+    : work_(std::make_unique<Work>(stiffness, unknown_of, factor)) {}
+SupernodalCholesky::~SupernodalCholesky() = default;
 
-std::optional<std::size_t> factorise_supernodes(const StiffnessMatrix& stiffness,
-                                                std::span<const std::uint32_t> unknown_of, unsigned threads,
-                                                cholmod_factor_struct& factor) {
-  return SupernodalCholesky(stiffness, unknown_of, factor).run(threads);
+std::optional<std::size_t> SupernodalCholesky::compute(unsigned threads) {
+  work_->choose_all();
+  return work_->run(threads);
+}
+
+std::optional<std::size_t> SupernodalCholesky::recompute(std::span<const std::uint32_t> nodes,
+                                                         unsigned threads) {
+  work_->choose(nodes);
+  return work_->run(threads);
 }
 
 }  // namespace kiroku::sim

@@ -7,6 +7,7 @@
 #pragma once
 
 #include <cstdint>
+#include <memory>
 #include <optional>
 #include <span>
 #include <vector>
@@ -17,12 +18,25 @@ struct cholmod_factor_struct;
 
 namespace kiroku::sim {
 
-/// Fills `factor`, supernodal and with memory for its numbers, with L of L L^T = P K P^T; K restricted to the
-/// unknowns that `unknown_of` (3 |V|) counts. Returns the first column (in the factor's order) where K is not
-/// positive definite, nothing if it is. BLAS must be set to one thread. Throws what a thread of its own
-/// throws (std::bad_alloc).
-std::optional<std::size_t> factorise_supernodes(const StiffnessMatrix& stiffness,
-                                                std::span<const std::uint32_t> unknown_of, unsigned threads,
-                                                cholmod_factor_struct& factor);
+/// L of L L^T = P K P^T, K restricted to its unknowns. BLAS must be set to one thread. Not thread-safe.
+class SupernodalCholesky {
+ public:
+  /// `unknown_of` (3 |V|) counts the unknowns; `factor` is supernodal and has memory for its numbers. Matrix
+  /// and factor must outlive it and stay where they are.
+  SupernodalCholesky(const StiffnessMatrix& stiffness, std::span<const std::uint32_t> unknown_of,
+                     cholmod_factor_struct& factor);
+  ~SupernodalCholesky();
+
+  /// Fills the factor. Returns the first column (in the factor's order) where K is not positive definite,
+  /// nothing if it is. Throws what a thread of its own throws (std::bad_alloc).
+  std::optional<std::size_t> compute(unsigned threads);
+  /// The same bits as compute() gives, in less time, where since then only blocks of K between these nodes
+  /// have changed: only supernodes with their columns, and the ancestors of these, have other numbers.
+  std::optional<std::size_t> recompute(std::span<const std::uint32_t> nodes, unsigned threads);
+
+ private:
+  class Work;
+  std::unique_ptr<Work> work_;
+};
 
 }  // namespace kiroku::sim
