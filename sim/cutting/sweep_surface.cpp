@@ -24,7 +24,7 @@ int orientation(const Vector3& a, const Vector3& b, const Vector3& c, const Vect
 
 }  // namespace
 
-SweepSurface::SweepSurface(const BladePose& from, const BladePose& to) {
+SweepSurface::SweepSurface(const BladePose& from, const BladePose& to) : from_(from), to_(to) {
   for (const Vector3& end : {from.tip, from.heel, to.tip, to.heel}) {
     // Products of three lengths must stay finite.
     if (!end.allFinite() || end.cwiseAbs().maxCoeff() > 1e30)

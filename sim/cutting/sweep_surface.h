@@ -31,6 +31,8 @@ class SweepSurface {
   /// that does not move or only along itself: such a blade has no surface.
   SweepSurface(const BladePose& from, const BladePose& to);
 
+  [[nodiscard]] const BladePose& from() const { return from_; }
+  [[nodiscard]] const BladePose& to() const { return to_; }
   [[nodiscard]] const Extent& extent() const { return extent_; }
   [[nodiscard]] double area_m2() const;
 
@@ -51,6 +53,7 @@ class SweepSurface {
     Vector3 normal;
     bool flat;  // three corners on one line: a tip or heel that stays where it is
   };
+  BladePose from_, to_;
   std::array<Triangle, 2> triangles_;
   Extent extent_;
 };

@@ -20,8 +20,9 @@ namespace {
 constexpr std::array<std::array<std::size_t, 2>, 6> kEdges{{{0, 1}, {0, 2}, {0, 3}, {1, 2}, {1, 3}, {2, 3}}};
 /// A cut whose plane differs by less than 30 degrees goes on with an earlier one.
 const double kSameDirection = std::sqrt(3.0) / 2;
-constexpr int kFractions = 8;  // of a move
-constexpr int kPasses = 3;     // a move may be possible once its neighbours have been moved
+constexpr double kBeside = 1e-6;  // of a node's distance: how far its foot may be off the perpendicular
+constexpr int kFractions = 8;     // of a move
+constexpr int kPasses = 3;        // a move may be possible once its neighbours have been moved
 /// A sliding node comes to where S meets the surface by going to either in turn.
 constexpr int kMostSlides = 16;
 
@@ -171,13 +172,16 @@ double VertexPreservingCut::quality(std::uint32_t tetrahedron) const {
 
 CutStep VertexPreservingCut::cut(const SweepSurface& sweep) {
   Step step{std::make_shared<const SweepSurface>(sweep), {}, {}, {}, {}};
+  if (sweep.from().tip != last_edge_.tip || sweep.from().heel != last_edge_.heel) unfinished_.clear();
+  last_edge_ = sweep.to();
   find_crossings(step);
-  if (step.going.empty()) return {};
+  if (step.going.empty() && unfinished_.empty()) return {};
   take_sides(step);
   for (const std::uint32_t t : step.going) remove(t, step);
   remove_hinges(step);
   find_targets(step);
   remove_pressed(step);
+  note_ahead(step);
   move_nodes(step);
 
   CutStep& result = step.result;
@@ -288,30 +292,48 @@ void VertexPreservingCut::take_sides(Step& step) const {
   std::erase_if(step.going, [&](std::uint32_t t) { return going[t] == 0; });
 }
 
-/// Which nodes move where: the ends of this step's edges, and those that an earlier step could not bring to
-/// its sweep and that have now lost a tetrahedron that may have been in the way.
+/// Which nodes move where: the ends of this step's edges, and those that an earlier step of the path could
+/// not bring to its sweep, where the blade has come nearer to them since or a tetrahedron around them has
+/// gone.
 void VertexPreservingCut::find_targets(Step& step) {
   std::vector<std::uint32_t> loosened;
-  for (const std::uint32_t t : step.result.change.removed) {
-    for (const std::uint32_t node : mesh_.tetrahedra[t]) {
-      if (unfinished_.contains(node)) loosened.push_back(node);
-    }
-  }
+  for (const std::uint32_t t : step.result.change.removed)
+    loosened.insert(loosened.end(), mesh_.tetrahedra[t].begin(), mesh_.tetrahedra[t].end());
   sort_once(loosened);
-  for (const std::uint32_t node : loosened) {
-    const Unfinished& earlier = unfinished_.at(node);
-    const auto distance_m = [&](const SweepSurface& sweep) {
-      return (sweep.nearest(mesh_.nodes[node]).point - mesh_.nodes[node]).norm();
-    };
+  for (auto& [node, earlier] : unfinished_) {
+    const Vector3& at_m = mesh_.nodes[node];
+    const SweepSurface::Nearest here = step.sweep->nearest(at_m);
+    const Vector3 arm = at_m - here.point;
+    const bool nearer = arm.norm() <= (earlier.sweep->nearest(at_m).point - at_m).norm();
+    // What is ahead of the blade waits until its foot is on the sweep, lest it is dragged along.
+    if (earlier.ahead && (!nearer || arm.cross(here.normal).norm() > kBeside * arm.norm())) continue;
+    if (nearer) earlier.sweep = step.sweep;
+    if (!nearer && !std::ranges::binary_search(loosened, node)) continue;
     const auto found = std::ranges::lower_bound(step.ends, node, {}, &Step::End::node);
     if (found == step.ends.end() || found->node != node) {
       step.ends.insert(found, {node, earlier.side, earlier.sweep});
-    } else if (distance_m(*earlier.sweep) < distance_m(*step.sweep)) {
-      found->side = earlier.side;
+    } else {
       found->sweep = earlier.sweep;
     }
   }
   for (Step::End& end : step.ends) end.target_m = target(end.node, end.side, *end.sweep);
+}
+
+/// Nodes of tetrahedra that went before the blade came to all of their edges.
+void VertexPreservingCut::note_ahead(const Step& step) {
+  for (const std::uint32_t t : step.going) {
+    const Tetrahedron& corners = mesh_.tetrahedra[t];
+    std::array<int, 4> sides{};
+    for (std::size_t i = 0; i < 4; ++i) {
+      const SweepSurface::Nearest nearest = step.sweep->nearest(mesh_.nodes[corners[i]]);
+      sides[i] = nearest.normal.dot(mesh_.nodes[corners[i]] - nearest.point) >= 0 ? 1 : -1;
+    }
+    if (std::ranges::count(sides, sides[0]) == 4) continue;
+    for (std::size_t i = 0; i < 4; ++i) {
+      if (step.end_at(corners[i]) == nullptr)
+        unfinished_.try_emplace(corners[i], Unfinished{step.sweep, sides[i], true});
+    }
+  }
 }
 
 Vector3 VertexPreservingCut::target(std::uint32_t node, int side, const SweepSurface& sweep) const {
@@ -473,7 +495,7 @@ void VertexPreservingCut::move_nodes(Step& step) {
     const Vector3& at_m = mesh_.nodes[end.node];
     if ((at_m - end.target_m).norm() > near_m) {
       ++step.result.shortened;
-      unfinished_.insert_or_assign(end.node, Unfinished{end.sweep, end.side});
+      unfinished_.insert_or_assign(end.node, Unfinished{end.sweep, end.side, false});
     } else {
       unfinished_.erase(end.node);
     }

@@ -79,9 +79,11 @@ class VertexPreservingCut {
   struct Plane {
     Vector3 point, normal;
   };
+  /// A node that is to come to the path's sweeps and has not yet.
   struct Unfinished {
-    std::shared_ptr<const SweepSurface> sweep;
+    std::shared_ptr<const SweepSurface> sweep;  // of the path so far, the nearest
     int side;
+    bool ahead;  // it lost its edges through the sweep's plane before the blade came to them
   };
 
   [[nodiscard]] std::span<const std::uint32_t> around(std::uint32_t node) const {
@@ -99,6 +101,7 @@ class VertexPreservingCut {
   void remove_hinge(std::uint32_t one, std::uint32_t other, Step& step);
   void remove_hinges(Step& step);
   void find_targets(Step& step);
+  void note_ahead(const Step& step);
   void remove_pressed(Step& step);
   [[nodiscard]] std::size_t crossing_around(std::uint32_t node, const SweepSurface& sweep) const;
   void move_nodes(Step& step);
@@ -108,11 +111,12 @@ class VertexPreservingCut {
   Neighbours neighbours_;
   ShapeConstraint shape_;
   double clearance_m_ = 0;
-  std::vector<std::uint8_t> present_;               // (|T|)
-  std::vector<std::size_t> begin_;                  // (|V| + 1), into around_
-  std::vector<std::uint32_t> around_;               // tetrahedra around each node, ascending
-  std::vector<std::vector<Plane>> cut_planes_;      // (|V|): of the cuts each node lies on, one a direction
-  std::map<std::uint32_t, Unfinished> unfinished_;  // nodes that have not come to their sweep yet
+  std::vector<std::uint8_t> present_;           // (|T|)
+  std::vector<std::size_t> begin_;              // (|V| + 1), into around_
+  std::vector<std::uint32_t> around_;           // tetrahedra around each node, ascending
+  std::vector<std::vector<Plane>> cut_planes_;  // (|V|): of the cuts each node lies on, one a direction
+  std::map<std::uint32_t, Unfinished> unfinished_;
+  BladePose last_edge_;  // a sweep that begins with it goes on with the path; another begins one
 };
 
 }  // namespace kiroku::sim
