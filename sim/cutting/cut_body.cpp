@@ -11,7 +11,9 @@ CutBody::CutBody(const TetMesh& mesh, const Materials& materials, const Constrai
     : constraints_(constraints),
       shape_(mesh),
       body_(mesh, materials, constraints),
-      adrift_(mesh.tetrahedra.size()) {}
+      adrift_(mesh.tetrahedra.size()) {
+  body_.apply({}, {});  // so that the first step is as quick as the others
+}
 
 CutBody::Step CutBody::cut(const SweepSurface& sweep) {
   Step step;
