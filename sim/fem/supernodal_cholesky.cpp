@@ -8,6 +8,7 @@
 #include <mutex>
 #include <system_error>
 #include <thread>
+#include <utility>
 
 #include <suitesparse/cholmod.h>
 
@@ -200,7 +201,7 @@ class SupernodalCholesky::Work {
   };
 
   /// A piece of work on a supernode: first kColumns, then kRows, then kContribution, the latter two in tiles
-  /// that do not depend on the number of threads.
+  /// that do not depend on the number of threads; one tile goes with kColumns.
   enum class Stage : std::uint8_t { kColumns, kRows, kContribution };
   struct Task {
     std::uint32_t s;
@@ -252,7 +253,7 @@ class SupernodalCholesky::Work {
 
   /// What a finished stage makes possible; the lock is held.
   void follow(const Task& done) {
-    if (done.stage != Stage::kContribution && below_of(done.s) > 0) {
+    if (done.stage != Stage::kContribution && tiles_of(done.s) > 1) {
       const Stage next = done.stage == Stage::kColumns ? Stage::kRows : Stage::kContribution;
       tiles_left_[done.s] = tiles_of(done.s);
       for (std::size_t tile = tiles_of(done.s); tile-- > 0;) ready_.push_back({done.s, next, tile});
@@ -295,6 +296,10 @@ class SupernodalCholesky::Work {
     int failed = 0;
     dpotrf_("L", &order, block, &leading, &failed);
     if (failed != 0) return static_cast<std::size_t>(first_column_[s] + failed - 1);
+    if (tiles_of(s) == 1) {  // too little for several threads
+      compute_rows(s, 0, below);
+      contribute(s, 0, below);
+    }
     return std::nullopt;
   }
 
