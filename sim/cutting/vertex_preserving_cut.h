@@ -5,8 +5,8 @@
 // What is cut is the rest shape; RestMapping brings a blade that was moved through a deformed body there.
 //
 // One step, S the surface swept:
-//  1. A tetrahedron goes when S goes through one of its edges. So every edge that S meets is parted, and
-//     nothing is where S ends inside a tetrahedron without meeting an edge.
+//  1. A tetrahedron goes when S goes through one of its edges. So every edge that S meets is parted; where S
+//     only reaches into a tetrahedron without meeting an edge, nothing happens.
 //  2. A node at the end of such an edge belongs to the side of S it is on. One that would be left with no
 //     tetrahedron (a sliver thinner than the elements) goes over to the other side where that keeps some, and
 //     these stay.
@@ -15,7 +15,8 @@
 //  4. What is left with all four nodes pressed onto S would be flat: it goes too, where 3 stays true.
 //  5. Each of these nodes moves by dv = {n (v - p)} n onto S, one whose foot is beside S onto its border, to
 //     kClearance on its own side. Nodes of the surface and of faces between regions slide along them
-//     (ShapeConstraint); nodes of an earlier cut that runs another way stay in its plane.
+//     (ShapeConstraint); nodes of an earlier cut that runs another way stay in its plane. Nodes on both sides
+//     of the plane of S that lost an edge between them before the blade came to it move when it does.
 //  6. The rule that keeps every volume positive: a move is shortened (by eighths, at worst to none) until no
 //     tetrahedron around the node has a lower quality than the lesser of kLeastQuality and what it had, and
 //     no further edge goes through S. So no sequence of cuts ever brings the quality of any element below the
@@ -42,7 +43,8 @@ namespace kiroku::sim {
 /// What a step did.
 struct CutStep {
   MeshChange change;
-  double volume_lost_m3 = 0;  // of the body, before less after; a little below 0 where surfaces were smoothed
+  double volume_lost_m3 = 0;  // of the body, before less after; may be a little below 0 where nodes slid over
+                              // an edge of the surface
   std::vector<Face> opened;   // faces of tetrahedra that are left, which have lost their neighbour
   std::size_t shortened = 0;  // moves that were shortened so that no element was spoilt
   std::size_t left_alone = 0;  // nodes that lost their last tetrahedron
