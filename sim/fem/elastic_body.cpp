@@ -124,11 +124,11 @@ Eigen::VectorXd ElasticBody::weight_n(const Vector3& gravity_m_s2) const {
   return force_n;
 }
 
-/// What pulls at nodes that belong to nothing moves nothing.
-void ElasticBody::set_unused_to_zero(Eigen::VectorXd& force_n) const {
+Eigen::VectorXd ElasticBody::borne_n(Eigen::VectorXd force_n) const {
   for (std::size_t node = 0; node < used_.size(); ++node) {
     if (!used_[node]) force_n.segment<3>(static_cast<Eigen::Index>(3 * node)).setZero();
   }
+  return force_n;
 }
 
 StaticSolution ElasticBody::solve(const Eigen::VectorXd& force_n) const {
@@ -136,11 +136,9 @@ StaticSolution ElasticBody::solve(const Eigen::VectorXd& force_n) const {
   const auto count = static_cast<std::size_t>(force_n.size());
   StaticSolution solution;
   // What the prescribed displacements alone would ask of the unknowns, then one step of refinement.
-  Eigen::VectorXd first_n = force_n - *stiffness_ * prescribed_m;
-  set_unused_to_zero(first_n);
+  const Eigen::VectorXd first_n = borne_n(force_n - *stiffness_ * prescribed_m);
   solution.displacement_m = prescribed_m + factorisation_->solve(first_n);
-  Eigen::VectorXd residual_n = force_n - *stiffness_ * solution.displacement_m;
-  set_unused_to_zero(residual_n);
+  Eigen::VectorXd residual_n = borne_n(force_n - *stiffness_ * solution.displacement_m);
   solution.displacement_m += factorisation_->solve(residual_n);
   const Eigen::VectorXd inner_n = *stiffness_ * solution.displacement_m;
   residual_n = force_n - inner_n;

@@ -49,6 +49,9 @@ class ElasticBody {
   /// The weight of each tetrahedron that bears, a quarter at each of its nodes; (3 |V|), N.
   [[nodiscard]] Eigen::VectorXd weight_n(const Vector3& gravity_m_s2) const;
 
+  /// What of `force_n` (3 |V|) pulls at nodes that belong to a tetrahedron that bears; zero elsewhere.
+  [[nodiscard]] Eigen::VectorXd borne_n(Eigen::VectorXd force_n) const;
+
   /// `force_n` (3 |V|), finite. One step of iterative refinement after the solve. kiroku::Error where the
   /// result would not be finite, or the equations are not met to 1e-9 of their largest term.
   [[nodiscard]] StaticSolution solve(const Eigen::VectorXd& force_n) const;
@@ -61,8 +64,6 @@ class ElasticBody {
       const std::vector<SymmetricTensor>& of_tetrahedra) const;
 
  private:
-  void set_unused_to_zero(Eigen::VectorXd& force_n) const;
-
   TetMesh mesh_;
   Materials materials_;
   Constraints constraints_;

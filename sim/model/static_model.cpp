@@ -6,8 +6,11 @@
 #include <fstream>
 #include <iterator>
 #include <map>
+#include <utility>
 
 #include "base/error.h"
+#include "sim/cutting/blade_path.h"
+#include "sim/cutting/cut_body.h"
 #include "sim/fem/number_text.h"
 #include "sim/mesh/mesh_check.h"
 #include "sim/mesh/mesh_reader.h"
@@ -38,7 +41,7 @@ std::string vector_text(const Vector3& vector) {
 class ModelReader {
  public:
   ModelReader(const JsonField& document, const std::filesystem::path& folder) {
-    document.expect_object({"mesh", "length_unit", "materials", "fixed", "forces", "gravity_m_s2"});
+    document.expect_object({"mesh", "length_unit", "materials", "fixed", "forces", "gravity_m_s2", "cuts"});
     read_mesh_and_unit(document, folder);
     read_materials(document.member("materials"));
     model_.constraints = Constraints(model_.mesh.nodes.size());
@@ -54,6 +57,9 @@ class ModelReader {
       if (density_assumed_ && !model_.gravity_m_s2.isZero(0)) {
         warn("a material has no density_kg_m3: 1000 was taken for its weight");
       }
+    }
+    if (const auto cuts = document.optional_member("cuts")) {
+      for (const JsonField& entry : cuts->elements()) read_cut(entry);
     }
   }
 
@@ -225,6 +231,22 @@ class ModelReader {
     }
   }
 
+  void read_cut(const JsonField& entry) {
+    entry.expect_object({"blade"});
+    const JsonField blade = entry.member("blade");
+    const double units = units_per_metre(model_.unit);
+    std::vector<BladePose> path;
+    for (const JsonField& pose : blade.elements()) {
+      pose.expect_object({"tip", "heel"});
+      path.push_back({pose.member("tip").vector() / units, pose.member("heel").vector() / units});
+    }
+    try {
+      model_.cuts.push_back(sweep_surfaces(path));
+    } catch (const Error& refused) {
+      blade.fail(std::string("cannot be swept: ") + refused.what());
+    }
+  }
+
   StaticModel model_;
   std::vector<bool> used_;
   double longest_side_m_ = 0;
@@ -237,16 +259,8 @@ Vector3 sum_over_nodes(const Eigen::VectorXd& forces_n) {
   return sum;
 }
 
-}  // namespace
-
-StaticModel read_static_model(const std::filesystem::path& file) {
-  const nlohmann::json document = JsonField::parse(read_text(file), file.string());
-  return ModelReader(JsonField(document, file.string()), file.parent_path()).take();
-}
-
-StaticResult solve(const StaticModel& model) {
-  const ElasticBody body(model.mesh, model.materials, model.constraints);
-  const Eigen::VectorXd force_n = model.force_n + body.weight_n(model.gravity_m_s2);
+StaticResult solved(const StaticModel& model, const ElasticBody& body) {
+  const Eigen::VectorXd force_n = body.borne_n(model.force_n) + body.weight_n(model.gravity_m_s2);
   StaticResult result;
   result.solution = body.solve(force_n);
   result.stress_pa = body.stress_pa(result.solution.displacement_m);
@@ -258,6 +272,43 @@ StaticResult solve(const StaticModel& model) {
       !result.reaction_n.allFinite()) {
     throw Error("the solution is not finite: a force, a displacement or a modulus is out of all proportion");
   }
+  return result;
+}
+
+}  // namespace
+
+StaticModel read_static_model(const std::filesystem::path& file) {
+  const nlohmann::json document = JsonField::parse(read_text(file), file.string());
+  return ModelReader(JsonField(document, file.string()), file.parent_path()).take();
+}
+
+StaticResult solve(const StaticModel& model) {
+  if (model.cuts.empty()) {
+    return solved(model, ElasticBody(model.mesh, model.materials, model.constraints));
+  }
+  CutBody body(model.mesh, model.materials, model.constraints);
+  double volume_lost_m3 = 0;
+  std::vector<std::string> warnings;
+  for (std::size_t cut = 0; cut < model.cuts.size(); ++cut) {
+    const std::string name = "cuts[" + std::to_string(cut) + "]";
+    std::size_t removed = 0;
+    for (const SweepSurface& sweep : model.cuts[cut]) {
+      const CutBody::Step step = body.cut(sweep);
+      removed += step.cut.change.removed.size();
+      volume_lost_m3 += step.cut.volume_lost_m3;
+      for (const std::string& sentence : step.fallen) warnings.push_back("after " + name + " " + sentence);
+    }
+    if (removed == 0) warnings.push_back(name + " meets no edge of the mesh");
+  }
+  StaticResult result = solved(model, body.body());
+  result.cut_mesh = body.shape().remaining();
+  std::vector<SymmetricTensor> stress_pa;
+  for (std::uint32_t t = 0; t < result.stress_pa.size(); ++t) {
+    if (body.shape().present(t)) stress_pa.push_back(result.stress_pa[t]);
+  }
+  result.stress_pa = std::move(stress_pa);
+  result.volume_lost_m3 = volume_lost_m3;
+  result.warnings = std::move(warnings);
   return result;
 }
 
@@ -274,7 +325,7 @@ std::string vtu_text(const StaticModel& model, const StaticResult& result) {
     return std::span(vector.data(), static_cast<std::size_t>(vector.size()));
   };
   return vtu_text(
-      model.mesh, model.unit,
+      result.cut_mesh ? *result.cut_mesh : model.mesh, model.unit,
       {{"displacement", {"X", "Y", "Z"}, values(displacement)},
        {"reaction_force", {"X", "Y", "Z"}, values(result.solution.reaction_force_n)}},
       {{"stress", {"XX", "YY", "ZZ", "XY", "YZ", "XZ"}, stress_pa}, {"von_mises_stress", {}, von_mises_pa}});
