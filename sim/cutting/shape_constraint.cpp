@@ -12,7 +12,7 @@
 namespace kiroku::sim {
 namespace {
 
-const double kFeatureCosine = std::cos(ShapeConstraint::kFeatureAngleDegrees * std::numbers::pi / 180);
+double feature_cosine() { return std::cos(ShapeConstraint::kFeatureAngleDegrees * std::numbers::pi / 180); }
 
 /// Faces between regions, seen from the lesser region.
 std::vector<std::array<std::uint32_t, 3>> interfaces_of(const TetMesh& mesh, const Faces& faces) {
@@ -73,7 +73,8 @@ ShapeConstraint::ShapeConstraint(const TetMesh& mesh, const Faces& faces)
   std::vector<std::array<std::uint32_t, 2>> features;
   for (std::size_t one = 0, end = 0; one < sides.size(); one = end) {
     while (end < sides.size() && sides[end].nodes == sides[one].nodes) ++end;
-    if (end - one != 2 || normals[sides[one].triangle].dot(normals[sides[one + 1].triangle]) < kFeatureCosine)
+    if (end - one != 2 ||
+        normals[sides[one].triangle].dot(normals[sides[one + 1].triangle]) < feature_cosine())
       features.push_back(sides[one].nodes);
   }
   find_features(features);
@@ -94,7 +95,7 @@ void ShapeConstraint::find_features(const std::vector<std::array<std::uint32_t, 
     if (count[node] != 2) continue;
     const Vector3 in = (nodes_[node] - nodes_[line_[node][0]]).normalized(),
                   out = (nodes_[line_[node][1]] - nodes_[node]).normalized();
-    if (in.dot(out) >= kFeatureCosine) kind_[node] = NodeKind::kLine;
+    if (in.dot(out) > feature_cosine()) kind_[node] = NodeKind::kLine;
   }
 }
 

@@ -19,7 +19,7 @@ namespace {
 
 constexpr std::array<std::array<std::size_t, 2>, 6> kEdges{{{0, 1}, {0, 2}, {0, 3}, {1, 2}, {1, 3}, {2, 3}}};
 /// A cut whose plane differs by less than 30 degrees goes on with an earlier one.
-const double kSameDirection = std::sqrt(3.0) / 2;
+constexpr double kSameDirection = 0.5 * std::numbers::sqrt3;
 constexpr double kBeside = 1e-6;  // of a node's distance: how far its foot may be off the perpendicular
 constexpr int kFractions = 8;     // of a move
 constexpr int kPasses = 3;        // a move may be possible once its neighbours have been moved
