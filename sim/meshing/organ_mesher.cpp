@@ -115,9 +115,11 @@ class Search {
 
 void add_findings(OrganMesh& result, const MeshRequest& request) {
   if (result.voxels.parts > 0) {
-    result.findings.push_back(std::to_string(result.voxels.parts) + " parts of the body (" +
-                              std::to_string(result.voxels.voxels) +
-                              " voxels) hang together with no part that was kept; they were left out");
+    result.findings.push_back(
+        (result.voxels.parts == 1 ? "1 part" : std::to_string(result.voxels.parts) + " parts") +
+        " of the body (" + std::to_string(result.voxels.voxels) + " voxels) beside " +
+        (request.pieces == 1 ? "the largest" : "the " + std::to_string(request.pieces) + " largest") +
+        " left out");
   }
   if (!within(result.mesh.nodes.size(), request.nodes, kNodeTolerance)) {
     result.findings.push_back("the mesh has " + std::to_string(result.mesh.nodes.size()) + " nodes; " +

@@ -118,7 +118,7 @@ TEST(OrganMesher, KeepsTheLargestPiecesOfTheBody) {
   expect_sound(one, 400);
   EXPECT_EQ(one.voxels.parts, 1U);
   EXPECT_NEAR(double(one.voxels.voxels) * 8e-9 / sphere_m3(0.012), 1, 0.05);
-  EXPECT_THAT(one.findings, testing::Contains(HasSubstr("1 parts of the body")));
+  EXPECT_THAT(one.findings, testing::Contains(HasSubstr("1 part of the body")));
   const OrganMesh two = make_organ_mesh(map_of(organ), {400, 2});
   EXPECT_EQ(node_connected_parts(two.mesh).count, 2U);
   EXPECT_EQ(two.voxels.parts, 0U);
