@@ -17,6 +17,7 @@
 #include "sim/fem/number_text.h"
 #include "sim/mesh/mesh_writer.h"
 #include "sim/meshing/body_regions.h"
+#include "sim/meshing/lung_mask.h"
 #include "sim/meshing/organ_mesher.h"
 
 namespace kiroku::apps {
@@ -118,8 +119,12 @@ void check(const MeshCommandRequest& request) {
     throw UsageError("--output is '" + request.output +
                      "': its ending must be .msh (for sim solve, Gmsh) or .vtu (for ParaView)");
   }
+  const bool lung_by_hu = request.organ == "lung" && !request.labels && !request.threshold;
+  if (lung_by_hu && request.regions.empty()) return;
   if (request.threshold.has_value() == request.labels.has_value()) {
-    throw UsageError("say what of the volume to mesh: by --threshold or by --labels, one of them");
+    throw UsageError(
+        "say what of the volume to mesh: by --threshold or by --labels, one of them; only '--organ lung' is "
+        "found without");
   }
   if (!request.labels && (request.organ || !request.regions.empty())) {
     throw UsageError("--organ and --region choose among labels: give --labels too");
@@ -140,6 +145,10 @@ sim::BodyRegions body_of(const MeshCommandRequest& request, const sim::VolumeFil
   sim::BodyRegions body;
   if (request.threshold) {
     body = sim::regions_of_threshold(file.volume, sim::parse_hu_interval(*request.threshold));
+  } else if (!request.labels) {
+    line.show("finding the lungs");
+    body.map = sim::find_lungs(file.volume).map;
+    body.add("lung");
   } else {
     line.show("reading " + *request.labels);
     sim::LabelMap labels = sim::read_label_map(*request.labels);
@@ -293,8 +302,9 @@ void add_sim_mesh_command(Command& sim) {
   command.option("--threshold", "A:B", request->threshold, "what is from A to B HU");
   command.option("--labels", "FILE", request->labels,
                  "what a segmentation labels (.nii.gz, ...); placed by its own header");
-  command.option("--organ", "NAME", request->organ,
-                 "one organ of TotalSegmentator's labels: liver, lung, left-kidney, ...");
+  command.option(
+      "--organ", "NAME", request->organ,
+      "one organ of TotalSegmentator's labels: liver, left-kidney, ...; 'lung' is found without labels too");
   command.option("--region", "NAME=LABELS", request->regions, "a region of the mesh: vessels=64,70-72");
   command.option("--contours", "XML", request->contours,
                  "radiologists' outlines (LIDC) as the region 'tumour'");
@@ -316,6 +326,8 @@ void add_sim_mesh_command(Command& sim) {
       "kiroku sim mesh ct/ --labels organs.nii.gz --organ lung --contours 069.xml --vertices 20000 -o "
       "lung.msh",
       "both lungs with the tumour");
+  command.example("kiroku sim mesh ct/ --organ lung -o lung.msh",
+                  "the lungs by their air, without a segmentation");
   command.example("kiroku sim mesh bone.nrrd --threshold 300:3000 --vertices 2000 -o bone.vtu",
                   "without a segmentation");
   command.on_run([request] { return run_mesh(*request); });

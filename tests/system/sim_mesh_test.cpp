@@ -107,6 +107,8 @@ TEST_F(SimMesh, RefusesInOneSentence) {
   EXPECT_REFUSED(mesh({"--threshold", "0"}), "-200:100");
   EXPECT_REFUSED(mesh({"--threshold", "2000:3000"}), "no voxel belongs to the body");
   EXPECT_REFUSED(mesh({"--threshold", "0:1", "--organ", "liver"}), "give --labels too");
+  EXPECT_REFUSED(mesh({"--organ", "liver"}), "only '--organ lung' is found without");
+  EXPECT_REFUSED(mesh({"--organ", "lung"}), "no air within the body");
   EXPECT_REFUSED(mesh({"--labels", "labels.nrrd", "--organ", "hand"}), "there are spleen");
   EXPECT_REFUSED(mesh({"--labels", "labels.nrrd", "--organ", "heart"}), "the labels there are 5, 64");
   EXPECT_REFUSED(mesh({"--labels", "ct.nrrd"}), "labels are whole numbers");
@@ -136,11 +138,10 @@ TEST_F(SimMesh, NamesEveryOddSeries) {
 TEST_F(SimMesh, MeshesARealLungWithItsTumour) {
   KIROKU_NEEDS_SHARED_DATA("sim/lung-ct");
   const Unpacked ct("sim/lung-ct/lidc-idri-0001-dicom.tar.xz");
-  const nlohmann::json answer =
-      kiroku_json({"sim", "mesh", ct.path().string(), "--labels",
-                   shared_data("sim/lung-ct/mask_totalsegmentator.nii.gz").string(), "--organ", "left-lung",
-                   "--contours", shared_data("sim/lung-ct/069.xml").string(), "--vertices", "600", "-o",
-                   "lung.msh", "--json"});
+  const nlohmann::json answer = kiroku_json(
+      {"sim", "mesh", ct.path().string(), "--labels",
+       shared_data("sim/lung-ct/mask_totalsegmentator.nii.gz").string(), "--organ", "left-lung", "--contours",
+       shared_data("sim/lung-ct/069.xml").string(), "--vertices", "600", "-o", "lung.msh", "--json"});
   EXPECT_NEAR(answer["nodes"].get<double>(), 600, 90);
   EXPECT_EQ(answer["regions"][1]["name"], "tumour");
   EXPECT_EQ(answer["volume"]["patient_position"], "FFS");
