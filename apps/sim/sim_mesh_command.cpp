@@ -1,11 +1,9 @@
 // 'kiroku sim volume' and 'kiroku sim mesh': from a CT to tetrahedra.
-#include <array>
 #include <charconv>
 #include <filesystem>
 #include <iostream>
 #include <memory>
 #include <optional>
-#include <span>
 
 #include <nlohmann/json.hpp>
 

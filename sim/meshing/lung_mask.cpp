@@ -2,7 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
-#include <numeric>
+#include <functional>
 #include <optional>
 
 #include "base/error.h"
@@ -239,7 +239,6 @@ LungMask find_lungs(const Volume& volume) {
   result.map = inner_air(volume);
   if (const std::optional<Voxel> trachea = find_trachea(volume, result.map)) {
     result.airway_ml = 1e6 * remove_airway(volume, result.map, *trachea);
-    result.airway_found = result.airway_ml > 0;
   }
   result.lungs = keep_lungs(result.map);
   fill_holes(result.map);

@@ -6,8 +6,6 @@
 // CVRMed 1995.
 #pragma once
 
-#include <string>
-
 #include "sim/volume/volume.h"
 
 namespace kiroku::sim {
@@ -16,7 +14,6 @@ struct LungMask {
   LabelMap map;           // 1 in the lungs
   std::size_t lungs = 0;  // 2, or 1 where they touch or one is not there
   double airway_ml = 0;   // of windpipe and bronchi, left out; 0 where none was found
-  bool airway_found = false;
 };
 
 /// What is below -400 HU and does not reach the sides of the volume; without windpipe and large bronchi; the

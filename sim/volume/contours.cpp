@@ -1,8 +1,8 @@
 #include "sim/volume/contours.h"
 
 #include <algorithm>
+#include <cmath>
 #include <fstream>
-#include <limits>
 #include <map>
 #include <set>
 #include <sstream>

@@ -6,7 +6,6 @@
 #include <cmath>
 #include <fstream>
 #include <mutex>
-#include <tuple>
 
 #include "base/bytes.h"
 #include "base/error.h"

@@ -28,7 +28,8 @@ struct DicomPicture {
 };
 
 /// Nothing for what is no DICOM file, and for DICOM files without a picture (reports, structures,
-/// directories). kiroku::Error where a file is damaged or cut off, with its name.
+/// directories). kiroku::Error where a file is damaged or cut off, with its name: also where one that ends in
+/// .dcm is no DICOM file, and a CT picture has no pixels.
 std::optional<DicomPicture> read_dicom_header(const std::filesystem::path& file);
 
 struct DicomPixels {

@@ -155,14 +155,14 @@ DicomVolume read_dicom_series(const DicomSeries& series, bool resample) {
   }
   Grid grid = regular_grid(stack);
   make_sound(grid, what);
-  const std::vector<float> hu = read_slices(pictures, result.padding_voxels);
+  std::vector<float> hu = read_slices(pictures, result.padding_voxels);
   if (!irregularity.text.empty()) {
     result.volume = resampled_stack(stack, hu);
     make_sound(result.volume.grid, what);
     result.resampled = irregularity.text;
     return result;
   }
-  result.volume = {grid, hu};
+  result.volume = {grid, std::move(hu)};
   for (const DicomPicture& picture : pictures) result.instance_uids.push_back(picture.instance_uid);
   return result;
 }

@@ -83,12 +83,11 @@ std::vector<std::size_t> check_nifti(const std::string& file, std::size_t voxels
   };
   std::vector<char> header(kNifti1Header);
   if (read(header.data(), header.size()) < header.size()) refuse(file, "its header is not whole");
-  if (number_at<std::int32_t>(header, 0, false) != kNifti1Header) {
+  if (number_at<std::int32_t>(header, 0, false) == kNifti2Header ||
+      number_at<std::int32_t>(header, 0, true) == kNifti2Header) {
     header.resize(kNifti2Header);
-    // A NIfTI-1 file of the other byte order has as much behind its header at least.
-    const std::size_t more = read(header.data() + kNifti1Header, kNifti2Header - kNifti1Header);
-    header.resize(kNifti1Header + more);
-    if (header.size() < static_cast<std::size_t>(kNifti2Header)) refuse(file, "its header is not whole");
+    constexpr std::size_t kMore = kNifti2Header - kNifti1Header;
+    if (read(header.data() + kNifti1Header, kMore) < kMore) refuse(file, "its header is not whole");
   }
   const NiftiLayout layout = layout_of(file, header);
   if (gzseek(stream.get(), static_cast<z_off_t>(layout.begin), SEEK_SET) < 0)
