@@ -44,12 +44,7 @@ TEST(RealMesh, LungWithItsTumour) {
       {{"lung", {organ_named("lung").labels}}});
   add_contours(body, read_contours(shared_data("sim/lung-ct/069.xml")), file);
   const double tumour_m3 = double(std::ranges::count(body.map.labels, 2)) * body.map.grid.spacing_m.prod();
-#if defined(__SANITIZE_ADDRESS__) || !defined(NDEBUG)
-  const std::vector<std::size_t> sizes{600};  // refinement without optimisation takes a hundred times as long
-#else
-  const std::vector<std::size_t> sizes{600, 5000, 20000};
-#endif
-  for (const std::size_t wanted : sizes) {
+  for (const std::size_t wanted : {600U, 5000U, 20000U}) {
     const OrganMesh result = make_organ_mesh(body.map, {wanted, 2});
     expect_sound(result, wanted, body, wanted < 1000 ? 0.08 : 0.03);
     // Where the segmentation lets both lungs touch, they are one.
