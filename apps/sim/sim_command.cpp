@@ -39,27 +39,37 @@ Largest largest_of(const sim::StaticResult& result) {
 
 void print_result(const Request& request, const sim::StaticModel& model, const sim::StaticResult& result) {
   const Largest largest = largest_of(result);
+  const std::size_t tetrahedra =
+      result.cut_mesh ? result.cut_mesh->tetrahedra.size() : model.mesh.tetrahedra.size();
   const double units = sim::units_per_metre(model.unit);
   const char* const unit = model.unit == sim::LengthUnit::kMetre ? "m" : "mm";
   if (request.json) {
+    std::vector<std::string> warnings = model.warnings;
+    warnings.insert(warnings.end(), result.warnings.begin(), result.warnings.end());
     const auto vector = [](const sim::Vector3& v) { return nlohmann::ordered_json{v.x(), v.y(), v.z()}; };
     print_json({{"file", request.output},
                 {"nodes", model.mesh.nodes.size()},
-                {"tetrahedra", model.mesh.tetrahedra.size()},
+                {"tetrahedra", tetrahedra},
+                {"tetrahedra_cut_out", model.mesh.tetrahedra.size() - tetrahedra},
+                {"volume_lost_m3", result.volume_lost_m3},
                 {"unknowns", result.unknowns},
                 {"length_unit", unit},
                 {"largest_displacement", largest.displacement_m * units},
                 {"largest_von_mises_stress_pa", largest.von_mises_pa},
                 {"load_n", vector(result.load_n)},
                 {"reaction_n", vector(result.reaction_n)},
-                {"warnings", model.warnings}});
+                {"warnings", warnings}});
     return;
   }
   const auto text = [](const sim::Vector3& v) {
     return "(" + sim::number_text(v.x(), 4) + ", " + sim::number_text(v.y(), 4) + ", " +
            sim::number_text(v.z(), 4) + ")";
   };
-  std::cout << request.output << ": " << model.mesh.nodes.size() << " nodes, " << model.mesh.tetrahedra.size()
+  if (result.cut_mesh) {
+    std::cout << "cuts took " << model.mesh.tetrahedra.size() - tetrahedra << " tetrahedra out; "
+              << sim::number_text(result.volume_lost_m3 * 1e9, 4) << " mm3 of the body were lost\n";
+  }
+  std::cout << request.output << ": " << model.mesh.nodes.size() << " nodes, " << tetrahedra
             << " tetrahedra; largest displacement " << sim::number_text(largest.displacement_m * units, 4)
             << " " << unit << ", largest von Mises stress " << sim::number_text(largest.von_mises_pa, 4)
             << " Pa\n"
@@ -77,6 +87,9 @@ int run(const Request& request) {
     for (const std::string& warning : model.warnings) print_error("kiroku", "warning: " + warning);
   }
   const sim::StaticResult result = sim::solve(model);
+  if (!request.json) {
+    for (const std::string& warning : result.warnings) print_error("kiroku", "warning: " + warning);
+  }
   const std::string text = sim::vtu_text(model, result);
   OutputFile file(request.output);
   file.write(bytes_of(text));
@@ -89,6 +102,8 @@ int run(const Request& request) {
 
 void add_sim_command(Command& program) {
   Command& sim = program.add_command("sim", "simulates soft tissue");
+  add_sim_volume_command(sim);
+  add_sim_mesh_command(sim);
   Command& command = sim.add_command("solve", "one static solve: displacement, reaction force, stress");
   const auto request = std::make_shared<Request>();
   command.argument("MODEL", request->model, "the model (.json): mesh, materials, what is fixed, what pulls");
@@ -102,7 +117,11 @@ void add_sim_command(Command& program) {
       "Meshes: .msh (2.2, "
       "4.1), .vtk, .veg, sought beside the model. Nodes are numbered from 0; 'displacement' of what is fixed "
       "is in the "
-      "mesh's unit, null leaves a component free; a force is that of all its nodes together, shared evenly.");
+      "mesh's unit, null leaves a component free; a force is that of all its nodes together, shared evenly. "
+      "\"cuts\": [{\"blade\": [{\"tip\": [40, 20, 30], \"heel\": [40, 20, 60]}, {\"tip\": [40, 50, 30], "
+      "\"heel\": [40, 50, 60]}]}] cuts the body first, along the surface that the blade's edge sweeps from "
+      "pose "
+      "to pose.");
   command.example("kiroku sim solve liver.json -o liver.vtu", "solves, and writes what ParaView opens");
   command.on_run([request] { return run(*request); });
 }

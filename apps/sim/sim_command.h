@@ -7,4 +7,8 @@ namespace kiroku::apps {
 
 void add_sim_command(Command& program);
 
+/// Parts of it.
+void add_sim_volume_command(Command& sim);
+void add_sim_mesh_command(Command& sim);
+
 }  // namespace kiroku::apps

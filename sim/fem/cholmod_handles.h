@@ -54,10 +54,10 @@ class CholmodSession {
     check();
     return matrix;
   }
-  Dense allocate_vector(std::size_t size) {
-    Dense vector(cholmod_l_allocate_dense(size, 1, size, CHOLMOD_REAL, &common_), {&common_});
+  Dense allocate_dense(std::size_t rows, std::size_t columns) {
+    Dense matrix(cholmod_l_allocate_dense(rows, columns, rows, CHOLMOD_REAL, &common_), {&common_});
     check();
-    return vector;
+    return matrix;
   }
 
  private:

@@ -1,5 +1,6 @@
 #include "sim/fem/elastic_body.h"
 
+#include <algorithm>
 #include <cmath>
 #include <future>
 #include <utility>
@@ -54,6 +55,7 @@ ElasticBody::ElasticBody(TetMesh mesh, const Materials& materials, Constraints c
     : mesh_(std::move(mesh)),
       materials_(materials),
       constraints_(std::move(constraints)),
+      bears_(mesh_.tetrahedra.size(), true),
       used_(nodes_in_use(mesh_)) {
   check_materials(materials_);
   // Seeking the order takes as long as everything else up to the factorisation.
@@ -77,13 +79,55 @@ ElasticBody::ElasticBody(TetMesh mesh, const Materials& materials, Constraints c
   factorisation_ = std::make_unique<Factorisation>(*stiffness_, free_, order_);
 }
 
+void ElasticBody::apply(const MeshChange& change, std::span<const std::uint32_t> adrift) {
+  std::vector<bool> touched(mesh_.nodes.size());
+  std::vector<std::uint8_t> moved(mesh_.nodes.size());
+  for (std::size_t i = 0; i < change.moved.size(); ++i) {
+    mesh_.nodes[change.moved[i]] = change.positions_m[i];
+    moved[change.moved[i]] = 1;
+  }
+  for (const auto& gone : {std::span<const std::uint32_t>(change.removed), adrift}) {
+    for (const std::uint32_t t : gone) {
+      if (!bears_[t]) continue;
+      bears_[t] = false;
+      for (const std::uint32_t node : mesh_.tetrahedra[t]) touched[node] = true;
+    }
+  }
+  used_.assign(used_.size(), false);
+  for (std::size_t t = 0; t < mesh_.tetrahedra.size(); ++t) {
+    if (!bears_[t]) continue;
+    const Tetrahedron& corners = mesh_.tetrahedra[t];
+    const bool reshaped = std::ranges::any_of(corners, [&](std::uint32_t node) { return moved[node] != 0; });
+    if (reshaped && !(signed_volume_m3(mesh_, t) > 0))
+      throw Error("tetrahedron " + std::to_string(t) + " has no volume after the change");
+    for (const std::uint32_t node : corners) {
+      used_[node] = true;
+      if (reshaped) touched[node] = true;
+    }
+  }
+  std::vector<std::uint32_t> nodes;
+  for (std::uint32_t node = 0; node < touched.size(); ++node) {
+    if (touched[node]) nodes.push_back(node);
+  }
+  stiffness_->update(mesh_, material_of_, bears_, nodes);
+  factorisation_->update(nodes);
+}
+
 Eigen::VectorXd ElasticBody::weight_n(const Vector3& gravity_m_s2) const {
   Eigen::VectorXd force_n = Eigen::VectorXd::Zero(static_cast<Eigen::Index>(3 * mesh_.nodes.size()));
   for (std::size_t t = 0; t < mesh_.tetrahedra.size(); ++t) {
+    if (!bears_[t]) continue;
     const Vector3 quarter_n = signed_volume_m3(mesh_, t) * material_of_[t]->density_kg_m3 / 4 * gravity_m_s2;
     for (const std::uint32_t node : mesh_.tetrahedra[t]) {
       force_n.segment<3>(static_cast<Eigen::Index>(3 * std::size_t{node})) += quarter_n;
     }
+  }
+  return force_n;
+}
+
+Eigen::VectorXd ElasticBody::borne_n(Eigen::VectorXd force_n) const {
+  for (std::size_t node = 0; node < used_.size(); ++node) {
+    if (!used_[node]) force_n.segment<3>(static_cast<Eigen::Index>(3 * node)).setZero();
   }
   return force_n;
 }
@@ -93,9 +137,9 @@ StaticSolution ElasticBody::solve(const Eigen::VectorXd& force_n) const {
   const auto count = static_cast<std::size_t>(force_n.size());
   StaticSolution solution;
   // What the prescribed displacements alone would ask of the unknowns, then one step of refinement.
-  const Eigen::VectorXd first_n = force_n - *stiffness_ * prescribed_m;
+  const Eigen::VectorXd first_n = borne_n(force_n - *stiffness_ * prescribed_m);
   solution.displacement_m = prescribed_m + factorisation_->solve(first_n);
-  Eigen::VectorXd residual_n = force_n - *stiffness_ * solution.displacement_m;
+  Eigen::VectorXd residual_n = borne_n(force_n - *stiffness_ * solution.displacement_m);
   solution.displacement_m += factorisation_->solve(residual_n);
   const Eigen::VectorXd inner_n = *stiffness_ * solution.displacement_m;
   residual_n = force_n - inner_n;
@@ -123,31 +167,64 @@ StaticSolution ElasticBody::solve(const Eigen::VectorXd& force_n) const {
   return solution;
 }
 
+std::size_t ElasticBody::free_components(std::size_t node) const {
+  std::size_t count = 0;
+  for (std::size_t component = 0; used_[node] && component < 3; ++component) {
+    if (!constraints_.prescribed(3 * node + component)) ++count;
+  }
+  return count;
+}
+
+Eigen::MatrixXd ElasticBody::compliance_columns(std::span<const std::uint32_t> nodes) const {
+  Eigen::MatrixXd columns = Eigen::MatrixXd::Zero(static_cast<Eigen::Index>(3 * mesh_.nodes.size()),
+                                                  static_cast<Eigen::Index>(3 * nodes.size()));
+  for (std::size_t i = 0; i < nodes.size(); ++i) {
+    columns
+        .block<3, 3>(static_cast<Eigen::Index>(3 * std::size_t{nodes[i]}), static_cast<Eigen::Index>(3 * i))
+        .setIdentity();
+  }
+  factorisation_->solve_columns(columns);
+  if (!columns.allFinite()) {
+    throw Error("the compliance of node " + std::to_string(nodes.front()) +
+                " and its neighbours is not finite: a modulus is out of all proportion");
+  }
+  return columns;
+}
+
 std::vector<SymmetricTensor> ElasticBody::strain(const Eigen::VectorXd& displacement_m) const {
   std::vector<SymmetricTensor> strain;
   strain.reserve(mesh_.tetrahedra.size());
   for (std::size_t t = 0; t < mesh_.tetrahedra.size(); ++t) {
-    strain.push_back(strain_of(element_of(mesh_, t), displacements_of(mesh_.tetrahedra[t], displacement_m)));
+    strain.push_back(
+        bears_[t] ? strain_of(element_of(mesh_, t), displacements_of(mesh_.tetrahedra[t], displacement_m))
+                  : SymmetricTensor::Zero());
   }
   return strain;
 }
 
 std::vector<SymmetricTensor> ElasticBody::stress_pa(const Eigen::VectorXd& displacement_m) const {
-  std::vector<SymmetricTensor> stress_pa = strain(displacement_m);
-  for (std::size_t t = 0; t < stress_pa.size(); ++t) {
-    stress_pa[t] = stress_of(*material_of_[t], stress_pa[t]);
-    if (!stress_pa[t].allFinite() || !std::isfinite(von_mises(stress_pa[t]))) {
-      throw Error("the stress of tetrahedron " + std::to_string(t) +
-                  " is not finite: a force, a displacement or a modulus is out of all proportion");
-    }
+  std::vector<SymmetricTensor> all_pa;
+  all_pa.reserve(mesh_.tetrahedra.size());
+  for (std::size_t t = 0; t < mesh_.tetrahedra.size(); ++t) all_pa.push_back(stress_pa(displacement_m, t));
+  return all_pa;
+}
+
+SymmetricTensor ElasticBody::stress_pa(const Eigen::VectorXd& displacement_m, std::size_t tetrahedron) const {
+  const SymmetricTensor strain = strain_of(element_of(mesh_, tetrahedron),
+                                           displacements_of(mesh_.tetrahedra[tetrahedron], displacement_m));
+  const SymmetricTensor stress = stress_of(*material_of_[tetrahedron], strain);
+  if (!stress.allFinite() || !std::isfinite(von_mises(stress))) {
+    throw Error("the stress of tetrahedron " + std::to_string(tetrahedron) +
+                " is not finite: a force, a displacement or a modulus is out of all proportion");
   }
-  return stress_pa;
+  return stress;
 }
 
 std::vector<SymmetricTensor> ElasticBody::at_nodes(const std::vector<SymmetricTensor>& of_tetrahedra) const {
   std::vector<SymmetricTensor> sums(mesh_.nodes.size(), SymmetricTensor::Zero());
   std::vector<double> volumes_m3(mesh_.nodes.size());
   for (std::size_t t = 0; t < mesh_.tetrahedra.size(); ++t) {
+    if (!bears_[t]) continue;
     const double volume_m3 = signed_volume_m3(mesh_, t);
     for (const std::uint32_t node : mesh_.tetrahedra[t]) {
       sums[node] += volume_m3 * of_tetrahedra[t];

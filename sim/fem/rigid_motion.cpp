@@ -49,6 +49,25 @@ Motion motion_at(const Vector3& point, const Part& part, double length_m) {
   return motion;
 }
 
+/// Adds the components of a node that are prescribed to the normal equations of its part's motion.
+template <typename Normal>
+void add_constraints(std::size_t node, const Motion& motion, const Constraints& constraints,
+                     Normal&& normal) {
+  for (std::size_t component = 0; component < 3; ++component) {
+    if (!constraints.prescribed(3 * node + component)) continue;
+    const auto row = motion.row(static_cast<Eigen::Index>(component));
+    normal += row.transpose() * row;
+  }
+}
+
+/// Of normal equations: the columns span what nothing prevents.
+Eigen::MatrixXd null_space(const Eigen::MatrixXd& normal) {
+  const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> decomposition(normal);
+  const Eigen::VectorXd& values = decomposition.eigenvalues();  // ascending; squares of singular values
+  const double limit = kNull * kNull * std::max(values[values.size() - 1], 1.0);
+  return decomposition.eigenvectors().leftCols((values.array() <= limit).count());
+}
+
 /// An orthonormal basis of the columns' span.
 Eigen::MatrixXd basis_of(const Eigen::MatrixXd& columns) {
   if (columns.cols() == 0) return columns;
@@ -110,11 +129,7 @@ Eigen::MatrixXd null_motions(const TetMesh& mesh, const Constraints& constraints
       const Motion motion = motion_at(mesh.nodes[node], part, length_m);
       if (first_at[node] < 0) {
         first_at[node] = static_cast<std::int64_t>(member);
-        for (std::size_t component = 0; component < 3; ++component) {
-          if (!constraints.prescribed(3 * std::size_t{node} + component)) continue;
-          const auto row = motion.row(static_cast<Eigen::Index>(component));
-          normal.block<6, 6>(own, own) += row.transpose() * row;
-        }
+        add_constraints(node, motion, constraints, normal.block<6, 6>(own, own));
         continue;
       }
       const auto other = static_cast<Eigen::Index>(6 * first_at[node]);
@@ -126,10 +141,7 @@ Eigen::MatrixXd null_motions(const TetMesh& mesh, const Constraints& constraints
       normal.block<6, 6>(other, own) -= others.transpose() * motion;
     }
   }
-  const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> decomposition(normal);
-  const Eigen::VectorXd& values = decomposition.eigenvalues();  // ascending; squares of singular values
-  const double limit = kNull * kNull * std::max(values[unknowns - 1], 1.0);
-  return decomposition.eigenvectors().leftCols((values.array() <= limit).count());
+  return null_space(normal);
 }
 
 }  // namespace
@@ -167,6 +179,18 @@ std::vector<std::string> free_rigid_motions(const TetMesh& mesh, const Faces& fa
     }
   }
   return sentences;
+}
+
+bool hold_still(const TetMesh& mesh, std::span<const std::uint32_t> nodes, const Constraints& constraints) {
+  Part part;
+  for (const std::uint32_t node : nodes) part.centre += mesh.nodes[node] / static_cast<double>(nodes.size());
+  double length_m = 1e-300;
+  for (const std::uint32_t node : nodes)
+    length_m = std::max(length_m, (mesh.nodes[node] - part.centre).norm());
+  Eigen::MatrixXd normal = Eigen::MatrixXd::Zero(6, 6);
+  for (const std::uint32_t node : nodes)
+    add_constraints(node, motion_at(mesh.nodes[node], part, length_m), constraints, normal);
+  return null_space(normal).cols() == 0;
 }
 
 }  // namespace kiroku::sim

@@ -1,6 +1,7 @@
 // Motions that no element resists and no constraint prevents. Pure functions, thread-safe.
 #pragma once
 
+#include <span>
 #include <string>
 #include <vector>
 
@@ -19,5 +20,8 @@ namespace kiroku::sim {
 std::vector<std::string> free_rigid_motions(const TetMesh& mesh, const Faces& faces,
                                             const Constraints& constraints);
 inline constexpr std::size_t kMostHingedParts = 100;
+
+/// Whether the constraints of these nodes leave one rigid body that they are part of no motion.
+bool hold_still(const TetMesh& mesh, std::span<const std::uint32_t> nodes, const Constraints& constraints);
 
 }  // namespace kiroku::sim

@@ -1,5 +1,5 @@
 // The stiffness matrix of a body: sparse, symmetric, in blocks of 3 by 3 (one for each pair of nodes of an
-// element). Immutable; thread-safe.
+// element). Not thread-safe while it is updated.
 #pragma once
 
 #include <cstdint>
@@ -26,6 +26,13 @@ class StiffnessMatrix {
   StiffnessMatrix(const TetMesh& mesh,
                   const std::function<Eigen::Matrix<double, 12, 12>(std::size_t)>& element_matrix);
 
+  /// Brings the blocks between these nodes up to date with the mesh, whose tetrahedra and `materials` keep
+  /// their numbers; only those that `bears` (|T|) names count. The blocks are summed anew in the same order,
+  /// so that any sequence of updates gives the bits of a new matrix. A node that no tetrahedron bears any
+  /// longer keeps a third of the trace of its block, so that the matrix stays positive definite.
+  void update(const TetMesh& mesh, std::span<const Material* const> materials, const std::vector<bool>& bears,
+              std::span<const std::uint32_t> nodes);
+
   [[nodiscard]] std::size_t nodes() const { return begin_.size() - 1; }
   /// K u; (3 |V|), N for m.
   [[nodiscard]] Eigen::VectorXd operator*(const Eigen::VectorXd& displacement_m) const;
@@ -43,8 +50,8 @@ class StiffnessMatrix {
  private:
   /// All blocks zero.
   explicit StiffnessMatrix(const TetMesh& mesh);
-  template <typename BlockOf>
-  void add(const Tetrahedron& tetrahedron, BlockOf block_of);
+  template <typename BlockOf, typename Counts>
+  void add(const Tetrahedron& tetrahedron, BlockOf block_of, Counts counts);
   [[nodiscard]] std::size_t block_at(std::uint32_t row, std::uint32_t column) const;
 
   std::vector<std::size_t> begin_;  // (|V| + 1)

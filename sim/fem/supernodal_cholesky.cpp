@@ -8,6 +8,7 @@
 #include <mutex>
 #include <system_error>
 #include <thread>
+#include <utility>
 
 #include <suitesparse/cholmod.h>
 
@@ -29,11 +30,8 @@ void dpotrf_(const char* triangle, const int* n, double* a, const int* lda, int*
 namespace kiroku::sim {
 namespace {
 
-/// Rows of supernode `from` that are columns of another: its row list from `begin` to `end`.
-struct Update {
-  std::uint32_t from;
-  std::int64_t begin, end;
-};
+/// Rows or columns of a front that are one piece of work.
+constexpr std::size_t kTile = 192;
 
 /// A block of K, some of whose entries are in the columns of a supernode.
 struct BlockPlace {
@@ -63,22 +61,25 @@ class Lists {
   std::vector<Item> items_;
 };
 
-class SupernodalCholesky {
+}  // namespace
+
+class SupernodalCholesky::Work {
  public:
-  SupernodalCholesky(const StiffnessMatrix& stiffness, std::span<const std::uint32_t> unknown_of,
-                     cholmod_factor& factor)
+  Work(const StiffnessMatrix& stiffness, std::span<const std::uint32_t> unknown_of, cholmod_factor& factor)
       : count_(factor.nsuper),
         first_column_(static_cast<const std::int64_t*>(factor.super), count_ + 1),
         first_row_(static_cast<const std::int64_t*>(factor.pi), count_ + 1),
         first_number_(static_cast<const std::int64_t*>(factor.px), count_ + 1),
         rows_(static_cast<const std::int64_t*>(factor.s), factor.ssize),
         numbers_(static_cast<double*>(factor.x)),
-        largest_update_(factor.maxcsize),
         position_of_(unknown_of.begin(), unknown_of.end()),
         supernode_of_(factor.n),
-        updates_(count_),
+        children_(count_),
         blocks_(count_),
-        children_left_(count_) {
+        contributions_(count_),
+        children_left_(count_),
+        chosen_(count_),
+        tiles_left_(count_) {
     for (std::uint32_t s = 0; s < count_; ++s) {
       std::fill(supernode_of_.begin() + first_column_[s], supernode_of_.begin() + first_column_[s + 1], s);
     }
@@ -88,24 +89,48 @@ class SupernodalCholesky {
     for (std::uint32_t& unknown : position_of_) {
       if (unknown != kNoUnknown) unknown = position[unknown];
     }
-    list_updates();
+    list_children();
     list_blocks(stiffness);
-    for (std::uint32_t s = 0; s < count_; ++s) {
-      if (const auto parent = parent_of(s)) ++children_left_[*parent];
-    }
-    for (std::uint32_t s = static_cast<std::uint32_t>(count_); s-- > 0;) {
-      if (children_left_[s] == 0) ready_.push_back(s);
+  }
+
+  void choose_all(bool keep) {
+    chosen_.assign(count_, true);
+    keeps_ = keep;
+  }
+  [[nodiscard]] bool keeps() const { return keeps_; }
+  /// The supernodes with columns of these nodes, and their ancestors.
+  void choose(std::span<const std::uint32_t> nodes) {
+    chosen_.assign(count_, false);
+    for (const std::uint32_t node : nodes) {
+      for (std::size_t component = 0; component < 3; ++component) {
+        const std::uint32_t position = position_of_[3 * std::size_t{node} + component];
+        if (position == kNoUnknown) continue;
+        for (std::optional<std::uint32_t> s = supernode_of_[position]; s && !chosen_[*s]; s = parent_of(*s))
+          chosen_[*s] = true;
+      }
     }
   }
 
   std::optional<std::size_t> run(unsigned threads) {
+    failed_column_.reset();
+    failure_ = nullptr;
+    ready_.clear();
+    std::ranges::fill(children_left_, 0);
+    for (std::uint32_t s = 0; s < count_; ++s) {
+      if (!chosen_[s]) continue;
+      if (const auto parent = parent_of(s)) ++children_left_[*parent];
+    }
+    for (std::uint32_t s = static_cast<std::uint32_t>(count_); s-- > 0;) {
+      if (chosen_[s] && children_left_[s] == 0) ready_.push_back({s, Stage::kColumns, 0});
+    }
+    if (spaces_.size() < threads) spaces_.resize(threads);
     std::vector<std::thread> workers;
     try {
-      for (unsigned i = 1; i < threads; ++i) workers.emplace_back([this] { work(); });
+      for (unsigned i = 1; i < threads; ++i) workers.emplace_back([this, i] { work(spaces_[i]); });
     } catch (const std::system_error&) {
       // The machine gives no more threads; those that are there suffice.
     }
-    work();
+    work(spaces_[0]);
     for (std::thread& worker : workers) worker.join();
     if (failure_) std::rethrow_exception(failure_);
     return failed_column_;
@@ -125,24 +150,13 @@ class SupernodalCholesky {
         rows_[static_cast<std::size_t>(first_row_[s]) + columns_of(s)])];
   }
 
-  template <typename Take>
-  void for_each_update(std::uint32_t from, Take take) const {
-    const std::int64_t end = first_row_[from + 1];
-    for (std::int64_t at = first_row_[from] + static_cast<std::int64_t>(columns_of(from)); at < end;) {
-      const std::uint32_t to = supernode_of_[static_cast<std::size_t>(rows_[static_cast<std::size_t>(at)])];
-      const std::int64_t begin = at;
-      while (at < end && rows_[static_cast<std::size_t>(at)] < first_column_[to + 1]) ++at;
-      take(to, Update{from, begin, at});
-    }
-  }
-
-  void list_updates() {
+  void list_children() {
     for (std::uint32_t s = 0; s < count_; ++s) {
-      for_each_update(s, [this](std::uint32_t to, const Update&) { updates_.count(to); });
+      if (const auto parent = parent_of(s)) children_.count(*parent);
     }
-    updates_.allocate();
+    children_.allocate();
     for (std::uint32_t s = 0; s < count_; ++s) {
-      for_each_update(s, [this](std::uint32_t to, const Update& update) { updates_.add(to, update); });
+      if (const auto parent = parent_of(s)) children_.add(*parent, s);
     }
   }
 
@@ -180,65 +194,155 @@ class SupernodalCholesky {
     for_each_block([this](std::uint32_t owner, const BlockPlace& place) { blocks_.add(owner, place); });
   }
 
-  /// What a thread keeps from one supernode to the next.
+  /// What a thread keeps from one supernode to the next, and from one run to the next.
   struct Workspace {
     std::vector<std::int32_t> row_in_supernode;  // of each row of the matrix
     std::vector<std::int32_t> target;
-    std::unique_ptr<double[]> update;  // as much of it as is used takes memory
   };
 
-  void work() {
-    Workspace space;
+  /// A piece of work on a supernode: first kColumns, then kRows, then kContribution, the latter two in tiles
+  /// that do not depend on the number of threads; one tile goes with kColumns.
+  enum class Stage : std::uint8_t { kColumns, kRows, kContribution };
+  struct Task {
+    std::uint32_t s;
+    Stage stage;
+    std::size_t tile;
+  };
+
+  void work(Workspace& space) {
     try {
       space.row_in_supernode.resize(supernode_of_.size());
-      space.update = std::make_unique_for_overwrite<double[]>(largest_update_);
       space.target.reserve(supernode_of_.size());
     } catch (...) {
-      const std::lock_guard lock(mutex_);
-      if (!failure_) failure_ = std::current_exception();
-      changed_.notify_all();
+      fail(std::current_exception());
       return;
     }
     std::unique_lock lock(mutex_);
     while (true) {
       changed_.wait(lock, [this] { return !ready_.empty() || running_ == 0 || failure_; });
       if (ready_.empty() || failure_) break;
-      const std::uint32_t s = ready_.back();
+      const Task task = ready_.back();
       ready_.pop_back();
       ++running_;
       lock.unlock();
-      const std::optional<std::size_t> failed = compute(s, space);
+      std::optional<std::size_t> failed;
+      try {
+        failed = compute(task, space);
+      } catch (...) {
+        fail(std::current_exception());
+      }
       lock.lock();
       --running_;
       if (failed) {
         failed_column_ = std::min(failed_column_.value_or(*failed), *failed);
-      } else if (const auto parent = parent_of(s); parent && --children_left_[*parent] == 0) {
-        ready_.push_back(*parent);
+      } else if (task.stage == Stage::kColumns || --tiles_left_[task.s] == 0) {
+        follow(task);
       }
       changed_.notify_all();
     }
   }
 
+  void fail(std::exception_ptr failure) {
+    const std::lock_guard lock(mutex_);
+    if (!failure_) failure_ = std::move(failure);
+    changed_.notify_all();
+  }
+
+  [[nodiscard]] std::size_t below_of(std::uint32_t s) const { return rows_of(s) - columns_of(s); }
+  [[nodiscard]] std::size_t tiles_of(std::uint32_t s) const { return (below_of(s) + kTile - 1) / kTile; }
+
+  /// What a finished stage makes possible; the lock is held.
+  void follow(const Task& done) {
+    if (done.stage != Stage::kContribution && tiles_of(done.s) > 1) {
+      const Stage next = done.stage == Stage::kColumns ? Stage::kRows : Stage::kContribution;
+      tiles_left_[done.s] = tiles_of(done.s);
+      for (std::size_t tile = tiles_of(done.s); tile-- > 0;) ready_.push_back({done.s, next, tile});
+      return;
+    }
+    const auto parent = parent_of(done.s);
+    if (parent && --children_left_[*parent] == 0) ready_.push_back({*parent, Stage::kColumns, 0});
+  }
+
   /// The column that failed, if one did.
-  std::optional<std::size_t> compute(std::uint32_t s, Workspace& space) {
-    const std::size_t rows = rows_of(s), columns = columns_of(s);
+  std::optional<std::size_t> compute(const Task& task, Workspace& space) {
+    if (task.stage == Stage::kColumns) return compute_columns(task.s, space);
+    const std::size_t first = task.tile * kTile, last = std::min(first + kTile, below_of(task.s));
+    if (task.stage == Stage::kRows) {
+      compute_rows(task.s, first, last);
+    } else {
+      contribute(task.s, first, last);
+    }
+    return std::nullopt;
+  }
+
+  /// Assembles the front, and factorises its own columns down to the diagonal block.
+  std::optional<std::size_t> compute_columns(std::uint32_t s, Workspace& space) {
+    const std::size_t rows = rows_of(s), columns = columns_of(s), below = rows - columns;
     const auto row_list = rows_.subspan(static_cast<std::size_t>(first_row_[s]), rows);
     double* const block = numbers_ + first_number_[s];
     for (std::size_t i = 0; i < rows; ++i) {
       space.row_in_supernode[static_cast<std::size_t>(row_list[i])] = static_cast<std::int32_t>(i);
     }
     std::fill_n(block, rows * columns, 0.0);
+    if (!contributions_[s]) contributions_[s] = std::make_unique_for_overwrite<double[]>(below * below);
+    double* const contribution = contributions_[s].get();
+    for (std::size_t j = 0; j < below; ++j) std::fill_n(contribution + j * below + j, below - j, 0.0);
     add_stiffness(s, space, block, rows);
-    for (const Update& update : updates_[s]) subtract(update, space, block, rows);
-
-    const int order = static_cast<int>(columns), leading = static_cast<int>(rows), below = leading - order;
+    for (const std::uint32_t child : children_[s]) {
+      extend_add(child, space, block, contribution, rows, columns);
+      if (!keeps_) contributions_[child].reset();
+    }
+    const int order = static_cast<int>(columns), leading = static_cast<int>(rows);
     int failed = 0;
     dpotrf_("L", &order, block, &leading, &failed);
     if (failed != 0) return static_cast<std::size_t>(first_column_[s] + failed - 1);
-    const double one = 1;
-    if (below > 0)
-      dtrsm_("R", "L", "T", "N", &below, &order, &one, block, &leading, block + columns, &leading);
+    if (tiles_of(s) == 1) {  // too little for several threads
+      compute_rows(s, 0, below);
+      contribute(s, 0, below);
+    }
     return std::nullopt;
+  }
+
+  /// Adds what a child leaves to the rows of its parent.
+  void extend_add(std::uint32_t child, Workspace& space, double* block, double* contribution,
+                  std::size_t rows, std::size_t columns) const {
+    const std::size_t own = below_of(child), below = rows - columns;
+    const auto row_list = rows_.subspan(static_cast<std::size_t>(first_row_[child]) + columns_of(child), own);
+    space.target.clear();
+    for (const std::int64_t row : row_list)
+      space.target.push_back(space.row_in_supernode[static_cast<std::size_t>(row)]);
+    const double* from = contributions_[child].get();
+    for (std::size_t j = 0; j < own; ++j, from += own) {
+      const auto column = static_cast<std::size_t>(space.target[j]);
+      // Counted from the front's first row in either.
+      double* const into =
+          column < columns ? block + rows * column : contribution + below * (column - columns) - columns;
+      for (std::size_t i = j; i < own; ++i) into[space.target[i]] += from[i];
+    }
+  }
+
+  void compute_rows(std::uint32_t s, std::size_t first, std::size_t last) const {
+    double* const block = numbers_ + first_number_[s];
+    const int columns = static_cast<int>(columns_of(s)), leading = static_cast<int>(rows_of(s)),
+              count = static_cast<int>(last - first);
+    const double one = 1;
+    dtrsm_("R", "L", "T", "N", &count, &columns, &one, block, &leading, block + columns_of(s) + first,
+           &leading);
+  }
+
+  /// Columns of what the supernode leaves to its ancestors: takes L L^T of its rows below off.
+  void contribute(std::uint32_t s, std::size_t first, std::size_t last) const {
+    const double* const source = numbers_ + first_number_[s] + columns_of(s) + first;
+    const int leading = static_cast<int>(rows_of(s)), inner = static_cast<int>(columns_of(s));
+    const int size = static_cast<int>(below_of(s)), columns = static_cast<int>(last - first);
+    const int below = size - static_cast<int>(last);
+    const double one = 1, minus_one = -1;
+    double* const into = contributions_[s].get() + first * below_of(s) + first;
+    dsyrk_("L", "N", &columns, &inner, &minus_one, source, &leading, &one, into, &size);
+    if (below > 0) {
+      dgemm_("N", "T", &below, &columns, &inner, &minus_one, source + columns, &leading, source, &leading,
+             &one, into + columns, &size);
+    }
   }
 
   void add_stiffness(std::uint32_t s, const Workspace& space, double* block, std::size_t rows) const {
@@ -260,57 +364,48 @@ class SupernodalCholesky {
     }
   }
 
-  /// Takes L_d L_d^T off the supernode's block, for the rows of d that are in it.
-  void subtract(const Update& update, Workspace& space, double* block, std::size_t rows) const {
-    const std::uint32_t d = update.from;
-    const int leading = static_cast<int>(rows_of(d)), inner = static_cast<int>(columns_of(d));
-    const int columns = static_cast<int>(update.end - update.begin),
-              all = static_cast<int>(first_row_[d + 1] - update.begin);
-    const int below = all - columns;
-    const double* const source = numbers_ + first_number_[d] + (update.begin - first_row_[d]);
-    const double one = 1, zero = 0;
-    double* const product = space.update.get();
-    dsyrk_("L", "N", &columns, &inner, &one, source, &leading, &zero, product, &all);
-    if (below > 0) {
-      dgemm_("N", "T", &below, &columns, &inner, &one, source + columns, &leading, source, &leading, &zero,
-             product + columns, &all);
-    }
-    space.target.clear();
-    for (std::int64_t at = update.begin; at < first_row_[d + 1]; ++at) {
-      space.target.push_back(
-          space.row_in_supernode[static_cast<std::size_t>(rows_[static_cast<std::size_t>(at)])]);
-    }
-    for (std::size_t j = 0; j < static_cast<std::size_t>(columns); ++j) {
-      double* const into = block + rows * static_cast<std::size_t>(space.target[j]);
-      const double* const from = product + static_cast<std::size_t>(all) * j;
-      for (std::size_t i = j; i < static_cast<std::size_t>(all); ++i) into[space.target[i]] -= from[i];
-    }
-  }
-
   std::size_t count_;
   std::span<const std::int64_t> first_column_, first_row_, first_number_, rows_;
   double* numbers_;
-  std::size_t largest_update_;
   std::vector<std::uint32_t> position_of_;   // of each component of (3 |V|), in the factor's order
   std::vector<std::uint32_t> supernode_of_;  // of each column
-  Lists<Update> updates_;
+  Lists<std::uint32_t> children_;
   Lists<BlockPlace> blocks_;
+  std::vector<Workspace> spaces_;  // of each thread
+  /// (below x below) of each supernode, its lower triangle: what its subtree takes off the rows below it.
+  std::vector<std::unique_ptr<double[]>> contributions_;
+  bool keeps_ = false;  // contributions, for later runs
 
   std::mutex mutex_;  // for all below
   std::condition_variable changed_;
   std::vector<std::uint32_t> children_left_;  // that are not computed yet
-  std::vector<std::uint32_t> ready_;          // the last is next
+  std::vector<bool> chosen_;                  // those to compute: with each its ancestors
+  std::vector<std::size_t> tiles_left_;       // of the stage each is in
+  std::vector<Task> ready_;                   // the last is next
   std::size_t running_ = 0;
   std::optional<std::size_t> failed_column_;
   std::exception_ptr failure_;
 };
 
-}  // namespace
+SupernodalCholesky::SupernodalCholesky(const StiffnessMatrix& stiffness,
+                                       std::span<const std::uint32_t> unknown_of,
+                                       cholmod_factor_struct& factor)
+    : work_(std::make_unique<Work>(stiffness, unknown_of, factor)) {}
+SupernodalCholesky::~SupernodalCholesky() = default;
 
-std::optional<std::size_t> factorise_supernodes(const StiffnessMatrix& stiffness,
-                                                std::span<const std::uint32_t> unknown_of, unsigned threads,
-                                                cholmod_factor_struct& factor) {
-  return SupernodalCholesky(stiffness, unknown_of, factor).run(threads);
+std::optional<std::size_t> SupernodalCholesky::compute(unsigned threads) {
+  work_->choose_all(false);
+  return work_->run(threads);
+}
+
+std::optional<std::size_t> SupernodalCholesky::recompute(std::span<const std::uint32_t> nodes,
+                                                         unsigned threads) {
+  if (work_->keeps()) {
+    work_->choose(nodes);
+  } else {
+    work_->choose_all(true);
+  }
+  return work_->run(threads);
 }
 
 }  // namespace kiroku::sim

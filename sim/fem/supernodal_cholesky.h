@@ -1,12 +1,15 @@
 // The numbers of a supernodal factor on several threads, each bit the same whatever their number.
 //
 // CHOLMOD lays the factor out and solves with it; its own numeric phase uses one thread well and several
-// badly. Here every supernode is computed by one thread, from its descendants in ascending order
-// (left-looking: Ng and Peyton, "Block sparse Cholesky algorithms on advanced uniprocessor computers", SIAM
-// J. Sci. Comput. 14, 1993), and supernodes whose subtrees are done wait for no other.
+// badly. Here every supernode is a front that takes what its children in the elimination tree leave to it, in
+// ascending order, and leaves to its parent what its own columns take off (multifrontal: Duff and Reid, "The
+// multifrontal solution of indefinite sparse symmetric linear equations", ACM TOMS 9, 1983). Large fronts are
+// worked on in tiles, which do not depend on the number of threads. Where a few elements change, only the
+// fronts from theirs to the root are computed again: what all other subtrees leave is kept.
 #pragma once
 
 #include <cstdint>
+#include <memory>
 #include <optional>
 #include <span>
 #include <vector>
@@ -17,12 +20,27 @@ struct cholmod_factor_struct;
 
 namespace kiroku::sim {
 
-/// Fills `factor`, supernodal and with memory for its numbers, with L of L L^T = P K P^T; K restricted to the
-/// unknowns that `unknown_of` (3 |V|) counts. Returns the first column (in the factor's order) where K is not
-/// positive definite, nothing if it is. BLAS must be set to one thread. Throws what a thread of its own
-/// throws (std::bad_alloc).
-std::optional<std::size_t> factorise_supernodes(const StiffnessMatrix& stiffness,
-                                                std::span<const std::uint32_t> unknown_of, unsigned threads,
-                                                cholmod_factor_struct& factor);
+/// L of L L^T = P K P^T, K restricted to its unknowns. BLAS must be set to one thread. Not thread-safe.
+class SupernodalCholesky {
+ public:
+  /// `unknown_of` (3 |V|) counts the unknowns; `factor` is supernodal and has memory for its numbers. Matrix
+  /// and factor must outlive it and stay where they are.
+  SupernodalCholesky(const StiffnessMatrix& stiffness, std::span<const std::uint32_t> unknown_of,
+                     cholmod_factor_struct& factor);
+  ~SupernodalCholesky();
+
+  /// Fills the factor. Returns the first column (in the factor's order) where K is not positive definite,
+  /// nothing if it is. Throws what a thread of its own throws (std::bad_alloc).
+  std::optional<std::size_t> compute(unsigned threads);
+  /// The same bits as compute() gives where since the last call only blocks of K between these nodes have
+  /// changed: only supernodes with their columns, and the ancestors of these, have other numbers. The first
+  /// call computes all of them, and from then on what every front leaves to its parent is kept, which takes
+  /// several times the factor's memory.
+  std::optional<std::size_t> recompute(std::span<const std::uint32_t> nodes, unsigned threads);
+
+ private:
+  class Work;
+  std::unique_ptr<Work> work_;
+};
 
 }  // namespace kiroku::sim

@@ -9,10 +9,6 @@
 namespace kiroku::sim {
 namespace {
 
-/// Opposite each corner of a tetrahedron of positive volume, anticlockwise from outside.
-constexpr std::array<std::array<std::size_t, 3>, 4> kFaceCorners{
-    {{1, 2, 3}, {0, 3, 2}, {0, 1, 3}, {0, 2, 1}}};
-
 struct Candidate {
   std::uint32_t middle, greatest;  // nodes besides the least, in whose bucket it is
   std::uint32_t tetrahedron, side;
@@ -80,6 +76,23 @@ Faces faces_of(const TetMesh& mesh) {
     }
   }
   return faces;
+}
+
+Neighbours neighbours_of(const TetMesh& mesh, const Faces& faces) {
+  Neighbours neighbours(mesh.tetrahedra.size());
+  for (std::uint32_t t = 0; t < neighbours.size(); ++t) neighbours[t].fill(t);
+  const auto corner_outside = [&](std::uint32_t t, std::uint32_t other) {
+    std::size_t corner = 0;
+    while (std::ranges::find(mesh.tetrahedra[other], mesh.tetrahedra[t][corner]) !=
+           mesh.tetrahedra[other].end())
+      ++corner;
+    return corner;
+  };
+  for (const auto& [one, other] : faces.between) {
+    neighbours[one][corner_outside(one, other)] = other;
+    neighbours[other][corner_outside(other, one)] = one;
+  }
+  return neighbours;
 }
 
 Parts face_connected_parts(const TetMesh& mesh, const Faces& faces) {

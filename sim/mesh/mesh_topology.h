@@ -23,6 +23,15 @@ struct Faces {
 };
 Faces faces_of(const TetMesh& mesh);
 
+/// Opposite each corner of a tetrahedron of positive volume, the corners of its face, anticlockwise from
+/// outside.
+inline constexpr std::array<std::array<std::size_t, 3>, 4> kFaceCorners{
+    {{1, 2, 3}, {0, 3, 2}, {0, 1, 3}, {0, 2, 1}}};
+
+/// For each tetrahedron the one beyond the face opposite each of its corners; itself where there is none.
+using Neighbours = std::vector<std::array<std::uint32_t, 4>>;  // (|T|)
+Neighbours neighbours_of(const TetMesh& mesh, const Faces& faces);
+
 /// Parts, numbered from 0 in the order of their first tetrahedron.
 struct Parts {
   std::size_t count = 0;

@@ -89,9 +89,14 @@ std::string geometry_text(const TetMesh& mesh, LengthUnit unit) {
 
 }  // namespace
 
-std::string msh_text(const TetMesh& mesh, LengthUnit unit) {
-  std::string text =
-      "$MeshFormat\n2.2 0 8\n$EndMeshFormat\n$Nodes\n" + std::to_string(mesh.nodes.size()) + '\n';
+std::string msh_text(const TetMesh& mesh, LengthUnit unit, const std::map<std::int32_t, std::string>& names) {
+  std::string text = "$MeshFormat\n2.2 0 8\n$EndMeshFormat\n";
+  if (!names.empty()) {
+    text += "$PhysicalNames\n" + std::to_string(names.size()) + '\n';
+    for (const auto& [region, name] : names) text += "3 " + std::to_string(region) + " \"" + name + "\"\n";
+    text += "$EndPhysicalNames\n";
+  }
+  text += "$Nodes\n" + std::to_string(mesh.nodes.size()) + '\n';
   Vector3 storage;
   for (std::size_t node = 0; node < mesh.nodes.size(); ++node) {
     append(text, node + 1);

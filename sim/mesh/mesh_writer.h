@@ -2,6 +2,7 @@
 // pure and thread-safe; numbers are written so that reading them gives the same bits.
 #pragma once
 
+#include <map>
 #include <span>
 #include <string>
 #include <vector>
@@ -11,8 +12,9 @@
 
 namespace kiroku::sim {
 
-/// Regions become physical groups.
-std::string msh_text(const TetMesh& mesh, LengthUnit unit);
+/// Regions become physical groups, with the names that they are given (no quotation marks, no line breaks).
+std::string msh_text(const TetMesh& mesh, LengthUnit unit,
+                     const std::map<std::int32_t, std::string>& names = {});
 
 /// An array of a VTU file: `components.size()` values (1 where it is empty) for each node or tetrahedron.
 struct VtuField {

@@ -91,6 +91,14 @@ std::vector<JsonField> JsonField::elements(std::size_t count) const {
   return fields;
 }
 
+std::vector<std::pair<std::string, JsonField>> JsonField::members() const {
+  if (!value_->is_object()) fail_type("an object");
+  std::vector<std::pair<std::string, JsonField>> fields;
+  for (const auto& [key, value] : value_->items())
+    fields.emplace_back(key, JsonField(value, file_, path_.empty() ? key : path_ + "." + key));
+  return fields;
+}
+
 double JsonField::number() const {
   if (!value_->is_number()) fail_type("a number");
   const auto number = value_->get<double>();

@@ -6,6 +6,7 @@
 #include <optional>
 #include <string>
 #include <string_view>
+#include <utility>
 #include <vector>
 
 #include <nlohmann/json.hpp>
@@ -30,6 +31,9 @@ class JsonField {
   [[nodiscard]] std::optional<JsonField> optional_member(const char* key) const;
   [[nodiscard]] std::vector<JsonField> elements() const;                   // of an array
   [[nodiscard]] std::vector<JsonField> elements(std::size_t count) const;  // of an array of so many
+
+  /// Of an object, by its keys in alphabetical order.
+  [[nodiscard]] std::vector<std::pair<std::string, JsonField>> members() const;
 
   [[nodiscard]] double number() const;  // finite
   [[nodiscard]] std::optional<double> number_or_null() const;

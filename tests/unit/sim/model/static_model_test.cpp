@@ -147,6 +147,62 @@ TEST_F(StaticModelTest, NamesThePathOfWhatIsWrong) {
   EXPECT_EQ(refusal(json::array()), "the document is of type array where an object is expected");
 }
 
+/// Upright across the block, from x = 0 over its whole depth down to `bottom`; mm.
+json blade_at(double x, double bottom) {
+  return {{"blade",
+           {{{"tip", {x, -5, bottom}}, {"heel", {x, -5, 25}}},
+            {{"tip", {x, 25, bottom}}, {"heel", {x, 25, 25}}}}}};
+}
+
+TEST_F(StaticModelTest, CutsBeforeItSolves) {
+  const StaticResult whole = solve(read(model_));
+  EXPECT_FALSE(whole.cut_mesh);
+  model_["cuts"] = {blade_at(24, 12)};
+  const StaticModel model = read(model_);
+  ASSERT_EQ(model.cuts.size(), 1U);
+  const StaticResult cut = solve(model);
+  ASSERT_TRUE(cut.cut_mesh);
+  EXPECT_LT(cut.cut_mesh->tetrahedra.size(), model.mesh.tetrahedra.size());
+  EXPECT_EQ(cut.cut_mesh->tetrahedra.size(), cut.stress_pa.size());
+  EXPECT_EQ(cut.cut_mesh->nodes.size(), model.mesh.nodes.size());
+  EXPECT_EQ(cut.unknowns, whole.unknowns);
+  EXPECT_THAT(cut.warnings, IsEmpty());
+  // The notch makes it softer: the same load does more work.
+  const auto work_j = [&](const StaticResult& result) {
+    return model.force_n.dot(result.solution.displacement_m);
+  };
+  EXPECT_GT(work_j(cut), work_j(whole));
+  EXPECT_TRUE((cut.load_n + cut.reaction_n).norm() < 1e-9 * cut.load_n.norm());
+  EXPECT_THAT(vtu_text(model, cut),
+              HasSubstr("NumberOfCells=\"" + std::to_string(cut.cut_mesh->tetrahedra.size()) + "\""));
+}
+
+TEST_F(StaticModelTest, SaysWhatFallsOffAndWhatMeetsNothing) {
+  model_["cuts"] = {blade_at(60, 12), blade_at(24, -5)};
+  const StaticResult result = solve(read(model_));
+  EXPECT_THAT(
+      result.warnings,
+      ElementsAre("cuts[0] meets no edge of the mesh",
+                  testing::MatchesRegex("after cuts\\[1\\] a part of [0-9]+ tetrahedra with node [0-9]+ "
+                                        "hangs on nothing that is fixed any longer: it is held where it "
+                                        "was")));
+  EXPECT_TRUE((result.load_n + result.reaction_n).norm() <= 1e-9);
+}
+
+TEST_F(StaticModelTest, NamesThePathOfAnUnsoundCut) {
+  const json pose = {{"tip", {0, 0, 0}}, {"heel", {0, 0, 10}}};
+  EXPECT_EQ(refusal_with("/cuts", json::parse(R"([{"path": []}])")),
+            "cuts[0] has the unknown key 'path'; known are blade");
+  EXPECT_EQ(refusal_with("/cuts", {{{"blade", {pose}}}}),
+            "cuts[0].blade cannot be swept: a blade's path has 1 poses: a cut needs two at least");
+  EXPECT_EQ(
+      refusal_with("/cuts", {{{"blade", {pose, pose}}}}),
+      "cuts[0].blade cannot be swept: from pose 0 to 1 the blade's edge does not move, or only along itself: "
+      "it sweeps no surface");
+  EXPECT_EQ(refusal_with("/cuts", json::parse(R"([{"blade": [{"tip": [0, 0], "heel": [0, 0, 1]}]}])")),
+            "cuts[0].blade[0].tip has 2 elements, not 3");
+}
+
 TEST_F(StaticModelTest, RefusesWhatIsNoJson) {
   EXPECT_THAT(refusal(std::string("{\n\"mesh\": }")),
               HasSubstr("it is no JSON: parse error at line 2, column 9"));

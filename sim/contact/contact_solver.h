@@ -1,0 +1,177 @@
+// Contact of rigid tools with a surface that gives way: forces and displacements where one may touch it.
+//
+// A node is outside a tool where the signed distance phi(x) >= 0. The body answers u = C f with its
+// compliance C between the nodes of a neighbourhood (after Hirota and Kaneko, see fem/compliance.h), so that
+// only the forces f of contacts are unknown. They press, never pull, and only where they touch:
+// f >= 0, phi >= 0, f phi = 0, for all tools in one problem; whether a finger pushes the tissue or has it
+// pushed against itself by another need not be told or tried.
+//
+// The distance is not linear in x. It is convex, so the plane through the nearest point of the tool never
+// tells more than the distance itself: each linear problem (complementarity.h) gives a state that penetrates
+// nowhere, and the next one, of the planes at that state, costs less energy (the convex-concave procedure:
+// Yuille and Rangarajan, Neural Computation 15, 2003). Steps follow each other until pressed nodes lie on
+// their tool to the tolerance.
+//
+// Sticking tools (the surface constraint of "Interactive Volume Manipulation for Supporting Preoperative
+// Planning"): a node that touches is bound to where it is on the tool and follows it in all three directions,
+// until the tool would have to pull at it; then it is let go in the same step, and glides on the tool for the
+// rest of the step. A node is bound to one tool at most, on others it glides.
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "sim/contact/complementarity.h"
+#include "sim/contact/point_tree.h"
+#include "sim/contact/tool_shape.h"
+
+namespace kiroku::sim {
+
+/// The nodes of the surface that may be touched now, in groups as PointTree asks for. None of them is held.
+/// Immutable once made.
+struct ContactNeighbourhood {
+  std::vector<std::uint32_t> nodes;  // (|N|), of the mesh
+  Eigen::VectorXd rest_m;            // (3 |N|), where they are when no tool touches
+  Eigen::MatrixXd compliance;        // (3 |N| x 3 |N|), m/N, symmetric to the bit
+  std::vector<double> area_m2;       // (|N|), of the undeformed surface: a third of each face around it
+  std::vector<std::uint8_t> free;    // (|N|), 1 where no component is prescribed: others cannot stick
+  double size_m = 0;                 // of the body: its longest side
+};
+
+struct ContactTool {
+  std::string name;  // for errors: "finger 1"
+  ToolShape shape;
+  bool sticks = false;
+};
+
+struct ContactOptions {
+  /// How far a pressed node may be from its tool, and a node inside one, in lengths of the body.
+  double tolerance = 1e-6;
+  /// Linear problems a step at most. One is enough not to penetrate with what is known to touch; more find
+  /// what is pushed into another tool, and bring pressed nodes back to curved ones.
+  int most_iterations = 50;
+};
+
+/// A node on a tool.
+struct Contact {
+  std::uint32_t node = 0;  // of the mesh
+  std::uint32_t tool = 0;
+  Vector3 force_n = Vector3::Zero();  // on the tissue
+  Vector3 normal = Vector3::UnitX();  // of the tool's surface there, outwards
+  double pressure_pa = 0;             // the force along the normal for the node's area
+};
+
+/// What one tool feels.
+struct ToolForce {
+  Vector3 force_n = Vector3::Zero();    // on the tool; minus the forces on its nodes
+  Vector3 torque_nm = Vector3::Zero();  // on the tool, about its origin
+  /// Its parts along the mean normal of the touched surface (weighted by the nodes' areas) and across it.
+  double normal_n = 0, tangential_n = 0;
+  std::uint32_t nodes = 0;  // that it presses
+};
+
+struct ContactResult {
+  std::vector<ToolForce> tools;
+  Vector3 wrist_force_n = Vector3::Zero();  // the sum over all tools: what a hand feels that holds them
+  std::vector<Contact> contacts;            // by tool and node
+  int iterations = 0;
+  bool converged = false;
+  double deepest_penetration_m = 0;  // of a node of the neighbourhood, after the step; 0 for none
+  double largest_gap_m = 0;          // between a pressed node and its tool
+};
+
+/// Holds the state between steps: which nodes press, where sticking ones are bound, how the surface lies. Not
+/// thread-safe. Allocates only for more contacts than ever before.
+class ContactSolver {
+ public:
+  /// kiroku::UsageError for tools without extent and options without sense.
+  ContactSolver(std::shared_ptr<const ContactNeighbourhood> neighbourhood, std::vector<ContactTool> tools,
+                const ContactOptions& options = {});
+
+  /// Takes over the contacts of another of the same tools, whose neighbourhood may be another; contacts of
+  /// nodes that are not in this one are lost.
+  void continue_from(const ContactSolver& previous);
+  /// The same where the tools may be others: `tool_there` says for each of these which one of the previous it
+  /// is, or a number too large for one that was not there. Contacts of tools that are no longer are lost.
+  void continue_from(const ContactSolver& previous, std::span<const std::uint32_t> tool_there);
+
+  /// What else moves the body has taken the nodes of the neighbourhood, (3 |N|), to other places to rest at.
+  void rest_at(Eigen::VectorXd rest_m);
+
+  /// Moves the tools there and finds the balance. Valid until the next call. The same poses from the same
+  /// state give the same bits. kiroku::Error, and the state as before, for poses that are none, and for tools
+  /// that leave a node no place because they overlap, naming it and them.
+  const ContactResult& step(std::span<const Pose> poses);
+
+  /// Throws as step() does where these are no poses for the tools.
+  void check(std::span<const Pose> poses) const;
+
+  /// As of the last step (or continue_from()).
+  [[nodiscard]] const ContactResult& result() const { return result_; }
+  /// (3 |N|), where the nodes are.
+  [[nodiscard]] const Eigen::VectorXd& positions_m() const { return positions_m_; }
+  [[nodiscard]] const ContactNeighbourhood& neighbourhood() const { return *neighbourhood_; }
+  [[nodiscard]] const std::vector<ContactTool>& tools() const { return tools_; }
+
+ private:
+  /// A direction in which a node presses on a tool or is bound to it.
+  struct Row {
+    std::uint32_t touch, point;
+    Vector3 direction;
+    double gap_m;  // along the direction, if no force acted
+    bool equality;
+  };
+  /// A node on a tool: one row, or three where it sticks.
+  struct Touch {
+    std::uint32_t point = 0, tool = 0;
+    bool bound = false, pressing = false;
+    bool blocked = false;  // what is prescribed does not let it move along the normal
+    Vector3 anchor_m = Vector3::Zero(), anchor_normal = Vector3::UnitX();  // in the tool's frame, if bound
+    Vector3 normal = Vector3::UnitX();                                     // of the tool there
+    Vector3 force_n = Vector3::Zero();                                     // on the node
+  };
+
+  void find_balance();
+  bool add_touching(double depth_m);
+  void bind(Touch& touch);
+  void make_rows();
+  void solve_rows();
+  bool let_go();
+  void move();
+  [[nodiscard]] bool settled();
+  void keep(bool all);
+  void report();
+  [[noreturn]] void refuse(const Row& row) const;
+  [[nodiscard]] Vector3 position_m(std::uint32_t point) const {
+    return positions_m_.segment<3>(3 * Eigen::Index{point});
+  }
+  [[nodiscard]] SurfaceDistance distance(std::uint32_t tool, std::uint32_t point) const;
+  [[nodiscard]] std::uint32_t& touch_at(std::uint32_t tool, std::uint32_t point) {
+    return touch_at_[tool * neighbourhood_->nodes.size() + point];
+  }
+
+  std::shared_ptr<const ContactNeighbourhood> neighbourhood_;
+  std::vector<ContactTool> tools_;
+  ContactOptions options_;
+  std::vector<double> reach_m_;  // of each tool
+
+  std::vector<Pose> poses_;
+  std::vector<Eigen::Matrix3d> rotations_;
+  std::vector<Touch> touches_, before_;
+  std::vector<Pose> poses_before_;
+  std::vector<std::uint32_t> touch_at_;  // of each tool and point, kNone for none
+  std::vector<std::uint8_t> bound_;      // (|N|)
+  std::vector<Row> rows_;
+  ComplementarityProblem problem_;
+  PointTree tree_;
+  Eigen::VectorXd rest_m_, positions_m_;
+  double tolerance_m_, deepest_m_ = 0, largest_gap_m_ = 0;
+  int iterations_ = 0;
+  bool converged_ = false;
+  ContactResult result_;
+};
+
+}  // namespace kiroku::sim

@@ -1,0 +1,127 @@
+#include "sim/haptics/force_loop.h"
+
+#include <algorithm>
+#include <cmath>
+#include <pthread.h>
+#include <sched.h>
+#include <sys/prctl.h>
+
+#include "base/error.h"
+#include "sim/haptics/rate_scheduler.h"
+
+namespace kiroku::sim {
+
+using std::chrono::nanoseconds;
+
+ForceLoop::ForceLoop(HapticDevice& device, ForceSource& source, const ForceLoopOptions& options)
+    : device_(device), source_(source), options_(options), poses_(device.tools()), forces_n_(device.tools()) {
+  if (!(options_.rate_hz >= 1 && options_.rate_hz <= 1e5))
+    throw UsageError("a force loop runs at 1 to 100,000 Hz");
+  if (options_.real_time_priority < 0 || options_.real_time_priority > 99)
+    throw UsageError("a real-time priority is 1 to 99, or 0 for none");
+  if (!(options_.most_force_n > 0)) throw UsageError("the largest force must be greater than zero");
+  std::ranges::fill(forces_n_, Vector3::Zero());
+  thread_ = std::thread([this] { run(); });
+}
+
+ForceLoop::~ForceLoop() {
+  ending_ = true;
+  if (thread_.joinable()) thread_.join();
+}
+
+void ForceLoop::stop() {
+  ending_ = true;
+  if (thread_.joinable()) thread_.join();
+  rethrow_failure();
+}
+
+void ForceLoop::rethrow_failure() const {
+  const std::lock_guard lock(failure_mutex_);
+  if (failure_) std::rethrow_exception(failure_);
+}
+
+void ForceLoop::run() {
+  if (options_.real_time_priority > 0) {
+    const sched_param priority{options_.real_time_priority};
+    real_time_ = ::pthread_setschedparam(::pthread_self(), SCHED_FIFO, &priority) == 0;
+  }
+  // Threads without it are woken up to 50 us late, so that the processor sleeps longer.
+  ::prctl(PR_SET_TIMERSLACK, 1UL, 0UL, 0UL, 0UL);
+  const nanoseconds period(static_cast<std::int64_t>(1e9 / options_.rate_hz));
+  const double period_s = std::chrono::duration<double>(period).count();
+  MonotonicClock clock;
+  try {
+    for (nanoseconds due = clock.now(); !ending_; due += period) {
+      clock.sleep_until(due);
+      const nanoseconds begun = clock.now();
+      step(period_s);
+      const nanoseconds ended = clock.now();
+      jitter_.add(begun - due);
+      step_.add(ended - begun);
+      ++steps_;
+      if (ended <= due + period) {
+        ++on_time_;
+      } else {
+        // Steps that are over are not made up for: they would be of poses that are over.
+        const auto over = static_cast<std::uint64_t>((ended - due) / period - 1);
+        skipped_ += over;
+        due += period * static_cast<std::int64_t>(over);
+      }
+    }
+  } catch (...) {
+    const std::lock_guard lock(failure_mutex_);
+    failure_ = std::current_exception();
+  }
+  std::ranges::fill(forces_n_, Vector3::Zero());
+  try {
+    device_.write(forces_n_);
+  } catch (...) {
+    const std::lock_guard lock(failure_mutex_);
+    if (!failure_) failure_ = std::current_exception();
+  }
+  running_ = false;
+}
+
+void ForceLoop::step(double period_s) {
+  const nanoseconds now = std::chrono::steady_clock::now().time_since_epoch();
+  if (device_.read(poses_)) {
+    pose_at_ = now;
+    has_pose_ = true;
+  }
+  if (!has_pose_ || now - pose_at_ > options_.pose_timeout) {
+    ++without_pose_;
+    std::ranges::fill(forces_n_, Vector3::Zero());
+  } else {
+    source_.forces(poses_, period_s, forces_n_);
+    for (Vector3& force_n : forces_n_) {
+      const double size_n = force_n.norm();
+      if (size_n <= options_.most_force_n) continue;
+      ++limited_;
+      // What is no number is no force either.
+      force_n = std::isfinite(size_n) ? Vector3(force_n * (options_.most_force_n / size_n)) : Vector3::Zero();
+    }
+  }
+  device_.write(forces_n_);
+}
+
+ForceLoopStatistics ForceLoop::statistics() const {
+  rethrow_failure();
+  ForceLoopStatistics found;
+  found.steps = steps_;
+  found.on_time = on_time_;
+  found.skipped = skipped_;
+  found.without_pose = without_pose_;
+  found.limited_forces = limited_;
+  found.real_time = real_time_;
+  found.jitter_50 = jitter_.percentile(0.5);
+  found.jitter_99 = jitter_.percentile(0.99);
+  found.jitter_999 = jitter_.percentile(0.999);
+  found.jitter_longest = jitter_.longest();
+  found.step_50 = step_.percentile(0.5);
+  found.step_99 = step_.percentile(0.99);
+  found.step_999 = step_.percentile(0.999);
+  found.step_longest = step_.longest();
+  return found;
+}
+
+}  // namespace kiroku::sim

@@ -1,0 +1,150 @@
+#include "sim/haptics/haptic_contact.h"
+
+#include <algorithm>
+#include <utility>
+
+#include "base/error.h"
+#include "sim/contact/contact_simulation.h"
+
+namespace kiroku::sim {
+
+void HapticContact::Fade::begin(std::span<const Vector3> before_n, std::span<const Vector3> after_n) {
+  for (std::size_t tool = 0; tool < difference_n_.size(); ++tool)
+    difference_n_[tool] = before_n[tool] - after_n[tool];
+  left_s_ = fade_s_;
+}
+
+void HapticContact::Fade::apply(double period_s, std::span<Vector3> forces_n) {
+  if (left_s_ <= 0) return;
+  for (std::size_t tool = 0; tool < difference_n_.size(); ++tool)
+    forces_n[tool] += left_s_ / fade_s_ * difference_n_[tool];
+  left_s_ -= period_s;
+}
+
+HapticContact::HapticContact(const ContactBody& body, std::vector<ContactTool> tools,
+                             const HapticContactOptions& options)
+    : body_(body),
+      options_(options),
+      tools_(std::move(tools)),
+      whole_(body.compliance().complete() && body.surface().size() <= kWholeSurface),
+      size_m_(extent_of(body.body().mesh()).longest_side_m()),
+      solver_(std::make_unique<ContactSolver>(whole_ ? body.whole_surface() : body.neighbourhood({}), tools_,
+                                              options.contact)),
+      last_n_(tools_.size(), Vector3::Zero()),
+      after_n_(last_n_),
+      fade_(last_n_.size(), std::chrono::duration<double>(options.fade).count()),
+      near_(body.surface().size()),
+      known_(body.surface().size()),
+      ahead_(body.surface().size()),
+      tree_(body.surface().size()),
+      poses_(last_n_.size()) {
+  if (!(options_.margin > 0)) throw UsageError("the margin around tools must be greater than zero");
+  if (options_.fade.count() <= 0) throw UsageError("forces need a time to fade in");
+  constexpr std::size_t kUsualContacts = 1024;
+  contacts_.reserve(kUsualContacts);
+}
+
+bool HapticContact::solve(std::span<const Pose> poses, std::span<Vector3> forces_n) {
+  try {
+    const ContactResult& result = solver_->step(poses);
+    for (std::size_t tool = 0; tool < result.tools.size(); ++tool)
+      forces_n[tool] = result.tools[tool].force_n;
+    return true;
+  } catch (const UsageError&) {
+    throw;  // another number of tools than the device has: no step would ever succeed
+  } catch (const Error&) {
+    ++failed_;
+    return false;
+  }
+}
+
+void HapticContact::forces(std::span<const Pose> poses, double period_s, std::span<Vector3> forces_n) {
+  if (solve(poses, forces_n)) {
+    fade_.apply(period_s, forces_n);
+    std::ranges::copy(forces_n, last_n_.begin());
+  } else {
+    std::ranges::copy(last_n_, forces_n.begin());
+  }
+  const std::unique_lock lock(mutex_, std::try_to_lock);
+  if (!lock.owns_lock()) return;
+  if (next_ && !used_) {
+    next_->continue_from(*solver_);
+    std::swap(solver_, next_);
+    used_ = std::move(next_);  // freed by refresh()
+    // What the new one finds at the same poses is where forces have to come to, from where they are.
+    if (solve(poses, after_n_)) fade_.begin(last_n_, after_n_);
+  }
+  contacts_ = solver_->result().contacts;
+  poses_.assign(poses.begin(), poses.end());
+  has_poses_ = true;
+  failed_seen_ = failed_;
+}
+
+HapticContact::Deformation HapticContact::refresh() {
+  Deformation found;
+  std::vector<Pose> poses;
+  std::unique_ptr<ContactSolver> used;
+  {
+    const std::lock_guard lock(mutex_);
+    found.contacts = contacts_;
+    found.steps_failed = failed_seen_;
+    if (has_poses_) poses = poses_;
+    used = std::move(used_);
+  }
+  used.reset();
+  body_.displacement_m(found.contacts, found.displacement_m);
+  if (whole_) {
+    found.nodes_known = body_.surface().size();
+    return found;
+  }
+  const auto count_known = [&] { return static_cast<std::size_t>(std::ranges::count(known_, 1)); };
+  found.nodes_known = count_known();
+  if (poses.empty()) return found;
+
+  positions_m_.resize(static_cast<Eigen::Index>(3 * body_.surface().size()));
+  for (std::size_t place = 0; place < body_.surface().size(); ++place) {
+    const std::uint32_t node = body_.surface()[place];
+    positions_m_.segment<3>(static_cast<Eigen::Index>(3 * place)) =
+        body_.body().mesh().nodes[node] +
+        found.displacement_m.segment<3>(static_cast<Eigen::Index>(3 * std::size_t{node}));
+  }
+  tree_.refit(positions_m_);
+  const double margin_m = options_.margin * size_m_;
+  std::ranges::fill(near_, 0);
+  mark_near(tree_, positions_m_, tools_, poses, margin_m, near_);
+  for (const Contact& contact : found.contacts) near_[body_.place_of(contact.node)] = 1;
+  ahead_ = near_;
+  mark_near(tree_, positions_m_, tools_, poses, 2 * margin_m, ahead_);
+
+  // Near ones first, then those ahead.
+  std::vector<std::uint32_t> places, fetched;
+  for (std::uint32_t place = 0; place < near_.size(); ++place) {
+    if (near_[place] == 0) continue;
+    if (body_.compliance().available(body_.surface()[place])) {
+      places.push_back(place);
+    } else {
+      fetched.push_back(body_.surface()[place]);
+    }
+  }
+  found.nodes_awaited = fetched.size();
+  for (std::uint32_t place = 0; place < ahead_.size(); ++place) {
+    if (ahead_[place] != 0 && near_[place] == 0) fetched.push_back(body_.surface()[place]);
+  }
+  body_.compliance().prefetch(fetched);
+
+  std::vector<std::uint8_t> next_known(known_.size());
+  for (const std::uint32_t place : places) next_known[place] = 1;
+  // As long as all that is near is known, what is no longer near does no harm.
+  const bool more = std::ranges::any_of(places, [&](std::uint32_t place) { return known_[place] == 0; });
+  if (!more) return found;
+  auto next = std::make_unique<ContactSolver>(body_.neighbourhood(places), tools_, options_.contact);
+  known_ = std::move(next_known);
+  found.nodes_known = count_known();
+  {
+    const std::lock_guard lock(mutex_);
+    std::swap(next_, next);  // one that the force loop has not come to yet is freed here
+  }
+  return found;
+}
+
+}  // namespace kiroku::sim

@@ -1,0 +1,223 @@
+#include "sim/manipulation/bound_nodes.h"
+
+#include <algorithm>
+#include <iterator>
+#include <set>
+#include <utility>
+
+#include "base/error.h"
+
+namespace kiroku::sim {
+namespace {
+
+Eigen::Index at(std::size_t node) { return static_cast<Eigen::Index>(3 * node); }
+
+}  // namespace
+
+BoundNodes::BoundNodes(const ContactBody& body) : body_(&body), bound_(body.body().mesh().nodes.size()) {
+  const TetMesh& mesh = body.body().mesh();
+  const Compliance& compliance = body.compliance();
+  unheld_m_ = Eigen::VectorXd::Zero(at(compliance.rows()));
+  if (compliance.complete()) {
+    body.displacement_m({}, unheld_m_);
+  } else {
+    for (const std::uint32_t node : body.surface()) {
+      unheld_m_.segment<3>(at(compliance.row_of(node))) =
+          body.rest_m().segment<3>(at(node)) - mesh.nodes[node];
+    }
+  }
+  grasped_m_ = unheld_m_;
+}
+
+void BoundNodes::bind(Hold hold) {
+  const auto groups = body_->compliance().groups_of(hold.nodes);
+  const std::size_t first = nodes_.size();
+  for (std::size_t i = 0; i < hold.nodes.size(); ++i) {
+    const std::uint32_t node = hold.nodes[i];
+    nodes_.push_back({node, hold.tool, body_->compliance().row_of(node), groups[i],
+                      Compliance::first_column(*groups[i], node)});
+  }
+  held_.push_back({std::move(hold), first, {}, {}});
+  append_rows(first);
+  prepare();
+}
+
+void BoundNodes::release(std::uint32_t tool) {
+  const auto released = std::ranges::find(held_, tool, [](const Held& held) { return held.hold.tool; });
+  const std::size_t first = released->first, count = released->hold.nodes.size();
+  for (const std::uint32_t node : released->hold.nodes) bound_[node] = 0;
+  for (auto later = released + 1; later != held_.end(); ++later) later->first -= count;
+  const auto begin = nodes_.begin() + static_cast<std::ptrdiff_t>(first);
+  nodes_.erase(begin, begin + static_cast<std::ptrdiff_t>(count));
+  held_.erase(released);
+  while (!free_.empty() && free_.back() >= at(first)) free_.pop_back();
+  compliance_.truncate(static_cast<Eigen::Index>(free_.size()));
+  append_rows(first);
+  prepare();
+}
+
+std::size_t BoundNodes::held_by(std::uint32_t tool) const {
+  const auto found = std::ranges::find(held_, tool, [](const Held& held) { return held.hold.tool; });
+  return found == held_.end() ? 0 : found->hold.nodes.size();
+}
+
+std::vector<BoundNodes::Hold> BoundNodes::holds() const {
+  std::vector<Hold> all;
+  for (const Held& held : held_) all.push_back(held.hold);
+  return all;
+}
+
+void BoundNodes::append_rows(std::size_t first) {
+  const std::size_t before = free_.size();
+  for (std::size_t i = first; i < nodes_.size(); ++i) {
+    bound_[nodes_[i].node] = 1;
+    for (Eigen::Index component = 0; component < 3; ++component) {
+      const auto number = static_cast<std::size_t>(at(nodes_[i].node) + component);
+      if (!body_->body().constraints().prescribed(number)) free_.push_back(at(i) + component);
+    }
+  }
+  Eigen::MatrixXd last_rows(static_cast<Eigen::Index>(free_.size() - before),
+                            static_cast<Eigen::Index>(free_.size()));
+  for (Eigen::Index column = 0; column < last_rows.cols(); ++column) {
+    const Eigen::Index of_column = free_[static_cast<std::size_t>(column)];
+    const auto all_rows = nodes_[static_cast<std::size_t>(of_column / 3)].columns().col(of_column % 3);
+    for (Eigen::Index row = 0; row < last_rows.rows(); ++row) {
+      const Eigen::Index of_row = free_[before + static_cast<std::size_t>(row)];
+      last_rows(row, column) = all_rows[at(nodes_[static_cast<std::size_t>(of_row / 3)].row) + of_row % 3];
+    }
+  }
+  if (!compliance_.append(last_rows)) {
+    throw Error("how the " + std::to_string(nodes_.size()) +
+                " nodes that tools hold give way is too badly conditioned: moduli differ too much, or a "
+                "Poisson's ratio is too near 0.5");
+  }
+}
+
+Eigen::MatrixXd BoundNodes::holding_n(const Eigen::MatrixXd& displacement_m) const {
+  Eigen::MatrixXd force_n = Eigen::MatrixXd::Zero(displacement_m.rows(), displacement_m.cols());
+  force_n(free_, Eigen::all) = compliance_.solve(displacement_m(free_, Eigen::all));
+  return force_n;
+}
+
+void BoundNodes::add_displacements(const Eigen::MatrixXd& force_n, Eigen::MatrixXd& displacement_m) const {
+  for (std::size_t i = 0; i < nodes_.size(); ++i) {
+    displacement_m.noalias() += nodes_[i].columns().lazyProduct(force_n.middleRows<3>(at(i)));
+  }
+}
+
+/// What a motion of each tool does, when it has been told what is bound.
+void BoundNodes::prepare() {
+  pressed_.clear();
+  const Eigen::Index bound = at(nodes_.size());
+  Eigen::MatrixXd pulled_m(bound, 1);
+  for (const Held& held : held_) {
+    for (std::size_t i = 0; i < held.hold.nodes.size(); ++i) {
+      const std::size_t node = held.first + i;
+      pulled_m.middleRows<3>(at(node)) =
+          held.hold.displacements_m[i] - unheld_m_.segment<3>(at(nodes_[node].row));
+    }
+  }
+  const Eigen::MatrixXd grasped_n = holding_n(pulled_m);
+  Eigen::MatrixXd grasped_m = unheld_m_;
+  add_displacements(grasped_n, grasped_m);
+  grasped_n_ = grasped_n;
+  grasped_m_ = grasped_m;
+
+  for (Held& held : held_) {
+    Eigen::MatrixXd moved_m = Eigen::MatrixXd::Zero(bound, kMotion);
+    for (std::size_t i = 0; i < held.hold.nodes.size(); ++i) {
+      const Vector3 from_tool_m = body_->body().mesh().nodes[held.hold.nodes[i]] +
+                                  held.hold.displacements_m[i] - held.hold.pose.position_m;
+      auto of_node = moved_m.middleRows<3>(at(held.first + i));
+      for (Eigen::Index j = 0; j < 3; ++j)
+        of_node.middleCols<3>(3 * j).diagonal().setConstant(from_tool_m[j]);
+      of_node.rightCols<3>().setIdentity();
+    }
+    held.force_n = holding_n(moved_m);
+    held.displacement_m = Eigen::MatrixXd::Zero(unheld_m_.size(), kMotion);
+    add_displacements(held.force_n, held.displacement_m);
+  }
+}
+
+BoundNodes::Motion BoundNodes::motion(const Hold& hold, std::span<const OptionalPose> poses) {
+  const Pose& now = *poses[hold.tool];
+  const Eigen::Matrix3d turned =
+      (now.orientation * hold.pose.orientation.conjugate()).toRotationMatrix() - Eigen::Matrix3d::Identity();
+  Motion motion;
+  motion << turned.reshaped(), now.position_m - hold.pose.position_m;
+  return motion;
+}
+
+void BoundNodes::displacement_m(std::span<const OptionalPose> poses, Eigen::VectorXd& displacement_m) const {
+  displacement_m = grasped_m_;
+  for (const Held& held : held_) displacement_m.noalias() += held.displacement_m * motion(held.hold, poses);
+}
+
+Eigen::MatrixXd BoundNodes::pushed_m(std::uint32_t node) const {
+  const Eigen::Index row = at(body_->compliance().row_of(node));
+  Eigen::MatrixXd pushed_m(at(nodes_.size()), 3);
+  for (std::size_t i = 0; i < nodes_.size(); ++i)
+    pushed_m.middleRows<3>(at(i)) = nodes_[i].columns().middleRows<3>(row).transpose();
+  return pushed_m;
+}
+
+void BoundNodes::learn_columns(std::span<const Contact> contacts) {
+  std::set<std::uint32_t> now;
+  for (const Contact& contact : contacts) now.insert(contact.node);
+  std::erase_if(pressed_, [&](const auto& known) { return !now.contains(known.first); });
+  std::vector<std::uint32_t> nodes;
+  std::ranges::copy_if(now, std::back_inserter(nodes), [&](auto node) { return !pressed_.contains(node); });
+  if (nodes.empty()) return;
+  // All together, so that what is known of the bound nodes is read once.
+  Eigen::MatrixXd pushed(at(nodes_.size()), at(nodes.size())), columns(unheld_m_.size(), at(nodes.size()));
+  for (std::size_t i = 0; i < nodes.size(); ++i) {
+    const auto group = body_->compliance().group_of(nodes[i]);
+    columns.middleCols<3>(at(i)) = group->columns.middleCols<3>(Compliance::first_column(*group, nodes[i]));
+    pushed.middleCols<3>(at(i)) = -pushed_m(nodes[i]);
+  }
+  add_displacements(holding_n(pushed), columns);
+  for (std::size_t i = 0; i < nodes.size(); ++i) pressed_[nodes[i]] = columns.middleCols<3>(at(i));
+}
+
+void BoundNodes::add_contacts(std::span<const Contact> contacts, Eigen::VectorXd& displacement_m) {
+  learn_columns(contacts);
+  for (const Contact& contact : contacts)
+    displacement_m += pressed_.at(contact.node).lazyProduct(contact.force_n);
+}
+
+std::vector<BoundNode> BoundNodes::forces(std::span<const OptionalPose> poses,
+                                          std::span<const Contact> contacts) const {
+  Eigen::VectorXd force_n = grasped_n_;
+  for (const Held& held : held_) force_n.noalias() += held.force_n * motion(held.hold, poses);
+  if (!contacts.empty() && !nodes_.empty()) {
+    Eigen::VectorXd pushed = Eigen::VectorXd::Zero(force_n.size());
+    for (const Contact& contact : contacts) pushed += pushed_m(contact.node) * contact.force_n;
+    force_n -= holding_n(pushed);
+  }
+  std::vector<BoundNode> all;
+  for (std::size_t i = 0; i < nodes_.size(); ++i)
+    all.push_back({nodes_[i].node, nodes_[i].tool, force_n.segment<3>(at(i))});
+  std::ranges::sort(all, {}, [](const BoundNode& bound) { return std::pair(bound.tool, bound.node); });
+  return all;
+}
+
+std::shared_ptr<ContactNeighbourhood> BoundNodes::neighbourhood(std::span<const std::uint32_t> places) const {
+  auto held = std::make_shared<ContactNeighbourhood>(*body_->neighbourhood(places));
+  if (nodes_.empty() || places.empty()) return held;
+  // L^-1 C_bc; its square is what the body gives way less for being held.
+  Eigen::MatrixXd across(static_cast<Eigen::Index>(free_.size()), held->compliance.cols());
+  for (std::size_t row = 0; row < free_.size(); ++row) {
+    const Node& node = nodes_[static_cast<std::size_t>(free_[row] / 3)];
+    const auto column = node.columns().col(free_[row] % 3);
+    for (std::size_t point = 0; point < held->nodes.size(); ++point) {
+      across.block<1, 3>(static_cast<Eigen::Index>(row), at(point)) =
+          column.segment<3>(at(body_->compliance().row_of(held->nodes[point]))).transpose();
+    }
+  }
+  across = compliance_.solve_lower(std::move(across));
+  held->compliance.selfadjointView<Eigen::Lower>().rankUpdate(across.transpose(), -1);
+  held->compliance.triangularView<Eigen::StrictlyUpper>() = held->compliance.transpose();
+  return held;
+}
+
+}  // namespace kiroku::sim

@@ -1,0 +1,343 @@
+#include "sim/manipulation/manipulation.h"
+
+#include <algorithm>
+#include <limits>
+#include <string>
+#include <utility>
+
+#include "base/error.h"
+#include "sim/contact/contact_simulation.h"
+#include "sim/fem/number_text.h"
+
+namespace kiroku::sim {
+namespace {
+
+constexpr std::uint32_t kNone = std::numeric_limits<std::uint32_t>::max();
+/// How far around tools that press nodes are taken together, in lengths of the body, so that it is seldom
+/// asked anew how they give way.
+constexpr double kMargin = 0.02;
+
+Eigen::Index at(std::size_t node) { return static_cast<Eigen::Index>(3 * node); }
+
+std::string nodes_text(std::size_t count) {
+  return std::to_string(count) + (count == 1 ? " node" : " nodes");
+}
+
+Pose sound_pose(const Pose& pose, const std::string& tool) {
+  if (!pose.sound()) {
+    throw Error("the pose of " + tool +
+                " is none: its numbers must be finite and its quaternion of length 1");
+  }
+  return {pose.position_m, pose.orientation.normalized()};
+}
+
+}  // namespace
+
+Manipulation::Manipulation(const ContactBody& body, std::vector<Tool> tools, const ContactOptions& options)
+    : body_(body),
+      tools_(std::move(tools)),
+      options_(options),
+      size_m_(body.neighbourhood({})->size_m),
+      bound_(body),
+      poses_(tools_.size()),
+      near_(body.surface().size()),
+      surface_m_(at(body.surface().size())),
+      tree_(body.surface().size()) {
+  for (std::size_t i = 0; i < tools_.size(); ++i) {
+    const std::string& name = tools_[i].name;
+    if (name.empty()) throw UsageError("tool " + std::to_string(i) + " has no name");
+    if (std::ranges::count(tools_, name, &Tool::name) > 1) throw UsageError("two tools are called " + name);
+    if (const std::string problem = problem_of(tools_[i].shape); !problem.empty())
+      throw UsageError("nothing can be done with " + name + ": " + problem);
+  }
+  const ContactSolver refuses_options_without_sense(body_.neighbourhood({}), {}, options_);
+  step(poses_);
+}
+
+Manipulation::Manipulation(const ContactBody& body, const Manipulation& previous)
+    : Manipulation(body, previous.tools_, previous.options_) {
+  const std::size_t nodes = body_.body().mesh().nodes.size();
+  const std::size_t nodes_before = previous.body_.body().mesh().nodes.size();
+  if (nodes != nodes_before) {
+    throw UsageError("a manipulation of " + nodes_text(nodes_before) + " cannot go on with a body of " +
+                     std::to_string(nodes));
+  }
+  // Where the tissue lay on the tools tells what sticks to them.
+  const Eigen::VectorXd displacement_m = previous.displacement_m();
+  std::vector<std::uint8_t> bindable(nodes);
+  for (const std::uint32_t node : body_.surface()) {
+    bindable[node] = 1;
+    pressed_.displacement_m.segment<3>(row_of(node)) = displacement_m.segment<3>(at(node));
+  }
+  for (const BoundNodes::Hold& hold : previous.bound_.holds()) {
+    BoundNodes::Hold kept{hold.tool, hold.pose, {}, {}};
+    for (std::size_t i = 0; i < hold.nodes.size(); ++i) {
+      if (bindable[hold.nodes[i]] == 0) continue;
+      kept.nodes.push_back(hold.nodes[i]);
+      kept.displacements_m.push_back(hold.displacements_m[i]);
+    }
+    if (!kept.nodes.empty()) bound_.bind(std::move(kept));
+  }
+  bound_changed_ = true;
+  if (previous.pressed_.solver) {
+    pressed_.solver = std::make_unique<ContactSolver>(*previous.pressed_.solver);
+    pressed_.tools = previous.pressed_.tools;
+  }
+  step(previous.poses_);
+}
+
+const Tool& Manipulation::known(std::size_t tool) const {
+  if (tool >= tools_.size()) {
+    throw UsageError("there is no tool " + std::to_string(tool) + ": there are " +
+                     std::to_string(tools_.size()) + ", counted from 0");
+  }
+  return tools_[tool];
+}
+
+Eigen::Index Manipulation::row_of(std::uint32_t node) const { return at(body_.compliance().row_of(node)); }
+
+Vector3 Manipulation::position_m(std::uint32_t node, const Eigen::VectorXd& displacement_m) const {
+  return body_.body().mesh().nodes[node] + displacement_m.segment<3>(row_of(node));
+}
+
+std::size_t Manipulation::held_by(std::size_t tool) const {
+  (void)known(tool);
+  return bound_.held_by(static_cast<std::uint32_t>(tool));
+}
+
+std::size_t Manipulation::grasp(std::size_t tool, const Pose& pose) {
+  const Tool& grasping = known(tool);
+  if (grasping.action != ToolAction::kBinds) {
+    throw UsageError(grasping.name + " presses and cannot grasp: only tools that bind can");
+  }
+  if (const std::size_t held = held_by(tool); held > 0) {
+    throw Error(grasping.name + " already holds " + nodes_text(held) + ": release it before it grasps again");
+  }
+  const Pose there = sound_pose(pose, grasping.name);
+  BoundNodes::Hold hold{static_cast<std::uint32_t>(tool), there, {}, {}};
+  for (const std::uint32_t node : body_.surface()) {
+    const Vector3 here_m = position_m(node, pressed_.displacement_m);
+    if (bound_.bound(node) || distance_to(grasping.shape, there.to_tool(here_m)).distance_m > 0) continue;
+    hold.nodes.push_back(node);
+    hold.displacements_m.emplace_back(pressed_.displacement_m.segment<3>(row_of(node)));
+  }
+  if (hold.nodes.empty()) refuse_grasp(grasping, there);
+  const std::size_t count = hold.nodes.size();
+  BoundNodes with = bound_;
+  with.bind(std::move(hold));
+  bound_ = std::move(with);
+  bound_changed_ = true;
+  poses_[tool] = there;
+  return count;
+}
+
+void Manipulation::refuse_grasp(const Tool& tool, const Pose& pose) const {
+  std::size_t held = 0, fixed = 0;
+  std::uint32_t nearest = kNone;
+  double nearest_m = std::numeric_limits<double>::infinity();
+  for (const std::uint32_t node : body_.surface()) {
+    const double distance_m =
+        distance_to(tool.shape, pose.to_tool(position_m(node, pressed_.displacement_m))).distance_m;
+    if (bound_.bound(node)) {
+      held += distance_m <= 0 ? 1 : 0;
+    } else if (distance_m < nearest_m) {
+      nearest_m = distance_m;
+      nearest = node;
+    }
+  }
+  for (std::uint32_t node = 0; node < body_.body().mesh().nodes.size(); ++node) {
+    const Vector3 rest_m = body_.rest_m().segment<3>(at(node));
+    if (body_.body().free_components(node) == 0 &&
+        distance_to(tool.shape, pose.to_tool(rest_m)).distance_m <= 0) {
+      ++fixed;
+    }
+  }
+  std::string sentence = tool.name + " finds nothing to grasp";
+  if (held > 0) sentence += "; " + nodes_text(held) + " there are held by other tools";
+  if (fixed > 0) sentence += "; " + nodes_text(fixed) + " there cannot move";
+  if (nearest == kNone) {
+    sentence += "; other tools hold the whole surface: release one of them";
+  } else {
+    sentence += "; the nearest node of the surface that it could hold is " + std::to_string(nearest) + ", " +
+                number_text(1e3 * nearest_m, 3) + " mm away: move it there or make it larger";
+  }
+  throw Error(sentence);
+}
+
+void Manipulation::release(std::size_t tool) {
+  if (held_by(tool) == 0) throw Error(known(tool).name + " holds nothing that it could release");
+  BoundNodes without = bound_;
+  without.release(static_cast<std::uint32_t>(tool));
+  bound_ = std::move(without);
+  bound_changed_ = true;
+}
+
+std::vector<OptionalPose> Manipulation::checked(std::span<const OptionalPose> poses) const {
+  if (poses.size() != tools_.size()) {
+    throw UsageError(std::to_string(tools_.size()) +
+                     " tools need as many poses, absent ones too; there are " + std::to_string(poses.size()));
+  }
+  std::vector<OptionalPose> sound(poses.size());
+  for (std::size_t tool = 0; tool < poses.size(); ++tool) {
+    if (poses[tool]) {
+      sound[tool] = sound_pose(*poses[tool], tools_[tool].name);
+    } else if (const std::size_t held = held_by(tool); held > 0) {
+      throw Error(tools_[tool].name + " holds " + nodes_text(held) +
+                  " and has no pose: say where it is, or release it first");
+    }
+  }
+  return sound;
+}
+
+const ManipulationResult& Manipulation::step(std::span<const OptionalPose> poses) {
+  std::vector<OptionalPose> now = checked(poses);
+  Eigen::VectorXd untouched_m;
+  bound_.displacement_m(now, untouched_m);
+  if (!untouched_m.allFinite()) {
+    throw Error("what the tools do to the body is not finite: a pose is out of all proportion");
+  }
+  Pressed pressed = press(now, std::move(untouched_m));
+  ManipulationResult result = report(now, pressed);
+  poses_ = std::move(now);
+  pressed_ = std::move(pressed);
+  result_ = std::move(result);
+  bound_changed_ = false;
+  return result_;
+}
+
+void Manipulation::look_at_surface(const Eigen::VectorXd& displacement_m) {
+  const std::vector<std::uint32_t>& surface = body_.surface();
+  for (std::size_t place = 0; place < surface.size(); ++place)
+    surface_m_.segment<3>(at(place)) = position_m(surface[place], displacement_m);
+  tree_.refit(surface_m_);
+}
+
+std::vector<std::uint32_t> Manipulation::places_near() const {
+  std::vector<std::uint32_t> places;
+  for (std::uint32_t place = 0; place < near_.size(); ++place) {
+    if (near_[place] != 0 && !bound_.bound(body_.surface()[place])) places.push_back(place);
+  }
+  return places;
+}
+
+/// After ContactSimulation::step(), on the body as it is held.
+Manipulation::Pressed Manipulation::press(std::span<const OptionalPose> poses, Eigen::VectorXd untouched_m) {
+  Pressed next;
+  std::vector<ContactTool> solids;
+  std::vector<Pose> there;
+  std::vector<std::uint32_t> before;  // which of the tools of the last step each is
+  for (std::uint32_t tool = 0; tool < tools_.size(); ++tool) {
+    const Tool& solid = tools_[tool];
+    if (solid.action == ToolAction::kBinds || !poses[tool]) continue;
+    next.tools.push_back(tool);
+    solids.push_back({solid.name, solid.shape, solid.action == ToolAction::kSticks});
+    there.push_back(*poses[tool]);
+    const auto found = std::ranges::find(pressed_.tools, tool);
+    before.push_back(static_cast<std::uint32_t>(found - pressed_.tools.begin()));
+  }
+  if (solids.empty()) {
+    next.displacement_m = std::move(untouched_m);
+    return next;
+  }
+  const auto mark = [&](double margin_m) {
+    return mark_near(tree_, surface_m_, solids, there, margin_m, near_);
+  };
+  // Bound nodes are marked too, so that they are never found.
+  const auto forget = [&] {
+    for (std::size_t place = 0; place < near_.size(); ++place)
+      near_[place] = bound_.bound(body_.surface()[place]) ? 1 : 0;
+  };
+  look_at_surface(pressed_.displacement_m);
+  const ContactSolver* last = pressed_.solver.get();
+  bool anew = last == nullptr || bound_changed_ || next.tools != pressed_.tools;
+  forget();
+  if (!anew) {
+    for (const std::uint32_t node : last->neighbourhood().nodes) near_[body_.place_of(node)] = 1;
+    anew = mark(kMargin * size_m_);
+  }
+  if (anew) {
+    // What was left behind is forgotten; what presses stays.
+    forget();
+    mark(kMargin * size_m_);
+    for (const Contact& contact : result_.contacts) near_[body_.place_of(contact.node)] = 1;
+  }
+  while (true) {
+    std::unique_ptr<ContactSolver> solver;
+    if (anew) {
+      solver = std::make_unique<ContactSolver>(bound_.neighbourhood(places_near()), solids, options_);
+      if (last != nullptr) solver->continue_from(*last, before);
+    } else {
+      solver = std::make_unique<ContactSolver>(*last);
+    }
+    const std::vector<std::uint32_t>& nodes = solver->neighbourhood().nodes;
+    Eigen::VectorXd rest_m(at(nodes.size()));
+    for (std::size_t point = 0; point < nodes.size(); ++point)
+      rest_m.segment<3>(at(point)) = position_m(nodes[point], untouched_m);
+    solver->rest_at(std::move(rest_m));
+    solver->step(there);
+    next.displacement_m = untouched_m;
+    bound_.add_contacts(solver->result().contacts, next.displacement_m);
+    next.solver = std::move(solver);
+    look_at_surface(next.displacement_m);
+    if (!mark(-options_.tolerance * size_m_)) return next;
+    // Tissue was pushed into a tool outside the neighbourhood, which only grows from here.
+    mark(kMargin * size_m_);
+    anew = true;
+    last = next.solver.get();
+    for (std::uint32_t tool = 0; tool < before.size(); ++tool) before[tool] = tool;
+  }
+}
+
+ManipulationResult Manipulation::report(std::span<const OptionalPose> poses, const Pressed& pressed) const {
+  ManipulationResult result;
+  result.tools.resize(tools_.size());
+  if (pressed.solver) {
+    const ContactResult& contact = pressed.solver->result();
+    result.contacts = contact.contacts;
+    for (Contact& one : result.contacts) one.tool = pressed.tools[one.tool];
+    for (std::size_t i = 0; i < pressed.tools.size(); ++i) result.tools[pressed.tools[i]] = contact.tools[i];
+    result.converged = contact.converged;
+    result.iterations = contact.iterations;
+    result.deepest_penetration_m = contact.deepest_penetration_m;
+    result.largest_gap_m = contact.largest_gap_m;
+  }
+  result.bound = bound_.forces(poses, result.contacts);
+  for (const BoundNode& held : result.bound) {
+    ToolForce& tool = result.tools[held.tool];
+    const Vector3 from_tool_m = position_m(held.node, pressed.displacement_m) - poses[held.tool]->position_m;
+    ++tool.nodes;
+    tool.force_n -= held.force_n;
+    tool.torque_nm -= from_tool_m.cross(held.force_n);
+  }
+  bool finite = pressed.displacement_m.allFinite();
+  for (const ToolForce& tool : result.tools) {
+    result.wrist_force_n += tool.force_n;
+    finite = finite && tool.force_n.allFinite() && tool.torque_nm.allFinite();
+  }
+  if (!finite || !result.wrist_force_n.allFinite()) {
+    throw Error("what the tools do to the body is not finite: a pose is out of all proportion");
+  }
+  return result;
+}
+
+Eigen::VectorXd Manipulation::displacement_m() const {
+  if (body_.compliance().complete()) return pressed_.displacement_m;
+  std::vector<Contact> all = result_.contacts;
+  for (const BoundNode& held : result_.bound) {
+    Contact& contact = all.emplace_back();
+    contact.node = held.node;
+    contact.force_n = held.force_n;
+  }
+  Eigen::VectorXd displacement_m;
+  body_.displacement_m(all, displacement_m);
+  return displacement_m;
+}
+
+Eigen::VectorXd Manipulation::tool_force_n() const {
+  Eigen::VectorXd force_n = Eigen::VectorXd::Zero(at(body_.body().mesh().nodes.size()));
+  for (const BoundNode& held : result_.bound) force_n.segment<3>(at(held.node)) += held.force_n;
+  for (const Contact& contact : result_.contacts) force_n.segment<3>(at(contact.node)) += contact.force_n;
+  return force_n;
+}
+
+}  // namespace kiroku::sim

@@ -1,0 +1,59 @@
+// A body as documents describe it: its mesh, what it is made of, where it is held. Not thread-safe while it
+// is read.
+#pragma once
+
+#include <filesystem>
+#include <string>
+#include <vector>
+
+#include "sim/fem/elastic_body.h"
+#include "sim/mesh/length_unit.h"
+#include "sim/model/json_field.h"
+
+namespace kiroku::sim {
+
+struct BodyModel {
+  TetMesh mesh;
+  LengthUnit unit = LengthUnit::kMetre;
+  Materials materials;
+  Constraints constraints{0};
+  Vector3 gravity_m_s2 = Vector3::Zero();
+  /// What is odd and does not prevent an answer, each a sentence: a mesh of a strange size, in several
+  /// pieces, with loose nodes, cells that were left out, a density that was assumed.
+  std::vector<std::string> warnings;
+};
+
+/// The text of a file. kiroku::IoError.
+std::string read_document(const std::filesystem::path& file);
+
+/// Takes a body from the keys "mesh", "length_unit", "materials", "fixed" and "gravity_m_s2" of a document;
+/// docs/simulation.md says what they mean.
+class BodyReader {
+ public:
+  /// kiroku::Error in one sentence with the file and the JSON path; also what read_mesh() throws. The mesh is
+  /// sought in the folder.
+  BodyReader(const JsonField& document, const std::filesystem::path& folder);
+
+  [[nodiscard]] const BodyModel& model() const { return model_; }
+  /// The nodes of the entry's "nodes" or "box", at least one; ascending where a box chose them. Loose nodes
+  /// are never in a box.
+  [[nodiscard]] std::vector<std::size_t> selected(const JsonField& entry) const;
+  /// Whether the node belongs to a tetrahedron.
+  [[nodiscard]] bool used(std::size_t node) const { return used_[node]; }
+  BodyModel take() { return std::move(model_); }
+
+ private:
+  void warn(const std::string& sentence) { model_.warnings.push_back(sentence); }
+  void read_mesh_and_unit(const JsonField& document, const std::filesystem::path& folder);
+  void read_materials(const JsonField& materials);
+  void read_fixed(const JsonField& entry);
+  [[nodiscard]] std::vector<std::size_t> named_nodes(const JsonField& list) const;
+  [[nodiscard]] std::vector<std::size_t> nodes_in_box(const JsonField& box) const;
+
+  BodyModel model_;
+  std::vector<bool> used_;
+  double longest_side_m_ = 0;
+  bool density_assumed_ = false;
+};
+
+}  // namespace kiroku::sim

@@ -1,0 +1,170 @@
+#include "sim/volume/dicom_series.h"
+
+#include <algorithm>
+#include <map>
+#include <numeric>
+#include <system_error>
+
+#include "base/error.h"
+#include "sim/fem/number_text.h"
+#include "sim/volume/slice_stack.h"
+
+namespace kiroku::sim {
+namespace {
+
+/// Positions are written with six decimals of a millimetre at most, directions with as many.
+constexpr double kSamePlaceM = 1e-5;
+constexpr double kSameDirection = 1e-3;
+
+std::string title_of(const DicomSeries& series) {
+  const DicomPicture& first = series.pictures.front();
+  std::string title = (series.uid.empty() ? "without UID" : series.uid) + " (" +
+                      std::to_string(series.pictures.size()) +
+                      (series.pictures.size() == 1 ? " picture" : " pictures");
+  if (!first.modality.empty()) title += ", " + first.modality;
+  if (!first.series_description.empty()) title += ", '" + first.series_description + "'";
+  return title + ")";
+}
+
+std::string list_of(const DicomFolder& folder) {
+  std::string list;
+  for (const DicomSeries& series : folder.series) list += (list.empty() ? "" : "; ") + title_of(series);
+  return list;
+}
+
+void check_alike(const DicomSeries& series) {
+  const DicomPicture& first = series.pictures.front();
+  const auto differs = [&](const DicomPicture& other, const std::string& what) {
+    throw Error("cannot read the series " + title_of(series) + ": " + other.file.filename().string() +
+                " and " + first.file.filename().string() + " differ in " + what);
+  };
+  for (const DicomPicture& picture : series.pictures) {
+    if (!picture.defect.empty()) {
+      throw Error("cannot read the series in " + first.file.parent_path().string() + ": " + picture.defect);
+    }
+    if (picture.rows != first.rows || picture.columns != first.columns)
+      differs(picture, "the number of pixels");
+    if (std::abs(picture.row_spacing_m - first.row_spacing_m) > kSameDirection * first.row_spacing_m ||
+        std::abs(picture.column_spacing_m - first.column_spacing_m) >
+            kSameDirection * first.column_spacing_m) {
+      differs(picture, "the size of pixels");
+    }
+    if ((picture.along_row - first.along_row).norm() > kSameDirection ||
+        (picture.down_column - first.down_column).norm() > kSameDirection) {
+      differs(picture, "their direction in the patient");
+    }
+  }
+}
+
+/// Pictures sorted along their normal, and where they are.
+SliceStack sorted_stack(std::vector<DicomPicture>& pictures) {
+  const DicomPicture& first = pictures.front();
+  SliceStack stack{
+      first.columns,     first.rows, first.column_spacing_m, first.row_spacing_m, first.along_row,
+      first.down_column, {}};
+  const Vector3 normal = stack.normal();
+  std::ranges::stable_sort(pictures, [&](const DicomPicture& a, const DicomPicture& b) {
+    return normal.dot(a.position_m) < normal.dot(b.position_m);
+  });
+  for (const DicomPicture& picture : pictures) stack.positions_m.push_back(picture.position_m);
+  for (std::size_t slice = 1; slice < pictures.size(); ++slice) {
+    if (normal.dot(pictures[slice].position_m - pictures[slice - 1].position_m) < kSamePlaceM) {
+      throw Error("cannot read the series in " + pictures[slice].file.parent_path().string() + ": " +
+                  pictures[slice - 1].file.filename().string() + " and " +
+                  pictures[slice].file.filename().string() +
+                  " are at the same place, as in a series of several phases; keep one of each");
+    }
+  }
+  return stack;
+}
+
+/// Reads what the pictures hold, one after another.
+std::vector<float> read_slices(const std::vector<DicomPicture>& pictures, std::size_t& padding_voxels) {
+  std::vector<float> hu;
+  hu.reserve(pictures.size() * pictures.front().rows * pictures.front().columns);
+  for (const DicomPicture& picture : pictures) {
+    const DicomPixels pixels = read_dicom_pixels(picture);
+    hu.insert(hu.end(), pixels.hu.begin(), pixels.hu.end());
+    padding_voxels += pixels.padding;
+  }
+  return hu;
+}
+
+}  // namespace
+
+DicomFolder find_dicom_series(const std::filesystem::path& folder) {
+  std::vector<std::filesystem::path> files;
+  std::error_code failure;
+  std::filesystem::recursive_directory_iterator walk(folder, failure);
+  for (; !failure && walk != std::filesystem::recursive_directory_iterator(); walk.increment(failure)) {
+    if (walk->is_regular_file()) files.push_back(walk->path());
+  }
+  if (failure) throw IoError("read the folder", folder, failure.value());
+  std::ranges::sort(files);
+  DicomFolder found{folder, {}, 0};
+  std::map<std::string, DicomSeries> by_uid;
+  for (const std::filesystem::path& file : files) {
+    std::optional<DicomPicture> picture = read_dicom_header(file);
+    if (!picture) {
+      ++found.other_files;
+      continue;
+    }
+    DicomSeries& series = by_uid[picture->series_uid];
+    series.uid = picture->series_uid;
+    series.pictures.push_back(std::move(*picture));
+  }
+  for (auto& [uid, series] : by_uid) found.series.push_back(std::move(series));
+  return found;
+}
+
+const DicomSeries& choose_series(const DicomFolder& folder, const std::string& wanted) {
+  if (folder.series.empty()) {
+    throw UsageError("cannot read " + folder.path.string() + ": there is no DICOM picture among its " +
+                     std::to_string(folder.other_files) + " files");
+  }
+  const DicomSeries* chosen = nullptr;
+  std::size_t matching = 0;
+  for (const DicomSeries& series : folder.series) {
+    if (!wanted.empty() && !series.uid.ends_with(wanted)) continue;
+    chosen = &series;
+    if (++matching == 1 && series.uid == wanted) break;
+  }
+  if (matching == 1) return *chosen;
+  const std::string begin = "cannot read " + folder.path.string() + ": ";
+  if (matching == 0)
+    throw UsageError(begin + "no series ends with '" + wanted + "'; there are " + list_of(folder));
+  throw UsageError(
+      begin + "it holds " + std::to_string(matching) +
+      " series; choose one (--series) by its UID, of which the last digits are enough: " + list_of(folder));
+}
+
+DicomVolume read_dicom_series(const DicomSeries& series, bool resample) {
+  check_alike(series);
+  std::vector<DicomPicture> pictures = series.pictures;
+  const std::string what = "cannot read the series in " + pictures.front().file.parent_path().string();
+  if (pictures.size() < 2) throw Error(what + ": one picture alone is no volume");
+  const SliceStack stack = sorted_stack(pictures);
+  DicomVolume result;
+  const Irregularity irregularity = irregularity_of(stack);
+  if (!irregularity.text.empty() && !resample) {
+    std::string stated;
+    if (irregularity.tilted && pictures.front().gantry_tilt_deg) {
+      stated = " (the header says " + number_text(*pictures.front().gantry_tilt_deg, 3) + ")";
+    }
+    throw Error(what + ": " + irregularity.text + stated + "; they can be resampled (--resample)");
+  }
+  Grid grid = regular_grid(stack);
+  make_sound(grid, what);
+  std::vector<float> hu = read_slices(pictures, result.padding_voxels);
+  if (!irregularity.text.empty()) {
+    result.volume = resampled_stack(stack, hu);
+    make_sound(result.volume.grid, what);
+    result.resampled = irregularity.text;
+    return result;
+  }
+  result.volume = {grid, std::move(hu)};
+  for (const DicomPicture& picture : pictures) result.instance_uids.push_back(picture.instance_uid);
+  return result;
+}
+
+}  // namespace kiroku::sim

@@ -1,0 +1,68 @@
+#include "sim/volume/image_file.h"
+
+#include <algorithm>
+#include <limits>
+
+#include "base/error.h"
+#include "sim/volume/image_integrity.h"
+#include "sim/volume/itk_image.h"
+
+namespace kiroku::sim {
+namespace {
+
+struct Ending {
+  std::string_view text, name;
+  ImageFormat format;
+};
+constexpr std::array<Ending, 6> kEndings{{{".nii", "NIfTI", ImageFormat::kNifti},
+                                          {".nii.gz", "NIfTI", ImageFormat::kNifti},
+                                          {".nrrd", "NRRD", ImageFormat::kNrrd},
+                                          {".nhdr", "NRRD", ImageFormat::kNrrd},
+                                          {".mha", "MetaImage", ImageFormat::kMetaImage},
+                                          {".mhd", "MetaImage", ImageFormat::kMetaImage}}};
+
+const Ending* ending_of(const std::filesystem::path& file) {
+  std::string name = file.filename().string();
+  std::ranges::transform(name, name.begin(),
+                         [](char c) { return c >= 'A' && c <= 'Z' ? static_cast<char>(c - 'A' + 'a') : c; });
+  const auto found =
+      std::ranges::find_if(kEndings, [&](const Ending& ending) { return name.ends_with(ending.text); });
+  return found == kEndings.end() ? nullptr : &*found;
+}
+
+}  // namespace
+
+bool is_image_file(const std::filesystem::path& file) { return ending_of(file) != nullptr; }
+
+ImageFile read_image_file(const std::filesystem::path& file) {
+  const Ending* const ending = ending_of(file);
+  const std::string what = "cannot read " + file.string();
+  if (ending == nullptr) {
+    throw UsageError(what +
+                     ": the ending of a volume's file must be .nii, .nii.gz, .nrrd, .nhdr, .mha or .mhd");
+  }
+  const ItkImage itk(file.string(), ending->format);
+  const ItkImage::Header& header = itk.header();
+  ImageFile image;
+  image.format = ending->name;
+  image.placed = header.placed;
+  image.grid.size = header.size;
+  for (std::size_t axis = 0; axis < 3; ++axis) {
+    const auto at = static_cast<Eigen::Index>(axis);
+    image.grid.spacing_m[at] = header.spacing_mm[axis] / 1000;
+    image.grid.origin_m[at] = header.origin_mm[axis] / 1000;
+    image.grid.direction.col(at) = Vector3(header.direction[axis].data());
+  }
+  // Before memory for the voxels is asked for.
+  make_sound(image.grid, what);
+  std::vector<std::size_t> not_finite;
+  if (ending->format == ImageFormat::kNifti) not_finite = check_nifti(file.string(), image.grid.voxels());
+  if (ending->format == ImageFormat::kMetaImage) {
+    check_meta_image(file.string(), image.grid.voxels() * header.bytes_per_voxel);
+  }
+  image.values = itk.values();
+  for (const std::size_t voxel : not_finite) image.values[voxel] = std::numeric_limits<float>::quiet_NaN();
+  return image;
+}
+
+}  // namespace kiroku::sim

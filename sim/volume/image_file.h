@@ -1,0 +1,28 @@
+// NIfTI, NRRD and MetaImage files, read by ITK. Thread-safe.
+#pragma once
+
+#include <filesystem>
+#include <string>
+#include <vector>
+
+#include "sim/volume/grid.h"
+
+namespace kiroku::sim {
+
+struct ImageFile {
+  Grid grid;
+  /// (grid.voxels()), after the file's own slope and intercept; may hold what is not finite.
+  std::vector<float> values;
+  std::string format;  // "NIfTI"
+  /// The file says how it lies in the patient; where it does not, axes are taken for the patient's own.
+  bool placed = true;
+};
+
+/// Whether the ending is one of .nii, .nii.gz, .nrrd, .nhdr, .mha, .mhd.
+bool is_image_file(const std::filesystem::path& file);
+
+/// kiroku::Error with the file's name for what is damaged, cut off, not three-dimensional, of several values
+/// a voxel, or sheared; kiroku::UsageError for another ending.
+ImageFile read_image_file(const std::filesystem::path& file);
+
+}  // namespace kiroku::sim

@@ -1,0 +1,305 @@
+#include "sim/volume/dicom_series.h"
+
+#include <numbers>
+
+#include <Eigen/Geometry>
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "base/error.h"
+#include "sim/volume/volume_reader.h"
+#include "tests/support/dicom_writer.h"
+#include "tests/support/orientations.h"
+#include "tests/support/temporary_folder.h"
+
+namespace kiroku::sim {
+namespace {
+
+using test::DicomCompression;
+using test::DicomSlice;
+using test::write_dicom;
+using testing::AllOf;
+using testing::ElementsAre;
+using testing::HasSubstr;
+
+/// A whole number of HU for a place, so that each voxel shows where it came from.
+double field(const Vector3& at_mm) { return 5 + 2 * at_mm.x() - 3 * at_mm.y() + 7 * at_mm.z(); }
+
+class DicomSeriesTest : public testing::Test {
+ protected:
+  [[nodiscard]] std::filesystem::path folder() const { return folder_.path(); }
+
+  /// A slice at this place, its pixels those of field().
+  static DicomSlice slice_at(const Vector3& position_mm, const Eigen::Matrix3d& direction, int number) {
+    DicomSlice slice;
+    slice.position_mm = position_mm;
+    slice.along_row = direction.col(0);
+    slice.down_column = direction.col(1);
+    slice.column_spacing_mm = 2;
+    slice.row_spacing_mm = 1;
+    slice.instance_uid = "1.2.3.4." + std::to_string(number);
+    for (int row = 0; row < slice.rows; ++row) {
+      for (int column = 0; column < slice.columns; ++column) {
+        const Vector3 at_mm = position_mm + 2.0 * column * slice.along_row + 1.0 * row * slice.down_column;
+        slice.stored.push_back(
+            static_cast<std::uint16_t>(static_cast<std::int16_t>(std::lround(field(at_mm) + 1024))));
+      }
+    }
+    return slice;
+  }
+
+  /// Slices at these heights along the normal, and shifted by `shift` of them down the columns; files are
+  /// named against their order.
+  void write_stack(const std::vector<double>& heights_mm,
+                   const Eigen::Matrix3d& direction = Eigen::Matrix3d::Identity(), double shift = 0,
+                   const std::function<void(DicomSlice&)>& change = {}) const {
+    const Vector3 normal = direction.col(0).cross(direction.col(1));
+    for (std::size_t at = 0; at < heights_mm.size(); ++at) {
+      DicomSlice slice = slice_at(Vector3(10, -20, 30) + heights_mm[at] * (normal + shift * direction.col(1)),
+                                  direction, static_cast<int>(at));
+      if (change) change(slice);
+      write_dicom(folder() / ("slice" + std::to_string(90 - at) + ".dcm"), slice);
+    }
+  }
+
+  [[nodiscard]] DicomVolume read(bool resample = false, const std::string& series = "") const {
+    return read_dicom_series(choose_series(find_dicom_series(folder()), series), resample);
+  }
+
+  [[nodiscard]] std::string refusal(bool resample = false, const std::string& series = "") const {
+    try {
+      (void)read(resample, series);
+    } catch (const Error& error) {
+      return error.what();
+    }
+    return "";
+  }
+
+  static void expect_field(const Volume& volume, double tolerance) {
+    for (std::size_t k = 0; k < volume.grid.size[2]; ++k) {
+      for (std::size_t j = 0; j < volume.grid.size[1]; ++j) {
+        for (std::size_t i = 0; i < volume.grid.size[0]; ++i) {
+          const float hu = volume.hu[volume.grid.offset(i, j, k)];
+          if (hu == kAirHu) continue;
+          const Vector3 at_m = volume.grid.patient_m({double(i), double(j), double(k)});
+          ASSERT_NEAR(double(hu), field(1000 * at_m), tolerance) << i << " " << j << " " << k;
+        }
+      }
+    }
+  }
+
+ private:
+  test::TemporaryFolder folder_;
+};
+
+TEST_F(DicomSeriesTest, PutsEveryVoxelWhereItIsInThePatientInEveryOrientation) {
+  for (const Eigen::Matrix3d& direction : test::axis_orientations()) {
+    write_stack({0, 2.5, 5, 7.5, 10}, direction);
+    const DicomVolume read_back = read();
+    EXPECT_THAT(read_back.volume.grid.size, ElementsAre(4U, 3U, 5U));
+    EXPECT_TRUE(read_back.volume.grid.spacing_m.isApprox(Vector3(0.002, 0.001, 0.0025)));
+    EXPECT_EQ(read_back.volume.grid.direction.col(0), direction.col(0));
+    EXPECT_EQ(read_back.volume.grid.direction.col(1), direction.col(1));
+    EXPECT_THAT(read_back.instance_uids,
+                ElementsAre("1.2.3.4.0", "1.2.3.4.1", "1.2.3.4.2", "1.2.3.4.3", "1.2.3.4.4"));
+    EXPECT_EQ(read_back.padding_voxels, 0U);
+    expect_field(read_back.volume, 0.501);
+  }
+}
+
+TEST_F(DicomSeriesTest, ReadsObliqueSlices) {
+  write_stack({0, 2, 4}, Eigen::AngleAxisd(0.4, Vector3(1, 2, 3).normalized()).toRotationMatrix());
+  expect_field(read().volume, 0.51);
+}
+
+TEST_F(DicomSeriesTest, AppliesSlopeInterceptAndSigns) {
+  const auto values = [&](const std::function<void(DicomSlice&)>& change) {
+    write_stack({0, 1}, Eigen::Matrix3d::Identity(), 0, [&](DicomSlice& slice) {
+      slice.stored = {0, 1, 2, 100, 4095, 4096, 32767, 32768, 65535, 63536, 40000, 50000};
+      change(slice);
+    });
+    const std::vector<float> hu = read().volume.hu;
+    return std::vector<float>(hu.begin(), hu.begin() + 12);
+  };
+  EXPECT_THAT(values([](DicomSlice& slice) { slice.intercept = 0; }),
+              ElementsAre(0, 1, 2, 100, 4095, 4096, 32767, kAirHu, -1, kAirHu, kAirHu, kAirHu));
+  EXPECT_THAT(values([](DicomSlice& slice) {
+                slice.is_signed = false;
+                slice.slope = 0.5;
+                slice.intercept = -100;
+              }),
+              ElementsAre(-100, -99.5, -99, -50, 1947.5, 1948, 16283.5, 16284, 32667.5, 31668, 19900, 24900));
+  // Twelve bits: what stands above them is no part of the number.
+  EXPECT_THAT(values([](DicomSlice& slice) {
+                slice.intercept = 0;
+                slice.bits_stored = 12;
+              }),
+              ElementsAre(0, 1, 2, 100, -1, 0, -1, 0, -1, kAirHu, 3136 - 4096, 848));
+}
+
+TEST_F(DicomSeriesTest, CountsPaddingAndMakesItAir) {
+  const auto padded = [](DicomSlice& slice) {
+    slice.intercept = -1024;
+    slice.stored = {63536, 1024, 1024, 1025, 1026, 1030, 2000, 2000, 2000, 2000, 2000, 2000};
+  };
+  write_stack({0, 1}, Eigen::Matrix3d::Identity(), 0, padded);
+  DicomVolume read_back = read();
+  EXPECT_EQ(read_back.padding_voxels, 2U);  // -2000 - 1024, said by no tag
+  EXPECT_EQ(read_back.volume.hu[0], kAirHu);
+  EXPECT_EQ(read_back.volume.hu[1], 0);
+  write_stack({0, 1}, Eigen::Matrix3d::Identity(), 0, [&](DicomSlice& slice) {
+    padded(slice);
+    slice.elements = {{"(0028,0120)", "1024"}, {"(0028,0121)", "1026"}};  // a padding range
+  });
+  read_back = read();
+  EXPECT_EQ(read_back.padding_voxels, 10U);
+  EXPECT_EQ(read_back.volume.hu[4], kAirHu);
+  EXPECT_EQ(read_back.volume.hu[5], 6);
+}
+
+TEST_F(DicomSeriesTest, ReadsWhatScannersCompress) {
+  for (const DicomCompression compression :
+       {DicomCompression::kRunLength, DicomCompression::kJpegLossless, DicomCompression::kJpegLs}) {
+    write_stack({0, 1}, Eigen::Matrix3d::Identity(), 0, [&](DicomSlice& slice) {
+      slice.compression = compression;
+      slice.is_signed = false;  // JPEG-LS of DCMTK knows no signs
+    });
+    const Volume volume = read().volume;
+    EXPECT_EQ(volume.hu[0], static_cast<float>(field({10, -20, 30})));
+    expect_field(volume, 0.501);
+  }
+}
+
+TEST_F(DicomSeriesTest, RefusesATiltedGantryWithTheAngleOrResamples) {
+  const double shift = std::tan(18.5 * std::numbers::pi / 180);
+  write_stack({0, 2, 4, 6}, Eigen::Matrix3d::Identity(), shift,
+              [](DicomSlice& slice) { slice.elements["(0018,1120)"] = "18.5"; });
+  EXPECT_THAT(refusal(), AllOf(HasSubstr("tilted by 18.5 degrees"), HasSubstr("(the header says 18.5)")));
+  const DicomVolume resampled = read(true);
+  EXPECT_THAT(resampled.resampled, HasSubstr("18.5 degrees"));
+  EXPECT_THAT(resampled.instance_uids, testing::IsEmpty());
+  EXPECT_THAT(resampled.volume.grid.size, ElementsAre(4U, 6U, 4U));
+  expect_field(resampled.volume, 0.51);
+  // Each slice gives the rows that lie within it: three of the first, two of the others, whose rows are
+  // between.
+  EXPECT_EQ(std::ranges::count(resampled.volume.hu, kAirHu), 96 - 4 * (3 + 2 + 2 + 2));
+}
+
+TEST_F(DicomSeriesTest, RefusesUnevenGapsWithTheNumbersOrResamples) {
+  write_stack({0, 2, 4, 8, 10});
+  EXPECT_THAT(refusal(), HasSubstr("its slices lie 2 to 4 mm apart (median 2)"));
+  const DicomVolume resampled = read(true);
+  EXPECT_THAT(resampled.volume.grid.size, ElementsAre(4U, 3U, 6U));
+  EXPECT_EQ(std::ranges::count(resampled.volume.hu, kAirHu), 0);
+  expect_field(resampled.volume, 0.51);
+}
+
+TEST_F(DicomSeriesTest, BearsWhatIsRounded) {
+  write_stack({0, 2.04, 3.97, 6});
+  EXPECT_EQ(refusal(), "");
+}
+
+TEST_F(DicomSeriesTest, NamesMissingTags) {
+  const auto without = [&](const std::string& tag) {
+    write_stack({0, 1}, Eigen::Matrix3d::Identity(), 0, [&](DicomSlice& slice) { slice.elements[tag] = ""; });
+    return refusal();
+  };
+  EXPECT_THAT(without("(0020,0032)"), HasSubstr("slice89.dcm lacks ImagePositionPatient (0020,0032)"));
+  EXPECT_THAT(without("(0020,0037)"), HasSubstr("lacks ImageOrientationPatient (0020,0037)"));
+  EXPECT_THAT(without("(0028,0030)"), HasSubstr("lacks PixelSpacing (0028,0030)"));
+  EXPECT_THAT(without("(0028,1052)"), HasSubstr("lacks RescaleIntercept (0028,1052)"));
+  EXPECT_THAT(without("(0028,1053)"), HasSubstr("lacks RescaleSlope (0028,1053)"));
+  EXPECT_THAT(without("(0028,0010)"), HasSubstr("lacks Rows (0028,0010)"));
+  EXPECT_THAT(without("(0028,0103)"), HasSubstr("lacks PixelRepresentation (0028,0103)"));
+  EXPECT_EQ(without("(0028,0102)"), "");  // HighBit follows from BitsStored
+  EXPECT_EQ(without("(0020,000e)"), "");
+}
+
+TEST_F(DicomSeriesTest, RefusesWhatIsNoStackOfSlices) {
+  const auto with = [&](const std::string& tag, const std::string& value) {
+    write_stack({0, 1}, Eigen::Matrix3d::Identity(), 0,
+                [&](DicomSlice& slice) { slice.elements[tag] = value; });
+    return refusal();
+  };
+  EXPECT_THAT(with("(0028,0030)", "0\\1"), HasSubstr("PixelSpacing that is not positive"));
+  EXPECT_THAT(with("(0020,0037)", "1\\0\\0\\1\\0\\0"), HasSubstr("right angles"));
+  EXPECT_THAT(with("(0028,1053)", "0"), HasSubstr("RescaleSlope of 0"));
+  EXPECT_THAT(with("(0028,0008)", "2"), HasSubstr("holds 2 pictures in one file (multi-frame)"));
+  EXPECT_THAT(with("(0028,0002)", "3"), HasSubstr("colour"));
+  EXPECT_THAT(with("(0028,0010)", "300"),
+              HasSubstr(".dcm: its pixels are cut off: 24 bytes instead of 2400"));
+  write_stack({0, 0, 2});
+  EXPECT_THAT(refusal(), HasSubstr("slice89.dcm and slice90.dcm are at the same place"));
+}
+
+TEST_F(DicomSeriesTest, RefusesPicturesThatDiffer) {
+  const auto with = [&](const std::function<void(DicomSlice&)>& change) {
+    int number = 0;
+    write_stack({0, 1}, Eigen::Matrix3d::Identity(), 0, [&](DicomSlice& slice) {
+      if (++number == 2) change(slice);
+    });
+    return refusal();
+  };
+  EXPECT_THAT(with([](DicomSlice& slice) { std::swap(slice.rows, slice.columns); }),
+              HasSubstr("slice90.dcm and slice89.dcm differ in the number of pixels"));
+  EXPECT_THAT(with([](DicomSlice& slice) { slice.row_spacing_mm = 1.1; }),
+              HasSubstr("differ in the size of pixels"));
+  EXPECT_THAT(with([](DicomSlice& slice) {
+                slice.along_row = {-1, 0, 0};
+              }),
+              HasSubstr("direction in the patient"));
+}
+
+TEST_F(DicomSeriesTest, RefusesSeveralSeriesWithTheirListUnlessOneIsChosen) {
+  for (const std::string uid : {"1.2.77", "1.2.78"}) {
+    std::filesystem::create_directory(folder() / uid);
+    for (int number = 0; number < (uid == "1.2.77" ? 2 : 3); ++number) {
+      DicomSlice slice = slice_at(Vector3(0, 0, number), Eigen::Matrix3d::Identity(), number);
+      slice.series_uid = uid;
+      slice.description = "kernel " + uid.substr(5);
+      write_dicom(folder() / uid / std::to_string(number), slice);
+    }
+  }
+  std::ofstream(folder() / "README") << "no DICOM";
+  EXPECT_THAT(refusal(),
+              HasSubstr("it holds 2 series; choose one (--series) by its UID, of which the last digits are "
+                        "enough: 1.2.77 (2 pictures, CT, 'kernel 7'); 1.2.78 (3 pictures, CT, 'kernel 8')"));
+  EXPECT_THAT(refusal(false, "9"), HasSubstr("no series ends with '9'; there are 1.2.77"));
+  EXPECT_EQ(read(false, "78").volume.grid.size[2], 3U);
+  EXPECT_EQ(read(false, "1.2.77").volume.grid.size[2], 2U);
+  EXPECT_EQ(find_dicom_series(folder()).other_files, 1U);
+}
+
+TEST_F(DicomSeriesTest, RefusesDamagedFilesByTheirName) {
+  EXPECT_THAT(refusal(), HasSubstr("there is no DICOM picture among its 0 files"));
+  write_stack({0, 1, 2});
+  const std::filesystem::path file = folder() / "slice89.dcm";
+  const auto size = std::filesystem::file_size(file);
+  for (std::uintmax_t kept = size - 1; kept > 0; kept -= std::min<std::uintmax_t>(kept, 37)) {
+    std::filesystem::resize_file(file, kept);
+    EXPECT_THAT(refusal(), HasSubstr("slice89.dcm")) << kept;
+  }
+  std::ofstream(file) << "no DICOM at all, for all its ending";
+  EXPECT_THAT(refusal(), AllOf(HasSubstr("slice89.dcm"), HasSubstr("'DICM'")));
+  std::filesystem::remove(file);
+  std::filesystem::remove(folder() / "slice88.dcm");
+  EXPECT_THAT(refusal(), HasSubstr("one picture alone is no volume"));
+  EXPECT_THROW((void)find_dicom_series(folder() / "absent"), IoError);
+}
+
+TEST_F(DicomSeriesTest, BecomesAVolumeWithFindings) {
+  write_stack({0, 1}, Eigen::Matrix3d::Identity(), 0, [](DicomSlice& slice) {
+    slice.elements = {{"(0020,000e)", ""}, {"(0018,5100)", "FFS"}};
+    slice.stored[3] = 63536;
+  });
+  const VolumeFile file = read_volume(folder(), {});
+  EXPECT_EQ(file.format, "DICOM");
+  EXPECT_EQ(file.patient_position, "FFS");
+  EXPECT_EQ(file.instance_uids.size(), 2U);
+  EXPECT_THAT(file.findings, testing::Contains(HasSubstr("no SeriesInstanceUID")));
+  EXPECT_THAT(file.findings, testing::Contains(HasSubstr("2 voxels are padding")));
+  EXPECT_THROW((void)read_volume(folder() / "absent", {}), UsageError);
+}
+
+}  // namespace
+}  // namespace kiroku::sim

@@ -1,0 +1,213 @@
+#include "sim/volume/image_file.h"
+
+#include <cstring>
+#include <limits>
+
+#include <Eigen/Geometry>
+#include <Eigen/LU>
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "base/error.h"
+#include "sim/volume/volume_reader.h"
+#include "tests/support/orientations.h"
+#include "tests/support/temporary_folder.h"
+
+namespace kiroku::sim {
+namespace {
+
+using testing::AllOf;
+using testing::Contains;
+using testing::ElementsAre;
+using testing::HasSubstr;
+
+template <typename Value>
+std::string raw(const std::vector<Value>& values) {
+  std::string bytes(values.size() * sizeof(Value), '\0');
+  std::memcpy(bytes.data(), values.data(), bytes.size());
+  return bytes;
+}
+
+/// A NIfTI-1 file of 16-bit voxels, 4 x 3 x 2, in the words of nifti1.h.
+struct Nifti {
+  Eigen::Matrix3d affine = Eigen::Matrix3d::Identity();  // voxel to RAS, mm
+  Vector3 offset_mm = {1, 2, 3};
+  float slope = 0, intercept = 0;
+  std::int16_t sform_code = 1, volumes = 1, type = 4;  // DT_INT16
+  std::string values = raw(std::vector<std::int16_t>{0,  1,  2,  3,  4,  5,  6,  7,  8,  9,  10, 11,
+                                                     12, 13, 14, 15, 16, 17, 18, 19, 20, 21, 22, 23});
+
+  [[nodiscard]] std::string text() const {
+    std::string header(352, '\0');
+    const auto put = [&](std::size_t at, auto value) {
+      std::memcpy(header.data() + at, &value, sizeof(value));
+    };
+    put(0, std::int32_t{348});
+    const std::array<std::int16_t, 8> size{
+        static_cast<std::int16_t>(volumes > 1 ? 4 : 3), 4, 3, 2, volumes, 1, 1, 1};
+    for (std::size_t at = 0; at < 8; ++at) put(40 + 2 * at, size[at]);
+    put(70, type);
+    put(72, static_cast<std::int16_t>(type == 16 ? 32 : 16));
+    put(76, 1.0F);
+    for (int axis = 0; axis < 3; ++axis)
+      put(80 + 4 * std::size_t(axis), static_cast<float>(affine.col(axis).norm()));
+    put(108, 352.0F);
+    put(112, slope);
+    put(116, intercept);
+    put(123, char{2});  // mm
+    put(254, sform_code);
+    for (int row = 0; row < 3; ++row) {
+      for (int column = 0; column < 3; ++column) {
+        put(280 + 16 * std::size_t(row) + 4 * std::size_t(column), static_cast<float>(affine(row, column)));
+      }
+      put(280 + 16 * std::size_t(row) + 12, static_cast<float>(offset_mm[row]));
+    }
+    std::memcpy(header.data() + 344, "n+1", 4);
+    return header + values;
+  }
+};
+
+class ImageFileTest : public testing::Test {
+ protected:
+  std::filesystem::path write(const std::string& name, const std::string& text) const {
+    std::ofstream(folder_ / name, std::ios::binary) << text;
+    return folder_ / name;
+  }
+  static std::string refusal(const std::filesystem::path& file) {
+    try {
+      (void)read_image_file(file);
+    } catch (const Error& error) {
+      EXPECT_EQ(std::string(error.what()).find('\n'), std::string::npos);
+      return error.what();
+    }
+    return "";
+  }
+
+ private:
+  test::TemporaryFolder folder_;
+};
+
+TEST_F(ImageFileTest, TurnsNiftiFromRasToThePatientInEveryOrientation) {
+  const Eigen::DiagonalMatrix<double, 3> to_lps(-1, -1, 1);
+  const Eigen::DiagonalMatrix<double, 3> spacing_mm(2, 3, 4);
+  for (const Eigen::Matrix3d& direction : test::axis_orientations()) {
+    Nifti nifti;
+    nifti.affine = direction * spacing_mm;
+    const ImageFile image = read_image_file(write("a.nii", nifti.text()));
+    EXPECT_EQ(image.format, "NIfTI");
+    EXPECT_TRUE(image.placed);
+    EXPECT_THAT(image.grid.size, ElementsAre(4U, 3U, 2U));
+    for (const Vector3& index : {Vector3(0, 0, 0), Vector3(3, 0, 0), Vector3(1, 2, 1)}) {
+      const Vector3 expected_m = to_lps * (nifti.affine * index + nifti.offset_mm) / 1000;
+      EXPECT_LT((image.grid.patient_m(index) - expected_m).norm(), 1e-9);
+    }
+    EXPECT_EQ(image.values[image.grid.offset(1, 2, 1)], 21);
+  }
+}
+
+TEST_F(ImageFileTest, ReadsObliqueNifti) {
+  Nifti nifti;
+  nifti.affine = Eigen::AngleAxisd(0.4, Vector3(1, 2, 3).normalized()).toRotationMatrix();
+  const Grid grid = read_image_file(write("a.nii", nifti.text())).grid;
+  const Vector3 ras_mm = nifti.affine * Vector3(3, 2, 1) + nifti.offset_mm;
+  EXPECT_LT((1000 * grid.patient_m({3, 2, 1}) - Vector3(-ras_mm.x(), -ras_mm.y(), ras_mm.z())).norm(), 1e-5);
+}
+
+TEST_F(ImageFileTest, AppliesTheSlopeOfNifti) {
+  Nifti nifti;
+  nifti.slope = 0.5;
+  nifti.intercept = -10;
+  const ImageFile image = read_image_file(write("a.nii", nifti.text()));
+  EXPECT_EQ(image.values[0], -10);
+  EXPECT_EQ(image.values[23], 1.5);
+}
+
+TEST_F(ImageFileTest, SaysWhereNothingIsKnownOfThePatient) {
+  Nifti nifti;
+  nifti.sform_code = 0;
+  EXPECT_FALSE(read_image_file(write("a.nii", nifti.text())).placed);
+  EXPECT_THAT(read_volume(write("a.nii", nifti.text()), {}).findings,
+              Contains(HasSubstr("does not say how it lies")));
+}
+
+const std::string kNrrd =
+    "NRRD0004\ntype: short\ndimension: 3\nspace: left-posterior-superior\nsizes: 4 3 2\n"
+    "space directions: (0,2,0) (3,0,0) (0,0,-4)\nspace origin: (1,2,3)\nencoding: raw\nendian: little\n\n";
+const std::string kMetaImage =
+    "ObjectType = Image\nNDims = 3\nBinaryData = True\nBinaryDataByteOrderMSB = False\n"
+    "TransformMatrix = 0 1 0 1 0 0 0 0 -1\nOffset = 1 2 3\nElementSpacing = 2 3 4\nDimSize = 4 3 2\n"
+    "ElementType = MET_SHORT\nElementDataFile = LOCAL\n";
+
+TEST_F(ImageFileTest, ReadsNrrdAndMetaImage) {
+  for (const auto& [name, header] : {std::pair{"a.nrrd", kNrrd}, {"a.mha", kMetaImage}}) {
+    const ImageFile image = read_image_file(write(name, header + Nifti().values));
+    EXPECT_THAT(image.grid.size, ElementsAre(4U, 3U, 2U));
+    EXPECT_LT((image.grid.patient_m({1, 0, 0}) - Vector3(0.001, 0.004, 0.003)).norm(), 1e-12) << name;
+    EXPECT_LT((image.grid.patient_m({0, 1, 1}) - Vector3(0.004, 0.002, -0.001)).norm(), 1e-12) << name;
+    EXPECT_EQ(image.values[image.grid.offset(1, 2, 1)], 21);
+  }
+  std::string ras = kNrrd;
+  ras.replace(ras.find("left-posterior"), 14, "right-anterior");
+  EXPECT_LT((read_image_file(write("a.nrrd", ras + Nifti().values)).grid.patient_m({1, 0, 0}) -
+             Vector3(-0.001, -0.004, 0.003))
+                .norm(),
+            1e-12);
+}
+
+TEST_F(ImageFileTest, RefusesInOneSentenceWithTheName) {
+  const std::string nifti = Nifti().text();
+  for (const std::size_t kept :
+       {std::size_t{0}, std::size_t{100}, std::size_t{351}, std::size_t{360}, nifti.size() - 1}) {
+    EXPECT_THAT(refusal(write("cut.nii", nifti.substr(0, kept))), HasSubstr("cut.nii")) << kept;
+  }
+  EXPECT_THAT(refusal(write("cut.nrrd", kNrrd + Nifti().values.substr(1))), HasSubstr("cut.nrrd"));
+  EXPECT_THAT(refusal(write("cut.mha", kMetaImage + Nifti().values.substr(1))), HasSubstr("cut.mha"));
+  EXPECT_THAT(refusal(write("a.mha", "no image")), HasSubstr("a.mha"));
+  EXPECT_THAT(refusal(write("a.png", "")), HasSubstr("must be .nii"));
+  Nifti series;
+  series.volumes = 2;
+  series.values += series.values;
+  EXPECT_THAT(refusal(write("a.nii", series.text())), HasSubstr("2 volumes"));
+  std::string huge = kNrrd;
+  huge.replace(huge.find("4 3 2"), 5, "99999 99999 99999");
+  EXPECT_THAT(refusal(write("a.nrrd", huge)), HasSubstr("more than are handled"));
+  std::string sheared = kNrrd;
+  sheared.replace(sheared.find("(3,0,0)"), 7, "(3,1,0)");
+  EXPECT_THAT(refusal(write("a.nrrd", sheared + Nifti().values)), HasSubstr("right angles"));
+}
+
+TEST_F(ImageFileTest, TakesWhatIsNoNumberForPadding) {
+  Nifti nifti;
+  nifti.type = 16;  // DT_FLOAT32
+  std::vector<float> values(24, -30);
+  values[0] = std::numeric_limits<float>::quiet_NaN();
+  values[1] = -std::numeric_limits<float>::infinity();
+  values[2] = -2048;
+  nifti.values = raw(values);
+  const VolumeFile file = read_volume(write("a.nii", nifti.text()), {});
+  EXPECT_EQ(file.padding_voxels, 3U);
+  EXPECT_THAT(std::vector<float>(file.volume.hu.begin(), file.volume.hu.begin() + 4),
+              ElementsAre(-1000, -1000, -1000, -30));
+}
+
+TEST_F(ImageFileTest, ReadsLabelsAndRefusesOtherNumbers) {
+  EXPECT_EQ(read_label_map(write("a.nii", Nifti().text())).labels[23], 23);
+  Nifti half;
+  half.slope = 0.5;
+  EXPECT_THROW((void)read_label_map(write("a.nii", half.text())), Error);
+  Nifti negative;
+  negative.intercept = -1;
+  negative.slope = 1;
+  EXPECT_THROW((void)read_label_map(write("a.nii", negative.text())), Error);
+}
+
+TEST_F(ImageFileTest, FindsWhatIsNoCtOfAPatient) {
+  Nifti nifti;
+  nifti.affine *= 1000;
+  EXPECT_THAT(read_volume(write("a.nii", nifti.text()), {}).findings,
+              AllOf(Contains(HasSubstr("least value is 0")), Contains(HasSubstr("4 m long"))));
+  EXPECT_THROW((void)read_volume(write("a.nii", nifti.text()), {"1", false}), UsageError);
+}
+
+}  // namespace
+}  // namespace kiroku::sim
