@@ -1,0 +1,230 @@
+#include "apps/sim/plan_command.h"
+
+#include <chrono>
+#include <filesystem>
+#include <iostream>
+#include <memory>
+
+#include <nlohmann/json.hpp>
+
+#include "apps/common/format.h"
+#include "apps/common/json_output.h"
+#include "apps/common/progress.h"
+#include "apps/kiroku/output_file.h"
+#include "base/error.h"
+#include "sim/fem/number_text.h"
+#include "sim/plan/plan_report.h"
+
+namespace kiroku::apps {
+namespace {
+
+namespace fs = std::filesystem;
+
+struct Request {
+  std::string plan, output;
+  std::optional<std::string> every;
+  bool json = false;
+};
+
+/// The plan, or nothing once all its errors are told.
+std::optional<sim::Plan> read(const Request& request) {
+  sim::PlanReading reading = sim::read_plan(request.plan);
+  if (request.json && !reading.plan) print_json({{"plan", request.plan}, {"errors", reading.errors}});
+  if (!request.json) {
+    for (const std::string& error : reading.errors) print_error("kiroku", error);
+    if (reading.plan) {
+      for (const std::string& warning : reading.plan->body.warnings)
+        print_error("kiroku", "warning: " + warning);
+    }
+  }
+  return std::move(reading.plan);
+}
+
+double duration_s(const sim::Plan& plan) {
+  double sum = 0;
+  for (const sim::PlanStep& step : plan.steps) sum += step.duration_s;
+  return sum;
+}
+
+int check(const Request& request) {
+  const auto plan = read(request);
+  if (!plan) return kAnswerIsNo;
+  // What only the body itself can tell: whether it is held, whether it can be solved for.
+  const sim::ElasticBody body(plan->body.mesh, plan->body.materials, plan->body.constraints);
+  if (request.json) {
+    print_json({{"plan", request.plan},
+                {"errors", nlohmann::json::array()},
+                {"warnings", plan->body.warnings},
+                {"nodes", plan->body.mesh.nodes.size()},
+                {"tetrahedra", plan->body.mesh.tetrahedra.size()},
+                {"unknowns", body.unknowns()},
+                {"tools", plan->tools.size()},
+                {"steps", plan->steps.size()},
+                {"duration_s", duration_s(*plan)}});
+  } else {
+    std::cout << request.plan << ": nothing is wrong with it. " << plan->body.mesh.nodes.size() << " nodes, "
+              << plan->tools.size() << " tools, " << plan->steps.size() << " steps, "
+              << sim::number_text(duration_s(*plan), 4)
+              << " s. Whether every tool meets the tissue is seen when it runs.\n";
+  }
+  return kDone;
+}
+
+void write(const fs::path& file, const std::string& text) {
+  OutputFile out(file);
+  out.write(bytes_of(text));
+  out.commit(OutputFile::Durability::kEventually);
+}
+
+double interval_s(const Request& request) {
+  if (!request.every) return 0;
+  std::size_t end = 0;
+  double seconds = -1;
+  try {
+    seconds = std::stod(*request.every, &end);
+  } catch (const std::exception&) {
+    end = 0;
+  }
+  if (end != request.every->size() || !(seconds >= 0 && seconds <= 3600))
+    throw UsageError("--frames-every is '" + *request.every + "': it must be seconds, from 0 to 3600");
+  return seconds;
+}
+
+/// The list of frames that ParaView opens as one film.
+class Series {
+ public:
+  explicit Series(fs::path folder) : folder_(std::move(folder)) {
+    std::error_code failed;
+    if (fs::exists(folder_) && (!fs::is_directory(folder_) || !fs::is_empty(folder_)))
+      throw UsageError("--output is '" + folder_.string() +
+                       "', which is there and not an empty folder: name another");
+    fs::create_directories(folder_ / "frames", failed);
+    if (failed) throw IoError("create", folder_ / "frames", failed.value());
+  }
+  void add(double time_s, const std::string& vtu) {
+    char name[32];
+    std::snprintf(name, sizeof name, "frames/%05zu.vtu", count_++);
+    write(folder_ / name, vtu);
+    list_ += "    <DataSet timestep=\"" + sim::number_text(time_s, 12) + "\" file=\"" + name + "\"/>\n";
+  }
+  void finish() const {
+    write(folder_ / "plan.pvd",
+          "<?xml version=\"1.0\"?>\n<VTKFile type=\"Collection\" version=\"1.0\">\n  <Collection>\n" + list_ +
+              "  </Collection>\n</VTKFile>\n");
+  }
+  [[nodiscard]] std::size_t count() const { return count_; }
+
+ private:
+  fs::path folder_;
+  std::string list_;
+  std::size_t count_ = 0;
+};
+
+void print_steps(const sim::Plan& plan, const sim::PlanRun& run) {
+  const double units = sim::units_per_metre(plan.body.unit);
+  const char* const unit = plan.body.unit == sim::LengthUnit::kMetre ? " m" : " mm";
+  std::vector<std::vector<std::string>> rows{{"at", "step", "moved by", "von Mises", "forces"}};
+  for (std::size_t i = 0; i < run.figures().size(); ++i) {
+    const sim::StepFigures& figures = run.figures()[i];
+    std::string forces;
+    for (std::size_t tool = 0; tool < plan.tools.size(); ++tool) {
+      if (figures.most_nodes[tool] == 0) continue;
+      forces += (forces.empty() ? "" : ", ") + plan.tools[tool].tool.name + " " +
+                sim::number_text(figures.largest_force_n[tool], 3) + " N";
+    }
+    if (figures.tetrahedra_removed > 0) {
+      forces +=
+          (forces.empty() ? "" : ", ") + std::to_string(figures.tetrahedra_removed) + " tetrahedra cut out";
+    }
+    rows.push_back({sim::number_text(figures.begins_s, 4) + " s", sim::name_of(plan.steps[i].action),
+                    sim::number_text(figures.largest_displacement_m * units, 3) + unit,
+                    sim::number_text(figures.largest_von_mises_pa, 3) + " Pa", printable(forces)});
+  }
+  std::cout << format_table(rows, "rlrrl", 2);
+}
+
+int run(const Request& request) {
+  const double every_s = interval_s(request);
+  const auto plan = read(request);
+  if (!plan) return kRefused;
+  Series series(request.output);
+  const auto begin = std::chrono::steady_clock::now();
+  sim::PlanRun run(*plan);
+  sim::PlanTables tables(*plan);
+  const double all_s = duration_s(*plan);
+  Progress progress("running the plan");
+  double next_s = 0;
+  std::size_t step = 0;
+  while (run.next()) {
+    tables.add(run);
+    const sim::PlanFrame& frame = run.frame();
+    // The end of each step is always kept.
+    const bool last = !run.figures().empty() &&
+                      frame.time_s >= run.figures().back().begins_s + plan->steps[frame.step].duration_s;
+    if (frame.time_s >= next_s || last || frame.step != step) {
+      series.add(frame.time_s, sim::frame_vtu(*plan, run));
+      next_s = frame.time_s + every_s;
+    }
+    step = frame.step;
+    constexpr double kMillisecondsPerSecond = 1000;
+    progress.update(static_cast<std::uint64_t>(frame.time_s * kMillisecondsPerSecond),
+                    static_cast<std::uint64_t>(all_s * kMillisecondsPerSecond));
+  }
+  progress.clear();
+  series.finish();
+  const fs::path folder = request.output;
+  write(folder / "forces.csv", tables.forces());
+  write(folder / "stress.csv", tables.stress());
+  write(folder / "tools.csv", tables.tools());
+  const std::string steps = sim::steps_json(*plan, run);
+  write(folder / "steps.json", steps);
+  if (request.json) {
+    std::cout << steps;
+    return kDone;
+  }
+  for (const sim::StepFigures& figures : run.figures()) {
+    for (const std::string& remark : figures.remarks) print_error("kiroku", "warning: " + remark);
+  }
+  print_steps(*plan, run);
+  const std::chrono::duration<double> took = std::chrono::steady_clock::now() - begin;
+  std::cout << request.output << ": " << series.count() << " frames of " << sim::number_text(all_s, 4)
+            << " s, computed in " << sim::number_text(took.count(), 3) << " s\n  "
+            << (folder / "plan.pvd").string() << "     for ParaView (Warp By Vector: displacement)\n  "
+            << (folder / "forces.csv").string()
+            << "   what each tool feels; stress.csv, tools.csv and steps.json beside it\n";
+  return kDone;
+}
+
+}  // namespace
+
+void add_plan_command(Command& program) {
+  Command& plan = program.add_command("plan", "plans operations and carries them out");
+
+  Command& checked = plan.add_command("check", "tells all that is wrong with a plan");
+  const auto check_request = std::make_shared<Request>();
+  checked.argument("PLAN", check_request->plan, "the plan (.json)");
+  checked.flag("--json", check_request->json, "prints one JSON object instead");
+  checked.explain(
+      "Each error is told with its place in the document, such as steps[2].path[0].at_s. Exit status 0 if "
+      "nothing is wrong, 1 if something is.");
+  checked.example("kiroku plan check liver.json", "looks for mistakes");
+  checked.on_run([check_request] { return check(*check_request); });
+
+  Command& ran = plan.add_command("run", "computes a plan: deformation, forces, stress");
+  const auto run_request = std::make_shared<Request>();
+  ran.argument("PLAN", run_request->plan, "the plan (.json)");
+  ran.required_option("-o,--output", "DIR", run_request->output, "where to; absent or empty");
+  ran.option("--frames-every", "SECONDS", run_request->every,
+             "writes fewer frames; the end of each step always", "every time step");
+  ran.flag("--json", run_request->json, "prints the figures of the steps as one JSON object instead");
+  ran.explain(
+      "Writes DIR/plan.pvd with DIR/frames/*.vtu (ParaView: displacement, stress, von Mises stress), "
+      "forces.csv (what each tool feels), stress.csv, tools.csv (where each tool is) and steps.json. The "
+      "same "
+      "plan gives the same bytes, whatever the number of processors.");
+  ran.example("kiroku plan run liver.json -o liver", "carries the plan out");
+  ran.example("kiroku plan run liver.json -o liver --frames-every 0.25", "with four frames a second");
+  ran.on_run([run_request] { return run(*run_request); });
+}
+
+}  // namespace kiroku::apps

@@ -1,0 +1,77 @@
+// A planned operation as one JSON document: the organ, the tools, and what they do when. Plain data, made by
+// read_plan(); docs/simulation.md says what each key means.
+//
+// {"name": "Liver: grasp and retraction",
+//  "mesh": "liver.msh", "length_unit": "mm", "materials": [...], "fixed": [...], "gravity_m_s2": [0, 0, 0],
+//  "tools": {"forceps": {"kind": "forceps", "jaws": [12, 8, 6]}},
+//  "steps": [{"do": "grasp", "tool": "forceps", "at": {"position": [10, 20, 30]}},
+//            {"do": "retract", "tool": "forceps", "path": [{"at_s": 1, "position": [10, 20, 45]}]},
+//            {"do": "hold", "duration_s": 0.5},
+//            {"do": "release", "tool": "forceps"}]}
+#pragma once
+
+#include <filesystem>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "sim/manipulation/tool.h"
+#include "sim/model/body_model.h"
+#include "sim/plan/tool_path.h"
+
+namespace kiroku::sim {
+
+enum class ToolKind {
+  kForceps,    // binds the surface between its jaws, and holds it in all directions
+  kPin,        // binds the surface around its point
+  kRetractor,  // a flat plate that pushes
+  kHook,       // a rod that pushes
+  kFinger,     // a fingertip that pushes
+  kScalpel,    // cuts along its edge
+};
+const char* name_of(ToolKind kind);
+/// Whether it binds what it grasps; the others but the scalpel touch, and push where they do.
+bool binds(ToolKind kind);
+bool touches(ToolKind kind);
+
+struct PlanTool {
+  ToolKind kind = ToolKind::kFinger;
+  Tool tool;          // of a scalpel only the name
+  double edge_m = 0;  // of a scalpel: from its origin along its z axis
+};
+
+/// What a step moves.
+struct PlanMotion {
+  std::size_t tool = 0;
+  ToolPath path;
+};
+
+enum class PlanAction { kGrasp, kRetract, kPress, kHold, kCut, kRelease };
+const char* name_of(PlanAction action);
+
+struct PlanStep {
+  PlanAction action = PlanAction::kHold;
+  std::string where;                // its JSON path: "steps[3]"
+  std::vector<PlanMotion> motions;  // of grasp, retract, press and cut; a grasp's path has one frame
+  std::vector<std::size_t> released;
+  double duration_s = 0;
+};
+
+struct Plan {
+  std::string name;
+  std::filesystem::path volume;  // what pictures show; empty for none
+  BodyModel body;
+  std::vector<PlanTool> tools;
+  std::vector<PlanStep> steps;
+  double time_step_s = 0.05;
+};
+
+/// Either a plan or all that is wrong with the document, each a sentence with its JSON path.
+struct PlanReading {
+  std::optional<Plan> plan;
+  std::vector<std::string> errors;
+};
+/// kiroku::IoError for a file that cannot be read; all else is told in the result.
+PlanReading read_plan(const std::filesystem::path& file);
+
+}  // namespace kiroku::sim

@@ -1,0 +1,214 @@
+#include "sim/plan/plan_run.h"
+
+#include <algorithm>
+#include <limits>
+#include <utility>
+
+#include "base/error.h"
+#include "sim/cutting/rest_mapping.h"
+#include "sim/fem/number_text.h"
+
+namespace kiroku::sim {
+namespace {
+
+constexpr double kNever = std::numeric_limits<double>::infinity();
+constexpr double kMillimetresPerMetre = 1000;
+
+}  // namespace
+
+/// Everything that follows from which tetrahedra are there.
+struct PlanRun::Body {
+  Body(TetMesh mesh, const Plan& plan)
+      : elastic(std::move(mesh), plan.body.materials, plan.body.constraints),
+        contact(elastic, elastic.weight_n(plan.body.gravity_m_s2)) {}
+  ElasticBody elastic;
+  ContactBody contact;
+  std::unique_ptr<Manipulation> manipulation;
+};
+
+PlanRun::PlanRun(const Plan& plan)
+    : plan_(plan), body_(std::make_unique<Body>(plan.body.mesh, plan)), mesh_(plan.body.mesh) {
+  std::vector<Tool> tools;
+  place_of_.resize(plan.tools.size());
+  for (std::size_t tool = 0; tool < plan.tools.size(); ++tool) {
+    if (plan.tools[tool].kind == ToolKind::kScalpel) continue;
+    place_of_[tool] = tools.size();
+    manipulated_.push_back(tool);
+    tools.push_back(plan.tools[tool].tool);
+  }
+  body_->manipulation = std::make_unique<Manipulation>(body_->contact, std::move(tools));
+  if (std::ranges::count(plan.steps, PlanAction::kCut, &PlanStep::action) > 0)
+    cut_body_.emplace(plan.body.mesh, plan.body.materials, plan.body.constraints);
+  bearing_of_.resize(mesh_.tetrahedra.size());
+  for (std::size_t t = 0; t < bearing_of_.size(); ++t) bearing_of_[t] = static_cast<std::int64_t>(t);
+  frame_.poses.resize(plan.tools.size());
+  frame_.tools.resize(plan.tools.size());
+}
+
+PlanRun::~PlanRun() = default;
+
+bool PlanRun::next() {
+  if (!begun_) {
+    begun_ = true;
+    balance();
+    record();
+    return true;
+  }
+  if (step_ == plan_.steps.size()) return false;
+  const PlanStep& step = plan_.steps[step_];
+  try {
+    if (!in_step_) begin_step();
+    advance(std::min(local_s_ + plan_.time_step_s, step.duration_s));
+    record();
+    // What is left of a time step by rounding is none.
+    if (step.duration_s - local_s_ < 1e-9 * plan_.time_step_s) finish_step();
+  } catch (const Error& error) {
+    const std::size_t failed = std::exchange(step_, plan_.steps.size());
+    throw Error(plan_.steps[failed].where + " (" + name_of(step.action) + "): " + error.what());
+  }
+  return true;
+}
+
+void PlanRun::begin_step() {
+  in_step_ = true;
+  local_s_ = 0;
+  frame_.step = step_;
+  StepFigures& figures = figures_.emplace_back();
+  figures.begins_s = step_begins_s_;
+  figures.largest_force_n.resize(plan_.tools.size());
+  figures.most_nodes.resize(plan_.tools.size());
+  nearest_m_.assign(plan_.tools.size(), kNever);
+  blade_rest_.reset();
+  const PlanStep& step = plan_.steps[step_];
+  for (const PlanMotion& motion : step.motions) {
+    frame_.poses[motion.tool] = motion.path.at(0);
+    if (step.action == PlanAction::kGrasp)
+      body_->manipulation->grasp(place_of_[motion.tool], *frame_.poses[motion.tool]);
+  }
+  for (const std::size_t tool : step.released) {
+    if (binds(plan_.tools[tool].kind)) body_->manipulation->release(place_of_[tool]);
+    frame_.poses[tool].reset();
+  }
+}
+
+void PlanRun::advance(double local_s) {
+  const PlanStep& step = plan_.steps[step_];
+  for (const PlanMotion& motion : step.motions) {
+    if (step.action == PlanAction::kCut) cut(motion, local_s_, local_s);
+    frame_.poses[motion.tool] = motion.path.at(local_s);
+  }
+  local_s_ = local_s;
+  frame_.time_s = step_begins_s_ + local_s;
+  balance();
+}
+
+void PlanRun::finish_step() {
+  const PlanStep& step = plan_.steps[step_];
+  const StepFigures& figures = figures_.back();
+  for (const PlanMotion& motion : step.motions) {
+    const PlanTool& tool = plan_.tools[motion.tool];
+    if (step.action == PlanAction::kCut) {
+      if (figures.tetrahedra_removed == 0)
+        throw Error("'" + tool.tool.name + "' never meets the tissue: look at its path and its edge");
+      frame_.poses[motion.tool].reset();
+    } else if (touches(tool.kind) && figures.most_nodes[motion.tool] == 0) {
+      throw Error("'" + tool.tool.name + "' never touches the tissue: the nearest it comes is " +
+                  number_text(nearest_m_[motion.tool] * kMillimetresPerMetre, 3) + " mm");
+    }
+  }
+  step_begins_s_ += step.duration_s;
+  ++step_;
+  in_step_ = false;
+}
+
+BladePose PlanRun::blade(const PlanMotion& motion, double local_s) const {
+  const Pose pose = motion.path.at(local_s);
+  return {pose.position_m, pose.from_tool(Vector3(0, 0, plan_.tools[motion.tool].edge_m))};
+}
+
+void PlanRun::cut(const PlanMotion& motion, double from_s, double to_s) {
+  // The shape that is cut still holds what fell off earlier, where it was.
+  Eigen::VectorXd displacement_m = frame_.displacement_m;
+  const RestMapping mapping(cut_body_->shape(), displacement_m);
+  if (!blade_rest_) blade_rest_ = mapping.to_rest(blade(motion, from_s));
+  const BladePose to = mapping.to_rest(blade(motion, to_s));
+  const CutBody::Step done = cut_body_->cut(SweepSurface(*blade_rest_, to));
+  blade_rest_ = to;
+  StepFigures& figures = figures_.back();
+  figures.tetrahedra_removed += done.cut.change.removed.size();
+  figures.volume_lost_m3 += done.cut.volume_lost_m3;
+  figures.remarks.insert(figures.remarks.end(), done.fallen.begin(), done.fallen.end());
+  if (done.cut.change.removed.empty() && done.cut.change.moved.empty()) return;
+
+  const VertexPreservingCut& shape = cut_body_->shape();
+  TetMesh bearing{shape.mesh().nodes, {}, {}};
+  mesh_ = bearing;
+  bearing_of_.clear();
+  for (std::uint32_t t = 0; t < shape.mesh().tetrahedra.size(); ++t) {
+    if (!shape.present(t)) continue;
+    bearing_of_.push_back(cut_body_->bears(t) ? static_cast<std::int64_t>(bearing.tetrahedra.size()) : -1);
+    for (TetMesh* mesh : {&mesh_, cut_body_->bears(t) ? &bearing : nullptr}) {
+      if (mesh == nullptr) continue;
+      mesh->tetrahedra.push_back(shape.mesh().tetrahedra[t]);
+      mesh->regions.push_back(shape.mesh().regions[t]);
+    }
+  }
+  auto body = std::make_unique<Body>(std::move(bearing), plan_);
+  body->manipulation = std::make_unique<Manipulation>(body->contact, *body_->manipulation);
+  body_ = std::move(body);
+}
+
+void PlanRun::balance() {
+  std::vector<OptionalPose> poses;
+  poses.reserve(manipulated_.size());
+  for (const std::size_t tool : manipulated_) poses.push_back(frame_.poses[tool]);
+  const ManipulationResult& result = body_->manipulation->step(poses);
+  for (std::size_t place = 0; place < manipulated_.size(); ++place)
+    frame_.tools[manipulated_[place]] = result.tools[place];
+  frame_.displacement_m = body_->manipulation->displacement_m();
+  const std::vector<SymmetricTensor> bearing_pa = body_->elastic.stress_pa(frame_.displacement_m);
+  frame_.stress_pa.assign(mesh_.tetrahedra.size(), SymmetricTensor::Zero());
+  for (std::size_t t = 0; t < bearing_of_.size(); ++t) {
+    if (bearing_of_[t] >= 0) frame_.stress_pa[t] = bearing_pa[static_cast<std::size_t>(bearing_of_[t])];
+  }
+}
+
+void PlanRun::record() {
+  if (figures_.empty()) return;
+  StepFigures& figures = figures_.back();
+  const ManipulationResult& result = body_->manipulation->result();
+  ++figures.frames;
+  for (Eigen::Index at = 0; at < frame_.displacement_m.size(); at += 3) {
+    figures.largest_displacement_m =
+        std::max(figures.largest_displacement_m, frame_.displacement_m.segment<3>(at).norm());
+  }
+  for (const SymmetricTensor& stress_pa : frame_.stress_pa)
+    figures.largest_von_mises_pa = std::max(figures.largest_von_mises_pa, von_mises(stress_pa));
+  for (std::size_t tool = 0; tool < plan_.tools.size(); ++tool) {
+    const ToolForce& force = frame_.tools[tool];
+    figures.largest_force_n[tool] = std::max(figures.largest_force_n[tool], force.force_n.norm());
+    figures.most_nodes[tool] = std::max<std::size_t>(figures.most_nodes[tool], force.nodes);
+    if (frame_.poses[tool] && touches(plan_.tools[tool].kind) && figures.most_nodes[tool] == 0)
+      nearest_m_[tool] = std::min(nearest_m_[tool], distance_m(tool));
+  }
+  figures.deepest_penetration_m = std::max(figures.deepest_penetration_m, result.deepest_penetration_m);
+  if (!result.converged && figures.remarks.empty()) {
+    figures.remarks.push_back("at " + number_text(frame_.time_s, 4) + " s pressed nodes are up to " +
+                              number_text(result.largest_gap_m * kMillimetresPerMetre, 2) +
+                              " mm off their tool: take a smaller time step");
+  }
+}
+
+double PlanRun::distance_m(std::size_t tool) const {
+  const Pose& pose = *frame_.poses[tool];
+  double nearest_m = kNever;
+  for (const std::uint32_t node : body_->contact.surface()) {
+    const Vector3 position_m = mesh_.nodes[node] + frame_.displacement_m.segment<3>(
+                                                       static_cast<Eigen::Index>(3 * std::size_t{node}));
+    nearest_m =
+        std::min(nearest_m, distance_to(plan_.tools[tool].tool.shape, pose.to_tool(position_m)).distance_m);
+  }
+  return nearest_m;
+}
+
+}  // namespace kiroku::sim

@@ -1,0 +1,85 @@
+// A plan carried out, frame by frame. Same plan, same bits, whatever the number of threads.
+#pragma once
+
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "sim/cutting/cut_body.h"
+#include "sim/manipulation/manipulation.h"
+#include "sim/plan/plan.h"
+
+namespace kiroku::sim {
+
+/// How the organ lies at a moment. All numbers are finite.
+struct PlanFrame {
+  double time_s = 0;     // since the plan began
+  std::size_t step = 0;  // which of the plan's steps led here; the first frame comes before the first step
+  Eigen::VectorXd displacement_m;          // (3 |V|), from mesh()
+  std::vector<SymmetricTensor> stress_pa;  // (|T|) of mesh(); zero in what has fallen off
+  std::vector<OptionalPose> poses;         // of the plan's tools
+  std::vector<ToolForce> tools;            // what they feel; zero for scalpels
+};
+
+/// What a step came to.
+struct StepFigures {
+  double begins_s = 0;
+  std::size_t frames = 0;
+  double largest_displacement_m = 0, largest_von_mises_pa = 0;
+  std::vector<double> largest_force_n;  // of each of the plan's tools
+  std::vector<std::size_t> most_nodes;  // that each held or pressed
+  std::size_t tetrahedra_removed = 0;
+  double volume_lost_m3 = 0;
+  double deepest_penetration_m = 0;
+  std::vector<std::string> remarks;  // parts that fell off; balances that were not reached to the tolerance
+};
+
+/// Not thread-safe. The plan must outlive it.
+class PlanRun {
+ public:
+  /// kiroku::Error for a body that cannot be solved for, as ElasticBody throws it.
+  explicit PlanRun(const Plan& plan);
+  ~PlanRun();
+
+  /// Computes the next frame; false after the last. kiroku::Error, beginning with the step's JSON path, for
+  /// what cannot be done: nothing to grasp, a tool that never touches, a scalpel that meets nothing, tools
+  /// that leave the tissue no place. The run is at its end then.
+  bool next();
+
+  [[nodiscard]] const PlanFrame& frame() const { return frame_; }
+  /// Its nodes and tetrahedra as of the last frame: without those that cuts took out.
+  [[nodiscard]] const TetMesh& mesh() const { return mesh_; }
+  /// Of the steps begun so far.
+  [[nodiscard]] const std::vector<StepFigures>& figures() const { return figures_; }
+
+ private:
+  struct Body;
+  void begin_step();
+  void advance(double local_s);
+  void finish_step();
+  void cut(const PlanMotion& motion, double from_s, double to_s);
+  void balance();
+  void record();
+  [[nodiscard]] BladePose blade(const PlanMotion& motion, double local_s) const;
+  [[nodiscard]] double distance_m(std::size_t tool) const;
+
+  const Plan& plan_;
+  std::vector<std::size_t> manipulated_;  // the plan's number of each tool of the manipulation
+  std::vector<std::size_t> place_of_;     // the other way; of scalpels nothing
+  std::optional<CutBody> cut_body_;       // where the plan cuts
+  std::unique_ptr<Body> body_;
+  TetMesh mesh_;
+  std::vector<std::int64_t>
+      bearing_of_;  // (|T| of mesh_): its number in the body, -1 for what has fallen off
+
+  bool begun_ = false, in_step_ = false;
+  std::size_t step_ = 0;
+  double step_begins_s_ = 0, local_s_ = 0;
+  std::vector<double> nearest_m_;  // of each tool that a step moves and that has not touched yet
+  std::optional<BladePose> blade_rest_;
+  PlanFrame frame_;
+  std::vector<StepFigures> figures_;
+};
+
+}  // namespace kiroku::sim

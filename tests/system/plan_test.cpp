@@ -1,0 +1,129 @@
+// 'kiroku plan' as a person calls it.
+#include <filesystem>
+#include <map>
+
+#include "tests/support/shared_data.h"
+#include "tests/support/unpacked.h"
+#include "tests/system/program_test.h"
+
+namespace kiroku::test {
+namespace {
+
+namespace fs = std::filesystem;
+using testing::HasSubstr;
+
+/// A unit cube of six tetrahedra in mm, its lower face held, and a plan for it.
+class PlanProgram : public ProgramTest {
+ protected:
+  PlanProgram() {
+    write_text(folder() / "cube.msh",
+               "$MeshFormat\n2.2 0 8\n$EndMeshFormat\n$Nodes\n8\n1 0 0 0\n2 10 0 0\n3 0 10 0\n4 10 10 0\n5 0 "
+               "0 10\n6 10 0 10\n7 0 10 10\n8 10 10 10\n$EndNodes\n$Elements\n6\n1 4 2 1 1 1 2 4 8\n2 4 2 1 "
+               "1 1 3 7 8\n3 4 2 1 1 1 5 6 8\n4 4 2 1 1 1 2 8 6\n5 4 2 1 1 1 5 8 7\n6 4 2 1 1 1 3 8 4\n"
+               "$EndElements\n");
+    write_plan(R"([{"do": "grasp", "tool": "forceps", "at": {"position": [5, 5, 10]}},
+                   {"do": "retract", "tool": "forceps", "path": [{"at_s": 1, "position": [6, 5, 11]}]},
+                   {"do": "release", "tool": "forceps"}])");
+  }
+  void write_plan(const std::string& steps) const {
+    write_text(folder() / "plan.json",
+               R"({"name": "cube", "mesh": "cube.msh", "length_unit": "mm", "time_step_s": 0.25,
+      "materials": [{"region": "all", "young_modulus_pa": 5000, "poisson_ratio": 0.45}],
+      "fixed": [{"box": [[0, 0, 0], [10, 10, 0]]}],
+      "tools": {"forceps": {"kind": "forceps", "jaws": [12, 12, 2]}, "pad": {"kind": "retractor", "size": [20, 20, 2]}},
+      "steps": )" + steps +
+                   "}");
+  }
+  /// Every file below a folder, by its name from there.
+  [[nodiscard]] std::map<std::string, std::string> files(const std::string& below) const {
+    std::map<std::string, std::string> all;
+    for (const auto& entry : fs::recursive_directory_iterator(folder() / below)) {
+      if (entry.is_regular_file())
+        all[fs::relative(entry.path(), folder() / below).string()] = read_text(entry.path());
+    }
+    return all;
+  }
+};
+
+TEST_F(PlanProgram, ChecksAPlan) {
+  const ProcessResult good = kiroku({"plan", "check", "plan.json"});
+  EXPECT_EQ(good.status, 0) << good.err;
+  EXPECT_THAT(good.out, HasSubstr("nothing is wrong with it. 8 nodes, 2 tools, 3 steps, 1 s"));
+  write_plan(R"([{"do": "grasp", "tool": "pad", "at": {"position": [5, 5, 10]}}, {"do": "hold"}])");
+  const ProcessResult bad = kiroku({"plan", "check", "plan.json"});
+  EXPECT_EQ(bad.status, 1);
+  EXPECT_EQ(bad.out, "");
+  EXPECT_THAT(bad.err, HasSubstr("steps[0].tool is 'pad', a retractor"));
+  EXPECT_THAT(bad.err, HasSubstr("steps[1] lacks 'duration_s'"));
+  const ProcessResult machine = kiroku({"plan", "check", "plan.json", "--json"});
+  EXPECT_EQ(machine.status, 1);
+  EXPECT_EQ(nlohmann::json::parse(machine.out)["errors"].size(), 2U);
+  EXPECT_REFUSED(kiroku({"plan", "run", "plan.json", "-o", "out"}), "steps[0].tool");
+  EXPECT_FALSE(fs::exists(folder() / "out"));
+}
+
+TEST_F(PlanProgram, RunsAPlanAndLeavesEverythingBehind) {
+  const ProcessResult result = kiroku({"plan", "run", "plan.json", "-o", "out"});
+  EXPECT_EQ(result.status, 0) << result.err;
+  EXPECT_EQ(result.err, "");
+  EXPECT_THAT(result.out, HasSubstr("out: 7 frames of 1 s"));
+  const auto left = files("out");
+  EXPECT_EQ(left.size(), 7U + 5U);
+  EXPECT_THAT(left.at("plan.pvd"), HasSubstr("timestep=\"0.75\" file=\"frames/00004.vtu\""));
+  EXPECT_THAT(left.at("frames/00005.vtu"), HasSubstr("Name=\"von_mises_stress\""));
+  EXPECT_THAT(left.at("tools.csv"), HasSubstr("\r\n1,steps[1],forceps,6,5,11,1,0,0,0\r\n"));
+  for (const auto& [name, text] : left) EXPECT_EQ(text.find("nan"), std::string::npos) << name;
+  const nlohmann::json steps = nlohmann::json::parse(left.at("steps.json"))["steps"];
+  EXPECT_EQ(steps[1]["tools"]["forceps"]["most_nodes"], 4);
+  EXPECT_NEAR(steps[1]["largest_displacement"].get<double>(), std::sqrt(2.0), 1e-9);
+  EXPECT_REFUSED(kiroku({"plan", "run", "plan.json", "-o", "out"}), "not an empty folder");
+  EXPECT_THAT(kiroku({"plan", "run", "plan.json", "-o", "few", "--frames-every", "1"}).out,
+              HasSubstr("few: 4 frames"));
+  EXPECT_REFUSED(kiroku({"plan", "run", "plan.json", "-o", "none", "--frames-every", "often"}),
+                 "--frames-every");
+}
+
+TEST_F(PlanProgram, WritesTheSameBytesWhateverTheNumberOfThreads) {
+  std::map<std::string, std::string> first;
+  for (const char* threads : {"1", "2", "4"}) {
+    Process::Options run = options({"plan", "run", "plan.json", "-o", std::string("out") + threads});
+    run.environment["OMP_NUM_THREADS"] = threads;
+    EXPECT_EQ(run_process(run).status, 0);
+    const auto left = files(std::string("out") + threads);
+    if (first.empty()) first = left;
+    EXPECT_TRUE(left == first) << threads;
+  }
+}
+
+TEST_F(PlanProgram, SaysWhereAPlanCouldNotGoOn) {
+  write_plan(
+      R"([{"do": "press", "tool": "pad", "path": [{"at_s": 0, "position": [5, 5, 30]}, {"at_s": 1, "position": [5, 5, 20]}]}])");
+  EXPECT_REFUSED(kiroku({"plan", "run", "plan.json", "-o", "out"}),
+                 "steps[0] (press): 'pad' never touches the tissue: the nearest it comes is 9 mm");
+}
+
+/// The plans of docs/plans on organs of a real CT.
+TEST_F(PlanProgram, CarriesOutTheWorkedPlans) {
+  KIROKU_NEEDS_SHARED_DATA("sim/lung-ct");
+  const Unpacked ct("sim/lung-ct/lidc-idri-0001-dicom.tar.xz");
+  const auto mesh = [&](const std::string& organ, const std::string& vertices) {
+    const ProcessResult made = kiroku({"sim", "mesh", ct.path().string(), "--labels",
+                                       shared_data("sim/lung-ct/mask_totalsegmentator.nii.gz").string(),
+                                       "--organ", organ, "--vertices", vertices, "-o", organ + ".msh"});
+    ASSERT_EQ(made.status, 0) << made.err;
+  };
+  mesh("liver", "3000");
+  mesh("right-kidney", "1200");
+  for (const char* name : {"liver-retraction", "kidney-opening", "two-finger-exclusion"}) {
+    const std::string plan = std::string(name) + ".json";
+    fs::copy_file(fs::path(KIROKU_SOURCE_DIR) / "docs/plans" / plan, folder() / plan);
+    EXPECT_EQ(kiroku({"plan", "check", plan}).status, 0) << name;
+    const ProcessResult ran = kiroku({"plan", "run", plan, "-o", name, "--frames-every", "1", "--json"});
+    ASSERT_EQ(ran.status, 0) << ran.err;
+    for (const nlohmann::json& step : nlohmann::json::parse(ran.out)["steps"])
+      EXPECT_EQ(step["remarks"].size(), 0U) << name << " " << step.dump();
+  }
+}
+
+}  // namespace
+}  // namespace kiroku::test

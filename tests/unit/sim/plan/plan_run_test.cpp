@@ -1,0 +1,166 @@
+#include "sim/plan/plan_run.h"
+
+#include <fstream>
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <nlohmann/json.hpp>
+
+#include "base/error.h"
+#include "sim/mesh/mesh_writer.h"
+#include "sim/plan/plan_report.h"
+#include "tests/support/temporary_folder.h"
+#include "tests/support/tet_grid.h"
+
+namespace kiroku::sim {
+namespace {
+
+using nlohmann::json;
+using testing::HasSubstr;
+using testing::IsEmpty;
+using testing::SizeIs;
+
+/// A block of 40 x 20 x 20 mm held at x = 0, with node i + 9 j + 45 k at (5 i, 5 j, 5 k) mm.
+class PlanRunTest : public testing::Test {
+ protected:
+  PlanRunTest() {
+    std::ofstream(folder_ / "block.msh")
+        << msh_text(test::tet_grid({8, 4, 4}, {0.04, 0.02, 0.02}), LengthUnit::kMillimetre);
+  }
+  [[nodiscard]] Plan plan_of(const char* steps) const {
+    json document = json::parse(R"({
+      "mesh": "block.msh", "length_unit": "mm", "time_step_s": 0.25,
+      "materials": [{"region": "all", "young_modulus_pa": 5000, "poisson_ratio": 0.4}],
+      "fixed": [{"box": [[0, 0, 0], [0, 20, 20]]}],
+      "tools": {"forceps": {"kind": "forceps", "jaws": [2, 30, 30]}, "thumb": {"kind": "finger", "radius": 5},
+                "index": {"kind": "finger", "radius": 5}, "knife": {"kind": "scalpel", "edge": 40}}})");
+    document["steps"] = json::parse(steps);
+    std::ofstream(folder_ / "plan.json") << document;
+    PlanReading reading = read_plan(folder_ / "plan.json");
+    EXPECT_THAT(reading.errors, IsEmpty());
+    return *reading.plan;
+  }
+  static std::string failure(const Plan& plan) {
+    try {
+      PlanRun run(plan);
+      while (run.next()) {
+      }
+    } catch (const Error& error) {
+      return error.what();
+    }
+    return "";
+  }
+
+  test::TemporaryFolder folder_;
+};
+
+constexpr std::size_t kForceps = 0, kIndex = 1, kKnife = 2, kThumb = 3;  // tools go by name
+
+TEST_F(PlanRunTest, GraspsRetractsAndReleases) {
+  const Plan plan = plan_of(R"([
+    {"do": "grasp", "tool": "forceps", "at": {"position": [40, 10, 10]}},
+    {"do": "retract", "tool": "forceps", "path": [{"at_s": 1, "position": [42, 10, 13]}]},
+    {"do": "hold", "duration_s": 0.5}, {"do": "release", "tool": "forceps"}])");
+  PlanRun run(plan);
+  std::vector<double> times;
+  const Eigen::Index end = 3 * (8 + 9 * 2 + 45 * 2);
+  while (run.next()) {
+    const PlanFrame& frame = run.frame();
+    times.push_back(frame.time_s);
+    if (times.size() == 6) {  // the end of the retraction
+      EXPECT_LT((frame.displacement_m.segment<3>(end) - Vector3(0.002, 0, 0.003)).norm(), 1e-12);
+      // The tissue pulls the forceps back.
+      EXPECT_LT(frame.tools[kForceps].force_n.x(), -1e-3);
+      EXPECT_LT(frame.tools[kForceps].force_n.z(), -1e-3);
+      EXPECT_EQ(frame.tools[kForceps].nodes, 25U);
+    }
+  }
+  EXPECT_THAT(times, testing::ElementsAre(0, 0, 0.25, 0.5, 0.75, 1, 1.25, 1.5, 1.5));
+  EXPECT_LT(run.frame().displacement_m.norm(), 1e-12);
+  EXPECT_FALSE(run.frame().poses[kForceps].has_value());
+  ASSERT_THAT(run.figures(), SizeIs(4));
+  EXPECT_EQ(run.figures()[1].frames, 4U);
+  EXPECT_EQ(run.figures()[2].begins_s, 1);
+  EXPECT_NEAR(run.figures()[1].largest_displacement_m, std::hypot(0.002, 0.003), 1e-3);
+}
+
+TEST_F(PlanRunTest, PressesWithTwoFingersAtOnce) {
+  const Plan plan = plan_of(R"([{"do": "press", "tools": {
+      "thumb": [{"at_s": 0, "position": [30, 10, 26]}, {"at_s": 1, "position": [30, 10, 23]}],
+      "index": [{"at_s": 0, "position": [30, 10, -6]}, {"at_s": 1, "position": [30, 10, -3]}]}}])");
+  PlanRun run(plan);
+  while (run.next()) {
+  }
+  const PlanFrame& frame = run.frame();
+  EXPECT_GT(frame.tools[kThumb].force_n.z(), 0.01);
+  EXPECT_LT(frame.tools[kIndex].force_n.z(), -0.01);
+  EXPECT_GT(frame.tools[kThumb].nodes, 0U);
+  EXPECT_THAT(run.figures().back().remarks, IsEmpty());
+}
+
+TEST_F(PlanRunTest, CutsAndTheCutOpensWhenPulled) {
+  const char* const kSteps = R"([
+    {"do": "grasp", "tool": "forceps", "at": {"position": [40, 10, 10]}},
+    {"do": "retract", "tool": "forceps", "path": [{"at_s": 1, "position": [43, 10, 10]}]},
+    {"do": "cut", "tool": "knife", "path": [{"at_s": 0, "position": [22.3, -10, 30]}, {"at_s": 1, "position": [22.3, -10, 10.7]}]}])";
+  // Its edge along y.
+  json steps = json::parse(kSteps);
+  steps[2]["path"][0]["rotation"] = {{"axis", {1, 0, 0}}, {"degrees", -90}};
+  const Plan plan = plan_of(steps.dump().c_str());
+  PlanRun run(plan);
+  double before_n = 0;
+  while (run.next()) {
+    if (run.frame().step == 1) before_n = run.frame().tools[kForceps].force_n.norm();
+  }
+  const StepFigures& figures = run.figures().back();
+  EXPECT_GT(figures.tetrahedra_removed, 10U);
+  EXPECT_LT(figures.volume_lost_m3, 0.1 * 0.04 * 0.02 * 0.02);
+  EXPECT_EQ(run.mesh().nodes.size(), plan.body.mesh.nodes.size());
+  EXPECT_EQ(run.mesh().tetrahedra.size(), plan.body.mesh.tetrahedra.size() - figures.tetrahedra_removed);
+  // Half of what held the end is cut through.
+  EXPECT_LT(run.frame().tools[kForceps].force_n.norm(), 0.75 * before_n);
+  EXPECT_EQ(run.frame().tools[kForceps].nodes, 25U);
+  // The tops of both faces of the cut, apart.
+  double left = 0, right = 1;
+  for (std::size_t node = 0; node < run.mesh().nodes.size(); ++node) {
+    const Vector3& rest = run.mesh().nodes[node];
+    if (rest.z() < 0.0199 || std::abs(rest.x() - 0.0223) > 1e-4) continue;
+    const double x = rest.x() + run.frame().displacement_m[static_cast<Eigen::Index>(3 * node)];
+    (run.frame().displacement_m[static_cast<Eigen::Index>(3 * node)] < 0.0008 ? left : right) = x;
+  }
+  EXPECT_GT(right - left, 0.001);
+}
+
+TEST_F(PlanRunTest, SaysWhereItCouldNotGoOn) {
+  EXPECT_THAT(failure(plan_of(R"([{"do": "hold", "duration_s": 0.5},
+      {"do": "press", "tool": "thumb", "path": [{"at_s": 0, "position": [30, 10, 40]}, {"at_s": 1, "position": [30, 10, 29]}]}])")),
+              "steps[1] (press): 'thumb' never touches the tissue: the nearest it comes is 4 mm");
+  EXPECT_THAT(failure(plan_of(R"([{"do": "grasp", "tool": "forceps", "at": {"position": [60, 10, 10]}}])")),
+              HasSubstr("steps[0] (grasp): "));
+  EXPECT_THAT(
+      failure(plan_of(
+          R"([{"do": "cut", "tool": "knife", "path": [{"at_s": 0, "position": [60, 0, 0]}, {"at_s": 1, "position": [70, 0, 0]}]}])")),
+      "steps[0] (cut): 'knife' never meets the tissue: look at its path and its edge");
+}
+
+TEST_F(PlanRunTest, ReportsTheSameBytesTwice) {
+  const Plan plan = plan_of(R"([{"do": "press", "tool": "thumb",
+      "path": [{"at_s": 0, "position": [30, 10, 26]}, {"at_s": 0.5, "position": [30, 10, 24]}]}])");
+  const auto all = [&] {
+    PlanRun run(plan);
+    PlanTables tables(plan);
+    std::string text;
+    while (run.next()) {
+      tables.add(run);
+      text += frame_vtu(plan, run);
+    }
+    return text + tables.forces() + tables.stress() + tables.tools() + steps_json(plan, run);
+  };
+  const std::string once = all();
+  EXPECT_EQ(once, all());
+  EXPECT_THAT(once, HasSubstr("\r\n0.25,steps[0],thumb,"));
+  EXPECT_THAT(once, HasSubstr("\r\n0,before,0,0,"));
+}
+
+}  // namespace
+}  // namespace kiroku::sim
