@@ -154,18 +154,16 @@ int run(const Request& request) {
   const double all_s = duration_s(*plan);
   Progress progress("running the plan");
   double next_s = 0;
-  std::size_t step = 0;
   while (run.next()) {
     tables.add(run);
     const sim::PlanFrame& frame = run.frame();
     // The end of each step is always kept.
     const bool last = !run.figures().empty() &&
                       frame.time_s >= run.figures().back().begins_s + plan->steps[frame.step].duration_s;
-    if (frame.time_s >= next_s || last || frame.step != step) {
+    if (frame.time_s >= next_s || last) {
       series.add(frame.time_s, sim::frame_vtu(*plan, run));
       next_s = frame.time_s + every_s;
     }
-    step = frame.step;
     constexpr double kMillisecondsPerSecond = 1000;
     progress.update(static_cast<std::uint64_t>(frame.time_s * kMillisecondsPerSecond),
                     static_cast<std::uint64_t>(all_s * kMillisecondsPerSecond));
