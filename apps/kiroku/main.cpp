@@ -1,6 +1,6 @@
 // kiroku: what people start. What asks the running recorder is answered here, with a few small libraries:
-// loading those of cameras and codecs would take far longer than the answer. Everything else becomes
-// kiroku-full.
+// loading those of cameras and codecs would take far longer than the answer. What simulates becomes
+// kiroku-sim, everything else kiroku-full.
 
 #include <algorithm>
 #include <array>
@@ -19,14 +19,15 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr std::array<std::string_view, 2> kAnsweredHere{"case", "status"};
+constexpr std::array<std::string_view, 2> kSimulates{"plan", "sim"};
 
 /// Beside this program, as it is built, or where it is installed.
-fs::path full_program() {
+fs::path program(const std::string& name) {
   std::error_code failed;
   const fs::path here = fs::read_symlink("/proc/self/exe", failed).parent_path();
-  fs::path beside = here / "kiroku-full";
+  fs::path beside = here / name;
   if (::access(beside.c_str(), X_OK) == 0) return beside;
-  return here.parent_path() / "libexec/kiroku/kiroku-full";
+  return here.parent_path() / "libexec/kiroku" / name;
 }
 
 }  // namespace
@@ -34,14 +35,15 @@ fs::path full_program() {
 int main(int argc, char** argv) {
   using namespace kiroku::apps;
   if (argc > 1 && std::ranges::count(kAnsweredHere, argv[1]) > 0) {
-    Program program("kiroku", "records operations, sealed and time-stamped, and proves it", "");
-    add_case_command(program.root());
-    add_status_command(program.root());
-    return program.run(argc, argv);
+    Program answers("kiroku", "records operations, sealed and time-stamped, and proves it", "");
+    add_case_command(answers.root());
+    add_status_command(answers.root());
+    return answers.run(argc, argv);
   }
-  const fs::path full = full_program();
-  ::execv(full.c_str(), argv);
-  print_error("kiroku", "cannot start " + full.string() + ": " + std::strerror(errno) +
+  const bool simulates = argc > 1 && std::ranges::count(kSimulates, argv[1]) > 0;
+  const fs::path other = program(simulates ? "kiroku-sim" : "kiroku-full");
+  ::execv(other.c_str(), argv);
+  print_error("kiroku", "cannot start " + other.string() + ": " + std::strerror(errno) +
                             "; it belongs to this program, so install both anew");
   return kRefused;
 }
