@@ -16,7 +16,7 @@ constexpr double kLargestResidual = 1e-9;  // of the largest force at a node
 constexpr double kRounding = 1e-13;
 constexpr int kMostIterations = 50;
 constexpr double kSmallestStep = 1.0 / 256;  // of the load
-constexpr double kSmallestDescent = 1e-10;   // of Newton's step
+constexpr int kMostHalvings = 33;            // of Newton's step
 constexpr double kArmijo = 1e-4;
 
 PrincipalStretches stretches_of(const TetMesh& mesh, const LinearElement& element, std::size_t t,
@@ -178,7 +178,8 @@ class CorotationalBody::Search {
   bool descend(const Eigen::VectorXd& step_m, double load, Eigen::VectorXd& left_n) {
     const Eigen::VectorXd from_m = displacement_m_;
     const double energy = energy_j(from_m, load), slope_j = left_n.dot(step_m), before_n = left_n.norm();
-    for (double part = 1; part > kSmallestDescent; part /= 2) {
+    double part = 1;
+    for (int halved = 0; halved < kMostHalvings; ++halved, part /= 2) {
       displacement_m_ = from_m + part * step_m;
       left_n = unbalanced_n(load);
       if (left_n.norm() <= before_n / 2 ||

@@ -78,7 +78,7 @@ void solve_cut(const StaticModel& model, StaticResult& result) {
       removed += step.cut.change.removed.size();
       result.volume_lost_m3 += step.cut.volume_lost_m3;
       for (const std::string& sentence : step.fallen)
-        result.warnings.push_back("after " + name + " " + sentence);
+        result.warnings.push_back(std::string("after ").append(name).append(" ").append(sentence));
     }
     if (removed == 0) result.warnings.push_back(name + " meets no edge of the mesh");
   }

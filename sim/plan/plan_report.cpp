@@ -39,9 +39,8 @@ void add_row(std::string& table, std::initializer_list<std::string> first,
 
 const char* unit_name(LengthUnit unit) { return unit == LengthUnit::kMetre ? "m" : "mm"; }
 
-const std::string& step_name(const Plan& plan, const PlanRun& run) {
-  static const std::string kBefore = "before";
-  return run.figures().empty() ? kBefore : plan.steps[run.frame().step].where;
+std::string step_name(const Plan& plan, const PlanRun& run) {
+  return run.figures().empty() ? "before" : plan.steps[run.frame().step].where;
 }
 
 }  // namespace
@@ -77,7 +76,7 @@ PlanTables::PlanTables(const Plan& plan) : plan_(plan) {
 void PlanTables::add(const PlanRun& run) {
   const PlanFrame& frame = run.frame();
   const std::string time = exact(frame.time_s);
-  const std::string& step = step_name(plan_, run);
+  const std::string step = step_name(plan_, run);
   const double units = units_per_metre(plan_.body.unit);
   for (std::size_t tool = 0; tool < plan_.tools.size(); ++tool) {
     if (!frame.poses[tool]) continue;
