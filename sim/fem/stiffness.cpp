@@ -69,7 +69,8 @@ void StiffnessMatrix::update(const TetMesh& mesh, std::span<const Material* cons
     }
   }
   for (std::size_t t = 0; t < mesh.tetrahedra.size(); ++t) {
-    if (bears[t] && std::ranges::any_of(mesh.tetrahedra[t], counts)) add(mesh.tetrahedra[t], linear_blocks(mesh, t, *materials[t]), counts);
+    if (bears[t] && std::ranges::any_of(mesh.tetrahedra[t], counts))
+      add(mesh.tetrahedra[t], linear_blocks(mesh, t, *materials[t]), counts);
   }
   for (std::size_t i = 0; i < nodes.size(); ++i) {
     if (rows(nodes[i]).empty()) continue;
