@@ -19,7 +19,6 @@ namespace {
 
 constexpr int kMaximumDepth = 3;
 
-/// A file descriptor that closes itself.
 struct FolderCloser {
   void operator()(DIR* folder) const { ::closedir(folder); }
 };

@@ -21,8 +21,6 @@ namespace fs = std::filesystem;
 constexpr mode_t kFileMode = 0644;
 constexpr mode_t kFolderMode = 0755;
 
-/// A file descriptor that closes itself. Errors of close() are of no interest: what must be durable was
-/// synced before.
 /// Repeats a system call that a signal interrupted.
 template <typename Call>
 auto uninterrupted(Call call) {

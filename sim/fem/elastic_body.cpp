@@ -210,6 +210,7 @@ std::vector<SymmetricTensor> ElasticBody::stress_pa(const Eigen::VectorXd& displ
 }
 
 SymmetricTensor ElasticBody::stress_pa(const Eigen::VectorXd& displacement_m, std::size_t tetrahedron) const {
+  if (!bears_[tetrahedron]) return SymmetricTensor::Zero();
   const SymmetricTensor strain = strain_of(element_of(mesh_, tetrahedron),
                                            displacements_of(mesh_.tetrahedra[tetrahedron], displacement_m));
   const SymmetricTensor stress = stress_of(*material_of_[tetrahedron], strain);

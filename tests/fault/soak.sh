@@ -19,8 +19,7 @@ needs() { # PROCESS: a line of MiB, descriptors, threads
 }
 flat() { # WHAT: judges lines of needs()
   awk -v what="$1" '{ m[NR] = $1; d[NR] = $2; t[NR] = $3 }
-    END { from = int(NR / 4) + 1;  # what is loaded and cached once is there by then
-       half = int((NR + from) / 2)
+    END { from = int(NR / 10) + 1; half = int((NR + from) / 2)
       for (i = from; i <= NR; ++i) { if (i <= half) { a += m[i]; ++n } else { b += m[i]; ++o } if (m[i] > most) most = m[i] }
       a /= n; b /= o
       printf "%s: memory %.0f MiB in the first half, %.0f MiB in the second, %.0f MiB at most; descriptors %d, %d; threads %d, %d (%d readings)\n", what, a, b, most, d[from], d[NR], t[from], t[NR], NR

@@ -178,6 +178,11 @@ TEST_F(CutBlock, HoldsAPartThatFallsOffWhereItWas) {
   EXPECT_EQ(solution.reaction_force_n.norm(), 0);
   for (const SymmetricTensor& stress_pa : body.body().stress_pa(solution.displacement_m))
     ASSERT_EQ(stress_pa.norm(), 0);
+  // Whatever is asked of what no longer bears: no strain, no stress.
+  std::mt19937 random(8);
+  const Eigen::VectorXd anything_m = random_forces(mesh_.nodes.size(), random);
+  const std::vector<SymmetricTensor> stress_pa = body.body().stress_pa(anything_m);
+  for (std::uint32_t t = 0; t < stress_pa.size(); ++t) EXPECT_EQ(stress_pa[t].norm() > 0, body.bears(t)) << t;
   // Cut again where it has fallen off, it stays so and is not told twice.
   for (const SweepSurface& sweep : sweep_surfaces(incision())) EXPECT_THAT(body.cut(sweep).fallen, IsEmpty());
   // Only what is held is weighed.
