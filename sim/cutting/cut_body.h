@@ -10,10 +10,7 @@
 // the step says so in words. A node that has lost its last tetrahedron stays where it was too.
 #pragma once
 
-#include <string>
-#include <vector>
-
-#include "sim/cutting/vertex_preserving_cut.h"
+#include "sim/cutting/cut_shape.h"
 #include "sim/fem/elastic_body.h"
 
 namespace kiroku::sim {
@@ -23,31 +20,18 @@ class CutBody {
   /// kiroku::Error as ElasticBody throws it.
   CutBody(const TetMesh& mesh, const Materials& materials, const Constraints& constraints);
 
-  struct Step {
-    CutStep cut;
-    /// Each part that has fallen off in this step: "a part of 12 tetrahedra with node 7 hangs on nothing that
-    /// is fixed any longer: it is held where it was".
-    std::vector<std::string> fallen;
-  };
   /// kiroku::Error where nothing that is left is held; the body is of no use then.
-  Step cut(const SweepSurface& sweep);
+  CutShape::Step cut(const SweepSurface& sweep);
 
   /// As ElasticBody::solve().
   [[nodiscard]] StaticSolution solve(const Eigen::VectorXd& force_n) const { return body_.solve(force_n); }
   [[nodiscard]] const ElasticBody& body() const { return body_; }
-  [[nodiscard]] const VertexPreservingCut& shape() const { return shape_; }
-  /// Whether a tetrahedron is there and hangs on something that is held.
-  [[nodiscard]] bool bears(std::uint32_t tetrahedron) const {
-    return shape_.present(tetrahedron) && adrift_[tetrahedron] == 0;
-  }
+  [[nodiscard]] const VertexPreservingCut& shape() const { return shape_.geometry(); }
+  [[nodiscard]] bool bears(std::uint32_t tetrahedron) const { return shape_.bears(tetrahedron); }
 
  private:
-  std::vector<std::uint32_t> find_adrift(std::vector<std::string>& sentences);
-
-  Constraints constraints_;
-  VertexPreservingCut shape_;
+  CutShape shape_;
   ElasticBody body_;
-  std::vector<std::uint8_t> adrift_;  // (|T|)
 };
 
 }  // namespace kiroku::sim

@@ -4,7 +4,7 @@
 
 #include "base/error.h"
 #include "sim/cutting/blade_path.h"
-#include "sim/cutting/cut_body.h"
+#include "sim/cutting/cut_shape.h"
 #include "sim/fem/corotational_body.h"
 #include "sim/mesh/mesh_writer.h"
 #include "sim/model/json_field.h"
@@ -69,12 +69,12 @@ void solve_linear_or_turned(const StaticModel& model, const TetMesh& mesh, Stati
 }
 
 void solve_cut(const StaticModel& model, StaticResult& result) {
-  CutBody body(model.mesh, model.materials, model.constraints);
+  CutShape shape(model.mesh, model.constraints);
   for (std::size_t cut = 0; cut < model.cuts.size(); ++cut) {
     const std::string name = "cuts[" + std::to_string(cut) + "]";
     std::size_t removed = 0;
     for (const SweepSurface& sweep : model.cuts[cut]) {
-      const CutBody::Step step = body.cut(sweep);
+      const CutShape::Step step = shape.cut(sweep);
       removed += step.cut.change.removed.size();
       result.volume_lost_m3 += step.cut.volume_lost_m3;
       for (const std::string& sentence : step.fallen)
@@ -83,22 +83,15 @@ void solve_cut(const StaticModel& model, StaticResult& result) {
     if (removed == 0) result.warnings.push_back(name + " meets no edge of the mesh");
   }
   // What has fallen off bears nothing and is not solved for.
-  const TetMesh& whole = body.shape().mesh();
-  TetMesh bearing{whole.nodes, {}, {}};
-  for (std::uint32_t t = 0; t < whole.tetrahedra.size(); ++t) {
-    if (!body.bears(t)) continue;
-    bearing.tetrahedra.push_back(whole.tetrahedra[t]);
-    bearing.regions.push_back(whole.regions[t]);
-  }
-  solve_linear_or_turned(model, bearing, result);
+  solve_linear_or_turned(model, shape.bearing(), result);
   std::vector<SymmetricTensor> stress_pa;
   std::size_t next = 0;
-  for (std::uint32_t t = 0; t < whole.tetrahedra.size(); ++t) {
-    if (!body.shape().present(t)) continue;
-    stress_pa.push_back(body.bears(t) ? result.stress_pa[next++] : SymmetricTensor::Zero());
+  for (std::uint32_t t = 0; t < model.mesh.tetrahedra.size(); ++t) {
+    if (!shape.geometry().present(t)) continue;
+    stress_pa.push_back(shape.bears(t) ? result.stress_pa[next++] : SymmetricTensor::Zero());
   }
   result.stress_pa = std::move(stress_pa);
-  result.cut_mesh = body.shape().remaining();
+  result.cut_mesh = shape.geometry().remaining();
 }
 
 }  // namespace

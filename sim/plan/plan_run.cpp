@@ -38,9 +38,8 @@ PlanRun::PlanRun(const Plan& plan)
   }
   body_->manipulation = std::make_unique<Manipulation>(body_->contact, std::move(tools));
   if (std::ranges::count(plan.steps, PlanAction::kCut, &PlanStep::action) > 0)
-    cut_body_.emplace(plan.body.mesh, plan.body.materials, plan.body.constraints);
-  bearing_of_.resize(mesh_.tetrahedra.size());
-  for (std::size_t t = 0; t < bearing_of_.size(); ++t) bearing_of_[t] = static_cast<std::int64_t>(t);
+    shape_.emplace(plan.body.mesh, plan.body.constraints);
+  bears_.assign(mesh_.tetrahedra.size(), 1);
   frame_.poses.resize(plan.tools.size());
   frame_.tools.resize(plan.tools.size());
 }
@@ -79,6 +78,7 @@ void PlanRun::begin_step() {
   figures.most_nodes.resize(plan_.tools.size());
   nearest_m_.assign(plan_.tools.size(), kNever);
   blade_rest_.reset();
+  unbalanced_told_ = false;
   const PlanStep& step = plan_.steps[step_];
   for (const PlanMotion& motion : step.motions) {
     frame_.poses[motion.tool] = motion.path.at(0);
@@ -127,33 +127,22 @@ BladePose PlanRun::blade(const PlanMotion& motion, double local_s) const {
 }
 
 void PlanRun::cut(const PlanMotion& motion, double from_s, double to_s) {
-  // The shape that is cut still holds what fell off earlier, where it was.
-  Eigen::VectorXd displacement_m = frame_.displacement_m;
-  const RestMapping mapping(cut_body_->shape(), displacement_m);
+  const RestMapping mapping(shape_->geometry(), frame_.displacement_m);
   if (!blade_rest_) blade_rest_ = mapping.to_rest(blade(motion, from_s));
   const BladePose to = mapping.to_rest(blade(motion, to_s));
-  const CutBody::Step done = cut_body_->cut(SweepSurface(*blade_rest_, to));
+  const CutShape::Step done = shape_->cut(SweepSurface(*blade_rest_, to));
   blade_rest_ = to;
   StepFigures& figures = figures_.back();
   figures.tetrahedra_removed += done.cut.change.removed.size();
   figures.volume_lost_m3 += done.cut.volume_lost_m3;
   figures.remarks.insert(figures.remarks.end(), done.fallen.begin(), done.fallen.end());
-  if (done.cut.change.removed.empty() && done.cut.change.moved.empty()) return;
-
-  const VertexPreservingCut& shape = cut_body_->shape();
-  TetMesh bearing{shape.mesh().nodes, {}, {}};
-  mesh_ = bearing;
-  bearing_of_.clear();
-  for (std::uint32_t t = 0; t < shape.mesh().tetrahedra.size(); ++t) {
-    if (!shape.present(t)) continue;
-    bearing_of_.push_back(cut_body_->bears(t) ? static_cast<std::int64_t>(bearing.tetrahedra.size()) : -1);
-    for (TetMesh* mesh : {&mesh_, cut_body_->bears(t) ? &bearing : nullptr}) {
-      if (mesh == nullptr) continue;
-      mesh->tetrahedra.push_back(shape.mesh().tetrahedra[t]);
-      mesh->regions.push_back(shape.mesh().regions[t]);
-    }
+  if (!done.changed()) return;
+  mesh_ = shape_->geometry().remaining();
+  bears_.clear();
+  for (std::uint32_t t = 0; t < plan_.body.mesh.tetrahedra.size(); ++t) {
+    if (shape_->geometry().present(t)) bears_.push_back(shape_->bears(t) ? 1 : 0);
   }
-  auto body = std::make_unique<Body>(std::move(bearing), plan_);
+  auto body = std::make_unique<Body>(shape_->bearing(), plan_);
   body->manipulation = std::make_unique<Manipulation>(body->contact, *body_->manipulation);
   body_ = std::move(body);
 }
@@ -168,8 +157,9 @@ void PlanRun::balance() {
   frame_.displacement_m = body_->manipulation->displacement_m();
   const std::vector<SymmetricTensor> bearing_pa = body_->elastic.stress_pa(frame_.displacement_m);
   frame_.stress_pa.assign(mesh_.tetrahedra.size(), SymmetricTensor::Zero());
-  for (std::size_t t = 0; t < bearing_of_.size(); ++t) {
-    if (bearing_of_[t] >= 0) frame_.stress_pa[t] = bearing_pa[static_cast<std::size_t>(bearing_of_[t])];
+  std::size_t next = 0;
+  for (std::size_t t = 0; t < bears_.size(); ++t) {
+    if (bears_[t] != 0) frame_.stress_pa[t] = bearing_pa[next++];
   }
 }
 
@@ -192,7 +182,7 @@ void PlanRun::record() {
       nearest_m_[tool] = std::min(nearest_m_[tool], distance_m(tool));
   }
   figures.deepest_penetration_m = std::max(figures.deepest_penetration_m, result.deepest_penetration_m);
-  if (!result.converged && figures.remarks.empty()) {
+  if (!result.converged && !std::exchange(unbalanced_told_, true)) {
     figures.remarks.push_back("at " + number_text(frame_.time_s, 4) + " s pressed nodes are up to " +
                               number_text(result.largest_gap_m * kMillimetresPerMetre, 2) +
                               " mm off their tool: take a smaller time step");

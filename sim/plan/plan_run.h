@@ -6,7 +6,7 @@
 #include <string>
 #include <vector>
 
-#include "sim/cutting/cut_body.h"
+#include "sim/cutting/cut_shape.h"
 #include "sim/manipulation/manipulation.h"
 #include "sim/plan/plan.h"
 
@@ -67,13 +67,12 @@ class PlanRun {
   const Plan& plan_;
   std::vector<std::size_t> manipulated_;  // the plan's number of each tool of the manipulation
   std::vector<std::size_t> place_of_;     // the other way; of scalpels nothing
-  std::optional<CutBody> cut_body_;       // where the plan cuts
+  std::optional<CutShape> shape_;         // where the plan cuts
   std::unique_ptr<Body> body_;
   TetMesh mesh_;
-  std::vector<std::int64_t>
-      bearing_of_;  // (|T| of mesh_): its number in the body, -1 for what has fallen off
+  std::vector<std::uint8_t> bears_;  // (|T| of mesh_); those that do are the body's, in their order
 
-  bool begun_ = false, in_step_ = false;
+  bool begun_ = false, in_step_ = false, unbalanced_told_ = false;
   std::size_t step_ = 0;
   double step_begins_s_ = 0, local_s_ = 0;
   std::vector<double> nearest_m_;  // of each tool that a step moves and that has not touched yet

@@ -75,7 +75,7 @@ TEST_P(CutBodyOnMeshes, SolvesAsABodyMadeAnewFromTheCutMesh) {
     for (int path = 0; path < 3; ++path) {
       std::size_t removed = 0;
       for (const SweepSurface& sweep : sweep_surfaces(test::random_blade_path(extent_of(mesh), random))) {
-        const CutBody::Step step = body.cut(sweep);
+        const CutShape::Step step = body.cut(sweep);
         fallen += step.fallen.size();
         removed += step.cut.change.removed.size();
       }

@@ -35,7 +35,7 @@ double quality(const TetMesh& mesh, std::size_t tetrahedron) {
 std::vector<MeshFault> faults(const TetMesh& mesh) {
   std::vector<MeshFault> found;
   for (const MeshFinding& finding : check_mesh(mesh)) {
-    // A cut may take a part off or a node's last tetrahedron; CutBody says what becomes of them.
+    // A cut may take a part off or a node's last tetrahedron; CutShape says what becomes of them.
     if (finding.fault != MeshFault::kSeveralPieces && finding.fault != MeshFault::kLooseNode)
       found.push_back(finding.fault);
   }
