@@ -1,14 +1,12 @@
 #include "media/remuxer.h"
 
 #include <algorithm>
-#include <exception>
 #include <utility>
 #include <vector>
 
 extern "C" {
 #include <libavcodec/avcodec.h>
 #include <libavformat/avformat.h>
-#include <libavutil/mem.h>
 #include <libavutil/pixdesc.h>
 }
 
@@ -16,8 +14,6 @@ extern "C" {
 
 namespace kiroku::media {
 namespace {
-
-constexpr int kBufferBytes = 1 << 18;
 
 const char* muxer_name(Container container) { return container == Container::kMatroska ? "matroska" : "mp4"; }
 const char* container_name(Container container) {
@@ -59,70 +55,19 @@ bool same_parameters(const AVCodecParameters& a, const AVCodecParameters& b) {
 
 }  // namespace
 
-/// Where libav's callbacks land. An exception may not pass through libav's C code, so it waits in `failure`.
-struct Remuxer::Io {
-  explicit Io(OutputFile& file) : output(file) {}
-
-  OutputFile& output;
-  std::exception_ptr failure;
-  CustomIo context;
-
-  static int write(void* opaque, std::uint8_t* bytes, int size) {
-    auto& io = *static_cast<Io*>(opaque);
-    if (io.failure) {
-      return AVERROR(EIO);
-    }
-    try {
-      io.output.write(std::as_bytes(std::span(bytes, static_cast<std::size_t>(size))));
-      return size;
-    } catch (...) {
-      io.failure = std::current_exception();
-      return AVERROR(EIO);
-    }
-  }
-
-  static std::int64_t seek(void* opaque, std::int64_t offset, int whence) {
-    auto& io = *static_cast<Io*>(opaque);
-    if ((whence & ~AVSEEK_FORCE) == AVSEEK_SIZE) {
-      return static_cast<std::int64_t>(io.output.size());
-    }
-    if ((whence & ~AVSEEK_FORCE) != SEEK_SET || offset < 0) {
-      return AVERROR(EINVAL);
-    }
-    io.output.seek(static_cast<std::uint64_t>(offset));
-    return offset;
-  }
-};
-
 Remuxer::Remuxer(OutputFile& output, Container container, std::string name)
-    : name_(std::move(name)), container_(container), io_(std::make_unique<Io>(output)) {
+    : name_(std::move(name)), container_(container), io_(output) {
   silence_libav();
-  auto* const buffer = static_cast<unsigned char*>(av_malloc(kBufferBytes));
-  if (buffer == nullptr) {
-    throw std::bad_alloc();
-  }
-  io_->context.reset(avio_alloc_context(buffer, kBufferBytes, 1, io_.get(), nullptr, Io::write, Io::seek));
-  if (!io_->context) {
-    av_free(buffer);
-    throw std::bad_alloc();
-  }
 }
 
-Remuxer::~Remuxer() = default;
-
-void Remuxer::check(int result, const std::string& what) {
-  if (io_->failure) {
-    std::rethrow_exception(io_->failure);
-  }
-  require(result, what + " " + name_);
-}
+void Remuxer::check(int result, const std::string& what) const { io_.check(result, what + " " + name_); }
 
 void Remuxer::open(SegmentInput& input) {
   AVFormatContext* raw = nullptr;
   require(avformat_alloc_output_context2(&raw, nullptr, muxer_name(container_), nullptr),
           "cannot begin " + name_);
   context_.reset(raw);
-  context_->pb = io_->context.get();
+  context_->pb = io_.context();
   context_->flags |= AVFMT_FLAG_CUSTOM_IO | AVFMT_FLAG_BITEXACT;
   context_->avoid_negative_ts = AVFMT_AVOID_NEG_TS_MAKE_ZERO;
   for (const AVStream* from : copied_streams(input)) {
@@ -205,8 +150,7 @@ void Remuxer::finish() {
     throw Error("cannot write " + name_ + ": there is no media in it");
   }
   check(av_write_trailer(context_.get()), "cannot finish");
-  avio_flush(io_->context.get());
-  check(io_->context->error, "cannot finish");
+  io_.flush("cannot finish " + name_);
 }
 
 }  // namespace kiroku::media

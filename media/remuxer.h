@@ -2,10 +2,9 @@
 #pragma once
 
 #include <cstdint>
-#include <memory>
 #include <string>
 
-#include "media/output_file.h"
+#include "media/output_io.h"
 #include "media/segment_input.h"
 
 namespace kiroku::media {
@@ -18,7 +17,6 @@ class Remuxer {
  public:
   /// `output` must outlive the object; `name` stands in errors.
   Remuxer(OutputFile& output, Container container, std::string name);
-  ~Remuxer();
   Remuxer(const Remuxer&) = delete;
   Remuxer& operator=(const Remuxer&) = delete;
 
@@ -32,15 +30,13 @@ class Remuxer {
   [[nodiscard]] std::uint64_t frames() const { return frames_; }
 
  private:
-  struct Io;
-
   void open(SegmentInput& input);
   void require_same_streams(SegmentInput& input) const;
-  void check(int result, const std::string& what);
+  void check(int result, const std::string& what) const;
 
   std::string name_;
   Container container_;
-  std::unique_ptr<Io> io_;
+  OutputIo io_;
   OutputContext context_;
   std::uint64_t frames_ = 0;
 };
