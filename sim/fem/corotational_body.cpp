@@ -200,6 +200,8 @@ class CorotationalBody::Search {
 
 CorotationalBody::CorotationalBody(TetMesh mesh, const Materials& materials, Constraints constraints)
     : linear_(std::move(mesh), materials, std::move(constraints)) {
+  if (linear_.constraints().turned())
+    throw Error("nodes with axes of their own are for small displacements: prescribe along x, y and z here");
   elements_.reserve(linear_.mesh().tetrahedra.size());
   for (std::size_t t = 0; t < linear_.mesh().tetrahedra.size(); ++t)
     elements_.push_back(element_of(linear_.mesh(), t));

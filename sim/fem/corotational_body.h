@@ -13,7 +13,7 @@ namespace kiroku::sim {
 /// All of a result is finite, and no element is inverted in it. Not thread-safe.
 class CorotationalBody {
  public:
-  /// What ElasticBody refuses.
+  /// What ElasticBody refuses, and nodes with axes of their own.
   CorotationalBody(TetMesh mesh, const Materials& materials, Constraints constraints);
 
   /// With which it begins: the same body for small displacements.

@@ -70,7 +70,7 @@ ElasticBody::ElasticBody(TetMesh mesh, const Materials& materials, Constraints c
     material_of_.push_back(&found->second);
   }
   refuse_free_motions(mesh_, faces, constraints_);
-  stiffness_ = std::make_unique<StiffnessMatrix>(mesh_, material_of_);
+  stiffness_ = std::make_unique<StiffnessMatrix>(mesh_, material_of_, constraints_.axes());
   free_.resize(3 * mesh_.nodes.size());
   for (std::size_t number = 0; number < free_.size(); ++number) {
     free_[number] = used_[number / 3] && !constraints_.prescribed(number);
@@ -133,8 +133,18 @@ Eigen::VectorXd ElasticBody::borne_n(Eigen::VectorXd force_n) const {
 }
 
 StaticSolution ElasticBody::solve(const Eigen::VectorXd& force_n) const {
-  const Eigen::VectorXd& prescribed_m = constraints_.displacement_m();
+  return solve(force_n, constraints_.displacement_m());
+}
+
+StaticSolution ElasticBody::solve(const Eigen::VectorXd& given_n, const Eigen::VectorXd& given_m) const {
+  // Everything is along the nodes' own axes until the end.
+  const Eigen::VectorXd force_n = constraints_.to_own_axes(given_n);
   const auto count = static_cast<std::size_t>(force_n.size());
+  Eigen::VectorXd prescribed_m = Eigen::VectorXd::Zero(force_n.size());
+  for (std::size_t number = 0; number < count; ++number) {
+    const auto i = static_cast<Eigen::Index>(number);
+    if (constraints_.prescribed(number)) prescribed_m[i] = given_m[i];
+  }
   StaticSolution solution;
   // What the prescribed displacements alone would ask of the unknowns, then one step of refinement.
   const Eigen::VectorXd first_n = borne_n(force_n - *stiffness_ * prescribed_m);
@@ -164,6 +174,8 @@ StaticSolution ElasticBody::solve(const Eigen::VectorXd& force_n) const {
                 number_text(largest_residual_n / largest_n, 2) +
                 " only): moduli differ too much, or a Poisson's ratio is too near 0.5");
   }
+  solution.displacement_m = constraints_.from_own_axes(std::move(solution.displacement_m));
+  solution.reaction_force_n = constraints_.from_own_axes(std::move(solution.reaction_force_n));
   return solution;
 }
 
@@ -183,7 +195,12 @@ Eigen::MatrixXd ElasticBody::compliance_columns(std::span<const std::uint32_t> n
         .block<3, 3>(static_cast<Eigen::Index>(3 * std::size_t{nodes[i]}), static_cast<Eigen::Index>(3 * i))
         .setIdentity();
   }
+  // Where no node is turned, columns stay as they are and are not copied.
+  for (Eigen::Index column = 0; constraints_.turned() && column < columns.cols(); ++column)
+    columns.col(column) = constraints_.to_own_axes(columns.col(column));
   factorisation_->solve_columns(columns);
+  for (Eigen::Index column = 0; constraints_.turned() && column < columns.cols(); ++column)
+    columns.col(column) = constraints_.from_own_axes(columns.col(column));
   if (!columns.allFinite()) {
     throw Error("the compliance of node " + std::to_string(nodes.front()) +
                 " and its neighbours is not finite: a modulus is out of all proportion");

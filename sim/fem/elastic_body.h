@@ -67,6 +67,10 @@ class ElasticBody {
   /// `force_n` (3 |V|), finite. One step of iterative refinement after the solve. kiroku::Error where the
   /// result would not be finite, or the equations are not met to 1e-9 of their largest term.
   [[nodiscard]] StaticSolution solve(const Eigen::VectorXd& force_n) const;
+  /// The same components prescribed, with other displacements: `prescribed_m` (3 |V|), along the nodes' own
+  /// axes as the constraints have them; what it says of components that are free is ignored.
+  [[nodiscard]] StaticSolution solve(const Eigen::VectorXd& force_n,
+                                     const Eigen::VectorXd& prescribed_m) const;
 
   /// Columns of K^-1: how forces of 1 N at the nodes, along x, y and z, displace all; (3 |V| x 3 m), m/N,
   /// zero where nothing is free. kiroku::Error where that is not finite. Thread-safe, beside solve() too. The

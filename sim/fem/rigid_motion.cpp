@@ -55,7 +55,10 @@ void add_constraints(std::size_t node, const Motion& motion, const Constraints& 
                      Normal&& normal) {
   for (std::size_t component = 0; component < 3; ++component) {
     if (!constraints.prescribed(3 * node + component)) continue;
-    const auto row = motion.row(static_cast<Eigen::Index>(component));
+    const auto axis = static_cast<Eigen::Index>(component);
+    const Eigen::Matrix<double, 1, 6> row =
+        constraints.turned() ? (constraints.axes()[node].col(axis).transpose() * motion).eval()
+                             : motion.row(axis).eval();
     normal += row.transpose() * row;
   }
 }

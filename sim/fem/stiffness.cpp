@@ -31,13 +31,17 @@ void StiffnessMatrix::add(const Tetrahedron& tetrahedron, BlockOf block_of, Coun
     for (std::size_t b = 0; b < 4; ++b) {
       const std::uint32_t row = tetrahedron[a], column = tetrahedron[b];
       if (row < column || !counts(row) || !counts(column)) continue;
-      blocks_[block_at(row, column)] += block_of(static_cast<Eigen::Index>(a), static_cast<Eigen::Index>(b));
+      const Eigen::Matrix3d block = block_of(static_cast<Eigen::Index>(a), static_cast<Eigen::Index>(b));
+      blocks_[block_at(row, column)] +=
+          axes_.empty() ? block : (axes_[row].transpose() * block * axes_[column]).eval();
     }
   }
 }
 
-StiffnessMatrix::StiffnessMatrix(const TetMesh& mesh, std::span<const Material* const> materials)
+StiffnessMatrix::StiffnessMatrix(const TetMesh& mesh, std::span<const Material* const> materials,
+                                 std::vector<Eigen::Matrix3d> axes)
     : StiffnessMatrix(mesh) {
+  axes_ = std::move(axes);
   for (std::size_t t = 0; t < mesh.tetrahedra.size(); ++t)
     add(mesh.tetrahedra[t], linear_blocks(mesh, t, *materials[t]), [](std::uint32_t) { return true; });
 }

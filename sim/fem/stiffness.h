@@ -20,8 +20,10 @@ inline constexpr std::uint32_t kNoUnknown = 0xFFFFFFFF;
 class StiffnessMatrix {
  public:
   /// `materials` (|T|) is each tetrahedron's. Elements are added in their order, so that the same mesh gives
-  /// the same bits.
-  StiffnessMatrix(const TetMesh& mesh, std::span<const Material* const> materials);
+  /// the same bits. With `axes` (|V|, as Constraints has them; else empty) rows and columns of a node are
+  /// along its own axes: R^T K R.
+  StiffnessMatrix(const TetMesh& mesh, std::span<const Material* const> materials,
+                  std::vector<Eigen::Matrix3d> axes = {});
   /// From other elements than linear ones; `element_matrix` is asked for each tetrahedron in turn.
   StiffnessMatrix(const TetMesh& mesh,
                   const std::function<Eigen::Matrix<double, 12, 12>(std::size_t)>& element_matrix);
@@ -34,7 +36,7 @@ class StiffnessMatrix {
               std::span<const std::uint32_t> nodes);
 
   [[nodiscard]] std::size_t nodes() const { return begin_.size() - 1; }
-  /// K u; (3 |V|), N for m.
+  /// K u; (3 |V|), N for m, both along the nodes' own axes.
   [[nodiscard]] Eigen::VectorXd operator*(const Eigen::VectorXd& displacement_m) const;
 
   /// The block column of a node: the nodes of its rows, ascending from itself (only this triangle is kept)
@@ -57,6 +59,7 @@ class StiffnessMatrix {
   std::vector<std::size_t> begin_;  // (|V| + 1)
   std::vector<std::uint32_t> rows_;
   std::vector<Eigen::Matrix3d> blocks_;
+  std::vector<Eigen::Matrix3d> axes_;  // (|V|), or empty
 };
 
 }  // namespace kiroku::sim

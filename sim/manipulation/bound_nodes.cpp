@@ -16,6 +16,8 @@ Eigen::Index at(std::size_t node) { return static_cast<Eigen::Index>(3 * node); 
 
 BoundNodes::BoundNodes(const ContactBody& body) : body_(&body), bound_(body.body().mesh().nodes.size()) {
   const TetMesh& mesh = body.body().mesh();
+  if (body.body().constraints().turned())
+    throw Error("a body whose nodes have axes of their own cannot be grasped: prescribe along x, y and z");
   const Compliance& compliance = body.compliance();
   unheld_m_ = Eigen::VectorXd::Zero(at(compliance.rows()));
   if (compliance.complete()) {

@@ -47,7 +47,8 @@ struct ManipulationResult {
 class Manipulation {
  public:
   /// The body as it lies under its load, no tool there, nothing held. kiroku::UsageError for tools without
-  /// extent or name, for two of one name, and for options without sense.
+  /// extent or name, for two of one name, and for options without sense; kiroku::Error for a body whose nodes
+  /// have axes of their own.
   Manipulation(const ContactBody& body, std::vector<Tool> tools, const ContactOptions& options = {});
 
   /// Goes on where `previous` is, on a body whose nodes have the same numbers but which may be shaped and
