@@ -74,10 +74,13 @@ std::string_view MeshCursor::line() {
   return whole;
 }
 
-void MeshCursor::skip_past(std::string_view end) {
+std::string_view MeshCursor::until(std::string_view end) {
   const std::size_t found = text_.find(end, at_);
   if (found == std::string_view::npos) fail("there is no " + std::string(end) + " after this");
+  const std::string_view before = text_.substr(at_, found - at_);
+  last_ = at_;
   at_ = found + end.size();
+  return before;
 }
 
 std::string_view MeshCursor::expected_word(const char* what) {

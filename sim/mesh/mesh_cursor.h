@@ -32,7 +32,9 @@ class MeshCursor {
   /// The rest of this line, without white space around it, and past its end.
   std::string_view line();
   /// Past `end`, wherever it comes next; refused where it does not.
-  void skip_past(std::string_view end);
+  void skip_past(std::string_view end) { until(end); }
+  /// What comes before `end`, which is passed too.
+  std::string_view until(std::string_view end);
 
   /// Words of the text, whatever the mode: for headers.
   std::int64_t text_integer(const char* what);

@@ -9,9 +9,8 @@
 #include "base/error.h"
 
 namespace kiroku::sim {
-namespace {
 
-std::string read_whole(const std::filesystem::path& file) {
+std::string read_mesh_text(const std::filesystem::path& file) {
   const std::unique_ptr<std::FILE, int (*)(std::FILE*)> in(std::fopen(file.c_str(), "rb"), &std::fclose);
   if (!in) throw IoError("read", file, errno);
   struct stat status {};
@@ -24,8 +23,6 @@ std::string read_whole(const std::filesystem::path& file) {
   return text;
 }
 
-}  // namespace
-
 MeshFile read_mesh(const std::filesystem::path& file, LengthUnit unit) {
   std::string ending = file.extension().string();
   std::ranges::transform(ending, ending.begin(),
@@ -37,7 +34,7 @@ MeshFile read_mesh(const std::filesystem::path& file, LengthUnit unit) {
   if (parse == nullptr) {
     throw UsageError("cannot read the mesh " + file.string() + ": its ending is none of .msh, .vtk, .veg");
   }
-  return parse(read_whole(file), file.string(), unit);
+  return parse(read_mesh_text(file), file.string(), unit);
 }
 
 }  // namespace kiroku::sim

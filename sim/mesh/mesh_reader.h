@@ -35,6 +35,9 @@ struct MeshFile {
 /// ending.
 MeshFile read_mesh(const std::filesystem::path& file, LengthUnit unit);
 
+/// The whole of a regular file. kiroku::IoError, kiroku::UsageError.
+std::string read_mesh_text(const std::filesystem::path& file);
+
 /// `name` stands in errors.
 MeshFile parse_msh(std::string_view file, const std::string& name, LengthUnit unit);
 MeshFile parse_vtk(std::string_view file, const std::string& name, LengthUnit unit);
