@@ -1,5 +1,5 @@
-// kiroku: what people start. What asks the running recorder is answered here, with a few small libraries:
-// loading those of cameras and codecs would take far longer than the answer. What simulates becomes
+// kiroku: what people start. What needs only a few small libraries is answered here: loading those of
+// cameras and codecs would often take far longer than the answer. What simulates becomes
 // kiroku-sim, everything else kiroku-full.
 
 #include <algorithm>
@@ -18,7 +18,8 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr std::array<std::string_view, 2> kAnsweredHere{"case", "status"};
+constexpr std::array<std::string_view, 7> kAnsweredHere{"case",   "cases", "log",   "seal",
+                                                        "status", "token", "unseal"};
 constexpr std::array<std::string_view, 2> kSimulates{"plan", "sim"};
 
 /// Beside this program, as it is built, or where it is installed.
@@ -37,7 +38,12 @@ int main(int argc, char** argv) {
   if (argc > 1 && std::ranges::count(kAnsweredHere, argv[1]) > 0) {
     Program answers("kiroku", "records operations, sealed and time-stamped, and proves it", "");
     add_case_command(answers.root());
+    add_cases_command(answers.root());
+    add_log_command(answers.root());
+    add_seal_command(answers.root());
     add_status_command(answers.root());
+    add_token_command(answers.root());
+    add_unseal_command(answers.root());
     return answers.run(argc, argv);
   }
   const bool simulates = argc > 1 && std::ranges::count(kSimulates, argv[1]) > 0;
