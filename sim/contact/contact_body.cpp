@@ -121,18 +121,4 @@ void ContactBody::displacement_m(std::span<const Contact> contacts, Eigen::Vecto
   }
 }
 
-void ContactBody::surface_positions_m(std::span<const Contact> contacts, Eigen::VectorXd& positions_m) const {
-  positions_m = surface_rest_m_;
-  for (const Contact& contact : contacts) {
-    const auto group = compliance_->group_of(contact.node);
-    const auto columns = group->columns.middleCols<3>(Compliance::first_column(*group, contact.node));
-    if (!compliance_->complete()) {
-      positions_m += columns.lazyProduct(contact.force_n);
-      continue;
-    }
-    for (std::size_t place = 0; place < surface().size(); ++place)
-      positions_m.segment<3>(at(place)) += columns.middleRows<3>(at(surface()[place])) * contact.force_n;
-  }
-}
-
 }  // namespace kiroku::sim

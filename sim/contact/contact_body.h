@@ -41,10 +41,6 @@ class ContactBody {
   /// compliance is complete(), then without allocation after the first time; by a solve if not.
   void displacement_m(std::span<const Contact> contacts, Eigen::VectorXd& displacement_m) const;
 
-  /// Where the nodes of surface() are under the forces; (3 |surface|), by columns, which are computed where
-  /// they are missing.
-  void surface_positions_m(std::span<const Contact> contacts, Eigen::VectorXd& positions_m) const;
-
  private:
   const ElasticBody& body_;
   Eigen::VectorXd load_n_, unloaded_m_, rest_m_, surface_rest_m_;

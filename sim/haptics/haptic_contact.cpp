@@ -4,7 +4,7 @@
 #include <utility>
 
 #include "base/error.h"
-#include "sim/contact/contact_simulation.h"
+#include "sim/contact/near_tools.h"
 
 namespace kiroku::sim {
 

@@ -6,7 +6,7 @@
 #include <utility>
 
 #include "base/error.h"
-#include "sim/contact/contact_simulation.h"
+#include "sim/contact/near_tools.h"
 #include "sim/fem/number_text.h"
 
 namespace kiroku::sim {
@@ -220,7 +220,8 @@ std::vector<std::uint32_t> Manipulation::places_near() const {
   return places;
 }
 
-/// After ContactSimulation::step(), on the body as it is held.
+/// Contacts on the body as it is held, found among the nodes near tools; repeated with more of them until the
+/// whole surface is clear of tools.
 Manipulation::Pressed Manipulation::press(std::span<const OptionalPose> poses, Eigen::VectorXd untouched_m) {
   Pressed next;
   std::vector<ContactTool> solids;

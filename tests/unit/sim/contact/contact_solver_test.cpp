@@ -11,7 +11,6 @@
 
 #include "base/error.h"
 #include "sim/contact/contact_body.h"
-#include "sim/contact/contact_simulation.h"
 #include "tests/support/tet_cylinder.h"
 #include "tests/support/tet_grid.h"
 
@@ -556,34 +555,6 @@ TEST_F(ContactTest, AnotherNeighbourhoodCarriesOn) {
     const Vector3& expected_n = whole.result().tools[tool].force_n;
     EXPECT_LE((part.result().tools[tool].force_n - expected_n).norm(), 1e-6 * expected_n.norm());
   }
-}
-
-TEST_F(ContactTest, StepsWithColumnsOnDemandAreThoseOfTheWholeSurface) {
-  // So little memory that columns come and go.
-  const ContactBody small(body_, {}, {2, std::size_t{200} << 10});
-  ASSERT_FALSE(small.compliance().complete());
-  std::vector<ContactTool> tools{fingertip("one"), fingertip("two"), {"jaw", Box{{0.002, 0.01, 0.01}}, true}};
-  ContactSolver whole(surface_, tools);
-  ContactSimulation simulation(small, tools);
-  std::vector<Pose> poses(3);
-  for (int step = 0; step <= 20; ++step) {
-    const double in_m = 0.0003 * step;
-    poses = {at_place(0.041 - in_m, 0.001 * step, 0.06), at_place(-0.041 + in_m, 0, 0.08 - 0.001 * step),
-             at_place(0.0002 * step, 0.033 - in_m, 0.05)};
-    const ContactResult& expected = whole.step(poses);
-    const ContactResult& found = simulation.step(poses);
-    EXPECT_TRUE(found.converged);
-    EXPECT_LE(found.deepest_penetration_m, 1e-6 * surface_->size_m);
-    for (std::size_t tool = 0; tool < tools.size(); ++tool) {
-      EXPECT_LE((found.tools[tool].force_n - expected.tools[tool].force_n).norm(),
-                1e-4 * (1e-3 + expected.tools[tool].force_n.norm()))
-          << step << " " << tool;
-    }
-  }
-  EXPECT_LT(small.compliance().usage().groups_computed, 1000U);
-  Eigen::VectorXd expected_m;
-  contact_.displacement_m(whole.result().contacts, expected_m);
-  EXPECT_LE((simulation.displacement_m() - expected_m).norm(), 1e-4 * expected_m.norm());
 }
 
 TEST(Contact, WeightActsBesideContact) {

@@ -9,7 +9,6 @@
 #include <gtest/gtest.h>
 
 #include "base/error.h"
-#include "sim/contact/contact_simulation.h"
 #include "tests/support/tet_cylinder.h"
 #include "tests/support/tet_grid.h"
 
@@ -318,12 +317,14 @@ TEST(Manipulation, ContactsWhileHeldAreThoseOfABodyWithItsNodesPrescribed) {
   prescribed.carry(nodes_of(result, 1), at_grasp_m, pin_from, *poses[1]);
   const ElasticBody body = prescribed.body();
   const ContactBody contact(body, organ.weight_n);
-  ContactSimulation direct(
-      contact,
+  ContactSolver direct(
+      contact.whole_surface(),
       {{"finger", Sphere{0.01}}, {"blade", Box{{0.003, 0.015, 0.015}}}, {"hook", Capsule{0.004, 0.02}}});
   const ContactResult& expected = direct.step(std::vector<Pose>{*poses[2], *poses[3], *poses[4]});
   EXPECT_TRUE(expected.converged);
-  const double error_m = largest(direct.displacement_m() - manipulation.displacement_m());
+  Eigen::VectorXd expected_m;
+  contact.displacement_m(expected.contacts, expected_m);
+  const double error_m = largest(expected_m - manipulation.displacement_m());
   EXPECT_LE(error_m, 1e-6 * kLength_m);
   record("displacement_of_size", error_m / kLength_m);
   for (std::size_t tool = 0; tool < 3; ++tool) {
@@ -335,6 +336,43 @@ TEST(Manipulation, ContactsWhileHeldAreThoseOfABodyWithItsNodesPrescribed) {
   }
   // And to the last bits but some, the forces found are those that give these displacements.
   expect_balance(organ, manipulation, poses);
+}
+
+TEST(Manipulation, StepsWithColumnsOnDemandAreThoseOfTheWholeSurface) {
+  const TetMesh mesh = test::tet_cylinder(5, 8, kRadius_m, kLength_m);
+  const ElasticBody body(mesh, {{0, {1e4, 0.4}}}, held_below(mesh));
+  const ContactBody all(body);
+  // So little memory that columns come and go.
+  const ContactBody small(body, {}, {2, std::size_t{200} << 10});
+  ASSERT_FALSE(small.compliance().complete());
+  const std::vector<Tool> tools{finger("one", 0.01), finger("two", 0.01),
+                                flat_retractor("jaw", {0.002, 0.01, 0.01}, true)};
+  std::vector<ContactTool> solids;
+  for (const Tool& tool : tools)
+    solids.push_back({tool.name, tool.shape, tool.action == ToolAction::kSticks});
+  ContactSolver whole(all.whole_surface(), solids);
+  Manipulation manipulation(small, tools);
+  const double size_m = all.whole_surface()->size_m;
+  for (int step = 0; step <= 20; ++step) {
+    const double in_m = 0.0003 * step;
+    const std::vector<Pose> poses{at_place(0.041 - in_m, 0.001 * step, 0.06),
+                                  at_place(-0.041 + in_m, 0, 0.08 - 0.001 * step),
+                                  at_place(0.0002 * step, 0.033 - in_m, 0.05)};
+    const ContactResult& expected = whole.step(poses);
+    const ManipulationResult& found =
+        manipulation.step(std::vector<OptionalPose>(poses.begin(), poses.end()));
+    EXPECT_TRUE(found.converged);
+    EXPECT_LE(found.deepest_penetration_m, 1e-6 * size_m);
+    for (std::size_t tool = 0; tool < tools.size(); ++tool) {
+      EXPECT_LE((found.tools[tool].force_n - expected.tools[tool].force_n).norm(),
+                1e-4 * (1e-3 + expected.tools[tool].force_n.norm()))
+          << step << " " << tool;
+    }
+  }
+  EXPECT_LT(small.compliance().usage().groups_computed, 1000U);
+  Eigen::VectorXd expected_m;
+  all.displacement_m(whole.result().contacts, expected_m);
+  EXPECT_LE((manipulation.displacement_m() - expected_m).norm(), 1e-4 * expected_m.norm());
 }
 
 TEST(Manipulation, TissueThatIsPulledIntoASolidIsPressed) {
