@@ -10,7 +10,6 @@
 #include <netinet/in.h>
 #include <sys/socket.h>
 #include <system_error>
-#include <unistd.h>
 
 #include "base/error.h"
 
@@ -59,20 +58,15 @@ UdpDevice::UdpDevice(std::size_t tools, const std::string& address, std::uint16_
     throw Error("cannot listen for haptic datagrams on " + address + " port " + std::to_string(port) + ": " +
                 std::generic_category().message(error_number));
   };
-  socket_ = ::socket(AF_INET, SOCK_DGRAM | SOCK_NONBLOCK | SOCK_CLOEXEC, 0);
-  if (socket_ < 0) fail(errno);
+  socket_ = Descriptor(::socket(AF_INET, SOCK_DGRAM | SOCK_NONBLOCK | SOCK_CLOEXEC, 0));
+  if (!socket_) fail(errno);
   sockaddr_in own = socket_address(parsed.s_addr, htons(port));
   socklen_t length = sizeof own;
-  if (::bind(socket_, reinterpret_cast<const sockaddr*>(&own), length) != 0 ||
-      ::getsockname(socket_, reinterpret_cast<sockaddr*>(&own), &length) != 0) {
-    const int error_number = errno;
-    ::close(socket_);
-    fail(error_number);
-  }
+  if (::bind(socket_.number(), reinterpret_cast<const sockaddr*>(&own), length) != 0 ||
+      ::getsockname(socket_.number(), reinterpret_cast<sockaddr*>(&own), &length) != 0)
+    fail(errno);
   port_ = ntohs(own.sin_port);
 }
-
-UdpDevice::~UdpDevice() { ::close(socket_); }
 
 bool UdpDevice::read(std::span<Pose> poses) {
   // One byte more than the longest, so that longer ones do not pass for it.
@@ -82,7 +76,7 @@ bool UdpDevice::read(std::span<Pose> poses) {
   for (int looked_at = 0; looked_at < kMostDatagrams; ++looked_at) {
     sockaddr_in sender{};
     socklen_t sender_length = sizeof sender;
-    const ssize_t received = ::recvfrom(socket_, datagram.data(), datagram.size(), 0,
+    const ssize_t received = ::recvfrom(socket_.number(), datagram.data(), datagram.size(), 0,
                                         reinterpret_cast<sockaddr*>(&sender), &sender_length);
     if (received < 0) {
       if (errno == EINTR) continue;
@@ -151,7 +145,7 @@ void UdpDevice::write(std::span<const Vector3> forces_n) {
   }
   const sockaddr_in to = socket_address(peer_.address, peer_.port);
   const std::size_t length = kHeader + kForceBytes * tools_;
-  if (::sendto(socket_, datagram.data(), length, 0, reinterpret_cast<const sockaddr*>(&to), sizeof to) !=
+  if (::sendto(socket_.number(), datagram.data(), length, 0, reinterpret_cast<const sockaddr*>(&to), sizeof to) !=
       static_cast<ssize_t>(length)) {
     ++counts_.not_sent;
   }

@@ -18,6 +18,7 @@
 #include <cstdint>
 #include <string>
 
+#include "base/descriptor.h"
 #include "sim/haptics/haptic_device.h"
 
 namespace kiroku::sim {
@@ -28,9 +29,6 @@ class UdpDevice : public HapticDevice {
   /// `address` in numbers, IPv4; port 0 takes a free one. kiroku::UsageError for an address that is none or
   /// more than kMostTools, kiroku::Error where the address cannot be had.
   UdpDevice(std::size_t tools, const std::string& address = "127.0.0.1", std::uint16_t port = 0);
-  ~UdpDevice() override;
-  UdpDevice(const UdpDevice&) = delete;
-  UdpDevice& operator=(const UdpDevice&) = delete;
 
   [[nodiscard]] std::uint16_t port() const { return port_; }
   [[nodiscard]] std::size_t tools() const override { return tools_; }
@@ -62,7 +60,7 @@ class UdpDevice : public HapticDevice {
   };
 
   std::size_t tools_;
-  int socket_ = -1;
+  Descriptor socket_;
   std::uint16_t port_ = 0;
   Peer peer_;
   bool has_peer_ = false;
