@@ -1,5 +1,6 @@
 #include "apps/sim/plan_command.h"
 
+#include <array>
 #include <chrono>
 #include <filesystem>
 #include <iostream>
@@ -10,9 +11,11 @@
 #include "apps/common/format.h"
 #include "apps/common/json_output.h"
 #include "apps/common/progress.h"
+#include "apps/common/step_line.h"
 #include "apps/kiroku/output_file.h"
 #include "base/error.h"
 #include "sim/fem/number_text.h"
+#include "sim/meshing/mesh_recipe.h"
 #include "sim/plan/plan_report.h"
 
 namespace kiroku::apps {
@@ -23,12 +26,16 @@ namespace fs = std::filesystem;
 struct Request {
   std::string plan, output;
   std::optional<std::string> every;
-  bool json = false;
+  bool json = false, force = false;
 };
 
 /// The plan, or nothing once all its errors are told.
 std::optional<sim::Plan> read(const Request& request) {
-  sim::PlanReading reading = sim::read_plan(request.plan);
+  sim::PlanReading reading = [&] {
+    StepLine line;
+    return sim::read_plan(request.plan,
+                          sim::recipe_mesh_maker([&](const std::string& step) { line.show(step); }));
+  }();
   if (request.json && !reading.plan) print_json({{"plan", request.plan}, {"errors", reading.errors}});
   if (!request.json) {
     for (const std::string& error : reading.errors) print_error("kiroku", error);
@@ -90,14 +97,38 @@ double interval_s(const Request& request) {
   return seconds;
 }
 
+constexpr std::array<const char*, 5> kTables{"plan.pvd", "forces.csv", "stress.csv", "tools.csv",
+                                             "steps.json"};
+
+/// Takes away what an earlier run left in the folder, and nothing else. kiroku::IoError.
+void remove_earlier_run(const fs::path& folder) {
+  std::error_code failed;
+  const auto remove = [&](const fs::path& file) {
+    fs::remove(file, failed);
+    if (failed) throw IoError("remove", file, failed.value());
+  };
+  for (const char* const table : kTables) remove(folder / table);
+  if (!fs::is_directory(folder / "frames")) return;
+  std::vector<fs::path> frames;
+  for (const auto& entry : fs::directory_iterator(folder / "frames")) {
+    if (entry.path().extension() == ".vtu") frames.push_back(entry.path());
+  }
+  for (const fs::path& frame : frames) remove(frame);
+}
+
 /// The list of frames that ParaView opens as one film.
 class Series {
  public:
-  explicit Series(fs::path folder) : folder_(std::move(folder)) {
+  Series(fs::path folder, bool force) : folder_(std::move(folder)) {
     std::error_code failed;
-    if (fs::exists(folder_) && (!fs::is_directory(folder_) || !fs::is_empty(folder_)))
+    if (fs::exists(folder_) && !fs::is_directory(folder_))
+      throw UsageError("--output is '" + folder_.string() + "', which is no folder: name another");
+    if (fs::exists(folder_) && force) remove_earlier_run(folder_);
+    if (fs::exists(folder_) && !force && !fs::is_empty(folder_)) {
       throw UsageError("--output is '" + folder_.string() +
-                       "', which is there and not an empty folder: name another");
+                       "', which is there and not an empty folder: name another, or give --force to replace "
+                       "an earlier run");
+    }
     fs::create_directories(folder_ / "frames", failed);
     if (failed) throw IoError("create", folder_ / "frames", failed.value());
   }
@@ -147,14 +178,33 @@ int run(const Request& request) {
   const double every_s = interval_s(request);
   const auto plan = read(request);
   if (!plan) return kRefused;
-  Series series(request.output);
+  Series series(request.output, request.force);
   const auto begin = std::chrono::steady_clock::now();
   sim::PlanRun run(*plan);
   sim::PlanTables tables(*plan);
   const double all_s = duration_s(*plan);
   Progress progress("running the plan");
+  const fs::path folder = request.output;
+  std::string steps;
+  const auto finish = [&](const std::optional<std::string>& stopped) {
+    progress.clear();
+    series.finish();
+    write(folder / "forces.csv", tables.forces());
+    write(folder / "stress.csv", tables.stress());
+    write(folder / "tools.csv", tables.tools());
+    steps = sim::steps_json(*plan, run, stopped);
+    write(folder / "steps.json", steps);
+  };
   double next_s = 0;
-  while (run.next()) {
+  const auto next = [&] {
+    try {
+      return run.next();
+    } catch (const Error& stopped) {
+      finish(stopped.what());
+      throw Error(std::string(stopped.what()) + "; " + folder.string() + " holds what came before");
+    }
+  };
+  while (next()) {
     tables.add(run);
     const sim::PlanFrame& frame = run.frame();
     // The end of each step is always kept.
@@ -168,14 +218,7 @@ int run(const Request& request) {
     progress.update(static_cast<std::uint64_t>(frame.time_s * kMillisecondsPerSecond),
                     static_cast<std::uint64_t>(all_s * kMillisecondsPerSecond));
   }
-  progress.clear();
-  series.finish();
-  const fs::path folder = request.output;
-  write(folder / "forces.csv", tables.forces());
-  write(folder / "stress.csv", tables.stress());
-  write(folder / "tools.csv", tables.tools());
-  const std::string steps = sim::steps_json(*plan, run);
-  write(folder / "steps.json", steps);
+  finish({});
   if (request.json) {
     std::cout << steps;
     return kDone;
@@ -214,6 +257,7 @@ void add_plan_command(Command& program) {
   ran.required_option("-o,--output", "DIR", run_request->output, "where to; absent or empty");
   ran.option("--frames-every", "SECONDS", run_request->every,
              "writes fewer frames; the end of each step always", "every time step");
+  ran.flag("-f,--force", run_request->force, "replaces what an earlier run left in DIR");
   ran.flag("--json", run_request->json, "prints the figures of the steps as one JSON object instead");
   ran.explain(
       "Writes DIR/plan.pvd with DIR/frames/*.vtu (ParaView: displacement, stress, von Mises stress), "

@@ -8,36 +8,18 @@
 #include <nlohmann/json.hpp>
 
 #include "apps/common/json_output.h"
-#include "apps/common/terminal.h"
+#include "apps/common/step_line.h"
 #include "apps/kiroku/output_file.h"
 #include "apps/sim/sim_command.h"
 #include "base/error.h"
 #include "sim/fem/number_text.h"
 #include "sim/mesh/mesh_writer.h"
-#include "sim/meshing/body_regions.h"
-#include "sim/meshing/lung_mask.h"
-#include "sim/meshing/organ_mesher.h"
+#include "sim/meshing/mesh_recipe.h"
 
 namespace kiroku::apps {
 namespace {
 
 using sim::number_text;
-
-/// What is being done, on a line of its own that the next takes; only on a terminal.
-class StepLine {
- public:
-  ~StepLine() {
-    if (drawn_) std::cerr << "\r\033[K" << std::flush;
-  }
-  void show(const std::string& step) {
-    if (!errors_are_terminal()) return;
-    std::cerr << "\r" << printable(step) << " ...\033[K" << std::flush;
-    drawn_ = true;
-  }
-
- private:
-  bool drawn_ = false;
-};
 
 struct VolumeRequest {
   std::string path;
@@ -59,9 +41,8 @@ std::string triple_text(const sim::Vector3& v, const char* between) {
   return number_text(v.x(), 5) + between + number_text(v.y(), 5) + between + number_text(v.z(), 5);
 }
 
-nlohmann::ordered_json volume_json(const sim::VolumeFile& file) {
+nlohmann::ordered_json volume_json(const sim::VolumeFile& file, const sim::HuRange& range) {
   const sim::Grid& grid = file.volume.grid;
-  const sim::HuRange range = sim::range_of(file.volume);
   nlohmann::ordered_json object{{"format", file.format},
                                 {"size", grid.size},
                                 {"spacing_mm", json_vector(1000 * grid.spacing_m)},
@@ -81,12 +62,12 @@ nlohmann::ordered_json volume_json(const sim::VolumeFile& file) {
 
 int run_volume(const VolumeRequest& request) {
   const sim::VolumeFile file = sim::read_volume(request.path, request.options());
+  const sim::HuRange range = sim::range_of(file.volume);
   if (request.json) {
-    print_json(volume_json(file));
+    print_json(volume_json(file, range));
     return kDone;
   }
   const sim::Grid& grid = file.volume.grid;
-  const sim::HuRange range = sim::range_of(file.volume);
   const sim::Vector3 size(double(grid.size[0]), double(grid.size[1]), double(grid.size[2]));
   std::cout << request.path << ": " << file.format << ", " << triple_text(size, " x ") << " voxels of "
             << triple_text(1000 * grid.spacing_m, " x ") << " mm\n"
@@ -111,73 +92,41 @@ std::size_t parse_count(const std::string& text, const std::string& what) {
   return count;
 }
 
-void check(const MeshCommandRequest& request) {
-  const auto ending = std::filesystem::path(request.output).extension();
+void check_output(const std::string& output) {
+  const auto ending = std::filesystem::path(output).extension();
   if (ending != ".msh" && ending != ".vtu") {
-    throw UsageError("--output is '" + request.output +
+    throw UsageError("--output is '" + output +
                      "': its ending must be .msh (for sim solve, Gmsh) or .vtu (for ParaView)");
   }
-  const bool lung_by_hu = request.organ == "lung" && !request.labels && !request.threshold;
-  if (lung_by_hu && request.regions.empty()) return;
-  if (request.threshold.has_value() == request.labels.has_value()) {
-    throw UsageError(
-        "say what of the volume to mesh: by --threshold or by --labels, one of them; only '--organ lung' is "
-        "found without");
-  }
-  if (!request.labels && (request.organ || !request.regions.empty())) {
-    throw UsageError("--organ and --region choose among labels: give --labels too");
-  }
 }
 
-std::vector<sim::RegionLabels> chosen_regions(const MeshCommandRequest& request) {
-  std::vector<sim::RegionLabels> regions;
-  if (request.organ) {
-    const sim::Organ& organ = sim::organ_named(*request.organ);
-    regions.push_back({std::string(organ.name), {organ.labels}});
-  }
-  for (const std::string& text : request.regions) regions.push_back(sim::parse_region_labels(text));
-  return regions;
+sim::MeshRecipe recipe_of(const MeshCommandRequest& request) {
+  sim::MeshRecipe recipe;
+  recipe.volume = request.volume.path;
+  recipe.reading = request.volume.options();
+  if (request.threshold) recipe.threshold = sim::parse_hu_interval(*request.threshold);
+  recipe.labels = request.labels;
+  recipe.organ = request.organ;
+  for (const std::string& text : request.regions) recipe.regions.push_back(sim::parse_region_labels(text));
+  recipe.contours = request.contours;
+  if (request.vertices) recipe.nodes = parse_count(*request.vertices, "--vertices");
+  if (request.pieces) recipe.pieces = parse_count(*request.pieces, "--pieces");
+  return recipe;
 }
 
-sim::BodyRegions body_of(const MeshCommandRequest& request, const sim::VolumeFile& file, StepLine& line) {
-  sim::BodyRegions body;
-  if (request.threshold) {
-    body = sim::regions_of_threshold(file.volume, sim::parse_hu_interval(*request.threshold));
-  } else if (!request.labels) {
-    line.show("finding the lungs");
-    body.map = sim::find_lungs(file.volume).map;
-    body.add("lung");
-  } else {
-    line.show("reading " + *request.labels);
-    sim::LabelMap labels = sim::read_label_map(*request.labels);
-    if (!sim::same_places(labels.grid, file.volume.grid)) labels = sim::resampled(labels, file.volume.grid);
-    body = sim::regions_of_labels(std::move(labels), chosen_regions(request));
-  }
-  if (request.contours) sim::add_contours(body, sim::read_contours(*request.contours), file);
-  return body;
+std::string name_of(const sim::RecipeMesh& answer, std::int32_t region) {
+  const auto found = answer.region_names.find(region);
+  return found == answer.region_names.end() ? "" : found->second;
 }
 
-std::string name_of(const sim::BodyRegions& body, std::int32_t region) {
-  const auto found = body.names.find(region);
-  return found == body.names.end() ? "" : found->second;
-}
-
-struct MeshAnswer {
-  sim::BodyRegions body;
-  sim::OrganMesh made;
-  nlohmann::ordered_json volume;
-  std::vector<std::string> warnings;
-};
-
-void print_mesh(const MeshCommandRequest& request, const MeshAnswer& answer, const std::string& unit) {
+void print_mesh(const MeshCommandRequest& request, const sim::RecipeMesh& answer, const std::string& unit) {
   const sim::OrganMesh& result = answer.made;
-  const sim::BodyRegions& body = answer.body;
   const sim::MeshQuality& quality = result.quality;
   if (request.volume.json) {
     nlohmann::ordered_json regions = nlohmann::ordered_json::array();
     for (const auto& [region, measures] : quality.regions) {
       regions.push_back({{"region", region},
-                         {"name", name_of(body, region)},
+                         {"name", name_of(answer, region)},
                          {"tetrahedra", measures.tetrahedra},
                          {"volume_ml", 1e6 * measures.volume_m3}});
     }
@@ -204,15 +153,15 @@ void print_mesh(const MeshCommandRequest& request, const MeshAnswer& answer, con
                   {"island_tetrahedra", result.cleaned.island_tetrahedra},
                   {"hinge_tetrahedra", result.cleaned.hinge_tetrahedra},
                   {"split_nodes", result.cleaned.split_nodes}}},
-                {"volume", answer.volume},
-                {"warnings", answer.warnings}});
+                {"volume", volume_json(answer.volume, answer.hu)},
+                {"warnings", answer.findings}});
     return;
   }
   std::cout << request.output << ": " << result.mesh.nodes.size() << " vertices, "
             << result.mesh.tetrahedra.size() << " tetrahedra, " << number_text(1e6 * quality.volume_m3, 4)
             << " ml, in " << unit << "\n";
   for (const auto& [region, measures] : quality.regions) {
-    std::cout << "  region " << region << "  " << printable(name_of(body, region)) << ": "
+    std::cout << "  region " << region << "  " << printable(name_of(answer, region)) << ": "
               << measures.tetrahedra << " tetrahedra, " << number_text(1e6 * measures.volume_m3, 4)
               << " ml\n";
   }
@@ -228,38 +177,20 @@ void print_mesh(const MeshCommandRequest& request, const MeshAnswer& answer, con
 }
 
 int run_mesh(const MeshCommandRequest& request) {
-  check(request);
-  sim::MeshRequest wanted;
-  if (request.organ) wanted.pieces = sim::organ_named(*request.organ).pieces;
-  if (request.vertices) wanted.nodes = parse_count(*request.vertices, "--vertices");
-  if (request.pieces) wanted.pieces = parse_count(*request.pieces, "--pieces");
+  check_output(request.output);
   const std::string unit = request.unit.value_or("mm");
-  MeshAnswer answer;
-  {
+  const sim::RecipeMesh answer = [&] {
     StepLine line;
-    line.show("reading " + request.volume.path);
-    sim::VolumeFile file = sim::read_volume(request.volume.path, request.volume.options());
-    answer.body = body_of(request, file, line);
-    answer.volume = volume_json(file);
-    answer.warnings = file.findings;
-    file = {};  // much of the memory
-    answer.made =
-        sim::make_organ_mesh(answer.body.map, wanted, [&](const std::string& step) { line.show(step); });
-  }
-  answer.warnings.insert(answer.warnings.end(), answer.made.findings.begin(), answer.made.findings.end());
-  for (const auto& [region, name] : answer.body.names) {
-    if (answer.made.quality.regions.contains(region)) continue;
-    answer.warnings.push_back("nothing of the region " + std::to_string(region) + " '" + name +
-                              "' is in the mesh");
-  }
+    return sim::make_mesh(recipe_of(request), [&](const std::string& step) { line.show(step); });
+  }();
   if (!request.volume.json) {
-    for (const std::string& warning : answer.warnings) print_error("kiroku", "warning: " + warning);
+    for (const std::string& finding : answer.findings) print_error("kiroku", "warning: " + finding);
   }
   const sim::LengthUnit length_unit = unit == "m" ? sim::LengthUnit::kMetre : sim::LengthUnit::kMillimetre;
   const sim::TetMesh& mesh = answer.made.mesh;
   const std::string text = std::filesystem::path(request.output).extension() == ".vtu"
                                ? sim::vtu_text(mesh, length_unit, {}, {})
-                               : sim::msh_text(mesh, length_unit, answer.body.names);
+                               : sim::msh_text(mesh, length_unit, answer.region_names);
   OutputFile output(request.output);
   output.write(bytes_of(text));
   output.commit(OutputFile::Durability::kEventually);

@@ -45,8 +45,9 @@ std::string read_document(const std::filesystem::path& file) {
   return {std::istreambuf_iterator<char>(in), std::istreambuf_iterator<char>()};
 }
 
-BodyReader::BodyReader(const JsonField& document, const std::filesystem::path& folder) {
-  read_mesh_and_unit(document, folder);
+BodyReader::BodyReader(const JsonField& document, const std::filesystem::path& folder,
+                       const MeshMaker& maker) {
+  read_mesh_and_unit(document, folder, maker);
   read_materials(document.member("materials"));
   model_.constraints = Constraints(model_.mesh.nodes.size());
   if (const auto fixed = document.optional_member("fixed")) {
@@ -60,12 +61,7 @@ BodyReader::BodyReader(const JsonField& document, const std::filesystem::path& f
   }
 }
 
-void BodyReader::read_mesh_and_unit(const JsonField& document, const std::filesystem::path& folder) {
-  const JsonField unit = document.member("length_unit");
-  const std::string unit_name = unit.text();
-  if (unit_name != "mm" && unit_name != "m") unit.fail("is '" + unit_name + "': it must be \"mm\" or \"m\"");
-  model_.unit = unit_name == "mm" ? LengthUnit::kMillimetre : LengthUnit::kMetre;
-  const JsonField mesh = document.member("mesh");
+void BodyReader::read_mesh_file(const JsonField& mesh, const std::filesystem::path& folder) {
   if (mesh.text().empty()) mesh.fail("names no file");
   MeshFile file = read_mesh(folder / mesh.text(), model_.unit);
   model_.mesh = std::move(file.mesh);
@@ -75,6 +71,20 @@ void BodyReader::read_mesh_and_unit(const JsonField& document, const std::filesy
   }
   if (file.turned)
     warn("the mesh file counts the corners of its tetrahedra the other way round; they were turned");
+}
+
+void BodyReader::read_mesh_and_unit(const JsonField& document, const std::filesystem::path& folder,
+                                    const MeshMaker& maker) {
+  const JsonField unit = document.member("length_unit");
+  const std::string unit_name = unit.text();
+  if (unit_name != "mm" && unit_name != "m") unit.fail("is '" + unit_name + "': it must be \"mm\" or \"m\"");
+  model_.unit = unit_name == "mm" ? LengthUnit::kMillimetre : LengthUnit::kMetre;
+  const JsonField mesh = document.member("mesh");
+  if (maker && mesh.is_object()) {
+    model_.mesh = maker(mesh, document, folder, model_.warnings);
+  } else {
+    read_mesh_file(mesh, folder);
+  }
   for (const MeshFinding& finding : check_mesh(model_.mesh)) {
     if (prevents_solving(finding.fault)) mesh.fail("names a mesh that is not sound: " + finding.text);
     warn(finding.text);

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <filesystem>
+#include <functional>
 #include <string>
 #include <vector>
 
@@ -26,13 +27,19 @@ struct BodyModel {
 /// The text of a file. kiroku::IoError.
 std::string read_document(const std::filesystem::path& file);
 
+/// Makes the mesh of a document whose "mesh" is no file but an object that says how: from that object, the
+/// whole document and its folder. Adds to the warnings. Its errors are those of BodyReader.
+using MeshMaker =
+    std::function<TetMesh(const JsonField& recipe, const JsonField& document,
+                          const std::filesystem::path& folder, std::vector<std::string>& warnings)>;
+
 /// Takes a body from the keys "mesh", "length_unit", "materials", "fixed" and "gravity_m_s2" of a document;
 /// docs/simulation.md says what they mean.
 class BodyReader {
  public:
   /// kiroku::Error in one sentence with the file and the JSON path; also what read_mesh() throws. The mesh is
-  /// sought in the folder.
-  BodyReader(const JsonField& document, const std::filesystem::path& folder);
+  /// sought in the folder; without `maker` it must be a file.
+  BodyReader(const JsonField& document, const std::filesystem::path& folder, const MeshMaker& maker = {});
 
   [[nodiscard]] const BodyModel& model() const { return model_; }
   /// The nodes of the entry's "nodes" or "box", at least one; ascending where a box chose them. Loose nodes
@@ -44,7 +51,9 @@ class BodyReader {
 
  private:
   void warn(const std::string& sentence) { model_.warnings.push_back(sentence); }
-  void read_mesh_and_unit(const JsonField& document, const std::filesystem::path& folder);
+  void read_mesh_and_unit(const JsonField& document, const std::filesystem::path& folder,
+                          const MeshMaker& maker);
+  void read_mesh_file(const JsonField& mesh, const std::filesystem::path& folder);
   void read_materials(const JsonField& materials);
   void read_fixed(const JsonField& entry);
   [[nodiscard]] std::vector<std::size_t> named_nodes(const JsonField& list) const;

@@ -38,6 +38,14 @@ JsonField::JsonField(const json& document, std::string file) : JsonField(documen
 JsonField::JsonField(const json& value, std::string file, std::string path)
     : value_(&value), file_(std::move(file)), path_(std::move(path)) {}
 
+std::filesystem::path JsonField::existing_path(const std::filesystem::path& folder) const {
+  const std::string name = text();
+  std::filesystem::path path = folder / name;
+  if (name.empty() || !std::filesystem::exists(path))
+    fail("is '" + name + "': there is no such file or folder beside the document");
+  return path;
+}
+
 void JsonField::fail(const std::string& what) const {
   throw Error("cannot use " + file_ + ": " + (path_.empty() ? "the document" : path_) + " " + what);
 }

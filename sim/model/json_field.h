@@ -2,6 +2,7 @@
 // thread-safe.
 #pragma once
 
+#include <filesystem>
 #include <initializer_list>
 #include <optional>
 #include <string>
@@ -41,9 +42,12 @@ class JsonField {
   [[nodiscard]] bool boolean() const;
   [[nodiscard]] std::string text() const;
   [[nodiscard]] bool is_text() const { return value_->is_string(); }
+  [[nodiscard]] bool is_object() const { return value_->is_object(); }
   [[nodiscard]] Vector3 vector() const;  // of three numbers
 
   [[nodiscard]] const std::string& path() const { return path_; }
+  /// The file or folder that the text names, from `folder` on; refused if nothing is there.
+  [[nodiscard]] std::filesystem::path existing_path(const std::filesystem::path& folder) const;
   /// "cannot use FILE: PATH WHAT".
   [[noreturn]] void fail(const std::string& what) const;
 

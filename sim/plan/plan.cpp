@@ -61,9 +61,15 @@ double mean_surface_edge_m(const TetMesh& mesh) {
 
 class PlanReader {
  public:
-  PlanReader(const JsonField& document, const std::filesystem::path& folder, std::vector<std::string>& errors)
+  PlanReader(const JsonField& document, const std::filesystem::path& folder, const MeshMaker& maker,
+             std::vector<std::string>& errors)
       : errors_(errors) {
-    const auto body = attempt([&] { return BodyReader(document, folder).take(); });
+    attempt([&] {
+      if (const auto volume = document.optional_member("volume"))
+        plan_.volume = volume->existing_path(folder);
+      return true;
+    });
+    const auto body = attempt([&] { return BodyReader(document, folder, maker).take(); });
     attempt([&] {
       document.expect_object({"name", "volume", "mesh", "length_unit", "materials", "fixed", "gravity_m_s2",
                               "time_step_s", "tools", "steps"});
@@ -72,10 +78,6 @@ class PlanReader {
     if (body) plan_.body = *body;
     attempt([&] {
       if (const auto name = document.optional_member("name")) plan_.name = name->text();
-      return true;
-    });
-    attempt([&] {
-      read_volume(document, folder);
       return true;
     });
     attempt([&] {
@@ -119,7 +121,8 @@ class PlanReader {
     try {
       return read();
     } catch (const Error& error) {
-      errors_.emplace_back(error.what());
+      // A volume that is not there is missed by the mesh made of it, too.
+      if (std::ranges::count(errors_, error.what()) == 0) errors_.emplace_back(error.what());
       return std::nullopt;
     }
   }
@@ -140,15 +143,6 @@ class PlanReader {
   }
   [[nodiscard]] Vector3 place_m(const JsonField& field) const {
     return field.vector() / units_per_metre(plan_.body.unit);
-  }
-
-  void read_volume(const JsonField& document, const std::filesystem::path& folder) {
-    const auto volume = document.optional_member("volume");
-    if (!volume) return;
-    plan_.volume = folder / volume->text();
-    if (!std::filesystem::exists(plan_.volume)) {
-      volume->fail("is '" + volume->text() + "': there is no such file or folder beside the plan");
-    }
   }
 
   bool read_tool(const std::string& name, const JsonField& tool) {
@@ -379,12 +373,12 @@ const char* name_of(PlanAction action) { return word_for(action, kActions); }
 bool binds(ToolKind kind) { return kind == ToolKind::kForceps || kind == ToolKind::kPin; }
 bool touches(ToolKind kind) { return !binds(kind) && kind != ToolKind::kScalpel; }
 
-PlanReading read_plan(const std::filesystem::path& file) {
+PlanReading read_plan(const std::filesystem::path& file, const MeshMaker& maker) {
   PlanReading reading;
   const std::string text = read_document(file);
   try {
     const nlohmann::json document = JsonField::parse(text, file.string());
-    PlanReader reader(JsonField(document, file.string()), file.parent_path(), reading.errors);
+    PlanReader reader(JsonField(document, file.string()), file.parent_path(), maker, reading.errors);
     if (reading.errors.empty()) reading.plan = reader.take();
   } catch (const Error& error) {
     reading.errors.emplace_back(error.what());

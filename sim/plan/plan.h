@@ -72,6 +72,7 @@ struct PlanReading {
   std::vector<std::string> errors;
 };
 /// kiroku::IoError for a file that cannot be read; all else is told in the result.
-PlanReading read_plan(const std::filesystem::path& file);
+/// `maker` makes the mesh where the plan has a recipe for it; without, it must name a file.
+PlanReading read_plan(const std::filesystem::path& file, const MeshMaker& maker = {});
 
 }  // namespace kiroku::sim

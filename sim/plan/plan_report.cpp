@@ -109,7 +109,7 @@ void PlanTables::add(const PlanRun& run) {
           {largest_m * units, largest_pa, place.x(), place.y(), place.z(), sum_pa_m3 / volume_m3});
 }
 
-std::string steps_json(const Plan& plan, const PlanRun& run) {
+std::string steps_json(const Plan& plan, const PlanRun& run, const std::optional<std::string>& stopped) {
   const double units = units_per_metre(plan.body.unit);
   nlohmann::ordered_json steps = nlohmann::ordered_json::array();
   for (std::size_t i = 0; i < run.figures().size(); ++i) {
@@ -137,12 +137,13 @@ std::string steps_json(const Plan& plan, const PlanRun& run) {
     }
     steps.push_back(std::move(entry));
   }
-  const nlohmann::ordered_json document{{"plan", plan.name},
-                                        {"length_unit", unit_name(plan.body.unit)},
-                                        {"nodes", plan.body.mesh.nodes.size()},
-                                        {"tetrahedra", plan.body.mesh.tetrahedra.size()},
-                                        {"warnings", plan.body.warnings},
-                                        {"steps", steps}};
+  nlohmann::ordered_json document{{"plan", plan.name},
+                                  {"length_unit", unit_name(plan.body.unit)},
+                                  {"nodes", plan.body.mesh.nodes.size()},
+                                  {"tetrahedra", plan.body.mesh.tetrahedra.size()},
+                                  {"warnings", plan.body.warnings},
+                                  {"steps", steps}};
+  if (stopped) document["stopped"] = *stopped;
   return document.dump(2, ' ', false, nlohmann::json::error_handler_t::replace) + "\n";
 }
 

@@ -2,6 +2,7 @@
 // are written so that they read back to the bit.
 #pragma once
 
+#include <optional>
 #include <string>
 
 #include "sim/plan/plan_run.h"
@@ -32,7 +33,7 @@ class PlanTables {
   std::string forces_, stress_, tools_;
 };
 
-/// All figures of all steps, as JSON.
-std::string steps_json(const Plan& plan, const PlanRun& run);
+/// All figures of all steps begun, as JSON; where the run could not go on, `stopped` says why.
+std::string steps_json(const Plan& plan, const PlanRun& run, const std::optional<std::string>& stopped = {});
 
 }  // namespace kiroku::sim

@@ -102,6 +102,76 @@ TEST_F(PlanProgram, SaysWhereAPlanCouldNotGoOn) {
       R"([{"do": "press", "tool": "pad", "path": [{"at_s": 0, "position": [5, 5, 30]}, {"at_s": 1, "position": [5, 5, 20]}]}])");
   EXPECT_REFUSED(kiroku({"plan", "run", "plan.json", "-o", "out"}),
                  "steps[0] (press): 'pad' never touches the tissue: the nearest it comes is 9 mm");
+  // What came before it is there, and a mended plan may take its place.
+  const auto left = files("out");
+  EXPECT_EQ(left.size(), 4U + 5U);
+  EXPECT_THAT(left.at("steps.json"), HasSubstr("\"stopped\": \"steps[0] (press): 'pad' never touches"));
+  EXPECT_THAT(left.at("tools.csv"), HasSubstr("0.75,steps[0],pad,5,5,22.5,1,0,0,0"));
+  write_plan(R"([{"do": "hold", "duration_s": 0.25}])");
+  write_text(folder() / "out/frames/notes.txt", "mine");
+  EXPECT_REFUSED(kiroku({"plan", "run", "plan.json", "-o", "out"}),
+                 "or give --force to replace an earlier run");
+  EXPECT_EQ(kiroku({"plan", "run", "plan.json", "-o", "out", "--force"}).status, 0);
+  const auto mended = files("out");
+  EXPECT_EQ(mended.size(), 2U + 5U + 1U);
+  EXPECT_EQ(mended.at("frames/notes.txt"), "mine");
+  EXPECT_EQ(mended.at("steps.json").find("stopped"), std::string::npos);
+}
+
+TEST_F(PlanProgram, MakesTheMeshThatThePlanHasARecipeFor) {
+  // A block of 24 x 20 x 16 mm of tissue in air, as MetaImage.
+  std::string voxels;
+  for (int k = 0; k < 14; ++k) {
+    for (int j = 0; j < 16; ++j) {
+      for (int i = 0; i < 18; ++i) {
+        const bool inside = i >= 3 && i < 15 && j >= 3 && j < 13 && k >= 3 && k < 11;
+        voxels += inside ? std::string("\x28\x00", 2) : std::string("\x18\xfc", 2);  // 40 and -1000
+      }
+    }
+  }
+  write_text(
+      folder() / "block.mha",
+      "ObjectType = Image\nNDims = 3\nBinaryData = True\nBinaryDataByteOrderMSB = False\nTransformMatrix "
+      "= 1 0 0 0 1 0 0 0 1\nOffset = 0 0 0\nElementSpacing = 2 2 2\nDimSize = 18 16 14\nElementType = "
+      "MET_SHORT\nElementDataFile = LOCAL\n" +
+          voxels);
+  const auto plan = [&](const std::string& recipe) {
+    write_text(folder() / "plan.json",
+               R"({"volume": "block.mha", "mesh": )" + recipe + R"(, "length_unit": "mm",
+      "materials": [{"region": "all", "young_modulus_pa": 5000, "poisson_ratio": 0.45}],
+      "fixed": [{"box": [[0, 0, 0], [40, 40, 9]]}],
+      "tools": {"forceps": {"kind": "forceps", "jaws": [12, 12, 6]}},
+      "steps": [{"do": "grasp", "tool": "forceps", "at": {"position": [17, 15, 21]}},
+                {"do": "retract", "tool": "forceps", "path": [{"at_s": 0.5, "position": [17, 15, 24]}]}]})");
+  };
+  plan(R"({"threshold": [-200, 200], "vertices": 200})");
+  const ProcessResult run = kiroku({"plan", "run", "plan.json", "-o", "out"});
+  ASSERT_EQ(run.status, 0) << run.err;
+  const auto steps = nlohmann::json::parse(files("out").at("steps.json"));
+  EXPECT_NEAR(steps["nodes"].get<double>(), 200, 30);
+  // The mesh is that of the command.
+  ASSERT_EQ(
+      kiroku({"sim", "mesh", "block.mha", "--threshold", "-200:200", "--vertices", "200", "-o", "block.msh"})
+          .status,
+      0);
+  plan(R"("block.msh")");
+  EXPECT_EQ(kiroku({"plan", "run", "plan.json", "-o", "again"}).status, 0);
+  // But for what its file rounds.
+  const auto again = nlohmann::json::parse(files("again").at("steps.json"));
+  EXPECT_EQ(again["nodes"], steps["nodes"]);
+  const auto force_n = [](const nlohmann::json& of) {
+    return of["steps"][1]["tools"]["forceps"]["largest_force_n"].get<double>();
+  };
+  EXPECT_GT(force_n(steps), 0.1);
+  EXPECT_NEAR(force_n(again), force_n(steps), 1e-9 * force_n(steps));
+  plan(R"({"threshold": [-200, 200], "vertexes": 200})");
+  EXPECT_THAT(kiroku({"plan", "check", "plan.json"}).err, HasSubstr("mesh has the unknown key 'vertexes'"));
+  plan(R"({"organ": "liver"})");
+  EXPECT_THAT(kiroku({"plan", "check", "plan.json"}).err,
+              HasSubstr("mesh is no recipe: it is not said what of the volume to mesh"));
+  plan(R"({"threshold": [-200, 200], "labels": "none.nii"})");
+  EXPECT_THAT(kiroku({"plan", "check", "plan.json"}).err,
+              HasSubstr("mesh.labels is 'none.nii': there is no such file"));
 }
 
 /// The plans of docs/plans on organs of a real CT.
@@ -115,7 +185,9 @@ TEST_F(PlanProgram, CarriesOutTheWorkedPlans) {
     ASSERT_EQ(made.status, 0) << made.err;
   };
   mesh("liver", "3000");
-  mesh("right-kidney", "1200");
+  fs::create_directory_symlink(ct.path(), folder() / "LIDC-IDRI-0001");
+  fs::create_symlink(shared_data("sim/lung-ct/mask_totalsegmentator.nii.gz"),
+                     folder() / "totalsegmentator.nii.gz");
   for (const char* name : {"liver-retraction", "kidney-opening", "two-finger-exclusion"}) {
     const std::string plan = std::string(name) + ".json";
     fs::copy_file(fs::path(KIROKU_SOURCE_DIR) / "docs/plans" / plan, folder() / plan);

@@ -102,12 +102,12 @@ TEST_F(SimMesh, RefusesInOneSentence) {
     all.insert(all.end(), more.begin(), more.end());
     return kiroku(all);
   };
-  EXPECT_REFUSED(mesh({}), "by --threshold or by --labels");
+  EXPECT_REFUSED(mesh({}), "by a threshold or by labels");
   EXPECT_REFUSED(mesh({"--threshold", "0:1", "--labels", "labels.nrrd"}), "one of them");
   EXPECT_REFUSED(mesh({"--threshold", "0"}), "-200:100");
   EXPECT_REFUSED(mesh({"--threshold", "2000:3000"}), "no voxel belongs to the body");
-  EXPECT_REFUSED(mesh({"--threshold", "0:1", "--organ", "liver"}), "give --labels too");
-  EXPECT_REFUSED(mesh({"--organ", "liver"}), "only '--organ lung' is found without");
+  EXPECT_REFUSED(mesh({"--threshold", "0:1", "--organ", "liver"}), "give the labels too");
+  EXPECT_REFUSED(mesh({"--organ", "liver"}), "only the organ 'lung' is found without");
   EXPECT_REFUSED(mesh({"--organ", "lung"}), "no air within the body");
   EXPECT_REFUSED(mesh({"--labels", "labels.nrrd", "--organ", "hand"}), "there are spleen");
   EXPECT_REFUSED(mesh({"--labels", "labels.nrrd", "--organ", "heart"}), "the labels there are 5, 64");

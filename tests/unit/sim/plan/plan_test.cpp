@@ -136,8 +136,8 @@ TEST_F(PlanTest, TellsEveryErrorWithItsPath) {
   document["steps"][6]["tool"] = "spoon";
   EXPECT_THAT(
       errors(document),
-      ElementsAre(HasSubstr("the document has the unknown key 'colour'"),
-                  "volume is 'none.nii.gz': there is no such file or folder beside the plan",
+      ElementsAre("volume is 'none.nii.gz': there is no such file or folder beside the document",
+                  HasSubstr("the document has the unknown key 'colour'"),
                   "time_step_s is 5: it must be between 0.001 and 1",
                   "tools.hook.kind is 'rope': it must be one of forceps, pin, retractor, hook, "
                   "finger, scalpel",
