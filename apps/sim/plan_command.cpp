@@ -12,7 +12,7 @@
 #include "apps/common/json_output.h"
 #include "apps/common/progress.h"
 #include "apps/common/step_line.h"
-#include "apps/kiroku/output_file.h"
+#include "apps/sim/frame_series.h"
 #include "base/error.h"
 #include "sim/fem/number_text.h"
 #include "sim/meshing/mesh_recipe.h"
@@ -77,12 +77,6 @@ int check(const Request& request) {
   return kDone;
 }
 
-void write(const fs::path& file, const std::string& text) {
-  OutputFile out(file);
-  out.write(bytes_of(text));
-  out.commit(OutputFile::Durability::kEventually);
-}
-
 double interval_s(const Request& request) {
   if (!request.every) return 0;
   std::size_t end = 0;
@@ -96,60 +90,6 @@ double interval_s(const Request& request) {
     throw UsageError("--frames-every is '" + *request.every + "': it must be seconds, from 0 to 3600");
   return seconds;
 }
-
-constexpr std::array<const char*, 5> kTables{"plan.pvd", "forces.csv", "stress.csv", "tools.csv",
-                                             "steps.json"};
-
-/// Takes away what an earlier run left in the folder, and nothing else. kiroku::IoError.
-void remove_earlier_run(const fs::path& folder) {
-  std::error_code failed;
-  const auto remove = [&](const fs::path& file) {
-    fs::remove(file, failed);
-    if (failed) throw IoError("remove", file, failed.value());
-  };
-  for (const char* const table : kTables) remove(folder / table);
-  if (!fs::is_directory(folder / "frames")) return;
-  std::vector<fs::path> frames;
-  for (const auto& entry : fs::directory_iterator(folder / "frames")) {
-    if (entry.path().extension() == ".vtu") frames.push_back(entry.path());
-  }
-  for (const fs::path& frame : frames) remove(frame);
-}
-
-/// The list of frames that ParaView opens as one film.
-class Series {
- public:
-  Series(fs::path folder, bool force) : folder_(std::move(folder)) {
-    std::error_code failed;
-    if (fs::exists(folder_) && !fs::is_directory(folder_))
-      throw UsageError("--output is '" + folder_.string() + "', which is no folder: name another");
-    if (fs::exists(folder_) && force) remove_earlier_run(folder_);
-    if (fs::exists(folder_) && !force && !fs::is_empty(folder_)) {
-      throw UsageError("--output is '" + folder_.string() +
-                       "', which is there and not an empty folder: name another, or give --force to replace "
-                       "an earlier run");
-    }
-    fs::create_directories(folder_ / "frames", failed);
-    if (failed) throw IoError("create", folder_ / "frames", failed.value());
-  }
-  void add(double time_s, const std::string& vtu) {
-    char name[32];
-    std::snprintf(name, sizeof name, "frames/%05zu.vtu", count_++);
-    write(folder_ / name, vtu);
-    list_ += "    <DataSet timestep=\"" + sim::number_text(time_s, 12) + "\" file=\"" + name + "\"/>\n";
-  }
-  void finish() const {
-    write(folder_ / "plan.pvd",
-          "<?xml version=\"1.0\"?>\n<VTKFile type=\"Collection\" version=\"1.0\">\n  <Collection>\n" + list_ +
-              "  </Collection>\n</VTKFile>\n");
-  }
-  [[nodiscard]] std::size_t count() const { return count_; }
-
- private:
-  fs::path folder_;
-  std::string list_;
-  std::size_t count_ = 0;
-};
 
 void print_steps(const sim::Plan& plan, const sim::PlanRun& run) {
   const double units = sim::units_per_metre(plan.body.unit);
@@ -178,7 +118,8 @@ int run(const Request& request) {
   const double every_s = interval_s(request);
   const auto plan = read(request);
   if (!plan) return kRefused;
-  Series series(request.output, request.force);
+  FrameSeries series(request.output, "plan", request.force,
+                     {"forces.csv", "stress.csv", "tools.csv", "steps.json"});
   const auto begin = std::chrono::steady_clock::now();
   sim::PlanRun run(*plan);
   sim::PlanTables tables(*plan);
@@ -189,11 +130,11 @@ int run(const Request& request) {
   const auto finish = [&](const std::optional<std::string>& stopped) {
     progress.clear();
     series.finish();
-    write(folder / "forces.csv", tables.forces());
-    write(folder / "stress.csv", tables.stress());
-    write(folder / "tools.csv", tables.tools());
+    write_text_file(folder / "forces.csv", tables.forces());
+    write_text_file(folder / "stress.csv", tables.stress());
+    write_text_file(folder / "tools.csv", tables.tools());
     steps = sim::steps_json(*plan, run, stopped);
-    write(folder / "steps.json", steps);
+    write_text_file(folder / "steps.json", steps);
   };
   double next_s = 0;
   const auto next = [&] {

@@ -104,6 +104,7 @@ void add_sim_command(Command& program) {
   Command& sim = program.add_command("sim", "simulates soft tissue");
   add_sim_volume_command(sim);
   add_sim_mesh_command(sim);
+  add_sim_respire_command(sim);
   Command& command = sim.add_command("solve", "one static solve: displacement, reaction force, stress");
   const auto request = std::make_shared<Request>();
   command.argument("MODEL", request->model, "the model (.json): mesh, materials, what is fixed, what pulls");

@@ -10,5 +10,6 @@ void add_sim_command(Command& program);
 /// Parts of it.
 void add_sim_volume_command(Command& sim);
 void add_sim_mesh_command(Command& sim);
+void add_sim_respire_command(Command& sim);
 
 }  // namespace kiroku::apps

@@ -1,0 +1,48 @@
+// A breathing lung as one JSON document; docs/respiration.md says what each key means.
+//
+// {"mesh": "lung.msh", "length_unit": "mm", "labels": "totalsegmentator.nii.gz", "tumour": {"region": 2},
+//  "breathing": {"cycle_s": 3.6,
+//                "rib_cage": {"amplitude": 3, "phase_s": 0},
+//                "diaphragm": {"amplitude": 10, "phase_s": 0.6, "direction": [0, 0, -1]}},
+//  "phases": 36}
+#pragma once
+
+#include <filesystem>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "sim/mesh/length_unit.h"
+#include "sim/respiration/breathing.h"
+#include "sim/respiration/tumour.h"
+
+namespace kiroku::sim {
+
+struct BreathingModel {
+  TetMesh mesh;
+  LengthUnit unit = LengthUnit::kMillimetre;
+  Materials materials;
+  std::optional<Tumour> tumour;
+  BoundaryGroups groups;
+  Vector3 slide{0, 0, 1};  // which way nodes of the back are free to go
+  BreathingMotion motion;
+  Waveform waveform{SineWave{}};
+  std::size_t phases = 36;  // over the waveform's duration
+  std::vector<std::string> warnings;
+
+  /// The tumour; kiroku::Error that says how to give one where there is none.
+  [[nodiscard]] const Tumour& needed_tumour() const;
+  /// The moments of the phases. A sine's last is one phase before its first comes again.
+  [[nodiscard]] std::vector<double> times_s() const;
+};
+
+/// kiroku::Error in one sentence with the file and the JSON path; also what read_mesh(), read_label_map() and
+/// find_boundary_groups() throw. Mesh, labels and trace are sought beside the model.
+BreathingModel read_breathing_model(const std::filesystem::path& file);
+
+/// The same document with another motion, for a file in `folder`: the files that it names are named from
+/// there.
+std::string with_motion(const std::filesystem::path& file, const BreathingMotion& motion,
+                        const std::filesystem::path& folder);
+
+}  // namespace kiroku::sim
