@@ -26,14 +26,15 @@ inline sim::Volume volume_of(std::size_t size, double spacing_m,
   return volume;
 }
 
-/// A smooth body in air that is the same from no two sides.
+/// A smooth body that is the same from no two sides and ends in air 45 mm from the origin.
 inline double smooth_body_hu(const sim::Vector3& at) {
   const auto blob = [&](const sim::Vector3& centre, const sim::Vector3& radii, double hu) {
     return hu * std::exp(-(at - centre).cwiseQuotient(radii).squaredNorm());
   };
-  return -1000 + blob({0.004, -0.006, 0.002}, {0.028, 0.022, 0.03}, 900) +
-         blob({-0.016, 0.01, 0.012}, {0.008, 0.007, 0.009}, 800) +
-         blob({0.015, 0.012, -0.016}, {0.007, 0.01, 0.006}, 1200);
+  const double fading = std::max(1 - std::pow(at.cwiseAbs().maxCoeff() / 0.045, 6), 0.0);
+  return -1000 + fading * (blob({0.004, -0.006, 0.002}, {0.028, 0.022, 0.03}, 900) +
+                           blob({-0.016, 0.01, 0.012}, {0.008, 0.007, 0.009}, 800) +
+                           blob({0.015, 0.012, -0.016}, {0.007, 0.01, 0.006}, 1200));
 }
 
 /// A detector of 128 x 96 pixels that sees some 100 x 75 mm at the origin.
