@@ -1,0 +1,27 @@
+// The shaders of volumes, as texts of GLSL 4.50. Pure, thread-safe.
+#pragma once
+
+#include <string>
+
+namespace kiroku::sim {
+
+/// What a ray gathers. Each makes the shader longer, so it is only there where it is asked for.
+struct RayFeatures {
+  bool surface = false;  // the faces of the mesh's surface, as thin sheets
+  bool stress = false;   // tissue is tinted by a number at the nodes
+  auto operator<=>(const RayFeatures&) const = default;
+};
+
+/// A triangle over the whole picture, without any input.
+std::string whole_picture_vertex_shader();
+/// Faces of the surface, for peeling.
+std::string entry_vertex_shader();
+/// Which face comes next behind the layer before.
+std::string entry_fragment_shader();
+/// Tools and points: opaque, lit.
+std::string solid_vertex_shader();
+std::string solid_fragment_shader();
+/// Rays through tetrahedra.
+std::string ray_fragment_shader(const RayFeatures& features);
+
+}  // namespace kiroku::sim

@@ -1,0 +1,551 @@
+#include "sim/render/volume_renderer.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <map>
+
+#include "base/error.h"
+#include "sim/fem/number_text.h"
+#include "sim/render/colour_map.h"
+#include "sim/render/gl_objects.h"
+#include "sim/render/proxy_geometry.h"
+#include "sim/render/shaders.h"
+#include "sim/render/vertex_rotations.h"
+
+namespace kiroku::sim {
+namespace {
+
+constexpr double kMillimetresPerMetre = 1000;
+constexpr int kLargestSide = 8192;
+constexpr float kFar = 1e30F;
+
+using Float4 = std::array<float, 4>;
+
+Float4 single(const Vector3& v, double fourth = 0) {
+  return {static_cast<float>(v.x()), static_cast<float>(v.y()), static_cast<float>(v.z()),
+          static_cast<float>(fourth)};
+}
+Float4 share_of(const Rgb& colour, double fourth) {
+  return single(Vector3(colour[0], colour[1], colour[2]) / 255, fourth);
+}
+
+}  // namespace
+
+struct VolumeRenderer::Mesh {
+  explicit Mesh(const TetMesh& rest_mesh)
+      : rest(rest_mesh), topology(proxy_topology(rest)), rotations(rest) {}
+  TetMesh rest;
+  ProxyTopology topology;
+  VertexRotations rotations;
+  std::vector<Vector3> texture;  // (|V|)
+
+  // Of the picture that is being made; kept for their memory.
+  std::vector<Vector3> positions_m, view_mm;
+  std::vector<Eigen::Quaterniond> turned;
+  std::vector<CellGeometry> cells;
+  std::vector<Float4> positions4, rotations4;
+  double nearest_mm = 0, farthest_mm = 1;
+
+  void place(std::span<const double> displacement_m, const Camera& camera);
+  /// The pixels that the mesh may cover: from the first on, up to but without the second.
+  [[nodiscard]] std::pair<Eigen::Vector2i, Eigen::Vector2i> covered(const Scene& scene) const;
+};
+
+void VolumeRenderer::Mesh::place(std::span<const double> displacement_m, const Camera& camera) {
+  const std::size_t nodes = rest.nodes.size();
+  positions_m = rest.nodes;
+  if (!displacement_m.empty()) {
+    for (std::size_t node = 0; node < nodes; ++node)
+      positions_m[node] += Eigen::Map<const Vector3>(displacement_m.data() + 3 * node);
+  }
+  rotations.compute(positions_m, turned);
+  const Eigen::Quaterniond to_view(camera.to_view);
+  view_mm.resize(nodes);
+  positions4.resize(nodes);
+  rotations4.resize(nodes);
+  for (std::size_t node = 0; node < nodes; ++node) {
+    view_mm[node] = kMillimetresPerMetre * camera.view_m(positions_m[node]);
+    positions4[node] = single(view_mm[node], 1);
+    const Eigen::Quaterniond q = to_view * turned[node];
+    rotations4[node] = single(q.vec(), q.w());
+  }
+  proxy_geometry(rest.tetrahedra, view_mm, texture, cells);
+  nearest_mm = std::numeric_limits<double>::infinity();
+  farthest_mm = -nearest_mm;
+  for (const EntryFace& face : topology.surface) {
+    for (const std::uint32_t node : face.nodes) {
+      nearest_mm = std::min(nearest_mm, -view_mm[node].z());
+      farthest_mm = std::max(farthest_mm, -view_mm[node].z());
+    }
+  }
+}
+
+std::pair<Eigen::Vector2i, Eigen::Vector2i> VolumeRenderer::Mesh::covered(const Scene& scene) const {
+  const Eigen::Vector2d size(scene.width, scene.height);
+  Eigen::Vector2d least = size, greatest = Eigen::Vector2d::Zero();
+  const Camera& camera = scene.camera;
+  const double scale = camera.parallel ? kMillimetresPerMetre : 1;
+  for (const EntryFace& face : topology.surface) {
+    for (const std::uint32_t node : face.nodes) {
+      const Vector3& at = view_mm[node];
+      // What is beside or behind the eye may cover anything.
+      if (!camera.parallel && at.z() > -1) return {Eigen::Vector2i::Zero(), size.cast<int>()};
+      const Eigen::Vector2d ray = at.head<2>() / (camera.parallel ? scale : -at.z());
+      const Eigen::Vector2d pixel =
+          ((ray - camera.centre).cwiseQuotient(camera.half_extent) + Eigen::Vector2d::Ones())
+              .cwiseProduct(size) /
+          2;
+      least = least.cwiseMin(pixel);
+      greatest = greatest.cwiseMax(pixel);
+    }
+  }
+  const auto within = [&](const Eigen::Vector2d& pixel, double more) {
+    return Eigen::Vector2i((pixel.array() + more).max(0).min(size.array()).cast<int>());
+  };
+  const Eigen::Vector2i first = within(least, -1), last = within(greatest, 2);
+  return {first, last.cwiseMax(first)};
+}
+
+/// What is OpenGL's: one context and all objects in it.
+class VolumeRenderer::Drawing {
+ public:
+  Drawing(std::unique_ptr<GlContext> context, const ShadedVolume& volume, const TransferFunction& transfer);
+
+  ~Drawing();
+  Drawing(const Drawing&) = delete;
+  Drawing& operator=(const Drawing&) = delete;
+
+  void set_mesh(const Mesh& mesh);
+  Picture draw(const Mesh& mesh, const Scene& scene, double spacing_m);
+  [[nodiscard]] const GlContext& context() const { return *context_; }
+
+ private:
+  void upload(const ShadedVolume& volume, const TransferFunction& transfer);
+  void resize(int width, int height);
+  void attach(const GlHandle& framebuffer, std::span<const GLenum> attachments);
+  void set(const GlHandle& program, const char* name, const Float4& value);
+  void set(const GlHandle& program, const char* name, double value);
+  void set(const GlHandle& program, const char* name, int value);
+  void set_camera(const GlHandle& program, const Scene& scene);
+  void draw_solids(const Scene& scene);
+  int peel(const Mesh& mesh, const Scene& scene);
+  void cast(const Mesh& mesh, const Scene& scene, int layers, double spacing_m);
+  Picture read(int width, int height);
+  const GlHandle& ray_program(const RayFeatures& features);
+
+  std::unique_ptr<GlContext> context_;
+  const GlFunctions& gl_;
+  TransferFunction transfer_;
+  GlHandle vertex_array_, volume_, transfer_colours_, stress_colours_;
+  GlHandle positions_, surface_, cells_, links_, rotations_, stress_, solid_vertices_;
+  GlHandle entry_program_, solid_program_, query_;
+  std::map<RayFeatures, GlHandle> ray_programs_;
+  // By the picture's size.
+  int width_ = 0, height_ = 0;
+  GlHandle entries_, solid_colour_, solid_distance_, solid_depth_, picture_;
+  std::array<GlHandle, 2> depths_;
+  GlHandle entry_target_, solid_target_, picture_target_;
+  double nearest_mm_ = 1, farthest_mm_ = 2;
+};
+
+VolumeRenderer::Drawing::Drawing(std::unique_ptr<GlContext> context, const ShadedVolume& volume,
+                                 const TransferFunction& transfer)
+    : context_(std::move(context)),
+      gl_(context_->gl()),
+      transfer_(transfer),
+      vertex_array_(make_vertex_array(gl_)),
+      volume_(make_texture(gl_, GL_TEXTURE_3D)),
+      transfer_colours_(make_texture(gl_, GL_TEXTURE_1D)),
+      stress_colours_(make_texture(gl_, GL_TEXTURE_1D)),
+      positions_(make_buffer(gl_)),
+      surface_(make_buffer(gl_)),
+      cells_(make_buffer(gl_)),
+      links_(make_buffer(gl_)),
+      rotations_(make_buffer(gl_)),
+      stress_(make_buffer(gl_)),
+      solid_vertices_(make_buffer(gl_)),
+      entry_program_(make_program(gl_, entry_vertex_shader(), entry_fragment_shader())),
+      solid_program_(make_program(gl_, solid_vertex_shader(), solid_fragment_shader())),
+      query_(make_query(gl_, GL_ANY_SAMPLES_PASSED)) {
+  upload(volume, transfer);
+}
+
+VolumeRenderer::Drawing::~Drawing() {
+  try {
+    context_->make_current();  // to free what is in it
+  } catch (const Error&) {     // the driver is gone, and all it had with it
+  }
+}
+
+void VolumeRenderer::Drawing::upload(const ShadedVolume& volume, const TransferFunction& transfer) {
+  GLint largest = 0;
+  gl_.GetIntegerv(GL_MAX_3D_TEXTURE_SIZE, &largest);
+  if (*std::ranges::max_element(volume.size) > static_cast<std::size_t>(largest)) {
+    throw Error("the CT has more voxels along a side than " + context_->renderer() + " can hold (" +
+                std::to_string(largest) + "): show a smaller part of it with --mesh");
+  }
+  const auto side = [&](std::size_t axis) { return static_cast<GLsizei>(volume.size[axis]); };
+  gl_.TextureStorage3D(volume_.name(), 1, GL_RGBA16, side(0), side(1), side(2));
+  gl_.PixelStorei(GL_UNPACK_ALIGNMENT, 1);
+  gl_.TextureSubImage3D(volume_.name(), 0, 0, 0, 0, side(0), side(1), side(2), GL_RGBA, GL_UNSIGNED_SHORT,
+                        volume.texels.data());
+  gl_.TextureParameteri(volume_.name(), GL_TEXTURE_MIN_FILTER, GL_LINEAR);
+  gl_.TextureParameteri(volume_.name(), GL_TEXTURE_MAG_FILTER, GL_LINEAR);
+  // The texels at the border are air.
+  for (const GLenum axis : {GLenum{GL_TEXTURE_WRAP_S}, GLenum{GL_TEXTURE_WRAP_T}, GLenum{GL_TEXTURE_WRAP_R}})
+    gl_.TextureParameteri(volume_.name(), axis, GL_CLAMP_TO_EDGE);
+  std::vector<Float4> colours;
+  colours.reserve(transfer.entries.size());
+  for (const TransferFunction::Entry& entry : transfer.entries)
+    colours.push_back({entry.colour[0], entry.colour[1], entry.colour[2], entry.extinction_per_mm});
+  gl_.TextureStorage1D(transfer_colours_.name(), 1, GL_RGBA32F, static_cast<GLsizei>(colours.size()));
+  gl_.TextureSubImage1D(transfer_colours_.name(), 0, 0, static_cast<GLsizei>(colours.size()), GL_RGBA,
+                        GL_FLOAT, colours.data());
+  sample_nearest(gl_, transfer_colours_);
+  colours.clear();
+  constexpr int kStressColours = 256;
+  for (int i = 0; i < kStressColours; ++i)
+    colours.push_back(share_of(viridis(i / double{kStressColours - 1}), 1));
+  gl_.TextureStorage1D(stress_colours_.name(), 1, GL_RGBA32F, kStressColours);
+  gl_.TextureSubImage1D(stress_colours_.name(), 0, 0, kStressColours, GL_RGBA, GL_FLOAT, colours.data());
+  sample_nearest(gl_, stress_colours_);
+  check_gl(gl_, "give the CT to " + context_->renderer());
+}
+
+void VolumeRenderer::Drawing::set_mesh(const Mesh& mesh) {
+  context_->make_current();
+  fill_buffer<EntryFace>(gl_, surface_, mesh.topology.surface);
+  fill_buffer<CellLinks>(gl_, links_, mesh.topology.cells);
+  fill_buffer<float>(gl_, stress_, {});
+  check_gl(gl_, "give the mesh to " + context_->renderer());
+}
+
+void VolumeRenderer::Drawing::attach(const GlHandle& framebuffer, std::span<const GLenum> attachments) {
+  gl_.NamedFramebufferDrawBuffers(framebuffer.name(), static_cast<GLsizei>(attachments.size()),
+                                  attachments.data());
+  if (gl_.CheckNamedFramebufferStatus(framebuffer.name(), GL_FRAMEBUFFER) != GL_FRAMEBUFFER_COMPLETE) {
+    throw Error(context_->renderer() + " cannot draw a picture of such a size; make it smaller");
+  }
+}
+
+void VolumeRenderer::Drawing::resize(int width, int height) {
+  if (width == width_ && height == height_) return;
+  // Until all is there, there is nothing of any size.
+  width_ = height_ = 0;
+  const auto texture = [&](GLenum format) {
+    GlHandle made = make_texture(gl_, GL_TEXTURE_2D);
+    gl_.TextureStorage2D(made.name(), 1, format, width, height);
+    sample_nearest(gl_, made);
+    return made;
+  };
+  entries_ = make_texture(gl_, GL_TEXTURE_2D_ARRAY);
+  gl_.TextureStorage3D(entries_.name(), 1, GL_R32UI, width, height, kMostLayers);
+  sample_nearest(gl_, entries_);
+  for (GlHandle& depth : depths_) depth = texture(GL_DEPTH_COMPONENT32F);
+  solid_colour_ = texture(GL_RGBA8);
+  solid_distance_ = texture(GL_R32F);
+  solid_depth_ = texture(GL_DEPTH_COMPONENT32F);
+  picture_ = texture(GL_RGBA8);
+  entry_target_ = make_framebuffer(gl_);
+  solid_target_ = make_framebuffer(gl_);
+  picture_target_ = make_framebuffer(gl_);
+  constexpr std::array<GLenum, 2> kBoth{GL_COLOR_ATTACHMENT0, GL_COLOR_ATTACHMENT1};
+  const std::span<const GLenum> one = std::span(kBoth).first(1);
+  gl_.NamedFramebufferTextureLayer(entry_target_.name(), GL_COLOR_ATTACHMENT0, entries_.name(), 0, 0);
+  gl_.NamedFramebufferTexture(entry_target_.name(), GL_DEPTH_ATTACHMENT, depths_[0].name(), 0);
+  attach(entry_target_, one);
+  gl_.NamedFramebufferTexture(solid_target_.name(), GL_COLOR_ATTACHMENT0, solid_colour_.name(), 0);
+  gl_.NamedFramebufferTexture(solid_target_.name(), GL_COLOR_ATTACHMENT1, solid_distance_.name(), 0);
+  gl_.NamedFramebufferTexture(solid_target_.name(), GL_DEPTH_ATTACHMENT, solid_depth_.name(), 0);
+  attach(solid_target_, kBoth);
+  gl_.NamedFramebufferTexture(picture_target_.name(), GL_COLOR_ATTACHMENT0, picture_.name(), 0);
+  attach(picture_target_, one);
+  check_gl(gl_,
+           "make room for a picture of " + std::to_string(width) + "x" + std::to_string(height) + " pixels");
+  width_ = width;
+  height_ = height;
+}
+
+void VolumeRenderer::Drawing::set(const GlHandle& program, const char* name, const Float4& value) {
+  gl_.ProgramUniform4f(program.name(), gl_.GetUniformLocation(program.name(), name), value[0], value[1],
+                       value[2], value[3]);
+}
+void VolumeRenderer::Drawing::set(const GlHandle& program, const char* name, double value) {
+  gl_.ProgramUniform1f(program.name(), gl_.GetUniformLocation(program.name(), name),
+                       static_cast<float>(value));
+}
+void VolumeRenderer::Drawing::set(const GlHandle& program, const char* name, int value) {
+  gl_.ProgramUniform1i(program.name(), gl_.GetUniformLocation(program.name(), name), value);
+}
+
+void VolumeRenderer::Drawing::set_camera(const GlHandle& program, const Scene& scene) {
+  const Camera& camera = scene.camera;
+  const double scale = camera.parallel ? kMillimetresPerMetre : 1;
+  set(program, "view",
+      single(Vector3(camera.half_extent.x(), camera.half_extent.y(), camera.centre.x()) * scale,
+             camera.centre.y() * scale));
+  set(program, "parallel", camera.parallel ? 1.0 : 0.0);
+  set(program, "depth", single(Vector3(nearest_mm_, farthest_mm_, 0)));
+}
+
+void VolumeRenderer::Drawing::draw_solids(const Scene& scene) {
+  struct Vertex {
+    Float4 position, normal, colour;
+  };
+  std::vector<Vertex> vertices;
+  for (const Solid& solid : scene.solids) {
+    for (const SolidVertex& vertex : triangles_of(solid)) {
+      const Vector3 position_mm = kMillimetresPerMetre * scene.camera.view_m(vertex.position_m);
+      vertices.push_back(
+          {single(position_mm, 1), single(scene.camera.to_view * vertex.normal), share_of(solid.colour, 1)});
+      nearest_mm_ = std::min(nearest_mm_, -position_mm.z());
+      farthest_mm_ = std::max(farthest_mm_, -position_mm.z());
+    }
+  }
+  // A little more than what is there, all of it in front of the eye.
+  const double least_mm = scene.camera.parallel ? nearest_mm_ - 1 : 1;
+  nearest_mm_ = std::max(nearest_mm_ - 1, least_mm);
+  farthest_mm_ = std::max(farthest_mm_, nearest_mm_) + 1;
+  const Float4 background = share_of(scene.background, 1);
+  const Float4 far{kFar, 0, 0, 0};
+  constexpr float kFarthest = 1;
+  gl_.ClearNamedFramebufferfv(solid_target_.name(), GL_COLOR, 0, background.data());
+  gl_.ClearNamedFramebufferfv(solid_target_.name(), GL_COLOR, 1, far.data());
+  gl_.ClearNamedFramebufferfv(solid_target_.name(), GL_DEPTH, 0, &kFarthest);
+  if (vertices.empty()) return;
+  fill_buffer<Vertex>(gl_, solid_vertices_, vertices);
+  set_camera(solid_program_, scene);
+  const Vector3 light = scene.to_light.normalized();
+  gl_.ProgramUniform3f(solid_program_.name(), gl_.GetUniformLocation(solid_program_.name(), "light"),
+                       static_cast<float>(light.x()), static_cast<float>(light.y()),
+                       static_cast<float>(light.z()));
+  gl_.BindFramebuffer(GL_FRAMEBUFFER, solid_target_.name());
+  gl_.UseProgram(solid_program_.name());
+  gl_.BindBufferBase(GL_SHADER_STORAGE_BUFFER, 0, solid_vertices_.name());
+  gl_.Enable(GL_DEPTH_TEST);
+  gl_.Enable(GL_CULL_FACE);
+  gl_.DrawArrays(GL_TRIANGLES, 0, static_cast<GLsizei>(vertices.size()));
+}
+
+int VolumeRenderer::Drawing::peel(const Mesh& mesh, const Scene& scene) {
+  set_camera(entry_program_, scene);
+  gl_.BindFramebuffer(GL_FRAMEBUFFER, entry_target_.name());
+  gl_.UseProgram(entry_program_.name());
+  gl_.BindBufferBase(GL_SHADER_STORAGE_BUFFER, 0, positions_.name());
+  gl_.BindBufferBase(GL_SHADER_STORAGE_BUFFER, 1, surface_.name());
+  gl_.Enable(GL_DEPTH_TEST);
+  gl_.DepthFunc(GL_LESS);
+  gl_.Enable(GL_CULL_FACE);
+  gl_.CullFace(GL_BACK);
+  for (int layer = 0; layer < kMostLayers; ++layer) {
+    const auto now = static_cast<std::size_t>(layer) % 2;
+    gl_.NamedFramebufferTextureLayer(entry_target_.name(), GL_COLOR_ATTACHMENT0, entries_.name(), 0, layer);
+    gl_.NamedFramebufferTexture(entry_target_.name(), GL_DEPTH_ATTACHMENT, depths_[now].name(), 0);
+    const std::array<GLuint, 4> none{kNoCell, 0, 0, 0};
+    constexpr float kFarthest = 1;
+    gl_.ClearNamedFramebufferuiv(entry_target_.name(), GL_COLOR, 0, none.data());
+    gl_.ClearNamedFramebufferfv(entry_target_.name(), GL_DEPTH, 0, &kFarthest);
+    gl_.BindTextureUnit(0, depths_[1 - now].name());
+    set(entry_program_, "layer", layer);
+    gl_.BeginQuery(GL_ANY_SAMPLES_PASSED, query_.name());
+    gl_.DrawArrays(GL_TRIANGLES, 0, static_cast<GLsizei>(3 * mesh.topology.surface.size()));
+    gl_.EndQuery(GL_ANY_SAMPLES_PASSED);
+    GLuint any = 0;
+    gl_.GetQueryObjectuiv(query_.name(), GL_QUERY_RESULT, &any);
+    if (any == 0) return layer;
+  }
+  return kMostLayers;
+}
+
+const GlHandle& VolumeRenderer::Drawing::ray_program(const RayFeatures& features) {
+  const auto found = ray_programs_.find(features);
+  if (found != ray_programs_.end()) return found->second;
+  return ray_programs_
+      .emplace(features, make_program(gl_, whole_picture_vertex_shader(), ray_fragment_shader(features)))
+      .first->second;
+}
+
+void VolumeRenderer::Drawing::cast(const Mesh& mesh, const Scene& scene, int layers, double spacing_m) {
+  const GlHandle& program = ray_program({scene.surface.has_value(), scene.stress.has_value()});
+  set_camera(program, scene);
+  set(program, "layers", layers);
+  set(program, "picture",
+      {static_cast<float>(scene.width), static_cast<float>(scene.height), 1 / static_cast<float>(scene.width),
+       1 / static_cast<float>(scene.height)});
+  set(program, "spacing", spacing_m * kMillimetresPerMetre);
+  set(program, "lighting",
+      single(Vector3(transfer_.ambient, transfer_.diffuse, transfer_.specular), transfer_.shininess));
+  const auto [flat, steep] = transfer_.edge_hu_per_mm;
+  constexpr double kStep = kGreatestGradientHuPerMm / 32767;
+  set(program, "edge", single(Vector3(flat, 1 / (steep - flat), 65535 * kStep), 32768 * kStep));
+  const Vector3 light = scene.to_light.normalized();
+  gl_.ProgramUniform3f(program.name(), gl_.GetUniformLocation(program.name(), "light"),
+                       static_cast<float>(light.x()), static_cast<float>(light.y()),
+                       static_cast<float>(light.z()));
+  if (scene.surface) set(program, "sheet", share_of(scene.surface->colour, scene.surface->opacity));
+  if (scene.stress) {
+    std::vector<float> stress(scene.stress->at_nodes_pa.size());
+    std::ranges::transform(scene.stress->at_nodes_pa, stress.begin(),
+                           [](double pa) { return static_cast<float>(pa); });
+    fill_buffer<float>(gl_, stress_, stress);
+    set(program, "tint", single(Vector3(scene.stress->share, 1 / scene.stress->largest_pa, 0)));
+  }
+  gl_.BindFramebuffer(GL_FRAMEBUFFER, picture_target_.name());
+  gl_.UseProgram(program.name());
+  gl_.BindBufferBase(GL_SHADER_STORAGE_BUFFER, 0, cells_.name());
+  gl_.BindBufferBase(GL_SHADER_STORAGE_BUFFER, 1, links_.name());
+  gl_.BindBufferBase(GL_SHADER_STORAGE_BUFFER, 2, rotations_.name());
+  gl_.BindBufferBase(GL_SHADER_STORAGE_BUFFER, 3, stress_.name());
+  gl_.BindTextureUnit(0, entries_.name());
+  gl_.BindTextureUnit(1, solid_colour_.name());
+  gl_.BindTextureUnit(2, solid_distance_.name());
+  gl_.BindTextureUnit(3, volume_.name());
+  gl_.BindTextureUnit(4, transfer_colours_.name());
+  gl_.BindTextureUnit(5, stress_colours_.name());
+  gl_.Disable(GL_DEPTH_TEST);
+  gl_.Disable(GL_CULL_FACE);
+  // Rays are followed where the mesh is; beside it there is what is behind.
+  gl_.BlitNamedFramebuffer(solid_target_.name(), picture_target_.name(), 0, 0, width_, height_, 0, 0, width_,
+                           height_, GL_COLOR_BUFFER_BIT, GL_NEAREST);
+  const auto [least, greatest] = mesh.covered(scene);
+  gl_.Enable(GL_SCISSOR_TEST);
+  gl_.Scissor(least.x(), least.y(), greatest.x() - least.x(), greatest.y() - least.y());
+  gl_.DrawArrays(GL_TRIANGLES, 0, 3);
+  gl_.Disable(GL_SCISSOR_TEST);
+}
+
+Picture VolumeRenderer::Drawing::read(int width, int height) {
+  const std::size_t pixels = static_cast<std::size_t>(width) * static_cast<std::size_t>(height);
+  std::vector<std::uint8_t> rgba(4 * pixels);
+  gl_.BindFramebuffer(GL_FRAMEBUFFER, picture_target_.name());
+  gl_.NamedFramebufferReadBuffer(picture_target_.name(), GL_COLOR_ATTACHMENT0);
+  gl_.PixelStorei(GL_PACK_ALIGNMENT, 1);
+  gl_.ReadPixels(0, 0, width, height, GL_RGBA, GL_UNSIGNED_BYTE, rgba.data());
+  check_gl(gl_, "draw a picture with " + context_->renderer());
+  Picture picture(width, height);
+  for (int y = 0; y < height; ++y) {
+    const std::uint8_t* from =
+        rgba.data() + 4 * static_cast<std::size_t>(width) * static_cast<std::size_t>(height - 1 - y);
+    std::uint8_t* to = picture.pixel(0, y);
+    for (int x = 0; x < width; ++x, from += 4, to += 3) std::copy_n(from, 3, to);
+  }
+  return picture;
+}
+
+Picture VolumeRenderer::Drawing::draw(const Mesh& mesh, const Scene& scene, double spacing_m) {
+  context_->make_current();
+  resize(scene.width, scene.height);
+  gl_.BindVertexArray(vertex_array_.name());
+  gl_.Viewport(0, 0, scene.width, scene.height);
+  fill_buffer<CellGeometry>(gl_, cells_, mesh.cells);
+  fill_buffer<Float4>(gl_, positions_, mesh.positions4);
+  fill_buffer<Float4>(gl_, rotations_, mesh.rotations4);
+  nearest_mm_ = mesh.nearest_mm;
+  farthest_mm_ = mesh.farthest_mm;
+  draw_solids(scene);
+  cast(mesh, scene, peel(mesh, scene), spacing_m);
+  return read(scene.width, scene.height);
+}
+
+VolumeRenderer::VolumeRenderer(std::shared_ptr<const ShadedVolume> volume, const TransferFunction& transfer,
+                               GpuUse use, const GpuMaker& make_gpu)
+    : volume_(std::move(volume)), transfer_(transfer) {
+  ChosenContext chosen = choose_context(use, make_gpu);
+  notice_ = chosen.notice;
+  const bool software = chosen.context->is_software();
+  try {
+    drawing_ = std::make_unique<Drawing>(std::move(chosen.context), *volume_, transfer_);
+  } catch (const Error& error) {
+    if (software) throw;
+    go_on_in_software(error.what());
+  }
+}
+
+VolumeRenderer::~VolumeRenderer() = default;
+
+const std::string& VolumeRenderer::renderer() const { return drawing_->context().renderer(); }
+
+void VolumeRenderer::go_on_in_software(const std::string& why) {
+  notice_ = "the graphics processor failed, pictures are computed in software from now on: " + why;
+  drawing_.reset();
+  drawing_ = std::make_unique<Drawing>(make_software_context(), *volume_, transfer_);
+  if (mesh_) drawing_->set_mesh(*mesh_);
+}
+
+void VolumeRenderer::set_mesh(const TetMesh& rest) {
+  auto mesh = std::make_unique<Mesh>(rest);
+  mesh->texture.reserve(rest.nodes.size());
+  for (const Vector3& node : rest.nodes) mesh->texture.push_back(volume_->texture_of(node));
+  bool any = false;
+  std::array<float, 2> all{static_cast<float>(kGreatestHu), static_cast<float>(kLeastHu)};
+  for (std::size_t t = 0; t < rest.tetrahedra.size(); ++t) {
+    std::array<Vector3, 4> corners;
+    for (std::size_t corner = 0; corner < 4; ++corner)
+      corners[corner] = rest.nodes[rest.tetrahedra[t][corner]];
+    const std::array<float, 2> range = hu_range(*volume_, corners);
+    all = {std::min(all[0], range[0]), std::max(all[1], range[1])};
+    if (transfer_.shows(double{range[0]}, double{range[1]})) {
+      any = true;
+    } else {
+      mesh->topology.cells[t].nodes[0] |= kEmptyCell;
+    }
+  }
+  if (!any) {
+    const std::array<int, 2> visible = transfer_.visible_hu();
+    throw Error("the transfer function '" + transfer_.name + "' hides everything: it shows " +
+                std::to_string(visible[0]) + " to " + std::to_string(visible[1]) +
+                " HU, and the CT in the mesh has " + number_text(std::round(double{all[0]})) + " to " +
+                number_text(std::round(double{all[1]})) +
+                " HU; choose another (--transfer), or look at whether the mesh belongs to this CT");
+  }
+  mesh_ = std::move(mesh);
+  try {
+    drawing_->set_mesh(*mesh_);
+  } catch (const Error& error) {
+    if (drawing_->context().is_software()) throw;
+    go_on_in_software(error.what());
+  }
+}
+
+Picture VolumeRenderer::render(std::span<const double> displacement_m, const Scene& scene) {
+  if (!mesh_) throw UsageError("nothing can be drawn before there is a mesh");
+  if (scene.width < 1 || scene.height < 1 || scene.width > kLargestSide || scene.height > kLargestSide) {
+    throw UsageError("a picture of " + std::to_string(scene.width) + "x" + std::to_string(scene.height) +
+                     " pixels cannot be drawn: sides must be from 1 to 8192");
+  }
+  const std::size_t nodes = mesh_->rest.nodes.size();
+  if (!displacement_m.empty() && displacement_m.size() != 3 * nodes) {
+    throw UsageError("a mesh of " + std::to_string(nodes) + " nodes was given displacements of " +
+                     std::to_string(displacement_m.size() / 3));
+  }
+  if (!std::ranges::all_of(displacement_m, [](double value) { return std::isfinite(value); }))
+    throw UsageError("displacements that are no numbers cannot be drawn");
+  if (scene.stress && (scene.stress->at_nodes_pa.size() != nodes || !(scene.stress->largest_pa > 0)))
+    throw UsageError("a stress must be given for each node, with a largest that is greater than 0");
+  mesh_->place(displacement_m, scene.camera);
+  const double spacing_m = scene.spacing_m > 0 ? scene.spacing_m : volume_->spacing_m / 2;
+  try {
+    return drawing_->draw(*mesh_, scene, spacing_m);
+  } catch (const Error& error) {
+    if (drawing_->context().is_software()) throw;
+    go_on_in_software(error.what());
+  }
+  return drawing_->draw(*mesh_, scene, spacing_m);
+}
+
+std::vector<double> at_nodes(const TetMesh& mesh, std::span<const double> of_tetrahedra) {
+  std::vector<double> sum(mesh.nodes.size()), weight(mesh.nodes.size());
+  for (std::size_t t = 0; t < mesh.tetrahedra.size(); ++t) {
+    const double volume = std::abs(signed_volume_m3(mesh, t));
+    for (const std::uint32_t node : mesh.tetrahedra[t]) {
+      sum[node] += volume * of_tetrahedra[t];
+      weight[node] += volume;
+    }
+  }
+  for (std::size_t node = 0; node < sum.size(); ++node)
+    sum[node] = weight[node] > 0 ? sum[node] / weight[node] : 0;
+  return sum;
+}
+
+}  // namespace kiroku::sim

@@ -1,0 +1,70 @@
+// Shaded pictures of a CT that is deformed and cut with a mesh. The CT is given to OpenGL once; a new picture
+// costs the mesh's nodes and the rays.
+//
+// Source: sections 3 and 4 of "Interactive Volume Manipulation for Supporting Preoperative Planning". The
+// picture is defined by cross-sections of the displaced tetrahedra at multiples of `spacing_m` from the eye,
+// perpendicular to the view: on each, tissue is where its initial coordinates find it in the CT, its colour
+// and opacity (for the length between two cross-sections along the ray) by the transfer function, its shading
+// by ambient, diffuse and specular (Blinn, 1977) light on the CT's gradient, turned by the rotations of the
+// four nodes, and cross-sections are blended over each other. Rays gather them from the nearest on, and end
+// where less than half a step of 8 bits could still be added; tetrahedra in which no HU can be seen are
+// passed over. Where a mesh overlaps itself, its layers are blended in the order they are entered, at most
+// kMostLayers.
+#pragma once
+
+#include <memory>
+#include <span>
+
+#include "sim/render/gl_context.h"
+#include "sim/render/scene.h"
+#include "sim/render/shaded_volume.h"
+#include "sim/render/transfer_function.h"
+
+namespace kiroku::sim {
+
+/// Belongs to the thread that made it. In software the same input gives the same bytes, whatever the number
+/// of threads.
+class VolumeRenderer {
+ public:
+  static constexpr int kMostLayers = 12;
+
+  /// kiroku::Error as choose_context(), and for a CT that the driver cannot hold.
+  VolumeRenderer(
+      std::shared_ptr<const ShadedVolume> volume, const TransferFunction& transfer, GpuUse use,
+      const GpuMaker& make_gpu = [] { return make_gpu_context(); });
+  ~VolumeRenderer();
+  VolumeRenderer(const VolumeRenderer&) = delete;
+  VolumeRenderer& operator=(const VolumeRenderer&) = delete;
+
+  /// The undeformed mesh; again when it was cut. kiroku::Error for one with a face of three tetrahedra, and
+  /// where the transfer function hides all of it.
+  void set_mesh(const TetMesh& rest);
+
+  /// `displacement_m`: (3 |V|), finite, or empty for none. kiroku::UsageError for pictures without pixels or
+  /// larger than 8192, and for numbers of another count; kiroku::Error where the driver fails. A graphics
+  /// processor that fails is left for software, with a notice.
+  Picture render(std::span<const double> displacement_m, const Scene& scene);
+
+  /// As the driver names itself.
+  [[nodiscard]] const std::string& renderer() const;
+  /// Why the graphics processor is not used, where one is there and failed; else empty.
+  [[nodiscard]] const std::string& notice() const { return notice_; }
+
+ private:
+  class Drawing;
+  struct Mesh;
+
+  void go_on_in_software(const std::string& why);
+
+  std::shared_ptr<const ShadedVolume> volume_;
+  TransferFunction transfer_;
+  std::string notice_;
+  std::unique_ptr<Mesh> mesh_;
+  std::unique_ptr<Drawing> drawing_;
+};
+
+/// Von Mises stress at the nodes: the mean of the tetrahedra around each, by their volume. (|V|), 0 for loose
+/// nodes.
+std::vector<double> at_nodes(const TetMesh& mesh, std::span<const double> of_tetrahedra);
+
+}  // namespace kiroku::sim

@@ -1,0 +1,631 @@
+#include "sim/render/volume_renderer.h"
+
+#include <cmath>
+#include <fstream>
+#include <iterator>
+#include <numbers>
+
+#include <Eigen/LU>
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "base/error.h"
+#include "sim/cutting/vertex_preserving_cut.h"
+#include "sim/render/vertex_rotations.h"
+#include "tests/support/ball_mesh.h"
+
+namespace kiroku::sim {
+namespace {
+
+using testing::HasSubstr;
+
+const Vector3 kMiddle = Vector3::Constant(0.024);
+constexpr double kRadius = 0.016;
+
+/// What no light changes: colour times ambient alone.
+std::string flat_light() { return R"("light": {"ambient": 1, "diffuse": 0, "specular": 0})"; }
+TransferFunction white(double opacity_per_mm) {
+  return parse_transfer_function(
+      R"({"name": "White", "points": [{"hu": 0, "color": "#ffffff", "opacity_per_mm": )" +
+          std::to_string(opacity_per_mm) + "}], " + flat_light() + "}",
+      "white.json");
+}
+TransferFunction tissue() { return find_transfer_function("liver"); }
+
+Volume constant_ct(double hu) {
+  return test::volume_of({48, 48, 48}, 1e-3, Vector3::Zero(), [&](const Vector3&) { return hu; });
+}
+/// A ball of 60 HU in fat, its border 3 mm wide.
+double ball_hu(const Vector3& at) {
+  return -100 + 160 * std::clamp((kRadius - 0.002 - (at - kMiddle).norm()) / 0.003 + 0.5, 0.0, 1.0);
+}
+Volume ball_ct() { return test::volume_of({48, 48, 48}, 1e-3, Vector3::Zero(), ball_hu); }
+/// With something different on each side of it.
+Volume marked_ct() {
+  return test::volume_of({48, 48, 48}, 1e-3, Vector3::Zero(), [](const Vector3& at) {
+    const Vector3 from = (at - kMiddle) / kRadius;
+    return ball_hu(at) +
+           90 * std::max(0.0, std::sin(7 * from.x()) * std::cos(5 * from.y() + 1) + 0.6 * from.z());
+  });
+}
+TetMesh ball() { return test::ball_mesh({4, 4, 4}, kMiddle, Vector3::Constant(kRadius)); }
+TetMesh box(const Vector3& from, const Vector3& size, const std::array<std::uint32_t, 3>& cells = {2, 2, 2}) {
+  TetMesh mesh = test::tet_grid(cells, size);
+  for (Vector3& node : mesh.nodes) node += from;
+  return mesh;
+}
+
+std::shared_ptr<const ShadedVolume> shaded(const Volume& volume) {
+  return std::make_shared<const ShadedVolume>(shade(volume, {Vector3::Zero(), Vector3::Constant(0.047)}));
+}
+
+Scene scene_of(const TetMesh& mesh, const ViewDirection& from = {}, int side = 96) {
+  Scene scene;
+  scene.width = scene.height = side;
+  scene.camera = camera_looking_at(ball_around(mesh), from, side, side);
+  return scene;
+}
+
+Picture picture_of(const Volume& volume, const TransferFunction& transfer, const TetMesh& mesh,
+                   const Scene& scene, const std::vector<double>& displacement_m = {}) {
+  VolumeRenderer renderer(shaded(volume), transfer, GpuUse::kOff);
+  renderer.set_mesh(mesh);
+  return renderer.render(displacement_m, scene);
+}
+
+std::vector<double> displacement(const TetMesh& mesh, const std::function<Vector3(const Vector3&)>& to) {
+  std::vector<double> numbers;
+  for (const Vector3& node : mesh.nodes) {
+    const Vector3 by = to(node) - node;
+    numbers.insert(numbers.end(), by.data(), by.data() + 3);
+  }
+  return numbers;
+}
+std::vector<double> turned(const TetMesh& mesh, const Eigen::Matrix3d& turn) {
+  return displacement(mesh,
+                      [&](const Vector3& node) -> Vector3 { return kMiddle + turn * (node - kMiddle); });
+}
+
+/// Largest difference and the share of samples that differ by more than `allowed`.
+struct Difference {
+  int largest = 0;
+  double share = 0;
+};
+Difference difference(const Picture& one, const Picture& other, int allowed = 2) {
+  Difference found;
+  EXPECT_EQ(one.rgb.size(), other.rgb.size());
+  for (std::size_t i = 0; i < one.rgb.size(); ++i) {
+    const int by = std::abs(int{one.rgb[i]} - int{other.rgb[i]});
+    found.largest = std::max(found.largest, by);
+    found.share += by > allowed ? 1.0 / double(one.rgb.size()) : 0;
+  }
+  return found;
+}
+
+double brightness(const Picture& picture, int x, int y) {
+  const std::uint8_t* const pixel = picture.pixel(x, y);
+  return (pixel[0] + pixel[1] + pixel[2]) / 3.0;
+}
+/// Where the brightest pixels are, from -1 to 1 to the right and up.
+Eigen::Vector2d highlight(const Picture& picture) {
+  double most = 0;
+  for (int y = 0; y < picture.height; ++y) {
+    for (int x = 0; x < picture.width; ++x) most = std::max(most, brightness(picture, x, y));
+  }
+  Eigen::Vector2d sum = Eigen::Vector2d::Zero();
+  double count = 0;
+  for (int y = 0; y < picture.height; ++y) {
+    for (int x = 0; x < picture.width; ++x) {
+      if (brightness(picture, x, y) < 0.9 * most) continue;
+      sum += Eigen::Vector2d(2.0 * x / (picture.width - 1) - 1, 1 - 2.0 * y / (picture.height - 1));
+      ++count;
+    }
+  }
+  return sum / count;
+}
+
+// The definition, written down plainly: every cross-section, every tetrahedron, in double precision.
+class Reference {
+ public:
+  Reference(const ShadedVolume& volume, const TransferFunction& transfer, const TetMesh& mesh,
+            const std::vector<double>& displacement_m, const Scene& scene)
+      : volume_(volume), transfer_(transfer), mesh_(mesh), scene_(scene), positions_(mesh.nodes) {
+    for (std::size_t i = 0; i < displacement_m.size(); ++i)
+      positions_[i / 3][static_cast<Eigen::Index>(i % 3)] += displacement_m[i];
+    VertexRotations(mesh).compute(positions_, rotations_);
+  }
+
+  Picture draw() const {
+    Picture picture(scene_.width, scene_.height);
+    for (int y = 0; y < scene_.height; ++y) {
+      for (int x = 0; x < scene_.width; ++x) {
+        const Vector3 colour = ray(2 * (x + 0.5) / scene_.width - 1, 1 - 2 * (y + 0.5) / scene_.height);
+        for (int c = 0; c < 3; ++c)
+          picture.pixel(x, y)[c] =
+              static_cast<std::uint8_t>(std::lround(255 * std::clamp(colour[c], 0.0, 1.0)));
+      }
+    }
+    return picture;
+  }
+
+ private:
+  Vector3 ray(double s, double t) const {
+    const Camera& camera = scene_.camera;
+    const Vector3 along(camera.centre.x() + s * camera.half_extent.x(),
+                        camera.centre.y() + t * camera.half_extent.y(), -1);
+    const double spacing_m = volume_.spacing_m / 2;
+    Vector3 colour = Vector3(scene_.background[0], scene_.background[1], scene_.background[2]) / 255;
+    // From the farthest cross-section to the nearest, each over what is behind.
+    double nearest_m = 1e9, farthest_m = 0;
+    for (const Vector3& position : positions_) {
+      nearest_m = std::min(nearest_m, -camera.view_m(position).z());
+      farthest_m = std::max(farthest_m, -camera.view_m(position).z());
+    }
+    for (int section = static_cast<int>(farthest_m / spacing_m); section * spacing_m >= nearest_m;
+         --section) {
+      const Vector3 place = camera.eye_m + camera.to_view.transpose() * (section * spacing_m * along);
+      for (const Tetrahedron& corners : mesh_.tetrahedra) {
+        Eigen::Matrix3d edges;
+        edges << positions_[corners[1]] - positions_[corners[0]],
+            positions_[corners[2]] - positions_[corners[0]], positions_[corners[3]] - positions_[corners[0]];
+        Eigen::Vector4d share;
+        share.tail<3>() = edges.inverse() * (place - positions_[corners[0]]);
+        share[0] = 1 - share.tail<3>().sum();
+        if (share.minCoeff() < 0) continue;
+        Vector3 rest = Vector3::Zero();
+        Eigen::Vector4d q = Eigen::Vector4d::Zero();
+        for (std::size_t corner = 0; corner < 4; ++corner) {
+          rest += share[static_cast<Eigen::Index>(corner)] * mesh_.nodes[corners[corner]];
+          const Eigen::Vector4d one = rotations_[corners[corner]].coeffs();
+          q += share[static_cast<Eigen::Index>(corner)] *
+               (one.dot(rotations_[corners[0]].coeffs()) < 0 ? -1 : 1) * one;
+        }
+        const auto [lit, through] =
+            tissue(rest, Eigen::Quaterniond(Eigen::Vector4d(q.normalized())), along, spacing_m);
+        colour = (1 - through) * lit + through * colour;
+        break;
+      }
+    }
+    return colour;
+  }
+
+  std::pair<Vector3, double> tissue(const Vector3& rest, const Eigen::Quaterniond& turn, const Vector3& along,
+                                    double spacing_m) const {
+    const Vector3 at = volume_.texture_of(rest);
+    Eigen::Vector4d texel = Eigen::Vector4d::Zero();
+    for (int corner = 0; corner < 8; ++corner) {
+      double weight = 1;
+      std::array<std::size_t, 3> voxel{};
+      for (int axis = 0; axis < 3; ++axis) {
+        const auto a = static_cast<std::size_t>(axis);
+        const double index = at[axis] * double(volume_.size[a]) - 0.5, below = std::floor(index);
+        const bool up = (corner >> axis & 1) != 0;
+        weight *= up ? index - below : 1 - (index - below);
+        voxel[a] =
+            static_cast<std::size_t>(std::clamp(below + (up ? 1 : 0), 0.0, double(volume_.size[a]) - 1));
+      }
+      const std::uint16_t* const from =
+          volume_.texels.data() + 4 * (voxel[0] + volume_.size[0] * (voxel[1] + volume_.size[1] * voxel[2]));
+      texel += weight * Eigen::Vector4d(from[0], from[1], from[2], from[3]);
+    }
+    const TransferFunction::Entry& entry =
+        transfer_.entries[static_cast<std::size_t>(std::lround(texel[3] / 65535 * 4095))];
+    const Vector3 gradient = (texel.head<3>() - Vector3::Constant(32768)) * kGreatestGradientHuPerMm / 32767;
+    const double steep = gradient.norm();
+    const auto [flat, whole] = transfer_.edge_hu_per_mm;
+    const double edge = std::clamp((steep - flat) / (whole - flat), 0.0, 1.0);
+    const Vector3 normal = -(scene_.camera.to_view * (turn * gradient)) / std::max(steep, 1e-6);
+    const Vector3 light = scene_.to_light.normalized(), half = (light - along.normalized()).normalized();
+    const double diffuse = (1 - edge) * 0.75 + edge * std::max(normal.dot(light), 0.0);
+    const double gloss = edge * std::pow(std::max(normal.dot(half), 0.0), transfer_.shininess);
+    const Vector3 lit = Vector3(entry.colour[0], entry.colour[1], entry.colour[2]) *
+                            (transfer_.ambient + transfer_.diffuse * diffuse) +
+                        Vector3::Constant(transfer_.specular * gloss);
+    return {lit, std::exp2(-double{entry.extinction_per_mm} * spacing_m * 1000 * along.norm())};
+  }
+
+  const ShadedVolume& volume_;
+  const TransferFunction& transfer_;
+  const TetMesh& mesh_;
+  const Scene& scene_;
+  std::vector<Vector3> positions_;
+  std::vector<Eigen::Quaterniond> rotations_;
+};
+
+Vector3 bent(const Vector3& node) {
+  const Vector3 from = (node - kMiddle) / kRadius;
+  const Eigen::AngleAxisd twist(0.9 * from.z(), Vector3::UnitZ());
+  return kMiddle + kRadius * (twist * from + Vector3(0.3 * from.z() * from.z(), 0, 0.15 * from.x()));
+}
+
+TEST(VolumeRenderer, BlendsTheCrossSectionsOfTheDefinition) {
+  const TetMesh mesh = test::ball_mesh({3, 3, 3}, kMiddle, Vector3::Constant(kRadius));
+  const Scene scene = scene_of(mesh, {25, 15}, 24);
+  const std::vector<double> displacement_m = displacement(mesh, bent);
+  for (const char* const name : {"liver", "lung"}) {
+    const TransferFunction transfer = find_transfer_function(name);
+    const auto volume = shaded(marked_ct());
+    VolumeRenderer renderer(volume, transfer, GpuUse::kOff);
+    renderer.set_mesh(mesh);
+    const Difference found = difference(renderer.render(displacement_m, scene),
+                                        Reference(*volume, transfer, mesh, displacement_m, scene).draw());
+    // Where a cross-section just grazes the surface, single precision may see it or not.
+    EXPECT_LT(found.share, 0.015) << name;
+  }
+}
+
+TEST(VolumeRenderer, LetsThroughWhatBeersLawLetsThrough) {
+  // A slab of 12 mm; each mm takes a tenth. Grey on black, straight on.
+  const TetMesh mesh = box({0.010, 0.018, 0.010}, {0.028, 0.012, 0.028});
+  Scene scene = scene_of(mesh);
+  scene.background = {0, 0, 0};
+  scene.camera = camera_looking_at(ball_around(mesh), {0, 0}, 96, 96, 1, true);
+  const Picture picture = picture_of(constant_ct(50), white(0.1), mesh, scene);
+  EXPECT_NEAR(brightness(picture, 48, 48), 255 * (1 - std::pow(0.9, 12)), 1.5);
+  scene.spacing_m = 0.25e-3;
+  EXPECT_NEAR(brightness(picture_of(constant_ct(50), white(0.1), mesh, scene), 48, 48),
+              255 * (1 - std::pow(0.9, 12)), 1.5)
+      << "finer cross-sections do not make tissue denser";
+}
+
+TEST(VolumeRenderer, DrawsAMirroredBodyMirrored) {
+  // The ball is the same on both sides, its mesh is not.
+  const TetMesh mesh = ball();
+  Scene scene = scene_of(mesh);
+  scene.to_light = {0, 0.5, 1};
+  const Picture picture = picture_of(ball_ct(), tissue(), mesh, scene);
+  Picture mirrored = picture;
+  for (int y = 0; y < picture.height; ++y) {
+    for (int x = 0; x < picture.width; ++x)
+      std::copy_n(picture.pixel(picture.width - 1 - x, y), 3, mirrored.pixel(x, y));
+  }
+  const Difference found = difference(picture, mirrored, 4);
+  EXPECT_LT(found.share, 0.01);
+}
+
+TEST(VolumeRenderer, ATurnedOrganIsATurnedCamera) {
+  const TetMesh mesh = ball();
+  const Scene scene = scene_of(mesh, {20, 10});
+  const Eigen::Matrix3d turn = Eigen::AngleAxisd(1.1, Vector3(1, 2, -1).normalized()).toRotationMatrix();
+  const Picture organ = picture_of(marked_ct(), tissue(), mesh, scene, turned(mesh, turn));
+  Scene other = scene;
+  other.camera.eye_m = kMiddle + turn.transpose() * (scene.camera.eye_m - kMiddle);
+  other.camera.to_view = scene.camera.to_view * turn;
+  const Difference found = difference(organ, picture_of(marked_ct(), tissue(), mesh, other));
+  EXPECT_LT(found.share, 0.004);
+  // And the turn is to be seen.
+  EXPECT_GT(difference(organ, picture_of(marked_ct(), tissue(), mesh, scene)).share, 0.1);
+}
+
+TEST(VolumeRenderer, ShadingOfATurnedOrganStaysWithTheLight) {
+  const TetMesh mesh = ball();
+  Scene scene = scene_of(mesh);
+  scene.to_light = {1, 0.3, 0.5};
+  const Eigen::Vector2d still = highlight(picture_of(ball_ct(), tissue(), mesh, scene));
+  EXPECT_GT(still.x(), 0.2);
+  for (const double angle : {0.7, 1.6, 3.0}) {
+    const Eigen::Matrix3d turn =
+        Eigen::AngleAxisd(angle, Vector3(0.2, 1, 0.3).normalized()).toRotationMatrix();
+    const Picture picture = picture_of(ball_ct(), tissue(), mesh, scene, turned(mesh, turn));
+    EXPECT_LT((highlight(picture) - still).norm(), 0.08) << angle;
+  }
+  scene.to_light = {-1, 0.3, 0.5};
+  EXPECT_LT(highlight(picture_of(ball_ct(), tissue(), mesh, scene)).x(), -0.2);
+}
+
+TEST(VolumeRenderer, ShowsTheInsideOnTheFacesOfACut) {
+  // A block of 60 HU with a core of 200 HU that nothing shows from outside.
+  const Volume ct = test::volume_of({48, 48, 48}, 1e-3, Vector3::Zero(), [](const Vector3& at) {
+    return (at - kMiddle).head<2>().norm() < 0.005 ? 200 : 60;
+  });
+  const TransferFunction transfer = parse_transfer_function(
+      R"({"name": "Core", "points": [{"hu": 100, "color": "#0000ff", "opacity_per_mm": 1},
+                                     {"hu": 101, "color": "#ff0000", "opacity_per_mm": 1}], )" +
+          flat_light() + "}",
+      "core.json");
+  const TetMesh mesh = box(kMiddle - Vector3::Constant(0.014), Vector3::Constant(0.028), {6, 6, 6});
+  const Scene scene = scene_of(mesh);
+  const auto reds = [&](const Picture& picture) {
+    int count = 0;
+    for (int y = 0; y < picture.height; ++y) {
+      for (int x = 0; x < picture.width; ++x) count += picture.pixel(x, y)[0] > 150 ? 1 : 0;
+    }
+    return count;
+  };
+  EXPECT_EQ(reds(picture_of(ct, transfer, mesh, scene)), 0);
+  // From the front to behind the core, then the halves are drawn apart.
+  VertexPreservingCut cut(mesh);
+  cut.cut(SweepSurface({{kMiddle.x(), -0.01, -0.01}, {kMiddle.x(), -0.01, 0.06}},
+                       {{kMiddle.x(), 0.03, -0.01}, {kMiddle.x(), 0.03, 0.06}}));
+  const TetMesh after = cut.remaining();
+  const std::vector<double> apart = displacement(after, [](const Vector3& node) -> Vector3 {
+    const double depth = std::max(0.0, 0.03 - node.y()) / 0.02;
+    return node + Vector3(node.x() > kMiddle.x() ? 0.008 : -0.008, 0, 0) * depth;
+  });
+  const Picture opened = picture_of(ct, transfer, after, scene, apart);
+  EXPECT_GT(reds(opened), 300);
+  // Closed: within the gap tissue is seen everywhere, nowhere the background.
+  for (int y = 35; y < 62; ++y) {
+    for (int x = 30; x < 67; ++x)
+      EXPECT_GT(opened.pixel(x, y)[0] + opened.pixel(x, y)[2], 120) << x << ',' << y;
+  }
+}
+
+TEST(VolumeRenderer, SeesEveryLayerOfAMeshThatFoldsBack) {
+  // Two slabs of 4 mm behind each other, one mesh: rays leave it and enter again.
+  TetMesh mesh = box({0.010, 0.010, 0.010}, {0.028, 0.004, 0.028});
+  const TetMesh behind = box({0.010, 0.030, 0.010}, {0.028, 0.004, 0.028});
+  for (Tetrahedron corners : behind.tetrahedra) {
+    for (std::uint32_t& node : corners) node += static_cast<std::uint32_t>(mesh.nodes.size());
+    mesh.tetrahedra.push_back(corners);
+    mesh.regions.push_back(0);
+  }
+  mesh.nodes.insert(mesh.nodes.end(), behind.nodes.begin(), behind.nodes.end());
+  Scene scene = scene_of(mesh);
+  scene.background = {0, 0, 0};
+  scene.camera = camera_looking_at(ball_around(mesh), {0, 0}, 96, 96, 1, true);
+  EXPECT_NEAR(brightness(picture_of(constant_ct(50), white(0.1), mesh, scene), 48, 48),
+              255 * (1 - std::pow(0.9, 8)), 1.5);
+}
+
+TEST(VolumeRenderer, PassingEmptyTetrahedraOverChangesNothing) {
+  // Much of the box is air that the transfer function hides. A trace of opacity makes it count as seen.
+  const TetMesh mesh = box(Vector3::Constant(0.004), Vector3::Constant(0.040), {8, 8, 8});
+  const Volume ct = test::volume_of({48, 48, 48}, 1e-3, Vector3::Zero(), [](const Vector3& at) {
+    return (at - kMiddle).norm() < 0.01 ? 60 : -900;
+  });
+  const auto transfer = [](const std::string& of_air) {
+    return parse_transfer_function(
+        R"({"name": "Ball", "points": [{"hu": -500, "color": "#ffffff", "opacity_per_mm": )" + of_air +
+            R"(}, {"hu": -400, "color": "#ff0000", "opacity_per_mm": 0.5}]})",
+        "ball.json");
+  };
+  const Scene scene = scene_of(mesh);
+  EXPECT_LE(
+      difference(picture_of(ct, transfer("0"), mesh, scene), picture_of(ct, transfer("1e-9"), mesh, scene))
+          .largest,
+      0);
+}
+
+TEST(VolumeRenderer, ToolsHideWhatIsBehindAndTissueHidesTools) {
+  const TetMesh mesh = box({0.010, 0.018, 0.010}, {0.028, 0.012, 0.028});
+  Scene scene = scene_of(mesh);
+  const auto with = [&](double y_m) {
+    scene.solids = {{Sphere{0.003}, {{0.024, y_m, 0.024}, Eigen::Quaterniond::Identity()}, {0, 255, 0}}};
+    return picture_of(constant_ct(60), white(1), mesh, scene);
+  };
+  const auto is_green = [](const std::uint8_t* pixel) { return pixel[1] > 80 && pixel[0] < pixel[1] - 40; };
+  EXPECT_TRUE(is_green(with(0.010).pixel(48, 48))) << "in front";
+  EXPECT_FALSE(is_green(with(0.024).pixel(48, 48))) << "within";
+  EXPECT_FALSE(is_green(with(0.040).pixel(48, 48))) << "behind";
+  EXPECT_FALSE(is_green(with(0.010).pixel(48, 20))) << "beside it";
+}
+
+TEST(VolumeRenderer, DrawsEveryShapeOfATool) {
+  const TetMesh mesh = box(Vector3::Constant(0.022), Vector3::Constant(0.004));
+  Scene scene = scene_of(mesh);
+  scene.camera = camera_looking_at({kMiddle, 0.02}, {0, 0}, 96, 96, 1, true);
+  // Seen along y, at scale 96 pixels to 40 mm: x and z extents in pixels.
+  const auto extent = [&](const ToolShape& shape) {
+    scene.solids = {{shape, {{0.024, 0.005, 0.024}, Eigen::Quaterniond::Identity()}, {0, 255, 0}}};
+    const Picture picture = picture_of(constant_ct(60), white(1), mesh, scene);
+    int wide = 0, high = 0;
+    for (int i = 0; i < 96; ++i) {
+      const auto is_green = [&](const std::uint8_t* pixel) { return pixel[1] > pixel[0] + 20; };
+      wide += is_green(picture.pixel(i, 48)) ? 1 : 0;
+      high += is_green(picture.pixel(48, i)) ? 1 : 0;
+    }
+    return std::pair(wide, high);
+  };
+  const auto near = [](int pixels, double mm) { return std::abs(pixels - mm * 96 / 40) <= 1.5; };
+  const auto [sphere_wide, sphere_high] = extent(Sphere{0.008});
+  EXPECT_TRUE(near(sphere_wide, 16) && near(sphere_high, 16)) << sphere_wide << ' ' << sphere_high;
+  const auto [rod_wide, rod_high] = extent(Capsule{0.005, 0.010});
+  EXPECT_TRUE(near(rod_wide, 10) && near(rod_high, 30)) << rod_wide << ' ' << rod_high;
+  const auto [box_wide, box_high] = extent(Box{{0.010, 0.002, 0.006}});
+  EXPECT_TRUE(near(box_wide, 20) && near(box_high, 12)) << box_wide << ' ' << box_high;
+}
+
+TEST(VolumeRenderer, TintsTissueByItsStress) {
+  const TetMesh mesh = box({0.010, 0.018, 0.010}, {0.028, 0.012, 0.028}, {8, 1, 1});
+  Scene scene = scene_of(mesh);
+  scene.stress.emplace();
+  scene.stress->share = 1;
+  scene.stress->largest_pa = 1000;
+  for (const Vector3& node : mesh.nodes)
+    scene.stress->at_nodes_pa.push_back((node.x() - 0.010) / 0.028 * 1000);
+  const Picture picture = picture_of(constant_ct(60), white(1), mesh, scene);
+  // Viridis: blue where there is none, yellow where there is most.
+  EXPECT_GT(picture.pixel(22, 48)[2], picture.pixel(22, 48)[0]);
+  EXPECT_GT(picture.pixel(74, 48)[0], 2 * picture.pixel(74, 48)[2]);
+}
+
+TEST(VolumeRenderer, DrawsTheSurfaceAroundTheTissue) {
+  const TetMesh mesh = box({0.010, 0.018, 0.010}, {0.028, 0.012, 0.028});
+  Scene scene = scene_of(mesh);
+  scene.background = {0, 0, 0};
+  const Volume ct = constant_ct(60);
+  const Picture without = picture_of(ct, white(0.001), mesh, scene);
+  scene.surface = SurfaceSheet{{0, 200, 0}, 0.5};
+  const Picture with = picture_of(ct, white(0.001), mesh, scene);
+  EXPECT_LT(brightness(without, 48, 48), 8);
+  // The near side, and through it the far side.
+  EXPECT_GT(with.pixel(48, 48)[1], 90);
+  EXPECT_EQ(brightness(with, 2, 2), 0);
+}
+
+TEST(VolumeRenderer, RefusesATransferFunctionThatHidesEverything) {
+  VolumeRenderer renderer(shaded(constant_ct(50)), find_transfer_function("bone"), GpuUse::kOff);
+  try {
+    renderer.set_mesh(ball());
+    FAIL();
+  } catch (const Error& error) {
+    EXPECT_STREQ(error.what(),
+                 "the transfer function 'Bone' hides everything: it shows 151 to 3071 HU, and the CT in the "
+                 "mesh has 50 "
+                 "to 50 HU; choose another (--transfer), or look at whether the mesh belongs to this CT");
+  }
+  EXPECT_THROW(renderer.render({}, Scene()), UsageError) << "there is no mesh yet";
+}
+
+TEST(VolumeRenderer, RefusesNumbersAndPicturesThatAreNone) {
+  VolumeRenderer renderer(shaded(constant_ct(50)), tissue(), GpuUse::kOff);
+  const TetMesh mesh = ball();
+  renderer.set_mesh(mesh);
+  Scene scene = scene_of(mesh);
+  EXPECT_THROW(renderer.render(std::vector<double>(7), scene), UsageError);
+  EXPECT_THROW(renderer.render(std::vector<double>(3 * mesh.nodes.size(), std::nan("")), scene), UsageError);
+  scene.width = 0;
+  EXPECT_THROW(renderer.render({}, scene), UsageError);
+  scene.width = 9000;
+  EXPECT_THROW(renderer.render({}, scene), UsageError);
+}
+
+TEST(VolumeRenderer, SurvivesElementsWithoutVolumeAndTurnedInsideOut) {
+  const TetMesh mesh = ball();
+  const Scene scene = scene_of(mesh);
+  VolumeRenderer renderer(shaded(ball_ct()), tissue(), GpuUse::kOff);
+  renderer.set_mesh(mesh);
+  renderer.render(displacement(mesh,
+                               [](const Vector3& node) -> Vector3 {
+                                 return {node.x(), 0.024, node.z()};
+                               }),
+                  scene);
+  renderer.render(displacement(mesh, [](const Vector3&) -> Vector3 { return kMiddle; }), scene);
+  renderer.render(displacement(mesh, [](const Vector3& node) -> Vector3 { return 2 * kMiddle - node; }),
+                  scene);
+  // And draws as ever afterwards.
+  EXPECT_EQ(renderer.render({}, scene).rgb, picture_of(ball_ct(), tissue(), mesh, scene).rgb);
+}
+
+/// A graphics processor that works until it is to draw.
+class FailingContext : public GlContext {
+ public:
+  FailingContext() {
+    inner_->make_current();
+    static const GlContext* inner = nullptr;
+    inner = inner_.get();
+    load(
+        [](const char* name) -> void* {
+          if (std::string_view(name) == "glGetError")
+            return reinterpret_cast<void*>(+[]() -> GLenum { return GL_OUT_OF_MEMORY; });
+          return address(inner->gl(), name);
+        },
+        "test");
+  }
+  ~FailingContext() override { leave(); }
+  FailingContext(const FailingContext&) = delete;
+  FailingContext& operator=(const FailingContext&) = delete;
+  [[nodiscard]] bool is_software() const override { return false; }
+
+ private:
+  void bind() override { inner_->make_current(); }
+  void release() noexcept override {}
+  static void* address(const GlFunctions& gl, std::string_view name) {
+#define KIROKU_GL_ADDRESS(Type, Name) \
+  if (name == "gl" #Name) return reinterpret_cast<void*>(gl.Name);
+    KIROKU_GL_FUNCTIONS(KIROKU_GL_ADDRESS)
+#undef KIROKU_GL_ADDRESS
+    return nullptr;
+  }
+  std::unique_ptr<GlContext> inner_ = make_software_context();
+};
+
+TEST(VolumeRenderer, GoesOnInSoftwareWhereTheGraphicsProcessorRunsOutOfMemory) {
+  VolumeRenderer renderer(shaded(ball_ct()), tissue(), GpuUse::kAuto,
+                          [] { return std::make_unique<FailingContext>(); });
+  EXPECT_THAT(renderer.notice(), HasSubstr("in software from now on"));
+  EXPECT_THAT(renderer.notice(), HasSubstr("out of memory"));
+  const TetMesh mesh = ball();
+  renderer.set_mesh(mesh);
+  const Scene scene = scene_of(mesh);
+  EXPECT_EQ(renderer.render({}, scene).rgb, picture_of(ball_ct(), tissue(), mesh, scene).rgb);
+}
+
+TEST(VolumeRenderer, DrawsTheSameOverEgl) {
+  // Mesa's own device, where its drivers are installed: the way to a graphics processor, without one.
+  const GpuMaker maker = [] { return make_gpu_context(true); };
+  std::unique_ptr<GlContext> there;
+  try {
+    there = maker();
+  } catch (const Error& error) {
+    GTEST_SKIP() << error.what();
+  }
+  if (!there) GTEST_SKIP() << "there is no EGL device";
+  there.reset();
+  const TetMesh mesh = ball();
+  const Scene scene = scene_of(mesh);
+  VolumeRenderer renderer(shaded(marked_ct()), tissue(), GpuUse::kAuto, maker);
+  renderer.set_mesh(mesh);
+  EXPECT_EQ(renderer.notice(), "");
+  const Difference found =
+      difference(renderer.render({}, scene), picture_of(marked_ct(), tissue(), mesh, scene));
+  EXPECT_LT(found.share, 0.001) << renderer.renderer();
+}
+
+// Frames as they were when they were last looked at, kept as PPM. Another software rasteriser, or a processor
+// of other vectors, may round otherwise; there they must agree nearly.
+constexpr const char* kGoldenRenderer = "llvmpipe (LLVM 15.0.6, 256 bits)";
+
+void expect_golden(const std::string& name, const Picture& picture) {
+  const std::string text = "P6\n" + std::to_string(picture.width) + " " + std::to_string(picture.height) +
+                           "\n255\n" + std::string(picture.rgb.begin(), picture.rgb.end());
+  const std::string here = std::string(KIROKU_BINARY_DIR) + "/golden_" + name + ".ppm";
+  std::ofstream(here, std::ios::binary) << text;
+  std::ifstream file(std::string(KIROKU_SOURCE_DIR) + "/tests/unit/sim/render/golden/" + name + ".ppm",
+                     std::ios::binary);
+  const std::string golden{std::istreambuf_iterator<char>(file), {}};
+  ASSERT_EQ(golden.size(), text.size())
+      << "look at " << here << " and put it into tests/unit/sim/render/golden/";
+  if (make_software_context()->renderer() == kGoldenRenderer) {
+    EXPECT_TRUE(golden == text) << here << " is no longer the golden " << name
+                                << "; where the change is meant, look at it and put it there";
+    return;
+  }
+  Picture before = picture;
+  before.rgb.assign(golden.end() - static_cast<std::ptrdiff_t>(picture.rgb.size()), golden.end());
+  EXPECT_LT(difference(before, picture).share, 0.01) << here;
+}
+
+TEST(GoldenFrames, AreTheSameToTheByte) {
+  const TetMesh mesh = ball();
+  const Scene still = scene_of(mesh, {25, 15});
+  expect_golden("still", picture_of(marked_ct(), tissue(), mesh, still));
+  expect_golden("lung", picture_of(marked_ct(), find_transfer_function("lung"), mesh, still));
+  // Cut open, bent, with a tool in it, its stress and its surface.
+  VertexPreservingCut cut(mesh);
+  cut.cut(SweepSurface({{kMiddle.x(), 0, 0}, {kMiddle.x(), 0, 0.05}},
+                       {{kMiddle.x(), 0.022, 0}, {kMiddle.x(), 0.022, 0.05}}));
+  const TetMesh after = cut.remaining();
+  Scene rich = still;
+  rich.solids = {
+      {Capsule{0.002, 0.012},
+       {{0.034, 0.006, 0.02}, Eigen::Quaterniond(Eigen::AngleAxisd(0.7, Vector3::UnitX()))},
+       {200, 200, 210}},
+      {Box{{0.004, 0.001, 0.003}}, {{0.012, 0.006, 0.03}, Eigen::Quaterniond::Identity()}, {90, 160, 230}}};
+  rich.stress.emplace();
+  rich.stress->largest_pa = 100;
+  for (const Vector3& node : after.nodes)
+    rich.stress->at_nodes_pa.push_back(100 * (node - kMiddle).norm() / kRadius);
+  rich.surface.emplace();
+  const std::vector<double> opened = displacement(after, [](const Vector3& node) -> Vector3 {
+    const double depth = std::max(0.0, 0.024 - node.y()) / 0.016;
+    return bent(node) + Vector3(node.x() > kMiddle.x() ? 0.006 : -0.006, 0, 0) * depth;
+  });
+  expect_golden("opened", picture_of(marked_ct(), tissue(), after, rich, opened));
+}
+
+TEST(AtNodes, IsTheMeanByVolume) {
+  TetMesh mesh;
+  mesh.nodes = {{0, 0, 0}, {1, 0, 0}, {0, 1, 0}, {0, 0, 1}, {0, 0, -3}, {9, 9, 9}};
+  mesh.tetrahedra = {{0, 1, 2, 3}, {0, 2, 1, 4}};
+  mesh.regions = {0, 0};
+  const std::vector<double> pa = at_nodes(mesh, std::vector<double>{8, 4});
+  EXPECT_DOUBLE_EQ(pa[0], 5);
+  EXPECT_DOUBLE_EQ(pa[3], 8);
+  EXPECT_DOUBLE_EQ(pa[4], 4);
+  EXPECT_DOUBLE_EQ(pa[5], 0);
+}
+
+}  // namespace
+}  // namespace kiroku::sim
