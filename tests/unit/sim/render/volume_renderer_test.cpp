@@ -133,6 +133,19 @@ class Reference {
     for (std::size_t i = 0; i < displacement_m.size(); ++i)
       positions_[i / 3][static_cast<Eigen::Index>(i % 3)] += displacement_m[i];
     VertexRotations(mesh).compute(positions_, rotations_);
+    for (const Tetrahedron& corners : mesh.tetrahedra) {
+      Element element{positions_[corners[0]], positions_[corners[0]], {}};
+      for (const std::uint32_t node : corners) {
+        element.least = element.least.cwiseMin(positions_[node]).eval();
+        element.greatest = element.greatest.cwiseMax(positions_[node]).eval();
+      }
+      Eigen::Matrix3d edges;
+      for (std::size_t corner = 1; corner < 4; ++corner)
+        edges.col(static_cast<Eigen::Index>(corner) - 1) =
+            positions_[corners[corner]] - positions_[corners[0]];
+      element.inverse = edges.inverse();
+      elements_.push_back(element);
+    }
   }
 
   Picture draw() const {
@@ -164,12 +177,15 @@ class Reference {
     for (int section = static_cast<int>(farthest_m / spacing_m); section * spacing_m >= nearest_m;
          --section) {
       const Vector3 place = camera.eye_m + camera.to_view.transpose() * (section * spacing_m * along);
-      for (const Tetrahedron& corners : mesh_.tetrahedra) {
-        Eigen::Matrix3d edges;
-        edges << positions_[corners[1]] - positions_[corners[0]],
-            positions_[corners[2]] - positions_[corners[0]], positions_[corners[3]] - positions_[corners[0]];
+      for (std::size_t t = 0; t < elements_.size(); ++t) {
+        const Element& element = elements_[t];
+        const double *at = place.data(), *least = element.least.data(), *greatest = element.greatest.data();
+        if (at[0] < least[0] || at[1] < least[1] || at[2] < least[2] || at[0] > greatest[0] ||
+            at[1] > greatest[1] || at[2] > greatest[2])
+          continue;
+        const Tetrahedron& corners = mesh_.tetrahedra[t];
         Eigen::Vector4d share;
-        share.tail<3>() = edges.inverse() * (place - positions_[corners[0]]);
+        share.tail<3>() = element.inverse * (place - positions_[corners[0]]);
         share[0] = 1 - share.tail<3>().sum();
         if (share.minCoeff() < 0) continue;
         Vector3 rest = Vector3::Zero();
@@ -224,12 +240,18 @@ class Reference {
     return {lit, std::exp2(-double{entry.extinction_per_mm} * spacing_m * 1000 * along.norm())};
   }
 
+  struct Element {
+    Vector3 least, greatest;
+    Eigen::Matrix3d inverse;
+  };
+
   const ShadedVolume& volume_;
   const TransferFunction& transfer_;
   const TetMesh& mesh_;
   const Scene& scene_;
   std::vector<Vector3> positions_;
   std::vector<Eigen::Quaterniond> rotations_;
+  std::vector<Element> elements_;
 };
 
 Vector3 bent(const Vector3& node) {
@@ -240,7 +262,7 @@ Vector3 bent(const Vector3& node) {
 
 TEST(VolumeRenderer, BlendsTheCrossSectionsOfTheDefinition) {
   const TetMesh mesh = test::ball_mesh({3, 3, 3}, kMiddle, Vector3::Constant(kRadius));
-  const Scene scene = scene_of(mesh, {25, 15}, 24);
+  const Scene scene = scene_of(mesh, {25, 15}, 32);
   const std::vector<double> displacement_m = displacement(mesh, bent);
   for (const char* const name : {"liver", "lung"}) {
     const TransferFunction transfer = find_transfer_function(name);
@@ -250,7 +272,7 @@ TEST(VolumeRenderer, BlendsTheCrossSectionsOfTheDefinition) {
     const Difference found = difference(renderer.render(displacement_m, scene),
                                         Reference(*volume, transfer, mesh, displacement_m, scene).draw());
     // Where a cross-section just grazes the surface, single precision may see it or not.
-    EXPECT_LT(found.share, 0.015) << name;
+    EXPECT_LT(found.share, 0.01) << name;
   }
 }
 
