@@ -177,13 +177,13 @@ class Reference {
     for (int section = static_cast<int>(farthest_m / spacing_m); section * spacing_m >= nearest_m;
          --section) {
       const Vector3 place = camera.eye_m + camera.to_view.transpose() * (section * spacing_m * along);
-      for (std::size_t t = 0; t < elements_.size(); ++t) {
-        const Element& element = elements_[t];
+      for (std::size_t number = 0; number < elements_.size(); ++number) {
+        const Element& element = elements_[number];
         const double *at = place.data(), *least = element.least.data(), *greatest = element.greatest.data();
         if (at[0] < least[0] || at[1] < least[1] || at[2] < least[2] || at[0] > greatest[0] ||
             at[1] > greatest[1] || at[2] > greatest[2])
           continue;
-        const Tetrahedron& corners = mesh_.tetrahedra[t];
+        const Tetrahedron& corners = mesh_.tetrahedra[number];
         Eigen::Vector4d share;
         share.tail<3>() = element.inverse * (place - positions_[corners[0]]);
         share[0] = 1 - share.tail<3>().sum();
