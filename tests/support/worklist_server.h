@@ -12,6 +12,7 @@
 #include <boost/asio/ip/tcp.hpp>
 
 #include "tests/support/process.h"
+#include "tests/support/reserved_port.h"
 
 namespace kiroku::test {
 
@@ -23,7 +24,8 @@ inline bool has_worklist_server() {
 class WorklistServer {
  public:
   /// Keeps its steps below `folder`; its application entity title is RIS.
-  explicit WorklistServer(const std::filesystem::path& folder) : steps_(folder / "RIS"), port_(free_port()) {
+  explicit WorklistServer(const std::filesystem::path& folder)
+      : steps_(folder / "RIS"), port_(reserved_port()) {
     std::filesystem::create_directories(steps_);
     std::ofstream(steps_ / "lockfile");
   }
@@ -64,13 +66,6 @@ class WorklistServer {
   }
 
   [[nodiscard]] std::uint16_t port() const { return port_; }
-
-  /// A port that nobody used a moment ago.
-  static std::uint16_t free_port() {
-    boost::asio::io_context context;
-    boost::asio::ip::tcp::acceptor acceptor(context, {boost::asio::ip::make_address("127.0.0.1"), 0});
-    return acceptor.local_endpoint().port();
-  }
 
  private:
   [[nodiscard]] bool answers() const {

@@ -3,6 +3,7 @@
 #include <thread>
 
 #include "tests/support/mllp_client.h"
+#include "tests/support/reserved_port.h"
 #include "tests/support/worklist_server.h"
 #include "tests/system/program_test.h"
 
@@ -88,7 +89,7 @@ TEST_F(Daemon, RecordsWhatItIsToldAndClosesWhenItEnds) {
 TEST_F(Daemon, SealsWhatTheHospitalSaysOfAProcedureAndTellsItNowhereElse) {
   if (!has_worklist_server()) GTEST_SKIP() << "wlmscpfs is not installed (Debian package dcmtk)";
   WorklistServer server(folder() / "worklist");
-  const std::uint16_t hl7_port = WorklistServer::free_port();
+  const std::uint16_t hl7_port = reserved_port();
   write_text(home() / "kiroku.toml", read_text(home() / "kiroku.toml") + R"(
 [[room]]
 name = "or-2"

@@ -4,9 +4,7 @@
 #include <map>
 #include <sstream>
 
-#include <boost/asio/io_context.hpp>
-#include <boost/asio/ip/tcp.hpp>
-
+#include "tests/support/reserved_port.h"
 #include "tests/support/shared_data.h"
 #include "tests/system/program_test.h"
 
@@ -15,12 +13,7 @@ namespace {
 
 using testing::HasSubstr;
 
-/// A port that nobody used a moment ago.
-std::string free_address() {
-  boost::asio::io_context context;
-  boost::asio::ip::tcp::acceptor acceptor(context, {boost::asio::ip::make_address("127.0.0.1"), 0});
-  return "127.0.0.1:" + std::to_string(acceptor.local_endpoint().port());
-}
+std::string free_address() { return "127.0.0.1:" + std::to_string(reserved_port()); }
 
 class Monitors : public ProgramTest {
  protected:

@@ -1,6 +1,7 @@
 // Authorities that cannot be reached while a case is recorded, and come back later.
 #include <csignal>
 
+#include "tests/support/reserved_port.h"
 #include "tests/system/program_test.h"
 
 namespace kiroku::test {
@@ -13,11 +14,7 @@ class Stamping : public ProgramTest {
  protected:
   void SetUp() override {
     make_demo_home();
-    // A port that was free a moment ago, where nobody listens yet.
-    const std::unique_ptr<Process> first = authority("127.0.0.1:0");
-    url_ = nlohmann::json::parse(first->out()).at("url");
-    first->signal(SIGTERM);
-    (void)first->wait();
+    url_ = "http://127.0.0.1:" + std::to_string(reserved_port()) + "/";  // nobody listens there yet
     configure("outside");
   }
   void configure(const std::string& name) const {

@@ -12,6 +12,7 @@
 #include "recorder/vitals/hl7_message.h"
 #include "recorder/vitals/mllp_server.h"
 #include "tests/support/mllp_client.h"
+#include "tests/support/reserved_port.h"
 #include "tests/support/temporary_folder.h"
 
 namespace kiroku::recorder {
@@ -26,18 +27,11 @@ std::string message(int id, const std::string& value = "97") {
          "|P|2.6\rOBX|1|NM|1^MDC_X^MDC|1|" + value + "\r";
 }
 
-/// A port that nobody used a moment ago.
-std::uint16_t free_port() {
-  boost::asio::io_context context;
-  boost::asio::ip::tcp::acceptor acceptor(context, {boost::asio::ip::make_address("127.0.0.1"), 0});
-  return acceptor.local_endpoint().port();
-}
-
 /// A source read by a thread of its own, as a lane reads it.
 class Running {
  public:
   explicit Running(const std::string& options = "", const std::string& scheme = "mllp")
-      : port_(free_port()),
+      : port_(test::reserved_port()),
         source_(open_vital_source(
             parse_source_address(scheme + "://127.0.0.1:" + std::to_string(port_) + options), clock_)),
         thread_([this] { read(); }) {}

@@ -1,0 +1,44 @@
+// Messages of patient administration and scheduling as a stranger on the network sends them: what is read of
+// a procedure can be written into a subject file, and what another message completes stays the same
+// patient's.
+#include <algorithm>
+#include <cstdint>
+#include <cstdlib>
+#include <span>
+
+#include <nlohmann/json.hpp>
+
+#include "base/bytes.h"
+#include "recorder/procedure/procedure_message.h"
+
+namespace {
+
+using namespace kiroku;            // NOLINT(google-build-using-namespace)
+using namespace kiroku::recorder;  // NOLINT(google-build-using-namespace)
+
+void require(bool holds) {
+  if (!holds) std::abort();
+}
+
+}  // namespace
+
+extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
+  ProcedureData known;
+  for (const std::string_view bytes : split_hl7_messages(text_of(std::as_bytes(std::span(data, size))))) {
+    const Hl7Parse parsed = parse_hl7_message(bytes);
+    if (!parsed.message) continue;
+    // Whatever type it says it is: the reader must not depend on whom it trusts.
+    const ProcedureMessage message = read_procedure_message(*parsed.message, std::chrono::minutes(120));
+    using Kind = ProcedureMessage::Kind;
+    require(message.kind == Kind::kNothing || !message.patient.empty() || !message.appointment.empty());
+    const auto subject = nlohmann::json::parse(text_of(subject_json(message.data)));
+    require(subject.is_object());
+    const ProcedureData before = known;
+    complete(known, message.data);
+    require(before.patient_id.empty() || known.patient_id == before.patient_id);
+    require(known.staff.size() >= before.staff.size() &&
+            std::ranges::equal(before.staff, std::span(known.staff).first(before.staff.size())));
+    require(nlohmann::json::parse(text_of(subject_json(known))).is_object());
+  }
+  return 0;
+}
