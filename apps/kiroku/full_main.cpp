@@ -43,8 +43,11 @@ int main(int argc, char** argv) {
   add_token_command(root);
   add_tsa_command(root);
   add_log_command(root);
-  add_sim_command(root);
-  add_plan_command(root);
+  Command& sim = add_sim_command(root);
+  add_sim_render_command(sim);
+  add_sim_transfer_command(sim);
+  Command& plan = add_plan_command(root);
+  add_plan_replay_command(plan);
   add_completion_command(root);
   return program.run(argc, argv);
 }

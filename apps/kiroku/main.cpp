@@ -21,6 +21,13 @@ namespace fs = std::filesystem;
 constexpr std::array<std::string_view, 7> kAnsweredHere{"case",   "cases", "log",   "seal",
                                                         "status", "token", "unseal"};
 constexpr std::array<std::string_view, 2> kSimulates{"plan", "sim"};
+constexpr std::array<std::string_view, 3> kShows{"render", "replay", "transfer"};
+
+/// Commands of 'sim' and 'plan' that compute; what makes pictures or lists all commands needs every library.
+bool simulates(int argc, const char* const* argv) {
+  return argc > 2 && std::ranges::count(kSimulates, argv[1]) > 0 && argv[2][0] != '-' &&
+         std::ranges::count(kShows, argv[2]) == 0;
+}
 
 /// Beside this program, as it is built, or where it is installed.
 fs::path program(const std::string& name) {
@@ -46,8 +53,7 @@ int main(int argc, char** argv) {
     add_unseal_command(answers.root());
     return answers.run(argc, argv);
   }
-  const bool simulates = argc > 1 && std::ranges::count(kSimulates, argv[1]) > 0;
-  const fs::path other = program(simulates ? "kiroku-sim" : "kiroku-full");
+  const fs::path other = program(simulates(argc, argv) ? "kiroku-sim" : "kiroku-full");
   ::execv(other.c_str(), argv);
   print_error("kiroku", "cannot start " + other.string() + ": " + std::strerror(errno) +
                             "; it belongs to this program, so install both anew");

@@ -179,7 +179,7 @@ int run(const Request& request) {
 
 }  // namespace
 
-void add_plan_command(Command& program) {
+Command& add_plan_command(Command& program) {
   Command& plan = program.add_command("plan", "plans operations and carries them out");
 
   Command& checked = plan.add_command("check", "tells all that is wrong with a plan");
@@ -208,6 +208,7 @@ void add_plan_command(Command& program) {
   ran.example("kiroku plan run liver.json -o liver", "carries the plan out");
   ran.example("kiroku plan run liver.json -o liver --frames-every 0.25", "with four frames a second");
   ran.on_run([run_request] { return run(*run_request); });
+  return plan;
 }
 
 }  // namespace kiroku::apps

@@ -5,6 +5,10 @@
 
 namespace kiroku::apps {
 
-void add_plan_command(Command& program);
+/// Without what needs libraries of codecs. Returns 'kiroku plan', for these to be added.
+Command& add_plan_command(Command& program);
+
+/// Films, which need libraries of codecs.
+void add_plan_replay_command(Command& plan);
 
 }  // namespace kiroku::apps

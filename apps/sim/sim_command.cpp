@@ -100,7 +100,7 @@ int run(const Request& request) {
 
 }  // namespace
 
-void add_sim_command(Command& program) {
+Command& add_sim_command(Command& program) {
   Command& sim = program.add_command("sim", "simulates soft tissue");
   add_sim_volume_command(sim);
   add_sim_mesh_command(sim);
@@ -125,6 +125,7 @@ void add_sim_command(Command& program) {
       "to pose.");
   command.example("kiroku sim solve liver.json -o liver.vtu", "solves, and writes what ParaView opens");
   command.on_run([request] { return run(*request); });
+  return sim;
 }
 
 }  // namespace kiroku::apps

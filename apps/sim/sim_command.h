@@ -5,11 +5,16 @@
 
 namespace kiroku::apps {
 
-void add_sim_command(Command& program);
+/// Without what needs libraries of codecs. Returns 'kiroku sim', for these to be added.
+Command& add_sim_command(Command& program);
 
 /// Parts of it.
 void add_sim_volume_command(Command& sim);
 void add_sim_mesh_command(Command& sim);
 void add_sim_respire_command(Command& sim);
+
+/// Pictures, which need libraries of codecs.
+void add_sim_render_command(Command& sim);
+void add_sim_transfer_command(Command& sim);
 
 }  // namespace kiroku::apps

@@ -155,6 +155,7 @@ void PlanRun::balance() {
   for (std::size_t place = 0; place < manipulated_.size(); ++place)
     frame_.tools[manipulated_[place]] = result.tools[place];
   frame_.displacement_m = body_->manipulation->displacement_m();
+  frame_.tool_force_n = body_->manipulation->tool_force_n();
   const std::vector<SymmetricTensor> bearing_pa = body_->elastic.stress_pa(frame_.displacement_m);
   frame_.stress_pa.assign(mesh_.tetrahedra.size(), SymmetricTensor::Zero());
   std::size_t next = 0;

@@ -20,6 +20,7 @@ struct PlanFrame {
   std::vector<SymmetricTensor> stress_pa;  // (|T|) of mesh(); zero in what has fallen off
   std::vector<OptionalPose> poses;         // of the plan's tools
   std::vector<ToolForce> tools;            // what they feel; zero for scalpels
+  Eigen::VectorXd tool_force_n;            // (3 |V|), what all tools do to the nodes
 };
 
 /// What a step came to.

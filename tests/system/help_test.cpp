@@ -8,9 +8,9 @@ namespace {
 using testing::HasSubstr;
 
 const std::vector<Arguments> kCommands{
-    {"init"},         {"record"},  {"cases"},      {"sim", "solve"}, {"verify"},
-    {"export"},       {"excerpt"}, {"seal"},       {"unseal"},       {"token", "verify"},
-    {"tsa", "serve"}, {"log"},     {"completion"}, {"recover"},      {"erase"}};
+    {"init"},         {"record"}, {"cases"},      {"sim", "solve"}, {"sim", "render"}, {"plan", "replay"},
+    {"verify"},       {"export"}, {"excerpt"},    {"seal"},         {"unseal"},        {"token", "verify"},
+    {"tsa", "serve"}, {"log"},    {"completion"}, {"recover"},      {"erase"}};
 
 class Help : public ProgramTest {
  protected:

@@ -1,0 +1,36 @@
+// Options that all commands with shaded pictures share, and what they come to. Not thread-safe.
+#pragma once
+
+#include <optional>
+#include <string>
+
+#include "apps/common/command_line.h"
+#include "media/png.h"
+#include "sim/render/volume_renderer.h"
+
+namespace kiroku::apps {
+
+struct PictureOptions {
+  std::optional<std::string> transfer, view, zoom, size, surface, background, spacing, smooth, gpu;
+
+  /// States them; `default_transfer` in words.
+  void add_to(Command& command, const std::string& default_transfer);
+
+  /// kiroku::UsageError that names the option, for values that are none.
+  [[nodiscard]] sim::TransferFunction transfer_function(const std::string& by_default) const;
+  [[nodiscard]] sim::GpuUse gpu_use() const;
+  [[nodiscard]] sim::ShadingOptions shading() const;
+  /// Looks at the ball.
+  [[nodiscard]] sim::Scene scene(const sim::Ball& ball) const;
+};
+
+/// A number from `least` to `greatest`; kiroku::UsageError that names `what` ("--zoom").
+double parse_number(const std::string& text, const std::string& what, double least, double greatest);
+
+/// For media's writers; the picture must outlive it.
+media::PictureView view_of(const sim::Picture& picture);
+
+/// On standard error, where some of the nodes are; none inside is an error of shade().
+void warn_of_nodes_outside(const sim::TetMesh& mesh, const sim::Grid& grid);
+
+}  // namespace kiroku::apps

@@ -1,0 +1,230 @@
+// 'kiroku plan replay': a planned operation as a film.
+#include <algorithm>
+#include <cmath>
+#include <filesystem>
+#include <iostream>
+#include <memory>
+
+#include <nlohmann/json.hpp>
+
+#include "apps/common/json_output.h"
+#include "apps/common/progress.h"
+#include "apps/common/step_line.h"
+#include "apps/sim/picture_options.h"
+#include "apps/sim/plan_command.h"
+#include "base/error.h"
+#include "media/film_writer.h"
+#include "sim/fem/element.h"
+#include "sim/fem/number_text.h"
+#include "sim/meshing/mesh_recipe.h"
+#include "sim/plan/plan_run.h"
+#include "sim/render/lettering.h"
+#include "sim/render/plan_scene.h"
+#include "sim/volume/volume_reader.h"
+
+namespace kiroku::apps {
+namespace {
+
+struct Request {
+  std::string plan, output;
+  std::optional<std::string> volume, series, stress;
+  PictureOptions picture;
+  bool force = false, json = false, no_caption = false, no_contacts = false;
+};
+
+std::optional<sim::Plan> read(const Request& request) {
+  sim::PlanReading reading = [&] {
+    StepLine line;
+    return sim::read_plan(request.plan,
+                          sim::recipe_mesh_maker([&](const std::string& step) { line.show(step); }));
+  }();
+  for (const std::string& error : reading.errors) print_error("kiroku", error);
+  if (reading.plan) {
+    for (const std::string& warning : reading.plan->body.warnings)
+      print_error("kiroku", "warning: " + warning);
+  }
+  return std::move(reading.plan);
+}
+
+double duration_s(const sim::Plan& plan) {
+  double sum = 0;
+  for (const sim::PlanStep& step : plan.steps) sum += step.duration_s;
+  return sum;
+}
+
+/// A picture a time step, shown as fast as it was planned.
+media::FilmFormat format_of(const sim::Plan& plan, const sim::Scene& scene) {
+  media::FilmFormat format{scene.width, scene.height, 3, 1000, 1000};
+  format.rate_denominator = static_cast<int>(std::lround(plan.time_step_s * 1000));
+  return format;
+}
+
+/// "step 2 of 5: retract forceps", as of the frame.
+std::string step_text(const sim::Plan& plan, const sim::PlanFrame& frame) {
+  if (frame.time_s == 0) return plan.name;
+  const sim::PlanStep& step = plan.steps[frame.step];
+  std::string tools;
+  for (const sim::PlanMotion& motion : step.motions)
+    tools += (tools.empty() ? " " : ", ") + plan.tools[motion.tool].tool.name;
+  for (const std::size_t tool : step.released)
+    tools += (tools.empty() ? " " : ", ") + plan.tools[tool].tool.name;
+  return "step " + std::to_string(frame.step + 1) + " of " + std::to_string(plan.steps.size()) + ": " +
+         sim::name_of(step.action) + tools;
+}
+
+std::string time_text(double time_s) {
+  char text[32];
+  std::snprintf(text, sizeof text, "%.2f s", time_s);
+  return text;
+}
+
+std::vector<double> von_mises_of(const sim::PlanFrame& frame) {
+  std::vector<double> stress_pa;
+  stress_pa.reserve(frame.stress_pa.size());
+  for (const sim::SymmetricTensor& stress : frame.stress_pa) stress_pa.push_back(sim::von_mises(stress));
+  return stress_pa;
+}
+
+class Replay {
+ public:
+  Replay(const Request& request, const sim::Plan& plan, const sim::Volume& volume)
+      : request_(request),
+        plan_(plan),
+        scene_(request.picture.scene(view_of_plan(plan))),
+        renderer_(std::make_shared<const sim::ShadedVolume>(
+                      sim::shade(volume, sim::extent_of(plan.body.mesh), request.picture.shading())),
+                  request.picture.transfer_function("liver"), request.picture.gpu_use()),
+        film_(request.output, format_of(plan, scene_), request.force) {
+    // Contact points are a fifth of an edge's length.
+    constexpr double kShareOfEdge = 0.2;
+    contact_radius_m_ = kShareOfEdge * std::cbrt(volume_of(plan.body.mesh) * 6 * std::sqrt(2.0) /
+                                                 double(plan.body.mesh.tetrahedra.size()));
+    if (request.stress) largest_pa_ = parse_number(*request.stress, "--stress", 1e-9, 1e12);
+    if (!request.no_caption || request.stress) lettering_.emplace();
+  }
+
+  void add(const sim::PlanRun& run) {
+    const sim::PlanFrame& frame = run.frame();
+    // Cuts take tetrahedra out and move nodes; nothing else changes the mesh.
+    if (run.mesh().tetrahedra.size() != shown_.tetrahedra.size() || run.mesh().nodes != shown_.nodes) {
+      shown_ = run.mesh();
+      renderer_.set_mesh(shown_);
+    }
+    scene_.solids = sim::tools_of(plan_, frame);
+    if (!request_.no_contacts) {
+      const std::vector<sim::Solid> points = sim::contact_points_of(run.mesh(), frame, contact_radius_m_);
+      scene_.solids.insert(scene_.solids.end(), points.begin(), points.end());
+    }
+    if (largest_pa_ > 0) {
+      scene_.stress.emplace();
+      scene_.stress->largest_pa = largest_pa_;
+      scene_.stress->at_nodes_pa = sim::at_nodes(run.mesh(), von_mises_of(frame));
+    }
+    sim::Picture picture = renderer_.render(
+        {frame.displacement_m.data(), static_cast<std::size_t>(frame.displacement_m.size())}, scene_);
+    if (!request_.no_caption)
+      sim::draw_caption(*lettering_, picture, step_text(plan_, frame), time_text(frame.time_s));
+    if (largest_pa_ > 0) sim::draw_stress_scale(*lettering_, picture, largest_pa_);
+    film_.add(apps::view_of(picture));
+  }
+
+  void finish() { film_.finish(); }
+  [[nodiscard]] const sim::VolumeRenderer& renderer() const { return renderer_; }
+  [[nodiscard]] std::uint64_t frames() const { return film_.frames(); }
+
+ private:
+  static double volume_of(const sim::TetMesh& mesh) {
+    double volume_m3 = 0;
+    for (std::size_t t = 0; t < mesh.tetrahedra.size(); ++t) volume_m3 += sim::signed_volume_m3(mesh, t);
+    return volume_m3;
+  }
+  /// With some room for what moves.
+  static sim::Ball view_of_plan(const sim::Plan& plan) {
+    sim::Ball ball = sim::ball_around(plan.body.mesh);
+    constexpr double kRoom = 1.1;
+    ball.radius_m *= kRoom;
+    return ball;
+  }
+
+  const Request& request_;
+  const sim::Plan& plan_;
+  sim::Scene scene_;
+  sim::VolumeRenderer renderer_;
+  media::FilmWriter film_;
+  std::optional<sim::Lettering> lettering_;
+  double contact_radius_m_ = 0, largest_pa_ = 0;
+  sim::TetMesh shown_;
+};
+
+sim::Volume read_ct(const Request& request, const sim::Plan& plan) {
+  const std::filesystem::path path = request.volume ? std::filesystem::path(*request.volume) : plan.volume;
+  if (path.empty()) {
+    throw UsageError(
+        "the plan " + request.plan +
+        " names no CT that could be shown: give its \"volume\" a file or folder, or name one with --volume");
+  }
+  StepLine line;
+  line.show("reading the CT");
+  return sim::read_volume(path, {request.series.value_or(""), false}).volume;
+}
+
+int run(const Request& request) {
+  const auto plan = read(request);
+  if (!plan) return kRefused;
+  const sim::Volume volume = read_ct(request, *plan);
+  warn_of_nodes_outside(plan->body.mesh, volume.grid);
+  Replay replay(request, *plan, volume);
+  sim::PlanRun plan_run(*plan);
+  Progress progress("replaying the plan");
+  const double all_s = duration_s(*plan);
+  while (plan_run.next()) {
+    replay.add(plan_run);
+    constexpr double kMillisecondsPerSecond = 1000;
+    progress.update(static_cast<std::uint64_t>(plan_run.frame().time_s * kMillisecondsPerSecond),
+                    static_cast<std::uint64_t>(all_s * kMillisecondsPerSecond));
+  }
+  progress.clear();
+  replay.finish();
+  if (!replay.renderer().notice().empty()) print_error("kiroku", "warning: " + replay.renderer().notice());
+  if (request.json) {
+    print_json({{"film", request.output},
+                {"frames", replay.frames()},
+                {"duration_s", all_s},
+                {"renderer", replay.renderer().renderer()}});
+  } else {
+    std::cout << request.output << ": " << replay.frames() << " frames of " << sim::number_text(all_s, 4)
+              << " s, by " << printable(replay.renderer().renderer()) << "\n";
+  }
+  return kDone;
+}
+
+}  // namespace
+
+void add_plan_replay_command(Command& plan) {
+  Command& command = plan.add_command("replay", "shows a plan as a film of the CT");
+  const auto request = std::make_shared<Request>();
+  command.argument("PLAN", request->plan, "the plan (.json)");
+  command.required_option("-o,--output", "OUT", request->output,
+                          "where to: .mp4 (H.264), .mkv (FFV1, without loss), or a folder for PNG files");
+  command.option("--volume", "CT", request->volume, "the CT to be shown", "the plan's");
+  command.option("--series", "UID", request->series,
+                 "of a folder with several series: its UID, or how that ends");
+  command.option("--stress", "PA", request->stress,
+                 "tints tissue by its von Mises stress; PA is what the last colour stands for");
+  request->picture.add_to(command, "liver");
+  command.flag("--no-caption", request->no_caption, "without step and time");
+  command.flag("--no-contacts", request->no_contacts, "without the points where tools hold or press");
+  command.flag("--force", request->force, "replaces a film, or a folder of pictures, that is there");
+  command.flag("--json", request->json, "prints one JSON object instead");
+  command.explain(
+      "A picture for each time step, shown as fast as it was planned. In software (--gpu off) the same plan "
+      "gives the same "
+      "frames every time; .mkv and PNG files keep them bit for bit.");
+  command.example("kiroku plan replay liver.json -o liver.mp4", "a film for any player");
+  command.example(
+      "kiroku plan replay kidney.json --transfer kidney --view 250,0 --stress 4000 --gpu off -o kidney.mkv",
+      "with its stress, always the same frames");
+  command.on_run([request] { return run(*request); });
+}
+
+}  // namespace kiroku::apps
