@@ -243,6 +243,7 @@ Session::State::State(SessionOptions asked)
   writing.key = options.key;
   writing.device_name = options.device_name;
   writing.subject = options.subject;
+  writing.plan = options.plan;
   writing.subject_recipients = options.event_recipients;
   writing.boot_id = archive::kernel_boot_id();
   writing.log = options.log;

@@ -43,6 +43,7 @@ struct SessionOptions {
   std::vector<StreamRequest> vitals;
   crypto::AgeRecipients event_recipients;  // for the events stream and the subject
   std::optional<Bytes> subject;
+  std::optional<crypto::Sha256Digest> plan;  // of a sealed plan, for the case's first entry
   std::vector<NamedAuthority> authorities;
   const timestamp::TrustStore* trust = nullptr;  // a token that does not hold under it is token-missed
   StampingQueue* queue = nullptr;                // remembers tokens that did not come; may be null

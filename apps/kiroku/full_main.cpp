@@ -48,6 +48,7 @@ int main(int argc, char** argv) {
   add_sim_transfer_command(sim);
   Command& plan = add_plan_command(root);
   add_plan_replay_command(plan);
+  add_plan_seal_commands(plan);
   add_completion_command(root);
   return program.run(argc, argv);
 }

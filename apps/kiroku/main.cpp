@@ -21,12 +21,13 @@ namespace fs = std::filesystem;
 constexpr std::array<std::string_view, 7> kAnsweredHere{"case",   "cases", "log",   "seal",
                                                         "status", "token", "unseal"};
 constexpr std::array<std::string_view, 2> kSimulates{"plan", "sim"};
-constexpr std::array<std::string_view, 3> kShows{"render", "replay", "transfer"};
+constexpr std::array<std::string_view, 5> kNeedMore{"render", "replay", "seal", "transfer", "verify"};
 
-/// Commands of 'sim' and 'plan' that compute; what makes pictures or lists all commands needs every library.
+/// Commands of 'sim' and 'plan' that compute; what makes pictures, takes a home or lists all
+/// commands needs every library.
 bool simulates(int argc, const char* const* argv) {
   return argc > 2 && std::ranges::count(kSimulates, argv[1]) > 0 && argv[2][0] != '-' &&
-         std::ranges::count(kShows, argv[2]) == 0;
+         std::ranges::count(kNeedMore, argv[2]) == 0;
 }
 
 /// Beside this program, as it is built, or where it is installed.

@@ -13,6 +13,7 @@
 #include "apps/kiroku/authorities.h"
 #include "apps/kiroku/commands.h"
 #include "apps/kiroku/home.h"
+#include "apps/kiroku/plan_seal.h"
 #include "apps/kiroku/recording_display.h"
 #include "apps/kiroku/recording_setup.h"
 #include "apps/kiroku/recovering.h"
@@ -27,7 +28,7 @@ using nlohmann::ordered_json;
 
 struct Request {
   std::optional<std::string> home, endoscope, room, vitals, profile, duration, subject, segment, stamp_every,
-      bit_rate, chroma;
+      bit_rate, chroma, plan;
   std::vector<std::string> authorities, recipients_for;
   bool audio = false, deinterlace = false, json = false;
 };
@@ -91,6 +92,7 @@ recorder::SessionOptions session_options(const Request& request, const Home& hom
   options.device_name = home.device().name();
   options.event_recipients = recipients.usual();
   if (request.subject) options.subject = load_subject(*request.subject);
+  if (request.plan) options.plan = require_sealed(home, *request.plan);
   options.segment_duration =
       request.segment ? parse_segment_duration(*request.segment, "--segment") : configuration.segment;
   options.stamp_interval = request.stamp_every ? parse_stamp_interval(*request.stamp_every, "--stamp-every")
@@ -225,6 +227,9 @@ void add_record_command(Command& program) {
                  "until Ctrl-C");
   command.option("--subject", "FILE", request->subject,
                  "JSON about patient, procedure and staff, to be sealed with the case");
+  command.option(
+      "--plan", "SEAL", request->plan,
+      "the sealed plan that is carried out (kiroku plan seal); the case names it in its first entry");
   command.choice("--profile", {"mpeg2", "uncompressed", "lossless"}, request->profile,
                  "how pictures are archived", "kiroku.toml's, mpeg2 at first");
   command.option("--bitrate", "RATE", request->bit_rate, "bits a second of one MPEG-2 stream",

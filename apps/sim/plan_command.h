@@ -10,5 +10,7 @@ Command& add_plan_command(Command& program);
 
 /// Films, which need libraries of codecs.
 void add_plan_replay_command(Command& plan);
+/// Sealing, which takes a home, its log and its authorities.
+void add_plan_seal_commands(Command& plan);
 
 }  // namespace kiroku::apps

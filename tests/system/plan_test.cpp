@@ -174,6 +174,86 @@ TEST_F(PlanProgram, MakesTheMeshThatThePlanHasARecipeFor) {
               HasSubstr("mesh.labels is 'none.nii': there is no such file"));
 }
 
+TEST_F(PlanProgram, SealsAPlanBeforeTheCaseIsRecorded) {
+  make_demo_home();
+  const std::filesystem::path other = record();
+  EXPECT_REFUSED(kiroku({"record", "--vitals", "synthetic:patient", "--plan", "plan.json"}),
+                 "plan.json is no sealed plan");
+  const nlohmann::json sealed = kiroku_json({"plan", "seal", "plan.json", "--json"});
+  EXPECT_EQ(sealed["files"], 2);
+  ASSERT_TRUE(sealed["time_stamps"][0].contains("gen_time")) << sealed.dump();
+  EXPECT_EQ(nlohmann::json::parse(read_text(folder() / "plan.seal.json"))["files"][1]["name"], "cube.msh");
+  EXPECT_REFUSED(kiroku({"plan", "seal", "plan.json"}), "is there already");
+
+  const std::filesystem::path folder_of_case = record({"--plan", "plan.seal.json"});
+  const std::string first_line = read_text(folder_of_case / "ledger.jsonl");
+  EXPECT_THAT(first_line.substr(0, first_line.find('\n')),
+              HasSubstr("\"plan\":\"" + sealed["sha256"].get<std::string>() + "\""));
+  EXPECT_EQ(kiroku_json({"verify", folder_of_case.string(), "--json"})["verdict"], "intact");
+  const auto verify = [&](const std::filesystem::path& of) {
+    return kiroku({"plan", "verify", "plan.seal.json", "--case", of.string()});
+  };
+  const ProcessResult whole = verify(folder_of_case);
+  EXPECT_EQ(whole.status, 0) << whole.out << whole.err;
+  EXPECT_THAT(whole.out, HasSubstr("plan.seal.json: HOLDS (cube)"));
+  EXPECT_THAT(whole.out, HasSubstr("sealed before the first picture"));
+  const ProcessResult unplanned = verify(other);
+  EXPECT_EQ(unplanned.status, 1);
+  EXPECT_THAT(unplanned.out, HasSubstr("names no plan"));
+
+  // A plan sealed after the case does not become the case's.
+  write_text(folder() / "later.json", read_text(folder() / "plan.json") + "\n");
+  EXPECT_EQ(kiroku({"plan", "seal", "later.json"}).status, 0);
+  const ProcessResult later =
+      kiroku({"plan", "verify", "later.seal.json", "--case", folder_of_case.string()});
+  EXPECT_EQ(later.status, 1);
+  EXPECT_THAT(later.out, HasSubstr("was recorded by another plan"));
+
+  // What is changed afterwards, what is gone, and what nobody can tell.
+  const std::string mesh = read_text(folder() / "cube.msh");
+  write_text(folder() / "cube.msh", mesh + "\n");
+  EXPECT_THAT(verify(folder_of_case).out, HasSubstr("NO: cube.msh is not what was sealed"));
+  EXPECT_EQ(verify(folder_of_case).status, 1);
+  fs::remove(folder() / "cube.msh");
+  EXPECT_THAT(verify(folder_of_case).out, HasSubstr("not known: "));
+  EXPECT_EQ(verify(folder_of_case).status, 3);
+  write_text(folder() / "cube.msh", mesh);
+  fs::remove(folder() / "plan.seal.embedded.tsr");
+  EXPECT_THAT(verify(folder_of_case).out, HasSubstr("not known: there is no time-stamp"));
+  EXPECT_EQ(verify(folder_of_case).status, 3);
+  // The seal itself: its hash is no longer the log's, nor the case's.
+  std::string text = read_text(folder() / "plan.seal.json");
+  text.replace(text.find("cube"), 4, "cuba");
+  write_text(folder() / "plan.seal.json", text);
+  const ProcessResult forged = verify(folder_of_case);
+  EXPECT_EQ(forged.status, 1);
+  EXPECT_THAT(forged.out, HasSubstr("does not know this seal"));
+  EXPECT_THAT(forged.out, HasSubstr("was recorded by another plan"));
+  EXPECT_REFUSED(kiroku({"record", "--vitals", "synthetic:patient", "--plan", "plan.seal.json"}),
+                 "is not in the appliance log");
+}
+
+TEST_F(PlanProgram, SealsEveryFileThatAPlanIsMadeOf) {
+  make_demo_home();
+  fs::create_directories(folder() / "ct/series");
+  for (const char* name : {"ct/b.dcm", "ct/series/a.dcm", "organs.nii.gz"}) write_text(folder() / name, name);
+  std::string plan = read_text(folder() / "plan.json");
+  plan.insert(1, "\"volume\": \"ct\", ");
+  write_text(folder() / "plan.json", plan);
+  EXPECT_EQ(kiroku({"plan", "seal", "plan.json"}).status, 0);
+  const auto files = nlohmann::json::parse(read_text(folder() / "plan.seal.json"))["files"];
+  ASSERT_EQ(files.size(), 4U);
+  EXPECT_EQ(files[2]["name"], "ct/b.dcm");
+  EXPECT_EQ(files[3]["name"], "ct/series/a.dcm");
+  EXPECT_EQ(kiroku({"plan", "verify", "plan.seal.json"}).status, 0);
+  write_text(folder() / "ct/c.dcm", "more");
+  const ProcessResult more = kiroku({"plan", "verify", "plan.seal.json"});
+  EXPECT_EQ(more.status, 1);
+  EXPECT_THAT(more.out, HasSubstr("ct/c.dcm was not there when the plan was sealed"));
+  write_plan("[]");
+  EXPECT_EQ(kiroku({"plan", "seal", "plan.json"}).status, 2);
+}
+
 /// The plans of docs/plans on organs of a real CT.
 TEST_F(PlanProgram, CarriesOutTheWorkedPlans) {
   KIROKU_NEEDS_SHARED_DATA("sim/lung-ct");

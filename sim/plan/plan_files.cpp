@@ -1,0 +1,48 @@
+#include "sim/plan/plan_files.h"
+
+#include <algorithm>
+
+#include "sim/model/body_model.h"
+#include "sim/model/json_field.h"
+
+namespace kiroku::sim {
+namespace {
+
+namespace fs = std::filesystem;
+
+void add(std::vector<PlanFile>& files, const std::string& role, const JsonField& named,
+         const fs::path& folder) {
+  const fs::path path = named.existing_path(folder);
+  const fs::path name = fs::path(named.text()).lexically_normal();
+  if (!fs::is_directory(path)) {
+    files.push_back({role, name.generic_string(), path});
+    return;
+  }
+  const std::size_t first = files.size();
+  for (const auto& entry : fs::recursive_directory_iterator(path)) {
+    if (entry.is_regular_file())
+      files.push_back({role, (name / fs::relative(entry.path(), path)).generic_string(), entry.path()});
+  }
+  std::ranges::sort(files.begin() + static_cast<std::ptrdiff_t>(first), files.end(), {}, &PlanFile::name);
+}
+
+}  // namespace
+
+std::vector<PlanFile> files_of_plan(const fs::path& plan) {
+  const nlohmann::json document = JsonField::parse(read_document(plan), plan.string());
+  const JsonField field(document, plan.string());
+  const fs::path folder = plan.parent_path();
+  std::vector<PlanFile> files{{"plan", plan.filename().generic_string(), plan}};
+  const JsonField mesh = field.member("mesh");
+  if (mesh.is_object()) {
+    for (const char* const key : {"labels", "contours"}) {
+      if (const auto named = mesh.optional_member(key)) add(files, key, *named, folder);
+    }
+  } else {
+    add(files, "mesh", mesh, folder);
+  }
+  if (const auto volume = field.optional_member("volume")) add(files, "volume", *volume, folder);
+  return files;
+}
+
+}  // namespace kiroku::sim
