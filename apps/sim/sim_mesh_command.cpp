@@ -11,6 +11,7 @@
 #include "apps/common/step_line.h"
 #include "apps/kiroku/output_file.h"
 #include "apps/sim/sim_command.h"
+#include "apps/sim/volume_request.h"
 #include "base/error.h"
 #include "sim/fem/number_text.h"
 #include "sim/mesh/mesh_writer.h"
@@ -20,13 +21,6 @@ namespace kiroku::apps {
 namespace {
 
 using sim::number_text;
-
-struct VolumeRequest {
-  std::string path;
-  std::optional<std::string> series;
-  bool resample = false, json = false;
-  [[nodiscard]] sim::VolumeOptions options() const { return {series.value_or(""), resample}; }
-};
 
 struct MeshCommandRequest {
   VolumeRequest volume;
@@ -196,16 +190,6 @@ int run_mesh(const MeshCommandRequest& request) {
   output.commit(OutputFile::Durability::kEventually);
   print_mesh(request, answer, unit);
   return kDone;
-}
-
-void add_volume_options(Command& command, VolumeRequest& request) {
-  command.argument("VOLUME", request.path,
-                   "a folder of DICOM files, or .nii, .nii.gz, .nrrd, .nhdr, .mha, .mhd");
-  command.option("--series", "UID", request.series,
-                 "of a folder with several series: its UID, or how that ends");
-  command.flag("--resample", request.resample,
-               "resamples uneven gaps and a tilted gantry instead of refusing them");
-  command.flag("--json", request.json, "prints one JSON object instead");
 }
 
 }  // namespace

@@ -36,7 +36,8 @@ bool is_element(std::string_view tag, std::string_view name) {
 
 class VtuReader {
  public:
-  VtuReader(std::string_view text, const std::string& name) : cursor_(text, name) {}
+  VtuReader(std::string_view text, const std::string& name)
+      : cursor_(text, name), vtk_(text.find("<VTKFile") != std::string_view::npos) {}
 
   VtuFile read(LengthUnit unit) {
     find_grid();
@@ -70,12 +71,11 @@ class VtuReader {
   }
 
   void find_grid() {
-    bool vtk = false, grid = false;
+    if (!vtk_) cursor_.fail("it is no VTK file: it has no <VTKFile>");
+    bool grid = false;
     while (true) {
       const std::string_view tag = next_tag();
-      vtk = vtk || is_element(tag, "VTKFile");
       grid = grid || is_element(tag, "UnstructuredGrid");
-      if (!vtk && !tag.starts_with("?") && !tag.starts_with("!")) cursor_.fail("it is no VTK file");
       if (is_element(tag, "Piece")) {
         if (!grid) cursor_.fail("it holds no unstructured grid");
         points_ = count_of(tag, "NumberOfPoints");
@@ -184,6 +184,7 @@ class VtuReader {
 
   static constexpr std::size_t kAnyCount = ~std::size_t{0};
   MeshCursor cursor_;
+  bool vtk_;
   VtuFile file_;
   std::size_t points_ = 0, cells_ = 0;
 };

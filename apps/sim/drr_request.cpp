@@ -1,0 +1,110 @@
+#include "apps/sim/drr_request.h"
+
+#include <filesystem>
+
+#include "base/error.h"
+#include "sim/mesh/mesh_reader.h"
+#include "sim/mesh/vtu_reader.h"
+#include "sim/respiration/number_table.h"
+
+namespace kiroku::apps {
+namespace {
+
+sim::GeometryDocument machine_of(const DrrRequest& request) {
+  sim::GeometryDocument machine = sim::read_geometry(request.geometry);
+  if (!request.gantry) return machine;
+  if (!machine.gantry) {
+    throw UsageError("--gantry turns a gantry, and " + request.geometry +
+                     " describes none: it gives a matrix, which has its angle already");
+  }
+  machine.gantry->gantry_deg = parse_number(*request.gantry, "--gantry");
+  machine.geometry = sim::ProjectionGeometry(*machine.gantry);
+  return machine;
+}
+
+}  // namespace
+
+double parse_number(const std::string& text, const std::string& what) {
+  const auto number = sim::number_of(text);
+  if (!number) throw UsageError(what + " is '" + text + "'; it must be a number");
+  return *number;
+}
+
+std::vector<double> parse_numbers(const std::string& text, char separator, std::size_t count,
+                                  const std::string& what) {
+  std::vector<double> numbers;
+  std::size_t begin = 0;
+  while (begin <= text.size()) {
+    const std::size_t end = std::min(text.find(separator, begin), text.size());
+    const auto number = sim::number_of(text.substr(begin, end - begin));
+    if (!number) break;
+    numbers.push_back(*number);
+    begin = end + 1;
+  }
+  if (numbers.size() != count || begin <= text.size()) {
+    throw UsageError(what + " is '" + text + "'; it must be " + std::to_string(count) + " numbers with '" +
+                     separator + "' between them");
+  }
+  return numbers;
+}
+
+void refuse_to_replace(const std::string& file, bool force) {
+  if (!force && std::filesystem::is_regular_file(file)) {
+    throw UsageError("'" + file + "' is there already: name another file, or give --force to replace it");
+  }
+}
+
+void add_drr_options(Command& command, DrrRequest& request) {
+  add_volume_options(command, request.volume);
+  command.required_option("-g,--geometry", "FILE", request.geometry, "source and detector (.json)");
+  command.option("--gantry", "DEGREES", request.gantry, "another angle of the gantry than the geometry's");
+  command.option("--mesh", "FILE", request.mesh, "a mesh of the volume (.msh, .vtk, .veg) that moves");
+  command.option("--displacement", "VTU", request.displacement,
+                 "how it moves: a .vtu of sim solve, plan run or sim respire", "not at all");
+  command.choice("--length-unit", {"mm", "m"}, request.unit, "of the mesh", "mm");
+  command.choice("--part", {"all", "inside", "outside"}, request.part, "what is shown: of the mesh", "all");
+  command.flag("--keep-mass", request.keep_mass,
+               "tissue becomes denser as its volume shrinks, instead of staying as it is");
+  command.option("--energy", "KEV", request.energy, "of the rays, 20 to 20000", "70");
+}
+
+DrrScene::DrrScene(const DrrRequest& request, StepLine& line)
+    : machine_(machine_of(request)),
+      attenuation_(request.energy ? parse_number(*request.energy, "--energy")
+                                  : sim::Attenuation::kCtEnergyKev),
+      rule_(request.keep_mass ? sim::DensityRule::kKeepMass : sim::DensityRule::kKeepDensity),
+      part_(request.part.value_or("all")) {
+  if (!request.mesh && (request.displacement || request.part || request.unit || request.keep_mass)) {
+    throw UsageError("--displacement, --part, --length-unit and --keep-mass are of a mesh: give --mesh too");
+  }
+  // What is small is read first, so that its mistakes need not wait for the CT.
+  sim::TetMesh mesh;
+  if (request.mesh) {
+    const sim::LengthUnit unit = request.unit == "m" ? sim::LengthUnit::kMetre : sim::LengthUnit::kMillimetre;
+    mesh = sim::read_mesh(*request.mesh, unit).mesh;
+    if (request.displacement) {
+      displacement_m_ = sim::read_displacement(*request.displacement, mesh, unit);
+    } else {
+      displacement_m_.assign(mesh.nodes.size(), sim::Vector3::Zero());
+    }
+  }
+  line.show("reading " + request.volume.path);
+  sim::VolumeFile file = sim::read_volume(request.volume.path, request.volume.options());
+  findings_ = std::move(file.findings);
+  line.show("projecting");
+  ct_ = std::make_unique<sim::CtProjector>(file.volume, attenuation_);
+  if (request.mesh) mesh_ = std::make_unique<sim::MeshProjector>(*ct_, std::move(mesh));
+}
+
+sim::ProjectionImage DrrScene::project(const sim::ProjectionGeometry& geometry) const {
+  if (!mesh_) return ct_->project(geometry);
+  if (part_ == "inside") return mesh_->inside(geometry, displacement_m_, rule_);
+  if (part_ == "outside") {
+    sim::ProjectionImage image = mesh_->outside(geometry);
+    for (float& value : image.values) value = std::max(value, 0.0F);
+    return image;
+  }
+  return mesh_->project(geometry, displacement_m_, rule_);
+}
+
+}  // namespace kiroku::apps

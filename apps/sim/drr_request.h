@@ -1,0 +1,58 @@
+// The options of every command that computes radiographs of a CT, and what they name, read.
+#pragma once
+
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "apps/common/command_line.h"
+#include "apps/common/step_line.h"
+#include "apps/sim/volume_request.h"
+#include "sim/drr/mesh_projector.h"
+#include "sim/drr/picture.h"
+
+namespace kiroku::apps {
+
+struct DrrRequest {
+  VolumeRequest volume;
+  std::string geometry;
+  std::optional<std::string> gantry, mesh, displacement, unit, part, energy;
+  bool keep_mass = false;
+};
+/// The request must live until the program has run.
+void add_drr_options(Command& command, DrrRequest& request);
+
+/// A CT, perhaps with a mesh that deforms it, and who looks at it.
+class DrrScene {
+ public:
+  /// Errors of all that is read, kiroku::UsageError for options that do not belong together.
+  DrrScene(const DrrRequest& request, StepLine& line);
+
+  [[nodiscard]] const sim::GeometryDocument& machine() const { return machine_; }
+  [[nodiscard]] const sim::Attenuation& attenuation() const { return attenuation_; }
+  /// As the request says: the whole, or a part.
+  [[nodiscard]] sim::ProjectionImage project(const sim::ProjectionGeometry& geometry) const;
+  /// Of the volume, one sentence each.
+  [[nodiscard]] const std::vector<std::string>& findings() const { return findings_; }
+
+ private:
+  sim::GeometryDocument machine_;
+  sim::Attenuation attenuation_;
+  sim::DensityRule rule_;
+  std::string part_;
+  std::vector<std::string> findings_;
+  std::unique_ptr<sim::CtProjector> ct_;
+  std::unique_ptr<sim::MeshProjector> mesh_;
+  std::vector<sim::Vector3> displacement_m_;
+};
+
+/// A finite number. kiroku::UsageError that names `what` ("--energy").
+double parse_number(const std::string& text, const std::string& what);
+/// So many numbers with `separator` between them. kiroku::UsageError that names `what`.
+std::vector<double> parse_numbers(const std::string& text, char separator, std::size_t count,
+                                  const std::string& what);
+/// kiroku::UsageError where the file is there, unless it may be replaced.
+void refuse_to_replace(const std::string& file, bool force);
+
+}  // namespace kiroku::apps

@@ -1,0 +1,248 @@
+// 'kiroku sim drr' as a person calls it, and beside plastimatch.
+#include <cmath>
+#include <cstring>
+#include <numbers>
+
+#include "tests/support/shared_data.h"
+#include "tests/support/unpacked.h"
+#include "tests/system/program_test.h"
+
+namespace kiroku::test {
+namespace {
+
+using testing::HasSubstr;
+
+struct Image {
+  std::size_t columns = 0, rows = 0;
+  std::vector<float> values;
+};
+
+std::vector<float> floats(const std::string& bytes, std::size_t from) {
+  std::vector<float> values((bytes.size() - from) / sizeof(float));
+  std::memcpy(values.data(), bytes.data() + from, values.size() * sizeof(float));
+  return values;
+}
+
+/// Behind "ElementDataFile = LOCAL".
+std::size_t data_of_mha(const std::string& bytes) { return bytes.find("LOCAL\n") + 6; }
+
+double zncc(const std::vector<float>& a, const std::vector<float>& b) {
+  const auto n = double(a.size());
+  double mean_a = 0, mean_b = 0, ab = 0, aa = 0, bb = 0;
+  for (std::size_t i = 0; i < a.size(); ++i) {
+    mean_a += double(a[i]) / n;
+    mean_b += double(b[i]) / n;
+  }
+  for (std::size_t i = 0; i < a.size(); ++i) {
+    const double x = double(a[i]) - mean_a, y = double(b[i]) - mean_b;
+    ab += x * y;
+    aa += x * x;
+    bb += y * y;
+  }
+  return ab / std::sqrt(aa * bb);
+}
+
+class SimDrr : public ProgramTest {
+ protected:
+  SimDrr() {
+    write_text(folder() / "front.json",
+               R"({"sad_mm": 1000, "sid_mm": 1500, "isocenter_mm": [0, 0, 0], "gantry_deg": 0,
+                   "detector_px": [128, 96], "detector_mm": [150, 112.5]})");
+  }
+
+  /// 128 mm along each axis: a body with an air-filled hole and a bone.
+  void write_ct() const { write_ct("ct.mha", 0, 64); }
+  void write_ct(const std::string& name, int added, int voxels) const {
+    const double spacing = 128.0 / voxels;
+    std::string text = header(voxels);
+    for (int k = 0; k < voxels; ++k) {
+      for (int j = 0; j < voxels; ++j) {
+        for (int i = 0; i < voxels; ++i) {
+          const double x = spacing * (i + 0.5) - 64, y = spacing * (j + 0.5) - 64,
+                       z = spacing * (k + 0.5) - 64;
+          double hu = std::hypot(x / 50, y / 35) < 1 && std::abs(z) < 52 ? 30 + 20 * std::sin(x / 5) : -1000;
+          if (std::hypot((x - 18) / 14, y / 20, (z - 5) / 30) < 1) hu = -700;
+          if (std::hypot(x, y - 24) < 7 && hu > -500) hu = 700;
+          const auto value = static_cast<std::uint16_t>(static_cast<int>(hu) + added);
+          text += static_cast<char>(value & 0xffU);
+          text += static_cast<char>(value >> 8U);
+        }
+      }
+    }
+    write_text(folder() / name, text);
+  }
+  static std::string header(int voxels) {
+    const auto thrice = [](double number) {
+      const std::string text = std::to_string(number);
+      return text + " " + text + " " + text + "\n";
+    };
+    const double spacing = 128.0 / voxels;
+    return "ObjectType = Image\nNDims = 3\nBinaryData = True\nBinaryDataByteOrderMSB = False\n"
+           "CompressedData = False\nTransformMatrix = 1 0 0 0 1 0 0 0 1\nOffset = " +
+           thrice(spacing / 2 - 64) + "ElementSpacing = " + thrice(spacing) +
+           "DimSize = " + std::to_string(voxels) + " " + std::to_string(voxels) + " " +
+           std::to_string(voxels) + "\nElementType = MET_SHORT\nElementDataFile = LOCAL\n";
+  }
+  void write_mesh() const {
+    ASSERT_EQ(
+        kiroku({"sim", "mesh", "ct.mha", "--threshold", "-750:-600", "--vertices", "150", "-o", "hole.msh"})
+            .status,
+        0);
+  }
+
+  [[nodiscard]] std::vector<float> integrals(const std::string& file) const {
+    const std::string bytes = read_text(folder() / file);
+    return floats(bytes, data_of_mha(bytes));
+  }
+  /// plastimatch integrates the values as they are (-P none): above zero where there is tissue. Its own
+  /// conversion from HU leaves out all below -800, most of a lung.
+  [[nodiscard]] std::vector<float> by_plastimatch(const std::string& ct, double gantry_deg,
+                                                  const std::string& isocenter, const std::string& pixels,
+                                                  const std::string& size_mm) const {
+    const double angle = gantry_deg * std::numbers::pi / 180;
+    const std::string normal =
+        std::to_string(std::sin(angle)) + " " + std::to_string(-std::cos(angle)) + " 0";
+    const std::string name = "plastimatch_" + std::to_string(int(gantry_deg)) + "_";
+    const ProcessResult result = tool(
+        {"plastimatch", "drr",         "-A",      "cpu",   "-i",   "exact", "--nrm", normal,     "--vup",
+         "0 0 1",       "--isocenter", isocenter, "--sad", "1000", "--sid", "1500",  "-r",       pixels,
+         "-z",          size_mm,       "-P",      "none",  "-t",   "pfm",   "-O",    path(name), path(ct)});
+    EXPECT_EQ(result.status, 0) << result.out << result.err;
+    for (const std::string& file : files_below(folder())) {
+      if (!file.starts_with(name)) continue;
+      const std::string bytes = read_text(folder() / file);
+      std::size_t at = 0;
+      for (int line = 0; line < 3; ++line) at = bytes.find('\n', at) + 1;
+      return floats(bytes, at);
+    }
+    ADD_FAILURE() << "plastimatch wrote nothing";
+    return {};
+  }
+};
+
+TEST_F(SimDrr, MakesLineIntegralsAndPictures) {
+  write_ct();
+  const nlohmann::json answer = kiroku_json({"sim", "drr", "ct.mha", "-g", "front.json", "-o", "front.mha",
+                                             "--point", "0,0,0", "--point", "0,-2000,0", "--json"});
+  EXPECT_EQ(answer["columns"], 128);
+  EXPECT_EQ(answer["rows"], 96);
+  EXPECT_EQ(answer["energy_kev"], 70);
+  EXPECT_EQ(answer["points"][0]["pixel"], nlohmann::json({63.5, 47.5}));
+  EXPECT_EQ(answer["points"][1]["pixel"], nullptr);
+  // 70 mm of water with a bone behind: 14 mm of 700 HU.
+  const double middle = double(integrals("front.mha")[47 * 128 + 63]);
+  EXPECT_NEAR(middle, 0.001 * answer["water_per_m"].get<double>() * (72 + 14 * 0.7), 0.1);
+  for (const Arguments& more :
+       std::vector<Arguments>{{}, {"--response", "transmission", "--polarity", "bone-black"}}) {
+    Arguments arguments{"sim", "drr", "ct.mha", "-g", "front.json", "-o", "front.png", "--force"};
+    arguments.insert(arguments.end(), more.begin(), more.end());
+    const ProcessResult result = kiroku(arguments);
+    EXPECT_EQ(result.status, 0) << result.err;
+    EXPECT_THAT(result.out, HasSubstr("front.png: 128 x 96 pixels, line integrals 0.1653 to "));
+    EXPECT_THAT(read_text(folder() / "front.png"), testing::StartsWith("\x89PNG"));
+  }
+}
+
+TEST_F(SimDrr, AMeshAtRestChangesNothingAndItsPartsAddUp) {
+  write_ct();
+  write_mesh();
+  const auto make = [&](const std::string& name, const Arguments& more) {
+    Arguments arguments{"sim", "drr", "ct.mha", "-g", "front.json", "--gantry", "30", "-o", name};
+    arguments.insert(arguments.end(), more.begin(), more.end());
+    EXPECT_EQ(kiroku(arguments).status, 0);
+    return integrals(name);
+  };
+  const std::vector<float> plain = make("plain.mha", {}), all = make("all.mha", {"--mesh", "hole.msh"}),
+                           inside = make("inside.mha", {"--mesh", "hole.msh", "--part", "inside"}),
+                           outside = make("outside.mha", {"--mesh", "hole.msh", "--part", "outside"});
+  double most = 0;
+  for (std::size_t i = 0; i < plain.size(); ++i) {
+    EXPECT_NEAR(double(all[i]), double(plain[i]), 1e-5);
+    EXPECT_NEAR(double(inside[i] + outside[i]), double(plain[i]), 1e-5);
+    most = std::max(most, double(inside[i]));
+  }
+  EXPECT_GT(most, 0.05);
+}
+
+TEST_F(SimDrr, RefusesInASentence) {
+  write_ct();
+  write_mesh();
+  const auto drr = [&](const Arguments& more) {
+    Arguments arguments{"sim", "drr", "ct.mha", "-g", "front.json"};
+    arguments.insert(arguments.end(), more.begin(), more.end());
+    return kiroku(arguments);
+  };
+  EXPECT_REFUSED(drr({"-o", "x.jpg"}), "its ending must be .mha (line integrals) or .png (a picture)");
+  EXPECT_REFUSED(drr({"-o", "front.json"}), "its ending must be");
+  EXPECT_REFUSED(drr({"-o", "ct.mha"}), "is there already");
+  EXPECT_REFUSED(drr({"-o", "x.mha", "--window", "0:1"}), "are of pictures");
+  EXPECT_REFUSED(drr({"-o", "x.png", "--window", "1"}), "it must be 2 numbers with ':' between them");
+  EXPECT_REFUSED(drr({"-o", "x.png", "--window", "2:1"}), "is empty");
+  EXPECT_REFUSED(drr({"-o", "x.png", "--energy", "5"}), "the energy is 5 keV; it must be from 20");
+  EXPECT_REFUSED(drr({"-o", "x.png", "--point", "1,2"}), "--point is '1,2'");
+  EXPECT_REFUSED(drr({"-o", "x.png", "--keep-mass"}), "give --mesh too");
+  EXPECT_REFUSED(drr({"-o", "x.png", "--mesh", "hole.msh", "--length-unit", "m"}),
+                 "the mesh lies outside the volume");
+  EXPECT_REFUSED(drr({"-o", "x.png", "--mesh", "hole.msh", "--displacement", "front.json"}),
+                 "is no VTK file");
+  write_text(folder() / "near.json", R"({"sad_mm": 40, "sid_mm": 1500, "isocenter_mm": [0, 0, 0],
+                                         "detector_px": [128, 96], "detector_mm": [150, 112.5]})");
+  EXPECT_REFUSED(kiroku({"sim", "drr", "ct.mha", "-g", "near.json", "-o", "x.png"}),
+                 "the source is inside the volume");
+  write_text(folder() / "none.json", R"({"sad_mm": 1000, "sid_mm": 1500, "isocenter_mm": [0, 0, 0],
+                                         "detector_px": [0, 96], "detector_mm": [150, 112.5]})");
+  EXPECT_REFUSED(kiroku({"sim", "drr", "ct.mha", "-g", "none.json", "-o", "x.png"}), "detector_px[0] is 0");
+  EXPECT_FALSE(std::filesystem::exists(folder() / "x.png"));
+}
+
+TEST_F(SimDrr, IsWhatPlastimatchMakesOfAPhantom) {
+  if (!has_tool("plastimatch")) GTEST_SKIP() << "needs plastimatch, not there";
+  write_ct("ct.mha", 0, 160);
+  write_ct("above.mha", 1000, 160);
+  for (const int angle : {0, 90, 225}) {
+    const std::string name = "ours" + std::to_string(angle) + ".mha";
+    ASSERT_EQ(
+        kiroku({"sim", "drr", "ct.mha", "-g", "front.json", "--gantry", std::to_string(angle), "-o", name})
+            .status,
+        0);
+    const std::vector<float> theirs = by_plastimatch("above.mha", angle, "0 0 0", "128 96", "150 112.5");
+    const std::vector<float> ours = integrals(name);
+    ASSERT_EQ(ours.size(), theirs.size());
+    EXPECT_GT(zncc(ours, theirs), 0.999) << angle;
+    RecordProperty("zncc_at_" + std::to_string(angle), std::to_string(zncc(ours, theirs)));
+  }
+}
+
+TEST_F(SimDrr, IsWhatPlastimatchMakesOfARealChest) {
+  if (!has_tool("plastimatch")) GTEST_SKIP() << "needs plastimatch, not there";
+  KIROKU_NEEDS_SHARED_DATA("sim/lung-ct");
+  const Unpacked ct("sim/lung-ct/lidc-idri-0001-dicom.tar.xz");
+  const ProcessResult converted = tool({"plastimatch", "convert", "--input", ct.path().string(),
+                                        "--output-type", "short", "--output-img", path("ct.mha")});
+  ASSERT_EQ(converted.status, 0) << converted.out << converted.err;
+  std::string bytes = read_text(folder() / "ct.mha");
+  for (std::size_t at = data_of_mha(bytes); at + 1 < bytes.size(); at += 2) {
+    std::int16_t hu = 0;
+    std::memcpy(&hu, &bytes[at], 2);
+    hu = static_cast<std::int16_t>(std::max(hu + 1000, 0));
+    std::memcpy(&bytes[at], &hu, 2);
+  }
+  write_text(folder() / "above.mha", bytes);
+  write_text(folder() / "chest.json", R"({"sad_mm": 1000, "sid_mm": 1500, "isocenter_mm": [14, 8, -175],
+                                          "detector_px": [512, 512], "detector_mm": [600, 600]})");
+  for (const int angle : {0, 90, 225}) {
+    const std::string name = "ours" + std::to_string(angle) + ".mha";
+    ASSERT_EQ(kiroku({"sim", "drr", ct.path().string(), "-g", "chest.json", "--gantry", std::to_string(angle),
+                      "-o", name})
+                  .status,
+              0);
+    const std::vector<float> theirs = by_plastimatch("above.mha", angle, "14 8 -175", "512 512", "600 600");
+    const std::vector<float> ours = integrals(name);
+    ASSERT_EQ(ours.size(), theirs.size());
+    EXPECT_GT(zncc(ours, theirs), 0.999) << angle;
+    RecordProperty("zncc_at_" + std::to_string(angle), std::to_string(zncc(ours, theirs)));
+  }
+}
+
+}  // namespace
+}  // namespace kiroku::test
