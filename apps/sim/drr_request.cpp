@@ -96,6 +96,18 @@ DrrScene::DrrScene(const DrrRequest& request, StepLine& line)
   if (request.mesh) mesh_ = std::make_unique<sim::MeshProjector>(*ct_, std::move(mesh));
 }
 
+sim::Vector3 DrrScene::middle_m() const {
+  sim::Vector3 middle = sim::Vector3::Zero();
+  for (const sim::Vector3& corner : ct_->corners_m()) middle += corner / double(ct_->corners_m().size());
+  return middle;
+}
+
+sim::TetMesh DrrScene::deformed_mesh() const {
+  sim::TetMesh mesh = mesh_ ? mesh_->mesh() : sim::TetMesh();
+  for (std::size_t node = 0; node < mesh.nodes.size(); ++node) mesh.nodes[node] += displacement_m_[node];
+  return mesh;
+}
+
 sim::ProjectionImage DrrScene::project(const sim::ProjectionGeometry& geometry) const {
   if (!mesh_) return ct_->project(geometry);
   if (part_ == "inside") return mesh_->inside(geometry, displacement_m_, rule_);

@@ -33,6 +33,10 @@ class DrrScene {
   [[nodiscard]] const sim::Attenuation& attenuation() const { return attenuation_; }
   /// As the request says: the whole, or a part.
   [[nodiscard]] sim::ProjectionImage project(const sim::ProjectionGeometry& geometry) const;
+  /// Of the volume's box, in the patient.
+  [[nodiscard]] sim::Vector3 middle_m() const;
+  /// With its nodes where they are displaced to; without any where there is no mesh.
+  [[nodiscard]] sim::TetMesh deformed_mesh() const;
   /// Of the volume, one sentence each.
   [[nodiscard]] const std::vector<std::string>& findings() const { return findings_; }
 

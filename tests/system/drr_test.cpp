@@ -195,6 +195,55 @@ TEST_F(SimDrr, RefusesInASentence) {
   EXPECT_FALSE(std::filesystem::exists(folder() / "x.png"));
 }
 
+TEST_F(SimDrr, OverlaysAndAlignsARadiograph) {
+  write_ct();
+  write_mesh();
+  // The radiograph of a patient who lies 6 mm to the left and 4 mm lower than the geometry has them.
+  write_text(folder() / "moved.json",
+             R"({"sad_mm": 1000, "sid_mm": 1500, "isocenter_mm": [-6, 0, 4], "gantry_deg": 0,
+                 "detector_px": [128, 96], "detector_mm": [150, 112.5]})");
+  ASSERT_EQ(kiroku({"sim", "drr", "ct.mha", "-g", "moved.json", "-o", "xray.png"}).status, 0);
+  write_text(folder() / "path.csv",
+             "time_s,x_mm,y_mm,z_mm,moved_mm\r\n0,0,0,0,0\r\n1,10,0,0,10\r\n2,0,0,0,0\r\n");
+  write_text(folder() / "seen.csv", "time_s,x_mm,y_mm,z_mm\n0.5,5,3,4\n1.5,5,0,1\n9,0,0,0\n");
+  const Arguments scene{"ct.mha", "-g", "front.json", "-r", "xray.png"};
+  const auto overlay = [&](const Arguments& more) {
+    Arguments arguments{"sim", "overlay"};
+    arguments.insert(arguments.end(), scene.begin(), scene.end());
+    arguments.insert(arguments.end(), more.begin(), more.end());
+    return arguments;
+  };
+  const nlohmann::json answer =
+      kiroku_json(overlay({"-o", "both.png", "--mode", "beside", "--mesh", "hole.msh", "--outline", "1",
+                           "--path", "path.csv", "--measured", "seen.csv", "--error-plot", "error.svg",
+                           "--align", "--aligned-geometry", "found.json", "--json"}));
+  EXPECT_EQ(answer["columns"], 256);
+  EXPECT_NEAR(answer["alignment"]["translation_mm"][0].get<double>(), 6, 1);
+  EXPECT_NEAR(answer["alignment"]["translation_mm"][2].get<double>(), -4, 1);
+  EXPECT_LT(answer["alignment"]["gradient_correlation_before"].get<double>(), 0.5);
+  EXPECT_GT(answer["alignment"]["gradient_correlation_after"].get<double>(), 0.95);
+  // (0, 3, 4) and (0, 0, 1) mm; the third moment is after the path.
+  EXPECT_EQ(answer["position_error_mm"]["moments"], 2);
+  EXPECT_NEAR(answer["position_error_mm"]["mean"].get<double>(), 3, 1e-9);
+  EXPECT_NEAR(answer["position_error_mm"]["greatest"].get<double>(), 5, 1e-9);
+  EXPECT_THAT(read_text(folder() / "error.svg"), HasSubstr("<svg"));
+  // What was found is a geometry that needs no more aligning.
+  const nlohmann::json again = kiroku_json({"sim", "overlay", "ct.mha", "-g", "found.json", "-r", "xray.png",
+                                            "-o", "contour.png", "--mode", "contour", "--json"});
+  EXPECT_NEAR(again["gradient_correlation"].get<double>(),
+              answer["alignment"]["gradient_correlation_after"].get<double>(), 1e-6);
+  EXPECT_REFUSED(kiroku(overlay({"-o", "both.png"})), "is there already");
+  EXPECT_REFUSED(kiroku(overlay({"-o", "x.png", "--outline", "1"})), "give --mesh too");
+  EXPECT_REFUSED(kiroku(overlay({"-o", "x.png", "--mesh", "hole.msh", "--outline", "5"})), "it has 1");
+  EXPECT_REFUSED(kiroku(overlay({"-o", "x.png", "--error-plot", "e.svg"})), "give both");
+  EXPECT_REFUSED(kiroku(overlay({"-o", "x.png", "--opacity", "2"})), "it must be from 0 to 1");
+  ASSERT_EQ(kiroku({"sim", "drr", "ct.mha", "-g", "front.json", "-o", "ours.png"}).status, 0);
+  write_text(folder() / "small.json", R"({"sad_mm": 1000, "sid_mm": 1500, "isocenter_mm": [0, 0, 0],
+                                          "detector_px": [64, 48], "detector_mm": [150, 112.5]})");
+  EXPECT_REFUSED(kiroku({"sim", "overlay", "ct.mha", "-g", "small.json", "-r", "ours.png", "-o", "x.png"}),
+                 "128 x 96 pixels");
+}
+
 TEST_F(SimDrr, IsWhatPlastimatchMakesOfAPhantom) {
   if (!has_tool("plastimatch")) GTEST_SKIP() << "needs plastimatch, not there";
   write_ct("ct.mha", 0, 160);
