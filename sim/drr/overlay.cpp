@@ -113,17 +113,17 @@ void draw(ColourPicture& picture, std::span<const PixelLine> lines, const Colour
     const Eigen::Vector2d along = to - from;
     const double squared = along.squaredNorm();
     constexpr double kReach = kHalfWidth + 1;
-    const double left = std::max(std::min(from.x(), to.x()) - kReach, 0.0),
-                 right = std::min(std::max(from.x(), to.x()) + kReach, last_column),
-                 top = std::max(std::min(from.y(), to.y()) - kReach, 0.0),
-                 bottom = std::min(std::max(from.y(), to.y()) + kReach, last_row);
-    for (double row = std::ceil(top); row <= bottom; ++row) {
-      for (double column = std::ceil(left); column <= right; ++column) {
-        const Eigen::Vector2d at = Eigen::Vector2d(column, row) - from;
+    const double left = std::min(from.x(), to.x()) - kReach, right = std::max(from.x(), to.x()) + kReach,
+                 top = std::min(from.y(), to.y()) - kReach, bottom = std::max(from.y(), to.y()) + kReach;
+    if (!(right >= 0 && left <= last_column && bottom >= 0 && top <= last_row)) continue;
+    const auto first_column = static_cast<std::size_t>(std::max(left, 0.0)),
+               first_row = static_cast<std::size_t>(std::max(top, 0.0));
+    for (std::size_t row = first_row; double(row) <= std::min(bottom, last_row); ++row) {
+      for (std::size_t column = first_column; double(column) <= std::min(right, last_column); ++column) {
+        const Eigen::Vector2d at = Eigen::Vector2d(double(column), double(row)) - from;
         const double part = squared > 0 ? std::clamp(at.dot(along) / squared, 0.0, 1.0) : 0;
         const double distance = (at - part * along).norm();
-        float& covered =
-            cover[static_cast<std::size_t>(row) * picture.columns + static_cast<std::size_t>(column)];
+        float& covered = cover[row * picture.columns + column];
         covered = std::max(covered, static_cast<float>(std::clamp(kHalfWidth + 0.5 - distance, 0.0, 1.0)));
       }
     }
