@@ -16,6 +16,7 @@ namespace kiroku::sim {
   X(PFNGLBINDFRAMEBUFFERPROC, BindFramebuffer)                              \
   X(PFNGLBINDTEXTUREUNITPROC, BindTextureUnit)                              \
   X(PFNGLBINDVERTEXARRAYPROC, BindVertexArray)                              \
+  X(PFNGLBLENDFUNCPROC, BlendFunc)                                          \
   X(PFNGLBLITNAMEDFRAMEBUFFERPROC, BlitNamedFramebuffer)                    \
   X(PFNGLCHECKNAMEDFRAMEBUFFERSTATUSPROC, CheckNamedFramebufferStatus)      \
   X(PFNGLCLEARNAMEDFRAMEBUFFERFVPROC, ClearNamedFramebufferfv)              \
