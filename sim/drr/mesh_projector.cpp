@@ -12,6 +12,12 @@
 namespace kiroku::sim {
 namespace {
 
+/// No node of a patient is farther from the origin.
+constexpr double kFarthestM = 100;
+/// Tissue that is pressed together further than this is no tissue any more, and numbers would lose all
+/// meaning.
+constexpr double kDensest = 1e4;
+
 /// Bits of three numbers of ten bits each, in turn: near in space, near in order.
 std::uint32_t interleaved(const Vector3& place, const Vector3& size) {
   std::uint32_t code = 0;
@@ -164,8 +170,9 @@ ProjectionImage MeshProjector::inside(const ProjectionGeometry& geometry,
   Extent extent;
   for (std::size_t node = 0; node < deformed_m.size(); ++node) {
     deformed_m[node] = mesh_.nodes[node] + displacement_m[node];
-    if (!deformed_m[node].allFinite()) {
-      throw Error("the displacement of node " + std::to_string(node) + " is not finite");
+    if (!(deformed_m[node].array().abs() <= kFarthestM).all()) {
+      throw Error("the displacement of node " + std::to_string(node) +
+                  " is no number or takes it out of the room; was it computed in the mesh's unit?");
     }
     if (node == 0) extent = {deformed_m[0], deformed_m[0]};
     extent.least = extent.least.cwiseMin(deformed_m[node]);
@@ -192,7 +199,8 @@ ProjectionImage MeshProjector::inside(const ProjectionGeometry& geometry,
       if (rule == DensityRule::kKeepMass && cells[i].face_count > 0) {
         const double volume_m3 =
             (deformed[1] - deformed[0]).cross(deformed[2] - deformed[0]).dot(deformed[3] - deformed[0]) / 6;
-        cells[i].scale = static_cast<float>(std::abs(signed_volume_m3(mesh_, order_[i]) / volume_m3));
+        cells[i].scale =
+            static_cast<float>(std::min(std::abs(signed_volume_m3(mesh_, order_[i]) / volume_m3), kDensest));
       }
     }
   });

@@ -25,8 +25,8 @@ class MeshProjector {
   [[nodiscard]] const TetMesh& mesh() const { return mesh_; }
 
   /// What the tissue in the mesh gives alone, deformed; `displacement_m` (|V|). kiroku::Error for another
-  /// count, for what is not finite, and where the source would be inside. Tetrahedra without volume give
-  /// nothing, those turned inside out what they would the right way round.
+  /// count, for what is no number or out of the room, and where the source would be inside. Tetrahedra
+  /// without volume give nothing, those turned inside out what they would the right way round.
   [[nodiscard]] ProjectionImage inside(const ProjectionGeometry& geometry,
                                        std::span<const Vector3> displacement_m,
                                        DensityRule rule = DensityRule::kKeepDensity) const;
@@ -42,9 +42,8 @@ class MeshProjector {
  private:
   const CtProjector& ct_;
   TetMesh mesh_;
-  std::vector<std::uint32_t>
-      order_;  // of tetrahedra, so that those near each other are worked on one after the other
-  std::vector<Vector3> elements_;  // (|V|), where each node is in the voxels, in elements of a RayVolume
+  std::vector<std::uint32_t> order_;  // of tetrahedra: near each other, one after the other
+  std::vector<Vector3> elements_;     // (|V|), where each node is in the voxels, in elements of a RayVolume
 };
 
 /// Adds, and takes for nothing what rounding left below.

@@ -176,6 +176,7 @@ TEST_F(MeshProjectorTest, StaysFiniteWhereElementsAreFlatOrInsideOut) {
   const ProjectionGeometry geometry = small_geometry(0);
   const std::vector<std::function<Vector3(const Vector3&)>> shapes{
       [](const Vector3&) -> Vector3 { return Vector3::Zero(); },
+      [](const Vector3& node) -> Vector3 { return 1e-15 * node; },
       [](const Vector3& node) -> Vector3 {
         return {node.x(), 0, node.z()};
       },
@@ -219,7 +220,10 @@ TEST_F(MeshProjectorTest, RefusesInASentence) {
               HasSubstr("displacements of 26 nodes; the mesh has 27"));
   moved.emplace_back(0, std::numeric_limits<double>::quiet_NaN(), 0);
   EXPECT_THAT(refusal([&] { static_cast<void>(projector.inside(small_geometry(0), moved)); }),
-              HasSubstr("the displacement of node 26 is not finite"));
+              HasSubstr("the displacement of node 26 is no number or takes it out of the room"));
+  moved.back() = {0, 1e300, 0};
+  EXPECT_THAT(refusal([&] { static_cast<void>(projector.inside(small_geometry(0), moved)); }),
+              HasSubstr("out of the room"));
   moved.back() = {0, -1.2, 0};
   EXPECT_THAT(refusal([&] { static_cast<void>(projector.inside(small_geometry(0), moved)); }),
               HasSubstr("the source is inside the deformed mesh"));
