@@ -39,13 +39,14 @@ sim::Rgb parse_colour(const std::string& text) {
 
 double parse_number(const std::string& text, const std::string& what, double least, double greatest) {
   std::size_t end = 0;
-  double number = std::nan("");
-  try {
-    number = std::stod(text, &end);
-  } catch (const std::exception&) {
-    end = 0;
-  }
-  if (end == 0 || end != text.size() || !(number >= least && number <= greatest)) {
+  const double number = [&] {
+    try {
+      return std::stod(text, &end);
+    } catch (const std::exception&) {
+      return std::nan("");
+    }
+  }();
+  if (end != text.size() || !(number >= least && number <= greatest)) {
     char range[64];
     std::snprintf(range, sizeof range, "%g to %g", least, greatest);
     throw UsageError(what + " is '" + text + "': it must be a number from " + range);

@@ -11,11 +11,10 @@
 #include "apps/common/format.h"
 #include "apps/common/json_output.h"
 #include "apps/common/progress.h"
-#include "apps/common/step_line.h"
 #include "apps/sim/frame_series.h"
+#include "apps/sim/plan_reading.h"
 #include "base/error.h"
 #include "sim/fem/number_text.h"
-#include "sim/meshing/mesh_recipe.h"
 #include "sim/plan/plan_report.h"
 
 namespace kiroku::apps {
@@ -29,32 +28,8 @@ struct Request {
   bool json = false, force = false;
 };
 
-/// The plan, or nothing once all its errors are told.
-std::optional<sim::Plan> read(const Request& request) {
-  sim::PlanReading reading = [&] {
-    StepLine line;
-    return sim::read_plan(request.plan,
-                          sim::recipe_mesh_maker([&](const std::string& step) { line.show(step); }));
-  }();
-  if (request.json && !reading.plan) print_json({{"plan", request.plan}, {"errors", reading.errors}});
-  if (!request.json) {
-    for (const std::string& error : reading.errors) print_error("kiroku", error);
-    if (reading.plan) {
-      for (const std::string& warning : reading.plan->body.warnings)
-        print_error("kiroku", "warning: " + warning);
-    }
-  }
-  return std::move(reading.plan);
-}
-
-double duration_s(const sim::Plan& plan) {
-  double sum = 0;
-  for (const sim::PlanStep& step : plan.steps) sum += step.duration_s;
-  return sum;
-}
-
 int check(const Request& request) {
-  const auto plan = read(request);
+  const auto plan = read_plan_and_tell(request.plan, request.json);
   if (!plan) return kAnswerIsNo;
   // What only the body itself can tell: whether it is held, whether it can be solved for.
   const sim::ElasticBody body(plan->body.mesh, plan->body.materials, plan->body.constraints);
@@ -116,7 +91,7 @@ void print_steps(const sim::Plan& plan, const sim::PlanRun& run) {
 
 int run(const Request& request) {
   const double every_s = interval_s(request);
-  const auto plan = read(request);
+  const auto plan = read_plan_and_tell(request.plan, request.json);
   if (!plan) return kRefused;
   FrameSeries series(request.output, "plan", request.force,
                      {"forces.csv", "stress.csv", "tools.csv", "steps.json"});

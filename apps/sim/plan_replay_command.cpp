@@ -12,11 +12,11 @@
 #include "apps/common/step_line.h"
 #include "apps/sim/picture_options.h"
 #include "apps/sim/plan_command.h"
+#include "apps/sim/plan_reading.h"
 #include "base/error.h"
 #include "media/film_writer.h"
 #include "sim/fem/element.h"
 #include "sim/fem/number_text.h"
-#include "sim/meshing/mesh_recipe.h"
 #include "sim/plan/plan_run.h"
 #include "sim/render/lettering.h"
 #include "sim/render/plan_scene.h"
@@ -31,26 +31,6 @@ struct Request {
   PictureOptions picture;
   bool force = false, json = false, no_caption = false, no_contacts = false;
 };
-
-std::optional<sim::Plan> read(const Request& request) {
-  sim::PlanReading reading = [&] {
-    StepLine line;
-    return sim::read_plan(request.plan,
-                          sim::recipe_mesh_maker([&](const std::string& step) { line.show(step); }));
-  }();
-  for (const std::string& error : reading.errors) print_error("kiroku", error);
-  if (reading.plan) {
-    for (const std::string& warning : reading.plan->body.warnings)
-      print_error("kiroku", "warning: " + warning);
-  }
-  return std::move(reading.plan);
-}
-
-double duration_s(const sim::Plan& plan) {
-  double sum = 0;
-  for (const sim::PlanStep& step : plan.steps) sum += step.duration_s;
-  return sum;
-}
 
 /// A picture a time step, shown as fast as it was planned.
 media::FilmFormat format_of(const sim::Plan& plan, const sim::Scene& scene) {
@@ -169,7 +149,7 @@ sim::Volume read_ct(const Request& request, const sim::Plan& plan) {
 }
 
 int run(const Request& request) {
-  const auto plan = read(request);
+  const auto plan = read_plan_and_tell(request.plan, request.json);
   if (!plan) return kRefused;
   const sim::Volume volume = read_ct(request, *plan);
   warn_of_nodes_outside(plan->body.mesh, volume.grid);

@@ -1,0 +1,36 @@
+#include "apps/sim/plan_reading.h"
+
+#include <utility>
+
+#include <nlohmann/json.hpp>
+
+#include "apps/common/command_line.h"
+#include "apps/common/json_output.h"
+#include "apps/common/step_line.h"
+#include "sim/meshing/mesh_recipe.h"
+
+namespace kiroku::apps {
+
+std::optional<sim::Plan> read_plan_and_tell(const std::string& file, bool json) {
+  sim::PlanReading reading = [&] {
+    StepLine line;
+    return sim::read_plan(file, sim::recipe_mesh_maker([&](const std::string& step) { line.show(step); }));
+  }();
+  if (json && !reading.plan) print_json({{"plan", file}, {"errors", reading.errors}});
+  if (!json) {
+    for (const std::string& error : reading.errors) print_error("kiroku", error);
+    if (reading.plan) {
+      for (const std::string& warning : reading.plan->body.warnings)
+        print_error("kiroku", "warning: " + warning);
+    }
+  }
+  return std::move(reading.plan);
+}
+
+double duration_s(const sim::Plan& plan) {
+  double sum = 0;
+  for (const sim::PlanStep& step : plan.steps) sum += step.duration_s;
+  return sum;
+}
+
+}  // namespace kiroku::apps
