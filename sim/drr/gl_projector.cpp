@@ -267,14 +267,14 @@ ProjectionImage GlProjector::inside(const ProjectionGeometry& geometry,
     frame.nearest_mm = std::min(frame.nearest_mm, -view_mm[node].z());
     frame.farthest_mm = std::max(frame.farthest_mm, -view_mm[node].z());
   }
-  constexpr double kLeast_mm = 1;
-  if (frame.nearest_mm < kLeast_mm) {
+  constexpr double kLeastMm = 1;
+  if (frame.nearest_mm < kLeastMm) {
     throw Error(
         "the X-ray source would be inside the mesh or beyond it: move the isocentre, or look at the "
         "displacement");
   }
-  frame.nearest_mm -= kLeast_mm / 2;
-  frame.farthest_mm += kLeast_mm;
+  frame.nearest_mm -= kLeastMm / 2;
+  frame.farthest_mm += kLeastMm;
   proxy_geometry(mesh_.tetrahedra, view_mm, texture_, frame.cells);
   frame.densities.assign(mesh_.tetrahedra.size(), 1);
   if (rule == DensityRule::kKeepMass) {

@@ -6,7 +6,7 @@ namespace kiroku::sim {
 namespace {
 
 constexpr Rgb kSteel{190, 195, 205}, kFinger{224, 182, 150}, kContact{255, 214, 64};
-constexpr double kPlate_m = 1e-3;
+constexpr double kPlateM = 1e-3;
 
 /// Two plates at the sides of what the jaws hold, across its shortest edge.
 void add_jaws(const Box& region, const Pose& pose, std::vector<Solid>& solids) {
@@ -15,8 +15,8 @@ void add_jaws(const Box& region, const Pose& pose, std::vector<Solid>& solids) {
   for (const double side : {-1.0, 1.0}) {
     Box plate = region;
     Vector3 offset = Vector3::Zero();
-    offset[across] = side * (region.half_extent_m[across] + kPlate_m);
-    plate.half_extent_m[across] = kPlate_m;
+    offset[across] = side * (region.half_extent_m[across] + kPlateM);
+    plate.half_extent_m[across] = kPlateM;
     Pose at = pose;
     at.position_m = pose.from_tool(offset);
     solids.push_back({plate, at, kSteel});
@@ -34,7 +34,7 @@ std::vector<Solid> tools_of(const Plan& plan, const PlanFrame& frame) {
     if (tool.kind == ToolKind::kScalpel) {
       Pose middle = pose;
       middle.position_m = pose.from_tool(Vector3(0, 0, tool.edge_m / 2));
-      solids.push_back({Box{{2 * kPlate_m, kPlate_m / 4, tool.edge_m / 2}}, middle, kSteel});
+      solids.push_back({Box{{2 * kPlateM, kPlateM / 4, tool.edge_m / 2}}, middle, kSteel});
     } else if (const auto* region = std::get_if<Box>(&tool.tool.shape);
                region != nullptr && binds(tool.kind)) {
       add_jaws(*region, pose, solids);
