@@ -56,19 +56,6 @@ double volume_m3(const TetMesh& mesh, const Tumour& tumour) {
   return sum_m3;
 }
 
-Vector3 MeshPoint::mean(const std::vector<Vector3>& of_nodes) const {
-  Vector3 sum = Vector3::Zero();
-  for (std::size_t i = 0; i < nodes.size(); ++i) sum += weights[i] * of_nodes[nodes[i]];
-  return sum;
-}
-
-Vector3 MeshPoint::mean(const Eigen::VectorXd& of_nodes) const {
-  Vector3 sum = Vector3::Zero();
-  for (std::size_t i = 0; i < nodes.size(); ++i)
-    sum += weights[i] * of_nodes.segment<3>(static_cast<Eigen::Index>(3 * std::size_t{nodes[i]}));
-  return sum;
-}
-
 MeshPoint centre_of(const TetMesh& mesh, const Tumour& tumour) {
   std::map<std::uint32_t, double> weights;
   const double all_m3 = volume_m3(mesh, tumour);

@@ -6,6 +6,7 @@
 
 #include "sim/mesh/length_unit.h"
 #include "sim/mesh/tet_mesh.h"
+#include "sim/respiration/mesh_point.h"
 
 namespace kiroku::sim {
 
@@ -20,14 +21,6 @@ Tumour tumour_in_ball(const TetMesh& mesh, const Vector3& centre_m, double radiu
 
 double volume_m3(const TetMesh& mesh, const Tumour& tumour);
 
-/// A place in a mesh, as a mean of nodes: what the mesh's displacement moves it by is the mean of theirs.
-struct MeshPoint {
-  std::vector<std::uint32_t> nodes;
-  std::vector<double> weights;  // add up to 1
-  [[nodiscard]] Vector3 mean(const std::vector<Vector3>& of_nodes) const;
-  /// Of vectors of (3 |V|).
-  [[nodiscard]] Vector3 mean(const Eigen::VectorXd& of_nodes) const;
-};
 /// The tumour's centre of mass at rest.
 MeshPoint centre_of(const TetMesh& mesh, const Tumour& tumour);
 

@@ -7,8 +7,7 @@
 #include <gtest/gtest.h>
 
 #include "base/error.h"
-#include "sim/respiration/tumour.h"
-#include "tests/support/tet_grid.h"
+#include "tests/unit/sim/respiration/box_lung.h"
 
 namespace kiroku::sim {
 namespace {
@@ -19,22 +18,12 @@ Eigen::Index at(std::size_t node) { return static_cast<Eigen::Index>(3 * node); 
 
 class BreathingLung : public testing::Test {
  protected:
-  BreathingLung() {
-    for (Vector3& node : mesh_.nodes) node.x() -= 0.12;
-    for (std::size_t t = 0; t < mesh_.tetrahedra.size(); ++t) {
-      Vector3 centre = Vector3::Zero();
-      for (const std::uint32_t node : mesh_.tetrahedra[t]) centre += mesh_.nodes[node] / 4;
-      mesh_.regions[t] = (centre - Vector3(-0.07, 0.075, 0.09)).norm() < 0.03 ? 2 : 1;
-    }
-    GroupRules rules;
-    rules.side = LungSide::kRight;
-    groups_ = find_boundary_groups(mesh_, surface_of(mesh_), nullptr, rules);
-  }
   [[nodiscard]] BreathingBody body() const { return {mesh_, materials_, groups_, Vector3(0, 0, 1)}; }
 
-  TetMesh mesh_ = test::tet_grid({4, 6, 10}, {0.1, 0.15, 0.25});
-  Materials materials_{{1, kLungTissue}, {2, kTumourTissue}};
-  BoundaryGroups groups_;
+  BreathingModel model_ = test::box_lung_model();
+  const TetMesh& mesh_ = model_.mesh;
+  const Materials& materials_ = model_.materials;
+  const BoundaryGroups& groups_ = model_.groups;
 };
 
 TEST_F(BreathingLung, MovesEachGroupAsTheFormulaSays) {
@@ -130,8 +119,8 @@ TEST_F(BreathingLung, ATumourMustBeInTheMesh) {
                 HasSubstr("nothing of the mesh is of region 7, which should be tumour; it has 1, 2"));
   }
   EXPECT_THROW(static_cast<void>(tumour_in_ball(mesh_, Vector3(1, 1, 1), 0.01)), Error);
-  const Tumour ball = tumour_in_ball(mesh_, Vector3(-0.07, 0.075, 0.09), 0.03);
-  EXPECT_LT((centre_of(mesh_, ball).mean(mesh_.nodes) - Vector3(-0.07, 0.075, 0.09)).norm(), 0.01);
+  const Tumour ball = tumour_in_ball(mesh_, test::kBoxTumourM, 0.03);
+  EXPECT_LT((centre_of(mesh_, ball).mean(mesh_.nodes) - test::kBoxTumourM).norm(), 0.01);
 }
 
 TEST(Waveforms, BreathsDriftAndDifferInDepthWithoutJumps) {

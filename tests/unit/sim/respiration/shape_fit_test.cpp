@@ -1,0 +1,179 @@
+// A lung that was moved by a known motion is found again in a mask of it; landmarks.
+#include "sim/respiration/shape_fit.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "base/error.h"
+#include "tests/support/temporary_folder.h"
+#include "tests/unit/sim/respiration/box_lung.h"
+
+namespace kiroku::sim {
+namespace {
+
+using testing::HasSubstr;
+
+Eigen::Isometry3d moved_patient() {
+  Eigen::Isometry3d motion = Eigen::Isometry3d::Identity();
+  motion.translate(Vector3(0.012, -0.02, 0.03));
+  motion.rotate(Eigen::AngleAxisd(0.03, Vector3(1, 0.4, -0.2).normalized()));
+  return motion;
+}
+
+struct Truth {
+  Eigen::VectorXd displacement_m;
+  LabelMap mask;
+};
+
+/// The lung as the motion leaves it at its amplitudes, on voxels of 2 mm of another patient position.
+Truth moved_lung(const BreathingModel& model, double rib_cage_m, double diaphragm_m) {
+  const BreathingBody body(model.mesh, model.materials, model.groups, model.slide);
+  Truth truth;
+  truth.displacement_m = rib_cage_m * body.response(BoundaryGroup::kRibCage, std::nullopt) +
+                         diaphragm_m * body.response(BoundaryGroup::kDiaphragm, std::nullopt);
+  std::vector<Vector3> places;
+  for (std::size_t node = 0; node < model.mesh.nodes.size(); ++node) {
+    places.push_back(moved_patient() * (model.mesh.nodes[node] + truth.displacement_m.segment<3>(
+                                                                     static_cast<Eigen::Index>(3 * node))));
+  }
+  truth.mask.grid.size = {80, 100, 160};
+  truth.mask.grid.spacing_m = Vector3::Constant(0.002);
+  truth.mask.grid.origin_m = Vector3(-0.14, -0.04, -0.01);
+  std::vector<std::uint8_t> marked(truth.mask.grid.voxels());
+  mark_voxels(places, model.mesh.tetrahedra, truth.mask.grid, marked);
+  truth.mask.labels.assign(marked.begin(), marked.end());
+  return truth;
+}
+
+/// Of inner nodes.
+LandmarkPairs landmarks(const BreathingModel& model, const Truth& truth) {
+  LandmarkPairs pairs;
+  for (std::size_t node = 0; node < model.mesh.nodes.size(); ++node) {
+    if (model.groups[node] != BoundaryGroup::kInside) continue;
+    pairs.fixed_m.push_back(model.mesh.nodes[node]);
+    pairs.moving_m.push_back(
+        moved_patient() *
+        (model.mesh.nodes[node] + truth.displacement_m.segment<3>(static_cast<Eigen::Index>(3 * node))));
+  }
+  return pairs;
+}
+
+TEST(ShapeFit, FindsTheMotionThatMadeTheSecondShape) {
+  const BreathingModel model = test::box_lung_model();
+  const Truth truth = moved_lung(model, 0.006, 0.015);
+  const ShapeFitResult found = fit_shape(model, truth.mask, {});
+  ASSERT_EQ(found.steps.size(), 3U);
+  EXPECT_NEAR(found.motion.rib_cage.amplitude_m, 0.006, 0.05 * 0.006);
+  EXPECT_NEAR(found.motion.diaphragm.amplitude_m, 0.015, 0.05 * 0.015);
+  RecordProperty("rib_cage_mm", std::to_string(1000 * found.motion.rib_cage.amplitude_m));
+  RecordProperty("diaphragm_mm", std::to_string(1000 * found.motion.diaphragm.amplitude_m));
+  const LandmarkErrors errors = errors_at(landmarks(model, truth), model.mesh, found.steps);
+  EXPECT_EQ(errors.outside, 0U);
+  const double model_m = spread_of(errors.of_step_m[1]).mean, sliding_m = spread_of(errors.of_step_m[2]).mean;
+  EXPECT_LT(model_m, 0.0005);
+  // A box is the worst case: nothing on its faces says how far it has slid along them.
+  EXPECT_LT(sliding_m, 0.004);
+  EXPECT_GT(spread_of(errors.before_m).mean, 0.03);
+  RecordProperty("model_mm", std::to_string(1000 * model_m));
+  RecordProperty("sliding_mm", std::to_string(1000 * sliding_m));
+}
+
+TEST(ShapeFit, TheSlidingBoundaryComesToTheSecondSurface) {
+  // A motion that the model does not know: the lung as a whole a tenth longer.
+  BreathingModel model = test::box_lung_model();
+  BreathingModel longer = model;
+  for (Vector3& node : longer.mesh.nodes) node.z() *= 1.1;
+  const Truth truth = moved_lung(longer, 0, 0);
+  const ShapeFitResult found = fit_shape(model, truth.mask, {});
+  EXPECT_LT(found.steps[2].surface_m.mean, 0.4 * found.steps[1].surface_m.mean);
+  EXPECT_LT(found.steps[2].surface_m.mean, 0.001);
+  EXPECT_NEAR(found.steps[2].volume_m3 / found.second_volume_m3, 1, 0.03);
+  EXPECT_EQ(found.steps[2].inverted, 0U);
+}
+
+TEST(ShapeFit, GivesTheSameBitsTwice) {
+  const BreathingModel model = test::box_lung_model();
+  const Truth truth = moved_lung(model, 0.004, 0.01);
+  EXPECT_EQ(fit_shape(model, truth.mask, {}).steps[2].displacement_m,
+            fit_shape(model, truth.mask, {}).steps[2].displacement_m);
+}
+
+std::string refusal(const std::function<void()>& what) {
+  try {
+    what();
+  } catch (const Error& error) {
+    return error.what();
+  }
+  return "taken";
+}
+
+TEST(ShapeFit, AnotherOrganIsRefused) {
+  const BreathingModel model = test::box_lung_model();
+  LabelMap mask = moved_lung(model, 0, 0).mask;
+  mask.grid.spacing_m *= 0.1;
+  EXPECT_THAT(refusal([&] { static_cast<void>(fit_shape(model, mask, {})); }),
+              HasSubstr("not the same lung"));
+  std::ranges::fill(mask.labels, std::uint16_t{0});
+  EXPECT_THAT(refusal([&] { static_cast<void>(fit_shape(model, mask, {})); }),
+              HasSubstr("not the same lung"));
+}
+
+TEST(Landmarks, ListsAndElastixFilesAreRead) {
+  const auto bare = parse_landmarks_m("# mm\n1 2 3\n\n-4,5.5,\t6e1\n", "a.txt");
+  ASSERT_EQ(bare.size(), 2U);
+  EXPECT_EQ(bare[1], Vector3(-0.004, 0.0055, 0.06));
+  const auto elastix = parse_landmarks_m("point\n2\n1 2 3\n4 5 6\n", "a.txt");
+  ASSERT_EQ(elastix.size(), 2U);
+  EXPECT_EQ(elastix[0], bare[0]);
+}
+
+TEST(Landmarks, WhatIsWrongIsToldByItsLine) {
+  const auto parse = [](const std::string& text) {
+    return refusal([&] { static_cast<void>(parse_landmarks_m(text, "a.txt")); });
+  };
+  EXPECT_THAT(parse("1 2 3\n4 5\n"),
+              HasSubstr("cannot use a.txt, line 2: it has 2 words where x y z are expected"));
+  EXPECT_THAT(parse("1 2 z\n"), HasSubstr("line 1: 'z' is no number"));
+  EXPECT_THAT(parse("1 2 inf\n"), HasSubstr("'inf' is no number"));
+  EXPECT_THAT(parse("point\n3\n1 2 3\n"), HasSubstr("it says that it has 3 points and has 1"));
+  EXPECT_THAT(parse("index\n1\n1 2 3\n"), HasSubstr("it counts voxels"));
+  EXPECT_THAT(parse("point\nmany\n"), HasSubstr("the number of points is expected here"));
+}
+
+TEST(Landmarks, EachMustHaveItsPartner) {
+  const test::TemporaryFolder folder;
+  const auto write = [&](const char* name, const std::string& text) {
+    std::ofstream(folder.path() / name) << text;
+    return folder.path() / name;
+  };
+  const auto fixed = write("fixed.txt", "1 2 3\n4 5 6\n"), moving = write("moving.txt", "1 2 3\n"),
+             none = write("none.txt", "");
+  EXPECT_THAT(refusal([&] { static_cast<void>(read_landmark_pairs(fixed, moving)); }),
+              HasSubstr("fixed.txt has 2 landmarks and"));
+  EXPECT_THAT(refusal([&] { static_cast<void>(read_landmark_pairs(none, none)); }),
+              HasSubstr("hold no landmark"));
+}
+
+TEST(Landmarks, ASpreadIsThatOfItsNumbers) {
+  const Spread spread = spread_of({4, 1, 2, 3, 5});
+  EXPECT_EQ(spread.count, 5U);
+  EXPECT_DOUBLE_EQ(spread.mean, 3);
+  EXPECT_DOUBLE_EQ(spread.deviation, std::sqrt(2.5));
+  EXPECT_DOUBLE_EQ(spread.median, 3);
+  EXPECT_DOUBLE_EQ(spread.greatest, 5);
+  EXPECT_EQ(spread_of({}).mean, 0);
+}
+
+TEST(MeshPoint, APointGoesWithTheElementItIsIn) {
+  const TetMesh mesh = test::tet_grid({2, 2, 2}, {0.02, 0.02, 0.02});
+  const Vector3 place(0.013, 0.004, 0.009);
+  const LocatedPoint inside = locate(mesh, place);
+  EXPECT_EQ(inside.outside_m, 0);
+  EXPECT_LT((inside.point.mean(mesh.nodes) - place).norm(), 1e-15);
+  const LocatedPoint outside = locate(mesh, {0.01, 0.01, 0.023});
+  EXPECT_NEAR(outside.outside_m, 0.003, 0.0015);
+  EXPECT_LT((outside.point.mean(mesh.nodes) - Vector3(0.01, 0.01, 0.023)).norm(), 1e-15);
+}
+
+}  // namespace
+}  // namespace kiroku::sim
