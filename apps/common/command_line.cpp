@@ -137,6 +137,12 @@ void Command::option(const std::string& names, const std::string& value, std::ve
   state_option(names, value, description).repeatable = true;
 }
 
+void Command::pair_option(const std::string& names, const std::string& values, std::vector<std::string>& into,
+                          const std::string& description) {
+  app_.add_option(names, into, description)->expected(2);
+  state_option(names, values, description);
+}
+
 void Command::choice(const std::string& names, const std::vector<std::string>& choices,
                      std::optional<std::string>& into, const std::string& description,
                      const std::string& default_text) {

@@ -54,6 +54,9 @@ class Command {
   /// May be given several times, one value each.
   void option(const std::string& names, const std::string& value, std::vector<std::string>& into,
               const std::string& description);
+  /// Takes two values: `values` as "FIXED MOVING". Empty, or of both.
+  void pair_option(const std::string& names, const std::string& values, std::vector<std::string>& into,
+                   const std::string& description);
   /// One of a few words.
   void choice(const std::string& names, const std::vector<std::string>& choices,
               std::optional<std::string>& into, const std::string& description,

@@ -14,7 +14,9 @@
 #include "sim/fem/number_text.h"
 #include "sim/mesh/mesh_writer.h"
 #include "sim/respiration/breathing_model.h"
+#include "sim/respiration/irradiation_field.h"
 #include "sim/respiration/line_plot.h"
+#include "sim/respiration/number_table.h"
 
 namespace kiroku::apps {
 namespace {
@@ -24,6 +26,7 @@ using sim::number_text;
 
 struct RespireRequest {
   std::string model, output;
+  std::optional<std::string> margin;
   bool force = false, json = false;
 };
 
@@ -52,6 +55,16 @@ std::string path_plot(const sim::TumourPath& path) {
   return sim::plot_svg(plot);
 }
 
+/// In metres; nothing where no field was asked for.
+std::optional<double> margin_of(const RespireRequest& request) {
+  if (!request.margin) return std::nullopt;
+  const auto millimetres = sim::number_of(*request.margin);
+  constexpr double kMostMm = 100, kMillimetresPerMetre = 1000;
+  if (!millimetres || !(*millimetres >= 0 && *millimetres <= kMostMm))
+    throw UsageError("--margin is '" + *request.margin + "': it must be millimetres, from 0 to 100");
+  return *millimetres / kMillimetresPerMetre;
+}
+
 nlohmann::ordered_json vector_json(const sim::Vector3& v) { return {v.x(), v.y(), v.z()}; }
 
 int run(const RespireRequest& request) {
@@ -59,6 +72,8 @@ int run(const RespireRequest& request) {
   if (!request.json) {
     for (const std::string& warning : model.warnings) print_error("kiroku", "warning: " + warning);
   }
+  const std::optional<double> margin_m = margin_of(request);
+  if (margin_m) static_cast<void>(model.needed_tumour());
   FrameSeries series(request.output, "respire", request.force, {"tumour.csv", "tumour.svg"});
   const auto begin = std::chrono::steady_clock::now();
   const sim::BreathingBody body(model.mesh, model.materials, model.groups, model.slide);
@@ -71,6 +86,7 @@ int run(const RespireRequest& request) {
     centre = sim::centre_of(model.mesh, *model.tumour);
     path.rest_m = centre.mean(model.mesh.nodes);
   }
+  std::vector<Eigen::VectorXd> displacements_m;
   Progress progress("breathing");
   for (const double time_s : model.times_s()) {
     const Eigen::VectorXd displacement_m = cycle.displacement_m(time_s);
@@ -79,6 +95,7 @@ int run(const RespireRequest& request) {
       path.times_s.push_back(time_s);
       path.centres_m.push_back(path.rest_m + centre.mean(displacement_m));
     }
+    if (margin_m) displacements_m.push_back(displacement_m);
     progress.update(series.count(), model.phases);
   }
   progress.clear();
@@ -88,6 +105,8 @@ int run(const RespireRequest& request) {
     write_text_file(folder / "tumour.csv", sim::path_csv(path, model.unit));
     write_text_file(folder / "tumour.svg", path_plot(path));
   }
+  std::optional<sim::IrradiationField> field;
+  if (margin_m) field = sim::irradiation_field(model.mesh, *model.tumour, displacements_m, *margin_m);
   const std::chrono::duration<double> took = std::chrono::steady_clock::now() - begin;
   const auto counts = sim::counts_of(model.groups);
   const sim::Vector3 excursion = 1000 * sim::excursion_m(path);
@@ -101,6 +120,13 @@ int run(const RespireRequest& request) {
                                   {"groups", nodes},
                                   {"computed_s", took.count()}};
     if (model.tumour) object["tumour_excursion_mm"] = vector_json(excursion);
+    if (field) {
+      object["irradiation_field"] = {{"margin_mm", 1000 * field->margin_m},
+                                     {"tumour_ml", 1e6 * field->tumour_m3},
+                                     {"conventional_ml", 1e6 * field->conventional_m3},
+                                     {"tracking_ml", 1e6 * field->tracking_m3},
+                                     {"ratio", field->ratio()}};
+    }
     object["warnings"] = model.warnings;
     print_json(object);
     return kDone;
@@ -119,6 +145,12 @@ int run(const RespireRequest& request) {
               << " mm feet to head\n  " << (folder / "tumour.csv").string()
               << "   where it is when; tumour.svg beside it\n";
   }
+  if (field) {
+    std::cout << "  irradiation field with a margin of " << number_text(1000 * field->margin_m, 3)
+              << " mm: " << number_text(1e6 * field->conventional_m3, 4) << " ml over the whole path, "
+              << number_text(1e6 * field->tracking_m3, 4) << " ml when it follows the tumour, "
+              << number_text(100 * field->ratio(), 3) << " % of it\n";
+  }
   std::cout << "  " << (folder / "respire.pvd").string()
             << "  for ParaView (Warp By Vector: displacement; colour: boundary_group)\n";
   return kDone;
@@ -132,7 +164,9 @@ void add_sim_respire_command(Command& sim) {
   const auto request = std::make_shared<RespireRequest>();
   command.argument("MODEL", request->model, "the breathing lung (.json)");
   command.required_option("-o,--output", "DIR", request->output, "where to; absent or empty");
-  command.flag("--force", request->force, "replaces an earlier run in DIR");
+  command.option("--margin", "MM", request->margin,
+                 "around the tumour: what a field over its whole path takes, and one that follows it");
+  command.flag("-f,--force", request->force, "replaces what an earlier run left in DIR");
   command.flag("--json", request->json, "prints one JSON object instead");
   command.explain(
       "The model is {\"mesh\": \"lung.msh\", \"length_unit\": \"mm\", \"labels\": "
@@ -148,6 +182,8 @@ void add_sim_respire_command(Command& sim) {
       "cage, "
       "3 diaphragm, 4 trachea, 5 back), and with a tumour tumour.csv and tumour.svg.");
   command.example("kiroku sim respire lung.json -o breathing", "one cycle");
+  command.example("kiroku sim respire lung.json -o breathing --margin 5",
+                  "and how much tissue tracking the tumour spares, 5 mm around it");
   command.on_run([request] { return run(*request); });
 }
 

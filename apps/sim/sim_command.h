@@ -14,6 +14,7 @@ void add_sim_mesh_command(Command& sim);
 void add_sim_respire_command(Command& sim);
 void add_sim_drr_command(Command& sim);
 void add_sim_overlay_command(Command& sim);
+void add_sim_fit_command(Command& sim);
 
 /// Pictures, which need libraries of codecs.
 void add_sim_render_command(Command& sim);
