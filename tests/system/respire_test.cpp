@@ -1,0 +1,134 @@
+// 'kiroku sim respire' and 'kiroku sim fit' as a person calls them.
+#include <sstream>
+
+#include "tests/system/program_test.h"
+
+namespace kiroku::test {
+namespace {
+
+using testing::HasSubstr;
+
+/// A right lung in the shape of an upright ellipsoid, cut off below, with a tumour; in mm, labels 1 and 2.
+class Respire : public ProgramTest {
+ protected:
+  Respire() {
+    std::string labels =
+        "NRRD0004\ntype: short\ndimension: 3\nspace: left-posterior-superior\nsizes: 26 36 44\n"
+        "space directions: (4,0,0) (0,4,0) (0,0,4)\nspace origin: (-120,-72,-80)\nencoding: raw\nendian: "
+        "little\n\n";
+    for (int k = 0; k < 44; ++k) {
+      for (int j = 0; j < 36; ++j) {
+        for (int i = 0; i < 26; ++i) {
+          const double x = 4 * i - 50, y = 4 * j - 70, z = 4 * k - 80;
+          const bool lung = x * x / 1600 + y * y / 3600 + z * z / 6400 < 1 && z > -50;
+          const bool tumour = lung && std::hypot(x, y + 15, z + 25) < 15;
+          labels += static_cast<char>(tumour ? 2 : lung ? 1 : 0);
+          labels += '\0';
+        }
+      }
+    }
+    write_text(folder() / "labels.nrrd", labels);
+    const ProcessResult mesh = kiroku(
+        {"sim", "mesh", "labels.nrrd", "--labels", "labels.nrrd", "--vertices", "500", "-o", "lung.msh"});
+    EXPECT_EQ(mesh.status, 0) << mesh.err;
+    write_model("lung.json", R"("tumour": {"region": 2}, )", 4, 12);
+  }
+  void write_model(const std::string& name, const std::string& tumour, double rib_cage,
+                   double diaphragm) const {
+    write_text(folder() / name, R"({"mesh": "lung.msh", "length_unit": "mm", "lung": "right", )" + tumour +
+                                    R"("breathing": {"rib_cage": {"amplitude": )" + std::to_string(rib_cage) +
+                                    R"(}, "diaphragm": {"amplitude": )" + std::to_string(diaphragm) +
+                                    R"(, "phase_s": 0.6}}})");
+  }
+  /// Seen along y from 1 m in front, a pixel a millimetre at the isocentre.
+  void write_radiographs() const {
+    write_text(folder() / "front.json",
+               R"({"matrix": [[1000, 512, 0, 512000], [0, 384, -1000, 384000], [0, 1, 0, 1000]],
+                   "detector_px": [1024, 768]})");
+    std::istringstream path(read_text(folder() / "out/tumour.csv"));
+    std::string line, seen = "time_s,column,row\n";
+    std::getline(path, line);
+    char comma = 0;
+    for (double t = 0, x = 0, y = 0, z = 0; std::getline(path, line);) {
+      std::istringstream(line) >> t >> comma >> x >> comma >> y >> comma >> z;
+      std::ostringstream row;
+      row.precision(12);
+      row << t << ',' << 1000 * x / (y + 1000) + 512 << ',' << 384 - 1000 * z / (y + 1000) << '\n';
+      seen += row.str();
+    }
+    write_text(folder() / "seen.csv", seen);
+  }
+};
+
+TEST_F(Respire, BreathesAndSaysWhatCameOut) {
+  const ProcessResult result = kiroku({"sim", "respire", "lung.json", "-o", "out", "--margin", "5"});
+  EXPECT_EQ(result.status, 0) << result.err;
+  EXPECT_THAT(result.out, HasSubstr("out: 36 phases of 3.6 s"));
+  EXPECT_THAT(result.out, HasSubstr("diaphragm"));
+  EXPECT_THAT(result.out, HasSubstr("irradiation field with a margin of 5 mm"));
+  EXPECT_EQ(files_below(folder() / "out").size(), 36U + 4);  // with the folder of frames
+  EXPECT_THAT(read_text(folder() / "out/respire.pvd"), HasSubstr("frames/00035.vtu"));
+  EXPECT_THAT(read_text(folder() / "out/tumour.svg"), HasSubstr("to the head (z)"));
+  EXPECT_EQ(read_text(folder() / "out/frames/00007.vtu").find("nan"), std::string::npos);
+  EXPECT_REFUSED(kiroku({"sim", "respire", "lung.json", "-o", "out"}), "give --force to replace");
+  EXPECT_EQ(kiroku({"sim", "respire", "lung.json", "-o", "out", "--force"}).status, 0);
+}
+
+TEST_F(Respire, WritesTheSameBytesWhateverTheNumberOfThreads) {
+  std::string first;
+  for (const char* threads : {"1", "4"}) {
+    Process::Options run = options({"sim", "respire", "lung.json", "-o", std::string("out") + threads});
+    run.environment["OMP_NUM_THREADS"] = threads;
+    EXPECT_EQ(run_process(run).status, 0);
+    const std::string frame = read_text(folder() / (std::string("out") + threads) / "frames/00011.vtu");
+    if (first.empty()) first = frame;
+    EXPECT_EQ(frame, first);
+  }
+}
+
+TEST_F(Respire, TheMotionIsFoundFromRadiographsOfIt) {
+  EXPECT_EQ(kiroku({"sim", "respire", "lung.json", "-o", "out"}).status, 0);
+  write_radiographs();
+  write_model("guess.json", R"("tumour": {"region": 2}, )", 1, 1);
+  const nlohmann::json found = kiroku_json({"sim", "fit", "guess.json", "--positions", "seen.csv",
+                                            "--geometry", "front.json", "-o", "found.json", "--json"});
+  EXPECT_NEAR(found["rib_cage"]["amplitude_mm"].get<double>(), 4, 0.04);
+  EXPECT_NEAR(found["diaphragm"]["amplitude_mm"].get<double>(), 12, 0.12);
+  EXPECT_NEAR(found["diaphragm"]["phase_s"].get<double>(), 0.6, 0.036);
+  EXPECT_EQ(found["observer_mm"], nlohmann::json({0.9, 0.8}));
+  EXPECT_EQ(kiroku({"sim", "respire", "found.json", "-o", "again"}).status, 0);
+}
+
+TEST_F(Respire, FitsToASecondShapeAndSaysTheErrorAtLandmarks) {
+  write_text(folder() / "fixed.txt", "-70 0 0\n-60 10 20\n");
+  write_text(folder() / "moving.txt", "-70 0 0\n-60 10 20\n");
+  const ProcessResult result = kiroku({"sim", "fit", "lung.json", "--shape", "labels.nrrd", "--landmarks",
+                                       "fixed.txt", "moving.txt", "-o", "found.json"});
+  EXPECT_EQ(result.status, 0) << result.err;
+  EXPECT_THAT(result.out, HasSubstr("sliding boundary"));
+  EXPECT_THAT(result.out,
+              HasSubstr("2 landmarks, on which nothing was fitted; people find the same point twice to "
+                        "0.9 +/- 0.8 mm"));
+}
+
+TEST_F(Respire, WhatIsMissingIsSaidInASentence) {
+  write_model("bare.json", "", 3, 10);
+  EXPECT_REFUSED(kiroku({"sim", "respire", "bare.json", "-o", "out", "--margin", "5"}),
+                 "the model has no tumour");
+  EXPECT_REFUSED(kiroku({"sim", "respire", "lung.json", "-o", "out", "--margin", "thick"}),
+                 "--margin is 'thick'");
+  EXPECT_REFUSED(kiroku({"sim", "fit", "lung.json", "-o", "found.json"}), "say what to fit to");
+  write_text(folder() / "seen.csv", "time_s,column,row\n0,1,1\n");
+  EXPECT_REFUSED(kiroku({"sim", "fit", "lung.json", "--positions", "seen.csv", "-o", "found.json"}),
+                 "--positions needs --geometry");
+  write_text(folder() / "fixed.txt", "1 2 3\n4 5 6\n");
+  write_text(folder() / "moving.txt", "1 2 3\n");
+  EXPECT_REFUSED(kiroku({"sim", "fit", "lung.json", "--shape", "labels.nrrd", "--landmarks", "fixed.txt",
+                         "moving.txt", "-o", "found.json"}),
+                 "fixed.txt has 2 landmarks and moving.txt has 1");
+  EXPECT_FALSE(std::filesystem::exists(folder() / "found.json"));
+  EXPECT_FALSE(std::filesystem::exists(folder() / "out"));
+}
+
+}  // namespace
+}  // namespace kiroku::test
