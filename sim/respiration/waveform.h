@@ -1,7 +1,7 @@
 // How deep a breath is when: a sine, breaths that differ, or what was measured. Immutable, thread-safe.
 #pragma once
 
-#include <filesystem>
+#include <string>
 #include <string_view>
 #include <variant>
 #include <vector>
