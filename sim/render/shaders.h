@@ -9,7 +9,6 @@ namespace kiroku::sim {
 struct RayFeatures {
   bool surface = false;  // the faces of the mesh's surface, as thin sheets
   bool stress = false;   // tissue is tinted by a number at the nodes
-  auto operator<=>(const RayFeatures&) const = default;
 };
 
 /// A triangle over the whole picture, without any input.

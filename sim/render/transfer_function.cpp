@@ -142,16 +142,16 @@ TransferFunction parse_transfer_function(std::string_view text, const std::strin
 
 std::vector<std::string> transfer_function_names() {
   std::vector<std::string> names;
-  for (const TransferPreset& preset : kTransferPresets) names.emplace_back(preset.name);
+  for (const TransferPreset& preset : transfer_presets()) names.emplace_back(preset.name);
   return names;
 }
 
 std::string transfer_function_text(const std::string& name) {
-  for (const TransferPreset& preset : kTransferPresets) {
+  for (const TransferPreset& preset : transfer_presets()) {
     if (name == preset.name) return preset.text;
   }
   std::string known;
-  for (const TransferPreset& preset : kTransferPresets)
+  for (const TransferPreset& preset : transfer_presets())
     known += (known.empty() ? "" : ", ") + std::string(preset.name);
   throw UsageError("there is no transfer function '" + name + "'; there are " + known +
                    ", or give a file that ends in .json");

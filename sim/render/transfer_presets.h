@@ -10,6 +10,7 @@ struct TransferPreset {
   const char* name;  // the file's, without ".json"
   const char* text;
 };
-extern const std::span<const TransferPreset> kTransferPresets;  // by name
+/// By name.
+std::span<const TransferPreset> transfer_presets();
 
 }  // namespace kiroku::sim

@@ -140,7 +140,7 @@ class VolumeRenderer::Drawing {
   GlHandle vertex_array_, volume_, transfer_colours_, stress_colours_;
   GlHandle positions_, surface_, cells_, links_, rotations_, stress_, solid_vertices_;
   GlHandle entry_program_, solid_program_, query_;
-  std::map<RayFeatures, GlHandle> ray_programs_;
+  std::map<std::pair<bool, bool>, GlHandle> ray_programs_;  // with the surface, with stress
   // By the picture's size.
   int width_ = 0, height_ = 0;
   GlHandle entries_, solid_colour_, solid_distance_, solid_depth_, picture_;
@@ -359,10 +359,11 @@ int VolumeRenderer::Drawing::peel(const Mesh& mesh, const Scene& scene) {
 }
 
 const GlHandle& VolumeRenderer::Drawing::ray_program(const RayFeatures& features) {
-  const auto found = ray_programs_.find(features);
+  const std::pair key(features.surface, features.stress);
+  const auto found = ray_programs_.find(key);
   if (found != ray_programs_.end()) return found->second;
   return ray_programs_
-      .emplace(features, make_program(gl_, whole_picture_vertex_shader(), ray_fragment_shader(features)))
+      .emplace(key, make_program(gl_, whole_picture_vertex_shader(), ray_fragment_shader(features)))
       .first->second;
 }
 
