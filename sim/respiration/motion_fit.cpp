@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 #include <Eigen/Eigenvalues>
 #include <Eigen/LU>
@@ -96,13 +97,16 @@ class TumourFit {
       const Eigen::MatrixXd normal = slope.transpose() * slope;
       const Eigen::VectorXd right = -slope.transpose() * residual_m(unknown);
       const double before = cost;
-      for (; damping < kMostDamping; damping *= 10) {
+      while (damping < kMostDamping) {
         Eigen::MatrixXd damped = normal;
         damped.diagonal() += damping * normal.diagonal();
         damped.diagonal().array() += 1e-14 * std::max(normal.diagonal().maxCoeff(), 1e-300);
         const Eigen::VectorXd next = unknown + damped.ldlt().solve(right);
         const double next_cost = residual_m(next).squaredNorm();
-        if (!(next_cost < cost)) continue;
+        if (!(next_cost < cost)) {
+          damping *= 10;
+          continue;
+        }
         unknown = next;
         cost = next_cost;
         damping = std::max(damping / 100, 1e-12);
