@@ -46,6 +46,7 @@ int main(int argc, char** argv) {
   Command& sim = add_sim_command(root);
   add_sim_render_command(sim);
   add_sim_transfer_command(sim);
+  add_sim_drr_film_command(sim);
   Command& plan = add_plan_command(root);
   add_plan_replay_command(plan);
   add_plan_seal_commands(plan);

@@ -73,17 +73,17 @@ DrrScene::DrrScene(const DrrRequest& request, StepLine& line)
       attenuation_(request.energy ? parse_number(*request.energy, "--energy")
                                   : sim::Attenuation::kCtEnergyKev),
       rule_(request.keep_mass ? sim::DensityRule::kKeepMass : sim::DensityRule::kKeepDensity),
-      part_(request.part.value_or("all")) {
+      part_(request.part.value_or("all")),
+      unit_(request.unit == "m" ? sim::LengthUnit::kMetre : sim::LengthUnit::kMillimetre) {
   if (!request.mesh && (request.displacement || request.part || request.unit || request.keep_mass)) {
     throw UsageError("--displacement, --part, --length-unit and --keep-mass are of a mesh: give --mesh too");
   }
   // What is small is read first, so that its mistakes need not wait for the CT.
   sim::TetMesh mesh;
   if (request.mesh) {
-    const sim::LengthUnit unit = request.unit == "m" ? sim::LengthUnit::kMetre : sim::LengthUnit::kMillimetre;
-    mesh = sim::read_mesh(*request.mesh, unit).mesh;
+    mesh = sim::read_mesh(*request.mesh, unit_).mesh;
     if (request.displacement) {
-      displacement_m_ = sim::read_displacement(*request.displacement, mesh, unit);
+      displacement_m_ = sim::read_displacement(*request.displacement, mesh, unit_);
     } else {
       displacement_m_.assign(mesh.nodes.size(), sim::Vector3::Zero());
     }
@@ -94,6 +94,10 @@ DrrScene::DrrScene(const DrrRequest& request, StepLine& line)
   line.show("projecting");
   ct_ = std::make_unique<sim::CtProjector>(file.volume, attenuation_);
   if (request.mesh) mesh_ = std::make_unique<sim::MeshProjector>(*ct_, std::move(mesh));
+}
+
+void DrrScene::move_to(const std::filesystem::path& vtu) {
+  displacement_m_ = sim::read_displacement(vtu, mesh_->mesh(), unit_);
 }
 
 sim::Vector3 DrrScene::middle_m() const {

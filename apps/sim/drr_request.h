@@ -1,6 +1,7 @@
 // The options of every command that computes radiographs of a CT, and what they name, read.
 #pragma once
 
+#include <filesystem>
 #include <memory>
 #include <optional>
 #include <string>
@@ -11,6 +12,7 @@
 #include "apps/sim/volume_request.h"
 #include "sim/drr/mesh_projector.h"
 #include "sim/drr/picture.h"
+#include "sim/mesh/length_unit.h"
 
 namespace kiroku::apps {
 
@@ -29,6 +31,9 @@ class DrrScene {
   /// Errors of all that is read, kiroku::UsageError for options that do not belong together.
   DrrScene(const DrrRequest& request, StepLine& line);
 
+  /// Displaces the mesh, which there must be, as a .vtu says. What sim::read_displacement() throws.
+  void move_to(const std::filesystem::path& vtu);
+
   [[nodiscard]] const sim::GeometryDocument& machine() const { return machine_; }
   [[nodiscard]] const sim::Attenuation& attenuation() const { return attenuation_; }
   /// As the request says: the whole, or a part.
@@ -45,6 +50,7 @@ class DrrScene {
   sim::Attenuation attenuation_;
   sim::DensityRule rule_;
   std::string part_;
+  sim::LengthUnit unit_;  // of the mesh's file
   std::vector<std::string> findings_;
   std::unique_ptr<sim::CtProjector> ct_;
   std::unique_ptr<sim::MeshProjector> mesh_;

@@ -19,5 +19,6 @@ void add_sim_fit_command(Command& sim);
 /// Pictures, which need libraries of codecs.
 void add_sim_render_command(Command& sim);
 void add_sim_transfer_command(Command& sim);
+void add_sim_drr_film_command(Command& sim);
 
 }  // namespace kiroku::apps

@@ -293,5 +293,48 @@ TEST_F(SimDrr, IsWhatPlastimatchMakesOfARealChest) {
   }
 }
 
+TEST_F(SimDrr, ShowsWhatMovesAsAFilm) {
+  write_ct();
+  write_mesh();
+  for (const int frame : {0, 1}) {
+    write_text(
+        folder() / "model.json",
+        R"({"mesh": "hole.msh", "length_unit": "mm", "materials": [{"region": "all", "young_modulus_pa": 1000, "poisson_ratio": 0.3}],
+                   "fixed": [{"box": [[0, -30, -40], [40, 30, -10]]}],
+                   "forces": [{"box": [[0, -30, 20], [40, 30, 50]], "force_n": [0, 0, )" +
+            std::to_string(frame * 0.2) + "]}]}");
+    std::filesystem::create_directories(folder() / "moves/frames");
+    ASSERT_EQ(
+        kiroku({"sim", "solve", "model.json", "-o", "moves/frames/0000" + std::to_string(frame) + ".vtu"})
+            .status,
+        0);
+  }
+  const auto film = [&](const std::string& output, const Arguments& more = {}) {
+    Arguments all{"sim",      "drr-film", "ct.mha", "-g", "front.json", "--mesh",
+                  "hole.msh", "--frames", "moves",  "-o", output};
+    all.insert(all.end(), more.begin(), more.end());
+    return kiroku(all);
+  };
+  const ProcessResult made = film("film", {"--repeat", "2"});
+  ASSERT_EQ(made.status, 0) << made.err;
+  EXPECT_THAT(made.out, HasSubstr("film: 4 pictures of 128 x 96 pixels, 10 a second"));
+  const auto picture = [&](const char* name) { return read_text(folder() / "film" / name); };
+  EXPECT_EQ(picture("000001.png"), picture("000003.png"));
+  EXPECT_EQ(picture("000002.png"), picture("000004.png"));
+  EXPECT_NE(picture("000001.png"), picture("000002.png"));
+  for (const char* name : {"film.mp4", "film.mkv"}) EXPECT_EQ(film(name, {"--rate", "25"}).status, 0) << name;
+  EXPECT_GT(std::filesystem::file_size(folder() / "film.mp4"), 1000U);
+
+  EXPECT_REFUSED(film("film.mp4"), "film.mp4");
+  EXPECT_REFUSED(film("more.gif"), ".mp4");
+  EXPECT_REFUSED(film("more", {"--rate", "0"}), "--rate is '0'");
+  EXPECT_REFUSED(kiroku({"sim", "drr-film", "ct.mha", "-g", "front.json", "--mesh", "hole.msh", "--frames",
+                         ".", "-o", "x.mp4"}),
+                 "there is no .vtu");
+  EXPECT_REFUSED(
+      kiroku({"sim", "drr-film", "ct.mha", "-g", "front.json", "--frames", "moves", "-o", "x.mp4"}),
+      "give --mesh");
+}
+
 }  // namespace
 }  // namespace kiroku::test
