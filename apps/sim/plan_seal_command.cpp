@@ -15,13 +15,12 @@
 #include "apps/kiroku/plan_seal.h"
 #include "apps/kiroku/recording_setup.h"
 #include "apps/sim/plan_command.h"
+#include "apps/sim/plan_reading.h"
 #include "archive/appliance_log.h"
 #include "archive/case_reader.h"
 #include "base/error.h"
 #include "crypto/encoding.h"
 #include "crypto/merkle_tree.h"
-#include "sim/meshing/mesh_recipe.h"
-#include "sim/plan/plan.h"
 #include "sim/plan/plan_files.h"
 #include "timestamp/request.h"
 #include "timestamp/token_verifier.h"
@@ -90,16 +89,6 @@ Stamp stamp(const recorder::NamedAuthority& authority, const fs::path& seal, Byt
   return result;
 }
 
-/// Tells what is wrong with a plan; whether it is sound.
-std::optional<sim::Plan> sound_plan(const std::string& file) {
-  sim::PlanReading reading = [&] {
-    StepLine line;
-    return sim::read_plan(file, sim::recipe_mesh_maker([&](const std::string& step) { line.show(step); }));
-  }();
-  for (const std::string& error : reading.errors) print_error("kiroku", error);
-  return std::move(reading.plan);
-}
-
 ordered_json stamps_json(const std::vector<Stamp>& stamps) {
   ordered_json all = ordered_json::array();
   for (const Stamp& each : stamps) {
@@ -120,7 +109,7 @@ int seal(const Request& request) {
   }
   const Home home = Home::open(request.home);
   const Configuration configuration = home.configuration();
-  const auto plan = sound_plan(request.file);
+  const auto plan = read_plan_and_tell(request.file, request.json);
   if (!plan) return kRefused;
   PlanSeal made{plan->name, {}};
   {
