@@ -65,6 +65,9 @@ void add_drr_options(Command& command, DrrRequest& request) {
   command.choice("--part", {"all", "inside", "outside"}, request.part, "what is shown: of the mesh", "all");
   command.flag("--keep-mass", request.keep_mass,
                "tissue becomes denser as its volume shrinks, instead of staying as it is");
+  command.choice("--projector", {"processor", "opengl"}, request.projector,
+                 "who projects what is in the mesh; opengl takes a graphics processor where one is there",
+                 "processor");
   command.option("--energy", "KEV", request.energy, "of the rays, 20 to 20000", "70");
 }
 
@@ -75,8 +78,10 @@ DrrScene::DrrScene(const DrrRequest& request, StepLine& line)
       rule_(request.keep_mass ? sim::DensityRule::kKeepMass : sim::DensityRule::kKeepDensity),
       part_(request.part.value_or("all")),
       unit_(request.unit == "m" ? sim::LengthUnit::kMetre : sim::LengthUnit::kMillimetre) {
-  if (!request.mesh && (request.displacement || request.part || request.unit || request.keep_mass)) {
-    throw UsageError("--displacement, --part, --length-unit and --keep-mass are of a mesh: give --mesh too");
+  if (!request.mesh &&
+      (request.displacement || request.part || request.unit || request.keep_mass || request.projector)) {
+    throw UsageError(
+        "--displacement, --part, --length-unit, --keep-mass and --projector are of a mesh: give --mesh too");
   }
   // What is small is read first, so that its mistakes need not wait for the CT.
   sim::TetMesh mesh;
@@ -92,6 +97,10 @@ DrrScene::DrrScene(const DrrRequest& request, StepLine& line)
   sim::VolumeFile file = sim::read_volume(request.volume.path, request.volume.options());
   findings_ = std::move(file.findings);
   line.show("projecting");
+  if (request.projector == "opengl") {
+    gl_ = std::make_unique<sim::GlProjector>(file.volume, attenuation_, mesh, sim::GpuUse::kAuto);
+    if (!gl_->notice().empty()) findings_.push_back(gl_->notice());
+  }
   ct_ = std::make_unique<sim::CtProjector>(file.volume, attenuation_);
   if (request.mesh) mesh_ = std::make_unique<sim::MeshProjector>(*ct_, std::move(mesh));
 }
@@ -114,6 +123,11 @@ sim::TetMesh DrrScene::deformed_mesh() const {
 
 sim::ProjectionImage DrrScene::project(const sim::ProjectionGeometry& geometry) const {
   if (!mesh_) return ct_->project(geometry);
+  if (gl_ && part_ != "outside") {
+    sim::ProjectionImage image = gl_->inside(geometry, displacement_m_, rule_);
+    if (part_ == "all") sim::add_to(image, mesh_->outside(geometry));
+    return image;
+  }
   if (part_ == "inside") return mesh_->inside(geometry, displacement_m_, rule_);
   if (part_ == "outside") {
     sim::ProjectionImage image = mesh_->outside(geometry);

@@ -10,6 +10,7 @@
 #include "apps/common/command_line.h"
 #include "apps/common/step_line.h"
 #include "apps/sim/volume_request.h"
+#include "sim/drr/gl_projector.h"
 #include "sim/drr/mesh_projector.h"
 #include "sim/drr/picture.h"
 #include "sim/mesh/length_unit.h"
@@ -19,7 +20,7 @@ namespace kiroku::apps {
 struct DrrRequest {
   VolumeRequest volume;
   std::string geometry;
-  std::optional<std::string> gantry, mesh, displacement, unit, part, energy;
+  std::optional<std::string> gantry, mesh, displacement, unit, part, energy, projector;
   bool keep_mass = false;
 };
 /// The request must live until the program has run.
@@ -42,7 +43,7 @@ class DrrScene {
   [[nodiscard]] sim::Vector3 middle_m() const;
   /// With its nodes where they are displaced to; without any where there is no mesh.
   [[nodiscard]] sim::TetMesh deformed_mesh() const;
-  /// Of the volume, one sentence each.
+  /// Of the volume and of OpenGL, one sentence each.
   [[nodiscard]] const std::vector<std::string>& findings() const { return findings_; }
 
  private:
@@ -54,6 +55,7 @@ class DrrScene {
   std::vector<std::string> findings_;
   std::unique_ptr<sim::CtProjector> ct_;
   std::unique_ptr<sim::MeshProjector> mesh_;
+  std::unique_ptr<sim::GlProjector> gl_;  // where OpenGL projects what is inside
   std::vector<sim::Vector3> displacement_m_;
 };
 

@@ -293,6 +293,21 @@ TEST_F(SimDrr, IsWhatPlastimatchMakesOfARealChest) {
   }
 }
 
+TEST_F(SimDrr, IsTheSameByOpenGl) {
+  write_ct();
+  write_mesh();
+  const auto drr = [&](const std::string& projector) {
+    const std::string file = projector + ".mha";
+    const ProcessResult result = kiroku({"sim", "drr", "ct.mha", "-g", "front.json", "--gantry", "20",
+                                         "--mesh", "hole.msh", "--projector", projector, "-o", file});
+    EXPECT_EQ(result.status, 0) << result.err;
+    return integrals(file);
+  };
+  EXPECT_GT(zncc(drr("processor"), drr("opengl")), 0.9999);
+  EXPECT_REFUSED(kiroku({"sim", "drr", "ct.mha", "-g", "front.json", "--projector", "opengl", "-o", "x.mha"}),
+                 "give --mesh");
+}
+
 TEST_F(SimDrr, ShowsWhatMovesAsAFilm) {
   write_ct();
   write_mesh();
