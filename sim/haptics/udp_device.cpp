@@ -145,8 +145,8 @@ void UdpDevice::write(std::span<const Vector3> forces_n) {
   }
   const sockaddr_in to = socket_address(peer_.address, peer_.port);
   const std::size_t length = kHeader + kForceBytes * tools_;
-  if (::sendto(socket_.number(), datagram.data(), length, 0, reinterpret_cast<const sockaddr*>(&to), sizeof to) !=
-      static_cast<ssize_t>(length)) {
+  if (::sendto(socket_.number(), datagram.data(), length, 0, reinterpret_cast<const sockaddr*>(&to),
+               sizeof to) != static_cast<ssize_t>(length)) {
     ++counts_.not_sent;
   }
 }
