@@ -1,9 +1,10 @@
-// Seconds a radiograph takes in a series, for sim_drr.sh: 512 x 512 pixels of 600 x 600 mm, source-axis distance
-// 1000 mm, source-imager distance 1500 mm, isocentre in the origin.
+// Seconds a radiograph takes in a series, for sim_drr.sh: 512 x 512 pixels of 600 x 600 mm, source-axis
+// distance 1000 mm, source-imager distance 1500 mm, isocentre in the origin.
 //
 //   sim_drr_bench VOLUME            36 angles of the volume as it is
-//   sim_drr_bench VOLUME MESH       36 frames from each of four sides of what is in a mesh (mm), deformed anew each time
-//   sim_drr_bench VOLUME MESH all   the same with what is outside the mesh, computed once for each side
+//   sim_drr_bench VOLUME MESH       36 frames from each of four sides of what is in a mesh (mm), deformed
+//   anew each time sim_drr_bench VOLUME MESH all   the same with what is outside the mesh, computed once for
+//   each side
 //
 // Threads: KIROKU_BENCH_THREADS, all if it is not set.
 #include <chrono>
