@@ -4,6 +4,7 @@
 
 #include <openssl/err.h>
 #include <openssl/pem.h>
+#include <openssl/x509v3.h>
 
 #include "base/error.h"
 #include "timestamp/trust_store_state.h"
@@ -38,6 +39,15 @@ std::vector<Certificate> read_certificates(ByteView bytes, const std::string& na
   return out;
 }
 
+/// read_certificates, with what OpenSSL otherwise finds out at the first use (names, key identifiers,
+/// purposes) found out now: a store is read by several threads at once, and then none of them writes.
+std::vector<Certificate> read_shared_certificates(ByteView bytes, const std::string& name) {
+  auto out = read_certificates(bytes, name);
+  for (const auto& certificate : out) X509_check_purpose(certificate.get(), -1, 0);
+  forget_openssl_errors();
+  return out;
+}
+
 Bytes read_file(const std::filesystem::path& file) {
   errno = 0;
   std::ifstream in(file, std::ios::binary);
@@ -58,7 +68,7 @@ TrustStore& TrustStore::operator=(TrustStore&&) noexcept = default;
 TrustStore::~TrustStore() = default;
 
 std::size_t TrustStore::add_trusted(ByteView pem_or_der, const std::string& name_for_errors) {
-  auto certificates = read_certificates(pem_or_der, name_for_errors);
+  auto certificates = read_shared_certificates(pem_or_der, name_for_errors);
   for (auto& certificate : certificates) {
     if (X509_STORE_add_cert(state_->trusted_store.get(), certificate.get()) != 1) {
       throw Error("cannot trust a certificate of " + name_for_errors + ": " + crypto::last_openssl_error());
@@ -69,7 +79,7 @@ std::size_t TrustStore::add_trusted(ByteView pem_or_der, const std::string& name
 }
 
 std::size_t TrustStore::add_untrusted(ByteView pem_or_der, const std::string& name_for_errors) {
-  auto certificates = read_certificates(pem_or_der, name_for_errors);
+  auto certificates = read_shared_certificates(pem_or_der, name_for_errors);
   for (auto& certificate : certificates) state_->untrusted.push_back(std::move(certificate));
   return certificates.size();
 }
