@@ -1,11 +1,12 @@
 #include "apps/sim/drr_request.h"
 
+#include <algorithm>
 #include <filesystem>
+#include <utility>
 
 #include "base/error.h"
 #include "sim/mesh/mesh_reader.h"
 #include "sim/mesh/vtu_reader.h"
-#include "sim/respiration/number_table.h"
 
 namespace kiroku::apps {
 namespace {
@@ -24,28 +25,15 @@ sim::GeometryDocument machine_of(const DrrRequest& request) {
 
 }  // namespace
 
-double parse_number(const std::string& text, const std::string& what) {
-  const auto number = sim::number_of(text);
-  if (!number) throw UsageError(what + " is '" + text + "'; it must be a number");
-  return *number;
-}
-
-std::vector<double> parse_numbers(const std::string& text, char separator, std::size_t count,
-                                  const std::string& what) {
-  std::vector<double> numbers;
-  std::size_t begin = 0;
-  while (begin <= text.size()) {
-    const std::size_t end = std::min(text.find(separator, begin), text.size());
-    const auto number = sim::number_of(text.substr(begin, end - begin));
-    if (!number) break;
-    numbers.push_back(*number);
-    begin = end + 1;
+sim::ProjectionImage sum_of(std::optional<sim::ProjectionImage> still,
+                            std::optional<sim::ProjectionImage> moving) {
+  if (!still) return std::move(*moving);
+  if (moving) {
+    sim::add_to(*still, *moving);
+  } else {
+    for (float& value : still->values) value = std::max(value, 0.0F);
   }
-  if (numbers.size() != count || begin <= text.size()) {
-    throw UsageError(what + " is '" + text + "'; it must be " + std::to_string(count) + " numbers with '" +
-                     separator + "' between them");
-  }
-  return numbers;
+  return std::move(*still);
 }
 
 void refuse_to_replace(const std::string& file, bool force) {
@@ -121,20 +109,20 @@ sim::TetMesh DrrScene::deformed_mesh() const {
   return mesh;
 }
 
-sim::ProjectionImage DrrScene::project(const sim::ProjectionGeometry& geometry) const {
+std::optional<sim::ProjectionImage> DrrScene::still(const sim::ProjectionGeometry& geometry) const {
   if (!mesh_) return ct_->project(geometry);
-  if (gl_ && part_ != "outside") {
-    sim::ProjectionImage image = gl_->inside(geometry, displacement_m_, rule_);
-    if (part_ == "all") sim::add_to(image, mesh_->outside(geometry));
-    return image;
-  }
-  if (part_ == "inside") return mesh_->inside(geometry, displacement_m_, rule_);
-  if (part_ == "outside") {
-    sim::ProjectionImage image = mesh_->outside(geometry);
-    for (float& value : image.values) value = std::max(value, 0.0F);
-    return image;
-  }
-  return mesh_->project(geometry, displacement_m_, rule_);
+  if (part_ == "inside") return std::nullopt;
+  return mesh_->outside(geometry);
+}
+
+std::optional<sim::ProjectionImage> DrrScene::moving(const sim::ProjectionGeometry& geometry) const {
+  if (!mesh_ || part_ == "outside") return std::nullopt;
+  return gl_ ? gl_->inside(geometry, displacement_m_, rule_)
+             : mesh_->inside(geometry, displacement_m_, rule_);
+}
+
+sim::ProjectionImage DrrScene::project(const sim::ProjectionGeometry& geometry) const {
+  return sum_of(still(geometry), moving(geometry));
 }
 
 }  // namespace kiroku::apps

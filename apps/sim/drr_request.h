@@ -9,6 +9,7 @@
 
 #include "apps/common/command_line.h"
 #include "apps/common/step_line.h"
+#include "apps/sim/number_option.h"
 #include "apps/sim/volume_request.h"
 #include "sim/drr/gl_projector.h"
 #include "sim/drr/mesh_projector.h"
@@ -37,8 +38,12 @@ class DrrScene {
 
   [[nodiscard]] const sim::GeometryDocument& machine() const { return machine_; }
   [[nodiscard]] const sim::Attenuation& attenuation() const { return attenuation_; }
-  /// As the request says: the whole, or a part.
+  /// As the request says: the whole, or a part. What still() and moving() add up to.
   [[nodiscard]] sim::ProjectionImage project(const sim::ProjectionGeometry& geometry) const;
+  /// What does not change where the mesh moves, and what does; of each nothing where the request asks for
+  /// none of it. A film computes the first once.
+  [[nodiscard]] std::optional<sim::ProjectionImage> still(const sim::ProjectionGeometry& geometry) const;
+  [[nodiscard]] std::optional<sim::ProjectionImage> moving(const sim::ProjectionGeometry& geometry) const;
   /// Of the volume's box, in the patient.
   [[nodiscard]] sim::Vector3 middle_m() const;
   /// With its nodes where they are displaced to; without any where there is no mesh.
@@ -59,11 +64,10 @@ class DrrScene {
   std::vector<sim::Vector3> displacement_m_;
 };
 
-/// A finite number. kiroku::UsageError that names `what` ("--energy").
-double parse_number(const std::string& text, const std::string& what);
-/// So many numbers with `separator` between them. kiroku::UsageError that names `what`.
-std::vector<double> parse_numbers(const std::string& text, char separator, std::size_t count,
-                                  const std::string& what);
+/// Of one at least, and never negative.
+sim::ProjectionImage sum_of(std::optional<sim::ProjectionImage> still,
+                            std::optional<sim::ProjectionImage> moving);
+
 /// kiroku::UsageError where the file is there, unless it may be replaced.
 void refuse_to_replace(const std::string& file, bool force);
 

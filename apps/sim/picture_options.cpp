@@ -37,23 +37,6 @@ sim::Rgb parse_colour(const std::string& text) {
 
 }  // namespace
 
-double parse_number(const std::string& text, const std::string& what, double least, double greatest) {
-  std::size_t end = 0;
-  const double number = [&] {
-    try {
-      return std::stod(text, &end);
-    } catch (const std::exception&) {
-      return std::nan("");
-    }
-  }();
-  if (end != text.size() || !(number >= least && number <= greatest)) {
-    char range[64];
-    std::snprintf(range, sizeof range, "%g to %g", least, greatest);
-    throw UsageError(what + " is '" + text + "': it must be a number from " + range);
-  }
-  return number;
-}
-
 void PictureOptions::add_to(Command& command, const std::string& default_transfer) {
   std::string names;
   for (const std::string& name : sim::transfer_function_names()) names += (names.empty() ? "" : ", ") + name;

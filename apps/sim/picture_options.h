@@ -5,6 +5,7 @@
 #include <string>
 
 #include "apps/common/command_line.h"
+#include "apps/sim/number_option.h"
 #include "media/png.h"
 #include "sim/render/volume_renderer.h"
 
@@ -23,9 +24,6 @@ struct PictureOptions {
   /// Looks at the ball.
   [[nodiscard]] sim::Scene scene(const sim::Ball& ball) const;
 };
-
-/// A number from `least` to `greatest`; kiroku::UsageError that names `what` ("--zoom").
-double parse_number(const std::string& text, const std::string& what, double least, double greatest);
 
 /// For media's writers; the picture must outlive it.
 media::PictureView view_of(const sim::Picture& picture);

@@ -12,6 +12,7 @@
 #include "apps/common/json_output.h"
 #include "apps/common/progress.h"
 #include "apps/sim/frame_series.h"
+#include "apps/sim/number_option.h"
 #include "apps/sim/plan_reading.h"
 #include "base/error.h"
 #include "sim/fem/number_text.h"
@@ -53,17 +54,8 @@ int check(const Request& request) {
 }
 
 double interval_s(const Request& request) {
-  if (!request.every) return 0;
-  std::size_t end = 0;
-  double seconds = -1;
-  try {
-    seconds = std::stod(*request.every, &end);
-  } catch (const std::exception&) {
-    end = 0;
-  }
-  if (end != request.every->size() || !(seconds >= 0 && seconds <= 3600))
-    throw UsageError("--frames-every is '" + *request.every + "': it must be seconds, from 0 to 3600");
-  return seconds;
+  constexpr double kLongestS = 3600;
+  return request.every ? parse_number(*request.every, "--frames-every", 0, kLongestS) : 0;
 }
 
 void print_steps(const sim::Plan& plan, const sim::PlanRun& run) {

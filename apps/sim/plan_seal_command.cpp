@@ -241,19 +241,47 @@ std::vector<Check> check_tokens(const Request& request, const std::optional<Home
   return checks;
 }
 
+/// A log that does not know the seal tells only that it is not this appliance's, or not as it was sealed.
 Check check_log(const std::optional<Home>& home, const crypto::Sha256Digest& digest) {
   using Answer = Check::Answer;
   if (!home) return {"log", Answer::kUnknown, "there is no home here whose appliance log could be asked"};
   const auto record = find_seal(*home, digest);
-  if (!record)
-    return {"log", Answer::kDiffers,
-            "the appliance log of " + home->folder().string() + " does not know this seal"};
+  if (!record) {
+    return {"log", Answer::kUnknown,
+            "the appliance log of " + home->folder().string() +
+                " does not know this seal: it was made by another appliance, or changed since"};
+  }
   return {"log", Answer::kHolds,
           "entered at " + format_utc(record->utc) + ", entry " + std::to_string(record->seq)};
 }
 
-/// Whether the case says that it was recorded by this plan, and that the log held the seal before the case
-/// began: the case's first entry states the log's size and root as they were then.
+/// Whether the log held the seal before the case began: the case's first entry states the log's size and root
+/// as they were then.
+Check check_order(const std::optional<Home>& home, const archive::OpenEntry& open,
+                  const crypto::Sha256Digest& digest) {
+  using Answer = Check::Answer;
+  if (!home || home->device().to_string() != open.device) {
+    return {"order", Answer::kUnknown,
+            "which came first is known to the log of the appliance that recorded the case: give its --home"};
+  }
+  crypto::MerkleFrontier tree;
+  archive::for_each_log_line(home->log_folder(), [&](const archive::LogLine& line) {
+    if (tree.size() < open.appliance_log_size) tree.append(crypto::merkle_leaf_hash(bytes_of(line.json)));
+  });
+  if (tree.size() != open.appliance_log_size || tree.root() != open.appliance_log_root) {
+    return {"order", Answer::kDiffers,
+            "the appliance log is not the one that " + open.case_id + " was begun under"};
+  }
+  const auto record = find_seal(*home, digest);
+  if (!record || record->seq >= open.appliance_log_size)
+    return {"order", Answer::kDiffers, "the seal came after the case had begun"};
+  return {"order", Answer::kHolds,
+          "sealed before the first picture: the case begins with a log of " +
+              std::to_string(open.appliance_log_size) + " entries, the seal is entry " +
+              std::to_string(record->seq)};
+}
+
+/// Whether the case says that it was recorded by this plan, and which came first.
 std::vector<Check> check_case(const std::optional<Home>& home, const fs::path& folder,
                               const crypto::Sha256Digest& digest) {
   using Answer = Check::Answer;
@@ -262,32 +290,8 @@ std::vector<Check> check_case(const std::optional<Home>& home, const fs::path& f
   if (!open.plan) return {{"case", Answer::kDiffers, open.case_id + " names no plan"}};
   if (*open.plan != digest)
     return {{"case", Answer::kDiffers, open.case_id + " was recorded by another plan"}};
-  std::vector<Check> checks{{"case", Answer::kHolds, open.case_id + " was recorded by this plan"}};
-  if (!home) {
-    checks.push_back(
-        {"order", Answer::kUnknown, "without the appliance log it is not known which came first"});
-    return checks;
-  }
-  crypto::MerkleFrontier tree;
-  bool before = false;
-  archive::for_each_log_line(home->log_folder(), [&](const archive::LogLine& line) {
-    if (tree.size() >= open.appliance_log_size) return;
-    tree.append(crypto::merkle_leaf_hash(bytes_of(line.json)));
-  });
-  const auto record = find_seal(*home, digest);
-  before = record && record->seq < open.appliance_log_size;
-  if (tree.size() != open.appliance_log_size || tree.root() != open.appliance_log_root) {
-    checks.push_back({"order", Answer::kDiffers,
-                      "the appliance log is not the one that " + open.case_id + " was begun under"});
-  } else if (before) {
-    checks.push_back({"order", Answer::kHolds,
-                      "sealed before the first picture: the case begins with a log of " +
-                          std::to_string(open.appliance_log_size) + " entries, the seal is entry " +
-                          std::to_string(record->seq)});
-  } else {
-    checks.push_back({"order", Answer::kDiffers, "the seal came after the case had begun"});
-  }
-  return checks;
+  return {{"case", Answer::kHolds, open.case_id + " was recorded by this plan"},
+          check_order(home, open, digest)};
 }
 
 int verify(const Request& request) {

@@ -9,6 +9,7 @@
 #include "apps/common/json_output.h"
 #include "apps/common/progress.h"
 #include "apps/sim/frame_series.h"
+#include "apps/sim/number_option.h"
 #include "apps/sim/sim_command.h"
 #include "base/error.h"
 #include "sim/fem/number_text.h"
@@ -16,7 +17,6 @@
 #include "sim/respiration/breathing_model.h"
 #include "sim/respiration/irradiation_field.h"
 #include "sim/respiration/line_plot.h"
-#include "sim/respiration/number_table.h"
 
 namespace kiroku::apps {
 namespace {
@@ -58,11 +58,8 @@ std::string path_plot(const sim::TumourPath& path) {
 /// In metres; nothing where no field was asked for.
 std::optional<double> margin_of(const RespireRequest& request) {
   if (!request.margin) return std::nullopt;
-  const auto millimetres = sim::number_of(*request.margin);
   constexpr double kMostMm = 100, kMillimetresPerMetre = 1000;
-  if (!millimetres || !(*millimetres >= 0 && *millimetres <= kMostMm))
-    throw UsageError("--margin is '" + *request.margin + "': it must be millimetres, from 0 to 100");
-  return *millimetres / kMillimetresPerMetre;
+  return parse_number(*request.margin, "--margin", 0, kMostMm) / kMillimetresPerMetre;
 }
 
 nlohmann::ordered_json vector_json(const sim::Vector3& v) { return {v.x(), v.y(), v.z()}; }

@@ -1,6 +1,5 @@
 // 'kiroku sim drr-film': radiographs of a CT that moves, as a film.
 #include <algorithm>
-#include <cmath>
 #include <filesystem>
 #include <iostream>
 #include <memory>
@@ -47,17 +46,6 @@ std::vector<fs::path> frames_of(const std::string& named) {
   return frames;
 }
 
-std::size_t whole_number(const std::optional<std::string>& text, const std::string& what, std::size_t least,
-                         std::size_t most, std::size_t if_absent) {
-  if (!text) return if_absent;
-  const double number = parse_number(*text, what);
-  if (!(number >= double(least) && number <= double(most)) || number != std::floor(number)) {
-    throw UsageError(what + " is '" + *text + "'; it must be a whole number from " + std::to_string(least) +
-                     " to " + std::to_string(most));
-  }
-  return static_cast<std::size_t>(number);
-}
-
 std::vector<std::uint8_t> eight_bits(const sim::GreyPicture& picture) {
   constexpr unsigned kByte = 8;
   std::vector<std::uint8_t> samples(picture.values.size());
@@ -71,8 +59,8 @@ int run(const Request& request) {
   if (!request.drr.mesh) throw UsageError("a film needs what moves: give --mesh");
   if (request.drr.displacement) throw UsageError("--displacement is of one picture; a film has --frames");
   const std::vector<fs::path> frames = frames_of(request.frames);
-  const std::size_t rate = whole_number(request.rate, "--rate", 1, kMostRate, kUsualRate);
-  const std::size_t repeats = whole_number(request.repeat, "--repeat", 1, kMostRepeats, 1);
+  const std::size_t rate = request.rate ? parse_count(*request.rate, "--rate", 1, kMostRate) : kUsualRate;
+  const std::size_t repeats = request.repeat ? parse_count(*request.repeat, "--repeat", 1, kMostRepeats) : 1;
   std::optional<sim::Window> window;
   if (request.window) {
     const std::vector<double> bounds = parse_numbers(*request.window, ':', 2, "--window");
@@ -92,9 +80,10 @@ int run(const Request& request) {
   std::vector<std::vector<std::uint8_t>> pictures;
   {
     Progress progress("projecting");
+    const std::optional<sim::ProjectionImage> still = scene.still(geometry);
     for (const fs::path& frame : frames) {
       scene.move_to(frame);
-      const sim::ProjectionImage image = scene.project(geometry);
+      const sim::ProjectionImage image = sum_of(still, scene.moving(geometry));
       // One window for all, so that what changes is the patient.
       if (!window) window = sim::window_of(image, sim::Response::kFilm);
       pictures.push_back(eight_bits(sim::picture_of(image, sim::Response::kFilm, *window, polarity)));

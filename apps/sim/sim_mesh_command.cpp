@@ -1,5 +1,4 @@
 // 'kiroku sim volume' and 'kiroku sim mesh': from a CT to tetrahedra.
-#include <charconv>
 #include <filesystem>
 #include <iostream>
 #include <memory>
@@ -10,6 +9,7 @@
 #include "apps/common/json_output.h"
 #include "apps/common/step_line.h"
 #include "apps/kiroku/output_file.h"
+#include "apps/sim/number_option.h"
 #include "apps/sim/sim_command.h"
 #include "apps/sim/volume_request.h"
 #include "base/error.h"
@@ -76,16 +76,6 @@ int run_volume(const VolumeRequest& request) {
   return kDone;
 }
 
-/// A whole number from 1.
-std::size_t parse_count(const std::string& text, const std::string& what) {
-  std::size_t count = 0;
-  const auto [end, failure] = std::from_chars(text.data(), text.data() + text.size(), count);
-  if (failure != std::errc() || end != text.data() + text.size() || count == 0) {
-    throw UsageError(what + " is '" + text + "'; it must be a whole number from 1");
-  }
-  return count;
-}
-
 void check_output(const std::string& output) {
   const auto ending = std::filesystem::path(output).extension();
   if (ending != ".msh" && ending != ".vtu") {
@@ -103,8 +93,8 @@ sim::MeshRecipe recipe_of(const MeshCommandRequest& request) {
   recipe.organ = request.organ;
   for (const std::string& text : request.regions) recipe.regions.push_back(sim::parse_region_labels(text));
   recipe.contours = request.contours;
-  if (request.vertices) recipe.nodes = parse_count(*request.vertices, "--vertices");
-  if (request.pieces) recipe.pieces = parse_count(*request.pieces, "--pieces");
+  if (request.vertices) recipe.nodes = parse_count(*request.vertices, "--vertices", 1, sim::kMostMeshNodes);
+  if (request.pieces) recipe.pieces = parse_count(*request.pieces, "--pieces", 1, sim::kMostMeshNodes);
   return recipe;
 }
 

@@ -1,6 +1,5 @@
 // 'kiroku sim overlay': a computed radiograph over a real one.
 #include <algorithm>
-#include <cmath>
 #include <filesystem>
 #include <iostream>
 #include <memory>
@@ -20,6 +19,7 @@
 #include "sim/drr/registration.h"
 #include "sim/fem/number_text.h"
 #include "sim/model/body_model.h"
+#include "sim/respiration/landmarks.h"
 #include "sim/respiration/line_plot.h"
 #include "sim/respiration/number_table.h"
 
@@ -125,7 +125,7 @@ std::optional<sim::Vector3> place_at(const Path& path, double time_s) {
 
 struct PositionError {
   std::vector<double> times_s, in_space_mm, across_ray_mm;
-  double mean_mm = 0, deviation_mm = 0, greatest_mm = 0;
+  sim::Spread spread_mm;  // in space
 };
 
 PositionError error_of(const Path& path, const Path& measured, const sim::Vector3& source_m,
@@ -144,14 +144,7 @@ PositionError error_of(const Path& path, const Path& measured, const sim::Vector
     throw Error("cannot use " + file + ": none of its moments is among those of --path, " +
                 number_text(path.times_s.front()) + " to " + number_text(path.times_s.back()) + " s");
   }
-  const auto count = static_cast<double>(error.in_space_mm.size());
-  double squares = 0;
-  for (const double mm : error.in_space_mm) {
-    error.mean_mm += mm / count;
-    error.greatest_mm = std::max(error.greatest_mm, mm);
-  }
-  for (const double mm : error.in_space_mm) squares += (mm - error.mean_mm) * (mm - error.mean_mm);
-  error.deviation_mm = count > 1 ? std::sqrt(squares / (count - 1)) : 0;
+  error.spread_mm = sim::spread_of(error.in_space_mm);
   return error;
 }
 
@@ -238,9 +231,9 @@ int run(const Request& request) {
                              {"projections", found->projections}};
     }
     if (error) {
-      object["position_error_mm"] = {{"mean", error->mean_mm},
-                                     {"standard_deviation", error->deviation_mm},
-                                     {"greatest", error->greatest_mm},
+      object["position_error_mm"] = {{"mean", error->spread_mm.mean},
+                                     {"standard_deviation", error->spread_mm.deviation},
+                                     {"greatest", error->spread_mm.greatest},
                                      {"moments", error->times_s.size()}};
     }
     object["findings"] = scene.findings();
@@ -261,9 +254,10 @@ int run(const Request& request) {
               << number_text(degrees(found->rotation_rad.z()), 3) << " degrees about these\n";
   }
   if (error) {
-    std::cout << "  the path is " << number_text(error->mean_mm, 3) << " +- "
-              << number_text(error->deviation_mm, 3) << " mm from the measured places, at most "
-              << number_text(error->greatest_mm, 3) << " mm, at " << error->times_s.size() << " moments\n";
+    std::cout << "  the path is " << number_text(error->spread_mm.mean, 3) << " +- "
+              << number_text(error->spread_mm.deviation, 3) << " mm from the measured places, at most "
+              << number_text(error->spread_mm.greatest, 3) << " mm, at " << error->times_s.size()
+              << " moments\n";
   }
   return kDone;
 }

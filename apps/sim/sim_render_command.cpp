@@ -9,6 +9,7 @@
 #include "apps/common/step_line.h"
 #include "apps/sim/picture_options.h"
 #include "apps/sim/sim_command.h"
+#include "apps/sim/volume_request.h"
 #include "base/error.h"
 #include "media/output_file.h"
 #include "sim/fem/number_text.h"
@@ -22,10 +23,11 @@ namespace kiroku::apps {
 namespace {
 
 struct Request {
-  std::string volume, output;
-  std::optional<std::string> series, mesh, unit, displacement, stress, caption;
+  VolumeRequest volume;
+  std::string output;
+  std::optional<std::string> mesh, unit, displacement, stress, caption;
   PictureOptions picture;
-  bool resample = false, force = false, json = false;
+  bool force = false;
 };
 
 /// What is deformed, and by how much.
@@ -56,7 +58,7 @@ Body read_body(const Request& request, const sim::Grid& grid) {
                 ": give the mesh that was solved, or leave --mesh out");
   }
   body.mesh = computed.mesh;
-  for (const sim::Vector3& by : sim::read_displacement(*request.displacement, body.mesh, unit))
+  for (const sim::Vector3& by : sim::displacement_of(computed, *request.displacement, unit))
     body.displacement_m.insert(body.displacement_m.end(), by.data(), by.data() + 3);
   const auto stress = computed.cell_data.find("von_mises_stress");
   if (stress != computed.cell_data.end()) body.stress_pa = stress->second.values;
@@ -82,8 +84,7 @@ void add_stress(const Request& request, const Body& body, sim::Scene& scene) {
 sim::Picture draw(const Request& request, std::string& renderer) {
   StepLine line;
   line.show("reading the CT");
-  const sim::VolumeFile file =
-      sim::read_volume(request.volume, {request.series.value_or(""), request.resample});
+  const sim::VolumeFile file = sim::read_volume(request.volume.path, request.volume.options());
   const Body body = read_body(request, file.volume.grid);
   const sim::Ball ball = sim::ball_around(body.mesh);
   sim::Scene scene = request.picture.scene(ball);
@@ -117,7 +118,7 @@ int run(const Request& request) {
   const sim::Picture picture = draw(request, renderer);
   output.write(media::png_of(view_of(picture)));
   output.commit();
-  if (request.json) {
+  if (request.volume.json) {
     print_json({{"file", request.output},
                 {"width", picture.width},
                 {"height", picture.height},
@@ -134,12 +135,7 @@ int run(const Request& request) {
 void add_sim_render_command(Command& sim) {
   Command& command = sim.add_command("render", "a shaded picture of a CT, deformed and cut with a mesh");
   const auto request = std::make_shared<Request>();
-  command.argument("VOLUME", request->volume,
-                   "a folder of DICOM files, or .nii, .nii.gz, .nrrd, .nhdr, .mha, .mhd");
-  command.option("--series", "UID", request->series,
-                 "of a folder with several series: its UID, or how that ends");
-  command.flag("--resample", request->resample,
-               "resamples uneven gaps and a tilted gantry instead of refusing them");
+  add_volume_options(command, request->volume);
   command.option("--mesh", "FILE", request->mesh, "shows what is in this mesh; without one, the whole CT");
   command.choice("--length-unit", {"mm", "m"}, request->unit, "of the mesh", "mm");
   command.option("--displacement", "VTU", request->displacement,
@@ -151,7 +147,6 @@ void add_sim_render_command(Command& sim) {
   command.option("--caption", "TEXT", request->caption, "words at the lower border");
   command.required_option("-o,--output", "FILE", request->output, "where to (.png)");
   command.flag("--force", request->force, "replaces a file that is there");
-  command.flag("--json", request->json, "prints one JSON object instead");
   command.explain(
       "The CT itself is shown where the displaced tetrahedra bring it; a cut shows what is inside. "
       "'kiroku sim transfer' prints a transfer function to be edited.");

@@ -12,4 +12,9 @@ std::string number_text(double number, int digits) {
   return {text.data(), end};
 }
 
+std::string exact_text(double number) {
+  std::array<char, 32> text{};
+  return {text.data(), std::to_chars(text.data(), text.data() + text.size(), number).ptr};
+}
+
 }  // namespace kiroku::sim

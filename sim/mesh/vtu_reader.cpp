@@ -199,30 +199,34 @@ VtuFile read_vtu(const std::filesystem::path& file, LengthUnit unit) {
   return parse_vtu(read_mesh_text(file), file.string(), unit);
 }
 
+std::vector<Vector3> displacement_of(const VtuFile& file, const std::string& name, LengthUnit unit) {
+  const auto found = file.point_data.find("displacement");
+  if (found == file.point_data.end() || found->second.components != 3) {
+    throw Error(
+        "cannot use " + name +
+        ": it has no point data 'displacement' of three components; take a file of 'kiroku sim solve'");
+  }
+  std::vector<Vector3> displacement_m(file.mesh.nodes.size());
+  for (std::size_t node = 0; node < displacement_m.size(); ++node)
+    displacement_m[node] = Vector3(&found->second.values[3 * node]) / units_per_metre(unit);
+  return displacement_m;
+}
+
 std::vector<Vector3> read_displacement(const std::filesystem::path& file, const TetMesh& mesh,
                                        LengthUnit unit) {
   const VtuFile computed = read_vtu(file, unit);
-  const auto found = computed.point_data.find("displacement");
-  if (found == computed.point_data.end() || found->second.components != 3) {
-    throw Error(
-        "cannot use " + file.string() +
-        ": it has no point data 'displacement' of three components; take a file of 'kiroku sim solve'");
-  }
+  std::vector<Vector3> displacement_m = displacement_of(computed, file.string(), unit);
   if (computed.mesh.nodes.size() != mesh.nodes.size()) {
     throw Error("cannot use " + file.string() + ": it has " + std::to_string(computed.mesh.nodes.size()) +
                 " nodes, the mesh " + std::to_string(mesh.nodes.size()) +
                 "; name the mesh that it was computed on");
   }
   const double tolerance_m = kSamePlace * extent_of(mesh).longest_side_m();
-  const double units = units_per_metre(unit);
-  std::vector<Vector3> displacement_m(mesh.nodes.size());
   for (std::size_t node = 0; node < mesh.nodes.size(); ++node) {
     if (!((computed.mesh.nodes[node] - mesh.nodes[node]).cwiseAbs().maxCoeff() <= tolerance_m)) {
       throw Error("cannot use " + file.string() + ": its node " + std::to_string(node) +
                   " is not where that of the mesh is; name the mesh that it was computed on, in its unit");
     }
-    const double* const value = &found->second.values[3 * node];
-    displacement_m[node] = Vector3(value[0], value[1], value[2]) / units;
   }
   return displacement_m;
 }

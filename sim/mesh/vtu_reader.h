@@ -30,6 +30,10 @@ VtuFile read_vtu(const std::filesystem::path& file, LengthUnit unit);
 /// `name` stands in errors.
 VtuFile parse_vtu(std::string_view text, const std::string& name, LengthUnit unit);
 
+/// The point data "displacement" of each of its nodes; (|V|), m. kiroku::Error, naming `name`, where there is
+/// none.
+std::vector<Vector3> displacement_of(const VtuFile& file, const std::string& name, LengthUnit unit);
+
 /// The point data "displacement" of each node of the mesh that the file was computed on; (|V|), m. The mesh
 /// file lies beside it and has the same unit. kiroku::Error where there is none, or the file's nodes are not
 /// those of the mesh.

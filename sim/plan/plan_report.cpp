@@ -1,21 +1,15 @@
 #include "sim/plan/plan_report.h"
 
 #include <algorithm>
-#include <array>
-#include <charconv>
 #include <initializer_list>
 
 #include <nlohmann/json.hpp>
 
+#include "sim/fem/number_text.h"
 #include "sim/mesh/mesh_writer.h"
 
 namespace kiroku::sim {
 namespace {
-
-std::string exact(double number) {
-  std::array<char, 32> text{};
-  return {text.data(), std::to_chars(text.data(), text.data() + text.size(), number).ptr};
-}
 
 /// A field that holds a separator or a quotation mark is put into quotation marks.
 std::string csv_field(const std::string& text) {
@@ -33,7 +27,7 @@ void add_row(std::string& table, std::initializer_list<std::string> first,
     begins = false;
   };
   for (const std::string& field : first) add(csv_field(field));
-  for (const double number : numbers) add(exact(number));
+  for (const double number : numbers) add(exact_text(number));
   table += "\r\n";
 }
 
@@ -75,7 +69,7 @@ PlanTables::PlanTables(const Plan& plan) : plan_(plan) {
 
 void PlanTables::add(const PlanRun& run) {
   const PlanFrame& frame = run.frame();
-  const std::string time = exact(frame.time_s);
+  const std::string time = exact_text(frame.time_s);
   const std::string step = step_name(plan_, run);
   const double units = units_per_metre(plan_.body.unit);
   for (std::size_t tool = 0; tool < plan_.tools.size(); ++tool) {

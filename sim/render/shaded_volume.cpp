@@ -75,7 +75,7 @@ Crop crop_of(const Grid& grid, const Extent& box) {
     if (from > to || greatest[axis] < -0.5 || least[axis] > double(size) - 0.5) {
       throw Error("the mesh lies outside its CT: it is at " + text_of(box) + ", the CT at " +
                   text_of(box_of(grid)) +
-                  "; look at the mesh's unit (--unit) and whether it belongs to this CT");
+                  "; look at the mesh's unit (--length-unit) and whether it belongs to this CT");
     }
     crop.first[a] = static_cast<std::size_t>(from);
     crop.size[a] = static_cast<std::size_t>(to - from + 1);

@@ -62,9 +62,11 @@ class BreathingReader {
     if (field.has("region") == field.has("ball")) field.fail("must have either 'region' or 'ball'");
     try {
       if (field.has("region")) {
-        const std::int64_t region = field.member("region").integer();
-        model_.tumour = tumour_of_region(model_.mesh, static_cast<std::int32_t>(region));
-        if (!materials_given) model_.materials[static_cast<std::int32_t>(region)] = kTumourTissue;
+        const JsonField named = field.member("region");
+        const auto region = static_cast<std::int32_t>(named.integer());
+        if (region != named.integer()) named.fail("is no number of a region");
+        model_.tumour = tumour_of_region(model_.mesh, region);
+        if (!materials_given) model_.materials[region] = kTumourTissue;
         return;
       }
       const JsonField ball = field.member("ball");

@@ -1,8 +1,6 @@
 #include "sim/respiration/tumour.h"
 
 #include <algorithm>
-#include <array>
-#include <charconv>
 #include <map>
 
 #include "base/error.h"
@@ -10,11 +8,6 @@
 
 namespace kiroku::sim {
 namespace {
-
-std::string exact(double number) {
-  std::array<char, 32> text{};
-  return {text.data(), std::to_chars(text.data(), text.data() + text.size(), number).ptr};
-}
 
 Vector3 centre_of(const TetMesh& mesh, std::size_t tetrahedron) {
   Vector3 sum = Vector3::Zero();
@@ -86,9 +79,9 @@ std::string path_csv(const TumourPath& path, LengthUnit unit) {
   const double units = units_per_metre(unit);
   std::string text = "time_s,x_" + name + ",y_" + name + ",z_" + name + ",moved_" + name + "\r\n";
   for (std::size_t i = 0; i < path.times_s.size(); ++i) {
-    text += exact(path.times_s[i]);
-    for (Eigen::Index axis = 0; axis < 3; ++axis) text += "," + exact(path.centres_m[i][axis] * units);
-    text += "," + exact((path.centres_m[i] - path.rest_m).norm() * units) + "\r\n";
+    text += exact_text(path.times_s[i]);
+    for (Eigen::Index axis = 0; axis < 3; ++axis) text += "," + exact_text(path.centres_m[i][axis] * units);
+    text += "," + exact_text((path.centres_m[i] - path.rest_m).norm() * units) + "\r\n";
   }
   return text;
 }

@@ -201,6 +201,14 @@ TEST_F(PlanProgram, SealsAPlanBeforeTheCaseIsRecorded) {
   EXPECT_EQ(unplanned.status, 1);
   EXPECT_THAT(unplanned.out, HasSubstr("names no plan"));
 
+  // Another appliance's home can tell neither when it was sealed nor what came first: it does not guess.
+  ASSERT_EQ(kiroku({"init", "--demo", "--home", path("other")}).status, 0);
+  const ProcessResult elsewhere = kiroku(
+      {"plan", "verify", "plan.seal.json", "--case", folder_of_case.string(), "--home", path("other")});
+  EXPECT_EQ(elsewhere.status, 3) << elsewhere.out;
+  EXPECT_THAT(elsewhere.out, HasSubstr("not known: the appliance log of"));
+  EXPECT_THAT(elsewhere.out, HasSubstr("not known: which came first"));
+
   // A plan sealed after the case does not become the case's.
   write_text(folder() / "later.json", read_text(folder() / "plan.json") + "\n");
   EXPECT_EQ(kiroku({"plan", "seal", "later.json"}).status, 0);

@@ -102,7 +102,7 @@ TEST(ShadedVolume, RefusesAMeshOutsideItsCt) {
   } catch (const Error& error) {
     EXPECT_THAT(error.what(), HasSubstr("outside its CT"));
     EXPECT_THAT(error.what(), HasSubstr("(2e+04, 2e+04, 2e+04)"));
-    EXPECT_THAT(error.what(), HasSubstr("--unit"));
+    EXPECT_THAT(error.what(), HasSubstr("--length-unit"));
   }
 }
 
