@@ -107,6 +107,8 @@ CaseReader CaseReader::open(const std::filesystem::path& folder) {
       reader.segments_.push_back(std::move(*segment));
     } else if (auto* closing = std::get_if<CloseEntry>(&entry.body)) {
       reader.closing_ = std::move(*closing);
+    } else if (auto* erased = std::get_if<ErasedEntry>(&entry.body)) {
+      reader.erased_.push_back(std::move(*erased));
     }
     reader.last_mono_ns_ = entry.at.mono_ns;
   });
@@ -136,6 +138,13 @@ std::vector<SegmentEntry> CaseReader::segments(const std::string& stream, std::i
                  return segment.stream == stream && meets(segment.span, from_ns, to_ns);
                });
   return found;
+}
+
+bool CaseReader::is_erased(const SegmentEntry& segment) const {
+  return std::ranges::any_of(erased_, [&](const ErasedEntry& erased) {
+    return erased.stream == segment.stream && erased.first_index <= segment.index &&
+           segment.index <= erased.last_index;
+  });
 }
 
 std::int64_t CaseReader::duration_ns() const {

@@ -1,0 +1,40 @@
+// Pictures of one segment, decoded one after the other. An object belongs to one thread.
+#pragma once
+
+#include <cstdint>
+#include <string>
+
+#include "media/segment_input.h"
+
+namespace kiroku::media {
+
+/// Damage is told, never concealed.
+class PictureDecoder {
+ public:
+  /// `input` must outlive the object; `name` stands in errors. Throws MediaError where there are no pictures,
+  /// or none that this libavcodec can decode.
+  PictureDecoder(SegmentInput& input, std::string name);
+  PictureDecoder(const PictureDecoder&) = delete;
+  PictureDecoder& operator=(const PictureDecoder&) = delete;
+
+  /// The next picture in the order of showing; false after the last. Throws MediaError for one that is
+  /// damaged or missing a part, and whatever the input throws; what came before it has been given by then.
+  bool next();
+  /// The picture that next() gave; its pts in the time base of the input's video stream.
+  [[nodiscard]] const AVFrame& frame() const { return *frame_; }
+  /// Pictures given so far.
+  [[nodiscard]] std::uint64_t count() const { return count_; }
+
+ private:
+  void send();
+  void check(int result) const;
+
+  SegmentInput& input_;
+  std::string name_;
+  Codec codec_;
+  Frame frame_ = make_frame();
+  Packet packet_ = make_packet();
+  std::uint64_t count_ = 0;
+};
+
+}  // namespace kiroku::media
