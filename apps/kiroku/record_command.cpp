@@ -7,6 +7,7 @@
 
 #include <nlohmann/json.hpp>
 
+#include "apps/common/command_line.h"
 #include "apps/common/file.h"
 #include "apps/common/format.h"
 #include "apps/common/json_output.h"
@@ -19,6 +20,7 @@
 #include "apps/kiroku/recovering.h"
 #include "archive/appliance_log.h"
 #include "base/error.h"
+#include "recorder/procedure/worklist.h"
 #include "recorder/session.h"
 
 namespace kiroku::apps {
@@ -28,7 +30,7 @@ using nlohmann::ordered_json;
 
 struct Request {
   std::optional<std::string> home, endoscope, room, vitals, profile, duration, subject, segment, stamp_every,
-      bit_rate, chroma, plan;
+      bit_rate, chroma, plan, worklist;
   std::vector<std::string> authorities, recipients_for;
   bool audio = false, deinterlace = false, json = false;
 };
@@ -75,6 +77,49 @@ Bytes load_subject(const std::string& file) {
   return bytes;
 }
 
+/// [room.procedure.worklist] of one [[room]].
+const recorder::WorklistOptions& worklist_of(const Configuration& configuration, const std::string& room) {
+  std::string with_worklist;
+  for (const RoomConfiguration& each : configuration.rooms) {
+    if (!each.procedure.worklist) continue;
+    if (each.name == room) return *each.procedure.worklist;
+    with_worklist += (with_worklist.empty() ? "" : ", ") + each.name;
+  }
+  throw UsageError("--worklist is '" + room +
+                   "', and no [[room]] of that name has a [room.procedure.worklist] in kiroku.toml" +
+                   (with_worklist.empty() ? "" : ": these have one: " + with_worklist));
+}
+
+/// What the person in front of the terminal compares with the patient on the table.
+std::string in_words(const recorder::ProcedureData& data) {
+  std::string text = data.patient.as_sent;
+  for (const auto& [label, value] : {std::pair{"born ", &data.birth_date},
+                                     {"number ", &data.patient_id},
+                                     {"", &data.description},
+                                     {"planned ", &data.planned}}) {
+    if (!value->empty()) text += (text.empty() ? "" : ", ") + std::string(label) + *value;
+  }
+  return text;
+}
+
+/// The step of the worklist that is to be done now, as a subject. A worklist that does not answer holds up no
+/// recording.
+std::optional<Bytes> listed_subject(const recorder::WorklistOptions& worklist) {
+  const UtcTime now = utc_now();
+  const recorder::WorklistAnswer answer = recorder::ask_worklist(worklist, now);
+  std::string problem = answer.problem;
+  if (problem.empty()) {
+    if (const auto data = recorder::nearest_step(answer.items, now, now, worklist.window)) {
+      std::cerr << "from the worklist: " << printable(in_words(*data)) << std::endl;
+      return recorder::subject_json(*data);
+    }
+    problem = "the worklist lists nothing for now (" + std::to_string(answer.items.size()) +
+              " steps of these days)";
+  }
+  print_error("kiroku", "warning: " + problem + "; recording without patient and procedure");
+  return {};
+}
+
 recorder::SessionOptions session_options(const Request& request, const Home& home,
                                          const Configuration& configuration) {
   recorder::SessionOptions options;
@@ -92,6 +137,7 @@ recorder::SessionOptions session_options(const Request& request, const Home& hom
   options.device_name = home.device().name();
   options.event_recipients = recipients.usual();
   if (request.subject) options.subject = load_subject(*request.subject);
+  if (request.worklist) options.subject = listed_subject(worklist_of(configuration, *request.worklist));
   if (request.plan) options.plan = require_sealed(home, *request.plan);
   options.segment_duration =
       request.segment ? parse_segment_duration(*request.segment, "--segment") : configuration.segment;
@@ -167,6 +213,9 @@ int run(const Request& request) {
   if (!request.endoscope && !request.room && !request.vitals) {
     throw UsageError("there is nothing to record: name a source with --endoscope, --room or --vitals");
   }
+  if (request.subject && request.worklist) {
+    throw UsageError("patient and procedure come from --subject or from --worklist, not from both");
+  }
   const Home home = Home::open(request.home);
   const Configuration configuration = home.configuration();
   recorder::SessionOptions options = session_options(request, home, configuration);
@@ -227,6 +276,8 @@ void add_record_command(Command& program) {
                  "until Ctrl-C");
   command.option("--subject", "FILE", request->subject,
                  "JSON about patient, procedure and staff, to be sealed with the case");
+  command.option("--worklist", "ROOM", request->worklist,
+                 "asks the DICOM worklist of this room of kiroku.toml for patient and procedure");
   command.option(
       "--plan", "SEAL", request->plan,
       "the sealed plan that is carried out (kiroku plan seal); the case names it in its first entry");
@@ -264,6 +315,8 @@ void add_record_command(Command& program) {
   command.example(
       "kiroku record --endoscope /dev/video0 --room rtsp://camera.local/stream --subject patient.json",
       "a procedure, until Ctrl-C");
+  command.example("kiroku record --endoscope /dev/video0 --worklist or-1",
+                  "the same, with patient and procedure from the hospital's worklist");
   command.on_run([request] { return run(*request); });
 }
 

@@ -16,6 +16,19 @@ constexpr std::chrono::minutes kLongestInterval{5};
 
 }  // namespace
 
+std::optional<ProcedureData> nearest_step(const std::vector<WorklistItem>& items, UtcTime asked, UtcTime at,
+                                          std::chrono::nanoseconds window) {
+  std::vector<std::optional<UtcTime>> times;
+  times.reserve(items.size());
+  for (const WorklistItem& item : items) times.push_back(item.planned);
+  const auto chosen = nearest(times, at, window);
+  if (!chosen) return {};
+  ProcedureData data = items[*chosen].data;
+  data.chosen = "the worklist's step nearest to the beginning, of " + std::to_string(items.size()) +
+                " that it listed at " + format_utc(asked);
+  return data;
+}
+
 struct Worklist::State {
   State(WorklistOptions asked, Tell told)
       : options(std::move(asked)), tell(std::move(told)), thread([this] { run(); }) {}
@@ -106,14 +119,7 @@ std::optional<ProcedureData> Worklist::find(UtcTime at) const {
   const std::lock_guard guard(state_->mutex);
   const auto window = state_->options.window;
   if (!state_->answered || std::chrono::abs(at - *state_->answered) > window) return {};
-  std::vector<std::optional<UtcTime>> times;
-  for (const WorklistItem& item : state_->items) times.push_back(item.planned);
-  const auto chosen = nearest(times, at, window);
-  if (!chosen) return {};
-  ProcedureData data = state_->items[*chosen].data;
-  data.chosen = "the worklist's step nearest to the beginning, of " + std::to_string(times.size()) +
-                " that it listed at " + format_utc(*state_->answered);
-  return data;
+  return nearest_step(state_->items, *state_->answered, at, window);
 }
 
 void Worklist::hurry() {

@@ -44,6 +44,11 @@ inline constexpr std::size_t kMostWorklistItems = 500;  // of one answer
 /// Thread-safe.
 WorklistAnswer ask_worklist(const WorklistOptions& options, UtcTime now);
 
+/// Of the answer to a question asked at `asked`, the step planned nearest to `at` and within the window;
+/// nothing if none is.
+std::optional<ProcedureData> nearest_step(const std::vector<WorklistItem>& items, UtcTime asked, UtcTime at,
+                                          std::chrono::nanoseconds window);
+
 /// Asks again and again, from a thread of its own; after failures at longer intervals, up to five minutes.
 /// Every function may be called from any thread.
 class Worklist {

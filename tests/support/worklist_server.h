@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <ctime>
 #include <filesystem>
 #include <fstream>
 #include <memory>
@@ -19,6 +20,16 @@ namespace kiroku::test {
 /// Whether dump2dcm and wlmscpfs (Debian package dcmtk) are installed.
 inline bool has_worklist_server() {
   return std::filesystem::exists("/usr/bin/wlmscpfs") && std::filesystem::exists("/usr/bin/dump2dcm");
+}
+
+/// Now as strftime writes it, by the machine's zone, which worklists mean: "%Y%m%d", "%H%M".
+inline std::string compact_local_time(const char* format) {
+  const std::time_t now = std::time(nullptr);
+  std::tm here{};
+  localtime_r(&now, &here);
+  char text[16];
+  std::strftime(text, sizeof text, format, &here);
+  return text;
 }
 
 class WorklistServer {

@@ -1,5 +1,4 @@
 #include <csignal>
-#include <ctime>
 #include <thread>
 
 #include "tests/support/mllp_client.h"
@@ -23,15 +22,6 @@ name = "vitals"
 kind = "vitals"
 source = "synthetic:patient"
 )";
-
-std::string compact_local_time(const char* format) {
-  const std::time_t now = std::time(nullptr);
-  std::tm here{};
-  localtime_r(&now, &here);
-  char text[16];
-  std::strftime(text, sizeof text, format, &here);
-  return text;
-}
 
 class Daemon : public ProgramTest {
  protected:

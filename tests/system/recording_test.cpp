@@ -2,6 +2,7 @@
 #include <csignal>
 #include <thread>
 
+#include "tests/support/worklist_server.h"
 #include "tests/system/program_test.h"
 
 namespace kiroku::test {
@@ -112,6 +113,48 @@ TEST_F(Recording, SealsTheSubjectSoThatNothingOfThePatientIsReadable) {
       kiroku({"unseal", "-i", (home() / "identity.txt").string(), (recorded / "subject.json.age").string()})
           .out,
       HasSubstr("Erika Mustermann"));
+}
+
+TEST_F(Recording, TakesPatientAndProcedureFromTheWorklist) {
+  if (!has_worklist_server()) GTEST_SKIP() << "wlmscpfs is not installed (Debian package dcmtk)";
+  WorklistServer server(folder() / "worklist");
+  write_text(home() / "kiroku.toml", read_text(home() / "kiroku.toml") + R"(
+[[room]]
+name = "or-2"
+[room.procedure.worklist]
+address = "127.0.0.1:)" + std::to_string(server.port()) +
+                                         R"("
+called_ae = "RIS"
+timeout = "1s"
+[[room.stream]]
+name = "endoscope"
+source = "synthetic:endoscope"
+)");
+  const std::vector<std::string> recording = {
+      "record", "--endoscope", "synthetic:endoscope?size=64x48&rate=10&speed=max", "--duration", "1s"};
+  const auto with = [&](std::vector<std::string> more) {
+    more.insert(more.begin(), recording.begin(), recording.end());
+    return kiroku(more);
+  };
+  EXPECT_REFUSED(with({"--worklist", "or-3"}), "these have one: or-2");
+  EXPECT_REFUSED(with({"--worklist", "or-2", "--subject", "subject.json"}), "not from both");
+
+  // One that does not answer holds up nothing, but says so.
+  const ProcessResult without = with({"--worklist", "or-2"});
+  EXPECT_EQ(without.status, 0);
+  EXPECT_THAT(without.err, HasSubstr("recording without patient and procedure"));
+
+  server.add("12", "Listed^Lisa", compact_local_time("%Y%m%d"), compact_local_time("%H%M"));
+  server.start();
+  const ProcessResult listed = with({"--worklist", "or-2"});
+  EXPECT_EQ(listed.status, 0);
+  EXPECT_THAT(listed.err, HasSubstr("from the worklist: Listed^Lisa, born 1980-01-15, number 12"));
+  const std::filesystem::path recorded = listed.out.substr(0, listed.out.find('\n'));
+  const auto subject = nlohmann::json::parse(
+      kiroku({"unseal", "-i", (home() / "identity.txt").string(), (recorded / "subject.json.age").string()})
+          .out);
+  EXPECT_EQ(subject["patient"]["family"], "Listed");
+  EXPECT_EQ(subject["origin"], "worklist");
 }
 
 TEST_F(Recording, SealsOneStreamToOtherRecipients) {
