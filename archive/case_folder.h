@@ -3,6 +3,7 @@
 // opened for reading (a FIFO would block for ever). Immutable after open(); thread-safe.
 #pragma once
 
+#include <compare>
 #include <cstdint>
 #include <filesystem>
 #include <optional>
@@ -14,6 +15,14 @@
 #include "crypto/age_file.h"
 
 namespace kiroku::archive {
+
+/// What tells a file from any other and from itself before it was touched: the kernel sets `changed_ns`
+/// (ctime) with every change of bytes, owner or name, and lets nobody set it back.
+struct FileIdentity {
+  std::uint64_t device = 0, inode = 0, size = 0;
+  std::int64_t modified_ns = 0, changed_ns = 0;
+  auto operator<=>(const FileIdentity&) const = default;
+};
 
 /// A regular file open for reading. Movable; read_at() is thread-safe.
 class ReadableFile final : public crypto::ByteSource {
@@ -30,6 +39,8 @@ class ReadableFile final : public crypto::ByteSource {
   [[nodiscard]] std::uint64_t size() const override { return size_; }
   /// Fewer bytes only at the end of the file, which may have moved since. Throws kiroku::IoError.
   std::size_t read_at(std::uint64_t offset, std::span<std::byte> into) const override;
+  /// Of the open file, as it is now. Throws kiroku::IoError.
+  [[nodiscard]] FileIdentity identity() const;
   /// Tells the kernel that the file is read from front to end.
   void expect_sequential_reading() const;
 

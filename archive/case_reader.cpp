@@ -107,6 +107,8 @@ CaseReader CaseReader::open(const std::filesystem::path& folder) {
       reader.segments_.push_back(std::move(*segment));
     } else if (auto* closing = std::get_if<CloseEntry>(&entry.body)) {
       reader.closing_ = std::move(*closing);
+    } else if (auto* gap = std::get_if<GapEntry>(&entry.body)) {
+      reader.gaps_.push_back(std::move(*gap));
     } else if (auto* erased = std::get_if<ErasedEntry>(&entry.body)) {
       reader.erased_.push_back(std::move(*erased));
     }
@@ -140,11 +142,19 @@ std::vector<SegmentEntry> CaseReader::segments(const std::string& stream, std::i
   return found;
 }
 
-bool CaseReader::is_erased(const SegmentEntry& segment) const {
-  return std::ranges::any_of(erased_, [&](const ErasedEntry& erased) {
+std::vector<GapEntry> CaseReader::gaps(const std::string& stream) const {
+  std::vector<GapEntry> found;
+  std::copy_if(gaps_.begin(), gaps_.end(), std::back_inserter(found),
+               [&](const GapEntry& gap) { return gap.stream == stream; });
+  return found;
+}
+
+const ErasedEntry* CaseReader::erasure_of(const SegmentEntry& segment) const {
+  const auto found = std::find_if(erased_.rbegin(), erased_.rend(), [&](const ErasedEntry& erased) {
     return erased.stream == segment.stream && erased.first_index <= segment.index &&
            segment.index <= erased.last_index;
   });
+  return found == erased_.rend() ? nullptr : &*found;
 }
 
 std::int64_t CaseReader::duration_ns() const {

@@ -26,8 +26,11 @@ class CaseReader {
   /// Segments of a stream whose span meets [from_ns, to_ns), in order.
   [[nodiscard]] std::vector<SegmentEntry> segments(const std::string& stream, std::int64_t from_ns,
                                                    std::int64_t to_ns) const;
-  /// Whether retention removed the segment's bytes.
-  [[nodiscard]] bool is_erased(const SegmentEntry& segment) const;
+  /// Stated gaps of a stream, in the ledger's order.
+  [[nodiscard]] std::vector<GapEntry> gaps(const std::string& stream) const;
+  /// The last entry by which retention removed the segment's bytes; null if they were left.
+  [[nodiscard]] const ErasedEntry* erasure_of(const SegmentEntry& segment) const;
+  [[nodiscard]] bool is_erased(const SegmentEntry& segment) const { return erasure_of(segment) != nullptr; }
   /// From the case's beginning to the end of its last segment; without segments, to its last entry.
   [[nodiscard]] std::int64_t duration_ns() const;
   /// Every entry in order, read from the file again. A last line without LF is not an entry yet.
@@ -41,6 +44,7 @@ class CaseReader {
   Moment opened_at_;
   std::optional<CloseEntry> closing_;
   std::vector<SegmentEntry> segments_;
+  std::vector<GapEntry> gaps_;
   std::vector<ErasedEntry> erased_;
   std::int64_t last_mono_ns_ = 0;
 };

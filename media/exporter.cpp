@@ -117,20 +117,12 @@ class Export {
         }
       });
     } catch (const Error&) {
-      require_not_erased(segment);
-      throw;
-    }
-  }
-
-  void require_not_erased(const archive::SegmentEntry& segment) const {
-    recording_.for_each([&](const archive::CaseEntry& entry) {
-      const auto* const erased = std::get_if<archive::ErasedEntry>(&entry.body);
-      if (erased != nullptr && erased->stream == segment.stream && erased->first_index <= segment.index &&
-          segment.index <= erased->last_index) {
+      if (const archive::ErasedEntry* const erased = recording_.erasure_of(segment)) {
         throw UsageError("the segment file " + segment.file.file + " was erased under the policy '" +
                          erased->policy + "'; choose a time without it (--from, --to)");
       }
-    });
+      throw;
+    }
   }
 
   /// How much of a segment is whole: a segment cut short by a power failure may end within a packet or line,

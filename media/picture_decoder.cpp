@@ -17,8 +17,19 @@ constexpr std::int64_t kMostPixels = std::int64_t{16'384} * 16'384;
 }  // namespace
 
 PictureDecoder::PictureDecoder(SegmentInput& input, std::string name)
-    : input_(input), name_(std::move(name)) {
-  const AVStream& stream = input.video();
+    : PictureDecoder(
+          input.video(),
+          [&input](AVPacket& packet) {
+            while (input.read(packet)) {
+              if (packet.stream_index == input.video().index) return true;
+              av_packet_unref(&packet);
+            }
+            return false;
+          },
+          std::move(name)) {}
+
+PictureDecoder::PictureDecoder(const AVStream& stream, PacketSource packets, std::string name, int threads)
+    : packets_(std::move(packets)), name_(std::move(name)) {
   const AVCodec* const decoder = avcodec_find_decoder(stream.codecpar->codec_id);
   if (decoder == nullptr) {
     throw MediaError("the pictures of " + name_ + " are of a kind that this libavcodec cannot decode");
@@ -29,7 +40,8 @@ PictureDecoder::PictureDecoder(SegmentInput& input, std::string name)
   }
   check(avcodec_parameters_to_context(codec_.get(), stream.codecpar));
   codec_->pkt_timebase = stream.time_base;
-  codec_->thread_count = 1;
+  codec_->thread_count = threads;
+  codec_->thread_type = FF_THREAD_SLICE;
   codec_->max_pixels = kMostPixels;
   codec_->err_recognition = AV_EF_CRCCHECK | AV_EF_BITSTREAM | AV_EF_BUFFER | AV_EF_EXPLODE;
   codec_->error_concealment = 0;
@@ -66,18 +78,11 @@ bool PictureDecoder::next() {
 }
 
 void PictureDecoder::send() {
-  for (;;) {
-    av_packet_unref(packet_.get());
-    if (!input_.read(*packet_)) {
-      check(avcodec_send_packet(codec_.get(), nullptr));
-      return;
-    }
-    if (packet_->stream_index == input_.video().index) {
-      check(avcodec_send_packet(codec_.get(), packet_.get()));
-      return;
-    }
-  }
+  av_packet_unref(packet_.get());
+  check(avcodec_send_packet(codec_.get(), packets_(*packet_) ? packet_.get() : nullptr));
 }
+
+void PictureDecoder::give_only_key_frames() { codec_->skip_frame = AVDISCARD_NONKEY; }
 
 void PictureDecoder::check(int result) const {
   if (result < 0) {

@@ -43,14 +43,38 @@ crypto::Truncation truncation_for(bool complete) {
 
 SealedSegment SealedSegment::open(const archive::CaseFolder& folder, const archive::SegmentEntry& entry,
                                   const crypto::AgeIdentities& identities, const ReadProgress& progress) {
+  return open_after(folder, entry, identities, [&](const archive::ReadableFile& file) {
+    file.expect_sequential_reading();
+    require_recorded_bytes(file, entry.file, progress);
+  });
+}
+
+SealedSegment SealedSegment::open(const archive::CaseFolder& folder, const archive::SegmentEntry& entry,
+                                  const crypto::AgeIdentities& identities, CheckedFiles& checked) {
+  return open_after(folder, entry, identities, [&](const archive::ReadableFile& file) {
+    const archive::FileIdentity before = file.identity();
+    if (before.size == entry.file.bytes && checked.contains(before, entry.file.sha256)) {
+      return;
+    }
+    file.expect_sequential_reading();
+    require_recorded_bytes(file, entry.file, {});
+    if (file.identity() == before) {  // else somebody wrote while it was read
+      checked.add(before, entry.file.sha256);
+    }
+  });
+}
+
+SealedSegment SealedSegment::open_after(
+    const archive::CaseFolder& folder, const archive::SegmentEntry& entry,
+    const crypto::AgeIdentities& identities,
+    const std::function<void(const archive::ReadableFile& file)>& compare) {
   archive::FileOpening opening = folder.open_file(entry.file.file);
   if (!opening.file) {
     throw Error("the segment file " + entry.file.file + " of " + folder.path().string() + " " +
                 opening.explanation + "; run kiroku verify to see what else does not hold");
   }
   auto file = std::make_unique<archive::ReadableFile>(std::move(*opening.file));
-  file->expect_sequential_reading();
-  require_recorded_bytes(*file, entry.file, progress);
+  compare(*file);
   try {
     crypto::AgeFile plaintext = crypto::AgeFile::open(*file, identities, truncation_for(entry.complete));
     return {std::move(file), std::move(plaintext)};

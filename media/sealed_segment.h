@@ -10,6 +10,7 @@
 #include "archive/case_folder.h"
 #include "archive/ledger_entry.h"
 #include "crypto/age_file.h"
+#include "media/checked_files.h"
 
 namespace kiroku::media {
 
@@ -24,6 +25,10 @@ class SealedSegment : public crypto::ByteSource {
   static SealedSegment open(const archive::CaseFolder& folder, const archive::SegmentEntry& entry,
                             const crypto::AgeIdentities& identities, const ReadProgress& progress = {});
 
+  /// The same; a file that `checked` holds is not read once more to compare it, and one that fits goes there.
+  static SealedSegment open(const archive::CaseFolder& folder, const archive::SegmentEntry& entry,
+                            const crypto::AgeIdentities& identities, CheckedFiles& checked);
+
   /// The same without comparing hashes, for whoever has done so: `sealed_file` is the whole path.
   static SealedSegment open_unchecked(const std::filesystem::path& sealed_file, bool complete,
                                       const crypto::AgeIdentities& identities);
@@ -34,6 +39,11 @@ class SealedSegment : public crypto::ByteSource {
   }
 
  private:
+  /// `compare` looks at the file before its first byte is decrypted, and may refuse it.
+  static SealedSegment open_after(
+      const archive::CaseFolder& folder, const archive::SegmentEntry& entry,
+      const crypto::AgeIdentities& identities,
+      const std::function<void(const archive::ReadableFile& file)>& compare);
   SealedSegment(std::unique_ptr<crypto::ByteSource> file, crypto::AgeFile plaintext)
       : file_(std::move(file)), plaintext_(std::move(plaintext)) {}
 
