@@ -40,10 +40,9 @@ class SealedSegment : public crypto::ByteSource {
 
  private:
   /// `compare` looks at the file before its first byte is decrypted, and may refuse it.
-  static SealedSegment open_after(
-      const archive::CaseFolder& folder, const archive::SegmentEntry& entry,
-      const crypto::AgeIdentities& identities,
-      const std::function<void(const archive::ReadableFile& file)>& compare);
+  static SealedSegment open_after(const archive::CaseFolder& folder, const archive::SegmentEntry& entry,
+                                  const crypto::AgeIdentities& identities,
+                                  const std::function<void(const archive::ReadableFile& file)>& compare);
   SealedSegment(std::unique_ptr<crypto::ByteSource> file, crypto::AgeFile plaintext)
       : file_(std::move(file)), plaintext_(std::move(plaintext)) {}
 

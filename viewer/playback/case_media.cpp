@@ -1,0 +1,121 @@
+#include "viewer/playback/case_media.h"
+
+#include <algorithm>
+#include <charconv>
+#include <utility>
+
+#include "base/error.h"
+
+namespace kiroku::playback {
+namespace {
+
+/// How much later than its entry says a segment may end: pictures of a burst are spread over time to come.
+constexpr Ticks kLongestSpread = 2 * kTicksPerSecond;
+/// And one whose times recovery estimated.
+constexpr Ticks kLongestEstimate = 12 * kTicksPerSecond;
+
+/// Ticks of one unit of "n/d"; nothing for a base that is none or not made of whole ticks.
+std::optional<Ticks> unit_of(const std::string& time_base) {
+  std::int64_t numerator = 0;
+  std::int64_t denominator = 0;
+  const char* const end = time_base.data() + time_base.size();
+  const auto upper = std::from_chars(time_base.data(), end, numerator);
+  if (upper.ptr == end || *upper.ptr != '/' || std::from_chars(upper.ptr + 1, end, denominator).ptr != end ||
+      numerator < 1 || denominator < 1 || kTicksPerSecond * numerator % denominator != 0) {
+    return std::nullopt;
+  }
+  return kTicksPerSecond * numerator / denominator;
+}
+
+/// What an entry says of its first picture.
+struct FirstPicture {
+  Ticks stamp = 0;
+  /// Time stamp minus case-clock time, both in the container's unit: in whole units both were rounded alike.
+  Ticks offset = 0;
+};
+std::optional<FirstPicture> first_picture_of(const archive::SegmentEntry& segment) {
+  const auto unit = segment.counted ? unit_of(segment.time_base) : std::nullopt;
+  if (!unit) return std::nullopt;
+  constexpr std::int64_t kTickUnit = 100'000;  // 9 ticks
+  const std::int64_t divisor = kTickUnit * *unit;
+  const std::int64_t start = (segment.span.start_ns * 9 + divisor / 2) / divisor;
+  return FirstPicture{segment.first_pts * *unit, (segment.first_pts - start) * *unit};
+}
+
+VideoIndex index_of(const archive::CaseReader& recording, const archive::StreamInfo& stream) {
+  VideoIndex index;
+  index.stream = stream;
+  std::vector<archive::SegmentEntry> segments = recording.segments(stream.name, INT64_MIN, INT64_MAX);
+  for (const archive::SegmentEntry& segment : segments) {
+    if (const auto first = first_picture_of(segment)) {
+      index.offset = std::min(index.offset.value_or(first->offset), first->offset);
+    }
+  }
+  std::int64_t before_ended_ns = INT64_MIN;
+  for (archive::SegmentEntry& segment : segments) {
+    const std::int64_t end_ns = segment.span.end_ns;
+    if (recording.erasure_of(segment) == nullptr) {
+      IndexedSegment indexed;
+      const auto first = first_picture_of(segment);
+      indexed.start = first ? first->stamp - *index.offset : ticks_of_ns(segment.span.start_ns);
+      indexed.end = ticks_of_ns(end_ns) + (segment.counted ? kLongestSpread : kLongestEstimate);
+      indexed.begins_run =
+          index.segments.empty() || segment.span.start_ns != before_ended_ns || !segment.counted;
+      if (!index.segments.empty() && segment.counted) {
+        index.segments.back().end = std::min(index.segments.back().end, indexed.start);
+      }
+      indexed.entry = std::move(segment);
+      index.segments.push_back(std::move(indexed));
+    }
+    before_ended_ns = end_ns;
+  }
+  // Pictures may change their form in no time at all: then the gap that says so is empty.
+  for (const archive::GapEntry& gap : recording.gaps(stream.name)) {
+    const auto after = std::lower_bound(
+        index.segments.begin(), index.segments.end(), gap.span.end_ns,
+        [](const IndexedSegment& segment, std::int64_t ns) { return segment.entry.span.start_ns < ns; });
+    if (after != index.segments.end() && after->entry.span.start_ns == gap.span.end_ns) {
+      after->begins_run = true;
+    }
+  }
+  return index;
+}
+
+}  // namespace
+
+std::size_t VideoIndex::first_reaching(Ticks time) const {
+  const auto found = std::find_if(segments.begin(), segments.end(),
+                                  [&](const IndexedSegment& segment) { return segment.end > time; });
+  return static_cast<std::size_t>(found - segments.begin());
+}
+
+bool VideoIndex::may_hold(Ticks from, Ticks to) const {
+  const std::size_t first = first_reaching(from);
+  return first < segments.size() && segments[first].start < to;
+}
+
+CaseMedia::CaseMedia(archive::CaseReader recording, crypto::AgeIdentities identities)
+    : recording_(std::move(recording)),
+      identities_(std::move(identities)),
+      folder_(archive::CaseFolder::open(recording_.folder())) {
+  for (const archive::StreamInfo& stream : recording_.opening().streams) {
+    if (stream.kind == "video") {
+      videos_.push_back(index_of(recording_, stream));
+    }
+  }
+}
+
+const VideoIndex& CaseMedia::video(const std::string& stream) const {
+  const auto found = std::find_if(videos_.begin(), videos_.end(),
+                                  [&](const VideoIndex& index) { return index.stream.name == stream; });
+  if (found == videos_.end()) {
+    throw UsageError("stream '" + recording_.stream(stream).name + "' has no pictures; choose a video");
+  }
+  return *found;
+}
+
+media::SealedSegment CaseMedia::open(const archive::SegmentEntry& segment) const {
+  return media::SealedSegment::open(folder_, segment, identities_, checked_);
+}
+
+}  // namespace kiroku::playback

@@ -1,0 +1,71 @@
+// The video streams of a case on its clock, and their segments as plaintext. Immutable after construction but
+// for what it remembers of checked files; thread-safe.
+//
+// Where a picture stands on the case clock. The packets of a stream carry the time stamps of one muxer time
+// line (docs/format.md): case-clock time, in the container's unit, plus a constant. A segment's ledger entry
+// states the time stamp of its first picture (`first_pts`) and about when that was (`start_ns`: pictures that
+// came in a burst were coded a little later). The least difference of the two over a stream is the constant;
+// so every picture's time is known to the tick, also in segments that recovery found, whose entries state
+// none.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "archive/case_folder.h"
+#include "archive/case_reader.h"
+#include "crypto/age_recipient.h"
+#include "media/sealed_segment.h"
+#include "viewer/playback/case_ticks.h"
+
+namespace kiroku::playback {
+
+struct IndexedSegment {
+  archive::SegmentEntry entry;
+  /// Time of the first picture; of a segment that recovery found, where the stream was accounted for.
+  Ticks start = 0;
+  /// Every picture's time is before it.
+  Ticks end = 0;
+  /// Its pictures may differ in size and form from those before: it is the first, or follows a gap.
+  bool begins_run = false;
+};
+
+/// The segments of one video stream that are there, in order; erased ones are left out.
+struct VideoIndex {
+  archive::StreamInfo stream;
+  std::vector<IndexedSegment> segments;
+  /// Time stamp minus case-clock time, in ticks; nothing where no entry states a time stamp.
+  std::optional<Ticks> offset;
+
+  /// The first segment that may hold a picture at or after `time`; segments.size() if none.
+  [[nodiscard]] std::size_t first_reaching(Ticks time) const;
+  /// Whether a segment may hold a picture in [from, to).
+  [[nodiscard]] bool may_hold(Ticks from, Ticks to) const;
+};
+
+class CaseMedia {
+ public:
+  /// Throws kiroku::UsageError, kiroku::IoError as archive::CaseFolder::open.
+  CaseMedia(archive::CaseReader recording, crypto::AgeIdentities identities);
+
+  [[nodiscard]] const archive::CaseReader& recording() const { return recording_; }
+  [[nodiscard]] const crypto::AgeIdentities& identities() const { return identities_; }
+  /// Throws kiroku::UsageError if there is no such stream, or it is none of pictures.
+  [[nodiscard]] const VideoIndex& video(const std::string& stream) const;
+  /// Compared with the ledger's hash before its first byte is used, once for as long as nobody touches the
+  /// file. Throws as media::SealedSegment::open.
+  [[nodiscard]] media::SealedSegment open(const archive::SegmentEntry& segment) const;
+
+ private:
+  archive::CaseReader recording_;
+  crypto::AgeIdentities identities_;
+  archive::CaseFolder folder_;
+  std::vector<VideoIndex> videos_;
+  mutable media::CheckedFiles checked_;
+};
+
+}  // namespace kiroku::playback

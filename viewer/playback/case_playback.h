@@ -1,0 +1,80 @@
+// Watching a case with an identity: viewing copies of its videos in pieces, thumbnails, and the archived
+// pictures themselves. Thread-safe.
+//
+// A viewing copy is what it is called: the archived MPEG-2 or uncompressed pictures coded anew as H.264,
+// because browsers play nothing else; coded with loss, woven from fields where they were recorded so, and
+// fitted into one size where a stream changed its own. Its times are the archive's, to 1/90000 s, and it has
+// one picture for each archived one: none is added, left out or moved. Where nothing was recorded there is
+// nothing. It is no evidence: that is the archive, which archived_picture() shows and an export hands out.
+#pragma once
+
+#include <cstdint>
+#include <map>
+#include <memory>
+#include <mutex>
+#include <optional>
+#include <string>
+
+#include "archive/case_reader.h"
+#include "base/bytes.h"
+#include "crypto/age_recipient.h"
+#include "viewer/playback/case_media.h"
+#include "viewer/playback/encrypted_cache.h"
+#include "viewer/playback/piece_encoder.h"
+#include "viewer/playback/read_ahead.h"
+#include "viewer/playback/single_flight.h"
+#include "viewer/playback/still_pictures.h"
+
+namespace kiroku::playback {
+
+struct ArchivedStill {
+  Bytes png;
+  std::int64_t time_ns = 0;  // of the case clock
+};
+
+class CasePlayback {
+ public:
+  /// Looks at the case as `recording` knows it: of one that is still being recorded, what was entered by
+  /// then. `cache` may be shared with others; it keeps nothing apart for them: what an identity may not see
+  /// is refused before the cache is asked. Throws kiroku::Error if the folder cannot be opened.
+  CasePlayback(archive::CaseReader recording, crypto::AgeIdentities identities,
+               std::shared_ptr<EncryptedCache> cache);
+  ~CasePlayback();
+  CasePlayback(const CasePlayback&) = delete;
+  CasePlayback& operator=(const CasePlayback&) = delete;
+
+  // All of these throw kiroku::UsageError for a stream that is not there or has no pictures, and
+  // kiroku::Error in a sentence where what lies there is not what the ledger says, does not open with these
+  // identities, or cannot be decoded. A segment's bytes are compared with the ledger before the first of them
+  // is used.
+
+  /// Goes before any piece of the stream. Throws kiroku::UsageError where no picture was recorded.
+  InitSegment init_segment(const std::string& stream);
+  /// Piece `number`, which covers [number * 2 s, (number + 1) * 2 s) of the case clock; empty where nothing
+  /// was recorded. The next ones are made ready meanwhile.
+  Bytes piece(const std::string& stream, std::uint64_t number);
+  /// A JPEG file of the piece, 160 pixels wide, from a key frame; empty where nothing was recorded.
+  Bytes thumbnail(const std::string& stream, std::uint64_t number);
+  /// An archived picture, unchanged but for its colour space; nothing where there is none.
+  std::optional<ArchivedStill> archived_picture(const std::string& stream, std::int64_t at_ns, Step step);
+
+ private:
+  struct Stream;
+
+  Stream& prepared(const std::string& stream);
+  [[nodiscard]] Bytes cached_piece(Stream& stream, std::uint64_t number);
+  [[nodiscard]] Bytes make_piece(const Stream& stream, std::uint64_t number) const;
+  /// Changes with everything that the result depends on.
+  [[nodiscard]] std::string name_of(const std::string& what, const VideoIndex& index,
+                                    std::uint64_t number) const;
+
+  const CaseMedia media_;
+  const std::shared_ptr<EncryptedCache> cache_;
+  const std::string folder_;
+  std::mutex mutex_;  // guards streams_, not what it refers to
+  std::map<std::string, std::unique_ptr<Stream>> streams_;
+  SingleFlight<Bytes> making_;
+  ReadAhead ahead_;  // last: its thread uses the rest
+};
+
+}  // namespace kiroku::playback
