@@ -5,6 +5,7 @@
 #include <utility>
 
 #include "base/error.h"
+#include "sim/drr/dicom_radiograph.h"
 #include "sim/mesh/mesh_reader.h"
 #include "sim/mesh/vtu_reader.h"
 
@@ -12,7 +13,9 @@ namespace kiroku::apps {
 namespace {
 
 sim::GeometryDocument machine_of(const DrrRequest& request) {
-  sim::GeometryDocument machine = sim::read_geometry(request.geometry);
+  sim::GeometryDocument machine = sim::is_dicom_file(request.geometry)
+                                      ? sim::read_dicom_geometry(request.geometry)
+                                      : sim::read_geometry(request.geometry);
   if (!request.gantry) return machine;
   if (!machine.gantry) {
     throw UsageError("--gantry turns a gantry, and " + request.geometry +
@@ -44,7 +47,8 @@ void refuse_to_replace(const std::string& file, bool force) {
 
 void add_drr_options(Command& command, DrrRequest& request) {
   add_volume_options(command, request.volume);
-  command.required_option("-g,--geometry", "FILE", request.geometry, "source and detector (.json)");
+  command.required_option("-g,--geometry", "FILE", request.geometry,
+                          "source and detector (.json), or an RT Image (.dcm)");
   command.option("--gantry", "DEGREES", request.gantry, "another angle of the gantry than the geometry's");
   command.option("--mesh", "FILE", request.mesh, "a mesh of the volume (.msh, .vtk, .veg) that moves");
   command.option("--displacement", "VTU", request.displacement,

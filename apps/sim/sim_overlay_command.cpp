@@ -15,6 +15,7 @@
 #include "apps/sim/frame_series.h"
 #include "apps/sim/sim_command.h"
 #include "base/error.h"
+#include "sim/drr/dicom_radiograph.h"
 #include "sim/drr/overlay.h"
 #include "sim/drr/registration.h"
 #include "sim/fem/number_text.h"
@@ -62,6 +63,13 @@ void check(const Request& request) {
 
 /// Light where much attenuates.
 sim::ProjectionImage read_radiograph(const Request& request) {
+  if (sim::is_dicom_file(request.radiograph)) {
+    std::optional<sim::Polarity> stated;
+    if (request.polarity) {
+      stated = *request.polarity == "bone-black" ? sim::Polarity::kBoneBlack : sim::Polarity::kBoneWhite;
+    }
+    return sim::read_dicom_radiograph(request.radiograph, stated);
+  }
   sim::ProjectionImage image;
   if (std::filesystem::path(request.radiograph).extension() == ".png") {
     const sim::GreyPicture picture = sim::read_png(request.radiograph);
@@ -268,9 +276,10 @@ void add_sim_overlay_command(Command& sim) {
   Command& command = sim.add_command("overlay", "a computed radiograph over a real one, aligned with it");
   const auto request = std::make_shared<Request>();
   add_drr_options(command, request->drr);
-  command.required_option("-r,--radiograph", "FILE", request->radiograph, "the real one: .png or .mha");
+  command.required_option("-r,--radiograph", "FILE", request->radiograph,
+                          "the real one: DICOM, .png or .mha");
   command.choice("--polarity", {"bone-white", "bone-black"}, request->polarity, "of the radiograph",
-                 "bone-white");
+                 "a DICOM file's own, else bone-white");
   command.flag("--align", request->align, "moves the patient as a rigid body until both are most alike");
   command.option("--aligned-geometry", "FILE", request->aligned,
                  "writes what --align found, as a geometry (.json)");
@@ -285,15 +294,17 @@ void add_sim_overlay_command(Command& sim) {
   command.required_option("-o,--output", "FILE", request->output, "where to (.png)");
   command.flag("--force", request->force, "replaces the files");
   command.explain(
-      "The radiograph has as many pixels as the geometry says, and is light where much attenuates, or dark "
-      "with "
-      "--polarity bone-black. How alike both are is told as gradient correlation, 1 at best, before and "
-      "after "
+      "The radiograph has as many pixels as the geometry says. A DICOM file says itself what is light; a "
+      ".png "
+      "or .mha is light where much attenuates, or dark with --polarity bone-black. An RT Image may be the "
+      "geometry, too. How alike both are is told as gradient correlation, 1 at best, before and after "
       "--align, which finds some 20 mm and 10 degrees; one view shows least how far away the patient is. In "
       "a "
       "difference orange is where the DRR is lighter, blue where the radiograph is.");
   command.example("kiroku sim overlay ct/ -g front.json -r xray.png --align --mode contour -o contour.png",
                   "edges of the aligned DRR on the radiograph");
+  command.example("kiroku sim overlay ct/ -g portal.dcm -r portal.dcm --align --mode difference -o moved.png",
+                  "how the patient lay under a linear accelerator, by its own RT Image");
   command.example(
       "kiroku sim overlay ct/ -g front.json -r xray.png --mesh lung.msh --displacement "
       "breathing/frames/00018.vtu "

@@ -72,7 +72,8 @@ double positive_m(const JsonField& field) {
 }
 
 GeometryDocument gantry_document(const JsonField& document) {
-  document.expect_object({"sad_mm", "sid_mm", "isocenter_mm", "gantry_deg", "detector_px", "detector_mm"});
+  document.expect_object(
+      {"sad_mm", "sid_mm", "isocenter_mm", "gantry_deg", "detector_px", "detector_mm", "detector_offset_mm"});
   GantrySetup setup;
   setup.source_axis_m = positive_m(document.member("sad_mm"));
   const JsonField imager = document.member("sid_mm");
@@ -95,6 +96,15 @@ GeometryDocument gantry_document(const JsonField& document) {
   setup.pixels = pixels_of(document.member("detector_px"));
   const std::vector<JsonField> size = document.member("detector_mm").elements(2);
   for (std::size_t i = 0; i < 2; ++i) setup.size_m[i] = positive_m(size[i]);
+  if (const auto offset = document.optional_member("detector_offset_mm")) {
+    const std::vector<JsonField> numbers = offset->elements(2);
+    for (std::size_t i = 0; i < 2; ++i) {
+      setup.offset_m[i] = numbers[i].number() / kMmPerM;
+      if (!(std::abs(setup.offset_m[i]) <= kMostM)) {
+        numbers[i].fail("is farther than " + number_text(kMostM) + " m from the middle");
+      }
+    }
+  }
   return {ProjectionGeometry(setup), setup};
 }
 
@@ -131,8 +141,9 @@ ProjectionGeometry::ProjectionGeometry(const GantrySetup& setup) : pixels_(setup
                 " mm from the source, no farther than the isocentre (" +
                 number_text(setup.source_axis_m * kMmPerM) + " mm); it must be behind it");
   }
-  if (!setup.isocenter_m.allFinite() || !std::isfinite(setup.gantry_deg)) {
-    throw Error("the isocentre or the gantry's angle is no number");
+  if (!setup.isocenter_m.allFinite() || !std::isfinite(setup.gantry_deg) ||
+      !std::isfinite(setup.offset_m[0]) || !std::isfinite(setup.offset_m[1])) {
+    throw Error("the isocentre, the gantry's angle or the detector's offset is no number");
   }
   const auto [cosine, sine] = cosine_and_sine(setup.gantry_deg);
   const Vector3 to_source(sine, -cosine, 0), along_row(cosine, sine, 0), down_column(0, 0, -1);
@@ -141,8 +152,9 @@ ProjectionGeometry::ProjectionGeometry(const GantrySetup& setup) : pixels_(setup
   Eigen::Matrix3d camera = Eigen::Matrix3d::Identity();
   for (Eigen::Index i = 0; i < 2; ++i) {
     const auto count = static_cast<double>(pixels_[static_cast<std::size_t>(i)]);
-    camera(i, i) = setup.source_imager_m * count / setup.size_m[static_cast<std::size_t>(i)];
-    camera(i, 2) = (count - 1) / 2;
+    const double pixels_a_metre = count / setup.size_m[static_cast<std::size_t>(i)];
+    camera(i, i) = setup.source_imager_m * pixels_a_metre;
+    camera(i, 2) = (count - 1) / 2 - setup.offset_m[static_cast<std::size_t>(i)] * pixels_a_metre;
   }
   Eigen::Matrix3d axes;
   axes << along_row.transpose(), down_column.transpose(), -to_source.transpose();

@@ -28,6 +28,8 @@ struct GantrySetup {
   double gantry_deg = 0;
   std::array<std::size_t, 2> pixels{};  // columns, rows
   std::array<double, 2> size_m{};       // the detector's width and height
+  /// Of the detector's middle from that line, along its rows and down its columns.
+  std::array<double, 2> offset_m{};
 };
 
 struct PixelPoint {
@@ -95,10 +97,10 @@ struct GeometryDocument {
 };
 
 /// {"sad_mm": 1000, "sid_mm": 1500, "isocenter_mm": [0, 0, 0], "gantry_deg": 0,
-///  "detector_px": [512, 512], "detector_mm": [600, 600]}
+///  "detector_px": [512, 512], "detector_mm": [600, 600], "detector_offset_mm": [0, 0]}
 /// or {"matrix": [[..4..], [..4..], [..4..]], "detector_px": [512, 512]}, which takes patient coordinates in
-/// millimetres. gantry_deg is 0 if absent. kiroku::Error in one sentence with the file and the JSON path;
-/// unknown keys are refused. kiroku::IoError.
+/// millimetres. gantry_deg and detector_offset_mm are 0 if absent. kiroku::Error in one sentence with the
+/// file and the JSON path; unknown keys are refused. kiroku::IoError.
 GeometryDocument read_geometry(const std::filesystem::path& file);
 /// `name` stands in errors.
 GeometryDocument parse_geometry(std::string_view text, const std::string& name);

@@ -244,6 +244,38 @@ TEST_F(SimDrr, OverlaysAndAlignsARadiograph) {
                  "128 x 96 pixels");
 }
 
+TEST_F(SimDrr, AnRtImageIsRadiographAndGeometry) {
+  if (!std::filesystem::exists("/usr/bin/dump2dcm"))
+    GTEST_SKIP() << "dump2dcm is not installed (Debian package dcmtk)";
+  write_ct();
+  // A portal image of the phantom, 6 mm aside: what a DRR by the same machine says arrives at the detector.
+  write_text(folder() / "aside.json",
+             R"({"sad_mm": 1000, "sid_mm": 1500, "isocenter_mm": [6, 0, 0], "gantry_deg": 0,
+                 "detector_px": [128, 96], "detector_mm": [150, 112.5]})");
+  ASSERT_EQ(kiroku({"sim", "drr", "ct.mha", "-g", "aside.json", "-o", "aside.mha"}).status, 0);
+  std::string pixels;
+  for (const float integral : integrals("aside.mha")) {
+    const auto arrived = static_cast<std::uint16_t>(std::lround(60000 * std::exp(-double(integral))));
+    pixels += static_cast<char>(arrived & 0xffU);
+    pixels += static_cast<char>(arrived >> 8U);
+  }
+  write_text(folder() / "pixels.raw", pixels);
+  write_text(
+      folder() / "portal.dump",
+      "(0008,0016) UI [1.2.840.10008.5.1.4.1.1.481.1]\n(0008,0018) UI [1.2.3]\n(0008,0060) CS [RTIMAGE]\n"
+      "(0018,5100) CS [HFS]\n(0028,0002) US 1\n(0028,0004) CS [MONOCHROME2]\n(0028,0010) US 96\n"
+      "(0028,0011) US 128\n(0028,0100) US 16\n(0028,0101) US 16\n(0028,0102) US 15\n(0028,0103) US 0\n"
+      "(0028,1040) CS [LIN]\n(0028,1041) SS 1\n(3002,0011) DS [1.171875\\1.171875]\n"
+      "(3002,0012) DS [-74.4140625\\55.6640625]\n(3002,0022) DS [1000]\n(3002,0026) DS [1500]\n"
+      "(300a,011e) DS [0]\n(300a,012c) DS [0\\0\\0]\n(7fe0,0010) OW =pixels.raw\n");
+  ASSERT_EQ(tool({"dump2dcm", "--quiet", "portal.dump", "portal.dcm"}).status, 0);
+  const nlohmann::json answer = kiroku_json({"sim", "overlay", "ct.mha", "-g", "portal.dcm", "-r",
+                                             "portal.dcm", "--align", "-o", "moved.png", "--json"});
+  EXPECT_GT(answer["alignment"]["gradient_correlation_after"].get<double>(), 0.99);
+  EXPECT_NEAR(answer["alignment"]["translation_mm"][0].get<double>(), -6, 0.3);
+  EXPECT_NEAR(answer["alignment"]["translation_mm"][2].get<double>(), 0, 0.3);
+}
+
 TEST_F(SimDrr, IsWhatPlastimatchMakesOfAPhantom) {
   if (!has_tool("plastimatch")) GTEST_SKIP() << "needs plastimatch, not there";
   write_ct("ct.mha", 0, 160);
