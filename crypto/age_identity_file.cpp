@@ -5,6 +5,7 @@
 #include "base/error.h"
 #include "crypto/age_file.h"
 #include "crypto/age_recipient.h"
+#include "crypto/identity_text.h"
 
 namespace kiroku::crypto {
 namespace {
@@ -21,25 +22,25 @@ Secret read_secret_file(const std::filesystem::path& file) {
   return content;
 }
 
-Secret unseal_identity_file(const Secret& sealed, const std::filesystem::path& file,
+Secret unseal_identity_file(const Secret& sealed, const std::string& name,
                             const AskPassphrase& ask_passphrase) {
-  const Secret passphrase = ask_passphrase("the identity file " + file.string());
+  const Secret passphrase = ask_passphrase(name);
   try {
     const auto source = memory_source(sealed.bytes());
     const AgeFile opened = AgeFile::open(*source, {passphrase_identity(passphrase)});
     if (opened.plaintext_size() > kLargestIdentityFile)
-      throw UsageError(file.string() + " is no identity file: it is larger than a megabyte");
+      throw UsageError(name + " is no identity file: it is larger than a megabyte");
     Secret content(static_cast<std::size_t>(opened.plaintext_size()));
     opened.read_at(0, content.bytes());
     return content;
   } catch (const AgeError& error) {
     if (error.failure() == AgeFailure::kNoMatch)
-      throw Error("the passphrase does not open the identity file " + file.string() + "; try again");
-    throw Error("cannot open the identity file " + file.string() + ": " + error.what());
+      throw Error("the passphrase does not open " + name + "; try again");
+    throw Error("cannot open " + name + ": " + error.what());
   }
 }
 
-AgeIdentities parse_identities(std::string_view text, const std::filesystem::path& file) {
+AgeIdentities parse_identities(std::string_view text, const std::string& name) {
   AgeIdentities identities;
   for (std::size_t number = 1; !text.empty(); ++number) {
     const std::size_t end = std::min(text.find('\n'), text.size());
@@ -50,24 +51,25 @@ AgeIdentities parse_identities(std::string_view text, const std::filesystem::pat
     try {
       identities.push_back(parse_identity(line));
     } catch (const UsageError& error) {
-      throw UsageError(file.string() + ", line " + std::to_string(number) + ": " + error.what());
+      throw UsageError(name + ", line " + std::to_string(number) + ": " + error.what());
     }
   }
-  if (identities.empty())
-    throw UsageError(file.string() + " holds no identity; give a file made by age-keygen");
+  if (identities.empty()) throw UsageError(name + " holds no identity; give a file made by age-keygen");
   return identities;
 }
 
 }  // namespace
 
-AgeIdentities load_identity_file(const std::filesystem::path& file, const AskPassphrase& ask_passphrase) {
-  Secret content = read_secret_file(file);
+AgeIdentities read_identities(Secret content, const std::string& name, const AskPassphrase& ask_passphrase) {
   if (content.text().starts_with("-----BEGIN AGE ENCRYPTED FILE-----"))
-    throw UsageError(file.string() +
-                     " is ASCII-armored, which is not read here; seal it with `age -p` without -a");
+    throw UsageError(name + " is ASCII-armored, which is not read here; seal it with `age -p` without -a");
   if (content.text().starts_with("age-encryption.org/"))
-    content = unseal_identity_file(content, file, ask_passphrase);
-  return parse_identities(content.text(), file);
+    content = unseal_identity_file(content, name, ask_passphrase);
+  return parse_identities(content.text(), name);
+}
+
+AgeIdentities load_identity_file(const std::filesystem::path& file, const AskPassphrase& ask_passphrase) {
+  return read_identities(read_secret_file(file), "the identity file " + file.string(), ask_passphrase);
 }
 
 }  // namespace kiroku::crypto

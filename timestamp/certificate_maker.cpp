@@ -79,6 +79,9 @@ Credential issue_certificate(const CertificateProfile& profile, const Credential
   if (!profile.extended_key_usage.empty()) {
     add_extension(certificate, signer, NID_ext_key_usage, profile.extended_key_usage.c_str());
   }
+  if (!profile.alternative_names.empty()) {
+    add_extension(certificate, signer, NID_subject_alt_name, profile.alternative_names.c_str());
+  }
   require(X509_sign(certificate, signing_key, EVP_sha256()) > 0, "signing");
   return made;
 }

@@ -1,5 +1,5 @@
-// Issuing the embedded authority's own certificates (RFC 5280): P-256 keys, ECDSA with SHA-256. For .cpp
-// files of this folder and its tests. Functions are thread-safe.
+// Issuing this project's own certificates (RFC 5280), of the embedded authority and the viewer: P-256 keys,
+// ECDSA with SHA-256. For .cpp files. Functions are thread-safe.
 #pragma once
 
 #include <string>
@@ -25,7 +25,9 @@ struct CertificateProfile {
   UtcTime not_before;
   UtcTime not_after;
   /// OpenSSL's notation, as "critical,timeStamping"; empty: no extended key usage.
-  std::string extended_key_usage;
+  std::string extended_key_usage = {};
+  /// Likewise, as "DNS:or-3,IP:127.0.0.1"; empty: none.
+  std::string alternative_names = {};
 };
 
 /// A new key and its certificate with a random serial number, signed by `issuer` (null: by itself). Throws

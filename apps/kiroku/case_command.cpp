@@ -8,7 +8,7 @@
 #include "apps/kiroku/commands.h"
 #include "apps/kiroku/home.h"
 #include "base/error.h"
-#include "recorder/daemon/control_server.h"
+#include "recorder/control/control_client.h"
 
 namespace kiroku::apps {
 namespace {

@@ -23,7 +23,7 @@
 #include "base/error.h"
 #include "crypto/secret.h"
 #include "recorder/clock_watch.h"
-#include "recorder/daemon/control_server.h"
+#include "recorder/control/control_client.h"
 #include "recorder/procedure/worklist.h"
 #include "recorder/source/source.h"
 #include "recorder/vitals/vital_source.h"

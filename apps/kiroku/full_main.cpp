@@ -1,6 +1,7 @@
 // kiroku-full: every command of kiroku, with all the libraries they need. People start it through kiroku.
 
 #include "apps/kiroku/commands.h"
+#include "apps/kiroku/view_command.h"
 #include "apps/sim/plan_command.h"
 #include "apps/sim/sim_command.h"
 
@@ -16,7 +17,7 @@ constexpr const char* kOverview =
   kiroku verify CASE                                   is it whole, and when did it exist?
   kiroku export CASE --stream endoscope -o film.ts     the pictures, for a recipient
 
-Other commands: case, status, doctor, recover, excerpt, erase, seal, unseal, stamp, token, tsa, log, sim, plan, completion.
+Other commands: case, status, doctor, recover, excerpt, erase, seal, unseal, stamp, token, tsa, log, view, sim, plan, completion.
 'kiroku --help' lists them all, 'kiroku COMMAND --help' explains one.
 )";
 
@@ -43,6 +44,7 @@ int main(int argc, char** argv) {
   add_token_command(root);
   add_tsa_command(root);
   add_log_command(root);
+  add_view_command(root);
   Command& sim = add_sim_command(root);
   add_sim_render_command(sim);
   add_sim_transfer_command(sim);

@@ -5,8 +5,8 @@
 //   recipients.txt   who can open recordings   device.pub   its C2SP verifier key
 //   trust.pem        time-stamping roots       authority/   the embedded authority
 //   archive/<case>/  the recordings            archive/log/ the appliance log
-//   catalogue.sqlite                           identity.txt only with --demo
-//   stamping.sqlite  time-stamps that are still wanted
+//   catalogue.sqlite                           users.sqlite, viewer.pem, viewer.key of the viewer
+//   stamping.sqlite  time-stamps still wanted  identity.txt only with --demo
 //
 // Immutable; thread-safe.
 #pragma once

@@ -9,6 +9,8 @@
 #include <boost/asio.hpp>
 #include <nlohmann/json.hpp>
 
+#include "recorder/control/control_client.h"
+
 namespace kiroku::recorder {
 namespace {
 
@@ -18,16 +20,7 @@ using boost::system::error_code;
 
 constexpr std::size_t kLongestLine = 1U << 20;
 constexpr std::size_t kThreads = 8;
-constexpr std::size_t kLongestSocketPath = 107;  // sun_path, with its zero byte
 constexpr mode_t kSocketMode = 0660;
-
-void require_short_enough(const std::filesystem::path& socket) {
-  if (socket.string().size() > kLongestSocketPath) {
-    throw UsageError("the path of the control socket, " + socket.string() + ", is longer than " +
-                     std::to_string(kLongestSocketPath) +
-                     " characters: name a shorter one in kiroku.toml, [daemon] socket");
-  }
-}
 
 bool somebody_answers(const std::filesystem::path& socket) {
   asio::io_context context;
@@ -44,7 +37,7 @@ nlohmann::ordered_json refusal(const std::string& sentence) { return {{"ok", fal
 struct ControlServer::State {
   State(std::filesystem::path at, ControlHandler answers)
       : path(std::move(at)), handler(std::move(answers)), acceptor(context) {
-    require_short_enough(path);
+    require_socket_path(path);
     if (somebody_answers(path)) {
       throw Error("another recorder answers on " + path.string() + ": only one may run on a home");
     }
@@ -130,24 +123,5 @@ struct ControlServer::State {
 ControlServer::ControlServer(std::filesystem::path socket, ControlHandler handler)
     : state_(std::make_unique<State>(std::move(socket), std::move(handler))) {}
 ControlServer::~ControlServer() = default;
-
-nlohmann::json ask_recorder(const std::filesystem::path& socket, const nlohmann::json& request) {
-  require_short_enough(socket);
-  asio::io_context context;
-  stream_protocol::socket peer(context);
-  std::string received;
-  try {
-    peer.connect(stream_protocol::endpoint(socket.string()));
-    asio::write(peer, asio::buffer(request.dump() + "\n"));
-    asio::read_until(peer, asio::dynamic_buffer(received), '\n');
-  } catch (const boost::system::system_error& error) {
-    throw Error("no recorder answers on " + socket.string() + " (" + error.code().message() +
-                "): start kirokud, or name its home with --home");
-  }
-  nlohmann::json reply = nlohmann::json::parse(received, nullptr, false);
-  if (!reply.is_object()) throw Error("what answers on " + socket.string() + " is no recorder");
-  if (!reply.value("ok", false)) throw Error(reply.value("error", "the recorder gave no reason"));
-  return reply;
-}
 
 }  // namespace kiroku::recorder

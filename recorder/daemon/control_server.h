@@ -40,8 +40,4 @@ class ControlServer {
   std::unique_ptr<State> state_;
 };
 
-/// Sends one request to the recorder that listens on `socket` and returns its answer. Throws kiroku::Error
-/// where nobody answers, and with the recorder's own sentence where it could not do what was asked.
-nlohmann::json ask_recorder(const std::filesystem::path& socket, const nlohmann::json& request);
-
 }  // namespace kiroku::recorder

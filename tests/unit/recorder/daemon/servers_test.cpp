@@ -9,6 +9,7 @@
 #include <nlohmann/json.hpp>
 
 #include "base/error.h"
+#include "recorder/control/control_client.h"
 #include "recorder/daemon/control_server.h"
 #include "recorder/daemon/http_server.h"
 #include "tests/support/temporary_folder.h"

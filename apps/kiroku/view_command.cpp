@@ -1,0 +1,184 @@
+#include "apps/kiroku/view_command.h"
+
+#include <algorithm>
+#include <csignal>
+#include <iostream>
+#include <memory>
+#include <mutex>
+#include <sys/resource.h>
+
+#include <nlohmann/json.hpp>
+
+#include "apps/common/json_output.h"
+#include "apps/kiroku/commands.h"
+#include "apps/kiroku/home.h"
+#include "base/error.h"
+#include "viewer/server/server_certificate.h"
+#include "viewer/server/viewer.h"
+
+namespace kiroku::apps {
+namespace {
+
+namespace fs = std::filesystem;
+
+struct Request {
+  std::optional<std::string> home, certificate, key, web;
+  std::string listen = "127.0.0.1:8443";
+  std::vector<std::string> identities;
+  bool json = false;
+};
+
+/// Where the page's files are: as it is built, or installed.
+std::optional<fs::path> find_page(const std::optional<std::string>& asked) {
+  if (asked) return fs::path(*asked);
+  std::error_code failed;
+  const fs::path here = fs::read_symlink("/proc/self/exe", failed).parent_path();
+  for (const char* candidate : {"../viewer/web", "../../share/kiroku/web"}) {
+    if (fs::exists(here / candidate / "index.html", failed)) return (here / candidate).lexically_normal();
+  }
+  return {};
+}
+
+/// "or-3" of "or-3:8443"; nothing for an address that stands for all.
+std::optional<std::string> host_of(const std::string& listen) {
+  std::string host = listen.substr(0, listen.rfind(':'));
+  if (host.size() > 2 && host.front() == '[') host = host.substr(1, host.size() - 2);
+  if (host == "0.0.0.0" || host == "::") return {};
+  return host;
+}
+
+viewer::ServerCertificate certificate_for(const Request& request, const Home& home, bool& is_own) {
+  if (request.certificate.has_value() != request.key.has_value()) {
+    throw UsageError("--certificate and --key belong together: give both or none");
+  }
+  is_own = !request.certificate;
+  if (!is_own) return viewer::load_certificate(*request.certificate, *request.key);
+  std::vector<std::string> names = viewer::machine_names();
+  if (const auto host = host_of(request.listen); host && std::ranges::count(names, *host) == 0) {
+    names.push_back(*host);
+  }
+  bool made = false;
+  return viewer::own_certificate(home.folder(), names, made);
+}
+
+/// Identities that were named, or a demonstration's; null: everybody brings their own.
+viewer::Session::Identities shared_identities(const Request& request, const Home& home) {
+  std::error_code ignored;
+  if (request.identities.empty() && !fs::exists(home.identity_file(), ignored)) return nullptr;
+  return std::make_shared<const crypto::AgeIdentities>(load_identities(request.identities, home));
+}
+
+/// A thousand connections need more descriptors than a shell gives.
+void allow_many_descriptors() {
+  rlimit limit{};
+  if (::getrlimit(RLIMIT_NOFILE, &limit) != 0) return;
+  limit.rlim_cur = limit.rlim_max;
+  ::setrlimit(RLIMIT_NOFILE, &limit);
+}
+
+void print_start(const Request& request, const viewer::Viewer& server, const std::string& sign_in,
+                 const std::string& fingerprint, bool is_own, bool has_page) {
+  if (request.json) {
+    print_json(
+        {{"url", server.url()},
+         {"sign_in", sign_in.empty() ? nlohmann::ordered_json(nullptr) : nlohmann::ordered_json(sign_in)},
+         {"fingerprint", fingerprint}});
+    std::cout << std::flush;
+    return;
+  }
+  std::cout << "Serving " << server.url() << (has_page ? "" : " (the API alone: no page is built)") << "\n";
+  if (!sign_in.empty()) {
+    std::cout << "\nOpen this address, which signs in once without a password:\n  " << sign_in << "\n";
+  }
+  std::cout << "\nThe server's certificate "
+            << (is_own ? "is its own, which browsers ask about once; it " : "")
+            << "has the SHA-256 fingerprint\n  " << fingerprint << "\n\nCtrl-C ends it.\n"
+            << std::flush;
+}
+
+/// Until Ctrl-C or SIGTERM, which every thread has blocked.
+void wait_for_end(const sigset_t& signals) {
+  int number = 0;
+  sigwait(&signals, &number);
+}
+
+int run(const Request& request) {
+  const Home home = Home::open(request.home);
+  sigset_t signals;
+  sigemptyset(&signals);
+  sigaddset(&signals, SIGINT);
+  sigaddset(&signals, SIGTERM);
+  const auto identities = shared_identities(request, home);
+  const crypto::SigningKey device_key = home.signing_key();
+  const timestamp::TrustStore trust = home.trust();
+  bool is_own = false;
+  viewer::ServerCertificate certificate = certificate_for(request, home, is_own);
+  const std::string fingerprint = viewer::fingerprint(certificate.certificate_pem);
+  const std::optional<fs::path> page = find_page(request.web);
+  allow_many_descriptors();
+
+  viewer::ViewerOptions options{
+      .home = {.archive = home.archive(),
+               .catalogue_file = home.catalogue_file(),
+               .log_folder = home.log_folder(),
+               .users_file = home.folder() / "users.sqlite",
+               .control_socket = home.control_socket(home.configuration()),
+               .device_key = &device_key,
+               .device = home.device(),
+               .trust = &trust,
+               .identities = identities},
+      .web = {.listen = request.listen,
+              .certificate_pem = std::move(certificate.certificate_pem),
+              .key_pem = std::move(certificate.key_pem),
+              .limits = {}},
+      .sessions = {},
+      .page = page,
+      .tell = [mutex = std::make_shared<std::mutex>()](const std::string& sentence) {
+        const std::lock_guard guard(*mutex);
+        print_error("kiroku", sentence);
+      }};
+  // The server's threads inherit the mask, so that the signals wait for this one.
+  ::pthread_sigmask(SIG_BLOCK, &signals, nullptr);
+  viewer::Viewer server(std::move(options));
+  std::error_code ignored;
+  const bool is_demonstration =
+      fs::exists(home.identity_file(), ignored) && viewer::is_loopback(request.listen);
+  const std::string sign_in = is_demonstration ? server.sign_in_url("demo") : "";
+  print_start(request, server, sign_in, fingerprint, is_own, page.has_value());
+  wait_for_end(signals);
+  return kDone;
+}
+
+}  // namespace
+
+void add_view_command(Command& program) {
+  Command& command = program.add_command("view", "serves the viewer: cases, playback, verification");
+  const auto request = std::make_shared<Request>();
+  command.option(
+      "--listen", "ADDRESS", request->listen,
+      "where to, as 127.0.0.1:8443, [::1]:8443 or 0.0.0.0:8443; beyond this machine only once there "
+      "is a user");
+  command.option(
+      "-i,--identity", "FILE", request->identities,
+      "opens recordings for everybody who may watch; in a --demo home its own. Without one everybody "
+      "unlocks with their own, which stays in memory");
+  command.option("--certificate", "FILE", request->certificate,
+                 "the server's certificate and those up to its authority, PEM", "its own, made in the home");
+  command.option("--key", "FILE", request->key, "its private key, PEM, without passphrase");
+  command.option("--web", "DIR", request->web, "folder of the page's files",
+                 "the one that belongs to this program");
+  add_home_option(command, request->home);
+  command.flag("--json", request->json, "prints one JSON object once it serves");
+  command.explain(
+      "People sign in with a name and password ('kiroku user add'). In a --demo home, and on a loopback "
+      "address "
+      "alone, an address is printed that signs in once without. What is watched, unlocked or exported is "
+      "entered "
+      "in the appliance log before it leaves. docs/viewer.md tells who may do what. Ctrl-C ends it.");
+  command.example("kiroku view", "the home's cases on https://127.0.0.1:8443/");
+  command.example("kiroku view --listen 0.0.0.0:443 --certificate or-3.pem --key or-3.key",
+                  "for the whole network, with the hospital's certificate");
+  command.on_run([request] { return run(*request); });
+}
+
+}  // namespace kiroku::apps

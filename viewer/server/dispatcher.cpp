@@ -1,0 +1,197 @@
+#include "viewer/server/dispatcher.h"
+
+#include <algorithm>
+#include <array>
+
+#include "base/error.h"
+#include "viewer/server/http_fields.h"
+
+namespace kiroku::viewer {
+namespace {
+
+/// Of every answer. Scripts, styles and everything else come from this server alone; pictures and films also
+/// from what the page itself made of them (blob:).
+constexpr std::array<std::pair<const char*, const char*>, 9> kSecurityHeaders{{
+    {"Content-Security-Policy",
+     "default-src 'self'; img-src 'self' blob: data:; media-src 'self' blob:; object-src 'none'; base-uri "
+     "'none'; "
+     "form-action 'self'; frame-ancestors 'none'"},
+    {"Strict-Transport-Security", "max-age=31536000"},
+    {"X-Content-Type-Options", "nosniff"},
+    {"X-Frame-Options", "DENY"},
+    {"Referrer-Policy", "no-referrer"},
+    {"Cross-Origin-Opener-Policy", "same-origin"},
+    {"Cross-Origin-Resource-Policy", "same-origin"},
+    {"Cross-Origin-Embedder-Policy", "require-corp"},
+    {"Permissions-Policy",
+     "camera=(), microphone=(), geolocation=(), payment=(), usb=(), display-capture=()"},
+}};
+
+Response secured(Response response) {
+  for (const auto& [name, value] : kSecurityHeaders) response.headers.emplace_back(name, value);
+  return response;
+}
+
+bool is_api(const std::vector<std::string>& segments) { return !segments.empty() && segments[0] == "api"; }
+
+bool changes_something(std::string_view method) { return method != "GET"; }
+
+/// Why a request cannot have come from this server's own page, or "".
+std::string foreign(const Request& request) {
+  const std::string_view site = request.header("sec-fetch-site");
+  if (!site.empty() && site != "same-origin" && site != "none") return "another site asked for this";
+  const std::string_view origin = request.header("origin");
+  if (!origin.empty() && origin != "https://" + std::string(request.header("host"))) {
+    return "another site asked for this";
+  }
+  if (!changes_something(request.method)) return "";
+  if (request.header("x-kiroku-request") != "1") {
+    return "the header X-Kiroku-Request: 1 is missing, which shows that no other site sent this";
+  }
+  return "";
+}
+
+bool is_json(std::string_view type) {
+  return type == "application/json" || type.starts_with("application/json;");
+}
+
+bool has_body(const Request& request) {
+  const std::string_view length = request.header("content-length");
+  return !request.header("transfer-encoding").empty() || (!length.empty() && length != "0");
+}
+
+/// The number of bytes of a body that has one.
+std::optional<std::uint64_t> size_of(const Response& response) {
+  if (const auto* text = std::get_if<std::string>(&response.body)) return text->size();
+  if (const auto* bytes = std::get_if<BytesBody>(&response.body)) return bytes->size;
+  if (const auto* file = std::get_if<FileBody>(&response.body)) return file->size;
+  return {};
+}
+
+void cut(Response& response, const ByteRange& range) {
+  if (auto* bytes = std::get_if<BytesBody>(&response.body)) {
+    bytes->offset += range.first;
+    bytes->size = range.size();
+  } else if (auto* file = std::get_if<FileBody>(&response.body)) {
+    file->offset += range.first;
+    file->size = range.size();
+  }
+}
+
+/// Conditional requests and ranges (RFC 9110 sections 13 and 14).
+Response as_asked(const Request& request, Response response) {
+  if (response.status != 200 || request.method != "GET") return response;
+  if (!response.entity_tag.empty() &&
+      names_entity_tag(request.header("if-none-match"), response.entity_tag)) {
+    response.status = 304;
+    response.type.clear();
+    response.body = std::string();
+    return response;
+  }
+  const std::optional<std::uint64_t> size = size_of(response);
+  if (!size || std::holds_alternative<std::string>(response.body)) return response;
+  response.headers.emplace_back("Accept-Ranges", "bytes");
+  const std::string_view unchanged_since = request.header("if-range");
+  if (!unchanged_since.empty() && (response.entity_tag.empty() || unchanged_since != response.entity_tag)) {
+    return response;
+  }
+  const RangeRequest asked = parse_range(request.header("range"), *size);
+  if (asked.kind == RangeRequest::Kind::kUnsatisfiable) {
+    return Response::error(416, "the range begins after the end")
+        .with("Content-Range", "bytes */" + std::to_string(*size));
+  }
+  if (asked.kind == RangeRequest::Kind::kPart) {
+    cut(response, asked.range);
+    response.status = 206;
+    response.headers.emplace_back("Content-Range", "bytes " + std::to_string(asked.range.first) + "-" +
+                                                       std::to_string(asked.range.last) + "/" +
+                                                       std::to_string(*size));
+  }
+  return response;
+}
+
+std::string joined(const std::vector<std::string>& names) {
+  std::string out;
+  for (const std::string& name : names) out += (out.empty() ? "" : ", ") + name;
+  return out;
+}
+
+}  // namespace
+
+Dispatcher::Dispatcher(const Router& router, SessionStore& sessions, const StaticFiles& page, Tell tell)
+    : router_(router), sessions_(sessions), page_(page), tell_(std::move(tell)) {}
+
+Response Dispatcher::refuse(int status, const std::string& sentence) {
+  return secured(Response::error(status, sentence));
+}
+
+Dispatcher::Admission Dispatcher::admit(RequestHead head) const {
+  Admission out;
+  Request& request = out.request;
+  request.method = head.method == "HEAD" ? "GET" : std::move(head.method);
+  request.target = std::move(head.target);
+  request.headers = std::move(head.headers);
+  request.peer = std::move(head.peer);
+  const auto refused = [&](int status, const std::string& sentence) {
+    out.refusal = refuse(status, sentence);
+    return std::move(out);
+  };
+
+  std::optional<Target> target = parse_target(request.target);
+  if (!target) return refused(400, "the address is malformed");
+  request.query = std::move(target->query);
+  if (request.header("host").empty()) return refused(400, "the header Host is missing");
+  if (!is_api(target->segments)) {
+    if (request.method != "GET") {
+      out.refusal = secured(Response::error(405, "files can only be read").with("Allow", "GET, HEAD"));
+    }
+    return out;
+  }
+
+  Router::Match match = router_.match(request.method, target->segments);
+  const bool is_public = match.route != nullptr && match.route->right == Right::kNone;
+  const std::optional<std::string> token = cookie_value(request.header("cookie"), kSessionCookie);
+  if (token) request.session = sessions_.find(*token, match.route != nullptr && match.route->is_activity);
+  // Who has not signed in learns nothing, not even which addresses there are.
+  if (!is_public && request.session == nullptr) return refused(401, "sign in first");
+  if (match.route == nullptr && match.allowed.empty())
+    return refused(404, "there is nothing at this address");
+  if (match.route == nullptr) {
+    out.refusal = secured(Response::error(405, "this address does not know " + request.method)
+                              .with("Allow", joined(match.allowed)));
+    return out;
+  }
+  if (const std::string why = foreign(request); !why.empty()) return refused(403, why);
+  if (!is_public && !may(request.session->role(), match.route->right)) {
+    return refused(403, "the role " + std::string(role_name(request.session->role())) + " may not do this");
+  }
+  if (has_body(request) && !is_json(request.header("content-type"))) {
+    return refused(415, "the body must be JSON: Content-Type: application/json");
+  }
+  request.parameters = std::move(match.parameters);
+  out.route = match.route;
+  out.body_limit = changes_something(request.method) ? match.route->body_limit : 0;
+  return out;
+}
+
+Response Dispatcher::call(const Route& route, const Request& request) const {
+  try {
+    return route.handler(request);
+  } catch (const Refusal& refusal) {
+    return Response::error(refusal.status(), refusal.what());
+  } catch (const UsageError& error) {
+    return Response::error(400, error.what());
+  } catch (const std::exception& error) {
+    tell_(route.method + " " + route.pattern + ": " + error.what());
+    const bool told = dynamic_cast<const Error*>(&error) != nullptr && request.session != nullptr;
+    return Response::error(500, told ? error.what() : "this failed inside; the server's log says more");
+  }
+}
+
+Response Dispatcher::answer(const Admission& admission) const {
+  Response response = admission.route == nullptr ? page_.respond(admission.request)
+                                                 : call(*admission.route, admission.request);
+  return secured(as_asked(admission.request, std::move(response)));
+}
+
+}  // namespace kiroku::viewer

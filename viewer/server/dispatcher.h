@@ -1,0 +1,59 @@
+// From a request's head to its answer: finds the route, who calls, whether they may, and calls the handler.
+// Everything about HTTP that needs no connection. Thread-safe.
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <map>
+#include <optional>
+#include <string>
+
+#include "viewer/server/request.h"
+#include "viewer/server/response.h"
+#include "viewer/server/router.h"
+#include "viewer/server/session.h"
+#include "viewer/server/static_files.h"
+
+namespace kiroku::viewer {
+
+/// The name of the session's cookie. With the prefix __Host- browsers accept it over TLS alone, from this
+/// very host, for every path (RFC 6265bis section 4.1.3.2).
+inline constexpr std::string_view kSessionCookie = "__Host-kiroku";
+
+/// What stands before the body.
+struct RequestHead {
+  std::string method, target, peer;
+  std::map<std::string, std::string, std::less<>> headers;  // as in Request
+};
+
+class Dispatcher {
+ public:
+  /// Hears of what failed inside, one sentence each; called from several threads.
+  using Tell = std::function<void(const std::string& sentence)>;
+  /// What it is given must outlive it.
+  Dispatcher(const Router& router, SessionStore& sessions, const StaticFiles& page, Tell tell);
+
+  /// A request that may go on: its body is read, up to `body_limit` bytes, and answer() called.
+  struct Admission {
+    std::optional<Response> refusal;  // to be sent at once, without reading a body
+    Request request;
+    const Route* route = nullptr;  // null: the page's files
+    std::size_t body_limit = 0;
+  };
+  /// Judges a request by its head, so that a stranger's body is never read.
+  [[nodiscard]] Admission admit(RequestHead head) const;
+  /// May block; never throws but std::bad_alloc. `admission.request.body` is the body.
+  [[nodiscard]] Response answer(const Admission& admission) const;
+  /// What the connection itself has to refuse (a header too large, no HTTP): with the headers of every
+  /// answer.
+  [[nodiscard]] static Response refuse(int status, const std::string& sentence);
+
+ private:
+  [[nodiscard]] Response call(const Route& route, const Request& request) const;
+  const Router& router_;
+  SessionStore& sessions_;
+  const StaticFiles& page_;
+  Tell tell_;
+};
+
+}  // namespace kiroku::viewer

@@ -1,0 +1,63 @@
+// What a handler answers. Knows nothing of how it is sent. Plain values; one thread at a time.
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <functional>
+#include <memory>
+#include <string>
+#include <string_view>
+#include <utility>
+#include <variant>
+#include <vector>
+
+#include <nlohmann/json_fwd.hpp>
+
+#include "base/bytes.h"
+#include "base/descriptor.h"
+
+namespace kiroku::viewer {
+
+/// Part of some bytes in memory.
+struct BytesBody {
+  std::shared_ptr<const Bytes> bytes;
+  std::uint64_t offset = 0, size = 0;
+};
+/// Part of an open file.
+struct FileBody {
+  std::shared_ptr<const Descriptor> file;
+  std::uint64_t offset = 0, size = 0;
+};
+
+/// A body whose size is not known before: called by one thread at a time, each time the client has taken what
+/// came before. Puts more into the empty `into` and returns true, or returns false at the end. What it throws
+/// cuts the connection, so that the client knows that something is missing.
+using StreamBody = std::function<bool(Bytes& into)>;
+
+struct Response {
+  int status = 200;
+  std::string type;  // Content-Type; none where it is empty
+  std::vector<std::pair<std::string, std::string>> headers;
+  /// Cache-Control. Nothing of a patient may lie in a browser's cache.
+  std::string cache = "no-store";
+  /// A strong entity tag with its quotes, or none. With one, If-None-Match is answered by the server.
+  std::string entity_tag;
+  std::variant<std::string, BytesBody, FileBody, StreamBody> body;
+
+  static Response json(const nlohmann::ordered_json& object, int status = 200);
+  static Response error(int status, const std::string& sentence);  // {"error": sentence}
+  static Response nothing();                                       // 204
+  static Response text(std::string body, std::string type);
+  /// Ranges of these and of files are answered by the server (206, 416).
+  static Response bytes(std::shared_ptr<const Bytes> body, std::string type);
+  static Response bytes(Bytes body, std::string type);
+  static Response file(FileBody body, std::string type);
+  static Response stream(StreamBody body, std::string type);
+
+  /// Adds a header and returns itself.
+  Response with(std::string name, std::string value) &&;
+  /// As a file to be kept rather than shown; `name` is plain ASCII.
+  Response as_download(std::string_view name) &&;
+};
+
+}  // namespace kiroku::viewer

@@ -1,0 +1,61 @@
+#include "viewer/server/role.h"
+
+#include <algorithm>
+#include <array>
+
+namespace kiroku::viewer {
+namespace {
+
+struct RightRow {
+  Right right;
+  bool operator_may, surgeon_may, auditor_may, administrator_may;
+};
+
+constexpr std::array<RightRow, 11> kRights{{
+    {Right::kNone, true, true, true, true},
+    {Right::kSignedIn, true, true, true, true},
+    {Right::kListCases, true, true, true, true},
+    {Right::kReadCase, false, true, true, true},
+    {Right::kWatch, false, true, false, true},
+    {Right::kCompare, false, true, false, true},
+    {Right::kVerify, false, true, true, true},
+    {Right::kReadLog, false, false, true, true},
+    {Right::kSeeLive, true, true, false, true},
+    {Right::kControlRooms, true, true, false, true},
+    {Right::kManageUsers, false, false, false, true},
+}};
+
+constexpr std::array<std::pair<Role, std::string_view>, 4> kNames{{{Role::kOperator, "operator"},
+                                                                   {Role::kSurgeon, "surgeon"},
+                                                                   {Role::kAuditor, "auditor"},
+                                                                   {Role::kAdministrator, "administrator"}}};
+
+}  // namespace
+
+std::string_view role_name(Role role) {
+  return std::ranges::find(kNames, role, &std::pair<Role, std::string_view>::first)->second;
+}
+
+std::optional<Role> parse_role(std::string_view name) {
+  const auto* const found = std::ranges::find(kNames, name, &std::pair<Role, std::string_view>::second);
+  if (found == kNames.end()) return {};
+  return found->first;
+}
+
+bool may(Role role, Right right) {
+  const auto* const row = std::ranges::find(kRights, right, &RightRow::right);
+  if (row == kRights.end()) return false;
+  switch (role) {
+    case Role::kOperator:
+      return row->operator_may;
+    case Role::kSurgeon:
+      return row->surgeon_may;
+    case Role::kAuditor:
+      return row->auditor_may;
+    case Role::kAdministrator:
+      return row->administrator_may;
+  }
+  return false;
+}
+
+}  // namespace kiroku::viewer

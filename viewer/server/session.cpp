@@ -1,0 +1,132 @@
+#include "viewer/server/session.h"
+
+#include <algorithm>
+
+#include "crypto/encoding.h"
+#include "crypto/hash.h"
+
+namespace kiroku::viewer {
+namespace {
+
+constexpr std::size_t kTokenBytes = 32;
+
+std::string key_of(std::string_view token) { return crypto::to_hex(crypto::sha256(bytes_of(token))); }
+
+}  // namespace
+
+std::string random_token() {
+  const crypto::Secret bytes = crypto::Secret::random(kTokenBytes);
+  std::string text = crypto::to_base64(bytes.bytes(), crypto::Base64Padding::kUnpadded);
+  std::ranges::replace(text, '+', '-');
+  std::ranges::replace(text, '/', '_');
+  return text;
+}
+
+Session::Session(std::string user, Role role, SessionClock::time_point ends_at_latest)
+    : user_(std::move(user)),
+      role_(role),
+      ends_at_latest_(ends_at_latest),
+      last_activity_(SessionClock::now().time_since_epoch().count()) {}
+
+Session::Identities Session::identities() const {
+  const std::lock_guard guard(mutex_);
+  return identities_;
+}
+
+void Session::unlock(Identities identities) {
+  const std::lock_guard guard(mutex_);
+  if (!ended_) identities_ = std::move(identities);
+}
+
+void Session::lock() {
+  const std::lock_guard guard(mutex_);
+  identities_.reset();
+}
+
+void Session::once(const std::string& deed, const std::function<void()>& action) {
+  const std::lock_guard guard(deeds_mutex_);
+  if (deeds_.contains(deed)) return;
+  action();
+  deeds_.insert(deed);
+}
+
+void Session::end() {
+  const std::lock_guard guard(mutex_);
+  ended_ = true;
+  identities_.reset();
+}
+
+SessionStore::SessionStore(SessionLimits limits) : limits_(limits) {}
+
+bool SessionStore::has_expired(const Session& session, SessionClock::time_point now) const {
+  const SessionClock::time_point active{SessionClock::duration(session.last_activity_.load())};
+  return session.has_ended() || now >= session.ends_at_latest_ || now - active >= limits_.idle;
+}
+
+SessionStore::Opened SessionStore::open(const std::string& user, Role role) {
+  Opened opened{random_token(), std::make_shared<Session>(user, role, SessionClock::now() + limits_.longest)};
+  const std::lock_guard guard(mutex_);
+  std::vector<decltype(sessions_)::iterator> of_user;
+  for (auto each = sessions_.begin(); each != sessions_.end(); ++each) {
+    if (each->second->user() == user) of_user.push_back(each);
+  }
+  if (of_user.size() >= limits_.most_of_user) {
+    const auto idlest = *std::ranges::min_element(
+        of_user, {}, [](const auto& each) { return each->second->last_activity_.load(); });
+    idlest->second->end();
+    sessions_.erase(idlest);
+  }
+  sessions_.emplace(key_of(opened.token), opened.session);
+  return opened;
+}
+
+std::shared_ptr<Session> SessionStore::find(std::string_view token, bool is_activity) {
+  const std::string key = key_of(token);
+  const SessionClock::time_point now = SessionClock::now();
+  const std::lock_guard guard(mutex_);
+  const auto found = sessions_.find(key);
+  if (found == sessions_.end()) return nullptr;
+  if (has_expired(*found->second, now)) {
+    found->second->end();
+    sessions_.erase(found);
+    return nullptr;
+  }
+  if (is_activity) found->second->last_activity_ = now.time_since_epoch().count();
+  return found->second;
+}
+
+std::chrono::seconds SessionStore::left(const Session& session) const {
+  const SessionClock::time_point active{SessionClock::duration(session.last_activity_.load())};
+  const auto end = std::min(session.ends_at_latest_, active + limits_.idle);
+  return std::max(std::chrono::floor<std::chrono::seconds>(end - SessionClock::now()),
+                  std::chrono::seconds(0));
+}
+
+void SessionStore::close(std::string_view token) {
+  const std::lock_guard guard(mutex_);
+  const auto found = sessions_.find(key_of(token));
+  if (found == sessions_.end()) return;
+  found->second->end();
+  sessions_.erase(found);
+}
+
+void SessionStore::close_all_of(const std::string& user) {
+  const std::lock_guard guard(mutex_);
+  std::erase_if(sessions_, [&](const auto& each) {
+    if (each.second->user() != user) return false;
+    each.second->end();
+    return true;
+  });
+}
+
+void SessionStore::sweep() {
+  const SessionClock::time_point now = SessionClock::now();
+  const std::lock_guard guard(mutex_);
+  std::erase_if(sessions_, [&](const auto& each) {
+    if (!has_expired(*each.second, now)) return false;
+    each.second->end();
+    return true;
+  });
+}
+
+}  // namespace kiroku::viewer

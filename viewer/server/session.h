@@ -1,0 +1,94 @@
+// Who has signed in. All classes are thread-safe.
+#pragma once
+
+#include <atomic>
+#include <chrono>
+#include <functional>
+#include <memory>
+#include <mutex>
+#include <optional>
+#include <set>
+#include <string>
+#include <string_view>
+#include <unordered_map>
+#include <vector>
+
+#include "crypto/age_recipient.h"
+#include "viewer/server/role.h"
+
+namespace kiroku::viewer {
+
+using SessionClock = std::chrono::steady_clock;
+
+/// One person's stay, from signing in to signing out or its end.
+class Session {
+ public:
+  using Identities = std::shared_ptr<const crypto::AgeIdentities>;
+
+  Session(std::string user, Role role, SessionClock::time_point ends_at_latest);
+
+  [[nodiscard]] const std::string& user() const { return user_; }
+  [[nodiscard]] Role role() const { return role_; }
+  /// What opens recordings for this session, or null. Keys lie in locked memory (crypto/secret.h), which is
+  /// zeroised when the session and the last request that uses them have let go.
+  [[nodiscard]] Identities identities() const;
+  void unlock(Identities identities);
+  void lock();
+  /// Calls `action` unless it succeeded with this text before; who asks meanwhile waits for it. For what is
+  /// entered into the appliance log once a session.
+  void once(const std::string& deed, const std::function<void()>& action);
+  /// After signing out or expiry. What lasts longer than a request (live pictures) must look now and then.
+  [[nodiscard]] bool has_ended() const { return ended_; }
+  void end();
+
+ private:
+  friend class SessionStore;
+  const std::string user_;
+  const Role role_;
+  const SessionClock::time_point ends_at_latest_;
+  std::atomic<bool> ended_{false};
+  std::atomic<SessionClock::rep> last_activity_;
+  mutable std::mutex mutex_;
+  Identities identities_;
+  std::mutex deeds_mutex_;
+  std::set<std::string> deeds_;
+};
+
+struct SessionLimits {
+  std::chrono::seconds idle = std::chrono::minutes(30);
+  std::chrono::seconds longest = std::chrono::hours(12);
+  /// Of one user; one more ends the one that was idle longest.
+  std::size_t most_of_user = 16;
+};
+
+class SessionStore {
+ public:
+  explicit SessionStore(SessionLimits limits = {});
+
+  struct Opened {
+    std::string token;  // 43 characters of base64url: 256 random bits
+    std::shared_ptr<Session> session;
+  };
+  Opened open(const std::string& user, Role role);
+  /// Null for a token that no living session has.
+  [[nodiscard]] std::shared_ptr<Session> find(std::string_view token, bool is_activity);
+  /// How long it lives if nothing is done.
+  [[nodiscard]] std::chrono::seconds left(const Session& session) const;
+  void close(std::string_view token);
+  /// Of a user who was removed, or has another password or role.
+  void close_all_of(const std::string& user);
+  /// Ends what has expired; to be called now and then.
+  void sweep();
+
+ private:
+  [[nodiscard]] bool has_expired(const Session& session, SessionClock::time_point now) const;
+  const SessionLimits limits_;
+  mutable std::mutex mutex_;
+  /// By SHA-256 of the token in hex, so that looking one up tells nothing by its time.
+  std::unordered_map<std::string, std::shared_ptr<Session>> sessions_;
+};
+
+/// 256 random bits as 43 characters that need no escape anywhere.
+std::string random_token();
+
+}  // namespace kiroku::viewer

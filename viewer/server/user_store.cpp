@@ -1,0 +1,187 @@
+#include "viewer/server/user_store.h"
+
+#include <algorithm>
+#include <sys/stat.h>
+
+#include "archive/sqlite_file.h"
+#include "base/error.h"
+#include "crypto/encoding.h"
+#include "crypto/key_derivation.h"
+#include "crypto/utf8.h"
+
+namespace kiroku::viewer {
+namespace {
+
+constexpr std::size_t kSaltBytes = 16;
+constexpr std::size_t kLongestName = 32;
+
+constexpr archive::SqliteFile::Schema kSchema{
+    "list of users",
+    "CREATE TABLE users (name TEXT PRIMARY KEY, role TEXT NOT NULL, cost INTEGER NOT NULL, salt TEXT NOT "
+    "NULL, "
+    "hash TEXT NOT NULL, changed TEXT NOT NULL) STRICT;"
+    "PRAGMA user_version = 1;",
+    1, "SELECT name, role, cost, salt, hash, changed FROM users LIMIT 1"};
+
+std::size_t characters(std::string_view text) {
+  return static_cast<std::size_t>(
+      std::ranges::count_if(text, [](char c) { return (static_cast<unsigned char>(c) & 0xc0) != 0x80; }));
+}
+
+void require_password(const std::string& name, const crypto::Secret& password) {
+  if (!crypto::is_utf8(password.text()) || characters(password.text()) < UserStore::kShortestPassword ||
+      password.size() > UserStore::kLongestPassword) {
+    throw UsageError("a password has at least " + std::to_string(UserStore::kShortestPassword) +
+                     " characters and at most " + std::to_string(UserStore::kLongestPassword) +
+                     " bytes of UTF-8");
+  }
+  if (password.text() == name) throw UsageError("the password must not be the user's name");
+}
+
+struct Hash {
+  std::string salt, hash;
+};
+
+Hash hash_of(const crypto::Secret& password) {
+  Bytes salt(kSaltBytes);
+  crypto::fill_random(salt);
+  return {crypto::to_hex(salt),
+          crypto::to_hex(crypto::scrypt(password.bytes(), salt, UserStore::kCost).bytes())};
+}
+
+[[noreturn]] void refuse_unknown(const std::string& name) {
+  throw UsageError("there is no user '" + name + "': 'kiroku user list' names them");
+}
+
+}  // namespace
+
+bool is_user_name(std::string_view text) {
+  const auto is_plain = [](char c) { return (c >= 'a' && c <= 'z') || (c >= '0' && c <= '9'); };
+  return !text.empty() && text.size() <= kLongestName && is_plain(text[0]) &&
+         std::ranges::all_of(text, [&](char c) { return is_plain(c) || c == '.' || c == '_' || c == '-'; });
+}
+
+struct UserStore::State {
+  std::unique_ptr<archive::SqliteFile> file;
+  std::mutex mutex;
+
+  static User user_of(const archive::SqliteStatement& row) {
+    const std::optional<Role> role = parse_role(row.text(1));
+    const std::optional<UtcTime> changed = parse_utc(row.text(2));
+    if (!role || !changed)
+      throw Error("the list of users is damaged at '" + row.text(0) + "': add the user anew");
+    return {row.text(0), *role, *changed};
+  }
+  std::optional<User> find(const std::string& name) {
+    auto row = file->statement("SELECT name, role, changed FROM users WHERE name = ?");
+    row.bind(name);
+    if (!row.step()) return {};
+    return user_of(row);
+  }
+};
+
+UserStore::UserStore(std::unique_ptr<State> state) : state_(std::move(state)) {}
+UserStore::~UserStore() = default;
+
+std::unique_ptr<UserStore> UserStore::open(const std::filesystem::path& file) {
+  auto state = std::make_unique<State>();
+  state->file = archive::SqliteFile::open(file, kSchema);
+  if (::chmod(file.c_str(), 0600) != 0 && errno != EPERM) throw IoError("protect", file, errno);
+  return std::unique_ptr<UserStore>(new UserStore(std::move(state)));
+}
+
+void UserStore::add(const std::string& name, Role role, const crypto::Secret& password) {
+  if (!is_user_name(name)) {
+    throw UsageError("'" + name + "' is no user's name: write up to " + std::to_string(kLongestName) +
+                     " of a-z, 0-9, '.', '_' and '-', beginning with a letter or digit");
+  }
+  require_password(name, password);
+  const Hash hash = hash_of(password);
+  const std::lock_guard guard(state_->mutex);
+  archive::SqliteFile::Transaction transaction(*state_->file);
+  if (state_->find(name)) throw UsageError("there is a user '" + name + "' already: choose another name");
+  state_->file
+      ->statement("INSERT INTO users (name, role, cost, salt, hash, changed) VALUES (?, ?, ?, ?, ?, ?)")
+      .bind(name)
+      .bind(role_name(role))
+      .bind(std::int64_t{kCost})
+      .bind(hash.salt)
+      .bind(hash.hash)
+      .bind(format_utc(utc_now()))
+      .step();
+  transaction.commit();
+}
+
+void UserStore::set_password(const std::string& name, const crypto::Secret& password) {
+  require_password(name, password);
+  const Hash hash = hash_of(password);
+  const std::lock_guard guard(state_->mutex);
+  archive::SqliteFile::Transaction transaction(*state_->file);
+  if (!state_->find(name)) refuse_unknown(name);
+  state_->file->statement("UPDATE users SET cost = ?, salt = ?, hash = ?, changed = ? WHERE name = ?")
+      .bind(std::int64_t{kCost})
+      .bind(hash.salt)
+      .bind(hash.hash)
+      .bind(format_utc(utc_now()))
+      .bind(name)
+      .step();
+  transaction.commit();
+}
+
+void UserStore::set_role(const std::string& name, Role role) {
+  const std::lock_guard guard(state_->mutex);
+  archive::SqliteFile::Transaction transaction(*state_->file);
+  if (!state_->find(name)) refuse_unknown(name);
+  state_->file->statement("UPDATE users SET role = ?, changed = ? WHERE name = ?")
+      .bind(role_name(role))
+      .bind(format_utc(utc_now()))
+      .bind(name)
+      .step();
+  transaction.commit();
+}
+
+void UserStore::remove(const std::string& name) {
+  const std::lock_guard guard(state_->mutex);
+  archive::SqliteFile::Transaction transaction(*state_->file);
+  if (!state_->find(name)) refuse_unknown(name);
+  state_->file->statement("DELETE FROM users WHERE name = ?").bind(name).step();
+  transaction.commit();
+}
+
+std::vector<User> UserStore::list() const {
+  const std::lock_guard guard(state_->mutex);
+  auto rows = state_->file->statement("SELECT name, role, changed FROM users ORDER BY name");
+  std::vector<User> out;
+  while (rows.step()) out.push_back(State::user_of(rows));
+  return out;
+}
+
+std::optional<User> UserStore::find(const std::string& name) const {
+  const std::lock_guard guard(state_->mutex);
+  return state_->find(name);
+}
+
+std::optional<User> UserStore::check(const std::string& name, const crypto::Secret& password) const {
+  std::optional<User> user;
+  int cost = kCost;
+  Bytes salt(kSaltBytes);
+  Bytes expected(crypto::Sha256Digest().size());
+  {
+    const std::lock_guard guard(state_->mutex);
+    user = state_->find(name);
+    if (user) {
+      auto row = state_->file->statement("SELECT cost, salt, hash FROM users WHERE name = ?");
+      row.bind(name);
+      row.step();
+      cost = static_cast<int>(row.integer(0));
+      salt = crypto::from_hex(row.text(1)).value_or(Bytes());
+      expected = crypto::from_hex(row.text(2)).value_or(Bytes());
+    }
+  }
+  const crypto::Secret hash = crypto::scrypt(password.bytes(), salt, cost);
+  const bool is_right = crypto::equal_constant_time(hash.bytes(), expected);
+  if (!is_right) user.reset();
+  return user;
+}
+
+}  // namespace kiroku::viewer

@@ -1,0 +1,58 @@
+// Who may sign in: names, roles and password hashes in a database of the home (users.sqlite). Thread-safe;
+// other processes may use the same file at the same time.
+#pragma once
+
+#include <filesystem>
+#include <memory>
+#include <mutex>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "base/utc_time.h"
+#include "crypto/secret.h"
+#include "viewer/server/role.h"
+
+namespace kiroku::viewer {
+
+struct User {
+  std::string name;
+  Role role = Role::kOperator;
+  UtcTime changed;  // when role or password last did
+};
+
+/// [a-z0-9][a-z0-9._-]{0,31}.
+bool is_user_name(std::string_view text);
+
+/// Every function throws kiroku::Error where the database cannot be used.
+class UserStore {
+ public:
+  /// Opens or makes the file, mode 0600.
+  static std::unique_ptr<UserStore> open(const std::filesystem::path& file);
+  ~UserStore();
+
+  /// Throws kiroku::UsageError for a name that is none or is there already, and for a password shorter than
+  /// kShortestPassword characters, longer than kLongestPassword bytes or the same as the name.
+  void add(const std::string& name, Role role, const crypto::Secret& password);
+  /// The same for a user who is there; throws kiroku::UsageError for one who is not.
+  void set_password(const std::string& name, const crypto::Secret& password);
+  void set_role(const std::string& name, Role role);
+  void remove(const std::string& name);
+  [[nodiscard]] std::vector<User> list() const;  // by name
+  [[nodiscard]] std::optional<User> find(const std::string& name) const;
+  /// The user if name and password are right. Takes as long for a user there is not.
+  [[nodiscard]] std::optional<User> check(const std::string& name, const crypto::Secret& password) const;
+
+  static constexpr std::size_t kShortestPassword = 10;
+  static constexpr std::size_t kLongestPassword = 1024;
+  /// Cost of scrypt (RFC 7914): N = 2^17, r = 8, p = 1: 128 MiB, and a third of a second of one core. What
+  /// OWASP's password storage cheat sheet asks for.
+  static constexpr int kCost = 17;
+
+ private:
+  struct State;
+  explicit UserStore(std::unique_ptr<State> state);
+  std::unique_ptr<State> state_;
+};
+
+}  // namespace kiroku::viewer

@@ -1,0 +1,80 @@
+#include "viewer/server/viewer.h"
+
+#include <condition_variable>
+#include <mutex>
+#include <thread>
+
+#include "base/error.h"
+#include "viewer/server/api.h"
+#include "viewer/server/sign_in_link.h"
+
+namespace kiroku::viewer {
+namespace {
+
+constexpr std::chrono::seconds kSweepEvery{5};
+
+/// Sessions that expire are ended soon, so that their keys leave memory though nobody asks again.
+class Sweeper {
+ public:
+  explicit Sweeper(SessionStore& sessions) : thread_([this, &sessions] { run(sessions); }) {}
+  ~Sweeper() {
+    {
+      const std::lock_guard guard(mutex_);
+      stop_ = true;
+    }
+    wake_.notify_one();
+    thread_.join();
+  }
+  Sweeper(const Sweeper&) = delete;
+  Sweeper& operator=(const Sweeper&) = delete;
+
+ private:
+  void run(SessionStore& sessions) {
+    std::unique_lock lock(mutex_);
+    while (!wake_.wait_for(lock, kSweepEvery, [this] { return stop_; })) sessions.sweep();
+  }
+  std::mutex mutex_;
+  std::condition_variable wake_;
+  bool stop_ = false;
+  std::thread thread_;
+};
+
+}  // namespace
+
+struct Viewer::State {
+  explicit State(ViewerOptions options)
+      : context(std::move(options.home), options.sessions, options.tell),
+        page(options.page ? StaticFiles::load(*options.page) : StaticFiles()),
+        dispatcher(router, context.sessions(), page, options.tell),
+        sweeper(context.sessions()) {
+    if (!is_loopback(options.web.listen) && context.users().list().empty()) {
+      throw UsageError("nobody could sign in, so " + options.web.listen +
+                       " is not opened to the network: add a user with 'kiroku user add NAME', or listen on "
+                       "127.0.0.1");
+    }
+    add_session_routes(router, context, link);
+    add_case_routes(router, context);
+    add_room_routes(router, context);
+    server.emplace(std::move(options.web), dispatcher);
+  }
+
+  ViewerContext context;
+  SignInLink link;
+  Router router;
+  StaticFiles page;
+  Dispatcher dispatcher;
+  Sweeper sweeper;
+  std::optional<WebServer> server;  // last: gone before what it calls
+};
+
+Viewer::Viewer(ViewerOptions options) : state_(std::make_unique<State>(std::move(options))) {}
+Viewer::~Viewer() = default;
+
+std::string Viewer::url() const { return state_->server->url(); }
+std::uint16_t Viewer::port() const { return state_->server->port(); }
+
+std::string Viewer::sign_in_url(const std::string& user) {
+  return url() + "#sign-in=" + state_->link.make(user, Role::kAdministrator);
+}
+
+}  // namespace kiroku::viewer

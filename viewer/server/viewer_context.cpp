@@ -1,0 +1,51 @@
+#include "viewer/server/viewer_context.h"
+
+#include "archive/file_system.h"
+#include "base/error.h"
+
+namespace kiroku::viewer {
+
+ViewerContext::ViewerContext(ViewerHome home, SessionLimits session_limits, Tell tell)
+    : home_(std::move(home)),
+      tell_(std::move(tell)),
+      sessions_(session_limits),
+      users_(UserStore::open(home_.users_file)),
+      log_(archive::ApplianceLog::open(archive::real_file_system(), home_.log_folder, *home_.device_key,
+                                       home_.device.name())) {}
+
+std::filesystem::path ViewerContext::case_folder(const Request& request) const {
+  const std::string& id = request.parameter("case");
+  std::filesystem::path folder = home_.archive / id;
+  std::error_code failed;
+  if (!std::filesystem::is_directory(std::filesystem::symlink_status(folder, failed))) {
+    throw Refusal(404, "there is no case " + id);
+  }
+  return folder;
+}
+
+archive::CaseReader ViewerContext::open_case(const Request& request) const {
+  return archive::CaseReader::open(case_folder(request));
+}
+
+Session::Identities ViewerContext::require_unlocked(const Request& request) {
+  Session::Identities identities = request.session->identities();
+  if (identities == nullptr) throw Refusal(423, "recordings are locked: unlock them with an identity first");
+  return identities;
+}
+
+void ViewerContext::enter_access(const Request& request, const std::string& case_id,
+                                 const std::string& what) {
+  try {
+    log_->access(case_id, what, request.session->user() + " (kiroku view, " + request.peer + ")");
+  } catch (const Error& error) {
+    tell_(std::string("the appliance log cannot be written, so nothing is shown: ") + error.what());
+    throw Refusal(500, "the appliance log cannot be written, so nothing is shown");
+  }
+}
+
+void ViewerContext::enter_access_once(const Request& request, const std::string& case_id,
+                                      const std::string& what) {
+  request.session->once(case_id + " " + what, [&] { enter_access(request, case_id, what); });
+}
+
+}  // namespace kiroku::viewer

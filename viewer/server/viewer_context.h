@@ -1,0 +1,68 @@
+// What the handlers of the API share: where things lie, who has signed in, and the appliance log. All members
+// are thread-safe; lives as long as the server.
+#pragma once
+
+#include <filesystem>
+#include <functional>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "archive/appliance_log.h"
+#include "archive/case_reader.h"
+#include "crypto/signed_note.h"
+#include "timestamp/token_verifier.h"
+#include "viewer/server/attempt_guard.h"
+#include "viewer/server/request.h"
+#include "viewer/server/session.h"
+#include "viewer/server/user_store.h"
+
+namespace kiroku::viewer {
+
+/// Where everything lies that is shown, and by what it is judged. What is pointed to outlives the viewer.
+struct ViewerHome {
+  std::filesystem::path archive, catalogue_file, log_folder, users_file, control_socket;
+  const crypto::SigningKey* device_key = nullptr;  // signs the appliance log
+  crypto::VerifierKey device;
+  const timestamp::TrustStore* trust = nullptr;
+  /// What opens recordings for whoever may watch, from signing in on; null: everybody brings their own.
+  Session::Identities identities;
+};
+
+class ViewerContext {
+ public:
+  using Tell = std::function<void(const std::string& sentence)>;
+  /// Opens the users and the appliance log; throws kiroku::Error where they cannot be.
+  ViewerContext(ViewerHome home, SessionLimits session_limits, Tell tell);
+
+  [[nodiscard]] const ViewerHome& home() const { return home_; }
+  [[nodiscard]] SessionStore& sessions() { return sessions_; }
+  [[nodiscard]] UserStore& users() { return *users_; }
+  [[nodiscard]] AttemptGuard& attempts() { return attempts_; }
+  /// A sentence for the server's own log.
+  void tell(const std::string& sentence) const { tell_(sentence); }
+
+  /// The folder of the request's {case:case}; Refusal 404 where the archive has none.
+  [[nodiscard]] std::filesystem::path case_folder(const Request& request) const;
+  [[nodiscard]] archive::CaseReader open_case(const Request& request) const;
+  /// What opens recordings for this session; Refusal 423 where it is locked.
+  [[nodiscard]] static Session::Identities require_unlocked(const Request& request);
+
+  /// An `access` entry of the appliance log: "watched endoscope". Durable when this returns; a Refusal (500)
+  /// if that cannot be, so that nothing leaves unseen. Call it before the first byte does.
+  void enter_access(const Request& request, const std::string& case_id, const std::string& what);
+  /// The same, once a session for the same case and deed: watching asks for many pieces.
+  void enter_access_once(const Request& request, const std::string& case_id, const std::string& what);
+  /// The `case` of what concerns all cases: unlocking.
+  static constexpr const char* kEveryCase = "*";
+
+ private:
+  ViewerHome home_;
+  Tell tell_;
+  SessionStore sessions_;
+  AttemptGuard attempts_;
+  std::unique_ptr<UserStore> users_;
+  std::unique_ptr<archive::ApplianceLog> log_;
+};
+
+}  // namespace kiroku::viewer

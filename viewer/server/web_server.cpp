@@ -1,0 +1,453 @@
+#include "viewer/server/web_server.h"
+
+#include <algorithm>
+#include <array>
+#include <charconv>
+#include <map>
+#include <mutex>
+#include <thread>
+#include <unistd.h>
+#include <utility>  // Boost 1.74 forgets it before its awaitable
+#include <vector>
+
+#include <boost/asio.hpp>
+#include <boost/asio/ssl.hpp>
+#include <boost/beast/core.hpp>
+#include <boost/beast/http.hpp>
+#include <boost/beast/ssl.hpp>
+
+#include "base/error.h"
+
+namespace kiroku::viewer {
+namespace {
+
+namespace asio = boost::asio;
+namespace beast = boost::beast;
+namespace http = beast::http;
+using asio::ip::tcp;
+using boost::system::error_code;
+using Stream = beast::ssl_stream<beast::tcp_stream>;
+
+constexpr std::size_t kIoThreads = 2;
+constexpr std::size_t kFewestWorkers = 8;
+/// What a client must take within the write limit.
+constexpr std::size_t kWriteUnit = 256U << 10;
+/// No route takes more.
+constexpr std::uint64_t kLargestBody = 16U << 20;
+constexpr std::chrono::milliseconds kAcceptPause{100};
+constexpr std::chrono::seconds kFarewell{2};
+
+/// Passwords and identities go through these.
+template <typename T>
+struct ZeroisingAllocator {
+  using value_type = T;
+  ZeroisingAllocator() = default;
+  template <typename U>
+  explicit ZeroisingAllocator(const ZeroisingAllocator<U>& /*other*/) {}
+  T* allocate(std::size_t count) { return std::allocator<T>().allocate(count); }
+  void deallocate(T* memory, std::size_t count) {
+    crypto::zeroise(std::as_writable_bytes(std::span(memory, count)));
+    std::allocator<T>().deallocate(memory, count);
+  }
+  bool operator==(const ZeroisingAllocator& /*other*/) const { return true; }
+};
+using Buffer = beast::basic_flat_buffer<ZeroisingAllocator<char>>;
+using Body = http::basic_string_body<char, std::char_traits<char>, ZeroisingAllocator<char>>;
+using Parser = http::request_parser<Body>;
+
+tcp::endpoint parse_endpoint(const std::string& listen) {
+  const std::size_t colon = listen.rfind(':');
+  std::string host = listen.substr(0, colon);
+  if (host.size() > 2 && host.front() == '[' && host.back() == ']') host = host.substr(1, host.size() - 2);
+  error_code error;
+  const auto address = asio::ip::make_address(host, error);
+  std::uint16_t port = 0;
+  const char* const end = listen.data() + listen.size();
+  const char* const digits = colon == std::string::npos ? end : listen.data() + colon + 1;
+  const auto [stop, failure] = std::from_chars(digits, end, port);
+  if (error || failure != std::errc() || stop != end) {
+    throw UsageError("'" + listen + "' is no address to listen on: write it as 127.0.0.1:8443 or [::1]:8443");
+  }
+  return {address, port};
+}
+
+/// How many connections there are, and of whom.
+class ConnectionCount {
+ public:
+  explicit ConnectionCount(const WebServerLimits& limits) : limits_(limits) {}
+  bool enter(const std::string& who) {
+    const std::lock_guard guard(mutex_);
+    if (all_ >= limits_.connections || of_address_[who] >= limits_.connections_of_address) return false;
+    ++all_;
+    ++of_address_[who];
+    return true;
+  }
+  void leave(const std::string& who) {
+    const std::lock_guard guard(mutex_);
+    --all_;
+    const auto found = of_address_.find(who);
+    if (--found->second == 0) of_address_.erase(found);
+  }
+
+ private:
+  const WebServerLimits& limits_;
+  std::mutex mutex_;
+  std::size_t all_ = 0;
+  std::map<std::string, std::size_t> of_address_;
+};
+
+/// One more connection, until it is destroyed.
+class ConnectionPlace {
+ public:
+  ConnectionPlace(ConnectionCount& count, std::string who) : count_(count), who_(std::move(who)) {}
+  ~ConnectionPlace() { count_.leave(who_); }
+  ConnectionPlace(const ConnectionPlace&) = delete;
+  ConnectionPlace& operator=(const ConnectionPlace&) = delete;
+
+ private:
+  ConnectionCount& count_;
+  std::string who_;
+};
+
+/// Whose connection it is for the limit: one customer of IPv6 has a /64 to choose addresses from.
+std::string holder_of(const asio::ip::address& address) {
+  if (address.is_v4()) return address.to_string();
+  auto bytes = address.to_v6().to_bytes();
+  if (!address.to_v6().is_v4_mapped()) std::fill(bytes.begin() + 8, bytes.end(), std::uint8_t{0});
+  return asio::ip::address_v6(bytes).to_string();
+}
+
+std::string lower_case(beast::string_view text) {
+  std::string out(text.data(), text.size());
+  std::ranges::transform(out, out.begin(),
+                         [](char c) { return c >= 'A' && c <= 'Z' ? static_cast<char>(c - 'A' + 'a') : c; });
+  return out;
+}
+
+RequestHead head_of(const Parser& parser, const std::string& peer) {
+  const auto& message = parser.get();
+  RequestHead head;
+  head.method = std::string(message.method_string());
+  head.target = std::string(message.target());
+  head.peer = peer;
+  for (const auto& field : message) {
+    auto [at, is_new] = head.headers.try_emplace(lower_case(field.name_string()), field.value());
+    if (!is_new) at->second += (at->first == "cookie" ? "; " : ", ") + std::string(field.value());
+  }
+  return head;
+}
+
+/// Status line and fields. A value with a line break in it would be a second header: std::invalid_argument.
+std::string head_text(const Response& response, std::optional<std::uint64_t> size, bool keep_alive) {
+  std::string out = "HTTP/1.1 " + std::to_string(response.status) + " " +
+                    std::string(http::obsolete_reason(http::int_to_status(unsigned(response.status)))) +
+                    "\r\n";
+  const auto add = [&out](std::string_view name, std::string_view value) {
+    if (value.find_first_of(std::string_view("\r\n\0", 3)) != std::string_view::npos) {
+      throw std::invalid_argument("a line break in the header " + std::string(name));
+    }
+    out.append(name).append(": ").append(value).append("\r\n");
+  };
+  if (!response.type.empty()) add("Content-Type", response.type);
+  if (!response.cache.empty()) add("Cache-Control", response.cache);
+  if (!response.entity_tag.empty()) add("ETag", response.entity_tag);
+  for (const auto& [name, value] : response.headers) add(name, value);
+  if (response.status != 204 && response.status != 304) {
+    if (size) {
+      add("Content-Length", std::to_string(*size));
+    } else {
+      add("Transfer-Encoding", "chunked");
+    }
+  }
+  add("Connection", keep_alive ? "keep-alive" : "close");
+  return out + "\r\n";
+}
+
+/// A body in units, as the client takes them.
+class BodyReader {
+ public:
+  explicit BodyReader(const Response& response) : body_(response.body) {}
+
+  [[nodiscard]] std::optional<std::uint64_t> size() const {
+    if (const auto* text = std::get_if<std::string>(&body_)) return text->size();
+    if (const auto* bytes = std::get_if<BytesBody>(&body_)) return bytes->size;
+    if (const auto* file = std::get_if<FileBody>(&body_)) return file->size;
+    return {};
+  }
+  /// Whether next() computes or reads files: then it is called where that may block.
+  [[nodiscard]] bool may_block() const {
+    return std::holds_alternative<FileBody>(body_) || std::holds_alternative<StreamBody>(body_);
+  }
+  /// What comes next, valid until the next call; empty at the end.
+  ByteView next() {
+    if (const auto* stream = std::get_if<StreamBody>(&body_)) {
+      buffer_.clear();
+      while (buffer_.empty()) {
+        if (!(*stream)(buffer_)) return {};
+      }
+      return buffer_;
+    }
+    const std::uint64_t left = *size() - done_;
+    const auto count = static_cast<std::size_t>(std::min<std::uint64_t>(left, kWriteUnit));
+    ByteView out;
+    if (const auto* text = std::get_if<std::string>(&body_)) {
+      out = bytes_of(std::string_view(*text).substr(done_, count));
+    } else if (const auto* bytes = std::get_if<BytesBody>(&body_)) {
+      out = ByteView(*bytes->bytes).subspan(static_cast<std::size_t>(bytes->offset + done_), count);
+    } else {
+      out = read_file(std::get<FileBody>(body_), count);
+    }
+    done_ += count;
+    return out;
+  }
+
+ private:
+  ByteView read_file(const FileBody& file, std::size_t count) {
+    buffer_.resize(count);
+    std::size_t got = 0;
+    while (got < count) {
+      const ssize_t read = ::pread(file.file->number(), buffer_.data() + got, count - got,
+                                   static_cast<off_t>(file.offset + done_ + got));
+      if (read <= 0) throw Error("a file became shorter while it was sent");
+      got += static_cast<std::size_t>(read);
+    }
+    return buffer_;
+  }
+
+  const std::variant<std::string, BytesBody, FileBody, StreamBody>& body_;
+  std::size_t done_ = 0;
+  Bytes buffer_;
+};
+
+}  // namespace
+
+struct WebServer::State {
+  State(WebServerOptions asked, const Dispatcher& answers)
+      : options(std::move(asked)),
+        dispatcher(answers),
+        count(options.limits),
+        workers(std::max<std::size_t>(kFewestWorkers, 2U * std::thread::hardware_concurrency())),
+        acceptor(asio::make_strand(context)) {
+    prepare_tls();
+    listen();
+    asio::co_spawn(acceptor.get_executor(), accept(), asio::detached);
+    for (std::size_t i = 0; i < kIoThreads; ++i) {
+      threads.emplace_back([this] { run(); });
+    }
+  }
+  ~State() {
+    context.stop();
+    for (std::thread& thread : threads) thread.join();
+    workers.join();
+  }
+  State(const State&) = delete;
+  State& operator=(const State&) = delete;
+
+  void run() {
+    while (true) {
+      try {
+        context.run();
+        return;
+      } catch (const std::exception&) {
+        // A connection that fails (out of memory) ends by itself, never the others.
+        continue;
+      }
+    }
+  }
+
+  void prepare_tls() {
+    try {
+      tls.use_certificate_chain(asio::buffer(options.certificate_pem));
+      tls.use_private_key(asio::buffer(options.key_pem.bytes().data(), options.key_pem.size()),
+                          asio::ssl::context::pem);
+    } catch (const boost::system::system_error& error) {
+      throw UsageError("cannot use the certificate or its key: " + error.code().message() +
+                       "; both must be PEM, belong together, and the key have no passphrase");
+    }
+    SSL_CTX* const native = tls.native_handle();
+    SSL_CTX_set_min_proto_version(native, TLS1_2_VERSION);
+    SSL_CTX_set_cipher_list(native, "ECDHE+AESGCM:ECDHE+CHACHA20");
+    SSL_CTX_set_options(native, SSL_OP_NO_RENEGOTIATION | SSL_OP_NO_COMPRESSION |
+                                    SSL_OP_CIPHER_SERVER_PREFERENCE | SSL_OP_NO_TICKET);
+    SSL_CTX_set_session_cache_mode(native, SSL_SESS_CACHE_OFF);
+    SSL_CTX_set_mode(native, SSL_MODE_RELEASE_BUFFERS);
+  }
+
+  void listen() {
+    const tcp::endpoint endpoint = parse_endpoint(options.listen);
+    error_code error;
+    acceptor.open(endpoint.protocol(), error);
+    if (!error) acceptor.set_option(asio::socket_base::reuse_address(true), error);
+    if (!error) acceptor.bind(endpoint, error);
+    if (!error) acceptor.listen(asio::socket_base::max_listen_connections, error);
+    if (error) {
+      throw Error("cannot listen on " + options.listen + ": " + error.message() +
+                  "; name another address with --listen");
+    }
+    local = acceptor.local_endpoint();
+  }
+
+  asio::awaitable<void> accept() {
+    asio::steady_timer pause(acceptor.get_executor());
+    for (;;) {
+      error_code failed;
+      tcp::socket socket = co_await acceptor.async_accept(asio::make_strand(context),
+                                                          asio::redirect_error(asio::use_awaitable, failed));
+      if (failed) {
+        // Out of descriptors, say: asking again at once would spin.
+        pause.expires_after(kAcceptPause);
+        co_await pause.async_wait(asio::redirect_error(asio::use_awaitable, failed));
+        continue;
+      }
+      const tcp::endpoint peer = socket.remote_endpoint(failed);
+      // A connection too many is let go at once; it may come again.
+      if (failed || !count.enter(holder_of(peer.address()))) continue;
+      auto place = std::make_unique<ConnectionPlace>(count, holder_of(peer.address()));
+      socket.set_option(tcp::no_delay(true), failed);
+      const auto executor = socket.get_executor();
+      asio::co_spawn(executor,
+                     serve(Stream(beast::tcp_stream(std::move(socket)), tls), peer.address().to_string(),
+                           std::move(place)),
+                     asio::detached);
+    }
+  }
+
+  static void allow(Stream& stream, std::chrono::milliseconds limit) {
+    beast::get_lowest_layer(stream).expires_after(limit);
+  }
+
+  asio::awaitable<void> serve(Stream stream, std::string peer, std::unique_ptr<ConnectionPlace> place) {
+    error_code failed;
+    allow(stream, options.limits.handshake);
+    co_await stream.async_handshake(asio::ssl::stream_base::server,
+                                    asio::redirect_error(asio::use_awaitable, failed));
+    if (failed) co_return;
+    Buffer buffer;
+    while (co_await serve_one(stream, buffer, peer)) {
+    }
+    allow(stream, kFarewell);
+    co_await stream.async_shutdown(asio::redirect_error(asio::use_awaitable, failed));
+    place.reset();
+  }
+
+  /// One request and its answer; false when the connection is over.
+  asio::awaitable<bool> serve_one(Stream& stream, Buffer& buffer, const std::string& peer) {
+    error_code failed;
+    Parser parser;
+    parser.header_limit(options.limits.header_bytes);
+    parser.body_limit(kLargestBody);
+    allow(stream, options.limits.header);
+    co_await http::async_read_header(stream, buffer, parser,
+                                     asio::redirect_error(asio::use_awaitable, failed));
+    if (failed == http::error::header_limit) {
+      co_await send(stream, Dispatcher::refuse(431, "the header is too large"), false, false);
+      co_return false;
+    }
+    if (failed == http::error::body_limit) {
+      co_await send(stream, Dispatcher::refuse(413, "the body is too large"), false, false);
+      co_return false;
+    }
+    if (failed) {
+      const bool is_no_http = failed.category() == make_error_code(http::error::bad_method).category() &&
+                              failed != http::error::end_of_stream && failed != http::error::partial_message;
+      if (is_no_http) co_await send(stream, Dispatcher::refuse(400, "this is not HTTP"), false, false);
+      co_return false;
+    }
+    const bool is_head = parser.get().method() == http::verb::head;
+    const bool keep_alive = parser.get().keep_alive();
+    const bool has_body = parser.chunked() || parser.content_length().value_or(0) > 0;
+    Dispatcher::Admission admission = dispatcher.admit(head_of(parser, peer));
+    if (admission.refusal) {
+      const bool stay = keep_alive && !has_body;
+      co_return co_await send(stream, *admission.refusal, is_head, stay) && stay;
+    }
+    if (parser.content_length().value_or(0) > admission.body_limit) {
+      co_await send(stream, Dispatcher::refuse(413, "the body is too large"), is_head, false);
+      co_return false;
+    }
+    parser.body_limit(admission.body_limit);
+    allow(stream, options.limits.body);
+    if (has_body && beast::iequals(parser.get()[http::field::expect], "100-continue")) {
+      co_await asio::async_write(stream, asio::buffer(std::string_view("HTTP/1.1 100 Continue\r\n\r\n")),
+                                 asio::redirect_error(asio::use_awaitable, failed));
+      if (failed) co_return false;
+    }
+    co_await http::async_read(stream, buffer, parser, asio::redirect_error(asio::use_awaitable, failed));
+    if (failed == http::error::body_limit) {
+      co_await send(stream, Dispatcher::refuse(413, "the body is too large"), is_head, false);
+      co_return false;
+    }
+    if (failed) co_return false;
+    const auto& body = parser.get().body();
+    admission.request.body.assign(body.data(), body.size());
+    beast::get_lowest_layer(stream).expires_never();
+    const Response response = co_await on_worker([&] { return dispatcher.answer(admission); });
+    co_return co_await send(stream, response, is_head, keep_alive) && keep_alive;
+  }
+
+  /// Runs what may block on another thread than those of the connections.
+  template <typename Work>
+  asio::awaitable<std::invoke_result_t<Work&>> on_worker(Work work) {
+    const auto task = [&work]() -> asio::awaitable<std::invoke_result_t<Work&>> { co_return work(); };
+    co_return co_await asio::co_spawn(workers.get_executor(), task, asio::use_awaitable);
+  }
+
+  /// False if it could not be sent whole: then the connection must end.
+  asio::awaitable<bool> send(Stream& stream, const Response& response, bool is_head, bool keep_alive) {
+    BodyReader reader(response);
+    const std::optional<std::uint64_t> size = reader.size();
+    std::string before = head_text(response, size, keep_alive);
+    bool is_last = is_head || response.status == 204 || response.status == 304;
+    error_code failed;
+    do {
+      ByteView unit;
+      if (!is_last) {
+        if (reader.may_block()) {
+          unit = co_await on_worker([&] { return reader.next(); });
+        } else {
+          unit = reader.next();
+        }
+        is_last = unit.empty();
+      }
+      std::string_view after;
+      if (!size && !is_head) {
+        std::array<char, 16> hex{};
+        const auto [end, error] = std::to_chars(hex.begin(), hex.end(), unit.size(), 16);
+        before.append(hex.begin(), end).append("\r\n");
+        after = "\r\n";
+      }
+      const std::array<asio::const_buffer, 3> parts{
+          asio::buffer(before), asio::buffer(unit.data(), unit.size()), asio::buffer(after)};
+      allow(stream, options.limits.write);
+      co_await asio::async_write(stream, parts, asio::redirect_error(asio::use_awaitable, failed));
+      before.clear();
+    } while (!failed && !is_last);
+    co_return !failed;
+  }
+
+  const WebServerOptions options;
+  const Dispatcher& dispatcher;
+  ConnectionCount count;
+  asio::thread_pool workers;
+  asio::ssl::context tls{asio::ssl::context::tls_server};
+  asio::io_context context;
+  tcp::acceptor acceptor;
+  tcp::endpoint local;
+  std::vector<std::thread> threads;
+};
+
+WebServer::WebServer(WebServerOptions options, const Dispatcher& dispatcher)
+    : state_(std::make_unique<State>(std::move(options), dispatcher)) {}
+WebServer::~WebServer() = default;
+
+std::uint16_t WebServer::port() const { return state_->local.port(); }
+
+std::string WebServer::url() const {
+  const auto address = state_->local.address();
+  const std::string host = address.is_v6() ? "[" + address.to_string() + "]" : address.to_string();
+  return "https://" + host + ":" + std::to_string(port()) + "/";
+}
+
+bool is_loopback(const std::string& listen) { return parse_endpoint(listen).address().is_loopback(); }
+
+}  // namespace kiroku::viewer

@@ -1,0 +1,59 @@
+// HTTP/1.1 over TLS (RFC 9112, RFC 8446): connections, their limits, and nothing of what is asked over them.
+#pragma once
+
+#include <chrono>
+#include <cstddef>
+#include <cstdint>
+#include <filesystem>
+#include <functional>
+#include <memory>
+#include <string>
+
+#include "crypto/secret.h"
+#include "viewer/server/dispatcher.h"
+
+namespace kiroku::viewer {
+
+struct WebServerLimits {
+  std::size_t connections = 1000;
+  std::size_t connections_of_address = 200;
+  std::uint32_t header_bytes = 16U << 10;
+  std::chrono::milliseconds handshake{10'000};
+  /// From the first byte one waits for to the end of the header, also on a connection kept open.
+  std::chrono::milliseconds header{20'000};
+  std::chrono::milliseconds body{30'000};
+  /// For each 256 KiB of an answer to be taken.
+  std::chrono::milliseconds write{30'000};
+};
+
+struct WebServerOptions {
+  std::string listen = "127.0.0.1:8443";  // "address:port", "[::1]:8443"; port 0: any free one
+  std::string certificate_pem;            // the server's, then those up to its authority
+  crypto::Secret key_pem;
+  WebServerLimits limits;
+};
+
+/// Listens from construction to destruction on threads of its own; answers are made on others, since they may
+/// block. TLS 1.2 and 1.3 only.
+class WebServer {
+ public:
+  /// `dispatcher` must outlive it. Throws kiroku::UsageError for an address, certificate or key that cannot
+  /// be used, kiroku::Error if it cannot listen there.
+  WebServer(WebServerOptions options, const Dispatcher& dispatcher);
+  /// Waits for answers being made; connections are cut.
+  ~WebServer();
+  WebServer(const WebServer&) = delete;
+  WebServer& operator=(const WebServer&) = delete;
+  [[nodiscard]] std::uint16_t port() const;
+  [[nodiscard]] std::string url() const;  // "https://127.0.0.1:8443/"
+
+ private:
+  struct State;
+  std::unique_ptr<State> state_;
+};
+
+/// Whether "address:port" is reached from this machine alone. Throws kiroku::UsageError for what is no
+/// address.
+bool is_loopback(const std::string& listen);
+
+}  // namespace kiroku::viewer
