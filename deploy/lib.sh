@@ -5,13 +5,22 @@ root=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)
 say() { printf '\n\033[1m== %s\033[0m\n' "$*"; }
 die() { printf '%s: %s\n' "$(basename "$0")" "$*" >&2; exit 1; }
 
+# is_there PACKAGE: whether a package is installed, or what it is for came another way: node and npm are often newer than Debian's, and would clash.
+is_there() {
+  [[ $(dpkg-query -W -f '${db:Status-Abbrev}' "$1" 2>/dev/null) == "ii "* ]] && return
+  case $1 in
+    nodejs | npm) command -v npm >/dev/null && [[ $(node --version 2>/dev/null) =~ ^v([0-9]+) ]] && ((BASH_REMATCH[1] >= 18)) ;;
+    *) false ;;
+  esac
+}
+
 # install_missing GROUP...: installs the packages of deploy/dependencies that are not there yet, and says which.
 install_missing() {
   command -v dpkg-query >/dev/null || die "this is not a Debian system; install what deploy/dependencies lists by hand, then run cmake --preset release"
   local groups=" $* " group package missing=()
   while read -r group package; do
     [[ -z $group || $group == \#* || $groups != *" $group "* ]] && continue
-    [[ $(dpkg-query -W -f '${db:Status-Abbrev}' "$package" 2>/dev/null) == "ii "* ]] || missing+=("$package")
+    is_there "$package" || missing+=("$package")
   done <"$root/deploy/dependencies"
   if ((${#missing[@]} == 0)); then
     echo "Nothing to install: every package is there."

@@ -1,0 +1,59 @@
+import { describe, expect, it } from 'vitest';
+import type { Finding, Severity, Timeline, VerificationReport } from '@/api/types';
+import { readFileSync } from 'node:fs';
+import { byGravity, chainOf, linkOf, momentOf } from '@/verification/chain';
+
+const finding = (code: string, severity: Severity, more: Partial<Finding> = {}): Finding => ({ code, severity, file: null, entry: null, offset: null, text: code, ...more });
+const report = (findings: Finding[], more: Partial<VerificationReport> = {}): VerificationReport => ({
+  state: 'done', verdict: 'intact', time: 'external', device: '', opened: null, closed: null, entries: 9, files: 9, bytes: 9, checkpoints: 2, tokens: 2,
+  streams: [], brackets: [], findings, ...more,
+});
+const states = (one: VerificationReport) => Object.fromEntries(chainOf(one).map((link) => [link.name, link.state]));
+
+describe('The chain of proof', () => {
+  it('holds where nothing was found', () => {
+    expect(states(report([]))).toEqual({ segments: 'holds', ledger: 'holds', checkpoints: 'holds', tokens: 'holds', authority: 'holds' });
+  });
+  it('breaks where the finding is, and nowhere else', () => {
+    expect(states(report([finding('file-hash-differs', 'tampered', { file: 'segments/endoscope/00000003.ts.age' })])))
+      .toEqual({ segments: 'broken', ledger: 'holds', checkpoints: 'holds', tokens: 'holds', authority: 'holds' });
+    expect(states(report([finding('ledger-changed', 'tampered')]))).toMatchObject({ ledger: 'broken', segments: 'holds' });
+    expect(states(report([finding('checkpoint-signature-invalid', 'tampered')]))).toMatchObject({ checkpoints: 'broken' });
+  });
+  it('says what cannot be shown', () => {
+    expect(states(report([], { tokens: 0, time: 'none' }))).toMatchObject({ tokens: 'open', authority: 'open' });
+    expect(states(report([finding('no-trusted-authority', 'unproven')]))).toMatchObject({ authority: 'open', tokens: 'holds' });
+    expect(states(report([finding('gap', 'gap'), finding('clock-stepped', 'note')]))).toMatchObject({ segments: 'partly', ledger: 'holds' });
+  });
+  it('takes the gravest of a link', () => {
+    expect(states(report([finding('gap', 'gap'), finding('segment-hole', 'tampered')]))).toMatchObject({ segments: 'broken' });
+  });
+  it('puts a damaged file to the link it belongs to', () => {
+    expect(linkOf(finding('file-hash-differs', 'tampered', { file: 'tokens/00000042.embedded.tsr' }))).toBe('tokens');
+    expect(linkOf(finding('file-missing', 'tampered', { file: 'checkpoints/00000042.note' }))).toBe('checkpoints');
+    expect(linkOf(finding('file-unreadable', 'unproven', { file: 'ledger.jsonl' }))).toBe('ledger');
+  });
+  it('puts every finding of the format somewhere on purpose', () => {
+    const format = process.env['KIROKU_SOURCE_DIR'];
+    if (!format) throw new Error('KIROKU_SOURCE_DIR names the checkout');
+    const codes = [...readFileSync(`${format}/docs/format.md`, 'utf8').matchAll(/^\| `([a-z-]+)` \| (?:tampered|incomplete|unproven|gap|note) \|/gm)].map((one) => one[1]!);
+    expect(codes.length).toBeGreaterThan(70);
+    const ofLedger = codes.filter((code) => linkOf(finding(code, 'note')) === 'ledger');
+    // What is left to the ledger is about its lines, the appliance log, excerpts and the list itself.
+    expect(ofLedger.filter((code) => !/^(entry|open|ledger|log|excerpt|case|device-invalid|clock|utc|not-closed|recovered|folder|more)/.test(code))).toEqual([]);
+  });
+});
+
+describe('Findings', () => {
+  it('stand with the gravest first, else as they were found', () => {
+    const list = [finding('a', 'note'), finding('b', 'tampered'), finding('c', 'gap'), finding('d', 'tampered')];
+    expect(byGravity(list).map((one) => one.code)).toEqual(['b', 'd', 'c', 'a']);
+  });
+  it('lead to their moment', () => {
+    const timeline: Timeline = { segments: [{ stream: 'room', index: 3, start_ns: 6e9, end_ns: 8e9, complete: true }], gaps: [], tokens: [], checkpoints: [], brackets: [] };
+    expect(momentOf(finding('gap', 'gap', { time_ns: 0 }), timeline)).toBe(0);
+    expect(momentOf(finding('file-hash-differs', 'tampered', { file: 'segments/room/00000003.ts.age', time_ns: null }), timeline)).toBe(6e9);
+    expect(momentOf(finding('file-hash-differs', 'tampered', { file: 'segments/room/00000004.ts.age' }), timeline)).toBeUndefined();
+    expect(momentOf(finding('no-token', 'unproven'), timeline)).toBeUndefined();
+  });
+});

@@ -1,0 +1,117 @@
+// The API as functions. Every failure is an ApiError with the server's own sentence.
+import type {
+  ApplianceStatus, CaseInfo, CaseSummary, Role, Session, Timeline, User, Verification, Vitals,
+} from '@/api/types';
+
+export class ApiError extends Error {
+  constructor(
+    readonly status: number,
+    sentence: string,
+  ) {
+    super(sentence);
+  }
+}
+
+let onSignedOut: () => void = () => {};
+/** Called whenever the server no longer knows the session. */
+export function whenSignedOut(action: () => void): void {
+  onSignedOut = action;
+}
+
+async function failure(response: Response): Promise<ApiError> {
+  const text = await response.text();
+  try {
+    const body = JSON.parse(text) as { error?: unknown };
+    if (typeof body.error === 'string') return new ApiError(response.status, body.error);
+  } catch {
+    // A proxy in between answers in its own words.
+  }
+  return new ApiError(response.status, `${response.status} ${response.statusText}`);
+}
+
+async function ask(method: string, path: string, body?: unknown, signal?: AbortSignal): Promise<Response> {
+  const options: RequestInit = { method, credentials: 'same-origin', cache: 'no-store', signal: signal ?? null };
+  if (method !== 'GET') {
+    options.headers = { 'Content-Type': 'application/json', 'X-Kiroku-Request': '1' };
+    options.body = JSON.stringify(body ?? {});
+  }
+  const response = await fetch(`/api/${path}`, options);
+  if (response.ok) return response;
+  const error = await failure(response);
+  if (response.status === 401 && path !== 'session') onSignedOut();
+  throw error;
+}
+
+async function json<T>(method: string, path: string, body?: unknown, signal?: AbortSignal): Promise<T> {
+  const response = await ask(method, path, body, signal);
+  const text = await response.text();
+  return (text === '' ? undefined : JSON.parse(text)) as T;
+}
+
+async function bytes(path: string, signal?: AbortSignal): Promise<ArrayBuffer> {
+  return (await ask('GET', path, undefined, signal)).arrayBuffer();
+}
+
+const part = encodeURIComponent;
+const caseOf = (id: string) => `cases/${part(id)}`;
+const streamOf = (id: string, stream: string) => `${caseOf(id)}/streams/${part(stream)}`;
+
+export const session = {
+  get: () => json<Session>('GET', 'session'),
+  signIn: (user: string, password: string) => json<Session>('POST', 'session', { user, password }),
+  /** With the address that `kiroku view` printed for a demonstration. */
+  signInByLink: (link: string) => json<Session>('POST', 'session', { link }),
+  signOut: () => json<void>('DELETE', 'session'),
+  unlock: (identity: string, passphrase: string) =>
+    json<void>('POST', 'session/unlock', passphrase === '' ? { identity } : { identity, passphrase }),
+  lock: () => json<void>('DELETE', 'session/unlock'),
+};
+
+export const cases = {
+  list: async (search: string, limit: number, before: string | undefined, signal?: AbortSignal) => {
+    const query = new URLSearchParams({ search, limit: String(limit) });
+    if (before !== undefined) query.set('before', before);
+    return (await json<{ cases: CaseSummary[] }>('GET', `cases?${query}`, undefined, signal)).cases;
+  },
+  get: (id: string) => json<CaseInfo>('GET', caseOf(id)),
+  timeline: (id: string) => json<Timeline>('GET', `${caseOf(id)}/timeline`),
+  vitals: (id: string, from_ns: number, to_ns: number, bins: number, signal?: AbortSignal) =>
+    json<Vitals>('GET', `${caseOf(id)}/vitals?from_ns=${from_ns}&to_ns=${to_ns}&bins=${bins}`, undefined, signal),
+  init: (id: string, stream: string, signal?: AbortSignal) => bytes(`${streamOf(id, stream)}/init.mp4`, signal),
+  piece: (id: string, stream: string, piece: number, signal?: AbortSignal) =>
+    bytes(`${streamOf(id, stream)}/pieces/${piece}.mp4`, signal),
+  thumbnailAddress: (id: string, stream: string, piece: number) => `/api/${streamOf(id, stream)}/thumbnails/${piece}.jpg`,
+  /** The archived frame at `at_ns` (step 0), or the one before or after it. */
+  frame: async (id: string, stream: string, at_ns: number, step: -1 | 0 | 1, signal?: AbortSignal) => {
+    const response = await ask('GET', `${streamOf(id, stream)}/frame.png?at_ns=${at_ns}&step=${step}`, undefined, signal);
+    return { time_ns: Number(response.headers.get('X-Kiroku-Frame-Time-Ns')), picture: await response.blob() };
+  },
+  verify: (id: string) => json<void>('POST', `${caseOf(id)}/verification`),
+  verification: async (id: string): Promise<Verification | undefined> => {
+    try {
+      return await json<Verification>('GET', `${caseOf(id)}/verification`);
+    } catch (error) {
+      if (error instanceof ApiError && error.status === 404) return undefined; // not asked for yet
+      throw error;
+    }
+  },
+  reportAddress: (id: string, language: string) => `/api/${caseOf(id)}/report.pdf?language=${language}`,
+  receiptAddress: (id: string, language: string) => `/api/${caseOf(id)}/receipt.pdf?language=${language}`,
+  exportAddress: (id: string, stream: string, from_ns: number, to_ns: number) =>
+    `/api/${caseOf(id)}/export?stream=${part(stream)}&from_ns=${from_ns}&to_ns=${to_ns}&form=mkv`,
+  excerptAddress: (id: string, from_ns: number, to_ns: number) =>
+    `/api/${caseOf(id)}/excerpt.tar?from_ns=${from_ns}&to_ns=${to_ns}`,
+};
+
+export const appliance = {
+  status: () => json<ApplianceStatus>('GET', 'status'),
+  start: (room: string) => json<void>('POST', `rooms/${part(room)}/start`),
+  stop: (room: string) => json<void>('POST', `rooms/${part(room)}/stop`),
+  mark: (room: string, text: string) => json<void>('POST', `rooms/${part(room)}/mark`, { text }),
+};
+
+export const users = {
+  list: async () => (await json<{ users: User[] }>('GET', 'users')).users,
+  add: (user: string, password: string, role: Role) => json<void>('POST', 'users', { user, password, role }),
+  remove: (user: string) => json<void>('DELETE', `users/${part(user)}`),
+};

@@ -1,0 +1,220 @@
+// What the server answers (docs/viewer.md; /api/openapi.json).
+
+export type Role = 'operator' | 'surgeon' | 'auditor' | 'administrator';
+export type Verdict = 'intact' | 'intact-with-gaps' | 'unproven' | 'incomplete' | 'tampered';
+export type Severity = 'tampered' | 'incomplete' | 'unproven' | 'gap' | 'note';
+export type TimeProof = 'external' | 'self-issued' | 'none';
+
+export interface Session {
+  user: string;
+  role: Role;
+  unlocked: boolean;
+  expires_s: number;
+  language?: string | null;
+}
+
+export interface CaseSummary {
+  id: string;
+  opened: string;
+  duration_ns: number | null;
+  state: string;
+  streams: string[];
+  segments: number;
+  bytes: number;
+  tokens: number;
+  verdict: Verdict | null;
+  verified: string | null;
+}
+
+export interface StreamInfo {
+  name: string;
+  kind: string;
+  media: string;
+  purpose: string;
+  profile: string;
+  start_ns: number | null;
+  end_ns: number | null;
+}
+
+export interface CaseInfo {
+  id: string;
+  opened: string;
+  state: string;
+  duration_ns: number;
+  begins_ns: number;
+  device: string;
+  streams: StreamInfo[];
+  plan: string | null;
+}
+
+export interface Segment {
+  stream: string;
+  index: number;
+  start_ns: number;
+  end_ns: number;
+  complete: boolean;
+}
+
+export interface Gap {
+  stream: string;
+  start_ns: number;
+  end_ns: number;
+  cause: string;
+}
+
+export interface Token {
+  time_ns: number;
+  gen_time: string;
+  authority: string;
+  kind: string;
+  checkpoint: number;
+}
+
+export interface Checkpoint {
+  time_ns: number;
+  size: number;
+}
+
+export interface TimelineBracket {
+  start_ns: number;
+  end_ns: number;
+  not_before: string | null;
+  not_after: string | null;
+  authority_before: string | null;
+  authority_after: string | null;
+}
+
+export interface Mark {
+  time_ns: number;
+  text: string;
+}
+
+export interface Timeline {
+  segments: Segment[];
+  gaps: Gap[];
+  tokens: Token[];
+  checkpoints: Checkpoint[];
+  brackets: TimelineBracket[];
+  marks?: Mark[];
+}
+
+/** start_ns, end_ns, lowest, highest, last */
+export type VitalBin = [number, number, number, number, number];
+
+export interface VitalSeries {
+  code: string;
+  label: string;
+  unit: string;
+  kind: 'numeric' | 'wave';
+  bins: VitalBin[];
+}
+
+export interface Alarm {
+  start_ns: number;
+  end_ns: number;
+  text: string;
+  priority: string;
+}
+
+export interface VitalWords {
+  time_ns: number;
+  code: string;
+  text: string;
+}
+
+export interface Vitals {
+  series: VitalSeries[];
+  alarms: Alarm[];
+  texts: VitalWords[];
+}
+
+export interface Finding {
+  code: string;
+  severity: Severity;
+  file: string | null;
+  entry: number | null;
+  offset: number | null;
+  text: string;
+  time_ns?: number | null;
+}
+
+export interface VerifiedBracket {
+  first_entry: number;
+  last_entry: number;
+  not_before: string | null;
+  not_after: string | null;
+  authority_before: string | null;
+  authority_after: string | null;
+}
+
+export interface VerifiedStream {
+  name: string;
+  kind: string;
+  segments: number;
+  frames: number;
+  dropped: number;
+  bytes: number;
+  gap_ns: number;
+}
+
+export interface VerificationReport {
+  state: 'done';
+  verdict: Verdict;
+  time: TimeProof;
+  device: string;
+  opened: string | null;
+  closed: string | null;
+  entries: number;
+  files: number;
+  bytes: number;
+  checkpoints: number;
+  tokens: number;
+  streams: VerifiedStream[];
+  brackets: VerifiedBracket[];
+  findings: Finding[];
+}
+
+export type Verification = { state: 'running'; done_bytes: number; total_bytes: number } | VerificationReport;
+
+export interface StreamStatus {
+  name: string;
+  live: boolean;
+  frames: number;
+  dropped: number;
+  age_ms: number;
+  durable_age_ms: number;
+}
+
+export interface AuthorityStatus {
+  name: string;
+  failures: number;
+  last_error: string;
+  last_token: string | null;
+  left_alone_ms: number;
+}
+
+export interface RoomStatus {
+  room: string;
+  state: string;
+  case: string;
+  reason: string;
+  elapsed_ns: number;
+  streams: StreamStatus[];
+  tokens: number;
+  missed: number;
+  authorities: AuthorityStatus[];
+  problem: string;
+}
+
+export interface ApplianceStatus {
+  rooms: RoomStatus[];
+  disk: { folder: string; free_bytes: number; total_bytes: number; hours_left: number | null };
+  clock: { synchronised: boolean; offset_ns: number; error_ns: number };
+  uptime_s: number;
+}
+
+export interface User {
+  user: string;
+  role: Role;
+  locked: boolean;
+}

@@ -1,0 +1,51 @@
+// Where the person is: #/cases, #/cases/ID?t=SECONDS, #/cases/ID/verification, #/rooms, #/users.
+import { signal } from '@preact/signals';
+import { kSecond } from '@/base/time';
+
+export type Route =
+  | { view: 'cases' }
+  | { view: 'case'; id: string; at_ns?: number }
+  | { view: 'verification'; id: string }
+  | { view: 'rooms' }
+  | { view: 'users' };
+
+export function parseRoute(hash: string): Route {
+  const [path = '', query = ''] = hash.replace(/^#\/?/, '').split('?');
+  const [first, id, third] = path.split('/').map(decodeURIComponent);
+  if (first === 'rooms') return { view: 'rooms' };
+  if (first === 'users') return { view: 'users' };
+  if (first === 'cases' && id) {
+    if (third === 'verification') return { view: 'verification', id };
+    const at = new URLSearchParams(query).get('t');
+    return at !== null && at !== '' && Number.isFinite(Number(at))
+      ? { view: 'case', id, at_ns: Math.round(Number(at) * kSecond) }
+      : { view: 'case', id };
+  }
+  return { view: 'cases' };
+}
+
+export function hrefOf(route: Route): string {
+  switch (route.view) {
+    case 'case':
+      return `#/cases/${encodeURIComponent(route.id)}${route.at_ns === undefined ? '' : `?t=${route.at_ns / kSecond}`}`;
+    case 'verification':
+      return `#/cases/${encodeURIComponent(route.id)}/verification`;
+    default:
+      return `#/${route.view}`;
+  }
+}
+
+/** The secret of an address that signs in once, #sign-in=SECRET. */
+export function signInLink(hash: string): string | undefined {
+  return /^#sign-in=(.+)$/.exec(hash)?.[1];
+}
+
+export const route = signal<Route>({ view: 'cases' });
+
+export function startRouting(): void {
+  const read = () => {
+    route.value = parseRoute(location.hash);
+  };
+  addEventListener('hashchange', read);
+  read();
+}

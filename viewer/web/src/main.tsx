@@ -1,0 +1,12 @@
+import { render } from 'preact';
+import { startRouting } from '@/base/route';
+import { startLanguage } from '@/i18n/i18n';
+import { App } from '@/shell/app';
+import { startTheme } from '@/shell/state';
+import 'uplot/dist/uPlot.min.css';
+import '@/styles/page.css';
+
+startTheme();
+startLanguage();
+startRouting();
+render(<App />, document.getElementById('page') as HTMLElement);

@@ -1,0 +1,186 @@
+// The frame around every view: who is signed in, where one can go, what is said aloud.
+import { useEffect } from 'preact/hooks';
+import { session as api, whenSignedOut } from '@/api/client';
+import { hrefOf, route, signInLink } from '@/base/route';
+import { hasChosenLanguage, language, setLanguage, t } from '@/i18n/i18n';
+import { Icon, type IconName } from '@/shell/icon';
+import { announcement, attempt, dismiss, notices, notify, session, setTheme, theme } from '@/shell/state';
+import { CaseView } from '@/views/case_view';
+import { CasesView } from '@/views/cases_view';
+import { RoomsView } from '@/views/rooms_view';
+import { SignInView } from '@/views/sign_in_view';
+import { UsersView } from '@/views/users_view';
+import { VerificationView } from '@/views/verification_view';
+
+whenSignedOut(() => {
+  session.value = null;
+});
+
+async function findSession(): Promise<void> {
+  const link = signInLink(location.hash);
+  // It must not stay in the history.
+  if (link !== undefined) history.replaceState(null, '', '/');
+  try {
+    if (link !== undefined) await api.signInByLink(link);
+  } catch (error) {
+    notify(error instanceof Error ? error.message : String(error));
+  }
+  try {
+    session.value = await api.get();
+  } catch {
+    session.value = null;
+  }
+}
+
+function Switches() {
+  const dark = theme.value === 'dark';
+  return (
+    <>
+      <button
+        type="button"
+        class="button button-quiet"
+        lang={language.value === 'en' ? 'ja' : 'en'}
+        onClick={() => setLanguage(language.value === 'en' ? 'ja' : 'en')}
+      >
+        {t('language.other')}
+      </button>
+      <button
+        type="button"
+        class="button button-quiet button-square"
+        aria-label={dark ? t('theme.toLight') : t('theme.toDark')}
+        title={dark ? t('theme.toLight') : t('theme.toDark')}
+        onClick={() => setTheme(dark ? 'light' : 'dark')}
+      >
+        <Icon name={dark ? 'sun' : 'moon'} />
+      </button>
+    </>
+  );
+}
+
+function NavLink({ to, icon, text }: { to: 'cases' | 'rooms' | 'users'; icon: IconName; text: string }) {
+  const view = route.value.view;
+  const here = view === to || (to === 'cases' && (view === 'case' || view === 'verification'));
+  return (
+    <a href={hrefOf({ view: to })} class="nav-link" aria-current={here ? 'page' : undefined}>
+      <Icon name={icon} />
+      {text}
+    </a>
+  );
+}
+
+function Header() {
+  const signedIn = session.value;
+  return (
+    <header class="top">
+      <a class="brand" href={hrefOf({ view: 'cases' })}>
+        <svg class="brand-sign" viewBox="0 0 32 32" aria-hidden="true">
+          <circle cx="16" cy="16" r="12" />
+          <circle cx="16" cy="16" r="5" class="brand-dot" />
+        </svg>
+        <span>Kiroku</span>
+        <span class="brand-kanji" lang="ja" aria-hidden="true">
+          記録
+        </span>
+      </a>
+      {signedIn && (
+        <nav aria-label={t('nav.label')} class="nav">
+          <NavLink to="cases" icon="cases" text={t('nav.cases')} />
+          {signedIn.role !== 'surgeon' && <NavLink to="rooms" icon="rooms" text={t('nav.rooms')} />}
+          {signedIn.role === 'administrator' && <NavLink to="users" icon="users" text={t('nav.users')} />}
+        </nav>
+      )}
+      <div class="top-end">
+        {signedIn?.unlocked && (
+          <button
+            type="button"
+            class="button button-quiet"
+            onClick={() =>
+              void attempt(async () => {
+                await api.lock();
+                await findSession();
+              })
+            }
+          >
+            <Icon name="unlocked" />
+            {t('lock.now')}
+          </button>
+        )}
+        <Switches />
+        {signedIn && (
+          <button
+            type="button"
+            class="button button-quiet"
+            title={t('signOut')}
+            onClick={() =>
+              void attempt(async () => {
+                await api.signOut();
+                session.value = null;
+              })
+            }
+          >
+            <span class="user-name">
+              {signedIn.user}
+              <small>{t(`role.${signedIn.role}`)}</small>
+            </span>
+            <Icon name="signOut" />
+            <span class="only-heard">{t('signOut')}</span>
+          </button>
+        )}
+      </div>
+    </header>
+  );
+}
+
+function View() {
+  if (session.value === undefined) return <main id="main" class="main" aria-busy="true" />;
+  if (session.value === null) return <SignInView />;
+  const here = route.value;
+  switch (here.view) {
+    case 'cases':
+      return <CasesView />;
+    case 'case':
+      return <CaseView key={here.id} id={here.id} />;
+    case 'verification':
+      return <VerificationView key={here.id} id={here.id} />;
+    case 'rooms':
+      return <RoomsView />;
+    case 'users':
+      return <UsersView />;
+  }
+}
+
+export function App() {
+  useEffect(() => {
+    void findSession();
+  }, []);
+  const chosen = session.value?.language;
+  useEffect(() => {
+    if ((chosen === 'en' || chosen === 'ja') && !hasChosenLanguage()) setLanguage(chosen, false);
+  }, [chosen]);
+  return (
+    <div class="page">
+      <a class="skip" href="#main" onClick={(event) => {
+        event.preventDefault();
+        document.getElementById('main')?.focus();
+      }}>
+        {t('skip')}
+      </a>
+      <Header />
+      <View />
+      <div class="notices" role="alert">
+        {notices.value.map((notice) => (
+          <div key={notice.id} class={`notice notice-${notice.kind}`}>
+            <Icon name={notice.kind === 'problem' ? 'alarm' : 'check'} />
+            <span>{notice.text}</span>
+            <button type="button" class="button button-quiet button-square" aria-label={t('close')} onClick={() => dismiss(notice.id)}>
+              <Icon name="cross" />
+            </button>
+          </div>
+        ))}
+      </div>
+      <div class="only-heard" role="status" aria-live="polite">
+        {announcement.value}
+      </div>
+    </div>
+  );
+}

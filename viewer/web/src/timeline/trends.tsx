@@ -1,0 +1,75 @@
+// Trends of vital signs in the time line's window: a line through what each was last, a band from its lowest to its highest, nothing where nothing came.
+import { useEffect, useRef } from 'preact/hooks';
+import uPlot from 'uplot';
+import type { Span } from '@/base/spans';
+import { kSecond } from '@/base/time';
+import { t } from '@/i18n/i18n';
+import { theme } from '@/shell/state';
+import { colorsOf } from '@/timeline/colors';
+import { kTrends } from '@/vitals/monitor';
+import { columnsOf } from '@/vitals/tiles';
+import type { VitalsStore } from '@/vitals/vitals_store';
+
+const kHeight = 104;
+const kLeastGap_ns = 6 * kSecond;
+
+export function Trends({ store, window, whole, width }: { store: VitalsStore; window: Span; whole: Span; width: number }) {
+  const place = useRef<HTMLDivElement>(null);
+  const plot = useRef<uPlot | null>(null);
+  const dark = theme.value;
+  const version = store.version.value;
+  const all = store.over(whole, 200).series;
+  const shown = kTrends.filter(({ code }) => all.some((one) => one.code === code));
+  const key = shown.map(({ code }) => code).join();
+
+  useEffect(() => {
+    if (shown.length === 0) return;
+    const element = place.current as HTMLDivElement;
+    const colors = colorsOf(element);
+    const line = (color: string): uPlot.Series => ({ stroke: colors(`vital-${color}`), width: 1.5, points: { show: false } });
+    plot.current = new uPlot(
+      {
+        width,
+        height: kHeight,
+        legend: { show: false },
+        cursor: { show: false },
+        padding: [6, 0, 4, 0],
+        scales: { x: { time: false, auto: false }, y: { range: (_, low, high) => [Math.max(0, Math.floor(low / 20) * 20 - 5), Math.ceil(high / 20) * 20 + 5] } },
+        axes: [
+          { show: false },
+          { side: 1, size: 0, gap: -26, stroke: colors('muted'), font: '10px system-ui', grid: { stroke: colors('line'), width: 1 }, ticks: { show: false }, space: 28 },
+        ],
+        // The lowest, highest and last of each: three lines, of which the first two only bound a band.
+        series: [{}, ...shown.flatMap(({ color }) => [{ points: { show: false } }, { points: { show: false } }, line(color)])],
+        bands: shown.map(({ color }, at) => ({ series: [3 * at + 2, 3 * at + 1] as [number, number], fill: `${colors(`vital-${color}`)}33` })),
+      },
+      [[]],
+      element,
+    );
+    return () => {
+      plot.current?.destroy();
+      plot.current = null;
+    };
+  }, [key, dark, store]);
+
+  useEffect(() => {
+    const one = plot.current;
+    if (!one) return;
+    if (one.width !== width) one.setSize({ width, height: kHeight });
+    const { series } = store.over(window, width);
+    const gap_ns = Math.max(kLeastGap_ns, ((window.end_ns - window.start_ns) / width) * 4);
+    const tables = shown.map(({ code }) => {
+      const columns = columnsOf(series.find((each) => each.code === code)?.bins ?? [], gap_ns);
+      return [columns.x, columns.low, columns.high, columns.last] as uPlot.AlignedData;
+    });
+    // Rows that one series has and another has not are no gaps of it; only its own empty ones are.
+    const joined = uPlot.join(tables, tables.map((table) => table.map(() => 2)));
+    one.batch(() => {
+      one.setData(joined, true);
+      one.setScale('x', { min: window.start_ns / 1e9, max: window.end_ns / 1e9 });
+    });
+  }, [key, dark, window, width, version]);
+
+  if (shown.length === 0) return null;
+  return <div class="trends" ref={place} role="img" aria-label={t('timeline.trends')} />;
+}

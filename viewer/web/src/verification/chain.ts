@@ -1,0 +1,95 @@
+// What a verification found, as links of the chain that proof hangs on: segments are hashed into the ledger, the ledger's state is signed as a checkpoint,
+// a token says when the checkpoint existed, and an authority stands behind the token. Pure functions.
+import type { Finding, Severity, Timeline, VerificationReport } from '@/api/types';
+import type { MessageKey } from '@/i18n/messages';
+
+export type LinkName = 'segments' | 'ledger' | 'checkpoints' | 'tokens' | 'authority';
+export const kLinks: readonly LinkName[] = ['segments', 'ledger', 'checkpoints', 'tokens', 'authority'];
+
+/** holds: nothing against it; partly: true with stated gaps; open: cannot be known; broken: something does not hold. */
+export type LinkState = 'holds' | 'partly' | 'open' | 'broken';
+
+export interface ChainLink {
+  name: LinkName;
+  state: LinkState;
+  findings: Finding[];
+}
+
+// The codes of docs/format.md, "Findings", by what they are about.
+const kByCode: Record<string, LinkName> = {
+  'device-not-trusted': 'checkpoints',
+  'no-trusted-device': 'checkpoints',
+  'device-file-differs': 'checkpoints',
+  'ledger-not-covered': 'checkpoints',
+  'close-not-covered': 'checkpoints',
+  'log-checkpoint-differs': 'checkpoints',
+  'no-trusted-authority': 'authority',
+  'token-untrusted': 'authority',
+  'second-token-untrusted': 'authority',
+  'no-token': 'tokens',
+  'end-not-stamped': 'tokens',
+  'clock-contradicted': 'tokens',
+  'clock-disagreement': 'tokens',
+  gap: 'segments',
+  'frames-dropped': 'segments',
+  'part-file': 'segments',
+  'name-clash': 'segments',
+  'totals-differ': 'segments',
+};
+const kByPrefix: readonly [string, LinkName][] = [
+  ['segment', 'segments'],
+  ['stream', 'segments'],
+  ['file-', 'segments'],
+  ['erased-', 'segments'],
+  ['rekeyed-', 'segments'],
+  ['checkpoint-', 'checkpoints'],
+  ['token-', 'tokens'],
+];
+
+export function linkOf(finding: Finding): LinkName {
+  const exact = kByCode[finding.code];
+  if (exact) return exact;
+  // A file that is missing or changed breaks the link it belongs to.
+  if (finding.code.startsWith('file-') && finding.file) {
+    if (/(^|\/)tokens\//.test(finding.file)) return 'tokens';
+    if (/(^|\/)checkpoints\//.test(finding.file)) return 'checkpoints';
+    if (/(^|\/)ledger\.jsonl$/.test(finding.file)) return 'ledger';
+  }
+  return kByPrefix.find(([prefix]) => finding.code.startsWith(prefix))?.[1] ?? 'ledger';
+}
+
+const kStates: Record<Severity, LinkState> = { tampered: 'broken', incomplete: 'open', unproven: 'open', gap: 'partly', note: 'holds' };
+const kGrave: readonly LinkState[] = ['holds', 'partly', 'open', 'broken'];
+
+export function chainOf(report: VerificationReport): ChainLink[] {
+  return kLinks.map((name) => {
+    const findings = report.findings.filter((finding) => linkOf(finding) === name);
+    const state = findings.reduce<LinkState>((worst, finding) => {
+      const its = kStates[finding.severity];
+      return kGrave.indexOf(its) > kGrave.indexOf(worst) ? its : worst;
+    }, 'holds');
+    return { name, state: nothingBehind(name, report) && state === 'holds' ? 'open' : state, findings };
+  });
+}
+
+const nothingBehind = (name: LinkName, report: VerificationReport): boolean =>
+  (name === 'tokens' && report.tokens === 0) || (name === 'authority' && report.time === 'none');
+
+const kOrder: readonly Severity[] = ['tampered', 'incomplete', 'unproven', 'gap', 'note'];
+
+/** The gravest first; of one severity in the report's order. */
+export const byGravity = (findings: readonly Finding[]): Finding[] =>
+  findings
+    .map((finding, at) => ({ finding, at }))
+    .sort((a, b) => kOrder.indexOf(a.finding.severity) - kOrder.indexOf(b.finding.severity) || a.at - b.at)
+    .map(({ finding }) => finding);
+
+/** The moment a finding is about: what the server says, else the beginning of the segment that its file is. */
+export function momentOf(finding: Finding, timeline: Timeline | undefined): number | undefined {
+  if (typeof finding.time_ns === 'number') return finding.time_ns;
+  const segment = /(?:^|\/)segments\/([^/]+)\/0*(\d+)\./.exec(finding.file ?? '');
+  if (!segment || !timeline) return undefined;
+  return timeline.segments.find((one) => one.stream === segment[1] && one.index === Number(segment[2]))?.start_ns;
+}
+
+export const severityText = (severity: Severity): MessageKey => `severity.${severity}`;

@@ -1,0 +1,49 @@
+// A case as its view needs it: what the server told, in order and by stream. Pure.
+import type { CaseInfo, Gap, Mark, StreamInfo, Timeline } from '@/api/types';
+import { merged, type Span } from '@/base/spans';
+
+/** Segments of one stream that lie no further apart than this are one stretch: a hole is stated as a gap. */
+const kJoin_ns = 0.1e9;
+
+export interface CaseModel {
+  info: CaseInfo;
+  timeline: Timeline;
+  whole: Span;
+  videos: StreamInfo[];
+  /** Streams with a lane of their own. */
+  lanes: StreamInfo[];
+  recorded: ReadonlyMap<string, Span[]>;
+  gaps: ReadonlyMap<string, Gap[]>;
+  marks: Mark[];
+}
+
+export function caseModel(info: CaseInfo, timeline: Timeline): CaseModel {
+  const recorded = new Map<string, Span[]>();
+  const gaps = new Map<string, Gap[]>();
+  for (const { name } of info.streams) {
+    recorded.set(name, merged(timeline.segments.filter((one) => one.stream === name), kJoin_ns));
+    gaps.set(name, timeline.gaps.filter((one) => one.stream === name).sort((a, b) => a.start_ns - b.start_ns));
+  }
+  const lastEnd = Math.max(...timeline.segments.map((one) => one.end_ns), info.begins_ns + info.duration_ns, info.begins_ns + 1e9);
+  return {
+    info,
+    timeline,
+    whole: { start_ns: info.begins_ns, end_ns: lastEnd },
+    videos: info.streams.filter((one) => one.kind === 'video'),
+    lanes: info.streams.filter((one) => one.kind !== 'events'),
+    recorded,
+    gaps,
+    marks: [...(timeline.marks ?? [])].sort((a, b) => a.time_ns - b.time_ns),
+  };
+}
+
+/** One line of the list of moments. */
+export interface Moment {
+  kind: 'mark' | 'alarm' | 'gap' | 'token';
+  time_ns: number;
+  text: string;
+  detail: string;
+}
+
+/** The machine's wall clock at `time_ns`, by the case's opening. */
+export const wallClock = (info: CaseInfo, time_ns: number): Date => new Date(Date.parse(info.opened) + (time_ns - info.begins_ns) / 1e6);

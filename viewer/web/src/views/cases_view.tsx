@@ -1,0 +1,125 @@
+// The list of cases, newest first, with search; more is asked for at its end.
+import { useSignal } from '@preact/signals';
+import { useEffect } from 'preact/hooks';
+import { cases as api } from '@/api/client';
+import type { CaseSummary } from '@/api/types';
+import { hrefOf } from '@/base/route';
+import { formatBytes, formatDuration } from '@/base/time';
+import { formatMoment, t, word } from '@/i18n/i18n';
+import { Icon } from '@/shell/icon';
+import { announce, attempt } from '@/shell/state';
+import { VerdictChip } from '@/shell/verdict';
+
+const kPage = 50;
+const kTypingPause_ms = 200;
+
+function Row({ one }: { one: CaseSummary }) {
+  const recording = one.state === 'open' || one.state === 'recording';
+  return (
+    <li class="case-row">
+      <a class="case-link" href={hrefOf({ view: 'case', id: one.id })}>
+        <span class="case-when">
+          <strong>{formatMoment(one.opened)}</strong>
+          <small class="mono muted">{one.id}</small>
+        </span>
+        <span class="case-fact">
+          <small>{t('cases.length')}</small>
+          {one.duration_ns === null ? '–' : formatDuration(one.duration_ns)}
+        </span>
+        <span class="case-fact case-streams">
+          <small>{t('cases.streams')}</small>
+          {one.streams.filter((name) => name !== 'events').map((name) => word('stream', name)).join(' · ')}
+        </span>
+        <span class="case-fact">
+          <small>{t('cases.size')}</small>
+          {formatBytes(one.bytes)}
+        </span>
+        <span class="case-fact">
+          <small>{t('cases.tokens')}</small>
+          {one.tokens}
+        </span>
+      </a>
+      {recording ? (
+        <span class="verdict verdict-recording">
+          <Icon name="record" filled />
+          {t('cases.recording')}
+        </span>
+      ) : (
+        <a class="case-verdict" href={hrefOf({ view: 'verification', id: one.id })}>
+          <VerdictChip verdict={one.verdict} />
+        </a>
+      )}
+    </li>
+  );
+}
+
+export function CasesView() {
+  const search = useSignal('');
+  const list = useSignal<CaseSummary[] | undefined>(undefined);
+  const more = useSignal(false);
+
+  useEffect(() => {
+    document.title = `${t('nav.cases')} · Kiroku`;
+  });
+
+  const text = search.value;
+  useEffect(() => {
+    const request = new AbortController();
+    const timer = setTimeout(
+      () =>
+        void attempt(async () => {
+          const found = await api.list(text, kPage, undefined, request.signal);
+          list.value = found;
+          more.value = found.length === kPage;
+          if (text !== '') announce(t('cases.found', { n: found.length }));
+        }),
+      list.value ? kTypingPause_ms : 0,
+    );
+    return () => {
+      clearTimeout(timer);
+      request.abort();
+    };
+  }, [text]);
+
+  const loadMore = () =>
+    attempt(async () => {
+      const known = list.value ?? [];
+      const found = await api.list(text, kPage, known.at(-1)?.id);
+      list.value = [...known, ...found];
+      more.value = found.length === kPage;
+    });
+
+  return (
+    <main id="main" class="main narrow" tabIndex={-1}>
+      <div class="view-head">
+        <h1>{t('nav.cases')}</h1>
+        <label class="search">
+          <Icon name="search" />
+          <span class="only-heard">{t('cases.search')}</span>
+          <input
+            type="search"
+            placeholder={t('cases.search')}
+            value={text}
+            onInput={(event) => {
+              search.value = event.currentTarget.value;
+            }}
+          />
+        </label>
+      </div>
+      {list.value?.length === 0 && (
+        <div class="empty card">
+          <Icon name="cases" />
+          <p>{text === '' ? t('cases.none') : t('cases.noneFound', { text })}</p>
+        </div>
+      )}
+      <ul class="case-list" aria-label={t('nav.cases')} aria-busy={list.value === undefined}>
+        {list.value?.map((one) => <Row key={one.id} one={one} />)}
+      </ul>
+      {more.value && (
+        <button type="button" class="button" onClick={() => void loadMore()}>
+          {t('cases.more')}
+        </button>
+      )}
+    </main>
+  );
+}

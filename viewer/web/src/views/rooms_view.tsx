@@ -1,0 +1,246 @@
+// The recorder's rooms: start, stop, mark; whether each stream is well, and the appliance behind them.
+import { useSignal } from '@preact/signals';
+import { useEffect } from 'preact/hooks';
+import { ApiError, appliance as api } from '@/api/client';
+import type { ApplianceStatus, RoomStatus } from '@/api/types';
+import { hrefOf } from '@/base/route';
+import { formatBytes, formatTime, kSecond } from '@/base/time';
+import { formatMoment, t, word } from '@/i18n/i18n';
+import { Dialog } from '@/shell/dialog';
+import { Icon } from '@/shell/icon';
+import { announce, attempt, session } from '@/shell/state';
+
+const kEvery_ms = 1000;
+/** A stream whose newest picture is older than this is said to be silent. */
+const kSilent_ms = 3000;
+
+function Streams({ room }: { room: RoomStatus }) {
+  return (
+    <table class="table stream-table">
+      <thead>
+        <tr>
+          <th scope="col">{t('rooms.stream')}</th>
+          <th scope="col">{t('rooms.signal')}</th>
+          <th scope="col" class="number">{t('rooms.frames')}</th>
+          <th scope="col" class="number">{t('rooms.lost')}</th>
+          <th scope="col" class="number">{t('rooms.safe')}</th>
+        </tr>
+      </thead>
+      <tbody>
+        {room.streams.map((one) => {
+          const well = one.live && one.age_ms < kSilent_ms;
+          return (
+            <tr key={one.name}>
+              <th scope="row">{word('stream', one.name)}</th>
+              <td>
+                <span class={well ? 'state state-good' : 'state state-bad'}>
+                  <Icon name={well ? 'check' : 'alarm'} />
+                  {well ? t('rooms.live') : t('rooms.silent')}
+                </span>
+              </td>
+              <td class="number">{one.frames}</td>
+              <td class="number">{one.dropped}</td>
+              <td class="number">{(one.durable_age_ms / 1000).toFixed(1)} s</td>
+            </tr>
+          );
+        })}
+      </tbody>
+    </table>
+  );
+}
+
+function RoomCard({ room, mayControl, refresh }: { room: RoomStatus; mayControl: boolean; refresh: () => Promise<unknown> }) {
+  const stopping = useSignal(false);
+  const note = useSignal('');
+  const recording = room.state === 'recording';
+  const idle = room.state === 'idle' || room.state === 'standby';
+  const act = (action: () => Promise<void>, said: string) =>
+    attempt(async () => {
+      await action();
+      announce(said);
+      await refresh();
+    });
+  return (
+    <section class={recording ? 'card room room-recording' : 'card room'} aria-labelledby={`room-${room.room}`}>
+      <header class="room-head">
+        <h2 id={`room-${room.room}`}>{room.room}</h2>
+        <span class={recording ? 'verdict verdict-recording' : 'verdict verdict-none'}>
+          {recording && <Icon name="record" filled />}
+          {word('roomState', room.state)}
+        </span>
+        {!idle && <span class="room-time mono">{formatTime(room.elapsed_ns)}</span>}
+      </header>
+      {room.case !== '' && (
+        <p>
+          <a class="mono" href={hrefOf({ view: 'case', id: room.case })}>
+            {room.case}
+          </a>
+        </p>
+      )}
+      {room.problem !== '' && (
+        <p class="problem">
+          <Icon name="alarm" /> {room.problem}
+        </p>
+      )}
+      {room.streams.length > 0 && <Streams room={room} />}
+      {room.authorities.length > 0 && (
+        <ul class="facts">
+          {room.authorities.map((one) => (
+            <li key={one.name}>
+              <span class={one.failures === 0 ? 'state state-good' : 'state state-bad'}>
+                <Icon name={one.failures === 0 ? 'check' : 'alarm'} />
+                {t('rooms.authority', { name: one.name })}
+              </span>
+              <span class="muted">{one.failures > 0 ? one.last_error : one.last_token ? formatMoment(one.last_token) : t('rooms.noToken')}</span>
+            </li>
+          ))}
+        </ul>
+      )}
+      {mayControl && (
+        <div class="room-controls">
+          {idle ? (
+            <button type="button" class="button button-record" onClick={() => void act(() => api.start(room.room), t('rooms.started', { room: room.room }))}>
+              <Icon name="record" filled />
+              {t('rooms.start')}
+            </button>
+          ) : (
+            <>
+              <form
+                class="mark-form"
+                onSubmit={(event) => {
+                  event.preventDefault();
+                  const text = note.value.trim() || t('rooms.defaultMark');
+                  note.value = '';
+                  void act(() => api.mark(room.room, text), t('rooms.marked', { text }));
+                }}
+              >
+                <label class="only-heard" for={`mark-${room.room}`}>
+                  {t('rooms.markText')}
+                </label>
+                <input
+                  id={`mark-${room.room}`}
+                  placeholder={t('rooms.markText')}
+                  value={note.value}
+                  maxLength={500}
+                  onInput={(event) => (note.value = event.currentTarget.value)}
+                />
+                <button type="submit" class="button button-main">
+                  <Icon name="mark" />
+                  {t('rooms.mark')}
+                </button>
+              </form>
+              <button type="button" class="button" onClick={() => (stopping.value = true)}>
+                <Icon name="stop" filled />
+                {t('rooms.stop')}
+              </button>
+            </>
+          )}
+        </div>
+      )}
+      {stopping.value && (
+        <Dialog title={t('rooms.stopTitle', { room: room.room })} onClose={() => (stopping.value = false)}>
+          <p>{t('rooms.stopWhat')}</p>
+          <div class="dialog-end">
+            <button
+              type="button"
+              class="button button-danger"
+              onClick={() => {
+                stopping.value = false;
+                void act(() => api.stop(room.room), t('rooms.stopped', { room: room.room }));
+              }}
+            >
+              {t('rooms.stop')}
+            </button>
+          </div>
+        </Dialog>
+      )}
+    </section>
+  );
+}
+
+function Appliance({ status }: { status: ApplianceStatus }) {
+  const { disk, clock } = status;
+  const scarce = disk.hours_left !== null && disk.hours_left < 8;
+  return (
+    <section class="card appliance" aria-label={t('appliance.title')}>
+      <div class="fact">
+        <Icon name="disk" />
+        <span>
+          <small>{t('appliance.disk')}</small>
+          <strong class={scarce ? 'state-bad' : undefined}>
+            {disk.hours_left === null ? formatBytes(disk.free_bytes) : t('appliance.hours', { hours: disk.hours_left })}
+          </strong>
+          <small class="muted">{t('appliance.free', { free: formatBytes(disk.free_bytes), total: formatBytes(disk.total_bytes) })}</small>
+        </span>
+      </div>
+      <div class="fact">
+        <Icon name="clock" />
+        <span>
+          <small>{t('appliance.clock')}</small>
+          <strong class={clock.synchronised ? undefined : 'state-bad'}>{clock.synchronised ? t('appliance.synchronised') : t('appliance.notSynchronised')}</strong>
+          <small class="muted">± {(clock.error_ns / 1e6).toFixed(1)} ms</small>
+        </span>
+      </div>
+      <div class="fact">
+        <Icon name="record" />
+        <span>
+          <small>{t('appliance.recording')}</small>
+          <strong>{t('appliance.rooms', { n: status.rooms.filter((one) => one.state === 'recording').length, all: status.rooms.length })}</strong>
+          <small class="muted">{t('appliance.up', { time: formatTime(status.uptime_s * kSecond) })}</small>
+        </span>
+      </div>
+    </section>
+  );
+}
+
+export function RoomsView() {
+  const status = useSignal<ApplianceStatus | undefined>(undefined);
+  const problem = useSignal('');
+  const refresh = async () => {
+    try {
+      status.value = await api.status();
+      problem.value = '';
+    } catch (error) {
+      status.value = undefined;
+      problem.value = error instanceof ApiError && error.status === 503 ? t('rooms.noRecorder') : error instanceof Error ? error.message : String(error);
+    }
+  };
+  useEffect(() => {
+    let ended = false;
+    const again = async () => {
+      await refresh();
+      if (!ended) setTimeout(() => void again(), kEvery_ms);
+    };
+    void again();
+    return () => {
+      ended = true;
+    };
+  }, []);
+  useEffect(() => {
+    document.title = `${t('nav.rooms')} · Kiroku`;
+  });
+  const role = session.value?.role;
+  return (
+    <main id="main" class="main narrow" tabIndex={-1}>
+      <div class="view-head">
+        <h1>{t('nav.rooms')}</h1>
+      </div>
+      {problem.value !== '' && (
+        <div class="empty card" role="status">
+          <Icon name="rooms" />
+          <p>{problem.value}</p>
+        </div>
+      )}
+      {status.value && (
+        <>
+          <Appliance status={status.value} />
+          <div class="rooms">
+            {status.value.rooms.map((room) => (
+              <RoomCard key={room.room} room={room} mayControl={role === 'operator' || role === 'administrator'} refresh={refresh} />
+            ))}
+          </div>
+        </>
+      )}
+    </main>
+  );
+}

@@ -1,0 +1,45 @@
+import { useSignal } from '@preact/signals';
+import { ApiError, session as api } from '@/api/client';
+import { t } from '@/i18n/i18n';
+import { session } from '@/shell/state';
+
+export function SignInView() {
+  const problem = useSignal('');
+  const busy = useSignal(false);
+  const submit = async (event: SubmitEvent) => {
+    event.preventDefault();
+    const fields = new FormData(event.currentTarget as HTMLFormElement);
+    busy.value = true;
+    problem.value = '';
+    try {
+      await api.signIn(String(fields.get('user')), String(fields.get('password')));
+      session.value = await api.get();
+    } catch (error) {
+      problem.value = error instanceof ApiError && error.status === 401 ? t('signIn.refused') : error instanceof Error ? error.message : String(error);
+    } finally {
+      busy.value = false;
+    }
+  };
+  return (
+    <main id="main" class="main sign-in" tabIndex={-1}>
+      <form class="card sign-in-card" onSubmit={(event) => void submit(event)}>
+        <h1>{t('signIn.title')}</h1>
+        <p class="muted">{t('signIn.what')}</p>
+        <label class="field">
+          <span>{t('signIn.user')}</span>
+          <input name="user" autocomplete="username" autocapitalize="none" spellcheck={false} required autofocus />
+        </label>
+        <label class="field">
+          <span>{t('signIn.password')}</span>
+          <input name="password" type="password" autocomplete="current-password" required />
+        </label>
+        <p class="problem" role="alert">
+          {problem.value}
+        </p>
+        <button type="submit" class="button button-main" disabled={busy.value}>
+          {t('signIn.do')}
+        </button>
+      </form>
+    </main>
+  );
+}
