@@ -190,16 +190,50 @@ std::optional<ArchivedStill> CasePlayback::archived_picture(const std::string& s
   return ArchivedStill{png_of_archived(*picture), ns_of_ticks(time)};
 }
 
+/// What an identity may not see is refused before the cache is asked.
+void CasePlayback::require_readable(const std::vector<archive::SegmentEntry>& segments) const {
+  std::exception_ptr failure;
+  for (const archive::SegmentEntry& segment : segments) {
+    if (media_.recording().is_erased(segment)) continue;
+    try {
+      (void)media_.open(segment);
+      return;
+    } catch (const crypto::AgeError&) {
+      throw;
+    } catch (const Error&) {
+      failure = std::current_exception();
+    }
+  }
+  if (failure) std::rethrow_exception(failure);
+}
+
+CaseVitals& CasePlayback::vitals(const std::string& stream) {
+  const std::lock_guard guard(mutex_);
+  std::unique_ptr<CaseVitals>& slot = vitals_[media_.recording().stream(stream).name];
+  if (!slot) {
+    const auto segments = media_.recording().segments(stream, INT64_MIN, INT64_MAX);
+    require_readable(segments);
+    slot = std::make_unique<CaseVitals>(media_, *cache_, stream, name_of("vitals", stream, segments));
+  }
+  return *slot;
+}
+
+std::string CasePlayback::name_of(const std::string& what, const std::string& stream,
+                                  const std::vector<archive::SegmentEntry>& segments) const {
+  crypto::Sha256 sources;
+  for (const archive::SegmentEntry& segment : segments) sources.update(segment.file.sha256);
+  return what + " " + stream + " " + crypto::to_hex(sources.finish()) + " " + folder_;
+}
+
 std::string CasePlayback::name_of(const std::string& what, const VideoIndex& index,
                                   std::uint64_t number) const {
   const Ticks from = static_cast<Ticks>(number) * kPieceTicks;
-  crypto::Sha256 sources;
+  std::vector<archive::SegmentEntry> segments;
   for (std::size_t i = index.first_reaching(from);
        i < index.segments.size() && index.segments[i].start < from + kPieceTicks; ++i) {
-    sources.update(index.segments[i].entry.file.sha256);
+    segments.push_back(index.segments[i].entry);
   }
-  return what + " " + std::to_string(number) + " " + index.stream.name + " " +
-         crypto::to_hex(sources.finish()) + " " + folder_;
+  return name_of(what + " " + std::to_string(number), index.stream.name, segments);
 }
 
 }  // namespace kiroku::playback

@@ -1,5 +1,5 @@
-// Watching a case with an identity: viewing copies of its videos in pieces, thumbnails, and the archived
-// pictures themselves. Thread-safe.
+// Watching a case with an identity: viewing copies of its videos in pieces, thumbnails, the archived pictures
+// themselves, vital signs at any zoom, and marks. Thread-safe.
 //
 // A viewing copy is what it is called: the archived MPEG-2 or uncompressed pictures coded anew as H.264,
 // because browsers play nothing else; coded with loss, woven from fields where they were recorded so, and
@@ -14,11 +14,14 @@
 #include <mutex>
 #include <optional>
 #include <string>
+#include <vector>
 
 #include "archive/case_reader.h"
 #include "base/bytes.h"
 #include "crypto/age_recipient.h"
 #include "viewer/playback/case_media.h"
+#include "viewer/playback/case_timeline.h"
+#include "viewer/playback/case_vitals.h"
 #include "viewer/playback/encrypted_cache.h"
 #include "viewer/playback/piece_encoder.h"
 #include "viewer/playback/read_ahead.h"
@@ -58,21 +61,31 @@ class CasePlayback {
   /// An archived picture, unchanged but for its colour space; nothing where there is none.
   std::optional<ArchivedStill> archived_picture(const std::string& stream, std::int64_t at_ns, Step step);
 
+  /// Of a stream of vital signs, made at the first call: then the case's vital signs begin to be read.
+  CaseVitals& vitals(const std::string& stream);
+  /// What the operator marked.
+  [[nodiscard]] std::vector<TimelineMark> marks() const { return marks_of(media_); }
+  [[nodiscard]] const archive::CaseReader& recording() const { return media_.recording(); }
+
  private:
   struct Stream;
 
   Stream& prepared(const std::string& stream);
+  void require_readable(const std::vector<archive::SegmentEntry>& segments) const;
   [[nodiscard]] Bytes cached_piece(Stream& stream, std::uint64_t number);
   [[nodiscard]] Bytes make_piece(const Stream& stream, std::uint64_t number) const;
   /// Changes with everything that the result depends on.
+  [[nodiscard]] std::string name_of(const std::string& what, const std::string& stream,
+                                    const std::vector<archive::SegmentEntry>& segments) const;
   [[nodiscard]] std::string name_of(const std::string& what, const VideoIndex& index,
                                     std::uint64_t number) const;
 
   const CaseMedia media_;
   const std::shared_ptr<EncryptedCache> cache_;
   const std::string folder_;
-  std::mutex mutex_;  // guards streams_, not what it refers to
+  std::mutex mutex_;  // guards the two below, not what they refer to
   std::map<std::string, std::unique_ptr<Stream>> streams_;
+  std::map<std::string, std::unique_ptr<CaseVitals>> vitals_;
   SingleFlight<Bytes> making_;
   ReadAhead ahead_;  // last: its thread uses the rest
 };

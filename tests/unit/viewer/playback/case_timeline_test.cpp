@@ -1,0 +1,102 @@
+#include "viewer/playback/case_timeline.h"
+
+#include <thread>
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "tests/support/recording.h"
+#include "tests/unit/viewer/playback/rewritten_case.h"
+
+namespace kiroku::playback {
+namespace {
+
+using namespace std::chrono_literals;
+using testing::ElementsAre;
+using testing::Field;
+using testing::IsEmpty;
+using testing::Not;
+using testing::SizeIs;
+
+class CaseTimelineTest : public testing::Test {
+ protected:
+  std::filesystem::path record(const std::vector<std::string>& marks) {
+    recorder::SessionOptions options = bench_.options();
+    options.video = {bench_.stream("room", "synthetic:pattern?size=64x48&rate=10")};
+    options.video[0].recipients = options.event_recipients = reader_.recipients;
+    options.duration = 1500ms;
+    recorder::Session session(std::move(options));
+    std::jthread marking([&] {
+      for (const std::string& text : marks) {
+        std::this_thread::sleep_for(200ms);
+        session.mark(text);
+      }
+    });
+    return session.run().folder;
+  }
+
+  test::RecorderBench bench_;
+  test::Reader reader_ = test::make_reader();
+};
+
+TEST_F(CaseTimelineTest, SaysWhatTheLedgerSaysOfTime) {
+  const auto folder = record({});
+  const Timeline timeline = timeline_of(archive::CaseReader::open(folder));
+  std::int64_t until_ns = 0;
+  for (const TimelineSegment& segment : timeline.segments) {
+    if (segment.stream != "room") continue;
+    EXPECT_GE(segment.span.start_ns, until_ns);
+    EXPECT_TRUE(segment.complete);
+    EXPECT_FALSE(segment.erased);
+    until_ns = segment.span.end_ns;
+  }
+  EXPECT_GT(until_ns, 1'000'000'000);
+  ASSERT_THAT(timeline.tokens, Not(IsEmpty()));
+  EXPECT_EQ(timeline.tokens.front().authority, "embedded");
+  EXPECT_TRUE(timeline.tokens.front().self_issued);
+  ASSERT_THAT(timeline.checkpoints, Not(IsEmpty()));
+  EXPECT_EQ(timeline.checkpoints.front().size, timeline.tokens.front().checkpoint);
+  ASSERT_THAT(timeline.brackets, Not(IsEmpty()));
+  std::int64_t covered_ns = timeline.brackets.front().start_ns;
+  for (const TimelineBracket& bracket : timeline.brackets) {
+    EXPECT_EQ(bracket.start_ns, covered_ns) << "without a hole";
+    covered_ns = bracket.end_ns;
+  }
+  EXPECT_FALSE(timeline.brackets.front().not_before) << "nothing outside was before the first";
+  EXPECT_TRUE(timeline.brackets.front().not_after);
+}
+
+TEST_F(CaseTimelineTest, GapsAndErasedSegmentsAreThere) {
+  const auto folder = record({});
+  const test::RecordedCase recorded(folder, reader_.identities);
+  const auto rewritten = test::rewrite_case(bench_ / "rewritten", recorded, reader_.recipients,
+                                            [](const archive::SegmentEntry& segment) {
+                                              if (segment.stream != "room") return test::Fate::kKept;
+                                              return segment.index == 1   ? test::Fate::kLeftOut
+                                                     : segment.index == 0 ? test::Fate::kErased
+                                                                          : test::Fate::kKept;
+                                            });
+  const Timeline timeline = timeline_of(archive::CaseReader::open(rewritten));
+  ASSERT_THAT(timeline.gaps, SizeIs(1));
+  EXPECT_EQ(timeline.gaps[0].stream, "room");
+  EXPECT_TRUE(timeline.segments.at(0).erased);
+  EXPECT_FALSE(timeline.segments.at(1).erased);
+  EXPECT_THAT(timeline.tokens, IsEmpty());
+  EXPECT_THAT(timeline.brackets, IsEmpty());
+}
+
+TEST_F(CaseTimelineTest, MarksAreThoseThatWereCommittedTo) {
+  const auto folder = record({"clip placed", "鉗子"});
+  const CaseMedia media(archive::CaseReader::open(folder), reader_.identities);
+  EXPECT_THAT(marks_of(media),
+              ElementsAre(Field(&TimelineMark::text, "clip placed"), Field(&TimelineMark::text, "鉗子")));
+  EXPECT_GE(marks_of(media)[0].time_ns, 150'000'000);
+  // Without the ledger's commitments (the rewritten case has none) nobody can tell that they were marked.
+  const test::RecordedCase recorded(folder, reader_.identities);
+  const auto rewritten = test::rewrite_case(bench_ / "rewritten", recorded, reader_.recipients,
+                                            [](const archive::SegmentEntry&) { return test::Fate::kKept; });
+  EXPECT_THAT(marks_of(CaseMedia(archive::CaseReader::open(rewritten), reader_.identities)), IsEmpty());
+}
+
+}  // namespace
+}  // namespace kiroku::playback

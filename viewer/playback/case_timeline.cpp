@@ -1,0 +1,131 @@
+#include "viewer/playback/case_timeline.h"
+
+#include <algorithm>
+#include <filesystem>
+#include <set>
+#include <utility>
+
+#include <nlohmann/json.hpp>
+
+#include "archive/brackets.h"
+#include "archive/case_folder.h"
+#include "archive/case_layout.h"
+#include "crypto/encoding.h"
+#include "crypto/hash.h"
+#include "media/plaintext_lines.h"
+#include "timestamp/authority.h"
+#include "timestamp/token.h"
+
+namespace kiroku::playback {
+namespace {
+
+constexpr std::size_t kLongestEvent = std::size_t{16} << 20;
+constexpr std::size_t kLargestToken = std::size_t{1} << 20;
+
+bool is_self_issued(const archive::CaseFolder& folder, const archive::TokenEntry& token) {
+  const archive::FileOpening opening = folder.open_file(token.file);
+  const auto response = opening.file ? archive::read_small(*opening.file, kLargestToken) : std::nullopt;
+  if (!response) return true;
+  std::string explanation;
+  const auto parsed = timestamp::parse_response(bytes_of(*response), explanation);
+  const auto info = parsed ? timestamp::parse_token_info(parsed->token, explanation) : std::nullopt;
+  return !info || info->policy == timestamp::kEmbeddedPolicy;
+}
+
+std::vector<TimelineCheckpoint> checkpoints_of(const std::filesystem::path& folder,
+                                               const std::vector<std::int64_t>& entry_times) {
+  std::vector<TimelineCheckpoint> checkpoints;
+  std::error_code failed;
+  for (const auto& file : std::filesystem::directory_iterator(folder / archive::kCheckpointsFolder, failed)) {
+    const auto size = archive::size_of_note_name(file.path().filename().string());
+    if (size && *size > 0 && *size <= entry_times.size()) {
+      checkpoints.push_back({entry_times[*size - 1], *size});
+    }
+  }
+  std::sort(checkpoints.begin(), checkpoints.end(),
+            [](const TimelineCheckpoint& a, const TimelineCheckpoint& b) { return a.size < b.size; });
+  return checkpoints;
+}
+
+std::vector<TimelineBracket> brackets_on_clock(const std::vector<archive::StampedToken>& tokens,
+                                               const std::vector<std::int64_t>& entry_times) {
+  std::vector<TimelineBracket> brackets;
+  for (const archive::Bracket& bracket : archive::brackets_of(tokens, 0, entry_times.size())) {
+    const std::size_t after = std::min<std::size_t>(bracket.last_entry + 1, entry_times.size() - 1);
+    brackets.push_back({entry_times[bracket.first_entry], entry_times[after], bracket.not_before,
+                        bracket.not_after, bracket.authority_before, bracket.authority_after});
+  }
+  return brackets;
+}
+
+/// The event of a line as text, if the line's own commitment is among those of the ledger.
+std::optional<nlohmann::json> committed_event(std::string_view line,
+                                              const std::set<crypto::Sha256Digest>& commitments) {
+  const auto parsed = nlohmann::json::parse(line, nullptr, false);
+  if (!parsed.is_object() || !parsed.contains("salt") || !parsed.contains("event") ||
+      !parsed["salt"].is_string() || !parsed["event"].is_string()) {
+    return std::nullopt;
+  }
+  const auto& event = parsed["event"].get_ref<const std::string&>();
+  std::optional<Bytes> committed = crypto::from_hex(parsed["salt"].get_ref<const std::string&>());
+  if (!committed) return std::nullopt;
+  append(*committed, bytes_of(event));
+  if (!commitments.contains(crypto::sha256(*committed))) return std::nullopt;
+  return nlohmann::json::parse(event, nullptr, false);
+}
+
+}  // namespace
+
+Timeline timeline_of(const archive::CaseReader& recording) {
+  Timeline timeline;
+  std::vector<std::int64_t> entry_times;
+  std::vector<archive::StampedToken> stamped;
+  const archive::CaseFolder folder = archive::CaseFolder::open(recording.folder());
+  recording.for_each([&](const archive::CaseEntry& entry) {
+    entry_times.push_back(entry.at.mono_ns);
+    if (const auto* const segment = std::get_if<archive::SegmentEntry>(&entry.body)) {
+      timeline.segments.push_back(
+          {segment->stream, segment->index, segment->span, segment->complete, recording.is_erased(*segment)});
+    } else if (const auto* const gap = std::get_if<archive::GapEntry>(&entry.body)) {
+      timeline.gaps.push_back(*gap);
+    } else if (const auto* const token = std::get_if<archive::TokenEntry>(&entry.body)) {
+      timeline.tokens.push_back({entry.at.mono_ns, token->gen_time, token->authority, token->checkpoint,
+                                 is_self_issued(folder, *token)});
+      stamped.push_back(
+          {entry.seq, token->checkpoint, token->gen_time, token->accuracy_ns, token->authority});
+    }
+  });
+  timeline.checkpoints = checkpoints_of(recording.folder(), entry_times);
+  if (!stamped.empty()) timeline.brackets = brackets_on_clock(stamped, entry_times);
+  return timeline;
+}
+
+std::vector<TimelineMark> marks_of(const CaseMedia& media) {
+  std::set<crypto::Sha256Digest> commitments;
+  media.recording().for_each([&](const archive::CaseEntry& entry) {
+    if (const auto* const mark = std::get_if<archive::MarkEntry>(&entry.body)) {
+      commitments.insert(mark->commitment);
+    }
+  });
+  std::vector<TimelineMark> marks;
+  for (const archive::StreamInfo& stream : media.recording().opening().streams) {
+    if (stream.kind != "events") continue;
+    for (const archive::SegmentEntry& segment :
+         media.recording().segments(stream.name, INT64_MIN, INT64_MAX)) {
+      if (media.recording().is_erased(segment)) continue;
+      const media::SealedSegment plain = media.open(segment);
+      media::for_each_line(
+          plain, segment.file.file, kLongestEvent, !segment.complete,
+          [&](std::uint64_t, std::string_view line) {
+            const auto event = committed_event(line, commitments);
+            if (!event || !event->is_object() || event->value("kind", "") != "mark") return;
+            marks.push_back({event->value("time_ns", std::int64_t{0}), event->value("text", std::string())});
+          });
+    }
+  }
+  std::stable_sort(marks.begin(), marks.end(),
+                   [](const TimelineMark& a, const TimelineMark& b) { return a.time_ns < b.time_ns; });
+  return marks;
+}
+
+}  // namespace kiroku::playback

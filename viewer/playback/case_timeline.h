@@ -1,0 +1,62 @@
+// What a case's ledger says about time, for drawing: no verdict, which is verification's. Functions;
+// thread-safe.
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "archive/case_reader.h"
+#include "base/utc_time.h"
+#include "viewer/playback/case_media.h"
+
+namespace kiroku::playback {
+
+struct TimelineSegment {
+  std::string stream;
+  std::uint64_t index = 0;
+  archive::Span span;
+  bool complete = true;
+  bool erased = false;  // by retention
+};
+struct TimelineToken {
+  std::int64_t time_ns = 0;  // of its entry
+  UtcTime gen_time;
+  std::string authority;
+  std::uint64_t checkpoint = 0;
+  /// Its policy is the embedded authority's, or the file cannot be read: no outside clock.
+  bool self_issued = true;
+};
+struct TimelineCheckpoint {
+  std::int64_t time_ns = 0;  // of the last entry it covers
+  std::uint64_t size = 0;
+};
+/// What was entered in [start_ns, end_ns) was written after not_before and before not_after, if the tokens
+/// hold.
+struct TimelineBracket {
+  std::int64_t start_ns = 0, end_ns = 0;
+  std::optional<UtcTime> not_before, not_after;
+  std::string authority_before, authority_after;
+};
+struct Timeline {
+  std::vector<TimelineSegment> segments;
+  std::vector<archive::GapEntry> gaps;
+  std::vector<TimelineToken> tokens;
+  std::vector<TimelineCheckpoint> checkpoints;  // in order of size
+  std::vector<TimelineBracket> brackets;
+};
+
+/// Throws kiroku::Error if the ledger cannot be read.
+Timeline timeline_of(const archive::CaseReader& recording);
+
+/// A moment that somebody marked.
+struct TimelineMark {
+  std::int64_t time_ns = 0;
+  std::string text;
+};
+/// The marks of the events stream, in order of time. Each is what the ledger's commitments say was marked:
+/// others are left out. Throws kiroku::Error as media::SealedSegment::open.
+std::vector<TimelineMark> marks_of(const CaseMedia& media);
+
+}  // namespace kiroku::playback
