@@ -1,0 +1,120 @@
+#include "trainer/psychophysics/threshold_posterior.h"
+
+#include <array>
+#include <cmath>
+
+#include "trainer/psychophysics/psychometric_function.h"
+#include "trainer/psychophysics/rate_series.h"
+
+namespace kiroku::trainer {
+namespace {
+
+constexpr std::size_t kThresholds = 241;
+constexpr double kLeastLog = -0.4, kGreatestLog = 2.2;  // 0.4 to 160 Hz
+constexpr std::array<double, 6> kSpreads{0.03, 0.05, 0.08, 0.12, 0.18, 0.27};
+constexpr std::array<double, 4> kLapses{0, 0.02, 0.05, 0.1};
+constexpr std::size_t kShapes = kSpreads.size() * kLapses.size();
+/// Rates closer than this, as logarithms, are not told apart when the next one is chosen.
+constexpr double kLeastStep = 0.02;
+
+double log_threshold(std::size_t at) {
+  return kLeastLog + (kGreatestLog - kLeastLog) * static_cast<double>(at) / double{kThresholds - 1};
+}
+
+}  // namespace
+
+struct ThresholdPosterior::Table {
+  Eigen::MatrixXd vibrating;  // (states x rates), its column 0 that of i = 1
+  std::vector<std::size_t> candidates;
+  Eigen::MatrixXd of_candidates;  // (states x candidates)
+  Eigen::VectorXd log_hz;         // (states)
+};
+
+const ThresholdPosterior::Table& ThresholdPosterior::table() {
+  static const Table kTable = [] {
+    Table made;
+    made.vibrating.resize(kThresholds * kShapes, kMostRates);
+    made.log_hz.resize(kThresholds * kShapes);
+    Eigen::Index state = 0;
+    for (std::size_t at = 0; at < kThresholds; ++at) {
+      for (const double spread : kSpreads) {
+        for (const double lapse : kLapses) {
+          const PsychometricFunction function{std::pow(10, log_threshold(at)), spread, lapse};
+          for (std::size_t i = 1; i <= kMostRates; ++i)
+            made.vibrating(state, static_cast<Eigen::Index>(i - 1)) = function.vibrating(rate_hz(i));
+          made.log_hz[state++] = log_threshold(at);
+        }
+      }
+    }
+    for (std::size_t i = 1; i <= kMostRates; ++i) {
+      if (made.candidates.empty() || std::log10(rate_hz(made.candidates.back()) / rate_hz(i)) >= kLeastStep)
+        made.candidates.push_back(i);
+    }
+    made.of_candidates.resize(made.vibrating.rows(), static_cast<Eigen::Index>(made.candidates.size()));
+    for (std::size_t c = 0; c < made.candidates.size(); ++c) {
+      made.of_candidates.col(static_cast<Eigen::Index>(c)) =
+          made.vibrating.col(static_cast<Eigen::Index>(made.candidates[c] - 1));
+    }
+    return made;
+  }();
+  return kTable;
+}
+
+ThresholdPosterior::ThresholdPosterior()
+    : probability_(Eigen::VectorXd::Constant(table().log_hz.size(), 1.0 / double(kThresholds * kShapes))) {}
+
+void ThresholdPosterior::add(std::size_t rate, bool vibrating) {
+  const auto said = table().vibrating.col(static_cast<Eigen::Index>(rate - 1)).array();
+  if (vibrating) {
+    probability_.array() *= said;
+  } else {
+    probability_.array() *= 1 - said;
+  }
+  probability_ /= probability_.sum();
+}
+
+ThresholdEstimate ThresholdPosterior::estimate() const {
+  // (shapes x thresholds), summed over what the threshold's shape may be.
+  const Eigen::RowVectorXd of_threshold =
+      Eigen::Map<const Eigen::MatrixXd>(probability_.data(), kShapes, kThresholds).colwise().sum();
+  constexpr double kTail = (1 - kConfidence) / 2;
+  const auto quantile = [&](double share) {
+    double below = 0;
+    for (std::size_t at = 0; at < kThresholds; ++at) {
+      const double here = of_threshold[static_cast<Eigen::Index>(at)];
+      if (below + here >= share) {
+        // Each threshold stands for the range halfway to its neighbours.
+        const double within = here > 0 ? (share - below) / here - 0.5 : 0;
+        return log_threshold(at) + within * (log_threshold(1) - log_threshold(0));
+      }
+      below += here;
+    }
+    return kGreatestLog;
+  };
+  return {std::pow(10, probability_.dot(table().log_hz)),
+          {std::pow(10, quantile(kTail)), std::pow(10, quantile(1 - kTail))}};
+}
+
+std::size_t ThresholdPosterior::most_telling_rate() const {
+  const Table& all = table();
+  Eigen::MatrixXd moments(probability_.size(), 3);
+  moments.col(0) = probability_;
+  moments.col(1) = probability_.cwiseProduct(all.log_hz);
+  moments.col(2) = moments.col(1).cwiseProduct(all.log_hz);
+  const Eigen::MatrixXd yes = all.of_candidates.transpose() * moments;
+  const Eigen::RowVector3d total = moments.colwise().sum();
+  Eigen::Index best = 0;
+  double least = 0;
+  for (Eigen::Index c = 0; c < yes.rows(); ++c) {
+    // The probability of an answer times the variance that it leaves.
+    const auto left = [](const Eigen::RowVector3d& m) { return m[0] > 0 ? m[2] - m[1] * m[1] / m[0] : 0; };
+    const double expected = left(yes.row(c)) + left(total - yes.row(c));
+    if (c == 0 || expected < least) {
+      least = expected;
+      best = c;
+    }
+  }
+  return all.candidates[static_cast<std::size_t>(best)];
+}
+
+}  // namespace kiroku::trainer
