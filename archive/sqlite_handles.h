@@ -52,6 +52,10 @@ class SqliteStatement {
                             SQLITE_TRANSIENT));  // NOLINT(performance-no-int-to-ptr): SQLite's own macro
     return *this;
   }
+  SqliteStatement& bind_real(double value) {
+    check(sqlite3_bind_double(statement_.get(), ++bound_, value));
+    return *this;
+  }
   template <typename Value>
   SqliteStatement& bind(const std::optional<Value>& value) {
     if (value) {
@@ -73,6 +77,7 @@ class SqliteStatement {
   [[nodiscard]] std::int64_t integer(int column) const {
     return sqlite3_column_int64(statement_.get(), column);
   }
+  [[nodiscard]] double real(int column) const { return sqlite3_column_double(statement_.get(), column); }
   [[nodiscard]] std::string text(int column) const {
     const auto* characters = reinterpret_cast<const char*>(sqlite3_column_text(statement_.get(), column));
     const auto size = static_cast<std::size_t>(sqlite3_column_bytes(statement_.get(), column));

@@ -4,6 +4,7 @@
 #include "apps/kiroku/view_command.h"
 #include "apps/sim/plan_command.h"
 #include "apps/sim/sim_command.h"
+#include "apps/train/train_command.h"
 
 namespace {
 
@@ -17,7 +18,7 @@ constexpr const char* kOverview =
   kiroku verify CASE                                   is it whole, and when did it exist?
   kiroku export CASE --stream endoscope -o film.ts     the pictures, for a recipient
 
-Other commands: case, status, doctor, recover, excerpt, erase, seal, unseal, stamp, token, tsa, log, view, sim, plan, completion.
+Other commands: case, status, doctor, recover, excerpt, erase, seal, unseal, stamp, token, tsa, log, view, sim, plan, train, completion.
 'kiroku --help' lists them all, 'kiroku COMMAND --help' explains one.
 )";
 
@@ -52,6 +53,7 @@ int main(int argc, char** argv) {
   Command& plan = add_plan_command(root);
   add_plan_replay_command(plan);
   add_plan_seal_commands(plan);
+  add_train_command(root);
   add_completion_command(root);
   return program.run(argc, argv);
 }

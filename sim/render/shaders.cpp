@@ -78,6 +78,46 @@ void main() {
 }
 )GLSL";
 
+constexpr const char* kMarkedVertex = R"GLSL(
+struct Vertex { vec4 position; vec4 normal; vec4 colour; };
+layout(std430, binding = 0) readonly buffer Vertices { Vertex vertices[]; };
+out vec3 at;
+out vec3 normal;
+out vec3 tint;
+flat out uint mark;
+flat out uint ghost;
+void main() {
+  Vertex vertex = vertices[gl_VertexID];
+  at = vertex.position.xyz;
+  normal = vertex.normal.xyz;
+  tint = vertex.colour.rgb;
+  mark = uint(vertex.position.w);
+  ghost = uint(vertex.normal.w);
+  gl_Position = projected(at);
+}
+)GLSL";
+
+constexpr const char* kMarkedFragment = R"GLSL(
+uniform vec3 light;
+in vec3 at;
+in vec3 normal;
+in vec3 tint;
+flat in uint mark;
+flat in uint ghost;
+layout(location = 0) out vec4 colour;
+layout(location = 1) out uint shown;
+void main() {
+  ivec2 pixel = ivec2(gl_FragCoord.xy);
+  if (ghost != 0u && ((pixel.x + pixel.y) & 1) == 0) discard;
+  vec3 n = normalize(normal);
+  vec3 to_eye = parallel != 0 ? vec3(0, 0, 1) : normalize(-at);
+  float diffuse = max(dot(n, light), 0);
+  float gloss = pow(max(dot(n, normalize(light + to_eye)), 0), 40);
+  colour = vec4(tint * (0.4 + 0.6 * diffuse) + 0.2 * gloss, 1);
+  shown = mark;
+}
+)GLSL";
+
 constexpr const char* kRay = R"GLSL(
 struct Cell { vec4 barycentric[3]; vec4 texture[3]; };
 struct Links { uvec4 neighbours; uvec4 nodes; };
@@ -229,6 +269,8 @@ std::string entry_vertex_shader() { return std::string(kVersion) + kCamera + kEn
 std::string entry_fragment_shader() { return std::string(kVersion) + kEntryFragment; }
 std::string solid_vertex_shader() { return std::string(kVersion) + kCamera + kSolidVertex; }
 std::string solid_fragment_shader() { return std::string(kVersion) + kCamera + kSolidFragment; }
+std::string marked_vertex_shader() { return std::string(kVersion) + kCamera + kMarkedVertex; }
+std::string marked_fragment_shader() { return std::string(kVersion) + kCamera + kMarkedFragment; }
 std::string ray_fragment_shader(const RayFeatures& features) {
   return std::string(kVersion) + (features.surface ? "#define SURFACE\n" : "") +
          (features.stress ? "#define STRESS\n" : "") + kCamera + kRay;

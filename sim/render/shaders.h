@@ -20,6 +20,9 @@ std::string entry_fragment_shader();
 /// Tools and points: opaque, lit.
 std::string solid_vertex_shader();
 std::string solid_fragment_shader();
+/// A body's surface with solids, lit; each pixel is told which solid's mark it shows.
+std::string marked_vertex_shader();
+std::string marked_fragment_shader();
 /// Rays through tetrahedra.
 std::string ray_fragment_shader(const RayFeatures& features);
 

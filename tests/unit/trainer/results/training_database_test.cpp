@@ -1,0 +1,91 @@
+#include "trainer/results/training_database.h"
+
+#include <fstream>
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "archive/sqlite_handles.h"
+#include "base/error.h"
+#include "tests/support/temporary_folder.h"
+
+namespace kiroku::trainer {
+namespace {
+
+using testing::HasSubstr;
+
+template <typename Action>
+std::string refusal(const Action& action) {
+  try {
+    action();
+  } catch (const UsageError& error) {
+    return error.what();
+  }
+  return "nothing was refused";
+}
+
+void execute(const std::filesystem::path& file, const char* sql) {
+  sqlite3* raw = nullptr;
+  ASSERT_EQ(sqlite3_open(file.c_str(), &raw), SQLITE_OK);
+  const archive::SqliteDatabase database(raw);
+  ASSERT_EQ(sqlite3_exec(raw, sql, nullptr, nullptr, nullptr), SQLITE_OK);
+}
+
+TEST(TrainingDatabase, KeepsTraineesAndSessions) {
+  const test::TemporaryFolder folder;
+  const RateSession session{"Aoki",
+                            true,
+                            MethodKind::kStaircase,
+                            {{1, 23.7, true}, {1, 30.5, false}, {2, 8.5, true}},
+                            {{1, {25.1, {20, 31}}, 24.5}, {2, {8.8, {7, 10}}, std::nullopt}}};
+  {
+    TrainingDatabase database(folder / "results.sqlite");
+    const Trainee aoki = database.add_trainee("Aoki", "first", true);
+    database.add_trainee("Abe", "", false);
+    EXPECT_EQ(database.add_rate_session(aoki, session, UtcTime{}), 1);
+  }
+  const TrainingDatabase database(folder / "results.sqlite");
+  ASSERT_EQ(database.trainees().size(), 2U);
+  EXPECT_EQ(database.trainees()[0].name, "Abe");
+  EXPECT_FALSE(database.trainees()[0].simulated);
+  EXPECT_EQ(database.trainee("Aoki").group, "first");
+  const auto found = database.rate_sessions();
+  ASSERT_EQ(found.size(), 1U);
+  EXPECT_EQ(found[0].subject, "Aoki");
+  EXPECT_TRUE(found[0].simulated);
+  EXPECT_EQ(found[0].method, MethodKind::kStaircase);
+  ASSERT_EQ(found[0].trials.size(), 3U);
+  EXPECT_EQ(found[0].trials[1].rate_hz, 30.5);
+  EXPECT_FALSE(found[0].trials[1].vibrating);
+  ASSERT_EQ(found[0].thresholds.size(), 2U);
+  EXPECT_EQ(found[0].thresholds[0].own_hz, 24.5);
+  EXPECT_FALSE(found[0].thresholds[1].own_hz);
+  EXPECT_EQ(found[0].thresholds[1].estimate.interval_hz.high, 10);
+}
+
+TEST(TrainingDatabase, RefusesANameThatExistsAndNamesThatAreNone) {
+  const test::TemporaryFolder folder;
+  TrainingDatabase database(folder / "results.sqlite");
+  database.add_trainee("Aoki", "", false);
+  EXPECT_THAT(refusal([&] { database.add_trainee("Aoki", "other", true); }), HasSubstr("a trainee 'Aoki'"));
+  EXPECT_THAT(refusal([&] { database.add_trainee("", "", false); }), HasSubstr("not empty"));
+  EXPECT_THAT(refusal([&] { database.add_trainee("a\nb", "", false); }), HasSubstr("control characters"));
+  EXPECT_THAT(refusal([&] { (void)database.trainee("Ueda"); }), HasSubstr("no trainee 'Ueda'"));
+}
+
+TEST(TrainingDatabase, RefusesWhatItDoesNotKnow) {
+  const test::TemporaryFolder folder;
+  { TrainingDatabase made(folder / "newer.sqlite"); }
+  execute(folder / "newer.sqlite", "PRAGMA user_version = 2");
+  EXPECT_THAT(refusal([&] { TrainingDatabase opened(folder / "newer.sqlite"); }), HasSubstr("newer version"));
+  execute(folder / "other.sqlite", "CREATE TABLE cases (name TEXT)");
+  EXPECT_THAT(refusal([&] { TrainingDatabase opened(folder / "other.sqlite"); }),
+              HasSubstr("another program's"));
+  std::ofstream(folder / "text.sqlite") << std::string(5000, 'x');
+  EXPECT_THAT(refusal([&] { TrainingDatabase opened(folder / "text.sqlite"); }), HasSubstr("no database"));
+  EXPECT_EQ(std::filesystem::file_size(folder / "text.sqlite"), 5000U);  // left alone
+  EXPECT_THROW(TrainingDatabase(folder / "absent/results.sqlite"), Error);
+}
+
+}  // namespace
+}  // namespace kiroku::trainer

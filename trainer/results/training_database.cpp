@@ -1,0 +1,225 @@
+#include "trainer/results/training_database.h"
+
+#include <algorithm>
+
+#include "archive/sqlite_handles.h"
+#include "base/error.h"
+
+namespace kiroku::trainer {
+namespace {
+
+namespace fs = std::filesystem;
+using archive::SqliteError;
+using archive::SqliteStatement;
+
+/// "KTrn": told by file(1) and by us.
+constexpr std::int64_t kApplication = 0x4B54726E;
+constexpr int kBusyMilliseconds = 5000;
+
+constexpr const char* kSchema = R"(
+  CREATE TABLE trainees (
+    id         INTEGER PRIMARY KEY,
+    name       TEXT NOT NULL UNIQUE,
+    study_group TEXT NOT NULL,
+    simulated  INTEGER NOT NULL       -- 1: no person
+  ) STRICT;
+  CREATE TABLE rate_sessions (
+    id         INTEGER PRIMARY KEY,
+    trainee    INTEGER NOT NULL REFERENCES trainees (id),
+    began_us   INTEGER NOT NULL,      -- microseconds since 1970, UTC
+    method     TEXT NOT NULL
+  ) STRICT;
+  CREATE TABLE rate_trials (
+    session    INTEGER NOT NULL REFERENCES rate_sessions (id),
+    number     INTEGER NOT NULL,      -- from 1
+    fingers    INTEGER NOT NULL,
+    rate_hz    REAL NOT NULL,
+    vibrating  INTEGER NOT NULL,
+    PRIMARY KEY (session, number)
+  ) STRICT;
+  CREATE TABLE rate_thresholds (
+    session    INTEGER NOT NULL REFERENCES rate_sessions (id),
+    fingers    INTEGER NOT NULL,
+    hz         REAL NOT NULL,
+    low_hz     REAL NOT NULL,         -- 95 % interval
+    high_hz    REAL NOT NULL,
+    own_hz     REAL,                  -- the method's own estimate
+    PRIMARY KEY (session, fingers)
+  ) STRICT;
+)";
+
+}  // namespace
+
+struct TrainingDatabase::State {
+  fs::path file;
+  archive::SqliteDatabase database;
+
+  [[nodiscard]] SqliteStatement statement(std::string_view sql) const { return {database.get(), file, sql}; }
+  void execute(const std::string& sql) const {
+    if (sqlite3_exec(database.get(), sql.c_str(), nullptr, nullptr, nullptr) != SQLITE_OK)
+      throw SqliteError(database.get(), file);
+  }
+  [[nodiscard]] std::int64_t number(std::string_view sql) const {
+    SqliteStatement asked = statement(sql);
+    asked.step();
+    return asked.integer(0);
+  }
+  /// All of `work` or nothing.
+  template <typename Work>
+  void whole(const Work& work) const {
+    execute("BEGIN IMMEDIATE");
+    try {
+      work();
+      execute("COMMIT");
+    } catch (...) {
+      sqlite3_exec(database.get(), "ROLLBACK", nullptr, nullptr, nullptr);
+      throw;
+    }
+  }
+};
+
+TrainingDatabase::TrainingDatabase(const fs::path& file) : state_(std::make_unique<State>()) {
+  state_->file = file;
+  sqlite3* raw = nullptr;
+  const int opened = sqlite3_open_v2(file.c_str(), &raw, SQLITE_OPEN_READWRITE | SQLITE_OPEN_CREATE, nullptr);
+  state_->database.reset(raw);
+  if (opened != SQLITE_OK) throw SqliteError(raw, file);
+  sqlite3_busy_timeout(raw, kBusyMilliseconds);
+  try {
+    if (state_->number("SELECT count(*) FROM sqlite_schema") == 0) {
+      state_->whole([&] {
+        if (state_->number("SELECT count(*) FROM sqlite_schema") > 0) return;  // another was quicker
+        state_->execute(std::string(kSchema) + "PRAGMA application_id = " + std::to_string(kApplication) +
+                        "; PRAGMA user_version = " + std::to_string(kVersion));
+      });
+    }
+    if (state_->number("PRAGMA application_id") != kApplication)
+      throw UsageError(file.string() +
+                       " is another program's database: name one of kiroku train, or a new file");
+    if (state_->number("PRAGMA user_version") > kVersion) {
+      throw UsageError("the results in " + file.string() +
+                       " were written by a newer version of kiroku: use that, or name another file");
+    }
+  } catch (const SqliteError& error) {
+    if (error.code() != SQLITE_NOTADB && error.code() != SQLITE_CORRUPT) throw;
+    throw UsageError(file.string() +
+                     " is no database, or a damaged one: name another file, or bring it back from a copy");
+  }
+  state_->execute("PRAGMA foreign_keys = ON");
+}
+
+TrainingDatabase::~TrainingDatabase() = default;
+
+Trainee TrainingDatabase::add_trainee(const std::string& name, const std::string& group, bool simulated) {
+  constexpr std::size_t kLongest = 100;
+  const auto sound = [](const std::string& text) {
+    return text.size() <= kLongest && std::ranges::none_of(text, [](char c) {
+             return static_cast<unsigned char>(c) < ' ' || c == '\x7f';
+           });
+  };
+  if (name.empty() || !sound(name) || !sound(group))
+    throw UsageError(
+        "a trainee's name and group are text of at most 100 bytes without control characters, the name not "
+        "empty");
+  const auto existing = trainees();
+  if (std::ranges::find(existing, name, &Trainee::name) != existing.end()) {
+    throw UsageError("there is a trainee '" + name + "' in " + state_->file.string() +
+                     " already: choose another name");
+  }
+  state_->statement("INSERT INTO trainees (name, study_group, simulated) VALUES (?, ?, ?)")
+      .bind(name)
+      .bind(group)
+      .bind(std::int64_t{simulated ? 1 : 0})
+      .step();
+  return {sqlite3_last_insert_rowid(state_->database.get()), name, group, simulated};
+}
+
+std::vector<Trainee> TrainingDatabase::trainees() const {
+  std::vector<Trainee> found;
+  SqliteStatement rows =
+      state_->statement("SELECT id, name, study_group, simulated FROM trainees ORDER BY name");
+  while (rows.step()) found.push_back({rows.integer(0), rows.text(1), rows.text(2), rows.integer(3) != 0});
+  return found;
+}
+
+Trainee TrainingDatabase::trainee(const std::string& name) const {
+  const auto all = trainees();
+  const auto found = std::ranges::find(all, name, &Trainee::name);
+  if (found == all.end()) {
+    throw UsageError("there is no trainee '" + name + "' in " + state_->file.string() +
+                     ": 'kiroku train trainee add' adds one");
+  }
+  return *found;
+}
+
+std::int64_t TrainingDatabase::add_rate_session(const Trainee& subject, const RateSession& session,
+                                                UtcTime began) {
+  std::int64_t id = 0;
+  state_->whole([&] {
+    state_->statement("INSERT INTO rate_sessions (trainee, began_us, method) VALUES (?, ?, ?)")
+        .bind(subject.id)
+        .bind(std::int64_t{began.time_since_epoch().count()})
+        .bind(name_of(session.method))
+        .step();
+    id = sqlite3_last_insert_rowid(state_->database.get());
+    std::int64_t number = 0;
+    for (const RateTrial& trial : session.trials) {
+      state_->statement("INSERT INTO rate_trials VALUES (?, ?, ?, ?, ?)")
+          .bind(id)
+          .bind(++number)
+          .bind(static_cast<std::int64_t>(trial.fingers))
+          .bind_real(trial.rate_hz)
+          .bind(std::int64_t{trial.vibrating ? 1 : 0})
+          .step();
+    }
+    for (const RateThreshold& threshold : session.thresholds) {
+      SqliteStatement row = state_->statement("INSERT INTO rate_thresholds VALUES (?, ?, ?, ?, ?, ?)");
+      row.bind(id)
+          .bind(static_cast<std::int64_t>(threshold.fingers))
+          .bind_real(threshold.estimate.hz)
+          .bind_real(threshold.estimate.interval_hz.low)
+          .bind_real(threshold.estimate.interval_hz.high);
+      if (threshold.own_hz) {
+        row.bind_real(*threshold.own_hz);
+      } else {
+        row.bind(std::optional<std::int64_t>());
+      }
+      row.step();
+    }
+  });
+  return id;
+}
+
+std::vector<RateSession> TrainingDatabase::rate_sessions() const {
+  std::vector<RateSession> found;
+  SqliteStatement rows = state_->statement(
+      "SELECT rate_sessions.id, name, simulated, method FROM rate_sessions JOIN trainees ON trainee = "
+      "trainees.id "
+      "ORDER BY rate_sessions.id");
+  while (rows.step()) {
+    RateSession session;
+    session.subject = rows.text(1);
+    session.simulated = rows.integer(2) != 0;
+    session.method = method_kind(rows.text(3));
+    SqliteStatement trials = state_->statement(
+        "SELECT fingers, rate_hz, vibrating FROM rate_trials WHERE session = ? ORDER BY number");
+    trials.bind(rows.integer(0));
+    while (trials.step())
+      session.trials.push_back(
+          {static_cast<std::size_t>(trials.integer(0)), trials.real(1), trials.integer(2) != 0});
+    SqliteStatement thresholds = state_->statement(
+        "SELECT fingers, hz, low_hz, high_hz, own_hz FROM rate_thresholds WHERE session = ? ORDER BY "
+        "fingers");
+    thresholds.bind(rows.integer(0));
+    while (thresholds.step()) {
+      session.thresholds.push_back(
+          {static_cast<std::size_t>(thresholds.integer(0)),
+           {thresholds.real(1), {thresholds.real(2), thresholds.real(3)}},
+           thresholds.is_null(4) ? std::nullopt : std::optional(thresholds.real(4))});
+    }
+    found.push_back(std::move(session));
+  }
+  return found;
+}
+
+}  // namespace kiroku::trainer

@@ -1,0 +1,53 @@
+// Trainees, what they did and how they did it, in one SQLite file. Not thread-safe; other processes may use
+// the same file and are waited for. Unlike a catalogue it cannot be made anew: what is damaged is refused and
+// left alone.
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "base/utc_time.h"
+#include "trainer/haptic_rate/experiment.h"
+
+namespace kiroku::trainer {
+
+struct Trainee {
+  std::int64_t id = 0;
+  std::string name;
+  std::string group;       // of a study; may be empty
+  bool simulated = false;  // no person: said wherever its results are shown
+};
+
+/// Every function throws kiroku::Error where the file cannot be used.
+class TrainingDatabase {
+ public:
+  static constexpr std::int64_t kVersion = 1;
+
+  /// Opens or makes the file. kiroku::UsageError for one of a newer version, for another program's database
+  /// and for what is no database.
+  explicit TrainingDatabase(const std::filesystem::path& file);
+  ~TrainingDatabase();
+  TrainingDatabase(const TrainingDatabase&) = delete;
+  TrainingDatabase& operator=(const TrainingDatabase&) = delete;
+
+  /// kiroku::UsageError for a name that exists, is empty, longer than 100 bytes or has control characters.
+  Trainee add_trainee(const std::string& name, const std::string& group, bool simulated);
+  [[nodiscard]] std::vector<Trainee> trainees() const;  // by name
+  /// kiroku::UsageError for one that is not there, with what to do.
+  [[nodiscard]] Trainee trainee(const std::string& name) const;
+
+  /// Keeps a session of the haptic-rate experiment, whole or not at all; its number.
+  std::int64_t add_rate_session(const Trainee& subject, const RateSession& session, UtcTime began);
+  /// All that are kept, in their order.
+  [[nodiscard]] std::vector<RateSession> rate_sessions() const;
+
+ private:
+  struct State;
+  std::unique_ptr<State> state_;
+};
+
+}  // namespace kiroku::trainer
