@@ -1,0 +1,140 @@
+#include "viewer/compare/figures.h"
+
+#include "media/vital_line.h"
+#include "tests/support/recorded_case.h"
+#include "tests/support/temporary_folder.h"
+
+namespace kiroku::compare {
+namespace {
+
+using testing::ElementsAre;
+
+constexpr std::int64_t kSecondNs = 1'000'000'000;
+constexpr const char* kSystolic = "MDC_PRESS_BLD_ART_ABP_SYS";
+
+const std::vector<PlannedStep> kSteps{{"a", 0, 2}, {"b", 2, 1}, {"c", 3, 4}};
+
+StepMatching two_steps() {
+  StepMatch second, first;
+  second.step = 1;
+  second.span = {100 * kSecondNs, 110 * kSecondNs};
+  second.pauses = {{102 * kSecondNs, 105 * kSecondNs}};
+  second.end_from = KnownFrom::kHand;
+  first.step = 0;
+  first.span = {130 * kSecondNs, 160 * kSecondNs};
+  first.end_from = KnownFrom::kHand;
+  return match_by_hand(kSteps, {first, second}, 200 * kSecondNs);
+}
+
+/// A value a second from 0 to 200 s.
+template <typename Value>
+VitalSeries series(const Value& value) {
+  VitalSeries made{"systolic", "mm[Hg]", {}};
+  for (int second = 0; second < 200; ++second) made.numbers.push_back({second * kSecondNs, value(second)});
+  return made;
+}
+
+TEST(Figures, StateOrderPausesAndTheChangeOfVitalSigns) {
+  CaseRecord record;
+  record.vitals[kSystolic] = series([](int second) {
+    return second < 100 ? 120.0 : second < 110 ? 100 : 130;
+  });
+  const std::vector<StepFigures> figures = figures_of(kSteps, two_steps(), record);
+  ASSERT_EQ(figures.size(), 3U);
+  EXPECT_EQ(figures[0].done_as, 1U);
+  EXPECT_EQ(figures[0].pause_before_ns, 20 * kSecondNs);
+  EXPECT_EQ(figures[1].done_as, 0U);
+  EXPECT_FALSE(figures[1].pause_before_ns.has_value());
+  EXPECT_EQ(figures[1].pauses_within_ns, 3 * kSecondNs);
+  EXPECT_FALSE(figures[2].done_as.has_value());
+  EXPECT_TRUE(figures[2].vitals.empty());
+  ASSERT_EQ(figures[1].vitals.size(), 1U);
+  EXPECT_EQ(figures[1].vitals[0].before, 120);
+  EXPECT_EQ(figures[1].vitals[0].during, 100);
+  EXPECT_EQ(figures[1].vitals[0].after, 130);
+}
+
+TEST(Figures, ApauseIsNotKnownWhereNobodySaidWhenTheStepBeforeEnded) {
+  StepMatch a, b;
+  a.step = 0;
+  a.span = {10, 9};
+  b.step = 1;
+  b.span = {50, 60};
+  const StepMatching matching = match_by_hand(kSteps, {a, b}, 100);
+  EXPECT_FALSE(figures_of(kSteps, matching, {})[1].pause_before_ns.has_value());
+}
+
+TEST(Figures, TellPressuresThatPassTheirLimitsAndAlarms) {
+  CaseRecord record;
+  record.vitals[kSystolic] = series([](int second) {
+    return second < 10 ? 80.0 : second < 20 ? 120 : second < 25 ? 88 : 161;
+  });
+  record.vitals["MDC_PRESS_BLD_ART_ABP_MEAN"] = series([](int second) { return second < 30 ? 9.0 : 8; });
+  record.vitals["MDC_PRESS_BLD_ART_ABP_MEAN"].unit = "kPa";
+  record.vitals["MDC_PRESS_BLD_ART_PULM_MEAN"] = series([](int) { return 12.0; });
+  record.alarms = {{15 * kSecondNs, kSystolic, "ABP high", "PM"},
+                   {16 * kSecondNs, "MDC_ECG_HEART_RATE", "HR", ""}};
+  const auto events = pressure_events(record, 0, 200 * kSecondNs);
+  std::vector<std::string> texts;
+  for (const PressureEvent& event : events)
+    texts.push_back(std::to_string(event.time_ns / kSecondNs) + " " + event.text);
+  EXPECT_THAT(
+      texts, ElementsAre("0 systolic pressure 80 mmHg, below 90", "15 ABP high",
+                         "20 systolic pressure 88 mmHg, below 90", "25 systolic pressure 161 mmHg, above 160",
+                         "30 mean pressure 60 mmHg, below 65"));
+  EXPECT_TRUE(events[1].is_alarm);
+  // What had passed before is no event of the time that follows.
+  EXPECT_TRUE(pressure_events(record, 26 * kSecondNs, 30 * kSecondNs).empty());
+}
+
+TEST(CaseRecord, IsWhatTheCaseHoldsOfMarksNumbersAndAlarms) {
+  const test::TemporaryFolder folder;
+  const test::Reader reader = test::make_reader();
+  const std::string salt(64, '0');
+  const std::string events =
+      R"({"salt":")" + salt +
+      R"(","event":"{\"time_ns\":1500000000,\"utc\":\"2026-08-05T09:15:03.500000Z\",\"kind\":\"mark\",\"text\":\"clip \\\"a\\\"\"}"})" +
+      "\n" + R"({"salt":")" + salt +
+      R"(","event":"{\"time_ns\":2,\"kind\":\"subject-missing\",\"text\":\"x\"}"})" + "\n";
+  std::string vitals;
+  media::VitalSample sample;
+  sample.time_ns = 10;
+  sample.code = "MDC_ECG_HEART_RATE";
+  sample.mdc = 147842;
+  sample.value = 72;
+  sample.unit = "/min";
+  const auto add = [&](const media::VitalLine& line) { vitals += media::to_json_line(line) + "\n"; };
+  add(sample);
+  sample.quality = media::VitalQuality::kInvalid;
+  add(sample);
+  media::VitalSample wave = sample;
+  wave.value.reset();
+  wave.quality = media::VitalQuality::kGood;
+  wave.rate_hz = 100;
+  wave.values = {1, 2, 3};
+  add(wave);
+  media::DeviceAlarm alarm;
+  alarm.time_ns = 20;
+  alarm.code = "MDC_EVT_LO";
+  alarm.about = kSystolic;
+  alarm.text = "ABP low";
+  alarm.phase = "start";
+  add(alarm);
+  alarm.phase = "end";
+  add(alarm);
+  const auto recording = archive::CaseReader::open(
+      test::record_case(folder / "archive",
+                        {{"events", "events", "application/jsonl", {to_bytes(events)}, {2}},
+                         {"vitals", "vitals", "application/jsonl", {to_bytes(vitals)}, {5}}},
+                        reader.recipients));
+  const CaseRecord record = read_case_record(recording, reader.identities);
+  EXPECT_THAT(record.marks, ElementsAre(Mark{1'500'000'000, "clip \"a\""}));
+  ASSERT_EQ(record.vitals.size(), 1U);
+  EXPECT_EQ(record.vitals.begin()->second.label, "heart rate");
+  EXPECT_EQ(record.vitals.begin()->second.numbers.size(), 1U);
+  ASSERT_EQ(record.alarms.size(), 1U);
+  EXPECT_EQ(record.alarms[0].text, "ABP low");
+}
+
+}  // namespace
+}  // namespace kiroku::compare

@@ -1,0 +1,76 @@
+#include "viewer/compare/case_record.h"
+
+#include <algorithm>
+#include <cstdint>
+#include <variant>
+
+#include <nlohmann/json.hpp>
+
+#include "base/error.h"
+#include "media/recorded_lines.h"
+#include "media/vital_codes.h"
+#include "media/vital_line.h"
+
+namespace kiroku::compare {
+namespace {
+
+/// The event inside of a line of an events stream, if it is a mark.
+void take_event(std::string_view line, std::vector<Mark>& marks) {
+  const nlohmann::json outer = nlohmann::json::parse(line);
+  const nlohmann::json event = nlohmann::json::parse(outer.at("event").get<std::string>());
+  if (event.at("kind") != "mark") return;
+  marks.push_back({event.at("time_ns").get<std::int64_t>(), event.at("text").get<std::string>()});
+}
+
+void take_vital(const media::VitalLine& line, CaseRecord& record) {
+  if (const auto* const sample = std::get_if<media::VitalSample>(&line)) {
+    const bool usable = sample->quality == media::VitalQuality::kGood ||
+                        sample->quality == media::VitalQuality::kQuestionable;
+    if (!sample->value || !usable || sample->code == media::kFlashCode) return;
+    VitalSeries& series = record.vitals[sample->code];
+    if (series.numbers.empty()) {
+      const media::VitalCode* const known = media::find_vital_code(sample->code);
+      series.label = known != nullptr ? std::string(known->label) : sample->code;
+      series.unit = sample->unit;
+    }
+    series.numbers.push_back({sample->time_ns, *sample->value});
+  } else if (const auto* const alarm = std::get_if<media::DeviceAlarm>(&line)) {
+    if (alarm->phase == "start")
+      record.alarms.push_back({alarm->time_ns, alarm->about, alarm->text, alarm->priority});
+  }
+}
+
+}  // namespace
+
+CaseRecord read_case_record(const archive::CaseReader& recording, const crypto::AgeIdentities& identities) {
+  CaseRecord record;
+  for (const archive::StreamInfo& stream : recording.opening().streams) {
+    const auto each_line = [&](const auto& take) {
+      media::for_each_recorded_line(recording, identities, stream.name, INT64_MIN, INT64_MAX, take);
+    };
+    if (stream.kind == "events") {
+      each_line([&](std::string_view line) {
+        try {
+          take_event(line, record.marks);
+        } catch (const nlohmann::json::exception&) {
+          throw Error("a line of the stream '" + stream.name +
+                      "' is no event; see what `kiroku verify --identity` says of the case");
+        }
+      });
+    } else if (stream.kind == "vitals") {
+      each_line([&](std::string_view line) {
+        const media::VitalLineParse parse = media::parse_vital_line_of_any_kind(line);
+        if (!parse.line)
+          throw Error("a line of the stream '" + stream.name + "' is no vital sign: " + parse.problem);
+        take_vital(*parse.line, record);
+      });
+    }
+  }
+  const auto time_of = [](const auto& entry) { return entry.time_ns; };
+  std::ranges::stable_sort(record.marks, {}, time_of);
+  std::ranges::stable_sort(record.alarms, {}, time_of);
+  for (auto& [code, series] : record.vitals) std::ranges::stable_sort(series.numbers, {}, time_of);
+  return record;
+}
+
+}  // namespace kiroku::compare
