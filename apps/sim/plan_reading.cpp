@@ -27,10 +27,6 @@ std::optional<sim::Plan> read_plan_and_tell(const std::string& file, bool json) 
   return std::move(reading.plan);
 }
 
-double duration_s(const sim::Plan& plan) {
-  double sum = 0;
-  for (const sim::PlanStep& step : plan.steps) sum += step.duration_s;
-  return sum;
-}
+double duration_s(const sim::Plan& plan) { return sim::begins_s(plan, plan.steps.size()); }
 
 }  // namespace kiroku::apps

@@ -15,11 +15,10 @@
 #include "apps/sim/plan_reading.h"
 #include "base/error.h"
 #include "media/film_writer.h"
-#include "sim/fem/element.h"
 #include "sim/fem/number_text.h"
 #include "sim/plan/plan_run.h"
 #include "sim/render/lettering.h"
-#include "sim/render/plan_scene.h"
+#include "sim/render/plan_pictures.h"
 #include "sim/volume/volume_reader.h"
 
 namespace kiroku::apps {
@@ -42,14 +41,8 @@ media::FilmFormat format_of(const sim::Plan& plan, const sim::Scene& scene) {
 /// "step 2 of 5: retract forceps", as of the frame.
 std::string step_text(const sim::Plan& plan, const sim::PlanFrame& frame) {
   if (frame.time_s == 0) return plan.name;
-  const sim::PlanStep& step = plan.steps[frame.step];
-  std::string tools;
-  for (const sim::PlanMotion& motion : step.motions)
-    tools += (tools.empty() ? " " : ", ") + plan.tools[motion.tool].tool.name;
-  for (const std::size_t tool : step.released)
-    tools += (tools.empty() ? " " : ", ") + plan.tools[tool].tool.name;
   return "step " + std::to_string(frame.step + 1) + " of " + std::to_string(plan.steps.size()) + ": " +
-         sim::name_of(step.action) + tools;
+         sim::title_of(plan, plan.steps[frame.step]);
 }
 
 std::string time_text(double time_s) {
@@ -58,82 +51,48 @@ std::string time_text(double time_s) {
   return text;
 }
 
-std::vector<double> von_mises_of(const sim::PlanFrame& frame) {
-  std::vector<double> stress_pa;
-  stress_pa.reserve(frame.stress_pa.size());
-  for (const sim::SymmetricTensor& stress : frame.stress_pa) stress_pa.push_back(sim::von_mises(stress));
-  return stress_pa;
-}
-
 class Replay {
  public:
   Replay(const Request& request, const sim::Plan& plan, const sim::Volume& volume)
       : request_(request),
         plan_(plan),
-        scene_(request.picture.scene(view_of_plan(plan))),
-        renderer_(std::make_shared<const sim::ShadedVolume>(
+        pictures_(plan,
+                  std::make_shared<const sim::ShadedVolume>(
                       sim::shade(volume, sim::extent_of(plan.body.mesh), request.picture.shading())),
-                  request.picture.transfer_function("liver"), request.picture.gpu_use()),
-        film_(request.output, format_of(plan, scene_), request.force) {
-    // Contact points are a fifth of an edge's length.
-    constexpr double kShareOfEdge = 0.2;
-    contact_radius_m_ = kShareOfEdge * std::cbrt(volume_of(plan.body.mesh) * 6 * std::sqrt(2.0) /
-                                                 double(plan.body.mesh.tetrahedra.size()));
-    if (request.stress) largest_pa_ = parse_number(*request.stress, "--stress", 1e-9, 1e12);
+                  request.picture.transfer_function("liver"), request.picture.gpu_use(),
+                  request.picture.scene(sim::view_of_plan(plan)), options_of(request)),
+        film_(request.output, format_of(plan, pictures_.scene()), request.force),
+        largest_pa_(options_of(request).largest_pa) {
     if (!request.no_caption || request.stress) lettering_.emplace();
   }
 
   void add(const sim::PlanRun& run) {
     const sim::PlanFrame& frame = run.frame();
-    // Cuts take tetrahedra out and move nodes; nothing else changes the mesh.
-    if (run.mesh().tetrahedra.size() != shown_.tetrahedra.size() || run.mesh().nodes != shown_.nodes) {
-      shown_ = run.mesh();
-      renderer_.set_mesh(shown_);
-    }
-    scene_.solids = sim::tools_of(plan_, frame);
-    if (!request_.no_contacts) {
-      const std::vector<sim::Solid> points = sim::contact_points_of(run.mesh(), frame, contact_radius_m_);
-      scene_.solids.insert(scene_.solids.end(), points.begin(), points.end());
-    }
-    if (largest_pa_ > 0) {
-      scene_.stress.emplace();
-      scene_.stress->largest_pa = largest_pa_;
-      scene_.stress->at_nodes_pa = sim::at_nodes(run.mesh(), von_mises_of(frame));
-    }
-    sim::Picture picture = renderer_.render(
-        {frame.displacement_m.data(), static_cast<std::size_t>(frame.displacement_m.size())}, scene_);
+    sim::Picture picture = pictures_.picture(frame, run.mesh());
     if (!request_.no_caption)
       sim::draw_caption(*lettering_, picture, step_text(plan_, frame), time_text(frame.time_s));
-    if (largest_pa_ > 0) sim::draw_stress_scale(*lettering_, picture, largest_pa_);
+    if (largest_pa_) sim::draw_stress_scale(*lettering_, picture, *largest_pa_);
     film_.add(apps::view_of(picture));
   }
 
   void finish() { film_.finish(); }
-  [[nodiscard]] const sim::VolumeRenderer& renderer() const { return renderer_; }
+  [[nodiscard]] const sim::VolumeRenderer& renderer() const { return pictures_.renderer(); }
   [[nodiscard]] std::uint64_t frames() const { return film_.frames(); }
 
  private:
-  static double volume_of(const sim::TetMesh& mesh) {
-    double volume_m3 = 0;
-    for (std::size_t t = 0; t < mesh.tetrahedra.size(); ++t) volume_m3 += sim::signed_volume_m3(mesh, t);
-    return volume_m3;
-  }
-  /// With some room for what moves.
-  static sim::Ball view_of_plan(const sim::Plan& plan) {
-    sim::Ball ball = sim::ball_around(plan.body.mesh);
-    constexpr double kRoom = 1.1;
-    ball.radius_m *= kRoom;
-    return ball;
+  static sim::PlanPictureOptions options_of(const Request& request) {
+    sim::PlanPictureOptions options;
+    options.contacts = !request.no_contacts;
+    if (request.stress) options.largest_pa = parse_number(*request.stress, "--stress", 1e-9, 1e12);
+    return options;
   }
 
   const Request& request_;
   const sim::Plan& plan_;
-  sim::Scene scene_;
-  sim::VolumeRenderer renderer_;
+  sim::PlanPictures pictures_;
   media::FilmWriter film_;
+  std::optional<double> largest_pa_;
   std::optional<sim::Lettering> lettering_;
-  double contact_radius_m_ = 0, largest_pa_ = 0;
-  sim::TetMesh shown_;
 };
 
 sim::Volume read_ct(const Request& request, const sim::Plan& plan) {

@@ -287,27 +287,31 @@ class PlanReader {
     PlanStep step;
     step.where = field.path();
     step.action = word_of(field.member("do"), kActions);
+    if (const auto name = field.optional_member("name")) {
+      step.name = name->text();
+      if (step.name.empty()) name->fail("is empty: leave it out, or give the step a name");
+    }
     switch (step.action) {
       case PlanAction::kGrasp:
-        field.expect_object({"do", "tool", "at"});
+        field.expect_object({"do", "name", "tool", "at"});
         read_grasp(field, step);
         break;
       case PlanAction::kRetract:
       case PlanAction::kPress:
-        field.expect_object({"do", "tool", "path", "tools"});
+        field.expect_object({"do", "name", "tool", "path", "tools"});
         step.motions = motions_of(field);
         check_motions(field, step);
         break;
       case PlanAction::kCut:
-        field.expect_object({"do", "tool", "path"});
+        field.expect_object({"do", "name", "tool", "path"});
         read_cut(field, step);
         break;
       case PlanAction::kHold:
-        field.expect_object({"do", "duration_s"});
+        field.expect_object({"do", "name", "duration_s"});
         step.duration_s = within(field.member("duration_s"), kShortestTimeStepS, kLongestStepS);
         break;
       case PlanAction::kRelease: {
-        field.expect_object({"do", "tool"});
+        field.expect_object({"do", "name", "tool"});
         const JsonField named = field.member("tool");
         const std::size_t tool = tool_of(named);
         if (!state_[tool].pose) named.fail("is '" + named.text() + "', which is not at the organ");
@@ -372,6 +376,23 @@ const char* name_of(ToolKind kind) { return word_for(kind, kKinds); }
 const char* name_of(PlanAction action) { return word_for(action, kActions); }
 bool binds(ToolKind kind) { return kind == ToolKind::kForceps || kind == ToolKind::kPin; }
 bool touches(ToolKind kind) { return !binds(kind) && kind != ToolKind::kScalpel; }
+
+std::string title_of(const Plan& plan, const PlanStep& step) {
+  if (!step.name.empty()) return step.name;
+  std::string tools;
+  const auto add = [&](std::size_t tool) {
+    tools += (tools.empty() ? " " : ", ") + plan.tools[tool].tool.name;
+  };
+  for (const PlanMotion& motion : step.motions) add(motion.tool);
+  for (const std::size_t tool : step.released) add(tool);
+  return name_of(step.action) + tools;
+}
+
+double begins_s(const Plan& plan, std::size_t step) {
+  double sum = 0;
+  for (std::size_t i = 0; i < step; ++i) sum += plan.steps[i].duration_s;
+  return sum;
+}
 
 PlanReading read_plan(const std::filesystem::path& file, const MeshMaker& maker) {
   PlanReading reading;

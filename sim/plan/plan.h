@@ -52,6 +52,7 @@ const char* name_of(PlanAction action);
 struct PlanStep {
   PlanAction action = PlanAction::kHold;
   std::string where;                // its JSON path: "steps[3]"
+  std::string name;                 // "clip the artery"; empty where the plan gives none
   std::vector<PlanMotion> motions;  // of grasp, retract, press and cut; a grasp's path has one frame
   std::vector<std::size_t> released;
   double duration_s = 0;
@@ -65,6 +66,11 @@ struct Plan {
   std::vector<PlanStep> steps;
   double time_step_s = 0.05;
 };
+
+/// What a step is called: its name, or what it does with which tools ("retract forceps").
+std::string title_of(const Plan& plan, const PlanStep& step);
+/// When a step begins, since the plan began; of the number of steps, when the plan ends.
+double begins_s(const Plan& plan, std::size_t step);
 
 /// Either a plan or all that is wrong with the document, each a sentence with its JSON path.
 struct PlanReading {

@@ -8,6 +8,7 @@
 
 #include "base/error.h"
 #include "sim/mesh/mesh_writer.h"
+#include "sim/plan/plan_frames.h"
 #include "sim/plan/plan_report.h"
 #include "tests/support/temporary_folder.h"
 #include "tests/support/tet_grid.h"
@@ -160,6 +161,40 @@ TEST_F(PlanRunTest, ReportsTheSameBytesTwice) {
   EXPECT_EQ(once, all());
   EXPECT_THAT(once, HasSubstr("\r\n0.25,steps[0],thumb,"));
   EXPECT_THAT(once, HasSubstr("\r\n0,before,0,0,"));
+}
+
+TEST_F(PlanRunTest, IsKeptForGoingBackAndForth) {
+  const Plan plan = plan_of(R"([
+      {"do": "grasp", "tool": "forceps", "at": {"position": [40, 10, 10]}},
+      {"do": "retract", "tool": "forceps", "name": "Show the bed", "path": [{"at_s": 1, "position": [44, 10, 10]}]},
+      {"do": "release", "tool": "forceps"},
+      {"do": "cut", "tool": "knife", "path": [{"at_s": 0, "position": [20, 10, -5]}, {"at_s": 1, "position": [20, 25, -5]}]}])");
+  EXPECT_EQ(title_of(plan, plan.steps[0]), "grasp forceps");
+  EXPECT_EQ(title_of(plan, plan.steps[1]), "Show the bed");
+  EXPECT_EQ(title_of(plan, plan.steps[2]), "release forceps");
+  EXPECT_EQ(begins_s(plan, 3), 1);
+  EXPECT_EQ(begins_s(plan, 4), 2);
+  double told_s = 0;
+  const PlanFrames frames(plan, [&](double time_s) { told_s = time_s; });
+  EXPECT_EQ(told_s, 2);
+  PlanRun run(plan);
+  std::size_t number = 0;
+  for (; run.next(); ++number) {
+    ASSERT_LT(number, frames.all().size());
+    const PlanFrames::Kept& kept = frames.all()[number];
+    EXPECT_EQ(kept.frame.displacement_m, run.frame().displacement_m);
+    EXPECT_EQ(kept.mesh->tetrahedra.size(), run.mesh().tetrahedra.size());
+  }
+  EXPECT_EQ(number, frames.all().size());
+  EXPECT_EQ(frames.all()[0].mesh, frames.all()[1].mesh);
+  EXPECT_LT(frames.all().back().mesh->tetrahedra.size(), frames.all()[0].mesh->tetrahedra.size());
+  // Before and after a step that takes no time are moments of their own.
+  EXPECT_EQ(frames.at(1, 1).frame.step, 1U);
+  EXPECT_TRUE(frames.at(1, 1).frame.poses[kForceps].has_value());
+  EXPECT_FALSE(frames.at(2, 1).frame.poses[kForceps].has_value());
+  EXPECT_EQ(frames.at(1, 0.6).frame.time_s, 0.5);
+  EXPECT_EQ(frames.at(0, 0).frame.step, 0U);
+  EXPECT_EQ(&frames.at(3, 99), &frames.all().back());
 }
 
 }  // namespace
