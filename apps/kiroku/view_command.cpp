@@ -123,6 +123,7 @@ int run(const Request& request) {
                .log_folder = home.log_folder(),
                .users_file = home.folder() / "users.sqlite",
                .control_socket = home.control_socket(home.configuration()),
+               .copies_folder = home.folder() / "viewing-copies",
                .device_key = &device_key,
                .device = home.device(),
                .trust = &trust,

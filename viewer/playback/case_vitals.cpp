@@ -153,8 +153,8 @@ VitalsView CaseVitals::view(std::int64_t from_ns, std::int64_t to_ns, std::size_
     view.series = read_short(start, to_ns, width, view.unreadable).view(start, to_ns, width);
   }
   std::unique_lock guard(mutex_);
-  changed_.wait_for(guard, std::chrono::milliseconds(patience_ms), [&] { return built_to_ns_ >= to_ns; });
   if (!is_short) {
+    changed_.wait_for(guard, std::chrono::milliseconds(patience_ms), [&] { return built_to_ns_ >= to_ns; });
     view.series = pyramid_.view(from_ns, to_ns, width);
     for (const UnreadableStretch& stretch : unreadable_) {
       if (archive::meets(stretch.span, from_ns, to_ns)) view.unreadable.push_back(stretch);

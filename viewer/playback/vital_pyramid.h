@@ -1,5 +1,5 @@
 // Vital signs of a whole case at any zoom: least, greatest and last value of every stretch of time, at six
-// widths. Memory: 43 bytes for each 0.2 s in which a quantity was measured. An object belongs to one thread.
+// widths. Memory: 43 bytes for each quarter of a second in which a quantity was measured. An object belongs to one thread.
 #pragma once
 
 #include <array>
@@ -39,9 +39,9 @@ struct VitalSeries {
 class VitalPyramid {
  public:
   /// Narrowest bins kept of a whole case.
-  static constexpr std::int64_t kBaseNs = 200'000'000;
-  /// And of a short stretch: shorter than any waveform's steps.
-  static constexpr std::int64_t kFinestNs = kBaseNs / 512;
+  static constexpr std::int64_t kBaseNs = 250'000'000;
+  /// And of a short stretch: 1/512 s.
+  static constexpr std::int64_t kFinestNs = kBaseNs / 128;
   /// More quantities than any theatre has; what comes beyond is left out.
   static constexpr std::size_t kMostSeries = 512;
 

@@ -12,6 +12,8 @@ class SignInLink;
 void add_session_routes(Router& router, ViewerContext& context, SignInLink& link);
 /// The list of cases, and one of them.
 void add_case_routes(Router& router, ViewerContext& context);
+/// Watching a case: viewing copies, thumbnails, archived pictures, vital signs, the time line.
+void add_playback_routes(Router& router, ViewerContext& context);
 /// What the running recorder says, and what it is told.
 void add_room_routes(Router& router, ViewerContext& context);
 

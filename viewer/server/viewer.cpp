@@ -54,6 +54,7 @@ struct Viewer::State {
     }
     add_session_routes(router, context, link);
     add_case_routes(router, context);
+    add_playback_routes(router, context);
     add_room_routes(router, context);
     server.emplace(std::move(options.web), dispatcher);
   }

@@ -22,6 +22,9 @@ namespace kiroku::viewer {
 /// Where everything lies that is shown, and by what it is judged. What is pointed to outlives the viewer.
 struct ViewerHome {
   std::filesystem::path archive, catalogue_file, log_folder, users_file, control_socket;
+  /// For viewing copies, encrypted, at most `most_copy_bytes` of them; emptied at start and end.
+  std::filesystem::path copies_folder;
+  std::uint64_t most_copy_bytes = std::uint64_t{4} << 30;
   const crypto::SigningKey* device_key = nullptr;  // signs the appliance log
   crypto::VerifierKey device;
   const timestamp::TrustStore* trust = nullptr;
