@@ -76,6 +76,8 @@ std::string printable(std::string_view text) {
   return out;
 }
 
+std::string_view version() { return kVersion; }
+
 void print_error(std::string_view program, std::string_view sentence) {
   std::cerr << program << ": " << printable(sentence) << std::endl;
 }

@@ -120,6 +120,9 @@ class Program {
   std::unique_ptr<Command> root_;
 };
 
+/// Of all programs of Kiroku: "0.1.0".
+std::string_view version();
+
 /// "<program>: <sentence>" on standard error, line breaks and control characters in it made visible.
 void print_error(std::string_view program, std::string_view sentence);
 /// Text that came from a file or a network, safe to print on a terminal: control characters become "?".

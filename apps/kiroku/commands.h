@@ -13,6 +13,7 @@ void add_recover_command(Command& program);
 void add_doctor_command(Command& program);
 void add_cases_command(Command& program);
 void add_verify_command(Command& program);
+void add_report_command(Command& program);
 void add_export_command(Command& program);
 void add_excerpt_command(Command& program);
 void add_erase_command(Command& program);

@@ -16,6 +16,7 @@ constexpr const char* kOverview =
       --vitals synthetic:patient --duration 20s        a recording without any camera
   kiroku cases                                         what is recorded
   kiroku verify CASE                                   is it whole, and when did it exist?
+  kiroku report CASE -o report.pdf                     the same, for a court to read
   kiroku export CASE --stream endoscope -o film.ts     the pictures, for a recipient
 
 Other commands: case, status, doctor, recover, excerpt, erase, seal, unseal, stamp, token, tsa, log, view, sim, plan, train, completion.
@@ -36,6 +37,7 @@ int main(int argc, char** argv) {
   add_recover_command(root);
   add_cases_command(root);
   add_verify_command(root);
+  add_report_command(root);
   add_export_command(root);
   add_excerpt_command(root);
   add_erase_command(root);

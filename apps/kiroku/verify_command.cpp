@@ -1,9 +1,6 @@
-#include "apps/verify/verify_command.h"
-
-#include <memory>
-
 #include "apps/kiroku/commands.h"
 #include "apps/kiroku/home.h"
+#include "apps/kiroku/verify_extras.h"
 #include "archive/catalogue.h"
 #include "base/error.h"
 #include "media/inspector.h"
@@ -39,6 +36,11 @@ void remember(const std::optional<Home>& home, const std::filesystem::path& case
 void add_verify_command(Command& program) {
   Command& command = program.add_command("verify", "tells whether a case is whole and when it existed");
   const auto asked_home = std::make_shared<std::optional<std::string>>();
+  make_verify_command(command, verify_extras(asked_home));
+  add_home_option(command, *asked_home);
+}
+
+VerifyExtras verify_extras(const std::shared_ptr<std::optional<std::string>>& asked_home) {
   const auto home = [asked_home] { return Home::find(*asked_home); };
   VerifyExtras extras;
   extras.find_case = [home](const std::string& named) { return find_case(home(), named); };
@@ -46,8 +48,7 @@ void add_verify_command(Command& program) {
   extras.inspect = media::decoding_inspector();
   extras.verified = [home](const std::filesystem::path& folder, const archive::VerificationReport& report,
                            bool decrypted) { remember(home(), folder, report, decrypted); };
-  make_verify_command(command, extras);
-  add_home_option(command, *asked_home);
+  return extras;
 }
 
 }  // namespace kiroku::apps

@@ -8,8 +8,7 @@
 
 #include "apps/common/file.h"
 #include "apps/common/json_output.h"
-#include "apps/common/progress.h"
-#include "apps/common/terminal.h"
+#include "apps/verify/judging.h"
 #include "apps/verify/report_json.h"
 #include "apps/verify/report_text.h"
 #include "base/error.h"
@@ -20,62 +19,10 @@ namespace {
 using nlohmann::ordered_json;
 
 struct Request {
-  std::vector<std::string> cases, devices, trust, untrusted, identities;
-  std::optional<std::string> log, threads;
+  std::vector<std::string> cases;
+  JudgingRequest judging;
   bool json = false;
 };
-
-/// What is the same for every case of one call.
-struct Trusted {
-  std::vector<crypto::VerifierKey> devices;
-  crypto::AgeIdentities identities;
-  unsigned threads = 0;
-};
-
-unsigned parse_threads(const std::optional<std::string>& text) {
-  if (!text) return 0;
-  if (text->empty() || text->size() > 4 || text->find_first_not_of("0123456789") != std::string::npos) {
-    throw UsageError("--threads is '" + *text + "', which is no number of threads: give 1 or more");
-  }
-  return unsigned(std::stoul(*text));
-}
-
-timestamp::TrustStore load_trust(const Request& request, const VerifyDefaults& defaults) {
-  timestamp::TrustStore trust;
-  for (const std::string& file : request.trust) trust.add_trusted_file(file);
-  for (const std::string& file : request.untrusted) trust.add_untrusted_file(file);
-  if (request.trust.empty() && defaults.trust) trust.add_trusted_file(*defaults.trust);
-  return trust;
-}
-
-struct Judged {
-  archive::VerificationReport report;
-  bool device_trusted = false;
-};
-
-Judged judge(const std::filesystem::path& folder, const Request& request, const Trusted& trusted,
-             const VerifyExtras& extras) {
-  const VerifyDefaults defaults = extras.defaults ? extras.defaults(folder) : VerifyDefaults{};
-  const timestamp::TrustStore trust = load_trust(request, defaults);
-  archive::VerifyOptions options;
-  options.devices = request.devices.empty() ? defaults.devices : trusted.devices;
-  if (trust.has_trusted()) options.trust = &trust;
-  options.log = request.log ? std::optional<std::filesystem::path>(*request.log) : defaults.log;
-  if (!trusted.identities.empty()) {
-    options.identities = &trusted.identities;
-    options.inspect = extras.inspect;
-  }
-  options.threads = trusted.threads;
-  Progress progress("verifying");
-  options.progress = [&progress](std::uint64_t done, std::uint64_t total) { progress.update(done, total); };
-  Judged judged;
-  judged.report = archive::verify_case(folder, options);
-  judged.device_trusted =
-      std::any_of(options.devices.begin(), options.devices.end(),
-                  [&](const crypto::VerifierKey& key) { return key.to_string() == judged.report.device; });
-  if (extras.verified) extras.verified(folder, judged.report, !trusted.identities.empty());
-  return judged;
-}
 
 /// The worst of several: a no outweighs a refusal, which outweighs no answer yet.
 int worse(int a, int b) {
@@ -86,17 +33,7 @@ int worse(int a, int b) {
 }
 
 int run(const Request& request, const VerifyExtras& extras, const std::string& program) {
-  Trusted trusted;
-  for (const std::string& device : request.devices) {
-    for (crypto::VerifierKey& key : load_device_keys(device)) trusted.devices.push_back(std::move(key));
-  }
-  for (const std::string& file : request.identities) {
-    for (auto& identity : crypto::load_identity_file(file, ask_passphrase)) {
-      trusted.identities.push_back(std::move(identity));
-    }
-  }
-  trusted.threads = parse_threads(request.threads);
-
+  const Judge judge(request.judging, extras);
   int status = kDone;
   ordered_json reports = ordered_json::array();
   bool first = true;
@@ -104,7 +41,7 @@ int run(const Request& request, const VerifyExtras& extras, const std::string& p
     try {
       const std::filesystem::path folder =
           extras.find_case ? extras.find_case(named) : std::filesystem::path(named);
-      const Judged judged = judge(folder, request, trusted, extras);
+      const Judged judged = judge.judge(folder);
       status = worse(status, archive::exit_status(judged.report.verdict));
       if (request.json) {
         reports.push_back(report_json(judged.report));
@@ -162,19 +99,7 @@ void make_verify_command(Command& command, const VerifyExtras& extras) {
   command.arguments("CASE", request->cases,
                     home ? "case folder, excerpt folder, or identifier of a case in the home's archive"
                          : "case folder or excerpt folder");
-  command.option("--device", "FILE", request->devices,
-                 home ? "trusted device key: a device.pub or the key itself; instead of the home's"
-                      : "trusted device key: a device.pub or the key itself");
-  command.option("--trust", "PEM", request->trust,
-                 home ? "trusted time-stamping roots; instead of the home's" : "trusted time-stamping roots");
-  command.option("--untrusted", "PEM", request->untrusted,
-                 "certificates that help to build a chain without being trusted");
-  command.option("--log", "DIR", request->log, "appliance log that must know the case",
-                 home ? "the home's, for cases in its archive" : "");
-  command.option(
-      "-i,--identity", "FILE", request->identities,
-      extras.inspect ? "also decrypts every segment and decodes it" : "also decrypts every segment");
-  command.option("--threads", "N", request->threads, "how many threads hash", "one a core");
+  add_judging_options(command, request->judging, extras);
   command.flag("--json", request->json, "prints one JSON object instead");
   command.explain(
       "Exit status: 0 intact (also with stated gaps), 1 tampered, 2 wrong usage or unreadable, 3 incomplete "

@@ -12,7 +12,8 @@ const std::vector<Arguments> kCommands{{"init"},         {"record"},        {"ca
                                        {"verify"},       {"export"},        {"excerpt"},
                                        {"seal"},         {"unseal"},        {"token", "verify"},
                                        {"tsa", "serve"}, {"log"},           {"completion"},
-                                       {"recover"},      {"erase"},         {"train", "haptic-rate"}};
+                                       {"recover"},      {"erase"},         {"train", "haptic-rate"},
+                                       {"report"}};
 
 class Help : public ProgramTest {
  protected:

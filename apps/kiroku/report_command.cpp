@@ -1,0 +1,143 @@
+#include <cstdlib>
+#include <iostream>
+#include <memory>
+#include <pwd.h>
+#include <unistd.h>
+
+#include <nlohmann/json.hpp>
+
+#include "apps/common/file.h"
+#include "apps/common/json_output.h"
+#include "apps/kiroku/commands.h"
+#include "apps/kiroku/home.h"
+#include "apps/kiroku/output_file.h"
+#include "apps/kiroku/verify_extras.h"
+#include "apps/verify/judging.h"
+#include "base/error.h"
+#include "viewer/report/html_writer.h"
+#include "viewer/report/pdf_writer.h"
+#include "viewer/report/report_document.h"
+
+namespace kiroku::apps {
+namespace {
+
+namespace fs = std::filesystem;
+
+struct Request {
+  std::string named, output;
+  JudgingRequest judging;
+  std::optional<std::string> language, author;
+  bool receipt = false, force = false, json = false;
+};
+
+/// The name that the system knows the person by.
+std::string person() {
+  const passwd* entry = ::getpwuid(::geteuid());
+  if (entry == nullptr) return "uid " + std::to_string(::geteuid());
+  const std::string full = entry->pw_gecos == nullptr ? "" : entry->pw_gecos;
+  const std::string name = full.substr(0, full.find(','));
+  return name.empty() ? entry->pw_name : name;
+}
+
+/// Now, or the time of SOURCE_DATE_EPOCH (reproducible-builds.org), with which a document can be made again
+/// byte by byte.
+UtcTime date_of_document() {
+  const char* asked = std::getenv("SOURCE_DATE_EPOCH");
+  if (asked == nullptr) return utc_now();
+  const std::string text = asked;
+  if (text.empty() || text.size() > 11 || text.find_first_not_of("0123456789") != std::string::npos) {
+    throw UsageError("SOURCE_DATE_EPOCH is '" + text +
+                     "', which is no number of seconds since 1970: unset it");
+  }
+  return UtcTime(std::chrono::seconds(std::stoll(text)));
+}
+
+report::Given given_of(const Judged& judged, const JudgingRequest& request) {
+  report::Given given;
+  for (const crypto::VerifierKey& key : judged.devices) given.devices.push_back({key.to_string(), {}});
+  for (const fs::path& file : judged.roots) {
+    given.roots.push_back(
+        {file.filename().string(), crypto::sha256(read_small_file(file, "the trusted roots"))});
+  }
+  if (judged.log) given.log.push_back({judged.log->string(), {}});
+  for (const std::string& file : request.identities)
+    given.identities.push_back({fs::path(file).filename().string(), {}});
+  return given;
+}
+
+int run(const Request& request, const VerifyExtras& extras) {
+  const fs::path output = request.output;
+  const std::string ending = output.extension().string();
+  if (ending != ".pdf" && ending != ".html") {
+    throw UsageError("cannot write the report as " + request.output +
+                     ": its ending says which form it takes, and must be .pdf or .html");
+  }
+  if (!request.force && fs::exists(output)) {
+    throw UsageError(request.output + " is there already: name another file, or give --force to replace it");
+  }
+  const fs::path folder = extras.find_case(request.named);
+  const Judge judge(request.judging, extras);
+  Judged judged = judge.judge(folder);
+
+  report::ReportInput input;
+  input.given = given_of(judged, request.judging);
+  input.verification = std::move(judged.report);
+  input.facts = report::read_case_facts(folder);
+  input.author = request.author.value_or(person());
+  input.program = "kiroku " + std::string(version());
+  input.made = date_of_document();
+  input.language = report::parse_language(request.language.value_or("en"));
+  const report::Document document =
+      request.receipt ? report::make_receipt(input) : report::make_report(input);
+  OutputFile file(output);
+  if (ending == ".pdf") {
+    file.write(report::write_pdf(document));
+  } else {
+    file.write(bytes_of(report::write_html(document)));
+  }
+  file.commit(OutputFile::Durability::kEventually);
+
+  const std::string verdict(archive::verdict_name(input.verification.verdict));
+  if (request.json) {
+    print_json({{"case", input.verification.case_id}, {"file", request.output}, {"verdict", verdict}});
+  } else {
+    std::cout << request.output << ": " << (request.receipt ? "receipt" : "report") << " of "
+              << printable(input.verification.case_id) << ", " << verdict << "\n";
+  }
+  return kDone;
+}
+
+}  // namespace
+
+void add_report_command(Command& program) {
+  Command& command =
+      program.add_command("report", "writes what a verification finds as a document for people");
+  const auto request = std::make_shared<Request>();
+  const auto asked_home = std::make_shared<std::optional<std::string>>();
+  const VerifyExtras extras = verify_extras(asked_home);
+  command.argument("CASE", request->named,
+                   "case folder, excerpt folder, or identifier of a case in the home's archive");
+  command.required_option("-o,--output", "FILE", request->output,
+                          "where to; its ending says in which form: .pdf or .html");
+  command.choice("--language", {"en", "ja"}, request->language, "language of the document", "en");
+  command.flag("--receipt", request->receipt,
+               "one page to keep: root, size and device key, and a QR code of the signed checkpoint");
+  command.option("--by", "NAME", request->author, "who makes it, as it shall stand there",
+                 "the name of your account");
+  add_judging_options(command, request->judging, extras);
+  add_home_option(command, *asked_home);
+  command.flag("--force", request->force, "replaces a file that is there");
+  command.flag("--json", request->json, "prints one JSON object instead");
+  command.explain(
+      "The case is verified as 'kiroku verify' does it; whatever the verdict, the document is written and "
+      "tells it, and the exit status is 0. With SOURCE_DATE_EPOCH set, that is its date, and the same case "
+      "gives the same bytes.");
+  command.example("kiroku report 20260805T091502Z-3f9c21ab -o report.pdf", "the report as A4 pages");
+  command.example("kiroku report CASE --language ja --by 'Dr. Sato' -o report.html",
+                  "one page for a browser, in Japanese");
+  command.example("kiroku report CASE --receipt -o receipt.pdf",
+                  "the receipt, for somebody else than who keeps the recording");
+  command.on_run([request, extras] { return run(*request, extras); });
+}
+
+}  // namespace kiroku::apps

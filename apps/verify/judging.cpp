@@ -1,0 +1,80 @@
+#include "apps/verify/judging.h"
+
+#include <algorithm>
+
+#include "apps/common/progress.h"
+#include "apps/common/terminal.h"
+#include "base/error.h"
+
+namespace kiroku::apps {
+namespace {
+
+unsigned parse_threads(const std::optional<std::string>& text) {
+  if (!text) return 0;
+  if (text->empty() || text->size() > 4 || text->find_first_not_of("0123456789") != std::string::npos) {
+    throw UsageError("--threads is '" + *text + "', which is no number of threads: give 1 or more");
+  }
+  return unsigned(std::stoul(*text));
+}
+
+}  // namespace
+
+void add_judging_options(Command& command, JudgingRequest& request, const VerifyExtras& extras) {
+  const bool home = bool(extras.defaults);
+  command.option("--device", "FILE", request.devices,
+                 home ? "trusted device key: a device.pub or the key itself; instead of the home's"
+                      : "trusted device key: a device.pub or the key itself");
+  command.option("--trust", "PEM", request.trust,
+                 home ? "trusted time-stamping roots; instead of the home's" : "trusted time-stamping roots");
+  command.option("--untrusted", "PEM", request.untrusted,
+                 "certificates that help to build a chain without being trusted");
+  command.option("--log", "DIR", request.log, "appliance log that must know the case",
+                 home ? "the home's, for cases in its archive" : "");
+  command.option(
+      "-i,--identity", "FILE", request.identities,
+      extras.inspect ? "also decrypts every segment and decodes it" : "also decrypts every segment");
+  command.option("--threads", "N", request.threads, "how many threads hash", "one a core");
+}
+
+Judge::Judge(const JudgingRequest& request, const VerifyExtras& extras) : request_(request), extras_(extras) {
+  for (const std::string& device : request.devices) {
+    for (crypto::VerifierKey& key : load_device_keys(device)) devices_.push_back(std::move(key));
+  }
+  for (const std::string& file : request.identities) {
+    for (auto& identity : crypto::load_identity_file(file, ask_passphrase)) {
+      identities_.push_back(std::move(identity));
+    }
+  }
+  threads_ = parse_threads(request.threads);
+}
+
+Judged Judge::judge(const std::filesystem::path& folder) const {
+  const VerifyDefaults defaults = extras_.defaults ? extras_.defaults(folder) : VerifyDefaults{};
+  Judged judged;
+  judged.roots.assign(request_.trust.begin(), request_.trust.end());
+  if (judged.roots.empty() && defaults.trust) judged.roots = {*defaults.trust};
+  timestamp::TrustStore trust;
+  for (const std::filesystem::path& file : judged.roots) trust.add_trusted_file(file);
+  for (const std::string& file : request_.untrusted) trust.add_untrusted_file(file);
+
+  archive::VerifyOptions options;
+  options.devices = judged.devices = request_.devices.empty() ? defaults.devices : devices_;
+  if (trust.has_trusted()) options.trust = &trust;
+  options.log = judged.log =
+      request_.log ? std::optional<std::filesystem::path>(*request_.log) : defaults.log;
+  if (!identities_.empty()) {
+    options.identities = &identities_;
+    options.inspect = extras_.inspect;
+  }
+  options.threads = threads_;
+  Progress progress("verifying");
+  options.progress = [&progress](std::uint64_t done, std::uint64_t total) { progress.update(done, total); };
+  judged.report = archive::verify_case(folder, options);
+  judged.device_trusted =
+      std::any_of(options.devices.begin(), options.devices.end(),
+                  [&](const crypto::VerifierKey& key) { return key.to_string() == judged.report.device; });
+  if (extras_.verified) extras_.verified(folder, judged.report, !identities_.empty());
+  return judged;
+}
+
+}  // namespace kiroku::apps

@@ -1,0 +1,47 @@
+// Judging cases as a person asked for it: what is trusted, what opens them, and the options that say so. The
+// same for every command that verifies.
+#pragma once
+
+#include <filesystem>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "apps/verify/verify_command.h"
+
+namespace kiroku::apps {
+
+/// What a person gave; the rest is VerifyExtras::defaults.
+struct JudgingRequest {
+  std::vector<std::string> devices, trust, untrusted, identities;
+  std::optional<std::string> log, threads;
+};
+/// `request` must live until the program has run.
+void add_judging_options(Command& command, JudgingRequest& request, const VerifyExtras& extras);
+
+struct Judged {
+  archive::VerificationReport report;
+  bool device_trusted = false;
+  // What it was judged with.
+  std::vector<crypto::VerifierKey> devices;
+  std::vector<std::filesystem::path> roots;
+  std::optional<std::filesystem::path> log;
+};
+
+/// Holds keys for as long as it lives. Not thread-safe.
+class Judge {
+ public:
+  /// Reads keys and identities; may ask for a passphrase. Throws kiroku::Error.
+  Judge(const JudgingRequest& request, const VerifyExtras& extras);
+  /// Shows progress on a terminal. Throws kiroku::Error for a case that cannot be read at all.
+  [[nodiscard]] Judged judge(const std::filesystem::path& folder) const;
+
+ private:
+  const JudgingRequest& request_;
+  const VerifyExtras& extras_;
+  std::vector<crypto::VerifierKey> devices_;
+  crypto::AgeIdentities identities_;
+  unsigned threads_ = 0;
+};
+
+}  // namespace kiroku::apps

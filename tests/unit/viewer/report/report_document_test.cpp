@@ -1,0 +1,233 @@
+#include "viewer/report/report_document.h"
+
+#include <fstream>
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "base/error.h"
+#include "tests/support/process.h"
+#include "tests/support/sample_case.h"
+#include "tests/unit/viewer/report/document_text.h"
+#include "viewer/report/html_writer.h"
+#include "viewer/report/pdf_writer.h"
+
+namespace kiroku::report {
+namespace {
+
+namespace fs = std::filesystem;
+using testing::AllOf;
+using testing::HasSubstr;
+using testing::Not;
+
+bool has_tools() { return std::system("command -v pdftotext pdftoppm zbarimg >/dev/null") == 0; }
+
+class ReportDocument : public testing::Test {
+ protected:
+  [[nodiscard]] ReportInput input(const archive::VerifyOptions& options, Language language = Language::kEnglish) const {
+    ReportInput input;
+    input.verification = archive::verify_case(folder_, options);
+    input.facts = read_case_facts(folder_);
+    for (const auto& device : options.devices) input.given.devices.push_back({device.to_string(), {}});
+    if (options.trust != nullptr) input.given.roots.push_back({"roots.pem", crypto::sha256({})});
+    if (options.log) input.given.log.push_back({"log", {}});
+    input.author = "Dr. Sato";
+    input.program = "kiroku 0.1.0";
+    input.made = *parse_utc("2026-08-06T10:00:00Z");
+    input.language = language;
+    return input;
+  }
+  [[nodiscard]] ReportInput input() const { return input(archive_.options()); }
+  [[nodiscard]] std::string report(const archive::VerifyOptions& options) const {
+    return test::text_of(make_report(input(options)));
+  }
+  void change_byte(const std::string& file, std::streamoff at) const {
+    std::fstream stream(folder_ / file, std::ios::in | std::ios::out | std::ios::binary);
+    stream.seekg(at);
+    const char old = static_cast<char>(stream.get());
+    stream.seekp(at);
+    stream.put(static_cast<char>(old ^ 1));
+  }
+  [[nodiscard]] std::string tool(const std::vector<std::string>& command) const {
+    test::Process::Options run;
+    run.command = command;
+    run.folder = temporary_.path();
+    const test::ProcessResult result = test::run_process(run);
+    EXPECT_EQ(result.status, 0) << command[0] << ": " << result.err;
+    return result.out;
+  }
+  fs::path write(const std::string& name, ByteView bytes) const {
+    std::ofstream(temporary_ / name, std::ios::binary) << kiroku::text_of(bytes);
+    return temporary_ / name;
+  }
+
+  test::TemporaryFolder temporary_;
+  test::SampleArchive archive_;
+  fs::path folder_ = test::SampleCase::write(archive_);
+};
+
+TEST_F(ReportDocument, OfAnIntactCaseSaysSoAndWhatItRestsOn) {
+  const std::string text = report(archive_.options());
+  EXPECT_THAT(text, HasSubstr("✓ INTACT\n"));
+  EXPECT_THAT(text, HasSubstr("nothing was changed, nothing is missing"));
+  EXPECT_THAT(text, HasSubstr("Is every file there, and exactly as it was when it was listed? | ✓ Yes | "));
+  EXPECT_THAT(text, HasSubstr("| Not checked | No key was given"));
+  EXPECT_THAT(text, HasSubstr("! Only from inside"));
+  EXPECT_THAT(text, HasSubstr("There is nothing to report."));
+  EXPECT_THAT(text, HasSubstr(archive_.device().to_string()));
+  EXPECT_THAT(text, HasSubstr("yes: among the keys"));
+  EXPECT_THAT(text, HasSubstr("openssl ts -verify -data checkpoints/"));
+  EXPECT_THAT(text, Not(HasSubstr("✗")));
+}
+
+TEST_F(ReportDocument, OfATamperedCaseNamesPlaceAndMeaning) {
+  change_byte("segments/endoscope/00000001.ts.age", 500);
+  const std::string text = report(archive_.options());
+  EXPECT_THAT(text, HasSubstr("✗ DOES NOT HOLD (TAMPERED)\n"));
+  EXPECT_THAT(text, HasSubstr("| ✗ No | A file has not the hash the ledger states;"));
+  EXPECT_THAT(text, AllOf(HasSubstr("file-hash-differs"), HasSubstr("segments/endoscope/00000001.ts.age")));
+  EXPECT_THAT(text, HasSubstr("[Segments: ✗ No]"));
+  EXPECT_THAT(text, HasSubstr("[Ledger: ✓ Yes]"));
+}
+
+TEST_F(ReportDocument, OfADamagedLedgerIsWrittenAllTheSame) {
+  change_byte("ledger.jsonl", 2);
+  const std::string text = report(archive_.options());
+  EXPECT_THAT(text, HasSubstr("✗ DOES NOT HOLD (TAMPERED)\n"));
+  EXPECT_THAT(text, HasSubstr("entry-malformed"));
+  EXPECT_THAT(text, HasSubstr("Opened | not known"));
+  EXPECT_FALSE(write_pdf(make_report(input())).empty());
+}
+
+TEST_F(ReportDocument, WithoutTrustCouldNotCheckWhichIsNeitherYesNorNo) {
+  archive::VerifyOptions options = archive_.options();
+  options.devices.clear();
+  options.trust = nullptr;
+  options.log.reset();
+  const std::string text = report(options);
+  EXPECT_THAT(text, HasSubstr("! COULD NOT BE PROVED\n"));
+  EXPECT_THAT(text, HasSubstr("| ! Could not be checked | No trusted device key was given."));
+  EXPECT_THAT(text, HasSubstr("not judged: no key was given"));
+  EXPECT_THAT(text, HasSubstr("nothing: neither keys nor roots"));
+  EXPECT_THAT(text, HasSubstr("| Not checked | No appliance log was given."));
+  EXPECT_THAT(text, Not(HasSubstr("✗")));
+}
+
+TEST_F(ReportDocument, OfACaseThatIsNotClosedSaysNotFinished) {
+  archive_.clear();
+  test::SampleCase sample(archive_);
+  sample.record();
+  folder_ = sample.folder();
+  const std::string text = report(archive_.options());
+  EXPECT_THAT(text, HasSubstr("! NOT FINISHED\n"));
+  EXPECT_THAT(text, HasSubstr("Was the recording brought to its end? | ! Not finished"));
+  EXPECT_THAT(text, HasSubstr("Closed | not closed"));
+}
+
+TEST_F(ReportDocument, StatesGapsWithTheirCause) {
+  archive_.clear();
+  test::SampleCase sample(archive_);
+  sample.record();
+  sample.writer().append(
+      {archive::GapEntry{"endoscope", {6'000'000'000, 6'500'000'000}, archive::GapCause::kSignalLost}},
+      archive_.now());
+  sample.close();
+  folder_ = sample.folder();
+  const std::string text = report(archive_.options());
+  EXPECT_THAT(text, HasSubstr("✓ INTACT, WITH STATED GAPS\n"));
+  EXPECT_THAT(text, HasSubstr("endoscope | 0:00:06.000 | 0:00:06.500 | 0:00:00.500 | no signal came"));
+  EXPECT_THAT(text, HasSubstr("| ✓ Yes, with stated gaps | Time in which nothing could be recorded."));
+}
+
+TEST_F(ReportDocument, InJapaneseSaysTheSame) {
+  const std::string text = test::text_of(make_report(input(archive_.options(), Language::kJapanese)));
+  EXPECT_THAT(text, HasSubstr("✓ 改変なし\n"));
+  EXPECT_THAT(text, HasSubstr("| 未検査 |"));
+  EXPECT_THAT(text, HasSubstr(archive_.device().to_string()));
+}
+
+TEST_F(ReportDocument, IsTheSameBytesForTheSameInput) {
+  const ReportInput same = input();
+  const Bytes pdf = write_pdf(make_report(same));
+  EXPECT_EQ(pdf, write_pdf(make_report(same)));
+  EXPECT_EQ(write_html(make_report(same)), write_html(make_report(same)));
+  ReportInput later = input();
+  later.made += std::chrono::seconds(1);
+  EXPECT_NE(pdf, write_pdf(make_report(later)));
+}
+
+TEST_F(ReportDocument, AsPdfHasPagesThatCanBeSearched) {
+  if (!has_tools()) GTEST_SKIP() << "poppler-utils or zbar-tools is not installed";
+  write("report.pdf", write_pdf(make_report(input())));
+  const std::string text = tool({"pdftotext", "-layout", "report.pdf", "-"});
+  EXPECT_THAT(text, HasSubstr("Verification report"));
+  EXPECT_THAT(text, HasSubstr("1 of "));
+  EXPECT_THAT(text, HasSubstr("How the proof holds together"));
+  EXPECT_THAT(text, HasSubstr("Dr. Sato"));
+  const std::string info = tool({"pdfinfo", "report.pdf"});
+  EXPECT_THAT(info, HasSubstr("A4"));
+  EXPECT_THAT(info, HasSubstr("Author:          Dr. Sato"));
+  EXPECT_THAT(info, HasSubstr("Creator:         kiroku 0.1.0"));
+}
+
+TEST_F(ReportDocument, AsHtmlNeedsNothingElseAndEscapesWhatItShows) {
+  ReportInput hostile = input();
+  hostile.author = "<script>alert(1)</script>";
+  const std::string page = write_html(make_report(hostile));
+  EXPECT_THAT(page, HasSubstr("&lt;script&gt;"));
+  EXPECT_THAT(page, Not(HasSubstr("<script")));
+  EXPECT_THAT(page, Not(testing::ContainsRegex("(src|href)=")));
+  EXPECT_THAT(page, HasSubstr("<html lang=\"en\">"));
+}
+
+TEST_F(ReportDocument, ReceiptHoldsTheLastCheckpointInItsCode) {
+  if (!has_tools()) GTEST_SKIP() << "poppler-utils or zbar-tools is not installed";
+  for (const Language language : {Language::kEnglish, Language::kJapanese}) {
+    const ReportInput asked = input(archive_.options(), language);
+    write("receipt.pdf", write_pdf(make_receipt(asked)));
+    EXPECT_THAT(tool({"pdfinfo", "receipt.pdf"}), HasSubstr("Pages:           1\n"));
+    tool({"pdftoppm", "-r", "150", "-png", "receipt.pdf", "page"});
+    const std::string scanned = tool({"zbarimg", "--quiet", "--raw", "-Sbinary", "page-1.png"});
+    ASSERT_TRUE(asked.facts.last_checkpoint);
+    EXPECT_EQ(scanned, asked.facts.last_checkpoint->text);
+    // What was scanned is a note that the device signed, over the whole ledger.
+    const crypto::OpenedNote note = crypto::open_note(scanned, {archive_.device()});
+    EXPECT_FALSE(note.failure) << note.explanation;
+    EXPECT_EQ(crypto::Checkpoint::parse(note.text)->root, asked.facts.root);
+    EXPECT_EQ(crypto::Checkpoint::parse(note.text)->size, asked.facts.entries);
+  }
+}
+
+TEST_F(ReportDocument, ReceiptOfATamperedCaseSaysSoOnOnePage) {
+  if (!has_tools()) GTEST_SKIP() << "poppler-utils or zbar-tools is not installed";
+  change_byte("segments/endoscope/00000001.ts.age", 500);
+  change_byte("ledger.jsonl", 2);
+  write("receipt.pdf", write_pdf(make_receipt(input())));
+  EXPECT_THAT(tool({"pdfinfo", "receipt.pdf"}), HasSubstr("Pages:           1\n"));
+  EXPECT_THAT(tool({"pdftotext", "receipt.pdf", "-"}), HasSubstr("DOES NOT HOLD (TAMPERED)"));
+}
+
+TEST_F(ReportDocument, ReceiptWithoutACheckpointIsRefused) {
+  fs::remove_all(folder_ / "checkpoints");
+  EXPECT_THROW(make_receipt(input()), UsageError);
+}
+
+TEST_F(ReportDocument, OfManyFindingsRunsOverPagesWithoutLosingOne) {
+  if (!has_tools()) GTEST_SKIP() << "poppler-utils or zbar-tools is not installed";
+  ReportInput many = input();
+  for (int i = 0; i < 300; ++i) {
+    many.verification.findings.push_back({"file-missing", archive::Severity::kTampered,
+                                          "segments/room/" + std::to_string(10'000'000 + i) + ".ts.age",
+                                          std::nullopt, std::nullopt, "the file is not there"});
+  }
+  // Longer than a page.
+  many.verification.findings.push_back(
+      {"file-missing", archive::Severity::kTampered, "x", std::nullopt, std::nullopt, std::string(12'000, 'w')});
+  write("report.pdf", write_pdf(make_report(many)));
+  const std::string text = tool({"pdftotext", "report.pdf", "-"});
+  for (int i = 0; i < 300; ++i) EXPECT_THAT(text, HasSubstr(std::to_string(10'000'000 + i))) << i;
+  EXPECT_EQ(std::ranges::count(text, 'w') > 12'000, true);
+}
+
+}  // namespace
+}  // namespace kiroku::report

@@ -1,0 +1,69 @@
+#include "viewer/report/texts.h"
+
+#include <set>
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "archive/finding_codes.h"
+#include "viewer/report/checks.h"
+#include "viewer/report/document.h"
+#include "viewer/report/finding_texts.h"
+
+namespace kiroku::report {
+namespace {
+
+/// "{0}", "{1}" of a text, each once.
+std::set<std::string> values_in(std::string_view text) {
+  std::set<std::string> values;
+  for (std::size_t at = text.find('{'); at != std::string_view::npos; at = text.find('{', at + 1))
+    values.insert(std::string(text.substr(at, 3)));
+  return values;
+}
+
+TEST(Texts, SayTheSameInBothLanguages) {
+  std::set<std::string_view> keys;
+  for (const Text& text : kTexts) {
+    EXPECT_TRUE(keys.insert(text.key).second) << text.key << " stands there twice";
+    EXPECT_NE(text.english, "") << text.key;
+    EXPECT_NE(text.japanese, "") << text.key;
+    // Singular and plural are one form in Japanese, and some English ones do not say the number's word.
+    EXPECT_EQ(values_in(text.english), values_in(text.japanese)) << text.key;
+    for (const std::string& value : values_in(text.english)) EXPECT_THAT(value, testing::MatchesRegex("\\{[0-9]\\}"));
+  }
+}
+
+TEST(Texts, PutValuesInTheirPlaces) {
+  EXPECT_EQ(say(Language::kEnglish, "page", {"2", "7"}), "2 of 7");
+  EXPECT_EQ(say(Language::kJapanese, "page", {"2", "7"}), "2 / 7");
+  EXPECT_EQ(say_count(Language::kEnglish, 1, "one.file", "many.file"), "1 file");
+  EXPECT_EQ(say_count(Language::kEnglish, 0, "one.file", "many.file"), "0 files");
+}
+
+TEST(Texts, KnowEveryFindingOfTheFormatAndNoOther) {
+  std::set<std::string_view> codes;
+  for (const archive::FindingCode& code : archive::kFindingCodes) {
+    codes.insert(code.name);
+    EXPECT_TRUE(check_of(code.name)) << code.name;
+    EXPECT_NE(meaning_of(Language::kEnglish, code.name), code.name);
+    EXPECT_NE(meaning_of(Language::kJapanese, code.name), code.name);
+  }
+  for (const FindingText& text : kFindingTexts) EXPECT_TRUE(codes.erase(text.code) == 1) << text.code;
+  EXPECT_TRUE(codes.empty());
+}
+
+TEST(Texts, OfUnknownLanguagesAreRefused) {
+  EXPECT_EQ(parse_language("ja"), Language::kJapanese);
+  EXPECT_ANY_THROW(parse_language("jp"));
+}
+
+TEST(PlainText, ShowsWhatWouldMislead) {
+  EXPECT_EQ(plain_text("内視鏡 – endoscope"), "内視鏡 – endoscope");
+  EXPECT_EQ(plain_text("a\nb\tc"), "a b c");
+  EXPECT_EQ(plain_text("a\x1b[31m\x7f"), "a\uFFFD[31m\uFFFD");
+  EXPECT_EQ(plain_text("x\u202Egpj.exe"), "x\uFFFDgpj.exe");
+  EXPECT_EQ(plain_text("\xff\xc3(\xe3\x81"), "\uFFFD\uFFFD(\uFFFD\uFFFD");
+}
+
+}  // namespace
+}  // namespace kiroku::report

@@ -1,0 +1,131 @@
+#include "viewer/report/case_facts.h"
+
+#include <algorithm>
+#include <functional>
+#include <utility>
+
+#include "archive/case_folder.h"
+#include "archive/case_layout.h"
+#include "archive/excerpt_document.h"
+#include "archive/excerpt_verifier.h"
+#include "archive/line_reader.h"
+#include "base/error.h"
+#include "crypto/merkle_tree.h"
+#include "crypto/signed_note.h"
+
+namespace kiroku::report {
+namespace {
+
+using archive::CaseFolder;
+
+constexpr std::size_t kLargestNote = 64U << 10U;
+
+archive::ReadableFile open_or_throw(const CaseFolder& folder, std::string_view name) {
+  archive::FileOpening opening = folder.open_file(name);
+  if (!opening.file) {
+    throw UsageError("cannot report on " + folder.path().string() + ": there is no readable " +
+                     std::string(name) + " in it; give the folder of a case or of an excerpt");
+  }
+  return std::move(*opening.file);
+}
+
+struct Taking {
+  CaseFacts* facts;
+  archive::Moment at;
+  std::uint64_t entry;
+
+  void operator()(const archive::OpenEntry& open) const {
+    if (facts->opening) return;
+    facts->opening = open;
+    facts->opened_at = at;
+  }
+  void operator()(const archive::SegmentEntry& segment) const {
+    ++facts->segments;
+    facts->segment_bytes += segment.file.bytes;
+    facts->last_ns = std::max(facts->last_ns, segment.span.end_ns);
+  }
+  void operator()(const archive::GapEntry& gap) const {
+    facts->gaps.push_back(gap);
+    facts->last_ns = std::max(facts->last_ns, gap.span.end_ns);
+  }
+  void operator()(const archive::TokenEntry& token) const { facts->tokens.push_back({entry, token}); }
+  void operator()(const archive::TokenMissedEntry& /*missed*/) const { ++facts->missed_tokens; }
+  void operator()(const archive::MarkEntry& /*mark*/) const { ++facts->marks; }
+  void operator()(const archive::CloseEntry& close) const {
+    facts->closed_at = at;
+    facts->close_reason = close.reason;
+  }
+  void operator()(const archive::ClockEntry& /*clock*/) const {}
+  void operator()(const archive::RecoveredEntry& /*recovered*/) const {}
+  void operator()(const archive::ErasedEntry& /*erased*/) const {}
+};
+
+void take_line(CaseFacts& facts, std::string_view line) {
+  const archive::EntryParse parse = archive::parse_case_entry(line);
+  if (!parse.entry) return;
+  facts.written.try_emplace(parse.entry->seq, parse.entry->at);
+  facts.last_ns = std::max(facts.last_ns, parse.entry->at.mono_ns);
+  std::visit(Taking{&facts, parse.entry->at, parse.entry->seq}, parse.entry->body);
+}
+
+/// Takes in every whole line; the root over them, and the hash of the file.
+std::pair<crypto::Sha256Digest, crypto::Sha256Digest> take_lines(CaseFacts& facts,
+                                                                 const archive::ReadableFile& file) {
+  archive::LineReader reader(file);
+  archive::LedgerLine line;
+  crypto::MerkleFrontier tree;
+  crypto::Sha256 whole;
+  while (reader.next(line)) {
+    if (line.torn) continue;
+    ++facts.entries;
+    tree.append(crypto::merkle_leaf_hash(bytes_of(line.text)));
+    if (!line.too_long) take_line(facts, line.text);
+  }
+  constexpr std::size_t kBlock = 1U << 20U;
+  Bytes block(kBlock);
+  for (std::uint64_t at = 0; at < file.size();) {
+    const std::size_t size = file.read_at(at, block);
+    if (size == 0) break;
+    whole.update(ByteView(block).first(size));
+    at += size;
+  }
+  return {tree.root(), whole.finish()};
+}
+
+std::optional<StoredNote> find_last_checkpoint(const CaseFolder& folder) {
+  const std::string prefix = std::string(archive::kCheckpointsFolder) + "/";
+  std::map<std::uint64_t, std::string, std::greater<>> notes;
+  for (const archive::ListedFile& listed : folder.list()) {
+    if (!listed.path.starts_with(prefix)) continue;
+    const auto size = archive::size_of_note_name(std::string_view(listed.path).substr(prefix.size()));
+    if (size) notes.emplace(*size, listed.path);
+  }
+  for (const auto& [size, path] : notes) {
+    const archive::FileOpening opening = folder.open_file(path);
+    const auto text = opening.file ? archive::read_small(*opening.file, kLargestNote) : std::nullopt;
+    if (!text) continue;
+    const auto checkpoint = crypto::Checkpoint::parse(crypto::open_note(*text, {}).text);
+    if (checkpoint) return StoredNote{path, *text, checkpoint->size, checkpoint->root};
+  }
+  return std::nullopt;
+}
+
+}  // namespace
+
+CaseFacts read_case_facts(const std::filesystem::path& path) {
+  const CaseFolder folder = CaseFolder::open(path);
+  CaseFacts facts;
+  facts.excerpt = archive::is_excerpt(folder);
+  const std::string_view name = facts.excerpt ? archive::kExcerptLinesFile : archive::kLedgerFile;
+  if (facts.excerpt) {
+    take_lines(facts, open_or_throw(folder, archive::kExcerptOpenFile));
+    facts.entries = 0;
+  }
+  const auto [root, sha256] = take_lines(facts, open_or_throw(folder, name));
+  facts.ledger = {std::string(name), sha256};
+  if (!facts.excerpt) facts.root = root;
+  facts.last_checkpoint = find_last_checkpoint(folder);
+  return facts;
+}
+
+}  // namespace kiroku::report

@@ -1,0 +1,56 @@
+// What a case's or an excerpt's files state of themselves, read as far as they can be read: a report on a
+// damaged case tells what is there. Nothing here is judged (archive/verifier.h does). Functions; thread-safe.
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <map>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "archive/ledger_entry.h"
+#include "crypto/hash.h"
+
+namespace kiroku::report {
+
+/// A signed note as it lies in the folder.
+struct StoredNote {
+  std::string file;  // "checkpoints/00000042.note"
+  std::string text;  // its exact bytes
+  std::uint64_t size = 0;
+  crypto::Sha256Digest root{};
+};
+
+struct NamedFile {
+  std::string name;
+  crypto::Sha256Digest sha256{};
+};
+
+struct StatedToken {
+  std::uint64_t entry = 0;
+  archive::TokenEntry token;
+};
+
+struct CaseFacts {
+  bool excerpt = false;
+  NamedFile ledger;  // of an excerpt: its part of the ledger
+  std::uint64_t entries = 0;
+  std::optional<crypto::Sha256Digest> root;   // of all entries; not of an excerpt, which has only some
+  std::optional<StoredNote> last_checkpoint;  // the one with the largest size that reads as a checkpoint
+  std::optional<archive::OpenEntry> opening;
+  std::optional<archive::Moment> opened_at, closed_at;
+  std::string close_reason;
+  std::vector<archive::GapEntry> gaps;
+  std::vector<StatedToken> tokens;
+  std::uint64_t missed_tokens = 0, marks = 0, segments = 0, segment_bytes = 0;
+  std::int64_t last_ns = 0;  // latest time of the case clock that an entry states
+  /// When each entry was written, by its number; of entries that read as one.
+  std::map<std::uint64_t, archive::Moment> written;
+};
+
+/// Throws kiroku::UsageError where there is no such folder or no ledger in it, kiroku::IoError. Lines that
+/// are no entry are passed over.
+CaseFacts read_case_facts(const std::filesystem::path& folder);
+
+}  // namespace kiroku::report

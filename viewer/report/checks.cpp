@@ -1,0 +1,162 @@
+#include "viewer/report/checks.h"
+
+#include <algorithm>
+
+#include "archive/finding_codes.h"
+#include "viewer/report/finding_texts.h"
+#include "viewer/report/texts.h"
+
+namespace kiroku::report {
+namespace {
+
+using archive::Severity;
+using archive::TimeProof;
+
+const FindingText* find_text(std::string_view code) {
+  const auto* found = std::ranges::find(kFindingTexts, code, &FindingText::code);
+  return found == kFindingTexts.end() ? nullptr : found;
+}
+
+Answer answer_of(Severity worst) {
+  switch (worst) {
+    case Severity::kNote:
+      return Answer::kYes;
+    case Severity::kGap:
+      return Answer::kWithGaps;
+    case Severity::kUnproven:
+      return Answer::kUnknown;
+    case Severity::kIncomplete:
+      return Answer::kUnfinished;
+    case Severity::kTampered:
+      break;
+  }
+  return Answer::kNo;
+}
+
+/// What no finding says: that nobody asked, or that only the recorder itself answers.
+Answer without_findings(Check check, const archive::VerificationReport& verification, const Given& given,
+                        bool excerpt) {
+  switch (check) {
+    case Check::kLog:
+      return given.log.empty() ? Answer::kNotAsked : Answer::kYes;
+    case Check::kContents:
+      return given.identities.empty() ? Answer::kNotAsked : Answer::kYes;
+    case Check::kEnd:
+      return excerpt ? Answer::kNotAsked : Answer::kYes;
+    case Check::kTime:
+      return verification.time == TimeProof::kSelfIssued ? Answer::kInsideOnly
+             : verification.time == TimeProof::kNone     ? Answer::kUnknown
+                                                         : Answer::kYes;
+    default:
+      return Answer::kYes;
+  }
+}
+
+}  // namespace
+
+Tone tone_of(Answer answer) {
+  switch (answer) {
+    case Answer::kYes:
+    case Answer::kWithGaps:
+      return Tone::kGood;
+    case Answer::kInsideOnly:
+    case Answer::kUnknown:
+    case Answer::kUnfinished:
+      return Tone::kCaution;
+    case Answer::kNotAsked:
+      return Tone::kPlain;
+    case Answer::kNo:
+      break;
+  }
+  return Tone::kBad;
+}
+
+std::string answer_words(Language language, Answer answer) {
+  switch (answer) {
+    case Answer::kYes:
+      return say(language, "answer.yes");
+    case Answer::kWithGaps:
+      return say(language, "answer.with-gaps");
+    case Answer::kInsideOnly:
+      return say(language, "answer.inside-only");
+    case Answer::kUnknown:
+      return say(language, "answer.unknown");
+    case Answer::kUnfinished:
+      return say(language, "answer.unfinished");
+    case Answer::kNotAsked:
+      return say(language, "answer.not-asked");
+    case Answer::kNo:
+      break;
+  }
+  return say(language, "answer.no");
+}
+
+std::vector<CheckAnswer> answer_checks(const archive::VerificationReport& verification, const Given& given,
+                                       bool excerpt) {
+  std::vector<CheckAnswer> answers;
+  for (const Check check : kChecks) {
+    Severity worst = Severity::kNote;
+    std::size_t notes = 0;
+    for (const archive::Finding& finding : verification.findings) {
+      if (check_of(finding.code).value_or(Check::kLedger) != check) continue;
+      worst = std::max(worst, finding.severity);
+      notes += finding.severity == Severity::kNote ? 1 : 0;
+    }
+    const Answer quiet = without_findings(check, verification, given, excerpt);
+    // A stated gap of time stamps does not make the recorder's own authority an outside one.
+    const bool kept = worst == Severity::kNote || (worst == Severity::kGap && quiet != Answer::kYes);
+    answers.push_back({check, kept ? quiet : answer_of(worst), notes});
+  }
+  return answers;
+}
+
+std::optional<Check> check_of(std::string_view code) {
+  const FindingText* text = find_text(code);
+  return text == nullptr ? std::nullopt : std::optional(text->check);
+}
+
+std::string meaning_of(Language language, std::string_view code) {
+  const auto* known = std::ranges::find(archive::kFindingCodes, code, &archive::FindingCode::name);
+  const FindingText* text = find_text(code);
+  if (known == archive::kFindingCodes.end() || text == nullptr) return std::string(code);
+  if (language == Language::kJapanese) return std::string(text->japanese);
+  std::string meaning(known->meaning);
+  // Names of the format stay as they are written there.
+  const std::string word = meaning.substr(0, meaning.find(' '));
+  const bool plain =
+      word.find_first_not_of("abcdefghijklmnopqrstuvwxyz") == std::string::npos && word != "seq";
+  if (plain) meaning[0] = static_cast<char>(meaning[0] - 'a' + 'A');
+  return meaning + ".";
+}
+
+std::string severity_words(Language language, Severity severity) {
+  switch (severity) {
+    case Severity::kNote:
+      return say(language, "severity.note");
+    case Severity::kGap:
+      return say(language, "severity.gap");
+    case Severity::kUnproven:
+      return say(language, "severity.unproven");
+    case Severity::kIncomplete:
+      return say(language, "severity.incomplete");
+    case Severity::kTampered:
+      break;
+  }
+  return say(language, "severity.tampered");
+}
+
+Tone tone_of(Severity severity) {
+  switch (severity) {
+    case Severity::kNote:
+    case Severity::kGap:
+      return Tone::kPlain;
+    case Severity::kUnproven:
+    case Severity::kIncomplete:
+      return Tone::kCaution;
+    case Severity::kTampered:
+      break;
+  }
+  return Tone::kBad;
+}
+
+}  // namespace kiroku::report

@@ -1,0 +1,54 @@
+// The questions that a verification answers for people, made from its findings. Pure functions, thread-safe.
+#pragma once
+
+#include <array>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "archive/verifier.h"
+#include "crypto/hash.h"
+#include "viewer/report/document.h"
+#include "viewer/report/language.h"
+
+namespace kiroku::report {
+
+/// Every finding code belongs to one of these.
+enum class Check { kLedger, kFiles, kStreams, kEnd, kDevice, kTime, kLog, kContents };
+inline constexpr auto kChecks = std::to_array({Check::kLedger, Check::kFiles, Check::kStreams, Check::kEnd,
+                                               Check::kDevice, Check::kTime, Check::kLog, Check::kContents});
+
+/// "Could not be checked" (something that was needed is missing) is an answer of its own, and so is "not
+/// checked" (nobody asked for it).
+enum class Answer { kYes, kWithGaps, kInsideOnly, kUnknown, kUnfinished, kNotAsked, kNo };
+Tone tone_of(Answer answer);
+std::string answer_words(Language language, Answer answer);
+
+/// What the person who ordered the verification gave it.
+struct GivenFile {
+  std::string name;
+  std::optional<crypto::Sha256Digest> sha256;  // of its bytes; nothing for an identity and for folders
+};
+struct Given {
+  std::vector<GivenFile> devices, roots, log, identities;
+};
+
+/// How the question stands. `notes` counts the findings of it that change nothing.
+struct CheckAnswer {
+  Check check = Check::kLedger;
+  Answer answer = Answer::kYes;
+  std::size_t notes = 0;
+};
+/// One for each of kChecks, in their order. `excerpt`: of an excerpt, whose end nobody can ask for.
+std::vector<CheckAnswer> answer_checks(const archive::VerificationReport& verification, const Given& given,
+                                       bool excerpt);
+
+/// Which question a finding of this code belongs to; nothing for a code that is none.
+std::optional<Check> check_of(std::string_view code);
+/// What the code means, as a sentence; the code itself where it is none of the format's.
+std::string meaning_of(Language language, std::string_view code);
+std::string severity_words(Language language, archive::Severity severity);
+Tone tone_of(archive::Severity severity);
+
+}  // namespace kiroku::report

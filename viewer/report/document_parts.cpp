@@ -1,0 +1,140 @@
+#include "viewer/report/document_parts.h"
+
+#include <algorithm>
+#include <utility>
+
+#include "viewer/report/figures_in_words.h"
+#include "viewer/report/texts.h"
+
+namespace kiroku::report {
+namespace {
+
+using archive::Severity;
+using archive::TimeProof;
+using archive::Verdict;
+
+std::string verdict_sentence(Language language, Verdict verdict) {
+  switch (verdict) {
+    case Verdict::kIntact:
+      return say(language, "verdict.intact.sentence");
+    case Verdict::kIntactWithGaps:
+      return say(language, "verdict.gaps.sentence");
+    case Verdict::kUnproven:
+      return say(language, "verdict.unproven.sentence");
+    case Verdict::kIncomplete:
+      return say(language, "verdict.incomplete.sentence");
+    case Verdict::kTampered:
+      break;
+  }
+  return say(language, "verdict.tampered.sentence");
+}
+
+std::string time_sentence(const ReportInput& input) {
+  if (input.verification.time == TimeProof::kNone) return say(input.language, "time.none");
+  if (input.verification.time == TimeProof::kSelfIssued) return say(input.language, "time.self-issued");
+  std::optional<UtcTime> earliest, latest;
+  for (const archive::Bracket& bracket : input.verification.brackets) {
+    if (bracket.not_before)
+      earliest = earliest ? std::min(*earliest, *bracket.not_before) : bracket.not_before;
+    if (bracket.not_after) latest = latest ? std::max(*latest, *bracket.not_after) : bracket.not_after;
+  }
+  if (earliest && latest) {
+    return say(input.language, "time.external", {utc_time(*earliest), utc_time(*latest)});
+  }
+  return latest ? say(input.language, "time.external-until", {utc_time(*latest)})
+                : say(input.language, "time.none");
+}
+
+/// What decided the verdict, in words, each code once.
+std::vector<std::string> gravest_meanings(const ReportInput& input) {
+  Severity worst = Severity::kNote;
+  for (const auto& finding : input.verification.findings) worst = std::max(worst, finding.severity);
+  std::vector<std::string> meanings;
+  if (worst == Severity::kNote) return meanings;
+  constexpr std::size_t kMost = 4;
+  for (const auto& finding : input.verification.findings) {
+    if (finding.severity != worst || meanings.size() == kMost) continue;
+    std::string meaning = meaning_of(input.language, finding.code);
+    if (std::ranges::find(meanings, meaning) == meanings.end()) meanings.push_back(std::move(meaning));
+  }
+  return meanings;
+}
+
+}  // namespace
+
+std::string verdict_words(Language language, Verdict verdict) {
+  switch (verdict) {
+    case Verdict::kIntact:
+      return say(language, "verdict.intact");
+    case Verdict::kIntactWithGaps:
+      return say(language, "verdict.gaps");
+    case Verdict::kUnproven:
+      return say(language, "verdict.unproven");
+    case Verdict::kIncomplete:
+      return say(language, "verdict.incomplete");
+    case Verdict::kTampered:
+      break;
+  }
+  return say(language, "verdict.tampered");
+}
+
+Tone tone_of(Verdict verdict) {
+  switch (verdict) {
+    case Verdict::kIntact:
+    case Verdict::kIntactWithGaps:
+      return Tone::kGood;
+    case Verdict::kUnproven:
+    case Verdict::kIncomplete:
+      return Tone::kCaution;
+    case Verdict::kTampered:
+      break;
+  }
+  return Tone::kBad;
+}
+
+Statement verdict_statement(const ReportInput& input) {
+  const Verdict verdict = input.verification.verdict;
+  Statement statement{tone_of(verdict), verdict_words(input.language, verdict),
+                      verdict_sentence(input.language, verdict), gravest_meanings(input)};
+  if (verdict == Verdict::kTampered) return statement;
+  statement.remarks.push_back(time_sentence(input));
+  if (input.given.identities.empty())
+    statement.remarks.push_back(say(input.language, "scope.remark-unopened"));
+  return statement;
+}
+
+Document empty_document(const ReportInput& input, std::string title) {
+  const std::string verdict = verdict_words(input.language, input.verification.verdict);
+  Document document;
+  document.language = input.language;
+  document.title = std::move(title);
+  document.identifier = plain_text(input.verification.case_id);
+  document.subtitle = input.facts.excerpt ? say(input.language, "report.of-excerpt", {document.identifier})
+                                          : say(input.language, "report.of", {document.identifier});
+  document.subject = document.subtitle + ". " + say(input.language, "verdict-of-subject", {verdict});
+  document.author = plain_text(input.author);
+  document.program = input.program;
+  document.running_head = "Kiroku · " + document.title;
+  document.running_foot =
+      say(input.language, "report.foot", {verdict, utc_time(input.made), document.author});
+  document.made = input.made;
+  return document;
+}
+
+Table facts_table() { return {{{"", 1}, {"", 3.2}}, {}}; }
+
+void add_fact(Table& table, std::string name, std::string value, Face face) {
+  table.rows.push_back(
+      {{std::move(name), Tone::kPlain, Face::kStrong}, {std::move(value), Tone::kPlain, face}});
+}
+
+std::string device_trust_words(const ReportInput& input) {
+  if (input.given.devices.empty()) return say(input.language, "device.trusted.none");
+  const bool doubted = std::ranges::any_of(input.verification.findings, [](const archive::Finding& finding) {
+    return check_of(finding.code) == Check::kDevice;
+  });
+  return doubted || input.verification.device.empty() ? say(input.language, "device.trusted.no")
+                                                      : say(input.language, "device.trusted.yes");
+}
+
+}  // namespace kiroku::report

@@ -1,0 +1,26 @@
+// Parts that several documents have. Pure functions, thread-safe.
+#pragma once
+
+#include <string>
+
+#include "viewer/report/document.h"
+#include "viewer/report/report_document.h"
+
+namespace kiroku::report {
+
+/// Points between the margins of a page.
+inline constexpr double kTextWidth = 487;
+
+std::string verdict_words(Language language, archive::Verdict verdict);
+Tone tone_of(archive::Verdict verdict);
+/// Verdict, what it means, and what is to be known with it.
+Statement verdict_statement(const ReportInput& input);
+/// The document's frame: languages, titles, metadata, no blocks.
+Document empty_document(const ReportInput& input, std::string title);
+/// A table without head: what a thing is called, and what it is.
+Table facts_table();
+void add_fact(Table& table, std::string name, std::string value, Face face = Face::kText);
+/// Whether the device's key is among the given ones, in words.
+std::string device_trust_words(const ReportInput& input);
+
+}  // namespace kiroku::report

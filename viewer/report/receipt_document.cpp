@@ -1,0 +1,66 @@
+#include <utility>
+
+#include "base/error.h"
+#include "crypto/encoding.h"
+#include "viewer/report/document_parts.h"
+#include "viewer/report/figures_in_words.h"
+#include "viewer/report/qr_figure.h"
+#include "viewer/report/report_document.h"
+#include "viewer/report/texts.h"
+
+namespace kiroku::report {
+
+Document make_receipt(const ReportInput& input) {
+  constexpr double kCodeSide = 160;
+  const CaseFacts& facts = input.facts;
+  if (facts.excerpt) {
+    throw UsageError(
+        "an excerpt has no receipt: its checkpoint covers more than it holds; make one of the whole case");
+  }
+  if (!facts.last_checkpoint) {
+    throw UsageError(
+        "cannot make a receipt: the case has no signed checkpoint that can be read; 'kiroku report' "
+        "without --receipt tells what there is");
+  }
+  const StoredNote& note = *facts.last_checkpoint;
+  const auto words = [&](TextKey key, std::initializer_list<std::string> values = {}) {
+    return say(input.language, key, values);
+  };
+  Document document = empty_document(input, words("receipt.title"));
+  const auto add = [&](Block block) { document.blocks.push_back(std::move(block)); };
+
+  // One page: what else is to be known stands in the report.
+  Statement statement = verdict_statement(input);
+  statement.remarks.clear();
+  if (statement.tone != Tone::kGood) statement.remarks.push_back(words("receipt.not-intact"));
+  add(std::move(statement));
+  add(Paragraph{words("receipt.lead")});
+
+  Table table = facts_table();
+  add_fact(table, words("case.id"), document.identifier);
+  if (facts.opened_at)
+    add_fact(table, words("case.opened"), words("case.by-device", {utc_time(facts.opened_at->utc)}));
+  add_fact(
+      table, words("case.closed"),
+      facts.closed_at ? words("case.by-device", {utc_time(facts.closed_at->utc)}) : words("case.not-closed"));
+  add_fact(table, words("receipt.root"), crypto::to_base64(note.root, crypto::Base64Padding::kPadded),
+           Face::kMono);
+  add_fact(table, words("receipt.root-hex"), crypto::to_hex(note.root), Face::kMono);
+  add_fact(table, words("receipt.size"), grouped(note.size));
+  add_fact(table, words("device.key"), plain_text(input.verification.device), Face::kMono);
+  add_fact(table, words("device.trusted"), device_trust_words(input));
+  add(std::move(table));
+
+  add(Picture{qr_figure(note.text, kCodeSide, words("qr.description")),
+              words("receipt.qr.caption", {note.file})});
+  add(Heading{2, words("receipt.check")});
+  add(Paragraph{words("receipt.check.scan")});
+  add(Listing{{"zbarimg --quiet --raw -Sbinary RECEIPT.png | cmp - " + note.file}});
+  add(Paragraph{words("receipt.check.verify")});
+  add(Listing{{"kiroku verify " + document.identifier + " --device '" +
+               plain_text(input.verification.device) + "'"}});
+  add(Paragraph{words("receipt.keep"), ParagraphStyle::kSmall});
+  return document;
+}
+
+}  // namespace kiroku::report

@@ -1,0 +1,32 @@
+// The documents about a verification: the report that a court reads, and the receipt that somebody keeps
+// (docs/report.md). Pure functions of their input, thread-safe.
+#pragma once
+
+#include <string>
+
+#include "archive/verifier.h"
+#include "viewer/report/case_facts.h"
+#include "viewer/report/checks.h"
+#include "viewer/report/document.h"
+
+namespace kiroku::report {
+
+struct ReportInput {
+  archive::VerificationReport verification;
+  CaseFacts facts;
+  Given given;          // what the verification was made with
+  std::string author;   // who ordered the document
+  std::string program;  // "kiroku 0.1.0"
+  UtcTime made;
+  Language language = Language::kEnglish;
+};
+
+/// Verdict in words, what was checked and what not, the chain, streams, gaps, times, every finding, keys,
+/// hashes, and how to check again.
+Document make_report(const ReportInput& input);
+
+/// One page: case, verdict, final root, size, device key, and a QR code of the last checkpoint's exact bytes.
+/// Throws kiroku::UsageError where the case has no checkpoint, or is an excerpt.
+Document make_receipt(const ReportInput& input);
+
+}  // namespace kiroku::report

@@ -1,0 +1,454 @@
+// The dictionary's table: key, English, Japanese (texts.h).
+#pragma once
+
+#include <array>
+#include <string_view>
+
+namespace kiroku::report {
+
+struct Text {
+  std::string_view key, english, japanese;
+};
+
+/// "{0}", "{1}" … stand for values. Both languages use the same ones.
+inline constexpr auto kTexts = std::to_array<Text>({
+    // -- titles and frames of the documents
+    {"report.title", "Verification report", "検証報告書"},
+    {"report.of", "Recording of an operation, case {0}", "手術記録　症例番号 {0}"},
+    {"report.of-excerpt", "Excerpt from the recording of an operation, case {0}",
+     "手術記録の抜粋　症例番号 {0}"},
+    {"report.foot", "{0} · made {1} by {2}", "{0}・{1} 作成・{2}"},
+    {"receipt.title", "Receipt of a recording", "手術記録の控え"},
+    {"page", "{0} of {1}", "{0} / {1}"},
+    {"verdict-of-subject", "Verdict: {0}", "判定：{0}"},
+    // -- verdicts
+    {"verdict.intact", "INTACT", "改変なし"},
+    {"verdict.intact.sentence",
+     "Everything in this record is as it was recorded: nothing was changed, nothing is missing, nothing was "
+     "added.",
+     "この記録は、記録されたときのままです。変更・欠落・追加はありません。"},
+    {"verdict.gaps", "INTACT, WITH STATED GAPS", "改変なし（欠落の記載あり）"},
+    {"verdict.gaps.sentence",
+     "What is in this record is as it was recorded. Some of what happened is not in it; the record itself "
+     "said so at "
+     "the time, and this report lists it.",
+     "この記録にあるものは、記録されたときのままです。一部は記録されていませんが、その旨は当時の記録自体に記"
+     "されており、"
+     "本書に一覧を示します。"},
+    {"verdict.unproven", "COULD NOT BE PROVED", "証明できない"},
+    {"verdict.unproven.sentence",
+     "Nothing in this record contradicts itself, but something that would prove it was not given or is not "
+     "there. It "
+     "is neither confirmed nor refuted.",
+     "この記録に矛盾は見つかりませんが、証明に必要なものが与えられていないか、存在しません。確認も否定もでき"
+     "ません。"},
+    {"verdict.incomplete", "NOT FINISHED", "未完了"},
+    {"verdict.incomplete.sentence",
+     "This record was not brought to its end: it is still being recorded, or recording was cut off. What "
+     "there is of "
+     "it was checked.",
+     "この記録は完結していません。記録中であるか、途中で断たれています。存在する部分については検査しました"
+     "。"},
+    {"verdict.tampered", "DOES NOT HOLD (TAMPERED)", "成立しない（改変あり）"},
+    {"verdict.tampered.sentence",
+     "This record is not as it was recorded: something in it was changed, removed or added, or has been "
+     "damaged. The "
+     "findings say what and where. A check cannot tell intent from a fault.",
+     "この記録は、記録されたときのままではありません。何かが変更・削除・追加されたか、破損しています。内容と"
+     "箇所は"
+     "「所見」に示します。故意か故障かは、検査では判別できません。"},
+    // -- time, as the statement tells it
+    {"time.external",
+     "When it existed is proved by time-stamping authorities outside the recorder: between {0} and {1}.",
+     "存在した時刻は、記録装置の外部の時刻認証局により証明されています（{0} から {1} まで）。"},
+    {"time.external-until",
+     "When it existed is proved by time-stamping authorities outside the recorder: no later than {0}.",
+     "存在した時刻は、記録装置の外部の時刻認証局により証明されています（{0} 以前）。"},
+    {"time.self-issued",
+     "Its times were stated by the recorder's own time-stamping authority alone: no clock outside stands "
+     "behind them.",
+     "時刻は記録装置に内蔵された時刻認証局のみによるもので、外部の時計による裏付けはありません。"},
+    {"time.none", "No time stamp could be checked: when it existed is not proved.",
+     "検査できたタイムスタンプがなく、存在した時刻は証明されていません。"},
+    {"scope.remark-unopened",
+     "The pictures themselves were not opened; that takes a key and is not needed for the above.",
+     "映像そのものは開いていません。開くには鍵が必要ですが、上記の判定には不要です。"},
+    // -- headings
+    {"heading.answers", "What was checked", "検査した事項"},
+    {"heading.case", "The case", "症例"},
+    {"heading.chain", "How the proof holds together", "証明のつながり"},
+    {"heading.streams", "What was recorded", "記録の内容"},
+    {"heading.gaps", "Gaps", "欠落"},
+    {"heading.time", "Proof of time", "時刻の証明"},
+    {"heading.brackets", "Brackets", "時刻の範囲"},
+    {"heading.tokens", "Time stamps", "タイムスタンプ"},
+    {"heading.clocks", "Clocks", "時計"},
+    {"heading.findings", "Findings", "所見"},
+    {"heading.device", "Device key", "装置の鍵"},
+    {"heading.hashes", "Hashes", "ハッシュ値"},
+    {"heading.repeat", "Repeating this check", "検査の再現"},
+    {"heading.about", "About this report", "本書について"},
+    {"heading.words", "Words used", "用語"},
+    // -- questions, and their answers
+    {"answer.yes", "Yes", "はい"},
+    {"answer.with-gaps", "Yes, with stated gaps", "はい（記載された欠落あり）"},
+    {"answer.inside-only", "Only from inside", "内部のみ"},
+    {"answer.unknown", "Could not be checked", "確認できない"},
+    {"answer.unfinished", "Not finished", "未完了"},
+    {"answer.not-asked", "Not checked", "未検査"},
+    {"answer.no", "No", "いいえ"},
+    {"check.ledger",
+     "Is the list of everything recorded (the ledger) unchanged, and signed by the device it names?",
+     "記録の一覧（台帳）は変更されておらず、記載の装置により署名されているか"},
+    {"check.ledger.yes", "{0} and {1} agree, each signature is that of the key in the ledger.",
+     "{0}と{1}は一致し、署名はいずれも台帳に記載の鍵によるものです。"},
+    {"check.files", "Is every file there, and exactly as it was when it was listed?",
+     "すべてのファイルが存在し、一覧に記載されたときのままか"},
+    {"check.files.yes",
+     "{0} ({1}): every hash is the one that the ledger states, and no other file is there.",
+     "{0}（{1}）：ハッシュ値はすべて台帳の記載と一致し、余分なファイルはありません。"},
+    {"check.streams", "Was it recorded without a break from beginning to end?",
+     "始めから終わりまで途切れなく記録されたか"},
+    {"check.streams.yes", "Segments follow each other without hole or overlap; no frame was dropped.",
+     "区間は隙間も重なりもなく連続し、フレームの欠落はありません。"},
+    {"check.end", "Was the recording brought to its end?", "記録は完結しているか"},
+    {"check.end.yes", "The last entry closes the case, and a signed checkpoint covers it.",
+     "症例は閉じられ、署名付きチェックポイントで覆われています。"},
+    {"check.end.excerpt", "This is an excerpt: the end of the case is not part of it.",
+     "抜粋のため、症例の終わりは含まれていません。"},
+    {"check.device", "Was it made by a device that whoever ordered this check trusts?",
+     "検査依頼者が信頼する装置で作られたか"},
+    {"check.device.yes", "The key of {0} is among the trusted keys that were given.",
+     "{0} の鍵は、与えられた信頼できる鍵に含まれています。"},
+    {"check.time", "Does somebody outside prove when it existed?",
+     "存在した時刻は外部の者により証明されているか"},
+    {"check.time.yes", "{0} by authorities under trusted roots hold.",
+     "信頼されたルートの時刻認証局による{0}が成立しています。"},
+    {"check.time.inside", "{0} of the recorder's own authority hold; they prove order, not time.",
+     "装置内蔵の認証局による{0}が成立していますが、証明するのは順序であり時刻ではありません。"},
+    {"check.log", "Does the device's own log know this case, and the same of it?",
+     "装置のログは、この症例を同じ内容で記録しているか"},
+    {"check.log.yes",
+     "The appliance log that was given knows its beginning, its checkpoints and its end as they are here.",
+     "与えられた装置ログにある開始・チェックポイント・終了は、ここにあるものと一致します。"},
+    {"check.log.not-asked",
+     "No appliance log was given. Without it nobody sees that a whole case, or its end, was removed.",
+     "装置ログが与えられていません。これがないと、症例全体または末尾の削除は判りません。"},
+    {"check.contents", "Do the sealed pictures and vital signs open, and show what the list says?",
+     "封緘された映像とバイタルサインは開け、一覧のとおりの内容か"},
+    {"check.contents.yes", "Every segment was decrypted and decoded to the frames that the ledger states.",
+     "全区間を復号し、台帳に記載のフレーム数どおりに再生できました。"},
+    {"check.contents.not-asked",
+     "No key was given, so nothing was opened. Whether it is unchanged does not depend on that: hashes are "
+     "of the sealed files.",
+     "鍵が与えられていないため開いていません。改変の有無の判定には影響しません（ハッシュ値は封緘後のファイル"
+     "のものです）。"},
+    {"check.see-findings", "{0}; see Findings.", "{0}（「所見」を参照）。"},
+    {"check.notes-too", "{0} ({1}, see Findings.)", "{0}（{1}、「所見」を参照）"},
+    // -- the case
+    {"case.id", "Case", "症例番号"},
+    {"case.opened", "Opened", "開始"},
+    {"case.closed", "Closed", "終了"},
+    {"case.not-closed", "not closed", "閉じられていない"},
+    {"case.by-device", "{0}, by the device's clock", "{0}（装置の時計による）"},
+    {"case.duration", "Length", "長さ"},
+    {"case.reason", "Ended by", "終了理由"},
+    {"case.device", "Device", "装置"},
+    {"case.recorded-before", "Recorded ahead", "先行記録"},
+    {"case.recorded-before.text", "{0} before it was opened (pre-roll)", "開始前の {0} を含む"},
+    {"case.marks", "Marks", "マーク"},
+    {"case.unknown", "not known: the ledger cannot be read that far", "不明（台帳を読み取れません）"},
+    {"case.size", "Size", "大きさ"},
+    {"case.subject", "Patient data", "患者情報"},
+    {"case.subject.yes", "sealed in the case; not opened for this report",
+     "症例内に封緘（本書では開いていません）"},
+    {"case.subject.no", "none in the case", "症例内になし"},
+    {"reason.operator", "the operator", "操作者"},
+    {"reason.duration", "the time that was set", "設定時間の経過"},
+    {"reason.sources-ended", "the end of all sources", "全入力の終了"},
+    {"reason.disk-full", "a full disk", "ディスクの満杯"},
+    {"reason.recovered", "recovery after an interruption", "中断後の復旧処理"},
+    // -- the chain
+    {"chain.lead",
+     "Each part vouches for the one above it. Who changes one byte of a film would have to change the "
+     "ledger, "
+     "the checkpoints that a device signed, and time stamps that others issued.",
+     "各部分は、その上の部分を保証します。映像を1バイトでも変えるには、台帳、装置が署名したチェックポイント、"
+     "第三者が発行したタイムスタンプをすべて変えなければなりません。"},
+    {"chain.segments", "Segments", "区間ファイル"},
+    {"chain.segments.text",
+     "{0}, {1} in all: pictures, vital signs and events, sealed before they were hashed.",
+     "{0}、計 {1}。映像・バイタルサイン・イベントを封緘してからハッシュ値を取っています。"},
+    {"chain.segments.bond", "SHA-256 of each file stands in", "各ファイルの SHA-256 を記載"},
+    {"chain.ledger", "Ledger", "台帳"},
+    {"chain.ledger.text", "{0}, one a line, each numbered; together they have one Merkle root (RFC 6962).",
+     "{0}（1行1件、通し番号付き）。全体で一つのマークル根（RFC 6962）を持ちます。"},
+    {"chain.ledger.bond", "size and root are signed in", "件数と根に署名"},
+    {"chain.checkpoints", "Checkpoints", "チェックポイント"},
+    {"chain.checkpoints.text", "{0}, signed by {1} while it recorded; the last covers {2}.",
+     "{0}。記録中に {1} が署名。最後のものは{2}を覆います。"},
+    {"chain.checkpoints.none", "No checkpoint could be read.", "読み取れるチェックポイントがありません。"},
+    {"chain.checkpoints.bond", "hash of the signed note is stamped by", "署名文書のハッシュ値に押印"},
+    {"chain.tokens", "Time stamps", "タイムスタンプ"},
+    {"chain.tokens.text", "{0} (RFC 3161), the first of {1}, the last of {2}.",
+     "{0}（RFC 3161）。最初 {1}、最後 {2}。"},
+    {"chain.tokens.none", "There is none.", "ありません。"},
+    {"chain.tokens.bond", "signed by", "署名者"},
+    {"chain.authorities", "Authorities", "時刻認証局"},
+    {"chain.authorities.text", "{0}. Their certificates were judged under the roots that were given.",
+     "{0}。証明書は、与えられたルートに基づいて判定しました。"},
+    {"chain.authorities.unjudged", "{0}. No trusted root was given, so none could be judged.",
+     "{0}。信頼するルートが与えられていないため判定できません。"},
+    {"chain.authorities.none", "None took part.", "関与した認証局はありません。"},
+    // -- streams
+    {"stream.name", "Stream", "系統"},
+    {"stream.kind", "Kind", "種類"},
+    {"stream.from", "From", "開始"},
+    {"stream.to", "To", "終了"},
+    {"stream.segments", "Segments", "区間"},
+    {"stream.frames", "Frames", "フレーム"},
+    {"stream.dropped", "Dropped", "欠落"},
+    {"stream.gaps", "Gaps", "空白"},
+    {"stream.size", "Size", "大きさ"},
+    {"stream.none", "none", "なし"},
+    {"stream.nothing", "nothing recorded", "記録なし"},
+    {"stream.lead",
+     "Times are those of the case clock, which begins at 0 when the case is opened and is never set. Frames "
+     "counts "
+     "pictures of a video, and lines of vital signs and events.",
+     "時刻は症例時計（開始時を0とし、途中で合わせることのない時計）によります。「フレーム」は、映像では画像数"
+     "、"
+     "バイタルサインとイベントでは行数です。"},
+    {"kind.video", "video", "映像"},
+    {"kind.audio", "sound", "音声"},
+    {"kind.vitals", "vital signs", "バイタル"},
+    {"kind.events", "events", "イベント"},
+    {"figure.time", "Recorded time of each stream (bars), gaps (crossed boxes) and time stamps (lines below)",
+     "各系統の記録時間（帯）、欠落（×印の枠）、タイムスタンプ（下段の線）"},
+    {"figure.tokens", "time stamps", "タイムスタンプ"},
+    {"gap.from", "From", "開始"},
+    {"gap.to", "To", "終了"},
+    {"gap.length", "Length", "長さ"},
+    {"gap.cause", "Cause, as the recorder stated it", "原因（記録装置の記載）"},
+    {"gap.none", "The record states no gap.", "欠落の記載はありません。"},
+    {"gap.further", "{0} further gaps are not printed here; 'kiroku verify --json' lists all.",
+     "ほか {0} 件は省略しました（kiroku verify --json で一覧できます）。"},
+    {"cause.signal-lost", "no signal came", "信号なし"},
+    {"cause.overload", "the recorder could not keep up", "処理が追いつかず"},
+    {"cause.disk-full", "the disk was full", "ディスク満杯"},
+    {"cause.device-removed", "the capture device was removed", "取込装置の取り外し"},
+    {"cause.format-change", "the format of the signal changed", "信号形式の変化"},
+    {"cause.paused", "paused", "一時停止"},
+    {"cause.interrupted", "the recorder was interrupted", "記録装置の中断"},
+    // -- time
+    {"time.lead",
+     "A time stamp proves that what it covers existed at its time. What was written after a time stamp was "
+     "entered "
+     "cannot be older than it. So each part of the record lies in a bracket between two outside times.",
+     "タイムスタンプは、対象がその時刻に存在したことを証明します。また、タイムスタンプの記入後に書かれたもの"
+     "は、"
+     "それより古くはありません。したがって記録の各部分は、二つの外部時刻の間の範囲に収まります。"},
+    {"time.lead-inside",
+     "Here the times are those of an authority inside the recorder: the brackets show order, and are as "
+     "right as the "
+     "recorder's own clock.",
+     "ここでの時刻は装置内蔵の認証局によるものです。範囲は順序を示し、その正しさは装置の時計に依存します。"},
+    {"time.earliest", "Not before", "以後"},
+    {"time.latest", "Not after", "以前"},
+    {"time.widest", "Widest bracket", "最も広い範囲"},
+    {"time.no-limit", "no limit", "限界なし"},
+    {"time.no-brackets", "There is no bracket: no time stamp could be relied on.",
+     "範囲はありません（依拠できるタイムスタンプがないため）。"},
+    {"bracket.entries", "Entries", "項目"},
+    {"bracket.authorities", "By", "認証局"},
+    {"bracket.further",
+     "{0} further brackets lie between these and are not printed; 'kiroku verify --json' lists all.",
+     "この間の {0} 件は省略しました（kiroku verify --json で一覧できます）。"},
+    {"token.authority", "Authority", "認証局"},
+    {"token.time", "Time it states", "記載の時刻"},
+    {"token.covers", "Covers entries", "対象の項目"},
+    {"token.hash", "SHA-256 of the file", "ファイルの SHA-256"},
+    {"token.further", "{0} further time stamps lie between these and are not printed; the ledger names all.",
+     "この間の {0} 件は省略しました（台帳にすべて記載）。"},
+    {"token.missed", "{0} to an authority went without a time stamp; the ledger says when and why.",
+     "認証局への要求のうち {0} はタイムスタンプに至りませんでした（日時と理由は台帳に記載）。"},
+    {"clock.authority", "Authority", "認証局"},
+    {"clock.offset", "Ahead of the recorder's clock", "装置の時計との差"},
+    {"clock.drift", "Drift in the case", "症例中のずれ"},
+    {"clock.compared", "Comparisons", "比較回数"},
+    // -- findings
+    {"findings.none", "There is nothing to report.", "報告すべき所見はありません。"},
+    {"findings.lead",
+     "Ordered by weight. The code is stable and explained in Kiroku's description of the format "
+     "(docs/format.md). The "
+     "last line of each is the verifier's own sentence.",
+     "重大な順に示します。コードは不変で、Kiroku "
+     "の形式説明書（docs/format.md）に定義されています。各項目の最終行は、"
+     "検証プログラムの原文（英語）です。"},
+    {"finding.number", "No.", "番号"},
+    {"finding.what", "Finding", "所見"},
+    {"finding.place", "Place", "箇所"},
+    {"finding.meaning", "What it means", "意味"},
+    {"finding.entry", "entry {0}", "項目 {0}"},
+    {"finding.byte", "byte {0}", "{0} バイト目"},
+    {"finding.at", "at {0} of the case", "症例時刻 {0}"},
+    {"finding.whole", "the case", "症例全体"},
+    {"severity.note", "note", "注記"},
+    {"severity.gap", "stated gap", "記載された欠落"},
+    {"severity.unproven", "could not be checked", "確認できない"},
+    {"severity.incomplete", "not finished", "未完了"},
+    {"severity.tampered", "does not hold", "成立しない"},
+    // -- device and hashes
+    {"device.name", "Name", "名称"},
+    {"device.key", "Verifier key", "検証鍵"},
+    {"device.id", "Key identifier", "鍵識別子"},
+    {"device.trusted", "Trusted", "信頼"},
+    {"device.trusted.yes", "yes: among the keys that were given for this check",
+     "あり（検査に与えられた鍵に含まれる）"},
+    {"device.trusted.no", "no: not among the keys that were given for this check",
+     "なし（検査に与えられた鍵に含まれない）"},
+    {"device.trusted.none", "not judged: no key was given for this check",
+     "判定せず（鍵が与えられていない）"},
+    {"device.lead",
+     "The key identifies the recorder. Compare it with what the hospital or the manufacturer published, or "
+     "with a "
+     "receipt; the copy in the case proves nothing by itself.",
+     "この鍵が記録装置を特定します。病院または製造者の公表値、あるいは控えと照合してください。症例内の写しだ"
+     "けでは何も証明しません。"},
+    {"hash.ledger", "Ledger ({0})", "台帳（{0}）"},
+    {"hash.entries", "Entries in the ledger", "台帳の項目数"},
+    {"hash.root", "Merkle root of the ledger", "台帳のマークル根"},
+    {"hash.checkpoint", "Last checkpoint", "最後のチェックポイント"},
+    {"hash.checkpoint-root", "Root that it signs", "署名された根"},
+    {"hash.subject", "Sealed patient data", "封緘された患者情報"},
+    {"hash.plan", "Sealed plan", "封緘された手術計画"},
+    {"hash.log", "Appliance log at the opening", "開始時の装置ログ"},
+    {"hash.log.text", "{0}, root {1}", "{0}、根 {1}"},
+    {"hash.lead",
+     "The ledger names every file of the case with its SHA-256. Whoever has the root and the case has "
+     "everything that "
+     "is needed to tell a later change.",
+     "台帳には症例の全ファイルが SHA-256 "
+     "とともに記載されています。根と症例があれば、後からの変更はすべて判ります。"},
+    // -- repeating
+    {"repeat.lead",
+     "Nobody needs Kiroku to check this record. With the case folder as the working directory and the tools "
+     "of any "
+     "Linux system:",
+     "この記録の検査に Kiroku は必要ありません。症例フォルダーを作業ディレクトリとし、一般的な Linux "
+     "の道具で確認できます。"},
+    {"repeat.hash", "The ledger is the one that this report speaks of:", "台帳が本書の対象であること："},
+    {"repeat.files", "Every file is as the ledger lists it (no output means yes):",
+     "全ファイルが台帳のとおりであること（何も表示されなければ一致）："},
+    {"repeat.token", "The last time stamp is over the checkpoint, under roots that you trust:",
+     "最後のタイムスタンプが、信頼するルートの下でチェックポイントに対するものであること："},
+    {"repeat.all",
+     "The whole check, with the Merkle tree and the signatures, is a script of one page in Kiroku's "
+     "documentation: "
+     "docs/verify-with-stock-tools.md. With Kiroku, the same as this report:",
+     "マークル木と署名を含む検査の全体は、Kiroku の文書 docs/verify-with-stock-tools.md "
+     "に1ページの手順書としてあります。"
+     "Kiroku を用いる場合（本書と同じ検査）："},
+    {"repeat.excerpt", "An excerpt is checked with Kiroku, as its proofs are part of the format:",
+     "抜粋は、証明が形式の一部であるため Kiroku で検査します："},
+    // -- about
+    {"about.by", "Made by", "作成者"},
+    {"about.when", "Made", "作成日時"},
+    {"about.with", "Made with", "使用プログラム"},
+    {"about.given", "Given for the check", "検査に与えられたもの"},
+    {"about.given.nothing", "nothing: neither keys nor roots", "なし（鍵・ルートとも）"},
+    {"given.devices", "trusted device keys: {0}", "信頼する装置の鍵：{0}"},
+    {"given.roots", "trusted time-stamping roots: {0}", "信頼する時刻認証ルート：{0}"},
+    {"given.log", "appliance log: {0}", "装置ログ：{0}"},
+    {"given.identity", "a key to open the recording: {0}", "記録を開く鍵：{0}"},
+    {"about.lead",
+     "This report describes what a program found in the case folder on the date above. The evidence is the "
+     "case "
+     "folder; the report is a guide to it. Times are UTC.",
+     "本書は、上記の日時にプログラムが症例フォルダーについて検出した内容を述べるものです。証拠は症例フォルダ"
+     "ーであり、"
+     "本書はその案内です。時刻は協定世界時（UTC）です。"},
+    // -- words
+    {"word.segment", "Segment", "区間ファイル"},
+    {"word.segment.text", "A few seconds of one stream in a file, encrypted for those who may watch it.",
+     "一系統の数秒分を収めたファイル。閲覧を許された者だけが開けるよう暗号化されている。"},
+    {"word.hash", "Hash (SHA-256)", "ハッシュ値（SHA-256）"},
+    {"word.hash.text",
+     "A number computed from a file. No two different files with the same one have ever been found.",
+     "ファイルから計算される数値。同じ値を持つ異なる二つのファイルは、いまだ見つかっていない。"},
+    {"word.ledger", "Ledger", "台帳"},
+    {"word.ledger.text", "The numbered list of everything that was recorded, with its hash and time.",
+     "記録されたすべてを、ハッシュ値と時刻とともに番号順に並べた一覧。"},
+    {"word.root", "Merkle root", "マークル根"},
+    {"word.root.text",
+     "One hash over the whole ledger, made so that a part can be proved without the rest (RFC 6962).",
+     "台帳全体に対する一つのハッシュ値。一部だけでも証明できるように作られている（RFC 6962）。"},
+    {"word.checkpoint", "Checkpoint", "チェックポイント"},
+    {"word.checkpoint.text", "Size and root of the ledger at a moment, signed by the recording device.",
+     "ある時点の台帳の件数と根に、記録装置が署名したもの。"},
+    {"word.token", "Time stamp", "タイムスタンプ"},
+    {"word.token.text",
+     "A signed statement of an authority that a hash was known to it at a time (RFC 3161).",
+     "あるハッシュ値をその時刻に受け取ったことを、認証局が署名して証するもの（RFC 3161）。"},
+    {"word.bracket", "Bracket", "時刻の範囲"},
+    {"word.bracket.text", "The two outside times between which a part of the record was written.",
+     "記録の一部が書かれた時点を挟む、二つの外部時刻。"},
+    {"word.gap", "Gap", "欠落"},
+    {"word.gap.text", "Time in which nothing could be recorded, stated by the recorder when it happened.",
+     "記録できなかった時間。発生時に装置自身が記載する。"},
+    // -- the receipt
+    {"receipt.lead",
+     "This page names one state of one recording. Whoever keeps it can tell later whether the recording that "
+     "is shown "
+     "then is the same.",
+     "この控えは、ある記録のある時点の状態を特定します。これを保管すれば、後日示された記録が同一かどうかを確"
+     "かめられます。"},
+    {"receipt.root", "Final ledger root", "台帳の最終の根"},
+    {"receipt.root-hex", "The same in hexadecimal", "同（16進表記）"},
+    {"receipt.size", "Ledger entries covered", "対象の台帳項目数"},
+    {"receipt.qr.caption",
+     "The QR code holds the last checkpoint of the case as it lies in the folder ({0}): case, size and root, "
+     "signed by "
+     "the device.",
+     "QRコードには、症例フォルダー内の最後のチェックポイント（{0}"
+     "）がそのまま入っています。症例番号・項目数・根に装置が署名したものです。"},
+    {"receipt.check",
+     "To check the recording against this page later:", "後日、記録をこの控えと照合するには："},
+    {"receipt.check.scan",
+     "1. Scan the QR code into a file, and compare it with the one in the case. No output means they are the "
+     "same.",
+     "1. QRコードを読み取ってファイルに保存し、症例内のものと比べます。何も表示されなければ同一です。"},
+    {"receipt.check.verify",
+     "2. Verify the case under the device key of this page (docs/report.md says how to do it without "
+     "Kiroku):",
+     "2. この控えの装置の鍵で症例を検証します（Kiroku を用いない方法は docs/report.md）："},
+    {"receipt.keep", "Keep it where whoever keeps the recording cannot change it.",
+     "記録の保管者が書き換えられない場所に保管してください。"},
+    {"receipt.not-intact",
+     "This receipt names the last checkpoint as it was found. It does not say that the recording is whole: "
+     "see the verdict above, and the report.",
+     "この控えは見つかった最後のチェックポイントを特定するもので、記録が完全であることを示すものではありませ"
+     "ん（上記の判定と検証報告書を参照）。"},
+    {"qr.description", "QR code of the signed checkpoint", "署名付きチェックポイントのQRコード"},
+    // -- numbers of things
+    {"one.entry", "{0} ledger entry", "台帳項目 {0} 件"},
+    {"many.entry", "{0} ledger entries", "台帳項目 {0} 件"},
+    {"one.log-entry", "{0} entry", "{0} 件"},
+    {"many.log-entry", "{0} entries", "{0} 件"},
+    {"one.file", "{0} file", "{0} ファイル"},
+    {"many.file", "{0} files", "{0} ファイル"},
+    {"one.segment", "{0} sealed file", "封緘ファイル {0} 個"},
+    {"many.segment", "{0} sealed files", "封緘ファイル {0} 個"},
+    {"one.checkpoint", "{0} checkpoint", "チェックポイント {0} 件"},
+    {"many.checkpoint", "{0} checkpoints", "チェックポイント {0} 件"},
+    {"one.token", "{0} time stamp", "タイムスタンプ {0} 件"},
+    {"many.token", "{0} time stamps", "タイムスタンプ {0} 件"},
+    {"one.request", "{0} request", "{0} 件"},
+    {"many.request", "{0} requests", "{0} 件"},
+    {"one.note", "{0} note", "注記 {0} 件"},
+    {"many.note", "{0} notes", "注記 {0} 件"},
+    {"one.finding", "{0} finding", "所見 {0} 件"},
+    {"many.finding", "{0} findings", "所見 {0} 件"},
+});
+
+}  // namespace kiroku::report

@@ -1,0 +1,114 @@
+#include "viewer/report/time_figure.h"
+
+#include <algorithm>
+#include <array>
+
+#include "viewer/report/document.h"
+#include "viewer/report/figures_in_words.h"
+#include "viewer/report/texts.h"
+
+namespace kiroku::report {
+namespace {
+
+constexpr double kLabels = 96, kRow = 17, kBar = 9, kLeastGap = 2.5;
+constexpr double kSmall = 7.5;
+
+/// Ticks at most this many, at the finest of these steps in seconds that allows it.
+constexpr int kMostTicks = 8;
+constexpr auto kSteps = std::to_array<std::int64_t>(
+    {1, 2, 5, 10, 15, 30, 60, 120, 300, 600, 900, 1'800, 3'600, 7'200, 14'400, 28'800, 86'400});
+constexpr std::int64_t kSecond = 1'000'000'000;
+
+class TimeFigure {
+ public:
+  TimeFigure(std::int64_t begin_ns, std::int64_t end_ns, double width)
+      : begin_(begin_ns), end_(std::max(end_ns, begin_ns + 1)) {
+    figure_.width = width;
+  }
+
+  void add_stream(const archive::StreamReport& stream, const std::vector<archive::GapEntry>& gaps) {
+    label(stream.info.name);
+    if (stream.span.end_ns > stream.span.start_ns) bar(stream.span);
+    for (const archive::GapEntry& gap : gaps) {
+      if (gap.stream == stream.info.name) cross(gap.span);
+    }
+    y_ += kRow;
+  }
+
+  void add_tokens(const std::string& name, const std::vector<StatedToken>& tokens) {
+    label(name);
+    for (const StatedToken& token : tokens) {
+      if (!token.token.exchange) continue;
+      const double x = x_of(token.token.exchange->answered_ns);
+      figure_.shapes.emplace_back(Stroke{x, y_, x, y_ + kBar, Ink::kBlue, 0.8});
+    }
+    y_ += kRow;
+  }
+
+  Figure finish(std::string description) {
+    const double axis = y_ + 2;
+    figure_.shapes.emplace_back(Stroke{kLabels, axis, figure_.width, axis, Ink::kGrey, 0.5});
+    const std::int64_t seconds = (end_ - begin_) / kSecond;
+    const auto* step =
+        std::ranges::find_if(kSteps, [&](std::int64_t each) { return seconds / each < kMostTicks; });
+    const std::int64_t every = (step == kSteps.end() ? kSteps.back() : *step) * kSecond;
+    for (std::int64_t at = 0; begin_ + at <= end_; at += every) {
+      const double x = x_of(begin_ + at);
+      figure_.shapes.emplace_back(Stroke{x, axis, x, axis + 3, Ink::kGrey, 0.5});
+      const auto anchor = x > figure_.width - 20 ? Lettering::Anchor::kEnd : Lettering::Anchor::kMiddle;
+      figure_.shapes.emplace_back(Lettering{x, axis + 11, case_time(at, false), kSmall, anchor});
+    }
+    figure_.height = axis + 14;
+    figure_.description = std::move(description);
+    return std::move(figure_);
+  }
+
+ private:
+  [[nodiscard]] double x_of(std::int64_t at) const {
+    const double share = static_cast<double>(at - begin_) / static_cast<double>(end_ - begin_);
+    return kLabels + std::clamp(share, 0.0, 1.0) * (figure_.width - kLabels);
+  }
+  void label(const std::string& text) {
+    figure_.shapes.emplace_back(
+        Lettering{0, y_ + kBar - 1, plain_text(text), 8, Lettering::Anchor::kStart, kLabels - 8});
+  }
+  void bar(const archive::Span& span) {
+    const double x = x_of(span.start_ns);
+    figure_.shapes.emplace_back(Area{x, y_, x_of(span.end_ns) - x, kBar, Ink::kBlue});
+  }
+  void cross(const archive::Span& span) {
+    const double x = x_of(span.start_ns);
+    const double wide = std::max(x_of(span.end_ns) - x, kLeastGap);
+    figure_.shapes.emplace_back(Area{x, y_, wide, kBar, Ink::kWhite});
+    const double right = x + wide, bottom = y_ + kBar;
+    for (const Stroke& side :
+         {Stroke{x, y_, right, y_}, Stroke{right, y_, right, bottom}, Stroke{right, bottom, x, bottom},
+          Stroke{x, bottom, x, y_}, Stroke{x, y_, right, bottom}, Stroke{x, bottom, right, y_}}) {
+      figure_.shapes.emplace_back(side);
+    }
+  }
+
+  std::int64_t begin_, end_;
+  double y_ = 2;
+  Figure figure_;
+};
+
+}  // namespace
+
+Figure time_figure(const archive::VerificationReport& verification, const CaseFacts& facts, Language language,
+                   double width) {
+  std::int64_t begin = facts.opening ? facts.opening->begins_ns : 0;
+  std::int64_t end = facts.last_ns;
+  if (facts.excerpt && !verification.streams.empty()) {
+    begin = end;
+    for (const auto& stream : verification.streams) {
+      if (stream.segments > 0) begin = std::min(begin, stream.span.start_ns);
+    }
+  }
+  TimeFigure figure(begin, end, width);
+  for (const auto& stream : verification.streams) figure.add_stream(stream, facts.gaps);
+  figure.add_tokens(say(language, "figure.tokens"), facts.tokens);
+  return figure.finish(say(language, "figure.time"));
+}
+
+}  // namespace kiroku::report
