@@ -120,7 +120,8 @@ std::string meaning_of(Language language, std::string_view code) {
   const FindingText* text = find_text(code);
   if (known == archive::kFindingCodes.end() || text == nullptr) return std::string(code);
   if (language == Language::kJapanese) return std::string(text->japanese);
-  std::string meaning(known->meaning);
+  // What a byte offset means stands in the format's own table.
+  std::string meaning(known->meaning.substr(0, known->meaning.find("; offset")));
   // Names of the format stay as they are written there.
   const std::string word = meaning.substr(0, meaning.find(' '));
   const bool plain =

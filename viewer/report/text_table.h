@@ -143,7 +143,7 @@ inline constexpr auto kTexts = std::to_array<Text>({
      "of the sealed files.",
      "鍵が与えられていないため開いていません。改変の有無の判定には影響しません（ハッシュ値は封緘後のファイル"
      "のものです）。"},
-    {"check.see-findings", "{0}; see Findings.", "{0}（「所見」を参照）。"},
+    {"check.see-findings", "{0} ({1}, see Findings.)", "{0}（{1}、「所見」を参照）"},
     {"check.notes-too", "{0} ({1}, see Findings.)", "{0}（{1}、「所見」を参照）"},
     // -- the case
     {"case.id", "Case", "症例番号"},

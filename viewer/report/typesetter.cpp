@@ -108,6 +108,10 @@ PangoHandle<PangoLayout> Typesetter::layout(std::string_view text, const TextSty
   pango_layout_set_font_description(layout.get(), font.get());
   pango_layout_set_text(layout.get(), text.data(), static_cast<int>(text.size()));
   pango_layout_set_wrap(layout.get(), style.face == Face::kMono ? PANGO_WRAP_CHAR : PANGO_WRAP_WORD_CHAR);
+  // A hash that is broken must not gain a character.
+  const PangoHandle<PangoAttrList> attributes(pango_attr_list_new());
+  pango_attr_list_insert(attributes.get(), pango_attr_insert_hyphens_new(FALSE));
+  pango_layout_set_attributes(layout.get(), attributes.get());
   if (style.alignment == Alignment::kRight) pango_layout_set_alignment(layout.get(), PANGO_ALIGN_RIGHT);
   return layout;
 }

@@ -18,7 +18,8 @@ struct DocumentText {
   std::string operator()(const report::Table& table) const {
     std::string out;
     for (const auto& row : table.rows) {
-      for (std::size_t i = 0; i < row.size(); ++i) out += (i == 0 ? "" : " | ") + toned(row[i].tone, row[i].text);
+      for (std::size_t i = 0; i < row.size(); ++i)
+        out += (i == 0 ? "" : " | ") + toned(row[i].tone, row[i].text);
       out += "\n";
     }
     return out;

@@ -24,7 +24,8 @@ bool has_tools() { return std::system("command -v pdftotext pdftoppm zbarimg >/d
 
 class ReportDocument : public testing::Test {
  protected:
-  [[nodiscard]] ReportInput input(const archive::VerifyOptions& options, Language language = Language::kEnglish) const {
+  [[nodiscard]] ReportInput input(const archive::VerifyOptions& options,
+                                  Language language = Language::kEnglish) const {
     ReportInput input;
     input.verification = archive::verify_case(folder_, options);
     input.facts = read_case_facts(folder_);
@@ -48,7 +49,7 @@ class ReportDocument : public testing::Test {
     stream.seekp(at);
     stream.put(static_cast<char>(old ^ 1));
   }
-  [[nodiscard]] std::string tool(const std::vector<std::string>& command) const {
+  std::string tool(const std::vector<std::string>& command) const {
     test::Process::Options run;
     run.command = command;
     run.folder = temporary_.path();
@@ -84,7 +85,8 @@ TEST_F(ReportDocument, OfATamperedCaseNamesPlaceAndMeaning) {
   change_byte("segments/endoscope/00000001.ts.age", 500);
   const std::string text = report(archive_.options());
   EXPECT_THAT(text, HasSubstr("✗ DOES NOT HOLD (TAMPERED)\n"));
-  EXPECT_THAT(text, HasSubstr("| ✗ No | A file has not the hash the ledger states;"));
+  EXPECT_THAT(text,
+              HasSubstr("| ✗ No | A file has not the hash the ledger states. (1 finding, see Findings.)"));
   EXPECT_THAT(text, AllOf(HasSubstr("file-hash-differs"), HasSubstr("segments/endoscope/00000001.ts.age")));
   EXPECT_THAT(text, HasSubstr("[Segments: ✗ No]"));
   EXPECT_THAT(text, HasSubstr("[Ledger: ✓ Yes]"));
@@ -164,6 +166,8 @@ TEST_F(ReportDocument, AsPdfHasPagesThatCanBeSearched) {
   EXPECT_THAT(text, HasSubstr("1 of "));
   EXPECT_THAT(text, HasSubstr("How the proof holds together"));
   EXPECT_THAT(text, HasSubstr("Dr. Sato"));
+  // Hashes that need two lines are broken without a hyphen.
+  EXPECT_THAT(text, Not(testing::ContainsRegex("[0-9a-f]{20}-\n")));
   const std::string info = tool({"pdfinfo", "report.pdf"});
   EXPECT_THAT(info, HasSubstr("A4"));
   EXPECT_THAT(info, HasSubstr("Author:          Dr. Sato"));
@@ -221,8 +225,8 @@ TEST_F(ReportDocument, OfManyFindingsRunsOverPagesWithoutLosingOne) {
                                           std::nullopt, std::nullopt, "the file is not there"});
   }
   // Longer than a page.
-  many.verification.findings.push_back(
-      {"file-missing", archive::Severity::kTampered, "x", std::nullopt, std::nullopt, std::string(12'000, 'w')});
+  many.verification.findings.push_back({"file-missing", archive::Severity::kTampered, "x", std::nullopt,
+                                        std::nullopt, std::string(12'000, 'w')});
   write("report.pdf", write_pdf(make_report(many)));
   const std::string text = tool({"pdftotext", "report.pdf", "-"});
   for (int i = 0; i < 300; ++i) EXPECT_THAT(text, HasSubstr(std::to_string(10'000'000 + i))) << i;

@@ -27,9 +27,9 @@ TEST(Texts, SayTheSameInBothLanguages) {
     EXPECT_TRUE(keys.insert(text.key).second) << text.key << " stands there twice";
     EXPECT_NE(text.english, "") << text.key;
     EXPECT_NE(text.japanese, "") << text.key;
-    // Singular and plural are one form in Japanese, and some English ones do not say the number's word.
     EXPECT_EQ(values_in(text.english), values_in(text.japanese)) << text.key;
-    for (const std::string& value : values_in(text.english)) EXPECT_THAT(value, testing::MatchesRegex("\\{[0-9]\\}"));
+    for (const std::string& value : values_in(text.english))
+      EXPECT_THAT(value, testing::MatchesRegex("\\{[0-9]\\}"));
   }
 }
 
