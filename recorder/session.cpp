@@ -265,8 +265,8 @@ Session::State::State(SessionOptions asked)
   std::size_t index = 0;
   for (OpenedVideo& opened : videos) {
     lanes.push_back(std::make_unique<VideoLane>(context, index, writing.streams[index], opened.address,
-                                                std::move(opened.source), options.video[index].video,
-                                                budget));
+                                                std::move(opened.source), options.video[index].video, budget,
+                                                options.video[index].tap));
     ++index;
   }
   video_lanes = lanes.size();

@@ -17,6 +17,7 @@
 #include "crypto/age_recipient.h"
 #include "crypto/signing_key.h"
 #include "recorder/encoder/video_profile.h"
+#include "recorder/picture_tap.h"
 #include "recorder/stamper.h"
 #include "timestamp/client.h"
 #include "timestamp/token_verifier.h"
@@ -33,6 +34,8 @@ struct StreamRequest {
   /// An unattended recorder begins without a source that is not there, states the gap, and takes it up when
   /// it comes; a person at a keyboard would rather be told (the default).
   bool may_be_absent = false;
+  /// Is offered every picture as it is captured, over all cases; null: nobody. Video only.
+  std::shared_ptr<PictureTap> tap = nullptr;
 };
 
 struct SessionOptions {

@@ -30,10 +30,11 @@ constexpr int kMostFailuresInARow = 5;
 
 VideoLane::VideoLane(const LaneContext& context, std::size_t stream_index, archive::StreamInfo info,
                      SourceAddress address, std::unique_ptr<Source> source, VideoProfile profile,
-                     std::size_t queue_bytes)
+                     std::size_t queue_bytes, std::shared_ptr<PictureTap> tap)
     : context_(context),
       address_(std::move(address)),
       profile_(profile),
+      tap_(std::move(tap)),
       output_(context.store, stream_index, std::move(info), context.facts),
       queue_(queue_bytes),
       muxer_(profile.in_transport_stream() ? make_transport_stream_muxer() : make_matroska_muxer()),
@@ -112,6 +113,7 @@ void VideoLane::capture_from(Source& source) {
     }
     live_ = true;
     frame->rate = rate;
+    if (tap_) tap_->offer(*frame);
     queue_.push(std::move(*frame), address_.unpaced());
   }
 }

@@ -16,6 +16,7 @@
 #include "recorder/encoder/video_encoder.h"
 #include "recorder/frame_queue.h"
 #include "recorder/lane.h"
+#include "recorder/picture_tap.h"
 #include "recorder/source/source.h"
 #include "recorder/stream_output.h"
 
@@ -26,10 +27,11 @@ class VideoLane : public Lane {
   /// `source` was opened from `address`, and the encoder was tried on its format; or it is null, and the
   /// source is taken up when it can be opened, with a gap stated until then. A live one is opened anew when
   /// it is lost, after pauses that grow from one second to sixteen, until it is back (a pipe: when somebody
-  /// writes to it again within ten seconds, else it has ended).
+  /// writes to it again within ten seconds, else it has ended). `tap`, which may be null, is offered every
+  /// picture before it is queued.
   VideoLane(const LaneContext& context, std::size_t stream_index, archive::StreamInfo info,
             SourceAddress address, std::unique_ptr<Source> source, VideoProfile profile,
-            std::size_t queue_bytes);
+            std::size_t queue_bytes, std::shared_ptr<PictureTap> tap);
   ~VideoLane() override;
 
   void start() override;
@@ -79,6 +81,7 @@ class VideoLane : public Lane {
   const LaneContext context_;
   const SourceAddress address_;
   const VideoProfile profile_;
+  const std::shared_ptr<PictureTap> tap_;
   StreamOutput output_;
   FrameQueue queue_;
   std::unique_ptr<SegmentMuxer> muxer_;

@@ -1,17 +1,10 @@
 #include "viewer/playback/piece_encoder.h"
 
-#include <array>
-#include <cstdio>
-#include <span>
 #include <utility>
 
 extern "C" {
 #include <libavcodec/avcodec.h>
-#include <libavformat/avformat.h>
-#include <libavutil/mem.h>
 }
-
-#include "base/error.h"
 
 namespace kiroku::playback {
 namespace {
@@ -19,143 +12,16 @@ namespace {
 using media::require;
 
 constexpr const char* kAction = "cannot make a viewing copy";
-constexpr AVRational kTimeBase{1, kTicksPerSecond};
-
-media::Codec make_encoder(const ViewingFormat& format) {
-  const AVCodec* const codec = avcodec_find_encoder_by_name("libx264");
-  if (codec == nullptr) {
-    throw Error("this libavcodec has no x264 for viewing copies; install Debian's FFmpeg libraries");
-  }
-  media::Codec encoder(avcodec_alloc_context3(codec));
-  if (!encoder) throw std::bad_alloc();
-  encoder->width = format.width;
-  encoder->height = format.height;
-  encoder->sample_aspect_ratio = {format.aspect_numerator, format.aspect_denominator};
-  encoder->pix_fmt = AV_PIX_FMT_YUV420P;
-  encoder->color_range = AVCOL_RANGE_MPEG;
-  encoder->color_primaries = static_cast<AVColorPrimaries>(format.primaries);
-  encoder->color_trc = static_cast<AVColorTransferCharacteristic>(format.transfer);
-  encoder->colorspace = static_cast<AVColorSpace>(format.matrix);
-  encoder->time_base = kTimeBase;
-  encoder->framerate = {format.rate, 1};
-  encoder->profile = FF_PROFILE_H264_HIGH;
-  encoder->flags |= static_cast<int>(AV_CODEC_FLAG_GLOBAL_HEADER | AV_CODEC_FLAG_CLOSED_GOP);
-  encoder->thread_count = 1;  // pieces are made side by side
-  media::Options options;
-  options.set("preset", "superfast");
-  options.set("tune", "zerolatency");  // no picture waits for a later one, none is reordered
-  options.set("crf", "21");
-  options.set("forced-idr", "1");
-  options.set("x264-params", "keyint=infinite:scenecut=0");
-  require(avcodec_open2(encoder.get(), codec, options.address()), kAction);
-  return encoder;
-}
-
-/// What libavformat writes, in memory.
-class MemoryOutput {
- public:
-  explicit MemoryOutput(AVFormatContext& context) : context_(context) { begin(); }
-  ~MemoryOutput() { (void)take(); }
-  MemoryOutput(const MemoryOutput&) = delete;
-  MemoryOutput& operator=(const MemoryOutput&) = delete;
-
-  void begin() { require(avio_open_dyn_buf(&context_.pb), kAction); }
-  Bytes take() {
-    if (context_.pb == nullptr) return {};
-    std::uint8_t* raw = nullptr;
-    const int size = avio_close_dyn_buf(std::exchange(context_.pb, nullptr), &raw);
-    const auto view = std::as_bytes(std::span(raw, static_cast<std::size_t>(size)));
-    Bytes bytes(view.begin(), view.end());
-    av_free(raw);
-    return bytes;
-  }
-
- private:
-  AVFormatContext& context_;
-};
-
-/// A muxer of one track whose header is written, and the header.
-class FragmentMuxer {
- public:
-  explicit FragmentMuxer(const AVCodecContext& encoder, std::uint32_t sequence_number)
-      : context_(make_context(encoder)), output_(*context_) {
-    media::Options options;
-    // frag_discont: decode times are the packets' own, not counted from zero
-    options.set("movflags", "empty_moov+default_base_moof+frag_custom+frag_discont+skip_trailer");
-    options.set("use_editlist", "0");
-    options.set("video_track_timescale", std::to_string(kTicksPerSecond));
-    options.set("fragment_index", std::to_string(sequence_number));
-    require(avformat_write_header(context_.get(), options.address()), kAction);
-    header_ = output_.take();
-    output_.begin();
-  }
-  FragmentMuxer(const FragmentMuxer&) = delete;
-  FragmentMuxer& operator=(const FragmentMuxer&) = delete;
-  ~FragmentMuxer() { av_write_trailer(context_.get()); }
-
-  [[nodiscard]] const Bytes& header() const { return header_; }
-  void write(AVPacket& packet) {
-    packet.stream_index = 0;
-    require(av_write_frame(context_.get(), &packet), kAction);
-  }
-  /// What was written becomes one fragment.
-  Bytes fragment() {
-    require(av_write_frame(context_.get(), nullptr), kAction);
-    Bytes bytes = output_.take();
-    output_.begin();
-    return bytes;
-  }
-
- private:
-  static media::OutputContext make_context(const AVCodecContext& encoder) {
-    AVFormatContext* raw = nullptr;
-    require(avformat_alloc_output_context2(&raw, nullptr, "mp4", nullptr), kAction);
-    media::OutputContext context(raw);
-    context->flags |= AVFMT_FLAG_CUSTOM_IO | AVFMT_FLAG_BITEXACT;
-    context->avoid_negative_ts = AVFMT_AVOID_NEG_TS_DISABLED;
-    AVStream* const stream = avformat_new_stream(context.get(), nullptr);
-    if (stream == nullptr) throw std::bad_alloc();
-    require(avcodec_parameters_from_context(stream->codecpar, &encoder), kAction);
-    stream->time_base = kTimeBase;
-    stream->sample_aspect_ratio = encoder.sample_aspect_ratio;
-    return context;
-  }
-
-  media::OutputContext context_;
-  MemoryOutput output_;
-  Bytes header_;
-};
-
-/// Profile, constraints and level stand in the sequence parameter set (ISO 14496-10, 7.3.2.1.1), the first
-/// of the encoder's parameters behind their start codes.
-std::string codecs_of(const AVCodecContext& encoder) {
-  const std::span bytes(encoder.extradata, static_cast<std::size_t>(encoder.extradata_size));
-  constexpr std::uint8_t kSequenceParameterSet = 7;
-  constexpr std::uint8_t kTypeMask = 0x1f;
-  for (std::size_t at = 0; at + 7 <= bytes.size(); ++at) {
-    if (bytes[at] == 0 && bytes[at + 1] == 0 && bytes[at + 2] == 1 &&
-        (bytes[at + 3] & kTypeMask) == kSequenceParameterSet) {
-      std::array<char, 16> text{};
-      std::snprintf(text.data(), text.size(), "avc1.%02x%02x%02x", unsigned{bytes[at + 4]},
-                    unsigned{bytes[at + 5]}, unsigned{bytes[at + 6]});
-      return text.data();
-    }
-  }
-  throw Error("cannot make a viewing copy: x264 gave no parameters");
-}
+constexpr const char* kPreset = "superfast";
 
 }  // namespace
 
 InitSegment make_init_segment(const ViewingFormat& format) {
-  media::silence_libav();
-  const media::Codec encoder = make_encoder(format);
-  return {FragmentMuxer(*encoder, 1).header(), codecs_of(*encoder)};
+  const media::Codec encoder = make_viewing_encoder(format, kPreset);
+  return FragmentMuxer(*encoder, 1).init();
 }
 
-PieceEncoder::PieceEncoder(const ViewingFormat& format) {
-  media::silence_libav();
-  codec_ = make_encoder(format);
-}
+PieceEncoder::PieceEncoder(const ViewingFormat& format) : codec_(make_viewing_encoder(format, kPreset)) {}
 
 void PieceEncoder::add(const ArchivedPicture& picture) {
   const media::Frame frame = media::reference(*picture.frame);

@@ -1,25 +1,19 @@
-// Pictures into pieces of a viewing copy: H.264 (ISO 14496-10, High profile, 4:2:0, 8 bit) in fragments of
-// MP4 (ISO 14496-12, 8.8), as Media Source Extensions take them. An object makes one piece and belongs to one
+// Pictures into pieces of a viewing copy (fragment_muxer.h). An object makes one piece and belongs to one
 // thread; make_init_segment() is thread-safe.
 #pragma once
 
 #include <cstdint>
-#include <string>
 #include <vector>
 
 #include "base/bytes.h"
 #include "media/libav_handles.h"
+#include "viewer/playback/fragment_muxer.h"
 #include "viewer/playback/picture_reader.h"
 #include "viewer/playback/viewing_format.h"
 
 namespace kiroku::playback {
 
-/// `ftyp` and `moov`: goes before the first piece of a stream, whichever that is.
-struct InitSegment {
-  Bytes bytes;
-  /// RFC 6381: "avc1.640028".
-  std::string codecs;
-};
+/// What goes before the first piece of a stream, whichever that is.
 InitSegment make_init_segment(const ViewingFormat& format);
 
 class PieceEncoder {
