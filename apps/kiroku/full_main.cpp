@@ -1,6 +1,7 @@
 // kiroku-full: every command of kiroku, with all the libraries they need. People start it through kiroku.
 
 #include "apps/kiroku/commands.h"
+#include "apps/kiroku/user_command.h"
 #include "apps/kiroku/view_command.h"
 #include "apps/sim/plan_command.h"
 #include "apps/sim/sim_command.h"
@@ -19,7 +20,7 @@ constexpr const char* kOverview =
   kiroku report CASE -o report.pdf                     the same, for a court to read
   kiroku export CASE --stream endoscope -o film.ts     the pictures, for a recipient
 
-Other commands: case, status, doctor, recover, excerpt, erase, seal, unseal, stamp, token, tsa, log, view, sim, plan, train, completion.
+Other commands: case, status, doctor, recover, excerpt, erase, seal, unseal, stamp, token, tsa, log, view, user, sim, plan, train, completion.
 'kiroku --help' lists them all, 'kiroku COMMAND --help' explains one.
 )";
 
@@ -48,6 +49,7 @@ int main(int argc, char** argv) {
   add_tsa_command(root);
   add_log_command(root);
   add_view_command(root);
+  add_user_command(root);
   Command& sim = add_sim_command(root);
   add_sim_render_command(sim);
   add_sim_transfer_command(sim);

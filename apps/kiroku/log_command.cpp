@@ -8,9 +8,9 @@
 #include "apps/common/progress.h"
 #include "apps/kiroku/commands.h"
 #include "apps/kiroku/home.h"
-#include "apps/verify/report_json.h"
 #include "apps/verify/report_text.h"
 #include "archive/appliance_log.h"
+#include "archive/report_json.h"
 #include "archive/verifier.h"
 
 namespace kiroku::apps {
@@ -62,7 +62,7 @@ int verify(const Home& home, bool json) {
   options.progress = [&progress](std::uint64_t done, std::uint64_t total) { progress.update(done, total); };
   const archive::VerificationReport report = archive::verify_log(home.log_folder(), options);
   if (json) {
-    print_json(report_json(report));
+    print_json(archive::report_json(report));
   } else {
     std::cout << report_text(report, home.log_folder().string(),
                              report.device == options.devices[0].to_string());

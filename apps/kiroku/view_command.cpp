@@ -124,6 +124,7 @@ int run(const Request& request) {
                .users_file = home.folder() / "users.sqlite",
                .control_socket = home.control_socket(home.configuration()),
                .copies_folder = home.folder() / "viewing-copies",
+               .handout_folder = home.folder() / "viewer-files",
                .device_key = &device_key,
                .device = home.device(),
                .trust = &trust,

@@ -10,6 +10,7 @@
 #include "apps/common/command_line.h"
 #include "apps/common/format.h"
 #include "apps/common/terminal.h"
+#include "archive/report_json.h"
 
 namespace kiroku::apps {
 namespace {
@@ -144,22 +145,6 @@ std::string finding_text(const archive::Finding& finding) {
 }
 
 }  // namespace
-
-std::string severity_name(Severity severity) {
-  switch (severity) {
-    case Severity::kNote:
-      return "note";
-    case Severity::kGap:
-      return "gap";
-    case Severity::kUnproven:
-      return "unproven";
-    case Severity::kIncomplete:
-      return "incomplete";
-    case Severity::kTampered:
-      break;
-  }
-  return "tampered";
-}
 
 std::string report_text(const VerificationReport& report, const std::string& case_name, bool device_trusted) {
   std::string out = printable(case_name) + "\n" + verdict_words(report.verdict) + "\n\n";

@@ -12,7 +12,4 @@ namespace kiroku::apps {
 std::string report_text(const archive::VerificationReport& report, const std::string& case_name,
                         bool device_trusted);
 
-/// "note", "gap", "unproven", "incomplete", "tampered".
-std::string severity_name(archive::Severity severity);
-
 }  // namespace kiroku::apps

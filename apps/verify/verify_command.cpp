@@ -9,8 +9,8 @@
 #include "apps/common/file.h"
 #include "apps/common/json_output.h"
 #include "apps/verify/judging.h"
-#include "apps/verify/report_json.h"
 #include "apps/verify/report_text.h"
+#include "archive/report_json.h"
 #include "base/error.h"
 
 namespace kiroku::apps {
@@ -44,7 +44,7 @@ int run(const Request& request, const VerifyExtras& extras, const std::string& p
       const Judged judged = judge.judge(folder);
       status = worse(status, archive::exit_status(judged.report.verdict));
       if (request.json) {
-        reports.push_back(report_json(judged.report));
+        reports.push_back(archive::report_json(judged.report));
       } else {
         std::cout << (first ? "" : "\n") << report_text(judged.report, folder.string(), judged.device_trusted)
                   << std::flush;

@@ -8,12 +8,21 @@ namespace kiroku::viewer {
 
 class SignInLink;
 
+/// All of them.
+void add_routes(Router& router, ViewerContext& context, SignInLink& link);
+
 /// Signing in and out, by password or once by `link`; unlocking.
 void add_session_routes(Router& router, ViewerContext& context, SignInLink& link);
 /// The list of cases, and one of them.
 void add_case_routes(Router& router, ViewerContext& context);
 /// Watching a case: viewing copies, thumbnails, archived pictures, vital signs, the time line.
 void add_playback_routes(Router& router, ViewerContext& context);
+/// Verifying in the background.
+void add_verification_routes(Router& router, ViewerContext& context);
+/// Plain media and sealed excerpts as files.
+void add_export_routes(Router& router, ViewerContext& context);
+void add_log_routes(Router& router, ViewerContext& context);
+void add_user_routes(Router& router, ViewerContext& context);
 /// What the running recorder says, and what it is told.
 void add_room_routes(Router& router, ViewerContext& context);
 

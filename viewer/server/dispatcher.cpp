@@ -181,16 +181,33 @@ Response Dispatcher::call(const Route& route, const Request& request) const {
     return Response::error(refusal.status(), refusal.what());
   } catch (const UsageError& error) {
     return Response::error(400, error.what());
+  } catch (const IoError& error) {
+    tell_(route.method + " " + route.pattern + ": " + error.what());
+    return Response::error(500,
+                           request.session ? error.what() : "this failed inside; the server's log says more");
+  } catch (const Error& error) {
+    return Response::error(409, error.what());
   } catch (const std::exception& error) {
     tell_(route.method + " " + route.pattern + ": " + error.what());
-    const bool told = dynamic_cast<const Error*>(&error) != nullptr && request.session != nullptr;
-    return Response::error(500, told ? error.what() : "this failed inside; the server's log says more");
+    return Response::error(500, "this failed inside; the server's log says more");
   }
+}
+
+void Dispatcher::tell_failures_of(StreamBody& stream, const Admission& admission) const {
+  stream = [this, more = std::move(stream), what = admission.route->pattern](Bytes& into) {
+    try {
+      return more(into);
+    } catch (const std::exception& error) {
+      tell_("GET " + what + ": " + error.what());
+      throw;
+    }
+  };
 }
 
 Response Dispatcher::answer(const Admission& admission) const {
   Response response = admission.route == nullptr ? page_.respond(admission.request)
                                                  : call(*admission.route, admission.request);
+  if (auto* stream = std::get_if<StreamBody>(&response.body)) tell_failures_of(*stream, admission);
   return secured(as_asked(admission.request, std::move(response)));
 }
 

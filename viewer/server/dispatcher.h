@@ -49,6 +49,7 @@ class Dispatcher {
   [[nodiscard]] static Response refuse(int status, const std::string& sentence);
 
  private:
+  void tell_failures_of(StreamBody& stream, const Admission& admission) const;
   [[nodiscard]] Response call(const Route& route, const Request& request) const;
   const Router& router_;
   SessionStore& sessions_;

@@ -8,21 +8,22 @@ namespace {
 
 struct RightRow {
   Right right;
+  std::string_view name;
   bool operator_may, surgeon_may, auditor_may, administrator_may;
 };
 
 constexpr std::array<RightRow, 11> kRights{{
-    {Right::kNone, true, true, true, true},
-    {Right::kSignedIn, true, true, true, true},
-    {Right::kListCases, true, true, true, true},
-    {Right::kReadCase, false, true, true, true},
-    {Right::kWatch, false, true, false, true},
-    {Right::kCompare, false, true, false, true},
-    {Right::kVerify, false, true, true, true},
-    {Right::kReadLog, false, false, true, true},
-    {Right::kSeeLive, true, true, false, true},
-    {Right::kControlRooms, true, true, false, true},
-    {Right::kManageUsers, false, false, false, true},
+    {Right::kNone, "none", true, true, true, true},
+    {Right::kSignedIn, "signed-in", true, true, true, true},
+    {Right::kListCases, "list-cases", true, true, true, true},
+    {Right::kReadCase, "read-case", false, true, true, true},
+    {Right::kWatch, "watch", false, true, false, true},
+    {Right::kCompare, "compare", false, true, false, true},
+    {Right::kVerify, "verify", false, true, true, true},
+    {Right::kReadLog, "read-log", false, false, true, true},
+    {Right::kSeeLive, "see-live", true, true, false, true},
+    {Right::kControlRooms, "control-rooms", true, true, false, true},
+    {Right::kManageUsers, "manage-users", false, false, false, true},
 }};
 
 constexpr std::array<std::pair<Role, std::string_view>, 4> kNames{{{Role::kOperator, "operator"},
@@ -41,6 +42,8 @@ std::optional<Role> parse_role(std::string_view name) {
   if (found == kNames.end()) return {};
   return found->first;
 }
+
+std::string_view right_name(Right right) { return std::ranges::find(kRights, right, &RightRow::right)->name; }
 
 bool may(Role role, Right right) {
   const auto* const row = std::ranges::find(kRights, right, &RightRow::right);

@@ -25,5 +25,6 @@ enum class Right {
   kManageUsers,
 };
 bool may(Role role, Right right);
+std::string_view right_name(Right right);  // "list-cases", as openapi.json has it
 
 }  // namespace kiroku::viewer

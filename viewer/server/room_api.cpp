@@ -1,3 +1,5 @@
+#include <chrono>
+
 #include <nlohmann/json.hpp>
 
 #include "base/error.h"
@@ -12,10 +14,13 @@ using nlohmann::ordered_json;
 
 constexpr std::size_t kLongestMark = 500;
 
+/// A recorder that hangs must not hold every thread of the viewer; starting opens cameras, which takes long.
+constexpr std::chrono::seconds kPatience{30};
+
 /// 503 where no recorder answers, 409 with its own sentence where it could not do what it was asked.
 Response ask(const ViewerContext& context, const json& question) {
   try {
-    ordered_json answer = recorder::ask_recorder(context.home().control_socket, question);
+    ordered_json answer = recorder::ask_recorder(context.home().control_socket, question, kPatience);
     answer.erase("ok");
     return Response::json(answer);
   } catch (const recorder::NobodyAnswers& nobody) {

@@ -22,7 +22,8 @@
 namespace kiroku::viewer {
 
 /// Answers a request. Called from several threads at a time and may block; a handler owns no thread. What it
-/// throws becomes an error: Refusal with its status, UsageError with 400, everything else with 500.
+/// throws becomes an error: Refusal with its status, UsageError with 400, other errors of this project with
+/// 409, IoError and everything else with 500.
 using Handler = std::function<Response(const Request& request)>;
 
 /// A body may have so many bytes unless the route says otherwise.

@@ -22,9 +22,11 @@ std::string random_token() {
   return text;
 }
 
-Session::Session(std::string user, Role role, SessionClock::time_point ends_at_latest)
+Session::Session(std::string user, Role role, std::optional<UtcTime> credential,
+                 SessionClock::time_point ends_at_latest)
     : user_(std::move(user)),
       role_(role),
+      credential_(credential),
       ends_at_latest_(ends_at_latest),
       last_activity_(SessionClock::now().time_since_epoch().count()) {}
 
@@ -63,8 +65,10 @@ bool SessionStore::has_expired(const Session& session, SessionClock::time_point 
   return session.has_ended() || now >= session.ends_at_latest_ || now - active >= limits_.idle;
 }
 
-SessionStore::Opened SessionStore::open(const std::string& user, Role role) {
-  Opened opened{random_token(), std::make_shared<Session>(user, role, SessionClock::now() + limits_.longest)};
+SessionStore::Opened SessionStore::open(const std::string& user, Role role,
+                                        std::optional<UtcTime> credential) {
+  Opened opened{random_token(),
+                std::make_shared<Session>(user, role, credential, SessionClock::now() + limits_.longest)};
   const std::lock_guard guard(mutex_);
   std::vector<decltype(sessions_)::iterator> of_user;
   for (auto each = sessions_.begin(); each != sessions_.end(); ++each) {
@@ -119,11 +123,11 @@ void SessionStore::close_all_of(const std::string& user) {
   });
 }
 
-void SessionStore::sweep() {
+void SessionStore::sweep(const std::function<bool(const Session&)>& is_void) {
   const SessionClock::time_point now = SessionClock::now();
   const std::lock_guard guard(mutex_);
   std::erase_if(sessions_, [&](const auto& each) {
-    if (!has_expired(*each.second, now)) return false;
+    if (!has_expired(*each.second, now) && !is_void(*each.second)) return false;
     each.second->end();
     return true;
   });

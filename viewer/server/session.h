@@ -13,6 +13,7 @@
 #include <unordered_map>
 #include <vector>
 
+#include "base/utc_time.h"
 #include "crypto/age_recipient.h"
 #include "viewer/server/role.h"
 
@@ -25,10 +26,13 @@ class Session {
  public:
   using Identities = std::shared_ptr<const crypto::AgeIdentities>;
 
-  Session(std::string user, Role role, SessionClock::time_point ends_at_latest);
+  Session(std::string user, Role role, std::optional<UtcTime> credential,
+          SessionClock::time_point ends_at_latest);
 
   [[nodiscard]] const std::string& user() const { return user_; }
   [[nodiscard]] Role role() const { return role_; }
+  /// User::changed of the user who signed in; nothing for who needed no password.
+  [[nodiscard]] std::optional<UtcTime> credential() const { return credential_; }
   /// What opens recordings for this session, or null. Keys lie in locked memory (crypto/secret.h), which is
   /// zeroised when the session and the last request that uses them have let go.
   [[nodiscard]] Identities identities() const;
@@ -45,6 +49,7 @@ class Session {
   friend class SessionStore;
   const std::string user_;
   const Role role_;
+  const std::optional<UtcTime> credential_;
   const SessionClock::time_point ends_at_latest_;
   std::atomic<bool> ended_{false};
   std::atomic<SessionClock::rep> last_activity_;
@@ -69,7 +74,7 @@ class SessionStore {
     std::string token;  // 43 characters of base64url: 256 random bits
     std::shared_ptr<Session> session;
   };
-  Opened open(const std::string& user, Role role);
+  Opened open(const std::string& user, Role role, std::optional<UtcTime> credential);
   /// Null for a token that no living session has.
   [[nodiscard]] std::shared_ptr<Session> find(std::string_view token, bool is_activity);
   /// How long it lives if nothing is done.
@@ -77,8 +82,8 @@ class SessionStore {
   void close(std::string_view token);
   /// Of a user who was removed, or has another password or role.
   void close_all_of(const std::string& user);
-  /// Ends what has expired; to be called now and then.
-  void sweep();
+  /// Ends what has expired, and what `is_void` says; to be called now and then.
+  void sweep(const std::function<bool(const Session&)>& is_void);
 
  private:
   [[nodiscard]] bool has_expired(const Session& session, SessionClock::time_point now) const;

@@ -8,6 +8,7 @@
 #include "viewer/server/api.h"
 #include "viewer/server/dispatcher.h"
 #include "viewer/server/http_fields.h"
+#include "viewer/server/json_fields.h"
 #include "viewer/server/sign_in_link.h"
 
 namespace kiroku::viewer {
@@ -19,25 +20,6 @@ using nlohmann::ordered_json;
 constexpr std::size_t kIdentityBodyLimit = 256U << 10;
 /// So many passwords are hashed at a time, each with 128 MiB: guessing must not cost the machine its memory.
 constexpr std::ptrdiff_t kHashedAtATime = 2;
-
-/// Takes a text out of the body into locked memory; an empty one where it is absent.
-crypto::Secret take_secret(json& object, const char* key) {
-  const auto found = object.find(key);
-  if (found == object.end() || found->is_null()) return {};
-  if (!found->is_string()) throw Refusal(400, std::string("'") + key + "' must be a text");
-  auto& text = found->get_ref<std::string&>();
-  crypto::Secret out = crypto::Secret::copy_of(text);
-  crypto::zeroise(std::as_writable_bytes(std::span(text)));
-  return out;
-}
-
-std::string take_text(const json& object, const char* key) {
-  const auto found = object.find(key);
-  if (found == object.end() || !found->is_string()) {
-    throw Refusal(400, std::string("'") + key + "' is missing, or no text");
-  }
-  return found->get<std::string>();
-}
 
 std::string cookie(const std::string& token, const std::string& more) {
   return std::string(kSessionCookie) + "=" + token + "; Path=/; Secure; HttpOnly; SameSite=Strict" + more;
@@ -62,13 +44,13 @@ class SessionApi {
       const auto holder = link_.use(token.text());
       if (!holder)
         throw Refusal(401, "this link has been used, or was never given out: start the viewer anew");
-      return open(request, holder->user, holder->role);
+      return open(request, holder->user, holder->role, {});
     }
     const crypto::Secret password = take_secret(asked, "password");
     const std::string name = take_text(asked, "user");
     const std::optional<User> user = check(request, name, password);
     if (!user) throw Refusal(401, "the name or the password is wrong");
-    return open(request, user->name, user->role);
+    return open(request, user->name, user->role, user->changed);
   }
 
   Response sign_out(const Request& request) {
@@ -101,11 +83,10 @@ class SessionApi {
 
  private:
   std::optional<User> check(const Request& request, const std::string& name, const crypto::Secret& password) {
-    const std::string user_key = "user:" + name.substr(0, UserStore::kLongestPassword);
     const std::string address_key = "address:" + request.peer;
     AttemptGuard& attempts = context_.attempts();
     const auto now = AttemptGuard::Clock::now();
-    const auto wait = std::max(attempts.wait(user_key, now), attempts.wait(address_key, now));
+    const auto wait = std::max(attempts.wait(user_key(name), now), attempts.wait(address_key, now));
     if (wait.count() > 0) {
       throw Refusal(429, "too many failures: try again in " + std::to_string(wait.count()) + " s");
     }
@@ -123,17 +104,18 @@ class SessionApi {
     }
     hashing_.release();
     if (user) {
-      attempts.succeeded(user_key);
+      attempts.succeeded(user_key(name));
     } else {
-      attempts.failed(user_key, AttemptGuard::Clock::now());
+      attempts.failed(user_key(name), AttemptGuard::Clock::now());
       attempts.failed(address_key, AttemptGuard::Clock::now());
       context_.tell("a sign-in from " + request.peer + " failed");
     }
     return user;
   }
 
-  Response open(Request const& request, const std::string& user, Role role) {
-    const SessionStore::Opened opened = context_.sessions().open(user, role);
+  Response open(const Request& request, const std::string& user, Role role,
+                std::optional<UtcTime> credential) {
+    const SessionStore::Opened opened = context_.sessions().open(user, role, credential);
     const Session& session = *opened.session;
     if (context_.home().identities != nullptr && may(role, Right::kWatch)) {
       Request as_signed_in;

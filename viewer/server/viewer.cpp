@@ -1,6 +1,7 @@
 #include "viewer/server/viewer.h"
 
 #include <condition_variable>
+#include <map>
 #include <mutex>
 #include <thread>
 
@@ -13,10 +14,11 @@ namespace {
 
 constexpr std::chrono::seconds kSweepEvery{5};
 
-/// Sessions that expire are ended soon, so that their keys leave memory though nobody asks again.
+/// Ends sessions soon after they expire, so that their keys leave memory though nobody asks again, and those
+/// of users whom 'kiroku user' removed or changed.
 class Sweeper {
  public:
-  explicit Sweeper(SessionStore& sessions) : thread_([this, &sessions] { run(sessions); }) {}
+  explicit Sweeper(ViewerContext& context) : thread_([this, &context] { run(context); }) {}
   ~Sweeper() {
     {
       const std::lock_guard guard(mutex_);
@@ -29,9 +31,24 @@ class Sweeper {
   Sweeper& operator=(const Sweeper&) = delete;
 
  private:
-  void run(SessionStore& sessions) {
+  void run(ViewerContext& context) {
     std::unique_lock lock(mutex_);
-    while (!wake_.wait_for(lock, kSweepEvery, [this] { return stop_; })) sessions.sweep();
+    while (!wake_.wait_for(lock, kSweepEvery, [this] { return stop_; })) {
+      try {
+        sweep(context);
+      } catch (const Error& error) {
+        context.tell(std::string("sessions cannot be compared with the users: ") + error.what());
+      }
+    }
+  }
+  static void sweep(ViewerContext& context) {
+    std::map<std::string, UtcTime> changed;
+    for (const User& user : context.users().list()) changed[user.name] = user.changed;
+    context.sessions().sweep([&](const Session& session) {
+      if (!session.credential()) return false;
+      const auto user = changed.find(session.user());
+      return user == changed.end() || user->second != *session.credential();
+    });
   }
   std::mutex mutex_;
   std::condition_variable wake_;
@@ -46,16 +63,13 @@ struct Viewer::State {
       : context(std::move(options.home), options.sessions, options.tell),
         page(options.page ? StaticFiles::load(*options.page) : StaticFiles()),
         dispatcher(router, context.sessions(), page, options.tell),
-        sweeper(context.sessions()) {
+        sweeper(context) {
     if (!is_loopback(options.web.listen) && context.users().list().empty()) {
       throw UsageError("nobody could sign in, so " + options.web.listen +
                        " is not opened to the network: add a user with 'kiroku user add NAME', or listen on "
                        "127.0.0.1");
     }
-    add_session_routes(router, context, link);
-    add_case_routes(router, context);
-    add_playback_routes(router, context);
-    add_room_routes(router, context);
+    add_routes(router, context, link);
     server.emplace(std::move(options.web), dispatcher);
   }
 

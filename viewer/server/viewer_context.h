@@ -25,6 +25,8 @@ struct ViewerHome {
   /// For viewing copies, encrypted, at most `most_copy_bytes` of them; emptied at start and end.
   std::filesystem::path copies_folder;
   std::uint64_t most_copy_bytes = std::uint64_t{4} << 30;
+  /// Where files lie while they are made for a download; emptied at the beginning.
+  std::filesystem::path handout_folder = {};
   const crypto::SigningKey* device_key = nullptr;  // signs the appliance log
   crypto::VerifierKey device;
   const timestamp::TrustStore* trust = nullptr;

@@ -353,6 +353,10 @@ struct WebServer::State {
       if (is_no_http) co_await send(stream, Dispatcher::refuse(400, "this is not HTTP"), false, false);
       co_return false;
     }
+    if (parser.get().version() != 11) {
+      co_await send(stream, Dispatcher::refuse(505, "this server speaks HTTP/1.1"), false, false);
+      co_return false;
+    }
     const bool is_head = parser.get().method() == http::verb::head;
     const bool keep_alive = parser.get().keep_alive();
     const bool has_body = parser.chunked() || parser.content_length().value_or(0) > 0;

@@ -1,10 +1,8 @@
-#include "apps/verify/report_json.h"
+#include "archive/report_json.h"
 
 #include <nlohmann/json.hpp>
 
-#include "apps/verify/report_text.h"
-
-namespace kiroku::apps {
+namespace kiroku::archive {
 namespace {
 
 using nlohmann::ordered_json;
@@ -22,14 +20,14 @@ ordered_json text_or_null(const std::string& text) {
   return text.empty() ? ordered_json(nullptr) : ordered_json(text);
 }
 
-ordered_json stream_json(const archive::StreamReport& stream) {
+ordered_json stream_json(const StreamReport& stream) {
   return {{"name", stream.info.name},         {"kind", stream.info.kind},     {"media", stream.info.media},
           {"profile", stream.info.profile},   {"source", stream.info.source}, {"segments", stream.segments},
           {"frames", stream.frames},          {"dropped", stream.dropped},    {"bytes", stream.bytes},
           {"start_ns", stream.span.start_ns}, {"end_ns", stream.span.end_ns}, {"gap_ns", stream.gap_ns}};
 }
 
-ordered_json bracket_json(const archive::Bracket& bracket) {
+ordered_json bracket_json(const Bracket& bracket) {
   return {{"first_entry", bracket.first_entry},
           {"last_entry", bracket.last_entry},
           {"not_before", time_or_null(bracket.not_before)},
@@ -38,16 +36,15 @@ ordered_json bracket_json(const archive::Bracket& bracket) {
           {"authority_after", text_or_null(bracket.authority_after)}};
 }
 
-ordered_json comparison_json(const archive::ClockComparison& comparison,
-                             const std::optional<UtcTime>& clock_zero) {
-  return {{"gen_time", format_utc(comparison.gen_time)},
-          {"case_ns", comparison.case_ns},
-          {"offset_ns",
-           clock_zero ? ordered_json(archive::offset_ns(comparison, *clock_zero)) : ordered_json(nullptr)},
-          {"half_width_ns", comparison.half_width_ns}};
+ordered_json comparison_json(const ClockComparison& comparison, const std::optional<UtcTime>& clock_zero) {
+  return {
+      {"gen_time", format_utc(comparison.gen_time)},
+      {"case_ns", comparison.case_ns},
+      {"offset_ns", clock_zero ? ordered_json(offset_ns(comparison, *clock_zero)) : ordered_json(nullptr)},
+      {"half_width_ns", comparison.half_width_ns}};
 }
 
-ordered_json clock_json(const archive::AuthorityClock& clock, const std::optional<UtcTime>& clock_zero) {
+ordered_json clock_json(const AuthorityClock& clock, const std::optional<UtcTime>& clock_zero) {
   return {{"authority", clock.authority},
           {"comparisons", clock.comparisons},
           {"first", comparison_json(clock.first, clock_zero)},
@@ -56,7 +53,7 @@ ordered_json clock_json(const archive::AuthorityClock& clock, const std::optiona
           {"drift_half_width_ns", clock.drift_half_width_ns()}};
 }
 
-ordered_json finding_json(const archive::Finding& finding) {
+ordered_json finding_json(const Finding& finding) {
   return {{"code", finding.code},
           {"severity", severity_name(finding.severity)},
           {"file", text_or_null(finding.file)},
@@ -67,10 +64,26 @@ ordered_json finding_json(const archive::Finding& finding) {
 
 }  // namespace
 
-ordered_json report_json(const archive::VerificationReport& report) {
+std::string severity_name(Severity severity) {
+  switch (severity) {
+    case Severity::kNote:
+      return "note";
+    case Severity::kGap:
+      return "gap";
+    case Severity::kUnproven:
+      return "unproven";
+    case Severity::kIncomplete:
+      return "incomplete";
+    case Severity::kTampered:
+      break;
+  }
+  return "tampered";
+}
+
+ordered_json report_json(const VerificationReport& report) {
   ordered_json out = {{"case", report.case_id},
-                      {"verdict", archive::verdict_name(report.verdict)},
-                      {"time", archive::time_proof_name(report.time)},
+                      {"verdict", verdict_name(report.verdict)},
+                      {"time", time_proof_name(report.time)},
                       {"device", report.device},
                       {"opened", time_or_null(report.opened)},
                       {"closed", time_or_null(report.closed)},
@@ -90,4 +103,4 @@ ordered_json report_json(const archive::VerificationReport& report) {
   return out;
 }
 
-}  // namespace kiroku::apps
+}  // namespace kiroku::archive

@@ -1,0 +1,19 @@
+// What verification found, for machines. Pure functions; thread-safe.
+#pragma once
+
+#include <string>
+
+#include <nlohmann/json_fwd.hpp>
+
+#include "archive/verifier.h"
+
+namespace kiroku::archive {
+
+/// {"case", "verdict", "time", "device", "opened", "closed", counts, "streams": […], "brackets": […],
+/// "findings": [{"code", "severity", "file", "entry", "offset", "text"}]}; what does not apply is null.
+nlohmann::ordered_json report_json(const VerificationReport& report);
+
+/// "note", "gap", "unproven", "incomplete", "tampered".
+std::string severity_name(Severity severity);
+
+}  // namespace kiroku::archive

@@ -1,0 +1,20 @@
+#include "viewer/server/api.h"
+#include "viewer/server/openapi.h"
+
+namespace kiroku::viewer {
+
+void add_routes(Router& router, ViewerContext& context, SignInLink& link) {
+  router.add("GET", "api/openapi.json", Right::kSignedIn, [](const Request& /*request*/) {
+    return Response::text(std::string(openapi_text()), "application/json");
+  });
+  add_session_routes(router, context, link);
+  add_case_routes(router, context);
+  add_playback_routes(router, context);
+  add_verification_routes(router, context);
+  add_export_routes(router, context);
+  add_room_routes(router, context);
+  add_log_routes(router, context);
+  add_user_routes(router, context);
+}
+
+}  // namespace kiroku::viewer

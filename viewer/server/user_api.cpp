@@ -1,0 +1,72 @@
+#include <nlohmann/json.hpp>
+
+#include "viewer/server/api.h"
+#include "viewer/server/json_fields.h"
+
+namespace kiroku::viewer {
+namespace {
+
+using nlohmann::json;
+using nlohmann::ordered_json;
+
+ordered_json user_json(const User& user, ViewerContext& context) {
+  const auto now = AttemptGuard::Clock::now();
+  return {{"user", user.name},
+          {"role", role_name(user.role)},
+          {"locked", context.attempts().wait(user_key(user.name), now).count() > 0}};
+}
+
+Response list_users(ViewerContext& context) {
+  ordered_json users = ordered_json::array();
+  for (const User& user : context.users().list()) users.push_back(user_json(user, context));
+  return Response::json({{"users", std::move(users)}});
+}
+
+/// Adds one, or gives one who is there another password or role; then whoever has signed in under the name
+/// must do so anew.
+Response put_user(ViewerContext& context, const Request& request) {
+  json asked = request.json();
+  const std::string name = take_text(asked, "user");
+  const crypto::Secret password = take_secret(asked, "password");
+  const std::optional<Role> role = parse_role(take_text(asked, "role"));
+  if (!role) throw Refusal(400, "a role is operator, surgeon, auditor or administrator");
+  const bool is_there = context.users().find(name).has_value();
+  if (is_there && name == request.session->user() && *role != Role::kAdministrator) {
+    throw Refusal(409, "nobody takes the administrator's role from themselves");
+  }
+  if (!is_there) {
+    context.users().add(name, *role, password);
+  } else {
+    if (!password.empty()) context.users().set_password(name, password);
+    context.users().set_role(name, *role);
+    context.sessions().close_all_of(name);
+  }
+  context.enter_access(
+      request, ViewerContext::kEveryCase,
+      (is_there ? "changed user " : "added user ") + name + " as " + std::string(role_name(*role)));
+  return Response::json({{"user", name}, {"role", role_name(*role)}, {"locked", false}},
+                        is_there ? 200 : 201);
+}
+
+Response remove_user(ViewerContext& context, const Request& request) {
+  const std::string& name = request.parameter("user");
+  if (name == request.session->user()) throw Refusal(409, "nobody removes themselves");
+  if (!context.users().find(name)) throw Refusal(404, "there is no user " + name);
+  context.users().remove(name);
+  context.sessions().close_all_of(name);
+  context.enter_access(request, ViewerContext::kEveryCase, "removed user " + name);
+  return Response::nothing();
+}
+
+}  // namespace
+
+void add_user_routes(Router& router, ViewerContext& context) {
+  router.add("GET", "api/users", Right::kManageUsers,
+             [&context](const Request& /*request*/) { return list_users(context); });
+  router.add("POST", "api/users", Right::kManageUsers,
+             [&context](const Request& request) { return put_user(context, request); });
+  router.add("DELETE", "api/users/{user:text}", Right::kManageUsers,
+             [&context](const Request& request) { return remove_user(context, request); });
+}
+
+}  // namespace kiroku::viewer
