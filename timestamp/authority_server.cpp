@@ -1,6 +1,5 @@
 #include "timestamp/authority_server.h"
 
-#include <charconv>
 #include <chrono>
 #include <optional>
 #include <thread>
@@ -14,6 +13,7 @@
 #include <boost/beast/http.hpp>
 
 #include "base/error.h"
+#include "base/listen_address.h"
 
 namespace kiroku::timestamp {
 namespace {
@@ -127,20 +127,9 @@ class Session : public std::enable_shared_from_this<Session> {
   bool keep_alive_ = false;
 };
 
-asio::ip::tcp::endpoint parse_endpoint(const std::string& listen) {
-  const std::size_t colon = listen.rfind(':');
-  std::string host = listen.substr(0, colon);
-  if (host.size() > 2 && host.front() == '[' && host.back() == ']') host = host.substr(1, host.size() - 2);
-  error_code error;
-  const auto address = asio::ip::make_address(host, error);
-  std::uint16_t port = 0;
-  const char* const end = listen.data() + listen.size();
-  const char* const digits = colon == std::string::npos ? end : listen.data() + colon + 1;
-  const auto [stop, failure] = std::from_chars(digits, end, port);
-  if (error || failure != std::errc() || stop != end) {
-    throw UsageError("'" + listen + "' is no address to listen on: write it as 127.0.0.1:3161 or [::1]:3161");
-  }
-  return {address, port};
+asio::ip::tcp::endpoint endpoint_of(const std::string& listen) {
+  const ListenAddress address = parse_listen_address(listen, 3161);
+  return {asio::ip::make_address(address.host), address.port};
 }
 
 }  // namespace
@@ -148,7 +137,7 @@ asio::ip::tcp::endpoint parse_endpoint(const std::string& listen) {
 struct AuthorityServer::State {
   State(Authority& the_authority, const std::string& listen, std::chrono::milliseconds the_time_limit)
       : authority(the_authority), time_limit(the_time_limit), acceptor(context), pause(context) {
-    const auto endpoint = parse_endpoint(listen);
+    const auto endpoint = endpoint_of(listen);
     error_code error;
     acceptor.open(endpoint.protocol(), error);
     if (!error) acceptor.set_option(asio::socket_base::reuse_address(true), error);
@@ -214,9 +203,7 @@ AuthorityServer::~AuthorityServer() {
 std::uint16_t AuthorityServer::port() const { return state_->local.port(); }
 
 std::string AuthorityServer::url() const {
-  const auto address = state_->local.address();
-  const std::string host = address.is_v6() ? "[" + address.to_string() + "]" : address.to_string();
-  return "http://" + host + ":" + std::to_string(port()) + "/";
+  return "http://" + ListenAddress{state_->local.address().to_string(), port()}.to_string() + "/";
 }
 
 }  // namespace kiroku::timestamp

@@ -13,6 +13,7 @@
 #include "apps/kiroku/commands.h"
 #include "apps/kiroku/home.h"
 #include "base/error.h"
+#include "base/listen_address.h"
 #include "viewer/server/server_certificate.h"
 #include "viewer/server/viewer.h"
 
@@ -39,14 +40,6 @@ std::optional<fs::path> find_page(const std::optional<std::string>& asked) {
   return {};
 }
 
-/// "or-3" of "or-3:8443"; nothing for an address that stands for all.
-std::optional<std::string> host_of(const std::string& listen) {
-  std::string host = listen.substr(0, listen.rfind(':'));
-  if (host.size() > 2 && host.front() == '[') host = host.substr(1, host.size() - 2);
-  if (host == "0.0.0.0" || host == "::") return {};
-  return host;
-}
-
 viewer::ServerCertificate certificate_for(const Request& request, const Home& home, bool& is_own) {
   if (request.certificate.has_value() != request.key.has_value()) {
     throw UsageError("--certificate and --key belong together: give both or none");
@@ -54,9 +47,8 @@ viewer::ServerCertificate certificate_for(const Request& request, const Home& ho
   is_own = !request.certificate;
   if (!is_own) return viewer::load_certificate(*request.certificate, *request.key);
   std::vector<std::string> names = viewer::machine_names();
-  if (const auto host = host_of(request.listen); host && std::ranges::count(names, *host) == 0) {
-    names.push_back(*host);
-  }
+  const ListenAddress address = parse_listen_address(request.listen, 8443);
+  if (!address.is_any() && std::ranges::count(names, address.host) == 0) names.push_back(address.host);
   bool made = false;
   return viewer::own_certificate(home.folder(), names, made);
 }

@@ -17,6 +17,7 @@
 #include <boost/beast/ssl.hpp>
 
 #include "base/error.h"
+#include "base/listen_address.h"
 
 namespace kiroku::viewer {
 namespace {
@@ -28,6 +29,7 @@ using asio::ip::tcp;
 using boost::system::error_code;
 using Stream = beast::ssl_stream<beast::tcp_stream>;
 
+constexpr std::uint16_t kExamplePort = 8443;
 constexpr std::size_t kIoThreads = 2;
 constexpr std::size_t kFewestWorkers = 8;
 /// What a client must take within the write limit.
@@ -54,22 +56,6 @@ struct ZeroisingAllocator {
 using Buffer = beast::basic_flat_buffer<ZeroisingAllocator<char>>;
 using Body = http::basic_string_body<char, std::char_traits<char>, ZeroisingAllocator<char>>;
 using Parser = http::request_parser<Body>;
-
-tcp::endpoint parse_endpoint(const std::string& listen) {
-  const std::size_t colon = listen.rfind(':');
-  std::string host = listen.substr(0, colon);
-  if (host.size() > 2 && host.front() == '[' && host.back() == ']') host = host.substr(1, host.size() - 2);
-  error_code error;
-  const auto address = asio::ip::make_address(host, error);
-  std::uint16_t port = 0;
-  const char* const end = listen.data() + listen.size();
-  const char* const digits = colon == std::string::npos ? end : listen.data() + colon + 1;
-  const auto [stop, failure] = std::from_chars(digits, end, port);
-  if (error || failure != std::errc() || stop != end) {
-    throw UsageError("'" + listen + "' is no address to listen on: write it as 127.0.0.1:8443 or [::1]:8443");
-  }
-  return {address, port};
-}
 
 /// How many connections there are, and of whom.
 class ConnectionCount {
@@ -274,7 +260,8 @@ struct WebServer::State {
   }
 
   void listen() {
-    const tcp::endpoint endpoint = parse_endpoint(options.listen);
+    const ListenAddress address = parse_listen_address(options.listen, kExamplePort);
+    const tcp::endpoint endpoint(asio::ip::make_address(address.host), address.port);
     error_code error;
     acceptor.open(endpoint.protocol(), error);
     if (!error) acceptor.set_option(asio::socket_base::reuse_address(true), error);
@@ -447,11 +434,11 @@ WebServer::~WebServer() = default;
 std::uint16_t WebServer::port() const { return state_->local.port(); }
 
 std::string WebServer::url() const {
-  const auto address = state_->local.address();
-  const std::string host = address.is_v6() ? "[" + address.to_string() + "]" : address.to_string();
-  return "https://" + host + ":" + std::to_string(port()) + "/";
+  return "https://" + ListenAddress{state_->local.address().to_string(), port()}.to_string() + "/";
 }
 
-bool is_loopback(const std::string& listen) { return parse_endpoint(listen).address().is_loopback(); }
+bool is_loopback(const std::string& listen) {
+  return parse_listen_address(listen, kExamplePort).is_loopback();
+}
 
 }  // namespace kiroku::viewer
