@@ -1,5 +1,6 @@
 #include "viewer/server/api.h"
 #include "viewer/server/openapi.h"
+#include "viewer/server/report_api.h"
 
 namespace kiroku::viewer {
 
@@ -11,6 +12,7 @@ void add_routes(Router& router, ViewerContext& context, SignInLink& link) {
   add_case_routes(router, context);
   add_playback_routes(router, context);
   add_verification_routes(router, context);
+  add_report_routes(router, context);
   add_export_routes(router, context);
   add_room_routes(router, context);
   add_log_routes(router, context);

@@ -1,0 +1,63 @@
+#include "viewer/server/report_api.h"
+
+#include "archive/verifier.h"
+#include "base/error.h"
+#include "viewer/report/pdf_writer.h"
+#include "viewer/report/report_document.h"
+
+namespace kiroku::viewer {
+namespace {
+
+enum class Kind { kReport, kReceipt };
+
+report::Language asked_language(const Request& request) {
+  const std::string tag = request.query_text("language").value_or("en");
+  try {
+    return report::parse_language(tag);
+  } catch (const UsageError& error) {
+    throw Refusal(400, error.what());
+  }
+}
+
+/// The case is verified anew: a document says what was there when it was made.
+report::ReportInput verify(const Request& request, const ViewerContext& context) {
+  const ViewerHome& home = context.home();
+  const std::filesystem::path folder = context.case_folder(request);
+  archive::VerifyOptions options;
+  options.devices = {home.device};
+  options.trust = home.trust;
+  options.log = home.log_folder;
+  report::ReportInput input;
+  input.language = asked_language(request);
+  input.verification = archive::verify_case(folder, options);
+  input.facts = report::read_case_facts(folder);
+  input.given.devices = {{home.device.to_string(), {}}};
+  if (home.trust != nullptr) input.given.roots = {{"trust.pem", {}}};
+  input.given.log = {{home.log_folder.string(), {}}};
+  input.author = request.session->user();
+  input.program = "kiroku " KIROKU_VERSION;
+  input.made = utc_now();
+  return input;
+}
+
+Response answer(const Request& request, ViewerContext& context, Kind kind) {
+  const report::ReportInput input = verify(request, context);
+  const bool receipt = kind == Kind::kReceipt;
+  const report::Document document = receipt ? report::make_receipt(input) : report::make_report(input);
+  const std::string& case_id = request.parameter("case");
+  context.enter_access(request, case_id, receipt ? "made a receipt" : "made a verification report");
+  return Response::bytes(report::write_pdf(document), "application/pdf")
+      .with("Content-Disposition",
+            "inline; filename=\"" + case_id + (receipt ? ".receipt.pdf\"" : ".report.pdf\""));
+}
+
+}  // namespace
+
+void add_report_routes(Router& router, ViewerContext& context) {
+  router.add("GET", "api/cases/{case:case}/report.pdf", Right::kVerify,
+             [&context](const Request& request) { return answer(request, context, Kind::kReport); });
+  router.add("GET", "api/cases/{case:case}/receipt.pdf", Right::kVerify,
+             [&context](const Request& request) { return answer(request, context, Kind::kReceipt); });
+}
+
+}  // namespace kiroku::viewer
