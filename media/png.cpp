@@ -25,7 +25,7 @@ void require_sound(const PictureView& picture) {
   }
 }
 
-Bytes png_of(const PictureView& picture) {
+Bytes png_of(const PictureView& picture, PngEffort effort) {
   require_sound(picture);
   silence_libav();
   const AVCodec* const codec = avcodec_find_encoder(AV_CODEC_ID_PNG);
@@ -42,6 +42,7 @@ Bytes png_of(const PictureView& picture) {
   frame->format = format;
   encoder->time_base = {1, 1};
   encoder->flags |= static_cast<int>(AV_CODEC_FLAG_BITEXACT);
+  if (effort == PngEffort::kQuick) encoder->compression_level = 1;
   require(avcodec_open2(encoder.get(), codec, nullptr), "cannot begin a PNG picture");
   require(av_frame_get_buffer(frame.get(), 0), "cannot begin a PNG picture");
   const auto row = static_cast<std::size_t>(picture.width) * static_cast<std::size_t>(picture.channels);

@@ -18,7 +18,10 @@ struct PictureView {
 /// count.
 void require_sound(const PictureView& picture);
 
+/// What a file's making is for: to be kept, or to be looked at once and at once.
+enum class PngEffort { kSmall, kQuick };
+
 /// A PNG file of the picture, the same bytes each time. Throws kiroku::Error as require_sound().
-Bytes png_of(const PictureView& picture);
+Bytes png_of(const PictureView& picture, PngEffort effort = PngEffort::kSmall);
 
 }  // namespace kiroku::media

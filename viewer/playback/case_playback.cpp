@@ -28,6 +28,12 @@ constexpr Ticks kUnknownDuration = kTicksPerSecond / 25;
 constexpr std::uint64_t kLastPiece =
     static_cast<std::uint64_t>(std::numeric_limits<Ticks>::max() / kPieceTicks) - 1;
 
+Ticks begin_of(std::uint64_t piece) { return static_cast<Ticks>(piece) * kPieceTicks; }
+
+bool may_hold(const VideoIndex& index, std::uint64_t piece) {
+  return piece <= kLastPiece && index.may_hold(begin_of(piece), begin_of(piece) + kPieceTicks);
+}
+
 int decoding_threads(const VideoIndex& index) {
   // FFV1 takes several times as long as the others.
   return index.stream.profile == "lossless"
@@ -113,20 +119,22 @@ Bytes CasePlayback::piece(const std::string& stream, std::uint64_t number) {
   return piece;
 }
 
-Bytes CasePlayback::cached_piece(Stream& stream, std::uint64_t number) {
-  const Ticks from = static_cast<Ticks>(std::min(number, kLastPiece)) * kPieceTicks;
-  if (!stream.index.may_hold(from, from + kPieceTicks)) return {};
-  const std::string name = name_of("piece", stream.index, number);
+Bytes CasePlayback::cached(const std::string& name, const std::function<Bytes()>& make) {
   return making_.get(name, [&] {
-    if (std::optional<Bytes> cached = cache_->get(name)) return std::move(*cached);
-    Bytes made = make_piece(stream, number);
+    if (std::optional<Bytes> known = cache_->get(name)) return std::move(*known);
+    Bytes made = make();
     cache_->put(name, made);
     return made;
   });
 }
 
+Bytes CasePlayback::cached_piece(const Stream& stream, std::uint64_t number) {
+  if (!may_hold(stream.index, number)) return {};
+  return cached(name_of("piece", stream.index, number), [&] { return make_piece(stream, number); });
+}
+
 Bytes CasePlayback::make_piece(const Stream& stream, std::uint64_t number) const {
-  const Ticks from = static_cast<Ticks>(number) * kPieceTicks;
+  const Ticks from = begin_of(number);
   const Ticks to = from + kPieceTicks;
   const VideoIndex& index = stream.index;
   PictureReader reader(media_, index, Decoding::kEveryPicture, decoding_threads(index));
@@ -163,15 +171,11 @@ Bytes CasePlayback::make_piece(const Stream& stream, std::uint64_t number) const
 }
 
 Bytes CasePlayback::thumbnail(const std::string& stream, std::uint64_t number) {
-  Stream& from = prepared(stream);
-  const Ticks begin = static_cast<Ticks>(std::min(number, kLastPiece)) * kPieceTicks;
-  if (!from.index.may_hold(begin, begin + kPieceTicks)) return {};
-  const std::string name = name_of("thumbnail", from.index, number);
-  return making_.get(name, [&] {
-    if (std::optional<Bytes> cached = cache_->get(name)) return std::move(*cached);
-    Bytes made = make_thumbnail(media_, from.index, begin, begin + kPieceTicks);
-    cache_->put(name, made);
-    return made;
+  const VideoIndex& index = prepared(stream).index;
+  if (!may_hold(index, number)) return {};
+  return cached(name_of("thumbnail", index, number), [&] {
+    const Ticks from = begin_of(number);
+    return make_thumbnail(media_, index, from, from + kPieceTicks);
   });
 }
 
@@ -227,7 +231,7 @@ std::string CasePlayback::name_of(const std::string& what, const std::string& st
 
 std::string CasePlayback::name_of(const std::string& what, const VideoIndex& index,
                                   std::uint64_t number) const {
-  const Ticks from = static_cast<Ticks>(number) * kPieceTicks;
+  const Ticks from = begin_of(number);
   std::vector<archive::SegmentEntry> segments;
   for (std::size_t i = index.first_reaching(from);
        i < index.segments.size() && index.segments[i].start < from + kPieceTicks; ++i) {

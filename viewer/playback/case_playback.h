@@ -9,6 +9,7 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
 #include <map>
 #include <memory>
 #include <mutex>
@@ -72,7 +73,9 @@ class CasePlayback {
 
   Stream& prepared(const std::string& stream);
   void require_readable(const std::vector<archive::SegmentEntry>& segments) const;
-  [[nodiscard]] Bytes cached_piece(Stream& stream, std::uint64_t number);
+  /// What the cache knows by the name; made, once for all who ask meanwhile, where it does not.
+  [[nodiscard]] Bytes cached(const std::string& name, const std::function<Bytes()>& make);
+  [[nodiscard]] Bytes cached_piece(const Stream& stream, std::uint64_t number);
   [[nodiscard]] Bytes make_piece(const Stream& stream, std::uint64_t number) const;
   /// Changes with everything that the result depends on.
   [[nodiscard]] std::string name_of(const std::string& what, const std::string& stream,

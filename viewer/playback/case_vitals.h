@@ -64,8 +64,8 @@ class CaseVitals {
   CaseVitals& operator=(const CaseVitals&) = delete;
 
   /// All that was measured in [from_ns, to_ns), in about `bins` (at most 20,000) bins. Of a long
-  /// stretch, waits at most `patience_ms` for what is not built yet. A segment that is not what the ledger says, does not open, or
-  /// holds what is no vital sign is left out, and said so.
+  /// stretch, waits at most `patience_ms` for what is not built yet. A segment that is not what the ledger
+  /// says, does not open, or holds what is no vital sign is left out, and said so.
   VitalsView view(std::int64_t from_ns, std::int64_t to_ns, std::size_t bins, int patience_ms = 0);
   /// The newest value of each quantity at a time, as the one bin of its series: `last`, at `last_ns`. What
   /// was not measured in the ten seconds before is looked up in what is built so far.

@@ -154,16 +154,22 @@ bool PictureReader::open(std::size_t segment) {
 
 std::optional<Ticks> PictureReader::seek(Ticks time) {
   last_.reset();
-  std::size_t segment = index_.segments.size();
-  while (segment > 0 && index_.segments[segment - 1].start > time) --segment;
-  if (!open(segment == 0 ? 0 : segment - 1)) return std::nullopt;
-  while (media::Packet packet = open_->packets.next()) {
-    const Ticks at = packet->pts;
-    if ((packet->flags & AV_PKT_FLAG_KEY) != 0 && at <= time) open_->waiting.clear();
-    open_->waiting.push_back(std::move(packet));
-    if (at > time) return at;
+  std::size_t after = index_.segments.size();
+  while (after > 0 && index_.segments[after - 1].start > time) --after;
+  for (std::size_t segment = after == 0 ? 0 : after - 1;; --segment) {
+    if (!open(segment)) return std::nullopt;
+    while (media::Packet packet = open_->packets.next()) {
+      const Ticks at = packet->pts;
+      if ((packet->flags & AV_PKT_FLAG_KEY) != 0 && at <= time) open_->waiting.clear();
+      open_->waiting.push_back(std::move(packet));
+      if (at > time) break;
+    }
+    const std::deque<media::Packet>& read = open_->waiting;
+    // Where a segment's start was an estimate, its first picture may be later than it.
+    const bool begins_later = read.empty() || read.front()->pts > time;
+    if (segment > 0 && begins_later) continue;
+    return !read.empty() && read.back()->pts > time ? std::optional(read.back()->pts) : std::nullopt;
   }
-  return std::nullopt;
 }
 
 std::optional<ArchivedPicture> PictureReader::next() {

@@ -138,7 +138,7 @@ bool PictureStepper::decode_next() {
 
 Bytes png_of_archived(const AVFrame& picture) {
   const std::vector<std::uint8_t> samples = media::RgbConverter().convert(picture);
-  return media::png_of({picture.width, picture.height, 3, samples});
+  return media::png_of({picture.width, picture.height, 3, samples}, media::PngEffort::kQuick);
 }
 
 }  // namespace kiroku::playback

@@ -1,5 +1,6 @@
 // Vital signs of a whole case at any zoom: least, greatest and last value of every stretch of time, at six
-// widths. Memory: 43 bytes for each quarter of a second in which a quantity was measured. An object belongs to one thread.
+// widths. Memory: 43 bytes for each quarter of a second in which a quantity was measured. An object belongs
+// to one thread.
 #pragma once
 
 #include <array>

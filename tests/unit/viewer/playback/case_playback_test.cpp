@@ -194,6 +194,10 @@ TEST_F(CasePlaybackTest, ACrashLeavesWhatWasWholeAtItsExactTimes) {
     ASSERT_LT(times.size(), 100U);
     EXPECT_EQ(times,
               std::vector<Ticks>(all.begin(), all.begin() + static_cast<std::ptrdiff_t>(times.size())));
+    // Between where recovery says that the segment begins and its first picture, the one before is shown.
+    const auto shown = playback->archived_picture("room", ns_of_ticks(all[75]) - 20'000'000, Step::kAt);
+    ASSERT_TRUE(shown);
+    EXPECT_EQ(shown->time_ns, ns_of_ticks(all[74]));
     std::filesystem::remove_all(bench_ / "rewritten");
   }
 }
