@@ -3,12 +3,12 @@
 // opened for reading (a FIFO would block for ever). Immutable after open(); thread-safe.
 #pragma once
 
-#include <compare>
 #include <cstdint>
 #include <filesystem>
 #include <optional>
 #include <string>
 #include <string_view>
+#include <tuple>
 #include <vector>
 
 #include "base/bytes.h"
@@ -21,7 +21,11 @@ namespace kiroku::archive {
 struct FileIdentity {
   std::uint64_t device = 0, inode = 0, size = 0;
   std::int64_t modified_ns = 0, changed_ns = 0;
-  auto operator<=>(const FileIdentity&) const = default;
+  bool operator==(const FileIdentity&) const = default;
+  bool operator<(const FileIdentity& other) const {
+    return std::tie(device, inode, size, modified_ns, changed_ns) <
+           std::tie(other.device, other.inode, other.size, other.modified_ns, other.changed_ns);
+  }
 };
 
 /// A regular file open for reading. Movable; read_at() is thread-safe.

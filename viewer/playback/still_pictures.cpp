@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <array>
+#include <cmath>
 #include <span>
 #include <utility>
 
@@ -35,7 +36,8 @@ Bytes jpeg_of(const AVFrame& picture) {
   const AVRational pixel =
       picture.sample_aspect_ratio.num > 0 ? picture.sample_aspect_ratio : AVRational{1, 1};
   const double shape = av_q2d(pixel) * picture.width / picture.height;
-  const int height = std::clamp(static_cast<int>(kThumbnailWidth / shape + 0.5), 2, kMostThumbnailHeight);
+  const int height =
+      std::clamp(static_cast<int>(std::lround(kThumbnailWidth / shape)), 2, kMostThumbnailHeight);
   media::Codec encoder(avcodec_alloc_context3(avcodec_find_encoder(AV_CODEC_ID_MJPEG)));
   if (!encoder) throw std::bad_alloc();
   encoder->width = kThumbnailWidth;

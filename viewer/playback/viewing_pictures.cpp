@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <array>
+#include <cmath>
 #include <string>
 #include <utility>
 
@@ -45,9 +46,9 @@ Placement placement_of(const AVFrame& frame, const ViewingFormat& format) {
       av_q2d(pixel) * frame.width / frame.height * format.aspect_denominator / format.aspect_numerator;
   Placement place{0, 0, format.width, format.height};
   if (shape * format.height < format.width) {
-    place.width = std::clamp(even(static_cast<int>(shape * format.height + 0.5)), 2, format.width);
+    place.width = std::clamp(even(static_cast<int>(std::lround(shape * format.height))), 2, format.width);
   } else {
-    place.height = std::clamp(even(static_cast<int>(format.width / shape + 0.5)), 2, format.height);
+    place.height = std::clamp(even(static_cast<int>(std::lround(format.width / shape))), 2, format.height);
   }
   // A picture that was given an odd side is not worth a line of black.
   if (format.width - place.width <= 2) place.width = format.width;
