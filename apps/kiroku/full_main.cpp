@@ -20,7 +20,7 @@ constexpr const char* kOverview =
   kiroku report CASE -o report.pdf                     the same, for a court to read
   kiroku export CASE --stream endoscope -o film.ts     the pictures, for a recipient
 
-Other commands: case, status, doctor, recover, excerpt, erase, seal, unseal, stamp, token, tsa, log, view, user, sim, plan, train, completion.
+Other commands: case, status, doctor, recover, excerpt, erase, seal, unseal, stamp, token, tsa, log, view, user, sim, plan, compare, train, completion.
 'kiroku --help' lists them all, 'kiroku COMMAND --help' explains one.
 )";
 
@@ -57,6 +57,7 @@ int main(int argc, char** argv) {
   Command& plan = add_plan_command(root);
   add_plan_replay_command(plan);
   add_plan_seal_commands(plan);
+  add_compare_command(root);
   add_train_command(root);
   add_completion_command(root);
   return program.run(argc, argv);

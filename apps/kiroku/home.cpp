@@ -1,12 +1,11 @@
 #include "apps/kiroku/home.h"
 
 #include <cstdlib>
-#include <pwd.h>
-#include <unistd.h>
 
 #include "apps/common/command_line.h"
 #include "apps/common/file.h"
 #include "apps/common/terminal.h"
+#include "apps/kiroku/user_name.h"
 #include "apps/verify/verify_command.h"
 #include "archive/appliance_log.h"
 #include "archive/file_system.h"
@@ -25,12 +24,6 @@ bool is_home(const fs::path& folder) {
 std::string environment(const char* name) {
   const char* value = std::getenv(name);
   return value == nullptr ? "" : value;
-}
-
-/// Who runs this program, for the appliance log.
-std::string user_name() {
-  const passwd* entry = ::getpwuid(::geteuid());
-  return entry == nullptr ? "uid " + std::to_string(::geteuid()) : std::string(entry->pw_name);
 }
 
 /// Folders of the archive whose name begins with `beginning`.

@@ -8,8 +8,6 @@
 #include <nlohmann/json.hpp>
 
 #include "apps/common/file.h"
-#include "archive/appliance_log.h"
-#include "archive/log_entry.h"
 #include "base/error.h"
 #include "crypto/encoding.h"
 
@@ -77,23 +75,18 @@ SealedFile hashed(const std::string& role, const std::string& name, const std::f
   return file;
 }
 
-std::optional<SealRecord> find_seal(const Home& home, const crypto::Sha256Digest& seal) {
-  std::optional<SealRecord> found;
-  archive::for_each_log_line(home.log_folder(), [&](const archive::LogLine& line) {
-    if (found || line.type != "plan-sealed") return;
-    const archive::LogEntryParse parsed = archive::parse_log_entry(line.json);
-    const auto* const entry =
-        parsed.entry ? std::get_if<archive::PlanSealedEntry>(&parsed.entry->body) : nullptr;
-    if (entry != nullptr && entry->sha256 == seal) found = SealRecord{line.seq, line.utc};
-  });
-  return found;
+std::function<bool(const archive::LogEntryBody&)> states_seal(const crypto::Sha256Digest& seal) {
+  return [seal](const archive::LogEntryBody& body) {
+    const auto* const entry = std::get_if<archive::PlanSealedEntry>(&body);
+    return entry != nullptr && entry->sha256 == seal;
+  };
 }
 
 crypto::Sha256Digest require_sealed(const Home& home, const std::filesystem::path& file) {
   const Bytes bytes = read_small_file(file, "the sealed plan");
   (void)parse_plan_seal(text_of(bytes), file.string());
   const crypto::Sha256Digest digest = crypto::sha256(bytes);
-  if (!find_seal(home, digest)) {
+  if (!find_record(home, states_seal(digest))) {
     throw UsageError(file.string() +
                      " is not in the appliance log of this home: seal the plan with it first, by kiroku plan "
                      "seal");

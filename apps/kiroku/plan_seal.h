@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "apps/kiroku/home.h"
+#include "apps/kiroku/stamped_file.h"
 #include "crypto/hash.h"
 
 namespace kiroku::apps {
@@ -32,12 +33,8 @@ PlanSeal parse_plan_seal(std::string_view text, const std::string& name_for_erro
 /// Size and hash of a file as it is now. kiroku::IoError.
 SealedFile hashed(const std::string& role, const std::string& name, const std::filesystem::path& path);
 
-struct SealRecord {
-  std::uint64_t seq = 0;  // of the entry
-  UtcTime utc;            // the machine's opinion
-};
-/// The first entry of the home's appliance log that states this seal; nothing if none does.
-std::optional<SealRecord> find_seal(const Home& home, const crypto::Sha256Digest& seal);
+/// For find_record(): the entry that states this seal.
+std::function<bool(const archive::LogEntryBody&)> states_seal(const crypto::Sha256Digest& seal);
 
 /// The hash of the seal in `file`. kiroku::UsageError if it is none, or the home's log does not have it.
 crypto::Sha256Digest require_sealed(const Home& home, const std::filesystem::path& file);

@@ -12,5 +12,7 @@ Command& add_plan_command(Command& program);
 void add_plan_replay_command(Command& plan);
 /// Sealing, which takes a home, its log and its authorities.
 void add_plan_seal_commands(Command& plan);
+/// 'kiroku compare': a plan beside a recording.
+void add_compare_command(Command& program);
 
 }  // namespace kiroku::apps

@@ -1,0 +1,190 @@
+#include "apps/kiroku/stamped_file.h"
+
+#include <algorithm>
+#include <iostream>
+
+#include <nlohmann/json.hpp>
+
+#include "apps/common/file.h"
+#include "apps/common/json_output.h"
+#include "apps/common/terminal.h"
+#include "apps/kiroku/output_file.h"
+#include "archive/appliance_log.h"
+#include "base/error.h"
+#include "timestamp/request.h"
+#include "timestamp/token_verifier.h"
+
+namespace kiroku::apps {
+namespace {
+
+namespace fs = std::filesystem;
+using nlohmann::ordered_json;
+using Answer = Check::Answer;
+
+timestamp::Expectation expectation_of(const crypto::Sha256Digest& digest) {
+  timestamp::Expectation expectation;
+  expectation.algorithm = crypto::HashAlgorithm::kSha256;
+  expectation.imprint = Bytes(digest.begin(), digest.end());
+  return expectation;
+}
+
+Check check_token(const fs::path& token, const crypto::Sha256Digest& digest,
+                  const timestamp::TrustStore& trust) {
+  const timestamp::TokenJudgement judgement =
+      timestamp::judge_token(read_small_file(token, "the time-stamp"), expectation_of(digest), trust);
+  const std::string name = token.filename().string();
+  switch (timestamp::verdict_of(judgement.code)) {
+    case timestamp::TokenVerdict::kValid:
+      return {"time", Answer::kHolds,
+              "existed at " + format_utc(judgement.info->gen_time) + ", says " + name + " (" +
+                  judgement.root_subject + ")"};
+    case timestamp::TokenVerdict::kRefused:
+      return {"time", Answer::kDiffers, name + ": " + judgement.explanation};
+    case timestamp::TokenVerdict::kCouldNotCheck:
+      break;
+  }
+  return {"time", Answer::kUnknown, name + ": " + judgement.explanation};
+}
+
+}  // namespace
+
+void write_durably(const fs::path& file, ByteView bytes) {
+  OutputFile out(file);
+  out.write(bytes);
+  out.commit(OutputFile::Durability::kNow);
+}
+
+Stamp stamp_file(const recorder::NamedAuthority& authority, const fs::path& file,
+                 const crypto::Sha256Digest& digest, const timestamp::TrustStore& trust) {
+  Stamp result{authority.name, {}, {}};
+  try {
+    const timestamp::Request request = timestamp::make_request(crypto::HashAlgorithm::kSha256, digest);
+    const Bytes response = authority.source->ask(timestamp::encode_request(request));
+    timestamp::Expectation expectation = expectation_of(digest);
+    expectation.nonce = request.nonce;
+    const timestamp::TokenJudgement judgement = timestamp::judge_token(response, expectation, trust);
+    if (judgement.code != timestamp::TokenCode::kValid) {
+      result.problem = judgement.explanation;
+      return result;
+    }
+    fs::path token = file;
+    write_durably(token.replace_extension("." + authority.name + ".tsr"), response);
+    result.gen_time = judgement.info->gen_time;
+  } catch (const Error& error) {
+    result.problem = error.what();
+  }
+  return result;
+}
+
+ordered_json stamps_json(const std::vector<Stamp>& stamps) {
+  ordered_json all = ordered_json::array();
+  for (const Stamp& each : stamps) {
+    ordered_json one{{"authority", each.authority}};
+    if (each.gen_time) one["gen_time"] = format_utc(*each.gen_time);
+    if (!each.problem.empty()) one["problem"] = each.problem;
+    all.push_back(std::move(one));
+  }
+  return all;
+}
+
+void warn_of_missing(const std::vector<Stamp>& stamps) {
+  for (const Stamp& each : stamps) {
+    if (!each.problem.empty())
+      print_error("kiroku", "warning: no time-stamp of " + each.authority + ": " + each.problem);
+  }
+}
+
+bool any_valid(const std::vector<Stamp>& stamps) {
+  return std::ranges::any_of(stamps, [](const Stamp& each) { return each.gen_time.has_value(); });
+}
+
+std::optional<SealRecord> find_record(const Home& home,
+                                      const std::function<bool(const archive::LogEntryBody&)>& states) {
+  std::optional<SealRecord> found;
+  archive::for_each_log_line(home.log_folder(), [&](const archive::LogLine& line) {
+    if (found) return;
+    const archive::LogEntryParse parsed = archive::parse_log_entry(line.json);
+    if (parsed.entry && states(parsed.entry->body)) found = SealRecord{line.seq, line.utc};
+  });
+  return found;
+}
+
+const char* answer_name(Answer answer) {
+  switch (answer) {
+    case Answer::kHolds:
+      return "holds";
+    case Answer::kDiffers:
+      return "differs";
+    case Answer::kUnknown:
+      break;
+  }
+  return "could-not-check";
+}
+
+std::vector<Check> check_tokens(const std::vector<std::string>& trusted, const std::optional<Home>& home,
+                                const fs::path& file, const crypto::Sha256Digest& digest) {
+  timestamp::TrustStore trust;
+  for (const std::string& pem : trusted) trust.add_trusted_file(pem);
+  if (trusted.empty() && home) trust.add_trusted_file(home->trust_file());
+  const std::string stem = file.stem().string() + ".";  // liver.seal.
+  std::vector<fs::path> tokens;
+  for (const auto& entry : fs::directory_iterator(file.has_parent_path() ? file.parent_path() : ".")) {
+    if (entry.path().extension() == ".tsr" && entry.path().filename().string().starts_with(stem))
+      tokens.push_back(entry.path());
+  }
+  std::ranges::sort(tokens);
+  std::vector<Check> checks;
+  for (const fs::path& token : tokens) checks.push_back(check_token(token, digest, trust));
+  if (checks.empty())
+    checks.push_back({"time", Answer::kUnknown, "there is no time-stamp beside " + file.filename().string()});
+  return checks;
+}
+
+Check check_log(const std::optional<Home>& home, const std::string& what,
+                const std::function<bool(const archive::LogEntryBody&)>& states) {
+  if (!home) return {"log", Answer::kUnknown, "there is no home here whose appliance log could be asked"};
+  const auto record = find_record(*home, states);
+  if (!record) {
+    return {"log", Answer::kUnknown,
+            "the appliance log of " + home->folder().string() + " does not know this " + what +
+                ": it was made by another appliance, or changed since"};
+  }
+  return {"log", Answer::kHolds,
+          "entered at " + format_utc(record->utc) + ", entry " + std::to_string(record->seq)};
+}
+
+int tell_checks(const std::string& file, const std::string& title, const std::vector<Check>& checks,
+                const ordered_json& head, bool json) {
+  const auto any = [&](Answer answer) {
+    return std::ranges::find(checks, answer, &Check::answer) != checks.end();
+  };
+  const Answer verdict = any(Answer::kDiffers)   ? Answer::kDiffers
+                         : any(Answer::kUnknown) ? Answer::kUnknown
+                                                 : Answer::kHolds;
+  if (json) {
+    ordered_json object = head;
+    object["verdict"] = answer_name(verdict);
+    object["checks"] = ordered_json::array();
+    for (const Check& check : checks) {
+      object["checks"].push_back(
+          {{"about", check.what}, {"answer", answer_name(check.answer)}, {"text", check.text}});
+    }
+    print_json(object);
+  } else {
+    std::cout << file << ": "
+              << (verdict == Answer::kHolds     ? paint(Colour::kGreen, "HOLDS")
+                  : verdict == Answer::kDiffers ? paint(Colour::kRed, "DIFFERS")
+                                                : paint(Colour::kYellow, "COULD NOT BE CHECKED WHOLLY"))
+              << (title.empty() ? "" : " (" + printable(title) + ")") << "\n";
+    for (const Check& check : checks) {
+      std::cout << "  " << check.what << std::string(check.what.size() < 7 ? 7 - check.what.size() : 1, ' ')
+                << (check.answer == Answer::kHolds     ? ""
+                    : check.answer == Answer::kDiffers ? "NO: "
+                                                       : "not known: ")
+                << printable(check.text) << "\n";
+    }
+  }
+  return verdict == Answer::kHolds ? kDone : verdict == Answer::kDiffers ? kAnswerIsNo : kNoAnswer;
+}
+
+}  // namespace kiroku::apps

@@ -1,0 +1,68 @@
+// Files whose hash is entered into the appliance log and time-stamped, with the tokens beside them: sealed
+// plans and comparisons. And what of such a file still holds. Not thread-safe.
+#pragma once
+
+#include <filesystem>
+#include <functional>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include <nlohmann/json_fwd.hpp>
+
+#include "apps/common/command_line.h"
+#include "apps/kiroku/home.h"
+#include "archive/log_entry.h"
+#include "crypto/hash.h"
+#include "recorder/authority_contact.h"
+
+namespace kiroku::apps {
+
+/// What an authority said to a file's hash.
+struct Stamp {
+  std::string authority;
+  std::optional<UtcTime> gen_time;
+  std::string problem;  // why there is no valid token
+};
+
+/// Asks for a token and writes it beside the file: liver.seal.json has liver.seal.AUTHORITY.tsr.
+Stamp stamp_file(const recorder::NamedAuthority& authority, const std::filesystem::path& file,
+                 const crypto::Sha256Digest& digest, const timestamp::TrustStore& trust);
+nlohmann::ordered_json stamps_json(const std::vector<Stamp>& stamps);
+/// Warnings about those without a token, on standard error.
+void warn_of_missing(const std::vector<Stamp>& stamps);
+bool any_valid(const std::vector<Stamp>& stamps);
+
+/// Durably, beside its name first.
+void write_durably(const std::filesystem::path& file, ByteView bytes);
+
+struct SealRecord {
+  std::uint64_t seq = 0;  // of the entry
+  UtcTime utc;            // the machine's opinion
+};
+/// The first entry of the home's appliance log that `states` accepts.
+std::optional<SealRecord> find_record(const Home& home,
+                                      const std::function<bool(const archive::LogEntryBody&)>& states);
+
+/// One thing that was looked at. What lacks is not known: neither true nor false.
+struct Check {
+  enum class Answer { kHolds, kDiffers, kUnknown };
+  std::string what;
+  Answer answer = Answer::kHolds;
+  std::string text;
+};
+const char* answer_name(Check::Answer answer);  // "holds", "differs", "could-not-check"
+
+/// What the tokens beside the file say of its hash, under the roots of the `trust` files, of the home's if
+/// there are none.
+std::vector<Check> check_tokens(const std::vector<std::string>& trust, const std::optional<Home>& home,
+                                const std::filesystem::path& file, const crypto::Sha256Digest& digest);
+/// A log that does not know the file tells only that it is not this appliance's, or not as it was.
+Check check_log(const std::optional<Home>& home, const std::string& what,
+                const std::function<bool(const archive::LogEntryBody&)>& states);
+
+/// Prints all of it, for people or as JSON with what `head` holds; the exit status of its verdict.
+int tell_checks(const std::string& file, const std::string& title, const std::vector<Check>& checks,
+                const nlohmann::ordered_json& head, bool json);
+
+}  // namespace kiroku::apps

@@ -1,0 +1,21 @@
+// The files of a plan, hashed: as a seal lists them, and whether they still are what it lists. Not
+// thread-safe.
+#pragma once
+
+#include <filesystem>
+#include <string>
+#include <vector>
+
+#include "apps/kiroku/plan_seal.h"
+#include "apps/kiroku/stamped_file.h"
+
+namespace kiroku::apps {
+
+/// The seal that the plan has as its files are now. kiroku::Error for files that are not there.
+PlanSeal seal_of_plan(const std::filesystem::path& plan_file, const std::string& plan_name);
+
+/// Whether the files below `folder` are those listed, the plan's own first, and no others belong to it now.
+std::vector<Check> check_sealed_files(const std::vector<SealedFile>& files,
+                                      const std::filesystem::path& folder);
+
+}  // namespace kiroku::apps

@@ -1,0 +1,213 @@
+// 'kiroku compare' as a person calls it.
+#include <cmath>
+
+#include "tests/system/program_test.h"
+
+namespace kiroku::test {
+namespace {
+
+namespace fs = std::filesystem;
+using testing::HasSubstr;
+using testing::Not;
+
+/// A cube of tissue in a CT, a plan of three steps for it, and a case: the plan's own replay, recorded as if
+/// it were the endoscope's.
+class CompareProgram : public ProgramTest {
+ protected:
+  void SetUp() override {
+    std::string ct =
+        "NRRD0004\ntype: short\ndimension: 3\nspace: left-posterior-superior\nsizes: 20 20 20\n"
+        "space directions: (1,0,0) (0,1,0) (0,0,1)\nspace origin: (-5,-5,-5)\nencoding: raw\nendian: "
+        "little\n\n";
+    for (int voxel = 0; voxel < 20 * 20 * 20; ++voxel) {
+      const auto value =
+          static_cast<std::uint16_t>(60 + std::lround(50 * std::sin(voxel % 20) * std::cos(voxel / 400)));
+      ct += static_cast<char>(value & 0xffU);
+      ct += static_cast<char>(value >> 8U);
+    }
+    write_text(folder() / "ct.nrrd", ct);
+    write_text(folder() / "cube.msh",
+               "$MeshFormat\n2.2 0 8\n$EndMeshFormat\n$Nodes\n8\n1 0 0 0\n2 10 0 0\n3 0 10 0\n4 10 10 0\n5 0 "
+               "0 10\n6 10 0 10\n7 0 10 10\n8 10 10 10\n$EndNodes\n$Elements\n6\n1 4 2 1 1 1 2 4 8\n2 4 2 1 "
+               "1 1 3 7 8\n3 4 2 1 1 1 5 6 8\n4 4 2 1 1 1 2 8 6\n5 4 2 1 1 1 5 8 7\n6 4 2 1 1 1 3 8 4\n"
+               "$EndElements\n");
+    write_text(
+        folder() / "plan.json",
+        R"({"name": "cube", "volume": "ct.nrrd", "mesh": "cube.msh", "length_unit": "mm", "time_step_s": 0.1,
+      "materials": [{"region": "all", "young_modulus_pa": 5000, "poisson_ratio": 0.45}],
+      "fixed": [{"box": [[0, 0, 0], [10, 10, 0]]}],
+      "tools": {"forceps": {"kind": "forceps", "jaws": [12, 12, 2]}},
+      "steps": [{"do": "grasp", "tool": "forceps", "at": {"position": [5, 5, 10]}},
+                {"do": "retract", "name": "Lift", "tool": "forceps", "path": [{"at_s": 1, "position": [6, 5, 12]}]},
+                {"do": "hold", "duration_s": 1}]})");
+    make_demo_home();
+    sealed_ = kiroku_json({"plan", "seal", "plan.json", "--json"})["sha256"];
+    kiroku_json({"plan", "replay", "plan.json", "-o", "replay.mkv", "--gpu", "off", "--size", "160x120",
+                 "--no-caption", "--json"});
+    case_ = kiroku_json({"record", "--json", "--endoscope", "replay.mkv?speed=max", "--profile", "lossless",
+                         "--vitals", "synthetic:patient?speed=max", "--duration", "00:00:02", "--plan",
+                         "plan.seal.json"})["case"];
+    write_text(folder() / "hand.json",
+               R"({"steps": [{"step": 3, "start": "00:00:00.1", "end": "00:00:00.6"},
+                             {"step": 2, "start": "00:00:01", "end": "00:00:02"}]})");
+  }
+  [[nodiscard]] nlohmann::json compare(const std::string& output, Arguments more = {}) const {
+    Arguments arguments{"compare",   case_.string(), "plan.seal.json", "-o",  output,
+                        "--by-hand", "hand.json",    "--gpu",          "off", "--json"};
+    arguments.insert(arguments.end(), more.begin(), more.end());
+    return kiroku_json(arguments);
+  }
+  /// Everything in the case, byte for byte.
+  [[nodiscard]] std::string whole_case() const {
+    std::string all;
+    for (const std::string& file : files_below(case_)) {
+      if (fs::is_regular_file(case_ / file)) all += file + "\n" + read_text(case_ / file);
+    }
+    return all;
+  }
+
+  fs::path case_;
+  std::string sealed_;
+};
+
+TEST_F(CompareProgram, MakesADocumentThatSaysWhatItStandsOn) {
+  const std::string before = whole_case();
+  const nlohmann::json made = compare("out.json", {"--made-by", "Dr. Sato"});
+  EXPECT_EQ(made["steps_found"], 2);
+  EXPECT_EQ(made["in_planned_order"], false);
+  EXPECT_TRUE(made["time_stamps"][0].contains("gen_time")) << made.dump();
+  const nlohmann::json document = nlohmann::json::parse(read_text(folder() / "out.json"));
+  EXPECT_EQ(document["format"], "kiroku-comparison/1");
+  EXPECT_EQ(document["made_by"], "Dr. Sato");
+  EXPECT_EQ(document["case"]["id"], case_.filename().string());
+  EXPECT_EQ(document["case"]["names_plan"], true);
+  EXPECT_EQ(document["plan"]["seal"], sealed_);
+  EXPECT_EQ(document["plan"]["sealed"], true);
+  EXPECT_EQ(document["plan"]["files"].size(), 3U);
+  EXPECT_EQ(document["steps"][0]["done"], nullptr);
+  EXPECT_EQ(document["steps"][1]["name"], "Lift");
+  EXPECT_EQ(document["steps"][1]["done"]["order"], 2);
+  EXPECT_EQ(document["steps"][1]["done"]["pause_before_ns"], 400'000'000);
+  EXPECT_EQ(document["steps"][1]["done"]["start_from"], "hand");
+  EXPECT_FALSE(document["steps"][1]["vitals"].empty());
+  EXPECT_EQ(document["time_map"]["monotone"], false);
+  EXPECT_EQ(document["time_map"]["pieces"][1]["knots"],
+            nlohmann::json::parse("[[0,1000000000],[1,2000000000]]"));
+  const nlohmann::json log = kiroku_json({"log", "--json"});
+  EXPECT_THAT(log.dump(), HasSubstr("document sha256 " + made["sha256"].get<std::string>()));
+  EXPECT_EQ(whole_case(), before);
+  EXPECT_EQ(kiroku_json({"verify", case_.string(), "--json"})["verdict"], "intact");
+  EXPECT_REFUSED(kiroku({"compare", case_.string(), "plan.json", "-o", "out.json", "--by-hand", "hand.json"}),
+                 "is already there");
+}
+
+TEST_F(CompareProgram, MakesAPageWithoutAnythingFromElsewhere) {
+  EXPECT_EQ(compare("out.html")["pictures"], 2);
+  const std::string page = read_text(folder() / "out.html");
+  EXPECT_THAT(page, HasSubstr("2 of 3 planned steps were found"));
+  EXPECT_THAT(page, HasSubstr("in another order than planned"));
+  EXPECT_THAT(page, HasSubstr("data:image/png;base64,"));
+  EXPECT_THAT(page, Not(HasSubstr("http")));
+  EXPECT_THAT(page, Not(HasSubstr("<script")));
+  // The document beside it names it.
+  const auto outputs = nlohmann::json::parse(read_text(folder() / "out.json"))["outputs"];
+  EXPECT_EQ(outputs[0]["name"], "out.html");
+}
+
+TEST_F(CompareProgram, MakesTheSameFilmEachTime) {
+  const nlohmann::json made = compare("one.mp4", {"--speed", "2"});
+  EXPECT_NEAR(made["pictures"].get<double>(), 25, 3);
+  compare("two.mp4", {"--speed", "2"});
+  EXPECT_EQ(read_text(folder() / "one.mp4"), read_text(folder() / "two.mp4"));
+  compare("over.mp4", {"--speed", "4", "--show", "overlay", "--share", "0.3"});
+  compare("wipe.mp4", {"--speed", "4", "--show", "wipe"});
+  EXPECT_GT(fs::file_size(folder() / "wipe.mp4"), 1000U);
+}
+
+TEST_F(CompareProgram, TellsWhetherAComparisonStillFits) {
+  compare("out.html");
+  const auto verify = [&](const Arguments& more) {
+    Arguments arguments{"compare", "--verify", "out.json"};
+    arguments.insert(arguments.begin() + 1, more.begin(), more.end());
+    return kiroku(arguments);
+  };
+  const Arguments both{case_.string(), "plan.json"};
+  const ProcessResult whole = verify(both);
+  EXPECT_EQ(whole.status, 0) << whole.out << whole.err;
+  EXPECT_THAT(whole.out, HasSubstr("out.json: HOLDS"));
+  // Without the plan that part is not known; the case is found by its identifier.
+  const ProcessResult alone = verify({});
+  EXPECT_EQ(alone.status, 3);
+  EXPECT_THAT(alone.out, HasSubstr("not known: name the plan"));
+  EXPECT_THAT(alone.out, HasSubstr("are as they were compared"));
+  // Another appliance knows neither the log nor the authority.
+  ASSERT_EQ(kiroku({"init", "--demo", "--home", path("other")}).status, 0);
+  const ProcessResult elsewhere =
+      kiroku({"compare", case_.string(), "plan.json", "--verify", "out.json", "--home", path("other")});
+  EXPECT_EQ(elsewhere.status, 3) << elsewhere.out;
+  EXPECT_THAT(elsewhere.out, HasSubstr("does not know this comparison"));
+
+  const std::string page = read_text(folder() / "out.html");
+  write_text(folder() / "out.html", page + " ");
+  EXPECT_THAT(verify(both).out, HasSubstr("NO: out.html was changed since"));
+  EXPECT_EQ(verify(both).status, 1);
+  write_text(folder() / "out.html", page);
+  const std::string mesh = read_text(folder() / "cube.msh");
+  write_text(folder() / "cube.msh", mesh + "\n");
+  EXPECT_THAT(verify(both).out, HasSubstr("NO: cube.msh is not what was sealed"));
+  EXPECT_THAT(kiroku({"compare", case_.string(), "plan.seal.json", "-o", "more.json"}).err,
+              HasSubstr("the plan is not the one that was sealed"));
+  write_text(folder() / "cube.msh", mesh);
+  flip_byte(case_ / "ledger.jsonl", 40);
+  const ProcessResult tampered = verify(both);
+  EXPECT_NE(tampered.status, 0);
+  EXPECT_THAT(tampered.out, Not(HasSubstr("are as they were compared")));
+  flip_byte(case_ / "ledger.jsonl", 40);
+  std::string text = read_text(folder() / "out.json");
+  text.replace(text.find("Lift"), 4, "Left");
+  write_text(folder() / "out.json", text);
+  const ProcessResult forged = verify(both);
+  EXPECT_EQ(forged.status, 1);
+  EXPECT_THAT(forged.out, HasSubstr("does not know this comparison"));
+}
+
+TEST_F(CompareProgram, SaysWhatItCannotDo) {
+  EXPECT_REFUSED(kiroku({"compare", case_.string()}), "name the case and the plan");
+  EXPECT_REFUSED(kiroku({"compare", case_.string(), "plan.json"}), "say where to");
+  EXPECT_REFUSED(kiroku({"compare", case_.string(), "plan.json", "-o", "out.avi"}), "must end in .mp4");
+  EXPECT_REFUSED(kiroku({"compare", case_.string(), "plan.json", "-o", "out.json", "--stream", "vitals"}),
+                 "has no pictures");
+  // Nobody marked anything.
+  EXPECT_REFUSED(kiroku({"compare", case_.string(), "plan.json", "-o", "out.mp4"}),
+                 "no step of the plan was found");
+  EXPECT_FALSE(fs::exists(folder() / "out.mp4"));
+  write_text(folder() / "wrong.json", R"({"steps": [{"step": 4, "start": "00:00:01"}]})");
+  EXPECT_REFUSED(
+      kiroku({"compare", case_.string(), "plan.json", "-o", "out.json", "--by-hand", "wrong.json"}),
+      "steps[0].step is 4: the plan's steps are 1 to 3");
+  write_text(folder() / "wrong.json", R"({"tools": {"hook": [{"at": "00:00:01", "pixel": [1, 2]}]}})");
+  EXPECT_REFUSED(
+      kiroku({"compare", case_.string(), "plan.json", "-o", "out.json", "--by-hand", "wrong.json"}),
+      "is for a tool that the plan does not have");
+  write_text(folder() / "few.json",
+             R"({"steps": [{"step": 2, "start": "00:00:00"}],
+                 "registration": {"at": "00:00:01", "field_deg": 35, "points": [{"organ": [0, 0, 0], "pixel": [1, 2]}]}})");
+  EXPECT_REFUSED(kiroku({"compare", case_.string(), "plan.json", "-o", "out.json", "--by-hand", "few.json"}),
+                 "pick at least 4");
+  EXPECT_REFUSED(kiroku({"compare", "--verify", "plan.json"}), "plan.json is no comparison");
+}
+
+TEST_F(CompareProgram, WritesWhatWasFoundForEditing) {
+  const ProcessResult written = kiroku(
+      {"compare", case_.string(), "plan.json", "--by-hand", "hand.json", "--write-by-hand", "again.json"});
+  EXPECT_EQ(written.status, 0) << written.err;
+  EXPECT_EQ(
+      nlohmann::json::parse(read_text(folder() / "again.json"))["steps"][0],
+      nlohmann::json::parse(R"({"step": 3, "name": "hold", "start": "00:00:00.1", "end": "00:00:00.6"})"));
+  EXPECT_EQ(
+      kiroku({"compare", case_.string(), "plan.json", "--by-hand", "again.json", "-o", "out.json"}).status,
+      0);
+}
+
+}  // namespace
+}  // namespace kiroku::test

@@ -1,0 +1,122 @@
+#include "viewer/compare/comparison_document.h"
+
+#include <fstream>
+
+#include <nlohmann/json.hpp>
+
+#include "base/error.h"
+#include "tests/support/recorded_case.h"
+#include "tests/support/temporary_folder.h"
+
+namespace kiroku::compare {
+namespace {
+
+using testing::HasSubstr;
+using testing::Not;
+
+constexpr std::int64_t kSecondNs = 1'000'000'000;
+
+/// Two steps, of which the second was done first; names that would be markup.
+Comparison sample() {
+  Comparison comparison;
+  comparison.steps = {{"<script>alert(1)</script>", 0, 2}, {"Clip & cut", 2, 1}, {"Close", 3, 1}};
+  const std::vector<Mark> marks{{2 * kSecondNs, "clip & cut"},
+                                {4 * kSecondNs, "done"},
+                                {5 * kSecondNs, "step 1: <b>now</b>"},
+                                {9 * kSecondNs, "step 1"}};
+  comparison.matching = match_by_marks(comparison.steps, marks, 10 * kSecondNs);
+  comparison.map.emplace(comparison.steps, comparison.matching);
+  comparison.stream = "endoscope";
+  comparison.recording_end_ns = 10 * kSecondNs;
+  VitalSeries systolic{"arterial pressure, systolic", "mm[Hg]", {}};
+  for (int second = 0; second < 10; ++second)
+    systolic.numbers.push_back({second * kSecondNs, second < 3 ? 120.0 : 85.0});
+  comparison.record.vitals["MDC_PRESS_BLD_ART_ABP_SYS"] = systolic;
+  comparison.figures = figures_of(comparison.steps, comparison.matching, comparison.record);
+  return comparison;
+}
+
+Provenance provenance() {
+  Provenance made;
+  made.made_by = "Dr. <i>Sato</i>";
+  made.made_at = *parse_utc("2026-08-06T07:12:00Z");
+  made.program = "kiroku 0";
+  made.case_state = {"20260805T091502Z-3f9c21ab", 17, crypto::sha256(bytes_of("ledger"))};
+  made.plan = "A & B";
+  made.plan_seal = crypto::sha256(bytes_of("seal"));
+  made.plan_files = {{"plan", "liver.json", 12, crypto::sha256(bytes_of("plan"))}};
+  made.case_names_plan = false;
+  made.outputs = {{"film", "out.mp4", 99, crypto::sha256(bytes_of("film"))}};
+  return made;
+}
+
+TEST(ComparisonDocument, SaysWhatWasFoundAndIsReadBack) {
+  const std::string text = comparison_json(sample(), {}, provenance());
+  const nlohmann::json document = nlohmann::json::parse(text);
+  EXPECT_EQ(document["in_planned_order"], false);
+  EXPECT_EQ(document["steps"][0]["done"]["order"], 2);
+  EXPECT_EQ(document["steps"][0]["done"]["end_from"], "recording-end");
+  EXPECT_EQ(document["steps"][0]["done"]["pause_before_ns"], kSecondNs);
+  EXPECT_EQ(document["steps"][1]["done"]["end_from"], "mark");
+  EXPECT_EQ(document["steps"][1]["pressure_events"][0]["text"], "systolic pressure 85 mmHg, below 90");
+  EXPECT_EQ(document["steps"][2]["done"], nullptr);
+  EXPECT_EQ(document["repeated_marks"][0]["text"], "step 1");
+  EXPECT_EQ(document["time_map"]["pieces"][0]["knots"][1], nlohmann::json::parse("[3, 4000000000]"));
+  EXPECT_EQ(document["registration"], nullptr);
+  EXPECT_EQ(text, comparison_json(sample(), {}, provenance()));
+
+  const Provenance back = read_provenance(text, "out.json");
+  EXPECT_EQ(back.made_by, "Dr. <i>Sato</i>");
+  EXPECT_EQ(back.made_at, provenance().made_at);
+  EXPECT_EQ(back.case_state.case_id, "20260805T091502Z-3f9c21ab");
+  EXPECT_EQ(back.case_state.ledger_size, 17U);
+  EXPECT_EQ(back.case_state.ledger_root, provenance().case_state.ledger_root);
+  EXPECT_EQ(back.plan_seal, provenance().plan_seal);
+  EXPECT_EQ(back.plan_files[0].name, "liver.json");
+  EXPECT_EQ(back.case_names_plan, false);
+  EXPECT_EQ(back.outputs[0].sha256, provenance().outputs[0].sha256);
+}
+
+TEST(ComparisonDocument, RefusesWhatIsNone) {
+  const std::string text = comparison_json(sample(), {}, provenance());
+  for (const std::string& wrong :
+       {std::string("{}"), std::string("no"), std::string(R"({"format": "kiroku-plan-seal/1"})"),
+        text.substr(0, text.size() / 2)})
+    EXPECT_THROW(read_provenance(wrong, "x.json"), UsageError);
+}
+
+TEST(ComparisonDocument, IsAPageInWhichNoNameIsMarkup) {
+  const std::string page = comparison_html(sample(), {}, provenance(), {{"1. <x>", to_bytes("png")}});
+  EXPECT_THAT(page, Not(HasSubstr("<script>")));
+  EXPECT_THAT(page, HasSubstr("&lt;script&gt;alert(1)&lt;/script&gt;"));
+  EXPECT_THAT(page, HasSubstr("Dr. &lt;i&gt;Sato&lt;/i&gt;"));
+  EXPECT_THAT(page, HasSubstr("Plan and recording: A &amp; B"));
+  EXPECT_THAT(
+      page,
+      HasSubstr("2 of 3 planned steps were found in the recording, <b>in another order than planned</b>"));
+  EXPECT_THAT(page, HasSubstr("Not found: 3. Close."));
+  EXPECT_THAT(page, HasSubstr("was recorded by another plan"));
+  EXPECT_THAT(page, HasSubstr("data:image/png;base64,cG5n"));
+  EXPECT_THAT(page, HasSubstr("default-src 'none'"));
+}
+
+TEST(ComparisonDocument, KnowsACaseByTheFirstEntriesOfItsLedger) {
+  const test::TemporaryFolder folder;
+  const test::Reader reader = test::make_reader();
+  const auto recorded = test::record_case(folder / "archive",
+                                          {{"events", "events", "application/jsonl", {to_bytes("x\n")}, {1}}},
+                                          reader.recipients);
+  const CaseState state = state_of(recorded);
+  EXPECT_EQ(state.case_id, recorded.filename().string());
+  EXPECT_GT(state.ledger_size, 2U);
+  EXPECT_EQ(root_of_first(recorded, state.ledger_size), state.ledger_root);
+  EXPECT_NE(root_of_first(recorded, state.ledger_size - 1), state.ledger_root);
+  EXPECT_FALSE(root_of_first(recorded, state.ledger_size + 1).has_value());
+  // A time-stamp that comes later changes nothing of what was compared.
+  std::ofstream(recorded / "ledger.jsonl", std::ios::app) << "more\n";
+  EXPECT_EQ(root_of_first(recorded, state.ledger_size), state.ledger_root);
+  EXPECT_THROW(state_of(folder.path()), Error);
+}
+
+}  // namespace
+}  // namespace kiroku::compare

@@ -1,0 +1,265 @@
+#include "viewer/compare/comparison_document.h"
+
+#include <algorithm>
+
+#include <nlohmann/json.hpp>
+
+#include "archive/case_folder.h"
+#include "archive/line_reader.h"
+#include "base/error.h"
+#include "crypto/encoding.h"
+#include "crypto/merkle_tree.h"
+
+namespace kiroku::compare {
+namespace {
+
+using nlohmann::ordered_json;
+
+constexpr const char* kLedgerFile = "ledger.jsonl";
+
+/// Over the whole lines of the ledger, `size` at most.
+crypto::MerkleFrontier tree_of(const std::filesystem::path& case_folder, std::uint64_t size) {
+  const archive::FileOpening opening = archive::CaseFolder::open(case_folder).open_file(kLedgerFile);
+  if (!opening.file)
+    throw Error("cannot read " + (case_folder / kLedgerFile).string() + ": it " + opening.explanation);
+  archive::LineReader reader(*opening.file);
+  crypto::MerkleFrontier tree;
+  archive::LedgerLine line;
+  while (tree.size() < size && reader.next(line) && !line.torn && !line.too_long)
+    tree.append(crypto::merkle_leaf_hash(bytes_of(line.text)));
+  return tree;
+}
+
+ordered_json span_json(const archive::Span& span) {
+  return {{"start_ns", span.start_ns}, {"end_ns", span.end_ns}};
+}
+
+template <typename Value>
+ordered_json or_null(const std::optional<Value>& value) {
+  return value ? ordered_json(*value) : ordered_json(nullptr);
+}
+
+ordered_json marks_json(const std::vector<Mark>& marks) {
+  ordered_json all = ordered_json::array();
+  for (const Mark& mark : marks) all.push_back({{"time_ns", mark.time_ns}, {"text", mark.text}});
+  return all;
+}
+
+ordered_json vitals_json(const std::vector<VitalChange>& vitals) {
+  ordered_json all = ordered_json::array();
+  for (const VitalChange& change : vitals) {
+    all.push_back({{"code", change.code},
+                   {"label", change.label},
+                   {"unit", change.unit},
+                   {"before", or_null(change.before)},
+                   {"during", or_null(change.during)},
+                   {"after", or_null(change.after)}});
+  }
+  return all;
+}
+
+ordered_json events_json(const std::vector<PressureEvent>& events) {
+  ordered_json all = ordered_json::array();
+  for (const PressureEvent& event : events) {
+    ordered_json one{{"time_ns", event.time_ns},
+                     {"kind", event.is_alarm ? "alarm" : "limit"},
+                     {"text", event.text},
+                     {"code", event.code}};
+    if (event.value_mmhg) one["value_mmhg"] = *event.value_mmhg;
+    all.push_back(std::move(one));
+  }
+  return all;
+}
+
+ordered_json steps_json(const Comparison& comparison) {
+  ordered_json all = ordered_json::array();
+  for (const StepFigures& figures : comparison.figures) {
+    const PlannedStep& planned = comparison.steps[figures.step];
+    ordered_json one{{"step", figures.step + 1},
+                     {"name", planned.name},
+                     {"planned", {{"start_s", planned.start_s}, {"duration_s", planned.duration_s}}}};
+    if (const StepMatch* const match = comparison.matching.match_of(figures.step)) {
+      ordered_json done = span_json(match->span);
+      done["order"] = *figures.done_as + 1;
+      done["start_from"] = name_of(match->start_from);
+      done["end_from"] = name_of(match->end_from);
+      if (!match->mark.empty()) done["mark"] = match->mark;
+      done["pauses"] = ordered_json::array();
+      for (const archive::Span& pause : match->pauses) done["pauses"].push_back(span_json(pause));
+      done["pause_before_ns"] = or_null(figures.pause_before_ns);
+      one["done"] = std::move(done);
+      one["vitals"] = vitals_json(figures.vitals);
+      one["pressure_events"] = events_json(figures.pressure);
+    } else {
+      one["done"] = nullptr;
+    }
+    all.push_back(std::move(one));
+  }
+  return all;
+}
+
+ordered_json map_json(const std::optional<TimeMap>& map) {
+  if (!map) return nullptr;
+  ordered_json pieces = ordered_json::array();
+  for (const MapPiece& piece : map->pieces()) {
+    ordered_json knots = ordered_json::array();
+    for (const Knot& knot : piece.knots) knots.push_back({knot.plan_s, knot.case_ns});
+    pieces.push_back({{"step", piece.step + 1}, {"knots", std::move(knots)}});
+  }
+  return {{"monotone", map->monotone()}, {"pieces", std::move(pieces)}};
+}
+
+ordered_json registration_json(const CameraTrack& track) {
+  const Registration& found = track.registration();
+  const auto vector = [](const auto& values) {
+    ordered_json all = ordered_json::array();
+    for (const double value : values) all.push_back(value);
+    return all;
+  };
+  return {{"rms_px", found.rms_px},
+          {"error_px", found.error_px},
+          {"largest_held_rms_px", track.largest_rms_px()},
+          {"field_deg", found.field_deg},
+          {"field_estimated", found.field_estimated},
+          {"eye_m", vector(found.camera.eye_m)},
+          {"view_axes", vector(found.camera.to_view.transpose().reshaped())},
+          {"lost_ns", or_null(track.lost_ns())}};
+}
+
+ordered_json distance_json(const Distance& distance) {
+  return {
+      {"pictures", distance.pictures}, {"mean_px", distance.mean_px}, {"largest_px", distance.largest_px}};
+}
+
+ordered_json tools_json(const Comparison& comparison, const sim::Plan& plan) {
+  ordered_json all = ordered_json::array();
+  for (const ToolDistance& tool : comparison.tools) {
+    ordered_json one{{"tool", plan.tools[tool.tool].tool.name}};
+    one.update(distance_json(tool.all));
+    one["largest_drift_px"] = tool.largest_drift_px;
+    one["lost"] = ordered_json::array();
+    for (const archive::Span& span : tool.lost) one["lost"].push_back(span_json(span));
+    one["steps"] = ordered_json::array();
+    for (std::size_t step = 0; step < tool.of_steps.size(); ++step) {
+      if (tool.of_steps[step].pictures == 0) continue;
+      ordered_json of_step{{"step", step + 1}};
+      of_step.update(distance_json(tool.of_steps[step]));
+      one["steps"].push_back(std::move(of_step));
+    }
+    all.push_back(std::move(one));
+  }
+  return all;
+}
+
+ordered_json files_json(const std::vector<NamedFile>& files) {
+  ordered_json all = ordered_json::array();
+  for (const NamedFile& file : files) {
+    all.push_back({{"role", file.role},
+                   {"name", file.name},
+                   {"bytes", file.bytes},
+                   {"sha256", crypto::to_hex(file.sha256)}});
+  }
+  return all;
+}
+
+crypto::Sha256Digest digest_of(const nlohmann::json& value) {
+  crypto::Sha256Digest digest{};
+  const auto bytes = crypto::from_hex(value.get<std::string>());
+  if (!bytes || bytes->size() != digest.size()) throw Error("a hash of it is none");
+  std::ranges::copy(*bytes, digest.begin());
+  return digest;
+}
+
+std::vector<NamedFile> files_of(const nlohmann::json& list) {
+  std::vector<NamedFile> files;
+  for (const nlohmann::json& entry : list) {
+    NamedFile& file = files.emplace_back();
+    entry.at("role").get_to(file.role);
+    entry.at("name").get_to(file.name);
+    entry.at("bytes").get_to(file.bytes);
+    file.sha256 = digest_of(entry.at("sha256"));
+  }
+  return files;
+}
+
+Provenance provenance_of(const nlohmann::json& document) {
+  if (document.at("format") != kComparisonFormat) throw Error("its format is another");
+  Provenance made;
+  document.at("made_by").get_to(made.made_by);
+  const auto made_at = parse_utc(document.at("made_at").get<std::string>());
+  if (!made_at) throw Error("it does not say when it was made");
+  made.made_at = *made_at;
+  document.at("program").get_to(made.program);
+  const nlohmann::json& of_case = document.at("case");
+  of_case.at("id").get_to(made.case_state.case_id);
+  of_case.at("ledger").at("size").get_to(made.case_state.ledger_size);
+  made.case_state.ledger_root = digest_of(of_case.at("ledger").at("root"));
+  const nlohmann::json& plan = document.at("plan");
+  plan.at("name").get_to(made.plan);
+  made.plan_seal = digest_of(plan.at("seal"));
+  plan.at("sealed").get_to(made.plan_sealed);
+  made.plan_files = files_of(plan.at("files"));
+  if (!of_case.at("names_plan").is_null()) made.case_names_plan = of_case.at("names_plan").get<bool>();
+  made.outputs = files_of(document.at("outputs"));
+  return made;
+}
+
+}  // namespace
+
+CaseState state_of(const std::filesystem::path& case_folder) {
+  const crypto::MerkleFrontier tree = tree_of(case_folder, UINT64_MAX);
+  return {archive::CaseReader::open(case_folder).opening().case_id, tree.size(), tree.root()};
+}
+
+std::optional<crypto::Sha256Digest> root_of_first(const std::filesystem::path& case_folder,
+                                                  std::uint64_t size) {
+  const crypto::MerkleFrontier tree = tree_of(case_folder, size);
+  if (tree.size() != size) return {};
+  return tree.root();
+}
+
+std::string comparison_json(const Comparison& comparison, const sim::Plan& plan, const Provenance& made) {
+  ordered_json document{{"format", kComparisonFormat},
+                        {"made_by", made.made_by},
+                        {"made_at", format_utc(made.made_at)},
+                        {"program", made.program}};
+  document["case"] = {
+      {"id", made.case_state.case_id},
+      {"ledger",
+       {{"size", made.case_state.ledger_size}, {"root", crypto::to_hex(made.case_state.ledger_root)}}},
+      {"stream", comparison.stream},
+      {"names_plan", or_null(made.case_names_plan)}};
+  document["plan"] = {{"name", made.plan},
+                      {"seal", crypto::to_hex(made.plan_seal)},
+                      {"sealed", made.plan_sealed},
+                      {"files", files_json(made.plan_files)}};
+  document["in_planned_order"] = comparison.matching.in_planned_order();
+  document["steps"] = steps_json(comparison);
+  document["repeated_marks"] = marks_json(comparison.matching.repeated);
+  document["other_marks"] = marks_json(comparison.matching.unmatched);
+  document["time_map"] = map_json(comparison.map);
+  document["vital_window_ns"] = kVitalWindowNs;
+  document["pressure_limits_mmhg"] = {{"systolic_low", comparison.limits.systolic_low},
+                                      {"systolic_high", comparison.limits.systolic_high},
+                                      {"mean_low", comparison.limits.mean_low}};
+  document["registration"] =
+      comparison.camera ? registration_json(*comparison.camera) : ordered_json(nullptr);
+  document["tools"] = tools_json(comparison, plan);
+  document["outputs"] = files_json(made.outputs);
+  return document.dump(1, ' ', false, nlohmann::json::error_handler_t::replace) + "\n";
+}
+
+Provenance read_provenance(std::string_view text, const std::string& name) {
+  const auto refuse = [&](const std::string& why) {
+    return UsageError(name + " is no comparison: " + why + "; make one with kiroku compare");
+  };
+  try {
+    return provenance_of(nlohmann::json::parse(text));
+  } catch (const nlohmann::json::exception&) {
+    throw refuse("it is no JSON of that kind");
+  } catch (const Error& error) {
+    throw refuse(error.what());
+  }
+}
+
+}  // namespace kiroku::compare

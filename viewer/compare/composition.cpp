@@ -1,0 +1,79 @@
+#include "viewer/compare/composition.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace kiroku::compare {
+namespace {
+
+constexpr sim::Rgb kPaper{10, 11, 13}, kInk{236, 238, 240}, kFaint{150, 156, 164};
+constexpr int kGap = 8;
+
+/// A 26th of a picture's height, for people who sit before a screen.
+int letters(const CompositionForm& form) {
+  constexpr int kShare = 26, kLeast = 13;
+  return std::max(kLeast, form.height / kShare);
+}
+
+/// A line's height; even.
+int line(const CompositionForm& form) { return letters(form) * 9 / 10 * 2; }
+
+}  // namespace
+
+Composer::Composer(const CompositionForm& form) : form_(form) {}
+
+int Composer::width() const {
+  return form_.arrangement == Arrangement::kSideBySide ? 2 * form_.width + kGap : form_.width;
+}
+
+int Composer::height() const { return form_.height + 3 * line(form_); }
+
+sim::Picture Composer::compose(const sim::Picture& plan, const sim::Picture& recording,
+                               const Caption& caption) {
+  sim::Picture whole(width(), height());
+  for (std::size_t i = 0; i < whole.rgb.size(); ++i) whole.rgb[i] = kPaper[i % 3];
+  lay(plan, recording, whole);
+  const int size = letters(form_), high = line(form_), margin = size / 2;
+  const auto write = [&](const std::string& text, int left, int row, const sim::Rgb& colour) {
+    lettering_.draw(whole, text, left, row + (high + size * 3 / 4) / 2, size, colour);
+  };
+  const bool apart = form_.arrangement == Arrangement::kSideBySide;
+  write(caption.plan, margin, 0, kInk);
+  const int right =
+      apart ? form_.width + kGap + margin : width() - margin - lettering_.width_of(caption.recording, size);
+  write(caption.recording, right, 0, kInk);
+  write(caption.step, margin, high + form_.height, kInk);
+  write(caption.vitals, margin, 2 * high + form_.height, kFaint);
+  return whole;
+}
+
+void Composer::lay(const sim::Picture& plan, const sim::Picture& recording, sim::Picture& into) const {
+  const int top = line(form_);
+  const auto put = [&](const std::uint8_t* from, int x, int y) { std::copy_n(from, 3, into.pixel(x, y)); };
+  const int border = static_cast<int>(std::lround(form_.share * form_.width));
+  for (int y = 0; y < form_.height; ++y) {
+    for (int x = 0; x < form_.width; ++x) {
+      const std::uint8_t *const planned = plan.pixel(x, y), *const recorded = recording.pixel(x, y);
+      switch (form_.arrangement) {
+        case Arrangement::kSideBySide:
+          put(planned, x, top + y);
+          put(recorded, form_.width + kGap + x, top + y);
+          break;
+        case Arrangement::kOverlay: {
+          const bool shown = !std::equal(planned, planned + 3, form_.plan_background.begin());
+          const double share = shown ? form_.share : 0;
+          for (int c = 0; c < 3; ++c) {
+            into.pixel(x, top + y)[c] =
+                static_cast<std::uint8_t>(std::lround(share * planned[c] + (1 - share) * recorded[c]));
+          }
+          break;
+        }
+        case Arrangement::kWipe:
+          put(x < border ? planned : x == border ? kInk.data() : recorded, x, top + y);
+          break;
+      }
+    }
+  }
+}
+
+}  // namespace kiroku::compare

@@ -1,0 +1,48 @@
+// A picture of the plan and one of the recording as one. Objects belong to one thread.
+#pragma once
+
+#include <string>
+
+#include "sim/render/lettering.h"
+#include "sim/render/picture.h"
+
+namespace kiroku::compare {
+
+enum class Arrangement {
+  kSideBySide,  // the plan left, the recording right
+  kOverlay,     // the plan's tissue and tools over the recording
+  kWipe,        // the plan left of a line, the recording right of it
+};
+
+struct CompositionForm {
+  Arrangement arrangement = Arrangement::kSideBySide;
+  int width = 0, height = 0;             // of each of the two pictures; even
+  double share = 0.5;                    // of overlay: the plan's opacity; of wipe: where the line is, 0 to 1
+  sim::Rgb plan_background{18, 20, 24};  // what of the plan's picture is none of it
+};
+
+/// What stands around the pictures.
+struct Caption {
+  std::string plan, recording;  // above them: the times
+  std::string step, vitals;     // below
+};
+
+class Composer {
+ public:
+  /// kiroku::Error where the font is missing.
+  explicit Composer(const CompositionForm& form);
+
+  /// Of all pictures; even.
+  [[nodiscard]] int width() const;
+  [[nodiscard]] int height() const;
+  /// Both of the form's size.
+  sim::Picture compose(const sim::Picture& plan, const sim::Picture& recording, const Caption& caption);
+
+ private:
+  void lay(const sim::Picture& plan, const sim::Picture& recording, sim::Picture& into) const;
+
+  CompositionForm form_;
+  sim::Lettering lettering_;
+};
+
+}  // namespace kiroku::compare

@@ -1,0 +1,61 @@
+// The plan and the recording at one moment of the case, as one picture: what films and stills are made of. An
+// object belongs to one thread.
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <optional>
+#include <string>
+
+#include "archive/case_reader.h"
+#include "crypto/age_recipient.h"
+#include "media/frame_reader.h"
+#include "sim/plan/plan_frames.h"
+#include "sim/render/plan_pictures.h"
+#include "viewer/compare/comparison.h"
+#include "viewer/compare/composition.h"
+
+namespace kiroku::compare {
+
+/// Size of the recorded pictures, scaled down to at most `widest` and to even sides. kiroku::Error where
+/// there is none from `from_ns` on.
+struct PictureSize {
+  int width = 0, height = 0;
+};
+PictureSize picture_size(const archive::CaseReader& recording, const crypto::AgeIdentities& identities,
+                         const std::string& stream, std::int64_t from_ns, int widest);
+
+class PairedPictures {
+ public:
+  /// What is given must outlive the object. `plan` renders pictures of the form's size. The comparison must
+  /// have a time map.
+  PairedPictures(const archive::CaseReader& recording, const crypto::AgeIdentities& identities,
+                 const Comparison& comparison, const sim::PlanFrames& frames, sim::PlanPictures& plan,
+                 const CompositionForm& form, std::int64_t from_ns, std::int64_t to_ns);
+
+  [[nodiscard]] int width() const { return composer_.width(); }
+  [[nodiscard]] int height() const { return composer_.height(); }
+  /// Moments must not go back. Black where nothing was recorded yet; where a recording stops for a while, its
+  /// last picture stays.
+  sim::Picture at(std::int64_t case_ns);
+  /// What is done at that moment, and when that is on both clocks.
+  [[nodiscard]] Caption caption_at(std::int64_t case_ns) const;
+
+ private:
+  void read_until(std::int64_t case_ns);
+  void render(const PlanMoment& moment, std::int64_t case_ns);
+
+  const Comparison& comparison_;
+  const sim::PlanFrames& frames_;
+  sim::PlanPictures& plan_;
+  CompositionForm form_;
+  Composer composer_;
+  media::FrameReader reader_;
+  media::RgbConverter converter_;
+  bool pending_ = false;  // the reader holds a picture that is still to come
+  sim::Picture recorded_, rendered_;
+  const sim::PlanFrames::Kept* rendered_frame_ = nullptr;
+  const sim::Camera* rendered_camera_ = nullptr;
+};
+
+}  // namespace kiroku::compare
