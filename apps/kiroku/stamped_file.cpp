@@ -129,7 +129,10 @@ std::vector<Check> check_tokens(const std::vector<std::string>& trusted, const s
   const std::string stem = file.stem().string() + ".";  // liver.seal.
   std::vector<fs::path> tokens;
   for (const auto& entry : fs::directory_iterator(file.has_parent_path() ? file.parent_path() : ".")) {
-    if (entry.path().extension() == ".tsr" && entry.path().filename().string().starts_with(stem))
+    // Names of authorities have no dots: liver.seal.embedded.tsr is not about liver.json.
+    const std::string name = entry.path().filename().string();
+    if (entry.path().extension() == ".tsr" && name.starts_with(stem) &&
+        entry.path().stem().string().find('.', stem.size()) == std::string::npos)
       tokens.push_back(entry.path());
   }
   std::ranges::sort(tokens);

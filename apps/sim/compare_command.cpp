@@ -253,6 +253,19 @@ void write_output(const fs::path& file, ByteView bytes, bool force) {
   write_durably(file, bytes);
 }
 
+/// liver.html has its document in liver.comparison.json: a plan is often called liver.json.
+fs::path document_of(const fs::path& output) {
+  fs::path document = output;
+  if (output_form(output) != Output::kDocument) document.replace_extension(".comparison.json");
+  return document;
+}
+
+/// Only comparisons are replaced by comparisons.
+void require_comparison(const fs::path& file) {
+  if (fs::exists(file))
+    (void)compare::read_provenance(text_of(read_small_file(file, "the comparison")), file.string());
+}
+
 /// A seal that holds is not written over by accident.
 void require_free(const Request& request, const fs::path& document) {
   for (const fs::path& file : {fs::path(*request.output), document}) {
@@ -260,6 +273,7 @@ void require_free(const Request& request, const fs::path& document) {
       throw UsageError(file.string() +
                        " is already there; choose another name, or overwrite it with --force");
   }
+  require_comparison(document);
 }
 
 /// What the `access` entry of the appliance log says of a comparison.
@@ -319,7 +333,7 @@ Made write_document(const Request& request, const std::optional<Home>& home,
                     const archive::CaseReader& recording, const compare::Comparison& comparison,
                     const PlanAtHand& at_hand, compare::Provenance made) {
   Made result;
-  result.document = fs::path(*request.output).replace_extension(".json");
+  result.document = document_of(*request.output);
   const std::string text = compare::comparison_json(comparison, at_hand.plan, made);
   result.digest = crypto::sha256(bytes_of(text));
   write_output(result.document, bytes_of(text), request.force);
@@ -372,7 +386,7 @@ int make(const Request& request) {
   const archive::CaseReader recording = archive::CaseReader::open(find_case(home, *request.named));
   const std::string stream = compare::pictures_of(recording, request.stream);
   const Output form = request.output ? output_form(*request.output) : Output::kDocument;
-  if (request.output) require_free(request, fs::path(*request.output).replace_extension(".json"));
+  if (request.output) require_free(request, document_of(*request.output));
   auto at_hand = read_plan_at_hand(request);
   if (!at_hand) return kRefused;
   compare::ByHand by_hand;
@@ -577,17 +591,19 @@ void add_compare_command(Command& program) {
   command.explain(
       "A step is found where its name was marked while recording ('clip the artery', or 'step 3'); 'done' "
       "beside it "
-      "ends it, 'pause' and 'resume' interrupt it. Beside every output the document OUT.json says what was "
+      "ends it, 'pause' and 'resume' interrupt it. Beside every output the document OUT.comparison.json says "
+      "what was "
       "matched, "
       "by whom, of which case and which plan; its hash is entered into the appliance log and time-stamped "
-      "(OUT.AUTHORITY.tsr). The case is only read. Exit status: 0 made and time-stamped, 3 made without a "
+      "(OUT.comparison.AUTHORITY.tsr). The case is only read. Exit status: 0 made and time-stamped, 3 made "
+      "without a "
       "time-stamp; "
       "with --verify 0 all holds, 1 something differs, 3 something could not be checked.");
   command.example("kiroku compare 20260805T091502Z-3f9c21ab liver.seal.json -o liver.html",
                   "a page for people: order, times, vital signs, pictures of each step");
   command.example("kiroku compare 20260805T091502Z-3f9c21ab liver.seal.json -o liver.mp4",
                   "a film of both, in step");
-  command.example("kiroku compare 20260805T091502Z-3f9c21ab liver.seal.json --verify liver.json",
+  command.example("kiroku compare 20260805T091502Z-3f9c21ab liver.seal.json --verify liver.comparison.json",
                   "does the comparison still fit?");
   command.on_run([request] { return request->verified ? verify(*request) : make(*request); });
 }

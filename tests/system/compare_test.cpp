@@ -112,7 +112,7 @@ TEST_F(CompareProgram, MakesAPageWithoutAnythingFromElsewhere) {
   EXPECT_THAT(page, Not(HasSubstr("http")));
   EXPECT_THAT(page, Not(HasSubstr("<script")));
   // The document beside it names it.
-  const auto outputs = nlohmann::json::parse(read_text(folder() / "out.json"))["outputs"];
+  const auto outputs = nlohmann::json::parse(read_text(folder() / "out.comparison.json"))["outputs"];
   EXPECT_EQ(outputs[0]["name"], "out.html");
 }
 
@@ -132,14 +132,14 @@ TEST_F(CompareProgram, MakesTheSameFilmEachTime) {
 TEST_F(CompareProgram, TellsWhetherAComparisonStillFits) {
   EXPECT_EQ(compare("out.html")["in_log"], true);
   const auto verify = [&](const Arguments& more) {
-    Arguments arguments{"compare", "--verify", "out.json"};
+    Arguments arguments{"compare", "--verify", "out.comparison.json"};
     arguments.insert(arguments.begin() + 1, more.begin(), more.end());
     return kiroku(arguments);
   };
   const Arguments both{case_.string(), "plan.json"};
   const ProcessResult whole = verify(both);
   EXPECT_EQ(whole.status, 0) << whole.out << whole.err;
-  EXPECT_THAT(whole.out, HasSubstr("out.json: HOLDS"));
+  EXPECT_THAT(whole.out, HasSubstr("out.comparison.json: HOLDS"));
   // Without the plan that part is not known; the case is found by its identifier.
   const ProcessResult alone = verify({});
   EXPECT_EQ(alone.status, 3);
@@ -147,8 +147,8 @@ TEST_F(CompareProgram, TellsWhetherAComparisonStillFits) {
   EXPECT_THAT(alone.out, HasSubstr("are as they were compared"));
   // Another appliance knows neither the log nor the authority.
   ASSERT_EQ(kiroku({"init", "--demo", "--home", path("other")}).status, 0);
-  const ProcessResult elsewhere =
-      kiroku({"compare", case_.string(), "plan.json", "--verify", "out.json", "--home", path("other")});
+  const ProcessResult elsewhere = kiroku(
+      {"compare", case_.string(), "plan.json", "--verify", "out.comparison.json", "--home", path("other")});
   EXPECT_EQ(elsewhere.status, 3) << elsewhere.out;
   EXPECT_THAT(elsewhere.out, HasSubstr("does not know this comparison"));
 
@@ -168,9 +168,9 @@ TEST_F(CompareProgram, TellsWhetherAComparisonStillFits) {
   EXPECT_NE(tampered.status, 0);
   EXPECT_THAT(tampered.out, Not(HasSubstr("are as they were compared")));
   flip_byte(case_ / "ledger.jsonl", 40);
-  std::string text = read_text(folder() / "out.json");
+  std::string text = read_text(folder() / "out.comparison.json");
   text.replace(text.find("Lift"), 4, "Left");
-  write_text(folder() / "out.json", text);
+  write_text(folder() / "out.comparison.json", text);
   const ProcessResult forged = verify(both);
   EXPECT_EQ(forged.status, 1);
   EXPECT_THAT(forged.out, HasSubstr("does not know this comparison"));
@@ -200,6 +200,9 @@ TEST_F(CompareProgram, SaysWhatItCannotDo) {
   EXPECT_REFUSED(kiroku({"compare", case_.string(), "plan.json", "-o", "out.json", "--by-hand", "few.json"}),
                  "pick at least 4");
   EXPECT_REFUSED(kiroku({"compare", "--verify", "plan.json"}), "plan.json is no comparison");
+  // A plan is not written over, however much is insisted.
+  EXPECT_REFUSED(kiroku({"compare", case_.string(), "plan.json", "-o", "plan.json", "--force"}),
+                 "plan.json is no comparison");
 }
 
 TEST_F(CompareProgram, WritesWhatWasFoundForEditing) {
