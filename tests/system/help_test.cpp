@@ -7,12 +7,29 @@ namespace {
 
 using testing::HasSubstr;
 
-const std::vector<Arguments> kCommands{{"init"},         {"record"},        {"cases"},
-                                       {"sim", "solve"}, {"sim", "render"}, {"plan", "replay"},
-                                       {"verify"},       {"export"},        {"excerpt"},
-                                       {"seal"},         {"unseal"},        {"token", "verify"},
-                                       {"tsa", "serve"}, {"log"},           {"completion"},
-                                       {"recover"},      {"erase"},         {"train", "haptic-rate"},
+const std::vector<Arguments> kCommands{{"init"},
+                                       {"record"},
+                                       {"cases"},
+                                       {"sim", "solve"},
+                                       {"sim", "render"},
+                                       {"plan", "replay"},
+                                       {"verify"},
+                                       {"export"},
+                                       {"excerpt"},
+                                       {"seal"},
+                                       {"unseal"},
+                                       {"token", "verify"},
+                                       {"tsa", "serve"},
+                                       {"log"},
+                                       {"completion"},
+                                       {"recover"},
+                                       {"erase"},
+                                       {"train", "haptic-rate"},
+                                       {"train", "budget"},
+                                       {"train", "exclusion"},
+                                       {"train", "study"},
+                                       {"train", "trainee"},
+                                       {"train", "results"},
                                        {"report"}};
 
 class Help : public ProgramTest {

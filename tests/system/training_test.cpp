@@ -59,5 +59,96 @@ TEST_F(Training, RefusesInOneSentence) {
   EXPECT_EQ(read_text(folder() / "refused/touch.png"), "mine");
 }
 
+TEST_F(Training, TheBudgetComparesWhatIsAskedWithWhatIsThere) {
+  const nlohmann::json found =
+      kiroku_json({"train", "budget", "-o", path("budget"), "--seconds", "0.3", "--json"});
+  ASSERT_EQ(found["fingers"].size(), 5U);
+  EXPECT_EQ(found["required_from"], "the papers");
+  EXPECT_EQ(found["fingers"][0]["required_hz"], 23.3);
+  EXPECT_EQ(found["fingers"][4]["paper_force_ms"], 29.7);
+  EXPECT_GT(found["fingers"][4]["force_ms"].get<double>(), 0);
+  EXPECT_THAT(read_text(folder() / "budget/budget.svg"), HasSubstr("<svg"));
+  EXPECT_REFUSED(kiroku({"train", "budget", "-o", path("other"), "--database", path("none.sqlite")}),
+                 "no database");
+}
+
+class Exclusion : public ProgramTest {
+ protected:
+  [[nodiscard]] ProcessResult push(const std::string& hand, const std::string& to,
+                                   const Arguments& more = {}) const {
+    Arguments all{"train",  "exclusion",  "--hand", hand,     "-o",
+                  path(to), "--vertices", "900",    "--size", "160x120"};
+    all.insert(all.end(), more.begin(), more.end());
+    return kiroku(all);
+  }
+};
+
+TEST_F(Exclusion, AnOrganIsPushedAsideAndItsMotionPlayedAgain) {
+  const ProcessResult first = push("simulated", "first", {"--stress"});
+  EXPECT_EQ(first.status, 0) << first.err;
+  EXPECT_THAT(first.out, HasSubstr("the line was seen for a second"));
+  EXPECT_THAT(first.out, HasSubstr("no person did this"));
+  const auto score = nlohmann::json::parse(read_text(folder() / "first/score.json"));
+  EXPECT_EQ(score["score"]["done"], true);
+  EXPECT_GT(score["score"]["largest_von_mises_pa"].get<double>(), 1e3);
+  EXPECT_GT(std::filesystem::file_size(folder() / "first/film.mp4"), 1000U);
+  // The recorded hand does it again, with itself as a ghost.
+  const std::string hand = path("first/hand.txt");
+  const ProcessResult again = push(hand, "again", {"--ghost", hand});
+  EXPECT_EQ(again.status, 0) << again.out << again.err;
+  const auto repeated = nlohmann::json::parse(read_text(folder() / "again/score.json"));
+  EXPECT_NEAR(repeated["score"]["time_s"].get<double>(), score["score"]["time_s"].get<double>(), 0.3);
+  EXPECT_EQ(push(hand, "third", {"--ghost", hand}).status, 0);
+  EXPECT_EQ(read_text(folder() / "third/forces.csv"), read_text(folder() / "again/forces.csv"));
+}
+
+TEST_F(Exclusion, AttemptsOfATraineeBecomeAReport) {
+  const std::string database = path("training.sqlite");
+  EXPECT_EQ(
+      kiroku({"train", "trainee", "Model", "--simulated", "--group", "one", "--database", database}).status,
+      0);
+  EXPECT_REFUSED(kiroku({"train", "trainee", "Model", "--database", database}), "a trainee 'Model'");
+  EXPECT_REFUSED(kiroku({"train", "results", "--database", database, "-o", path("report")}),
+                 "no attempt yet");
+  EXPECT_EQ(push("simulated", "one", {"--trainee", "Model", "--database", database, "--test"}).status, 0);
+  const nlohmann::json found =
+      kiroku_json({"train", "results", "--database", database, "-o", path("report"), "--json"});
+  EXPECT_EQ(found["attempts"], 1);
+  EXPECT_EQ(found["simulated_attempts"], 1);
+  EXPECT_THAT(read_text(folder() / "report/attempts.csv"), HasSubstr("Model,one,yes,1,test,no,a,3,yes,"));
+  EXPECT_THAT(read_text(folder() / "report/report.pdf"), testing::StartsWith("%PDF"));
+  EXPECT_REFUSED(push("simulated", "two", {"--trainee", "Nobody", "--database", database}),
+                 "no trainee 'Nobody'");
+}
+
+TEST_F(Exclusion, TheStudyRunsFromSessionsToATest) {
+  const nlohmann::json found =
+      kiroku_json({"train", "study", "-o", path("study"), "--trainees", "3", "--sessions", "2", "--json"});
+  EXPECT_EQ(found["simulated"], true);
+  EXPECT_EQ(found["attempts"], 24);
+  EXPECT_TRUE(found["comparisons"][0].contains("p"));
+  EXPECT_THAT(read_text(folder() / "study/attempts.csv"),
+              HasSubstr("\"simulated, stress shown, 1\",stress shown,yes"));
+  const nlohmann::json again = kiroku_json(
+      {"train", "results", "--database", path("study/results.sqlite"), "-o", path("results"), "--json"});
+  EXPECT_EQ(again["comparisons"], found["comparisons"]);
+  const ProcessResult small =
+      kiroku({"train", "study", "-o", path("small"), "--trainees", "1", "--sessions", "1"});
+  EXPECT_THAT(small.out, HasSubstr("no p-value: a test needs at least 3 results in each group"));
+}
+
+TEST_F(Exclusion, RefusesInOneSentence) {
+  EXPECT_REFUSED(push(path("none.txt"), "x"), "none.txt");
+  write_text(folder() / "words.txt", "words\n");
+  EXPECT_REFUSED(push(path("words.txt"), "x"), "no hand motion");
+  EXPECT_REFUSED(push("simulated", "x", {"--fingers", "6"}), "--fingers");
+  EXPECT_REFUSED(push("simulated", "x", {"--object", "c"}), "--object");
+  EXPECT_REFUSED(push("simulated", "x", {"--trainee", "Aoki"}), "belong together");
+  EXPECT_REFUSED(push("simulated", "x", {"--test"}), "--test belongs to a trainee");
+  EXPECT_REFUSED(push("udp:70000", "x"), "port");
+  EXPECT_REFUSED(push("simulated", "x", {"--damage", "0"}), "--damage");
+  EXPECT_FALSE(std::filesystem::exists(folder() / "x"));
+}
+
 }  // namespace
 }  // namespace kiroku::test

@@ -48,6 +48,28 @@ constexpr const char* kSchema = R"(
   ) STRICT;
 )";
 
+/// Since version 2.
+constexpr const char* kAttempts = R"(
+  CREATE TABLE attempts (
+    id          INTEGER PRIMARY KEY,
+    trainee     INTEGER NOT NULL REFERENCES trainees (id),
+    began_us    INTEGER NOT NULL,     -- microseconds since 1970, UTC
+    session     INTEGER NOT NULL,     -- of the trainee, from 1
+    test        INTEGER NOT NULL,     -- 1: a test, 0: practice
+    stress_shown INTEGER NOT NULL,
+    object      TEXT NOT NULL,
+    fingers     INTEGER NOT NULL,
+    done        INTEGER NOT NULL,
+    time_s      REAL NOT NULL,
+    largest_von_mises_pa REAL NOT NULL,
+    damaged_m3  REAL NOT NULL,
+    path_m      REAL NOT NULL,
+    peak_force_n REAL NOT NULL,
+    peak_wrist_n REAL NOT NULL,
+    best_visible_share REAL NOT NULL
+  ) STRICT;
+)";
+
 }  // namespace
 
 struct TrainingDatabase::State {
@@ -89,8 +111,8 @@ TrainingDatabase::TrainingDatabase(const fs::path& file) : state_(std::make_uniq
     if (state_->number("SELECT count(*) FROM sqlite_schema") == 0) {
       state_->whole([&] {
         if (state_->number("SELECT count(*) FROM sqlite_schema") > 0) return;  // another was quicker
-        state_->execute(std::string(kSchema) + "PRAGMA application_id = " + std::to_string(kApplication) +
-                        "; PRAGMA user_version = " + std::to_string(kVersion));
+        state_->execute(std::string(kSchema) + kAttempts + "PRAGMA application_id = " +
+                        std::to_string(kApplication) + "; PRAGMA user_version = " + std::to_string(kVersion));
       });
     }
     if (state_->number("PRAGMA application_id") != kApplication)
@@ -99,6 +121,12 @@ TrainingDatabase::TrainingDatabase(const fs::path& file) : state_(std::make_uniq
     if (state_->number("PRAGMA user_version") > kVersion) {
       throw UsageError("the results in " + file.string() +
                        " were written by a newer version of kiroku: use that, or name another file");
+    }
+    if (state_->number("PRAGMA user_version") < kVersion) {
+      state_->whole([&] {
+        if (state_->number("PRAGMA user_version") == kVersion) return;  // another was quicker
+        state_->execute(std::string(kAttempts) + "PRAGMA user_version = " + std::to_string(kVersion));
+      });
     }
   } catch (const SqliteError& error) {
     if (error.code() != SQLITE_NOTADB && error.code() != SQLITE_CORRUPT) throw;
@@ -218,6 +246,56 @@ std::vector<RateSession> TrainingDatabase::rate_sessions() const {
            thresholds.is_null(4) ? std::nullopt : std::optional(thresholds.real(4))});
     }
     found.push_back(std::move(session));
+  }
+  return found;
+}
+
+void TrainingDatabase::add_attempt(const Trainee& trainee, const ExclusionRecord& record, UtcTime began) {
+  const ExclusionScore& score = record.score;
+  const auto flag = [](bool is) { return std::int64_t{is ? 1 : 0}; };
+  state_
+      ->statement(
+          "INSERT INTO attempts (trainee, began_us, session, test, stress_shown, object, fingers, done, "
+          "time_s, "
+          "largest_von_mises_pa, damaged_m3, path_m, peak_force_n, peak_wrist_n, best_visible_share) "
+          "VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)")
+      .bind(trainee.id)
+      .bind(std::int64_t{began.time_since_epoch().count()})
+      .bind(std::int64_t{record.session})
+      .bind(flag(record.test))
+      .bind(flag(record.stress_shown))
+      .bind(record.object)
+      .bind(static_cast<std::int64_t>(record.fingers))
+      .bind(flag(score.done))
+      .bind_real(score.time_s)
+      .bind_real(score.largest_von_mises_pa)
+      .bind_real(score.damaged_m3)
+      .bind_real(score.path_m)
+      .bind_real(score.peak_force_n)
+      .bind_real(score.peak_wrist_n)
+      .bind_real(score.best_visible_share)
+      .step();
+}
+
+std::vector<ExclusionRecord> TrainingDatabase::attempts() const {
+  std::vector<ExclusionRecord> found;
+  SqliteStatement rows = state_->statement(
+      "SELECT name, study_group, simulated, session, test, stress_shown, object, fingers, done, time_s, "
+      "largest_von_mises_pa, damaged_m3, path_m, peak_force_n, peak_wrist_n, best_visible_share "
+      "FROM attempts JOIN trainees ON trainee = trainees.id ORDER BY attempts.id");
+  while (rows.step()) {
+    ExclusionRecord record;
+    record.trainee = rows.text(0);
+    record.group = rows.text(1);
+    record.simulated = rows.integer(2) != 0;
+    record.session = static_cast<int>(rows.integer(3));
+    record.test = rows.integer(4) != 0;
+    record.stress_shown = rows.integer(5) != 0;
+    record.object = rows.text(6);
+    record.fingers = static_cast<std::size_t>(rows.integer(7));
+    record.score = {rows.integer(8) != 0, rows.real(9),  rows.real(10), rows.real(11),
+                    rows.real(12),        rows.real(13), rows.real(14), rows.real(15)};
+    found.push_back(std::move(record));
   }
   return found;
 }

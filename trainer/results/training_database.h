@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "base/utc_time.h"
+#include "trainer/curriculum/learning.h"
 #include "trainer/haptic_rate/experiment.h"
 
 namespace kiroku::trainer {
@@ -25,10 +26,10 @@ struct Trainee {
 /// Every function throws kiroku::Error where the file cannot be used.
 class TrainingDatabase {
  public:
-  static constexpr std::int64_t kVersion = 1;
+  static constexpr std::int64_t kVersion = 2;
 
-  /// Opens or makes the file. kiroku::UsageError for one of a newer version, for another program's database
-  /// and for what is no database.
+  /// Opens or makes the file; one of an older version gets what is new. kiroku::UsageError for one of a newer
+  /// version, for another program's database and for what is no database.
   explicit TrainingDatabase(const std::filesystem::path& file);
   ~TrainingDatabase();
   TrainingDatabase(const TrainingDatabase&) = delete;
@@ -44,6 +45,11 @@ class TrainingDatabase {
   std::int64_t add_rate_session(const Trainee& subject, const RateSession& session, UtcTime began);
   /// All that are kept, in their order.
   [[nodiscard]] std::vector<RateSession> rate_sessions() const;
+
+  /// Keeps an attempt of the trainee; `record.trainee`, its group and `simulated` are taken from there.
+  void add_attempt(const Trainee& trainee, const ExclusionRecord& record, UtcTime began);
+  /// All that are kept, in their order.
+  [[nodiscard]] std::vector<ExclusionRecord> attempts() const;
 
  private:
   struct State;

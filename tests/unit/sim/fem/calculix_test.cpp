@@ -1,15 +1,14 @@
 // Node by node against CalculiX (ccx), with the same nodes, tetrahedra and loads. Skipped where ccx or the
 // mesh is absent.
+#include "tests/support/calculix.h"
+
 #include <cmath>
-#include <cstdlib>
-#include <sstream>
 
 #include <gtest/gtest.h>
 
 #include "sim/fem/elastic_body.h"
 #include "sim/mesh/mesh_reader.h"
 #include "tests/support/shared_data.h"
-#include "tests/support/temporary_folder.h"
 #include "tests/support/tet_grid.h"
 
 namespace kiroku::sim {
@@ -19,21 +18,7 @@ constexpr double kAgreement = 1e-5;  // of the largest value; ccx prints seven d
 
 Eigen::Index at(std::size_t node) { return static_cast<Eigen::Index>(3 * node); }
 
-bool has_ccx() { return std::system("ccx -v >/dev/null 2>&1 </dev/null") != 127 << 8; }
-
-/// Text that ccx reads: at most 20 characters.
-std::string digits(double value) {
-  char text[32];
-  std::snprintf(text, sizeof text, "%.12e", value);
-  return text;
-}
-
-struct Case {
-  TetMesh mesh;
-  Materials materials;
-  Constraints constraints{0};
-  Eigen::VectorXd force_n;
-};
+using Case = test::CalculixCase;
 
 /// Held in the lowest tenth along its longest side, pulled sideways at the highest tenth, one node there
 /// moved along one axis, with weight; left and right of its middle of different tissue.
@@ -65,76 +50,6 @@ Case case_of(TetMesh mesh) {
   return made;
 }
 
-std::string calculix_input(const Case& input, const Eigen::VectorXd& force_n) {
-  std::ostringstream out;
-  out << "*NODE, NSET=ALL\n";
-  const std::vector<bool> used = nodes_in_use(input.mesh);
-  for (std::size_t node = 0; node < input.mesh.nodes.size(); ++node) {
-    const Vector3& position = input.mesh.nodes[node];
-    if (used[node]) {
-      out << node + 1 << ", " << digits(position.x()) << ", " << digits(position.y()) << ", "
-          << digits(position.z()) << "\n";
-    }
-  }
-  for (const auto& [region, material] : input.materials) {
-    out << "*ELEMENT, TYPE=C3D4, ELSET=R" << region << "\n";
-    for (std::size_t t = 0; t < input.mesh.tetrahedra.size(); ++t) {
-      if (input.mesh.regions[t] != region) continue;
-      out << t + 1;
-      for (const std::uint32_t node : input.mesh.tetrahedra[t]) out << ", " << node + 1;
-      out << "\n";
-    }
-    out << "*MATERIAL, NAME=M" << region << "\n*ELASTIC\n"
-        << digits(material.young_modulus_pa) << ", " << digits(material.poisson_ratio)
-        << "\n*SOLID SECTION, ELSET=R" << region << ", MATERIAL=M" << region << "\n";
-  }
-  out << "*STEP\n*STATIC, SOLVER=SPOOLES\n*BOUNDARY\n";
-  for (std::size_t number = 0; number < 3 * input.mesh.nodes.size(); ++number) {
-    if (!input.constraints.prescribed(number)) continue;
-    const double displacement_m = input.constraints.displacement_m()[static_cast<Eigen::Index>(number)];
-    out << number / 3 + 1 << ", " << number % 3 + 1 << ", " << number % 3 + 1 << ", "
-        << digits(displacement_m) << "\n";
-  }
-  out << "*CLOAD\n";
-  for (Eigen::Index number = 0; number < force_n.size(); ++number) {
-    if (force_n[number] != 0)
-      out << number / 3 + 1 << ", " << number % 3 + 1 << ", " << digits(force_n[number]) << "\n";
-  }
-  out << "*NODE PRINT, NSET=ALL\nU\n*EL PRINT, ELSET=R1\nS\n*EL PRINT, ELSET=R2\nS\n*END STEP\n";
-  return out.str();
-}
-
-struct CalculixResult {
-  Eigen::VectorXd displacement_m;
-  std::vector<SymmetricTensor> stress_pa;
-  std::size_t nodes = 0, tetrahedra = 0;  // that were found
-};
-
-CalculixResult read_calculix(std::istream& in, const TetMesh& mesh) {
-  CalculixResult result;
-  result.displacement_m = Eigen::VectorXd::Zero(at(mesh.nodes.size()));
-  result.stress_pa.assign(mesh.tetrahedra.size(), SymmetricTensor::Zero());
-  bool stress = false;
-  for (std::string line; std::getline(in, line);) {
-    if (line.find("displacements") != std::string::npos) stress = false;
-    if (line.find("stresses") != std::string::npos) stress = true;
-    std::istringstream words(line);
-    std::size_t number = 0;
-    if (!(words >> number)) continue;
-    if (stress) {
-      std::size_t point = 0;
-      SymmetricTensor& s = result.stress_pa[number - 1];
-      words >> point >> s[0] >> s[1] >> s[2] >> s[3] >> s[5] >> s[4];  // xx yy zz xy xz yz
-      ++result.tetrahedra;
-    } else {
-      for (double& component : result.displacement_m.segment<3>(at(number - 1))) words >> component;
-      ++result.nodes;
-    }
-    EXPECT_FALSE(words.fail()) << line;
-  }
-  return result;
-}
-
 void expect_agreement(TetMesh mesh, testing::Test& test) {
   const Case input = case_of(std::move(mesh));
   const ElasticBody body(input.mesh, input.materials, input.constraints);
@@ -142,12 +57,7 @@ void expect_agreement(TetMesh mesh, testing::Test& test) {
   const Eigen::VectorXd displacement_m = body.solve(force_n).displacement_m;
   const std::vector<SymmetricTensor> stress_pa = body.stress_pa(displacement_m);
 
-  const test::TemporaryFolder folder;
-  std::ofstream(folder / "case.inp") << calculix_input(input, force_n);
-  const std::string command = "cd '" + folder.path().string() + "' && ccx -i case >log 2>&1 </dev/null";
-  ASSERT_EQ(std::system(command.c_str()), 0);
-  std::ifstream in(folder / "case.dat");
-  const CalculixResult theirs = read_calculix(in, input.mesh);
+  const test::CalculixResult theirs = test::run_calculix(input, force_n);
   const std::vector<bool> used = nodes_in_use(input.mesh);
   ASSERT_EQ(theirs.nodes, static_cast<std::size_t>(std::ranges::count(used, true)));
   ASSERT_EQ(theirs.tetrahedra, input.mesh.tetrahedra.size());
@@ -170,7 +80,7 @@ void expect_agreement(TetMesh mesh, testing::Test& test) {
 }
 
 TEST(Calculix, AgreesOnABeam) {
-  if (!has_ccx()) GTEST_SKIP() << "ccx is not installed";
+  if (!test::has_ccx()) GTEST_SKIP() << "ccx is not installed";
   expect_agreement(test::tet_grid({20, 4, 4}, {0.1, 0.02, 0.02}), *this);
 }
 
@@ -179,7 +89,7 @@ class CalculixOnRealMeshes : public testing::TestWithParam<const char*> {};
 TEST_P(CalculixOnRealMeshes, Agrees) {
   const std::string file = std::string("sim/meshes/") + GetParam();
   KIROKU_NEEDS_SHARED_DATA(file);
-  if (!has_ccx()) GTEST_SKIP() << "ccx is not installed";
+  if (!test::has_ccx()) GTEST_SKIP() << "ccx is not installed";
   TetMesh mesh = read_mesh(test::shared_data(file), LengthUnit::kMetre).mesh;
   const double longest_m = extent_of(mesh).longest_side_m();
   for (Vector3& node : mesh.nodes)

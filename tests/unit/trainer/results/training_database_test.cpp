@@ -63,6 +63,38 @@ TEST(TrainingDatabase, KeepsTraineesAndSessions) {
   EXPECT_EQ(found[0].thresholds[1].estimate.interval_hz.high, 10);
 }
 
+TEST(TrainingDatabase, KeepsAttempts) {
+  const test::TemporaryFolder folder;
+  ExclusionRecord record;
+  record.session = 4;
+  record.test = true;
+  record.object = "b";
+  record.fingers = 5;
+  record.score = {true, 3.5, 4.5e4, 1e-6, 0.25, 6.5, 12.5, 0.95};
+  TrainingDatabase database(folder / "results.sqlite");
+  database.add_attempt(database.add_trainee("Aoki", "first", false), record, UtcTime{});
+  const std::vector<ExclusionRecord> found = database.attempts();
+  ASSERT_EQ(found.size(), 1U);
+  EXPECT_EQ(found[0].trainee, "Aoki");
+  EXPECT_EQ(found[0].group, "first");
+  EXPECT_EQ(found[0].session, 4);
+  EXPECT_TRUE(found[0].test);
+  EXPECT_FALSE(found[0].stress_shown);
+  EXPECT_EQ(found[0].object, "b");
+  EXPECT_EQ(found[0].fingers, 5U);
+  EXPECT_TRUE(found[0].score.done);
+  EXPECT_EQ(found[0].score.time_s, 3.5);
+  EXPECT_EQ(found[0].score.damaged_m3, 1e-6);
+  EXPECT_EQ(found[0].score.best_visible_share, 0.95);
+}
+
+TEST(TrainingDatabase, GivesAnOlderOneWhatIsNew) {
+  const test::TemporaryFolder folder;
+  { TrainingDatabase made(folder / "older.sqlite"); }
+  execute(folder / "older.sqlite", "DROP TABLE attempts; PRAGMA user_version = 1");
+  EXPECT_TRUE(TrainingDatabase(folder / "older.sqlite").attempts().empty());
+}
+
 TEST(TrainingDatabase, RefusesANameThatExistsAndNamesThatAreNone) {
   const test::TemporaryFolder folder;
   TrainingDatabase database(folder / "results.sqlite");
@@ -76,7 +108,7 @@ TEST(TrainingDatabase, RefusesANameThatExistsAndNamesThatAreNone) {
 TEST(TrainingDatabase, RefusesWhatItDoesNotKnow) {
   const test::TemporaryFolder folder;
   { TrainingDatabase made(folder / "newer.sqlite"); }
-  execute(folder / "newer.sqlite", "PRAGMA user_version = 2");
+  execute(folder / "newer.sqlite", "PRAGMA user_version = 3");
   EXPECT_THAT(refusal([&] { TrainingDatabase opened(folder / "newer.sqlite"); }), HasSubstr("newer version"));
   execute(folder / "other.sqlite", "CREATE TABLE cases (name TEXT)");
   EXPECT_THAT(refusal([&] { TrainingDatabase opened(folder / "other.sqlite"); }),

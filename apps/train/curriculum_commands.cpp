@@ -1,0 +1,239 @@
+#include <algorithm>
+#include <filesystem>
+#include <iostream>
+#include <map>
+#include <memory>
+#include <set>
+
+#include <nlohmann/json.hpp>
+
+#include "apps/common/json_output.h"
+#include "apps/common/progress.h"
+#include "apps/sim/number_option.h"
+#include "apps/train/output_folder.h"
+#include "apps/train/train_command.h"
+#include "base/error.h"
+#include "sim/fem/number_text.h"
+#include "trainer/curriculum/simulated_study.h"
+#include "trainer/results/training_database.h"
+
+namespace kiroku::apps {
+namespace {
+
+using sim::number_text;
+using Json = nlohmann::ordered_json;
+
+const std::vector<std::string> kReportFiles{"attempts.csv", "curves.csv", "report.pdf"};
+
+struct TraineeRequest {
+  std::string name, database;
+  std::optional<std::string> group;
+  bool simulated = false;
+};
+
+struct StudyRequest {
+  std::string output, trainees = "6", sessions = "5", fingers = "3", vertices = "900", seed = "1";
+  std::optional<std::string> object;
+  bool force = false, json = false;
+};
+
+struct ResultsRequest {
+  std::string database, output;
+  bool force = false, json = false;
+};
+
+Json comparisons_json(const std::vector<trainer::ExclusionRecord>& records) {
+  std::set<std::string> objects;
+  for (const trainer::ExclusionRecord& record : records) objects.insert(record.object);
+  Json all = Json::array();
+  for (const std::string& object : objects) {
+    for (const trainer::Measure measure : trainer::kMeasures) {
+      for (const trainer::GroupComparison& found : trainer::compare_at_end(records, object, measure)) {
+        Json one{{"object", object},         {"measure", trainer::label_of(measure)},
+                 {"session", found.session}, {"first", found.first},
+                 {"second", found.second},   {"difference", found.comparison.difference}};
+        if (found.comparison.test) {
+          const trainer::TestResult& test = *found.comparison.test;
+          one["difference_95"] = {test.of_difference.low, test.of_difference.high};
+          one["t"] = test.t;
+          one["degrees_of_freedom"] = test.degrees_of_freedom;
+          one["p"] = test.p;
+          one["hedges_g"] = test.hedges_g;
+          one["hedges_g_95"] = {test.of_hedges_g.low, test.of_hedges_g.high};
+        } else {
+          one["no_test_because"] = found.comparison.why_no_test;
+        }
+        all.push_back(one);
+      }
+    }
+  }
+  return all;
+}
+
+void print_comparisons(const Json& comparisons) {
+  for (const Json& one : comparisons) {
+    std::cout << "  object " << one["object"].get<std::string>() << ", session " << one["session"] << ", "
+              << one["measure"].get<std::string>() << ": " << one["first"].get<std::string>() << " less "
+              << one["second"].get<std::string>() << " " << number_text(one["difference"].get<double>(), 3);
+    if (one.contains("p")) {
+      std::cout << ", p " << number_text(one["p"].get<double>(), 2) << ", Hedges' g "
+                << number_text(one["hedges_g"].get<double>(), 2) << "\n";
+    } else {
+      std::cout << "; no p-value: " << one["no_test_because"].get<std::string>() << "\n";
+    }
+  }
+}
+
+void write_report(const OutputFolder& folder, const std::vector<trainer::ExclusionRecord>& records) {
+  folder.write("attempts.csv", trainer::attempts_csv(records));
+  folder.write("curves.csv", trainer::curves_csv(records));
+  folder.write("report.pdf", trainer::training_report(records));
+}
+
+std::size_t simulated_count(const std::vector<trainer::ExclusionRecord>& records) {
+  return static_cast<std::size_t>(std::ranges::count(records, true, &trainer::ExclusionRecord::simulated));
+}
+
+int add_trainee(const TraineeRequest& request) {
+  trainer::TrainingDatabase database(request.database);
+  database.add_trainee(request.name, request.group.value_or(""), request.simulated);
+  std::cout << request.database << ": added " << request.name << "; " << database.trainees().size()
+            << (database.trainees().size() == 1 ? " trainee" : " trainees") << " now\n";
+  return kDone;
+}
+
+int run_study(const StudyRequest& request) {
+  trainer::SimulatedStudy study;
+  study.trainees_a_group = parse_count(request.trainees, "--trainees", 1, 100);
+  study.sessions = static_cast<int>(parse_count(request.sessions, "--sessions", 1, 50));
+  study.fingers = parse_count(request.fingers, "--fingers", 1, trainer::kMostExclusionFingers);
+  study.seed = static_cast<std::uint32_t>(parse_count(request.seed, "--seed", 0, 4'000'000'000));
+  const trainer::ObjectKind kind = trainer::object_kind(request.object.value_or("a"));
+  const std::size_t vertices =
+      parse_count(request.vertices, "--vertices", trainer::kLeastObjectNodes, trainer::kMostObjectNodes);
+  std::vector<std::string> files = kReportFiles;
+  files.emplace_back("results.sqlite");
+  const OutputFolder folder(request.output, files, request.force);
+  Progress progress("training simulated trainees");
+  trainer::OrganObject object = trainer::make_object(kind, vertices);
+  const trainer::ExclusionTask task = trainer::exclusion_task(object);
+  const trainer::ExclusionBody body(std::move(object), task);
+  // Both groups, practice and test.
+  const std::uint64_t all = 4 * study.trainees_a_group * static_cast<std::uint64_t>(study.sessions);
+  std::uint64_t done = 0;
+  const UtcTime began = utc_now();
+  const std::vector<trainer::ExclusionRecord> records = trainer::run_simulated_study(
+      body, study, [&](const trainer::ExclusionRecord&) { progress.update(++done, all); });
+  progress.clear();
+  std::error_code ignored;
+  std::filesystem::remove(folder.path("results.sqlite"), ignored);  // of an earlier run, with --force
+  trainer::TrainingDatabase database(folder.path("results.sqlite"));
+  std::map<std::string, trainer::Trainee> trainees;
+  for (const trainer::ExclusionRecord& record : records) {
+    if (!trainees.contains(record.trainee))
+      trainees[record.trainee] = database.add_trainee(record.trainee, record.group, true);
+    database.add_attempt(trainees[record.trainee], record, began);
+  }
+  // What is reported is what was kept.
+  const std::vector<trainer::ExclusionRecord> kept = database.attempts();
+  write_report(folder, kept);
+  const Json comparisons = comparisons_json(kept);
+  if (request.json) {
+    print_json({{"folder", request.output},
+                {"simulated", true},
+                {"trainees", trainees.size()},
+                {"attempts", kept.size()},
+                {"comparisons", comparisons}});
+    return kDone;
+  }
+  std::cout << request.output << ": " << kept.size() << " attempts of " << trainees.size()
+            << " simulated trainees; they say nothing about people\n";
+  print_comparisons(comparisons);
+  return kDone;
+}
+
+int run_results(const ResultsRequest& request) {
+  if (!std::filesystem::exists(request.database))
+    throw UsageError("there is no database " + request.database +
+                     ": 'kiroku train trainee' and 'kiroku train exclusion --database' make one");
+  const trainer::TrainingDatabase database(request.database);
+  const std::vector<trainer::ExclusionRecord> records = database.attempts();
+  if (records.empty())
+    throw UsageError(request.database +
+                     " holds no attempt yet: 'kiroku train exclusion --trainee NAME --database " +
+                     request.database + "' adds one");
+  const OutputFolder folder(request.output, kReportFiles, request.force);
+  write_report(folder, records);
+  const Json comparisons = comparisons_json(records);
+  const std::size_t simulated = simulated_count(records);
+  if (request.json) {
+    print_json({{"folder", request.output},
+                {"attempts", records.size()},
+                {"simulated_attempts", simulated},
+                {"comparisons", comparisons}});
+    return kDone;
+  }
+  std::cout << request.output << ": " << records.size() << " attempts";
+  if (simulated > 0) std::cout << ", " << simulated << " of them simulated";
+  std::cout << "\n";
+  print_comparisons(comparisons);
+  return kDone;
+}
+
+}  // namespace
+
+void add_train_curriculum_commands(Command& train) {
+  {
+    Command& command = train.add_command("trainee", "adds a trainee to a database of results");
+    const auto request = std::make_shared<TraineeRequest>();
+    command.argument("NAME", request->name, "a name that nobody there has");
+    command.required_option("--database", "FILE", request->database,
+                            "where results are kept; made if absent");
+    command.option("--group", "NAME", request->group, "of a study");
+    command.flag("--simulated", request->simulated,
+                 "no person: for 'kiroku train exclusion --hand simulated'");
+    command.example("kiroku train trainee Aoki --database training.sqlite --group \"stress shown\"",
+                    "a trainee of a study");
+    command.on_run([request] { return add_trainee(*request); });
+  }
+  {
+    Command& command = train.add_command("results", "learning curves and groups compared, as CSV and PDF");
+    const auto request = std::make_shared<ResultsRequest>();
+    command.required_option("--database", "FILE", request->database, "where results are kept");
+    command.required_option("-o,--output", "DIR", request->output, "where to");
+    command.flag("-f,--force", request->force, "replaces what an earlier run left in DIR");
+    command.flag("--json", request->json, "prints one JSON object instead");
+    command.explain(
+        "Writes attempts.csv, curves.csv and report.pdf: for each measure the learning curves of the groups "
+        "with 95 % "
+        "intervals, and in the last session that two groups have, Welch's t-test, Hedges' g and intervals. "
+        "Groups of "
+        "fewer than three get a sentence instead of a p-value.");
+    command.example("kiroku train results --database training.sqlite -o report", "what training did so far");
+    command.on_run([request] { return run_results(*request); });
+  }
+  {
+    Command& command =
+        train.add_command("study", "the study with simulated trainees: proves that its pipeline runs");
+    const auto request = std::make_shared<StudyRequest>();
+    command.required_option("-o,--output", "DIR", request->output, "where to");
+    command.choice("--object", {"a", "b"}, request->object, "like a liver, or like a lung", "a");
+    command.option("--trainees", "N", request->trainees, "in each of the two groups");
+    command.option("--sessions", "N", request->sessions, "each of practice and a test");
+    command.option("--fingers", "N", request->fingers, "1 to 5");
+    command.option("--vertices", "N", request->vertices, "of the object's mesh");
+    command.option("--seed", "N", request->seed, "of all chance in it");
+    command.flag("-f,--force", request->force, "replaces what an earlier run left in DIR");
+    command.flag("--json", request->json, "prints one JSON object instead");
+    command.explain(
+        "One group sees stress in practice, the other does not; tests are without. Trainees are controllers "
+        "that know "
+        "what a trainee is shown, and their skill grows by a rule that was put in. So the outcome is put in "
+        "too: it "
+        "says nothing about people, and every record and page names it as simulated.");
+    command.example("kiroku train study -o study", "twelve simulated trainees, five sessions");
+    command.on_run([request] { return run_study(*request); });
+  }
+}
+
+}  // namespace kiroku::apps

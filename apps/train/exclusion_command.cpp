@@ -1,0 +1,264 @@
+#include <cmath>
+#include <iostream>
+#include <memory>
+
+#include <nlohmann/json.hpp>
+
+#include "apps/common/json_output.h"
+#include "apps/common/step_line.h"
+#include "apps/sim/number_option.h"
+#include "apps/train/output_folder.h"
+#include "apps/train/train_command.h"
+#include "apps/train/udp_hand.h"
+#include "base/error.h"
+#include "media/film_writer.h"
+#include "sim/fem/number_text.h"
+#include "sim/haptics/udp_device.h"
+#include "sim/model/body_model.h"
+#include "sim/render/lettering.h"
+#include "trainer/exclusion/simulated_trainee.h"
+#include "trainer/results/training_database.h"
+
+namespace kiroku::apps {
+namespace {
+
+using sim::number_text;
+using Json = nlohmann::ordered_json;
+
+struct Request {
+  std::string output, hand;
+  std::string fingers = "3", vertices = "2000", damage = "100000", seconds = "60", size = "640x480",
+              seed = "1", session = "1";
+  std::optional<std::string> object, feedback, ghost, trainee, database;
+  bool stress = false, test = false, force = false, json = false;
+};
+
+trainer::ExclusionOptions options_of(const Request& request) {
+  trainer::ExclusionOptions options;
+  options.shows_stress = request.stress;
+  options.feedback = trainer::feedback_of(request.feedback.value_or("full"));
+  const std::vector<double> size = parse_numbers(request.size, 'x', 2, "--size");
+  constexpr double kLeastSide = 64, kMostSide = 4096;
+  for (const double side : size) {
+    if (side < kLeastSide || side > kMostSide || side != 2 * std::floor(side / 2))
+      throw UsageError("--size is '" + request.size +
+                       "': sides are even numbers from 64 to 4096, as 640x480");
+  }
+  options.width = static_cast<int>(size[0]);
+  options.height = static_cast<int>(size[1]);
+  if (request.ghost)
+    options.ghost = trainer::parse_hand_motion(sim::read_document(*request.ghost), *request.ghost);
+  return options;
+}
+
+void letter(sim::Lettering& lettering, sim::Picture& picture, const trainer::ExclusionView& view,
+            const trainer::ExclusionTask& task, bool shows_stress) {
+  std::string below = "line " + number_text(std::round(100 * view.visible_share), 3) + " % in sight, force " +
+                      number_text(view.hand.wrist_n.norm(), 2) + " N";
+  if (shows_stress) {
+    below += ", stress " + number_text(view.largest_von_mises_pa / 1e3, 3) + " kPa";
+    sim::draw_stress_scale(lettering, picture, task.damage_pa);
+  }
+  sim::draw_caption(lettering, picture, number_text(std::round(10 * view.time_s) / 10) + " s", below);
+}
+
+Json score_json(const trainer::ExclusionScore& score) {
+  return {{"done", score.done},
+          {"time_s", score.time_s},
+          {"largest_von_mises_pa", score.largest_von_mises_pa},
+          {"damaged_ml", 1e6 * score.damaged_m3},
+          {"path_m", score.path_m},
+          {"peak_force_n", score.peak_force_n},
+          {"peak_wrist_force_n", score.peak_wrist_n},
+          {"best_visible_share", score.best_visible_share}};
+}
+
+int run(const Request& request) {
+  const trainer::ObjectKind kind = trainer::object_kind(request.object.value_or("a"));
+  trainer::ExclusionOptions options = options_of(request);
+  const std::size_t vertices =
+      parse_count(request.vertices, "--vertices", trainer::kLeastObjectNodes, trainer::kMostObjectNodes);
+  const std::size_t asked_fingers =
+      parse_count(request.fingers, "--fingers", 1, trainer::kMostExclusionFingers);
+  const auto seed = static_cast<std::uint32_t>(parse_count(request.seed, "--seed", 0, 4'000'000'000));
+  const std::optional<UdpAddress> address = udp_address(request.hand);
+  std::optional<trainer::HandMotion> played;
+  if (!address && request.hand != "simulated") {
+    played = trainer::parse_hand_motion(sim::read_document(request.hand), request.hand);
+    options.most_s = played->duration_s() + 1.5;
+  }
+  const std::size_t fingers = played ? played->fingers : asked_fingers;
+  if (fingers > trainer::kMostExclusionFingers)
+    throw UsageError(request.hand + " moves " + std::to_string(fingers) + " fingers: the trainer has 1 to 5");
+  const double damage_pa = parse_number(request.damage, "--damage", 1, 1e9);
+  const double seconds = parse_number(request.seconds, "--seconds", 1, 3600);
+  const auto session = static_cast<int>(parse_count(request.session, "--session", 1, 100'000));
+  if (request.trainee.has_value() != request.database.has_value())
+    throw UsageError("--trainee and --database belong together: who, and where the attempt is kept");
+  if (request.test && request.stress) throw UsageError("--test is without stress: leave --stress out");
+  if (request.test && !request.trainee)
+    throw UsageError("--test belongs to a trainee: give --trainee and --database");
+  std::unique_ptr<trainer::TrainingDatabase> database;
+  std::optional<trainer::Trainee> trainee;
+  if (request.trainee) {
+    database = std::make_unique<trainer::TrainingDatabase>(*request.database);
+    trainee = database->trainee(*request.trainee);
+    if (trainee->simulated != (request.hand == "simulated")) {
+      throw UsageError("'" + trainee->name + "' is " + (trainee->simulated ? "" : "not ") +
+                       "a simulated trainee, and --hand is '" + request.hand +
+                       "': results of people and of simulations are kept apart");
+    }
+  }
+  const UtcTime began = utc_now();
+  const OutputFolder folder(request.output, {"score.json", "forces.csv", "hand.txt", "film.mp4"},
+                            request.force);
+
+  StepLine line;
+  line.show("making object " + trainer::name_of(kind));
+  trainer::OrganObject object =
+      trainer::make_object(kind, vertices, [&](const std::string& step) { line.show(step); });
+  trainer::ExclusionTask task = trainer::exclusion_task(object);
+  task.damage_pa = damage_pa;
+  task.most_s = seconds;
+  line.show("computing how it gives way");
+  const trainer::ExclusionBody body(std::move(object), task);
+  trainer::ExclusionRunner runner(body, options);
+  media::FilmWriter film(folder.path("film.mp4"),
+                         {options.width, options.height, 3, static_cast<int>(options.picture_rate_hz), 1},
+                         request.force);
+  sim::Lettering lettering;
+  std::string csv =
+      "time_s,visible_share,largest_von_mises_pa,damaged_ml,danger,tone_hz,wrist_x_n,wrist_y_n,wrist_z_n";
+  for (std::size_t i = 1; i <= fingers; ++i) csv += ",finger_" + std::to_string(i) + "_n";
+  csv += "\n";
+  std::unique_ptr<trainer::SimulatedTrainee> simulated;
+  const auto observer = [&](const trainer::ExclusionView& view) {
+    if (simulated) simulated->see(view, options.shows_stress);
+    sim::Picture picture = *view.picture;
+    letter(lettering, picture, view, task, options.shows_stress);
+    film.add({picture.width, picture.height, 3, picture.rgb});
+    csv += number_text(view.time_s, 9);
+    for (const double number :
+         {view.visible_share, view.largest_von_mises_pa, 1e6 * view.damaged_m3, view.danger, view.tone_hz,
+          view.hand.wrist_n.x(), view.hand.wrist_n.y(), view.hand.wrist_n.z()})
+      csv += "," + number_text(number);
+    for (const sim::Vector3& force_n : view.hand.forces_n) csv += "," + number_text(force_n.norm());
+    csv += "\n";
+    return true;
+  };
+  trainer::ExclusionOutcome outcome;
+  const double period_s = 1 / options.force_rate_hz;
+  if (address) {
+    sim::UdpDevice device(fingers, address->address, address->port);
+    line.show("waiting for a hand, then for the line to be seen");
+    outcome = runner.run_in_real_time(device, observer);
+  } else {
+    line.show("pushing");
+    if (played) {
+      trainer::MotionPlayer player(*played, period_s);
+      outcome = runner.run_in_own_time(player, observer);
+    } else {
+      simulated =
+          std::make_unique<trainer::SimulatedTrainee>(body, fingers, trainer::TraineeSkill{}, period_s, seed);
+      outcome = runner.run_in_own_time(*simulated, observer);
+    }
+  }
+  film.finish();
+  if (trainee) {
+    trainer::ExclusionRecord record;
+    record.session = session;
+    record.test = request.test;
+    record.stress_shown = options.shows_stress;
+    record.object = trainer::name_of(kind);
+    record.fingers = fingers;
+    record.score = outcome.score;
+    database->add_attempt(*trainee, record, began);
+  }
+  folder.write("forces.csv", csv);
+  folder.write("hand.txt", trainer::text_of(outcome.motion));
+  Json report{{"object", trainer::name_of(kind)},
+              {"hand", request.hand},
+              {"simulated", request.hand == "simulated"},
+              {"fingers", fingers},
+              {"vertices", body.object().mesh.nodes.size()},
+              {"tetrahedra", body.object().mesh.tetrahedra.size()},
+              {"stress_shown", options.shows_stress},
+              {"damage_pa", damage_pa},
+              {"score", score_json(outcome.score)},
+              {"pictures", outcome.pictures},
+              {"elapsed_s", outcome.elapsed_s},
+              {"faults", {{"unsound", outcome.faults.unsound}, {"jumps", outcome.faults.jumps}}}};
+  if (outcome.force_loop) {
+    report["force_loop"] = {
+        {"steps", outcome.force_loop->steps},
+        {"on_time_share", outcome.force_loop->on_time_share()},
+        {"step_median_us", static_cast<double>(outcome.force_loop->step_50.count()) / 1e3},
+        {"without_pose", outcome.force_loop->without_pose}};
+  }
+  folder.write("score.json", report.dump(2) + "\n");
+  if (request.json) {
+    report["folder"] = request.output;
+    print_json(report);
+    return outcome.score.done ? kDone : kAnswerIsNo;
+  }
+  const trainer::ExclusionScore& score = outcome.score;
+  std::cout << request.output << ": "
+            << (score.done ? "the line was seen for a second after "
+                           : "the line was not seen for a second within ")
+            << number_text(score.time_s, 3) << " s (at best "
+            << number_text(100 * score.best_visible_share, 3) << " % of it)\n  largest von Mises stress  "
+            << number_text(score.largest_von_mises_pa / 1e3, 4) << " kPa; "
+            << number_text(1e6 * score.damaged_m3, 3) << " ml above " << number_text(damage_pa / 1e3, 4)
+            << " kPa\n  path of all fingers       " << number_text(100 * score.path_m, 3)
+            << " cm\n  largest force             " << number_text(score.peak_force_n, 3) << " N of a finger, "
+            << number_text(score.peak_wrist_n, 3) << " N of all\n";
+  if (request.hand == "simulated") std::cout << "  a simulated trainee: no person did this\n";
+  if (outcome.faults.unsound + outcome.faults.jumps > 0) {
+    std::cout << "  the device failed: " << outcome.faults.unsound << " poses that are none, "
+              << outcome.faults.jumps << " jumps; forces went to zero\n";
+  }
+  return score.done ? kDone : kAnswerIsNo;
+}
+
+}  // namespace
+
+void add_train_exclusion_command(Command& train) {
+  Command& command = train.add_command("exclusion", "push an organ aside until the line behind it is seen");
+  const auto request = std::make_shared<Request>();
+  command.required_option("--hand", "HAND", request->hand,
+                          "a file of hand motion, udp:PORT or udp:ADDRESS:PORT, or 'simulated'");
+  command.required_option("-o,--output", "DIR", request->output, "where to");
+  command.choice("--object", {"a", "b"}, request->object,
+                 "like a liver, or like a lung with its bronchus and artery", "a");
+  command.option("--fingers", "N", request->fingers, "of a device or a simulated trainee, 1 to 5");
+  command.option("--vertices", "N", request->vertices, "of the object's mesh");
+  command.flag("--stress", request->stress, "shows stress in the tissue's colour");
+  command.option("--damage", "PA", request->damage, "von Mises stress that counts as damage");
+  command.choice("--feedback", {"full", "tangential"}, request->feedback,
+                 "forces in three directions, or their part along each finger", "full");
+  command.option("--ghost", "FILE", request->ghost,
+                 "an expert's hand motion, shown beside the trainee's fingers");
+  command.option("--seconds", "S", request->seconds, "until the attempt is over");
+  command.option("--size", "WxH", request->size, "of the pictures");
+  command.option("--trainee", "NAME", request->trainee, "whose attempt it is ('kiroku train trainee')");
+  command.option("--database", "FILE", request->database, "keeps the attempt there");
+  command.option("--session", "N", request->session, "of the trainee's curriculum");
+  command.flag("--test", request->test, "the session's test, without stress; else practice");
+  command.option("--seed", "N", request->seed, "of the simulated trainee");
+  command.flag("-f,--force", request->force, "replaces what an earlier run left in DIR");
+  command.flag("--json", request->json, "prints one JSON object instead");
+  command.explain(
+      "The object hides a line. It is pushed aside with fingertips until nine tenths of the line are in "
+      "sight of the "
+      "trainee's eye for a second. Writes DIR/film.mp4, score.json, forces.csv (for each picture) and "
+      "hand.txt, the "
+      "hand's motion, which --hand and --ghost take. The exit status is 1 where the line was not seen.");
+  command.example("kiroku train exclusion --object a --hand simulated -o lift",
+                  "a simulated trainee lifts object A");
+  command.example("kiroku train exclusion --object b --hand udp:7001 --fingers 5 --stress -o own",
+                  "a person at a device, stress shown");
+  command.example("kiroku train exclusion --hand lift/hand.txt -o again", "the same motion again");
+  command.on_run([request] { return run(*request); });
+}
+
+}  // namespace kiroku::apps

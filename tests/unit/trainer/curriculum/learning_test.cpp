@@ -1,0 +1,113 @@
+#include "trainer/curriculum/learning.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "base/error.h"
+#include "trainer/curriculum/simulated_study.h"
+
+namespace kiroku::trainer {
+namespace {
+
+using testing::HasSubstr;
+
+ExclusionRecord record(const std::string& trainee, const std::string& group, int session, double stress_pa,
+                       bool test = true) {
+  ExclusionRecord made;
+  made.trainee = trainee;
+  made.group = group;
+  made.session = session;
+  made.test = test;
+  made.object = "a";
+  made.fingers = 3;
+  made.score.largest_von_mises_pa = stress_pa;
+  return made;
+}
+
+std::vector<ExclusionRecord> two_groups() {
+  std::vector<ExclusionRecord> records;
+  for (int session = 1; session <= 2; ++session) {
+    for (int trainee = 0; trainee < 3; ++trainee) {
+      records.push_back(
+          record("s" + std::to_string(trainee), "shown", session, 1e3 * (40 + trainee - 10 * session)));
+      records.push_back(record("h" + std::to_string(trainee), "hidden", session, 1e3 * (40 + 2 * trainee)));
+      records.push_back(record("h" + std::to_string(trainee), "hidden", session, 9e9, false));  // practice
+    }
+  }
+  return records;
+}
+
+TEST(LearningCurve, IsOfTestsByGroupAndSessionWithTheirSpread) {
+  const auto curves = learning_curves(two_groups(), "a", Measure::kStress);
+  ASSERT_EQ(curves.size(), 2U);
+  EXPECT_EQ(curves[0].group, "hidden");
+  ASSERT_EQ(curves[1].points.size(), 2U);
+  EXPECT_EQ(curves[0].points[1].summary.mean, 42);
+  EXPECT_EQ(curves[1].points[0].summary.mean, 31);
+  EXPECT_EQ(curves[1].points[1].summary.mean, 21);
+  EXPECT_EQ(curves[0].points[1].summary.standard_deviation, 2);
+  EXPECT_TRUE(learning_curves(two_groups(), "b", Measure::kStress).empty());
+}
+
+TEST(LearningCurve, TakesTheMeanOfATraineesTests) {
+  const auto curves = learning_curves(
+      {record("x", "g", 1, 1e3), record("x", "g", 1, 3e3), record("y", "g", 1, 8e3)}, "a", Measure::kStress);
+  ASSERT_EQ(curves.size(), 1U);
+  EXPECT_EQ(curves[0].points[0].summary.count, 2U);  // trainees, not attempts
+  EXPECT_EQ(curves[0].points[0].summary.mean, 5);
+}
+
+TEST(GroupComparison, IsOfTheLastSessionThatBothHave) {
+  std::vector<ExclusionRecord> records = two_groups();
+  records.push_back(record("s0", "shown", 3, 1));
+  const auto found = compare_at_end(records, "a", Measure::kStress);
+  ASSERT_EQ(found.size(), 1U);
+  EXPECT_EQ(found[0].session, 2);
+  EXPECT_EQ(found[0].comparison.difference, 21);
+  ASSERT_TRUE(found[0].comparison.test);
+  // 42 and 21, standard deviations 2 and 1, three each: t = 21 / sqrt(5 / 3).
+  EXPECT_NEAR(found[0].comparison.test->t, 16.2665, 1e-4);
+}
+
+TEST(TrainingReport, SaysWhatIsSimulatedAndWhereAGroupIsTooSmall) {
+  std::vector<ExclusionRecord> records = two_groups();
+  EXPECT_GT(training_report(records).size(), 1000U);
+  EXPECT_THROW((void)training_report({}), UsageError);
+  records = {record("x", "g", 1, 1e3), record("y", "h", 1, 2e3)};
+  const auto found = compare_at_end(records, "a", Measure::kStress);
+  ASSERT_EQ(found.size(), 1U);
+  EXPECT_FALSE(found[0].comparison.test);
+  EXPECT_THAT(found[0].comparison.why_no_test, HasSubstr("at least 3"));
+  EXPECT_THAT(curves_csv(records), HasSubstr("a,\"largest von Mises stress, kPa\",g,1,1,1,,,\n"));
+  records[0].simulated = true;
+  records[0].trainee = "a \"b\", c";
+  EXPECT_THAT(attempts_csv(records), HasSubstr("\"a \"\"b\"\", c\",g,yes,1,test,no,a,3,no,0,1000,"));
+}
+
+TEST(SimulatedStudy, RunsFromSessionsToATest) {
+  OrganObject object = make_object(ObjectKind::kLiver, 900);
+  const ExclusionTask task = exclusion_task(object);
+  const ExclusionBody body(std::move(object), task);
+  SimulatedStudy study;
+  study.trainees_a_group = 3;
+  study.sessions = 2;
+  const std::vector<ExclusionRecord> records = run_simulated_study(body, study);
+  ASSERT_EQ(records.size(), 2U * 3 * 2 * 2);
+  int done = 0;
+  for (const ExclusionRecord& made : records) {
+    EXPECT_TRUE(made.simulated);
+    EXPECT_THAT(made.trainee, HasSubstr("simulated"));
+    done += made.score.done ? 1 : 0;
+    EXPECT_FALSE(made.test && made.stress_shown);
+  }
+  EXPECT_GE(done, 20);  // of 24: some lift so unevenly that a part of the line stays hidden
+  const auto found = compare_at_end(records, "a", Measure::kStress);
+  ASSERT_EQ(found.size(), 1U);
+  EXPECT_EQ(found[0].session, 2);
+  EXPECT_TRUE(found[0].comparison.test);
+  study.sessions = 0;
+  EXPECT_THROW((void)run_simulated_study(body, study), UsageError);
+}
+
+}  // namespace
+}  // namespace kiroku::trainer

@@ -1,0 +1,79 @@
+#include "trainer/hand/hand_motion.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "base/error.h"
+
+namespace kiroku::trainer {
+namespace {
+
+using testing::HasSubstr;
+
+HandMotion turning() {
+  HandMotion motion;
+  motion.fingers = 2;
+  for (const double time_s : {0.0, 1.0, 3.0}) {
+    sim::Pose pose;
+    pose.position_m = {time_s / 3, 0.1, -time_s};
+    pose.orientation = Eigen::AngleAxisd(time_s, sim::Vector3::UnitZ());
+    motion.times_s.push_back(time_s);
+    motion.poses.push_back({pose, sim::Pose()});
+  }
+  return motion;
+}
+
+std::string refusal(const std::string& text) {
+  try {
+    (void)parse_hand_motion(text, "a.hand");
+  } catch (const Error& error) {
+    return error.what();
+  }
+  return "nothing was refused";
+}
+
+TEST(HandMotion, IsReadBackToTheBit) {
+  const HandMotion motion = turning(), again = parse_hand_motion(text_of(motion), "a.hand");
+  EXPECT_EQ(again.times_s, motion.times_s);
+  for (std::size_t i = 0; i < 3; ++i) {
+    EXPECT_EQ(again.poses[i][0].position_m, motion.poses[i][0].position_m);
+    EXPECT_EQ(again.poses[i][0].orientation.coeffs(), motion.poses[i][0].orientation.coeffs());
+  }
+}
+
+TEST(HandMotion, IsEvenBetweenItsMomentsAndStaysAtItsEnds) {
+  const HandMotion motion = turning();
+  EXPECT_TRUE(motion.at(2)[0].position_m.isApprox(sim::Vector3(2.0 / 3, 0.1, -2)));
+  EXPECT_NEAR(Eigen::AngleAxisd(motion.at(2)[0].orientation).angle(), 2, 1e-12);
+  EXPECT_EQ(motion.at(-1)[0].position_m, motion.poses[0][0].position_m);
+  EXPECT_EQ(motion.at(9)[0].position_m, motion.poses[2][0].position_m);
+}
+
+TEST(HandMotion, TellsWhatIsWrongWithAFile) {
+  EXPECT_THAT(refusal("P6 3"), HasSubstr("a.hand, line 1: this is no hand motion"));
+  const std::string head = "kiroku-hand-motion 1\n";
+  EXPECT_THAT(refusal(head + "fingers 0\n"), HasSubstr("line 2: 'fingers N'"));
+  EXPECT_THAT(refusal(head + "fingers 1\n0 0 0 0 1 0 0\n"), HasSubstr("line 3: a moment of 1 fingers is 8"));
+  EXPECT_THAT(refusal(head + "fingers 1\n0 nan 0 0 1 0 0 0\n"), HasSubstr("finite"));
+  EXPECT_THAT(refusal(head + "fingers 1\n0 0 0 0 2 0 0 0\n"), HasSubstr("finger 1 is not of length 1"));
+  EXPECT_THAT(refusal(head + "fingers 1\n1 0 0 0 1 0 0 0\n1 0 0 0 1 0 0 0\n"), HasSubstr("line 4: times"));
+  EXPECT_THAT(refusal(head + "fingers 1\n"), HasSubstr("without a moment"));
+}
+
+TEST(HandMotion, WhatIsPlayedIsWhatIsRecorded) {
+  MotionPlayer player(turning(), 1e-3);
+  MotionRecorder recorder(player, 1e-3, 2);
+  std::vector<sim::Pose> poses(2);
+  const std::vector<sim::Vector3> none(2, sim::Vector3::Zero());
+  for (int step = 0; step < 3000; ++step) {
+    EXPECT_TRUE(recorder.read(poses));
+    recorder.write(none);
+  }
+  const HandMotion found = recorder.motion();
+  EXPECT_EQ(found.times_s.size(), 201U);  // 2 s, and no more than there was room for
+  for (const double time_s : {0.0, 0.5, 1.5, 1.99})
+    EXPECT_TRUE(found.at(time_s)[0].position_m.isApprox(turning().at(time_s)[0].position_m, 1e-9));
+}
+
+}  // namespace
+}  // namespace kiroku::trainer

@@ -1,0 +1,220 @@
+#include "trainer/curriculum/learning.h"
+
+#include <algorithm>
+#include <map>
+#include <set>
+
+#include "base/error.h"
+#include "sim/fem/number_text.h"
+
+namespace kiroku::trainer {
+namespace {
+
+using sim::number_text;
+
+/// By group and session, a number a trainee: the mean of his or her tests.
+using Tests = std::map<std::string, std::map<int, std::vector<double>>>;
+
+Tests tests_of(const std::vector<ExclusionRecord>& records, const std::string& object, Measure measure) {
+  std::map<std::string, std::map<int, std::map<std::string, std::vector<double>>>> by_trainee;
+  for (const ExclusionRecord& record : records) {
+    if (record.test && record.object == object)
+      by_trainee[record.group][record.session][record.trainee].push_back(value_of(measure, record.score));
+  }
+  Tests tests;
+  for (const auto& [group, sessions] : by_trainee) {
+    for (const auto& [session, trainees] : sessions) {
+      for (const auto& [trainee, values] : trainees) tests[group][session].push_back(summary_of(values).mean);
+    }
+  }
+  return tests;
+}
+
+std::set<std::string> objects_of(const std::vector<ExclusionRecord>& records) {
+  std::set<std::string> objects;
+  for (const ExclusionRecord& record : records) objects.insert(record.object);
+  return objects;
+}
+
+/// A field of a CSV file (RFC 4180).
+std::string field(const std::string& text) {
+  if (text.find_first_of(",\"\n\r") == std::string::npos) return text;
+  std::string quoted = "\"";
+  for (const char c : text) quoted += c == '"' ? "\"\"" : std::string(1, c);
+  return quoted + "\"";
+}
+
+std::string group_name(const std::string& group) { return group.empty() ? "no group" : group; }
+
+std::string interval_text(const Interval& interval) {
+  return number_text(interval.low, 3) + " to " + number_text(interval.high, 3);
+}
+
+std::string sentence_of(const GroupComparison& found) {
+  std::string text = group_name(found.first) + " less " + group_name(found.second) + " in session " +
+                     std::to_string(found.session) + ": " + number_text(found.comparison.difference, 3);
+  if (!found.comparison.test) return text + "; no p-value: " + found.comparison.why_no_test + ".";
+  const TestResult& test = *found.comparison.test;
+  return text + " (95 % " + interval_text(test.of_difference) + "), Welch's t " + number_text(test.t, 3) +
+         " with " + number_text(test.degrees_of_freedom, 3) + " degrees of freedom, p " +
+         number_text(test.p, 2) + ", Hedges' g " + number_text(test.hedges_g, 2) + " (95 % " +
+         interval_text(test.of_hedges_g) + ").";
+}
+
+Plot plot_of(const std::vector<LearningCurve>& curves, Measure measure, const std::string& note) {
+  Plot plot{label_of(measure), "session", label_of(measure), {}, false, true, note};
+  for (const LearningCurve& curve : curves) {
+    PlotSeries series{group_name(curve.group), {}, {}, {}, true};
+    for (const CurvePoint& point : curve.points) {
+      series.x.push_back(point.session);
+      series.y.push_back(point.summary.mean);
+      series.intervals.push_back(
+          point.summary.of_mean.value_or(Interval{point.summary.mean, point.summary.mean}));
+    }
+    plot.series.push_back(std::move(series));
+  }
+  return plot;
+}
+
+}  // namespace
+
+std::string label_of(Measure measure) {
+  constexpr std::array<const char*, kMeasures.size()> kLabels{
+      "largest von Mises stress, kPa", "time, s", "path of the fingers, cm", "largest force of a finger, N",
+      "tissue above the damage limit, ml"};
+  return kLabels[static_cast<std::size_t>(measure)];
+}
+
+double value_of(Measure measure, const ExclusionScore& score) {
+  switch (measure) {
+    case Measure::kStress:
+      return score.largest_von_mises_pa / 1e3;
+    case Measure::kTime:
+      return score.time_s;
+    case Measure::kPath:
+      return 100 * score.path_m;
+    case Measure::kForce:
+      return score.peak_force_n;
+    case Measure::kDamage:
+      break;
+  }
+  return 1e6 * score.damaged_m3;
+}
+
+std::vector<LearningCurve> learning_curves(const std::vector<ExclusionRecord>& records,
+                                           const std::string& object, Measure measure) {
+  std::vector<LearningCurve> curves;
+  for (const auto& [group, sessions] : tests_of(records, object, measure)) {
+    LearningCurve& curve = curves.emplace_back();
+    curve.group = group;
+    for (const auto& [session, values] : sessions) curve.points.push_back({session, summary_of(values)});
+  }
+  return curves;
+}
+
+std::vector<GroupComparison> compare_at_end(const std::vector<ExclusionRecord>& records,
+                                            const std::string& object, Measure measure) {
+  const Tests tests = tests_of(records, object, measure);
+  std::vector<GroupComparison> found;
+  for (auto first = tests.begin(); first != tests.end(); ++first) {
+    for (auto second = std::next(first); second != tests.end(); ++second) {
+      int last = 0;
+      for (const auto& [session, values] : first->second) {
+        if (second->second.contains(session)) last = session;
+      }
+      if (last == 0) continue;
+      found.push_back({last, first->first, second->first,
+                       compare_groups(first->second.at(last), second->second.at(last))});
+    }
+  }
+  return found;
+}
+
+std::string attempts_csv(const std::vector<ExclusionRecord>& records) {
+  std::string csv =
+      "trainee,group,simulated,session,kind,stress_shown,object,fingers,done,time_s,largest_von_mises_pa,"
+      "damaged_ml,"
+      "path_m,peak_force_n,peak_wrist_force_n,best_visible_share\n";
+  for (const ExclusionRecord& record : records) {
+    const ExclusionScore& score = record.score;
+    csv += field(record.trainee) + "," + field(record.group) + (record.simulated ? ",yes," : ",no,") +
+           std::to_string(record.session) + (record.test ? ",test," : ",practice,") +
+           (record.stress_shown ? "yes," : "no,") + record.object + "," + std::to_string(record.fingers) +
+           (score.done ? ",yes" : ",no");
+    for (const double number :
+         {score.time_s, score.largest_von_mises_pa, 1e6 * score.damaged_m3, score.path_m, score.peak_force_n,
+          score.peak_wrist_n, score.best_visible_share})
+      csv += "," + sim::exact_text(number);
+    csv += "\n";
+  }
+  return csv;
+}
+
+std::string curves_csv(const std::vector<ExclusionRecord>& records) {
+  std::string csv = "object,measure,group,session,trainees,mean,standard_deviation,low_95,high_95\n";
+  for (const std::string& object : objects_of(records)) {
+    for (const Measure measure : kMeasures) {
+      for (const LearningCurve& curve : learning_curves(records, object, measure)) {
+        for (const CurvePoint& point : curve.points) {
+          const SampleSummary& summary = point.summary;
+          csv += object + "," + field(label_of(measure)) + "," + field(curve.group) + "," +
+                 std::to_string(point.session) + "," + std::to_string(summary.count) + "," +
+                 sim::exact_text(summary.mean) + ",";
+          if (summary.of_mean) {
+            csv += sim::exact_text(summary.standard_deviation) + "," + sim::exact_text(summary.of_mean->low) +
+                   "," + sim::exact_text(summary.of_mean->high) + "\n";
+          } else {
+            csv += ",,\n";  // of one trainee there is no spread
+          }
+        }
+      }
+    }
+  }
+  return csv;
+}
+
+Bytes training_report(const std::vector<ExclusionRecord>& records) {
+  if (records.empty()) throw UsageError("there is no attempt to report: train first");
+  std::set<std::string> people, simulated;
+  for (const ExclusionRecord& record : records)
+    (record.simulated ? simulated : people).insert(record.trainee);
+  const std::string note = simulated.empty()
+                               ? "tests without stress shown; bars: 95 % of the mean"
+                               : "simulated trainees among them; tests without stress shown; bars: 95 %";
+  std::vector<ReportBlock> blocks{
+      {"What the data are",
+       std::to_string(records.size()) + " attempts of " + std::to_string(people.size()) + " people and " +
+           std::to_string(simulated.size()) + " simulated trainees." +
+           (simulated.empty() ? "" : " What is simulated says nothing about people.") +
+           " Curves are of the tests, in which no stress is shown; bars are 95 % intervals of the mean over "
+           "trainees, "
+           "by Student's t. Groups are compared by Welch's t.",
+       {},
+       {}}};
+  for (const std::string& object : objects_of(records)) {
+    for (const Measure measure : kMeasures) {
+      const std::vector<LearningCurve> curves = learning_curves(records, object, measure);
+      if (curves.empty()) continue;
+      ReportBlock block;
+      block.heading = "Object " + object + ": " + label_of(measure);
+      for (const GroupComparison& found : compare_at_end(records, object, measure))
+        block.text += (block.text.empty() ? "" : " ") + sentence_of(found);
+      block.table.push_back(
+          {"group", "session", "trainees", "mean", "standard deviation", "95 % of the mean"});
+      for (const LearningCurve& curve : curves) {
+        for (const CurvePoint& point : curve.points) {
+          const SampleSummary& summary = point.summary;
+          block.table.push_back({group_name(curve.group), std::to_string(point.session),
+                                 std::to_string(summary.count), number_text(summary.mean, 4),
+                                 summary.of_mean ? number_text(summary.standard_deviation, 3) : "one trainee",
+                                 summary.of_mean ? interval_text(*summary.of_mean) : ""});
+        }
+      }
+      block.plot = plot_of(curves, measure, note);
+      blocks.push_back(std::move(block));
+    }
+  }
+  return report_pdf("Training: pushing an organ aside", blocks);
+}
+
+}  // namespace kiroku::trainer

@@ -1,0 +1,76 @@
+// What is pushed aside, and what lies behind it.
+#pragma once
+
+#include <memory>
+
+#include "sim/contact/contact_body.h"
+#include "sim/render/camera.h"
+#include "sim/render/surface_renderer.h"
+#include "trainer/objects/organ_object.h"
+
+namespace kiroku::trainer {
+
+/// The task: the line behind the organ is to be seen by the trainee's eye, nearly whole, for a while.
+struct ExclusionTask {
+  sim::Vector3 eye_m = sim::Vector3::Zero();
+  sim::Vector3 looks_at_m = sim::Vector3::Zero();
+  sim::Vector3 line_from_m = sim::Vector3::Zero(), line_to_m = sim::Vector3::Zero();
+  double line_radius_m = 0.0015;
+  double visible_share = 0.9;  // of the line's picture, from which on it counts as seen
+  double hold_s = 1;           // how long it is to stay so
+  double most_s = 60;          // then the task is over
+  /// Von Mises stress that is taken for damage. A parameter of the training, no statement about tissue.
+  double damage_pa = 100e3;
+};
+
+/// The eye of who stands at the object's side of -y and looks over its border, the line below the object
+/// behind that border: hidden until the border is lifted by some millimetres.
+ExclusionTask exclusion_task(const OrganObject& object);
+
+/// A camera there, x to the right; 28 degrees high.
+sim::Camera camera_of(const ExclusionTask& task, int width, int height);
+/// The line as a rod.
+sim::Solid line_of(const ExclusionTask& task);
+
+/// Object, body and columns of compliance; made once, for many runs. The columns of all that may be touched
+/// are there from the start, so that runs that drive their own time repeat to the bit.
+class ExclusionBody {
+ public:
+  ExclusionBody(OrganObject object, const ExclusionTask& task);
+  ExclusionBody(const ExclusionBody&) = delete;
+  ExclusionBody& operator=(const ExclusionBody&) = delete;
+
+  [[nodiscard]] const ExclusionTask& task() const { return task_; }
+  [[nodiscard]] const OrganObject& object() const { return object_; }
+  [[nodiscard]] const sim::ElasticBody& body() const { return *body_; }
+  [[nodiscard]] const sim::ContactBody& contact() const { return *contact_; }
+  [[nodiscard]] const std::vector<double>& volumes_m3() const { return volumes_m3_; }  // (|T|), at rest
+
+ private:
+  OrganObject object_;
+  ExclusionTask task_;
+  std::unique_ptr<sim::ElasticBody> body_;
+  std::unique_ptr<sim::ContactBody> contact_;
+  std::vector<double> volumes_m3_;
+};
+
+/// How much of the line can be seen, in a picture of the body and the line alone: fingers, which a trainee
+/// can take away, hide nothing. For the thread that made the renderer.
+class VisibilityMeter {
+ public:
+  VisibilityMeter(sim::SurfaceRenderer& renderer, const ExclusionTask& task, int width, int height);
+  /// 0 to 1: pixels of the line to those it has without the body.
+  [[nodiscard]] double visible_share(std::span<const double> displacement_m);
+
+ private:
+  sim::SurfaceRenderer& renderer_;
+  sim::SurfaceScene scene_;
+  double whole_ = 0;
+};
+
+/// The same by geometry: the share of straight lines from the eye to places spread evenly over the line's
+/// outline that meet no face of the deformed surface. Slow.
+double geometric_visible_share(const sim::TetMesh& mesh, std::span<const double> displacement_m,
+                               const ExclusionTask& task);
+
+}  // namespace kiroku::trainer

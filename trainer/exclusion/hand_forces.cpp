@@ -1,0 +1,61 @@
+#include "trainer/exclusion/hand_forces.h"
+
+#include <algorithm>
+
+#include "base/error.h"
+
+namespace kiroku::trainer {
+
+using sim::Vector3;
+
+Feedback feedback_of(const std::string& name) {
+  if (name == "full") return Feedback::kFull;
+  if (name == "tangential") return Feedback::kTangential;
+  throw UsageError("'" + name + "' is no way to play forces: it must be full or tangential");
+}
+
+Vector3 played_n(Feedback feedback, const sim::Pose& pose, const Vector3& force_n) {
+  if (feedback == Feedback::kFull) return force_n;
+  const Vector3 along = pose.orientation * Vector3::UnitZ();
+  return force_n.dot(along) * along;
+}
+
+std::vector<sim::ContactTool> fingertips(std::size_t count) {
+  if (count < 1 || count > kMostExclusionFingers)
+    throw UsageError("an organ is pushed aside with 1 to 5 fingers, not " + std::to_string(count));
+  std::vector<sim::ContactTool> tools;
+  for (std::size_t i = 0; i < count; ++i)
+    tools.push_back({"finger " + std::to_string(i + 1), sim::Sphere{kFingertipMetres}, false});
+  return tools;
+}
+
+HandForces::HandForces(const ExclusionBody& body, std::size_t fingers, Feedback feedback)
+    : contact_(body.contact(), fingertips(fingers)), feedback_(feedback) {
+  now_.poses.resize(fingers);
+  now_.forces_n.assign(fingers, Vector3::Zero());
+  seen_ = now_;
+}
+
+void HandForces::forces(std::span<const sim::Pose> poses, double period_s, std::span<Vector3> forces_n) {
+  contact_.forces(poses, period_s, forces_n);
+  now_.wrist_n.setZero();
+  for (std::size_t i = 0; i < forces_n.size(); ++i) {
+    if (now_.any) now_.path_m += (poses[i].position_m - now_.poses[i].position_m).norm();
+    now_.poses[i] = poses[i];
+    now_.forces_n[i] = forces_n[i];
+    now_.wrist_n += forces_n[i];
+    now_.peak_force_n = std::max(now_.peak_force_n, forces_n[i].norm());
+    forces_n[i] = played_n(feedback_, poses[i], forces_n[i]);
+  }
+  now_.any = true;
+  now_.peak_wrist_n = std::max(now_.peak_wrist_n, now_.wrist_n.norm());
+  const std::unique_lock lock(mutex_, std::try_to_lock);
+  if (lock.owns_lock()) seen_ = now_;  // as many fingers, so nothing is allocated
+}
+
+HandForces::State HandForces::state() const {
+  const std::lock_guard lock(mutex_);
+  return seen_;
+}
+
+}  // namespace kiroku::trainer

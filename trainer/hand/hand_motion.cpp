@@ -1,0 +1,159 @@
+#include "trainer/hand/hand_motion.h"
+
+#include <algorithm>
+#include <charconv>
+#include <cmath>
+#include <optional>
+#include <utility>
+
+#include "base/error.h"
+#include "sim/fem/number_text.h"
+
+namespace kiroku::trainer {
+namespace {
+
+constexpr std::size_t kMostFingersOfAMotion = 16, kMostMoments = 10'000'000, kNumbersOfAPose = 7;
+constexpr std::string_view kFirstLine = "kiroku-hand-motion 1";
+
+/// The numbers of a line, nothing where it has something else.
+std::optional<std::vector<double>> numbers_of(std::string_view line) {
+  std::vector<double> numbers;
+  for (const char *at = line.data(), *const end = at + line.size();;) {
+    while (at != end && (*at == ' ' || *at == '\t')) ++at;
+    if (at == end) return numbers;
+    double number = 0;
+    const auto [after, failed] = std::from_chars(at, end, number);
+    if (failed != std::errc() || !std::isfinite(number)) return std::nullopt;
+    numbers.push_back(number);
+    at = after;
+  }
+}
+
+}  // namespace
+
+std::vector<sim::Pose> HandMotion::at(double time_s) const {
+  const auto after = std::ranges::upper_bound(times_s, time_s);
+  if (after == times_s.begin()) return poses.front();
+  if (after == times_s.end()) return poses.back();
+  const auto next = static_cast<std::size_t>(after - times_s.begin());
+  const double share = (time_s - times_s[next - 1]) / (times_s[next] - times_s[next - 1]);
+  std::vector<sim::Pose> between = poses[next - 1];
+  for (std::size_t finger = 0; finger < fingers; ++finger) {
+    const sim::Pose& to = poses[next][finger];
+    between[finger].position_m += share * (to.position_m - between[finger].position_m);
+    between[finger].orientation = between[finger].orientation.slerp(share, to.orientation).normalized();
+  }
+  return between;
+}
+
+HandMotion parse_hand_motion(std::string_view text, const std::string& file) {
+  HandMotion motion;
+  std::size_t line_number = 0;
+  const auto refuse = [&](const std::string& why) {
+    throw Error(file + ", line " + std::to_string(line_number) + ": " + why);
+  };
+  for (std::size_t begin = 0; begin < text.size();) {
+    const std::size_t end = std::min(text.find('\n', begin), text.size());
+    std::string_view line = text.substr(begin, end - begin);
+    if (line.ends_with('\r')) line.remove_suffix(1);
+    begin = end + 1;
+    ++line_number;
+    if (line_number == 1) {
+      if (line != kFirstLine)
+        refuse("this is no hand motion: it must begin with '" + std::string(kFirstLine) + "'");
+      continue;
+    }
+    if (line.empty() || line.starts_with('#')) continue;
+    if (motion.fingers == 0) {
+      constexpr std::string_view kKey = "fingers ";
+      const auto count = line.starts_with(kKey) ? numbers_of(line.substr(kKey.size())) : std::nullopt;
+      if (!count || count->size() != 1 || count->front() < 1 ||
+          count->front() > double{kMostFingersOfAMotion} || count->front() != std::floor(count->front()))
+        refuse("'fingers N' is expected, N from 1 to 16");
+      motion.fingers = static_cast<std::size_t>(count->front());
+      continue;
+    }
+    const auto numbers = numbers_of(line);
+    const std::size_t expected = 1 + kNumbersOfAPose * motion.fingers;
+    if (!numbers || numbers->size() != expected)
+      refuse("a moment of " + std::to_string(motion.fingers) + " fingers is " + std::to_string(expected) +
+             " finite numbers: seconds, then x y z and w x y z of each");
+    if (numbers->front() < 0 || (!motion.times_s.empty() && numbers->front() <= motion.times_s.back()))
+      refuse("times are seconds from 0 on, each later than the one before");
+    std::vector<sim::Pose> poses(motion.fingers);
+    for (std::size_t finger = 0; finger < motion.fingers; ++finger) {
+      const double* const n = numbers->data() + 1 + kNumbersOfAPose * finger;
+      poses[finger].position_m = {n[0], n[1], n[2]};
+      poses[finger].orientation = {n[3], n[4], n[5], n[6]};
+      if (!poses[finger].sound())
+        refuse("the quaternion of finger " + std::to_string(finger + 1) + " is not of length 1");
+    }
+    if (motion.times_s.size() == kMostMoments) refuse("a hand motion has at most 10 million moments");
+    motion.times_s.push_back(numbers->front());
+    motion.poses.push_back(std::move(poses));
+  }
+  if (motion.times_s.empty()) throw Error(file + " is a hand motion without a moment: record one first");
+  return motion;
+}
+
+std::string text_of(const HandMotion& motion) {
+  std::string text = std::string(kFirstLine) + "\nfingers " + std::to_string(motion.fingers) + "\n";
+  for (std::size_t moment = 0; moment < motion.times_s.size(); ++moment) {
+    text += sim::exact_text(motion.times_s[moment]);
+    for (const sim::Pose& pose : motion.poses[moment]) {
+      const Eigen::Quaterniond& q = pose.orientation;
+      for (const double number :
+           {pose.position_m.x(), pose.position_m.y(), pose.position_m.z(), q.w(), q.x(), q.y(), q.z()})
+        text += " " + sim::exact_text(number);
+    }
+    text += "\n";
+  }
+  return text;
+}
+
+MotionPlayer::MotionPlayer(HandMotion motion, double period_s)
+    : motion_(std::move(motion)), period_s_(period_s) {
+  if (motion_.times_s.empty()) throw UsageError("a hand motion without a moment cannot be played");
+}
+
+bool MotionPlayer::read(std::span<sim::Pose> poses) {
+  std::ranges::copy(motion_.at(static_cast<double>(steps_) * period_s_), poses.begin());
+  return true;
+}
+
+void MotionPlayer::write(std::span<const sim::Vector3> /*forces_n*/) { ++steps_; }
+
+MotionRecorder::MotionRecorder(sim::HapticDevice& device, double period_s, double longest_s)
+    : device_(device), period_s_(period_s) {
+  motion_.fingers = device.tools();
+  const auto moments = static_cast<std::size_t>(longest_s / kLeastSeconds) + 1;
+  motion_.times_s.resize(moments);
+  motion_.poses.assign(moments, std::vector<sim::Pose>(device.tools()));
+}
+
+bool MotionRecorder::read(std::span<sim::Pose> poses) {
+  if (!device_.read(poses)) return false;
+  const double now_s = static_cast<double>(steps_) * period_s_;
+  // Half a period: the step nearest to when one is due.
+  const bool due = kept_ == 0 || now_s - motion_.times_s[kept_ - 1] > kLeastSeconds - period_s_ / 2;
+  if (due && kept_ < motion_.times_s.size()) {
+    motion_.times_s[kept_] = now_s;
+    std::ranges::copy(poses, motion_.poses[kept_].begin());
+    ++kept_;
+  }
+  return true;
+}
+
+void MotionRecorder::write(std::span<const sim::Vector3> forces_n) {
+  ++steps_;
+  device_.write(forces_n);
+}
+
+HandMotion MotionRecorder::motion() const {
+  HandMotion kept = motion_;
+  kept.times_s.resize(kept_);
+  kept.poses.resize(kept_);
+  return kept;
+}
+
+}  // namespace kiroku::trainer

@@ -1,0 +1,103 @@
+#include "trainer/objects/organ_object.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "base/error.h"
+#include "sim/meshing/organ_mesher.h"
+
+namespace kiroku::trainer {
+namespace {
+
+using sim::Vector3;
+
+constexpr double kHalfLengthMetres = 0.1, kHalfWidthMetres = 0.06, kFixedShare = 0.075, kVoxelMetres = 0.002;
+constexpr double kLiverHalfThicknessMetres = 0.015, kLungHalfThicknessMetres = 0.022;
+constexpr double kGrooveMetres = 0.033, kGrooveDepthMetres = 0.008, kGrooveWidthMetres = 0.006;
+
+/// Of the sheet's rounded section: 0 in the middle, 1 on its border.
+double section(double y, double z, double half_thickness_m) {
+  const double across = std::pow(std::abs(y) / kHalfWidthMetres, 4), up = z / half_thickness_m;
+  return across + up * up;
+}
+
+std::uint16_t liver(const Vector3& p) {
+  const double from_groove = std::abs(std::abs(p.x()) - kGrooveMetres) / kGrooveWidthMetres;
+  const double groove_m = kGrooveDepthMetres * std::exp(-from_groove * from_groove);
+  const double upper_m = kLiverHalfThicknessMetres - (p.z() > 0 ? groove_m : 0);
+  if (section(p.y(), p.z(), upper_m) > 1) return 0;
+  return p.x() < -kGrooveMetres ? 1 : p.x() < kGrooveMetres ? 2 : 3;
+}
+
+/// Within a rod from a to b whose radius goes from one to the other.
+bool within_rod(const Vector3& p, const Vector3& a, const Vector3& b, double radius_a_m, double radius_b_m) {
+  const Vector3 along = b - a;
+  const double share = std::clamp((p - a).dot(along) / along.squaredNorm(), 0.0, 1.0);
+  return (p - a - share * along).norm() < radius_a_m + share * (radius_b_m - radius_a_m);
+}
+
+std::uint16_t lung(const Vector3& p) {
+  if (section(p.y(), p.z(), kLungHalfThicknessMetres) > 1) return 0;
+  const Vector3 root(-0.11, 0.01, 0.004), fork(-0.02, 0.008, 0.002);
+  if (within_rod(p, root, fork, 0.009, 0.007) || within_rod(p, fork, {0.06, 0.035, 0}, 0.007, 0.0045) ||
+      within_rod(p, fork, {0.06, -0.02, 0}, 0.007, 0.0045))
+    return 2;
+  if (within_rod(p, {-0.11, -0.018, 0.002}, {-0.01, -0.022, 0}, 0.006, 0.0045)) return 3;
+  return 1;
+}
+
+}  // namespace
+
+ObjectKind object_kind(const std::string& name) {
+  if (name == "a") return ObjectKind::kLiver;
+  if (name == "b") return ObjectKind::kLung;
+  throw UsageError("'" + name + "' is no object: it must be a (like a liver) or b (like a lung)");
+}
+
+std::string name_of(ObjectKind kind) { return kind == ObjectKind::kLiver ? "a" : "b"; }
+
+OrganObject make_object(ObjectKind kind, std::size_t vertices,
+                        const std::function<void(const std::string&)>& step) {
+  if (vertices < kLeastObjectNodes || vertices > kMostObjectNodes) {
+    throw UsageError("an object has " + std::to_string(kLeastObjectNodes) + " to " +
+                     std::to_string(kMostObjectNodes) + " vertices, not " + std::to_string(vertices));
+  }
+  const bool is_liver = kind == ObjectKind::kLiver;
+  OrganObject object;
+  object.kind = kind;
+  object.half_thickness_m = is_liver ? kLiverHalfThicknessMetres : kLungHalfThicknessMetres;
+  sim::LabelMap labels;
+  // A layer of air around y and z; along x the object ends with the voxels, in flat faces.
+  const Vector3 half_m(kHalfLengthMetres, kHalfWidthMetres + 2 * kVoxelMetres,
+                       object.half_thickness_m + 2 * kVoxelMetres);
+  for (std::size_t axis = 0; axis < 3; ++axis)
+    labels.grid.size[axis] =
+        static_cast<std::size_t>(std::lround(2 * half_m[static_cast<Eigen::Index>(axis)] / kVoxelMetres)) + 1;
+  labels.grid.spacing_m.setConstant(kVoxelMetres);
+  labels.grid.origin_m = -half_m;
+  labels.labels.reserve(labels.grid.voxels());
+  for (std::size_t k = 0; k < labels.grid.size[2]; ++k) {
+    for (std::size_t j = 0; j < labels.grid.size[1]; ++j) {
+      for (std::size_t i = 0; i < labels.grid.size[0]; ++i) {
+        const Vector3 index(static_cast<double>(i), static_cast<double>(j), static_cast<double>(k));
+        const Vector3 at_m = labels.grid.patient_m(index);
+        labels.labels.push_back(is_liver ? liver(at_m) : lung(at_m));
+      }
+    }
+  }
+  object.mesh = sim::make_organ_mesh(labels, {vertices, 1}, step).mesh;
+  if (is_liver) {
+    for (const std::int32_t region : {1, 2, 3}) object.materials[region] = {0.3e6, 0.4, 1000};
+  } else {
+    object.materials = {{1, {0.1e6, 0.4, 1000}}, {2, {1e6, 0.4, 1000}}, {3, {1e6, 0.4, 1000}}};
+  }
+  object.constraints = sim::Constraints(object.mesh.nodes.size());
+  const double free_m = kHalfLengthMetres * (1 - 2 * kFixedShare);
+  for (std::size_t node = 0; node < object.mesh.nodes.size(); ++node) {
+    if (std::abs(object.mesh.nodes[node].x()) >= free_m)
+      object.constraints.prescribe(node, Vector3::Zero(), "the object's ends");
+  }
+  return object;
+}
+
+}  // namespace kiroku::trainer

@@ -1,0 +1,45 @@
+// The two objects of the exclusion study, made at any resolution.
+//
+// Source: "Construction of Training Environment for Surgical Exclusion with a Basic Study of Multi-finger
+// Haptic Interaction": object A is like a liver, with grooves between its regions and one elasticity
+// throughout; object B is like a lung, soft, with a bronchus and a pulmonary artery that are stiffer. The
+// papers give elasticities, not shapes: the shapes here are the project's own.
+#pragma once
+
+#include <functional>
+#include <string>
+
+#include "sim/fem/elastic_body.h"
+
+namespace kiroku::trainer {
+
+enum class ObjectKind { kLiver, kLung };
+/// "a", "b"; kiroku::UsageError for others.
+ObjectKind object_kind(const std::string& name);
+std::string name_of(ObjectKind kind);
+
+/// A sheet of tissue around the origin, 20 cm along x, 12 cm along y, rounded at its borders, held at both
+/// ends of x over 7.5 % of its length. Metres.
+///
+/// A: 3 cm thick, E 0.3 MPa, Poisson's ratio 0.4; regions 1 to 3 are its lobes, from -x on, with grooves 8 mm
+///    deep between them on the upper side.
+/// B: 4.4 cm thick, region 1 of E 0.1 MPa; region 2, a bronchus that forks, and region 3, an artery beside
+/// it, of
+///    E 1.0 MPa, both entering at -x. Poisson's ratio 0.4.
+struct OrganObject {
+  ObjectKind kind = ObjectKind::kLiver;
+  sim::TetMesh mesh;
+  sim::Materials materials;
+  sim::Constraints constraints{0};
+  double half_thickness_m = 0;
+};
+
+/// With fewer, a fingertip would go between the nodes of the surface.
+inline constexpr std::size_t kLeastObjectNodes = 800, kMostObjectNodes = 100'000;
+
+/// Meshed as organs of a CT are (sim/meshing), from voxels of 2 mm; about `vertices` nodes. The same call
+/// gives the same bits. `step` as of make_organ_mesh(). kiroku::UsageError for numbers out of range.
+OrganObject make_object(ObjectKind kind, std::size_t vertices,
+                        const std::function<void(const std::string&)>& step = {});
+
+}  // namespace kiroku::trainer
