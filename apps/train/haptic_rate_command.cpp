@@ -16,6 +16,7 @@
 #include "sim/haptics/haptic_rate.h"
 #include "trainer/haptic_rate/experiment.h"
 #include "trainer/haptic_rate/plate_picture.h"
+#include "trainer/report/csv_field.h"
 #include "trainer/report/plot.h"
 #include "trainer/results/training_database.h"
 
@@ -125,21 +126,13 @@ Outcome ask(const Request& request, const Subjects& subjects, const trainer::Pla
 
 std::string exact(double number) { return sim::exact_text(number); }
 
-/// A field of a CSV file (RFC 4180).
-std::string field(const std::string& text) {
-  if (text.find_first_of(",\"\n\r") == std::string::npos) return text;
-  std::string quoted = "\"";
-  for (const char c : text) quoted += c == '"' ? "\"\"" : std::string(1, c);
-  return quoted + "\"";
-}
-
 std::string trials_csv(const Outcome& outcome) {
   std::string csv = "subject,simulated,fingers,trial,rate_hz,answer\n";
   for (const trainer::RateSession& session : outcome.sessions) {
     std::size_t number = 0;
     for (const trainer::RateTrial& trial : session.trials) {
-      csv += field(session.subject) + (session.simulated ? ",yes," : ",no,") + std::to_string(trial.fingers) +
-             "," + std::to_string(++number) + "," + exact(trial.rate_hz) +
+      csv += trainer::csv_field(session.subject) + (session.simulated ? ",yes," : ",no,") +
+             std::to_string(trial.fingers) + "," + std::to_string(++number) + "," + exact(trial.rate_hz) +
              (trial.vibrating ? ",vibrating\n" : ",continuous\n");
     }
   }
@@ -152,7 +145,7 @@ std::string thresholds_csv(const Outcome& outcome) {
     const trainer::RateSession& session = outcome.sessions[s];
     for (std::size_t i = 0; i < session.thresholds.size(); ++i) {
       const trainer::RateThreshold& threshold = session.thresholds[i];
-      csv += field(session.subject) + (session.simulated ? ",yes," : ",no,") +
+      csv += trainer::csv_field(session.subject) + (session.simulated ? ",yes," : ",no,") +
              std::to_string(threshold.fingers) + "," + exact(threshold.estimate.hz) + "," +
              exact(threshold.estimate.interval_hz.low) + "," + exact(threshold.estimate.interval_hz.high) +
              "," + (threshold.own_hz ? exact(*threshold.own_hz) : "") + "," +
@@ -171,7 +164,7 @@ std::string comparison_csv(const trainer::RateComparison& comparison) {
       csv += exact(test.t) + "," + exact(test.degrees_of_freedom) + "," + exact(test.p) + "," +
              exact(*pair.adjusted_p) + "," + exact(test.hedges_g) + ",\n";
     } else {
-      csv += ",,,,," + field(pair.of_log10.why_no_test) + "\n";
+      csv += ",,,,," + trainer::csv_field(pair.of_log10.why_no_test) + "\n";
     }
   }
   return csv;

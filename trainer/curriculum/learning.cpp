@@ -6,6 +6,7 @@
 
 #include "base/error.h"
 #include "sim/fem/number_text.h"
+#include "trainer/report/csv_field.h"
 
 namespace kiroku::trainer {
 namespace {
@@ -34,14 +35,6 @@ std::set<std::string> objects_of(const std::vector<ExclusionRecord>& records) {
   std::set<std::string> objects;
   for (const ExclusionRecord& record : records) objects.insert(record.object);
   return objects;
-}
-
-/// A field of a CSV file (RFC 4180).
-std::string field(const std::string& text) {
-  if (text.find_first_of(",\"\n\r") == std::string::npos) return text;
-  std::string quoted = "\"";
-  for (const char c : text) quoted += c == '"' ? "\"\"" : std::string(1, c);
-  return quoted + "\"";
 }
 
 std::string group_name(const std::string& group) { return group.empty() ? "no group" : group; }
@@ -137,7 +130,7 @@ std::string attempts_csv(const std::vector<ExclusionRecord>& records) {
       "path_m,peak_force_n,peak_wrist_force_n,best_visible_share\n";
   for (const ExclusionRecord& record : records) {
     const ExclusionScore& score = record.score;
-    csv += field(record.trainee) + "," + field(record.group) + (record.simulated ? ",yes," : ",no,") +
+    csv += csv_field(record.trainee) + "," + csv_field(record.group) + (record.simulated ? ",yes," : ",no,") +
            std::to_string(record.session) + (record.test ? ",test," : ",practice,") +
            (record.stress_shown ? "yes," : "no,") + record.object + "," + std::to_string(record.fingers) +
            (score.done ? ",yes" : ",no");
@@ -157,7 +150,7 @@ std::string curves_csv(const std::vector<ExclusionRecord>& records) {
       for (const LearningCurve& curve : learning_curves(records, object, measure)) {
         for (const CurvePoint& point : curve.points) {
           const SampleSummary& summary = point.summary;
-          csv += object + "," + field(label_of(measure)) + "," + field(curve.group) + "," +
+          csv += object + "," + csv_field(label_of(measure)) + "," + csv_field(curve.group) + "," +
                  std::to_string(point.session) + "," + std::to_string(summary.count) + "," +
                  sim::exact_text(summary.mean) + ",";
           if (summary.of_mean) {
