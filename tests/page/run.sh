@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# Runs tests of the viewer's page: run.sh unit|page STAGE PAGE SOURCE [KIROKU KIROKUD]. Leaves with 77 where the page was not built, or no browser is there.
+# Runs tests of the viewer's page: run.sh unit|page STAGE PAGE SOURCE [KIROKU KIROKUD [VITEST OPTION...]]. Leaves with 77 where the page was not built, or no browser is there.
 set -euo pipefail
 project=$1 stage=$2
 export KIROKU_PAGE=$3 KIROKU_SOURCE_DIR=$4 KIROKU_PROGRAM=${5:-} KIROKU_DAEMON_PROGRAM=${6:-}
@@ -9,7 +9,7 @@ options=()
 if [[ $project == page ]]; then
   KIROKU_BROWSER=$(command -v chromium) || { echo "skipped: chromium is not installed"; exit 77; }
   export KIROKU_BROWSER
-  options+=(--no-file-parallelism)
+  options+=(--no-file-parallelism --bail 8)
 fi
 cd "$stage"
-exec node_modules/.bin/vitest run --project "$project" "${options[@]}"
+exec node_modules/.bin/vitest run --project "$project" --reporter verbose "${options[@]}" "${@:7}"

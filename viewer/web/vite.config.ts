@@ -23,7 +23,9 @@ export default defineConfig({
           name: 'page',
           dir: `${tests}/page`,
           environment: 'node',
-          testTimeout: 120_000,
+          testTimeout: 90_000,
+          // Tests share their machine with a recorder.
+          expect: { poll: { timeout: 15_000 } },
           hookTimeout: 300_000,
         },
       },

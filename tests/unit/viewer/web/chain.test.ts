@@ -50,7 +50,7 @@ describe('Findings', () => {
     expect(byGravity(list).map((one) => one.code)).toEqual(['b', 'd', 'c', 'a']);
   });
   it('lead to their moment', () => {
-    const timeline: Timeline = { segments: [{ stream: 'room', index: 3, start_ns: 6e9, end_ns: 8e9, complete: true }], gaps: [], tokens: [], checkpoints: [], brackets: [] };
+    const timeline: Timeline = { segments: [{ stream: 'room', index: 3, start_ns: 6e9, end_ns: 8e9, complete: true, erased: false }], gaps: [], tokens: [], checkpoints: [], brackets: [] };
     expect(momentOf(finding('gap', 'gap', { time_ns: 0 }), timeline)).toBe(0);
     expect(momentOf(finding('file-hash-differs', 'tampered', { file: 'segments/room/00000003.ts.age', time_ns: null }), timeline)).toBe(6e9);
     expect(momentOf(finding('file-hash-differs', 'tampered', { file: 'segments/room/00000004.ts.age' }), timeline)).toBeUndefined();

@@ -1,7 +1,9 @@
+import { readFileSync } from 'node:fs';
 import { describe, expect, it } from 'vitest';
 import { identityText } from '@/base/identity_file';
 import { hrefOf, parseRoute, type Route, signInLink } from '@/base/route';
 import { messages } from '@/i18n/messages';
+import { kRights, may } from '@/shell/rights';
 import { actionOf, kHelp } from '@/views/keyboard';
 
 const places = (text: string) => [...text.matchAll(/\{(\w+)\}/g)].map((one) => one[1]).sort();
@@ -64,5 +66,18 @@ describe('An identity file', () => {
     const sealed = Uint8Array.from([...new TextEncoder().encode('age-encryption.org/v1\n-> scrypt'), 0xff, 0x00, 0x80]);
     expect(Uint8Array.from(atob(identityText(sealed)), (one) => one.charCodeAt(0))).toEqual(sealed);
     expect(identityText(sealed)).toMatch(/^YWdlLWVuY3J5cHRpb24ub3Jn/);
+  });
+});
+
+describe('Who is offered what', () => {
+  it('is what the server allows', () => {
+    const folder = process.env['KIROKU_SOURCE_DIR'];
+    if (!folder) throw new Error('KIROKU_SOURCE_DIR names the checkout');
+    const table = readFileSync(`${folder}/viewer/server/role.cpp`, 'utf8');
+    for (const right of kRights) {
+      const row = new RegExp(`"${right}", (true|false), (true|false), (true|false), (true|false)`).exec(table);
+      const offered = (['operator', 'surgeon', 'auditor', 'administrator'] as const).map((role) => String(may(role, right)));
+      expect([right, row?.slice(1)]).toEqual([right, offered]);
+    }
   });
 });

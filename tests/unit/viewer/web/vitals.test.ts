@@ -1,7 +1,7 @@
 import { describe, expect, it } from 'vitest';
 import type { VitalBin, VitalSeries } from '@/api/types';
 import { formatUnit, formatValue, groupsOf } from '@/vitals/monitor';
-import { columnsOf, kBinsOfTile, levelFor, tileLength_ns, tileSpan, tilesOver, valueAt } from '@/vitals/tiles';
+import { columnsOf, gapOf, kBinsOfTile, levelFor, tileLength_ns, tileSpan, tilesOver, valueAt } from '@/vitals/tiles';
 
 describe('Tiles of vital signs', () => {
   it('have bins no wider than a pixel, and not finer than twice that', () => {
@@ -35,6 +35,11 @@ describe('The number beside the picture', () => {
 });
 
 describe('Drawing', () => {
+  it('takes for a gap what is long for the series, and never a single bin', () => {
+    expect(gapOf(1e9, 0)).toBe(3.5e9);
+    expect(gapOf(60e9, 3)).toBe(210e9);
+    expect(gapOf(1e9, 12)).toBe(28e9); // bins of 8 s
+  });
   it('leaves a gap a gap', () => {
     const columns = columnsOf([[0, 1e9, 1, 2, 2], [1e9, 2e9, 3, 4, 3], [20e9, 21e9, 5, 6, 5]], 5e9);
     expect(columns.x).toEqual([0.5, 1.5, 11, 20.5]);
@@ -45,7 +50,7 @@ describe('Drawing', () => {
 });
 
 describe('The monitor', () => {
-  const series = (code: string, kind: 'numeric' | 'wave' = 'numeric'): VitalSeries => ({ code, label: code, unit: '', kind, bins: [] });
+  const series = (code: string, kind: 'numeric' | 'wave' = 'numeric'): VitalSeries => ({ code, label: code, unit: '', kind, stream: 'vitals', source: '', every_ns: 1e9, bins: [] });
   it('shows what is there in its order, and what it does not know behind', () => {
     const groups = groupsOf([series('KIROKU_X'), series('MDC_PRESS_BLD_ART_ABP_DIA'), series('MDC_ECG_HEART_RATE'), series('MDC_ECG_ELEC_POTL_II', 'wave')]);
     expect(groups.map((one) => one.label)).toEqual(['HR', 'ABP', 'KIROKU_X']);

@@ -53,6 +53,8 @@ export interface Segment {
   start_ns: number;
   end_ns: number;
   complete: boolean;
+  /** Removed by retention; its hash stays. */
+  erased: boolean;
 }
 
 export interface Gap {
@@ -106,6 +108,10 @@ export interface VitalSeries {
   label: string;
   unit: string;
   kind: 'numeric' | 'wave';
+  stream: string;
+  source: string;
+  /** How far apart two values usually lie. */
+  every_ns: number;
   bins: VitalBin[];
 }
 
@@ -126,6 +132,8 @@ export interface Vitals {
   series: VitalSeries[];
   alarms: Alarm[];
   texts: VitalWords[];
+  /** What was recorded and could not be read. */
+  unreadable: { start_ns: number; end_ns: number; problem: string }[];
 }
 
 export interface Finding {

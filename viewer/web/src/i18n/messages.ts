@@ -18,8 +18,8 @@ const en = {
   'role.auditor': 'Auditor',
   'role.administrator': 'Administrator',
   'may.operator': 'sees the list and live status; starts, stops and marks',
-  'may.surgeon': 'also watches cases, with an identity',
-  'may.auditor': 'sees the list, verifies, reads reports; no pictures',
+  'may.surgeon': 'also watches, exports and verifies cases, with an identity',
+  'may.auditor': 'reads ledgers, verifies, takes reports and sealed excerpts; no pictures',
   'may.administrator': 'everything, and users',
 
   'signIn.title': 'Sign in',
@@ -144,6 +144,7 @@ const en = {
   'cause.format-change': 'the picture’s format changed',
   'cause.paused': 'recording was paused',
   'cause.interrupted': 'recording was interrupted',
+  'cause.erased': 'erased by retention; its hash remains',
 
   'vitals.none': 'No vital signs.',
   'vitals.age': '{age} s ago',
@@ -287,8 +288,8 @@ const ja: Record<MessageKey, string> = {
   'role.auditor': '監査者',
   'role.administrator': '管理者',
   'may.operator': '一覧と現在の状態の閲覧、開始・停止・マーク',
-  'may.surgeon': '加えて、識別鍵による症例の視聴',
-  'may.auditor': '一覧、検証、報告書。映像は不可',
+  'may.surgeon': '加えて、識別鍵による症例の視聴・書き出し・検証',
+  'may.auditor': '台帳の閲覧、検証、報告書、封印された抜粋。映像は不可',
   'may.administrator': 'すべて、および利用者の管理',
 
   'signIn.title': 'サインイン',
@@ -413,6 +414,7 @@ const ja: Record<MessageKey, string> = {
   'cause.format-change': '映像の形式が変わりました',
   'cause.paused': '記録が一時停止されました',
   'cause.interrupted': '記録が中断されました',
+  'cause.erased': '保存期間の規則により消去済み（ハッシュは残ります）',
 
   'vitals.none': 'バイタルサインはありません。',
   'vitals.age': '{age} 秒前',

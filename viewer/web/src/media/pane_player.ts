@@ -9,6 +9,8 @@ import { canShow, kHole_ns, kKeepAhead_ns, kKeepBehind_ns, kPiece_ns, pieceSpan,
 /** What must lie ahead before a picture is taken for there; a piece is not waited for to its end. */
 const kMargin_ns = 0.12e9;
 const kParallelRequests = 2;
+/** A frame's own time, as a fraction in binary, may fall just before it. */
+const kIntoFrameSeconds = 0.0005;
 
 export interface ShownFrame {
   media_ns: number;
@@ -79,7 +81,7 @@ export class PanePlayer {
       const span = pieceSpan(piece);
       if (span.end_ns <= time_ns || span.start_ns > time_ns + 3 * kPiece_ns) request.abort();
     }
-    if (this.isRecorded(time_ns)) this.video.currentTime = time_ns / 1e9;
+    if (this.isRecorded(time_ns)) this.video.currentTime = time_ns / 1e9 + kIntoFrameSeconds;
     this.correcting = false;
   }
 

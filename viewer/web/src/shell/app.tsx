@@ -4,6 +4,7 @@ import { session as api, whenSignedOut } from '@/api/client';
 import { hrefOf, route, signInLink } from '@/base/route';
 import { hasChosenLanguage, language, setLanguage, t } from '@/i18n/i18n';
 import { Icon, type IconName } from '@/shell/icon';
+import { may } from '@/shell/rights';
 import { announcement, attempt, dismiss, notices, notify, session, setTheme, theme } from '@/shell/state';
 import { CaseView } from '@/views/case_view';
 import { CasesView } from '@/views/cases_view';
@@ -85,8 +86,8 @@ function Header() {
       {signedIn && (
         <nav aria-label={t('nav.label')} class="nav">
           <NavLink to="cases" icon="cases" text={t('nav.cases')} />
-          {signedIn.role !== 'surgeon' && <NavLink to="rooms" icon="rooms" text={t('nav.rooms')} />}
-          {signedIn.role === 'administrator' && <NavLink to="users" icon="users" text={t('nav.users')} />}
+          {may(signedIn.role, 'see-live') && <NavLink to="rooms" icon="rooms" text={t('nav.rooms')} />}
+          {may(signedIn.role, 'manage-users') && <NavLink to="users" icon="users" text={t('nav.users')} />}
         </nav>
       )}
       <div class="top-end">

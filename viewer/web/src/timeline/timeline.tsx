@@ -13,7 +13,7 @@ import { theme } from '@/shell/state';
 import { colorsOf, prepared } from '@/timeline/colors';
 import { drawLanes, drawRuns, lanesOf } from '@/timeline/draw_lanes';
 import { following, panned, toPixel, toTime, zoomed } from '@/timeline/scale';
-import { Trends } from '@/timeline/trends';
+import { TrendNames, Trends } from '@/timeline/trends';
 import type { CaseModel } from '@/views/case_model';
 import type { VitalsStore } from '@/vitals/vitals_store';
 
@@ -218,12 +218,13 @@ export function Timeline({ model, playback, store, selection, onSelect, withPict
         </div>
       </div>
       <div class="timeline-row">
-        <div class="lane-names" style={{ height: `${height}px` }}>
+        <div class="lane-names">
           {list.map((lane) => (
             <span key={`${lane.kind}${lane.stream ?? ''}`} style={{ top: `${lane.top}px`, height: `${lane.height}px` }}>
               {lane.kind === 'stream' ? word('stream', lane.stream as string) : lane.kind === 'ruler' ? '' : t(`lane.${lane.kind}`)}
             </span>
           ))}
+          {store && <TrendNames store={store} whole={whole} top={height} />}
         </div>
         <div class="lanes" ref={wheelArea} {...pointer(shown, false)}>
           <canvas ref={lanes} style={{ width: `${wide}px`, height: `${height}px` }} />

@@ -2,24 +2,42 @@
 import { useEffect, useRef } from 'preact/hooks';
 import uPlot from 'uplot';
 import type { Span } from '@/base/spans';
-import { kSecond } from '@/base/time';
 import { t } from '@/i18n/i18n';
 import { theme } from '@/shell/state';
 import { colorsOf } from '@/timeline/colors';
 import { kTrends } from '@/vitals/monitor';
-import { columnsOf } from '@/vitals/tiles';
+import { columnsOf, gapOf, levelFor } from '@/vitals/tiles';
 import type { VitalsStore } from '@/vitals/vitals_store';
 
 const kHeight = 104;
-const kLeastGap_ns = 6 * kSecond;
+
+const trendsIn = (store: VitalsStore, whole: Span) => {
+  const all = store.over(whole, 200).series;
+  return kTrends.filter(({ code }) => all.some((one) => one.code === code));
+};
+
+/** What the lines are, in their colours, beside them. */
+export function TrendNames({ store, whole, top }: { store: VitalsStore; whole: Span; top: number }) {
+  void store.version.value;
+  return (
+    <div class="trend-names" style={{ top: `${top}px`, height: `${kHeight}px` }} aria-hidden="true">
+      {trendsIn(store, whole)
+        .filter(({ label }) => label !== '')
+        .map(({ label, color }) => (
+          <span key={label} class={`vital-${color}`}>
+            {label}
+          </span>
+        ))}
+    </div>
+  );
+}
 
 export function Trends({ store, window, whole, width }: { store: VitalsStore; window: Span; whole: Span; width: number }) {
   const place = useRef<HTMLDivElement>(null);
   const plot = useRef<uPlot | null>(null);
   const dark = theme.value;
   const version = store.version.value;
-  const all = store.over(whole, 200).series;
-  const shown = kTrends.filter(({ code }) => all.some((one) => one.code === code));
+  const shown = trendsIn(store, whole);
   const key = shown.map(({ code }) => code).join();
 
   useEffect(() => {
@@ -53,23 +71,24 @@ export function Trends({ store, window, whole, width }: { store: VitalsStore; wi
   }, [key, dark, store]);
 
   useEffect(() => {
-    const one = plot.current;
-    if (!one) return;
-    if (one.width !== width) one.setSize({ width, height: kHeight });
+    const drawing = plot.current;
+    if (!drawing) return;
+    if (drawing.width !== width) drawing.setSize({ width, height: kHeight });
     const { series } = store.over(window, width);
-    const gap_ns = Math.max(kLeastGap_ns, ((window.end_ns - window.start_ns) / width) * 4);
+    const level = levelFor(window, width);
     const tables = shown.map(({ code }) => {
-      const columns = columnsOf(series.find((each) => each.code === code)?.bins ?? [], gap_ns);
+      const one = series.find((each) => each.code === code);
+      const columns = columnsOf(one?.bins ?? [], gapOf(one?.every_ns ?? 0, level));
       return [columns.x, columns.low, columns.high, columns.last] as uPlot.AlignedData;
     });
     // Rows that one series has and another has not are no gaps of it; only its own empty ones are.
     const joined = uPlot.join(tables, tables.map((table) => table.map(() => 2)));
-    one.batch(() => {
-      one.setData(joined, true);
-      one.setScale('x', { min: window.start_ns / 1e9, max: window.end_ns / 1e9 });
+    drawing.batch(() => {
+      drawing.setData(joined, true);
+      drawing.setScale('x', { min: window.start_ns / 1e9, max: window.end_ns / 1e9 });
     });
   }, [key, dark, window, width, version]);
 
   if (shown.length === 0) return null;
-  return <div class="trends" ref={place} role="img" aria-label={t('timeline.trends')} />;
+  return <div class="trends" ref={place} role="img" aria-label={`${t('timeline.trends')}: ${shown.map(({ label }) => label).filter((label) => label !== '').join(', ')}`} />;
 }

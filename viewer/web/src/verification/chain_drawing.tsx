@@ -58,7 +58,7 @@ export function ChainDrawing({
                   d={
                     broken
                       ? `M${kWidth} ${middle}h12l4 -7M${kWidth + kBetween} ${middle}h-12l-4 7`
-                      : `M${kWidth} ${middle}h${kBetween}m-7 -5l7 5l-7 5`
+                      : `M${kWidth + 4} ${middle}h${kBetween - 9}m-7 -6l7 6l-7 6`
                   }
                 />
               )}

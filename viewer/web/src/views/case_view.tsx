@@ -11,6 +11,7 @@ import { formatMoment, type MessageKey, t, word } from '@/i18n/i18n';
 import { Playback } from '@/media/playback';
 import { Dialog } from '@/shell/dialog';
 import { Icon } from '@/shell/icon';
+import { may } from '@/shell/rights';
 import { announce, attempt, notify, session } from '@/shell/state';
 import { VerdictChip } from '@/shell/verdict';
 import { neighbours } from '@/timeline/scale';
@@ -50,7 +51,9 @@ type Open = 'help' | 'goTo' | 'export' | undefined;
 
 function Loaded({ model, verdict, unlocked }: { model: CaseModel; verdict: Verdict | null; unlocked: boolean }) {
   const id = model.info.id;
-  const mayWatch = session.value?.role === 'surgeon' || session.value?.role === 'administrator';
+  const role = session.value?.role;
+  const mayWatch = may(role, 'watch');
+  const mayExport = may(role, 'read-case');
   const asked_ns = route.value.view === 'case' ? route.value.at_ns : undefined;
 
   const playback = useMemo(
@@ -238,7 +241,7 @@ function Loaded({ model, verdict, unlocked }: { model: CaseModel; verdict: Verdi
         <a class="case-verdict" href={hrefOf({ view: 'verification', id })} title={t('verify.title')}>
           <VerdictChip verdict={verdict} />
         </a>
-        {mayWatch && (
+        {mayExport && (
           <button type="button" class="button" onClick={() => (dialog.value = 'export')}>
             <Icon name="export" />
             {t('export.open')}
@@ -306,7 +309,7 @@ function Loaded({ model, verdict, unlocked }: { model: CaseModel; verdict: Verdi
             {formatTime(chosen.start_ns - model.whole.start_ns, 3)} – {formatTime(chosen.end_ns - model.whole.start_ns, 3)}
           </span>
           <span class="muted">{formatDuration(chosen.end_ns - chosen.start_ns)}</span>
-          {mayWatch && (
+          {mayExport && (
             <button type="button" class="button" onClick={() => (dialog.value = 'export')}>
               <Icon name="export" />
               {t('export.open')}

@@ -7,47 +7,66 @@ import { hrefOf } from '@/base/route';
 import { formatBytes, formatDuration } from '@/base/time';
 import { formatMoment, t, word } from '@/i18n/i18n';
 import { Icon } from '@/shell/icon';
-import { announce, attempt } from '@/shell/state';
+import { may } from '@/shell/rights';
+import { announce, attempt, session } from '@/shell/state';
 import { VerdictChip } from '@/shell/verdict';
 
 const kPage = 50;
 const kTypingPause_ms = 200;
 
+function Facts({ one }: { one: CaseSummary }) {
+  return (
+    <>
+      <span class="case-when">
+        <strong>{formatMoment(one.opened)}</strong>
+        <small class="mono muted">{one.id}</small>
+      </span>
+      <span class="case-fact">
+        <small>{t('cases.length')}</small>
+        {one.duration_ns === null ? '–' : formatDuration(one.duration_ns)}
+      </span>
+      <span class="case-fact case-streams">
+        <small>{t('cases.streams')}</small>
+        {one.streams.filter((name) => name !== 'events').map((name) => word('stream', name)).join(' · ')}
+      </span>
+      <span class="case-fact">
+        <small>{t('cases.size')}</small>
+        {formatBytes(one.bytes)}
+      </span>
+      <span class="case-fact">
+        <small>{t('cases.tokens')}</small>
+        {one.tokens}
+      </span>
+    </>
+  );
+}
+
 function Row({ one }: { one: CaseSummary }) {
   const recording = one.state === 'open' || one.state === 'recording';
   return (
     <li class="case-row">
-      <a class="case-link" href={hrefOf({ view: 'case', id: one.id })}>
-        <span class="case-when">
-          <strong>{formatMoment(one.opened)}</strong>
-          <small class="mono muted">{one.id}</small>
-        </span>
-        <span class="case-fact">
-          <small>{t('cases.length')}</small>
-          {one.duration_ns === null ? '–' : formatDuration(one.duration_ns)}
-        </span>
-        <span class="case-fact case-streams">
-          <small>{t('cases.streams')}</small>
-          {one.streams.filter((name) => name !== 'events').map((name) => word('stream', name)).join(' · ')}
-        </span>
-        <span class="case-fact">
-          <small>{t('cases.size')}</small>
-          {formatBytes(one.bytes)}
-        </span>
-        <span class="case-fact">
-          <small>{t('cases.tokens')}</small>
-          {one.tokens}
-        </span>
-      </a>
+      {may(session.value?.role, 'read-case') ? (
+        <a class="case-link" href={hrefOf({ view: 'case', id: one.id })}>
+          <Facts one={one} />
+        </a>
+      ) : (
+        <div class="case-link">
+          <Facts one={one} />
+        </div>
+      )}
       {recording ? (
         <span class="verdict verdict-recording">
           <Icon name="record" filled />
           {t('cases.recording')}
         </span>
-      ) : (
+      ) : may(session.value?.role, 'verify') ? (
         <a class="case-verdict" href={hrefOf({ view: 'verification', id: one.id })}>
           <VerdictChip verdict={one.verdict} />
         </a>
+      ) : (
+        <span class="case-verdict">
+          <VerdictChip verdict={one.verdict} />
+        </span>
       )}
     </li>
   );

@@ -15,7 +15,7 @@ function momentsOf(model: CaseModel, alarms: readonly Alarm[]): Moment[] {
   const moments: Moment[] = [
     ...model.marks.map((one): Moment => ({ kind: 'mark', time_ns: one.time_ns, text: one.text, detail: '' })),
     ...alarms.map((one): Moment => ({ kind: 'alarm', time_ns: one.start_ns, text: one.text, detail: formatDuration(one.end_ns - one.start_ns) })),
-    ...model.timeline.gaps.map((one): Moment => ({
+    ...[...model.gaps.values()].flat().map((one): Moment => ({
       kind: 'gap',
       time_ns: one.start_ns,
       text: `${word('stream', one.stream)}: ${word('cause', one.cause)}`,

@@ -8,6 +8,7 @@ import { formatBytes, formatTime, kSecond } from '@/base/time';
 import { formatMoment, t, word } from '@/i18n/i18n';
 import { Dialog } from '@/shell/dialog';
 import { Icon } from '@/shell/icon';
+import { may } from '@/shell/rights';
 import { announce, attempt, session } from '@/shell/state';
 
 const kEvery_ms = 1000;
@@ -72,9 +73,13 @@ function RoomCard({ room, mayControl, refresh }: { room: RoomStatus; mayControl:
       </header>
       {room.case !== '' && (
         <p>
-          <a class="mono" href={hrefOf({ view: 'case', id: room.case })}>
-            {room.case}
-          </a>
+          {may(session.value?.role, 'read-case') ? (
+            <a class="mono" href={hrefOf({ view: 'case', id: room.case })}>
+              {room.case}
+            </a>
+          ) : (
+            <span class="mono">{room.case}</span>
+          )}
         </p>
       )}
       {room.problem !== '' && (
@@ -236,7 +241,7 @@ export function RoomsView() {
           <Appliance status={status.value} />
           <div class="rooms">
             {status.value.rooms.map((room) => (
-              <RoomCard key={room.room} room={room} mayControl={role === 'operator' || role === 'administrator'} refresh={refresh} />
+              <RoomCard key={room.room} room={room} mayControl={may(role, 'control-rooms')} refresh={refresh} />
             ))}
           </div>
         </>

@@ -7,6 +7,7 @@ import { hrefOf } from '@/base/route';
 import { formatBytes, formatDuration, formatTime } from '@/base/time';
 import { formatMoment, language, t, word } from '@/i18n/i18n';
 import { Icon } from '@/shell/icon';
+import { may } from '@/shell/rights';
 import { announce, attempt, session } from '@/shell/state';
 import { verdictSign } from '@/shell/verdict';
 import { byGravity, chainOf, linkOf, type LinkName, momentOf, severityText } from '@/verification/chain';
@@ -176,7 +177,7 @@ export function VerificationView({ id }: { id: string }) {
   const about = useSignal<CaseInfo | undefined>(undefined);
   const watching = useSignal(0);
 
-  const mayVerify = session.value?.role === 'auditor' || session.value?.role === 'administrator';
+  const mayVerify = may(session.value?.role, 'verify');
 
   useEffect(() => {
     document.title = `${t('verify.title')} · ${id} · Kiroku`;

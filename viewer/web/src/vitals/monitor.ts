@@ -36,12 +36,12 @@ export function groupsOf(series: readonly VitalSeries[]): Group[] {
 }
 
 /** What the trends show, and in which colour. */
-export const kTrends: readonly { code: string; color: string }[] = [
-  { code: 'MDC_ECG_HEART_RATE', color: 'green' },
-  { code: 'MDC_PULS_OXIM_SAT_O2', color: 'cyan' },
-  { code: 'MDC_PRESS_BLD_ART_ABP_SYS', color: 'red' },
-  { code: 'MDC_PRESS_BLD_ART_ABP_DIA', color: 'red' },
-  { code: 'MDC_AWAY_CO2_ET', color: 'yellow' },
+export const kTrends: readonly { code: string; label: string; color: string }[] = [
+  { code: 'MDC_ECG_HEART_RATE', label: 'HR', color: 'green' },
+  { code: 'MDC_PULS_OXIM_SAT_O2', label: 'SpO₂', color: 'cyan' },
+  { code: 'MDC_PRESS_BLD_ART_ABP_SYS', label: 'ABP', color: 'red' },
+  { code: 'MDC_PRESS_BLD_ART_ABP_DIA', label: '', color: 'red' },
+  { code: 'MDC_AWAY_CO2_ET', label: 'etCO₂', color: 'yellow' },
 ];
 
 /** A value as monitors print it: no decimals from 20 up, one below where there is one. */

@@ -41,6 +41,12 @@ export function valueAt(bins: readonly VitalBin[], time_ns: number): { value: nu
   return undefined;
 }
 
+/** What is so many times further apart than usual is a gap. */
+const kGapFactor = 3.5;
+
+/** From which distance on two neighbours of a series that speaks each `every_ns` have a gap between them, drawn with the bins of `level`. */
+export const gapOf = (every_ns: number, level: number): number => kGapFactor * Math.max(every_ns, tileLength_ns(level) / kBinsOfTile);
+
 export interface PlotColumns {
   x: number[]; // seconds of the case clock
   low: (number | null)[];

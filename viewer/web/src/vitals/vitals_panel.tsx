@@ -3,6 +3,7 @@
 import { computed } from '@preact/signals';
 import { useEffect, useMemo, useRef } from 'preact/hooks';
 import uPlot from 'uplot';
+import type { VitalSeries } from '@/api/types';
 import { kSecond } from '@/base/time';
 import { t } from '@/i18n/i18n';
 import type { Playback } from '@/media/playback';
@@ -16,6 +17,9 @@ const kNumbersEvery_ns = 0.2 * kSecond;
 const kNear_ns = 4 * kSecond;
 const kFresh_ns = 10 * kSecond;
 const kFreshSpot_ns = 600 * kSecond;
+/** Monitors that speak once a minute are not silent in between. */
+const kFreshIntervals = 2.5;
+const kFreshMost_ns = 150 * kSecond;
 const kWaveBehind_ns = 6 * kSecond;
 const kWaveEvery_ms = 33;
 
@@ -81,8 +85,9 @@ interface Reading {
   age_s: number | undefined;
 }
 
-function read(group: Group, unit: string, store: VitalsStore, at_ns: number): Reading {
-  const fresh_ns = group.spot ? kFreshSpot_ns : kFresh_ns;
+function read(group: Group, main: VitalSeries | undefined, store: VitalsStore, at_ns: number): Reading {
+  const usual_ns = kFreshIntervals * (main?.every_ns ?? 0);
+  const fresh_ns = group.spot ? kFreshSpot_ns : Math.max(kFresh_ns, Math.min(kFreshMost_ns, usual_ns));
   const last = (code: string) => {
     const near = valueAt(store.before(code, at_ns, kNear_ns), at_ns);
     if (near) return near;
@@ -96,7 +101,7 @@ function read(group: Group, unit: string, store: VitalsStore, at_ns: number): Re
   return {
     text: values.some((one) => one !== undefined) ? values.map((one) => (one ? formatValue(one.value) : '–')).join('/') : '– –',
     mean: mean ? `(${formatValue(mean.value)})` : '',
-    unit: formatUnit(unit),
+    unit: formatUnit(main?.unit ?? ''),
     age_s: age_ns > 5 * kSecond ? Math.round(age_ns / kSecond) : undefined,
   };
 }
@@ -107,7 +112,7 @@ export function VitalsPanel({ store, playback }: { store: VitalsStore; playback:
   const everything = store.over(store.whole, 200).series;
   if (everything.length === 0) return <p class="muted pad">{t('vitals.none')}</p>;
   const waves = new Set(everything.filter((one) => one.kind === 'wave').map((one) => one.code));
-  const units = new Map(everything.map((one) => [one.code, one.unit]));
+  const byCode = new Map(everything.map((one) => [one.code, one]));
   const at_ns = at.value;
   const active = store.over({ start_ns: at_ns - kNear_ns, end_ns: at_ns + 1 }, 200).alarms.filter((one) => one.start_ns <= at_ns && at_ns < one.end_ns);
   return (
@@ -118,7 +123,7 @@ export function VitalsPanel({ store, playback }: { store: VitalsStore; playback:
         </p>
       ))}
       {groupsOf(everything).map((group) => {
-        const reading = read(group, units.get(group.codes[0] ?? '') ?? '', store, at_ns);
+        const reading = read(group, byCode.get(group.codes[0] ?? ''), store, at_ns);
         const wave = group.wave !== undefined && waves.has(group.wave) ? group.wave : undefined;
         return (
           <div key={group.key} class={`vital vital-${group.color}${wave ? ' vital-with-wave' : ''}`}>
@@ -127,11 +132,13 @@ export function VitalsPanel({ store, playback }: { store: VitalsStore; playback:
               <span class="vital-label">
                 {group.label} <small>{reading.unit}</small>
               </span>
-              <span class={group.codes.length > 1 ? 'vital-value vital-pair' : 'vital-value'}>
-                {reading.text}
-                {reading.mean !== '' && <small> {reading.mean}</small>}
-              </span>
-              {reading.age_s !== undefined && <span class="vital-age">{t('vitals.age', { age: reading.age_s })}</span>}
+              <span class={group.codes.length > 1 ? 'vital-value vital-pair' : 'vital-value'}>{reading.text}</span>
+              {(reading.mean !== '' || reading.age_s !== undefined) && (
+                <span class="vital-foot">
+                  <span>{reading.age_s !== undefined && t('vitals.age', { age: reading.age_s })}</span>
+                  <span>{reading.mean}</span>
+                </span>
+              )}
             </div>
           </div>
         );

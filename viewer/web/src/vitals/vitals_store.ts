@@ -1,12 +1,14 @@
 // The vital signs of one case, asked for in tiles and kept.
 import { signal } from '@preact/signals';
-import { cases } from '@/api/client';
+import { ApiError, cases } from '@/api/client';
 import type { Alarm, VitalBin, VitalSeries, Vitals } from '@/api/types';
 import type { Span } from '@/base/spans';
 import { kBinsOfTile, levelFor, type Tile, tileKey, tileSpan, tilesOver } from '@/vitals/tiles';
 
 const kMostTiles = 400;
 const kRetry_ms = 3000;
+/** Until a server that is still reading a long stretch is asked again. */
+const kStillReading_ms = 1000;
 
 export class VitalsStore {
   /** Changes whenever something has come. */
@@ -39,9 +41,10 @@ export class VitalsStore {
         continue;
       }
       for (const one of vitals.series) {
-        const known = series.get(one.code);
+        const whose = `${one.code} ${one.stream} ${one.source}`;
+        const known = series.get(whose);
         if (known) known.bins = known.bins.concat(one.bins);
-        else series.set(one.code, { ...one });
+        else series.set(whose, { ...one });
       }
       for (const alarm of vitals.alarms) alarms.set(`${alarm.start_ns} ${alarm.text}`, alarm);
     }
@@ -62,6 +65,7 @@ export class VitalsStore {
   }
 
   private async fetch(tile: Tile, key: string): Promise<void> {
+    if (this.closing.signal.aborted) return;
     const span = tileSpan(tile);
     try {
       const vitals = await cases.vitals(this.caseId, Math.max(0, span.start_ns), span.end_ns, kBinsOfTile, this.closing.signal);
@@ -71,9 +75,14 @@ export class VitalsStore {
         this.tiles.delete(oldest);
         this.asked.delete(oldest);
       }
+      for (const stretch of vitals.unreadable) this.onProblem(new Error(stretch.problem));
       this.version.value += 1;
     } catch (error) {
       if (this.closing.signal.aborted) return;
+      if (error instanceof ApiError && error.status === 503) {
+        setTimeout(() => void this.fetch(tile, key), kStillReading_ms);
+        return;
+      }
       setTimeout(() => this.asked.delete(key), kRetry_ms);
       if (error instanceof Error) this.onProblem(error);
     }

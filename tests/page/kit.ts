@@ -1,0 +1,190 @@
+// A real appliance to look at: a home, kirokud with a room of synthetic sources, and `kiroku view`; and a browser.
+import { type ChildProcess, execFile, spawn } from 'node:child_process';
+import { appendFileSync, existsSync, mkdirSync, mkdtempSync, readdirSync, readFileSync, rmSync, writeFileSync } from 'node:fs';
+import { tmpdir } from 'node:os';
+import { join } from 'node:path';
+import { promisify } from 'node:util';
+import axe from 'axe-core';
+import { type Browser, type BrowserContext, chromium, type Page } from 'playwright-core';
+import { expect } from 'vitest';
+
+const run = promisify(execFile);
+
+function fromEnvironment(name: string): string {
+  const value = process.env[name];
+  if (!value) throw new Error(`${name} is not set; these tests are run by ctest (tests/page/run.sh)`);
+  return value;
+}
+const kiroku = fromEnvironment('KIROKU_PROGRAM');
+const kirokud = fromEnvironment('KIROKU_DAEMON_PROGRAM');
+
+/** Small pictures: the machine that tests runs recorder, server and browser at once. A flash every 2 s of the case clock shows whether panes agree. */
+const kRoom = `
+[[room]]
+name = "or-1"
+[[room.stream]]
+name = "endoscope"
+kind = "video"
+source = "synthetic:endoscope?size=480x270&flash=2"
+[[room.stream]]
+name = "room"
+kind = "video"
+source = "synthetic:room?size=480x270&flash=2"
+[[room.stream]]
+name = "vitals"
+kind = "vitals"
+source = "synthetic:patient"
+`;
+
+async function until<T>(what: string, look: () => Promise<T | undefined> | T | undefined, seconds = 30): Promise<T> {
+  const end = Date.now() + seconds * 1000;
+  for (;;) {
+    const found = await look();
+    if (found !== undefined && found !== false) return found;
+    if (Date.now() > end) throw new Error(`${what}: not within ${seconds} s`);
+    await new Promise((resolve) => setTimeout(resolve, 100));
+  }
+}
+
+export class Appliance {
+  readonly home: string;
+  url = '';
+  signIn = '';
+  private readonly processes: ChildProcess[] = [];
+
+  private constructor(private readonly folder: string) {
+    this.home = join(folder, 'home');
+  }
+
+  static async start(): Promise<Appliance> {
+    const appliance = new Appliance(mkdtempSync(join(tmpdir(), 'kiroku-page-')));
+    await appliance.kiroku('init', '--demo');
+    appendFileSync(join(appliance.home, 'kiroku.toml'), kRoom);
+    appliance.spawn(kirokud, ['--home', appliance.home]);
+    await until('kirokud answers', () => appliance.kiroku('status').then(() => true, () => undefined));
+    await appliance.view();
+    return appliance;
+  }
+
+  async kiroku(...parameters: string[]): Promise<string> {
+    return (await run(kiroku, [...parameters, '--home', this.home])).stdout;
+  }
+
+  private spawn(program: string, parameters: string[]): ChildProcess {
+    const child = spawn(program, parameters, { stdio: ['ignore', 'pipe', 'inherit'] });
+    this.processes.push(child);
+    return child;
+  }
+
+  private async view(): Promise<void> {
+    const child = this.spawn(kiroku, ['view', '--home', this.home, '--listen', '127.0.0.1:0', '--json']);
+    let said = '';
+    child.stdout?.on('data', (bytes: Buffer) => (said += bytes.toString()));
+    const answer = await until('kiroku view serves', () => {
+      try {
+        return JSON.parse(said) as { url: string; sign_in: string };
+      } catch {
+        return undefined;
+      }
+    });
+    this.url = answer.url.replace(/\/?$/, '/');
+    this.signIn = answer.sign_in;
+  }
+
+  cases(): string[] {
+    return readdirSync(join(this.home, 'archive')).filter((name) => /^\d{8}T/.test(name)).sort();
+  }
+
+  /** Flips one bit in the middle of a segment of the case. */
+  tamper(id: string, stream: string, segment: number): void {
+    const folder = join(this.home, 'archive', id, 'segments', stream);
+    const name = readdirSync(folder).find((one) => one.startsWith(String(segment).padStart(8, '0')));
+    if (!name) throw new Error(`${id} has no segment ${segment} of ${stream}`);
+    const bytes = readFileSync(join(folder, name));
+    const at = bytes.length >> 1;
+    bytes.writeUInt8(bytes.readUInt8(at) ^ 1, at);
+    rmSync(join(folder, name));
+    writeFileSync(join(folder, name), bytes);
+  }
+
+  async stop(): Promise<void> {
+    for (const child of this.processes.reverse()) {
+      const ended = new Promise((resolve) => child.once('exit', resolve));
+      if (child.exitCode === null && child.signalCode === null) {
+        child.kill('SIGTERM');
+        await ended;
+      }
+    }
+    rmSync(this.folder, { recursive: true, force: true });
+  }
+}
+
+export async function startBrowser(): Promise<Browser> {
+  return chromium.launch({
+    executablePath: fromEnvironment('KIROKU_BROWSER'),
+    args: [
+      '--headless', '--no-sandbox', '--disable-gpu', '--disable-quic', '--no-first-run', '--disable-background-networking', '--disable-component-update',
+      '--disable-sync', '--autoplay-policy=no-user-gesture-required',
+    ],
+  });
+}
+
+export interface Visitor {
+  context: BrowserContext;
+  page: Page;
+  /** What went wrong in the page, by the browser's own words. */
+  problems: string[];
+  /** Every address the page asked for. */
+  asked: string[];
+}
+
+export async function visit(browser: Browser, language = 'en'): Promise<Visitor> {
+  const context = await browser.newContext({ ignoreHTTPSErrors: true, viewport: { width: 1440, height: 900 }, locale: language, acceptDownloads: true });
+  context.setDefaultTimeout(15_000);
+  const page = await context.newPage();
+  const problems: string[] = [];
+  const asked: string[] = [];
+  page.on('pageerror', (error) => problems.push(error.message));
+  page.on('console', (message) => {
+    // That nobody is signed in yet, or that a case was never verified, is an answer.
+    if (message.type() === 'error' && !/status of 40[14]/.test(message.text())) problems.push(message.text());
+  });
+  page.on('request', (request) => asked.push(request.url()));
+  return { context, page, problems, asked };
+}
+
+/** Findings of axe-core that are serious or critical, with the elements. */
+export async function seriousBarriers(page: Page): Promise<string[]> {
+  // By the debugger, which the page's content security policy does not bind.
+  await page.evaluate(axe.source);
+  const result = await page.evaluate(() => (globalThis as unknown as { axe: typeof axe }).axe.run(document, { resultTypes: ['violations'] }));
+  return result.violations
+    .filter((one) => one.impact === 'serious' || one.impact === 'critical')
+    .map((one) => `${one.id}: ${one.help}: ${one.nodes.map((node) => node.target.join(' ')).join(' | ')}`);
+}
+
+export const clockOf = async (page: Page): Promise<number> => {
+  const text = await page.locator('.clock-now').textContent();
+  const [hours, minutes, seconds] = (text ?? '').split(':').map(Number);
+  return (hours ?? NaN) * 3600 + (minutes ?? NaN) * 60 + (seconds ?? NaN);
+};
+
+/** Waits until every video of the case shows the picture of where the clock stands. */
+export async function settled(page: Page): Promise<void> {
+  await page.waitForFunction(() => {
+    const videos = [...document.querySelectorAll('video')];
+    return videos.length > 0 && videos.every((one) => !one.seeking && one.readyState >= 2);
+  });
+}
+
+/** Keeps pictures where KIROKU_PICTURES says: docs/pictures/viewer-*.png are made so. */
+export async function keepPicture(page: Page, name: string): Promise<void> {
+  const folder = process.env['KIROKU_PICTURES'];
+  if (!folder) return;
+  if (!existsSync(folder)) mkdirSync(folder, { recursive: true });
+  await page.screenshot({ path: join(folder, `viewer-${name}.png`) });
+}
+
+export async function near(page: Page, seconds: number, tolerance = 0.05): Promise<void> {
+  await expect.poll(() => clockOf(page)).toSatisfy((at: number) => Math.abs(at - seconds) <= tolerance, `${seconds} s`);
+}
