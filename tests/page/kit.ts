@@ -77,7 +77,7 @@ export class Appliance {
   }
 
   private async view(): Promise<void> {
-    const child = this.spawn(kiroku, ['view', '--home', this.home, '--listen', '127.0.0.1:0', '--json']);
+    const child = this.spawn(kiroku, ['view', '--home', this.home, '--listen', '127.0.0.1:0', '--web', fromEnvironment('KIROKU_PAGE'), '--json']);
     let said = '';
     child.stdout?.on('data', (bytes: Buffer) => (said += bytes.toString()));
     const answer = await until('kiroku view serves', () => {
@@ -146,8 +146,8 @@ export async function visit(browser: Browser, language = 'en'): Promise<Visitor>
   const asked: string[] = [];
   page.on('pageerror', (error) => problems.push(error.message));
   page.on('console', (message) => {
-    // That nobody is signed in yet, or that a case was never verified, is an answer.
-    if (message.type() === 'error' && !/status of 40[14]/.test(message.text())) problems.push(message.text());
+    // That nobody is signed in yet, that a case was never verified, or that a changed segment is not shown, is an answer.
+    if (message.type() === 'error' && !/status of (401|404|422)/.test(message.text())) problems.push(message.text());
   });
   page.on('request', (request) => asked.push(request.url()));
   return { context, page, problems, asked };

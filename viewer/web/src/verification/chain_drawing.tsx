@@ -67,7 +67,6 @@ export function ChainDrawing({
                 role="button"
                 tabIndex={0}
                 aria-pressed={selected === link.name}
-                aria-label={`${t(`link.${link.name}`)}: ${t(`linkState.${link.state}`)}. ${amountOf(link.name, report)}`}
                 onClick={() => onSelect(selected === link.name ? undefined : link.name)}
                 onKeyDown={(event) => {
                   if (event.key !== 'Enter' && event.key !== ' ') return;
@@ -81,10 +80,10 @@ export function ChainDrawing({
                   <path class="chain-sign" d={kSigns[link.state]} />
                 </g>
                 <text class="chain-name" x={kWidth / 2} y="60" text-anchor="middle">
-                  {t(`link.${link.name}`)}
+                  {t(`link.${link.name}`)}{' '}
                 </text>
                 <text class="chain-state" x={kWidth / 2} y="80" text-anchor="middle">
-                  {t(`linkState.${link.state}`)}
+                  {t(`linkState.${link.state}`)}{' '}
                 </text>
                 <text class="chain-amount" x={kWidth / 2} y="100" text-anchor="middle">
                   {amountOf(link.name, report)}
