@@ -123,7 +123,7 @@ std::size_t ReadableFile::read_at(std::uint64_t offset, std::span<std::byte> int
 }
 
 FileIdentity ReadableFile::identity() const {
-  struct stat status{};
+  struct stat status {};
   if (::fstat(descriptor_, &status) != 0) {
     throw IoError("look at", path_, errno);
   }

@@ -354,11 +354,12 @@ std::filesystem::path Session::folder() const {
   return state_->writer ? state_->writer->folder() : std::filesystem::path();
 }
 
-std::string Session::begin(std::optional<Bytes> subject) {
+std::string Session::begin(std::optional<Bytes> subject, const std::optional<crypto::Sha256Digest>& plan) {
   State& s = *state_;
   const std::lock_guard guard(s.begin_mutex);
   if (s.writer) throw UsageError("case " + s.writer->case_id() + " has begun already");
   s.writing.subject = std::move(subject);
+  s.writing.plan = plan;
   s.decided_ns = s.clock.now_ns();
   try {
     s.make_case(s.pre_roll->decide(s.decided_ns));

@@ -99,9 +99,9 @@ class Session {
   [[nodiscard]] std::string case_id() const;
   [[nodiscard]] std::filesystem::path folder() const;
   /// With SessionOptions::pre_roll, while run() runs: makes a case of what is recorded and returns its
-  /// identifier. `subject` is JSON to be sealed with it. From any thread. Throws UsageError if there is one
-  /// already, kiroku::Error if it cannot be made: then recording ahead goes on.
-  std::string begin(std::optional<Bytes> subject);
+  /// identifier. `subject` is JSON to be sealed with it, `plan` as in SessionOptions. From any thread. Throws
+  /// UsageError if there is one already, kiroku::Error if it cannot be made: then recording ahead goes on.
+  std::string begin(std::optional<Bytes> subject, const std::optional<crypto::Sha256Digest>& plan = {});
   /// Records until stop(), the duration, or the end of the sources (of all video; of the vital signs where
   /// there is no video); closes the case properly; returns. `progress` about four times a second.
   SessionResult run(const std::function<void(const SessionStatus&)>& progress = {});

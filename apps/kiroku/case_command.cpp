@@ -7,7 +7,9 @@
 #include "apps/common/json_output.h"
 #include "apps/kiroku/commands.h"
 #include "apps/kiroku/home.h"
+#include "apps/kiroku/plan_seal.h"
 #include "base/error.h"
+#include "crypto/encoding.h"
 #include "recorder/control/control_client.h"
 
 namespace kiroku::apps {
@@ -17,7 +19,7 @@ using nlohmann::json;
 using nlohmann::ordered_json;
 
 struct Request {
-  std::optional<std::string> home, room, subject;
+  std::optional<std::string> home, room, subject, plan;
   std::string text;
   bool no_wait = false, json = false;
 };
@@ -45,6 +47,8 @@ int start(const Request& request) {
                        " is no JSON object: write {\"patient\": {...}, \"procedure\": \"...\"}");
     }
   }
+  if (request.plan)
+    question["plan"] = crypto::to_hex(require_sealed(Home::open(request.home), *request.plan));
   return ask(request, question, "recording");
 }
 
@@ -64,11 +68,15 @@ void add_case_command(Command& program) {
     one.option("--subject", "FILE", request->subject,
                "JSON about patient, procedure and staff, to be sealed with the case",
                "what the room's [room.procedure] finds");
+    one.option(
+        "--plan", "SEAL", request->plan,
+        "the sealed plan (.seal.json) that the operation follows; its hash is in the case's first entry");
     add_room(one, request);
     one.explain(
         "Returns when recording has begun. Sources that are absent are stated as gaps and taken up when they "
         "come.");
     one.example("kiroku case start --room or-1 --subject patient.json", "begins a case in one room");
+    one.example("kiroku case start --plan liver.seal.json", "begins the case that was planned so");
     one.on_run([request] { return start(*request); });
   }
   {

@@ -3,6 +3,7 @@
 //
 //   {"do":"status"}                                  {"ok":true,"rooms":[…],…}
 //   {"do":"start","room":"or-1","subject":{…}}       {"ok":true,"case":"…"}
+//       also "plan":"<hash of the sealed plan that the case follows>"
 //   {"do":"stop","room":"or-1","wait":true}          {"ok":true,"case":"…"}
 //   {"do":"mark","room":"or-1","text":"…"}           {"ok":true}
 //   anything that cannot be done                     {"ok":false,"error":"one sentence"}

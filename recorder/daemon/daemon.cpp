@@ -10,6 +10,7 @@
 #include <nlohmann/json.hpp>
 
 #include "base/error.h"
+#include "crypto/encoding.h"
 #include "recorder/clock_watch.h"
 
 namespace kiroku::recorder {
@@ -96,6 +97,17 @@ std::string required_text(const json& request, const char* key) {
     throw UsageError(std::string("the request needs a text \"") + key + "\"");
   }
   return found->get<std::string>();
+}
+
+/// The hash of the sealed plan that the case follows.
+std::optional<crypto::Sha256Digest> sealed_plan_of(const json& request) {
+  if (!request.contains("plan")) return {};
+  const auto bytes = crypto::from_hex(required_text(request, "plan"));
+  crypto::Sha256Digest digest{};
+  if (!bytes || bytes->size() != digest.size())
+    throw UsageError("\"plan\" must be the hash of a sealed plan: 64 hexadecimal digits");
+  std::ranges::copy(*bytes, digest.begin());
+  return digest;
 }
 
 }  // namespace
@@ -278,7 +290,8 @@ ordered_json Daemon::handle(const json& request) {
       if (!found->is_object()) throw UsageError("\"subject\" must be a JSON object");
       subject = to_bytes(bytes_of(found->dump()));
     }
-    return {{"room", room.name()}, {"case", room.start("operator", std::move(subject))}};
+    return {{"room", room.name()},
+            {"case", room.start("operator", std::move(subject), sealed_plan_of(request))}};
   }
   if (what == "stop") {
     return {{"room", room.name()}, {"case", room.stop("operator", request.value("wait", true))}};

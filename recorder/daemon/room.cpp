@@ -104,6 +104,7 @@ struct Room::State {
   struct Request {
     std::string reason;
     std::optional<Bytes> subject;
+    std::optional<crypto::Sha256Digest> sealed_plan;
     std::promise<std::string> begun;
   };
 
@@ -198,7 +199,7 @@ struct Room::State {
     }
     std::string id;
     try {
-      id = running.begin(subject_of(*taken));
+      id = running.begin(subject_of(*taken), taken->sealed_plan);
     } catch (const std::exception& error) {
       tell_problem(std::string("no case could be begun: ") + error.what());
       taken->begun.set_exception(std::current_exception());
@@ -296,6 +297,7 @@ struct Room::State {
     try {
       SessionOptions options = plan.session;
       options.subject = subject_of(asked);
+      options.plan = asked.sealed_plan;
       running = std::make_shared<Session>(std::move(options));
     } catch (const std::exception& error) {
       refuse_start(asked, error.what());
@@ -447,7 +449,8 @@ Room::~Room() = default;
 
 const std::string& Room::name() const { return state_->plan.name; }
 
-std::string Room::start(const std::string& reason, std::optional<Bytes> subject) {
+std::string Room::start(const std::string& reason, std::optional<Bytes> subject,
+                        const std::optional<crypto::Sha256Digest>& sealed_plan) {
   std::future<std::string> begun;
   {
     const std::lock_guard guard(state_->mutex);
@@ -458,6 +461,7 @@ std::string Room::start(const std::string& reason, std::optional<Bytes> subject)
     state_->request = std::make_unique<State::Request>();
     state_->request->reason = reason;
     state_->request->subject = std::move(subject);
+    state_->request->sealed_plan = sealed_plan;
     begun = state_->request->begun.get_future();
   }
   state_->changed.notify_all();

@@ -81,8 +81,10 @@ class Room {
 
   [[nodiscard]] const std::string& name() const;
   /// Begins a case and returns its identifier when recording has begun. `subject` is JSON to be sealed with
-  /// it. Throws kiroku::UsageError if a case is running, kiroku::Error if none can be begun.
-  std::string start(const std::string& reason, std::optional<Bytes> subject = {});
+  /// it, `sealed_plan` the hash of the plan that it follows. Throws kiroku::UsageError if a case is running,
+  /// kiroku::Error if none can be begun.
+  std::string start(const std::string& reason, std::optional<Bytes> subject = {},
+                    const std::optional<crypto::Sha256Digest>& sealed_plan = {});
   /// Ends the case that runs and returns its identifier; returns when it is closed if `wait`. Inside a window
   /// of the schedule no new one is begun until the next window. Throws kiroku::UsageError if none runs.
   std::string stop(const std::string& reason, bool wait);

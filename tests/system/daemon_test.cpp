@@ -76,6 +76,40 @@ TEST_F(Daemon, RecordsWhatItIsToldAndClosesWhenItEnds) {
   EXPECT_REFUSED(kiroku({"status"}), "no recorder answers");
 }
 
+TEST_F(Daemon, RecordsAPlannedCaseThatCanBeComparedByItsMarks) {
+  write_text(folder() / "cube.msh",
+             "$MeshFormat\n2.2 0 8\n$EndMeshFormat\n$Nodes\n8\n1 0 0 0\n2 10 0 0\n3 0 10 0\n4 10 10 0\n5 0 "
+             "0 10\n6 10 0 10\n7 0 10 10\n8 10 10 10\n$EndNodes\n$Elements\n6\n1 4 2 1 1 1 2 4 8\n2 4 2 1 "
+             "1 1 3 7 8\n3 4 2 1 1 1 5 6 8\n4 4 2 1 1 1 2 8 6\n5 4 2 1 1 1 5 8 7\n6 4 2 1 1 1 3 8 4\n"
+             "$EndElements\n");
+  write_text(folder() / "plan.json",
+             R"({"name": "cube", "mesh": "cube.msh", "length_unit": "mm",
+      "materials": [{"region": "all", "young_modulus_pa": 5000, "poisson_ratio": 0.45}],
+      "fixed": [{"box": [[0, 0, 0], [10, 10, 0]]}], "tools": {},
+      "steps": [{"do": "hold", "name": "Look around", "duration_s": 1}, {"do": "hold", "name": "Wait", "duration_s": 1}]})");
+  Process daemon(kirokud());
+  ASSERT_TRUE(daemon.wait_for("recording for 1 room"));
+  EXPECT_REFUSED(kiroku({"case", "start", "--plan", "plan.json"}), "is no sealed plan");
+  const std::string seal = kiroku_json({"plan", "seal", "plan.json", "--json"})["sha256"];
+  const std::string id = kiroku_json({"case", "start", "--plan", "plan.seal.json", "--json"})["case"];
+  const std::string folder_of_case = (home() / "archive" / id).string();
+  EXPECT_TRUE(until([](const nlohmann::json& room) { return room["streams"][0]["frames"].get<int>() > 0; }));
+  for (const char* mark : {"wait", "done", "now look around"})
+    EXPECT_EQ(kiroku({"case", "mark", mark}).status, 0);
+  EXPECT_TRUE(
+      until([](const nlohmann::json& room) { return room["streams"][0]["segments"].get<int>() > 1; }));
+  kiroku_json({"case", "stop", "--json"});
+  EXPECT_EQ(kiroku({"plan", "verify", "plan.seal.json", "--case", folder_of_case}).status, 0);
+  const nlohmann::json made = kiroku_json({"compare", id, "plan.seal.json", "-o", "out.json", "--json"});
+  EXPECT_EQ(made["steps_found"], 2);
+  EXPECT_EQ(made["in_planned_order"], false);
+  const nlohmann::json document = nlohmann::json::parse(read_text(folder() / "out.json"));
+  EXPECT_EQ(document["plan"]["seal"], seal);
+  EXPECT_EQ(document["case"]["names_plan"], true);
+  EXPECT_EQ(document["steps"][1]["done"]["end_from"], "mark");
+  EXPECT_EQ(document["steps"][0]["done"]["mark"], "now look around");
+}
+
 TEST_F(Daemon, SealsWhatTheHospitalSaysOfAProcedureAndTellsItNowhereElse) {
   if (!has_worklist_server()) GTEST_SKIP() << "wlmscpfs is not installed (Debian package dcmtk)";
   WorklistServer server(folder() / "worklist");
