@@ -81,6 +81,10 @@ bool SqliteFile::prepare(const Schema& schema) {
 std::unique_ptr<SqliteFile> SqliteFile::open(const fs::path& file, const Schema& schema) {
   std::unique_ptr<SqliteFile> opened(new SqliteFile(file));
   if (!opened->prepare(schema)) {
+    if (!schema.rebuildable) {
+      throw UsageError("the " + std::string(schema.what) + " " + file.string() +
+                       " is damaged: put back a copy of it, or move it away and begin anew");
+    }
     opened.reset();
     fs::path aside = file;
     aside += ".damaged";

@@ -21,9 +21,12 @@ class SqliteFile {
     const char* sql;
     std::int64_t version;
     const char* probe;  // a statement that only works on these tables
+    /// Whether what is in it can be made anew from elsewhere; a damaged file that cannot is refused.
+    bool rebuildable = true;
   };
   /// Opens or makes the file; a damaged one, or one with other tables, is set aside as .damaged and made
-  /// anew. Throws kiroku::UsageError for one of another version, kiroku::Error where there can be none.
+  /// anew if it is rebuildable. Throws kiroku::UsageError for one of another version, or damaged and not
+  /// rebuildable, kiroku::Error where there can be none.
   static std::unique_ptr<SqliteFile> open(const std::filesystem::path& file, const Schema& schema);
   SqliteFile(const SqliteFile&) = delete;
   SqliteFile& operator=(const SqliteFile&) = delete;

@@ -140,6 +140,8 @@ int run(const Request& request) {
   const std::string sign_in = is_demonstration ? server.sign_in_url("demo") : "";
   print_start(request, server, sign_in, fingerprint, is_own, page.has_value());
   wait_for_end(signals);
+  // What is being verified or sent is brought to its end; a second signal does not wait for that.
+  ::pthread_sigmask(SIG_UNBLOCK, &signals, nullptr);
   return kDone;
 }
 

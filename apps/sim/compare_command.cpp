@@ -281,7 +281,19 @@ std::string deed(const crypto::Sha256Digest& document) {
   return "compared with a plan, document sha256 " + crypto::to_hex(document);
 }
 
-/// Hash into the log, tokens beside the document. Tokens of an earlier one of that name are gone.
+/// Tokens of an earlier document of that name would say that this one differs.
+void remove_tokens(const fs::path& document) {
+  const std::string stem = document.stem().string() + ".";
+  const fs::path parent = document.parent_path();
+  for (const auto& entry : fs::directory_iterator(parent.empty() ? fs::path(".") : parent)) {
+    const std::string name = entry.path().filename().string();
+    if (!name.starts_with(stem) || !name.ends_with(".tsr") || name.size() <= stem.size() + 4) continue;
+    const std::string authority = name.substr(stem.size(), name.size() - stem.size() - 4);
+    if (authority.find('.') == std::string::npos) fs::remove(entry.path());
+  }
+}
+
+/// Hash into the log, tokens beside the document.
 std::vector<Stamp> seal_document(const Request& request, const Home& home, const std::string& case_id,
                                  const fs::path& document, const crypto::Sha256Digest& digest) {
   const Authorities authorities(home, home.configuration(), request.authorities);
@@ -289,8 +301,6 @@ std::vector<Stamp> seal_document(const Request& request, const Home& home, const
   writable.log->access(case_id, deed(digest), user_name());
   std::vector<Stamp> stamps;
   for (const recorder::NamedAuthority& authority : authorities.named()) {
-    fs::path token = document;
-    fs::remove(token.replace_extension("." + authority.name + ".tsr"));
     stamps.push_back(stamp_file(authority, document, digest, writable.trust));
   }
   return stamps;
@@ -336,6 +346,7 @@ Made write_document(const Request& request, const std::optional<Home>& home,
   result.document = document_of(*request.output);
   const std::string text = compare::comparison_json(comparison, at_hand.plan, made);
   result.digest = crypto::sha256(bytes_of(text));
+  remove_tokens(result.document);
   write_output(result.document, bytes_of(text), request.force);
   result.in_log = home && home->holds(recording.folder());
   if (result.in_log) {

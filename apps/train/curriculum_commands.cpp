@@ -102,6 +102,17 @@ int add_trainee(const TraineeRequest& request) {
   return kDone;
 }
 
+/// What people have done cannot be made anew.
+void refuse_results_of_people(const std::filesystem::path& file) {
+  if (!std::filesystem::exists(file)) return;
+  const trainer::TrainingDatabase database(file);
+  const std::vector<trainer::Trainee> trainees = database.trainees();
+  if (!std::ranges::all_of(trainees, &trainer::Trainee::simulated)) {
+    throw UsageError(file.string() +
+                     " holds results of people, which no study replaces: choose another folder");
+  }
+}
+
 int run_study(const StudyRequest& request) {
   trainer::SimulatedStudy study;
   study.trainees_a_group = parse_count(request.trainees, "--trainees", 1, 100);
@@ -114,6 +125,7 @@ int run_study(const StudyRequest& request) {
   std::vector<std::string> files = kReportFiles;
   files.emplace_back("results.sqlite");
   const OutputFolder folder(request.output, files, request.force);
+  refuse_results_of_people(folder.path("results.sqlite"));
   Progress progress("training simulated trainees");
   trainer::OrganObject object = trainer::make_object(kind, vertices);
   const trainer::ExclusionTask task = trainer::exclusion_task(object);
@@ -125,8 +137,7 @@ int run_study(const StudyRequest& request) {
   const std::vector<trainer::ExclusionRecord> records = trainer::run_simulated_study(
       body, study, [&](const trainer::ExclusionRecord&) { progress.update(++done, all); });
   progress.clear();
-  std::error_code ignored;
-  std::filesystem::remove(folder.path("results.sqlite"), ignored);  // of an earlier run, with --force
+  std::filesystem::remove(folder.path("results.sqlite"));  // of an earlier run, with --force
   trainer::TrainingDatabase database(folder.path("results.sqlite"));
   std::map<std::string, trainer::Trainee> trainees;
   for (const trainer::ExclusionRecord& record : records) {

@@ -229,6 +229,21 @@ void keep(const Request& request, const std::string& database_file, const Outcom
   }
 }
 
+/// That what is asked for can be kept: the database opens, and a person's name is that of a person there.
+void require_subject(const Request& request, const std::string& database_file) {
+  trainer::TrainingDatabase database(database_file);
+  if (!request.hand) return;
+  for (const trainer::Trainee& trainee : database.trainees()) {
+    if (trainee.name != *request.subject) continue;
+    if (trainee.simulated) {
+      throw UsageError("--subject is '" + *request.subject + "', a simulated trainee of " + database_file +
+                       ": a person needs another name");
+    }
+    return;
+  }
+  database.add_trainee(*request.subject, "", false);
+}
+
 Json interval_json(const trainer::Interval& interval) { return {interval.low, interval.high}; }
 
 void print(const Request& request, const Outcome& outcome, const trainer::RateComparison& comparison) {
@@ -303,15 +318,13 @@ int run(const Request& request) {
       {"trials.csv", "thresholds.csv", "comparison.csv", "thresholds.svg", "thresholds.pdf", "touch.png"},
       request.force);
   const std::string database_file = request.database.value_or(folder.path("results.sqlite").string());
-  {
-    const trainer::TrainingDatabase checked(database_file);  // before hours of somebody's time
-  }
+  require_subject(request, database_file);  // before hours of somebody's time
   const UtcTime began = utc_now();
   const trainer::Plate plate;
   const Outcome outcome = ask(request, subjects, plate, protocol);
-  const trainer::RateComparison comparison = trainer::compare_fingers(outcome.sessions);
-  keep(request, database_file, outcome, began);
   folder.write("trials.csv", trials_csv(outcome));
+  keep(request, database_file, outcome, began);
+  const trainer::RateComparison comparison = trainer::compare_fingers(outcome.sessions);
   folder.write("thresholds.csv", thresholds_csv(outcome));
   folder.write("comparison.csv", comparison_csv(comparison));
   const trainer::Plot plot = plot_of(outcome, comparison);

@@ -36,6 +36,8 @@ PersonAtDevice::PersonAtDevice(const trainer::Plate& plate, UdpAddress address)
 bool PersonAtDevice::feels_vibration(std::size_t fingers, double rate_hz) {
   sim::UdpDevice device(fingers, address_.address, address_.port);
   trainer::SafeDevice safe(device, 1 / kRateHz);
+  // However this ends, no force stays on a finger.
+  const trainer::AtRest at_rest(safe);
   sim::HapticContact contact(plate_.contact(), trainer::Plate::fingers(fingers));
   trainer::HeldForces held(contact, rate_hz);
   sim::ForceLoopOptions options;

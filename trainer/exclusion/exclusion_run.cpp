@@ -135,6 +135,8 @@ ExclusionOutcome ExclusionRunner::run_in_real_time(sim::HapticDevice& device,
   using std::chrono::nanoseconds;
   const double period_s = 1 / options_.force_rate_hz;
   SafeDevice safe(device, period_s, options_.limits);
+  // However this ends, no force stays on a finger.
+  const AtRest at_rest(safe);
   MotionRecorder recorder(safe, period_s, body_.task().most_s + 1);
   HandForces forces(body_, device.tools(), options_.feedback);
   ExclusionJudge judge(body_.task());

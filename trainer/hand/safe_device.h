@@ -3,6 +3,7 @@
 #pragma once
 
 #include <cstdint>
+#include <exception>
 #include <vector>
 
 #include "sim/haptics/haptic_device.h"
@@ -51,6 +52,24 @@ class SafeDevice : public sim::HapticDevice {
   bool any_seen_ = false, believes_ = true;
   double since_seen_s_ = 0, steady_s_ = 0;
   Faults faults_;
+};
+
+/// Lets a device come to rest when its scope ends, however that is.
+class AtRest {
+ public:
+  explicit AtRest(SafeDevice& device) : device_(device) {}
+  ~AtRest() {
+    try {
+      device_.come_to_rest();
+    } catch (const std::exception&) {
+      // The device itself has failed: nothing more can be said to it.
+    }
+  }
+  AtRest(const AtRest&) = delete;
+  AtRest& operator=(const AtRest&) = delete;
+
+ private:
+  SafeDevice& device_;
 };
 
 }  // namespace kiroku::trainer

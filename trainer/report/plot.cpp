@@ -110,7 +110,9 @@ class Axis {
       }
       return;
     }
-    const double range = greatest > least ? greatest - least : std::max(std::abs(least), 1.0);
+    // Closer together than numbers can tell ticks apart is one place.
+    const double magnitude = std::max(std::abs(least), std::abs(greatest));
+    const double range = greatest - least > 1e-9 * magnitude ? greatest - least : std::max(magnitude, 1.0);
     constexpr double kTicks = 6;
     const double power = std::pow(10, std::floor(std::log10(range / kTicks)));
     double step = 10 * power;

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <numeric>
 
+#include <boost/math/distributions/chi_squared.hpp>
 #include <boost/math/distributions/non_central_t.hpp>
 #include <boost/math/distributions/students_t.hpp>
 
@@ -26,6 +27,14 @@ double critical_t(double degrees_of_freedom) {
 
 /// The noncentrality at which t or less has that probability. The probability falls with it.
 double noncentrality(double t, double degrees_of_freedom, double probability) {
+  // Far out, where Boost's series does not reach, t is the noncentrality over the root of chi squared /
+  // degrees of freedom.
+  constexpr double kFar = 3e4;
+  if (std::abs(t) > kFar) {
+    const boost::math::chi_squared_distribution<double> distribution(degrees_of_freedom);
+    return t * std::sqrt(boost::math::quantile(distribution, t > 0 ? 1 - probability : probability) /
+                         degrees_of_freedom);
+  }
   const auto of = [&](double centre) {
     return boost::math::cdf(boost::math::non_central_t_distribution<double>(degrees_of_freedom, centre), t);
   };
@@ -70,6 +79,9 @@ SampleSummary summary_of(std::span<const double> values) {
   const auto count = static_cast<double>(values.size());
   found.mean = std::accumulate(values.begin(), values.end(), 0.0) / count;
   if (values.size() < 2) return found;
+  if (std::ranges::all_of(values, [&](double value) { return value == values[0]; })) {
+    found.mean = values[0];  // not what rounding makes of the sum
+  }
   double squares = 0;
   for (const double value : values) squares += (value - found.mean) * (value - found.mean);
   found.standard_deviation = std::sqrt(squares / (count - 1));

@@ -50,7 +50,8 @@ class Tracking {
       comparison_.camera->take(frames_->time_ns(), picture);
       for (ToolPathRecorder& recorder : recorders_) recorder.take(frames_->time_ns(), picture);
       const double all = double(comparison_.recording_end_ns - from_ns_);
-      if (progress.share && all > 0) progress.share(double(frames_->time_ns() - from_ns_) / all);
+      if (progress.share && all > 0)
+        progress.share(std::clamp(double(frames_->time_ns() - from_ns_) / all, 0.0, 1.0));
     }
     if (!comparison_.camera) throw UsageError("no picture was recorded from the registration's time on");
     comparison_.camera->finish();
@@ -65,6 +66,7 @@ class Tracking {
       distance.largest_drift_px = path.largest_drift_px;
       distance.of_steps.resize(comparison_.steps.size());
       for (const PathPoint& point : path.points) {
+        if (!comparison_.camera->held_at(point.time_ns)) continue;
         const PlanMoment moment = comparison_.map->plan_at(point.time_ns);
         if (moment.stands) continue;
         const auto planned = tool_at(frames, tools_[i], moment);

@@ -35,7 +35,7 @@ std::optional<double> mean_of(const VitalSeries& series, std::int64_t from_ns, s
 
 std::string text_of(const char* what, double value, const char* passed, double limit) {
   std::array<char, 96> text{};
-  std::snprintf(text.data(), text.size(), "%s pressure %.0f mmHg, %s %.0f", what, value, passed, limit);
+  std::snprintf(text.data(), text.size(), "%s pressure %.1f mmHg, %s %g", what, value, passed, limit);
   return text.data();
 }
 

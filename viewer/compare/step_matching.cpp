@@ -98,10 +98,18 @@ StepMatching completed(std::span<const PlannedStep> steps, std::vector<StepMatch
   StepMatching matching;
   for (std::size_t i = 0; i < matches.size(); ++i) {
     StepMatch& match = matches[i];
-    if (!open_ended(match.span)) continue;
-    const bool last = i + 1 == matches.size();
-    match.end_from = last ? KnownFrom::kRecordingEnd : KnownFrom::kNextStep;
-    match.span.end_ns = std::max(match.span.start_ns, last ? recording_end_ns : matches[i + 1].span.start_ns);
+    if (open_ended(match.span)) {
+      const bool last = i + 1 == matches.size();
+      match.end_from = last ? KnownFrom::kRecordingEnd : KnownFrom::kNextStep;
+      match.span.end_ns =
+          std::max(match.span.start_ns, last ? recording_end_ns : matches[i + 1].span.start_ns);
+    }
+    // Marks may have been made after the last picture.
+    for (archive::Span& pause : match.pauses) {
+      pause.start_ns = std::clamp(pause.start_ns, match.span.start_ns, match.span.end_ns);
+      pause.end_ns = std::clamp(pause.end_ns, pause.start_ns, match.span.end_ns);
+    }
+    std::erase_if(match.pauses, [](const archive::Span& pause) { return pause.end_ns <= pause.start_ns; });
   }
   for (std::size_t step = 0; step < steps.size(); ++step) {
     if (std::ranges::find(matches, step, &StepMatch::step) == matches.end()) matching.missing.push_back(step);

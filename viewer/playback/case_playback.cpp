@@ -215,7 +215,9 @@ CaseVitals& CasePlayback::vitals(const std::string& stream) {
   const std::lock_guard guard(mutex_);
   std::unique_ptr<CaseVitals>& slot = vitals_[media_.recording().stream(stream).name];
   if (!slot) {
-    const auto segments = media_.recording().segments(stream, INT64_MIN, INT64_MAX);
+    auto segments = media_.recording().segments(stream, INT64_MIN, INT64_MAX);
+    // What was erased since may not come back out of the cache.
+    std::erase_if(segments, [&](const auto& segment) { return media_.recording().is_erased(segment); });
     require_readable(segments);
     slot = std::make_unique<CaseVitals>(media_, *cache_, stream, name_of("vitals", stream, segments));
   }

@@ -59,8 +59,10 @@ inline constexpr auto kTexts = std::to_array<Text>({
      "「所見」に示します。故意か故障かは、検査では判別できません。"},
     // -- time, as the statement tells it
     {"time.external",
-     "When it existed is proved by time-stamping authorities outside the recorder: between {0} and {1}.",
-     "存在した時刻は、記録装置の外部の時刻認証局により証明されています（{0} から {1} まで）。"},
+     "Authorities outside the recorder time-stamped it, from {0} to {1}. Between which times each part was "
+     "written, the brackets below say.",
+     "記録装置の外部の時刻認証局が {0} から {1} "
+     "までタイムスタンプを付与しました。各部分が記録された時刻の範囲は、下の表に示します。"},
     {"time.external-until",
      "When it existed is proved by time-stamping authorities outside the recorder: no later than {0}.",
      "存在した時刻は、記録装置の外部の時刻認証局により証明されています（{0} 以前）。"},

@@ -214,8 +214,13 @@ class PlaybackApi {
       for (const playback::TimelineMark& mark : open(request, identities)->marks()) {
         marks.push_back({{"time_ns", mark.time_ns}, {"text", mark.text}});
       }
-    } catch (const crypto::AgeError&) {
-      return Response::json(timeline);  // unlocked, for others' recordings
+    } catch (const crypto::AgeError& error) {
+      // kNoMatch: unlocked, for others' recordings.
+      if (error.failure() != crypto::AgeFailure::kNoMatch) timeline["marks_problem"] = error.what();
+      return Response::json(timeline);
+    } catch (const Error& error) {
+      timeline["marks_problem"] = error.what();  // the case can be watched without its marks
+      return Response::json(timeline);
     }
     if (!marks.empty()) context_.enter_access_once(request, request.parameter("case"), "read marks");
     timeline["marks"] = std::move(marks);

@@ -1,5 +1,10 @@
 #include "viewer/server/report_api.h"
 
+#include <algorithm>
+#include <memory>
+#include <mutex>
+#include <thread>
+
 #include "archive/verifier.h"
 #include "base/error.h"
 #include "viewer/report/pdf_writer.h"
@@ -27,6 +32,8 @@ report::ReportInput verify(const Request& request, const ViewerContext& context)
   options.devices = {home.device};
   options.trust = home.trust;
   options.log = home.log_folder;
+  // A recorder may be at work on the same machine.
+  options.threads = std::max(1U, std::thread::hardware_concurrency() / 2);
   report::ReportInput input;
   input.language = asked_language(request);
   input.verification = archive::verify_case(folder, options);
@@ -40,7 +47,19 @@ report::ReportInput verify(const Request& request, const ViewerContext& context)
   return input;
 }
 
-Response answer(const Request& request, ViewerContext& context, Kind kind) {
+/// One document at a time verifies its case.
+class Turn {
+ public:
+  explicit Turn(std::mutex& mutex) : lock_(mutex, std::try_to_lock) {
+    if (!lock_) throw Refusal(503, "another document is being made: try again in a moment");
+  }
+
+ private:
+  std::unique_lock<std::mutex> lock_;
+};
+
+Response answer(const Request& request, ViewerContext& context, Kind kind, std::mutex& making) {
+  const Turn turn(making);
   const report::ReportInput input = verify(request, context);
   const bool receipt = kind == Kind::kReceipt;
   const report::Document document = receipt ? report::make_receipt(input) : report::make_report(input);
@@ -54,10 +73,15 @@ Response answer(const Request& request, ViewerContext& context, Kind kind) {
 }  // namespace
 
 void add_report_routes(Router& router, ViewerContext& context) {
+  const auto making = std::make_shared<std::mutex>();
   router.add("GET", "api/cases/{case:case}/report.pdf", Right::kVerify,
-             [&context](const Request& request) { return answer(request, context, Kind::kReport); });
+             [&context, making](const Request& request) {
+               return answer(request, context, Kind::kReport, *making);
+             });
   router.add("GET", "api/cases/{case:case}/receipt.pdf", Right::kVerify,
-             [&context](const Request& request) { return answer(request, context, Kind::kReceipt); });
+             [&context, making](const Request& request) {
+               return answer(request, context, Kind::kReceipt, *making);
+             });
 }
 
 }  // namespace kiroku::viewer

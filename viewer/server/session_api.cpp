@@ -73,6 +73,8 @@ class SessionApi {
       content = crypto::Secret::copy_of(*decoded);
       crypto::zeroise(*decoded);
     }
+    // A sealed one costs as much memory as its maker chose.
+    const Hashing turn(hashing_);
     auto identities = std::make_shared<const crypto::AgeIdentities>(
         crypto::read_identities(std::move(content), "the identity",
                                 [&](const std::string& /*what_for*/) { return passphrase.clone(); }));
@@ -82,27 +84,35 @@ class SessionApi {
   }
 
  private:
+  /// A turn at what takes much memory.
+  class Hashing {
+   public:
+    explicit Hashing(std::counting_semaphore<>& turns) : turns_(turns) {
+      if (!turns_.try_acquire_for(std::chrono::milliseconds(500))) {
+        throw Refusal(503, "many are signing in now: try again in a moment");
+      }
+    }
+    ~Hashing() { turns_.release(); }
+    Hashing(const Hashing&) = delete;
+    Hashing& operator=(const Hashing&) = delete;
+
+   private:
+    std::counting_semaphore<>& turns_;
+  };
+
   std::optional<User> check(const Request& request, const std::string& name, const crypto::Secret& password) {
+    if (password.size() > UserStore::kLongestPassword)
+      throw Refusal(400, "a password is never as long as this");
     const std::string address_key = "address:" + request.peer;
     AttemptGuard& attempts = context_.attempts();
+    // Before looking at who has to wait: those that waited for their turn here would all pass together.
+    const Hashing turn(hashing_);
     const auto now = AttemptGuard::Clock::now();
     const auto wait = std::max(attempts.wait(user_key(name), now), attempts.wait(address_key, now));
     if (wait.count() > 0) {
       throw Refusal(429, "too many failures: try again in " + std::to_string(wait.count()) + " s");
     }
-    if (password.size() > UserStore::kLongestPassword)
-      throw Refusal(400, "a password is never as long as this");
-    if (!hashing_.try_acquire_for(std::chrono::seconds(5))) {
-      throw Refusal(503, "many are signing in now: try again in a moment");
-    }
-    std::optional<User> user;
-    try {
-      user = context_.users().check(name, password);
-    } catch (...) {
-      hashing_.release();
-      throw;
-    }
-    hashing_.release();
+    const std::optional<User> user = context_.users().check(name, password);
     if (user) {
       attempts.succeeded(user_key(name));
     } else {

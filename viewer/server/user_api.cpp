@@ -34,6 +34,11 @@ Response put_user(ViewerContext& context, const Request& request) {
   if (is_there && name == request.session->user() && *role != Role::kAdministrator) {
     throw Refusal(409, "nobody takes the administrator's role from themselves");
   }
+  if (!is_there || !password.empty()) UserStore::require_sound(name, password);
+  // Nothing changes that the log does not say first.
+  context.enter_access(
+      request, ViewerContext::kEveryCase,
+      (is_there ? "changes user " : "adds user ") + name + " as " + std::string(role_name(*role)));
   if (!is_there) {
     context.users().add(name, *role, password);
   } else {
@@ -41,9 +46,6 @@ Response put_user(ViewerContext& context, const Request& request) {
     context.users().set_role(name, *role);
     context.sessions().close_all_of(name);
   }
-  context.enter_access(
-      request, ViewerContext::kEveryCase,
-      (is_there ? "changed user " : "added user ") + name + " as " + std::string(role_name(*role)));
   return Response::json({{"user", name}, {"role", role_name(*role)}, {"locked", false}},
                         is_there ? 200 : 201);
 }
@@ -52,9 +54,9 @@ Response remove_user(ViewerContext& context, const Request& request) {
   const std::string& name = request.parameter("user");
   if (name == request.session->user()) throw Refusal(409, "nobody removes themselves");
   if (!context.users().find(name)) throw Refusal(404, "there is no user " + name);
+  context.enter_access(request, ViewerContext::kEveryCase, "removes user " + name);
   context.users().remove(name);
   context.sessions().close_all_of(name);
-  context.enter_access(request, ViewerContext::kEveryCase, "removed user " + name);
   return Response::nothing();
 }
 

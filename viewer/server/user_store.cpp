@@ -21,7 +21,7 @@ constexpr archive::SqliteFile::Schema kSchema{
     "NULL, "
     "hash TEXT NOT NULL, changed TEXT NOT NULL) STRICT;"
     "PRAGMA user_version = 1;",
-    1, "SELECT name, role, cost, salt, hash, changed FROM users LIMIT 1"};
+    1, "SELECT name, role, cost, salt, hash, changed FROM users LIMIT 1", false};
 
 std::size_t characters(std::string_view text) {
   return static_cast<std::size_t>(
@@ -90,12 +90,16 @@ std::unique_ptr<UserStore> UserStore::open(const std::filesystem::path& file) {
   return std::unique_ptr<UserStore>(new UserStore(std::move(state)));
 }
 
-void UserStore::add(const std::string& name, Role role, const crypto::Secret& password) {
+void UserStore::require_sound(const std::string& name, const crypto::Secret& password) {
   if (!is_user_name(name)) {
     throw UsageError("'" + name + "' is no user's name: write up to " + std::to_string(kLongestName) +
                      " of a-z, 0-9, '.', '_' and '-', beginning with a letter or digit");
   }
   require_password(name, password);
+}
+
+void UserStore::add(const std::string& name, Role role, const crypto::Secret& password) {
+  require_sound(name, password);
   const Hash hash = hash_of(password);
   const std::lock_guard guard(state_->mutex);
   archive::SqliteFile::Transaction transaction(*state_->file);

@@ -1,13 +1,14 @@
 #include "viewer/server/verification_runner.h"
 
 #include <algorithm>
+#include <array>
 #include <condition_variable>
 #include <deque>
 #include <map>
 #include <mutex>
+#include <sys/stat.h>
 #include <thread>
 
-#include "archive/case_layout.h"
 #include "base/error.h"
 
 namespace kiroku::viewer {
@@ -18,15 +19,27 @@ namespace fs = std::filesystem;
 constexpr std::size_t kMostWaiting = 64;
 constexpr std::size_t kMostRemembered = 256;
 
-std::uintmax_t ledger_size(const fs::path& folder) {
+/// Of all files of the case: what changes when one is written, replaced, added or removed.
+using CaseIdentity = std::map<fs::path, std::array<std::int64_t, 4>>;
+
+CaseIdentity identity_of(const fs::path& folder) {
+  CaseIdentity identity;
   std::error_code failed;
-  const std::uintmax_t size = fs::file_size(folder / archive::kLedgerFile, failed);
-  return failed ? 0 : size;
+  for (fs::recursive_directory_iterator file(folder, failed), end; !failed && file != end;
+       file.increment(failed)) {
+    struct stat state {};
+    if (::lstat(file->path().c_str(), &state) != 0 || S_ISDIR(state.st_mode)) continue;
+    constexpr std::int64_t kNsPerSecond = 1'000'000'000;
+    identity[file->path()] = {static_cast<std::int64_t>(state.st_ino), state.st_size,
+                              state.st_mtim.tv_sec * kNsPerSecond + state.st_mtim.tv_nsec,
+                              state.st_ctim.tv_sec * kNsPerSecond + state.st_ctim.tv_nsec};
+  }
+  return identity;
 }
 
 struct Job {
   VerificationState state;
-  std::uintmax_t ledger_size = 0;  // before it was read
+  CaseIdentity files;  // before they were read
 };
 
 }  // namespace
@@ -70,6 +83,7 @@ struct VerificationRunner::State {
       auto report = std::make_shared<const archive::VerificationReport>(archive::verify_case(folder, verify));
       if (options.verified) options.verified(folder, *report);
       done.report = std::move(report);
+      done.finished = utc_now();
     } catch (const std::exception& error) {
       done.problem = error.what();
     }
@@ -96,7 +110,7 @@ bool VerificationRunner::start(const fs::path& folder) {
   if (state_->jobs.size() >= kMostRemembered) {
     std::erase_if(state_->jobs, [](const auto& each) { return each.second.state.is_done(); });
   }
-  state_->jobs[folder] = {{}, ledger_size(folder)};
+  state_->jobs[folder] = {{}, identity_of(folder)};
   state_->waiting.push_back(folder);
   state_->wake.notify_one();
   return true;
@@ -106,7 +120,7 @@ std::optional<VerificationState> VerificationRunner::state(const fs::path& folde
   const std::lock_guard guard(state_->mutex);
   const auto found = state_->jobs.find(folder);
   if (found == state_->jobs.end()) return {};
-  const bool is_old = found->second.state.is_done() && found->second.ledger_size != ledger_size(folder);
+  const bool is_old = found->second.state.is_done() && found->second.files != identity_of(folder);
   return is_old ? std::nullopt : std::optional(found->second.state);
 }
 

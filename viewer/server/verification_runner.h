@@ -10,6 +10,7 @@
 #include <string>
 
 #include "archive/verifier.h"
+#include "base/utc_time.h"
 
 namespace kiroku::viewer {
 
@@ -17,6 +18,7 @@ namespace kiroku::viewer {
 struct VerificationState {
   /// Null while it runs, or waits for another.
   std::shared_ptr<const archive::VerificationReport> report;
+  UtcTime finished{};                             // when there is a report
   std::string problem;                            // why the case could not be read at all; "" where it could
   std::uint64_t done_bytes = 0, total_bytes = 0;  // 0 of 0 while it waits
   [[nodiscard]] bool is_done() const { return report != nullptr || !problem.empty(); }
@@ -38,7 +40,7 @@ class VerificationRunner {
 
   /// Begins, unless it runs or waits already. False where too many wait.
   bool start(const std::filesystem::path& folder);
-  /// The newest; nothing if there was none since the ledger has grown.
+  /// The newest; nothing if there was none since a file of the case was written, replaced, added or removed.
   [[nodiscard]] std::optional<VerificationState> state(const std::filesystem::path& folder) const;
 
  private:

@@ -254,7 +254,8 @@ struct WebServer::State {
     SSL_CTX_set_min_proto_version(native, TLS1_2_VERSION);
     SSL_CTX_set_cipher_list(native, "ECDHE+AESGCM:ECDHE+CHACHA20");
     SSL_CTX_set_options(native, SSL_OP_NO_RENEGOTIATION | SSL_OP_NO_COMPRESSION |
-                                    SSL_OP_CIPHER_SERVER_PREFERENCE | SSL_OP_NO_TICKET);
+                                    SSL_OP_CIPHER_SERVER_PREFERENCE | SSL_OP_NO_TICKET |
+                                    SSL_OP_CLEANSE_PLAINTEXT);
     SSL_CTX_set_session_cache_mode(native, SSL_SESS_CACHE_OFF);
     SSL_CTX_set_mode(native, SSL_MODE_RELEASE_BUFFERS);
   }
@@ -289,13 +290,18 @@ struct WebServer::State {
       const tcp::endpoint peer = socket.remote_endpoint(failed);
       // A connection too many is let go at once; it may come again.
       if (failed || !count.enter(holder_of(peer.address()))) continue;
-      auto place = std::make_unique<ConnectionPlace>(count, holder_of(peer.address()));
-      socket.set_option(tcp::no_delay(true), failed);
-      const auto executor = socket.get_executor();
-      asio::co_spawn(executor,
-                     serve(Stream(beast::tcp_stream(std::move(socket)), tls), peer.address().to_string(),
-                           std::move(place)),
-                     asio::detached);
+      // One that cannot be served (out of memory) is let go; the next ones are accepted all the same.
+      try {
+        auto place = std::make_unique<ConnectionPlace>(count, holder_of(peer.address()));
+        socket.set_option(tcp::no_delay(true), failed);
+        const auto executor = socket.get_executor();
+        asio::co_spawn(executor,
+                       serve(Stream(beast::tcp_stream(std::move(socket)), tls), peer.address().to_string(),
+                             std::move(place)),
+                       asio::detached);
+      } catch (const std::exception&) {
+        continue;
+      }
     }
   }
 

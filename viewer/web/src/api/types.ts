@@ -98,6 +98,8 @@ export interface Timeline {
   checkpoints: Checkpoint[];
   brackets: TimelineBracket[];
   marks?: Mark[];
+  /** Why marks that could be unlocked cannot be read. */
+  marks_problem?: string;
 }
 
 /** start_ns, end_ns, lowest, highest, last */
@@ -167,6 +169,7 @@ export interface VerifiedStream {
 
 export interface VerificationReport {
   state: 'done';
+  verified: string;
   verdict: Verdict;
   time: TimeProof;
   device: string;

@@ -34,7 +34,12 @@ export function MomentsPanel({ model, playback, alarms, sealed }: { model: CaseM
   const now = lastAtOrBefore(list, playback.position_ns.value + 1e6, (one) => one.time_ns);
   return (
     <div class="moments">
-      {sealed && <p class="muted pad">{t('moment.sealed')}</p>}
+      {model.timeline.marks_problem && (
+        <p class="pad" role="alert">
+          {model.timeline.marks_problem}
+        </p>
+      )}
+      {sealed && !model.timeline.marks_problem && <p class="muted pad">{t('moment.sealed')}</p>}
       {kinds.length > 1 && (
         <div class="chips" role="group" aria-label={t('moment.show')}>
           {kinds.map((kind) => (

@@ -118,6 +118,7 @@ function Report({ id, report, timeline, about }: { id: string; report: Verificat
         <div>
           <h2 id="verdict">{t(`verdict.${report.verdict}`)}</h2>
           <p>{t(`verdictWhat.${report.verdict}`)}</p>
+          <p class="muted">{t('verify.when', { moment: formatMoment(report.verified) })}</p>
           <p class="muted">{t(`timeWhat.${report.time}`)}</p>
         </div>
         <div class="banner-end">
