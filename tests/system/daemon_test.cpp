@@ -98,7 +98,7 @@ TEST_F(Daemon, RecordsAPlannedCaseThatCanBeComparedByItsMarks) {
     EXPECT_EQ(kiroku({"case", "mark", mark}).status, 0);
   EXPECT_TRUE(
       until([](const nlohmann::json& room) { return room["streams"][0]["segments"].get<int>() > 1; }));
-  kiroku_json({"case", "stop", "--json"});
+  EXPECT_EQ(kiroku_json({"case", "stop", "--json"})["case"], id);
   EXPECT_EQ(kiroku({"plan", "verify", "plan.seal.json", "--case", folder_of_case}).status, 0);
   const nlohmann::json made = kiroku_json({"compare", id, "plan.seal.json", "-o", "out.json", "--json"});
   EXPECT_EQ(made["steps_found"], 2);
