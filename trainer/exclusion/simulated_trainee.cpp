@@ -14,7 +14,7 @@ namespace {
 
 /// Where fingers lie along the border, for one to five.
 constexpr std::array<std::array<double, kMostExclusionFingers>, kMostExclusionFingers> kPlaces{
-    {{0.02}, {-0.03, 0.03}, {-0.04, 0, 0.04}, {-0.05, -0.02, 0.02, 0.05}, {-0.06, -0.03, 0, 0.03, 0.06}}};
+    {{0}, {-0.03, 0.03}, {-0.04, 0, 0.04}, {-0.05, -0.02, 0.02, 0.05}, {-0.06, -0.03, 0, 0.03, 0.06}}};
 constexpr double kUnderBorderMetres = -0.046, kBeginBelowMetres = 0.012;
 /// Who has lifted so far without seeing the line lifts no further.
 constexpr double kMostLiftMetres = 0.03;

@@ -58,7 +58,7 @@ TEST(ComparisonDocument, SaysWhatWasFoundAndIsReadBack) {
   EXPECT_EQ(document["steps"][0]["done"]["end_from"], "recording-end");
   EXPECT_EQ(document["steps"][0]["done"]["pause_before_ns"], kSecondNs);
   EXPECT_EQ(document["steps"][1]["done"]["end_from"], "mark");
-  EXPECT_EQ(document["steps"][1]["pressure_events"][0]["text"], "systolic pressure 85 mmHg, below 90");
+  EXPECT_EQ(document["steps"][1]["pressure_events"][0]["text"], "systolic pressure 85.0 mmHg, below 90");
   EXPECT_EQ(document["steps"][2]["done"], nullptr);
   EXPECT_EQ(document["repeated_marks"][0]["text"], "step 1");
   EXPECT_EQ(document["time_map"]["pieces"][0]["knots"][1], nlohmann::json::parse("[3, 4000000000]"));

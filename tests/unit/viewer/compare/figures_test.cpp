@@ -78,10 +78,10 @@ TEST(Figures, TellPressuresThatPassTheirLimitsAndAlarms) {
   std::vector<std::string> texts;
   for (const PressureEvent& event : events)
     texts.push_back(std::to_string(event.time_ns / kSecondNs) + " " + event.text);
-  EXPECT_THAT(
-      texts, ElementsAre("0 systolic pressure 80 mmHg, below 90", "15 ABP high",
-                         "20 systolic pressure 88 mmHg, below 90", "25 systolic pressure 161 mmHg, above 160",
-                         "30 mean pressure 60 mmHg, below 65"));
+  EXPECT_THAT(texts, ElementsAre("0 systolic pressure 80.0 mmHg, below 90", "15 ABP high",
+                                 "20 systolic pressure 88.0 mmHg, below 90",
+                                 "25 systolic pressure 161.0 mmHg, above 160",
+                                 "30 mean pressure 60.0 mmHg, below 65"));
   EXPECT_TRUE(events[1].is_alarm);
   // What had passed before is no event of the time that follows.
   EXPECT_TRUE(pressure_events(record, 26 * kSecondNs, 30 * kSecondNs).empty());
