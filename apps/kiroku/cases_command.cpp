@@ -8,6 +8,7 @@
 #include "apps/kiroku/commands.h"
 #include "apps/kiroku/home.h"
 #include "archive/catalogue.h"
+#include "archive/catalogue_json.h"
 
 namespace kiroku::apps {
 namespace {
@@ -26,17 +27,9 @@ std::string joined(const std::vector<std::string>& names) {
 }
 
 ordered_json row_json(const archive::CatalogueRow& row, const Home& home) {
-  return {{"case", row.case_id},
-          {"folder", (home.archive() / row.case_id).string()},
-          {"opened", format_utc(row.opened)},
-          {"duration_ns", row.duration_ns ? ordered_json(*row.duration_ns) : ordered_json(nullptr)},
-          {"state", row.state},
-          {"streams", row.streams},
-          {"segments", row.segments},
-          {"bytes", row.bytes},
-          {"tokens", row.tokens},
-          {"verdict", row.last_verdict ? ordered_json(*row.last_verdict) : ordered_json(nullptr)},
-          {"verified", row.verified ? ordered_json(format_utc(*row.verified)) : ordered_json(nullptr)}};
+  ordered_json out{{"case", row.case_id}, {"folder", (home.archive() / row.case_id).string()}};
+  out.update(archive::catalogue_json(row));
+  return out;
 }
 
 /// "2026-08-05 11:15 (09:15 UTC)"; once where this machine's zone is UTC.

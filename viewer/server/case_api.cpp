@@ -5,6 +5,7 @@
 #include <nlohmann/json.hpp>
 
 #include "archive/catalogue.h"
+#include "archive/catalogue_json.h"
 #include "crypto/encoding.h"
 #include "viewer/server/api.h"
 
@@ -17,16 +18,9 @@ constexpr std::int64_t kUsualRows = 50;
 constexpr std::int64_t kMostRows = 500;
 
 ordered_json row_json(const archive::CatalogueRow& row) {
-  return {{"id", row.case_id},
-          {"opened", format_utc(row.opened)},
-          {"duration_ns", row.duration_ns ? ordered_json(*row.duration_ns) : ordered_json(nullptr)},
-          {"state", row.state},
-          {"streams", row.streams},
-          {"segments", row.segments},
-          {"bytes", row.bytes},
-          {"tokens", row.tokens},
-          {"verdict", row.last_verdict ? ordered_json(*row.last_verdict) : ordered_json(nullptr)},
-          {"verified", row.verified ? ordered_json(format_utc(*row.verified)) : ordered_json(nullptr)}};
+  ordered_json out{{"id", row.case_id}};
+  out.update(archive::catalogue_json(row));
+  return out;
 }
 
 /// Whether every word stands somewhere in what the list shows of the case.
