@@ -174,22 +174,24 @@ Dispatcher::Admission Dispatcher::admit(RequestHead head) const {
   return out;
 }
 
-Response Dispatcher::call(const Route& route, const Request& request) const {
+std::optional<Dispatcher::Failure> Dispatcher::guarded(const Route& route, const Request& request,
+                                                       const std::function<void()>& action) const {
+  constexpr const char* kInside = "this failed inside; the server's log says more";
   try {
-    return route.handler(request);
+    action();
+    return {};
   } catch (const Refusal& refusal) {
-    return Response::error(refusal.status(), refusal.what());
+    return Failure{refusal.status(), refusal.what()};
   } catch (const UsageError& error) {
-    return Response::error(400, error.what());
+    return Failure{400, error.what()};
   } catch (const IoError& error) {
     tell_(route.method + " " + route.pattern + ": " + error.what());
-    return Response::error(500,
-                           request.session ? error.what() : "this failed inside; the server's log says more");
+    return Failure{500, request.session ? error.what() : kInside};
   } catch (const Error& error) {
-    return Response::error(409, error.what());
+    return Failure{409, error.what()};
   } catch (const std::exception& error) {
     tell_(route.method + " " + route.pattern + ": " + error.what());
-    return Response::error(500, "this failed inside; the server's log says more");
+    return Failure{500, kInside};
   }
 }
 
@@ -202,6 +204,31 @@ void Dispatcher::tell_failures_of(StreamBody& stream, const Admission& admission
       throw;
     }
   };
+}
+
+Response Dispatcher::call(const Route& route, const Request& request) const {
+  if (route.socket) return Response::error(426, "this address is a WebSocket").with("Upgrade", "websocket");
+  Response response;
+  const auto failure = guarded(route, request, [&] { response = route.handler(request); });
+  return failure ? Response::error(failure->status, failure->sentence) : std::move(response);
+}
+
+std::optional<Response> Dispatcher::open_socket(const Admission& admission,
+                                                const std::shared_ptr<SocketOutput>& output,
+                                                std::unique_ptr<SocketHandler>& handler) const {
+  const auto failure = guarded(*admission.route, admission.request,
+                               [&] { handler = admission.route->socket(admission.request, output); });
+  return failure ? std::optional(refuse(failure->status, failure->sentence)) : std::nullopt;
+}
+
+std::optional<Dispatcher::Failure> Dispatcher::take_message(const Admission& admission,
+                                                            SocketHandler& handler,
+                                                            const SocketMessage& message) const {
+  return guarded(*admission.route, admission.request, [&] {
+    if (admission.request.session->has_ended()) throw Refusal(401, "the session has ended");
+    if (admission.route->is_activity) SessionStore::note_activity(*admission.request.session);
+    handler.receive(message);
+  });
 }
 
 Response Dispatcher::answer(const Admission& admission) const {

@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <functional>
 #include <map>
+#include <memory>
 #include <optional>
 #include <string>
 
@@ -40,10 +41,22 @@ class Dispatcher {
     const Route* route = nullptr;  // null: the page's files
     std::size_t body_limit = 0;
   };
+  /// What a handler threw: {"error": sentence} with this status.
+  struct Failure {
+    int status = 500;
+    std::string sentence;
+  };
   /// Judges a request by its head, so that a stranger's body is never read.
   [[nodiscard]] Admission admit(RequestHead head) const;
   /// May block; never throws but std::bad_alloc. `admission.request.body` is the body.
   [[nodiscard]] Response answer(const Admission& admission) const;
+  /// Of a route that is a WebSocket: its handler, or why there is none. May block.
+  [[nodiscard]] std::optional<Response> open_socket(const Admission& admission,
+                                                    const std::shared_ptr<SocketOutput>& output,
+                                                    std::unique_ptr<SocketHandler>& handler) const;
+  /// Gives the handler what its browser sent; nothing, or why the connection is to be closed. May block.
+  [[nodiscard]] std::optional<Failure> take_message(const Admission& admission, SocketHandler& handler,
+                                                    const SocketMessage& message) const;
   /// What the connection itself has to refuse (a header too large, no HTTP): with the headers of every
   /// answer.
   [[nodiscard]] static Response refuse(int status, const std::string& sentence);
@@ -51,6 +64,9 @@ class Dispatcher {
  private:
   void tell_failures_of(StreamBody& stream, const Admission& admission) const;
   [[nodiscard]] Response call(const Route& route, const Request& request) const;
+  /// Calls it; what it throws comes back.
+  [[nodiscard]] std::optional<Failure> guarded(const Route& route, const Request& request,
+                                               const std::function<void()>& action) const;
   const Router& router_;
   SessionStore& sessions_;
   const StaticFiles& page_;

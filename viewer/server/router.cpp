@@ -88,6 +88,9 @@ Router::Router() = default;
 Router::~Router() = default;
 
 void Router::add(Route route) {
+  if (route.socket && route.right == Right::kNone) {
+    throw std::invalid_argument("the WebSocket " + route.pattern + " needs a right");
+  }
   for (const auto& entry : entries_) {
     if (entry->route.method == route.method && entry->route.pattern == route.pattern) {
       throw std::invalid_argument(route.method + " " + route.pattern + " is there already");
@@ -103,6 +106,15 @@ void Router::add(std::string method, std::string pattern, Right right, Handler h
   route.pattern = std::move(pattern);
   route.right = right;
   route.handler = std::move(handler);
+  add(std::move(route));
+}
+
+void Router::add_socket(std::string pattern, Right right, SocketOpener opener) {
+  Route route;
+  route.method = "GET";
+  route.pattern = std::move(pattern);
+  route.right = right;
+  route.socket = std::move(opener);
   add(std::move(route));
 }
 

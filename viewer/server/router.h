@@ -18,6 +18,7 @@
 #include "viewer/server/request.h"
 #include "viewer/server/response.h"
 #include "viewer/server/role.h"
+#include "viewer/server/socket.h"
 
 namespace kiroku::viewer {
 
@@ -37,6 +38,9 @@ struct Route {
   /// Whether a call keeps the session alive. False for what a page asks by itself, again and again.
   bool is_activity = true;
   std::size_t body_limit = kUsualBodyLimit;
+  /// For an address that is a WebSocket; `handler` is not called then, and `body_limit` is that of each
+  /// message, every one of which is a deed where `is_activity` says so.
+  SocketOpener socket = {};
 };
 
 class Router {
@@ -46,9 +50,11 @@ class Router {
   Router(const Router&) = delete;
   Router& operator=(const Router&) = delete;
 
-  /// Throws std::invalid_argument for a malformed pattern, or one that is there already.
+  /// Throws std::invalid_argument for a malformed pattern, one that is there already, or a WebSocket for
+  /// everybody: Route::right of one is never Right::kNone.
   void add(Route route);
   void add(std::string method, std::string pattern, Right right, Handler handler);
+  void add_socket(std::string pattern, Right right, SocketOpener opener);
 
   struct Match {
     const Route* route = nullptr;  // null: see `allowed`

@@ -95,8 +95,12 @@ std::shared_ptr<Session> SessionStore::find(std::string_view token, bool is_acti
     sessions_.erase(found);
     return nullptr;
   }
-  if (is_activity) found->second->last_activity_ = now.time_since_epoch().count();
+  if (is_activity) note_activity(*found->second);
   return found->second;
+}
+
+void SessionStore::note_activity(Session& session) {
+  session.last_activity_ = SessionClock::now().time_since_epoch().count();
 }
 
 std::chrono::seconds SessionStore::left(const Session& session) const {

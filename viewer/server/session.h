@@ -77,6 +77,8 @@ class SessionStore {
   Opened open(const std::string& user, Role role, std::optional<UtcTime> credential);
   /// Null for a token that no living session has.
   [[nodiscard]] std::shared_ptr<Session> find(std::string_view token, bool is_activity);
+  /// A deed that came by no request of its own.
+  static void note_activity(Session& session);
   /// How long it lives if nothing is done.
   [[nodiscard]] std::chrono::seconds left(const Session& session) const;
   void close(std::string_view token);

@@ -18,6 +18,7 @@
 
 #include "base/error.h"
 #include "base/listen_address.h"
+#include "viewer/server/web_socket.h"
 
 namespace kiroku::viewer {
 namespace {
@@ -27,7 +28,7 @@ namespace beast = boost::beast;
 namespace http = beast::http;
 using asio::ip::tcp;
 using boost::system::error_code;
-using Stream = beast::ssl_stream<beast::tcp_stream>;
+using Stream = TlsStream;
 
 constexpr std::uint16_t kExamplePort = 8443;
 constexpr std::size_t kIoThreads = 2;
@@ -225,6 +226,8 @@ struct WebServer::State {
     context.stop();
     for (std::thread& thread : threads) thread.join();
     workers.join();
+    // Whoever still sends finds no executor any more.
+    sockets.close_all();
   }
   State(const State&) = delete;
   State& operator=(const State&) = delete;
@@ -353,10 +356,21 @@ struct WebServer::State {
     const bool is_head = parser.get().method() == http::verb::head;
     const bool keep_alive = parser.get().keep_alive();
     const bool has_body = parser.chunked() || parser.content_length().value_or(0) > 0;
-    Dispatcher::Admission admission = dispatcher.admit(head_of(parser, peer));
+    RequestHead head = head_of(parser, peer);
+    const bool wants_socket = is_socket_request(head);
+    Dispatcher::Admission admission = dispatcher.admit(std::move(head));
     if (admission.refusal) {
       const bool stay = keep_alive && !has_body;
       co_return co_await send(stream, *admission.refusal, is_head, stay) && stay;
+    }
+    if (wants_socket && admission.route != nullptr && admission.route->socket && !has_body) {
+      UpgradeRequest upgrade;
+      upgrade.base() = parser.get().base();
+      Response refusal;
+      if (!co_await serve_socket(stream, upgrade, dispatcher, admission, workers, sockets, refusal)) {
+        co_await send(stream, refusal, is_head, false);
+      }
+      co_return false;
     }
     if (parser.content_length().value_or(0) > admission.body_limit) {
       co_await send(stream, Dispatcher::refuse(413, "the body is too large"), is_head, false);
@@ -425,6 +439,7 @@ struct WebServer::State {
   const WebServerOptions options;
   const Dispatcher& dispatcher;
   ConnectionCount count;
+  OpenSockets sockets;
   asio::thread_pool workers;
   asio::ssl::context tls{asio::ssl::context::tls_server};
   asio::io_context context;

@@ -52,6 +52,19 @@ TEST_F(RouterTest, KnowsNoAddressWhoseParametersAreNotOfTheirKind) {
   EXPECT_EQ(router.match("DELETE", {"api", "users", std::string(129, 'x')}).route, nullptr);
 }
 
+TEST_F(RouterTest, HasNoWebSocketForEverybody) {
+  const SocketOpener opener = [](const Request& /*request*/,
+                                 const std::shared_ptr<SocketOutput>& /*output*/) {
+    return std::unique_ptr<SocketHandler>();
+  };
+  EXPECT_THROW(router.add_socket("api/open", Right::kNone, opener), std::invalid_argument);
+  router.add_socket("api/live", Right::kSeeLive, opener);
+  const Router::Match match = router.match("GET", {"api", "live"});
+  ASSERT_NE(match.route, nullptr);
+  EXPECT_TRUE(match.route->socket);
+  EXPECT_EQ(match.route->right, Right::kSeeLive);
+}
+
 TEST_F(RouterTest, TellsWhichMethodsAnAddressKnows) {
   const Router::Match match = router.match("PUT", {"api", "users"});
   EXPECT_EQ(match.route, nullptr);
