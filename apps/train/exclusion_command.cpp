@@ -172,6 +172,7 @@ int run(const Request& request) {
     record.object = trainer::name_of(kind);
     record.fingers = fingers;
     record.score = outcome.score;
+    record.ending = outcome.score.done ? trainer::Ending::kDone : trainer::Ending::kTimeOver;
     database->add_attempt(*trainee, record, began);
   }
   folder.write("forces.csv", csv);

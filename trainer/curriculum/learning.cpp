@@ -1,6 +1,7 @@
 #include "trainer/curriculum/learning.h"
 
 #include <algorithm>
+#include <iterator>
 #include <map>
 #include <set>
 
@@ -19,7 +20,7 @@ using Tests = std::map<std::string, std::map<int, std::vector<double>>>;
 Tests tests_of(const std::vector<ExclusionRecord>& records, const std::string& object, Measure measure) {
   std::map<std::string, std::map<int, std::map<std::string, std::vector<double>>>> by_trainee;
   for (const ExclusionRecord& record : records) {
-    if (record.test && record.object == object)
+    if (record.test && is_result(record.ending) && record.object == object)
       by_trainee[record.group][record.session][record.trainee].push_back(value_of(measure, record.score));
   }
   Tests tests;
@@ -94,6 +95,32 @@ double value_of(Measure measure, const ExclusionScore& score) {
   return 1e6 * score.damaged_m3;
 }
 
+TraineeProgress progress_of(const std::vector<ExclusionRecord>& records, const std::string& trainee,
+                            const std::string& object) {
+  TraineeProgress progress;
+  for (const ExclusionRecord& record : records) {
+    if (record.trainee != trainee || record.object != object) continue;
+    if (record.session > progress.session) progress = {record.session, 0};
+    if (!record.test && record.session == progress.session) progress.practised_s += record.score.time_s;
+    if (record.test && is_result(record.ending) && record.session == progress.session)
+      progress = {record.session + 1, 0};
+  }
+  return progress;
+}
+
+std::vector<std::pair<int, double>> learning_curve_of(const std::vector<ExclusionRecord>& records,
+                                                      const std::string& trainee, const std::string& object,
+                                                      Measure measure) {
+  std::vector<ExclusionRecord> own;
+  std::ranges::copy_if(records, std::back_inserter(own),
+                       [&](const ExclusionRecord& record) { return record.trainee == trainee; });
+  std::vector<std::pair<int, double>> curve;
+  for (const auto& [group, sessions] : tests_of(own, object, measure)) {
+    for (const auto& [session, values] : sessions) curve.emplace_back(session, values.front());
+  }
+  return curve;
+}
+
 std::vector<LearningCurve> learning_curves(const std::vector<ExclusionRecord>& records,
                                            const std::string& object, Measure measure) {
   std::vector<LearningCurve> curves;
@@ -125,7 +152,8 @@ std::vector<GroupComparison> compare_at_end(const std::vector<ExclusionRecord>& 
 
 std::string attempts_csv(const std::vector<ExclusionRecord>& records) {
   std::string csv =
-      "trainee,group,simulated,session,kind,stress_shown,object,fingers,done,time_s,largest_von_mises_pa,"
+      "trainee,group,simulated,session,kind,stress_shown,object,fingers,done,ending,time_s,largest_von_mises_"
+      "pa,"
       "damaged_ml,"
       "path_m,peak_force_n,peak_wrist_force_n,best_visible_share\n";
   for (const ExclusionRecord& record : records) {
@@ -133,7 +161,7 @@ std::string attempts_csv(const std::vector<ExclusionRecord>& records) {
     csv += csv_field(record.trainee) + "," + csv_field(record.group) + (record.simulated ? ",yes," : ",no,") +
            std::to_string(record.session) + (record.test ? ",test," : ",practice,") +
            (record.stress_shown ? "yes," : "no,") + record.object + "," + std::to_string(record.fingers) +
-           (score.done ? ",yes" : ",no");
+           (score.done ? ",yes," : ",no,") + name_of(record.ending);
     for (const double number :
          {score.time_s, score.largest_von_mises_pa, 1e6 * score.damaged_m3, score.path_m, score.peak_force_n,
           score.peak_wrist_n, score.best_visible_share})

@@ -3,6 +3,7 @@
 
 #include <array>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "trainer/exclusion/exclusion_score.h"
@@ -20,8 +21,19 @@ struct ExclusionRecord {
   bool stress_shown = false;
   std::string object;
   std::size_t fingers = 0;
+  Ending ending = Ending::kTimeOver;
   ExclusionScore score;
 };
+
+/// Of a session, after the study: three minutes of practice, then a test without stress.
+inline constexpr double kPracticeSeconds = 180;
+/// Where a trainee stands: a session is over with its first test on an object that is a result.
+struct TraineeProgress {
+  int session = 1;         // the one to go on with
+  double practised_s = 0;  // in it
+};
+TraineeProgress progress_of(const std::vector<ExclusionRecord>& records, const std::string& trainee,
+                            const std::string& object);
 
 /// What is looked at of a score.
 enum class Measure { kStress, kTime, kPath, kForce, kDamage };
@@ -39,9 +51,14 @@ struct LearningCurve {
   std::string group;
   std::vector<CurvePoint> points;  // by session
 };
-/// Of tests alone; groups by name. `object` "a" or "b".
+/// Of tests alone that are results; groups by name. `object` "a" or "b".
 std::vector<LearningCurve> learning_curves(const std::vector<ExclusionRecord>& records,
                                            const std::string& object, Measure measure);
+
+/// A trainee's own: the mean of each session's tests, by session.
+std::vector<std::pair<int, double>> learning_curve_of(const std::vector<ExclusionRecord>& records,
+                                                      const std::string& trainee, const std::string& object,
+                                                      Measure measure);
 
 /// Two groups in the tests of one session, by Welch.
 struct GroupComparison {

@@ -45,6 +45,7 @@ std::vector<ExclusionRecord> run_simulated_study(const ExclusionBody& body, cons
           record.object = name_of(body.object().kind);
           record.fingers = study.fingers;
           record.score = outcome.score;
+          record.ending = outcome.score.done ? Ending::kDone : Ending::kTimeOver;
           records.push_back(record);
           if (made) made(records.back());
         }

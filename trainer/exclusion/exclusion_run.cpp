@@ -58,6 +58,7 @@ sim::SurfaceScene ExclusionRunner::scene_of(const HandForces::State& hand, doubl
 
 bool ExclusionRunner::look(HandForces& forces, ExclusionJudge& judge, double time_s,
                            const ExclusionObserver& observer) {
+  const auto looked_at = std::chrono::steady_clock::now();
   const Eigen::VectorXd displacement_m = forces.refresh().displacement_m;
   const std::span<const double> displacement(displacement_m.data(),
                                              static_cast<std::size_t>(displacement_m.size()));
@@ -80,6 +81,8 @@ bool ExclusionRunner::look(HandForces& forces, ExclusionJudge& judge, double tim
   const sim::Picture picture =
       renderer_.render(displacement, scene_of(view.hand, time_s, von_mises_pa_)).picture;
   view.picture = &picture;
+  view.displacement_m = displacement;
+  view.looked_at = looked_at;
   return observer(view) && !judge.over() && !given_up;
 }
 

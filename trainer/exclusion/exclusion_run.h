@@ -1,6 +1,7 @@
 // One attempt to push an organ aside: a hand on a device, forces, pictures, the score.
 #pragma once
 
+#include <chrono>
 #include <functional>
 #include <optional>
 
@@ -26,6 +27,8 @@ struct ExclusionOptions {
 struct ExclusionView {
   double time_s = 0;
   const sim::Picture* picture = nullptr;
+  std::span<const double> displacement_m;           // (3 |V|), valid during the call, as the picture is
+  std::chrono::steady_clock::time_point looked_at;  // forces given before it are in the picture
   double visible_share = 0, held_s = 0;
   double largest_von_mises_pa = 0, damaged_m3 = 0;
   double danger = 0, tone_hz = 0;

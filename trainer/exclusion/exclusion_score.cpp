@@ -1,9 +1,25 @@
 #include "trainer/exclusion/exclusion_score.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 
+#include "base/error.h"
+
 namespace kiroku::trainer {
+namespace {
+
+constexpr std::array<const char*, 4> kEndings{"done", "time-over", "given-up", "broken-off"};
+
+}  // namespace
+
+std::string name_of(Ending ending) { return kEndings.at(static_cast<std::size_t>(ending)); }
+
+Ending ending_named(const std::string& name) {
+  const auto* const found = std::ranges::find(kEndings, name);
+  if (found == kEndings.end()) throw UsageError("'" + name + "' is no way in which an attempt ends");
+  return static_cast<Ending>(found - kEndings.begin());
+}
 
 void ExclusionJudge::see(const ExclusionMoment& moment) {
   if (over_) return;

@@ -1,6 +1,8 @@
 // How well an organ was pushed aside. Not thread-safe.
 #pragma once
 
+#include <string>
+
 #include "trainer/exclusion/exclusion_body.h"
 
 namespace kiroku::trainer {
@@ -15,6 +17,19 @@ struct ExclusionScore {
   double peak_wrist_n = 0;  // of all together
   double best_visible_share = 0;
 };
+
+/// How an attempt ended.
+enum class Ending {
+  kDone,
+  kTimeOver,   // the task's time, or the hand's, was over before
+  kGivenUp,    // by the trainee
+  kBrokenOff,  // the connection to the trainee was lost, or the program ended
+};
+/// "done", "time-over", "given-up", "broken-off"; kiroku::UsageError for other names.
+std::string name_of(Ending ending);
+Ending ending_named(const std::string& name);
+/// Whether an attempt that ended so is a result to be compared.
+inline bool is_result(Ending ending) { return ending == Ending::kDone || ending == Ending::kTimeOver; }
 
 /// What is looked at for each picture.
 struct ExclusionMoment {

@@ -1,12 +1,25 @@
 #include "trainer/exclusion/hand_forces.h"
 
 #include <algorithm>
+#include <array>
 
 #include "base/error.h"
 
 namespace kiroku::trainer {
 
 using sim::Vector3;
+
+namespace {
+
+constexpr std::array<std::array<double, kMostExclusionFingers>, kMostExclusionFingers> kSideBySide{
+    {{0}, {-0.03, 0.03}, {-0.04, 0, 0.04}, {-0.05, -0.02, 0.02, 0.05}, {-0.06, -0.03, 0, 0.03, 0.06}}};
+
+void require_fingers(std::size_t count) {
+  if (count < 1 || count > kMostExclusionFingers)
+    throw UsageError("an organ is pushed aside with 1 to 5 fingers, not " + std::to_string(count));
+}
+
+}  // namespace
 
 Feedback feedback_of(const std::string& name) {
   if (name == "full") return Feedback::kFull;
@@ -21,12 +34,16 @@ Vector3 played_n(Feedback feedback, const sim::Pose& pose, const Vector3& force_
 }
 
 std::vector<sim::ContactTool> fingertips(std::size_t count) {
-  if (count < 1 || count > kMostExclusionFingers)
-    throw UsageError("an organ is pushed aside with 1 to 5 fingers, not " + std::to_string(count));
+  require_fingers(count);
   std::vector<sim::ContactTool> tools;
   for (std::size_t i = 0; i < count; ++i)
     tools.push_back({"finger " + std::to_string(i + 1), sim::Sphere{kFingertipMetres}, false});
   return tools;
+}
+
+std::span<const double> side_by_side_m(std::size_t fingers) {
+  require_fingers(fingers);
+  return std::span(kSideBySide[fingers - 1]).first(fingers);
 }
 
 HandForces::HandForces(const ExclusionBody& body, std::size_t fingers, Feedback feedback)

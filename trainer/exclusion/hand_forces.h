@@ -3,6 +3,7 @@
 
 #include <memory>
 #include <mutex>
+#include <span>
 #include <vector>
 
 #include "sim/haptics/haptic_contact.h"
@@ -25,6 +26,10 @@ sim::Vector3 played_n(Feedback feedback, const sim::Pose& pose, const sim::Vecto
 
 /// Fingertips as tools, 1 to kMostExclusionFingers; kiroku::UsageError for others.
 std::vector<sim::ContactTool> fingertips(std::size_t count);
+
+/// Where fingers lie side by side along a border, from its middle: 1 to kMostExclusionFingers numbers,
+/// kiroku::UsageError for others.
+std::span<const double> side_by_side_m(std::size_t fingers);
 
 /// The forces of contact as a device plays them; follows how far fingers move and how hard they press.
 /// forces() is for the force loop, the others for one other thread.

@@ -1,7 +1,6 @@
 #include "trainer/exclusion/simulated_trainee.h"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 
 #include <boost/math/distributions/normal.hpp>
@@ -12,9 +11,6 @@
 namespace kiroku::trainer {
 namespace {
 
-/// Where fingers lie along the border, for one to five.
-constexpr std::array<std::array<double, kMostExclusionFingers>, kMostExclusionFingers> kPlaces{
-    {{0}, {-0.03, 0.03}, {-0.04, 0, 0.04}, {-0.05, -0.02, 0.02, 0.05}, {-0.06, -0.03, 0, 0.03, 0.06}}};
 constexpr double kUnderBorderMetres = -0.046, kBeginBelowMetres = 0.012;
 /// Who has lifted so far without seeing the line lifts no further.
 constexpr double kMostLiftMetres = 0.03;
@@ -32,7 +28,7 @@ SimulatedTrainee::SimulatedTrainee(const ExclusionBody& body, std::size_t finger
       goal_m_(kBeginBelowMetres + kMostLiftMetres) {
   std::mt19937 random(seed);
   for (std::size_t i = 0; i < fingers; ++i) {
-    poses_[i].position_m = {kPlaces[fingers - 1][i], kUnderBorderMetres,
+    poses_[i].position_m = {side_by_side_m(fingers)[i], kUnderBorderMetres,
                             -body.object().half_thickness_m - kFingertipMetres - kBeginBelowMetres};
     const double within = std::clamp(uniform(random), 0.02, 0.98);
     offset_m_.push_back(skill.unevenness_m * boost::math::quantile(boost::math::normal(), within));

@@ -70,6 +70,12 @@ constexpr const char* kAttempts = R"(
   ) STRICT;
 )";
 
+/// Since version 3. What was kept before was never broken off.
+constexpr const char* kEndings = R"(
+  ALTER TABLE attempts ADD COLUMN ending TEXT NOT NULL DEFAULT 'time-over';
+  UPDATE attempts SET ending = 'done' WHERE done = 1;
+)";
+
 }  // namespace
 
 struct TrainingDatabase::State {
@@ -111,7 +117,7 @@ TrainingDatabase::TrainingDatabase(const fs::path& file) : state_(std::make_uniq
     if (state_->number("SELECT count(*) FROM sqlite_schema") == 0) {
       state_->whole([&] {
         if (state_->number("SELECT count(*) FROM sqlite_schema") > 0) return;  // another was quicker
-        state_->execute(std::string(kSchema) + kAttempts + "PRAGMA application_id = " +
+        state_->execute(std::string(kSchema) + kAttempts + kEndings + "PRAGMA application_id = " +
                         std::to_string(kApplication) + "; PRAGMA user_version = " + std::to_string(kVersion));
       });
     }
@@ -124,8 +130,10 @@ TrainingDatabase::TrainingDatabase(const fs::path& file) : state_(std::make_uniq
     }
     if (state_->number("PRAGMA user_version") < kVersion) {
       state_->whole([&] {
-        if (state_->number("PRAGMA user_version") == kVersion) return;  // another was quicker
-        state_->execute(std::string(kAttempts) + "PRAGMA user_version = " + std::to_string(kVersion));
+        const std::int64_t found = state_->number("PRAGMA user_version");
+        if (found == kVersion) return;  // another was quicker
+        state_->execute(std::string(found < 2 ? kAttempts : "") + kEndings +
+                        "PRAGMA user_version = " + std::to_string(kVersion));
       });
     }
   } catch (const SqliteError& error) {
@@ -257,8 +265,8 @@ void TrainingDatabase::add_attempt(const Trainee& trainee, const ExclusionRecord
       ->statement(
           "INSERT INTO attempts (trainee, began_us, session, test, stress_shown, object, fingers, done, "
           "time_s, "
-          "largest_von_mises_pa, damaged_m3, path_m, peak_force_n, peak_wrist_n, best_visible_share) "
-          "VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)")
+          "largest_von_mises_pa, damaged_m3, path_m, peak_force_n, peak_wrist_n, best_visible_share, ending) "
+          "VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)")
       .bind(trainee.id)
       .bind(std::int64_t{began.time_since_epoch().count()})
       .bind(std::int64_t{record.session})
@@ -274,14 +282,41 @@ void TrainingDatabase::add_attempt(const Trainee& trainee, const ExclusionRecord
       .bind_real(score.peak_force_n)
       .bind_real(score.peak_wrist_n)
       .bind_real(score.best_visible_share)
+      .bind(name_of(record.ending))
       .step();
+}
+
+std::int64_t TrainingDatabase::begin_attempt(const Trainee& trainee, ExclusionRecord record, UtcTime began) {
+  record.ending = Ending::kBrokenOff;
+  add_attempt(trainee, record, began);
+  return sqlite3_last_insert_rowid(state_->database.get());
+}
+
+void TrainingDatabase::end_attempt(std::int64_t attempt, Ending ending, const ExclusionScore& score) {
+  state_
+      ->statement(
+          "UPDATE attempts SET ending = ?, done = ?, time_s = ?, largest_von_mises_pa = ?, damaged_m3 = ?, "
+          "path_m = ?, peak_force_n = ?, peak_wrist_n = ?, best_visible_share = ? WHERE id = ?")
+      .bind(name_of(ending))
+      .bind(std::int64_t{score.done ? 1 : 0})
+      .bind_real(score.time_s)
+      .bind_real(score.largest_von_mises_pa)
+      .bind_real(score.damaged_m3)
+      .bind_real(score.path_m)
+      .bind_real(score.peak_force_n)
+      .bind_real(score.peak_wrist_n)
+      .bind_real(score.best_visible_share)
+      .bind(attempt)
+      .step();
+  if (sqlite3_changes(state_->database.get()) != 1)
+    throw UsageError("there is no attempt " + std::to_string(attempt) + " in " + state_->file.string());
 }
 
 std::vector<ExclusionRecord> TrainingDatabase::attempts() const {
   std::vector<ExclusionRecord> found;
   SqliteStatement rows = state_->statement(
       "SELECT name, study_group, simulated, session, test, stress_shown, object, fingers, done, time_s, "
-      "largest_von_mises_pa, damaged_m3, path_m, peak_force_n, peak_wrist_n, best_visible_share "
+      "largest_von_mises_pa, damaged_m3, path_m, peak_force_n, peak_wrist_n, best_visible_share, ending "
       "FROM attempts JOIN trainees ON trainee = trainees.id ORDER BY attempts.id");
   while (rows.step()) {
     ExclusionRecord record;
@@ -295,6 +330,7 @@ std::vector<ExclusionRecord> TrainingDatabase::attempts() const {
     record.fingers = static_cast<std::size_t>(rows.integer(7));
     record.score = {rows.integer(8) != 0, rows.real(9),  rows.real(10), rows.real(11),
                     rows.real(12),        rows.real(13), rows.real(14), rows.real(15)};
+    record.ending = ending_named(rows.text(16));
     found.push_back(std::move(record));
   }
   return found;

@@ -26,7 +26,7 @@ struct Trainee {
 /// Every function throws kiroku::Error where the file cannot be used.
 class TrainingDatabase {
  public:
-  static constexpr std::int64_t kVersion = 2;
+  static constexpr std::int64_t kVersion = 3;
 
   /// Opens or makes the file; one of an older version gets what is new. kiroku::UsageError for one of a newer
   /// version, for another program's database and for what is no database.
@@ -48,6 +48,11 @@ class TrainingDatabase {
 
   /// Keeps an attempt of the trainee; `record.trainee`, its group and `simulated` are taken from there.
   void add_attempt(const Trainee& trainee, const ExclusionRecord& record, UtcTime began);
+  /// The same for one that begins now: it is broken off until end_attempt() says otherwise, also where this
+  /// program never gets there. Its number.
+  std::int64_t begin_attempt(const Trainee& trainee, ExclusionRecord record, UtcTime began);
+  /// Ending and score of a begun attempt; kiroku::UsageError where there is none of the number.
+  void end_attempt(std::int64_t attempt, Ending ending, const ExclusionScore& score);
   /// All that are kept, in their order.
   [[nodiscard]] std::vector<ExclusionRecord> attempts() const;
 

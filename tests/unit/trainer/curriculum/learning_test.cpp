@@ -57,6 +57,44 @@ TEST(LearningCurve, TakesTheMeanOfATraineesTests) {
   EXPECT_EQ(curves[0].points[0].summary.mean, 5);
 }
 
+TEST(LearningCurve, LeavesOutWhatWasBrokenOffOrGivenUp) {
+  std::vector<ExclusionRecord> records{record("x", "g", 1, 1e3), record("x", "g", 1, 9e9),
+                                       record("x", "g", 2, 9e9)};
+  records[1].ending = Ending::kBrokenOff;
+  records[2].ending = Ending::kGivenUp;
+  const auto curves = learning_curves(records, "a", Measure::kStress);
+  ASSERT_EQ(curves.size(), 1U);
+  ASSERT_EQ(curves[0].points.size(), 1U);
+  EXPECT_EQ(curves[0].points[0].summary.mean, 1);
+}
+
+TEST(LearningCurve, OfATraineeIsTheirOwn) {
+  const auto curve = learning_curve_of({record("x", "g", 1, 2e3), record("y", "g", 1, 8e3),
+                                        record("x", "g", 2, 1e3), record("x", "g", 2, 3e3)},
+                                       "x", "a", Measure::kStress);
+  const std::vector<std::pair<int, double>> expected{{1, 2}, {2, 2}};
+  EXPECT_EQ(curve, expected);
+}
+
+TEST(TraineeProgress, ASessionIsOverWithItsTest) {
+  std::vector<ExclusionRecord> records;
+  EXPECT_EQ(progress_of(records, "x", "a").session, 1);
+  records.push_back(record("x", "g", 1, 1e3, false));
+  records.back().score.time_s = 40;
+  records.push_back(record("x", "g", 1, 1e3, false));
+  records.back().score.time_s = 20;
+  records.back().ending = Ending::kBrokenOff;
+  EXPECT_EQ(progress_of(records, "x", "a").practised_s, 60);
+  records.push_back(record("x", "g", 1, 1e3));
+  records.back().ending = Ending::kBrokenOff;
+  EXPECT_EQ(progress_of(records, "x", "a").session, 1);  // a test that broke off is taken again
+  records.push_back(record("x", "g", 1, 1e3));
+  EXPECT_EQ(progress_of(records, "x", "a").session, 2);
+  EXPECT_EQ(progress_of(records, "x", "a").practised_s, 0);
+  EXPECT_EQ(progress_of(records, "y", "a").session, 1);
+  EXPECT_EQ(progress_of(records, "x", "b").session, 1);
+}
+
 TEST(GroupComparison, IsOfTheLastSessionThatBothHave) {
   std::vector<ExclusionRecord> records = two_groups();
   records.push_back(record("s0", "shown", 3, 1));
@@ -81,7 +119,8 @@ TEST(TrainingReport, SaysWhatIsSimulatedAndWhereAGroupIsTooSmall) {
   EXPECT_THAT(curves_csv(records), HasSubstr("a,\"largest von Mises stress, kPa\",g,1,1,1,,,\n"));
   records[0].simulated = true;
   records[0].trainee = "a \"b\", c";
-  EXPECT_THAT(attempts_csv(records), HasSubstr("\"a \"\"b\"\", c\",g,yes,1,test,no,a,3,no,0,1000,"));
+  EXPECT_THAT(attempts_csv(records),
+              HasSubstr("\"a \"\"b\"\", c\",g,yes,1,test,no,a,3,no,time-over,0,1000,"));
 }
 
 TEST(SimulatedStudy, RunsFromSessionsToATest) {

@@ -88,11 +88,51 @@ TEST(TrainingDatabase, KeepsAttempts) {
   EXPECT_EQ(found[0].score.best_visible_share, 0.95);
 }
 
+TEST(TrainingDatabase, ABegunAttemptIsBrokenOffUntilItsEndIsKept) {
+  const test::TemporaryFolder folder;
+  ExclusionRecord record;
+  record.object = "a";
+  record.fingers = 3;
+  std::int64_t ended = 0;
+  {
+    TrainingDatabase database(folder / "results.sqlite");
+    const Trainee aoki = database.add_trainee("Aoki", "", false);
+    database.begin_attempt(aoki, record, UtcTime{});
+    ended = database.begin_attempt(aoki, record, UtcTime{});
+    // The program ends here for the first.
+  }
+  TrainingDatabase database(folder / "results.sqlite");
+  database.end_attempt(ended, Ending::kDone, {true, 3.5, 4.5e4, 1e-6, 0.25, 6.5, 12.5, 0.95});
+  const std::vector<ExclusionRecord> found = database.attempts();
+  ASSERT_EQ(found.size(), 2U);
+  EXPECT_EQ(found[0].ending, Ending::kBrokenOff);
+  EXPECT_FALSE(found[0].score.done);
+  EXPECT_EQ(found[1].ending, Ending::kDone);
+  EXPECT_TRUE(found[1].score.done);
+  EXPECT_EQ(found[1].score.time_s, 3.5);
+  EXPECT_EQ(found[1].score.peak_wrist_n, 12.5);
+  EXPECT_THAT(refusal([&] { database.end_attempt(77, Ending::kDone, {}); }), HasSubstr("no attempt 77"));
+}
+
 TEST(TrainingDatabase, GivesAnOlderOneWhatIsNew) {
   const test::TemporaryFolder folder;
-  { TrainingDatabase made(folder / "older.sqlite"); }
-  execute(folder / "older.sqlite", "DROP TABLE attempts; PRAGMA user_version = 1");
-  EXPECT_TRUE(TrainingDatabase(folder / "older.sqlite").attempts().empty());
+  { TrainingDatabase made(folder / "first.sqlite"); }
+  execute(folder / "first.sqlite", "DROP TABLE attempts; PRAGMA user_version = 1");
+  EXPECT_TRUE(TrainingDatabase(folder / "first.sqlite").attempts().empty());
+  ExclusionRecord done;
+  done.object = "a";
+  done.score.done = true;
+  {
+    TrainingDatabase made(folder / "second.sqlite");
+    const Trainee aoki = made.add_trainee("Aoki", "", false);
+    made.add_attempt(aoki, done, UtcTime{});
+    made.add_attempt(aoki, {}, UtcTime{});
+  }
+  execute(folder / "second.sqlite", "ALTER TABLE attempts DROP COLUMN ending; PRAGMA user_version = 2");
+  const std::vector<ExclusionRecord> kept = TrainingDatabase(folder / "second.sqlite").attempts();
+  ASSERT_EQ(kept.size(), 2U);
+  EXPECT_EQ(kept[0].ending, Ending::kDone);
+  EXPECT_EQ(kept[1].ending, Ending::kTimeOver);
 }
 
 TEST(TrainingDatabase, RefusesANameThatExistsAndNamesThatAreNone) {
@@ -108,7 +148,7 @@ TEST(TrainingDatabase, RefusesANameThatExistsAndNamesThatAreNone) {
 TEST(TrainingDatabase, RefusesWhatItDoesNotKnow) {
   const test::TemporaryFolder folder;
   { TrainingDatabase made(folder / "newer.sqlite"); }
-  execute(folder / "newer.sqlite", "PRAGMA user_version = 3");
+  execute(folder / "newer.sqlite", "PRAGMA user_version = 4");
   EXPECT_THAT(refusal([&] { TrainingDatabase opened(folder / "newer.sqlite"); }), HasSubstr("newer version"));
   execute(folder / "other.sqlite", "CREATE TABLE cases (name TEXT)");
   EXPECT_THAT(refusal([&] { TrainingDatabase opened(folder / "other.sqlite"); }),

@@ -1,0 +1,142 @@
+#include "trainer/exclusion/live_attempt.h"
+
+#include <condition_variable>
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "base/error.h"
+
+namespace kiroku::trainer {
+namespace {
+
+std::shared_ptr<const ExclusionBody> body() {
+  static const std::shared_ptr<const ExclusionBody> kBody = [] {
+    OrganObject object = make_object(ObjectKind::kLiver, 900);
+    ExclusionTask task = exclusion_task(object);
+    task.hold_s = 0.3;
+    return std::make_shared<const ExclusionBody>(std::move(object), task);
+  }();
+  return kBody;
+}
+
+ExclusionOptions options() {
+  ExclusionOptions small;
+  small.width = 320;
+  small.height = 240;
+  return small;
+}
+
+/// What a listener was told.
+class Told {
+ public:
+  LiveListener listener() {
+    return {[this](const ExclusionBody&) { note([this] { ++began; }); },
+            [this](const LiveView& view) {
+              note([&] {
+                ++pictures;
+                EXPECT_EQ(view.picture, pictures);
+                EXPECT_GE(view.input, input);
+                input = view.input;
+                share = view.attempt->visible_share;
+                EXPECT_EQ(view.attempt->picture->width, 320);
+              });
+            },
+            [this](const LiveOutcome& outcome) { note([&] { over = outcome; }); },
+            [this](const std::string& sentence) { note([&] { failed = sentence; }); }};
+  }
+  template <typename Ready>
+  bool wait(const Ready& ready, std::chrono::milliseconds most = std::chrono::seconds(30)) {
+    std::unique_lock lock(mutex_);
+    return changed_.wait_for(lock, most, ready);
+  }
+
+  int began = 0;
+  std::uint64_t pictures = 0, input = 0;
+  double share = 0;
+  std::optional<LiveOutcome> over;
+  std::string failed;
+
+ private:
+  template <typename Change>
+  void note(const Change& change) {
+    const std::lock_guard guard(mutex_);
+    change();
+    changed_.notify_all();
+  }
+  std::mutex mutex_;
+  std::condition_variable changed_;
+};
+
+TEST(LiveAttempt, IsDoneByPointersAndTellsHowLongInputTook) {
+  Told told;
+  LiveAttempt attempt(body, options(), 3, told.listener());
+  ASSERT_TRUE(told.wait([&] { return told.pictures > 0; }));
+  std::uint64_t number = 0;
+  const auto is_over = [&] { return told.over.has_value(); };
+  for (int step = 0; step < 400 && !told.wait(is_over, std::chrono::milliseconds(20)); ++step) {
+    const double up = 0.105 * std::clamp((step - 30) / 60.0, 0.0, 1.0);
+    attempt.point({++number, {{0, 0.5, 0.66 - up, 0}}});
+  }
+  ASSERT_TRUE(told.wait(is_over)) << told.share << told.failed;
+  EXPECT_EQ(told.began, 1);
+  EXPECT_EQ(told.over->ending, Ending::kDone);
+  EXPECT_TRUE(told.over->outcome.score.done);
+  EXPECT_GT(told.input, 10U);
+  EXPECT_EQ(told.over->outcome.pictures, told.pictures);
+  EXPECT_GT(told.over->input_to_force.median.count(), 0);
+  EXPECT_GT(told.over->input_to_picture.median, told.over->input_to_force.median);
+  EXPECT_FALSE(told.over->outcome.motion.times_s.empty());
+  // Over: nothing is moved any more, and nothing asked.
+  EXPECT_NO_THROW(attempt.point({++number, {}}));
+}
+
+TEST(LiveAttempt, ThatIsGivenUpIsNotDone) {
+  Told told;
+  LiveAttempt attempt(body, options(), 2, told.listener());
+  ASSERT_TRUE(told.wait([&] { return told.pictures > 1; }));
+  attempt.give_up();
+  ASSERT_TRUE(told.wait([&] { return told.over.has_value(); }));
+  EXPECT_EQ(told.over->ending, Ending::kGivenUp);
+  EXPECT_FALSE(told.over->outcome.score.done);
+}
+
+TEST(LiveAttempt, WhoseTimeIsOverSaysSo) {
+  Told told;
+  ExclusionOptions brief = options();
+  brief.most_s = 0.3;
+  const LiveAttempt attempt(body, brief, 2, told.listener());
+  ASSERT_TRUE(told.wait([&] { return told.over.has_value(); }));
+  EXPECT_EQ(told.over->ending, Ending::kTimeOver);
+}
+
+TEST(LiveAttempt, ThatIsLeftIsBrokenOff) {
+  Told told;
+  {
+    const LiveAttempt attempt(body, options(), 2, told.listener());
+    ASSERT_TRUE(told.wait([&] { return told.pictures > 0; }));
+  }
+  ASSERT_TRUE(told.over);
+  EXPECT_EQ(told.over->ending, Ending::kBrokenOff);
+}
+
+TEST(LiveAttempt, TellsWhyItCouldNotBegin) {
+  Told told;
+  const LiveAttempt attempt([]() -> std::shared_ptr<const ExclusionBody> { throw Error("no such organ"); },
+                            options(), 2, told.listener());
+  ASSERT_TRUE(told.wait([&] { return !told.failed.empty(); }));
+  EXPECT_EQ(told.failed, "no such organ");
+  EXPECT_FALSE(told.over);
+  EXPECT_THROW(LiveAttempt(body, options(), 0, told.listener()), UsageError);
+}
+
+TEST(LiveAttempt, RefusesInputThatIsNone) {
+  Told told;
+  LiveAttempt attempt(body, options(), 2, told.listener());
+  ASSERT_TRUE(told.wait([&] { return told.pictures > 0; }));
+  EXPECT_THROW(attempt.point({1, {{4, 0.5, 0.5, 0}}}), UsageError);
+  EXPECT_NO_THROW(attempt.point({1, {{2, 0.5, 0.5, 0}}}));
+}
+
+}  // namespace
+}  // namespace kiroku::trainer
