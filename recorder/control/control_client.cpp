@@ -15,6 +15,11 @@ namespace kiroku::recorder {
 namespace {
 
 [[noreturn]] void fail(const std::filesystem::path& socket, int error_number) {
+  if (error_number == EAGAIN || error_number == EWOULDBLOCK) {
+    throw AnswersTooLate(
+        "the recorder on " + socket.string() +
+        " is there but did not answer in time; it may still do what was asked: look at its status");
+  }
   throw NobodyAnswers("no recorder answers on " + socket.string() + " (" + std::strerror(error_number) +
                       "): start kirokud, or name its home with --home");
 }

@@ -12,8 +12,13 @@
 
 namespace kiroku::recorder {
 
-/// No recorder listens there, or what listens did not answer.
+/// No recorder listens there, or it ended before it answered.
 class NobodyAnswers : public Error {
+ public:
+  using Error::Error;
+};
+/// One listens, but its answer did not come in time; what was asked may still be done.
+class AnswersTooLate : public Error {
  public:
   using Error::Error;
 };
@@ -24,9 +29,9 @@ inline constexpr std::size_t kLongestSocketPath = 107;
 void require_socket_path(const std::filesystem::path& socket);
 
 /// Sends one request to the recorder that listens on `socket` and returns its answer, waiting at most
-/// `patience` for each part of it; without one, for as long as it takes. Throws NobodyAnswers, kiroku::Error
-/// with the recorder's own sentence where it could not do what was asked, and kiroku::UsageError for a path
-/// that is too long.
+/// `patience` for each part of it; without one, for as long as it takes. Throws NobodyAnswers,
+/// AnswersTooLate, kiroku::Error with the recorder's own sentence where it could not do what was asked, and
+/// kiroku::UsageError for a path that is too long.
 nlohmann::json ask_recorder(const std::filesystem::path& socket, const nlohmann::json& request,
                             std::optional<std::chrono::seconds> patience = {});
 

@@ -23,21 +23,16 @@ fs::path new_folder(const fs::path& parent) {
 
 }  // namespace
 
-Handouts::Handouts(fs::path folder) : folder_(std::move(folder)) {
-  std::error_code failed;
-  fs::remove_all(folder_, failed);
-  if (failed) throw IoError("empty", folder_, failed.value());
-  if (::mkdir(folder_.c_str(), 0700) != 0) throw IoError("make the folder", folder_, errno);
-}
+Handouts::Handouts(const fs::path& parent) : own_(parent) {}
 
 std::shared_ptr<const Handouts::Place> Handouts::make_place(std::uint64_t bytes) const {
   std::error_code failed;
-  const fs::space_info space = fs::space(folder_, failed);
+  const fs::space_info space = fs::space(own_.path(), failed);
   if (failed || space.available < bytes + kAlwaysFree) {
     throw Refusal(
         507, "the disk has no room for this file beside what a recorder may need: choose a shorter time");
   }
-  return std::make_shared<const Place>(new_folder(folder_));
+  return std::make_shared<const Place>(new_folder(own_.path()));
 }
 
 Handouts::Place::Place(fs::path folder) : folder_(std::move(folder)) {}

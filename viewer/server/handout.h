@@ -6,6 +6,7 @@
 #include <filesystem>
 #include <memory>
 
+#include "viewer/server/own_folder.h"
 #include "viewer/server/response.h"
 
 namespace kiroku::viewer {
@@ -13,9 +14,8 @@ namespace kiroku::viewer {
 /// The folder, and which names are free in it. Thread-safe.
 class Handouts {
  public:
-  /// Makes `folder` with mode 0700, and empties it of what a server that died left there. Throws
-  /// kiroku::IoError.
-  explicit Handouts(std::filesystem::path folder);
+  /// Makes a folder of its own in `parent` (own_folder.h). Throws kiroku::IoError.
+  explicit Handouts(const std::filesystem::path& parent);
 
   /// A folder for one file in the making; it and everything in it is removed with the object.
   class Place {
@@ -33,7 +33,7 @@ class Handouts {
   [[nodiscard]] std::shared_ptr<const Place> make_place(std::uint64_t bytes) const;
 
  private:
-  std::filesystem::path folder_;
+  OwnFolder own_;
 };
 
 /// The file's bytes, which stay readable when its name is gone. Throws kiroku::IoError.

@@ -6,6 +6,7 @@
 #include "crypto/age_error.h"
 #include "media/vital_codes.h"
 #include "viewer/server/api.h"
+#include "viewer/server/own_folder.h"
 #include "viewer/server/playback_store.h"
 
 namespace kiroku::viewer {
@@ -110,7 +111,9 @@ ordered_json timeline_json(const playback::Timeline& timeline) {
 class PlaybackApi {
  public:
   explicit PlaybackApi(ViewerContext& context)
-      : context_(context), store_(context.home().copies_folder, context.home().most_copy_bytes) {}
+      : context_(context),
+        folder_(context.home().copies_folder),
+        store_(folder_.path(), context.home().most_copy_bytes) {}
 
   [[nodiscard]] Response init(const Request& request) {
     return watch(request, [&](CasePlayback& playback, const std::string& stream) {
@@ -264,6 +267,7 @@ class PlaybackApi {
   }
 
   ViewerContext& context_;
+  const OwnFolder folder_;
   PlaybackStore store_;
 };
 

@@ -17,7 +17,8 @@ constexpr std::size_t kLongestMark = 500;
 /// A recorder that hangs must not hold every thread of the viewer; starting opens cameras, which takes long.
 constexpr std::chrono::seconds kPatience{30};
 
-/// 503 where no recorder answers, 409 with its own sentence where it could not do what it was asked.
+/// 503 where no recorder answers, or not in time, 409 with its own sentence where it could not do what it was
+/// asked.
 Response ask(const ViewerContext& context, const json& question) {
   try {
     ordered_json answer = recorder::ask_recorder(context.home().control_socket, question, kPatience);
@@ -25,6 +26,8 @@ Response ask(const ViewerContext& context, const json& question) {
     return Response::json(answer);
   } catch (const recorder::NobodyAnswers& nobody) {
     throw Refusal(503, nobody.what());
+  } catch (const recorder::AnswersTooLate& late) {
+    throw Refusal(503, late.what());
   } catch (const Error& refused) {
     throw Refusal(409, refused.what());
   }

@@ -75,6 +75,16 @@ TEST_F(ControlServerTest, ASlowAnswerDelaysNobodyElse) {
   slow.join();
 }
 
+TEST_F(ControlServerTest, IsNotTakenForAbsentWhereItIsSlow) {
+  std::atomic<bool> release{false};
+  const ControlServer server(socket, [&](const json& /*request*/) -> ordered_json {
+    while (!release) std::this_thread::sleep_for(std::chrono::milliseconds(5));
+    return {{"done", true}};
+  });
+  EXPECT_THROW(ask_recorder(socket, {{"do", "x"}}, std::chrono::seconds(1)), AnswersTooLate);
+  release = true;
+}
+
 TEST_F(ControlServerTest, ReplacesADeadSocketButNotALivingOne) {
   { std::ofstream(socket) << ""; }
   EXPECT_THROW(ControlServer(socket, echo), Error) << "a plain file is somebody's";
@@ -91,7 +101,7 @@ TEST_F(ControlServerTest, ReplacesADeadSocketButNotALivingOne) {
 }
 
 TEST_F(ControlServerTest, SaysThatNobodyAnswers) {
-  EXPECT_THROW(ask_recorder(socket, {{"do", "x"}}), Error);
+  EXPECT_THROW(ask_recorder(socket, {{"do", "x"}}), NobodyAnswers);
   EXPECT_THROW(ask_recorder("/" + std::string(200, 'x'), {{"do", "x"}}), UsageError);
 }
 
