@@ -5,6 +5,7 @@
 #include "apps/common/format.h"
 #include "apps/kiroku/room_configuration.h"
 #include "apps/kiroku/table_reader.h"
+#include "apps/kiroku/viewer_configuration.h"
 #include "base/error.h"
 
 namespace kiroku::apps {
@@ -188,6 +189,7 @@ Configuration parse_configuration(std::string_view text, const std::string& name
   read_daemon(top, configuration);
   read_rooms(top, configuration);
   read_retention_rules(top, configuration.retention);
+  static_cast<void>(read_viewer(top));  // whether it is good; kirokud alone needs it (viewer_configuration.h)
   top.refuse_unknown_keys();
   return configuration;
 }

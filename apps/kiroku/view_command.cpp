@@ -1,6 +1,5 @@
 #include "apps/kiroku/view_command.h"
 
-#include <algorithm>
 #include <csignal>
 #include <iostream>
 #include <memory>
@@ -12,9 +11,8 @@
 #include "apps/common/json_output.h"
 #include "apps/kiroku/commands.h"
 #include "apps/kiroku/home.h"
+#include "apps/kiroku/viewer_setup.h"
 #include "base/error.h"
-#include "base/listen_address.h"
-#include "viewer/server/server_certificate.h"
 #include "viewer/server/viewer.h"
 
 namespace kiroku::apps {
@@ -28,37 +26,6 @@ struct Request {
   std::vector<std::string> identities;
   bool json = false;
 };
-
-/// Where the page's files are: as it is built, or installed.
-std::optional<fs::path> find_page(const std::optional<std::string>& asked) {
-  if (asked) return fs::path(*asked);
-  std::error_code failed;
-  const fs::path here = fs::read_symlink("/proc/self/exe", failed).parent_path();
-  for (const char* candidate : {"../viewer/web", "../../share/kiroku/web"}) {
-    if (fs::exists(here / candidate / "index.html", failed)) return (here / candidate).lexically_normal();
-  }
-  return {};
-}
-
-viewer::ServerCertificate certificate_for(const Request& request, const Home& home, bool& is_own) {
-  if (request.certificate.has_value() != request.key.has_value()) {
-    throw UsageError("--certificate and --key belong together: give both or none");
-  }
-  is_own = !request.certificate;
-  if (!is_own) return viewer::load_certificate(*request.certificate, *request.key);
-  std::vector<std::string> names = viewer::machine_names();
-  const ListenAddress address = parse_listen_address(request.listen, 8443);
-  if (!address.is_any() && std::ranges::count(names, address.host) == 0) names.push_back(address.host);
-  bool made = false;
-  return viewer::own_certificate(home.folder(), names, made);
-}
-
-/// Identities that were named, or a demonstration's; null: everybody brings their own.
-viewer::Session::Identities shared_identities(const Request& request, const Home& home) {
-  std::error_code ignored;
-  if (request.identities.empty() && !fs::exists(home.identity_file(), ignored)) return nullptr;
-  return std::make_shared<const crypto::AgeIdentities>(load_identities(request.identities, home));
-}
 
 /// A thousand connections need more descriptors than a shell gives.
 void allow_many_descriptors() {
@@ -100,27 +67,20 @@ int run(const Request& request) {
   sigemptyset(&signals);
   sigaddset(&signals, SIGINT);
   sigaddset(&signals, SIGTERM);
-  const auto identities = shared_identities(request, home);
+  if (request.certificate.has_value() != request.key.has_value()) {
+    throw UsageError("--certificate and --key belong together: give both or none");
+  }
+  const auto identities = shared_identities(request.identities, home);
   const crypto::SigningKey device_key = home.signing_key();
   const timestamp::TrustStore trust = home.trust();
-  bool is_own = false;
-  viewer::ServerCertificate certificate = certificate_for(request, home, is_own);
+  viewer::ServerCertificate certificate =
+      viewer_certificate(home, request.listen, request.certificate, request.key);
   const std::string fingerprint = viewer::fingerprint(certificate.certificate_pem);
-  const std::optional<fs::path> page = find_page(request.web);
+  const std::optional<fs::path> page = request.web ? fs::path(*request.web) : find_page();
   allow_many_descriptors();
 
   viewer::ViewerOptions options{
-      .home = {.archive = home.archive(),
-               .catalogue_file = home.catalogue_file(),
-               .log_folder = home.log_folder(),
-               .users_file = home.folder() / "users.sqlite",
-               .control_socket = home.control_socket(home.configuration()),
-               .copies_folder = home.folder() / "viewing-copies",
-               .handout_folder = home.folder() / "viewer-files",
-               .device_key = &device_key,
-               .device = home.device(),
-               .trust = &trust,
-               .identities = identities},
+      .home = viewer_home(home, home.configuration(), "", device_key, trust, identities),
       .web = {.listen = request.listen,
               .certificate_pem = std::move(certificate.certificate_pem),
               .key_pem = std::move(certificate.key_pem),
@@ -138,7 +98,7 @@ int run(const Request& request) {
   const bool is_demonstration =
       fs::exists(home.identity_file(), ignored) && viewer::is_loopback(request.listen);
   const std::string sign_in = is_demonstration ? server.sign_in_url("demo") : "";
-  print_start(request, server, sign_in, fingerprint, is_own, page.has_value());
+  print_start(request, server, sign_in, fingerprint, !request.certificate, page.has_value());
   wait_for_end(signals);
   // What is being verified or sent is brought to its end; a second signal does not wait for that.
   ::pthread_sigmask(SIG_UNBLOCK, &signals, nullptr);

@@ -5,6 +5,7 @@
 #include <condition_variable>
 #include <csignal>
 #include <cstring>
+#include <future>
 #include <initializer_list>
 #include <iostream>
 #include <map>
@@ -12,6 +13,7 @@
 #include <poll.h>
 #include <sstream>
 #include <sys/eventfd.h>
+#include <sys/resource.h>
 #include <systemd/sd-daemon.h>
 #include <thread>
 #include <unistd.h>
@@ -28,6 +30,8 @@
 #include "apps/kiroku/home.h"
 #include "apps/kiroku/recording_setup.h"
 #include "apps/kiroku/recovering.h"
+#include "apps/kiroku/viewer_configuration.h"
+#include "apps/kiroku/viewer_setup.h"
 #include "archive/appliance_log.h"
 #include "archive/file_system.h"
 #include "archive/recording_lock.h"
@@ -37,6 +41,8 @@
 #include "recorder/daemon/http_server.h"
 #include "recorder/late_stamping.h"
 #include "recorder/procedure/room_procedure.h"
+#include "viewer/live/live_pictures.h"
+#include "viewer/server/viewer.h"
 
 namespace kiroku::apps {
 namespace {
@@ -45,6 +51,7 @@ constexpr const char* kServiceHome = "/var/lib/kiroku";
 constexpr std::chrono::seconds kTick{1};
 constexpr int kDiskTicks = 10;
 constexpr std::chrono::seconds kLateStampInterval{15};
+constexpr int kNiceOfViewer = 10;  // nice(2); on Linux each thread has its own
 
 struct Request {
   std::optional<std::string> home, configuration;
@@ -80,7 +87,12 @@ Home home_of(const Request& request) {
   return Home::open(std::string(kServiceHome));
 }
 
-Configuration read_configuration(const std::filesystem::path& file) {
+struct DaemonSetup {
+  Configuration recorder;
+  ViewerConfiguration viewer;
+};
+
+DaemonSetup read_configuration(const std::filesystem::path& file) {
   const Bytes text = read_small_file(file, "the configuration");
   Configuration configuration = parse_configuration(text_of(text), file.string());
   if (configuration.rooms.empty()) {
@@ -88,12 +100,13 @@ Configuration read_configuration(const std::filesystem::path& file) {
                      " names no [[room]], so that there is nothing to record: see the example in the "
                      "file that `kiroku init` wrote, or deploy/kiroku.toml");
   }
-  return configuration;
+  return {std::move(configuration), parse_viewer_configuration(text_of(text), file.string())};
 }
 
+/// `channels` is given those of the room's pictures; null: nobody looks on.
 recorder::RoomPlan plan_of(const RoomConfiguration& room, const Home& home,
                            const Configuration& configuration, const Authorities& authorities,
-                           const WritableHome& shared) {
+                           const WritableHome& shared, live::Channels* channels) {
   recorder::RoomPlan plan;
   plan.name = room.name;
   plan.rules = room.rules;
@@ -101,6 +114,11 @@ recorder::RoomPlan plan_of(const RoomConfiguration& room, const Home& home,
   for (const StreamConfiguration& stream : room.streams) {
     recorder::StreamRequest asked{
         stream.name, stream.source, stream.purpose, stream.video, recipients.of(stream.name), true};
+    if (stream.is_video && channels != nullptr) {
+      asked.tap = std::make_shared<recorder::PictureTap>();
+      (*channels)[{room.name, stream.name}] = std::make_unique<live::LiveChannel>(
+          asked.tap, [](const std::string& sentence) { spdlog::warn("{}", printable(sentence)); });
+    }
     (stream.is_video ? plan.session.video : plan.session.vitals).push_back(std::move(asked));
   }
   plan.session.archive = home.archive();
@@ -179,6 +197,49 @@ std::unique_ptr<recorder::HttpServer> serve_http(const Home& home, const Configu
     return daemon.hook(room, action, body);
   };
   return std::make_unique<recorder::HttpServer>(std::move(options));
+}
+
+std::unique_ptr<viewer::Viewer> open_viewer(const Home& home, const Configuration& configuration,
+                                            const ViewerConfiguration& asked, const WritableHome& shared,
+                                            const live::Channels& channels) {
+  std::optional<std::string> certificate, key;
+  if (!asked.certificate.empty()) {
+    certificate = (home.folder() / asked.certificate).string();
+    key = (home.folder() / asked.key).string();
+  }
+  viewer::ServerCertificate own = viewer_certificate(home, asked.listen, certificate, key);
+  viewer::ViewerOptions options{
+      .home =
+          viewer_home(home, configuration, "-kirokud", shared.key, shared.trust, shared_identities({}, home)),
+      .web = {.listen = asked.listen,
+              .certificate_pem = std::move(own.certificate_pem),
+              .key_pem = std::move(own.key_pem),
+              .limits = {}},
+      .sessions = {},
+      .page = find_page(),
+      .tell = [](const std::string& sentence) { spdlog::warn("viewer: {}", printable(sentence)); }};
+  options.home.live = live::live_pictures(channels);
+  // Its threads inherit the priority of this one: whoever watches, recording goes first.
+  auto server = std::async(std::launch::async, [&options] {
+                  (void)::setpriority(PRIO_PROCESS, static_cast<id_t>(::gettid()), kNiceOfViewer);
+                  return std::make_unique<viewer::Viewer>(std::move(options));
+                }).get();
+  spdlog::info("the viewer is at {}", server->url());
+  return server;
+}
+
+/// The viewer with live pictures; null where none is configured or it cannot be served: that ends no
+/// recorder.
+std::unique_ptr<viewer::Viewer> serve_viewer(const Home& home, const Configuration& configuration,
+                                             const ViewerConfiguration& asked, const WritableHome& shared,
+                                             const live::Channels& channels) {
+  if (asked.listen.empty()) return {};
+  try {
+    return open_viewer(home, configuration, asked, shared, channels);
+  } catch (const std::exception& error) {
+    spdlog::error("recording goes on without the viewer: {}", printable(error.what()));
+    return {};
+  }
 }
 
 /// Works off the stamping queue, for cases that were closed while no authority answered, until it is
@@ -299,7 +360,8 @@ int run(const Request& request) {
   const Home home = home_of(request);
   const std::filesystem::path file =
       request.configuration ? std::filesystem::path(*request.configuration) : home.configuration_file();
-  const Configuration configuration = read_configuration(file);
+  const DaemonSetup setup = read_configuration(file);
+  const Configuration& configuration = setup.recorder;
   if (request.check) {
     for (const RoomConfiguration& room : configuration.rooms) {
       RecipientChoice recipients(home, configuration, {});
@@ -324,9 +386,11 @@ int run(const Request& request) {
   // Each room asks over connections of its own: a source of stamps belongs to one thread at a time.
   std::vector<std::unique_ptr<Authorities>> of_rooms;
   Inboxes inboxes;
+  live::Channels channels;
   for (const RoomConfiguration& room : configuration.rooms) {
     of_rooms.push_back(std::make_unique<Authorities>(home, configuration, std::vector<std::string>{}));
-    options.rooms.push_back(plan_of(room, home, configuration, *of_rooms.back(), shared));
+    options.rooms.push_back(plan_of(room, home, configuration, *of_rooms.back(), shared,
+                                    setup.viewer.listen.empty() ? nullptr : &channels));
     options.rooms.back().procedure = procedure_of(room, inboxes);
     options.rooms.back().footswitches = room.footswitches;
   }
@@ -339,6 +403,8 @@ int run(const Request& request) {
         home.control_socket(configuration),
         [&daemon](const nlohmann::json& asked) { return daemon.handle(asked); });
     const std::unique_ptr<recorder::HttpServer> http = serve_http(home, configuration, daemon);
+    const std::unique_ptr<viewer::Viewer> viewer =
+        serve_viewer(home, configuration, setup.viewer, shared, channels);
     ::sd_notify(0, "READY=1");
     spdlog::info("recording for {} room(s), home {}", configuration.rooms.size(), home.folder().string());
     reason = watch(daemon, inboxes, signals);

@@ -233,6 +233,7 @@ struct Daemon::State {
             {"subject", subject_state_name(status.subject)},
             {"procedure", procedure},
             {"elapsed_ns", status.session.now_ns - status.session.begins_ns},
+            {"now_ns", status.session.now_ns},
             {"streams", streams},
             {"tokens", status.session.tokens},
             {"missed", status.session.missed},

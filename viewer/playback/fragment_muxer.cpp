@@ -9,6 +9,7 @@ extern "C" {
 #include <libavcodec/avcodec.h>
 #include <libavformat/avformat.h>
 #include <libavutil/mem.h>
+#include <libavutil/opt.h>
 }
 
 #include "base/error.h"
@@ -134,6 +135,9 @@ Bytes FragmentMuxer::fragment() {
   require(av_write_frame(context_.get(), nullptr), kAction);
   Bytes bytes = output_->take();
   output_->begin();
+  // It holds for one fragment: the next would begin where this one's last duration says, not where its
+  // picture does, and pictures that were passed over would be missing from its time.
+  require(av_opt_set(context_->priv_data, "movflags", "+frag_discont", 0), kAction);
   return bytes;
 }
 

@@ -25,5 +25,7 @@ void add_log_routes(Router& router, ViewerContext& context);
 void add_user_routes(Router& router, ViewerContext& context);
 /// What the running recorder says, and what it is told.
 void add_room_routes(Router& router, ViewerContext& context);
+/// Pictures while they are recorded.
+void add_live_routes(Router& router, ViewerContext& context);
 
 }  // namespace kiroku::viewer

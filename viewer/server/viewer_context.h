@@ -13,6 +13,7 @@
 #include "crypto/signed_note.h"
 #include "timestamp/token_verifier.h"
 #include "viewer/server/attempt_guard.h"
+#include "viewer/server/live_pictures.h"
 #include "viewer/server/request.h"
 #include "viewer/server/session.h"
 #include "viewer/server/user_store.h"
@@ -32,6 +33,7 @@ struct ViewerHome {
   const timestamp::TrustStore* trust = nullptr;
   /// What opens recordings for whoever may watch, from signing in on; null: everybody brings their own.
   Session::Identities identities;
+  LivePictures live = {};
 };
 
 class ViewerContext {

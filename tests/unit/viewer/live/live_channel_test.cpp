@@ -106,6 +106,21 @@ TEST_F(LiveChannelTest, BeginsWithAKeyFrameForWhoComesLater) {
   EXPECT_EQ(joined.frames[0].pts, 10 * 3'600);
 }
 
+TEST_F(LiveChannelTest, PicturesKeepTheirTimesWhereOthersWerePassedOver) {
+  const auto keeper = std::make_shared<Keeper>();
+  const auto source = open();
+  channel_.add(keeper);
+  std::vector<std::int64_t> offered;
+  for (const int passed_over : {0, 0, 3, 1, 7, 0, 30}) {
+    for (int i = 0; i < passed_over; ++i) ASSERT_TRUE(source->read());
+    show(*source, 1, *keeper);
+    offered.push_back((offered.empty() ? 0 : offered.back() + 3'600) + passed_over * 3'600);
+  }
+  std::vector<std::int64_t> shown;
+  for (const auto& frame : test::decode_video(keeper->films().at(0)).frames) shown.push_back(frame.pts);
+  EXPECT_EQ(shown, offered);
+}
+
 TEST_F(LiveChannelTest, BeginsAnewWhereTheSourceChanges) {
   const auto keeper = std::make_shared<Keeper>();
   channel_.add(keeper);

@@ -1,0 +1,60 @@
+#include "apps/kiroku/viewer_setup.h"
+
+#include <algorithm>
+#include <utility>
+
+#include "base/listen_address.h"
+
+namespace kiroku::apps {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr std::uint16_t kExamplePort = 8443;
+
+}  // namespace
+
+std::optional<fs::path> find_page() {
+  std::error_code failed;
+  const fs::path here = fs::read_symlink("/proc/self/exe", failed).parent_path();
+  // Beside a build; from bin, where kirokud is; from libexec/kiroku.
+  for (const char* candidate : {"../viewer/web", "../share/kiroku/web", "../../share/kiroku/web"}) {
+    if (fs::exists(here / candidate / "index.html", failed)) return (here / candidate).lexically_normal();
+  }
+  return {};
+}
+
+viewer::ServerCertificate viewer_certificate(const Home& home, const std::string& listen,
+                                             const std::optional<std::string>& certificate,
+                                             const std::optional<std::string>& key) {
+  if (certificate && key) return viewer::load_certificate(*certificate, *key);
+  std::vector<std::string> names = viewer::machine_names();
+  const ListenAddress address = parse_listen_address(listen, kExamplePort);
+  if (!address.is_any() && std::ranges::count(names, address.host) == 0) names.push_back(address.host);
+  bool made = false;
+  return viewer::own_certificate(home.folder(), names, made);
+}
+
+viewer::Session::Identities shared_identities(const std::vector<std::string>& files, const Home& home) {
+  std::error_code ignored;
+  if (files.empty() && !fs::exists(home.identity_file(), ignored)) return nullptr;
+  return std::make_shared<const crypto::AgeIdentities>(load_identities(files, home));
+}
+
+viewer::ViewerHome viewer_home(const Home& home, const Configuration& configuration,
+                               const std::string& suffix, const crypto::SigningKey& device_key,
+                               const timestamp::TrustStore& trust, viewer::Session::Identities identities) {
+  return {.archive = home.archive(),
+          .catalogue_file = home.catalogue_file(),
+          .log_folder = home.log_folder(),
+          .users_file = home.folder() / "users.sqlite",
+          .control_socket = home.control_socket(configuration),
+          .copies_folder = home.folder() / ("viewing-copies" + suffix),
+          .handout_folder = home.folder() / ("viewer-files" + suffix),
+          .device_key = &device_key,
+          .device = home.device(),
+          .trust = &trust,
+          .identities = std::move(identities)};
+}
+
+}  // namespace kiroku::apps
