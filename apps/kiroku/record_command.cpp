@@ -11,14 +11,12 @@
 #include "apps/common/file.h"
 #include "apps/common/format.h"
 #include "apps/common/json_output.h"
-#include "apps/kiroku/authorities.h"
+#include "apps/kiroku/case_recording.h"
 #include "apps/kiroku/commands.h"
 #include "apps/kiroku/home.h"
 #include "apps/kiroku/plan_seal.h"
 #include "apps/kiroku/recording_display.h"
 #include "apps/kiroku/recording_setup.h"
-#include "apps/kiroku/recovering.h"
-#include "archive/appliance_log.h"
 #include "base/error.h"
 #include "recorder/procedure/worklist.h"
 #include "recorder/session.h"
@@ -38,6 +36,14 @@ struct Request {
 // --- Ctrl-C: once closes the case, twice ends at once. The handler may touch nothing but these.
 std::atomic<recorder::Session*> running{nullptr};
 std::atomic<int> stops{0};
+
+/// Which session the handler may stop.
+struct Running {
+  explicit Running(recorder::Session& session) { running = &session; }
+  ~Running() { running = nullptr; }
+  Running(const Running&) = delete;
+  Running& operator=(const Running&) = delete;
+};
 
 void write_from_handler(std::string_view text) { (void)!::write(STDERR_FILENO, text.data(), text.size()); }
 
@@ -201,14 +207,6 @@ int status_of(const recorder::SessionResult& result) {
   return kDone;
 }
 
-/// What a recorder that died left behind comes first: then nothing else writes the archive.
-void recover_first(const WritableHome& writable, const Authorities& authorities,
-                   const archive::RecordingLock& lock) {
-  for (const archive::CaseRecovery& each : recover_home(writable, authorities.named(), lock)) {
-    std::cerr << recovery_text(each);
-  }
-}
-
 int run(const Request& request) {
   if (!request.endoscope && !request.room && !request.vitals) {
     throw UsageError("there is nothing to record: name a source with --endoscope, --room or --vitals");
@@ -217,42 +215,18 @@ int run(const Request& request) {
     throw UsageError("patient and procedure come from --subject or from --worklist, not from both");
   }
   const Home home = Home::open(request.home);
-  const Configuration configuration = home.configuration();
-  recorder::SessionOptions options = session_options(request, home, configuration);
-  const Authorities authorities(home, configuration, request.authorities);
-  options.authorities = authorities.named();
-  const WritableHome writable(home);
-  options.trust = &writable.trust;
-  options.queue = writable.queue.get();
-  options.key = &writable.key;
-  options.log = writable.log.get();
-  const archive::RecordingLock lock =
-      archive::RecordingLock::take(archive::real_file_system(), home.archive());
-  log_configuration(home.configuration_file(), home, *writable.log);
-  recover_first(writable, authorities, lock);
-
-  catch_stops();
-  recorder::SessionResult result;
-  {
-    recorder::Session session(std::move(options));
-    running = &session;
-    if (stops > 0) session.stop();
-    RecordingDisplay display;
-    try {
-      result = session.run([&](const recorder::SessionStatus& status) {
-        if (stops == 0) display.show(status);
+  recorder::SessionOptions options = session_options(request, home, home.configuration());
+  const recorder::SessionResult result =
+      record_case(home, std::move(options), request.authorities, [](recorder::SessionOptions complete) {
+        catch_stops();
+        recorder::Session session(std::move(complete));
+        const Running now(session);
+        if (stops > 0) session.stop();
+        RecordingDisplay display;
+        return session.run([&](const recorder::SessionStatus& status) {
+          if (stops == 0) display.show(status);
+        });
       });
-    } catch (...) {
-      running = nullptr;
-      throw;
-    }
-    running = nullptr;
-  }
-  try {
-    refresh_catalogue(home, result.folder);
-  } catch (const Error& error) {
-    print_error("kiroku", std::string("warning: the catalogue does not know this case yet: ") + error.what());
-  }
   if (request.json) {
     print_json(result_json(result));
   } else {

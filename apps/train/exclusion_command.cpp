@@ -6,7 +6,10 @@
 
 #include "apps/common/json_output.h"
 #include "apps/common/step_line.h"
+#include "apps/kiroku/commands.h"
+#include "apps/kiroku/home.h"
 #include "apps/sim/number_option.h"
+#include "apps/train/attempt_seal.h"
 #include "apps/train/output_folder.h"
 #include "apps/train/train_command.h"
 #include "apps/train/udp_hand.h"
@@ -29,8 +32,8 @@ struct Request {
   std::string output, hand;
   std::string fingers = "3", vertices = "2000", damage = "100000", seconds = "60", size = "640x480",
               seed = "1", session = "1";
-  std::optional<std::string> object, feedback, ghost, trainee, database;
-  bool stress = false, test = false, force = false, json = false;
+  std::optional<std::string> object, feedback, ghost, trainee, database, home;
+  bool stress = false, test = false, seal = false, force = false, json = false;
 };
 
 trainer::ExclusionOptions options_of(const Request& request) {
@@ -73,6 +76,26 @@ Json score_json(const trainer::ExclusionScore& score) {
           {"best_visible_share", score.best_visible_share}};
 }
 
+/// One line a quantity, as a recorder reads vital signs.
+void add_vitals(std::string& table, const trainer::ExclusionView& view) {
+  const std::string time = number_text(view.time_s, 9);
+  const auto add = [&](const std::string& code, double value, const std::string& unit) {
+    table += time + "," + code + "," + number_text(value) + "," + unit + "\n";
+  };
+  add("line in sight", 100 * view.visible_share, "%");
+  add("largest stress", view.largest_von_mises_pa / 1e3, "kPa");
+  add("force of all fingers", view.hand.wrist_n.norm(), "N");
+  for (std::size_t i = 0; i < view.hand.forces_n.size(); ++i)
+    add("force of finger " + std::to_string(i + 1), view.hand.forces_n[i].norm(), "N");
+}
+
+std::string in_words(const trainer::ExclusionScore& score) {
+  return std::string(score.done ? "the line was seen for a second after "
+                                : "the line was not seen for a second within ") +
+         number_text(score.time_s, 3) + " s (at best " + number_text(100 * score.best_visible_share, 3) +
+         " % of it)";
+}
+
 int run(const Request& request) {
   const trainer::ObjectKind kind = trainer::object_kind(request.object.value_or("a"));
   trainer::ExclusionOptions options = options_of(request);
@@ -109,9 +132,13 @@ int run(const Request& request) {
                        "': results of people and of simulations are kept apart");
     }
   }
+  if (request.home && !request.seal) throw UsageError("--home says where --seal makes a case: add --seal");
+  std::optional<Home> home;
+  if (request.seal) home = Home::open(request.home);
   const UtcTime began = utc_now();
-  const OutputFolder folder(request.output, {"score.json", "forces.csv", "hand.txt", "film.mp4"},
-                            request.force);
+  std::vector<std::string> files{"score.json", "forces.csv", "hand.txt", kAttemptFilm};
+  if (home) files.emplace_back(kAttemptVitals);
+  const OutputFolder folder(request.output, files, request.force);
 
   StepLine line;
   line.show("making object " + trainer::name_of(kind));
@@ -123,7 +150,7 @@ int run(const Request& request) {
   line.show("computing how it gives way");
   const trainer::ExclusionBody body(std::move(object), task);
   trainer::ExclusionRunner runner(body, options);
-  media::FilmWriter film(folder.path("film.mp4"),
+  media::FilmWriter film(folder.path(kAttemptFilm),
                          {options.width, options.height, 3, static_cast<int>(options.picture_rate_hz), 1},
                          request.force);
   sim::Lettering lettering;
@@ -131,6 +158,7 @@ int run(const Request& request) {
       "time_s,visible_share,largest_von_mises_pa,damaged_ml,danger,tone_hz,wrist_x_n,wrist_y_n,wrist_z_n";
   for (std::size_t i = 1; i <= fingers; ++i) csv += ",finger_" + std::to_string(i) + "_n";
   csv += "\n";
+  std::string vitals = "time,code,value,unit\n";
   std::unique_ptr<trainer::SimulatedTrainee> simulated;
   const auto observer = [&](const trainer::ExclusionView& view) {
     if (simulated) simulated->see(view, options.shows_stress);
@@ -144,6 +172,7 @@ int run(const Request& request) {
       csv += "," + number_text(number);
     for (const sim::Vector3& force_n : view.hand.forces_n) csv += "," + number_text(force_n.norm());
     csv += "\n";
+    add_vitals(vitals, view);
     return true;
   };
   trainer::ExclusionOutcome outcome;
@@ -197,17 +226,29 @@ int run(const Request& request) {
         {"without_pose", outcome.force_loop->without_pose}};
   }
   folder.write("score.json", report.dump(2) + "\n");
+  std::optional<std::filesystem::path> sealed;
+  if (home) {
+    folder.write(kAttemptVitals, vitals);
+    line.show("sealing");
+    Json facts = report;
+    facts["began"] = format_utc(began);
+    if (trainee) {
+      facts["trainee"] = trainee->name;
+      facts["group"] = trainee->group;
+      facts["session"] = session;
+      facts["test"] = request.test;
+    }
+    sealed = seal_attempt(*home, request.output, facts,
+                          (trainee ? trainee->name + ": " : "") + in_words(outcome.score));
+  }
   if (request.json) {
     report["folder"] = request.output;
+    if (sealed) report["case"] = sealed->string();
     print_json(report);
     return outcome.score.done ? kDone : kAnswerIsNo;
   }
   const trainer::ExclusionScore& score = outcome.score;
-  std::cout << request.output << ": "
-            << (score.done ? "the line was seen for a second after "
-                           : "the line was not seen for a second within ")
-            << number_text(score.time_s, 3) << " s (at best "
-            << number_text(100 * score.best_visible_share, 3) << " % of it)\n  largest von Mises stress  "
+  std::cout << request.output << ": " << in_words(score) << "\n  largest von Mises stress  "
             << number_text(score.largest_von_mises_pa / 1e3, 4) << " kPa; "
             << number_text(1e6 * score.damaged_m3, 3) << " ml above " << number_text(damage_pa / 1e3, 4)
             << " kPa\n  path of all fingers       " << number_text(100 * score.path_m, 3)
@@ -218,6 +259,7 @@ int run(const Request& request) {
     std::cout << "  the device failed: " << outcome.faults.unsound << " poses that are none, "
               << outcome.faults.jumps << " jumps; forces went to zero\n";
   }
+  if (sealed) std::cout << "  sealed as " << sealed->string() << "\n";
   return score.done ? kDone : kAnswerIsNo;
 }
 
@@ -246,6 +288,8 @@ void add_train_exclusion_command(Command& train) {
   command.option("--session", "N", request->session, "of the trainee's curriculum");
   command.flag("--test", request->test, "the session's test, without stress; else practice");
   command.option("--seed", "N", request->seed, "of the simulated trainee");
+  command.flag("--seal", request->seal, "makes a case of it, signed and time-stamped, as of an operation");
+  add_home_option(command, request->home);
   command.flag("-f,--force", request->force, "replaces what an earlier run left in DIR");
   command.flag("--json", request->json, "prints one JSON object instead");
   command.explain(
@@ -259,6 +303,10 @@ void add_train_exclusion_command(Command& train) {
   command.example("kiroku train exclusion --object b --hand udp:7001 --fingers 5 --stress -o own",
                   "a person at a device, stress shown");
   command.example("kiroku train exclusion --hand lift/hand.txt -o again", "the same motion again");
+  command.example(
+      "kiroku train exclusion --hand udp:7001 --trainee Aoki --database training.sqlite --test --seal -o "
+      "test",
+      "a test that can be proven later: verify, view and report it as any case");
   command.on_run([request] { return run(*request); });
 }
 

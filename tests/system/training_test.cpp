@@ -102,6 +102,38 @@ TEST_F(Exclusion, AnOrganIsPushedAsideAndItsMotionPlayedAgain) {
   EXPECT_EQ(read_text(folder() / "third/forces.csv"), read_text(folder() / "again/forces.csv"));
 }
 
+TEST_F(Exclusion, ATestIsSealedAsACaseAndProvenAsOne) {
+  const std::string database = path("training.sqlite"), home = path("home");
+  ASSERT_EQ(kiroku({"init", "--demo", "--home", home}).status, 0);
+  ASSERT_EQ(kiroku({"train", "trainee", "Model", "--simulated", "--database", database}).status, 0);
+  const ProcessResult result =
+      push("simulated", "test",
+           {"--trainee", "Model", "--database", database, "--test", "--seal", "--home", home, "--json"});
+  ASSERT_EQ(result.status, 0) << result.err;
+  const auto told = nlohmann::json::parse(result.out);
+  const std::string folder_of_case = told["case"];
+  const nlohmann::json verdict = kiroku_json({"verify", folder_of_case, "--home", home, "--json"});
+  EXPECT_EQ(verdict["verdict"], "intact");
+  EXPECT_THAT(verdict["tokens"], testing::Ge(2)) << "one before the film, one after";
+  // Who may open it finds the attempt again: what it was, each picture, each force.
+  const ProcessResult subject =
+      kiroku({"unseal", "-i", home + "/identity.txt", folder_of_case + "/subject.json.age"});
+  ASSERT_EQ(subject.status, 0) << subject.err;
+  const auto training = nlohmann::json::parse(subject.out)["training"];
+  EXPECT_EQ(training["trainee"], "Model");
+  EXPECT_EQ(training["simulated"], true);
+  EXPECT_EQ(training["test"], true);
+  EXPECT_EQ(training["score"], told["score"]);
+  EXPECT_EQ(training["files"]["hand.txt"].get<std::string>().size(), 64U);
+  ASSERT_EQ(kiroku({"export", folder_of_case, "--stream", "forces", "-o", path("forces.csv"), "--home", home})
+                .status,
+            0);
+  EXPECT_THAT(read_text(folder() / "forces.csv"), HasSubstr("force of finger 1"));
+  // Without a home to seal it in nothing is begun.
+  EXPECT_REFUSED(push("simulated", "none", {"--seal", "--home", path("nowhere")}), "nowhere");
+  EXPECT_FALSE(std::filesystem::exists(folder() / "none"));
+}
+
 TEST_F(Exclusion, AttemptsOfATraineeBecomeAReport) {
   const std::string database = path("training.sqlite");
   EXPECT_EQ(

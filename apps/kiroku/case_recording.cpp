@@ -1,0 +1,50 @@
+#include "apps/kiroku/case_recording.h"
+
+#include <iostream>
+#include <utility>
+
+#include "apps/common/command_line.h"
+#include "apps/kiroku/authorities.h"
+#include "apps/kiroku/recording_setup.h"
+#include "apps/kiroku/recovering.h"
+#include "archive/appliance_log.h"
+#include "base/error.h"
+
+namespace kiroku::apps {
+namespace {
+
+/// What a recorder that died left behind comes first: then nothing else writes the archive.
+void recover_first(const WritableHome& writable, const Authorities& authorities,
+                   const archive::RecordingLock& lock) {
+  for (const archive::CaseRecovery& each : recover_home(writable, authorities.named(), lock)) {
+    std::cerr << recovery_text(each);
+  }
+}
+
+}  // namespace
+
+recorder::SessionResult record_case(
+    const Home& home, recorder::SessionOptions options, const std::vector<std::string>& names,
+    const std::function<recorder::SessionResult(recorder::SessionOptions)>& drive) {
+  const Authorities authorities(home, home.configuration(), names);
+  options.authorities = authorities.named();
+  const WritableHome writable(home);
+  options.trust = &writable.trust;
+  options.queue = writable.queue.get();
+  options.key = &writable.key;
+  options.log = writable.log.get();
+  const archive::RecordingLock lock =
+      archive::RecordingLock::take(archive::real_file_system(), home.archive());
+  log_configuration(home.configuration_file(), home, *writable.log);
+  recover_first(writable, authorities, lock);
+
+  recorder::SessionResult result = drive(std::move(options));
+  try {
+    refresh_catalogue(home, result.folder);
+  } catch (const Error& error) {
+    print_error("kiroku", std::string("warning: the catalogue does not know this case yet: ") + error.what());
+  }
+  return result;
+}
+
+}  // namespace kiroku::apps

@@ -1,0 +1,75 @@
+#include "apps/train/attempt_seal.h"
+
+#include <algorithm>
+#include <map>
+#include <utility>
+
+#include <nlohmann/json.hpp>
+
+#include "apps/kiroku/case_recording.h"
+#include "apps/kiroku/plan_seal.h"
+#include "apps/kiroku/recording_setup.h"
+#include "base/error.h"
+#include "crypto/encoding.h"
+
+namespace kiroku::apps {
+namespace {
+
+namespace fs = std::filesystem;
+using nlohmann::ordered_json;
+
+/// By name, so that the same files give the same text.
+ordered_json hashes_of(const fs::path& folder) {
+  std::map<std::string, std::string> hashes;
+  for (const fs::directory_entry& entry : fs::directory_iterator(folder)) {
+    const std::string name = entry.path().filename().string();
+    if (entry.is_regular_file()) hashes[name] = crypto::to_hex(hashed("attempt", name, entry.path()).sha256);
+  }
+  return hashes;
+}
+
+/// As fast as they can be read: their times are their own.
+std::string source_of(const fs::path& file) { return fs::absolute(file).string() + "?speed=max"; }
+
+}  // namespace
+
+fs::path seal_attempt(const Home& home, const fs::path& folder, const ordered_json& facts,
+                      const std::string& summary) {
+  const Configuration configuration = home.configuration();
+  RecipientChoice recipients(home, configuration, {});
+  recorder::SessionOptions options;
+  options.archive = home.archive();
+  options.device_name = home.device().name();
+  options.event_recipients = recipients.usual();
+  options.segment_duration = configuration.segment;
+  options.stamp_interval = configuration.stamp_every;
+  ordered_json training = facts;
+  training["files"] = hashes_of(folder);
+  const std::string subject = ordered_json{{"training", std::move(training)}}.dump();
+  const ByteView bytes = bytes_of(subject);
+  options.subject = Bytes(bytes.begin(), bytes.end());
+  options.video.push_back({.name = "training",
+                           .source = source_of(folder / kAttemptFilm),
+                           .purpose = "what the trainee saw",
+                           .video = {},
+                           .recipients = recipients.of("training")});
+  options.vitals.push_back({.name = "forces",
+                            .source = source_of(folder / kAttemptVitals),
+                            .purpose = "forces and stress of the exercise",
+                            .video = {},
+                            .recipients = recipients.of("forces")});
+  const recorder::SessionResult result =
+      record_case(home, std::move(options), {}, [&](recorder::SessionOptions complete) {
+        recorder::Session session(std::move(complete));
+        session.mark(summary);
+        return session.run();
+      });
+  const auto is_whole = [](const recorder::StreamStatus& stream) { return stream.dropped == 0; };
+  if (result.close_reason != "sources-ended" || !std::ranges::all_of(result.last.streams, is_whole)) {
+    throw Error("the case " + result.folder.string() + " does not hold the whole attempt (" +
+                result.close_reason + "); the files in " + folder.string() + " are whole");
+  }
+  return result.folder;
+}
+
+}  // namespace kiroku::apps

@@ -1,0 +1,24 @@
+// An attempt of the trainer as a case of a home: as provable as an operation. One thread.
+#pragma once
+
+#include <filesystem>
+#include <string>
+
+#include <nlohmann/json_fwd.hpp>
+
+#include "apps/kiroku/home.h"
+
+namespace kiroku::apps {
+
+/// The files of an attempt that a case is made of, in its folder; vitals.csv is forces.csv as a recorder
+/// reads vital signs (recorder/vitals/csv_source.h).
+inline constexpr const char* kAttemptFilm = "film.mp4";
+inline constexpr const char* kAttemptVitals = "vitals.csv";
+
+/// Records film and numbers of `folder` into a new case of `home`. Its sealed subject holds `facts` and the
+/// SHA-256 of every file there; `summary` is marked at its beginning. Returns the case's folder. Throws
+/// kiroku::Error where the home cannot be recorded into, or not all was taken in; the files stay as they are.
+std::filesystem::path seal_attempt(const Home& home, const std::filesystem::path& folder,
+                                   const nlohmann::ordered_json& facts, const std::string& summary);
+
+}  // namespace kiroku::apps
