@@ -153,6 +153,7 @@ class FilmFile : public FilmWriter::Sink {
       // With AVX-512 the bytes of x264 0.164 depend on memory it never wrote (seen up to 320x240); with AVX2
       // they do not, and are made as fast.
       if ((av_get_cpu_flags() & AV_CPU_FLAG_AVX512) != 0) options.set("x264-params", "asm=AVX2");
+      if (format.key_interval > 0) encoder_->gop_size = format.key_interval;
     } else {
       encoder_->pix_fmt = format.channels == 1 ? AV_PIX_FMT_GRAY8 : AV_PIX_FMT_BGR0;
       encoder_->color_range = format.channels == 1 ? AVCOL_RANGE_JPEG : AVCOL_RANGE_UNSPECIFIED;

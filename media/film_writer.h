@@ -14,6 +14,8 @@ struct FilmFormat {
   int channels = 3;  // as of PictureView; the same in all pictures
   /// Pictures a second, as a fraction.
   int rate_numerator = 25, rate_denominator = 1;
+  /// Of .mp4: a key frame at least every so many pictures, for going back and forth; 0: as the encoder likes.
+  int key_interval = 0;
 };
 
 /// The ending of the output decides the form:

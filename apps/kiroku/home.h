@@ -7,6 +7,7 @@
 //   archive/<case>/  the recordings            archive/log/ the appliance log
 //   catalogue.sqlite                           users.sqlite, viewer.pem, viewer.key of the viewer
 //   stamping.sqlite  time-stamps still wanted  identity.txt only with --demo
+//   comparisons/<case>/  plans beside recordings (viewer/kept/kept_comparison.h)
 //
 // Immutable; thread-safe.
 #pragma once
@@ -46,6 +47,7 @@ class Home {
   [[nodiscard]] std::filesystem::path identity_file() const { return folder_ / "identity.txt"; }
   [[nodiscard]] std::filesystem::path archive() const { return folder_ / "archive"; }
   [[nodiscard]] std::filesystem::path log_folder() const { return archive() / "log"; }
+  [[nodiscard]] std::filesystem::path comparisons_folder() const { return folder_ / "comparisons"; }
   [[nodiscard]] std::filesystem::path catalogue_file() const { return folder_ / "catalogue.sqlite"; }
   [[nodiscard]] std::filesystem::path stamping_file() const { return folder_ / "stamping.sqlite"; }
 

@@ -5,11 +5,11 @@
 
 #include <nlohmann/json.hpp>
 
-#include "apps/common/file.h"
 #include "apps/common/json_output.h"
 #include "apps/common/terminal.h"
 #include "apps/kiroku/output_file.h"
 #include "archive/appliance_log.h"
+#include "archive/file_stamps.h"
 #include "base/error.h"
 #include "timestamp/request.h"
 #include "timestamp/token_verifier.h"
@@ -20,31 +20,6 @@ namespace {
 namespace fs = std::filesystem;
 using nlohmann::ordered_json;
 using Answer = Check::Answer;
-
-timestamp::Expectation expectation_of(const crypto::Sha256Digest& digest) {
-  timestamp::Expectation expectation;
-  expectation.algorithm = crypto::HashAlgorithm::kSha256;
-  expectation.imprint = Bytes(digest.begin(), digest.end());
-  return expectation;
-}
-
-Check check_token(const fs::path& token, const crypto::Sha256Digest& digest,
-                  const timestamp::TrustStore& trust) {
-  const timestamp::TokenJudgement judgement =
-      timestamp::judge_token(read_small_file(token, "the time-stamp"), expectation_of(digest), trust);
-  const std::string name = token.filename().string();
-  switch (timestamp::verdict_of(judgement.code)) {
-    case timestamp::TokenVerdict::kValid:
-      return {"time", Answer::kHolds,
-              "existed at " + format_utc(judgement.info->gen_time) + ", says " + name + " (" +
-                  judgement.root_subject + ")"};
-    case timestamp::TokenVerdict::kRefused:
-      return {"time", Answer::kDiffers, name + ": " + judgement.explanation};
-    case timestamp::TokenVerdict::kCouldNotCheck:
-      break;
-  }
-  return {"time", Answer::kUnknown, name + ": " + judgement.explanation};
-}
 
 }  // namespace
 
@@ -60,15 +35,14 @@ Stamp stamp_file(const recorder::NamedAuthority& authority, const fs::path& file
   try {
     const timestamp::Request request = timestamp::make_request(crypto::HashAlgorithm::kSha256, digest);
     const Bytes response = authority.source->ask(timestamp::encode_request(request));
-    timestamp::Expectation expectation = expectation_of(digest);
+    timestamp::Expectation expectation = archive::expectation_of(digest);
     expectation.nonce = request.nonce;
     const timestamp::TokenJudgement judgement = timestamp::judge_token(response, expectation, trust);
     if (judgement.code != timestamp::TokenCode::kValid) {
       result.problem = judgement.explanation;
       return result;
     }
-    fs::path token = file;
-    write_durably(token.replace_extension("." + authority.name + ".tsr"), response);
+    write_durably(archive::token_beside(file, authority.name), response);
     result.gen_time = judgement.info->gen_time;
   } catch (const Error& error) {
     result.problem = error.what();
@@ -109,38 +83,12 @@ std::optional<SealRecord> find_record(const Home& home,
   return found;
 }
 
-const char* answer_name(Answer answer) {
-  switch (answer) {
-    case Answer::kHolds:
-      return "holds";
-    case Answer::kDiffers:
-      return "differs";
-    case Answer::kUnknown:
-      break;
-  }
-  return "could-not-check";
-}
-
 std::vector<Check> check_tokens(const std::vector<std::string>& trusted, const std::optional<Home>& home,
                                 const fs::path& file, const crypto::Sha256Digest& digest) {
   timestamp::TrustStore trust;
   for (const std::string& pem : trusted) trust.add_trusted_file(pem);
   if (trusted.empty() && home) trust.add_trusted_file(home->trust_file());
-  const std::string stem = file.stem().string() + ".";  // liver.seal.
-  std::vector<fs::path> tokens;
-  for (const auto& entry : fs::directory_iterator(file.has_parent_path() ? file.parent_path() : ".")) {
-    // Names of authorities have no dots: liver.seal.embedded.tsr is not about liver.json.
-    const std::string name = entry.path().filename().string();
-    if (entry.path().extension() == ".tsr" && name.starts_with(stem) &&
-        entry.path().stem().string().find('.', stem.size()) == std::string::npos)
-      tokens.push_back(entry.path());
-  }
-  std::ranges::sort(tokens);
-  std::vector<Check> checks;
-  for (const fs::path& token : tokens) checks.push_back(check_token(token, digest, trust));
-  if (checks.empty())
-    checks.push_back({"time", Answer::kUnknown, "there is no time-stamp beside " + file.filename().string()});
-  return checks;
+  return archive::check_tokens_beside(file, digest, trust);
 }
 
 Check check_log(const std::optional<Home>& home, const std::string& what,
@@ -158,12 +106,7 @@ Check check_log(const std::optional<Home>& home, const std::string& what,
 
 int tell_checks(const std::string& file, const std::string& title, const std::vector<Check>& checks,
                 const ordered_json& head, bool json) {
-  const auto any = [&](Answer answer) {
-    return std::ranges::find(checks, answer, &Check::answer) != checks.end();
-  };
-  const Answer verdict = any(Answer::kDiffers)   ? Answer::kDiffers
-                         : any(Answer::kUnknown) ? Answer::kUnknown
-                                                 : Answer::kHolds;
+  const Answer verdict = verdict_of(checks);
   if (json) {
     ordered_json object = head;
     object["verdict"] = answer_name(verdict);

@@ -13,6 +13,7 @@
 #include "apps/common/command_line.h"
 #include "apps/kiroku/home.h"
 #include "archive/log_entry.h"
+#include "base/check.h"
 #include "crypto/hash.h"
 #include "recorder/authority_contact.h"
 
@@ -43,15 +44,6 @@ struct SealRecord {
 /// The first entry of the home's appliance log that `states` accepts.
 std::optional<SealRecord> find_record(const Home& home,
                                       const std::function<bool(const archive::LogEntryBody&)>& states);
-
-/// One thing that was looked at. What lacks is not known: neither true nor false.
-struct Check {
-  enum class Answer { kHolds, kDiffers, kUnknown };
-  std::string what;
-  Answer answer = Answer::kHolds;
-  std::string text;
-};
-const char* answer_name(Check::Answer answer);  // "holds", "differs", "could-not-check"
 
 /// What the tokens beside the file say of its hash, under the roots of the `trust` files, of the home's if
 /// there are none.

@@ -51,6 +51,7 @@ viewer::ViewerHome viewer_home(const Home& home, const Configuration& configurat
           .control_socket = home.control_socket(configuration),
           .copies_folder = home.folder() / ("viewing-copies" + suffix),
           .handout_folder = home.folder() / ("viewer-files" + suffix),
+          .comparisons_folder = home.comparisons_folder(),
           .device_key = &device_key,
           .device = home.device(),
           .trust = &trust,

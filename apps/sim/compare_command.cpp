@@ -20,10 +20,12 @@
 #include "apps/kiroku/recording_setup.h"
 #include "apps/kiroku/stamped_file.h"
 #include "apps/kiroku/user_name.h"
+#include "apps/sim/keeping.h"
 #include "apps/sim/picture_options.h"
 #include "apps/sim/plan_command.h"
 #include "apps/sim/plan_reading.h"
 #include "apps/sim/sealed_files.h"
+#include "archive/file_stamps.h"
 #include "base/error.h"
 #include "crypto/encoding.h"
 #include "media/film_writer.h"
@@ -31,6 +33,7 @@
 #include "sim/volume/volume_reader.h"
 #include "viewer/compare/comparison_document.h"
 #include "viewer/compare/paired_pictures.h"
+#include "viewer/kept/log_of_case.h"
 
 namespace kiroku::apps {
 namespace {
@@ -42,12 +45,13 @@ constexpr std::int64_t kNsPerSecond = 1'000'000'000;
 
 struct Request {
   std::optional<std::string> named, plan, output, home, stream, by_hand, write_by_hand, made_by, from, to,
-      speed, form, share, width, volume, series, transfer, view, zoom, gpu, verified;
+      speed, form, share, width, volume, series, transfer, view, zoom, gpu, verified, name;
   std::vector<std::string> identities, authorities, trust;
   bool force = false, json = false;
 };
 
-enum class Output { kDocument, kPage, kFilm };
+/// kKept: no file of the caller's, but kept in the home for the viewer.
+enum class Output { kDocument, kPage, kFilm, kKept };
 
 Output output_form(const fs::path& output) {
   const fs::path ending = output.extension();
@@ -65,6 +69,7 @@ struct PlanAtHand {
   PlanSeal files;
   crypto::Sha256Digest seal{};
   bool sealed = false;
+  fs::path seal_file;
 };
 
 /// A sealed plan must be what was sealed: comparing with something else would say nothing.
@@ -85,13 +90,14 @@ std::optional<PlanAtHand> read_plan_at_hand(const Request& request) {
   if (file.string().ends_with(".seal.json")) file = plan_of_seal(file);
   auto plan = read_plan_and_tell(file.string(), request.json);
   if (!plan) return {};
-  PlanAtHand at_hand{std::move(*plan), {}, {}, false};
+  PlanAtHand at_hand{std::move(*plan), {}, {}, false, {}};
   at_hand.files = seal_of_plan(file, at_hand.plan.name);
   at_hand.seal = crypto::sha256(bytes_of(plan_seal_text(at_hand.files)));
   fs::path seal = file;
   std::error_code ignored;
   if (fs::exists(seal.replace_extension(".seal.json"), ignored))
     at_hand.sealed = crypto::sha256(read_small_file(seal, "the sealed plan")) == at_hand.seal;
+  at_hand.seal_file = std::move(seal);
   return at_hand;
 }
 
@@ -157,12 +163,12 @@ compare::CompositionForm form_of(const Request& request, const compare::PictureS
   return form;
 }
 
-/// Everything that makes pictures, in the order in which it depends on each other.
-class Pictures {
+/// The plan in pictures as large as the recording's.
+class PlanView {
  public:
-  Pictures(const Request& request, const archive::CaseReader& recording,
+  PlanView(const Request& request, const archive::CaseReader& recording,
            const crypto::AgeIdentities& identities, const compare::Comparison& comparison,
-           const PlanAtHand& at_hand, const sim::PlanFrames& frames, const archive::Span& span) {
+           const PlanAtHand& at_hand, std::int64_t from_ns) {
     PictureOptions options;
     options.transfer = request.transfer;
     options.view = request.view;
@@ -171,10 +177,8 @@ class Pictures {
     constexpr int kWidest = 640;
     const int widest =
         request.width ? static_cast<int>(parse_number(*request.width, "--width", 64, 4096)) : kWidest;
-    const compare::PictureSize size =
-        compare::picture_size(recording, identities, comparison.stream, span.start_ns, widest);
-    options.size = std::to_string(size.width) + "x" + std::to_string(size.height);
-    compare::CompositionForm form = form_of(request, size);
+    size_ = compare::picture_size(recording, identities, comparison.stream, from_ns, widest);
+    options.size = std::to_string(size_.width) + "x" + std::to_string(size_.height);
     const fs::path ct = request.volume ? fs::path(*request.volume) : at_hand.plan.volume;
     if (ct.empty()) {
       throw UsageError(
@@ -183,18 +187,24 @@ class Pictures {
     }
     const sim::Volume volume = sim::read_volume(ct, {request.series.value_or(""), false}).volume;
     const sim::Scene scene = options.scene(sim::view_of_plan(at_hand.plan));
-    form.plan_background = scene.background;
-    plan_.emplace(at_hand.plan,
-                  std::make_shared<const sim::ShadedVolume>(
-                      sim::shade(volume, sim::extent_of(at_hand.plan.body.mesh), options.shading())),
-                  options.transfer_function("liver"), options.gpu_use(), scene);
-    paired_.emplace(recording, identities, comparison, frames, *plan_, form, span.start_ns, span.end_ns);
+    background_ = scene.background;
+    pictures_.emplace(at_hand.plan,
+                      std::make_shared<const sim::ShadedVolume>(
+                          sim::shade(volume, sim::extent_of(at_hand.plan.body.mesh), options.shading())),
+                      options.transfer_function("liver"), options.gpu_use(), scene);
   }
-  compare::PairedPictures& paired() { return *paired_; }
+  sim::PlanPictures& pictures() { return *pictures_; }
+  [[nodiscard]] compare::CompositionForm form(const Request& request) const {
+    compare::CompositionForm form = form_of(request, size_);
+    form.plan_background = background_;
+    return form;
+  }
+  [[nodiscard]] const compare::PictureSize& size() const { return size_; }
 
  private:
-  std::optional<sim::PlanPictures> plan_;
-  std::optional<compare::PairedPictures> paired_;
+  compare::PictureSize size_;
+  sim::Rgb background_;
+  std::optional<sim::PlanPictures> pictures_;
 };
 
 /// From a second before the first step to a second after the last, as far as something was recorded.
@@ -224,6 +234,27 @@ std::uint64_t write_film(const Request& request, const archive::Span& span, comp
     const sim::Picture picture = pictures.at(span.start_ns + std::llround(since_ns));
     film.add(view_of(picture));
     told.update(since_ns / all_ns);
+  }
+  film.finish();
+  return film.frames();
+}
+
+/// The plan by itself, a picture each time step, as fast as it was planned.
+std::uint64_t write_plan_film(const fs::path& file, const sim::Plan& plan, const sim::PlanFrames& frames,
+                              sim::PlanPictures& pictures, Told& told) {
+  constexpr int kMillisecondsPerSecond = 1000;
+  const int step_ms = static_cast<int>(std::lround(plan.time_step_s * kMillisecondsPerSecond));
+  media::FilmFormat format{pictures.scene().width, pictures.scene().height, 3, kMillisecondsPerSecond,
+                           step_ms};
+  format.key_interval = std::max(1, kMillisecondsPerSecond / step_ms / 2);
+  media::FilmWriter film(file, format);
+  told.begin("making the plan's film");
+  const auto count = std::llround(duration_s(plan) / plan.time_step_s) + 1;
+  for (long long number = 0; number < count; ++number) {
+    constexpr double kRounding = 1e-9;
+    const auto& kept = frames.at(plan.steps.size() - 1, double(number) * plan.time_step_s + kRounding);
+    film.add(view_of(pictures.picture(kept.frame, *kept.mesh)));
+    told.update(double(number) / double(count));
   }
   film.finish();
   return film.frames();
@@ -276,21 +307,9 @@ void require_free(const Request& request, const fs::path& document) {
   require_comparison(document);
 }
 
-/// What the `access` entry of the appliance log says of a comparison.
-std::string deed(const crypto::Sha256Digest& document) {
-  return "compared with a plan, document sha256 " + crypto::to_hex(document);
-}
-
 /// Tokens of an earlier document of that name would say that this one differs.
 void remove_tokens(const fs::path& document) {
-  const std::string stem = document.stem().string() + ".";
-  const fs::path parent = document.parent_path();
-  for (const auto& entry : fs::directory_iterator(parent.empty() ? fs::path(".") : parent)) {
-    const std::string name = entry.path().filename().string();
-    if (!name.starts_with(stem) || !name.ends_with(".tsr") || name.size() <= stem.size() + 4) continue;
-    const std::string authority = name.substr(stem.size(), name.size() - stem.size() - 4);
-    if (authority.find('.') == std::string::npos) fs::remove(entry.path());
-  }
+  for (const fs::path& token : archive::tokens_beside(document)) fs::remove(token);
 }
 
 /// Hash into the log, tokens beside the document.
@@ -298,7 +317,7 @@ std::vector<Stamp> seal_document(const Request& request, const Home& home, const
                                  const fs::path& document, const crypto::Sha256Digest& digest) {
   const Authorities authorities(home, home.configuration(), request.authorities);
   const WritableHome writable(home);
-  writable.log->access(case_id, deed(digest), user_name());
+  writable.log->access(case_id, compare::comparison_deed(digest), user_name());
   std::vector<Stamp> stamps;
   for (const recorder::NamedAuthority& authority : authorities.named()) {
     stamps.push_back(stamp_file(authority, document, digest, writable.trust));
@@ -341,13 +360,19 @@ struct Made {
 
 Made write_document(const Request& request, const std::optional<Home>& home,
                     const archive::CaseReader& recording, const compare::Comparison& comparison,
-                    const PlanAtHand& at_hand, compare::Provenance made) {
+                    const PlanAtHand& at_hand, const compare::Provenance& made, Keeping* keeping) {
   Made result;
-  result.document = document_of(*request.output);
   const std::string text = compare::comparison_json(comparison, at_hand.plan, made);
   result.digest = crypto::sha256(bytes_of(text));
-  remove_tokens(result.document);
-  write_output(result.document, bytes_of(text), request.force);
+  if (keeping != nullptr) {
+    result.document = keeping->place().document();
+    keeping->keep_document(text);
+    if (at_hand.sealed) keeping->keep_tokens_of(at_hand.seal_file);
+  } else {
+    result.document = document_of(*request.output);
+    remove_tokens(result.document);
+    write_output(result.document, bytes_of(text), request.force);
+  }
   result.in_log = home && home->holds(recording.folder());
   if (result.in_log) {
     result.stamps =
@@ -357,10 +382,13 @@ Made write_document(const Request& request, const std::optional<Home>& home,
 }
 
 int tell(const Request& request, const compare::Comparison& comparison, const PlanAtHand& at_hand,
-         const Made& made, std::uint64_t pictures) {
+         const Made& made, std::uint64_t pictures, const Keeping* keeping) {
+  const std::string document =
+      keeping == nullptr ? made.document.string() : keeping->place().sealed_document().string();
+  const std::string output = request.output.value_or(document);
   if (request.json) {
-    ordered_json object{{"output", *request.output},
-                        {"document", made.document.string()},
+    ordered_json object{{"output", output},
+                        {"document", document},
                         {"sha256", crypto::to_hex(made.digest)},
                         {"in_log", made.in_log},
                         {"time_stamps", stamps_json(made.stamps)},
@@ -368,14 +396,14 @@ int tell(const Request& request, const compare::Comparison& comparison, const Pl
                         {"steps_planned", comparison.steps.size()},
                         {"in_planned_order", comparison.matching.in_planned_order()},
                         {"pictures", pictures}};
+    if (keeping != nullptr) object["name"] = keeping->place().name;
     print_json(object);
   } else {
     warn_of_missing(made.stamps);
     print_comparison(comparison, at_hand);
-    std::cout << *request.output << ": " << comparison.matching.matches.size() << " of "
-              << comparison.steps.size() << " steps found"
-              << (comparison.matching.in_planned_order() ? "" : ", in another order") << "\n  "
-              << made.document.string()
+    std::cout << output << ": " << comparison.matching.matches.size() << " of " << comparison.steps.size()
+              << " steps found" << (comparison.matching.in_planned_order() ? "" : ", in another order")
+              << "\n  " << document
               << (made.in_log ? " is entered into the appliance log"
                               : " is not sealed: "
                                 "the case is not of this home")
@@ -384,20 +412,85 @@ int tell(const Request& request, const compare::Comparison& comparison, const Pl
       if (each.gen_time)
         std::cout << "  time  " << format_utc(*each.gen_time) << " by " << each.authority << "\n";
     }
+    if (keeping != nullptr) {
+      std::cout << "  next  kiroku view shows it in the case"
+                << (pictures == 0 ? ", without the plan's film: the plan names no CT (--volume)" : "")
+                << "\n";
+    }
   }
   return any_valid(made.stamps) ? kDone : kNoAnswer;
+}
+
+/// Film or page beside the document; how many pictures it has.
+std::uint64_t write_pictures(const Request& request, Output form, const archive::CaseReader& recording,
+                             const crypto::AgeIdentities& identities, const compare::Comparison& comparison,
+                             const PlanAtHand& at_hand, Frames& frames, compare::Provenance& made,
+                             Told& told) {
+  std::uint64_t count = 0;
+  std::vector<compare::StillPicture> pictures;
+  if (!comparison.map && form == Output::kFilm)
+    throw Error(
+        "no step of the plan was found in the recording, so there is nothing to show in step: mark steps by "
+        "their names while recording, or match them by hand (--by-hand)");
+  if (comparison.map) {
+    const archive::Span span = shown_span(request, recording, comparison);
+    const archive::Span read =
+        form == Output::kFilm ? span : archive::Span{comparison.case_begins_ns, comparison.recording_end_ns};
+    const sim::PlanFrames& simulated = frames.get();
+    told.begin("reading the CT");
+    PlanView plan(request, recording, identities, comparison, at_hand, read.start_ns);
+    compare::PairedPictures paired(recording, identities, comparison, simulated, plan.pictures(),
+                                   plan.form(request), read.start_ns, read.end_ns);
+    if (form == Output::kFilm) {
+      count = write_film(request, span, paired, told);
+    } else {
+      pictures = stills(comparison, paired, told);
+      count = pictures.size();
+    }
+  }
+  told.clear();
+  if (form == Output::kPage) {
+    write_output(*request.output,
+                 bytes_of(compare::comparison_html(comparison, at_hand.plan, made, pictures)), request.force);
+  }
+  const fs::path output = *request.output;
+  made.outputs.push_back(
+      named(hashed(form == Output::kFilm ? "film" : "page", output.filename().string(), output)));
+  return count;
+}
+
+/// The plan's film for the viewer, seen as the endoscope was where that is known; 0 where no CT could be
+/// shown.
+std::uint64_t keep_plan_film(const Request& request, Keeping& keeping, const archive::CaseReader& recording,
+                             const crypto::AgeIdentities& identities, const compare::Comparison& comparison,
+                             const PlanAtHand& at_hand, Frames& frames, compare::Provenance& made,
+                             Told& told) {
+  if (!request.volume && at_hand.plan.volume.empty()) return 0;
+  const sim::PlanFrames& simulated = frames.get();
+  told.begin("reading the CT");
+  PlanView plan(request, recording, identities, comparison, at_hand, comparison.case_begins_ns);
+  if (comparison.camera) plan.pictures().set_camera(comparison.camera->registration().camera);
+  const std::uint64_t count =
+      write_plan_film(keeping.film_file(), at_hand.plan, simulated, plan.pictures(), told);
+  told.clear();
+  made.outputs.push_back(keeping.keep_film());
+  return count;
 }
 
 int make(const Request& request) {
   if (!request.named || !request.plan)
     throw UsageError("name the case and the plan: kiroku compare CASE PLAN -o OUT.html");
-  if (!request.output && !request.write_by_hand)
-    throw UsageError("say where to: -o OUT.mp4, OUT.html or OUT.json");
   const std::optional<Home> home = Home::find(request.home);
   const archive::CaseReader recording = archive::CaseReader::open(find_case(home, *request.named));
   const std::string stream = compare::pictures_of(recording, request.stream);
-  const Output form = request.output ? output_form(*request.output) : Output::kDocument;
+  const Output form = request.output ? output_form(*request.output) : Output::kKept;
   if (request.output) require_free(request, document_of(*request.output));
+  std::optional<Keeping> keeping;
+  if (!request.output && !request.write_by_hand) {
+    if (!home)
+      throw UsageError("there is no home to keep it in: say where to: -o OUT.mp4, OUT.html or OUT.json");
+    keeping.emplace(*home, recording, stream, *request.plan, request.name, request.force);
+  }
   auto at_hand = read_plan_at_hand(request);
   if (!at_hand) return kRefused;
   compare::ByHand by_hand;
@@ -434,40 +527,15 @@ int make(const Request& request) {
   for (const SealedFile& file : at_hand->files.files) made.plan_files.push_back(named(file));
   if (recording.opening().plan) made.case_names_plan = *recording.opening().plan == at_hand->seal;
   std::uint64_t count = 0;
-  if (form != Output::kDocument) {
-    std::vector<compare::StillPicture> pictures;
-    if (!comparison.map && form == Output::kFilm)
-      throw Error(
-          "no step of the plan was found in the recording, so there is nothing to show in step: mark steps "
-          "by "
-          "their names while recording, or match them by hand (--by-hand)");
-    if (comparison.map) {
-      const archive::Span span = shown_span(request, recording, comparison);
-      const sim::PlanFrames& simulated = frames.get();
-      told.begin("reading the CT");
-      Pictures all(request, recording, identities, comparison, *at_hand, simulated,
-                   form == Output::kFilm
-                       ? span
-                       : archive::Span{comparison.case_begins_ns, comparison.recording_end_ns});
-      if (form == Output::kFilm) {
-        count = write_film(request, span, all.paired(), told);
-      } else {
-        pictures = stills(comparison, all.paired(), told);
-        count = pictures.size();
-      }
-    }
-    told.clear();
-    if (form == Output::kPage) {
-      write_output(*request.output,
-                   bytes_of(compare::comparison_html(comparison, at_hand->plan, made, pictures)),
-                   request.force);
-    }
-    const fs::path output = *request.output;
-    made.outputs.push_back(
-        named(hashed(form == Output::kFilm ? "film" : "page", output.filename().string(), output)));
+  if (keeping) {
+    count =
+        keep_plan_film(request, *keeping, recording, identities, comparison, *at_hand, frames, made, told);
+  } else if (form != Output::kDocument) {
+    count = write_pictures(request, form, recording, identities, comparison, *at_hand, frames, made, told);
   }
-  const Made written = write_document(request, home, recording, comparison, *at_hand, std::move(made));
-  return tell(request, comparison, *at_hand, written, count);
+  Keeping* const kept = keeping ? &*keeping : nullptr;
+  const Made written = write_document(request, home, recording, comparison, *at_hand, made, kept);
+  return tell(request, comparison, *at_hand, written, count, kept);
 }
 
 /// Whether the case still begins as it did when it was compared.
@@ -538,7 +606,8 @@ int verify(const Request& request) {
   std::ranges::move(check_tokens(request.trust, home, file, digest), std::back_inserter(checks));
   checks.push_back(check_log(home, "comparison", [&](const archive::LogEntryBody& body) {
     const auto* const entry = std::get_if<archive::AccessEntry>(&body);
-    return entry != nullptr && entry->what == deed(digest) && entry->case_id == made.case_state.case_id;
+    return entry != nullptr && entry->what == compare::comparison_deed(digest) &&
+           entry->case_id == made.case_state.case_id;
   }));
   const int status = tell_checks(file.string(), "made by " + made.made_by, checks,
                                  {{"comparison", file.string()},
@@ -559,9 +628,11 @@ void add_compare_command(Command& program) {
   const auto request = std::make_shared<Request>();
   command.argument("CASE", request->named, "case folder, or identifier of a case in the home's archive");
   command.argument("PLAN", request->plan, "the plan (.json), or the sealed plan (.seal.json)");
-  command.option(
-      "-o,--output", "OUT", request->output,
-      "where to: .mp4 (a film of both), .html (a page with figures and pictures), .json (figures)");
+  command.option("-o,--output", "OUT", request->output,
+                 "where to: .mp4 (a film of both), .html (a page with figures and pictures), .json (figures)",
+                 "kept in the home, where kiroku view shows it in the case");
+  command.option("--name", "NAME", request->name, "what a comparison that is kept is called",
+                 "the plan file's name");
   command.option("--verify", "FILE", request->verified,
                  "tells whether a comparison (.json) still fits its case and plan, instead of making one");
   command.option("--by-hand", "FILE", request->by_hand,
@@ -610,6 +681,8 @@ void add_compare_command(Command& program) {
       "without a "
       "time-stamp; "
       "with --verify 0 all holds, 1 something differs, 3 something could not be checked.");
+  command.example("kiroku compare 20260805T091502Z-3f9c21ab liver.seal.json",
+                  "for the viewer: the plan beside the recording, in step");
   command.example("kiroku compare 20260805T091502Z-3f9c21ab liver.seal.json -o liver.html",
                   "a page for people: order, times, vital signs, pictures of each step");
   command.example("kiroku compare 20260805T091502Z-3f9c21ab liver.seal.json -o liver.mp4",

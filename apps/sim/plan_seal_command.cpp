@@ -15,11 +15,10 @@
 #include "apps/sim/plan_command.h"
 #include "apps/sim/plan_reading.h"
 #include "apps/sim/sealed_files.h"
-#include "archive/appliance_log.h"
 #include "archive/case_reader.h"
 #include "base/error.h"
 #include "crypto/encoding.h"
-#include "crypto/merkle_tree.h"
+#include "viewer/kept/log_of_case.h"
 
 namespace kiroku::apps {
 namespace {
@@ -81,30 +80,14 @@ int seal(const Request& request) {
   return any_valid(stamps) ? kDone : kNoAnswer;
 }
 
-/// Whether the log held the seal before the case began: the case's first entry states the log's size and root
-/// as they were then.
 Check check_order(const std::optional<Home>& home, const archive::OpenEntry& open,
                   const crypto::Sha256Digest& digest) {
-  using Answer = Check::Answer;
-  if (!home || home->device().to_string() != open.device) {
-    return {"order", Answer::kUnknown,
+  if (!home) {
+    return {"order", Check::Answer::kUnknown,
             "which came first is known to the log of the appliance that recorded the case: give its --home"};
   }
-  crypto::MerkleFrontier tree;
-  archive::for_each_log_line(home->log_folder(), [&](const archive::LogLine& line) {
-    if (tree.size() < open.appliance_log_size) tree.append(crypto::merkle_leaf_hash(bytes_of(line.json)));
-  });
-  if (tree.size() != open.appliance_log_size || tree.root() != open.appliance_log_root) {
-    return {"order", Answer::kDiffers,
-            "the appliance log is not the one that " + open.case_id + " was begun under"};
-  }
-  const auto record = find_record(*home, states_seal(digest));
-  if (!record || record->seq >= open.appliance_log_size)
-    return {"order", Answer::kDiffers, "the seal came after the case had begun"};
-  return {"order", Answer::kHolds,
-          "sealed before the first picture: the case begins with a log of " +
-              std::to_string(open.appliance_log_size) + " entries, the seal is entry " +
-              std::to_string(record->seq)};
+  return compare::check_sealed_before(compare::read_log_of_case(home->log_folder(), open),
+                                      home->device().to_string(), open, digest);
 }
 
 /// Whether the case says that it was recorded by this plan, and which came first.

@@ -17,6 +17,8 @@ void add_session_routes(Router& router, ViewerContext& context, SignInLink& link
 void add_case_routes(Router& router, ViewerContext& context);
 /// Watching a case: viewing copies, thumbnails, archived pictures, vital signs, the time line.
 void add_playback_routes(Router& router, ViewerContext& context);
+/// Plans beside recordings, as they were made and kept.
+void add_comparison_routes(Router& router, ViewerContext& context);
 /// Verifying in the background.
 void add_verification_routes(Router& router, ViewerContext& context);
 /// Plain media and sealed excerpts as files.

@@ -28,6 +28,8 @@ struct ViewerHome {
   std::uint64_t most_copy_bytes = std::uint64_t{4} << 30;
   /// Where files lie while they are made for a download; emptied at the beginning.
   std::filesystem::path handout_folder = {};
+  /// Plans beside recordings (viewer/kept/kept_comparison.h).
+  std::filesystem::path comparisons_folder = {};
   const crypto::SigningKey* device_key = nullptr;  // signs the appliance log
   crypto::VerifierKey device;
   const timestamp::TrustStore* trust = nullptr;

@@ -10,8 +10,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "tests/support/https_client.h"
-#include "tests/system/program_test.h"
+#include "tests/system/viewer/served_home.h"
 
 namespace kiroku::test {
 namespace {
@@ -21,74 +20,18 @@ using testing::AnyOf;
 using testing::HasSubstr;
 using namespace std::chrono_literals;
 
-const std::vector<std::string> kRoles{"operator", "surgeon", "auditor", "administrator"};
-constexpr const char* kPassword = "correct horse battery";
 /// Of no case that was recorded.
 constexpr const char* kOtherCase = "20200101T000000Z-00000000";
 
 /// One home, one case, one user of each role and one server for all of these tests; each runs in a process of
 /// its own anyway when CTest runs it.
-class Viewer : public ProgramTest {
+class Viewer : public ServedHome {
  protected:
   void SetUp() override {
     ASSERT_NO_FATAL_FAILURE(make_demo_home());
     case_id_ = std::filesystem::path(record()).filename().string();
-    for (const std::string& role : kRoles) {
-      Process::Options adding = options({"user", "add", "a-" + role, "--role", role});
-      adding.environment["KIROKU_PASSPHRASE"] = kPassword;
-      ASSERT_EQ(run_process(adding).status, 0);
-    }
+    ASSERT_NO_FATAL_FAILURE(add_users());
     start();
-  }
-  void TearDown() override {
-    if (!server_) return;
-    server_->signal(SIGTERM);
-    EXPECT_EQ(server_->wait(60s).status, 0) << "ends by itself, and finds no error (sanitizers)";
-  }
-
-  void start(const Arguments& more = {}) {
-    Arguments arguments{"view", "--listen", "127.0.0.1:0", "--json"};
-    arguments.insert(arguments.end(), more.begin(), more.end());
-    server_.emplace(options(arguments));
-    ASSERT_TRUE(server_->wait_for("\"fingerprint\"")) << server_->wait(1s).err;
-    ASSERT_TRUE(server_->wait_for("}"));
-    started_ = json::parse(server_->out());
-    const std::string url = started_["url"];
-    port_ = static_cast<std::uint16_t>(std::stoul(url.substr(url.rfind(':') + 1)));
-  }
-
-  [[nodiscard]] HttpResponse ask(const std::string& method, const std::string& target,
-                                 const std::string& cookie = "", const std::string& body = "",
-                                 std::map<std::string, std::string> headers = {}) const {
-    if (!cookie.empty()) headers["Cookie"] = cookie;
-    return ask_once(port_, http_request(method, target, headers, body));
-  }
-  /// "__Host-kiroku=…" of who signs in.
-  [[nodiscard]] std::string sign_in(const std::string& user, const std::string& password = kPassword) const {
-    const HttpResponse answer =
-        ask("POST", "/api/session", "", json{{"user", user}, {"password", password}}.dump());
-    EXPECT_EQ(answer.status, 200) << answer.body;
-    return cookie_of(answer);
-  }
-  static std::string cookie_of(const HttpResponse& answer) {
-    const auto found = answer.headers.find("set-cookie");
-    return found == answer.headers.end() ? "" : found->second.substr(0, found->second.find(';'));
-  }
-  [[nodiscard]] std::string case_path(const std::string& rest) const {
-    return "/api/cases/" + case_id_ + rest;
-  }
-  /// What the appliance log says of accesses, newest last.
-  [[nodiscard]] std::vector<std::string> accesses() const {
-    std::vector<std::string> out;
-    std::istringstream lines(read_text(home() / "archive/log/ledger.jsonl"));
-    for (std::string line; std::getline(lines, line);) {
-      const json entry = json::parse(line);
-      if (entry["type"] == "access") {
-        out.push_back(entry["case"].get<std::string>() + " " + entry["what"].get<std::string>() + " " +
-                      entry["who"].get<std::string>());
-      }
-    }
-    return out;
   }
   /// Every operation of the API's own description, with addresses that fit.
   struct Operation {
@@ -100,8 +43,11 @@ class Viewer : public ProgramTest {
     for (const auto& [path, methods] : document["paths"].items()) {
       for (const auto& [method, operation] : methods.items()) {
         std::string target = "/api" + path;
-        for (const auto& [name, value] : std::map<std::string, std::string>{
-                 {"case", case_id}, {"stream", "endoscope"}, {"room", "or-1"}, {"user", "nobody"}}) {
+        for (const auto& [name, value] : std::map<std::string, std::string>{{"case", case_id},
+                                                                            {"stream", "endoscope"},
+                                                                            {"room", "or-1"},
+                                                                            {"user", "nobody"},
+                                                                            {"comparison", "liver"}}) {
           target = std::regex_replace(target, std::regex("\\{" + name + "\\}"), value);
         }
         target = std::regex_replace(target, std::regex("\\{\\w+\\}"), "0");
@@ -112,11 +58,6 @@ class Viewer : public ProgramTest {
     }
     return out;
   }
-
-  std::string case_id_;
-  std::optional<Process> server_;
-  json started_;
-  std::uint16_t port_ = 0;
 };
 
 TEST_F(Viewer, ShowsVerifiesAndExportsACaseAndEntersEachAccessBeforeItLeaves) {

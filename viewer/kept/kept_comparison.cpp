@@ -1,0 +1,171 @@
+#include "viewer/kept/kept_comparison.h"
+
+#include <algorithm>
+
+#include "archive/file_stamps.h"
+#include "base/error.h"
+#include "crypto/age_file.h"
+#include "crypto/byte_source.h"
+#include "crypto/hash.h"
+
+namespace kiroku::compare {
+namespace {
+
+namespace fs = std::filesystem;
+using Answer = Check::Answer;
+
+constexpr std::string_view kDocumentEnding = ".comparison.json.age";
+
+Check check_document(const KeptEvidence& evidence, const crypto::Sha256Digest& digest,
+                     std::string& entered_by) {
+  const auto record = evidence.log->comparisons.find(digest);
+  if (record == evidence.log->comparisons.end()) {
+    return {"document", Answer::kUnknown,
+            "the appliance log does not know this comparison: it was made by another appliance, or changed "
+            "since"};
+  }
+  const auto& [seq, utc, who] = record->second;
+  entered_by = who;
+  return {"document",
+          Answer::kHolds,
+          "entered by " + who + " at " + format_utc(utc) + ", entry " + std::to_string(seq),
+          seq,
+          {},
+          utc,
+          who};
+}
+
+Check check_case(const KeptEvidence& evidence, const CaseState& stated) {
+  Check check{"case", Answer::kDiffers, {}, {}, stated.ledger_size};
+  if (evidence.recording->opening().case_id != stated.case_id) {
+    check.text = "it compares another case, " + stated.case_id;
+    return check;
+  }
+  const auto root = root_of_first(evidence.recording->folder(), stated.ledger_size);
+  if (!root) {
+    check.text = "the case's ledger has lost entries since";
+  } else if (*root != stated.ledger_root) {
+    check.text = "the case's ledger was changed since";
+  } else {
+    check.answer = Answer::kHolds;
+    check.text =
+        "the first " + std::to_string(stated.ledger_size) + " ledger entries are as they were compared";
+  }
+  return check;
+}
+
+crypto::Sha256Digest plaintext_hash(const fs::path& sealed, const crypto::AgeIdentities& identities) {
+  const auto source = crypto::open_file_source(sealed);
+  crypto::Sha256 hash;
+  crypto::AgeFile::open(*source, identities).read_all([&](ByteView piece) { hash.update(piece); });
+  return hash.finish();
+}
+
+Check check_replay(const fs::path& sealed, const crypto::AgeIdentities& identities, const NamedFile& stated) {
+  try {
+    if (plaintext_hash(sealed, identities) == stated.sha256)
+      return {"replay", Answer::kHolds, "the plan's film is as it was made"};
+    return {"replay", Answer::kDiffers, "the plan's film was changed since"};
+  } catch (const IoError& error) {
+    return {"replay", Answer::kUnknown, error.what()};
+  } catch (const crypto::AgeError& error) {
+    return {"replay", Answer::kDiffers, error.what()};
+  }
+}
+
+std::vector<Check> check_tokens(const fs::path& file, const crypto::Sha256Digest& digest,
+                                const timestamp::TrustStore* trust) {
+  static const timestamp::TrustStore kNone;
+  try {
+    return archive::check_tokens_beside(file, digest, trust == nullptr ? kNone : *trust);
+  } catch (const Error& error) {
+    return {{"time", Answer::kUnknown, error.what()}};
+  }
+}
+
+Check check_named(const archive::OpenEntry& open, const crypto::Sha256Digest& seal) {
+  if (!open.plan) return {"named", Answer::kUnknown, "the case names no plan"};
+  if (*open.plan != seal) return {"named", Answer::kDiffers, "the case was recorded by another plan"};
+  return {"named", Answer::kHolds, "the case's first entry names this plan"};
+}
+
+}  // namespace
+
+bool is_comparison_name(std::string_view name) {
+  const auto is_letter = [](char c) { return (c >= 'a' && c <= 'z') || (c >= '0' && c <= '9'); };
+  return !name.empty() && name.size() <= 32 && is_letter(name.front()) &&
+         std::ranges::all_of(name, [&](char c) { return is_letter(c) || c == '-'; });
+}
+
+KeptPlace kept_place(const fs::path& comparisons, const std::string& case_id, const std::string& name) {
+  return {comparisons / case_id, name};
+}
+
+std::vector<std::string> kept_names(const fs::path& comparisons, const std::string& case_id) {
+  std::vector<std::string> names;
+  std::error_code failed;
+  for (const auto& entry : fs::directory_iterator(comparisons / case_id, failed)) {
+    const std::string file = entry.path().filename().string();
+    if (!file.ends_with(kDocumentEnding)) continue;
+    const std::string name = file.substr(0, file.size() - kDocumentEnding.size());
+    if (is_comparison_name(name)) names.push_back(name);
+  }
+  std::ranges::sort(names);
+  return names;
+}
+
+Bytes open_kept(const fs::path& sealed, const crypto::AgeIdentities& identities, std::uint64_t most_bytes) {
+  const auto source = crypto::open_file_source(sealed);
+  const crypto::AgeFile file = crypto::AgeFile::open(*source, identities);
+  if (file.plaintext_size() > most_bytes)
+    throw Error(sealed.filename().string() + " is too large to be shown");
+  Bytes bytes(file.plaintext_size());
+  bytes.resize(file.read_at(0, bytes));
+  return bytes;
+}
+
+crypto::AgeRecipients recipients_in_common(const archive::OpenEntry& open, const std::string& stream) {
+  std::optional<std::vector<std::string>> common;
+  for (const archive::StreamInfo& each : open.streams) {
+    if (each.name != stream && each.kind != "vitals" && each.kind != "events") continue;
+    if (!common) {
+      common = each.recipients;
+    } else {
+      std::erase_if(*common,
+                    [&](const std::string& one) { return std::ranges::count(each.recipients, one) == 0; });
+    }
+  }
+  if (!common || common->empty()) {
+    throw Error(
+        "nobody can open the pictures, the vital signs and the marks of this case alike, so a comparison "
+        "that "
+        "tells of all of them cannot be kept for anybody; write it to a file of your own with -o");
+  }
+  crypto::AgeRecipients recipients;
+  for (const std::string& each : *common) recipients.push_back(crypto::parse_recipient(each));
+  return recipients;
+}
+
+KeptComparison read_kept(const KeptPlace& place, const crypto::AgeIdentities& identities,
+                         const KeptEvidence& evidence) {
+  const Bytes text = open_kept(place.sealed_document(), identities, kLargestDocument);
+  KeptComparison kept{place.name, std::string(text_of(text)), {}, false, {}, {}, {}};
+  kept.made = read_provenance(kept.document, place.document_name());
+  const crypto::Sha256Digest digest = crypto::sha256(text);
+  kept.checks.push_back(check_document(evidence, digest, kept.entered_by));
+  std::ranges::move(check_tokens(place.document(), digest, evidence.trust), std::back_inserter(kept.checks));
+  kept.checks.push_back(check_case(evidence, kept.made.case_state));
+  for (const NamedFile& output : kept.made.outputs) {
+    if (output.role != "replay") continue;
+    kept.has_replay = true;
+    kept.checks.push_back(check_replay(place.sealed_replay(), identities, output));
+  }
+  const archive::OpenEntry& open = evidence.recording->opening();
+  kept.plan_checks = {check_named(open, kept.made.plan_seal),
+                      check_sealed_before(*evidence.log, evidence.device, open, kept.made.plan_seal)};
+  std::ranges::move(check_tokens(place.seal(), kept.made.plan_seal, evidence.trust),
+                    std::back_inserter(kept.plan_checks));
+  return kept;
+}
+
+}  // namespace kiroku::compare

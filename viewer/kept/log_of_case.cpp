@@ -1,0 +1,78 @@
+#include "viewer/kept/log_of_case.h"
+
+#include <algorithm>
+#include <variant>
+
+#include "archive/appliance_log.h"
+#include "archive/log_entry.h"
+#include "crypto/encoding.h"
+#include "crypto/merkle_tree.h"
+
+namespace kiroku::compare {
+namespace {
+
+constexpr std::string_view kDeed = "compared with a plan, document sha256 ";
+
+std::optional<crypto::Sha256Digest> document_of(const archive::AccessEntry& entry) {
+  if (!entry.what.starts_with(kDeed)) return {};
+  const auto bytes = crypto::from_hex(std::string_view(entry.what).substr(kDeed.size()));
+  crypto::Sha256Digest digest{};
+  if (!bytes || bytes->size() != digest.size()) return {};
+  std::ranges::copy(*bytes, digest.begin());
+  return digest;
+}
+
+}  // namespace
+
+std::string comparison_deed(const crypto::Sha256Digest& document) {
+  return std::string(kDeed) + crypto::to_hex(document);
+}
+
+LogOfCase read_log_of_case(const std::filesystem::path& log_folder, const archive::OpenEntry& open) {
+  LogOfCase log;
+  crypto::MerkleFrontier tree;
+  archive::for_each_log_line(log_folder, [&](const archive::LogLine& line) {
+    if (tree.size() < open.appliance_log_size) tree.append(crypto::merkle_leaf_hash(bytes_of(line.json)));
+    if (line.type != "plan-sealed" && line.type != "access") return;
+    const archive::LogEntryParse parsed = archive::parse_log_entry(line.json);
+    if (const auto* const plan = std::get_if<archive::PlanSealedEntry>(&parsed.entry->body)) {
+      log.sealed_plans.try_emplace(plan->sha256, LogOfCase::Record{line.seq, line.utc, {}});
+    } else if (const auto* const access = std::get_if<archive::AccessEntry>(&parsed.entry->body)) {
+      const auto document = document_of(*access);
+      if (document && access->case_id == open.case_id)
+        log.comparisons.try_emplace(*document, LogOfCase::Record{line.seq, line.utc, access->who});
+    }
+  });
+  log.case_began_under_it = tree.size() == open.appliance_log_size && tree.root() == open.appliance_log_root;
+  return log;
+}
+
+Check check_sealed_before(const LogOfCase& log, const std::string& device, const archive::OpenEntry& open,
+                          const crypto::Sha256Digest& seal) {
+  using Answer = Check::Answer;
+  if (device != open.device) {
+    return {"order", Answer::kUnknown,
+            "which came first is known to the log of the appliance that recorded the case"};
+  }
+  if (!log.case_began_under_it) {
+    return {"order", Answer::kDiffers,
+            "the appliance log is not the one that " + open.case_id + " was begun under"};
+  }
+  const auto record = log.sealed_plans.find(seal);
+  if (record == log.sealed_plans.end())
+    return {"order", Answer::kUnknown, "the appliance log knows no seal of this plan"};
+  const auto& [seq, utc, who] = record->second;
+  if (seq >= open.appliance_log_size) {
+    return {"order", Answer::kDiffers,        "the plan was sealed after the case had begun",
+            seq,     open.appliance_log_size, utc};
+  }
+  return {"order",
+          Answer::kHolds,
+          "sealed before the first picture: the case begins with a log of " +
+              std::to_string(open.appliance_log_size) + " entries, the seal is entry " + std::to_string(seq),
+          seq,
+          open.appliance_log_size,
+          utc};
+}
+
+}  // namespace kiroku::compare

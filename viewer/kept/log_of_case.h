@@ -1,0 +1,38 @@
+// What the appliance log says of a case's plan and comparisons. Functions; thread-safe.
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <map>
+#include <string>
+
+#include "archive/ledger_entry.h"
+#include "base/check.h"
+#include "base/utc_time.h"
+#include "crypto/hash.h"
+
+namespace kiroku::compare {
+
+/// What the `access` entry of a comparison says was done.
+std::string comparison_deed(const crypto::Sha256Digest& document);
+
+struct LogOfCase {
+  struct Record {
+    std::uint64_t seq = 0;  // of the entry
+    UtcTime utc;            // the machine's opinion
+    std::string who;        // of a comparison
+  };
+  /// By what was entered; of entries that say the same, the first.
+  std::map<crypto::Sha256Digest, Record> sealed_plans, comparisons;
+  /// Whether the log still begins with what the case's first entry states of it.
+  bool case_began_under_it = false;
+};
+/// One pass over the log. kiroku::Error where it cannot be read.
+LogOfCase read_log_of_case(const std::filesystem::path& log_folder, const archive::OpenEntry& open);
+
+/// Whether the log held the seal before the case began: the case's first entry, which comes before its first
+/// picture, states the log's size and root as they were then. `device`: whose log it is.
+Check check_sealed_before(const LogOfCase& log, const std::string& device, const archive::OpenEntry& open,
+                          const crypto::Sha256Digest& seal);
+
+}  // namespace kiroku::compare

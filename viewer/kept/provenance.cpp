@@ -1,0 +1,101 @@
+#include "viewer/kept/provenance.h"
+
+#include <algorithm>
+
+#include <nlohmann/json.hpp>
+
+#include "archive/case_folder.h"
+#include "archive/case_reader.h"
+#include "archive/line_reader.h"
+#include "base/error.h"
+#include "crypto/encoding.h"
+#include "crypto/merkle_tree.h"
+
+namespace kiroku::compare {
+namespace {
+
+constexpr const char* kLedgerFile = "ledger.jsonl";
+
+/// Over the whole lines of the ledger, `size` at most.
+crypto::MerkleFrontier tree_of(const std::filesystem::path& case_folder, std::uint64_t size) {
+  const archive::FileOpening opening = archive::CaseFolder::open(case_folder).open_file(kLedgerFile);
+  if (!opening.file)
+    throw Error("cannot read " + (case_folder / kLedgerFile).string() + ": it " + opening.explanation);
+  archive::LineReader reader(*opening.file);
+  crypto::MerkleFrontier tree;
+  archive::LedgerLine line;
+  while (tree.size() < size && reader.next(line) && !line.torn && !line.too_long)
+    tree.append(crypto::merkle_leaf_hash(bytes_of(line.text)));
+  return tree;
+}
+
+crypto::Sha256Digest digest_of(const nlohmann::json& value) {
+  crypto::Sha256Digest digest{};
+  const auto bytes = crypto::from_hex(value.get<std::string>());
+  if (!bytes || bytes->size() != digest.size()) throw Error("a hash of it is none");
+  std::ranges::copy(*bytes, digest.begin());
+  return digest;
+}
+
+std::vector<NamedFile> files_of(const nlohmann::json& list) {
+  std::vector<NamedFile> files;
+  for (const nlohmann::json& entry : list) {
+    NamedFile& file = files.emplace_back();
+    entry.at("role").get_to(file.role);
+    entry.at("name").get_to(file.name);
+    entry.at("bytes").get_to(file.bytes);
+    file.sha256 = digest_of(entry.at("sha256"));
+  }
+  return files;
+}
+
+Provenance provenance_of(const nlohmann::json& document) {
+  if (document.at("format") != kComparisonFormat) throw Error("its format is another");
+  Provenance made;
+  document.at("made_by").get_to(made.made_by);
+  const auto made_at = parse_utc(document.at("made_at").get<std::string>());
+  if (!made_at) throw Error("it does not say when it was made");
+  made.made_at = *made_at;
+  document.at("program").get_to(made.program);
+  const nlohmann::json& of_case = document.at("case");
+  of_case.at("id").get_to(made.case_state.case_id);
+  of_case.at("ledger").at("size").get_to(made.case_state.ledger_size);
+  made.case_state.ledger_root = digest_of(of_case.at("ledger").at("root"));
+  const nlohmann::json& plan = document.at("plan");
+  plan.at("name").get_to(made.plan);
+  made.plan_seal = digest_of(plan.at("seal"));
+  plan.at("sealed").get_to(made.plan_sealed);
+  made.plan_files = files_of(plan.at("files"));
+  if (!of_case.at("names_plan").is_null()) made.case_names_plan = of_case.at("names_plan").get<bool>();
+  made.outputs = files_of(document.at("outputs"));
+  return made;
+}
+
+}  // namespace
+
+CaseState state_of(const std::filesystem::path& case_folder) {
+  const crypto::MerkleFrontier tree = tree_of(case_folder, UINT64_MAX);
+  return {archive::CaseReader::open(case_folder).opening().case_id, tree.size(), tree.root()};
+}
+
+std::optional<crypto::Sha256Digest> root_of_first(const std::filesystem::path& case_folder,
+                                                  std::uint64_t size) {
+  const crypto::MerkleFrontier tree = tree_of(case_folder, size);
+  if (tree.size() != size) return {};
+  return tree.root();
+}
+
+Provenance read_provenance(std::string_view text, const std::string& name) {
+  const auto refuse = [&](const std::string& why) {
+    return UsageError(name + " is no comparison: " + why + "; make one with kiroku compare");
+  };
+  try {
+    return provenance_of(nlohmann::json::parse(text));
+  } catch (const nlohmann::json::exception&) {
+    throw refuse("it is no JSON of that kind");
+  } catch (const Error& error) {
+    throw refuse(error.what());
+  }
+}
+
+}  // namespace kiroku::compare
