@@ -7,6 +7,7 @@ void add_train_command(Command& program) {
   add_train_haptic_rate_command(train);
   add_train_budget_command(train);
   add_train_exclusion_command(train);
+  add_train_serve_command(train);
   add_train_curriculum_commands(train);
 }
 

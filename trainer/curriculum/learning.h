@@ -25,6 +25,8 @@ struct ExclusionRecord {
   ExclusionScore score;
 };
 
+/// The study's groups: whether stress is shown in practice.
+inline constexpr const char *kStressShown = "stress shown", *kStressHidden = "stress hidden";
 /// Of a session, after the study: three minutes of practice, then a test without stress.
 inline constexpr double kPracticeSeconds = 180;
 /// Where a trainee stands: a session is over with its first test on an object that is a result.

@@ -36,7 +36,7 @@ std::vector<ExclusionRecord> run_simulated_study(const ExclusionBody& body, cons
           });
           if (!test) skill = hand.learnt(shown);
           ExclusionRecord record;
-          record.group = group_sees_stress ? "stress shown" : "stress hidden";
+          record.group = group_sees_stress ? kStressShown : kStressHidden;
           record.trainee = "simulated, " + record.group + ", " + std::to_string(trainee + 1);
           record.simulated = true;
           record.session = session;

@@ -34,7 +34,8 @@ class SessionApi {
             {"role", role_name(session.role())},
             {"unlocked", session.identities() != nullptr},
             {"expires_s", context_.sessions().left(session).count()},
-            {"language", preferred_language(request.header("accept-language"))}};
+            {"language", preferred_language(request.header("accept-language"))},
+            {"serves", context_.home().serves}};
   }
 
   Response sign_in(const Request& request) {

@@ -69,7 +69,14 @@ struct Viewer::State {
                        " is not opened to the network: add a user with 'kiroku user add NAME', or listen on "
                        "127.0.0.1");
     }
-    add_routes(router, context, link);
+    if (context.home().serves == "cases") {
+      add_routes(router, context, link);
+    } else {
+      add_session_routes(router, context, link);
+      add_log_routes(router, context);
+      add_user_routes(router, context);
+    }
+    if (options.more_routes) options.more_routes(router);
     server.emplace(std::move(options.web), dispatcher);
   }
 

@@ -8,6 +8,7 @@
 #include <optional>
 #include <string>
 
+#include "viewer/server/router.h"
 #include "viewer/server/session.h"
 #include "viewer/server/viewer_context.h"
 #include "viewer/server/web_server.h"
@@ -20,6 +21,8 @@ struct ViewerOptions {
   SessionLimits sessions;
   /// The page's files; nothing: the API alone.
   std::optional<std::filesystem::path> page;
+  /// Adds what this program answers beside the API; null: nothing. What it adds must outlive the viewer.
+  std::function<void(Router& router)> more_routes = {};
   /// What should stand in the server's own log; called from several threads.
   std::function<void(const std::string& sentence)> tell;
 };

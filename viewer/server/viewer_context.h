@@ -36,6 +36,9 @@ struct ViewerHome {
   /// What opens recordings for whoever may watch, from signing in on; null: everybody brings their own.
   Session::Identities identities;
   LivePictures live = {};
+  /// What is served of it, as the page is told: "cases", or "training", which leaves signing in, users and
+  /// the log of the API.
+  std::string serves = "cases";
 };
 
 class ViewerContext {

@@ -52,6 +52,10 @@ async function bytes(path: string, signal?: AbortSignal): Promise<ArrayBuffer> {
   return (await ask('GET', path, undefined, signal)).arrayBuffer();
 }
 
+/** For a part of the API that has its functions beside its views. */
+export const get = <T>(path: string): Promise<T> => json<T>('GET', path);
+export const post = <T>(path: string, body: unknown): Promise<T> => json<T>('POST', path, body);
+
 const part = encodeURIComponent;
 const caseOf = (id: string) => `cases/${part(id)}`;
 const streamOf = (id: string, stream: string) => `${caseOf(id)}/streams/${part(stream)}`;

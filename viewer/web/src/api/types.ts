@@ -11,6 +11,8 @@ export interface Session {
   unlocked: boolean;
   expires_s: number;
   language?: string | null;
+  /** What this server is for; by `kiroku train serve`: training. */
+  serves: 'cases' | 'training';
 }
 
 export interface CaseSummary {

@@ -1,4 +1,5 @@
-// Where the person is: #/cases, #/cases/ID?t=SECONDS, #/cases/ID/verification, #/rooms, #/users.
+// Where the person is: #/cases, #/cases/ID?t=SECONDS, #/cases/ID/verification, #/rooms, #/users,
+// #/training.
 import { signal } from '@preact/signals';
 import { kSecond } from '@/base/time';
 
@@ -7,13 +8,15 @@ export type Route =
   | { view: 'case'; id: string; at_ns?: number }
   | { view: 'verification'; id: string }
   | { view: 'rooms' }
-  | { view: 'users' };
+  | { view: 'users' }
+  | { view: 'training' };
 
 export function parseRoute(hash: string): Route {
   const [path = '', query = ''] = hash.replace(/^#\/?/, '').split('?');
   const [first, id, third] = path.split('/').map(decodeURIComponent);
   if (first === 'rooms') return { view: 'rooms' };
   if (first === 'users') return { view: 'users' };
+  if (first === 'training') return { view: 'training' };
   if (first === 'cases' && id) {
     if (third === 'verification') return { view: 'verification', id };
     const at = new URLSearchParams(query).get('t');

@@ -1,6 +1,9 @@
 // Every text of the page. The Japanese has the same keys and the same places in braces; a test sees to it.
 
+import { trainingEn, trainingJa } from '@/i18n/training_messages';
+
 const en = {
+  ...trainingEn,
   'close': 'Close',
   'skip': 'Skip to content',
   'language.other': '日本語',
@@ -272,6 +275,7 @@ export type MessageKey = keyof typeof en;
 export type Language = 'en' | 'ja';
 
 const ja: Record<MessageKey, string> = {
+  ...trainingJa,
   'close': '閉じる',
   'skip': '本文へ移動',
   'language.other': 'English',

@@ -6,6 +6,7 @@ import { hasChosenLanguage, language, setLanguage, t } from '@/i18n/i18n';
 import { Icon, type IconName } from '@/shell/icon';
 import { may } from '@/shell/rights';
 import { announcement, attempt, dismiss, notices, notify, session, setTheme, theme } from '@/shell/state';
+import { TrainingView } from '@/training/training_view';
 import { CaseView } from '@/views/case_view';
 import { CasesView } from '@/views/cases_view';
 import { RoomsView } from '@/views/rooms_view';
@@ -58,9 +59,9 @@ function Switches() {
   );
 }
 
-function NavLink({ to, icon, text }: { to: 'cases' | 'rooms' | 'users'; icon: IconName; text: string }) {
+function NavLink({ to, icon, text }: { to: 'cases' | 'rooms' | 'users' | 'training'; icon: IconName; text: string }) {
   const view = route.value.view;
-  const here = view === to || (to === 'cases' && (view === 'case' || view === 'verification'));
+  const here = view === to || (to === 'training' && view !== 'users') || (to === 'cases' && (view === 'case' || view === 'verification'));
   return (
     <a href={hrefOf({ view: to })} class="nav-link" aria-current={here ? 'page' : undefined}>
       <Icon name={icon} />
@@ -71,9 +72,10 @@ function NavLink({ to, icon, text }: { to: 'cases' | 'rooms' | 'users'; icon: Ic
 
 function Header() {
   const signedIn = session.value;
+  const training = signedIn?.serves === 'training';
   return (
     <header class="top">
-      <a class="brand" href={hrefOf({ view: 'cases' })}>
+      <a class="brand" href={hrefOf({ view: training ? 'training' : 'cases' })}>
         <svg class="brand-sign" viewBox="0 0 32 32" aria-hidden="true">
           <circle cx="16" cy="16" r="12" />
           <circle cx="16" cy="16" r="5" class="brand-dot" />
@@ -85,8 +87,9 @@ function Header() {
       </a>
       {signedIn && (
         <nav aria-label={t('nav.label')} class="nav">
-          <NavLink to="cases" icon="cases" text={t('nav.cases')} />
-          {may(signedIn.role, 'see-live') && <NavLink to="rooms" icon="rooms" text={t('nav.rooms')} />}
+          {training && <NavLink to="training" icon="training" text={t('nav.training')} />}
+          {!training && <NavLink to="cases" icon="cases" text={t('nav.cases')} />}
+          {!training && may(signedIn.role, 'see-live') && <NavLink to="rooms" icon="rooms" text={t('nav.rooms')} />}
           {may(signedIn.role, 'manage-users') && <NavLink to="users" icon="users" text={t('nav.users')} />}
         </nav>
       )}
@@ -136,6 +139,7 @@ function View() {
   if (session.value === undefined) return <main id="main" class="main" aria-busy="true" />;
   if (session.value === null) return <SignInView />;
   const here = route.value;
+  if (session.value.serves === 'training') return here.view === 'users' ? <UsersView /> : <TrainingView />;
   switch (here.view) {
     case 'cases':
       return <CasesView />;
@@ -147,6 +151,8 @@ function View() {
       return <RoomsView />;
     case 'users':
       return <UsersView />;
+    case 'training': // is served by another program
+      return <CasesView />;
   }
 }
 

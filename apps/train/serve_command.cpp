@@ -1,0 +1,160 @@
+#include <algorithm>
+#include <csignal>
+#include <iostream>
+#include <memory>
+#include <mutex>
+#include <thread>
+
+#include <nlohmann/json.hpp>
+
+#include "apps/common/json_output.h"
+#include "apps/kiroku/commands.h"
+#include "apps/kiroku/home.h"
+#include "apps/kiroku/viewer_setup.h"
+#include "apps/sim/number_option.h"
+#include "apps/train/train_command.h"
+#include "base/error.h"
+#include "sim/model/body_model.h"
+#include "viewer/server/viewer.h"
+#include "viewer/training/training_api.h"
+
+namespace kiroku::apps {
+namespace {
+
+namespace fs = std::filesystem;
+
+struct Request {
+  std::optional<std::string> home, certificate, key, web, database, expert_a, expert_b, at_once;
+  std::string listen = "127.0.0.1:8444", vertices = "4000", damage = "100000", seconds = "60";
+  bool json = false;
+};
+
+std::map<trainer::ObjectKind, trainer::HandMotion> experts_of(const Request& request) {
+  std::map<trainer::ObjectKind, trainer::HandMotion> experts;
+  if (request.expert_a)
+    experts[trainer::ObjectKind::kLiver] =
+        trainer::parse_hand_motion(sim::read_document(*request.expert_a), *request.expert_a);
+  if (request.expert_b)
+    experts[trainer::ObjectKind::kLung] =
+        trainer::parse_hand_motion(sim::read_document(*request.expert_b), *request.expert_b);
+  return experts;
+}
+
+viewer::TrainingOptions training_options(const Request& request, const Home& home) {
+  constexpr double kMostPascals = 1e9, kMostSeconds = 3600;
+  constexpr std::size_t kMostAtOnce = 64;
+  viewer::TrainingOptions options;
+  options.database = request.database ? fs::path(*request.database) : home.folder() / "training.sqlite";
+  options.vertices =
+      parse_count(request.vertices, "--vertices", trainer::kLeastObjectNodes, trainer::kMostObjectNodes);
+  options.damage_pa = parse_number(request.damage, "--damage", 1, kMostPascals);
+  options.most_s = parse_number(request.seconds, "--seconds", 1, kMostSeconds);
+  options.at_once = request.at_once ? parse_count(*request.at_once, "--at-once", 1, kMostAtOnce)
+                                    : std::max(1U, std::thread::hardware_concurrency() / 2);
+  options.experts = experts_of(request);
+  options.tell = [mutex = std::make_shared<std::mutex>()](const std::string& sentence) {
+    const std::lock_guard guard(*mutex);
+    print_error("kiroku", sentence);
+  };
+  return options;
+}
+
+void print_start(const Request& request, const viewer::Viewer& server, const std::string& sign_in,
+                 const std::string& fingerprint, const viewer::TrainingOptions& training) {
+  if (request.json) {
+    print_json(
+        {{"url", server.url()},
+         {"sign_in", sign_in.empty() ? nlohmann::ordered_json(nullptr) : nlohmann::ordered_json(sign_in)},
+         {"fingerprint", fingerprint},
+         {"database", training.database.string()},
+         {"at_once", training.at_once}});
+  } else {
+    std::cout << "Training at " << server.url() << ", " << training.at_once
+              << (training.at_once == 1 ? " trainee" : " trainees") << " at a time; results in "
+              << training.database.string() << "\n";
+    if (!sign_in.empty())
+      std::cout << "\nOpen this address, which signs in once without a password:\n  " << sign_in << "\n";
+    std::cout << "\nThe server's certificate has the SHA-256 fingerprint\n  " << fingerprint
+              << "\n\nCtrl-C ends it.\n";
+  }
+  std::cout << std::flush;
+}
+
+int run(const Request& request) {
+  const Home home = Home::open(request.home);
+  if (request.certificate.has_value() != request.key.has_value())
+    throw UsageError("--certificate and --key belong together: give both or none");
+  const std::optional<fs::path> page = request.web ? fs::path(*request.web) : find_page();
+  if (!page) throw UsageError("there is no page to train with: it was not built; name its folder with --web");
+  const crypto::SigningKey device_key = home.signing_key();
+  const timestamp::TrustStore trust = home.trust();
+  viewer::ServerCertificate certificate =
+      viewer_certificate(home, request.listen, request.certificate, request.key);
+  const std::string fingerprint = viewer::fingerprint(certificate.certificate_pem);
+  viewer::TrainingRoom room(training_options(request, home));
+
+  viewer::ViewerOptions options{
+      .home = viewer_home(home, home.configuration(), "-training", device_key, trust, nullptr),
+      .web = {.listen = request.listen,
+              .certificate_pem = std::move(certificate.certificate_pem),
+              .key_pem = std::move(certificate.key_pem),
+              .limits = {}},
+      .sessions = {},
+      .page = page,
+      .more_routes = [&room](viewer::Router& router) { viewer::add_training_routes(router, room); },
+      .tell = room.options().tell};
+  options.home.serves = "training";
+  sigset_t signals;
+  sigemptyset(&signals);
+  sigaddset(&signals, SIGINT);
+  sigaddset(&signals, SIGTERM);
+  // The server's threads inherit the mask, so that the signals wait for this one.
+  ::pthread_sigmask(SIG_BLOCK, &signals, nullptr);
+  viewer::Viewer server(std::move(options));
+  std::error_code ignored;
+  const bool is_demonstration =
+      fs::exists(home.identity_file(), ignored) && viewer::is_loopback(request.listen);
+  print_start(request, server, is_demonstration ? server.sign_in_url("demo") : "", fingerprint,
+              room.options());
+  int number = 0;
+  sigwait(&signals, &number);
+  // Attempts that run are broken off and kept as such; a second signal does not wait for that.
+  ::pthread_sigmask(SIG_UNBLOCK, &signals, nullptr);
+  return kDone;
+}
+
+}  // namespace
+
+void add_train_serve_command(Command& train) {
+  Command& command = train.add_command("serve", "serves the trainer's page: mouse, keys and touch points");
+  const auto request = std::make_shared<Request>();
+  command.option(
+      "--listen", "ADDRESS", request->listen,
+      "where to, as 127.0.0.1:8444 or 0.0.0.0:8444; beyond this machine only once there is a user");
+  command.option("--database", "FILE", request->database, "trainees and results",
+                 "training.sqlite in the home");
+  command.option("--vertices", "N", request->vertices, "of the objects' meshes");
+  command.option("--damage", "PA", request->damage, "von Mises stress that counts as damage");
+  command.option("--seconds", "S", request->seconds, "until an attempt is over");
+  command.option("--at-once", "N", request->at_once, "attempts at a time", "half as many as there are cores");
+  command.option("--expert-a", "FILE", request->expert_a,
+                 "an expert's hand motion on object A, shown on demand");
+  command.option("--expert-b", "FILE", request->expert_b, "the same on object B");
+  command.option("--certificate", "FILE", request->certificate,
+                 "the server's certificate and those up to its authority, PEM", "its own, made in the home");
+  command.option("--key", "FILE", request->key, "its private key, PEM, without passphrase");
+  command.option("--web", "DIR", request->web, "folder of the page's files",
+                 "the one that belongs to this program");
+  add_home_option(command, request->home);
+  command.flag("--json", request->json, "prints one JSON object once it serves");
+  command.explain(
+      "People sign in as in the viewer ('kiroku user add'), choose a trainee and push the organ aside. What "
+      "is "
+      "begun is "
+      "kept as broken off until its end is known. 'kiroku train results' reports the same database.");
+  command.example("kiroku train serve", "the trainer on https://127.0.0.1:8444/");
+  command.example("kiroku train serve --expert-a lift/hand.txt", "with a hand to follow");
+  command.on_run([request] { return run(*request); });
+}
+
+}  // namespace kiroku::apps

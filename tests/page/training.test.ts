@@ -1,0 +1,271 @@
+// The trainer's page in a browser, before a real `kiroku train serve`: a new trainee with mouse, touch points and keys, on a real organ. Each test goes on
+// where the one before ended.
+import { type ChildProcess, execFile, spawn } from 'node:child_process';
+import { mkdtempSync, rmSync } from 'node:fs';
+import { tmpdir } from 'node:os';
+import { join } from 'node:path';
+import { promisify } from 'node:util';
+import type { Browser, CDPSession, Page } from 'playwright-core';
+import { afterAll, beforeAll, describe, expect, it } from 'vitest';
+import { keepPicture, seriousBarriers, startBrowser, until, visit, type Visitor } from './kit';
+
+const kiroku = process.env['KIROKU_PROGRAM'] as string;
+const run = promisify(execFile);
+/** One fingertip alone goes between the nodes of coarser meshes. */
+const kVertices = '2000';
+
+class Trainer {
+  signIn = '';
+  private constructor(
+    private readonly folder: string,
+    private readonly process: ChildProcess,
+  ) {}
+
+  static async start(): Promise<Trainer> {
+    const folder = mkdtempSync(join(tmpdir(), 'kiroku-training-'));
+    const home = join(folder, 'home');
+    await run(kiroku, ['init', '--demo', '--home', home]);
+    // An expert's hand that others follow: simulated, as nobody is at hand.
+    await run(kiroku, ['train', 'exclusion', '--object', 'a', '--hand', 'simulated', '--vertices', kVertices, '-o', join(folder, 'expert'), '--size', '64x64']);
+    const child = spawn(
+      kiroku,
+      [
+        'train', 'serve', '--home', home, '--listen', '127.0.0.1:0', '--vertices', kVertices, '--expert-a', join(folder, 'expert/hand.txt'),
+        '--web', process.env['KIROKU_PAGE'] as string, '--json',
+      ],
+      { stdio: ['ignore', 'pipe', 'inherit'] },
+    );
+    const trainer = new Trainer(folder, child);
+    let said = '';
+    child.stdout?.on('data', (bytes: Buffer) => (said += bytes.toString()));
+    trainer.signIn = await until('kiroku train serve serves', () => {
+      try {
+        return (JSON.parse(said) as { sign_in: string }).sign_in;
+      } catch {
+        return undefined;
+      }
+    });
+    return trainer;
+  }
+  async stop(): Promise<void> {
+    const ended = new Promise((resolve) => this.process.once('exit', resolve));
+    this.process.kill('SIGTERM');
+    await ended;
+    rmSync(this.folder, { recursive: true, force: true });
+  }
+}
+
+let trainer: Trainer;
+let browser: Browser;
+let visitor: Visitor;
+let touch: CDPSession;
+
+beforeAll(async () => {
+  trainer = await Trainer.start();
+  browser = await startBrowser();
+  visitor = await visit(browser);
+  touch = await visitor.context.newCDPSession(visitor.page);
+  await touch.send('Emulation.setTouchEmulationEnabled', { enabled: true, maxTouchPoints: 5 });
+});
+afterAll(async () => {
+  await browser?.close();
+  await trainer?.stop();
+});
+
+const field = () => visitor.page.getByRole('application');
+/** A place on the picture, 0 to 1 from its left upper corner, as one of the browser's window. */
+const onPicture = async (x: number, y: number) => {
+  const box = await field().boundingBox();
+  if (!box) throw new Error('there is no picture');
+  return { x: box.x + x * box.width, y: box.y + y * box.height };
+};
+const fact = async (name: string): Promise<number> => {
+  const texts = await visitor.page.locator('.attempt-facts > div', { hasText: name }).locator('dd').allTextContents();
+  return Number.parseFloat(texts[0] ?? 'NaN');
+};
+const begun = () => visitor.page.locator('.attempt-field[aria-busy=false]').waitFor({ timeout: 60_000 });
+const isOver = async () => (await visitor.page.locator('.train-came').count()) > 0;
+
+/** Lifts as a person does: until the line is in sight, then stays. Returns the largest forces of all fingers that were read meanwhile. */
+async function lift(moveTo: (y: number) => Promise<void>, whileLifting?: () => Promise<void>): Promise<number[]> {
+  let y = 0.66;
+  let noted = false;
+  const largest: number[] = [];
+  const end = Date.now() + 50_000;
+  while (!(await isOver()) && Date.now() < end) {
+    const seen = await fact('Line in sight').catch(() => 100);
+    if (seen < 97) y = Math.max(0.54, y - 0.002);
+    else if (!noted) {
+      noted = true;
+      await whileLifting?.();
+    }
+    await moveTo(y);
+    const forces = await visitor.page.locator('.force .mono').allTextContents().catch(() => []);
+    forces.forEach((text, i) => (largest[i] = Math.max(largest[i] ?? 0, Number(text))));
+    await visitor.page.waitForTimeout(15);
+  }
+  await visitor.page.locator('.train-came').waitFor();
+  return largest;
+}
+
+/** How many pixels of the picture are near a colour. */
+const pixelsLike = (page: Page, red: number, green: number, blue: number): Promise<number> =>
+  page.evaluate(
+    ([r, g, b]) => {
+      const canvas = document.querySelector('.attempt-field canvas') as HTMLCanvasElement;
+      const { data } = (canvas.getContext('2d') as CanvasRenderingContext2D).getImageData(0, 0, canvas.width, canvas.height);
+      let found = 0;
+      for (let i = 0; i < data.length; i += 4) {
+        const [pr = 0, pg = 0, pb = 0] = [data[i], data[i + 1], data[i + 2]];
+        // Shading darkens, but keeps the ratio of the channels.
+        const light = (pr + pg + pb) / (r + g + b);
+        if (light > 0.25 && Math.abs(pr - light * r) + Math.abs(pg - light * g) + Math.abs(pb - light * b) < 40 * light) ++found;
+      }
+      return found;
+    },
+    [red, green, blue] as const,
+  );
+
+describe('A new trainee', () => {
+  it('is added on the page, which shows nothing of recordings', async () => {
+    const { page } = visitor;
+    await page.goto(trainer.signIn);
+    await page.getByRole('heading', { name: 'Push an organ aside' }).waitFor();
+    expect(await page.getByRole('link', { name: 'Cases' }).count()).toBe(0);
+    await page.getByText('Nobody trains here yet.').waitFor();
+    await page.locator('.train-add').getByLabel('Name').fill('Aoki');
+    await page.getByRole('button', { name: 'Add', exact: true }).click();
+    await page.getByText('Session 1: 00:00:00 of 00:03:00 practised, then a test.').waitFor();
+    expect(await page.locator('.train-choice select').first().inputValue()).toBe('Aoki');
+    await page.locator('.train-add').getByLabel('Name').fill('Aoki');
+    await page.getByRole('button', { name: 'Add', exact: true }).click();
+    await page.getByText('there is a trainee \'Aoki\'').waitFor();
+    expect(await seriousBarriers(page)).toEqual([]);
+  });
+
+  it('finishes a task with the mouse and sees score and learning curve', async () => {
+    const { page } = visitor;
+    await page.getByLabel('Fingers').selectOption('3');
+    await page.getByLabel('Show an expert’s hand').check();
+    await page.getByRole('button', { name: 'Practise' }).click();
+    await begun();
+    await page.getByText('von Mises stress, kPa; 100 counts as damage').waitFor();
+    const start = await onPicture(0.5, 0.66);
+    await page.mouse.move(start.x, start.y);
+    await page.mouse.down();
+    const forces = await lift(
+      async (y) => {
+        const to = await onPicture(0.5, y).catch(() => start);
+        await page.mouse.move(to.x, to.y);
+      },
+      async () => {
+        // Viridis at rest, the ghost's blue.
+        expect(await pixelsLike(page, 68, 1, 84)).toBeGreaterThan(5000);
+        expect(await pixelsLike(page, 120, 170, 255)).toBeGreaterThan(50);
+        expect(await seriousBarriers(page)).toEqual([]);
+        await keepPicture(page, 'training-attempt');
+      },
+    );
+    await page.mouse.up();
+    expect(forces).toHaveLength(4);
+    expect(Math.max(...forces)).toBeGreaterThan(1);
+    expect(await page.locator('.train-came').textContent()).toContain('Done');
+    expect(await page.locator('.train-came').textContent()).toMatch(/Largest von Mises stress, kPa\d+/);
+    await page.getByRole('img', { name: 'Attempts of Aoki: Largest von Mises stress, kPa' }).waitFor();
+    await page.getByText('The learning curve by session begins with the first test.').waitFor();
+    expect(await seriousBarriers(page)).toEqual([]);
+  });
+
+  it('takes the test with five touch points, each a finger, and without stress', async () => {
+    const { page } = visitor;
+    await page.getByRole('button', { name: 'Other trainee or organ' }).click();
+    await page.getByLabel('Fingers').selectOption('5');
+    await page.getByLabel('Show an expert’s hand').uncheck();
+    await page.getByRole('button', { name: 'Take the test' }).click();
+    await begun();
+    await page.getByText('Stress is not shown in this attempt.').waitFor();
+    const box = await field().boundingBox();
+    if (!box) throw new Error('there is no picture');
+    const points = (y: number) => [0.3, 0.4, 0.5, 0.6, 0.7].map((x, id) => ({ x: box.x + x * box.width, y: box.y + y * box.height, id }));
+    await touch.send('Input.dispatchTouchEvent', { type: 'touchStart', touchPoints: points(0.66) });
+    const forces = await lift(
+      async (y) => void (await touch.send('Input.dispatchTouchEvent', { type: 'touchMove', touchPoints: points(y) })),
+      async () => {
+        expect(await pixelsLike(page, 68, 1, 84)).toBeLessThan(500);
+        await keepPicture(page, 'training-touch');
+      },
+    );
+    await touch.send('Input.dispatchTouchEvent', { type: 'touchEnd', touchPoints: [] });
+    expect(forces).toHaveLength(6);
+    for (const force of forces.slice(0, 5)) expect(force).toBeGreaterThan(0.2);
+    expect(await page.locator('.train-came').textContent()).toContain('Done');
+    await page.getByRole('img', { name: 'Tests by session: Largest von Mises stress, kPa' }).waitFor();
+    await keepPicture(page, 'training-result');
+    await page.getByLabel('Measure').selectOption('time');
+    await page.getByRole('img', { name: 'Tests by session: Time, s' }).waitFor();
+  });
+
+  it('goes on with the next session after a test', async () => {
+    const { page } = visitor;
+    await page.getByRole('button', { name: 'Other trainee or organ' }).click();
+    await page.getByText('Session 2:').waitFor();
+  });
+});
+
+describe('An attempt', () => {
+  it('can be made with keys alone, muted, and given up', async () => {
+    const { page } = visitor;
+    await page.getByLabel('Fingers').selectOption('2');
+    await page.getByRole('button', { name: 'Practise' }).click();
+    await begun();
+    await expect.poll(() => page.evaluate(() => document.activeElement?.getAttribute('role'))).toBe('application');
+    await page.keyboard.press('Space');
+    await page.waitForTimeout(700);
+    for (let i = 0; i < 14; ++i) await page.keyboard.press('ArrowUp');
+    await expect.poll(async () => Number((await page.locator('.force-all .mono').textContent()) ?? 0)).toBeGreaterThan(0.5);
+    await page.keyboard.press('Space');
+    await expect.poll(async () => Number((await page.locator('.force-all .mono').textContent()) ?? 1)).toBe(0);
+    await page.getByRole('button', { name: 'Danger tone off' }).click();
+    await page.getByRole('button', { name: 'Danger tone on' }).waitFor();
+    await page.getByText(/Input to force [\d.]+ ms, to picture \d+ ms/).waitFor();
+    await page.getByRole('button', { name: 'Give up' }).click();
+    await page.locator('.train-came', { hasText: 'Given up' }).waitFor();
+  });
+
+  it('whose page is closed is kept as broken off', async () => {
+    const { page } = visitor;
+    await page.getByRole('button', { name: 'Again' }).click();
+    await begun();
+    await page.reload();
+    await page.getByRole('button', { name: 'Results' }).click();
+    await page.getByText('As numbers').click();
+    await expect
+      .poll(async () => {
+        await page.getByRole('button', { name: 'Other trainee or organ' }).click();
+        await page.getByRole('button', { name: 'Results' }).click();
+        await page.getByText('As numbers').click();
+        return page.locator('.train-numbers tbody tr').last().textContent();
+      })
+      .toContain('Broken off');
+    expect(await page.locator('.train-numbers tbody tr').allTextContents()).toHaveLength(4);
+  });
+});
+
+describe('The page', () => {
+  it('is whole in Japanese and in light colours', async () => {
+    const { page } = visitor;
+    await page.getByRole('button', { name: '日本語' }).click();
+    await page.getByRole('button', { name: '明るい配色' }).click();
+    await page.getByRole('heading', { name: '結果 · Aoki' }).waitFor();
+    await page.getByRole('img', { name: 'Aoki さんの試行: 最大ミーゼス応力 kPa' }).waitFor();
+    expect(await seriousBarriers(page)).toEqual([]);
+    await keepPicture(page, 'training-japanese');
+  });
+
+  it('asked nothing of anybody else, and nothing went wrong', () => {
+    const own = new URL(trainer.signIn).origin;
+    expect(visitor.asked.filter((address) => !address.startsWith(own) && !address.startsWith('blob:') && !address.startsWith('data:'))).toEqual([]);
+    // The name that was there already was refused with 400, which the browser writes down.
+    expect(visitor.problems.filter((one) => !one.includes('status of 400'))).toEqual([]);
+  });
+});

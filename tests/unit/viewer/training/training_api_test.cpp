@@ -1,0 +1,306 @@
+// The trainer's routes before a real server: attempts on a real organ, by the messages that a page sends.
+#include "viewer/training/training_api.h"
+
+#include <condition_variable>
+#include <mutex>
+#include <thread>
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <nlohmann/json.hpp>
+
+#include "tests/support/socket_client.h"
+#include "tests/support/temporary_folder.h"
+#include "viewer/server/server_certificate.h"
+#include "viewer/server/web_server.h"
+
+namespace kiroku::viewer {
+namespace {
+
+using nlohmann::json;
+using test::SocketClient;
+using testing::HasSubstr;
+using trainer::Ending;
+
+/// What came over a connection: text as JSON, a moment as its JSON with its picture's size.
+struct Said {
+  json text;
+  std::size_t jpeg_bytes = 0;
+};
+
+class TrainingApi : public testing::Test {
+ protected:
+  TrainingApi() {
+    add_training_routes(router, room());
+    bool made = false;
+    ServerCertificate certificate = own_certificate(folder.path(), {"127.0.0.1"}, made);
+    WebServerOptions options;
+    options.listen = "127.0.0.1:0";
+    options.certificate_pem = std::move(certificate.certificate_pem);
+    options.key_pem = std::move(certificate.key_pem);
+    server.emplace(std::move(options), dispatcher);
+    opened = sessions.open("anna", Role::kOperator, {});
+  }
+
+  TrainingRoom& room() {
+    if (!kept_room) {
+      TrainingOptions options;
+      options.database = folder / "training.sqlite";
+      options.vertices = 900;
+      options.at_once = 2;
+      options.tell = [this](const std::string& sentence) {
+        const std::lock_guard guard(told_mutex);
+        told.push_back(sentence);
+      };
+      kept_room.emplace(std::move(options));
+      kept_room->with_results([](trainer::TrainingDatabase& results) {
+        results.add_trainee("Aoki", trainer::kStressShown, false);
+        results.add_trainee("Ueda", trainer::kStressHidden, false);
+        results.add_trainee("model", "", true);
+      });
+    }
+    return *kept_room;
+  }
+
+  Response ask(const std::string& method, const std::string& path, const std::string& body = "") {
+    RequestHead head{method, "/api/" + path, "192.0.2.7", {{"host", "or-3"}, {"cookie", cookie()}}};
+    if (method != "GET") {
+      head.headers["x-kiroku-request"] = "1";
+      head.headers["content-type"] = "application/json";
+    }
+    Dispatcher::Admission admission = dispatcher.admit(std::move(head));
+    if (admission.refusal) return std::move(*admission.refusal);
+    admission.request.body = body;
+    return dispatcher.answer(admission);
+  }
+  json answer(const std::string& method, const std::string& path, const std::string& body = "") {
+    return json::parse(std::get<std::string>(ask(method, path, body).body));
+  }
+
+  [[nodiscard]] std::string cookie() const { return std::string(kSessionCookie) + "=" + opened.token; }
+  std::unique_ptr<SocketClient> connect() {
+    return std::make_unique<SocketClient>(server->port(), "/api/training/attempt", cookie(),
+                                          "https://127.0.0.1:" + std::to_string(server->port()));
+  }
+  static std::string begin(const std::string& trainee, bool test = false, std::size_t fingers = 3) {
+    return json{
+        {"begin",
+         {{"trainee", trainee}, {"object", "a"}, {"fingers", fingers}, {"test", test}, {"expert", false}}}}
+        .dump();
+  }
+  static std::string input(std::uint64_t number, double y) {
+    return json{{"input", number}, {"pointers", {{{"finger", 0}, {"x", 0.5}, {"y", y}, {"push_m", 0}}}}}
+        .dump();
+  }
+  /// Nothing at the end of the connection.
+  static std::optional<Said> next(SocketClient& client) {
+    const std::optional<SocketClient::Message> message = client.receive();
+    if (!message) return {};
+    const std::string_view bytes = text_of(message->bytes);
+    if (message->is_text) return Said{json::parse(bytes), 0};
+    std::size_t head = 0;
+    for (std::size_t i = 0; i < 4; ++i) head |= static_cast<std::size_t>(message->bytes[i]) << (8 * i);
+    EXPECT_EQ(bytes.substr(4 + head, 2), "\xff\xd8");
+    return Said{json::parse(bytes.substr(4, head)), bytes.size() - 4 - head};
+  }
+  /// The next text, whatever pictures come before.
+  static json next_text(SocketClient& client) {
+    while (const std::optional<Said> said = next(client)) {
+      if (said->jpeg_bytes == 0) return said->text;
+    }
+    return nullptr;
+  }
+  static std::pair<int, std::string> refusal(SocketClient& client) {
+    while (next(client)) {
+    }
+    return client.farewell();
+  }
+  std::vector<trainer::ExclusionRecord> kept() {
+    return room().with_results([](const trainer::TrainingDatabase& results) { return results.attempts(); });
+  }
+  template <typename Condition>
+  static bool eventually(const Condition& condition) {
+    for (int i = 0; i < 500; ++i) {
+      if (condition()) return true;
+      std::this_thread::sleep_for(std::chrono::milliseconds(20));
+    }
+    return false;
+  }
+
+  test::TemporaryFolder folder;
+  std::mutex told_mutex;
+  std::vector<std::string> told;
+  std::optional<TrainingRoom> kept_room;
+  Router router;
+  SessionStore sessions;
+  SessionStore::Opened opened;
+  StaticFiles page;
+  Dispatcher dispatcher{router, sessions, page, [](const std::string& /*sentence*/) {}};
+  std::optional<WebServer> server;
+};
+
+TEST_F(TrainingApi, AnAttemptIsDoneByThePointersOfAPageAndKept) {
+  const auto client = connect();
+  client->send_text(begin("Aoki"));
+  const json began = next_text(*client)["began"];
+  EXPECT_EQ(began["session"], 1);
+  EXPECT_EQ(began["stress_shown"], true);
+  EXPECT_EQ(began["hold_s"], 1);
+  std::uint64_t number = 0, shown = 0;
+  double latest_s = 0, strongest_n = 0, y = 0.66;
+  json over;
+  while (const std::optional<Said> said = next(*client)) {
+    if (said->jpeg_bytes == 0) {
+      over = said->text["over"];
+      break;
+    }
+    EXPECT_GT(said->jpeg_bytes, 1000U);
+    EXPECT_EQ(said->text["forces_n"].size(), 3U);
+    EXPECT_TRUE(said->text.contains("largest_von_mises_pa"));
+    latest_s = said->text["time_s"];
+    shown = said->text["input"];
+    strongest_n = std::max(strongest_n, said->text["wrist_force_n"].get<double>());
+    // A person lifts until the line is in sight.
+    if (said->text["visible_share"].get<double>() < 0.97 && latest_s > 1) y = std::max(0.5, y - 0.002);
+    client->send_text(input(++number, y));
+  }
+  ASSERT_TRUE(over.is_object());
+  EXPECT_EQ(over["ending"], "done");
+  EXPECT_EQ(over["score"]["done"], true);
+  EXPECT_GT(shown, 10U);
+  EXPECT_GT(strongest_n, 1);
+  EXPECT_GT(over["input_to_force"]["median_ms"].get<double>(), 0);
+  EXPECT_GT(over["input_to_picture"]["median_ms"].get<double>(), over["input_to_force"]["median_ms"]);
+  ASSERT_EQ(kept().size(), 1U);
+  EXPECT_EQ(kept()[0].ending, Ending::kDone);
+  EXPECT_EQ(kept()[0].trainee, "Aoki");
+  EXPECT_TRUE(kept()[0].stress_shown);
+  EXPECT_NEAR(kept()[0].score.time_s, over["score"]["time_s"].get<double>(), 1e-9);
+  const json results = answer("GET", "training/trainees/Aoki/results?object=a");
+  ASSERT_EQ(results["attempts"].size(), 1U);
+  EXPECT_EQ(results["attempts"][0]["ending"], "done");
+  EXPECT_TRUE(results["curves"][0]["own"].empty());  // of tests alone
+}
+
+TEST_F(TrainingApi, AConnectionThatIsLostLeavesABrokenOffAttempt) {
+  {
+    const auto client = connect();
+    client->send_text(begin("Ueda"));
+    EXPECT_EQ(next_text(*client)["began"]["stress_shown"], false);
+    const std::optional<Said> moment = next(*client);
+    ASSERT_TRUE(moment);
+    // Whose group sees no stress is not told it in other ways.
+    EXPECT_FALSE(moment->text.contains("largest_von_mises_pa"));
+    EXPECT_FALSE(moment->text.contains("tone_hz"));
+    ASSERT_EQ(kept().size(), 1U);
+    EXPECT_EQ(kept()[0].ending, Ending::kBrokenOff);  // from its beginning on
+  }
+  EXPECT_TRUE(eventually([&] { return kept()[0].score.time_s > 0; }));
+  EXPECT_EQ(kept()[0].ending, Ending::kBrokenOff);
+  EXPECT_FALSE(kept()[0].score.done);
+  // The trainee's place is free again.
+  const auto again = connect();
+  again->send_text(begin("Ueda"));
+  EXPECT_TRUE(next_text(*again).contains("began"));
+}
+
+TEST_F(TrainingApi, ATestShowsNoStressAndAnAttemptCanBeGivenUp) {
+  const auto client = connect();
+  client->send_text(begin("Aoki", true));
+  EXPECT_EQ(next_text(*client)["began"]["stress_shown"], false);
+  client->send_text(R"({"end":true})");
+  EXPECT_EQ(next_text(*client)["over"]["ending"], "given-up");
+  EXPECT_TRUE(kept()[0].test);
+  EXPECT_EQ(kept()[0].ending, Ending::kGivenUp);
+  // A test that was given up is no result: the session goes on.
+  EXPECT_EQ(answer("GET", "training")["trainees"][0]["progress"]["a"]["session"], 1);
+}
+
+TEST_F(TrainingApi, ATraineeTrainsOnceAtATimeAndPlacesAreLimited) {
+  const auto first = connect();
+  first->send_text(begin("Aoki"));
+  ASSERT_TRUE(next_text(*first).contains("began"));
+  const auto same = connect();
+  same->send_text(begin("Aoki"));
+  EXPECT_THAT(refusal(*same), testing::Pair(1008, "Aoki is training already"));
+  room().with_results(
+      [](trainer::TrainingDatabase& results) { results.add_trainee("Mori", trainer::kStressShown, false); });
+  const auto second = connect();
+  second->send_text(begin("Ueda"));
+  ASSERT_TRUE(next_text(*second).contains("began"));
+  const auto third = connect();
+  third->send_text(begin("Mori"));
+  EXPECT_THAT(refusal(*third).second, HasSubstr("all places"));
+  EXPECT_EQ(kept().size(), 2U);
+}
+
+TEST_F(TrainingApi, RefusesInWordsWhatNoPageSays) {
+  const auto refused = [&](const std::vector<std::string>& messages) {
+    const auto client = connect();
+    for (const std::string& message : messages) client->send_text(message);
+    const auto [code, sentence] = refusal(*client);
+    EXPECT_EQ(code, 1008) << sentence;
+    return sentence;
+  };
+  EXPECT_THAT(refused({"{"}), HasSubstr("JSON object"));
+  EXPECT_THAT(refused({input(1, 0.5)}), HasSubstr("must begin first"));
+  EXPECT_THAT(refused({begin("nobody")}), HasSubstr("no trainee 'nobody'"));
+  EXPECT_THAT(refused({begin("model")}), HasSubstr("simulated"));
+  EXPECT_THAT(refused({begin("Aoki", false, 6)}), HasSubstr("1 to 5 fingers"));
+  EXPECT_TRUE(kept().empty());
+  // During an attempt it is broken off.
+  const auto client = connect();
+  client->send_text(begin("Aoki"));
+  ASSERT_TRUE(next_text(*client).contains("began"));
+  ASSERT_TRUE(next(*client));
+  client->send_text(R"({"input":1,"pointers":[{"finger":9,"x":0.5,"y":0.5,"push_m":0}]})");
+  EXPECT_THAT(refusal(*client).second, HasSubstr("no finger 9"));
+  EXPECT_TRUE(eventually([&] { return kept()[0].score.time_s > 0; }));
+  EXPECT_EQ(kept()[0].ending, Ending::kBrokenOff);
+}
+
+TEST_F(TrainingApi, KnowsTraineesAndAddsThem) {
+  const json training = answer("GET", "training");
+  ASSERT_EQ(training["trainees"].size(), 2U);  // people
+  EXPECT_EQ(training["trainees"][0]["name"], "Aoki");
+  EXPECT_EQ(training["fingers"], 5);
+  EXPECT_EQ(ask("POST", "training/trainees", R"({"name":"森","group":"stress hidden"})").status, 201);
+  EXPECT_EQ(answer("GET", "training")["trainees"].size(), 3U);
+  EXPECT_THAT(answer("POST", "training/trainees", R"({"name":"森","group":"stress hidden"})")["error"],
+              HasSubstr("already"));
+  EXPECT_EQ(ask("POST", "training/trainees", R"({"name":"x","group":"best"})").status, 400);
+  EXPECT_EQ(ask("POST", "training/trainees", R"({"name":"","group":"stress hidden"})").status, 400);
+  EXPECT_EQ(ask("GET", "training/trainees/nobody/results?object=a").status, 404);
+  EXPECT_EQ(ask("GET", "training/trainees/Aoki/results?object=z").status, 400);
+  opened.session->end();
+  sessions.close(opened.token);
+  EXPECT_EQ(ask("GET", "training").status, 401);
+}
+
+TEST_F(TrainingApi, TellsATraineesCurveBesideTheGroups) {
+  room().with_results([](trainer::TrainingDatabase& results) {
+    for (int session = 1; session <= 2; ++session) {
+      for (const char* name : {"Aoki", "Ueda"}) {
+        trainer::ExclusionRecord record;
+        record.session = session;
+        record.test = true;
+        record.object = "a";
+        record.fingers = 3;
+        record.score.largest_von_mises_pa = name[0] == 'A' ? 4e4 / session : 5e4;
+        results.add_attempt(results.trainee(name), record, utc_now());
+      }
+    }
+  });
+  const json stress = answer("GET", "training/trainees/Aoki/results?object=a")["curves"][0];
+  EXPECT_EQ(stress["measure"], "stress");
+  ASSERT_EQ(stress["own"].size(), 2U);
+  EXPECT_EQ(stress["own"][0]["value"], 40);
+  EXPECT_EQ(stress["own"][1]["value"], 20);
+  ASSERT_EQ(stress["groups"].size(), 2U);
+  EXPECT_EQ(stress["groups"][0]["group"], "stress hidden");
+  EXPECT_EQ(stress["groups"][0]["points"][1]["mean"], 50);
+  EXPECT_EQ(answer("GET", "training")["trainees"][0]["progress"]["a"]["session"], 3);
+}
+
+}  // namespace
+}  // namespace kiroku::viewer

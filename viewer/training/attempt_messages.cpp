@@ -1,0 +1,133 @@
+#include "viewer/training/attempt_messages.h"
+
+#include <nlohmann/json.hpp>
+
+#include "trainer/exclusion/picture_jpeg.h"
+#include "viewer/server/request.h"
+
+namespace kiroku::viewer {
+namespace {
+
+using nlohmann::json;
+using nlohmann::ordered_json;
+using std::chrono::nanoseconds;
+
+constexpr int kQuality = 80;
+
+double ms(nanoseconds time) { return static_cast<double>(time.count()) / 1e6; }
+
+const json& field(const json& object, const char* key) {
+  const auto found = object.find(key);
+  if (found == object.end()) throw Refusal(400, std::string("'") + key + "' is missing");
+  return *found;
+}
+
+bool flag(const json& object, const char* key) {
+  const json& value = field(object, key);
+  if (!value.is_boolean()) throw Refusal(400, std::string("'") + key + "' must be true or false");
+  return value.get<bool>();
+}
+
+std::string text(const json& object, const char* key) {
+  const json& value = field(object, key);
+  if (!value.is_string()) throw Refusal(400, std::string("'") + key + "' must be a text");
+  return value.get<std::string>();
+}
+
+double number(const json& object, const char* key) {
+  const json& value = field(object, key);
+  if (!value.is_number()) throw Refusal(400, std::string("'") + key + "' must be a number");
+  return value.get<double>();
+}
+
+std::uint64_t count(const json& object, const char* key) {
+  const json& value = field(object, key);
+  if (!value.is_number_unsigned())
+    throw Refusal(400, std::string("'") + key + "' must be a whole number from 0 on");
+  return value.get<std::uint64_t>();
+}
+
+BeginMessage begin_of(const json& object) {
+  if (!object.is_object()) throw Refusal(400, "'begin' must be an object");
+  return {text(object, "trainee"), trainer::object_kind(text(object, "object")), count(object, "fingers"),
+          flag(object, "test"), flag(object, "expert")};
+}
+
+trainer::PointerInput input_of(const json& object) {
+  const json& pointers = field(object, "pointers");
+  if (!pointers.is_array() || pointers.size() > trainer::kMostExclusionFingers)
+    throw Refusal(400, "'pointers' must be a list of at most 5");
+  trainer::PointerInput input{count(object, "input"), {}};
+  for (const json& pointer : pointers) {
+    if (!pointer.is_object()) throw Refusal(400, "a pointer must be an object");
+    input.pointers.push_back(
+        {count(pointer, "finger"), number(pointer, "x"), number(pointer, "y"), number(pointer, "push_m")});
+  }
+  return input;
+}
+
+ordered_json latency_json(const trainer::LiveOutcome::Latency& latency) {
+  return {{"median_ms", ms(latency.median)},
+          {"of_99_percent_ms", ms(latency.of_99)},
+          {"longest_ms", ms(latency.longest)}};
+}
+
+}  // namespace
+
+PageMessage parse_page_message(std::string_view message) {
+  const json object = json::parse(message, nullptr, false);
+  if (!object.is_object()) throw Refusal(400, "a message must be a JSON object");
+  if (object.contains("begin")) return begin_of(object["begin"]);
+  if (object.contains("end")) return EndMessage{};
+  if (object.contains("input")) return input_of(object);
+  throw Refusal(400, "a message must have 'begin', 'input' or 'end'");
+}
+
+ordered_json score_json(const trainer::ExclusionScore& score) {
+  return {{"done", score.done},
+          {"time_s", score.time_s},
+          {"largest_von_mises_pa", score.largest_von_mises_pa},
+          {"damaged_ml", 1e6 * score.damaged_m3},
+          {"path_m", score.path_m},
+          {"peak_force_n", score.peak_force_n},
+          {"peak_wrist_force_n", score.peak_wrist_n},
+          {"best_visible_share", score.best_visible_share}};
+}
+
+Bytes moment_message(const trainer::LiveView& view, bool shows_stress) {
+  const trainer::ExclusionView& attempt = *view.attempt;
+  ordered_json forces_n = ordered_json::array();
+  for (const sim::Vector3& force_n : attempt.hand.forces_n) forces_n.push_back(force_n.norm());
+  ordered_json moment{{"picture", view.picture},
+                      {"input", view.input},
+                      {"time_s", attempt.time_s},
+                      {"visible_share", attempt.visible_share},
+                      {"held_s", attempt.held_s},
+                      {"forces_n", forces_n},
+                      {"wrist_force_n", attempt.hand.wrist_n.norm()},
+                      {"path_m", attempt.hand.path_m},
+                      {"input_to_force_ms", ms(view.input_to_force)}};
+  if (shows_stress) {
+    moment["largest_von_mises_pa"] = attempt.largest_von_mises_pa;
+    moment["danger"] = attempt.danger;
+    moment["tone_hz"] = attempt.tone_hz;
+  }
+  const std::string head = moment.dump();
+  Bytes message;
+  for (unsigned shift = 0; shift < 32; shift += 8)
+    message.push_back(static_cast<std::byte>((head.size() >> shift) & 0xff));
+  append(message, bytes_of(head));
+  append(message, trainer::jpeg_of(*attempt.picture, kQuality));
+  return message;
+}
+
+ordered_json over_json(const trainer::LiveOutcome& over) {
+  return {{"ending", trainer::name_of(over.ending)},
+          {"score", score_json(over.outcome.score)},
+          {"input_to_force", latency_json(over.input_to_force)},
+          {"input_to_picture", latency_json(over.input_to_picture)},
+          {"force_rate_hz", over.force_rate_hz},
+          {"picture_rate_hz", over.picture_rate_hz}};
+}
+
+}  // namespace kiroku::viewer

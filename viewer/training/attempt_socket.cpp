@@ -1,0 +1,95 @@
+#include "viewer/training/attempt_socket.h"
+
+#include <utility>
+
+#include <nlohmann/json.hpp>
+
+#include "viewer/server/request.h"
+
+namespace kiroku::viewer {
+namespace {
+
+using nlohmann::ordered_json;
+
+constexpr double kPicturesPerSecond = 30;
+
+}  // namespace
+
+AttemptSocket::AttemptSocket(TrainingRoom& room, std::shared_ptr<SocketOutput> output)
+    : room_(room), output_(std::move(output)) {}
+
+void AttemptSocket::receive(const SocketMessage& message) {
+  if (!message.is_text) throw Refusal(400, "a message must be text");
+  const PageMessage said = parse_page_message(text_of(message.bytes));
+  if (const auto* asked = std::get_if<BeginMessage>(&said)) {
+    begin(*asked);
+    return;
+  }
+  if (!attempt_) throw Refusal(400, "an attempt must begin first");
+  if (const auto* input = std::get_if<trainer::PointerInput>(&said)) {
+    attempt_->point(*input);
+  } else {
+    attempt_->give_up();
+  }
+}
+
+void AttemptSocket::begin(const BeginMessage& message) {
+  if (attempt_) throw Refusal(409, "an attempt has begun on this connection already");
+  static_cast<void>(trainer::side_by_side_m(message.fingers));  // refuses fingers that no hand has
+  place_ = room_.enter(message.trainee);
+  trainer::ExclusionRecord record;
+  record.test = message.test;
+  record.object = trainer::name_of(message.object);
+  record.fingers = message.fingers;
+  const std::int64_t kept = room_.with_results([&](trainer::TrainingDatabase& results) {
+    const trainer::Trainee trainee = results.trainee(message.trainee);
+    if (trainee.simulated) throw Refusal(409, "this is a simulated trainee, no person");
+    record.stress_shown = !message.test && trainee.group != trainer::kStressHidden;
+    record.session = trainer::progress_of(results.attempts(), trainee.name, record.object).session;
+    return results.begin_attempt(trainee, record, utc_now());
+  });
+  trainer::ExclusionOptions options;
+  options.shows_stress = record.stress_shown;
+  options.picture_rate_hz = kPicturesPerSecond;
+  const auto expert = room_.options().experts.find(message.object);
+  if (message.expert && expert != room_.options().experts.end()) options.ghost = expert->second;
+  attempt_ =
+      std::make_unique<trainer::LiveAttempt>([this, object = message.object] { return room_.body(object); },
+                                             std::move(options), message.fingers, listener(kept, record));
+}
+
+trainer::LiveListener AttemptSocket::listener(std::int64_t attempt, const trainer::ExclusionRecord& record) {
+  trainer::LiveListener out;
+  out.began = [this, record](const trainer::ExclusionBody& body) {
+    const trainer::ExclusionTask& task = body.task();
+    output_->send_text(ordered_json{{"began",
+                                     {{"session", record.session},
+                                      {"test", record.test},
+                                      {"stress_shown", record.stress_shown},
+                                      {"object", record.object},
+                                      {"fingers", record.fingers},
+                                      {"vertices", body.object().mesh.nodes.size()},
+                                      {"damage_pa", task.damage_pa},
+                                      {"visible_share", task.visible_share},
+                                      {"hold_s", task.hold_s},
+                                      {"most_s", task.most_s}}}}
+                           .dump());
+  };
+  out.shown = [this, shows_stress = record.stress_shown](const trainer::LiveView& view) {
+    // What a slow browser has not taken yet would only make the next picture later.
+    if (output_->waiting() == 0) output_->send_bytes(std::make_shared<const Bytes>(moment_message(view, shows_stress)));
+  };
+  out.over = [this, attempt](const trainer::LiveOutcome& over) {
+    room_.with_results([&](trainer::TrainingDatabase& results) {
+      results.end_attempt(attempt, over.ending, over.outcome.score);
+    });
+    output_->send_text(ordered_json{{"over", over_json(over)}}.dump());
+  };
+  out.failed = [this](const std::string& sentence) {
+    room_.options().tell("an attempt ended: " + sentence);
+    output_->send_text(ordered_json{{"failed", sentence}}.dump());
+  };
+  return out;
+}
+
+}  // namespace kiroku::viewer

@@ -1,0 +1,30 @@
+// One attempt over one WebSocket (docs/training.md, "The page").
+#pragma once
+
+#include <memory>
+#include <optional>
+
+#include "viewer/server/socket.h"
+#include "viewer/training/attempt_messages.h"
+#include "viewer/training/training_room.h"
+
+namespace kiroku::viewer {
+
+/// Its end breaks off an attempt that runs, and waits until that is kept.
+class AttemptSocket : public SocketHandler {
+ public:
+  /// `room` must outlive it.
+  AttemptSocket(TrainingRoom& room, std::shared_ptr<SocketOutput> output);
+  void receive(const SocketMessage& message) override;
+
+ private:
+  void begin(const BeginMessage& message);
+  [[nodiscard]] trainer::LiveListener listener(std::int64_t attempt, const trainer::ExclusionRecord& record);
+
+  TrainingRoom& room_;
+  std::shared_ptr<SocketOutput> output_;
+  std::unique_ptr<TrainingRoom::Place> place_;
+  std::unique_ptr<trainer::LiveAttempt> attempt_;  // last: over before what it uses
+};
+
+}  // namespace kiroku::viewer

@@ -1,0 +1,132 @@
+#include "viewer/training/training_api.h"
+
+#include <algorithm>
+
+#include <nlohmann/json.hpp>
+
+#include "trainer/curriculum/learning.h"
+#include "viewer/server/json_fields.h"
+#include "viewer/training/attempt_socket.h"
+
+namespace kiroku::viewer {
+namespace {
+
+using nlohmann::json;
+using nlohmann::ordered_json;
+using trainer::ExclusionRecord;
+using trainer::Trainee;
+using trainer::TrainingDatabase;
+
+constexpr std::array kObjects{trainer::ObjectKind::kLiver, trainer::ObjectKind::kLung};
+constexpr std::array<const char*, trainer::kMeasures.size()> kMeasureNames{"stress", "time", "path", "force",
+                                                                           "damage"};
+
+ordered_json trainee_json(const Trainee& trainee, const std::vector<ExclusionRecord>& records) {
+  ordered_json progress = ordered_json::object();
+  for (const trainer::ObjectKind kind : kObjects) {
+    const std::string object = trainer::name_of(kind);
+    const trainer::TraineeProgress found = trainer::progress_of(records, trainee.name, object);
+    progress[object] = {{"session", found.session}, {"practised_s", found.practised_s}};
+  }
+  return {{"name", trainee.name}, {"group", trainee.group}, {"progress", progress}};
+}
+
+Response training(TrainingRoom& room) {
+  ordered_json trainees = ordered_json::array();
+  room.with_results([&](const TrainingDatabase& results) {
+    const std::vector<ExclusionRecord> records = results.attempts();
+    for (const Trainee& trainee : results.trainees()) {
+      if (!trainee.simulated) trainees.push_back(trainee_json(trainee, records));
+    }
+  });
+  ordered_json experts = ordered_json::array();
+  for (const auto& [kind, motion] : room.options().experts) experts.push_back(trainer::name_of(kind));
+  return Response::json({{"objects", {"a", "b"}},
+                         {"fingers", trainer::kMostExclusionFingers},
+                         {"groups", {trainer::kStressShown, trainer::kStressHidden}},
+                         {"experts", experts},
+                         {"damage_pa", room.options().damage_pa},
+                         {"practice_s", trainer::kPracticeSeconds},
+                         {"trainees", trainees}});
+}
+
+Response add_trainee(TrainingRoom& room, const Request& request) {
+  const json asked = request.json();
+  const std::string name = take_text(asked, "name"), group = take_text(asked, "group");
+  if (group != trainer::kStressShown && group != trainer::kStressHidden)
+    throw Refusal(400, std::string("'group' must be '") + trainer::kStressShown + "' or '" +
+                           trainer::kStressHidden + "'");
+  return Response::json(room.with_results([&](TrainingDatabase& results) {
+    return trainee_json(results.add_trainee(name, group, false), {});
+  }),
+                        201);
+}
+
+ordered_json curve_json(const std::vector<ExclusionRecord>& records, const std::string& trainee,
+                        const std::string& object, trainer::Measure measure) {
+  ordered_json own = ordered_json::array(), groups = ordered_json::array();
+  for (const auto& [session, value] : trainer::learning_curve_of(records, trainee, object, measure))
+    own.push_back({{"session", session}, {"value", value}});
+  for (const trainer::LearningCurve& curve : trainer::learning_curves(records, object, measure)) {
+    ordered_json points = ordered_json::array();
+    for (const trainer::CurvePoint& point : curve.points) {
+      ordered_json one{
+          {"session", point.session}, {"trainees", point.summary.count}, {"mean", point.summary.mean}};
+      if (point.summary.of_mean) {
+        one["low"] = point.summary.of_mean->low;
+        one["high"] = point.summary.of_mean->high;
+      }
+      points.push_back(one);
+    }
+    groups.push_back({{"group", curve.group}, {"points", points}});
+  }
+  return {{"measure", kMeasureNames.at(static_cast<std::size_t>(measure))}, {"own", own}, {"groups", groups}};
+}
+
+Response results_of(TrainingRoom& room, const Request& request) {
+  const std::string& name = request.parameter("trainee");
+  const std::string object = request.query_text("object").value_or("a");
+  static_cast<void>(trainer::object_kind(object));
+  const std::vector<ExclusionRecord> records = room.with_results([&](const TrainingDatabase& results) {
+    const std::vector<Trainee> trainees = results.trainees();
+    if (std::ranges::find(trainees, name, &Trainee::name) == trainees.end())
+      throw Refusal(404, "there is no trainee of that name");
+    return results.attempts();
+  });
+  ordered_json attempts = ordered_json::array();
+  for (const ExclusionRecord& record : records) {
+    if (record.trainee != name || record.object != object) continue;
+    attempts.push_back({{"session", record.session},
+                        {"test", record.test},
+                        {"stress_shown", record.stress_shown},
+                        {"fingers", record.fingers},
+                        {"ending", trainer::name_of(record.ending)},
+                        {"score", score_json(record.score)}});
+  }
+  ordered_json curves = ordered_json::array();
+  for (const trainer::Measure measure : trainer::kMeasures)
+    curves.push_back(curve_json(records, name, object, measure));
+  return Response::json({{"trainee", name}, {"object", object}, {"attempts", attempts}, {"curves", curves}});
+}
+
+}  // namespace
+
+void add_training_routes(Router& router, TrainingRoom& room) {
+  router.add("GET", "api/training", Right::kSignedIn,
+             [&room](const Request& /*request*/) { return training(room); });
+  router.add("POST", "api/training/trainees", Right::kSignedIn,
+             [&room](const Request& request) { return add_trainee(room, request); });
+  router.add("GET", "api/training/trainees/{trainee:text}/results", Right::kSignedIn,
+             [&room](const Request& request) { return results_of(room, request); });
+  Route attempt;
+  attempt.method = "GET";
+  attempt.pattern = "api/training/attempt";
+  attempt.right = Right::kSignedIn;
+  attempt.body_limit = kLongestPageMessage;
+  attempt.socket = [&room](const Request& /*request*/, std::shared_ptr<SocketOutput> output) {
+    return std::make_unique<AttemptSocket>(room, std::move(output));
+  };
+  router.add(std::move(attempt));
+}
+
+}  // namespace kiroku::viewer

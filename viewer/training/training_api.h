@@ -1,0 +1,12 @@
+// The trainer's part of the API (docs/training.md, "The page").
+#pragma once
+
+#include "viewer/server/router.h"
+#include "viewer/training/training_room.h"
+
+namespace kiroku::viewer {
+
+/// `room` must outlive the router. Everybody who has signed in may train.
+void add_training_routes(Router& router, TrainingRoom& room);
+
+}  // namespace kiroku::viewer

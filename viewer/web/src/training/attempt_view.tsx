@@ -1,0 +1,262 @@
+// The task itself: the picture, the fingers on it, and what a trainee may know.
+import { useSignal } from '@preact/signals';
+import { useEffect, useMemo, useRef } from 'preact/hooks';
+import { t } from '@/i18n/i18n';
+import { Icon } from '@/shell/icon';
+import { announce } from '@/shell/state';
+import { type BrowserPointer, Median, Pointers } from '@/training/pointers';
+import { Tone } from '@/training/tone';
+import { AttemptConnection, type Began, type Begin, type Moment, type Over } from '@/training/training_api';
+
+/** Of the bars: what a fingertip rarely exceeds. */
+const kMostForce_n = 20;
+const kMuted = 'kiroku.training.muted';
+/** Numbers are written so often; pictures are drawn each. */
+const kEvery_ms = 100;
+
+function StressScale({ most_pa }: { most_pa: number }) {
+  const most = most_pa / 1000;
+  return (
+    <figure class="stress-scale" aria-label={t('attempt.scale', { most })}>
+      <div class="stress-scale-bar" aria-hidden="true" />
+      <ol aria-hidden="true">
+        {[1, 0.75, 0.5, 0.25, 0].map((share) => (
+          <li key={share}>{share * most}</li>
+        ))}
+      </ol>
+      <figcaption>{t('attempt.scale', { most })}</figcaption>
+    </figure>
+  );
+}
+
+function Forces({ forces_n, wrist_n }: { forces_n: readonly number[]; wrist_n: number }) {
+  return (
+    <section class="force-list" aria-label={t('attempt.forces')}>
+      <h2>{t('attempt.forces')}</h2>
+      {forces_n.map((force, i) => (
+        <div class="force" key={i}>
+          <span>{t('attempt.finger', { n: i + 1 })}</span>
+          <progress class="force-bar" max={kMostForce_n} value={Math.min(force, kMostForce_n)} aria-label={t('attempt.finger', { n: i + 1 })} />
+          <span class="mono">{force.toFixed(1)}</span>
+        </div>
+      ))}
+      <div class="force force-all">
+        <span>{t('attempt.all')}</span>
+        <span />
+        <span class="mono">{wrist_n.toFixed(1)}</span>
+      </div>
+    </section>
+  );
+}
+
+export function AttemptView({ begin, over, lost }: { begin: Begin; over: (began: Began, over: Over) => void; lost: (sentence: string) => void }) {
+  const canvas = useRef<HTMLCanvasElement>(null);
+  const field = useRef<HTMLDivElement>(null);
+  const began = useSignal<Began | undefined>(undefined);
+  const moment = useSignal<Moment | undefined>(undefined);
+  const toPicture_ms = useSignal<number | undefined>(undefined);
+  const muted = useSignal(localStorage.getItem(kMuted) === 'yes');
+  const keys = useSignal<{ x: number; y: number; finger: number } | undefined>(undefined);
+  const connection = useRef<AttemptConnection | undefined>(undefined);
+  const pointers = useMemo(() => new Pointers(begin.fingers), [begin]);
+  const tone = useMemo(() => new Tone(), [begin]);
+  const sent = useMemo(() => new Map<number, number>(), [begin]);
+
+  useEffect(() => {
+    let told: Began | undefined;
+    let seen = false;
+    let written_ms = 0;
+    const latency = new Median();
+    tone.muted = muted.value;
+    tone.start();
+    connection.current = new AttemptConnection(begin, {
+      began: (what) => {
+        told = what;
+        began.value = what;
+        announce(t('attempt.began'));
+        field.current?.focus();
+      },
+      moment: (now, picture) => {
+        const context = canvas.current?.getContext('2d');
+        if (!context) return;
+        if (context.canvas.width !== picture.width) {
+          context.canvas.width = picture.width;
+          context.canvas.height = picture.height;
+        }
+        context.drawImage(picture, 0, 0);
+        const at_ms = sent.get(now.input);
+        if (at_ms !== undefined) {
+          latency.add(performance.now() - at_ms);
+          for (const number of sent.keys()) if (number <= now.input) sent.delete(number);
+        }
+        tone.play(now.tone_hz ?? 0);
+        const inSight = told !== undefined && now.visible_share >= told.visible_share;
+        if (inSight && !seen) announce(t('attempt.lineSeen'));
+        seen = inSight;
+        if (performance.now() - written_ms < kEvery_ms && moment.value) return;
+        written_ms = performance.now();
+        toPicture_ms.value = latency.value;
+        moment.value = now;
+      },
+      over: (what) => {
+        announce(t(`ending.${what.ending}`));
+        if (told) over(told, what);
+      },
+      lost,
+    });
+    return () => {
+      connection.current?.leave();
+      tone.stop();
+    };
+  }, [begin]);
+
+  const send = (at_ms: number) => {
+    const number = connection.current?.point(pointers.pointers) ?? 0;
+    if (number > 0) sent.set(number, at_ms);
+  };
+  const placed = (event: PointerEvent): BrowserPointer => {
+    const box = (field.current as HTMLDivElement).getBoundingClientRect();
+    return {
+      id: event.pointerId,
+      kind: event.pointerType === 'touch' || event.pointerType === 'pen' ? event.pointerType : 'mouse',
+      x: (event.clientX - box.left) / box.width,
+      y: (event.clientY - box.top) / box.height,
+      pressure: event.pressure,
+    };
+  };
+  const press = (event: PointerEvent) => {
+    if (event.button !== 0 || !pointers.press(placed(event))) return;
+    field.current?.setPointerCapture(event.pointerId);
+    send(event.timeStamp);
+  };
+  const release = (event: PointerEvent) => {
+    if (pointers.release(event.pointerId)) send(event.timeStamp);
+  };
+  const showKeys = () => {
+    const { x, y, finger } = pointers.keysAt;
+    keys.value = { x, y, finger };
+  };
+  useEffect(() => {
+    const element = field.current as HTMLDivElement;
+    // Preact's own listeners are passive, and the page would scroll.
+    const wheel = (event: WheelEvent) => {
+      event.preventDefault();
+      if (pointers.wheel(event.deltaY)) send(event.timeStamp);
+    };
+    const hidden = () => {
+      pointers.releaseAll();
+      send(performance.now());
+    };
+    element.addEventListener('wheel', wheel, { passive: false });
+    document.addEventListener('visibilitychange', hidden);
+    return () => {
+      element.removeEventListener('wheel', wheel);
+      document.removeEventListener('visibilitychange', hidden);
+    };
+  }, [begin]);
+
+  const told = began.value;
+  const now = moment.value;
+  const stress_kPa = now?.largest_von_mises_pa === undefined ? undefined : now.largest_von_mises_pa / 1000;
+  return (
+    <main id="main" class="main pad attempt" tabIndex={-1}>
+      <div class="view-head">
+        <h1>{told ? t(told.test ? 'attempt.test' : 'attempt.practice', { session: told.session }) : t('train.title')}</h1>
+        <div class="attempt-do">
+          <button
+            type="button"
+            class="button button-quiet"
+            onClick={() => {
+              muted.value = !muted.value;
+              tone.muted = muted.value;
+              localStorage.setItem(kMuted, muted.value ? 'yes' : 'no');
+            }}
+          >
+            <Icon name={muted.value ? 'soundOff' : 'sound'} />
+            {muted.value ? t('attempt.unmute') : t('attempt.mute')}
+          </button>
+          <button type="button" class="button" onClick={() => (told ? connection.current?.giveUp() : lost(''))}>
+            {t('attempt.giveUp')}
+          </button>
+        </div>
+      </div>
+      <div class="attempt-body">
+        <div class="attempt-picture">
+          <div
+            ref={field}
+            class="attempt-field"
+            role="application"
+            tabIndex={0}
+            aria-label={t('attempt.picture')}
+            aria-busy={told === undefined}
+            onPointerDown={press}
+            onPointerMove={(event) => {
+              if (pointers.move(placed(event))) send(event.timeStamp);
+            }}
+            onPointerUp={release}
+            onPointerCancel={release}
+            onContextMenu={(event) => event.preventDefault()}
+            onKeyDown={(event) => {
+              if (event.ctrlKey || event.altKey || event.metaKey || !pointers.key(event.key, event.shiftKey)) return;
+              event.preventDefault();
+              showKeys();
+              send(event.timeStamp);
+            }}
+            onBlur={() => {
+              keys.value = undefined;
+            }}
+          >
+            <canvas ref={canvas} width={640} height={480} aria-hidden="true" />
+            {!told && <p class="attempt-making">{t('attempt.making')}</p>}
+            {keys.value && (
+              <span class={pointers.keysAreDown ? 'key-mark key-mark-down' : 'key-mark'} style={{ left: `${keys.value.x * 100}%`, top: `${keys.value.y * 100}%` }} aria-hidden="true">
+                {keys.value.finger === 0 ? '' : keys.value.finger}
+              </span>
+            )}
+          </div>
+          {told?.stress_shown && <StressScale most_pa={told.damage_pa} />}
+          <p class="muted attempt-how">
+            {t('attempt.how')} {t('attempt.howTouch')} {t('attempt.howKeys', { n: begin.fingers })}
+          </p>
+        </div>
+        <div class="attempt-side">
+          <dl class="attempt-facts card">
+            <div>
+              <dt>{t('attempt.time')}</dt>
+              <dd class="mono">{(now?.time_s ?? 0).toFixed(1)} s</dd>
+            </div>
+            <div>
+              <dt>{t('attempt.seen')}</dt>
+              <dd class="mono">{Math.round(100 * (now?.visible_share ?? 0))} %</dd>
+            </div>
+            <div>
+              <dt>{t('attempt.held')}</dt>
+              <dd class="mono">
+                {(now?.held_s ?? 0).toFixed(1)} / {(told?.hold_s ?? 1).toFixed(1)} s
+              </dd>
+            </div>
+            <div>
+              <dt>{t('attempt.path')}</dt>
+              <dd class="mono">{(100 * (now?.path_m ?? 0)).toFixed(0)} cm</dd>
+            </div>
+            {told && !told.stress_shown && <p class="muted">{t('attempt.stressHidden')}</p>}
+            {stress_kPa !== undefined && (
+              <div class={(now?.danger ?? 0) > 0 ? 'attempt-danger' : ''}>
+                <dt>{t('attempt.stress')}</dt>
+                <dd class="mono">
+                  {(now?.danger ?? 0) > 0 && <Icon name="alarm" />} {stress_kPa.toFixed(0)} kPa
+                </dd>
+              </div>
+            )}
+          </dl>
+          <div class="card">
+            <Forces forces_n={now?.forces_n ?? Array.from({ length: begin.fingers }, () => 0)} wrist_n={now?.wrist_force_n ?? 0} />
+          </div>
+          <p class="muted attempt-latency">
+            {now && toPicture_ms.value !== undefined && t('attempt.latency', { force: now.input_to_force_ms.toFixed(1), picture: toPicture_ms.value.toFixed(0) })}
+          </p>
+        </div>
+      </div>
+    </main>
+  );
+}

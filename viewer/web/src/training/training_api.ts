@@ -1,0 +1,201 @@
+// The trainer's API and the messages of an attempt (docs/training.md, "The page").
+import { get, post } from '@/api/client';
+
+export type ObjectName = 'a' | 'b';
+export type Ending = 'done' | 'time-over' | 'given-up' | 'broken-off';
+export type Measure = 'stress' | 'time' | 'path' | 'force' | 'damage';
+export const kMeasures: readonly Measure[] = ['stress', 'time', 'path', 'force', 'damage'];
+
+export interface Trainee {
+  name: string;
+  group: string;
+  progress: Record<ObjectName, { session: number; practised_s: number }>;
+}
+
+export interface Training {
+  objects: ObjectName[];
+  fingers: number;
+  groups: string[];
+  experts: ObjectName[];
+  damage_pa: number;
+  practice_s: number;
+  trainees: Trainee[];
+}
+
+export interface Score {
+  done: boolean;
+  time_s: number;
+  largest_von_mises_pa: number;
+  damaged_ml: number;
+  path_m: number;
+  peak_force_n: number;
+  peak_wrist_force_n: number;
+  best_visible_share: number;
+}
+
+export interface AttemptKept {
+  session: number;
+  test: boolean;
+  stress_shown: boolean;
+  fingers: number;
+  ending: Ending;
+  score: Score;
+}
+
+export interface Curve {
+  measure: Measure;
+  own: { session: number; value: number }[];
+  groups: { group: string; points: { session: number; trainees: number; mean: number; low?: number; high?: number }[] }[];
+}
+
+export interface Results {
+  trainee: string;
+  object: ObjectName;
+  attempts: AttemptKept[];
+  curves: Curve[];
+}
+
+export interface Begin {
+  trainee: string;
+  object: ObjectName;
+  fingers: number;
+  test: boolean;
+  expert: boolean;
+}
+
+export interface Began {
+  session: number;
+  test: boolean;
+  stress_shown: boolean;
+  object: ObjectName;
+  fingers: number;
+  vertices: number;
+  damage_pa: number;
+  visible_share: number;
+  hold_s: number;
+  most_s: number;
+}
+
+/** What goes with a picture; what tells of stress is there only where it is shown. */
+export interface Moment {
+  picture: number;
+  input: number;
+  time_s: number;
+  visible_share: number;
+  held_s: number;
+  forces_n: number[];
+  wrist_force_n: number;
+  input_to_force_ms: number;
+  path_m: number;
+  largest_von_mises_pa?: number;
+  danger?: number;
+  tone_hz?: number;
+}
+
+export interface Latency {
+  median_ms: number;
+  of_99_percent_ms: number;
+  longest_ms: number;
+}
+
+export interface Over {
+  ending: Ending;
+  score: Score;
+  input_to_force: Latency;
+  input_to_picture: Latency;
+  force_rate_hz: number;
+  picture_rate_hz: number;
+}
+
+export interface Pointer {
+  /** From 1; 0: all fingers of the hand. */
+  finger: number;
+  x: number;
+  y: number;
+  push_m: number;
+}
+
+export const training = {
+  get: () => get<Training>('training'),
+  addTrainee: (name: string, group: string) => post<Trainee>('training/trainees', { name, group }),
+  results: (trainee: string, object: ObjectName) => get<Results>(`training/trainees/${encodeURIComponent(trainee)}/results?object=${object}`),
+};
+
+/** The parts of a message of a moment. */
+export function splitMoment(message: ArrayBuffer): { moment: Moment; jpeg: Blob } {
+  const size = new DataView(message).getUint32(0, true);
+  const moment = JSON.parse(new TextDecoder().decode(new Uint8Array(message, 4, size))) as Moment;
+  return { moment, jpeg: new Blob([new Uint8Array(message, 4 + size)], { type: 'image/jpeg' }) };
+}
+
+export interface Listener {
+  began: (began: Began) => void;
+  moment: (moment: Moment, picture: ImageBitmap) => void;
+  over: (over: Over) => void;
+  /** The connection ended before the attempt did, with the server's sentence or none. */
+  lost: (sentence: string) => void;
+}
+
+/** One attempt over one connection. Pictures that come while one is being decoded are left out. */
+export class AttemptConnection {
+  private readonly socket: WebSocket;
+  private ended = false;
+  private decoding = false;
+  private failed = '';
+  private last = 0;
+
+  constructor(begin: Begin, listener: Listener) {
+    this.socket = new WebSocket(`wss://${location.host}/api/training/attempt`);
+    this.socket.binaryType = 'arraybuffer';
+    this.socket.onopen = () => this.socket.send(JSON.stringify({ begin }));
+    this.socket.onmessage = (event: MessageEvent<string | ArrayBuffer>) => {
+      if (typeof event.data !== 'string') {
+        void this.show(event.data, listener);
+        return;
+      }
+      const said = JSON.parse(event.data) as { began?: Began; over?: Over; failed?: string };
+      if (said.began) listener.began(said.began);
+      if (said.failed !== undefined) {
+        this.failed = said.failed;
+        this.socket.close();
+      }
+      if (said.over) {
+        this.ended = true;
+        this.socket.close();
+        listener.over(said.over);
+      }
+    };
+    this.socket.onclose = (event) => {
+      if (!this.ended) listener.lost(this.failed || event.reason);
+      this.ended = true;
+    };
+  }
+
+  /** The number that pictures name once they show it; 0 while nothing can be sent. */
+  point(pointers: readonly Pointer[]): number {
+    if (this.ended || this.socket.readyState !== WebSocket.OPEN) return 0;
+    this.socket.send(JSON.stringify({ input: ++this.last, pointers }));
+    return this.last;
+  }
+  giveUp(): void {
+    if (!this.ended && this.socket.readyState === WebSocket.OPEN) this.socket.send('{"end":true}');
+  }
+  /** Leaves: an attempt that still runs is broken off, and nothing is told any more. */
+  leave(): void {
+    this.ended = true;
+    this.socket.close();
+  }
+
+  private async show(message: ArrayBuffer, listener: Listener): Promise<void> {
+    if (this.decoding || this.ended) return;
+    this.decoding = true;
+    try {
+      const { moment, jpeg } = splitMoment(message);
+      const picture = await createImageBitmap(jpeg);
+      if (!this.ended) listener.moment(moment, picture);
+      picture.close();
+    } finally {
+      this.decoding = false;
+    }
+  }
+}

@@ -1,0 +1,202 @@
+// The trainer: who trains, on what; then the attempt; then what came of it.
+import { useSignal } from '@preact/signals';
+import { useEffect } from 'preact/hooks';
+import { formatTime, kSecond } from '@/base/time';
+import { t, word } from '@/i18n/i18n';
+import { attempt, notify } from '@/shell/state';
+import { AttemptView } from '@/training/attempt_view';
+import { ResultView } from '@/training/result_view';
+import { training as api, type Began, type Begin, type ObjectName, type Over, type Training } from '@/training/training_api';
+
+const kStored = 'kiroku.training';
+
+interface Choice {
+  trainee: string;
+  object: ObjectName;
+  fingers: number;
+  expert: boolean;
+}
+
+function storedChoice(): Choice {
+  const first: Choice = { trainee: '', object: 'a', fingers: 3, expert: false };
+  try {
+    return { ...first, ...(JSON.parse(localStorage.getItem(kStored) ?? '{}') as Partial<Choice>) };
+  } catch {
+    return first;
+  }
+}
+
+type Stage = { at: 'choose' } | { at: 'attempt'; begin: Begin } | { at: 'result'; begin: Begin; came?: { began: Began; over: Over } };
+
+function AddTrainee({ groups, added }: { groups: string[]; added: (name: string) => Promise<unknown> }) {
+  const add = async (event: SubmitEvent) => {
+    event.preventDefault();
+    const form = event.currentTarget as HTMLFormElement;
+    const fields = new FormData(form);
+    const name = String(fields.get('name')).trim();
+    await attempt(async () => {
+      await api.addTrainee(name, String(fields.get('group')));
+      form.reset();
+      notify(t('train.added', { name }), 'done');
+      await added(name);
+    });
+  };
+  return (
+    <form class="card form-row train-add" onSubmit={(event) => void add(event)} aria-label={t('train.add')}>
+      <h2>{t('train.add')}</h2>
+      <label class="field">
+        <span>{t('train.name')}</span>
+        <input name="name" required maxLength={40} autocomplete="off" />
+      </label>
+      <label class="field">
+        <span>{t('train.group')}</span>
+        <select name="group">
+          {groups.map((group) => (
+            <option key={group} value={group}>
+              {word('group', group)}
+            </option>
+          ))}
+        </select>
+      </label>
+      <button type="submit" class="button button-main">
+        {t('train.addDo')}
+      </button>
+      <p class="muted">{t('train.groupWhat')}</p>
+    </form>
+  );
+}
+
+export function TrainingView() {
+  const known = useSignal<Training | undefined>(undefined);
+  const choice = useSignal<Choice>(storedChoice());
+  const stage = useSignal<Stage>({ at: 'choose' });
+  const load = () =>
+    attempt(async () => {
+      known.value = await api.get();
+    });
+  useEffect(() => {
+    void load();
+  }, []);
+  useEffect(() => {
+    document.title = `${t('nav.training')} · Kiroku`;
+  });
+  const choose = (change: Partial<Choice>) => {
+    choice.value = { ...choice.value, ...change };
+    localStorage.setItem(kStored, JSON.stringify(choice.value));
+  };
+  const choosing = () => {
+    stage.value = { at: 'choose' };
+    void load();
+  };
+  const beginOf = (test: boolean): Begin => ({ ...choice.value, test });
+
+  const now = stage.value;
+  if (now.at === 'attempt') {
+    return (
+      <AttemptView
+        begin={now.begin}
+        over={(began, over) => (stage.value = { at: 'result', begin: now.begin, came: { began, over } })}
+        lost={(sentence) => {
+          notify(sentence || t('attempt.lost'));
+          choosing();
+        }}
+      />
+    );
+  }
+  if (now.at === 'result') {
+    return (
+      <ResultView
+        begin={now.begin}
+        {...(now.came ? { came: now.came } : {})}
+        again={(test) => (stage.value = { at: 'attempt', begin: { ...now.begin, test } })}
+        other={choosing}
+      />
+    );
+  }
+
+  const training = known.value;
+  if (!training) return <main id="main" class="main narrow" tabIndex={-1} aria-busy="true" />;
+  const trainee = training.trainees.find((one) => one.name === choice.value.trainee);
+  const progress = trainee?.progress[choice.value.object];
+  const hasExpert = training.experts.includes(choice.value.object);
+  const go = (begin: Begin) => (stage.value = { at: 'attempt', begin: { ...begin, expert: begin.expert && hasExpert } });
+  return (
+    <main id="main" class="main narrow" tabIndex={-1}>
+      <div class="view-head">
+        <h1>{t('train.title')}</h1>
+      </div>
+      <p class="train-what">{t('train.what')}</p>
+      <section class="card train-choice" aria-label={t('train.title')}>
+        <label class="field">
+          <span>{t('train.trainee')}</span>
+          <select value={trainee?.name ?? ''} onChange={(event) => choose({ trainee: event.currentTarget.value })}>
+            <option value="">{t('train.choose')}</option>
+            {training.trainees.map((one) => (
+              <option key={one.name} value={one.name}>
+                {one.group === '' ? one.name : `${one.name} · ${word('group', one.group)}`}
+              </option>
+            ))}
+          </select>
+        </label>
+        <label class="field">
+          <span>{t('train.object')}</span>
+          <select value={choice.value.object} onChange={(event) => choose({ object: event.currentTarget.value as ObjectName })}>
+            {training.objects.map((object) => (
+              <option key={object} value={object}>
+                {t(`object.${object}`)}
+              </option>
+            ))}
+          </select>
+        </label>
+        <label class="field">
+          <span>{t('train.fingers')}</span>
+          <select value={choice.value.fingers} onChange={(event) => choose({ fingers: Number(event.currentTarget.value) })}>
+            {Array.from({ length: training.fingers }, (_, i) => i + 1).map((count) => (
+              <option key={count} value={count}>
+                {count}
+              </option>
+            ))}
+          </select>
+        </label>
+        {hasExpert && (
+          <label class="train-check">
+            <input type="checkbox" checked={choice.value.expert} onChange={(event) => choose({ expert: event.currentTarget.checked })} />
+            <span>{t('train.expert')}</span>
+          </label>
+        )}
+        <p class="muted train-progress">
+          {training.trainees.length === 0 && t('train.nobody')}
+          {progress &&
+            t('train.progress', {
+              session: progress.session,
+              done: formatTime(Math.round(progress.practised_s) * kSecond),
+              all: formatTime(training.practice_s * kSecond),
+            })}
+        </p>
+        <div class="train-do">
+          <button type="button" class="button button-main" disabled={!trainee} onClick={() => go(beginOf(false))}>
+            {t('train.practise')}
+          </button>
+          <button type="button" class="button" disabled={!trainee} onClick={() => go(beginOf(true))}>
+            {t('train.test')}
+          </button>
+          <button
+            type="button"
+            class="button button-quiet"
+            disabled={!trainee}
+            onClick={() => (stage.value = { at: 'result', begin: beginOf(false) })}
+          >
+            {t('train.results')}
+          </button>
+        </div>
+      </section>
+      <AddTrainee
+        groups={training.groups}
+        added={async (name) => {
+          await load();
+          choose({ trainee: name });
+        }}
+      />
+    </main>
+  );
+}
