@@ -47,21 +47,30 @@ export async function until<T>(what: string, look: () => Promise<T | undefined> 
 }
 
 export class Appliance {
-  readonly home: string;
   url = '';
   signIn = '';
   private readonly processes: ChildProcess[] = [];
 
-  private constructor(private readonly folder: string) {
-    this.home = join(folder, 'home');
-  }
+  /** `folder`: what goes with the appliance. */
+  private constructor(
+    private readonly folder: string | undefined,
+    readonly home: string,
+  ) {}
 
   static async start(): Promise<Appliance> {
-    const appliance = new Appliance(mkdtempSync(join(tmpdir(), 'kiroku-page-')));
+    const folder = mkdtempSync(join(tmpdir(), 'kiroku-page-'));
+    const appliance = new Appliance(folder, join(folder, 'home'));
     await appliance.kiroku('init', '--demo');
     appendFileSync(join(appliance.home, 'kiroku.toml'), kRoom);
     appliance.spawn(kirokud, ['--home', appliance.home]);
     await until('kirokud answers', () => appliance.kiroku('status').then(() => true, () => undefined));
+    await appliance.view();
+    return appliance;
+  }
+
+  /** Shows the cases of a home that is there already, which it leaves as it is. */
+  static async show(home: string): Promise<Appliance> {
+    const appliance = new Appliance(undefined, home);
     await appliance.view();
     return appliance;
   }
@@ -115,7 +124,7 @@ export class Appliance {
         await ended;
       }
     }
-    rmSync(this.folder, { recursive: true, force: true });
+    if (this.folder) rmSync(this.folder, { recursive: true, force: true });
   }
 }
 
@@ -187,4 +196,30 @@ export async function keepPicture(page: Page, name: string): Promise<void> {
 
 export async function near(page: Page, seconds: number, tolerance = 0.05): Promise<void> {
   await expect.poll(() => clockOf(page)).toSatisfy((at: number) => Math.abs(at - seconds) <= tolerance, `${seconds} s`);
+}
+
+/** How far the endoscope is ahead of the room whenever it shows a new frame, in seconds of the case: by the frames' own times and when they came to the
+ * screen, both playing at `rate`. */
+export async function measuredOffsets(page: Page, seconds: number, rate = 1): Promise<number[]> {
+  return page.evaluate(async ([length_s, rate]) => {
+    const videos = [...document.querySelectorAll('video')] as [HTMLVideoElement, HTMLVideoElement];
+    // Until both run.
+    while (videos.some((one) => one.paused || one.readyState < 3)) await new Promise(requestAnimationFrame);
+    await new Promise((resolve) => setTimeout(resolve, 1000));
+    const shown: { media: number; at: number }[][] = videos.map(() => []);
+    videos.forEach((one, which) => {
+      const note: VideoFrameRequestCallback = (_, frame) => {
+        shown[which]?.push({ media: frame.mediaTime, at: frame.expectedDisplayTime });
+        one.requestVideoFrameCallback(note);
+      };
+      one.requestVideoFrameCallback(note);
+    });
+    await new Promise((resolve) => setTimeout(resolve, length_s * 1000));
+    // The other showed its last frame a little earlier, and would be so much further by now.
+    const [first, second] = shown as [{ media: number; at: number }[], { media: number; at: number }[]];
+    return first.flatMap((frame) => {
+      const beside = second.findLast((one) => one.at <= frame.at + 1);
+      return beside ? [frame.media - beside.media - (rate * (frame.at - beside.at)) / 1000] : [];
+    });
+  }, [seconds, rate] as const);
 }

@@ -3,7 +3,7 @@
 import { readFileSync, statSync } from 'node:fs';
 import type { Browser } from 'playwright-core';
 import { afterAll, beforeAll, describe, expect, it } from 'vitest';
-import { Appliance, clockOf, keepPicture, near, seriousBarriers, settled, startBrowser, visit, type Visitor } from './kit';
+import { Appliance, clockOf, keepPicture, measuredOffsets, near, seriousBarriers, settled, startBrowser, visit, type Visitor } from './kit';
 
 let appliance: Appliance;
 let browser: Browser;
@@ -186,7 +186,7 @@ describe('A surgeon', () => {
     await press('Home');
     await settled(page);
     await press('Space');
-    const offsets = await measuredOffsets(4);
+    const offsets = await measuredOffsets(page, 4);
     await press('Space');
     const sizes = offsets.map(Math.abs).sort((a, b) => a - b);
     console.log(`while playing: ${offsets.length} frames, in the middle ${((sizes[sizes.length >> 1] as number) * 1000).toFixed(1)} ms apart, at most ${((sizes.at(-1) as number) * 1000).toFixed(1)} ms`);
@@ -314,31 +314,6 @@ async function archivedWhites({ id, at_ns }: { id: string; at_ns: number }): Pro
       return context.getImageData(0, 0, 1, 1).data.slice(0, 3).every((value) => value > 220);
     }),
   );
-}
-
-/** How far the endoscope is ahead of the room whenever it shows a new frame, in seconds: by the frames' own times and when they came to the screen. */
-async function measuredOffsets(seconds: number): Promise<number[]> {
-  return visitor.page.evaluate(async (length_s) => {
-    const videos = [...document.querySelectorAll('video')] as [HTMLVideoElement, HTMLVideoElement];
-    // Until both run.
-    while (videos.some((one) => one.paused || one.readyState < 3)) await new Promise(requestAnimationFrame);
-    await new Promise((resolve) => setTimeout(resolve, 1000));
-    const shown: { media: number; at: number }[][] = videos.map(() => []);
-    videos.forEach((one, which) => {
-      const note: VideoFrameRequestCallback = (_, frame) => {
-        shown[which]?.push({ media: frame.mediaTime, at: frame.expectedDisplayTime });
-        one.requestVideoFrameCallback(note);
-      };
-      one.requestVideoFrameCallback(note);
-    });
-    await new Promise((resolve) => setTimeout(resolve, length_s * 1000));
-    // The other showed its last frame a little earlier, and would be so much further by now.
-    const [first, second] = shown as [{ media: number; at: number }[], { media: number; at: number }[]];
-    return first.flatMap((frame) => {
-      const beside = second.findLast((one) => one.at <= frame.at + 1);
-      return beside ? [frame.media - beside.media - (frame.at - beside.at) / 1000] : [];
-    });
-  }, seconds);
 }
 
 describe('A lawyer', () => {

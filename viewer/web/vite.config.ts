@@ -29,6 +29,8 @@ export default defineConfig({
           hookTimeout: 300_000,
         },
       },
+      // What is measured by hand (tests/bench/page.sh), and no test.
+      { extends: true, test: { name: 'long', dir: `${tests}/page`, include: ['**/*.measure.ts'], environment: 'node', testTimeout: 3_600_000 } },
     ],
   },
 });
