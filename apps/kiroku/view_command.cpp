@@ -80,7 +80,7 @@ int run(const Request& request) {
   allow_many_descriptors();
 
   viewer::ViewerOptions options{
-      .home = viewer_home(home, home.configuration(), "", device_key, trust, identities),
+      .home = viewer_home(home, home.configuration(), device_key, trust, identities),
       .web = {.listen = request.listen,
               .certificate_pem = std::move(certificate.certificate_pem),
               .key_pem = std::move(certificate.key_pem),

@@ -42,15 +42,15 @@ viewer::Session::Identities shared_identities(const std::vector<std::string>& fi
 }
 
 viewer::ViewerHome viewer_home(const Home& home, const Configuration& configuration,
-                               const std::string& suffix, const crypto::SigningKey& device_key,
-                               const timestamp::TrustStore& trust, viewer::Session::Identities identities) {
+                               const crypto::SigningKey& device_key, const timestamp::TrustStore& trust,
+                               viewer::Session::Identities identities) {
   return {.archive = home.archive(),
           .catalogue_file = home.catalogue_file(),
           .log_folder = home.log_folder(),
           .users_file = home.folder() / "users.sqlite",
           .control_socket = home.control_socket(configuration),
-          .copies_folder = home.folder() / ("viewing-copies" + suffix),
-          .handout_folder = home.folder() / ("viewer-files" + suffix),
+          .copies_folder = home.folder() / "viewing-copies",
+          .handout_folder = home.folder() / "viewer-files",
           .comparisons_folder = home.comparisons_folder(),
           .device_key = &device_key,
           .device = home.device(),

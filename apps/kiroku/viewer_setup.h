@@ -24,10 +24,9 @@ viewer::ServerCertificate viewer_certificate(const Home& home, const std::string
 /// Identities that were named, or a demonstration's; null: everybody brings their own.
 viewer::Session::Identities shared_identities(const std::vector<std::string>& files, const Home& home);
 
-/// `suffix` of the folders for what this server makes, which no other may share. What is pointed to must
-/// outlive the viewer.
+/// What is pointed to must outlive the viewer.
 viewer::ViewerHome viewer_home(const Home& home, const Configuration& configuration,
-                               const std::string& suffix, const crypto::SigningKey& device_key,
-                               const timestamp::TrustStore& trust, viewer::Session::Identities identities);
+                               const crypto::SigningKey& device_key, const timestamp::TrustStore& trust,
+                               viewer::Session::Identities identities);
 
 }  // namespace kiroku::apps

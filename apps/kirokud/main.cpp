@@ -209,8 +209,7 @@ std::unique_ptr<viewer::Viewer> open_viewer(const Home& home, const Configuratio
   }
   viewer::ServerCertificate own = viewer_certificate(home, asked.listen, certificate, key);
   viewer::ViewerOptions options{
-      .home =
-          viewer_home(home, configuration, "-kirokud", shared.key, shared.trust, shared_identities({}, home)),
+      .home = viewer_home(home, configuration, shared.key, shared.trust, shared_identities({}, home)),
       .web = {.listen = asked.listen,
               .certificate_pem = std::move(own.certificate_pem),
               .key_pem = std::move(own.key_pem),

@@ -1,6 +1,8 @@
 // A real appliance to look at: a home, kirokud with a room of synthetic sources, and `kiroku view`; and a browser.
 import { type ChildProcess, execFile, spawn } from 'node:child_process';
+import { once } from 'node:events';
 import { appendFileSync, existsSync, mkdirSync, mkdtempSync, readdirSync, readFileSync, rmSync, writeFileSync } from 'node:fs';
+import { type AddressInfo, createServer } from 'node:net';
 import { tmpdir } from 'node:os';
 import { join } from 'node:path';
 import { promisify } from 'node:util';
@@ -46,6 +48,17 @@ export async function until<T>(what: string, look: () => Promise<T | undefined> 
   }
 }
 
+export const kPassword = 'correct horse battery';
+
+async function freePort(): Promise<number> {
+  const server = createServer().listen(0, '127.0.0.1');
+  await once(server, 'listening');
+  const { port } = server.address() as AddressInfo;
+  server.close();
+  await once(server, 'close');
+  return port;
+}
+
 export class Appliance {
   url = '';
   signIn = '';
@@ -57,14 +70,23 @@ export class Appliance {
     readonly home: string,
   ) {}
 
-  static async start(): Promise<Appliance> {
+  /** `live`: kirokud serves the page, with live pictures, to the user "anna"; else `kiroku view` does. */
+  static async start(live = false): Promise<Appliance> {
     const folder = mkdtempSync(join(tmpdir(), 'kiroku-page-'));
     const appliance = new Appliance(folder, join(folder, 'home'));
     await appliance.kiroku('init', '--demo');
     appendFileSync(join(appliance.home, 'kiroku.toml'), kRoom);
+    if (live) {
+      const listen = `127.0.0.1:${await freePort()}`;
+      appendFileSync(join(appliance.home, 'kiroku.toml'), `[viewer]\nlisten = "${listen}"\n`);
+      await run(kiroku, ['user', 'add', 'anna', '--role', 'surgeon', '--home', appliance.home], {
+        env: { ...process.env, KIROKU_PASSPHRASE: kPassword },
+      });
+      appliance.url = `https://${listen}/`;
+    }
     appliance.spawn(kirokud, ['--home', appliance.home]);
     await until('kirokud answers', () => appliance.kiroku('status').then(() => true, () => undefined));
-    await appliance.view();
+    if (!live) await appliance.view();
     return appliance;
   }
 

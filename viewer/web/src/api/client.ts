@@ -114,6 +114,17 @@ export const appliance = {
   mark: (room: string, text: string) => json<void>('POST', `rooms/${part(room)}/mark`, { text }),
 };
 
+export interface LiveStream {
+  room: string;
+  stream: string;
+}
+
+export const live = {
+  /** Whose pictures can be seen while they are recorded; none where the page is not kirokud's own. */
+  streams: async () => (await json<{ streams: LiveStream[] }>('GET', 'live')).streams,
+  address: (room: string, stream: string) => `wss://${location.host}/api/live/${part(room)}/${part(stream)}`,
+};
+
 export const users = {
   list: async () => (await json<{ users: User[] }>('GET', 'users')).users,
   add: (user: string, password: string, role: Role) => json<void>('POST', 'users', { user, password, role }),

@@ -212,6 +212,8 @@ export interface RoomStatus {
   case: string;
   reason: string;
   elapsed_ns: number;
+  /** The case clock. */
+  now_ns: number;
   streams: StreamStatus[];
   tokens: number;
   missed: number;

@@ -1,15 +1,17 @@
 // The recorder's rooms: start, stop, mark; whether each stream is well, and the appliance behind them.
 import { useSignal } from '@preact/signals';
-import { useEffect } from 'preact/hooks';
-import { ApiError, appliance as api } from '@/api/client';
+import { useEffect, useMemo } from 'preact/hooks';
+import { ApiError, appliance as api, live, type LiveStream } from '@/api/client';
 import type { ApplianceStatus, RoomStatus } from '@/api/types';
 import { hrefOf } from '@/base/route';
 import { formatBytes, formatTime, kSecond } from '@/base/time';
+import { RemoteClock } from '@/clock/remote_clock';
 import { formatMoment, t, word } from '@/i18n/i18n';
 import { Dialog } from '@/shell/dialog';
 import { Icon } from '@/shell/icon';
 import { may } from '@/shell/rights';
 import { announce, attempt, session } from '@/shell/state';
+import { LivePane } from '@/views/live_pane';
 
 const kEvery_ms = 1000;
 /** A stream whose newest picture is older than this is said to be silent. */
@@ -50,11 +52,21 @@ function Streams({ room }: { room: RoomStatus }) {
   );
 }
 
-function RoomCard({ room, mayControl, refresh }: { room: RoomStatus; mayControl: boolean; refresh: () => Promise<unknown> }) {
+interface RoomProps {
+  room: RoomStatus;
+  /** Its streams that can be seen; none while the page is hidden. */
+  seen: readonly string[];
+  clock: RemoteClock;
+  mayControl: boolean;
+  refresh: () => Promise<unknown>;
+}
+
+function RoomCard({ room, seen, clock, mayControl, refresh }: RoomProps) {
   const stopping = useSignal(false);
   const note = useSignal('');
   const recording = room.state === 'recording';
   const idle = room.state === 'idle' || room.state === 'standby';
+  const watched = room.state === 'idle' ? [] : seen;
   const act = (action: () => Promise<void>, said: string) =>
     attempt(async () => {
       await action();
@@ -62,7 +74,7 @@ function RoomCard({ room, mayControl, refresh }: { room: RoomStatus; mayControl:
       await refresh();
     });
   return (
-    <section class={recording ? 'card room room-recording' : 'card room'} aria-labelledby={`room-${room.room}`}>
+    <section class={`card room${recording ? ' room-recording' : ''}${watched.length > 0 ? ' room-live' : ''}`} aria-labelledby={`room-${room.room}`}>
       <header class="room-head">
         <h2 id={`room-${room.room}`}>{room.room}</h2>
         <span class={recording ? 'verdict verdict-recording' : 'verdict verdict-none'}>
@@ -87,61 +99,79 @@ function RoomCard({ room, mayControl, refresh }: { room: RoomStatus; mayControl:
           <Icon name="alarm" /> {room.problem}
         </p>
       )}
-      {room.streams.length > 0 && <Streams room={room} />}
-      {room.authorities.length > 0 && (
-        <ul class="facts">
-          {room.authorities.map((one) => (
-            <li key={one.name}>
-              <span class={one.failures === 0 ? 'state state-good' : 'state state-bad'}>
-                <Icon name={one.failures === 0 ? 'check' : 'alarm'} />
-                {t('rooms.authority', { name: one.name })}
-              </span>
-              <span class="muted">{one.failures > 0 ? one.last_error : one.last_token ? formatMoment(one.last_token) : t('rooms.noToken')}</span>
-            </li>
-          ))}
-        </ul>
-      )}
-      {mayControl && (
-        <div class="room-controls">
-          {idle ? (
-            <button type="button" class="button button-record" onClick={() => void act(() => api.start(room.room), t('rooms.started', { room: room.room }))}>
-              <Icon name="record" filled />
-              {t('rooms.start')}
-            </button>
-          ) : (
-            <>
-              <form
-                class="mark-form"
-                onSubmit={(event) => {
-                  event.preventDefault();
-                  const text = note.value.trim() || t('rooms.defaultMark');
-                  note.value = '';
-                  void act(() => api.mark(room.room, text), t('rooms.marked', { text }));
-                }}
-              >
-                <label class="only-heard" for={`mark-${room.room}`}>
-                  {t('rooms.markText')}
-                </label>
-                <input
-                  id={`mark-${room.room}`}
-                  placeholder={t('rooms.markText')}
-                  value={note.value}
-                  maxLength={500}
-                  onInput={(event) => (note.value = event.currentTarget.value)}
-                />
-                <button type="submit" class="button button-main">
-                  <Icon name="mark" />
-                  {t('rooms.mark')}
+      <div class="room-body">
+        {watched.length > 0 && (
+          <div class="live-panes">
+            {watched.map((stream) => (
+              <LivePane key={stream} room={room.room} stream={stream} clock={clock} />
+            ))}
+          </div>
+        )}
+        <div class="room-facts">
+          {room.streams.length > 0 && <Streams room={room} />}
+          {room.authorities.length > 0 && (
+            <ul class="facts">
+              <li>
+                <span class={room.missed === 0 ? 'state state-good' : 'state state-bad'}>
+                  <Icon name={room.missed === 0 ? 'check' : 'alarm'} />
+                  {t('rooms.tokens')}
+                </span>
+                <span class="muted">{t('rooms.tokensOf', { n: room.tokens, missed: room.missed })}</span>
+              </li>
+              {room.authorities.map((one) => (
+                <li key={one.name}>
+                  <span class={one.failures === 0 ? 'state state-good' : 'state state-bad'}>
+                    <Icon name={one.failures === 0 ? 'check' : 'alarm'} />
+                    {t('rooms.authority', { name: one.name })}
+                  </span>
+                  <span class="muted">{one.failures > 0 ? one.last_error : one.last_token ? formatMoment(one.last_token) : t('rooms.noToken')}</span>
+                </li>
+              ))}
+            </ul>
+          )}
+          {mayControl && (
+            <div class="room-controls">
+              {idle ? (
+                <button type="button" class="button button-record" onClick={() => void act(() => api.start(room.room), t('rooms.started', { room: room.room }))}>
+                  <Icon name="record" filled />
+                  {t('rooms.start')}
                 </button>
-              </form>
-              <button type="button" class="button" onClick={() => (stopping.value = true)}>
-                <Icon name="stop" filled />
-                {t('rooms.stop')}
-              </button>
-            </>
+              ) : (
+                <>
+                  <form
+                    class="mark-form"
+                    onSubmit={(event) => {
+                      event.preventDefault();
+                      const text = note.value.trim() || t('rooms.defaultMark');
+                      note.value = '';
+                      void act(() => api.mark(room.room, text), t('rooms.marked', { text }));
+                    }}
+                  >
+                    <label class="only-heard" for={`mark-${room.room}`}>
+                      {t('rooms.markText')}
+                    </label>
+                    <input
+                      id={`mark-${room.room}`}
+                      placeholder={t('rooms.markText')}
+                      value={note.value}
+                      maxLength={500}
+                      onInput={(event) => (note.value = event.currentTarget.value)}
+                    />
+                    <button type="submit" class="button button-main">
+                      <Icon name="mark" />
+                      {t('rooms.mark')}
+                    </button>
+                  </form>
+                  <button type="button" class="button" onClick={() => (stopping.value = true)}>
+                    <Icon name="stop" filled />
+                    {t('rooms.stop')}
+                  </button>
+                </>
+              )}
+            </div>
           )}
         </div>
-      )}
+      </div>
       {stopping.value && (
         <Dialog title={t('rooms.stopTitle', { room: room.room })} onClose={() => (stopping.value = false)}>
           <p>{t('rooms.stopWhat')}</p>
@@ -198,12 +228,35 @@ function Appliance({ status }: { status: ApplianceStatus }) {
   );
 }
 
+/** Whether anybody can see the page. */
+function useVisible(): boolean {
+  const visible = useSignal(document.visibilityState === 'visible');
+  useEffect(() => {
+    const changed = () => (visible.value = document.visibilityState === 'visible');
+    document.addEventListener('visibilitychange', changed);
+    return () => document.removeEventListener('visibilitychange', changed);
+  }, []);
+  return visible.value;
+}
+
 export function RoomsView() {
   const status = useSignal<ApplianceStatus | undefined>(undefined);
+  const streams = useSignal<readonly LiveStream[] | undefined>(undefined);
   const problem = useSignal('');
+  const visible = useVisible();
+  const clocks = useMemo(() => new Map<string, RemoteClock>(), []);
+  const clockOf = (room: string) => {
+    const known = clocks.get(room) ?? new RemoteClock();
+    clocks.set(room, known);
+    return known;
+  };
   const refresh = async () => {
     try {
-      status.value = await api.status();
+      const sent_ms = performance.now();
+      const said = await api.status();
+      for (const room of said.rooms) clockOf(room.room).add(room.now_ns, sent_ms, performance.now());
+      streams.value ??= await live.streams();
+      status.value = said;
       problem.value = '';
     } catch (error) {
       status.value = undefined;
@@ -211,16 +264,19 @@ export function RoomsView() {
     }
   };
   useEffect(() => {
+    if (!visible) return;
+    let timer: ReturnType<typeof setTimeout>;
     let ended = false;
     const again = async () => {
       await refresh();
-      if (!ended) setTimeout(() => void again(), kEvery_ms);
+      if (!ended) timer = setTimeout(() => void again(), kEvery_ms);
     };
     void again();
     return () => {
       ended = true;
+      clearTimeout(timer);
     };
-  }, []);
+  }, [visible]);
   useEffect(() => {
     document.title = `${t('nav.rooms')} · Kiroku`;
   });
@@ -241,9 +297,17 @@ export function RoomsView() {
           <Appliance status={status.value} />
           <div class="rooms">
             {status.value.rooms.map((room) => (
-              <RoomCard key={room.room} room={room} mayControl={may(role, 'control-rooms')} refresh={refresh} />
+              <RoomCard
+                key={room.room}
+                room={room}
+                seen={visible ? (streams.value ?? []).filter((one) => one.room === room.room).map((one) => one.stream) : []}
+                clock={clockOf(room.room)}
+                mayControl={may(role, 'control-rooms')}
+                refresh={refresh}
+              />
             ))}
           </div>
+          {streams.value?.length === 0 && <p class="muted">{t('live.none')}</p>}
         </>
       )}
     </main>

@@ -1,0 +1,67 @@
+// A stream as it is being recorded, and how old what one sees is.
+import { useSignal } from '@preact/signals';
+import { useEffect, useRef } from 'preact/hooks';
+import type { RemoteClock } from '@/clock/remote_clock';
+import { t, word } from '@/i18n/i18n';
+import { kFresh_ms, LivePlayer } from '@/media/live_player';
+import { Icon } from '@/shell/icon';
+
+const kLook_ms = 500;
+
+type Shown = { state: 'connecting' | 'nothing' } | { state: 'live'; delay_s: number | undefined };
+
+function look(player: LivePlayer, clock: RemoteClock): Shown {
+  const { shown } = player;
+  const now_ms = performance.now();
+  if (!shown || now_ms - shown.displayed_ms > kFresh_ms) return { state: player.connected ? 'nothing' : 'connecting' };
+  const clock_ns = clock.at(shown.displayed_ms);
+  return { state: 'live', delay_s: clock_ns === undefined ? undefined : Math.max(0, (clock_ns - shown.media_ns) / 1e9) };
+}
+
+interface Props {
+  room: string;
+  stream: string;
+  /** The case clock. */
+  clock: RemoteClock;
+}
+
+export function LivePane({ room, stream, clock }: Props) {
+  const place = useRef<HTMLDivElement>(null);
+  const shown = useSignal<Shown>({ state: 'connecting' });
+  const name = word('stream', stream);
+  useEffect(() => {
+    const player = new LivePlayer(room, stream);
+    place.current?.prepend(player.video);
+    const timer = setInterval(() => (shown.value = look(player, clock)), kLook_ms);
+    return () => {
+      clearInterval(timer);
+      player.close();
+      player.video.remove();
+    };
+  }, [room, stream, clock]);
+  useEffect(() => {
+    place.current?.querySelector('video')?.setAttribute('aria-label', t('live.of', { name }));
+  });
+  const now = shown.value;
+  return (
+    <section class="pane live-pane" aria-label={t('live.of', { name })} data-stream={stream} data-live={now.state}>
+      <div class="pane-picture" ref={place}>
+        {now.state !== 'live' && (
+          <div class="pane-empty">
+            <Icon name="dash" />
+            <p>{t(now.state === 'nothing' ? 'live.nothing' : 'live.connecting')}</p>
+          </div>
+        )}
+      </div>
+      <header class="pane-head">
+        <h3>{name}</h3>
+        {now.state === 'live' && (
+          <span class="copy-label live-label" title={t('live.delayWhat')}>
+            <Icon name="record" filled />
+            {now.delay_s === undefined ? t('live.live') : t('live.delay', { seconds: now.delay_s.toFixed(2) })}
+          </span>
+        )}
+      </header>
+    </section>
+  );
+}
