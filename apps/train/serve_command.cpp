@@ -94,7 +94,7 @@ int run(const Request& request) {
   viewer::TrainingRoom room(training_options(request, home));
 
   viewer::ViewerOptions options{
-      .home = viewer_home(home, home.configuration(), "-training", device_key, trust, nullptr),
+      .home = viewer_home(home, home.configuration(), device_key, trust, nullptr),
       .web = {.listen = request.listen,
               .certificate_pem = std::move(certificate.certificate_pem),
               .key_pem = std::move(certificate.key_pem),
