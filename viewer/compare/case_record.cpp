@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cstdint>
+#include <map>
 #include <variant>
 
 #include <nlohmann/json.hpp>
@@ -22,12 +23,13 @@ void take_event(std::string_view line, std::vector<Mark>& marks) {
   marks.push_back({event.at("time_ns").get<std::int64_t>(), event.at("text").get<std::string>()});
 }
 
-void take_vital(const media::VitalLine& line, CaseRecord& record) {
+void take_vital(const media::VitalLine& line, const std::string& stream, CaseRecord& record) {
   if (const auto* const sample = std::get_if<media::VitalSample>(&line)) {
     const bool usable = sample->quality == media::VitalQuality::kGood ||
                         sample->quality == media::VitalQuality::kQuestionable;
     if (!sample->value || !usable || sample->code == media::kFlashCode) return;
-    VitalSeries& series = record.vitals[sample->code];
+    const std::string& device = sample->source.empty() ? stream : sample->source;
+    VitalSeries& series = record.vitals[{sample->code, device}];
     if (series.numbers.empty()) {
       const media::VitalCode* const known = media::find_vital_code(sample->code);
       series.label = known != nullptr ? std::string(known->label) : sample->code;
@@ -62,14 +64,21 @@ CaseRecord read_case_record(const archive::CaseReader& recording, const crypto::
         const media::VitalLineParse parse = media::parse_vital_line_of_any_kind(line);
         if (!parse.line)
           throw Error("a line of the stream '" + stream.name + "' is no vital sign: " + parse.problem);
-        take_vital(*parse.line, record);
+        take_vital(*parse.line, stream.name, record);
       });
     }
   }
   const auto time_of = [](const auto& entry) { return entry.time_ns; };
   std::ranges::stable_sort(record.marks, {}, time_of);
   std::ranges::stable_sort(record.alarms, {}, time_of);
-  for (auto& [code, series] : record.vitals) std::ranges::stable_sort(series.numbers, {}, time_of);
+  std::map<std::string, int> devices;
+  for (auto& [key, series] : record.vitals) {
+    std::ranges::stable_sort(series.numbers, {}, time_of);
+    ++devices[key.code];
+  }
+  for (auto& [key, series] : record.vitals) {
+    if (devices[key.code] > 1) series.told_device = key.device;
+  }
   return record;
 }
 

@@ -1,6 +1,7 @@
 // What of a case beside its pictures takes part in a comparison. Plain data; the function is thread-safe.
 #pragma once
 
+#include <compare>
 #include <cstdint>
 #include <map>
 #include <string>
@@ -17,10 +18,17 @@ struct VitalNumber {
   std::int64_t time_ns = 0;
   double value = 0;
 };
-/// One quantity over time, in order.
+/// Two monitors may send the same quantity, and need not agree.
+struct VitalKey {
+  std::string code;
+  std::string device;  // as the samples say, else the stream's name
+  auto operator<=>(const VitalKey&) const = default;
+};
+/// One quantity of one device over time, in order.
 struct VitalSeries {
   std::string label, unit;
   std::vector<VitalNumber> numbers;
+  std::string told_device = {};  // the device where several send this quantity, else ""
 };
 
 struct AlarmStart {
@@ -31,7 +39,7 @@ struct AlarmStart {
 
 struct CaseRecord {
   std::vector<Mark> marks;
-  std::map<std::string, VitalSeries> vitals;  // by code; waveforms are left out
+  std::map<VitalKey, VitalSeries> vitals;  // waveforms are left out
   std::vector<AlarmStart> alarms;
 };
 

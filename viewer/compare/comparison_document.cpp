@@ -30,6 +30,7 @@ ordered_json vitals_json(const std::vector<VitalChange>& vitals) {
     all.push_back({{"code", change.code},
                    {"label", change.label},
                    {"unit", change.unit},
+                   {"device", change.device.empty() ? ordered_json(nullptr) : ordered_json(change.device)},
                    {"before", or_null(change.before)},
                    {"during", or_null(change.during)},
                    {"after", or_null(change.after)}});

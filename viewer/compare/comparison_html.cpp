@@ -225,7 +225,9 @@ class Page {
     for (const StepFigures& figures : comparison_.figures) {
       bool first = true;
       for (const VitalChange& change : figures.vitals) {
-        row({first ? names_[figures.step] : "", escaped(change.label + ", " + change.unit),
+        row({first ? names_[figures.step] : "",
+             escaped(change.label + (change.device.empty() ? "" : " (" + change.device + ")") + ", " +
+                     change.unit),
              value(change.before), value(change.during), value(change.after)},
             "td", kNumbers);
         first = false;

@@ -33,10 +33,11 @@ std::optional<double> mean_of(const VitalSeries& series, std::int64_t from_ns, s
   return sum / double(last - first);
 }
 
-std::string text_of(const char* what, double value, const char* passed, double limit) {
+std::string text_of(const char* what, double value, const char* passed, double limit,
+                    const std::string& device) {
   std::array<char, 96> text{};
   std::snprintf(text.data(), text.size(), "%s pressure %.1f mmHg, %s %g", what, value, passed, limit);
-  return text.data();
+  return text.data() + (device.empty() ? "" : " (" + device + ")");
 }
 
 /// Kilopascal is the other unit that monitors know.
@@ -54,7 +55,8 @@ void add_passings(const std::string& code, const VitalSeries& series, std::int64
     const double value = mmhg(number.value, series.unit);
     const bool beyond = below ? value < limit : value > limit;
     if (beyond && !was_beyond && number.time_ns >= from_ns) {
-      events.push_back({number.time_ns, text_of(what, value, below ? "below" : "above", limit), code, value});
+      const std::string text = text_of(what, value, below ? "below" : "above", limit, series.told_device);
+      events.push_back({number.time_ns, text, code, value});
     }
     was_beyond = beyond;
   }
@@ -62,8 +64,8 @@ void add_passings(const std::string& code, const VitalSeries& series, std::int64
 
 std::vector<VitalChange> changes(const CaseRecord& record, const archive::Span& span) {
   std::vector<VitalChange> all;
-  for (const auto& [code, series] : record.vitals) {
-    VitalChange change{code, series.label, series.unit, {}, {}, {}};
+  for (const auto& [key, series] : record.vitals) {
+    VitalChange change{key.code, series.label, series.unit, series.told_device, {}, {}, {}};
     change.before = mean_of(series, span.start_ns - kVitalWindowNs, span.start_ns);
     change.during = mean_of(series, span.start_ns, span.end_ns);
     change.after = mean_of(series, span.end_ns, span.end_ns + kVitalWindowNs);
@@ -81,7 +83,8 @@ std::vector<PressureEvent> pressure_events(const CaseRecord& record, std::int64_
     if (alarm.time_ns >= from_ns && alarm.time_ns < to_ns && is_arterial_pressure(alarm.about))
       events.push_back({alarm.time_ns, alarm.text, alarm.about, {}, true});
   }
-  for (const auto& [code, series] : record.vitals) {
+  for (const auto& [key, series] : record.vitals) {
+    const std::string& code = key.code;
     if (is_one_of(code, kSystolic)) {
       add_passings(code, series, from_ns, to_ns, "systolic", true, limits.systolic_low, events);
       add_passings(code, series, from_ns, to_ns, "systolic", false, limits.systolic_high, events);

@@ -20,7 +20,7 @@ struct PressureLimits {
 /// Means of one quantity: in the 30 s before the step, while it was done, and in the 30 s after; nothing
 /// where no number was recorded.
 struct VitalChange {
-  std::string code, label, unit;
+  std::string code, label, unit, device;  // device: where several send this quantity, else ""
   std::optional<double> before, during, after;
 };
 
@@ -38,7 +38,7 @@ struct StepFigures {
   std::optional<std::int64_t> pause_before_ns;  // since the step before ended; nothing where nobody said when
                                                 // that was, and for the first
   std::int64_t pauses_within_ns = 0;
-  std::vector<VitalChange> vitals;      // by code
+  std::vector<VitalChange> vitals;      // by code and device
   std::vector<PressureEvent> pressure;  // while it was done, in order
 };
 

@@ -22,14 +22,18 @@ std::string plan_time(const PlanMoment& moment) {
   return text.data();
 }
 
-/// The last number that is not older than `oldest_ns`.
+/// The last number, of whatever device, that is not older than `oldest_ns`.
 std::optional<double> latest(const CaseRecord& record, const std::string& code, std::int64_t case_ns,
                              std::int64_t oldest_ns) {
-  const auto series = record.vitals.find(code);
-  if (series == record.vitals.end()) return {};
-  const auto after = std::ranges::upper_bound(series->second.numbers, case_ns, {}, &VitalNumber::time_ns);
-  if (after == series->second.numbers.begin() || std::prev(after)->time_ns < case_ns - oldest_ns) return {};
-  return std::prev(after)->value;
+  std::optional<VitalNumber> newest;
+  for (auto entry = record.vitals.lower_bound({code, ""});
+       entry != record.vitals.end() && entry->first.code == code; ++entry) {
+    const std::vector<VitalNumber>& numbers = entry->second.numbers;
+    const auto after = std::ranges::upper_bound(numbers, case_ns, {}, &VitalNumber::time_ns);
+    if (after == numbers.begin() || std::prev(after)->time_ns < case_ns - oldest_ns) continue;
+    if (!newest || std::prev(after)->time_ns > newest->time_ns) newest = *std::prev(after);
+  }
+  return newest ? std::optional(newest->value) : std::nullopt;
 }
 
 std::string vitals_text(const CaseRecord& record, std::int64_t case_ns) {

@@ -31,7 +31,7 @@ Comparison sample() {
   VitalSeries systolic{"arterial pressure, systolic", "mm[Hg]", {}};
   for (int second = 0; second < 10; ++second)
     systolic.numbers.push_back({second * kSecondNs, second < 3 ? 120.0 : 85.0});
-  comparison.record.vitals["MDC_PRESS_BLD_ART_ABP_SYS"] = systolic;
+  comparison.record.vitals[{"MDC_PRESS_BLD_ART_ABP_SYS", ""}] = systolic;
   comparison.figures = figures_of(comparison.steps, comparison.matching, comparison.record);
   return comparison;
 }

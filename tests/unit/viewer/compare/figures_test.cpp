@@ -36,7 +36,7 @@ VitalSeries series(const Value& value) {
 
 TEST(Figures, StateOrderPausesAndTheChangeOfVitalSigns) {
   CaseRecord record;
-  record.vitals[kSystolic] = series([](int second) {
+  record.vitals[{kSystolic, ""}] = series([](int second) {
     return second < 100 ? 120.0 : second < 110 ? 100 : 130;
   });
   const std::vector<StepFigures> figures = figures_of(kSteps, two_steps(), record);
@@ -66,12 +66,13 @@ TEST(Figures, ApauseIsNotKnownWhereNobodySaidWhenTheStepBeforeEnded) {
 
 TEST(Figures, TellPressuresThatPassTheirLimitsAndAlarms) {
   CaseRecord record;
-  record.vitals[kSystolic] = series([](int second) {
+  record.vitals[{kSystolic, ""}] = series([](int second) {
     return second < 10 ? 80.0 : second < 20 ? 120 : second < 25 ? 88 : 161;
   });
-  record.vitals["MDC_PRESS_BLD_ART_ABP_MEAN"] = series([](int second) { return second < 30 ? 9.0 : 8; });
-  record.vitals["MDC_PRESS_BLD_ART_ABP_MEAN"].unit = "kPa";
-  record.vitals["MDC_PRESS_BLD_ART_PULM_MEAN"] = series([](int) { return 12.0; });
+  record.vitals[{"MDC_PRESS_BLD_ART_ABP_MEAN", ""}] =
+      series([](int second) { return second < 30 ? 9.0 : 8; });
+  record.vitals[{"MDC_PRESS_BLD_ART_ABP_MEAN", ""}].unit = "kPa";
+  record.vitals[{"MDC_PRESS_BLD_ART_PULM_MEAN", ""}] = series([](int) { return 12.0; });
   record.alarms = {{15 * kSecondNs, kSystolic, "ABP high", "PM"},
                    {16 * kSecondNs, "MDC_ECG_HEART_RATE", "HR", ""}};
   const auto events = pressure_events(record, 0, 200 * kSecondNs);
@@ -105,6 +106,9 @@ TEST(CaseRecord, IsWhatTheCaseHoldsOfMarksNumbersAndAlarms) {
   sample.unit = "/min";
   const auto add = [&](const media::VitalLine& line) { vitals += media::to_json_line(line) + "\n"; };
   add(sample);
+  sample.source = "oximeter";
+  sample.value = 75;
+  add(sample);
   sample.quality = media::VitalQuality::kInvalid;
   add(sample);
   media::VitalSample wave = sample;
@@ -129,9 +133,14 @@ TEST(CaseRecord, IsWhatTheCaseHoldsOfMarksNumbersAndAlarms) {
                         reader.recipients));
   const CaseRecord record = read_case_record(recording, reader.identities);
   EXPECT_THAT(record.marks, ElementsAre(Mark{1'500'000'000, "clip \"a\""}));
-  ASSERT_EQ(record.vitals.size(), 1U);
-  EXPECT_EQ(record.vitals.begin()->second.label, "heart rate");
-  EXPECT_EQ(record.vitals.begin()->second.numbers.size(), 1U);
+  ASSERT_EQ(record.vitals.size(), 2U) << "two devices are two series";
+  const auto& [key, of_monitor] = *record.vitals.begin();
+  EXPECT_EQ(key.device, "oximeter");
+  EXPECT_EQ(of_monitor.label, "heart rate");
+  EXPECT_EQ(of_monitor.told_device, "oximeter");
+  EXPECT_EQ(of_monitor.numbers.size(), 1U);
+  EXPECT_EQ(std::next(record.vitals.begin())->second.told_device, "vitals")
+      << "who does not say is its stream";
   ASSERT_EQ(record.alarms.size(), 1U);
   EXPECT_EQ(record.alarms[0].text, "ABP low");
 }
