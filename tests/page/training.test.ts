@@ -151,6 +151,7 @@ describe('A new trainee', () => {
     await begun();
     await page.getByText('von Mises stress, kPa; 100 counts as damage').waitFor();
     const start = await onPicture(0.5, 0.66);
+    let latency = '';
     await page.mouse.move(start.x, start.y);
     await page.mouse.down();
     const forces = await lift(
@@ -163,6 +164,7 @@ describe('A new trainee', () => {
         expect(await pixelsLike(page, 68, 1, 84)).toBeGreaterThan(5000);
         expect(await pixelsLike(page, 120, 170, 255)).toBeGreaterThan(50);
         expect(await seriousBarriers(page)).toEqual([]);
+        latency = (await page.locator('.attempt-latency').textContent()) ?? '';
         await keepPicture(page, 'training-attempt');
       },
     );
@@ -170,6 +172,7 @@ describe('A new trainee', () => {
     expect(forces).toHaveLength(4);
     expect(Math.max(...forces)).toBeGreaterThan(1);
     expect(await page.locator('.train-came').textContent()).toContain('Done');
+    console.info(`As the page saw it, three fingers: ${latency}. ${await page.getByText('This machine:').textContent()}`);
     expect(await page.locator('.train-came').textContent()).toMatch(/Largest von Mises stress, kPa\d+/);
     await page.getByRole('img', { name: 'Attempts of Aoki: Largest von Mises stress, kPa' }).waitFor();
     await page.getByText('The learning curve by session begins with the first test.').waitFor();

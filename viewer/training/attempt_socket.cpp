@@ -77,7 +77,8 @@ trainer::LiveListener AttemptSocket::listener(std::int64_t attempt, const traine
   };
   out.shown = [this, shows_stress = record.stress_shown](const trainer::LiveView& view) {
     // What a slow browser has not taken yet would only make the next picture later.
-    if (output_->waiting() == 0) output_->send_bytes(std::make_shared<const Bytes>(moment_message(view, shows_stress)));
+    if (output_->waiting() == 0)
+      output_->send_bytes(std::make_shared<const Bytes>(moment_message(view, shows_stress)));
   };
   out.over = [this, attempt](const trainer::LiveOutcome& over) {
     room_.with_results([&](trainer::TrainingDatabase& results) {
