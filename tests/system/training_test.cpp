@@ -182,5 +182,24 @@ TEST_F(Exclusion, RefusesInOneSentence) {
   EXPECT_FALSE(std::filesystem::exists(folder() / "x"));
 }
 
+TEST_F(Training, ServingThePageRefusesInOneSentence) {
+  ASSERT_EQ(kiroku({"init", "--demo", "--home", path("home")}).status, 0);
+  std::filesystem::create_directory(folder() / "page");
+  write_text(folder() / "page/index.html", "<!doctype html>");
+  const auto serve = [&](const Arguments& more, const std::string& listen = "127.0.0.1:0") {
+    Arguments all{"train", "serve", "--home", path("home"), "--listen", listen, "--web", path("page")};
+    all.insert(all.end(), more.begin(), more.end());
+    return kiroku(all);
+  };
+  EXPECT_REFUSED(serve({"--vertices", "12"}), "--vertices");
+  EXPECT_REFUSED(serve({"--at-once", "0"}), "--at-once");
+  EXPECT_REFUSED(serve({"--key", "key.pem"}), "--certificate and --key belong together");
+  write_text(folder() / "words.txt", "up and down");
+  EXPECT_REFUSED(serve({"--expert-a", path("words.txt")}), "words.txt");
+  write_text(folder() / "words.sqlite", std::string(4096, 'x'));
+  EXPECT_REFUSED(serve({"--database", path("words.sqlite")}), "no database");
+  EXPECT_REFUSED(serve({}, "0.0.0.0:0"), "kiroku user add");
+}
+
 }  // namespace
 }  // namespace kiroku::test
