@@ -251,8 +251,11 @@ std::uint64_t write_plan_film(const fs::path& file, const sim::Plan& plan, const
   told.begin("making the plan's film");
   const auto count = std::llround(duration_s(plan) / plan.time_step_s) + 1;
   for (long long number = 0; number < count; ++number) {
-    constexpr double kRounding = 1e-9;
-    const auto& kept = frames.at(plan.steps.size() - 1, double(number) * plan.time_step_s + kRounding);
+    constexpr double kSameMomentS = 1e-9;
+    const double at_s = double(number) * plan.time_step_s + kSameMomentS;
+    const auto after = std::ranges::upper_bound(
+        frames.all(), at_s, {}, [](const sim::PlanFrames::Kept& kept) { return kept.frame.time_s; });
+    const sim::PlanFrames::Kept& kept = *std::prev(after);  // the first is of time 0
     film.add(view_of(pictures.picture(kept.frame, *kept.mesh)));
     told.update(double(number) / double(count));
   }

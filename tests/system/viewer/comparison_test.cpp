@@ -1,10 +1,13 @@
 // Comparisons that `kiroku compare` kept, as `kiroku view` gives them, and attacks on that.
+#include <cmath>
+
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include "crypto/encoding.h"
 #include "crypto/hash.h"
 #include "tests/support/cube_plan.h"
+#include "tests/support/decoded_video.h"
 #include "tests/system/viewer/served_home.h"
 
 namespace kiroku::test {
@@ -100,6 +103,15 @@ TEST_F(KeptComparisons, AreShownWithWhatProvesThem) {
   EXPECT_EQ(film.body.substr(4, 4), "ftyp");
   EXPECT_EQ(crypto::to_hex(crypto::sha256(bytes_of(film.body))),
             json::parse(document.body)["outputs"][0]["sha256"]);
+  const DecodedVideo plan = decode_video(bytes_of(film.body));
+  ASSERT_EQ(plan.frames.size(), 21U);
+  EXPECT_TRUE(plan.frames[5].key) << "one can go anywhere within half a second of it";
+  // Tissue is lifted in the first second and held in the second.
+  const double lifted = std::abs(plan.frames[10].brightness - plan.frames[0].brightness);
+  EXPECT_GT(lifted, 0.2);
+  EXPECT_LT(std::abs(plan.frames[20].brightness - plan.frames[10].brightness), lifted / 4);
+  EXPECT_GT(std::abs(plan.frames[5].brightness - plan.frames[0].brightness), lifted / 8) << "and not at once";
+  EXPECT_GT(std::abs(plan.frames[10].brightness - plan.frames[5].brightness), lifted / 8);
   const HttpResponse part =
       ask("GET", case_path("/comparisons/plan/replay.mp4"), cookie, "", {{"Range", "bytes=4-7"}});
   EXPECT_EQ(part.status, 206);

@@ -1,6 +1,6 @@
 // The API as functions. Every failure is an ApiError with the server's own sentence.
 import type {
-  ApplianceStatus, CaseInfo, CaseSummary, Role, Session, Timeline, User, Verification, Vitals,
+  ApplianceStatus, CaseInfo, CaseSummary, Comparison, ComparisonDocument, Role, Session, Timeline, User, Verification, Vitals,
 } from '@/api/types';
 
 export class ApiError extends Error {
@@ -90,6 +90,11 @@ export const cases = {
     const response = await ask('GET', `${streamOf(id, stream)}/frame.png?at_ns=${at_ns}&step=${step}`, undefined, signal);
     return { time_ns: Number(response.headers.get('X-Kiroku-Frame-Time-Ns')), picture: await response.blob() };
   },
+  comparisons: (id: string) =>
+    json<{ comparisons: Comparison[]; unreadable: { name: string; problem: string }[] }>('GET', `${caseOf(id)}/comparisons`),
+  comparison: (id: string, name: string) => json<ComparisonDocument>('GET', `${caseOf(id)}/comparisons/${part(name)}`),
+  replay: async (id: string, name: string, signal?: AbortSignal) =>
+    (await ask('GET', `${caseOf(id)}/comparisons/${part(name)}/replay.mp4`, undefined, signal)).blob(),
   verify: (id: string) => json<void>('POST', `${caseOf(id)}/verification`),
   verification: async (id: string): Promise<Verification | undefined> => {
     try {

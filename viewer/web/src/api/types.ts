@@ -228,6 +228,63 @@ export interface ApplianceStatus {
   uptime_s: number;
 }
 
+export type Answer = 'holds' | 'differs' | 'could-not-check';
+
+export interface Check {
+  about: string;
+  answer: Answer;
+  text: string;
+  entry: number | null;
+  size: number | null;
+  time: string | null;
+  by: string | null;
+}
+
+export interface Judged {
+  verdict: Answer;
+  checks: Check[];
+}
+
+/** A plan beside this case's recording. */
+export interface Comparison {
+  name: string;
+  plan: string;
+  made_by: string;
+  entered_by: string | null;
+  made_at: string;
+  program: string;
+  /** Whether there is a film of the plan. */
+  replay: boolean;
+  whole: Judged;
+  sealed_before: Judged;
+}
+
+export interface ComparedStep {
+  /** From 1, as planned. */
+  step: number;
+  name: string;
+  planned: { start_s: number; duration_s: number };
+  done: {
+    start_ns: number;
+    end_ns: number;
+    order: number;
+    pauses: { start_ns: number; end_ns: number }[];
+    pause_before_ns: number | null;
+  } | null;
+  vitals?: { code: string; label: string; unit: string; before: number | null; during: number | null; after: number | null }[];
+  pressure_events?: { time_ns: number; text: string }[];
+}
+
+/** docs/format.md, "Comparisons": what of it the page shows. */
+export interface ComparisonDocument {
+  case: { stream: string };
+  in_planned_order: boolean;
+  steps: ComparedStep[];
+  time_map: { monotone: boolean; pieces: { step: number; knots: [number, number][] }[] } | null;
+  registration: { rms_px: number } | null;
+  tools: { tool: string; pictures: number; mean_px: number; largest_px: number }[];
+}
+
 export interface User {
   user: string;
   role: Role;

@@ -11,6 +11,12 @@ export interface PaneSource {
   recorded: readonly Span[];
 }
 
+/** What keeps itself at the clock; nothing waits for it. */
+export interface Follower {
+  /** Called for each picture of the screen. */
+  tick(time_ns: number, running: boolean, rate: number): void;
+}
+
 export class Playback {
   readonly clock: CaseClock;
   readonly panes: PanePlayer[];
@@ -20,6 +26,7 @@ export class Playback {
   readonly waiting = signal(false);
   readonly rate = signal(1);
   readonly problem = signal<string | undefined>(undefined);
+  readonly followers = new Set<Follower>();
   private frame = 0;
   private pendingSeek_ns: number | undefined;
 
@@ -104,6 +111,7 @@ export class Playback {
       this.clock.stand(now_ms);
     }
     for (const pane of this.panes) pane.tick(time_ns, this.clock.running, this.rate.value, now_ms);
+    for (const one of this.followers) one.tick(time_ns, this.clock.running, this.rate.value);
     if (this.pendingSeek_ns === undefined) this.position_ns.value = time_ns;
   }
 }

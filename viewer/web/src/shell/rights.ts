@@ -1,11 +1,12 @@
 // What the page offers to whom. The server decides (viewer/server/role.cpp); a test compares the two.
 import type { Role } from '@/api/types';
 
-export type Right = 'read-case' | 'watch' | 'verify' | 'see-live' | 'control-rooms' | 'manage-users';
+export type Right = 'read-case' | 'watch' | 'compare' | 'verify' | 'see-live' | 'control-rooms' | 'manage-users';
 
 const kWho: Record<Right, readonly Role[]> = {
   'read-case': ['surgeon', 'auditor', 'administrator'],
   watch: ['surgeon', 'administrator'],
+  compare: ['surgeon', 'administrator'],
   verify: ['surgeon', 'auditor', 'administrator'],
   'see-live': ['operator', 'surgeon', 'administrator'],
   'control-rooms': ['operator', 'surgeon', 'administrator'],

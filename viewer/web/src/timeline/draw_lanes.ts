@@ -1,7 +1,8 @@
 // The lanes of the time line on a canvas: a ruler, what was recorded of each stream and what lacks, marks, alarms, and the proof of time.
-import type { Alarm } from '@/api/types';
+import type { Alarm, ComparedStep } from '@/api/types';
 import type { Span } from '@/base/spans';
 import { formatTime, kSecond } from '@/base/time';
+import { inOrderDone } from '@/compare/plan_map';
 import type { Colors } from '@/timeline/colors';
 import { ticks, toPixel } from '@/timeline/scale';
 import type { CaseModel } from '@/views/case_model';
@@ -11,13 +12,13 @@ export const kLane = 20;
 export const kMarkLane = 24;
 
 export interface Lane {
-  kind: 'ruler' | 'stream' | 'marks' | 'alarms' | 'proof';
+  kind: 'ruler' | 'stream' | 'marks' | 'plan' | 'alarms' | 'proof';
   stream?: string;
   top: number;
   height: number;
 }
 
-export function lanesOf(model: CaseModel, hasAlarms: boolean): Lane[] {
+export function lanesOf(model: CaseModel, hasAlarms: boolean, hasPlan = false): Lane[] {
   const lanes: Lane[] = [];
   let top = 0;
   const add = (kind: Lane['kind'], height: number, stream?: string) => {
@@ -26,6 +27,7 @@ export function lanesOf(model: CaseModel, hasAlarms: boolean): Lane[] {
   };
   add('ruler', kRuler);
   if (model.timeline.marks) add('marks', kMarkLane);
+  if (hasPlan) add('plan', kMarkLane);
   for (const { name } of model.lanes) add('stream', kLane, name);
   if (hasAlarms) add('alarms', kLane);
   add('proof', kLane);
@@ -125,6 +127,32 @@ function drawMarks(context: CanvasRenderingContext2D, model: CaseModel, window: 
   });
 }
 
+/** The plan's steps where they were done, with their pauses. */
+function drawSteps(context: CanvasRenderingContext2D, steps: readonly ComparedStep[], window: Span, width: number, top: number, height: number, colors: Colors): void {
+  context.font = '12px system-ui, "IPAGothic", sans-serif';
+  context.textBaseline = 'middle';
+  for (const step of inOrderDone(steps)) {
+    const from = Math.max(-10, toPixel(step.done.start_ns, window, width));
+    const to = Math.min(width + 10, toPixel(step.done.end_ns, window, width));
+    if (to <= 0 || from >= width) continue;
+    context.fillStyle = colors('lane-plan');
+    context.beginPath();
+    context.roundRect(from + 1, top, Math.max(2, to - from - 2), height, 3);
+    context.fill();
+    for (const pause of step.done.pauses) {
+      const begin = toPixel(pause.start_ns, window, width);
+      hatch(context, begin, top, Math.max(2, toPixel(pause.end_ns, window, width) - begin), height, colors('text'));
+    }
+    const left = Math.max(0, from) + 7;
+    const room = Math.min(width, to) - left - 5;
+    let text = `${step.step}. ${step.name}`;
+    while (text.length > 1 && context.measureText(text).width > room) text = `${text.slice(0, -2)}…`;
+    if (room < 12) continue;
+    context.fillStyle = colors('lane-plan-text');
+    context.fillText(text, left, top + height / 2 + 0.5);
+  }
+}
+
 function drawAlarms(context: CanvasRenderingContext2D, alarms: readonly Alarm[], window: Span, width: number, top: number, height: number, colors: Colors): void {
   for (const alarm of alarms) {
     const from = toPixel(alarm.start_ns, window, width);
@@ -159,7 +187,8 @@ function drawProof(context: CanvasRenderingContext2D, model: CaseModel, window: 
 }
 
 export function drawLanes(
-  context: CanvasRenderingContext2D, lanes: readonly Lane[], model: CaseModel, alarms: readonly Alarm[], window: Span, width: number, height: number, colors: Colors,
+  context: CanvasRenderingContext2D, lanes: readonly Lane[], model: CaseModel, alarms: readonly Alarm[], steps: readonly ComparedStep[], window: Span, width: number, height: number,
+  colors: Colors,
 ): void {
   drawRuler(context, model, window, width, height, colors);
   for (const lane of lanes) {
@@ -172,6 +201,9 @@ export function drawLanes(
         break;
       case 'marks':
         drawMarks(context, model, window, width, lane.top, colors);
+        break;
+      case 'plan':
+        drawSteps(context, steps, window, width, top, high, colors);
         break;
       case 'alarms':
         drawAlarms(context, alarms, window, width, top, high, colors);

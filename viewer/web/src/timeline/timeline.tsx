@@ -3,6 +3,7 @@
 import { useComputed, useSignal, useSignalEffect } from '@preact/signals';
 import { useEffect, useLayoutEffect, useRef } from 'preact/hooks';
 import { cases } from '@/api/client';
+import type { ComparedStep } from '@/api/types';
 import { spanAt, type Span } from '@/base/spans';
 import { formatTime, kMinute, kSecond } from '@/base/time';
 import { t, word } from '@/i18n/i18n';
@@ -44,9 +45,11 @@ interface Props {
   selection: Span | undefined;
   onSelect: (span: Span | undefined) => void;
   withPictures: boolean;
+  /** Of the comparison that is shown. */
+  steps: readonly ComparedStep[];
 }
 
-export function Timeline({ model, playback, store, selection, onSelect, withPictures }: Props) {
+export function Timeline({ model, playback, store, selection, onSelect, withPictures, steps }: Props) {
   const { element, width } = useWidth();
   const window = useSignal<Span>(model.whole);
   const hover = useSignal<{ time_ns: number; x: number; top: boolean } | undefined>(undefined);
@@ -59,7 +62,7 @@ export function Timeline({ model, playback, store, selection, onSelect, withPict
   const wide = plot.value;
   const version = store?.version.value ?? 0;
   const alarms = store?.over(window.value, wide).alarms ?? [];
-  const list = lanesOf(model, alarms.length > 0 || (store?.over(whole, 200).alarms.length ?? 0) > 0);
+  const list = lanesOf(model, alarms.length > 0 || (store?.over(whole, 200).alarms.length ?? 0) > 0, steps.some((one) => one.done !== null));
   const height = (list.at(-1)?.top ?? 0) + (list.at(-1)?.height ?? 0);
 
   // The window turns over when the clock leaves it, unless a hand holds it.
@@ -96,8 +99,8 @@ export function Timeline({ model, playback, store, selection, onSelect, withPict
 
   useEffect(() => {
     const canvas = lanes.current as HTMLCanvasElement;
-    drawLanes(prepared(canvas, wide, height), list, model, alarms, shown, wide, height, colorsOf(canvas));
-  }, [model, wide, height, shown, dark, version]);
+    drawLanes(prepared(canvas, wide, height), list, model, alarms, steps, shown, wide, height, colorsOf(canvas));
+  }, [model, wide, height, shown, dark, version, steps]);
 
   const zoom = (factor: number, about_ns = playback.position_ns.peek()) => {
     const about = Math.max(window.value.start_ns, Math.min(window.value.end_ns, about_ns));
@@ -143,9 +146,11 @@ export function Timeline({ model, playback, store, selection, onSelect, withPict
       hover.value = undefined;
     },
   });
-  /** A mark within a finger's breadth of where one pointed. */
+  /** A mark, or the beginning of a step, within a finger's breadth of where one pointed. */
   const markAt = (time_ns: number, span: Span) =>
-    model.marks.find((mark) => Math.abs(toPixel(mark.time_ns, span, wide) - toPixel(time_ns, span, wide)) < 6)?.time_ns;
+    [...model.marks.map((mark) => mark.time_ns), ...steps.flatMap((step) => step.done?.start_ns ?? [])].find(
+      (one) => Math.abs(toPixel(one, span, wide) - toPixel(time_ns, span, wide)) < 6,
+    );
 
   const wheelArea = useRef<HTMLDivElement>(null);
   useEffect(() => {

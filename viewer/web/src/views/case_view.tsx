@@ -7,6 +7,10 @@ import { hrefOf, route } from '@/base/route';
 import type { Span } from '@/base/spans';
 import { formatDuration, formatTime, kMinute, kSecond } from '@/base/time';
 import { nextSpeed } from '@/clock/sync';
+import { inOrderDone } from '@/compare/plan_map';
+import { kPlanViews, PlanModel } from '@/compare/plan_model';
+import { PlanPanel } from '@/compare/plan_panel';
+import { PlanOver, PlanPane } from '@/compare/plan_pane';
 import { formatMoment, type MessageKey, t, word } from '@/i18n/i18n';
 import { Playback } from '@/media/playback';
 import { Dialog } from '@/shell/dialog';
@@ -46,7 +50,8 @@ export function CaseView({ id }: { id: string }) {
   return <Loaded key={String(unlocked)} model={model.value} verdict={verdict.value} unlocked={unlocked} />;
 }
 
-type Tab = 'vitals' | 'moments';
+type Tab = 'vitals' | 'moments' | 'plan';
+const kTabs: readonly Tab[] = ['vitals', 'plan', 'moments'];
 type Open = 'help' | 'goTo' | 'export' | undefined;
 
 function Loaded({ model, verdict, unlocked }: { model: CaseModel; verdict: Verdict | null; unlocked: boolean }) {
@@ -71,12 +76,21 @@ function Loaded({ model, verdict, unlocked }: { model: CaseModel; verdict: Verdi
     () => (unlocked && hasVitals ? new VitalsStore(id, model.whole, (error) => notify(error.message)) : undefined),
     [model, unlocked],
   );
+  const plan = useMemo(
+    () => (unlocked && may(role, 'compare') ? new PlanModel(id, playback, (error) => notify(error.message)) : undefined),
+    [playback, unlocked],
+  );
+  const compared = plan?.shown.value;
+  const planView = compared?.player ? plan?.view.value : undefined;
+  const steps = useMemo(() => compared?.document.steps ?? [], [compared]);
+  const hasPlan = (plan?.list.value.length ?? 0) > 0 || (plan?.unreadable.value.length ?? 0) > 0;
   useEffect(
     () => () => {
+      plan?.close();
       playback.close();
       store?.close();
     },
-    [playback, store],
+    [playback, store, plan],
   );
   useEffect(() => {
     if (asked_ns !== undefined) playback.seek(asked_ns);
@@ -159,6 +173,22 @@ function Loaded({ model, verdict, unlocked }: { model: CaseModel; verdict: Verdi
     playback.seek(mark.time_ns);
     announce(`${mark.text}, ${formatTime(mark.time_ns - model.whole.start_ns)}`);
   };
+  const seekStep = (to: 'previous' | 'next') => {
+    const done = inOrderDone(steps);
+    const time_ns = neighbours(done.map((one) => one.done.start_ns), playback.position_ns.peek())[to];
+    const step = done.find((one) => one.done.start_ns === time_ns);
+    if (!step) {
+      announce(t('plan.noFurther'));
+      return;
+    }
+    playback.seek(step.done.start_ns);
+    announce(`${step.step}. ${step.name}, ${formatTime(step.done.start_ns - model.whole.start_ns)}`);
+  };
+  const nextPlanView = () => {
+    if (!plan || !compared?.player) return;
+    plan.view.value = kPlanViews[(kPlanViews.indexOf(plan.view.peek()) + 1) % kPlanViews.length] ?? 'beside';
+    announce(`${t('plan.view')}: ${t(`plan.${plan.view.peek()}`)}`);
+  };
   const setSpeed = (step: 1 | -1) => {
     playback.setRate(nextSpeed(playback.rate.peek(), step));
     announce(`${t('transport.speed')} ${playback.rate.peek()}×`);
@@ -190,6 +220,9 @@ function Loaded({ model, verdict, unlocked }: { model: CaseModel; verdict: Verdi
       case 'faster': return setSpeed(1);
       case 'previousMark': return seekMark('previous');
       case 'nextMark': return seekMark('next');
+      case 'previousStep': return seekStep('previous');
+      case 'nextStep': return seekStep('next');
+      case 'planView': return nextPlanView();
       case 'selectFrom': return select('from');
       case 'selectTo': return select('to');
       case 'clearSelection':
@@ -220,6 +253,7 @@ function Loaded({ model, verdict, unlocked }: { model: CaseModel; verdict: Verdi
   }, []);
 
   const chosen = selection.value;
+  const hasTabs = store !== undefined || hasPlan;
   const alarms = store ? store.over(model.whole, 400).alarms : [];
   return (
     <main id="main" class="main case" tabIndex={-1} ref={whole}>
@@ -250,7 +284,7 @@ function Loaded({ model, verdict, unlocked }: { model: CaseModel; verdict: Verdi
       </div>
 
       <div class="stage">
-        <div class={`panes panes-${Math.min(4, Math.max(1, playback.panes.length))}`}>
+        <div class={planView === 'beside' ? `panes panes-with-plan${playback.panes.length > 1 ? '' : ' panes-single'}` : `panes panes-${Math.min(4, Math.max(1, playback.panes.length))}`}>
           {unlocked ? (
             playback.panes.map((player, at) => (
               <Pane
@@ -262,7 +296,11 @@ function Loaded({ model, verdict, unlocked }: { model: CaseModel; verdict: Verdi
                 original={originals.value.get(player.stream)}
                 onEnlarge={at === large.value ? undefined : () => (large.value = at)}
                 onOriginal={toggleOriginals}
-              />
+              >
+                {plan && compared && (planView === 'overlay' || planView === 'wipe') && player.stream === compared.document.case.stream && (
+                  <PlanOver plan={plan} shown={compared} />
+                )}
+              </Pane>
             ))
           ) : mayWatch ? (
             <UnlockPanel />
@@ -272,11 +310,12 @@ function Loaded({ model, verdict, unlocked }: { model: CaseModel; verdict: Verdi
               <p>{t('case.notYours')}</p>
             </div>
           )}
+          {compared && planView === 'beside' && <PlanPane shown={compared} playback={playback} />}
         </div>
         <aside class="side" aria-label={t('case.side')}>
-          {store && (
+          {hasTabs && (
             <div class="tabs" role="tablist" aria-label={t('case.side')}>
-              {(['vitals', 'moments'] as const).map((one) => (
+              {kTabs.filter((one) => (one === 'vitals' ? hasVitals : one === 'plan' ? hasPlan : true)).map((one) => (
                 <button
                   key={one}
                   type="button"
@@ -292,9 +331,11 @@ function Loaded({ model, verdict, unlocked }: { model: CaseModel; verdict: Verdi
               ))}
             </div>
           )}
-          <div class="side-panel" id="side-panel" role={store ? 'tabpanel' : undefined} aria-labelledby={store ? `tab-${tab.value}` : undefined} tabIndex={0}>
+          <div class="side-panel" id="side-panel" role={hasTabs ? 'tabpanel' : undefined} aria-labelledby={hasTabs ? `tab-${tab.value}` : undefined} tabIndex={0}>
             {store && tab.value === 'vitals' ? (
               <VitalsPanel store={store} playback={playback} />
+            ) : plan && tab.value === 'plan' ? (
+              <PlanPanel plan={plan} model={model} playback={playback} />
             ) : (
               <MomentsPanel model={model} playback={playback} alarms={alarms} sealed={!model.timeline.marks} />
             )}
@@ -321,7 +362,7 @@ function Loaded({ model, verdict, unlocked }: { model: CaseModel; verdict: Verdi
         </div>
       )}
       <Transport model={model} playback={playback} withPictures={unlocked} act={act} />
-      <Timeline model={model} playback={playback} store={store} selection={chosen} onSelect={(span) => (selection.value = span)} withPictures={unlocked} />
+      <Timeline model={model} playback={playback} store={store} selection={chosen} onSelect={(span) => (selection.value = span)} withPictures={unlocked} steps={steps} />
 
       {dialog.value === 'help' && (
         <Dialog title={t('help.title')} onClose={() => (dialog.value = undefined)}>

@@ -2,7 +2,8 @@
 
 export type Action =
   | 'toggle' | 'frameBack' | 'frameForward' | 'back5' | 'forward5' | 'back1' | 'forward1' | 'back60' | 'forward60' | 'slower' | 'faster'
-  | 'previousMark' | 'nextMark' | 'fullScreen' | 'help' | 'goTo' | 'selectFrom' | 'selectTo' | 'clearSelection' | 'begin' | 'end' | 'original';
+  | 'previousMark' | 'nextMark' | 'fullScreen' | 'help' | 'goTo' | 'selectFrom' | 'selectTo' | 'clearSelection' | 'begin' | 'end' | 'original'
+  | 'previousStep' | 'nextStep' | 'planView';
 
 export interface Key {
   key: string;
@@ -16,6 +17,7 @@ const kKeys: Record<string, Action> = {
   ' ': 'toggle', ',': 'frameBack', '.': 'frameForward', ArrowLeft: 'back5', ArrowRight: 'forward5', ArrowUp: 'forward60', ArrowDown: 'back60',
   '[': 'slower', ']': 'faster', PageUp: 'previousMark', PageDown: 'nextMark', f: 'fullScreen', F: 'fullScreen', '?': 'help', g: 'goTo', G: 'goTo',
   i: 'selectFrom', I: 'selectFrom', o: 'selectTo', O: 'selectTo', Escape: 'clearSelection', Home: 'begin', End: 'end', a: 'original', A: 'original',
+  p: 'previousStep', P: 'previousStep', n: 'nextStep', N: 'nextStep', c: 'planView', C: 'planView',
 };
 const kShifted: Record<string, Action> = { ArrowLeft: 'back1', ArrowRight: 'forward1' };
 
@@ -33,6 +35,8 @@ export const kHelp: readonly { keys: readonly string[]; does: `key.${string}` }[
   { keys: ['↓', '↑'], does: 'key.minute' },
   { keys: ['[', ']'], does: 'key.speed' },
   { keys: ['Page Up', 'Page Down'], does: 'key.marks' },
+  { keys: ['P', 'N'], does: 'key.steps' },
+  { keys: ['C'], does: 'key.planView' },
   { keys: ['Home', 'End'], does: 'key.ends' },
   { keys: ['A'], does: 'key.original' },
   { keys: ['G'], does: 'key.goTo' },

@@ -1,5 +1,6 @@
 // One video: its viewing copy, or over it a frame of the archived original; where nothing was recorded it says why.
 import { computed, useSignal } from '@preact/signals';
+import type { ComponentChildren } from 'preact';
 import { useEffect, useMemo, useRef } from 'preact/hooks';
 import { spanAt } from '@/base/spans';
 import { formatTime } from '@/base/time';
@@ -34,9 +35,11 @@ interface Props {
   original: ArchivedFrame | undefined;
   onEnlarge: (() => void) | undefined;
   onOriginal: () => void;
+  /** Over the picture. */
+  children?: ComponentChildren;
 }
 
-export function Pane({ model, player, playback, large, original, onEnlarge, onOriginal }: Props) {
+export function Pane({ model, player, playback, large, original, onEnlarge, onOriginal, children }: Props) {
   const place = useRef<HTMLDivElement>(null);
   const waits = useSignal(false);
   useEffect(() => {
@@ -64,6 +67,7 @@ export function Pane({ model, player, playback, large, original, onEnlarge, onOr
     <section class={`pane${large ? ' pane-large' : ''}${original ? ' pane-with-original' : ''}`} aria-label={name} data-stream={player.stream}>
       <div class="pane-picture" ref={place} onDblClick={onEnlarge}>
         {original && recorded.value && <FrameOver frame={original} />}
+        {children}
         {!recorded.value && (
           <div class="pane-empty">
             <Icon name="dash" />

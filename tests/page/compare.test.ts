@@ -1,0 +1,203 @@
+// The plan beside the recording, on the viewer's page: a plan is sealed, a case recorded and marked by it, the two are compared, and a surgeon looks at them.
+import { execFileSync } from 'node:child_process';
+import { copyFileSync, mkdirSync, writeFileSync } from 'node:fs';
+import { join } from 'node:path';
+import type { Browser } from 'playwright-core';
+import { afterAll, beforeAll, describe, expect, it } from 'vitest';
+import { Appliance, clockOf, keepPicture, near, seriousBarriers, settled, startBrowser, visit, type Visitor } from './kit';
+
+let appliance: Appliance;
+let browser: Browser;
+let visitor: Visitor;
+let id = '';
+
+const press = (key: string) => visitor.page.keyboard.press(key);
+const wait = (seconds: number) => new Promise((resolve) => setTimeout(resolve, seconds * 1000));
+/** Where the plan's film stands, in seconds of the plan. */
+const planAt = () => visitor.page.evaluate(() => document.querySelector<HTMLVideoElement>('.pane-plan video, .plan-over video')?.currentTime ?? NaN);
+const openPlanTab = async () => {
+  await visitor.page.getByRole('tab', { name: 'Plan' }).click();
+  await visitor.page.locator('table.steps').waitFor();
+};
+const stepButton = (name: string) => visitor.page.locator('table.steps').getByRole('button', { name });
+/** Space and the slider's keys are the focused element's own. */
+const leaveButton = () => visitor.page.evaluate(() => (document.activeElement as HTMLElement | null)?.blur());
+const goTo = async (text: string) => {
+  await press('g');
+  await visitor.page.locator('dialog input:focus').waitFor();
+  await visitor.page.keyboard.type(text);
+  await press('Enter');
+};
+
+beforeAll(async () => {
+  appliance = await Appliance.start();
+  const folder = join(appliance.home, '..', 'plan');
+  mkdirSync(folder);
+  const demonstration = join(process.env['KIROKU_SOURCE_DIR'] ?? '', 'deploy', 'demonstration');
+  copyFileSync(join(demonstration, 'plan.json'), join(folder, 'plan.json'));
+  writeFileSync(
+    join(folder, 'organ.nrrd'),
+    execFileSync('awk', ['-f', join(demonstration, 'organ.awk')], { env: { ...process.env, LC_ALL: 'C' }, maxBuffer: 1 << 24 }),
+  );
+  await appliance.kiroku('plan', 'seal', join(folder, 'plan.json'));
+  await appliance.kiroku('case', 'start', '--plan', join(folder, 'plan.seal.json'));
+  for (const [seconds, mark] of [
+    [2, 'Grasp the edge'], [1, 'Lift'], [1.5, 'pause'], [1.5, 'resume'], [1.5, 'Inspect'], [2, 'Hold'], [3, 'Hold done'], [0.5, 'Out'],
+  ] as const) {
+    await wait(seconds);
+    await appliance.kiroku('case', 'mark', mark);
+  }
+  await appliance.kiroku('case', 'stop');
+  id = appliance.cases().at(-1) as string;
+  await appliance.kiroku('compare', id, join(folder, 'plan.seal.json'), '--gpu', 'off', '--width', '240', '--made-by', 'Dr. Sato');
+  copyFileSync(join(folder, 'plan.json'), join(folder, 'later.json'));
+  await appliance.kiroku('compare', id, join(folder, 'later.json'), '--gpu', 'off', '--width', '64', '--name', 'later');
+  await appliance.kiroku('compare', id, join(folder, 'plan.seal.json'), '--gpu', 'off', '--width', '240', '--name', 'newest', '--made-by', 'Dr. Mori');
+  browser = await startBrowser();
+  visitor = await visit(browser);
+  await visitor.page.goto(appliance.signIn);
+  await visitor.page.getByRole('heading', { name: 'Cases' }).waitFor();
+}, 120_000);
+
+afterAll(async () => {
+  await browser?.close();
+  await appliance?.stop();
+});
+
+describe('The plan beside the recording', () => {
+  it('is there when the case is opened, with the patient’s pressure and the steps on the time line', async () => {
+    const { page } = visitor;
+    await page.locator('.case-link', { hasText: id }).click();
+    await page.locator('.pane-plan video').waitFor();
+    await settled(page);
+    expect(await page.locator('video').count()).toBe(3);
+    await press('PageDown');
+    await settled(page);
+    await expect.poll(() => page.locator('.pane-step').textContent()).toBe('2. Grasp the edge');
+    await expect.poll(() => page.locator('.vital', { hasText: 'ABP' }).textContent()).toMatch(/\d\d+\/\d\d+/);
+    await expect.poll(() => page.locator('.lane-names').textContent()).toContain('Plan');
+    await keepPicture(page, 'plan-mark');
+    expect(await seriousBarriers(page)).toEqual([]);
+  });
+
+  it('says in words that it was sealed before the first picture, and how that is known', async () => {
+    const { page } = visitor;
+    await openPlanTab();
+    await page.getByText('The plan was sealed before the first picture').click();
+    await page.getByText(/The seal is entry \d+ of the appliance’s log/).waitFor();
+    await page.getByText('The first entry of this case names the plan by its seal.').waitFor();
+    await page.getByText(/The seal existed at .* says the authority embedded/).waitFor();
+    await page.getByText('The comparison is as it was made').waitFor();
+    await page.getByText(/Compared by Dr. Mori/).waitFor();
+    expect(await seriousBarriers(page)).toEqual([]);
+  });
+
+  it('lists the steps, each leading to its moment', async () => {
+    const { page } = visitor;
+    expect(await page.locator('table.steps caption').textContent()).toBe('4 of 6 steps found · in another order than planned');
+    expect(await page.locator('table.steps tbody tr').first().textContent()).toContain('not found in the recording');
+    const rows = await page.locator('table.steps tbody tr').allTextContents();
+    expect(rows[2]).toMatch(/3\. Lift2\.00:00:0[34].*planned 2\.0 s, paused 1\.\d s/);
+    await stepButton('3. Lift').click();
+    await settled(page);
+    const lift = await clockOf(page);
+    expect(lift).toBeGreaterThan(2.5);
+    expect(await page.locator('table.steps tr[aria-current=step] th').textContent()).toBe('3. Lift');
+    await page.locator('.step-facts', { hasText: 'arterial pressure, mean' }).waitFor();
+    await keepPicture(page, 'plan-steps');
+    expect(await seriousBarriers(page)).toEqual([]);
+    // By keys, in the order they were done.
+    await press('n');
+    await settled(page);
+    await expect.poll(() => page.locator('.pane-step').textContent()).toBe('6. Inspect');
+    await press('p');
+    await near(page, lift);
+  });
+
+  it('keeps the plan in step: as the time map says while it stands, is paused, and goes on', async () => {
+    const { page } = visitor;
+    const map = await page.evaluate(
+      async (one) => (await (await fetch(`/api/cases/${one}/comparisons/newest`)).json()).time_map.pieces as { step: number; knots: [number, number][] }[],
+      id,
+    );
+    const lift = map.find((one) => one.step === 3)?.knots ?? [];
+    expect(lift.length).toBe(4);
+    const [from, pause, resume, to] = lift as [[number, number], [number, number], [number, number], [number, number]];
+    const middle = (a: [number, number], b: [number, number]) => [(a[0] + b[0]) / 2, (a[1] + b[1]) / 2] as const;
+    for (const [plan_s, case_ns] of [middle(from, pause), middle(pause, resume), middle(resume, to), from]) {
+      await goTo((case_ns / 1e9).toFixed(3));
+      await settled(page);
+      await expect.poll(planAt).toSatisfy((at: number) => Math.abs(at - plan_s) < 0.02, `${plan_s} s of the plan`);
+    }
+    // While it plays: within a picture of the plan.
+    await stepButton('3. Lift').click();
+    await settled(page);
+    await leaveButton();
+    await press('Space');
+    const apart: number[] = [];
+    const end_ms = Date.now() + 30_000;
+    while ((await clockOf(page)) * 1e9 < to[1] - 3e8 && Date.now() < end_ms) {
+      const { clock, plan } = await page.evaluate(() => ({
+        clock: document.querySelector('.clock-now')?.textContent ?? '',
+        plan: document.querySelector<HTMLVideoElement>('.pane-plan video')?.currentTime ?? NaN,
+      }));
+      const [, , seconds] = clock.split(':').map(Number);
+      const at_ns = (seconds ?? NaN) * 1e9;
+      const at = lift.findLast((one) => one[1] <= at_ns) ?? from;
+      const next = lift[lift.indexOf(at) + 1] ?? at;
+      const expected = next[1] > at[1] ? at[0] + ((at_ns - at[1]) / (next[1] - at[1])) * (next[0] - at[0]) : at[0];
+      apart.push(Math.abs(plan - expected));
+      await page.waitForTimeout(100);
+    }
+    await press('Space');
+    apart.sort((a, b) => a - b);
+    console.log(`plan while playing: ${apart.length} looks, in the middle ${((apart[apart.length >> 1] as number) * 1000).toFixed(0)} ms off, at most ${((apart.at(-1) as number) * 1000).toFixed(0)} ms`);
+    expect(apart.length).toBeGreaterThan(10);
+    expect(apart[Math.floor(0.8 * apart.length)]).toBeLessThan(0.1);
+  });
+
+  it('lies over the recording, or is wiped across it, as one likes', async () => {
+    const { page } = visitor;
+    const over = page.locator('[data-stream=endoscope] .plan-over-picture');
+    await page.getByText('Over', { exact: true }).click();
+    await over.locator('video').waitFor();
+    expect(await page.locator('.pane-plan').count()).toBe(0);
+    await page.getByLabel('Opacity of the plan').fill('0.3');
+    expect(await over.evaluate((one) => getComputedStyle(one).opacity)).toBe('0.3');
+    await page.getByText('The camera was not registered').waitFor();
+    await settled(page);
+    await keepPicture(page, 'plan-over');
+    await leaveButton();
+    await press('c');
+    await page.locator('.plan-edge').waitFor();
+    expect(await over.evaluate((one) => getComputedStyle(one).clipPath)).toMatch(/inset\(0px 70% 0px 0px\)/);
+    expect(await seriousBarriers(page)).toEqual([]);
+    await press('c');
+    await expect.poll(() => page.locator('video').count()).toBe(2);
+    await press('c');
+    await page.locator('.pane-plan video').waitFor();
+  });
+
+  it('shows another comparison, and does not call sealed what was not', async () => {
+    const { page } = visitor;
+    await page.getByLabel('Comparison').selectOption('later');
+    await page.getByText('Not the plan that was sealed for this case before the first picture').waitFor();
+    await page.getByText('the case was recorded by another plan').waitFor();
+    await page.getByText('the appliance log knows no seal of this plan').waitFor();
+    await page.getByLabel('Comparison').selectOption('plan');
+    await page.getByText(/Compared by Dr. Sato/).waitFor();
+  });
+
+  it('reads in Japanese and in light colours, without a serious barrier', async () => {
+    const { page } = visitor;
+    await page.getByRole('button', { name: 'Light colours' }).click();
+    expect(await seriousBarriers(page)).toEqual([]);
+    await page.getByRole('button', { name: '日本語' }).click();
+    await page.getByText('計画は最初の映像より前に封印されました').waitFor();
+    await settled(page);
+    await keepPicture(page, 'plan-japanese');
+    expect(await seriousBarriers(page)).toEqual([]);
+    expect(visitor.problems).toEqual([]);
+    expect(visitor.asked.filter((one) => !one.startsWith(appliance.url) && !one.startsWith('blob:'))).toEqual([]);
+  });
+});

@@ -1,0 +1,48 @@
+// The plan's pictures: in a pane of their own, or over those of the recording.
+import { useEffect, useRef } from 'preact/hooks';
+import { stepAt } from '@/compare/plan_map';
+import type { PlanModel, ShownComparison } from '@/compare/plan_model';
+import { t } from '@/i18n/i18n';
+import type { Playback } from '@/media/playback';
+
+function usePlaced(shown: ShownComparison) {
+  const place = useRef<HTMLDivElement>(null);
+  useEffect(() => {
+    const video = shown.player?.video;
+    if (!video) return;
+    place.current?.prepend(video);
+    video.setAttribute('aria-label', t('plan.pictures'));
+    return () => {
+      // Another place may have it already.
+      if (video.parentElement === place.current) video.remove();
+    };
+  }, [shown]);
+  return place;
+}
+
+export function PlanPane({ shown, playback }: { shown: ShownComparison; playback: Playback }) {
+  const place = usePlaced(shown);
+  const step = stepAt(shown.document.steps, playback.position_ns.value);
+  return (
+    <section class="pane pane-plan" aria-label={t('plan.pictures')}>
+      <div class="pane-picture" ref={place} />
+      <header class="pane-head">
+        <h2>{t('plan.pictures')}</h2>
+        <span class="pane-step">{step ? `${step.step}. ${step.name}` : t('plan.noStep')}</span>
+      </header>
+    </section>
+  );
+}
+
+export function PlanOver({ plan, shown }: { plan: PlanModel; shown: ShownComparison }) {
+  const place = usePlaced(shown);
+  const share = plan.share.value;
+  const wipes = plan.view.value === 'wipe';
+  const style = wipes ? { clipPath: `inset(0 ${(1 - share) * 100}% 0 0)` } : { opacity: share };
+  return (
+    <div class="plan-over">
+      <div class="plan-over-picture" ref={place} style={style} />
+      {wipes && <div class="plan-edge" style={{ left: `${share * 100}%` }} />}
+    </div>
+  );
+}
