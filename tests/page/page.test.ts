@@ -155,6 +155,7 @@ describe('A surgeon', () => {
     await goTo('9:00:00');
     await page.getByText('That is no time of this case').waitFor();
     await press('Escape');
+    await expect.poll(() => page.locator('dialog').count()).toBe(0);
   });
 
   it('steps through the archived frames one by one, in every pane', async () => {
