@@ -128,8 +128,10 @@ class Connection {
     error_code failed;
     co_await socket_.async_accept(upgrade, asio::redirect_error(asio::use_awaitable, failed));
     if (!failed) {
-      asio::co_spawn(socket_.get_executor(), listen(), [this](const std::exception_ptr&) {
+      asio::co_spawn(socket_.get_executor(), listen(), [this](const std::exception_ptr& broken) {
+        over_ = over_ || broken;
         listener_left_ = true;
+        wake_->cancel();
         listener_end_.cancel();
       });
       try {
@@ -178,7 +180,6 @@ class Connection {
         break;
       }
     }
-    wake_->cancel();
   }
 
   /// Sends what is queued, and takes leave where the browser did not.
