@@ -75,9 +75,9 @@ Check check_replay(const fs::path& sealed, const crypto::AgeIdentities& identiti
 
 std::vector<Check> check_tokens(const fs::path& file, const crypto::Sha256Digest& digest,
                                 const timestamp::TrustStore* trust) {
-  static const timestamp::TrustStore kNone;
+  const timestamp::TrustStore none;
   try {
-    return archive::check_tokens_beside(file, digest, trust == nullptr ? kNone : *trust);
+    return archive::check_tokens_beside(file, digest, trust == nullptr ? none : *trust);
   } catch (const Error& error) {
     return {{"time", Answer::kUnknown, error.what()}};
   }
