@@ -25,6 +25,7 @@ export class PlanModel {
   /** Of an overlay: the plan's opacity; of a wipe: where its edge is. */
   readonly share = signal(0.5);
   private closed = false;
+  private chosen = '';
 
   constructor(
     private readonly caseId: string,
@@ -43,9 +44,10 @@ export class PlanModel {
   async choose(name: string): Promise<void> {
     const row = this.list.peek().find((one) => one.name === name);
     if (!row) return;
+    this.chosen = name;
     try {
       const document = await cases.comparison(this.caseId, name);
-      if (this.closed) return;
+      if (this.closed || this.chosen !== name) return;
       const map = planMap(document);
       this.show({ row, document, map, player: row.replay && map ? new PlanPlayer(this.caseId, name, map, this.onProblem) : undefined });
     } catch (error) {
