@@ -84,10 +84,13 @@ trainer::LiveListener AttemptSocket::listener(std::int64_t attempt, const traine
     room_.with_results([&](trainer::TrainingDatabase& results) {
       results.end_attempt(attempt, over.ending, over.outcome.score);
     });
+    // Before the page hears of it: its next attempt comes by another connection.
+    place_.reset();
     output_->send_text(ordered_json{{"over", over_json(over)}}.dump());
   };
   out.failed = [this](const std::string& sentence) {
     room_.options().tell("an attempt ended: " + sentence);
+    place_.reset();
     output_->send_text(ordered_json{{"failed", sentence}}.dump());
   };
   return out;

@@ -23,7 +23,7 @@ class AttemptSocket : public SocketHandler {
 
   TrainingRoom& room_;
   std::shared_ptr<SocketOutput> output_;
-  std::unique_ptr<TrainingRoom::Place> place_;
+  std::unique_ptr<TrainingRoom::Place> place_;     // until the attempt is over
   std::unique_ptr<trainer::LiveAttempt> attempt_;  // last: over before what it uses
 };
 

@@ -27,9 +27,8 @@ std::unique_ptr<TrainingRoom::Place> TrainingRoom::enter(const std::string& trai
   if (training_.contains(trainee)) throw Refusal(409, trainee + " is training already");
   if (training_.size() >= options_.at_once)
     throw Refusal(503, "all places for training are taken: try again when an attempt has ended");
-  auto place = std::make_unique<Place>(*this, trainee);
   training_.insert(trainee);
-  return place;
+  return std::make_unique<Place>(*this, trainee);
 }
 
 void TrainingRoom::leave(const std::string& trainee) {
