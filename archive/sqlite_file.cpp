@@ -51,12 +51,16 @@ std::int64_t SqliteFile::version() {
   return asked.integer(0);
 }
 
+bool SqliteFile::passes_quick_check() {
+  // The statement is gone before a transaction begins: with a read still open, SQLite waits for no other
+  // writer, since both could wait for each other.
+  SqliteStatement check = statement("PRAGMA quick_check(1)");
+  return check.step() && check.text(0) == "ok";
+}
+
 bool SqliteFile::prepare(const Schema& schema) {
   try {
-    SqliteStatement check = statement("PRAGMA quick_check(1)");
-    if (!check.step() || check.text(0) != "ok") {
-      return false;
-    }
+    if (!passes_quick_check()) return false;
     if (version() == 0) {
       Transaction transaction(*this);
       if (version() == 0) {  // unless another process was quicker

@@ -51,6 +51,7 @@ class SqliteFile {
   explicit SqliteFile(std::filesystem::path file);
   void execute(const char* sql);
   std::int64_t version();
+  bool passes_quick_check();
   /// False if what is there is damaged or something else.
   bool prepare(const Schema& schema);
 

@@ -1,7 +1,10 @@
 #include "archive/catalogue.h"
 
 #include <fstream>
+#include <future>
+#include <latch>
 #include <map>
+#include <vector>
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -241,6 +244,22 @@ TEST_F(CatalogueTest, TwoProcessesUseOneFile) {
   EXPECT_EQ(first->list(archive_).size(), 1U);
   second->set_verdict(kFirst, "intact", *parse_utc("2026-08-06T00:00:00Z"));
   EXPECT_EQ(first->list(archive_)[0].last_verdict, "intact");
+}
+
+TEST_F(CatalogueTest, SeveralMakeOneFileAtOnce) {
+  constexpr int kTimes = 20, kPrograms = 6;
+  for (int time = 0; time < kTimes; ++time) {
+    const fs::path file = archive_ / ("catalogue-" + std::to_string(time) + ".sqlite");
+    std::latch all_there(kPrograms);
+    std::vector<std::future<void>> programs;
+    for (int i = 0; i < kPrograms; ++i) {
+      programs.push_back(std::async(std::launch::async, [&] {
+        all_there.arrive_and_wait();
+        static_cast<void>(Catalogue::open(file));
+      }));
+    }
+    for (std::future<void>& program : programs) EXPECT_NO_THROW(program.get());
+  }
 }
 
 TEST_F(CatalogueTest, NamesTheArchiveThatIsNotThere) {
