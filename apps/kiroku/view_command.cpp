@@ -1,16 +1,14 @@
 #include "apps/kiroku/view_command.h"
 
-#include <csignal>
 #include <iostream>
 #include <memory>
-#include <mutex>
-#include <sys/resource.h>
 
 #include <nlohmann/json.hpp>
 
 #include "apps/common/json_output.h"
 #include "apps/kiroku/commands.h"
 #include "apps/kiroku/home.h"
+#include "apps/kiroku/serving.h"
 #include "apps/kiroku/viewer_setup.h"
 #include "base/error.h"
 #include "viewer/server/viewer.h"
@@ -26,14 +24,6 @@ struct Request {
   std::vector<std::string> identities;
   bool json = false;
 };
-
-/// A thousand connections need more descriptors than a shell gives.
-void allow_many_descriptors() {
-  rlimit limit{};
-  if (::getrlimit(RLIMIT_NOFILE, &limit) != 0) return;
-  limit.rlim_cur = limit.rlim_max;
-  ::setrlimit(RLIMIT_NOFILE, &limit);
-}
 
 void print_start(const Request& request, const viewer::Viewer& server, const std::string& sign_in,
                  const std::string& fingerprint, bool is_own, bool has_page) {
@@ -55,21 +45,8 @@ void print_start(const Request& request, const viewer::Viewer& server, const std
             << std::flush;
 }
 
-/// Until Ctrl-C or SIGTERM, which every thread has blocked.
-void wait_for_end(const sigset_t& signals) {
-  int number = 0;
-  sigwait(&signals, &number);
-}
-
 int run(const Request& request) {
   const Home home = Home::open(request.home);
-  sigset_t signals;
-  sigemptyset(&signals);
-  sigaddset(&signals, SIGINT);
-  sigaddset(&signals, SIGTERM);
-  if (request.certificate.has_value() != request.key.has_value()) {
-    throw UsageError("--certificate and --key belong together: give both or none");
-  }
   const auto identities = shared_identities(request.identities, home);
   const crypto::SigningKey device_key = home.signing_key();
   const timestamp::TrustStore trust = home.trust();
@@ -77,7 +54,6 @@ int run(const Request& request) {
       viewer_certificate(home, request.listen, request.certificate, request.key);
   const std::string fingerprint = viewer::fingerprint(certificate.certificate_pem);
   const std::optional<fs::path> page = request.web ? fs::path(*request.web) : find_page();
-  allow_many_descriptors();
 
   viewer::ViewerOptions options{
       .home = viewer_home(home, home.configuration(), device_key, trust, identities),
@@ -87,21 +63,11 @@ int run(const Request& request) {
               .limits = {}},
       .sessions = {},
       .page = page,
-      .tell = [mutex = std::make_shared<std::mutex>()](const std::string& sentence) {
-        const std::lock_guard guard(*mutex);
-        print_error("kiroku", sentence);
-      }};
-  // The server's threads inherit the mask, so that the signals wait for this one.
-  ::pthread_sigmask(SIG_BLOCK, &signals, nullptr);
-  viewer::Viewer server(std::move(options));
-  std::error_code ignored;
-  const bool is_demonstration =
-      fs::exists(home.identity_file(), ignored) && viewer::is_loopback(request.listen);
-  const std::string sign_in = is_demonstration ? server.sign_in_url("demo") : "";
-  print_start(request, server, sign_in, fingerprint, !request.certificate, page.has_value());
-  wait_for_end(signals);
-  // What is being verified or sent is brought to its end; a second signal does not wait for that.
-  ::pthread_sigmask(SIG_UNBLOCK, &signals, nullptr);
+      .tell = tell_on_standard_error()};
+  serve_until_stopped(
+      std::move(options), home, [&](const viewer::Viewer& server, const std::string& sign_in) {
+        print_start(request, server, sign_in, fingerprint, !request.certificate, page.has_value());
+      });
   return kDone;
 }
 

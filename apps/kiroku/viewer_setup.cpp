@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <utility>
 
+#include "base/error.h"
 #include "base/listen_address.h"
 
 namespace kiroku::apps {
@@ -27,7 +28,10 @@ std::optional<fs::path> find_page() {
 viewer::ServerCertificate viewer_certificate(const Home& home, const std::string& listen,
                                              const std::optional<std::string>& certificate,
                                              const std::optional<std::string>& key) {
-  if (certificate && key) return viewer::load_certificate(*certificate, *key);
+  if (certificate.has_value() != key.has_value()) {
+    throw UsageError("--certificate and --key belong together: give both or none");
+  }
+  if (certificate) return viewer::load_certificate(*certificate, *key);
   std::vector<std::string> names = viewer::machine_names();
   const ListenAddress address = parse_listen_address(listen, kExamplePort);
   if (!address.is_any() && std::ranges::count(names, address.host) == 0) names.push_back(address.host);

@@ -16,7 +16,7 @@ namespace kiroku::apps {
 std::optional<std::filesystem::path> find_page();
 
 /// The certificate and key of these files, or where there are none the home's own, made if it is not there,
-/// also for the host of `listen`.
+/// also for the host of `listen`. kiroku::UsageError where only one is named.
 viewer::ServerCertificate viewer_certificate(const Home& home, const std::string& listen,
                                              const std::optional<std::string>& certificate,
                                              const std::optional<std::string>& key);

@@ -20,6 +20,7 @@
 #include "sim/model/body_model.h"
 #include "sim/render/lettering.h"
 #include "trainer/exclusion/simulated_trainee.h"
+#include "trainer/report/score_json.h"
 #include "trainer/results/training_database.h"
 
 namespace kiroku::apps {
@@ -63,17 +64,6 @@ void letter(sim::Lettering& lettering, sim::Picture& picture, const trainer::Exc
     sim::draw_stress_scale(lettering, picture, task.damage_pa);
   }
   sim::draw_caption(lettering, picture, number_text(std::round(10 * view.time_s) / 10) + " s", below);
-}
-
-Json score_json(const trainer::ExclusionScore& score) {
-  return {{"done", score.done},
-          {"time_s", score.time_s},
-          {"largest_von_mises_pa", score.largest_von_mises_pa},
-          {"damaged_ml", 1e6 * score.damaged_m3},
-          {"path_m", score.path_m},
-          {"peak_force_n", score.peak_force_n},
-          {"peak_wrist_force_n", score.peak_wrist_n},
-          {"best_visible_share", score.best_visible_share}};
 }
 
 /// One line a quantity, as a recorder reads vital signs.
@@ -214,7 +204,7 @@ int run(const Request& request) {
               {"tetrahedra", body.object().mesh.tetrahedra.size()},
               {"stress_shown", options.shows_stress},
               {"damage_pa", damage_pa},
-              {"score", score_json(outcome.score)},
+              {"score", trainer::score_json(outcome.score)},
               {"pictures", outcome.pictures},
               {"elapsed_s", outcome.elapsed_s},
               {"faults", {{"unsound", outcome.faults.unsound}, {"jumps", outcome.faults.jumps}}}};

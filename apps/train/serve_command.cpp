@@ -1,8 +1,6 @@
 #include <algorithm>
-#include <csignal>
 #include <iostream>
 #include <memory>
-#include <mutex>
 #include <thread>
 
 #include <nlohmann/json.hpp>
@@ -10,6 +8,7 @@
 #include "apps/common/json_output.h"
 #include "apps/kiroku/commands.h"
 #include "apps/kiroku/home.h"
+#include "apps/kiroku/serving.h"
 #include "apps/kiroku/viewer_setup.h"
 #include "apps/sim/number_option.h"
 #include "apps/train/train_command.h"
@@ -52,10 +51,7 @@ viewer::TrainingOptions training_options(const Request& request, const Home& hom
   options.at_once = request.at_once ? parse_count(*request.at_once, "--at-once", 1, kMostAtOnce)
                                     : std::max(1U, std::thread::hardware_concurrency() / 2);
   options.experts = experts_of(request);
-  options.tell = [mutex = std::make_shared<std::mutex>()](const std::string& sentence) {
-    const std::lock_guard guard(*mutex);
-    print_error("kiroku", sentence);
-  };
+  options.tell = tell_on_standard_error();
   return options;
 }
 
@@ -82,8 +78,6 @@ void print_start(const Request& request, const viewer::Viewer& server, const std
 
 int run(const Request& request) {
   const Home home = Home::open(request.home);
-  if (request.certificate.has_value() != request.key.has_value())
-    throw UsageError("--certificate and --key belong together: give both or none");
   const std::optional<fs::path> page = request.web ? fs::path(*request.web) : find_page();
   if (!page) throw UsageError("there is no page to train with: it was not built; name its folder with --web");
   const crypto::SigningKey device_key = home.signing_key();
@@ -104,22 +98,10 @@ int run(const Request& request) {
       .more_routes = [&room](viewer::Router& router) { viewer::add_training_routes(router, room); },
       .tell = room.options().tell};
   options.home.serves = "training";
-  sigset_t signals;
-  sigemptyset(&signals);
-  sigaddset(&signals, SIGINT);
-  sigaddset(&signals, SIGTERM);
-  // The server's threads inherit the mask, so that the signals wait for this one.
-  ::pthread_sigmask(SIG_BLOCK, &signals, nullptr);
-  viewer::Viewer server(std::move(options));
-  std::error_code ignored;
-  const bool is_demonstration =
-      fs::exists(home.identity_file(), ignored) && viewer::is_loopback(request.listen);
-  print_start(request, server, is_demonstration ? server.sign_in_url("demo") : "", fingerprint,
-              room.options());
-  int number = 0;
-  sigwait(&signals, &number);
-  // Attempts that run are broken off and kept as such; a second signal does not wait for that.
-  ::pthread_sigmask(SIG_UNBLOCK, &signals, nullptr);
+  serve_until_stopped(std::move(options), home,
+                      [&](const viewer::Viewer& server, const std::string& sign_in) {
+                        print_start(request, server, sign_in, fingerprint, room.options());
+                      });
   return kDone;
 }
 

@@ -3,6 +3,7 @@
 #include <nlohmann/json.hpp>
 
 #include "trainer/exclusion/picture_jpeg.h"
+#include "trainer/report/score_json.h"
 #include "viewer/server/request.h"
 
 namespace kiroku::viewer {
@@ -83,17 +84,6 @@ PageMessage parse_page_message(std::string_view message) {
   throw Refusal(400, "a message must have 'begin', 'input' or 'end'");
 }
 
-ordered_json score_json(const trainer::ExclusionScore& score) {
-  return {{"done", score.done},
-          {"time_s", score.time_s},
-          {"largest_von_mises_pa", score.largest_von_mises_pa},
-          {"damaged_ml", 1e6 * score.damaged_m3},
-          {"path_m", score.path_m},
-          {"peak_force_n", score.peak_force_n},
-          {"peak_wrist_force_n", score.peak_wrist_n},
-          {"best_visible_share", score.best_visible_share}};
-}
-
 Bytes moment_message(const trainer::LiveView& view, bool shows_stress) {
   const trainer::ExclusionView& attempt = *view.attempt;
   ordered_json forces_n = ordered_json::array();
@@ -123,7 +113,7 @@ Bytes moment_message(const trainer::LiveView& view, bool shows_stress) {
 
 ordered_json over_json(const trainer::LiveOutcome& over) {
   return {{"ending", trainer::name_of(over.ending)},
-          {"score", score_json(over.outcome.score)},
+          {"score", trainer::score_json(over.outcome.score)},
           {"input_to_force", latency_json(over.input_to_force)},
           {"input_to_picture", latency_json(over.input_to_picture)},
           {"force_rate_hz", over.force_rate_hz},

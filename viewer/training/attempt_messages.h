@@ -35,8 +35,6 @@ PageMessage parse_page_message(std::string_view text);
 /// A moment and its picture as one message: the number of bytes of the JSON (32 bits, the lowest first), the
 /// JSON, the JPEG file. What tells of stress is in it only where that is shown.
 Bytes moment_message(const trainer::LiveView& view, bool shows_stress);
-/// As "score" of every message.
-nlohmann::ordered_json score_json(const trainer::ExclusionScore& score);
 nlohmann::ordered_json over_json(const trainer::LiveOutcome& over);
 
 }  // namespace kiroku::viewer

@@ -5,6 +5,7 @@
 #include <nlohmann/json.hpp>
 
 #include "trainer/curriculum/learning.h"
+#include "trainer/report/score_json.h"
 #include "viewer/server/json_fields.h"
 #include "viewer/training/attempt_socket.h"
 
@@ -101,7 +102,7 @@ Response results_of(TrainingRoom& room, const Request& request) {
                         {"stress_shown", record.stress_shown},
                         {"fingers", record.fingers},
                         {"ending", trainer::name_of(record.ending)},
-                        {"score", score_json(record.score)}});
+                        {"score", trainer::score_json(record.score)}});
   }
   ordered_json curves = ordered_json::array();
   for (const trainer::Measure measure : trainer::kMeasures)
