@@ -30,8 +30,24 @@ void dpotrf_(const char* triangle, const int* n, double* a, const int* lda, int*
 namespace kiroku::sim {
 namespace {
 
-/// Rows or columns of a front that are one piece of work.
+/// Rows or columns of a front that are one piece of work; its own columns are eliminated so many at a time.
 constexpr std::size_t kTile = 192;
+
+std::size_t tiles_in(std::size_t count) { return (count + kTile - 1) / kTile; }
+
+/// Columns of a product L L^T, its lower triangle, taken off: `columns` on the diagonal and `below` rows
+/// beneath them; `source` is the first of those rows of L, of which `inner` columns count.
+void take_product_off(const double* source, std::size_t leading_source, std::size_t inner,
+                      std::size_t columns, std::size_t below, double* into, std::size_t leading_into) {
+  const int n = static_cast<int>(columns), k = static_cast<int>(inner), m = static_cast<int>(below),
+            lda = static_cast<int>(leading_source), ldc = static_cast<int>(leading_into);
+  const double one = 1, minus_one = -1;
+  dsyrk_("L", "N", &n, &k, &minus_one, source, &lda, &one, into, &ldc);
+  if (m > 0) {
+    dgemm_("N", "T", &m, &n, &k, &minus_one, source + columns, &lda, source, &lda, &one, into + columns,
+           &ldc);
+  }
+}
 
 /// A block of K, some of whose entries are in the columns of a supernode.
 struct BlockPlace {
@@ -121,7 +137,7 @@ class SupernodalCholesky::Work {
       if (const auto parent = parent_of(s)) ++children_left_[*parent];
     }
     for (std::uint32_t s = static_cast<std::uint32_t>(count_); s-- > 0;) {
-      if (chosen_[s] && children_left_[s] == 0) ready_.push_back({s, Stage::kColumns, 0});
+      if (chosen_[s] && children_left_[s] == 0) ready_.push_back({s});
     }
     if (spaces_.size() < threads) spaces_.resize(threads);
     std::vector<std::thread> workers;
@@ -200,13 +216,18 @@ class SupernodalCholesky::Work {
     std::vector<std::int32_t> target;
   };
 
-  /// A piece of work on a supernode: first kColumns, then kRows, then kContribution, the latter two in tiles
-  /// that do not depend on the number of threads; one tile goes with kColumns.
-  enum class Stage : std::uint8_t { kColumns, kRows, kContribution };
+  /// What is done to a front, in this order; all but kContribution once for each panel, which is so many of
+  /// its own columns as a tile has. Tiles do not depend on the number of threads.
+  enum class Stage : std::uint8_t {
+    kDiagonal,      // factorises the panel's diagonal block; of the first panel, after assembling the front
+    kRows,          // finds all rows below it
+    kColumns,       // takes what they make off the front's own columns to come
+    kContribution,  // and, after the last panel, what all make off the rows below
+  };
   struct Task {
     std::uint32_t s;
-    Stage stage;
-    std::size_t tile;
+    Stage stage = Stage::kDiagonal;
+    std::size_t panel = 0, tile = 0;
   };
 
   void work(Workspace& space) {
@@ -235,7 +256,7 @@ class SupernodalCholesky::Work {
       --running_;
       if (failed) {
         failed_column_ = std::min(failed_column_.value_or(*failed), *failed);
-      } else if (task.stage == Stage::kColumns || --tiles_left_[task.s] == 0) {
+      } else if (task.stage == Stage::kDiagonal || --tiles_left_[task.s] == 0) {
         follow(task);
       }
       changed_.notify_all();
@@ -249,34 +270,88 @@ class SupernodalCholesky::Work {
   }
 
   [[nodiscard]] std::size_t below_of(std::uint32_t s) const { return rows_of(s) - columns_of(s); }
-  [[nodiscard]] std::size_t tiles_of(std::uint32_t s) const { return (below_of(s) + kTile - 1) / kTile; }
+  [[nodiscard]] std::size_t end_of_panel(std::uint32_t s, std::size_t panel) const {
+    return std::min((panel + 1) * kTile, columns_of(s));
+  }
+  /// Too little for several threads.
+  [[nodiscard]] bool small(std::uint32_t s) const { return rows_of(s) <= end_of_panel(s, 0) + kTile; }
+
+  [[nodiscard]] std::size_t tiles_of(const Task& task) const {
+    const std::size_t end = end_of_panel(task.s, task.panel);
+    switch (task.stage) {
+      case Stage::kDiagonal:
+        return 1;
+      case Stage::kRows:
+        return tiles_in(rows_of(task.s) - end);
+      case Stage::kColumns:
+        return tiles_in(columns_of(task.s) - end);
+      case Stage::kContribution:
+        return tiles_in(below_of(task.s));
+    }
+    return 0;
+  }
+
+  /// The first tile of the stage that follows and has any; nothing after the last.
+  [[nodiscard]] std::optional<Task> next_after(Task task) const {
+    task.tile = 0;
+    do {
+      if (task.stage == Stage::kContribution) return std::nullopt;
+      if (task.stage != Stage::kColumns) {
+        task.stage = task.stage == Stage::kDiagonal ? Stage::kRows : Stage::kColumns;
+      } else if (end_of_panel(task.s, task.panel) < columns_of(task.s)) {
+        task.stage = Stage::kDiagonal;
+        ++task.panel;
+      } else {
+        task.stage = Stage::kContribution;
+      }
+    } while (tiles_of(task) == 0);
+    return task;
+  }
 
   /// What a finished stage makes possible; the lock is held.
   void follow(const Task& done) {
-    if (done.stage != Stage::kContribution && tiles_of(done.s) > 1) {
-      const Stage next = done.stage == Stage::kColumns ? Stage::kRows : Stage::kContribution;
-      tiles_left_[done.s] = tiles_of(done.s);
-      for (std::size_t tile = tiles_of(done.s); tile-- > 0;) ready_.push_back({done.s, next, tile});
+    if (const auto next = small(done.s) ? std::nullopt : next_after(done)) {
+      const std::size_t tiles = tiles_of(*next);
+      tiles_left_[done.s] = tiles;
+      for (std::size_t tile = tiles; tile-- > 0;) ready_.push_back({next->s, next->stage, next->panel, tile});
       return;
     }
     const auto parent = parent_of(done.s);
-    if (parent && --children_left_[*parent] == 0) ready_.push_back({*parent, Stage::kColumns, 0});
+    if (parent && --children_left_[*parent] == 0) ready_.push_back({*parent});
   }
 
-  /// The column that failed, if one did.
+  /// The column that failed, if one did. A small front is worked on to its end.
   std::optional<std::size_t> compute(const Task& task, Workspace& space) {
-    if (task.stage == Stage::kColumns) return compute_columns(task.s, space);
-    const std::size_t first = task.tile * kTile, last = std::min(first + kTile, below_of(task.s));
-    if (task.stage == Stage::kRows) {
-      compute_rows(task.s, first, last);
-    } else {
-      contribute(task.s, first, last);
+    if (task.stage == Stage::kDiagonal && task.panel == 0) assemble(task.s, space);
+    if (!small(task.s)) return compute_tile(task);
+    for (std::optional<Task> next = task; next; next = next_after(*next)) {
+      for (next->tile = 0; next->tile < tiles_of(*next); ++next->tile) {
+        if (const auto failed = compute_tile(*next)) return failed;
+      }
     }
     return std::nullopt;
   }
 
-  /// Assembles the front, and factorises its own columns down to the diagonal block.
-  std::optional<std::size_t> compute_columns(std::uint32_t s, Workspace& space) {
+  std::optional<std::size_t> compute_tile(const Task& task) const {
+    const std::size_t first = task.tile * kTile, end = end_of_panel(task.s, task.panel);
+    switch (task.stage) {
+      case Stage::kDiagonal:
+        return factorise_diagonal(task.s, task.panel * kTile, end);
+      case Stage::kRows:
+        compute_rows(task.s, task.panel * kTile, end, end + first);
+        break;
+      case Stage::kColumns:
+        update_columns(task.s, task.panel * kTile, end, end + first);
+        break;
+      case Stage::kContribution:
+        contribute(task.s, first);
+        break;
+    }
+    return std::nullopt;
+  }
+
+  /// The front: its part of K, and what its children leave to it.
+  void assemble(std::uint32_t s, Workspace& space) {
     const std::size_t rows = rows_of(s), columns = columns_of(s), below = rows - columns;
     const auto row_list = rows_.subspan(static_cast<std::size_t>(first_row_[s]), rows);
     double* const block = numbers_ + first_number_[s];
@@ -292,15 +367,6 @@ class SupernodalCholesky::Work {
       extend_add(child, space, block, contribution, rows, columns);
       if (!keeps_) contributions_[child].reset();
     }
-    const int order = static_cast<int>(columns), leading = static_cast<int>(rows);
-    int failed = 0;
-    dpotrf_("L", &order, block, &leading, &failed);
-    if (failed != 0) return static_cast<std::size_t>(first_column_[s] + failed - 1);
-    if (tiles_of(s) == 1) {  // too little for several threads
-      compute_rows(s, 0, below);
-      contribute(s, 0, below);
-    }
-    return std::nullopt;
   }
 
   /// Adds what a child leaves to the rows of its parent.
@@ -321,28 +387,41 @@ class SupernodalCholesky::Work {
     }
   }
 
-  void compute_rows(std::uint32_t s, std::size_t first, std::size_t last) const {
-    double* const block = numbers_ + first_number_[s];
-    const int columns = static_cast<int>(columns_of(s)), leading = static_cast<int>(rows_of(s)),
-              count = static_cast<int>(last - first);
-    const double one = 1;
-    dtrsm_("R", "L", "T", "N", &count, &columns, &one, block, &leading, block + columns_of(s) + first,
-           &leading);
+  [[nodiscard]] double* number(std::uint32_t s, std::size_t row, std::size_t column) const {
+    return numbers_ + first_number_[s] + rows_of(s) * column + row;
   }
 
-  /// Columns of what the supernode leaves to its ancestors: takes L L^T of its rows below off.
-  void contribute(std::uint32_t s, std::size_t first, std::size_t last) const {
-    const double* const source = numbers_ + first_number_[s] + columns_of(s) + first;
-    const int leading = static_cast<int>(rows_of(s)), inner = static_cast<int>(columns_of(s));
-    const int size = static_cast<int>(below_of(s)), columns = static_cast<int>(last - first);
-    const int below = size - static_cast<int>(last);
-    const double one = 1, minus_one = -1;
-    double* const into = contributions_[s].get() + first * below_of(s) + first;
-    dsyrk_("L", "N", &columns, &inner, &minus_one, source, &leading, &one, into, &size);
-    if (below > 0) {
-      dgemm_("N", "T", &below, &columns, &inner, &minus_one, source + columns, &leading, source, &leading,
-             &one, into + columns, &size);
-    }
+  /// The first column that fails, if one does.
+  [[nodiscard]] std::optional<std::size_t> factorise_diagonal(std::uint32_t s, std::size_t begin,
+                                                              std::size_t end) const {
+    const int order = static_cast<int>(end - begin), leading = static_cast<int>(rows_of(s));
+    int failed = 0;
+    dpotrf_("L", &order, number(s, begin, begin), &leading, &failed);
+    if (failed == 0) return std::nullopt;
+    return static_cast<std::size_t>(first_column_[s] + failed - 1) + begin;
+  }
+
+  /// A tile of rows, from `first` on, of the panel of columns from `begin` to `end`.
+  void compute_rows(std::uint32_t s, std::size_t begin, std::size_t end, std::size_t first) const {
+    const int columns = static_cast<int>(end - begin), leading = static_cast<int>(rows_of(s)),
+              count = static_cast<int>(std::min(kTile, rows_of(s) - first));
+    const double one = 1;
+    dtrsm_("R", "L", "T", "N", &count, &columns, &one, number(s, begin, begin), &leading,
+           number(s, first, begin), &leading);
+  }
+
+  /// A tile of the front's own columns, from `first` on, takes what the panel makes.
+  void update_columns(std::uint32_t s, std::size_t begin, std::size_t end, std::size_t first) const {
+    const std::size_t columns = std::min(kTile, columns_of(s) - first);
+    take_product_off(number(s, first, begin), rows_of(s), end - begin, columns, rows_of(s) - first - columns,
+                     number(s, first, first), rows_of(s));
+  }
+
+  /// A tile of columns of what the supernode leaves to its ancestors.
+  void contribute(std::uint32_t s, std::size_t first) const {
+    const std::size_t below = below_of(s), columns = std::min(kTile, below - first);
+    take_product_off(number(s, columns_of(s) + first, 0), rows_of(s), columns_of(s), columns,
+                     below - first - columns, contributions_[s].get() + first * below + first, below);
   }
 
   void add_stiffness(std::uint32_t s, const Workspace& space, double* block, std::size_t rows) const {

@@ -1,5 +1,7 @@
 #include "sim/fem/factorisation.h"
 
+#include <numeric>
+
 #include <Eigen/Cholesky>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -13,7 +15,8 @@ namespace {
 
 class FactorisationTest : public testing::Test {
  protected:
-  FactorisationTest() {
+  explicit FactorisationTest(TetMesh mesh = test::tet_grid({7, 6, 5}, {0.1, 0.08, 0.09}))
+      : mesh_(std::move(mesh)) {
     // Single components are held here and there, so that nodes have one, two or three unknowns, or none.
     for (std::size_t number = 0; number < free_.size(); ++number)
       free_[number] = number > 11 && number % 7 != 0;
@@ -24,14 +27,25 @@ class FactorisationTest : public testing::Test {
     return {mesh_, materials};
   }
 
-  TetMesh mesh_ = test::tet_grid({7, 6, 5}, {0.1, 0.08, 0.09});
+  void expect_the_solution_of_a_dense_one() const;
+  void expect_the_same_bits_whatever_the_number_of_threads() const;
+
+  TetMesh mesh_;
   std::vector<std::uint32_t> order_ = elimination_order(mesh_);
   Eigen::Index size_ = static_cast<Eigen::Index>(3 * mesh_.nodes.size());
   std::vector<bool> free_ = std::vector<bool>(static_cast<std::size_t>(size_));
   Eigen::VectorXd force_n_ = Eigen::VectorXd(size_);
 };
 
-TEST_F(FactorisationTest, SolvesAsADenseOneDoes) {
+/// Node after node, which makes fronts so wide that they are worked on in several panels and tiles.
+class WideFrontsTest : public FactorisationTest {
+ protected:
+  WideFrontsTest() : FactorisationTest(test::tet_grid({11, 11, 5}, {0.1, 0.08, 0.09})) {
+    std::iota(order_.begin(), order_.end(), 0U);
+  }
+};
+
+void FactorisationTest::expect_the_solution_of_a_dense_one() const {
   const StiffnessMatrix stiffness = stiffness_of({1e4, 0.4});
   Eigen::MatrixXd dense(size_, size_);
   for (Eigen::Index i = 0; i < size_; ++i) dense.col(i) = stiffness * Eigen::VectorXd::Unit(size_, i);
@@ -52,7 +66,7 @@ TEST_F(FactorisationTest, SolvesAsADenseOneDoes) {
   RecordProperty("displacement", std::to_string(error * 1e15) + "e-15");
 }
 
-TEST_F(FactorisationTest, GivesTheSameBitsWhateverTheNumberOfThreads) {
+void FactorisationTest::expect_the_same_bits_whatever_the_number_of_threads() const {
   const StiffnessMatrix stiffness = stiffness_of({1e4, 0.4});
   const Eigen::VectorXd alone_m = Factorisation(stiffness, free_, order_, 1).solve(force_n_);
   for (const unsigned threads : {2U, 3U, 8U}) {
@@ -60,6 +74,16 @@ TEST_F(FactorisationTest, GivesTheSameBitsWhateverTheNumberOfThreads) {
       EXPECT_EQ(Factorisation(stiffness, free_, order_, threads).solve(force_n_), alone_m) << threads;
     }
   }
+}
+
+TEST_F(FactorisationTest, SolvesAsADenseOneDoes) { expect_the_solution_of_a_dense_one(); }
+TEST_F(WideFrontsTest, SolvesAsADenseOneDoes) { expect_the_solution_of_a_dense_one(); }
+
+TEST_F(FactorisationTest, GivesTheSameBitsWhateverTheNumberOfThreads) {
+  expect_the_same_bits_whatever_the_number_of_threads();
+}
+TEST_F(WideFrontsTest, GivesTheSameBitsWhateverTheNumberOfThreads) {
+  expect_the_same_bits_whatever_the_number_of_threads();
 }
 
 TEST_F(FactorisationTest, NamesANodeWhereTheMatrixIsNotPositiveDefinite) {
