@@ -12,6 +12,7 @@
 #include <system_error>
 #include <unistd.h>
 
+#include "apps/kiroku/blas_kernels.h"
 #include "apps/kiroku/commands.h"
 
 namespace {
@@ -56,6 +57,7 @@ int main(int argc, char** argv) {
     return answers.run(argc, argv);
   }
   const fs::path other = program(simulates(argc, argv) ? "kiroku-sim" : "kiroku-full");
+  ask_for_wide_blas_kernels();
   ::execv(other.c_str(), argv);
   print_error("kiroku", "cannot start " + other.string() + ": " + std::strerror(errno) +
                             "; it belongs to this program, so install both anew");
