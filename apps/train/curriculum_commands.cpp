@@ -128,7 +128,7 @@ int run_study(const StudyRequest& request) {
   refuse_results_of_people(folder.path("results.sqlite"));
   Progress progress("training simulated trainees");
   trainer::OrganObject object = trainer::make_object(kind, vertices);
-  const trainer::ExclusionTask task = trainer::exclusion_task(object);
+  const trainer::ExclusionTask task = trainer::exclusion_task(kind);
   const trainer::ExclusionBody body(std::move(object), task);
   // Both groups, practice and test.
   const std::uint64_t all = 4 * study.trainees_a_group * static_cast<std::uint64_t>(study.sessions);

@@ -12,6 +12,7 @@
 #include "apps/train/attempt_seal.h"
 #include "apps/train/output_folder.h"
 #include "apps/train/train_command.h"
+#include "apps/train/training_body.h"
 #include "apps/train/udp_hand.h"
 #include "base/error.h"
 #include "media/film_writer.h"
@@ -31,9 +32,8 @@ using Json = nlohmann::ordered_json;
 
 struct Request {
   std::string output, hand;
-  std::string fingers = "3", vertices = "2000", damage = "100000", seconds = "60", size = "640x480",
-              seed = "1", session = "1";
-  std::optional<std::string> object, feedback, ghost, trainee, database, home;
+  std::string fingers = "3", vertices = "2000", seconds = "60", size = "640x480", seed = "1", session = "1";
+  std::optional<std::string> object, organ, damage, feedback, ghost, trainee, database, home;
   bool stress = false, test = false, seal = false, force = false, json = false;
 };
 
@@ -87,7 +87,6 @@ std::string in_words(const trainer::ExclusionScore& score) {
 }
 
 int run(const Request& request) {
-  const trainer::ObjectKind kind = trainer::object_kind(request.object.value_or("a"));
   trainer::ExclusionOptions options = options_of(request);
   const std::size_t vertices =
       parse_count(request.vertices, "--vertices", trainer::kLeastObjectNodes, trainer::kMostObjectNodes);
@@ -103,11 +102,14 @@ int run(const Request& request) {
   const std::size_t fingers = played ? played->fingers : asked_fingers;
   if (fingers > trainer::kMostExclusionFingers)
     throw UsageError(request.hand + " moves " + std::to_string(fingers) + " fingers: the trainer has 1 to 5");
-  const double damage_pa = parse_number(request.damage, "--damage", 1, 1e9);
+  const std::optional<double> asked_damage_pa =
+      request.damage ? std::optional(parse_number(*request.damage, "--damage", 1, 1e9)) : std::nullopt;
   const double seconds = parse_number(request.seconds, "--seconds", 1, 3600);
   const auto session = static_cast<int>(parse_count(request.session, "--session", 1, 100'000));
   if (request.trainee.has_value() != request.database.has_value())
     throw UsageError("--trainee and --database belong together: who, and where the attempt is kept");
+  if (request.organ && request.object)
+    throw UsageError("--organ and --object are two ways to say what is pushed aside: give one");
   if (request.test && request.stress) throw UsageError("--test is without stress: leave --stress out");
   if (request.test && !request.trainee)
     throw UsageError("--test belongs to a trainee: give --trainee and --database");
@@ -131,14 +133,16 @@ int run(const Request& request) {
   const OutputFolder folder(request.output, files, request.force);
 
   StepLine line;
-  line.show("making object " + trainer::name_of(kind));
-  trainer::OrganObject object =
-      trainer::make_object(kind, vertices, [&](const std::string& step) { line.show(step); });
-  trainer::ExclusionTask task = trainer::exclusion_task(object);
-  task.damage_pa = damage_pa;
-  task.most_s = seconds;
-  line.show("computing how it gives way");
-  const trainer::ExclusionBody body(std::move(object), task);
+  const std::shared_ptr<const trainer::ExclusionBody> made =
+      request.organ ? make_patient_body(*request.organ, asked_damage_pa, seconds)
+                    : make_object_body(trainer::object_kind(request.object.value_or("a")), vertices,
+                                       asked_damage_pa, seconds);
+  const trainer::ExclusionBody& body = *made;
+  const trainer::ExclusionTask& task = body.task();
+  const double damage_pa = task.damage_pa;
+  const std::string& object_name = body.object().name;
+  if (request.organ && address)
+    trainer::require_haptic_rate(body, fingers, trainer::measured_force_rate_hz(body, fingers));
   trainer::ExclusionRunner runner(body, options);
   media::FilmWriter film(folder.path(kAttemptFilm),
                          {options.width, options.height, 3, static_cast<int>(options.picture_rate_hz), 1},
@@ -188,7 +192,7 @@ int run(const Request& request) {
     record.session = session;
     record.test = request.test;
     record.stress_shown = options.shows_stress;
-    record.object = trainer::name_of(kind);
+    record.object = object_name;
     record.fingers = fingers;
     record.score = outcome.score;
     record.ending = outcome.score.done ? trainer::Ending::kDone : trainer::Ending::kTimeOver;
@@ -196,7 +200,7 @@ int run(const Request& request) {
   }
   folder.write("forces.csv", csv);
   folder.write("hand.txt", trainer::text_of(outcome.motion));
-  Json report{{"object", trainer::name_of(kind)},
+  Json report{{"object", object_name},
               {"hand", request.hand},
               {"simulated", request.hand == "simulated"},
               {"fingers", fingers},
@@ -266,7 +270,9 @@ void add_train_exclusion_command(Command& train) {
   command.option("--fingers", "N", request->fingers, "of a device or a simulated trainee, 1 to 5");
   command.option("--vertices", "N", request->vertices, "of the object's mesh");
   command.flag("--stress", request->stress, "shows stress in the tissue's colour");
-  command.option("--damage", "PA", request->damage, "von Mises stress that counts as damage");
+  command.option("--organ", "FILE", request->organ, "an organ of a CT instead (docs/training.md)");
+  command.option("--damage", "PA", request->damage, "von Mises stress that counts as damage",
+                 "100000, or what the organ's file says");
   command.choice("--feedback", {"full", "tangential"}, request->feedback,
                  "forces in three directions, or their part along each finger", "full");
   command.option("--ghost", "FILE", request->ghost,
@@ -293,6 +299,7 @@ void add_train_exclusion_command(Command& train) {
   command.example("kiroku train exclusion --object b --hand udp:7001 --fingers 5 --stress -o own",
                   "a person at a device, stress shown");
   command.example("kiroku train exclusion --hand lift/hand.txt -o again", "the same motion again");
+  command.example("kiroku train exclusion --organ liver.json --hand simulated -o liver", "a patient's liver");
   command.example(
       "kiroku train exclusion --hand udp:7001 --trainee Aoki --database training.sqlite --test --seal -o "
       "test",

@@ -12,8 +12,10 @@
 #include "apps/kiroku/viewer_setup.h"
 #include "apps/sim/number_option.h"
 #include "apps/train/train_command.h"
+#include "apps/train/training_body.h"
 #include "base/error.h"
 #include "sim/model/body_model.h"
+#include "trainer/exclusion/hand_forces.h"
 #include "viewer/server/viewer.h"
 #include "viewer/training/training_api.h"
 
@@ -24,33 +26,57 @@ namespace fs = std::filesystem;
 
 struct Request {
   std::optional<std::string> home, certificate, key, web, database, expert_a, expert_b, at_once;
-  std::string listen = "127.0.0.1:8444", vertices = "4000", damage = "100000", seconds = "60";
+  std::vector<std::string> organs;
+  std::optional<std::string> damage;
+  std::string listen = "127.0.0.1:8444", vertices = "4000", seconds = "60";
   bool json = false;
 };
 
-std::map<trainer::ObjectKind, trainer::HandMotion> experts_of(const Request& request) {
-  std::map<trainer::ObjectKind, trainer::HandMotion> experts;
+std::optional<double> damage_of(const Request& request) {
+  constexpr double kMostPascals = 1e9;
+  if (!request.damage) return {};
+  return parse_number(*request.damage, "--damage", 1, kMostPascals);
+}
+
+std::map<std::string, trainer::HandMotion> experts_of(const Request& request) {
+  std::map<std::string, trainer::HandMotion> experts;
   if (request.expert_a)
-    experts[trainer::ObjectKind::kLiver] =
-        trainer::parse_hand_motion(sim::read_document(*request.expert_a), *request.expert_a);
+    experts["a"] = trainer::parse_hand_motion(sim::read_document(*request.expert_a), *request.expert_a);
   if (request.expert_b)
-    experts[trainer::ObjectKind::kLung] =
-        trainer::parse_hand_motion(sim::read_document(*request.expert_b), *request.expert_b);
+    experts["b"] = trainer::parse_hand_motion(sim::read_document(*request.expert_b), *request.expert_b);
   return experts;
 }
 
+/// Made before anything is served, so that what is wrong with them is told to who starts the server.
+std::vector<std::shared_ptr<const trainer::ExclusionBody>> organs_of(const Request& request, double most_s) {
+  std::vector<std::shared_ptr<const trainer::ExclusionBody>> organs;
+  for (const std::string& file : request.organs) {
+    const std::optional<double> damage_pa = damage_of(request);
+    std::shared_ptr<const trainer::ExclusionBody> body = make_patient_body(file, damage_pa, most_s);
+    const auto has_its_name = [&](const auto& other) { return other->object().name == body->object().name; };
+    if (std::ranges::any_of(organs, has_its_name))
+      throw UsageError("two organs are called '" + body->object().name + "': give one another 'name' in " +
+                       file);
+    trainer::require_haptic_rate(*body, trainer::kMostExclusionFingers,
+                                 trainer::measured_force_rate_hz(*body, trainer::kMostExclusionFingers));
+    organs.push_back(std::move(body));
+  }
+  return organs;
+}
+
 viewer::TrainingOptions training_options(const Request& request, const Home& home) {
-  constexpr double kMostPascals = 1e9, kMostSeconds = 3600;
+  constexpr double kMostSeconds = 3600;
   constexpr std::size_t kMostAtOnce = 64;
   viewer::TrainingOptions options;
   options.database = request.database ? fs::path(*request.database) : home.folder() / "training.sqlite";
   options.vertices =
       parse_count(request.vertices, "--vertices", trainer::kLeastObjectNodes, trainer::kMostObjectNodes);
-  options.damage_pa = parse_number(request.damage, "--damage", 1, kMostPascals);
+  options.damage_pa = damage_of(request).value_or(options.damage_pa);
   options.most_s = parse_number(request.seconds, "--seconds", 1, kMostSeconds);
   options.at_once = request.at_once ? parse_count(*request.at_once, "--at-once", 1, kMostAtOnce)
                                     : std::max(1U, std::thread::hardware_concurrency() / 2);
   options.experts = experts_of(request);
+  options.organs = organs_of(request, options.most_s);
   options.tell = tell_on_standard_error();
   return options;
 }
@@ -116,7 +142,10 @@ void add_train_serve_command(Command& train) {
   command.option("--database", "FILE", request->database, "trainees and results",
                  "training.sqlite in the home");
   command.option("--vertices", "N", request->vertices, "of the objects' meshes");
-  command.option("--damage", "PA", request->damage, "von Mises stress that counts as damage");
+  command.option("--organ", "FILE", request->organs,
+                 "an organ of a CT beside objects A and B (docs/training.md); may stand several times");
+  command.option("--damage", "PA", request->damage, "von Mises stress that counts as damage",
+                 "100000, or what an organ's file says");
   command.option("--seconds", "S", request->seconds, "until an attempt is over");
   command.option("--at-once", "N", request->at_once, "attempts at a time", "half as many as there are cores");
   command.option("--expert-a", "FILE", request->expert_a,
@@ -136,6 +165,7 @@ void add_train_serve_command(Command& train) {
       "kept as broken off until its end is known. 'kiroku train results' reports the same database.");
   command.example("kiroku train serve", "the trainer on https://127.0.0.1:8444/");
   command.example("kiroku train serve --expert-a lift/hand.txt", "with a hand to follow");
+  command.example("kiroku train serve --organ liver.json", "with a patient's liver in the list of organs");
   command.on_run([request] { return run(*request); });
 }
 

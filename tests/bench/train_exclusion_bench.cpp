@@ -11,10 +11,10 @@ namespace {
 using namespace kiroku;
 
 /// Fingertips under the border, up and down by 8 mm every two seconds: always in contact.
-trainer::HandMotion lifting(const trainer::OrganObject& object, double seconds) {
+trainer::HandMotion lifting(trainer::ObjectKind kind, double seconds) {
   trainer::HandMotion motion;
   motion.fingers = 5;
-  const double touching_m = -object.half_thickness_m - trainer::kFingertipMetres + 0.003;
+  const double touching_m = -trainer::half_thickness_m(kind) - trainer::kFingertipMetres + 0.003;
   for (int half = 0; half <= static_cast<int>(seconds) + 1; ++half) {
     std::vector<sim::Pose> poses(motion.fingers);
     for (std::size_t i = 0; i < motion.fingers; ++i)
@@ -27,7 +27,7 @@ trainer::HandMotion lifting(const trainer::OrganObject& object, double seconds) 
 
 void measure(trainer::ObjectKind kind, std::size_t vertices, double seconds) {
   trainer::OrganObject object = trainer::make_object(kind, vertices);
-  trainer::ExclusionTask task = trainer::exclusion_task(object);
+  trainer::ExclusionTask task = trainer::exclusion_task(kind);
   task.hold_s = task.most_s = 2 * seconds;  // nothing ends it before its time
   const trainer::ExclusionBody body(std::move(object), task);
   trainer::ExclusionOptions options;
@@ -35,7 +35,7 @@ void measure(trainer::ObjectKind kind, std::size_t vertices, double seconds) {
   options.picture_rate_hz = 60;
   options.most_s = seconds;
   trainer::ExclusionRunner runner(body, options);
-  trainer::MotionPlayer player(lifting(body.object(), seconds), 1 / options.force_rate_hz);
+  trainer::MotionPlayer player(lifting(kind, seconds), 1 / options.force_rate_hz);
   const trainer::ExclusionOutcome outcome =
       runner.run_in_real_time(player, [](const trainer::ExclusionView&) { return true; });
   const sim::ForceLoopStatistics& loop = *outcome.force_loop;

@@ -34,7 +34,7 @@ void print(const char* what, const trainer::LiveOutcome::Latency& latency) {
 
 void measure(trainer::ObjectKind kind, std::size_t vertices, double seconds) {
   trainer::OrganObject object = trainer::make_object(kind, vertices);
-  trainer::ExclusionTask task = trainer::exclusion_task(object);
+  trainer::ExclusionTask task = trainer::exclusion_task(kind);
   task.hold_s = task.most_s = 2 * seconds;  // nothing ends it before its time
   const auto body = std::make_shared<const trainer::ExclusionBody>(std::move(object), task);
   trainer::ExclusionOptions options;

@@ -1,6 +1,7 @@
 // 'kiroku train' as a person calls it.
 #include <set>
 
+#include "tests/support/flat_organ_volume.h"
 #include "tests/system/program_test.h"
 
 namespace kiroku::test {
@@ -182,6 +183,22 @@ TEST_F(Exclusion, RefusesInOneSentence) {
   EXPECT_FALSE(std::filesystem::exists(folder() / "x"));
 }
 
+TEST_F(Training, AnOrganOfACtIsPushedAside) {
+  const std::string organ = write_flat_organ_document(folder()).string();
+  const nlohmann::json told =
+      kiroku_json({"train", "exclusion", "--organ", organ, "--hand", "simulated", "--damage", "9000",
+                   "--size", "160x120", "-o", path("lobe"), "--json"});
+  EXPECT_EQ(told["object"], "left lobe");
+  EXPECT_EQ(told["damage_pa"], 9000);
+  EXPECT_EQ(told["score"]["done"], true);
+  EXPECT_REFUSED(kiroku({"train", "exclusion", "--organ", organ, "--object", "b", "--hand", "simulated", "-o",
+                         path("two")}),
+                 "--organ and --object");
+  write_flat_organ_document(folder(), R"(, "exclusion": {"line": [[-20, -260, 120], [20, -260, 120]]})");
+  EXPECT_REFUSED(kiroku({"train", "exclusion", "--organ", organ, "--hand", "simulated", "-o", path("seen")}),
+                 "can be seen already");
+}
+
 TEST_F(Training, ServingThePageRefusesInOneSentence) {
   ASSERT_EQ(kiroku({"init", "--demo", "--home", path("home")}).status, 0);
   std::filesystem::create_directory(folder() / "page");
@@ -198,6 +215,8 @@ TEST_F(Training, ServingThePageRefusesInOneSentence) {
   EXPECT_REFUSED(serve({"--expert-a", path("words.txt")}), "words.txt");
   write_text(folder() / "words.sqlite", std::string(4096, 'x'));
   EXPECT_REFUSED(serve({"--database", path("words.sqlite")}), "no database");
+  const std::string organ = write_flat_organ_document(folder()).string();
+  EXPECT_REFUSED(serve({"--organ", organ, "--organ", organ}), "two organs are called 'left lobe'");
   EXPECT_REFUSED(serve({}, "0.0.0.0:0"), "kiroku user add");
 }
 

@@ -42,7 +42,7 @@ std::vector<ExclusionRecord> run_simulated_study(const ExclusionBody& body, cons
           record.session = session;
           record.test = test;
           record.stress_shown = shown;
-          record.object = name_of(body.object().kind);
+          record.object = body.object().name;
           record.fingers = study.fingers;
           record.score = outcome.score;
           record.ending = outcome.score.done ? Ending::kDone : Ending::kTimeOver;

@@ -16,6 +16,8 @@ using sim::Vector3;
 
 constexpr std::uint8_t kLineMark = 1;
 constexpr sim::Rgb kLineColour{70, 220, 120};
+/// Of a fingertip that is to lift objects A and B: as far in as their border is wide.
+constexpr double kUnderBorderMetres = -0.046;
 constexpr double kHalfViewRad = 14 * std::numbers::pi / 180;
 
 /// Whether the segment from `eye` to `place` goes through the triangle (Moeller and Trumbore, 1997).
@@ -36,13 +38,14 @@ bool meets(const Vector3& eye, const Vector3& place, const Vector3& a, const Vec
 
 }  // namespace
 
-ExclusionTask exclusion_task(const OrganObject& object) {
+ExclusionTask exclusion_task(ObjectKind kind) {
   ExclusionTask task;
   task.eye_m = {0, -0.4, 0.25};
   task.looks_at_m = {0, -0.02, -0.005};
-  const double below_m = object.half_thickness_m + 0.01;
+  const double below_m = half_thickness_m(kind) + 0.01;
   task.line_from_m = {-0.022, -0.02, -below_m};
   task.line_to_m = {0.022, -0.02, -below_m};
+  task.under_border_m = {0, kUnderBorderMetres, -half_thickness_m(kind) - kFingertipMetres};
   return task;
 }
 
@@ -50,7 +53,7 @@ sim::Camera camera_of(const ExclusionTask& task, int width, int height) {
   sim::Camera camera;
   camera.eye_m = task.eye_m;
   const Vector3 forward = (task.looks_at_m - task.eye_m).normalized();
-  const Vector3 right = forward.cross(Vector3::UnitZ()).normalized();
+  const Vector3 right = forward.cross(task.lifts).normalized();
   camera.to_view.row(0) = right;
   camera.to_view.row(1) = right.cross(forward);
   camera.to_view.row(2) = -forward;

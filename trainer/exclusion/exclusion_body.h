@@ -10,10 +10,17 @@
 
 namespace kiroku::trainer {
 
+inline constexpr double kFingertipMetres = 0.008;  // the radius of a fingertip
+
 /// The task: the line behind the organ is to be seen by the trainee's eye, nearly whole, for a while.
 struct ExclusionTask {
   sim::Vector3 eye_m = sim::Vector3::Zero();
   sim::Vector3 looks_at_m = sim::Vector3::Zero();
+  /// Unit vectors: the way the organ is lifted, up in the picture, and the one along which fingers lie side
+  /// by side, to the right in the picture.
+  sim::Vector3 lifts = sim::Vector3::UnitZ(), aside = sim::Vector3::UnitX();
+  /// The middle of a hand whose fingertips touch the border from below.
+  sim::Vector3 under_border_m = sim::Vector3::Zero();
   sim::Vector3 line_from_m = sim::Vector3::Zero(), line_to_m = sim::Vector3::Zero();
   double line_radius_m = 0.0015;
   double visible_share = 0.9;  // of the line's picture, from which on it counts as seen
@@ -23,11 +30,11 @@ struct ExclusionTask {
   double damage_pa = 100e3;
 };
 
-/// The eye of who stands at the object's side of -y and looks over its border, the line below the object
-/// behind that border: hidden until the border is lifted by some millimetres.
-ExclusionTask exclusion_task(const OrganObject& object);
+/// Of objects A and B: the eye of who stands at the object's side of -y and looks over its border, the line
+/// below the object behind that border: hidden until the border is lifted by some millimetres.
+ExclusionTask exclusion_task(ObjectKind kind);
 
-/// A camera there, x to the right; 28 degrees high.
+/// A camera at the eye; 28 degrees high.
 sim::Camera camera_of(const ExclusionTask& task, int width, int height);
 /// The line as a rod.
 sim::Solid line_of(const ExclusionTask& task);

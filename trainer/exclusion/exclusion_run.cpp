@@ -17,7 +17,6 @@ using sim::Vector3;
 
 constexpr std::uint8_t kLineMark = 1, kFingerMark = 2, kGhostMark = 3;
 constexpr sim::Rgb kFingerColour{236, 205, 182}, kGhostColour{120, 170, 255};
-constexpr sim::Rgb kLiverColour{150, 62, 52}, kLungColour{214, 150, 148};
 
 void check(const ExclusionOptions& options) {
   const auto rate = [](double hz, double most) { return std::isfinite(hz) && hz >= 1 && hz <= most; };
@@ -40,7 +39,7 @@ sim::SurfaceScene ExclusionRunner::scene_of(const HandForces::State& hand, doubl
   scene.camera = camera_of(body_.task(), options_.width, options_.height);
   scene.width = options_.width;
   scene.height = options_.height;
-  scene.tissue = body_.object().kind == ObjectKind::kLiver ? kLiverColour : kLungColour;
+  scene.tissue = body_.object().tissue;
   if (options_.shows_stress) {
     for (const double pa : sim::at_nodes(body_.object().mesh, von_mises_pa))
       scene.node_colours.push_back(sim::viridis(pa / body_.task().damage_pa));

@@ -12,7 +12,6 @@
 namespace kiroku::trainer {
 
 inline constexpr std::size_t kMostExclusionFingers = 5;
-inline constexpr double kFingertipMetres = 0.008;
 
 enum class Feedback {
   kFull,        // the force on each finger, in three directions

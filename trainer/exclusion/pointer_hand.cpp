@@ -16,8 +16,8 @@ using sim::Vector3;
 constexpr double kClearanceMetres = 0.05;
 /// So near to that depth, or to a pointer's line, counts as there.
 constexpr double kThereMetres = 0.003;
-/// The middle of a fingertip below the border, ready to lift it: as far in as a border is wide.
-constexpr double kUnderBorderMetres = -0.046, kBelowOrganMetres = 0.004;
+/// Below the border, ready to lift it.
+constexpr double kBelowOrganMetres = 0.004;
 /// Pointers that left the picture while they were down are followed so far, in sizes of the picture.
 constexpr double kOutside = 0.5;
 /// Where fingers lie that nothing moves: the middle is 0, the lower border -1.
@@ -57,8 +57,8 @@ PointerHand::PointerHand(const ExclusionBody& body, const sim::Camera& camera, s
   see({});
   const auto by_depth = [](const Vector3& a, const Vector3& b) { return a.z() < b.z(); };
   free_m_ = std::ranges::min_element(nodes_view_m_, by_depth)->z() - kClearanceMetres - kFingertipMetres;
-  const double below_m = body.object().half_thickness_m + kFingertipMetres + kBelowOrganMetres;
-  under_border_m_ = in_view({0, kUnderBorderMetres, -below_m}).z();
+  const ExclusionTask& task = body.task();
+  under_border_m_ = in_view(task.under_border_m - kBelowOrganMetres * task.lifts).z();
   for (std::size_t i = 0; i < fingers; ++i) fingers_[i].view_m = lies_down_m(i);
 }
 

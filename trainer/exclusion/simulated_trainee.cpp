@@ -11,7 +11,7 @@
 namespace kiroku::trainer {
 namespace {
 
-constexpr double kUnderBorderMetres = -0.046, kBeginBelowMetres = 0.012;
+constexpr double kBeginBelowMetres = 0.012;
 /// Who has lifted so far without seeing the line lifts no further.
 constexpr double kMostLiftMetres = 0.03;
 
@@ -23,13 +23,14 @@ SimulatedTrainee::SimulatedTrainee(const ExclusionBody& body, std::size_t finger
       period_s_(period_s),
       needed_share_(body.task().visible_share),
       damage_pa_(body.task().damage_pa),
+      lifts_(body.task().lifts),
       poses_(fingertips(fingers).size()),
       felt_n_(fingers, sim::Vector3::Zero()),
       goal_m_(kBeginBelowMetres + kMostLiftMetres) {
   std::mt19937 random(seed);
   for (std::size_t i = 0; i < fingers; ++i) {
-    poses_[i].position_m = {side_by_side_m(fingers)[i], kUnderBorderMetres,
-                            -body.object().half_thickness_m - kFingertipMetres - kBeginBelowMetres};
+    poses_[i].position_m = body.task().under_border_m + side_by_side_m(fingers)[i] * body.task().aside -
+                           kBeginBelowMetres * lifts_;
     const double within = std::clamp(uniform(random), 0.02, 0.98);
     offset_m_.push_back(skill.unevenness_m * boost::math::quantile(boost::math::normal(), within));
   }
@@ -40,7 +41,7 @@ bool SimulatedTrainee::read(std::span<sim::Pose> poses) {
   for (std::size_t i = 0; i < poses.size(); ++i) {
     // Uneven from the first touch on, not before.
     const double share = std::clamp(lifted_m_ / kBeginBelowMetres, 0.0, 1.0);
-    poses[i].position_m.z() += lifted_m_ + share * offset_m_[i];
+    poses[i].position_m += (lifted_m_ + share * offset_m_[i]) * lifts_;
   }
   return true;
 }

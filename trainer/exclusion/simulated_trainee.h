@@ -36,6 +36,7 @@ class SimulatedTrainee : public sim::HapticDevice {
  private:
   TraineeSkill skill_;
   double period_s_, needed_share_, damage_pa_;
+  sim::Vector3 lifts_;
   std::vector<sim::Pose> poses_;
   std::vector<double> offset_m_;  // of each finger's height
   std::vector<sim::Vector3> felt_n_;

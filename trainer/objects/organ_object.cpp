@@ -13,6 +13,7 @@ using sim::Vector3;
 
 constexpr double kHalfLengthMetres = 0.1, kHalfWidthMetres = 0.06, kFixedShare = 0.075, kVoxelMetres = 0.002;
 constexpr double kLiverHalfThicknessMetres = 0.015, kLungHalfThicknessMetres = 0.022;
+constexpr sim::Rgb kLiverColour{150, 62, 52}, kLungColour{214, 150, 148};
 constexpr double kGrooveMetres = 0.033, kGrooveDepthMetres = 0.008, kGrooveWidthMetres = 0.006;
 
 /// Of the sheet's rounded section: 0 in the middle, 1 on its border.
@@ -56,6 +57,10 @@ ObjectKind object_kind(const std::string& name) {
 
 std::string name_of(ObjectKind kind) { return kind == ObjectKind::kLiver ? "a" : "b"; }
 
+double half_thickness_m(ObjectKind kind) {
+  return kind == ObjectKind::kLiver ? kLiverHalfThicknessMetres : kLungHalfThicknessMetres;
+}
+
 OrganObject make_object(ObjectKind kind, std::size_t vertices,
                         const std::function<void(const std::string&)>& step) {
   if (vertices < kLeastObjectNodes || vertices > kMostObjectNodes) {
@@ -64,12 +69,12 @@ OrganObject make_object(ObjectKind kind, std::size_t vertices,
   }
   const bool is_liver = kind == ObjectKind::kLiver;
   OrganObject object;
-  object.kind = kind;
-  object.half_thickness_m = is_liver ? kLiverHalfThicknessMetres : kLungHalfThicknessMetres;
+  object.name = name_of(kind);
+  object.tissue = is_liver ? kLiverColour : kLungColour;
   sim::LabelMap labels;
   // A layer of air around y and z; along x the object ends with the voxels, in flat faces.
   const Vector3 half_m(kHalfLengthMetres, kHalfWidthMetres + 2 * kVoxelMetres,
-                       object.half_thickness_m + 2 * kVoxelMetres);
+                       half_thickness_m(kind) + 2 * kVoxelMetres);
   for (std::size_t axis = 0; axis < 3; ++axis)
     labels.grid.size[axis] =
         static_cast<std::size_t>(std::lround(2 * half_m[static_cast<Eigen::Index>(axis)] / kVoxelMetres)) + 1;

@@ -1,4 +1,4 @@
-// The two objects of the exclusion study, made at any resolution.
+// What is pushed aside; the two objects of the exclusion study, made at any resolution.
 //
 // Source: "Construction of Training Environment for Surgical Exclusion with a Basic Study of Multi-finger
 // Haptic Interaction": object A is like a liver, with grooves between its regions and one elasticity
@@ -10,6 +10,7 @@
 #include <string>
 
 #include "sim/fem/elastic_body.h"
+#include "sim/render/picture.h"
 
 namespace kiroku::trainer {
 
@@ -17,6 +18,17 @@ enum class ObjectKind { kLiver, kLung };
 /// "a", "b"; kiroku::UsageError for others.
 ObjectKind object_kind(const std::string& name);
 std::string name_of(ObjectKind kind);
+/// How far the object reaches above and below the origin, m.
+double half_thickness_m(ObjectKind kind);
+
+/// An organ that can be made a body of. Metres.
+struct OrganObject {
+  std::string name;  // by which results are kept: "a", "b", or that of a patient's organ
+  sim::Rgb tissue{};
+  sim::TetMesh mesh;
+  sim::Materials materials;
+  sim::Constraints constraints{0};
+};
 
 /// A sheet of tissue around the origin, 20 cm along x, 12 cm along y, rounded at its borders, held at both
 /// ends of x over 7.5 % of its length. Metres.
@@ -26,20 +38,13 @@ std::string name_of(ObjectKind kind);
 /// B: 4.4 cm thick, region 1 of E 0.1 MPa; region 2, a bronchus that forks, and region 3, an artery beside
 /// it, of
 ///    E 1.0 MPa, both entering at -x. Poisson's ratio 0.4.
-struct OrganObject {
-  ObjectKind kind = ObjectKind::kLiver;
-  sim::TetMesh mesh;
-  sim::Materials materials;
-  sim::Constraints constraints{0};
-  double half_thickness_m = 0;
-};
-
-/// With fewer, a fingertip would go between the nodes of the surface.
-inline constexpr std::size_t kLeastObjectNodes = 800, kMostObjectNodes = 100'000;
-
+///
 /// Meshed as organs of a CT are (sim/meshing), from voxels of 2 mm; about `vertices` nodes. The same call
 /// gives the same bits. `step` as of make_organ_mesh(). kiroku::UsageError for numbers out of range.
 OrganObject make_object(ObjectKind kind, std::size_t vertices,
                         const std::function<void(const std::string&)>& step = {});
+
+/// With fewer, a fingertip would go between the nodes of the surface.
+inline constexpr std::size_t kLeastObjectNodes = 800, kMostObjectNodes = 100'000;
 
 }  // namespace kiroku::trainer

@@ -17,7 +17,7 @@ namespace kiroku::viewer {
 /// {"begin": {"trainee": "Aoki", "object": "a", "fingers": 3, "test": false, "expert": true}}
 struct BeginMessage {
   std::string trainee;
-  trainer::ObjectKind object = trainer::ObjectKind::kLiver;
+  std::string object;  // one of TrainingRoom::objects()
   std::size_t fingers = 1;
   bool test = false;
   bool expert = false;  // shows an expert's hand

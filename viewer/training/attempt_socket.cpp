@@ -36,10 +36,11 @@ void AttemptSocket::receive(const SocketMessage& message) {
 void AttemptSocket::begin(const BeginMessage& message) {
   if (attempt_) throw Refusal(409, "an attempt has begun on this connection already");
   static_cast<void>(trainer::side_by_side_m(message.fingers));  // refuses fingers that no hand has
+  room_.require_object(message.object);
   place_ = room_.enter(message.trainee);
   trainer::ExclusionRecord record;
   record.test = message.test;
-  record.object = trainer::name_of(message.object);
+  record.object = message.object;
   record.fingers = message.fingers;
   const std::int64_t kept = room_.with_results([&](trainer::TrainingDatabase& results) {
     const trainer::Trainee trainee = results.trainee(message.trainee);

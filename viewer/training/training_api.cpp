@@ -18,14 +18,13 @@ using trainer::ExclusionRecord;
 using trainer::Trainee;
 using trainer::TrainingDatabase;
 
-constexpr std::array kObjects{trainer::ObjectKind::kLiver, trainer::ObjectKind::kLung};
 constexpr std::array<const char*, trainer::kMeasures.size()> kMeasureNames{"stress", "time", "path", "force",
                                                                            "damage"};
 
-ordered_json trainee_json(const Trainee& trainee, const std::vector<ExclusionRecord>& records) {
+ordered_json trainee_json(const Trainee& trainee, const std::vector<ExclusionRecord>& records,
+                          const TrainingRoom& room) {
   ordered_json progress = ordered_json::object();
-  for (const trainer::ObjectKind kind : kObjects) {
-    const std::string object = trainer::name_of(kind);
+  for (const std::string& object : room.objects()) {
     const trainer::TraineeProgress found = trainer::progress_of(records, trainee.name, object);
     progress[object] = {{"session", found.session}, {"practised_s", found.practised_s}};
   }
@@ -37,12 +36,12 @@ Response training(TrainingRoom& room) {
   room.with_results([&](const TrainingDatabase& results) {
     const std::vector<ExclusionRecord> records = results.attempts();
     for (const Trainee& trainee : results.trainees()) {
-      if (!trainee.simulated) trainees.push_back(trainee_json(trainee, records));
+      if (!trainee.simulated) trainees.push_back(trainee_json(trainee, records, room));
     }
   });
   ordered_json experts = ordered_json::array();
-  for (const auto& [kind, motion] : room.options().experts) experts.push_back(trainer::name_of(kind));
-  return Response::json({{"objects", {"a", "b"}},
+  for (const auto& [object, motion] : room.options().experts) experts.push_back(object);
+  return Response::json({{"objects", room.objects()},
                          {"fingers", trainer::kMostExclusionFingers},
                          {"groups", {trainer::kStressShown, trainer::kStressHidden}},
                          {"experts", experts},
@@ -58,7 +57,7 @@ Response add_trainee(TrainingRoom& room, const Request& request) {
     throw Refusal(400, std::string("'group' must be '") + trainer::kStressShown + "' or '" +
                            trainer::kStressHidden + "'");
   return Response::json(room.with_results([&](TrainingDatabase& results) {
-    return trainee_json(results.add_trainee(name, group, false), {});
+    return trainee_json(results.add_trainee(name, group, false), {}, room);
   }),
                         201);
 }
@@ -87,7 +86,7 @@ ordered_json curve_json(const std::vector<ExclusionRecord>& records, const std::
 Response results_of(TrainingRoom& room, const Request& request) {
   const std::string& name = request.parameter("trainee");
   const std::string object = request.query_text("object").value_or("a");
-  static_cast<void>(trainer::object_kind(object));
+  room.require_object(object);
   const std::vector<ExclusionRecord> records = room.with_results([&](const TrainingDatabase& results) {
     const std::vector<Trainee> trainees = results.trainees();
     if (std::ranges::find(trainees, name, &Trainee::name) == trainees.end())

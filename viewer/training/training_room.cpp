@@ -1,5 +1,6 @@
 #include "viewer/training/training_room.h"
 
+#include <algorithm>
 #include <utility>
 
 #include "viewer/server/request.h"
@@ -7,19 +8,38 @@
 namespace kiroku::viewer {
 
 TrainingRoom::TrainingRoom(TrainingOptions options)
-    : options_(std::move(options)), database_(options_.database) {}
+    : options_(std::move(options)), database_(options_.database) {
+  made_["a"];
+  made_["b"];
+}
 
-std::shared_ptr<const trainer::ExclusionBody> TrainingRoom::body(trainer::ObjectKind kind) {
-  Organ& organ = organs_.at(static_cast<std::size_t>(kind));
-  const std::lock_guard guard(organ.mutex);
-  if (!organ.body) {
+std::vector<std::string> TrainingRoom::objects() const {
+  std::vector<std::string> names{"a", "b"};
+  for (const auto& organ : options_.organs) names.push_back(organ->object().name);
+  return names;
+}
+
+void TrainingRoom::require_object(const std::string& name) const {
+  const std::vector<std::string> known = objects();
+  if (std::ranges::find(known, name) == known.end())
+    throw Refusal(400, "'" + name + "' is no object: it must be one of those that 'training' lists");
+}
+
+std::shared_ptr<const trainer::ExclusionBody> TrainingRoom::body(const std::string& object_name) {
+  for (const auto& organ : options_.organs) {
+    if (organ->object().name == object_name) return organ;
+  }
+  const trainer::ObjectKind kind = trainer::object_kind(object_name);
+  Made& made = made_.at(object_name);
+  const std::lock_guard guard(made.mutex);
+  if (!made.body) {
     trainer::OrganObject object = trainer::make_object(kind, options_.vertices);
-    trainer::ExclusionTask task = trainer::exclusion_task(object);
+    trainer::ExclusionTask task = trainer::exclusion_task(kind);
     task.damage_pa = options_.damage_pa;
     task.most_s = options_.most_s;
-    organ.body = std::make_shared<const trainer::ExclusionBody>(std::move(object), task);
+    made.body = std::make_shared<const trainer::ExclusionBody>(std::move(object), task);
   }
-  return organ.body;
+  return made.body;
 }
 
 std::unique_ptr<TrainingRoom::Place> TrainingRoom::enter(const std::string& trainee) {

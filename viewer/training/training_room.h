@@ -1,7 +1,6 @@
 // What all attempts at a server share: organs, results, and who trains now. Thread-safe.
 #pragma once
 
-#include <array>
 #include <filesystem>
 #include <functional>
 #include <map>
@@ -10,6 +9,7 @@
 #include <optional>
 #include <set>
 #include <string>
+#include <vector>
 
 #include "trainer/exclusion/exclusion_body.h"
 #include "trainer/hand/hand_motion.h"
@@ -21,9 +21,11 @@ struct TrainingOptions {
   std::filesystem::path database;
   std::size_t vertices = 4000;  // of an organ's mesh
   double damage_pa = 100e3;
-  double most_s = 60;       // of an attempt
-  std::size_t at_once = 1;  // attempts; each needs about a core
-  std::map<trainer::ObjectKind, trainer::HandMotion> experts;
+  double most_s = 60;                                  // of an attempt
+  std::size_t at_once = 1;                             // attempts; each needs about a core
+  std::map<std::string, trainer::HandMotion> experts;  // by object
+  /// Organs of patients, beside objects a and b; each with a name of its own.
+  std::vector<std::shared_ptr<const trainer::ExclusionBody>> organs;
   /// Hears in one sentence of what failed inside; called from several threads.
   std::function<void(const std::string& sentence)> tell;
 };
@@ -42,8 +44,12 @@ class TrainingRoom {
     return use(database_);
   }
 
-  /// The organ, made by who asks first while the others wait: some seconds.
-  std::shared_ptr<const trainer::ExclusionBody> body(trainer::ObjectKind kind);
+  /// "a", "b", and the patients' organs.
+  [[nodiscard]] std::vector<std::string> objects() const;
+  /// Refusal 400 for a name that is none of objects().
+  void require_object(const std::string& name) const;
+  /// One of objects(). A and B are made by who asks first while the others wait: some seconds.
+  std::shared_ptr<const trainer::ExclusionBody> body(const std::string& object);
 
   /// A trainee's place; the room must outlive it.
   class Place {
@@ -61,7 +67,7 @@ class TrainingRoom {
   std::unique_ptr<Place> enter(const std::string& trainee);
 
  private:
-  struct Organ {
+  struct Made {
     std::mutex mutex;
     std::shared_ptr<const trainer::ExclusionBody> body;
   };
@@ -71,7 +77,7 @@ class TrainingRoom {
   TrainingOptions options_;
   std::mutex database_mutex_;
   trainer::TrainingDatabase database_;
-  std::array<Organ, 2> organs_;  // by ObjectKind
+  std::map<std::string, Made> made_;  // "a" and "b"
   std::mutex places_mutex_;
   std::set<std::string> training_;
 };

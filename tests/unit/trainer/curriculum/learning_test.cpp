@@ -125,7 +125,7 @@ TEST(TrainingReport, SaysWhatIsSimulatedAndWhereAGroupIsTooSmall) {
 
 TEST(SimulatedStudy, RunsFromSessionsToATest) {
   OrganObject object = make_object(ObjectKind::kLiver, 900);
-  const ExclusionTask task = exclusion_task(object);
+  const ExclusionTask task = exclusion_task(ObjectKind::kLiver);
   const ExclusionBody body(std::move(object), task);
   SimulatedStudy study;
   study.trainees_a_group = 3;

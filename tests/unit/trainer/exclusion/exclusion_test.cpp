@@ -15,7 +15,7 @@ using sim::Vector3;
 
 ExclusionBody body_of(std::size_t vertices) {
   OrganObject object = make_object(ObjectKind::kLiver, vertices);
-  const ExclusionTask task = exclusion_task(object);
+  const ExclusionTask task = exclusion_task(ObjectKind::kLiver);
   return ExclusionBody(std::move(object), task);
 }
 
@@ -43,7 +43,7 @@ ExclusionOptions quick() {
 HandMotion lifting(std::size_t fingers, double lift_m) {
   HandMotion motion;
   motion.fingers = fingers;
-  const double touching_m = -body().object().half_thickness_m - kFingertipMetres + 0.002;
+  const double touching_m = -half_thickness_m(ObjectKind::kLiver) - kFingertipMetres + 0.002;
   for (const double time_s : {0.0, 2.0, 10.0}) {
     std::vector<sim::Pose> poses(fingers);
     for (std::size_t i = 0; i < fingers; ++i) {

@@ -13,7 +13,7 @@ namespace {
 std::shared_ptr<const ExclusionBody> body() {
   static const std::shared_ptr<const ExclusionBody> kBody = [] {
     OrganObject object = make_object(ObjectKind::kLiver, 900);
-    ExclusionTask task = exclusion_task(object);
+    ExclusionTask task = exclusion_task(ObjectKind::kLiver);
     task.hold_s = 0.3;
     return std::make_shared<const ExclusionBody>(std::move(object), task);
   }();

@@ -21,7 +21,7 @@ constexpr double kPeriod = 1e-3;
 const ExclusionBody& body_of(std::size_t vertices) {
   const auto make = [](std::size_t count) {
     OrganObject object = make_object(ObjectKind::kLiver, count);
-    const ExclusionTask task = exclusion_task(object);
+    const ExclusionTask task = exclusion_task(ObjectKind::kLiver);
     return ExclusionBody(std::move(object), task);
   };
   static const ExclusionBody kCoarse = make(900), kFine = make(2000);
@@ -68,7 +68,7 @@ std::string refusal(const std::function<void()>& action) {
 TEST(PointerHand, AFingertipTouchesTheOrganWhereItsPointerComesDown) {
   PointerHand hand(body_of(900), camera(), 1, kPeriod);
   // In the middle of the organ's upper side.
-  const Eigen::Vector2d at = in_picture({0.02, 0.01, body_of(900).object().half_thickness_m});
+  const Eigen::Vector2d at = in_picture({0.02, 0.01, half_thickness_m(ObjectKind::kLiver)});
   hand.point({1, {{1, at.x(), at.y(), 0}}});
   const Vector3 place_m = later(hand, 2)[0].position_m;
   EXPECT_LT((in_picture(place_m) - at).norm(), 0.002);

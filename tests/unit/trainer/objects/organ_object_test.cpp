@@ -27,7 +27,7 @@ struct Press {
     std::vector<sim::Pose> poses(2);
     for (int step = 0; step <= 10; ++step) {
       for (std::size_t i = 0; i < 2; ++i)
-        poses[i].position_m = {i == 0 ? -0.03 : 0.03, -0.035, -object.half_thickness_m - 0.01 + 8e-4 * step};
+        poses[i].position_m = {i == 0 ? -0.03 : 0.03, -0.035, -half_thickness_m(kind) - 0.01 + 8e-4 * step};
       solver.step(poses);
     }
     contact.displacement_m(solver.result().contacts, displacement_m);
@@ -53,7 +53,7 @@ TEST(OrganObject, HasItsRegionsAndElasticitiesAtAnyResolution) {
       const sim::Extent extent = sim::extent_of(object->mesh);
       EXPECT_NEAR(extent.greatest.x(), 0.1, 3e-3);
       EXPECT_NEAR(extent.greatest.y(), 0.06, 4e-3);
-      EXPECT_NEAR(-extent.least.z(), object->half_thickness_m, 3e-3);
+      EXPECT_NEAR(-extent.least.z(), half_thickness_m(object_kind(object->name)), 3e-3);
       for (const auto& [region, material] : object->materials) EXPECT_EQ(material.poisson_ratio, 0.4);
     }
     for (const auto& [region, material] : a.materials) EXPECT_EQ(material.young_modulus_pa, 0.3e6);

@@ -9,8 +9,10 @@
 #include <gtest/gtest.h>
 #include <nlohmann/json.hpp>
 
+#include "tests/support/flat_organ_volume.h"
 #include "tests/support/socket_client.h"
 #include "tests/support/temporary_folder.h"
+#include "trainer/exclusion/patient_organ.h"
 #include "viewer/server/server_certificate.h"
 #include "viewer/server/web_server.h"
 
@@ -30,7 +32,8 @@ struct Said {
 
 class TrainingApi : public testing::Test {
  protected:
-  TrainingApi() {
+  using Organs = std::vector<std::shared_ptr<const trainer::ExclusionBody>>;
+  explicit TrainingApi(Organs served = {}) : organs(std::move(served)) {
     add_training_routes(router, room());
     bool made = false;
     ServerCertificate certificate = own_certificate(folder.path(), {"127.0.0.1"}, made);
@@ -48,6 +51,7 @@ class TrainingApi : public testing::Test {
       options.database = folder / "training.sqlite";
       options.vertices = 900;
       options.at_once = 2;
+      options.organs = organs;
       options.tell = [this](const std::string& sentence) {
         const std::lock_guard guard(told_mutex);
         told.push_back(sentence);
@@ -82,10 +86,11 @@ class TrainingApi : public testing::Test {
     return std::make_unique<SocketClient>(server->port(), "/api/training/attempt", cookie(),
                                           "https://127.0.0.1:" + std::to_string(server->port()));
   }
-  static std::string begin(const std::string& trainee, bool test = false, std::size_t fingers = 3) {
+  static std::string begin(const std::string& trainee, bool test = false, std::size_t fingers = 3,
+                           const std::string& object = "a") {
     return json{
         {"begin",
-         {{"trainee", trainee}, {"object", "a"}, {"fingers", fingers}, {"test", test}, {"expert", false}}}}
+         {{"trainee", trainee}, {"object", object}, {"fingers", fingers}, {"test", test}, {"expert", false}}}}
         .dump();
   }
   static std::string input(std::uint64_t number, double y) {
@@ -130,6 +135,7 @@ class TrainingApi : public testing::Test {
   test::TemporaryFolder folder;
   std::mutex told_mutex;
   std::vector<std::string> told;
+  Organs organs;
   std::optional<TrainingRoom> kept_room;
   Router router;
   SessionStore sessions;
@@ -253,6 +259,7 @@ TEST_F(TrainingApi, RefusesInWordsWhatNoPageSays) {
   EXPECT_THAT(refused({begin("nobody")}), HasSubstr("no trainee 'nobody'"));
   EXPECT_THAT(refused({begin("model")}), HasSubstr("simulated"));
   EXPECT_THAT(refused({begin("Aoki", false, 6)}), HasSubstr("1 to 5 fingers"));
+  EXPECT_THAT(refused({begin("Aoki", false, 3, "z")}), HasSubstr("'z' is no object"));
   EXPECT_TRUE(kept().empty());
   // During an attempt it is broken off.
   const auto client = connect();
@@ -263,6 +270,31 @@ TEST_F(TrainingApi, RefusesInWordsWhatNoPageSays) {
   EXPECT_THAT(refusal(*client).second, HasSubstr("no finger 9"));
   EXPECT_TRUE(eventually([&] { return kept()[0].score.time_s > 0; }));
   EXPECT_EQ(kept()[0].ending, Ending::kBrokenOff);
+}
+
+class TrainingWithAnOrgan : public TrainingApi {
+ protected:
+  TrainingWithAnOrgan() : TrainingApi({organ()}) {}
+  static std::shared_ptr<const trainer::ExclusionBody> organ() {
+    const test::TemporaryFolder ct;
+    trainer::PatientOrgan made = trainer::read_patient_organ(test::write_flat_organ_document(ct.path()));
+    return std::make_shared<const trainer::ExclusionBody>(std::move(made.object), made.task);
+  }
+};
+
+TEST_F(TrainingWithAnOrgan, ListsItBesideTheOthersAndKeepsItsAttempts) {
+  EXPECT_EQ(answer("GET", "training")["objects"], json({"a", "b", "left lobe"}));
+  const auto client = connect();
+  client->send_text(begin("Aoki", false, 3, "left lobe"));
+  EXPECT_EQ(next_text(*client)["began"]["object"], "left lobe");
+  const std::optional<Said> moment = next(*client);
+  ASSERT_TRUE(moment);
+  EXPECT_EQ(moment->text["visible_share"], 0);
+  client->send_text(R"({"end":true})");
+  EXPECT_EQ(next_text(*client)["over"]["ending"], "given-up");
+  EXPECT_EQ(kept()[0].object, "left lobe");
+  EXPECT_EQ(answer("GET", "training/trainees/Aoki/results?object=left%20lobe")["attempts"].size(), 1U);
+  EXPECT_EQ(answer("GET", "training")["trainees"][0]["progress"]["left lobe"]["session"], 1);
 }
 
 TEST_F(TrainingApi, KnowsTraineesAndAddsThem) {

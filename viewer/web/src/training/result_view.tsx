@@ -4,6 +4,7 @@ import { useEffect } from 'preact/hooks';
 import { t, word } from '@/i18n/i18n';
 import { Icon } from '@/shell/icon';
 import { attempt } from '@/shell/state';
+import { objectLabel } from '@/training/object_label';
 import { countTicks, place, scaleTo } from '@/training/chart';
 import {
   type AttemptKept, type Began, type Begin, kMeasures, type Measure, type Over, type Results, type Score, training as api,
@@ -278,7 +279,7 @@ export function ResultView({ begin, came, again, other }: { begin: Begin; came?:
           </button>
         </div>
       </div>
-      <p class="muted">{t(`object.${begin.object}`)}</p>
+      <p class="muted">{objectLabel(begin.object)}</p>
       {came && <Came {...came} />}
       <label class="field train-measure">
         <span>{t('result.measure')}</span>

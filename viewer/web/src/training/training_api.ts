@@ -1,7 +1,8 @@
 // The trainer's API and the messages of an attempt (docs/training.md, "The page").
 import { get, post } from '@/api/client';
 
-export type ObjectName = 'a' | 'b';
+/** 'a', 'b', or what a patient's organ is called. */
+export type ObjectName = string;
 export type Ending = 'done' | 'time-over' | 'given-up' | 'broken-off';
 export type Measure = 'stress' | 'time' | 'path' | 'force' | 'damage';
 export const kMeasures: readonly Measure[] = ['stress', 'time', 'path', 'force', 'damage'];

@@ -5,14 +5,15 @@ import { formatTime, kSecond } from '@/base/time';
 import { t, word } from '@/i18n/i18n';
 import { attempt, notify } from '@/shell/state';
 import { AttemptView } from '@/training/attempt_view';
+import { objectLabel } from '@/training/object_label';
 import { ResultView } from '@/training/result_view';
-import { training as api, type Began, type Begin, type ObjectName, type Over, type Training } from '@/training/training_api';
+import { training as api, type Began, type Begin, type Over, type Training } from '@/training/training_api';
 
 const kStored = 'kiroku.training';
 
 interface Choice {
   trainee: string;
-  object: ObjectName;
+  object: string;
   fingers: number;
   expert: boolean;
 }
@@ -88,7 +89,6 @@ export function TrainingView() {
     stage.value = { at: 'choose' };
     void load();
   };
-  const beginOf = (test: boolean): Begin => ({ ...choice.value, test });
 
   const now = stage.value;
   if (now.at === 'attempt') {
@@ -117,8 +117,11 @@ export function TrainingView() {
   const training = known.value;
   if (!training) return <main id="main" class="main narrow" tabIndex={-1} aria-busy="true" />;
   const trainee = training.trainees.find((one) => one.name === choice.value.trainee);
-  const progress = trainee?.progress[choice.value.object];
-  const hasExpert = training.experts.includes(choice.value.object);
+  // A patient's organ that was chosen before may not be served any more.
+  const object = training.objects.includes(choice.value.object) ? choice.value.object : 'a';
+  const progress = trainee?.progress[object];
+  const hasExpert = training.experts.includes(object);
+  const beginOf = (test: boolean): Begin => ({ ...choice.value, object, test });
   const go = (begin: Begin) => (stage.value = { at: 'attempt', begin: { ...begin, expert: begin.expert && hasExpert } });
   return (
     <main id="main" class="main narrow" tabIndex={-1}>
@@ -140,10 +143,10 @@ export function TrainingView() {
         </label>
         <label class="field">
           <span>{t('train.object')}</span>
-          <select value={choice.value.object} onChange={(event) => choose({ object: event.currentTarget.value as ObjectName })}>
-            {training.objects.map((object) => (
-              <option key={object} value={object}>
-                {t(`object.${object}`)}
+          <select value={object} onChange={(event) => choose({ object: event.currentTarget.value })}>
+            {training.objects.map((one) => (
+              <option key={one} value={one}>
+                {objectLabel(one)}
               </option>
             ))}
           </select>
