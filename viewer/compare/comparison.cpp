@@ -7,7 +7,8 @@ extern "C" {
 }
 
 #include "base/error.h"
-#include "media/frame_reader.h"
+#include "media/rgb_converter.h"
+#include "viewer/playback/picture_span.h"
 
 namespace kiroku::compare {
 namespace {
@@ -31,8 +32,8 @@ class Tracking {
       recorders_.emplace_back(clicks);
       for (const ToolClick& click : clicks) from_ns_ = std::min(from_ns_, click.time_ns);
     }
-    frames_ = std::make_unique<media::FrameReader>(recording, identities, comparison.stream, from_ns_,
-                                                   comparison.recording_end_ns);
+    frames_ = std::make_unique<playback::PictureSpan>(recording, identities, comparison.stream, from_ns_,
+                                                      comparison.recording_end_ns);
   }
 
   void run(const ComparisonProgress& progress) {
@@ -85,7 +86,7 @@ class Tracking {
   const ByHand& by_hand_;
   std::vector<std::size_t> tools_;
   std::vector<ToolPathRecorder> recorders_;
-  std::unique_ptr<media::FrameReader> frames_;
+  std::unique_ptr<playback::PictureSpan> frames_;
   std::int64_t from_ns_ = 0;
   int width_ = 0, height_ = 0;
 };

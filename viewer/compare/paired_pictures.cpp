@@ -64,7 +64,7 @@ std::string vitals_text(const CaseRecord& record, std::int64_t case_ns) {
 
 PictureSize picture_size(const archive::CaseReader& recording, const crypto::AgeIdentities& identities,
                          const std::string& stream, std::int64_t from_ns, int widest) {
-  media::FrameReader reader(recording, identities, stream, from_ns);
+  playback::PictureSpan reader(recording, identities, stream, from_ns);
   if (!reader.next()) throw Error("stream '" + stream + "' holds no picture at that time");
   const double wide = reader.frame().width, high = reader.frame().height;
   const double scale = std::min(1.0, widest / wide);

@@ -9,11 +9,12 @@
 
 #include "archive/case_reader.h"
 #include "crypto/age_recipient.h"
-#include "media/frame_reader.h"
+#include "media/rgb_converter.h"
 #include "sim/plan/plan_frames.h"
 #include "sim/render/plan_pictures.h"
 #include "viewer/compare/comparison.h"
 #include "viewer/compare/composition.h"
+#include "viewer/playback/picture_span.h"
 
 namespace kiroku::compare {
 
@@ -50,7 +51,7 @@ class PairedPictures {
   sim::PlanPictures& plan_;
   CompositionForm form_;
   Composer composer_;
-  media::FrameReader reader_;
+  playback::PictureSpan reader_;
   media::RgbConverter converter_;
   bool pending_ = false;  // the reader holds a picture that is still to come
   sim::Picture recorded_, rendered_;

@@ -15,7 +15,7 @@ extern "C" {
 }
 
 #include "base/error.h"
-#include "media/frame_reader.h"
+#include "media/rgb_converter.h"
 #include "media/png.h"
 
 namespace kiroku::playback {

@@ -12,6 +12,7 @@
 #include "tests/support/recording.h"
 #include "tests/unit/viewer/playback/rewritten_case.h"
 #include "viewer/playback/case_ticks.h"
+#include "viewer/playback/picture_span.h"
 
 namespace kiroku::playback {
 namespace {
@@ -198,6 +199,15 @@ TEST_F(CasePlaybackTest, ACrashLeavesWhatWasWholeAtItsExactTimes) {
     const auto shown = playback->archived_picture("room", ns_of_ticks(all[75]) - 20'000'000, Step::kAt);
     ASSERT_TRUE(shown);
     EXPECT_EQ(shown->time_ns, ns_of_ticks(all[74]));
+    // Who reads once sees the same.
+    PictureSpan span(archive::CaseReader::open(recorded.folder), reader_.identities, "room", 2'500'000'000);
+    std::vector<std::int64_t> spanned;
+    while (span.next()) spanned.push_back(span.time_ns());
+    std::vector<std::int64_t> expected;
+    for (const Ticks time : times) expected.push_back(ns_of_ticks(time));
+    ASSERT_LT(spanned.size(), expected.size());
+    EXPECT_EQ(spanned, std::vector<std::int64_t>(expected.end() - static_cast<std::ptrdiff_t>(spanned.size()),
+                                                 expected.end()));
     std::filesystem::remove_all(bench_ / "rewritten");
   }
 }

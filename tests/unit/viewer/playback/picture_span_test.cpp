@@ -1,23 +1,20 @@
-#include "media/frame_reader.h"
+#include "viewer/playback/picture_span.h"
 
-#include <cmath>
+#include <fstream>
 
-extern "C" {
-#include <libavutil/frame.h>
-}
+#include <gtest/gtest.h>
 
 #include "base/error.h"
-#include "media/film_writer.h"
 #include "tests/support/media_maker.h"
 #include "tests/support/recorded_case.h"
 #include "tests/support/temporary_folder.h"
 
-namespace kiroku::media {
+namespace kiroku::playback {
 namespace {
 
 constexpr std::int64_t kSecondNs = 1'000'000'000;
 
-class FrameReaderTest : public testing::Test {
+class PictureSpanTest : public testing::Test {
  protected:
   std::filesystem::path record(const test::RecordedStream& stream) {
     return test::record_case(folder_ / "archive", {stream}, reader_.recipients);
@@ -28,7 +25,7 @@ class FrameReaderTest : public testing::Test {
   [[nodiscard]] std::vector<std::int64_t> times(const archive::CaseReader& recording,
                                                 std::int64_t from_ns = INT64_MIN,
                                                 std::int64_t to_ns = INT64_MAX) const {
-    FrameReader frames(recording, reader_.identities, "room", from_ns, to_ns);
+    PictureSpan frames(recording, reader_.identities, "room", from_ns, to_ns);
     std::vector<std::int64_t> all;
     while (frames.next()) all.push_back(frames.time_ns());
     return all;
@@ -38,7 +35,7 @@ class FrameReaderTest : public testing::Test {
   test::Reader reader_ = test::make_reader();
 };
 
-TEST_F(FrameReaderTest, GivesEveryPictureItsTimeOnTheCaseClock) {
+TEST_F(PictureSpanTest, GivesEveryPictureItsTimeOnTheCaseClock) {
   for (const bool transport_stream : {true, false}) {
     const auto folder =
         record(transport_stream ? film(test::make_transport_stream({.sound = true}), "video/mp2t")
@@ -53,7 +50,7 @@ TEST_F(FrameReaderTest, GivesEveryPictureItsTimeOnTheCaseClock) {
   }
 }
 
-TEST_F(FrameReaderTest, PassesOverWhatWasErasedAndWhatWasCutOff) {
+TEST_F(PictureSpanTest, PassesOverWhatWasErasedAndWhatWasCutOff) {
   // A segment that was cut off ends with the last chunk of 64 KiB that was sealed.
   test::RecordedStream stream =
       film(test::make_transport_stream({.width = 640, .height = 480}), "video/mp2t");
@@ -66,12 +63,12 @@ TEST_F(FrameReaderTest, PassesOverWhatWasErasedAndWhatWasCutOff) {
   EXPECT_EQ(all.front(), kSecondNs);
 }
 
-TEST_F(FrameReaderTest, RefusesDamageAndWhatItCannotOpen) {
+TEST_F(PictureSpanTest, RefusesDamageAndWhatItCannotOpen) {
   const auto folder = record(film(test::make_transport_stream({}), "video/mp2t"));
   const auto recording = archive::CaseReader::open(folder);
-  EXPECT_THROW(FrameReader(recording, reader_.identities, "endoscope"), UsageError);
+  EXPECT_THROW(PictureSpan(recording, reader_.identities, "endoscope"), UsageError);
   const test::Reader other = test::make_reader();
-  FrameReader closed(recording, other.identities, "room");
+  PictureSpan closed(recording, other.identities, "room");
   EXPECT_THROW(closed.next(), Error);
   std::fstream file(folder / "segments/room/00000000.ts.age", std::ios::in | std::ios::out);
   file.seekp(5000);
@@ -80,31 +77,5 @@ TEST_F(FrameReaderTest, RefusesDamageAndWhatItCannotOpen) {
   EXPECT_THROW(times(recording), Error);
 }
 
-TEST_F(FrameReaderTest, ConvertsColoursAsTheyWere) {
-  // Bars, written without loss as computed films are; what is recorded losslessly is decoded the same way.
-  constexpr int kWidth = 61, kHeight = 40;
-  std::vector<std::uint8_t> bars;
-  for (int i = 0; i < kWidth * kHeight; ++i) {
-    const int x = i % kWidth;
-    bars.insert(bars.end(), {static_cast<std::uint8_t>(x * 4), static_cast<std::uint8_t>(255 - x * 4),
-                             static_cast<std::uint8_t>(x < 30 ? 200 : 20)});
-  }
-  FilmWriter film(folder_ / "bars.mkv", {kWidth, kHeight, 3, 25, 1});
-  film.add({kWidth, kHeight, 3, bars});
-  film.finish();
-  std::ifstream in(folder_ / "bars.mkv", std::ios::binary);
-  const std::string bytes{std::istreambuf_iterator<char>(in), {}};
-  const auto folder =
-      test::record_case(folder_ / "archive", {{"room", "video", "video/x-matroska", {to_bytes(bytes)}, {1}}},
-                        reader_.recipients);
-  const auto recording = archive::CaseReader::open(folder);
-  FrameReader frames(recording, reader_.identities, "room");
-  ASSERT_TRUE(frames.next());
-  RgbConverter converter;
-  EXPECT_EQ(converter.convert(frames.frame()), bars);
-  EXPECT_EQ(converter.convert(frames.frame(), 32, 20).size(), 32U * 20U * 3U);
-  EXPECT_FALSE(frames.next());
-}
-
 }  // namespace
-}  // namespace kiroku::media
+}  // namespace kiroku::playback
