@@ -201,7 +201,7 @@ std::unique_ptr<recorder::HttpServer> serve_http(const Home& home, const Configu
 
 std::unique_ptr<viewer::Viewer> open_viewer(const Home& home, const Configuration& configuration,
                                             const ViewerConfiguration& asked, const WritableHome& shared,
-                                            const live::Channels& channels) {
+                                            const live::Channels& channels, const recorder::Daemon& daemon) {
   std::optional<std::string> certificate, key;
   if (!asked.certificate.empty()) {
     certificate = (home.folder() / asked.certificate).string();
@@ -218,6 +218,7 @@ std::unique_ptr<viewer::Viewer> open_viewer(const Home& home, const Configuratio
       .page = find_page(),
       .tell = [](const std::string& sentence) { spdlog::warn("viewer: {}", printable(sentence)); }};
   options.home.live = live::live_pictures(channels);
+  options.home.rooms.running_case = [&daemon](const std::string& room) { return daemon.running_case(room); };
   // Its threads inherit the priority of this one: whoever watches, recording goes first.
   auto server = std::async(std::launch::async, [&options] {
                   (void)::setpriority(PRIO_PROCESS, static_cast<id_t>(::gettid()), kNiceOfViewer);
@@ -231,10 +232,10 @@ std::unique_ptr<viewer::Viewer> open_viewer(const Home& home, const Configuratio
 /// recorder.
 std::unique_ptr<viewer::Viewer> serve_viewer(const Home& home, const Configuration& configuration,
                                              const ViewerConfiguration& asked, const WritableHome& shared,
-                                             const live::Channels& channels) {
+                                             const live::Channels& channels, const recorder::Daemon& daemon) {
   if (asked.listen.empty()) return {};
   try {
-    return open_viewer(home, configuration, asked, shared, channels);
+    return open_viewer(home, configuration, asked, shared, channels, daemon);
   } catch (const std::exception& error) {
     spdlog::error("recording goes on without the viewer: {}", printable(error.what()));
     return {};
@@ -403,7 +404,7 @@ int run(const Request& request) {
         [&daemon](const nlohmann::json& asked) { return daemon.handle(asked); });
     const std::unique_ptr<recorder::HttpServer> http = serve_http(home, configuration, daemon);
     const std::unique_ptr<viewer::Viewer> viewer =
-        serve_viewer(home, configuration, setup.viewer, shared, channels);
+        serve_viewer(home, configuration, setup.viewer, shared, channels, daemon);
     ::sd_notify(0, "READY=1");
     spdlog::info("recording for {} room(s), home {}", configuration.rooms.size(), home.folder().string());
     reason = watch(daemon, inboxes, signals);

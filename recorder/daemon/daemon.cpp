@@ -313,6 +313,8 @@ ordered_json Daemon::hook(const std::string& name, const std::string& action, co
   return {{"case", room.status().case_id}};
 }
 
+std::string Daemon::running_case(const std::string& room) const { return state_->room(room).running_case(); }
+
 std::string Daemon::metrics() const {
   std::ostringstream out;
   const auto family = [&out](const char* name, const char* type, const char* help) {

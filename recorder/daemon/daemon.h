@@ -35,6 +35,8 @@ class Daemon {
   nlohmann::ordered_json handle(const nlohmann::json& request);
   /// The same by way of the HTTP hook.
   nlohmann::ordered_json hook(const std::string& room, const std::string& action, const std::string& body);
+  /// The case that the room records now; "": none. Throws kiroku::UsageError for a room that is not there.
+  [[nodiscard]] std::string running_case(const std::string& room) const;
   /// Prometheus' text format, 0.0.4.
   [[nodiscard]] std::string metrics() const;
   /// Looks at the disk and warns when a new threshold is passed. Call each few seconds.

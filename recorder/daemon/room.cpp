@@ -491,6 +491,11 @@ void Room::mark(const std::string& text) {
   session->mark(text);
 }
 
+std::string Room::running_case() const {
+  const std::lock_guard guard(state_->mutex);
+  return state_->status.state == RoomState::kRecording ? state_->status.case_id : std::string();
+}
+
 RoomStatus Room::status() const {
   const std::lock_guard guard(state_->mutex);
   RoomStatus status = state_->status;

@@ -90,6 +90,8 @@ class Room {
   std::string stop(const std::string& reason, bool wait);
   /// Marks a moment. Throws kiroku::UsageError if no case runs.
   void mark(const std::string& text);
+  /// The case that is being recorded; "": none. Cheap.
+  [[nodiscard]] std::string running_case() const;
   [[nodiscard]] RoomStatus status() const;
   /// When the room's thread last did anything; older than a few seconds, it hangs (opening sources and
   /// closing a case count as doing something).

@@ -3,6 +3,7 @@
 #include <nlohmann/json.hpp>
 
 #include "viewer/server/api.h"
+#include "viewer/server/guest_output.h"
 
 namespace kiroku::viewer {
 namespace {
@@ -11,6 +12,7 @@ std::unique_ptr<SocketHandler> watch(ViewerContext& context, const Request& requ
                                      std::shared_ptr<SocketOutput> output) {
   const LivePictures& live = context.home().live;
   const LiveStream asked{request.parameter("room"), request.parameter("stream")};
+  std::unique_ptr<GuestPresence> guest = GuestPresence::of(context, request, asked.room);
   if (std::ranges::count(live.streams, asked) == 0) {
     throw Refusal(404,
                   "no pictures of " + asked.room + "/" + asked.stream +
@@ -19,12 +21,15 @@ std::unique_ptr<SocketHandler> watch(ViewerContext& context, const Request& requ
   }
   context.enter_access_once(request, ViewerContext::kEveryCase,
                             "watched " + asked.room + "/" + asked.stream + " live");
+  if (guest) output = std::make_shared<GuestOutput>(std::move(output), std::move(guest));
   return live.watch(asked, request.session, std::move(output));
 }
 
-Response streams(const ViewerContext& context) {
+Response streams(const ViewerContext& context, const Request& request) {
+  const std::shared_ptr<Invitation>& invitation = request.session->invitation();
   auto list = nlohmann::ordered_json::array();
   for (const LiveStream& each : context.home().live.streams) {
+    if (invitation && invitation->terms().room != each.room) continue;
     list.push_back({{"room", each.room}, {"stream", each.stream}});
   }
   return Response::json({{"streams", std::move(list)}});
@@ -33,9 +38,9 @@ Response streams(const ViewerContext& context) {
 }  // namespace
 
 void add_live_routes(Router& router, ViewerContext& context) {
-  router.add({"GET", "api/live", Right::kSeeLive,
-              [&context](const Request& /*request*/) { return streams(context); }, false});
-  router.add_socket("api/live/{room:name}/{stream:name}", Right::kSeeLive,
+  router.add({"GET", "api/live", Right::kWatchRoom,
+              [&context](const Request& request) { return streams(context, request); }, false});
+  router.add_socket("api/live/{room:name}/{stream:name}", Right::kWatchRoom,
                     [&context](const Request& request, std::shared_ptr<SocketOutput> output) {
                       return watch(context, request, std::move(output));
                     });

@@ -9,27 +9,30 @@ namespace {
 struct RightRow {
   Right right;
   std::string_view name;
-  bool operator_may, surgeon_may, auditor_may, administrator_may;
+  bool operator_may, surgeon_may, auditor_may, administrator_may, guest_may;
 };
 
-constexpr std::array<RightRow, 11> kRights{{
-    {Right::kNone, "none", true, true, true, true},
-    {Right::kSignedIn, "signed-in", true, true, true, true},
-    {Right::kListCases, "list-cases", true, true, true, true},
-    {Right::kReadCase, "read-case", false, true, true, true},
-    {Right::kWatch, "watch", false, true, false, true},
-    {Right::kCompare, "compare", false, true, false, true},
-    {Right::kVerify, "verify", false, true, true, true},
-    {Right::kReadLog, "read-log", false, false, true, true},
-    {Right::kSeeLive, "see-live", true, true, false, true},
-    {Right::kControlRooms, "control-rooms", true, true, false, true},
-    {Right::kManageUsers, "manage-users", false, false, false, true},
+constexpr std::array<RightRow, 13> kRights{{
+    {Right::kNone, "none", true, true, true, true, true},
+    {Right::kSignedIn, "signed-in", true, true, true, true, true},
+    {Right::kListCases, "list-cases", true, true, true, true, false},
+    {Right::kReadCase, "read-case", false, true, true, true, false},
+    {Right::kWatch, "watch", false, true, false, true, false},
+    {Right::kCompare, "compare", false, true, false, true, false},
+    {Right::kVerify, "verify", false, true, true, true, false},
+    {Right::kReadLog, "read-log", false, false, true, true, false},
+    {Right::kSeeLive, "see-live", true, true, false, true, false},
+    {Right::kWatchRoom, "watch-room", true, true, false, true, true},
+    {Right::kControlRooms, "control-rooms", true, true, false, true, false},
+    {Right::kInvite, "invite", false, true, false, true, false},
+    {Right::kManageUsers, "manage-users", false, false, false, true, false},
 }};
 
-constexpr std::array<std::pair<Role, std::string_view>, 4> kNames{{{Role::kOperator, "operator"},
+constexpr std::array<std::pair<Role, std::string_view>, 5> kNames{{{Role::kOperator, "operator"},
                                                                    {Role::kSurgeon, "surgeon"},
                                                                    {Role::kAuditor, "auditor"},
-                                                                   {Role::kAdministrator, "administrator"}}};
+                                                                   {Role::kAdministrator, "administrator"},
+                                                                   {Role::kGuest, "guest"}}};
 
 }  // namespace
 
@@ -39,7 +42,7 @@ std::string_view role_name(Role role) {
 
 std::optional<Role> parse_role(std::string_view name) {
   const auto* const found = std::ranges::find(kNames, name, &std::pair<Role, std::string_view>::second);
-  if (found == kNames.end()) return {};
+  if (found == kNames.end() || found->first == Role::kGuest) return {};
   return found->first;
 }
 
@@ -57,6 +60,8 @@ bool may(Role role, Right right) {
       return row->auditor_may;
     case Role::kAdministrator:
       return row->administrator_may;
+    case Role::kGuest:
+      return row->guest_may;
   }
   return false;
 }

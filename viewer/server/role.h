@@ -6,8 +6,10 @@
 
 namespace kiroku::viewer {
 
-enum class Role { kOperator, kSurgeon, kAuditor, kAdministrator };
+/// kGuest is whoever came by an invitation (viewer/server/invitations.h), and never a user's.
+enum class Role { kOperator, kSurgeon, kAuditor, kAdministrator, kGuest };
 std::string_view role_name(Role role);  // "operator"
+/// A role that a user can have.
 std::optional<Role> parse_role(std::string_view name);
 
 /// What a route asks of who calls it.
@@ -20,8 +22,10 @@ enum class Right {
   kCompare,       // plans beside recordings
   kVerify,        // verification and its documents
   kReadLog,       // the appliance log
-  kSeeLive,       // status and live pictures
-  kControlRooms,  // start, stop, mark
+  kSeeLive,       // status
+  kWatchRoom,     // live pictures of a room; a guest: of the one they were invited to
+  kControlRooms,  // start, stop, mark; see and end invitations
+  kInvite,        // make them
   kManageUsers,
 };
 bool may(Role role, Right right);

@@ -5,7 +5,7 @@
 namespace kiroku::viewer {
 
 void add_routes(Router& router, ViewerContext& context, SignInLink& link) {
-  router.add("GET", "api/openapi.json", Right::kSignedIn, [](const Request& /*request*/) {
+  router.add("GET", "api/openapi.json", Right::kListCases, [](const Request& /*request*/) {
     return Response::text(std::string(openapi_text()), "application/json");
   });
   add_session_routes(router, context, link);
@@ -17,6 +17,7 @@ void add_routes(Router& router, ViewerContext& context, SignInLink& link) {
   add_export_routes(router, context);
   add_room_routes(router, context);
   add_live_routes(router, context);
+  add_invitation_routes(router, context);
   add_log_routes(router, context);
   add_user_routes(router, context);
 }

@@ -23,11 +23,12 @@ std::string random_token() {
 }
 
 Session::Session(std::string user, Role role, std::optional<UtcTime> credential,
-                 SessionClock::time_point ends_at_latest)
+                 SessionClock::time_point ends_at_latest, std::shared_ptr<Invitation> invitation)
     : user_(std::move(user)),
       role_(role),
       credential_(credential),
       ends_at_latest_(ends_at_latest),
+      invitation_(std::move(invitation)),
       last_activity_(SessionClock::now().time_since_epoch().count()) {}
 
 Session::Identities Session::identities() const {
@@ -62,13 +63,24 @@ SessionStore::SessionStore(SessionLimits limits) : limits_(limits) {}
 
 bool SessionStore::has_expired(const Session& session, SessionClock::time_point now) const {
   const SessionClock::time_point active{SessionClock::duration(session.last_activity_.load())};
-  return session.has_ended() || now >= session.ends_at_latest_ || now - active >= limits_.idle;
+  const bool is_idle = session.invitation() == nullptr && now - active >= limits_.idle;
+  return session.has_ended() || now >= session.ends_at_latest_ || is_idle;
 }
 
 SessionStore::Opened SessionStore::open(const std::string& user, Role role,
                                         std::optional<UtcTime> credential) {
-  Opened opened{random_token(),
-                std::make_shared<Session>(user, role, credential, SessionClock::now() + limits_.longest)};
+  return add(std::make_shared<Session>(user, role, credential, SessionClock::now() + limits_.longest));
+}
+
+SessionStore::Opened SessionStore::open_for_guest(const std::string& name,
+                                                  std::shared_ptr<Invitation> invitation,
+                                                  SessionClock::time_point ends_at) {
+  return add(std::make_shared<Session>(name, Role::kGuest, std::nullopt, ends_at, std::move(invitation)));
+}
+
+SessionStore::Opened SessionStore::add(std::shared_ptr<Session> session) {
+  Opened opened{random_token(), std::move(session)};
+  const std::string& user = opened.session->user();
   const std::lock_guard guard(mutex_);
   std::vector<decltype(sessions_)::iterator> of_user;
   for (auto each = sessions_.begin(); each != sessions_.end(); ++each) {
@@ -105,7 +117,8 @@ void SessionStore::note_activity(Session& session) {
 
 std::chrono::seconds SessionStore::left(const Session& session) const {
   const SessionClock::time_point active{SessionClock::duration(session.last_activity_.load())};
-  const auto end = std::min(session.ends_at_latest_, active + limits_.idle);
+  const auto end = session.invitation() ? session.ends_at_latest_
+                                        : std::min(session.ends_at_latest_, active + limits_.idle);
   return std::max(std::chrono::floor<std::chrono::seconds>(end - SessionClock::now()),
                   std::chrono::seconds(0));
 }

@@ -21,18 +21,22 @@ namespace kiroku::viewer {
 
 using SessionClock = std::chrono::steady_clock;
 
+class Invitation;
+
 /// One person's stay, from signing in to signing out or its end.
 class Session {
  public:
   using Identities = std::shared_ptr<const crypto::AgeIdentities>;
 
   Session(std::string user, Role role, std::optional<UtcTime> credential,
-          SessionClock::time_point ends_at_latest);
+          SessionClock::time_point ends_at_latest, std::shared_ptr<Invitation> invitation = nullptr);
 
   [[nodiscard]] const std::string& user() const { return user_; }
   [[nodiscard]] Role role() const { return role_; }
   /// User::changed of the user who signed in; nothing for who needed no password.
   [[nodiscard]] std::optional<UtcTime> credential() const { return credential_; }
+  /// By which a guest came; null for everybody else.
+  [[nodiscard]] const std::shared_ptr<Invitation>& invitation() const { return invitation_; }
   /// What opens recordings for this session, or null. Keys lie in locked memory (crypto/secret.h), which is
   /// zeroised when the session and the last request that uses them have let go.
   [[nodiscard]] Identities identities() const;
@@ -42,7 +46,7 @@ class Session {
   /// entered into the appliance log once a session.
   void once(const std::string& deed, const std::function<void()>& action);
   /// After signing out or expiry. What lasts longer than a request (live pictures) must look now and then.
-  [[nodiscard]] bool has_ended() const { return ended_; }
+  [[nodiscard]] bool has_ended() const { return ended_ || SessionClock::now() >= ends_at_latest_; }
   void end();
 
  private:
@@ -51,6 +55,7 @@ class Session {
   const Role role_;
   const std::optional<UtcTime> credential_;
   const SessionClock::time_point ends_at_latest_;
+  const std::shared_ptr<Invitation> invitation_;
   std::atomic<bool> ended_{false};
   std::atomic<SessionClock::rep> last_activity_;
   mutable std::mutex mutex_;
@@ -75,6 +80,9 @@ class SessionStore {
     std::shared_ptr<Session> session;
   };
   Opened open(const std::string& user, Role role, std::optional<UtcTime> credential);
+  /// For a guest, until `ends_at` and however little they do.
+  Opened open_for_guest(const std::string& name, std::shared_ptr<Invitation> invitation,
+                        SessionClock::time_point ends_at);
   /// Null for a token that no living session has.
   [[nodiscard]] std::shared_ptr<Session> find(std::string_view token, bool is_activity);
   /// A deed that came by no request of its own.
@@ -88,6 +96,7 @@ class SessionStore {
   void sweep(const std::function<bool(const Session&)>& is_void);
 
  private:
+  Opened add(std::shared_ptr<Session> session);
   [[nodiscard]] bool has_expired(const Session& session, SessionClock::time_point now) const;
   const SessionLimits limits_;
   mutable std::mutex mutex_;

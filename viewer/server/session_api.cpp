@@ -30,12 +30,16 @@ class SessionApi {
   SessionApi(ViewerContext& context, SignInLink& link) : context_(context), link_(link) {}
 
   [[nodiscard]] ordered_json describe(const Session& session, const Request& request) const {
-    return {{"user", session.user()},
-            {"role", role_name(session.role())},
-            {"unlocked", session.identities() != nullptr},
-            {"expires_s", context_.sessions().left(session).count()},
-            {"language", preferred_language(request.header("accept-language"))},
-            {"serves", context_.home().serves}};
+    ordered_json out{{"user", session.user()},
+                     {"role", role_name(session.role())},
+                     {"unlocked", session.identities() != nullptr},
+                     {"expires_s", context_.sessions().left(session).count()},
+                     {"language", preferred_language(request.header("accept-language"))},
+                     {"serves", context_.home().serves}};
+    if (const auto& invitation = session.invitation()) {
+      out["invitation"] = {{"guest", invitation->terms().guest}, {"room", invitation->terms().room}};
+    }
+    return out;
   }
 
   Response sign_in(const Request& request) {
@@ -47,6 +51,8 @@ class SessionApi {
         throw Refusal(401, "this link has been used, or was never given out: start the viewer anew");
       return open(request, holder->user, holder->role, {});
     }
+    const crypto::Secret invitation = take_secret(asked, "invitation");
+    if (!invitation.empty()) return join(request, invitation);
     const crypto::Secret password = take_secret(asked, "password");
     const std::string name = take_text(asked, "user");
     const std::optional<User> user = check(request, name, password);
@@ -56,6 +62,7 @@ class SessionApi {
 
   Response sign_out(const Request& request) {
     const auto token = cookie_value(request.header("cookie"), kSessionCookie);
+    if (const auto& invitation = request.session->invitation()) context_.invitations().leave(*invitation);
     if (token) context_.sessions().close(*token);
     return Response::nothing()
         .with("Set-Cookie", cookie("", "; Max-Age=0"))
@@ -101,6 +108,33 @@ class SessionApi {
     std::counting_semaphore<>& turns_;
   };
 
+  Response join(const Request& request, const crypto::Secret& token) {
+    const std::string address_key = "address:" + request.peer;
+    AttemptGuard& attempts = context_.attempts();
+    refuse_who_must_wait(attempts.wait(address_key, AttemptGuard::Clock::now()));
+    const auto opened = context_.invitations().join(
+        token.text(), request.peer, context_.sessions(), [&](const Invitation& invitation) {
+          const InvitationTerms& terms = invitation.terms();
+          context_.enter_access(
+              context_.case_of(terms.room),
+              "joined " + terms.room + " by invitation " + invitation.id() + " of " + terms.made_by,
+              "guest " + terms.guest, request.peer);
+        });
+    if (!opened) {
+      attempts.failed(address_key, AttemptGuard::Clock::now());
+      context_.tell("somebody at " + request.peer + " came with an invitation that lets nobody in");
+      throw Refusal(401,
+                    "this invitation has ended, was used before, or was never given out: ask for another");
+    }
+    return Response::json(describe(*opened->session, request)).with("Set-Cookie", cookie(opened->token, ""));
+  }
+
+  static void refuse_who_must_wait(std::chrono::seconds wait) {
+    if (wait.count() > 0) {
+      throw Refusal(429, "too many failures: try again in " + std::to_string(wait.count()) + " s");
+    }
+  }
+
   std::optional<User> check(const Request& request, const std::string& name, const crypto::Secret& password) {
     if (password.size() > UserStore::kLongestPassword)
       throw Refusal(400, "a password is never as long as this");
@@ -109,10 +143,7 @@ class SessionApi {
     // Before looking at who has to wait: those that waited for their turn here would all pass together.
     const Hashing turn(hashing_);
     const auto now = AttemptGuard::Clock::now();
-    const auto wait = std::max(attempts.wait(user_key(name), now), attempts.wait(address_key, now));
-    if (wait.count() > 0) {
-      throw Refusal(429, "too many failures: try again in " + std::to_string(wait.count()) + " s");
-    }
+    refuse_who_must_wait(std::max(attempts.wait(user_key(name), now), attempts.wait(address_key, now)));
     const std::optional<User> user = context_.users().check(name, password);
     if (user) {
       attempts.succeeded(user_key(name));

@@ -44,11 +44,26 @@ class Sweeper {
   static void sweep(ViewerContext& context) {
     std::map<std::string, UtcTime> changed;
     for (const User& user : context.users().list()) changed[user.name] = user.changed;
-    context.sessions().sweep([&](const Session& session) {
-      if (!session.credential()) return false;
-      const auto user = changed.find(session.user());
-      return user == changed.end() || user->second != *session.credential();
-    });
+    const auto is_void = [&](const std::string& name, const std::optional<UtcTime>& credential) {
+      if (!credential) return false;
+      const auto user = changed.find(name);
+      return user == changed.end() || user->second != *credential;
+    };
+    context.sessions().sweep(
+        [&](const Session& session) { return is_void(session.user(), session.credential()); });
+    context.invitations().sweep(
+        [&](const std::string& room) { return context.running_case(room); },
+        [&](const InvitationTerms& terms) { return is_void(terms.made_by, terms.credential); });
+    tell_who_has_gone(context);
+  }
+  static void tell_who_has_gone(ViewerContext& context) {
+    for (const auto& each : context.invitations().list()) {
+      if (!each->has_gone(SessionClock::now())) continue;
+      const InvitationTerms& terms = each->terms();
+      context.note_access(context.case_of(terms.room),
+                          "watches " + terms.room + " no more, invitation " + each->id() + " lasts",
+                          "guest " + terms.guest + " (kiroku view)");
+    }
   }
   std::mutex mutex_;
   std::condition_variable wake_;
@@ -79,6 +94,9 @@ struct Viewer::State {
     if (options.more_routes) options.more_routes(router);
     server.emplace(std::move(options.web), dispatcher);
   }
+  ~State() { context.invitations().end_all(InvitationEnd::kStopped); }
+  State(const State&) = delete;
+  State& operator=(const State&) = delete;
 
   ViewerContext context;
   SignInLink link;

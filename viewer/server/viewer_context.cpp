@@ -4,11 +4,39 @@
 #include "base/error.h"
 
 namespace kiroku::viewer {
+namespace {
+
+const char* reason_of(InvitationEnd why) {
+  switch (why) {
+    case InvitationEnd::kRevoked:
+      return "it was revoked";
+    case InvitationEnd::kTime:
+      return "its time is over";
+    case InvitationEnd::kCase:
+      return "the case is over";
+    case InvitationEnd::kLeft:
+      return "the guest left";
+    case InvitationEnd::kInviter:
+      return "the inviter was removed or changed";
+    case InvitationEnd::kStopped:
+      return "the viewer was stopped";
+  }
+  return "";
+}
+
+}  // namespace
 
 ViewerContext::ViewerContext(ViewerHome home, SessionLimits session_limits, Tell tell)
     : home_(std::move(home)),
       tell_(std::move(tell)),
       sessions_(session_limits),
+      invitations_([this](const Invitation& invitation, InvitationEnd why) {
+        const InvitationTerms& terms = invitation.terms();
+        note_access(case_of(terms.room),
+                    "invitation " + invitation.id() + " of guest " + terms.guest + " to " + terms.room +
+                        " ended: " + reason_of(why),
+                    "kiroku view");
+      }),
       users_(UserStore::open(home_.users_file)),
       log_(archive::ApplianceLog::open(archive::real_file_system(), home_.log_folder, *home_.device_key,
                                        home_.device.name())) {}
@@ -35,12 +63,34 @@ Session::Identities ViewerContext::require_unlocked(const Request& request) {
 
 void ViewerContext::enter_access(const Request& request, const std::string& case_id,
                                  const std::string& what) {
+  enter_access(case_id, what, request.session->user(), request.peer);
+}
+
+void ViewerContext::enter_access(const std::string& case_id, const std::string& what, const std::string& who,
+                                 const std::string& peer) {
   try {
-    log_->access(case_id, what, request.session->user() + " (kiroku view, " + request.peer + ")");
+    log_->access(case_id, what, who + " (kiroku view, " + peer + ")");
   } catch (const Error& error) {
     tell_(std::string("the appliance log cannot be written, so nothing is shown: ") + error.what());
     throw Refusal(500, "the appliance log cannot be written, so nothing is shown");
   }
+}
+
+void ViewerContext::note_access(const std::string& case_id, const std::string& what, const std::string& who) {
+  try {
+    log_->access(case_id, what, who);
+  } catch (const Error& error) {
+    tell_("the appliance log cannot be written, and lacks that " + who + " " + what + ": " + error.what());
+  }
+}
+
+std::string ViewerContext::running_case(const std::string& room) const {
+  return home_.rooms.running_case ? home_.rooms.running_case(room) : std::string();
+}
+
+std::string ViewerContext::case_of(const std::string& room) const {
+  std::string running = running_case(room);
+  return running.empty() ? kEveryCase : running;
 }
 
 void ViewerContext::enter_access_once(const Request& request, const std::string& case_id,

@@ -13,7 +13,9 @@
 #include "crypto/signed_note.h"
 #include "timestamp/token_verifier.h"
 #include "viewer/server/attempt_guard.h"
+#include "viewer/server/invitations.h"
 #include "viewer/server/live_pictures.h"
+#include "viewer/server/live_rooms.h"
 #include "viewer/server/request.h"
 #include "viewer/server/session.h"
 #include "viewer/server/user_store.h"
@@ -36,6 +38,7 @@ struct ViewerHome {
   /// What opens recordings for whoever may watch, from signing in on; null: everybody brings their own.
   Session::Identities identities;
   LivePictures live = {};
+  LiveRooms rooms = {};
   /// What is served of it, as the page is told: "cases", or "training", which leaves signing in, users and
   /// the log of the API.
   std::string serves = "cases";
@@ -51,6 +54,7 @@ class ViewerContext {
   [[nodiscard]] SessionStore& sessions() { return sessions_; }
   [[nodiscard]] UserStore& users() { return *users_; }
   [[nodiscard]] AttemptGuard& attempts() { return attempts_; }
+  [[nodiscard]] Invitations& invitations() { return invitations_; }
   /// A sentence for the server's own log.
   void tell(const std::string& sentence) const { tell_(sentence); }
 
@@ -63,8 +67,17 @@ class ViewerContext {
   /// An `access` entry of the appliance log: "watched endoscope". Durable when this returns; a Refusal (500)
   /// if that cannot be, so that nothing leaves unseen. Call it before the first byte does.
   void enter_access(const Request& request, const std::string& case_id, const std::string& what);
+  /// The same of somebody who has no session yet.
+  void enter_access(const std::string& case_id, const std::string& what, const std::string& who,
+                    const std::string& peer);
   /// The same, once a session for the same case and deed: watching asks for many pieces.
   void enter_access_once(const Request& request, const std::string& case_id, const std::string& what);
+  /// The same of what happens without a request; if it cannot be entered, the server's own log says so.
+  void note_access(const std::string& case_id, const std::string& what, const std::string& who);
+  /// The case that is recorded in this room now, "" where none is.
+  [[nodiscard]] std::string running_case(const std::string& room) const;
+  /// The same as the `case` of an entry.
+  [[nodiscard]] std::string case_of(const std::string& room) const;
   /// The `case` of what concerns all cases: unlocking.
   static constexpr const char* kEveryCase = "*";
 
@@ -73,6 +86,7 @@ class ViewerContext {
   Tell tell_;
   SessionStore sessions_;
   AttemptGuard attempts_;
+  Invitations invitations_;
   std::unique_ptr<UserStore> users_;
   std::unique_ptr<archive::ApplianceLog> log_;
 };

@@ -47,6 +47,7 @@ class Viewer : public ServedHome {
         for (const auto& [name, value] : std::map<std::string, std::string>{{"case", case_id},
                                                                             {"stream", "endoscope"},
                                                                             {"room", "or-1"},
+                                                                            {"invitation", "00000000"},
                                                                             {"user", "nobody"},
                                                                             {"comparison", "liver"}}) {
           target = std::regex_replace(target, std::regex("\\{" + name + "\\}"), value);
@@ -124,12 +125,14 @@ TEST_F(Viewer, AnswersNobodyWhoHasNotSignedIn) {
 
 TEST_F(Viewer, LetsEachRoleDoWhatItMayAndNoMore) {
   const std::map<std::string, std::set<std::string>> rights{
-      {"operator", {"list-cases", "see-live", "control-rooms"}},
-      {"surgeon", {"list-cases", "read-case", "watch", "compare", "verify", "see-live", "control-rooms"}},
+      {"operator", {"list-cases", "see-live", "watch-room", "control-rooms"}},
+      {"surgeon",
+       {"list-cases", "read-case", "watch", "compare", "verify", "see-live", "watch-room", "control-rooms",
+        "invite"}},
       {"auditor", {"list-cases", "read-case", "verify", "read-log"}},
       {"administrator",
-       {"list-cases", "read-case", "watch", "compare", "verify", "read-log", "see-live", "control-rooms",
-        "manage-users"}}};
+       {"list-cases", "read-case", "watch", "compare", "verify", "read-log", "see-live", "watch-room",
+        "control-rooms", "invite", "manage-users"}}};
   for (const std::string& role : kRoles) {
     const std::string cookie = sign_in("a-" + role);
     for (const Operation& each : operations(kOtherCase)) {

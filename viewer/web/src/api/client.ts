@@ -55,6 +55,7 @@ async function bytes(path: string, signal?: AbortSignal): Promise<ArrayBuffer> {
 /** For a part of the API that has its functions beside its views. */
 export const get = <T>(path: string): Promise<T> => json<T>('GET', path);
 export const post = <T>(path: string, body: unknown): Promise<T> => json<T>('POST', path, body);
+export const del = (path: string): Promise<void> => json<void>('DELETE', path);
 
 const part = encodeURIComponent;
 const caseOf = (id: string) => `cases/${part(id)}`;

@@ -7,12 +7,15 @@ export type TimeProof = 'external' | 'self-issued' | 'none';
 
 export interface Session {
   user: string;
-  role: Role;
+  /** A guest came by an invitation, and is no user. */
+  role: Role | 'guest';
   unlocked: boolean;
   expires_s: number;
   language?: string | null;
   /** What this server is for; by `kiroku train serve`: training. */
   serves: 'cases' | 'training';
+  /** A guest's. */
+  invitation?: { guest: string; room: string };
 }
 
 export interface CaseSummary {

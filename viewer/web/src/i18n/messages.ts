@@ -6,6 +6,7 @@ import { planEn, planJa } from '@/i18n/plan_messages';
 import { roomsEn, roomsJa } from '@/i18n/rooms_messages';
 import { shellEn, shellJa } from '@/i18n/shell_messages';
 import { timelineEn, timelineJa } from '@/i18n/timeline_messages';
+import { guestEn, guestJa } from '@/i18n/guest_messages';
 import { trainingEn, trainingJa } from '@/i18n/training_messages';
 import { usersEn, usersJa } from '@/i18n/users_messages';
 import { verificationEn, verificationJa } from '@/i18n/verification_messages';
@@ -19,6 +20,7 @@ const en = {
   ...timelineEn,
   ...roomsEn,
   ...usersEn,
+  ...guestEn,
   ...trainingEn,
 } as const;
 
@@ -34,6 +36,7 @@ const ja: Record<MessageKey, string> = {
   ...timelineJa,
   ...roomsJa,
   ...usersJa,
+  ...guestJa,
   ...trainingJa,
 };
 

@@ -2,6 +2,10 @@
 import { useEffect } from 'preact/hooks';
 import { session as api, whenSignedOut } from '@/api/client';
 import { hrefOf, route, signInLink } from '@/base/route';
+import { invitationLink } from '@/guests/guest_api';
+import { guestIsOver, invited } from '@/guests/guest_state';
+import { GuestView } from '@/guests/guest_view';
+import { JoinView, OverView } from '@/guests/join_view';
 import { hasChosenLanguage, language, setLanguage, t } from '@/i18n/i18n';
 import { Icon, type IconName } from '@/shell/icon';
 import { may } from '@/shell/rights';
@@ -15,13 +19,15 @@ import { UsersView } from '@/views/users_view';
 import { VerificationView } from '@/views/verification_view';
 
 whenSignedOut(() => {
+  if (session.value?.role === 'guest') guestIsOver.value = true;
   session.value = null;
 });
 
 async function findSession(): Promise<void> {
   const link = signInLink(location.hash);
-  // It must not stay in the history.
-  if (link !== undefined) history.replaceState(null, '', '/');
+  invited.value ??= invitationLink(location.hash);
+  // Neither must stay in the history.
+  if (link !== undefined || invitationLink(location.hash) !== undefined) history.replaceState(null, '', '/');
   try {
     if (link !== undefined) await api.signInByLink(link);
   } catch (error) {
@@ -73,6 +79,7 @@ function NavLink({ to, icon, text }: { to: 'cases' | 'rooms' | 'users' | 'traini
 function Header() {
   const signedIn = session.value;
   const training = signedIn?.serves === 'training';
+  const guest = signedIn?.role === 'guest';
   return (
     <header class="top">
       <a class="brand" href={hrefOf({ view: training ? 'training' : 'cases' })}>
@@ -85,7 +92,7 @@ function Header() {
           記録
         </span>
       </a>
-      {signedIn && (
+      {signedIn && !guest && (
         <nav aria-label={t('nav.label')} class="nav">
           {training && <NavLink to="training" icon="training" text={t('nav.training')} />}
           {!training && <NavLink to="cases" icon="cases" text={t('nav.cases')} />}
@@ -110,7 +117,7 @@ function Header() {
           </button>
         )}
         <Switches />
-        {signedIn && (
+        {signedIn && !guest && (
           <button
             type="button"
             class="button button-quiet"
@@ -137,7 +144,9 @@ function Header() {
 
 function View() {
   if (session.value === undefined) return <main id="main" class="main" aria-busy="true" />;
-  if (session.value === null) return <SignInView />;
+  if (invited.value !== undefined) return <JoinView token={invited.value} />;
+  if (session.value === null) return guestIsOver.value ? <OverView /> : <SignInView />;
+  if (session.value.role === 'guest') return <GuestView guest={session.value} />;
   const here = route.value;
   if (session.value.serves === 'training') return here.view === 'users' ? <UsersView /> : <TrainingView />;
   switch (here.view) {
@@ -159,6 +168,12 @@ function View() {
 export function App() {
   useEffect(() => {
     void findSession();
+    // A link that is opened where the page is open already.
+    const linked = () => {
+      if (signInLink(location.hash) ?? invitationLink(location.hash)) void findSession();
+    };
+    addEventListener('hashchange', linked);
+    return () => removeEventListener('hashchange', linked);
   }, []);
   const chosen = session.value?.language;
   useEffect(() => {

@@ -1,7 +1,7 @@
 // What the page offers to whom. The server decides (viewer/server/role.cpp); a test compares the two.
 import type { Role } from '@/api/types';
 
-export type Right = 'read-case' | 'watch' | 'compare' | 'verify' | 'see-live' | 'control-rooms' | 'manage-users';
+export type Right = 'read-case' | 'watch' | 'compare' | 'verify' | 'see-live' | 'watch-room' | 'control-rooms' | 'invite' | 'manage-users';
 
 const kWho: Record<Right, readonly Role[]> = {
   'read-case': ['surgeon', 'auditor', 'administrator'],
@@ -9,10 +9,13 @@ const kWho: Record<Right, readonly Role[]> = {
   compare: ['surgeon', 'administrator'],
   verify: ['surgeon', 'auditor', 'administrator'],
   'see-live': ['operator', 'surgeon', 'administrator'],
+  'watch-room': ['operator', 'surgeon', 'administrator'],
   'control-rooms': ['operator', 'surgeon', 'administrator'],
+  invite: ['surgeon', 'administrator'],
   'manage-users': ['administrator'],
 };
 
 export const kRights = Object.keys(kWho) as Right[];
 
-export const may = (role: Role | undefined, right: Right): boolean => role !== undefined && kWho[right].includes(role);
+/** A guest has a page of their own, and is offered nothing of this. */
+export const may = (role: Role | 'guest' | undefined, right: Right): boolean => role !== undefined && role !== 'guest' && kWho[right].includes(role);

@@ -23,9 +23,11 @@ interface Props {
   stream: string;
   /** The case clock. */
   clock: RemoteClock;
+  /** What is said where no picture comes. */
+  nothing?: string;
 }
 
-export function LivePane({ room, stream, clock }: Props) {
+export function LivePane({ room, stream, clock, nothing }: Props) {
   const place = useRef<HTMLDivElement>(null);
   const shown = useSignal<Shown>({ state: 'connecting' });
   const name = word('stream', stream);
@@ -49,7 +51,7 @@ export function LivePane({ room, stream, clock }: Props) {
         {now.state !== 'live' && (
           <div class="pane-empty">
             <Icon name="dash" />
-            <p>{t(now.state === 'nothing' ? 'live.nothing' : 'live.connecting')}</p>
+            <p>{now.state === 'connecting' ? t('live.connecting') : (nothing ?? t('live.nothing'))}</p>
           </div>
         )}
       </div>

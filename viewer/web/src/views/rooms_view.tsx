@@ -6,11 +6,14 @@ import type { ApplianceStatus, RoomStatus } from '@/api/types';
 import { hrefOf } from '@/base/route';
 import { formatBytes, formatTime, kSecond } from '@/base/time';
 import { RemoteClock } from '@/clock/remote_clock';
+import type { Invitation } from '@/guests/guest_api';
+import { RoomGuests, useInvitations } from '@/guests/room_guests';
 import { formatMoment, t, word } from '@/i18n/i18n';
 import { Dialog } from '@/shell/dialog';
 import { Icon } from '@/shell/icon';
 import { may } from '@/shell/rights';
 import { announce, attempt, session } from '@/shell/state';
+import { useVisible } from '@/shell/visible';
 import { LivePane } from '@/views/live_pane';
 
 const kEvery_ms = 1000;
@@ -59,9 +62,11 @@ interface RoomProps {
   clock: RemoteClock;
   mayControl: boolean;
   refresh: () => Promise<unknown>;
+  /** Of all rooms; none where there is nothing to look on at. */
+  guests: { list: readonly Invitation[]; refresh: () => Promise<unknown> } | undefined;
 }
 
-function RoomCard({ room, seen, clock, mayControl, refresh }: RoomProps) {
+function RoomCard({ room, seen, clock, mayControl, refresh, guests }: RoomProps) {
   const stopping = useSignal(false);
   const note = useSignal('');
   const recording = room.state === 'recording';
@@ -129,6 +134,7 @@ function RoomCard({ room, seen, clock, mayControl, refresh }: RoomProps) {
               ))}
             </ul>
           )}
+          {guests && <RoomGuests room={room.room} list={guests.list} refresh={guests.refresh} />}
           {mayControl && (
             <div class="room-controls">
               {idle ? (
@@ -228,17 +234,6 @@ function Appliance({ status }: { status: ApplianceStatus }) {
   );
 }
 
-/** Whether anybody can see the page. */
-function useVisible(): boolean {
-  const visible = useSignal(document.visibilityState === 'visible');
-  useEffect(() => {
-    const changed = () => (visible.value = document.visibilityState === 'visible');
-    document.addEventListener('visibilitychange', changed);
-    return () => document.removeEventListener('visibilitychange', changed);
-  }, []);
-  return visible.value;
-}
-
 export function RoomsView() {
   const status = useSignal<ApplianceStatus | undefined>(undefined);
   const streams = useSignal<readonly LiveStream[] | undefined>(undefined);
@@ -281,6 +276,8 @@ export function RoomsView() {
     document.title = `${t('nav.rooms')} · Kiroku`;
   });
   const role = session.value?.role;
+  const canBeWatched = (streams.value?.length ?? 0) > 0;
+  const invitations = useInvitations(visible && canBeWatched && may(role, 'control-rooms'));
   return (
     <main id="main" class="main narrow" tabIndex={-1}>
       <div class="view-head">
@@ -304,6 +301,7 @@ export function RoomsView() {
                 clock={clockOf(room.room)}
                 mayControl={may(role, 'control-rooms')}
                 refresh={refresh}
+                guests={canBeWatched && may(role, 'control-rooms') ? { list: invitations.list.value, refresh: invitations.refresh } : undefined}
               />
             ))}
           </div>

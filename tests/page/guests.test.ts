@@ -1,0 +1,135 @@
+// A guest who looks on by an invitation, in a browser of their own, before a kirokud that records.
+import type { Browser, Page } from 'playwright-core';
+import { afterAll, beforeAll, describe, expect, it } from 'vitest';
+import { Appliance, keepPicture, kPassword, seriousBarriers, startBrowser, visit, type Visitor } from './kit';
+
+let appliance: Appliance;
+let browser: Browser;
+let surgeon: Visitor;
+let guest: Visitor;
+let link = '';
+
+beforeAll(async () => {
+  appliance = await Appliance.start(true);
+  browser = await startBrowser();
+  surgeon = await visit(browser);
+  guest = await visit(browser);
+  const { page } = surgeon;
+  await page.goto(`${appliance.url}#/rooms`);
+  await page.getByLabel('Name').fill('anna');
+  await page.getByLabel('Password').fill(kPassword);
+  await page.keyboard.press('Enter');
+  await page.goto(`${appliance.url}#/rooms`);
+  await page.getByRole('button', { name: 'Start recording' }).click();
+  await page.getByText(/Live, \d+\.\d\d s behind/).first().waitFor();
+});
+
+afterAll(async () => {
+  await browser?.close();
+  await appliance?.stop();
+});
+
+const pane = (page: Page, stream: string) => page.locator(`.live-pane[data-stream=${stream}]`);
+
+async function invite(name: string): Promise<string> {
+  const { page } = surgeon;
+  await page.getByRole('button', { name: 'Invite a guest' }).click();
+  const dialog = page.locator('dialog');
+  await dialog.getByLabel('Name of the guest').fill(name);
+  await dialog.getByRole('button', { name: 'Make the invitation' }).click();
+  const made = await dialog.getByLabel('Link of the invitation').inputValue();
+  if (name === 'Dr. Sato') await keepPicture(page, 'invitation');
+  expect(await seriousBarriers(page)).toEqual([]);
+  await dialog.getByRole('button', { name: 'Close' }).click();
+  return made;
+}
+
+describe('An invitation', () => {
+  it('is made for an hour, and its link is shown once', async () => {
+    const { page } = surgeon;
+    link = await invite('Dr. Sato');
+    expect(link).toMatch(new RegExp(`^${appliance.url}#invitation=[\\w-]{43}$`));
+    const line = page.locator('.guest-line', { hasText: 'Dr. Sato' });
+    await line.getByText('Has not come yet').waitFor();
+    await line.getByText('60 min left').waitFor();
+  });
+
+  it('lets the guest in when they say so, and the token stays in no address', async () => {
+    const { page } = guest;
+    await page.goto(link);
+    await page.getByRole('heading', { name: 'You are invited to look on' }).waitFor();
+    expect(page.url()).toBe(appliance.url);
+    expect(await seriousBarriers(page)).toEqual([]);
+    await page.getByRole('button', { name: 'Look on' }).click();
+    for (const stream of ['endoscope', 'room']) await pane(page, stream).getByText('Live', { exact: true }).waitFor();
+    const token = link.split('=')[1] as string;
+    for (const address of guest.asked) expect(address).not.toContain(token);
+  });
+
+  it('shows the pictures moving and how long they may be seen, and nothing else', async () => {
+    const { page } = guest;
+    const times = await pane(page, 'endoscope').locator('video').evaluate(async (video: HTMLVideoElement) => {
+      const first = video.currentTime;
+      await new Promise((resolve) => setTimeout(resolve, 2000));
+      return [first, video.currentTime];
+    });
+    expect((times[1] ?? 0) - (times[0] ?? 0)).toBeGreaterThan(1);
+    expect(await page.getByRole('timer').textContent()).toMatch(/59:\d\d/);
+    expect(await page.getByRole('navigation').count()).toBe(0);
+    expect(await seriousBarriers(page)).toEqual([]);
+    await keepPicture(page, 'guest');
+    await page.getByRole('button', { name: '日本語' }).click();
+    await page.getByText('Dr. Sato として見学しています。').waitFor();
+    expect(await page.getByRole('timer').textContent()).toMatch(/59:\d\d|58:\d\d/);
+    await page.getByRole('button', { name: 'English' }).click();
+  });
+
+  it('tells the surgeon that the guest watches', async () => {
+    await surgeon.page.locator('.guest-line', { hasText: 'Dr. Sato' }).getByText('Watches now').waitFor();
+  });
+
+  it('survives that the page is loaded anew', async () => {
+    const { page } = guest;
+    await page.reload();
+    await pane(page, 'endoscope').getByText('Live', { exact: true }).waitFor();
+  });
+
+  it('lets nobody in a second time', async () => {
+    const other = await visit(browser);
+    await other.page.goto(link);
+    await other.page.getByRole('button', { name: 'Look on' }).click();
+    await other.page.getByText(/was used before/).waitFor();
+    await other.context.close();
+  });
+
+  it('ends when the surgeon ends it, and the guest is told', async () => {
+    await surgeon.page.getByRole('button', { name: 'End the invitation of Dr. Sato' }).click();
+    await guest.page.getByRole('heading', { name: 'The invitation has ended' }).waitFor({ timeout: 5000 });
+    expect(await guest.page.locator('video').count()).toBe(0);
+    await surgeon.page.locator('.guest-line', { hasText: 'Dr. Sato' }).getByText('was ended').waitFor();
+    await guest.page.reload();
+    await guest.page.getByRole('heading', { name: 'Sign in' }).waitFor();
+  });
+
+  it('ends when the guest leaves', async () => {
+    const second = await invite('Dr. Mori');
+    const { page } = guest;
+    await page.goto(second);
+    await page.getByRole('button', { name: 'Look on' }).click();
+    await page.getByRole('button', { name: 'Leave' }).click();
+    await page.locator('dialog').getByRole('button', { name: 'Leave' }).click();
+    await page.getByRole('heading', { name: 'The invitation has ended' }).waitFor();
+    await surgeon.page.locator('.guest-line', { hasText: 'Dr. Mori' }).getByText('left').waitFor();
+  });
+
+  it('ends with the case', async () => {
+    const third = await invite('Dr. Abe');
+    await guest.page.goto(third);
+    await guest.page.getByRole('button', { name: 'Look on' }).click();
+    await pane(guest.page, 'endoscope').getByText('Live', { exact: true }).waitFor();
+    await appliance.kiroku('case', 'stop');
+    await guest.page.getByRole('heading', { name: 'The invitation has ended' }).waitFor();
+    expect(surgeon.problems).toEqual([]);
+    expect(guest.problems).toEqual([]);
+  });
+});

@@ -1,0 +1,30 @@
+// Invitations, as the server tells them (docs/viewer.md, "Invitations").
+import { del, get, post } from '@/api/client';
+import type { Session } from '@/api/types';
+
+export interface Invitation {
+  id: string;
+  guest: string;
+  room: string;
+  made_by: string;
+  ends: string;
+  left_s: number;
+  state: 'open' | 'joined' | 'ended';
+  end: string | null;
+  watches: boolean;
+}
+
+export const invitations = {
+  list: async () => (await get<{ invitations: Invitation[] }>('invitations')).invitations,
+  make: (guest: string, room: string, minutes: number) => post<Invitation & { token: string }>('invitations', { guest, room, minutes }),
+  end: (id: string) => del(`invitations/${encodeURIComponent(id)}`),
+  join: (token: string) => post<Session>('session', { invitation: token }),
+};
+
+/** What a guest opens. The token stands in the fragment, which browsers never send. */
+export const linkOf = (token: string): string => `${location.origin}/#invitation=${token}`;
+
+/** The token of such an address. */
+export function invitationLink(hash: string): string | undefined {
+  return /^#invitation=(.+)$/.exec(hash)?.[1];
+}
