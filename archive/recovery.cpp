@@ -11,6 +11,7 @@
 #include "archive/file_system.h"
 #include "archive/found_files.h"
 #include "archive/ledger_tail.h"
+#include "archive/pointing_stream.h"
 #include "archive/retention.h"
 #include "archive/standby_folder.h"
 
@@ -24,6 +25,8 @@ using std::chrono::nanoseconds;
 constexpr std::string_view kHiddenPrefix = ".new-";
 /// A segment lasts no longer (docs/format.md, "Layout").
 constexpr std::int64_t kLongestSegmentNs = 10'000'000'000;
+// Lines are sealed within a second.
+constexpr std::int64_t kLongestUnsealedPointingNs = 1'000'000'000;
 /// How far the wall clock may carry the case clock over a crash; beyond that it was probably set wrong, and
 /// integers of the format end at 104 days.
 constexpr nanoseconds kLongestBridge = std::chrono::hours(24 * 30);
@@ -268,6 +271,9 @@ class Recovery {
   /// Events have segments only where something was marked: while every mark of the ledger is sealed, nothing
   /// is missing.
   [[nodiscard]] std::int64_t lost_since(const StreamStanding& stream) const {
+    if (is_pointing(stream.info)) {
+      return std::max(stream.accounted_until(), standing_.last.mono_ns - kLongestUnsealedPointingNs);
+    }
     const bool all_sealed =
         stream.info.kind == "events" && (stream.uncounted || standing_.marks <= stream.units);
     return all_sealed ? std::max(stream.accounted_until(), standing_.last.mono_ns) : stream.accounted_until();

@@ -1,6 +1,6 @@
 #include "recorder/events_lane.h"
 
-#include <algorithm>
+#include <utility>
 
 #include <nlohmann/json.hpp>
 
@@ -11,11 +11,15 @@
 namespace kiroku::recorder {
 
 EventsLane::EventsLane(const LaneContext& context, std::size_t stream_index, archive::StreamInfo info)
-    : context_(context), output_(context.store, stream_index, std::move(info), context.facts) {}
+    : context_(context),
+      segments_(context, stream_index, std::move(info),
+                [&troubles = context.troubles](const std::exception& error) {
+                  troubles.end_session(close_reason_for(error), error.what());
+                }) {}
 
 void EventsLane::begin(std::int64_t begins_ns) {
   const std::lock_guard guard(mutex_);
-  sealed_until_ns_ = begins_ns;
+  segments_.begin(begins_ns);
 }
 
 void EventsLane::mark(const std::string& text) { add("mark", "text", text); }
@@ -55,22 +59,7 @@ void EventsLane::step(std::int64_t now_ns) {
     const std::lock_guard guard(mutex_);
     events.swap(waiting_);
   }
-  if (events.empty() || gap_cause_) return;
-  const std::int64_t end_ns = std::max(now_ns, sealed_until_ns_ + 1);
-  try {
-    output_.begin(sealed_until_ns_, sealed_until_ns_, "1/1000000000");
-    for (const std::string& event : events) output_.write(bytes_of(event));
-    output_.end({end_ns, events.size(), 0});
-    sealed_until_ns_ = end_ns;
-  } catch (const std::exception& error) {
-    gap_cause_ = gap_cause_for(error);
-    context_.troubles.end_session(close_reason_for(error), error.what());
-    try {
-      output_.give_up({end_ns, 0, 0});
-    } catch (const std::exception& second) {
-      context_.troubles.mention(second.what());
-    }
-  }
+  segments_.seal(events, 0, now_ns);
 }
 
 void EventsLane::finish(std::int64_t close_ns) {
@@ -79,17 +68,7 @@ void EventsLane::finish(std::int64_t close_ns) {
     closed_ = true;
   }
   step(close_ns);
-  try {
-    output_.drain();
-  } catch (const std::exception& error) {
-    if (!gap_cause_) gap_cause_ = gap_cause_for(error);
-    context_.troubles.end_session(close_reason_for(error), error.what());
-  }
-  if (gap_cause_) {
-    const std::int64_t since_ns = output_.claimed_until_ns();
-    context_.facts.push(archive::CaseEntryBody(
-        archive::GapEntry{output_.info().name, {since_ns, std::max(close_ns, since_ns)}, *gap_cause_}));
-  }
+  segments_.finish(close_ns);
 }
 
 }  // namespace kiroku::recorder

@@ -3,15 +3,13 @@
 #pragma once
 
 #include <mutex>
-#include <optional>
 #include <string>
 #include <vector>
 
 #include <nlohmann/json_fwd.hpp>
 
 #include "base/bytes.h"
-#include "recorder/lane.h"
-#include "recorder/stream_output.h"
+#include "recorder/line_segments.h"
 
 namespace kiroku::recorder {
 
@@ -48,12 +46,10 @@ class EventsLane {
   void add(const std::string& kind, const std::string& key, const nlohmann::ordered_json& value);
 
   LaneContext context_;
-  StreamOutput output_;
-  std::mutex mutex_;
+  LineSegments segments_;
+  std::mutex mutex_;  // guards the following
   std::vector<std::string> waiting_;
-  std::int64_t sealed_until_ns_ = 0;
   bool closed_ = false;
-  std::optional<archive::GapCause> gap_cause_;  // set once nothing more can be sealed
 };
 
 }  // namespace kiroku::recorder

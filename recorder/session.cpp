@@ -6,8 +6,10 @@
 #include <thread>
 
 #include "archive/case_layout.h"
+#include "archive/pointing_stream.h"
 #include "base/error.h"
 #include "recorder/events_lane.h"
+#include "recorder/pointing_lane.h"
 #include "recorder/scribe.h"
 #include "recorder/video_lane.h"
 #include "recorder/vitals/awaited_source.h"
@@ -138,6 +140,7 @@ struct Session::State {
   std::vector<std::unique_ptr<Lane>> lanes;  // video first
   std::size_t video_lanes = 0;
   std::unique_ptr<EventsLane> events;
+  std::unique_ptr<PointingLane> pointing;  // null: not asked for
   std::unique_ptr<Scribe> scribe;
   std::atomic<bool> stopping = false;
   mutable std::mutex stop_mutex;
@@ -199,6 +202,14 @@ archive::StreamInfo events_info(const crypto::AgeRecipients& recipients) {
   return info;
 }
 
+archive::StreamInfo pointing_info(const crypto::AgeRecipients& recipients) {
+  archive::StreamInfo info = events_info(recipients);
+  info.name = archive::kPointingStream;
+  info.source = "viewer";
+  info.purpose = "where people pointed on live pictures";
+  return info;
+}
+
 }  // namespace
 
 Session::State::State(SessionOptions asked)
@@ -238,6 +249,7 @@ Session::State::State(SessionOptions asked)
     vitals.push_back(std::move(opened));
   }
   declare(events_info(options.event_recipients), options.event_recipients);
+  if (options.pointing) declare(pointing_info(options.event_recipients), options.event_recipients);
 
   writing.archive = options.archive;
   writing.key = options.key;
@@ -276,6 +288,11 @@ Session::State::State(SessionOptions asked)
     ++index;
   }
   events = std::make_unique<EventsLane>(context, index, writing.streams[index]);
+  if (options.pointing) {
+    ++index;
+    pointing = std::make_unique<PointingLane>(context, index, writing.streams[index]);
+    if (begun) pointing->begin(begins_ns);
+  }
 }
 
 void Session::State::make_case(std::int64_t from_ns) {
@@ -292,6 +309,7 @@ void Session::State::make_case(std::int64_t from_ns) {
   }
   store->enter(*writer, discarded);
   if (events) events->begin(from_ns);
+  if (pointing) pointing->begin(from_ns);
   scribe->begin_case(*writer, *stamper);
   begins_ns = from_ns;
   begun = true;
@@ -338,6 +356,7 @@ void Session::State::finish_lanes() {
   const std::int64_t close_ns = clock.now_ns();
   for (const auto& lane : lanes) lane->finish(close_ns);
   events->finish(close_ns);
+  if (pointing) pointing->finish(close_ns);
 }
 
 Session::Session(SessionOptions options) : state_(std::make_unique<State>(std::move(options))) {}
@@ -383,6 +402,7 @@ SessionResult Session::run(const std::function<void(const SessionStatus&)>& prog
     const std::int64_t now = s.clock.now_ns();
     if (now >= next_events_ns) {
       s.events->step(now);
+      if (s.pointing) s.pointing->step(now);
       next_events_ns = next_boundary(now, events_duration);
     }
     if (progress && now >= next_progress_ns) {
@@ -426,6 +446,10 @@ void Session::stop(const std::string& reason) {
 SessionStatus Session::status() const { return state_->status(); }
 
 void Session::mark(const std::string& text) { state_->begun_events().mark(text); }
+
+std::optional<std::int64_t> Session::point(media::PointedAt at) {
+  return state_->pointing ? state_->pointing->add(std::move(at)) : std::nullopt;
+}
 
 void Session::late_subject(const Bytes& json) { state_->begun_events().late_subject(json); }
 

@@ -16,6 +16,7 @@
 #include "archive/file_system.h"
 #include "crypto/age_recipient.h"
 #include "crypto/signing_key.h"
+#include "media/pointing_line.h"
 #include "recorder/encoder/video_profile.h"
 #include "recorder/picture_tap.h"
 #include "recorder/stamper.h"
@@ -45,6 +46,7 @@ struct SessionOptions {
   std::vector<StreamRequest> video;
   std::vector<StreamRequest> vitals;
   crypto::AgeRecipients event_recipients;  // for the events stream and the subject
+  bool pointing = false;  // whether people may point on live pictures, for the same recipients
   std::optional<Bytes> subject;
   std::optional<crypto::Sha256Digest> plan;  // of a sealed plan, for the case's first entry
   std::vector<NamedAuthority> authorities;
@@ -114,6 +116,9 @@ class Session {
   /// An operator's mark: sealed in the events stream, committed to in the ledger. From any thread. Throws
   /// kiroku::Error before a case has begun and after it has ended.
   void mark(const std::string& text);
+  /// Somebody points on a live picture (pointing_lane.h). From any thread; never waits for a disk. The time
+  /// it has in the case; nothing where no case runs, or SessionOptions::pointing was not asked for.
+  std::optional<std::int64_t> point(media::PointedAt at);
   /// The same for what is known of the patient and the procedure only after the case had begun: JSON as of
   /// SessionOptions::subject, and a sentence on why nothing is known (nothing of a patient in it).
   void late_subject(const Bytes& json);

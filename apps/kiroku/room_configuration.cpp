@@ -8,6 +8,7 @@
 #include "apps/kiroku/configuration.h"
 #include "apps/kiroku/table_reader.h"
 #include "archive/case_layout.h"
+#include "archive/pointing_stream.h"
 #include "recorder/source/source_address.h"
 
 namespace kiroku::apps {
@@ -27,6 +28,8 @@ StreamConfiguration read_stream(const toml::table& table, const TableReader& in,
   reader.text("name", [&](const std::string& text) {
     require_name(text);
     if (text == "events") throw UsageError("'name' is 'events': that stream holds the operator's marks");
+    if (text == archive::kPointingStream)
+      throw UsageError("'name' is 'pointing': that stream holds where people point on live pictures");
     stream.name = text;
   });
   reader.text("kind", [&](const std::string& text) {

@@ -124,6 +124,7 @@ recorder::RoomPlan plan_of(const RoomConfiguration& room, const Home& home,
   plan.session.archive = home.archive();
   plan.session.device_name = home.device().name();
   plan.session.event_recipients = recipients.usual();
+  plan.session.pointing = channels != nullptr;
   plan.session.segment_duration = configuration.segment;
   plan.session.stamp_interval = configuration.stamp_every;
   plan.session.authorities = authorities.named();
@@ -201,7 +202,7 @@ std::unique_ptr<recorder::HttpServer> serve_http(const Home& home, const Configu
 
 std::unique_ptr<viewer::Viewer> open_viewer(const Home& home, const Configuration& configuration,
                                             const ViewerConfiguration& asked, const WritableHome& shared,
-                                            const live::Channels& channels, const recorder::Daemon& daemon) {
+                                            const live::Channels& channels, recorder::Daemon& daemon) {
   std::optional<std::string> certificate, key;
   if (!asked.certificate.empty()) {
     certificate = (home.folder() / asked.certificate).string();
@@ -218,7 +219,10 @@ std::unique_ptr<viewer::Viewer> open_viewer(const Home& home, const Configuratio
       .page = find_page(),
       .tell = [](const std::string& sentence) { spdlog::warn("viewer: {}", printable(sentence)); }};
   options.home.live = live::live_pictures(channels);
-  options.home.rooms.running_case = [&daemon](const std::string& room) { return daemon.running_case(room); };
+  options.home.rooms = {
+      .running_case = [&daemon](const std::string& room) { return daemon.running_case(room); },
+      .point = [&daemon](const std::string& room,
+                         media::PointedAt at) { return daemon.point(room, std::move(at)); }};
   // Its threads inherit the priority of this one: whoever watches, recording goes first.
   auto server = std::async(std::launch::async, [&options] {
                   (void)::setpriority(PRIO_PROCESS, static_cast<id_t>(::gettid()), kNiceOfViewer);
@@ -232,7 +236,7 @@ std::unique_ptr<viewer::Viewer> open_viewer(const Home& home, const Configuratio
 /// recorder.
 std::unique_ptr<viewer::Viewer> serve_viewer(const Home& home, const Configuration& configuration,
                                              const ViewerConfiguration& asked, const WritableHome& shared,
-                                             const live::Channels& channels, const recorder::Daemon& daemon) {
+                                             const live::Channels& channels, recorder::Daemon& daemon) {
   if (asked.listen.empty()) return {};
   try {
     return open_viewer(home, configuration, asked, shared, channels, daemon);

@@ -315,6 +315,10 @@ ordered_json Daemon::hook(const std::string& name, const std::string& action, co
 
 std::string Daemon::running_case(const std::string& room) const { return state_->room(room).running_case(); }
 
+std::optional<std::int64_t> Daemon::point(const std::string& room, media::PointedAt at) {
+  return state_->room(room).point(std::move(at));
+}
+
 std::string Daemon::metrics() const {
   std::ostringstream out;
   const auto family = [&out](const char* name, const char* type, const char* help) {

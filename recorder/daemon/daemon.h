@@ -37,6 +37,8 @@ class Daemon {
   nlohmann::ordered_json hook(const std::string& room, const std::string& action, const std::string& body);
   /// The case that the room records now; "": none. Throws kiroku::UsageError for a room that is not there.
   [[nodiscard]] std::string running_case(const std::string& room) const;
+  /// As Room::point(); throws as running_case().
+  std::optional<std::int64_t> point(const std::string& room, media::PointedAt at);
   /// Prometheus' text format, 0.0.4.
   [[nodiscard]] std::string metrics() const;
   /// Looks at the disk and warns when a new threshold is passed. Call each few seconds.

@@ -413,6 +413,12 @@ struct Room::State {
     if (listener.warn) listener.warn(sentence);
   }
 
+  /// Null while no case is recorded.
+  [[nodiscard]] std::shared_ptr<Session> recording_session() const {
+    const std::lock_guard guard(mutex);
+    return status.state == RoomState::kRecording ? session : nullptr;
+  }
+
   void set_state(RoomState state, const std::string& reason) {
     beat();
     const std::lock_guard guard(mutex);
@@ -482,13 +488,14 @@ std::string Room::stop(const std::string& reason, bool wait) {
 }
 
 void Room::mark(const std::string& text) {
-  std::shared_ptr<Session> session;
-  {
-    const std::lock_guard guard(state_->mutex);
-    if (state_->status.state == RoomState::kRecording) session = state_->session;
-  }
+  const std::shared_ptr<Session> session = state_->recording_session();
   if (!session) throw UsageError("room " + name() + " is not recording: there is nothing to mark");
   session->mark(text);
+}
+
+std::optional<std::int64_t> Room::point(media::PointedAt at) {
+  const std::shared_ptr<Session> session = state_->recording_session();
+  return session ? session->point(std::move(at)) : std::nullopt;
 }
 
 std::string Room::running_case() const {

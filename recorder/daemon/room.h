@@ -90,6 +90,8 @@ class Room {
   std::string stop(const std::string& reason, bool wait);
   /// Marks a moment. Throws kiroku::UsageError if no case runs.
   void mark(const std::string& text);
+  /// As Session::point().
+  std::optional<std::int64_t> point(media::PointedAt at);
   /// The case that is being recorded; "": none. Cheap.
   [[nodiscard]] std::string running_case() const;
   [[nodiscard]] RoomStatus status() const;

@@ -1,7 +1,7 @@
 // A guest who looks on by an invitation, in a browser of their own, before a kirokud that records.
 import type { Browser, Page } from 'playwright-core';
 import { afterAll, beforeAll, describe, expect, it } from 'vitest';
-import { Appliance, keepPicture, kPassword, seriousBarriers, startBrowser, visit, type Visitor } from './kit';
+import { Appliance, keepPicture, kPassword, seriousBarriers, settled, startBrowser, visit, type Visitor } from './kit';
 
 let appliance: Appliance;
 let browser: Browser;
@@ -77,7 +77,6 @@ describe('An invitation', () => {
     expect(await page.getByRole('timer').textContent()).toMatch(/59:\d\d/);
     expect(await page.getByRole('navigation').count()).toBe(0);
     expect(await seriousBarriers(page)).toEqual([]);
-    await keepPicture(page, 'guest');
     await page.getByRole('button', { name: '日本語' }).click();
     await page.getByText('Dr. Sato として見学しています。').waitFor();
     expect(await page.getByRole('timer').textContent()).toMatch(/59:\d\d|58:\d\d/);
@@ -86,6 +85,44 @@ describe('An invitation', () => {
 
   it('tells the surgeon that the guest watches', async () => {
     await surgeon.page.locator('.guest-line', { hasText: 'Dr. Sato' }).getByText('Watches now').waitFor();
+  });
+
+  it('lets the guest point, and everybody sees the arrow where it points', async () => {
+    const picture = await guest.page.locator('.live-pane[data-stream=endoscope] .pointer-layer').boundingBox();
+    if (!picture) throw new Error('no picture to point on');
+    const { mouse } = guest.page;
+    await mouse.move(picture.x + 0.25 * picture.width, picture.y + 0.5 * picture.height);
+    await mouse.down();
+    await mouse.move(picture.x + 0.6 * picture.width, picture.y + 0.4 * picture.height, { steps: 10 });
+    for (const { page } of [guest, surgeon]) {
+      const arrow = page.locator('.live-pane[data-stream=endoscope] .pointer');
+      await arrow.getByText('Dr. Sato (guest)').waitFor();
+      await expect
+        .poll(async () => {
+          const box = await page.locator('.live-pane[data-stream=endoscope] .pointer-layer').boundingBox();
+          const at = await arrow.locator('svg').boundingBox();
+          return box && at ? Math.hypot((at.x - box.x) / box.width - 0.6, (at.y - box.y) / box.height - 0.4) : 1;
+        })
+        .toBeLessThan(0.01);
+      expect(await page.locator('.live-pane[data-stream=room] .pointer').count()).toBe(0);
+      await page.locator('.lookers').getByText('Dr. Sato (guest)').waitFor();
+    }
+    await keepPicture(guest.page, 'guest');
+    await keepPicture(surgeon.page, 'pointing-live');
+    // Held still it stays.
+    await guest.page.waitForTimeout(2500);
+    expect(await surgeon.page.locator('.pointer').count()).toBe(1);
+    await mouse.up();
+    await expect.poll(() => surgeon.page.locator('.pointer').count()).toBe(0);
+  });
+
+  it('lets everybody point also by keys', async () => {
+    await surgeon.page.getByRole('application', { name: 'Point on Endoscope' }).focus();
+    for (let i = 0; i < 5; ++i) {
+      await surgeon.page.keyboard.press('ArrowRight');
+      await surgeon.page.waitForTimeout(60);
+    }
+    await guest.page.locator('.live-pane[data-stream=endoscope] .pointer[data-by=anna]').waitFor();
   });
 
   it('survives that the page is loaded anew', async () => {
@@ -129,6 +166,35 @@ describe('An invitation', () => {
     await pane(guest.page, 'endoscope').getByText('Live', { exact: true }).waitFor();
     await appliance.kiroku('case', 'stop');
     await guest.page.getByRole('heading', { name: 'The invitation has ended' }).waitFor();
+  });
+
+  it('leaves in the case where the guest pointed, at its moment', async () => {
+    const { page } = surgeon;
+    const id = appliance.cases().at(-1) as string;
+    const { strokes } = (await page.evaluate(async (id) => (await fetch(`/api/cases/${id}/pointing`)).json() as Promise<unknown>, id)) as {
+      strokes: { by: string; start_ns: number; end_ns: number }[];
+    };
+    expect(strokes.map((one) => one.by)).toEqual(['Dr. Sato', 'anna']);
+    const first = strokes[0] as { start_ns: number; end_ns: number };
+    const middle_s = (first.start_ns + 1.5e9) / 1e9;
+    await page.goto(`${appliance.url}#/cases/${id}?t=${middle_s}`);
+    const arrow = page.locator('.pane[data-stream=endoscope] .pointer');
+    await arrow.getByText('Dr. Sato (guest)').waitFor();
+    const box = await page.locator('.pane[data-stream=endoscope] .pointer-layer').boundingBox();
+    const at = await arrow.locator('svg').boundingBox();
+    const shown = await page.locator('.pane[data-stream=endoscope] video').evaluate((video: HTMLVideoElement) => video.videoWidth / video.videoHeight);
+    if (!box || !at) throw new Error('no arrow');
+    // The picture lies in the middle of its pane.
+    const width = Math.min(box.width, box.height * shown);
+    const height = width / shown;
+    expect((at.x - box.x - (box.width - width) / 2) / width).toBeCloseTo(0.6, 1);
+    expect((at.y - box.y - (box.height - height) / 2) / height).toBeCloseTo(0.4, 1);
+    await page.locator('.lane-names').getByText('Pointing').waitFor();
+    expect(await seriousBarriers(page)).toEqual([]);
+    await settled(page);
+    await keepPicture(page, 'pointing');
+    await page.goto(`${appliance.url}#/cases/${id}?t=${first.start_ns / 1e9 - 1}`);
+    await expect.poll(() => arrow.count()).toBe(0);
     expect(surgeon.problems).toEqual([]);
     expect(guest.problems).toEqual([]);
   });

@@ -7,6 +7,7 @@
 
 #include <nlohmann/json.hpp>
 
+#include "archive/pointing_stream.h"
 #include "base/error.h"
 #include "media/recorded_lines.h"
 #include "media/vital_codes.h"
@@ -50,6 +51,7 @@ CaseRecord read_case_record(const archive::CaseReader& recording, const crypto::
     const auto each_line = [&](const auto& take) {
       media::for_each_recorded_line(recording, identities, stream.name, INT64_MIN, INT64_MAX, take);
     };
+    if (archive::is_pointing(stream)) continue;
     if (stream.kind == "events") {
       each_line([&](std::string_view line) {
         try {

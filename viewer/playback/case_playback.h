@@ -21,6 +21,7 @@
 #include "base/bytes.h"
 #include "crypto/age_recipient.h"
 #include "viewer/playback/case_media.h"
+#include "viewer/playback/case_pointing.h"
 #include "viewer/playback/case_timeline.h"
 #include "viewer/playback/case_vitals.h"
 #include "viewer/playback/encrypted_cache.h"
@@ -66,6 +67,13 @@ class CasePlayback {
   CaseVitals& vitals(const std::string& stream);
   /// What the operator marked.
   [[nodiscard]] std::vector<TimelineMark> marks() const { return marks_of(media_); }
+  /// Where people pointed (viewer/playback/case_pointing.h).
+  [[nodiscard]] std::vector<PointingStroke> pointing_strokes() const {
+    return playback::pointing_strokes(media_);
+  }
+  [[nodiscard]] std::vector<media::PointingLine> pointing(std::int64_t from_ns, std::int64_t to_ns) const {
+    return pointing_of(media_, from_ns, to_ns);
+  }
   [[nodiscard]] const archive::CaseReader& recording() const { return media_.recording(); }
 
  private:

@@ -10,6 +10,7 @@
 #include "archive/brackets.h"
 #include "archive/case_folder.h"
 #include "archive/case_layout.h"
+#include "archive/pointing_stream.h"
 #include "crypto/encoding.h"
 #include "crypto/hash.h"
 #include "media/plaintext_lines.h"
@@ -109,7 +110,7 @@ std::vector<TimelineMark> marks_of(const CaseMedia& media) {
   });
   std::vector<TimelineMark> marks;
   for (const archive::StreamInfo& stream : media.recording().opening().streams) {
-    if (stream.kind != "events") continue;
+    if (stream.kind != "events" || archive::is_pointing(stream)) continue;
     for (const archive::SegmentEntry& segment :
          media.recording().segments(stream.name, INT64_MIN, INT64_MAX)) {
       if (media.recording().is_erased(segment)) continue;

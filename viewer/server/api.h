@@ -29,6 +29,8 @@ void add_user_routes(Router& router, ViewerContext& context);
 void add_room_routes(Router& router, ViewerContext& context);
 /// Pictures while they are recorded.
 void add_live_routes(Router& router, ViewerContext& context);
+/// Who looks on in a room, and where they point.
+void add_pointing_routes(Router& router, ViewerContext& context);
 /// Guests who look on in a room.
 void add_invitation_routes(Router& router, ViewerContext& context);
 

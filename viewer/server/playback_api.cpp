@@ -18,6 +18,7 @@ using playback::CasePlayback;
 constexpr std::int64_t kUsualBins = 1000;
 constexpr std::int64_t kMostBins = 20'000;
 constexpr int kPatienceMs = 5'000;
+constexpr std::int64_t kLongestPointingNs = 600'000'000'000;
 /// What is asked for in nanoseconds lies within the format's integers.
 constexpr std::int64_t kLatestNs = std::int64_t{1} << 53;
 
@@ -206,6 +207,40 @@ class PlaybackApi {
     });
   }
 
+  [[nodiscard]] Response pointing(const Request& request) {
+    return answer(request, "watched pointing", [](CasePlayback& playback) {
+      ordered_json strokes = ordered_json::array();
+      for (const playback::PointingStroke& stroke : playback.pointing_strokes()) {
+        strokes.push_back({{"start_ns", stroke.start_ns},
+                           {"end_ns", stroke.end_ns},
+                           {"by", stroke.by},
+                           {"role", stroke.role},
+                           {"stream", stroke.stream},
+                           {"points", stroke.points}});
+      }
+      return Response::json({{"strokes", std::move(strokes)}});
+    });
+  }
+
+  [[nodiscard]] Response points(const Request& request) {
+    const std::int64_t from_ns = time_of(request, "from_ns");
+    const std::int64_t to_ns = time_of(request, "to_ns");
+    if (to_ns - from_ns > kLongestPointingNs) throw Refusal(400, "ask for ten minutes at most");
+    return answer(request, "watched pointing", [&](CasePlayback& playback) {
+      ordered_json points = ordered_json::array();
+      for (const media::PointingLine& line : playback.pointing(from_ns, to_ns)) {
+        points.push_back({{"time_ns", line.time_ns},
+                          {"by", line.at.by},
+                          {"role", line.at.role},
+                          {"stream", line.at.stream},
+                          {"x", line.at.x},
+                          {"y", line.at.y}});
+        if (line.at.picture_ns) points.back()["picture_ns"] = *line.at.picture_ns;
+      }
+      return Response::json({{"points", std::move(points)}});
+    });
+  }
+
   [[nodiscard]] Response timeline(const Request& request) {
     ordered_json timeline = timeline_json(playback::timeline_of(context_.open_case(request)));
     const Session::Identities identities = request.session->identities();
@@ -286,6 +321,8 @@ void add_playback_routes(Router& router, ViewerContext& context) {
   add("streams/{stream:name}/frame.png", Right::kWatch, &PlaybackApi::frame);
   add("vitals", Right::kWatch, &PlaybackApi::vitals);
   add("vitals/values", Right::kWatch, &PlaybackApi::values);
+  add("pointing", Right::kWatch, &PlaybackApi::pointing);
+  add("pointing/points", Right::kWatch, &PlaybackApi::points);
   add("timeline", Right::kReadCase, &PlaybackApi::timeline);
 }
 

@@ -17,6 +17,7 @@ void add_routes(Router& router, ViewerContext& context, SignInLink& link) {
   add_export_routes(router, context);
   add_room_routes(router, context);
   add_live_routes(router, context);
+  add_pointing_routes(router, context);
   add_invitation_routes(router, context);
   add_log_routes(router, context);
   add_user_routes(router, context);

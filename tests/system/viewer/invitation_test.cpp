@@ -59,7 +59,8 @@ class Guests : public ServedHome {
     return cookie_of(answer);
   }
   [[nodiscard]] json invitation(const json& made) const {
-    for (const json& each : json::parse(ask("GET", "/api/invitations", surgeon_).body)["invitations"]) {
+    const json all = json::parse(ask("GET", "/api/invitations", surgeon_).body);
+    for (const json& each : all["invitations"]) {
       if (each["id"] == made["id"]) return each;
     }
     return {};
@@ -197,7 +198,7 @@ TEST_F(Guests, SeeNothingBeforeAndNothingAfterTheirCase) {
   (void)begin_case();
   const int after = pictures(*socket, 1000);
   EXPECT_LT(after, 100) << "what was queued of the first case, none of the second";
-  json now;
+  json now = json::object();
   for (int i = 0; i < 100 && now.value("state", "") != "ended"; ++i) {
     std::this_thread::sleep_for(100ms);
     now = invitation(made);

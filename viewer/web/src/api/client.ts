@@ -125,9 +125,17 @@ export interface LiveStream {
   stream: string;
 }
 
+/** RFC 6455, section 7.4.1, policy violation: how a socket ends whose session has ended. */
+const kRefused = 1008;
+
 export const live = {
   /** Whose pictures can be seen while they are recorded; none where the page is not kirokud's own. */
   streams: async () => (await json<{ streams: LiveStream[] }>('GET', 'live')).streams,
+  /** After a socket was closed with `code`: where the session has ended, the page shall know at once. */
+  closed: (code: number) => {
+    if (code === kRefused) void live.streams().catch(() => {});
+  },
+  companyAddress: (room: string) => `wss://${location.host}/api/live/${part(room)}`,
   address: (room: string, stream: string) => `wss://${location.host}/api/live/${part(room)}/${part(stream)}`,
 };
 

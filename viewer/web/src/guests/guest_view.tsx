@@ -7,6 +7,8 @@ import { RemoteClock } from '@/clock/remote_clock';
 import { clockFace, Countdown, passedWarning } from '@/guests/countdown';
 import { guestIsOver } from '@/guests/guest_state';
 import { t } from '@/i18n/i18n';
+import { Lookers } from '@/pointing/lookers';
+import { useCompany } from '@/pointing/use_company';
 import { Dialog } from '@/shell/dialog';
 import { Icon } from '@/shell/icon';
 import { announce, attempt, session } from '@/shell/state';
@@ -26,6 +28,7 @@ export function GuestView({ guest }: { guest: Session }) {
   const room = guest.invitation?.room ?? '';
   const name = guest.invitation?.guest ?? '';
   const visible = useVisible();
+  const company = useCompany(room, visible);
   const streams = useSignal<readonly string[]>([]);
   const clock = useMemo(() => new RemoteClock(), []);
   const countdown = useMemo(() => new Countdown(guest.expires_s, performance.now()), [guest]);
@@ -77,8 +80,9 @@ export function GuestView({ guest }: { guest: Session }) {
         </button>
       </div>
       <div class="guest-panes">
-        {visible && streams.value.map((stream) => <LivePane key={stream} room={room} stream={stream} clock={clock} nothing={t('guest.waits')} />)}
+        {visible && streams.value.map((stream) => <LivePane key={stream} room={room} stream={stream} clock={clock} nothing={t('guest.waits')} company={company} records />)}
       </div>
+      <Lookers company={company} />
       {leaving.value && (
         <Dialog title={t('guest.leaveTitle')} onClose={() => (leaving.value = false)}>
           <p>{t('guest.leaveWhat')}</p>

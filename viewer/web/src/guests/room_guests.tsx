@@ -2,7 +2,7 @@
 import { type Signal, useSignal } from '@preact/signals';
 import { useEffect, useRef } from 'preact/hooks';
 import { type Invitation, invitations as api, linkOf } from '@/guests/guest_api';
-import { t, word } from '@/i18n/i18n';
+import { language, t, word } from '@/i18n/i18n';
 import { Dialog } from '@/shell/dialog';
 import { Icon } from '@/shell/icon';
 import { may } from '@/shell/rights';
@@ -40,7 +40,7 @@ export function useInvitations(asks: boolean): { list: Signal<readonly Invitatio
 
 const lengthOf = (minutes: number): string =>
   minutes < 60 ? t('guests.minutes', { n: minutes }) : minutes === 60 ? t('guests.hour') : t('guests.hours', { n: minutes / 60 });
-const timeOf = (utc: string): string => new Date(utc).toLocaleTimeString([], { hour: '2-digit', minute: '2-digit' });
+const timeOf = (utc: string): string => new Date(utc).toLocaleTimeString(language.value === 'ja' ? 'ja-JP' : 'en-GB', { hour: '2-digit', minute: '2-digit' });
 
 function InviteDialog({ room, onMade, onClose }: { room: string; onMade: () => void; onClose: () => void }) {
   const made = useSignal<(Invitation & { token: string }) | undefined>(undefined);

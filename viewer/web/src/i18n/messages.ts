@@ -2,11 +2,12 @@
 
 import { caseEn, caseJa } from '@/i18n/case_messages';
 import { casesEn, casesJa } from '@/i18n/cases_messages';
+import { guestEn, guestJa } from '@/i18n/guest_messages';
 import { planEn, planJa } from '@/i18n/plan_messages';
+import { pointingEn, pointingJa } from '@/i18n/pointing_messages';
 import { roomsEn, roomsJa } from '@/i18n/rooms_messages';
 import { shellEn, shellJa } from '@/i18n/shell_messages';
 import { timelineEn, timelineJa } from '@/i18n/timeline_messages';
-import { guestEn, guestJa } from '@/i18n/guest_messages';
 import { trainingEn, trainingJa } from '@/i18n/training_messages';
 import { usersEn, usersJa } from '@/i18n/users_messages';
 import { verificationEn, verificationJa } from '@/i18n/verification_messages';
@@ -21,6 +22,7 @@ const en = {
   ...roomsEn,
   ...usersEn,
   ...guestEn,
+  ...pointingEn,
   ...trainingEn,
 } as const;
 
@@ -37,6 +39,7 @@ const ja: Record<MessageKey, string> = {
   ...roomsJa,
   ...usersJa,
   ...guestJa,
+  ...pointingJa,
   ...trainingJa,
 };
 

@@ -59,7 +59,10 @@ export class LivePlayer {
       if (typeof data === 'string') this.begin((JSON.parse(data) as { codecs: string }).codecs);
       else this.take(data);
     };
-    socket.onclose = () => this.reconnect();
+    socket.onclose = ({ code }) => {
+      live.closed(code);
+      this.reconnect();
+    };
     this.socket = socket;
   }
 

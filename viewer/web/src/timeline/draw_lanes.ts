@@ -3,6 +3,8 @@ import type { Alarm, ComparedStep } from '@/api/types';
 import type { Span } from '@/base/spans';
 import { formatTime, kSecond } from '@/base/time';
 import { inOrderDone } from '@/compare/plan_map';
+import { drawStrokes } from '@/pointing/draw_strokes';
+import type { Stroke } from '@/pointing/recorded';
 import type { Colors } from '@/timeline/colors';
 import { ticks, toPixel } from '@/timeline/scale';
 import type { CaseModel } from '@/views/case_model';
@@ -12,13 +14,13 @@ export const kLane = 20;
 export const kMarkLane = 24;
 
 export interface Lane {
-  kind: 'ruler' | 'stream' | 'marks' | 'plan' | 'alarms' | 'proof';
+  kind: 'ruler' | 'stream' | 'marks' | 'plan' | 'pointing' | 'alarms' | 'proof';
   stream?: string;
   top: number;
   height: number;
 }
 
-export function lanesOf(model: CaseModel, hasAlarms: boolean, hasPlan = false): Lane[] {
+export function lanesOf(model: CaseModel, hasAlarms: boolean, hasPlan = false, hasPointing = false): Lane[] {
   const lanes: Lane[] = [];
   let top = 0;
   const add = (kind: Lane['kind'], height: number, stream?: string) => {
@@ -28,6 +30,7 @@ export function lanesOf(model: CaseModel, hasAlarms: boolean, hasPlan = false): 
   add('ruler', kRuler);
   if (model.timeline.marks) add('marks', kMarkLane);
   if (hasPlan) add('plan', kMarkLane);
+  if (hasPointing) add('pointing', kLane);
   for (const { name } of model.lanes) add('stream', kLane, name);
   if (hasAlarms) add('alarms', kLane);
   add('proof', kLane);
@@ -187,8 +190,8 @@ function drawProof(context: CanvasRenderingContext2D, model: CaseModel, window: 
 }
 
 export function drawLanes(
-  context: CanvasRenderingContext2D, lanes: readonly Lane[], model: CaseModel, alarms: readonly Alarm[], steps: readonly ComparedStep[], window: Span, width: number, height: number,
-  colors: Colors,
+  context: CanvasRenderingContext2D, lanes: readonly Lane[], model: CaseModel, alarms: readonly Alarm[], steps: readonly ComparedStep[], strokes: readonly Stroke[], window: Span,
+  width: number, height: number, colors: Colors,
 ): void {
   drawRuler(context, model, window, width, height, colors);
   for (const lane of lanes) {
@@ -204,6 +207,9 @@ export function drawLanes(
         break;
       case 'plan':
         drawSteps(context, steps, window, width, top, high, colors);
+        break;
+      case 'pointing':
+        drawStrokes(context, strokes, window, width, top, high, colors);
         break;
       case 'alarms':
         drawAlarms(context, alarms, window, width, top, high, colors);

@@ -9,6 +9,7 @@ import { formatTime, kMinute, kSecond } from '@/base/time';
 import { t, word } from '@/i18n/i18n';
 import { pieceAt } from '@/media/pieces';
 import type { Playback } from '@/media/playback';
+import type { Stroke } from '@/pointing/recorded';
 import { Icon } from '@/shell/icon';
 import { theme } from '@/shell/state';
 import { colorsOf, prepared } from '@/timeline/colors';
@@ -47,9 +48,11 @@ interface Props {
   withPictures: boolean;
   /** Of the comparison that is shown. */
   steps: readonly ComparedStep[];
+  /** Where somebody pointed. */
+  strokes: readonly Stroke[];
 }
 
-export function Timeline({ model, playback, store, selection, onSelect, withPictures, steps }: Props) {
+export function Timeline({ model, playback, store, selection, onSelect, withPictures, steps, strokes }: Props) {
   const { element, width } = useWidth();
   const window = useSignal<Span>(model.whole);
   const hover = useSignal<{ time_ns: number; x: number; top: boolean } | undefined>(undefined);
@@ -62,7 +65,7 @@ export function Timeline({ model, playback, store, selection, onSelect, withPict
   const wide = plot.value;
   const version = store?.version.value ?? 0;
   const alarms = store?.over(window.value, wide).alarms ?? [];
-  const list = lanesOf(model, alarms.length > 0 || (store?.over(whole, 200).alarms.length ?? 0) > 0, steps.some((one) => one.done !== null));
+  const list = lanesOf(model, alarms.length > 0 || (store?.over(whole, 200).alarms.length ?? 0) > 0, steps.some((one) => one.done !== null), strokes.length > 0);
   const height = (list.at(-1)?.top ?? 0) + (list.at(-1)?.height ?? 0);
 
   // The window turns over when the clock leaves it, unless a hand holds it.
@@ -99,8 +102,8 @@ export function Timeline({ model, playback, store, selection, onSelect, withPict
 
   useEffect(() => {
     const canvas = lanes.current as HTMLCanvasElement;
-    drawLanes(prepared(canvas, wide, height), list, model, alarms, steps, shown, wide, height, colorsOf(canvas));
-  }, [model, wide, height, shown, dark, version, steps]);
+    drawLanes(prepared(canvas, wide, height), list, model, alarms, steps, strokes, shown, wide, height, colorsOf(canvas));
+  }, [model, wide, height, shown, dark, version, steps, strokes]);
 
   const zoom = (factor: number, about_ns = playback.position_ns.peek()) => {
     const about = Math.max(window.value.start_ns, Math.min(window.value.end_ns, about_ns));
@@ -146,9 +149,9 @@ export function Timeline({ model, playback, store, selection, onSelect, withPict
       hover.value = undefined;
     },
   });
-  /** A mark, or the beginning of a step, within a finger's breadth of where one pointed. */
+  /** A mark, or the beginning of a step or of pointing, within a finger's breadth of where one pointed. */
   const markAt = (time_ns: number, span: Span) =>
-    [...model.marks.map((mark) => mark.time_ns), ...steps.flatMap((step) => step.done?.start_ns ?? [])].find(
+    [...model.marks.map((mark) => mark.time_ns), ...steps.flatMap((step) => step.done?.start_ns ?? []), ...strokes.map((stroke) => stroke.start_ns)].find(
       (one) => Math.abs(toPixel(one, span, wide) - toPixel(time_ns, span, wide)) < 6,
     );
 

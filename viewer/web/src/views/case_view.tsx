@@ -13,6 +13,8 @@ import { PlanPanel } from '@/compare/plan_panel';
 import { PlanOver, PlanPane } from '@/compare/plan_pane';
 import { formatMoment, type MessageKey, t, word } from '@/i18n/i18n';
 import { Playback } from '@/media/playback';
+import { RecordedPointing, type Stroke } from '@/pointing/recorded';
+import { RecordedPointers } from '@/pointing/recorded_pointers';
 import { Dialog } from '@/shell/dialog';
 import { Icon } from '@/shell/icon';
 import { may } from '@/shell/rights';
@@ -50,6 +52,8 @@ export function CaseView({ id }: { id: string }) {
   return <Loaded key={String(unlocked)} model={model.value} verdict={verdict.value} unlocked={unlocked} />;
 }
 
+const kNoStrokes: readonly Stroke[] = [];
+
 type Tab = 'vitals' | 'moments' | 'plan';
 const kTabs: readonly Tab[] = ['vitals', 'plan', 'moments'];
 type Open = 'help' | 'goTo' | 'export' | undefined;
@@ -79,6 +83,10 @@ function Loaded({ model, verdict, unlocked }: { model: CaseModel; verdict: Verdi
   const plan = useMemo(
     () => (unlocked && may(role, 'compare') ? new PlanModel(id, playback, (error) => notify(error.message)) : undefined),
     [playback, unlocked],
+  );
+  const pointing = useMemo(
+    () => (unlocked && (model.recorded.get('pointing') ?? []).length > 0 ? new RecordedPointing(id, (error) => notify(error.message)) : undefined),
+    [model, unlocked],
   );
   const compared = plan?.shown.value;
   const planView = compared?.player ? plan?.view.value : undefined;
@@ -300,6 +308,7 @@ function Loaded({ model, verdict, unlocked }: { model: CaseModel; verdict: Verdi
                 {plan && compared && (planView === 'overlay' || planView === 'wipe') && player.stream === compared.document.case.stream && (
                   <PlanOver plan={plan} shown={compared} />
                 )}
+                {pointing && <RecordedPointers pointing={pointing} player={player} playback={playback} />}
               </Pane>
             ))
           ) : mayWatch ? (
@@ -362,7 +371,7 @@ function Loaded({ model, verdict, unlocked }: { model: CaseModel; verdict: Verdi
         </div>
       )}
       <Transport model={model} playback={playback} withPictures={unlocked} act={act} />
-      <Timeline model={model} playback={playback} store={store} selection={chosen} onSelect={(span) => (selection.value = span)} withPictures={unlocked} steps={steps} />
+      <Timeline model={model} playback={playback} store={store} selection={chosen} onSelect={(span) => (selection.value = span)} withPictures={unlocked} steps={steps} strokes={pointing?.strokes.value ?? kNoStrokes} />
 
       {dialog.value === 'help' && (
         <Dialog title={t('help.title')} onClose={() => (dialog.value = undefined)}>

@@ -27,7 +27,7 @@ function Facts({ one }: { one: CaseSummary }) {
       </span>
       <span class="case-fact case-streams">
         <small>{t('cases.streams')}</small>
-        {one.streams.filter((name) => name !== 'events').map((name) => word('stream', name)).join(' · ')}
+        {one.streams.filter((name) => name !== 'events' && name !== 'pointing').map((name) => word('stream', name)).join(' · ')}
       </span>
       <span class="case-fact">
         <small>{t('cases.size')}</small>

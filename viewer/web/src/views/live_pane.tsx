@@ -4,6 +4,8 @@ import { useEffect, useRef } from 'preact/hooks';
 import type { RemoteClock } from '@/clock/remote_clock';
 import { t, word } from '@/i18n/i18n';
 import { kFresh_ms, LivePlayer } from '@/media/live_player';
+import type { Company } from '@/pointing/company';
+import { LivePointers } from '@/pointing/live_pointers';
 import { Icon } from '@/shell/icon';
 
 const kLook_ms = 500;
@@ -25,20 +27,27 @@ interface Props {
   clock: RemoteClock;
   /** What is said where no picture comes. */
   nothing?: string;
+  /** Who else looks on, and points. */
+  company: Company | undefined;
+  /** Whether a case runs, in which it stands where one points. */
+  records: boolean;
 }
 
-export function LivePane({ room, stream, clock, nothing }: Props) {
+export function LivePane({ room, stream, clock, nothing, company, records }: Props) {
   const place = useRef<HTMLDivElement>(null);
   const shown = useSignal<Shown>({ state: 'connecting' });
+  const shows = useSignal<LivePlayer | undefined>(undefined);
   const name = word('stream', stream);
   useEffect(() => {
     const player = new LivePlayer(room, stream);
+    shows.value = player;
     place.current?.prepend(player.video);
     const timer = setInterval(() => (shown.value = look(player, clock)), kLook_ms);
     return () => {
       clearInterval(timer);
       player.close();
       player.video.remove();
+      shows.value = undefined;
     };
   }, [room, stream, clock]);
   useEffect(() => {
@@ -54,6 +63,7 @@ export function LivePane({ room, stream, clock, nothing }: Props) {
             <p>{now.state === 'connecting' ? t('live.connecting') : (nothing ?? t('live.nothing'))}</p>
           </div>
         )}
+        {company && shows.value && <LivePointers company={company} stream={stream} player={shows.value} mayPoint={records && now.state === 'live'} />}
       </div>
       <header class="pane-head">
         <h3>{name}</h3>

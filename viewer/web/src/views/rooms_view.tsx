@@ -9,6 +9,8 @@ import { RemoteClock } from '@/clock/remote_clock';
 import type { Invitation } from '@/guests/guest_api';
 import { RoomGuests, useInvitations } from '@/guests/room_guests';
 import { formatMoment, t, word } from '@/i18n/i18n';
+import { Lookers } from '@/pointing/lookers';
+import { useCompany } from '@/pointing/use_company';
 import { Dialog } from '@/shell/dialog';
 import { Icon } from '@/shell/icon';
 import { may } from '@/shell/rights';
@@ -72,6 +74,7 @@ function RoomCard({ room, seen, clock, mayControl, refresh, guests }: RoomProps)
   const recording = room.state === 'recording';
   const idle = room.state === 'idle' || room.state === 'standby';
   const watched = room.state === 'idle' ? [] : seen;
+  const company = useCompany(room.room, watched.length > 0);
   const act = (action: () => Promise<void>, said: string) =>
     attempt(async () => {
       await action();
@@ -108,8 +111,9 @@ function RoomCard({ room, seen, clock, mayControl, refresh, guests }: RoomProps)
         {watched.length > 0 && (
           <div class="live-panes">
             {watched.map((stream) => (
-              <LivePane key={stream} room={room.room} stream={stream} clock={clock} />
+              <LivePane key={stream} room={room.room} stream={stream} clock={clock} company={company} records={recording} />
             ))}
+            <Lookers company={company} />
           </div>
         )}
         <div class="room-facts">
