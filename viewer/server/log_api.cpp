@@ -1,8 +1,12 @@
 #include <deque>
+#include <memory>
+#include <mutex>
 
 #include <nlohmann/json.hpp>
 
 #include "archive/appliance_log.h"
+#include "archive/report_json.h"
+#include "archive/verifier.h"
 #include "viewer/server/api.h"
 
 namespace kiroku::viewer {
@@ -19,9 +23,10 @@ Response list_log(const ViewerContext& context, const Request& request) {
     throw Refusal(400, "'limit' must be from 1 to " + std::to_string(kMostLines));
   }
   const std::int64_t before = request.query_integer("before").value_or(INT64_MAX);
+  const std::optional<std::string> type = request.query_text("type");
   std::deque<std::string> lines;
   archive::for_each_log_line(context.home().log_folder, [&](const archive::LogLine& line) {
-    if (static_cast<std::int64_t>(line.seq) >= before) return;
+    if (static_cast<std::int64_t>(line.seq) >= before || (type && line.type != *type)) return;
     lines.push_front(line.json);
     if (std::ssize(lines) > limit) lines.pop_back();
   });
@@ -30,11 +35,30 @@ Response list_log(const ViewerContext& context, const Request& request) {
   return Response::json({{"entries", std::move(entries)}});
 }
 
+/// Whether the log is whole, as `kiroku log --verify` judges it: one at a time, since it reads all of it.
+Response verify_log(const ViewerContext& context, std::mutex& turn) {
+  const std::unique_lock guard(turn, std::try_to_lock);
+  if (!guard.owns_lock()) {
+    return Response::error(503, "the appliance log is being verified already").with("Retry-After", "2");
+  }
+  archive::VerifyOptions options;
+  options.devices = {context.home().device};
+  options.trust = context.home().trust;
+  options.threads = 1;
+  const archive::VerificationReport report = archive::verify_log(context.home().log_folder, options);
+  ordered_json out = archive::report_json(report);
+  out["verified"] = format_utc(utc_now());
+  return Response::json(out);
+}
+
 }  // namespace
 
 void add_log_routes(Router& router, ViewerContext& context) {
   router.add("GET", "api/log", Right::kReadLog,
              [&context](const Request& request) { return list_log(context, request); });
+  const auto turn = std::make_shared<std::mutex>();
+  router.add("GET", "api/log/verification", Right::kReadLog,
+             [&context, turn](const Request& /*request*/) { return verify_log(context, *turn); });
 }
 
 }  // namespace kiroku::viewer

@@ -6,6 +6,7 @@ import { startTheme } from '@/shell/state';
 import 'uplot/dist/uPlot.min.css';
 import '@/styles/page.css';
 import '@/styles/guests.css';
+import '@/styles/log.css';
 import '@/styles/pointing.css';
 import '@/styles/training.css';
 

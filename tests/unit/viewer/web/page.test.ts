@@ -28,7 +28,7 @@ describe('Texts', () => {
 
 describe('Addresses', () => {
   it.each<Route>([
-    { view: 'cases' }, { view: 'rooms' }, { view: 'users' }, { view: 'training' }, { view: 'case', id: '20260805T091502Z-3f9c21ab' },
+    { view: 'cases' }, { view: 'rooms' }, { view: 'log' }, { view: 'users' }, { view: 'training' }, { view: 'case', id: '20260805T091502Z-3f9c21ab' },
     { view: 'case', id: '20260805T091502Z-3f9c21ab', at_ns: 12.5e9 }, { view: 'verification', id: '20260805T091502Z-3f9c21ab' },
   ])('lead where they were made for: $view', (route) => {
     expect(parseRoute(hrefOf(route))).toEqual(route);

@@ -1,4 +1,4 @@
-// Where the person is: #/cases, #/cases/ID?t=SECONDS, #/cases/ID/verification, #/rooms, #/users,
+// Where the person is: #/cases, #/cases/ID?t=SECONDS, #/cases/ID/verification, #/rooms, #/log, #/users,
 // #/training.
 import { signal } from '@preact/signals';
 import { kSecond } from '@/base/time';
@@ -8,6 +8,7 @@ export type Route =
   | { view: 'case'; id: string; at_ns?: number }
   | { view: 'verification'; id: string }
   | { view: 'rooms' }
+  | { view: 'log' }
   | { view: 'users' }
   | { view: 'training' };
 
@@ -15,6 +16,7 @@ export function parseRoute(hash: string): Route {
   const [path = '', query = ''] = hash.replace(/^#\/?/, '').split('?');
   const [first, id, third] = path.split('/').map(decodeURIComponent);
   if (first === 'rooms') return { view: 'rooms' };
+  if (first === 'log') return { view: 'log' };
   if (first === 'users') return { view: 'users' };
   if (first === 'training') return { view: 'training' };
   if (first === 'cases' && id) {

@@ -3,6 +3,7 @@
 import { caseEn, caseJa } from '@/i18n/case_messages';
 import { casesEn, casesJa } from '@/i18n/cases_messages';
 import { guestEn, guestJa } from '@/i18n/guest_messages';
+import { logEn, logJa } from '@/i18n/log_messages';
 import { planEn, planJa } from '@/i18n/plan_messages';
 import { pointingEn, pointingJa } from '@/i18n/pointing_messages';
 import { roomsEn, roomsJa } from '@/i18n/rooms_messages';
@@ -23,6 +24,7 @@ const en = {
   ...usersEn,
   ...guestEn,
   ...pointingEn,
+  ...logEn,
   ...trainingEn,
 } as const;
 
@@ -40,6 +42,7 @@ const ja: Record<MessageKey, string> = {
   ...usersJa,
   ...guestJa,
   ...pointingJa,
+  ...logJa,
   ...trainingJa,
 };
 

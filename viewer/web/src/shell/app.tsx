@@ -8,6 +8,7 @@ import { GuestView } from '@/guests/guest_view';
 import { JoinView, OverView } from '@/guests/join_view';
 import { hasChosenLanguage, language, setLanguage, t } from '@/i18n/i18n';
 import { Icon, type IconName } from '@/shell/icon';
+import { LogView } from '@/log/log_view';
 import { may } from '@/shell/rights';
 import { announcement, attempt, dismiss, notices, notify, session, setTheme, theme } from '@/shell/state';
 import { TrainingView } from '@/training/training_view';
@@ -65,7 +66,7 @@ function Switches() {
   );
 }
 
-function NavLink({ to, icon, text }: { to: 'cases' | 'rooms' | 'users' | 'training'; icon: IconName; text: string }) {
+function NavLink({ to, icon, text }: { to: 'cases' | 'rooms' | 'log' | 'users' | 'training'; icon: IconName; text: string }) {
   const view = route.value.view;
   const here = view === to || (to === 'training' && view !== 'users') || (to === 'cases' && (view === 'case' || view === 'verification'));
   return (
@@ -97,6 +98,7 @@ function Header() {
           {training && <NavLink to="training" icon="training" text={t('nav.training')} />}
           {!training && <NavLink to="cases" icon="cases" text={t('nav.cases')} />}
           {!training && may(signedIn.role, 'see-live') && <NavLink to="rooms" icon="rooms" text={t('nav.rooms')} />}
+          {!training && may(signedIn.role, 'read-log') && <NavLink to="log" icon="document" text={t('nav.log')} />}
           {may(signedIn.role, 'manage-users') && <NavLink to="users" icon="users" text={t('nav.users')} />}
         </nav>
       )}
@@ -158,6 +160,8 @@ function View() {
       return <VerificationView key={here.id} id={here.id} />;
     case 'rooms':
       return <RoomsView />;
+    case 'log':
+      return <LogView />;
     case 'users':
       return <UsersView />;
     case 'training': // is served by another program

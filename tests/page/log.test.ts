@@ -1,0 +1,70 @@
+// The appliance log in a browser, before a real server.
+import { appendFileSync, readFileSync, writeFileSync } from 'node:fs';
+import { join } from 'node:path';
+import type { Browser } from 'playwright-core';
+import { afterAll, beforeAll, describe, expect, it } from 'vitest';
+import { Appliance, keepPicture, seriousBarriers, startBrowser, visit, type Visitor } from './kit';
+
+let appliance: Appliance;
+let browser: Browser;
+let visitor: Visitor;
+
+beforeAll(async () => {
+  appliance = await Appliance.start();
+  await appliance.kiroku('case', 'start');
+  await appliance.kiroku('case', 'stop');
+  browser = await startBrowser();
+  visitor = await visit(browser);
+  await visitor.page.goto(appliance.signIn);
+  await visitor.page.getByRole('link', { name: 'Log' }).click();
+});
+
+afterAll(async () => {
+  await browser?.close();
+  await appliance?.stop();
+});
+
+const kind = () => visitor.page.locator('.log-kind select');
+const rows = () => visitor.page.locator('.log-table tbody tr');
+
+describe('The appliance log', () => {
+  it('shows what happened, newest first, and is whole', async () => {
+    const { page } = visitor;
+    await rows().first().waitFor();
+    const numbers = (await rows().locator('th').allTextContents()).map(Number);
+    expect(numbers).toEqual([...numbers].sort((one, other) => other - one));
+    expect(numbers.at(-1)).toBe(0);
+    await page.locator('.log-verdict').getByText('The log is whole').waitFor();
+    await rows().getByText('Case begun').waitFor();
+    await rows().getByText('unlocked recordings').waitFor();
+    expect(await seriousBarriers(page)).toEqual([]);
+    await keepPicture(page, 'log');
+  });
+
+  it('shows one kind alone', async () => {
+    await kind().selectOption('Case closed');
+    await expect.poll(() => rows().count()).toBe(1);
+    expect(await rows().locator('a').textContent()).toBe(appliance.cases()[0]);
+    await kind().selectOption('Recording erased');
+    await visitor.page.getByText('There is no such entry.').waitFor();
+    await kind().selectOption('Everything');
+    await expect.poll(() => rows().count()).toBeGreaterThan(3);
+  });
+
+  it('is said in Japanese, too', async () => {
+    await visitor.page.getByRole('button', { name: '日本語' }).click();
+    await visitor.page.getByRole('heading', { name: '装置ログ' }).waitFor();
+    await visitor.page.getByRole('button', { name: 'English' }).click();
+  });
+
+  it('says in words that an entry was changed', async () => {
+    const file = join(appliance.home, 'archive', 'log', 'ledger.jsonl');
+    const whole = readFileSync(file, 'utf8');
+    writeFileSync(file, '');
+    appendFileSync(file, whole.replace('unlocked recordings', 'Unlocked recordings'));
+    await visitor.page.getByRole('button', { name: 'Verify again' }).click();
+    await visitor.page.locator('.log-verdict').getByText('Something does not hold.').waitFor();
+    await visitor.page.locator('.log-findings li').first().waitFor();
+    expect(visitor.problems).toEqual([]);
+  });
+});

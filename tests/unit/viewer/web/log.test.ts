@@ -1,0 +1,18 @@
+import { describe, expect, it } from 'vitest';
+import { rowOf } from '@/log/log_entry';
+
+describe('An entry of the appliance log', () => {
+  const head = { seq: 7, utc: '2026-08-05T09:15:02.000000Z', mono_ns: 0 };
+  it('says who looked at what', () => {
+    expect(rowOf({ ...head, type: 'access', case: '20260805T091502Z-3f9c21ab', what: 'exported endoscope', who: 'anna (kiroku view, 192.0.2.7)' })).toEqual({
+      seq: 7, utc: head.utc, type: 'access', case: '20260805T091502Z-3f9c21ab', who: 'anna (kiroku view, 192.0.2.7)', what: 'exported endoscope',
+    });
+  });
+  it('says whatever else it carries', () => {
+    expect(rowOf({ ...head, type: 'case-checkpoint', case: '20260805T091502Z-3f9c21ab', size: 412, root: 'ab' }).what).toBe('size 412, root ab');
+    expect(rowOf({ ...head, type: 'shutdown' })).toMatchObject({ case: '', who: '', what: '' });
+  });
+  it('of no single case leads to none', () => {
+    expect(rowOf({ ...head, type: 'access', case: '*', what: 'adds user anna', who: 'root' }).case).toBe('');
+  });
+});

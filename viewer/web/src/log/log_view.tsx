@@ -1,0 +1,148 @@
+// The appliance log: its entries, newest first, and whether it is whole.
+import { useSignal } from '@preact/signals';
+import { useEffect } from 'preact/hooks';
+import { get } from '@/api/client';
+import type { VerificationReport } from '@/api/types';
+import { hrefOf } from '@/base/route';
+import { formatMoment, type MessageKey, t, word } from '@/i18n/i18n';
+import { kLogTypes, type LogEntry, type LogRow, rowOf } from '@/log/log_entry';
+import { announce, attempt } from '@/shell/state';
+import { VerdictChip } from '@/shell/verdict';
+import { byGravity, severityText } from '@/verification/chain';
+
+const kPage = 100;
+
+function State() {
+  const report = useSignal<VerificationReport | undefined>(undefined);
+  const verify = () =>
+    attempt(async () => {
+      report.value = undefined;
+      const found = await get<VerificationReport>('log/verification');
+      report.value = found;
+      announce(word('logVerdict', found.verdict));
+    });
+  useEffect(() => {
+    void verify();
+  }, []);
+  const found = report.value;
+  return (
+    <section class="card log-state" aria-busy={found === undefined}>
+      {found === undefined ? (
+        <p class="muted">{t('log.verifying')}</p>
+      ) : (
+        <>
+          <div class="log-verdict">
+            <VerdictChip verdict={found.verdict} />
+            <p>{word('logVerdict', found.verdict)}</p>
+            <button type="button" class="button" onClick={() => void verify()}>
+              {t('log.again')}
+            </button>
+          </div>
+          <p class="muted">{t('log.found', { entries: found.entries, checkpoints: found.checkpoints, moment: formatMoment(found.verified) })}</p>
+          {found.findings.length > 0 && (
+            <ul class="log-findings">
+              {byGravity(found.findings).map((one, at) => (
+                <li key={at}>
+                  <strong>{t(severityText(one.severity))}</strong> <span lang="en">{one.text}</span>
+                </li>
+              ))}
+            </ul>
+          )}
+        </>
+      )}
+    </section>
+  );
+}
+
+export function LogView() {
+  const rows = useSignal<readonly LogRow[]>([]);
+  const kind = useSignal('');
+  const isWhole = useSignal(false);
+  const load = (before: number | undefined) =>
+    attempt(async () => {
+      const query = new URLSearchParams({ limit: String(kPage) });
+      if (kind.value !== '') query.set('type', kind.value);
+      if (before !== undefined) query.set('before', String(before));
+      const asked = kind.value;
+      const { entries } = await get<{ entries: LogEntry[] }>(`log?${query}`);
+      if (asked !== kind.value) return; // another kind was chosen meanwhile
+      rows.value = [...(before === undefined ? [] : rows.value), ...entries.map(rowOf)];
+      isWhole.value = entries.length < kPage;
+    });
+  useEffect(() => {
+    void load(undefined);
+  }, [kind.value]);
+  useEffect(() => {
+    document.title = `${t('log.title')} · Kiroku`;
+  });
+  return (
+    <main id="main" class="main narrow" tabIndex={-1}>
+      <div class="view-head">
+        <h1>{t('log.title')}</h1>
+      </div>
+      <p class="muted">{t('log.what')}</p>
+      <State />
+      <section class="card table-card">
+        <label class="field log-kind">
+          <span>{t('log.kind')}</span>
+          <select value={kind.value} onChange={(event) => (kind.value = event.currentTarget.value)}>
+            <option value="">{t('log.all')}</option>
+            {kLogTypes.map((type) => (
+              <option key={type} value={type}>
+                {t(`logType.${type}` as MessageKey)}
+              </option>
+            ))}
+          </select>
+        </label>
+        {rows.value.length === 0 ? (
+          <p class="muted">{t('log.none')}</p>
+        ) : (
+          <div class="log-scroll" tabIndex={0} role="region" aria-label={t('log.title')}>
+            <table class="table log-table">
+              <thead>
+                <tr>
+                  <th scope="col" class="number">
+                    {t('log.entry')}
+                  </th>
+                  <th scope="col">{t('log.when')}</th>
+                  <th scope="col">{t('log.happened')}</th>
+                  <th scope="col">{t('log.who')}</th>
+                  <th scope="col">{t('log.case')}</th>
+                </tr>
+              </thead>
+              <tbody>
+                {rows.value.map((row) => (
+                  <tr key={row.seq}>
+                    <th scope="row" class="number mono">
+                      {row.seq}
+                    </th>
+                    <td class="log-when">{formatMoment(row.utc)}</td>
+                    <td>
+                      <strong>{word('logType', row.type)}</strong>
+                      <small class="muted log-what" lang="en">
+                        {row.what}
+                      </small>
+                    </td>
+                    <td lang="en">{row.who}</td>
+                    <td>
+                      {row.case !== '' && (
+                        <a class="mono" href={hrefOf({ view: 'case', id: row.case })}>
+                          {row.case}
+                        </a>
+                      )}
+                    </td>
+                  </tr>
+                ))}
+              </tbody>
+            </table>
+          </div>
+        )}
+        {!isWhole.value && rows.value.length > 0 && (
+          <button type="button" class="button" onClick={() => void load(rows.value.at(-1)?.seq)}>
+            {t('log.more')}
+          </button>
+        )}
+      </section>
+    </main>
+  );
+}
