@@ -172,9 +172,9 @@ function View() {
 export function App() {
   useEffect(() => {
     void findSession();
-    // A link that is opened where the page is open already.
+    // An invitation that is opened where the page is open already.
     const linked = () => {
-      if (signInLink(location.hash) ?? invitationLink(location.hash)) void findSession();
+      if (invitationLink(location.hash) !== undefined) void findSession();
     };
     addEventListener('hashchange', linked);
     return () => removeEventListener('hashchange', linked);
