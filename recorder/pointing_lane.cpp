@@ -1,5 +1,6 @@
 #include "recorder/pointing_lane.h"
 
+#include <algorithm>
 #include <utility>
 
 #include "base/error.h"

@@ -23,6 +23,7 @@ afterAll(async () => {
 });
 
 const pane = (stream: string) => visitor.page.locator(`.live-pane[data-stream=${stream}]`);
+/** One of each stream, and one of who looks on. */
 const open = () => sockets.filter((one) => !one.isClosed()).length;
 
 /** Pictures of a stream as they come onto the screen, for some seconds: case clock, Unix time of showing, brightness (0 to 255) of the middle. */
@@ -104,12 +105,12 @@ describe('A room that is recording', () => {
   });
 
   it('is watched by nobody while the page is hidden, and again when it is seen', async () => {
-    await expect.poll(open).toBe(2);
+    await expect.poll(open).toBe(3);
     await hide(true);
     await expect.poll(open).toBe(0);
     expect(await visitor.page.locator('video').count()).toBe(0);
     await hide(false);
-    await expect.poll(open).toBe(2);
+    await expect.poll(open).toBe(3);
     await pane('endoscope').getByText(/Live, /).waitFor();
   });
 

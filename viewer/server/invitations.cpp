@@ -142,7 +142,9 @@ std::optional<SessionStore::Opened> Invitations::join(
   try {
     enter(*invitation);
   } catch (...) {
-    invitation->end(InvitationEnd::kStopped);
+    // They may come again.
+    const std::lock_guard guard(invitation->mutex_);
+    if (invitation->view_.state == InvitationState::kJoined) invitation->view_.state = InvitationState::kOpen;
     throw;
   }
   SessionStore::Opened opened =

@@ -99,7 +99,7 @@ class Invitations {
   /// Refusal 409 while kMostAtOnce have not ended.
   Made make(InvitationTerms terms);
   /// Opens the one session that the token is good for. Nothing if the token was never given out, was used, or
-  /// its invitation has ended. `enter` is called before: what it throws ends the invitation.
+  /// its invitation has ended. `enter` is called before: what it throws leaves the invitation as it was.
   std::optional<SessionStore::Opened> join(std::string_view token, const std::string& address,
                                            SessionStore& sessions,
                                            const std::function<void(const Invitation& invitation)>& enter);

@@ -188,5 +188,42 @@ TEST_F(Pointing, IsOfTheCaseAloneThatSomebodyMaySee) {
   }
 }
 
+TEST_F(Pointing, OutlivesARecorderThatDies) {
+  const std::string surgeon = sign_in("a-surgeon");
+  case_id_ = kiroku_json({"case", "start", "--json"})["case"];
+  ASSERT_EQ(kiroku({"case", "mark", "something happened"}).status, 0);
+  const auto socket = look_on(surgeon);
+  json last;
+  for (int i = 0; i < 10; ++i) {
+    socket->send_text(point(0.5, 0.5));
+    last = next(*socket, "pointer");
+  }
+  std::this_thread::sleep_for(3s);
+  server_->signal(SIGKILL);
+  (void)server_->wait(10s);
+  server_.reset();
+  ASSERT_EQ(kiroku({"recover"}).status, 0);
+  ASSERT_EQ(kiroku({"export", case_id_, "--stream", "pointing", "-o", path("p.jsonl")}).status, 0);
+  const std::string lines = read_text(path("p.jsonl"));
+  EXPECT_EQ(std::ranges::count(lines, '\n'), 10);
+  std::istringstream ledger(read_text(home() / "archive" / case_id_ / "ledger.jsonl"));
+  std::vector<json> gaps;
+  std::int64_t sealed_until_ns = 0, last_entry_ns = 0;
+  for (std::string text; std::getline(ledger, text);) {
+    const json entry = json::parse(text);
+    if (entry["type"] == "segment" && entry["stream"] == "pointing") sealed_until_ns = entry["end_ns"];
+    if (entry["type"] == "recovered") break;
+    last_entry_ns = entry["mono_ns"];
+  }
+  for (std::string text; std::getline(ledger, text);) {
+    const json entry = json::parse(text);
+    if (entry["type"] == "gap" && entry["stream"] == "pointing") gaps.push_back(entry);
+  }
+  ASSERT_EQ(gaps.size(), 1U);
+  EXPECT_GT(sealed_until_ns, last["time_ns"]);
+  EXPECT_EQ(gaps[0]["start_ns"], std::max(sealed_until_ns, last_entry_ns - 1'000'000'000))
+      << "what was sealed is not said to be lost, nor the time in which nobody pointed, whatever was marked";
+}
+
 }  // namespace
 }  // namespace kiroku::test

@@ -30,11 +30,12 @@ function Arrow({ pointer, box }: { pointer: Seen; box: Box }) {
 }
 
 interface Props {
-  /** Draws itself in the box of the picture; asked again when the picture or its place changes. */
   seen: readonly Seen[];
+  /** Whose picture lies below; the arrows lie where it does, whatever its borders. */
   video: () => HTMLVideoElement | null | undefined;
   /** Called while this person points; absent: they cannot. */
   onPoint?: ((part: Part) => void) | undefined;
+  /** Of the stream, as people read it. */
   name: string;
 }
 
