@@ -1,0 +1,149 @@
+// What was checked, each with its answer, and the chain of proof.
+#include <algorithm>
+#include <set>
+
+#include "viewer/report/report_maker.h"
+
+namespace kiroku::report {
+
+using archive::Finding;
+
+void ReportMaker::add_answers() {
+  heading("heading.answers");
+  Table table{{{"", 2.6}, {"", 1.5}, {"", 3.4}}, {}};
+  for (const CheckAnswer& each : answers_) {
+    const Tone tone = tone_of(each.answer);
+    table.rows.push_back({{question(each.check)},
+                          {answer_words(in_.language, each.answer), tone, Face::kStrong},
+                          {explanation(each)}});
+  }
+  add(std::move(table));
+}
+
+std::string ReportMaker::question(Check check) const {
+  switch (check) {
+    case Check::kLedger:
+      return words("check.ledger");
+    case Check::kFiles:
+      return words("check.files");
+    case Check::kStreams:
+      return words("check.streams");
+    case Check::kEnd:
+      return words("check.end");
+    case Check::kDevice:
+      return words("check.device");
+    case Check::kTime:
+      return words("check.time");
+    case Check::kLog:
+      return words("check.log");
+    case Check::kContents:
+      break;
+  }
+  return words("check.contents");
+}
+
+std::string ReportMaker::explanation(const CheckAnswer& answered) const {
+  if (answered.answer == Answer::kNotAsked) return not_asked(answered.check);
+  if (answered.answer == Answer::kYes || answered.answer == Answer::kInsideOnly) {
+    const std::string yes = yes_to(answered);
+    return answered.notes == 0
+               ? yes
+               : words("check.notes-too", {yes, count(answered.notes, "one.note", "many.note")});
+  }
+  // The gravest finding of the question says why.
+  const Finding* gravest = nullptr;
+  std::size_t all = 0;
+  for (const Finding& finding : found_.findings) {
+    if (check_of(finding.code) != answered.check) continue;
+    ++all;
+    if (gravest == nullptr || finding.severity > gravest->severity) gravest = &finding;
+  }
+  if (gravest == nullptr) return words("time.none");
+  return words("check.see-findings",
+               {meaning_of(in_.language, gravest->code), count(all, "one.finding", "many.finding")});
+}
+
+std::string ReportMaker::not_asked(Check check) const {
+  if (check == Check::kLog) return words("check.log.not-asked");
+  return check == Check::kEnd ? words("check.end.excerpt") : words("check.contents.not-asked");
+}
+
+std::string ReportMaker::yes_to(const CheckAnswer& answered) const {
+  switch (answered.check) {
+    case Check::kLedger:
+      return words("check.ledger.yes",
+                   {entries(), count(found_.checkpoints, "one.checkpoint", "many.checkpoint")});
+    case Check::kFiles:
+      return words("check.files.yes",
+                   {count(found_.files, "one.file", "many.file"), byte_size(found_.bytes)});
+    case Check::kStreams:
+      return words("check.streams.yes");
+    case Check::kEnd:
+      return words("check.end.yes");
+    case Check::kDevice:
+      return words("check.device.yes", {device_name()});
+    case Check::kTime:
+      return answered.answer == Answer::kInsideOnly ? words("check.time.inside", {tokens()})
+                                                    : words("check.time.yes", {tokens()});
+    case Check::kLog:
+      return words("check.log.yes");
+    case Check::kContents:
+      break;
+  }
+  return words("check.contents.yes");
+}
+
+Chain::Link ReportMaker::link(TextKey title, const CheckAnswer& answered, std::string text,
+                              std::string bond) const {
+  return {{words(title), tone_of(answered.answer), Face::kStrong},
+          answer_words(in_.language, answered.answer),
+          std::move(text),
+          std::move(bond)};
+}
+
+void ReportMaker::add_chain() {
+  heading("heading.chain");
+  paragraph(words("chain.lead"));
+  const CaseFacts& facts = in_.facts;
+  Chain chain;
+  chain.links.push_back(
+      link("chain.segments", answer(Check::kFiles),
+           words("chain.segments.text",
+                 {count(facts.segments, "one.segment", "many.segment"), byte_size(facts.segment_bytes)}),
+           words("chain.segments.bond")));
+  chain.links.push_back(link("chain.ledger", answer(Check::kLedger), words("chain.ledger.text", {entries()}),
+                             words("chain.ledger.bond")));
+  CheckAnswer signatures = answer(Check::kDevice);
+  const bool unsound = std::ranges::any_of(
+      found_.findings, [](const Finding& finding) { return finding.code.starts_with("checkpoint-"); });
+  if (unsound) signatures.answer = Answer::kNo;
+  chain.links.push_back(
+      link("chain.checkpoints", signatures,
+           facts.last_checkpoint
+               ? words("chain.checkpoints.text",
+                       {count(found_.checkpoints, "one.checkpoint", "many.checkpoint"), device_name(),
+                        count(facts.last_checkpoint->size, "one.log-entry", "many.log-entry")})
+               : words("chain.checkpoints.none"),
+           words("chain.checkpoints.bond")));
+  std::set<std::string> authorities;
+  std::string names;
+  for (const StatedToken& token : facts.tokens) {
+    if (authorities.insert(token.token.authority).second)
+      names += (names.empty() ? "" : ", ") + token.token.authority;
+  }
+  chain.links.push_back(
+      link("chain.tokens", answer(Check::kTime),
+           facts.tokens.empty()
+               ? words("chain.tokens.none")
+               : words("chain.tokens.text", {tokens(), utc_time(facts.tokens.front().token.gen_time),
+                                             utc_time(facts.tokens.back().token.gen_time)}),
+           words("chain.tokens.bond")));
+  chain.links.push_back(link("chain.authorities", answer(Check::kTime),
+                             names.empty()             ? words("chain.authorities.none")
+                             : in_.given.roots.empty() ? words("chain.authorities.unjudged", {names})
+                                                       : words("chain.authorities.text", {names}),
+                             ""));
+  add(std::move(chain));
+}
+
+}  // namespace kiroku::report

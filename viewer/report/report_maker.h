@@ -1,0 +1,110 @@
+// Makes the report of a verification, part after part (report_document.h); the parts are defined in the files
+// that are named after them. For report_*.cpp alone. Used once, by one thread.
+#pragma once
+
+#include <algorithm>
+#include <cstdint>
+#include <initializer_list>
+#include <string>
+#include <string_view>
+#include <utility>
+#include <vector>
+
+#include "viewer/report/document_parts.h"
+#include "viewer/report/figures_in_words.h"
+#include "viewer/report/report_document.h"
+#include "viewer/report/texts.h"
+
+namespace kiroku::report {
+
+class ReportMaker {
+ public:
+  explicit ReportMaker(const ReportInput& input)
+      : in_(input),
+        found_(input.verification),
+        answers_(answer_checks(input.verification, input.given, input.facts.excerpt)),
+        document_(empty_document(input, say(input.language, "report.title"))) {}
+
+  Document make();
+
+ private:
+  void add(Block block) { document_.blocks.push_back(std::move(block)); }
+  void heading(TextKey key, int level = 1) { add(Heading{level, words(key)}); }
+  void paragraph(std::string text) { add(Paragraph{std::move(text)}); }
+  void small(std::string text) { add(Paragraph{std::move(text), ParagraphStyle::kSmall}); }
+  [[nodiscard]] std::string words(TextKey key, std::initializer_list<std::string> values = {}) const;
+  [[nodiscard]] std::string count(std::uint64_t number, TextKey one, TextKey many) const;
+  [[nodiscard]] const CheckAnswer& answer(Check check) const;
+  [[nodiscard]] std::string entries() const { return count(found_.entries, "one.entry", "many.entry"); }
+  [[nodiscard]] std::string tokens() const { return count(found_.tokens, "one.token", "many.token"); }
+  [[nodiscard]] std::string device_name() const;
+
+  void add_answers();
+
+  [[nodiscard]] std::string question(Check check) const;
+
+  [[nodiscard]] std::string explanation(const CheckAnswer& answered) const;
+
+  [[nodiscard]] std::string not_asked(Check check) const;
+
+  [[nodiscard]] std::string yes_to(const CheckAnswer& answered) const;
+
+  [[nodiscard]] std::string reason() const;
+
+  void add_case();
+
+  [[nodiscard]] Chain::Link link(TextKey title, const CheckAnswer& answered, std::string text,
+                                 std::string bond) const;
+
+  void add_chain();
+
+  [[nodiscard]] std::string kind_words(const std::string& kind) const;
+
+  /// On the case clock, counted from where the case begins.
+  [[nodiscard]] std::string in_case(std::int64_t ns) const;
+
+  void add_streams();
+
+  [[nodiscard]] std::string cause_words(archive::GapCause cause) const;
+
+  void add_gaps();
+
+  [[nodiscard]] std::string place_of(const archive::Finding& finding) const;
+
+  /// The code's meaning, and what the verifier says of this place where that is more.
+  [[nodiscard]] std::string meaning_and_text(const archive::Finding& finding) const;
+
+  void add_findings();
+
+  /// Rows of a long list: all, or as many at each end; then what `further` says of the number left out.
+  template <typename Row>
+  void add_long_table(Table table, std::size_t size, const Row& row, TextKey further);
+
+  void add_time();
+
+  void add_tokens();
+
+  void add_clocks();
+
+  void add_device();
+
+  void add_hashes();
+
+  void add_repeating();
+
+  /// The note that a token is over: "tokens/00000042.swiss.tsr" is over "checkpoints/00000042.note".
+  static std::string note_of(const std::string& token_file);
+
+  void add_about();
+
+  [[nodiscard]] std::string given_words() const;
+
+  void add_words();
+
+  const ReportInput& in_;
+  const archive::VerificationReport& found_;
+  std::vector<CheckAnswer> answers_;
+  Document document_;
+};
+
+}  // namespace kiroku::report

@@ -1,0 +1,128 @@
+// Keys and hashes, how to check again, and what words mean.
+#include "crypto/encoding.h"
+#include "viewer/report/report_maker.h"
+
+namespace kiroku::report {
+
+void ReportMaker::add_device() {
+  heading("heading.device");
+  Table table = facts_table();
+  add_fact(table, words("device.name"), device_name().empty() ? words("case.unknown") : device_name());
+  if (!found_.device.empty()) {
+    const std::string key = plain_text(found_.device);
+    const std::size_t id = key.find('+');
+    add_fact(table, words("device.key"), key, Face::kMono);
+    if (id != std::string::npos) add_fact(table, words("device.id"), key.substr(id + 1, 8), Face::kMono);
+  }
+  add_fact(table, words("device.trusted"), device_trust_words(in_));
+  add(std::move(table));
+  small(words("device.lead"));
+}
+
+void ReportMaker::add_hashes() {
+  heading("heading.hashes");
+  const CaseFacts& facts = in_.facts;
+  Table table = facts_table();
+  const auto hash = [&](std::string name, const crypto::Sha256Digest& digest) {
+    add_fact(table, std::move(name), crypto::to_hex(digest), Face::kMono);
+  };
+  hash(words("hash.ledger", {facts.ledger.name}), facts.ledger.sha256);
+  add_fact(table, words("hash.entries"), grouped(facts.entries));
+  if (facts.root) hash(words("hash.root"), *facts.root);
+  if (facts.last_checkpoint) {
+    add_fact(table, words("hash.checkpoint"),
+             facts.last_checkpoint->file + " (" +
+                 count(facts.last_checkpoint->size, "one.log-entry", "many.log-entry") + ")");
+    hash(words("hash.checkpoint-root"), facts.last_checkpoint->root);
+  }
+  if (facts.opening) {
+    if (facts.opening->subject) hash(words("hash.subject"), facts.opening->subject->sha256);
+    if (facts.opening->plan) hash(words("hash.plan"), *facts.opening->plan);
+    const std::uint64_t log_size = facts.opening->appliance_log_size;
+    if (log_size > 0) {
+      add_fact(table, words("hash.log"),
+               words("hash.log.text", {count(log_size, "one.log-entry", "many.log-entry"),
+                                       crypto::to_hex(facts.opening->appliance_log_root)}),
+               Face::kMono);
+    }
+  }
+  add(std::move(table));
+  small(words("hash.lead"));
+}
+
+void ReportMaker::add_repeating() {
+  heading("heading.repeat");
+  const CaseFacts& facts = in_.facts;
+  const std::string name = document_.identifier.empty() ? "CASE" : document_.identifier;
+  const Listing verify{
+      {"kiroku verify " + (facts.excerpt ? "EXCERPT" : name) + " --device DEVICE.pub --trust ROOTS.pem"}};
+  if (facts.excerpt) {
+    paragraph(words("repeat.excerpt"));
+    return add(verify);
+  }
+  paragraph(words("repeat.lead"));
+  paragraph(words("repeat.hash"));
+  add(Listing{
+      {"sha256sum " + facts.ledger.name, crypto::to_hex(facts.ledger.sha256) + "  " + facts.ledger.name}});
+  paragraph(words("repeat.files"));
+  add(Listing{
+      {R"sh(jq -r '(.subject // .) | select(.file) | "\(.sha256)  \(.file)"' ledger.jsonl | sha256sum -c --quiet)sh"}});
+  if (!facts.tokens.empty()) {
+    const archive::TokenEntry& last = facts.tokens.back().token;
+    paragraph(words("repeat.token"));
+    add(Listing{{"openssl ts -verify -data " + note_of(last.file) + " -in " + plain_text(last.file) + " \\",
+                 "  -CAfile ROOTS.pem -untrusted authorities/" + last.authority + ".pem"}});
+  }
+  paragraph(words("repeat.all"));
+  add(verify);
+}
+
+std::string ReportMaker::note_of(const std::string& token_file) {
+  const std::size_t begin = token_file.rfind('/') + 1;
+  return plain_text("checkpoints/" + token_file.substr(begin, token_file.find('.', begin) - begin) + ".note");
+}
+
+void ReportMaker::add_about() {
+  heading("heading.about");
+  Table table = facts_table();
+  add_fact(table, words("about.by"), document_.author);
+  add_fact(table, words("about.when"), utc_time(in_.made));
+  add_fact(table, words("about.with"), in_.program);
+  add_fact(table, words("about.given"), given_words());
+  add(std::move(table));
+  small(words("about.lead"));
+}
+
+std::string ReportMaker::given_words() const {
+  std::string out;
+  const auto list = [&](TextKey key, const std::vector<GivenFile>& files) {
+    if (files.empty()) return;
+    std::string names;
+    for (const GivenFile& file : files) {
+      names += (names.empty() ? "" : ", ") + plain_text(file.name);
+      if (file.sha256) names += " (SHA-256 " + crypto::to_hex(*file.sha256) + ")";
+    }
+    out += (out.empty() ? "" : "\n") + words(key, {names});
+  };
+  list("given.devices", in_.given.devices);
+  list("given.roots", in_.given.roots);
+  list("given.log", in_.given.log);
+  list("given.identity", in_.given.identities);
+  return out.empty() ? words("about.given.nothing") : out;
+}
+
+void ReportMaker::add_words() {
+  heading("heading.words");
+  Table table = facts_table();
+  add_fact(table, words("word.segment"), words("word.segment.text"));
+  add_fact(table, words("word.hash"), words("word.hash.text"));
+  add_fact(table, words("word.ledger"), words("word.ledger.text"));
+  add_fact(table, words("word.root"), words("word.root.text"));
+  add_fact(table, words("word.checkpoint"), words("word.checkpoint.text"));
+  add_fact(table, words("word.token"), words("word.token.text"));
+  add_fact(table, words("word.bracket"), words("word.bracket.text"));
+  add_fact(table, words("word.gap"), words("word.gap.text"));
+  add(std::move(table));
+}
+
+}  // namespace kiroku::report

@@ -1,0 +1,135 @@
+// What was recorded: the case, its streams, its gaps.
+#include "viewer/report/report_maker.h"
+#include "viewer/report/time_figure.h"
+
+namespace kiroku::report {
+
+std::string ReportMaker::reason() const {
+  const std::string& reason = in_.facts.close_reason;
+  if (reason == "operator") return words("reason.operator");
+  if (reason == "duration") return words("reason.duration");
+  if (reason == "sources-ended") return words("reason.sources-ended");
+  if (reason == "disk-full") return words("reason.disk-full");
+  if (reason == "recovered") return words("reason.recovered");
+  return plain_text(reason);
+}
+
+void ReportMaker::add_case() {
+  heading("heading.case");
+  const CaseFacts& facts = in_.facts;
+  Table table = facts_table();
+  add_fact(table, words("case.id"), document_.identifier);
+  const auto by_device = [&](UtcTime time) { return words("case.by-device", {utc_time(time)}); };
+  add_fact(table, words("case.opened"),
+           facts.opened_at ? by_device(facts.opened_at->utc) : words("case.unknown"));
+  if (!facts.excerpt) {
+    add_fact(table, words("case.closed"),
+             facts.closed_at ? by_device(facts.closed_at->utc) : words("case.not-closed"));
+  }
+  const std::int64_t begins_ns = facts.opening ? facts.opening->begins_ns : 0;
+  if (!facts.excerpt) add_fact(table, words("case.duration"), case_time(facts.last_ns - begins_ns, false));
+  if (facts.closed_at) {
+    add_fact(table, words("case.reason"), reason());
+  }
+  if (begins_ns != 0 && facts.opened_at) {
+    add_fact(table, words("case.recorded-before"),
+             words("case.recorded-before.text", {case_time(facts.opened_at->mono_ns - begins_ns, false)}));
+  }
+  add_fact(table, words("case.device"), device_name().empty() ? words("case.unknown") : device_name());
+  add_fact(table, words("case.size"),
+           count(found_.files, "one.file", "many.file") + ", " + byte_size(found_.bytes));
+  add_fact(table, words("case.marks"), std::to_string(facts.marks));
+  if (facts.opening) {
+    add_fact(table, words("case.subject"),
+             facts.opening->subject ? words("case.subject.yes") : words("case.subject.no"));
+  }
+  add(std::move(table));
+}
+
+std::string ReportMaker::kind_words(const std::string& kind) const {
+  if (kind == "video") return words("kind.video");
+  if (kind == "audio") return words("kind.audio");
+  if (kind == "vitals") return words("kind.vitals");
+  if (kind == "events") return words("kind.events");
+  return plain_text(kind);
+}
+
+std::string ReportMaker::in_case(std::int64_t ns) const {
+  return case_time(ns - (in_.facts.opening ? in_.facts.opening->begins_ns : 0));
+}
+
+void ReportMaker::add_streams() {
+  heading("heading.streams");
+  if (found_.streams.empty()) return paragraph(words("case.unknown"));
+  constexpr auto kRight = Alignment::kRight;
+  Table table{{{words("stream.name"), 1.5},
+               {words("stream.kind"), 1.4},
+               {words("stream.from"), 1.55, kRight},
+               {words("stream.to"), 1.55, kRight},
+               {words("stream.segments"), 1.35, kRight},
+               {words("stream.frames"), 1.1, kRight},
+               {words("stream.dropped"), 1.25, kRight},
+               {words("stream.gaps"), 1.4, kRight},
+               {words("stream.size"), 1.2, kRight}},
+              {}};
+  for (const archive::StreamReport& stream : found_.streams) {
+    const bool empty = stream.segments == 0;
+    table.rows.push_back({{plain_text(stream.info.name), Tone::kPlain, Face::kStrong},
+                          {kind_words(stream.info.kind)},
+                          {empty ? words("stream.nothing") : in_case(stream.span.start_ns)},
+                          {empty ? "" : in_case(stream.span.end_ns)},
+                          {grouped(stream.segments)},
+                          {grouped(stream.frames)},
+                          {grouped(stream.dropped)},
+                          {stream.gap_ns == 0 ? words("stream.none") : case_time(stream.gap_ns)},
+                          {byte_size(stream.bytes)}});
+  }
+  add(std::move(table));
+  small(words("stream.lead"));
+  add(Picture{time_figure(found_, in_.facts, in_.language, kTextWidth), words("figure.time")});
+}
+
+std::string ReportMaker::cause_words(archive::GapCause cause) const {
+  switch (cause) {
+    case archive::GapCause::kSignalLost:
+      return words("cause.signal-lost");
+    case archive::GapCause::kOverload:
+      return words("cause.overload");
+    case archive::GapCause::kDiskFull:
+      return words("cause.disk-full");
+    case archive::GapCause::kDeviceRemoved:
+      return words("cause.device-removed");
+    case archive::GapCause::kFormatChange:
+      return words("cause.format-change");
+    case archive::GapCause::kPaused:
+      return words("cause.paused");
+    case archive::GapCause::kInterrupted:
+      break;
+  }
+  return words("cause.interrupted");
+}
+
+void ReportMaker::add_gaps() {
+  heading("heading.gaps", 2);
+  const auto& gaps = in_.facts.gaps;
+  if (gaps.empty()) return paragraph(words("gap.none"));
+  constexpr std::size_t kMost = 60;
+  Table table{{{words("stream.name"), 1.4},
+               {words("gap.from"), 1.3, Alignment::kRight},
+               {words("gap.to"), 1.3, Alignment::kRight},
+               {words("gap.length"), 1.3, Alignment::kRight},
+               {words("gap.cause"), 3.6}},
+              {}};
+  for (const archive::GapEntry& gap : gaps) {
+    if (table.rows.size() == kMost) break;
+    table.rows.push_back({{plain_text(gap.stream), Tone::kPlain, Face::kStrong},
+                          {in_case(gap.span.start_ns)},
+                          {in_case(gap.span.end_ns)},
+                          {case_time(gap.span.end_ns - gap.span.start_ns)},
+                          {cause_words(gap.cause)}});
+  }
+  add(std::move(table));
+  if (gaps.size() > kMost) small(words("gap.further", {std::to_string(gaps.size() - kMost)}));
+}
+
+}  // namespace kiroku::report

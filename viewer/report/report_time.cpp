@@ -1,0 +1,107 @@
+// Between which times entries were written, by which tokens, and how the clocks ran.
+#include "crypto/encoding.h"
+#include "viewer/report/report_maker.h"
+
+namespace kiroku::report {
+
+namespace {
+
+/// Of long lists this many rows at each end are printed.
+constexpr std::size_t kRowsAtEachEnd = 12;
+
+}  // namespace
+
+template <typename Row>
+void ReportMaker::add_long_table(Table table, std::size_t size, const Row& row, TextKey further) {
+  const bool all = size <= 2 * kRowsAtEachEnd;
+  for (std::size_t i = 0; i < size; ++i) {
+    if (all || i < kRowsAtEachEnd || i >= size - kRowsAtEachEnd) table.rows.push_back(row(i));
+  }
+  add(std::move(table));
+  if (!all) small(words(further, {std::to_string(size - 2 * kRowsAtEachEnd)}));
+}
+
+void ReportMaker::add_time() {
+  heading("heading.time");
+  paragraph(words("time.lead"));
+  if (found_.time == archive::TimeProof::kSelfIssued) paragraph(words("time.lead-inside"));
+  heading("heading.brackets", 2);
+  if (found_.brackets.empty()) {
+    paragraph(words("time.no-brackets"));
+  } else {
+    const auto limit = [&](const std::optional<UtcTime>& time) {
+      return time ? utc_time(*time, true) : words("time.no-limit");
+    };
+    add_long_table(
+        {{{words("bracket.entries"), 1},
+          {words("time.earliest"), 2.9},
+          {words("time.latest"), 2.9},
+          {words("bracket.authorities"), 1.6}},
+         {}},
+        found_.brackets.size(),
+        [&](std::size_t i) {
+          const archive::Bracket& bracket = found_.brackets[i];
+          std::string by = bracket.authority_before;
+          if (bracket.authority_after != by && !bracket.authority_after.empty())
+            by += (by.empty() ? "" : ", ") + bracket.authority_after;
+          return std::vector<Cell>{
+              {std::to_string(bracket.first_entry) + "–" + std::to_string(bracket.last_entry)},
+              {limit(bracket.not_before)},
+              {limit(bracket.not_after)},
+              {plain_text(by)}};
+        },
+        "bracket.further");
+  }
+  add_tokens();
+  add_clocks();
+}
+
+void ReportMaker::add_tokens() {
+  heading("heading.tokens", 2);
+  const auto& stated = in_.facts.tokens;
+  if (stated.empty()) {
+    paragraph(words("chain.tokens.none"));
+  } else {
+    add_long_table(
+        {{{words("token.authority"), 1.1},
+          {words("token.time"), 3},
+          {words("token.covers"), 1.1},
+          {words("token.hash"), 3.3}},
+         {}},
+        stated.size(),
+        [&](std::size_t i) {
+          const archive::TokenEntry& token = stated[i].token;
+          return std::vector<Cell>{{token.authority},
+                                   {utc_time(token.gen_time, true)},
+                                   {"0–" + std::to_string(token.checkpoint == 0 ? 0 : token.checkpoint - 1)},
+                                   {crypto::to_hex(token.sha256), Tone::kPlain, Face::kMono}};
+        },
+        "token.further");
+  }
+  if (in_.facts.missed_tokens > 0) {
+    paragraph(words("token.missed", {count(in_.facts.missed_tokens, "one.request", "many.request")}));
+  }
+}
+
+void ReportMaker::add_clocks() {
+  if (found_.clocks.empty() || !found_.clock_zero) return;
+  heading("heading.clocks", 2);
+  Table table{{{words("clock.authority"), 1.4},
+               {words("clock.offset"), 2.6, Alignment::kRight},
+               {words("clock.drift"), 2.6, Alignment::kRight},
+               {words("clock.compared"), 1.2, Alignment::kRight}},
+              {}};
+  const auto within = [](std::int64_t ns, std::int64_t half_width_ns) {
+    return signed_seconds(ns) + " ± " + signed_seconds(half_width_ns).substr(1);
+  };
+  for (const archive::AuthorityClock& clock : found_.clocks) {
+    table.rows.push_back(
+        {{plain_text(clock.authority), Tone::kPlain, Face::kStrong},
+         {within(archive::offset_ns(clock.first, *found_.clock_zero), clock.first.half_width_ns)},
+         {clock.comparisons > 1 ? within(clock.drift_ns(), clock.drift_half_width_ns()) : "–"},
+         {std::to_string(clock.comparisons)}});
+  }
+  add(std::move(table));
+}
+
+}  // namespace kiroku::report
