@@ -2,23 +2,12 @@
 
 #include <nlohmann/json.hpp>
 
+#include "base/json_or_null.h"
+
 namespace kiroku::archive {
 namespace {
 
 using nlohmann::ordered_json;
-
-template <typename T>
-ordered_json or_null(const std::optional<T>& value) {
-  return value ? ordered_json(*value) : ordered_json(nullptr);
-}
-
-ordered_json time_or_null(const std::optional<UtcTime>& time) {
-  return time ? ordered_json(format_utc(*time)) : ordered_json(nullptr);
-}
-
-ordered_json text_or_null(const std::string& text) {
-  return text.empty() ? ordered_json(nullptr) : ordered_json(text);
-}
 
 ordered_json stream_json(const StreamReport& stream) {
   return {{"name", stream.info.name},         {"kind", stream.info.kind},     {"media", stream.info.media},
@@ -30,10 +19,10 @@ ordered_json stream_json(const StreamReport& stream) {
 ordered_json bracket_json(const Bracket& bracket) {
   return {{"first_entry", bracket.first_entry},
           {"last_entry", bracket.last_entry},
-          {"not_before", time_or_null(bracket.not_before)},
-          {"not_after", time_or_null(bracket.not_after)},
-          {"authority_before", text_or_null(bracket.authority_before)},
-          {"authority_after", text_or_null(bracket.authority_after)}};
+          {"not_before", or_null(bracket.not_before)},
+          {"not_after", or_null(bracket.not_after)},
+          {"authority_before", or_null(bracket.authority_before)},
+          {"authority_after", or_null(bracket.authority_after)}};
 }
 
 ordered_json comparison_json(const ClockComparison& comparison, const std::optional<UtcTime>& clock_zero) {
@@ -56,7 +45,7 @@ ordered_json clock_json(const AuthorityClock& clock, const std::optional<UtcTime
 ordered_json finding_json(const Finding& finding) {
   return {{"code", finding.code},
           {"severity", severity_name(finding.severity)},
-          {"file", text_or_null(finding.file)},
+          {"file", or_null(finding.file)},
           {"entry", or_null(finding.entry)},
           {"offset", or_null(finding.offset)},
           {"text", finding.text}};
@@ -85,8 +74,8 @@ ordered_json report_json(const VerificationReport& report) {
                       {"verdict", verdict_name(report.verdict)},
                       {"time", time_proof_name(report.time)},
                       {"device", report.device},
-                      {"opened", time_or_null(report.opened)},
-                      {"closed", time_or_null(report.closed)},
+                      {"opened", or_null(report.opened)},
+                      {"closed", or_null(report.closed)},
                       {"entries", report.entries},
                       {"files", report.files},
                       {"bytes", report.bytes},

@@ -8,6 +8,7 @@
 //   catalogue.sqlite                           users.sqlite, viewer.pem, viewer.key of the viewer
 //   stamping.sqlite  time-stamps still wanted  identity.txt only with --demo
 //   comparisons/<case>/  plans beside recordings (viewer/kept/kept_comparison.h)
+//   plans/           sealed plans, a folder each, for comparisons that are made on the viewer's page
 //
 // Immutable; thread-safe.
 #pragma once
@@ -48,6 +49,7 @@ class Home {
   [[nodiscard]] std::filesystem::path archive() const { return folder_ / "archive"; }
   [[nodiscard]] std::filesystem::path log_folder() const { return archive() / "log"; }
   [[nodiscard]] std::filesystem::path comparisons_folder() const { return folder_ / "comparisons"; }
+  [[nodiscard]] std::filesystem::path plans_folder() const { return folder_ / "plans"; }
   [[nodiscard]] std::filesystem::path catalogue_file() const { return folder_ / "catalogue.sqlite"; }
   [[nodiscard]] std::filesystem::path stamping_file() const { return folder_ / "stamping.sqlite"; }
 

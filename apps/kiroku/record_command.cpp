@@ -27,8 +27,8 @@ namespace {
 using nlohmann::ordered_json;
 
 struct Request {
-  std::optional<std::string> home, endoscope, room, vitals, profile, duration, subject, segment, stamp_every,
-      bit_rate, chroma, plan, worklist;
+  std::optional<std::string> home, endoscope, room, fluoroscopy, vitals, profile, duration, subject, segment,
+      stamp_every, bit_rate, chroma, plan, worklist;
   std::vector<std::string> authorities, recipients_for;
   bool audio = false, deinterlace = false, json = false;
 };
@@ -137,6 +137,7 @@ recorder::SessionOptions session_options(const Request& request, const Home& hom
   };
   add(options.video, "endoscope", request.endoscope);
   add(options.video, "room", request.room);
+  add(options.video, "fluoroscopy", request.fluoroscopy);
   add(options.vitals, "vitals", request.vitals);
   recipients.require_all_used(request.recipients_for);
   options.archive = home.archive();
@@ -208,8 +209,9 @@ int status_of(const recorder::SessionResult& result) {
 }
 
 int run(const Request& request) {
-  if (!request.endoscope && !request.room && !request.vitals) {
-    throw UsageError("there is nothing to record: name a source with --endoscope, --room or --vitals");
+  if (!request.endoscope && !request.room && !request.fluoroscopy && !request.vitals) {
+    throw UsageError(
+        "there is nothing to record: name a source with --endoscope, --room, --fluoroscopy or --vitals");
   }
   if (request.subject && request.worklist) {
     throw UsageError("patient and procedure come from --subject or from --worklist, not from both");
@@ -243,6 +245,7 @@ void add_record_command(Command& program) {
   const auto request = std::make_shared<Request>();
   command.option("--endoscope", "SRC", request->endoscope, "the endoscope's picture");
   command.option("--room", "SRC", request->room, "the room's picture");
+  command.option("--fluoroscopy", "SRC", request->fluoroscopy, "the fluoroscope's picture");
   command.option(
       "--vitals", "SRC", request->vitals,
       "the patient's vital signs: mllp://ADDRESS:PORT where monitors deliver HL7, a file, synthetic:patient");

@@ -11,6 +11,7 @@
 #include "apps/kiroku/serving.h"
 #include "apps/kiroku/viewer_setup.h"
 #include "base/error.h"
+#include "base/json_or_null.h"
 #include "viewer/server/viewer.h"
 
 namespace kiroku::apps {
@@ -28,10 +29,7 @@ struct Request {
 void print_start(const Request& request, const viewer::Viewer& server, const std::string& sign_in,
                  const std::string& fingerprint, bool is_own, bool has_page) {
   if (request.json) {
-    print_json(
-        {{"url", server.url()},
-         {"sign_in", sign_in.empty() ? nlohmann::ordered_json(nullptr) : nlohmann::ordered_json(sign_in)},
-         {"fingerprint", fingerprint}});
+    print_json({{"url", server.url()}, {"sign_in", or_null(sign_in)}, {"fingerprint", fingerprint}});
     std::cout << std::flush;
     return;
   }

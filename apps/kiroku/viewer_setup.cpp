@@ -1,6 +1,7 @@
 #include "apps/kiroku/viewer_setup.h"
 
 #include <algorithm>
+#include <unistd.h>
 #include <utility>
 
 #include "base/error.h"
@@ -21,6 +22,16 @@ std::optional<fs::path> find_page() {
   // Beside a build; from bin, where kirokud is; from libexec/kiroku.
   for (const char* candidate : {"../viewer/web", "../share/kiroku/web", "../../share/kiroku/web"}) {
     if (fs::exists(here / candidate / "index.html", failed)) return (here / candidate).lexically_normal();
+  }
+  return {};
+}
+
+fs::path find_full_program() {
+  std::error_code failed;
+  const fs::path here = fs::read_symlink("/proc/self/exe", failed).parent_path();
+  for (const char* candidate : {"kiroku-full", "../libexec/kiroku/kiroku-full"}) {
+    fs::path program = (here / candidate).lexically_normal();
+    if (::access(program.c_str(), X_OK) == 0) return program;
   }
   return {};
 }
@@ -56,6 +67,9 @@ viewer::ViewerHome viewer_home(const Home& home, const Configuration& configurat
           .copies_folder = home.folder() / "viewing-copies",
           .handout_folder = home.folder() / "viewer-files",
           .comparisons_folder = home.comparisons_folder(),
+          .folder = home.folder(),
+          .plans_folder = home.plans_folder(),
+          .comparison_program = find_full_program(),
           .device_key = &device_key,
           .device = home.device(),
           .trust = &trust,

@@ -15,6 +15,9 @@ namespace kiroku::apps {
 /// Where the page's files are, as it is built, or installed; nothing: neither.
 std::optional<std::filesystem::path> find_page();
 
+/// kiroku-full, as it is built, or installed; empty: neither.
+std::filesystem::path find_full_program();
+
 /// The certificate and key of these files, or where there are none the home's own, made if it is not there,
 /// also for the host of `listen`. kiroku::UsageError where only one is named.
 viewer::ServerCertificate viewer_certificate(const Home& home, const std::string& listen,

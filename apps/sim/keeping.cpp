@@ -63,13 +63,14 @@ Keeping::Keeping(const Home& home, const archive::CaseReader& recording, const s
   recipients_ = compare::recipients_in_common(recording.opening(), stream);
   make_private_folder(home.comparisons_folder());
   make_private_folder(place_.folder);
-  making_ = place_.folder / (".making-" + name);
+  making_ = place_.making();
   std::error_code ignored;
   fs::remove_all(making_, ignored);  // what an earlier run that was killed left behind
   make_private_folder(making_);
   if (!replace) return;
   fs::remove(place_.sealed_document(), ignored);
   fs::remove(place_.sealed_replay(), ignored);
+  fs::remove(place_.sealed_radiographs(), ignored);
   for (const fs::path& of : {place_.document(), place_.seal()})
     for (const fs::path& token : archive::tokens_beside(of)) fs::remove(token, ignored);
 }
@@ -79,14 +80,14 @@ Keeping::~Keeping() {
   fs::remove_all(making_, ignored);
 }
 
-compare::NamedFile Keeping::keep_film() {
-  OutputFile out(place_.sealed_replay(), 0600);
-  const MappedFile film(film_file());
+compare::NamedFile Keeping::keep_film(const std::string& role) {
+  OutputFile out(place_.folder / (place_.film_name(role) + ".age"), 0600);
+  const MappedFile film(film_file(role));
   crypto::AgeSealer sealer(recipients_, [&](ByteView piece) { out.write(piece); });
   sealer.write(film.bytes());
   sealer.finish();
   out.commit(OutputFile::Durability::kNow);
-  const SealedFile hash = hashed("replay", place_.replay_name(), film_file());
+  const SealedFile hash = hashed(role, place_.film_name(role), film_file(role));
   return {hash.role, hash.name, hash.bytes, hash.sha256};
 }
 

@@ -26,10 +26,12 @@ class Keeping {
   Keeping& operator=(const Keeping&) = delete;
 
   [[nodiscard]] const compare::KeptPlace& place() const { return place_; }
-  /// Where the plan's film is to be written, readable by its owner alone.
-  [[nodiscard]] std::filesystem::path film_file() const { return making_ / place_.replay_name(); }
+  /// Where the film of a role ("replay", "radiographs") is to be written, readable by its owner alone.
+  [[nodiscard]] std::filesystem::path film_file(const std::string& role) const {
+    return making_ / place_.film_name(role);
+  }
   /// Seals the film that was written there; how the document names it.
-  compare::NamedFile keep_film();
+  compare::NamedFile keep_film(const std::string& role);
   void keep_document(std::string_view text);
   /// Tokens of the plan's seal, which prove when it was sealed without the plan being there.
   void keep_tokens_of(const std::filesystem::path& seal_file);

@@ -90,6 +90,15 @@ export class Appliance {
     return appliance;
   }
 
+  /** Without kirokud, so that `kiroku record` may record. */
+  static async alone(): Promise<Appliance> {
+    const folder = mkdtempSync(join(tmpdir(), 'kiroku-page-'));
+    const appliance = new Appliance(folder, join(folder, 'home'));
+    await appliance.kiroku('init', '--demo');
+    await appliance.view();
+    return appliance;
+  }
+
   /** Shows the cases of a home that is there already, which it leaves as it is. */
   static async show(home: string): Promise<Appliance> {
     const appliance = new Appliance(undefined, home);

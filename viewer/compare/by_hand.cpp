@@ -44,6 +44,7 @@ class ByHandReader {
 
  private:
   [[nodiscard]] std::int64_t time_ns(const JsonField& field) const {
+    if (!field.is_text()) return field.integer();
     try {
       return recording_.parse_time(field.text());
     } catch (const UsageError& error) {

@@ -31,8 +31,9 @@ struct ByHand {
   PressureLimits limits;
 };
 
-/// kiroku::Error in a sentence with `name` and the JSON path; times as archive::CaseReader::parse_time(),
-/// organ points in the plan's unit, steps from 1, tools by the plan's names.
+/// kiroku::Error in a sentence with `name` and the JSON path; times as archive::CaseReader::parse_time(), or
+/// as whole nanoseconds of the case clock, organ points in the plan's unit, steps from 1, tools by the plan's
+/// names.
 ByHand read_by_hand(std::string_view text, const std::string& name, const archive::CaseReader& recording,
                     const sim::Plan& plan);
 

@@ -17,6 +17,7 @@
 #include "viewer/compare/camera_track.h"
 #include "viewer/compare/case_record.h"
 #include "viewer/compare/figures.h"
+#include "viewer/compare/fluoroscopy.h"
 #include "viewer/compare/time_map.h"
 #include "viewer/compare/tool_path.h"
 
@@ -47,6 +48,7 @@ struct Comparison {
   // Where a person picked points and clicked tools.
   std::optional<CameraTrack> camera;
   std::vector<ToolDistance> tools;
+  std::optional<Fluoroscopy> fluoroscopy;  // where it was asked for
 };
 
 struct ComparisonProgress {

@@ -1,7 +1,10 @@
 #include "viewer/compare/comparison_document.h"
 
+#include <numbers>
+
 #include <nlohmann/json.hpp>
 
+#include "base/json_or_null.h"
 #include "crypto/encoding.h"
 
 namespace kiroku::compare {
@@ -11,11 +14,6 @@ using nlohmann::ordered_json;
 
 ordered_json span_json(const archive::Span& span) {
   return {{"start_ns", span.start_ns}, {"end_ns", span.end_ns}};
-}
-
-template <typename Value>
-ordered_json or_null(const std::optional<Value>& value) {
-  return value ? ordered_json(*value) : ordered_json(nullptr);
 }
 
 ordered_json marks_json(const std::vector<Mark>& marks) {
@@ -30,7 +28,7 @@ ordered_json vitals_json(const std::vector<VitalChange>& vitals) {
     all.push_back({{"code", change.code},
                    {"label", change.label},
                    {"unit", change.unit},
-                   {"device", change.device.empty() ? ordered_json(nullptr) : ordered_json(change.device)},
+                   {"device", or_null(change.device)},
                    {"before", or_null(change.before)},
                    {"during", or_null(change.during)},
                    {"after", or_null(change.after)}});
@@ -106,6 +104,24 @@ ordered_json registration_json(const CameraTrack& track) {
           {"lost_ns", or_null(track.lost_ns())}};
 }
 
+ordered_json alignment_json(const sim::Registration& found) {
+  constexpr double kMmPerM = 1000, kDegrees = 180 / std::numbers::pi;
+  const sim::Vector3 mm = kMmPerM * found.translation_m, degrees = kDegrees * found.rotation_rad;
+  return {{"similarity", found.similarity_after},
+          {"translation_mm", {mm.x(), mm.y(), mm.z()}},
+          {"rotation_deg", {degrees.x(), degrees.y(), degrees.z()}}};
+}
+
+ordered_json fluoroscopy_json(const Fluoroscopy& found) {
+  return {{"stream", found.stream},
+          {"at_ns", found.at_ns},
+          {"plan_s", found.plan_s},
+          {"polarity", found.polarity == sim::Polarity::kBoneBlack ? "bone-black" : "bone-white"},
+          {"geometry", ordered_json::parse(sim::geometry_json(found.geometry))},
+          {"similarity", found.similarity},
+          {"alignment", found.alignment ? alignment_json(*found.alignment) : ordered_json(nullptr)}};
+}
+
 ordered_json distance_json(const Distance& distance) {
   return {
       {"pictures", distance.pictures}, {"mean_px", distance.mean_px}, {"largest_px", distance.largest_px}};
@@ -171,6 +187,8 @@ std::string comparison_json(const Comparison& comparison, const sim::Plan& plan,
   document["registration"] =
       comparison.camera ? registration_json(*comparison.camera) : ordered_json(nullptr);
   document["tools"] = tools_json(comparison, plan);
+  document["fluoroscopy"] =
+      comparison.fluoroscopy ? fluoroscopy_json(*comparison.fluoroscopy) : ordered_json(nullptr);
   document["outputs"] = files_json(made.outputs);
   return document.dump(1, ' ', false, nlohmann::json::error_handler_t::replace) + "\n";
 }

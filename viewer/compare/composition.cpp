@@ -30,10 +30,17 @@ int Composer::height() const { return form_.height + 3 * line(form_); }
 
 sim::Picture Composer::compose(const sim::Picture& plan, const sim::Picture& recording,
                                const Caption& caption) {
+  sim::Picture pictures(width(), form_.height);
+  for (std::size_t i = 0; i < pictures.rgb.size(); ++i) pictures.rgb[i] = kPaper[i % 3];
+  lay(plan, recording, pictures);
+  return frame(pictures, caption);
+}
+
+sim::Picture Composer::frame(const sim::Picture& pictures, const Caption& caption) {
   sim::Picture whole(width(), height());
   for (std::size_t i = 0; i < whole.rgb.size(); ++i) whole.rgb[i] = kPaper[i % 3];
-  lay(plan, recording, whole);
   const int size = letters(form_), high = line(form_), margin = size / 2;
+  std::ranges::copy(pictures.rgb, whole.pixel(0, high));
   const auto write = [&](const std::string& text, int left, int row, const sim::Rgb& colour) {
     lettering_.draw(whole, text, left, row + (high + size * 3 / 4) / 2, size, colour);
   };
@@ -48,7 +55,6 @@ sim::Picture Composer::compose(const sim::Picture& plan, const sim::Picture& rec
 }
 
 void Composer::lay(const sim::Picture& plan, const sim::Picture& recording, sim::Picture& into) const {
-  const int top = line(form_);
   const auto put = [&](const std::uint8_t* from, int x, int y) { std::copy_n(from, 3, into.pixel(x, y)); };
   const int border = static_cast<int>(std::lround(form_.share * form_.width));
   for (int y = 0; y < form_.height; ++y) {
@@ -56,20 +62,20 @@ void Composer::lay(const sim::Picture& plan, const sim::Picture& recording, sim:
       const std::uint8_t *const planned = plan.pixel(x, y), *const recorded = recording.pixel(x, y);
       switch (form_.arrangement) {
         case Arrangement::kSideBySide:
-          put(planned, x, top + y);
-          put(recorded, form_.width + kGap + x, top + y);
+          put(planned, x, y);
+          put(recorded, form_.width + kGap + x, y);
           break;
         case Arrangement::kOverlay: {
           const bool shown = !std::equal(planned, planned + 3, form_.plan_background.begin());
           const double share = shown ? form_.share : 0;
           for (int c = 0; c < 3; ++c) {
-            into.pixel(x, top + y)[c] =
+            into.pixel(x, y)[c] =
                 static_cast<std::uint8_t>(std::lround(share * planned[c] + (1 - share) * recorded[c]));
           }
           break;
         }
         case Arrangement::kWipe:
-          put(x < border ? planned : x == border ? kInk.data() : recorded, x, top + y);
+          put(x < border ? planned : x == border ? kInk.data() : recorded, x, y);
           break;
       }
     }

@@ -37,6 +37,8 @@ class Composer {
   [[nodiscard]] int height() const;
   /// Both of the form's size.
   sim::Picture compose(const sim::Picture& plan, const sim::Picture& recording, const Caption& caption);
+  /// What is put together already, as wide as the whole and as high as the form.
+  sim::Picture frame(const sim::Picture& pictures, const Caption& caption);
 
  private:
   void lay(const sim::Picture& plan, const sim::Picture& recording, sim::Picture& into) const;

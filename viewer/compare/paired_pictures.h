@@ -9,12 +9,11 @@
 
 #include "archive/case_reader.h"
 #include "crypto/age_recipient.h"
-#include "media/rgb_converter.h"
 #include "sim/plan/plan_frames.h"
 #include "sim/render/plan_pictures.h"
 #include "viewer/compare/comparison.h"
 #include "viewer/compare/composition.h"
-#include "viewer/playback/picture_span.h"
+#include "viewer/compare/recorded_pictures.h"
 
 namespace kiroku::compare {
 
@@ -43,7 +42,6 @@ class PairedPictures {
   [[nodiscard]] Caption caption_at(std::int64_t case_ns) const;
 
  private:
-  void read_until(std::int64_t case_ns);
   void render(const PlanMoment& moment, std::int64_t case_ns);
 
   const Comparison& comparison_;
@@ -51,10 +49,8 @@ class PairedPictures {
   sim::PlanPictures& plan_;
   CompositionForm form_;
   Composer composer_;
-  playback::PictureSpan reader_;
-  media::RgbConverter converter_;
-  bool pending_ = false;  // the reader holds a picture that is still to come
-  sim::Picture recorded_, rendered_;
+  RecordedPictures recorded_;
+  sim::Picture rendered_;
   const sim::PlanFrames::Kept* rendered_frame_ = nullptr;
   const sim::Camera* rendered_camera_ = nullptr;
 };

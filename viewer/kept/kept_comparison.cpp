@@ -61,15 +61,17 @@ crypto::Sha256Digest plaintext_hash(const fs::path& sealed, const crypto::AgeIde
   return hash.finish();
 }
 
-Check check_replay(const fs::path& sealed, const crypto::AgeIdentities& identities, const NamedFile& stated) {
+/// A film of the plan; `called` in sentences.
+Check check_film(const fs::path& sealed, const crypto::AgeIdentities& identities, const NamedFile& stated,
+                 const std::string& called) {
   try {
-    if (plaintext_hash(sealed, identities) == stated.sha256)
-      return {"replay", Answer::kHolds, "the plan's film is as it was made"};
-    return {"replay", Answer::kDiffers, "the plan's film was changed since"};
+    const bool same = plaintext_hash(sealed, identities) == stated.sha256;
+    return {stated.role, same ? Answer::kHolds : Answer::kDiffers,
+            called + (same ? " is as it was made" : " was changed since")};
   } catch (const IoError& error) {
-    return {"replay", Answer::kUnknown, error.what()};
+    return {stated.role, Answer::kUnknown, error.what()};
   } catch (const crypto::AgeError& error) {
-    return {"replay", Answer::kDiffers, error.what()};
+    return {stated.role, Answer::kDiffers, error.what()};
   }
 }
 
@@ -124,6 +126,13 @@ Bytes open_kept(const fs::path& sealed, const crypto::AgeIdentities& identities,
   return bytes;
 }
 
+KeptFilm::KeptFilm(const fs::path& sealed, const crypto::AgeIdentities& identities)
+    : source_(crypto::open_file_source(sealed)), film_(crypto::AgeFile::open(*source_, identities)) {}
+
+void KeptFilm::read_at(std::uint64_t offset, std::span<std::byte> into) const {
+  if (film_.read_at(offset, into) != into.size()) throw Error("a film became shorter while it was read");
+}
+
 crypto::AgeRecipients recipients_in_common(const archive::OpenEntry& open, const std::string& stream) {
   std::optional<std::vector<std::string>> common;
   for (const archive::StreamInfo& each : open.streams) {
@@ -149,16 +158,21 @@ crypto::AgeRecipients recipients_in_common(const archive::OpenEntry& open, const
 KeptComparison read_kept(const KeptPlace& place, const crypto::AgeIdentities& identities,
                          const KeptEvidence& evidence) {
   const Bytes text = open_kept(place.sealed_document(), identities, kLargestDocument);
-  KeptComparison kept{place.name, std::string(text_of(text)), {}, false, {}, {}, {}};
+  KeptComparison kept{place.name, std::string(text_of(text)), {}, false, false, {}, {}, {}};
   kept.made = read_provenance(kept.document, place.document_name());
   const crypto::Sha256Digest digest = crypto::sha256(text);
   kept.checks.push_back(check_document(evidence, digest, kept.entered_by));
   std::ranges::move(check_tokens(place.document(), digest, evidence.trust), std::back_inserter(kept.checks));
   kept.checks.push_back(check_case(evidence, kept.made.case_state));
   for (const NamedFile& output : kept.made.outputs) {
-    if (output.role != "replay") continue;
-    kept.has_replay = true;
-    kept.checks.push_back(check_replay(place.sealed_replay(), identities, output));
+    if (output.role == "replay") {
+      kept.has_replay = true;
+      kept.checks.push_back(check_film(place.sealed_replay(), identities, output, "the plan's film"));
+    } else if (output.role == "radiographs") {
+      kept.has_radiographs = true;
+      kept.checks.push_back(
+          check_film(place.sealed_radiographs(), identities, output, "the film of the plan's radiographs"));
+    }
   }
   const archive::OpenEntry& open = evidence.recording->opening();
   kept.plan_checks = {check_named(open, kept.made.plan_seal),

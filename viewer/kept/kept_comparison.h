@@ -2,6 +2,7 @@
 //
 //   FOLDER/<case>/<name>.comparison.json.age         the document (docs/format.md, "Comparisons")
 //                 <name>.replay.mp4.age              the plan as a film, where its CT was at hand
+//                 <name>.radiographs.mp4.age       the plan's radiographs, where the case has fluoroscopy
 //                 <name>.comparison.<authority>.tsr  tokens of the document
 //                 <name>.seal.<authority>.tsr        tokens of the plan's seal
 //
@@ -12,7 +13,9 @@
 #include <cstdint>
 #include <filesystem>
 #include <functional>
+#include <memory>
 #include <optional>
+#include <span>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -20,6 +23,7 @@
 #include "archive/case_reader.h"
 #include "base/bytes.h"
 #include "base/check.h"
+#include "crypto/age_file.h"
 #include "crypto/age_recipient.h"
 #include "timestamp/token_verifier.h"
 #include "viewer/kept/log_of_case.h"
@@ -37,9 +41,17 @@ struct KeptPlace {
   [[nodiscard]] std::filesystem::path document() const { return folder / (name + ".comparison.json"); }
   [[nodiscard]] std::filesystem::path sealed_document() const { return folder / (document_name() + ".age"); }
   [[nodiscard]] std::filesystem::path sealed_replay() const { return folder / (replay_name() + ".age"); }
+  [[nodiscard]] std::filesystem::path sealed_radiographs() const {
+    return folder / (radiographs_name() + ".age");
+  }
   [[nodiscard]] std::filesystem::path seal() const { return folder / (name + ".seal.json"); }
+  /// Where it lies unsealed while it is made.
+  [[nodiscard]] std::filesystem::path making() const { return folder / (".making-" + name); }
   [[nodiscard]] std::string document_name() const { return name + ".comparison.json"; }
-  [[nodiscard]] std::string replay_name() const { return name + ".replay.mp4"; }
+  [[nodiscard]] std::string replay_name() const { return film_name("replay"); }
+  [[nodiscard]] std::string radiographs_name() const { return film_name("radiographs"); }
+  /// Of an output's role.
+  [[nodiscard]] std::string film_name(const std::string& role) const { return name + "." + role + ".mp4"; }
 };
 KeptPlace kept_place(const std::filesystem::path& comparisons, const std::string& case_id,
                      const std::string& name);
@@ -51,7 +63,20 @@ std::vector<std::string> kept_names(const std::filesystem::path& comparisons, co
 Bytes open_kept(const std::filesystem::path& sealed, const crypto::AgeIdentities& identities,
                 std::uint64_t most_bytes);
 inline constexpr std::uint64_t kLargestDocument = std::uint64_t{32} << 20;
-inline constexpr std::uint64_t kLargestReplay = std::uint64_t{512} << 20;
+
+/// A sealed film, decrypted where it is read. Thread-safe.
+class KeptFilm {
+ public:
+  /// As open_kept().
+  KeptFilm(const std::filesystem::path& sealed, const crypto::AgeIdentities& identities);
+  [[nodiscard]] std::uint64_t size() const { return film_.plaintext_size(); }
+  /// Fills all of `into`; kiroku::Error where the film ends before.
+  void read_at(std::uint64_t offset, std::span<std::byte> into) const;
+
+ private:
+  std::unique_ptr<crypto::ByteSource> source_;
+  crypto::AgeFile film_;
+};
 
 /// Who reads everything that a comparison of `stream` tells of: recipients that its stream, the vital signs
 /// and the marks have in common. kiroku::Error in a sentence where there is none.
@@ -69,10 +94,10 @@ struct KeptComparison {
   std::string name;
   std::string document;  // its exact text
   Provenance made;
-  bool has_replay = false;
+  bool has_replay = false, has_radiographs = false;
   std::string entered_by;  // who made it, as the appliance log says; "" where it does not know it
   /// Whether it is as it was made: `what` is "document" (its hash in the appliance log), "time" (tokens of
-  /// it), "case" (the ledger as it was compared), "replay".
+  /// it), "case" (the ledger as it was compared), "replay", "radiographs".
   std::vector<Check> checks;
   /// Whether its plan was sealed before the first picture: "named" (by the case), "order" (in the appliance
   /// log), "time" (tokens of the seal).

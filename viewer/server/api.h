@@ -19,6 +19,8 @@ void add_case_routes(Router& router, ViewerContext& context);
 void add_playback_routes(Router& router, ViewerContext& context);
 /// Plans beside recordings, as they were made and kept.
 void add_comparison_routes(Router& router, ViewerContext& context);
+/// Steps of a plan matched by hand, and comparisons made of that.
+void add_matching_routes(Router& router, ViewerContext& context);
 /// Verifying in the background.
 void add_verification_routes(Router& router, ViewerContext& context);
 /// Plain media and sealed excerpts as files.

@@ -3,6 +3,7 @@
 
 #include <nlohmann/json.hpp>
 
+#include "base/json_or_null.h"
 #include "crypto/age_error.h"
 #include "viewer/kept/kept_comparison.h"
 #include "viewer/server/api.h"
@@ -12,11 +13,6 @@ namespace {
 
 using nlohmann::ordered_json;
 
-template <typename Value>
-ordered_json or_null(const std::optional<Value>& value) {
-  return value ? ordered_json(*value) : ordered_json(nullptr);
-}
-
 ordered_json checks_json(const std::vector<Check>& checks) {
   ordered_json all = ordered_json::array();
   for (const Check& check : checks) {
@@ -25,8 +21,8 @@ ordered_json checks_json(const std::vector<Check>& checks) {
                    {"text", check.text},
                    {"entry", or_null(check.entry)},
                    {"size", or_null(check.size)},
-                   {"time", check.time ? ordered_json(format_utc(*check.time)) : ordered_json(nullptr)},
-                   {"by", check.by.empty() ? ordered_json(nullptr) : ordered_json(check.by)}});
+                   {"time", or_null(check.time)},
+                   {"by", or_null(check.by)}});
   }
   return all;
 }
@@ -39,10 +35,11 @@ ordered_json comparison_json(const compare::KeptComparison& kept) {
   return {{"name", kept.name},
           {"plan", kept.made.plan},
           {"made_by", kept.made.made_by},
-          {"entered_by", kept.entered_by.empty() ? ordered_json(nullptr) : ordered_json(kept.entered_by)},
+          {"entered_by", or_null(kept.entered_by)},
           {"made_at", format_utc(kept.made.made_at)},
           {"program", kept.made.program},
           {"replay", kept.has_replay},
+          {"radiographs", kept.has_radiographs},
           {"whole", judged(kept.checks)},
           {"sealed_before", judged(kept.plan_checks)}};
 }
@@ -79,19 +76,35 @@ class ComparisonApi {
   }
 
   [[nodiscard]] Response document(const Request& request) {
-    return file(request, &compare::KeptPlace::sealed_document, compare::kLargestDocument, "application/json",
-                "read comparison ");
+    return file(request, &compare::KeptPlace::sealed_document, "read comparison ",
+                [](const std::filesystem::path& sealed, const crypto::AgeIdentities& identities) {
+                  return Response::bytes(compare::open_kept(sealed, identities, compare::kLargestDocument),
+                                         "application/json");
+                });
   }
   [[nodiscard]] Response replay(const Request& request) {
-    return file(request, &compare::KeptPlace::sealed_replay, compare::kLargestReplay, "video/mp4",
-                "watched the plan of comparison ");
+    return file(request, &compare::KeptPlace::sealed_replay, "watched the plan of comparison ", film);
+  }
+  [[nodiscard]] Response radiographs(const Request& request) {
+    return file(request, &compare::KeptPlace::sealed_radiographs,
+                "watched the plan's radiographs of comparison ", film);
   }
 
  private:
   [[nodiscard]] const std::filesystem::path& folder() const { return context_.home().comparisons_folder; }
 
+  using Open = std::function<Response(const std::filesystem::path&, const crypto::AgeIdentities&)>;
+
+  static Response film(const std::filesystem::path& sealed, const crypto::AgeIdentities& identities) {
+    const auto opened = std::make_shared<const compare::KeptFilm>(sealed, identities);
+    return Response::read(
+        {[opened](std::uint64_t offset, std::span<std::byte> into) { opened->read_at(offset, into); }, 0,
+         opened->size()},
+        "video/mp4");
+  }
+
   Response file(const Request& request, std::filesystem::path (compare::KeptPlace::*which)() const,
-                std::uint64_t most_bytes, const std::string& type, const std::string& deed) {
+                const std::string& deed, const Open& open) {
     const std::string& case_id = request.parameter("case");
     const std::string& name = request.parameter("comparison");
     const std::filesystem::path sealed = (compare::kept_place(folder(), case_id, name).*which)();
@@ -99,9 +112,9 @@ class ComparisonApi {
       std::error_code failed;
       if (!std::filesystem::is_regular_file(std::filesystem::symlink_status(sealed, failed)))
         throw Refusal(404, "the case has no such file of a comparison '" + name + "'");
-      Bytes bytes = compare::open_kept(sealed, identities, most_bytes);
+      Response opened = open(sealed, identities);
       context_.enter_access_once(request, case_id, deed + name);
-      return Response::bytes(std::move(bytes), type);
+      return opened;
     });
   }
 
@@ -133,6 +146,7 @@ void add_comparison_routes(Router& router, ViewerContext& context) {
   add("comparisons", &ComparisonApi::list);
   add("comparisons/{comparison:name}", &ComparisonApi::document);
   add("comparisons/{comparison:name}/replay.mp4", &ComparisonApi::replay);
+  add("comparisons/{comparison:name}/radiographs.mp4", &ComparisonApi::radiographs);
 }
 
 }  // namespace kiroku::viewer

@@ -65,6 +65,7 @@ std::optional<std::uint64_t> size_of(const Response& response) {
   if (const auto* text = std::get_if<std::string>(&response.body)) return text->size();
   if (const auto* bytes = std::get_if<BytesBody>(&response.body)) return bytes->size;
   if (const auto* file = std::get_if<FileBody>(&response.body)) return file->size;
+  if (const auto* read = std::get_if<ReadBody>(&response.body)) return read->size;
   return {};
 }
 
@@ -75,6 +76,9 @@ void cut(Response& response, const ByteRange& range) {
   } else if (auto* file = std::get_if<FileBody>(&response.body)) {
     file->offset += range.first;
     file->size = range.size();
+  } else if (auto* read = std::get_if<ReadBody>(&response.body)) {
+    read->offset += range.first;
+    read->size = range.size();
   }
 }
 

@@ -3,6 +3,7 @@
 
 #include <nlohmann/json.hpp>
 
+#include "base/json_or_null.h"
 #include "crypto/age_error.h"
 #include "media/vital_codes.h"
 #include "viewer/server/api.h"
@@ -36,11 +37,6 @@ std::int64_t time_of(const Request& request, const char* name) {
 }
 
 Response nothing_recorded() { return Response::error(404, "nothing was recorded there"); }
-
-std::string utc_or_empty(const std::optional<UtcTime>& time) { return time ? format_utc(*time) : ""; }
-ordered_json or_null(const std::string& text) {
-  return text.empty() ? ordered_json(nullptr) : ordered_json(text);
-}
 
 std::string label_of(const playback::VitalSeries& series) {
   const media::VitalCode* const known = media::find_vital_code(series.code);
@@ -95,8 +91,8 @@ ordered_json timeline_json(const playback::Timeline& timeline) {
   for (const playback::TimelineBracket& bracket : timeline.brackets) {
     brackets.push_back({{"start_ns", bracket.start_ns},
                         {"end_ns", bracket.end_ns},
-                        {"not_before", or_null(utc_or_empty(bracket.not_before))},
-                        {"not_after", or_null(utc_or_empty(bracket.not_after))},
+                        {"not_before", or_null(bracket.not_before)},
+                        {"not_after", or_null(bracket.not_after)},
                         {"authority_before", or_null(bracket.authority_before)},
                         {"authority_after", or_null(bracket.authority_after)}});
   }

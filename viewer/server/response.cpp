@@ -48,6 +48,13 @@ Response Response::file(FileBody body, std::string type) {
   return out;
 }
 
+Response Response::read(ReadBody body, std::string type) {
+  Response out;
+  out.type = std::move(type);
+  out.body = std::move(body);
+  return out;
+}
+
 Response Response::stream(StreamBody body, std::string type) {
   Response out;
   out.type = std::move(type);

@@ -5,6 +5,7 @@
 #include <filesystem>
 #include <functional>
 #include <memory>
+#include <span>
 #include <string>
 #include <string_view>
 #include <utility>
@@ -29,6 +30,13 @@ struct FileBody {
   std::uint64_t offset = 0, size = 0;
 };
 
+/// Part of something that is read as the client takes it: `read` fills all of `into` with what lies from
+/// `offset` on, called by one thread at a time. What it throws cuts the connection.
+struct ReadBody {
+  std::function<void(std::uint64_t offset, std::span<std::byte> into)> read;
+  std::uint64_t offset = 0, size = 0;
+};
+
 /// A body whose size is not known before: called by one thread at a time, each time the client has taken what
 /// came before. Puts more into the empty `into` and returns true, or returns false at the end. What it throws
 /// cuts the connection, so that the client knows that something is missing.
@@ -42,16 +50,17 @@ struct Response {
   std::string cache = "no-store";
   /// A strong entity tag with its quotes, or none. With one, If-None-Match is answered by the server.
   std::string entity_tag;
-  std::variant<std::string, BytesBody, FileBody, StreamBody> body;
+  std::variant<std::string, BytesBody, FileBody, ReadBody, StreamBody> body;
 
   static Response json(const nlohmann::ordered_json& object, int status = 200);
   static Response error(int status, const std::string& sentence);  // {"error": sentence}
   static Response nothing();                                       // 204
   static Response text(std::string body, std::string type);
-  /// Ranges of these and of files are answered by the server (206, 416).
+  /// Ranges of these, of files and of what is read are answered by the server (206, 416).
   static Response bytes(std::shared_ptr<const Bytes> body, std::string type);
   static Response bytes(Bytes body, std::string type);
   static Response file(FileBody body, std::string type);
+  static Response read(ReadBody body, std::string type);
   static Response stream(StreamBody body, std::string type);
 
   /// Adds a header and returns itself.

@@ -12,6 +12,7 @@ void add_routes(Router& router, ViewerContext& context, SignInLink& link) {
   add_case_routes(router, context);
   add_playback_routes(router, context);
   add_comparison_routes(router, context);
+  add_matching_routes(router, context);
   add_verification_routes(router, context);
   add_report_routes(router, context);
   add_export_routes(router, context);

@@ -32,6 +32,8 @@ struct ViewerHome {
   std::filesystem::path handout_folder = {};
   /// Plans beside recordings (viewer/kept/kept_comparison.h).
   std::filesystem::path comparisons_folder = {};
+  /// For making more of them: the home, sealed plans below it, and kiroku-full; without that none is made.
+  std::filesystem::path folder = {}, plans_folder = {}, comparison_program = {};
   const crypto::SigningKey* device_key = nullptr;  // signs the appliance log
   crypto::VerifierKey device;
   const timestamp::TrustStore* trust = nullptr;

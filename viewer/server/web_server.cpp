@@ -159,11 +159,13 @@ class BodyReader {
     if (const auto* text = std::get_if<std::string>(&body_)) return text->size();
     if (const auto* bytes = std::get_if<BytesBody>(&body_)) return bytes->size;
     if (const auto* file = std::get_if<FileBody>(&body_)) return file->size;
+    if (const auto* read = std::get_if<ReadBody>(&body_)) return read->size;
     return {};
   }
   /// Whether next() computes or reads files: then it is called where that may block.
   [[nodiscard]] bool may_block() const {
-    return std::holds_alternative<FileBody>(body_) || std::holds_alternative<StreamBody>(body_);
+    return std::holds_alternative<FileBody>(body_) || std::holds_alternative<ReadBody>(body_) ||
+           std::holds_alternative<StreamBody>(body_);
   }
   /// What comes next, valid until the next call; empty at the end.
   ByteView next() {
@@ -181,6 +183,10 @@ class BodyReader {
       out = bytes_of(std::string_view(*text).substr(done_, count));
     } else if (const auto* bytes = std::get_if<BytesBody>(&body_)) {
       out = ByteView(*bytes->bytes).subspan(static_cast<std::size_t>(bytes->offset + done_), count);
+    } else if (const auto* read = std::get_if<ReadBody>(&body_)) {
+      buffer_.resize(count);
+      read->read(read->offset + done_, buffer_);
+      out = buffer_;
     } else {
       out = read_file(std::get<FileBody>(body_), count);
     }
@@ -201,7 +207,7 @@ class BodyReader {
     return buffer_;
   }
 
-  const std::variant<std::string, BytesBody, FileBody, StreamBody>& body_;
+  const std::variant<std::string, BytesBody, FileBody, ReadBody, StreamBody>& body_;
   std::size_t done_ = 0;
   Bytes buffer_;
 };

@@ -4,6 +4,7 @@ import { startLanguage } from '@/i18n/i18n';
 import { App } from '@/shell/app';
 import { startTheme } from '@/shell/state';
 import 'uplot/dist/uPlot.min.css';
+import '@/styles/matching.css';
 import '@/styles/page.css';
 import '@/styles/guests.css';
 import '@/styles/log.css';

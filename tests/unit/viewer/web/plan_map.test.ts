@@ -14,10 +14,12 @@ const step = (number: number, start_s?: number, end_s?: number): ComparedStep =>
 
 const document = (pieces: { step: number; knots: [number, number][] }[] | null, steps: ComparedStep[] = []): ComparisonDocument => ({
   case: { stream: 'endoscope' },
+  plan: { seal: '' },
   in_planned_order: true,
   steps,
   time_map: pieces && { monotone: true, pieces },
   registration: null,
+  fluoroscopy: null,
   tools: [],
 });
 

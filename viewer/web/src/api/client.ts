@@ -1,6 +1,6 @@
 // The API as functions. Every failure is an ApiError with the server's own sentence.
 import type {
-  ApplianceStatus, CaseInfo, CaseSummary, Comparison, ComparisonDocument, Role, Session, Timeline, User, Verification, Vitals,
+  ApplianceStatus, CaseInfo, CaseSummary, Comparison, ComparisonDocument, ComparisonMaking, Matching, Role, Session, Timeline, User, Verification, Vitals,
 } from '@/api/types';
 
 export class ApiError extends Error {
@@ -94,8 +94,15 @@ export const cases = {
   comparisons: (id: string) =>
     json<{ comparisons: Comparison[]; unreadable: { name: string; problem: string }[] }>('GET', `${caseOf(id)}/comparisons`),
   comparison: (id: string, name: string) => json<ComparisonDocument>('GET', `${caseOf(id)}/comparisons/${part(name)}`),
-  replay: async (id: string, name: string, signal?: AbortSignal) =>
-    (await ask('GET', `${caseOf(id)}/comparisons/${part(name)}/replay.mp4`, undefined, signal)).blob(),
+  /** A film of the plan: as the endoscope would see it, or as the fluoroscope would. */
+  planFilm: async (id: string, name: string, film: 'replay' | 'radiographs', signal?: AbortSignal) =>
+    (await ask('GET', `${caseOf(id)}/comparisons/${part(name)}/${film}.mp4`, undefined, signal)).blob(),
+  /** What of the case's sealed plan can be matched by hand; takes as long as reading the plan does. */
+  matching: (id: string) => json<Matching>('GET', `${caseOf(id)}/matching`),
+  /** Has a comparison made, which takes minutes. */
+  compare: (id: string, name: string, by_hand: unknown) => json<ComparisonMaking>('POST', `${caseOf(id)}/comparisons`, { name, by_hand }),
+  making: (id: string) => json<ComparisonMaking>('GET', `${caseOf(id)}/making`),
+  stopMaking: (id: string) => json<void>('DELETE', `${caseOf(id)}/making`),
   verify: (id: string) => json<void>('POST', `${caseOf(id)}/verification`),
   verification: async (id: string): Promise<Verification | undefined> => {
     try {

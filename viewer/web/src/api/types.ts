@@ -258,6 +258,8 @@ export interface Comparison {
   program: string;
   /** Whether there is a film of the plan. */
   replay: boolean;
+  /** Whether there is a film of its radiographs. */
+  radiographs: boolean;
   whole: Judged;
   sealed_before: Judged;
 }
@@ -278,13 +280,49 @@ export interface ComparedStep {
   pressure_events?: { time_ns: number; text: string }[];
 }
 
+/** A step of a plan that waits to be matched. */
+export interface PlannedStep {
+  /** From 1. */
+  step: number;
+  name: string;
+  start_s: number;
+  duration_s: number;
+}
+
+/** A step that was marked while recording. */
+export interface FoundStep {
+  step: number;
+  start_ns: number;
+  end_ns: number | null;
+  pauses: { start_ns: number; end_ns: number }[];
+}
+
+/** The plan that a case was recorded by, and between which moments its steps may lie. */
+export interface Matching {
+  plan: string;
+  seal: string;
+  stream: string;
+  begins_ns: number;
+  end_ns: number;
+  steps: PlannedStep[];
+  found: FoundStep[];
+}
+
+export type ComparisonMaking =
+  | { name: string; made_by: string; state: 'running'; doing: string; share: number | null }
+  | { name: string; made_by: string; state: 'done' }
+  | { name: string; made_by: string; state: 'failed'; problem: string };
+
 /** docs/format.md, "Comparisons": what of it the page shows. */
 export interface ComparisonDocument {
   case: { stream: string };
+  plan: { seal: string };
   in_planned_order: boolean;
   steps: ComparedStep[];
   time_map: { monotone: boolean; pieces: { step: number; knots: [number, number][] }[] } | null;
   registration: { rms_px: number } | null;
+  /** The plan's radiographs beside the case's fluoroscopy. */
+  fluoroscopy: { stream: string; similarity: number; alignment: { similarity: number; translation_mm: [number, number, number] } | null } | null;
   tools: { tool: string; pictures: number; mean_px: number; largest_px: number }[];
 }
 

@@ -1,21 +1,32 @@
 // The comparison that a case's view shows: which there are, the one that was chosen with its document, and how the plan lies beside the pictures.
-import { type Signal, signal } from '@preact/signals';
+import { effect, type Signal, signal } from '@preact/signals';
 import { cases } from '@/api/client';
 import type { Comparison, ComparisonDocument } from '@/api/types';
+import { MatchingModel } from '@/compare/matching_model';
 import { type PlanMap, planMap } from '@/compare/plan_map';
 import { PlanPlayer } from '@/compare/plan_player';
 import type { Playback } from '@/media/playback';
 
-export const kPlanViews = ['beside', 'overlay', 'wipe', 'none'] as const;
+export const kPlanViews = ['beside', 'overlay', 'wipe', 'difference', 'none'] as const;
 export type PlanView = (typeof kPlanViews)[number];
 
 export interface ShownComparison {
   row: Comparison;
   document: ComparisonDocument;
   map: PlanMap | undefined;
-  /** Where there are a film and a time map. */
+  /** Where there are a film and a time map; the film is the one that was chosen last. */
   player: PlanPlayer | undefined;
+  film: PlanFilm;
 }
+
+/** As the endoscope would see it, or as the fluoroscope would. */
+export type PlanFilm = 'replay' | 'radiographs';
+
+export const filmsOf = (row: Comparison): PlanFilm[] => (['replay', 'radiographs'] as const).filter((one) => row[one]);
+/** A difference is of two radiographs. */
+export const viewsOf = (film: PlanFilm): PlanView[] => kPlanViews.filter((one) => one !== 'difference' || film === 'radiographs');
+/** The recorded pictures that it belongs to. */
+export const streamOf = ({ document, film }: ShownComparison): string => (film === 'radiographs' ? document.fluoroscopy?.stream : undefined) ?? document.case.stream;
 
 export class PlanModel {
   readonly list: Signal<readonly Comparison[]> = signal([]);
@@ -24,19 +35,31 @@ export class PlanModel {
   readonly view: Signal<PlanView> = signal('beside');
   /** Of an overlay: the plan's opacity; of a wipe: where its edge is. */
   readonly share = signal(0.5);
+  readonly matching: MatchingModel;
   private closed = false;
   private chosen = '';
+  private readonly unfollow: () => void;
 
   constructor(
     private readonly caseId: string,
     private readonly playback: Playback,
     private readonly onProblem: (error: Error) => void,
   ) {
+    this.matching = new MatchingModel(caseId, onProblem, (name) => this.open(name));
+    // What is matched by hand is seen at once, where there is a film of that plan.
+    this.unfollow = effect(() => {
+      const shown = this.shown.value;
+      const plan = this.matching.plan.value;
+      const map = plan && plan.seal === shown?.document.plan.seal ? this.matching.map.value : shown?.map;
+      if (map) shown?.player?.follow(map);
+    });
     void this.open();
   }
 
   close(): void {
     this.closed = true;
+    this.unfollow();
+    this.matching.close();
     this.show(undefined);
   }
 
@@ -48,11 +71,21 @@ export class PlanModel {
     try {
       const document = await cases.comparison(this.caseId, name);
       if (this.closed || this.chosen !== name) return;
-      const map = planMap(document);
-      this.show({ row, document, map, player: row.replay && map ? new PlanPlayer(this.caseId, name, map, this.onProblem) : undefined });
+      this.showFilm({ row, document, map: planMap(document) }, filmsOf(row)[0] ?? 'replay');
     } catch (error) {
       if (error instanceof Error) this.onProblem(error);
     }
+  }
+
+  /** The other film of the comparison that is shown. */
+  chooseFilm(film: PlanFilm): void {
+    const shown = this.shown.peek();
+    if (shown && shown.film !== film) this.showFilm(shown, film);
+  }
+
+  private showFilm({ row, document, map }: Pick<ShownComparison, 'row' | 'document' | 'map'>, film: PlanFilm): void {
+    if (!viewsOf(film).includes(this.view.peek())) this.view.value = 'overlay';
+    this.show({ row, document, map, film, player: row[film] && map ? new PlanPlayer(this.caseId, row.name, film, map, this.onProblem) : undefined });
   }
 
   private show(next: ShownComparison | undefined): void {
@@ -65,15 +98,16 @@ export class PlanModel {
     this.shown.value = next;
   }
 
-  private async open(): Promise<void> {
+  /** Reads the list; shows the one of that name, else the newest, which says most. */
+  private async open(name?: string): Promise<void> {
     try {
       const { comparisons, unreadable } = await cases.comparisons(this.caseId);
       if (this.closed) return;
       this.list.value = comparisons;
       this.unreadable.value = unreadable;
-      // The newest says most.
       const newest = [...comparisons].sort((a, b) => (a.made_at < b.made_at ? 1 : -1))[0];
-      if (newest) await this.choose(newest.name);
+      const wanted = name ?? newest?.name;
+      if (wanted !== undefined) await this.choose(wanted);
     } catch (error) {
       if (!this.closed && error instanceof Error) this.onProblem(error);
     }

@@ -34,14 +34,30 @@ export function PlanPane({ shown, playback }: { shown: ShownComparison; playback
   );
 }
 
+/** Clear below a ninth of white, opaque from a fifth on: the background of the plan's pictures (viewer/compare/composition.h) lies far below. */
+function DarkIsClear() {
+  return (
+    <svg width="0" height="0" aria-hidden="true" focusable="false">
+      <filter id="plan-key" color-interpolation-filters="sRGB">
+        <feColorMatrix type="matrix" values="1 0 0 0 0  0 1 0 0 0  0 0 1 0 0  5 5 5 0 -1.7" />
+      </filter>
+    </svg>
+  );
+}
+
 export function PlanOver({ plan, shown }: { plan: PlanModel; shown: ShownComparison }) {
   const place = usePlaced(shown);
   const share = plan.share.value;
   const wipes = plan.view.value === 'wipe';
-  const style = wipes ? { clipPath: `inset(0 ${(1 - share) * 100}% 0 0)` } : { opacity: share };
+  const differs = plan.view.value === 'difference';
+  const style = wipes ? { clipPath: `inset(0 ${(1 - share) * 100}% 0 0)` } : differs ? {} : { opacity: share };
+  // The plan's pictures are dark where there is no tissue: there the recording stays as it is. Radiographs have no such place.
+  const keyed = !wipes && shown.film === 'replay';
+  const blend = differs ? ' plan-over-difference' : keyed ? ' plan-over-keyed' : '';
   return (
     <div class="plan-over">
-      <div class="plan-over-picture" ref={place} style={style} />
+      {keyed && <DarkIsClear />}
+      <div class={`plan-over-picture${blend}`} ref={place} style={style} />
       {wipes && <div class="plan-edge" style={{ left: `${share * 100}%` }} />}
     </div>
   );

@@ -3,8 +3,10 @@
 import type { Check, ComparedStep } from '@/api/types';
 import { formatTime, kSecond } from '@/base/time';
 import { inOrderDone, stepAt } from '@/compare/plan_map';
-import { kPlanViews, type PlanModel, type ShownComparison } from '@/compare/plan_model';
-import { formatMoment, type MessageKey, t } from '@/i18n/i18n';
+import { MatchingPanel } from '@/compare/matching_panel';
+import { filmsOf, type PlanModel, type ShownComparison, viewsOf } from '@/compare/plan_model';
+import { formatMoment, language, type MessageKey, t, word } from '@/i18n/i18n';
+import { pressureText, vitalName } from '@/i18n/vital_names';
 import type { Playback } from '@/media/playback';
 import { Icon, type IconName } from '@/shell/icon';
 import type { CaseModel } from '@/views/case_model';
@@ -16,7 +18,10 @@ const figure = (value: number | null) => (value === null ? '–' : String(Math.r
 
 /** In the page's language where it holds; else the server's own sentence. */
 function sentence(group: 'whole' | 'sealed', check: Check): string {
-  if (check.answer !== 'holds') return check.text;
+  if (check.answer !== 'holds') {
+    // The server's own sentence says more, in English.
+    return language.value === 'en' ? check.text : word('proof', `${group}.${check.about}.${check.answer}`);
+  }
   return t(`proof.${group}.${check.about}` as MessageKey, {
     entry: check.entry ?? '',
     size: check.size ?? '',
@@ -47,14 +52,25 @@ function Proof({ group, title, judged, open }: { group: 'whole' | 'sealed'; titl
   );
 }
 
-function PlanViewChoice({ plan }: { plan: PlanModel }) {
+function PlanViewChoice({ plan, shown }: { plan: PlanModel; shown: ShownComparison }) {
   const view = plan.view.value;
+  const films = filmsOf(shown.row);
   const shares = view === 'overlay' || view === 'wipe';
   return (
     <fieldset class="plan-view">
       <legend>{t('plan.view')}</legend>
+      {films.length > 1 && (
+        <div class="plan-choices">
+          {films.map((one) => (
+            <label key={one}>
+              <input type="radio" name="plan-film" checked={shown.film === one} onChange={() => plan.chooseFilm(one)} />
+              <span>{t(`plan.film.${one}`)}</span>
+            </label>
+          ))}
+        </div>
+      )}
       <div class="plan-choices">
-        {kPlanViews.map((one) => (
+        {viewsOf(shown.film).map((one) => (
           <label key={one}>
             <input type="radio" name="plan-view" checked={view === one} onChange={() => (plan.view.value = one)} />
             <span>{t(`plan.${one}`)}</span>
@@ -83,7 +99,7 @@ function StepFacts({ step, model, playback }: { step: ComparedStep; model: CaseM
             <li key={at}>
               <button type="button" class="link" onClick={() => playback.seek(event.time_ns)}>
                 <Icon name="alarm" />
-                <span class="mono">{formatTime(event.time_ns - model.whole.start_ns)}</span> {event.text}
+                <span class="mono">{formatTime(event.time_ns - model.whole.start_ns)}</span> {pressureText(event.text)}
               </button>
             </li>
           ))}
@@ -104,7 +120,7 @@ function StepFacts({ step, model, playback }: { step: ComparedStep; model: CaseM
             {changes.map((one) => (
               <tr key={one.code}>
                 <th scope="row">
-                  {one.label} <small class="muted">{one.unit}</small>
+                  {vitalName(one.code, one.label)} <small class="muted">{one.unit}</small>
                 </th>
                 <td>{figure(one.before)}</td>
                 <td>{figure(one.during)}</td>
@@ -122,9 +138,17 @@ export function PlanPanel({ plan, model, playback }: { plan: PlanModel; model: C
   const shown = plan.shown.value;
   const now_ns = playback.position_ns.value;
   const problems = plan.unreadable.value;
+  if (plan.matching.plan.value) return <MatchingPanel matching={plan.matching} model={model} playback={playback} />;
+  const matchByHand = model.info.plan !== null && (
+    <button type="button" class="button" disabled={plan.matching.opening.value} onClick={() => void plan.matching.open(plan.list.peek().map((one) => one.name))}>
+      {t(plan.matching.opening.value ? 'match.opening' : 'match.open')}
+    </button>
+  );
   if (!shown) {
     return (
       <div class="plan-panel">
+        {plan.list.value.length === 0 && problems.length === 0 && <p class="muted">{t('match.none')}</p>}
+        {matchByHand}
         {problems.map((one) => (
           <p key={one.name} class="pad" role="alert">
             {one.name}: {one.problem}
@@ -160,8 +184,18 @@ export function PlanPanel({ plan, model, playback }: { plan: PlanModel; model: C
         open={row.sealed_before.verdict !== 'holds'}
       />
       <Proof group="whole" title={t(`whole.${row.whole.verdict}`)} judged={row.whole} open={row.whole.verdict !== 'holds'} />
-      {shown.player && <PlanViewChoice plan={plan} />}
-      {document.registration === null && shown.player && plan.view.value !== 'beside' && plan.view.value !== 'none' && <p class="muted plan-note">{t('plan.notRegistered')}</p>}
+      {shown.player && <PlanViewChoice plan={plan} shown={shown} />}
+      {document.registration === null && shown.film === 'replay' && shown.player && plan.view.value !== 'beside' && plan.view.value !== 'none' && <p class="muted plan-note">{t('plan.notRegistered')}</p>}
+      {document.fluoroscopy && (
+        <p class="muted plan-note">
+          {t('plan.similarity', { before: document.fluoroscopy.similarity.toFixed(3) })}
+          {document.fluoroscopy.alignment &&
+            ` ${t('plan.aligned', {
+              after: document.fluoroscopy.alignment.similarity.toFixed(3),
+              mm: Math.hypot(...document.fluoroscopy.alignment.translation_mm).toFixed(1),
+            })}`}
+        </p>
+      )}
       <table class="steps">
         <caption>
           {t('plan.found', { n: found, all: document.steps.length })}
@@ -217,6 +251,7 @@ export function PlanPanel({ plan, model, playback }: { plan: PlanModel; model: C
           ))}
         </ul>
       )}
+      {matchByHand}
       {current && <StepFacts step={current} model={model} playback={playback} />}
     </div>
   );

@@ -19,7 +19,8 @@ export class PlanPlayer implements Follower {
   constructor(
     caseId: string,
     name: string,
-    private readonly map: PlanMap,
+    film: 'replay' | 'radiographs',
+    private map: PlanMap,
     private readonly onProblem: (error: Error) => void,
   ) {
     this.video = document.createElement('video');
@@ -28,7 +29,7 @@ export class PlanPlayer implements Follower {
     this.video.preload = 'auto';
     this.video.disablePictureInPicture = true;
     this.video.tabIndex = -1;
-    void this.open(caseId, name);
+    void this.open(caseId, name, film);
   }
 
   close(): void {
@@ -37,6 +38,11 @@ export class PlanPlayer implements Follower {
     this.video.removeAttribute('src');
     this.video.load();
     if (this.address !== undefined) URL.revokeObjectURL(this.address);
+  }
+
+  /** Goes by another map of the same plan from now on. */
+  follow(map: PlanMap): void {
+    this.map = map;
   }
 
   /** Called for each picture of the screen. */
@@ -63,12 +69,12 @@ export class PlanPlayer implements Follower {
     if (video.paused) void video.play().catch(() => {}); // refused while a seek is under way: asked again with the next picture
   }
 
-  private async open(caseId: string, name: string): Promise<void> {
+  private async open(caseId: string, name: string, film: 'replay' | 'radiographs'): Promise<void> {
     try {
       // Whole: it is small, and then goes back and forth without asking.
-      const film = await cases.replay(caseId, name, this.closing.signal);
+      const bytes = await cases.planFilm(caseId, name, film, this.closing.signal);
       if (this.closing.signal.aborted) return;
-      this.address = URL.createObjectURL(film);
+      this.address = URL.createObjectURL(bytes);
       this.video.src = this.address;
     } catch (error) {
       if (!this.closing.signal.aborted && error instanceof Error) this.onProblem(error);

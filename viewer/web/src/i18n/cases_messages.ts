@@ -13,6 +13,7 @@ export const casesEn = {
 
   'stream.endoscope': 'Endoscope',
   'stream.room': 'Room',
+  'stream.fluoroscopy': 'Fluoroscopy',
   'stream.vitals': 'Vital signs',
   'stream.events': 'Events',
 
@@ -49,6 +50,7 @@ export const casesJa: Record<keyof typeof casesEn, string> = {
 
   'stream.endoscope': '内視鏡',
   'stream.room': '術場',
+  'stream.fluoroscopy': '透視',
   'stream.vitals': 'バイタルサイン',
   'stream.events': 'イベント',
 

@@ -4,6 +4,7 @@ import { caseEn, caseJa } from '@/i18n/case_messages';
 import { casesEn, casesJa } from '@/i18n/cases_messages';
 import { guestEn, guestJa } from '@/i18n/guest_messages';
 import { logEn, logJa } from '@/i18n/log_messages';
+import { matchEn, matchJa } from '@/i18n/match_messages';
 import { planEn, planJa } from '@/i18n/plan_messages';
 import { pointingEn, pointingJa } from '@/i18n/pointing_messages';
 import { roomsEn, roomsJa } from '@/i18n/rooms_messages';
@@ -19,6 +20,7 @@ const en = {
   ...verificationEn,
   ...caseEn,
   ...planEn,
+  ...matchEn,
   ...timelineEn,
   ...roomsEn,
   ...usersEn,
@@ -37,6 +39,7 @@ const ja: Record<MessageKey, string> = {
   ...verificationJa,
   ...caseJa,
   ...planJa,
+  ...matchJa,
   ...timelineJa,
   ...roomsJa,
   ...usersJa,

@@ -6,6 +6,8 @@ import { cases } from '@/api/client';
 import type { ComparedStep } from '@/api/types';
 import { spanAt, type Span } from '@/base/spans';
 import { formatTime, kMinute, kSecond } from '@/base/time';
+import type { MatchingModel } from '@/compare/matching_model';
+import { StepFlags } from '@/compare/step_flags';
 import { t, word } from '@/i18n/i18n';
 import { pieceAt } from '@/media/pieces';
 import type { Playback } from '@/media/playback';
@@ -50,9 +52,11 @@ interface Props {
   steps: readonly ComparedStep[];
   /** Where somebody pointed. */
   strokes: readonly Stroke[];
+  /** While its steps are matched by hand. */
+  matching: MatchingModel | undefined;
 }
 
-export function Timeline({ model, playback, store, selection, onSelect, withPictures, steps, strokes }: Props) {
+export function Timeline({ model, playback, store, selection, onSelect, withPictures, steps, strokes, matching }: Props) {
   const { element, width } = useWidth();
   const window = useSignal<Span>(model.whole);
   const hover = useSignal<{ time_ns: number; x: number; top: boolean } | undefined>(undefined);
@@ -65,7 +69,9 @@ export function Timeline({ model, playback, store, selection, onSelect, withPict
   const wide = plot.value;
   const version = store?.version.value ?? 0;
   const alarms = store?.over(window.value, wide).alarms ?? [];
-  const list = lanesOf(model, alarms.length > 0 || (store?.over(whole, 200).alarms.length ?? 0) > 0, steps.some((one) => one.done !== null), strokes.length > 0);
+  const hasSteps = matching !== undefined || steps.some((one) => one.done !== null);
+  const list = lanesOf(model, alarms.length > 0 || (store?.over(whole, 200).alarms.length ?? 0) > 0, hasSteps, strokes.length > 0);
+  const planLane = list.find((lane) => lane.kind === 'plan');
   const height = (list.at(-1)?.top ?? 0) + (list.at(-1)?.height ?? 0);
 
   // The window turns over when the clock leaves it, unless a hand holds it.
@@ -239,6 +245,9 @@ export function Timeline({ model, playback, store, selection, onSelect, withPict
           {store && <Trends store={store} window={shown} whole={whole} width={wide} />}
           {band(shown)}
           <div class="playhead" ref={(one) => void (heads.current[1] = one)} />
+          {matching && planLane && (
+            <StepFlags matching={matching} playback={playback} window={shown} whole={whole} width={wide} top={planLane.top} height={planLane.height} />
+          )}
         </div>
       </div>
       {hovered && (

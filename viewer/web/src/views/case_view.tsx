@@ -2,13 +2,13 @@
 import { useSignal } from '@preact/signals';
 import { useEffect, useMemo, useRef } from 'preact/hooks';
 import { cases as api } from '@/api/client';
-import type { Verdict } from '@/api/types';
+import type { ComparedStep, Verdict } from '@/api/types';
 import { hrefOf, route } from '@/base/route';
 import type { Span } from '@/base/spans';
 import { formatDuration, formatTime, kMinute, kSecond } from '@/base/time';
 import { nextSpeed } from '@/clock/sync';
-import { inOrderDone } from '@/compare/plan_map';
-import { kPlanViews, PlanModel } from '@/compare/plan_model';
+import { inOrderDone, stepAt } from '@/compare/plan_map';
+import { PlanModel, streamOf, viewsOf } from '@/compare/plan_model';
 import { PlanPanel } from '@/compare/plan_panel';
 import { PlanOver, PlanPane } from '@/compare/plan_pane';
 import { formatMoment, type MessageKey, t, word } from '@/i18n/i18n';
@@ -56,6 +56,7 @@ const kNoStrokes: readonly Stroke[] = [];
 
 type Tab = 'vitals' | 'moments' | 'plan';
 const kTabs: readonly Tab[] = ['vitals', 'plan', 'moments'];
+const kNoSteps: readonly ComparedStep[] = [];
 type Open = 'help' | 'goTo' | 'export' | undefined;
 
 function Loaded({ model, verdict, unlocked }: { model: CaseModel; verdict: Verdict | null; unlocked: boolean }) {
@@ -90,8 +91,9 @@ function Loaded({ model, verdict, unlocked }: { model: CaseModel; verdict: Verdi
   );
   const compared = plan?.shown.value;
   const planView = compared?.player ? plan?.view.value : undefined;
-  const steps = useMemo(() => compared?.document.steps ?? [], [compared]);
-  const hasPlan = (plan?.list.value.length ?? 0) > 0 || (plan?.unreadable.value.length ?? 0) > 0;
+  const matching = plan?.matching.plan.value ? plan.matching : undefined;
+  const steps = matching ? matching.steps.value : (compared?.document.steps ?? kNoSteps);
+  const hasPlan = plan !== undefined && (model.info.plan !== null || plan.list.value.length > 0 || plan.unreadable.value.length > 0);
   useEffect(
     () => () => {
       plan?.close();
@@ -182,6 +184,10 @@ function Loaded({ model, verdict, unlocked }: { model: CaseModel; verdict: Verdi
     announce(`${mark.text}, ${formatTime(mark.time_ns - model.whole.start_ns)}`);
   };
   const seekStep = (to: 'previous' | 'next') => {
+    if (matching) {
+      chooseStep(matching.chosen.peek() + (to === 'next' ? 1 : -1));
+      return;
+    }
     const done = inOrderDone(steps);
     const time_ns = neighbours(done.map((one) => one.done.start_ns), playback.position_ns.peek())[to];
     const step = done.find((one) => one.done.start_ns === time_ns);
@@ -192,9 +198,37 @@ function Loaded({ model, verdict, unlocked }: { model: CaseModel; verdict: Verdi
     playback.seek(step.done.start_ns);
     announce(`${step.step}. ${step.name}, ${formatTime(step.done.start_ns - model.whole.start_ns)}`);
   };
+  /** While steps are matched by hand: also of one that was not done. */
+  const chooseStep = (number: number) => {
+    matching?.choose(number);
+    const step = steps.find((one) => one.step === matching?.chosen.peek());
+    if (!step) return;
+    if (step.done) playback.seek(step.done.start_ns);
+    announce(`${step.step}. ${step.name}, ${step.done ? formatTime(step.done.start_ns - model.whole.start_ns) : t('match.notDone')}`);
+  };
+  const match = (action: Action) => {
+    if (!matching || matching.making.peek()) return;
+    const at_ns = playback.position_ns.peek();
+    const chosen = steps.find((one) => one.step === matching.chosen.peek());
+    if (action === 'matchBegin' && chosen) {
+      matching.begin(at_ns);
+      announce(t('match.begun', { name: chosen.name, time: formatTime(at_ns - model.whole.start_ns, 3) }));
+    } else if (action === 'matchEnd') {
+      const running = stepAt(steps, at_ns - 1);
+      if (running) matching.end(running.step, at_ns);
+    } else if (action === 'matchRemove' && chosen) {
+      matching.remove(chosen.step);
+      announce(`${chosen.step}. ${chosen.name}, ${t('match.notDone')}`);
+    } else if (action === 'undo') {
+      matching.undo();
+    } else if (action === 'redo') {
+      matching.redo();
+    }
+  };
   const nextPlanView = () => {
     if (!plan || !compared?.player) return;
-    plan.view.value = kPlanViews[(kPlanViews.indexOf(plan.view.peek()) + 1) % kPlanViews.length] ?? 'beside';
+    const views = viewsOf(compared.film);
+    plan.view.value = views[(views.indexOf(plan.view.peek()) + 1) % views.length] ?? 'beside';
     announce(`${t('plan.view')}: ${t(`plan.${plan.view.peek()}`)}`);
   };
   const setSpeed = (step: 1 | -1) => {
@@ -231,6 +265,12 @@ function Loaded({ model, verdict, unlocked }: { model: CaseModel; verdict: Verdi
       case 'previousStep': return seekStep('previous');
       case 'nextStep': return seekStep('next');
       case 'planView': return nextPlanView();
+      case 'matchBegin':
+      case 'matchEnd':
+      case 'matchRemove':
+      case 'undo':
+      case 'redo':
+        return match(action);
       case 'selectFrom': return select('from');
       case 'selectTo': return select('to');
       case 'clearSelection':
@@ -305,7 +345,7 @@ function Loaded({ model, verdict, unlocked }: { model: CaseModel; verdict: Verdi
                 onEnlarge={at === large.value ? undefined : () => (large.value = at)}
                 onOriginal={toggleOriginals}
               >
-                {plan && compared && (planView === 'overlay' || planView === 'wipe') && player.stream === compared.document.case.stream && (
+                {plan && compared && planView !== undefined && planView !== 'beside' && planView !== 'none' && player.stream === streamOf(compared) && (
                   <PlanOver plan={plan} shown={compared} />
                 )}
                 {pointing && <RecordedPointers pointing={pointing} player={player} playback={playback} />}
@@ -371,7 +411,7 @@ function Loaded({ model, verdict, unlocked }: { model: CaseModel; verdict: Verdi
         </div>
       )}
       <Transport model={model} playback={playback} withPictures={unlocked} act={act} />
-      <Timeline model={model} playback={playback} store={store} selection={chosen} onSelect={(span) => (selection.value = span)} withPictures={unlocked} steps={steps} strokes={pointing?.strokes.value ?? kNoStrokes} />
+      <Timeline model={model} playback={playback} store={store} selection={chosen} onSelect={(span) => (selection.value = span)} withPictures={unlocked} steps={steps} strokes={pointing?.strokes.value ?? kNoStrokes} matching={matching} />
 
       {dialog.value === 'help' && (
         <Dialog title={t('help.title')} onClose={() => (dialog.value = undefined)}>

@@ -1,0 +1,111 @@
+#include "apps/sim/comparison_check.h"
+
+#include <algorithm>
+#include <filesystem>
+#include <iostream>
+
+#include <nlohmann/json.hpp>
+
+#include "apps/common/file.h"
+#include "apps/kiroku/home.h"
+#include "apps/kiroku/plan_seal.h"
+#include "apps/kiroku/stamped_file.h"
+#include "apps/sim/sealed_files.h"
+#include "archive/case_reader.h"
+#include "base/error.h"
+#include "crypto/encoding.h"
+#include "viewer/kept/log_of_case.h"
+#include "viewer/kept/provenance.h"
+
+namespace kiroku::apps {
+namespace {
+
+namespace fs = std::filesystem;
+
+/// Whether the case still begins as it did when it was compared.
+Check check_case(const ComparisonRequest& request, const std::optional<Home>& home,
+                 const compare::CaseState& stated) {
+  using Answer = Check::Answer;
+  fs::path folder;
+  try {
+    folder = find_case(home, request.named.value_or(stated.case_id));
+  } catch (const Error&) {
+    return {"case", Answer::kUnknown, "the case " + stated.case_id + " is not here: name its folder"};
+  }
+  try {
+    if (archive::CaseReader::open(folder).opening().case_id != stated.case_id)
+      return {"case", Answer::kDiffers,
+              folder.filename().string() + " is another case than " + stated.case_id};
+    const auto root = compare::root_of_first(folder, stated.ledger_size);
+    if (!root) return {"case", Answer::kDiffers, "its ledger has lost entries since"};
+    if (*root != stated.ledger_root) return {"case", Answer::kDiffers, "its ledger was changed since"};
+  } catch (const Error& error) {
+    return {"case", Answer::kUnknown, error.what()};
+  }
+  return {"case", Answer::kHolds,
+          "the first " + std::to_string(stated.ledger_size) + " ledger entries of " + stated.case_id +
+              " are as they were compared"};
+}
+
+std::vector<Check> check_plan(const ComparisonRequest& request, const compare::Provenance& made) {
+  using Answer = Check::Answer;
+  if (!request.plan)
+    return {{"plan", Answer::kUnknown, "name the plan, whose files are kept by whoever planned"}};
+  std::vector<SealedFile> files;
+  for (const compare::NamedFile& file : made.plan_files)
+    files.push_back({file.role, file.name, file.bytes, file.sha256});
+  std::vector<Check> checks = check_sealed_files(files, fs::path(*request.plan).parent_path());
+  for (Check& check : checks) check.what = "plan";
+  if (crypto::sha256(bytes_of(plan_seal_text({made.plan, files}))) != made.plan_seal)
+    checks.push_back(
+        {"plan", Answer::kDiffers, "the document's list of files does not have the seal it states"});
+  return checks;
+}
+
+std::vector<Check> check_outputs(const compare::Provenance& made, const fs::path& folder) {
+  using Answer = Check::Answer;
+  std::vector<Check> checks;
+  for (const compare::NamedFile& output : made.outputs) {
+    // Only beside the document: a name that leads elsewhere is none of ours.
+    const fs::path name = fs::path(output.name).filename();
+    try {
+      const bool same = hashed(output.role, output.name, folder / name).sha256 == output.sha256;
+      checks.push_back({output.role, same ? Answer::kHolds : Answer::kDiffers,
+                        name.string() + (same ? " is as it was made" : " was changed since")});
+    } catch (const IoError& error) {
+      checks.push_back({output.role, Answer::kUnknown, error.what()});
+    }
+  }
+  return checks;
+}
+
+}  // namespace
+
+int verify_comparison(const ComparisonRequest& request) {
+  const fs::path file = *request.verified;
+  const Bytes bytes = read_small_file(file, "the comparison");
+  const compare::Provenance made = compare::read_provenance(text_of(bytes), file.string());
+  const crypto::Sha256Digest digest = crypto::sha256(bytes);
+  const std::optional<Home> home = Home::find(request.home);
+  std::vector<Check> checks{check_case(request, home, made.case_state)};
+  std::ranges::move(check_plan(request, made), std::back_inserter(checks));
+  std::ranges::move(check_outputs(made, file.parent_path()), std::back_inserter(checks));
+  std::ranges::move(check_tokens(request.trust, home, file, digest), std::back_inserter(checks));
+  checks.push_back(check_log(home, "comparison", [&](const archive::LogEntryBody& body) {
+    const auto* const entry = std::get_if<archive::AccessEntry>(&body);
+    return entry != nullptr && entry->what == compare::comparison_deed(digest) &&
+           entry->case_id == made.case_state.case_id;
+  }));
+  const int status = tell_checks(file.string(), "made by " + made.made_by, checks,
+                                 {{"comparison", file.string()},
+                                  {"case", made.case_state.case_id},
+                                  {"plan", made.plan},
+                                  {"made_by", made.made_by},
+                                  {"made_at", format_utc(made.made_at)},
+                                  {"sha256", crypto::to_hex(digest)}},
+                                 request.json);
+  if (!request.json) std::cout << "  Whether the case itself is whole tells kiroku verify.\n";
+  return status;
+}
+
+}  // namespace kiroku::apps

@@ -1,0 +1,147 @@
+#include "apps/sim/comparison_telling.h"
+
+#include <iostream>
+#include <string>
+
+#include <nlohmann/json.hpp>
+
+#include "apps/common/command_line.h"
+#include "apps/common/format.h"
+#include "apps/common/json_output.h"
+#include "base/utc_time.h"
+#include "crypto/encoding.h"
+#include "sim/fem/number_text.h"
+#include "viewer/compare/by_hand.h"
+
+namespace kiroku::apps {
+namespace {
+
+using nlohmann::ordered_json;
+
+constexpr std::int64_t kNsPerSecond = 1'000'000'000;
+
+void print_comparison(const compare::Comparison& comparison, const PlanAtHand& at_hand) {
+  std::vector<std::vector<std::string>> rows{{"step", "done as", "began at", "lasted", "planned for"}};
+  for (const compare::StepFigures& figures : comparison.figures) {
+    const compare::PlannedStep& planned = comparison.steps[figures.step];
+    const std::string name = std::to_string(figures.step + 1) + ". " + printable(planned.name);
+    const std::string lasts = sim::number_text(planned.duration_s, 4) + " s";
+    if (const compare::StepMatch* const match = comparison.matching.match_of(figures.step)) {
+      rows.push_back(
+          {name, std::to_string(*figures.done_as + 1) + ".",
+           compare::case_time_text(match->span.start_ns, comparison.case_begins_ns),
+           sim::number_text(double(match->span.end_ns - match->span.start_ns) / double(kNsPerSecond), 4) +
+               " s",
+           lasts});
+    } else {
+      rows.push_back({name, "not found", "", "", lasts});
+    }
+  }
+  std::cout << format_table(rows, "lrrrr", 2);
+  for (const compare::ToolDistance& tool : comparison.tools) {
+    std::cout << "  " << printable(at_hand.plan.tools[tool.tool].tool.name) << ": "
+              << sim::number_text(tool.all.mean_px, 3) << " pixels from its planned way on average, "
+              << sim::number_text(tool.all.largest_px, 3) << " at most, in " << tool.all.pictures
+              << " pictures\n";
+  }
+}
+
+ordered_json found_json(const compare::StepMatch& match) {
+  ordered_json pauses = ordered_json::array();
+  for (const archive::Span& pause : match.pauses)
+    pauses.push_back({{"start_ns", pause.start_ns}, {"end_ns", pause.end_ns}});
+  const bool stated =
+      match.end_from == compare::KnownFrom::kMark || match.end_from == compare::KnownFrom::kHand;
+  return {{"step", match.step + 1},
+          {"start_ns", match.span.start_ns},
+          {"end_ns", stated ? ordered_json(match.span.end_ns) : ordered_json(nullptr)},
+          {"pauses", std::move(pauses)}};
+}
+
+void print_fluoroscopy(const compare::Fluoroscopy& found) {
+  std::cout << "  fluoroscopy: gradient correlation " << sim::number_text(found.similarity, 4);
+  if (found.alignment) {
+    constexpr double kMmPerM = 1000;
+    const sim::Vector3 mm = kMmPerM * found.alignment->translation_m;
+    std::cout << ", aligned " << sim::number_text(found.alignment->similarity_after, 4)
+              << "; the patient lay " << sim::number_text(mm.x(), 3) << ", " << sim::number_text(mm.y(), 3)
+              << ", " << sim::number_text(mm.z(), 3) << " mm to the left, back and head";
+  }
+  std::cout << "\n";
+}
+
+}  // namespace
+
+int tell_comparison(const ComparisonRequest& request, const compare::Comparison& comparison,
+                    const PlanAtHand& at_hand, const MadeComparison& made, std::uint64_t pictures,
+                    const Keeping* keeping) {
+  const std::string document =
+      keeping == nullptr ? made.document.string() : keeping->place().sealed_document().string();
+  const std::string output = request.output.value_or(document);
+  if (request.json) {
+    ordered_json object{{"output", output},
+                        {"document", document},
+                        {"sha256", crypto::to_hex(made.digest)},
+                        {"in_log", made.in_log},
+                        {"time_stamps", stamps_json(made.stamps)},
+                        {"steps_found", comparison.matching.matches.size()},
+                        {"steps_planned", comparison.steps.size()},
+                        {"in_planned_order", comparison.matching.in_planned_order()},
+                        {"pictures", pictures}};
+    if (comparison.fluoroscopy) {
+      object["similarity"] = {{"before", comparison.fluoroscopy->similarity}};
+      if (comparison.fluoroscopy->alignment)
+        object["similarity"]["after"] = comparison.fluoroscopy->alignment->similarity_after;
+    }
+    if (keeping != nullptr) object["name"] = keeping->place().name;
+    print_json(object);
+  } else {
+    warn_of_missing(made.stamps);
+    print_comparison(comparison, at_hand);
+    if (comparison.fluoroscopy) print_fluoroscopy(*comparison.fluoroscopy);
+    std::cout << output << ": " << comparison.matching.matches.size() << " of " << comparison.steps.size()
+              << " steps found" << (comparison.matching.in_planned_order() ? "" : ", in another order")
+              << "\n  " << document
+              << (made.in_log ? " is entered into the appliance log"
+                              : " is not sealed: "
+                                "the case is not of this home")
+              << "\n  hash  " << crypto::to_hex(made.digest) << "\n";
+    for (const Stamp& each : made.stamps) {
+      if (each.gen_time)
+        std::cout << "  time  " << format_utc(*each.gen_time) << " by " << each.authority << "\n";
+    }
+    if (keeping != nullptr) {
+      std::cout << "  next  kiroku view shows it in the case"
+                << (pictures == 0 ? ", without the plan's film: the plan names no CT (--volume)" : "")
+                << "\n";
+    }
+  }
+  return any_valid(made.stamps) ? kDone : kNoAnswer;
+}
+
+void tell_steps(const compare::Comparison& comparison, const PlanAtHand& at_hand, bool json) {
+  if (!json) {
+    print_comparison(comparison, at_hand);
+    return;
+  }
+  ordered_json steps = ordered_json::array(), found = ordered_json::array(), tools = ordered_json::array();
+  for (std::size_t step = 0; step < comparison.steps.size(); ++step) {
+    const compare::PlannedStep& planned = comparison.steps[step];
+    steps.push_back({{"step", step + 1},
+                     {"name", planned.name},
+                     {"start_s", planned.start_s},
+                     {"duration_s", planned.duration_s}});
+  }
+  for (const compare::StepMatch& match : comparison.matching.matches) found.push_back(found_json(match));
+  for (const auto& each : at_hand.plan.tools) tools.push_back(each.tool.name);
+  print_json({{"plan", at_hand.plan.name},
+              {"seal", crypto::to_hex(at_hand.seal)},
+              {"stream", comparison.stream},
+              {"begins_ns", comparison.case_begins_ns},
+              {"end_ns", comparison.recording_end_ns},
+              {"steps", std::move(steps)},
+              {"found", std::move(found)},
+              {"tools", std::move(tools)}});
+}
+
+}  // namespace kiroku::apps

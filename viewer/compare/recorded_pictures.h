@@ -1,0 +1,34 @@
+// The recording's pictures, one after the other, as a film in step asks for them. Belongs to one thread.
+#pragma once
+
+#include <cstdint>
+#include <string>
+
+#include "archive/case_reader.h"
+#include "crypto/age_recipient.h"
+#include "media/rgb_converter.h"
+#include "sim/render/picture.h"
+#include "viewer/playback/picture_span.h"
+
+namespace kiroku::compare {
+
+class RecordedPictures {
+ public:
+  /// Pictures of that size, from those of [from_ns, to_ns) on. What is given must outlive the object. As
+  /// playback::PictureSpan throws.
+  RecordedPictures(const archive::CaseReader& recording, const crypto::AgeIdentities& identities,
+                   const std::string& stream, std::int64_t from_ns, std::int64_t to_ns, int width,
+                   int height);
+
+  /// Moments must not go back. Black where nothing was recorded yet; where a recording stops for a while, its
+  /// last picture stays.
+  const sim::Picture& at(std::int64_t case_ns);
+
+ private:
+  playback::PictureSpan reader_;
+  media::RgbConverter converter_;
+  bool pending_;  // the reader holds a picture that is still to come
+  sim::Picture picture_;
+};
+
+}  // namespace kiroku::compare

@@ -1,0 +1,133 @@
+// Matching by hand while it is done: the plan's steps, what was said of them with its way back, and the making of a comparison of it.
+import { batch, computed, type Signal, signal } from '@preact/signals';
+import { cases } from '@/api/client';
+import type { ComparedStep, ComparisonMaking, Matching } from '@/api/types';
+import type { Span } from '@/base/spans';
+import { begun, beginning, byHand, changed, compared, type Draft, ended, freeName, type History, mapOfSteps, notDone, ofFound, redone, undone } from '@/compare/matching';
+
+const kAskEvery_ms = 400;
+const kNoSteps: readonly ComparedStep[] = [];
+
+export class MatchingModel {
+  readonly plan: Signal<Matching | undefined> = signal(undefined);
+  readonly opening = signal(false);
+  /** The step that keys and buttons are about. */
+  readonly chosen = signal(1);
+  readonly name = signal('');
+  readonly making: Signal<ComparisonMaking | undefined> = signal(undefined);
+  private readonly history: Signal<History<Draft>> = signal(beginning<Draft>(new Map()));
+  /** While a flag is held: what would be said if it were let go. */
+  private readonly held: Signal<Draft | undefined> = signal(undefined);
+  readonly draft = computed(() => this.held.value ?? this.history.value.now);
+  readonly steps = computed(() => (this.plan.value ? compared(this.plan.value.steps, this.draft.value, this.room.value) : kNoSteps));
+  readonly map = computed(() => mapOfSteps(this.steps.value));
+  readonly canUndo = computed(() => this.history.value.past.length > 0);
+  readonly canRedo = computed(() => this.history.value.future.length > 0);
+  private readonly room = computed<Span>(() => ({ start_ns: this.plan.value?.begins_ns ?? 0, end_ns: this.plan.value?.end_ns ?? 0 }));
+  private closed = false;
+
+  constructor(
+    private readonly caseId: string,
+    private readonly onProblem: (error: Error) => void,
+    /** A comparison of this name is there. */
+    private readonly onMade: (name: string) => Promise<void>,
+  ) {}
+
+  get isOpen(): boolean {
+    return this.plan.value !== undefined;
+  }
+
+  close(): void {
+    this.closed = true;
+  }
+
+  async open(taken: readonly string[]): Promise<void> {
+    if (this.opening.peek()) return;
+    this.opening.value = true;
+    try {
+      const plan = await cases.matching(this.caseId);
+      if (this.closed) return;
+      batch(() => {
+        this.history.value = beginning(ofFound(plan.found, { start_ns: plan.begins_ns, end_ns: plan.end_ns }));
+        this.chosen.value = plan.steps[0]?.step ?? 1;
+        this.name.value = freeName(taken);
+        this.plan.value = plan;
+      });
+    } catch (error) {
+      if (!this.closed && error instanceof Error) this.onProblem(error);
+    } finally {
+      this.opening.value = false;
+    }
+  }
+
+  leave(): void {
+    this.plan.value = undefined;
+  }
+
+  /** The chosen step begins at this moment; the next one is chosen. */
+  begin(at_ns: number): void {
+    const step = this.chosen.peek();
+    this.say(begun(this.draft.peek(), step, at_ns, this.room.peek()));
+    this.choose(step + 1);
+  }
+  /** The step that was begun last, at or before this moment, ends there. */
+  end(step: number, at_ns: number): void {
+    this.say(ended(this.draft.peek(), step, at_ns, this.room.peek()));
+  }
+  remove(step: number): void {
+    this.say(notDone(this.draft.peek(), step, this.room.peek()));
+  }
+  /** The step's flag held at a moment; said once it is dropped. */
+  hold(step: number, at_ns: number): void {
+    this.held.value = begun(this.history.peek().now, step, at_ns, this.room.peek());
+  }
+  drop(): void {
+    const draft = this.held.peek();
+    if (!draft) return;
+    batch(() => {
+      this.held.value = undefined;
+      this.say(draft);
+    });
+  }
+  undo(): void {
+    this.history.value = undone(this.history.peek());
+  }
+  redo(): void {
+    this.history.value = redone(this.history.peek());
+  }
+  choose(step: number): void {
+    const all = this.plan.peek()?.steps.length ?? 0;
+    this.chosen.value = Math.max(1, Math.min(all, step));
+  }
+
+  /** Has the server make a comparison of what was said, and waits for it. */
+  async keep(): Promise<void> {
+    try {
+      this.making.value = await cases.compare(this.caseId, this.name.peek(), byHand(this.draft.peek()));
+      while (!this.closed && this.making.peek()?.state === 'running') {
+        await new Promise((resolve) => setTimeout(resolve, kAskEvery_ms));
+        if (!this.closed) this.making.value = await cases.making(this.caseId);
+      }
+      const made = this.making.peek();
+      if (this.closed || !made) return;
+      if (made.state === 'failed') throw new Error(made.problem);
+      await this.onMade(made.name);
+      this.leave();
+    } catch (error) {
+      if (!this.closed && error instanceof Error) this.onProblem(error);
+    } finally {
+      this.making.value = undefined;
+    }
+  }
+  async stop(): Promise<void> {
+    try {
+      await cases.stopMaking(this.caseId);
+    } catch (error) {
+      if (error instanceof Error) this.onProblem(error);
+    }
+  }
+
+  private say(draft: Draft): void {
+    if (draft !== this.history.peek().now) this.history.value = changed(this.history.peek(), draft);
+  }
+}
