@@ -86,6 +86,21 @@ Manipulation::Manipulation(const ContactBody& body, const Manipulation& previous
   step(previous.poses_);
 }
 
+Manipulation::Manipulation(const Manipulation& other)
+    : body_(other.body_),
+      tools_(other.tools_),
+      options_(other.options_),
+      size_m_(other.size_m_),
+      bound_(other.bound_),
+      bound_changed_(other.bound_changed_),
+      poses_(other.poses_),
+      pressed_{other.pressed_.solver ? std::make_unique<ContactSolver>(*other.pressed_.solver) : nullptr,
+               other.pressed_.tools, other.pressed_.displacement_m},
+      result_(other.result_),
+      near_(other.near_),
+      surface_m_(other.surface_m_),
+      tree_(other.tree_) {}
+
 const Tool& Manipulation::known(std::size_t tool) const {
   if (tool >= tools_.size()) {
     throw UsageError("there is no tool " + std::to_string(tool) + ": there are " +

@@ -57,6 +57,10 @@ class Manipulation {
   /// there are let go. kiroku::UsageError for another number of nodes, and what step() throws.
   Manipulation(const ContactBody& body, const Manipulation& previous);
 
+  /// Goes on from the same state on the same body by itself, to the same bits.
+  Manipulation(const Manipulation& other);
+  Manipulation& operator=(const Manipulation&) = delete;
+
   /// Closes a tool that kBinds, which is at `pose`: nodes of the surface that are in its shape now, as of the
   /// last step, are bound to it, and from the next step on follow it as if they were part of it:
   /// position = pose * pose_at_grasp^-1 * position_at_grasp. Nothing moves by the grasp itself. How many were

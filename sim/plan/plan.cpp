@@ -9,12 +9,12 @@
 #include "sim/fem/number_text.h"
 #include "sim/mesh/mesh_topology.h"
 #include "sim/model/json_field.h"
+#include "sim/plan/written_pose.h"
 
 namespace kiroku::sim {
 namespace {
 
 constexpr double kLongestStepS = 600, kShortestTimeStepS = 0.001;
-constexpr double kPi = 3.14159265358979323846;
 
 constexpr std::array<std::pair<const char*, ToolKind>, 6> kKinds{{{"forceps", ToolKind::kForceps},
                                                                   {"pin", ToolKind::kPin},
@@ -44,19 +44,6 @@ Value word_of(const JsonField& field, const std::array<std::pair<const char*, Va
 template <typename Value, std::size_t kSize>
 const char* word_for(Value value, const std::array<std::pair<const char*, Value>, kSize>& words) {
   return std::ranges::find(words, value, &std::pair<const char*, Value>::second)->first;
-}
-
-/// Of the edges of the surface; 0 for none.
-double mean_surface_edge_m(const TetMesh& mesh) {
-  double sum_m = 0;
-  std::size_t edges = 0;
-  for (const Face& face : faces_of(mesh).surface) {
-    for (std::size_t i = 0; i < 3; ++i) {
-      sum_m += (mesh.nodes[face.nodes[(i + 1) % 3]] - mesh.nodes[face.nodes[i]]).norm();
-      ++edges;
-    }
-  }
-  return edges == 0 ? 0 : sum_m / static_cast<double>(edges);
 }
 
 class PlanReader {
@@ -235,8 +222,7 @@ class PlanReader {
       const JsonField axis = rotation->member("axis");
       const Vector3 direction = axis.vector();
       if (!(direction.norm() > 0)) axis.fail("has no direction");
-      pose.orientation =
-          Eigen::AngleAxisd(rotation->member("degrees").number() / 180 * kPi, direction.normalized());
+      pose.orientation = orientation_of({direction, rotation->member("degrees").number()});
     }
     return pose;
   }
@@ -394,9 +380,25 @@ double begins_s(const Plan& plan, std::size_t step) {
   return sum;
 }
 
+double mean_surface_edge_m(const TetMesh& mesh) {
+  double sum_m = 0;
+  std::size_t edges = 0;
+  for (const Face& face : faces_of(mesh).surface) {
+    for (std::size_t i = 0; i < 3; ++i) {
+      sum_m += (mesh.nodes[face.nodes[(i + 1) % 3]] - mesh.nodes[face.nodes[i]]).norm();
+      ++edges;
+    }
+  }
+  return edges == 0 ? 0 : sum_m / static_cast<double>(edges);
+}
+
 PlanReading read_plan(const std::filesystem::path& file, const MeshMaker& maker) {
+  return read_plan_text(read_document(file), file, maker);
+}
+
+PlanReading read_plan_text(const std::string& text, const std::filesystem::path& file,
+                           const MeshMaker& maker) {
   PlanReading reading;
-  const std::string text = read_document(file);
   try {
     const nlohmann::json document = JsonField::parse(text, file.string());
     PlanReader reader(JsonField(document, file.string()), file.parent_path(), maker, reading.errors);

@@ -80,5 +80,11 @@ struct PlanReading {
 /// kiroku::IoError for a file that cannot be read; all else is told in the result.
 /// `maker` makes the mesh where the plan has a recipe for it; without, it must name a file.
 PlanReading read_plan(const std::filesystem::path& file, const MeshMaker& maker = {});
+/// The same for a document's text that is not, or not so, in the file: that only says where it belongs.
+PlanReading read_plan_text(const std::string& text, const std::filesystem::path& file,
+                           const MeshMaker& maker = {});
+
+/// Of the edges of the mesh's surface; 0 for none.
+double mean_surface_edge_m(const TetMesh& mesh);
 
 }  // namespace kiroku::sim

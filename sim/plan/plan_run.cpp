@@ -13,6 +13,20 @@ namespace {
 
 constexpr double kNever = std::numeric_limits<double>::infinity();
 constexpr double kMillimetresPerMetre = 1000;
+/// Of a time step: what is left by rounding when times are added up.
+constexpr double kSameMoment = 1e-9;
+
+/// A time step further, and at the key frame that is there but for rounding.
+double next_moment_s(const PlanStep& step, double local_s, double time_step_s) {
+  const double next_s = std::min(local_s + time_step_s, step.duration_s);
+  for (const PlanMotion& motion : step.motions) {
+    const std::vector<KeyFrame>& frames = motion.path.frames();
+    const auto frame =
+        std::ranges::lower_bound(frames, next_s - kSameMoment * time_step_s, {}, &KeyFrame::at_s);
+    if (frame != frames.end() && frame->at_s <= next_s + kSameMoment * time_step_s) return frame->at_s;
+  }
+  return next_s;
+}
 
 }  // namespace
 
@@ -23,11 +37,10 @@ struct PlanRun::Body {
         contact(elastic, elastic.weight_n(plan.body.gravity_m_s2)) {}
   ElasticBody elastic;
   ContactBody contact;
-  std::unique_ptr<Manipulation> manipulation;
 };
 
 PlanRun::PlanRun(const Plan& plan)
-    : plan_(plan), body_(std::make_unique<Body>(plan.body.mesh, plan)), mesh_(plan.body.mesh) {
+    : plan_(plan), body_(std::make_shared<const Body>(plan.body.mesh, plan)), mesh_(plan.body.mesh) {
   std::vector<Tool> tools;
   place_of_.resize(plan.tools.size());
   for (std::size_t tool = 0; tool < plan.tools.size(); ++tool) {
@@ -36,15 +49,45 @@ PlanRun::PlanRun(const Plan& plan)
     manipulated_.push_back(tool);
     tools.push_back(plan.tools[tool].tool);
   }
-  body_->manipulation = std::make_unique<Manipulation>(body_->contact, std::move(tools));
-  if (std::ranges::count(plan.steps, PlanAction::kCut, &PlanStep::action) > 0)
-    shape_.emplace(plan.body.mesh, plan.body.constraints);
+  manipulation_ = std::make_unique<Manipulation>(body_->contact, std::move(tools));
   bears_.assign(mesh_.tetrahedra.size(), 1);
   frame_.poses.resize(plan.tools.size());
   frame_.tools.resize(plan.tools.size());
 }
 
+PlanRun::PlanRun(const PlanRun& other)
+    : plan_(other.plan_),
+      manipulated_(other.manipulated_),
+      place_of_(other.place_of_),
+      shape_(other.shape_),
+      body_(other.body_),
+      manipulation_(std::make_unique<Manipulation>(*other.manipulation_)),
+      mesh_(other.mesh_),
+      bears_(other.bears_),
+      begun_(other.begun_),
+      in_step_(other.in_step_),
+      kept_open_(other.kept_open_),
+      unbalanced_told_(other.unbalanced_told_),
+      step_(other.step_),
+      step_begins_s_(other.step_begins_s_),
+      local_s_(other.local_s_),
+      nearest_m_(other.nearest_m_),
+      blade_rest_(other.blade_rest_),
+      frame_(other.frame_),
+      figures_(other.figures_) {}
+
 PlanRun::~PlanRun() = default;
+
+template <typename Do>
+void PlanRun::at_step(Do what) {
+  try {
+    what();
+  } catch (const Error& error) {
+    const std::size_t failed = std::exchange(step_, plan_.steps.size());
+    const PlanStep& step = plan_.steps[failed];
+    throw Error(step.where + " (" + name_of(step.action) + "): " + error.what());
+  }
+}
 
 bool PlanRun::next() {
   if (!begun_) {
@@ -54,18 +97,24 @@ bool PlanRun::next() {
     return true;
   }
   if (step_ == plan_.steps.size()) return false;
-  const PlanStep& step = plan_.steps[step_];
-  try {
+  const bool open = kept_open_ && step_ + 1 == plan_.steps.size();
+  if (open && in_step_ && at_end()) return false;
+  at_step([&] {
     if (!in_step_) begin_step();
-    advance(std::min(local_s_ + plan_.time_step_s, step.duration_s));
+    advance(next_moment_s(plan_.steps[step_], local_s_, plan_.time_step_s));
     record();
-    // What is left of a time step by rounding is none.
-    if (step.duration_s - local_s_ < 1e-9 * plan_.time_step_s) finish_step();
-  } catch (const Error& error) {
-    const std::size_t failed = std::exchange(step_, plan_.steps.size());
-    throw Error(plan_.steps[failed].where + " (" + name_of(step.action) + "): " + error.what());
-  }
+    if (at_end() && !open) finish_step();
+  });
   return true;
+}
+
+void PlanRun::end_step() {
+  kept_open_ = false;
+  at_step([&] { finish_step(); });
+}
+
+bool PlanRun::at_end() const {
+  return plan_.steps[step_].duration_s - local_s_ < kSameMoment * plan_.time_step_s;
 }
 
 void PlanRun::begin_step() {
@@ -83,10 +132,10 @@ void PlanRun::begin_step() {
   for (const PlanMotion& motion : step.motions) {
     frame_.poses[motion.tool] = motion.path.at(0);
     if (step.action == PlanAction::kGrasp)
-      body_->manipulation->grasp(place_of_[motion.tool], *frame_.poses[motion.tool]);
+      manipulation_->grasp(place_of_[motion.tool], *frame_.poses[motion.tool]);
   }
   for (const std::size_t tool : step.released) {
-    if (binds(plan_.tools[tool].kind)) body_->manipulation->release(place_of_[tool]);
+    if (binds(plan_.tools[tool].kind)) manipulation_->release(place_of_[tool]);
     frame_.poses[tool].reset();
   }
 }
@@ -127,6 +176,7 @@ BladePose PlanRun::blade(const PlanMotion& motion, double local_s) const {
 }
 
 void PlanRun::cut(const PlanMotion& motion, double from_s, double to_s) {
+  if (!shape_) shape_.emplace(plan_.body.mesh, plan_.body.constraints);
   const RestMapping mapping(shape_->geometry(), frame_.displacement_m);
   if (!blade_rest_) blade_rest_ = mapping.to_rest(blade(motion, from_s));
   const BladePose to = mapping.to_rest(blade(motion, to_s));
@@ -142,8 +192,8 @@ void PlanRun::cut(const PlanMotion& motion, double from_s, double to_s) {
   for (std::uint32_t t = 0; t < plan_.body.mesh.tetrahedra.size(); ++t) {
     if (shape_->geometry().present(t)) bears_.push_back(shape_->bears(t) ? 1 : 0);
   }
-  auto body = std::make_unique<Body>(shape_->bearing(), plan_);
-  body->manipulation = std::make_unique<Manipulation>(body->contact, *body_->manipulation);
+  auto body = std::make_shared<const Body>(shape_->bearing(), plan_);
+  manipulation_ = std::make_unique<Manipulation>(body->contact, *manipulation_);
   body_ = std::move(body);
 }
 
@@ -151,11 +201,11 @@ void PlanRun::balance() {
   std::vector<OptionalPose> poses;
   poses.reserve(manipulated_.size());
   for (const std::size_t tool : manipulated_) poses.push_back(frame_.poses[tool]);
-  const ManipulationResult& result = body_->manipulation->step(poses);
+  const ManipulationResult& result = manipulation_->step(poses);
   for (std::size_t place = 0; place < manipulated_.size(); ++place)
     frame_.tools[manipulated_[place]] = result.tools[place];
-  frame_.displacement_m = body_->manipulation->displacement_m();
-  frame_.tool_force_n = body_->manipulation->tool_force_n();
+  frame_.displacement_m = manipulation_->displacement_m();
+  frame_.tool_force_n = manipulation_->tool_force_n();
   const std::vector<SymmetricTensor> bearing_pa = body_->elastic.stress_pa(frame_.displacement_m);
   frame_.stress_pa.assign(mesh_.tetrahedra.size(), SymmetricTensor::Zero());
   std::size_t next = 0;
@@ -167,7 +217,7 @@ void PlanRun::balance() {
 void PlanRun::record() {
   if (figures_.empty()) return;
   StepFigures& figures = figures_.back();
-  const ManipulationResult& result = body_->manipulation->result();
+  const ManipulationResult& result = manipulation_->result();
   ++figures.frames;
   for (Eigen::Index at = 0; at < frame_.displacement_m.size(); at += 3) {
     figures.largest_displacement_m =

@@ -36,17 +36,27 @@ struct StepFigures {
   std::vector<std::string> remarks;  // parts that fell off; balances that were not reached to the tolerance
 };
 
-/// Not thread-safe. The plan must outlive it.
+/// Not thread-safe. The plan must outlive it; steps may be added at its end meanwhile, and its last step may
+/// grow while it is kept open.
 class PlanRun {
  public:
   /// kiroku::Error for a body that cannot be solved for, as ElasticBody throws it.
   explicit PlanRun(const Plan& plan);
+  /// Goes on from the same moment by itself, to the same bits; what neither changes they share.
+  PlanRun(const PlanRun& other);
+  PlanRun& operator=(const PlanRun&) = delete;
   ~PlanRun();
 
   /// Computes the next frame; false after the last. kiroku::Error, beginning with the step's JSON path, for
   /// what cannot be done: nothing to grasp, a tool that never touches, a scalpel that meets nothing, tools
   /// that leave the tissue no place. The run is at its end then.
   bool next();
+
+  /// The plan's last step is not over when its end is reached: next() is false then, until the step has grown
+  /// or end_step() ends it.
+  void keep_open() { kept_open_ = true; }
+  /// kiroku::Error as next() throws it at the end of a step.
+  void end_step();
 
   [[nodiscard]] const PlanFrame& frame() const { return frame_; }
   /// Its nodes and tetrahedra as of the last frame: without those that cuts took out.
@@ -56,6 +66,8 @@ class PlanRun {
 
  private:
   struct Body;
+  template <typename Do>
+  void at_step(Do what);
   void begin_step();
   void advance(double local_s);
   void finish_step();
@@ -64,16 +76,18 @@ class PlanRun {
   void record();
   [[nodiscard]] BladePose blade(const PlanMotion& motion, double local_s) const;
   [[nodiscard]] double distance_m(std::size_t tool) const;
+  [[nodiscard]] bool at_end() const;
 
   const Plan& plan_;
   std::vector<std::size_t> manipulated_;  // the plan's number of each tool of the manipulation
   std::vector<std::size_t> place_of_;     // the other way; of scalpels nothing
-  std::optional<CutShape> shape_;         // where the plan cuts
-  std::unique_ptr<Body> body_;
+  std::optional<CutShape> shape_;         // once something was cut
+  std::shared_ptr<const Body> body_;
+  std::unique_ptr<Manipulation> manipulation_;  // on body_
   TetMesh mesh_;
   std::vector<std::uint8_t> bears_;  // (|T| of mesh_); those that do are the body's, in their order
 
-  bool begun_ = false, in_step_ = false, unbalanced_told_ = false;
+  bool begun_ = false, in_step_ = false, kept_open_ = false, unbalanced_told_ = false;
   std::size_t step_ = 0;
   double step_begins_s_ = 0, local_s_ = 0;
   std::vector<double> nearest_m_;  // of each tool that a step moves and that has not touched yet

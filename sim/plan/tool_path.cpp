@@ -16,6 +16,7 @@ Pose ToolPath::at(double time_s) const {
   if (after == frames_.begin()) return frames_.front().pose;
   if (after == frames_.end()) return frames_.back().pose;
   const KeyFrame &from = *(after - 1), &to = *after;
+  if (time_s == from.at_s) return from.pose;  // to the bit
   const double part = (time_s - from.at_s) / (to.at_s - from.at_s);
   return {from.pose.position_m + part * (to.pose.position_m - from.pose.position_m),
           from.pose.orientation.slerp(part, to.pose.orientation).normalized()};

@@ -5,6 +5,7 @@
 #include <limits>
 
 #include "base/error.h"
+#include "sim/render/picking.h"
 
 namespace kiroku::trainer {
 namespace {
@@ -62,10 +63,7 @@ PointerHand::PointerHand(const ExclusionBody& body, const sim::Camera& camera, s
   for (std::size_t i = 0; i < fingers; ++i) fingers_[i].view_m = lies_down_m(i);
 }
 
-Vector3 PointerHand::in_view(const Vector3& place_m) const {
-  const Vector3 view_m = camera_.view_m(place_m);
-  return {view_m.x(), view_m.y(), -view_m.z()};
-}
+Vector3 PointerHand::in_view(const Vector3& place_m) const { return sim::in_depth_m(camera_, place_m); }
 
 Vector3 PointerHand::lies_down_m(std::size_t finger) const {
   return {side_by_side_m(fingers_.size())[finger] * free_m_ / under_border_m_,
@@ -73,20 +71,8 @@ Vector3 PointerHand::lies_down_m(std::size_t finger) const {
 }
 
 double PointerHand::depth_at(const Eigen::Vector2d& slope) const {
-  double nearest = 0;  // as one divided by the depth, which is linear over a projected face
-  for (const sim::Face& face : surface_) {
-    const Vector3 &a = nodes_view_m_[face.nodes[0]], &b = nodes_view_m_[face.nodes[1]],
-                  &c = nodes_view_m_[face.nodes[2]];
-    const Eigen::Vector2d at_a = a.head<2>() / a.z(), ab = b.head<2>() / b.z() - at_a,
-                          ac = c.head<2>() / c.z() - at_a, to = slope - at_a;
-    const double area = ab.x() * ac.y() - ab.y() * ac.x();
-    if (area == 0) continue;
-    const double of_b = (to.x() * ac.y() - to.y() * ac.x()) / area,
-                 of_c = (ab.x() * to.y() - ab.y() * to.x()) / area;
-    if (of_b < 0 || of_c < 0 || of_b + of_c > 1) continue;
-    nearest = std::max(nearest, (1 - of_b - of_c) / a.z() + of_b / b.z() + of_c / c.z());
-  }
-  return nearest > 0 ? 1 / nearest - kFingertipMetres : under_border_m_;
+  const auto depth_m = sim::depth_along(surface_, nodes_view_m_, slope);
+  return depth_m ? *depth_m - kFingertipMetres : under_border_m_;
 }
 
 void PointerHand::see(std::span<const double> displacement_m) {
@@ -112,9 +98,7 @@ void PointerHand::point(const PointerInput& input, Clock::time_point arrived) {
   std::array<std::optional<double>, kMostExclusionFingers + 1> came_down_m;
   for (std::size_t i = 0; i < fingers_.size(); ++i) wanted.aims.at(i).down = false;
   for (const Pointer& pointer : input.pointers) {
-    const Eigen::Vector2d slope =
-        camera_.centre + Eigen::Vector2d((2 * pointer.x - 1) * camera_.half_extent.x(),
-                                         (1 - 2 * pointer.y) * camera_.half_extent.y());
+    const Eigen::Vector2d slope = sim::slope_of(camera_, pointer.x, pointer.y);
     const std::optional<double> before_m = came_down_m_.at(pointer.finger);
     const double base_m = before_m ? *before_m : depth_at(slope);
     came_down_m.at(pointer.finger) = base_m;
@@ -163,8 +147,7 @@ bool PointerHand::read(std::span<sim::Pose> poses) {
     const double most_m = kMostSpeedMetres * period_s_;
     fingers_[i].view_m += way_m * std::min(1.0, most_m / std::max(way_m.norm(), most_m));
     const Vector3& view_m = fingers_[i].view_m;
-    poses[i].position_m =
-        camera_.eye_m + camera_.to_view.transpose() * Vector3(view_m.x(), view_m.y(), -view_m.z());
+    poses[i].position_m = sim::from_depth_m(camera_, view_m);
     poses[i].orientation.setIdentity();
   }
   return true;

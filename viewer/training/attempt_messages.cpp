@@ -2,8 +2,9 @@
 
 #include <nlohmann/json.hpp>
 
-#include "trainer/exclusion/picture_jpeg.h"
+#include "sim/render/picture_jpeg.h"
 #include "trainer/report/score_json.h"
+#include "viewer/server/picture_message.h"
 #include "viewer/server/request.h"
 
 namespace kiroku::viewer {
@@ -102,13 +103,7 @@ Bytes moment_message(const trainer::LiveView& view, bool shows_stress) {
     moment["danger"] = attempt.danger;
     moment["tone_hz"] = attempt.tone_hz;
   }
-  const std::string head = moment.dump();
-  Bytes message;
-  for (unsigned shift = 0; shift < 32; shift += 8)
-    message.push_back(static_cast<std::byte>((head.size() >> shift) & 0xff));
-  append(message, bytes_of(head));
-  append(message, trainer::jpeg_of(*attempt.picture, kQuality));
-  return message;
+  return picture_message(moment, sim::jpeg_of(*attempt.picture, kQuality));
 }
 
 ordered_json over_json(const trainer::LiveOutcome& over) {

@@ -32,8 +32,8 @@ inline constexpr std::size_t kLongestPageMessage = 2048;
 /// Refusal 400 in one sentence for what is none of them.
 PageMessage parse_page_message(std::string_view text);
 
-/// A moment and its picture as one message: the number of bytes of the JSON (32 bits, the lowest first), the
-/// JSON, the JPEG file. What tells of stress is in it only where that is shown.
+/// A moment and its picture (viewer/server/picture_message.h). What tells of stress is in it only where that
+/// is shown.
 Bytes moment_message(const trainer::LiveView& view, bool shows_stress);
 nlohmann::ordered_json over_json(const trainer::LiveOutcome& over);
 

@@ -8,7 +8,6 @@
 
 #include "base/error.h"
 #include "trainer/exclusion/exclusion_run.h"
-#include "trainer/exclusion/picture_jpeg.h"
 
 namespace kiroku::trainer {
 namespace {
@@ -196,17 +195,6 @@ TEST(PointerHand, OnePointerLiftsTheBorderWithThreeFingersOrOne) {
     EXPECT_GT(outcome.score.peak_wrist_n, 0.5);
     EXPECT_LT(outcome.score.peak_force_n, 40);
   }
-}
-
-TEST(PictureJpeg, IsAFileOfThePicturesSize) {
-  const sim::Picture picture(64, 48);
-  const Bytes file = jpeg_of(picture, 80);
-  ASSERT_GT(file.size(), 100U);
-  EXPECT_EQ(file[0], std::byte{0xff});
-  EXPECT_EQ(file[1], std::byte{0xd8});
-  EXPECT_EQ(file[file.size() - 1], std::byte{0xd9});
-  EXPECT_LT(file.size(), picture.rgb.size() / 4);
-  EXPECT_THROW((void)jpeg_of(sim::Picture(), 80), Error);
 }
 
 }  // namespace

@@ -4,10 +4,10 @@
 #include "base/bytes.h"
 #include "sim/render/picture.h"
 
-namespace kiroku::trainer {
+namespace kiroku::sim {
 
 /// A baseline JPEG, colour at half the resolution; `quality` 1 to 100. kiroku::Error for a picture without
 /// pixels, and where the library fails.
-Bytes jpeg_of(const sim::Picture& picture, int quality);
+Bytes jpeg_of(const Picture& picture, int quality);
 
-}  // namespace kiroku::trainer
+}  // namespace kiroku::sim

@@ -1,4 +1,4 @@
-#include "trainer/exclusion/picture_jpeg.h"
+#include "sim/render/picture_jpeg.h"
 
 #include <memory>
 #include <string>
@@ -6,7 +6,7 @@
 
 #include "base/error.h"
 
-namespace kiroku::trainer {
+namespace kiroku::sim {
 namespace {
 
 struct CompressorDeleter {
@@ -16,7 +16,7 @@ using Compressor = std::unique_ptr<void, CompressorDeleter>;
 
 }  // namespace
 
-Bytes jpeg_of(const sim::Picture& picture, int quality) {
+Bytes jpeg_of(const Picture& picture, int quality) {
   if (picture.width < 1 || picture.height < 1) throw Error("a picture without pixels is no JPEG file");
   const Compressor compressor(tjInitCompress());
   if (compressor == nullptr) throw Error(std::string("cannot begin a JPEG file: ") + tjGetErrorStr());
@@ -31,4 +31,4 @@ Bytes jpeg_of(const sim::Picture& picture, int quality) {
   return file;
 }
 
-}  // namespace kiroku::trainer
+}  // namespace kiroku::sim
