@@ -14,5 +14,7 @@ void add_plan_replay_command(Command& plan);
 void add_plan_seal_commands(Command& plan);
 /// 'kiroku compare': a plan beside a recording.
 void add_compare_command(Command& program);
+/// 'plan serve': a page to plan on, with solvers and the viewer's server.
+void add_plan_serve_command(Command& plan);
 
 }  // namespace kiroku::apps

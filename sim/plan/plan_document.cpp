@@ -134,8 +134,8 @@ ordered_json document_of(const ordered_json& own, const ordered_json& tooled, co
   std::vector<std::uint8_t> there(plan.tools.size());
   for (std::size_t i = 0; i < plan.steps.size(); ++i) {
     const PlanStep& step = plan.steps[i];
-    ordered_json written = step_json(plan, step, there);
-    steps.push_back(i < session.given_steps() ? own.at("steps").at(i) : std::move(written));
+    const ordered_json written = step_json(plan, step, there);
+    steps.push_back(i < session.given_steps() ? own.at("steps").at(i) : written);
     for (const PlanMotion& motion : step.motions) used.insert(plan.tools[motion.tool].tool.name);
     for (const std::size_t tool : step.released) used.insert(plan.tools[tool].tool.name);
   }

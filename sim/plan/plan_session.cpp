@@ -39,6 +39,7 @@ PlanSession::PlanSession(Plan plan, const std::function<void(double time_s)>& pr
 PlanSession::~PlanSession() = default;
 
 void PlanSession::remember() {
+  ++revision_;
   before_.push_back(std::make_unique<const PlanRun>(*run_));
   std::ptrdiff_t cuts = 0;
   for (std::size_t i = before_.size() - 1; i-- > 0;) {
@@ -60,6 +61,7 @@ void PlanSession::go_back() {
 }
 
 PlanStep PlanSession::take_last() {
+  ++revision_;
   PlanStep step = std::move(plan_.steps.back());
   plan_.steps.pop_back();
   return step;
@@ -211,6 +213,7 @@ std::vector<std::string> PlanSession::end_motion() {
   undone_.clear();
   if (missed.empty()) {
     moving_ = false;
+    ++revision_;
     run_->end_step();
     return {};
   }

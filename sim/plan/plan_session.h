@@ -2,6 +2,7 @@
 // one sees is what PlanRun computes of that plan, to the bit, and a step that was undone leaves no trace.
 #pragma once
 
+#include <cstdint>
 #include <functional>
 #include <memory>
 #include <span>
@@ -57,6 +58,8 @@ class PlanSession {
   /// The last step, which redo() does again. False where there is none.
   bool undo();
   bool redo();
+  /// Another number whenever a step has come, gone or ended.
+  [[nodiscard]] std::uint64_t revision() const { return revision_; }
   [[nodiscard]] bool can_undo() const { return !plan_.steps.empty(); }
   [[nodiscard]] bool can_redo() const { return !undone_.empty(); }
 
@@ -77,6 +80,7 @@ class PlanSession {
   std::vector<std::unique_ptr<const PlanRun>> before_;
   std::vector<PlanStep> undone_;  // the last is redone first
   bool moving_ = false;
+  std::uint64_t revision_ = 0;
 };
 
 }  // namespace kiroku::sim

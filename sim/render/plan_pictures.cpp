@@ -42,6 +42,12 @@ PlanPictures::PlanPictures(const Plan& plan, std::shared_ptr<const ShadedVolume>
       renderer_(std::move(volume), transfer, use),
       contact_radius_m_(contact_radius_m(plan.body.mesh)) {}
 
+void PlanPictures::set_size(int width, int height, double spacing_m) {
+  scene_.width = width;
+  scene_.height = height;
+  scene_.spacing_m = spacing_m;
+}
+
 Picture PlanPictures::picture(const PlanFrame& frame, const TetMesh& mesh) {
   // Cuts take tetrahedra out and move nodes; nothing else changes the mesh.
   if (mesh.tetrahedra.size() != shown_.tetrahedra.size() || mesh.nodes != shown_.nodes) {
@@ -53,6 +59,7 @@ Picture PlanPictures::picture(const PlanFrame& frame, const TetMesh& mesh) {
     const std::vector<Solid> points = contact_points_of(mesh, frame, contact_radius_m_);
     scene_.solids.insert(scene_.solids.end(), points.begin(), points.end());
   }
+  scene_.stress.reset();
   if (options_.largest_pa) {
     scene_.stress.emplace();
     scene_.stress->largest_pa = *options_.largest_pa;

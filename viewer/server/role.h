@@ -20,6 +20,7 @@ enum class Right {
   kReadCase,      // a case's ledger: streams, segments, gaps, tokens
   kWatch,         // what was recorded, with an identity
   kCompare,       // plans beside recordings
+  kPlan,          // planning on the page
   kVerify,        // verification and its documents
   kReadLog,       // the appliance log
   kSeeLive,       // status

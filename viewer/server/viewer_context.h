@@ -41,8 +41,8 @@ struct ViewerHome {
   Session::Identities identities;
   LivePictures live = {};
   LiveRooms rooms = {};
-  /// What is served of it, as the page is told: "cases", or "training", which leaves signing in, users and
-  /// the log of the API.
+  /// What is served of it, as the page is told: "cases", or "training" or "planning", which leave signing in,
+  /// users and the log of the API.
   std::string serves = "cases";
 };
 

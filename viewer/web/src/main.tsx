@@ -10,6 +10,7 @@ import '@/styles/guests.css';
 import '@/styles/log.css';
 import '@/styles/pointing.css';
 import '@/styles/training.css';
+import '@/styles/planning.css';
 
 startTheme();
 startLanguage();

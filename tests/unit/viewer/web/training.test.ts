@@ -1,7 +1,8 @@
 import { describe, expect, it } from 'vitest';
 import { countTicks, place, scaleTo } from '@/training/chart';
-import { type BrowserPointer, kMostPush_m, Median, Pointers } from '@/training/pointers';
-import { splitMoment } from '@/training/training_api';
+import { Median } from '@/base/median';
+import { splitPicture } from '@/media/picture_message';
+import { type BrowserPointer, kMostPush_m, Pointers } from '@/training/pointers';
 
 const at = (id: number, kind: BrowserPointer['kind'], x = 0.5, y = 0.5, pressure = 0): BrowserPointer => ({ id, kind, x, y, pressure });
 const fingersOf = (pointers: Pointers) => pointers.pointers.map((one) => one.finger);
@@ -65,7 +66,7 @@ describe('A moment', () => {
   it('is its numbers and its picture', async () => {
     const head = new TextEncoder().encode('{"picture":3,"input":2}');
     const message = new Uint8Array([head.length, 0, 0, 0, ...head, 0xff, 0xd8, 0xff]);
-    const { moment, jpeg } = splitMoment(message.buffer);
+    const { about: moment, jpeg } = splitPicture(message.buffer);
     expect(moment).toEqual({ picture: 3, input: 2 });
     expect([...new Uint8Array(await jpeg.arrayBuffer())]).toEqual([0xff, 0xd8, 0xff]);
   });

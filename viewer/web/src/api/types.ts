@@ -12,8 +12,8 @@ export interface Session {
   unlocked: boolean;
   expires_s: number;
   language?: string | null;
-  /** What this server is for; by `kiroku train serve`: training. */
-  serves: 'cases' | 'training';
+  /** What this server is for; by `kiroku train serve`: training; by `kiroku plan serve`: planning. */
+  serves: 'cases' | 'training' | 'planning';
   /** A guest's. */
   invitation?: { guest: string; room: string };
 }

@@ -1,5 +1,5 @@
 // Where the person is: #/cases, #/cases/ID?t=SECONDS, #/cases/ID/verification, #/rooms, #/log, #/users,
-// #/training.
+// #/training, #/planning.
 import { signal } from '@preact/signals';
 import { kSecond } from '@/base/time';
 
@@ -10,7 +10,8 @@ export type Route =
   | { view: 'rooms' }
   | { view: 'log' }
   | { view: 'users' }
-  | { view: 'training' };
+  | { view: 'training' }
+  | { view: 'planning' };
 
 export function parseRoute(hash: string): Route {
   const [path = '', query = ''] = hash.replace(/^#\/?/, '').split('?');
@@ -18,7 +19,7 @@ export function parseRoute(hash: string): Route {
   if (first === 'rooms') return { view: 'rooms' };
   if (first === 'log') return { view: 'log' };
   if (first === 'users') return { view: 'users' };
-  if (first === 'training') return { view: 'training' };
+  if (first === 'training' || first === 'planning') return { view: first };
   if (first === 'cases' && id) {
     if (third === 'verification') return { view: 'verification', id };
     const at = new URLSearchParams(query).get('t');

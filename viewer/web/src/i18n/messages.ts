@@ -6,6 +6,7 @@ import { guestEn, guestJa } from '@/i18n/guest_messages';
 import { logEn, logJa } from '@/i18n/log_messages';
 import { matchEn, matchJa } from '@/i18n/match_messages';
 import { planEn, planJa } from '@/i18n/plan_messages';
+import { planningEn, planningJa } from '@/i18n/planning_messages';
 import { pointingEn, pointingJa } from '@/i18n/pointing_messages';
 import { roomsEn, roomsJa } from '@/i18n/rooms_messages';
 import { shellEn, shellJa } from '@/i18n/shell_messages';
@@ -27,6 +28,7 @@ const en = {
   ...guestEn,
   ...pointingEn,
   ...logEn,
+  ...planningEn,
   ...trainingEn,
 } as const;
 
@@ -46,6 +48,7 @@ const ja: Record<MessageKey, string> = {
   ...guestJa,
   ...pointingJa,
   ...logJa,
+  ...planningJa,
   ...trainingJa,
 };
 

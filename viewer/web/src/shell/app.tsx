@@ -11,6 +11,7 @@ import { Icon, type IconName } from '@/shell/icon';
 import { LogView } from '@/log/log_view';
 import { may } from '@/shell/rights';
 import { announcement, attempt, dismiss, notices, notify, session, setTheme, theme } from '@/shell/state';
+import { PlanningView } from '@/planning/planning_view';
 import { TrainingView } from '@/training/training_view';
 import { CaseView } from '@/views/case_view';
 import { CasesView } from '@/views/cases_view';
@@ -66,9 +67,9 @@ function Switches() {
   );
 }
 
-function NavLink({ to, icon, text }: { to: 'cases' | 'rooms' | 'log' | 'users' | 'training'; icon: IconName; text: string }) {
+function NavLink({ to, icon, text }: { to: 'cases' | 'rooms' | 'log' | 'users' | 'training' | 'planning'; icon: IconName; text: string }) {
   const view = route.value.view;
-  const here = view === to || (to === 'training' && view !== 'users') || (to === 'cases' && (view === 'case' || view === 'verification'));
+  const here = view === to || ((to === 'training' || to === 'planning') && view !== 'users') || (to === 'cases' && (view === 'case' || view === 'verification'));
   return (
     <a href={hrefOf({ view: to })} class="nav-link" aria-current={here ? 'page' : undefined}>
       <Icon name={icon} />
@@ -79,11 +80,11 @@ function NavLink({ to, icon, text }: { to: 'cases' | 'rooms' | 'log' | 'users' |
 
 function Header() {
   const signedIn = session.value;
-  const training = signedIn?.serves === 'training';
+  const serves = signedIn?.serves ?? 'cases';
   const guest = signedIn?.role === 'guest';
   return (
     <header class="top">
-      <a class="brand" href={hrefOf({ view: training ? 'training' : 'cases' })}>
+      <a class="brand" href={hrefOf({ view: serves })}>
         <svg class="brand-sign" viewBox="0 0 32 32" aria-hidden="true">
           <circle cx="16" cy="16" r="12" />
           <circle cx="16" cy="16" r="5" class="brand-dot" />
@@ -95,10 +96,11 @@ function Header() {
       </a>
       {signedIn && !guest && (
         <nav aria-label={t('nav.label')} class="nav">
-          {training && <NavLink to="training" icon="training" text={t('nav.training')} />}
-          {!training && <NavLink to="cases" icon="cases" text={t('nav.cases')} />}
-          {!training && may(signedIn.role, 'see-live') && <NavLink to="rooms" icon="rooms" text={t('nav.rooms')} />}
-          {!training && may(signedIn.role, 'read-log') && <NavLink to="log" icon="document" text={t('nav.log')} />}
+          {serves === 'training' && <NavLink to="training" icon="training" text={t('nav.training')} />}
+          {serves === 'planning' && may(signedIn.role, 'plan') && <NavLink to="planning" icon="plan" text={t('nav.planning')} />}
+          {serves === 'cases' && <NavLink to="cases" icon="cases" text={t('nav.cases')} />}
+          {serves === 'cases' && may(signedIn.role, 'see-live') && <NavLink to="rooms" icon="rooms" text={t('nav.rooms')} />}
+          {serves === 'cases' && may(signedIn.role, 'read-log') && <NavLink to="log" icon="document" text={t('nav.log')} />}
           {may(signedIn.role, 'manage-users') && <NavLink to="users" icon="users" text={t('nav.users')} />}
         </nav>
       )}
@@ -144,6 +146,14 @@ function Header() {
   );
 }
 
+function NoPlanning() {
+  return (
+    <main id="main" class="main narrow" tabIndex={-1}>
+      <p>{t('planning.mayNot')}</p>
+    </main>
+  );
+}
+
 function View() {
   if (session.value === undefined) return <main id="main" class="main" aria-busy="true" />;
   if (invited.value !== undefined) return <JoinView token={invited.value} />;
@@ -151,6 +161,10 @@ function View() {
   if (session.value.role === 'guest') return <GuestView guest={session.value} />;
   const here = route.value;
   if (session.value.serves === 'training') return here.view === 'users' ? <UsersView /> : <TrainingView />;
+  if (session.value.serves === 'planning') {
+    if (here.view === 'users') return <UsersView />;
+    return may(session.value.role, 'plan') ? <PlanningView /> : <NoPlanning />;
+  }
   switch (here.view) {
     case 'cases':
       return <CasesView />;
@@ -164,7 +178,8 @@ function View() {
       return <LogView />;
     case 'users':
       return <UsersView />;
-    case 'training': // is served by another program
+    case 'training': // is served by another program, and planning by a third
+    case 'planning':
       return <CasesView />;
   }
 }

@@ -1,10 +1,12 @@
 // The task itself: the picture, the fingers on it, and what a trainee may know.
 import { useSignal } from '@preact/signals';
 import { useEffect, useMemo, useRef } from 'preact/hooks';
+import { Median } from '@/base/median';
 import { t } from '@/i18n/i18n';
 import { Icon } from '@/shell/icon';
 import { announce } from '@/shell/state';
-import { type BrowserPointer, Median, Pointers } from '@/training/pointers';
+import { StressScale } from '@/shell/stress_scale';
+import { type BrowserPointer, Pointers } from '@/training/pointers';
 import { Tone } from '@/training/tone';
 import { AttemptConnection, type Began, type Begin, type Moment, type Over } from '@/training/training_api';
 
@@ -13,21 +15,6 @@ const kMostForce_n = 20;
 const kMuted = 'kiroku.training.muted';
 /** Numbers are written so often; pictures are drawn each. */
 const kEvery_ms = 100;
-
-function StressScale({ most_pa }: { most_pa: number }) {
-  const most = most_pa / 1000;
-  return (
-    <figure class="stress-scale" aria-label={t('attempt.scale', { most })}>
-      <div class="stress-scale-bar" aria-hidden="true" />
-      <ol aria-hidden="true">
-        {[1, 0.75, 0.5, 0.25, 0].map((share) => (
-          <li key={share}>{share * most}</li>
-        ))}
-      </ol>
-      <figcaption>{t('attempt.scale', { most })}</figcaption>
-    </figure>
-  );
-}
 
 function Forces({ forces_n, wrist_n }: { forces_n: readonly number[]; wrist_n: number }) {
   return (
@@ -214,7 +201,7 @@ export function AttemptView({ begin, over, lost }: { begin: Begin; over: (began:
               </span>
             )}
           </div>
-          {told?.stress_shown && <StressScale most_pa={told.damage_pa} />}
+          {told?.stress_shown && <StressScale most={told.damage_pa / 1000} label={t('attempt.scale', { most: told.damage_pa / 1000 })} />}
           <p class="muted attempt-how">
             {t('attempt.how')} {t('attempt.howTouch')} {t('attempt.howKeys', { n: begin.fingers })}
           </p>

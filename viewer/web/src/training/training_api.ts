@@ -1,5 +1,6 @@
 // The trainer's API and the messages of an attempt (docs/training.md, "The page").
 import { get, post } from '@/api/client';
+import { splitPicture } from '@/media/picture_message';
 
 /** 'a', 'b', or what a patient's organ is called. */
 export type ObjectName = string;
@@ -122,13 +123,6 @@ export const training = {
   results: (trainee: string, object: ObjectName) => get<Results>(`training/trainees/${encodeURIComponent(trainee)}/results?object=${object}`),
 };
 
-/** The parts of a message of a moment. */
-export function splitMoment(message: ArrayBuffer): { moment: Moment; jpeg: Blob } {
-  const size = new DataView(message).getUint32(0, true);
-  const moment = JSON.parse(new TextDecoder().decode(new Uint8Array(message, 4, size))) as Moment;
-  return { moment, jpeg: new Blob([new Uint8Array(message, 4 + size)], { type: 'image/jpeg' }) };
-}
-
 export interface Listener {
   began: (began: Began) => void;
   moment: (moment: Moment, picture: ImageBitmap) => void;
@@ -191,7 +185,7 @@ export class AttemptConnection {
     if (this.decoding || this.ended) return;
     this.decoding = true;
     try {
-      const { moment, jpeg } = splitMoment(message);
+      const { about: moment, jpeg } = splitPicture<Moment>(message);
       const picture = await createImageBitmap(jpeg);
       if (!this.ended) listener.moment(moment, picture);
       picture.close();

@@ -1,0 +1,235 @@
+// Planning in a browser, before a real `kiroku plan serve` with the demonstration's organ: mouse, five touch points and keys; then the plan that was saved
+// is checked and carried out. Each test goes on where the one before ended.
+import { type ChildProcess, execFile, spawn } from 'node:child_process';
+import { copyFileSync, mkdirSync, mkdtempSync, readFileSync, rmSync, writeFileSync } from 'node:fs';
+import { tmpdir } from 'node:os';
+import { join } from 'node:path';
+import { promisify } from 'node:util';
+import type { Browser, CDPSession } from 'playwright-core';
+import { afterAll, beforeAll, describe, expect, it } from 'vitest';
+import { keepPicture, seriousBarriers, startBrowser, until, visit, type Visitor } from './kit';
+
+const kiroku = process.env['KIROKU_PROGRAM'] as string;
+const demonstration = join(process.env['KIROKU_SOURCE_DIR'] as string, 'deploy/demonstration');
+const run = promisify(execFile);
+
+let folder: string;
+let server: ChildProcess;
+let signIn: string;
+let browser: Browser;
+let visitor: Visitor;
+let touch: CDPSession;
+const plans = () => join(folder, 'plans/lobe');
+
+beforeAll(async () => {
+  folder = mkdtempSync(join(tmpdir(), 'kiroku-planning-'));
+  mkdirSync(plans(), { recursive: true });
+  copyFileSync(join(demonstration, 'plan.json'), join(plans(), 'plan.json'));
+  const organ = await run('awk', ['-f', join(demonstration, 'organ.awk')], { env: { ...process.env, LC_ALL: 'C' }, maxBuffer: 1 << 26 });
+  writeFileSync(join(plans(), 'organ.nrrd'), organ.stdout);
+  const home = join(folder, 'home');
+  await run(kiroku, ['init', '--demo', '--home', home]);
+  server = spawn(
+    kiroku,
+    [
+      'plan', 'serve', '--home', home, '--plans', join(folder, 'plans'), '--listen', '127.0.0.1:0', '--gpu', 'off',
+      '--web', process.env['KIROKU_PAGE'] as string, '--json',
+    ],
+    { stdio: ['ignore', 'pipe', 'inherit'] },
+  );
+  let said = '';
+  server.stdout?.on('data', (bytes: Buffer) => (said += bytes.toString()));
+  signIn = await until('kiroku plan serve serves', () => {
+    try {
+      return (JSON.parse(said) as { sign_in: string }).sign_in;
+    } catch {
+      return undefined;
+    }
+  });
+  browser = await startBrowser();
+  visitor = await visit(browser);
+  touch = await visitor.context.newCDPSession(visitor.page);
+  await touch.send('Emulation.setTouchEmulationEnabled', { enabled: true, maxTouchPoints: 5 });
+});
+afterAll(async () => {
+  await browser?.close();
+  if (server) {
+    const ended = new Promise((resolve) => server.once('exit', resolve));
+    server.kill('SIGTERM');
+    await ended;
+  }
+  rmSync(folder, { recursive: true, force: true });
+});
+
+const field = () => visitor.page.getByRole('application');
+/** A place on the picture, 0 to 1 from its left upper corner, as one of the browser's window. */
+const onPicture = async (x: number, y: number) => {
+  const box = await field().boundingBox();
+  if (!box) throw new Error('there is no picture');
+  return { x: box.x + x * box.width, y: box.y + y * box.height };
+};
+const drag = async (...places: [number, number][]) => {
+  const { page } = visitor;
+  const [first, ...others] = await Promise.all(places.map(([x, y]) => onPicture(x, y)));
+  if (!first) return;
+  await page.mouse.move(first.x, first.y);
+  await page.mouse.down();
+  for (const { x, y } of others) await page.mouse.move(x, y, { steps: 10 });
+};
+const steps = () => visitor.page.locator('.planning-steps li').allTextContents();
+const largest_Pa = async () => Number.parseFloat((await visitor.page.locator('.planning-stress dd').first().textContent()) ?? 'NaN');
+const moved_mm = async () => Number.parseFloat((await visitor.page.locator('.planning-stress dd').nth(1).textContent()) ?? 'NaN');
+/** A sum of the picture's colours, which changes when it does. */
+const picture = () =>
+  visitor.page.evaluate(() => {
+    const canvas = document.querySelector('.planning-field canvas') as HTMLCanvasElement;
+    const { data } = (canvas.getContext('2d') as CanvasRenderingContext2D).getImageData(0, 0, canvas.width, canvas.height);
+    return data.reduce((sum, value, i) => (sum + value * ((i % 251) + 1)) % 1_000_000_007, 0);
+  });
+
+describe('A person who plans', () => {
+  it('finds the plans and begins anew on an organ', async () => {
+    const { page } = visitor;
+    await page.goto(signIn);
+    await page.getByRole('heading', { name: 'Plan an operation' }).waitFor();
+    expect(await page.getByRole('link', { name: 'Cases' }).count()).toBe(0);
+    await page.getByText('lobe/plan.json · Steps: 6').waitFor();
+    expect(await seriousBarriers(page)).toEqual([]);
+    await page.getByRole('button', { name: 'Begin anew' }).click();
+    await page.locator('.planning-field[aria-busy=false]').waitFor({ timeout: 60_000 });
+    await expect.poll(picture).not.toBe(0);
+    expect(await steps()).toEqual([]);
+  });
+
+  it('turns it with the mouse and with keys', async () => {
+    const { page } = visitor;
+    const before = await picture();
+    await drag([0.5, 0.5], [0.53, 0.56]);
+    await page.mouse.up();
+    await expect.poll(picture).not.toBe(before);
+    const turned = await picture();
+    await page.keyboard.press('Home');
+    await expect.poll(picture).not.toBe(turned);
+  });
+
+  it('grasps it, pulls it, and sees what it moves and feels', async () => {
+    const { page } = visitor;
+    await page.keyboard.press('g');
+    await drag([0.4, 0.62], [0.34, 0.72]);
+    await expect.poll(moved_mm, { timeout: 20_000 }).toBeGreaterThan(8);
+    await page.mouse.up();
+    await expect.poll(async () => (await steps()).length).toBe(2);
+    expect((await steps()).join()).toMatch(/Grasp with forceps.*Pull with forceps/);
+    expect(Number(await page.locator('.planning-tool .mono').first().textContent())).toBeGreaterThan(0.01);
+    expect(await largest_Pa()).toBeGreaterThan(50);
+  });
+
+  it('presses it with five touch points, each a finger', async () => {
+    const { page } = visitor;
+    await page.keyboard.press('p');
+    await page.getByRole('slider', { name: 'Depth' }).fill('15');
+    await page.getByLabel('Show von Mises stress').check();
+    const box = await field().boundingBox();
+    if (!box) throw new Error('there is no picture');
+    const points = (dy: number) => [0.3, 0.4, 0.5, 0.6, 0.7].map((x, id) => ({ x: box.x + x * box.width, y: box.y + (0.45 + dy) * box.height, id }));
+    await touch.send('Input.dispatchTouchEvent', { type: 'touchStart', touchPoints: points(0) });
+    await expect.poll(async () => (await page.locator('.planning-tool').allTextContents()).filter((text) => text.startsWith('finger')).length, { timeout: 20_000 }).toBe(5);
+    await touch.send('Input.dispatchTouchEvent', { type: 'touchMove', touchPoints: points(0.01) });
+    await expect
+      .poll(async () => {
+        const forces = await page.locator('.planning-tool', { hasText: 'finger' }).locator('.mono').allTextContents();
+        return forces.length === 5 && forces.every((force) => Number(force) > 0);
+      }, { timeout: 20_000 })
+      .toBe(true);
+    await page.getByText(/Input to picture \d+ ms/).waitFor();
+    expect(await seriousBarriers(page)).toEqual([]);
+    await page.waitForTimeout(600);
+    await keepPicture(page, 'planning');
+    console.info(`As the page saw it: ${await page.locator('.attempt-latency').textContent()}`);
+    await touch.send('Input.dispatchTouchEvent', { type: 'touchEnd', touchPoints: [] });
+    await expect.poll(async () => (await page.locator('.planning-tool').count())).toBe(1);
+    expect((await steps()).join()).toMatch(/Press with finger 1, finger 2, finger 3, finger 4, finger 5/);
+  });
+
+  it('cuts it along a line', async () => {
+    const { page } = visitor;
+    const before = (await steps()).length;
+    await page.keyboard.press('c');
+    await drag([0.62, 0.2], [0.6, 0.5], [0.6, 0.85]);
+    await page.mouse.up();
+    await expect.poll(async () => (await steps()).length, { timeout: 60_000 }).toBe(before + 1);
+    expect((await steps()).at(-1)).toContain('Cut with scalpel');
+    await page.waitForTimeout(600);
+    await keepPicture(page, 'planning-cut');
+  });
+
+  it('undoes and does again', async () => {
+    const { page } = visitor;
+    const all = await steps();
+    const shown = await picture();
+    await page.keyboard.press('Control+z');
+    await expect.poll(steps, { timeout: 20_000 }).toEqual(all.slice(0, -1));
+    await expect.poll(picture).not.toBe(shown);
+    await page.keyboard.press('Control+Shift+z');
+    await expect.poll(steps, { timeout: 60_000 }).toEqual(all);
+    await expect.poll(picture, { timeout: 20_000 }).toBe(shown);
+  });
+
+  it('plans with keys alone', async () => {
+    const { page } = visitor;
+    const before = (await steps()).length;
+    await page.keyboard.press('p');
+    for (let i = 0; i < 5; ++i) await page.keyboard.press('ArrowUp');
+    await page.keyboard.press('Space');
+    await expect.poll(async () => await page.locator('.planning-tool').count(), { timeout: 20_000 }).toBe(2);
+    await page.keyboard.press('Space');
+    await expect.poll(async () => await page.locator('.planning-tool').count(), { timeout: 20_000 }).toBe(1);
+    await page.keyboard.press('h');
+    await expect.poll(async () => (await steps()).length).toBe(before + 3);
+  });
+
+  it('saves it as a new plan, which runs to where the page is', async () => {
+    const { page } = visitor;
+    const shown_mm = await moved_mm();
+    const shown_Pa = await largest_Pa();
+    await page.keyboard.press('Control+s');
+    await page.getByLabel('File, without .json').fill('plan');
+    await page.getByLabel('Name of the plan').fill('By hand');
+    await page.getByRole('button', { name: 'Save', exact: true }).click();
+    await page.getByText("there is a plan 'plan' already").waitFor();
+    await page.keyboard.press('Control+s');
+    await page.getByLabel('File, without .json').fill('by-hand');
+    await page.getByLabel('Name of the plan').fill('By hand');
+    await page.getByRole('button', { name: 'Save', exact: true }).click();
+    await page.getByText('Saved as lobe/by-hand.json.').first().waitFor();
+    const saved = join(plans(), 'by-hand.json');
+    await run(kiroku, ['plan', 'check', saved]);
+    await run(kiroku, ['plan', 'run', saved, '-o', join(folder, 'run')]);
+    const rows = readFileSync(join(folder, 'run/stress.csv'), 'utf8').trim().split(/\r?\n/);
+    const names = (rows[0] ?? '').split(',');
+    const last = (rows.at(-1) ?? '').split(',');
+    const of = (name: RegExp) => Number(last[names.findIndex((one) => name.test(one))]);
+    expect(of(/displacement/)).toBeCloseTo(shown_mm, 0);
+    expect(of(/mises/)).toBeCloseTo(shown_Pa, 0);
+  });
+});
+
+describe('The page', () => {
+  it('shows the new plan, is whole in Japanese and in light colours', async () => {
+    const { page } = visitor;
+    await page.getByRole('button', { name: 'Close the plan' }).click();
+    await page.getByRole('button', { name: 'Go on with lobe/by-hand.json' }).click();
+    await page.locator('.planning-field[aria-busy=false]').waitFor({ timeout: 60_000 });
+    await page.getByRole('button', { name: '日本語' }).click();
+    await page.getByRole('button', { name: '明るい配色' }).click();
+    await page.getByRole('toolbar', { name: '道具' }).waitFor();
+    expect(await seriousBarriers(page)).toEqual([]);
+    await keepPicture(page, 'planning-japanese');
+  });
+
+  it('asked nothing of anybody else, and nothing went wrong', () => {
+    const own = new URL(signIn).origin;
+    expect(visitor.asked.filter((address) => !address.startsWith(own) && !address.startsWith('blob:') && !address.startsWith('data:'))).toEqual([]);
+    expect(visitor.problems).toEqual([]);
+  });
+});

@@ -1,0 +1,213 @@
+// Planning without a network on a block that a CT shows: pointers, lines and saving, against the plan that is
+// run.
+#include "viewer/planning/planning_table.h"
+
+#include <fstream>
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "sim/mesh/mesh_writer.h"
+#include "sim/plan/plan_run.h"
+#include "tests/unit/viewer/planning/planned_block.h"
+#include "viewer/planning/live_planning.h"
+#include "viewer/server/request.h"
+
+namespace kiroku::viewer {
+namespace {
+
+using nlohmann::ordered_json;
+using testing::ElementsAre;
+using testing::HasSubstr;
+using testing::IsEmpty;
+using testing::SizeIs;
+
+const TableOptions kSmall{"liver", sim::GpuUse::kOff, 96, 72};
+
+class PlanningTableTest : public testing::Test {
+ protected:
+  [[nodiscard]] std::unique_ptr<PlanningTable> table(bool anew = true) const {
+    OpenedPlan opened = plans_.open("block/plan.json", [](const std::string& /*step*/) {});
+    return std::make_unique<PlanningTable>(std::move(opened), anew, kSmall, [](double /*time_s*/) {});
+  }
+  static std::vector<std::string> actions(const PlanningTable& table) {
+    std::vector<std::string> out;
+    for (const sim::PlanStep& step : table.session().plan().steps)
+      out.emplace_back(sim::name_of(step.action));
+    return out;
+  }
+  /// Until all tools are where their pointers are.
+  static int settle(PlanningTable& table) {
+    int steps = 0;
+    while (steps < 200 && table.advance()) ++steps;
+    return steps;
+  }
+  static std::string refusal(PlanningTable& table, const Deed& deed) {
+    try {
+      table.apply(deed);
+    } catch (const Error& error) {
+      return error.what();
+    }
+    return "";
+  }
+  /// The saved plan, run from its beginning, ends where the table is.
+  void expect_saved_plan_ends_here(PlanningTable& table, const std::string& name) const {
+    const std::string file = plans_.save(table.opened(), name, table.document("By hand"));
+    const sim::PlanReading reading = sim::read_plan(block_.folder() / file);
+    ASSERT_THAT(reading.errors, IsEmpty());
+    sim::PlanRun run(*reading.plan);
+    while (run.next()) {
+    }
+    EXPECT_EQ(run.mesh().tetrahedra, table.session().mesh().tetrahedra);
+    EXPECT_EQ((run.frame().displacement_m - table.session().frame().displacement_m).lpNorm<Eigen::Infinity>(),
+              0);
+  }
+
+  test::PlannedBlock block_;
+  PlanFolder plans_{block_.folder()};
+};
+
+TEST_F(PlanningTableTest, WhatIsDoneByPointersIsAPlanThatEndsThere) {
+  const auto planned = table();
+  planned->apply(ViewDeed{20, 15, 1.2, 0.05, -0.02});
+  planned->apply(PointDeed{PointerUse::kGrasp, {{1, 0.62, 0.5, 0}}});
+  EXPECT_THAT(actions(*planned), ElementsAre("grasp"));
+  planned->apply(PointDeed{PointerUse::kGrasp, {{1, 0.66, 0.44, -0.004}}});
+  EXPECT_GE(settle(*planned), 1);
+  planned->apply(PointDeed{PointerUse::kGrasp, {}});
+  EXPECT_THAT(actions(*planned), ElementsAre("grasp", "retract"));
+  // Where the pointer went, there the forceps are.
+  std::size_t held = 0;
+  while (!planned->session().frame().poses[held]) ++held;
+  const Eigen::Vector2d at = planned->on_picture(planned->session().frame().poses[held]->position_m);
+  EXPECT_NEAR(at.x() - 0.62, 0.04, 0.03);
+  EXPECT_NEAR(at.y() - 0.5, -0.06, 0.03);
+  EXPECT_GT(planned->session().frame().tools[held].force_n.norm(), 0.01);
+  // The same forceps are taken again.
+  planned->apply(PointDeed{PointerUse::kGrasp, {{2, 0.66, 0.44, 0}}});
+  planned->apply(PointDeed{PointerUse::kGrasp, {{2, 0.64, 0.44, 0}}});
+  settle(*planned);
+  planned->apply(PointDeed{PointerUse::kGrasp, {}});
+  EXPECT_THAT(actions(*planned), ElementsAre("grasp", "retract", "retract"));
+  planned->apply(PointDeed{PointerUse::kPress, {{3, 0.5, 0.48, 0.004}, {4, 0.4, 0.5, 0.004}}});
+  settle(*planned);
+  EXPECT_THAT(planned->take_remarks(), IsEmpty());
+  planned->apply(CutDeed{{{0.46, 0.1}, {0.46, 0.9}}, 0.008});
+  EXPECT_LT(planned->session().mesh().tetrahedra.size(),
+            planned->session().plan().body.mesh.tetrahedra.size());
+  planned->apply(HoldDeed{0.1});
+  expect_saved_plan_ends_here(*planned, "by hand");
+  EXPECT_THAT(actions(*planned),
+              ElementsAre("grasp", "retract", "retract", "press", "release", "release", "cut", "hold"));
+  // Never over another.
+  EXPECT_THROW(static_cast<void>(plans_.save(planned->opened(), "by hand", planned->document("x"))), Refusal);
+}
+
+TEST_F(PlanningTableTest, GoesOnWithAPlanAndUndoesItsStepsToo) {
+  const auto planned = table(false);
+  EXPECT_THAT(actions(*planned), ElementsAre("grasp", "retract"));
+  planned->apply(HoldDeed{0.1});
+  expect_saved_plan_ends_here(*planned, "held");
+  for (int i = 0; i < 3; ++i) planned->apply(UndoDeed{});
+  EXPECT_THAT(actions(*planned), IsEmpty());
+  planned->apply(UndoDeed{});
+  planned->apply(RedoDeed{});
+  planned->apply(RedoDeed{});
+  EXPECT_THAT(actions(*planned), ElementsAre("grasp", "retract"));
+}
+
+TEST_F(PlanningTableTest, RefusesInWordsAndGoesOn) {
+  const auto planned = table();
+  EXPECT_THAT(refusal(*planned, CutDeed{{{0.01, 0.01}, {0.02, 0.02}}, 0.01}),
+              HasSubstr("does not cross the organ"));
+  EXPECT_THAT(refusal(*planned, ReleaseDeed{"needle"}), HasSubstr("no tool of that name"));
+  EXPECT_THAT(refusal(*planned, ReleaseDeed{"finger 1"}), HasSubstr("not at the organ"));
+  // Beside the organ a pointer does nothing.
+  planned->apply(PointDeed{PointerUse::kGrasp, {{1, 0.01, 0.01, 0}}});
+  EXPECT_FALSE(planned->advance());
+  EXPECT_THAT(actions(*planned), IsEmpty());
+  EXPECT_THROW(static_cast<void>(planned->document("nothing")), Error);
+  // A finger that does not reach the tissue makes no step.
+  planned->apply(PointDeed{PointerUse::kPress, {{2, 0.5, 0.5, -0.02}}});
+  settle(*planned);
+  planned->apply(PointDeed{PointerUse::kPress, {}});
+  EXPECT_THAT(planned->take_remarks(), ElementsAre(HasSubstr("'finger 1' never touched")));
+  EXPECT_THAT(actions(*planned), IsEmpty());
+}
+
+TEST_F(PlanningTableTest, ShowsStressSizeAndCuts) {
+  const auto planned = table(false);
+  const sim::Picture plain = planned->picture(1);
+  EXPECT_EQ(plain.width, 96);
+  EXPECT_EQ(planned->picture(0.5).width, 48);
+  planned->apply(StressDeed{2000});
+  EXPECT_NE(planned->picture(1).rgb, plain.rgb);
+  planned->apply(StressDeed{});
+  EXPECT_EQ(planned->picture(1).rgb, plain.rgb);
+  planned->apply(CutDeed{{{0.46, 0.1}, {0.46, 0.9}}, 0.008});
+  EXPECT_NE(planned->picture(1).rgb, plain.rgb);
+  planned->apply(UndoDeed{});
+  EXPECT_EQ(planned->picture(1).rgb, plain.rgb);
+}
+
+TEST_F(PlanningTableTest, OpensAndSavesWithinItsFolderOnly) {
+  ASSERT_THAT(plans_.plans(), SizeIs(1));
+  EXPECT_EQ(plans_.plans()[0].file, "block/plan.json");
+  EXPECT_EQ(plans_.plans()[0].steps, 2U);
+  EXPECT_TRUE(plans_.plans()[0].has_volume);
+  const auto opening = [](const std::string& /*step*/) {};
+  for (const char* const name :
+       {"../plan.json", "block/../block/plan.json", "/etc/passwd", "block/ct.nrrd", ""})
+    EXPECT_THROW(static_cast<void>(plans_.open(name, opening)), Refusal) << name;
+  const auto planned = table(false);
+  planned->apply(HoldDeed{0.1});
+  for (const char* const name : {"../plan", "a/b", "", ".hidden", " x", "a\nb"})
+    EXPECT_THROW(static_cast<void>(plans_.save(planned->opened(), name, planned->document("x"))), Refusal)
+        << name;
+  EXPECT_THAT(plans_.plans(), SizeIs(1));
+}
+
+TEST_F(PlanningTableTest, LivePlanningTellsPicturesAndStepsUntilItEnds) {
+  std::mutex mutex;
+  std::condition_variable changed;
+  std::uint64_t shown = 0;
+  std::size_t steps = 0;
+  std::vector<std::string> told;
+  PlanningListener listener;
+  listener.opening = [](const std::string& /*step*/) {};
+  listener.opened = [](const PlanningTable& /*table*/) {};
+  listener.ready = [] { return true; };
+  listener.shown = [&](const PlanningMoment& moment) {
+    const std::lock_guard guard(mutex);
+    shown = moment.input;
+    changed.notify_all();
+  };
+  listener.steps_changed = [&](const PlanningTable& planned) {
+    const std::lock_guard guard(mutex);
+    steps = planned.session().plan().steps.size();
+  };
+  listener.told = [&](const std::string& sentence) {
+    const std::lock_guard guard(mutex);
+    told.push_back(sentence);
+  };
+  listener.failed = listener.told;
+  LivePlanning planning([this](const LivePlanning::Opening& /*opening*/) { return table(); }, listener);
+  EXPECT_TRUE(planning.apply(1, HoldDeed{0.1}));
+  EXPECT_TRUE(planning.apply(2, ReleaseDeed{"needle"}));
+  EXPECT_TRUE(planning.apply(3, PointDeed{PointerUse::kGrasp, {{1, 0.62, 0.5, 0}}}));
+  EXPECT_TRUE(planning.apply(4, PointDeed{PointerUse::kGrasp, {{1, 0.66, 0.44, 0}}}));
+  EXPECT_TRUE(planning.apply(5, PointDeed{PointerUse::kGrasp, {}}));
+  std::unique_lock lock(mutex);
+  ASSERT_TRUE(changed.wait_for(lock, std::chrono::seconds(60), [&] { return shown == 5; }));
+  EXPECT_THAT(told, ElementsAre("there is no tool of that name"));
+  EXPECT_EQ(steps, 2U);
+  lock.unlock();
+  // Once the next picture is there, what the one before it took is known.
+  EXPECT_TRUE(planning.apply(6, ViewDeed{}));
+  lock.lock();
+  ASSERT_TRUE(changed.wait_for(lock, std::chrono::seconds(60), [&] { return shown == 6; }));
+  EXPECT_GT(planning.input_to_picture().longest().count(), 0);
+}
+
+}  // namespace
+}  // namespace kiroku::viewer

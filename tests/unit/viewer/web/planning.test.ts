@@ -1,0 +1,94 @@
+// Planning by hand: views, pointers and drawn lines, as the server gets them.
+import { describe, expect, it } from 'vitest';
+import { kFirstView, OrbitDrag, panned, turned, viewByKey, zoomed, zoomedByWheel } from '@/planning/orbit';
+import { DrawnLine, PlanPointers } from '@/planning/plan_pointers';
+
+describe('A view', () => {
+  it('turns with a drag, round and round, and up to the poles', () => {
+    expect(turned(kFirstView, 0.25, 0.1)).toEqual({ ...kFirstView, azimuth_deg: -45, elevation_deg: 18 });
+    expect(turned({ ...kFirstView, azimuth_deg: 170 }, -0.5, 0).azimuth_deg).toBe(-100);
+    expect(turned(kFirstView, 0, 3).elevation_deg).toBe(90);
+    expect(turned(kFirstView, 0, -3).elevation_deg).toBe(-90);
+  });
+  it('zooms about the middle of the picture, within limits', () => {
+    expect(zoomed({ ...kFirstView, pan_x: 0.2 }, 2)).toEqual({ ...kFirstView, zoom: 2, pan_x: 0.4 });
+    expect(zoomed(kFirstView, 1000).zoom).toBe(10);
+    expect(zoomed(kFirstView, 1e-9).zoom).toBe(0.25);
+    expect(zoomedByWheel(kFirstView, -100).zoom).toBeGreaterThan(1);
+  });
+  it('is moved by keys, and others do nothing', () => {
+    expect(viewByKey(kFirstView, 'ArrowRight', false)?.azimuth_deg).toBeCloseTo(-5);
+    expect(viewByKey(kFirstView, 'ArrowRight', true)?.pan_x).toBeGreaterThan(0);
+    expect(viewByKey(panned(kFirstView, 1, 1), 'Home', false)).toEqual(kFirstView);
+    expect(viewByKey(kFirstView, 'x', false)).toBeUndefined();
+  });
+  it('is dragged by one pointer, zoomed and moved by two, and a third does nothing', () => {
+    const drag = new OrbitDrag();
+    expect(drag.move(kFirstView, 1, 0.5, 0.5, false)).toBeUndefined();
+    drag.press(1, 0.5, 0.5);
+    expect(drag.move(kFirstView, 1, 0.6, 0.5, false)?.azimuth_deg).toBeCloseTo(-18);
+    expect(drag.move(kFirstView, 1, 0.7, 0.5, true)?.pan_x).toBeCloseTo(0.1);
+    drag.press(2, 0.5, 0.5);
+    expect(drag.press(3, 0, 0)).toBe(false);
+    const two = drag.move(kFirstView, 2, 0.3, 0.5, false);
+    expect(two?.zoom).toBeCloseTo(2);
+    expect(two?.azimuth_deg).toBe(0);
+    drag.release(1);
+    drag.release(2);
+    expect(drag.isDown).toBe(false);
+  });
+});
+
+describe('Pointers on the organ', () => {
+  it('are up to five, each with a number of its own as long as it is down', () => {
+    const pointers = new PlanPointers();
+    pointers.depth_m = 0.01;
+    for (let id = 10; id < 15; ++id) expect(pointers.press(id, 0.1 * (id - 9), 0.5)).toBe(true);
+    expect(pointers.press(15, 0.5, 0.5)).toBe(false);
+    expect(pointers.press(10, 0.5, 0.5)).toBe(false);
+    pointers.release(12);
+    pointers.press(12, 0.9, 0.9);
+    expect(pointers.pointers.map(({ id }) => id)).toEqual([1, 2, 4, 5, 6]);
+    expect(pointers.move(12, 3, -3)).toBe(true);
+    expect(pointers.pointers[4]).toEqual({ id: 6, x: 1.5, y: -0.5, push_m: 0.01 });
+    expect(pointers.releaseAll()).toBe(true);
+    expect(pointers.releaseAll()).toBe(false);
+  });
+  it('push by depth and wheel, no further than the server takes', () => {
+    const pointers = new PlanPointers();
+    pointers.depth_m = 0.02;
+    expect(pointers.wheel(-100)).toBe(false);
+    pointers.press(1, 0.5, 0.5);
+    pointers.wheel(-100);
+    expect(pointers.pointers[0]?.push_m).toBeCloseTo(0.025);
+    pointers.wheel(-100_000);
+    expect(pointers.pointers[0]?.push_m).toBe(0.2);
+  });
+  it('are moved by keys', () => {
+    const pointers = new PlanPointers();
+    pointers.key('ArrowUp', true);
+    pointers.key(' ', false);
+    pointers.key('ArrowLeft', false);
+    pointers.key('PageUp', false);
+    expect(pointers.pointers).toHaveLength(1);
+    expect(pointers.pointers[0]?.x).toBeCloseTo(0.49);
+    expect(pointers.pointers[0]?.y).toBeCloseTo(0.46);
+    expect(pointers.pointers[0]?.push_m).toBeCloseTo(0.002);
+    pointers.key(' ', false);
+    expect(pointers.pointers).toEqual([]);
+    expect(pointers.key('q', false)).toBe(false);
+  });
+});
+
+describe('A drawn line', () => {
+  it('leaves out places that are too near, and is nothing where it goes nowhere', () => {
+    const line = new DrawnLine();
+    line.begin(0.2, 0.2);
+    expect(line.add(0.2001, 0.2)).toBe(false);
+    expect(line.take()).toBeUndefined();
+    line.begin(0.2, 0.2);
+    expect(line.add(0.3, 0.2)).toBe(true);
+    expect(line.take()).toEqual([{ x: 0.2, y: 0.2 }, { x: 0.3, y: 0.2 }]);
+    expect(line.places).toEqual([]);
+  });
+});

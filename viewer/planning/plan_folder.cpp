@@ -1,0 +1,163 @@
+#include "viewer/planning/plan_folder.h"
+
+#include <algorithm>
+#include <cerrno>
+#include <sys/stat.h>
+
+#include "base/error.h"
+#include "sim/meshing/mesh_recipe.h"
+#include "sim/model/body_model.h"
+#include "sim/plan/plan_document.h"
+#include "sim/volume/volume_reader.h"
+#include "timestamp/small_files.h"
+#include "viewer/server/request.h"
+
+namespace kiroku::viewer {
+namespace {
+
+namespace fs = std::filesystem;
+using nlohmann::ordered_json;
+
+/// Plans are texts of a person; what is larger is something else.
+constexpr std::uintmax_t kLargestDocument = 16U << 20;
+
+/// A plan's document, or null for anything else.
+ordered_json document_at(const fs::path& file) {
+  std::error_code failed;
+  if (fs::file_size(file, failed) > kLargestDocument || failed) return nullptr;
+  try {
+    ordered_json document = ordered_json::parse(sim::read_document(file), nullptr, false);
+    const bool is_plan = document.is_object() && document.contains("mesh") && document.contains("tools") &&
+                         document.contains("steps") && document["tools"].is_object() &&
+                         document["steps"].is_array();
+    return is_plan ? document : nullptr;
+  } catch (const IoError&) {  // gone, or not for us: then it is not listed
+    return nullptr;
+  }
+}
+
+std::string joined(const std::vector<std::string>& sentences) {
+  std::string all;
+  for (const std::string& sentence : sentences) all += (all.empty() ? "" : "; ") + sentence;
+  return all;
+}
+
+sim::Plan read(const ordered_json& document, const fs::path& file, const sim::MeshMaker& maker) {
+  sim::PlanReading reading = sim::read_plan_text(document.dump(), file, maker);
+  if (!reading.plan) throw Refusal(422, joined(reading.errors));
+  return std::move(*reading.plan);
+}
+
+/// Of a CT in a folder of several series the one that the mesh is made of.
+sim::VolumeOptions reading_of(const ordered_json& document) {
+  sim::VolumeOptions options;
+  const ordered_json& mesh = document["mesh"];
+  if (mesh.is_object()) {
+    options.series = mesh.value("series", "");
+    options.resample = mesh.value("resample", false);
+  }
+  return options;
+}
+
+/// Gives out the mesh that was made already.
+sim::MeshMaker maker_of(const sim::TetMesh& mesh) {
+  return [&mesh](const sim::JsonField&, const sim::JsonField&, const fs::path&, std::vector<std::string>&) {
+    return mesh;
+  };
+}
+
+bool may_be_in_a_name(char letter) {
+  return (letter >= 'a' && letter <= 'z') || (letter >= 'A' && letter <= 'Z') ||
+         (letter >= '0' && letter <= '9') || letter == ' ' || letter == '-' || letter == '_' ||
+         letter == '.' || static_cast<unsigned char>(letter) >= 0x80;
+}
+
+void check_name(const std::string& name) {
+  constexpr std::size_t kLongest = 120;
+  if (name.empty() || name.size() > kLongest || name.front() == '.' || name.front() == ' ' ||
+      !std::ranges::all_of(name, may_be_in_a_name))
+    throw Refusal(
+        400, "a plan is saved under letters, digits, spaces, '-', '_' and '.', at most 120 bytes of them");
+}
+
+}  // namespace
+
+PlanFolder::PlanFolder(fs::path folder) : folder_(std::move(folder)) {
+  std::error_code failed;
+  if (!fs::is_directory(folder_, failed))
+    throw UsageError("there is no folder " + folder_.string() +
+                     " with plans: make it and put a plan into it with its CT, or name another with --plans");
+}
+
+std::vector<PlanFolder::Listed> PlanFolder::plans() const {
+  std::vector<fs::path> files;
+  const auto look_into = [&](const fs::path& folder, auto&& folder_found) {
+    std::error_code failed;
+    for (fs::directory_iterator at(folder, failed), end; !failed && at != end; at.increment(failed)) {
+      std::error_code ignored;
+      if (at->is_directory(ignored)) {
+        folder_found(at->path());
+      } else if (at->is_regular_file(ignored) && at->path().extension() == ".json") {
+        files.push_back(at->path());
+      }
+    }
+  };
+  look_into(folder_, [&](const fs::path& below) { look_into(below, [](const fs::path&) {}); });
+  std::vector<Listed> plans;
+  for (const fs::path& file : files) {
+    const ordered_json document = document_at(file);
+    if (document.is_null()) continue;
+    Listed& plan = plans.emplace_back();
+    plan.file = file.lexically_relative(folder_).generic_string();
+    if (const auto name = document.find("name"); name != document.end() && name->is_string())
+      plan.name = name->get<std::string>();
+    plan.steps = document["steps"].size();
+    plan.has_volume = document.contains("volume");
+  }
+  std::ranges::sort(plans, {}, &Listed::file);
+  return plans;
+}
+
+fs::path PlanFolder::path_of(const std::string& file) const {
+  // Nothing but what is listed, so that no name leads elsewhere.
+  const std::vector<Listed> all = plans();
+  if (std::ranges::find(all, file, &Listed::file) == all.end())
+    throw Refusal(404, "there is no plan of that name here");
+  return folder_ / file;
+}
+
+OpenedPlan PlanFolder::open(const std::string& file,
+                            const std::function<void(const std::string& step)>& step) const {
+  const fs::path path = path_of(file);
+  OpenedPlan opened;
+  opened.file = file;
+  opened.own = document_at(path);
+  if (opened.own.is_null()) throw Refusal(404, "there is no plan of that name here");
+  step("reading the plan");
+  const sim::Plan own = read(opened.own, path, sim::recipe_mesh_maker(step));
+  if (own.volume.empty())
+    throw Refusal(422, "this plan names no CT that could be shown: give its \"volume\" a file or folder");
+  opened.tooled = sim::with_tools(opened.own, own);
+  opened.plan = read(opened.tooled, path, maker_of(own.body.mesh));
+  step("reading the CT");
+  const sim::Volume volume = sim::read_volume(own.volume, reading_of(opened.own)).volume;
+  opened.volume =
+      std::make_shared<const sim::ShadedVolume>(sim::shade(volume, sim::extent_of(own.body.mesh)));
+  return opened;
+}
+
+std::string PlanFolder::save(const OpenedPlan& beside, const std::string& name,
+                             const ordered_json& document) const {
+  check_name(name);
+  const fs::path folder = path_of(beside.file).parent_path();
+  const fs::path file = folder / (name + ".json");
+  const sim::Plan plan = read(document, file, maker_of(beside.plan.body.mesh));
+  if (plan.steps.size() != document["steps"].size()) throw Refusal(422, "the plan could not be read back");
+  if (std::error_code ignored; fs::exists(file, ignored))
+    throw Refusal(409, "there is a plan '" + name + "' already: save it under another name");
+  constexpr mode_t kMode = 0640;
+  timestamp::write_new_file(file, bytes_of(document.dump(1) + "\n"), kMode);
+  return file.lexically_relative(folder_).generic_string();
+}
+
+}  // namespace kiroku::viewer

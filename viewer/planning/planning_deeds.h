@@ -1,0 +1,46 @@
+// What a person does on the page while planning, as values (docs/viewer.md, "Planning"). Plain data.
+#pragma once
+
+#include <optional>
+#include <string>
+#include <variant>
+#include <vector>
+
+#include <Eigen/Core>
+
+#include "viewer/planning/pointer_tools.h"
+
+namespace kiroku::viewer {
+
+/// From where the organ is seen (sim::ViewDirection); pan in parts of the picture, to the right and down.
+struct ViewDeed {
+  double azimuth_deg = 0, elevation_deg = 0, zoom = 1, pan_x = 0, pan_y = 0;
+};
+/// All pointers that are down now.
+struct PointDeed {
+  PointerUse use = PointerUse::kGrasp;
+  std::vector<PlanPointer> pointers;
+};
+/// A line drawn on the picture, cut as deep as that below the surface.
+struct CutDeed {
+  std::vector<Eigen::Vector2d> line;  // as PlanPointer's x and y
+  double depth_m = 0;
+};
+struct HoldDeed {
+  double duration_s = 0;
+};
+struct ReleaseDeed {
+  std::string tool;
+};
+struct UndoDeed {};
+struct RedoDeed {};
+/// Tints the tissue by its stress; nothing: not.
+struct StressDeed {
+  std::optional<double> largest_pa;
+};
+using Deed =
+    std::variant<ViewDeed, PointDeed, CutDeed, HoldDeed, ReleaseDeed, UndoDeed, RedoDeed, StressDeed>;
+
+inline constexpr std::size_t kMostPlanPointers = 5;
+
+}  // namespace kiroku::viewer

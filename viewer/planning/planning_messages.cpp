@@ -1,0 +1,189 @@
+#include "viewer/planning/planning_messages.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include <nlohmann/json.hpp>
+
+#include "sim/fem/element.h"
+#include "sim/render/picture_jpeg.h"
+#include "viewer/server/picture_message.h"
+#include "viewer/server/request.h"
+
+namespace kiroku::viewer {
+namespace {
+
+using nlohmann::json;
+using nlohmann::ordered_json;
+
+constexpr int kQuality = 85;
+constexpr std::size_t kMostPlaces = 1000;
+constexpr double kOutside = 0.5;  // of the picture, where pointers may have left it to
+constexpr double kMostPushM = 0.2, kMostDepthM = 0.3, kMostHoldS = 60, kMostPa = 1e9;
+
+const json& field(const json& object, const char* key) {
+  if (!object.is_object()) throw Refusal(400, std::string("'") + key + "' must stand in an object");
+  const auto found = object.find(key);
+  if (found == object.end()) throw Refusal(400, std::string("'") + key + "' is missing");
+  return *found;
+}
+
+std::string text(const json& object, const char* key) {
+  const json& value = field(object, key);
+  if (!value.is_string()) throw Refusal(400, std::string("'") + key + "' must be a text");
+  return value.get<std::string>();
+}
+
+double number(const json& object, const char* key, double least, double most) {
+  const json& value = field(object, key);
+  if (!value.is_number() || !(value.get<double>() >= least && value.get<double>() <= most)) {
+    throw Refusal(400, std::string("'") + key + "' must be a number from " + json(least).dump() + " to " +
+                           json(most).dump());
+  }
+  return value.get<double>();
+}
+
+std::uint64_t count(const json& object, const char* key) {
+  const json& value = field(object, key);
+  if (!value.is_number_unsigned())
+    throw Refusal(400, std::string("'") + key + "' must be a whole number from 0 on");
+  return value.get<std::uint64_t>();
+}
+
+double place(const json& object, const char* key) { return number(object, key, -kOutside, 1 + kOutside); }
+
+ViewDeed view_of(const json& view) {
+  return {number(view, "azimuth_deg", -360, 360), number(view, "elevation_deg", -90, 90),
+          number(view, "zoom", 0.25, 10), number(view, "pan_x", -5, 5), number(view, "pan_y", -5, 5)};
+}
+
+PointDeed pointers_of(const json& object) {
+  const json& pointers = field(object, "pointers");
+  if (!pointers.is_array() || pointers.size() > kMostPlanPointers)
+    throw Refusal(400, "'pointers' must be a list of at most 5");
+  const std::string use = text(object, "use");
+  if (use != "grasp" && use != "press") throw Refusal(400, "'use' must be 'grasp' or 'press'");
+  PointDeed deed{use == "grasp" ? PointerUse::kGrasp : PointerUse::kPress, {}};
+  for (const json& pointer : pointers) {
+    const std::uint64_t id = count(pointer, "id");
+    if (id > std::numeric_limits<std::uint32_t>::max()) throw Refusal(400, "'id' is too large");
+    const PlanPointer one{static_cast<std::uint32_t>(id), place(pointer, "x"), place(pointer, "y"),
+                          number(pointer, "push_m", -kMostPushM, kMostPushM)};
+    if (std::ranges::find(deed.pointers, one.id, &PlanPointer::id) != deed.pointers.end())
+      throw Refusal(400, "an 'id' stands twice");
+    deed.pointers.push_back(one);
+  }
+  return deed;
+}
+
+CutDeed cut_of(const json& cut) {
+  const json& line = field(cut, "line");
+  if (!line.is_array() || line.size() < 2 || line.size() > kMostPlaces)
+    throw Refusal(400, "'line' must be a list of 2 to 1000 places");
+  CutDeed deed{{}, number(cut, "depth_m", 1e-4, kMostDepthM)};
+  for (const json& at : line) deed.line.emplace_back(place(at, "x"), place(at, "y"));
+  return deed;
+}
+
+Deed deed_of(const json& object) {
+  if (object.contains("view")) return view_of(object["view"]);
+  if (object.contains("pointers")) return pointers_of(object);
+  if (object.contains("cut")) return cut_of(object["cut"]);
+  if (object.contains("hold")) return HoldDeed{number(object["hold"], "duration_s", 1e-3, kMostHoldS)};
+  if (object.contains("release")) return ReleaseDeed{text(object["release"], "tool")};
+  if (object.contains("undo")) return UndoDeed{};
+  if (object.contains("redo")) return RedoDeed{};
+  if (object.contains("stress")) {
+    const json& stress = object["stress"];
+    if (stress.is_null()) return StressDeed{};
+    return StressDeed{number(stress, "largest_pa", 1e-3, kMostPa)};
+  }
+  throw Refusal(400,
+                "a message must have 'open', 'view', 'pointers', 'cut', 'hold', 'release', 'undo', 'redo', "
+                "'stress' or 'save'");
+}
+
+double ms(std::chrono::nanoseconds time) { return static_cast<double>(time.count()) / 1e6; }
+
+ordered_json tools_json(const PlanningTable& table) {
+  ordered_json tools = ordered_json::array();
+  const sim::PlanFrame& frame = table.session().frame();
+  for (std::size_t i = 0; i < frame.poses.size(); ++i) {
+    if (!frame.poses[i]) continue;
+    const sim::PlanTool& tool = table.session().plan().tools[i];
+    const Eigen::Vector2d at = table.on_picture(frame.poses[i]->position_m);
+    tools.push_back({{"name", tool.tool.name},
+                     {"kind", sim::name_of(tool.kind)},
+                     {"force_n", frame.tools[i].force_n.norm()},
+                     {"nodes", frame.tools[i].nodes},
+                     {"x", at.x()},
+                     {"y", at.y()}});
+  }
+  return tools;
+}
+
+}  // namespace
+
+PlanningMessage parse_planning_message(std::string_view message) {
+  const json object = json::parse(message, nullptr, false);
+  if (!object.is_object()) throw Refusal(400, "a message must be a JSON object");
+  if (object.contains("open")) {
+    const json& open = object["open"];
+    const json& anew = field(open, "anew");
+    if (!anew.is_boolean()) throw Refusal(400, "'anew' must be true or false");
+    return OpenMessage{text(open, "plan"), anew.get<bool>()};
+  }
+  const std::uint64_t input = count(object, "input");
+  if (object.contains("save"))
+    return SaveMessage{input, text(object["save"], "file"), text(object["save"], "name")};
+  return DeedMessage{input, deed_of(object)};
+}
+
+ordered_json opened_json(const PlanningTable& table) {
+  const sim::Plan& plan = table.session().plan();
+  return {{"opened",
+           {{"plan", table.opened().file},
+            {"name", plan.name},
+            {"vertices", plan.body.mesh.nodes.size()},
+            {"time_step_s", plan.time_step_s},
+            {"warnings", plan.body.warnings},
+            {"renderer", table.renderer()}}}};
+}
+
+ordered_json steps_json(const PlanningTable& table) {
+  const sim::PlanSession& session = table.session();
+  ordered_json steps = ordered_json::array();
+  for (const sim::PlanStep& step : session.plan().steps) {
+    ordered_json tools = ordered_json::array();
+    for (const sim::PlanMotion& motion : step.motions)
+      tools.push_back(session.plan().tools[motion.tool].tool.name);
+    for (const std::size_t tool : step.released) tools.push_back(session.plan().tools[tool].tool.name);
+    steps.push_back({{"name", step.name},
+                     {"action", sim::name_of(step.action)},
+                     {"tools", std::move(tools)},
+                     {"duration_s", step.duration_s}});
+  }
+  return {{"steps", std::move(steps)}, {"undo", session.can_undo()}, {"redo", session.can_redo()}};
+}
+
+Bytes moment_message(const PlanningMoment& moment) {
+  const sim::PlanFrame& frame = moment.table->session().frame();
+  double largest_pa = 0, moved_m = 0;
+  for (const sim::SymmetricTensor& stress : frame.stress_pa)
+    largest_pa = std::max(largest_pa, sim::von_mises(stress));
+  for (Eigen::Index at = 0; at < frame.displacement_m.size(); at += 3)
+    moved_m = std::max(moved_m, frame.displacement_m.segment<3>(at).norm());
+  return picture_message({{"picture", moment.number},
+                          {"input", moment.input},
+                          {"time_s", frame.time_s},
+                          {"moves", moment.moves},
+                          {"tools", tools_json(*moment.table)},
+                          {"largest_von_mises_pa", largest_pa},
+                          {"largest_displacement_m", moved_m},
+                          {"computing_ms", ms(moment.computing)},
+                          {"drawing_ms", ms(moment.drawing)}},
+                         sim::jpeg_of(*moment.picture, kQuality));
+}
+
+}  // namespace kiroku::viewer

@@ -1,0 +1,222 @@
+#include "viewer/planning/pointer_tools.h"
+
+#include <algorithm>
+#include <iterator>
+#include <utility>
+
+#include "base/error.h"
+#include "sim/render/picking.h"
+
+namespace kiroku::viewer {
+namespace {
+
+using sim::PlanTool;
+using sim::Pose;
+using sim::Vector3;
+
+/// So near counts as there.
+constexpr double kThereMetres = 1e-4;
+/// A fingertip comes to the organ so far before it.
+constexpr double kBeforeMetres = 5e-4;
+/// Forceps are taken by a pointer that is no further from them than this, in lengths of their jaws' box.
+constexpr double kReach = 1.5;
+
+double radius_m(const PlanTool& tool) { return sim::bounding_radius_m(tool.tool.shape); }
+
+}  // namespace
+
+PointerTools::PointerTools(sim::PlanSession& session) : session_(session) {}
+
+void PointerTools::take(Held& held) {
+  const Vector3 place_m = sim::in_depth_m(camera_, held.pose.position_m);
+  held.beside = place_m.head<2>() / place_m.z() - sim::slope_of(camera_, held.at.x, held.at.y);
+  held.depth_m = place_m.z() - held.at.push_m;
+}
+
+void PointerTools::see_from(const sim::Camera& camera) {
+  camera_ = camera;
+  for (Held& held : held_) take(held);
+}
+
+std::optional<Vector3> PointerTools::on_organ(double x, double y) const {
+  const sim::TetMesh& mesh = session_.mesh();
+  const Eigen::VectorXd& moved_m = session_.frame().displacement_m;
+  std::vector<Vector3> places_m(mesh.nodes.size());
+  for (std::size_t node = 0; node < mesh.nodes.size(); ++node) {
+    places_m[node] =
+        sim::in_depth_m(camera_, mesh.nodes[node] + moved_m.segment<3>(static_cast<Eigen::Index>(3 * node)));
+  }
+  const std::vector<sim::Face> surface = sim::faces_of(mesh).surface;
+  const Eigen::Vector2d slope = sim::slope_of(camera_, x, y);
+  const auto depth_m = sim::depth_along(surface, places_m, slope);
+  if (!depth_m) return {};
+  return sim::from_depth_m(camera_, {slope.x() * *depth_m, slope.y() * *depth_m, *depth_m});
+}
+
+std::optional<std::size_t> PointerTools::forceps_at(const Vector3& place_m) const {
+  std::optional<std::size_t> nearest;
+  double nearest_m = 0;
+  const auto& poses = session_.frame().poses;
+  for (std::size_t tool = 0; tool < poses.size(); ++tool) {
+    const PlanTool& forceps = session_.plan().tools[tool];
+    if (!poses[tool] || !sim::binds(forceps.kind)) continue;
+    if (std::ranges::find(held_, tool, &Held::tool) != held_.end()) continue;
+    const double distance_m = (poses[tool]->position_m - place_m).norm();
+    if (distance_m > kReach * radius_m(forceps) || (nearest && distance_m >= nearest_m)) continue;
+    nearest = tool;
+    nearest_m = distance_m;
+  }
+  return nearest;
+}
+
+std::vector<std::size_t> PointerTools::free_tools(sim::ToolKind kind, const char* what) const {
+  const auto& poses = session_.frame().poses;
+  std::vector<std::size_t> tools;
+  for (std::size_t tool = 0; tool < poses.size(); ++tool) {
+    if (session_.plan().tools[tool].kind == kind && !poses[tool] &&
+        std::ranges::find(held_, tool, &Held::tool) == held_.end())
+      tools.push_back(tool);
+  }
+  if (tools.empty()) throw Error(std::string("all ") + what + " are at the organ already: release one first");
+  return tools;
+}
+
+/// With the first forceps that find something there: jaws are of different sizes.
+std::size_t PointerTools::grasp(const Vector3& place_m) {
+  end_motion();
+  Pose pose;
+  pose.position_m = place_m;
+  const std::vector<std::size_t> tools = free_tools(sim::ToolKind::kForceps, "forceps");
+  for (auto tool = tools.begin();; ++tool) {
+    try {
+      session_.grasp({*tool, pose});
+      return *tool;
+    } catch (const Error&) {
+      if (std::next(tool) == tools.end()) throw;
+    }
+  }
+}
+
+void PointerTools::come_down(PointerUse use, const PlanPointer& pointer) {
+  const auto place_m = on_organ(pointer.x, pointer.y);
+  if (!place_m) {
+    ignored_.push_back(pointer.id);
+    return;
+  }
+  Held held{pointer.id, 0, use, {}, pointer, Eigen::Vector2d::Zero(), 0};
+  if (use == PointerUse::kPress) {
+    held.tool = free_tools(sim::ToolKind::kFinger, "fingers").front();
+    Vector3 before_m = sim::in_depth_m(camera_, *place_m);
+    const double depth_m = before_m.z() - radius_m(session_.plan().tools[held.tool]) - kBeforeMetres;
+    before_m *= depth_m / before_m.z();
+    held.pose.position_m = sim::from_depth_m(camera_, before_m);
+    held.depth_m = depth_m;
+    held_.push_back(held);
+    return;
+  }
+  const auto holding = forceps_at(*place_m);
+  held.tool = holding ? *holding : grasp(*place_m);
+  held.pose = *session_.frame().poses[held.tool];
+  take(held);
+  held_.push_back(held);
+}
+
+void PointerTools::point(PointerUse use, const std::vector<PlanPointer>& pointers) {
+  const auto is_down = [&](std::uint32_t id) {
+    return std::ranges::find(pointers, id, &PlanPointer::id) != pointers.end();
+  };
+  std::erase_if(ignored_, [&](std::uint32_t id) { return !is_down(id); });
+  std::vector<std::size_t> lifted;
+  bool gone = false;
+  std::erase_if(held_, [&](const Held& held) {
+    if (is_down(held.id)) return false;
+    gone = true;
+    if (held.use == PointerUse::kPress) lifted.push_back(held.tool);
+    return true;
+  });
+  if (gone) end_motion();
+  for (const std::size_t tool : lifted) {
+    if (session_.frame().poses[tool]) session_.release(tool);
+  }
+  std::optional<Error> refused;
+  for (const PlanPointer& pointer : pointers) {
+    if (std::ranges::count(ignored_, pointer.id) > 0) continue;
+    const auto held = std::ranges::find(held_, pointer.id, &Held::id);
+    if (held != held_.end()) {
+      held->at = pointer;
+      continue;
+    }
+    try {
+      come_down(use, pointer);
+    } catch (const Error& error) {
+      ignored_.push_back(pointer.id);
+      refused = error;
+    }
+  }
+  if (refused) throw Error(*refused);
+}
+
+Vector3 PointerTools::goal_m(const Held& held) const {
+  const Eigen::Vector2d slope = sim::slope_of(camera_, held.at.x, held.at.y) + held.beside;
+  const double depth_m = held.depth_m + held.at.push_m;
+  return sim::from_depth_m(camera_, {slope.x() * depth_m, slope.y() * depth_m, depth_m});
+}
+
+bool PointerTools::advance() {
+  const double most_m = kMostSpeedMetres * session_.plan().time_step_s;
+  bool moves = false;
+  std::vector<sim::PlacedTool> next;
+  for (const Held& held : held_) {
+    const Vector3 way_m = goal_m(held) - held.pose.position_m;
+    moves = moves || way_m.norm() > kThereMetres;
+    Pose pose = held.pose;
+    pose.position_m += way_m * std::min(1.0, most_m / std::max(way_m.norm(), most_m));
+    next.push_back({held.tool, pose});
+  }
+  if (!moves) return false;
+  std::ranges::sort(next, {}, &sim::PlacedTool::tool);
+  std::vector<std::size_t> tools;
+  std::vector<Pose> poses;
+  for (const sim::PlacedTool& placed : next) {
+    tools.push_back(placed.tool);
+    poses.push_back(placed.pose);
+  }
+  try {
+    if (tools != moving_ || !session_.moving()) {
+      end_motion();
+      std::vector<sim::PlacedTool> from;
+      for (const Held& held : held_) from.push_back({held.tool, held.pose});
+      session_.begin_motion(std::move(from));
+      moving_ = tools;
+    }
+    session_.advance(poses);
+  } catch (const Error&) {
+    let_go();
+    throw;
+  }
+  for (Held& held : held_) held.pose = *session_.frame().poses[held.tool];
+  return true;
+}
+
+void PointerTools::end_motion() {
+  moving_.clear();
+  const std::vector<sim::PlanTool>& tools = session_.plan().tools;
+  for (const std::string& name : session_.end_motion()) {
+    // A pointer that is still down may yet bring its finger to the tissue.
+    const auto still = [&](const Held& held) { return tools[held.tool].tool.name == name; };
+    if (std::ranges::none_of(held_, still)) missed_.push_back(name);
+  }
+}
+
+void PointerTools::let_go() {
+  const std::vector<Held> held = std::exchange(held_, {});
+  end_motion();
+  for (const Held& one : held) {
+    if (one.use == PointerUse::kPress && session_.frame().poses[one.tool]) session_.release(one.tool);
+    ignored_.push_back(one.id);
+  }
+}
+
+std::vector<std::string> PointerTools::take_missed() { return std::exchange(missed_, {}); }
+
+}  // namespace kiroku::viewer

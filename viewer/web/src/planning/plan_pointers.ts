@@ -1,0 +1,131 @@
+// Which pointers are down on the picture while one grasps or presses: mouse, pen, touch points, and one that keys move. Pure but for its own state.
+
+export interface Place {
+  x: number;
+  y: number;
+}
+/** As the server takes it. */
+export interface PlanPointer extends Place {
+  id: number;
+  push_m: number;
+}
+
+export const kMostPointers = 5;
+const kMostPush_m = 0.2;
+const kPushOfWheel_m = 0.00005;
+const kPushStep_m = 0.002;
+const kStep = 0.01;
+const kMiddle: Place = { x: 0.5, y: 0.5 };
+
+const near = (value: number) => Math.min(1.5, Math.max(-0.5, value));
+const limited = (push_m: number) => Math.min(kMostPush_m, Math.max(-kMostPush_m, push_m));
+
+interface Down extends Place {
+  id: number;
+  extra_m: number;
+}
+
+/** `depth_m`: how deep each pointer pushes from the beginning. */
+export class PlanPointers {
+  depth_m = 0;
+  keysAt: Place = kMiddle;
+  private readonly down = new Map<number | 'keys', Down>();
+  private last = 0;
+
+  get pointers(): PlanPointer[] {
+    return [...this.down.values()].map(({ id, x, y, extra_m }) => ({ id, x, y, push_m: limited(this.depth_m + extra_m) }));
+  }
+  get keysAreDown(): boolean {
+    return this.down.has('keys');
+  }
+  get isDown(): boolean {
+    return this.down.size > 0;
+  }
+
+  /** False where five are down already. */
+  press(id: number | 'keys', x: number, y: number): boolean {
+    if (this.down.size === kMostPointers || this.down.has(id)) return false;
+    this.down.set(id, { id: ++this.last, x: near(x), y: near(y), extra_m: 0 });
+    return true;
+  }
+  move(id: number, x: number, y: number): boolean {
+    const held = this.down.get(id);
+    if (!held) return false;
+    held.x = near(x);
+    held.y = near(y);
+    return true;
+  }
+  release(id: number): boolean {
+    return this.down.delete(id);
+  }
+  releaseAll(): boolean {
+    const any = this.isDown;
+    this.down.clear();
+    return any;
+  }
+  /** Deeper where the wheel turns away from the person. */
+  wheel(delta: number): boolean {
+    return this.push(-delta * kPushOfWheel_m);
+  }
+
+  /** Whether the key does something here: arrows move, space comes down and goes up, Page Up and Page Down push. */
+  key(key: string, further: boolean): boolean {
+    const by = further ? 4 * kStep : kStep;
+    switch (key) {
+      case ' ':
+        if (!this.down.delete('keys')) this.press('keys', this.keysAt.x, this.keysAt.y);
+        return true;
+      case 'ArrowLeft':
+        return this.moveKeys(-by, 0);
+      case 'ArrowRight':
+        return this.moveKeys(by, 0);
+      case 'ArrowUp':
+        return this.moveKeys(0, -by);
+      case 'ArrowDown':
+        return this.moveKeys(0, by);
+      case 'PageUp':
+        this.push(kPushStep_m);
+        return true;
+      case 'PageDown':
+        this.push(-kPushStep_m);
+        return true;
+      default:
+        return false;
+    }
+  }
+
+  private moveKeys(dx: number, dy: number): boolean {
+    this.keysAt = { x: near(this.keysAt.x + dx), y: near(this.keysAt.y + dy) };
+    const held = this.down.get('keys');
+    if (held) Object.assign(held, this.keysAt);
+    return true;
+  }
+  private push(by_m: number): boolean {
+    for (const held of this.down.values()) held.extra_m = limited(held.extra_m + by_m);
+    return this.isDown;
+  }
+}
+
+/** A line that is drawn over the organ: no two places nearer than a two hundredth of the picture. */
+export class DrawnLine {
+  places: Place[] = [];
+
+  begin(x: number, y: number): void {
+    this.places = [{ x: near(x), y: near(y) }];
+  }
+  /** Whether the place is in the line now. */
+  add(x: number, y: number): boolean {
+    const last = this.places[this.places.length - 1];
+    const place = { x: near(x), y: near(y) };
+    if (last && Math.hypot(place.x - last.x, place.y - last.y) < 0.005) return false;
+    if (this.places.length === 1000) return false;
+    this.places = [...this.places, place];
+    return true;
+  }
+  /** The line, which is empty then; undefined where it goes nowhere. */
+  take(): Place[] | undefined {
+    const line = this.places;
+    this.places = [];
+    return line.length < 2 ? undefined : line;
+  }
+}

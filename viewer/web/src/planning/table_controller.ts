@@ -1,0 +1,194 @@
+// What a person does on the picture becomes deeds: pointers, wheel and keys by the tool that is chosen. Draws nothing.
+import { signal } from '@preact/signals';
+import { Median } from '@/base/median';
+import { kFirstView, OrbitDrag, type View, viewByKey, zoomedByWheel } from '@/planning/orbit';
+import { DrawnLine, type Place, PlanPointers } from '@/planning/plan_pointers';
+import { type Deed, PlanConnection, type PlanListener } from '@/planning/planning_api';
+
+export const kTools = ['orbit', 'grasp', 'cut', 'press'] as const;
+export type Tool = (typeof kTools)[number];
+export const kKeyOfTool: Record<Tool, string> = { orbit: 'o', grasp: 'g', cut: 'c', press: 'p' };
+
+export interface OnPicture extends Place {
+  id: number;
+  /** performance.now() of the browser's event. */
+  at_ms: number;
+  pan: boolean;
+}
+
+/** Latency is told of so many of the newest pictures. */
+const kMeasured = 60;
+const kRateOver_ms = 2000;
+
+export class TableController {
+  readonly tool = signal<Tool>('orbit');
+  readonly view = signal<View>(kFirstView);
+  readonly line = signal<readonly Place[]>([]);
+  readonly cursor = signal<Place | undefined>(undefined);
+  readonly depth_m = signal(0.01);
+  readonly cutDepth_m = signal(0.02);
+  readonly stress = signal(false);
+  readonly largest_pa = signal(5000);
+  /** The newest deed that no picture shows yet was sent then. */
+  readonly waitsSince_ms = signal<number | undefined>(undefined);
+
+  private readonly connection: PlanConnection;
+  private readonly orbit = new OrbitDrag();
+  private readonly pointers = new PlanPointers();
+  private readonly drawn = new DrawnLine();
+  private drawing: number | undefined;
+  private readonly sent = new Map<number, number>();
+  private readonly latency = new Median(kMeasured);
+  private shown_ms: number[] = [];
+
+  constructor(open: { plan: string; anew: boolean }, listener: PlanListener) {
+    this.connection = new PlanConnection(open, {
+      ...listener,
+      moment: (moment, picture) => {
+        listener.moment(moment, picture);
+        this.shown(moment.input);
+      },
+    });
+  }
+  leave(): void {
+    this.connection.leave();
+  }
+
+  get latency_ms(): number | undefined {
+    return this.latency.value;
+  }
+  get picturesPerSecond(): number {
+    return (1000 * this.shown_ms.length) / kRateOver_ms;
+  }
+  private shown(input: number): void {
+    const now_ms = performance.now();
+    this.shown_ms = [...this.shown_ms.filter((at) => now_ms - at < kRateOver_ms), now_ms];
+    const at_ms = this.sent.get(input);
+    if (at_ms !== undefined) this.latency.add(now_ms - at_ms);
+    for (const number of this.sent.keys()) if (number <= input) this.sent.delete(number);
+    this.waitsSince_ms.value = [...this.sent.values()][0];
+  }
+
+  send(deed: Deed, at_ms = performance.now()): void {
+    const number = this.connection.send(deed);
+    if (number === 0) return;
+    this.sent.set(number, at_ms);
+    this.waitsSince_ms.value ??= at_ms;
+  }
+  private sendPointers(at_ms: number): void {
+    this.send({ use: this.tool.value === 'press' ? 'press' : 'grasp', pointers: this.pointers.pointers }, at_ms);
+  }
+  private look(view: View | undefined, at_ms: number): void {
+    if (!view) return;
+    this.view.value = view;
+    this.send({ view }, at_ms);
+  }
+  lookFrom(view: View): void {
+    this.look(view, performance.now());
+  }
+
+  choose(tool: Tool): void {
+    this.letGo();
+    this.tool.value = tool;
+    this.pointers.depth_m = tool === 'press' ? this.depth_m.value : 0;
+  }
+  /** All pointers go up. */
+  letGo(): void {
+    this.orbit.releaseAll();
+    this.drawing = undefined;
+    this.drawn.take();
+    this.line.value = [];
+    if (this.pointers.releaseAll()) this.sendPointers(performance.now());
+  }
+  setDepth(depth_m: number): void {
+    this.depth_m.value = depth_m;
+    if (this.tool.value !== 'press') return;
+    this.pointers.depth_m = depth_m;
+    if (this.pointers.isDown) this.sendPointers(performance.now());
+  }
+  showStress(shown: boolean, largest_pa = this.largest_pa.value): void {
+    this.stress.value = shown;
+    this.largest_pa.value = largest_pa;
+    this.send({ stress: shown ? { largest_pa } : null });
+  }
+
+  press(at: OnPicture): boolean {
+    switch (this.tool.value) {
+      case 'orbit':
+        return this.orbit.press(at.id, at.x, at.y);
+      case 'cut':
+        if (this.drawing !== undefined) return false;
+        this.drawing = at.id;
+        this.drawn.begin(at.x, at.y);
+        this.line.value = this.drawn.places;
+        return true;
+      default:
+        if (!this.pointers.press(at.id, at.x, at.y)) return false;
+        this.sendPointers(at.at_ms);
+        return true;
+    }
+  }
+  move(at: OnPicture): void {
+    switch (this.tool.value) {
+      case 'orbit':
+        this.look(this.orbit.move(this.view.value, at.id, at.x, at.y, at.pan), at.at_ms);
+        break;
+      case 'cut':
+        if (this.drawing === at.id && this.drawn.add(at.x, at.y)) this.line.value = this.drawn.places;
+        break;
+      default:
+        if (this.pointers.move(at.id, at.x, at.y)) this.sendPointers(at.at_ms);
+    }
+  }
+  release(at: OnPicture): void {
+    if (this.tool.value === 'orbit') this.orbit.release(at.id);
+    else if (this.tool.value !== 'cut') {
+      if (this.pointers.release(at.id)) this.sendPointers(at.at_ms);
+    } else if (this.drawing === at.id) {
+      this.drawing = undefined;
+      this.cutLine(at.at_ms);
+    }
+  }
+  private cutLine(at_ms: number): void {
+    const line = this.drawn.take();
+    this.line.value = [];
+    if (line) this.send({ cut: { line, depth_m: this.cutDepth_m.value } }, at_ms);
+  }
+  wheel(delta: number, at_ms: number): void {
+    if (this.tool.value === 'orbit' || this.tool.value === 'cut') this.look(zoomedByWheel(this.view.value, delta), at_ms);
+    else if (this.pointers.wheel(delta)) this.sendPointers(at_ms);
+  }
+
+  /** Keys on the picture; whether the key does something there. */
+  key(key: string, shift: boolean, at_ms: number): boolean {
+    if (this.tool.value === 'orbit') {
+      const view = viewByKey(this.view.value, key, shift);
+      this.look(view, at_ms);
+      return view !== undefined;
+    }
+    if (this.tool.value === 'cut') return this.keyOfLine(key, shift, at_ms);
+    if (!this.pointers.key(key, shift)) return false;
+    this.cursor.value = this.pointers.keysAt;
+    this.sendPointers(at_ms);
+    return true;
+  }
+  get keysAreDown(): boolean {
+    return this.pointers.keysAreDown;
+  }
+  /** Space sets a place of the line, Enter cuts along it, Escape forgets it. */
+  private keyOfLine(key: string, shift: boolean, at_ms: number): boolean {
+    if (key === 'Enter') {
+      this.cutLine(at_ms);
+    } else if (key === 'Escape') {
+      this.letGo();
+    } else if (key === ' ') {
+      const { x, y } = this.pointers.keysAt;
+      this.drawn.add(x, y);
+      this.line.value = this.drawn.places;
+    } else if (!key.startsWith('Arrow') || !this.pointers.key(key, shift)) {
+      return false;
+    }
+    this.cursor.value = this.pointers.keysAt;
+    return true;
+  }
+}

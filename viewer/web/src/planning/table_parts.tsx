@@ -1,0 +1,77 @@
+// The parts beside the picture: tools at the organ with their forces, the steps, saving.
+import { t, word } from '@/i18n/i18n';
+import type { Step, ToolState } from '@/planning/planning_api';
+import { Dialog } from '@/shell/dialog';
+import { Icon } from '@/shell/icon';
+
+/** Of the bars: what a fingertip rarely exceeds. */
+const kMostForce_n = 10;
+
+export function ForceList({ tools, release }: { tools: readonly ToolState[]; release: (tool: string) => void }) {
+  return (
+    <section class="card planning-tools" aria-label={t('planning.forces')}>
+      <h2>{t('planning.forces')}</h2>
+      {tools.length === 0 && <p class="muted">{t('planning.noTools')}</p>}
+      {tools.map((tool) => (
+        <div class="planning-tool" key={tool.name}>
+          <span>{tool.name}</span>
+          <progress class="force-bar" max={kMostForce_n} value={Math.min(tool.force_n, kMostForce_n)} aria-label={tool.name} />
+          <span class="mono">{tool.force_n.toFixed(2)}</span>
+          <button type="button" class="button button-quiet" onClick={() => release(tool.name)} aria-label={t('planning.releaseOf', { tool: tool.name })}>
+            {t('planning.release')}
+          </button>
+        </div>
+      ))}
+    </section>
+  );
+}
+
+export function StepList({ steps }: { steps: readonly Step[] }) {
+  let begins_s = 0;
+  return (
+    <section class="card planning-steps" aria-label={t('planning.steps')}>
+      <h2>{t('planning.stepsCount', { n: steps.length })}</h2>
+      <ol tabIndex={0} aria-label={t('planning.steps')}>
+        {steps.map((step, i) => {
+          const at_s = begins_s;
+          begins_s += step.duration_s;
+          return (
+            <li key={i}>
+              <span class="mono muted">{at_s.toFixed(1)} s</span> {step.name || word('planning.did', step.action)} {step.tools.join(', ')}
+              {step.duration_s > 0 && <span class="muted"> · {step.duration_s.toFixed(1)} s</span>}
+            </li>
+          );
+        })}
+      </ol>
+    </section>
+  );
+}
+
+export function SaveDialog({ name, file, save, close }: { name: string; file: string; save: (file: string, name: string) => void; close: () => void }) {
+  return (
+    <Dialog title={t('planning.save')} onClose={close}>
+      <form
+        class="form"
+        method="dialog"
+        onSubmit={(event) => {
+          const fields = new FormData(event.currentTarget as HTMLFormElement);
+          save(String(fields.get('file')).trim(), String(fields.get('name')).trim());
+        }}
+      >
+        <label class="field">
+          <span>{t('planning.saveFile')}</span>
+          <input name="file" required maxLength={100} defaultValue={file} autocomplete="off" />
+        </label>
+        <label class="field">
+          <span>{t('planning.saveName')}</span>
+          <input name="name" required maxLength={200} defaultValue={name} autocomplete="off" />
+        </label>
+        <p class="muted">{t('planning.saveWhat')}</p>
+        <button type="submit" class="button button-main">
+          <Icon name="save" />
+          {t('planning.saveDo')}
+        </button>
+      </form>
+    </Dialog>
+  );
+}

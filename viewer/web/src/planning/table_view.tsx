@@ -1,0 +1,285 @@
+// A plan that is made by hand: the picture, the tools on it, and what they came to.
+import { useSignal } from '@preact/signals';
+import { useEffect, useMemo, useRef } from 'preact/hooks';
+import { t } from '@/i18n/i18n';
+import { kFirstView } from '@/planning/orbit';
+import type { Opened, PlanMoment, Steps } from '@/planning/planning_api';
+import { ForceList, SaveDialog, StepList } from '@/planning/table_parts';
+import { kKeyOfTool, kTools, type OnPicture, TableController, type Tool } from '@/planning/table_controller';
+import { Icon } from '@/shell/icon';
+import { announce, notify } from '@/shell/state';
+import { StressScale } from '@/shell/stress_scale';
+
+const kWidth = 800;
+const kHeight = 600;
+/** Numbers are written so often; pictures are drawn each. */
+const kEvery_ms = 100;
+/** From then on the page says that something is being computed. */
+const kSlow_ms = 500;
+const kHold_s = 0.5;
+
+/** "plan" of "liver/plan.json". */
+const stemOf = (plan: string) => (plan.split('/').pop() ?? plan).replace(/\.json$/, '');
+
+export function TableView({ open, leave }: { open: { plan: string; anew: boolean }; leave: (sentence?: string) => void }) {
+  const canvas = useRef<HTMLCanvasElement>(null);
+  const field = useRef<HTMLDivElement>(null);
+  const opening = useSignal('');
+  const opened = useSignal<Opened | undefined>(undefined);
+  const steps = useSignal<Steps>({ steps: [], undo: false, redo: false });
+  const moment = useSignal<PlanMoment | undefined>(undefined);
+  const rate = useSignal({ latency_ms: undefined as number | undefined, perSecond: 0 });
+  const slow = useSignal(false);
+  const saving = useSignal(false);
+
+  const table = useMemo(() => {
+    let written_ms = 0;
+    let late: ReturnType<typeof setTimeout> | undefined;
+    const made: TableController = new TableController(open, {
+      opening: (step) => (opening.value = step),
+      opened: (what) => {
+        opened.value = what;
+        for (const warning of what.warnings) notify(warning);
+        announce(t('planning.opened', { name: what.name || what.plan }));
+        field.current?.focus();
+      },
+      steps: (what) => (steps.value = what),
+      moment: (now, picture) => {
+        canvas.current?.getContext('2d')?.drawImage(picture, 0, 0, kWidth, kHeight);
+        const write = () => {
+          written_ms = performance.now();
+          moment.value = now;
+          rate.value = { latency_ms: made.latency_ms, perSecond: made.picturesPerSecond };
+        };
+        clearTimeout(late);
+        // The last one is written in any case.
+        if (performance.now() - written_ms > kEvery_ms) write();
+        else late = setTimeout(write, kEvery_ms);
+      },
+      told: notify,
+      saved: (plan) => {
+        notify(t('planning.saved', { plan }), 'done');
+        announce(t('planning.saved', { plan }));
+      },
+      lost: (sentence) => leave(sentence || t('planning.lost')),
+    });
+    return made;
+  }, [open]);
+  useEffect(() => () => table.leave(), [table]);
+  useEffect(() => {
+    const timer = setInterval(() => {
+      const since = table.waitsSince_ms.value;
+      slow.value = since !== undefined && performance.now() - since > kSlow_ms;
+    }, 200);
+    return () => clearInterval(timer);
+  }, [table]);
+
+  const placed = (event: PointerEvent): OnPicture => {
+    const box = (field.current as HTMLDivElement).getBoundingClientRect();
+    return {
+      id: event.pointerId,
+      x: (event.clientX - box.left) / box.width,
+      y: (event.clientY - box.top) / box.height,
+      at_ms: event.timeStamp,
+      pan: event.shiftKey,
+    };
+  };
+  useEffect(() => {
+    const element = field.current as HTMLDivElement;
+    // Preact's own listeners are passive, and the page would scroll.
+    const wheel = (event: WheelEvent) => {
+      event.preventDefault();
+      table.wheel(event.deltaY, event.timeStamp);
+    };
+    const hidden = () => table.letGo();
+    const key = (event: KeyboardEvent) => {
+      const target = event.target as HTMLElement;
+      if (document.querySelector('dialog[open]') || /^(INPUT|SELECT|TEXTAREA)$/.test(target.tagName) || event.altKey) return;
+      if (short(event)) event.preventDefault();
+      else if (!event.ctrlKey && !event.metaKey && target === element && table.key(event.key, event.shiftKey, event.timeStamp)) event.preventDefault();
+    };
+    element.addEventListener('wheel', wheel, { passive: false });
+    document.addEventListener('visibilitychange', hidden);
+    document.addEventListener('keydown', key);
+    return () => {
+      element.removeEventListener('wheel', wheel);
+      document.removeEventListener('visibilitychange', hidden);
+      document.removeEventListener('keydown', key);
+    };
+  }, [table]);
+
+  /** Whether the key is a shortcut. */
+  const short = (event: KeyboardEvent): boolean => {
+    const key = event.key.toLowerCase();
+    if (event.ctrlKey || event.metaKey) {
+      if (key === 'z') table.send(event.shiftKey ? { redo: true } : { undo: true });
+      else if (key === 'y') table.send({ redo: true });
+      else if (key === 's') saving.value = steps.value.steps.length > 0;
+      else return false;
+      return true;
+    }
+    const tool = kTools.find((one) => kKeyOfTool[one] === key);
+    if (tool) choose(tool);
+    else if (key === 's') table.showStress(!table.stress.value);
+    else if (key === 'h') table.send({ hold: { duration_s: kHold_s } });
+    else return false;
+    return true;
+  };
+  const choose = (tool: Tool) => {
+    table.choose(tool);
+    announce(t(`planning.tool.${tool}`));
+    field.current?.focus();
+  };
+
+  const now = moment.value;
+  const told = opened.value;
+  const tool = table.tool.value;
+  const cursor = table.cursor.value;
+  return (
+    <main id="main" class="main pad planning" tabIndex={-1}>
+      <div class="view-head">
+        <h1>{told ? told.name || told.plan : t('planning.title')}</h1>
+        <div class="attempt-do">
+          <button type="button" class="button" disabled={!steps.value.undo} onClick={() => table.send({ undo: true })} title="Ctrl+Z">
+            <Icon name="undo" />
+            {t('planning.undo')}
+          </button>
+          <button type="button" class="button" disabled={!steps.value.redo} onClick={() => table.send({ redo: true })} title="Ctrl+Shift+Z">
+            <Icon name="redo" />
+            {t('planning.redo')}
+          </button>
+          <button type="button" class="button button-main" disabled={steps.value.steps.length === 0} onClick={() => (saving.value = true)} title="Ctrl+S">
+            <Icon name="save" />
+            {t('planning.save')}
+          </button>
+          <button type="button" class="button button-quiet" onClick={() => leave()}>
+            {t('planning.close')}
+          </button>
+        </div>
+      </div>
+      <div class="planning-palette" role="toolbar" aria-label={t('planning.tools')}>
+        {kTools.map((one) => (
+          <button key={one} type="button" class="button" aria-pressed={tool === one} onClick={() => choose(one)} title={kKeyOfTool[one].toUpperCase()}>
+            <Icon name={one} />
+            {t(`planning.tool.${one}`)} <kbd>{kKeyOfTool[one].toUpperCase()}</kbd>
+          </button>
+        ))}
+        <button type="button" class="button" onClick={() => table.send({ hold: { duration_s: kHold_s } })} title="H">
+          <Icon name="clock" />
+          {t('planning.hold', { s: kHold_s })} <kbd>H</kbd>
+        </button>
+        <button type="button" class="button" onClick={() => table.lookFrom(kFirstView)}>
+          <Icon name="fit" />
+          {t('planning.front')}
+        </button>
+        {tool === 'press' && (
+          <label class="planning-depth">
+            <span>{t('planning.depth')}</span>
+            <input type="range" min={1} max={40} value={1000 * table.depth_m.value} onInput={(event) => table.setDepth(Number(event.currentTarget.value) / 1000)} />
+            <span class="mono">{Math.round(1000 * table.depth_m.value)} mm</span>
+          </label>
+        )}
+        {tool === 'cut' && (
+          <label class="planning-depth">
+            <span>{t('planning.cutDepth')}</span>
+            <input type="range" min={1} max={100} value={1000 * table.cutDepth_m.value} onInput={(event) => (table.cutDepth_m.value = Number(event.currentTarget.value) / 1000)} />
+            <span class="mono">{Math.round(1000 * table.cutDepth_m.value)} mm</span>
+          </label>
+        )}
+      </div>
+      <div class="attempt-body">
+        <div class="attempt-picture">
+          <div
+            ref={field}
+            class={`attempt-field planning-field planning-field-${tool}`}
+            role="application"
+            tabIndex={0}
+            aria-label={t('planning.picture')}
+            aria-busy={told === undefined}
+            onPointerDown={(event) => {
+              if (event.button !== 0 || !told || !table.press(placed(event))) return;
+              field.current?.focus();
+              field.current?.setPointerCapture(event.pointerId);
+              table.cursor.value = undefined;
+            }}
+            onPointerMove={(event) => table.move(placed(event))}
+            onPointerUp={(event) => table.release(placed(event))}
+            onPointerCancel={(event) => table.release(placed(event))}
+            onContextMenu={(event) => event.preventDefault()}
+            onBlur={() => (table.cursor.value = undefined)}
+          >
+            <canvas ref={canvas} width={kWidth} height={kHeight} aria-hidden="true" />
+            {table.line.value.length > 0 && (
+              <svg class="planning-line" viewBox="0 0 1 1" preserveAspectRatio="none" aria-hidden="true">
+                <polyline points={table.line.value.map(({ x, y }) => `${x},${y}`).join(' ')} />
+              </svg>
+            )}
+            {now?.tools.map((one) => (
+              <span key={one.name} class="planning-mark" style={{ left: `${one.x * 100}%`, top: `${one.y * 100}%` }} aria-hidden="true">
+                {one.name}
+              </span>
+            ))}
+            {cursor && tool !== 'orbit' && (
+              <span class={table.keysAreDown ? 'key-mark key-mark-down' : 'key-mark'} style={{ left: `${cursor.x * 100}%`, top: `${cursor.y * 100}%` }} aria-hidden="true" />
+            )}
+            {!told && <p class="attempt-making">{opening.value || t('planning.opening')}</p>}
+            {told && slow.value && <p class="planning-slow">{t('planning.computing')}</p>}
+          </div>
+          {table.stress.value && <StressScale most={table.largest_pa.value} label={t('planning.scale')} />}
+          <p class="muted attempt-how">{t(`planning.how.${tool}`)}</p>
+        </div>
+        <div class="attempt-side">
+          <div class="card planning-stress">
+            <label class="train-check">
+              <input type="checkbox" checked={table.stress.value} onChange={(event) => table.showStress(event.currentTarget.checked)} />
+              <span>
+                {t('planning.stress')} <kbd>S</kbd>
+              </span>
+            </label>
+            <label class="field">
+              <span>{t('planning.stressMost')}</span>
+              <input
+                type="number"
+                min={10}
+                max={10_000_000}
+                step="any"
+                value={table.largest_pa.value}
+                onChange={(event) => {
+                  const pa = Number(event.currentTarget.value);
+                  if (pa >= 10 && pa <= 10_000_000) table.showStress(table.stress.value, pa);
+                }}
+              />
+            </label>
+            <dl class="attempt-facts">
+              <div>
+                <dt>{t('planning.largestStress')}</dt>
+                <dd class="mono">{(now?.largest_von_mises_pa ?? 0).toFixed(0)} Pa</dd>
+              </div>
+              <div>
+                <dt>{t('planning.largestMove')}</dt>
+                <dd class="mono">{(1000 * (now?.largest_displacement_m ?? 0)).toFixed(1)} mm</dd>
+              </div>
+              <div>
+                <dt>{t('planning.time')}</dt>
+                <dd class="mono">{(now?.time_s ?? 0).toFixed(1)} s</dd>
+              </div>
+            </dl>
+          </div>
+          <ForceList tools={now?.tools ?? []} release={(name) => table.send({ release: { tool: name } })} />
+          <StepList steps={steps.value.steps} />
+          <p class="muted attempt-latency">
+            {rate.value.latency_ms !== undefined && t('planning.latency', { picture: rate.value.latency_ms.toFixed(0), rate: rate.value.perSecond.toFixed(0) })}
+          </p>
+        </div>
+      </div>
+      {saving.value && told && (
+        <SaveDialog
+          name={told.name}
+          file={`${stemOf(told.plan)}-2`}
+          save={(file, name) => table.send({ save: { file, name } })}
+          close={() => (saving.value = false)}
+        />
+      )}
+    </main>
+  );
+}
