@@ -2,6 +2,7 @@
 include(GNUInstallDirs)
 install(FILES deploy/systemd/kirokud.service deploy/systemd/kiroku-retention.service deploy/systemd/kiroku-retention.timer DESTINATION lib/systemd/system)
 install(FILES README.md deploy/kiroku.toml DESTINATION ${CMAKE_INSTALL_DOCDIR})
+install(FILES sim/haptics/haptic_plugin.h DESTINATION include/kiroku)
 install(DIRECTORY docs DESTINATION ${CMAKE_INSTALL_DOCDIR})
 install(FILES LICENSE DESTINATION ${CMAKE_INSTALL_DOCDIR} RENAME copyright)
 

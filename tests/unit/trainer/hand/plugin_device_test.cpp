@@ -1,0 +1,106 @@
+#include "sim/haptics/plugin_device.h"
+
+#include <filesystem>
+#include <fstream>
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "base/error.h"
+#include "tests/support/temporary_folder.h"
+#include "trainer/hand/safe_device.h"
+
+namespace kiroku::trainer {
+namespace {
+
+using sim::PluginDevice;
+using sim::Vector3;
+using testing::HasSubstr;
+
+constexpr double kPeriod = 1e-3;
+
+std::filesystem::path plugin(const std::string& name) {
+  return std::filesystem::path(KIROKU_PLUGINS) / (name + ".so");
+}
+
+std::string refusal(const std::filesystem::path& library, const std::string& argument = "") {
+  try {
+    PluginDevice device(2, library, argument);
+  } catch (const Error& error) {
+    return error.what();
+  }
+  return "not refused";
+}
+
+TEST(PluginDevice, TheExampleLiftsItsFingers) {
+  PluginDevice device(3, plugin("lifting_finger"), "0.02");
+  std::vector<sim::Pose> poses(3);
+  ASSERT_TRUE(device.read(poses));
+  const double begin_m = poses[1].position_m.z();
+  for (int step = 0; step < 3000; ++step) ASSERT_TRUE(device.read(poses));
+  device.write(std::vector<Vector3>(3, Vector3(1, 2, 3)));
+  EXPECT_NEAR(poses[1].position_m.z() - begin_m, 0.02, 1e-4);
+  EXPECT_NEAR(poses[2].position_m.x() - poses[0].position_m.x(), 0.08, 1e-12);
+  EXPECT_TRUE(poses[0].sound());
+  EXPECT_FALSE(device.lost());
+}
+
+TEST(PluginDevice, RefusesInWordsWhatIsNoPlugin) {
+  const test::TemporaryFolder folder;
+  EXPECT_THAT(refusal(folder / "absent.so"), HasSubstr("cannot be loaded"));
+  std::ofstream(folder / "words.so") << "no library";
+  EXPECT_THAT(refusal(folder / "words.so"), HasSubstr("cannot be loaded"));
+  EXPECT_THAT(refusal(plugin("no_symbol_plugin")), HasSubstr("exports no kiroku_haptic_plugin"));
+  EXPECT_THAT(refusal(plugin("other_abi_plugin")), HasSubstr("made for ABI 77, and this program has 1"));
+  EXPECT_THAT(refusal(plugin("faulty_plugin"), "refuse"),
+              HasSubstr("cannot open its device: nothing is plugged in"));
+  EXPECT_THAT(refusal(plugin("lifting_finger"), "high"), HasSubstr("'high' is no height"));
+  EXPECT_THROW(PluginDevice(0, plugin("faulty_plugin"), ""), UsageError);
+}
+
+/// However a plug-in fails, its forces go to zero within the slope and stay there.
+class FailingPlugin : public testing::TestWithParam<const char*> {};
+
+TEST_P(FailingPlugin, LeavesNoForceOnAFinger) {
+  PluginDevice device(2, plugin("faulty_plugin"), GetParam());
+  const SafetyLimits limits;
+  SafeDevice safe(device, kPeriod, limits);
+  std::vector<sim::Pose> poses(2);
+  std::vector<Vector3> before_n = safe.given_n();
+  double largest_n = 0;
+  int read = 0;
+  for (int step = 0; step < 400; ++step) {
+    const bool came = safe.read(poses);
+    read += came ? 1 : 0;
+    for (const sim::Pose& pose : poses) EXPECT_TRUE(pose.position_m.allFinite());
+    // As a force loop does: nothing is felt without poses.
+    safe.write(std::vector<Vector3>(2, came ? Vector3(0, 0, 50) : Vector3::Zero()));
+    for (std::size_t tool = 0; tool < 2; ++tool) {
+      EXPECT_LE((safe.given_n()[tool] - before_n[tool]).norm(),
+                limits.most_slope_n_s * kPeriod * (1 + 1e-12));
+      EXPECT_LE(safe.given_n()[tool].norm(), limits.most_force_n * (1 + 1e-12));
+      largest_n = std::max(largest_n, safe.given_n()[tool].norm());
+    }
+    before_n = safe.given_n();
+  }
+  EXPECT_EQ(before_n[0].norm(), 0);
+  const std::string fault = GetParam();
+  const bool goes = fault == "throw" || fault == "lose";
+  EXPECT_EQ(device.lost(), goes);
+  if (goes) {
+    EXPECT_EQ(read, 100);
+    EXPECT_THAT(device.why_lost(),
+                HasSubstr(fault == "throw" ? "let an exception out" : "its device is lost"));
+  }
+  if (fault == "jump") {
+    EXPECT_GT(safe.faults().jumps, 100U);
+  } else {
+    EXPECT_NEAR(largest_n, limits.most_force_n, 1e-9);
+  }
+}
+
+INSTANTIATE_TEST_SUITE_P(Faults, FailingPlugin, testing::Values("nan", "jump", "throw", "lose"),
+                         [](const auto& tested) { return std::string(tested.param); });
+
+}  // namespace
+}  // namespace kiroku::trainer
