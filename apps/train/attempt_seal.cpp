@@ -33,8 +33,8 @@ std::string source_of(const fs::path& file) { return fs::absolute(file).string()
 
 }  // namespace
 
-fs::path seal_attempt(const Home& home, const fs::path& folder, const ordered_json& facts,
-                      const std::string& summary) {
+fs::path seal_attempt(const Home& home, const fs::path& folder, const std::string& film,
+                      const ordered_json& facts, const std::string& summary) {
   const Configuration configuration = home.configuration();
   RecipientChoice recipients(home, configuration, {});
   recorder::SessionOptions options;
@@ -49,7 +49,7 @@ fs::path seal_attempt(const Home& home, const fs::path& folder, const ordered_js
   const ByteView bytes = bytes_of(subject);
   options.subject = Bytes(bytes.begin(), bytes.end());
   options.video.push_back({.name = "training",
-                           .source = source_of(folder / kAttemptFilm),
+                           .source = source_of(folder / film),
                            .purpose = "what the trainee saw",
                            .video = {},
                            .recipients = recipients.of("training")});

@@ -15,10 +15,11 @@ namespace kiroku::apps {
 inline constexpr const char* kAttemptFilm = "film.mp4";
 inline constexpr const char* kAttemptVitals = "vitals.csv";
 
-/// Records film and numbers of `folder` into a new case of `home`. Its sealed subject holds `facts` and the
+/// Records `film` and numbers of `folder` into a new case of `home`. Its sealed subject holds `facts` and the
 /// SHA-256 of every file there; `summary` is marked at its beginning. Returns the case's folder. Throws
 /// kiroku::Error where the home cannot be recorded into, or not all was taken in; the files stay as they are.
 std::filesystem::path seal_attempt(const Home& home, const std::filesystem::path& folder,
-                                   const nlohmann::ordered_json& facts, const std::string& summary);
+                                   const std::string& film, const nlohmann::ordered_json& facts,
+                                   const std::string& summary);
 
 }  // namespace kiroku::apps

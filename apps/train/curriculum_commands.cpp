@@ -27,7 +27,7 @@ const std::vector<std::string> kReportFiles{"attempts.csv", "curves.csv", "repor
 
 struct TraineeRequest {
   std::string name, database;
-  std::optional<std::string> group;
+  std::optional<std::string> group, user;
   bool simulated = false;
 };
 
@@ -49,9 +49,13 @@ Json comparisons_json(const std::vector<trainer::ExclusionRecord>& records) {
   for (const std::string& object : objects) {
     for (const trainer::Measure measure : trainer::kMeasures) {
       for (const trainer::GroupComparison& found : trainer::compare_at_end(records, object, measure)) {
-        Json one{{"object", object},         {"measure", trainer::label_of(measure)},
-                 {"session", found.session}, {"first", found.first},
-                 {"second", found.second},   {"difference", found.comparison.difference}};
+        Json one{{"object", object},
+                 {"measure", trainer::label_of(measure)},
+                 {"session", found.session},
+                 {"fingers", found.fingers},
+                 {"first", found.first},
+                 {"second", found.second},
+                 {"difference", found.comparison.difference}};
         if (found.comparison.test) {
           const trainer::TestResult& test = *found.comparison.test;
           one["difference_95"] = {test.of_difference.low, test.of_difference.high};
@@ -73,6 +77,7 @@ Json comparisons_json(const std::vector<trainer::ExclusionRecord>& records) {
 void print_comparisons(const Json& comparisons) {
   for (const Json& one : comparisons) {
     std::cout << "  object " << one["object"].get<std::string>() << ", session " << one["session"] << ", "
+              << one["fingers"] << (one["fingers"] == 1 ? " finger, " : " fingers, ")
               << one["measure"].get<std::string>() << ": " << one["first"].get<std::string>() << " less "
               << one["second"].get<std::string>() << " " << number_text(one["difference"].get<double>(), 3);
     if (one.contains("p")) {
@@ -96,7 +101,18 @@ std::size_t simulated_count(const std::vector<trainer::ExclusionRecord>& records
 
 int add_trainee(const TraineeRequest& request) {
   trainer::TrainingDatabase database(request.database);
-  database.add_trainee(request.name, request.group.value_or(""), request.simulated);
+  if (request.user && request.simulated)
+    throw UsageError("no user trains as a simulated trainee: leave --user out");
+  const std::vector<trainer::Trainee> known = database.trainees();
+  const auto same = std::ranges::find(known, request.name, &trainer::Trainee::name);
+  if (request.user && !request.group && same != known.end()) {
+    database.bind_to_user(*same, *request.user);
+    std::cout << request.database << ": " << *request.user << " trains as " << request.name
+              << " from now on\n";
+    return kDone;
+  }
+  database.add_trainee(request.name, request.group.value_or(""), request.simulated,
+                       request.user.value_or(""));
   std::cout << request.database << ": added " << request.name << "; " << database.trainees().size()
             << (database.trainees().size() == 1 ? " trainee" : " trainees") << " now\n";
   return kDone;
@@ -201,6 +217,8 @@ void add_train_curriculum_commands(Command& train) {
     command.required_option("--database", "FILE", request->database,
                             "where results are kept; made if absent");
     command.option("--group", "NAME", request->group, "of a study");
+    command.option("--user", "USER", request->user,
+                   "of 'kiroku user', who trains so on the page; for a trainee who is there, from now on");
     command.flag("--simulated", request->simulated,
                  "no person: for 'kiroku train exclusion --hand simulated'");
     command.example("kiroku train trainee Aoki --database training.sqlite --group \"stress shown\"",

@@ -1,3 +1,4 @@
+#include <algorithm>
 #include <cmath>
 #include <iostream>
 #include <memory>
@@ -9,6 +10,7 @@
 #include "apps/kiroku/commands.h"
 #include "apps/kiroku/home.h"
 #include "apps/sim/number_option.h"
+#include "apps/train/attempt_numbers.h"
 #include "apps/train/attempt_seal.h"
 #include "apps/train/output_folder.h"
 #include "apps/train/train_command.h"
@@ -17,6 +19,7 @@
 #include "base/error.h"
 #include "media/film_writer.h"
 #include "sim/fem/number_text.h"
+#include "sim/haptics/plugin_device.h"
 #include "sim/haptics/udp_device.h"
 #include "sim/model/body_model.h"
 #include "sim/render/lettering.h"
@@ -32,8 +35,9 @@ using Json = nlohmann::ordered_json;
 
 struct Request {
   std::string output, hand;
-  std::string fingers = "3", vertices = "2000", seconds = "60", size = "640x480", seed = "1", session = "1";
-  std::optional<std::string> object, organ, damage, feedback, ghost, trainee, database, home;
+  std::string fingers = "3", vertices = "2000", seconds = "60", size = "640x480", seed = "1",
+              practice = "180";
+  std::optional<std::string> object, organ, damage, session, feedback, ghost, trainee, database, home;
   bool stress = false, test = false, seal = false, force = false, json = false;
 };
 
@@ -66,24 +70,19 @@ void letter(sim::Lettering& lettering, sim::Picture& picture, const trainer::Exc
   sim::draw_caption(lettering, picture, number_text(std::round(10 * view.time_s) / 10) + " s", below);
 }
 
-/// One line a quantity, as a recorder reads vital signs.
-void add_vitals(std::string& table, const trainer::ExclusionView& view) {
-  const std::string time = number_text(view.time_s, 9);
-  const auto add = [&](const std::string& code, double value, const std::string& unit) {
-    table += time + "," + code + "," + number_text(value) + "," + unit + "\n";
-  };
-  add("line in sight", 100 * view.visible_share, "%");
-  add("largest stress", view.largest_von_mises_pa / 1e3, "kPa");
-  add("force of all fingers", view.hand.wrist_n.norm(), "N");
-  for (std::size_t i = 0; i < view.hand.forces_n.size(); ++i)
-    add("force of finger " + std::to_string(i + 1), view.hand.forces_n[i].norm(), "N");
-}
-
-std::string in_words(const trainer::ExclusionScore& score) {
-  return std::string(score.done ? "the line was seen for a second after "
-                                : "the line was not seen for a second within ") +
-         number_text(score.time_s, 3) + " s (at best " + number_text(100 * score.best_visible_share, 3) +
-         " % of it)";
+/// Where the trainee stands; kiroku::UsageError where the curriculum does not allow the attempt.
+trainer::TraineeProgress follow_curriculum(const trainer::TrainingDatabase& database,
+                                           const trainer::Trainee& trainee, const std::string& object,
+                                           std::optional<int> session, bool test, double practice_s) {
+  const trainer::TraineeProgress progress = trainer::progress_of(database.attempts(), trainee.name, object);
+  if (session && *session != progress.session) {
+    throw UsageError("--session is " + std::to_string(*session) + ", and " + trainee.name +
+                     " goes on with session " + std::to_string(progress.session) + " on object " + object +
+                     ": leave it out");
+  }
+  if (const std::string why = trainer::not_allowed(progress, test, practice_s); !why.empty())
+    throw UsageError(trainee.name + " " + why);
+  return progress;
 }
 
 int run(const Request& request) {
@@ -95,7 +94,8 @@ int run(const Request& request) {
   const auto seed = static_cast<std::uint32_t>(parse_count(request.seed, "--seed", 0, 4'000'000'000));
   const std::optional<UdpAddress> address = udp_address(request.hand);
   std::optional<trainer::HandMotion> played;
-  if (!address && request.hand != "simulated") {
+  const std::optional<PluginAddress> plugged = plugin_address(request.hand);
+  if (!address && !plugged && request.hand != "simulated") {
     played = trainer::parse_hand_motion(sim::read_document(request.hand), request.hand);
     options.most_s = played->duration_s() + 1.5;
   }
@@ -105,7 +105,10 @@ int run(const Request& request) {
   const std::optional<double> asked_damage_pa =
       request.damage ? std::optional(parse_number(*request.damage, "--damage", 1, 1e9)) : std::nullopt;
   const double seconds = parse_number(request.seconds, "--seconds", 1, 3600);
-  const auto session = static_cast<int>(parse_count(request.session, "--session", 1, 100'000));
+  std::optional<int> asked_session;
+  if (request.session)
+    asked_session = static_cast<int>(parse_count(*request.session, "--session", 1, 100'000));
+  const double practice_s = parse_number(request.practice, "--practice", 0, 3600);
   if (request.trainee.has_value() != request.database.has_value())
     throw UsageError("--trainee and --database belong together: who, and where the attempt is kept");
   if (request.organ && request.object)
@@ -141,8 +144,19 @@ int run(const Request& request) {
   const trainer::ExclusionTask& task = body.task();
   const double damage_pa = task.damage_pa;
   const std::string& object_name = body.object().name;
-  if (request.organ && address)
+  std::unique_ptr<sim::PluginDevice> plugin;
+  if (plugged) plugin = std::make_unique<sim::PluginDevice>(fingers, plugged->library, plugged->argument);
+  if (request.organ && (address || plugged))
     trainer::require_haptic_rate(body, fingers, trainer::measured_force_rate_hz(body, fingers));
+  int session = asked_session.value_or(1);
+  if (trainee && !trainee->simulated) {
+    const trainer::TraineeProgress progress =
+        follow_curriculum(*database, *trainee, object_name, asked_session, request.test, practice_s);
+    session = progress.session;
+    const double left_s = practice_s - progress.practised_s;
+    if (!request.test && practice_s > 0)
+      options.most_s = options.most_s > 0 ? std::min(options.most_s, left_s) : left_s;
+  }
   trainer::ExclusionRunner runner(body, options);
   media::FilmWriter film(folder.path(kAttemptFilm),
                          {options.width, options.height, 3, static_cast<int>(options.picture_rate_hz), 1},
@@ -152,7 +166,7 @@ int run(const Request& request) {
       "time_s,visible_share,largest_von_mises_pa,damaged_ml,danger,tone_hz,wrist_x_n,wrist_y_n,wrist_z_n";
   for (std::size_t i = 1; i <= fingers; ++i) csv += ",finger_" + std::to_string(i) + "_n";
   csv += "\n";
-  std::string vitals = "time,code,value,unit\n";
+  std::string vitals = kVitalsHead;
   std::unique_ptr<trainer::SimulatedTrainee> simulated;
   const auto observer = [&](const trainer::ExclusionView& view) {
     if (simulated) simulated->see(view, options.shows_stress);
@@ -166,8 +180,8 @@ int run(const Request& request) {
       csv += "," + number_text(number);
     for (const sim::Vector3& force_n : view.hand.forces_n) csv += "," + number_text(force_n.norm());
     csv += "\n";
-    add_vitals(vitals, view);
-    return true;
+    vitals += vitals_lines(view);
+    return !plugin || !plugin->lost();  // nobody moves the hand any more
   };
   trainer::ExclusionOutcome outcome;
   const double period_s = 1 / options.force_rate_hz;
@@ -175,6 +189,9 @@ int run(const Request& request) {
     sim::UdpDevice device(fingers, address->address, address->port);
     line.show("waiting for a hand, then for the line to be seen");
     outcome = runner.run_in_real_time(device, observer);
+  } else if (plugin) {
+    line.show("pushing");
+    outcome = runner.run_in_real_time(*plugin, observer);
   } else {
     line.show("pushing");
     if (played) {
@@ -212,6 +229,7 @@ int run(const Request& request) {
               {"pictures", outcome.pictures},
               {"elapsed_s", outcome.elapsed_s},
               {"faults", {{"unsound", outcome.faults.unsound}, {"jumps", outcome.faults.jumps}}}};
+  if (plugin && plugin->lost()) report["device_lost"] = plugin->why_lost();
   if (outcome.force_loop) {
     report["force_loop"] = {
         {"steps", outcome.force_loop->steps},
@@ -232,7 +250,7 @@ int run(const Request& request) {
       facts["session"] = session;
       facts["test"] = request.test;
     }
-    sealed = seal_attempt(*home, request.output, facts,
+    sealed = seal_attempt(*home, request.output, kAttemptFilm, facts,
                           (trainee ? trainee->name + ": " : "") + in_words(outcome.score));
   }
   if (request.json) {
@@ -253,6 +271,8 @@ int run(const Request& request) {
     std::cout << "  the device failed: " << outcome.faults.unsound << " poses that are none, "
               << outcome.faults.jumps << " jumps; forces went to zero\n";
   }
+  if (plugin && plugin->lost())
+    std::cout << "  the plug-in " << plugin->why_lost() << ": the attempt ended there, forces went to zero\n";
   if (sealed) std::cout << "  sealed as " << sealed->string() << "\n";
   return score.done ? kDone : kAnswerIsNo;
 }
@@ -263,7 +283,8 @@ void add_train_exclusion_command(Command& train) {
   Command& command = train.add_command("exclusion", "push an organ aside until the line behind it is seen");
   const auto request = std::make_shared<Request>();
   command.required_option("--hand", "HAND", request->hand,
-                          "a file of hand motion, udp:PORT or udp:ADDRESS:PORT, or 'simulated'");
+                          "a file of hand motion, udp:PORT or udp:ADDRESS:PORT, plugin:PATH[:ARGUMENT], or "
+                          "'simulated'");
   command.required_option("-o,--output", "DIR", request->output, "where to");
   command.choice("--object", {"a", "b"}, request->object,
                  "like a liver, or like a lung with its bronchus and artery", "a");
@@ -281,7 +302,10 @@ void add_train_exclusion_command(Command& train) {
   command.option("--size", "WxH", request->size, "of the pictures");
   command.option("--trainee", "NAME", request->trainee, "whose attempt it is ('kiroku train trainee')");
   command.option("--database", "FILE", request->database, "keeps the attempt there");
-  command.option("--session", "N", request->session, "of the trainee's curriculum");
+  command.option("--session", "N", request->session, "of the trainee's curriculum",
+                 "the one that a person goes on with; 1");
+  command.option("--practice", "S", request->practice,
+                 "a person's practice in a session before its test; 0 asks for none");
   command.flag("--test", request->test, "the session's test, without stress; else practice");
   command.option("--seed", "N", request->seed, "of the simulated trainee");
   command.flag("--seal", request->seal, "makes a case of it, signed and time-stamped, as of an operation");

@@ -171,14 +171,14 @@ std::string comparison_csv(const trainer::RateComparison& comparison) {
 }
 
 trainer::Plot plot_of(const Outcome& outcome, const trainer::RateComparison& comparison) {
-  trainer::PlotSeries found{outcome.sessions.size() > 1 ? "mean, 95 %" : "95 %", {}, {}, {}, true};
+  trainer::PlotSeries found{outcome.sessions.size() > 1 ? "geometric mean, 95 %" : "95 %", {}, {}, {}, true};
   trainer::PlotSeries paper{"papers", {}, {}, {}, false};
   for (std::size_t i = 0; i < comparison.groups.size(); ++i) {
     const trainer::RateGroup& group = comparison.groups[i];
     found.x.push_back(static_cast<double>(group.fingers));
-    found.y.push_back(group.hz.mean);
+    found.y.push_back(group.geometric_hz.mean);
     trainer::Interval interval = outcome.sessions.front().thresholds[i].estimate.interval_hz;
-    if (group.hz.of_mean) interval = *group.hz.of_mean;
+    if (group.geometric_hz.of_mean) interval = *group.geometric_hz.of_mean;
     interval.low = std::max(interval.low, 0.1);  // the axis is logarithmic
     found.intervals.push_back(interval);
     paper.x.push_back(static_cast<double>(group.fingers));
@@ -253,8 +253,10 @@ void print(const Request& request, const Outcome& outcome, const trainer::RateCo
     for (const trainer::RateGroup& group : comparison.groups) {
       Json one{{"fingers", group.fingers},
                {"mean_hz", group.hz.mean},
+               {"geometric_mean_hz", group.geometric_hz.mean},
                {"paper_hz", sim::haptic_rate_hz(group.fingers)}};
-      if (group.hz.of_mean) one["mean_95_hz"] = interval_json(*group.hz.of_mean);
+      if (group.geometric_hz.of_mean)
+        one["geometric_mean_95_hz"] = interval_json(*group.geometric_hz.of_mean);
       groups.push_back(one);
     }
     for (const trainer::RatePair& pair : comparison.pairs) {
@@ -284,14 +286,16 @@ void print(const Request& request, const Outcome& outcome, const trainer::RateCo
   }
   std::cout << request.output << ": " << outcome.sessions.size()
             << (outcome.true_hz.empty() ? " subject" : " simulated subjects, no person") << ", method "
-            << trainer::name_of(outcome.sessions.front().method) << "\n  fingers  threshold        papers\n";
+            << trainer::name_of(outcome.sessions.front().method)
+            << "\n  fingers  threshold: mean, geometric mean (95 %)   papers'\n";
   for (std::size_t i = 0; i < comparison.groups.size(); ++i) {
     const trainer::RateGroup& group = comparison.groups[i];
     const trainer::Interval interval =
-        group.hz.of_mean.value_or(outcome.sessions.front().thresholds[i].estimate.interval_hz);
-    std::cout << "  " << group.fingers << "        " << number_text(group.hz.mean, 3) << " Hz ("
-              << number_text(interval.low, 3) << " to " << number_text(interval.high, 3) << ")   "
-              << number_text(sim::haptic_rate_hz(group.fingers), 3) << " Hz\n";
+        group.geometric_hz.of_mean.value_or(outcome.sessions.front().thresholds[i].estimate.interval_hz);
+    std::cout << "  " << group.fingers << "        " << number_text(group.hz.mean, 3) << " Hz, geometric "
+              << number_text(group.geometric_hz.mean, 3) << " Hz (" << number_text(interval.low, 3) << " to "
+              << number_text(interval.high, 3) << ")   " << number_text(sim::haptic_rate_hz(group.fingers), 3)
+              << " Hz\n";
   }
   for (const trainer::RatePair& pair : comparison.pairs) {
     std::cout << "  " << pair.first << " and " << pair.second << " fingers: ratio "

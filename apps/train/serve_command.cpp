@@ -11,6 +11,7 @@
 #include "apps/kiroku/serving.h"
 #include "apps/kiroku/viewer_setup.h"
 #include "apps/sim/number_option.h"
+#include "apps/train/page_sealer.h"
 #include "apps/train/train_command.h"
 #include "apps/train/training_body.h"
 #include "base/error.h"
@@ -28,8 +29,8 @@ struct Request {
   std::optional<std::string> home, certificate, key, web, database, expert_a, expert_b, at_once;
   std::vector<std::string> organs;
   std::optional<std::string> damage;
-  std::string listen = "127.0.0.1:8444", vertices = "4000", seconds = "60";
-  bool json = false;
+  std::string listen = "127.0.0.1:8444", vertices = "4000", seconds = "60", practice = "180";
+  bool seal = false, json = false;
 };
 
 std::optional<double> damage_of(const Request& request) {
@@ -75,8 +76,10 @@ viewer::TrainingOptions training_options(const Request& request, const Home& hom
   options.most_s = parse_number(request.seconds, "--seconds", 1, kMostSeconds);
   options.at_once = request.at_once ? parse_count(*request.at_once, "--at-once", 1, kMostAtOnce)
                                     : std::max(1U, std::thread::hardware_concurrency() / 2);
+  options.practice_s = parse_number(request.practice, "--practice", 0, kMostSeconds);
   options.experts = experts_of(request);
   options.organs = organs_of(request, options.most_s);
+  if (request.seal) options.sealer = make_page_sealer(home);
   options.tell = tell_on_standard_error();
   return options;
 }
@@ -147,10 +150,14 @@ void add_train_serve_command(Command& train) {
   command.option("--damage", "PA", request->damage, "von Mises stress that counts as damage",
                  "100000, or what an organ's file says");
   command.option("--seconds", "S", request->seconds, "until an attempt is over");
+  command.option("--practice", "S", request->practice,
+                 "of practice in a session before its test; 0 asks for none");
   command.option("--at-once", "N", request->at_once, "attempts at a time", "half as many as there are cores");
   command.option("--expert-a", "FILE", request->expert_a,
                  "an expert's hand motion on object A, shown on demand");
   command.option("--expert-b", "FILE", request->expert_b, "the same on object B");
+  command.flag("--seal", request->seal,
+               "surgeons and administrators may make cases of attempts, signed and time-stamped");
   command.option("--certificate", "FILE", request->certificate,
                  "the server's certificate and those up to its authority, PEM", "its own, made in the home");
   command.option("--key", "FILE", request->key, "its private key, PEM, without passphrase");
@@ -159,9 +166,8 @@ void add_train_serve_command(Command& train) {
   add_home_option(command, request->home);
   command.flag("--json", request->json, "prints one JSON object once it serves");
   command.explain(
-      "People sign in as in the viewer ('kiroku user add'), choose a trainee and push the organ aside. What "
-      "is "
-      "begun is "
+      "People sign in as in the viewer ('kiroku user add') and push the organ aside as the trainee that is "
+      "bound to them ('kiroku train trainee --user'), administrators as everybody. What is begun is "
       "kept as broken off until its end is known. 'kiroku train results' reports the same database.");
   command.example("kiroku train serve", "the trainer on https://127.0.0.1:8444/");
   command.example("kiroku train serve --expert-a lift/hand.txt", "with a hand to follow");

@@ -31,7 +31,7 @@ class Trainer {
       kiroku,
       [
         'train', 'serve', '--home', home, '--listen', '127.0.0.1:0', '--vertices', kVertices, '--expert-a', join(folder, 'expert/hand.txt'),
-        '--web', process.env['KIROKU_PAGE'] as string, '--json',
+        '--web', process.env['KIROKU_PAGE'] as string, '--practice', '0', '--seal', '--json',
       ],
       { stdio: ['ignore', 'pipe', 'inherit'] },
     );
@@ -135,7 +135,7 @@ describe('A new trainee', () => {
     await page.getByText('Nobody trains here yet.').waitFor();
     await page.locator('.train-add').getByLabel('Name').fill('Aoki');
     await page.getByRole('button', { name: 'Add', exact: true }).click();
-    await page.getByText('Session 1: 00:00:00 of 00:03:00 practised, then a test.').waitFor();
+    await page.getByText('Session 1: its first test ends it.').waitFor();
     expect(await page.locator('.train-choice select').first().inputValue()).toBe('Aoki');
     await page.locator('.train-add').getByLabel('Name').fill('Aoki');
     await page.getByRole('button', { name: 'Add', exact: true }).click();
@@ -203,6 +203,12 @@ describe('A new trainee', () => {
     for (const force of forces.slice(0, 5)) expect(force).toBeGreaterThan(0.2);
     expect(await page.locator('.train-came').textContent()).toContain('Done');
     await page.getByRole('img', { name: 'Tests by session: Largest von Mises stress, kPa' }).waitFor();
+    await page.getByRole('button', { name: 'Seal this attempt' }).click();
+    await page.getByText(/^Sealed as \d{8}T\d{6}Z-[0-9a-f]{8}\. Its verification says: intact\./).waitFor({ timeout: 60_000 });
+    const certificate = await page.getByRole('link', { name: 'Certificate (PDF)' }).getAttribute('href');
+    const answer = await visitor.context.request.get(new URL(certificate as string, trainer.signIn).href);
+    expect(answer.status()).toBe(200);
+    expect((await answer.body()).subarray(0, 5).toString()).toBe('%PDF-');
     await keepPicture(page, 'training-result');
     await page.getByLabel('Measure').selectOption('time');
     await page.getByRole('img', { name: 'Tests by session: Time, s' }).waitFor();
@@ -235,11 +241,43 @@ describe('An attempt', () => {
     await page.locator('.train-came', { hasText: 'Given up' }).waitFor();
   });
 
+  it('can be made with a gamepad', async () => {
+    const { page } = visitor;
+    // No gamepad can be plugged in here: the browser's own list of them is replaced, and nothing behind it.
+    await page.evaluate(() => {
+      const pad = { connected: true, mapping: 'standard', axes: [0, 0, 0, 0], buttons: Array.from({ length: 17 }, () => ({ pressed: false, value: 0 })) };
+      Object.assign(window, { pad });
+      navigator.getGamepads = () => [pad as unknown as Gamepad];
+    });
+    const feel = (axes: number[], trigger: number) =>
+      page.evaluate(
+        ([sticks, value]) => {
+          const { pad } = window as unknown as { pad: { axes: number[]; buttons: { pressed: boolean; value: number }[] } };
+          pad.axes = sticks;
+          pad.buttons[6] = { pressed: value > 0.5, value };
+        },
+        [axes, trigger] as const,
+      );
+    await page.getByRole('button', { name: 'Again' }).click();
+    await begun();
+    await expect.poll(() => page.locator('.pad-mark').count()).toBe(2);
+    await feel([0, 0, 0, 0], 0.2);
+    await page.locator('.pad-mark.key-mark-down').waitFor();
+    await page.waitForTimeout(700);
+    await feel([0, -0.6, 0, 0], 0.2);
+    await expect.poll(async () => Number((await page.locator('.force-all .mono').textContent()) ?? 0)).toBeGreaterThan(0.5);
+    await feel([0, 0, 0, 0], 0);
+    await expect.poll(async () => Number((await page.locator('.force-all .mono').textContent()) ?? 1)).toBe(0);
+    await page.getByRole('button', { name: 'Give up' }).click();
+    await page.locator('.train-came', { hasText: 'Given up' }).waitFor();
+  });
+
   it('whose page is closed is kept as broken off', async () => {
     const { page } = visitor;
     await page.getByRole('button', { name: 'Again' }).click();
     await begun();
     await page.reload();
+    await page.getByLabel('Fingers').selectOption('5');
     await page.getByRole('button', { name: 'Results' }).click();
     await page.getByText('As numbers').click();
     await expect
@@ -250,7 +288,7 @@ describe('An attempt', () => {
         return page.locator('.train-numbers tbody tr').last().textContent();
       })
       .toContain('Broken off');
-    expect(await page.locator('.train-numbers tbody tr').allTextContents()).toHaveLength(4);
+    expect(await page.locator('.train-numbers tbody tr').allTextContents()).toHaveLength(5);
   });
 });
 

@@ -1,7 +1,9 @@
 // 'kiroku train' as a person calls it.
 #include <set>
+#include <sstream>
 
 #include "tests/support/flat_organ_volume.h"
+#include "tests/support/reserved_port.h"
 #include "tests/system/program_test.h"
 
 namespace kiroku::test {
@@ -101,6 +103,64 @@ TEST_F(Exclusion, AnOrganIsPushedAsideAndItsMotionPlayedAgain) {
   EXPECT_NEAR(repeated["score"]["time_s"].get<double>(), score["score"]["time_s"].get<double>(), 0.3);
   EXPECT_EQ(push(hand, "third", {"--ghost", hand}).status, 0);
   EXPECT_EQ(read_text(folder() / "third/forces.csv"), read_text(folder() / "again/forces.csv"));
+}
+
+TEST_F(Exclusion, AHandOnTheNetworkPlaysARecordedMotion) {
+  ASSERT_EQ(push("simulated", "first").status, 0);
+  const std::string port = std::to_string(reserved_port());
+  Process::Options trainer;
+  trainer.command = {KIROKU_PROGRAM, "train",      "exclusion", "--hand", "udp:" + port, "-o",
+                     path("net"),    "--vertices", "900",       "--size", "160x120",     "--json"};
+  Process runs(trainer);
+  // Begins at the first datagram that is heard; those before are lost, as from a hand that is there already.
+  Process::Options hand;
+  hand.command = {KIROKU_HAND_PLAYER, path("first/hand.txt"), port};
+  bool done = false;
+  for (int i = 0; i < 5 && !done; ++i) {
+    const ProcessResult played = run_process(hand, std::chrono::seconds(60));
+    ASSERT_EQ(played.status, 0) << played.err;
+    done = std::filesystem::exists(folder() / "net/score.json");
+    if (done) {
+      unsigned answers = 0;
+      double largest_n = 0;
+      std::istringstream(played.out) >> answers >> largest_n;
+      EXPECT_GT(answers, 100U);
+      EXPECT_GT(largest_n, 0.5);
+    }
+  }
+  const ProcessResult result = runs.wait();
+  EXPECT_EQ(result.status, 0) << result.err;
+  const nlohmann::json told = nlohmann::json::parse(result.out);
+  EXPECT_EQ(told["score"]["done"], true);
+  EXPECT_EQ(told["faults"]["unsound"], 0);
+  // What was played was recorded, too.
+  EXPECT_EQ(push(path("net/hand.txt"), "again").status, 0);
+}
+
+TEST_F(Exclusion, APluginMovesTheHandAndIsRefusedInWords) {
+  const ProcessResult result =
+      push(std::string("plugin:") + KIROKU_EXAMPLE_PLUGIN + ":0.03", "plugged", {"--json"});
+  EXPECT_EQ(result.status, 0) << result.out << result.err;
+  EXPECT_EQ(nlohmann::json::parse(result.out)["score"]["done"], true);
+  EXPECT_REFUSED(push("plugin:" + path("absent.so"), "x"), "cannot be loaded");
+  EXPECT_REFUSED(push(std::string("plugin:") + KIROKU_EXAMPLE_PLUGIN + ":up", "x"), "'up' is no height");
+  EXPECT_REFUSED(push("plugin:", "x"), "names no plug-in");
+}
+
+TEST_F(Exclusion, APersonPractisesBeforeATest) {
+  const std::string database = path("training.sqlite");
+  ASSERT_EQ(kiroku({"train", "trainee", "Aoki", "--database", database}).status, 0);
+  ASSERT_EQ(push("simulated", "first").status, 0);
+  EXPECT_REFUSED(push(path("first/hand.txt"), "x", {"--trainee", "Aoki", "--database", database, "--test"}),
+                 "Aoki has practised 0:00 of the 3:00 minutes of session 1: the test comes after them");
+  EXPECT_REFUSED(
+      push(path("first/hand.txt"), "y", {"--trainee", "Aoki", "--database", database, "--session", "2"}),
+      "goes on with session 1");
+  EXPECT_EQ(push(path("first/hand.txt"), "z",
+                 {"--trainee", "Aoki", "--database", database, "--test", "--practice", "0"})
+                .status,
+            0);
+  EXPECT_EQ(kiroku({"train", "trainee", "Aoki", "--database", database, "--user", "anna"}).status, 0);
 }
 
 TEST_F(Exclusion, ATestIsSealedAsACaseAndProvenAsOne) {

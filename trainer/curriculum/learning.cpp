@@ -14,19 +14,23 @@ namespace {
 
 using sim::number_text;
 
-/// By group and session, a number a trainee: the mean of his or her tests.
-using Tests = std::map<std::string, std::map<int, std::vector<double>>>;
+/// Who is compared: the same group with as many fingers.
+using Cohort = std::pair<std::string, std::size_t>;
+/// By cohort and session, a number a trainee: the mean of his or her tests.
+using Tests = std::map<Cohort, std::map<int, std::vector<double>>>;
 
 Tests tests_of(const std::vector<ExclusionRecord>& records, const std::string& object, Measure measure) {
-  std::map<std::string, std::map<int, std::map<std::string, std::vector<double>>>> by_trainee;
+  std::map<Cohort, std::map<int, std::map<std::string, std::vector<double>>>> by_trainee;
   for (const ExclusionRecord& record : records) {
     if (record.test && is_result(record.ending) && record.object == object)
-      by_trainee[record.group][record.session][record.trainee].push_back(value_of(measure, record.score));
+      by_trainee[{record.group, record.fingers}][record.session][record.trainee].push_back(
+          value_of(measure, record.score));
   }
   Tests tests;
-  for (const auto& [group, sessions] : by_trainee) {
+  for (const auto& [cohort, sessions] : by_trainee) {
     for (const auto& [session, trainees] : sessions) {
-      for (const auto& [trainee, values] : trainees) tests[group][session].push_back(summary_of(values).mean);
+      for (const auto& [trainee, values] : trainees)
+        tests[cohort][session].push_back(summary_of(values).mean);
     }
   }
   return tests;
@@ -39,14 +43,18 @@ std::set<std::string> objects_of(const std::vector<ExclusionRecord>& records) {
 }
 
 std::string group_name(const std::string& group) { return group.empty() ? "no group" : group; }
+std::string fingers_text(std::size_t fingers) {
+  return std::to_string(fingers) + (fingers == 1 ? " finger" : " fingers");
+}
 
 std::string interval_text(const Interval& interval) {
   return number_text(interval.low, 3) + " to " + number_text(interval.high, 3);
 }
 
 std::string sentence_of(const GroupComparison& found) {
-  std::string text = group_name(found.first) + " less " + group_name(found.second) + " in session " +
-                     std::to_string(found.session) + ": " + number_text(found.comparison.difference, 3);
+  std::string text = group_name(found.first) + " less " + group_name(found.second) + " with " +
+                     fingers_text(found.fingers) + " in session " + std::to_string(found.session) + ": " +
+                     number_text(found.comparison.difference, 3);
   if (!found.comparison.test) return text + "; no p-value: " + found.comparison.why_no_test + ".";
   const TestResult& test = *found.comparison.test;
   return text + " (95 % " + interval_text(test.of_difference) + "), Welch's t " + number_text(test.t, 3) +
@@ -58,7 +66,7 @@ std::string sentence_of(const GroupComparison& found) {
 Plot plot_of(const std::vector<LearningCurve>& curves, Measure measure, const std::string& note) {
   Plot plot{label_of(measure), "session", label_of(measure), {}, false, true, note};
   for (const LearningCurve& curve : curves) {
-    PlotSeries series{group_name(curve.group), {}, {}, {}, true};
+    PlotSeries series{group_name(curve.group) + ", " + fingers_text(curve.fingers), {}, {}, {}, true};
     for (const CurvePoint& point : curve.points) {
       series.x.push_back(point.session);
       series.y.push_back(point.summary.mean);
@@ -108,25 +116,45 @@ TraineeProgress progress_of(const std::vector<ExclusionRecord>& records, const s
   return progress;
 }
 
-std::vector<std::pair<int, double>> learning_curve_of(const std::vector<ExclusionRecord>& records,
-                                                      const std::string& trainee, const std::string& object,
-                                                      Measure measure) {
+std::string not_allowed(const TraineeProgress& progress, bool test, double practice_s) {
+  if (practice_s <= 0) return "";
+  // An attempt ends with a picture, at most a moment before its time.
+  constexpr double kMomentSeconds = 1;
+  const auto clock = [](double seconds) {
+    const auto whole = static_cast<int>(seconds);
+    const int rest = whole % 60;
+    return std::to_string(whole / 60) + (rest < 10 ? ":0" : ":") + std::to_string(rest);
+  };
+  const bool practised = progress.practised_s >= practice_s - kMomentSeconds;
+  const std::string done = "has practised " + clock(progress.practised_s) + " of the " + clock(practice_s) +
+                           " minutes of session " + std::to_string(progress.session);
+  if (test && !practised) return done + ": the test comes after them";
+  if (!test && practised) return done + ": the test comes now";
+  return "";
+}
+
+std::vector<OwnCurve> learning_curves_of(const std::vector<ExclusionRecord>& records,
+                                         const std::string& trainee, const std::string& object,
+                                         Measure measure) {
   std::vector<ExclusionRecord> own;
   std::ranges::copy_if(records, std::back_inserter(own),
                        [&](const ExclusionRecord& record) { return record.trainee == trainee; });
-  std::vector<std::pair<int, double>> curve;
-  for (const auto& [group, sessions] : tests_of(own, object, measure)) {
-    for (const auto& [session, values] : sessions) curve.emplace_back(session, values.front());
+  std::vector<OwnCurve> curves;
+  for (const auto& [cohort, sessions] : tests_of(own, object, measure)) {
+    OwnCurve& curve = curves.emplace_back();
+    curve.fingers = cohort.second;
+    for (const auto& [session, values] : sessions) curve.points.emplace_back(session, values.front());
   }
-  return curve;
+  return curves;
 }
 
 std::vector<LearningCurve> learning_curves(const std::vector<ExclusionRecord>& records,
                                            const std::string& object, Measure measure) {
   std::vector<LearningCurve> curves;
-  for (const auto& [group, sessions] : tests_of(records, object, measure)) {
+  for (const auto& [cohort, sessions] : tests_of(records, object, measure)) {
     LearningCurve& curve = curves.emplace_back();
-    curve.group = group;
+    curve.group = cohort.first;
+    curve.fingers = cohort.second;
     for (const auto& [session, values] : sessions) curve.points.push_back({session, summary_of(values)});
   }
   return curves;
@@ -138,12 +166,13 @@ std::vector<GroupComparison> compare_at_end(const std::vector<ExclusionRecord>& 
   std::vector<GroupComparison> found;
   for (auto first = tests.begin(); first != tests.end(); ++first) {
     for (auto second = std::next(first); second != tests.end(); ++second) {
+      if (first->first.second != second->first.second) continue;
       int last = 0;
       for (const auto& [session, values] : first->second) {
         if (second->second.contains(session)) last = session;
       }
       if (last == 0) continue;
-      found.push_back({last, first->first, second->first,
+      found.push_back({last, first->first.second, first->first.first, second->first.first,
                        compare_groups(first->second.at(last), second->second.at(last))});
     }
   }
@@ -172,15 +201,15 @@ std::string attempts_csv(const std::vector<ExclusionRecord>& records) {
 }
 
 std::string curves_csv(const std::vector<ExclusionRecord>& records) {
-  std::string csv = "object,measure,group,session,trainees,mean,standard_deviation,low_95,high_95\n";
+  std::string csv = "object,measure,group,fingers,session,trainees,mean,standard_deviation,low_95,high_95\n";
   for (const std::string& object : objects_of(records)) {
     for (const Measure measure : kMeasures) {
       for (const LearningCurve& curve : learning_curves(records, object, measure)) {
         for (const CurvePoint& point : curve.points) {
           const SampleSummary& summary = point.summary;
           csv += object + "," + csv_field(label_of(measure)) + "," + csv_field(curve.group) + "," +
-                 std::to_string(point.session) + "," + std::to_string(summary.count) + "," +
-                 sim::exact_text(summary.mean) + ",";
+                 std::to_string(curve.fingers) + "," + std::to_string(point.session) + "," +
+                 std::to_string(summary.count) + "," + sim::exact_text(summary.mean) + ",";
           if (summary.of_mean) {
             csv += sim::exact_text(summary.standard_deviation) + "," + sim::exact_text(summary.of_mean->low) +
                    "," + sim::exact_text(summary.of_mean->high) + "\n";
@@ -209,7 +238,7 @@ Bytes training_report(const std::vector<ExclusionRecord>& records) {
            (simulated.empty() ? "" : " What is simulated says nothing about people.") +
            " Curves are of the tests, in which no stress is shown; bars are 95 % intervals of the mean over "
            "trainees, "
-           "by Student's t. Groups are compared by Welch's t.",
+           "by Student's t. Groups are compared by Welch's t, those with as many fingers only.",
        {},
        {}}};
   for (const std::string& object : objects_of(records)) {
@@ -221,12 +250,13 @@ Bytes training_report(const std::vector<ExclusionRecord>& records) {
       for (const GroupComparison& found : compare_at_end(records, object, measure))
         block.text += (block.text.empty() ? "" : " ") + sentence_of(found);
       block.table.push_back(
-          {"group", "session", "trainees", "mean", "standard deviation", "95 % of the mean"});
+          {"group", "fingers", "session", "trainees", "mean", "standard deviation", "95 % of the mean"});
       for (const LearningCurve& curve : curves) {
         for (const CurvePoint& point : curve.points) {
           const SampleSummary& summary = point.summary;
-          block.table.push_back({group_name(curve.group), std::to_string(point.session),
-                                 std::to_string(summary.count), number_text(summary.mean, 4),
+          block.table.push_back({group_name(curve.group), std::to_string(curve.fingers),
+                                 std::to_string(point.session), std::to_string(summary.count),
+                                 number_text(summary.mean, 4),
                                  summary.of_mean ? number_text(summary.standard_deviation, 3) : "one trainee",
                                  summary.of_mean ? interval_text(*summary.of_mean) : ""});
         }

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <array>
+#include <cstdint>
 #include <string>
 #include <utility>
 #include <vector>
@@ -23,6 +24,8 @@ struct ExclusionRecord {
   std::size_t fingers = 0;
   Ending ending = Ending::kTimeOver;
   ExclusionScore score;
+  std::int64_t number = 0;  // where it is kept; 0: nowhere
+  std::string sealed_case;  // the case that was made of it, or empty
 };
 
 /// The study's groups: whether stress is shown in practice.
@@ -34,6 +37,9 @@ struct TraineeProgress {
   int session = 1;         // the one to go on with
   double practised_s = 0;  // in it
 };
+/// Why the curriculum does not allow a test, or more practice, as the end of a sentence about the trainee;
+/// empty where it does. `practice_s` of a session; 0: as much as one likes, or none.
+std::string not_allowed(const TraineeProgress& progress, bool test, double practice_s);
 TraineeProgress progress_of(const std::vector<ExclusionRecord>& records, const std::string& trainee,
                             const std::string& object);
 
@@ -51,30 +57,37 @@ struct CurvePoint {
 };
 struct LearningCurve {
   std::string group;
+  std::size_t fingers = 0;         // what is done with one is not what is done with five
   std::vector<CurvePoint> points;  // by session
 };
-/// Of tests alone that are results; groups by name. `object` "a" or "b".
+/// Of tests alone that are results; by group and fingers. `object` "a" or "b".
 std::vector<LearningCurve> learning_curves(const std::vector<ExclusionRecord>& records,
                                            const std::string& object, Measure measure);
 
-/// A trainee's own: the mean of each session's tests, by session.
-std::vector<std::pair<int, double>> learning_curve_of(const std::vector<ExclusionRecord>& records,
-                                                      const std::string& trainee, const std::string& object,
-                                                      Measure measure);
+/// A trainee's own: the mean of each session's tests, by fingers.
+struct OwnCurve {
+  std::size_t fingers = 0;
+  std::vector<std::pair<int, double>> points;  // by session
+};
+std::vector<OwnCurve> learning_curves_of(const std::vector<ExclusionRecord>& records,
+                                         const std::string& trainee, const std::string& object,
+                                         Measure measure);
 
 /// Two groups in the tests of one session, by Welch.
 struct GroupComparison {
   int session = 1;
+  std::size_t fingers = 0;
   std::string first, second;
   Comparison comparison;
 };
-/// Each pair of groups in the last session that both have tests of; none where there is one group.
+/// Each pair of groups with as many fingers in the last session that both have tests of; none where there is
+/// one group.
 std::vector<GroupComparison> compare_at_end(const std::vector<ExclusionRecord>& records,
                                             const std::string& object, Measure measure);
 
 /// A line an attempt, with its head.
 std::string attempts_csv(const std::vector<ExclusionRecord>& records);
-/// A line a group, session and measure.
+/// A line a group, number of fingers, session and measure.
 std::string curves_csv(const std::vector<ExclusionRecord>& records);
 /// Curves, comparisons and what the data are, as a PDF; kiroku::UsageError without records.
 Bytes training_report(const std::vector<ExclusionRecord>& records);

@@ -55,7 +55,7 @@ RateComparison compare_fingers(std::span<const RateSession> sessions) {
   }
   std::vector<double> p;
   for (std::size_t i = 0; i < like.size(); ++i) {
-    found.groups.push_back({like[i].fingers, summary_of(hz[i])});
+    found.groups.push_back({like[i].fingers, summary_of(hz[i]), geometric_summary_of(hz[i])});
     for (std::size_t j = i + 1; j < like.size(); ++j) {
       RatePair pair{like[i].fingers, like[j].fingers, 1, compare_pairs(log_hz[i], log_hz[j]), std::nullopt};
       pair.ratio = std::pow(10, pair.of_log10.difference);

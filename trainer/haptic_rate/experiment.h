@@ -45,7 +45,8 @@ RateSession run_rate_session(RateSubject& subject, const RateProtocol& protocol,
 /// Of the thresholds of several subjects with one number of fingers.
 struct RateGroup {
   std::size_t fingers = 1;
-  SampleSummary hz;
+  SampleSummary hz;  // its mean beside the papers'; rates are above zero, so no interval is taken of it
+  GeometricSummary geometric_hz;
 };
 /// Two numbers of fingers by the same subjects: Student's t for pairs on the logarithms, p-values adjusted
 /// over all pairs (Holm).

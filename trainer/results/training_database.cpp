@@ -76,6 +76,12 @@ constexpr const char* kEndings = R"(
   UPDATE attempts SET ending = 'done' WHERE done = 1;
 )";
 
+/// Since version 4.
+constexpr const char* kAccounts = R"(
+  ALTER TABLE trainees ADD COLUMN account TEXT NOT NULL DEFAULT '';  -- the user who trains so, '': none
+  ALTER TABLE attempts ADD COLUMN sealed_case TEXT NOT NULL DEFAULT '';  -- '': none
+)";
+
 }  // namespace
 
 struct TrainingDatabase::State {
@@ -117,7 +123,7 @@ TrainingDatabase::TrainingDatabase(const fs::path& file) : state_(std::make_uniq
     if (state_->number("SELECT count(*) FROM sqlite_schema") == 0) {
       state_->whole([&] {
         if (state_->number("SELECT count(*) FROM sqlite_schema") > 0) return;  // another was quicker
-        state_->execute(std::string(kSchema) + kAttempts + kEndings + "PRAGMA application_id = " +
+        state_->execute(std::string(kSchema) + kAttempts + kEndings + kAccounts + "PRAGMA application_id = " +
                         std::to_string(kApplication) + "; PRAGMA user_version = " + std::to_string(kVersion));
       });
     }
@@ -132,7 +138,7 @@ TrainingDatabase::TrainingDatabase(const fs::path& file) : state_(std::make_uniq
       state_->whole([&] {
         const std::int64_t found = state_->number("PRAGMA user_version");
         if (found == kVersion) return;  // another was quicker
-        state_->execute(std::string(found < 2 ? kAttempts : "") + kEndings +
+        state_->execute(std::string(found < 2 ? kAttempts : "") + (found < 3 ? kEndings : "") + kAccounts +
                         "PRAGMA user_version = " + std::to_string(kVersion));
       });
     }
@@ -146,7 +152,8 @@ TrainingDatabase::TrainingDatabase(const fs::path& file) : state_(std::make_uniq
 
 TrainingDatabase::~TrainingDatabase() = default;
 
-Trainee TrainingDatabase::add_trainee(const std::string& name, const std::string& group, bool simulated) {
+Trainee TrainingDatabase::add_trainee(const std::string& name, const std::string& group, bool simulated,
+                                      const std::string& account) {
   constexpr std::size_t kLongest = 100;
   const auto sound = [](const std::string& text) {
     return text.size() <= kLongest && std::ranges::none_of(text, [](char c) {
@@ -162,19 +169,26 @@ Trainee TrainingDatabase::add_trainee(const std::string& name, const std::string
     throw UsageError("there is a trainee '" + name + "' in " + state_->file.string() +
                      " already: choose another name");
   }
-  state_->statement("INSERT INTO trainees (name, study_group, simulated) VALUES (?, ?, ?)")
+  state_->statement("INSERT INTO trainees (name, study_group, simulated, account) VALUES (?, ?, ?, ?)")
       .bind(name)
       .bind(group)
       .bind(std::int64_t{simulated ? 1 : 0})
+      .bind(account)
       .step();
-  return {sqlite3_last_insert_rowid(state_->database.get()), name, group, simulated};
+  return {sqlite3_last_insert_rowid(state_->database.get()), name, group, simulated, account};
+}
+
+void TrainingDatabase::bind_to_user(const Trainee& trainee, const std::string& account) {
+  if (trainee.simulated) throw UsageError("'" + trainee.name + "' is a simulated trainee: no user trains so");
+  state_->statement("UPDATE trainees SET account = ? WHERE id = ?").bind(account).bind(trainee.id).step();
 }
 
 std::vector<Trainee> TrainingDatabase::trainees() const {
   std::vector<Trainee> found;
   SqliteStatement rows =
-      state_->statement("SELECT id, name, study_group, simulated FROM trainees ORDER BY name");
-  while (rows.step()) found.push_back({rows.integer(0), rows.text(1), rows.text(2), rows.integer(3) != 0});
+      state_->statement("SELECT id, name, study_group, simulated, account FROM trainees ORDER BY name");
+  while (rows.step())
+    found.push_back({rows.integer(0), rows.text(1), rows.text(2), rows.integer(3) != 0, rows.text(4)});
   return found;
 }
 
@@ -258,32 +272,41 @@ std::vector<RateSession> TrainingDatabase::rate_sessions() const {
   return found;
 }
 
-void TrainingDatabase::add_attempt(const Trainee& trainee, const ExclusionRecord& record, UtcTime began) {
-  const ExclusionScore& score = record.score;
-  const auto flag = [](bool is) { return std::int64_t{is ? 1 : 0}; };
-  state_
-      ->statement(
-          "INSERT INTO attempts (trainee, began_us, session, test, stress_shown, object, fingers, done, "
-          "time_s, "
-          "largest_von_mises_pa, damaged_m3, path_m, peak_force_n, peak_wrist_n, best_visible_share, ending) "
-          "VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)")
-      .bind(trainee.id)
-      .bind(std::int64_t{began.time_since_epoch().count()})
-      .bind(std::int64_t{record.session})
-      .bind(flag(record.test))
-      .bind(flag(record.stress_shown))
-      .bind(record.object)
-      .bind(static_cast<std::int64_t>(record.fingers))
-      .bind(flag(score.done))
+namespace {
+
+/// In the order that bind_score() gives them.
+constexpr const char* kScoreColumns =
+    "ending, done, time_s, largest_von_mises_pa, damaged_m3, path_m, peak_force_n, peak_wrist_n, "
+    "best_visible_share";
+constexpr const char* kScoreValues = "?, ?, ?, ?, ?, ?, ?, ?, ?";
+
+SqliteStatement& bind_score(SqliteStatement& row, Ending ending, const ExclusionScore& score) {
+  return row.bind(name_of(ending))
+      .bind(std::int64_t{score.done ? 1 : 0})
       .bind_real(score.time_s)
       .bind_real(score.largest_von_mises_pa)
       .bind_real(score.damaged_m3)
       .bind_real(score.path_m)
       .bind_real(score.peak_force_n)
       .bind_real(score.peak_wrist_n)
-      .bind_real(score.best_visible_share)
-      .bind(name_of(record.ending))
-      .step();
+      .bind_real(score.best_visible_share);
+}
+
+}  // namespace
+
+void TrainingDatabase::add_attempt(const Trainee& trainee, const ExclusionRecord& record, UtcTime began) {
+  const auto flag = [](bool is) { return std::int64_t{is ? 1 : 0}; };
+  SqliteStatement row = state_->statement(
+      std::string("INSERT INTO attempts (trainee, began_us, session, test, stress_shown, object, fingers, ") +
+      kScoreColumns + ") VALUES (?, ?, ?, ?, ?, ?, ?, " + kScoreValues + ")");
+  row.bind(trainee.id)
+      .bind(std::int64_t{began.time_since_epoch().count()})
+      .bind(std::int64_t{record.session})
+      .bind(flag(record.test))
+      .bind(flag(record.stress_shown))
+      .bind(record.object)
+      .bind(static_cast<std::int64_t>(record.fingers));
+  bind_score(row, record.ending, record.score).step();
 }
 
 std::int64_t TrainingDatabase::begin_attempt(const Trainee& trainee, ExclusionRecord record, UtcTime began) {
@@ -293,21 +316,15 @@ std::int64_t TrainingDatabase::begin_attempt(const Trainee& trainee, ExclusionRe
 }
 
 void TrainingDatabase::end_attempt(std::int64_t attempt, Ending ending, const ExclusionScore& score) {
-  state_
-      ->statement(
-          "UPDATE attempts SET ending = ?, done = ?, time_s = ?, largest_von_mises_pa = ?, damaged_m3 = ?, "
-          "path_m = ?, peak_force_n = ?, peak_wrist_n = ?, best_visible_share = ? WHERE id = ?")
-      .bind(name_of(ending))
-      .bind(std::int64_t{score.done ? 1 : 0})
-      .bind_real(score.time_s)
-      .bind_real(score.largest_von_mises_pa)
-      .bind_real(score.damaged_m3)
-      .bind_real(score.path_m)
-      .bind_real(score.peak_force_n)
-      .bind_real(score.peak_wrist_n)
-      .bind_real(score.best_visible_share)
-      .bind(attempt)
-      .step();
+  SqliteStatement row = state_->statement(std::string("UPDATE attempts SET (") + kScoreColumns + ") = (" +
+                                          kScoreValues + ") WHERE id = ?");
+  bind_score(row, ending, score).bind(attempt).step();
+  if (sqlite3_changes(state_->database.get()) != 1)
+    throw UsageError("there is no attempt " + std::to_string(attempt) + " in " + state_->file.string());
+}
+
+void TrainingDatabase::keep_case(std::int64_t attempt, const std::string& case_id) {
+  state_->statement("UPDATE attempts SET sealed_case = ? WHERE id = ?").bind(case_id).bind(attempt).step();
   if (sqlite3_changes(state_->database.get()) != 1)
     throw UsageError("there is no attempt " + std::to_string(attempt) + " in " + state_->file.string());
 }
@@ -316,8 +333,8 @@ std::vector<ExclusionRecord> TrainingDatabase::attempts() const {
   std::vector<ExclusionRecord> found;
   SqliteStatement rows = state_->statement(
       "SELECT name, study_group, simulated, session, test, stress_shown, object, fingers, done, time_s, "
-      "largest_von_mises_pa, damaged_m3, path_m, peak_force_n, peak_wrist_n, best_visible_share, ending "
-      "FROM attempts JOIN trainees ON trainee = trainees.id ORDER BY attempts.id");
+      "largest_von_mises_pa, damaged_m3, path_m, peak_force_n, peak_wrist_n, best_visible_share, ending, "
+      "attempts.id, sealed_case FROM attempts JOIN trainees ON trainee = trainees.id ORDER BY attempts.id");
   while (rows.step()) {
     ExclusionRecord record;
     record.trainee = rows.text(0);
@@ -331,6 +348,8 @@ std::vector<ExclusionRecord> TrainingDatabase::attempts() const {
     record.score = {rows.integer(8) != 0, rows.real(9),  rows.real(10), rows.real(11),
                     rows.real(12),        rows.real(13), rows.real(14), rows.real(15)};
     record.ending = ending_named(rows.text(16));
+    record.number = rows.integer(17);
+    record.sealed_case = rows.text(18);
     found.push_back(std::move(record));
   }
   return found;

@@ -21,12 +21,13 @@ struct Trainee {
   std::string name;
   std::string group;       // of a study; may be empty
   bool simulated = false;  // no person: said wherever its results are shown
+  std::string account;     // the user who trains so, besides administrators; may be empty
 };
 
 /// Every function throws kiroku::Error where the file cannot be used.
 class TrainingDatabase {
  public:
-  static constexpr std::int64_t kVersion = 3;
+  static constexpr std::int64_t kVersion = 4;
 
   /// Opens or makes the file; one of an older version gets what is new. kiroku::UsageError for one of a newer
   /// version, for another program's database and for what is no database.
@@ -36,7 +37,10 @@ class TrainingDatabase {
   TrainingDatabase& operator=(const TrainingDatabase&) = delete;
 
   /// kiroku::UsageError for a name that exists, is empty, longer than 100 bytes or has control characters.
-  Trainee add_trainee(const std::string& name, const std::string& group, bool simulated);
+  Trainee add_trainee(const std::string& name, const std::string& group, bool simulated,
+                      const std::string& account = "");
+  /// From now on this user trains so, and no other. kiroku::UsageError for a simulated trainee.
+  void bind_to_user(const Trainee& trainee, const std::string& account);
   [[nodiscard]] std::vector<Trainee> trainees() const;  // by name
   /// kiroku::UsageError for one that is not there, with what to do.
   [[nodiscard]] Trainee trainee(const std::string& name) const;
@@ -53,6 +57,8 @@ class TrainingDatabase {
   std::int64_t begin_attempt(const Trainee& trainee, ExclusionRecord record, UtcTime began);
   /// Ending and score of a begun attempt; kiroku::UsageError where there is none of the number.
   void end_attempt(std::int64_t attempt, Ending ending, const ExclusionScore& score);
+  /// The case that was made of an attempt; kiroku::UsageError where there is none of the number.
+  void keep_case(std::int64_t attempt, const std::string& case_id);
   /// All that are kept, in their order.
   [[nodiscard]] std::vector<ExclusionRecord> attempts() const;
 

@@ -90,6 +90,19 @@ SampleSummary summary_of(std::span<const double> values) {
   return found;
 }
 
+GeometricSummary geometric_summary_of(std::span<const double> values) {
+  std::vector<double> logarithms;
+  for (const double value : values) {
+    if (!(value > 0)) throw UsageError("values of a geometric mean must be above zero");
+    logarithms.push_back(std::log(value));
+  }
+  const SampleSummary of_logarithms = summary_of(logarithms);
+  GeometricSummary found{of_logarithms.count, std::exp(of_logarithms.mean), {}};
+  if (of_logarithms.of_mean)
+    found.of_mean = Interval{std::exp(of_logarithms.of_mean->low), std::exp(of_logarithms.of_mean->high)};
+  return found;
+}
+
 Comparison compare_pairs(std::span<const double> first, std::span<const double> second) {
   if (first.size() != second.size())
     throw UsageError("pairs need as many first as second results, not " + std::to_string(first.size()) +

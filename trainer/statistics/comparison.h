@@ -28,6 +28,16 @@ struct SampleSummary {
 /// kiroku::UsageError for no values and values that are not finite.
 SampleSummary summary_of(std::span<const double> values);
 
+/// Of numbers above zero whose spread is a share of them, as thresholds' is: on the scale of their
+/// logarithms, so that no end of an interval is below zero.
+struct GeometricSummary {
+  std::size_t count = 0;
+  double mean = 0;                  // the geometric one
+  std::optional<Interval> of_mean;  // its 95 % interval by Student's t; absent for fewer than two values
+};
+/// kiroku::UsageError for no values and values that are not above zero and finite.
+GeometricSummary geometric_summary_of(std::span<const double> values);
+
 struct TestResult {
   double t = 0, degrees_of_freedom = 0;
   double p = 1;  // two-sided

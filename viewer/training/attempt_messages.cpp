@@ -85,7 +85,11 @@ PageMessage parse_page_message(std::string_view message) {
   throw Refusal(400, "a message must have 'begin', 'input' or 'end'");
 }
 
-Bytes moment_message(const trainer::LiveView& view, bool shows_stress) {
+Bytes jpeg_of_moment(const trainer::LiveView& view) {
+  return sim::jpeg_of(*view.attempt->picture, kQuality);
+}
+
+Bytes moment_message(const trainer::LiveView& view, bool shows_stress, ByteView jpeg) {
   const trainer::ExclusionView& attempt = *view.attempt;
   ordered_json forces_n = ordered_json::array();
   for (const sim::Vector3& force_n : attempt.hand.forces_n) forces_n.push_back(force_n.norm());
@@ -103,7 +107,7 @@ Bytes moment_message(const trainer::LiveView& view, bool shows_stress) {
     moment["danger"] = attempt.danger;
     moment["tone_hz"] = attempt.tone_hz;
   }
-  return picture_message(moment, sim::jpeg_of(*attempt.picture, kQuality));
+  return picture_message(moment, jpeg);
 }
 
 ordered_json over_json(const trainer::LiveOutcome& over) {

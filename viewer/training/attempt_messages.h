@@ -34,7 +34,9 @@ PageMessage parse_page_message(std::string_view text);
 
 /// A moment and its picture (viewer/server/picture_message.h). What tells of stress is in it only where that
 /// is shown.
-Bytes moment_message(const trainer::LiveView& view, bool shows_stress);
+Bytes moment_message(const trainer::LiveView& view, bool shows_stress, ByteView jpeg);
+/// The picture of a moment as the page shows it.
+Bytes jpeg_of_moment(const trainer::LiveView& view);
 nlohmann::ordered_json over_json(const trainer::LiveOutcome& over);
 
 }  // namespace kiroku::viewer

@@ -4,6 +4,7 @@
 
 #include <nlohmann/json.hpp>
 
+#include "trainer/report/score_json.h"
 #include "viewer/server/request.h"
 
 namespace kiroku::viewer {
@@ -13,10 +14,25 @@ using nlohmann::ordered_json;
 
 constexpr double kPicturesPerSecond = 30;
 
+/// Who did what, for the sealed subject of a case.
+ordered_json facts_of(const trainer::ExclusionRecord& record, UtcTime began, const std::string& user) {
+  return {{"object", record.object},
+          {"hand", "page"},
+          {"simulated", false},
+          {"fingers", record.fingers},
+          {"stress_shown", record.stress_shown},
+          {"trainee", record.trainee},
+          {"group", record.group},
+          {"session", record.session},
+          {"test", record.test},
+          {"signed_in_as", user},
+          {"began", format_utc(began)}};
+}
+
 }  // namespace
 
-AttemptSocket::AttemptSocket(TrainingRoom& room, std::shared_ptr<SocketOutput> output)
-    : room_(room), output_(std::move(output)) {}
+AttemptSocket::AttemptSocket(TrainingRoom& room, TrainingUser user, std::shared_ptr<SocketOutput> output)
+    : room_(room), user_(std::move(user)), output_(std::move(output)) {}
 
 void AttemptSocket::receive(const SocketMessage& message) {
   if (!message.is_text) throw Refusal(400, "a message must be text");
@@ -42,16 +58,30 @@ void AttemptSocket::begin(const BeginMessage& message) {
   record.test = message.test;
   record.object = message.object;
   record.fingers = message.fingers;
+  double practice_left_s = 0;
   const std::int64_t kept = room_.with_results([&](trainer::TrainingDatabase& results) {
     const trainer::Trainee trainee = results.trainee(message.trainee);
     if (trainee.simulated) throw Refusal(409, "this is a simulated trainee, no person");
+    if (!may_train_as(user_, trainee)) {
+      throw Refusal(403, "only the user bound to " + trainee.name + ", or an administrator, may train so");
+    }
+    const trainer::TraineeProgress progress =
+        trainer::progress_of(results.attempts(), trainee.name, record.object);
+    const double practice_s = room_.options().practice_s;
+    if (const std::string why = trainer::not_allowed(progress, message.test, practice_s); !why.empty())
+      throw Refusal(409, trainee.name + " " + why);
+    if (!message.test && practice_s > 0) practice_left_s = practice_s - progress.practised_s;
+    record.trainee = trainee.name;
+    record.group = trainee.group;
     record.stress_shown = !message.test && trainee.group != trainer::kStressHidden;
-    record.session = trainer::progress_of(results.attempts(), trainee.name, record.object).session;
+    record.session = progress.session;
     return results.begin_attempt(trainee, record, utc_now());
   });
+  if (room_.options().sealer && user_.may_record) files_ = room_.options().sealer->keep(kept);
   trainer::ExclusionOptions options;
   options.shows_stress = record.stress_shown;
   options.picture_rate_hz = kPicturesPerSecond;
+  options.most_s = practice_left_s;
   const auto expert = room_.options().experts.find(message.object);
   if (message.expert && expert != room_.options().experts.end()) options.ghost = expert->second;
   attempt_ =
@@ -78,16 +108,31 @@ trainer::LiveListener AttemptSocket::listener(std::int64_t attempt, const traine
   };
   out.shown = [this, shows_stress = record.stress_shown](const trainer::LiveView& view) {
     // What a slow browser has not taken yet would only make the next picture later.
-    if (output_->waiting() == 0)
-      output_->send_bytes(std::make_shared<const Bytes>(moment_message(view, shows_stress)));
+    const bool sends = output_->waiting() == 0;
+    if (!sends && !files_) return;
+    const Bytes jpeg = jpeg_of_moment(view);
+    if (files_) files_->see(*view.attempt, jpeg);
+    if (sends) output_->send_bytes(std::make_shared<const Bytes>(moment_message(view, shows_stress, jpeg)));
   };
-  out.over = [this, attempt](const trainer::LiveOutcome& over) {
+  out.over = [this, attempt, record, began = utc_now()](const trainer::LiveOutcome& over) {
     room_.with_results([&](trainer::TrainingDatabase& results) {
       results.end_attempt(attempt, over.ending, over.outcome.score);
     });
+    ordered_json told = over_json(over);
+    told["attempt"] = attempt;
+    told["can_be_sealed"] = files_ != nullptr;
+    if (files_) {
+      ordered_json facts = facts_of(record, began, user_.name);
+      facts["score"] = trainer::score_json(over.outcome.score);
+      facts["ending"] = trainer::name_of(over.ending);
+      facts["attempt"] = attempt;
+      const std::string summary = record.trainee + ": " + trainer::name_of(over.ending);
+      room_.keep_sealable(record.trainee,
+                          {attempt, std::move(files_), over.outcome.motion, facts.dump(), summary});
+    }
     // Before the page hears of it: its next attempt comes by another connection.
     place_.reset();
-    output_->send_text(ordered_json{{"over", over_json(over)}}.dump());
+    output_->send_text(ordered_json{{"over", told}}.dump());
   };
   out.failed = [this](const std::string& sentence) {
     room_.options().tell("an attempt ended: " + sentence);

@@ -14,7 +14,7 @@ namespace kiroku::viewer {
 class AttemptSocket : public SocketHandler {
  public:
   /// `room` must outlive it.
-  AttemptSocket(TrainingRoom& room, std::shared_ptr<SocketOutput> output);
+  AttemptSocket(TrainingRoom& room, TrainingUser user, std::shared_ptr<SocketOutput> output);
   void receive(const SocketMessage& message) override;
 
  private:
@@ -22,7 +22,9 @@ class AttemptSocket : public SocketHandler {
   [[nodiscard]] trainer::LiveListener listener(std::int64_t attempt, const trainer::ExclusionRecord& record);
 
   TrainingRoom& room_;
+  TrainingUser user_;
   std::shared_ptr<SocketOutput> output_;
+  std::unique_ptr<AttemptFiles> files_;            // until the attempt is over
   std::unique_ptr<TrainingRoom::Place> place_;     // until the attempt is over
   std::unique_ptr<trainer::LiveAttempt> attempt_;  // last: over before what it uses
 };

@@ -28,15 +28,17 @@ ordered_json trainee_json(const Trainee& trainee, const std::vector<ExclusionRec
     const trainer::TraineeProgress found = trainer::progress_of(records, trainee.name, object);
     progress[object] = {{"session", found.session}, {"practised_s", found.practised_s}};
   }
-  return {{"name", trainee.name}, {"group", trainee.group}, {"progress", progress}};
+  return {
+      {"name", trainee.name}, {"group", trainee.group}, {"user", trainee.account}, {"progress", progress}};
 }
 
-Response training(TrainingRoom& room) {
+Response training(TrainingRoom& room, const Request& request) {
+  const TrainingUser user = training_user(request);
   ordered_json trainees = ordered_json::array();
   room.with_results([&](const TrainingDatabase& results) {
     const std::vector<ExclusionRecord> records = results.attempts();
     for (const Trainee& trainee : results.trainees()) {
-      if (!trainee.simulated) trainees.push_back(trainee_json(trainee, records, room));
+      if (may_train_as(user, trainee)) trainees.push_back(trainee_json(trainee, records, room));
     }
   });
   ordered_json experts = ordered_json::array();
@@ -46,18 +48,29 @@ Response training(TrainingRoom& room) {
                          {"groups", {trainer::kStressShown, trainer::kStressHidden}},
                          {"experts", experts},
                          {"damage_pa", room.options().damage_pa},
-                         {"practice_s", trainer::kPracticeSeconds},
+                         {"practice_s", room.options().practice_s},
+                         {"supervises", user.supervises},
+                         {"may_seal", room.options().sealer != nullptr && user.may_record},
                          {"trainees", trainees}});
 }
 
 Response add_trainee(TrainingRoom& room, const Request& request) {
   const json asked = request.json();
   const std::string name = take_text(asked, "name"), group = take_text(asked, "group");
+  const TrainingUser user = training_user(request);
+  // Who adds a trainee for others says for whom; others are their own.
+  const std::string account = !user.supervises         ? user.name
+                              : asked.contains("user") ? take_text(asked, "user")
+                                                       : "";
   if (group != trainer::kStressShown && group != trainer::kStressHidden)
     throw Refusal(400, std::string("'group' must be '") + trainer::kStressShown + "' or '" +
                            trainer::kStressHidden + "'");
   return Response::json(room.with_results([&](TrainingDatabase& results) {
-    return trainee_json(results.add_trainee(name, group, false), {}, room);
+    const std::vector<Trainee> known = results.trainees();
+    const auto own = std::ranges::find(known, account, &Trainee::account);
+    if (!account.empty() && own != known.end())
+      throw Refusal(409, account + " trains as '" + own->name + "' already");
+    return trainee_json(results.add_trainee(name, group, false, account), {}, room);
   }),
                         201);
 }
@@ -65,8 +78,10 @@ Response add_trainee(TrainingRoom& room, const Request& request) {
 ordered_json curve_json(const std::vector<ExclusionRecord>& records, const std::string& trainee,
                         const std::string& object, trainer::Measure measure) {
   ordered_json own = ordered_json::array(), groups = ordered_json::array();
-  for (const auto& [session, value] : trainer::learning_curve_of(records, trainee, object, measure))
-    own.push_back({{"session", session}, {"value", value}});
+  for (const trainer::OwnCurve& curve : trainer::learning_curves_of(records, trainee, object, measure)) {
+    for (const auto& [session, value] : curve.points)
+      own.push_back({{"fingers", curve.fingers}, {"session", session}, {"value", value}});
+  }
   for (const trainer::LearningCurve& curve : trainer::learning_curves(records, object, measure)) {
     ordered_json points = ordered_json::array();
     for (const trainer::CurvePoint& point : curve.points) {
@@ -78,7 +93,7 @@ ordered_json curve_json(const std::vector<ExclusionRecord>& records, const std::
       }
       points.push_back(one);
     }
-    groups.push_back({{"group", curve.group}, {"points", points}});
+    groups.push_back({{"group", curve.group}, {"fingers", curve.fingers}, {"points", points}});
   }
   return {{"measure", kMeasureNames.at(static_cast<std::size_t>(measure))}, {"own", own}, {"groups", groups}};
 }
@@ -89,19 +104,23 @@ Response results_of(TrainingRoom& room, const Request& request) {
   room.require_object(object);
   const std::vector<ExclusionRecord> records = room.with_results([&](const TrainingDatabase& results) {
     const std::vector<Trainee> trainees = results.trainees();
-    if (std::ranges::find(trainees, name, &Trainee::name) == trainees.end())
-      throw Refusal(404, "there is no trainee of that name");
+    const auto found = std::ranges::find(trainees, name, &Trainee::name);
+    // Who may not see a trainee learns nothing about who there is.
+    if (found == trainees.end() || !may_train_as(training_user(request), *found))
+      throw Refusal(404, "there is no trainee of that name whose results you may see");
     return results.attempts();
   });
   ordered_json attempts = ordered_json::array();
   for (const ExclusionRecord& record : records) {
     if (record.trainee != name || record.object != object) continue;
-    attempts.push_back({{"session", record.session},
+    attempts.push_back({{"attempt", record.number},
+                        {"session", record.session},
                         {"test", record.test},
                         {"stress_shown", record.stress_shown},
                         {"fingers", record.fingers},
                         {"ending", trainer::name_of(record.ending)},
-                        {"score", trainer::score_json(record.score)}});
+                        {"score", trainer::score_json(record.score)},
+                        {"case", record.sealed_case}});
   }
   ordered_json curves = ordered_json::array();
   for (const trainer::Measure measure : trainer::kMeasures)
@@ -113,18 +132,31 @@ Response results_of(TrainingRoom& room, const Request& request) {
 
 void add_training_routes(Router& router, TrainingRoom& room) {
   router.add("GET", "api/training", Right::kSignedIn,
-             [&room](const Request& /*request*/) { return training(room); });
+             [&room](const Request& request) { return training(room, request); });
   router.add("POST", "api/training/trainees", Right::kSignedIn,
              [&room](const Request& request) { return add_trainee(room, request); });
   router.add("GET", "api/training/trainees/{trainee:text}/results", Right::kSignedIn,
              [&room](const Request& request) { return results_of(room, request); });
+  router.add("POST", "api/training/attempts/{attempt:number}/case", Right::kSignedIn,
+             [&room](const Request& request) {
+               const SealedAttempt sealed =
+                   room.seal(training_user(request), static_cast<std::int64_t>(request.number("attempt")));
+               return Response::json({{"case", sealed.case_id}, {"verdict", sealed.verdict}}, 201);
+             });
+  router.add("GET", "api/training/attempts/{attempt:number}/certificate.pdf", Right::kSignedIn,
+             [&room](const Request& request) {
+               return Response::bytes(room.certificate(training_user(request),
+                                                       static_cast<std::int64_t>(request.number("attempt"))),
+                                      "application/pdf")
+                   .with("Content-Disposition", "inline; filename=\"certificate.pdf\"");
+             });
   Route attempt;
   attempt.method = "GET";
   attempt.pattern = "api/training/attempt";
   attempt.right = Right::kSignedIn;
   attempt.body_limit = kLongestPageMessage;
-  attempt.socket = [&room](const Request& /*request*/, std::shared_ptr<SocketOutput> output) {
-    return std::make_unique<AttemptSocket>(room, std::move(output));
+  attempt.socket = [&room](const Request& request, std::shared_ptr<SocketOutput> output) {
+    return std::make_unique<AttemptSocket>(room, training_user(request), std::move(output));
   };
   router.add(std::move(attempt));
 }

@@ -6,7 +6,8 @@
 
 namespace kiroku::viewer {
 
-/// `room` must outlive the router. Everybody who has signed in may train.
+/// `room` must outlive the router. Everybody who has signed in may train as the trainee that is
+/// bound to them, administrators as everybody.
 void add_training_routes(Router& router, TrainingRoom& room);
 
 }  // namespace kiroku::viewer

@@ -14,6 +14,8 @@
 #include "trainer/exclusion/exclusion_body.h"
 #include "trainer/hand/hand_motion.h"
 #include "trainer/results/training_database.h"
+#include "viewer/server/request.h"
+#include "viewer/training/attempt_sealer.h"
 
 namespace kiroku::viewer {
 
@@ -22,13 +24,26 @@ struct TrainingOptions {
   std::size_t vertices = 4000;  // of an organ's mesh
   double damage_pa = 100e3;
   double most_s = 60;                                  // of an attempt
+  double practice_s = trainer::kPracticeSeconds;       // of a session, before its test; 0: as one likes
   std::size_t at_once = 1;                             // attempts; each needs about a core
   std::map<std::string, trainer::HandMotion> experts;  // by object
   /// Organs of patients, beside objects a and b; each with a name of its own.
   std::vector<std::shared_ptr<const trainer::ExclusionBody>> organs;
+  /// Makes cases of attempts; null: none are made.
+  std::shared_ptr<AttemptSealer> sealer;
   /// Hears in one sentence of what failed inside; called from several threads.
   std::function<void(const std::string& sentence)> tell;
 };
+
+/// Who has signed in.
+struct TrainingUser {
+  std::string name;
+  bool supervises = false;  // administrators: train as everybody, add and see everybody
+  bool may_record = false;  // may begin cases and verify them, and so seal what they trained
+};
+TrainingUser training_user(const Request& request);
+/// Others train as the trainee that is bound to them.
+bool may_train_as(const TrainingUser& user, const trainer::Trainee& trainee);
 
 class TrainingRoom {
  public:
@@ -63,6 +78,19 @@ class TrainingRoom {
     TrainingRoom& room_;
     std::string trainee_;
   };
+  /// What an attempt that is over can be sealed from, until the trainee's next one is over.
+  struct Sealable {
+    std::int64_t attempt = 0;
+    std::unique_ptr<AttemptFiles> files;
+    trainer::HandMotion motion;
+    std::string facts, summary;  // JSON
+  };
+  void keep_sealable(const std::string& trainee, Sealable sealable);
+  /// Makes the case. Refusal 404 where the attempt is no more there to be sealed, 403 where the user may not.
+  SealedAttempt seal(const TrainingUser& user, std::int64_t attempt);
+  /// The certificate of an attempt that was sealed. Refusal 404 where it was not, 403 where the user may not.
+  Bytes certificate(const TrainingUser& user, std::int64_t attempt);
+
   /// Refusal 409 where the trainee trains already, 503 where all places are taken.
   std::unique_ptr<Place> enter(const std::string& trainee);
 
@@ -73,6 +101,8 @@ class TrainingRoom {
   };
 
   void leave(const std::string& trainee);
+  /// The attempt, where the user may seal it.
+  trainer::ExclusionRecord require_may_seal(const TrainingUser& user, std::int64_t attempt);
 
   TrainingOptions options_;
   std::mutex database_mutex_;
@@ -80,6 +110,8 @@ class TrainingRoom {
   std::map<std::string, Made> made_;  // "a" and "b"
   std::mutex places_mutex_;
   std::set<std::string> training_;
+  std::mutex sealable_mutex_;
+  std::map<std::string, Sealable> sealable_;  // by trainee
 };
 
 }  // namespace kiroku::viewer

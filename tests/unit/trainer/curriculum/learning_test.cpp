@@ -69,11 +69,45 @@ TEST(LearningCurve, LeavesOutWhatWasBrokenOffOrGivenUp) {
 }
 
 TEST(LearningCurve, OfATraineeIsTheirOwn) {
-  const auto curve = learning_curve_of({record("x", "g", 1, 2e3), record("y", "g", 1, 8e3),
-                                        record("x", "g", 2, 1e3), record("x", "g", 2, 3e3)},
-                                       "x", "a", Measure::kStress);
-  const std::vector<std::pair<int, double>> expected{{1, 2}, {2, 2}};
-  EXPECT_EQ(curve, expected);
+  std::vector<ExclusionRecord> records{record("x", "g", 1, 2e3), record("y", "g", 1, 8e3),
+                                       record("x", "g", 2, 1e3), record("x", "g", 2, 3e3),
+                                       record("x", "g", 2, 9e3)};
+  records.back().fingers = 5;
+  const std::vector<OwnCurve> curves = learning_curves_of(records, "x", "a", Measure::kStress);
+  ASSERT_EQ(curves.size(), 2U);
+  const std::vector<std::pair<int, double>> expected{{1, 2}, {2, 2}}, of_five{{2, 9}};
+  EXPECT_EQ(curves[0].points, expected);
+  EXPECT_EQ(curves[1].fingers, 5U);
+  EXPECT_EQ(curves[1].points, of_five);
+}
+
+TEST(LearningCurve, TellsNumbersOfFingersApart) {
+  std::vector<ExclusionRecord> records = two_groups();
+  for (int trainee = 0; trainee < 3; ++trainee) {
+    records.push_back(record("s" + std::to_string(trainee), "shown", 2, 9e9));
+    records.back().fingers = 1;
+  }
+  const auto curves = learning_curves(records, "a", Measure::kStress);
+  ASSERT_EQ(curves.size(), 3U);
+  EXPECT_EQ(curves[1].group, "shown");
+  EXPECT_EQ(curves[1].fingers, 1U);
+  EXPECT_EQ(curves[2].points[1].summary.mean, 21);  // with three, as without those of one
+  const auto found = compare_at_end(records, "a", Measure::kStress);
+  ASSERT_EQ(found.size(), 1U);  // hidden has none with one finger
+  EXPECT_EQ(found[0].fingers, 3U);
+  EXPECT_EQ(found[0].comparison.difference, 21);
+  EXPECT_THAT(curves_csv(records), HasSubstr(",shown,1,2,3,"));
+}
+
+TEST(TraineeProgress, AsksForPracticeBeforeATestAndForATestAfterPractice) {
+  EXPECT_EQ(not_allowed({2, 80}, false, 180), "");
+  EXPECT_EQ(not_allowed({2, 80}, true, 180),
+            "has practised 1:20 of the 3:00 minutes of session 2: the test comes after them");
+  EXPECT_EQ(not_allowed({2, 179.98}, true, 180), "");
+  EXPECT_EQ(not_allowed({2, 185}, false, 180),
+            "has practised 3:05 of the 3:00 minutes of session 2: the test comes now");
+  EXPECT_EQ(not_allowed({1, 0}, true, 0), "");
+  EXPECT_EQ(not_allowed({1, 500}, false, 0), "");
 }
 
 TEST(TraineeProgress, ASessionIsOverWithItsTest) {
@@ -116,7 +150,7 @@ TEST(TrainingReport, SaysWhatIsSimulatedAndWhereAGroupIsTooSmall) {
   ASSERT_EQ(found.size(), 1U);
   EXPECT_FALSE(found[0].comparison.test);
   EXPECT_THAT(found[0].comparison.why_no_test, HasSubstr("at least 3"));
-  EXPECT_THAT(curves_csv(records), HasSubstr("a,\"largest von Mises stress, kPa\",g,1,1,1,,,\n"));
+  EXPECT_THAT(curves_csv(records), HasSubstr("a,\"largest von Mises stress, kPa\",g,3,1,1,1,,,\n"));
   records[0].simulated = true;
   records[0].trainee = "a \"b\", c";
   EXPECT_THAT(attempts_csv(records),

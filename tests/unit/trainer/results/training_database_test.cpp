@@ -111,13 +111,18 @@ TEST(TrainingDatabase, ABegunAttemptIsBrokenOffUntilItsEndIsKept) {
   EXPECT_TRUE(found[1].score.done);
   EXPECT_EQ(found[1].score.time_s, 3.5);
   EXPECT_EQ(found[1].score.peak_wrist_n, 12.5);
+  EXPECT_EQ(found[1].sealed_case, "");
+  database.keep_case(found[1].number, "20260805T091502Z-3f9c21ab");
+  EXPECT_EQ(database.attempts()[1].sealed_case, "20260805T091502Z-3f9c21ab");
+  EXPECT_THAT(refusal([&] { database.keep_case(77, "x"); }), HasSubstr("no attempt 77"));
   EXPECT_THAT(refusal([&] { database.end_attempt(77, Ending::kDone, {}); }), HasSubstr("no attempt 77"));
 }
 
 TEST(TrainingDatabase, GivesAnOlderOneWhatIsNew) {
   const test::TemporaryFolder folder;
   { TrainingDatabase made(folder / "first.sqlite"); }
-  execute(folder / "first.sqlite", "DROP TABLE attempts; PRAGMA user_version = 1");
+  execute(folder / "first.sqlite",
+          "DROP TABLE attempts; ALTER TABLE trainees DROP COLUMN account; PRAGMA user_version = 1");
   EXPECT_TRUE(TrainingDatabase(folder / "first.sqlite").attempts().empty());
   ExclusionRecord done;
   done.object = "a";
@@ -128,11 +133,31 @@ TEST(TrainingDatabase, GivesAnOlderOneWhatIsNew) {
     made.add_attempt(aoki, done, UtcTime{});
     made.add_attempt(aoki, {}, UtcTime{});
   }
-  execute(folder / "second.sqlite", "ALTER TABLE attempts DROP COLUMN ending; PRAGMA user_version = 2");
+  execute(folder / "second.sqlite",
+          "ALTER TABLE attempts DROP COLUMN ending; ALTER TABLE attempts DROP COLUMN sealed_case; "
+          "ALTER TABLE trainees DROP COLUMN account; "
+          "PRAGMA user_version = 2");
   const std::vector<ExclusionRecord> kept = TrainingDatabase(folder / "second.sqlite").attempts();
   ASSERT_EQ(kept.size(), 2U);
   EXPECT_EQ(kept[0].ending, Ending::kDone);
   EXPECT_EQ(kept[1].ending, Ending::kTimeOver);
+  execute(folder / "second.sqlite",
+          "ALTER TABLE attempts DROP COLUMN sealed_case; ALTER TABLE trainees DROP COLUMN account; "
+          "PRAGMA user_version = 3");
+  TrainingDatabase third(folder / "second.sqlite");
+  EXPECT_EQ(third.attempts()[0].ending, Ending::kDone);
+  EXPECT_EQ(third.trainee("Aoki").account, "");
+}
+
+TEST(TrainingDatabase, BindsATraineeToAUser) {
+  const test::TemporaryFolder folder;
+  TrainingDatabase database(folder / "results.sqlite");
+  EXPECT_EQ(database.add_trainee("Aoki", "", false, "anna").account, "anna");
+  EXPECT_EQ(database.trainee("Aoki").account, "anna");
+  database.bind_to_user(database.trainee("Aoki"), "ben");
+  EXPECT_EQ(database.trainee("Aoki").account, "ben");
+  const Trainee model = database.add_trainee("Model", "", true);
+  EXPECT_THAT(refusal([&] { database.bind_to_user(model, "ben"); }), HasSubstr("no user trains so"));
 }
 
 TEST(TrainingDatabase, RefusesANameThatExistsAndNamesThatAreNone) {
@@ -148,7 +173,7 @@ TEST(TrainingDatabase, RefusesANameThatExistsAndNamesThatAreNone) {
 TEST(TrainingDatabase, RefusesWhatItDoesNotKnow) {
   const test::TemporaryFolder folder;
   { TrainingDatabase made(folder / "newer.sqlite"); }
-  execute(folder / "newer.sqlite", "PRAGMA user_version = 4");
+  execute(folder / "newer.sqlite", "PRAGMA user_version = 5");
   EXPECT_THAT(refusal([&] { TrainingDatabase opened(folder / "newer.sqlite"); }), HasSubstr("newer version"));
   execute(folder / "other.sqlite", "CREATE TABLE cases (name TEXT)");
   EXPECT_THAT(refusal([&] { TrainingDatabase opened(folder / "other.sqlite"); }),

@@ -84,6 +84,22 @@ TEST(Summary, OfAMeanHasStudentsInterval) {
   EXPECT_FALSE(summary_of(std::vector<double>{3}).of_mean);
 }
 
+TEST(Summary, OfRatesHasAnIntervalAboveZero) {
+  // Two values alone: Student's interval of their mean goes far below zero.
+  const std::vector<double> two{1, 4};
+  EXPECT_LT(summary_of(two).of_mean->low, 0);
+  const GeometricSummary found = geometric_summary_of(two);
+  EXPECT_EQ(found.count, 2U);
+  EXPECT_NEAR(found.mean, 2, 1e-12);
+  // t of one degree of freedom: 12.70620; the logarithms' standard error is log(2).
+  ASSERT_TRUE(found.of_mean);
+  EXPECT_NEAR(found.of_mean->high, 2 * std::pow(2, 12.70620), 1e-1);
+  EXPECT_NEAR(found.of_mean->low * found.of_mean->high, 4, 1e-9);
+  EXPECT_GT(found.of_mean->low, 0);
+  EXPECT_FALSE(geometric_summary_of(std::vector<double>{3}).of_mean);
+  EXPECT_THROW(geometric_summary_of(std::vector<double>{1, 0}), UsageError);
+}
+
 TEST(Holm, AdjustsFromTheLeastOn) {
   const std::vector<double> p{0.01, 0.04, 0.03, 0.005};
   EXPECT_THAT(holm_adjusted(p), testing::ElementsAre(testing::DoubleEq(0.03), testing::DoubleEq(0.06),

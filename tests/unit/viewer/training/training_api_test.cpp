@@ -42,7 +42,7 @@ class TrainingApi : public testing::Test {
     options.certificate_pem = std::move(certificate.certificate_pem);
     options.key_pem = std::move(certificate.key_pem);
     server.emplace(std::move(options), dispatcher);
-    opened = sessions.open("anna", Role::kOperator, {});
+    opened = sessions.open("root", Role::kAdministrator, {});
   }
 
   TrainingRoom& room() {
@@ -58,7 +58,7 @@ class TrainingApi : public testing::Test {
       };
       kept_room.emplace(std::move(options));
       kept_room->with_results([](trainer::TrainingDatabase& results) {
-        results.add_trainee("Aoki", trainer::kStressShown, false);
+        results.add_trainee("Aoki", trainer::kStressShown, false, "anna");
         results.add_trainee("Ueda", trainer::kStressHidden, false);
         results.add_trainee("model", "", true);
       });
@@ -123,6 +123,16 @@ class TrainingApi : public testing::Test {
   std::vector<trainer::ExclusionRecord> kept() {
     return room().with_results([](const trainer::TrainingDatabase& results) { return results.attempts(); });
   }
+  /// A practice attempt of so long.
+  void practised(const std::string& trainee, double seconds) {
+    room().with_results([&](trainer::TrainingDatabase& results) {
+      trainer::ExclusionRecord record;
+      record.object = "a";
+      record.fingers = 3;
+      record.score.time_s = seconds;
+      results.add_attempt(results.trainee(trainee), record, utc_now());
+    });
+  }
   template <typename Condition>
   static bool eventually(const Condition& condition) {
     for (int i = 0; i < 500; ++i) {
@@ -185,6 +195,8 @@ TEST_F(TrainingApi, AnAttemptIsDoneByThePointersOfAPageAndKept) {
   const json results = answer("GET", "training/trainees/Aoki/results?object=a");
   ASSERT_EQ(results["attempts"].size(), 1U);
   EXPECT_EQ(results["attempts"][0]["ending"], "done");
+  EXPECT_EQ(over["can_be_sealed"], false);  // by a server that seals nothing
+  EXPECT_EQ(ask("POST", "training/attempts/1/case", "{}").status, 404);
   EXPECT_TRUE(results["curves"][0]["own"].empty());  // of tests alone
 }
 
@@ -214,16 +226,17 @@ TEST_F(TrainingApi, AConnectionThatIsLostLeavesABrokenOffAttempt) {
 }
 
 TEST_F(TrainingApi, ATestShowsNoStressAndAnAttemptCanBeGivenUp) {
+  practised("Aoki", 180);
   const auto client = connect();
   client->send_text(begin("Aoki", true));
   EXPECT_EQ(next_text(*client)["began"]["stress_shown"], false);
   client->send_text(R"({"end":true})");
   EXPECT_EQ(next_text(*client)["over"]["ending"], "given-up");
-  EXPECT_TRUE(kept()[0].test);
-  EXPECT_EQ(kept()[0].ending, Ending::kGivenUp);
+  EXPECT_TRUE(kept()[1].test);
+  EXPECT_EQ(kept()[1].ending, Ending::kGivenUp);
   // A test that was given up is no result: the session goes on, at once and by another connection.
   const auto again = connect();
-  again->send_text(begin("Aoki"));
+  again->send_text(begin("Aoki", true));
   EXPECT_EQ(next_text(*again)["began"]["session"], 1);
   EXPECT_EQ(answer("GET", "training")["trainees"][0]["progress"]["a"]["session"], 1);
 }
@@ -315,6 +328,57 @@ TEST_F(TrainingApi, KnowsTraineesAndAddsThem) {
   EXPECT_EQ(ask("GET", "training").status, 401);
 }
 
+TEST_F(TrainingApi, ATestComesAfterThreeMinutesOfPracticeAndNoPracticeAfterThem) {
+  const auto refused = [&](bool test) {
+    const auto client = connect();
+    client->send_text(begin("Aoki", test));
+    return refusal(*client).second;
+  };
+  practised("Aoki", 80);
+  EXPECT_EQ(refused(true),
+            "Aoki has practised 1:20 of the 3:00 minutes of session 1: the test comes after them");
+  practised("Aoki", 97);
+  {
+    // What is left of practice ends it.
+    const auto client = connect();
+    client->send_text(begin("Aoki"));
+    ASSERT_TRUE(next_text(*client).contains("began"));
+    EXPECT_EQ(next_text(*client)["over"]["ending"], "time-over");
+    EXPECT_NEAR(kept().back().score.time_s, 3, 0.5);
+  }
+  EXPECT_THAT(refused(false), HasSubstr("the test comes now"));
+  const auto client = connect();
+  client->send_text(begin("Aoki", true));
+  EXPECT_EQ(next_text(*client)["began"]["test"], true);
+}
+
+TEST_F(TrainingApi, AUserTrainsAsTheOwnTraineeAndAnAdministratorAsEverybody) {
+  EXPECT_EQ(answer("GET", "training")["trainees"].size(), 2U);
+  EXPECT_EQ(answer("GET", "training")["supervises"], true);
+  opened = sessions.open("anna", Role::kOperator, {});
+  const json training = answer("GET", "training");
+  ASSERT_EQ(training["trainees"].size(), 1U);
+  EXPECT_EQ(training["trainees"][0]["name"], "Aoki");
+  EXPECT_EQ(training["supervises"], false);
+  EXPECT_EQ(ask("GET", "training/trainees/Aoki/results?object=a").status, 200);
+  EXPECT_EQ(ask("GET", "training/trainees/Ueda/results?object=a").status, 404);
+  EXPECT_THAT(answer("POST", "training/trainees", R"({"name":"Anna","group":"stress shown"})")["error"],
+              HasSubstr("anna trains as 'Aoki' already"));
+  const auto client = connect();
+  client->send_text(begin("Ueda"));
+  EXPECT_THAT(refusal(*client).second, HasSubstr("only the user bound to Ueda, or an administrator"));
+  EXPECT_TRUE(kept().empty());
+  // Who has no trainee yet adds their own, whoever they name.
+  opened = sessions.open("ben", Role::kSurgeon, {});
+  EXPECT_TRUE(answer("GET", "training")["trainees"].empty());
+  EXPECT_EQ(
+      answer("POST", "training/trainees", R"({"name":"Ben","group":"stress shown","user":"carl"})")["user"],
+      "ben");
+  const auto own = connect();
+  own->send_text(begin("Ben"));
+  EXPECT_TRUE(next_text(*own).contains("began"));
+}
+
 TEST_F(TrainingApi, TellsATraineesCurveBesideTheGroups) {
   room().with_results([](trainer::TrainingDatabase& results) {
     for (int session = 1; session <= 2; ++session) {
@@ -334,6 +398,7 @@ TEST_F(TrainingApi, TellsATraineesCurveBesideTheGroups) {
   ASSERT_EQ(stress["own"].size(), 2U);
   EXPECT_EQ(stress["own"][0]["value"], 40);
   EXPECT_EQ(stress["own"][1]["value"], 20);
+  EXPECT_EQ(stress["own"][1]["fingers"], 3);
   ASSERT_EQ(stress["groups"].size(), 2U);
   EXPECT_EQ(stress["groups"][0]["group"], "stress hidden");
   EXPECT_EQ(stress["groups"][0]["points"][1]["mean"], 50);

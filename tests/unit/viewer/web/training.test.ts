@@ -2,6 +2,7 @@ import { describe, expect, it } from 'vitest';
 import { countTicks, place, scaleTo } from '@/training/chart';
 import { Median } from '@/base/median';
 import { splitPicture } from '@/media/picture_message';
+import { beyondDeadZone, firstPad, GamepadHand, kDeadZone, type Pad } from '@/training/gamepad';
 import { type BrowserPointer, kMostPush_m, Pointers } from '@/training/pointers';
 
 const at = (id: number, kind: BrowserPointer['kind'], x = 0.5, y = 0.5, pressure = 0): BrowserPointer => ({ id, kind, x, y, pressure });
@@ -96,5 +97,73 @@ describe('The median', () => {
     expect(median.value).toBeUndefined();
     for (const time of [100, 1, 2, 3]) median.add(time);
     expect(median.value).toBe(2);
+  });
+});
+
+describe('A gamepad', () => {
+  const pad = (axes: number[], pressed: Record<number, number> = {}): Pad => ({
+    axes,
+    buttons: Array.from({ length: 17 }, (_, i) => ({ pressed: (pressed[i] ?? 0) > 0.5, value: pressed[i] ?? 0 })),
+  });
+  const kLT = 6;
+  const kRT = 7;
+
+  it('does nothing within its dead zone, and all from its border to its end', () => {
+    expect(beyondDeadZone(0.1, -0.1)).toEqual({ x: 0, y: 0 });
+    expect(beyondDeadZone(kDeadZone, 0)).toEqual({ x: 0, y: 0 });
+    expect(beyondDeadZone(kDeadZone + 1e-6, 0).x).toBeLessThan(1e-5);
+    expect(beyondDeadZone(0, -1)).toEqual({ x: 0, y: -1 });
+    const corner = beyondDeadZone(1, 1);
+    expect(Math.hypot(corner.x, corner.y)).toBeCloseTo(1);
+    expect(beyondDeadZone(Number.NaN, undefined)).toEqual({ x: 0, y: 0 });
+  });
+  it('presses by a trigger, as deep as it is pressed, and lets go with it', () => {
+    const pointers = new Pointers(3);
+    const hand = new GamepadHand(pointers, 3);
+    expect(hand.step(pad([0, 0, 0, 0]), 0.016)).toBe(false);
+    expect(hand.step(pad([0, 0, 0, 0], { [kLT]: 0.05 }), 0.016)).toBe(false);
+    expect(hand.step(pad([0, 0, 0, 0], { [kLT]: 1 }), 0.016)).toBe(true);
+    expect(pointers.pointers).toEqual([{ finger: 0, x: 0.5, y: 0.66, push_m: 0.03 }]);
+    expect(hand.step(pad([0, 0, 0, 0], { [kLT]: 1 }), 0.016)).toBe(false);
+    expect(hand.step(pad([0, -1, 0, 0], { [kLT]: 1 }), 0.05)).toBe(true);
+    expect(pointers.pointers[0]?.y).toBeCloseTo(0.64);
+    expect(hand.step(pad([0, 0, 0, 0]), 0.016)).toBe(true);
+    expect(pointers.pointers).toEqual([]);
+  });
+  it('moves two fingers with two sticks; the buttons above the triggers choose them, one a press', () => {
+    const pointers = new Pointers(3);
+    const hand = new GamepadHand(pointers, 3);
+    // The whole hand on the left leaves no finger to the right.
+    hand.step(pad([0, 0, 0, 0], { [kLT]: 0.6, [kRT]: 0.6 }), 0.016);
+    expect(fingersOf(pointers)).toEqual([0]);
+    hand.step(pad([0, 0, 0, 0]), 0.016);
+    for (let i = 0; i < 3; ++i) hand.step(pad([0, 0, 0, 0], { 4: 1 }), 0.016);
+    expect(hand.marks.map((one) => one.finger)).toEqual([1, 3]);
+    hand.step(pad([0, 0, 1, 0], { [kLT]: 0.6, [kRT]: 0.6 }), 0.05);
+    expect(fingersOf(pointers)).toEqual([1, 3]);
+    expect(pointers.pointers[1]?.x).toBeCloseTo(0.62);
+    // Finger 3 is the right one's: the left one's finger comes back where it would take it.
+    hand.step(pad([0, 0, 0, 0], { 4: 1, [kLT]: 0.6, [kRT]: 0.6 }), 0.016);
+    hand.step(pad([0, 0, 0, 0], { [kLT]: 0.6, [kRT]: 0.6 }), 0.016);
+    hand.step(pad([0, 0, 0, 0], { 4: 1, [kLT]: 0.6, [kRT]: 0.6 }), 0.016);
+    expect(fingersOf(pointers)).toEqual([3]);
+    expect(hand.release()).toBe(true);
+    expect(pointers.pointers).toEqual([]);
+  });
+  it('takes no finger from a touch point, and keys none from it', () => {
+    const pointers = new Pointers(2);
+    pointers.press(at(10, 'touch'));
+    const hand = new GamepadHand(pointers, 2);
+    hand.step(pad([0, 0, 0, 0], { [kLT]: 1, [kRT]: 1 }), 0.016);
+    expect(fingersOf(pointers)).toEqual([1, 2]);
+    pointers.key('2', false);
+    expect(pointers.keysAt.finger).toBe(0);
+  });
+  it('stands still over a pause, and is the first one that is there', () => {
+    const hand = new GamepadHand(new Pointers(1), 1);
+    hand.step(pad([1, 0, 0, 0]), 60);
+    expect(hand.marks[0]?.x).toBeCloseTo(0.54);
+    expect(firstPad([null])).toBeUndefined();
+    expect(firstPad([null, { connected: true } as Gamepad])).toBeDefined();
   });
 });

@@ -6,6 +6,7 @@ import { t } from '@/i18n/i18n';
 import { Icon } from '@/shell/icon';
 import { announce } from '@/shell/state';
 import { StressScale } from '@/shell/stress_scale';
+import { firstPad, GamepadHand } from '@/training/gamepad';
 import { type BrowserPointer, Pointers } from '@/training/pointers';
 import { Tone } from '@/training/tone';
 import { AttemptConnection, type Began, type Begin, type Moment, type Over } from '@/training/training_api';
@@ -46,6 +47,7 @@ export function AttemptView({ begin, over, lost }: { begin: Begin; over: (began:
   const keys = useSignal<{ x: number; y: number; finger: number } | undefined>(undefined);
   const connection = useRef<AttemptConnection | undefined>(undefined);
   const pointers = useMemo(() => new Pointers(begin.fingers), [begin]);
+  const padMarks = useSignal<GamepadHand['marks']>([]);
   const tone = useMemo(() => new Tone(), [begin]);
   const sent = useMemo(() => new Map<number, number>(), [begin]);
 
@@ -142,6 +144,24 @@ export function AttemptView({ begin, over, lost }: { begin: Begin; over: (began:
     };
   }, [begin]);
 
+  useEffect(() => {
+    const hand = new GamepadHand(pointers, begin.fingers);
+    let frame = 0;
+    let before_ms = performance.now();
+    let there = false;
+    const look = (now_ms: number) => {
+      frame = requestAnimationFrame(look);
+      const pad = firstPad(navigator.getGamepads());
+      const changed = pad ? hand.step(pad, (now_ms - before_ms) / 1000) : there && hand.release();
+      before_ms = now_ms;
+      if (pad || there) padMarks.value = pad ? hand.marks : [];
+      there = pad !== undefined;
+      if (changed) send(performance.now());
+    };
+    frame = requestAnimationFrame(look);
+    return () => cancelAnimationFrame(frame);
+  }, [begin]);
+
   const told = began.value;
   const now = moment.value;
   const stress_kPa = now?.largest_von_mises_pa === undefined ? undefined : now.largest_von_mises_pa / 1000;
@@ -195,6 +215,11 @@ export function AttemptView({ begin, over, lost }: { begin: Begin; over: (began:
           >
             <canvas ref={canvas} width={640} height={480} aria-hidden="true" />
             {!told && <p class="attempt-making">{t('attempt.making')}</p>}
+            {padMarks.value.map((mark, i) => (
+              <span key={i} class={mark.down ? 'key-mark pad-mark key-mark-down' : 'key-mark pad-mark'} style={{ left: `${mark.x * 100}%`, top: `${mark.y * 100}%` }} aria-hidden="true">
+                {mark.finger === 0 ? '' : mark.finger}
+              </span>
+            ))}
             {keys.value && (
               <span class={pointers.keysAreDown ? 'key-mark key-mark-down' : 'key-mark'} style={{ left: `${keys.value.x * 100}%`, top: `${keys.value.y * 100}%` }} aria-hidden="true">
                 {keys.value.finger === 0 ? '' : keys.value.finger}
@@ -203,7 +228,7 @@ export function AttemptView({ begin, over, lost }: { begin: Begin; over: (began:
           </div>
           {told?.stress_shown && <StressScale most={told.damage_pa / 1000} label={t('attempt.scale', { most: told.damage_pa / 1000 })} />}
           <p class="muted attempt-how">
-            {t('attempt.how')} {t('attempt.howTouch')} {t('attempt.howKeys', { n: begin.fingers })}
+            {t('attempt.how')} {t('attempt.howTouch')} {t('attempt.howKeys', { n: begin.fingers })} {t('attempt.howPad')}
           </p>
         </div>
         <div class="attempt-side">

@@ -18,11 +18,14 @@ export interface BrowserPointer {
   pressure: number;
 }
 
+/** A pointer of the browser by its number, the keys, or a stick of a gamepad. */
+type Holder = number | 'keys' | 'pad-left' | 'pad-right';
+
 const limited = (value: number, most: number) => Math.min(most, Math.max(-most, value));
 const near = (value: number) => Math.min(1.5, Math.max(-0.5, value));
 
 export class Pointers {
-  private readonly down = new Map<number | 'keys', Pointer>();
+  private readonly down = new Map<Holder, Pointer>();
   private byKeys: Pointer;
 
   constructor(private readonly fingers: number) {
@@ -56,6 +59,18 @@ export class Pointers {
   }
   releaseAll(): void {
     this.down.clear();
+  }
+  /** Puts or moves a pointer of its own; false where another one has its finger, or fingers it would take. */
+  hold(id: Holder, pointer: Pointer): boolean {
+    if (!this.mayHave(id, pointer.finger)) return false;
+    this.down.set(id, { ...pointer, push_m: limited(pointer.push_m, kMostPush_m) });
+    return true;
+  }
+  holds(id: Holder): boolean {
+    return this.down.has(id);
+  }
+  letGo(id: Holder): boolean {
+    return this.down.delete(id);
   }
   /** Deeper where the wheel turns away from the person. */
   wheel(delta: number): boolean {
@@ -108,9 +123,14 @@ export class Pointers {
     return this.fingers === 1 ? 1 : 0;
   }
   private take(finger: number): void {
+    if (!this.mayHave('keys', finger)) return;
     const held = this.down.delete('keys');
     this.byKeys = { ...this.byKeys, finger };
     if (held) this.down.set('keys', this.byKeys);
+  }
+  /** No finger has two pointers, and where the whole hand has one, none of its fingers has. */
+  private mayHave(id: Holder, finger: number): boolean {
+    return [...this.down].every(([other, held]) => other === id || (finger !== 0 && held.finger !== 0 && held.finger !== finger));
   }
   private freeFinger(): number | undefined {
     const taken = new Set(this.pointers.map((one) => one.finger));

@@ -3,7 +3,7 @@ import { useSignal } from '@preact/signals';
 import { useEffect } from 'preact/hooks';
 import { t, word } from '@/i18n/i18n';
 import { Icon } from '@/shell/icon';
-import { attempt } from '@/shell/state';
+import { announce, attempt } from '@/shell/state';
 import { objectLabel } from '@/training/object_label';
 import { countTicks, place, scaleTo } from '@/training/chart';
 import {
@@ -111,10 +111,12 @@ function Legend({ series }: { series: Series[] }) {
 
 const isResult = (one: AttemptKept) => one.ending === 'done' || one.ending === 'time-over';
 
-function Curves({ results, measure }: { results: Results; measure: Measure }) {
+function Curves({ results, measure, fingers }: { results: Results; measure: Measure; fingers: number }) {
   const name = t('result.you', { name: results.trainee });
-  const own = results.attempts.filter(isResult);
-  const curve = results.curves.find((one) => one.measure === measure);
+  // What is done with one finger is not what is done with five.
+  const own = results.attempts.filter((one) => isResult(one) && one.fingers === fingers);
+  const all = results.curves.find((one) => one.measure === measure);
+  const curve = all && { own: all.own.filter((one) => one.fingers === fingers), groups: all.groups.filter((one) => one.fingers === fingers) };
   const attempts: Series[] = [
     { name, style: 0, points: own.map((one, i) => ({ x: i + 1, y: valueOf(measure, one.score), hollow: !one.test })) },
   ];
@@ -177,12 +179,16 @@ function AttemptTable({ attempts }: { attempts: AttemptKept[] }) {
             <tr>
               <th scope="col">{t('result.session')}</th>
               <th scope="col">{t('result.kind')}</th>
+              <th scope="col" class="number">
+                {t('train.fingers')}
+              </th>
               <th scope="col">{t('result.ending')}</th>
               {kMeasures.map((measure) => (
                 <th scope="col" class="number" key={measure}>
                   {t(`measure.${measure}`)}
                 </th>
               ))}
+              {attempts.some((one) => one.case !== '') && <th scope="col">{t('seal.case')}</th>}
             </tr>
           </thead>
           <tbody>
@@ -190,12 +196,22 @@ function AttemptTable({ attempts }: { attempts: AttemptKept[] }) {
               <tr key={i}>
                 <td>{one.session}</td>
                 <td>{one.test ? t('result.testOne') : t('result.practice')}</td>
+                <td class="number">{one.fingers}</td>
                 <td>{t(`ending.${one.ending}`)}</td>
                 {kMeasures.map((measure) => (
                   <td class="number" key={measure}>
                     {short(valueOf(measure, one.score))}
                   </td>
                 ))}
+                {attempts.some((other) => other.case !== '') && (
+                  <td>
+                    {one.case !== '' && (
+                      <a href={api.certificate(one.attempt)} target="_blank" rel="noopener">
+                        {one.case}
+                      </a>
+                    )}
+                  </td>
+                )}
               </tr>
             ))}
           </tbody>
@@ -205,7 +221,40 @@ function AttemptTable({ attempts }: { attempts: AttemptKept[] }) {
   );
 }
 
-function Came({ began, over }: { began: Began; over: Over }) {
+/** Makes a case of the attempt: signed, time-stamped, verified at once. */
+function Seal({ number, sealed }: { number: number; sealed: () => Promise<unknown> }) {
+  const busy = useSignal(false);
+  const came = useSignal<{ case: string; verdict: string } | undefined>(undefined);
+  const seal = async () => {
+    busy.value = true;
+    await attempt(async () => {
+      came.value = await api.seal(number);
+      announce(t('seal.done', { case: came.value.case }));
+      await sealed();
+    });
+    busy.value = false;
+  };
+  if (came.value) {
+    return (
+      <p class="train-sealed">
+        {t('seal.done', { case: came.value.case })} {t('seal.verdict', { verdict: came.value.verdict })}{' '}
+        <a href={api.certificate(number)} target="_blank" rel="noopener">
+          {t('seal.certificate')}
+        </a>
+      </p>
+    );
+  }
+  return (
+    <p class="train-sealed">
+      <button type="button" class="button" disabled={busy.value} aria-busy={busy.value} onClick={() => void seal()}>
+        {busy.value ? t('seal.busy') : t('seal.do')}
+      </button>{' '}
+      <span class="muted">{t('seal.what')}</span>
+    </p>
+  );
+}
+
+function Came({ began, over, sealed }: { began: Began; over: Over; sealed: () => Promise<unknown> }) {
   const done = over.ending === 'done';
   return (
     <section class="card train-came" aria-label={t('result.title')}>
@@ -214,6 +263,7 @@ function Came({ began, over }: { began: Began; over: Over }) {
         {t(`ending.${over.ending}`)}
       </p>
       <p class="muted">{t(began.test ? 'attempt.test' : 'attempt.practice', { session: began.session })}</p>
+      {over.can_be_sealed && <Seal key={over.attempt} number={over.attempt} sealed={sealed} />}
       <table class="table">
         <thead>
           <tr>
@@ -255,10 +305,12 @@ function Came({ began, over }: { began: Began; over: Over }) {
 export function ResultView({ begin, came, again, other }: { begin: Begin; came?: { began: Began; over: Over }; again: (test: boolean) => void; other: () => void }) {
   const results = useSignal<Results | undefined>(undefined);
   const measure = useSignal<Measure>('stress');
-  useEffect(() => {
-    void attempt(async () => {
+  const load = () =>
+    attempt(async () => {
       results.value = await api.results(begin.trainee, begin.object);
     });
+  useEffect(() => {
+    void load();
     document.getElementById('main')?.focus();
   }, [begin]);
   return (
@@ -279,8 +331,10 @@ export function ResultView({ begin, came, again, other }: { begin: Begin; came?:
           </button>
         </div>
       </div>
-      <p class="muted">{objectLabel(begin.object)}</p>
-      {came && <Came {...came} />}
+      <p class="muted">
+        {objectLabel(begin.object)} · {t('result.fingers', { n: begin.fingers })}
+      </p>
+      {came && <Came {...came} sealed={load} />}
       <label class="field train-measure">
         <span>{t('result.measure')}</span>
         <select value={measure.value} onChange={(event) => (measure.value = event.currentTarget.value as Measure)}>
@@ -291,7 +345,7 @@ export function ResultView({ begin, came, again, other }: { begin: Begin; came?:
           ))}
         </select>
       </label>
-      {results.value && <Curves results={results.value} measure={measure.value} />}
+      {results.value && <Curves results={results.value} measure={measure.value} fingers={begin.fingers} />}
       {results.value && <AttemptTable attempts={results.value.attempts} />}
     </main>
   );

@@ -11,6 +11,8 @@ export const kMeasures: readonly Measure[] = ['stress', 'time', 'path', 'force',
 export interface Trainee {
   name: string;
   group: string;
+  /** Who trains so, besides administrators; '': nobody. */
+  user: string;
   progress: Record<ObjectName, { session: number; practised_s: number }>;
 }
 
@@ -20,7 +22,10 @@ export interface Training {
   groups: string[];
   experts: ObjectName[];
   damage_pa: number;
+  /** Of a session, before its test; 0: as one likes. */
   practice_s: number;
+  /** Adds trainees for others, and trains as everybody. */
+  supervises: boolean;
   trainees: Trainee[];
 }
 
@@ -36,18 +41,22 @@ export interface Score {
 }
 
 export interface AttemptKept {
+  /** By which the server knows it. */
+  attempt: number;
   session: number;
   test: boolean;
   stress_shown: boolean;
   fingers: number;
   ending: Ending;
   score: Score;
+  /** That was made of it, or ''. */
+  case: string;
 }
 
 export interface Curve {
   measure: Measure;
-  own: { session: number; value: number }[];
-  groups: { group: string; points: { session: number; trainees: number; mean: number; low?: number; high?: number }[] }[];
+  own: { fingers: number; session: number; value: number }[];
+  groups: { group: string; fingers: number; points: { session: number; trainees: number; mean: number; low?: number; high?: number }[] }[];
 }
 
 export interface Results {
@@ -101,6 +110,8 @@ export interface Latency {
 }
 
 export interface Over {
+  attempt: number;
+  can_be_sealed: boolean;
   ending: Ending;
   score: Score;
   input_to_force: Latency;
@@ -119,7 +130,9 @@ export interface Pointer {
 
 export const training = {
   get: () => get<Training>('training'),
-  addTrainee: (name: string, group: string) => post<Trainee>('training/trainees', { name, group }),
+  addTrainee: (name: string, group: string, user: string) => post<Trainee>('training/trainees', user === '' ? { name, group } : { name, group, user }),
+  seal: (attempt: number) => post<{ case: string; verdict: string }>(`training/attempts/${attempt}/case`, {}),
+  certificate: (attempt: number) => `/api/training/attempts/${attempt}/certificate.pdf`,
   results: (trainee: string, object: ObjectName) => get<Results>(`training/trainees/${encodeURIComponent(trainee)}/results?object=${object}`),
 };
 

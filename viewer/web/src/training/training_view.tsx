@@ -29,14 +29,14 @@ function storedChoice(): Choice {
 
 type Stage = { at: 'choose' } | { at: 'attempt'; begin: Begin } | { at: 'result'; begin: Begin; came?: { began: Began; over: Over } };
 
-function AddTrainee({ groups, added }: { groups: string[]; added: (name: string) => Promise<unknown> }) {
+function AddTrainee({ groups, supervises, added }: { groups: string[]; supervises: boolean; added: (name: string) => Promise<unknown> }) {
   const add = async (event: SubmitEvent) => {
     event.preventDefault();
     const form = event.currentTarget as HTMLFormElement;
     const fields = new FormData(form);
     const name = String(fields.get('name')).trim();
     await attempt(async () => {
-      await api.addTrainee(name, String(fields.get('group')));
+      await api.addTrainee(name, String(fields.get('group')), String(fields.get('user') ?? '').trim());
       form.reset();
       notify(t('train.added', { name }), 'done');
       await added(name);
@@ -59,10 +59,21 @@ function AddTrainee({ groups, added }: { groups: string[]; added: (name: string)
           ))}
         </select>
       </label>
+      {supervises && (
+        <label class="field">
+          <span>{t('train.user')}</span>
+          <input name="user" maxLength={64} autocomplete="off" aria-describedby="train-user-what" />
+        </label>
+      )}
       <button type="submit" class="button button-main">
         {t('train.addDo')}
       </button>
       <p class="muted">{t('train.groupWhat')}</p>
+      {supervises && (
+        <p class="muted" id="train-user-what">
+          {t('train.userWhat')}
+        </p>
+      )}
     </form>
   );
 }
@@ -170,11 +181,13 @@ export function TrainingView() {
         <p class="muted train-progress">
           {training.trainees.length === 0 && t('train.nobody')}
           {progress &&
-            t('train.progress', {
-              session: progress.session,
-              done: formatTime(Math.round(progress.practised_s) * kSecond),
-              all: formatTime(training.practice_s * kSecond),
-            })}
+            (training.practice_s > 0
+              ? t('train.progress', {
+                  session: progress.session,
+                  done: formatTime(Math.round(progress.practised_s) * kSecond),
+                  all: formatTime(training.practice_s * kSecond),
+                })
+              : t('train.session', { session: progress.session }))}
         </p>
         <div class="train-do">
           <button type="button" class="button button-main" disabled={!trainee} onClick={() => go(beginOf(false))}>
@@ -195,6 +208,7 @@ export function TrainingView() {
       </section>
       <AddTrainee
         groups={training.groups}
+        supervises={training.supervises}
         added={async (name) => {
           await load();
           choose({ trainee: name });

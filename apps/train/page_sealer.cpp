@@ -1,0 +1,152 @@
+#include "apps/train/page_sealer.h"
+
+#include <algorithm>
+#include <cmath>
+#include <filesystem>
+#include <fstream>
+#include <mutex>
+#include <thread>
+#include <utility>
+
+#include <nlohmann/json.hpp>
+
+#include "apps/common/command_line.h"
+#include "apps/kiroku/recording_setup.h"
+#include "apps/train/attempt_numbers.h"
+#include "apps/train/attempt_seal.h"
+#include "archive/verifier.h"
+#include "base/error.h"
+#include "viewer/report/case_facts.h"
+#include "viewer/report/pdf_writer.h"
+#include "viewer/report/report_document.h"
+#include "viewer/server/own_folder.h"
+
+namespace kiroku::apps {
+namespace {
+
+namespace fs = std::filesystem;
+
+/// JPEG pictures one after the other, as libavformat reads them: 25 a second.
+constexpr const char* kPictures = "film.mjpeg";
+constexpr double kPicturesPerSecond = 25;
+
+class KeptFiles : public viewer::AttemptFiles {
+ public:
+  explicit KeptFiles(fs::path folder) : folder_(std::move(folder)) {
+    fs::create_directory(folder_);
+    pictures_.open(folder_ / kPictures, std::ios::binary);
+    if (!pictures_) throw Error("no file can be made in " + folder_.string() + ": is the disk full?");
+  }
+  ~KeptFiles() override {
+    std::error_code ignored;  // nobody waits for it; the server's own folder goes anyhow
+    fs::remove_all(folder_, ignored);
+  }
+  KeptFiles(const KeptFiles&) = delete;
+  KeptFiles& operator=(const KeptFiles&) = delete;
+
+  void see(const trainer::ExclusionView& view, ByteView jpeg) override {
+    vitals_ += vitals_lines(view);
+    // A picture stands until the next one came, as on the page.
+    const auto due = static_cast<std::uint64_t>(std::floor(view.time_s * kPicturesPerSecond)) + 1;
+    for (; written_ + 1 < due && !last_.empty(); ++written_) write(last_);
+    last_.assign(jpeg.begin(), jpeg.end());
+    if (written_ < due) {
+      write(last_);
+      ++written_;
+    }
+  }
+
+  /// All that was seen, on the disk. kiroku::Error where it is not.
+  void finish(const trainer::HandMotion& motion, const std::string& score) {
+    if (finished_) return;  // an earlier try ended later
+    pictures_.close();
+    if (!pictures_ || written_ == 0)
+      throw Error(
+          "not all pictures of the attempt could be kept, so that it cannot be sealed: is the disk full?");
+    const auto put = [&](const char* name, const std::string& text) {
+      std::ofstream file(folder_ / name, std::ios::binary);
+      file << text;
+      file.close();
+      if (!file) throw Error(std::string(name) + " of the attempt cannot be written: is the disk full?");
+    };
+    put(kAttemptVitals, kVitalsHead + vitals_);
+    put("hand.txt", trainer::text_of(motion));
+    put("score.json", score);
+    finished_ = true;
+  }
+  /// They are the case's from now on.
+  void move_to(const fs::path& folder) {
+    fs::create_directories(folder.parent_path());
+    fs::rename(folder_, folder);
+  }
+  [[nodiscard]] const fs::path& folder() const { return folder_; }
+
+ private:
+  void write(const Bytes& jpeg) {
+    pictures_.write(reinterpret_cast<const char*>(jpeg.data()), static_cast<std::streamsize>(jpeg.size()));
+  }
+
+  fs::path folder_;
+  std::ofstream pictures_;
+  std::string vitals_;
+  Bytes last_;
+  std::uint64_t written_ = 0;
+  bool finished_ = false;
+};
+
+class PageSealer : public viewer::AttemptSealer {
+ public:
+  explicit PageSealer(const Home& home) : home_(home), own_(home.folder() / "training-files") {}
+
+  std::unique_ptr<viewer::AttemptFiles> keep(std::int64_t attempt) override {
+    return std::make_unique<KeptFiles>(own_.path() / std::to_string(attempt));
+  }
+
+  viewer::SealedAttempt seal(viewer::AttemptFiles& files, const trainer::HandMotion& motion,
+                             const nlohmann::ordered_json& facts, const std::string& summary) override {
+    const std::unique_lock one(sealing_, std::try_to_lock);
+    if (!one) throw Error("another attempt is being sealed: try again in a moment");
+    auto& kept = dynamic_cast<KeptFiles&>(files);
+    kept.finish(motion, facts.dump(2) + "\n");
+    const fs::path folder = seal_attempt(home_, kept.folder(), kPictures, facts, summary);
+    const std::string case_id = folder.filename().string();
+    kept.move_to(home_.folder() / "training" / case_id);
+    return {case_id, std::string(archive::verdict_name(verify(case_id).verdict))};
+  }
+
+  Bytes certificate(const std::string& case_id, const std::string& user) override {
+    report::ReportInput input;
+    log_access(home_, home_.archive() / case_id, "made a certificate of training for " + user);
+    input.verification = verify(case_id);
+    input.facts = report::read_case_facts(home_.archive() / case_id);
+    input.given.devices = {{home_.device().to_string(), {}}};
+    input.given.roots = {{"trust.pem", {}}};
+    input.author = user;
+    input.program = "kiroku " + std::string(version());
+    input.made = utc_now();
+    return report::write_pdf(report::make_report(input));
+  }
+
+ private:
+  [[nodiscard]] archive::VerificationReport verify(const std::string& case_id) const {
+    const timestamp::TrustStore trust = home_.trust();
+    archive::VerifyOptions options;
+    options.devices = {home_.device()};
+    options.trust = &trust;
+    options.log = home_.log_folder();
+    options.threads = std::max(1U, std::thread::hardware_concurrency() / 2);
+    return archive::verify_case(home_.archive() / case_id, options);
+  }
+
+  const Home& home_;
+  viewer::OwnFolder own_;
+  std::mutex sealing_;
+};
+
+}  // namespace
+
+std::shared_ptr<viewer::AttemptSealer> make_page_sealer(const Home& home) {
+  return std::make_shared<PageSealer>(home);
+}
+
+}  // namespace kiroku::apps
