@@ -15,8 +15,8 @@ extern "C" {
 }
 
 #include "base/error.h"
-#include "media/rgb_converter.h"
 #include "media/png.h"
+#include "media/rgb_converter.h"
 
 namespace kiroku::playback {
 namespace {
