@@ -85,9 +85,7 @@ PageMessage parse_page_message(std::string_view message) {
   throw Refusal(400, "a message must have 'begin', 'input' or 'end'");
 }
 
-Bytes jpeg_of_moment(const trainer::LiveView& view) {
-  return sim::jpeg_of(*view.attempt->picture, kQuality);
-}
+Bytes jpeg_of_moment(const trainer::LiveView& view) { return sim::jpeg_of(*view.attempt->picture, kQuality); }
 
 Bytes moment_message(const trainer::LiveView& view, bool shows_stress, ByteView jpeg) {
   const trainer::ExclusionView& attempt = *view.attempt;
