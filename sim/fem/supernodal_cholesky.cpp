@@ -30,8 +30,10 @@ void dpotrf_(const char* triangle, const int* n, double* a, const int* lda, int*
 namespace kiroku::sim {
 namespace {
 
-/// Rows or columns of a front that are one piece of work; its own columns are eliminated so many at a time.
-constexpr std::size_t kTile = 192;
+/// Rows or columns of a front that are one piece of work.
+constexpr std::size_t kTile = 128;
+/// Of its own columns so many are eliminated at a time.
+constexpr std::size_t kPanel = 64;
 
 std::size_t tiles_in(std::size_t count) { return (count + kTile - 1) / kTile; }
 
@@ -271,7 +273,7 @@ class SupernodalCholesky::Work {
 
   [[nodiscard]] std::size_t below_of(std::uint32_t s) const { return rows_of(s) - columns_of(s); }
   [[nodiscard]] std::size_t end_of_panel(std::uint32_t s, std::size_t panel) const {
-    return std::min((panel + 1) * kTile, columns_of(s));
+    return std::min((panel + 1) * kPanel, columns_of(s));
   }
   /// Too little for several threads.
   [[nodiscard]] bool small(std::uint32_t s) const { return rows_of(s) <= end_of_panel(s, 0) + kTile; }
@@ -336,12 +338,12 @@ class SupernodalCholesky::Work {
     const std::size_t first = task.tile * kTile, end = end_of_panel(task.s, task.panel);
     switch (task.stage) {
       case Stage::kDiagonal:
-        return factorise_diagonal(task.s, task.panel * kTile, end);
+        return factorise_diagonal(task.s, task.panel * kPanel, end);
       case Stage::kRows:
-        compute_rows(task.s, task.panel * kTile, end, end + first);
+        compute_rows(task.s, task.panel * kPanel, end, end + first);
         break;
       case Stage::kColumns:
-        update_columns(task.s, task.panel * kTile, end, end + first);
+        update_columns(task.s, task.panel * kPanel, end, end + first);
         break;
       case Stage::kContribution:
         contribute(task.s, first);
