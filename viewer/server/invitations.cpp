@@ -80,11 +80,11 @@ bool Invitation::join(std::string address, SessionClock::time_point now) {
   return true;
 }
 
-void Invitation::belongs_to(std::shared_ptr<Session> session) {
+void Invitation::belongs_to(const std::shared_ptr<Session>& session) {
   const std::lock_guard guard(mutex_);
   // Ended between joining and now.
   if (view_.state == InvitationState::kEnded) session->end();
-  session_ = std::move(session);
+  session_ = session;
 }
 
 bool Invitation::end(InvitationEnd why) {
@@ -92,8 +92,7 @@ bool Invitation::end(InvitationEnd why) {
   if (view_.state == InvitationState::kEnded) return false;
   view_.state = InvitationState::kEnded;
   view_.end = why;
-  if (session_) session_->end();
-  session_.reset();
+  if (const auto session = session_.lock()) session->end();
   return true;
 }
 

@@ -65,7 +65,7 @@ class Invitation {
   friend class Invitations;
   /// False if it was not open.
   bool join(std::string address, SessionClock::time_point now);
-  void belongs_to(std::shared_ptr<Session> session);
+  void belongs_to(const std::shared_ptr<Session>& session);
   /// False if it has ended before. Ends the guest's session, and with it every connection.
   bool end(InvitationEnd why);
   /// Why it must end now.
@@ -79,7 +79,7 @@ class Invitation {
   const SessionClock::time_point deadline_;
   mutable std::mutex mutex_;
   View view_;
-  std::shared_ptr<Session> session_;
+  std::weak_ptr<Session> session_;  // which holds this
   std::size_t connections_ = 0;
   SessionClock::time_point last_departure_;
   bool said_gone_ = false;
