@@ -2,12 +2,18 @@
 
 #include <csignal>
 #include <filesystem>
+#include <iostream>
 #include <memory>
 #include <mutex>
 #include <sys/resource.h>
 #include <utility>
 
-#include "apps/common/command_line.h"
+#include <nlohmann/json.hpp>
+
+#include "apps/common/json_output.h"
+#include "apps/kiroku/commands.h"
+#include "apps/kiroku/viewer_setup.h"
+#include "base/json_or_null.h"
 
 namespace kiroku::apps {
 namespace {
@@ -20,7 +26,44 @@ void allow_many_descriptors() {
   ::setrlimit(RLIMIT_NOFILE, &limit);
 }
 
+void print_start(const ServingRequest& request, const Served& served, const viewer::Viewer& server,
+                 const std::string& sign_in, const std::string& fingerprint) {
+  if (request.json) {
+    nlohmann::ordered_json told{
+        {"url", server.url()}, {"sign_in", or_null(sign_in)}, {"fingerprint", fingerprint}};
+    if (served.tell_more) served.tell_more(told);
+    print_json(told);
+    std::cout << std::flush;
+    return;
+  }
+  std::cout << served.first_line(server.url()) << "\n";
+  if (!sign_in.empty())
+    std::cout << "\nOpen this address, which signs in once without a password:\n  " << sign_in << "\n";
+  std::cout << "\nThe server's certificate "
+            << (request.certificate ? "" : "is its own, which browsers ask about once; it ")
+            << "has the SHA-256 fingerprint\n  " << fingerprint << "\n\nCtrl-C ends it.\n"
+            << std::flush;
+}
+
 }  // namespace
+
+void add_serving_options(Command& command, ServingRequest& request) {
+  const std::string port = request.listen.substr(request.listen.rfind(':'));
+  command.option("--listen", "ADDRESS", request.listen,
+                 "where to, as 127.0.0.1" + port + ", [::1]" + port + " or 0.0.0.0" + port +
+                     "; beyond this machine only once there is a user");
+  command.option("--certificate", "FILE", request.certificate,
+                 "the server's certificate and those up to its authority, PEM", "its own, made in the home");
+  command.option("--key", "FILE", request.key, "its private key, PEM, without passphrase");
+  command.option("--web", "DIR", request.web, "folder of the page's files",
+                 "the one that belongs to this program");
+  add_home_option(command, request.home);
+  command.flag("--json", request.json, "prints one JSON object once it serves");
+}
+
+std::optional<std::filesystem::path> page_of(const ServingRequest& request) {
+  return request.web ? std::filesystem::path(*request.web) : find_page();
+}
 
 std::function<void(const std::string&)> tell_on_standard_error() {
   return [mutex = std::make_shared<std::mutex>()](const std::string& sentence) {
@@ -29,13 +72,27 @@ std::function<void(const std::string&)> tell_on_standard_error() {
   };
 }
 
-void serve_until_stopped(
-    viewer::ViewerOptions options, const Home& home,
-    const std::function<void(const viewer::Viewer& server, const std::string& sign_in)>& started) {
+void serve_until_stopped(const ServingRequest& request, const Home& home, Served served) {
+  const crypto::SigningKey device_key = home.signing_key();
+  const timestamp::TrustStore trust = home.trust();
+  viewer::ServerCertificate certificate =
+      viewer_certificate(home, request.listen, request.certificate, request.key);
+  const std::string fingerprint = viewer::fingerprint(certificate.certificate_pem);
+  viewer::ViewerOptions options{
+      .home = viewer_home(home, home.configuration(), device_key, trust, std::move(served.identities)),
+      .web = {.listen = request.listen,
+              .certificate_pem = std::move(certificate.certificate_pem),
+              .key_pem = std::move(certificate.key_pem),
+              .limits = {}},
+      .sessions = {},
+      .page = page_of(request),
+      .more_routes = std::move(served.more_routes),
+      .tell = std::move(served.tell)};
+  options.home.serves = served.serves;
   allow_many_descriptors();
   std::error_code ignored;
   const bool is_demonstration =
-      std::filesystem::exists(home.identity_file(), ignored) && viewer::is_loopback(options.web.listen);
+      std::filesystem::exists(home.identity_file(), ignored) && viewer::is_loopback(request.listen);
   sigset_t signals;
   sigemptyset(&signals);
   sigaddset(&signals, SIGINT);
@@ -43,7 +100,7 @@ void serve_until_stopped(
   // The server's threads inherit the mask, so that the signals wait for this one.
   ::pthread_sigmask(SIG_BLOCK, &signals, nullptr);
   viewer::Viewer server(std::move(options));
-  started(server, is_demonstration ? server.sign_in_url("demo") : "");
+  print_start(request, served, server, is_demonstration ? server.sign_in_url("demo") : "", fingerprint);
   int number = 0;
   sigwait(&signals, &number);
   // A second signal does not wait for what is being verified, sent or broken off.

@@ -1,22 +1,49 @@
-// Serving a page from a terminal or as a service, until it is told to end. Functions.
+// Serving a page from a terminal or as a service, until it is told to end: what its commands have in common.
+// Functions.
 #pragma once
 
+#include <filesystem>
 #include <functional>
+#include <optional>
 #include <string>
 
+#include <nlohmann/json_fwd.hpp>
+
+#include "apps/common/command_line.h"
 #include "apps/kiroku/home.h"
 #include "viewer/server/viewer.h"
 
 namespace kiroku::apps {
 
+/// What every command that serves a page takes.
+struct ServingRequest {
+  std::string listen;
+  std::optional<std::string> home = {}, certificate = {}, key = {}, web = {};
+  bool json = false;
+};
+/// `request` has the address to listen on by default, and must live as long as the command.
+void add_serving_options(Command& command, ServingRequest& request);
+
+/// The folder that was named, or the page as it is built or installed; nothing: neither.
+std::optional<std::filesystem::path> page_of(const ServingRequest& request);
+
+/// What one of them serves.
+struct Served {
+  std::string serves;                      // of viewer::ViewerHome
+  viewer::Session::Identities identities;  // null: everybody brings their own
+  std::function<void(viewer::Router& router)> more_routes;
+  std::function<void(const std::string& sentence)> tell;
+  /// What is said once it serves: a line for people, and what JSON has beside address and fingerprint.
+  std::function<std::string(const std::string& url)> first_line;
+  std::function<void(nlohmann::ordered_json& told)> tell_more;
+};
+
 /// One sentence a line on standard error. What is returned is thread-safe.
 std::function<void(const std::string&)> tell_on_standard_error();
 
-/// Serves until SIGINT or SIGTERM, then brings what runs to its end unless a second signal comes. `started`
-/// is called once the server listens, with the address that signs in once without a password: "" but for a
-/// demonstration's home on a loopback address. By the main thread, before it has started others.
-void serve_until_stopped(
-    viewer::ViewerOptions options, const Home& home,
-    const std::function<void(const viewer::Viewer& server, const std::string& sign_in)>& started);
+/// Serves until SIGINT or SIGTERM, then brings what runs to its end unless a second signal comes. Says where,
+/// with the address that signs in once without a password for a demonstration's home on a loopback address.
+/// By the main thread, before it has started others.
+void serve_until_stopped(const ServingRequest& request, const Home& home, Served served);
 
 }  // namespace kiroku::apps

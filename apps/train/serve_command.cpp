@@ -1,15 +1,12 @@
 #include <algorithm>
-#include <iostream>
 #include <memory>
 #include <thread>
 
 #include <nlohmann/json.hpp>
 
-#include "apps/common/json_output.h"
 #include "apps/kiroku/commands.h"
 #include "apps/kiroku/home.h"
 #include "apps/kiroku/serving.h"
-#include "apps/kiroku/viewer_setup.h"
 #include "apps/sim/number_option.h"
 #include "apps/train/page_sealer.h"
 #include "apps/train/train_command.h"
@@ -26,11 +23,12 @@ namespace {
 namespace fs = std::filesystem;
 
 struct Request {
-  std::optional<std::string> home, certificate, key, web, database, expert_a, expert_b, at_once;
+  ServingRequest serving{.listen = "127.0.0.1:8444"};
+  std::optional<std::string> database, expert_a, expert_b, at_once;
   std::vector<std::string> organs;
   std::optional<std::string> damage;
-  std::string listen = "127.0.0.1:8444", vertices = "4000", seconds = "60", practice = "180";
-  bool seal = false, json = false;
+  std::string vertices = "4000", seconds = "60", practice = "180";
+  bool seal = false;
 };
 
 std::optional<double> damage_of(const Request& request) {
@@ -84,53 +82,29 @@ viewer::TrainingOptions training_options(const Request& request, const Home& hom
   return options;
 }
 
-void print_start(const Request& request, const viewer::Viewer& server, const std::string& sign_in,
-                 const std::string& fingerprint, const viewer::TrainingOptions& training) {
-  if (request.json) {
-    print_json(
-        {{"url", server.url()},
-         {"sign_in", sign_in.empty() ? nlohmann::ordered_json(nullptr) : nlohmann::ordered_json(sign_in)},
-         {"fingerprint", fingerprint},
-         {"database", training.database.string()},
-         {"at_once", training.at_once}});
-  } else {
-    std::cout << "Training at " << server.url() << ", " << training.at_once
-              << (training.at_once == 1 ? " trainee" : " trainees") << " at a time; results in "
-              << training.database.string() << "\n";
-    if (!sign_in.empty())
-      std::cout << "\nOpen this address, which signs in once without a password:\n  " << sign_in << "\n";
-    std::cout << "\nThe server's certificate has the SHA-256 fingerprint\n  " << fingerprint
-              << "\n\nCtrl-C ends it.\n";
-  }
-  std::cout << std::flush;
-}
-
 int run(const Request& request) {
-  const Home home = Home::open(request.home);
-  const std::optional<fs::path> page = request.web ? fs::path(*request.web) : find_page();
-  if (!page) throw UsageError("there is no page to train with: it was not built; name its folder with --web");
-  const crypto::SigningKey device_key = home.signing_key();
-  const timestamp::TrustStore trust = home.trust();
-  viewer::ServerCertificate certificate =
-      viewer_certificate(home, request.listen, request.certificate, request.key);
-  const std::string fingerprint = viewer::fingerprint(certificate.certificate_pem);
+  const Home home = Home::open(request.serving.home);
+  if (!page_of(request.serving))
+    throw UsageError("there is no page to train with: it was not built; name its folder with --web");
   viewer::TrainingRoom room(training_options(request, home));
-
-  viewer::ViewerOptions options{
-      .home = viewer_home(home, home.configuration(), device_key, trust, nullptr),
-      .web = {.listen = request.listen,
-              .certificate_pem = std::move(certificate.certificate_pem),
-              .key_pem = std::move(certificate.key_pem),
-              .limits = {}},
-      .sessions = {},
-      .page = page,
-      .more_routes = [&room](viewer::Router& router) { viewer::add_training_routes(router, room); },
-      .tell = room.options().tell};
-  options.home.serves = "training";
-  serve_until_stopped(std::move(options), home,
-                      [&](const viewer::Viewer& server, const std::string& sign_in) {
-                        print_start(request, server, sign_in, fingerprint, room.options());
-                      });
+  const viewer::TrainingOptions& training = room.options();
+  serve_until_stopped(
+      request.serving, home,
+      {.serves = "training",
+       .identities = nullptr,
+       .more_routes = [&room](viewer::Router& router) { viewer::add_training_routes(router, room); },
+       .tell = room.options().tell,
+       .first_line =
+           [&](const std::string& url) {
+             return "Training at " + url + ", " + std::to_string(training.at_once) +
+                    (training.at_once == 1 ? " trainee" : " trainees") + " at a time; results in " +
+                    training.database.string();
+           },
+       .tell_more =
+           [&](nlohmann::ordered_json& told) {
+             told["database"] = training.database.string();
+             told["at_once"] = training.at_once;
+           }});
   return kDone;
 }
 
@@ -139,9 +113,6 @@ int run(const Request& request) {
 void add_train_serve_command(Command& train) {
   Command& command = train.add_command("serve", "serves the trainer's page: mouse, keys and touch points");
   const auto request = std::make_shared<Request>();
-  command.option(
-      "--listen", "ADDRESS", request->listen,
-      "where to, as 127.0.0.1:8444 or 0.0.0.0:8444; beyond this machine only once there is a user");
   command.option("--database", "FILE", request->database, "trainees and results",
                  "training.sqlite in the home");
   command.option("--vertices", "N", request->vertices, "of the objects' meshes");
@@ -158,13 +129,7 @@ void add_train_serve_command(Command& train) {
   command.option("--expert-b", "FILE", request->expert_b, "the same on object B");
   command.flag("--seal", request->seal,
                "surgeons and administrators may make cases of attempts, signed and time-stamped");
-  command.option("--certificate", "FILE", request->certificate,
-                 "the server's certificate and those up to its authority, PEM", "its own, made in the home");
-  command.option("--key", "FILE", request->key, "its private key, PEM, without passphrase");
-  command.option("--web", "DIR", request->web, "folder of the page's files",
-                 "the one that belongs to this program");
-  add_home_option(command, request->home);
-  command.flag("--json", request->json, "prints one JSON object once it serves");
+  add_serving_options(command, request->serving);
   command.explain(
       "People sign in as in the viewer ('kiroku user add') and push the organ aside as the trainee that is "
       "bound to them ('kiroku train trainee --user'), administrators as everybody. What is begun is "
