@@ -2,10 +2,15 @@
 
 #include <algorithm>
 #include <array>
+#include <atomic>
+#include <chrono>
 #include <condition_variable>
+#include <cstdlib>
 #include <exception>
 #include <memory>
 #include <mutex>
+#include <new>
+#include <sys/mman.h>
 #include <system_error>
 #include <thread>
 #include <utility>
@@ -34,6 +39,9 @@ namespace {
 constexpr std::size_t kTile = 128;
 /// Of its own columns so many are eliminated at a time.
 constexpr std::size_t kPanel = 64;
+/// A thread that finds nothing to do looks for so long before it sleeps: stages of a front follow each other
+/// faster than a sleeping thread is woken.
+constexpr std::chrono::microseconds kLooking{100};
 
 std::size_t tiles_in(std::size_t count) { return (count + kTile - 1) / kTile; }
 
@@ -54,7 +62,32 @@ void take_product_off(const double* source, std::size_t leading_source, std::siz
 /// A block of K, some of whose entries are in the columns of a supernode.
 struct BlockPlace {
   std::uint32_t row, column;  // nodes
+  std::uint32_t first;        // of the factor's columns it has entries in: those up to the second after it
   const Eigen::Matrix3d* block;
+};
+
+struct Freed {
+  void operator()(double* numbers) const { std::free(numbers); }
+};
+using Numbers = std::unique_ptr<double[], Freed>;
+
+/// Uninitialised. Large ones are in huge pages where the kernel has any: several fronts are read at once,
+/// more than the processor knows addresses of small pages by heart.
+Numbers allocate_numbers(std::size_t count) {
+  constexpr std::size_t kPage = 2U << 20;
+  const bool large = count * sizeof(double) >= kPage / 2;
+  const std::size_t alignment = large ? kPage : 64,
+                    bytes = (std::max(count * sizeof(double), std::size_t{1}) + alignment - 1) / alignment *
+                            alignment;
+  Numbers numbers(static_cast<double*>(std::aligned_alloc(alignment, bytes)));
+  if (!numbers) throw std::bad_alloc();
+  if (large) ::madvise(numbers.get(), bytes, MADV_HUGEPAGE);
+  return numbers;
+}
+
+/// Rows of a child that follow each other in its parent too.
+struct Run {
+  std::size_t from, into, count;
 };
 
 /// Lists of one kind for every supernode, one after the other.
@@ -133,13 +166,14 @@ class SupernodalCholesky::Work {
     failed_column_.reset();
     failure_ = nullptr;
     ready_.clear();
+    changes_ = 0;
     std::ranges::fill(children_left_, 0);
     for (std::uint32_t s = 0; s < count_; ++s) {
       if (!chosen_[s]) continue;
       if (const auto parent = parent_of(s)) ++children_left_[*parent];
     }
     for (std::uint32_t s = static_cast<std::uint32_t>(count_); s-- > 0;) {
-      if (chosen_[s] && children_left_[s] == 0) ready_.push_back({s});
+      if (chosen_[s] && children_left_[s] == 0) begin(s);
     }
     if (spaces_.size() < threads) spaces_.resize(threads);
     std::vector<std::thread> workers;
@@ -196,13 +230,21 @@ class SupernodalCholesky::Work {
     }
   }
 
+  /// A node's unknowns follow each other in the factor's order.
+  [[nodiscard]] std::uint32_t first_position_of(std::uint32_t node) const {
+    const auto begin = position_of_.begin() + 3 * std::ptrdiff_t{node};
+    return *std::min_element(begin, begin + 3);
+  }
+
   void list_blocks(const StiffnessMatrix& stiffness) {
     const auto for_each_block = [&](auto take) {
       for (std::uint32_t column = 0; column < stiffness.nodes(); ++column) {
         const auto rows = stiffness.rows(column);
         for (std::size_t i = 0; i < rows.size(); ++i) {
           for_each_owner(rows[i], column, [&](std::uint32_t owner) {
-            take(owner, BlockPlace{rows[i], column, &stiffness.blocks(column)[i]});
+            take(owner,
+                 BlockPlace{rows[i], column, std::min(first_position_of(rows[i]), first_position_of(column)),
+                            &stiffness.blocks(column)[i]});
           });
         }
       }
@@ -215,34 +257,34 @@ class SupernodalCholesky::Work {
   /// What a thread keeps from one supernode to the next, and from one run to the next.
   struct Workspace {
     std::vector<std::int32_t> row_in_supernode;  // of each row of the matrix
-    std::vector<std::int32_t> target;
+    std::vector<Run> runs;
   };
 
-  /// What is done to a front, in this order; all but kContribution once for each panel, which is so many of
-  /// its own columns as a tile has. Tiles do not depend on the number of threads.
+  /// What is done to a front, in this order; from kDiagonal to kColumns once for each panel, which is so many
+  /// of its own columns. Tiles do not depend on the number of threads.
   enum class Stage : std::uint8_t {
-    kDiagonal,      // factorises the panel's diagonal block; of the first panel, after assembling the front
+    kAssembly,      // puts its own columns together
+    kDiagonal,      // factorises the panel's diagonal block
     kRows,          // finds all rows below it
     kColumns,       // takes what they make off the front's own columns to come
-    kContribution,  // and, after the last panel, what all make off the rows below
+    kContribution,  // puts the rows below together, and takes off them what all its own columns make
   };
   struct Task {
     std::uint32_t s;
-    Stage stage = Stage::kDiagonal;
+    Stage stage = Stage::kAssembly;
     std::size_t panel = 0, tile = 0;
   };
 
   void work(Workspace& space) {
     try {
       space.row_in_supernode.resize(supernode_of_.size());
-      space.target.reserve(supernode_of_.size());
     } catch (...) {
       fail(std::current_exception());
       return;
     }
     std::unique_lock lock(mutex_);
     while (true) {
-      changed_.wait(lock, [this] { return !ready_.empty() || running_ == 0 || failure_; });
+      wait_for_work(lock);
       if (ready_.empty() || failure_) break;
       const Task task = ready_.back();
       ready_.pop_back();
@@ -255,20 +297,42 @@ class SupernodalCholesky::Work {
         fail(std::current_exception());
       }
       lock.lock();
-      --running_;
       if (failed) {
         failed_column_ = std::min(failed_column_.value_or(*failed), *failed);
-      } else if (task.stage == Stage::kDiagonal || --tiles_left_[task.s] == 0) {
-        follow(task);
+      } else if (small(task.s) || --tiles_left_[task.s] == 0) {
+        follow(task, lock);
       }
-      changed_.notify_all();
+      --running_;
+      announce();
     }
+  }
+
+  [[nodiscard]] bool idle() const { return ready_.empty() && running_ > 0 && !failure_; }
+
+  /// Until there is something to do or nothing will come any more.
+  void wait_for_work(std::unique_lock<std::mutex>& lock) {
+    const auto until = std::chrono::steady_clock::now() + kLooking;
+    while (idle() && std::chrono::steady_clock::now() < until) {
+      const unsigned seen = changes_.load(std::memory_order_relaxed);
+      lock.unlock();
+      constexpr int kLooks = 64;
+      for (int look = 0; look < kLooks && changes_.load(std::memory_order_relaxed) == seen; ++look)
+        std::this_thread::yield();
+      lock.lock();
+    }
+    changed_.wait(lock, [this] { return !idle(); });
+  }
+
+  /// The lock is held.
+  void announce() {
+    changes_.fetch_add(1, std::memory_order_relaxed);
+    changed_.notify_all();
   }
 
   void fail(std::exception_ptr failure) {
     const std::lock_guard lock(mutex_);
     if (!failure_) failure_ = std::move(failure);
-    changed_.notify_all();
+    announce();
   }
 
   [[nodiscard]] std::size_t below_of(std::uint32_t s) const { return rows_of(s) - columns_of(s); }
@@ -281,6 +345,8 @@ class SupernodalCholesky::Work {
   [[nodiscard]] std::size_t tiles_of(const Task& task) const {
     const std::size_t end = end_of_panel(task.s, task.panel);
     switch (task.stage) {
+      case Stage::kAssembly:
+        return tiles_in(columns_of(task.s));
       case Stage::kDiagonal:
         return 1;
       case Stage::kRows:
@@ -299,7 +365,7 @@ class SupernodalCholesky::Work {
     do {
       if (task.stage == Stage::kContribution) return std::nullopt;
       if (task.stage != Stage::kColumns) {
-        task.stage = task.stage == Stage::kDiagonal ? Stage::kRows : Stage::kColumns;
+        task.stage = static_cast<Stage>(static_cast<int>(task.stage) + 1);
       } else if (end_of_panel(task.s, task.panel) < columns_of(task.s)) {
         task.stage = Stage::kDiagonal;
         ++task.panel;
@@ -310,34 +376,54 @@ class SupernodalCholesky::Work {
     return task;
   }
 
-  /// What a finished stage makes possible; the lock is held.
-  void follow(const Task& done) {
+  /// A front's first stage; the lock is held.
+  void begin(std::uint32_t s) {
+    const Task first{s};
+    // A small front is one piece of work.
+    push_tiles(first, small(s) ? 1 : tiles_of(first));
+  }
+
+  void push_tiles(const Task& task, std::size_t tiles) {
+    tiles_left_[task.s] = tiles;
+    for (std::size_t tile = tiles; tile-- > 0;) ready_.push_back({task.s, task.stage, task.panel, tile});
+  }
+
+  /// What a finished stage makes possible; the lock is held, but not while memory is given back.
+  void follow(const Task& done, std::unique_lock<std::mutex>& lock) {
     if (const auto next = small(done.s) ? std::nullopt : next_after(done)) {
-      const std::size_t tiles = tiles_of(*next);
-      tiles_left_[done.s] = tiles;
-      for (std::size_t tile = tiles; tile-- > 0;) ready_.push_back({next->s, next->stage, next->panel, tile});
+      push_tiles(*next, tiles_of(*next));
       return;
     }
+    if (!keeps_) {
+      lock.unlock();
+      for (const std::uint32_t child : children_[done.s]) contributions_[child].reset();
+      lock.lock();
+    }
     const auto parent = parent_of(done.s);
-    if (parent && --children_left_[*parent] == 0) ready_.push_back({*parent});
+    if (parent && --children_left_[*parent] == 0) begin(*parent);
   }
 
   /// The column that failed, if one did. A small front is worked on to its end.
   std::optional<std::size_t> compute(const Task& task, Workspace& space) {
-    if (task.stage == Stage::kDiagonal && task.panel == 0) assemble(task.s, space);
-    if (!small(task.s)) return compute_tile(task);
+    if (!small(task.s)) return compute_tile(task, space);
     for (std::optional<Task> next = task; next; next = next_after(*next)) {
       for (next->tile = 0; next->tile < tiles_of(*next); ++next->tile) {
-        if (const auto failed = compute_tile(*next)) return failed;
+        if (const auto failed = compute_tile(*next, space)) return failed;
       }
     }
     return std::nullopt;
   }
 
-  std::optional<std::size_t> compute_tile(const Task& task) const {
+  std::optional<std::size_t> compute_tile(const Task& task, Workspace& space) {
     const std::size_t first = task.tile * kTile, end = end_of_panel(task.s, task.panel);
     switch (task.stage) {
+      case Stage::kAssembly:
+        assemble(task.s, first, std::min(first + kTile, columns_of(task.s)), space);
+        break;
       case Stage::kDiagonal:
+        // By one thread alone, before any tile of it is written.
+        if (task.panel == 0 && !contributions_[task.s])
+          contributions_[task.s] = allocate_numbers(below_of(task.s) * below_of(task.s));
         return factorise_diagonal(task.s, task.panel * kPanel, end);
       case Stage::kRows:
         compute_rows(task.s, task.panel * kPanel, end, end + first);
@@ -346,47 +432,67 @@ class SupernodalCholesky::Work {
         update_columns(task.s, task.panel * kPanel, end, end + first);
         break;
       case Stage::kContribution:
-        contribute(task.s, first);
+        contribute(task.s, first, space);
         break;
     }
     return std::nullopt;
   }
 
-  /// The front: its part of K, and what its children leave to it.
-  void assemble(std::uint32_t s, Workspace& space) {
-    const std::size_t rows = rows_of(s), columns = columns_of(s), below = rows - columns;
-    const auto row_list = rows_.subspan(static_cast<std::size_t>(first_row_[s]), rows);
+  /// A tile of the front's own columns, from `begin` to `end`: its part of K, and what its children leave to
+  /// it.
+  void assemble(std::uint32_t s, std::size_t begin, std::size_t end, Workspace& space) const {
+    const std::size_t rows = rows_of(s);
     double* const block = numbers_ + first_number_[s];
-    for (std::size_t i = 0; i < rows; ++i) {
+    for (std::size_t j = begin; j < end; ++j) std::fill_n(block + j * rows + j, rows - j, 0.0);
+    find_rows(s, space);
+    add_stiffness(s, begin, end, space);
+    for (const std::uint32_t child : children_[s]) extend_add(child, begin, end, space, block, rows);
+  }
+
+  void find_rows(std::uint32_t s, Workspace& space) const {
+    const std::size_t rows = rows_of(s);
+    const auto row_list = rows_.subspan(static_cast<std::size_t>(first_row_[s]), rows);
+    for (std::size_t i = 0; i < rows; ++i)
       space.row_in_supernode[static_cast<std::size_t>(row_list[i])] = static_cast<std::int32_t>(i);
+  }
+
+  /// Adds what a child leaves to the columns of its parent's front from `begin` to `end`. Row and column 0 of
+  /// the front would be at `into`, of which there are columns of `leading` numbers.
+  void extend_add(std::uint32_t child, std::size_t begin, std::size_t end, Workspace& space, double* into,
+                  std::size_t leading) const {
+    const std::size_t own = below_of(child);
+    const auto row_list = rows_.subspan(static_cast<std::size_t>(first_row_[child]) + columns_of(child), own);
+    const auto target = [&](std::int64_t row) {
+      return static_cast<std::size_t>(space.row_in_supernode[static_cast<std::size_t>(row)]);
+    };
+    // Rows ascend in the parent as they do in the child.
+    std::size_t first =
+        static_cast<std::size_t>(std::ranges::lower_bound(row_list, begin, {}, target) - row_list.begin());
+    if (first == own || target(row_list[first]) >= end) return;
+    space.runs.clear();
+    for (std::size_t i = first; i < own; ++i) {
+      const std::size_t at = target(row_list[i]);
+      if (!space.runs.empty() && space.runs.back().into + space.runs.back().count == at) {
+        ++space.runs.back().count;
+      } else {
+        space.runs.push_back({i, at, 1});
+      }
     }
-    std::fill_n(block, rows * columns, 0.0);
-    if (!contributions_[s]) contributions_[s] = std::make_unique_for_overwrite<double[]>(below * below);
-    double* const contribution = contributions_[s].get();
-    for (std::size_t j = 0; j < below; ++j) std::fill_n(contribution + j * below + j, below - j, 0.0);
-    add_stiffness(s, space, block, rows);
-    for (const std::uint32_t child : children_[s]) {
-      extend_add(child, space, block, contribution, rows, columns);
-      if (!keeps_) contributions_[child].reset();
+    const double* const from = contributions_[child].get();
+    for (auto run = space.runs.begin(); run != space.runs.end(); ++run) {
+      for (std::size_t k = 0; k < run->count && run->into + k < end; ++k) {
+        const double* const from_column = from + own * (run->from + k);
+        double* const into_column = into + leading * (run->into + k);
+        add_run(from_column + run->from + k, into_column + run->into + k, run->count - k);
+        for (auto below = run + 1; below != space.runs.end(); ++below)
+          add_run(from_column + below->from, into_column + below->into, below->count);
+      }
+      if (run->into + run->count >= end) return;
     }
   }
 
-  /// Adds what a child leaves to the rows of its parent.
-  void extend_add(std::uint32_t child, Workspace& space, double* block, double* contribution,
-                  std::size_t rows, std::size_t columns) const {
-    const std::size_t own = below_of(child), below = rows - columns;
-    const auto row_list = rows_.subspan(static_cast<std::size_t>(first_row_[child]) + columns_of(child), own);
-    space.target.clear();
-    for (const std::int64_t row : row_list)
-      space.target.push_back(space.row_in_supernode[static_cast<std::size_t>(row)]);
-    const double* from = contributions_[child].get();
-    for (std::size_t j = 0; j < own; ++j, from += own) {
-      const auto column = static_cast<std::size_t>(space.target[j]);
-      // Counted from the front's first row in either.
-      double* const into =
-          column < columns ? block + rows * column : contribution + below * (column - columns) - columns;
-      for (std::size_t i = j; i < own; ++i) into[space.target[i]] += from[i];
-    }
+  static void add_run(const double* __restrict from, double* __restrict into, std::size_t count) {
+    for (std::size_t i = 0; i < count; ++i) into[i] += from[i];
   }
 
   [[nodiscard]] double* number(std::uint32_t s, std::size_t row, std::size_t column) const {
@@ -420,16 +526,25 @@ class SupernodalCholesky::Work {
   }
 
   /// A tile of columns of what the supernode leaves to its ancestors.
-  void contribute(std::uint32_t s, std::size_t first) const {
-    const std::size_t below = below_of(s), columns = std::min(kTile, below - first);
-    take_product_off(number(s, columns_of(s) + first, 0), rows_of(s), columns_of(s), columns,
-                     below - first - columns, contributions_[s].get() + first * below + first, below);
+  void contribute(std::uint32_t s, std::size_t first, Workspace& space) const {
+    const std::size_t own = columns_of(s), below = below_of(s), columns = std::min(kTile, below - first);
+    double* const contribution = contributions_[s].get();
+    for (std::size_t j = first; j < first + columns; ++j)
+      std::fill_n(contribution + j * below + j, below - j, 0.0);
+    find_rows(s, space);
+    for (const std::uint32_t child : children_[s]) {
+      extend_add(child, own + first, own + first + columns, space, contribution - own * below - own, below);
+    }
+    take_product_off(number(s, own + first, 0), rows_of(s), own, columns, below - first - columns,
+                     contribution + first * below + first, below);
   }
 
-  void add_stiffness(std::uint32_t s, const Workspace& space, double* block, std::size_t rows) const {
-    const auto begin = static_cast<std::uint32_t>(first_column_[s]),
-               end = static_cast<std::uint32_t>(first_column_[s + 1]);
+  /// To its own columns from `first` to `last`.
+  void add_stiffness(std::uint32_t s, std::size_t first, std::size_t last, const Workspace& space) const {
+    const auto begin = static_cast<std::uint32_t>(first_column_[s]) + static_cast<std::uint32_t>(first),
+               end = static_cast<std::uint32_t>(first_column_[s]) + static_cast<std::uint32_t>(last);
     for (const BlockPlace& place : blocks_[s]) {
+      if (place.first >= end || place.first + 2 < begin) continue;
       for (std::size_t i = 0; i < 3; ++i) {
         // Of a block on the diagonal, one triangle.
         for (std::size_t j = 0; j < (place.row == place.column ? i + 1 : 3); ++j) {
@@ -438,7 +553,7 @@ class SupernodalCholesky::Work {
           if (a == kNoUnknown || b == kNoUnknown) continue;
           const auto [column, row] = std::minmax(a, b);
           if (column < begin || column >= end) continue;
-          block[static_cast<std::size_t>(space.row_in_supernode[row]) + rows * (column - begin)] =
+          *number(s, static_cast<std::size_t>(space.row_in_supernode[row]), first + (column - begin)) =
               (*place.block)(static_cast<Eigen::Index>(i), static_cast<Eigen::Index>(j));
         }
       }
@@ -454,11 +569,12 @@ class SupernodalCholesky::Work {
   Lists<BlockPlace> blocks_;
   std::vector<Workspace> spaces_;  // of each thread
   /// (below x below) of each supernode, its lower triangle: what its subtree takes off the rows below it.
-  std::vector<std::unique_ptr<double[]>> contributions_;
+  std::vector<Numbers> contributions_;
   bool keeps_ = false;  // contributions, for later runs
 
   std::mutex mutex_;  // for all below
   std::condition_variable changed_;
+  std::atomic<unsigned> changes_ = 0;         // so far in this run; read without the lock
   std::vector<std::uint32_t> children_left_;  // that are not computed yet
   std::vector<bool> chosen_;                  // those to compute: with each its ancestors
   std::vector<std::size_t> tiles_left_;       // of the stage each is in
