@@ -9,11 +9,13 @@
 #include "apps/common/json_output.h"
 #include "apps/common/step_line.h"
 #include "apps/sim/frame_series.h"
+#include "apps/sim/number_option.h"
 #include "apps/sim/sim_command.h"
 #include "base/error.h"
 #include "sim/fem/number_text.h"
 #include "sim/mesh/mesh_writer.h"
 #include "sim/model/body_model.h"
+#include "sim/respiration/landmark_analysis.h"
 #include "sim/respiration/motion_fit.h"
 #include "sim/respiration/shape_fit.h"
 #include "sim/volume/volume_reader.h"
@@ -26,9 +28,9 @@ using sim::number_text;
 
 struct FitRequest {
   std::string model, output;
-  std::optional<std::string> positions, shape, displacement;
+  std::optional<std::string> positions, shape, displacement, errors, poisson_ratio;
   std::vector<std::string> geometries, landmarks;
-  bool directions = false, json = false;
+  bool directions = false, cross_validate = false, json = false;
 };
 
 constexpr double kMillimetres = 1000;
@@ -146,6 +148,12 @@ void print_shape(const FitRequest& request, const sim::ShapeFitResult& found,
                        {mean_text(left), number_text(kMillimetres * left.percentile_95, 3)});
   }
   std::cout << format_table(rows, errors ? "lrrrrrr" : "lrrrr", 2);
+  if (found.left_out_m) {
+    std::cout << "  the second surface where it was left out of the fit, a quarter at a time: "
+              << mean_text(*found.left_out_m) << " mm from the lung (median "
+              << number_text(kMillimetres * found.left_out_m->median, 3) << ", 95 % below "
+              << number_text(kMillimetres * found.left_out_m->percentile_95, 3) << ")\n";
+  }
   if (!errors) return;
   std::cout << "  " << errors->before_m.size() << " landmarks, on which nothing was fitted; "
             << observer_text();
@@ -156,6 +164,53 @@ void print_shape(const FitRequest& request, const sim::ShapeFitResult& found,
   std::cout << "\n";
 }
 
+/// Where the error of the last step lies, and what landmarks themselves would leave.
+void print_decomposition(const sim::LandmarkErrors& errors, const std::string& step) {
+  const sim::LandmarkDecomposition parts = sim::decompose(errors, errors.of_step_m.size() - 1);
+  const sim::Vector3 mean_mm = kMillimetres * parts.mean_m;
+  std::vector<std::vector<std::string>> rows{{step + ", mm", "mean", "95 %"}};
+  const auto add = [&](const std::string& name, const sim::Spread& spread) {
+    rows.push_back({name, mean_text(spread), number_text(kMillimetres * spread.percentile_95, 3)});
+  };
+  add("whole", sim::spread_of(errors.of_step_m.back()));
+  add("without its mean of (" + number_text(mean_mm.x(), 2) + ", " + number_text(mean_mm.y(), 2) + ", " +
+          number_text(mean_mm.z(), 2) + ")",
+      parts.without_mean_m);
+  add("along the nearest surface's normal", parts.along_normal_m);
+  add("across it", parts.across_m);
+  for (const auto& part : parts.by_height) add(part.name, part.spread_m);
+  for (const auto& part : parts.by_depth) add(part.name, part.spread_m);
+  std::cout << format_table(rows, "lrr", 2);
+  rows = {{"fitted on the landmarks themselves, mm", "there", "each by the others", "95 %"}};
+  for (const sim::LandmarkBound& bound : sim::landmark_bounds(errors.inside)) {
+    constexpr double kRoundingM = 1e-9;
+    rows.push_back({bound.name, bound.fitted_m.greatest < kRoundingM ? "0" : mean_text(bound.fitted_m),
+                    mean_text(bound.left_out_m),
+                    number_text(kMillimetres * bound.left_out_m.percentile_95, 3)});
+  }
+  if (rows.size() > 1) std::cout << format_table(rows, "lrrr", 2);
+}
+
+nlohmann::ordered_json decomposition_json(const sim::LandmarkErrors& errors) {
+  const sim::LandmarkDecomposition parts = sim::decompose(errors, errors.of_step_m.size() - 1);
+  const sim::Vector3 mean_mm = kMillimetres * parts.mean_m;
+  nlohmann::ordered_json object{{"mean_mm", {mean_mm.x(), mean_mm.y(), mean_mm.z()}},
+                                {"without_mean", spread_json(parts.without_mean_m)},
+                                {"along_normal", spread_json(parts.along_normal_m)},
+                                {"across", spread_json(parts.across_m)}};
+  for (const auto* groups : {&parts.by_height, &parts.by_depth}) {
+    for (const auto& part : *groups) object[part.name] = spread_json(part.spread_m);
+  }
+  nlohmann::ordered_json bounds = nlohmann::ordered_json::array();
+  for (const sim::LandmarkBound& bound : sim::landmark_bounds(errors.inside)) {
+    bounds.push_back({{"transform", bound.name},
+                      {"fitted", spread_json(bound.fitted_m)},
+                      {"each_by_the_others", spread_json(bound.left_out_m)}});
+  }
+  object["landmarks_allow"] = bounds;
+  return object;
+}
+
 int fit_to_shape(const FitRequest& request, const sim::BreathingModel& model) {
   std::optional<sim::LandmarkPairs> landmarks;
   if (!request.landmarks.empty())
@@ -163,8 +218,12 @@ int fit_to_shape(const FitRequest& request, const sim::BreathingModel& model) {
   const sim::LabelMap second = sim::read_label_map(*request.shape);
   const sim::ShapeFitResult found = [&] {
     StepLine line;
-    return sim::fit_shape(model, second, {request.directions},
-                          [&](const std::string& step) { line.show(step); });
+    sim::ShapeFitOptions options;
+    options.directions = request.directions;
+    if (request.poisson_ratio)
+      options.poisson_ratio = parse_number(*request.poisson_ratio, "--poisson-ratio");
+    options.cross_validate = request.cross_validate;
+    return sim::fit_shape(model, second, options, [&](const std::string& step) { line.show(step); });
   }();
   std::optional<sim::LandmarkErrors> errors;
   if (landmarks) {
@@ -174,6 +233,11 @@ int fit_to_shape(const FitRequest& request, const sim::BreathingModel& model) {
                   " is in the lung: are they in its patient coordinates, mm?");
   }
   write_model(request, found.motion);
+  if (request.errors) {
+    write_text_file(*request.errors, sim::landmark_csv(*errors, found.steps));
+    write_text_file(fs::path(*request.errors).replace_extension(".svg"),
+                    sim::landmark_plot(*errors, found.steps));
+  }
   if (request.displacement) {
     // Where the sliding boundary takes each node, in the second CT.
     const sim::ShapeFitStep& last = found.steps.back();
@@ -190,6 +254,7 @@ int fit_to_shape(const FitRequest& request, const sim::BreathingModel& model) {
   }
   if (!request.json) {
     print_shape(request, found, errors);
+    if (request.errors) print_decomposition(*errors, found.steps.back().name);
     return kDone;
   }
   nlohmann::ordered_json steps = nlohmann::ordered_json::array();
@@ -208,9 +273,11 @@ int fit_to_shape(const FitRequest& request, const sim::BreathingModel& model) {
                                 {"first_volume_ml", 1e6 * found.first_volume_m3},
                                 {"second_volume_ml", 1e6 * found.second_volume_m3},
                                 {"steps", steps}};
+  if (found.left_out_m) object["surface_left_out"] = spread_json(*found.left_out_m);
   if (errors) {
     object["landmarks_before"] = spread_json(sim::spread_of(errors->before_m));
     object["landmarks_outside"] = errors->outside;
+    if (request.errors) object["decomposition"] = decomposition_json(*errors);
   }
   object["observer_mm"] = {sim::kObserverMm, sim::kObserverSpreadMm};
   object["warnings"] = model.warnings;
@@ -222,8 +289,13 @@ int run(const FitRequest& request) {
   if (request.positions.has_value() == request.shape.has_value())
     throw UsageError(
         "say what to fit to: --positions (radiographs) or --shape (a second CT's mask), one of them");
-  if (request.positions && (!request.landmarks.empty() || request.displacement))
-    throw UsageError("--landmarks and --displacement belong to --shape");
+  if (request.positions &&
+      (!request.landmarks.empty() || request.displacement || request.poisson_ratio || request.cross_validate))
+    throw UsageError("--landmarks, --displacement, --poisson-ratio and --cross-validate belong to --shape");
+  if (request.errors && request.landmarks.empty())
+    throw UsageError("--errors needs --landmarks: points to tell the error at");
+  if (request.errors && fs::path(*request.errors).extension() == ".svg")
+    throw UsageError("--errors is for the numbers (.csv); their plot is written beside them (.svg)");
   if (request.shape && !request.geometries.empty()) throw UsageError("--geometry belongs to --positions");
   const sim::BreathingModel model = sim::read_breathing_model(request.model);
   if (!request.json) {
@@ -248,6 +320,14 @@ void add_sim_fit_command(Command& sim) {
                       "with --shape: points of both CTs, mm, to tell the error at");
   command.option("--displacement", "FILE", request->displacement,
                  "with --shape: where each node goes (.vtu), by the sliding boundary");
+  command.option(
+      "--errors", "FILE", request->errors,
+      "with --landmarks: the error of each (.csv) with a plot beside it (.svg), and where it lies");
+  command.option("--poisson-ratio", "NU", request->poisson_ratio,
+                 "with --shape: of the tissue while the boundary slides, instead of the model's own");
+  command.flag(
+      "--cross-validate", request->cross_validate,
+      "with --shape: also fits without each quarter of the second surface and tells the distance there");
   command.flag(
       "--directions", request->directions,
       "seeks directions too: of the diaphragm (two views; the rib cage stays as it is), of both groups "
@@ -260,9 +340,9 @@ void add_sim_fit_command(Command& sim) {
       "What the "
       "positions do not determine is refused. From a second shape: the rigid motion between the two CTs, "
       "then the "
-      "amplitudes, then a boundary that is brought to the second surface and slides along it; each step's "
-      "distance "
-      "to the surface, and with landmarks its error there, is told beside what people themselves reach.");
+      "amplitudes, then a boundary that is brought to the second surface and slides along it, by elastic "
+      "energy and distances both ways; each step's distance to the surface, and with landmarks its error "
+      "there, is told beside what people themselves reach. Nothing is ever fitted on landmarks.");
   command.example(
       "kiroku sim fit lung.json --positions seen.csv --geometry front.json --geometry side.json -o "
       "fitted.json",
@@ -270,6 +350,10 @@ void add_sim_fit_command(Command& sim) {
   command.example(
       "kiroku sim fit lung.json --shape inhale.mha --landmarks exhale.txt inhale.txt -o fitted.json",
       "from a second CT's mask, with the error at landmarks");
+  command.example(
+      "kiroku sim fit lung.json --shape inhale.mha --landmarks exhale.txt inhale.txt --errors errors.csv "
+      "--cross-validate -o fitted.json",
+      "also where that error lies, what the landmarks themselves allow, and how the surface is predicted");
   command.on_run([request] { return run(*request); });
 }
 

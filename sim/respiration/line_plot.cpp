@@ -10,7 +10,7 @@
 namespace kiroku::sim {
 namespace {
 
-constexpr double kWidth = 760, kHeight = 420, kLeft = 70, kRight = 150, kTop = 40, kBottom = 50;
+constexpr double kWidth = 780, kHeight = 420, kLeft = 70, kRight = 170, kTop = 40, kBottom = 50;
 /// Okabe and Ito's colours, which the colour-blind can tell apart.
 constexpr std::array<const char*, 6> kColours{"#0072b2", "#d55e00", "#009e73",
                                               "#cc79a7", "#e69f00", "#000000"};

@@ -2,12 +2,12 @@
 
 #include <algorithm>
 #include <cmath>
-#include <optional>
 
 #include <Eigen/Cholesky>
 
 #include "base/error.h"
 #include "sim/fem/number_text.h"
+#include "sim/respiration/sliding_boundary.h"
 
 namespace kiroku::sim {
 namespace {
@@ -153,100 +153,6 @@ class SurfaceFit {
   Vector3 centre_m_ = Vector3::Zero();
 };
 
-/// How far along `direction` the second surface is, where that direction leaves its body: the nearest such
-/// place on either side; nothing within reach.
-std::optional<double> crossing_m(const DistanceField& second, const Vector3& from_m,
-                                 const Vector3& direction) {
-  constexpr double kStepM = 0.0005;
-  constexpr int kReach = 60;
-  const auto at_step = [&](int step) {
-    return sample(second, from_m + kStepM * static_cast<double>(step) * direction).distance_m;
-  };
-  const auto between = [&](double inside, double outside, int step) {
-    return kStepM * (static_cast<double>(step) + inside / (inside - outside));
-  };
-  double ahead = at_step(0), behind = ahead;
-  for (int step = 1; step <= kReach; ++step) {
-    const double next = at_step(step), before = at_step(-step);
-    if (ahead < 0 && next >= 0) return between(ahead, next, step - 1);
-    if (before < 0 && behind >= 0) return between(before, behind, -step);
-    ahead = next;
-    behind = before;
-  }
-  return std::nullopt;
-}
-
-/// Of nodes without a value: what their neighbours say, from the known ones inwards.
-void fill(const LungSurface& surface, const std::vector<bool>& known, std::vector<double>& values) {
-  constexpr int kSweeps = 200;
-  for (int sweep = 0; sweep < kSweeps; ++sweep) {
-    for (std::size_t row = 0; row < values.size(); ++row) {
-      if (known[row] || surface.neighbours[row].empty()) continue;
-      double sum = 0;
-      for (const std::uint32_t beside : surface.neighbours[row]) sum += values[beside];
-      values[row] = sum / static_cast<double>(surface.neighbours[row].size());
-    }
-  }
-}
-
-/// Every node of the surface is prescribed along its normal, to where that meets the second surface, and is
-/// free to slide across it. Where it is then, the normal meets the surface elsewhere: again, until that is
-/// the same place.
-Eigen::VectorXd slide_to(const BreathingModel& model, const LungSurface& surface, const DistanceField& second,
-                         const Eigen::Isometry3d& placement, const Eigen::VectorXd& from_m) {
-  constexpr int kSteps = 8;
-  constexpr double kOutlierM = 0.006, kEven = 0.3;  // the latter: how far towards the neighbours' mean
-  Constraints constraints(model.mesh.nodes.size());
-  for (std::size_t row = 0; row < surface.nodes.size(); ++row) {
-    const Vector3& normal = surface.normals[row];
-    Eigen::Matrix3d axes;
-    axes.col(0) = normal.unitOrthogonal();
-    axes.col(1) = normal.cross(axes.col(0));
-    axes.col(2) = normal;
-    constraints.turn(surface.nodes[row], axes);
-    constraints.prescribe(surface.nodes[row], 2, 0, "surface");
-  }
-  const ElasticBody body(model.mesh, model.materials, std::move(constraints));
-  const Eigen::VectorXd no_force_n = Eigen::VectorXd::Zero(from_m.size());
-  Eigen::VectorXd prescribed_m = Eigen::VectorXd::Zero(from_m.size());
-  std::vector<double> along_m(surface.nodes.size());
-  Eigen::VectorXd displacement_m = from_m;
-  for (int step = 0; step < kSteps; ++step) {
-    std::vector<bool> known(surface.nodes.size());
-    for (std::size_t row = 0; row < surface.nodes.size(); ++row) {
-      const std::uint32_t node = surface.nodes[row];
-      const Vector3 moved_m = displacement_m.segment<3>(at(node));
-      along_m[row] = surface.normals[row].dot(moved_m);
-      const auto crossing = crossing_m(second, placement * (model.mesh.nodes[node] + moved_m),
-                                       placement.linear() * surface.normals[row]);
-      known[row] = crossing.has_value();
-      if (crossing) along_m[row] += *crossing;
-    }
-    fill(surface, known, along_m);
-    // What its neighbours do not share is another part of the second surface.
-    for (std::size_t row = 0; row < surface.nodes.size(); ++row) {
-      std::vector<double> beside_m;
-      for (const std::uint32_t beside : surface.neighbours[row]) beside_m.push_back(along_m[beside]);
-      if (beside_m.empty()) continue;
-      const auto middle = beside_m.begin() + static_cast<std::ptrdiff_t>(beside_m.size() / 2);
-      std::nth_element(beside_m.begin(), middle, beside_m.end());
-      if (std::abs(along_m[row] - *middle) > kOutlierM) known[row] = false;
-    }
-    fill(surface, known, along_m);
-    std::vector<double> even_m = along_m;
-    for (std::size_t row = 0; row < surface.nodes.size(); ++row) {
-      double sum = 0;
-      for (const std::uint32_t beside : surface.neighbours[row]) sum += along_m[beside];
-      if (!surface.neighbours[row].empty())
-        even_m[row] += kEven * (sum / static_cast<double>(surface.neighbours[row].size()) - along_m[row]);
-    }
-    for (std::size_t row = 0; row < surface.nodes.size(); ++row)
-      prescribed_m[at(surface.nodes[row]) + 2] = even_m[row];
-    displacement_m = body.solve(no_force_n, prescribed_m).displacement_m;
-  }
-  return displacement_m;
-}
-
 double labelled_m3(const LabelMap& map) {
   return static_cast<double>(map.labels.size() -
                              static_cast<std::size_t>(std::ranges::count(map.labels, std::uint16_t{0}))) *
@@ -285,6 +191,15 @@ Vector3 centre_of(const LabelMap& map) {
   return map.grid.patient_m(sum / count);
 }
 
+/// Which of the parts that cross-validation leaves out in turn: cubes of 40 mm, as on a chessboard.
+constexpr int kSurfaceParts = 4;
+int surface_part(const Vector3& place_m) {
+  constexpr double kCubeM = 0.04;
+  const Vector3 cube = (place_m / kCubeM).array().floor();
+  const auto sum = static_cast<int>(cube.x() + 2 * cube.y() + 3 * cube.z());
+  return (sum % kSurfaceParts + kSurfaceParts) % kSurfaceParts;
+}
+
 }  // namespace
 
 ShapeFitResult fit_shape(const BreathingModel& model, const LabelMap& second, const ShapeFitOptions& options,
@@ -303,6 +218,10 @@ ShapeFitResult fit_shape(const BreathingModel& model, const LabelMap& second, co
     throw Error("the second shape has " + number_text(1e6 * result.second_volume_m3, 3) +
                 " ml and the lung " + number_text(1e6 * result.first_volume_m3, 3) +
                 " ml: they are not the same lung");
+  }
+  if (options.poisson_ratio) {
+    const MaterialProblem found = problem_of({1, *options.poisson_ratio});
+    if (!found.problem.empty()) throw Error("Poisson's ratio of the sliding boundary " + found.problem);
   }
   tell("distances to the second shape");
   const DistanceField field = signed_distance(padded(second));
@@ -364,7 +283,24 @@ ShapeFitResult fit_shape(const BreathingModel& model, const LabelMap& second, co
   record("model", placement, modelled_m);
 
   tell("sliding boundary");
-  record("sliding boundary", placement, slide_to(model, surface, field, placement, modelled_m));
+  SlidingOptions sliding;
+  sliding.poisson_ratio = options.poisson_ratio;
+  const SurfacePoints points = points_on(field);
+  const auto slide = [&] {
+    return slide_to(model.mesh, model.materials, surface, field, points, placement, modelled_m, sliding);
+  };
+  record("sliding boundary", placement, slide());
+  if (!options.cross_validate) return result;
+
+  std::vector<double> left_out_m;
+  for (int part = 0; part < kSurfaceParts; ++part) {
+    tell("sliding boundary without part " + std::to_string(part + 1) + " of the second surface");
+    sliding.leave_out = [part](const Vector3& place_m) { return surface_part(place_m) == part; };
+    const std::vector<double> there_m =
+        distances_to_lung_m(model.mesh, surface, points, placement, slide(), sliding.leave_out);
+    left_out_m.insert(left_out_m.end(), there_m.begin(), there_m.end());
+  }
+  result.left_out_m = spread_of(left_out_m);
   return result;
 }
 
@@ -372,17 +308,28 @@ LandmarkErrors errors_at(const LandmarkPairs& landmarks, const TetMesh& mesh,
                          const std::vector<ShapeFitStep>& steps) {
   LandmarkErrors errors;
   errors.of_step_m.resize(steps.size());
+  errors.vectors_of_step_m.resize(steps.size());
+  const LungSurface surface = surface_of(mesh);
   for (std::size_t i = 0; i < landmarks.fixed_m.size(); ++i) {
-    const LocatedPoint located = locate(mesh, landmarks.fixed_m[i]);
+    const Vector3& fixed_m = landmarks.fixed_m[i];
+    const LocatedPoint located = locate(mesh, fixed_m);
     if (located.outside_m > kLandmarkReachM) {
       ++errors.outside;
       continue;
     }
-    errors.before_m.push_back((landmarks.fixed_m[i] - landmarks.moving_m[i]).norm());
+    errors.inside.fixed_m.push_back(fixed_m);
+    errors.inside.moving_m.push_back(landmarks.moving_m[i]);
+    errors.before_m.push_back((fixed_m - landmarks.moving_m[i]).norm());
+    const auto nearest = std::ranges::min_element(
+        surface.nodes, {}, [&](std::uint32_t node) { return (mesh.nodes[node] - fixed_m).squaredNorm(); });
+    const auto row = static_cast<std::size_t>(nearest - surface.nodes.begin());
+    errors.depth_m.push_back((mesh.nodes[*nearest] - fixed_m).norm());
+    errors.normals.push_back(steps.empty() ? surface.normals[row]
+                                           : Vector3(steps.back().placement.linear() * surface.normals[row]));
     for (std::size_t s = 0; s < steps.size(); ++s) {
-      const Vector3 placed_m =
-          steps[s].placement * (landmarks.fixed_m[i] + located.point.mean(steps[s].displacement_m));
-      errors.of_step_m[s].push_back((placed_m - landmarks.moving_m[i]).norm());
+      const Vector3 placed_m = steps[s].placement * (fixed_m + located.point.mean(steps[s].displacement_m));
+      errors.vectors_of_step_m[s].push_back(placed_m - landmarks.moving_m[i]);
+      errors.of_step_m[s].push_back(errors.vectors_of_step_m[s].back().norm());
     }
   }
   return errors;

@@ -100,15 +100,21 @@ TEST_F(Respire, TheMotionIsFoundFromRadiographsOfIt) {
 }
 
 TEST_F(Respire, FitsToASecondShapeAndSaysTheErrorAtLandmarks) {
-  write_text(folder() / "fixed.txt", "-70 0 0\n-60 10 20\n");
-  write_text(folder() / "moving.txt", "-70 0 0\n-60 10 20\n");
-  const ProcessResult result = kiroku({"sim", "fit", "lung.json", "--shape", "labels.nrrd", "--landmarks",
-                                       "fixed.txt", "moving.txt", "-o", "found.json"});
+  write_text(folder() / "fixed.txt", "-70 0 0\n-60 10 20\n-65 5 10\n-75 -5 5\n");
+  write_text(folder() / "moving.txt", "-70 0 0\n-60 10 20\n-65 5 10\n-75 -5 5\n");
+  const ProcessResult result =
+      kiroku({"sim", "fit", "lung.json", "--shape", "labels.nrrd", "--landmarks", "fixed.txt", "moving.txt",
+              "--errors", "errors.csv", "--cross-validate", "-o", "found.json"});
   EXPECT_EQ(result.status, 0) << result.err;
   EXPECT_THAT(result.out, HasSubstr("sliding boundary"));
   EXPECT_THAT(result.out,
-              HasSubstr("2 landmarks, on which nothing was fitted; people find the same point twice to "
+              HasSubstr("4 landmarks, on which nothing was fitted; people find the same point twice to "
                         "0.9 +/- 0.8 mm"));
+  EXPECT_THAT(result.out, HasSubstr("where it was left out of the fit, a quarter at a time"));
+  EXPECT_THAT(result.out, HasSubstr("along the nearest surface's normal"));
+  EXPECT_THAT(result.out, HasSubstr("fitted on the landmarks themselves"));
+  EXPECT_THAT(read_text(folder() / "errors.csv"), testing::StartsWith("x_mm,y_mm,z_mm,depth_mm,rigid_x_mm,"));
+  EXPECT_THAT(read_text(folder() / "errors.svg"), HasSubstr("</svg>"));
 }
 
 TEST_F(Respire, WhatIsMissingIsSaidInASentence) {
@@ -118,6 +124,12 @@ TEST_F(Respire, WhatIsMissingIsSaidInASentence) {
   EXPECT_REFUSED(kiroku({"sim", "respire", "lung.json", "-o", "out", "--margin", "thick"}),
                  "--margin is 'thick'");
   EXPECT_REFUSED(kiroku({"sim", "fit", "lung.json", "-o", "found.json"}), "say what to fit to");
+  EXPECT_REFUSED(
+      kiroku({"sim", "fit", "lung.json", "--shape", "labels.nrrd", "--errors", "e.csv", "-o", "found.json"}),
+      "--errors needs --landmarks");
+  EXPECT_REFUSED(kiroku({"sim", "fit", "lung.json", "--shape", "labels.nrrd", "--poisson-ratio", "0.5", "-o",
+                         "found.json"}),
+                 "Poisson's ratio of the sliding boundary is 0.5");
   write_text(folder() / "seen.csv", "time_s,column,row\n0,1,1\n");
   EXPECT_REFUSED(kiroku({"sim", "fit", "lung.json", "--positions", "seen.csv", "-o", "found.json"}),
                  "--positions needs --geometry");

@@ -1,6 +1,8 @@
 // A lung that was moved by a known motion is found again in a mask of it; landmarks.
 #include "sim/respiration/shape_fit.h"
 
+#include <fstream>
+
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -72,7 +74,7 @@ TEST(ShapeFit, FindsTheMotionThatMadeTheSecondShape) {
   const double model_m = spread_of(errors.of_step_m[1]).mean, sliding_m = spread_of(errors.of_step_m[2]).mean;
   EXPECT_LT(model_m, 0.0005);
   // A box is the worst case: nothing on its faces says how far it has slid along them.
-  EXPECT_LT(sliding_m, 0.004);
+  EXPECT_LT(sliding_m, 0.003);
   EXPECT_GT(spread_of(errors.before_m).mean, 0.03);
   RecordProperty("model_mm", std::to_string(1000 * model_m));
   RecordProperty("sliding_mm", std::to_string(1000 * sliding_m));
