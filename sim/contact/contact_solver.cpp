@@ -59,26 +59,24 @@ ContactSolver::ContactSolver(std::shared_ptr<const ContactNeighbourhood> neighbo
   tree_.refit(positions_m_);
 }
 
-void ContactSolver::continue_from(const ContactSolver& previous) {
-  std::vector<std::uint32_t> same(tools_.size());
-  for (std::uint32_t tool = 0; tool < same.size(); ++tool) same[tool] = tool;
-  continue_from(previous, same);
-}
+void ContactSolver::continue_from(const ContactSolver& previous) { continue_from(previous, {}); }
 
+/// Every tool is the same where `tool_there` is empty. A force loop comes here: nothing is allocated.
 void ContactSolver::continue_from(const ContactSolver& previous, std::span<const std::uint32_t> tool_there) {
   const std::vector<std::uint32_t>& nodes = neighbourhood_->nodes;
-  std::vector<std::uint32_t> tool_here(previous.tools_.size(), kNone);
+  const auto there_of = [&](std::uint32_t tool) { return tool_there.empty() ? tool : tool_there[tool]; };
   for (std::uint32_t tool = 0; tool < tools_.size(); ++tool) {
-    const std::uint32_t there = tool_there[tool];
-    if (there >= tool_here.size()) continue;
-    tool_here[there] = tool;
+    const std::uint32_t there = there_of(tool);
+    if (there >= previous.tools_.size()) continue;
     poses_[tool] = previous.poses_[there];
     rotations_[tool] = previous.rotations_[there];
   }
   touches_.clear();
   for (Touch touch : previous.touches_) {
-    touch.tool = tool_here[touch.tool];
-    if (touch.tool == kNone) continue;
+    std::uint32_t here = 0;
+    while (here < tools_.size() && there_of(here) != touch.tool) ++here;
+    if (here == tools_.size()) continue;
+    touch.tool = here;
     const auto found = std::ranges::find(nodes, previous.neighbourhood_->nodes[touch.point]);
     if (found == nodes.end()) continue;
     touch.point = static_cast<std::uint32_t>(found - nodes.begin());

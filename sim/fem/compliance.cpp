@@ -9,6 +9,7 @@
 #include <utility>
 
 #include "base/error.h"
+#include "sim/fem/background_thread.h"
 
 namespace kiroku::sim {
 namespace {
@@ -238,6 +239,7 @@ void Compliance::prefetch(std::span<const std::uint32_t> nodes) {
 }
 
 void Compliance::work() {
+  work_in_background();  // force loops beside it come first; it works as well without
   std::unique_lock lock(mutex_);
   while (true) {
     changed_.wait(lock, [this] { return ending_ || !wanted_.empty(); });

@@ -1,9 +1,12 @@
 #include "sim/haptics/force_loop.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
+#include <cstddef>
 #include <pthread.h>
 #include <sched.h>
+#include <sys/mman.h>
 #include <sys/prctl.h>
 
 #include "base/error.h"
@@ -40,13 +43,24 @@ void ForceLoop::rethrow_failure() const {
   if (failure_) std::rethrow_exception(failure_);
 }
 
-void ForceLoop::run() {
+/// Asks the system for what a thread needs that must not be late.
+void ForceLoop::prepare_thread() {
+  if (options_.lock_memory) memory_locked_ = ::mlockall(MCL_CURRENT | MCL_ONFAULT) == 0;
+  // The part of its stack that steps use is there before the first of them.
+  constexpr std::size_t kStackBytes = 128 << 10, kPageBytes = 4096;
+  std::array<std::byte, kStackBytes> stack;
+  for (std::size_t at = 0; at < kStackBytes; at += kPageBytes)
+    *static_cast<volatile std::byte*>(&stack[at]) = std::byte{0};
   if (options_.real_time_priority > 0) {
     const sched_param priority{options_.real_time_priority};
     real_time_ = ::pthread_setschedparam(::pthread_self(), SCHED_FIFO, &priority) == 0;
   }
   // Threads without it are woken up to 50 us late, so that the processor sleeps longer.
   ::prctl(PR_SET_TIMERSLACK, 1UL, 0UL, 0UL, 0UL);
+}
+
+void ForceLoop::run() {
+  prepare_thread();
   const nanoseconds period(static_cast<std::int64_t>(1e9 / options_.rate_hz));
   const double period_s = std::chrono::duration<double>(period).count();
   MonotonicClock clock;
@@ -62,6 +76,7 @@ void ForceLoop::run() {
       if (ended <= due + period) {
         ++on_time_;
       } else {
+        if (ended - begun <= period) ++late_woken_;
         // Steps that are over are not made up for: they would be of poses that are over.
         const auto over = static_cast<std::uint64_t>((ended - due) / period - 1);
         skipped_ += over;
@@ -110,9 +125,11 @@ ForceLoopStatistics ForceLoop::statistics() const {
   found.steps = steps_;
   found.on_time = on_time_;
   found.skipped = skipped_;
+  found.late_woken = late_woken_;
   found.without_pose = without_pose_;
   found.limited_forces = limited_;
   found.real_time = real_time_;
+  found.memory_locked = memory_locked_;
   found.jitter_50 = jitter_.percentile(0.5);
   found.jitter_99 = jitter_.percentile(0.99);
   found.jitter_999 = jitter_.percentile(0.999);

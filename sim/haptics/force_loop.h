@@ -32,15 +32,20 @@ struct ForceLoopOptions {
   double most_force_n = 40;
   /// Without a new pose for so long, nothing is felt until one comes.
   std::chrono::nanoseconds pose_timeout = std::chrono::milliseconds(100);
+  /// Keeps what the process has mapped by then in memory once it was touched, for as long as it runs, where
+  /// the system allows it (CAP_IPC_LOCK or RLIMIT_MEMLOCK).
+  bool lock_memory = true;
 };
 
 struct ForceLoopStatistics {
   std::uint64_t steps = 0;
   std::uint64_t on_time = 0;         // whose forces were out before the next step was due
   std::uint64_t skipped = 0;         // never begun, as the one before took too long
+  std::uint64_t late_woken = 0;      // late though they took less than a period: the system began them late
   std::uint64_t without_pose = 0;    // for too long: forces were zero
   std::uint64_t limited_forces = 0;  // of a tool, that were larger than most_force_n
   bool real_time = false;            // whether the system gave the priority
+  bool memory_locked = false;        // and kept the memory
   /// How much later than due steps began.
   std::chrono::nanoseconds jitter_50{0}, jitter_99{0}, jitter_999{0}, jitter_longest{0};
   /// From reading poses to forces written.
@@ -72,6 +77,7 @@ class ForceLoop {
 
  private:
   void run();
+  void prepare_thread();
   void step(double period_s);
   void rethrow_failure() const;
 
@@ -83,8 +89,9 @@ class ForceLoop {
   std::chrono::nanoseconds pose_at_{0};
   bool has_pose_ = false;
 
-  std::atomic<bool> ending_ = false, running_ = true, real_time_ = false;
-  std::atomic<std::uint64_t> steps_ = 0, on_time_ = 0, skipped_ = 0, without_pose_ = 0, limited_ = 0;
+  std::atomic<bool> ending_ = false, running_ = true, real_time_ = false, memory_locked_ = false;
+  std::atomic<std::uint64_t> steps_ = 0, on_time_ = 0, skipped_ = 0, late_woken_ = 0, without_pose_ = 0,
+                             limited_ = 0;
   LatencyHistogram jitter_, step_;
   mutable std::mutex failure_mutex_;
   std::exception_ptr failure_;
