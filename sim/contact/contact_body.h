@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "sim/contact/contact_solver.h"
+#include "sim/contact/touchable_surface.h"
 #include "sim/fem/compliance.h"
 
 namespace kiroku::sim {
@@ -16,8 +17,7 @@ namespace kiroku::sim {
 /// complete(). The body must outlive it, and be solved by no other thread during that call.
 class ContactBody {
  public:
-  /// `load_n` (3 |V|), N: what acts besides contact, such as weight; may be empty for none. Nodes of the
-  /// surface that nothing can move (no free_components()) are not touched: tools pass through them. What
+  /// `load_n` (3 |V|), N: what acts besides contact, such as weight; may be empty for none. What
   /// Compliance and ElasticBody::solve() throw.
   ContactBody(const ElasticBody& body, const Eigen::VectorXd& load_n = {},
               const ComplianceOptions& options = {});
@@ -25,7 +25,7 @@ class ContactBody {
   [[nodiscard]] const ElasticBody& body() const { return body_; }
   /// Of the nodes of the surface that may be touched, in groups that lie beside each other.
   [[nodiscard]] Compliance& compliance() const { return *compliance_; }
-  [[nodiscard]] const std::vector<std::uint32_t>& surface() const { return compliance_->nodes(); }
+  [[nodiscard]] const std::vector<std::uint32_t>& surface() const { return touchable_.nodes; }
   /// Where a node stands in surface(); kiroku::Error for a node that may not be touched.
   [[nodiscard]] std::uint32_t place_of(std::uint32_t node) const;
   /// (3 |V|), m: where they are when no tool touches.
@@ -43,14 +43,11 @@ class ContactBody {
 
  private:
   const ElasticBody& body_;
+  TouchableSurface touchable_;
   Eigen::VectorXd load_n_, unloaded_m_, rest_m_, surface_rest_m_;
   std::unique_ptr<Compliance> compliance_;
   /// The group of every node of the surface and its first column there, where the compliance is complete().
   std::vector<std::pair<std::shared_ptr<const ComplianceGroup>, Eigen::Index>> columns_;
-  std::vector<std::uint32_t> place_of_;  // (|V|), in surface()
-  std::vector<double> area_m2_;          // (|surface|)
-  std::vector<std::uint8_t> free_;       // (|surface|)
-  double size_m_ = 0;
 };
 
 }  // namespace kiroku::sim

@@ -19,16 +19,6 @@ constexpr double kSmallestStep = 1.0 / 256;  // of the load
 constexpr int kMostHalvings = 33;            // of Newton's step
 constexpr double kArmijo = 1e-4;
 
-PrincipalStretches stretches_of(const TetMesh& mesh, const LinearElement& element, std::size_t t,
-                                const Eigen::VectorXd& displacement_m) {
-  Eigen::Matrix<double, 4, 3> rows;
-  for (std::size_t a = 0; a < 4; ++a) {
-    const auto node = static_cast<Eigen::Index>(3 * std::size_t{mesh.tetrahedra[t][a]});
-    rows.row(static_cast<Eigen::Index>(a)) = displacement_m.segment<3>(node).transpose();
-  }
-  return principal_stretches(deformation_gradient(element, rows));
-}
-
 }  // namespace
 
 /// One solve.
@@ -38,14 +28,7 @@ class CorotationalBody::Search {
       : body_(body),
         linear_(body.linear_),
         force_n_(force_n),
-        displacement_m_(Eigen::VectorXd::Zero(force_n.size())) {
-    for (std::size_t t = 0; t < body.elements_.size(); ++t) {
-      const LinearElement& element = body.elements_[t];
-      rounding_n_ =
-          std::max(rounding_n_, kRounding * linear_.material_of(t).young_modulus_pa * element.volume_m3 *
-                                    element.gradients.rowwise().norm().maxCoeff());
-    }
-  }
+        displacement_m_(Eigen::VectorXd::Zero(force_n.size())) {}
 
   Solution run() {
     double reached = 0;  // of the load
@@ -68,7 +51,7 @@ class CorotationalBody::Search {
     solution.displacement_m = displacement_m_;
     solution.factorisations = factorisations_;
     solution.reaction_force_n = Eigen::VectorXd::Zero(force_n_.size());
-    const Eigen::VectorXd inner_n = inner_force_n(displacement_m_);
+    const Eigen::VectorXd inner_n = body_.inner_force_n(displacement_m_);
     for (Eigen::Index i = 0; i < force_n_.size(); ++i) {
       if (linear_.constraints().prescribed(static_cast<std::size_t>(i)))
         solution.reaction_force_n[i] = inner_n[i] - force_n_[i];
@@ -77,45 +60,8 @@ class CorotationalBody::Search {
   }
 
  private:
-  [[nodiscard]] PrincipalStretches stretches(std::size_t t, const Eigen::VectorXd& displacement_m) const {
-    return stretches_of(linear_.mesh(), body_.elements_[t], t, displacement_m);
-  }
-
-  [[nodiscard]] Eigen::VectorXd inner_force_n(const Eigen::VectorXd& displacement_m) const {
-    Eigen::VectorXd force_n = Eigen::VectorXd::Zero(displacement_m.size());
-    for (std::size_t t = 0; t < body_.elements_.size(); ++t) {
-      const LinearElement& element = body_.elements_[t];
-      const Eigen::Matrix3d stress_pa =
-          first_piola_stress(linear_.material_of(t), stretches(t, displacement_m));
-      for (std::size_t a = 0; a < 4; ++a) {
-        force_n.segment<3>(static_cast<Eigen::Index>(3 * std::size_t{linear_.mesh().tetrahedra[t][a]})) +=
-            element.volume_m3 * stress_pa * element.gradients.row(static_cast<Eigen::Index>(a)).transpose();
-      }
-    }
-    return force_n;
-  }
-
   [[nodiscard]] double energy_j(const Eigen::VectorXd& displacement_m, double load) const {
-    double energy_j = -load * force_n_.dot(displacement_m);
-    for (std::size_t t = 0; t < body_.elements_.size(); ++t) {
-      energy_j +=
-          body_.elements_[t].volume_m3 * energy_density(linear_.material_of(t), stretches(t, displacement_m));
-    }
-    return energy_j;
-  }
-
-  [[nodiscard]] bool any_inverted() const {
-    for (std::size_t t = 0; t < body_.elements_.size(); ++t) {
-      if (!(stretches(t, displacement_m_).stretch[2] > 0)) return true;
-    }
-    return false;
-  }
-
-  [[nodiscard]] StiffnessMatrix stiffness_now(Curvature curvature) const {
-    return {linear_.mesh(), [&](std::size_t t) {
-              return corotational_stiffness(body_.elements_[t], linear_.material_of(t),
-                                            stretches(t, displacement_m_), curvature);
-            }};
+    return body_.energy_j(displacement_m) - load * force_n_.dot(displacement_m);
   }
 
   /// How all nodes move when what is prescribed moves by `prescribed_m`, (3 |V|), under forces out of
@@ -124,7 +70,7 @@ class CorotationalBody::Search {
                                              const Eigen::VectorXd& prescribed_m) {
     for (const Curvature curvature : {Curvature::kExact, Curvature::kConvex}) {
       try {
-        const StiffnessMatrix stiffness = stiffness_now(curvature);
+        const StiffnessMatrix stiffness = body_.stiffness(displacement_m_, curvature);
         ++factorisations_;
         Eigen::VectorXd step_m = prescribed_m + Factorisation(stiffness, linear_.free(), linear_.order())
                                                     .solve(unbalanced_n - stiffness * prescribed_m);
@@ -150,7 +96,7 @@ class CorotationalBody::Search {
     const Eigen::VectorXd still_m = Eigen::VectorXd::Zero(force_n_.size());
     Eigen::VectorXd left_n = unbalanced_n(load);
     for (int i = 0; i < kMostIterations && left_n.allFinite(); ++i) {
-      if (left_n.cwiseAbs().maxCoeff() <= tolerance_n(load)) return !any_inverted();
+      if (left_n.cwiseAbs().maxCoeff() <= tolerance_n(load)) return !body_.any_inverted(displacement_m_);
       const auto step_m = newton_step(left_n, still_m);
       if (!step_m || !descend(*step_m, load, left_n)) return false;
     }
@@ -159,7 +105,7 @@ class CorotationalBody::Search {
 
   /// What is left of loads and inner forces where nothing holds; (3 |V|).
   [[nodiscard]] Eigen::VectorXd unbalanced_n(double load) {
-    const Eigen::VectorXd inner_n = inner_force_n(displacement_m_);
+    const Eigen::VectorXd inner_n = body_.inner_force_n(displacement_m_);
     largest_inner_n_ = inner_n.cwiseAbs().maxCoeff();
     Eigen::VectorXd left_n = load * force_n_ - inner_n;
     for (Eigen::Index i = 0; i < left_n.size(); ++i) {
@@ -169,8 +115,7 @@ class CorotationalBody::Search {
   }
 
   [[nodiscard]] double tolerance_n(double load) const {
-    const double largest_n = std::max(largest_inner_n_, load * force_n_.cwiseAbs().maxCoeff());
-    return std::max(kLargestResidual * largest_n, rounding_n_);
+    return body_.tolerance_n(std::max(largest_inner_n_, load * force_n_.cwiseAbs().maxCoeff()));
   }
 
   /// Along Newton's step until there is less energy by enough, or half of the forces out of balance: near
@@ -194,7 +139,7 @@ class CorotationalBody::Search {
   const ElasticBody& linear_;
   const Eigen::VectorXd& force_n_;
   Eigen::VectorXd displacement_m_;
-  double rounding_n_ = 0, largest_inner_n_ = 0;
+  double largest_inner_n_ = 0;
   int factorisations_ = 0;
 };
 
@@ -203,21 +148,73 @@ CorotationalBody::CorotationalBody(TetMesh mesh, const Materials& materials, Con
   if (linear_.constraints().turned())
     throw Error("nodes with axes of their own are for small displacements: prescribe along x, y and z here");
   elements_.reserve(linear_.mesh().tetrahedra.size());
-  for (std::size_t t = 0; t < linear_.mesh().tetrahedra.size(); ++t)
-    elements_.push_back(element_of(linear_.mesh(), t));
+  for (std::size_t t = 0; t < linear_.mesh().tetrahedra.size(); ++t) {
+    const LinearElement& element = elements_.emplace_back(element_of(linear_.mesh(), t));
+    rounding_n_ =
+        std::max(rounding_n_, kRounding * linear_.material_of(t).young_modulus_pa * element.volume_m3 *
+                                  element.gradients.rowwise().norm().maxCoeff());
+  }
 }
 
 CorotationalBody::Solution CorotationalBody::solve(const Eigen::VectorXd& force_n) const {
   return Search(*this, force_n).run();
 }
 
+PrincipalStretches CorotationalBody::stretches(std::size_t t, const Eigen::VectorXd& displacement_m) const {
+  Eigen::Matrix<double, 4, 3> rows;
+  for (std::size_t a = 0; a < 4; ++a) {
+    const auto node = static_cast<Eigen::Index>(3 * std::size_t{linear_.mesh().tetrahedra[t][a]});
+    rows.row(static_cast<Eigen::Index>(a)) = displacement_m.segment<3>(node).transpose();
+  }
+  return principal_stretches(deformation_gradient(elements_[t], rows));
+}
+
+Eigen::VectorXd CorotationalBody::inner_force_n(const Eigen::VectorXd& displacement_m) const {
+  Eigen::VectorXd force_n = Eigen::VectorXd::Zero(displacement_m.size());
+  for (std::size_t t = 0; t < elements_.size(); ++t) {
+    const LinearElement& element = elements_[t];
+    const Eigen::Matrix3d stress_pa =
+        first_piola_stress(linear_.material_of(t), stretches(t, displacement_m));
+    for (std::size_t a = 0; a < 4; ++a) {
+      force_n.segment<3>(static_cast<Eigen::Index>(3 * std::size_t{linear_.mesh().tetrahedra[t][a]})) +=
+          element.volume_m3 * stress_pa * element.gradients.row(static_cast<Eigen::Index>(a)).transpose();
+    }
+  }
+  return force_n;
+}
+
+double CorotationalBody::energy_j(const Eigen::VectorXd& displacement_m) const {
+  double energy_j = 0;
+  for (std::size_t t = 0; t < elements_.size(); ++t) {
+    energy_j += elements_[t].volume_m3 * energy_density(linear_.material_of(t), stretches(t, displacement_m));
+  }
+  return energy_j;
+}
+
+StiffnessMatrix CorotationalBody::stiffness(const Eigen::VectorXd& displacement_m,
+                                            Curvature curvature) const {
+  return {linear_.mesh(), [&](std::size_t t) {
+            return corotational_stiffness(elements_[t], linear_.material_of(t), stretches(t, displacement_m),
+                                          curvature);
+          }};
+}
+
+bool CorotationalBody::any_inverted(const Eigen::VectorXd& displacement_m) const {
+  for (std::size_t t = 0; t < elements_.size(); ++t) {
+    if (!(stretches(t, displacement_m).stretch[2] > 0)) return true;
+  }
+  return false;
+}
+
+double CorotationalBody::tolerance_n(double largest_n) const {
+  return std::max(kLargestResidual * largest_n, rounding_n_);
+}
+
 std::vector<SymmetricTensor> CorotationalBody::stress_pa(const Eigen::VectorXd& displacement_m) const {
   std::vector<SymmetricTensor> stress_pa;
   stress_pa.reserve(elements_.size());
-  for (std::size_t t = 0; t < elements_.size(); ++t) {
-    stress_pa.push_back(corotated_stress(linear_.material_of(t),
-                                         stretches_of(linear_.mesh(), elements_[t], t, displacement_m)));
-  }
+  for (std::size_t t = 0; t < elements_.size(); ++t)
+    stress_pa.push_back(corotated_stress(linear_.material_of(t), stretches(t, displacement_m)));
   return stress_pa;
 }
 

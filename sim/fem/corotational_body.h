@@ -29,10 +29,23 @@ class CorotationalBody {
   /// corotated_stress(), constant in each tetrahedron; (|T|).
   [[nodiscard]] std::vector<SymmetricTensor> stress_pa(const Eigen::VectorXd& displacement_m) const;
 
+  /// The energy's derivatives at any displacement (3 |V|), for those who seek an equilibrium of their own:
+  /// its value, J; its gradient, (3 |V|), N, what the nodes are pushed by to stay there; its curvature.
+  [[nodiscard]] double energy_j(const Eigen::VectorXd& displacement_m) const;
+  [[nodiscard]] Eigen::VectorXd inner_force_n(const Eigen::VectorXd& displacement_m) const;
+  [[nodiscard]] StiffnessMatrix stiffness(const Eigen::VectorXd& displacement_m, Curvature curvature) const;
+  /// Whether an element is turned inside out, or flat.
+  [[nodiscard]] bool any_inverted(const Eigen::VectorXd& displacement_m) const;
+  /// Forces out of balance that count as none where the largest at a node is `largest_n`, N.
+  [[nodiscard]] double tolerance_n(double largest_n) const;
+
  private:
   class Search;
+  [[nodiscard]] PrincipalStretches stretches(std::size_t t, const Eigen::VectorXd& displacement_m) const;
+
   ElasticBody linear_;
   std::vector<LinearElement> elements_;  // (|T|)
+  double rounding_n_ = 0;                // of the forces of a body that is only turned
 };
 
 }  // namespace kiroku::sim

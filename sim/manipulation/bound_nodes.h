@@ -15,17 +15,14 @@
 #include <cstdint>
 #include <map>
 #include <memory>
-#include <optional>
 #include <span>
 #include <vector>
 
 #include "sim/contact/contact_body.h"
 #include "sim/manipulation/growing_cholesky.h"
+#include "sim/manipulation/tool_checks.h"
 
 namespace kiroku::sim {
-
-/// Where a tool is, in the mesh's frame; nothing where it is not there: taken away, it touches nothing.
-using OptionalPose = std::optional<Pose>;
 
 /// A node that a tool holds.
 struct BoundNode {

@@ -1,35 +1,20 @@
 #include "sim/manipulation/manipulation.h"
 
 #include <algorithm>
-#include <limits>
 #include <string>
 #include <utility>
 
 #include "base/error.h"
 #include "sim/contact/near_tools.h"
-#include "sim/fem/number_text.h"
 
 namespace kiroku::sim {
 namespace {
 
-constexpr std::uint32_t kNone = std::numeric_limits<std::uint32_t>::max();
 /// How far around tools that press nodes are taken together, in lengths of the body, so that it is seldom
 /// asked anew how they give way.
 constexpr double kMargin = 0.02;
 
 Eigen::Index at(std::size_t node) { return static_cast<Eigen::Index>(3 * node); }
-
-std::string nodes_text(std::size_t count) {
-  return std::to_string(count) + (count == 1 ? " node" : " nodes");
-}
-
-Pose sound_pose(const Pose& pose, const std::string& tool) {
-  if (!pose.sound()) {
-    throw Error("the pose of " + tool +
-                " is none: its numbers must be finite and its quaternion of length 1");
-  }
-  return {pose.position_m, pose.orientation.normalized()};
-}
 
 }  // namespace
 
@@ -43,13 +28,7 @@ Manipulation::Manipulation(const ContactBody& body, std::vector<Tool> tools, con
       near_(body.surface().size()),
       surface_m_(at(body.surface().size())),
       tree_(body.surface().size()) {
-  for (std::size_t i = 0; i < tools_.size(); ++i) {
-    const std::string& name = tools_[i].name;
-    if (name.empty()) throw UsageError("tool " + std::to_string(i) + " has no name");
-    if (std::ranges::count(tools_, name, &Tool::name) > 1) throw UsageError("two tools are called " + name);
-    if (const std::string problem = problem_of(tools_[i].shape); !problem.empty())
-      throw UsageError("nothing can be done with " + name + ": " + problem);
-  }
+  check_tools(tools_);
   const ContactSolver refuses_options_without_sense(body_.neighbourhood({}), {}, options_);
   step(poses_);
 }
@@ -101,14 +80,6 @@ Manipulation::Manipulation(const Manipulation& other)
       surface_m_(other.surface_m_),
       tree_(other.tree_) {}
 
-const Tool& Manipulation::known(std::size_t tool) const {
-  if (tool >= tools_.size()) {
-    throw UsageError("there is no tool " + std::to_string(tool) + ": there are " +
-                     std::to_string(tools_.size()) + ", counted from 0");
-  }
-  return tools_[tool];
-}
-
 Eigen::Index Manipulation::row_of(std::uint32_t node) const { return at(body_.compliance().row_of(node)); }
 
 Vector3 Manipulation::position_m(std::uint32_t node, const Eigen::VectorXd& displacement_m) const {
@@ -116,18 +87,13 @@ Vector3 Manipulation::position_m(std::uint32_t node, const Eigen::VectorXd& disp
 }
 
 std::size_t Manipulation::held_by(std::size_t tool) const {
-  (void)known(tool);
+  (void)known_tool(tools_, tool);
   return bound_.held_by(static_cast<std::uint32_t>(tool));
 }
 
 std::size_t Manipulation::grasp(std::size_t tool, const Pose& pose) {
-  const Tool& grasping = known(tool);
-  if (grasping.action != ToolAction::kBinds) {
-    throw UsageError(grasping.name + " presses and cannot grasp: only tools that bind can");
-  }
-  if (const std::size_t held = held_by(tool); held > 0) {
-    throw Error(grasping.name + " already holds " + nodes_text(held) + ": release it before it grasps again");
-  }
+  const Tool& grasping = known_tool(tools_, tool);
+  check_grasp(grasping, held_by(tool));
   const Pose there = sound_pose(pose, grasping.name);
   BoundNodes::Hold hold{static_cast<std::uint32_t>(tool), there, {}, {}};
   for (const std::uint32_t node : body_.surface()) {
@@ -147,40 +113,21 @@ std::size_t Manipulation::grasp(std::size_t tool, const Pose& pose) {
 }
 
 void Manipulation::refuse_grasp(const Tool& tool, const Pose& pose) const {
-  std::size_t held = 0, fixed = 0;
-  std::uint32_t nearest = kNone;
-  double nearest_m = std::numeric_limits<double>::infinity();
+  std::vector<GraspCandidate> candidates;
+  using enum GraspCandidate::State;
   for (const std::uint32_t node : body_.surface()) {
-    const double distance_m =
-        distance_to(tool.shape, pose.to_tool(position_m(node, pressed_.displacement_m))).distance_m;
-    if (bound_.bound(node)) {
-      held += distance_m <= 0 ? 1 : 0;
-    } else if (distance_m < nearest_m) {
-      nearest_m = distance_m;
-      nearest = node;
-    }
+    candidates.push_back(
+        {node, position_m(node, pressed_.displacement_m), bound_.bound(node) ? kHeld : kFree});
   }
   for (std::uint32_t node = 0; node < body_.body().mesh().nodes.size(); ++node) {
-    const Vector3 rest_m = body_.rest_m().segment<3>(at(node));
-    if (body_.body().free_components(node) == 0 &&
-        distance_to(tool.shape, pose.to_tool(rest_m)).distance_m <= 0) {
-      ++fixed;
-    }
+    if (body_.body().free_components(node) == 0)
+      candidates.push_back({node, body_.rest_m().segment<3>(at(node)), kFixed});
   }
-  std::string sentence = tool.name + " finds nothing to grasp";
-  if (held > 0) sentence += "; " + nodes_text(held) + " there are held by other tools";
-  if (fixed > 0) sentence += "; " + nodes_text(fixed) + " there cannot move";
-  if (nearest == kNone) {
-    sentence += "; other tools hold the whole surface: release one of them";
-  } else {
-    sentence += "; the nearest node of the surface that it could hold is " + std::to_string(nearest) + ", " +
-                number_text(1e3 * nearest_m, 3) + " mm away: move it there or make it larger";
-  }
-  throw Error(sentence);
+  throw Error(grasp_refusal(tool, pose, candidates));
 }
 
 void Manipulation::release(std::size_t tool) {
-  if (held_by(tool) == 0) throw Error(known(tool).name + " holds nothing that it could release");
+  if (held_by(tool) == 0) throw Error(known_tool(tools_, tool).name + " holds nothing that it could release");
   BoundNodes without = bound_;
   without.release(static_cast<std::uint32_t>(tool));
   bound_ = std::move(without);
@@ -188,20 +135,9 @@ void Manipulation::release(std::size_t tool) {
 }
 
 std::vector<OptionalPose> Manipulation::checked(std::span<const OptionalPose> poses) const {
-  if (poses.size() != tools_.size()) {
-    throw UsageError(std::to_string(tools_.size()) +
-                     " tools need as many poses, absent ones too; there are " + std::to_string(poses.size()));
-  }
-  std::vector<OptionalPose> sound(poses.size());
-  for (std::size_t tool = 0; tool < poses.size(); ++tool) {
-    if (poses[tool]) {
-      sound[tool] = sound_pose(*poses[tool], tools_[tool].name);
-    } else if (const std::size_t held = held_by(tool); held > 0) {
-      throw Error(tools_[tool].name + " holds " + nodes_text(held) +
-                  " and has no pose: say where it is, or release it first");
-    }
-  }
-  return sound;
+  std::vector<std::size_t> held(tools_.size());
+  for (std::size_t tool = 0; tool < held.size(); ++tool) held[tool] = held_by(tool);
+  return sound_poses(tools_, poses, held);
 }
 
 const ManipulationResult& Manipulation::step(std::span<const OptionalPose> poses) {

@@ -15,7 +15,7 @@
 #include "sim/contact/contact_body.h"
 #include "sim/contact/contact_solver.h"
 #include "sim/manipulation/bound_nodes.h"
-#include "sim/manipulation/tool.h"
+#include "sim/manipulation/tool_checks.h"
 
 namespace kiroku::sim {
 
@@ -102,7 +102,6 @@ class Manipulation {
   };
 
   [[nodiscard]] std::vector<OptionalPose> checked(std::span<const OptionalPose> poses) const;
-  [[nodiscard]] const Tool& known(std::size_t tool) const;
   [[noreturn]] void refuse_grasp(const Tool& tool, const Pose& pose) const;
   Pressed press(std::span<const OptionalPose> poses, Eigen::VectorXd untouched_m);
   void look_at_surface(const Eigen::VectorXd& displacement_m);

@@ -9,6 +9,7 @@
 #include "sim/fem/number_text.h"
 #include "sim/mesh/mesh_topology.h"
 #include "sim/model/json_field.h"
+#include "sim/plan/plan_body.h"
 #include "sim/plan/written_pose.h"
 
 namespace kiroku::sim {
@@ -59,12 +60,17 @@ class PlanReader {
     const auto body = attempt([&] { return BodyReader(document, folder, maker).take(); });
     attempt([&] {
       document.expect_object({"name", "volume", "mesh", "length_unit", "materials", "fixed", "gravity_m_s2",
-                              "time_step_s", "tools", "steps"});
+                              "corotational", "time_step_s", "tools", "steps"});
       return true;
     });
     if (body) plan_.body = *body;
     attempt([&] {
       if (const auto name = document.optional_member("name")) plan_.name = name->text();
+      return true;
+    });
+    attempt([&] {
+      if (const auto corotational = document.optional_member("corotational"))
+        plan_.corotational = corotational->boolean();
       return true;
     });
     attempt([&] {
@@ -342,6 +348,7 @@ class PlanReader {
   }
 
   void read_cut(const JsonField& field, PlanStep& step) {
+    if (plan_.corotational) field.fail(kTurningBodyIsNotCut);
     const JsonField named = field.member("tool");
     const std::size_t tool = tool_of(named);
     if (plan_.tools[tool].kind != ToolKind::kScalpel) {

@@ -3,6 +3,7 @@
 //
 // {"name": "Liver: grasp and retraction",
 //  "mesh": "liver.msh", "length_unit": "mm", "materials": [...], "fixed": [...], "gravity_m_s2": [0, 0, 0],
+//  "corotational": false,
 //  "tools": {"forceps": {"kind": "forceps", "jaws": [12, 8, 6]}},
 //  "steps": [{"do": "grasp", "tool": "forceps", "at": {"position": [10, 20, 30]}},
 //            {"do": "retract", "tool": "forceps", "path": [{"at_s": 1, "position": [10, 20, 45]}]},
@@ -62,6 +63,7 @@ struct Plan {
   std::string name;
   std::filesystem::path volume;  // what pictures show; empty for none
   BodyModel body;
+  bool corotational = false;  // for large rotations; such a plan has no cuts
   std::vector<PlanTool> tools;
   std::vector<PlanStep> steps;
   double time_step_s = 0.05;

@@ -30,17 +30,7 @@ double next_moment_s(const PlanStep& step, double local_s, double time_step_s) {
 
 }  // namespace
 
-/// Everything that follows from which tetrahedra are there.
-struct PlanRun::Body {
-  Body(TetMesh mesh, const Plan& plan)
-      : elastic(std::move(mesh), plan.body.materials, plan.body.constraints),
-        contact(elastic, elastic.weight_n(plan.body.gravity_m_s2)) {}
-  ElasticBody elastic;
-  ContactBody contact;
-};
-
-PlanRun::PlanRun(const Plan& plan)
-    : plan_(plan), body_(std::make_shared<const Body>(plan.body.mesh, plan)), mesh_(plan.body.mesh) {
+PlanRun::PlanRun(const Plan& plan) : plan_(plan), mesh_(plan.body.mesh) {
   std::vector<Tool> tools;
   place_of_.resize(plan.tools.size());
   for (std::size_t tool = 0; tool < plan.tools.size(); ++tool) {
@@ -49,7 +39,7 @@ PlanRun::PlanRun(const Plan& plan)
     manipulated_.push_back(tool);
     tools.push_back(plan.tools[tool].tool);
   }
-  manipulation_ = std::make_unique<Manipulation>(body_->contact, std::move(tools));
+  body_ = plan_body(plan, std::move(tools));
   bears_.assign(mesh_.tetrahedra.size(), 1);
   frame_.poses.resize(plan.tools.size());
   frame_.tools.resize(plan.tools.size());
@@ -60,8 +50,7 @@ PlanRun::PlanRun(const PlanRun& other)
       manipulated_(other.manipulated_),
       place_of_(other.place_of_),
       shape_(other.shape_),
-      body_(other.body_),
-      manipulation_(std::make_unique<Manipulation>(*other.manipulation_)),
+      body_(other.body_->copy()),
       mesh_(other.mesh_),
       bears_(other.bears_),
       begun_(other.begun_),
@@ -131,11 +120,10 @@ void PlanRun::begin_step() {
   const PlanStep& step = plan_.steps[step_];
   for (const PlanMotion& motion : step.motions) {
     frame_.poses[motion.tool] = motion.path.at(0);
-    if (step.action == PlanAction::kGrasp)
-      manipulation_->grasp(place_of_[motion.tool], *frame_.poses[motion.tool]);
+    if (step.action == PlanAction::kGrasp) body_->grasp(place_of_[motion.tool], *frame_.poses[motion.tool]);
   }
   for (const std::size_t tool : step.released) {
-    if (binds(plan_.tools[tool].kind)) manipulation_->release(place_of_[tool]);
+    if (binds(plan_.tools[tool].kind)) body_->release(place_of_[tool]);
     frame_.poses[tool].reset();
   }
 }
@@ -192,21 +180,19 @@ void PlanRun::cut(const PlanMotion& motion, double from_s, double to_s) {
   for (std::uint32_t t = 0; t < plan_.body.mesh.tetrahedra.size(); ++t) {
     if (shape_->geometry().present(t)) bears_.push_back(shape_->bears(t) ? 1 : 0);
   }
-  auto body = std::make_shared<const Body>(shape_->bearing(), plan_);
-  manipulation_ = std::make_unique<Manipulation>(body->contact, *manipulation_);
-  body_ = std::move(body);
+  body_ = body_->after_cut(shape_->bearing());
 }
 
 void PlanRun::balance() {
   std::vector<OptionalPose> poses;
   poses.reserve(manipulated_.size());
   for (const std::size_t tool : manipulated_) poses.push_back(frame_.poses[tool]);
-  const ManipulationResult& result = manipulation_->step(poses);
+  const ManipulationResult& result = body_->step(poses);
   for (std::size_t place = 0; place < manipulated_.size(); ++place)
     frame_.tools[manipulated_[place]] = result.tools[place];
-  frame_.displacement_m = manipulation_->displacement_m();
-  frame_.tool_force_n = manipulation_->tool_force_n();
-  const std::vector<SymmetricTensor> bearing_pa = body_->elastic.stress_pa(frame_.displacement_m);
+  frame_.displacement_m = body_->displacement_m();
+  frame_.tool_force_n = body_->tool_force_n();
+  const std::vector<SymmetricTensor> bearing_pa = body_->stress_pa(frame_.displacement_m);
   frame_.stress_pa.assign(mesh_.tetrahedra.size(), SymmetricTensor::Zero());
   std::size_t next = 0;
   for (std::size_t t = 0; t < bears_.size(); ++t) {
@@ -217,7 +203,7 @@ void PlanRun::balance() {
 void PlanRun::record() {
   if (figures_.empty()) return;
   StepFigures& figures = figures_.back();
-  const ManipulationResult& result = manipulation_->result();
+  const ManipulationResult& result = body_->result();
   ++figures.frames;
   for (Eigen::Index at = 0; at < frame_.displacement_m.size(); at += 3) {
     figures.largest_displacement_m =
@@ -243,7 +229,7 @@ void PlanRun::record() {
 double PlanRun::distance_m(std::size_t tool) const {
   const Pose& pose = *frame_.poses[tool];
   double nearest_m = kNever;
-  for (const std::uint32_t node : body_->contact.surface()) {
+  for (const std::uint32_t node : body_->surface()) {
     const Vector3 position_m = mesh_.nodes[node] + frame_.displacement_m.segment<3>(
                                                        static_cast<Eigen::Index>(3 * std::size_t{node}));
     nearest_m =

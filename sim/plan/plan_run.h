@@ -7,8 +7,7 @@
 #include <vector>
 
 #include "sim/cutting/cut_shape.h"
-#include "sim/manipulation/manipulation.h"
-#include "sim/plan/plan.h"
+#include "sim/plan/plan_body.h"
 
 namespace kiroku::sim {
 
@@ -65,7 +64,6 @@ class PlanRun {
   [[nodiscard]] const std::vector<StepFigures>& figures() const { return figures_; }
 
  private:
-  struct Body;
   template <typename Do>
   void at_step(Do what);
   void begin_step();
@@ -82,8 +80,7 @@ class PlanRun {
   std::vector<std::size_t> manipulated_;  // the plan's number of each tool of the manipulation
   std::vector<std::size_t> place_of_;     // the other way; of scalpels nothing
   std::optional<CutShape> shape_;         // once something was cut
-  std::shared_ptr<const Body> body_;
-  std::unique_ptr<Manipulation> manipulation_;  // on body_
+  std::unique_ptr<PlanBody> body_;
   TetMesh mesh_;
   std::vector<std::uint8_t> bears_;  // (|T| of mesh_); those that do are the body's, in their order
 

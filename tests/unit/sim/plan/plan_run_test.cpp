@@ -28,13 +28,14 @@ class PlanRunTest : public testing::Test {
     std::ofstream(folder_ / "block.msh")
         << msh_text(test::tet_grid({8, 4, 4}, {0.04, 0.02, 0.02}), LengthUnit::kMillimetre);
   }
-  [[nodiscard]] Plan plan_of(const char* steps) const {
+  [[nodiscard]] Plan plan_of(const char* steps, bool corotational = false) const {
     json document = json::parse(R"({
       "mesh": "block.msh", "length_unit": "mm", "time_step_s": 0.25,
       "materials": [{"region": "all", "young_modulus_pa": 5000, "poisson_ratio": 0.4}],
       "fixed": [{"box": [[0, 0, 0], [0, 20, 20]]}],
       "tools": {"forceps": {"kind": "forceps", "jaws": [2, 30, 30]}, "thumb": {"kind": "finger", "radius": 5},
                 "index": {"kind": "finger", "radius": 5}, "knife": {"kind": "scalpel", "edge": 40}}})");
+    if (corotational) document["corotational"] = true;
     document["steps"] = json::parse(steps);
     std::ofstream(folder_ / "plan.json") << document;
     PlanReading reading = read_plan(folder_ / "plan.json");
@@ -144,9 +145,66 @@ TEST_F(PlanRunTest, SaysWhereItCouldNotGoOn) {
       "steps[0] (cut): 'knife' never meets the tissue: look at its path and its edge");
 }
 
-TEST_F(PlanRunTest, ReportsTheSameBytesTwice) {
+/// All steps that a turning body has.
+constexpr const char* kTurningSteps = R"([
+    {"do": "grasp", "tool": "forceps", "at": {"position": [40, 10, 10]}},
+    {"do": "retract", "tool": "forceps", "path": [{"at_s": 1, "position": [25.5, 10, 35.5],
+      "rotation": {"axis": [0, -1, 0], "degrees": 90}}]},
+    {"do": "press", "tool": "thumb", "path": [{"at_s": 0, "position": [10, 10, 28]}, {"at_s": 1, "position": [10, 10, 19]}]},
+    {"do": "hold", "duration_s": 0.5}, {"do": "release", "tool": "forceps"}, {"do": "release", "tool": "thumb"}])";
+
+double volume_m3(TetMesh mesh, const Eigen::VectorXd& displacement_m) {
+  for (std::size_t node = 0; node < mesh.nodes.size(); ++node)
+    mesh.nodes[node] += displacement_m.segment<3>(static_cast<Eigen::Index>(3 * node));
+  double sum = 0;
+  for (std::size_t t = 0; t < mesh.tetrahedra.size(); ++t) sum += signed_volume_m3(mesh, t);
+  return sum;
+}
+
+TEST_F(PlanRunTest, ACorotationalOrganKeepsItsVolume) {
+  for (const bool corotational : {false, true}) {
+    const Plan plan = plan_of(kTurningSteps, corotational);
+    PlanRun run(plan);
+    double largest_change = 0;
+    while (run.next()) {
+      if (run.frame().step > 1) break;
+      largest_change =
+          std::max(largest_change, std::abs(volume_m3(run.mesh(), run.frame().displacement_m) /
+                                                volume_m3(run.mesh(), 0 * run.frame().displacement_m) -
+                                            1));
+    }
+    if (!corotational) {
+      EXPECT_GT(largest_change, 0.15);
+      continue;
+    }
+    EXPECT_LT(largest_change, 0.05);
+    while (run.next()) {
+      if (run.frame().step != 3) continue;
+      EXPECT_GT(run.frame().tools[kThumb].nodes, 0U);
+    }
+    EXPECT_LT(run.frame().displacement_m.norm(), 1e-8);  // all let go
+    EXPECT_THAT(run.figures(), SizeIs(6));
+  }
+}
+
+TEST_F(PlanRunTest, ACorotationalOrganIsRestoredToTheBit) {
+  const Plan plan = plan_of(kTurningSteps, true);
+  PlanRun run(plan);
+  for (int i = 0; i < 4; ++i) ASSERT_TRUE(run.next());
+  PlanRun kept(run);
+  while (run.next()) {
+    ASSERT_TRUE(kept.next());
+    EXPECT_EQ(kept.frame().displacement_m, run.frame().displacement_m);
+    EXPECT_EQ(kept.frame().tools[kForceps].force_n, run.frame().tools[kForceps].force_n);
+  }
+}
+
+class PlanBytesTest : public PlanRunTest, public testing::WithParamInterface<bool> {};
+
+TEST_P(PlanBytesTest, AreTheSameTwice) {
   const Plan plan = plan_of(R"([{"do": "press", "tool": "thumb",
-      "path": [{"at_s": 0, "position": [30, 10, 26]}, {"at_s": 0.5, "position": [30, 10, 24]}]}])");
+      "path": [{"at_s": 0, "position": [30, 10, 26]}, {"at_s": 0.5, "position": [30, 10, 24]}]}])",
+                            GetParam());
   const auto all = [&] {
     PlanRun run(plan);
     PlanTables tables(plan);
@@ -162,6 +220,8 @@ TEST_F(PlanRunTest, ReportsTheSameBytesTwice) {
   EXPECT_THAT(once, HasSubstr("\r\n0.25,steps[0],thumb,"));
   EXPECT_THAT(once, HasSubstr("\r\n0,before,0,0,"));
 }
+
+INSTANTIATE_TEST_SUITE_P(LinearAndTurning, PlanBytesTest, testing::Bool());
 
 TEST_F(PlanRunTest, IsKeptForGoingBackAndForth) {
   const Plan plan = plan_of(R"([

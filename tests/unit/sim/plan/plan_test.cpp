@@ -147,6 +147,21 @@ TEST_F(PlanTest, TellsEveryErrorWithItsPath) {
                   HasSubstr("steps[6].tool is 'spoon', which 'tools' does not have; it has forceps, ")));
 }
 
+TEST_F(PlanTest, ReadsWhetherTheOrganTurnsAndRefusesItsCuts) {
+  EXPECT_FALSE(read(plan_).plan->corotational);
+  EXPECT_THAT(
+      errors_with("/corotational", true),
+      ElementsAre("steps[4] cannot cut: a plan with \"corotational\": true has no cuts; leave that out, "
+                  "or cut in a plan without it"));
+  EXPECT_THAT(errors_with("/corotational", "yes"),
+              ElementsAre("corotational is of type string where true or false is expected"));
+  plan_["corotational"] = true;
+  plan_["steps"].erase(4);
+  const PlanReading reading = read(plan_);
+  ASSERT_THAT(reading.errors, IsEmpty());
+  EXPECT_TRUE(reading.plan->corotational);
+}
+
 TEST_F(PlanTest, RefusesStepsThatCannotFollowEachOther) {
   const auto step = [](const char* text) { return json::parse(text); };
   EXPECT_THAT(
