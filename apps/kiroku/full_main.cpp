@@ -57,6 +57,7 @@ int main(int argc, char** argv) {
   Command& plan = add_plan_command(root);
   add_plan_replay_command(plan);
   add_plan_seal_commands(plan);
+  add_plan_pick_command(plan);
   add_plan_serve_command(plan);
   add_compare_command(root);
   add_train_command(root);

@@ -22,8 +22,8 @@ namespace fs = std::filesystem;
 constexpr std::array<std::string_view, 7> kAnsweredHere{"case",   "cases", "log",   "seal",
                                                         "status", "token", "unseal"};
 constexpr std::array<std::string_view, 2> kSimulates{"plan", "sim"};
-constexpr std::array<std::string_view, 7> kNeedMore{"drr-film", "render",   "replay", "seal",
-                                                    "serve",    "transfer", "verify"};
+constexpr std::array<std::string_view, 8> kNeedMore{"drr-film", "pick",  "render",   "replay",
+                                                    "seal",     "serve", "transfer", "verify"};
 
 /// Commands of 'sim' and 'plan' that compute; what makes pictures, takes a home or lists all
 /// commands needs every library.

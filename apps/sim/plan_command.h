@@ -14,6 +14,8 @@ void add_plan_replay_command(Command& plan);
 void add_plan_seal_commands(Command& plan);
 /// 'kiroku compare': a plan beside a recording.
 void add_compare_command(Command& program);
+/// 'plan pick': pictures and the points under them, for programs.
+void add_plan_pick_command(Command& plan);
 /// 'plan serve': a page to plan on, with solvers and the viewer's server.
 void add_plan_serve_command(Command& plan);
 

@@ -17,11 +17,16 @@ struct ComparisonMaker::Work {
   void run(ComparisonJob job) {
     ComparisonProgramEnd end;
     try {
+      ComparisonProgramCall call{
+          .arguments = {job.case_id, job.seal_file.string(), "--home", options.home.string(), "--by-hand",
+                        "-", "--name", job.name, "--made-by", job.made_by, "--asked-by", job.asked_by,
+                        "--progress", "json", "--json"},
+          .input = job.by_hand,
+          .further_file = job.further_file,
+          .limit = options.limit};
+      call.arguments.insert(call.arguments.end(), job.more.begin(), job.more.end());
       end = run_comparison_program(
-          options.program,
-          {job.case_id, job.seal_file.string(), "--home", options.home.string(), "--by-hand", "-", "--name",
-           job.name, "--made-by", job.made_by, "--asked-by", job.asked_by, "--progress", "json", "--json"},
-          job.by_hand, *job.identities,
+          options.program, call, *job.identities,
           [&](const std::string& doing, std::optional<double> share) {
             const std::lock_guard guard(mutex);
             latest->doing = doing;
@@ -40,6 +45,7 @@ struct ComparisonMaker::Work {
     latest->state = made ? ComparisonMakingState::State::kDone : ComparisonMakingState::State::kFailed;
     if (made) return;
     latest->problem = stopping              ? "it was stopped"
+                      : end.overdue         ? "it took too long and was ended"
                       : end.problem.empty() ? "the program that compares ended without a word"
                                             : end.problem;
     options.tell("the comparison '" + job.name + "' of case " + job.case_id +

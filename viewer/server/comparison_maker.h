@@ -2,11 +2,13 @@
 // Thread-safe.
 #pragma once
 
+#include <chrono>
 #include <filesystem>
 #include <functional>
 #include <memory>
 #include <optional>
 #include <string>
+#include <vector>
 
 #include "viewer/server/comparison_program.h"
 #include "viewer/server/session.h"
@@ -19,9 +21,12 @@ struct ComparisonJob {
   std::filesystem::path seal_file;  // the sealed plan
   std::string name;                 // what it will be called
   std::string by_hand;              // docs/comparison.md, "By hand"
-  std::string made_by;              // a user
-  std::string asked_by;             // as the appliance log shall say it
-  Session::Identities identities;   // not null; kept until it is made
+  /// Further arguments of the program, and what it reads under ComparisonProgramCall::kFurtherFile.
+  std::vector<std::string> more;
+  std::string further_file;
+  std::string made_by;             // a user
+  std::string asked_by;            // as the appliance log shall say it
+  Session::Identities identities;  // not null; kept until it is made
 };
 
 /// How the latest one is.
@@ -41,6 +46,8 @@ class ComparisonMaker {
     std::filesystem::path home;         // whose archive and plans
     std::filesystem::path comparisons;  // where what a program leaves when it is stopped is removed
     std::function<void(const std::string& sentence)> tell;
+    /// Then one is ended, so that others can be made.
+    std::chrono::milliseconds limit{};
   };
   explicit ComparisonMaker(Options options);
   /// Stops the one that is being made.

@@ -1,36 +1,45 @@
 // `kiroku compare`, run as a program of its own: what simulates and renders takes minutes, hundreds of
-// megabytes and libraries that have no place in a server beside a recorder. It runs at the lowest priority,
-// ends with the thread that runs it, and is not given identities but file keys, which it asks for
-// (crypto/remote_identity.h). Functions; thread-safe.
+// megabytes and libraries that have no place in a server beside a recorder. It is not given identities but
+// file keys, which it asks for (crypto/remote_identity.h). Functions; thread-safe.
 #pragma once
 
 #include <atomic>
+#include <chrono>
 #include <filesystem>
-#include <functional>
-#include <optional>
 #include <string>
 #include <vector>
 
 #include "crypto/age_recipient.h"
+#include "viewer/server/child_program.h"
 
 namespace kiroku::viewer {
 
-struct ComparisonProgramEnd {
-  int status = 0;       // its exit status; -1 where it was killed
-  std::string out;      // its standard output
-  std::string problem;  // its last sentence on standard error, "" where it said none
+/// What it is asked for.
+struct ComparisonProgramCall {
+  std::vector<std::string> arguments;  // after `kiroku compare`
+  std::string input;                   // its standard input
+  /// A further file, read under kFurtherFile; "" for none.
+  std::string further_file;
+  /// Then it is ended.
+  std::chrono::milliseconds limit{};
+
+  static constexpr const char* kFurtherFile = "/dev/fd/4";
 };
 
-/// What is being done, and its share where that is known. From the thread that runs the program.
-using ComparisonProgramProgress = std::function<void(const std::string& doing, std::optional<double> share)>;
+struct ComparisonProgramEnd {
+  int status = 0;        // its exit status; -1 where it was killed
+  std::string out;       // its standard output
+  std::string problem;   // its last sentence on standard error, "" where it said none
+  bool overdue = false;  // it was ended because it took longer than the limit
+};
 
-/// Runs `program compare …arguments` with `input` as its standard input, and waits for its end. `stop` set by
-/// another thread ends it within half a second, or by force within 5 s. kiroku::Error where it cannot be
-/// started.
+/// Runs `program compare …` and waits for its end. `stop` set by another thread, or the limit, ends it within
+/// half a second, or by force within 5 s. What is being done is told by `progress`, from the thread that
+/// called. kiroku::Error where it cannot be started.
 ComparisonProgramEnd run_comparison_program(const std::filesystem::path& program,
-                                            const std::vector<std::string>& arguments,
-                                            const std::string& input, const crypto::AgeIdentities& identities,
-                                            const ComparisonProgramProgress& progress,
+                                            const ComparisonProgramCall& call,
+                                            const crypto::AgeIdentities& identities,
+                                            const ProgramListener::Progress& progress,
                                             const std::atomic<bool>& stop);
 
 }  // namespace kiroku::viewer

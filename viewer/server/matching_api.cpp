@@ -1,3 +1,5 @@
+#include "viewer/server/matching_api.h"
+
 #include <atomic>
 #include <memory>
 #include <mutex>
@@ -10,7 +12,9 @@
 #include "viewer/kept/sealed_plan.h"
 #include "viewer/server/api.h"
 #include "viewer/server/comparison_maker.h"
+#include "viewer/server/fluoroscopy_fields.h"
 #include "viewer/server/json_fields.h"
+#include "viewer/server/plan_picker.h"
 
 namespace kiroku::viewer {
 namespace {
@@ -34,27 +38,42 @@ ordered_json state_json(const ComparisonMakingState& state) {
   return told;
 }
 
-/// Steps matched by hand: what the plan has, and a comparison made of what a person says.
+/// Steps matched by hand, points picked and tools clicked: what the plan has, and a comparison made of what a
+/// person says.
 class MatchingApi {
  public:
-  explicit MatchingApi(ViewerContext& context)
+  MatchingApi(ViewerContext& context, const MatchingLimits& limits)
       : context_(context),
+        limits_(limits),
         maker_({.program = context.home().comparison_program,
                 .home = context.home().folder,
                 .comparisons = context.home().comparisons_folder,
-                .tell = [&context](const std::string& sentence) { context.tell(sentence); }}) {}
+                .tell = [&context](const std::string& sentence) { context.tell(sentence); },
+                .limit = limits.making}),
+        picker_({.program = context.home().comparison_program}) {}
 
   Response steps(const Request& request) {
     const Session::Identities identities = ViewerContext::require_unlocked(request);
-    const std::filesystem::path seal = plan_of(request);
+    const std::filesystem::path seal = plan_of(context_.open_case(request));
     const std::string& case_id = request.parameter("case");
     context_.enter_access_once(request, case_id, "matched a plan by hand");
-    const std::lock_guard turn(reading_);
+    const std::chrono::milliseconds limit = limits_.reading;
+    const std::unique_lock turn(reading_, limit);
+    if (!turn) throw Refusal(503, "plans are being read for others: try again");
     const std::atomic<bool> never{false};
     const ComparisonProgramEnd end = run_comparison_program(
         context_.home().comparison_program,
-        {case_id, seal.string(), "--home", context_.home().folder.string(), "--steps", "--json"}, "",
+        {.arguments = {case_id, seal.string(), "--home", context_.home().folder.string(), "--steps",
+                       "--json"},
+         .input = {},
+         .further_file = {},
+         .limit = limit},
         *identities, [](const std::string& /*doing*/, std::optional<double> /*share*/) {}, never);
+    if (end.overdue) {
+      throw Refusal(504, "reading the plan " + seal.filename().string() + " and its case took longer than " +
+                             std::to_string(limit / std::chrono::seconds(1)) +
+                             " s, and was ended: try again when the machine has less to do");
+    }
     const json told = json::parse(end.out, nullptr, false);
     if (end.status != 0 || !told.is_object()) {
       throw Refusal(422, end.problem.empty()
@@ -75,7 +94,9 @@ class MatchingApi {
     if (by_hand == asked.end() || !by_hand->is_object())
       throw Refusal(400, "'by_hand' must say what was matched: an object with 'steps'");
     const std::string& case_id = request.parameter("case");
-    const std::filesystem::path seal = plan_of(request);
+    const archive::CaseReader recording = context_.open_case(request);
+    const std::filesystem::path seal = plan_of(recording);
+    FluoroscopyFields fluoroscopy = take_fluoroscopy(asked, recording.opening());
     const compare::KeptPlace place = compare::kept_place(context_.home().comparisons_folder, case_id, name);
     std::error_code ignored;
     if (std::filesystem::exists(place.sealed_document(), ignored))
@@ -86,6 +107,8 @@ class MatchingApi {
                        .seal_file = seal,
                        .name = name,
                        .by_hand = by_hand->dump(),
+                       .more = std::move(fluoroscopy.arguments),
+                       .further_file = std::move(fluoroscopy.geometry),
                        .made_by = user,
                        .asked_by = user + " (kiroku view, " + request.peer + ")",
                        .identities = identities})) {
@@ -115,10 +138,26 @@ class MatchingApi {
     return Response::nothing();
   }
 
+  /// `what` is a question of `kiroku plan pick`, asked with the body.
+  Response pick(const Request& request, const char* what) {
+    static_cast<void>(ViewerContext::require_unlocked(request));
+    const json question{{what, request.json()}};
+    const std::filesystem::path seal = plan_of(context_.open_case(request));
+    context_.enter_access_once(request, request.parameter("case"), "picked points on pictures of a plan");
+    const PickingAnswer answer = picker_.ask(seal, request.session->user(), question.dump());
+    if (!answer.ready)
+      return Response::json({{"doing", answer.doing}, {"share", or_null(answer.share)}}, 202);
+    const json told = json::parse(answer.text, nullptr, false);
+    if (told.is_object() && told.contains("refused") && told["refused"].is_string())
+      throw Refusal(400, told["refused"].get<std::string>());
+    if (!told.is_object())
+      throw Refusal(422, "the program that shows the plan answered with what is no answer");
+    return Response::text(answer.text, "application/json");
+  }
+
  private:
   /// The sealed plan that the case was recorded by.
-  [[nodiscard]] std::filesystem::path plan_of(const Request& request) const {
-    const archive::CaseReader recording = context_.open_case(request);
+  [[nodiscard]] std::filesystem::path plan_of(const archive::CaseReader& recording) const {
     if (!recording.opening().plan) throw Refusal(404, "this case was not recorded by a sealed plan");
     if (context_.home().comparison_program.empty())
       throw Refusal(503, "the program that compares is not installed: install Kiroku anew");
@@ -131,14 +170,18 @@ class MatchingApi {
   }
 
   ViewerContext& context_;
+  const MatchingLimits limits_;
   ComparisonMaker maker_;
-  std::mutex reading_;
+  PlanPicker picker_;
+  std::timed_mutex reading_;
 };
 
 }  // namespace
 
-void add_matching_routes(Router& router, ViewerContext& context) {
-  const auto api = std::make_shared<MatchingApi>(context);
+void add_matching_routes(Router& router, ViewerContext& context) { add_matching_routes(router, context, {}); }
+
+void add_matching_routes(Router& router, ViewerContext& context, const MatchingLimits& limits) {
+  const auto api = std::make_shared<MatchingApi>(context, limits);
   router.add("GET", "api/cases/{case:case}/matching", Right::kCompare,
              [api](const Request& request) { return api->steps(request); });
   router.add({"POST", "api/cases/{case:case}/comparisons", Right::kCompare,
@@ -147,6 +190,10 @@ void add_matching_routes(Router& router, ViewerContext& context) {
               [api](const Request& request) { return api->state(request); }, false});
   router.add("DELETE", "api/cases/{case:case}/making", Right::kCompare,
              [api](const Request& request) { return api->stop(request); });
+  for (const char* what : {"picture", "point", "registration"}) {
+    router.add("POST", std::string("api/cases/{case:case}/picking/") + what, Right::kCompare,
+               [api, what](const Request& request) { return api->pick(request, what); });
+  }
 }
 
 }  // namespace kiroku::viewer

@@ -145,6 +145,59 @@ TEST_F(Matching, SaysInWordsWhatItDoesNotMake) {
               HasSubstr("not recorded by a sealed"));
 }
 
+TEST_F(Matching, PicksPointsOnPicturesOfThePlanAndKeepsTheCameraThatFollows) {
+  const auto pick = [&](const std::string& what, const json& body) {
+    for (int look = 0; look < 600; ++look) {
+      const HttpResponse answer = ask("POST", case_path("/picking/" + what), surgeon_, body.dump());
+      if (answer.status != 202) {
+        EXPECT_EQ(answer.status, 200) << answer.body;
+        return json::parse(answer.body);
+      }
+      std::this_thread::sleep_for(std::chrono::milliseconds(100));
+    }
+    return json("never ready");
+  };
+  // At rest, seen from aside and above.
+  json view{{"step", 1},  {"plan_s", 0}, {"azimuth_deg", 35}, {"elevation_deg", 25}, {"zoom", 1},
+            {"pan_x", 0}, {"pan_y", 0},  {"width", 160},      {"height", 120}};
+  EXPECT_GT(pick("picture", view)["jpeg"].get<std::string>().size(), 1000U);
+  json points = json::array();
+  for (const auto& [x, y] : std::vector<std::pair<double, double>>{
+           {0.5, 0.5}, {0.4, 0.4}, {0.6, 0.6}, {0.45, 0.6}, {0.62, 0.45}, {0.5, 0.35}}) {
+    json at = view;
+    at["x"] = x;
+    at["y"] = y;
+    const json organ = pick("point", at)["organ"];
+    ASSERT_TRUE(organ.is_array()) << x << " " << y;
+    points.push_back({{"organ", organ}, {"pixel", {x * 160 - 0.5, y * 120 - 0.5}}});
+  }
+  const json judged = pick("registration", {{"width", 160}, {"height", 120}, {"points", points}});
+  EXPECT_LT(judged.value("rms_px", 99.0), 0.01) << judged;
+
+  const json said{{"name", "picked"},
+                  {"by_hand",
+                   {{"steps", {{{"step", 2}, {"start", 1'000'000'000}}}},
+                    {"registration", {{"at", 1'500'000'000}, {"points", points}}}}}};
+  ASSERT_EQ(ask_for(surgeon_, said.dump()).status, 202);
+  ASSERT_EQ(ended()["state"], "done") << ended();
+  const json document = json::parse(ask("GET", case_path("/comparisons/picked"), surgeon_).body);
+  EXPECT_NEAR(document["registration"]["rms_px"].get<double>(), judged["rms_px"].get<double>(), 1e-9);
+  EXPECT_NEAR(document["registration"]["field_deg"].get<double>(), judged["field_deg"].get<double>(), 1e-9);
+  EXPECT_THAT(accesses(),
+              testing::Contains(HasSubstr("picked points on pictures of a plan a-surgeon (kiroku view")));
+
+  // What is no question, and who may not ask.
+  view["step"] = 99;
+  const HttpResponse wrong = ask("POST", case_path("/picking/picture"), surgeon_, view.dump());
+  EXPECT_EQ(wrong.status, 400);
+  EXPECT_THAT(wrong.body, HasSubstr("picture.step"));
+  for (const char* role : {"operator", "auditor"}) {
+    const std::string cookie = sign_in(std::string("a-") + role);
+    for (const char* what : {"picture", "point", "registration"})
+      EXPECT_EQ(ask("POST", case_path(std::string("/picking/") + what), cookie, "{}").status, 403) << role;
+  }
+}
+
 TEST_F(Matching, IsStoppedWithoutATrace) {
   ASSERT_EQ(ask_for(surgeon_, said("stopped", {{{"step", 2}, {"start", 1'000'000'000}}})).status, 202);
   EXPECT_EQ(ask("DELETE", case_path("/making"), surgeon_, "{}").status, 204);

@@ -1,0 +1,145 @@
+#include "viewer/server/plan_picker.h"
+
+#include <fstream>
+#include <thread>
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "tests/support/temporary_folder.h"
+#include "viewer/server/request.h"
+
+namespace kiroku::viewer {
+namespace {
+
+using namespace std::chrono_literals;
+using testing::HasSubstr;
+namespace fs = std::filesystem;
+
+/// A shell script in the place of `kiroku plan pick`, which notes each start.
+class Picker : public testing::Test {
+ protected:
+  PlanPicker::Options options(const std::string& text) {
+    const fs::path file = folder_ / "program";
+    std::ofstream(file) << "#!/bin/sh\necho \"$@\" >> " << (folder_ / "starts").string() << "\n"
+                        << text << "\n";
+    fs::permissions(file, fs::perms::owner_all);
+    return {.program = file};
+  }
+  [[nodiscard]] std::vector<std::string> starts() const {
+    std::vector<std::string> all;
+    std::ifstream in(folder_ / "starts");
+    for (std::string line; std::getline(in, line);) all.push_back(line);
+    return all;
+  }
+  /// Asks until the plan is ready, as the page does.
+  static PickingAnswer ask(PlanPicker& picker, const std::string& seal, const std::string& who,
+                           const std::string& question) {
+    for (int look = 0; look < 300; ++look) {
+      PickingAnswer answer = picker.ask(seal, who, question);
+      if (answer.ready) return answer;
+      std::this_thread::sleep_for(20ms);
+    }
+    ADD_FAILURE() << "never ready";
+    return {};
+  }
+  /// Its status and sentence.
+  template <typename Act>
+  static std::pair<int, std::string> refusal(Act act) {
+    try {
+      for (int look = 0; look < 300; ++look) {
+        if (act().ready) return {200, ""};
+        std::this_thread::sleep_for(20ms);
+      }
+      return {202, "never ready"};
+    } catch (const Refusal& refused) {
+      return {refused.status(), refused.what()};
+    }
+  }
+  static constexpr const char* kEcho = "echo ready; while read -r line; do echo \"to $line\"; done";
+
+  test::TemporaryFolder folder_;
+};
+
+TEST_F(Picker, TellsWhatIsDoneUntilThePlanIsReadyAndThenAnswers) {
+  PlanPicker picker(options("echo '{\"doing\":\"carrying out the plan\",\"share\":0.5}' >&2; sleep 0.5\n" +
+                            std::string(kEcho)));
+  const PickingAnswer first = picker.ask("a.seal.json", "mori", "1");
+  EXPECT_FALSE(first.ready) << "at once";
+  std::this_thread::sleep_for(250ms);
+  const PickingAnswer second = picker.ask("a.seal.json", "mori", "1");
+  EXPECT_EQ(second.doing, "carrying out the plan");
+  EXPECT_EQ(second.share, 0.5);
+  EXPECT_EQ(ask(picker, "a.seal.json", "mori", "2").text, "to 2");
+  EXPECT_EQ(ask(picker, "a.seal.json", "sato", "3").text, "to 3") << "of the same plan";
+  EXPECT_EQ(starts(), std::vector<std::string>{"plan pick a.seal.json"});
+}
+
+TEST_F(Picker, AnswersManyAtATimeOneAfterTheOther) {
+  PlanPicker picker(options(kEcho));
+  EXPECT_EQ(ask(picker, "a.seal.json", "mori", "0").text, "to 0");
+  std::vector<std::jthread> askers;
+  for (int n = 0; n < 8; ++n) {
+    askers.emplace_back([&picker, n] {
+      for (int i = 0; i < 20; ++i) {
+        const std::string text = std::to_string(100 * n + i);
+        EXPECT_EQ(picker.ask("a.seal.json", "mori", text).text, "to " + text);
+      }
+    });
+  }
+}
+
+TEST_F(Picker, GoesToAnotherPlanForWhoeverHasIt) {
+  PlanPicker::Options given = options(kEcho);
+  given.reserved = 400ms;
+  PlanPicker picker(given);
+  EXPECT_EQ(ask(picker, "a.seal.json", "mori", "1").text, "to 1");
+  EXPECT_EQ(ask(picker, "b.seal.json", "mori", "2").text, "to 2") << "one person's own";
+  const auto [status, sentence] = refusal([&] { return picker.ask("a.seal.json", "sato", "3"); });
+  EXPECT_EQ(status, 409);
+  EXPECT_THAT(sentence, HasSubstr("mori picks points on another plan"));
+  std::this_thread::sleep_for(500ms);
+  EXPECT_EQ(ask(picker, "a.seal.json", "sato", "4").text, "to 4") << "nobody asked for a while";
+  EXPECT_EQ(starts().size(), 3U);
+}
+
+TEST_F(Picker, SaysWhyAPlanCannotBeShownAndTriesAgain) {
+  PlanPicker picker(options("echo 'kiroku: the plan names no CT' >&2; exit 2"));
+  for (int times = 1; times <= 2; ++times) {
+    const auto [status, sentence] = refusal([&] { return picker.ask("a.seal.json", "mori", "1"); });
+    EXPECT_EQ(status, 422);
+    EXPECT_EQ(sentence, "the plan names no CT");
+    EXPECT_EQ(starts().size(), static_cast<std::size_t>(times));
+  }
+}
+
+TEST_F(Picker, EndsWhatTakesTooLong) {
+  PlanPicker::Options slow = options("exec sleep 100");
+  slow.to_prepare = 300ms;
+  {
+    PlanPicker picker(slow);
+    const auto [status, sentence] = refusal([&] { return picker.ask("a.seal.json", "mori", "1"); });
+    EXPECT_EQ(status, 504);
+    EXPECT_THAT(sentence, HasSubstr("took too long"));
+  }
+  PlanPicker::Options silent = options("echo ready; exec sleep 100");
+  silent.to_answer = 300ms;
+  PlanPicker picker(silent);
+  const auto [status, sentence] = refusal([&] { return picker.ask("a.seal.json", "mori", "1"); });
+  EXPECT_EQ(status, 504);
+  EXPECT_THAT(sentence, HasSubstr("ended"));
+}
+
+TEST_F(Picker, EndsWhenNobodyAsks) {
+  PlanPicker::Options given = options(kEcho);
+  given.idle = 300ms;
+  PlanPicker picker(given);
+  EXPECT_EQ(ask(picker, "a.seal.json", "mori", "1").text, "to 1");
+  std::this_thread::sleep_for(700ms);
+  EXPECT_FALSE(picker.ask("a.seal.json", "mori", "2").ready) << "it is begun anew";
+  EXPECT_EQ(ask(picker, "a.seal.json", "mori", "2").text, "to 2");
+  EXPECT_EQ(starts().size(), 2U);
+}
+
+}  // namespace
+}  // namespace kiroku::viewer

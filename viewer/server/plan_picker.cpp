@@ -1,0 +1,239 @@
+#include "viewer/server/plan_picker.h"
+
+#include <array>
+#include <condition_variable>
+#include <functional>
+#include <mutex>
+#include <poll.h>
+#include <stop_token>
+#include <sys/socket.h>
+#include <thread>
+#include <utility>
+
+#include "viewer/server/child_program.h"
+#include "viewer/server/request.h"
+
+namespace kiroku::viewer {
+namespace {
+
+namespace fs = std::filesystem;
+using Clock = std::chrono::steady_clock;
+
+constexpr int kTooLong = 504, kCannotBeShown = 422;
+/// Pictures of a plan as text.
+constexpr std::size_t kLongestLine = 16U << 20;
+
+struct Question {
+  std::string text;
+  bool done = false;
+  std::string answer;
+  int refused = 0;  // a status, with its sentence in `answer`
+};
+
+/// The program with its three ends.
+class Asked {
+ public:
+  Asked(const fs::path& program, const fs::path& seal_file, ProgramListener::Progress progress)
+      : listener_(std::move(progress)) {
+    DescriptorPair in = make_socket_pair(), out = make_pipe(), err = make_pipe();
+    std::vector<Descriptor> given;
+    given.push_back(std::move(in.theirs));
+    given.push_back(std::move(out.theirs));
+    given.push_back(std::move(err.theirs));
+    in_ = std::move(in.ours);
+    out_ = std::move(out.ours);
+    err_ = std::move(err.ours);
+    child_.emplace(program, std::vector<std::string>{"plan", "pick", seal_file.string()}, std::move(given));
+  }
+
+  enum class Heard { kLine, kEnd, kTooLate, kLeave };
+  /// A line of its standard output into `line`.
+  Heard hear(std::string& line, std::chrono::milliseconds patience, const std::function<bool()>& leave) {
+    constexpr int kLookMs = 100;
+    const Clock::time_point until = Clock::now() + patience;
+    bool open = true;
+    for (;;) {
+      const std::size_t end = heard_.find('\n');
+      if (end != std::string::npos) {
+        line = heard_.substr(0, end);
+        heard_.erase(0, end + 1);
+        return Heard::kLine;
+      }
+      if (!open || heard_.size() > kLongestLine) return Heard::kEnd;
+      if (leave()) return Heard::kLeave;
+      if (Clock::now() > until) return Heard::kTooLate;
+      std::array<pollfd, 2> ends{{{out_.number(), POLLIN, 0}, {err_.number(), POLLIN, 0}}};
+      if (::poll(ends.data(), ends.size(), kLookMs) <= 0) continue;
+      if (ends[1].revents != 0) drain(err_.number(), [&](std::string_view bytes) { listener_.take(bytes); });
+      if (ends[0].revents != 0) open = drain(out_.number(), [&](std::string_view bytes) { heard_ += bytes; });
+    }
+  }
+
+  bool say(const std::string& text) {
+    const std::string line = text + "\n";
+    return ::send(in_.number(), line.data(), line.size(), MSG_NOSIGNAL | MSG_DONTWAIT) ==
+           static_cast<ssize_t>(line.size());
+  }
+
+  [[nodiscard]] std::string problem() {
+    // Its last words may have come after the end of its answers.
+    std::array<pollfd, 1> end{{{err_.number(), POLLIN, 0}}};
+    constexpr int kLastWordsMs = 500;
+    while (::poll(end.data(), end.size(), kLastWordsMs) > 0 &&
+           drain(err_.number(), [&](std::string_view bytes) { listener_.take(bytes); })) {
+    }
+    return listener_.problem().empty() ? "the program that shows the plan ended without a word"
+                                       : listener_.problem();
+  }
+
+ private:
+  ProgramListener listener_;
+  Descriptor in_, out_, err_;
+  std::string heard_;
+  std::optional<ChildProgram> child_;
+};
+
+}  // namespace
+
+struct PlanPicker::Work {
+  explicit Work(Options asked) : options(std::move(asked)) {
+    thread = std::jthread([this](const std::stop_token& stop) { run(stop); });
+  }
+
+  /// The program belongs to this thread, with which it would end.
+  void run(const std::stop_token& stop) {
+    std::unique_lock lock(mutex);
+    while (changed.wait(lock, stop, [&] { return wanted && !refused; })) {
+      const fs::path seal = *wanted;
+      ready = false;
+      doing.clear();
+      share.reset();
+      lock.unlock();
+      int status = 0;
+      std::string problem;
+      try {
+        std::tie(status, problem) = serve(seal, stop);
+      } catch (const std::exception& error) {
+        status = kCannotBeShown;
+        problem = error.what();
+      }
+      lock.lock();
+      ready = false;
+      if (wanted == seal) {
+        refused = status;
+        sentence = problem;
+        if (status == 0) wanted.reset();
+      }
+      if (question)
+        settle(*question, status == 0 ? 409 : status,
+               status == 0 ? "another plan was asked for meanwhile: ask again" : problem);
+    }
+  }
+
+  /// Until nobody asks any more or another plan is wanted: status 0; else why it ended.
+  std::pair<int, std::string> serve(const fs::path& seal, const std::stop_token& stop) {
+    bool prepared = false;
+    const auto leave = [&] {
+      const std::lock_guard guard(mutex);
+      return stop.stop_requested() || wanted != seal || (prepared && !ready) ||
+             Clock::now() - last_asked > options.idle;
+    };
+    Asked program(options.program, seal, [&](const std::string& what, std::optional<double> part) {
+      const std::lock_guard guard(mutex);
+      doing = what;
+      share = part;
+    });
+    std::string line;
+    for (;; prepared = true) {
+      const auto heard = program.hear(line, prepared ? options.to_answer : options.to_prepare, leave);
+      if (heard == Asked::Heard::kEnd) return {kCannotBeShown, program.problem()};
+      if (heard == Asked::Heard::kTooLate)
+        return {kTooLong, prepared ? "a picture of the plan took too long; the program was ended: ask again"
+                                   : "carrying out the plan took too long; the program was ended"};
+      if (heard == Asked::Heard::kLeave) return {};
+      std::unique_lock lock(mutex);
+      if (prepared) {
+        settle(*question, 0, line);
+      } else {
+        ready = true;
+      }
+      // Not ready any more: another plan was wanted in between.
+      const auto waited = [&] { return wanted != seal || !ready || question; };
+      while (!waited()) {
+        if (stop.stop_requested() || Clock::now() - last_asked > options.idle) return {};
+        changed.wait_until(lock, stop, last_asked + options.idle, waited);
+      }
+      if (wanted != seal || !ready) return {};
+      if (!program.say(question->text)) return {kCannotBeShown, program.problem()};
+    }
+  }
+
+  void settle(Question& one, int status, std::string text) {
+    one.done = true;
+    one.refused = status;
+    one.answer = std::move(text);
+    question.reset();
+    changed.notify_all();
+  }
+
+  PickingAnswer ask(const fs::path& seal, const std::string& who, const std::string& text) {
+    std::unique_lock lock(mutex);
+    const bool same = wanted == seal;
+    if (wanted && !same && who != last_who && Clock::now() - last_asked < options.reserved)
+      throw Refusal(409, last_who + " picks points on another plan: wait until that is done");
+    last_asked = Clock::now();
+    last_who = who;
+    if (refused) {
+      const int status = std::exchange(refused, 0);
+      wanted.reset();
+      if (same) throw Refusal(status, sentence);
+    }
+    if (wanted != seal) {
+      wanted = seal;
+      ready = false;
+      doing.clear();
+      share.reset();
+      changed.notify_all();
+    }
+    if (!ready) return {false, doing, share, {}};
+    const Clock::time_point until = Clock::now() + options.to_answer + kToBeEnded;
+    if (!changed.wait_until(lock, until, [&] { return !question; }))
+      throw Refusal(503, "others ask for pictures of the plan: try again");
+    if (!ready || wanted != seal) return {false, doing, share, {}};
+    const auto mine = std::make_shared<Question>();
+    mine->text = text;
+    question = mine;
+    changed.notify_all();
+    if (!changed.wait_until(lock, until, [&] { return mine->done; }))
+      throw Refusal(kTooLong, "a picture of the plan took too long");
+    if (mine->refused != 0) throw Refusal(mine->refused, mine->answer);
+    return {true, {}, {}, mine->answer};
+  }
+
+  static constexpr auto kToBeEnded = std::chrono::seconds(5);
+
+  const Options options;
+  std::mutex mutex;
+  std::condition_variable_any changed;
+  std::optional<fs::path> wanted;  // the sealed plan that is asked about
+  bool ready = false;              // it is carried out
+  std::string doing;
+  std::optional<double> share;
+  int refused = 0;  // why it is not: a status and a sentence, until the next who asks was told
+  std::string sentence;
+  std::string last_who;
+  Clock::time_point last_asked;
+  std::shared_ptr<Question> question;  // the one that is being answered
+  std::jthread thread;                 // last: uses the rest
+};
+
+PlanPicker::PlanPicker(Options options) : work_(std::make_unique<Work>(std::move(options))) {}
+
+PlanPicker::~PlanPicker() = default;
+
+PickingAnswer PlanPicker::ask(const fs::path& seal_file, const std::string& who,
+                              const std::string& question) {
+  return work_->ask(seal_file, who, question);
+}
+
+}  // namespace kiroku::viewer
