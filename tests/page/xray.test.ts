@@ -5,7 +5,8 @@ import { copyFileSync, mkdirSync, writeFileSync } from 'node:fs';
 import { join } from 'node:path';
 import type { Browser } from 'playwright-core';
 import { afterAll, beforeAll, describe, expect, it } from 'vitest';
-import { Appliance, keepPicture, seriousBarriers, settled, startBrowser, visit, type Visitor } from './kit';
+import type { ComparisonDocument } from '@/api/types';
+import { Appliance, keepPicture, near, seriousBarriers, settled, startBrowser, visit, type Visitor } from './kit';
 
 let appliance: Appliance;
 let browser: Browser;
@@ -99,4 +100,43 @@ describe('The plan’s radiographs', () => {
     expect(await seriousBarriers(page)).toEqual([]);
     expect(visitor.problems).toEqual([]);
   });
+
+  it('are compared as the page says: a geometry of one’s own, aligned at a moment', async () => {
+    const { page } = visitor;
+    await page.getByRole('button', { name: 'Match steps by hand' }).click();
+    const matching = page.getByRole('region', { name: 'Match steps by hand' });
+    for (const [step, start] of [['1. Approach', 0], ['3. Lift', 1], ['4. Hold', 3], ['6. Inspect', 4.5]] as const) {
+      await matching.getByRole('button', { name: step, exact: true }).click();
+      await page.evaluate(() => (document.activeElement as HTMLElement | null)?.blur());
+      await page.keyboard.press('g');
+      await page.locator('dialog input:focus').waitFor();
+      await page.keyboard.type(String(start));
+      await page.keyboard.press('Enter');
+      await near(page, start);
+      await page.keyboard.press('m');
+    }
+    await matching.locator('.plan-choices').getByText('X-ray', { exact: true }).click();
+    const file = matching.getByLabel('Geometry (JSON)');
+    await file.setInputFiles({ name: 'none.json', mimeType: 'application/json', buffer: Buffer.from('[1]') });
+    await matching.getByText('none.json holds no geometry').waitFor();
+    await file.setInputFiles(join(appliance.home, 'plans', 'demonstration', 'planned.json'));
+    await matching.getByText('is compared, by planned.json').waitFor();
+    await page.getByRole('slider', { name: 'Position' }).focus();
+    await page.keyboard.press('Home');
+    for (let i = 0; i < 2; ++i) await page.keyboard.press('Shift+ArrowRight');
+    await matching.getByRole('button', { name: 'Align at this moment' }).click();
+    await matching.getByText('00:00:02.000').waitFor();
+    await keepPicture(page, 'xray-by-hand');
+    expect(await seriousBarriers(page)).toEqual([]);
+    await matching.getByRole('button', { name: 'Keep as a comparison' }).click();
+    await page.getByText(/Aligned: 0\.9\d+; the patient lay \d+\.\d mm aside/).waitFor({ timeout: 120_000 });
+    const made = await page.evaluate(async (one) => (await (await fetch(`/api/cases/${one}/comparisons/by-hand`)).json()) as ComparisonDocument, id);
+    const moved_mm = made.fluoroscopy?.alignment?.translation_mm ?? [];
+    console.log(`aligned on the page: ${JSON.stringify(made.fluoroscopy?.alignment)}`);
+    expect(made.fluoroscopy?.stream).toBe('fluoroscopy');
+    // The patient lay 7 mm and 5 mm aside, seen from the front.
+    expect(Math.abs((moved_mm[0] ?? NaN) - 7)).toBeLessThan(1);
+    expect(Math.abs((moved_mm[2] ?? NaN) + 5)).toBeLessThan(1);
+    expect(visitor.problems).toEqual([]);
+  }, 180_000);
 });

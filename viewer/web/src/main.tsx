@@ -5,6 +5,7 @@ import { App } from '@/shell/app';
 import { startTheme } from '@/shell/state';
 import 'uplot/dist/uPlot.min.css';
 import '@/styles/matching.css';
+import '@/styles/picking.css';
 import '@/styles/page.css';
 import '@/styles/guests.css';
 import '@/styles/log.css';

@@ -1,5 +1,5 @@
 import { describe, expect, it } from 'vitest';
-import { beginning, begun, byHand, changed, compared, type Draft, ended, freeName, mapOfSteps, notDone, ofFound, redone, undone } from '@/compare/matching';
+import { beginning, begun, byHand, changed, compared, type Draft, ended, freeName, mapOfSteps, notDone, ofFound, paused, redone, undone, unpaused } from '@/compare/matching';
 import { planAt } from '@/compare/plan_map';
 
 const room = { start_ns: 0, end_ns: 60e9 };
@@ -39,6 +39,23 @@ describe('Matching by hand', () => {
     expect(ended(draft, 1, 30e9, room)).toBe(draft);
     expect(doneOf(ended(draft, 2, 12e9, room))[1]).toEqual([10e9, 12e9, 1]);
     expect(notDone(draft, 2, room).size).toBe(0);
+  });
+
+  it('adds pauses within a step, joins those that overlap, and takes them out again', () => {
+    const draft = ended(begun(begun(nothing, 1, 10e9, room), 3, 30e9, room), 1, 25e9, room);
+    const one = paused(draft, 1, { start_ns: 12e9, end_ns: 14e9 }, room);
+    const two = paused(one, 1, { start_ns: 20e9, end_ns: 21e9 }, room);
+    expect(byHand(two).steps[0]).toEqual({ step: 1, start: 10e9, end: 25e9, pauses: [[12e9, 14e9], [20e9, 21e9]] });
+    expect(byHand(paused(two, 1, { start_ns: 13e9, end_ns: 20.5e9 }, room)).steps[0]).toEqual({ step: 1, start: 10e9, end: 25e9, pauses: [[12e9, 21e9]] });
+    expect(byHand(unpaused(two, 1, 0)).steps[0]).toEqual({ step: 1, start: 10e9, end: 25e9, pauses: [[20e9, 21e9]] });
+    // The last step lasts until the recording ends; nothing is interrupted that was not being done.
+    expect(paused(draft, 3, { start_ns: 58e9, end_ns: 60e9 }, room).get(3)?.pauses).toEqual([{ start_ns: 58e9, end_ns: 60e9 }]);
+    expect(paused(draft, 1, { start_ns: 24e9, end_ns: 26e9 }, room)).toBe(draft);
+    expect(paused(draft, 2, { start_ns: 12e9, end_ns: 14e9 }, room)).toBe(draft);
+    expect(paused(draft, 1, { start_ns: 12e9, end_ns: 12e9 }, room)).toBe(draft);
+    // The plan stands meanwhile.
+    const map = mapOfSteps(compared(planned, one, room));
+    expect(map && planAt(map, 13e9)).toMatchObject({ step: 1, speed: 0 });
   });
 
   it('stays within the recording, on whole nanoseconds', () => {

@@ -1,6 +1,7 @@
 // The API as functions. Every failure is an ApiError with the server's own sentence.
 import type {
-  ApplianceStatus, CaseInfo, CaseSummary, Comparison, ComparisonDocument, ComparisonMaking, Matching, Role, Session, Timeline, User, Verification, Vitals,
+  ApplianceStatus, CaseInfo, CaseSummary, Comparison, ComparisonDocument, ComparisonMaking, JudgedPoints, Matching, PickingCamera, PickingView,
+  Preparing, Role, Session, Timeline, User, Verification, Vitals,
 } from '@/api/types';
 
 export class ApiError extends Error {
@@ -100,7 +101,13 @@ export const cases = {
   /** What of the case's sealed plan can be matched by hand; takes as long as reading the plan does. */
   matching: (id: string) => json<Matching>('GET', `${caseOf(id)}/matching`),
   /** Has a comparison made, which takes minutes. */
-  compare: (id: string, name: string, by_hand: unknown) => json<ComparisonMaking>('POST', `${caseOf(id)}/comparisons`, { name, by_hand }),
+  compare: (id: string, name: string, by_hand: unknown, fluoroscopy: unknown) =>
+    json<ComparisonMaking>('POST', `${caseOf(id)}/comparisons`, { name, by_hand, fluoroscopy }),
+  /** The plan's picture with its camera; which point of the organ is at a place of it; how well points register a camera. */
+  planPicture: (id: string, view: PickingView) => json<{ jpeg: string; camera: PickingCamera } | Preparing>('POST', `${caseOf(id)}/picking/picture`, view),
+  organPoint: (id: string, view: PickingView, x: number, y: number) =>
+    json<{ organ: [number, number, number] | null } | Preparing>('POST', `${caseOf(id)}/picking/point`, { ...view, x, y }),
+  judgePoints: (id: string, points: unknown) => json<JudgedPoints | Preparing>('POST', `${caseOf(id)}/picking/registration`, points),
   making: (id: string) => json<ComparisonMaking>('GET', `${caseOf(id)}/making`),
   stopMaking: (id: string) => json<void>('DELETE', `${caseOf(id)}/making`),
   verify: (id: string) => json<void>('POST', `${caseOf(id)}/verification`),

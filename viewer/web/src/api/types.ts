@@ -306,7 +306,39 @@ export interface Matching {
   end_ns: number;
   steps: PlannedStep[];
   found: FoundStep[];
+  /** The plan's tools, by their names. */
+  tools: string[];
 }
+
+/** From where and when the plan is seen while points are picked on it: a view of planning, and the plan's moment. */
+export interface PickingView {
+  /** The plan's step, from 1. */
+  step: number;
+  plan_s: number;
+  azimuth_deg: number;
+  elevation_deg: number;
+  zoom: number;
+  pan_x: number;
+  pan_y: number;
+  width: number;
+  height: number;
+}
+
+/** In the plan's unit; `view_axes` to the right, up, and towards who looks. */
+export interface PickingCamera {
+  eye: [number, number, number];
+  view_axes: number[];
+  half_extent: [number, number];
+  centre: [number, number];
+}
+
+/** While the plan is still carried out. */
+export interface Preparing {
+  doing: string;
+  share: number | null;
+}
+
+export type JudgedPoints = { rms_px: number; error_px: number[]; field_deg: number; field_estimated: boolean } | { problem: string };
 
 export type ComparisonMaking =
   | { name: string; made_by: string; state: 'running'; doing: string; share: number | null }
@@ -320,7 +352,7 @@ export interface ComparisonDocument {
   in_planned_order: boolean;
   steps: ComparedStep[];
   time_map: { monotone: boolean; pieces: { step: number; knots: [number, number][] }[] } | null;
-  registration: { rms_px: number } | null;
+  registration: { rms_px: number; error_px: number[]; field_deg: number; field_estimated: boolean; lost_ns: number | null } | null;
   /** The plan's radiographs beside the case's fluoroscopy. */
   fluoroscopy: { stream: string; similarity: number; alignment: { similarity: number; translation_mm: [number, number, number] } | null } | null;
   tools: { tool: string; pictures: number; mean_px: number; largest_px: number }[];

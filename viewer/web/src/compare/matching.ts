@@ -1,7 +1,7 @@
 // Steps of a plan matched to moments of a case by hand: what was said so far, and what a comparison would make of it. Pure; as
 // viewer/compare/step_matching.cpp and viewer/compare/time_map.cpp, which have the last word.
 import type { ComparedStep, FoundStep, PlannedStep } from '@/api/types';
-import type { Span } from '@/base/spans';
+import { merged, type Span } from '@/base/spans';
 import type { PlanMap } from '@/compare/plan_map';
 
 /** When a step was done. */
@@ -52,6 +52,21 @@ export const notDone = (draft: Draft, step: number, room: Span): Draft => {
   left.delete(step);
   return mended(left, room);
 };
+
+/** An interruption of a step; nothing changes where it does not lie within it. Those that overlap become one. */
+export function paused(draft: Draft, step: number, pause: Span, room: Span): Draft {
+  const before = draft.get(step);
+  if (!before) return draft;
+  const span = { start_ns: within(pause.start_ns, room), end_ns: within(pause.end_ns, room) };
+  const next = mended(new Map(draft).set(step, { ...before, pauses: merged([...before.pauses, span], 0) }), room);
+  const isIn = next.get(step)?.pauses.some((one) => one.start_ns <= span.start_ns && span.end_ns <= one.end_ns);
+  return isIn && span.end_ns > span.start_ns ? next : draft;
+}
+
+export function unpaused(draft: Draft, step: number, pause: number): Draft {
+  const before = draft.get(step);
+  return before ? new Map(draft).set(step, { ...before, pauses: before.pauses.filter((_, at) => at !== pause) }) : draft;
+}
 
 /** The steps as a comparison would list them. */
 export function compared(planned: readonly PlannedStep[], draft: Draft, room: Span): ComparedStep[] {

@@ -3,10 +3,20 @@ import { batch, computed, type Signal, signal } from '@preact/signals';
 import { cases } from '@/api/client';
 import type { ComparedStep, ComparisonMaking, Matching } from '@/api/types';
 import type { Span } from '@/base/spans';
-import { begun, beginning, byHand, changed, compared, type Draft, ended, freeName, type History, mapOfSteps, notDone, ofFound, redone, undone } from '@/compare/matching';
+import { begun, beginning, byHand, changed, compared, type Draft, ended, freeName, type History, mapOfSteps, notDone, ofFound, paused, redone, undone, unpaused } from '@/compare/matching';
+import { byHandPicks, kNoPicks, lacks, type Picks } from '@/compare/picks';
+import { type Fluoroscopy, fluoroscopyBody } from '@/compare/fluoroscopy';
+import { stepAt } from '@/compare/plan_map';
 
 const kAskEvery_ms = 400;
 const kNoSteps: readonly ComparedStep[] = [];
+
+/** All that a person said: one way back for all of it. */
+interface Work {
+  draft: Draft;
+  picks: Picks;
+}
+const kNoWork: Work = { draft: new Map(), picks: kNoPicks };
 
 export class MatchingModel {
   readonly plan: Signal<Matching | undefined> = signal(undefined);
@@ -15,10 +25,16 @@ export class MatchingModel {
   readonly chosen = signal(1);
   readonly name = signal('');
   readonly making: Signal<ComparisonMaking | undefined> = signal(undefined);
-  private readonly history: Signal<History<Draft>> = signal(beginning<Draft>(new Map()));
+  /** Since when a pause lasts whose end was not said yet. */
+  readonly pausesSince_ns: Signal<number | undefined> = signal(undefined);
+  /** What the plan's radiographs shall be compared with; nothing: they are not. */
+  readonly fluoroscopy: Signal<Fluoroscopy | undefined> = signal(undefined);
+  private readonly history: Signal<History<Work>> = signal(beginning(kNoWork));
   /** While a flag is held: what would be said if it were let go. */
   private readonly held: Signal<Draft | undefined> = signal(undefined);
-  readonly draft = computed(() => this.held.value ?? this.history.value.now);
+  readonly draft = computed(() => this.held.value ?? this.history.value.now.draft);
+  readonly picks = computed(() => this.history.value.now.picks);
+  readonly lacks = computed(() => lacks(this.picks.value));
   readonly steps = computed(() => (this.plan.value ? compared(this.plan.value.steps, this.draft.value, this.room.value) : kNoSteps));
   readonly map = computed(() => mapOfSteps(this.steps.value));
   readonly canUndo = computed(() => this.history.value.past.length > 0);
@@ -48,7 +64,9 @@ export class MatchingModel {
       const plan = await cases.matching(this.caseId);
       if (this.closed) return;
       batch(() => {
-        this.history.value = beginning(ofFound(plan.found, { start_ns: plan.begins_ns, end_ns: plan.end_ns }));
+        this.history.value = beginning({ draft: ofFound(plan.found, { start_ns: plan.begins_ns, end_ns: plan.end_ns }), picks: kNoPicks });
+        this.pausesSince_ns.value = undefined;
+        this.fluoroscopy.value = undefined;
         this.chosen.value = plan.steps[0]?.step ?? 1;
         this.name.value = freeName(taken);
         this.plan.value = plan;
@@ -77,9 +95,26 @@ export class MatchingModel {
   remove(step: number): void {
     this.say(notDone(this.draft.peek(), step, this.room.peek()));
   }
+  /** First the beginning of a pause, then its end, in either order; false where they do not lie within one step. */
+  pause(at_ns: number): boolean {
+    const since_ns = this.pausesSince_ns.peek();
+    if (since_ns === undefined) {
+      this.pausesSince_ns.value = at_ns;
+      return true;
+    }
+    this.pausesSince_ns.value = undefined;
+    const span = { start_ns: Math.min(since_ns, at_ns), end_ns: Math.max(since_ns, at_ns) };
+    const step = stepAt(this.steps.peek(), span.start_ns);
+    const before = this.draft.peek();
+    if (step) this.say(paused(before, step.step, span, this.room.peek()));
+    return this.draft.peek() !== before;
+  }
+  unpause(step: number, pause: number): void {
+    this.say(unpaused(this.draft.peek(), step, pause));
+  }
   /** The step's flag held at a moment; said once it is dropped. */
   hold(step: number, at_ns: number): void {
-    this.held.value = begun(this.history.peek().now, step, at_ns, this.room.peek());
+    this.held.value = begun(this.history.peek().now.draft, step, at_ns, this.room.peek());
   }
   drop(): void {
     const draft = this.held.peek();
@@ -103,7 +138,7 @@ export class MatchingModel {
   /** Has the server make a comparison of what was said, and waits for it. */
   async keep(): Promise<void> {
     try {
-      this.making.value = await cases.compare(this.caseId, this.name.peek(), byHand(this.draft.peek()));
+      this.making.value = await cases.compare(this.caseId, this.name.peek(), { ...byHand(this.draft.peek()), ...byHandPicks(this.picks.peek()) }, fluoroscopyBody(this.fluoroscopy.peek()));
       while (!this.closed && this.making.peek()?.state === 'running') {
         await new Promise((resolve) => setTimeout(resolve, kAskEvery_ms));
         if (!this.closed) this.making.value = await cases.making(this.caseId);
@@ -127,7 +162,15 @@ export class MatchingModel {
     }
   }
 
+  /** Points and clicks as they are from now on. */
+  pick(picks: Picks): void {
+    this.note({ ...this.history.peek().now, picks });
+  }
+
   private say(draft: Draft): void {
-    if (draft !== this.history.peek().now) this.history.value = changed(this.history.peek(), draft);
+    if (draft !== this.history.peek().now.draft) this.note({ ...this.history.peek().now, draft });
+  }
+  private note(work: Work): void {
+    this.history.value = changed(this.history.peek(), work);
   }
 }

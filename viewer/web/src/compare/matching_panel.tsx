@@ -2,6 +2,8 @@
 import { useComputed } from '@preact/signals';
 import { formatTime, kSecond } from '@/base/time';
 import type { MatchingModel } from '@/compare/matching_model';
+import type { PickingModel } from '@/compare/picking_model';
+import { PointsPart, ToolsPart, WorkChoice, XrayPart } from '@/compare/picking_panel';
 import { type MessageKey, t } from '@/i18n/i18n';
 import type { Playback } from '@/media/playback';
 import { Icon } from '@/shell/icon';
@@ -39,35 +41,34 @@ function doing(text: string): string {
     'carrying out the plan': 'match.doing.simulating',
     'reading the CT': 'match.doing.ct',
     'making the plan\'s film': 'match.doing.film',
+    'comparing with the fluoroscopy': 'match.doing.fluoroscopy',
+    'making the film of the plan\'s radiographs': 'match.doing.radiographs',
   };
   const key = known[text];
   return key ? t(key) : t('match.doing.beginning');
 }
 
-export function MatchingPanel({ matching, model, playback }: { matching: MatchingModel; model: CaseModel; playback: Playback }) {
-  const plan = matching.plan.value;
+interface Props {
+  matching: MatchingModel;
+  picking: PickingModel;
+  model: CaseModel;
+  playback: Playback;
+  /** A pause begins, or ends, at a moment. */
+  pause: (at_ns: number) => void;
+}
+
+/** When each step was done. */
+function StepsPart({ matching, model, playback, pause }: Omit<Props, 'picking'>) {
   const steps = matching.steps.value;
-  const making = matching.making.value;
   const chosen = matching.chosen.value;
-  const matched = useComputed(() => matching.steps.value.filter((one) => one.done).length).value;
-  if (!plan) return null;
+  const busy = matching.making.value !== undefined;
+  const pauses = matching.pausesSince_ns.value !== undefined;
   const now = () => playback.position_ns.peek();
   const time = (at_ns: number) => formatTime(at_ns - model.whole.start_ns, 3);
-  const busy = making !== undefined;
   return (
-    <section class="plan-panel matching" aria-label={t('match.title')}>
-      <h2>{t('match.title')}</h2>
+    <>
       <p class="muted plan-made">{t('match.what')}</p>
       <MapPicture matching={matching} playback={playback} />
-      <div class="matching-tools">
-        <button type="button" class="button" disabled={!matching.canUndo.value || busy} aria-keyshortcuts="Control+Z" onClick={() => matching.undo()}>
-          {t('match.undo')}
-        </button>
-        <button type="button" class="button" disabled={!matching.canRedo.value || busy} aria-keyshortcuts="Control+Shift+Z" onClick={() => matching.redo()}>
-          {t('match.redo')}
-        </button>
-        <span class="muted">{t('match.matched', { n: matched, all: steps.length })}</span>
-      </div>
       <ol class="matching-steps">
         {steps.map((step) => (
           <li key={step.step} class={step.step === chosen ? 'matching-chosen' : ''} aria-current={step.step === chosen ? 'step' : undefined}>
@@ -88,6 +89,24 @@ export function MatchingPanel({ matching, model, playback }: { matching: Matchin
                 {step.done && ` · ${((step.done.end_ns - step.done.start_ns) / kSecond).toFixed(1)} s`}
               </small>
             </span>
+            {step.done && step.done.pauses.length > 0 && (
+              <ul class="matching-pauses">
+                {step.done.pauses.map((one, at) => (
+                  <li key={one.start_ns}>
+                    <span class="mono">{t('match.pause', { from: time(one.start_ns), to: time(one.end_ns) })}</span>
+                    <button
+                      type="button"
+                      class="button button-quiet button-square"
+                      disabled={busy}
+                      aria-label={t('match.removePause', { time: time(one.start_ns) })}
+                      onClick={() => matching.unpause(step.step, at)}
+                    >
+                      <Icon name="cross" />
+                    </button>
+                  </li>
+                ))}
+              </ul>
+            )}
             <span class="matching-does">
               <button
                 type="button"
@@ -104,6 +123,11 @@ export function MatchingPanel({ matching, model, playback }: { matching: Matchin
               <button type="button" class="button" disabled={busy || !step.done} aria-label={t('match.endsHere', { name: step.name })} onClick={() => matching.end(step.step, now())}>
                 {t('match.ends')}
               </button>
+              {step.done && step.done.end_ns > step.done.start_ns && (
+                <button type="button" class="button" disabled={busy} aria-keyshortcuts="B" aria-label={`${t(pauses ? 'match.resumes' : 'match.pauses')}: ${step.name}`} onClick={() => pause(now())}>
+                  {t(pauses ? 'match.resumes' : 'match.pauses')}
+                </button>
+              )}
               <button
                 type="button"
                 class="button button-quiet button-square"
@@ -118,6 +142,36 @@ export function MatchingPanel({ matching, model, playback }: { matching: Matchin
           </li>
         ))}
       </ol>
+    </>
+  );
+}
+
+export function MatchingPanel({ matching, picking, model, playback, pause }: Props) {
+  const plan = matching.plan.value;
+  const steps = matching.steps.value;
+  const making = matching.making.value;
+  const matched = useComputed(() => matching.steps.value.filter((one) => one.done).length).value;
+  const lacks = matching.lacks.value;
+  const work = picking.work.value;
+  if (!plan) return null;
+  const busy = making !== undefined;
+  return (
+    <section class="plan-panel matching" aria-label={t('match.title')}>
+      <h2>{t('match.title')}</h2>
+      <WorkChoice picking={picking} model={model} />
+      <div class="matching-tools">
+        <button type="button" class="button" disabled={!matching.canUndo.value || busy} aria-keyshortcuts="Control+Z" onClick={() => matching.undo()}>
+          {t('match.undo')}
+        </button>
+        <button type="button" class="button" disabled={!matching.canRedo.value || busy} aria-keyshortcuts="Control+Shift+Z" onClick={() => matching.redo()}>
+          {t('match.redo')}
+        </button>
+        <span class="muted">{t('match.matched', { n: matched, all: steps.length })}</span>
+      </div>
+      {work === 'steps' && <StepsPart matching={matching} model={model} playback={playback} pause={pause} />}
+      {work === 'points' && <PointsPart matching={matching} picking={picking} model={model} playback={playback} />}
+      {work === 'tools' && <ToolsPart matching={matching} picking={picking} model={model} playback={playback} />}
+      {work === 'xray' && <XrayPart matching={matching} model={model} playback={playback} />}
       {making ? (
         <div class="matching-making" role="status">
           <progress {...(making.state === 'running' && making.share !== null ? { value: making.share } : {})} max="1" aria-label={t('match.making')} />
@@ -145,7 +199,7 @@ export function MatchingPanel({ matching, model, playback }: { matching: Matchin
               onInput={(event) => (matching.name.value = event.currentTarget.value)}
             />
           </label>
-          <button type="submit" class="button button-main" disabled={matched === 0}>
+          <button type="submit" class="button button-main" disabled={matched === 0 || lacks !== undefined}>
             {t('match.keep')}
           </button>
           <button type="button" class="button" onClick={() => matching.leave()}>
@@ -153,6 +207,7 @@ export function MatchingPanel({ matching, model, playback }: { matching: Matchin
           </button>
         </form>
       )}
+      {lacks && <p class="plan-note">{t(`pick.lacks.${lacks}`)}</p>}
       <p class="muted plan-note">{t('match.keepWhat')}</p>
     </section>
   );

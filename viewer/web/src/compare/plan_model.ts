@@ -3,6 +3,7 @@ import { effect, type Signal, signal } from '@preact/signals';
 import { cases } from '@/api/client';
 import type { Comparison, ComparisonDocument } from '@/api/types';
 import { MatchingModel } from '@/compare/matching_model';
+import { PickingModel } from '@/compare/picking_model';
 import { type PlanMap, planMap } from '@/compare/plan_map';
 import { PlanPlayer } from '@/compare/plan_player';
 import type { Playback } from '@/media/playback';
@@ -36,6 +37,7 @@ export class PlanModel {
   /** Of an overlay: the plan's opacity; of a wipe: where its edge is. */
   readonly share = signal(0.5);
   readonly matching: MatchingModel;
+  readonly picking: PickingModel;
   private closed = false;
   private chosen = '';
   private readonly unfollow: () => void;
@@ -46,6 +48,7 @@ export class PlanModel {
     private readonly onProblem: (error: Error) => void,
   ) {
     this.matching = new MatchingModel(caseId, onProblem, (name) => this.open(name));
+    this.picking = new PickingModel(caseId, this.matching, playback, onProblem);
     // What is matched by hand is seen at once, where there is a film of that plan.
     this.unfollow = effect(() => {
       const shown = this.shown.value;
@@ -59,6 +62,7 @@ export class PlanModel {
   close(): void {
     this.closed = true;
     this.unfollow();
+    this.picking.close();
     this.matching.close();
     this.show(undefined);
   }

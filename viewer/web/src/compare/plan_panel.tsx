@@ -134,11 +134,11 @@ function StepFacts({ step, model, playback }: { step: ComparedStep; model: CaseM
   );
 }
 
-export function PlanPanel({ plan, model, playback }: { plan: PlanModel; model: CaseModel; playback: Playback }) {
+export function PlanPanel({ plan, model, playback, pause }: { plan: PlanModel; model: CaseModel; playback: Playback; pause: (at_ns: number) => void }) {
   const shown = plan.shown.value;
   const now_ns = playback.position_ns.value;
   const problems = plan.unreadable.value;
-  if (plan.matching.plan.value) return <MatchingPanel matching={plan.matching} model={model} playback={playback} />;
+  if (plan.matching.plan.value) return <MatchingPanel matching={plan.matching} picking={plan.picking} model={model} playback={playback} pause={pause} />;
   const matchByHand = model.info.plan !== null && (
     <button type="button" class="button" disabled={plan.matching.opening.value} onClick={() => void plan.matching.open(plan.list.peek().map((one) => one.name))}>
       {t(plan.matching.opening.value ? 'match.opening' : 'match.open')}
@@ -186,6 +186,12 @@ export function PlanPanel({ plan, model, playback }: { plan: PlanModel; model: C
       <Proof group="whole" title={t(`whole.${row.whole.verdict}`)} judged={row.whole} open={row.whole.verdict !== 'holds'} />
       {shown.player && <PlanViewChoice plan={plan} shown={shown} />}
       {document.registration === null && shown.film === 'replay' && shown.player && plan.view.value !== 'beside' && plan.view.value !== 'none' && <p class="muted plan-note">{t('plan.notRegistered')}</p>}
+      {document.registration && (
+        <p class="muted plan-note">
+          {t('pick.kept', { px: document.registration.rms_px.toFixed(2), n: document.registration.error_px.length })}
+          {document.registration.lost_ns !== null && `; ${t('pick.lost', { time: formatTime(document.registration.lost_ns - model.whole.start_ns, 3) })}`}
+        </p>
+      )}
       {document.fluoroscopy && (
         <p class="muted plan-note">
           {t('plan.similarity', { before: document.fluoroscopy.similarity.toFixed(3) })}

@@ -5,6 +5,7 @@ import { casesEn, casesJa } from '@/i18n/cases_messages';
 import { guestEn, guestJa } from '@/i18n/guest_messages';
 import { logEn, logJa } from '@/i18n/log_messages';
 import { matchEn, matchJa } from '@/i18n/match_messages';
+import { pickEn, pickJa } from '@/i18n/pick_messages';
 import { planEn, planJa } from '@/i18n/plan_messages';
 import { planningEn, planningJa } from '@/i18n/planning_messages';
 import { pointingEn, pointingJa } from '@/i18n/pointing_messages';
@@ -22,6 +23,7 @@ const en = {
   ...caseEn,
   ...planEn,
   ...matchEn,
+  ...pickEn,
   ...timelineEn,
   ...roomsEn,
   ...usersEn,
@@ -42,6 +44,7 @@ const ja: Record<MessageKey, string> = {
   ...caseJa,
   ...planJa,
   ...matchJa,
+  ...pickJa,
   ...timelineJa,
   ...roomsJa,
   ...usersJa,

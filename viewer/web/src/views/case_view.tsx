@@ -8,6 +8,7 @@ import type { Span } from '@/base/spans';
 import { formatDuration, formatTime, kMinute, kSecond } from '@/base/time';
 import { nextSpeed } from '@/clock/sync';
 import { inOrderDone, stepAt } from '@/compare/plan_map';
+import { PickingStage } from '@/compare/picking_stage';
 import { PlanModel, streamOf, viewsOf } from '@/compare/plan_model';
 import { PlanPanel } from '@/compare/plan_panel';
 import { PlanOver, PlanPane } from '@/compare/plan_pane';
@@ -92,6 +93,7 @@ function Loaded({ model, verdict, unlocked }: { model: CaseModel; verdict: Verdi
   const compared = plan?.shown.value;
   const planView = compared?.player ? plan?.view.value : undefined;
   const matching = plan?.matching.plan.value ? plan.matching : undefined;
+  const picking = plan?.picking.isOpen.value ? plan.picking : undefined;
   const steps = matching ? matching.steps.value : (compared?.document.steps ?? kNoSteps);
   const hasPlan = plan !== undefined && (model.info.plan !== null || plan.list.value.length > 0 || plan.unreadable.value.length > 0);
   useEffect(
@@ -206,6 +208,14 @@ function Loaded({ model, verdict, unlocked }: { model: CaseModel; verdict: Verdi
     if (step.done) playback.seek(step.done.start_ns);
     announce(`${step.step}. ${step.name}, ${step.done ? formatTime(step.done.start_ns - model.whole.start_ns) : t('match.notDone')}`);
   };
+  const pauseHere = (at_ns: number) => {
+    if (!matching) return;
+    const isBegin = matching.pausesSince_ns.peek() === undefined;
+    const time = formatTime(at_ns - model.whole.start_ns, 3);
+    if (!matching.pause(at_ns)) notify(t('match.noPause'));
+    else if (isBegin) announce(t('match.pauseFrom', { time }));
+    else announce(t('match.paused', { name: stepAt(steps, at_ns - 1)?.name ?? '', time }));
+  };
   const match = (action: Action) => {
     if (!matching || matching.making.peek()) return;
     const at_ns = playback.position_ns.peek();
@@ -216,6 +226,10 @@ function Loaded({ model, verdict, unlocked }: { model: CaseModel; verdict: Verdi
     } else if (action === 'matchEnd') {
       const running = stepAt(steps, at_ns - 1);
       if (running) matching.end(running.step, at_ns);
+    } else if (action === 'matchPause') {
+      pauseHere(at_ns);
+    } else if (action === 'matchRemove' && plan?.picking.isOpen.peek()) {
+      plan.picking.removeChosen();
     } else if (action === 'matchRemove' && chosen) {
       matching.remove(chosen.step);
       announce(`${chosen.step}. ${chosen.name}, ${t('match.notDone')}`);
@@ -247,8 +261,8 @@ function Loaded({ model, verdict, unlocked }: { model: CaseModel; verdict: Verdi
         playback.toggle();
         announce(playback.playing.peek() ? t('transport.playing') : t('transport.pausedAt', { time: formatTime(playback.position_ns.peek() - model.whole.start_ns) }));
         return;
-      case 'frameBack': return unlocked ? void showOriginals(-1) : undefined;
-      case 'frameForward': return unlocked ? void showOriginals(1) : undefined;
+      case 'frameBack': return picking ? picking.step(-1) : unlocked ? void showOriginals(-1) : undefined;
+      case 'frameForward': return picking ? picking.step(1) : unlocked ? void showOriginals(1) : undefined;
       case 'original': return unlocked ? toggleOriginals() : undefined;
       case 'back5': return seekBy(-5 * kSecond);
       case 'forward5': return seekBy(5 * kSecond);
@@ -267,6 +281,7 @@ function Loaded({ model, verdict, unlocked }: { model: CaseModel; verdict: Verdi
       case 'planView': return nextPlanView();
       case 'matchBegin':
       case 'matchEnd':
+      case 'matchPause':
       case 'matchRemove':
       case 'undo':
       case 'redo':
@@ -332,7 +347,8 @@ function Loaded({ model, verdict, unlocked }: { model: CaseModel; verdict: Verdi
       </div>
 
       <div class="stage">
-        <div class={planView === 'beside' ? `panes panes-with-plan${playback.panes.length > 1 ? '' : ' panes-single'}` : `panes panes-${Math.min(4, Math.max(1, playback.panes.length))}`}>
+        {picking && matching && <PickingStage picking={picking} matching={matching} begins_ns={model.whole.start_ns} />}
+        <div hidden={picking !== undefined} class={planView === 'beside' ? `panes panes-with-plan${playback.panes.length > 1 ? '' : ' panes-single'}` : `panes panes-${Math.min(4, Math.max(1, playback.panes.length))}`}>
           {unlocked ? (
             playback.panes.map((player, at) => (
               <Pane
@@ -384,7 +400,7 @@ function Loaded({ model, verdict, unlocked }: { model: CaseModel; verdict: Verdi
             {store && tab.value === 'vitals' ? (
               <VitalsPanel store={store} playback={playback} />
             ) : plan && tab.value === 'plan' ? (
-              <PlanPanel plan={plan} model={model} playback={playback} />
+              <PlanPanel plan={plan} model={model} playback={playback} pause={pauseHere} />
             ) : (
               <MomentsPanel model={model} playback={playback} alarms={alarms} sealed={!model.timeline.marks} />
             )}

@@ -1,0 +1,26 @@
+// What a person says of the fluoroscopy that the plan's radiographs shall be compared with. Pure.
+
+export type Polarity = 'bone-black' | 'bone-white';
+
+export interface Fluoroscopy {
+  stream: string;
+  /** How the fluoroscope sees the patient (docs/drr.md, "Geometry"), and the file it was read from. */
+  geometry: Readonly<Record<string, unknown>>;
+  file: string;
+  /** The patient is moved until the pictures of this moment are most alike; nothing: they are not moved. */
+  alignAt_ns: number | null;
+  polarity: Polarity;
+}
+
+/** A file's text as a geometry; nothing where it is none: an object that says where the detector is. */
+export function readGeometry(text: string): Readonly<Record<string, unknown>> | undefined {
+  try {
+    const read: unknown = JSON.parse(text);
+    return typeof read === 'object' && read !== null && !Array.isArray(read) ? (read as Record<string, unknown>) : undefined;
+  } catch {
+    return undefined;
+  }
+}
+
+export const fluoroscopyBody = (said: Fluoroscopy | undefined) =>
+  said && { stream: said.stream, geometry: said.geometry, polarity: said.polarity, align_at_ns: said.alignAt_ns };
