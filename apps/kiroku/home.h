@@ -17,7 +17,7 @@
 #include <optional>
 #include <string>
 
-#include "apps/kiroku/configuration.h"
+#include "apps/configuration/configuration.h"
 #include "crypto/age_recipient.h"
 #include "crypto/signed_note.h"
 #include "crypto/signing_key.h"

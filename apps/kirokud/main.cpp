@@ -30,7 +30,7 @@
 #include "apps/kiroku/home.h"
 #include "apps/kiroku/recording_setup.h"
 #include "apps/kiroku/recovering.h"
-#include "apps/kiroku/viewer_configuration.h"
+#include "apps/configuration/viewer_configuration.h"
 #include "apps/kiroku/viewer_setup.h"
 #include "archive/appliance_log.h"
 #include "archive/file_system.h"

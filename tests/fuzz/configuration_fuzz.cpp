@@ -4,7 +4,7 @@
 #include <cstdlib>
 #include <string>
 
-#include "apps/kiroku/configuration.h"
+#include "apps/configuration/configuration.h"
 #include "base/bytes.h"
 #include "base/error.h"
 

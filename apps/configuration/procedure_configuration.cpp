@@ -1,9 +1,9 @@
-#include "apps/kiroku/procedure_configuration.h"
+#include "apps/configuration/procedure_configuration.h"
 
 #include <charconv>
 
 #include "apps/common/format.h"
-#include "apps/kiroku/table_reader.h"
+#include "apps/configuration/table_reader.h"
 #include "recorder/procedure/procedure_inbox.h"
 
 namespace kiroku::apps {

@@ -8,7 +8,7 @@
 #include <string>
 #include <vector>
 
-#include "apps/kiroku/procedure_configuration.h"
+#include "apps/configuration/procedure_configuration.h"
 #include "recorder/daemon/room.h"
 #include "recorder/encoder/video_profile.h"
 

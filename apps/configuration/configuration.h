@@ -9,8 +9,8 @@
 #include <string_view>
 #include <vector>
 
-#include "apps/kiroku/retention_configuration.h"
-#include "apps/kiroku/room_configuration.h"
+#include "apps/configuration/retention_configuration.h"
+#include "apps/configuration/room_configuration.h"
 #include "timestamp/client.h"
 
 namespace kiroku::apps {

@@ -1,12 +1,12 @@
-#include "apps/kiroku/room_configuration.h"
+#include "apps/configuration/room_configuration.h"
 
 #include <algorithm>
 #include <charconv>
 #include <linux/input-event-codes.h>
 
 #include "apps/common/format.h"
-#include "apps/kiroku/configuration.h"
-#include "apps/kiroku/table_reader.h"
+#include "apps/configuration/configuration.h"
+#include "apps/configuration/table_reader.h"
 #include "archive/case_layout.h"
 #include "archive/pointing_stream.h"
 #include "recorder/source/source_address.h"

@@ -1,6 +1,6 @@
-#include "apps/kiroku/viewer_configuration.h"
+#include "apps/configuration/viewer_configuration.h"
 
-#include "apps/kiroku/table_reader.h"
+#include "apps/configuration/table_reader.h"
 #include "base/listen_address.h"
 
 namespace kiroku::apps {

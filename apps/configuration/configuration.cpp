@@ -1,11 +1,11 @@
-#include "apps/kiroku/configuration.h"
+#include "apps/configuration/configuration.h"
 
 #include <algorithm>
 
 #include "apps/common/format.h"
-#include "apps/kiroku/room_configuration.h"
-#include "apps/kiroku/table_reader.h"
-#include "apps/kiroku/viewer_configuration.h"
+#include "apps/configuration/room_configuration.h"
+#include "apps/configuration/table_reader.h"
+#include "apps/configuration/viewer_configuration.h"
 #include "base/error.h"
 
 namespace kiroku::apps {

@@ -1,7 +1,7 @@
-#include "apps/kiroku/retention_configuration.h"
+#include "apps/configuration/retention_configuration.h"
 
 #include "apps/common/format.h"
-#include "apps/kiroku/table_reader.h"
+#include "apps/configuration/table_reader.h"
 #include "archive/replica.h"
 #include "base/error.h"
 

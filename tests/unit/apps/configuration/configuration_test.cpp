@@ -1,4 +1,4 @@
-#include "apps/kiroku/configuration.h"
+#include "apps/configuration/configuration.h"
 
 #include <sstream>
 
