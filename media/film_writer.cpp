@@ -17,6 +17,7 @@ extern "C" {
 }
 
 #include "base/error.h"
+#include "media/ffv1_slices.h"
 #include "media/output_io.h"
 
 namespace kiroku::media {
@@ -162,7 +163,7 @@ class FilmFile : public FilmWriter::Sink {
       // FFV1's bytes depend on the number of slices alone.
       encoder_->thread_count = std::clamp(static_cast<int>(std::thread::hardware_concurrency()), 1, 4);
       options.set("slicecrc", "1");
-      options.set("slices", format.width >= 64 && format.height >= 64 ? "4" : "1");
+      options.set("slices", ffv1_slices(format.width, format.height));
     }
     require(avcodec_open2(encoder_.get(), codec, options.address()), "cannot encode " + name_);
   }

@@ -10,6 +10,7 @@ extern "C" {
 #include <thread>
 
 #include "base/error.h"
+#include "media/ffv1_slices.h"
 
 namespace kiroku::recorder {
 namespace {
@@ -179,7 +180,7 @@ void VideoEncoder::open_lossless(const PictureFormat& format, Rational frame_rat
   codec_->level = 3;
   media::Options options;
   options.set("slicecrc", "1");
-  options.set("slices", format.width * format.height >= 640 * 360 ? "4" : "1");
+  options.set("slices", media::ffv1_slices(format.width, format.height));
   require(avcodec_open2(codec_.get(), codec_->codec, options.address()),
           "cannot record lossless pictures of " + format.to_string());
 }

@@ -125,6 +125,17 @@ TEST(VideoEncoder, KeepsTheSourcesPixelFormatUncompressed) {
   EXPECT_EQ(through(packed, profile(Profile::kUncompressed), 100).pixel_format, "uyvy422");
 }
 
+TEST(VideoEncoder, CodesPicturesOfAnySizeWithoutLoss) {
+  for (const auto& [width, height] : std::vector<std::pair<int, int>>{
+           {2, 2}, {16, 300}, {64, 48}, {352, 288}, {354, 288}, {400, 50}, {480, 360}, {720, 576}}) {
+    const PictureFormat format{width, height, AV_PIX_FMT_YUV420P, {1, 1}};
+    SCOPED_TRACE(format.to_string());
+    const test::DecodedFrame decoded = through(format, profile(Profile::kLossless), 100);
+    EXPECT_EQ(decoded.width, width);
+    EXPECT_EQ(decoded.brightness, 100);
+  }
+}
+
 TEST(SegmentMuxer, PassesTheErrorOfItsSinkOn) {
   for (const bool transport : {true, false}) {
     VideoEncoder encoder(kSmall, {25, 1}, profile(transport ? Profile::kMpeg2 : Profile::kUncompressed));
