@@ -15,6 +15,10 @@ constexpr std::uint32_t kNone = std::numeric_limits<std::uint32_t>::max();
 /// Along a direction in which a node gives way by less than this part of what it does in all three together,
 /// it is held.
 constexpr double kHeld = 1e-9;
+/// Friction fits normal forces and slip where renewing it changes it by no more than this part of the largest
+/// normal force. So often it is renewed in a step; what is left then is made up for by the next steps.
+constexpr double kFrictionTolerance = 1e-3;
+constexpr int kMostRubbing = 12;
 /// Room that is there from the beginning, in contacts a tool.
 constexpr std::size_t kUsualContacts = 16;
 
@@ -37,6 +41,7 @@ ContactSolver::ContactSolver(std::shared_ptr<const ContactNeighbourhood> neighbo
       rotations_(tools_.size(), Eigen::Matrix3d::Identity()),
       touch_at_(tools_.size() * neighbourhood_->nodes.size(), kNone),
       bound_(neighbourhood_->nodes.size()),
+      touching_(neighbourhood_->nodes.size()),
       tree_(neighbourhood_->nodes.size()),
       rest_m_(neighbourhood_->rest_m),
       positions_m_(rest_m_),
@@ -44,6 +49,9 @@ ContactSolver::ContactSolver(std::shared_ptr<const ContactNeighbourhood> neighbo
   for (const ContactTool& tool : tools_) {
     if (const std::string problem = problem_of(tool.shape); !problem.empty())
       throw UsageError("nothing can be touched with " + tool.name + ": " + problem);
+    if (tool.sticks && !(tool.friction > 0))
+      throw UsageError("the friction of " + tool.name +
+                       " must be greater than zero: without friction a tool does not stick");
     reach_m_.push_back(bounding_radius_m(tool.shape));
   }
   if (!(options_.tolerance > 0) || options_.most_iterations < 1)
@@ -139,22 +147,26 @@ const ContactResult& ContactSolver::step(std::span<const Pose> poses) {
   }
   report();
   keep(false);
+  hold_where_it_lies();
   return result_;
 }
 
 void ContactSolver::find_balance() {
   for (Touch& touch : touches_) {
+    touch.sliding = false;
+    touch.friction_n.setZero();
     if (tools_[touch.tool].sticks && !touch.bound) bind(touch);
   }
   add_touching(0);
   iterations_ = 0;
   largest_gap_m_ = 0;
   converged_ = touches_.empty();
+  int rubbing = 0;
   while (!converged_ && iterations_ < options_.most_iterations) {
     do {
       make_rows();
       solve_rows();
-    } while (let_go());
+    } while (let_go() || let_slide() || ((++rubbing < kMostRubbing && rub())));
     move();
     ++iterations_;
     const bool more = add_touching(tolerance_m_);
@@ -183,6 +195,7 @@ bool ContactSolver::add_touching(double depth_m) {
       added.tool = tool;
       added.pressing = true;  // to begin with
       added.normal = found.normal;
+      ++touching_[point];
       if (tools_[tool].sticks) bind(added);
     });
   }
@@ -191,6 +204,7 @@ bool ContactSolver::add_touching(double depth_m) {
 
 void ContactSolver::bind(Touch& touch) {
   if (neighbourhood_->free[touch.point] == 0 || bound_[touch.point] != 0) return;
+  if (tools_[touch.tool].slides() && !rubs(touch)) return;
   const Vector3 at_m =
       rotations_[touch.tool].transpose() * (position_m(touch.point) - poses_[touch.tool].position_m);
   const SurfaceDistance found = distance_to(tools_[touch.tool].shape, at_m);
@@ -206,6 +220,11 @@ void ContactSolver::make_rows() {
     Touch& touch = touches_[i];
     const auto at = 3 * Eigen::Index{touch.point};
     const Vector3 rest_m = rest_m_.segment<3>(at);
+    if ((touch.bound || touch.sliding) && tools_[touch.tool].slides() && !rubs(touch)) {
+      if (touch.bound) bound_[touch.point] = 0;
+      touch.bound = touch.sliding = false;
+      touch.friction_n.setZero();
+    }
     if (touch.bound) {
       const Eigen::Matrix3d& rotation = rotations_[touch.tool];
       touch.normal = rotation * touch.anchor_normal;
@@ -248,11 +267,20 @@ void ContactSolver::solve_rows() {
     problem_.equality()[b] = column.equality ? 1 : 0;
     problem_.pressing()[b] = touches_[column.touch].pressing ? 1 : 0;
   }
+  for (const Touch& touch : touches_) {
+    if (!touch.sliding || touch.friction_n.isZero(0)) continue;
+    const auto of_touch = neighbourhood_->compliance.middleCols<3>(3 * Eigen::Index{touch.point});
+    for (std::size_t a = 0; a < rows_.size(); ++a) {
+      const Row& row = rows_[a];
+      gap_m[static_cast<Eigen::Index>(a)] +=
+          row.direction.dot(of_touch.middleRows<3>(3 * Eigen::Index{row.point}) * touch.friction_n);
+    }
+  }
   problem_.solve();
   if (problem_.largest_violation() > tolerance_m_ / 2) refuse(rows_[problem_.worst_row()]);
   const auto force_n = problem_.force();
   for (Touch& touch : touches_) {
-    touch.force_n.setZero();
+    touch.force_n = touch.friction_n;
     touch.pressing = false;
   }
   for (std::size_t i = 0; i < rows_.size(); ++i) {
@@ -272,8 +300,79 @@ bool ContactSolver::let_go() {
     touch.pressing = true;  // perhaps it still does without being dragged
     bound_[touch.point] = 0;
     any = true;
+    if (!tools_[touch.tool].slides()) continue;
+    // It may yet be dragged by less.
+    touch.along = touch.force_n - touch.force_n.dot(touch.normal) * touch.normal;
+    touch.sliding = touch.along.norm() > 0;
+    touch.along.stableNormalize();
   }
   return any;
+}
+
+/// Of bound nodes that friction cannot hold, and friction of those that do not press; whether there were any.
+bool ContactSolver::let_slide() {
+  bool any = false;
+  for (Touch& touch : touches_) {
+    if (touch.sliding && !touch.pressing) {
+      touch.sliding = false;  // for the rest of the step
+      any = any || !touch.friction_n.isZero(0);
+      touch.friction_n.setZero();
+      touch.force_n.setZero();
+    }
+    if (!touch.bound || !tools_[touch.tool].slides()) continue;
+    const double most_n = tools_[touch.tool].friction * touch.force_n.dot(touch.normal);
+    const Vector3 across_n = touch.force_n - touch.force_n.dot(touch.normal) * touch.normal;
+    if (across_n.norm() <= (1 + kFrictionTolerance) * most_n) continue;
+    touch.bound = false;
+    touch.sliding = true;
+    touch.along = across_n.normalized();
+    touch.friction_n = most_n * touch.along;
+    bound_[touch.point] = 0;
+    any = true;
+  }
+  return any;
+}
+
+/// How far a node that slides is from where it was bound, over the tool.
+Vector3 ContactSolver::slip_m(const Touch& touch) const {
+  const auto at = 3 * Eigen::Index{touch.point};
+  Vector3 slip_m =
+      rest_m_.segment<3>(at) - rotations_[touch.tool] * touch.anchor_m - poses_[touch.tool].position_m;
+  for (const Touch& other : touches_) {
+    if (other.pressing)
+      slip_m += neighbourhood_->compliance.block<3, 3>(at, 3 * Eigen::Index{other.point}) * other.force_n;
+  }
+  return slip_m - slip_m.dot(touch.normal) * touch.normal;
+}
+
+/// Fits friction to how hard nodes press, and turns it against the way they slide; whether it was otherwise.
+bool ContactSolver::rub() {
+  double largest_n = 0, wrong_n = 0;
+  const auto sliding = static_cast<double>(std::ranges::count(touches_, true, &Touch::sliding));
+  for (Touch& touch : touches_) {
+    if (!touch.pressing) continue;
+    const double normal_n = (touch.force_n - touch.friction_n).dot(touch.normal);
+    largest_n = std::max(largest_n, normal_n);
+    if (!touch.sliding) continue;
+    const double most_n = tools_[touch.tool].friction * normal_n;
+    const auto own =
+        neighbourhood_->compliance.block<3, 3>(3 * Eigen::Index{touch.point}, 3 * Eigen::Index{touch.point});
+    // What would bring it back by itself, as far as friction reaches; all that slide move each other.
+    touch.along = most_n * touch.along - 3 / (sliding * own.trace()) * slip_m(touch);
+    touch.along -= touch.along.dot(touch.normal) * touch.normal;  // the plane may have turned since
+    touch.along.stableNormalize();
+    const Vector3 friction_n = most_n * touch.along;
+    wrong_n = std::max(wrong_n, (friction_n - touch.friction_n).norm());
+    touch.friction_n = friction_n;
+  }
+  return wrong_n > kFrictionTolerance * largest_n;
+}
+
+/// What slid or was let go is bound again from where it lies now, so that the next step takes it along.
+void ContactSolver::hold_where_it_lies() {
+  for (Touch& touch : touches_) {
+    if (tools_[touch.tool].slides() && !touch.bound) bind(touch);
+  }
 }
 
 void ContactSolver::move() {
@@ -299,10 +398,12 @@ bool ContactSolver::settled() {
 /// Forgets touches that do not press, unless all are to be kept, and counts the others anew.
 void ContactSolver::keep(bool all) {
   std::ranges::fill(bound_, 0);
+  std::ranges::fill(touching_, 0);
   for (const Touch& touch : touches_) touch_at(touch.tool, touch.point) = kNone;
   if (!all) std::erase_if(touches_, [](const Touch& touch) { return !touch.pressing; });
   for (std::uint32_t i = 0; i < touches_.size(); ++i) {
     touch_at(touches_[i].tool, touches_[i].point) = i;
+    ++touching_[touches_[i].point];
     if (touches_[i].bound) bound_[touches_[i].point] = 1;
   }
 }

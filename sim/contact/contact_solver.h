@@ -16,9 +16,20 @@
 // Planning"): a node that touches is bound to where it is on the tool and follows it in all three directions,
 // until the tool would have to pull at it; then it is let go in the same step, and glides on the tool for the
 // rest of the step. A node is bound to one tool at most, on others it glides.
+//
+// Friction (Coulomb's) lies between gliding and sticking: a node is bound while the force along the tool's
+// surface is at most `friction` times the one that presses. If more would be needed it slides: that much acts
+// on it against the way it slides, and where it comes to lie it is bound again in the next step. How hard it
+// presses and where it slides to depend on that force in turn: they are found one after the other until they
+// fit (Tresca's friction, iterated: Necas, Jarusek and Haslinger, Bollettino UMI 17-B, 1980; its direction by
+// the projection of Alart and Curnier, Computer Methods in Applied Mechanics and Engineering 92, 1991), so
+// that each linear problem stays symmetric, and a state penetrates nowhere, also where the rounds of a step
+// are too few; then the next steps go on. What slides goes on sliding for the rest of its step. A node that
+// more than one tool touches slides without friction.
 #pragma once
 
 #include <cstdint>
+#include <limits>
 #include <memory>
 #include <span>
 #include <string>
@@ -45,6 +56,11 @@ struct ContactTool {
   std::string name;  // for errors: "finger 1"
   ToolShape shape;
   bool sticks = false;
+  /// Of a tool that sticks: Coulomb's coefficient, greater than zero. Infinite: nodes never slide.
+  double friction = std::numeric_limits<double>::infinity();
+
+  /// Whether what sticks may slide.
+  [[nodiscard]] bool slides() const { return sticks && friction < std::numeric_limits<double>::infinity(); }
 };
 
 struct ContactOptions {
@@ -128,10 +144,13 @@ class ContactSolver {
   struct Touch {
     std::uint32_t point = 0, tool = 0;
     bool bound = false, pressing = false;
+    bool sliding = false;  // with friction; not bound then
     bool blocked = false;  // what is prescribed does not let it move along the normal
     Vector3 anchor_m = Vector3::Zero(), anchor_normal = Vector3::UnitX();  // in the tool's frame, if bound
     Vector3 normal = Vector3::UnitX();                                     // of the tool there
     Vector3 force_n = Vector3::Zero();                                     // on the node
+    /// Of one that slides: which way friction acts on it, and how much was reckoned with.
+    Vector3 along = Vector3::Zero(), friction_n = Vector3::Zero();
   };
 
   void find_balance();
@@ -140,6 +159,10 @@ class ContactSolver {
   void make_rows();
   void solve_rows();
   bool let_go();
+  bool let_slide();
+  bool rub();
+  [[nodiscard]] Vector3 slip_m(const Touch& touch) const;
+  void hold_where_it_lies();
   void move();
   [[nodiscard]] bool settled();
   void keep(bool all);
@@ -149,6 +172,10 @@ class ContactSolver {
     return positions_m_.segment<3>(3 * Eigen::Index{point});
   }
   [[nodiscard]] SurfaceDistance distance(std::uint32_t tool, std::uint32_t point) const;
+  /// Whether friction holds it: more than one tool leave it no place of its own on any.
+  [[nodiscard]] bool rubs(const Touch& touch) const {
+    return tools_[touch.tool].slides() && touching_[touch.point] == 1;
+  }
   [[nodiscard]] std::uint32_t& touch_at(std::uint32_t tool, std::uint32_t point) {
     return touch_at_[tool * neighbourhood_->nodes.size() + point];
   }
@@ -164,6 +191,7 @@ class ContactSolver {
   std::vector<Pose> poses_before_;
   std::vector<std::uint32_t> touch_at_;  // of each tool and point, kNone for none
   std::vector<std::uint8_t> bound_;      // (|N|)
+  std::vector<std::uint8_t> touching_;   // (|N|), by how many tools
   std::vector<Row> rows_;
   ComplementarityProblem problem_;
   PointTree tree_;
