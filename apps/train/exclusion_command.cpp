@@ -37,7 +37,8 @@ struct Request {
   std::string output, hand;
   std::string fingers = "3", vertices = "2000", seconds = "60", size = "640x480", seed = "1",
               practice = "180";
-  std::optional<std::string> object, organ, damage, session, feedback, ghost, trainee, database, home;
+  std::optional<std::string> object, organ, damage, friction, session, feedback, ghost, trainee, database,
+      home;
   bool stress = false, test = false, seal = false, force = false, json = false;
 };
 
@@ -102,9 +103,8 @@ int run(const Request& request) {
   const std::size_t fingers = played ? played->fingers : asked_fingers;
   if (fingers > trainer::kMostExclusionFingers)
     throw UsageError(request.hand + " moves " + std::to_string(fingers) + " fingers: the trainer has 1 to 5");
-  const std::optional<double> asked_damage_pa =
-      request.damage ? std::optional(parse_number(*request.damage, "--damage", 1, 1e9)) : std::nullopt;
-  const double seconds = parse_number(request.seconds, "--seconds", 1, 3600);
+  const TaskChoice choice =
+      task_choice(request.damage, request.friction, parse_number(request.seconds, "--seconds", 1, 3600));
   std::optional<int> asked_session;
   if (request.session)
     asked_session = static_cast<int>(parse_count(*request.session, "--session", 1, 100'000));
@@ -137,9 +137,8 @@ int run(const Request& request) {
 
   StepLine line;
   const std::shared_ptr<const trainer::ExclusionBody> made =
-      request.organ ? make_patient_body(*request.organ, asked_damage_pa, seconds)
-                    : make_object_body(trainer::object_kind(request.object.value_or("a")), vertices,
-                                       asked_damage_pa, seconds);
+      request.organ ? make_patient_body(*request.organ, choice)
+                    : make_object_body(trainer::object_kind(request.object.value_or("a")), vertices, choice);
   const trainer::ExclusionBody& body = *made;
   const trainer::ExclusionTask& task = body.task();
   const double damage_pa = task.damage_pa;
@@ -225,6 +224,7 @@ int run(const Request& request) {
               {"tetrahedra", body.object().mesh.tetrahedra.size()},
               {"stress_shown", options.shows_stress},
               {"damage_pa", damage_pa},
+              {"friction", task.friction},
               {"score", trainer::score_json(outcome.score)},
               {"pictures", outcome.pictures},
               {"elapsed_s", outcome.elapsed_s},
@@ -294,6 +294,9 @@ void add_train_exclusion_command(Command& train) {
   command.option("--organ", "FILE", request->organ, "an organ of a CT instead (docs/training.md)");
   command.option("--damage", "PA", request->damage, "von Mises stress that counts as damage",
                  "100000, or what the organ's file says");
+  command.option("--friction", "MU", request->friction,
+                 "of a fingertip on the organ: the most force along its surface, in pressing ones; 0 glides",
+                 "0.5, or what the organ's file says");
   command.choice("--feedback", {"full", "tangential"}, request->feedback,
                  "forces in three directions, or their part along each finger", "full");
   command.option("--ghost", "FILE", request->ghost,

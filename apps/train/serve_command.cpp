@@ -26,16 +26,10 @@ struct Request {
   ServingRequest serving{.listen = "127.0.0.1:8444"};
   std::optional<std::string> database, expert_a, expert_b, at_once;
   std::vector<std::string> organs;
-  std::optional<std::string> damage;
+  std::optional<std::string> damage, friction;
   std::string vertices = "4000", seconds = "60", practice = "180";
   bool seal = false;
 };
-
-std::optional<double> damage_of(const Request& request) {
-  constexpr double kMostPascals = 1e9;
-  if (!request.damage) return {};
-  return parse_number(*request.damage, "--damage", 1, kMostPascals);
-}
 
 std::map<std::string, trainer::HandMotion> experts_of(const Request& request) {
   std::map<std::string, trainer::HandMotion> experts;
@@ -47,11 +41,11 @@ std::map<std::string, trainer::HandMotion> experts_of(const Request& request) {
 }
 
 /// Made before anything is served, so that what is wrong with them is told to who starts the server.
-std::vector<std::shared_ptr<const trainer::ExclusionBody>> organs_of(const Request& request, double most_s) {
+std::vector<std::shared_ptr<const trainer::ExclusionBody>> organs_of(const Request& request,
+                                                                     const TaskChoice& choice) {
   std::vector<std::shared_ptr<const trainer::ExclusionBody>> organs;
   for (const std::string& file : request.organs) {
-    const std::optional<double> damage_pa = damage_of(request);
-    std::shared_ptr<const trainer::ExclusionBody> body = make_patient_body(file, damage_pa, most_s);
+    std::shared_ptr<const trainer::ExclusionBody> body = make_patient_body(file, choice);
     const auto has_its_name = [&](const auto& other) { return other->object().name == body->object().name; };
     if (std::ranges::any_of(organs, has_its_name))
       throw UsageError("two organs are called '" + body->object().name + "': give one another 'name' in " +
@@ -70,13 +64,15 @@ viewer::TrainingOptions training_options(const Request& request, const Home& hom
   options.database = request.database ? fs::path(*request.database) : home.folder() / "training.sqlite";
   options.vertices =
       parse_count(request.vertices, "--vertices", trainer::kLeastObjectNodes, trainer::kMostObjectNodes);
-  options.damage_pa = damage_of(request).value_or(options.damage_pa);
   options.most_s = parse_number(request.seconds, "--seconds", 1, kMostSeconds);
+  const TaskChoice choice = task_choice(request.damage, request.friction, options.most_s);
+  options.damage_pa = choice.damage_pa.value_or(options.damage_pa);
+  options.friction = choice.friction.value_or(options.friction);
   options.at_once = request.at_once ? parse_count(*request.at_once, "--at-once", 1, kMostAtOnce)
                                     : std::max(1U, std::thread::hardware_concurrency() / 2);
   options.practice_s = parse_number(request.practice, "--practice", 0, kMostSeconds);
   options.experts = experts_of(request);
-  options.organs = organs_of(request, options.most_s);
+  options.organs = organs_of(request, choice);
   if (request.seal) options.sealer = make_page_sealer(home);
   options.tell = tell_on_standard_error();
   return options;
@@ -120,6 +116,9 @@ void add_train_serve_command(Command& train) {
                  "an organ of a CT beside objects A and B (docs/training.md); may stand several times");
   command.option("--damage", "PA", request->damage, "von Mises stress that counts as damage",
                  "100000, or what an organ's file says");
+  command.option("--friction", "MU", request->friction,
+                 "of a fingertip on the organ: the most force along its surface, in pressing ones; 0 glides",
+                 "0.5, or what an organ's file says");
   command.option("--seconds", "S", request->seconds, "until an attempt is over");
   command.option("--practice", "S", request->practice,
                  "of practice in a session before its test; 0 asks for none");

@@ -4,22 +4,29 @@
 #include <filesystem>
 #include <memory>
 #include <optional>
+#include <string>
 
 #include "trainer/exclusion/exclusion_body.h"
 #include "trainer/exclusion/patient_organ.h"
 
 namespace kiroku::apps {
 
-/// Object A or B. `damage_pa` where it is not the usual; `most_s` of an attempt. Throws what make_object()
-/// does.
+/// What a person chose of a task; what is absent is the usual, or what an organ's file says.
+struct TaskChoice {
+  std::optional<double> damage_pa, friction;
+  double most_s = 60;  // of an attempt
+};
+/// Of --damage and --friction. kiroku::UsageError for what is out of range.
+TaskChoice task_choice(const std::optional<std::string>& damage, const std::optional<std::string>& friction,
+                       double most_s);
+
+/// Object A or B. Throws what make_object() does.
 std::shared_ptr<const trainer::ExclusionBody> make_object_body(trainer::ObjectKind kind, std::size_t vertices,
-                                                               std::optional<double> damage_pa,
-                                                               double most_s);
+                                                               const TaskChoice& choice);
 
 /// An organ of a CT; what is odd about it is a warning on standard error. Throws what read_patient_organ()
 /// does.
 std::shared_ptr<const trainer::ExclusionBody> make_patient_body(const std::filesystem::path& file,
-                                                                std::optional<double> damage_pa,
-                                                                double most_s);
+                                                                const TaskChoice& choice);
 
 }  // namespace kiroku::apps

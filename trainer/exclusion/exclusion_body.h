@@ -12,6 +12,9 @@ namespace kiroku::trainer {
 
 inline constexpr double kFingertipMetres = 0.008;  // the radius of a fingertip
 
+/// Between a glove and tissue that is neither dry nor under a liquid (docs/training.md, "Friction").
+inline constexpr double kFingertipFriction = 0.5, kMostFriction = 5;
+
 /// The task: the line behind the organ is to be seen by the trainee's eye, nearly whole, for a while.
 struct ExclusionTask {
   sim::Vector3 eye_m = sim::Vector3::Zero();
@@ -28,6 +31,9 @@ struct ExclusionTask {
   double most_s = 60;          // then the task is over
   /// Von Mises stress that is taken for damage. A parameter of the training, no statement about tissue.
   double damage_pa = 100e3;
+  /// Of a gloved fingertip on the organ, Coulomb's coefficient; 0: fingers glide. A parameter of the
+  /// training.
+  double friction = kFingertipFriction;
 };
 
 /// Of objects A and B: the eye of who stands at the object's side of -y and looks over its border, the line

@@ -45,9 +45,9 @@ sim::SurfaceScene ExclusionRunner::scene_of(const HandForces::State& hand, doubl
       scene.node_colours.push_back(sim::viridis(pa / body_.task().damage_pa));
   }
   scene.solids.push_back({line_of(body_.task()), kLineMark, false});
-  const std::vector<sim::ContactTool> tools = fingertips(hand.poses.size());
   for (std::size_t i = 0; hand.any && i < hand.poses.size(); ++i)
-    scene.solids.push_back({{tools[i].shape, hand.poses[i], kFingerColour}, kFingerMark, false});
+    scene.solids.push_back(
+        {{sim::Sphere{kFingertipMetres}, hand.poses[i], kFingerColour}, kFingerMark, false});
   if (options_.ghost) {
     for (const sim::Pose& pose : options_.ghost->at(time_s))
       scene.solids.push_back({{sim::Sphere{kFingertipMetres}, pose, kGhostColour}, kGhostMark, true});

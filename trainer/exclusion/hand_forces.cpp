@@ -33,11 +33,15 @@ Vector3 played_n(Feedback feedback, const sim::Pose& pose, const Vector3& force_
   return force_n.dot(along) * along;
 }
 
-std::vector<sim::ContactTool> fingertips(std::size_t count) {
+std::vector<sim::ContactTool> fingertips(std::size_t count, double friction) {
   require_fingers(count);
   std::vector<sim::ContactTool> tools;
-  for (std::size_t i = 0; i < count; ++i)
-    tools.push_back({"finger " + std::to_string(i + 1), sim::Sphere{kFingertipMetres}, false});
+  for (std::size_t i = 0; i < count; ++i) {
+    tools.push_back({"finger " + std::to_string(i + 1), sim::Sphere{kFingertipMetres}});
+    if (friction == 0) continue;
+    tools.back().sticks = true;
+    tools.back().friction = friction;
+  }
   return tools;
 }
 
@@ -47,7 +51,7 @@ std::span<const double> side_by_side_m(std::size_t fingers) {
 }
 
 HandForces::HandForces(const ExclusionBody& body, std::size_t fingers, Feedback feedback)
-    : contact_(body.contact(), fingertips(fingers)), feedback_(feedback) {
+    : contact_(body.contact(), fingertips(fingers, body.task().friction)), feedback_(feedback) {
   now_.poses.resize(fingers);
   now_.forces_n.assign(fingers, Vector3::Zero());
   seen_ = now_;

@@ -87,7 +87,7 @@ PatientOrgan read_patient_organ(const std::filesystem::path& file,
                      std::to_string(kMostObjectNodes));
   }
   const std::optional<JsonField> exclusion = document.optional_member("exclusion");
-  if (exclusion) exclusion->expect_object({"lifts", "away", "eye", "line", "damage_pa"});
+  if (exclusion) exclusion->expect_object({"lifts", "away", "eye", "line", "damage_pa", "friction"});
   const std::vector<Approach> approaches = approaches_in(exclusion, body.mesh);
   const OrganTaskRequest request = request_in(exclusion, sim::units_per_metre(body.unit));
   if (!body.constraints.displacement_m().isZero(0))
@@ -115,6 +115,11 @@ PatientOrgan read_patient_organ(const std::filesystem::path& file,
     if (const auto damage = exclusion->optional_member("damage_pa")) {
       organ.task.damage_pa = damage->number();
       if (organ.task.damage_pa < 1) damage->fail("must be 1 or more");
+    }
+    if (const auto friction = exclusion->optional_member("friction")) {
+      organ.task.friction = friction->number();
+      if (organ.task.friction < 0 || organ.task.friction > kMostFriction)
+        friction->fail("must be 0 (fingers glide) to " + sim::number_text(kMostFriction));
     }
   }
   organ.object.mesh = std::move(body.mesh);

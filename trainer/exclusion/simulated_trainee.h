@@ -17,14 +17,17 @@ struct TraineeSkill {
 };
 
 /// A controller that knows what a trainee is shown: how much of the line it sees, the forces of its fingers,
-/// and the stress where it is shown; nothing else. A device whose time is its steps. Not thread-safe.
+/// and the stress where it is shown; nothing else. It lifts where the rule puts its hand. Where the line does
+/// not come into sight, or the fingers or the stress say that it is too much, it comes back and tries another
+/// place along the border and further in, the best of those that it tried again at the end. A device whose
+/// time is its steps. Not thread-safe.
 class SimulatedTrainee : public sim::HapticDevice {
  public:
   /// Fingers below the object's border, to lift it. kiroku::UsageError for other than 1 to 5.
   SimulatedTrainee(const ExclusionBody& body, std::size_t fingers, const TraineeSkill& skill, double period_s,
                    std::uint32_t seed);
 
-  [[nodiscard]] std::size_t tools() const override { return poses_.size(); }
+  [[nodiscard]] std::size_t tools() const override { return offset_m_.size(); }
   bool read(std::span<sim::Pose> poses) override;
   void write(std::span<const sim::Vector3> forces_n) override;
   /// To be called with each picture: an observer. `shown_stress` as the picture shows it.
@@ -32,15 +35,32 @@ class SimulatedTrainee : public sim::HapticDevice {
 
   /// The skill after the attempt: what `shown_stress` changed.
   [[nodiscard]] TraineeSkill learnt(bool shown_stress) const;
+  /// How many places it has begun to lift at, from 1 on.
+  [[nodiscard]] int places_tried() const { return tried_; }
 
  private:
+  /// A hand's place, from where the rule puts it: along the border, and further in.
+  using Place = Eigen::Vector2d;
+  enum class Doing : std::uint8_t { kLifts, kComesBack, kMovesOn };
+
+  void go_on_elsewhere();
+  void even_out();
+  [[nodiscard]] bool feels(double newtons) const;
+
   TraineeSkill skill_;
   double period_s_, needed_share_, damage_pa_;
-  sim::Vector3 lifts_;
-  std::vector<sim::Pose> poses_;
+  sim::Vector3 lifts_, aside_, away_;
+  sim::Vector3 begins_m_;  // the middle of the hand
+  std::span<const double> side_by_side_m_;
   std::vector<double> offset_m_;  // of each finger's height
   std::vector<sim::Vector3> felt_n_;
-  double lifted_m_ = 0, goal_m_ = 0;
+  Doing doing_ = Doing::kLifts;
+  Place at_m_ = Place::Zero(), goes_to_m_ = Place::Zero();
+  std::size_t next_place_ = 0;
+  int tried_ = 1;
+  double lifted_m_ = 0, goal_m_;
+  double best_here_ = 0, best_share_ = 0;
+  Place best_m_ = Place::Zero();
   bool sees_line_ = false;
 };
 

@@ -49,6 +49,7 @@ std::shared_ptr<const trainer::ExclusionBody> TrainingRoom::body(const std::stri
     trainer::OrganObject object = trainer::make_object(kind, options_.vertices);
     trainer::ExclusionTask task = trainer::exclusion_task(kind);
     task.damage_pa = options_.damage_pa;
+    task.friction = options_.friction;
     task.most_s = options_.most_s;
     made.body = std::make_shared<const trainer::ExclusionBody>(std::move(object), task);
   }

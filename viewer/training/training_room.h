@@ -23,6 +23,7 @@ struct TrainingOptions {
   std::filesystem::path database;
   std::size_t vertices = 4000;  // of an organ's mesh
   double damage_pa = 100e3;
+  double friction = trainer::kFingertipFriction;
   double most_s = 60;                                  // of an attempt
   double practice_s = trainer::kPracticeSeconds;       // of a session, before its test; 0: as one likes
   std::size_t at_once = 1;                             // attempts; each needs about a core

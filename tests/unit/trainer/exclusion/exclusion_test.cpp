@@ -73,7 +73,7 @@ TEST(ExclusionTask, TheLineIsHiddenAtRestAndSeenWhenTheBorderIsLifted) {
 TEST(ExclusionTask, WhatThePictureShowsOfTheLineIsWhatGeometrySays) {
   sim::SurfaceRenderer renderer(body().object().mesh, sim::GpuUse::kOff);
   VisibilityMeter meter(renderer, body().task(), 640, 480), fine(renderer, body().task(), 2560, 1920);
-  sim::ContactSolver solver(body().contact().whole_surface(), fingertips(3));
+  sim::ContactSolver solver(body().contact().whole_surface(), fingertips(3, 0));
   double worst = 0, worst_fine = 0, partly = 0;
   for (int step = 0; step <= 24; ++step) {
     HandMotion motion = lifting(3, 1e-3 * step);
@@ -139,7 +139,7 @@ TEST(HandForces, AreWholeOrAlongTheFinger) {
   // f cos(theta) along the finger.
   EXPECT_NEAR(played_n(Feedback::kTangential, pose, force_n).norm(), 2 * std::cos(0.3), 1e-12);
   EXPECT_THROW((void)feedback_of("half"), UsageError);
-  EXPECT_THROW((void)fingertips(6), UsageError);
+  EXPECT_THROW((void)fingertips(6, 0), UsageError);
 }
 
 TEST(ExclusionRun, LiftingTheBorderEnoughIsDoneAndLiftingItTooLittleIsNot) {

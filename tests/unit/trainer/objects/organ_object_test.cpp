@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <map>
+#include <tuple>
 
 #include <gtest/gtest.h>
 
@@ -10,24 +11,26 @@
 #include "sim/contact/contact_body.h"
 #include "sim/mesh/mesh_check.h"
 #include "tests/support/calculix.h"
+#include "trainer/exclusion/exclusion_body.h"
 
 namespace kiroku::trainer {
 namespace {
 
 using sim::Vector3;
 
-/// An object pressed from below by two fingertips.
+/// An object pressed from below by two fingertips, which glide or drag it along.
 struct Press {
-  explicit Press(ObjectKind kind, std::size_t vertices = 900)
-      : object(make_object(kind, vertices)),
+  Press(ObjectKind kind, bool rubs)
+      : object(make_object(kind, 900)),
         body(object.mesh, object.materials, object.constraints),
         contact(body),
-        solver(contact.whole_surface(),
-               {{"finger 1", sim::Sphere{0.01}, false}, {"finger 2", sim::Sphere{0.01}, false}}) {
+        solver(contact.whole_surface(), {{"finger 1", sim::Sphere{0.01}, rubs, kFingertipFriction},
+                                         {"finger 2", sim::Sphere{0.01}, rubs, kFingertipFriction}}) {
     std::vector<sim::Pose> poses(2);
     for (int step = 0; step <= 10; ++step) {
       for (std::size_t i = 0; i < 2; ++i)
-        poses[i].position_m = {i == 0 ? -0.03 : 0.03, -0.035, -half_thickness_m(kind) - 0.01 + 8e-4 * step};
+        poses[i].position_m = {i == 0 ? -0.03 : 0.03, -0.035 + 3e-4 * step,
+                               -half_thickness_m(kind) - 0.01 + 8e-4 * step};
       solver.step(poses);
     }
     contact.displacement_m(solver.result().contacts, displacement_m);
@@ -85,10 +88,10 @@ TEST(OrganObject, IsTheSameEachTime) {
   EXPECT_EQ(make_object(ObjectKind::kLung, 800).mesh.nodes, make_object(ObjectKind::kLung, 800).mesh.nodes);
 }
 
-class PressedObject : public testing::TestWithParam<ObjectKind> {};
+class PressedObject : public testing::TestWithParam<std::tuple<ObjectKind, bool>> {};
 
 TEST_P(PressedObject, ForcesAreInEquilibriumWithTheFixedEnds) {
-  const Press press(GetParam());
+  const Press press(std::get<0>(GetParam()), std::get<1>(GetParam()));
   const sim::ContactResult& result = press.solver.result();
   EXPECT_GT(-result.wrist_force_n.z(), 0.5);  // the fingers push up, so they are pushed down
   const Eigen::VectorXd reaction_n = press.body.solve(press.force_n).reaction_force_n;
@@ -106,7 +109,7 @@ TEST_P(PressedObject, ForcesAreInEquilibriumWithTheFixedEnds) {
 
 TEST_P(PressedObject, AgreesWithCalculixInStressAndForce) {
   if (!test::has_ccx()) GTEST_SKIP() << "ccx is not installed";
-  const Press press(GetParam());
+  const Press press(std::get<0>(GetParam()), std::get<1>(GetParam()));
   const test::CalculixCase input{press.object.mesh, press.object.materials, press.object.constraints,
                                  press.force_n};
   const test::CalculixResult theirs = test::run_calculix(input, press.force_n);
@@ -145,8 +148,13 @@ TEST_P(PressedObject, AgreesWithCalculixInStressAndForce) {
   RecordProperty("stress_difference", std::to_string(off_pa / largest_pa * 1e9) + "e-9");
 }
 
-INSTANTIATE_TEST_SUITE_P(Objects, PressedObject, testing::Values(ObjectKind::kLiver, ObjectKind::kLung),
-                         [](const auto& test) { return name_of(test.param); });
+INSTANTIATE_TEST_SUITE_P(Objects, PressedObject,
+                         testing::Combine(testing::Values(ObjectKind::kLiver, ObjectKind::kLung),
+                                          testing::Bool()),
+                         [](const auto& test) {
+                           return name_of(std::get<0>(test.param)) +
+                                  (std::get<1>(test.param) ? "_rubs" : "_glides");
+                         });
 
 }  // namespace
 }  // namespace kiroku::trainer
