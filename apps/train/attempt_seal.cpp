@@ -11,6 +11,7 @@
 #include "apps/kiroku/recording_setup.h"
 #include "base/error.h"
 #include "crypto/encoding.h"
+#include "viewer/report/case_facts.h"
 
 namespace kiroku::apps {
 namespace {
@@ -31,10 +32,14 @@ ordered_json hashes_of(const fs::path& folder) {
 /// As fast as they can be read: their times are their own.
 std::string source_of(const fs::path& file) { return fs::absolute(file).string() + "?speed=max"; }
 
+/// A case that took in its sources to their end.
+constexpr const char* kWhole = "sources-ended";
+
 }  // namespace
 
 fs::path seal_attempt(const Home& home, const fs::path& folder, const std::string& film,
-                      const ordered_json& facts, const std::string& summary) {
+                      const ordered_json& facts, const std::string& summary,
+                      const std::function<void(const std::string& case_id)>& begun) {
   const Configuration configuration = home.configuration();
   RecipientChoice recipients(home, configuration, {});
   recorder::SessionOptions options;
@@ -61,15 +66,27 @@ fs::path seal_attempt(const Home& home, const fs::path& folder, const std::strin
   const recorder::SessionResult result =
       record_case(home, std::move(options), {}, [&](recorder::SessionOptions complete) {
         recorder::Session session(std::move(complete));
+        try {
+          if (begun) begun(session.case_id());
+        } catch (...) {
+          session.stop("not-sealed");
+          session.run();
+          throw;
+        }
         session.mark(summary);
         return session.run();
       });
   const auto is_whole = [](const recorder::StreamStatus& stream) { return stream.dropped == 0; };
-  if (result.close_reason != "sources-ended" || !std::ranges::all_of(result.last.streams, is_whole)) {
+  if (result.close_reason != kWhole || !std::ranges::all_of(result.last.streams, is_whole)) {
     throw Error("the case " + result.folder.string() + " does not hold the whole attempt (" +
                 result.close_reason + "); the files in " + folder.string() + " are whole");
   }
   return result.folder;
+}
+
+bool holds_whole_attempt(const fs::path& case_folder) {
+  const report::CaseFacts facts = report::read_case_facts(case_folder);
+  return facts.close_reason == kWhole && facts.gaps.empty();
 }
 
 }  // namespace kiroku::apps

@@ -76,8 +76,16 @@ class KeptFiles : public viewer::AttemptFiles {
   }
   /// They are the case's from now on.
   void move_to(const fs::path& folder) {
-    fs::create_directories(folder.parent_path());
-    fs::rename(folder_, folder);
+    if (moved_) return;  // an earlier try ended later
+    std::error_code failed;
+    fs::create_directories(folder.parent_path(), failed);
+    if (!failed) fs::rename(folder_, folder, failed);
+    if (failed) {
+      throw Error("the case " + folder.filename().string() +
+                  " was made, but the attempt's files cannot be moved to " + folder.string() + ": " +
+                  failed.message() + ". Make that possible, then seal the attempt again");
+    }
+    moved_ = true;
   }
   [[nodiscard]] const fs::path& folder() const { return folder_; }
 
@@ -91,7 +99,7 @@ class KeptFiles : public viewer::AttemptFiles {
   std::string vitals_;
   Bytes last_;
   std::uint64_t written_ = 0;
-  bool finished_ = false;
+  bool finished_ = false, moved_ = false;
 };
 
 class PageSealer : public viewer::AttemptSealer {
@@ -103,19 +111,26 @@ class PageSealer : public viewer::AttemptSealer {
   }
 
   viewer::SealedAttempt seal(viewer::AttemptFiles& files, const trainer::HandMotion& motion,
-                             const nlohmann::ordered_json& facts, const std::string& summary) override {
+                             const nlohmann::ordered_json& facts, const std::string& summary,
+                             const std::string& earlier,
+                             const std::function<void(const std::string& case_id)>& begun) override {
     const std::unique_lock one(sealing_, std::try_to_lock);
     if (!one) throw Error("another attempt is being sealed: try again in a moment");
     auto& kept = dynamic_cast<KeptFiles&>(files);
     kept.finish(motion, facts.dump(2) + "\n");
-    const fs::path folder = seal_attempt(home_, kept.folder(), kPictures, facts, summary);
-    const std::string case_id = folder.filename().string();
+    std::string case_id = earlier;
+    if (earlier.empty() || !holds_whole_attempt(home_.archive() / earlier)) {
+      nlohmann::ordered_json told = facts;
+      if (!earlier.empty()) told["instead_of"] = earlier;
+      case_id = seal_attempt(home_, kept.folder(), kPictures, told, summary, begun).filename().string();
+    }
     kept.move_to(home_.folder() / "training" / case_id);
     return {case_id, std::string(archive::verdict_name(verify(case_id).verdict))};
   }
 
-  Bytes certificate(const std::string& case_id, const std::string& user) override {
+  Bytes certificate(const std::string& case_id, const std::string& user, report::Language language) override {
     report::ReportInput input;
+    input.language = language;
     log_access(home_, home_.archive() / case_id, "made a certificate of training for " + user);
     input.verification = verify(case_id);
     input.facts = report::read_case_facts(home_.archive() / case_id);

@@ -209,7 +209,14 @@ describe('A new trainee', () => {
     const answer = await visitor.context.request.get(new URL(certificate as string, trainer.signIn).href);
     expect(answer.status()).toBe(200);
     expect((await answer.body()).subarray(0, 5).toString()).toBe('%PDF-');
+    expect(certificate).toMatch(/language=en$/);
     await keepPicture(page, 'training-result');
+    // In the page's language.
+    await page.getByRole('button', { name: '日本語' }).click();
+    const japanese = await page.getByRole('link', { name: '証明書(PDF)' }).getAttribute('href');
+    expect(japanese).toMatch(/language=ja$/);
+    expect((await visitor.context.request.get(new URL(japanese as string, trainer.signIn).href)).status()).toBe(200);
+    await page.getByRole('button', { name: 'English' }).click();
     await page.getByLabel('Measure').selectOption('time');
     await page.getByRole('img', { name: 'Tests by session: Time, s' }).waitFor();
   });

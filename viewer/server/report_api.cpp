@@ -11,9 +11,6 @@
 #include "viewer/report/report_document.h"
 
 namespace kiroku::viewer {
-namespace {
-
-enum class Kind { kReport, kReceipt };
 
 report::Language asked_language(const Request& request) {
   const std::string tag = request.query_text("language").value_or("en");
@@ -23,6 +20,10 @@ report::Language asked_language(const Request& request) {
     throw Refusal(400, error.what());
   }
 }
+
+namespace {
+
+enum class Kind { kReport, kReceipt };
 
 /// The case is verified anew: a document says what was there when it was made.
 report::ReportInput verify(const Request& request, const ViewerContext& context) {

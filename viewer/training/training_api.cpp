@@ -7,6 +7,7 @@
 #include "trainer/curriculum/learning.h"
 #include "trainer/report/score_json.h"
 #include "viewer/server/json_fields.h"
+#include "viewer/server/report_api.h"
 #include "viewer/training/attempt_socket.h"
 
 namespace kiroku::viewer {
@@ -145,9 +146,10 @@ void add_training_routes(Router& router, TrainingRoom& room) {
              });
   router.add("GET", "api/training/attempts/{attempt:number}/certificate.pdf", Right::kSignedIn,
              [&room](const Request& request) {
-               return Response::bytes(room.certificate(training_user(request),
-                                                       static_cast<std::int64_t>(request.number("attempt"))),
-                                      "application/pdf")
+               const auto number = static_cast<std::int64_t>(request.number("attempt"));
+               return Response::bytes(
+                          room.certificate(training_user(request), number, asked_language(request)),
+                          "application/pdf")
                    .with("Content-Disposition", "inline; filename=\"certificate.pdf\"");
              });
   Route attempt;

@@ -84,38 +84,52 @@ trainer::ExclusionRecord TrainingRoom::require_may_seal(const TrainingUser& user
 }
 
 SealedAttempt TrainingRoom::seal(const TrainingUser& user, std::int64_t attempt) {
-  const trainer::ExclusionRecord record = require_may_seal(user, attempt);
-  if (!record.sealed_case.empty())
-    throw Refusal(409, "this attempt was sealed as " + record.sealed_case + " already");
-  Sealable sealable;
-  {
+  const std::string trainee = require_may_seal(user, attempt).trainee;
+  Sealable sealable = take_sealable(user, trainee, attempt);
+  // Only now: whoever sealed it meanwhile has told of the case before the attempt could be taken again.
+  const std::string earlier = require_may_seal(user, attempt).sealed_case;
+  const auto done_with = [&](bool sealed) {
     const std::lock_guard guard(sealable_mutex_);
-    const auto found = sealable_.find(record.trainee);
-    if (found == sealable_.end() || found->second.attempt != attempt)
-      throw Refusal(
-          404, "an attempt can be sealed until its trainee's next one is over, and while the server runs");
-    sealable = std::move(found->second);
-    sealable_.erase(found);
-  }
-  SealedAttempt sealed;
+    sealing_.erase(attempt);
+    // What could not be done now can be tried again, unless the trainee's next attempt is over by now.
+    if (!sealed) sealable_.try_emplace(trainee, std::move(sealable));
+  };
   try {
     nlohmann::ordered_json facts = nlohmann::ordered_json::parse(sealable.facts);
     facts["sealed_by"] = user.name;
-    sealed = options_.sealer->seal(*sealable.files, sealable.motion, facts, sealable.summary);
+    const SealedAttempt sealed = options_.sealer->seal(
+        *sealable.files, sealable.motion, facts, sealable.summary, earlier, [&](const std::string& case_id) {
+          with_results([&](trainer::TrainingDatabase& results) { results.keep_case(attempt, case_id); });
+        });
+    done_with(true);
+    return sealed;
   } catch (...) {
-    // What could not be done now can be tried again.
-    const std::lock_guard guard(sealable_mutex_);
-    sealable_.try_emplace(record.trainee, std::move(sealable));
+    done_with(false);
     throw;
   }
-  with_results([&](trainer::TrainingDatabase& results) { results.keep_case(attempt, sealed.case_id); });
-  return sealed;
 }
 
-Bytes TrainingRoom::certificate(const TrainingUser& user, std::int64_t attempt) {
+TrainingRoom::Sealable TrainingRoom::take_sealable(const TrainingUser& user, const std::string& trainee,
+                                                   std::int64_t attempt) {
+  const std::lock_guard guard(sealable_mutex_);
+  if (sealing_.contains(attempt)) throw Refusal(409, "this attempt is being sealed: wait a moment");
+  const auto found = sealable_.find(trainee);
+  if (found != sealable_.end() && found->second.attempt == attempt) {
+    Sealable sealable = std::move(found->second);
+    sealable_.erase(found);
+    sealing_.insert(attempt);
+    return sealable;
+  }
+  if (const std::string sealed = require_may_seal(user, attempt).sealed_case; !sealed.empty())
+    throw Refusal(409, "this attempt was sealed as " + sealed + " already");
+  throw Refusal(404,
+                "an attempt can be sealed until its trainee's next one is over, and while the server runs");
+}
+
+Bytes TrainingRoom::certificate(const TrainingUser& user, std::int64_t attempt, report::Language language) {
   const trainer::ExclusionRecord record = require_may_seal(user, attempt);
   if (record.sealed_case.empty()) throw Refusal(404, "this attempt was not sealed");
-  return options_.sealer->certificate(record.sealed_case, user.name);
+  return options_.sealer->certificate(record.sealed_case, user.name, language);
 }
 
 void TrainingRoom::leave(const std::string& trainee) {

@@ -87,10 +87,13 @@ class TrainingRoom {
     std::string facts, summary;  // JSON
   };
   void keep_sealable(const std::string& trainee, Sealable sealable);
-  /// Makes the case. Refusal 404 where the attempt is no more there to be sealed, 403 where the user may not.
+  /// Makes the case, which is kept with the results before anything is recorded into it. What failed can be
+  /// tried again, and goes on with the case that was made then where that is whole: an attempt has one.
+  /// Refusal 404 where the attempt is no more there to be sealed, 409 where it is sealed or being sealed, 403
+  /// where the user may not.
   SealedAttempt seal(const TrainingUser& user, std::int64_t attempt);
   /// The certificate of an attempt that was sealed. Refusal 404 where it was not, 403 where the user may not.
-  Bytes certificate(const TrainingUser& user, std::int64_t attempt);
+  Bytes certificate(const TrainingUser& user, std::int64_t attempt, report::Language language);
 
   /// Refusal 409 where the trainee trains already, 503 where all places are taken.
   std::unique_ptr<Place> enter(const std::string& trainee);
@@ -102,6 +105,8 @@ class TrainingRoom {
   };
 
   void leave(const std::string& trainee);
+  /// What the attempt is sealed from, taken away until that is over.
+  Sealable take_sealable(const TrainingUser& user, const std::string& trainee, std::int64_t attempt);
   /// The attempt, where the user may seal it.
   trainer::ExclusionRecord require_may_seal(const TrainingUser& user, std::int64_t attempt);
 
@@ -113,6 +118,7 @@ class TrainingRoom {
   std::set<std::string> training_;
   std::mutex sealable_mutex_;
   std::map<std::string, Sealable> sealable_;  // by trainee
+  std::set<std::int64_t> sealing_;            // attempts whose case is being made
 };
 
 }  // namespace kiroku::viewer

@@ -1,39 +1,27 @@
 // The planner's routes before a real server, by the messages that a page sends.
 #include "viewer/planning/planning_api.h"
 
-#include <mutex>
-
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <nlohmann/json.hpp>
 
 #include "sim/plan/plan.h"
-#include "tests/support/socket_client.h"
+#include "tests/support/served_routes.h"
 #include "tests/unit/viewer/planning/planned_block.h"
-#include "viewer/server/server_certificate.h"
-#include "viewer/server/web_server.h"
 
 namespace kiroku::viewer {
 namespace {
 
 using nlohmann::json;
+using test::next_said;
+using test::refusal_of;
+using test::Said;
 using test::SocketClient;
 using testing::HasSubstr;
 using testing::IsEmpty;
 
 class PlanningApi : public testing::Test {
  protected:
-  PlanningApi() {
-    add_planning_routes(router, room);
-    bool made = false;
-    ServerCertificate certificate = own_certificate(folder.path(), {"127.0.0.1"}, made);
-    WebServerOptions options;
-    options.listen = "127.0.0.1:0";
-    options.certificate_pem = std::move(certificate.certificate_pem);
-    options.key_pem = std::move(certificate.key_pem);
-    server.emplace(std::move(options), dispatcher);
-    opened = sessions.open("anna", Role::kSurgeon, {});
-  }
   static PlanningOptions options_of(const std::filesystem::path& plans) {
     PlanningOptions options;
     options.plans = plans;
@@ -41,77 +29,42 @@ class PlanningApi : public testing::Test {
     options.tell = [](const std::string& /*sentence*/) {};
     return options;
   }
-
-  std::pair<unsigned, json> ask(const SessionStore::Opened& who) {
-    Dispatcher::Admission admission = dispatcher.admit(
-        {"GET", "/api/planning/plans", "192.0.2.7", {{"host", "or-3"}, {"cookie", cookie_of(who)}}});
-    const Response response =
-        admission.refusal ? std::move(*admission.refusal) : dispatcher.answer(admission);
-    return {response.status, json::parse(std::get<std::string>(response.body))};
-  }
-  static std::string cookie_of(const SessionStore::Opened& who) {
-    return std::string(kSessionCookie) + "=" + who.token;
-  }
   std::unique_ptr<SocketClient> connect(const std::string& origin = "") {
-    const std::string own = "https://127.0.0.1:" + std::to_string(server->port());
-    return std::make_unique<SocketClient>(server->port(), "/api/planning/table", cookie_of(opened),
-                                          origin.empty() ? own : origin);
-  }
-  struct Said {
-    json about;
-    bool is_picture = false;
-  };
-  static std::optional<Said> next(SocketClient& client) {
-    const std::optional<SocketClient::Message> message = client.receive();
-    if (!message) return {};
-    const std::string_view bytes = text_of(message->bytes);
-    if (message->is_text) return Said{json::parse(bytes), false};
-    std::size_t head = 0;
-    for (std::size_t i = 0; i < 4; ++i) head |= static_cast<std::size_t>(message->bytes[i]) << (8 * i);
-    EXPECT_EQ(bytes.substr(4 + head, 2), "\xff\xd8");
-    return Said{json::parse(bytes.substr(4, head)), true};
+    return routes.connect("planning/table", origin);
   }
   /// The next text that has the key, whatever else comes before.
   static json until(SocketClient& client, const char* key) {
-    while (const std::optional<Said> said = next(client)) {
-      if (said->about.contains(key)) return said->about;
+    while (const std::optional<Said> said = next_said(client)) {
+      if (said->text.contains(key)) return said->text;
     }
     return nullptr;
-  }
-  static std::pair<int, std::string> refusal(SocketClient& client) {
-    while (next(client)) {
-    }
-    return client.farewell();
   }
   /// The first picture in which the deed is.
   static json picture_of(SocketClient& client, std::uint64_t input) {
-    while (const std::optional<Said> said = next(client)) {
-      if (said->is_picture && said->about["input"] >= input) return said->about;
+    while (const std::optional<Said> said = next_said(client)) {
+      if (said->jpeg_bytes > 0 && said->text["input"] >= input) return said->text;
     }
     return nullptr;
   }
 
-  test::TemporaryFolder folder;
   test::PlannedBlock block;
   PlanningRoom room{options_of(block.folder())};
-  Router router;
-  SessionStore sessions;
-  SessionStore::Opened opened;
-  StaticFiles page;
-  Dispatcher dispatcher{router, sessions, page, [](const std::string& /*sentence*/) {}};
-  std::optional<WebServer> server;
+  test::ServedRoutes routes{[this](Router& router) { add_planning_routes(router, room); }, "anna",
+                            Role::kSurgeon};
 };
 
 TEST_F(PlanningApi, ListsPlansForWhoMayPlan) {
-  const auto [status, answer] = ask(opened);
-  EXPECT_EQ(status, 200U);
+  EXPECT_EQ(routes.ask("GET", "planning/plans").status, 200);
   EXPECT_EQ(
-      answer,
+      routes.answer("GET", "planning/plans"),
       json::parse(
           R"({"plans": [{"plan": "block/plan.json", "name": "Block", "steps": 2, "has_volume": true}]})"));
-  for (const Role role : {Role::kOperator, Role::kAuditor})
-    EXPECT_EQ(ask(sessions.open("otto", role, {})).first, 403U);
-  EXPECT_EQ(ask({}).first, 401U);
+  for (const Role role : {Role::kOperator, Role::kAuditor}) {
+    routes.sign_in("otto", role);
+    EXPECT_EQ(routes.ask("GET", "planning/plans").status, 403);
+  }
+  routes.sign_out();
+  EXPECT_EQ(routes.ask("GET", "planning/plans").status, 401);
 }
 
 TEST_F(PlanningApi, OpensPlansAndSaves) {
@@ -143,7 +96,7 @@ TEST_F(PlanningApi, OpensPlansAndSaves) {
   ASSERT_THAT(saved.errors, IsEmpty());
   EXPECT_EQ(saved.plan->steps.size(), 2U);
   EXPECT_EQ(saved.plan->name, "Mine");
-  EXPECT_EQ(ask(opened).second["plans"].size(), 2U);
+  EXPECT_EQ(routes.answer("GET", "planning/plans")["plans"].size(), 2U);
 }
 
 TEST_F(PlanningApi, RefusesInWords) {
@@ -153,7 +106,7 @@ TEST_F(PlanningApi, RefusesInWords) {
   // One place, which is taken as long as the connection is there.
   const auto second = connect();
   second->send_text(R"({"open": {"plan": "block/plan.json", "anew": true}})");
-  EXPECT_THAT(refusal(*second).second, HasSubstr("as many people plan here"));
+  EXPECT_THAT(refusal_of(*second).second, HasSubstr("as many people plan here"));
 }
 
 TEST_F(PlanningApi, RefusesWhatIsNoMessage) {
@@ -174,7 +127,7 @@ TEST_F(PlanningApi, RefusesWhatIsNoMessage) {
   for (const auto& [message, sentence] : bad) {
     const auto client = connect();
     client->send_text(message);
-    const auto [code, said] = refusal(*client);
+    const auto [code, said] = refusal_of(*client);
     EXPECT_EQ(code, 1008) << message;
     EXPECT_THAT(said, HasSubstr(sentence)) << message;
   }

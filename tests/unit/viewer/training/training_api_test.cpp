@@ -10,39 +10,27 @@
 #include <nlohmann/json.hpp>
 
 #include "tests/support/flat_organ_volume.h"
-#include "tests/support/socket_client.h"
+#include "tests/support/served_routes.h"
 #include "tests/support/temporary_folder.h"
 #include "trainer/exclusion/patient_organ.h"
-#include "viewer/server/server_certificate.h"
-#include "viewer/server/web_server.h"
 
 namespace kiroku::viewer {
 namespace {
 
 using nlohmann::json;
+using test::next_said;
+using test::refusal_of;
+using test::Said;
 using test::SocketClient;
 using testing::HasSubstr;
 using trainer::Ending;
-
-/// What came over a connection: text as JSON, a moment as its JSON with its picture's size.
-struct Said {
-  json text;
-  std::size_t jpeg_bytes = 0;
-};
 
 class TrainingApi : public testing::Test {
  protected:
   using Organs = std::vector<std::shared_ptr<const trainer::ExclusionBody>>;
   explicit TrainingApi(Organs served = {}) : organs(std::move(served)) {
-    add_training_routes(router, room());
-    bool made = false;
-    ServerCertificate certificate = own_certificate(folder.path(), {"127.0.0.1"}, made);
-    WebServerOptions options;
-    options.listen = "127.0.0.1:0";
-    options.certificate_pem = std::move(certificate.certificate_pem);
-    options.key_pem = std::move(certificate.key_pem);
-    server.emplace(std::move(options), dispatcher);
-    opened = sessions.open("root", Role::kAdministrator, {});
+    routes.emplace([this](Router& router) { add_training_routes(router, room()); }, "root",
+                   Role::kAdministrator);
   }
 
   TrainingRoom& room() {
@@ -67,25 +55,12 @@ class TrainingApi : public testing::Test {
   }
 
   Response ask(const std::string& method, const std::string& path, const std::string& body = "") {
-    RequestHead head{method, "/api/" + path, "192.0.2.7", {{"host", "or-3"}, {"cookie", cookie()}}};
-    if (method != "GET") {
-      head.headers["x-kiroku-request"] = "1";
-      head.headers["content-type"] = "application/json";
-    }
-    Dispatcher::Admission admission = dispatcher.admit(std::move(head));
-    if (admission.refusal) return std::move(*admission.refusal);
-    admission.request.body = body;
-    return dispatcher.answer(admission);
+    return routes->ask(method, path, body);
   }
   json answer(const std::string& method, const std::string& path, const std::string& body = "") {
-    return json::parse(std::get<std::string>(ask(method, path, body).body));
+    return routes->answer(method, path, body);
   }
-
-  [[nodiscard]] std::string cookie() const { return std::string(kSessionCookie) + "=" + opened.token; }
-  std::unique_ptr<SocketClient> connect() {
-    return std::make_unique<SocketClient>(server->port(), "/api/training/attempt", cookie(),
-                                          "https://127.0.0.1:" + std::to_string(server->port()));
-  }
+  std::unique_ptr<SocketClient> connect() { return routes->connect("training/attempt"); }
   static std::string begin(const std::string& trainee, bool test = false, std::size_t fingers = 3,
                            const std::string& object = "a") {
     return json{
@@ -97,28 +72,12 @@ class TrainingApi : public testing::Test {
     return json{{"input", number}, {"pointers", {{{"finger", 0}, {"x", 0.5}, {"y", y}, {"push_m", 0}}}}}
         .dump();
   }
-  /// Nothing at the end of the connection.
-  static std::optional<Said> next(SocketClient& client) {
-    const std::optional<SocketClient::Message> message = client.receive();
-    if (!message) return {};
-    const std::string_view bytes = text_of(message->bytes);
-    if (message->is_text) return Said{json::parse(bytes), 0};
-    std::size_t head = 0;
-    for (std::size_t i = 0; i < 4; ++i) head |= static_cast<std::size_t>(message->bytes[i]) << (8 * i);
-    EXPECT_EQ(bytes.substr(4 + head, 2), "\xff\xd8");
-    return Said{json::parse(bytes.substr(4, head)), bytes.size() - 4 - head};
-  }
   /// The next text, whatever pictures come before.
   static json next_text(SocketClient& client) {
-    while (const std::optional<Said> said = next(client)) {
+    while (const std::optional<Said> said = next_said(client)) {
       if (said->jpeg_bytes == 0) return said->text;
     }
     return nullptr;
-  }
-  static std::pair<int, std::string> refusal(SocketClient& client) {
-    while (next(client)) {
-    }
-    return client.farewell();
   }
   std::vector<trainer::ExclusionRecord> kept() {
     return room().with_results([](const trainer::TrainingDatabase& results) { return results.attempts(); });
@@ -147,12 +106,7 @@ class TrainingApi : public testing::Test {
   std::vector<std::string> told;
   Organs organs;
   std::optional<TrainingRoom> kept_room;
-  Router router;
-  SessionStore sessions;
-  SessionStore::Opened opened;
-  StaticFiles page;
-  Dispatcher dispatcher{router, sessions, page, [](const std::string& /*sentence*/) {}};
-  std::optional<WebServer> server;
+  std::optional<test::ServedRoutes> routes;  // last: over before what it uses
 };
 
 TEST_F(TrainingApi, AnAttemptIsDoneByThePointersOfAPageAndKept) {
@@ -165,7 +119,7 @@ TEST_F(TrainingApi, AnAttemptIsDoneByThePointersOfAPageAndKept) {
   std::uint64_t number = 0, shown = 0;
   double latest_s = 0, strongest_n = 0, y = 0.66;
   json over;
-  while (const std::optional<Said> said = next(*client)) {
+  while (const std::optional<Said> said = next_said(*client)) {
     if (said->jpeg_bytes == 0) {
       over = said->text["over"];
       break;
@@ -205,7 +159,7 @@ TEST_F(TrainingApi, AConnectionThatIsLostLeavesABrokenOffAttempt) {
     const auto client = connect();
     client->send_text(begin("Ueda"));
     EXPECT_EQ(next_text(*client)["began"]["stress_shown"], false);
-    const std::optional<Said> moment = next(*client);
+    const std::optional<Said> moment = next_said(*client);
     ASSERT_TRUE(moment);
     // Whose group sees no stress is not told it in other ways.
     EXPECT_FALSE(moment->text.contains("largest_von_mises_pa"));
@@ -247,7 +201,7 @@ TEST_F(TrainingApi, ATraineeTrainsOnceAtATimeAndPlacesAreLimited) {
   ASSERT_TRUE(next_text(*first).contains("began"));
   const auto same = connect();
   same->send_text(begin("Aoki"));
-  EXPECT_THAT(refusal(*same), testing::Pair(1008, "Aoki is training already"));
+  EXPECT_THAT(refusal_of(*same), testing::Pair(1008, "Aoki is training already"));
   room().with_results(
       [](trainer::TrainingDatabase& results) { results.add_trainee("Mori", trainer::kStressShown, false); });
   const auto second = connect();
@@ -255,7 +209,7 @@ TEST_F(TrainingApi, ATraineeTrainsOnceAtATimeAndPlacesAreLimited) {
   ASSERT_TRUE(next_text(*second).contains("began"));
   const auto third = connect();
   third->send_text(begin("Mori"));
-  EXPECT_THAT(refusal(*third).second, HasSubstr("all places"));
+  EXPECT_THAT(refusal_of(*third).second, HasSubstr("all places"));
   EXPECT_EQ(kept().size(), 2U);
 }
 
@@ -263,7 +217,7 @@ TEST_F(TrainingApi, RefusesInWordsWhatNoPageSays) {
   const auto refused = [&](const std::vector<std::string>& messages) {
     const auto client = connect();
     for (const std::string& message : messages) client->send_text(message);
-    const auto [code, sentence] = refusal(*client);
+    const auto [code, sentence] = refusal_of(*client);
     EXPECT_EQ(code, 1008) << sentence;
     return sentence;
   };
@@ -278,9 +232,9 @@ TEST_F(TrainingApi, RefusesInWordsWhatNoPageSays) {
   const auto client = connect();
   client->send_text(begin("Aoki"));
   ASSERT_TRUE(next_text(*client).contains("began"));
-  ASSERT_TRUE(next(*client));
+  ASSERT_TRUE(next_said(*client));
   client->send_text(R"({"input":1,"pointers":[{"finger":9,"x":0.5,"y":0.5,"push_m":0}]})");
-  EXPECT_THAT(refusal(*client).second, HasSubstr("no finger 9"));
+  EXPECT_THAT(refusal_of(*client).second, HasSubstr("no finger 9"));
   EXPECT_TRUE(eventually([&] { return kept()[0].score.time_s > 0; }));
   EXPECT_EQ(kept()[0].ending, Ending::kBrokenOff);
 }
@@ -300,7 +254,7 @@ TEST_F(TrainingWithAnOrgan, ListsItBesideTheOthersAndKeepsItsAttempts) {
   const auto client = connect();
   client->send_text(begin("Aoki", false, 3, "left lobe"));
   EXPECT_EQ(next_text(*client)["began"]["object"], "left lobe");
-  const std::optional<Said> moment = next(*client);
+  const std::optional<Said> moment = next_said(*client);
   ASSERT_TRUE(moment);
   EXPECT_EQ(moment->text["visible_share"], 0);
   client->send_text(R"({"end":true})");
@@ -323,8 +277,7 @@ TEST_F(TrainingApi, KnowsTraineesAndAddsThem) {
   EXPECT_EQ(ask("POST", "training/trainees", R"({"name":"","group":"stress hidden"})").status, 400);
   EXPECT_EQ(ask("GET", "training/trainees/nobody/results?object=a").status, 404);
   EXPECT_EQ(ask("GET", "training/trainees/Aoki/results?object=z").status, 400);
-  opened.session->end();
-  sessions.close(opened.token);
+  routes->sign_out();
   EXPECT_EQ(ask("GET", "training").status, 401);
 }
 
@@ -332,7 +285,7 @@ TEST_F(TrainingApi, ATestComesAfterThreeMinutesOfPracticeAndNoPracticeAfterThem)
   const auto refused = [&](bool test) {
     const auto client = connect();
     client->send_text(begin("Aoki", test));
-    return refusal(*client).second;
+    return refusal_of(*client).second;
   };
   practised("Aoki", 80);
   EXPECT_EQ(refused(true),
@@ -355,7 +308,7 @@ TEST_F(TrainingApi, ATestComesAfterThreeMinutesOfPracticeAndNoPracticeAfterThem)
 TEST_F(TrainingApi, AUserTrainsAsTheOwnTraineeAndAnAdministratorAsEverybody) {
   EXPECT_EQ(answer("GET", "training")["trainees"].size(), 2U);
   EXPECT_EQ(answer("GET", "training")["supervises"], true);
-  opened = sessions.open("anna", Role::kOperator, {});
+  routes->sign_in("anna", Role::kOperator);
   const json training = answer("GET", "training");
   ASSERT_EQ(training["trainees"].size(), 1U);
   EXPECT_EQ(training["trainees"][0]["name"], "Aoki");
@@ -366,10 +319,10 @@ TEST_F(TrainingApi, AUserTrainsAsTheOwnTraineeAndAnAdministratorAsEverybody) {
               HasSubstr("anna trains as 'Aoki' already"));
   const auto client = connect();
   client->send_text(begin("Ueda"));
-  EXPECT_THAT(refusal(*client).second, HasSubstr("only the user bound to Ueda, or an administrator"));
+  EXPECT_THAT(refusal_of(*client).second, HasSubstr("only the user bound to Ueda, or an administrator"));
   EXPECT_TRUE(kept().empty());
   // Who has no trainee yet adds their own, whoever they name.
-  opened = sessions.open("ben", Role::kSurgeon, {});
+  routes->sign_in("ben", Role::kSurgeon);
   EXPECT_TRUE(answer("GET", "training")["trainees"].empty());
   EXPECT_EQ(
       answer("POST", "training/trainees", R"({"name":"Ben","group":"stress shown","user":"carl"})")["user"],

@@ -1,7 +1,7 @@
 // What came of an attempt, and how the trainee has learnt so far.
 import { useSignal } from '@preact/signals';
 import { useEffect } from 'preact/hooks';
-import { t, word } from '@/i18n/i18n';
+import { language, t, word } from '@/i18n/i18n';
 import { Icon } from '@/shell/icon';
 import { announce, attempt } from '@/shell/state';
 import { objectLabel } from '@/training/object_label';
@@ -206,7 +206,7 @@ function AttemptTable({ attempts }: { attempts: AttemptKept[] }) {
                 {attempts.some((other) => other.case !== '') && (
                   <td>
                     {one.case !== '' && (
-                      <a href={api.certificate(one.attempt)} target="_blank" rel="noopener">
+                      <a href={api.certificate(one.attempt, language.value)} target="_blank" rel="noopener">
                         {one.case}
                       </a>
                     )}
@@ -238,7 +238,7 @@ function Seal({ number, sealed }: { number: number; sealed: () => Promise<unknow
     return (
       <p class="train-sealed">
         {t('seal.done', { case: came.value.case })} {t('seal.verdict', { verdict: came.value.verdict })}{' '}
-        <a href={api.certificate(number)} target="_blank" rel="noopener">
+        <a href={api.certificate(number, language.value)} target="_blank" rel="noopener">
           {t('seal.certificate')}
         </a>
       </p>

@@ -132,7 +132,7 @@ export const training = {
   get: () => get<Training>('training'),
   addTrainee: (name: string, group: string, user: string) => post<Trainee>('training/trainees', user === '' ? { name, group } : { name, group, user }),
   seal: (attempt: number) => post<{ case: string; verdict: string }>(`training/attempts/${attempt}/case`, {}),
-  certificate: (attempt: number) => `/api/training/attempts/${attempt}/certificate.pdf`,
+  certificate: (attempt: number, language: string) => `/api/training/attempts/${attempt}/certificate.pdf?language=${language}`,
   results: (trainee: string, object: ObjectName) => get<Results>(`training/trainees/${encodeURIComponent(trainee)}/results?object=${object}`),
 };
 
