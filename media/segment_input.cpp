@@ -139,14 +139,20 @@ void SegmentInput::check(int result) {
   }
 }
 
+AVStream* SegmentInput::first_of(int type) {
+  const std::span streams(context_->streams, context_->nb_streams);
+  const auto found = std::find_if(streams.begin(), streams.end(), [&](const AVStream* stream) {
+    return stream->codecpar->codec_type == type;
+  });
+  return found == streams.end() ? nullptr : *found;
+}
+
 AVStream& SegmentInput::video() {
-  for (unsigned i = 0; i < context_->nb_streams; ++i) {
-    if (context_->streams[i]->codecpar->codec_type == AVMEDIA_TYPE_VIDEO) {
-      return *context_->streams[i];
-    }
-  }
+  if (AVStream* const stream = first_of(AVMEDIA_TYPE_VIDEO)) return *stream;
   throw MediaError("the media of " + name_ + " has no pictures");
 }
+
+AVStream* SegmentInput::sound() { return first_of(AVMEDIA_TYPE_AUDIO); }
 
 bool SegmentInput::read(AVPacket& packet) {
   const int result = av_read_frame(context_.get(), &packet);

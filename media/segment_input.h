@@ -43,6 +43,8 @@ class SegmentInput {
   [[nodiscard]] AVFormatContext& context() { return *context_; }
   /// The video stream; throws MediaError if there is none.
   [[nodiscard]] AVStream& video();
+  /// The first stream of sound; null if there is none.
+  [[nodiscard]] AVStream* sound();
   /// The next packet, in the order of the file. False at the end. Throws MediaError if the media is damaged,
   /// and whatever the source threw.
   bool read(AVPacket& packet);
@@ -51,6 +53,7 @@ class SegmentInput {
   struct Io;
 
   void open(const std::string& media);
+  [[nodiscard]] AVStream* first_of(int type);
   void check(int result);
 
   std::string name_;

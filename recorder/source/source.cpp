@@ -42,7 +42,7 @@ bool wait_until(const CaseClock& clock, std::int64_t due_ns, const std::atomic<b
 
 std::unique_ptr<Source> open_source(const SourceAddress& address, const CaseClock& clock,
                                     const OpeningTerms& terms) {
-  if (address.kind == SourceKind::kSynthetic) return open_synthetic_source(address, clock);
+  if (address.kind == SourceKind::kSynthetic) return open_synthetic_source(address, clock, terms.sound);
   return open_ffmpeg_source(address, clock, terms);
 }
 

@@ -3,11 +3,14 @@
 extern "C" {
 #include <libavfilter/avfilter.h>
 #include <libavfilter/buffersink.h>
+#include <libavutil/channel_layout.h>
 #include <libavutil/frame.h>
 #include <libavutil/pixdesc.h>
 }
 
+#include <cmath>
 #include <cstdio>
+#include <numbers>
 #include <string>
 
 #include "base/error.h"
@@ -21,11 +24,12 @@ struct Scene {
   int width = 1280, height = 720, rate = 25;
   std::string pixel_format = "yuv420p";
   int flash_every_s = 0;
+  int beep_every_s = 0;
   int change_after_s = 0;
 };
 
 Scene scene_of(const SourceAddress& address) {
-  address.require_options("size,rate,pixel_format,flash,speed,change");
+  address.require_options("size,rate,pixel_format,flash,beep,speed,change");
   Scene scene;
   if (address.options.contains("size")) {
     const std::string size = address.option("size", "");
@@ -39,6 +43,7 @@ Scene scene_of(const SourceAddress& address) {
   }
   scene.rate = integer_option(address, "rate", scene.rate, 1, 240);
   scene.flash_every_s = integer_option(address, "flash", 0, 0, 3600);
+  scene.beep_every_s = integer_option(address, "beep", 0, 0, 3600);
   scene.change_after_s = integer_option(address, "change", 0, 0, 3600);
   scene.pixel_format = address.option("pixel_format", scene.pixel_format);
   if (av_get_pix_fmt(scene.pixel_format.c_str()) == AV_PIX_FMT_NONE) {
@@ -167,10 +172,36 @@ std::string graph_of(const std::string& name, const SourceAddress& address, cons
   return graph + ",format=" + scene.pixel_format;
 }
 
+constexpr int kSoundRate = 48'000;
+constexpr std::int64_t kBeepSamples = kSoundRate / 10;
+constexpr int kBeepHz = 1'000;
+constexpr double kBeepAmplitude = 16'000;
+
+/// Silence, and a beep from each `every_s`-th second of the case clock on: samples [first, last) of it.
+media::Frame sound_of(std::int64_t first, std::int64_t last, std::int64_t every_s) {
+  media::Frame frame = media::make_frame();
+  frame->format = AV_SAMPLE_FMT_S16;
+  frame->sample_rate = kSoundRate;
+  frame->nb_samples = static_cast<int>(last - first);
+  av_channel_layout_default(&frame->ch_layout, 1);
+  require(av_frame_get_buffer(frame.get(), 0), "cannot make synthetic sound");
+  auto* const samples = reinterpret_cast<std::int16_t*>(frame->data[0]);
+  for (std::int64_t at = first; at < last; ++at) {
+    const std::int64_t since = at % (every_s * kSoundRate);
+    const double phase = 2 * std::numbers::pi * kBeepHz * static_cast<double>(since) / kSoundRate;
+    samples[at - first] =
+        since < kBeepSamples ? static_cast<std::int16_t>(kBeepAmplitude * std::sin(phase)) : std::int16_t{0};
+  }
+  return frame;
+}
+
 class SyntheticSource : public Source {
  public:
-  SyntheticSource(const SourceAddress& address, const CaseClock& clock)
-      : address_(address), clock_(clock), scene_(scene_of(address)) {
+  SyntheticSource(const SourceAddress& address, const CaseClock& clock, bool with_sound)
+      : address_(address),
+        clock_(clock),
+        scene_(scene_of(address)),
+        has_sound_(with_sound && scene_.beep_every_s > 0) {
     build();
     first_frame_ = next();
     format_ = format_of(*first_frame_);
@@ -178,10 +209,24 @@ class SyntheticSource : public Source {
 
   [[nodiscard]] PictureFormat format() const override { return format_; }
   [[nodiscard]] Rational frame_rate() const override { return {scene_.rate, 1}; }
+  [[nodiscard]] std::optional<SoundFormat> sound_format() const override {
+    if (!has_sound_) return {};
+    return SoundFormat{kSoundRate, 1, AV_SAMPLE_FMT_S16};
+  }
   [[nodiscard]] bool is_live() const override { return false; }
 
   std::optional<TimedFrame> read() override {
     if (interrupted()) return {};
+    // What sounds until the next picture goes before it.
+    const std::int64_t heard = index_ * kSoundRate / scene_.rate;
+    if (has_sound_ && heard > next_sample_) {
+      TimedFrame sound;
+      sound.is_sound = true;
+      sound.frame = sound_of(next_sample_, heard, scene_.beep_every_s);
+      sound.time_ns = next_sample_ * 1'000'000'000 / kSoundRate;
+      next_sample_ = heard;
+      return sound;
+    }
     TimedFrame timed;
     timed.frame = first_frame_ ? std::move(first_frame_) : next();
     timed.time_ns = time_of(index_);
@@ -245,18 +290,21 @@ class SyntheticSource : public Source {
   SourceAddress address_;
   const CaseClock& clock_;
   Scene scene_;
+  bool has_sound_;
   media::FilterGraph graph_;
   AVFilterContext* sink_ = nullptr;
   media::Frame first_frame_;
   PictureFormat format_;
   std::int64_t index_ = 0;
+  std::int64_t next_sample_ = 0;
 };
 
 }  // namespace
 
-std::unique_ptr<Source> open_synthetic_source(const SourceAddress& address, const CaseClock& clock) {
+std::unique_ptr<Source> open_synthetic_source(const SourceAddress& address, const CaseClock& clock,
+                                              bool with_sound) {
   media::silence_libav();
-  return std::make_unique<SyntheticSource>(address, clock);
+  return std::make_unique<SyntheticSource>(address, clock, with_sound);
 }
 
 }  // namespace kiroku::recorder

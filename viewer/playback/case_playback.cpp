@@ -14,6 +14,7 @@ extern "C" {
 #include "base/error.h"
 #include "crypto/encoding.h"
 #include "viewer/playback/viewing_pictures.h"
+#include "viewer/playback/viewing_sound.h"
 
 namespace kiroku::playback {
 namespace {
@@ -79,11 +80,23 @@ struct CasePlayback::Stream {
     init = make_init_segment(format);
   }
 
+  /// Finds out the form of the sound, once. Apart from prepare(): one does not wait for the other.
+  void prepare_sound() {
+    const std::lock_guard guard(preparing_sound);
+    if (sound_is_known) return;
+    if ((sound = find_sound(media, index))) sound_init = make_sound_init_segment(*sound);
+    sound_is_known = true;
+  }
+
   const CaseMedia& media;
   const VideoIndex& index;
   std::mutex preparing;  // guards the two below until they are set
   ViewingFormat format;
   InitSegment init;
+  std::mutex preparing_sound;  // guards the three below until the first is set
+  bool sound_is_known = false;
+  std::optional<SoundForm> sound;
+  InitSegment sound_init;
   std::mutex stepping;  // guards stepper
   PictureStepper stepper;
 };
@@ -96,16 +109,17 @@ CasePlayback::CasePlayback(archive::CaseReader recording, crypto::AgeIdentities 
 
 CasePlayback::~CasePlayback() = default;
 
+CasePlayback::Stream& CasePlayback::stream_of(const std::string& stream) {
+  const std::lock_guard guard(mutex_);
+  std::unique_ptr<Stream>& slot = streams_[media_.video(stream).stream.name];
+  if (!slot) slot = std::make_unique<Stream>(media_, media_.video(stream));
+  return *slot;
+}
+
 CasePlayback::Stream& CasePlayback::prepared(const std::string& stream) {
-  Stream* found = nullptr;
-  {
-    const std::lock_guard guard(mutex_);
-    std::unique_ptr<Stream>& slot = streams_[media_.video(stream).stream.name];
-    if (!slot) slot = std::make_unique<Stream>(media_, media_.video(stream));
-    found = slot.get();
-  }
-  found->prepare();
-  return *found;
+  Stream& found = stream_of(stream);
+  found.prepare();
+  return found;
 }
 
 InitSegment CasePlayback::init_segment(const std::string& stream) { return prepared(stream).init; }
@@ -170,6 +184,21 @@ Bytes CasePlayback::make_piece(const Stream& stream, std::uint64_t number) const
                         static_cast<std::uint32_t>(number + 1));
 }
 
+std::optional<InitSegment> CasePlayback::sound_init_segment(const std::string& stream) {
+  Stream& from = stream_of(stream);
+  from.prepare_sound();
+  if (!from.sound) return std::nullopt;
+  return from.sound_init;
+}
+
+Bytes CasePlayback::sound_piece(const std::string& stream, std::uint64_t number) {
+  Stream& from = stream_of(stream);
+  from.prepare_sound();
+  if (!from.sound || !may_hold(from.index, number)) return {};
+  return cached(name_of("sound", from.index, number, kSoundReach),
+                [&] { return make_sound_piece(media_, from.index, *from.sound, number); });
+}
+
 Bytes CasePlayback::thumbnail(const std::string& stream, std::uint64_t number) {
   const VideoIndex& index = prepared(stream).index;
   if (!may_hold(index, number)) return {};
@@ -231,12 +260,13 @@ std::string CasePlayback::name_of(const std::string& what, const std::string& st
   return what + " " + stream + " " + crypto::to_hex(sources.finish()) + " " + folder_;
 }
 
-std::string CasePlayback::name_of(const std::string& what, const VideoIndex& index,
-                                  std::uint64_t number) const {
-  const Ticks from = begin_of(number);
+std::string CasePlayback::name_of(const std::string& what, const VideoIndex& index, std::uint64_t number,
+                                  Ticks reach) const {
+  const Ticks from = begin_of(number) - reach;
+  const Ticks to = begin_of(number) + kPieceTicks + reach;
   std::vector<archive::SegmentEntry> segments;
   for (std::size_t i = index.first_reaching(from);
-       i < index.segments.size() && index.segments[i].start < from + kPieceTicks; ++i) {
+       i < index.segments.size() && index.segments[i].start < to; ++i) {
     segments.push_back(index.segments[i].entry);
   }
   return name_of(what + " " + std::to_string(number), index.stream.name, segments);

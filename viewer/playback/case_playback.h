@@ -5,7 +5,8 @@
 // because browsers play nothing else; coded with loss, woven from fields where they were recorded so, and
 // fitted into one size where a stream changed its own. Its times are the archive's, to 1/90000 s, and it has
 // one picture for each archived one: none is added, left out or moved. Where nothing was recorded there is
-// nothing. It is no evidence: that is the archive, which archived_picture() shows and an export hands out.
+// nothing. Sound is the archived one, sample for sample. It is no evidence: that is the archive, which
+// archived_picture() shows and an export hands out.
 #pragma once
 
 #include <cstdint>
@@ -58,6 +59,12 @@ class CasePlayback {
   /// Piece `number`, which covers [number * 2 s, (number + 1) * 2 s) of the case clock; empty where nothing
   /// was recorded. The next ones are made ready meanwhile.
   Bytes piece(const std::string& stream, std::uint64_t number);
+  /// The sound beside the pictures of a stream (viewer/playback/viewing_sound.h): what goes before its
+  /// pieces, or nothing for a stream without sound.
+  std::optional<InitSegment> sound_init_segment(const std::string& stream);
+  /// Its piece `number`, which covers what piece() may; empty where nothing was recorded, and for a stream
+  /// without sound.
+  Bytes sound_piece(const std::string& stream, std::uint64_t number);
   /// A JPEG file of the piece, 160 pixels wide, from a key frame; empty where nothing was recorded.
   Bytes thumbnail(const std::string& stream, std::uint64_t number);
   /// An archived picture, unchanged but for its colour space; nothing where there is none.
@@ -79,6 +86,7 @@ class CasePlayback {
  private:
   struct Stream;
 
+  Stream& stream_of(const std::string& stream);
   Stream& prepared(const std::string& stream);
   void require_readable(const std::vector<archive::SegmentEntry>& segments) const;
   /// What the cache knows by the name; made, once for all who ask meanwhile, where it does not.
@@ -88,8 +96,9 @@ class CasePlayback {
   /// Changes with everything that the result depends on.
   [[nodiscard]] std::string name_of(const std::string& what, const std::string& stream,
                                     const std::vector<archive::SegmentEntry>& segments) const;
-  [[nodiscard]] std::string name_of(const std::string& what, const VideoIndex& index,
-                                    std::uint64_t number) const;
+  /// `reach`: so far before and after the piece it looks.
+  [[nodiscard]] std::string name_of(const std::string& what, const VideoIndex& index, std::uint64_t number,
+                                    Ticks reach = 0) const;
 
   const CaseMedia media_;
   const std::shared_ptr<EncryptedCache> cache_;

@@ -23,9 +23,14 @@ using media::require;
 constexpr const char* kAction = "cannot make a viewing copy";
 constexpr AVRational kTimeBase{1, kTicksPerSecond};
 
+AVRational time_base_of(const AVCodecContext& encoder) {
+  return encoder.codec_type == AVMEDIA_TYPE_AUDIO ? AVRational{1, encoder.sample_rate} : kTimeBase;
+}
+
 /// Profile, constraints and level stand in the sequence parameter set (ISO 14496-10, 7.3.2.1.1), the first
 /// of the encoder's parameters behind their start codes.
 std::string codecs_of(const AVCodecContext& encoder) {
+  if (encoder.codec_id == AV_CODEC_ID_FLAC) return "flac";
   const std::span bytes(encoder.extradata, static_cast<std::size_t>(encoder.extradata_size));
   constexpr std::uint8_t kSequenceParameterSet = 7;
   constexpr std::uint8_t kTypeMask = 0x1f;
@@ -47,10 +52,12 @@ media::OutputContext make_context(const AVCodecContext& encoder) {
   media::OutputContext context(raw);
   context->flags |= AVFMT_FLAG_CUSTOM_IO | AVFMT_FLAG_BITEXACT;
   context->avoid_negative_ts = AVFMT_AVOID_NEG_TS_DISABLED;
+  // This libavformat has yet to call FLAC in MP4 more than that; what it writes has not changed since.
+  if (encoder.codec_id == AV_CODEC_ID_FLAC) context->strict_std_compliance = FF_COMPLIANCE_EXPERIMENTAL;
   AVStream* const stream = avformat_new_stream(context.get(), nullptr);
   if (stream == nullptr) throw std::bad_alloc();
   require(avcodec_parameters_from_context(stream->codecpar, &encoder), kAction);
-  stream->time_base = kTimeBase;
+  stream->time_base = time_base_of(encoder);
   stream->sample_aspect_ratio = encoder.sample_aspect_ratio;
   return context;
 }

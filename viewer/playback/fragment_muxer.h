@@ -1,5 +1,5 @@
 // H.264 for browsers (ISO 14496-10, High profile, 4:2:0, 8 bit) and the fragments of MP4 (ISO 14496-12, 8.8)
-// that carry it, as Media Source Extensions take them. Objects belong to one thread.
+// that carry it or sound, as Media Source Extensions take them. Objects belong to one thread.
 #pragma once
 
 #include <cstdint>
@@ -15,7 +15,7 @@ namespace kiroku::playback {
 /// `ftyp` and `moov`: goes before the first fragment of a stream.
 struct InitSegment {
   Bytes bytes;
-  /// RFC 6381: "avc1.640028".
+  /// RFC 6381: "avc1.640028"; "flac".
   std::string codecs;
 };
 
@@ -34,10 +34,10 @@ class FragmentMuxer {
   FragmentMuxer& operator=(const FragmentMuxer&) = delete;
 
   [[nodiscard]] const InitSegment& init() const { return init_; }
-  /// Its `pts` in ticks of the case clock, and its duration, must be set.
+  /// Its `pts` on the case clock, and its duration, must be set: in ticks, or of sound in samples.
   void write(AVPacket& packet);
-  /// What was written becomes one fragment: `moof` and `mdat`, decode times (`tfdt`) in ticks of the case
-  /// clock.
+  /// What was written becomes one fragment: `moof` and `mdat`, decode times (`tfdt`) in the same unit of the
+  /// case clock.
   Bytes fragment();
 
  private:

@@ -11,89 +11,21 @@ extern "C" {
 
 #include "base/error.h"
 #include "media/picture_decoder.h"
-#include "media/segment_input.h"
+#include "viewer/playback/segment_packets.h"
 
 namespace kiroku::playback {
 namespace {
 
 using media::MediaError;
 
-/// Time stamps of MPEG-TS have 33 bits (ISO 13818-1, 2.4.3.7).
-constexpr std::int64_t kTransportWrap = std::int64_t{1} << 33;
-/// A segment found by recovery begins at or after where its stream was accounted for, and not days later.
-constexpr Ticks kEarliestBeforeEstimate = kTicksPerSecond;
-constexpr Ticks kLatestAfterEstimate = 3600 * kTicksPerSecond;
-
-Ticks unwrapped(Ticks difference) {
-  const Ticks half = kTransportWrap / 2;
-  return (((difference + half) % kTransportWrap) + kTransportWrap) % kTransportWrap - half;
-}
-
-/// Packets of one segment's pictures on the case clock.
-class SegmentPackets {
- public:
-  SegmentPackets(const CaseMedia& media, const VideoIndex& index, const IndexedSegment& segment)
-      : wraps_(index.stream.media == "video/mp2t"),
-        tolerate_cut_(!segment.entry.complete),
-        sealed_(media.open(segment.entry)),
-        input_(sealed_, index.stream.media, segment.entry.file.file),
-        stream_(&input_.video()),
-        start_(segment.start) {
-    if (!segment.entry.counted) offset_ = index.offset;
-  }
-  SegmentPackets(const SegmentPackets&) = delete;
-  SegmentPackets& operator=(const SegmentPackets&) = delete;
-
-  [[nodiscard]] const AVStream& stream() const { return *stream_; }
-
-  /// The next packet, its pts in ticks of the case clock; null at the end.
-  media::Packet next() {
-    media::Packet packet = media::make_packet();
-    for (;;) {
-      try {
-        if (!input_.read(*packet)) return {};
-      } catch (const MediaError&) {
-        if (tolerate_cut_) return {};
-        throw;
-      }
-      if (packet->stream_index == stream_->index && packet->pts != AV_NOPTS_VALUE) break;
-      av_packet_unref(packet.get());
-    }
-    const Ticks stamp = av_rescale_q(packet->pts, stream_->time_base, {1, kTicksPerSecond});
-    if (!first_stamp_) begin_at(stamp);
-    const Ticks since = stamp - *first_stamp_;
-    packet->pts = start_ + (wraps_ ? unwrapped(since) : since);
-    packet->dts = packet->pts;  // the recorder codes no picture after one that follows it
-    packet->duration = av_rescale_q(packet->duration, stream_->time_base, {1, kTicksPerSecond});
-    return packet;
-  }
-
- private:
-  void begin_at(Ticks stamp) {
-    first_stamp_ = stamp;
-    if (!offset_) return;
-    const Ticks late = stamp - *offset_ - start_;
-    const Ticks after = wraps_ ? unwrapped(late) : late;
-    if (after >= -kEarliestBeforeEstimate && after <= kLatestAfterEstimate) start_ += after;
-  }
-
-  bool wraps_, tolerate_cut_;
-  media::SealedSegment sealed_;
-  media::SegmentInput input_;
-  AVStream* stream_;
-  Ticks start_;                  // of the first picture
-  std::optional<Ticks> offset_;  // where that is an estimate
-  std::optional<Ticks> first_stamp_;
-};
-
 }  // namespace
 
 struct PictureReader::Open {
   Open(const CaseMedia& media, const VideoIndex& index, const IndexedSegment& segment, int threads)
       : tolerate_cut(!segment.entry.complete),
-        packets(media, index, segment),
+        packets(media, index, segment, SegmentPackets::Of::kPictures),
         decoder(
-            packets.stream(), [this](AVPacket& packet) { return take(packet); }, segment.entry.file.file,
+            *packets.stream(), [this](AVPacket& packet) { return take(packet); }, segment.entry.file.file,
             threads) {}
 
   bool take(AVPacket& packet) {

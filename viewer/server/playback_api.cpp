@@ -126,6 +126,27 @@ class PlaybackApi {
       return Response::bytes(std::move(piece), "video/mp4").with(kCopyHeader, kCopy);
     });
   }
+  [[nodiscard]] Response sound(const Request& request) {
+    return watch(request, [](CasePlayback& playback, const std::string& stream) {
+      const auto init = playback.sound_init_segment(stream);
+      return Response::json({{"codecs", init ? ordered_json(init->codecs) : ordered_json(nullptr)}});
+    });
+  }
+  [[nodiscard]] Response sound_init(const Request& request) {
+    return watch(request, [](CasePlayback& playback, const std::string& stream) {
+      auto init = playback.sound_init_segment(stream);
+      if (!init) return Response::error(404, "stream '" + stream + "' has no sound");
+      return Response::bytes(std::move(init->bytes), "audio/mp4; codecs=\"" + init->codecs + "\"")
+          .with(kCopyHeader, kCopy);
+    });
+  }
+  [[nodiscard]] Response sound_piece(const Request& request) {
+    return watch(request, [&](CasePlayback& playback, const std::string& stream) {
+      Bytes piece = playback.sound_piece(stream, request.number("piece"));
+      if (piece.empty()) return nothing_recorded();
+      return Response::bytes(std::move(piece), "audio/mp4").with(kCopyHeader, kCopy);
+    });
+  }
   [[nodiscard]] Response thumbnail(const Request& request) {
     return watch(request, [&](CasePlayback& playback, const std::string& stream) {
       Bytes thumbnail = playback.thumbnail(stream, request.number("piece"));
@@ -313,6 +334,9 @@ void add_playback_routes(Router& router, ViewerContext& context) {
   };
   add("streams/{stream:name}/init.mp4", Right::kWatch, &PlaybackApi::init);
   add("streams/{stream:name}/pieces/{piece:number}.mp4", Right::kWatch, &PlaybackApi::piece);
+  add("streams/{stream:name}/sound", Right::kWatch, &PlaybackApi::sound);
+  add("streams/{stream:name}/sound/init.mp4", Right::kWatch, &PlaybackApi::sound_init);
+  add("streams/{stream:name}/sound/pieces/{piece:number}.mp4", Right::kWatch, &PlaybackApi::sound_piece);
   add("streams/{stream:name}/thumbnails/{piece:number}.jpg", Right::kWatch, &PlaybackApi::thumbnail);
   add("streams/{stream:name}/frame.png", Right::kWatch, &PlaybackApi::frame);
   add("vitals", Right::kWatch, &PlaybackApi::vitals);

@@ -1,26 +1,19 @@
 // What a session does when the world does not behave: pipes that end and come back, slow and full disks,
 // films that stop early.
-#include <cmath>
 #include <csignal>
 #include <fstream>
 #include <sys/stat.h>
 
-extern "C" {
-#include <libavutil/channel_layout.h>
-#include <libavutil/frame.h>
-#include <libavutil/samplefmt.h>
-}
 #include <thread>
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include "base/error.h"
-#include "recorder/encoder/sound_encoder.h"
-#include "recorder/encoder/video_encoder.h"
 #include "recorder/session.h"
 #include "tests/support/decoded_video.h"
 #include "tests/support/fault_file_system.h"
+#include "tests/support/film_with_sound.h"
 #include "tests/support/recording.h"
 #include "tests/support/shared_data.h"
 #include "tests/support/slow_file_system.h"
@@ -298,48 +291,9 @@ TEST(SessionFromAFile, RepeatsTheFilmWithoutAHole) {
   EXPECT_THAT(recorded.broken_rules(), IsEmpty());
 }
 
-/// The same with a tone beside the pictures, 440 Hz at 44.1 kHz.
-std::filesystem::path make_film_with_sound(const RecorderBench& bench) {
-  constexpr int kRate = 44'100;
-  constexpr int kPiece = 441;  // a hundredth of a second
-  const CaseClock clock;
-  VideoProfile profile;
-  profile.profile = Profile::kLossless;
-  const auto pictures =
-      open_source(parse_source_address("synthetic:pattern?size=64x48&rate=20&speed=max"), clock);
-  VideoEncoder encoder(pictures->format(), pictures->frame_rate(), profile);
-  SoundEncoder sound({kRate, 1, AV_SAMPLE_FMT_S16}, profile);
-  const auto muxer = make_matroska_muxer();
-  Bytes film;
-  muxer->begin({encoder.muxed_stream(), sound.muxed_stream()}, [&](ByteView bytes) { append(film, bytes); });
-  for (int i = 0; i < 200; ++i) {
-    const std::int64_t time_ns = i * 10'000'000LL;
-    if (i % 5 == 0) {
-      media::Frame picture = encoder.prepare(std::move(pictures->read().value().frame), time_ns);
-      muxer->write(encoder.encode(std::move(picture), i == 0), 0);
-    }
-    media::Frame piece = media::make_frame();
-    piece->nb_samples = kPiece;
-    piece->format = AV_SAMPLE_FMT_S16;
-    piece->sample_rate = kRate;
-    av_channel_layout_default(&piece->ch_layout, 1);
-    media::require(av_frame_get_buffer(piece.get(), 0), "cannot make sound");
-    auto* samples = reinterpret_cast<std::int16_t*>(piece->data[0]);
-    for (int k = 0; k < kPiece; ++k) {
-      samples[k] =
-          static_cast<std::int16_t>(8000 * std::sin(2 * 3.14159265 * 440 * (i * kPiece + k) / kRate));
-    }
-    for (media::Packet& packet : sound.encode(std::move(piece), time_ns)) muxer->write(std::move(packet), 1);
-  }
-  for (media::Packet& packet : sound.drain()) muxer->write(std::move(packet), 1);
-  muxer->end();
-  std::ofstream(bench / "sound.mkv", std::ios::binary) << text_of(film);
-  return bench / "sound.mkv";
-}
-
 TEST(SessionWithSound, KeepsItBesideThePictures) {
   const RecorderBench bench;
-  const std::string film = make_film_with_sound(bench).string() + "?speed=max";
+  const std::string film = test::make_film_with_sound(bench / "sound.mkv").string() + "?speed=max";
   for (const Profile profile : {Profile::kMpeg2, Profile::kLossless}) {
     SessionOptions options = bench.options();
     options.segment_duration = 1s;
@@ -365,7 +319,7 @@ TEST(SessionWithSound, KeepsItBesideThePictures) {
 TEST(SessionWithSound, LeavesItOutUnlessAsked) {
   const RecorderBench bench;
   SessionOptions options = bench.options();
-  options.video = {bench.stream("room", make_film_with_sound(bench).string() + "?speed=max")};
+  options.video = {bench.stream("room", test::make_film_with_sound(bench / "sound.mkv").string() + "?speed=max")};
   const RecordedCase recorded = bench.record(options);
   EXPECT_EQ(decode_video(recorded.joined("room")).sound_codec, "");
 }

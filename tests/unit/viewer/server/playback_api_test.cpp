@@ -25,10 +25,12 @@ class PlaybackApiTest : public testing::Test {
  protected:
   PlaybackApiTest() {
     recorder::SessionOptions options = bench_.options();
-    options.video = {bench_.stream("room", "synthetic:room?size=96x64&rate=25&speed=max")};
+    options.video = {bench_.stream("room", "synthetic:room?size=96x64&rate=25&beep=1&speed=max"),
+                     bench_.stream("silent", "synthetic:pattern?size=96x64&rate=25&speed=max")};
+    options.video[0].video.audio = true;
     options.vitals = {bench_.stream("vitals", "synthetic:patient?waves=1&speed=max")};
-    options.video[0].recipients = options.vitals[0].recipients = options.event_recipients =
-        reader_.recipients;
+    options.video[0].recipients = options.video[1].recipients = options.vitals[0].recipients =
+        options.event_recipients = reader_.recipients;
     options.duration = 5s;
     options.segment_duration = 2s;
     recorder::Session recording(std::move(options));
@@ -124,6 +126,24 @@ TEST_F(PlaybackApiTest, APageCanPlayWhatWasRecorded) {
   EXPECT_EQ(get("streams/events/pieces/0.mp4").status, 404);
   EXPECT_EQ(get("streams/nowhere/init.mp4").status, 404);
   EXPECT_EQ(test::decode_video(bytes_of_body(get("streams/room/thumbnails/1.jpg"))).frames.at(0).width, 160);
+}
+
+TEST_F(PlaybackApiTest, SoundHasAnInitialisationSegmentAndPiecesOfItsOwn) {
+  EXPECT_EQ(json_of(get("streams/room/sound")), json::parse(R"({"codecs": "flac"})"));
+  const Response init = get("streams/room/sound/init.mp4");
+  EXPECT_EQ(init.status, 200);
+  EXPECT_EQ(init.type, "audio/mp4; codecs=\"flac\"");
+  EXPECT_THAT(init.headers, Contains(Pair("X-Kiroku-Copy", "viewing copy")));
+  const Response piece = get("streams/room/sound/pieces/1.mp4");
+  EXPECT_EQ(piece.status, 200);
+  EXPECT_EQ(piece.type, "audio/mp4");
+  EXPECT_EQ(get("streams/room/sound/pieces/9.mp4").status, 404);
+  EXPECT_EQ(json_of(get("streams/silent/sound")), json::parse(R"({"codecs": null})"));
+  EXPECT_EQ(get("streams/silent/sound/init.mp4").status, 404);
+  EXPECT_EQ(get("streams/silent/sound/pieces/1.mp4").status, 404);
+  EXPECT_EQ(get("streams/vitals/sound").status, 404);
+  EXPECT_EQ(get("streams/room/sound", session(Role::kSurgeon)).status, 423) << "locked";
+  EXPECT_THAT(accesses(), testing::UnorderedElementsAre("watched room", "watched silent"));
 }
 
 TEST_F(PlaybackApiTest, ArchivedPicturesComeWithTheirTimes) {

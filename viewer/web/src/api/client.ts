@@ -86,6 +86,12 @@ export const cases = {
   init: (id: string, stream: string, signal?: AbortSignal) => bytes(`${streamOf(id, stream)}/init.mp4`, signal),
   piece: (id: string, stream: string, piece: number, signal?: AbortSignal) =>
     bytes(`${streamOf(id, stream)}/pieces/${piece}.mp4`, signal),
+  /** What Media Source Extensions call the stream's sound; null for one without. */
+  sound: async (id: string, stream: string, signal?: AbortSignal) =>
+    (await json<{ codecs: string | null }>('GET', `${streamOf(id, stream)}/sound`, undefined, signal)).codecs,
+  soundInit: (id: string, stream: string, signal?: AbortSignal) => bytes(`${streamOf(id, stream)}/sound/init.mp4`, signal),
+  soundPiece: (id: string, stream: string, piece: number, signal?: AbortSignal) =>
+    bytes(`${streamOf(id, stream)}/sound/pieces/${piece}.mp4`, signal),
   thumbnailAddress: (id: string, stream: string, piece: number) => `/api/${streamOf(id, stream)}/thumbnails/${piece}.jpg`,
   /** The archived frame at `at_ns` (step 0), or the one before or after it. */
   frame: async (id: string, stream: string, at_ns: number, step: -1 | 0 | 1, signal?: AbortSignal) => {

@@ -36,3 +36,17 @@ export function spanAt<T extends Span>(spans: readonly T[], time_ns: number): T 
   const span = spans[lastAtOrBefore(spans, time_ns, (one) => one.start_ns)];
   return span && time_ns < span.end_ns ? span : undefined;
 }
+
+/** What two ordered lists have in common. */
+export function common(a: readonly Span[], b: readonly Span[]): Span[] {
+  const out: Span[] = [];
+  for (let i = 0, j = 0; i < a.length && j < b.length; ) {
+    const [one, other] = [a[i] as Span, b[j] as Span];
+    const start_ns = Math.max(one.start_ns, other.start_ns);
+    const end_ns = Math.min(one.end_ns, other.end_ns);
+    if (start_ns < end_ns) out.push({ start_ns, end_ns });
+    if (one.end_ns < other.end_ns) ++i;
+    else ++j;
+  }
+  return out;
+}

@@ -1,14 +1,15 @@
 // One video of a case, fed with pieces of viewing copy by Media Source Extensions. The media time line is the case clock in seconds. Owned by one
 // Playback; closed once.
-import { ApiError, cases } from '@/api/client';
-import { type Span, spanAt } from '@/base/spans';
+import { cases } from '@/api/client';
+import { common, type Span, spanAt } from '@/base/spans';
 import { correction } from '@/clock/sync';
 import { mimeTypeOf } from '@/media/mp4';
-import { canShow, kHole_ns, kKeepAhead_ns, kKeepBehind_ns, kPiece_ns, pieceSpan, piecesAhead, wantedPieces } from '@/media/pieces';
+import { isHeardAt, PaneSound } from '@/media/pane_sound';
+import { PieceFeed } from '@/media/piece_feed';
+import { canShow, kHole_ns } from '@/media/pieces';
 
 /** What must lie ahead before a picture is taken for there; a piece is not waited for to its end. */
 const kMargin_ns = 0.12e9;
-const kParallelRequests = 2;
 /** A frame's own time, as a fraction in binary, may fall just before it. */
 const kIntoFrameSeconds = 0.0005;
 
@@ -21,27 +22,23 @@ export class PanePlayer {
   readonly video: HTMLVideoElement;
   /** The newest frame that was put on the screen. */
   shown: ShownFrame | undefined;
+  readonly sound: PaneSound;
   private readonly source = new MediaSource();
   private readonly address: string;
-  private buffer: SourceBuffer | undefined;
-  private readonly have = new Set<number>();
-  private readonly queue: { piece: number; bytes: ArrayBuffer }[] = [];
-  private readonly requests = new Map<number, AbortController>();
+  private feeds: PieceFeed[] = [];
   private readonly closing = new AbortController();
-  private position_ns: number;
-  private rate = 1;
   private correcting = false;
-  private retryAt_ms = 0;
+  /** Until somebody did something on the page, a browser plays nothing that is heard. */
+  private mayBeHeard = true;
 
   constructor(
     readonly caseId: string,
     readonly stream: string,
     readonly recorded: readonly Span[],
-    begin_ns: number,
     private readonly end_ns: number,
     private readonly onProblem: (error: Error) => void,
   ) {
-    this.position_ns = begin_ns;
+    this.sound = new PaneSound(stream);
     this.video = document.createElement('video');
     this.video.muted = true;
     this.video.playsInline = true;
@@ -56,7 +53,7 @@ export class PanePlayer {
 
   close(): void {
     this.closing.abort();
-    for (const request of this.requests.values()) request.abort();
+    for (const feed of this.feeds) feed.close();
     this.video.pause();
     this.video.removeAttribute('src');
     this.video.load();
@@ -76,20 +73,15 @@ export class PanePlayer {
 
   /** Shows `time_ns`, as soon as it is there. */
   seek(time_ns: number): void {
-    this.position_ns = time_ns;
-    for (const [piece, request] of this.requests) {
-      const span = pieceSpan(piece);
-      if (span.end_ns <= time_ns || span.start_ns > time_ns + 3 * kPiece_ns) request.abort();
-    }
+    for (const feed of this.feeds) feed.seek(time_ns);
     if (this.isRecorded(time_ns)) this.video.currentTime = time_ns / 1e9 + kIntoFrameSeconds;
     this.correcting = false;
   }
 
   /** Called for each picture of the screen: keeps pieces coming, and the video at `time_ns`. */
   tick(time_ns: number, running: boolean, rate: number, now_ms: number): void {
-    this.position_ns = time_ns;
-    this.rate = rate;
-    this.pump(now_ms);
+    for (const feed of this.feeds) feed.pump(time_ns, rate, now_ms);
+    this.hear(rate);
     this.overHole(time_ns);
     const moving = running && this.isRecorded(time_ns);
     if (!moving) {
@@ -105,7 +97,20 @@ export class PanePlayer {
     }
     this.correcting = what.rate !== rate;
     if (this.video.playbackRate !== what.rate) this.video.playbackRate = what.rate;
-    if (this.video.paused) void this.video.play().catch(() => {}); // refused while a seek is under way: asked again with the next picture
+    if (this.video.paused) {
+      // Refused while a seek is under way: asked again with the next picture.
+      void this.video.play().catch((error: unknown) => {
+        if (error instanceof DOMException && error.name === 'NotAllowedError') this.mayBeHeard = false;
+      });
+    }
+  }
+
+  private hear(rate: number): void {
+    if (navigator.userActivation.hasBeenActive) this.mayBeHeard = true;
+    const muted = !this.sound.isThere.peek() || this.sound.muted.peek() || !isHeardAt(rate) || !this.mayBeHeard;
+    if (this.video.muted !== muted) this.video.muted = muted;
+    const volume = this.sound.volume.peek();
+    if (this.video.volume !== volume) this.video.volume = volume;
   }
 
   /** Where the video itself stands, if it runs. */
@@ -114,10 +119,9 @@ export class PanePlayer {
     return this.video.currentTime * 1e9;
   }
 
+  /** Where all tracks are. */
   private buffered(): Span[] {
-    if (!this.buffer) return [];
-    const ranges = this.buffer.buffered;
-    return Array.from({ length: ranges.length }, (_, i) => ({ start_ns: ranges.start(i) * 1e9, end_ns: ranges.end(i) * 1e9 }));
+    return this.feeds.length === 0 ? [] : this.feeds.map((feed) => feed.buffered()).reduce(common);
   }
 
   /** A video that stands before a hole of up to a few frames, as where a stream begins between two pictures, is helped over it. */
@@ -132,81 +136,37 @@ export class PanePlayer {
 
   private async open(): Promise<void> {
     try {
-      const init = await cases.init(this.caseId, this.stream, this.closing.signal);
+      const { signal } = this.closing;
+      // A browser takes no track more once it knows of one: whether there is sound must be known before.
+      const [init, sound] = await Promise.all([cases.init(this.caseId, this.stream, signal), this.soundInit(signal)]);
       this.source.duration = this.end_ns / 1e9;
-      this.buffer = this.source.addSourceBuffer(mimeTypeOf(new Uint8Array(init)));
-      this.buffer.mode = 'segments';
-      this.buffer.addEventListener('updateend', () => this.append());
-      this.buffer.appendBuffer(init);
+      const pictures = this.source.addSourceBuffer(mimeTypeOf(new Uint8Array(init)));
+      const beside = sound && this.source.addSourceBuffer(sound.type);
+      const tell = (error: unknown) => this.tell(error);
+      this.feeds = [
+        new PieceFeed(this.source, pictures, init, this.recorded, (piece, aborted) => cases.piece(this.caseId, this.stream, piece, aborted), tell),
+      ];
+      if (beside) {
+        this.feeds.push(
+          new PieceFeed(this.source, beside, sound.init, this.recorded, (piece, aborted) => cases.soundPiece(this.caseId, this.stream, piece, aborted), tell),
+        );
+      }
+      this.sound.isThere.value = beside !== undefined;
     } catch (error) {
       this.tell(error);
     }
   }
 
+  /** Nothing for a stream without sound, or with one that this browser does not play. */
+  private async soundInit(signal: AbortSignal): Promise<{ type: string; init: ArrayBuffer } | undefined> {
+    const codecs = await cases.sound(this.caseId, this.stream, signal);
+    const type = `audio/mp4; codecs="${codecs}"`;
+    if (codecs === null || !MediaSource.isTypeSupported(type)) return undefined;
+    return { type, init: await cases.soundInit(this.caseId, this.stream, signal) };
+  }
+
   private tell(error: unknown): void {
     if (!this.closing.signal.aborted && error instanceof Error) this.onProblem(error);
-  }
-
-  private pump(now_ms: number): void {
-    if (!this.buffer || now_ms < this.retryAt_ms) return;
-    const wanted = wantedPieces(this.position_ns, this.recorded, piecesAhead(this.rate), (piece) => this.have.has(piece));
-    for (const piece of wanted) {
-      if (this.requests.size >= kParallelRequests) break;
-      if (!this.requests.has(piece)) void this.fetch(piece);
-    }
-  }
-
-  private async fetch(piece: number): Promise<void> {
-    const request = new AbortController();
-    this.requests.set(piece, request);
-    try {
-      const bytes = await cases.piece(this.caseId, this.stream, piece, request.signal);
-      this.queue.push({ piece, bytes });
-      this.have.add(piece);
-      this.append();
-    } catch (error) {
-      if (error instanceof ApiError && error.status === 404) {
-        this.have.add(piece);
-      } else if (!request.signal.aborted) {
-        this.retryAt_ms = performance.now() + 2000;
-        this.tell(error);
-      }
-    } finally {
-      this.requests.delete(piece);
-    }
-  }
-
-  private append(): void {
-    if (!this.buffer || this.buffer.updating || this.source.readyState !== 'open' || this.closing.signal.aborted) return;
-    if (this.evict()) return;
-    const next = this.queue.shift();
-    if (!next) return;
-    try {
-      this.buffer.appendBuffer(next.bytes);
-    } catch (error) {
-      this.have.delete(next.piece);
-      if (!(error instanceof DOMException && error.name === 'QuotaExceededError')) this.tell(error);
-    }
-  }
-
-  /** Gives back what lies far from the clock. True if that is under way. */
-  private evict(): boolean {
-    for (const range of this.buffered()) {
-      const from_ns = Math.floor((this.position_ns - kKeepBehind_ns) / kPiece_ns) * kPiece_ns;
-      const to_ns = Math.ceil((this.position_ns + kKeepAhead_ns) / kPiece_ns + 1) * kPiece_ns;
-      if (range.start_ns < from_ns - kPiece_ns) return this.remove(range.start_ns, Math.min(from_ns, range.end_ns));
-      if (range.end_ns > to_ns + kPiece_ns) return this.remove(Math.max(to_ns, range.start_ns), range.end_ns);
-    }
-    return false;
-  }
-
-  private remove(from_ns: number, to_ns: number): boolean {
-    for (const piece of this.have) {
-      const span = pieceSpan(piece);
-      if (span.end_ns > from_ns && span.start_ns < to_ns) this.have.delete(piece);
-    }
-    this.buffer?.remove(Math.max(0, from_ns / 1e9), to_ns / 1e9);
-    return true;
   }
 
   private watchFrames(): void {

@@ -1,6 +1,6 @@
 // All panes of a case on one case clock. While it runs, the clock is that of the first pane with a picture, and the others are brought to it; where no
 // pane has one it runs by itself, and while one that should have a picture lacks it, everything waits.
-import { signal } from '@preact/signals';
+import { effect, signal } from '@preact/signals';
 import type { Span } from '@/base/spans';
 import { CaseClock } from '@/clock/case_clock';
 import { kHardSeekSeconds } from '@/clock/sync';
@@ -27,6 +27,7 @@ export class Playback {
   readonly rate = signal(1);
   readonly problem = signal<string | undefined>(undefined);
   readonly followers = new Set<Follower>();
+  private readonly stopNaming: () => void;
   private frame = 0;
   private pendingSeek_ns: number | undefined;
 
@@ -35,10 +36,14 @@ export class Playback {
     this.position_ns.value = begin_ns;
     this.panes = sources.map(
       ({ stream, recorded }) =>
-        new PanePlayer(caseId, stream, recorded, begin_ns, end_ns, (error) => {
+        new PanePlayer(caseId, stream, recorded, end_ns, (error) => {
           this.problem.value = error.message;
         }),
     );
+    this.stopNaming = effect(() => {
+      const master = this.panes.find((pane) => pane.sound.isThere.value);
+      for (const pane of this.panes) pane.sound.isMaster.value = pane === master;
+    });
     for (const pane of this.panes) pane.seek(begin_ns);
     const step = () => {
       this.tick(performance.now());
@@ -49,6 +54,7 @@ export class Playback {
 
   close(): void {
     cancelAnimationFrame(this.frame);
+    this.stopNaming();
     for (const pane of this.panes) pane.close();
   }
 

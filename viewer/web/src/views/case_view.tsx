@@ -13,6 +13,7 @@ import { PlanModel, streamOf, viewsOf } from '@/compare/plan_model';
 import { PlanPanel } from '@/compare/plan_panel';
 import { PlanOver, PlanPane } from '@/compare/plan_pane';
 import { formatMoment, type MessageKey, t, word } from '@/i18n/i18n';
+import { toggleSound } from '@/media/pane_sound';
 import { Playback } from '@/media/playback';
 import { RecordedPointing, type Stroke } from '@/pointing/recorded';
 import { RecordedPointers } from '@/pointing/recorded_pointers';
@@ -220,7 +221,7 @@ function Loaded({ model, verdict, unlocked }: { model: CaseModel; verdict: Verdi
     if (!matching || matching.making.peek()) return;
     const at_ns = playback.position_ns.peek();
     const chosen = steps.find((one) => one.step === matching.chosen.peek());
-    if (action === 'matchBegin' && chosen) {
+    if (action === 'soundOrMatch' && chosen) {
       matching.begin(at_ns);
       announce(t('match.begun', { name: chosen.name, time: formatTime(at_ns - model.whole.start_ns, 3) }));
     } else if (action === 'matchEnd') {
@@ -238,6 +239,9 @@ function Loaded({ model, verdict, unlocked }: { model: CaseModel; verdict: Verdi
     } else if (action === 'redo') {
       matching.redo();
     }
+  };
+  const switchSound = () => {
+    announce(t(`sound.${toggleSound(playback.panes.map((pane) => pane.sound))}`));
   };
   const nextPlanView = () => {
     if (!plan || !compared?.player) return;
@@ -279,7 +283,8 @@ function Loaded({ model, verdict, unlocked }: { model: CaseModel; verdict: Verdi
       case 'previousStep': return seekStep('previous');
       case 'nextStep': return seekStep('next');
       case 'planView': return nextPlanView();
-      case 'matchBegin':
+      case 'soundOrMatch':
+        return matching ? match(action) : switchSound();
       case 'matchEnd':
       case 'matchPause':
       case 'matchRemove':

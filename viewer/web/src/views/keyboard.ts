@@ -3,7 +3,7 @@
 export type Action =
   | 'toggle' | 'frameBack' | 'frameForward' | 'back5' | 'forward5' | 'back1' | 'forward1' | 'back60' | 'forward60' | 'slower' | 'faster'
   | 'previousMark' | 'nextMark' | 'fullScreen' | 'help' | 'goTo' | 'selectFrom' | 'selectTo' | 'clearSelection' | 'begin' | 'end' | 'original'
-  | 'previousStep' | 'nextStep' | 'planView' | 'matchBegin' | 'matchEnd' | 'matchPause' | 'matchRemove' | 'undo' | 'redo';
+  | 'previousStep' | 'nextStep' | 'planView' | 'soundOrMatch' | 'matchEnd' | 'matchPause' | 'matchRemove' | 'undo' | 'redo';
 
 export interface Key {
   key: string;
@@ -18,7 +18,7 @@ const kKeys: Record<string, Action> = {
   '[': 'slower', ']': 'faster', PageUp: 'previousMark', PageDown: 'nextMark', f: 'fullScreen', F: 'fullScreen', '?': 'help', g: 'goTo', G: 'goTo',
   i: 'selectFrom', I: 'selectFrom', o: 'selectTo', O: 'selectTo', Escape: 'clearSelection', Home: 'begin', End: 'end', a: 'original', A: 'original',
   p: 'previousStep', P: 'previousStep', n: 'nextStep', N: 'nextStep', c: 'planView', C: 'planView',
-  m: 'matchBegin', M: 'matchBegin', e: 'matchEnd', E: 'matchEnd', b: 'matchPause', B: 'matchPause', Delete: 'matchRemove',
+  m: 'soundOrMatch', M: 'soundOrMatch', e: 'matchEnd', E: 'matchEnd', b: 'matchPause', B: 'matchPause', Delete: 'matchRemove',
 };
 const kShifted: Record<string, Action> = { ArrowLeft: 'back1', ArrowRight: 'forward1' };
 
@@ -37,6 +37,7 @@ export const kHelp: readonly { keys: readonly string[]; does: `key.${string}` }[
   { keys: ['↓', '↑'], does: 'key.minute' },
   { keys: ['[', ']'], does: 'key.speed' },
   { keys: ['Page Up', 'Page Down'], does: 'key.marks' },
+  { keys: ['M'], does: 'key.sound' },
   { keys: ['P', 'N'], does: 'key.steps' },
   { keys: ['C'], does: 'key.planView' },
   { keys: ['M'], does: 'key.matchBegin' },

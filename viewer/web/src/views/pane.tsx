@@ -8,6 +8,7 @@ import { t, word } from '@/i18n/i18n';
 import type { PanePlayer } from '@/media/pane_player';
 import type { Playback } from '@/media/playback';
 import { Icon } from '@/shell/icon';
+import { SoundControl } from '@/views/sound_control';
 import type { CaseModel } from '@/views/case_model';
 
 /** A frame of the archive as it is shown over a pane. */
@@ -63,8 +64,9 @@ export function Pane({ model, player, playback, large, original, onEnlarge, onOr
   }, [waiting]);
 
   const name = word('stream', player.stream);
+  const hasSound = player.sound.isThere.value === true;
   return (
-    <section class={`pane${large ? ' pane-large' : ''}${original ? ' pane-with-original' : ''}`} aria-label={name} data-stream={player.stream}>
+    <section class={`pane${large ? ' pane-large' : ''}${original ? ' pane-with-original' : ''}`} aria-label={hasSound ? t('sound.with', { name }) : name} data-stream={player.stream}>
       <div class="pane-picture" ref={place} onDblClick={onEnlarge}>
         {original && recorded.value && <FrameOver frame={original} />}
         {children}
@@ -87,8 +89,9 @@ export function Pane({ model, player, playback, large, original, onEnlarge, onOr
           onClick={onOriginal}
         >
           <Icon name="original" />
-          {original ? t('pane.original', { time: formatTime(original.time_ns - model.whole.start_ns, 3) }) : t('pane.copy')}
+          {original ? t('pane.original', { time: formatTime(original.time_ns - model.whole.start_ns, 3) }) : hasSound ? t('pane.copyWithSound') : t('pane.copy')}
         </button>
+        {hasSound && <SoundControl name={name} player={player} playback={playback} />}
         {onEnlarge && (
           <button type="button" class="button button-quiet button-square" aria-label={t('pane.enlarge', { name })} title={t('pane.enlarge', { name })} onClick={onEnlarge}>
             <Icon name="fullScreen" />
