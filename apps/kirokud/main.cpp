@@ -221,6 +221,7 @@ std::unique_ptr<viewer::Viewer> open_viewer(const Home& home, const Configuratio
   options.home.live = live::live_pictures(channels);
   options.home.rooms = {
       .running_case = [&daemon](const std::string& room) { return daemon.running_case(room); },
+      .now_ns = [&daemon](const std::string& room) { return daemon.now_ns(room); },
       .point = [&daemon](const std::string& room,
                          media::PointedAt at) { return daemon.point(room, std::move(at)); }};
   // Its threads inherit the priority of this one: whoever watches, recording goes first.

@@ -315,6 +315,12 @@ ordered_json Daemon::hook(const std::string& name, const std::string& action, co
 
 std::string Daemon::running_case(const std::string& room) const { return state_->room(room).running_case(); }
 
+std::optional<std::int64_t> Daemon::now_ns(const std::string& room) const {
+  const RoomStatus status = state_->room(room).status();
+  if (status.state != RoomState::kRecording) return std::nullopt;
+  return status.session.now_ns;
+}
+
 std::optional<std::int64_t> Daemon::point(const std::string& room, media::PointedAt at) {
   return state_->room(room).point(std::move(at));
 }

@@ -37,6 +37,8 @@ class Daemon {
   nlohmann::ordered_json hook(const std::string& room, const std::string& action, const std::string& body);
   /// The case that the room records now; "": none. Throws kiroku::UsageError for a room that is not there.
   [[nodiscard]] std::string running_case(const std::string& room) const;
+  /// What the clock of that case shows now; nothing where none runs. Throws as running_case().
+  [[nodiscard]] std::optional<std::int64_t> now_ns(const std::string& room) const;
   /// As Room::point(); throws as running_case().
   std::optional<std::int64_t> point(const std::string& room, media::PointedAt at);
   /// Prometheus' text format, 0.0.4.

@@ -2,6 +2,7 @@
 
 #include <nlohmann/json.hpp>
 
+#include "base/json_or_null.h"
 #include "viewer/server/api.h"
 #include "viewer/server/guest_output.h"
 
@@ -25,12 +26,24 @@ std::unique_ptr<SocketHandler> watch(ViewerContext& context, const Request& requ
   return live.watch(asked, request.session, std::move(output));
 }
 
+/// The clock of the case that the request's session may see in the room, by which a page knows how old a
+/// picture is.
+std::optional<std::int64_t> now_ns_of(const ViewerContext& context, const Request& request,
+                                      const std::string& room) {
+  const std::shared_ptr<Invitation>& invitation = request.session->invitation();
+  if (invitation && !invitation->admits(context.running_case(room))) return std::nullopt;
+  const LiveRooms& rooms = context.home().rooms;
+  return rooms.now_ns ? rooms.now_ns(room) : std::nullopt;
+}
+
 Response streams(const ViewerContext& context, const Request& request) {
   const std::shared_ptr<Invitation>& invitation = request.session->invitation();
   auto list = nlohmann::ordered_json::array();
   for (const LiveStream& each : context.home().live.streams) {
     if (invitation && invitation->terms().room != each.room) continue;
-    list.push_back({{"room", each.room}, {"stream", each.stream}});
+    list.push_back({{"room", each.room},
+                    {"stream", each.stream},
+                    {"now_ns", or_null(now_ns_of(context, request, each.room))}});
   }
   return Response::json({{"streams", std::move(list)}});
 }

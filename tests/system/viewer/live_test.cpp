@@ -148,7 +148,7 @@ TEST_F(Live, IsForWhoMaySeeItAlone) {
   EXPECT_THAT(read_text(home() / "archive/log/ledger.jsonl"),
               testing::Not(HasSubstr("watched or-1/endoscope live")));
   EXPECT_EQ(json::parse(ask_once(port_, http_request("GET", "/api/live", {{"Cookie", cookie}})).body),
-            json::parse(R"({"streams":[{"room":"or-1","stream":"endoscope"}]})"));
+            json::parse(R"({"streams":[{"room":"or-1","stream":"endoscope","now_ns":null}]})"));
   EXPECT_EQ(status_of(target, cookie), 101);
   EXPECT_EQ(ask_once(port_, http_request("GET", target, {{"Cookie", cookie}})).status, 426);
   EXPECT_THAT(read_text(home() / "archive/log/ledger.jsonl"), HasSubstr("watched or-1/endoscope live"));

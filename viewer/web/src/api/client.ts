@@ -143,6 +143,8 @@ export const appliance = {
 export interface LiveStream {
   room: string;
   stream: string;
+  /** What the clock of the room's case shows; null where none runs that may be seen. */
+  now_ns: number | null;
 }
 
 /** RFC 6455, section 7.4.1, policy violation: how a socket ends whose session has ended. */

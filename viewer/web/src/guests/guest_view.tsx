@@ -52,7 +52,11 @@ export function GuestView({ guest }: { guest: Session }) {
     const again = async () => {
       try {
         // Refused once the invitation has ended: then the page knows by itself (whenSignedOut).
-        streams.value = (await live.streams()).map((one) => one.stream);
+        const sent_ms = performance.now();
+        const said = await live.streams();
+        const now_ns = said[0]?.now_ns ?? null;
+        if (now_ns !== null) clock.add(now_ns, sent_ms, performance.now());
+        streams.value = said.map((one) => one.stream);
       } catch {
         // Not reached: asked again.
       }
