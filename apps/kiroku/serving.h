@@ -31,7 +31,7 @@ std::optional<std::filesystem::path> page_of(const ServingRequest& request);
 struct Served {
   std::string serves;                      // of viewer::ViewerHome
   viewer::Session::Identities identities;  // null: everybody brings their own
-  std::function<void(viewer::Router& router)> more_routes;
+  std::function<void(viewer::Router& router, viewer::ViewerContext& context)> more_routes;
   std::function<void(const std::string& sentence)> tell;
   /// What is said once it serves: a line for people, and what JSON has beside address and fingerprint.
   std::function<std::string(const std::string& url)> first_line;

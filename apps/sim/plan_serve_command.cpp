@@ -45,24 +45,27 @@ int run(const Request& request) {
   viewer::PlanningRoom room(planning_options(request, home));
   const std::string plans = room.options().plans.string();
   const std::size_t count = room.folder().plans().size(), at_once = room.options().at_once;
-  serve_until_stopped(
-      request.serving, home,
-      {.serves = "planning",
-       .identities = nullptr,
-       .more_routes = [&room](viewer::Router& router) { viewer::add_planning_routes(router, room); },
-       .tell = room.options().tell,
-       .first_line =
-           [&](const std::string& url) {
-             return "Planning at " + url + " on " + std::to_string(count) +
-                    (count == 1 ? " plan" : " plans") + " of " + plans + ", " + std::to_string(at_once) +
-                    (at_once == 1 ? " person" : " persons") + " at a time";
-           },
-       .tell_more =
-           [&](nlohmann::ordered_json& told) {
-             told["folder"] = plans;
-             told["plans"] = count;
-             told["at_once"] = at_once;
-           }});
+  serve_until_stopped(request.serving, home,
+                      {.serves = "planning",
+                       .identities = nullptr,
+                       .more_routes =
+                           [&room](viewer::Router& router, viewer::ViewerContext& context) {
+                             viewer::add_planning_routes(router, room, context);
+                           },
+                       .tell = room.options().tell,
+                       .first_line =
+                           [&](const std::string& url) {
+                             return "Planning at " + url + " on " + std::to_string(count) +
+                                    (count == 1 ? " plan" : " plans") + " of " + plans + ", " +
+                                    std::to_string(at_once) + (at_once == 1 ? " person" : " persons") +
+                                    " at a time";
+                           },
+                       .tell_more =
+                           [&](nlohmann::ordered_json& told) {
+                             told["folder"] = plans;
+                             told["plans"] = count;
+                             told["at_once"] = at_once;
+                           }});
   return kDone;
 }
 

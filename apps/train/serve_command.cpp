@@ -84,23 +84,25 @@ int run(const Request& request) {
     throw UsageError("there is no page to train with: it was not built; name its folder with --web");
   viewer::TrainingRoom room(training_options(request, home));
   const viewer::TrainingOptions& training = room.options();
-  serve_until_stopped(
-      request.serving, home,
-      {.serves = "training",
-       .identities = nullptr,
-       .more_routes = [&room](viewer::Router& router) { viewer::add_training_routes(router, room); },
-       .tell = room.options().tell,
-       .first_line =
-           [&](const std::string& url) {
-             return "Training at " + url + ", " + std::to_string(training.at_once) +
-                    (training.at_once == 1 ? " trainee" : " trainees") + " at a time; results in " +
-                    training.database.string();
-           },
-       .tell_more =
-           [&](nlohmann::ordered_json& told) {
-             told["database"] = training.database.string();
-             told["at_once"] = training.at_once;
-           }});
+  serve_until_stopped(request.serving, home,
+                      {.serves = "training",
+                       .identities = nullptr,
+                       .more_routes =
+                           [&room](viewer::Router& router, viewer::ViewerContext& /*context*/) {
+                             viewer::add_training_routes(router, room);
+                           },
+                       .tell = room.options().tell,
+                       .first_line =
+                           [&](const std::string& url) {
+                             return "Training at " + url + ", " + std::to_string(training.at_once) +
+                                    (training.at_once == 1 ? " trainee" : " trainees") +
+                                    " at a time; results in " + training.database.string();
+                           },
+                       .tell_more =
+                           [&](nlohmann::ordered_json& told) {
+                             told["database"] = training.database.string();
+                             told["at_once"] = training.at_once;
+                           }});
   return kDone;
 }
 

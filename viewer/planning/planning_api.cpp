@@ -21,7 +21,7 @@ Response plans(const PlanningRoom& room) {
 
 }  // namespace
 
-void add_planning_routes(Router& router, PlanningRoom& room) {
+void add_planning_routes(Router& router, PlanningRoom& room, ViewerContext& context) {
   router.add("GET", "api/planning/plans", Right::kPlan,
              [&room](const Request& /*request*/) { return plans(room); });
   Route table;
@@ -29,8 +29,11 @@ void add_planning_routes(Router& router, PlanningRoom& room) {
   table.pattern = "api/planning/table";
   table.right = Right::kPlan;
   table.body_limit = kLongestPlanningMessage;
-  table.socket = [&room](const Request& /*request*/, std::shared_ptr<SocketOutput> output) {
-    return std::make_unique<PlanningSocket>(room, std::move(output));
+  table.socket = [&room, &context](const Request& request, std::shared_ptr<SocketOutput> output) {
+    auto enter = [&context, who = request.session->user(), peer = request.peer](const std::string& plan) {
+      context.enter_access(ViewerContext::kEveryCase, "opened plan " + plan + " with its volume", who, peer);
+    };
+    return std::make_unique<PlanningSocket>(room, std::move(output), std::move(enter));
   };
   router.add(std::move(table));
 }

@@ -3,10 +3,12 @@
 
 #include "viewer/planning/planning_room.h"
 #include "viewer/server/router.h"
+#include "viewer/server/viewer_context.h"
 
 namespace kiroku::viewer {
 
-/// `room` must outlive the router.
-void add_planning_routes(Router& router, PlanningRoom& room);
+/// `room` and `context`, whose appliance log gets an entry for each plan that is opened, must outlive the
+/// router.
+void add_planning_routes(Router& router, PlanningRoom& room, ViewerContext& context);
 
 }  // namespace kiroku::viewer

@@ -20,8 +20,8 @@ std::string seconds_text(double time_s) {
 
 }  // namespace
 
-PlanningSocket::PlanningSocket(PlanningRoom& room, std::shared_ptr<SocketOutput> output)
-    : room_(room), output_(std::move(output)) {}
+PlanningSocket::PlanningSocket(PlanningRoom& room, std::shared_ptr<SocketOutput> output, EnterOpening enter)
+    : room_(room), output_(std::move(output)), enter_(std::move(enter)) {}
 
 void PlanningSocket::receive(const SocketMessage& message) {
   if (!message.is_text) throw Refusal(400, "a message must be text");
@@ -44,6 +44,7 @@ void PlanningSocket::open(const OpenMessage& message) {
   planning_ = std::make_unique<LivePlanning>(
       [this, message](const LivePlanning::Opening& opening) {
         OpenedPlan opened = room_.folder().open(message.plan, opening);
+        enter_(opened.file);
         const double all_s = sim::begins_s(opened.plan, opened.plan.steps.size());
         return std::make_unique<PlanningTable>(std::move(opened), message.anew, room_.options().table,
                                                [&](double time_s) {

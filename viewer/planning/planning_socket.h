@@ -1,6 +1,7 @@
 // Planning over one WebSocket (docs/viewer.md, "Planning").
 #pragma once
 
+#include <functional>
 #include <memory>
 #include <mutex>
 #include <string>
@@ -13,8 +14,12 @@ namespace kiroku::viewer {
 
 class PlanningSocket : public SocketHandler {
  public:
+  /// Puts the opening of a plan into the appliance log, or throws a Refusal: then nothing of it is shown.
+  /// Called on a thread of its own.
+  using EnterOpening = std::function<void(const std::string& plan)>;
+
   /// `room` must outlive it.
-  PlanningSocket(PlanningRoom& room, std::shared_ptr<SocketOutput> output);
+  PlanningSocket(PlanningRoom& room, std::shared_ptr<SocketOutput> output, EnterOpening enter);
   void receive(const SocketMessage& message) override;
 
  private:
@@ -24,6 +29,7 @@ class PlanningSocket : public SocketHandler {
 
   PlanningRoom& room_;
   std::shared_ptr<SocketOutput> output_;
+  EnterOpening enter_;
   std::unique_ptr<PlanningRoom::Place> place_;
   std::uint64_t last_input_ = 0;
   std::unique_ptr<LivePlanning> planning_;  // last: over before what it uses

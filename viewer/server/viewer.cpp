@@ -91,7 +91,7 @@ struct Viewer::State {
       add_log_routes(router, context);
       add_user_routes(router, context);
     }
-    if (options.more_routes) options.more_routes(router);
+    if (options.more_routes) options.more_routes(router, context);
     server.emplace(std::move(options.web), dispatcher);
   }
   ~State() { context.invitations().end_all(InvitationEnd::kStopped); }

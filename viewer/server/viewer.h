@@ -22,7 +22,7 @@ struct ViewerOptions {
   /// The page's files; nothing: the API alone.
   std::optional<std::filesystem::path> page;
   /// Adds what this program answers beside the API; null: nothing. What it adds must outlive the viewer.
-  std::function<void(Router& router)> more_routes = {};
+  std::function<void(Router& router, ViewerContext& context)> more_routes = {};
   /// What should stand in the server's own log; called from several threads.
   std::function<void(const std::string& sentence)> tell;
 };

@@ -1,12 +1,15 @@
 // The planner's routes before a real server, by the messages that a page sends.
 #include "viewer/planning/planning_api.h"
 
+#include <fstream>
+
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <nlohmann/json.hpp>
 
 #include "sim/plan/plan.h"
 #include "tests/support/served_routes.h"
+#include "tests/support/temporary_folder.h"
 #include "tests/unit/viewer/planning/planned_block.h"
 
 namespace kiroku::viewer {
@@ -47,9 +50,32 @@ class PlanningApi : public testing::Test {
     return nullptr;
   }
 
+  /// Entries of the appliance log about who opened what.
+  std::vector<json> openings() const {
+    std::vector<json> found;
+    std::ifstream log(folder / "log/ledger.jsonl");
+    for (std::string line; std::getline(log, line);) {
+      json entry = json::parse(line);
+      if (entry["type"] == "access") found.push_back(std::move(entry));
+    }
+    return found;
+  }
+
+  test::TemporaryFolder folder;
   test::PlannedBlock block;
   PlanningRoom room{options_of(block.folder())};
-  test::ServedRoutes routes{[this](Router& router) { add_planning_routes(router, room); }, "anna",
+  crypto::SigningKey key = crypto::SigningKey::generate();
+  ViewerContext context{ViewerHome{.archive = folder / "archive",
+                                   .catalogue_file = folder / "catalogue.sqlite",
+                                   .log_folder = folder / "log",
+                                   .users_file = folder / "users.sqlite",
+                                   .control_socket = folder / "control",
+                                   .copies_folder = folder / "copies",
+                                   .device_key = &key,
+                                   .device = crypto::VerifierKey("test", key.public_key()),
+                                   .identities = {}},
+                        SessionLimits{}, [](const std::string& /*sentence*/) {}};
+  test::ServedRoutes routes{[this](Router& router) { add_planning_routes(router, room, context); }, "anna",
                             Role::kSurgeon};
 };
 
@@ -71,6 +97,10 @@ TEST_F(PlanningApi, OpensPlansAndSaves) {
   const auto client = connect();
   client->send_text(R"({"open": {"plan": "block/plan.json", "anew": true}})");
   EXPECT_EQ(until(*client, "opened")["opened"]["vertices"], 225);
+  const std::vector<json> entered = openings();
+  ASSERT_EQ(entered.size(), 1U) << "by the time that anything of it is seen";
+  EXPECT_EQ(entered[0]["what"], "opened plan block/plan.json with its volume");
+  EXPECT_EQ(entered[0]["who"], "anna (kiroku view, 127.0.0.1)");
   client->send_text(
       R"({"input": 1, "view": {"azimuth_deg": 20, "elevation_deg": 15, "zoom": 1, "pan_x": 0, "pan_y": 0}})");
   client->send_text(
@@ -99,10 +129,20 @@ TEST_F(PlanningApi, OpensPlansAndSaves) {
   EXPECT_EQ(routes.answer("GET", "planning/plans")["plans"].size(), 2U);
 }
 
+TEST_F(PlanningApi, ShowsNothingThatTheLogCannotName) {
+  // As where a disk is full: what lies where the log's ledger was is none.
+  std::filesystem::remove_all(folder / "log");
+  std::ofstream(folder / "log") << "in the way";
+  const auto client = connect();
+  client->send_text(R"({"open": {"plan": "block/plan.json", "anew": true}})");
+  EXPECT_THAT(until(*client, "failed")["failed"], HasSubstr("the appliance log cannot be written"));
+}
+
 TEST_F(PlanningApi, RefusesInWords) {
   const auto unknown = connect();
   unknown->send_text(R"({"open": {"plan": "../plan.json", "anew": true}})");
   EXPECT_THAT(until(*unknown, "failed")["failed"], HasSubstr("there is no plan of that name"));
+  EXPECT_THAT(openings(), IsEmpty()) << "nothing was opened";
   // One place, which is taken as long as the connection is there.
   const auto second = connect();
   second->send_text(R"({"open": {"plan": "block/plan.json", "anew": true}})");
