@@ -26,11 +26,11 @@
 
 #include "apps/common/command_line.h"
 #include "apps/common/file.h"
+#include "apps/configuration/viewer_configuration.h"
 #include "apps/kiroku/authorities.h"
 #include "apps/kiroku/home.h"
 #include "apps/kiroku/recording_setup.h"
 #include "apps/kiroku/recovering.h"
-#include "apps/configuration/viewer_configuration.h"
 #include "apps/kiroku/viewer_setup.h"
 #include "archive/appliance_log.h"
 #include "archive/file_system.h"

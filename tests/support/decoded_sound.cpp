@@ -66,8 +66,8 @@ DecodedSound decode_sound(ByteView film, std::int64_t tolerance) {
       media::require(av_find_best_stream(input.get(), AVMEDIA_TYPE_AUDIO, -1, -1, nullptr, 0), "no sound");
   const AVStream& stream = *input->streams[index];
   const bool layer2 = stream.codecpar->codec_id == AV_CODEC_ID_MP2;
-  const media::Codec decoder(avcodec_alloc_context3(layer2 ? avcodec_find_decoder_by_name("mp2float")
-                                                           : avcodec_find_decoder(stream.codecpar->codec_id)));
+  const media::Codec decoder(avcodec_alloc_context3(
+      layer2 ? avcodec_find_decoder_by_name("mp2float") : avcodec_find_decoder(stream.codecpar->codec_id)));
   media::require(avcodec_parameters_to_context(decoder.get(), stream.codecpar), "cannot decode");
   decoder->pkt_timebase = stream.time_base;
   media::require(avcodec_open2(decoder.get(), nullptr, nullptr), "cannot decode");

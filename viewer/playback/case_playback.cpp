@@ -265,8 +265,8 @@ std::string CasePlayback::name_of(const std::string& what, const VideoIndex& ind
   const Ticks from = begin_of(number) - reach;
   const Ticks to = begin_of(number) + kPieceTicks + reach;
   std::vector<archive::SegmentEntry> segments;
-  for (std::size_t i = index.first_reaching(from);
-       i < index.segments.size() && index.segments[i].start < to; ++i) {
+  for (std::size_t i = index.first_reaching(from); i < index.segments.size() && index.segments[i].start < to;
+       ++i) {
     segments.push_back(index.segments[i].entry);
   }
   return name_of(what + " " + std::to_string(number), index.stream.name, segments);

@@ -31,9 +31,7 @@ int reduction_of(const SoundForm& form) {
 }
 
 /// Samples; the last block of a piece may be shorter.
-std::int64_t block_of(int rate) {
-  return (kPieceSeconds * rate + kBlocksOfAPiece - 1) / kBlocksOfAPiece;
-}
+std::int64_t block_of(int rate) { return (kPieceSeconds * rate + kBlocksOfAPiece - 1) / kBlocksOfAPiece; }
 
 media::Codec make_encoder(const SoundForm& form) {
   media::silence_libav();
@@ -82,8 +80,8 @@ std::vector<std::int16_t> samples_of(const CaseMedia& media, const VideoIndex& i
       double sum = 0;
       for (std::size_t tap = 0; tap < taps.size(); ++tap) {
         const std::size_t sample = static_cast<std::size_t>(at * by) + tap;
-        sum += taps[tap] * all[sample * static_cast<std::size_t>(form.channels) +
-                               static_cast<std::size_t>(channel)];
+        sum += taps[tap] *
+               all[sample * static_cast<std::size_t>(form.channels) + static_cast<std::size_t>(channel)];
       }
       samples.push_back(static_cast<std::int16_t>(std::lround(std::clamp(sum, -32'768.0, 32'767.0))));
     }

@@ -3,7 +3,6 @@
 #include <csignal>
 #include <fstream>
 #include <sys/stat.h>
-
 #include <thread>
 
 #include <gmock/gmock.h>
@@ -319,7 +318,8 @@ TEST(SessionWithSound, KeepsItBesideThePictures) {
 TEST(SessionWithSound, LeavesItOutUnlessAsked) {
   const RecorderBench bench;
   SessionOptions options = bench.options();
-  options.video = {bench.stream("room", test::make_film_with_sound(bench / "sound.mkv").string() + "?speed=max")};
+  options.video = {
+      bench.stream("room", test::make_film_with_sound(bench / "sound.mkv").string() + "?speed=max")};
   const RecordedCase recorded = bench.record(options);
   EXPECT_EQ(decode_video(recorded.joined("room")).sound_codec, "");
 }
