@@ -23,6 +23,14 @@ constexpr const char* kAction = "cannot encode sound";
 constexpr int kLayer2Rate = 48'000;
 constexpr std::int64_t kLayer2BitsPerChannel = 96'000;
 
+std::string layout_of(int channels) { return std::to_string(channels) + "c"; }
+
+/// What an `abuffer` is told of the frames to come.
+std::string input_of(const std::string& time_base, int rate, AVSampleFormat format, int channels) {
+  return "time_base=" + time_base + ":sample_rate=" + std::to_string(rate) +
+         ":sample_fmt=" + av_get_sample_fmt_name(format) + ":channel_layout=" + layout_of(channels);
+}
+
 }  // namespace
 
 SoundEncoder::SoundEncoder(const SoundFormat& format, const VideoProfile& profile) {
@@ -44,81 +52,128 @@ SoundEncoder::SoundEncoder(const SoundFormat& format, const VideoProfile& profil
 
 MuxedStream SoundEncoder::muxed_stream() const { return {codec_.get(), {1, codec_->sample_rate}}; }
 
-void SoundEncoder::build_filter(const AVFrame& sound) {
-  graph_.reset(avfilter_graph_alloc());
-  if (!graph_) throw std::bad_alloc();
-  graph_->nb_threads = 1;
-  const auto layout_of = [](int channels) { return std::to_string(channels) + "c"; };
-  const std::string input =
-      "time_base=1/1000000000:sample_rate=" + std::to_string(sound.sample_rate) +
-      ":sample_fmt=" + av_get_sample_fmt_name(static_cast<AVSampleFormat>(sound.format)) +
-      ":channel_layout=" + layout_of(sound.ch_layout.nb_channels);
-  // Samples are dropped or silence is filled in where the time stamps say so (by more than a tenth of a
-  // second): sound keeps to the case clock and is left as it is otherwise.
-  const std::string description =
-      "aresample=" + std::to_string(codec_->sample_rate) +
-      ":async=1,aformat=sample_fmts=" + av_get_sample_fmt_name(codec_->sample_fmt) +
-      ":channel_layouts=" + layout_of(codec_->ch_layout.nb_channels) +
-      ",asetnsamples=n=" + std::to_string(codec_->frame_size) + ":p=0";
-  require(avfilter_graph_create_filter(&source_, avfilter_get_by_name("abuffer"), "in", input.c_str(),
-                                       nullptr, graph_.get()),
+SoundEncoder::Filter SoundEncoder::make_filter(const std::string& input, const std::string& description) {
+  Filter filter;
+  filter.graph.reset(avfilter_graph_alloc());
+  if (!filter.graph) throw std::bad_alloc();
+  AVFilterGraph* const graph = filter.graph.get();
+  graph->nb_threads = 1;
+  require(avfilter_graph_create_filter(&filter.source, avfilter_get_by_name("abuffer"), "in", input.c_str(),
+                                       nullptr, graph),
           kAction);
-  require(avfilter_graph_create_filter(&sink_, avfilter_get_by_name("abuffersink"), "out", nullptr, nullptr,
-                                       graph_.get()),
+  require(avfilter_graph_create_filter(&filter.sink, avfilter_get_by_name("abuffersink"), "out", nullptr,
+                                       nullptr, graph),
           kAction);
   AVFilterInOut* inputs = nullptr;
   AVFilterInOut* outputs = nullptr;
-  int result = avfilter_graph_parse2(graph_.get(), description.c_str(), &inputs, &outputs);
+  int result = avfilter_graph_parse2(graph, description.c_str(), &inputs, &outputs);
   if (result >= 0) {
-    result = avfilter_link(source_, 0, inputs->filter_ctx, static_cast<unsigned>(inputs->pad_idx));
+    result = avfilter_link(filter.source, 0, inputs->filter_ctx, static_cast<unsigned>(inputs->pad_idx));
   }
   if (result >= 0) {
-    result = avfilter_link(outputs->filter_ctx, static_cast<unsigned>(outputs->pad_idx), sink_, 0);
+    result = avfilter_link(outputs->filter_ctx, static_cast<unsigned>(outputs->pad_idx), filter.sink, 0);
   }
   avfilter_inout_free(&inputs);
   avfilter_inout_free(&outputs);
   require(result, kAction);
-  require(avfilter_graph_config(graph_.get(), nullptr), kAction);
-  filtered_format_ = sound_format_of(sound);
+  require(avfilter_graph_config(graph, nullptr), kAction);
+  return filter;
+}
+
+SoundEncoder::Filter SoundEncoder::make_converter(const AVFrame& sound) const {
+  // Samples are dropped or silence is filled in where the time stamps say so (by more than a tenth of a
+  // second): sound keeps to the case clock and is left as it is otherwise.
+  return make_filter(input_of("1/1000000000", sound.sample_rate, static_cast<AVSampleFormat>(sound.format),
+                              sound.ch_layout.nb_channels),
+                     "aresample=" + std::to_string(codec_->sample_rate) +
+                         ":async=1,aformat=sample_fmts=" + av_get_sample_fmt_name(codec_->sample_fmt) +
+                         ":channel_layouts=" + layout_of(codec_->ch_layout.nb_channels));
+}
+
+SoundEncoder::Filter SoundEncoder::make_divider() const {
+  return make_filter(input_of("1/" + std::to_string(codec_->sample_rate), codec_->sample_rate,
+                              codec_->sample_fmt, codec_->ch_layout.nb_channels),
+                     "asetnsamples=n=" + std::to_string(codec_->frame_size) + ":p=0");
 }
 
 std::vector<media::Packet> SoundEncoder::encode(media::Frame sound, std::int64_t time_ns) {
   std::vector<media::Packet> packets;
-  if (!graph_ || !(filtered_format_ == sound_format_of(*sound))) {
-    if (graph_) {
-      require(av_buffersrc_close(source_, AV_NOPTS_VALUE, 0), kAction);
-      take_from_filter(packets);
+  if (!converter_.graph || !(converted_format_ == sound_format_of(*sound))) {
+    if (converter_.graph) {
+      require(av_buffersrc_close(converter_.source, AV_NOPTS_VALUE, 0), kAction);
+      take_from_converter(packets);
     }
-    build_filter(*sound);
+    converter_ = make_converter(*sound);
+    converted_format_ = sound_format_of(*sound);
   }
   // Layouts are named by their number of channels, whatever the source calls them.
   av_channel_layout_uninit(&sound->ch_layout);
-  av_channel_layout_default(&sound->ch_layout, filtered_format_.channels);
+  av_channel_layout_default(&sound->ch_layout, converted_format_.channels);
   sound->pts = time_ns;
-  require(av_buffersrc_add_frame(source_, sound.get()), kAction);
-  take_from_filter(packets);
+  require(av_buffersrc_add_frame(converter_.source, sound.get()), kAction);
+  take_from_converter(packets);
   return packets;
 }
 
 std::vector<media::Packet> SoundEncoder::drain() {
   std::vector<media::Packet> packets;
-  if (!graph_) return packets;
-  require(av_buffersrc_close(source_, AV_NOPTS_VALUE, 0), kAction);
-  take_from_filter(packets);
+  if (!converter_.graph) return packets;
+  require(av_buffersrc_close(converter_.source, AV_NOPTS_VALUE, 0), kAction);
+  take_from_converter(packets);
+  require(av_buffersrc_close(divider_.source, AV_NOPTS_VALUE, 0), kAction);
+  take_from_divider(packets);
   take_from_encoder(nullptr, packets);
   return packets;
 }
 
-void SoundEncoder::take_from_filter(std::vector<media::Packet>& packets) {
+void SoundEncoder::take_from_converter(std::vector<media::Packet>& packets) {
   for (;;) {
     media::Frame piece = media::make_frame();
-    const int result = av_buffersink_get_frame(sink_, piece.get());
+    const int result = av_buffersink_get_frame(converter_.sink, piece.get());
     if (result == AVERROR(EAGAIN) || result == AVERROR_EOF) return;
     require(result, kAction);
-    const std::int64_t pts = av_rescale_q(piece->pts, av_buffersink_get_time_base(sink_), codec_->time_base);
-    piece->pts = std::max(pts, next_pts_);
-    next_pts_ = piece->pts + piece->nb_samples;
-    take_from_encoder(piece.get(), packets);
+    const std::int64_t place =
+        av_rescale_q(piece->pts, av_buffersink_get_time_base(converter_.sink), codec_->time_base);
+    if (!next_sample_) next_sample_ = next_block_ = place;
+    // A converter fills the holes in what it was given, but not the one between another and itself.
+    if (place - *next_sample_ > codec_->sample_rate / 10) add_silence(place - *next_sample_, packets);
+    divide(piece.get(), packets);
+  }
+}
+
+void SoundEncoder::add_silence(std::int64_t samples, std::vector<media::Packet>& packets) {
+  while (samples > 0) {
+    media::Frame silence = media::make_frame();
+    silence->format = codec_->sample_fmt;
+    silence->sample_rate = codec_->sample_rate;
+    silence->nb_samples = static_cast<int>(std::min<std::int64_t>(samples, codec_->frame_size));
+    require(av_channel_layout_copy(&silence->ch_layout, &codec_->ch_layout), kAction);
+    require(av_frame_get_buffer(silence.get(), 0), kAction);
+    require(av_samples_set_silence(silence->extended_data, 0, silence->nb_samples,
+                                   silence->ch_layout.nb_channels, codec_->sample_fmt),
+            kAction);
+    samples -= silence->nb_samples;
+    divide(silence.get(), packets);
+  }
+}
+
+void SoundEncoder::divide(AVFrame* sound, std::vector<media::Packet>& packets) {
+  if (!divider_.graph) divider_ = make_divider();
+  sound->pts = *next_sample_;
+  *next_sample_ += sound->nb_samples;
+  require(av_buffersrc_add_frame(divider_.source, sound), kAction);
+  take_from_divider(packets);
+}
+
+void SoundEncoder::take_from_divider(std::vector<media::Packet>& packets) {
+  for (;;) {
+    media::Frame block = media::make_frame();
+    const int result = av_buffersink_get_frame(divider_.sink, block.get());
+    if (result == AVERROR(EAGAIN) || result == AVERROR_EOF) return;
+    require(result, kAction);
+    block->pts = *next_block_;
+    *next_block_ += block->nb_samples;
+    take_from_encoder(block.get(), packets);
   }
 }
 

@@ -4,6 +4,8 @@
 
 #include <cstdint>
 #include <memory>
+#include <optional>
+#include <string>
 #include <vector>
 
 #include "media/libav_handles.h"
@@ -32,16 +34,28 @@ class SoundEncoder {
   [[nodiscard]] MuxedStream muxed_stream() const;
 
  private:
-  void build_filter(const AVFrame& sound);
-  void take_from_filter(std::vector<media::Packet>& packets);
+  /// A chain of filters between a buffer that frames are put into and one that they are taken from.
+  struct Filter {
+    media::FilterGraph graph;
+    AVFilterContext* source = nullptr;
+    AVFilterContext* sink = nullptr;
+  };
+
+  static Filter make_filter(const std::string& input, const std::string& description);
+  [[nodiscard]] Filter make_converter(const AVFrame& sound) const;
+  [[nodiscard]] Filter make_divider() const;
+  void take_from_converter(std::vector<media::Packet>& packets);
+  void add_silence(std::int64_t samples, std::vector<media::Packet>& packets);
+  void divide(AVFrame* sound, std::vector<media::Packet>& packets);
+  void take_from_divider(std::vector<media::Packet>& packets);
   void take_from_encoder(const AVFrame* sound, std::vector<media::Packet>& packets);
 
   media::Codec codec_;
-  media::FilterGraph graph_;
-  AVFilterContext* source_ = nullptr;
-  AVFilterContext* sink_ = nullptr;
-  SoundFormat filtered_format_;
-  std::int64_t next_pts_ = INT64_MIN;  // in samples
+  Filter converter_;  // of the form that sound comes in, to the one that is coded; another when that changes
+  SoundFormat converted_format_;
+  Filter divider_;  // into the encoder's blocks. It stays: a short block would be the encoder's last
+  // In samples of the case clock: where the next that is divided, and the next block, begin.
+  std::optional<std::int64_t> next_sample_, next_block_;
 };
 
 }  // namespace kiroku::recorder
