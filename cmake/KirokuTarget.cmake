@@ -1,5 +1,4 @@
-# kiroku_configure(TARGET): language level, warnings, sanitizers and the include root that every target shares. Sanitizer presets optimise only what
-# computes much (where KIROKU_COMPUTES is set): undefined-behaviour checks take GCC longer to optimise than all the rest to compile.
+# kiroku_configure(TARGET): language level, warnings, sanitizers and the include root that every target shares.
 set(CMAKE_CXX_STANDARD 20)
 set(CMAKE_CXX_STANDARD_REQUIRED ON)
 set(CMAKE_CXX_EXTENSIONS OFF)
@@ -26,10 +25,7 @@ function(kiroku_configure target)
     target_compile_options(${target} PRIVATE -Wno-maybe-uninitialized)
   endif()
   if(KIROKU_SANITIZE)
-    target_compile_options(${target} PRIVATE -fsanitize=${KIROKU_SANITIZE} -fno-omit-frame-pointer -fno-sanitize-recover=all)
-    if(KIROKU_COMPUTES)
-      target_compile_options(${target} PRIVATE -O1)
-    endif()
+    target_compile_options(${target} PRIVATE -fsanitize=${KIROKU_SANITIZE} -fno-omit-frame-pointer -fno-sanitize-recover=all -O1)
     target_link_options(${target} PUBLIC -fsanitize=${KIROKU_SANITIZE})
     # Instrumented code makes compilers warn of what is not there; GCC's manual advises against errors of them. Other presets have them.
     target_compile_options(${target} PRIVATE -Wno-error)
@@ -45,13 +41,24 @@ function(kiroku_library target)
   kiroku_configure(${target})
 endfunction()
 
+# kiroku_asio_coroutines(TARGET): for libraries that use Asio's coroutines, and what links them.
+function(kiroku_asio_coroutines target)
+  if(CMAKE_CXX_COMPILER_ID STREQUAL "Clang")
+    # Boost 1.74 does not know that Clang has coroutines, and forgets a header for them.
+    target_compile_definitions(${target} PUBLIC BOOST_ASIO_HAS_CO_AWAIT BOOST_ASIO_HAS_STD_COROUTINE)
+    target_compile_options(${target} PUBLIC -include utility)
+    if(KIROKU_SANITIZE MATCHES undefined)
+      target_compile_options(${target} PUBLIC -fno-sanitize=function)  # Clang 14 cannot assemble coroutines with it
+    endif()
+  endif()
+endfunction()
+
 # kiroku_test(NAME LABEL label SOURCES... LIBRARIES... [TIMEOUT seconds] [OPTIMISED]): a GoogleTest program whose cases are found by CTest. Labels: unit,
 # unit-threads (also run under the thread sanitizer), attack, system, optimised (not run under sanitizers: what stands on codecs, OpenCV, Cairo or Beast
 # has not been tried there). What is tested is optimised as its preset says; the tests' own code only where it
 # computes much itself (OPTIMISED): it compiles in half of the time without.
 function(kiroku_test target)
   cmake_parse_arguments(ARG "OPTIMISED" "LABEL;TIMEOUT" "SOURCES;LIBRARIES" ${ARGN})
-  set(KIROKU_COMPUTES ${ARG_OPTIMISED})
   add_executable(${target} ${ARG_SOURCES})
   kiroku_configure(${target})
   target_link_libraries(${target} PRIVATE ${ARG_LIBRARIES} GTest::gmock GTest::gtest_main)

@@ -7,17 +7,17 @@ set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/../.."
 seconds=${1:-60}
 shift || true
-command -v clang++ >/dev/null || { echo "SKIPPED: clang is not installed (deploy/dependencies, group fuzz)"; exit 77; }
-cmake --preset fuzz -DKIROKU_TESTS=ON >/dev/null
+command -v clang++ >/dev/null || { echo "SKIPPED: clang is not installed (deploy/dependencies, group sanitize)"; exit 77; }
+cmake --preset asan -DKIROKU_TESTS=ON >/dev/null
 all=$(sed -n 's/^ *kiroku_fuzz_target(\([a-z0-9_]*_fuzz\) .*/\1/p' tests/fuzz/CMakeLists.txt)
 targets=${*:-$all}
 # shellcheck disable=SC2086 # names of targets
-cmake --build --preset fuzz --target $targets
+cmake --build --preset asan --target $targets
 mkdir -p build/fuzz/found
 run() { # TARGET SECONDS
   local corpus=build/fuzz/corpus/$1 seeds=tests/fuzz/seeds/${1%_fuzz} log=build/fuzz/$1.log
   mkdir -p "$corpus" "$seeds"
-  if "build/fuzz/tests/fuzz/$1" "$corpus" "$seeds" -max_total_time="$2" -timeout=25 -rss_limit_mb=2048 -artifact_prefix="build/fuzz/found/$1-" >"$log" 2>&1; then
+  if "build/asan/tests/fuzz/$1" "$corpus" "$seeds" -max_total_time="$2" -timeout=25 -rss_limit_mb=2048 -artifact_prefix="build/fuzz/found/$1-" >"$log" 2>&1; then
     echo "$1: $(sed -n 's/^Done \([0-9]*\) runs in \([0-9]*\) second.*/\1 runs in \2 s, nothing found/p' "$log")"
   else
     echo "$1: FOUND SOMETHING, see $log"
