@@ -5,17 +5,17 @@
 #include <atomic>
 #include <chrono>
 #include <condition_variable>
-#include <cstdlib>
 #include <exception>
 #include <memory>
 #include <mutex>
-#include <new>
-#include <sys/mman.h>
 #include <system_error>
 #include <thread>
 #include <utility>
 
 #include <suitesparse/cholmod.h>
+
+#include "sim/fem/front_memory.h"
+#include "sim/fem/lists.h"
 
 // BLAS and LAPACK as Fortran names them; all matrices are stored by columns.
 // NOLINTBEGIN(readability-identifier-naming)
@@ -66,50 +66,9 @@ struct BlockPlace {
   const Eigen::Matrix3d* block;
 };
 
-struct Freed {
-  void operator()(double* numbers) const { std::free(numbers); }
-};
-using Numbers = std::unique_ptr<double[], Freed>;
-
-/// Uninitialised. Large ones are in huge pages where the kernel has any: several fronts are read at once,
-/// more than the processor knows addresses of small pages by heart.
-Numbers allocate_numbers(std::size_t count) {
-  constexpr std::size_t kPage = 2U << 20;
-  const bool large = count * sizeof(double) >= kPage / 2;
-  const std::size_t alignment = large ? kPage : 64,
-                    bytes = (std::max(count * sizeof(double), std::size_t{1}) + alignment - 1) / alignment *
-                            alignment;
-  Numbers numbers(static_cast<double*>(std::aligned_alloc(alignment, bytes)));
-  if (!numbers) throw std::bad_alloc();
-  if (large) ::madvise(numbers.get(), bytes, MADV_HUGEPAGE);
-  return numbers;
-}
-
 /// Rows of a child that follow each other in its parent too.
 struct Run {
   std::size_t from, into, count;
-};
-
-/// Lists of one kind for every supernode, one after the other.
-template <typename Item>
-class Lists {
- public:
-  explicit Lists(std::size_t lists) : begin_(lists + 1) {}
-  /// First all are counted, then all are added.
-  void count(std::size_t list) { ++begin_[list + 1]; }
-  void allocate() {
-    for (std::size_t list = 1; list < begin_.size(); ++list) begin_[list] += begin_[list - 1];
-    items_.resize(begin_.back());
-    next_.assign(begin_.begin(), begin_.end() - 1);
-  }
-  void add(std::size_t list, const Item& item) { items_[next_[list]++] = item; }
-  [[nodiscard]] std::span<const Item> operator[](std::size_t list) const {
-    return std::span(items_).subspan(begin_[list], begin_[list + 1] - begin_[list]);
-  }
-
- private:
-  std::vector<std::size_t> begin_, next_;
-  std::vector<Item> items_;
 };
 
 }  // namespace
