@@ -2,7 +2,6 @@
 
 extern "C" {
 #include <libavcodec/avcodec.h>
-#include <libavformat/avformat.h>
 #include <libavutil/frame.h>
 }
 
@@ -11,23 +10,10 @@ extern "C" {
 #include <stdexcept>
 
 #include "media/libav_handles.h"
+#include "tests/support/memory_film.h"
 
 namespace kiroku::test {
 namespace {
-
-struct Reader {
-  ByteView film;
-  std::size_t at = 0;
-
-  static int read(void* self, std::uint8_t* into, int size) {
-    auto* reader = static_cast<Reader*>(self);
-    const std::size_t count = std::min(static_cast<std::size_t>(size), reader->film.size() - reader->at);
-    if (count == 0) return AVERROR_EOF;
-    std::ranges::copy(reader->film.subspan(reader->at, count), reinterpret_cast<std::byte*>(into));
-    reader->at += count;
-    return static_cast<int>(count);
-  }
-};
 
 double sample_of(const AVFrame& frame, int at) {
   const int step = av_sample_fmt_is_planar(static_cast<AVSampleFormat>(frame.format)) != 0
@@ -53,15 +39,7 @@ double sample_of(const AVFrame& frame, int at) {
 
 DecodedSound decode_sound(ByteView film, std::int64_t tolerance) {
   media::silence_libav();
-  Reader reader{film};
-  constexpr int kBuffer = 32768;
-  const media::CustomIo io(avio_alloc_context(static_cast<unsigned char*>(av_malloc(kBuffer)), kBuffer, 0,
-                                              &reader, Reader::read, nullptr, nullptr));
-  AVFormatContext* raw = avformat_alloc_context();
-  raw->pb = io.get();
-  media::require(avformat_open_input(&raw, nullptr, nullptr, nullptr), "cannot open the film");
-  const media::InputContext input(raw);
-  media::require(avformat_find_stream_info(input.get(), nullptr), "cannot read the film");
+  const MemoryFilm input(film);
   const int index =
       media::require(av_find_best_stream(input.get(), AVMEDIA_TYPE_AUDIO, -1, -1, nullptr, 0), "no sound");
   const AVStream& stream = *input->streams[index];

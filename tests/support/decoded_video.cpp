@@ -2,36 +2,21 @@
 
 extern "C" {
 #include <libavcodec/avcodec.h>
-#include <libavformat/avformat.h>
 #include <libavutil/imgutils.h>
 #include <libavutil/log.h>
 #include <libavutil/pixdesc.h>
 }
 
 #include <algorithm>
-#include <cstring>
 #include <numeric>
 
 #include "crypto/encoding.h"
 #include "crypto/hash.h"
 #include "media/libav_handles.h"
+#include "tests/support/memory_film.h"
 
 namespace kiroku::test {
 namespace {
-
-struct Reader {
-  ByteView film;
-  std::size_t at = 0;
-
-  static int read(void* self, std::uint8_t* into, int size) {
-    auto* reader = static_cast<Reader*>(self);
-    const std::size_t count = std::min(static_cast<std::size_t>(size), reader->film.size() - reader->at);
-    if (count == 0) return AVERROR_EOF;
-    std::memcpy(into, reader->film.data() + reader->at, count);
-    reader->at += count;
-    return static_cast<int>(count);
-  }
-};
 
 DecodedFrame describe(const AVFrame& frame) {
   DecodedFrame described;
@@ -81,15 +66,7 @@ DecodedVideo decode_video(ByteView film, std::size_t at_most) {
   media::route_libav_log([&](int level, std::string_view line) {
     if (level <= AV_LOG_WARNING) video.complaints.emplace_back(line);
   });
-  Reader reader{film};
-  constexpr int kBuffer = 32768;
-  const media::CustomIo io(avio_alloc_context(static_cast<unsigned char*>(av_malloc(kBuffer)), kBuffer, 0,
-                                              &reader, Reader::read, nullptr, nullptr));
-  AVFormatContext* raw = avformat_alloc_context();
-  raw->pb = io.get();
-  media::require(avformat_open_input(&raw, nullptr, nullptr, nullptr), "cannot open the film");
-  const media::InputContext input(raw);
-  media::require(avformat_find_stream_info(input.get(), nullptr), "cannot read the film");
+  const MemoryFilm input(film);
   const int picture = av_find_best_stream(input.get(), AVMEDIA_TYPE_VIDEO, -1, -1, nullptr, 0);
   const int sound = av_find_best_stream(input.get(), AVMEDIA_TYPE_AUDIO, -1, -1, nullptr, 0);
   const media::Codec picture_decoder = open_decoder(*input->streams[picture]);
