@@ -7,7 +7,7 @@ import { afterAll, beforeAll, describe, expect, it } from 'vitest';
 import type { ComparisonDocument } from '@/api/types';
 import { mapOfSteps } from '@/compare/matching';
 import { planMap } from '@/compare/plan_map';
-import { Appliance, clockOf, keepPicture, near, seriousBarriers, settled, startBrowser, visit, type Visitor } from './kit';
+import { Appliance, clockOf, keepPicture, near, seriousBarriers, settled, startBrowser, visitSignedIn, type Visitor } from './kit';
 
 let appliance: Appliance;
 let browser: Browser;
@@ -57,9 +57,7 @@ beforeAll(async () => {
   await appliance.kiroku('compare', id, join(folder, 'later.json'), '--gpu', 'off', '--width', '64', '--name', 'later');
   await appliance.kiroku('compare', id, join(folder, 'plan.seal.json'), '--gpu', 'off', '--width', '240', '--name', 'newest', '--made-by', 'Dr. Mori');
   browser = await startBrowser();
-  visitor = await visit(browser);
-  await visitor.page.goto(appliance.signIn);
-  await visitor.page.getByRole('heading', { name: 'Cases' }).waitFor();
+  visitor = await visitSignedIn(browser, appliance);
 }, 120_000);
 
 afterAll(async () => {

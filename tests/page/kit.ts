@@ -193,6 +193,14 @@ export async function visit(browser: Browser, language = 'en'): Promise<Visitor>
   return { context, page, problems, asked };
 }
 
+/** Someone who has signed in by the appliance's own link and sees its cases. */
+export async function visitSignedIn(browser: Browser, appliance: Appliance): Promise<Visitor> {
+  const visitor = await visit(browser);
+  await visitor.page.goto(appliance.signIn);
+  await visitor.page.getByRole('heading', { name: 'Cases' }).waitFor();
+  return visitor;
+}
+
 /** Findings of axe-core that are serious or critical, with the elements. */
 export async function seriousBarriers(page: Page): Promise<string[]> {
   // By the debugger, which the page's content security policy does not bind.

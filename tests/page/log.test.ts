@@ -3,7 +3,7 @@ import { appendFileSync, readFileSync, writeFileSync } from 'node:fs';
 import { join } from 'node:path';
 import type { Browser } from 'playwright-core';
 import { afterAll, beforeAll, describe, expect, it } from 'vitest';
-import { Appliance, keepPicture, seriousBarriers, startBrowser, visit, type Visitor } from './kit';
+import { Appliance, keepPicture, seriousBarriers, startBrowser, visitSignedIn, type Visitor } from './kit';
 
 let appliance: Appliance;
 let browser: Browser;
@@ -14,8 +14,7 @@ beforeAll(async () => {
   await appliance.kiroku('case', 'start');
   await appliance.kiroku('case', 'stop');
   browser = await startBrowser();
-  visitor = await visit(browser);
-  await visitor.page.goto(appliance.signIn);
+  visitor = await visitSignedIn(browser, appliance);
   await visitor.page.getByRole('link', { name: 'Log' }).click();
 });
 

@@ -1,7 +1,7 @@
 // What a long case costs in a browser, and whether its panes stay together: figures, printed by tests/bench/page.sh.
 import type { Browser } from 'playwright-core';
 import { afterAll, beforeAll, expect, it } from 'vitest';
-import { Appliance, clockOf, measuredOffsets, settled, startBrowser, visit, type Visitor } from './kit';
+import { Appliance, clockOf, measuredOffsets, settled, startBrowser, visitSignedIn, type Visitor } from './kit';
 
 let appliance: Appliance;
 let browser: Browser;
@@ -14,9 +14,7 @@ beforeAll(async () => {
   appliance = await Appliance.show(home);
   last = appliance.cases().at(-1) as string;
   browser = await startBrowser();
-  visitor = await visit(browser);
-  await visitor.page.goto(appliance.signIn);
-  await visitor.page.getByRole('heading', { name: 'Cases' }).waitFor();
+  visitor = await visitSignedIn(browser, appliance);
 }, 60_000);
 
 afterAll(async () => {

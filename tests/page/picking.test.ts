@@ -8,7 +8,7 @@ import { afterAll, beforeAll, describe, expect, it } from 'vitest';
 import type { ComparisonDocument, PickingCamera } from '@/api/types';
 import { type OrganPoint, type Place, seenBy } from '@/compare/picks';
 import { pictureBox } from '@/pointing/geometry';
-import { Appliance, keepPicture, near, seriousBarriers, startBrowser, visit, type Visitor } from './kit';
+import { Appliance, keepPicture, near, seriousBarriers, startBrowser, visitSignedIn, type Visitor } from './kit';
 
 const kWide = 320;
 const kHigh = 240;
@@ -92,9 +92,7 @@ beforeAll(async () => {
   await appliance.kiroku('record', '--endoscope', `${film}?speed=max`, '--vitals', 'synthetic:patient?speed=max', '--profile', 'lossless', '--duration', '3000ms', '--plan', join(folder, 'plan.seal.json'));
   id = appliance.cases().at(-1) as string;
   browser = await startBrowser();
-  visitor = await visit(browser);
-  await visitor.page.goto(appliance.signIn);
-  await visitor.page.getByRole('heading', { name: 'Cases' }).waitFor();
+  visitor = await visitSignedIn(browser, appliance);
   await visitor.page.locator('.case-link', { hasText: id }).click();
   await visitor.page.getByRole('tab', { name: 'Plan' }).click();
   await visitor.page.getByRole('button', { name: 'Match steps by hand' }).click();

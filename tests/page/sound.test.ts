@@ -1,7 +1,7 @@
 // Sound beside the pictures: a flash and a beep at the same moments of the case clock, seen and heard in a browser.
 import type { Browser } from 'playwright-core';
 import { afterAll, beforeAll, describe, expect, it } from 'vitest';
-import { Appliance, keepPicture, seriousBarriers, settled, startBrowser, visit, type Visitor } from './kit';
+import { Appliance, keepPicture, seriousBarriers, settled, startBrowser, visitSignedIn, type Visitor } from './kit';
 
 let appliance: Appliance;
 let browser: Browser;
@@ -30,9 +30,7 @@ beforeAll(async () => {
   withSound = await record('30s', '--audio');
   without = await record('4s');
   browser = await startBrowser();
-  visitor = await visit(browser);
-  await visitor.page.goto(appliance.signIn);
-  await visitor.page.getByRole('heading', { name: 'Cases' }).waitFor();
+  visitor = await visitSignedIn(browser, appliance);
 }, 120_000);
 
 afterAll(async () => {

@@ -6,7 +6,7 @@ import { join } from 'node:path';
 import type { Browser } from 'playwright-core';
 import { afterAll, beforeAll, describe, expect, it } from 'vitest';
 import type { ComparisonDocument } from '@/api/types';
-import { Appliance, keepPicture, near, seriousBarriers, settled, startBrowser, visit, type Visitor } from './kit';
+import { Appliance, keepPicture, near, seriousBarriers, settled, startBrowser, visitSignedIn, type Visitor } from './kit';
 
 let appliance: Appliance;
 let browser: Browser;
@@ -50,9 +50,7 @@ beforeAll(async () => {
   id = await record(`${film}?speed=max`);
   await compare(id, 'xray', '--geometry', geometry('planned.json', [0, 0, 0]), '--align-at', '00:00:02');
   browser = await startBrowser();
-  visitor = await visit(browser);
-  await visitor.page.goto(appliance.signIn);
-  await visitor.page.getByRole('heading', { name: 'Cases' }).waitFor();
+  visitor = await visitSignedIn(browser, appliance);
 }, 120_000);
 
 afterAll(async () => {
