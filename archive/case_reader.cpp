@@ -1,7 +1,9 @@
 #include "archive/case_reader.h"
 
 #include <algorithm>
+#include <array>
 #include <charconv>
+#include <cstdio>
 
 #include "archive/case_folder.h"
 #include "archive/case_layout.h"
@@ -185,6 +187,20 @@ std::int64_t CaseReader::parse_time(const std::string& text) const {
     throw UsageError(text + " is before the case begins; it was opened at " + format_utc(opened_at_.utc));
   }
   return time;
+}
+
+std::string case_time_text(std::int64_t time_ns, std::int64_t begins_ns) {
+  constexpr std::int64_t kSecond = 1'000'000'000, kMinute = 60;
+  const std::int64_t since = std::max<std::int64_t>(0, time_ns - begins_ns), seconds = since / kSecond;
+  std::array<char, 48> text{};
+  std::snprintf(text.data(), text.size(), "%02lld:%02lld:%02lld.%09lld",
+                static_cast<long long>(seconds / kMinute / kMinute),
+                static_cast<long long>(seconds / kMinute % kMinute),
+                static_cast<long long>(seconds % kMinute), static_cast<long long>(since % kSecond));
+  std::string result = text.data();
+  while (result.back() == '0') result.pop_back();
+  if (result.back() == '.') result.pop_back();
+  return result;
 }
 
 }  // namespace kiroku::archive

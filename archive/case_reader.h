@@ -49,4 +49,8 @@ class CaseReader {
   std::int64_t last_mono_ns_ = 0;
 };
 
+/// "00:01:02.345678901" since a case began, without zeros at the end; what CaseReader::parse_time() reads
+/// back.
+std::string case_time_text(std::int64_t time_ns, std::int64_t begins_ns);
+
 }  // namespace kiroku::archive

@@ -8,6 +8,7 @@
 #include "apps/common/command_line.h"
 #include "apps/common/format.h"
 #include "apps/common/json_output.h"
+#include "archive/case_reader.h"
 #include "base/utc_time.h"
 #include "crypto/encoding.h"
 #include "sim/fem/number_text.h"
@@ -29,7 +30,7 @@ void print_comparison(const compare::Comparison& comparison, const PlanAtHand& a
     if (const compare::StepMatch* const match = comparison.matching.match_of(figures.step)) {
       rows.push_back(
           {name, std::to_string(*figures.done_as + 1) + ".",
-           compare::case_time_text(match->span.start_ns, comparison.case_begins_ns),
+           archive::case_time_text(match->span.start_ns, comparison.case_begins_ns),
            sim::number_text(double(match->span.end_ns - match->span.start_ns) / double(kNsPerSecond), 4) +
                " s",
            lasts});

@@ -58,7 +58,7 @@ beforeAll(async () => {
   await appliance.kiroku('compare', id, join(folder, 'plan.seal.json'), '--gpu', 'off', '--width', '240', '--name', 'newest', '--made-by', 'Dr. Mori');
   browser = await startBrowser();
   visitor = await visitSignedIn(browser, appliance);
-}, 120_000);
+});
 
 afterAll(async () => {
   await browser?.close();
@@ -236,7 +236,7 @@ describe('The plan beside the recording', () => {
     expect(await matching.getByLabel('Name').inputValue()).toBe('by-hand');
     await matching.getByRole('button', { name: 'Keep as a comparison' }).click();
     await matching.getByRole('progressbar').waitFor();
-    await page.getByText(/Compared by demo/).waitFor({ timeout: 60_000 });
+    await page.getByText(/Compared by demo/).waitFor();
     await page.getByText('The plan was sealed before the first picture').waitFor();
     expect(await page.locator('table.steps caption').textContent()).toContain('5 of 6 steps found');
     await page.locator('.pane-plan video').waitFor();
@@ -248,7 +248,7 @@ describe('The plan beside the recording', () => {
     expect(mapOfSteps(document.steps)).toEqual(planMap(document));
     expect(document.steps[0]?.done?.start_ns).toBe(1.2e9);
     expect((JSON.parse(await appliance.kiroku('verify', id, '--json')) as { verdict: string }).verdict).toBe('intact');
-  }, 90_000);
+  });
 
   it('reads in Japanese and in light colours, without a serious barrier', async () => {
     const { page } = visitor;

@@ -66,7 +66,7 @@ describe.skipIf(!demonstration)('A new user of the demonstration', () => {
     const { page } = visitor;
     await page.locator('.case-verdict').click();
     await page.getByRole('button', { name: 'Verify now' }).click();
-    await page.locator('.banner').waitFor({ timeout: 60_000 });
+    await page.locator('.banner').waitFor();
     expect(await page.locator('.banner h2').textContent()).toMatch(/^Intact/);
     await keepPicture(page, 'demo-verdict');
     expect(visitor.problems).toEqual([]);

@@ -3,7 +3,7 @@ import { readFileSync } from 'node:fs';
 import { join } from 'node:path';
 import type { Browser, WebSocket } from 'playwright-core';
 import { afterAll, beforeAll, describe, expect, it } from 'vitest';
-import { Appliance, keepPicture, kPassword, seriousBarriers, startBrowser, visit, type Visitor } from './kit';
+import { Appliance, keepPicture, seriousBarriers, signInToRooms, startBrowser, visit, type Visitor } from './kit';
 
 let appliance: Appliance;
 let browser: Browser;
@@ -60,11 +60,7 @@ const hide = (hidden: boolean) =>
 describe('A room that is recording', () => {
   it('shows nothing, and asks for nothing, before it records', async () => {
     const { page } = visitor;
-    await page.goto(`${appliance.url}#/rooms`);
-    await page.getByLabel('Name').fill('anna');
-    await page.getByLabel('Password').fill(kPassword);
-    await page.keyboard.press('Enter');
-    await page.goto(`${appliance.url}#/rooms`);
+    await signInToRooms(page, appliance);
     await page.getByRole('button', { name: 'Start recording' }).waitFor();
     expect(sockets).toEqual([]);
   });
@@ -155,7 +151,7 @@ describe('A room that is recording', () => {
     const { page } = visitor;
     await page.getByRole('button', { name: 'Stop', exact: true }).click();
     await page.locator('dialog').getByRole('button', { name: 'Stop' }).click();
-    await page.getByRole('button', { name: 'Start recording' }).waitFor({ timeout: 30_000 });
+    await page.getByRole('button', { name: 'Start recording' }).waitFor();
     await expect.poll(() => page.locator('.live-pane').count()).toBe(0);
     expect(visitor.problems).toEqual([]);
   });

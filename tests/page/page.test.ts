@@ -78,7 +78,7 @@ describe('A nurse', () => {
     }
     await page.getByRole('button', { name: 'Stop', exact: true }).click();
     await page.locator('dialog').getByRole('button', { name: 'Stop' }).click();
-    await page.getByRole('button', { name: 'Start recording' }).waitFor({ timeout: 30_000 });
+    await page.getByRole('button', { name: 'Start recording' }).waitFor();
     return appliance.cases().at(-1) as string;
   };
 
@@ -322,7 +322,7 @@ describe('A lawyer', () => {
     const { page } = visitor;
     await page.goto(`${appliance.url}#/cases/${id}/verification`);
     await page.getByRole('button', { name: 'Verify now' }).click();
-    await page.locator('.banner').waitFor({ timeout: 60_000 });
+    await page.locator('.banner').waitFor();
   };
 
   it('reads that a genuine case is intact, why, and since when', async () => {

@@ -96,7 +96,7 @@ describe('A person who plans', () => {
     await page.getByText('lobe/plan.json · Steps: 6').waitFor();
     expect(await seriousBarriers(page)).toEqual([]);
     await page.getByRole('button', { name: 'Begin anew' }).click();
-    await page.locator('.planning-field[aria-busy=false]').waitFor({ timeout: 60_000 });
+    await page.locator('.planning-field[aria-busy=false]').waitFor();
     await expect.poll(picture).not.toBe(0);
     expect(await steps()).toEqual([]);
   });
@@ -116,7 +116,7 @@ describe('A person who plans', () => {
     const { page } = visitor;
     await page.keyboard.press('g');
     await drag([0.4, 0.62], [0.34, 0.72]);
-    await expect.poll(moved_mm, { timeout: 20_000 }).toBeGreaterThan(8);
+    await expect.poll(moved_mm).toBeGreaterThan(8);
     await page.mouse.up();
     await expect.poll(async () => (await steps()).length).toBe(2);
     expect((await steps()).join()).toMatch(/Grasp with forceps.*Pull with forceps/);
@@ -133,13 +133,13 @@ describe('A person who plans', () => {
     if (!box) throw new Error('there is no picture');
     const points = (dy: number) => [0.3, 0.4, 0.5, 0.6, 0.7].map((x, id) => ({ x: box.x + x * box.width, y: box.y + (0.45 + dy) * box.height, id }));
     await touch.send('Input.dispatchTouchEvent', { type: 'touchStart', touchPoints: points(0) });
-    await expect.poll(async () => (await page.locator('.planning-tool').allTextContents()).filter((text) => text.startsWith('finger')).length, { timeout: 20_000 }).toBe(5);
+    await expect.poll(async () => (await page.locator('.planning-tool').allTextContents()).filter((text) => text.startsWith('finger')).length).toBe(5);
     await touch.send('Input.dispatchTouchEvent', { type: 'touchMove', touchPoints: points(0.01) });
     await expect
       .poll(async () => {
         const forces = await page.locator('.planning-tool', { hasText: 'finger' }).locator('.mono').allTextContents();
         return forces.length === 5 && forces.every((force) => Number(force) > 0);
-      }, { timeout: 20_000 })
+      })
       .toBe(true);
     await page.getByText(/Input to picture \d+ ms/).waitFor();
     expect(await seriousBarriers(page)).toEqual([]);
@@ -157,7 +157,7 @@ describe('A person who plans', () => {
     await page.keyboard.press('c');
     await drag([0.62, 0.2], [0.6, 0.5], [0.6, 0.85]);
     await page.mouse.up();
-    await expect.poll(async () => (await steps()).length, { timeout: 60_000 }).toBe(before + 1);
+    await expect.poll(async () => (await steps()).length).toBe(before + 1);
     expect((await steps()).at(-1)).toContain('Cut with scalpel');
     await page.waitForTimeout(600);
     await keepPicture(page, 'planning-cut');
@@ -168,11 +168,11 @@ describe('A person who plans', () => {
     const all = await steps();
     const shown = await picture();
     await page.keyboard.press('Control+z');
-    await expect.poll(steps, { timeout: 20_000 }).toEqual(all.slice(0, -1));
+    await expect.poll(steps).toEqual(all.slice(0, -1));
     await expect.poll(picture).not.toBe(shown);
     await page.keyboard.press('Control+Shift+z');
-    await expect.poll(steps, { timeout: 60_000 }).toEqual(all);
-    await expect.poll(picture, { timeout: 20_000 }).toBe(shown);
+    await expect.poll(steps).toEqual(all);
+    await expect.poll(picture).toBe(shown);
   });
 
   it('plans with keys alone', async () => {
@@ -181,9 +181,9 @@ describe('A person who plans', () => {
     await page.keyboard.press('p');
     for (let i = 0; i < 5; ++i) await page.keyboard.press('ArrowUp');
     await page.keyboard.press('Space');
-    await expect.poll(async () => await page.locator('.planning-tool').count(), { timeout: 20_000 }).toBe(2);
+    await expect.poll(async () => await page.locator('.planning-tool').count()).toBe(2);
     await page.keyboard.press('Space');
-    await expect.poll(async () => await page.locator('.planning-tool').count(), { timeout: 20_000 }).toBe(1);
+    await expect.poll(async () => await page.locator('.planning-tool').count()).toBe(1);
     await page.keyboard.press('h');
     await expect.poll(async () => (await steps()).length).toBe(before + 3);
   });
@@ -219,7 +219,7 @@ describe('The page', () => {
     const { page } = visitor;
     await page.getByRole('button', { name: 'Close the plan' }).click();
     await page.getByRole('button', { name: 'Go on with lobe/by-hand.json' }).click();
-    await page.locator('.planning-field[aria-busy=false]').waitFor({ timeout: 60_000 });
+    await page.locator('.planning-field[aria-busy=false]').waitFor();
     await page.getByRole('button', { name: '日本語' }).click();
     await page.getByRole('button', { name: '明るい配色' }).click();
     await page.getByRole('toolbar', { name: '道具' }).waitFor();

@@ -83,7 +83,7 @@ const fact = async (name: string): Promise<number> => {
   const texts = await visitor.page.locator('.attempt-facts > div', { hasText: name }).locator('dd').allTextContents();
   return Number.parseFloat(texts[0] ?? 'NaN');
 };
-const begun = () => visitor.page.locator('.attempt-field[aria-busy=false]').waitFor({ timeout: 60_000 });
+const begun = () => visitor.page.locator('.attempt-field[aria-busy=false]').waitFor();
 const isOver = async () => (await visitor.page.locator('.train-came').count()) > 0;
 
 /** Lifts as a person does: until the line is in sight, then stays. Returns the largest forces of all fingers that were read meanwhile. */
@@ -204,7 +204,7 @@ describe('A new trainee', () => {
     expect(await page.locator('.train-came').textContent()).toContain('Done');
     await page.getByRole('img', { name: 'Tests by session: Largest von Mises stress, kPa' }).waitFor();
     await page.getByRole('button', { name: 'Seal this attempt' }).click();
-    await page.getByText(/^Sealed as \d{8}T\d{6}Z-[0-9a-f]{8}\. Its verification says: intact\./).waitFor({ timeout: 60_000 });
+    await page.getByText(/^Sealed as \d{8}T\d{6}Z-[0-9a-f]{8}\. Its verification says: intact\./).waitFor();
     const certificate = await page.getByRole('link', { name: 'Certificate (PDF)' }).getAttribute('href');
     const answer = await visitor.context.request.get(new URL(certificate as string, trainer.signIn).href);
     expect(answer.status()).toBe(200);

@@ -125,7 +125,7 @@ locations = ["OR2"]
 address = "127.0.0.1:)" + std::to_string(server.port()) +
                                          R"("
 called_ae = "RIS"
-timeout = "1s"
+timeout = "10s"
 refresh = "5s"
 [[room.stream]]
 name = "endoscope"
@@ -150,7 +150,8 @@ source = "synthetic:endoscope?size=64x48&rate=10"
   // No worklist yet: recording begins all the same, and says so; then it comes, while the case runs.
   const std::string late = kiroku_json({"case", "start", "--room", "or-2", "--json"})["case"];
   EXPECT_EQ(room()["subject"], "none");
-  EXPECT_THAT(room()["problem"].get<std::string>(), HasSubstr("begins without procedure data"));
+  // By the log: the status tells the newest problem, which on a busy machine may be another by now.
+  EXPECT_TRUE(daemon.wait_for("begins without procedure data"));
   EXPECT_FALSE(room()["procedure"][1]["well"].get<bool>());
   EXPECT_THAT(kiroku({"doctor"}).out, testing::ContainsRegex("WARNING +worklist of or-2"));
   server.add("11", "Listed^Lisa", compact_local_time("%Y%m%d"), compact_local_time("%H%M"));
@@ -170,7 +171,7 @@ source = "synthetic:endoscope?size=64x48&rate=10"
   MllpClient hospital("127.0.0.1", hl7_port);
   hospital.send_message(
       "MSH|^~\\&|ADT|HOSP|||20260805080000||ADT^A02|77|P|2.5||||||8859/1\r"
-      "PID|1||4711^^^HOSP^MR||M\xFCller^J\xF6rg\rPV1|1|I|SURGERY^OR2\r");
+      "PID|1||KH4711JM^^^HOSP^MR||M\xFCller^J\xF6rg\rPV1|1|I|SURGERY^OR2\r");
   EXPECT_THAT(hospital.receive().value_or(""), HasSubstr("MSA|AA|77"));
   const std::string placed = kiroku_json({"case", "start", "--room", "or-2", "--json"})["case"];
   EXPECT_EQ(kiroku({"case", "stop", "--room", "or-2"}).status, 0);
@@ -181,7 +182,7 @@ source = "synthetic:endoscope?size=64x48&rate=10"
   daemon.signal(SIGTERM);
   const ProcessResult ended = daemon.wait();
   EXPECT_EQ(ended.status, 0);
-  for (const std::string said : {"Lisa", "Müller", "4711"}) {
+  for (const std::string said : {"Listed", "Müller", "KH4711JM"}) {
     EXPECT_THAT(ended.err + ended.out + status, testing::Not(HasSubstr(said)));
     EXPECT_THAT(read_text(home() / "archive" / placed / "ledger.jsonl"), testing::Not(HasSubstr(said)));
   }

@@ -1,7 +1,5 @@
 #include "viewer/compare/by_hand.h"
 
-#include <array>
-#include <cstdio>
 #include <span>
 
 #include <nlohmann/json.hpp>
@@ -137,24 +135,10 @@ ByHand read_by_hand(std::string_view text, const std::string& name, const archiv
   return ByHandReader(recording, plan).read(JsonField(document, name));
 }
 
-std::string case_time_text(std::int64_t time_ns, std::int64_t begins_ns) {
-  constexpr std::int64_t kSecond = 1'000'000'000, kMinute = 60;
-  const std::int64_t since = std::max<std::int64_t>(0, time_ns - begins_ns), seconds = since / kSecond;
-  std::array<char, 48> text{};
-  std::snprintf(text.data(), text.size(), "%02lld:%02lld:%02lld.%09lld",
-                static_cast<long long>(seconds / kMinute / kMinute),
-                static_cast<long long>(seconds / kMinute % kMinute),
-                static_cast<long long>(seconds % kMinute), static_cast<long long>(since % kSecond));
-  std::string result = text.data();
-  while (result.back() == '0') result.pop_back();
-  if (result.back() == '.') result.pop_back();
-  return result;
-}
-
 std::string by_hand_text(const StepMatching& matching, std::span<const PlannedStep> steps,
                          std::int64_t begins_ns) {
   nlohmann::ordered_json all = nlohmann::ordered_json::array();
-  const auto time = [&](std::int64_t time_ns) { return case_time_text(time_ns, begins_ns); };
+  const auto time = [&](std::int64_t time_ns) { return archive::case_time_text(time_ns, begins_ns); };
   for (const StepMatch& match : matching.matches) {
     nlohmann::ordered_json step{
         {"step", match.step + 1}, {"name", steps[match.step].name}, {"start", time(match.span.start_ns)}};

@@ -41,7 +41,4 @@ ByHand read_by_hand(std::string_view text, const std::string& name, const archiv
 std::string by_hand_text(const StepMatching& matching, std::span<const PlannedStep> steps,
                          std::int64_t begins_ns);
 
-/// "00:01:02.345678901" since the case began, without zeros at the end; what parse_time() reads back.
-std::string case_time_text(std::int64_t time_ns, std::int64_t begins_ns);
-
 }  // namespace kiroku::compare

@@ -4,6 +4,7 @@
 #include <cstdio>
 #include <span>
 
+#include "archive/case_reader.h"
 #include "crypto/encoding.h"
 #include "viewer/compare/comparison_document.h"
 
@@ -161,7 +162,8 @@ class Page {
   [[nodiscard]] std::string time(std::int64_t time_ns) const {
     // To the hundredth of a second; what is not known better needs no more.
     constexpr std::int64_t kHundredth = 10'000'000;
-    return case_time_text((time_ns + kHundredth / 2) / kHundredth * kHundredth, comparison_.case_begins_ns);
+    return archive::case_time_text((time_ns + kHundredth / 2) / kHundredth * kHundredth,
+                                   comparison_.case_begins_ns);
   }
   static std::string known(KnownFrom from) {
     switch (from) {

@@ -21,21 +21,19 @@
 namespace kiroku::viewer {
 namespace {
 
-constexpr int kLowestPriority = 19;
-
 [[noreturn]] void fail(const std::string& what) {
   throw Error("a program cannot be started: " + what + ": " + std::strerror(errno));
 }
 
 /// Between fork and exec of a process with threads: system calls alone.
 [[noreturn]] void become(const char* program, char* const* arguments, std::span<const Descriptor> given,
-                         pid_t parent) {
+                         ChildPriority priority, pid_t parent) {
   ::prctl(PR_SET_PDEATHSIG, SIGKILL);
   if (::getppid() != parent) ::_exit(ChildProgram::kNotStarted);  // it ended before that was said
   sigset_t none;
   sigemptyset(&none);
   ::pthread_sigmask(SIG_SETMASK, &none, nullptr);
-  ::setpriority(PRIO_PROCESS, 0, kLowestPriority);
+  ::setpriority(PRIO_PROCESS, 0, static_cast<int>(priority));
   // Copies above all that are wanted first, so that none is written over before it was copied.
   std::array<int, ChildProgram::kMostDescriptors> copies{};
   const int count = static_cast<int>(given.size());
@@ -78,7 +76,7 @@ Descriptor file_of_text(std::string_view text) {
 }
 
 ChildProgram::ChildProgram(const std::filesystem::path& program, const std::vector<std::string>& arguments,
-                           std::vector<Descriptor> given) {
+                           std::vector<Descriptor> given, ChildPriority priority) {
   if (given.size() > kMostDescriptors) throw Error("a program is given too many descriptors");
   std::vector<std::string> all{program.string()};
   all.insert(all.end(), arguments.begin(), arguments.end());
@@ -88,7 +86,7 @@ ChildProgram::ChildProgram(const std::filesystem::path& program, const std::vect
   const pid_t parent = ::getpid();
   process_ = ::fork();
   if (process_ < 0) fail("no process");
-  if (process_ == 0) become(all.front().c_str(), pointers.data(), given, parent);
+  if (process_ == 0) become(all.front().c_str(), pointers.data(), given, priority, parent);
 }
 
 ChildProgram::~ChildProgram() {

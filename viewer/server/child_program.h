@@ -25,12 +25,18 @@ DescriptorPair make_socket_pair();
 /// while the program reads. kiroku::Error where there is no memory for it.
 Descriptor file_of_text(std::string_view text);
 
+/// Niceness (nice(2)) of a program: below all that records.
+enum class ChildPriority {
+  kAnswering = 10,   // somebody waits for it
+  kBackground = 19,  // it may take its time
+};
+
 class ChildProgram {
  public:
-  /// Starts it at the lowest priority. `given` become its descriptors 0, 1, 2, …; it has no other.
+  /// Starts it. `given` become its descriptors 0, 1, 2, …; it has no other.
   /// kiroku::Error where there is no process; one that cannot be started ends with kNotStarted.
   ChildProgram(const std::filesystem::path& program, const std::vector<std::string>& arguments,
-               std::vector<Descriptor> given);
+               std::vector<Descriptor> given, ChildPriority priority);
   /// Ends it by force where it has not ended.
   ~ChildProgram();
   ChildProgram(const ChildProgram&) = delete;

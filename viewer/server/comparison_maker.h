@@ -47,7 +47,7 @@ class ComparisonMaker {
     std::filesystem::path comparisons;  // where what a program leaves when it is stopped is removed
     std::function<void(const std::string& sentence)> tell;
     /// Then one is ended, so that others can be made.
-    std::chrono::milliseconds limit{};
+    std::chrono::milliseconds limit = std::chrono::hours(6);
   };
   explicit ComparisonMaker(Options options);
   /// Stops the one that is being made.

@@ -64,7 +64,7 @@ ComparisonProgramEnd run_comparison_program(const std::filesystem::path& program
   given.push_back(std::move(socket.theirs));
   if (!call.further_file.empty()) given.push_back(file_of_text(call.further_file));
 
-  ChildProgram child(program, arguments, std::move(given));
+  ChildProgram child(program, arguments, std::move(given), call.priority);
   ComparisonProgramEnd end;
   ProgramListener listener(progress);
   {

@@ -20,8 +20,9 @@ struct ComparisonProgramCall {
   std::string input;                   // its standard input
   /// A further file, read under kFurtherFile; "" for none.
   std::string further_file;
+  ChildPriority priority = ChildPriority::kBackground;
   /// Then it is ended.
-  std::chrono::milliseconds limit{};
+  std::chrono::milliseconds limit = std::chrono::hours(6);
 
   static constexpr const char* kFurtherFile = "/dev/fd/4";
 };

@@ -3,10 +3,10 @@
 #include <algorithm>
 #include <array>
 #include <cstdint>
-#include <cstdio>
 
 #include <nlohmann/json.hpp>
 
+#include "archive/case_reader.h"
 #include "viewer/server/comparison_program.h"
 #include "viewer/server/json_fields.h"
 #include "viewer/server/request.h"
@@ -15,18 +15,6 @@ namespace kiroku::viewer {
 namespace {
 
 using nlohmann::json;
-
-/// "hh:mm:ss.fffffffff" since the case began.
-std::string since_begin(std::int64_t time_ns, std::int64_t begins_ns) {
-  constexpr std::int64_t kSecond = 1'000'000'000, kMinute = 60;
-  const std::int64_t since = time_ns - begins_ns, seconds = since / kSecond;
-  std::array<char, 48> text{};
-  std::snprintf(text.data(), text.size(), "%02lld:%02lld:%02lld.%09lld",
-                static_cast<long long>(seconds / kMinute / kMinute),
-                static_cast<long long>(seconds / kMinute % kMinute),
-                static_cast<long long>(seconds % kMinute), static_cast<long long>(since % kSecond));
-  return text.data();
-}
 
 }  // namespace
 
@@ -58,8 +46,9 @@ FluoroscopyFields take_fluoroscopy(const json& body, const archive::OpenEntry& o
   if (const auto at = said->find("align_at_ns"); at != said->end() && !at->is_null()) {
     if (!at->is_number_integer() || at->get<std::int64_t>() < opening.begins_ns)
       throw Refusal(400, "'align_at_ns' must be a time of the case clock, in whole nanoseconds");
-    taken.arguments.insert(taken.arguments.end(),
-                           {"--align-at", since_begin(at->get<std::int64_t>(), opening.begins_ns)});
+    taken.arguments.insert(
+        taken.arguments.end(),
+        {"--align-at", archive::case_time_text(at->get<std::int64_t>(), opening.begins_ns)});
   }
   return taken;
 }

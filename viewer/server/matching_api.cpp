@@ -1,6 +1,5 @@
 #include "viewer/server/matching_api.h"
 
-#include <atomic>
 #include <memory>
 #include <mutex>
 
@@ -60,15 +59,16 @@ class MatchingApi {
     const std::chrono::milliseconds limit = limits_.reading;
     const std::unique_lock turn(reading_, limit);
     if (!turn) throw Refusal(503, "plans are being read for others: try again");
-    const std::atomic<bool> never{false};
     const ComparisonProgramEnd end = run_comparison_program(
         context_.home().comparison_program,
         {.arguments = {case_id, seal.string(), "--home", context_.home().folder.string(), "--steps",
                        "--json"},
          .input = {},
          .further_file = {},
+         .priority = ChildPriority::kAnswering,
          .limit = limit},
-        *identities, [](const std::string& /*doing*/, std::optional<double> /*share*/) {}, never);
+        *identities, [](const std::string& /*doing*/, std::optional<double> /*share*/) {},
+        context_.closing());
     if (end.overdue) {
       throw Refusal(504, "reading the plan " + seal.filename().string() + " and its case took longer than " +
                              std::to_string(limit / std::chrono::seconds(1)) +
@@ -142,7 +142,7 @@ class MatchingApi {
   Response pick(const Request& request, const char* what) {
     static_cast<void>(ViewerContext::require_unlocked(request));
     const json question{{what, request.json()}};
-    const std::filesystem::path seal = plan_of(context_.open_case(request));
+    const std::filesystem::path seal = plan_picked_on(request);
     context_.enter_access_once(request, request.parameter("case"), "picked points on pictures of a plan");
     const PickingAnswer answer = picker_.ask(seal, request.session->user(), question.dump());
     if (!answer.ready)
@@ -156,6 +156,20 @@ class MatchingApi {
   }
 
  private:
+  /// plan_of(), which reads a whole ledger and hashes plans, once for the many questions about one case.
+  [[nodiscard]] std::filesystem::path plan_picked_on(const Request& request) {
+    const std::string& case_id = request.parameter("case");
+    const std::lock_guard guard(picked_on_mutex_);
+    std::error_code gone;
+    if (picked_on_.case_id != case_id ||
+        std::filesystem::last_write_time(picked_on_.seal, gone) != picked_on_.written || gone) {
+      picked_on_ = {};
+      const std::filesystem::path seal = plan_of(context_.open_case(request));
+      picked_on_ = {case_id, seal, std::filesystem::last_write_time(seal)};
+    }
+    return picked_on_.seal;
+  }
+
   /// The sealed plan that the case was recorded by.
   [[nodiscard]] std::filesystem::path plan_of(const archive::CaseReader& recording) const {
     if (!recording.opening().plan) throw Refusal(404, "this case was not recorded by a sealed plan");
@@ -174,6 +188,12 @@ class MatchingApi {
   ComparisonMaker maker_;
   PlanPicker picker_;
   std::timed_mutex reading_;
+  struct {
+    std::string case_id;
+    std::filesystem::path seal;
+    std::filesystem::file_time_type written;
+  } picked_on_;
+  std::mutex picked_on_mutex_;
 };
 
 }  // namespace

@@ -43,7 +43,8 @@ class Asked {
     in_ = std::move(in.ours);
     out_ = std::move(out.ours);
     err_ = std::move(err.ours);
-    child_.emplace(program, std::vector<std::string>{"plan", "pick", seal_file.string()}, std::move(given));
+    child_.emplace(program, std::vector<std::string>{"plan", "pick", seal_file.string()}, std::move(given),
+                   ChildPriority::kAnswering);
   }
 
   enum class Heard { kLine, kEnd, kTooLate, kLeave };
@@ -120,9 +121,13 @@ struct PlanPicker::Work {
       lock.lock();
       ready = false;
       if (wanted == seal) {
-        refused = status;
-        sentence = problem;
-        if (status == 0) wanted.reset();
+        // Who waits for an answer is told why there is none; where nobody waits, the next who asks.
+        if (status != 0 && !question) {
+          refused = status;
+          sentence = problem;
+        } else {
+          wanted.reset();
+        }
       }
       if (question)
         settle(*question, status == 0 ? 409 : status,
@@ -196,21 +201,30 @@ struct PlanPicker::Work {
       changed.notify_all();
     }
     if (!ready) return {false, doing, share, {}};
-    const Clock::time_point until = Clock::now() + options.to_answer + kToBeEnded;
-    if (!changed.wait_until(lock, until, [&] { return !question; }))
-      throw Refusal(503, "others ask for pictures of the plan: try again");
+    if (!wait_for_turn(lock)) throw Refusal(503, "others ask for pictures of the plan: try again");
     if (!ready || wanted != seal) return {false, doing, share, {}};
     const auto mine = std::make_shared<Question>();
     mine->text = text;
     question = mine;
     changed.notify_all();
-    if (!changed.wait_until(lock, until, [&] { return mine->done; }))
+    if (!changed.wait_for(lock, options.to_answer + kToBeEnded, [&] { return mine->done; }))
       throw Refusal(kTooLong, "a picture of the plan took too long");
     if (mine->refused != 0) throw Refusal(mine->refused, mine->answer);
     return {true, {}, {}, mine->answer};
   }
 
+  /// False where others' questions take too long, or too many wait already: each holds a thread of the
+  /// server.
+  bool wait_for_turn(std::unique_lock<std::mutex>& lock) {
+    if (waiting == kMostWaiting) return false;
+    ++waiting;
+    const bool mine = changed.wait_for(lock, options.to_answer + kToBeEnded, [&] { return !question; });
+    --waiting;
+    return mine;
+  }
+
   static constexpr auto kToBeEnded = std::chrono::seconds(5);
+  static constexpr int kMostWaiting = 3;
 
   const Options options;
   std::mutex mutex;
@@ -224,6 +238,7 @@ struct PlanPicker::Work {
   std::string last_who;
   Clock::time_point last_asked;
   std::shared_ptr<Question> question;  // the one that is being answered
+  int waiting = 0;                     // whose questions come after it
   std::jthread thread;                 // last: uses the rest
 };
 

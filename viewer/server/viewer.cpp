@@ -94,7 +94,10 @@ struct Viewer::State {
     if (options.more_routes) options.more_routes(router, context);
     server.emplace(std::move(options.web), dispatcher);
   }
-  ~State() { context.invitations().end_all(InvitationEnd::kStopped); }
+  ~State() {
+    context.close();
+    context.invitations().end_all(InvitationEnd::kStopped);
+  }
   State(const State&) = delete;
   State& operator=(const State&) = delete;
 

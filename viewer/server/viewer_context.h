@@ -2,6 +2,7 @@
 // are thread-safe; lives as long as the server.
 #pragma once
 
+#include <atomic>
 #include <filesystem>
 #include <functional>
 #include <memory>
@@ -57,6 +58,9 @@ class ViewerContext {
   [[nodiscard]] UserStore& users() { return *users_; }
   [[nodiscard]] AttemptGuard& attempts() { return attempts_; }
   [[nodiscard]] Invitations& invitations() { return invitations_; }
+  /// Set once the server ends: whoever waits long for something looks at it.
+  [[nodiscard]] const std::atomic<bool>& closing() const { return closing_; }
+  void close() { closing_ = true; }
   /// A sentence for the server's own log.
   void tell(const std::string& sentence) const { tell_(sentence); }
 
@@ -86,6 +90,7 @@ class ViewerContext {
  private:
   ViewerHome home_;
   Tell tell_;
+  std::atomic<bool> closing_{false};
   SessionStore sessions_;
   AttemptGuard attempts_;
   Invitations invitations_;

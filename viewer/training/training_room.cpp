@@ -86,8 +86,6 @@ trainer::ExclusionRecord TrainingRoom::require_may_seal(const TrainingUser& user
 SealedAttempt TrainingRoom::seal(const TrainingUser& user, std::int64_t attempt) {
   const std::string trainee = require_may_seal(user, attempt).trainee;
   Sealable sealable = take_sealable(user, trainee, attempt);
-  // Only now: whoever sealed it meanwhile has told of the case before the attempt could be taken again.
-  const std::string earlier = require_may_seal(user, attempt).sealed_case;
   const auto done_with = [&](bool sealed) {
     const std::lock_guard guard(sealable_mutex_);
     sealing_.erase(attempt);
@@ -95,6 +93,8 @@ SealedAttempt TrainingRoom::seal(const TrainingUser& user, std::int64_t attempt)
     if (!sealed) sealable_.try_emplace(trainee, std::move(sealable));
   };
   try {
+    // Only now: whoever sealed it meanwhile has told of the case before the attempt could be taken again.
+    const std::string earlier = require_may_seal(user, attempt).sealed_case;
     nlohmann::ordered_json facts = nlohmann::ordered_json::parse(sealable.facts);
     facts["sealed_by"] = user.name;
     const SealedAttempt sealed = options_.sealer->seal(

@@ -23,10 +23,10 @@ export default defineConfig({
           name: 'page',
           dir: `${tests}/page`,
           environment: 'node',
-          testTimeout: 90_000,
-          // Tests share their machine with a recorder.
-          expect: { poll: { timeout: 15_000 } },
-          hookTimeout: 300_000,
+          // None waits so long for what does not come: kPatience_ms of kit.ts, and as long here.
+          testTimeout: 600_000,
+          hookTimeout: 600_000,
+          expect: { poll: { timeout: 60_000 } },
         },
       },
       // What is measured by hand (tests/bench/page.sh), and no test.

@@ -1,5 +1,6 @@
 #include "viewer/server/plan_picker.h"
 
+#include <atomic>
 #include <fstream>
 #include <thread>
 
@@ -35,7 +36,7 @@ class Picker : public testing::Test {
   /// Asks until the plan is ready, as the page does.
   static PickingAnswer ask(PlanPicker& picker, const std::string& seal, const std::string& who,
                            const std::string& question) {
-    for (int look = 0; look < 300; ++look) {
+    for (int look = 0; look < 3000; ++look) {
       PickingAnswer answer = picker.ask(seal, who, question);
       if (answer.ready) return answer;
       std::this_thread::sleep_for(20ms);
@@ -47,7 +48,7 @@ class Picker : public testing::Test {
   template <typename Act>
   static std::pair<int, std::string> refusal(Act act) {
     try {
-      for (int look = 0; look < 300; ++look) {
+      for (int look = 0; look < 3000; ++look) {
         if (act().ready) return {200, ""};
         std::this_thread::sleep_for(20ms);
       }
@@ -79,7 +80,7 @@ TEST_F(Picker, AnswersManyAtATimeOneAfterTheOther) {
   PlanPicker picker(options(kEcho));
   EXPECT_EQ(ask(picker, "a.seal.json", "mori", "0").text, "to 0");
   std::vector<std::jthread> askers;
-  for (int n = 0; n < 8; ++n) {
+  for (int n = 0; n < 4; ++n) {
     askers.emplace_back([&picker, n] {
       for (int i = 0; i < 20; ++i) {
         const std::string text = std::to_string(100 * n + i);
@@ -87,6 +88,25 @@ TEST_F(Picker, AnswersManyAtATimeOneAfterTheOther) {
       }
     });
   }
+}
+
+TEST_F(Picker, RefusesWhoeverWouldWaitBehindTooMany) {
+  PlanPicker picker(options("echo ready; while read -r line; do sleep 0.5; echo \"to $line\"; done"));
+  EXPECT_EQ(ask(picker, "a.seal.json", "mori", "0").text, "to 0");
+  std::atomic<int> answered = 0, refused = 0;
+  {
+    std::vector<std::jthread> askers;
+    for (int n = 0; n < 12; ++n) {
+      askers.emplace_back([&] {
+        const auto [status, sentence] = refusal([&] { return picker.ask("a.seal.json", "mori", "1"); });
+        ++(status == 200 ? answered : refused);
+        EXPECT_THAT(status, testing::AnyOf(200, 503)) << sentence;
+      });
+    }
+  }
+  EXPECT_EQ(answered + refused, 12);
+  EXPECT_GE(answered, 4);
+  EXPECT_GE(refused, 1);
 }
 
 TEST_F(Picker, GoesToAnotherPlanForWhoeverHasIt) {
@@ -128,6 +148,7 @@ TEST_F(Picker, EndsWhatTakesTooLong) {
   const auto [status, sentence] = refusal([&] { return picker.ask("a.seal.json", "mori", "1"); });
   EXPECT_EQ(status, 504);
   EXPECT_THAT(sentence, HasSubstr("ended"));
+  EXPECT_FALSE(picker.ask("a.seal.json", "mori", "1").ready) << "told once; the next question begins anew";
 }
 
 TEST_F(Picker, EndsWhenNobodyAsks) {

@@ -40,6 +40,10 @@ describe('Sound', () => {
     all[0]?.setVolume(0);
     expect(of.toggleSound(all)).toBe('on');
     expect(all.map((one) => [one.muted.value, one.volume.value])).toEqual([[false, 1], [true, 1]]);
+    // By its own button too: what was turned down to nothing is not told to be on while nothing is heard.
+    all[1]?.setVolume(0);
+    all[1]?.mute(false);
+    expect([all[1]?.muted.value, all[1]?.volume.value]).toEqual([false, 1]);
     expect(of.toggleSound(panes(of, { endoscope: false }))).toBe('none');
     expect(actionOf({ key: 'm', shiftKey: false, ctrlKey: false, altKey: false, metaKey: false })).toBe('soundOrMatch');
   });

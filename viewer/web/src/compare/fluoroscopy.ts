@@ -12,7 +12,7 @@ export interface Fluoroscopy {
   polarity: Polarity;
 }
 
-/** A file's text as a geometry; nothing where it is none: an object that says where the detector is. */
+/** A file's text as a geometry; nothing where it is no JSON object. What the object must say is known to the program that compares, which refuses it by name. */
 export function readGeometry(text: string): Readonly<Record<string, unknown>> | undefined {
   try {
     const read: unknown = JSON.parse(text);

@@ -169,9 +169,11 @@ export function MatchingPanel({ matching, picking, model, playback, pause }: Pro
         <span class="muted">{t('match.matched', { n: matched, all: steps.length })}</span>
       </div>
       {work === 'steps' && <StepsPart matching={matching} model={model} playback={playback} pause={pause} />}
-      {work === 'points' && <PointsPart matching={matching} picking={picking} model={model} playback={playback} />}
-      {work === 'tools' && <ToolsPart matching={matching} picking={picking} model={model} playback={playback} />}
-      {work === 'xray' && <XrayPart matching={matching} model={model} playback={playback} />}
+      <fieldset class="matching-part" disabled={busy}>
+        {work === 'points' && <PointsPart matching={matching} picking={picking} model={model} playback={playback} />}
+        {work === 'tools' && <ToolsPart matching={matching} picking={picking} model={model} playback={playback} />}
+        {work === 'xray' && <XrayPart matching={matching} model={model} playback={playback} />}
+      </fieldset>
       {making ? (
         <div class="matching-making" role="status">
           <progress {...(making.state === 'running' && making.share !== null ? { value: making.share } : {})} max="1" aria-label={t('match.making')} />

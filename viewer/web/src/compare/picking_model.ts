@@ -4,7 +4,7 @@ import { computed, effect, type Signal, signal } from '@preact/signals';
 import { cases } from '@/api/client';
 import type { JudgedPoints, PickingCamera, PickingView, Preparing } from '@/api/types';
 import type { MatchingModel } from '@/compare/matching_model';
-import { clicked, completePairs, moved, type OrganPoint, type Pair, type Picks, picked, type PictureSize, type Pixel, pixelAt, type Place, withoutClick, withoutPair } from '@/compare/picks';
+import { clicked, type CompletePair, completePairs, leastPairs, moved, type OrganPoint, type Pair, type Picks, picked, type PictureSize, type Pixel, pixelAt, type Place, withoutClick, withoutPair } from '@/compare/picks';
 import { planAt } from '@/compare/plan_map';
 import type { Playback } from '@/media/playback';
 import { kFirstView, type View } from '@/planning/orbit';
@@ -41,6 +41,8 @@ export class PickingModel {
   readonly planPicture: Signal<PlanPicture | undefined> = signal(undefined);
   /** What the server does before there are pictures of the plan. */
   readonly preparing: Signal<Preparing | undefined> = signal(undefined);
+  /** Why there is no picture of the plan. */
+  readonly planProblem: Signal<string | undefined> = signal(undefined);
   readonly judged: Signal<JudgedPoints | undefined> = signal(undefined);
   readonly chosenPair: Signal<number | undefined> = signal(undefined);
   readonly tool = signal('');
@@ -62,6 +64,7 @@ export class PickingModel {
   private again = false;
   private closed = false;
   private judging = 0;
+  private frameRequest: AbortController | undefined;
   private readonly unfollow: (() => void)[];
 
   constructor(
@@ -86,9 +89,13 @@ export class PickingModel {
         if (isWanted) void this.draw();
       }),
       effect(() => {
-        const points = completePairs(this.matching.picks.value);
+        const picks = this.matching.picks.value;
+        const points = completePairs(picks);
         const frame = this.frame.value;
-        if (this.isOpen.value && frame) void this.judge(points, frame, this.matching.picks.value.field_deg);
+        // What was said of other points, or of these in another picture, is said of them no more.
+        this.judged.value = undefined;
+        const mine = ++this.judging;
+        if (this.isOpen.value && this.work.value === 'points' && frame && points.length >= leastPairs(picks)) void this.judge(mine, points, frame, picks.field_deg);
       }),
       effect(() => {
         const plan = this.matching.plan.value;
@@ -102,14 +109,22 @@ export class PickingModel {
 
   close(): void {
     this.closed = true;
+    this.frameRequest?.abort();
     for (const one of this.unfollow) one();
   }
 
-  /** The recorded picture before or after the one that is seen. */
-  step(by: -1 | 1): void {
+  /** The recorded picture before or after the one that is seen; false where points were picked, which are all of one picture. */
+  step(by: -1 | 1): boolean {
+    if (this.work.peek() === 'points' && this.matching.picks.peek().at) return false;
     const frame = this.frame.peek();
     this.playback.pause();
     if (frame) void this.fetchFrame(frame.time_ns, by);
+    return true;
+  }
+
+  /** Asks anew for the plan's picture that could not be had. */
+  retry(): void {
+    void this.draw();
   }
 
   turn(view: View, isHeld: boolean): void {
@@ -139,7 +154,7 @@ export class PickingModel {
     return organ !== undefined && this.add('organ', organ);
   }
   movePixel(pair: number, place: Place): void {
-    const frame = this.frame.peek();
+    const frame = this.frameOfPoints();
     if (frame) this.matching.pick(moved(this.matching.picks.peek(), 'pixel', pair, pixelAt(place, frame)));
   }
   async moveOrgan(pair: number, place: Place): Promise<boolean> {
@@ -168,8 +183,15 @@ export class PickingModel {
     this.matching.pick({ ...this.matching.picks.peek(), field_deg });
   }
 
-  private add<S extends keyof Pair>(side: S, place: S extends 'pixel' ? Pixel : OrganPoint): boolean {
+  /** The picture that is seen, unless another is on its way to which the points belong. */
+  private frameOfPoints(): RecordedFrame | undefined {
     const frame = this.frame.peek();
+    const at = this.matching.picks.peek().at;
+    return at && frame?.time_ns !== at.time_ns ? undefined : frame;
+  }
+
+  private add<S extends keyof Pair>(side: S, place: S extends 'pixel' ? Pixel : OrganPoint): boolean {
+    const frame = this.frameOfPoints();
     const moment = this.moment.peek();
     if (!frame || !moment) return false;
     const at: NonNullable<Picks['at']> = { time_ns: frame.time_ns, plan_s: moment.plan_s };
@@ -182,14 +204,17 @@ export class PickingModel {
   private async fetchFrame(at_ns: number, step: -1 | 0 | 1): Promise<void> {
     const stream = this.matching.plan.peek()?.stream;
     if (stream === undefined) return;
+    this.frameRequest?.abort();
+    const request = new AbortController();
+    this.frameRequest = request;
     try {
-      const { time_ns, picture } = await cases.frame(this.caseId, stream, at_ns, step);
+      const { time_ns, picture } = await cases.frame(this.caseId, stream, at_ns, step, request.signal);
       const bitmap = await createImageBitmap(picture);
-      if (this.closed) return;
+      if (request.signal.aborted) return;
       this.frame.value = { time_ns, picture: bitmap, width: bitmap.width, height: bitmap.height };
       if (step !== 0) this.playback.seek(time_ns);
     } catch (error) {
-      this.tell(error);
+      if (!request.signal.aborted) this.tell(error);
     }
   }
 
@@ -207,7 +232,7 @@ export class PickingModel {
   private async answered<T extends object>(ask: () => Promise<T | Preparing>): Promise<T | undefined> {
     for (;;) {
       const answer = await ask();
-      if (this.closed || !this.matching.isOpen) return undefined;
+      if (this.closed || !this.isOpen.peek()) return undefined;
       if (!isPreparing(answer)) {
         this.preparing.value = undefined;
         return answer as T;
@@ -222,6 +247,7 @@ export class PickingModel {
     this.again = true;
     if (this.drawing) return;
     this.drawing = true;
+    this.planProblem.value = undefined;
     try {
       while (this.again && !this.closed && this.isOpen.peek()) {
         this.again = false;
@@ -233,7 +259,7 @@ export class PickingModel {
       }
     } catch (error) {
       this.preparing.value = undefined;
-      this.tell(error);
+      if (error instanceof Error) this.planProblem.value = error.message;
     } finally {
       this.drawing = false;
     }
@@ -250,12 +276,7 @@ export class PickingModel {
     }
   }
 
-  private async judge(points: ReturnType<typeof completePairs>, frame: PictureSize, field_deg: number | null): Promise<void> {
-    const mine = ++this.judging;
-    if (points.length === 0) {
-      this.judged.value = undefined;
-      return;
-    }
+  private async judge(mine: number, points: readonly CompletePair[], frame: PictureSize, field_deg: number | null): Promise<void> {
     try {
       await waited(kSettle_ms);
       if (mine !== this.judging) return;

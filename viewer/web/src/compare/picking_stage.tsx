@@ -11,8 +11,8 @@ import { kFirstView, panned, turned, viewByKey, zoomedByWheel } from '@/planning
 import { type Box, moved, partAt, pictureBox } from '@/pointing/geometry';
 import { announce } from '@/shell/state';
 
-/** Further than that a hand turns the plan; nearer it picks. */
-const kTurns_px = 4;
+/** Further than that a hand turns the plan or moves a mark; nearer it picks or chooses. */
+const kDragged_px = 4;
 const kPixelsByKey = 1;
 const kPixelsByShift = 10;
 const kArrows: Record<string, readonly [number, number]> = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, -1], ArrowDown: [0, 1] };
@@ -47,6 +47,7 @@ function PickField({ label, how, width, height, marks, pick, drag, wheel, childr
   const box = useSignal<Box>({ left: 0, top: 0, width: 0, height: 0 });
   const cursor = useSignal<Place | undefined>(undefined);
   const held = useSignal<{ key: string; place: Place } | undefined>(undefined);
+  const grabbed = useRef<{ x: number; y: number; place: Place; far: boolean } | undefined>(undefined);
   const pressed = useRef<{ x: number; y: number; far: boolean } | undefined>(undefined);
   const turns = useRef(wheel);
   turns.current = wheel;
@@ -101,7 +102,7 @@ function PickField({ label, how, width, height, marks, pick, drag, wheel, childr
         const from = pressed.current;
         if (!from) return;
         const [dx, dy] = [event.clientX - from.x, event.clientY - from.y];
-        if (!from.far && Math.hypot(dx, dy) < kTurns_px) return;
+        if (!from.far && Math.hypot(dx, dy) < kDragged_px) return;
         pressed.current = { x: event.clientX, y: event.clientY, far: true };
         drag?.({ dx: dx / box.value.width, dy: dy / box.value.height, pan: event.shiftKey });
       }}
@@ -145,21 +146,30 @@ function PickField({ label, how, width, height, marks, pick, drag, wheel, childr
             mark.choose();
             (event.currentTarget as HTMLElement).setPointerCapture(event.pointerId);
             pressed.current = undefined;
+            grabbed.current = { x: event.clientX, y: event.clientY, place: mark.place, far: false };
             held.value = { key: mark.key, place: mark.place };
           }}
           onPointerMove={(event) => {
-            if (held.value?.key !== mark.key) return;
+            const from = grabbed.current;
+            if (!from || held.value?.key !== mark.key) return;
             event.stopPropagation();
-            const place = placed(event);
-            if (place) held.value = { key: mark.key, place };
+            const [dx, dy] = [event.clientX - from.x, event.clientY - from.y];
+            // A mark that is clicked on is chosen, and stays to the pixel where it was.
+            if (!from.far && Math.hypot(dx, dy) < kDragged_px) return;
+            from.far = true;
+            held.value = { key: mark.key, place: moved(from.place, dx / box.value.width, dy / box.value.height) };
           }}
           onPointerUp={(event) => {
             event.stopPropagation();
-            const place = held.value?.place;
+            const place = grabbed.current?.far ? held.value?.place : undefined;
+            grabbed.current = undefined;
             held.value = undefined;
-            if (place && place !== mark.place) mark.move(place);
+            if (place) mark.move(place);
           }}
-          onPointerCancel={() => (held.value = undefined)}
+          onPointerCancel={() => {
+            grabbed.current = undefined;
+            held.value = undefined;
+          }}
           onKeyDown={(event) => {
             const by = byKey(event);
             if (by) mark.move(moved(mark.place, by[0], by[1]));
@@ -235,7 +245,7 @@ function RecordedField({ picking, matching, begins_ns }: Props) {
           : [],
       );
   const pick = (place: Place) => {
-    if (!picking.pickPixel(place)) return announce(t('pick.needsStep'));
+    if (!picking.pickPixel(place)) return announce(t(picking.moment.peek() ? 'pick.frameWaits' : 'pick.needsStep'));
     announce(ofTools ? t('pick.tipPicked', { tool, time: formatTime(frame.time_ns - begins_ns, 3) }) : t('pick.pixelPicked', { n: (picking.chosenPair.peek() ?? 0) + 1 }));
   };
   return (
@@ -263,8 +273,18 @@ const kTurnKeys: readonly { key: string; label: MessageKey; sign: string }[] = [
 function PlanField({ picking, matching }: Props) {
   const shown = picking.planPicture.value;
   const preparing = picking.preparing.value;
+  const problem = picking.planProblem.value;
   const moment = picking.moment.value;
+  const failed = problem !== undefined && (
+    <p class="pick-failed" role="alert">
+      {t('pick.failed', { problem })}{' '}
+      <button type="button" class="button" onClick={() => picking.retry()}>
+        {t('pick.retry')}
+      </button>
+    </p>
+  );
   if (!moment) return <p class="pick-waits">{t('pick.needsStep')}</p>;
+  if (!shown && failed) return <div class="pick-waits">{failed}</div>;
   if (!shown) {
     return (
       <div class="pick-waits" role="status">
@@ -331,6 +351,7 @@ function PlanField({ picking, matching }: Props) {
             {t('planning.front')}
           </button>
         </div>
+        {failed}
       </header>
     </section>
   );
@@ -339,7 +360,7 @@ function PlanField({ picking, matching }: Props) {
 export function PickingStage(props: Props) {
   const ofTools = props.picking.work.value === 'tools';
   return (
-    <div class={ofTools ? 'panes pick-stage' : 'panes pick-stage pick-stage-two'}>
+    <div class={ofTools ? 'panes pick-stage' : 'panes pick-stage pick-stage-two'} inert={props.matching.making.value !== undefined}>
       <RecordedField {...props} />
       {!ofTools && <PlanField {...props} />}
     </div>

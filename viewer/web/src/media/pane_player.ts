@@ -157,12 +157,17 @@ export class PanePlayer {
     }
   }
 
-  /** Nothing for a stream without sound, or with one that this browser does not play. */
+  /** Nothing for a stream without sound, with one that this browser does not play, or that cannot be had, which is told: the pictures are shown all the same. */
   private async soundInit(signal: AbortSignal): Promise<{ type: string; init: ArrayBuffer } | undefined> {
-    const codecs = await cases.sound(this.caseId, this.stream, signal);
-    const type = `audio/mp4; codecs="${codecs}"`;
-    if (codecs === null || !MediaSource.isTypeSupported(type)) return undefined;
-    return { type, init: await cases.soundInit(this.caseId, this.stream, signal) };
+    try {
+      const codecs = await cases.sound(this.caseId, this.stream, signal);
+      const type = `audio/mp4; codecs="${codecs}"`;
+      if (codecs === null || !MediaSource.isTypeSupported(type)) return undefined;
+      return { type, init: await cases.soundInit(this.caseId, this.stream, signal) };
+    } catch (error) {
+      this.tell(error);
+      return undefined;
+    }
   }
 
   private tell(error: unknown): void {

@@ -52,8 +52,9 @@ export class PaneSound {
 
   constructor(private readonly stream: string) {}
 
+  /** What is to be heard again and was turned down to nothing is heard in full. */
   mute(muted: boolean): void {
-    choose(this.stream, { muted });
+    choose(this.stream, !muted && this.volume.peek() === 0 ? { muted, volume: 1 } : { muted });
   }
 
   setVolume(volume: number): void {
@@ -70,8 +71,6 @@ export function toggleSound(panes: readonly PaneSound[]): 'off' | 'on' | 'none' 
     for (const one of heard) one.mute(true);
     return 'off';
   }
-  const master = withSound[0] as PaneSound;
-  master.mute(false);
-  if (master.volume.peek() === 0) master.setVolume(1);
+  (withSound[0] as PaneSound).mute(false);
   return 'on';
 }

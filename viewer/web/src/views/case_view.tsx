@@ -240,6 +240,9 @@ function Loaded({ model, verdict, unlocked }: { model: CaseModel; verdict: Verdi
       matching.redo();
     }
   };
+  const pickIn = (step: -1 | 1) => {
+    if (!picking?.step(step)) announce(t('pick.stays'));
+  };
   const switchSound = () => {
     announce(t(`sound.${toggleSound(playback.panes.map((pane) => pane.sound))}`));
   };
@@ -265,8 +268,8 @@ function Loaded({ model, verdict, unlocked }: { model: CaseModel; verdict: Verdi
         playback.toggle();
         announce(playback.playing.peek() ? t('transport.playing') : t('transport.pausedAt', { time: formatTime(playback.position_ns.peek() - model.whole.start_ns) }));
         return;
-      case 'frameBack': return picking ? picking.step(-1) : unlocked ? void showOriginals(-1) : undefined;
-      case 'frameForward': return picking ? picking.step(1) : unlocked ? void showOriginals(1) : undefined;
+      case 'frameBack': return picking ? pickIn(-1) : unlocked ? void showOriginals(-1) : undefined;
+      case 'frameForward': return picking ? pickIn(1) : unlocked ? void showOriginals(1) : undefined;
       case 'original': return unlocked ? toggleOriginals() : undefined;
       case 'back5': return seekBy(-5 * kSecond);
       case 'forward5': return seekBy(5 * kSecond);
