@@ -216,7 +216,7 @@ struct PlanPicker::Work {
   /// False where others' questions take too long, or too many wait already: each holds a thread of the
   /// server.
   bool wait_for_turn(std::unique_lock<std::mutex>& lock) {
-    if (waiting == kMostWaiting) return false;
+    if (question && waiting == kMostWaiting) return false;
     ++waiting;
     const bool mine = changed.wait_for(lock, options.to_answer + kToBeEnded, [&] { return !question; });
     --waiting;
