@@ -1,5 +1,6 @@
 #include "apps/common/command_line.h"
 
+#include <filesystem>
 #include <iostream>
 #include <new>
 
@@ -260,6 +261,8 @@ int Program::run(int argc, const char* const* argv) {
     return status;
   } catch (const Error& error) {
     print_error(name_, error.what());
+  } catch (const std::filesystem::filesystem_error& error) {
+    print_error(name_, IoError("reach", error.path1(), error.code().value()).what());
   } catch (const std::bad_alloc&) {
     print_error(name_, "there is not enough memory for this: close other programs and try again");
   } catch (const std::exception& error) {

@@ -39,9 +39,9 @@ std::string listed(const std::vector<std::int32_t>& numbers) {
 
 std::string read_document(const std::filesystem::path& file) {
   std::ifstream in(file, std::ios::binary);
-  if (!in || std::filesystem::is_directory(file)) {
-    throw IoError("read", file, std::filesystem::is_directory(file) ? EISDIR : errno);
-  }
+  if (!in) throw IoError("read", file, errno);
+  std::error_code unknown;
+  if (std::filesystem::is_directory(file, unknown)) throw IoError("read", file, EISDIR);
   return {std::istreambuf_iterator<char>(in), std::istreambuf_iterator<char>()};
 }
 

@@ -41,8 +41,10 @@ JsonField::JsonField(const json& value, std::string file, std::string path)
 std::filesystem::path JsonField::existing_path(const std::filesystem::path& folder) const {
   const std::string name = text();
   std::filesystem::path path = folder / name;
-  if (name.empty() || !std::filesystem::exists(path))
-    fail("is '" + name + "': there is no such file or folder beside the document");
+  std::error_code failure;
+  const bool there = !name.empty() && std::filesystem::exists(path, failure);
+  if (failure) fail("is '" + name + "', which cannot be read: " + failure.message());
+  if (!there) fail("is '" + name + "': there is no such file or folder beside the document");
   return path;
 }
 

@@ -94,14 +94,19 @@ std::vector<float> read_slices(const std::vector<DicomPicture>& pictures, std::s
 
 DicomFolder find_dicom_series(const std::filesystem::path& folder) {
   std::vector<std::filesystem::path> files;
-  std::error_code failure;
+  DicomFolder found;
+  found.path = folder;
+  std::error_code failure, unknown;
   std::filesystem::recursive_directory_iterator walk(folder, failure);
   for (; !failure && walk != std::filesystem::recursive_directory_iterator(); walk.increment(failure)) {
-    if (walk->is_regular_file()) files.push_back(walk->path());
+    if (walk->is_regular_file(unknown)) {
+      files.push_back(walk->path());
+    } else if (walk->is_symlink(unknown) && !walk->exists(unknown)) {
+      ++found.dead_links;
+    }
   }
   if (failure) throw IoError("read the folder", folder, failure.value());
   std::ranges::sort(files);
-  DicomFolder found{folder, {}, 0};
   std::map<std::string, DicomSeries> by_uid;
   for (const std::filesystem::path& file : files) {
     std::optional<DicomPicture> picture = read_dicom_header(file);
@@ -117,10 +122,17 @@ DicomFolder find_dicom_series(const std::filesystem::path& folder) {
   return found;
 }
 
+std::string dead_links_text(const DicomFolder& folder) {
+  return std::to_string(folder.dead_links) +
+         (folder.dead_links == 1 ? " link of the folder leads nowhere" : " links of the folder lead nowhere");
+}
+
 const DicomSeries& choose_series(const DicomFolder& folder, const std::string& wanted) {
   if (folder.series.empty()) {
-    throw UsageError("cannot read " + folder.path.string() + ": there is no DICOM picture among its " +
-                     std::to_string(folder.other_files) + " files");
+    throw UsageError(
+        "cannot read " + folder.path.string() + ": there is no DICOM picture among its " +
+        std::to_string(folder.other_files) + " files" +
+        (folder.dead_links > 0 ? "; " + dead_links_text(folder) + ": fetch what they stand for" : ""));
   }
   const DicomSeries* chosen = nullptr;
   std::size_t matching = 0;

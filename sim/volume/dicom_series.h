@@ -20,10 +20,13 @@ struct DicomFolder {
   std::filesystem::path path;
   std::vector<DicomSeries> series;  // ascending by UID
   std::size_t other_files = 0;      // no DICOM, or without a picture
+  std::size_t dead_links = 0;       // that lead nowhere, as where a picture was not fetched
 };
 /// All files of the folder and of the folders in it. kiroku::Error for a damaged file, with its name;
 /// kiroku::IoError for a folder that cannot be read.
 DicomFolder find_dicom_series(const std::filesystem::path& folder);
+/// "1 link of the folder leads nowhere", "3 links of the folder lead nowhere".
+std::string dead_links_text(const DicomFolder& folder);
 
 /// The series whose UID is or ends with `wanted`, or the only one where that is empty. kiroku::UsageError
 /// with the list of them where that is not one.

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <numbers>
+#include <system_error>
 
 #include "base/error.h"
 #include "sim/fem/number_text.h"
@@ -16,6 +17,18 @@ namespace {
 constexpr double kLargestPatientM = 3, kSmallestPatientM = 0.005;
 /// In any CT of a patient some air is.
 constexpr float kHighestAirHu = -500;
+
+/// kiroku::UsageError where nothing is there, kiroku::IoError where that cannot be told.
+void require_there(const std::filesystem::path& path) {
+  std::error_code failure, no_link;
+  if (std::filesystem::status(path, failure).type() == std::filesystem::file_type::not_found) {
+    const std::filesystem::path target = std::filesystem::read_symlink(path, no_link);
+    if (no_link) throw UsageError("there is no " + path.string());
+    throw UsageError("cannot read " + path.string() + ": it is a link to " + target.string() +
+                     ", where nothing is; bring that back, or name what the link stood for");
+  }
+  if (failure) throw IoError("read", path, failure.value());
+}
 
 VolumeFile read_dicom_folder(const std::filesystem::path& folder, const VolumeOptions& options) {
   const DicomFolder found = find_dicom_series(folder);
@@ -36,6 +49,8 @@ VolumeFile read_dicom_folder(const std::filesystem::path& folder, const VolumeOp
                             (found.other_files == 1 ? " file of the folder is" : " files of the folder are") +
                             " no DICOM picture");
   }
+  if (found.dead_links > 0)
+    file.findings.push_back(dead_links_text(found) + "; what they stood for is left out");
   return file;
 }
 
@@ -83,24 +98,24 @@ void add_findings(VolumeFile& file) {
 }  // namespace
 
 VolumeFile read_volume(const std::filesystem::path& path, const VolumeOptions& options) {
-  if (!std::filesystem::exists(path)) throw UsageError("there is no " + path.string());
-  const bool is_folder = std::filesystem::is_directory(path);
-  if (!is_folder && !is_image_file(path)) {
+  require_there(path);
+  const bool folder = std::filesystem::is_directory(path);
+  if (!folder && !is_image_file(path)) {
     throw UsageError("cannot read " + path.string() +
                      ": a volume is a folder of DICOM files, or a file ending in .nii, .nii.gz, .nrrd, "
                      ".nhdr, .mha or .mhd");
   }
-  if (!is_folder && !options.series.empty()) {
+  if (!folder && !options.series.empty()) {
     throw UsageError("cannot choose a series in " + path.string() +
                      ": only a folder of DICOM files has series");
   }
-  VolumeFile file = is_folder ? read_dicom_folder(path, options) : read_one_file(path);
+  VolumeFile file = folder ? read_dicom_folder(path, options) : read_one_file(path);
   add_findings(file);
   return file;
 }
 
 LabelMap read_label_map(const std::filesystem::path& file) {
-  if (!std::filesystem::exists(file)) throw UsageError("there is no " + file.string());
+  require_there(file);
   const ImageFile image = read_image_file(file);
   LabelMap map{image.grid, {}};
   map.labels.reserve(image.values.size());

@@ -147,6 +147,13 @@ TEST_F(PlanTest, TellsEveryErrorWithItsPath) {
                   HasSubstr("steps[6].tool is 'spoon', which 'tools' does not have; it has forceps, ")));
 }
 
+TEST_F(PlanTest, AVolumeThatCannotBeLookedAtIsAnErrorWithItsPath) {
+  std::filesystem::create_symlink("round", folder_ / "round");
+  EXPECT_THAT(errors_with("/volume", "round"),
+              ElementsAre(testing::StartsWith("volume is 'round', which cannot be read: ")));
+  EXPECT_THROW((void)read_plan(folder_ / "round"), IoError);
+}
+
 TEST_F(PlanTest, ReadsWhetherTheOrganTurnsAndRefusesItsCuts) {
   EXPECT_FALSE(read(plan_).plan->corotational);
   EXPECT_THAT(

@@ -301,5 +301,29 @@ TEST_F(DicomSeriesTest, BecomesAVolumeWithFindings) {
   EXPECT_THROW((void)read_volume(folder() / "absent", {}), UsageError);
 }
 
+TEST_F(DicomSeriesTest, LinksThatLeadNowhereAreToldByTheirName) {
+  const auto refused = [](const std::filesystem::path& path, const auto& read) -> std::string {
+    try {
+      read(path);
+    } catch (const Error& error) {
+      return error.what();
+    }
+    return "not refused";
+  };
+  const auto volume = [](const std::filesystem::path& path) { (void)read_volume(path, {}); };
+  const auto labels = [](const std::filesystem::path& path) { (void)read_label_map(path); };
+  std::filesystem::create_symlink("gone", folder() / "link");
+  EXPECT_THAT(refused(folder() / "link", volume), HasSubstr("link: it is a link to gone, where"));
+  EXPECT_THAT(refused(folder() / "absent", volume), HasSubstr("there is no "));
+  std::filesystem::create_symlink("round.nii", folder() / "round.nii");
+  EXPECT_THAT(refused(folder() / "round.nii", volume), HasSubstr("cannot read " + folder().string()));
+  EXPECT_THAT(refused(folder() / "round.nii", labels), HasSubstr("cannot read " + folder().string()));
+  // As git-annex leaves a folder whose files were not fetched.
+  EXPECT_THAT(refused(folder(), volume), HasSubstr("2 links of the folder lead nowhere: fetch"));
+  write_stack({0, 1});
+  EXPECT_THAT(read_volume(folder(), {}).findings,
+              testing::Contains(HasSubstr("2 links of the folder lead nowhere; what")));
+}
+
 }  // namespace
 }  // namespace kiroku::sim
