@@ -293,10 +293,13 @@ bool CorotationalManipulation::converge(std::span<const OptionalPose> poses, con
   double largest_n = 0;
   Eigen::VectorXd unbalanced_n = left_n(state, largest_n);
   // Contacts and places belong together: at first where nothing has moved, later after a whole step.
-  bool whole = same_poses(poses, state.poses) && largest(moved_m) <= kRounding * surface_.size_m &&
-               std::ranges::none_of(result_.contacts, [this](const Contact& contact) {
-                 return holder_of_[contact.node] != kNobody;
-               });
+  bool whole =
+      same_poses(poses, state.poses) && largest(moved_m) <= kRounding * surface_.size_m &&
+      std::ranges::none_of(result_.contacts,
+                           [this](const Contact& contact) { return holder_of_[contact.node] != kNobody; }) &&
+      // Solids passed through what was held: they may be inside of what is no more.
+      std::ranges::none_of(result_.bound,
+                           [this](const BoundNode& bound) { return holder_of_[bound.node] == kNobody; });
   state.poses.assign(poses.begin(), poses.end());
   for (int i = 0; i < kMostIterations && unbalanced_n.allFinite(); ++i) {
     if (whole && largest(unbalanced_n) <= body_.tolerance_n(largest_n))

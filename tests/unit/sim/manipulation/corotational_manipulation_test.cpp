@@ -208,6 +208,26 @@ TEST_F(CorotationalManipulationTest, ATurningGraspUnderAFingerMovesNothing) {
   EXPECT_LT((hand.result().wrist_force_n - wrist_n).norm(), 1e-6 * wrist_n.norm());
 }
 
+TEST_F(CorotationalManipulationTest, AFingerInWhatWasHeldPushesItOutOnceItIsReleased) {
+  CorotationalManipulation hand(body_, Eigen::VectorXd::Zero(weight_n_.size()), tools_);
+  std::vector<OptionalPose> poses(4);
+  poses[kForceps] = turned(0, 0);
+  hand.grasp(kForceps, *poses[kForceps]);
+  // It meets nothing but held nodes, which bear no force.
+  Pose thumb;
+  thumb.position_m = {0.0865, 0.02 / 3, 0.02 / 3};
+  poses[kThumb] = thumb;
+  hand.step(poses);
+  ASSERT_EQ(hand.result().tools[kThumb].nodes, 0U);
+  hand.release(kForceps);  // opened, and still there
+  hand.step(poses);
+  EXPECT_GT(hand.result().tools[kThumb].nodes, 0U);
+  for (const std::uint32_t node : hand.surface().nodes) {
+    const Vector3 place_m = mesh_.nodes[node] + hand.displacement_m().segment<3>(at(node));
+    EXPECT_GT(distance_to(tools_[kThumb].shape, thumb.to_tool(place_m)).distance_m, -1e-6 * 0.08);
+  }
+}
+
 TEST_F(CorotationalManipulationTest, SameStepsSameBitsAndCopiesGoOnByThemselves) {
   CorotationalManipulation hand(body_, weight_n_, tools_);
   std::vector<OptionalPose> poses(4);
