@@ -8,84 +8,86 @@
 namespace kiroku::sim {
 namespace {
 
-class LinearBody : public PlanBody {
+/// A body under its hands: `Body` is what copies share, `Hands` manipulates it.
+template <typename Body, typename Hands>
+class HandledBody : public PlanBody {
+ public:
+  void grasp(std::size_t tool, const Pose& pose) override { hands_.grasp(tool, pose); }
+  void release(std::size_t tool) override { hands_.release(tool); }
+  const ManipulationResult& step(std::span<const OptionalPose> poses) override { return hands_.step(poses); }
+  [[nodiscard]] const ManipulationResult& result() const override { return hands_.result(); }
+  [[nodiscard]] Eigen::VectorXd displacement_m() const override { return hands_.displacement_m(); }
+  [[nodiscard]] Eigen::VectorXd tool_force_n() const override { return hands_.tool_force_n(); }
+
+ protected:
+  /// `make` gives the hands on the body.
+  template <typename Make>
+  HandledBody(std::shared_ptr<const Body> body, Make make) : body_(std::move(body)), hands_(make(*body_)) {}
+  HandledBody(const HandledBody& other) = default;
+  [[nodiscard]] const Body& body() const { return *body_; }
+  [[nodiscard]] const Hands& hands() const { return hands_; }
+
+ private:
+  std::shared_ptr<const Body> body_;
+  Hands hands_;  // on body_
+};
+
+/// Everything that follows from which tetrahedra are there.
+struct LinearParts {
+  LinearParts(TetMesh mesh, const Plan& plan)
+      : elastic(std::move(mesh), plan.body.materials, plan.body.constraints),
+        contact(elastic, elastic.weight_n(plan.body.gravity_m_s2)) {}
+  ElasticBody elastic;
+  ContactBody contact;
+};
+
+class LinearBody : public HandledBody<LinearParts, Manipulation> {
  public:
   LinearBody(const Plan& plan, std::vector<Tool> tools)
-      : plan_(plan),
-        parts_(std::make_shared<const Parts>(plan.body.mesh, plan)),
-        manipulation_(parts_->contact, std::move(tools)) {}
-  LinearBody(const LinearBody& other) = default;
+      : HandledBody(std::make_shared<const LinearParts>(plan.body.mesh, plan),
+                    [&](const LinearParts& parts) { return Manipulation(parts.contact, std::move(tools)); }),
+        plan_(plan) {}
+  /// Goes on where `previous` is.
+  LinearBody(const Plan& plan, TetMesh bearing, const Manipulation& previous)
+      : HandledBody(std::make_shared<const LinearParts>(std::move(bearing), plan),
+                    [&](const LinearParts& parts) { return Manipulation(parts.contact, previous); }),
+        plan_(plan) {}
 
   [[nodiscard]] std::unique_ptr<PlanBody> copy() const override {
     return std::make_unique<LinearBody>(*this);
   }
-  void grasp(std::size_t tool, const Pose& pose) override { manipulation_.grasp(tool, pose); }
-  void release(std::size_t tool) override { manipulation_.release(tool); }
-  const ManipulationResult& step(std::span<const OptionalPose> poses) override {
-    return manipulation_.step(poses);
-  }
-  [[nodiscard]] const ManipulationResult& result() const override { return manipulation_.result(); }
-  [[nodiscard]] Eigen::VectorXd displacement_m() const override { return manipulation_.displacement_m(); }
-  [[nodiscard]] Eigen::VectorXd tool_force_n() const override { return manipulation_.tool_force_n(); }
   [[nodiscard]] std::vector<SymmetricTensor> stress_pa(const Eigen::VectorXd& displacement_m) const override {
-    return parts_->elastic.stress_pa(displacement_m);
+    return body().elastic.stress_pa(displacement_m);
   }
-  [[nodiscard]] std::span<const std::uint32_t> surface() const override { return parts_->contact.surface(); }
+  [[nodiscard]] std::span<const std::uint32_t> surface() const override { return body().contact.surface(); }
   [[nodiscard]] std::unique_ptr<PlanBody> after_cut(TetMesh bearing) const override {
-    return std::unique_ptr<PlanBody>(
-        new LinearBody(plan_, std::make_shared<const Parts>(std::move(bearing), plan_), manipulation_));
+    return std::make_unique<LinearBody>(plan_, std::move(bearing), hands());
   }
 
  private:
-  /// Everything that follows from which tetrahedra are there; copies share it.
-  struct Parts {
-    Parts(TetMesh mesh, const Plan& plan)
-        : elastic(std::move(mesh), plan.body.materials, plan.body.constraints),
-          contact(elastic, elastic.weight_n(plan.body.gravity_m_s2)) {}
-    ElasticBody elastic;
-    ContactBody contact;
-  };
-
-  LinearBody(const Plan& plan, std::shared_ptr<const Parts> parts, const Manipulation& previous)
-      : plan_(plan), parts_(std::move(parts)), manipulation_(parts_->contact, previous) {}
-
   const Plan& plan_;
-  std::shared_ptr<const Parts> parts_;
-  Manipulation manipulation_;  // on parts_
 };
 
-class TurningBody : public PlanBody {
+class TurningBody : public HandledBody<CorotationalBody, CorotationalManipulation> {
  public:
   TurningBody(const Plan& plan, std::vector<Tool> tools)
-      : body_(std::make_shared<const CorotationalBody>(plan.body.mesh, plan.body.materials,
-                                                       plan.body.constraints)),
-        manipulation_(*body_, body_->linear().weight_n(plan.body.gravity_m_s2), std::move(tools)) {}
-  TurningBody(const TurningBody& other) = default;
+      : HandledBody(std::make_shared<const CorotationalBody>(plan.body.mesh, plan.body.materials,
+                                                             plan.body.constraints),
+                    [&](const CorotationalBody& body) {
+                      return CorotationalManipulation(body, body.linear().weight_n(plan.body.gravity_m_s2),
+                                                      std::move(tools));
+                    }) {}
 
   [[nodiscard]] std::unique_ptr<PlanBody> copy() const override {
     return std::make_unique<TurningBody>(*this);
   }
-  void grasp(std::size_t tool, const Pose& pose) override { manipulation_.grasp(tool, pose); }
-  void release(std::size_t tool) override { manipulation_.release(tool); }
-  const ManipulationResult& step(std::span<const OptionalPose> poses) override {
-    return manipulation_.step(poses);
-  }
-  [[nodiscard]] const ManipulationResult& result() const override { return manipulation_.result(); }
-  [[nodiscard]] Eigen::VectorXd displacement_m() const override { return manipulation_.displacement_m(); }
-  [[nodiscard]] Eigen::VectorXd tool_force_n() const override { return manipulation_.tool_force_n(); }
   [[nodiscard]] std::vector<SymmetricTensor> stress_pa(const Eigen::VectorXd& displacement_m) const override {
-    return body_->stress_pa(displacement_m);
+    return body().stress_pa(displacement_m);
   }
-  [[nodiscard]] std::span<const std::uint32_t> surface() const override {
-    return manipulation_.surface().nodes;
-  }
-  [[nodiscard]] std::unique_ptr<PlanBody> after_cut(TetMesh) const override {
+  [[nodiscard]] std::span<const std::uint32_t> surface() const override { return hands().surface().nodes; }
+  [[nodiscard]] std::unique_ptr<PlanBody> after_cut(TetMesh /*bearing*/) const override {
     throw Error(kTurningBodyIsNotCut);
   }
-
- private:
-  std::shared_ptr<const CorotationalBody> body_;
-  CorotationalManipulation manipulation_;  // on body_
 };
 
 }  // namespace
