@@ -59,7 +59,8 @@ class KeptFiles : public viewer::AttemptFiles {
   /// All that was seen, on the disk. kiroku::Error where it is not.
   void finish(const trainer::HandMotion& motion, const std::string& score) {
     if (finished_) return;  // an earlier try ended later
-    pictures_.close();
+    // An earlier try may have ended below; closing twice would be an error of the pictures.
+    if (pictures_.is_open()) pictures_.close();
     if (!pictures_ || written_ == 0)
       throw Error(
           "not all pictures of the attempt could be kept, so that it cannot be sealed: is the disk full?");

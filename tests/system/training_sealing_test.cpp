@@ -144,6 +144,25 @@ TEST_F(TrainingSealing, FilesThatCannotBeMovedLeaveOneCaseThatIsGoneOnWith) {
   EXPECT_THAT(refusal(number), HasSubstr("was sealed as " + made + " already"));
 }
 
+TEST_F(TrainingSealing, NumbersThatCannotBeWrittenAreWrittenOnceThereIsRoom) {
+  make_demo_home();
+  open(home());
+  const std::int64_t number = attempt();
+  fs::path kept;
+  for (const auto& entry : fs::recursive_directory_iterator(home())) {
+    if (entry.path().filename() == "film.mjpeg") kept = entry.path().parent_path();
+  }
+  ASSERT_FALSE(kept.empty());
+  fs::create_directory(kept / "score.json");  // in the way
+  EXPECT_THAT(refusal(number), HasSubstr("score.json of the attempt cannot be written"));
+  EXPECT_THAT(refusal(number), HasSubstr("score.json of the attempt cannot be written"));
+  EXPECT_TRUE(cases().empty());
+  fs::remove(kept / "score.json");
+  const viewer::SealedAttempt sealed = room_->seal(user_, number);
+  EXPECT_EQ(sealed.verdict, "intact");
+  EXPECT_EQ(cases(), std::vector{sealed.case_id});
+}
+
 TEST_F(TrainingSealing, ResultsThatCannotBeWrittenEndTheCaseBeforeAnythingIsRecorded) {
   make_demo_home();
   open(home());
