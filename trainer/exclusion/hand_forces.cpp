@@ -50,6 +50,10 @@ std::span<const double> side_by_side_m(std::size_t fingers) {
   return std::span(kSideBySide[fingers - 1]).first(fingers);
 }
 
+bool any_above(double newtons, std::span<const sim::Vector3> forces_n) {
+  return std::ranges::any_of(forces_n, [&](const sim::Vector3& force_n) { return force_n.norm() > newtons; });
+}
+
 HandForces::HandForces(const ExclusionBody& body, std::size_t fingers, Feedback feedback)
     : contact_(body.contact(), fingertips(fingers, body.task().friction)), feedback_(feedback) {
   now_.poses.resize(fingers);

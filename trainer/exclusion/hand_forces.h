@@ -23,6 +23,9 @@ Feedback feedback_of(const std::string& name);
 /// What a device plays of a force on a finger that is held like `pose`.
 sim::Vector3 played_n(Feedback feedback, const sim::Pose& pose, const sim::Vector3& force_n);
 
+/// Whether a finger presses harder than that.
+bool any_above(double newtons, std::span<const sim::Vector3> forces_n);
+
 /// Fingertips as tools, 1 to kMostExclusionFingers; kiroku::UsageError for others. `friction` as of
 /// ExclusionTask: 0 glides.
 std::vector<sim::ContactTool> fingertips(std::size_t count, double friction);

@@ -15,7 +15,8 @@ namespace {
 constexpr double kBeginBelowMetres = 0.012;
 /// Who has lifted so far without seeing the line lifts no further, at that place.
 constexpr double kMostLiftMetres = 0.09;
-/// A finger that has to press harder, and stress nearer to damage where it is shown, are too much.
+/// A finger that has to press harder, as the picture's numbers tell it (what a device plays ends at 10 N),
+/// and stress nearer to damage where it is shown, are too much.
 constexpr double kTooHardNewtons = 30, kTooMuchOfDamage = 0.85;
 /// A hand that lifts nothing moves as quickly.
 constexpr double kFreeSpeedMetres = 0.1;
@@ -58,10 +59,6 @@ bool SimulatedTrainee::read(std::span<sim::Pose> poses) {
   return true;
 }
 
-bool SimulatedTrainee::feels(double newtons) const {
-  return std::ranges::any_of(felt_n_, [&](const sim::Vector3& force_n) { return force_n.norm() > newtons; });
-}
-
 void SimulatedTrainee::write(std::span<const sim::Vector3> forces_n) {
   std::ranges::copy(forces_n, felt_n_.begin());
   const double free_m = kFreeSpeedMetres * period_s_;
@@ -70,11 +67,12 @@ void SimulatedTrainee::write(std::span<const sim::Vector3> forces_n) {
       if (lifted_m_ < goal_m_) lifted_m_ = std::min(goal_m_, lifted_m_ + skill_.speed_m_s * period_s_);
       break;
     case Doing::kComesBack:
-      lifted_m_ = std::max(0.0, lifted_m_ - free_m);
-      if (lifted_m_ == 0) doing_ = Doing::kMovesOn;
+      // It may be below where it began, having gone under what was in its way.
+      if (lifted_m_ > 0) lifted_m_ = std::max(0.0, lifted_m_ - free_m);
+      if (lifted_m_ <= 0) doing_ = Doing::kMovesOn;
       break;
     case Doing::kMovesOn: {
-      if (feels(kTouchNewtons) && lifted_m_ > kLowestMetres) {
+      if (any_above(kTouchNewtons, felt_n_) && lifted_m_ > kLowestMetres) {
         lifted_m_ -= free_m;
         break;
       }
@@ -95,7 +93,7 @@ void SimulatedTrainee::see(const ExclusionView& view, bool shown_stress) {
   best_here_ = std::max(best_here_, view.visible_share);
   if (shown_stress && view.largest_von_mises_pa >= 0.4 * damage_pa_) even_out();
   const bool too_much = shown_stress && view.largest_von_mises_pa > kTooMuchOfDamage * damage_pa_;
-  if (too_much || feels(kTooHardNewtons)) {
+  if (too_much || any_above(kTooHardNewtons, view.hand.forces_n)) {
     // What is seen is held, what is not is looked for elsewhere.
     goal_m_ = lifted_m_;
     if (view.visible_share < needed_share_) go_on_elsewhere();

@@ -45,7 +45,6 @@ class SimulatedTrainee : public sim::HapticDevice {
 
   void go_on_elsewhere();
   void even_out();
-  [[nodiscard]] bool feels(double newtons) const;
 
   TraineeSkill skill_;
   double period_s_, needed_share_, damage_pa_;

@@ -270,6 +270,33 @@ TEST(SimulatedTrainee, FinishesWithOneToFiveFingersAndStressHelpsIt) {
   EXPECT_LT(trainee.learnt(true).unevenness_m, trainee.learnt(false).unevenness_m);
 }
 
+TEST(SimulatedTrainee, GoesOnElsewhereFromBelowWithoutAJump) {
+  SimulatedTrainee trainee(body(), 1, {}, 2e-3, 1);
+  std::vector<sim::Pose> before(1), poses(1);
+  trainee.read(before);
+  double longest_m = 0;
+  const auto steps = [&](int count, double newtons) {
+    for (int i = 0; i < count; ++i) {
+      trainee.write(std::vector<Vector3>{{0, 0, -newtons}});
+      trainee.read(poses);
+      longest_m = std::max(longest_m, (poses[0].position_m - before[0].position_m).norm());
+      before = poses;
+    }
+  };
+  ExclusionView hard;
+  hard.hand.forces_n = {Vector3(0, 0, -31)};
+  steps(1000, 0);
+  trainee.see(hard, false);
+  steps(250, 1);  // back, and on below what it meets there
+  steps(200, 0);  // until it lifts again
+  const double low_m = before[0].position_m.z();
+  trainee.see(hard, false);
+  EXPECT_EQ(trainee.places_tried(), 3);
+  steps(10, 0);
+  EXPECT_LT(before[0].position_m.z(), low_m + 1e-3);
+  EXPECT_LT(longest_m, 5e-4);
+}
+
 TEST(ExclusionRun, RefusesOptionsWithoutSense) {
   ExclusionOptions options = quick();
   options.picture_rate_hz = 0;
