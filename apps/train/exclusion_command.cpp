@@ -1,4 +1,5 @@
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <iostream>
 #include <memory>
@@ -147,6 +148,8 @@ int run(const Request& request) {
   if (plugged) plugin = std::make_unique<sim::PluginDevice>(fingers, plugged->library, plugged->argument);
   if (request.organ && (address || plugged))
     trainer::require_haptic_rate(body, fingers, trainer::measured_force_rate_hz(body, fingers));
+  // Objects A and B are known to be lifted, with the usual friction.
+  if ((request.organ || request.friction) && (address || plugged)) warn_of_doubt(body, std::array{fingers});
   int session = asked_session.value_or(1);
   if (trainee && !trainee->simulated) {
     const trainer::TraineeProgress progress =

@@ -1,4 +1,5 @@
 #include <algorithm>
+#include <array>
 #include <memory>
 #include <thread>
 
@@ -52,6 +53,9 @@ std::vector<std::shared_ptr<const trainer::ExclusionBody>> organs_of(const Reque
                        file);
     trainer::require_haptic_rate(*body, trainer::kMostExclusionFingers,
                                  trainer::measured_force_rate_hz(*body, trainer::kMostExclusionFingers));
+    // What a page's trainees may choose; the more fingers, the more likely it is done.
+    constexpr std::array<std::size_t, 3> kFingersTried{5, 3, 1};
+    warn_of_doubt(*body, kFingersTried);
     organs.push_back(std::move(body));
   }
   return organs;

@@ -5,6 +5,7 @@
 #include "apps/common/command_line.h"
 #include "apps/common/step_line.h"
 #include "apps/sim/number_option.h"
+#include "trainer/exclusion/task_trial.h"
 
 namespace kiroku::apps {
 namespace {
@@ -49,6 +50,15 @@ std::shared_ptr<const trainer::ExclusionBody> make_patient_body(const std::files
   for (const std::string& warning : organ.warnings) print_error("kiroku", "warning: " + warning);
   StepLine line;
   return body_of(line, std::move(organ.object), organ.task, choice);
+}
+
+void warn_of_doubt(const trainer::ExclusionBody& body, std::span<const std::size_t> fingers) {
+  const std::string doubt = [&] {
+    StepLine line;
+    line.show("trying whether " + body.object().name + " can be pushed aside");
+    return trainer::doubt_about(body, fingers);
+  }();
+  if (!doubt.empty()) print_error("kiroku", "warning: " + doubt);
 }
 
 }  // namespace kiroku::apps

@@ -4,6 +4,7 @@
 #include <filesystem>
 #include <memory>
 #include <optional>
+#include <span>
 #include <string>
 
 #include "trainer/exclusion/exclusion_body.h"
@@ -28,5 +29,9 @@ std::shared_ptr<const trainer::ExclusionBody> make_object_body(trainer::ObjectKi
 /// does.
 std::shared_ptr<const trainer::ExclusionBody> make_patient_body(const std::filesystem::path& file,
                                                                 const TaskChoice& choice);
+
+/// Says on standard error where a simulated trainee finished the task with none of these numbers of fingers
+/// (trainer::doubt_about()).
+void warn_of_doubt(const trainer::ExclusionBody& body, std::span<const std::size_t> fingers);
 
 }  // namespace kiroku::apps

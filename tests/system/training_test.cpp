@@ -257,6 +257,17 @@ TEST_F(Training, AnOrganOfACtIsPushedAside) {
   write_flat_organ_document(folder(), R"(, "exclusion": {"line": [[-20, -260, 120], [20, -260, 120]]})");
   EXPECT_REFUSED(kiroku({"train", "exclusion", "--organ", organ, "--hand", "simulated", "-o", path("seen")}),
                  "can be seen already");
+  // As bone: no fingers lift it, which is said before a person tries.
+  write_flat_organ_document(folder());
+  std::string stiff = read_text(organ);
+  stiff.replace(stiff.find("20000"), 5, "1e9");
+  write_text(organ, stiff);
+  const ProcessResult doubted = kiroku({"train", "exclusion", "--organ", organ, "--hand",
+                                        std::string("plugin:") + KIROKU_EXAMPLE_PLUGIN + ":0.02", "--fingers",
+                                        "3", "--seconds", "2", "--size", "160x120", "-o", path("bone")});
+  EXPECT_EQ(doubted.status, 1) << doubted.out << doubted.err;
+  EXPECT_THAT(doubted.err,
+              HasSubstr("warning: perhaps nobody can bring the line behind left lobe into sight"));
 }
 
 TEST_F(Training, ServingThePageRefusesInOneSentence) {

@@ -1,5 +1,6 @@
 #include "trainer/exclusion/patient_organ.h"
 
+#include <array>
 #include <fstream>
 
 #include <gmock/gmock.h>
@@ -11,6 +12,7 @@
 #include "tests/support/temporary_folder.h"
 #include "trainer/exclusion/exclusion_run.h"
 #include "trainer/exclusion/simulated_trainee.h"
+#include "trainer/exclusion/task_trial.h"
 
 namespace kiroku::trainer {
 namespace {
@@ -81,6 +83,38 @@ TEST_F(PatientOrganTest, OfACtIsPushedAsideByASimulatedTrainee) {
                 HasSubstr("the mesh of left lobe is too large to be felt on this machine: with 3 "
                           "fingers forces came at 412 Hz, and a hand needs 1000"));
   }
+}
+
+TEST_F(PatientOrganTest, ThatASimulatedTraineeCannotPushAsideIsDoubted) {
+  PatientOrgan organ = read_patient_organ(document(""));
+  constexpr std::array<std::size_t, 2> kFingers{5, 3};
+  EXPECT_EQ(doubt_about(ExclusionBody(organ.object, organ.task), kFingers), "");
+  for (auto& [region, material] : organ.object.materials) material.young_modulus_pa = 1e9;  // as bone
+  EXPECT_THAT(doubt_about(ExclusionBody(organ.object, organ.task), kFingers),
+              testing::AllOf(HasSubstr("perhaps nobody can bring the line behind left lobe into sight"),
+                             HasSubstr("tried with 5 and 3 fingers and saw 0 % of it at best"),
+                             HasSubstr("more than 40 N, where 90 %")));
+}
+
+TEST_F(PatientOrganTest, TooStiffForASimulatedTraineeIsTriedElsewhereAndGivenUp) {
+  PatientOrgan organ = read_patient_organ(document(""));
+  for (auto& [region, material] : organ.object.materials) material.young_modulus_pa = 1e9;
+  const ExclusionBody body(std::move(organ.object), organ.task);
+  ExclusionOptions options;
+  options.force_rate_hz = 500;
+  options.picture_rate_hz = 10;
+  options.width = 320;
+  options.height = 240;
+  options.most_s = 20;
+  ExclusionRunner runner(body, options);
+  SimulatedTrainee trainee(body, 3, {}, 1 / options.force_rate_hz, 1);
+  const ExclusionOutcome outcome = runner.run_in_own_time(trainee, [&](const ExclusionView& view) {
+    trainee.see(view, false);
+    return true;
+  });
+  EXPECT_FALSE(outcome.score.done);
+  EXPECT_GT(trainee.places_tried(), 2);
+  EXPECT_EQ(outcome.faults.jumps, 0U);
 }
 
 TEST_F(PatientOrganTest, ATaskThatIsImpossibleIsRefusedInWords) {
