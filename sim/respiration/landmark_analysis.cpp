@@ -102,7 +102,7 @@ LandmarkBound bound_of(const std::string& name, const Fit& fit, const LandmarkPa
   return {name, spread_of(fitted_m), spread_of(left_out_m)};
 }
 
-/// Three groups of the same size, by ascending `by`.
+/// Three groups of the same size, by ascending `by`; of one or two landmarks, those that are not empty.
 std::vector<NamedSpread> thirds(const std::vector<double>& by, const std::vector<double>& lengths,
                                 const std::array<const char*, 3>& names) {
   std::vector<std::size_t> order(by.size());
@@ -113,7 +113,7 @@ std::vector<NamedSpread> thirds(const std::vector<double>& by, const std::vector
     std::vector<double> of_group;
     for (std::size_t i = third * order.size() / 3; i < (third + 1) * order.size() / 3; ++i)
       of_group.push_back(lengths[order[i]]);
-    groups.push_back({names[third], spread_of(of_group)});
+    if (!of_group.empty()) groups.push_back({names[third], spread_of(of_group)});
   }
   return groups;
 }

@@ -34,7 +34,8 @@ struct LandmarkDecomposition {
       Vector3::Zero();    // where the fit takes the landmarks, less where they are; second CT's axes
   Spread without_mean_m;  // lengths that are left when that is taken away
   Spread along_normal_m, across_m;  // of the surface nearest to each landmark: absolute values, lengths
-  std::vector<NamedSpread> by_height, by_depth;  // thirds: of the lung from feet to head, by depth below it
+  std::vector<NamedSpread> by_height, by_depth;  // thirds of the landmarks from feet to head, by depth below
+                                                 // the surface; without those that are empty
 };
 /// kiroku::Error where there is no landmark in the lung.
 LandmarkDecomposition decompose(const LandmarkErrors& errors, std::size_t step);

@@ -28,7 +28,8 @@ struct ShapeFitOptions {
   /// Of all tissue in the third step, -1 < nu < 0.5; the materials' own where absent.
   std::optional<double> poisson_ratio;
   /// Fits the third step again with each quarter of the second surface left out, to tell how far the lung is
-  /// from it there: what the fit says of places that it has not seen, without landmarks.
+  /// from it there: what this step says of places that it has not seen, without landmarks. It begins where
+  /// the first two steps end, which have seen them.
   bool cross_validate = false;
 };
 

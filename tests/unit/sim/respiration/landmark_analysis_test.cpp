@@ -105,6 +105,11 @@ TEST(LandmarkDecomposition, AlongAndAcrossTheNearestSurface) {
   const LandmarkDecomposition parts = decompose(errors_at(pairs, lung.mesh, lung.steps), 1);
   EXPECT_NEAR(parts.along_normal_m.mean, 0.003, 1e-9);
   EXPECT_NEAR(parts.across_m.mean, 0.004, 1e-9);
+  // Of one landmark there are no thirds, of which two would have no error at all.
+  for (const auto* groups : {&parts.by_height, &parts.by_depth}) {
+    ASSERT_EQ(groups->size(), 1U);
+    EXPECT_NEAR(groups->front().spread_m.mean, 0.005, 1e-9);
+  }
 }
 
 TEST(LandmarkDecomposition, NoLandmarkIsRefused) {

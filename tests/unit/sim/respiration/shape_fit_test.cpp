@@ -7,6 +7,7 @@
 #include <gtest/gtest.h>
 
 #include "base/error.h"
+#include "sim/respiration/sliding_boundary.h"
 #include "tests/support/temporary_folder.h"
 #include "tests/unit/sim/respiration/box_lung.h"
 
@@ -78,6 +79,30 @@ TEST(ShapeFit, FindsTheMotionThatMadeTheSecondShape) {
   EXPECT_GT(spread_of(errors.before_m).mean, 0.03);
   RecordProperty("model_mm", std::to_string(1000 * model_m));
   RecordProperty("sliding_mm", std::to_string(1000 * sliding_m));
+}
+
+TEST(ShapeFit, CrossValidationTellsOfEachPointWhereItWasLeftOut) {
+  BreathingModel model = test::box_lung_model();
+  BreathingModel longer = model;
+  for (Vector3& node : longer.mesh.nodes) node.z() *= 1.05;
+  const Truth truth = moved_lung(longer, 0, 0);
+  ShapeFitOptions options;
+  options.cross_validate = true;
+  const ShapeFitResult found = fit_shape(model, truth.mask, options);
+  ASSERT_TRUE(found.left_out_m);
+  const SurfacePoints points = points_on(signed_distance(truth.mask));
+  // Each is left out once. The fit puts air around the mask, which moves a few points to another cell.
+  const auto count = static_cast<double>(points.places_m.size());
+  EXPECT_NEAR(static_cast<double>(found.left_out_m->count), count, 0.01 * count);
+  const auto left_m = [&](const ShapeFitStep& step) {
+    return spread_of(distances_to_lung_m(model.mesh, surface_of(model.mesh), points, step.placement,
+                                         step.displacement_m, [](const Vector3&) { return true; }))
+        .mean;
+  };
+  // Worse than where it was fitted, better than what it began with.
+  EXPECT_GT(found.left_out_m->mean, left_m(found.steps[2]));
+  EXPECT_LT(found.left_out_m->mean, 0.8 * left_m(found.steps[1]));
+  EXPECT_FALSE(fit_shape(model, truth.mask, {}).left_out_m);
 }
 
 TEST(ShapeFit, TheSlidingBoundaryComesToTheSecondSurface) {
