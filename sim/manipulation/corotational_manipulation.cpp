@@ -103,9 +103,9 @@ std::size_t CorotationalManipulation::grasp(std::size_t tool, const Pose& pose) 
     }
     throw Error(grasp_refusal(grasping, there, candidates));
   }
-  for (const std::uint32_t node : hold.nodes) holder_of_[node] = hold.tool;
-  state_.poses[tool] = there;
   holds_.push_back(std::move(hold));
+  for (const std::uint32_t node : holds_.back().nodes) holder_of_[node] = holds_.back().tool;
+  state_.poses[tool] = there;
   return holds_.back().nodes.size();
 }
 
