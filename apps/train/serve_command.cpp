@@ -42,23 +42,20 @@ std::map<std::string, trainer::HandMotion> experts_of(const Request& request) {
 }
 
 /// Made before anything is served, so that what is wrong with them is told to who starts the server.
-std::vector<std::shared_ptr<const trainer::ExclusionBody>> organs_of(const Request& request,
-                                                                     const TaskChoice& choice) {
-  std::vector<std::shared_ptr<const trainer::ExclusionBody>> organs;
+void add_organs(const Request& request, const TaskChoice& choice, viewer::TrainingOptions& options) {
   for (const std::string& file : request.organs) {
     std::shared_ptr<const trainer::ExclusionBody> body = make_patient_body(file, choice);
     const auto has_its_name = [&](const auto& other) { return other->object().name == body->object().name; };
-    if (std::ranges::any_of(organs, has_its_name))
+    if (std::ranges::any_of(options.organs, has_its_name))
       throw UsageError("two organs are called '" + body->object().name + "': give one another 'name' in " +
                        file);
     trainer::require_haptic_rate(*body, trainer::kMostExclusionFingers,
                                  trainer::measured_force_rate_hz(*body, trainer::kMostExclusionFingers));
     // What a page's trainees may choose; the more fingers, the more likely it is done.
     constexpr std::array<std::size_t, 3> kFingersTried{5, 3, 1};
-    warn_of_doubt(*body, kFingersTried);
-    organs.push_back(std::move(body));
+    if (warn_of_doubt(*body, kFingersTried)) options.doubted.insert(body->object().name);
+    options.organs.push_back(std::move(body));
   }
-  return organs;
 }
 
 viewer::TrainingOptions training_options(const Request& request, const Home& home) {
@@ -76,7 +73,7 @@ viewer::TrainingOptions training_options(const Request& request, const Home& hom
                                     : std::max(1U, std::thread::hardware_concurrency() / 2);
   options.practice_s = parse_number(request.practice, "--practice", 0, kMostSeconds);
   options.experts = experts_of(request);
-  options.organs = organs_of(request, choice);
+  add_organs(request, choice, options);
   if (request.seal) options.sealer = make_page_sealer(home);
   options.tell = tell_on_standard_error();
   return options;

@@ -52,13 +52,15 @@ std::shared_ptr<const trainer::ExclusionBody> make_patient_body(const std::files
   return body_of(line, std::move(organ.object), organ.task, choice);
 }
 
-void warn_of_doubt(const trainer::ExclusionBody& body, std::span<const std::size_t> fingers) {
+bool warn_of_doubt(const trainer::ExclusionBody& body, std::span<const std::size_t> fingers) {
   const std::string doubt = [&] {
     StepLine line;
     line.show("trying whether " + body.object().name + " can be pushed aside");
     return trainer::doubt_about(body, fingers);
   }();
-  if (!doubt.empty()) print_error("kiroku", "warning: " + doubt);
+  if (doubt.empty()) return false;
+  print_error("kiroku", "warning: " + doubt);
+  return true;
 }
 
 }  // namespace kiroku::apps

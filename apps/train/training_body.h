@@ -31,7 +31,7 @@ std::shared_ptr<const trainer::ExclusionBody> make_patient_body(const std::files
                                                                 const TaskChoice& choice);
 
 /// Says on standard error where a simulated trainee finished the task with none of these numbers of fingers
-/// (trainer::doubt_about()).
-void warn_of_doubt(const trainer::ExclusionBody& body, std::span<const std::size_t> fingers);
+/// (trainer::doubt_about()). Whether it was said.
+bool warn_of_doubt(const trainer::ExclusionBody& body, std::span<const std::size_t> fingers);
 
 }  // namespace kiroku::apps

@@ -166,7 +166,7 @@ void ContactSolver::find_balance() {
     do {
       make_rows();
       solve_rows();
-    } while (let_go() || let_slide() || ((++rubbing < kMostRubbing && rub())));
+    } while (let_go() || let_slide() || ((rubbing++ < kMostRubbing && rub())));
     move();
     ++iterations_;
     const bool more = add_touching(tolerance_m_);

@@ -47,6 +47,12 @@ class Trainer {
     });
     return trainer;
   }
+  /** What the sealed case of an attempt says of the training. */
+  async sealed(id: string): Promise<Record<string, unknown>> {
+    const home = join(this.folder, 'home');
+    const opened = await run(kiroku, ['unseal', '-i', join(home, 'identity.txt'), join(home, 'archive', id, 'subject.json.age')]);
+    return (JSON.parse(opened.stdout) as { training: Record<string, unknown> }).training;
+  }
   async stop(): Promise<void> {
     const ended = new Promise((resolve) => this.process.once('exit', resolve));
     this.process.kill('SIGTERM');
@@ -204,7 +210,10 @@ describe('A new trainee', () => {
     expect(await page.locator('.train-came').textContent()).toContain('Done');
     await page.getByRole('img', { name: 'Tests by session: Largest von Mises stress, kPa' }).waitFor();
     await page.getByRole('button', { name: 'Seal this attempt' }).click();
-    await page.getByText(/^Sealed as \d{8}T\d{6}Z-[0-9a-f]{8}\. Its verification says: intact\./).waitFor();
+    const told = page.getByText(/^Sealed as \d{8}T\d{6}Z-[0-9a-f]{8}\. Its verification says: intact\./);
+    await told.waitFor();
+    const id = /^Sealed as (\S+)\. /.exec((await told.textContent()) ?? '')?.[1] as string;
+    expect(await trainer.sealed(id)).toMatchObject({ object: 'a', hand: 'page', friction: 0.5, damage_pa: 100e3, fingers: 5 });
     const certificate = await page.getByRole('link', { name: 'Certificate (PDF)' }).getAttribute('href');
     const answer = await visitor.context.request.get(new URL(certificate as string, trainer.signIn).href);
     expect(answer.status()).toBe(200);

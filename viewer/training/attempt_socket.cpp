@@ -15,12 +15,17 @@ using nlohmann::ordered_json;
 constexpr double kPicturesPerSecond = 30;
 
 /// Who did what, for the sealed subject of a case.
-ordered_json facts_of(const trainer::ExclusionRecord& record, UtcTime began, const std::string& user) {
+ordered_json facts_of(const trainer::ExclusionRecord& record, const trainer::ExclusionBody& body,
+                      UtcTime began, const std::string& user) {
   return {{"object", record.object},
           {"hand", "page"},
           {"simulated", false},
           {"fingers", record.fingers},
+          {"vertices", body.object().mesh.nodes.size()},
+          {"tetrahedra", body.object().mesh.tetrahedra.size()},
           {"stress_shown", record.stress_shown},
+          {"damage_pa", body.task().damage_pa},
+          {"friction", body.task().friction},
           {"trainee", record.trainee},
           {"group", record.group},
           {"session", record.session},
@@ -122,7 +127,7 @@ trainer::LiveListener AttemptSocket::listener(std::int64_t attempt, const traine
     told["attempt"] = attempt;
     told["can_be_sealed"] = files_ != nullptr;
     if (files_) {
-      ordered_json facts = facts_of(record, began, user_.name);
+      ordered_json facts = facts_of(record, *room_.body(record.object), began, user_.name);
       facts["score"] = trainer::score_json(over.outcome.score);
       facts["ending"] = trainer::name_of(over.ending);
       facts["attempt"] = attempt;

@@ -45,6 +45,7 @@ Response training(TrainingRoom& room, const Request& request) {
   ordered_json experts = ordered_json::array();
   for (const auto& [object, motion] : room.options().experts) experts.push_back(object);
   return Response::json({{"objects", room.objects()},
+                         {"doubted", room.options().doubted},
                          {"fingers", trainer::kMostExclusionFingers},
                          {"groups", {trainer::kStressShown, trainer::kStressHidden}},
                          {"experts", experts},

@@ -30,6 +30,8 @@ struct TrainingOptions {
   std::map<std::string, trainer::HandMotion> experts;  // by object
   /// Organs of patients, beside objects a and b; each with a name of its own.
   std::vector<std::shared_ptr<const trainer::ExclusionBody>> organs;
+  /// The names of those that perhaps nobody can push aside (trainer::doubt_about()).
+  std::set<std::string> doubted;
   /// Makes cases of attempts; null: none are made.
   std::shared_ptr<AttemptSealer> sealer;
   /// Hears in one sentence of what failed inside; called from several threads.

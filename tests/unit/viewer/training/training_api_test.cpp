@@ -40,6 +40,7 @@ class TrainingApi : public testing::Test {
       options.vertices = 900;
       options.at_once = 2;
       options.organs = organs;
+      for (const auto& organ : organs) options.doubted.insert(organ->object().name);
       options.tell = [this](const std::string& sentence) {
         const std::lock_guard guard(told_mutex);
         told.push_back(sentence);
@@ -251,6 +252,7 @@ class TrainingWithAnOrgan : public TrainingApi {
 
 TEST_F(TrainingWithAnOrgan, ListsItBesideTheOthersAndKeepsItsAttempts) {
   EXPECT_EQ(answer("GET", "training")["objects"], json({"a", "b", "left lobe"}));
+  EXPECT_EQ(answer("GET", "training")["doubted"], json::array({"left lobe"}));
   const auto client = connect();
   client->send_text(begin("Aoki", false, 3, "left lobe"));
   EXPECT_EQ(next_text(*client)["began"]["object"], "left lobe");

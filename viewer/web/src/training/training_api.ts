@@ -18,6 +18,8 @@ export interface Trainee {
 
 export interface Training {
   objects: ObjectName[];
+  /** Those that perhaps nobody can push aside: a simulated trainee could not. */
+  doubted: ObjectName[];
   fingers: number;
   groups: string[];
   experts: ObjectName[];

@@ -172,6 +172,7 @@ export function TrainingView() {
             ))}
           </select>
         </label>
+        {training.doubted.includes(object) && <p class="train-doubt">{t('train.doubted')}</p>}
         {hasExpert && (
           <label class="train-check">
             <input type="checkbox" checked={choice.value.expert} onChange={(event) => choose({ expert: event.currentTarget.checked })} />
