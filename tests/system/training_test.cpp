@@ -116,7 +116,7 @@ TEST_F(Exclusion, AHandOnTheNetworkPlaysARecordedMotion) {
   Process::Options hand;
   hand.command = {KIROKU_HAND_PLAYER, path("first/hand.txt"), port};
   bool done = false;
-  for (int i = 0; i < 5 && !done; ++i) {
+  for (int i = 0; i < 20 && !done; ++i) {
     const ProcessResult played = run_process(hand, std::chrono::seconds(60));
     ASSERT_EQ(played.status, 0) << played.err;
     done = std::filesystem::exists(folder() / "net/score.json");
