@@ -19,8 +19,8 @@ constexpr double kHeld = 1e-9;
 /// normal force. So often it is renewed in a step; what is left then is made up for by the next steps.
 constexpr double kFrictionTolerance = 1e-3;
 constexpr int kMostRubbing = 12;
-/// Room that is there from the beginning, in contacts a tool.
-constexpr std::size_t kUsualContacts = 16;
+/// Room that is there from the beginning, in rows a tool.
+constexpr std::size_t kUsualRows = 48;
 
 /// Two directions across one, of length 1; the same normal gives the same ones.
 std::pair<Vector3, Vector3> across(const Vector3& normal) {
@@ -56,21 +56,43 @@ ContactSolver::ContactSolver(std::shared_ptr<const ContactNeighbourhood> neighbo
   }
   if (!(options_.tolerance > 0) || options_.most_iterations < 1)
     throw UsageError("a contact needs a tolerance greater than zero and one iteration at least");
-  const std::size_t usual = kUsualContacts * tools_.size();
-  touches_.reserve(usual);
-  before_.reserve(usual);
   poses_before_.reserve(tools_.size());
-  rows_.reserve(3 * usual);
-  problem_.reserve(3 * usual);
   result_.tools.resize(tools_.size());
-  result_.contacts.reserve(usual);
+  reserve(kUsualRows * tools_.size() / rows_per_contact());
   tree_.refit(positions_m_);
 }
 
-void ContactSolver::continue_from(const ContactSolver& previous) { continue_from(previous, {}); }
+std::size_t ContactSolver::rows_per_contact() const {
+  return std::ranges::any_of(tools_, &ContactTool::sticks) ? 3 : 1;
+}
 
-/// Every tool is the same where `tool_there` is empty. A force loop comes here: nothing is allocated.
+void ContactSolver::reserve(std::size_t contacts) {
+  touches_.reserve(contacts);
+  before_.reserve(contacts);
+  result_.contacts.reserve(contacts);
+  rows_.reserve(rows_per_contact() * contacts);
+  problem_.reserve(rows_per_contact() * contacts);
+}
+
+bool ContactSolver::continue_from(const ContactSolver& previous) {
+  take_touches(previous, {});
+  // With the same forces a node lies where it lay. So only what previous did not know is computed, where all
+  // of its positions would cost a force loop another pass over the compliance.
+  const bool all = touches_.size() == previous.touches_.size();
+  const bool more = all && move_from(previous);
+  if (!all) move();
+  report_as(previous);
+  return all && !more;
+}
+
 void ContactSolver::continue_from(const ContactSolver& previous, std::span<const std::uint32_t> tool_there) {
+  take_touches(previous, tool_there);
+  move();
+  report_as(previous);
+}
+
+/// Every tool is the same where `tool_there` is empty.
+void ContactSolver::take_touches(const ContactSolver& previous, std::span<const std::uint32_t> tool_there) {
   const std::vector<std::uint32_t>& nodes = neighbourhood_->nodes;
   const auto there_of = [&](std::uint32_t tool) { return tool_there.empty() ? tool : tool_there[tool]; };
   for (std::uint32_t tool = 0; tool < tools_.size(); ++tool) {
@@ -92,7 +114,35 @@ void ContactSolver::continue_from(const ContactSolver& previous, std::span<const
   }
   std::ranges::fill(touch_at_, kNone);
   keep(true);
-  move();
+}
+
+/// move() where previous has the same touches; whether a node that it did not know is inside a tool.
+bool ContactSolver::move_from(const ContactSolver& previous) {
+  const std::vector<std::uint32_t>& nodes = neighbourhood_->nodes;
+  const std::vector<std::uint32_t>& known = previous.neighbourhood_->nodes;
+  bool inside = false;
+  auto next = known.begin();  // both are in the order of the surface
+  for (std::uint32_t point = 0; point < nodes.size(); ++point) {
+    auto at_m = positions_m_.segment<3>(3 * Eigen::Index{point});
+    if (const auto there = std::find(next, known.end(), nodes[point]); there != known.end()) {
+      at_m = previous.position_m(static_cast<std::uint32_t>(there - known.begin()));
+      next = there + 1;
+      continue;
+    }
+    at_m = rest_m_.segment<3>(3 * Eigen::Index{point});
+    const auto gives_way = neighbourhood_->compliance.middleCols<3>(3 * Eigen::Index{point});  // symmetric
+    for (const Touch& touch : touches_) {
+      if (touch.pressing)
+        at_m += gives_way.middleRows<3>(3 * Eigen::Index{touch.point}).transpose() * touch.force_n;
+    }
+    for (std::uint32_t tool = 0; tool < tools_.size() && !inside; ++tool)
+      inside = distance(tool, point).distance_m < -tolerance_m_;
+  }
+  tree_.refit(positions_m_);
+  return inside;
+}
+
+void ContactSolver::report_as(const ContactSolver& previous) {
   deepest_m_ = previous.result_.deepest_penetration_m;
   largest_gap_m_ = previous.result_.largest_gap_m;
   iterations_ = previous.result_.iterations;

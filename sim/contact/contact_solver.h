@@ -107,11 +107,19 @@ class ContactSolver {
   ContactSolver(std::shared_ptr<const ContactNeighbourhood> neighbourhood, std::vector<ContactTool> tools,
                 const ContactOptions& options = {});
 
-  /// Takes over the contacts of another of the same tools, whose neighbourhood may be another; contacts of
-  /// nodes that are not in this one are lost.
-  void continue_from(const ContactSolver& previous);
-  /// The same where the tools may be others: `tool_there` says for each of these which one of the previous it
-  /// is, or a number too large for one that was not there. Contacts of tools that are no longer are lost.
+  /// Makes room: steps with no more contacts than that, of which some may turn out not to press, allocate
+  /// nothing. There is some from the beginning.
+  void reserve(std::size_t contacts);
+  [[nodiscard]] std::size_t room() const { return touches_.capacity(); }
+
+  /// Takes over the contacts of another of the same tools and the same body at rest where it was, whose
+  /// neighbourhood may be another; contacts of nodes that are not in this one are lost. Whether that is a
+  /// balance as it was one before: false where contacts were lost, or a node that previous did not know is
+  /// inside a tool. Allocates nothing where there is room.
+  bool continue_from(const ContactSolver& previous);
+  /// The same where body and tools may be others: `tool_there` says for each of these tools which one of the
+  /// previous it is, or a number too large for one that was not there. Contacts of tools that are no longer
+  /// are lost.
   void continue_from(const ContactSolver& previous, std::span<const std::uint32_t> tool_there);
 
   /// What else moves the body has taken the nodes of the neighbourhood, (3 |N|), to other places to rest at.
@@ -153,6 +161,10 @@ class ContactSolver {
     Vector3 along = Vector3::Zero(), friction_n = Vector3::Zero();
   };
 
+  [[nodiscard]] std::size_t rows_per_contact() const;
+  void take_touches(const ContactSolver& previous, std::span<const std::uint32_t> tool_there);
+  bool move_from(const ContactSolver& previous);
+  void report_as(const ContactSolver& previous);
   void find_balance();
   bool add_touching(double depth_m);
   void bind(Touch& touch);

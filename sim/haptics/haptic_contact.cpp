@@ -68,24 +68,28 @@ void HapticContact::forces(std::span<const Pose> poses, double period_s, std::sp
   const std::unique_lock lock(mutex_, std::try_to_lock);
   if (!lock.owns_lock()) return;
   if (next_ && !used_) {
-    next_->continue_from(*solver_);
+    const bool as_before = next_->continue_from(*solver_);
     std::swap(solver_, next_);
     used_ = std::move(next_);  // freed by refresh()
-    // What the new one finds at the same poses is where forces have to come to, from where they are.
-    if (solve(poses, after_n_)) fade_.begin(last_n_, after_n_);
+    // What the new one finds at the same poses is where forces have to come to, from where they are. On a
+    // compliance that no cache holds yet that takes longer than a step: only where forces will differ.
+    if (!as_before && solve(poses, after_n_)) fade_.begin(last_n_, after_n_);
   }
   contacts_ = solver_->result().contacts;
   poses_.assign(poses.begin(), poses.end());
   has_poses_ = true;
   failed_seen_ = failed_;
+  room_ = solver_->room();
 }
 
 HapticContact::Deformation HapticContact::refresh() {
   Deformation found;
   std::vector<Pose> poses;
   std::unique_ptr<ContactSolver> used;
+  std::size_t room = 0;
   {
     const std::lock_guard lock(mutex_);
+    room = room_;
     found.contacts = contacts_;
     found.steps_failed = failed_seen_;
     if (has_poses_) poses = poses_;
@@ -138,6 +142,7 @@ HapticContact::Deformation HapticContact::refresh() {
   const bool more = std::ranges::any_of(places, [&](std::uint32_t place) { return known_[place] == 0; });
   if (!more) return found;
   auto next = std::make_unique<ContactSolver>(body_.neighbourhood(places), tools_, options_.contact);
+  next->reserve(room);  // or the force loop would ask for it, and wait for this thread in the allocator
   known_ = std::move(next_known);
   found.nodes_known = count_known();
   {

@@ -94,6 +94,7 @@ class HapticContact : public ForceSource {
   std::vector<Pose> poses_;
   bool has_poses_ = false;
   std::uint64_t failed_seen_ = 0;
+  std::size_t room_ = 0;  // for contacts, that the force loop's solver has
 };
 
 }  // namespace kiroku::sim

@@ -77,6 +77,15 @@ namespace {
 
 using namespace std::chrono_literals;
 
+ElasticBody held_cylinder() {
+  TetMesh mesh = test::tet_cylinder(5, 10, 0.03, 0.1);
+  Constraints constraints(mesh.nodes.size());
+  for (std::size_t node = 0; node < mesh.nodes.size(); ++node) {
+    if (mesh.nodes[node].z() == 0) constraints.prescribe(node, Vector3::Zero(), "test");
+  }
+  return {std::move(mesh), {{0, {1e4, 0.4}}}, constraints};
+}
+
 /// Passes on to another source and keeps what its thread had asked for when.
 class CountedForces : public ForceSource {
  public:
@@ -119,12 +128,7 @@ TEST(RealTime, CountsWhatAThreadAsksFor) {
 }
 
 TEST(RealTime, TheForceLoopNeitherAllocatesNorFreesNorLocks) {
-  TetMesh mesh = test::tet_cylinder(5, 10, 0.03, 0.1);
-  Constraints constraints(mesh.nodes.size());
-  for (std::size_t node = 0; node < mesh.nodes.size(); ++node) {
-    if (mesh.nodes[node].z() == 0) constraints.prescribe(node, Vector3::Zero(), "test");
-  }
-  const ElasticBody body(std::move(mesh), {{0, {1e4, 0.4}}}, constraints);
+  const ElasticBody body = held_cylinder();
   // Columns come on demand, so that the neighbourhood changes while the loop runs.
   ComplianceOptions little;
   little.memory_bytes = std::size_t{4} << 20;
@@ -159,6 +163,26 @@ TEST(RealTime, TheForceLoopNeitherAllocatesNorFreesNorLocks) {
   EXPECT_EQ(counted.since_warm().allocations, 0U);
   EXPECT_EQ(counted.since_warm().frees, 0U);
   EXPECT_EQ(counted.since_warm().locks, 0U);
+}
+
+TEST(RealTime, AnotherNeighbourhoodHasTheRoomThatWasNeededBefore) {
+  const ElasticBody body = held_cylinder();
+  const ContactBody contact(body);
+  const std::vector<ContactTool> tools{{"plate", Box{{0.1, 0.1, 0.01}}, true}};
+  ContactSolver solver(contact.whole_surface(), tools), next(contact.whole_surface(), tools);
+  std::vector<Pose> poses(1);
+  poses[0].position_m = {0, 0, 0.109};
+  const std::size_t usual = next.room(), contacts = solver.step(poses).contacts.size();
+  ASSERT_GT(contacts, usual);
+  ASSERT_GE(solver.room(), contacts);
+  next.reserve(solver.room());
+  const Asked before = asked;
+  next.continue_from(solver);
+  next.step(poses);
+  const Asked after = asked;
+  EXPECT_EQ(next.result().contacts.size(), contacts);
+  EXPECT_EQ(after.allocations, before.allocations);
+  EXPECT_EQ(after.frees, before.frees);
 }
 
 TEST(RealTime, AThreadInTheBackgroundGivesWay) {

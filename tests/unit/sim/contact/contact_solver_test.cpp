@@ -492,6 +492,42 @@ TEST_F(ContactTest, AnotherNeighbourhoodCarriesOn) {
   }
 }
 
+TEST_F(ContactTest, ALargerNeighbourhoodIsAsBeforeUnlessItsNodesArePressed) {
+  const std::vector<ContactTool> tools{fingertip("one"), {"two", Capsule{0.006, 0.01}, true}};
+  const std::vector<Pose> poses{at_place(0.037, 0, 0.06), at_place(0, 0.034, 0.07)};
+  const auto solver_where = [&](auto known) {
+    std::vector<std::uint32_t> places;
+    for (std::uint32_t place = 0; place < contact_.surface().size(); ++place) {
+      if (known(contact_.surface()[place])) places.push_back(place);
+    }
+    return ContactSolver(contact_.neighbourhood(places), tools);
+  };
+  ContactSolver part = solver_where([&](std::uint32_t node) { return body_.mesh().nodes[node].z() > 0.03; });
+  part.step(poses);
+  ContactSolver more(surface_, tools);
+  EXPECT_TRUE(more.continue_from(part));
+  Eigen::VectorXd expected_m = surface_->rest_m;
+  for (const Contact& contact : part.result().contacts) {
+    const auto point = std::ranges::find(surface_->nodes, contact.node) - surface_->nodes.begin();
+    expected_m += surface_->compliance.middleCols<3>(3 * point) * contact.force_n;
+  }
+  EXPECT_LE((more.positions_m() - expected_m).lpNorm<Eigen::Infinity>(), 1e-15 * surface_->size_m);
+  // From there on both find the same.
+  const Vector3 expected_n = part.step(poses).wrist_force_n;
+  EXPECT_LE((more.step(poses).wrist_force_n - expected_n).norm(), 1e-9 * expected_n.norm());
+  expect_contact(more, poses);
+
+  // One of the nodes that is pressed was not known, and what did not know it goes into it.
+  const std::uint32_t pressed = more.result().contacts[0].node;
+  ContactSolver without = solver_where([&](std::uint32_t node) { return node != pressed; });
+  without.step(poses);
+  EXPECT_FALSE(more.continue_from(without));
+  more.step(poses);
+  expect_contact(more, poses);
+  // The other way round its contact is lost, and where it was is no balance.
+  EXPECT_FALSE(without.continue_from(more));
+}
+
 TEST(Contact, WeightActsBesideContact) {
   const ElasticBody body = held_below(test::tet_cylinder(3, 5, 0.03, 0.1));
   const Eigen::VectorXd weight_n = body.weight_n({0, 0, -9.81});
