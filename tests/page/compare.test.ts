@@ -7,7 +7,7 @@ import { afterAll, beforeAll, describe, expect, it } from 'vitest';
 import type { ComparisonDocument } from '@/api/types';
 import { mapOfSteps } from '@/compare/matching';
 import { planMap } from '@/compare/plan_map';
-import { Appliance, clockOf, keepPicture, near, seriousBarriers, settled, startBrowser, visitSignedIn, type Visitor } from './kit';
+import { Appliance, clockOf, keepPicture, kMaking_ms, near, seriousBarriers, settled, startBrowser, visitSignedIn, type Visitor } from './kit';
 
 let appliance: Appliance;
 let browser: Browser;
@@ -236,7 +236,7 @@ describe('The plan beside the recording', () => {
     expect(await matching.getByLabel('Name').inputValue()).toBe('by-hand');
     await matching.getByRole('button', { name: 'Keep as a comparison' }).click();
     await matching.getByRole('progressbar').waitFor();
-    await page.getByText(/Compared by demo/).waitFor();
+    await page.getByText(/Compared by demo/).waitFor({ timeout: kMaking_ms });
     await page.getByText('The plan was sealed before the first picture').waitFor();
     expect(await page.locator('table.steps caption').textContent()).toContain('5 of 6 steps found');
     await page.locator('.pane-plan video').waitFor();

@@ -171,6 +171,8 @@ export async function startBrowser(): Promise<Browser> {
 
 /** Tests share their machine with a recorder, a server and a browser, and others' programs: what takes long is looked at in tests/bench/. */
 const kPatience_ms = 60_000;
+/** What has the lowest priority gets what others leave. */
+export const kMaking_ms = 300_000;
 
 export interface Visitor {
   context: BrowserContext;

@@ -8,7 +8,7 @@ import { afterAll, beforeAll, describe, expect, it } from 'vitest';
 import type { ComparisonDocument, PickingCamera } from '@/api/types';
 import { type OrganPoint, type Place, seenBy } from '@/compare/picks';
 import { pictureBox } from '@/pointing/geometry';
-import { Appliance, keepPicture, near, seriousBarriers, startBrowser, visitSignedIn, type Visitor } from './kit';
+import { Appliance, keepPicture, kMaking_ms, near, seriousBarriers, startBrowser, visitSignedIn, type Visitor } from './kit';
 
 const kWide = 320;
 const kHigh = 240;
@@ -249,7 +249,7 @@ describe('What is said by hand', () => {
   it('is kept: the camera is found, and the tool within a pixel of where it was planned', async () => {
     const { page } = visitor;
     await matching().getByRole('button', { name: 'Keep as a comparison' }).click();
-    await page.getByText(/The camera was registered: 0\.\d\d pixels off by 8 points/).waitFor();
+    await page.getByText(/The camera was registered: 0\.\d\d pixels off by 8 points/).waitFor({ timeout: kMaking_ms });
     await page.getByText(/finger: \d\.\d pixels from its planned way on average/).waitFor();
     const document = await page.evaluate(async (one) => (await (await fetch(`/api/cases/${one}/comparisons/by-hand`)).json()) as ComparisonDocument, id);
     console.log(`picked on the page: camera ${document.registration?.rms_px.toFixed(3)} px, ${JSON.stringify(document.tools)}`);

@@ -6,7 +6,7 @@ import { join } from 'node:path';
 import type { Browser } from 'playwright-core';
 import { afterAll, beforeAll, describe, expect, it } from 'vitest';
 import type { ComparisonDocument } from '@/api/types';
-import { Appliance, keepPicture, near, seriousBarriers, settled, startBrowser, visitSignedIn, type Visitor } from './kit';
+import { Appliance, keepPicture, kMaking_ms, near, seriousBarriers, settled, startBrowser, visitSignedIn, type Visitor } from './kit';
 
 let appliance: Appliance;
 let browser: Browser;
@@ -127,7 +127,7 @@ describe('The plan’s radiographs', () => {
     await keepPicture(page, 'xray-by-hand');
     expect(await seriousBarriers(page)).toEqual([]);
     await matching.getByRole('button', { name: 'Keep as a comparison' }).click();
-    await page.getByText(/Aligned: 0\.9\d+; the patient lay \d+\.\d mm aside/).waitFor();
+    await page.getByText(/Aligned: 0\.9\d+; the patient lay \d+\.\d mm aside/).waitFor({ timeout: kMaking_ms });
     const made = await page.evaluate(async (one) => (await (await fetch(`/api/cases/${one}/comparisons/by-hand`)).json()) as ComparisonDocument, id);
     const moved_mm = made.fluoroscopy?.alignment?.translation_mm ?? [];
     console.log(`aligned on the page: ${JSON.stringify(made.fluoroscopy?.alignment)}`);
