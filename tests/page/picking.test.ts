@@ -138,6 +138,21 @@ describe('What is said by hand', () => {
     await page.locator('.notices').getByRole('button', { name: 'Close' }).click();
   });
 
+  it('says why there is no picture of the plan, and asks again', async () => {
+    const { page } = visitor;
+    await page.route('**/picking/picture', (route) => route.fulfill({ status: 422, contentType: 'application/json', body: JSON.stringify({ error: 'the plan names no CT' }) }));
+    await goTo(0.32);
+    await work('Points').click();
+    await page.getByText('The plan’s picture could not be had: the plan names no CT').waitFor();
+    await keepPicture(page, 'plan-points-failed');
+    expect(await seriousBarriers(page)).toEqual([]);
+    await page.unroute('**/picking/picture');
+    await page.getByRole('button', { name: 'Try again' }).click();
+    await planned().waitFor();
+    expect(await page.getByText('could not be had').count()).toBe(0);
+    await work('Steps').click();
+  });
+
   it('has points, picked in both pictures of a moment, with how well they register the camera', async () => {
     const { page } = visitor;
     await goTo(0.32);
