@@ -2,6 +2,7 @@
 #include "viewer/server/matching_api.h"
 
 #include <fstream>
+#include <thread>
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -56,7 +57,7 @@ class MatchingApiTest : public testing::Test {
         .string();
   }
   /// With `script` in the place of kiroku; none where it is empty.
-  void serve(const std::string& script) {
+  void serve(const std::string& script, std::chrono::milliseconds reading = 300ms) {
     fs::path program;
     if (!script.empty()) {
       program = folder_ / "program";
@@ -78,7 +79,7 @@ class MatchingApiTest : public testing::Test {
                                 .identities = {}},
                      SessionLimits{}, [](const std::string&) {});
     router_.emplace();
-    add_matching_routes(*router_, *context_, {.reading = 300ms, .making = 1min});
+    add_matching_routes(*router_, *context_, {.reading = reading, .making = 1min});
   }
   Response ask(const std::string& method, const std::string& below, const json& body = {}) {
     std::vector<std::string> segments{"api", "cases", case_};
@@ -171,6 +172,18 @@ TEST_F(MatchingApiTest, ARequestWaitsNoLongerThanItsLimit) {
   EXPECT_LT(std::chrono::steady_clock::now() - begin, 5s);
 }
 
+TEST_F(MatchingApiTest, AServerThatEndsWaitsForNoPlan) {
+  serve("exec sleep 100", 1min);
+  unlock();
+  const std::jthread ending([this] {
+    std::this_thread::sleep_for(300ms);
+    context_->close();
+  });
+  const auto begin = std::chrono::steady_clock::now();
+  EXPECT_EQ(ask("GET", "matching").status, 422);
+  EXPECT_LT(std::chrono::steady_clock::now() - begin, 20s);
+}
+
 TEST_F(MatchingApiTest, QuestionsGoToTheProgramAndItsRefusalsComeBack) {
   serve(R"(test "$1 $2" = "plan pick" || exit 2
 echo ready
@@ -194,6 +207,9 @@ done)");
   EXPECT_EQ(pick("picture", json::object()).status, 422);
   // What the body says is one question's value, whatever it holds.
   EXPECT_EQ(pick("registration", {{"point", {{"x", 0.5}}}, {"x", 0.5}, {"a\nb", "\n"}}).status, 200);
+  // Another file in the plan's place is not taken for it.
+  std::ofstream(folder_ / "plans/liver/liver.seal.json") << "{}";
+  EXPECT_EQ(ask("POST", "picking/point", {{"x", 0.5}}).status, 404);
 }
 
 TEST_F(MatchingApiTest, AFluoroscopyIsNamedToTheProgramWithItsGeometry) {
