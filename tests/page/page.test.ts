@@ -213,6 +213,28 @@ describe('A surgeon', () => {
     expect(Math.max(...apart)).toBeLessThan(0.04);
   });
 
+  it('shows the picture of its moment, though what comes after that is there first', async () => {
+    const { page } = visitor;
+    const kLate_ms = 1500;
+    const address = /\/streams\/endoscope\/pieces\/5\.mp4$/; // from 10 s to 12 s
+    await page.route(address, async (route) => {
+      await new Promise((resolve) => setTimeout(resolve, kLate_ms));
+      await route.continue();
+    });
+    // What comes after it is fetched meanwhile; then, it was there before.
+    for (const before of ['2', '14']) {
+      await page.reload();
+      await page.locator('.timeline').waitFor();
+      await goTo(before);
+      await settled(page);
+      const frames = page.evaluate(framesAfterSeek, 11.93);
+      await goTo('11.930');
+      expect((await frames).map((one) => one.media.toFixed(2)), `from ${before} s`).toEqual(['11.92', '11.92']);
+      await settled(page);
+    }
+    await page.unroute(address);
+  });
+
   it('sees in every pane the frame that the archive has there: a flash lasts for one frame', async () => {
     const { page } = visitor;
     let seen = 0;

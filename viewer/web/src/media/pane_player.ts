@@ -28,6 +28,8 @@ export class PanePlayer {
   private feeds: PieceFeed[] = [];
   private readonly closing = new AbortController();
   private correcting = false;
+  /** Where the video goes as soon as its piece is there: what is there already would be shown in its place. */
+  private target_ns: number | undefined;
   /** Until somebody did something on the page, a browser plays nothing that is heard. */
   private mayBeHeard = true;
 
@@ -67,28 +69,36 @@ export class PanePlayer {
 
   /** Whether the picture of `time_ns` can be shown without waiting, or there is none. */
   isReady(time_ns: number): boolean {
-    if (!canShow(time_ns, this.recorded, this.buffered(), kMargin_ns)) return false;
+    if (this.target_ns !== undefined || !canShow(time_ns, this.recorded, this.buffered(), kMargin_ns)) return false;
     return !this.isRecorded(time_ns) || (!this.video.seeking && this.video.readyState >= HTMLMediaElement.HAVE_CURRENT_DATA);
   }
 
   /** Shows `time_ns`, as soon as it is there. */
   seek(time_ns: number): void {
     for (const feed of this.feeds) feed.seek(time_ns);
-    if (this.isRecorded(time_ns)) this.video.currentTime = time_ns / 1e9 + kIntoFrameSeconds;
+    this.target_ns = this.isRecorded(time_ns) ? time_ns : undefined;
+    this.goToTarget();
     this.correcting = false;
+  }
+
+  private goToTarget(): void {
+    if (this.target_ns === undefined || this.feeds.some((feed) => feed.isAheadOf(this.target_ns as number))) return;
+    this.video.currentTime = this.target_ns / 1e9 + kIntoFrameSeconds;
+    this.target_ns = undefined;
   }
 
   /** Called for each picture of the screen: keeps pieces coming, and the video at `time_ns`. */
   tick(time_ns: number, running: boolean, rate: number, now_ms: number): void {
     for (const feed of this.feeds) feed.pump(time_ns, rate, now_ms);
     this.hear(rate);
+    this.goToTarget();
     this.overHole(time_ns);
     const moving = running && this.isRecorded(time_ns);
     if (!moving) {
       if (!this.video.paused) this.video.pause();
       return;
     }
-    if (this.video.seeking) return;
+    if (this.video.seeking || this.target_ns !== undefined) return;
     const offset = this.video.currentTime - time_ns / 1e9;
     const what = correction(offset, rate, this.correcting);
     if (what.kind === 'seek') {
@@ -128,6 +138,7 @@ export class PanePlayer {
   private overHole(time_ns: number): void {
     if (this.video.readyState >= HTMLMediaElement.HAVE_CURRENT_DATA || !this.isRecorded(time_ns)) return;
     const at_ns = this.video.currentTime * 1e9;
+    if (!this.feeds.every((feed) => feed.isThere(at_ns))) return;
     const ranges = this.buffered();
     if (spanAt(ranges, at_ns)) return;
     const next = ranges.find((range) => range.start_ns > at_ns && range.start_ns - at_ns <= kHole_ns);

@@ -1,7 +1,7 @@
 // One track of a video, pictures or sound: asks for its pieces and keeps them in a SourceBuffer around the clock. Owned by one PanePlayer.
 import { ApiError } from '@/api/client';
 import type { Span } from '@/base/spans';
-import { kKeepAhead_ns, kKeepBehind_ns, kPiece_ns, pieceSpan, piecesAhead, wantedPieces } from '@/media/pieces';
+import { kHole_ns, kKeepAhead_ns, kKeepBehind_ns, kPiece_ns, pieceAt, pieceSpan, piecesAhead, wantedPieces } from '@/media/pieces';
 
 const kParallelRequests = 2;
 
@@ -31,8 +31,24 @@ export class PieceFeed {
     for (const request of this.requests.values()) request.abort();
   }
 
+  /** Whether all that there is of the piece at `time_ns` is in the buffer. */
+  isThere(time_ns: number): boolean {
+    const piece = pieceAt(time_ns);
+    if (this.buffer.updating || this.queue.some((one) => one.piece === piece)) return false;
+    return wantedPieces(time_ns, this.recorded, 1, (one) => one !== piece || this.have.has(one)).length === 0;
+  }
+
+  /**
+   * Whether a browser would show something later at `time_ns`: a picture that begins a little after it is there before its own, and browsers take a hole of
+   * some pictures for none.
+   */
+  isAheadOf(time_ns: number): boolean {
+    return !this.isThere(time_ns) && this.buffered().some((one) => one.start_ns > time_ns && one.start_ns <= time_ns + kHole_ns);
+  }
+
   /** Lets go of requests that are of no use at `time_ns`. */
   seek(time_ns: number): void {
+    this.position_ns = time_ns;
     for (const [piece, request] of this.requests) {
       const span = pieceSpan(piece);
       if (span.end_ns <= time_ns || span.start_ns > time_ns + 3 * kPiece_ns) request.abort();
@@ -42,6 +58,7 @@ export class PieceFeed {
   /** Keeps pieces coming. */
   pump(position_ns: number, rate: number, now_ms: number): void {
     this.position_ns = position_ns;
+    if (this.queue.length > 0) this.append();
     if (now_ms < this.retryAt_ms) return;
     const wanted = wantedPieces(position_ns, this.recorded, piecesAhead(rate), (piece) => this.have.has(piece));
     for (const piece of wanted) {
@@ -82,7 +99,7 @@ export class PieceFeed {
   private append(): void {
     if (this.closed || this.buffer.updating || this.source.readyState !== 'open') return;
     if (this.evict()) return;
-    const next = this.queue.shift();
+    const next = this.next();
     if (!next) return;
     try {
       this.buffer.appendBuffer(next.bytes);
@@ -90,6 +107,15 @@ export class PieceFeed {
       this.have.delete(next.piece);
       if (!(error instanceof DOMException && error.name === 'QuotaExceededError')) this.tell(error);
     }
+  }
+
+  /** The piece in which the clock stands goes in before all others: without it, what begins a little later would be shown in its place. */
+  private next(): { piece: number; bytes: ArrayBuffer } | undefined {
+    const stands = pieceAt(this.position_ns);
+    const at = this.queue.findIndex((one) => one.piece === stands);
+    if (at >= 0) return this.queue.splice(at, 1)[0];
+    const [urgent] = wantedPieces(this.position_ns, this.recorded, 1, (piece) => this.have.has(piece));
+    return urgent === stands ? undefined : this.queue.shift();
   }
 
   /** Gives back what lies far from the clock. True if that is under way. */
