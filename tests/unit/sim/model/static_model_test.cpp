@@ -157,7 +157,7 @@ json blade_at(double x, double bottom) {
 TEST_F(StaticModelTest, CutsBeforeItSolves) {
   const StaticResult whole = solve(read(model_));
   EXPECT_FALSE(whole.cut_mesh);
-  model_["cuts"] = {blade_at(24, 12)};
+  model_["cuts"] = json::array({blade_at(24, 12)});
   const StaticModel model = read(model_);
   ASSERT_EQ(model.cuts.size(), 1U);
   const StaticResult cut = solve(model);
