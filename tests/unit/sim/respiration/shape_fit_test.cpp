@@ -81,7 +81,21 @@ TEST(ShapeFit, FindsTheMotionThatMadeTheSecondShape) {
   RecordProperty("sliding_mm", std::to_string(1000 * sliding_m));
 }
 
+/// Five fits take minutes there.
+#if defined(__SANITIZE_ADDRESS__)
+constexpr bool kUnderSanitizer = true;
+#elif defined(__has_feature)
+#if __has_feature(address_sanitizer)
+constexpr bool kUnderSanitizer = true;
+#else
+constexpr bool kUnderSanitizer = false;
+#endif
+#else
+constexpr bool kUnderSanitizer = false;
+#endif
+
 TEST(ShapeFit, CrossValidationTellsOfEachPointWhereItWasLeftOut) {
+  if (kUnderSanitizer) GTEST_SKIP() << "takes minutes under the address sanitizer";
   BreathingModel model = test::box_lung_model();
   BreathingModel longer = model;
   for (Vector3& node : longer.mesh.nodes) node.z() *= 1.05;
