@@ -192,7 +192,7 @@ export async function visit(browser: Browser, language = 'en'): Promise<Visitor>
   page.on('pageerror', (error) => problems.push(error.message));
   page.on('console', (message) => {
     // That nobody is signed in yet, that a case was never verified, that a changed segment is not shown, or that what was watched live has ended, is an answer.
-    if (message.type() === 'error' && !/status of (401|404|422)|^WebSocket connection to .* failed/.test(message.text())) problems.push(message.text());
+    if (message.type() === 'error' && !/status of (401|404|422)|^WebSocket connection to .* failed: (HTTP Authentication failed|.*Unexpected response code: 4\d\d)/.test(message.text())) problems.push(message.text());
   });
   page.on('request', (request) => asked.push(request.url()));
   return { context, page, problems, asked };

@@ -56,21 +56,30 @@ TEST_F(PatientOrganTest, OfACtIsHeldAtItsFarEndAndHidesALineByTheRule) {
   EXPECT_EQ(task.damage_pa, 100e3);
 }
 
+constexpr double kForceRateHz = 500;
+
+/// The task, coarse, by a trainee who is shown no stress.
+ExclusionOutcome tried(const ExclusionBody& body, SimulatedTrainee& trainee,
+                       double most_s = ExclusionOptions().most_s) {
+  ExclusionOptions options;
+  options.force_rate_hz = kForceRateHz;
+  options.picture_rate_hz = 10;
+  options.width = 320;
+  options.height = 240;
+  options.most_s = most_s;
+  ExclusionRunner runner(body, options);
+  return runner.run_in_own_time(trainee, [&](const ExclusionView& view) {
+    trainee.see(view, false);
+    return true;
+  });
+}
+
 TEST_F(PatientOrganTest, OfACtIsPushedAsideByASimulatedTrainee) {
   PatientOrgan organ = read_patient_organ(document(R"(, "exclusion": {"damage_pa": 8000})"));
   EXPECT_EQ(organ.task.damage_pa, 8000);
   const ExclusionBody body(std::move(organ.object), organ.task);
-  ExclusionOptions options;
-  options.force_rate_hz = 500;
-  options.picture_rate_hz = 10;
-  options.width = 320;
-  options.height = 240;
-  ExclusionRunner runner(body, options);
-  SimulatedTrainee trainee(body, 3, {}, 1 / options.force_rate_hz, 1);
-  const ExclusionOutcome outcome = runner.run_in_own_time(trainee, [&](const ExclusionView& view) {
-    trainee.see(view, false);
-    return true;
-  });
+  SimulatedTrainee trainee(body, 3, {}, 1 / kForceRateHz, 1);
+  const ExclusionOutcome outcome = tried(body, trainee);
   EXPECT_TRUE(outcome.score.done) << outcome.score.best_visible_share;
   EXPECT_GT(outcome.score.peak_force_n, 0.05);
   EXPECT_GT(measured_force_rate_hz(body, 3), 0);
@@ -100,18 +109,8 @@ TEST_F(PatientOrganTest, TooStiffForASimulatedTraineeIsTriedElsewhereAndGivenUp)
   PatientOrgan organ = read_patient_organ(document(""));
   for (auto& [region, material] : organ.object.materials) material.young_modulus_pa = 1e9;
   const ExclusionBody body(std::move(organ.object), organ.task);
-  ExclusionOptions options;
-  options.force_rate_hz = 500;
-  options.picture_rate_hz = 10;
-  options.width = 320;
-  options.height = 240;
-  options.most_s = 20;
-  ExclusionRunner runner(body, options);
-  SimulatedTrainee trainee(body, 3, {}, 1 / options.force_rate_hz, 1);
-  const ExclusionOutcome outcome = runner.run_in_own_time(trainee, [&](const ExclusionView& view) {
-    trainee.see(view, false);
-    return true;
-  });
+  SimulatedTrainee trainee(body, 3, {}, 1 / kForceRateHz, 1);
+  const ExclusionOutcome outcome = tried(body, trainee, 20);
   EXPECT_FALSE(outcome.score.done);
   EXPECT_GT(trainee.places_tried(), 2);
   EXPECT_EQ(outcome.faults.jumps, 0U);
