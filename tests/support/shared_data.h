@@ -7,12 +7,13 @@
 #include <string>
 
 #include "base/bytes.h"
+#include "tests/support/build_paths.h"
 
 namespace kiroku::test {
 
 /// Below "shared/data" beside the source tree.
 inline std::filesystem::path shared_data(const std::string& relative) {
-  return std::filesystem::path(KIROKU_SOURCE_DIR).parent_path() / "shared" / "data" / relative;
+  return source_folder().parent_path() / "shared" / "data" / relative;
 }
 
 inline Bytes read_whole(const std::filesystem::path& file) {

@@ -1,6 +1,7 @@
 #include <csignal>
 #include <thread>
 
+#include "tests/support/build_paths.h"
 #include "tests/support/mllp_client.h"
 #include "tests/support/reserved_port.h"
 #include "tests/support/worklist_server.h"
@@ -32,7 +33,7 @@ class Daemon : public ProgramTest {
   }
   [[nodiscard]] Process::Options kirokud(const Arguments& arguments = {}) const {
     Process::Options started = options(arguments);
-    started.command.front() = KIROKU_DAEMON_PROGRAM;
+    started.command.front() = built_file("kirokud");
     return started;
   }
   /// Waits until `status` says of the only room what is wanted.

@@ -4,6 +4,7 @@
 #include <map>
 #include <sstream>
 
+#include "tests/support/build_paths.h"
 #include "tests/support/reserved_port.h"
 #include "tests/support/shared_data.h"
 #include "tests/system/program_test.h"
@@ -23,7 +24,7 @@ class Monitors : public ProgramTest {
     return options({"record", "--vitals", source, "--json", "--segment", "1s"});
   }
   [[nodiscard]] ProcessResult play(const Arguments& arguments) const {
-    Arguments command{KIROKU_MLLP_PLAYER};
+    Arguments command{built_file("mllp_player")};
     command.insert(command.end(), arguments.begin(), arguments.end());
     return tool(command);
   }

@@ -2,6 +2,7 @@
 #include <filesystem>
 #include <map>
 
+#include "tests/support/build_paths.h"
 #include "tests/support/shared_data.h"
 #include "tests/support/unpacked.h"
 #include "tests/system/program_test.h"
@@ -278,7 +279,7 @@ TEST_F(PlanProgram, CarriesOutTheWorkedPlans) {
                      folder() / "totalsegmentator.nii.gz");
   for (const char* name : {"liver-retraction", "kidney-opening", "two-finger-exclusion"}) {
     const std::string plan = std::string(name) + ".json";
-    fs::copy_file(fs::path(KIROKU_SOURCE_DIR) / "docs/plans" / plan, folder() / plan);
+    fs::copy_file(source_folder() / "docs/plans" / plan, folder() / plan);
     EXPECT_EQ(kiroku({"plan", "check", plan}).status, 0) << name;
     const ProcessResult ran = kiroku({"plan", "run", plan, "-o", name, "--frames-every", "1", "--json"});
     ASSERT_EQ(ran.status, 0) << ran.err;

@@ -4,6 +4,8 @@
 #include <fstream>
 #include <sstream>
 
+#include "tests/support/build_paths.h"
+
 namespace kiroku::test {
 
 namespace fs = std::filesystem;
@@ -12,7 +14,7 @@ ProgramTest::ProgramTest() = default;
 
 Process::Options ProgramTest::options(const Arguments& arguments) const {
   Process::Options options;
-  options.command = {KIROKU_PROGRAM};
+  options.command = {built_file("kiroku")};
   options.command.insert(options.command.end(), arguments.begin(), arguments.end());
   options.environment = {{"KIROKU_HOME", home().string()},
                          {"KIROKU_PASSPHRASE", {}},

@@ -2,6 +2,7 @@
 #include <set>
 #include <sstream>
 
+#include "tests/support/build_paths.h"
 #include "tests/support/flat_organ_volume.h"
 #include "tests/support/reserved_port.h"
 #include "tests/system/program_test.h"
@@ -109,12 +110,12 @@ TEST_F(Exclusion, AHandOnTheNetworkPlaysARecordedMotion) {
   ASSERT_EQ(push("simulated", "first").status, 0);
   const std::string port = std::to_string(reserved_port());
   Process::Options trainer;
-  trainer.command = {KIROKU_PROGRAM, "train",      "exclusion", "--hand", "udp:" + port, "-o",
-                     path("net"),    "--vertices", "900",       "--size", "160x120",     "--json"};
+  trainer.command = {built_file("kiroku"), "train",      "exclusion", "--hand", "udp:" + port, "-o",
+                     path("net"),          "--vertices", "900",       "--size", "160x120",     "--json"};
   Process runs(trainer);
   // Begins at the first datagram that is heard; those before are lost, as from a hand that is there already.
   Process::Options hand;
-  hand.command = {KIROKU_HAND_PLAYER, path("first/hand.txt"), port};
+  hand.command = {built_file("hand_player"), path("first/hand.txt"), port};
   bool done = false;
   for (int i = 0; i < 20 && !done; ++i) {
     const ProcessResult played = run_process(hand, std::chrono::seconds(60));
@@ -139,11 +140,11 @@ TEST_F(Exclusion, AHandOnTheNetworkPlaysARecordedMotion) {
 
 TEST_F(Exclusion, APluginMovesTheHandAndIsRefusedInWords) {
   const ProcessResult result =
-      push(std::string("plugin:") + KIROKU_EXAMPLE_PLUGIN + ":0.03", "plugged", {"--json"});
+      push("plugin:" + built_file("lifting_finger") + ":0.03", "plugged", {"--json"});
   EXPECT_EQ(result.status, 0) << result.out << result.err;
   EXPECT_EQ(nlohmann::json::parse(result.out)["score"]["done"], true);
   EXPECT_REFUSED(push("plugin:" + path("absent.so"), "x"), "cannot be loaded");
-  EXPECT_REFUSED(push(std::string("plugin:") + KIROKU_EXAMPLE_PLUGIN + ":up", "x"), "'up' is no height");
+  EXPECT_REFUSED(push("plugin:" + built_file("lifting_finger") + ":up", "x"), "'up' is no height");
   EXPECT_REFUSED(push("plugin:", "x"), "names no plug-in");
 }
 
@@ -263,8 +264,8 @@ TEST_F(Training, AnOrganOfACtIsPushedAside) {
   stiff.replace(stiff.find("20000"), 5, "1e9");
   write_text(organ, stiff);
   const ProcessResult doubted = kiroku({"train", "exclusion", "--organ", organ, "--hand",
-                                        std::string("plugin:") + KIROKU_EXAMPLE_PLUGIN + ":0.02", "--fingers",
-                                        "3", "--seconds", "2", "--size", "160x120", "-o", path("bone")});
+                                        "plugin:" + built_file("lifting_finger") + ":0.02", "--fingers", "3",
+                                        "--seconds", "2", "--size", "160x120", "-o", path("bone")});
   EXPECT_EQ(doubted.status, 1) << doubted.out << doubted.err;
   EXPECT_THAT(doubted.err,
               HasSubstr("warning: perhaps nobody can bring the line behind left lobe into sight"));

@@ -1,5 +1,6 @@
 #include <sstream>
 
+#include "tests/support/build_paths.h"
 #include "tests/system/program_test.h"
 
 namespace kiroku::test {
@@ -15,7 +16,7 @@ class Verify : public ProgramTest {
   }
   [[nodiscard]] ProcessResult small_verifier(Arguments arguments) const {
     Process::Options run = options({});
-    run.command = {KIROKU_VERIFY_PROGRAM};
+    run.command = {built_file("kiroku-verify")};
     run.command.insert(run.command.end(), arguments.begin(), arguments.end());
     return run_process(run);
   }
@@ -108,7 +109,7 @@ TEST_F(Verify, MissesACaseThatTheLogDoesNotKnow) {
 
 TEST_F(Verify, SmallProgramNeedsOpensslAndNothingHeavier) {
   if (std::string(KIROKU_SANITIZERS) != "") GTEST_SKIP() << "sanitizers bring libraries of their own";
-  const ProcessResult listed = tool({"ldd", KIROKU_VERIFY_PROGRAM});
+  const ProcessResult listed = tool({"ldd", built_file("kiroku-verify")});
   ASSERT_EQ(listed.status, 0);
   std::istringstream lines(listed.out);
   for (std::string line; std::getline(lines, line);) {

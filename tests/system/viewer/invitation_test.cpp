@@ -6,6 +6,7 @@
 
 #include <boost/system/system_error.hpp>
 
+#include "tests/support/build_paths.h"
 #include "tests/support/reserved_port.h"
 #include "tests/support/socket_client.h"
 #include "tests/system/viewer/served_home.h"
@@ -35,7 +36,7 @@ class Guests : public ServedHome {
                    "\"\n[viewer]\nlisten = \"127.0.0.1:" + std::to_string(port_) + "\"\n");
     ASSERT_NO_FATAL_FAILURE(add_users());
     Process::Options started = options({});
-    started.command = {KIROKU_DAEMON_PROGRAM};
+    started.command = {built_file("kirokud")};
     server_.emplace(started);
     ASSERT_TRUE(server_->wait_for("recording for 2 room"));
     surgeon_ = sign_in("a-surgeon");
@@ -160,7 +161,7 @@ TEST_F(Guests, SeeTheRunningCaseOfTheirRoomUntilTheInvitationIsRevoked) {
 TEST_F(Guests, AreRefusedWhateverElseTheApiHas) {
   const std::string case_id = begin_case();
   const std::string guest = join(invite());
-  const json document = json::parse(read_text(KIROKU_SOURCE_DIR "/viewer/server/openapi.json"));
+  const json document = json::parse(read_text(source_folder() / "viewer/server/openapi.json"));
   int asked = 0;
   for (const auto& [path, methods] : document["paths"].items()) {
     for (const auto& [method, operation] : methods.items()) {

@@ -5,6 +5,7 @@
 #include <csignal>
 
 #include "archive/case_reader.h"
+#include "tests/support/build_paths.h"
 #include "tests/support/decoded_video.h"
 #include "tests/support/https_client.h"
 #include "tests/support/reserved_port.h"
@@ -43,7 +44,7 @@ listen = "127.0.0.1:)" + std::to_string(port_) +
       ASSERT_EQ(run_process(adding).status, 0);
     }
     Process::Options started = options({});
-    started.command = {KIROKU_DAEMON_PROGRAM};
+    started.command = {built_file("kirokud")};
     daemon_.emplace(started);
     ASSERT_TRUE(daemon_->wait_for("recording for 1 room"));
   }
@@ -161,7 +162,7 @@ TEST_F(Live, ConfigurationIsCheckedBeforeAnythingIsRecorded) {
         "[[room]]\nname = \"or-1\"\n[[room.stream]]\nname = \"endoscope\"\nsource = \"synthetic:pattern\"\n" +
             section);
     Process::Options checking = options({});
-    checking.command = {KIROKU_DAEMON_PROGRAM, "--check", "--config", path("checked.toml")};
+    checking.command = {built_file("kirokud"), "--check", "--config", path("checked.toml")};
     const ProcessResult result = run_process(checking);
     return result.status == 0 ? std::string("good") : result.err;
   };

@@ -4,6 +4,7 @@
 
 #include <boost/system/system_error.hpp>
 
+#include "tests/support/build_paths.h"
 #include "tests/support/reserved_port.h"
 #include "tests/support/socket_client.h"
 #include "tests/system/viewer/served_home.h"
@@ -33,7 +34,7 @@ listen = "127.0.0.1:)" + std::to_string(port_) +
                                            "\"\n");
     ASSERT_NO_FATAL_FAILURE(add_users());
     Process::Options started = options({});
-    started.command = {KIROKU_DAEMON_PROGRAM};
+    started.command = {built_file("kirokud")};
     server_.emplace(started);
     ASSERT_TRUE(server_->wait_for("recording for 1 room"));
   }

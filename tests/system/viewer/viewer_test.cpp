@@ -11,6 +11,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include "tests/support/build_paths.h"
 #include "tests/system/viewer/served_home.h"
 
 namespace kiroku::test {
@@ -39,7 +40,7 @@ class Viewer : public ServedHome {
     std::string method, target, right;
   };
   [[nodiscard]] std::vector<Operation> operations(const std::string& case_id) const {
-    const json document = json::parse(read_text(KIROKU_SOURCE_DIR "/viewer/server/openapi.json"));
+    const json document = json::parse(read_text(source_folder() / "viewer/server/openapi.json"));
     std::vector<Operation> out;
     for (const auto& [path, methods] : document["paths"].items()) {
       for (const auto& [method, operation] : methods.items()) {

@@ -5,12 +5,13 @@
 #include <gtest/gtest.h>
 
 #include "archive/finding_codes.h"
+#include "tests/support/build_paths.h"
 
 namespace kiroku::archive {
 namespace {
 
 TEST(FormatPage, ExplainsEveryFindingCode) {
-  std::ifstream in(std::string(KIROKU_SOURCE_DIR) + "/docs/format.md");
+  std::ifstream in(test::source_folder() / "docs/format.md");
   ASSERT_TRUE(in);
   std::stringstream page;
   page << in.rdbuf();

@@ -13,6 +13,7 @@
 #include "sim/cutting/vertex_preserving_cut.h"
 #include "sim/render/vertex_rotations.h"
 #include "tests/support/ball_mesh.h"
+#include "tests/support/build_paths.h"
 
 namespace kiroku::sim {
 namespace {
@@ -592,9 +593,9 @@ constexpr const char* kGoldenRenderer = "llvmpipe (LLVM 15.0.6, 256 bits)";
 void expect_golden(const std::string& name, const Picture& picture) {
   const std::string text = "P6\n" + std::to_string(picture.width) + " " + std::to_string(picture.height) +
                            "\n255\n" + std::string(picture.rgb.begin(), picture.rgb.end());
-  const std::string here = std::string(KIROKU_BINARY_DIR) + "/golden_" + name + ".ppm";
+  const std::string here = test::binary_folder() / ("golden_" + name + ".ppm");
   std::ofstream(here, std::ios::binary) << text;
-  std::ifstream file(std::string(KIROKU_SOURCE_DIR) + "/tests/unit/sim/render/golden/" + name + ".ppm",
+  std::ifstream file(test::source_folder() / "tests/unit/sim/render/golden" / (name + ".ppm"),
                      std::ios::binary);
   const std::string golden{std::istreambuf_iterator<char>(file), {}};
   ASSERT_EQ(golden.size(), text.size())

@@ -7,6 +7,7 @@
 #include <gtest/gtest.h>
 
 #include "base/error.h"
+#include "tests/support/build_paths.h"
 #include "tests/support/temporary_folder.h"
 #include "trainer/hand/safe_device.h"
 
@@ -20,7 +21,7 @@ using testing::HasSubstr;
 constexpr double kPeriod = 1e-3;
 
 std::filesystem::path plugin(const std::string& name) {
-  return std::filesystem::path(KIROKU_PLUGINS) / (name + ".so");
+  return std::filesystem::path(test::built_file("lifting_finger")).replace_filename(name + ".so");
 }
 
 std::string refusal(const std::filesystem::path& library, const std::string& argument = "") {
