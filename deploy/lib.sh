@@ -14,6 +14,44 @@ is_there() {
   esac
 }
 
+# alive WHAT: passes lines on; where none comes for eight seconds it says that WHAT goes on, so that nobody waits before a silent screen.
+alive() {
+  local what=$1 line part='' status began=$SECONDS
+  while true; do
+    if IFS= read -r -t 8 line; then
+      printf '%s\n' "$part$line"
+      part=
+    else
+      status=$?
+      part+=$line
+      ((status > 128)) || break
+      printf '   ... %s: %d s\n' "$what" $((SECONDS - began))
+    fi
+  done
+  [[ -z $part ]] || printf '%s\n' "$part"
+}
+
+# counted WHAT: reads ninja's or apt's lines and shows every few seconds how far they are: one line on a terminal, a line each elsewhere.
+counted() {
+  local what=$1 line status count='' began=$SECONDS shown=$SECONDS end='\n'
+  [[ ! -t 1 ]] || end='\r'
+  while true; do
+    status=0
+    IFS= read -r -t 5 line || status=$?
+    ((status == 0 || status > 128)) || break
+    if [[ $line =~ ^\[([0-9]+)/([0-9]+)\] ]]; then
+      count=" ${BASH_REMATCH[1]} of ${BASH_REMATCH[2]}"
+    elif [[ $line =~ ^(Unpacking|Setting\ up)\ ([^ ]+) ]]; then
+      count=" ${BASH_REMATCH[1],} ${BASH_REMATCH[2]}"
+    fi
+    if ((SECONDS - shown >= 5)); then
+      shown=$SECONDS
+      printf "   %s:%s, %d s        $end" "$what" "$count" $((SECONDS - began))
+    fi
+  done
+  [[ ! -t 1 ]] || printf '\r%*s\r' 78 ''
+}
+
 # install_missing GROUP...: installs the packages of deploy/dependencies that are not there yet, and says which.
 install_missing() {
   command -v dpkg-query >/dev/null || die "this is not a Debian system; install what deploy/dependencies lists by hand, then run cmake --preset release"
@@ -34,20 +72,24 @@ install_missing() {
   fi
   local log
   log=$(mktemp)
-  if ! { "${sudo[@]}" apt-get update && "${sudo[@]}" env DEBIAN_FRONTEND=noninteractive apt-get install -y --no-install-recommends "${missing[@]}"; } >"$log" 2>&1; then
+  if ! { "${sudo[@]}" apt-get update && "${sudo[@]}" env DEBIAN_FRONTEND=noninteractive apt-get install -y --no-install-recommends "${missing[@]}"; } 2>&1 |
+    tee "$log" | counted "installing"; then
     tail -20 "$log" >&2
     die "installing failed; the whole output is in $log"
   fi
   rm -f "$log"
 }
 
-# build PRESET TARGET...: configures and builds quietly; on failure shows what the compiler said.
+# build PRESET TARGET...: configures and builds, and counts the objects meanwhile; on failure shows what the compiler said. What KIROKU_CMAKE_OPTIONS holds
+# goes to CMake.
 build() {
   local preset=$1 log targets=()
   shift
   (($# == 0)) || targets=(--target "$@")
   log=$(mktemp)
-  if ! { cd "$root" && cmake --preset "$preset" && cmake --build --preset "$preset" "${targets[@]}"; } >"$log" 2>&1; then
+  # shellcheck disable=SC2086 # several options
+  if ! { cd "$root" && cmake --preset "$preset" ${KIROKU_CMAKE_OPTIONS-} && cmake --build --preset "$preset" "${targets[@]}"; } 2>&1 |
+    tee "$log" | counted "building"; then
     grep -E -A5 'error|Error|FAILED' "$log" | head -60 >&2
     die "building preset '$preset' failed; the whole output is in $log"
   fi
@@ -60,7 +102,7 @@ run_tests() {
   local preset=$1 report
   shift
   report=$(mktemp)
-  (cd "$root" && ctest --preset "$preset" --output-junit "$report" "$@") || true
+  (cd "$root" && ctest --preset "$preset" --output-junit "$report" "$@") | alive "tests go on" || true
   local tests failures skips
   tests=$(sed -n 's/.*[ \t]tests="\([0-9]*\)".*/\1/p' "$report" | head -1)
   failures=$(sed -n 's/.*[ \t]failures="\([0-9]*\)".*/\1/p' "$report" | head -1)
@@ -69,6 +111,16 @@ run_tests() {
   [[ -n $tests && $tests -gt 0 ]] || die "CTest ran no test of preset '$preset'"
   passed=$((passed + tests - failures - skips)) failed=$((failed + failures)) skipped=$((skipped + skips))
 }
+
+# minutes WHAT: how long WHAT took since the last call, so that a log shows where the time goes.
+stage_began=$SECONDS
+minutes() {
+  printf '   %s: %d min %02d s\n' "$1" $(((SECONDS - stage_began) / 60)) $(((SECONDS - stage_began) % 60))
+  stage_began=$SECONDS
+}
+
+# help_of FILE: prints the comment at the head of a script, without the line of the interpreter.
+help_of() { sed -n '2,/^[^#]/{s/^# \{0,1\}//p}' "$1"; }
 
 # tally: the closing line; fails if a test did.
 tally() {

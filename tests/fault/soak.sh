@@ -7,7 +7,7 @@ set -euo pipefail
 root=$(cd "$(dirname "${BASH_SOURCE[0]}")/../.." && pwd)
 kiroku=${KIROKU:-$root/build/release/apps/kiroku}
 hours=${1:-24} cases=${2:-200}
-for program in "$kiroku"; do [[ -x $program ]] || { echo "no program at $program: run deploy/test first" >&2; exit 2; }; done
+[[ -x $kiroku ]] || { echo "no program at $kiroku: run deploy/test first" >&2; exit 2; }
 for tool in jq curl; do command -v $tool >/dev/null || { echo "SKIPPED: $tool is not installed"; exit 77; }; done
 scratch=$(mktemp -d "${TMPDIR:-/tmp}/kiroku-soak.XXXXXX")
 export KIROKU_HOME=$scratch/home

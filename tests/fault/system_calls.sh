@@ -24,7 +24,8 @@ done
 for tool in strace jq; do command -v $tool >/dev/null || { echo "$tool is not installed" >&2; exit 77; }; done
 memory=/dev/shm
 [[ -d $memory ]] || memory=${TMPDIR:-/tmp}
-export scratch=$(mktemp -d "$memory/kiroku-fault.XXXXXX") keep
+scratch=$(mktemp -d "$memory/kiroku-fault.XXXXXX")
+export scratch keep
 trap 'rm -rf "$scratch"' EXIT
 strace -qq -o /dev/null -e inject=fsync:error=EIO true 2>/dev/null || { echo "strace cannot trace here (ptrace is not permitted)" >&2; exit 77; }
 [[ -z $keep ]] || mkdir -p "$keep"

@@ -9,7 +9,7 @@ set -euo pipefail
 root=$(cd "$(dirname "${BASH_SOURCE[0]}")/../.." && pwd)
 kiroku=${KIROKU:-$root/build/release/apps/kiroku}
 steps=${1:-20}
-for program in "$kiroku"; do [[ -x $program ]] || { echo "no program at $program: run deploy/test first" >&2; exit 2; }; done
+[[ -x $kiroku ]] || { echo "no program at $kiroku: run deploy/test first" >&2; exit 2; }
 command -v jq >/dev/null || { echo "SKIPPED: jq is not installed"; exit 77; }
 library=$(find /usr/lib -name libfaketimeMT.so.1 2>/dev/null | head -1)
 [[ -n $library ]] || { echo "SKIPPED: faketime is not installed"; exit 77; }

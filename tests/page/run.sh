@@ -1,13 +1,19 @@
 #!/usr/bin/env bash
-# Runs tests of the viewer's page: run.sh unit|page|long STAGE PAGE SOURCE [KIROKU KIROKUD [VITEST OPTION...]]. Leaves with 77 where the page was not built, or no browser is there.
+# Runs tests of the viewer's page: run.sh unit|page|long STAGE PAGE SOURCE [KIROKU KIROKUD [VITEST OPTION...]]. Leaves with 77 where the page was not built, or
+# no browser is there; with 1 where KIROKU_PAGE_REQUIRED is set, as in continuous integration.
 set -euo pipefail
 project=$1 stage=$2
 export KIROKU_PAGE=$3 KIROKU_SOURCE_DIR=$4 KIROKU_PROGRAM=${5:-} KIROKU_DAEMON_PROGRAM=${6:-}
 
-[[ -x $stage/node_modules/.bin/vitest && -f $KIROKU_PAGE/index.html ]] || { echo "skipped: the page was not built (see viewer/web/build.sh)"; exit 77; }
+missing() {
+  [[ -z ${KIROKU_PAGE_REQUIRED-} ]] || { echo "failed, because KIROKU_PAGE_REQUIRED is set: $1" >&2; exit 1; }
+  echo "skipped: $1"
+  exit 77
+}
+[[ -x $stage/node_modules/.bin/vitest && -f $KIROKU_PAGE/index.html ]] || missing "the page was not built (see viewer/web/build.sh)"
 options=()
 if [[ $project != unit ]]; then
-  KIROKU_BROWSER=$(command -v chromium) || { echo "skipped: chromium is not installed"; exit 77; }
+  KIROKU_BROWSER=$(command -v chromium) || missing "chromium is not installed"
   export KIROKU_BROWSER
   options+=(--no-file-parallelism --bail 8)
 fi
