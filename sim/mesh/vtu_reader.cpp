@@ -3,11 +3,10 @@
 #include <algorithm>
 #include <charconv>
 #include <cmath>
-#include <optional>
+#include <pugixml.hpp>
 
 #include "base/error.h"
 #include "sim/fem/number_text.h"
-#include "sim/mesh/mesh_cursor.h"
 #include "sim/mesh/mesh_reader.h"
 
 namespace kiroku::sim {
@@ -17,82 +16,67 @@ constexpr double kTetrahedronType = 10;
 /// What nodes of the same mesh may differ by, of its longest side: files are written with rounded numbers.
 constexpr double kSamePlace = 1e-5;
 
-/// The value of NAME="..." in a tag.
-std::optional<std::string_view> attribute(std::string_view tag, std::string_view name) {
-  const std::string begin = " " + std::string(name) + "=";
-  const std::size_t at = tag.find(begin);
-  if (at == std::string_view::npos || at + begin.size() >= tag.size()) return std::nullopt;
-  const char quote = tag[at + begin.size()];
-  if (quote != '"' && quote != '\'') return std::nullopt;
-  const std::size_t from = at + begin.size() + 1, to = tag.find(quote, from);
-  if (to == std::string_view::npos) return std::nullopt;
-  return tag.substr(from, to - from);
-}
-
-bool is_element(std::string_view tag, std::string_view name) {
-  return tag.starts_with(name) && (tag.size() == name.size() || tag[name.size()] == ' ' ||
-                                   tag[name.size()] == '\n' || tag[name.size()] == '/');
-}
-
 class VtuReader {
  public:
-  VtuReader(std::string_view text, const std::string& name)
-      : cursor_(text, name), vtk_(text.find("<VTKFile") != std::string_view::npos) {}
+  VtuReader(std::string_view text, const std::string& name) : text_(text), name_(name) {}
 
   VtuFile read(LengthUnit unit) {
-    find_grid();
-    while (true) {
-      const std::string_view tag = next_tag();
-      if (is_element(tag, "/Piece")) break;
-      if (is_element(tag, "PointData")) read_arrays("/PointData", tag, points_, file_.point_data);
-      if (is_element(tag, "CellData")) read_arrays("/CellData", tag, cells_, file_.cell_data);
-      if (is_element(tag, "Points")) read_points(unit);
-      if (is_element(tag, "Cells")) read_cells();
-    }
-    finish();
+    const pugi::xml_node piece = find_piece();
+    points_ = count_of(piece, "NumberOfPoints");
+    cells_ = count_of(piece, "NumberOfCells");
+    read_arrays(piece.child("PointData"), points_, file_.point_data);
+    read_arrays(piece.child("CellData"), cells_, file_.cell_data);
+    read_points(piece.child("Points"), unit);
+    read_cells(piece.child("Cells"));
+    read_regions(piece);
     return std::move(file_);
   }
 
  private:
-  std::string_view next_tag() {
-    cursor_.until("<");
-    return cursor_.until(">");
+  [[noreturn]] void fail_at(std::ptrdiff_t offset, const std::string& sentence) const {
+    const auto end = text_.begin() + std::clamp<std::ptrdiff_t>(offset, 0, std::ssize(text_));
+    throw Error("cannot read " + name_ + ", line " +
+                std::to_string(1 + std::count(text_.begin(), end, '\n')) + ": " + sentence);
+  }
+  [[noreturn]] void fail(const pugi::xml_node& node, const std::string& sentence) const {
+    fail_at(node.offset_debug(), sentence);
   }
 
-  std::size_t count_of(std::string_view tag, std::string_view name) {
-    const std::string_view text = attribute(tag, name).value_or("");
+  pugi::xml_node find_piece() {
+    const pugi::xml_parse_result parsed = document_.load_buffer(text_.data(), text_.size());
+    const pugi::xml_node file = document_.child("VTKFile"), grid = file.child("UnstructuredGrid");
+    if (!file) fail_at(parsed.offset, "it is no VTK file: it has no <VTKFile>");
+    if (!parsed && text_.find("<AppendedData") != std::string_view::npos) {
+      fail_at(parsed.offset, "its arrays are not in text form: write the file as text (ASCII)");
+    }
+    if (!parsed) fail_at(parsed.offset, std::string("it is no XML: ") + parsed.description());
+    const pugi::xml_node piece = grid.child("Piece");
+    if (!piece) fail(file, "it holds no unstructured grid");
+    if (const pugi::xml_node second = piece.next_sibling("Piece")) {
+      fail(second, "its grid is in several pieces: write it as one");
+    }
+    return piece;
+  }
+
+  [[nodiscard]] std::size_t count_of(const pugi::xml_node& node, const char* name) const {
+    const std::string_view text = node.attribute(name).value();
     std::size_t count = 0;
     const auto [end, failure] = std::from_chars(text.data(), text.data() + text.size(), count);
     if (text.empty() || failure != std::errc() || end != text.data() + text.size()) {
-      cursor_.fail(std::string(name) + " of <" + std::string(tag.substr(0, tag.find(' '))) + "> is '" +
-                   std::string(text) + "', which is no count");
+      fail(node,
+           std::string(name) + " of <" + node.name() + "> is '" + std::string(text) + "', which is no count");
     }
     return count;
   }
 
-  void find_grid() {
-    if (!vtk_) cursor_.fail("it is no VTK file: it has no <VTKFile>");
-    bool grid = false;
-    while (true) {
-      const std::string_view tag = next_tag();
-      grid = grid || is_element(tag, "UnstructuredGrid");
-      if (is_element(tag, "Piece")) {
-        if (!grid) cursor_.fail("it holds no unstructured grid");
-        points_ = count_of(tag, "NumberOfPoints");
-        cells_ = count_of(tag, "NumberOfCells");
-        return;
-      }
-    }
-  }
-
-  VtuArray read_array(std::string_view tag, std::size_t items) {
+  [[nodiscard]] VtuArray read_array(const pugi::xml_node& node, std::size_t items) const {
     VtuArray array;
-    const std::string name(attribute(tag, "Name").value_or("without a name"));
-    if (attribute(tag, "format").value_or("") != "ascii") {
-      cursor_.fail("the array '" + name + "' is not in text form: write the file as text (ASCII)");
+    const std::string name = node.attribute("Name").as_string("without a name");
+    if (std::string_view(node.attribute("format").value()) != "ascii") {
+      fail(node, "the array '" + name + "' is not in text form: write the file as text (ASCII)");
     }
-    if (attribute(tag, "NumberOfComponents")) array.components = count_of(tag, "NumberOfComponents");
-    const std::string_view body = cursor_.until("</DataArray>");
+    if (node.attribute("NumberOfComponents")) array.components = count_of(node, "NumberOfComponents");
+    const std::string_view body = node.child_value();
     // Every number takes two bytes at least, so that a count cannot ask for more than the file holds.
     array.values.reserve(body.size() / 2 + 1);
     const char *at = body.data(), *const end = at + body.size();
@@ -102,8 +86,8 @@ class VtuReader {
       double value = 0;
       const auto [next, failure] = std::from_chars(at, end, value);
       if (failure != std::errc() || !std::isfinite(value)) {
-        cursor_.fail("value " + std::to_string(array.values.size()) + " of the array '" + name +
-                     "' is no finite number");
+        fail(node, "value " + std::to_string(array.values.size()) + " of the array '" + name +
+                       "' is no finite number");
       }
       array.values.push_back(value);
       at = next;
@@ -111,55 +95,51 @@ class VtuReader {
     array.values.shrink_to_fit();
     if (items != kAnyCount && (array.components == 0 || array.values.size() % array.components != 0 ||
                                array.values.size() / array.components != items)) {
-      cursor_.fail("the array '" + name + "' has " + std::to_string(array.values.size()) + " values, not " +
-                   std::to_string(array.components) + " for each of " + std::to_string(items));
+      fail(node, "the array '" + name + "' has " + std::to_string(array.values.size()) + " values, not " +
+                     std::to_string(array.components) + " for each of " + std::to_string(items));
     }
     return array;
   }
 
-  void read_arrays(std::string_view closing, std::string_view opening, std::size_t items,
-                   std::map<std::string, VtuArray>& into) {
-    if (opening.ends_with("/")) return;
-    for (std::string_view tag = next_tag(); !is_element(tag, closing); tag = next_tag()) {
-      if (is_element(tag, "DataArray")) {
-        const std::string name(attribute(tag, "Name").value_or(""));
-        into[name] = read_array(tag, items);
-      }
+  void read_arrays(const pugi::xml_node& parent, std::size_t items,
+                   std::map<std::string, VtuArray>& into) const {
+    for (const pugi::xml_node& node : parent.children("DataArray")) {
+      into[node.attribute("Name").value()] = read_array(node, items);
     }
   }
 
-  void read_points(LengthUnit unit) {
-    for (std::string_view tag = next_tag(); !is_element(tag, "/Points"); tag = next_tag()) {
-      if (!is_element(tag, "DataArray")) continue;
-      const VtuArray array = read_array(tag, points_);
-      if (array.components != 3) cursor_.fail("its points have not three coordinates");
-      const double units = units_per_metre(unit);
-      file_.mesh.nodes.clear();
-      for (std::size_t at = 0; at < array.values.size(); at += 3) {
-        file_.mesh.nodes.emplace_back(Vector3(array.values[at], array.values[at + 1], array.values[at + 2]) /
-                                      units);
-      }
+  void read_points(const pugi::xml_node& parent, LengthUnit unit) {
+    const pugi::xml_node node = parent.child("DataArray");
+    if (!node) fail(parent, "it has no points");
+    const VtuArray array = read_array(node, points_);
+    if (array.components != 3) fail(node, "its points have not three coordinates");
+    const double units = units_per_metre(unit);
+    for (std::size_t at = 0; at < array.values.size(); at += 3) {
+      file_.mesh.nodes.emplace_back(Vector3(array.values[at], array.values[at + 1], array.values[at + 2]) /
+                                    units);
     }
   }
 
-  void read_cells() {
+  void read_cells(const pugi::xml_node& parent) {
     std::map<std::string, VtuArray> arrays;
-    read_arrays("/Cells", "", kAnyCount, arrays);
+    read_arrays(parent, kAnyCount, arrays);
     const std::vector<double>&connectivity = arrays["connectivity"].values,
           &offsets = arrays["offsets"].values, &types = arrays["types"].values;
-    if (offsets.size() != cells_ || types.size() != cells_)
-      cursor_.fail("not every cell has offset and type");
+    if (offsets.size() != cells_ || types.size() != cells_) {
+      fail(parent, "not every cell has offset and type");
+    }
+    if (cells_ == 0) fail(parent, "it has no tetrahedra");
     for (std::size_t cell = 0; cell < cells_; ++cell) {
       if (types[cell] != kTetrahedronType || offsets[cell] != 4 * static_cast<double>(cell + 1) ||
           connectivity.size() < 4 * (cell + 1)) {
-        cursor_.fail("cell " + std::to_string(cell) + " is no 4-node tetrahedron");
+        fail(parent, "cell " + std::to_string(cell) + " is no 4-node tetrahedron");
       }
       Tetrahedron corners{};
       for (std::size_t i = 0; i < 4; ++i) {
         const double node = connectivity[4 * cell + i];
         if (!(node >= 0 && node < static_cast<double>(points_)) || node != std::floor(node)) {
-          cursor_.fail("cell " + std::to_string(cell) + " names node " + number_text(node) + " of " +
-                       std::to_string(points_));
+          fail(parent, "cell " + std::to_string(cell) + " names node " + number_text(node) + " of " +
+                           std::to_string(points_));
         }
         corners[i] = static_cast<std::uint32_t>(node);
       }
@@ -167,24 +147,23 @@ class VtuReader {
     }
   }
 
-  void finish() {
-    if (file_.mesh.nodes.size() != points_) cursor_.fail("it has no points");
-    if (file_.mesh.tetrahedra.empty()) cursor_.fail("it has no tetrahedra");
+  void read_regions(const pugi::xml_node& piece) {
     file_.mesh.regions.assign(cells_, 0);
     const auto region = file_.cell_data.find("region");
     if (region == file_.cell_data.end()) return;
     for (std::size_t cell = 0; cell < cells_; ++cell) {
       const double value = region->second.values[cell];
       if (region->second.components != 1 || value != std::floor(value) || std::abs(value) > 2e9) {
-        cursor_.fail("the region of cell " + std::to_string(cell) + " is no whole number");
+        fail(piece.child("CellData"), "the region of cell " + std::to_string(cell) + " is no whole number");
       }
       file_.mesh.regions[cell] = static_cast<std::int32_t>(value);
     }
   }
 
   static constexpr std::size_t kAnyCount = ~std::size_t{0};
-  MeshCursor cursor_;
-  bool vtk_;
+  std::string_view text_;
+  const std::string& name_;
+  pugi::xml_document document_;
   VtuFile file_;
   std::size_t points_ = 0, cells_ = 0;
 };

@@ -65,8 +65,32 @@ TEST_F(VtuReaderTest, RefusesInASentence) {
   EXPECT_THAT(refusal("-3 ", "nan "), HasSubstr("value 0 of the array 'displacement' is no finite number"));
   EXPECT_THAT(refusal("-3 ", ""), HasSubstr("the array 'displacement' has 35 values, not 3 for each of 12"));
   EXPECT_THAT(refusal("format=\"ascii\"", "format=\"appended\""), HasSubstr("not in text form"));
-  EXPECT_THAT(refusal("</Piece>", ""), HasSubstr("there is no < after this"));
+  EXPECT_THAT(refusal("</Piece>", ""), HasSubstr("line 112: it is no XML: Start-end tags mismatch"));
   EXPECT_THAT(refusal("NumberOfPoints=\"12\"", "NumberOfPoints=\"-1\""), HasSubstr("which is no count"));
+}
+
+TEST_F(VtuReaderTest, ReadsAsXmlAllows) {
+  std::string changed = text();
+  const auto replace = [&](const std::string& from, const std::string& to) {
+    const std::size_t at = changed.find(from);
+    ASSERT_NE(at, std::string::npos) << from;
+    changed.replace(at, from.size(), to);
+  };
+  replace("<Piece ", "<!-- <Piece NumberOfPoints='1'> -->\n<Piece\t");
+  replace("<DataArray ", "<DataArray\n\t");
+  replace("Name=\"displacement\"", "Name = 'displacement'");
+  const VtuFile file = parse_vtu(changed, "u.vtu", LengthUnit::kMillimetre);
+  EXPECT_EQ(file.mesh.tetrahedra, mesh_.tetrahedra);
+  EXPECT_EQ(file.point_data.at("displacement").values, displacement_);
+}
+
+TEST_F(VtuReaderTest, RefusesSeveralPieces) {
+  EXPECT_THAT(refusal("</Piece>", "</Piece><Piece/>"), HasSubstr("in several pieces"));
+}
+
+TEST_F(VtuReaderTest, RefusesRawAppendedData) {
+  EXPECT_THAT(refusal("</VTKFile>", "<AppendedData encoding=\"raw\">_\x01<\x02</AppendedData></VTKFile>"),
+              HasSubstr("not in text form"));
 }
 
 TEST_F(VtuReaderTest, RefusesAnotherMesh) {
