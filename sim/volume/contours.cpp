@@ -1,22 +1,20 @@
 #include "sim/volume/contours.h"
 
 #include <algorithm>
+#include <charconv>
 #include <cmath>
 #include <fstream>
 #include <map>
+#include <optional>
+#include <pugixml.hpp>
 #include <set>
 #include <sstream>
 #include <unordered_map>
-
-#include <boost/property_tree/ptree.hpp>
-#include <boost/property_tree/xml_parser.hpp>
 
 #include "base/error.h"
 
 namespace kiroku::sim {
 namespace {
-
-using boost::property_tree::ptree;
 
 std::string trimmed(const std::string& text) {
   constexpr const char* kSpace = " \t\r\n";
@@ -24,14 +22,23 @@ std::string trimmed(const std::string& text) {
   return begin == std::string::npos ? "" : text.substr(begin, text.find_last_not_of(kSpace) - begin + 1);
 }
 
-Contour contour_of(const ptree& roi, const std::string& name) {
+/// A whole number and nothing else.
+std::optional<int> whole_number(const pugi::xml_node& node) {
+  const std::string text = trimmed(node.child_value());
+  int value = 0;
+  const auto [end, failure] = std::from_chars(text.data(), text.data() + text.size(), value);
+  if (text.empty() || failure != std::errc() || end != text.data() + text.size()) return std::nullopt;
+  return value;
+}
+
+Contour contour_of(const pugi::xml_node& roi, const std::string& name) {
   Contour contour;
-  contour.instance_uid = trimmed(roi.get<std::string>("imageSOP_UID", ""));
+  contour.instance_uid = trimmed(roi.child_value("imageSOP_UID"));
   if (contour.instance_uid.empty()) throw Error("cannot read " + name + ": a contour has no imageSOP_UID");
-  contour.inclusion = trimmed(roi.get<std::string>("inclusion", "TRUE")) != "FALSE";
-  for (const auto& [key, point] : roi) {
-    if (key != "edgeMap") continue;
-    const auto column = point.get_optional<int>("xCoord"), row = point.get_optional<int>("yCoord");
+  contour.inclusion = trimmed(roi.child_value("inclusion")) != "FALSE";
+  for (const pugi::xml_node& point : roi.children("edgeMap")) {
+    const std::optional<int> column = whole_number(point.child("xCoord")),
+                             row = whole_number(point.child("yCoord"));
     if (!column || !row) {
       throw Error("cannot read " + name + ": a point of the contour on " + contour.instance_uid +
                   " has no whole xCoord and yCoord");
@@ -95,24 +102,20 @@ std::vector<std::array<int, 2>> pixels_within(const std::vector<std::array<int, 
 }  // namespace
 
 ContourFile parse_contours(const std::string& xml, const std::string& name) {
-  ptree document;
-  try {
-    std::istringstream in(xml);
-    boost::property_tree::read_xml(in, document);
-  } catch (const boost::property_tree::xml_parser_error& error) {
-    throw Error("cannot read " + name + ", line " + std::to_string(error.line()) + ": " + error.message());
+  pugi::xml_document document;
+  const pugi::xml_parse_result parsed = document.load_buffer(xml.data(), xml.size());
+  if (!parsed) {
+    const auto line = 1 + std::count(xml.begin(), xml.begin() + parsed.offset, '\n');
+    throw Error("cannot read " + name + ", line " + std::to_string(line) + ": " + parsed.description());
   }
-  const auto root = document.get_child_optional("LidcReadMessage");
+  const pugi::xml_node root = document.child("LidcReadMessage");
   if (!root) throw Error("cannot read " + name + ": it is no LidcReadMessage");
   ContourFile file;
-  file.series_uid = trimmed(root->get<std::string>("ResponseHeader.SeriesInstanceUid", ""));
-  for (const auto& [session_key, session] : *root) {
-    if (session_key != "readingSession") continue;
+  file.series_uid = trimmed(root.child("ResponseHeader").child_value("SeriesInstanceUid"));
+  for (const pugi::xml_node& session : root.children("readingSession")) {
     Reading& reading = file.readings.emplace_back();
-    for (const auto& [nodule_key, nodule] : session) {
-      if (nodule_key != "unblindedReadNodule") continue;
-      for (const auto& [roi_key, roi] : nodule) {
-        if (roi_key != "roi") continue;
+    for (const pugi::xml_node& nodule : session.children("unblindedReadNodule")) {
+      for (const pugi::xml_node& roi : nodule.children("roi")) {
         Contour contour = contour_of(roi, name);
         if (contour.points.size() < 2) {
           ++file.points_alone;
