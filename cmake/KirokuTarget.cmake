@@ -19,7 +19,10 @@ endif()
 function(kiroku_configure target)
   target_include_directories(${target} PUBLIC "${PROJECT_SOURCE_DIR}")
   target_compile_options(${target} PRIVATE -Wall -Wextra -Wpedantic -Wshadow -Wconversion -Wsign-conversion -Wnon-virtual-dtor
-                                           -Woverloaded-virtual -Werror)
+                                           -Woverloaded-virtual)
+  if(KIROKU_WERROR)
+    target_compile_options(${target} PRIVATE -Werror)
+  endif()
   # GCC 12 takes moved-from variants and optionals for uninitialised memory when it optimises (GCC bug 105562 and kin).
   if(CMAKE_CXX_COMPILER_ID STREQUAL "GNU")
     target_compile_options(${target} PRIVATE -Wno-maybe-uninitialized)
