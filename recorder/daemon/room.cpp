@@ -154,7 +154,7 @@ struct Room::State {
       running = std::make_shared<Session>(std::move(options));
     } catch (const std::exception& error) {
       back_off();
-      tell_problem(std::string("nothing can be recorded ahead: ") + error.what());
+      tell_problem("nothing can be recorded ahead: " + std::string(error.what()) + next_try());
       return;
     }
     {
@@ -188,9 +188,13 @@ struct Room::State {
       status.session = now;
       if (request) {
         taken = std::move(request);
-      } else if (schedule_wants_a_case() || signal_wants_a_case(now)) {
-        taken = std::make_unique<Request>();
-        taken->reason = schedule_wants_a_case() ? "schedule" : "signal";
+      } else {
+        const bool scheduled = schedule_wants_a_case(), signalled = signal_wants_a_case(now);
+        // After a failure the rules wait; a person may try at once.
+        if ((scheduled || signalled) && Clock::now() >= not_before) {
+          taken = std::make_unique<Request>();
+          taken->reason = scheduled ? "schedule" : "signal";
+        }
       }
     }
     if (!taken) {
@@ -201,7 +205,8 @@ struct Room::State {
     try {
       id = running.begin(subject_of(*taken), taken->sealed_plan);
     } catch (const std::exception& error) {
-      tell_problem(std::string("no case could be begun: ") + error.what());
+      back_off();
+      tell_problem("no case could be begun: " + std::string(error.what()) + next_try());
       taken->begun.set_exception(std::current_exception());
       return "";
     }
@@ -290,6 +295,11 @@ struct Room::State {
     not_before = Clock::now() + pause;
   }
 
+  [[nodiscard]] std::string next_try() const {
+    return "; the next try is in " +
+           std::to_string(std::chrono::duration_cast<std::chrono::seconds>(pause).count()) + " s";
+  }
+
   /// One case from its beginning to its end.
   void record(Request& asked) {
     set_state(RoomState::kStarting, asked.reason);
@@ -322,7 +332,7 @@ struct Room::State {
 
   void refuse_start(Request& asked, const std::string& why) {
     back_off();
-    tell_problem("no case could be begun: " + why);
+    tell_problem("no case could be begun: " + why + (plan.rules.schedule.empty() ? "" : next_try()));
     set_state(RoomState::kIdle, "");
     asked.begun.set_exception(std::current_exception());
   }
@@ -391,17 +401,23 @@ struct Room::State {
   }
 
   void end_badly(const std::string& why) {
-    std::string id;
+    std::string sentence;
     {
       const std::lock_guard guard(mutex);
+      // What was recorded ahead is no case, and the case before it was closed.
+      const bool ahead = status.state == RoomState::kStandby;
       session.reset();
       status.state = RoomState::kIdle;
-      status.reason = "error: " + why;
-      id = status.case_id;
-      ++status.cases;
       back_off();
+      if (ahead) {
+        sentence = "recording ahead ended: " + why + next_try();
+      } else {
+        status.reason = "error: " + why;
+        ++status.cases;
+        sentence = "case " + status.case_id + " could not be closed: " + why;
+      }
     }
-    tell_problem("case " + id + " could not be closed: " + why);
+    tell_problem(sentence);
     changed.notify_all();
   }
 

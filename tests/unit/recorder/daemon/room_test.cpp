@@ -10,6 +10,7 @@
 
 #include "archive/standby_folder.h"
 #include "base/error.h"
+#include "tests/support/fault_file_system.h"
 #include "tests/support/recording.h"
 
 namespace kiroku::recorder {
@@ -63,6 +64,11 @@ class RoomTest : public testing::Test {
   [[nodiscard]] std::size_t closed() {
     const std::lock_guard guard(mutex);
     return results.size();
+  }
+
+  [[nodiscard]] std::size_t told() {
+    const std::lock_guard guard(mutex);
+    return warnings.size();
   }
 
   const RecorderBench bench;
@@ -342,6 +348,53 @@ TEST_F(RoomTest, TellsWhyNoCaseCouldBeBegun) {
   EXPECT_THROW(room.start("operator"), Error);
   EXPECT_EQ(room.status().state, RoomState::kIdle);
   EXPECT_THAT(room.status().problem, HasSubstr("no-such-folder"));
+}
+
+TEST_F(RoomTest, WaitsLongerAfterEachCaseThatTheScheduleCouldNotBegin) {
+  test::FaultFileSystem faults(bench.options().archive);
+  faults.fail("make_folder .new-", EIO);  // a case's folder, before it has its name
+  RoomPlan scheduled = plan({kCamera});
+  scheduled.session.files = &faults;
+  scheduled.rules.pre_roll = 1s;
+  scheduled.rules.schedule = Schedule::parse({"daily 00:00-24:00"});
+  Room room(std::move(scheduled), listener());
+  ASSERT_TRUE(within(20s, [&] { return told() >= 2; }));
+  const std::lock_guard guard(mutex);
+  EXPECT_THAT(warnings[0], AllOf(HasSubstr("no case could be begun"), HasSubstr("the next try is in 1 s")));
+  EXPECT_THAT(warnings[1], AllOf(HasSubstr("no case could be begun"), HasSubstr("the next try is in 2 s")));
+}
+
+TEST_F(RoomTest, APersonNeedNotWaitForTheNextTry) {
+  test::FaultFileSystem faults(bench.options().archive);
+  faults.fail("make_folder .new-", EIO);
+  RoomPlan ahead = plan({kCamera});
+  ahead.session.files = &faults;
+  ahead.rules.pre_roll = 1s;
+  Room room(std::move(ahead), listener());
+  ASSERT_TRUE(within(20s, [&] { return room.status().state == RoomState::kStandby; }));
+  EXPECT_THROW(room.start("operator"), Error);
+  faults.heal();
+  EXPECT_FALSE(room.start("operator").empty());
+  room.stop("operator", true);
+}
+
+TEST_F(RoomTest, RecordingAheadThatFailsIsNoCase) {
+  test::FaultFileSystem faults(bench.options().archive);
+  RoomPlan ahead = plan({kCamera});
+  ahead.session.files = &faults;
+  ahead.rules.pre_roll = 500ms;
+  Room room(std::move(ahead), listener());
+  room.start("operator");
+  const std::string first = room.stop("operator", true);
+  faults.fail("remove", EIO);  // what no case needs any more stays
+  ASSERT_TRUE(within(20s, [&] { return told() >= 1; }));
+  faults.heal();
+  const RoomStatus status = room.status();
+  EXPECT_EQ(status.cases, 1U);
+  EXPECT_EQ(status.case_id, first);
+  EXPECT_EQ(status.reason, "operator");
+  const std::lock_guard guard(mutex);
+  EXPECT_THAT(warnings[0], HasSubstr("recording ahead ended"));
 }
 
 }  // namespace
