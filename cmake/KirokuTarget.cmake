@@ -56,10 +56,12 @@ function(kiroku_asio_coroutines target)
   endif()
 endfunction()
 
-# kiroku_test(NAME LABEL label SOURCES... LIBRARIES... [TIMEOUT seconds] [OPTIMISED]): a GoogleTest program whose cases are found by CTest. Labels: unit,
-# unit-threads (also run under the thread sanitizer), attack, system, optimised (not run under sanitizers: what stands on codecs, OpenCV, Cairo or Beast
-# has not been tried there). What is tested is optimised as its preset says; the tests' own code only where it
-# computes much itself (OPTIMISED): it compiles in half of the time without.
+# kiroku_test(NAME LABEL label SOURCES... LIBRARIES... [TIMEOUT seconds] [OPTIMISED]): a GoogleTest program whose cases are found by CTest. Labels:
+# - unit: also run under the address sanitizer; unit-threads: under the thread sanitizer, too;
+# - heavy, heavy-threads: the same, but only in the nightly run, as they stand on the simulation;
+# - attack, system;
+# - optimised: not run under sanitizers, as what stands on codecs, OpenCV, Cairo or Beast has not been tried there.
+# What is tested is optimised as its preset says; the tests' own code only where it computes much itself (OPTIMISED): it compiles in half of the time without.
 function(kiroku_test target)
   cmake_parse_arguments(ARG "OPTIMISED" "LABEL;TIMEOUT" "SOURCES;LIBRARIES" ${ARGN})
   add_executable(${target} ${ARG_SOURCES})
