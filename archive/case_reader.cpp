@@ -7,6 +7,7 @@
 
 #include "archive/case_folder.h"
 #include "archive/case_layout.h"
+#include "archive/excerpt_verifier.h"
 #include "archive/line_reader.h"
 #include "base/error.h"
 
@@ -21,6 +22,9 @@ void read_entries(const std::filesystem::path& path, const std::function<void(Ca
   const CaseFolder folder = CaseFolder::open(path);
   const FileOpening opening = folder.open_file(kLedgerFile);
   if (!opening.file) {
+    if (is_excerpt(folder)) {
+      throw UsageError(path.string() + " is an excerpt, not a case: give the folder of the case");
+    }
     if (opening.problem == FileProblem::kMissing) {
       throw UsageError(path.string() + " is no case: there is no " + std::string(kLedgerFile) +
                        " in it; give the folder of a case");

@@ -44,6 +44,8 @@ class CaseRules {
   [[nodiscard]] const std::optional<OpenEntry>& opening() const { return opening_; }
   [[nodiscard]] const std::optional<crypto::VerifierKey>& device() const { return device_; }
   [[nodiscard]] std::optional<std::uint64_t> close_entry() const { return close_; }
+  /// What `close` states of each stream; empty before it.
+  [[nodiscard]] const std::map<std::string, StreamTotal>& close_totals() const { return close_totals_; }
   [[nodiscard]] bool recovered() const { return recovered_; }
   [[nodiscard]] std::int64_t last_mono_ns() const { return last_mono_ns_; }
   [[nodiscard]] const std::map<std::string, StreamRules>& streams() const { return streams_; }
@@ -81,6 +83,7 @@ class CaseRules {
   std::optional<crypto::VerifierKey> device_;
   std::optional<UtcTime> opened_, closed_, clock_zero_;
   std::optional<std::uint64_t> close_;
+  std::map<std::string, StreamTotal> close_totals_;
   std::optional<UtcTime> last_utc_;
   std::unordered_set<std::string> named_;
   std::int64_t last_mono_ns_ = 0;

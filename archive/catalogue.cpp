@@ -7,6 +7,7 @@
 #include <utility>
 
 #include "archive/case_layout.h"
+#include "archive/excerpt_verifier.h"
 #include "archive/ledger_summary.h"
 #include "archive/sqlite_file.h"
 #include "base/error.h"
@@ -89,7 +90,8 @@ std::map<std::string, fs::path> case_folders(const fs::path& archive) {
   for (; !error && entries != fs::directory_iterator(); entries.increment(error)) {
     const std::string name = entries->path().filename().string();
     std::error_code ignored;
-    if (name != "log" && !name.starts_with('.') && entries->is_directory(ignored)) {
+    if (name != "log" && !name.starts_with('.') && entries->is_directory(ignored) &&
+        !is_excerpt(entries->path())) {
       folders[name] = entries->path();
     }
   }

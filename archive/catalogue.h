@@ -37,8 +37,8 @@ class Catalogue {
   /// how many cases.
   std::size_t rebuild(const std::filesystem::path& archive);
   /// Rows whose folder appeared, vanished or grew since are brought up to date first; newest first. Folders
-  /// that cannot be read as a case are listed as unreadable, never left out; `log` and names that begin with
-  /// a dot are none.
+  /// that cannot be read as a case are listed as unreadable, never left out; `log`, names that begin with a
+  /// dot and excerpts are none.
   std::vector<CatalogueRow> list(const std::filesystem::path& archive);
   /// Nothing happens for a case that is not in the catalogue.
   void set_verdict(const std::string& case_id, const std::string& verdict, UtcTime when);

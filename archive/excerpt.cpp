@@ -33,6 +33,8 @@ struct Survey {
   std::map<std::uint64_t, TokenEntry> tokens;  // by entry
   std::vector<std::pair<std::uint64_t, SegmentEntry>> segments;
   std::optional<std::uint64_t> close;
+  std::uint64_t last_before = 0;  // the last entry that was written before the selected time
+  std::int64_t end_ns = 0;        // latest time that an entry states
 };
 
 [[noreturn]] void refuse_line(const CaseFolder& folder, std::uint64_t number, const std::string& problem) {
@@ -49,7 +51,7 @@ ReadableFile open_or_refuse(const CaseFolder& folder, const std::string& file) {
   return std::move(*opening.file);
 }
 
-Survey survey(const CaseFolder& folder, const ReadableFile& ledger) {
+Survey survey(const CaseFolder& folder, const ReadableFile& ledger, std::int64_t from_ns) {
   Survey result;
   LineReader reader(ledger);
   LedgerLine line;
@@ -62,12 +64,15 @@ Survey survey(const CaseFolder& folder, const ReadableFile& ledger) {
     }
     result.tree.append(crypto::merkle_leaf_hash(bytes_of(line.text)));
     CaseEntryBody& body = parse.entry->body;
+    result.last_before = parse.entry->at.mono_ns <= from_ns ? number : result.last_before;
+    result.end_ns = std::max(result.end_ns, parse.entry->at.mono_ns);
     if (number == 0) {
       if (!std::holds_alternative<OpenEntry>(body)) {
         refuse_line(folder, 0, "it is not `open`");
       }
       result.opening = std::get<OpenEntry>(std::move(body));
     } else if (auto* segment = std::get_if<SegmentEntry>(&body)) {
+      result.end_ns = std::max(result.end_ns, segment->span.end_ns);
       result.segments.emplace_back(number, std::move(*segment));
     } else if (auto* token = std::get_if<TokenEntry>(&body)) {
       result.tokens.emplace(number, std::move(*token));
@@ -118,7 +123,11 @@ std::pair<std::uint64_t, std::uint64_t> needed_entries(const Survey& ledger,
         after = entry;
       }
     }
-    first = std::min(first, before.value_or(first));
+    // Of a stream without a segment only entries from before the time show that it had none until then; of
+    // one that states its own times, all entries.
+    const auto info = std::find_if(ledger.opening.streams.begin(), ledger.opening.streams.end(),
+                                   [&](const StreamInfo& each) { return each.name == stream; });
+    first = std::min(first, before.value_or(info->timing == "arrival" ? ledger.last_before : 1));
     last = std::max(last, after.value_or(ledger.close.value_or(ledger.tree.size() - 1)));
   }
   return {std::min(first, last), last};
@@ -284,7 +293,7 @@ void copy_conveniences(const CaseFolder& from, const std::vector<ListedFile>& li
 
 ExcerptResult make_excerpt(const fs::path& case_folder, const ExcerptOptions& options,
                            const fs::path& folder) {
-  if (options.from_ns < 0 || options.to_ns <= options.from_ns) {
+  if (options.to_ns <= options.from_ns) {
     throw UsageError("an excerpt must end after it begins");
   }
   if ((options.identities == nullptr) != options.recipients.empty()) {
@@ -294,12 +303,18 @@ ExcerptResult make_excerpt(const fs::path& case_folder, const ExcerptOptions& op
   const CaseFolder from = CaseFolder::open(case_folder);
   const std::vector<ListedFile> listing = from.list();
   const ReadableFile ledger_file = open_or_refuse(from, std::string(kLedgerFile));
-  const Survey ledger = survey(from, ledger_file);
+  const Survey ledger = survey(from, ledger_file, options.from_ns);
+  if (options.from_ns < ledger.opening.begins_ns) {
+    throw UsageError("an excerpt cannot begin before its case: give a later beginning");
+  }
 
   ExcerptDocument document;
   document.case_id = ledger.opening.case_id;
   document.from_ns = options.from_ns;
-  document.to_ns = options.to_ns;
+  document.to_ns =
+      ledger.close ? std::min(options.to_ns, std::max(ledger.end_ns, options.from_ns + 1)) : options.to_ns;
+  document.made_utc = options.made_at;
+  document.made_by = options.made_by;
   document.streams = selected_streams(ledger.opening, options.streams);
   std::vector<const SegmentEntry*> wanted;
   for (const auto& [entry, segment] : ledger.segments) {

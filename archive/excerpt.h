@@ -3,9 +3,11 @@
 
 #include <cstdint>
 #include <filesystem>
+#include <optional>
 #include <string>
 #include <vector>
 
+#include "base/utc_time.h"
 #include "crypto/age_recipient.h"
 
 namespace kiroku::archive {
@@ -15,12 +17,16 @@ struct ExcerptOptions {
   std::vector<std::string> streams;                   // empty: all
   const crypto::AgeIdentities* identities = nullptr;  // with `recipients`: re-key for a new reader
   crypto::AgeRecipients recipients;
+  // What excerpt.json states of its making; nothing proves it. Left out where not given.
+  std::optional<UtcTime> made_at;
+  std::string made_by;
 };
 struct ExcerptResult {
   std::uint64_t segments = 0, bytes = 0;
   std::uint64_t first_entry = 0, last_entry = 0;
 };
-/// Writes `folder` (which must not exist); nothing is left there on failure.
+/// Writes `folder` (which must not exist); nothing is left there on failure. Time beyond the end of a closed
+/// case is cut off. Throws kiroku::UsageError where the selected streams have nothing in that time.
 ExcerptResult make_excerpt(const std::filesystem::path& case_folder, const ExcerptOptions& options,
                            const std::filesystem::path& folder);
 

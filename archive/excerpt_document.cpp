@@ -37,6 +37,19 @@ std::vector<crypto::Sha256Digest> read_hashes(JsonFields& fields, std::string_vi
   return hashes;
 }
 
+void check_names(JsonFields& fields, std::vector<std::string> names) {
+  if (fields.failed()) {
+    return;
+  }
+  if (names.empty()) {
+    fields.refuse("streams", "names no stream, so it is an excerpt of nothing");
+  }
+  std::sort(names.begin(), names.end());
+  if (const auto twice = std::adjacent_find(names.begin(), names.end()); twice != names.end()) {
+    fields.refuse("streams", "names " + *twice + " twice");
+  }
+}
+
 }  // namespace
 
 std::string to_text(const ExcerptDocument& document) {
@@ -57,6 +70,12 @@ std::string to_text(const ExcerptDocument& document) {
       .texts("open_proof", in_hex(document.open_proof))
       .texts("left", in_hex(document.left))
       .json("earlier", json_array(earlier));
+  if (document.made_utc) {
+    json.utc("made_utc", *document.made_utc);
+  }
+  if (!document.made_by.empty()) {
+    json.text("made_by", document.made_by);
+  }
   return json.finish() + "\n";
 }
 
@@ -83,7 +102,11 @@ ExcerptParse parse_excerpt(std::string_view text) {
   }
   document.from_ns = fields.integer("from_ns");
   document.to_ns = fields.integer("to_ns");
+  if (!fields.failed() && document.to_ns <= document.from_ns) {
+    fields.refuse("to_ns", "is not after from_ns");
+  }
   document.streams = fields.texts("streams");
+  check_names(fields, document.streams);
   document.first_entry = fields.count("first_entry");
   document.size = fields.count("size");
   if (!fields.failed() && document.size <= document.first_entry) {
@@ -97,6 +120,12 @@ ExcerptParse parse_excerpt(std::string_view text) {
     earlier.proof = read_hashes(each, "proof");
     each.no_more();
     document.earlier.push_back(std::move(earlier));
+  }
+  if (fields.has("made_utc")) {
+    document.made_utc = fields.utc("made_utc");
+  }
+  if (fields.has("made_by")) {
+    document.made_by = fields.text("made_by");
   }
   fields.no_more();
   if (!fields.failed()) {

@@ -23,6 +23,10 @@
 //                lines they give the root at every size in (first_entry, size]
 //   earlier      [{size, proof}]: for every note of a size not above first_entry, the RFC 6962 consistency
 //                proof from that size to `size`
+//   made_utc     optional: when the excerpt was made
+//   made_by      optional: who made it
+// There is at least one stream, none stands twice, and from_ns is before to_ns. Nothing proves made_utc and
+// made_by: whoever has the folder can write there what they like.
 #pragma once
 
 #include <cstdint>
@@ -31,6 +35,7 @@
 #include <string_view>
 #include <vector>
 
+#include "base/utc_time.h"
 #include "crypto/hash.h"
 
 namespace kiroku::archive {
@@ -52,6 +57,8 @@ struct ExcerptDocument {
   std::uint64_t first_entry = 0, size = 0;
   std::vector<crypto::Sha256Digest> open_proof, left;
   std::vector<Earlier> earlier;
+  std::optional<UtcTime> made_utc;
+  std::string made_by;  // empty: not stated
 };
 
 /// With LF.

@@ -34,7 +34,7 @@ class ExcerptVerification {
         checkpoints_(folder, options, findings_, note_sizes(listing_)),
         files_(folder, options, findings_, bytes_in(listing_)),
         rules_(folder, options, findings_, checkpoints_, files_,
-               {false, [this](const SegmentEntry& segment) { return must_be_checked(segment); },
+               {false, [this](const SegmentEntry& segment) { return select(segment); },
                 [this](const std::string& file) {
                   return present_.contains(file + std::string(kOriginalHeaderSuffix));
                 }}) {}
@@ -68,14 +68,16 @@ class ExcerptVerification {
     return std::move(opening.file);
   }
 
-  bool selected(const SegmentEntry& segment) const {
-    return std::find(document_.streams.begin(), document_.streams.end(), segment.stream) !=
-               document_.streams.end() &&
-           meets(segment.span, document_.from_ns, document_.to_ns);
+  bool selects(const std::string& stream) const {
+    return std::find(document_.streams.begin(), document_.streams.end(), stream) != document_.streams.end();
   }
-  /// What the excerpt says it holds, and whatever else of the case lies there.
-  bool must_be_checked(const SegmentEntry& segment) const {
-    return selected(segment) || present_.contains(segment.file.file);
+  /// Whether the excerpt must hold the segment; one that it need not hold it may not hold either.
+  bool select(const SegmentEntry& segment) {
+    if (!selects(segment.stream) || !meets(segment.span, document_.from_ns, document_.to_ns)) {
+      return false;
+    }
+    selected_files_.insert(segment.file.file);
+    return true;
   }
 
   void walk(const ReadableFile& open_file, const ReadableFile& lines_file) {
@@ -115,6 +117,7 @@ class ExcerptVerification {
       }
       rules_.take(line, number);
       if (number == document_.first_entry) {
+        lines_begin_ns_ = rules_.last_mono_ns();
         log = walk_log();
         comparison.emplace(log ? &*log : nullptr, rules_.opening(), findings_);
         comparison->check_opening(open_hash);
@@ -204,15 +207,48 @@ class ExcerptVerification {
     }
   }
 
+  /// Latest time of the case clock that the lines tell of.
+  std::int64_t last_moment() const {
+    std::int64_t last = rules_.last_mono_ns();
+    for (const auto& [name, stream] : rules_.streams()) {
+      last = std::max(last, stream.report().span.end_ns);
+    }
+    return last;
+  }
+
+  std::optional<StreamTotal> total_of(const std::string& stream) const {
+    const auto total = rules_.close_totals().find(stream);
+    return total == rules_.close_totals().end() ? std::nullopt : std::optional(total->second);
+  }
+
+  /// Whether the excerpt is of something that the case has, and of all of it.
   void judge_reach() {
+    if (rules_.opening() &&
+        (document_.from_ns < rules_.opening()->begins_ns || document_.from_ns >= last_moment())) {
+      findings_.add("excerpt-outside-case", {std::string(kExcerptFile)},
+                    std::string(kExcerptFile) + " states a time from " + std::to_string(document_.from_ns) +
+                        " ns on, where the case begins at " + std::to_string(rules_.opening()->begins_ns) +
+                        " ns and the lines go to " + std::to_string(last_moment()) + " ns");
+    }
+    const bool nothing = std::all_of(selected_files_.begin(), selected_files_.end(),
+                                     [this](const std::string& file) { return rules_.erased(file); });
+    if (nothing) {
+      findings_.add("excerpt-empty", {std::string(kExcerptFile)},
+                    "no segment of the streams that " + std::string(kExcerptFile) +
+                        " names lies in the time that it states: it is an excerpt of nothing");
+    }
     for (const std::string& name : document_.streams) {
       const auto stream = rules_.streams().find(name);
+      const std::optional<StreamTotal> total = total_of(name);
       if (stream == rules_.streams().end()) {
         malformed(kExcerptFile, "it selects a stream \"" + name + "\" that the case does not have");
-      } else if (!stream->second.reaches_over(document_.from_ns, document_.to_ns,
-                                              rules_.close_entry().has_value())) {
-        findings_.add("excerpt-range-short", {std::string(kExcerptLinesFile)},
-                      "the lines do not show " + name + " over the whole time that the excerpt states");
+      } else if (!stream->second.shows_all_of(
+                     document_.from_ns, document_.to_ns,
+                     {document_.first_entry <= 1, lines_begin_ns_, rules_.close_entry().has_value(),
+                      total ? std::optional(total->segments) : std::nullopt})) {
+        findings_.add(
+            "excerpt-range-short", {std::string(kExcerptLinesFile)},
+            "the lines do not show every segment that " + name + " has in the time that the excerpt states");
       }
     }
     if (rules_.opening() && document_.case_id != rules_.opening()->case_id) {
@@ -238,11 +274,12 @@ class ExcerptVerification {
     if (path == kSubjectFile) {
       return NameJudgement::kUnnamed;  // named by open, but an excerpt holds no patient's data
     }
-    if (rules_.names(path) || is_note_path(path)) {
+    const bool segment = path.starts_with(std::string(kSegmentsFolder) + "/");
+    if ((rules_.names(path) && !segment) || selected_files_.contains(path) || is_note_path(path)) {
       return NameJudgement::kNamed;
     }
     if (path.ends_with(kOriginalHeaderSuffix) &&
-        rules_.names(path.substr(0, path.size() - kOriginalHeaderSuffix.size()))) {
+        selected_files_.contains(path.substr(0, path.size() - kOriginalHeaderSuffix.size()))) {
       return NameJudgement::kNamed;
     }
     if (path.starts_with(std::string(kAuthoritiesFolder) + "/")) {
@@ -255,15 +292,46 @@ class ExcerptVerification {
   VerificationReport report() {
     VerificationReport report;
     rules_.describe(report);
+    describe_part(report);
     report.entries = leaves_.size();
     report.checkpoints = checkpoints_.count();
     report.files = files_.files() + report.tokens + report.checkpoints + 3;
     report.bytes = bytes_in(listing_);
     report.brackets = rules_.tokens().brackets(
         document_.first_entry, document_.first_entry + std::max<std::uint64_t>(1, leaves_.size()));
-    report.verdict = verdict_of(findings_.worst());
+    report.verdict = verdict_of_excerpt(findings_.worst());
     report.findings = findings_.take();
     return report;
+  }
+
+  /// Puts what the folder holds in place of what the ledger names: the excerpt's lines tell of more.
+  void describe_part(VerificationReport& report) const {
+    ExcerptReport part;
+    part.from_ns = document_.from_ns;
+    part.to_ns = rules_.close_entry() ? std::min(document_.to_ns, last_moment()) : document_.to_ns;
+    part.begins_ns = rules_.opening() ? rules_.opening()->begins_ns : 0;
+    part.first_entry = document_.first_entry;
+    part.size = document_.size;
+    part.with_gaps = findings_.worst() == Severity::kGap;
+    part.stated_made_at = document_.made_utc;
+    part.stated_made_by = document_.made_by;
+    std::vector<StreamReport> held_streams;
+    for (const StreamReport& of_lines : report.streams) {
+      const std::string& name = of_lines.info.name;
+      const auto found = files_.held().find(name);
+      const HeldSegments held = found == files_.held().end() ? HeldSegments{} : found->second;
+      const std::optional<StreamTotal> total = total_of(name);
+      part.streams.push_back({name, selects(name), held.segments, held.frames,
+                              total ? std::optional(total->segments) : std::nullopt,
+                              total ? std::optional(total->frames) : std::nullopt,
+                              rules_.streams().at(name).known_segments()});
+      if (selects(name)) {
+        held_streams.push_back({of_lines.info, held.segments, held.frames, held.dropped, held.bytes,
+                                held.span, rules_.streams().at(name).gap_within(part.from_ns, part.to_ns)});
+      }
+    }
+    report.streams = std::move(held_streams);
+    report.excerpt = std::move(part);
   }
 
   const CaseFolder& folder_;
@@ -272,6 +340,8 @@ class ExcerptVerification {
   FindingList findings_;
   std::vector<ListedFile> listing_;
   std::set<std::string> present_;
+  std::set<std::string> selected_files_;
+  std::int64_t lines_begin_ns_ = 0;
   CheckpointRules checkpoints_;
   FileChecker files_;
   CaseRules rules_;
@@ -282,9 +352,16 @@ class ExcerptVerification {
 }  // namespace
 
 bool is_excerpt(const CaseFolder& folder) {
-  return folder.open_file(kExcerptFile).file &&
-         folder.open_file(kLedgerFile).problem == FileProblem::kMissing &&
-         !folder.open_file(kLedgerFile).file;
+  const FileOpening ledger = folder.open_file(kLedgerFile);
+  return folder.open_file(kExcerptFile).file && !ledger.file && ledger.problem == FileProblem::kMissing;
+}
+
+bool is_excerpt(const std::filesystem::path& folder) {
+  try {
+    return is_excerpt(CaseFolder::open(folder));
+  } catch (const Error&) {
+    return false;
+  }
 }
 
 VerificationReport verify_excerpt(const CaseFolder& folder, const VerifyOptions& options) {
@@ -300,7 +377,7 @@ VerificationReport verify_excerpt(const CaseFolder& folder, const VerifyOptions&
                                std::string(kExcerptFile),
                                {},
                                {},
-                               std::string(kExcerptFile) + " cannot be read: " + parse.problem});
+                               std::string(kExcerptFile) + " is of no excerpt: " + parse.problem});
     report.verdict = Verdict::kTampered;
     return report;
   }

@@ -2,6 +2,8 @@
 // rest. Functions; thread-safe.
 #pragma once
 
+#include <filesystem>
+
 #include "archive/case_folder.h"
 #include "archive/verifier.h"
 
@@ -9,6 +11,9 @@ namespace kiroku::archive {
 
 /// Whether the folder holds an excerpt and not a case.
 bool is_excerpt(const CaseFolder& folder);
+/// The same; false for what is no folder or cannot be opened. An excerpt that lies in an archive is no case
+/// of it, whatever its name.
+bool is_excerpt(const std::filesystem::path& folder);
 /// As verify_case().
 VerificationReport verify_excerpt(const CaseFolder& folder, const VerifyOptions& options);
 

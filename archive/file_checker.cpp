@@ -130,6 +130,9 @@ void FileChecker::check_one(const FileJob& job, std::span<std::byte> buffer) {
     if (hash == HashCheck::kReported) {
       return;
     }
+    if (job.segment && hash == HashCheck::kFits) {
+      count_held(*job.segment);
+    }
     if (job.segment && options_->identities != nullptr) {
       look_inside(job, *opening.file, hash == HashCheck::kFits);
     } else if (hash == HashCheck::kDiffers) {
@@ -272,6 +275,18 @@ void FileChecker::report_not_decrypted(const FileJob& job) {
         "segment-not-decrypted", {job.expected.file, job.entry},
         "the segments of " + job.segment->stream + " were not decrypted: no identity given is a recipient");
   }
+}
+
+void FileChecker::count_held(const SegmentEntry& segment) {
+  const std::lock_guard lock(mutex_);
+  const auto [entry, first] = held_.try_emplace(segment.stream);
+  HeldSegments& held = entry->second;
+  held.span.start_ns = first ? segment.span.start_ns : std::min(held.span.start_ns, segment.span.start_ns);
+  held.span.end_ns = std::max(first ? segment.span.end_ns : held.span.end_ns, segment.span.end_ns);
+  ++held.segments;
+  held.frames += segment.frames;
+  held.dropped += segment.dropped;
+  held.bytes += segment.file.bytes;
 }
 
 bool FileChecker::new_header_fits(const FileJob& job, const ReadableFile& file) {

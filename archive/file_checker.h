@@ -6,6 +6,7 @@
 #include <cstdint>
 #include <deque>
 #include <exception>
+#include <map>
 #include <mutex>
 #include <optional>
 #include <set>
@@ -29,6 +30,12 @@ struct FileJob {
   bool rekeyed = false;                 // excerpt: the original age header lies beside as NAME.header
 };
 
+/// Segments of one stream whose files have the hash that the ledger states.
+struct HeldSegments {
+  std::uint64_t segments = 0, frames = 0, dropped = 0, bytes = 0;
+  Span span;  // from the first to the last
+};
+
 class FileChecker {
  public:
   /// Everything referred to must outlive the object. `total_bytes` is for progress only.
@@ -46,6 +53,8 @@ class FileChecker {
 
   [[nodiscard]] std::uint64_t files() const { return files_; }  // after finish()
   [[nodiscard]] std::uint64_t bytes() const { return bytes_; }
+  /// After finish(): by stream. Of a stream without a single sound segment there is nothing.
+  [[nodiscard]] const std::map<std::string, HeldSegments>& held() const { return held_; }
 
  private:
   enum class HashCheck { kFits, kDiffers, kReported };  // kReported: not compared, a finding says why
@@ -63,6 +72,7 @@ class FileChecker {
   void report_not_decrypted(const FileJob& job);
   void look_inside(const FileJob& job, const ReadableFile& file, bool intact);
   void report_rekeyed_unopened(const FileJob& job);
+  void count_held(const SegmentEntry& segment);
   bool new_header_fits(const FileJob& job, const ReadableFile& file);
   void report_progress(std::uint64_t more);
 
@@ -78,6 +88,7 @@ class FileChecker {
   std::exception_ptr failure_;
   std::vector<FileJob> missing_;
   std::set<std::string> streams_not_decrypted_;
+  std::map<std::string, HeldSegments> held_;
   std::uint64_t files_ = 0;
   std::uint64_t bytes_ = 0;
 

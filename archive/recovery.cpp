@@ -8,6 +8,7 @@
 #include "archive/appliance_log.h"
 #include "archive/case_folder.h"
 #include "archive/case_layout.h"
+#include "archive/excerpt_verifier.h"
 #include "archive/file_system.h"
 #include "archive/found_files.h"
 #include "archive/ledger_tail.h"
@@ -367,7 +368,8 @@ std::vector<CaseRecovery> recover_archive(FileSystem& files, const RecoveryOptio
     }
     if (name.starts_with(kHiddenPrefix) && is_case_id(name.substr(kHiddenPrefix.size()))) {
       hidden.insert(entries->path());
-    } else if (is_case_id(name) && !is_finished(entries->path(), options.log)) {
+    } else if (is_case_id(name) && !is_excerpt(entries->path()) &&
+               !is_finished(entries->path(), options.log)) {
       unfinished.insert(entries->path());
     }
   }

@@ -7,6 +7,7 @@
 #include "archive/case_folder.h"
 #include "archive/case_layout.h"
 #include "archive/case_reader.h"
+#include "archive/excerpt_verifier.h"
 #include "base/error.h"
 #include "crypto/hash.h"
 
@@ -25,6 +26,9 @@ std::optional<std::string> ledger_problem(const CaseFolder& original, const Case
     throw Error((original.path() / kLedgerFile).string() + " " + ours.explanation);
   }
   const FileOpening theirs = copy.open_file(kLedgerFile);
+  if (is_excerpt(copy)) {
+    return "it is an excerpt, which is no copy of the case";
+  }
   if (!theirs.file) {
     return "its ledger " + theirs.explanation;
   }

@@ -16,6 +16,28 @@ ordered_json stream_json(const StreamReport& stream) {
           {"start_ns", stream.span.start_ns}, {"end_ns", stream.span.end_ns}, {"gap_ns", stream.gap_ns}};
 }
 
+ordered_json excerpt_json(const ExcerptReport& excerpt) {
+  ordered_json streams = ordered_json::array();
+  for (const ExcerptStream& stream : excerpt.streams) {
+    streams.push_back({{"name", stream.name},
+                       {"selected", stream.selected},
+                       {"held_segments", stream.held_segments},
+                       {"held_frames", stream.held_frames},
+                       {"case_segments", or_null(stream.case_segments)},
+                       {"case_frames", or_null(stream.case_frames)},
+                       {"known_segments", stream.known_segments}});
+  }
+  return {{"from_ns", excerpt.from_ns},
+          {"to_ns", excerpt.to_ns},
+          {"begins_ns", excerpt.begins_ns},
+          {"first_entry", excerpt.first_entry},
+          {"size", excerpt.size},
+          {"with_gaps", excerpt.with_gaps},
+          {"streams", std::move(streams)},
+          {"stated",
+           {{"made_utc", or_null(excerpt.stated_made_at)}, {"made_by", or_null(excerpt.stated_made_by)}}}};
+}
+
 ordered_json bracket_json(const Bracket& bracket) {
   return {{"first_entry", bracket.first_entry},
           {"last_entry", bracket.last_entry},
@@ -81,6 +103,7 @@ ordered_json report_json(const VerificationReport& report) {
                       {"bytes", report.bytes},
                       {"checkpoints", report.checkpoints},
                       {"tokens", report.tokens}};
+  out["excerpt"] = report.excerpt ? excerpt_json(*report.excerpt) : ordered_json(nullptr);
   out["streams"] = ordered_json::array();
   for (const auto& stream : report.streams) out["streams"].push_back(stream_json(stream));
   out["brackets"] = ordered_json::array();

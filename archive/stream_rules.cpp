@@ -214,19 +214,24 @@ bool StreamRules::may_be_left_over(const std::string& path) const {
          whole == segment_path(report_.info.name, *index, report_.info.extension);
 }
 
-bool StreamRules::reaches_over(std::int64_t from_ns, std::int64_t to_ns, bool ends) const {
-  // Events have segments only where something was marked: that there are none shows nothing.
-  if (report_.info.kind == "events") return true;
-  std::optional<std::int64_t> begin = end_ns_ ? std::optional(report_.span.start_ns) : std::nullopt;
-  std::int64_t end = end_ns_.value_or(0);
-  for (const Span& gap : gaps_) {
-    begin = std::min(begin.value_or(gap.start_ns), gap.start_ns);
-    end = std::max(end, gap.end_ns);
+bool StreamRules::shows_all_of(std::int64_t from_ns, std::int64_t to_ns, const LinesShown& lines) const {
+  if (lines.total_segments == 0U) {
+    return true;
   }
-  const bool from_start = first_index_.value_or(0) == 0 && first_index_;
-  const bool begins_in_time = from_start || (begin && *begin <= from_ns);
-  const bool ends_in_time = ends || (begin && end >= to_ns);
-  return begins_in_time && ends_in_time;
+  const bool any = first_index_.has_value();
+  // What came live was entered after it happened: nothing entered before from_ns lies in the time.
+  const bool written_before = report_.info.timing == "arrival" && lines.begin_ns <= from_ns;
+  const bool begins_in_time =
+      lines.from_open || written_before || first_index_ == 0U || (any && report_.span.start_ns <= from_ns);
+  return begins_in_time && (lines.to_close || (any && end_ns_ >= to_ns));
+}
+
+std::int64_t StreamRules::gap_within(std::int64_t from_ns, std::int64_t to_ns) const {
+  std::int64_t total = 0;
+  for (const Span& gap : gaps_) {
+    total += std::max<std::int64_t>(0, std::min(gap.end_ns, to_ns) - std::max(gap.start_ns, from_ns));
+  }
+  return total;
 }
 
 }  // namespace kiroku::archive

@@ -51,9 +51,21 @@ class StreamRules {
   /// claimed of it: a part, or whole, of an index that comes next or later, of a stream whose last word is a
   /// gap.
   [[nodiscard]] bool may_be_left_over(const std::string& path) const;
-  /// Whether segments and gaps reach over [from_ns, to_ns), as far as the stream goes: `begins` and `ends`
-  /// say that nothing of the stream lies before or after what was seen.
-  [[nodiscard]] bool reaches_over(std::int64_t from_ns, std::int64_t to_ns, bool ends) const;
+  /// Where an excerpt's lines lie in the case's ledger.
+  struct LinesShown {
+    bool from_open = false;     // no entry between `open` and them is left out
+    std::int64_t begin_ns = 0;  // case clock of the first
+    bool to_close = false;
+    std::optional<std::uint64_t> total_segments;  // of the stream, by `close`
+  };
+  /// Whether every segment of the stream that meets [from_ns, to_ns) must be among the lines seen. A stream's
+  /// segments are entered in the order of their times, so a segment at each end shows it. A gap does not: it
+  /// may be entered before a segment that lies before it, or after one that lies behind it.
+  [[nodiscard]] bool shows_all_of(std::int64_t from_ns, std::int64_t to_ns, const LinesShown& lines) const;
+  /// How much of [from_ns, to_ns) the stream's gaps take.
+  [[nodiscard]] std::int64_t gap_within(std::int64_t from_ns, std::int64_t to_ns) const;
+  /// How many segments the case has at least, by the largest index seen.
+  [[nodiscard]] std::uint64_t known_segments() const { return next_index_.value_or(0); }
 
  private:
   struct Hole {

@@ -18,12 +18,20 @@ Verdict verdict_of(Severity worst) {
   return Verdict::kTampered;
 }
 
+Verdict verdict_of_excerpt(Severity worst) {
+  const Verdict verdict = verdict_of(worst);
+  const bool intact = verdict == Verdict::kIntact || verdict == Verdict::kIntactWithGaps;
+  return intact ? Verdict::kIntactExcerpt : verdict;
+}
+
 std::string_view verdict_name(Verdict verdict) {
   switch (verdict) {
     case Verdict::kIntact:
       return "intact";
     case Verdict::kIntactWithGaps:
       return "intact-with-gaps";
+    case Verdict::kIntactExcerpt:
+      return "intact-excerpt";
     case Verdict::kUnproven:
       return "unproven";
     case Verdict::kIncomplete:
@@ -34,14 +42,17 @@ std::string_view verdict_name(Verdict verdict) {
   return "tampered";
 }
 
-int exit_status(Verdict verdict) {
+int exit_status(Verdict verdict, bool excerpt_accepted) {
   constexpr int kYes = 0;
   constexpr int kNo = 1;
   constexpr int kNoAnswer = 3;
+  constexpr int kOfAPart = 4;
   switch (verdict) {
     case Verdict::kIntact:
     case Verdict::kIntactWithGaps:
       return kYes;
+    case Verdict::kIntactExcerpt:
+      return excerpt_accepted ? kYes : kOfAPart;
     case Verdict::kUnproven:
     case Verdict::kIncomplete:
       return kNoAnswer;

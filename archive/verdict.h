@@ -8,5 +8,7 @@ namespace kiroku::archive {
 
 /// The verdict that the gravest finding makes.
 Verdict verdict_of(Severity worst);
+/// The same of an excerpt.
+Verdict verdict_of_excerpt(Severity worst);
 
 }  // namespace kiroku::archive

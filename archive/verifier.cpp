@@ -240,6 +240,20 @@ bool is_archive(const std::filesystem::path& folder) {
   return false;
 }
 
+/// Whether a case lies there. An excerpt in its place is none; a ledger that cannot be read may be one.
+bool holds_case(const std::filesystem::path& folder) {
+  std::error_code error;
+  if (!std::filesystem::is_directory(folder, error)) {
+    return false;
+  }
+  try {
+    const FileOpening ledger = CaseFolder::open(folder).open_file(kLedgerFile);
+    return ledger.file || ledger.problem != FileProblem::kMissing;
+  } catch (const IoError&) {
+    return true;
+  }
+}
+
 void look_for_cases(const LogContents& log, const std::filesystem::path& log_folder, FindingList& findings) {
   const std::filesystem::path absolute = std::filesystem::absolute(log_folder).lexically_normal();
   const std::filesystem::path normal = absolute.has_filename() ? absolute : absolute.parent_path();
@@ -249,11 +263,11 @@ void look_for_cases(const LogContents& log, const std::filesystem::path& log_fol
     if (!logged.opened) {
       continue;
     }
-    std::error_code error;
-    if (search && !logged.erased && !std::filesystem::is_directory(archive / case_id, error)) {
+    if (search && !logged.erased && !holds_case(archive / case_id)) {
       findings.add("case-missing", {std::string(kLedgerFile), logged.opened},
                    "case " + case_id + " was opened (entry " + std::to_string(*logged.opened) +
-                       " of the log), was not erased, and is not in " + archive.string());
+                       " of the log), was not erased, and is not in " + archive.string() +
+                       (is_excerpt(archive / case_id) ? ": an excerpt lies in its place" : ""));
     } else if (!logged.closed && !logged.erased) {
       findings.add("log-case-open", {std::string(kLedgerFile), logged.opened},
                    "the log knows no end of case " + case_id);

@@ -18,9 +18,11 @@
 
 namespace kiroku::archive {
 
-enum class Verdict { kIntact, kIntactWithGaps, kUnproven, kIncomplete, kTampered };
+/// kIntactExcerpt is of an excerpt alone, with or without stated gaps. An excerpt is never kIntact.
+enum class Verdict { kIntact, kIntactWithGaps, kIntactExcerpt, kUnproven, kIncomplete, kTampered };
 std::string_view verdict_name(Verdict verdict);  // "intact-with-gaps"
-int exit_status(Verdict verdict);                // 0 0 3 3 1
+/// 0 0 4 3 3 1. `excerpt_accepted`: the caller said that an excerpt will do, so that an intact one gives 0.
+int exit_status(Verdict verdict, bool excerpt_accepted = false);
 
 enum class TimeProof { kExternal, kSelfIssued, kNone };
 std::string_view time_proof_name(TimeProof proof);
@@ -61,13 +63,36 @@ struct AuthorityClock {
 /// By how much gen_time is ahead of the recorder's UTC: of `clock_zero` plus the case clock.
 std::int64_t offset_ns(const ClockComparison& comparison, UtcTime clock_zero);
 
+/// One stream of the case that an excerpt is of: how much of it lies in the excerpt's folder with the right
+/// hash, and how much the case has.
+struct ExcerptStream {
+  std::string name;
+  bool selected = false;
+  std::uint64_t held_segments = 0, held_frames = 0;
+  /// By `close`; nothing where that is not among the excerpt's lines.
+  std::optional<std::uint64_t> case_segments, case_frames;
+  std::uint64_t known_segments = 0;  // the case has at least so many, by the excerpt's lines
+};
+/// What part of a case an excerpt is.
+struct ExcerptReport {
+  std::int64_t from_ns = 0, to_ns = 0;      // case clock, half open; to_ns is not after the case's end
+  std::int64_t begins_ns = 0;               // where the case begins on its clock
+  std::uint64_t first_entry = 0, size = 0;  // the lines are those of the entries [first_entry, size)
+  std::vector<ExcerptStream> streams;       // every stream of the case, in its order
+  bool with_gaps = false;                   // the findings state gaps
+  /// What the excerpt says of its making. Nothing proves this.
+  std::optional<UtcTime> stated_made_at;
+  std::string stated_made_by;
+};
+
 struct VerificationReport {
   Verdict verdict = Verdict::kTampered;
   std::string case_id;
   std::string device;  // verifier key of the case
   TimeProof time = TimeProof::kNone;
   std::uint64_t entries = 0, files = 0, bytes = 0, tokens = 0, checkpoints = 0;
-  std::vector<StreamReport> streams;
+  std::vector<StreamReport> streams;     // of an excerpt: of the selected streams, what it holds
+  std::optional<ExcerptReport> excerpt;  // of an excerpt whose excerpt.json could be read
   std::vector<Bracket> brackets;
   std::vector<AuthorityClock> clocks;  // one an authority, in the order of their first tokens
   std::vector<Finding> findings;       // ordered by entry, then file

@@ -23,6 +23,7 @@ enum ExitStatus : int {
   kAnswerIsNo = 1,  // tampered, differs, refused
   kRefused = 2,     // wrong usage, unreadable input, could not be done
   kNoAnswer = 3,    // incomplete, unproven
+  kOfAPart = 4,     // intact, but an excerpt of a case
 };
 
 /// An option or argument as it was stated.

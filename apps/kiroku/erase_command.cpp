@@ -14,6 +14,7 @@
 #include "apps/kiroku/recording_setup.h"
 #include "archive/case_layout.h"
 #include "archive/case_reader.h"
+#include "archive/excerpt_verifier.h"
 #include "archive/file_system.h"
 #include "archive/retention.h"
 #include "base/error.h"
@@ -57,7 +58,8 @@ bool has_something_left(const archive::CaseReader& reader, const std::string& st
 void for_each_closed_case(const Home& home, const std::function<void(const archive::CaseReader&)>& visit) {
   std::vector<fs::path> folders;
   for (const fs::directory_entry& entry : fs::directory_iterator(home.archive())) {
-    if (archive::is_case_id(entry.path().filename().string()) && entry.is_directory())
+    if (archive::is_case_id(entry.path().filename().string()) && entry.is_directory() &&
+        !archive::is_excerpt(entry.path()))
       folders.push_back(entry.path());
   }
   std::sort(folders.begin(), folders.end());

@@ -7,6 +7,7 @@
 #include "apps/common/json_output.h"
 #include "apps/kiroku/commands.h"
 #include "apps/kiroku/home.h"
+#include "apps/kiroku/user_name.h"
 #include "archive/case_reader.h"
 #include "archive/excerpt.h"
 #include "base/error.h"
@@ -17,7 +18,7 @@ namespace {
 struct Request {
   std::string named, from, to, output;
   std::vector<std::string> streams, identities, recipients, recipient_files;
-  std::optional<std::string> home;
+  std::optional<std::string> home, author;
   bool json = false;
 };
 
@@ -44,6 +45,8 @@ int run(const Request& request) {
     identities = load_identities(request.identities, home);
     options.identities = &identities;
   }
+  options.made_at = utc_now();
+  options.made_by = request.author.value_or(user_name());
   const archive::ExcerptResult result = archive::make_excerpt(recording.folder(), options, request.output);
   if (rekey) log_access(home, recording.folder(), "excerpt for a new reader");
   if (request.json) {
@@ -75,12 +78,14 @@ void add_excerpt_command(Command& program) {
   command.option("--to-recipients-file", "FILE", request->recipient_files, "a file of them, one a line");
   command.option("-i,--identity", "FILE", request->identities,
                  "identity that opens the case, to let the new reader in; in a --demo home its own");
+  command.option("--by", "NAME", request->author, "who makes it, as excerpt.json shall state it",
+                 "the name of your account");
   add_home_option(command, request->home);
   command.flag("--json", request->json, "prints one JSON object instead");
   command.explain(
       "Without --to-recipient the segments stay sealed to whom they were. 'kiroku verify' judges an excerpt "
-      "as it "
-      "judges a case.");
+      "by the same rules as a case and says what part of the case it is; its verdict is 'intact-excerpt' at "
+      "best, exit status 4, or 0 with --excerpt.");
   command.example("kiroku excerpt CASE --from 00:10:00 --to 00:12:30 -o for-the-court",
                   "two and a half minutes, with their proof");
   command.example(

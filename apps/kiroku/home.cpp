@@ -8,6 +8,7 @@
 #include "apps/kiroku/user_name.h"
 #include "apps/verify/verify_command.h"
 #include "archive/appliance_log.h"
+#include "archive/excerpt_verifier.h"
 #include "archive/file_system.h"
 #include "base/error.h"
 
@@ -32,7 +33,10 @@ std::vector<std::string> cases_beginning(const fs::path& archive, const std::str
   std::error_code ignored;
   for (const auto& entry : fs::directory_iterator(archive, ignored)) {
     const std::string name = entry.path().filename().string();
-    if (name != "log" && name.starts_with(beginning) && entry.is_directory(ignored)) found.push_back(name);
+    if (name != "log" && name.starts_with(beginning) && entry.is_directory(ignored) &&
+        !archive::is_excerpt(entry.path())) {
+      found.push_back(name);
+    }
   }
   return found;
 }

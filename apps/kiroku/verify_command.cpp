@@ -2,6 +2,7 @@
 #include "apps/kiroku/home.h"
 #include "apps/kiroku/verify_extras.h"
 #include "archive/catalogue.h"
+#include "archive/excerpt_verifier.h"
 #include "base/error.h"
 #include "media/inspector.h"
 
@@ -21,6 +22,7 @@ void remember(const std::optional<Home>& home, const std::filesystem::path& case
               const archive::VerificationReport& report, bool decrypted) {
   if (!home || !home->holds(case_folder)) return;
   if (decrypted) log_access(home, case_folder, "verified with an identity");
+  if (archive::is_excerpt(case_folder)) return;  // the catalogue lists cases
   try {
     const std::string case_id = std::filesystem::canonical(case_folder).filename().string();
     const auto catalogue = archive::Catalogue::open(home->catalogue_file());

@@ -27,6 +27,9 @@ std::string verdict_words(Verdict verdict) {
     case Verdict::kIntactWithGaps:
       return paint(Colour::kGreen, "INTACT, WITH STATED GAPS") +
              ": what is here is as it was recorded; what is missing was stated at the time.";
+    case Verdict::kIntactExcerpt:
+      return paint(Colour::kGreen, "INTACT EXCERPT") +
+             ": a part of a case, not the case; what it holds is as it was recorded.";
     case Verdict::kUnproven:
       return paint(Colour::kYellow, "UNPROVEN") +
              ": consistent in itself, but something that would prove it was not given or is not there.";
@@ -116,6 +119,62 @@ std::string clock_lines(const VerificationReport& report) {
   return out;
 }
 
+/// "00:10:02.500" from the case's beginning.
+std::string case_time(std::int64_t ns, const archive::ExcerptReport& excerpt) {
+  const std::int64_t ms = (ns - excerpt.begins_ns) / 1'000'000;
+  const std::int64_t hours = ms / 3'600'000;
+  std::array<char, 40> text{};
+  const int size = std::snprintf(text.data(), text.size(), "%02lld:%02d:%02d.%03d",
+                                 static_cast<long long>(hours), static_cast<int>(ms / 60'000 % 60),
+                                 static_cast<int>(ms / 1'000 % 60), static_cast<int>(ms % 1'000));
+  return {text.data(), static_cast<std::size_t>(size)};
+}
+
+/// "3", or "at least 3" where the excerpt does not show how many the case has.
+std::string of_the_case(const archive::ExcerptStream& stream) {
+  return stream.case_segments ? std::to_string(*stream.case_segments)
+                              : "at least " + std::to_string(stream.known_segments);
+}
+
+/// What part of its case an excerpt is, and what it says of itself.
+std::string excerpt_lines(const archive::ExcerptReport& excerpt) {
+  std::string held, left_out;
+  for (const archive::ExcerptStream& stream : excerpt.streams) {
+    std::string& names = stream.selected ? held : left_out;
+    names += (names.empty() ? "" : ", ") + stream.name;
+  }
+  std::string out = line("part", case_time(excerpt.from_ns, excerpt) + " to " +
+                                     case_time(excerpt.to_ns, excerpt) + " of the case: " + held);
+  out += line("left out", (left_out.empty() ? "" : "the streams " + left_out + "; ") +
+                              "everything before and after that time; the patient's data");
+  if (excerpt.with_gaps) {
+    out += line("", "what else is missing in that time was stated when it was recorded (see the findings)");
+  }
+  const std::string by = excerpt.stated_made_by.empty() ? "" : " by " + excerpt.stated_made_by;
+  if (excerpt.stated_made_at || !by.empty()) {
+    out += line("made", (excerpt.stated_made_at ? both_times(*excerpt.stated_made_at) : "") + by +
+                            ": the excerpt's own words, nothing proves them");
+  }
+  return out;
+}
+
+/// What the excerpt's folder holds of each stream of its case.
+std::string excerpt_table(const VerificationReport& report) {
+  std::vector<std::vector<std::string>> rows{
+      {"stream", "segments held", "of the case's", "frames held", "of the case's", "length held", "size"}};
+  for (const archive::ExcerptStream& part : report.excerpt->streams) {
+    const auto held = std::find_if(report.streams.begin(), report.streams.end(),
+                                   [&](const auto& each) { return each.info.name == part.name; });
+    const bool any = held != report.streams.end() && held->segments > 0;
+    rows.push_back({printable(part.name), std::to_string(part.held_segments), of_the_case(part),
+                    std::to_string(part.held_frames),
+                    part.case_frames ? std::to_string(*part.case_frames) : "not known",
+                    any ? format_duration(held->span.end_ns - held->span.start_ns) : "-",
+                    any ? format_bytes(held->bytes) : "-"});
+  }
+  return format_table(rows, "lrrrrrr", 2);
+}
+
 std::string stream_table(const VerificationReport& report) {
   std::vector<std::vector<std::string>> rows{
       {"stream", "segments", "frames", "dropped", "length", "gaps", "size"}};
@@ -149,6 +208,7 @@ std::string finding_text(const archive::Finding& finding) {
 std::string report_text(const VerificationReport& report, const std::string& case_name, bool device_trusted) {
   std::string out = printable(case_name) + "\n" + verdict_words(report.verdict) + "\n\n";
   out += line("case", report.case_id);
+  if (report.excerpt) out += excerpt_lines(*report.excerpt);
   out += line("device", report.device + (device_trusted ? " (trusted)" : " (not among the trusted keys)"));
   if (report.opened) out += line("opened", both_times(*report.opened) + ", by the recorder's clock");
   if (report.closed) out += line("closed", both_times(*report.closed) + ", by the recorder's clock");
@@ -159,7 +219,11 @@ std::string report_text(const VerificationReport& report, const std::string& cas
                              count(report.files, "file", "files") + " (" + format_bytes(report.bytes) +
                              "), " + count(report.checkpoints, "checkpoint", "checkpoints") + ", " +
                              count(report.tokens, "time-stamp", "time-stamps"));
-  if (!report.streams.empty()) out += "\n" + stream_table(report);
+  if (report.excerpt) {
+    out += "\n" + excerpt_table(report);
+  } else if (!report.streams.empty()) {
+    out += "\n" + stream_table(report);
+  }
   if (report.findings.empty()) return out;
 
   // The worst first; within the same severity in the order of the case.

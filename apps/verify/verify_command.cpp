@@ -21,13 +21,18 @@ using nlohmann::ordered_json;
 struct Request {
   std::vector<std::string> cases;
   JudgingRequest judging;
-  bool json = false;
+  bool excerpt = false, json = false;
 };
 
-/// The worst of several: a no outweighs a refusal, which outweighs no answer yet.
+/// The worst of several: a no outweighs a refusal, which outweighs no answer yet, and that an answer about a
+/// part alone.
 int worse(int a, int b) {
   const auto rank = [](int status) {
-    return status == kAnswerIsNo ? 3 : status == kRefused ? 2 : status == kNoAnswer ? 1 : 0;
+    return status == kAnswerIsNo ? 4
+           : status == kRefused  ? 3
+           : status == kNoAnswer ? 2
+           : status == kOfAPart  ? 1
+                                 : 0;
   };
   return rank(a) >= rank(b) ? a : b;
 }
@@ -42,7 +47,7 @@ int run(const Request& request, const VerifyExtras& extras, const std::string& p
       const std::filesystem::path folder =
           extras.find_case ? extras.find_case(named) : std::filesystem::path(named);
       const Judged judged = judge.judge(folder);
-      status = worse(status, archive::exit_status(judged.report.verdict));
+      status = worse(status, archive::exit_status(judged.report.verdict, request.excerpt));
       if (request.json) {
         reports.push_back(archive::report_json(judged.report));
       } else {
@@ -100,13 +105,18 @@ void make_verify_command(Command& command, const VerifyExtras& extras) {
                     home ? "case folder, excerpt folder, or identifier of a case in the home's archive"
                          : "case folder or excerpt folder");
   add_judging_options(command, request->judging, extras);
+  command.flag("--excerpt", request->excerpt,
+               "an excerpt will do: an intact one gives exit status 0 instead of 4");
   command.flag("--json", request->json, "prints one JSON object instead");
   command.explain(
       "Exit status: 0 intact (also with stated gaps), 1 tampered, 2 wrong usage or unreadable, 3 incomplete "
-      "or "
-      "unproven. Of several cases the worst counts.");
+      "or unproven, 4 an intact excerpt, which is a part of a case. --excerpt changes nothing else: an "
+      "excerpt that is tampered or unproven still gives 1 or 3, and a whole case is judged as without it. Of "
+      "several cases the worst counts.");
   command.example(command.full_name() + " 20260805T091502Z-3f9c21ab --device device.pub --trust roots.pem",
                   "judges a case by a device key and roots that you trust");
+  command.example(command.full_name() + " --excerpt for-the-court --device device.pub --trust roots.pem",
+                  "judges an excerpt, and says what part of the case it is");
   command.example(command.full_name() + " --json CASE | jq -r .verdict", "prints the verdict alone");
   command.on_run([request, extras, program] { return run(*request, extras, program); });
 }

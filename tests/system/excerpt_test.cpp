@@ -27,7 +27,56 @@ TEST_F(Excerpt, VerifiesByItself) {
   EXPECT_EQ(made["segments"], 5);  // two of pictures, three shorter ones of vital signs
   EXPECT_EQ(made["case"], case_);
   const ProcessResult judged = kiroku({"verify", path("part")});
-  EXPECT_EQ(judged.status, 0) << judged.out << judged.err;
+  EXPECT_EQ(judged.status, 4) << judged.out << judged.err;
+  EXPECT_THAT(judged.out, HasSubstr("INTACT EXCERPT: a part of a case, not the case"));
+  EXPECT_THAT(judged.out, Not(HasSubstr("everything is as it was recorded")));
+  EXPECT_EQ(kiroku({"verify", "--excerpt", path("part")}).status, 0);
+}
+
+TEST_F(Excerpt, IsToldAsThePartThatItIs) {
+  ASSERT_EQ(kiroku(cut("part", {"--stream", "endoscope", "--by", "Dr. Mori"})).status, 0);
+  const std::string text = kiroku({"verify", path("part")}).out;
+  EXPECT_THAT(text, HasSubstr("00:00:02.000 to 00:00:04.000 of the case: endoscope"));
+  EXPECT_THAT(text, HasSubstr("by Dr. Mori: the excerpt's own words, nothing proves them"));
+  EXPECT_THAT(text, testing::ContainsRegex("left out +the streams [a-z, ]*vitals"));
+  EXPECT_THAT(text, testing::ContainsRegex("endoscope +2 +8 +[0-9]+ +[0-9]+ +0:02 "));
+  const auto report = kiroku_json({"verify", "--excerpt", "--json", path("part")});
+  EXPECT_EQ(report["verdict"], "intact-excerpt");
+  ASSERT_EQ(report["streams"].size(), 1U);
+  EXPECT_EQ(report["streams"][0]["segments"], 2);
+  const auto& part = report["excerpt"];
+  EXPECT_EQ(part["from_ns"], 2'000'000'000);
+  EXPECT_EQ(part["to_ns"], 4'000'000'000);
+  EXPECT_EQ(part["streams"][0]["held_segments"], 2);
+  EXPECT_EQ(part["streams"][0]["case_segments"], 8);
+  EXPECT_EQ(part["stated"]["made_by"], "Dr. Mori");
+  EXPECT_EQ(kiroku_json({"verify", "--json", case_})["excerpt"], nullptr);
+}
+
+TEST_F(Excerpt, AnExitStatusOfItsOwnGivesWayToWorse) {
+  ASSERT_EQ(kiroku(cut("part")).status, 0);
+  EXPECT_EQ(kiroku({"verify", "--excerpt", case_}).status, 0);
+  EXPECT_EQ(kiroku({"verify", case_, path("part")}).status, 4);
+  EXPECT_EQ(kiroku({"verify", "--excerpt", case_, path("part")}).status, 0);
+  EXPECT_EQ(kiroku({"verify", path("part"), path("nothing")}).status, 2);
+  ASSERT_EQ(kiroku(cut("changed")).status, 0);
+  write_text(path("changed/segments/stray"), "x");
+  EXPECT_EQ(kiroku({"verify", "--excerpt", path("changed")}).status, 1);
+  EXPECT_EQ(kiroku({"verify", path("part"), path("changed")}).status, 1);
+}
+
+TEST_F(Excerpt, InAnArchiveIsNoCase) {
+  const std::filesystem::path archive = home() / "archive";
+  ASSERT_EQ(kiroku(cut((archive / "20260101T000000Z-00000000").string())).status, 0);
+  const auto cases = kiroku_json({"cases", "--json"})["cases"];
+  ASSERT_EQ(cases.size(), 1U);
+  EXPECT_EQ(cases[0]["case"], case_);
+  EXPECT_EQ(cases[0]["verdict"], nullptr);
+  EXPECT_EQ(kiroku({"verify", (archive / "20260101T000000Z-00000000").string()}).status, 4);
+  EXPECT_EQ(kiroku_json({"cases", "--json"})["cases"].size(), 1U);
+  EXPECT_REFUSED(kiroku({"verify", "20260101T000000Z-00000000"}), "neither a folder nor a case");
+  EXPECT_EQ(kiroku({"recover"}).status, 0);
+  EXPECT_EQ(kiroku({"erase", "--older-than", "1s", "--stream", "kitchen", "--policy", "test"}).status, 0);
 }
 
 TEST_F(Excerpt, HoldsOnlyTheStreamsAskedFor) {
@@ -35,7 +84,7 @@ TEST_F(Excerpt, HoldsOnlyTheStreamsAskedFor) {
   const auto files = files_below(folder() / "part");
   EXPECT_THAT(files, Contains(HasSubstr("segments/vitals/")));
   EXPECT_THAT(files, Not(Contains(HasSubstr("segments/endoscope/0"))));
-  EXPECT_EQ(kiroku({"verify", path("part")}).status, 0);
+  EXPECT_EQ(kiroku({"verify", "--excerpt", path("part")}).status, 0);
 }
 
 TEST_F(Excerpt, WithASegmentTakenOutIsTampered) {
@@ -64,7 +113,7 @@ TEST_F(Excerpt, IsOpenedByTheNewReaderAlone) {
     EXPECT_NE(tool({"age", "-d", "-i", (home() / "identity.txt").string(), "-o", "opened", sealed}).status, 0)
         << file;
   }
-  EXPECT_EQ(kiroku({"verify", "-i", "expert.txt", path("part")}).status, 0);
+  EXPECT_EQ(kiroku({"verify", "--excerpt", "-i", "expert.txt", path("part")}).status, 0);
   EXPECT_THAT(kiroku({"log"}).out, HasSubstr("excerpt for a new reader"));
 }
 

@@ -1,5 +1,6 @@
 #!/usr/bin/env bash
-# docs/verify-with-stock-tools.md, run as it stands against a fresh case: intact; and against changed copies: not intact, for the right reason.
+# The scripts of docs/verify-with-stock-tools.md, run as they stand against a fresh case and excerpts of it: intact; against changed copies: not intact, for
+# the right reason; with inputs that do not fit: could not be checked.
 # Usage: stock_tools_test.sh KIROKU SOURCE_DIR
 set -euo pipefail
 kiroku=$1 source=$2
@@ -11,28 +12,45 @@ trap 'rm -rf "$scratch"' EXIT
 export KIROKU_HOME=$scratch/home
 fail() { echo "FAILED: $*"; exit 1; }
 
-awk '/^```bash$/ { on = 1; next } /^```$/ { on = 0 } on' "$source/docs/verify-with-stock-tools.md" >"$scratch/verify.sh"
-lines=$(wc -l <"$scratch/verify.sh")
-((lines > 20 && lines <= 80)) || fail "the script in the page has $lines lines; it must have at most 80"
+page=$source/docs/verify-with-stock-tools.md
+awk '/^```bash$/ { on = 1; next } /^```$/ { on = 0 } on' "$page" >"$scratch/verify.sh"
+awk '/^```bash excerpt$/ { on = 1; next } /^```$/ { on = 0 } on' "$page" >"$scratch/verify-excerpt.sh"
+lines=$(wc -l <"$scratch/verify.sh") excerpt_lines=$(wc -l <"$scratch/verify-excerpt.sh")
+((lines > 20 && lines <= 80)) || fail "the script for cases has $lines lines; it must have at most 80"
+((excerpt_lines > 20 && excerpt_lines <= 120)) || fail "the script for excerpts has $excerpt_lines lines; it must have at most 120"
 
 "$kiroku" init --demo >/dev/null
+KIROKU_HOME=$scratch/other "$kiroku" init --demo >/dev/null
 for profile in mpeg2 lossless; do
   case=$("$kiroku" record --endoscope 'synthetic:endoscope?size=160x120&rate=10' --room 'synthetic:room?size=160x120&rate=10' --vitals synthetic:patient \
     --profile "$profile" --duration 00:00:05 --json | jq -r .case)
-  expect() { # PATTERN DIRECTORY [IDENTITY]
-    local output
-    output=$(bash "$scratch/verify.sh" "$2" "$KIROKU_HOME/trust.pem" "$KIROKU_HOME/device.pub" ${3+"$3"} 2>&1) || true
-    grep -q "$1" <<<"$output" || fail "$profile: expected '$1', got: $output"
+  roots=$KIROKU_HOME/trust.pem device=$KIROKU_HOME/device.pub
+  expect() { # STATUS PATTERN SCRIPT DIRECTORY [IDENTITY]
+    local output status=0
+    output=$(bash "$scratch/$3" "$4" "$roots" "$device" ${5+"$5"} 2>&1) || status=$?
+    [[ $status == "$1" ]] && grep -q "$2" <<<"$output" || fail "$profile: expected $1 and '$2', got $status: $output"
   }
-  expect '^INTACT: ' "$case"
-  expect '^INTACT: ' "$case" "$KIROKU_HOME/identity.txt"
+  expect 0 '^INTACT: ' verify.sh "$case"
+  expect 0 '^INTACT: ' verify.sh "$case" "$KIROKU_HOME/identity.txt"
+
+  # What a person gives that does not fit is no fault of the case, and no proof of it either.
+  wrong_inputs() { # SCRIPT DIRECTORY
+    roots=$scratch/other/trust.pem expect 2 '^COULD NOT CHECK: .*no root in your ROOTS.pem' "$@"
+    roots=$scratch/none.pem expect 2 '^COULD NOT CHECK: there is no readable' "$@"
+    roots=$device expect 2 '^COULD NOT CHECK: .*no root in your ROOTS.pem' "$@"
+    device=$scratch/other/device.pub expect 2 '^COULD NOT CHECK: .*not the one of your DEVICE.pub' "$@"
+    expect 2 '^COULD NOT CHECK: .*your IDENTITY does not open' "$@" "$scratch/other/identity.txt"
+    expect 2 '^COULD NOT CHECK: .*your IDENTITY does not open' "$@" "$roots"
+  }
+  wrong_inputs verify.sh "$case"
+  device=$scratch/other/device.pub expect 1 '^NOT INTACT: .*missing or changed' verify.sh "$(rm -rf "$scratch/less"; cp -r "$case" "$scratch/less"; rm -r "$scratch/less/segments/vitals"; echo "$scratch/less")"
 
   copy=$scratch/copy
   tampered() { # PATTERN COMMAND: in a copy of the case
     rm -rf "$copy"
     cp -r "$case" "$copy"
     (cd "$copy" && eval "$2")
-    expect "^NOT INTACT: .*$1" "$copy"
+    expect 1 "^NOT INTACT: .*$1" verify.sh "$copy"
   }
   tampered 'missing or changed' 'printf x | dd of=$(ls segments/endoscope/*.age | head -1) bs=1 seek=300 conv=notrunc status=none'
   tampered 'missing or changed' 'rm $(ls segments/vitals/*.age | head -1)'
@@ -41,5 +59,42 @@ for profile in mpeg2 lossless; do
   tampered 'another root' 'sed -i "2s/\"utc\":\"2/\"utc\":\"3/" ledger.jsonl'
   tampered 'not signed' 'sed -i -e "3{s/^A/B/;t;s/^./A/" -e "}" "$(ls checkpoints/*.note | head -1)"'
   tampered 'not one recording' 'sed -i "\$d" ledger.jsonl; sed -i "/\"type\":\"close\"/,\$d" ledger.jsonl'
+
+  # An excerpt out of the middle, one from the beginning to the end, and one for a new reader.
+  excerpt=$scratch/excerpt
+  take() { rm -rf "$excerpt" && "$kiroku" excerpt "$case" -o "$excerpt" "$@" >/dev/null; }
+  take --from 00:00:02 --to 00:00:04 --stream endoscope
+  expect 4 '^INTACT EXCERPT: .*endoscope from 2000000000 to 4000000000 ns' verify-excerpt.sh "$excerpt"
+  expect 4 '^INTACT EXCERPT: ' verify-excerpt.sh "$excerpt" "$KIROKU_HOME/identity.txt"
+  expect 2 '^COULD NOT CHECK: this is an excerpt' verify.sh "$excerpt"
+  expect 2 '^COULD NOT CHECK: this is not an excerpt' verify-excerpt.sh "$case"
+  wrong_inputs verify-excerpt.sh "$excerpt"
+  tampered_excerpt() { # PATTERN COMMAND: in a copy of the excerpt
+    rm -rf "$copy"
+    cp -r "$excerpt" "$copy"
+    (cd "$copy" && eval "$2")
+    expect 1 "^NOT INTACT: .*$1" verify-excerpt.sh "$copy"
+  }
+  tampered_excerpt 'not what was recorded' 'printf x | dd of=$(ls segments/endoscope/* | head -1) bs=1 seek=300 conv=notrunc status=none'
+  tampered_excerpt 'is missing' 'rm $(ls segments/endoscope/* | head -1)'
+  tampered_excerpt 'unnamed files' 'touch segments/stray'
+  tampered_excerpt 'no excerpt of this case' 'jq -c ".streams = []" excerpt.json >x; mv x excerpt.json'
+  tampered_excerpt 'no excerpt of this case' 'jq -c ".streams += .streams" excerpt.json >x; mv x excerpt.json'
+  tampered_excerpt 'no excerpt of this case' 'jq -c ".streams = [\"kitchen\"]" excerpt.json >x; mv x excerpt.json'
+  tampered_excerpt 'no excerpt of this case' 'jq -c ".to_ns = .from_ns" excerpt.json >x; mv x excerpt.json'
+  tampered_excerpt 'no excerpt of this case' 'jq -c ".from_ns = -1" excerpt.json >x; mv x excerpt.json'
+  tampered_excerpt 'excerpt of nothing' 'jq -c ".from_ns += 900000000000 | .to_ns += 900000000000" excerpt.json >x; mv x excerpt.json'
+  tampered_excerpt 'are not the entries' 'sed -i 2d ledger-part.jsonl'
+  tampered_excerpt 'another root\|not entry 0' 'sed -i "2s/\"utc\":\"2/\"utc\":\"3/" ledger-part.jsonl'
+  tampered_excerpt 'not entry 0' 'sed -i "s/\"boot_id\":\"/&0/" ledger-open.jsonl'
+  tampered_excerpt 'no checkpoint over all' 'rm "$(ls checkpoints/*.note | tail -1)"'
+  tampered_excerpt 'not signed' 'sed -i -e "3{s/^A/B/;t;s/^./A/" -e "}" "$(ls checkpoints/*.note | tail -1)"'
+  take --from 00:00:00 --to 01:00:00
+  expect 4 '^INTACT EXCERPT: ' verify-excerpt.sh "$excerpt" "$KIROKU_HOME/identity.txt"
+  age-keygen -o "$scratch/expert.txt" 2>/dev/null
+  take --from 00:00:02 --to 00:00:04 --to-recipient "$(age-keygen -y "$scratch/expert.txt")"
+  expect 2 '^COULD NOT CHECK: .*re-keyed for a new reader' verify-excerpt.sh "$excerpt" "$scratch/expert.txt"
+  tampered_excerpt 'not what was recorded' 'cp $(ls segments/endoscope/*.header | head -1) x; (cat x; echo) >$(ls segments/endoscope/*.header | head -1); rm x'
+  rm "$scratch/expert.txt"
 done
-echo "PASSED: the page's $lines lines find what they should"
+echo "PASSED: the page's $lines and $excerpt_lines lines find what they should"

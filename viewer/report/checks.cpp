@@ -52,6 +52,18 @@ Answer without_findings(Check check, const archive::VerificationReport& verifica
   }
 }
 
+/// Of an excerpt that cannot be read nothing else was looked at; and where its lines do not hold, they do not
+/// show that nothing lacks between them either.
+void withhold(std::vector<CheckAnswer>& answers, bool read) {
+  const Answer ledger = std::ranges::find(answers, Check::kLedger, &CheckAnswer::check)->answer;
+  for (CheckAnswer& each : answers) {
+    const bool rests_on_lines = each.check == Check::kStreams && ledger != Answer::kYes;
+    const bool positive =
+        each.answer == Answer::kYes || each.answer == Answer::kWithGaps || each.answer == Answer::kInsideOnly;
+    if (positive && each.check != Check::kLedger && (!read || rests_on_lines)) each.answer = Answer::kUnknown;
+  }
+}
+
 }  // namespace
 
 Tone tone_of(Answer answer) {
@@ -107,6 +119,7 @@ std::vector<CheckAnswer> answer_checks(const archive::VerificationReport& verifi
     const bool kept = worst == Severity::kNote || (worst == Severity::kGap && quiet != Answer::kYes);
     answers.push_back({check, kept ? quiet : answer_of(worst), notes});
   }
+  if (excerpt) withhold(answers, verification.excerpt.has_value());
   return answers;
 }
 

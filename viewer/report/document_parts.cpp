@@ -19,6 +19,8 @@ std::string verdict_sentence(Language language, Verdict verdict) {
       return say(language, "verdict.intact.sentence");
     case Verdict::kIntactWithGaps:
       return say(language, "verdict.gaps.sentence");
+    case Verdict::kIntactExcerpt:
+      return say(language, "verdict.excerpt.sentence");
     case Verdict::kUnproven:
       return say(language, "verdict.unproven.sentence");
     case Verdict::kIncomplete:
@@ -68,6 +70,8 @@ std::string verdict_words(Language language, Verdict verdict) {
       return say(language, "verdict.intact");
     case Verdict::kIntactWithGaps:
       return say(language, "verdict.gaps");
+    case Verdict::kIntactExcerpt:
+      return say(language, "verdict.excerpt");
     case Verdict::kUnproven:
       return say(language, "verdict.unproven");
     case Verdict::kIncomplete:
@@ -82,6 +86,7 @@ Tone tone_of(Verdict verdict) {
   switch (verdict) {
     case Verdict::kIntact:
     case Verdict::kIntactWithGaps:
+    case Verdict::kIntactExcerpt:
       return Tone::kGood;
     case Verdict::kUnproven:
     case Verdict::kIncomplete:

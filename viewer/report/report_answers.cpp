@@ -25,9 +25,9 @@ std::string ReportMaker::question(Check check) const {
     case Check::kLedger:
       return words("check.ledger");
     case Check::kFiles:
-      return words("check.files");
+      return in_.facts.excerpt ? words("check.files.excerpt") : words("check.files");
     case Check::kStreams:
-      return words("check.streams");
+      return in_.facts.excerpt ? words("check.streams.excerpt") : words("check.streams");
     case Check::kEnd:
       return words("check.end");
     case Check::kDevice:
@@ -58,7 +58,11 @@ std::string ReportMaker::explanation(const CheckAnswer& answered) const {
     ++all;
     if (gravest == nullptr || finding.severity > gravest->severity) gravest = &finding;
   }
-  if (gravest == nullptr) return words("time.none");
+  if (gravest == nullptr) {
+    return answered.check == Check::kTime && found_.excerpt.has_value() == in_.facts.excerpt
+               ? words("time.none")
+               : words("check.excerpt.unread");
+  }
   return words("check.see-findings",
                {meaning_of(in_.language, gravest->code), count(all, "one.finding", "many.finding")});
 }
@@ -74,10 +78,16 @@ std::string ReportMaker::yes_to(const CheckAnswer& answered) const {
       return words("check.ledger.yes",
                    {entries(), count(found_.checkpoints, "one.checkpoint", "many.checkpoint")});
     case Check::kFiles:
+      if (found_.excerpt) {
+        return words("check.files.excerpt.yes",
+                     {count(found_.files, "one.file", "many.file"), byte_size(found_.bytes), held_words()});
+      }
       return words("check.files.yes",
                    {count(found_.files, "one.file", "many.file"), byte_size(found_.bytes)});
     case Check::kStreams:
-      return words("check.streams.yes");
+      return found_.excerpt ? words("check.streams.excerpt.yes",
+                                    {in_case(found_.excerpt->from_ns), in_case(found_.excerpt->to_ns)})
+                            : words("check.streams.yes");
     case Check::kEnd:
       return words("check.end.yes");
     case Check::kDevice:
@@ -86,7 +96,7 @@ std::string ReportMaker::yes_to(const CheckAnswer& answered) const {
       return answered.answer == Answer::kInsideOnly ? words("check.time.inside", {tokens()})
                                                     : words("check.time.yes", {tokens()});
     case Check::kLog:
-      return words("check.log.yes");
+      return in_.facts.excerpt ? words("check.log.excerpt.yes") : words("check.log.yes");
     case Check::kContents:
       break;
   }
@@ -106,10 +116,18 @@ void ReportMaker::add_chain() {
   paragraph(words("chain.lead"));
   const CaseFacts& facts = in_.facts;
   Chain chain;
+  std::uint64_t segments = facts.segments, segment_bytes = facts.segment_bytes;
+  if (facts.excerpt) {  // its lines name more segments than it holds
+    segments = segment_bytes = 0;
+    for (const archive::StreamReport& held : found_.streams) {
+      segments += held.segments;
+      segment_bytes += held.bytes;
+    }
+  }
   chain.links.push_back(
       link("chain.segments", answer(Check::kFiles),
-           words("chain.segments.text",
-                 {count(facts.segments, "one.segment", "many.segment"), byte_size(facts.segment_bytes)}),
+           words(facts.excerpt ? TextKey("chain.segments.excerpt") : TextKey("chain.segments.text"),
+                 {count(segments, "one.segment", "many.segment"), byte_size(segment_bytes)}),
            words("chain.segments.bond")));
   chain.links.push_back(link("chain.ledger", answer(Check::kLedger), words("chain.ledger.text", {entries()}),
                              words("chain.ledger.bond")));

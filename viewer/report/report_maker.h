@@ -51,6 +51,12 @@ class ReportMaker {
 
   [[nodiscard]] std::string reason() const;
 
+  /// "endoscope: 3 of 12 segments, …": what an excerpt holds of the streams that it selects.
+  [[nodiscard]] std::string held_words() const;
+  void add_part(Table& table, const archive::ExcerptReport& part) const;
+  /// Of an excerpt: whether the gap is of what it is an excerpt of.
+  [[nodiscard]] bool concerns(const archive::GapEntry& gap) const;
+
   void add_case();
 
   [[nodiscard]] Chain::Link link(TextKey title, const CheckAnswer& answered, std::string text,

@@ -14,11 +14,51 @@ std::string ReportMaker::reason() const {
   return plain_text(reason);
 }
 
+std::string ReportMaker::held_words() const {
+  std::string out;
+  for (const archive::ExcerptStream& stream : found_.excerpt->streams) {
+    if (!stream.selected) continue;
+    const std::string name = plain_text(stream.name);
+    const std::string held = grouped(stream.held_segments);
+    out += (out.empty() ? "" : ", ") +
+           (stream.case_segments
+                ? words("case.held.of",
+                        {name, held, count(*stream.case_segments, "one.segment", "many.segment")})
+                : words("case.held.of-at-least",
+                        {name, held, count(stream.known_segments, "one.segment", "many.segment")}));
+  }
+  return out;
+}
+
+void ReportMaker::add_part(Table& table, const archive::ExcerptReport& part) const {
+  add_fact(table, words("case.part"), words("case.part.text", {in_case(part.from_ns), in_case(part.to_ns)}));
+  add_fact(table, words("case.held"), held_words());
+  std::string left_out;
+  for (const archive::ExcerptStream& stream : part.streams) {
+    if (!stream.selected) left_out += (left_out.empty() ? "" : ", ") + plain_text(stream.name);
+  }
+  add_fact(table, words("case.left-out"),
+           left_out.empty() ? words("case.left-out.text") : words("case.left-out.streams", {left_out}));
+  if (part.stated_made_at || !part.stated_made_by.empty()) {
+    add_fact(table, words("case.made"),
+             words("case.made.text", {part.stated_made_at ? utc_time(*part.stated_made_at) : "",
+                                      plain_text(part.stated_made_by)}));
+  }
+}
+
+bool ReportMaker::concerns(const archive::GapEntry& gap) const {
+  if (!found_.excerpt) return true;
+  return archive::meets(gap.span, found_.excerpt->from_ns, found_.excerpt->to_ns) &&
+         std::ranges::any_of(found_.streams,
+                             [&](const auto& stream) { return stream.info.name == gap.stream; });
+}
+
 void ReportMaker::add_case() {
   heading("heading.case");
   const CaseFacts& facts = in_.facts;
   Table table = facts_table();
   add_fact(table, words("case.id"), document_.identifier);
+  if (found_.excerpt) add_part(table, *found_.excerpt);
   const auto by_device = [&](UtcTime time) { return words("case.by-device", {utc_time(time)}); };
   add_fact(table, words("case.opened"),
            facts.opened_at ? by_device(facts.opened_at->utc) : words("case.unknown"));
@@ -38,8 +78,9 @@ void ReportMaker::add_case() {
   add_fact(table, words("case.device"), device_name().empty() ? words("case.unknown") : device_name());
   add_fact(table, words("case.size"),
            count(found_.files, "one.file", "many.file") + ", " + byte_size(found_.bytes));
-  add_fact(table, words("case.marks"), std::to_string(facts.marks));
-  if (facts.opening) {
+  // Of an excerpt the lines tell neither how many marks the case has nor what of the patient is at hand.
+  if (!facts.excerpt) add_fact(table, words("case.marks"), std::to_string(facts.marks));
+  if (facts.opening && !facts.excerpt) {
     add_fact(table, words("case.subject"),
              facts.opening->subject ? words("case.subject.yes") : words("case.subject.no"));
   }
@@ -86,6 +127,7 @@ void ReportMaker::add_streams() {
   }
   add(std::move(table));
   small(words("stream.lead"));
+  if (found_.excerpt) small(words("stream.lead.excerpt"));
   add(Picture{time_figure(found_, in_.facts, in_.language, kTextWidth), words("figure.time")});
 }
 
@@ -111,7 +153,9 @@ std::string ReportMaker::cause_words(archive::GapCause cause) const {
 
 void ReportMaker::add_gaps() {
   heading("heading.gaps", 2);
-  const auto& gaps = in_.facts.gaps;
+  std::vector<archive::GapEntry> gaps;
+  std::ranges::copy_if(in_.facts.gaps, std::back_inserter(gaps),
+                       [this](const archive::GapEntry& gap) { return concerns(gap); });
   if (gaps.empty()) return paragraph(words("gap.none"));
   constexpr std::size_t kMost = 60;
   Table table{{{words("stream.name"), 1.4},

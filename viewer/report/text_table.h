@@ -35,6 +35,12 @@ inline constexpr auto kTexts = std::to_array<Text>({
      "この記録にあるものは、記録されたときのままです。一部は記録されていませんが、その旨は当時の記録自体に記"
      "されており、"
      "本書に一覧を示します。"},
+    {"verdict.excerpt", "INTACT EXCERPT", "抜粋として改変なし"},
+    {"verdict.excerpt.sentence",
+     "This is a part of a recording, not the recording. What it holds is as it was recorded. What it leaves "
+     "out was not here to be checked.",
+     "これは記録の一部であり、記録の全体ではありません。ここにあるものは記録されたときのままです。含まれない"
+     "部分は検査の対象にありません。"},
     {"verdict.unproven", "COULD NOT BE PROVED", "証明できない"},
     {"verdict.unproven.sentence",
      "Nothing in this record contradicts itself, but something that would prove it was not given or is not "
@@ -104,15 +110,32 @@ inline constexpr auto kTexts = std::to_array<Text>({
      "記録の一覧（台帳）は変更されておらず、記載の装置により署名されているか"},
     {"check.ledger.yes", "{0} and {1} agree, each signature is that of the key in the ledger.",
      "{0}と{1}は一致し、署名はいずれも台帳に記載の鍵によるものです。"},
+    {"check.excerpt.unread", "The lines of this excerpt do not hold, so nothing is said about this.",
+     "この抜粋の台帳の行が成立しないため、これについては何も述べません。"},
     {"check.files", "Is every file there, and exactly as it was when it was listed?",
      "すべてのファイルが存在し、一覧に記載されたときのままか"},
     {"check.files.yes",
      "{0} ({1}): every hash is the one that the ledger states, and no other file is there.",
      "{0}（{1}）：ハッシュ値はすべて台帳の記載と一致し、余分なファイルはありません。"},
+    {"check.files.excerpt", "Is every file of the excerpt there, and exactly as it was when it was listed?",
+     "抜粋のすべてのファイルが存在し、一覧に記載されたときのままか"},
+    {"check.files.excerpt.yes",
+     "{0} ({1}) are there, and no other: {2}. Files of the case outside the excerpt were not here to be "
+     "checked.",
+     "{0}（{1}）が存在し、余分なファイルはありません（{2}）。症例のうち抜粋に含まれないファイルは検査してい"
+     "ません。"},
     {"check.streams", "Was it recorded without a break from beginning to end?",
      "始めから終わりまで途切れなく記録されたか"},
     {"check.streams.yes", "Segments follow each other without hole or overlap; no frame was dropped.",
      "区間は隙間も重なりもなく連続し、フレームの欠落はありません。"},
+    {"check.streams.excerpt", "Does the excerpt hold its streams without a break in its stretch of time?",
+     "抜粋の時間内で、選ばれた系統は途切れなく含まれているか"},
+    {"check.streams.excerpt.yes",
+     "From {0} to {1} of the case the selected streams have no hole that nobody stated. About the time "
+     "before "
+     "and after, this does not say anything.",
+     "症例時刻 {0} から {1} まで、選ばれた系統に記載のない空白はありません。その前後の時間については何も述べ"
+     "ません。"},
     {"check.end", "Was the recording brought to its end?", "記録は完結しているか"},
     {"check.end.yes", "The last entry closes the case, and a signed checkpoint covers it.",
      "症例は閉じられ、署名付きチェックポイントで覆われています。"},
@@ -133,6 +156,11 @@ inline constexpr auto kTexts = std::to_array<Text>({
     {"check.log.yes",
      "The appliance log that was given knows its beginning, its checkpoints and its end as they are here.",
      "与えられた装置ログにある開始・チェックポイント・終了は、ここにあるものと一致します。"},
+    {"check.log.excerpt.yes",
+     "The appliance log that was given knows the case, and the part of its ledger that is here. Whether the "
+     "whole case still exists cannot be told from an excerpt.",
+     "与えられた装置ログは、この症例と、ここにある台帳の部分を同じ内容で記録しています。症例の全体が現存する"
+     "かどうかは抜粋からは判りません。"},
     {"check.log.not-asked",
      "No appliance log was given. Without it nobody sees that a whole case, or its end, was removed.",
      "装置ログが与えられていません。これがないと、症例全体または末尾の削除は判りません。"},
@@ -159,6 +187,19 @@ inline constexpr auto kTexts = std::to_array<Text>({
     {"case.recorded-before", "Recorded ahead", "先行記録"},
     {"case.recorded-before.text", "{0} before it was opened (pre-roll)", "開始前の {0} を含む"},
     {"case.marks", "Marks", "マーク"},
+    {"case.part", "Part of the case", "症例のうちの部分"},
+    {"case.part.text", "from {0} to {1} on the case clock", "症例時刻 {0} から {1} まで"},
+    {"case.held", "Holds", "含まれるもの"},
+    {"case.left-out", "Leaves out", "含まれないもの"},
+    {"case.left-out.text", "everything before and after that time, and the patient data",
+     "その前後のすべてと患者情報"},
+    {"case.left-out.streams", "the streams {0}; everything before and after that time, and the patient data",
+     "系統 {0}、その前後のすべてと患者情報"},
+    {"case.made", "Excerpt made", "抜粋の作成"},
+    {"case.made.text", "{0} {1} (the excerpt says so itself; nothing proves it)",
+     "{0} {1}（抜粋自身の記載であり、証明するものはありません）"},
+    {"case.held.of", "{0}: {1} of {2}", "{0}：{2} のうち {1}"},
+    {"case.held.of-at-least", "{0}: {1} of at least {2}", "{0}：少なくとも {2} のうち {1}"},
     {"case.unknown", "not known: the ledger cannot be read that far", "不明（台帳を読み取れません）"},
     {"case.size", "Size", "大きさ"},
     {"case.subject", "Patient data", "患者情報"},
@@ -181,6 +222,9 @@ inline constexpr auto kTexts = std::to_array<Text>({
     {"chain.segments.text",
      "{0}, {1} in all: pictures, vital signs and events, sealed before they were hashed.",
      "{0}、計 {1}。映像・バイタルサイン・イベントを封緘してからハッシュ値を取っています。"},
+    {"chain.segments.excerpt",
+     "{0}, {1} in all, which is what the excerpt holds of the case: sealed before they were hashed.",
+     "{0}、計 {1}（症例のうち抜粋に含まれるもの）。封緘してからハッシュ値を取っています。"},
     {"chain.segments.bond", "SHA-256 of each file stands in", "各ファイルの SHA-256 を記載"},
     {"chain.ledger", "Ledger", "台帳"},
     {"chain.ledger.text", "{0}, one a line, each numbered; together they have one Merkle root (RFC 6962).",
@@ -221,6 +265,8 @@ inline constexpr auto kTexts = std::to_array<Text>({
      "時刻は症例時計（開始時を0とし、途中で合わせることのない時計）によります。「フレーム」は、映像では画像数"
      "、"
      "バイタルサインとイベントでは行数です。"},
+    {"stream.lead.excerpt", "Segments and frames are those that this excerpt holds. The case has more.",
+     "区間とフレームは、この抜粋に含まれるものです。症例にはこれ以外もあります。"},
     {"kind.video", "video", "映像"},
     {"kind.audio", "sound", "音声"},
     {"kind.vitals", "vital signs", "バイタル"},
@@ -351,8 +397,12 @@ inline constexpr auto kTexts = std::to_array<Text>({
      "マークル木と署名を含む検査の全体は、Kiroku の文書 docs/verify-with-stock-tools.md "
      "に1ページの手順書としてあります。"
      "Kiroku を用いる場合（本書と同じ検査）："},
-    {"repeat.excerpt", "An excerpt is checked with Kiroku, as its proofs are part of the format:",
-     "抜粋は、証明が形式の一部であるため Kiroku で検査します："},
+    {"repeat.excerpt",
+     "The whole check of an excerpt, with its Merkle proofs, is a script of its own in Kiroku's "
+     "documentation: "
+     "docs/verify-with-stock-tools.md. With Kiroku, the same as this report:",
+     "マークル証明を含む抜粋の検査の全体は、Kiroku の文書 docs/verify-with-stock-tools.md "
+     "に専用の手順書としてあります。Kiroku を用いる場合（本書と同じ検査）："},
     // -- about
     {"about.by", "Made by", "作成者"},
     {"about.when", "Made", "作成日時"},

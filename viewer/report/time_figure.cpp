@@ -99,10 +99,13 @@ Figure time_figure(const archive::VerificationReport& verification, const CaseFa
                    double width) {
   std::int64_t begin = facts.opening ? facts.opening->begins_ns : 0;
   std::int64_t end = facts.last_ns;
-  if (facts.excerpt && !verification.streams.empty()) {
-    begin = end;
+  if (verification.excerpt) {
+    begin = verification.excerpt->from_ns;
+    end = verification.excerpt->to_ns;
     for (const auto& stream : verification.streams) {
-      if (stream.segments > 0) begin = std::min(begin, stream.span.start_ns);
+      if (stream.segments == 0) continue;
+      begin = std::min(begin, stream.span.start_ns);
+      end = std::max(end, stream.span.end_ns);
     }
   }
   TimeFigure figure(begin, end, width);

@@ -100,6 +100,8 @@ class ExportApi {
     options.from_ns = stretch.from_ns;
     options.to_ns = std::min(stretch.to_ns, recording.opening().begins_ns + recording.duration_ns());
     options.streams = request.query_texts("stream");
+    options.made_at = utc_now();
+    options.made_by = request.session->user();
     std::vector<std::string> streams = options.streams;
     if (streams.empty()) {
       for (const archive::StreamInfo& stream : recording.opening().streams) streams.push_back(stream.name);

@@ -1,5 +1,6 @@
 #include "viewer/server/viewer_context.h"
 
+#include "archive/excerpt_verifier.h"
 #include "archive/file_system.h"
 #include "base/error.h"
 
@@ -45,7 +46,8 @@ std::filesystem::path ViewerContext::case_folder(const Request& request) const {
   const std::string& id = request.parameter("case");
   std::filesystem::path folder = home_.archive / id;
   std::error_code failed;
-  if (!std::filesystem::is_directory(std::filesystem::symlink_status(folder, failed))) {
+  if (!std::filesystem::is_directory(std::filesystem::symlink_status(folder, failed)) ||
+      archive::is_excerpt(folder)) {
     throw Refusal(404, "there is no case " + id);
   }
   return folder;

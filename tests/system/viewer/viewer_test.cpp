@@ -108,7 +108,7 @@ TEST_F(Viewer, ShowsVerifiesAndExportsACaseAndEntersEachAccessBeforeItLeaves) {
   ASSERT_EQ(excerpt.status, 200);
   write_text(path("excerpt.tar"), excerpt.body);
   ASSERT_EQ(tool({"tar", "xf", path("excerpt.tar"), "-C", folder().string()}).status, 0);
-  EXPECT_EQ(kiroku({"verify", path(case_id_ + "-excerpt")}).status, 0);
+  EXPECT_EQ(kiroku({"verify", "--excerpt", path(case_id_ + "-excerpt")}).status, 0);
   EXPECT_EQ(kiroku({"log", "--verify"}).status, 0);
 }
 

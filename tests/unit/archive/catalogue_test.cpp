@@ -176,6 +176,16 @@ TEST_F(CatalogueTest, ListsWhatCannotBeReadAsUnreadable) {
   EXPECT_EQ(rows[3].opened, *parse_utc("2026-08-05T09:15:02Z")) << "by its name";
 }
 
+TEST_F(CatalogueTest, ListsNoExcerptAsACase) {
+  add_whole_case(kFirst);
+  for (const std::string name : {kSecond, "for-the-court"}) {
+    fs::create_directory(archive_ / name);
+    std::ofstream(archive_ / name / "excerpt.json") << "{}\n";
+  }
+  EXPECT_THAT(ids(open()->list(archive_)), ElementsAre(kFirst));
+  EXPECT_EQ(open()->rebuild(archive_), 1U);
+}
+
 TEST_F(CatalogueTest, CountsLinesThatAreWrittenOtherwiseToo) {
   add_open(kFirst);
   std::ofstream(archive_ / kFirst / "ledger.jsonl", std::ios::app)

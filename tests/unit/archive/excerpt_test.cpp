@@ -6,6 +6,10 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include "archive/case_reader.h"
+#include "archive/excerpt_document.h"
+#include "archive/excerpt_verifier.h"
+#include "archive/replica.h"
 #include "archive/verifier.h"
 #include "crypto/age_file.h"
 #include "tests/support/report_text.h"
@@ -53,7 +57,7 @@ TEST_F(Excerpt, VerifiesByItself) {
   EXPECT_EQ(result.segments, 1U);
   EXPECT_EQ(result.first_entry, 1U);
   const VerificationReport report = verify();
-  EXPECT_EQ(summary(report), "intact") << details(report);
+  EXPECT_EQ(summary(report), "intact-excerpt") << details(report);
   EXPECT_EQ(report.time, TimeProof::kSelfIssued);
   EXPECT_TRUE(fs::exists(excerpt() / "segments/endoscope/00000001.ts.age"));
   EXPECT_FALSE(fs::exists(excerpt() / "segments/endoscope/00000000.ts.age"));
@@ -65,7 +69,136 @@ TEST_F(Excerpt, OfEverythingVerifies) {
   options.to_ns = 3600 * kSecond;
   EXPECT_EQ(make(options).segments, 4U);
   const VerificationReport report = verify();
-  EXPECT_EQ(summary(report), "intact") << details(report);
+  EXPECT_EQ(summary(report), "intact-excerpt") << details(report);
+}
+
+TEST_F(Excerpt, TellsWhatItHoldsAndNotWhatItsLinesName) {
+  make(middle());
+  const VerificationReport report = verify();
+  ASSERT_TRUE(report.excerpt);
+  const ExcerptReport& part = *report.excerpt;
+  EXPECT_EQ(part.from_ns, 2 * kSecond + 1);
+  EXPECT_EQ(part.to_ns, 4 * kSecond);
+  EXPECT_FALSE(part.with_gaps);
+  ASSERT_EQ(part.streams.size(), 2U);
+  EXPECT_EQ(part.streams[0].name, "endoscope");
+  EXPECT_TRUE(part.streams[0].selected);
+  EXPECT_EQ(part.streams[0].held_segments, 1U);
+  EXPECT_EQ(part.streams[0].held_frames, 50U);
+  EXPECT_EQ(part.streams[0].case_segments, 3U);
+  EXPECT_EQ(part.streams[0].known_segments, 3U);
+  EXPECT_FALSE(part.streams[1].selected);
+  EXPECT_EQ(part.streams[1].held_segments, 0U);
+  ASSERT_EQ(report.streams.size(), 1U);
+  EXPECT_EQ(report.streams[0].segments, 1U);
+  EXPECT_EQ(report.streams[0].span.start_ns, 2 * kSecond);
+  EXPECT_EQ(report.streams[0].span.end_ns, 4 * kSecond);
+  EXPECT_EQ(exit_status(report.verdict), 4);
+  EXPECT_EQ(exit_status(report.verdict, true), 0);
+  EXPECT_EQ(exit_status(Verdict::kTampered, true), 1);
+  EXPECT_EQ(exit_status(Verdict::kUnproven, true), 3);
+  EXPECT_EQ(exit_status(Verdict::kIntact, true), 0);
+}
+
+TEST_F(Excerpt, WithoutTheEndOfItsCaseKnowsOnlyHowMuchThatHasAtLeast) {
+  archive_.clear();
+  test::SampleCase sample(archive_);
+  sample.stamp();
+  archive_.now_ns = 3 * kSecond;
+  sample.writer().append({sample.segment(0, 0, {0, 3 * kSecond})}, archive_.now());
+  sample.stamp();
+  sample.stamp();
+  archive_.now_ns = 6 * kSecond;
+  sample.writer().append({sample.segment(0, 1, {3 * kSecond, 6 * kSecond})}, archive_.now());
+  sample.close();
+  folder_ = sample.folder();
+  ExcerptOptions options;
+  options.to_ns = 2 * kSecond;
+  options.streams = {"endoscope"};
+  make(options);
+  const VerificationReport report = verify();
+  EXPECT_EQ(summary(report), "intact-excerpt") << details(report);
+  EXPECT_EQ(report.excerpt->streams[0].case_segments, std::nullopt);
+  EXPECT_EQ(report.excerpt->streams[0].known_segments, 1U);
+}
+
+TEST_F(Excerpt, StatesItsStreamsAndItsMakingWhichNothingProves) {
+  ExcerptOptions options;
+  options.to_ns = 3600 * kSecond;
+  options.made_at = parse_utc("2026-08-06T09:00:00Z");
+  options.made_by = "Dr. Mori";
+  make(options);
+  const ExcerptParse parse = parse_excerpt(read(excerpt() / "excerpt.json"));
+  ASSERT_TRUE(parse.document) << parse.problem;
+  EXPECT_THAT(parse.document->streams, ::testing::ElementsAre("endoscope", "vitals"));
+  EXPECT_EQ(parse.document->to_ns, 7'100'000'000) << "the end of the case";
+  VerificationReport report = verify();
+  EXPECT_EQ(summary(report), "intact-excerpt");
+  EXPECT_EQ(report.excerpt->stated_made_by, "Dr. Mori");
+  EXPECT_EQ(report.excerpt->stated_made_at, options.made_at);
+  EXPECT_EQ(report.excerpt->streams[0].case_segments, 3U);
+  EXPECT_EQ(report.excerpt->streams[0].case_frames, 150U);
+
+  // Anybody can write there what they like, or nothing, as older programs did.
+  std::string document = read(excerpt() / "excerpt.json");
+  document.replace(document.find("Mori"), 4, "Abe");
+  write(excerpt() / "excerpt.json", document);
+  report = verify();
+  EXPECT_EQ(summary(report), "intact-excerpt");
+  EXPECT_EQ(report.excerpt->stated_made_by, "Dr. Abe");
+  document = document.substr(0, document.find(",\"made_utc\"")) + "}\n";
+  write(excerpt() / "excerpt.json", document);
+  report = verify();
+  EXPECT_EQ(summary(report), "intact-excerpt");
+  EXPECT_EQ(report.excerpt->stated_made_at, std::nullopt);
+}
+
+TEST_F(Excerpt, WithStatedGapsIsAnIntactExcerptThatSaysSo) {
+  archive_.clear();
+  test::SampleCase sample(archive_);
+  sample.record();
+  sample.writer().append({GapEntry{"endoscope", {6 * kSecond, 6'500'000'000}, GapCause::kSignalLost}},
+                         archive_.now());
+  sample.close();
+  folder_ = sample.folder();
+  ExcerptOptions options = middle();
+  options.to_ns = 7 * kSecond;
+  make(options);
+  const VerificationReport report = verify();
+  EXPECT_EQ(report.verdict, Verdict::kIntactExcerpt) << details(report);
+  EXPECT_TRUE(report.excerpt->with_gaps);
+  EXPECT_EQ(report.streams[0].gap_ns, 500'000'000);
+}
+
+TEST_F(Excerpt, OfAStreamThatHasNothingShowsThatItHasNothing) {
+  archive_.clear();
+  test::SampleCase sample(archive_);
+  sample.stamp();
+  archive_.now_ns = 3 * kSecond;
+  sample.writer().append({sample.segment(0, 0, {0, 3 * kSecond})}, archive_.now());
+  sample.stamp();
+  archive_.now_ns = 6 * kSecond;
+  sample.writer().append({sample.segment(0, 1, {3 * kSecond, 6 * kSecond})}, archive_.now());
+  sample.close();
+  folder_ = sample.folder();
+  ExcerptOptions options;
+  options.from_ns = 4 * kSecond;
+  options.to_ns = 5 * kSecond;
+  make(options);
+  const VerificationReport report = verify();
+  EXPECT_EQ(summary(report), "intact-excerpt") << details(report);
+  ASSERT_EQ(report.streams.size(), 2U);
+  EXPECT_EQ(report.streams[1].segments, 0U);
+}
+
+TEST_F(Excerpt, IsNoCaseForWhoReadsOne) {
+  make(middle());
+  EXPECT_TRUE(is_excerpt(excerpt()));
+  EXPECT_FALSE(is_excerpt(folder_));
+  EXPECT_FALSE(is_excerpt(archive_.folder() / "nothing"));
+  EXPECT_THROW(CaseReader::open(excerpt()), UsageError);
+  EXPECT_EQ(why_not_replicated(folder_, "endoscope", excerpt()),
+            "it is an excerpt, which is no copy of the case");
 }
 
 TEST_F(Excerpt, WithASegmentLeftOutNamesIt) {
@@ -136,7 +269,7 @@ TEST_F(Excerpt, ReKeyedOpensForTheNewReaderAndProvesTheFilm) {
   VerifyOptions with_identity = archive_.options();
   with_identity.identities = &reader;
   report = verify_case(excerpt(), with_identity);
-  EXPECT_EQ(summary(report), "intact") << details(report);
+  EXPECT_EQ(summary(report), "intact-excerpt") << details(report);
 
   const auto source = crypto::open_file_source(excerpt() / "segments/endoscope/00000001.ts.age");
   EXPECT_EQ(crypto::AgeFile::open(*source, reader).plaintext_size(), 70'000U);

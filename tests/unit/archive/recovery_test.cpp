@@ -102,6 +102,15 @@ TEST_F(RecoveryTest, AnArchiveThatWasLeftProperlyIsLeftAlone) {
   EXPECT_EQ(verify(folder).verdict, Verdict::kIntact);
 }
 
+TEST_F(RecoveryTest, AnExcerptIsNoCaseThatMustBeBroughtToItsEnd) {
+  const fs::path folder = SampleCase::write(archive_);
+  fs::remove_all(folder / "segments");
+  fs::rename(folder / kLedgerFile, folder / "ledger-part.jsonl");
+  std::ofstream(folder / "excerpt.json") << "{}\n";
+  EXPECT_THAT(recover(), IsEmpty());
+  EXPECT_FALSE(fs::exists(folder / kLedgerFile));
+}
+
 TEST_F(RecoveryTest, AdoptsWhatWasDurableAndStatesWhatWasLost) {
   fs::path folder;
   {

@@ -5,6 +5,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include "archive/excerpt.h"
 #include "base/error.h"
 #include "tests/support/process.h"
 #include "tests/support/sample_case.h"
@@ -90,6 +91,53 @@ TEST_F(ReportDocument, OfATamperedCaseNamesPlaceAndMeaning) {
   EXPECT_THAT(text, AllOf(HasSubstr("file-hash-differs"), HasSubstr("segments/endoscope/00000001.ts.age")));
   EXPECT_THAT(text, HasSubstr("[Segments: ✗ No]"));
   EXPECT_THAT(text, HasSubstr("[Ledger: ✓ Yes]"));
+}
+
+archive::ExcerptOptions second_segment() {
+  archive::ExcerptOptions options;
+  options.from_ns = 2'000'000'001;
+  options.to_ns = 4'000'000'000;
+  options.streams = {"endoscope"};
+  options.made_at = parse_utc("2026-08-06T09:00:00Z");
+  options.made_by = "Dr. Mori";
+  return options;
+}
+
+TEST_F(ReportDocument, OfAnExcerptSaysWhatPartItIsAndNothingOfTheRest) {
+  archive::make_excerpt(folder_, second_segment(), temporary_ / "excerpt");
+  folder_ = temporary_ / "excerpt";
+  const std::string text = report(archive_.options());
+  EXPECT_THAT(text, HasSubstr("✓ INTACT EXCERPT\n"));
+  EXPECT_THAT(text, HasSubstr("This is a part of a recording, not the recording."));
+  EXPECT_THAT(text,
+              HasSubstr("Is every file of the excerpt there, and exactly as it was when it was listed? | "
+                        "✓ Yes | "));
+  EXPECT_THAT(text, HasSubstr("endoscope: 1 of 3 segments"));
+  EXPECT_THAT(text, HasSubstr("Part of the case | from 0:00:02.000 to 0:00:04.000 on the case clock"));
+  EXPECT_THAT(text, HasSubstr("Leaves out | the streams vitals; everything before and after"));
+  EXPECT_THAT(text,
+              HasSubstr("2026-08-06 09:00:00 UTC Dr. Mori (the excerpt says so itself; nothing proves it)"));
+  EXPECT_THAT(text, HasSubstr("endoscope | video | 0:00:02.000 | 0:00:04.000 | 1 | 50 | 0 | none | "));
+  EXPECT_THAT(text, HasSubstr("Whether the whole case still exists cannot be told from an excerpt."));
+  EXPECT_THAT(text, Not(HasSubstr("Is every file there, and")));
+  EXPECT_THAT(text, Not(HasSubstr("from beginning to end")));
+  EXPECT_THAT(text, Not(HasSubstr("vitals | vital signs")));
+  EXPECT_THAT(text, Not(HasSubstr("Patient data")));
+}
+
+TEST_F(ReportDocument, OfAnExcerptOfNothingSaysYesToNothingThatWasNotLookedAt) {
+  archive::make_excerpt(folder_, second_segment(), temporary_ / "excerpt");
+  folder_ = temporary_ / "excerpt";
+  std::fstream document(folder_ / "excerpt.json", std::ios::in | std::ios::out);
+  std::string json;
+  std::getline(document, json);
+  json.replace(json.find("[\"endoscope\"]"), 13, "[]");
+  write("excerpt/excerpt.json", to_bytes(json + "\n"));
+  const std::string text = report(archive_.options());
+  EXPECT_THAT(text, HasSubstr("✗ DOES NOT HOLD (TAMPERED)\n"));
+  EXPECT_THAT(text, HasSubstr("as it was when it was listed? | ! Could not be checked | "));
+  EXPECT_THAT(text, HasSubstr("in its stretch of time? | ! Could not be checked | "));
+  EXPECT_THAT(text, Not(HasSubstr("✓ Yes")));
 }
 
 TEST_F(ReportDocument, OfADamagedLedgerIsWrittenAllTheSame) {

@@ -1,7 +1,7 @@
 // What the server answers (docs/viewer.md; /api/openapi.json).
 
 export type Role = 'operator' | 'surgeon' | 'auditor' | 'administrator';
-export type Verdict = 'intact' | 'intact-with-gaps' | 'unproven' | 'incomplete' | 'tampered';
+export type Verdict = 'intact' | 'intact-with-gaps' | 'intact-excerpt' | 'unproven' | 'incomplete' | 'tampered';
 export type Severity = 'tampered' | 'incomplete' | 'unproven' | 'gap' | 'note';
 export type TimeProof = 'external' | 'self-issued' | 'none';
 
@@ -172,6 +172,16 @@ export interface VerifiedStream {
   gap_ns: number;
 }
 
+/** What part of a case an excerpt is. What stands in `stated` it says of itself: nothing proves it. */
+export interface VerifiedExcerpt {
+  from_ns: number;
+  to_ns: number;
+  begins_ns: number;
+  with_gaps: boolean;
+  streams: { name: string; selected: boolean; held_segments: number; held_frames: number; case_segments: number | null; case_frames: number | null; known_segments: number }[];
+  stated: { made_utc: string | null; made_by: string | null };
+}
+
 export interface VerificationReport {
   state: 'done';
   verified: string;
@@ -185,6 +195,8 @@ export interface VerificationReport {
   bytes: number;
   checkpoints: number;
   tokens: number;
+  /** Null of a case. */
+  excerpt: VerifiedExcerpt | null;
   streams: VerifiedStream[];
   brackets: VerifiedBracket[];
   findings: Finding[];

@@ -6,6 +6,7 @@ import { Icon, type IconName } from '@/shell/icon';
 const kSigns: Record<Verdict, IconName> = {
   intact: 'intact',
   'intact-with-gaps': 'gaps',
+  'intact-excerpt': 'gaps',
   unproven: 'unproven',
   incomplete: 'incomplete',
   tampered: 'tampered',

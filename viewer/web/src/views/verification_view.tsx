@@ -2,7 +2,7 @@
 import { useSignal } from '@preact/signals';
 import { useEffect } from 'preact/hooks';
 import { cases as api } from '@/api/client';
-import type { CaseInfo, Finding, Timeline, Verification, VerificationReport } from '@/api/types';
+import type { CaseInfo, Finding, Timeline, Verification, VerificationReport, VerifiedExcerpt } from '@/api/types';
 import { hrefOf } from '@/base/route';
 import { formatBytes, formatDuration, formatTime } from '@/base/time';
 import { formatMoment, language, t, word } from '@/i18n/i18n';
@@ -108,6 +108,45 @@ function Streams({ report }: { report: VerificationReport }) {
   );
 }
 
+function Part({ excerpt }: { excerpt: VerifiedExcerpt }) {
+  const held = excerpt.streams.filter((one) => one.selected);
+  const leftOut = excerpt.streams.filter((one) => !one.selected).map((one) => word('stream', one.name));
+  const { made_utc, made_by } = excerpt.stated;
+  return (
+    <section aria-labelledby="part">
+      <h2 id="part">{t('excerpt.title')}</h2>
+      <dl class="card small-facts">
+        <div>
+          <dt>{t('excerpt.time')}</dt>
+          <dd>{t('excerpt.span', { from: formatTime(excerpt.from_ns - excerpt.begins_ns), to: formatTime(excerpt.to_ns - excerpt.begins_ns) })}</dd>
+        </div>
+        <div>
+          <dt>{t('excerpt.held')}</dt>
+          {held.map((one) => (
+            <dd key={one.name}>
+              {t(one.case_segments === null ? 'excerpt.ofAtLeast' : 'excerpt.of', {
+                stream: word('stream', one.name),
+                held: one.held_segments,
+                all: one.case_segments ?? one.known_segments,
+              })}
+            </dd>
+          ))}
+        </div>
+        <div>
+          <dt>{t('excerpt.leftOut')}</dt>
+          <dd>{[...leftOut, t('excerpt.rest')].join(', ')}</dd>
+        </div>
+        {(made_utc ?? made_by) && (
+          <div>
+            <dt>{t('excerpt.made')}</dt>
+            <dd>{t('excerpt.claim', { moment: made_utc ? formatMoment(made_utc) : '', by: made_by ?? '' })}</dd>
+          </div>
+        )}
+      </dl>
+    </section>
+  );
+}
+
 function Report({ id, report, timeline, about }: { id: string; report: VerificationReport; timeline: Timeline | undefined; about: CaseInfo | undefined }) {
   const selected = useSignal<LinkName | undefined>(undefined);
   const findings = byGravity(report.findings).filter((one) => !selected.value || linkOf(one) === selected.value);
@@ -132,6 +171,7 @@ function Report({ id, report, timeline, about }: { id: string; report: Verificat
           </a>
         </div>
       </section>
+      {report.excerpt && <Part excerpt={report.excerpt} />}
       <section aria-labelledby="chain">
         <h2 id="chain">{t('chain.title')}</h2>
         <p class="muted">{t('chain.what')}</p>

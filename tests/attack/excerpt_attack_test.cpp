@@ -1,0 +1,292 @@
+// Folders that call themselves an excerpt, made from a sound case by somebody who holds no key: a case
+// without its pictures must not come out as intact, and an excerpt never as a case.
+#include <algorithm>
+#include <set>
+#include <sstream>
+
+#include "archive/case_layout.h"
+#include "archive/excerpt.h"
+#include "archive/excerpt_document.h"
+#include "crypto/merkle_tree.h"
+#include "tests/attack/attack_table.h"
+
+namespace kiroku::test {
+namespace {
+
+namespace fs = std::filesystem;
+using archive::ExcerptDocument;
+using archive::Verdict;
+using ::testing::HasSubstr;
+
+constexpr std::int64_t kSecond = 1'000'000'000;
+constexpr const char* kDocument = "excerpt.json";
+
+std::string streams_json(const std::vector<std::string>& streams) {
+  std::string text;
+  for (const std::string& each : streams) {
+    text += (text.empty() ? "\"" : ",\"") + each + "\"";
+  }
+  return "[" + text + "]";
+}
+
+struct Claim {
+  std::int64_t from_ns = 0, to_ns = 7 * kSecond;
+  std::vector<std::string> streams;
+};
+
+/// excerpt.json written by hand: also what a writer of the format would refuse.
+void write_document(AttackedCase& c, const Claim& claim) {
+  write_file(c / kDocument, R"({"format":"kiroku-excerpt/1","case":")" + c.folder().filename().string() +
+                                R"(","from_ns":)" + std::to_string(claim.from_ns) + R"(,"to_ns":)" +
+                                std::to_string(claim.to_ns) + R"(,"streams":)" + streams_json(claim.streams) +
+                                R"(,"first_entry":0,"size":)" + std::to_string(c.lines().size()) +
+                                R"(,"open_proof":[],"left":[],"earlier":[]})" + "\n");
+}
+
+/// Renames the whole ledger to an excerpt's part of one; all proofs are empty, since nothing is left out of
+/// it.
+void call_it_an_excerpt(AttackedCase& c, const Claim& claim) {
+  write_document(c, claim);
+  const std::string ledger = read_file(c / "ledger.jsonl");
+  write_file(c / "ledger-open.jsonl", ledger.substr(0, ledger.find('\n') + 1));
+  fs::rename(c / "ledger.jsonl", c / "ledger-part.jsonl");
+  fs::remove(c / "subject.json.age");
+}
+
+void remove_segments(AttackedCase& c) { fs::remove_all(c / "segments"); }
+
+struct Forgery {
+  std::string name;
+  Claim claim;
+  std::string code;
+  bool with_segments = false;
+};
+void PrintTo(const Forgery& forgery, std::ostream* out) { *out << forgery.name; }
+
+class ExcerptOfNothing : public ::testing::TestWithParam<Forgery> {};
+
+TEST_P(ExcerptOfNothing, IsTampered) {
+  AttackedCase victim;
+  ASSERT_EQ(summary(victim.verify()), "intact");
+  if (!GetParam().with_segments) {
+    remove_segments(victim);
+  }
+  call_it_an_excerpt(victim, GetParam().claim);
+  for (const bool with_log : {false, true}) {
+    const archive::VerificationReport report = victim.verify(with_log);
+    EXPECT_EQ(report.verdict, Verdict::kTampered) << details(report);
+    EXPECT_THAT(summary(report), HasSubstr(GetParam().code));
+    for (const archive::StreamReport& stream : report.streams) {
+      EXPECT_EQ(stream.segments, GetParam().with_segments ? stream.segments : 0U) << stream.info.name;
+      EXPECT_EQ(stream.frames, GetParam().with_segments ? stream.frames : 0U) << stream.info.name;
+    }
+  }
+}
+
+INSTANTIATE_TEST_SUITE_P(
+    Table, ExcerptOfNothing,
+    ::testing::Values(
+        Forgery{"NoStreams", {0, 7 * kSecond, {}}, "excerpt-malformed excerpt.json"},
+        Forgery{"NoStreamsBeforeTheEnd", {0, kSecond, {}}, "excerpt-malformed excerpt.json"},
+        Forgery{"EmptyRange", {2 * kSecond, 2 * kSecond, {"vitals"}}, "excerpt-malformed excerpt.json"},
+        Forgery{"EmptyRangeWithSegments",
+                {2 * kSecond, 2 * kSecond, {"endoscope", "vitals"}},
+                "excerpt-malformed excerpt.json",
+                true},
+        Forgery{"ReversedRange", {6 * kSecond, kSecond, {"endoscope"}}, "excerpt-malformed excerpt.json"},
+        Forgery{"TimeToCome", {100 * kSecond, 200 * kSecond, {"endoscope"}}, "excerpt-outside-case"},
+        Forgery{"TimeAfterTheLastPicture",
+                {6 * kSecond, 7 * kSecond, {"endoscope", "vitals"}},
+                "excerpt-empty excerpt.json"},
+        Forgery{"TimeBeforeTheCase", {-9 * kSecond, -kSecond, {"endoscope"}}, "excerpt-outside-case"},
+        Forgery{"BeginsBeforeTheCase",
+                {-kSecond, 7 * kSecond, {"endoscope", "vitals"}},
+                "excerpt-outside-case",
+                true},
+        Forgery{"UnknownStream", {0, 7 * kSecond, {"kitchen"}}, "excerpt-malformed excerpt.json"},
+        Forgery{"UnknownStreamBesideOthers",
+                {0, 7 * kSecond, {"endoscope", "vitals", "kitchen"}},
+                "excerpt-malformed excerpt.json",
+                true},
+        Forgery{"AStreamTwice",
+                {0, 7 * kSecond, {"endoscope", "vitals", "endoscope"}},
+                "excerpt-malformed excerpt.json",
+                true},
+        Forgery{"PicturesTakenOut", {0, 7 * kSecond, {"endoscope", "vitals"}}, "file-missing"}),
+    [](const auto& tested) { return tested.param.name; });
+
+TEST(ExcerptAttack, AWholeCaseInTheFormOfAnExcerptIsNoCase) {
+  AttackedCase victim;
+  call_it_an_excerpt(victim, {0, 7 * kSecond, {"endoscope", "vitals"}});
+  for (const bool with_log : {false, true}) {
+    const archive::VerificationReport report = victim.verify(with_log);
+    EXPECT_EQ(summary(report), "intact-excerpt") << details(report);
+    EXPECT_NE(archive::exit_status(report.verdict), 0);
+  }
+}
+
+TEST(ExcerptAttack, TheFirstSecondTellsOnlyOfWhatItHolds) {
+  AttackedCase victim;
+  for (const char* gone : {"endoscope/00000001.ts.age", "endoscope/00000002.ts.age", "vitals"}) {
+    fs::remove_all(victim / (std::string("segments/") + gone));
+  }
+  call_it_an_excerpt(victim, {0, kSecond, {"endoscope"}});
+  const archive::VerificationReport report = victim.verify();
+  EXPECT_EQ(summary(report), "intact-excerpt") << details(report);
+  ASSERT_EQ(report.streams.size(), 1U);
+  EXPECT_EQ(report.streams[0].info.name, "endoscope");
+  EXPECT_EQ(report.streams[0].segments, 1U);
+  EXPECT_EQ(report.streams[0].frames, 50U);
+}
+
+TEST(ExcerptAttack, ASegmentThatItDoesNotSelectIsNotHidInIt) {
+  AttackedCase victim;
+  call_it_an_excerpt(victim, {0, kSecond, {"endoscope"}});
+  EXPECT_THAT(summary(victim.verify()), HasSubstr("file-unnamed segments/endoscope/00000001.ts.age"));
+}
+
+TEST(ExcerptAttack, InPlaceOfItsCaseTheLogMissesTheCase) {
+  AttackedCase victim;
+  const fs::path archive = victim.folder().parent_path();
+  archive::VerifyOptions options = SoundCases::get().archive.options();
+  options.log.reset();
+  fs::copy(SoundCases::get().second, archive / SoundCases::get().second.filename(),
+           fs::copy_options::recursive);
+  ASSERT_EQ(summary(archive::verify_log(victim.log(), options)), "intact");
+  call_it_an_excerpt(victim, {0, 7 * kSecond, {"endoscope", "vitals"}});
+  EXPECT_THAT(summary(archive::verify_log(victim.log(), options)), HasSubstr("case-missing ledger.jsonl"));
+}
+
+/// Whoever makes an excerpt chooses its lines. This one takes the entries [first, size) of a sound case with
+/// true proofs, and the segments that those lines name in the claimed time.
+void take_lines(const fs::path& from, const Claim& claim, std::uint64_t first, std::uint64_t size,
+                const fs::path& to) {
+  std::vector<std::string> lines;
+  std::istringstream text(read_file(from / "ledger.jsonl"));
+  crypto::MerkleTree tree;
+  for (std::string line; std::getline(text, line);) {
+    tree.append(crypto::merkle_leaf_hash(bytes_of(line)));
+    lines.push_back(line);
+  }
+  ExcerptDocument document;
+  document.case_id = from.filename().string();
+  document.from_ns = claim.from_ns;
+  document.to_ns = claim.to_ns;
+  document.streams = claim.streams;
+  document.first_entry = first;
+  document.size = size;
+  document.open_proof = tree.inclusion_proof(0, size);
+  document.left = tree.range_proof(first, size, size);
+  for (const char* folder : {"checkpoints", "tokens", "segments"}) {
+    fs::create_directories(to / folder);
+  }
+  const auto copy = [&](const std::string& file) {
+    fs::create_directories((to / file).parent_path());
+    fs::copy_file(from / file, to / file, fs::copy_options::overwrite_existing);
+  };
+  std::set<std::uint64_t> notes{size};
+  std::string part;
+  for (std::uint64_t number = first; number < size; ++number) {
+    part += lines.at(number) + "\n";
+    const archive::CaseEntry entry = archive::parse_case_entry(lines[number]).entry.value();
+    if (const auto* token = std::get_if<archive::TokenEntry>(&entry.body)) {
+      copy(token->file);
+      notes.insert(token->checkpoint);
+    } else if (const auto* segment = std::get_if<archive::SegmentEntry>(&entry.body)) {
+      const bool selected = std::count(claim.streams.begin(), claim.streams.end(), segment->stream) > 0;
+      if (selected && archive::meets(segment->span, claim.from_ns, claim.to_ns)) {
+        copy(segment->file.file);
+      }
+    }
+  }
+  for (const std::uint64_t note : notes) {
+    copy(archive::note_path(note));
+    if (note <= first) {
+      document.earlier.push_back({note, tree.consistency_proof(note, size)});
+    }
+  }
+  write_file(to / kDocument, archive::to_text(document));
+  write_file(to / "ledger-open.jsonl", lines[0] + "\n");
+  write_file(to / "ledger-part.jsonl", part);
+  copy("device.pub");
+}
+
+std::string judged(const fs::path& excerpt, archive::VerifyOptions options) {
+  options.log.reset();
+  return summary(archive::verify_case(excerpt, options));
+}
+
+constexpr const char* kShort = "unproven\nexcerpt-range-short ledger-part.jsonl -";
+
+// Entries of the sample case: 3, 4 and 7 are the endoscope's segments of 2 s each, 6 a token, 9 close.
+TEST(ExcerptAttack, LinesThatBeginAfterASegmentOfItsTimeProveNothing) {
+  const AttackedCase victim;
+  const archive::VerifyOptions options = SoundCases::get().archive.options();
+  const Claim claim{2 * kSecond, 6 * kSecond, {"endoscope"}};
+  const std::uint64_t size = victim.lines().size();
+  take_lines(victim.folder(), claim, 4, size, victim.outside("whole"));
+  EXPECT_EQ(judged(victim.outside("whole"), options), "intact-excerpt");
+  take_lines(victim.folder(), claim, 6, size, victim.outside("part"));
+  EXPECT_EQ(judged(victim.outside("part"), options), kShort);
+}
+
+TEST(ExcerptAttack, LinesThatBeginAfterEventsOfItsTimeProveNothing) {
+  AttackedCase victim;
+  victim.edit_text(0, R"("kind":"video")", R"("kind":"events")");
+  victim.forge(SoundCases::get().archive.key(), true);
+  ASSERT_EQ(summary(victim.verify(false)), "intact");
+  const archive::VerifyOptions options = SoundCases::get().archive.options();
+  const Claim claim{2 * kSecond, 6 * kSecond, {"endoscope"}};
+  take_lines(victim.folder(), claim, 6, victim.lines().size(), victim.outside("part"));
+  EXPECT_EQ(judged(victim.outside("part"), options), kShort);
+  archive::ExcerptOptions honest;
+  honest.from_ns = claim.from_ns;
+  honest.to_ns = claim.to_ns;
+  honest.streams = claim.streams;
+  archive::make_excerpt(victim.folder(), honest, victim.outside("honest"));
+  EXPECT_EQ(judged(victim.outside("honest"), options), "intact-excerpt");
+}
+
+TEST(ExcerptAttack, AGapEnteredLateDoesNotStandForTheSegmentBeforeIt) {
+  SampleArchive archive;
+  SampleCase sample(archive);
+  sample.stamp();
+  archive.now_ns = 5 * kSecond;
+  sample.writer().append(
+      {sample.segment(0, 0, {0, 2 * kSecond}), sample.segment(0, 1, {3 * kSecond, 5 * kSecond}),
+       archive::GapEntry{"endoscope", {2 * kSecond, 3 * kSecond}, {}}},
+      archive.now());
+  sample.stamp();
+  archive.now_ns = 7 * kSecond;
+  sample.writer().append({sample.segment(0, 2, {5 * kSecond, 7 * kSecond})}, archive.now());
+  sample.close();
+  const AttackedCase victim(sample.folder());
+  // Entry 4 is the gap, which begins before the time that is claimed: segment 1 of that time is not shown.
+  const Claim claim{2'500'000'000, 7 * kSecond, {"endoscope"}};
+  take_lines(sample.folder(), claim, 4, victim.lines().size(), victim.outside("part"));
+  EXPECT_EQ(judged(victim.outside("part"), archive.options()),
+            "unproven\ngap ledger.jsonl 4\nexcerpt-range-short ledger-part.jsonl -");
+}
+
+TEST(ExcerptAttack, AGapEnteredEarlyDoesNotStandForTheSegmentAroundIt) {
+  SampleArchive archive;
+  SampleCase sample(archive);
+  sample.stamp();
+  archive.now_ns = 4'500'000'000;
+  sample.writer().append({sample.segment(0, 0, {0, 3 * kSecond}),
+                          archive::GapEntry{"endoscope", {4 * kSecond, 4'500'000'000}, {}}},
+                         archive.now());
+  sample.stamp();
+  sample.stamp();
+  const std::uint64_t size = sample.writer().covered();
+  archive.now_ns = 5 * kSecond;
+  sample.writer().append({sample.segment(0, 1, {3 * kSecond, 5 * kSecond})}, archive.now());
+  sample.close();
+  const AttackedCase victim(sample.folder());
+  take_lines(sample.folder(), {0, 4'400'000'000, {"endoscope"}}, 0, size, victim.outside("part"));
+  EXPECT_EQ(judged(victim.outside("part"), archive.options()),
+            "unproven\ngap ledger.jsonl 3\nexcerpt-range-short ledger-part.jsonl -");
+}
+
+}  // namespace
+}  // namespace kiroku::test
