@@ -76,6 +76,9 @@ archive::VerifyOptions SampleArchive::options() const {
 }
 
 Bytes SampleArchive::stamp(const std::string& note) {
+  if (authority_answer) {
+    return authority_answer(note, authority_time(now_ns));
+  }
   // Set anew each time: one that follows any clock back, for the verifier to judge.
   authority_.set_clock([this] { return authority_time(now_ns); });
   const crypto::Sha256Digest imprint = crypto::sha256(bytes_of(note));
