@@ -9,7 +9,7 @@
 
 namespace kiroku::archive {
 
-/// {"case", "verdict", "time", "device", "opened", "closed", counts, "streams": […], "brackets": […],
+/// {"case", "verdict", "time", "outside_entries", "device", "opened", "closed", counts, "streams": […], "brackets": […],
 /// "findings": [{"code", "severity", "file", "entry", "offset", "text"}]}; what does not apply is null.
 nlohmann::ordered_json report_json(const VerificationReport& report);
 

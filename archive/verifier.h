@@ -22,7 +22,9 @@ enum class Verdict { kIntact, kIntactWithGaps, kUnproven, kIncomplete, kTampered
 std::string_view verdict_name(Verdict verdict);  // "intact-with-gaps"
 int exit_status(Verdict verdict);                // 0 0 3 3 1
 
-enum class TimeProof { kExternal, kSelfIssued, kNone };
+/// kExternal: a token of an outside authority covers all that the case claims (all entries up to close, of an
+/// excerpt its segments); kExternalInPart: one covers the beginning alone.
+enum class TimeProof { kExternal, kExternalInPart, kSelfIssued, kNone };
 std::string_view time_proof_name(TimeProof proof);
 
 struct StreamReport {
@@ -32,7 +34,8 @@ struct StreamReport {
   std::int64_t gap_ns = 0;
 };
 
-/// Entries [first_entry, last_entry] were written after not_before and before not_after, by outside clocks.
+/// Entries [first_entry, last_entry] were written after not_before and before not_after: by outside clocks
+/// alone where the case has any token of an outside authority, else by the recorder's own authority.
 struct Bracket {
   std::uint64_t first_entry = 0, last_entry = 0;
   std::optional<UtcTime> not_before, not_after;
@@ -47,9 +50,11 @@ struct ClockComparison {
   std::int64_t case_ns = 0;
   std::int64_t half_width_ns = 0;
 };
-/// First and last comparison of one authority, over valid tokens.
+/// First and last comparison of one authority, over valid tokens. The name is the ledger's: tokens under one
+/// name of both kinds of authority make two clocks.
 struct AuthorityClock {
   std::string authority;
+  bool outside = false;
   std::uint64_t comparisons = 0;
   ClockComparison first, last;
 
@@ -66,6 +71,7 @@ struct VerificationReport {
   std::string case_id;
   std::string device;  // verifier key of the case
   TimeProof time = TimeProof::kNone;
+  std::uint64_t outside_entries = 0;  // from 0 on: those that a token of an outside authority covers
   std::uint64_t entries = 0, files = 0, bytes = 0, tokens = 0, checkpoints = 0;
   std::vector<StreamReport> streams;
   std::vector<Bracket> brackets;

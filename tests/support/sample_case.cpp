@@ -39,7 +39,7 @@ SampleArchive::SampleArchive()
     recipients_.push_back(crypto::parse_recipient(pair.recipient));
     identities_.push_back(crypto::parse_identity(pair.identity_text.text()));
   }
-  trust_.add_trusted(bytes_of(authority_.root_pem()), "the sample authority");
+  trust_.add_own_authority(bytes_of(authority_.root_pem()), "the sample authority");
   authority_time = [](std::int64_t mono_ns) {
     return opened_at() +
            std::chrono::duration_cast<std::chrono::microseconds>(std::chrono::nanoseconds(mono_ns));

@@ -21,11 +21,13 @@ for profile in mpeg2 lossless; do
     --profile "$profile" --duration 00:00:05 --json | jq -r .case)
   expect() { # PATTERN DIRECTORY [IDENTITY]
     local output
-    output=$(bash "$scratch/verify.sh" "$2" "$KIROKU_HOME/trust.pem" "$KIROKU_HOME/device.pub" ${3+"$3"} 2>&1) || true
+    output=$(bash "$scratch/verify.sh" "$2" "$KIROKU_HOME/own-authority.pem" "$KIROKU_HOME/device.pub" ${3+"$3"} 2>&1) || true
     grep -q "$1" <<<"$output" || fail "$profile: expected '$1', got: $output"
   }
   expect '^INTACT: ' "$case"
   expect '^INTACT: ' "$case" "$KIROKU_HOME/identity.txt"
+  expect ': they existed on ' "$case"
+  OWN_ROOTS=$KIROKU_HOME/own-authority.pem expect ': self-issued, so the recorder says' "$case"
 
   copy=$scratch/copy
   tampered() { # PATTERN COMMAND: in a copy of the case

@@ -106,6 +106,7 @@ std::string ReportMaker::given_words() const {
   };
   list("given.devices", in_.given.devices);
   list("given.roots", in_.given.roots);
+  list("given.own-roots", in_.given.own_roots);
   list("given.log", in_.given.log);
   list("given.identity", in_.given.identities);
   return out.empty() ? words("about.given.nothing") : out;
