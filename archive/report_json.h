@@ -9,8 +9,9 @@
 
 namespace kiroku::archive {
 
-/// {"case", "verdict", "time", "outside_entries", "device", "opened", "closed", counts, "streams": […], "brackets": […],
-/// "findings": [{"code", "severity", "file", "entry", "offset", "text"}]}; what does not apply is null.
+/// {"case", "verdict", "time", "outside_entries", "device", "opened", "closed", counts, "streams": […],
+/// "brackets": […], "findings": [{"code", "severity", "file", "entry", "offset", "text"}]}; what does not
+/// apply is null.
 nlohmann::ordered_json report_json(const VerificationReport& report);
 
 /// "note", "gap", "unproven", "incomplete", "tampered".

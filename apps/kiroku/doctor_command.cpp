@@ -221,7 +221,8 @@ Check check_authority(const recorder::NamedAuthority& authority, const timestamp
 /// Roots that an older `kiroku init` put among the outside ones, or a person.
 Check check_roots(const Home& home, const timestamp::TrustStore& trust) {
   const std::vector<std::string> own = trust.own_among_outside();
-  if (own.empty()) return {Health::kGood, "roots", "the home's own authority is not among the outside ones", ""};
+  if (own.empty())
+    return {Health::kGood, "roots", "the home's own authority is not among the outside ones", ""};
   return {Health::kWarning, "roots",
           home.trust_file().string() + " holds a root of this recorder's own authority, " + own.front() +
               ": time under it is self-issued all the same",

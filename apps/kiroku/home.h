@@ -65,9 +65,9 @@ class Home {
   [[nodiscard]] crypto::SigningKey signing_key() const;
   /// trust.pem, where it holds any certificate: `kiroku init` writes one without.
   [[nodiscard]] std::vector<std::filesystem::path> outside_root_files() const;
-  /// own-authority.pem and the embedded authority's own certificate, as far as they are there. Homes that were
-  /// made before there was an own-authority.pem have that root in trust.pem: by this certificate, and by the
-  /// name of every embedded authority, it counts as the home's own all the same.
+  /// own-authority.pem and the embedded authority's own certificate, as far as they are there. Homes that
+  /// were made before there was an own-authority.pem have that root in trust.pem: by this certificate, and by
+  /// the name of every embedded authority, it counts as the home's own all the same.
   [[nodiscard]] std::vector<std::filesystem::path> own_root_files() const;
   /// All of them.
   [[nodiscard]] timestamp::TrustStore trust() const;

@@ -101,13 +101,14 @@ ordered_json info_json(const timestamp::TokenInfo& info) {
 }
 
 void print_judgement_json(const TokenJudgement& judgement, TokenVerdict verdict) {
-  print_json({{"verdict", verdict_name(verdict)},
-              {"code", timestamp::code_name(judgement.code)},
-              {"text", judgement.explanation},
-              {"signer", judgement.signer_subject},
-              {"root", judgement.root_subject},
-              {"time", verdict == TokenVerdict::kValid ? ordered_json(time_name(judgement)) : ordered_json(nullptr)},
-              {"token", judgement.info ? info_json(*judgement.info) : ordered_json(nullptr)}});
+  print_json(
+      {{"verdict", verdict_name(verdict)},
+       {"code", timestamp::code_name(judgement.code)},
+       {"text", judgement.explanation},
+       {"signer", judgement.signer_subject},
+       {"root", judgement.root_subject},
+       {"time", verdict == TokenVerdict::kValid ? ordered_json(time_name(judgement)) : ordered_json(nullptr)},
+       {"token", judgement.info ? info_json(*judgement.info) : ordered_json(nullptr)}});
 }
 
 void print_judgement(const TokenJudgement& judgement, TokenVerdict verdict) {

@@ -88,8 +88,8 @@ std::string bracket_lines(const VerificationReport& report) {
   std::string out;
   const std::string whose = report.time == TimeProof::kSelfIssued ? ", by the recorder's own authority" : "";
   if (earliest) {
-    out += line("", "not before " + both_times(*earliest) + ", from entry " + std::to_string(first) + " on" +
-                        whose);
+    out += line(
+        "", "not before " + both_times(*earliest) + ", from entry " + std::to_string(first) + " on" + whose);
   }
   if (latest) {
     out += line("", "not after  " + both_times(*latest) + ", up to entry " + std::to_string(last) + whose);

@@ -25,8 +25,8 @@ TEST_F(Init, MakesADemonstrationHomeWithKeysThatOnlyTheOwnerReads) {
   ASSERT_EQ(made.status, 0) << made.err;
   EXPECT_THAT(made.out, HasSubstr("or-3+"));
   EXPECT_THAT(made.out, HasSubstr("kiroku record"));
-  for (const char* name : {"kiroku.toml", "device.pub", "trust.pem", "own-authority.pem", "recipients.txt", "catalogue.sqlite",
-                           "authority/ca.pem", "archive/log/ledger.jsonl"}) {
+  for (const char* name : {"kiroku.toml", "device.pub", "trust.pem", "own-authority.pem", "recipients.txt",
+                           "catalogue.sqlite", "authority/ca.pem", "archive/log/ledger.jsonl"}) {
     EXPECT_TRUE(std::filesystem::is_regular_file(home() / name)) << name;
   }
   for (const char* name : {"device.key", "identity.txt", "authority/ca.key", "authority/tsa.key"}) {

@@ -63,7 +63,8 @@ TEST_F(Token, TakesTheHomesRootsWhereNoneIsNamed) {
 TEST_F(Token, OfTheHomesAuthorityIsSelfIssuedHoweverItsRootIsGiven) {
   stamp();
   for (const char* option : {"--own-authority", "--trust"}) {
-    const auto answer = kiroku_json({"token", "verify", "response", "--data", "data", option, own(), "--json"});
+    const auto answer =
+        kiroku_json({"token", "verify", "response", "--data", "data", option, own(), "--json"});
     EXPECT_EQ(answer["verdict"], "valid") << option;
     EXPECT_EQ(answer["time"], "self-issued") << option;
   }

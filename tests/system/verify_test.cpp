@@ -86,11 +86,10 @@ TEST_F(Verify, BySmallProgramFindsTheSameUnderWhatIsTrusted) {
 TEST_F(Verify, TakesTheDeviceKeyItselfInsteadOfAFile) {
   std::string key = read_text(home() / "device.pub");
   key.pop_back();
-  EXPECT_EQ(
-      small_verifier(
-          {"--device", key, "--own-authority", (home() / "own-authority.pem").string(), case_.string()})
-          .status,
-      0);
+  EXPECT_EQ(small_verifier(
+                {"--device", key, "--own-authority", (home() / "own-authority.pem").string(), case_.string()})
+                .status,
+            0);
   EXPECT_REFUSED(small_verifier({"--device", "or-3+00000000+AAAA", case_.string()}), "or-3");
   EXPECT_REFUSED(small_verifier({"--device", case_.string() + "/ledger.jsonl", case_.string()}),
                  "ledger.jsonl");

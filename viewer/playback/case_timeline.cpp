@@ -37,8 +37,7 @@ Kind kind_of(const archive::CaseFolder& folder, const archive::TokenEntry& token
   if (!response || !note) return Kind::kNotJudged;
   timestamp::Expectation expectation;
   expectation.data = to_bytes(*note);
-  const timestamp::TokenJudgement judgement =
-      timestamp::judge_token(bytes_of(*response), expectation, trust);
+  const timestamp::TokenJudgement judgement = timestamp::judge_token(bytes_of(*response), expectation, trust);
   const bool holds = judgement.code == timestamp::TokenCode::kValid &&
                      judgement.info->gen_time == token.gen_time &&
                      judgement.info->accuracy_ns == token.accuracy_ns;

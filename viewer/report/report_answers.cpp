@@ -143,10 +143,10 @@ void ReportMaker::add_chain() {
                                              utc_time(facts.tokens.back().token.gen_time)}),
            words("chain.tokens.bond")));
   chain.links.push_back(link("chain.authorities", answer(Check::kTime),
-                             names.empty()             ? words("chain.authorities.none")
+                             names.empty() ? words("chain.authorities.none")
                              : in_.given.roots.empty() && in_.given.own_roots.empty()
                                  ? words("chain.authorities.unjudged", {names})
-                                                       : words("chain.authorities.text", {names}),
+                                 : words("chain.authorities.text", {names}),
                              ""));
   add(std::move(chain));
 }

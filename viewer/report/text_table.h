@@ -67,7 +67,8 @@ inline constexpr auto kTexts = std::to_array<Text>({
      "When it existed is proved by time-stamping authorities outside the recorder: no later than {0}.",
      "存在した時刻は、記録装置の外部の時刻認証局により証明されています（{0} 以前）。"},
     {"time.external-in-part",
-     "Authorities outside the recorder time-stamped it as far as entry {0} of its ledger. When what follows was "
+     "Authorities outside the recorder time-stamped it as far as entry {0} of its ledger. When what follows "
+     "was "
      "written rests on the recorder's word alone.",
      "記録装置の外部の時刻認証局がタイムスタンプを付与したのは台帳の項目 {0} "
      "までです。それ以降が書かれた時刻は、記録装置のみに依拠します。"},
