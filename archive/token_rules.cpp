@@ -92,7 +92,7 @@ void TokenRules::take(const TokenEntry& token, std::uint64_t entry, std::int64_t
     compare_clocks(token, judged.external);
     valid_.push_back(stamped);
     valid_checkpoints_.insert(token.checkpoint);
-    if (judged.external) {
+    if (judged.external && token.checkpoint > 0) {
       outside_.push_back(stamped);
       outside_entries_ = std::max(outside_entries_, token.checkpoint);
     }
