@@ -85,6 +85,7 @@ TEST_F(ReportDocument, SaysHowFarOutsideAuthoritiesProveTheTime) {
   ReportInput in = input();
   in.verification.time = archive::TimeProof::kExternalInPart;
   in.verification.outside_entries = 3;
+  in.verification.clocks = {{"embedded", false, 1, {}, {}}};
   in.given.own_roots.push_back({"own-authority.pem", crypto::sha256({})});
   const std::string text = test::text_of(make_report(in));
   EXPECT_THAT(text, HasSubstr("! In part | As far as entry 2 of the ledger"));
