@@ -120,6 +120,9 @@ void CaseRules::check_common(const CaseEntry& entry, std::uint64_t number, const
   const bool may_follow_close = std::holds_alternative<TokenEntry>(entry.body) ||
                                 std::holds_alternative<TokenMissedEntry>(entry.body) ||
                                 std::holds_alternative<ErasedEntry>(entry.body);
+  if (!may_follow_close) {
+    last_claim_ = number;
+  }
   if (close_ && !may_follow_close) {
     findings_->add("entry-after-close", in_ledger(number, line.offset),
                    at_entry(number) + " is a " + std::string(type_of(entry.body)) + " after close in " +
@@ -299,7 +302,8 @@ void CaseRules::describe(VerificationReport& report) const {
   report.opened = opened_;
   report.clock_zero = clock_zero_;
   report.closed = closed_;
-  report.time = tokens_.time();
+  report.time = tokens_.time(scope_.whole_case ? last_claim_ : last_checked_segment_.value_or(0));
+  report.outside_entries = tokens_.outside_entries();
   report.tokens = tokens_.count();
 }
 

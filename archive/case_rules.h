@@ -88,6 +88,7 @@ class CaseRules {
   std::unordered_set<std::string> named_;
   std::int64_t last_mono_ns_ = 0;
   std::optional<std::uint64_t> last_checked_segment_;
+  std::uint64_t last_claim_ = 0;  // the last entry that says more than what became of the case since
   bool recovered_ = false;
   bool clock_step_stated_ = false;
   bool slewed_ = false;  // by the latest clock entry

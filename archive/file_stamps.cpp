@@ -34,6 +34,10 @@ Check check_token(const fs::path& token, const std::string& authority, const cry
       check.time = judgement.info->gen_time;
       check.text = "existed at " + format_utc(judgement.info->gen_time) + ", says " + name + " (" +
                    judgement.root_subject + ")";
+      if (judgement.authority == timestamp::TimeAuthority::kOwn) {
+        check.text += "; self-issued: by the recorder's own authority, no outside clock stands behind it";
+        check.by += " (self-issued)";
+      }
       break;
     case timestamp::TokenVerdict::kRefused:
       check.answer = Answer::kDiffers;

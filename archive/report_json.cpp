@@ -57,6 +57,7 @@ ordered_json comparison_json(const ClockComparison& comparison, const std::optio
 
 ordered_json clock_json(const AuthorityClock& clock, const std::optional<UtcTime>& clock_zero) {
   return {{"authority", clock.authority},
+          {"time", time_proof_name(clock.outside ? TimeProof::kExternal : TimeProof::kSelfIssued)},
           {"comparisons", clock.comparisons},
           {"first", comparison_json(clock.first, clock_zero)},
           {"last", comparison_json(clock.last, clock_zero)},
@@ -95,6 +96,7 @@ ordered_json report_json(const VerificationReport& report) {
   ordered_json out = {{"case", report.case_id},
                       {"verdict", verdict_name(report.verdict)},
                       {"time", time_proof_name(report.time)},
+                      {"outside_entries", report.outside_entries},
                       {"device", report.device},
                       {"opened", or_null(report.opened)},
                       {"closed", or_null(report.closed)},

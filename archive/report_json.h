@@ -9,10 +9,10 @@
 
 namespace kiroku::archive {
 
-/// {"case", "verdict", "time", "device", "opened", "closed", counts, "excerpt": {…}, "streams": […],
-/// "brackets": […], "findings": [{"code", "severity", "file", "entry", "offset", "text"}]}; what does not
-/// apply is null. "excerpt" is ExcerptReport; what the excerpt says of its own making, which nothing proves,
-/// is below "stated" there.
+/// {"case", "verdict", "time", "outside_entries", "device", "opened", "closed", counts, "excerpt": {…},
+/// "streams": […], "brackets": […], "findings": [{"code", "severity", "file", "entry", "offset", "text"}]};
+/// what does not apply is null. "excerpt" is ExcerptReport; what the excerpt says of its own making, which
+/// nothing proves, is below "stated" there.
 nlohmann::ordered_json report_json(const VerificationReport& report);
 
 /// "note", "gap", "unproven", "incomplete", "tampered".

@@ -7,7 +7,6 @@
 #include "archive/case_layout.h"
 #include "archive/file_checker.h"
 #include "base/error.h"
-#include "timestamp/authority.h"
 
 namespace kiroku::archive {
 
@@ -90,15 +89,21 @@ void TokenRules::take(const TokenEntry& token, std::uint64_t entry, std::int64_t
   const bool later = latest_of_all_.empty() || all_[latest_of_all_.back()].earliest() < stamped.earliest();
   latest_of_all_.push_back(later ? all_.size() - 1 : latest_of_all_.back());
   if (judged.valid) {
-    compare_clocks(token);
+    compare_clocks(token, judged.external);
     valid_.push_back(stamped);
     valid_checkpoints_.insert(token.checkpoint);
-    if (judged.external) {
-      time_ = TimeProof::kExternal;
-    } else if (time_ == TimeProof::kNone) {
-      time_ = TimeProof::kSelfIssued;
+    if (judged.external && token.checkpoint > 0) {
+      outside_.push_back(stamped);
+      outside_entries_ = std::max(outside_entries_, token.checkpoint);
     }
   }
+}
+
+TimeProof TokenRules::time(std::uint64_t last_claim) const {
+  if (!outside_.empty()) {
+    return outside_entries_ > last_claim ? TimeProof::kExternal : TimeProof::kExternalInPart;
+  }
+  return valid_.empty() ? TimeProof::kNone : TimeProof::kSelfIssued;
 }
 
 std::optional<std::string> TokenRules::read_token(const TokenEntry& token, std::uint64_t entry) {
@@ -169,7 +174,7 @@ TokenRules::Judged TokenRules::judge(const TokenEntry& token, std::uint64_t entr
     case timestamp::TokenVerdict::kValid:
       break;
   }
-  return {true, judgement.info->policy != timestamp::kEmbeddedPolicy, restated};
+  return {true, judgement.authority == timestamp::TimeAuthority::kOutside, restated};
 }
 
 bool TokenRules::compare_entry(const TokenEntry& token, std::uint64_t entry,
@@ -312,7 +317,7 @@ void TokenRules::check_exchange(const TokenEntry& token, std::uint64_t entry, st
   }
 }
 
-void TokenRules::compare_clocks(const TokenEntry& token) {
+void TokenRules::compare_clocks(const TokenEntry& token, bool outside) {
   if (!token.exchange || recovered_) {
     return;
   }
@@ -322,10 +327,10 @@ void TokenRules::compare_clocks(const TokenEntry& token) {
       token.gen_time, asked_ns + (answered_ns - asked_ns) / 2,
       (answered_ns - asked_ns + 1) / 2 + token.accuracy_ns + (whole_seconds ? 1'000'000'000 : 0)};
   const auto known = std::find_if(clocks_.begin(), clocks_.end(), [&](const AuthorityClock& each) {
-    return each.authority == token.authority;
+    return each.authority == token.authority && each.outside == outside;
   });
   if (known == clocks_.end()) {
-    clocks_.push_back({token.authority, 1, comparison, comparison});
+    clocks_.push_back({token.authority, outside, 1, comparison, comparison});
   } else {
     ++known->comparisons;
     known->last = comparison;
@@ -358,7 +363,8 @@ void TokenRules::finish(bool whole_case) {
 }
 
 std::vector<Bracket> TokenRules::brackets(std::uint64_t first, std::uint64_t entries) const {
-  return brackets_of(valid_, first, entries);
+  // Beside an outside clock the recorder's own would only seem to make the brackets narrower.
+  return brackets_of(outside_.empty() ? valid_ : outside_, first, entries);
 }
 
 }  // namespace kiroku::archive

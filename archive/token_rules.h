@@ -40,7 +40,10 @@ class TokenRules {
   /// After the last entry. An excerpt may leave out the token over close.
   void finish(bool whole_case);
 
-  [[nodiscard]] TimeProof time() const { return time_; }
+  /// What proves the time of a case whose last claim is in this entry.
+  [[nodiscard]] TimeProof time(std::uint64_t last_claim) const;
+  /// Entries, from 0 on, that a valid token of an outside authority covers.
+  [[nodiscard]] std::uint64_t outside_entries() const { return outside_entries_; }
   [[nodiscard]] std::uint64_t count() const { return count_; }
   [[nodiscard]] std::vector<Bracket> brackets(std::uint64_t first, std::uint64_t entries) const;
   [[nodiscard]] const std::vector<AuthorityClock>& clocks() const { return clocks_; }
@@ -90,7 +93,7 @@ class TokenRules {
   void check_order(const TokenEntry& token, std::uint64_t entry);
   void check_exchange(const TokenEntry& token, std::uint64_t entry, std::int64_t mono_ns);
   void check_elapsed(const TokenEntry& token, const Earlier& now);
-  void compare_clocks(const TokenEntry& token);
+  void compare_clocks(const TokenEntry& token, bool outside);
   /// Adds what no stated step of the wall clock explains.
   void report_disagreements() const;
   /// How much slews may have moved the case clock, all in all, up to this time.
@@ -102,6 +105,7 @@ class TokenRules {
   const CheckpointRules* checkpoints_;
 
   std::vector<StampedToken> valid_;
+  std::vector<StampedToken> outside_;       // those of valid_ that are of outside authorities
   std::vector<StampedToken> all_;           // by entry, for the order rule
   std::vector<std::size_t> latest_of_all_;  // index into all_ of the latest lower bound up to each
   std::map<std::string, Earlier> last_of_authority_;
@@ -124,7 +128,7 @@ class TokenRules {
   std::uint64_t largest_checkpoint_ = 0;
   bool missed_after_close_ = false;
   bool no_trust_ = false;
-  TimeProof time_ = TimeProof::kNone;
+  std::uint64_t outside_entries_ = 0;
   std::uint64_t count_ = 0;
 };
 

@@ -66,6 +66,8 @@ std::string_view time_proof_name(TimeProof proof) {
   switch (proof) {
     case TimeProof::kExternal:
       return "external";
+    case TimeProof::kExternalInPart:
+      return "external-in-part";
     case TimeProof::kSelfIssued:
       return "self-issued";
     case TimeProof::kNone:

@@ -24,7 +24,9 @@ std::string_view verdict_name(Verdict verdict);  // "intact-with-gaps"
 /// 0 0 4 3 3 1. `excerpt_accepted`: the caller said that an excerpt will do, so that an intact one gives 0.
 int exit_status(Verdict verdict, bool excerpt_accepted = false);
 
-enum class TimeProof { kExternal, kSelfIssued, kNone };
+/// kExternal: a token of an outside authority covers all that the case claims (all entries up to close, of an
+/// excerpt its segments); kExternalInPart: one covers the beginning alone.
+enum class TimeProof { kExternal, kExternalInPart, kSelfIssued, kNone };
 std::string_view time_proof_name(TimeProof proof);
 
 struct StreamReport {
@@ -34,7 +36,8 @@ struct StreamReport {
   std::int64_t gap_ns = 0;
 };
 
-/// Entries [first_entry, last_entry] were written after not_before and before not_after, by outside clocks.
+/// Entries [first_entry, last_entry] were written after not_before and before not_after: by outside clocks
+/// alone where the case has any token of an outside authority, else by the recorder's own authority.
 struct Bracket {
   std::uint64_t first_entry = 0, last_entry = 0;
   std::optional<UtcTime> not_before, not_after;
@@ -49,9 +52,11 @@ struct ClockComparison {
   std::int64_t case_ns = 0;
   std::int64_t half_width_ns = 0;
 };
-/// First and last comparison of one authority, over valid tokens.
+/// First and last comparison of one authority, over valid tokens. The name is the ledger's: tokens under one
+/// name of both kinds of authority make two clocks.
 struct AuthorityClock {
   std::string authority;
+  bool outside = false;
   std::uint64_t comparisons = 0;
   ClockComparison first, last;
 
@@ -90,6 +95,7 @@ struct VerificationReport {
   std::string case_id;
   std::string device;  // verifier key of the case
   TimeProof time = TimeProof::kNone;
+  std::uint64_t outside_entries = 0;  // from 0 on: those that a token of an outside authority covers
   std::uint64_t entries = 0, files = 0, bytes = 0, tokens = 0, checkpoints = 0;
   std::vector<StreamReport> streams;     // of an excerpt: of the selected streams, what it holds
   std::optional<ExcerptReport> excerpt;  // of an excerpt whose excerpt.json could be read

@@ -191,7 +191,7 @@ Authority Authority::create(const std::filesystem::path& folder, const std::stri
   // A day of slack, so that a clock set right after the installation does not make tokens invalid.
   const UtcTime start = utc_now() - std::chrono::days(1);
   const Credential ca = issue_certificate({.organisation = organisation,
-                                           .common_name = "Kiroku embedded time-stamping CA",
+                                           .common_name = std::string(kEmbeddedRootName),
                                            .role = CertificateRole::kAuthority,
                                            .not_before = start,
                                            .not_after = start + std::chrono::years(20),

@@ -1,6 +1,6 @@
 // The embedded RFC 3161 authority: its own CA and time-stamping certificate (P-256, critical sole
-// timeStamping EKU), for demonstration, tests and closed networks. Its time is this machine's: tokens say
-// "self-issued", never "external".
+// timeStamping EKU), for demonstration, tests and closed networks. Its time is this machine's: what it stamps
+// is "self-issued", never "external", as timestamp/own_authority.h tells.
 #pragma once
 
 #include <filesystem>
@@ -14,9 +14,12 @@
 
 namespace kiroku::timestamp {
 
-/// Policy of every token of an embedded authority, by which a verifier tells self-issued time. Under the UUID
-/// arc (2.25).
+/// Policy of every token of an embedded authority, under the UUID arc (2.25). Whoever holds the authority's
+/// key can write another one: a token with this policy is self-issued, one without it need not be outside
+/// time.
 inline constexpr std::string_view kEmbeddedPolicy = "2.25.197830237812365870224498532130945381713";
+/// Common name of every embedded authority's CA.
+inline constexpr std::string_view kEmbeddedRootName = "Kiroku embedded time-stamping CA";
 
 /// Answers queries. respond() is thread-safe.
 class Authority {

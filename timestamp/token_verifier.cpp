@@ -4,7 +4,9 @@
 #include <array>
 
 #include "crypto/encoding.h"
+#include "timestamp/authority.h"
 #include "timestamp/certificate_path.h"
+#include "timestamp/own_authority.h"
 #include "timestamp/signed_attributes.h"
 #include "timestamp/token_parts.h"
 #include "timestamp/trust_store_state.h"
@@ -201,10 +203,11 @@ std::optional<Refusal> Judge::find_signer() {
   forget_openssl_errors();
   std::vector<X509*> candidates;
   const int enclosed = std::max(sk_X509_num(enclosed_.get()), 0);
-  candidates.reserve(static_cast<std::size_t>(enclosed) + trust_.untrusted.size() + trust_.trusted.size());
   for (int i = 0; i < enclosed; ++i) candidates.push_back(sk_X509_value(enclosed_.get(), i));
   for (const auto& certificate : trust_.untrusted) candidates.push_back(certificate.get());
-  for (const auto& certificate : trust_.trusted) candidates.push_back(certificate.get());
+  for (const Anchors* anchors : {&trust_.outside, &trust_.own}) {
+    for (const auto& certificate : anchors->certificates) candidates.push_back(certificate.get());
+  }
 
   const auto is_signer = [&](const X509* certificate) {
     return std::all_of(
@@ -270,13 +273,30 @@ std::optional<Refusal> Judge::check_path() {
   for (int i = 0; i < sk_X509_num(enclosed_.get()); ++i) add(sk_X509_value(enclosed_.get(), i));
 
   if (auto refusal = check_signer_certificate(signer_, out_.info->gen_time)) return refusal;
-  if (trust_.trusted.empty()) {
+  if (trust_.outside.certificates.empty() && trust_.own.certificates.empty()) {
     return Refusal{TokenCode::kNoTrust,
                    "no trusted root certificate was given, so nobody vouches for " + out_.signer_subject};
   }
-  CertificatePath path =
-      validate_path(trust_.trusted_store.get(), trust_.trusted, signer_, helpers.get(), out_.info->gen_time);
+  const auto path_to = [&](const Anchors& anchors) {
+    return validate_path(anchors.store.get(), anchors.certificates, signer_, helpers.get(),
+                         out_.info->gen_time);
+  };
+  // A path to the recorder's own authority counts first, so that no other path can hide it.
+  CertificatePath path = path_to(trust_.own);
+  bool own = !path.refusal;
+  if (!own && !trust_.outside.certificates.empty()) {
+    CertificatePath outside = path_to(trust_.outside);
+    // Of two refusals the one that knew the issuer says more.
+    const bool said_more = path.refusal->code != TokenCode::kIssuerUnknown && outside.refusal &&
+                           outside.refusal->code == TokenCode::kIssuerUnknown;
+    if (!said_more) path = std::move(outside);
+  }
   if (path.refusal) return path.refusal;
+  own = own || out_.info->policy == kEmbeddedPolicy ||
+        std::any_of(path.certificates.begin(), path.certificates.end(), [&](const Certificate& certificate) {
+          return is_own_authority(certificate.get(), trust_.own.certificates);
+        });
+  out_.authority = own ? TimeAuthority::kOwn : TimeAuthority::kOutside;
   out_.root_subject = subject_of(path.certificates.back().get());
   for (const auto& certificate : path.certificates) {
     out_.chain.push_back(encode_with<i2d_X509>(certificate.get()));

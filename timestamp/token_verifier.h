@@ -20,6 +20,9 @@
 //     has expired since does not matter. A trusted certificate that is not self-signed ends a path, too, if
 //     none leads to a root; certificates in the token that have no part in the path cannot spoil it.
 // Revocation is not judged.
+//
+// Whose clock a valid token tells is decided by the trusted certificate at which its path ends, never by what
+// its signer wrote into it (timestamp/own_authority.h).
 #pragma once
 
 #include <filesystem>
@@ -35,20 +38,35 @@
 
 namespace kiroku::timestamp {
 
-/// Roots that are trusted and further certificates that merely help to build a chain.
+/// Whose clock stands behind a valid token.
+enum class TimeAuthority {
+  kOutside,  // an authority that the verifier trusts as independent of the recorder
+  kOwn,      // the recorder's own: order is proved, time is what the recorder says
+};
+
+/// Roots that are trusted and further certificates that merely help to build a chain. Roots of outside
+/// authorities and of the recorder's own authority are kept apart: which one a token ends at decides what its
+/// time is worth.
 class TrustStore {
  public:
   TrustStore();
   TrustStore(TrustStore&&) noexcept;
   TrustStore& operator=(TrustStore&&) noexcept;
   ~TrustStore();
-  /// PEM (one or several) or DER. Throws kiroku::Error naming the file if there is no certificate in it.
-  /// Returns how many.
+  /// Of outside authorities. PEM (one or several) or DER. Throws kiroku::Error naming the file if there is no
+  /// certificate in it. Returns how many.
   std::size_t add_trusted_file(const std::filesystem::path& file);
   std::size_t add_trusted(ByteView pem_or_der, const std::string& name_for_errors);
+  /// Of the recorder's own authority, likewise. A certificate that is added as both is the recorder's own.
+  std::size_t add_own_authority_file(const std::filesystem::path& file);
+  std::size_t add_own_authority(ByteView pem_or_der, const std::string& name_for_errors);
   std::size_t add_untrusted_file(const std::filesystem::path& file);
   std::size_t add_untrusted(ByteView pem_or_der, const std::string& name_for_errors);
+  /// Whether there is any root, of either kind.
   [[nodiscard]] bool has_trusted() const;
+  /// Subjects of the certificates that were added as outside ones and are the recorder's own authority's: by
+  /// their key, or by the name that every embedded authority has.
+  [[nodiscard]] std::vector<std::string> own_among_outside() const;
 
  private:
   friend class TokenVerifierAccess;
@@ -100,7 +118,8 @@ struct TokenJudgement {
   std::optional<TokenInfo> info;  // whenever the TSTInfo could be read, also when refused
   std::string signer_subject;     // RFC 2253 text of the signer found by ESSCertID; empty if none
   std::string root_subject;       // of the trusted root, when valid
-  std::vector<Bytes> chain;       // DER, signer first, when valid
+  std::vector<Bytes> chain;       // DER, signer first, trusted certificate last, when valid
+  TimeAuthority authority = TimeAuthority::kOwn;  // says something when valid
 };
 
 /// Judges a TimeStampResp or a bare token.

@@ -7,6 +7,7 @@
 #include <openssl/x509v3.h>
 
 #include "base/error.h"
+#include "timestamp/own_authority.h"
 #include "timestamp/trust_store_state.h"
 
 namespace kiroku::timestamp {
@@ -57,25 +58,38 @@ Bytes read_file(const std::filesystem::path& file) {
   return to_bytes(text);
 }
 
+void make_store(Anchors& anchors) {
+  anchors.store.reset(X509_STORE_new());
+  if (!anchors.store) throw Error("cannot make a certificate store: " + crypto::last_openssl_error());
+}
+
+std::size_t add_to(Anchors& anchors, ByteView pem_or_der, const std::string& name) {
+  auto certificates = read_shared_certificates(pem_or_der, name);
+  for (auto& certificate : certificates) {
+    if (X509_STORE_add_cert(anchors.store.get(), certificate.get()) != 1) {
+      throw Error("cannot trust a certificate of " + name + ": " + crypto::last_openssl_error());
+    }
+    anchors.certificates.push_back(std::move(certificate));
+  }
+  return certificates.size();
+}
+
 }  // namespace
 
 TrustStore::TrustStore() : state_(std::make_unique<State>()) {
-  state_->trusted_store.reset(X509_STORE_new());
-  if (!state_->trusted_store) throw Error("cannot make a certificate store: " + crypto::last_openssl_error());
+  make_store(state_->outside);
+  make_store(state_->own);
 }
 TrustStore::TrustStore(TrustStore&&) noexcept = default;
 TrustStore& TrustStore::operator=(TrustStore&&) noexcept = default;
 TrustStore::~TrustStore() = default;
 
 std::size_t TrustStore::add_trusted(ByteView pem_or_der, const std::string& name_for_errors) {
-  auto certificates = read_shared_certificates(pem_or_der, name_for_errors);
-  for (auto& certificate : certificates) {
-    if (X509_STORE_add_cert(state_->trusted_store.get(), certificate.get()) != 1) {
-      throw Error("cannot trust a certificate of " + name_for_errors + ": " + crypto::last_openssl_error());
-    }
-    state_->trusted.push_back(std::move(certificate));
-  }
-  return certificates.size();
+  return add_to(state_->outside, pem_or_der, name_for_errors);
+}
+
+std::size_t TrustStore::add_own_authority(ByteView pem_or_der, const std::string& name_for_errors) {
+  return add_to(state_->own, pem_or_der, name_for_errors);
 }
 
 std::size_t TrustStore::add_untrusted(ByteView pem_or_der, const std::string& name_for_errors) {
@@ -88,10 +102,26 @@ std::size_t TrustStore::add_trusted_file(const std::filesystem::path& file) {
   return add_trusted(read_file(file), file.string());
 }
 
+std::size_t TrustStore::add_own_authority_file(const std::filesystem::path& file) {
+  return add_own_authority(read_file(file), file.string());
+}
+
 std::size_t TrustStore::add_untrusted_file(const std::filesystem::path& file) {
   return add_untrusted(read_file(file), file.string());
 }
 
-bool TrustStore::has_trusted() const { return !state_->trusted.empty(); }
+bool TrustStore::has_trusted() const {
+  return !state_->outside.certificates.empty() || !state_->own.certificates.empty();
+}
+
+std::vector<std::string> TrustStore::own_among_outside() const {
+  std::vector<std::string> subjects;
+  for (const Certificate& certificate : state_->outside.certificates) {
+    if (is_own_authority(certificate.get(), state_->own.certificates)) {
+      subjects.push_back(subject_of(certificate.get()));
+    }
+  }
+  return subjects;
+}
 
 }  // namespace kiroku::timestamp

@@ -8,9 +8,14 @@
 
 namespace kiroku::timestamp {
 
+/// Trusted certificates of one kind.
+struct Anchors {
+  CertificateStore store;  // the same certificates, as path validation wants them
+  std::vector<Certificate> certificates;
+};
+
 struct TrustStore::State {
-  CertificateStore trusted_store;  // the same certificates as `trusted`, as path validation wants them
-  std::vector<Certificate> trusted;
+  Anchors outside, own;
   std::vector<Certificate> untrusted;
 };
 

@@ -209,12 +209,24 @@ Check check_authority(const recorder::NamedAuthority& authority, const timestamp
   }
   const double offset_s = std::chrono::duration<double>(judgement.info->gen_time - before).count();
   char text[128];
-  std::snprintf(text, sizeof text, "answers in %.0f ms; its clock is %+.1f s from this machine's",
-                took.count(), offset_s);
+  const bool own = judgement.authority == timestamp::TimeAuthority::kOwn;
+  std::snprintf(text, sizeof text, "answers in %.0f ms; its clock is %+.1f s from this machine's%s",
+                took.count(), offset_s, own ? "; self-issued" : "");
   constexpr double kFarOff = 5;
   if (std::abs(offset_s) > kFarOff)
     return {Health::kWarning, subject, text, "one of the two clocks is wrong: look at NTP first"};
   return {Health::kGood, subject, text, ""};
+}
+
+/// Roots that an older `kiroku init` put among the outside ones, or a person.
+Check check_roots(const Home& home, const timestamp::TrustStore& trust) {
+  const std::vector<std::string> own = trust.own_among_outside();
+  if (own.empty())
+    return {Health::kGood, "roots", "the home's own authority is not among the outside ones", ""};
+  return {Health::kWarning, "roots",
+          home.trust_file().string() + " holds a root of this recorder's own authority, " + own.front() +
+              ": time under it is self-issued all the same",
+          "move it to " + home.own_authority_file().string()};
 }
 
 Check check_source(const RoomConfiguration& room, const StreamConfiguration& stream) {
@@ -278,6 +290,7 @@ void examine_all(const Home& home, const Configuration& configuration, Examinati
   out.examine("disk", "look at the disk of the archive", [&] { return check_disk(home); });
   out.add(check_locked_memory());
   out.add(check_clock());
+  out.add(check_roots(home, trust));
   const Authorities authorities(home, configuration, {});
   for (const recorder::NamedAuthority& authority : authorities.named()) {
     out.examine("authority " + authority.name,

@@ -1,6 +1,7 @@
 #include "apps/kiroku/home.h"
 
 #include <cstdlib>
+#include <sstream>
 
 #include "apps/common/command_line.h"
 #include "apps/common/file.h"
@@ -39,6 +40,19 @@ std::vector<std::string> cases_beginning(const fs::path& archive, const std::str
     }
   }
   return found;
+}
+
+/// Whether a file is there and says anything but blank lines and '#' comments.
+bool says_anything(const fs::path& file, const char* what) {
+  std::error_code failed;
+  if (fs::status(file, failed).type() == fs::file_type::not_found) return false;
+  const Bytes text = read_small_file(file, what);
+  std::istringstream lines{std::string(text_of(text))};
+  for (std::string line; std::getline(lines, line);) {
+    const std::size_t at = line.find_first_not_of(" \t\r");
+    if (at != std::string::npos && line[at] != '#') return true;
+  }
+  return false;
 }
 
 }  // namespace
@@ -98,9 +112,23 @@ crypto::SigningKey Home::signing_key() const {
   return crypto::SigningKey::from_pem(pem.text(), &passphrase);
 }
 
+std::vector<fs::path> Home::outside_root_files() const {
+  if (says_anything(trust_file(), "the trusted roots")) return {trust_file()};
+  return {};
+}
+
+std::vector<fs::path> Home::own_root_files() const {
+  std::vector<fs::path> files;
+  for (const fs::path& file : {own_authority_file(), authority_folder() / "ca.pem"}) {
+    if (says_anything(file, "the roots of the home's own authority")) files.push_back(file);
+  }
+  return files;
+}
+
 timestamp::TrustStore Home::trust() const {
   timestamp::TrustStore trust;
-  trust.add_trusted_file(trust_file());
+  for (const fs::path& file : outside_root_files()) trust.add_trusted_file(file);
+  for (const fs::path& file : own_root_files()) trust.add_own_authority_file(file);
   return trust;
 }
 

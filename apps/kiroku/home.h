@@ -3,7 +3,8 @@
 //
 //   kiroku.toml      how it records            device.key   signing key, PKCS#8, mode 0600
 //   recipients.txt   who can open recordings   device.pub   its C2SP verifier key
-//   trust.pem        time-stamping roots       authority/   the embedded authority
+//   trust.pem        roots of outside time-stamping authorities
+//   own-authority.pem  roots of the embedded one, former ones too; authority/  that authority
 //   archive/<case>/  the recordings            archive/log/ the appliance log
 //   catalogue.sqlite                           users.sqlite, viewer.pem, viewer.key of the viewer
 //   stamping.sqlite  time-stamps still wanted  identity.txt only with --demo
@@ -16,6 +17,7 @@
 #include <filesystem>
 #include <optional>
 #include <string>
+#include <vector>
 
 #include "apps/configuration/configuration.h"
 #include "crypto/age_recipient.h"
@@ -43,6 +45,7 @@ class Home {
   [[nodiscard]] std::filesystem::path device_key_file() const { return folder_ / "device.key"; }
   [[nodiscard]] std::filesystem::path device_file() const { return folder_ / "device.pub"; }
   [[nodiscard]] std::filesystem::path trust_file() const { return folder_ / "trust.pem"; }
+  [[nodiscard]] std::filesystem::path own_authority_file() const { return folder_ / "own-authority.pem"; }
   [[nodiscard]] std::filesystem::path recipients_file() const { return folder_ / "recipients.txt"; }
   [[nodiscard]] std::filesystem::path authority_folder() const { return folder_ / "authority"; }
   [[nodiscard]] std::filesystem::path identity_file() const { return folder_ / "identity.txt"; }
@@ -60,6 +63,13 @@ class Home {
   [[nodiscard]] crypto::VerifierKey device() const;
   /// Asks for the passphrase if the key has one.
   [[nodiscard]] crypto::SigningKey signing_key() const;
+  /// trust.pem, where it holds any certificate: `kiroku init` writes one without.
+  [[nodiscard]] std::vector<std::filesystem::path> outside_root_files() const;
+  /// own-authority.pem and the embedded authority's own certificate, as far as they are there. Homes that
+  /// were made before there was an own-authority.pem have that root in trust.pem: by this certificate, and by
+  /// the name of every embedded authority, it counts as the home's own all the same.
+  [[nodiscard]] std::vector<std::filesystem::path> own_root_files() const;
+  /// All of them.
   [[nodiscard]] timestamp::TrustStore trust() const;
   /// Whether the folder is a case of this home's archive, links resolved.
   [[nodiscard]] bool holds(const std::filesystem::path& case_folder) const;

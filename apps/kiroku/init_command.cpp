@@ -28,6 +28,9 @@ namespace fs = std::filesystem;
 using nlohmann::ordered_json;
 
 constexpr std::size_t kFewestRecipients = 2;
+constexpr std::string_view kTrustText =
+    "# Roots of outside time-stamping authorities (PEM), one after the other: time under them is external.\n"
+    "# The root of this home's own authority stands in own-authority.pem and never here.\n";
 
 struct Request {
   std::optional<std::string> home, device_name;
@@ -162,7 +165,8 @@ crypto::VerifierKey fill(const Home& home, const Request& request, const std::ve
   write_new_file(home.recipients_file(), bytes_of(recipients_text(recipients)), 0644, undo);
   write_new_file(home.configuration_file(), bytes_of(default_configuration_text()), 0644, undo);
   const timestamp::Authority authority = timestamp::Authority::create(home.authority_folder(), name);
-  write_new_file(home.trust_file(), bytes_of(authority.root_pem()), 0644, undo);
+  write_new_file(home.own_authority_file(), bytes_of(authority.root_pem()), 0644, undo);
+  write_new_file(home.trust_file(), bytes_of(kTrustText), 0644, undo);
   make_folder(home.archive());
   const auto log = archive::ApplianceLog::open(archive::real_file_system(), home.log_folder(), key, name);
   log->config_changed(crypto::sha256(bytes_of(default_configuration_text())));
@@ -238,7 +242,8 @@ void print_result(const Request& request, const fs::path& folder, const crypto::
   std::cout << "\nNext: kiroku record --endoscope synthetic:endoscope --room synthetic:room --vitals "
                "synthetic:patient --duration 20s\n"
             << "Time-stamps come from the home's own authority until " << home.configuration_file().string()
-            << " names outside ones.\n";
+            << " names outside ones.\nWhoever verifies elsewhere needs its root, "
+            << home.own_authority_file().string() << ", as --own-authority.\n";
 }
 
 int run(const Request& request) {

@@ -55,10 +55,13 @@ UtcTime date_of_document() {
 report::Given given_of(const Judged& judged, const JudgingRequest& request) {
   report::Given given;
   for (const crypto::VerifierKey& key : judged.devices) given.devices.push_back({key.to_string(), {}});
-  for (const fs::path& file : judged.roots) {
-    given.roots.push_back(
-        {file.filename().string(), crypto::sha256(read_small_file(file, "the trusted roots"))});
-  }
+  const auto list_roots = [](const std::vector<fs::path>& files, std::vector<report::GivenFile>& out) {
+    for (const fs::path& file : files) {
+      out.push_back({file.filename().string(), crypto::sha256(read_small_file(file, "the trusted roots"))});
+    }
+  };
+  list_roots(judged.roots, given.roots);
+  list_roots(judged.own_roots, given.own_roots);
   if (judged.log) given.log.push_back({judged.log->string(), {}});
   for (const std::string& file : request.identities)
     given.identities.push_back({fs::path(file).filename().string(), {}});

@@ -45,9 +45,14 @@ struct SealRecord {
 std::optional<SealRecord> find_record(const Home& home,
                                       const std::function<bool(const archive::LogEntryBody&)>& states);
 
-/// What the tokens beside the file say of its hash, under the roots of the `trust` files, of the home's if
-/// there are none.
-std::vector<Check> check_tokens(const std::vector<std::string>& trust, const std::optional<Home>& home,
+/// Files of roots that a person named: of outside authorities, and of the recorder's own.
+struct NamedRoots {
+  std::vector<std::string> trust, own_authority;
+};
+/// --trust and --own-authority. `roots` must live until the program has run; `when` begins their help.
+void add_root_options(Command& command, NamedRoots& roots, const std::string& when = "");
+/// What the tokens beside the file say of its hash, under these roots, under the home's if there are none.
+std::vector<Check> check_tokens(const NamedRoots& roots, const std::optional<Home>& home,
                                 const std::filesystem::path& file, const crypto::Sha256Digest& digest);
 /// A log that does not know the file tells only that it is not this appliance's, or not as it was.
 Check check_log(const std::optional<Home>& home, const std::string& what,

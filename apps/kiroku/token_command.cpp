@@ -9,6 +9,7 @@
 #include "apps/common/terminal.h"
 #include "apps/kiroku/commands.h"
 #include "apps/kiroku/home.h"
+#include "archive/verifier.h"
 #include "base/error.h"
 #include "crypto/encoding.h"
 #include "timestamp/token_verifier.h"
@@ -23,18 +24,20 @@ using timestamp::TokenVerdict;
 struct Request {
   std::string token;
   std::optional<std::string> data, digest, policy, home;
-  std::vector<std::string> trust, untrusted;
+  std::vector<std::string> trust, own_authority, untrusted;
   bool json = false;
 };
 
 timestamp::TrustStore load_trust(const Request& request) {
   timestamp::TrustStore trust;
+  if (request.trust.empty() && request.own_authority.empty()) {
+    const std::optional<Home> home = Home::find(request.home);
+    if (!home) throw UsageError("no trusted root is known: name the authority's with --trust PEM");
+    trust = home->trust();
+  }
   for (const std::string& file : request.trust) trust.add_trusted_file(file);
+  for (const std::string& file : request.own_authority) trust.add_own_authority_file(file);
   for (const std::string& file : request.untrusted) trust.add_untrusted_file(file);
-  if (!request.trust.empty()) return trust;
-  const std::optional<Home> home = Home::find(request.home);
-  if (!home) throw UsageError("no trusted root is known: name the authority's with --trust PEM");
-  trust.add_trusted_file(home->trust_file());
   return trust;
 }
 
@@ -80,6 +83,13 @@ std::string verdict_name(TokenVerdict verdict) {
   return "could-not-check";
 }
 
+/// "external" or "self-issued", of a valid token.
+std::string time_name(const TokenJudgement& judgement) {
+  const bool outside = judgement.authority == timestamp::TimeAuthority::kOutside;
+  return std::string(
+      archive::time_proof_name(outside ? archive::TimeProof::kExternal : archive::TimeProof::kSelfIssued));
+}
+
 ordered_json info_json(const timestamp::TokenInfo& info) {
   return {{"gen_time", format_utc(info.gen_time)},
           {"accuracy_ns", info.accuracy_ns},
@@ -91,12 +101,14 @@ ordered_json info_json(const timestamp::TokenInfo& info) {
 }
 
 void print_judgement_json(const TokenJudgement& judgement, TokenVerdict verdict) {
-  print_json({{"verdict", verdict_name(verdict)},
-              {"code", timestamp::code_name(judgement.code)},
-              {"text", judgement.explanation},
-              {"signer", judgement.signer_subject},
-              {"root", judgement.root_subject},
-              {"token", judgement.info ? info_json(*judgement.info) : ordered_json(nullptr)}});
+  print_json(
+      {{"verdict", verdict_name(verdict)},
+       {"code", timestamp::code_name(judgement.code)},
+       {"text", judgement.explanation},
+       {"signer", judgement.signer_subject},
+       {"root", judgement.root_subject},
+       {"time", verdict == TokenVerdict::kValid ? ordered_json(time_name(judgement)) : ordered_json(nullptr)},
+       {"token", judgement.info ? info_json(*judgement.info) : ordered_json(nullptr)}});
 }
 
 void print_judgement(const TokenJudgement& judgement, TokenVerdict verdict) {
@@ -121,6 +133,13 @@ void print_judgement(const TokenJudgement& judgement, TokenVerdict verdict) {
     std::cout << "  signer    " << printable(judgement.signer_subject) << "\n";
   if (!judgement.root_subject.empty())
     std::cout << "  root      " << printable(judgement.root_subject) << "\n";
+  if (valid) {
+    const bool outside = judgement.authority == timestamp::TimeAuthority::kOutside;
+    std::cout << "  clock     "
+              << (outside ? "external: an outside authority's"
+                          : "self-issued: the recorder's own, no outside clock stands behind it")
+              << "\n";
+  }
 }
 
 int run(const Request& request) {
@@ -148,7 +167,10 @@ void add_token_command(Command& program) {
   command.argument("TOKEN", request->token, "the token or response file (.tsr), DER");
   command.option("--data", "FILE", request->data, "the file that was time-stamped");
   command.option("--digest", "HEX", request->digest, "its hash instead, by the token's hash function");
-  command.option("--trust", "PEM", request->trust, "trusted roots; the home's trust.pem if absent");
+  command.option("--trust", "PEM", request->trust,
+                 "roots of outside authorities that are trusted; instead of the home's");
+  command.option("--own-authority", "PEM", request->own_authority,
+                 "roots of the recorder's own authority, whose time is self-issued; instead of the home's");
   command.option("--untrusted", "PEM", request->untrusted, "certificates that help to build a chain");
   command.option("--policy", "OID", request->policy, "the policy the token must carry, such as 1.2.3.4");
   add_home_option(command, request->home);
@@ -156,8 +178,8 @@ void add_token_command(Command& program) {
   command.explain(
       "Exit status: 0 valid, 1 refused, 2 could not be checked (no root fits) or unusable input.");
   command.example(
-      "kiroku token verify CASE/tokens/00000001.embedded.tsr --data CASE/checkpoints/00000001.note --trust "
-      "trust.pem",
+      "kiroku token verify CASE/tokens/00000001.embedded.tsr --data CASE/checkpoints/00000001.note "
+      "--own-authority own-authority.pem",
       "judges the time-stamp over a case's first checkpoint");
   command.on_run([request] { return run(*request); });
 }

@@ -13,7 +13,8 @@ VerifyDefaults defaults_of(const std::optional<Home>& home, const std::filesyste
   VerifyDefaults defaults;
   if (!home) return defaults;
   defaults.devices = {home->device()};
-  defaults.trust = home->trust_file();
+  defaults.trust = home->outside_root_files();
+  defaults.own_authority = home->own_root_files();
   if (home->holds(case_folder)) defaults.log = home->log_folder();
   return defaults;
 }

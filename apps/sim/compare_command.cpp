@@ -76,8 +76,7 @@ void add_compare_command(Command& program) {
       "--identity-socket", "N", request->identity_socket,
       "descriptor of a socket over which a program that holds the identity is asked for file keys");
   command.option("--authority", "NAME", request->authorities, "asks only this authority of kiroku.toml");
-  command.option("--trust", "PEM", request->trust,
-                 "with --verify: roots of time-stamping authorities; those of the home if absent");
+  add_root_options(command, request->roots, "with --verify: ");
   add_home_option(command, request->home);
   command.flag("-f,--force", request->force, "replaces what is there");
   command.flag("--json", request->json, "prints one JSON object instead");

@@ -90,7 +90,7 @@ int verify_comparison(const ComparisonRequest& request) {
   std::vector<Check> checks{check_case(request, home, made.case_state)};
   std::ranges::move(check_plan(request, made), std::back_inserter(checks));
   std::ranges::move(check_outputs(made, file.parent_path()), std::back_inserter(checks));
-  std::ranges::move(check_tokens(request.trust, home, file, digest), std::back_inserter(checks));
+  std::ranges::move(check_tokens(request.roots, home, file, digest), std::back_inserter(checks));
   checks.push_back(check_log(home, "comparison", [&](const archive::LogEntryBody& body) {
     const auto* const entry = std::get_if<archive::AccessEntry>(&body);
     return entry != nullptr && entry->what == compare::comparison_deed(digest) &&

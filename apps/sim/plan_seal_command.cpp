@@ -29,7 +29,8 @@ using nlohmann::ordered_json;
 struct Request {
   std::string file;
   std::optional<std::string> home, case_folder;
-  std::vector<std::string> authorities, trust;
+  std::vector<std::string> authorities;
+  NamedRoots roots;
   bool json = false;
 };
 
@@ -110,7 +111,7 @@ int verify(const Request& request) {
   const crypto::Sha256Digest digest = crypto::sha256(bytes);
   const std::optional<Home> home = Home::find(request.home);
   std::vector<Check> checks = check_sealed_files(seal.files, seal_path.parent_path());
-  std::ranges::move(check_tokens(request.trust, home, seal_path, digest), std::back_inserter(checks));
+  std::ranges::move(check_tokens(request.roots, home, seal_path, digest), std::back_inserter(checks));
   checks.push_back(check_log(home, "seal", states_seal(digest)));
   if (request.case_folder) {
     std::ranges::move(check_case(home, find_case(home, *request.case_folder), digest),
@@ -147,8 +148,7 @@ void add_plan_seal_commands(Command& plan) {
   verified.argument("SEAL", verify_request->file, "the sealed plan (.seal.json)");
   verified.option("--case", "CASE", verify_request->case_folder,
                   "also whether that case was recorded by this plan, which was sealed before it");
-  verified.option("--trust", "PEM", verify_request->trust,
-                  "roots of time-stamping authorities; those of the home if absent");
+  add_root_options(verified, verify_request->roots);
   add_home_option(verified, verify_request->home);
   verified.flag("--json", verify_request->json, "prints one JSON object instead");
   verified.explain("Exit status: 0 all holds, 1 something differs, 3 something could not be checked.");

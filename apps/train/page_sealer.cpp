@@ -137,6 +137,7 @@ class PageSealer : public viewer::AttemptSealer {
     input.facts = report::read_case_facts(home_.archive() / case_id);
     input.given.devices = {{home_.device().to_string(), {}}};
     input.given.roots = {{"trust.pem", {}}};
+    input.given.own_roots = {{"own-authority.pem", {}}};
     input.author = user;
     input.program = "kiroku " + std::string(version());
     input.made = utc_now();

@@ -25,7 +25,12 @@ void add_judging_options(Command& command, JudgingRequest& request, const Verify
                  home ? "trusted device key: a device.pub or the key itself; instead of the home's"
                       : "trusted device key: a device.pub or the key itself");
   command.option("--trust", "PEM", request.trust,
-                 home ? "trusted time-stamping roots; instead of the home's" : "trusted time-stamping roots");
+                 home ? "roots of outside time-stamping authorities that are trusted; instead of the home's"
+                      : "roots of outside time-stamping authorities that are trusted");
+  command.option("--own-authority", "PEM", request.own_authority,
+                 home ? "roots of the recorder's own authority, whose time is self-issued; instead of the "
+                        "home's"
+                      : "roots of the recorder's own authority, whose time is self-issued");
   command.option("--untrusted", "PEM", request.untrusted,
                  "certificates that help to build a chain without being trusted");
   command.option("--log", "DIR", request.log, "appliance log that must know the case",
@@ -52,9 +57,14 @@ Judged Judge::judge(const std::filesystem::path& folder) const {
   const VerifyDefaults defaults = extras_.defaults ? extras_.defaults(folder) : VerifyDefaults{};
   Judged judged;
   judged.roots.assign(request_.trust.begin(), request_.trust.end());
-  if (judged.roots.empty() && defaults.trust) judged.roots = {*defaults.trust};
+  judged.own_roots.assign(request_.own_authority.begin(), request_.own_authority.end());
+  if (judged.roots.empty() && judged.own_roots.empty()) {
+    judged.roots = defaults.trust;
+    judged.own_roots = defaults.own_authority;
+  }
   timestamp::TrustStore trust;
   for (const std::filesystem::path& file : judged.roots) trust.add_trusted_file(file);
+  for (const std::filesystem::path& file : judged.own_roots) trust.add_own_authority_file(file);
   for (const std::string& file : request_.untrusted) trust.add_untrusted_file(file);
 
   archive::VerifyOptions options;

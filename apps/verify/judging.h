@@ -13,7 +13,7 @@ namespace kiroku::apps {
 
 /// What a person gave; the rest is VerifyExtras::defaults.
 struct JudgingRequest {
-  std::vector<std::string> devices, trust, untrusted, identities;
+  std::vector<std::string> devices, trust, own_authority, untrusted, identities;
   std::optional<std::string> log, threads;
 };
 /// `request` must live until the program has run.
@@ -24,7 +24,7 @@ struct Judged {
   bool device_trusted = false;
   // What it was judged with.
   std::vector<crypto::VerifierKey> devices;
-  std::vector<std::filesystem::path> roots;
+  std::vector<std::filesystem::path> roots, own_roots;
   std::optional<std::filesystem::path> log;
 };
 

@@ -41,10 +41,13 @@ std::string verdict_words(Verdict verdict) {
   return paint(Colour::kRed, "TAMPERED") + ": something does not hold; the findings say what and where.";
 }
 
-std::string time_words(TimeProof time) {
-  switch (time) {
+std::string time_words(const VerificationReport& report) {
+  switch (report.time) {
     case TimeProof::kExternal:
       return "proved by an outside time-stamping authority";
+    case TimeProof::kExternalInPart:
+      return "proved by an outside time-stamping authority as far as entry " +
+             std::to_string(report.outside_entries - 1) + " alone; what follows rests on the recorder's word";
     case TimeProof::kSelfIssued:
       return "self-issued: by an embedded authority, no outside clock stands behind it";
     case TimeProof::kNone:
@@ -69,13 +72,16 @@ std::string line(const std::string& name, const std::string& text) {
   return label + printable(text) + "\n";
 }
 
-/// Earliest and latest outside times and the widest bracket.
+/// Earliest and latest time, with the entries that each is about, and the widest bracket.
 std::string bracket_lines(const VerificationReport& report) {
   std::optional<UtcTime> earliest, latest;
+  std::uint64_t first = 0, last = 0;
   std::optional<std::chrono::microseconds> widest;
   for (const auto& bracket : report.brackets) {
+    if (bracket.not_before && !earliest) first = bracket.first_entry;
     if (bracket.not_before)
       earliest = earliest ? std::min(*earliest, *bracket.not_before) : bracket.not_before;
+    if (bracket.not_after) last = bracket.last_entry;
     if (bracket.not_after) latest = latest ? std::max(*latest, *bracket.not_after) : bracket.not_after;
     if (bracket.not_before && bracket.not_after) {
       const auto width = *bracket.not_after - *bracket.not_before;
@@ -83,8 +89,14 @@ std::string bracket_lines(const VerificationReport& report) {
     }
   }
   std::string out;
-  if (earliest) out += line("", "not before " + both_times(*earliest));
-  if (latest) out += line("", "not after  " + both_times(*latest));
+  const std::string whose = report.time == TimeProof::kSelfIssued ? ", by the recorder's own authority" : "";
+  if (earliest) {
+    out += line(
+        "", "not before " + both_times(*earliest) + ", from entry " + std::to_string(first) + " on" + whose);
+  }
+  if (latest) {
+    out += line("", "not after  " + both_times(*latest) + ", up to entry " + std::to_string(last) + whose);
+  }
   if (widest) {
     out += line("", count(report.brackets.size(), "bracket", "brackets") + ", the widest " +
                         format_duration(std::chrono::nanoseconds(*widest).count()));
@@ -104,7 +116,7 @@ std::string seconds(std::int64_t ns, bool with_sign) {
 std::string clock_lines(const VerificationReport& report) {
   std::string out;
   for (const archive::AuthorityClock& clock : report.clocks) {
-    std::string text = clock.authority + "'s clock";
+    std::string text = clock.authority + "'s clock" + (clock.outside ? "" : " (self-issued)");
     if (report.clock_zero) {
       text += " " + seconds(archive::offset_ns(clock.first, *report.clock_zero), true) + " (± " +
               seconds(clock.first.half_width_ns, false) + ") against the recorder's";
@@ -212,7 +224,7 @@ std::string report_text(const VerificationReport& report, const std::string& cas
   out += line("device", report.device + (device_trusted ? " (trusted)" : " (not among the trusted keys)"));
   if (report.opened) out += line("opened", both_times(*report.opened) + ", by the recorder's clock");
   if (report.closed) out += line("closed", both_times(*report.closed) + ", by the recorder's clock");
-  out += line("time", time_words(report.time));
+  out += line("time", time_words(report));
   out += bracket_lines(report);
   out += clock_lines(report);
   out += line("checked", count(report.entries, "entry", "entries") + ", " +

@@ -112,7 +112,8 @@ void make_verify_command(Command& command, const VerifyExtras& extras) {
       "Exit status: 0 intact (also with stated gaps), 1 tampered, 2 wrong usage or unreadable, 3 incomplete "
       "or unproven, 4 an intact excerpt, which is a part of a case. --excerpt changes nothing else: an "
       "excerpt that is tampered or unproven still gives 1 or 3, and a whole case is judged as without it. Of "
-      "several cases the worst counts.");
+      "several cases the worst counts. Time is external only as far as tokens under a root of --trust cover "
+      "the case; a root of a recorder's own authority is recognised there, too, and gives self-issued time.");
   command.example(command.full_name() + " 20260805T091502Z-3f9c21ab --device device.pub --trust roots.pem",
                   "judges a case by a device key and roots that you trust");
   command.example(command.full_name() + " --excerpt for-the-court --device device.pub --trust roots.pem",

@@ -16,8 +16,9 @@ namespace kiroku::apps {
 /// What is trusted where the person named nothing.
 struct VerifyDefaults {
   std::vector<crypto::VerifierKey> devices;
-  std::optional<std::filesystem::path> trust;  // PEM file of time-stamping roots
-  std::optional<std::filesystem::path> log;    // appliance log that should know the case
+  std::vector<std::filesystem::path> trust;          // PEM files: roots of outside authorities,
+  std::vector<std::filesystem::path> own_authority;  // and of the recorder's own
+  std::optional<std::filesystem::path> log;          // appliance log that should know the case
 };
 
 /// What a program with a home and decoders adds; every member may be empty.

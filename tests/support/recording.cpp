@@ -97,7 +97,7 @@ RecorderBench::RecorderBench()
   const crypto::AgeKeyPair pair = crypto::generate_age_key();
   recipients_ = {crypto::parse_recipient(pair.recipient)};
   identities_ = {crypto::parse_identity(pair.identity_text.text())};
-  trust_.add_trusted(bytes_of(authority_.root_pem()), "the embedded authority");
+  trust_.add_own_authority(bytes_of(authority_.root_pem()), "the embedded authority");
   std::filesystem::create_directory(folder_ / "archive");
 }
 

@@ -35,6 +35,8 @@ class SampleArchive {
   [[nodiscard]] const crypto::AgeRecipients& recipients() const { return recipients_; }
   [[nodiscard]] const crypto::AgeIdentities& identities() const { return identities_; }
   timestamp::Authority& authority() { return authority_; }
+  /// Where the authority's keys lie, for whoever misuses them.
+  [[nodiscard]] std::filesystem::path authority_folder() const { return temporary_ / "authority"; }
   /// Device, authority's root and log, without identities.
   [[nodiscard]] archive::VerifyOptions options() const;
 
@@ -43,6 +45,8 @@ class SampleArchive {
   static archive::TokenEntry facts_of(ByteView response);
   /// What the authority's clock says of UTC at this time of the case clock; may be replaced.
   std::function<UtcTime(std::int64_t mono_ns)> authority_time;
+  /// Answers in the authority's place, if set: whoever holds its keys.
+  std::function<Bytes(const std::string& note, UtcTime time)> authority_answer;
 
   std::int64_t now_ns = 0;  // case clock
   [[nodiscard]] archive::Moment now() const;

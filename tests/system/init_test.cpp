@@ -25,14 +25,17 @@ TEST_F(Init, MakesADemonstrationHomeWithKeysThatOnlyTheOwnerReads) {
   ASSERT_EQ(made.status, 0) << made.err;
   EXPECT_THAT(made.out, HasSubstr("or-3+"));
   EXPECT_THAT(made.out, HasSubstr("kiroku record"));
-  for (const char* name : {"kiroku.toml", "device.pub", "trust.pem", "recipients.txt", "catalogue.sqlite",
-                           "authority/ca.pem", "archive/log/ledger.jsonl"}) {
+  for (const char* name : {"kiroku.toml", "device.pub", "trust.pem", "own-authority.pem", "recipients.txt",
+                           "catalogue.sqlite", "authority/ca.pem", "archive/log/ledger.jsonl"}) {
     EXPECT_TRUE(std::filesystem::is_regular_file(home() / name)) << name;
   }
   for (const char* name : {"device.key", "identity.txt", "authority/ca.key", "authority/tsa.key"}) {
     EXPECT_EQ(mode_of(home() / name), 0600U) << name;
   }
   EXPECT_EQ(mode_of(home()), 0700U);
+  EXPECT_THAT(read_text(home() / "trust.pem"), Not(HasSubstr("BEGIN CERTIFICATE")))
+      << "the own authority is none of the outside ones";
+  EXPECT_EQ(read_text(home() / "own-authority.pem"), read_text(home() / "authority/ca.pem"));
   EXPECT_THAT(files_below(folder()), testing::Contains("home"));
   EXPECT_EQ(std::distance(std::filesystem::directory_iterator(folder()), {}), 1)
       << "something was left beside the home";

@@ -38,6 +38,6 @@ for profile in lossless uncompressed mpeg2; do
   [[ ! -s $scratch/errors ]] || fail "$profile: ffmpeg on one segment says: $(cat "$scratch/errors")"
   token=$(ls "$case"/tokens/*.tsr | head -1)
   note=$case/checkpoints/$(basename "$token" | cut -d. -f1).note
-  openssl ts -verify -data "$note" -in "$token" -CAfile "$KIROKU_HOME/trust.pem" >/dev/null 2>&1 || fail "openssl ts -verify refuses $token"
+  openssl ts -verify -data "$note" -in "$token" -CAfile "$KIROKU_HOME/own-authority.pem" >/dev/null 2>&1 || fail "openssl ts -verify refuses $token"
 done
 echo "PASSED"

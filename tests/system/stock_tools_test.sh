@@ -24,7 +24,7 @@ KIROKU_HOME=$scratch/other "$kiroku" init --demo >/dev/null
 for profile in mpeg2 lossless; do
   case=$("$kiroku" record --endoscope 'synthetic:endoscope?size=160x120&rate=10' --room 'synthetic:room?size=160x120&rate=10' --vitals synthetic:patient \
     --profile "$profile" --duration 00:00:05 --json | jq -r .case)
-  roots=$KIROKU_HOME/trust.pem device=$KIROKU_HOME/device.pub
+  roots=$KIROKU_HOME/own-authority.pem device=$KIROKU_HOME/device.pub
   expect() { # STATUS PATTERN SCRIPT DIRECTORY [IDENTITY]
     local output status=0
     output=$(bash "$scratch/$3" "$4" "$roots" "$device" ${5+"$5"} 2>&1) || status=$?
@@ -33,9 +33,12 @@ for profile in mpeg2 lossless; do
   expect 0 '^INTACT: ' verify.sh "$case"
   expect 0 '^INTACT: ' verify.sh "$case" "$KIROKU_HOME/identity.txt"
 
+  expect 0 ': they existed on ' verify.sh "$case"
+  OWN_ROOTS=$KIROKU_HOME/own-authority.pem expect 0 ': self-issued, so the recorder says' verify.sh "$case"
+
   # What a person gives that does not fit is no fault of the case, and no proof of it either.
   wrong_inputs() { # SCRIPT DIRECTORY
-    roots=$scratch/other/trust.pem expect 2 '^COULD NOT CHECK: .*no root in your ROOTS.pem' "$@"
+    roots=$scratch/other/own-authority.pem expect 2 '^COULD NOT CHECK: .*no root in your ROOTS.pem' "$@"
     roots=$scratch/none.pem expect 2 '^COULD NOT CHECK: there is no readable' "$@"
     roots=$device expect 2 '^COULD NOT CHECK: .*no root in your ROOTS.pem' "$@"
     device=$scratch/other/device.pub expect 2 '^COULD NOT CHECK: .*not the one of your DEVICE.pub' "$@"

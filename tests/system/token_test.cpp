@@ -29,24 +29,25 @@ class Token : public ProgramTest {
     authority.signal(SIGINT);
     EXPECT_EQ(authority.wait().status, 0);
   }
-  [[nodiscard]] std::string trust() const { return (home() / "trust.pem").string(); }
+  [[nodiscard]] std::string own() const { return (home() / "own-authority.pem").string(); }
 };
 
 TEST_F(Token, OfTheHomesAuthorityIsVerifiedByStockOpenssl) {
   stamp();
   const ProcessResult verified =
-      tool({"openssl", "ts", "-verify", "-data", "data", "-in", "response", "-CAfile", trust()});
+      tool({"openssl", "ts", "-verify", "-data", "data", "-in", "response", "-CAfile", own()});
   EXPECT_EQ(verified.status, 0) << verified.out << verified.err;
 }
 
 TEST_F(Token, IsValidForItsDataAndNoOther) {
   stamp();
-  const ProcessResult valid = kiroku({"token", "verify", "response", "--data", "data", "--trust", trust()});
+  const ProcessResult valid =
+      kiroku({"token", "verify", "response", "--data", "data", "--own-authority", own()});
   EXPECT_EQ(valid.status, 0) << valid.out << valid.err;
   EXPECT_THAT(valid.out, testing::StartsWith("VALID: "));
   write_text(folder() / "other", "something else\n");
   const ProcessResult refused =
-      kiroku({"token", "verify", "response", "--data", "other", "--trust", trust()});
+      kiroku({"token", "verify", "response", "--data", "other", "--own-authority", own()});
   EXPECT_EQ(refused.status, 1) << refused.out;
   EXPECT_THAT(refused.out, HasSubstr("token-imprint-differs"));
 }
@@ -56,6 +57,29 @@ TEST_F(Token, TakesTheHomesRootsWhereNoneIsNamed) {
   const auto answer = kiroku_json({"token", "verify", "response", "--data", "data", "--json"});
   EXPECT_EQ(answer["verdict"], "valid");
   EXPECT_EQ(answer["token"]["algorithm"], "sha256");
+  EXPECT_EQ(answer["time"], "self-issued");
+}
+
+TEST_F(Token, OfTheHomesAuthorityIsSelfIssuedHoweverItsRootIsGiven) {
+  stamp();
+  for (const char* option : {"--own-authority", "--trust"}) {
+    const auto answer =
+        kiroku_json({"token", "verify", "response", "--data", "data", option, own(), "--json"});
+    EXPECT_EQ(answer["verdict"], "valid") << option;
+    EXPECT_EQ(answer["time"], "self-issued") << option;
+  }
+}
+
+TEST_F(Token, OfAnOlderHomeWhoseOwnRootStandsInTrustPemIsSelfIssued) {
+  stamp();
+  std::filesystem::rename(own(), home() / "trust.pem");
+  const auto answer = kiroku_json({"token", "verify", "response", "--data", "data", "--json"});
+  EXPECT_EQ(answer["verdict"], "valid");
+  EXPECT_EQ(answer["time"], "self-issued");
+  EXPECT_THAT(kiroku({"doctor", "--json"}).out, HasSubstr("own-authority.pem"));
+  // The authority was made anew since: only trust.pem knows the former root.
+  std::filesystem::remove(home() / "authority/ca.pem");
+  EXPECT_EQ(kiroku_json({"token", "verify", "response", "--data", "data", "--json"})["time"], "self-issued");
 }
 
 TEST_F(Token, IsJudgedByTheHashAloneInItsOwnHashFunction) {

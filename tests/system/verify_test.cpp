@@ -70,8 +70,8 @@ TEST_F(Verify, BySmallProgramFindsTheSameUnderWhatIsTrusted) {
   const Arguments trusted{"--json",
                           "--device",
                           (home() / "device.pub").string(),
-                          "--trust",
-                          (home() / "trust.pem").string(),
+                          "--own-authority",
+                          (home() / "own-authority.pem").string(),
                           "--log",
                           (home() / "archive/log").string()};
   Arguments arguments = trusted;
@@ -87,12 +87,24 @@ TEST_F(Verify, BySmallProgramFindsTheSameUnderWhatIsTrusted) {
 TEST_F(Verify, TakesTheDeviceKeyItselfInsteadOfAFile) {
   std::string key = read_text(home() / "device.pub");
   key.pop_back();
-  EXPECT_EQ(
-      small_verifier({"--device", key, "--trust", (home() / "trust.pem").string(), case_.string()}).status,
-      0);
+  EXPECT_EQ(small_verifier(
+                {"--device", key, "--own-authority", (home() / "own-authority.pem").string(), case_.string()})
+                .status,
+            0);
   EXPECT_REFUSED(small_verifier({"--device", "or-3+00000000+AAAA", case_.string()}), "or-3");
   EXPECT_REFUSED(small_verifier({"--device", case_.string() + "/ledger.jsonl", case_.string()}),
                  "ledger.jsonl");
+}
+
+TEST_F(Verify, CallsTimeUnderTheHomesOwnRootSelfIssuedHoweverItIsGiven) {
+  const std::string root = (home() / "own-authority.pem").string();
+  const std::string device = (home() / "device.pub").string();
+  for (const char* option : {"--own-authority", "--trust"}) {
+    const ProcessResult judged = small_verifier({"--json", "--device", device, option, root, case_.string()});
+    EXPECT_EQ(judged.status, 0) << judged.out << judged.err;
+    EXPECT_EQ(nlohmann::json::parse(judged.out)["time"], "self-issued") << option;
+  }
+  EXPECT_EQ(nlohmann::json::parse(kiroku({"verify", "--json", case_.string()}).out)["time"], "self-issued");
 }
 
 TEST_F(Verify, UnderAnotherDeviceKeyIsNoYes) {

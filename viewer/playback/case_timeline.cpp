@@ -14,23 +14,35 @@
 #include "crypto/encoding.h"
 #include "crypto/hash.h"
 #include "media/plaintext_lines.h"
-#include "timestamp/authority.h"
-#include "timestamp/token.h"
 
 namespace kiroku::playback {
 namespace {
 
 constexpr std::size_t kLongestEvent = std::size_t{16} << 20;
 constexpr std::size_t kLargestToken = std::size_t{1} << 20;
+constexpr std::size_t kLargestNote = std::size_t{1} << 16;
 
-bool is_self_issued(const archive::CaseFolder& folder, const archive::TokenEntry& token) {
-  const archive::FileOpening opening = folder.open_file(token.file);
-  const auto response = opening.file ? archive::read_small(*opening.file, kLargestToken) : std::nullopt;
-  if (!response) return true;
-  std::string explanation;
-  const auto parsed = timestamp::parse_response(bytes_of(*response), explanation);
-  const auto info = parsed ? timestamp::parse_token_info(parsed->token, explanation) : std::nullopt;
-  return !info || info->policy == timestamp::kEmbeddedPolicy;
+using Kind = TimelineToken::Kind;
+
+std::optional<std::string> read_file(const archive::CaseFolder& folder, const std::string& file,
+                                     std::size_t most) {
+  const archive::FileOpening opening = folder.open_file(file);
+  return opening.file ? archive::read_small(*opening.file, most) : std::nullopt;
+}
+
+Kind kind_of(const archive::CaseFolder& folder, const archive::TokenEntry& token,
+             const timestamp::TrustStore& trust) {
+  const auto response = read_file(folder, token.file, kLargestToken);
+  const auto note = read_file(folder, archive::note_path(token.checkpoint), kLargestNote);
+  if (!response || !note) return Kind::kNotJudged;
+  timestamp::Expectation expectation;
+  expectation.data = to_bytes(*note);
+  const timestamp::TokenJudgement judgement = timestamp::judge_token(bytes_of(*response), expectation, trust);
+  const bool holds = judgement.code == timestamp::TokenCode::kValid &&
+                     judgement.info->gen_time == token.gen_time &&
+                     judgement.info->accuracy_ns == token.accuracy_ns;
+  if (!holds) return Kind::kNotJudged;
+  return judgement.authority == timestamp::TimeAuthority::kOutside ? Kind::kExternal : Kind::kSelfIssued;
 }
 
 std::vector<TimelineCheckpoint> checkpoints_of(const std::filesystem::path& folder,
@@ -77,10 +89,10 @@ std::optional<nlohmann::json> committed_event(std::string_view line,
 
 }  // namespace
 
-Timeline timeline_of(const archive::CaseReader& recording) {
+Timeline timeline_of(const archive::CaseReader& recording, const timestamp::TrustStore& trust) {
   Timeline timeline;
   std::vector<std::int64_t> entry_times;
-  std::vector<archive::StampedToken> stamped;
+  std::vector<archive::StampedToken> external, self_issued;
   const archive::CaseFolder folder = archive::CaseFolder::open(recording.folder());
   recording.for_each([&](const archive::CaseEntry& entry) {
     entry_times.push_back(entry.at.mono_ns);
@@ -90,14 +102,17 @@ Timeline timeline_of(const archive::CaseReader& recording) {
     } else if (const auto* const gap = std::get_if<archive::GapEntry>(&entry.body)) {
       timeline.gaps.push_back(*gap);
     } else if (const auto* const token = std::get_if<archive::TokenEntry>(&entry.body)) {
-      timeline.tokens.push_back({entry.at.mono_ns, token->gen_time, token->authority, token->checkpoint,
-                                 is_self_issued(folder, *token)});
-      stamped.push_back(
-          {entry.seq, token->checkpoint, token->gen_time, token->accuracy_ns, token->authority});
+      const Kind kind = kind_of(folder, *token, trust);
+      timeline.tokens.push_back(
+          {entry.at.mono_ns, token->gen_time, token->authority, token->checkpoint, kind});
+      if (kind == Kind::kNotJudged) return;
+      (kind == Kind::kExternal ? external : self_issued)
+          .push_back({entry.seq, token->checkpoint, token->gen_time, token->accuracy_ns, token->authority});
     }
   });
   timeline.checkpoints = checkpoints_of(recording.folder(), entry_times);
-  if (!stamped.empty()) timeline.brackets = brackets_on_clock(stamped, entry_times);
+  const auto& proving = external.empty() ? self_issued : external;
+  if (!proving.empty()) timeline.brackets = brackets_on_clock(proving, entry_times);
   return timeline;
 }
 

@@ -9,6 +9,7 @@
 
 #include "archive/case_reader.h"
 #include "base/utc_time.h"
+#include "timestamp/token_verifier.h"
 #include "viewer/playback/case_media.h"
 
 namespace kiroku::playback {
@@ -25,15 +26,19 @@ struct TimelineToken {
   UtcTime gen_time;
   std::string authority;
   std::uint64_t checkpoint = 0;
-  /// Its policy is the embedded authority's, or the file cannot be read: no outside clock.
-  bool self_issued = true;
+  /// Judged by itself, over the checkpoint that lies there, under the roots that were given; whether both
+  /// belong to this ledger is verification's to say. kNotJudged: the token does not hold, says another time
+  /// than its entry, or no given root knows it.
+  enum class Kind { kExternal, kSelfIssued, kNotJudged };
+  Kind kind = Kind::kNotJudged;
 };
 struct TimelineCheckpoint {
   std::int64_t time_ns = 0;  // of the last entry it covers
   std::uint64_t size = 0;
 };
-/// What was entered in [start_ns, end_ns) was written after not_before and before not_after, if the tokens
-/// hold.
+/// What was entered in [start_ns, end_ns) was written after not_before and before not_after, if the tokens'
+/// checkpoints are this ledger's. By external tokens alone where there are any, else by self-issued ones;
+/// those that could not be judged make none.
 struct TimelineBracket {
   std::int64_t start_ns = 0, end_ns = 0;
   std::optional<UtcTime> not_before, not_after;
@@ -48,7 +53,7 @@ struct Timeline {
 };
 
 /// Throws kiroku::Error if the ledger cannot be read.
-Timeline timeline_of(const archive::CaseReader& recording);
+Timeline timeline_of(const archive::CaseReader& recording, const timestamp::TrustStore& trust);
 
 /// A moment that somebody marked.
 struct TimelineMark {

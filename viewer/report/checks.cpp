@@ -44,9 +44,10 @@ Answer without_findings(Check check, const archive::VerificationReport& verifica
     case Check::kEnd:
       return excerpt ? Answer::kNotAsked : Answer::kYes;
     case Check::kTime:
-      return verification.time == TimeProof::kSelfIssued ? Answer::kInsideOnly
-             : verification.time == TimeProof::kNone     ? Answer::kUnknown
-                                                         : Answer::kYes;
+      return verification.time == TimeProof::kSelfIssued       ? Answer::kInsideOnly
+             : verification.time == TimeProof::kNone           ? Answer::kUnknown
+             : verification.time == TimeProof::kExternalInPart ? Answer::kInPart
+                                                               : Answer::kYes;
     default:
       return Answer::kYes;
   }
@@ -71,6 +72,7 @@ Tone tone_of(Answer answer) {
     case Answer::kYes:
     case Answer::kWithGaps:
       return Tone::kGood;
+    case Answer::kInPart:
     case Answer::kInsideOnly:
     case Answer::kUnknown:
     case Answer::kUnfinished:
@@ -89,6 +91,8 @@ std::string answer_words(Language language, Answer answer) {
       return say(language, "answer.yes");
     case Answer::kWithGaps:
       return say(language, "answer.with-gaps");
+    case Answer::kInPart:
+      return say(language, "answer.in-part");
     case Answer::kInsideOnly:
       return say(language, "answer.inside-only");
     case Answer::kUnknown:

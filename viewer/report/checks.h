@@ -21,7 +21,7 @@ inline constexpr auto kChecks = std::to_array({Check::kLedger, Check::kFiles, Ch
 
 /// "Could not be checked" (something that was needed is missing) is an answer of its own, and so is "not
 /// checked" (nobody asked for it).
-enum class Answer { kYes, kWithGaps, kInsideOnly, kUnknown, kUnfinished, kNotAsked, kNo };
+enum class Answer { kYes, kWithGaps, kInPart, kInsideOnly, kUnknown, kUnfinished, kNotAsked, kNo };
 Tone tone_of(Answer answer);
 std::string answer_words(Language language, Answer answer);
 
@@ -32,6 +32,7 @@ struct GivenFile {
 };
 struct Given {
   std::vector<GivenFile> devices, roots, log, identities;
+  std::vector<GivenFile> own_roots;  // of the recorder's own authority
 };
 
 /// How the question stands. `notes` counts the findings of it that change nothing.

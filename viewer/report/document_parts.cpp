@@ -34,6 +34,10 @@ std::string verdict_sentence(Language language, Verdict verdict) {
 std::string time_sentence(const ReportInput& input) {
   if (input.verification.time == TimeProof::kNone) return say(input.language, "time.none");
   if (input.verification.time == TimeProof::kSelfIssued) return say(input.language, "time.self-issued");
+  if (input.verification.time == TimeProof::kExternalInPart) {
+    return say(input.language, "time.external-in-part",
+               {std::to_string(input.verification.outside_entries - 1)});
+  }
   std::optional<UtcTime> earliest, latest;
   for (const archive::Bracket& bracket : input.verification.brackets) {
     if (bracket.not_before)

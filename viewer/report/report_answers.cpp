@@ -44,7 +44,8 @@ std::string ReportMaker::question(Check check) const {
 
 std::string ReportMaker::explanation(const CheckAnswer& answered) const {
   if (answered.answer == Answer::kNotAsked) return not_asked(answered.check);
-  if (answered.answer == Answer::kYes || answered.answer == Answer::kInsideOnly) {
+  if (answered.answer == Answer::kYes || answered.answer == Answer::kInPart ||
+      answered.answer == Answer::kInsideOnly) {
     const std::string yes = yes_to(answered);
     return answered.notes == 0
                ? yes
@@ -93,6 +94,9 @@ std::string ReportMaker::yes_to(const CheckAnswer& answered) const {
     case Check::kDevice:
       return words("check.device.yes", {device_name()});
     case Check::kTime:
+      if (answered.answer == Answer::kInPart) {
+        return words("check.time.in-part", {std::to_string(found_.outside_entries - 1)});
+      }
       return answered.answer == Answer::kInsideOnly ? words("check.time.inside", {tokens()})
                                                     : words("check.time.yes", {tokens()});
     case Check::kLog:
@@ -157,9 +161,10 @@ void ReportMaker::add_chain() {
                                              utc_time(facts.tokens.back().token.gen_time)}),
            words("chain.tokens.bond")));
   chain.links.push_back(link("chain.authorities", answer(Check::kTime),
-                             names.empty()             ? words("chain.authorities.none")
-                             : in_.given.roots.empty() ? words("chain.authorities.unjudged", {names})
-                                                       : words("chain.authorities.text", {names}),
+                             names.empty() ? words("chain.authorities.none")
+                             : in_.given.roots.empty() && in_.given.own_roots.empty()
+                                 ? words("chain.authorities.unjudged", {names})
+                                 : words("chain.authorities.text", {names}),
                              ""));
   add(std::move(chain));
 }

@@ -54,8 +54,9 @@ void ReportMaker::add_repeating() {
   heading("heading.repeat");
   const CaseFacts& facts = in_.facts;
   const std::string name = document_.identifier.empty() ? "CASE" : document_.identifier;
-  const Listing verify{
-      {"kiroku verify " + (facts.excerpt ? "EXCERPT" : name) + " --device DEVICE.pub --trust ROOTS.pem"}};
+  const Listing verify{{"kiroku verify " + (facts.excerpt ? "EXCERPT" : name) + " --device DEVICE.pub " +
+                        (found_.time == archive::TimeProof::kSelfIssued ? "--own-authority OWN-AUTHORITY.pem"
+                                                                        : "--trust ROOTS.pem")}};
   if (facts.excerpt) {
     paragraph(words("repeat.excerpt"));
     return add(verify);
@@ -106,6 +107,7 @@ std::string ReportMaker::given_words() const {
   };
   list("given.devices", in_.given.devices);
   list("given.roots", in_.given.roots);
+  list("given.own-roots", in_.given.own_roots);
   list("given.log", in_.given.log);
   list("given.identity", in_.given.identities);
   return out.empty() ? words("about.given.nothing") : out;

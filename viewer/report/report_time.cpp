@@ -96,7 +96,8 @@ void ReportMaker::add_clocks() {
   };
   for (const archive::AuthorityClock& clock : found_.clocks) {
     table.rows.push_back(
-        {{plain_text(clock.authority), Tone::kPlain, Face::kStrong},
+        {{plain_text(clock.authority) + (clock.outside ? "" : words("clock.own")), Tone::kPlain,
+          Face::kStrong},
          {within(archive::offset_ns(clock.first, *found_.clock_zero), clock.first.half_width_ns)},
          {clock.comparisons > 1 ? within(clock.drift_ns(), clock.drift_half_width_ns()) : "–"},
          {std::to_string(clock.comparisons)}});

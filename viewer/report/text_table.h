@@ -72,6 +72,12 @@ inline constexpr auto kTexts = std::to_array<Text>({
     {"time.external-until",
      "When it existed is proved by time-stamping authorities outside the recorder: no later than {0}.",
      "存在した時刻は、記録装置の外部の時刻認証局により証明されています（{0} 以前）。"},
+    {"time.external-in-part",
+     "Authorities outside the recorder time-stamped it as far as entry {0} of its ledger. When what follows "
+     "was "
+     "written rests on the recorder's word alone.",
+     "記録装置の外部の時刻認証局がタイムスタンプを付与したのは台帳の項目 {0} "
+     "までです。それ以降が書かれた時刻は、記録装置のみに依拠します。"},
     {"time.self-issued",
      "Its times were stated by the recorder's own time-stamping authority alone: no clock outside stands "
      "behind them.",
@@ -100,6 +106,7 @@ inline constexpr auto kTexts = std::to_array<Text>({
     // -- questions, and their answers
     {"answer.yes", "Yes", "はい"},
     {"answer.with-gaps", "Yes, with stated gaps", "はい（記載された欠落あり）"},
+    {"answer.in-part", "In part", "一部のみ"},
     {"answer.inside-only", "Only from inside", "内部のみ"},
     {"answer.unknown", "Could not be checked", "確認できない"},
     {"answer.unfinished", "Not finished", "未完了"},
@@ -149,6 +156,9 @@ inline constexpr auto kTexts = std::to_array<Text>({
      "存在した時刻は外部の者により証明されているか"},
     {"check.time.yes", "{0} by authorities under trusted roots hold.",
      "信頼されたルートの時刻認証局による{0}が成立しています。"},
+    {"check.time.in-part",
+     "As far as entry {0} of the ledger; of what follows the recorder alone says when it was written.",
+     "台帳の項目 {0} まで。それ以降が書かれた時刻は、記録装置のみが述べています。"},
     {"check.time.inside", "{0} of the recorder's own authority hold; they prove order, not time.",
      "装置内蔵の認証局による{0}が成立していますが、証明するのは順序であり時刻ではありません。"},
     {"check.log", "Does the device's own log know this case, and the same of it?",
@@ -321,6 +331,7 @@ inline constexpr auto kTexts = std::to_array<Text>({
     {"token.missed", "{0} to an authority went without a time stamp; the ledger says when and why.",
      "認証局への要求のうち {0} はタイムスタンプに至りませんでした（日時と理由は台帳に記載）。"},
     {"clock.authority", "Authority", "認証局"},
+    {"clock.own", " (self-issued)", "（自己発行）"},
     {"clock.offset", "Ahead of the recorder's clock", "装置の時計との差"},
     {"clock.drift", "Drift in the case", "症例中のずれ"},
     {"clock.compared", "Comparisons", "比較回数"},
@@ -411,6 +422,7 @@ inline constexpr auto kTexts = std::to_array<Text>({
     {"about.given.nothing", "nothing: neither keys nor roots", "なし（鍵・ルートとも）"},
     {"given.devices", "trusted device keys: {0}", "信頼する装置の鍵：{0}"},
     {"given.roots", "trusted time-stamping roots: {0}", "信頼する時刻認証ルート：{0}"},
+    {"given.own-roots", "roots of the recorder's own authority: {0}", "装置内蔵の時刻認証局のルート：{0}"},
     {"given.log", "appliance log: {0}", "装置ログ：{0}"},
     {"given.identity", "a key to open the recording: {0}", "記録を開く鍵：{0}"},
     {"about.lead",
@@ -443,8 +455,8 @@ inline constexpr auto kTexts = std::to_array<Text>({
      "A signed statement of an authority that a hash was known to it at a time (RFC 3161).",
      "あるハッシュ値をその時刻に受け取ったことを、認証局が署名して証するもの（RFC 3161）。"},
     {"word.bracket", "Bracket", "時刻の範囲"},
-    {"word.bracket.text", "The two outside times between which a part of the record was written.",
-     "記録の一部が書かれた時点を挟む、二つの外部時刻。"},
+    {"word.bracket.text", "The times of two time stamps between which a part of the record was written.",
+     "記録の一部が書かれた時点を挟む、二つのタイムスタンプの時刻。"},
     {"word.gap", "Gap", "欠落"},
     {"word.gap.text", "Time in which nothing could be recorded, stated by the recorder when it happened.",
      "記録できなかった時間。発生時に装置自身が記載する。"},

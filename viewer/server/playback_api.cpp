@@ -58,6 +58,18 @@ ordered_json series_json(const std::string& stream, const playback::VitalSeries&
           {"bins", std::move(bins)}};
 }
 
+const char* kind_name(playback::TimelineToken::Kind kind) {
+  switch (kind) {
+    case playback::TimelineToken::Kind::kExternal:
+      return "external";
+    case playback::TimelineToken::Kind::kSelfIssued:
+      return "self-issued";
+    case playback::TimelineToken::Kind::kNotJudged:
+      break;
+  }
+  return "not-judged";
+}
+
 ordered_json timeline_json(const playback::Timeline& timeline) {
   ordered_json segments = ordered_json::array();
   for (const playback::TimelineSegment& segment : timeline.segments) {
@@ -80,7 +92,7 @@ ordered_json timeline_json(const playback::Timeline& timeline) {
     tokens.push_back({{"time_ns", token.time_ns},
                       {"gen_time", format_utc(token.gen_time)},
                       {"authority", token.authority},
-                      {"kind", token.self_issued ? "self-issued" : "external"},
+                      {"kind", kind_name(token.kind)},
                       {"checkpoint", token.checkpoint}});
   }
   ordered_json checkpoints = ordered_json::array();
@@ -259,7 +271,10 @@ class PlaybackApi {
   }
 
   [[nodiscard]] Response timeline(const Request& request) {
-    ordered_json timeline = timeline_json(playback::timeline_of(context_.open_case(request)));
+    static const timestamp::TrustStore kNoTrust;
+    const timestamp::TrustStore* trust = context_.home().trust;
+    ordered_json timeline = timeline_json(
+        playback::timeline_of(context_.open_case(request), trust == nullptr ? kNoTrust : *trust));
     const Session::Identities identities = request.session->identities();
     if (identities == nullptr || !may(request.session->role(), Right::kWatch)) {
       return Response::json(timeline);

@@ -40,7 +40,10 @@ report::ReportInput verify(const Request& request, const ViewerContext& context)
   input.verification = archive::verify_case(folder, options);
   input.facts = report::read_case_facts(folder);
   input.given.devices = {{home.device.to_string(), {}}};
-  if (home.trust != nullptr) input.given.roots = {{"trust.pem", {}}};
+  if (home.trust != nullptr) {
+    input.given.roots = {{"trust.pem", {}}};
+    input.given.own_roots = {{"own-authority.pem", {}}};
+  }
   input.given.log = {{home.log_folder.string(), {}}};
   input.author = request.session->user();
   input.program = "kiroku " KIROKU_VERSION;

@@ -5,6 +5,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include "archive/case_layout.h"
 #include "tests/support/recording.h"
 #include "tests/unit/viewer/playback/rewritten_case.h"
 
@@ -41,7 +42,7 @@ class CaseTimelineTest : public testing::Test {
 
 TEST_F(CaseTimelineTest, SaysWhatTheLedgerSaysOfTime) {
   const auto folder = record({});
-  const Timeline timeline = timeline_of(archive::CaseReader::open(folder));
+  const Timeline timeline = timeline_of(archive::CaseReader::open(folder), *bench_.options().trust);
   std::int64_t until_ns = 0;
   for (const TimelineSegment& segment : timeline.segments) {
     if (segment.stream != "room") continue;
@@ -53,7 +54,7 @@ TEST_F(CaseTimelineTest, SaysWhatTheLedgerSaysOfTime) {
   EXPECT_GT(until_ns, 1'000'000'000);
   ASSERT_THAT(timeline.tokens, Not(IsEmpty()));
   EXPECT_EQ(timeline.tokens.front().authority, "embedded");
-  EXPECT_TRUE(timeline.tokens.front().self_issued);
+  EXPECT_EQ(timeline.tokens.front().kind, TimelineToken::Kind::kSelfIssued);
   ASSERT_THAT(timeline.checkpoints, Not(IsEmpty()));
   EXPECT_EQ(timeline.checkpoints.front().size, timeline.tokens.front().checkpoint);
   ASSERT_THAT(timeline.brackets, Not(IsEmpty()));
@@ -66,6 +67,27 @@ TEST_F(CaseTimelineTest, SaysWhatTheLedgerSaysOfTime) {
   EXPECT_TRUE(timeline.brackets.front().not_after);
 }
 
+TEST_F(CaseTimelineTest, TokensAreJudgedByTheRootsThatAreGivenAndNotByWhatStandsInThem) {
+  const auto folder = record({});
+  const auto reader = archive::CaseReader::open(folder);
+  // Nothing is trusted: nobody can say whose tokens these are, and they make no bracket.
+  const Timeline unknown = timeline_of(reader, timestamp::TrustStore());
+  ASSERT_THAT(unknown.tokens, Not(IsEmpty()));
+  for (const TimelineToken& token : unknown.tokens) EXPECT_EQ(token.kind, TimelineToken::Kind::kNotJudged);
+  EXPECT_THAT(unknown.brackets, IsEmpty());
+  // A token over another checkpoint than its entry names is not judged either.
+  const Timeline known = timeline_of(reader, *bench_.options().trust);
+  ASSERT_GE(known.tokens.size(), 2U);
+  const auto note = [&](std::size_t token) {
+    return folder / archive::note_path(known.tokens.at(token).checkpoint);
+  };
+  std::filesystem::permissions(note(0), std::filesystem::perms::owner_all);
+  std::filesystem::copy_file(note(1), note(0), std::filesystem::copy_options::overwrite_existing);
+  const Timeline exchanged = timeline_of(reader, *bench_.options().trust);
+  EXPECT_EQ(exchanged.tokens[0].kind, TimelineToken::Kind::kNotJudged);
+  EXPECT_EQ(exchanged.tokens[1].kind, TimelineToken::Kind::kSelfIssued);
+}
+
 TEST_F(CaseTimelineTest, GapsAndErasedSegmentsAreThere) {
   const auto folder = record({});
   const test::RecordedCase recorded(folder, reader_.identities);
@@ -76,7 +98,7 @@ TEST_F(CaseTimelineTest, GapsAndErasedSegmentsAreThere) {
                                                      : segment.index == 0 ? test::Fate::kErased
                                                                           : test::Fate::kKept;
                                             });
-  const Timeline timeline = timeline_of(archive::CaseReader::open(rewritten));
+  const Timeline timeline = timeline_of(archive::CaseReader::open(rewritten), *bench_.options().trust);
   ASSERT_THAT(timeline.gaps, SizeIs(1));
   EXPECT_EQ(timeline.gaps[0].stream, "room");
   EXPECT_TRUE(timeline.segments.at(0).erased);

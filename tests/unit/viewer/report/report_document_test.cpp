@@ -82,6 +82,22 @@ TEST_F(ReportDocument, OfAnIntactCaseSaysSoAndWhatItRestsOn) {
   EXPECT_THAT(text, Not(HasSubstr("✗")));
 }
 
+TEST_F(ReportDocument, SaysHowFarOutsideAuthoritiesProveTheTime) {
+  ReportInput in = input();
+  in.verification.time = archive::TimeProof::kExternalInPart;
+  in.verification.outside_entries = 3;
+  in.verification.clocks = {{"embedded", false, 1, {}, {}}};
+  in.given.own_roots.push_back({"own-authority.pem", crypto::sha256({})});
+  const std::string text = test::text_of(make_report(in));
+  EXPECT_THAT(text, HasSubstr("! In part | As far as entry 2 of the ledger"));
+  EXPECT_THAT(text, HasSubstr("time-stamped it as far as entry 2 of its ledger"));
+  EXPECT_THAT(text, HasSubstr("roots of the recorder's own authority: own-authority.pem"));
+  EXPECT_THAT(text, HasSubstr("embedded (self-issued)"))
+      << "the clock that is compared is the recorder's own";
+  in.language = Language::kJapanese;
+  EXPECT_THAT(test::text_of(make_report(in)), HasSubstr("台帳の項目 2 まで"));
+}
+
 TEST_F(ReportDocument, OfATamperedCaseNamesPlaceAndMeaning) {
   change_byte("segments/endoscope/00000001.ts.age", 500);
   const std::string text = report(archive_.options());

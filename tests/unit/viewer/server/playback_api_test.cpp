@@ -46,6 +46,7 @@ class PlaybackApiTest : public testing::Test {
                                 .copies_folder = bench_ / "copies",
                                 .device_key = &key_,
                                 .device = crypto::VerifierKey("test", key_.public_key()),
+                                .trust = bench_.options().trust,
                                 .identities = {}},
                      SessionLimits{}, [](const std::string&) {});
     add_playback_routes(router_, *context_);

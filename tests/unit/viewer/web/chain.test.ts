@@ -22,6 +22,8 @@ describe('The chain of proof', () => {
   });
   it('says what cannot be shown', () => {
     expect(states(report([], { tokens: 0, time: 'none' }))).toMatchObject({ tokens: 'open', authority: 'open' });
+    expect(states(report([], { time: 'external-in-part' }))).toMatchObject({ tokens: 'holds', authority: 'open' });
+    expect(states(report([], { time: 'self-issued' }))).toMatchObject({ tokens: 'holds', authority: 'holds' });
     expect(states(report([finding('no-trusted-authority', 'unproven')]))).toMatchObject({ authority: 'open', tokens: 'holds' });
     expect(states(report([finding('gap', 'gap'), finding('clock-stepped', 'note')]))).toMatchObject({ segments: 'partly', ledger: 'holds' });
   });

@@ -3,7 +3,8 @@
 export type Role = 'operator' | 'surgeon' | 'auditor' | 'administrator';
 export type Verdict = 'intact' | 'intact-with-gaps' | 'intact-excerpt' | 'unproven' | 'incomplete' | 'tampered';
 export type Severity = 'tampered' | 'incomplete' | 'unproven' | 'gap' | 'note';
-export type TimeProof = 'external' | 'self-issued' | 'none';
+export type TimeProof = 'external' | 'external-in-part' | 'self-issued' | 'none';
+export type TokenKind = 'external' | 'self-issued' | 'not-judged';
 
 export interface Session {
   user: string;
@@ -73,7 +74,7 @@ export interface Token {
   time_ns: number;
   gen_time: string;
   authority: string;
-  kind: string;
+  kind: TokenKind;
   checkpoint: number;
 }
 
