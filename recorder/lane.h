@@ -49,6 +49,7 @@ struct LaneStatus {
   std::uint64_t frames = 0, dropped = 0, segments = 0, bytes = 0;
   std::int64_t last_ns = 0;     // case-clock end of what was recorded
   std::int64_t durable_ns = 0;  // case-clock end of the last segment that was handed to the ledger
+  std::uint64_t refused = 0;    // of senders who may not send
 };
 
 class Lane {

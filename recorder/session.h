@@ -70,6 +70,7 @@ struct StreamStatus {
   std::uint64_t frames = 0, dropped = 0, segments = 0, bytes = 0;
   std::int64_t last_ns = 0;     // case-clock end of what came last
   std::int64_t durable_ns = 0;  // case-clock end of what is safely on the disk and in the ledger
+  std::uint64_t refused = 0;    // connections and messages of senders who may not send (VitalSource::refused)
 };
 struct SessionStatus {
   std::int64_t now_ns = 0;

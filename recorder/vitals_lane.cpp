@@ -38,7 +38,14 @@ void VitalsLane::stop() {
 LaneStatus VitalsLane::status() const {
   // What waits for arrivals may be silent for long though its connection stands.
   const bool live = live_ && (!source_->is_live() || context_.clock.now_ns() - last_ns_ < kSilenceNs);
-  return {live, samples_, 0, output_.segments(), output_.bytes(), last_ns_, output_.claimed_until_ns()};
+  return {live,
+          samples_,
+          0,
+          output_.segments(),
+          output_.bytes(),
+          last_ns_,
+          output_.claimed_until_ns(),
+          source_->refused()};
 }
 
 std::optional<VitalLine> VitalsLane::next_line() {
@@ -78,11 +85,20 @@ bool VitalsLane::take_next() {
     }
     return false;
   }
+  if (const auto* const notice = std::get_if<media::VitalNotice>(&*line)) tell_refusal(*notice);
   live_ = true;
   segmenter_.add(*line);
   ++samples_;
   last_ns_ = time_ns;
   return true;
+}
+
+void VitalsLane::tell_refusal(const media::VitalNotice& notice) {
+  if (notice.notice != "connection-refused" && notice.notice != "sender-refused") return;
+  // Before the address stands what the sender wrote.
+  const std::size_t at = notice.source.rfind('@');
+  context_.troubles.mention("'" + name() + "': " + notice.text +
+                            (at == std::string::npos ? "" : " (" + notice.source.substr(at + 1) + ")"));
 }
 
 bool VitalsLane::wait_for_arrivals() {

@@ -33,6 +33,8 @@ class VitalsLane : public Lane, private VitalsSegmentSink {
   /// Records one line, or waits a little for one; false when nothing more will be recorded.
   bool take_next();
   bool wait_for_arrivals();
+  /// Of a sender who may not send: a person should hear of it.
+  void tell_refusal(const media::VitalNotice& notice);
   std::optional<VitalLine> next_line();
   /// Waits until the case clock shows `time_ns`, ending segments meanwhile.
   void wait_for(std::int64_t time_ns);

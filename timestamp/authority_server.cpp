@@ -1,5 +1,6 @@
 #include "timestamp/authority_server.h"
 
+#include <algorithm>
 #include <chrono>
 #include <optional>
 #include <thread>
@@ -12,8 +13,11 @@
 #include <boost/beast/core.hpp>
 #include <boost/beast/http.hpp>
 
+#include "base/connection_places.h"
 #include "base/error.h"
+#include "base/http_head.h"
 #include "base/listen_address.h"
+#include "base/network_address.h"
 
 namespace kiroku::timestamp {
 namespace {
@@ -26,7 +30,8 @@ using boost::system::error_code;
 /// A query is about 100 bytes; extensions make it larger, but never this large.
 constexpr std::uint64_t kLargestQuery = 64 * 1024;
 constexpr std::uint32_t kLargestHeader = 8 * 1024;
-constexpr int kMostConnections = 64;
+constexpr ConnectionPlaces::Limits kConnections{.all = 64, .of_holder = 16};
+constexpr std::size_t kReadUnit = 4 * 1024;
 constexpr std::chrono::milliseconds kAcceptPause{100};
 
 constexpr std::string_view kHelp =
@@ -38,28 +43,62 @@ constexpr std::string_view kHelp =
 /// One client: reads a query, answers it, and again while the client keeps the connection.
 class Session : public std::enable_shared_from_this<Session> {
  public:
-  Session(asio::ip::tcp::socket socket, Authority& authority, std::chrono::milliseconds time_limit,
-          std::shared_ptr<int> connections)
-      : stream_(std::move(socket)),
-        authority_(authority),
-        time_limit_(time_limit),
-        connections_(std::move(connections)) {
-    ++*connections_;
-  }
+  Session(asio::ip::tcp::socket socket, Authority& authority, std::chrono::milliseconds time_limit)
+      : stream_(std::move(socket)), authority_(authority), time_limit_(time_limit) {}
   Session(const Session&) = delete;
   Session& operator=(const Session&) = delete;
-  ~Session() { --*connections_; }
 
+  /// Begins to serve; the place is given back with the session.
+  void begin(std::unique_ptr<ConnectionPlaces::Place> place) {
+    place_ = std::move(place);
+    read();
+  }
+  /// What is pending ends with an error, and the session with it.
+  void end() { stream_.close(); }
+
+ private:
   void read() {
     parser_.emplace();
     parser_->body_limit(kLargestQuery);
     parser_->header_limit(kLargestHeader);
     stream_.expires_after(time_limit_);
+    searched_ = 0;
+    read_head();
+  }
+
+  /// Until the buffer begins with a whole head, which is judged before it is parsed.
+  void read_head() {
+    const std::string_view text(static_cast<const char*>(buffer_.data().data()), buffer_.size());
+    const std::size_t end = text.find(kEndOfHttpHead, searched_);
+    const bool is_whole = end != std::string_view::npos;
+    if (text.size() > kLargestHeader && (!is_whole || end >= kLargestHeader)) {
+      refuse(http::status::bad_request, "The header is too large.\n");
+    } else if (is_whole) {
+      const std::string_view why = http_head_problem(text.substr(0, end + kEndOfHttpHead.size()));
+      if (why.empty()) {
+        read_request();
+      } else {
+        refuse(http::status::bad_request, std::string(why) + "\n");
+      }
+    } else {
+      searched_ = text.size() - std::min(text.size(), kEndOfHttpHead.size() - 1);
+      stream_.async_read_some(buffer_.prepare(kReadUnit),
+                              [self = shared_from_this()](error_code error, std::size_t count) {
+                                if (error) {
+                                  self->close();
+                                  return;
+                                }
+                                self->buffer_.commit(count);
+                                self->read_head();
+                              });
+    }
+  }
+
+  void read_request() {
     http::async_read(stream_, buffer_, *parser_,
                      [self = shared_from_this()](error_code error, std::size_t) { self->answer(error); });
   }
 
- private:
   void answer(error_code error) {
     if (error == http::error::body_limit) {
       refuse(http::status::payload_too_large, "A time-stamp query is never as large as this.\n");
@@ -69,6 +108,7 @@ class Session : public std::enable_shared_from_this<Session> {
     } else if (error) {
       close();
     } else {
+      place_->note(ConnectionPlaces::Standing::kSpoken);
       keep_alive_ = parser_->get().keep_alive();
       answer_request(parser_->get());
     }
@@ -123,7 +163,8 @@ class Session : public std::enable_shared_from_this<Session> {
   std::optional<http::response<http::string_body>> response_;
   Authority& authority_;
   std::chrono::milliseconds time_limit_;
-  std::shared_ptr<int> connections_;  // touched by the server's only thread
+  std::unique_ptr<ConnectionPlaces::Place> place_;
+  std::size_t searched_ = 0;  // of the buffer, for the end of the head
   bool keep_alive_ = false;
 };
 
@@ -158,12 +199,22 @@ struct AuthorityServer::State {
         });
         return;
       }
-      // A client too many is let go at once; it may come again.
-      if (*connections < kMostConnections) {
-        std::make_shared<Session>(std::move(socket), authority, time_limit, connections)->read();
-      }
+      welcome(std::move(socket));
       accept();
     });
+  }
+
+  /// A client for whom there is no place is let go at once; it may come again.
+  void welcome(asio::ip::tcp::socket socket) {
+    error_code failed;
+    const auto peer = socket.remote_endpoint(failed);
+    if (failed) return;
+    const auto session = std::make_shared<Session>(std::move(socket), authority, time_limit);
+    auto place =
+        places.enter(address_holder(peer.address().to_string()), [leaving = std::weak_ptr<Session>(session)] {
+          if (const auto open = leaving.lock()) open->end();
+        });
+    if (place) session->begin(std::move(place));
   }
 
   void run() {
@@ -180,7 +231,7 @@ struct AuthorityServer::State {
 
   Authority& authority;
   std::chrono::milliseconds time_limit;
-  std::shared_ptr<int> connections = std::make_shared<int>(0);
+  ConnectionPlaces places{kConnections};
   asio::io_context context{1};
   asio::ip::tcp::acceptor acceptor;
   asio::steady_timer pause;

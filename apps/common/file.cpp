@@ -36,6 +36,12 @@ Bytes read_small_file(const std::filesystem::path& file, const std::string& what
   }
 }
 
+bool is_open_to_others(const std::filesystem::path& file) {
+  struct stat facts {};
+  if (::stat(file.c_str(), &facts) != 0) throw IoError("look at", file, errno);
+  return (facts.st_mode & (S_IRWXG | S_IRWXO)) != 0;
+}
+
 MappedFile::MappedFile(const std::filesystem::path& file) {
   const Descriptor descriptor = open_to_read(file, "the file");
   struct stat facts {};

@@ -15,6 +15,10 @@ inline constexpr std::size_t kLargestSmallFile = 16U << 20;
 /// The whole file; refuses more than kLargestSmallFile. `what` for errors: "the subject".
 Bytes read_small_file(const std::filesystem::path& file, const std::string& what);
 
+/// Whether others than its owner may do anything with it: then it is no place for a secret. Throws
+/// kiroku::IoError.
+bool is_open_to_others(const std::filesystem::path& file);
+
 /// A file seen in memory without reading it at once. Immutable; thread-safe.
 class MappedFile {
  public:

@@ -6,12 +6,14 @@
 #include <iostream>
 #include <memory>
 #include <sys/resource.h>
-#include <sys/stat.h>
 #include <sys/statvfs.h>
 #include <unistd.h>
+#include <utility>
+#include <vector>
 
 #include <nlohmann/json.hpp>
 
+#include "apps/common/file.h"
 #include "apps/common/format.h"
 #include "apps/common/json_output.h"
 #include "apps/common/terminal.h"
@@ -104,21 +106,21 @@ Check check_clock() {
           "apt install chrony, or allow NTP (UDP 123) to the hospital's time server"};
 }
 
-Check check_permissions(const Home& home) {
-  struct stat info {};
-  if (::stat(home.device_key_file().c_str(), &info) != 0)
-    throw IoError("look at", home.device_key_file(), errno);
-  if ((info.st_mode & (S_IRWXG | S_IRWXO)) != 0) {
-    return {Health::kBad, "device key",
-            home.device_key_file().string() + " can be read by others than its owner",
-            "chmod 600 " + home.device_key_file().string()};
+Check check_permissions(const Home& home, const Configuration& configuration) {
+  std::vector<std::pair<std::string, fs::path>> secrets{{"device key", home.device_key_file()}};
+  if (const std::string& token = configuration.daemon.hook_token_file; !token.empty()) {
+    secrets.emplace_back("hook token", home.folder() / token);
+  }
+  for (const auto& [subject, file] : secrets) {
+    if (!is_open_to_others(file)) continue;
+    return {Health::kBad, subject, file.string() + " can be read by others than its owner",
+            "chmod 600 " + file.string() + (subject == "hook token" ? ", and take another token" : "")};
   }
   if (::access(home.archive().c_str(), W_OK) != 0) {
     return {Health::kBad, "archive", home.archive().string() + " cannot be written by this user",
             "run as the user that records (sudo -u kiroku kiroku doctor), or give it the folder"};
   }
-  return {Health::kGood, "permissions", "the device key is its owner's alone, the archive can be written",
-          ""};
+  return {Health::kGood, "permissions", "secrets are their owner's alone, the archive can be written", ""};
 }
 
 Check check_recipients(const Home& home, const Configuration& configuration) {
@@ -284,7 +286,7 @@ void examine_all(const Home& home, const Configuration& configuration, Examinati
                " room(s)",
            ""});
   out.examine("permissions", "make the home anew with kiroku init, or restore it",
-              [&] { return check_permissions(home); });
+              [&] { return check_permissions(home, configuration); });
   out.examine("recipients", "without recipients nothing can be recorded: kiroku init --help",
               [&] { return check_recipients(home, configuration); });
   out.examine("disk", "look at the disk of the archive", [&] { return check_disk(home); });

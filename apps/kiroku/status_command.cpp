@@ -80,6 +80,14 @@ void print_room(const json& room, std::string& out) {
                       age(stream, "age_ms") + " ago", age(stream, "durable_age_ms") + " ago"});
     }
     out += format_table(rows, "llrrrrrr", 2);
+    for (const json& stream : room["streams"]) {
+      if (const auto refused = stream.value("refused", std::uint64_t{0}); refused > 0) {
+        out += "  " +
+               paint(Colour::kYellow, printable(stream.value("name", "")) + ": " + std::to_string(refused) +
+                                          " connections and messages refused, of senders who may not send") +
+               "\n";
+      }
+    }
     out += "  time-stamps: " + std::to_string(room.value("tokens", 0)) + ", missed " +
            std::to_string(room.value("missed", 0)) + "\n";
     print_authorities(room["authorities"], out);

@@ -41,6 +41,8 @@
 #include "recorder/daemon/http_server.h"
 #include "recorder/late_stamping.h"
 #include "recorder/procedure/room_procedure.h"
+#include "recorder/source/source_address.h"
+#include "recorder/vitals/mllp_address.h"
 #include "viewer/live/live_pictures.h"
 #include "viewer/server/viewer.h"
 
@@ -187,12 +189,17 @@ std::unique_ptr<recorder::HttpServer> serve_http(const Home& home, const Configu
   options.address = configuration.daemon.listen_address;
   options.port = configuration.daemon.listen_port;
   if (!configuration.daemon.hook_token_file.empty()) {
-    const Bytes token =
-        read_small_file(home.folder() / configuration.daemon.hook_token_file, "the hook's token");
+    const std::filesystem::path file = home.folder() / configuration.daemon.hook_token_file;
+    const Bytes token = read_small_file(file, "the hook's token");
+    if (is_open_to_others(file)) {
+      spdlog::warn("the hook's token can be read by others than its owner: chmod 600 {}, and take another",
+                   printable(file.string()));
+    }
     options.token = std::string(text_of(token));
     options.token.erase(options.token.find_last_not_of(" \r\n") + 1);
     if (options.token.size() < 16) throw UsageError("the hook's token must have at least 16 characters");
   }
+  options.tell = [](const std::string& sentence) { spdlog::warn("{}", printable(sentence)); };
   options.metrics = [&daemon] { return daemon.metrics(); };
   options.hook = [&daemon](const std::string& room, const std::string& action, const std::string& body) {
     return daemon.hook(room, action, body);
@@ -361,6 +368,16 @@ std::string watch(recorder::Daemon& daemon, const Inboxes& inboxes, const EndSig
   }
 }
 
+/// Of an address where HL7 messages are waited for: throws kiroku::UsageError where nothing says who may
+/// send.
+void check_senders(const std::string& source) {
+  const auto address = recorder::parse_source_address(source, recorder::Presence::kMayBeAbsent);
+  if (address.kind != recorder::SourceKind::kMonitors) return;
+  const std::string why = recorder::MllpServer::trust_problem(recorder::mllp_server_options(address));
+  static_cast<void>(recorder::mllp_senders(address));
+  if (!why.empty()) throw UsageError(why);
+}
+
 int run(const Request& request) {
   const Home home = home_of(request);
   const std::filesystem::path file =
@@ -370,7 +387,11 @@ int run(const Request& request) {
   if (request.check) {
     for (const RoomConfiguration& room : configuration.rooms) {
       RecipientChoice recipients(home, configuration, {});
-      for (const StreamConfiguration& stream : room.streams) static_cast<void>(recipients.of(stream.name));
+      for (const StreamConfiguration& stream : room.streams) {
+        static_cast<void>(recipients.of(stream.name));
+        if (!stream.is_video) check_senders(stream.source);
+      }
+      if (room.procedure.hl7) check_senders(room.procedure.hl7->listen);
     }
     std::cout << file.string() << ": good, " << configuration.rooms.size() << " room(s)\n";
     return kDone;

@@ -59,6 +59,7 @@ ordered_json stream_json(const StreamStatus& stream, std::int64_t now_ns) {
           {"live", stream.live},
           {"frames", stream.frames},
           {"dropped", stream.dropped},
+          {"refused", stream.refused},
           {"segments", stream.segments},
           {"bytes", stream.bytes},
           {"age_ms", std::llround(milliseconds_since(stream.last_ns))},
@@ -361,6 +362,9 @@ std::string Daemon::metrics() const {
              [](const StreamStatus& stream) { return stream.frames; });
   per_stream("kiroku_stream_dropped", "gauge", "Frames lost in the newest case",
              [](const StreamStatus& stream) { return stream.dropped; });
+  per_stream("kiroku_stream_refused", "gauge",
+             "Connections and messages refused because of who sent them, in the newest case",
+             [](const StreamStatus& stream) { return stream.refused; });
   per_stream("kiroku_stream_bytes", "gauge", "Sealed bytes of the newest case",
              [](const StreamStatus& stream) { return stream.bytes; });
   const DiskState disk = disk_of(state_->options.archive);

@@ -6,6 +6,9 @@
 //   POST /rooms/<room>/start | stop | mark           with "Authorization: Bearer <token>"; the body of mark
 //   is
 //                                                    the text. Answers 200 and JSON, or 4xx and {"error": …}.
+//
+// An address that gave wrong tokens only waits ever longer before it may try again (429), unless the right
+// one came from there before: nobody can shut the hook to the program that uses it.
 #pragma once
 
 #include <cstdint>
@@ -14,6 +17,8 @@
 #include <string>
 
 #include <nlohmann/json_fwd.hpp>
+
+#include "base/attempt_guard.h"
 
 namespace kiroku::recorder {
 
@@ -24,6 +29,10 @@ struct HttpServerOptions {
   std::function<std::string()> metrics;
   /// (room, "start" | "stop" | "mark", body); what it throws becomes status 409.
   std::function<nlohmann::ordered_json(const std::string&, const std::string&, const std::string&)> hook;
+  /// Hears of wrong tokens, ever more rarely; may be empty.
+  std::function<void(const std::string& sentence)> tell = {};
+  AttemptLimits attempts = {};
+  std::function<AttemptGuard::Clock::time_point()> now = AttemptGuard::Clock::now;
 };
 
 class HttpServer {

@@ -19,6 +19,7 @@ constexpr std::size_t kLongestKept = 16U << 10;
 
 struct Listening {
   MllpServer::Options server;
+  SenderList senders;
   SourceAddress address;
   /// Looked at for each message: a recorder runs for months, and "local" changes twice a year.
   [[nodiscard]] std::chrono::minutes zone() const {
@@ -32,7 +33,7 @@ Listening listening_at(const std::string& listen) {
     throw UsageError("'" + address.stated +
                      "' is nowhere to wait for HL7 messages: write mllp://ADDRESS:PORT");
   }
-  Listening listening{mllp_server_options(address), address};
+  Listening listening{mllp_server_options(address), mllp_senders(address), address};
   static_cast<void>(listening.zone());  // refuses what is none
   return listening;
 }
@@ -58,6 +59,9 @@ struct ProcedureInbox::State {
     if (!parsed.message) {
       answer = "AE";
       why = parsed.problem;
+    } else if (!listening.senders.takes(*parsed.message)) {
+      answer = "AR";
+      why = kStrangersMessage;
     } else if (!is_of_procedures(parsed.message->type())) {
       answer = "AR";
       why = "only messages of patients and appointments (ADT, SIU) are taken here";
@@ -137,9 +141,11 @@ ProcedureWay ProcedureInbox::way() const {
   if (!state_->server) {
     return {"hl7", false, state_->problem.empty() ? "does not wait for messages yet" : state_->problem};
   }
+  const std::uint64_t strangers = state_->server->refused();
   return {"hl7", true,
           "waits for messages at " + state_->where + "; " + std::to_string(state_->taken) + " taken, " +
-              std::to_string(state_->refused) + " refused"};
+              std::to_string(state_->refused) + " refused" +
+              (strangers == 0 ? "" : ", " + std::to_string(strangers) + " connections of strangers")};
 }
 
 std::uint16_t ProcedureInbox::port() const {

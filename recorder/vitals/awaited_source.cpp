@@ -48,6 +48,10 @@ class AwaitedSource : public VitalSource {
     if (source_) source_->interrupt();
   }
   [[nodiscard]] bool is_live() const override { return true; }
+  [[nodiscard]] std::uint64_t refused() const override {
+    const std::lock_guard guard(mutex_);
+    return source_ ? source_->refused() : 0;
+  }
 
  private:
   [[nodiscard]] VitalLine notice(std::int64_t time_ns, const std::string& word,
@@ -75,7 +79,7 @@ class AwaitedSource : public VitalSource {
   const SourceAddress address_;
   const CaseClock& clock_;
   const std::string why_;
-  std::mutex mutex_;  // guards the pointer against interrupt()
+  mutable std::mutex mutex_;  // guards the pointer against interrupt()
   std::unique_ptr<VitalSource> source_;
   std::atomic<bool> interrupted_ = false;
   bool told_ = false;

@@ -146,6 +146,7 @@ Hl7Vitals::Taken Hl7Vitals::take(std::string_view bytes, std::int64_t arrival_ns
   taken.answer = "AA";
   if (parsed.message) {
     source = parsed.message->sender() + at;
+    if (!senders_.takes(*parsed.message)) return refuse(*parsed.message, source, arrival_ns, now);
     const std::string type = parsed.message->type();
     if (type.empty()) {
       taken.answer = "AE";
@@ -181,6 +182,19 @@ Hl7Vitals::Taken Hl7Vitals::take(std::string_view bytes, std::int64_t arrival_ns
   }
   for (media::VitalLine& line : reader_of(source).read(*parsed.message, arrival_ns)) {
     taken.lines.push_back(std::move(line));
+  }
+  return taken;
+}
+
+Hl7Vitals::Taken Hl7Vitals::refuse(const Hl7Message& message, const std::string& source,
+                                   std::int64_t arrival_ns, UtcTime now) {
+  Taken taken;
+  taken.answer = "AR";
+  taken.acknowledgement = make_acknowledgement(&message, taken.answer, kStrangersMessage, now);
+  if (const auto count = strangers_.add(source)) {
+    taken.lines.emplace_back(media::VitalNotice{
+        arrival_ns, "sender-refused",
+        std::string(kStrangersMessage) + "; " + std::to_string(*count) + " of it refused so far", source});
   }
   return taken;
 }

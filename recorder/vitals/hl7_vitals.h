@@ -10,9 +10,11 @@
 #include <string_view>
 #include <vector>
 
+#include "base/tally.h"
 #include "crypto/hash.h"
 #include "media/vital_line.h"
 #include "recorder/vitals/monitor_reader.h"
+#include "recorder/vitals/sender_list.h"
 
 namespace kiroku::recorder {
 
@@ -28,7 +30,10 @@ std::string make_acknowledgement(const Hl7Message* message, std::string_view cod
 
 class Hl7Vitals {
  public:
-  explicit Hl7Vitals(std::chrono::minutes assumed_zone) : assumed_zone_(assumed_zone) {}
+  /// Messages of senders that `senders` does not take are answered with AR and recorded as a notice, ever
+  /// more rarely for one sender; nothing of what they say is.
+  explicit Hl7Vitals(std::chrono::minutes assumed_zone, SenderList senders = {})
+      : assumed_zone_(assumed_zone), senders_(std::move(senders)) {}
 
   struct Taken {
     /// The message itself first, then what was read from it; all stamped with the arrival.
@@ -48,6 +53,9 @@ class Hl7Vitals {
   /// message with the same values.
   Taken take(std::string_view bytes, std::int64_t arrival_ns, UtcTime now, const std::string& peer);
 
+  /// Messages of such senders so far. From any thread.
+  [[nodiscard]] std::uint64_t refused() const { return strangers_.total(); }
+
   static constexpr std::size_t kRemembered = 4096;
   static constexpr std::int64_t kLongestRetryNs = 600'000'000'000;
   static constexpr std::size_t kMostSenders = 256;
@@ -66,8 +74,11 @@ class Hl7Vitals {
   Novelty novelty_of(const std::string& source, const Hl7Message& message, std::string_view bytes,
                      std::int64_t arrival_ns);
   MonitorReader& reader_of(const std::string& source);
+  Taken refuse(const Hl7Message& message, const std::string& source, std::int64_t arrival_ns, UtcTime now);
 
   std::chrono::minutes assumed_zone_;
+  SenderList senders_;
+  Tally strangers_;
   std::map<std::string, MonitorReader> readers_;
   std::map<std::string, Identifiers> identifiers_;  // by sender
   std::map<std::string, Seen> seen_;                // by sender and MSH-10

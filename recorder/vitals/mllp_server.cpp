@@ -9,7 +9,10 @@
 #include <boost/asio.hpp>
 #include <boost/asio/ssl.hpp>
 
+#include "base/connection_places.h"
 #include "base/error.h"
+#include "base/listen_address.h"
+#include "base/tally.h"
 #include "recorder/vitals/mllp_framing.h"
 
 namespace kiroku::recorder {
@@ -34,15 +37,26 @@ std::string printable(std::string_view text) {
 class Connection {
  public:
   virtual ~Connection() = default;
-  virtual void begin() = 0;
+  virtual void begin(std::unique_ptr<ConnectionPlaces::Place> place) = 0;
   virtual void close() = 0;
+  /// Closes it for another.
+  virtual void make_room() = 0;
 };
 
 struct Shared {
   MllpServer::Options options;
   MllpServer::Taker taker;
   MllpServer::Complaint complaint;
-  std::set<std::shared_ptr<Connection>> connections;
+  ConnectionPlaces places{{.all = options.most_connections, .of_holder = options.most_of_address}};
+  Tally strangers{};  // complaints of peers who delivered nothing, by name and address
+  std::atomic<std::uint64_t> refused = 0;
+  std::set<std::shared_ptr<Connection>> connections{};
+
+  void complain_of_stranger(const std::string& name, const std::string& text, const std::string& peer) {
+    const auto count = strangers.add(name + " " + address_holder(peer));
+    if (!count) return;
+    complaint(name, *count == 1 ? text : text + " (" + std::to_string(*count) + " times so far)", peer);
+  }
 };
 
 tcp::socket& socket_of(tcp::socket& stream) { return stream; }
@@ -61,13 +75,16 @@ class StreamConnection : public Connection, public std::enable_shared_from_this<
         limit_(socket_of(stream_).get_executor()),
         again_(socket_of(stream_).get_executor()) {}
 
-  void begin() override {
+  void begin(std::unique_ptr<ConnectionPlaces::Place> place) override {
+    place_ = std::move(place);
     if constexpr (std::is_same_v<Stream, TlsStream>) {
-      watch(shared_.options.stall_limit, "did not complete the TLS handshake in time");
+      watch(shared_.options.handshake_limit, "did not complete the TLS handshake in time");
       stream_.async_handshake(asio::ssl::stream_base::server,
                               [self = this->shared_from_this(), this](const error_code& error) {
                                 if (error) {
-                                  end("the TLS handshake failed: " + error.message());
+                                  if (!shared_.options.clients.empty() && socket_of(stream_).is_open())
+                                    ++shared_.refused;
+                                  end("failed the TLS handshake: " + error.message());
                                 } else {
                                   read();
                                 }
@@ -82,8 +99,10 @@ class StreamConnection : public Connection, public std::enable_shared_from_this<
     limit_.cancel();
     again_.cancel();
     socket_of(stream_).close(ignored);
+    place_.reset();
     shared_.connections.erase(this->shared_from_this());
   }
+  void make_room() override { end("was the idlest when another came"); }
 
  private:
   void watch(std::chrono::seconds limit, const char* what) {
@@ -124,21 +143,17 @@ class StreamConnection : public Connection, public std::enable_shared_from_this<
           offer();
           return;
         case MllpDeframer::Event::Kind::kStray:
-          shared_.complaint("bytes-outside-frame",
-                            "bytes outside of a message were passed over: '" + printable(event->text) + "'",
-                            peer_);
+          complain("bytes-outside-frame",
+                   "bytes outside of a message were passed over: '" + printable(event->text) + "'");
           break;
         case MllpDeframer::Event::Kind::kCut:
-          shared_.complaint(
-              "message-cut",
-              "a message that began with '" + printable(event->text) + "' was cut short by the next", peer_);
+          complain("message-cut",
+                   "a message that began with '" + printable(event->text) + "' was cut short by the next");
           break;
         case MllpDeframer::Event::Kind::kTooLong:
-          shared_.complaint("message-too-long",
-                            "a message longer than " +
-                                std::to_string(shared_.options.longest_message >> 10U) +
-                                " KiB, which began with '" + printable(event->text) + "', was dropped",
-                            peer_);
+          complain("message-too-long",
+                   "a message longer than " + std::to_string(shared_.options.longest_message >> 10U) +
+                       " KiB, which began with '" + printable(event->text) + "', was dropped");
           break;
       }
     }
@@ -150,6 +165,10 @@ class StreamConnection : public Connection, public std::enable_shared_from_this<
     std::optional<std::string> answer;
     try {
       answer = shared_.taker(offered_, peer_);
+      if (answer) {
+        delivered_ = true;
+        if (place_) place_->note(ConnectionPlaces::Standing::kSpoken);
+      }
     } catch (const std::exception& error) {
       end(std::string("brought a message that could not be taken: ") + error.what());
       return;
@@ -185,9 +204,17 @@ class StreamConnection : public Connection, public std::enable_shared_from_this<
       return;
     }
     if (!why.empty()) {
-      shared_.complaint("connection-ended", "the connection was closed: it " + why, peer_);
+      complain("connection-ended", "the connection was closed: it " + why);
     }
     close();
+  }
+
+  void complain(const std::string& name, const std::string& text) {
+    if (delivered_) {
+      shared_.complaint(name, text, peer_);
+    } else {
+      shared_.complain_of_stranger(name, text, peer_);
+    }
   }
 
   Shared& shared_;
@@ -198,13 +225,18 @@ class StreamConnection : public Connection, public std::enable_shared_from_this<
   std::array<char, 64U << 10> buffer_{};
   std::string_view unread_;  // of buffer_
   std::string offered_, answer_;
+  std::unique_ptr<ConnectionPlaces::Place> place_;  // none once it is closed
+  bool delivered_ = false;                          // a message
 };
 
 }  // namespace
 
 struct MllpServer::State {
   State(const Options& options, Taker taker, Complaint complaint)
-      : shared{options, std::move(taker), std::move(complaint), {}}, acceptor(context), pause(context) {
+      : shared{.options = options, .taker = std::move(taker), .complaint = std::move(complaint)},
+        acceptor(context),
+        pause(context) {
+    if (const std::string why = trust_problem(options); !why.empty()) throw UsageError(why);
     listen();
     if (!options.certificate.empty()) {
       prepare_tls();
@@ -269,10 +301,10 @@ struct MllpServer::State {
     error_code ignored;
     const auto remote = socket.remote_endpoint(ignored);
     const std::string peer = remote.address().to_string(ignored);
-    if (shared.connections.size() >= shared.options.most_connections) {
-      shared.complaint("connection-refused",
-                       "a connection was refused: there are " + std::to_string(shared.connections.size()),
-                       peer);
+    if (!shared.options.allowed.empty() && !any_contains(shared.options.allowed, peer)) {
+      ++shared.refused;
+      shared.complain_of_stranger("connection-refused",
+                                  "a connection was refused: this address may not send here", peer);
       return;
     }
     socket.set_option(tcp::no_delay(true), ignored);
@@ -284,8 +316,12 @@ struct MllpServer::State {
     } else {
       connection = std::make_shared<StreamConnection<tcp::socket>>(shared, std::move(socket), peer);
     }
+    auto place = shared.places.enter(address_holder(peer), [leaving = std::weak_ptr<Connection>(connection)] {
+      if (const auto open = leaving.lock()) open->make_room();
+    });
+    if (!place) return;
     shared.connections.insert(connection);
-    connection->begin();
+    connection->begin(std::move(place));
   }
 
   asio::io_context context{1};
@@ -302,6 +338,16 @@ MllpServer::MllpServer(const Options& options, Taker taker, Complaint complaint)
 MllpServer::~MllpServer() { stop(); }
 
 std::uint16_t MllpServer::port() const { return state_->acceptor.local_endpoint().port(); }
+
+std::string MllpServer::trust_problem(const Options& options) {
+  const bool is_said = !options.allowed.empty() || !options.clients.empty() || options.allow_anybody;
+  if (is_said || ListenAddress{options.address, options.port}.is_loopback()) return "";
+  return "monitors at " + options.address + ":" + std::to_string(options.port) +
+         " could be anybody on the network: say who may send with allow=ADDRESS[/BITS],…, ask for "
+         "certificates with mllps:// and clients=PEM, or state allow=any";
+}
+
+std::uint64_t MllpServer::refused() const { return state_->shared.refused; }
 
 void MllpServer::start() {
   state_->accept();

@@ -23,7 +23,7 @@ class MllpSource : public VitalSource {
  public:
   MllpSource(const SourceAddress& address, const CaseClock& clock)
       : clock_(clock),
-        vitals_(parse_assumed_zone(address.option("zone", "local"), address.stated)),
+        vitals_(parse_assumed_zone(address.option("zone", "local"), address.stated), mllp_senders(address)),
         server_(
             mllp_server_options(address),
             [this](std::string_view message, const std::string& peer) { return take(message, peer); },
@@ -57,6 +57,7 @@ class MllpSource : public VitalSource {
 
   [[nodiscard]] std::optional<std::int64_t> quiet_until_ns() const override { return quiet_until_ns_; }
   [[nodiscard]] bool is_live() const override { return true; }
+  [[nodiscard]] std::uint64_t refused() const override { return server_.refused() + vitals_.refused(); }
 
   void interrupt() noexcept override {
     interrupted_ = true;
@@ -117,7 +118,7 @@ class MllpSource : public VitalSource {
   }
 
   const CaseClock& clock_;
-  Hl7Vitals vitals_;  // the server's thread alone
+  Hl7Vitals vitals_;  // the server's thread alone, but for refused()
   bool started_ = false, drained_ = false;
   std::optional<std::int64_t> quiet_until_ns_;
   std::atomic<bool> interrupted_ = false;

@@ -8,8 +8,10 @@
 namespace kiroku::recorder {
 
 /// Opens `mllp://ADDRESS[:PORT]`, or `mllps://` for TLS, and waits there for monitors (port 2575 where none
-/// is given). Options: `zone=+05:30|UTC|local` by which times without zone count (local), `idle=SECONDS`
-/// (3600), `connections=N` (64); for TLS `certificate=PEM`, `key=PEM`, `clients=PEM` (mllp_server.h).
+/// is given). Options: `allow=ADDRESS[/BITS],…` or `allow=any`, which an address that the network reaches
+/// needs unless it asks for certificates; `sender=MSH-3[/MSH-4],…`; `zone=+05:30|UTC|local` by which times
+/// without zone count (local), `idle=SECONDS` (3600), `connections=N` (64), `of_address=N` (16); for TLS
+/// `certificate=PEM`, `key=PEM`, `clients=PEM` (mllp_server.h).
 ///
 /// A message is acknowledged once its lines are in the queue to the recorder. When that holds kMllpQueueBytes
 /// of messages, connections are read no further until there is room: nothing is lost, monitors wait. What was

@@ -33,6 +33,8 @@ class VitalSource {
   virtual void interrupt() noexcept = 0;
   /// Whether it waits for what arrives, rather than stating its own times.
   [[nodiscard]] virtual bool is_live() const { return false; }
+  /// Connections and messages that were refused because of who sent them. From any thread.
+  [[nodiscard]] virtual std::uint64_t refused() const { return 0; }
 };
 
 /// Opens `synthetic:patient?…` (synthetic_patient.h), a `.csv` file (csv_source.h), `mllp://…` or a `.hl7`

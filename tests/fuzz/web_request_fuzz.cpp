@@ -5,6 +5,7 @@
 #include <cstdlib>
 #include <string_view>
 
+#include "base/http_head.h"
 #include "crypto/utf8.h"
 #include "viewer/server/http_fields.h"
 
@@ -27,6 +28,14 @@ void check_range(std::string_view field, std::uint64_t size) {
   require(asked.range.first <= asked.range.last && asked.range.last < size && asked.range.size() <= size);
 }
 
+/// A head that is taken has one end, and no line that another program would join with the one before.
+void check_head(std::string_view head) {
+  if (!kiroku::http_head_problem(head).empty()) return;
+  require(head.find(kiroku::kEndOfHttpHead) == head.size() - kiroku::kEndOfHttpHead.size());
+  require(head.find("\r\n ") == std::string_view::npos && head.find("\r\n\t") == std::string_view::npos);
+  require(std::ranges::count(head, '\r') == std::ranges::count(head, '\n'));
+}
+
 }  // namespace
 
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
@@ -37,6 +46,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   if (const auto cookie = viewer::cookie_value(text, "__Host-kiroku")) {
     require(text.find("__Host-kiroku=" + *cookie) != std::string_view::npos);
   }
+  check_head(text);
   for (const std::uint64_t bytes : {0ULL, 1ULL, 1000ULL, ~0ULL}) check_range(text, bytes);
   const bool accepted = viewer::accepts_encoding(text, "gzip");
   require(!accepted || !text.empty());

@@ -22,12 +22,24 @@ namespace kiroku::test {
 
 class MllpClient {
  public:
-  /// Connects, over TLS (the server's certificate is not judged) if asked to. Throws
+  /// Connects from `source` ("": any address), over TLS (the server's certificate is not judged) if asked to,
+  /// with a certificate of its own where a PEM file with it and its key is named. Throws
   /// boost::system::system_error.
-  MllpClient(const std::string& host, std::uint16_t port, bool tls = false)
+  MllpClient(const std::string& host, std::uint16_t port, const std::string& source = "", bool tls = false,
+             const std::string& certificate = "")
       : tls_context_(boost::asio::ssl::context::tls_client), stream_(context_, tls_context_), tls_(tls) {
     boost::asio::ip::tcp::resolver resolver(context_);
-    boost::asio::connect(stream_.next_layer(), resolver.resolve(host, std::to_string(port)));
+    if (!certificate.empty()) {
+      SSL_use_certificate_chain_file(stream_.native_handle(), certificate.c_str());
+      SSL_use_PrivateKey_file(stream_.native_handle(), certificate.c_str(), SSL_FILETYPE_PEM);
+    }
+    if (source.empty()) {
+      boost::asio::connect(stream_.next_layer(), resolver.resolve(host, std::to_string(port)));
+    } else {
+      stream_.next_layer().open(boost::asio::ip::tcp::v4());
+      stream_.next_layer().bind({boost::asio::ip::make_address(source), 0});
+      stream_.next_layer().connect({boost::asio::ip::make_address(host), port});
+    }
     stream_.next_layer().set_option(boost::asio::ip::tcp::no_delay(true));
     if (tls_) {
       stream_.handshake(boost::asio::ssl::stream_base::client);

@@ -149,7 +149,7 @@ class Player {
     // The server may just be starting.
     for (int attempt = 0;; ++attempt) {
       try {
-        return {playing.host, playing.port, playing.tls};
+        return {playing.host, playing.port, "", playing.tls};
       } catch (const boost::system::system_error&) {
         if (attempt == 100) throw;
         std::this_thread::sleep_for(std::chrono::milliseconds(100));

@@ -114,6 +114,12 @@ Response as_asked(const Request& request, Response response) {
   return response;
 }
 
+Response error_of(const Dispatcher::Failure& failure) {
+  Response out = Response::error(failure.status, failure.sentence);
+  if (failure.retry_after.count() == 0) return out;
+  return std::move(out).with("Retry-After", std::to_string(failure.retry_after.count()));
+}
+
 std::string joined(const std::vector<std::string>& names) {
   std::string out;
   for (const std::string& name : names) out += (out.empty() ? "" : ", ") + name;
@@ -125,8 +131,8 @@ std::string joined(const std::vector<std::string>& names) {
 Dispatcher::Dispatcher(const Router& router, SessionStore& sessions, const StaticFiles& page, Tell tell)
     : router_(router), sessions_(sessions), page_(page), tell_(std::move(tell)) {}
 
-Response Dispatcher::refuse(int status, const std::string& sentence) {
-  return secured(Response::error(status, sentence));
+Response Dispatcher::refuse(int status, const std::string& sentence, std::chrono::seconds retry_after) {
+  return secured(error_of({status, sentence, retry_after}));
 }
 
 Dispatcher::Admission Dispatcher::admit(RequestHead head) const {
@@ -185,7 +191,7 @@ std::optional<Dispatcher::Failure> Dispatcher::guarded(const Route& route, const
     action();
     return {};
   } catch (const Refusal& refusal) {
-    return Failure{refusal.status(), refusal.what()};
+    return Failure{refusal.status(), refusal.what(), refusal.retry_after()};
   } catch (const UsageError& error) {
     return Failure{400, error.what()};
   } catch (const IoError& error) {
@@ -214,7 +220,7 @@ Response Dispatcher::call(const Route& route, const Request& request) const {
   if (route.socket) return Response::error(426, "this address is a WebSocket").with("Upgrade", "websocket");
   Response response;
   const auto failure = guarded(route, request, [&] { response = route.handler(request); });
-  return failure ? Response::error(failure->status, failure->sentence) : std::move(response);
+  return failure ? error_of(*failure) : std::move(response);
 }
 
 std::optional<Response> Dispatcher::open_socket(const Admission& admission,
@@ -222,7 +228,8 @@ std::optional<Response> Dispatcher::open_socket(const Admission& admission,
                                                 std::unique_ptr<SocketHandler>& handler) const {
   const auto failure = guarded(*admission.route, admission.request,
                                [&] { handler = admission.route->socket(admission.request, output); });
-  return failure ? std::optional(refuse(failure->status, failure->sentence)) : std::nullopt;
+  return failure ? std::optional(refuse(failure->status, failure->sentence, failure->retry_after))
+                 : std::nullopt;
 }
 
 std::optional<Dispatcher::Failure> Dispatcher::take_message(const Admission& admission,
@@ -236,8 +243,19 @@ std::optional<Dispatcher::Failure> Dispatcher::take_message(const Admission& adm
 }
 
 Response Dispatcher::answer(const Admission& admission) const {
-  Response response = admission.route == nullptr ? page_.respond(admission.request)
-                                                 : call(*admission.route, admission.request);
+  return finished(admission, admission.route == nullptr ? page_.respond(admission.request)
+                                                        : call(*admission.route, admission.request));
+}
+
+Response Dispatcher::finished(const Admission& admission, Response response) const {
+  if (response.costly) {
+    response.costly->work = [this, &admission, work = std::move(response.costly->work)] {
+      Response answered;
+      const auto failure = guarded(*admission.route, admission.request, [&] { answered = work(); });
+      return finished(admission, failure ? error_of(*failure) : std::move(answered));
+    };
+    return response;
+  }
   if (auto* stream = std::get_if<StreamBody>(&response.body)) tell_failures_of(*stream, admission);
   return secured(as_asked(admission.request, std::move(response)));
 }

@@ -2,6 +2,7 @@
 // Everything about HTTP that needs no connection. Thread-safe.
 #pragma once
 
+#include <chrono>
 #include <cstdint>
 #include <functional>
 #include <map>
@@ -45,10 +46,12 @@ class Dispatcher {
   struct Failure {
     int status = 500;
     std::string sentence;
+    std::chrono::seconds retry_after{0};  // a header of it where it is not zero
   };
   /// Judges a request by its head, so that a stranger's body is never read.
   [[nodiscard]] Admission admit(RequestHead head) const;
-  /// May block; never throws but std::bad_alloc. `admission.request.body` is the body.
+  /// May block; never throws but std::bad_alloc. `admission.request.body` is the body. Where the response has
+  /// costly work, `admission` must outlive it; the work gives the answer and throws no more than this.
   [[nodiscard]] Response answer(const Admission& admission) const;
   /// Of a route that is a WebSocket: its handler, or why there is none. May block.
   [[nodiscard]] std::optional<Response> open_socket(const Admission& admission,
@@ -59,9 +62,11 @@ class Dispatcher {
                                                     const SocketMessage& message) const;
   /// What the connection itself has to refuse (a header too large, no HTTP): with the headers of every
   /// answer.
-  [[nodiscard]] static Response refuse(int status, const std::string& sentence);
+  [[nodiscard]] static Response refuse(int status, const std::string& sentence,
+                                       std::chrono::seconds retry_after = {});
 
  private:
+  [[nodiscard]] Response finished(const Admission& admission, Response response) const;
   void tell_failures_of(StreamBody& stream, const Admission& admission) const;
   [[nodiscard]] Response call(const Route& route, const Request& request) const;
   /// Calls it; what it throws comes back.

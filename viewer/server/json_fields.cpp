@@ -3,15 +3,9 @@
 #include <nlohmann/json.hpp>
 
 #include "viewer/server/request.h"
+#include "viewer/server/user_store.h"
 
 namespace kiroku::viewer {
-namespace {
-
-/// No user's name is as long; what is longer is one key.
-constexpr std::size_t kLongestKey = 64;
-
-}  // namespace
-
 std::string take_text(const nlohmann::json& object, const char* key) {
   const auto found = object.find(key);
   if (found == object.end() || !found->is_string()) {
@@ -30,6 +24,6 @@ crypto::Secret take_secret(nlohmann::json& object, const char* key) {
   return out;
 }
 
-std::string user_key(const std::string& name) { return "user:" + name.substr(0, kLongestKey); }
+std::string user_key(const std::string& name) { return "user:" + (is_user_name(name) ? name : "") + "@"; }
 
 }  // namespace kiroku::viewer

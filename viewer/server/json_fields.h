@@ -14,7 +14,8 @@ std::string take_text(const nlohmann::json& object, const char* key);
 /// A text into locked memory, zeroised where it stood; empty where it is absent or null.
 crypto::Secret take_secret(nlohmann::json& object, const char* key);
 
-/// Under which a user's failures are counted (attempt_guard.h).
+/// The beginning of every key under which failures with a user's name are counted (base/attempt_guard.h);
+/// what follows says from where they came. Texts that are no user's name are one.
 std::string user_key(const std::string& name);
 
 }  // namespace kiroku::viewer

@@ -1,6 +1,7 @@
 // What a handler is given: one request, checked as far as the router can. Plain values; one thread at a time.
 #pragma once
 
+#include <chrono>
 #include <cstdint>
 #include <map>
 #include <memory>
@@ -21,11 +22,15 @@ class Session;
 /// Thrown by handlers: becomes {"error": what()} with this status.
 class Refusal : public Error {
  public:
-  Refusal(int status, const std::string& sentence) : Error(sentence), status_(status) {}
+  Refusal(int status, const std::string& sentence, std::chrono::seconds retry_after = {})
+      : Error(sentence), status_(status), retry_after_(retry_after) {}
   [[nodiscard]] int status() const { return status_; }
+  /// When asking again may help; zero: never said.
+  [[nodiscard]] std::chrono::seconds retry_after() const { return retry_after_; }
 
  private:
   int status_;
+  std::chrono::seconds retry_after_;
 };
 
 struct Request {

@@ -22,6 +22,12 @@ Response Response::nothing() {
   return out;
 }
 
+Response Response::later(CostlyAnswer costly) {
+  Response out;
+  out.costly = std::move(costly);
+  return out;
+}
+
 Response Response::text(std::string body, std::string type) {
   Response out;
   out.type = std::move(type);

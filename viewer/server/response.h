@@ -5,6 +5,7 @@
 #include <filesystem>
 #include <functional>
 #include <memory>
+#include <optional>
 #include <span>
 #include <string>
 #include <string_view>
@@ -42,6 +43,16 @@ struct ReadBody {
 /// cuts the connection, so that the client knows that something is missing.
 using StreamBody = std::function<bool(Bytes& into)>;
 
+struct Response;
+
+/// What is still to be done before there is an answer, and costs much (hashing a password). It is done by
+/// threads of its own (viewer/server/costly_work.h), so that no other request waits behind it.
+struct CostlyAnswer {
+  std::function<Response()> work;  // called once at most; throws as a handler does
+  bool goes_first = false;
+  std::string who;  // of whom only a few wait at a time
+};
+
 struct Response {
   int status = 200;
   std::string type;  // Content-Type; none where it is empty
@@ -51,6 +62,8 @@ struct Response {
   /// A strong entity tag with its quotes, or none. With one, If-None-Match is answered by the server.
   std::string entity_tag;
   std::variant<std::string, BytesBody, FileBody, ReadBody, StreamBody> body;
+  /// Where it is there, this is no answer yet, and nothing else of it counts.
+  std::optional<CostlyAnswer> costly;
 
   static Response json(const nlohmann::ordered_json& object, int status = 200);
   static Response error(int status, const std::string& sentence);  // {"error": sentence}
@@ -62,6 +75,7 @@ struct Response {
   static Response file(FileBody body, std::string type);
   static Response read(ReadBody body, std::string type);
   static Response stream(StreamBody body, std::string type);
+  static Response later(CostlyAnswer costly);
 
   /// Adds a header and returns itself.
   Response with(std::string name, std::string value) &&;

@@ -1,8 +1,7 @@
-#include <semaphore>
-
 #include <nlohmann/json.hpp>
 
 #include "base/error.h"
+#include "base/network_address.h"
 #include "crypto/encoding.h"
 #include "crypto/identity_text.h"
 #include "viewer/server/api.h"
@@ -18,11 +17,11 @@ using nlohmann::json;
 using nlohmann::ordered_json;
 
 constexpr std::size_t kIdentityBodyLimit = 256U << 10;
-/// So many passwords are hashed at a time, each with 128 MiB: guessing must not cost the machine its memory.
-constexpr std::ptrdiff_t kHashedAtATime = 2;
+/// Of one address under whatever names, before it waits: many people may share one.
+constexpr std::size_t kFreeFailuresOfAddress = 20;
 
-std::string cookie(const std::string& token, const std::string& more) {
-  return std::string(kSessionCookie) + "=" + token + "; Path=/; Secure; HttpOnly; SameSite=Strict" + more;
+std::string cookie(std::string_view name, const std::string& token, const std::string& more) {
+  return std::string(name) + "=" + token + "; Path=/; Secure; HttpOnly; SameSite=Strict" + more;
 }
 
 class SessionApi {
@@ -53,11 +52,16 @@ class SessionApi {
     }
     const crypto::Secret invitation = take_secret(asked, "invitation");
     if (!invitation.empty()) return join(request, invitation);
-    const crypto::Secret password = take_secret(asked, "password");
-    const std::string name = take_text(asked, "user");
-    const std::optional<User> user = check(request, name, password);
-    if (!user) throw Refusal(401, "the name or the password is wrong");
-    return open(request, user->name, user->role, user->changed);
+    const auto password = std::make_shared<const crypto::Secret>(take_secret(asked, "password"));
+    if (password->size() > UserStore::kLongestPassword)
+      throw Refusal(400, "a password is never as long as this");
+    const Attempt attempt = attempt_of(request, take_text(asked, "user"));
+    refuse_who_must_wait(wait_of(attempt));
+    const bool is_device = attempt.standing == KnownDevices::Standing::kKnownDevice;
+    return Response::later({.work = [this, &request, attempt,
+                                     password] { return sign_in_by_password(request, attempt, *password); },
+                            .goes_first = attempt.is_known(),
+                            .who = is_device ? "device:" + attempt.caller.device : attempt.caller.holder});
   }
 
   Response sign_out(const Request& request) {
@@ -65,7 +69,7 @@ class SessionApi {
     if (const auto& invitation = request.session->invitation()) context_.invitations().leave(*invitation);
     if (token) context_.sessions().close(*token);
     return Response::nothing()
-        .with("Set-Cookie", cookie("", "; Max-Age=0"))
+        .with("Set-Cookie", cookie(kSessionCookie, "", "; Max-Age=0"))
         .with("Clear-Site-Data", "\"cache\"");
   }
 
@@ -82,36 +86,34 @@ class SessionApi {
       crypto::zeroise(*decoded);
     }
     // A sealed one costs as much memory as its maker chose.
-    const Hashing turn(hashing_);
+    const auto sealed = std::make_shared<crypto::Secret>(std::move(content));
+    const auto opens = std::make_shared<const crypto::Secret>(passphrase.clone());
+    return Response::later(
+        {.work = [this, &request, sealed, opens] { return unlock_with(request, std::move(*sealed), *opens); },
+         .goes_first = true,
+         .who = "session:" + request.session->user()});
+  }
+
+ private:
+  /// Somebody with a password, before it is looked at.
+  struct Attempt {
+    KnownDevices::Caller caller;
+    KnownDevices::Standing standing = KnownDevices::Standing::kStranger;
+    [[nodiscard]] bool is_known() const { return standing != KnownDevices::Standing::kStranger; }
+    /// Under which a stranger's failures are counted: one name from one address, and all names from there.
+    [[nodiscard]] std::string name_key() const { return user_key(caller.user) + caller.holder; }
+  };
+
+  Response unlock_with(const Request& request, crypto::Secret sealed, const crypto::Secret& passphrase) {
     auto identities = std::make_shared<const crypto::AgeIdentities>(
-        crypto::read_identities(std::move(content), "the identity",
+        crypto::read_identities(std::move(sealed), "the identity",
                                 [&](const std::string& /*what_for*/) { return passphrase.clone(); }));
     context_.enter_access(request, ViewerContext::kEveryCase, "unlocked recordings with an identity");
     request.session->unlock(std::move(identities));
     return Response::json(describe(*request.session, request));
   }
 
- private:
-  /// A turn at what takes much memory.
-  class Hashing {
-   public:
-    explicit Hashing(std::counting_semaphore<>& turns) : turns_(turns) {
-      if (!turns_.try_acquire_for(std::chrono::milliseconds(500))) {
-        throw Refusal(503, "many are signing in now: try again in a moment");
-      }
-    }
-    ~Hashing() { turns_.release(); }
-    Hashing(const Hashing&) = delete;
-    Hashing& operator=(const Hashing&) = delete;
-
-   private:
-    std::counting_semaphore<>& turns_;
-  };
-
   Response join(const Request& request, const crypto::Secret& token) {
-    const std::string address_key = "address:" + request.peer;
-    AttemptGuard& attempts = context_.attempts();
-    refuse_who_must_wait(attempts.wait(address_key, AttemptGuard::Clock::now()));
     const auto opened = context_.invitations().join(
         token.text(), request.peer, context_.sessions(), [&](const Invitation& invitation) {
           const InvitationTerms& terms = invitation.terms();
@@ -121,42 +123,86 @@ class SessionApi {
               "guest " + terms.guest, request.peer);
         });
     if (!opened) {
-      attempts.failed(address_key, AttemptGuard::Clock::now());
+      // The right token is never refused: nobody guesses 256 bits, but a guest may share an address.
+      const std::string key = "invitation:" + address_holder(request.peer);
+      const auto now = context_.home().now();
+      refuse_who_must_wait(context_.attempts().wait(key, now));
+      context_.attempts().failed(key, now);
       context_.tell("somebody at " + request.peer + " came with an invitation that lets nobody in");
       throw Refusal(401,
                     "this invitation has ended, was used before, or was never given out: ask for another");
     }
-    return Response::json(describe(*opened->session, request)).with("Set-Cookie", cookie(opened->token, ""));
+    return Response::json(describe(*opened->session, request))
+        .with("Set-Cookie", cookie(kSessionCookie, opened->token, ""));
   }
 
   static void refuse_who_must_wait(std::chrono::seconds wait) {
     if (wait.count() > 0) {
-      throw Refusal(429, "too many failures: try again in " + std::to_string(wait.count()) + " s");
+      throw Refusal(429, "too many failures: try again in " + std::to_string(wait.count()) + " s", wait);
     }
   }
 
-  std::optional<User> check(const Request& request, const std::string& name, const crypto::Secret& password) {
-    if (password.size() > UserStore::kLongestPassword)
-      throw Refusal(400, "a password is never as long as this");
-    const std::string address_key = "address:" + request.peer;
-    AttemptGuard& attempts = context_.attempts();
-    // Before looking at who has to wait: those that waited for their turn here would all pass together.
-    const Hashing turn(hashing_);
-    const auto now = AttemptGuard::Clock::now();
-    refuse_who_must_wait(std::max(attempts.wait(user_key(name), now), attempts.wait(address_key, now)));
-    const std::optional<User> user = context_.users().check(name, password);
-    if (user) {
-      attempts.succeeded(user_key(name));
-    } else {
-      attempts.failed(user_key(name), AttemptGuard::Clock::now());
-      attempts.failed(address_key, AttemptGuard::Clock::now());
+  Attempt attempt_of(const Request& request, const std::string& name) {
+    Attempt attempt;
+    attempt.caller.user = name;
+    attempt.caller.holder = address_holder(request.peer);
+    attempt.caller.device = cookie_value(request.header("cookie"), kDeviceCookie).value_or("");
+    if (!is_user_name(name)) return attempt;
+    if (const std::optional<User> user = context_.users().find(name)) {
+      attempt.caller.credential = user->changed;
+    }
+    // Also for a user there is not, so that time tells nothing of it.
+    with_devices([&](KnownDevices& devices) { attempt.standing = devices.standing(attempt.caller); });
+    return attempt;
+  }
+
+  /// Who signed in before, by this browser or from this address, does not wait for the failures of others.
+  std::chrono::seconds wait_of(const Attempt& attempt) {
+    if (attempt.is_known()) return std::chrono::seconds(0);
+    const auto now = context_.home().now();
+    return std::max(context_.attempts().wait(attempt.name_key(), now),
+                    of_addresses_.wait(attempt.caller.holder, now));
+  }
+
+  Response sign_in_by_password(const Request& request, const Attempt& attempt,
+                               const crypto::Secret& password) {
+    // Those that waited for their turn would else all pass together.
+    refuse_who_must_wait(wait_of(attempt));
+    const std::optional<User> user = context_.users().check(attempt.caller.user, password);
+    if (!user) {
+      note_failure(attempt);
       context_.tell("a sign-in from " + request.peer + " failed");
+      throw Refusal(401, "the name or the password is wrong");
     }
-    return user;
+    context_.attempts().succeeded(attempt.name_key());
+    KnownDevices::Caller caller = attempt.caller;
+    caller.credential = user->changed;
+    std::string device;
+    with_devices([&](KnownDevices& devices) { device = devices.remember(caller); });
+    return open(request, user->name, user->role, user->changed, device);
   }
 
-  Response open(const Request& request, const std::string& user, Role role,
-                std::optional<UtcTime> credential) {
+  void note_failure(const Attempt& attempt) {
+    if (attempt.is_known()) {
+      with_devices([&](KnownDevices& devices) { devices.note_failure(attempt.caller); });
+      return;
+    }
+    const auto now = context_.home().now();
+    context_.attempts().failed(attempt.name_key(), now);
+    of_addresses_.failed(attempt.caller.holder, now);
+  }
+
+  /// Nobody is kept from signing in because the list of devices cannot be used: all are strangers then.
+  void with_devices(const std::function<void(KnownDevices&)>& action) {
+    try {
+      action(context_.devices());
+    } catch (const Error& error) {
+      context_.tell(std::string("who signed in from where cannot be remembered: ") + error.what());
+    }
+  }
+
+  Response open(const Request& request, const std::string& user, Role role, std::optional<UtcTime> credential,
+                const std::string& device = "") {
     const SessionStore::Opened opened = context_.sessions().open(user, role, credential);
     const Session& session = *opened.session;
     if (context_.home().identities != nullptr && may(role, Right::kWatch)) {
@@ -167,12 +213,17 @@ class SessionApi {
                             "unlocked recordings with the server's identity");
       opened.session->unlock(context_.home().identities);
     }
-    return Response::json(describe(session, request)).with("Set-Cookie", cookie(opened.token, ""));
+    Response response = Response::json(describe(session, request));
+    if (!device.empty()) {
+      response = std::move(response).with(
+          "Set-Cookie", cookie(kDeviceCookie, device, "; Max-Age=" + std::to_string(kDeviceCookieSeconds)));
+    }
+    return std::move(response).with("Set-Cookie", cookie(kSessionCookie, opened.token, ""));
   }
 
   ViewerContext& context_;
   SignInLink& link_;
-  std::counting_semaphore<> hashing_{kHashedAtATime};
+  AttemptGuard of_addresses_{AttemptLimits{.free_failures = kFreeFailuresOfAddress}};
 };
 
 }  // namespace

@@ -10,10 +10,10 @@ using nlohmann::json;
 using nlohmann::ordered_json;
 
 ordered_json user_json(const User& user, ViewerContext& context) {
-  const auto now = AttemptGuard::Clock::now();
+  const auto now = context.home().now();
   return {{"user", user.name},
           {"role", role_name(user.role)},
-          {"locked", context.attempts().wait(user_key(user.name), now).count() > 0}};
+          {"locked", context.attempts().longest_wait(user_key(user.name), now).count() > 0}};
 }
 
 Response list_users(ViewerContext& context) {
@@ -65,8 +65,12 @@ Response remove_user(ViewerContext& context, const Request& request) {
 void add_user_routes(Router& router, ViewerContext& context) {
   router.add("GET", "api/users", Right::kManageUsers,
              [&context](const Request& /*request*/) { return list_users(context); });
-  router.add("POST", "api/users", Right::kManageUsers,
-             [&context](const Request& request) { return put_user(context, request); });
+  router.add("POST", "api/users", Right::kManageUsers, [&context](const Request& request) {
+    // A new password is hashed.
+    return Response::later({.work = [&context, &request] { return put_user(context, request); },
+                            .goes_first = true,
+                            .who = "session:" + request.session->user()});
+  });
   router.add("DELETE", "api/users/{user:text}", Right::kManageUsers,
              [&context](const Request& request) { return remove_user(context, request); });
 }

@@ -42,11 +42,14 @@ struct Hash {
   std::string salt, hash;
 };
 
-Hash hash_of(const crypto::Secret& password) {
+Hash hash_of(const crypto::Secret& password, const PasswordHasher& hasher) {
   Bytes salt(kSaltBytes);
   crypto::fill_random(salt);
-  return {crypto::to_hex(salt),
-          crypto::to_hex(crypto::scrypt(password.bytes(), salt, UserStore::kCost).bytes())};
+  return {crypto::to_hex(salt), crypto::to_hex(hasher(password, salt, UserStore::kCost).bytes())};
+}
+
+crypto::Secret scrypt_of(const crypto::Secret& password, ByteView salt, int cost) {
+  return crypto::scrypt(password.bytes(), salt, cost);
 }
 
 [[noreturn]] void refuse_unknown(const std::string& name) {
@@ -63,6 +66,7 @@ bool is_user_name(std::string_view text) {
 
 struct UserStore::State {
   std::unique_ptr<archive::SqliteFile> file;
+  PasswordHasher hasher;
   std::mutex mutex;
 
   static User user_of(const archive::SqliteStatement& row) {
@@ -83,8 +87,9 @@ struct UserStore::State {
 UserStore::UserStore(std::unique_ptr<State> state) : state_(std::move(state)) {}
 UserStore::~UserStore() = default;
 
-std::unique_ptr<UserStore> UserStore::open(const std::filesystem::path& file) {
+std::unique_ptr<UserStore> UserStore::open(const std::filesystem::path& file, PasswordHasher hasher) {
   auto state = std::make_unique<State>();
+  state->hasher = hasher ? std::move(hasher) : PasswordHasher(scrypt_of);
   state->file = archive::SqliteFile::open(file, kSchema);
   if (::chmod(file.c_str(), 0600) != 0 && errno != EPERM) throw IoError("protect", file, errno);
   return std::unique_ptr<UserStore>(new UserStore(std::move(state)));
@@ -100,7 +105,7 @@ void UserStore::require_sound(const std::string& name, const crypto::Secret& pas
 
 void UserStore::add(const std::string& name, Role role, const crypto::Secret& password) {
   require_sound(name, password);
-  const Hash hash = hash_of(password);
+  const Hash hash = hash_of(password, state_->hasher);
   const std::lock_guard guard(state_->mutex);
   archive::SqliteFile::Transaction transaction(*state_->file);
   if (state_->find(name)) throw UsageError("there is a user '" + name + "' already: choose another name");
@@ -118,7 +123,7 @@ void UserStore::add(const std::string& name, Role role, const crypto::Secret& pa
 
 void UserStore::set_password(const std::string& name, const crypto::Secret& password) {
   require_password(name, password);
-  const Hash hash = hash_of(password);
+  const Hash hash = hash_of(password, state_->hasher);
   const std::lock_guard guard(state_->mutex);
   archive::SqliteFile::Transaction transaction(*state_->file);
   if (!state_->find(name)) refuse_unknown(name);
@@ -182,7 +187,7 @@ std::optional<User> UserStore::check(const std::string& name, const crypto::Secr
       expected = crypto::from_hex(row.text(2)).value_or(Bytes());
     }
   }
-  const crypto::Secret hash = crypto::scrypt(password.bytes(), salt, cost);
+  const crypto::Secret hash = state_->hasher(password, salt, cost);
   const bool is_right = crypto::equal_constant_time(hash.bytes(), expected);
   if (!is_right) user.reset();
   return user;

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <filesystem>
+#include <functional>
 #include <memory>
 #include <mutex>
 #include <optional>
@@ -24,11 +25,14 @@ struct User {
 /// [a-z0-9][a-z0-9._-]{0,31}.
 bool is_user_name(std::string_view text);
 
+/// Of a password with this salt and cost: scrypt, but in tests.
+using PasswordHasher = std::function<crypto::Secret(const crypto::Secret& password, ByteView salt, int cost)>;
+
 /// Every function throws kiroku::Error where the database cannot be used.
 class UserStore {
  public:
-  /// Opens or makes the file, mode 0600.
-  static std::unique_ptr<UserStore> open(const std::filesystem::path& file);
+  /// Opens or makes the file, mode 0600. An empty `hasher` is scrypt.
+  static std::unique_ptr<UserStore> open(const std::filesystem::path& file, PasswordHasher hasher = {});
   ~UserStore();
 
   /// Throws kiroku::UsageError for a name that is none, and for a password shorter than kShortestPassword

@@ -38,7 +38,8 @@ ViewerContext::ViewerContext(ViewerHome home, SessionLimits session_limits, Tell
                         " ended: " + reason_of(why),
                     "kiroku view");
       }),
-      users_(UserStore::open(home_.users_file)),
+      users_(UserStore::open(home_.users_file, home_.password_hasher)),
+      devices_(KnownDevices::open(home_.users_file.parent_path() / "devices.sqlite")),
       log_(archive::ApplianceLog::open(archive::real_file_system(), home_.log_folder, *home_.device_key,
                                        home_.device.name())) {}
 

@@ -11,10 +11,11 @@
 
 #include "archive/appliance_log.h"
 #include "archive/case_reader.h"
+#include "base/attempt_guard.h"
 #include "crypto/signed_note.h"
 #include "timestamp/token_verifier.h"
-#include "viewer/server/attempt_guard.h"
 #include "viewer/server/invitations.h"
+#include "viewer/server/known_devices.h"
 #include "viewer/server/live_pictures.h"
 #include "viewer/server/live_rooms.h"
 #include "viewer/server/request.h"
@@ -45,6 +46,10 @@ struct ViewerHome {
   /// What is served of it, as the page is told: "cases", or "training" or "planning", which leave signing in,
   /// users and the log of the API.
   std::string serves = "cases";
+  /// Empty: scrypt.
+  PasswordHasher password_hasher = {};
+  /// By which whoever failed to sign in waits.
+  std::function<AttemptGuard::Clock::time_point()> now = AttemptGuard::Clock::now;
 };
 
 class ViewerContext {
@@ -56,6 +61,9 @@ class ViewerContext {
   [[nodiscard]] const ViewerHome& home() const { return home_; }
   [[nodiscard]] SessionStore& sessions() { return sessions_; }
   [[nodiscard]] UserStore& users() { return *users_; }
+  /// From where each user signed in before; devices.sqlite beside the list of users.
+  [[nodiscard]] KnownDevices& devices() { return *devices_; }
+  /// Failures of strangers; keys begin as json_fields.h has it.
   [[nodiscard]] AttemptGuard& attempts() { return attempts_; }
   [[nodiscard]] Invitations& invitations() { return invitations_; }
   /// Set once the server ends: whoever waits long for something looks at it.
@@ -95,6 +103,7 @@ class ViewerContext {
   AttemptGuard attempts_;
   Invitations invitations_;
   std::unique_ptr<UserStore> users_;
+  std::unique_ptr<KnownDevices> devices_;
   std::unique_ptr<archive::ApplianceLog> log_;
 };
 

@@ -3,8 +3,6 @@
 #include <algorithm>
 #include <array>
 #include <charconv>
-#include <map>
-#include <mutex>
 #include <thread>
 #include <unistd.h>
 #include <utility>  // Boost 1.74 forgets it before its awaitable
@@ -16,8 +14,11 @@
 #include <boost/beast/http.hpp>
 #include <boost/beast/ssl.hpp>
 
+#include "base/connection_places.h"
 #include "base/error.h"
+#include "base/http_head.h"
 #include "base/listen_address.h"
+#include "base/network_address.h"
 #include "viewer/server/web_socket.h"
 
 namespace kiroku::viewer {
@@ -33,12 +34,15 @@ using Stream = TlsStream;
 constexpr std::uint16_t kExamplePort = 8443;
 constexpr std::size_t kIoThreads = 2;
 constexpr std::size_t kFewestWorkers = 8;
+constexpr std::size_t kReadUnit = 4U << 10;
 /// What a client must take within the write limit.
 constexpr std::size_t kWriteUnit = 256U << 10;
 /// No route takes more.
 constexpr std::uint64_t kLargestBody = 16U << 20;
 constexpr std::chrono::milliseconds kAcceptPause{100};
 constexpr std::chrono::seconds kFarewell{2};
+/// When whoever was refused for what it costs may come again.
+constexpr std::chrono::seconds kCostlyRetry{3};
 
 /// Passwords and identities go through these.
 template <typename T>
@@ -57,52 +61,6 @@ struct ZeroisingAllocator {
 using Buffer = beast::basic_flat_buffer<ZeroisingAllocator<char>>;
 using Body = http::basic_string_body<char, std::char_traits<char>, ZeroisingAllocator<char>>;
 using Parser = http::request_parser<Body>;
-
-/// How many connections there are, and of whom.
-class ConnectionCount {
- public:
-  explicit ConnectionCount(const WebServerLimits& limits) : limits_(limits) {}
-  bool enter(const std::string& who) {
-    const std::lock_guard guard(mutex_);
-    if (all_ >= limits_.connections || of_address_[who] >= limits_.connections_of_address) return false;
-    ++all_;
-    ++of_address_[who];
-    return true;
-  }
-  void leave(const std::string& who) {
-    const std::lock_guard guard(mutex_);
-    --all_;
-    const auto found = of_address_.find(who);
-    if (--found->second == 0) of_address_.erase(found);
-  }
-
- private:
-  const WebServerLimits& limits_;
-  std::mutex mutex_;
-  std::size_t all_ = 0;
-  std::map<std::string, std::size_t> of_address_;
-};
-
-/// One more connection, until it is destroyed.
-class ConnectionPlace {
- public:
-  ConnectionPlace(ConnectionCount& count, std::string who) : count_(count), who_(std::move(who)) {}
-  ~ConnectionPlace() { count_.leave(who_); }
-  ConnectionPlace(const ConnectionPlace&) = delete;
-  ConnectionPlace& operator=(const ConnectionPlace&) = delete;
-
- private:
-  ConnectionCount& count_;
-  std::string who_;
-};
-
-/// Whose connection it is for the limit: one customer of IPv6 has a /64 to choose addresses from.
-std::string holder_of(const asio::ip::address& address) {
-  if (address.is_v4()) return address.to_string();
-  auto bytes = address.to_v6().to_bytes();
-  if (!address.to_v6().is_v4_mapped()) std::fill(bytes.begin() + 8, bytes.end(), std::uint8_t{0});
-  return asio::ip::address_v6(bytes).to_string();
-}
 
 std::string lower_case(beast::string_view text) {
   std::string out(text.data(), text.size());
@@ -218,7 +176,8 @@ struct WebServer::State {
   State(WebServerOptions asked, const Dispatcher& answers)
       : options(std::move(asked)),
         dispatcher(answers),
-        count(options.limits),
+        places({.all = options.limits.connections, .of_holder = options.limits.connections_of_address}),
+        costly(options.limits.costly),
         workers(std::max<std::size_t>(kFewestWorkers, 2U * std::thread::hardware_concurrency())),
         acceptor(asio::make_strand(context)) {
     prepare_tls();
@@ -232,6 +191,7 @@ struct WebServer::State {
     context.stop();
     for (std::thread& thread : threads) thread.join();
     workers.join();
+    costly.stop();
     // Whoever still sends finds no executor any more.
     sockets.close_all();
   }
@@ -297,62 +257,95 @@ struct WebServer::State {
         continue;
       }
       const tcp::endpoint peer = socket.remote_endpoint(failed);
-      // A connection too many is let go at once; it may come again.
-      if (failed || !count.enter(holder_of(peer.address()))) continue;
+      if (failed) continue;
       // One that cannot be served (out of memory) is let go; the next ones are accepted all the same.
       try {
-        auto place = std::make_unique<ConnectionPlace>(count, holder_of(peer.address()));
         socket.set_option(tcp::no_delay(true), failed);
-        const auto executor = socket.get_executor();
-        asio::co_spawn(executor,
-                       serve(Stream(beast::tcp_stream(std::move(socket)), tls), peer.address().to_string(),
-                             std::move(place)),
-                       asio::detached);
+        welcome(std::move(socket), peer.address().to_string());
       } catch (const std::exception&) {
         continue;
       }
     }
   }
 
+  /// Serves it if there is a place for it; else it is let go, and may come again.
+  void welcome(tcp::socket socket, const std::string& peer) {
+    const auto executor = socket.get_executor();
+    const auto stream = std::make_shared<Stream>(beast::tcp_stream(std::move(socket)), tls);
+    auto place = places.enter(address_holder(peer), [leaving = std::weak_ptr<Stream>(stream), executor] {
+      asio::post(executor, [leaving] {
+        if (const auto open = leaving.lock()) beast::get_lowest_layer(*open).close();
+      });
+    });
+    if (place) asio::co_spawn(executor, serve(stream, peer, std::move(place)), asio::detached);
+  }
+
   static void allow(Stream& stream, std::chrono::milliseconds limit) {
     beast::get_lowest_layer(stream).expires_after(limit);
   }
 
-  asio::awaitable<void> serve(Stream stream, std::string peer, std::unique_ptr<ConnectionPlace> place) {
+  asio::awaitable<void> serve(std::shared_ptr<Stream> stream, std::string peer,
+                              std::unique_ptr<ConnectionPlaces::Place> place) {
     error_code failed;
-    allow(stream, options.limits.handshake);
-    co_await stream.async_handshake(asio::ssl::stream_base::server,
-                                    asio::redirect_error(asio::use_awaitable, failed));
+    allow(*stream, options.limits.handshake);
+    co_await stream->async_handshake(asio::ssl::stream_base::server,
+                                     asio::redirect_error(asio::use_awaitable, failed));
     if (failed) co_return;
     Buffer buffer;
-    while (co_await serve_one(stream, buffer, peer)) {
+    while (co_await serve_one(*stream, buffer, peer, *place)) {
+      place->set_busy(false);
     }
-    allow(stream, kFarewell);
-    co_await stream.async_shutdown(asio::redirect_error(asio::use_awaitable, failed));
+    allow(*stream, kFarewell);
+    co_await stream->async_shutdown(asio::redirect_error(asio::use_awaitable, failed));
     place.reset();
   }
 
+  /// Reads on until the buffer begins with a whole head, and returns its size: 0 where the connection ended
+  /// before, more than the limit where it has no end within that. Nothing is taken out of the buffer.
+  asio::awaitable<std::size_t> read_head(Stream& stream, Buffer& buffer) const {
+    std::size_t searched = 0;
+    for (;;) {
+      const std::string_view text(static_cast<const char*>(buffer.data().data()), buffer.size());
+      const std::size_t end = text.find(kEndOfHttpHead, searched);
+      if (end != std::string_view::npos) co_return end + kEndOfHttpHead.size();
+      if (text.size() > options.limits.header_bytes) co_return text.size();
+      searched = text.size() - std::min(text.size(), kEndOfHttpHead.size() - 1);
+      error_code failed;
+      const std::size_t count = co_await stream.async_read_some(
+          buffer.prepare(kReadUnit), asio::redirect_error(asio::use_awaitable, failed));
+      if (failed) co_return 0;
+      buffer.commit(count);
+    }
+  }
+
   /// One request and its answer; false when the connection is over.
-  asio::awaitable<bool> serve_one(Stream& stream, Buffer& buffer, const std::string& peer) {
+  asio::awaitable<bool> serve_one(Stream& stream, Buffer& buffer, const std::string& peer,
+                                  ConnectionPlaces::Place& place) {
     error_code failed;
     Parser parser;
     parser.header_limit(options.limits.header_bytes);
     parser.body_limit(kLargestBody);
     allow(stream, options.limits.header);
-    co_await http::async_read_header(stream, buffer, parser,
-                                     asio::redirect_error(asio::use_awaitable, failed));
-    if (failed == http::error::header_limit) {
+    const std::size_t head_bytes = co_await read_head(stream, buffer);
+    if (head_bytes == 0) co_return false;
+    if (head_bytes > options.limits.header_bytes) {
       co_await send(stream, Dispatcher::refuse(431, "the header is too large"), false, false);
       co_return false;
     }
+    const std::string_view why =
+        http_head_problem({static_cast<const char*>(buffer.data().data()), head_bytes});
+    if (!why.empty()) {
+      co_await send(stream, Dispatcher::refuse(400, std::string(why)), false, false);
+      co_return false;
+    }
+    co_await http::async_read_header(stream, buffer, parser,
+                                     asio::redirect_error(asio::use_awaitable, failed));
     if (failed == http::error::body_limit) {
       co_await send(stream, Dispatcher::refuse(413, "the body is too large"), false, false);
       co_return false;
     }
     if (failed) {
-      const bool is_no_http = failed.category() == make_error_code(http::error::bad_method).category() &&
-                              failed != http::error::end_of_stream && failed != http::error::partial_message;
-      if (is_no_http) co_await send(stream, Dispatcher::refuse(400, "this is not HTTP"), false, false);
+      co_await send(stream, Dispatcher::refuse(400, "this is not HTTP"), false, false);
       co_return false;
     }
     if (parser.get().version() != 11) {
@@ -365,11 +358,14 @@ struct WebServer::State {
     RequestHead head = head_of(parser, peer);
     const bool wants_socket = is_socket_request(head);
     Dispatcher::Admission admission = dispatcher.admit(std::move(head));
+    place.note(admission.request.session ? ConnectionPlaces::Standing::kKnown
+                                         : ConnectionPlaces::Standing::kSpoken);
     if (admission.refusal) {
       const bool stay = keep_alive && !has_body;
       co_return co_await send(stream, *admission.refusal, is_head, stay) && stay;
     }
     if (wants_socket && admission.route != nullptr && admission.route->socket && !has_body) {
+      place.set_busy(true);
       UpgradeRequest upgrade;
       upgrade.base() = parser.get().base();
       Response refusal;
@@ -398,7 +394,9 @@ struct WebServer::State {
     const auto& body = parser.get().body();
     admission.request.body.assign(body.data(), body.size());
     beast::get_lowest_layer(stream).expires_never();
-    const Response response = co_await on_worker([&] { return dispatcher.answer(admission); });
+    place.set_busy(true);
+    Response response = co_await on_worker([&] { return dispatcher.answer(admission); });
+    while (response.costly) response = co_await at_a_cost(std::move(*response.costly));
     co_return co_await send(stream, response, is_head, keep_alive) && keep_alive;
   }
 
@@ -407,6 +405,43 @@ struct WebServer::State {
   asio::awaitable<std::invoke_result_t<Work&>> on_worker(Work work) {
     const auto task = [&work]() -> asio::awaitable<std::invoke_result_t<Work&>> { co_return work(); };
     co_return co_await asio::co_spawn(workers.get_executor(), task, asio::use_awaitable);
+  }
+
+  /// Does the work on threads of its own when its turn comes; refuses it at once where too much waits. What
+  /// it throws (out of memory) ends the connection.
+  asio::awaitable<Response> at_a_cost(CostlyAnswer asked) {
+    struct Done {
+      explicit Done(const asio::any_io_executor& strand)
+          : timer(strand, asio::steady_timer::time_point::max()) {}
+      asio::steady_timer timer;
+      Response response;
+      std::exception_ptr broken;
+      bool is_done = false;
+    };
+    const asio::any_io_executor strand = co_await asio::this_coro::executor;
+    const auto done = std::make_shared<Done>(strand);
+    const bool is_taken =
+        costly.offer(asked.goes_first, asked.who, [done, strand, work = std::move(asked.work)] {
+          try {
+            done->response = work();
+          } catch (...) {
+            done->broken = std::current_exception();
+          }
+          // The timer belongs to the strand, on which nothing runs between here and the wait below.
+          asio::post(strand, [done] {
+            done->is_done = true;
+            done->timer.cancel();
+          });
+        });
+    if (!is_taken) {
+      co_return Dispatcher::refuse(429, "many are signing in now: try again in a moment", kCostlyRetry);
+    }
+    error_code ignored;
+    while (!done->is_done) {
+      co_await done->timer.async_wait(asio::redirect_error(asio::use_awaitable, ignored));
+    }
+    if (done->broken) std::rethrow_exception(done->broken);
+    co_return std::move(done->response);
   }
 
   /// False if it could not be sent whole: then the connection must end.
@@ -444,8 +479,9 @@ struct WebServer::State {
 
   const WebServerOptions options;
   const Dispatcher& dispatcher;
-  ConnectionCount count;
+  ConnectionPlaces places;
   OpenSockets sockets;
+  CostlyWork costly;
   asio::thread_pool workers;
   asio::ssl::context tls{asio::ssl::context::tls_server};
   asio::io_context context;

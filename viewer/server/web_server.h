@@ -10,11 +10,15 @@
 #include <string>
 
 #include "crypto/secret.h"
+#include "viewer/server/costly_work.h"
 #include "viewer/server/dispatcher.h"
 
 namespace kiroku::viewer {
 
 struct WebServerLimits {
+  /// Counted when they are accepted, before TLS, by address (of IPv6 by /64). Where there are too many, the
+  /// idlest makes room: first of those that said nothing yet, then of those without a session
+  /// (base/connection_places.h).
   std::size_t connections = 1000;
   std::size_t connections_of_address = 200;
   std::uint32_t header_bytes = 16U << 10;
@@ -24,6 +28,8 @@ struct WebServerLimits {
   std::chrono::milliseconds body{30'000};
   /// For each 256 KiB of an answer to be taken.
   std::chrono::milliseconds write{30'000};
+  /// Of what costs much; what is too much is refused at once (429).
+  CostlyWork::Limits costly = {};
 };
 
 struct WebServerOptions {

@@ -164,7 +164,7 @@ TEST(Configuration, TheExampleOfARoomIsGood) {
   EXPECT_EQ(room.footswitches[0].action, recorder::PressAction::kStartStop);
   EXPECT_EQ(room.footswitches[0].mark, "footswitch");
   ASSERT_TRUE(room.procedure.hl7);
-  EXPECT_EQ(room.procedure.hl7->listen, "mllp://0.0.0.0:2576");
+  EXPECT_EQ(room.procedure.hl7->listen, "mllp://0.0.0.0:2576?allow=192.168.7.20");
   EXPECT_EQ(room.procedure.hl7->rule.locations, (std::vector<std::string>{"OR1", "SURGERY^OR1"}));
   ASSERT_TRUE(room.procedure.worklist);
   EXPECT_EQ(room.procedure.worklist->host, "ris.hospital.example");

@@ -1,3 +1,4 @@
+#include <array>
 #include <atomic>
 #include <fstream>
 #include <thread>
@@ -111,6 +112,8 @@ class HttpServerTest : public testing::Test {
   HttpServerOptions options() {
     HttpServerOptions options;
     options.token = "a token of some length";
+    options.now = [this] { return now; };
+    options.tell = [this](const std::string& sentence) { told.push_back(sentence); };
     options.metrics = [] { return std::string("kiroku_x 1\n"); };
     options.hook = [this](const std::string& room, const std::string& action, const std::string& body) {
       if (room == "bad") throw UsageError("no such room");
@@ -119,9 +122,10 @@ class HttpServerTest : public testing::Test {
     };
     return options;
   }
-  [[nodiscard]] std::string send(const std::string& request) const {
+  [[nodiscard]] std::string send(const std::string& request, const std::string& source = "127.0.0.1") const {
     asio::io_context context;
-    asio::ip::tcp::socket peer(context);
+    asio::ip::tcp::socket peer(context, asio::ip::tcp::v4());
+    peer.bind({asio::ip::make_address(source), 0});
     peer.connect({asio::ip::make_address("127.0.0.1"), server.port()});
     asio::write(peer, asio::buffer(request));
     std::string received;
@@ -129,12 +133,15 @@ class HttpServerTest : public testing::Test {
     asio::read(peer, asio::dynamic_buffer(received), failed);
     return received;
   }
-  [[nodiscard]] std::string post(const std::string& target, const std::string& token,
-                                 const std::string& body) const {
+  [[nodiscard]] std::string post(const std::string& target, const std::string& token, const std::string& body,
+                                 const std::string& source = "127.0.0.1") const {
     return send("POST " + target + " HTTP/1.1\r\nHost: x\r\nConnection: close\r\nAuthorization: Bearer " +
-                token + "\r\nContent-Length: " + std::to_string(body.size()) + "\r\n\r\n" + body);
+                    token + "\r\nContent-Length: " + std::to_string(body.size()) + "\r\n\r\n" + body,
+                source);
   }
   std::string called;
+  AttemptGuard::Clock::time_point now{std::chrono::hours(1)};
+  std::vector<std::string> told;
   HttpServer server;
 };
 
@@ -151,6 +158,70 @@ TEST_F(HttpServerTest, HookNeedsItsToken) {
   EXPECT_EQ(called, "");
   EXPECT_THAT(post("/rooms/or-1/mark", "a token of some length", "clip"), HasSubstr(" 200 OK"));
   EXPECT_EQ(called, "or-1 mark clip");
+}
+
+TEST_F(HttpServerTest, WhoeverGuessesTokensWaitsAndTheRightOneIsNotEvenLookedAt) {
+  for (int i = 0; i < 5; ++i) {
+    EXPECT_THAT(post("/rooms/or-1/start", "guess number " + std::to_string(i), ""), HasSubstr(" 401 "));
+  }
+  const std::string refused = post("/rooms/or-1/start", "a token of some length", "");
+  EXPECT_THAT(refused, HasSubstr(" 429 "));
+  EXPECT_THAT(refused, HasSubstr("Retry-After: 2\r\n"));
+  EXPECT_EQ(called, "");
+  EXPECT_THAT(post("/rooms/or-1/start", "a token of some length", "", "127.0.0.2"), HasSubstr(" 200 OK"))
+      << "another address need not wait";
+  now += std::chrono::seconds(2);
+  EXPECT_THAT(post("/rooms/or-1/stop", "a token of some length", ""), HasSubstr(" 200 OK"));
+  EXPECT_THAT(told, testing::ElementsAre("a wrong token for the hook came from 127.0.0.1, 1 so far",
+                                         "a wrong token for the hook came from 127.0.0.1, 2 so far",
+                                         "a wrong token for the hook came from 127.0.0.1, 4 so far"));
+}
+
+TEST_F(HttpServerTest, NobodyShutsTheHookToWhoHasItsToken) {
+  EXPECT_THAT(post("/rooms/or-1/start", "a token of some length", ""), HasSubstr(" 200 OK"));
+  for (int i = 0; i < 40; ++i) EXPECT_THAT(post("/rooms/or-1/start", "wrong", ""), HasSubstr(" 401 "));
+  EXPECT_THAT(post("/rooms/or-1/stop", "a token of some length", ""), HasSubstr(" 200 OK"));
+  EXPECT_EQ(called, "or-1 stop ");
+}
+
+TEST_F(HttpServerTest, RefusesARequestThatCouldHideAnotherAndReadsNoFurther) {
+  const std::string hidden =
+      "POST /rooms/or-1/start HTTP/1.1\r\nHost: x\r\nAuthorization: Bearer a token of some length\r\n\r\n";
+  const std::string length = "Content-Length: " + std::to_string(hidden.size()) + "\r\n";
+  for (const std::string& fields : {std::string("Host: x\r\nTransfer-Encoding: gzip\r\n"),
+                                    std::string("Host: x\r\nTransfer-Encoding: chunked, identity\r\n"),
+                                    "Host: x\r\nTransfer-Encoding: chunked\r\n" + length,
+                                    "Host: x\r\n" + length + length, std::string("Host: x\r\nHost: y\r\n"),
+                                    std::string("Host: x\r\nX-Note: one\r\n two\r\n"), std::string()}) {
+    const std::string answer = send("GET /healthz HTTP/1.1\r\n" + fields + "\r\n" + hidden);
+    EXPECT_THAT(answer, StartsWith("HTTP/1.1 400 Bad Request\r\n")) << fields;
+    EXPECT_THAT(answer, HasSubstr("Connection: close\r\n")) << fields;
+    EXPECT_EQ(answer.find("HTTP/1.1", 1), std::string::npos) << "nothing more is answered: " << fields;
+  }
+  EXPECT_EQ(called, "");
+}
+
+TEST_F(HttpServerTest, RefusesWhatIsTooLong) {
+  EXPECT_THAT(send("GET / HTTP/1.1\r\nHost: x\r\nX: " + std::string(20'000, 'x') + "\r\n\r\n"),
+              StartsWith("HTTP/1.1 431 "));
+  EXPECT_THAT(send("POST /rooms/or-1/mark HTTP/1.1\r\nHost: x\r\nContent-Length: 70000\r\n\r\n"),
+              StartsWith("HTTP/1.1 413 "));
+}
+
+TEST_F(HttpServerTest, IsNotShutByConnectionsThatSayNothing) {
+  asio::io_context context;
+  std::vector<asio::ip::tcp::socket> idle;
+  for (int i = 0; i < 300; ++i) {
+    asio::ip::tcp::socket& socket = idle.emplace_back(context, asio::ip::tcp::v4());
+    socket.bind({asio::ip::make_address("127.0.3." + std::to_string(1 + i % 50)), 0});
+    socket.connect({asio::ip::make_address("127.0.0.1"), server.port()});
+  }
+  EXPECT_THAT(send("GET /healthz HTTP/1.1\r\nHost: x\r\nConnection: close\r\n\r\n"), HasSubstr("ok"));
+  // Accepted in order, so the first ones made room.
+  std::array<char, 1> byte{};
+  boost::system::error_code error;
+  idle.front().read_some(asio::buffer(byte), error);
+  EXPECT_TRUE(error);
 }
 
 TEST_F(HttpServerTest, TellsWhatItCannotDo) {

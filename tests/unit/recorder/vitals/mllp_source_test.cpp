@@ -11,6 +11,7 @@
 #include "recorder/source/source_address.h"
 #include "recorder/vitals/hl7_message.h"
 #include "recorder/vitals/mllp_server.h"
+#include "tests/support/client_authority.h"
 #include "tests/support/mllp_client.h"
 #include "tests/support/reserved_port.h"
 #include "tests/support/temporary_folder.h"
@@ -38,6 +39,7 @@ class Running {
   ~Running() { finish(); }
 
   [[nodiscard]] std::uint16_t port() const { return port_; }
+  [[nodiscard]] std::uint64_t refused() const { return source_->refused(); }
   std::vector<VitalLine> finish() {
     if (thread_.joinable()) {
       source_->interrupt();
@@ -179,8 +181,8 @@ TEST(MllpSource, SaysWhatBecameOfBrokenConnections) {
   large.send("\x0B" + std::string((512U << 10) + 1, 'x') + "\x1C\r" + mllp_frame(message(4)));
   EXPECT_EQ(acknowledged(large), "AA 4");
   MllpClient third("127.0.0.1", running.port());
-  EXPECT_FALSE(third.receive(std::chrono::seconds(5)));
-  EXPECT_FALSE(noisy.receive(std::chrono::seconds(5)));  // silent for a second
+  EXPECT_FALSE(noisy.receive(std::chrono::seconds(5)));  // the idlest of two
+  EXPECT_FALSE(large.receive(std::chrono::seconds(5)));  // silent for a second
   std::string said;
   for (const media::VitalNotice& notice : of<media::VitalNotice>(running.finish())) {
     said += notice.notice + ": " + notice.text + " " + notice.source + "\n";
@@ -192,8 +194,145 @@ TEST(MllpSource, SaysWhatBecameOfBrokenConnections) {
               HasSubstr("bytes-outside-frame: bytes outside of a message were passed over: 'GET / HTTP/1.1"));
   EXPECT_THAT(said, HasSubstr("message-cut"));
   EXPECT_THAT(said, HasSubstr("message-too-long: a message longer than 512 KiB, which began with 'xxx"));
-  EXPECT_THAT(said, HasSubstr("connection-refused: a connection was refused: there are 2"));
+  EXPECT_THAT(said,
+              HasSubstr("connection-ended: the connection was closed: it was the idlest when another came"));
   EXPECT_THAT(said, HasSubstr("was silent for long"));
+}
+
+/// The notices of a name: sentence and source, a line each.
+std::string notices(const std::vector<VitalLine>& lines, const std::string& name) {
+  std::string found;
+  for (const media::VitalNotice& notice : of<media::VitalNotice>(lines)) {
+    if (notice.notice == name) found += notice.text + " " + notice.source + "\n";
+  }
+  return found;
+}
+
+TEST(MllpSource, StoresNothingOfAnAddressThatMayNotSend) {
+  Running running("?allow=127.0.5.0/24,127.0.6.1");
+  for (int i = 0; i < 5; ++i) {
+    MllpClient stranger("127.0.0.1", running.port(), "127.0.7.1");
+    EXPECT_FALSE(stranger.receive(std::chrono::seconds(5)));
+  }
+  for (const char* monitor : {"127.0.5.9", "127.0.6.1"}) {
+    MllpClient client("127.0.0.1", running.port(), monitor);
+    client.send_message(message(1));
+    EXPECT_EQ(acknowledged(client), "AA 1") << monitor;
+  }
+  EXPECT_EQ(running.refused(), 5U);
+  const auto lines = running.finish();
+  EXPECT_EQ(of<VitalSample>(lines).size(), 2U);
+  EXPECT_EQ(notices(lines, "connection-refused"),
+            "a connection was refused: this address may not send here @127.0.7.1\n"
+            "a connection was refused: this address may not send here (2 times so far) @127.0.7.1\n"
+            "a connection was refused: this address may not send here (4 times so far) @127.0.7.1\n");
+}
+
+TEST(MllpSource, StoresNothingOfASenderThatMayNotSend) {
+  Running running("?sender=MON/OR1,ICU^42");
+  MllpClient client("127.0.0.1", running.port());
+  const auto from = [](const std::string& sender, int id) {
+    return "MSH|^~\\&|" + sender + "|||20260101120000+0000||ORU^R01|" + std::to_string(id) +
+           "|P|2.6\rOBX|1|NM|147842^MDC_ECG_HEART_RATE^MDC|1|0\r";
+  };
+  client.send_message(from("STRANGER|OR1", 1));
+  EXPECT_EQ(acknowledged(client), "AR 1");
+  client.send_message(from("MON|OR2", 2));
+  EXPECT_EQ(acknowledged(client), "AR 2");
+  client.send_message(from("MON^00A0|OR1^X", 3));
+  EXPECT_EQ(acknowledged(client), "AA 3");
+  client.send_message(from("ICU^42|", 4));
+  EXPECT_EQ(acknowledged(client), "AA 4");
+  client.send_message(from("ICU^43|", 5));
+  EXPECT_EQ(acknowledged(client), "AR 5");
+  EXPECT_EQ(running.refused(), 3U);
+  const auto lines = running.finish();
+  const auto samples = of<VitalSample>(lines);
+  ASSERT_THAT(samples, SizeIs(2));
+  EXPECT_EQ(samples[0].source, "MON^00A0/OR1@127.0.0.1");
+  EXPECT_THAT(of<media::DeviceMessage>(lines), SizeIs(2));
+  EXPECT_THAT(notices(lines, "sender-refused"),
+              HasSubstr("this sender's messages (MSH-3, MSH-4) are not taken here; 1 of it refused so far "
+                        "STRANGER/OR1@127.0.0.1\n"));
+}
+
+TEST(MllpSource, IsNotShutToAMonitorByConnectionsThatSayNothing) {
+  Running running("?connections=20&of_address=10");
+  MllpClient monitor("127.0.0.1", running.port(), "127.0.5.1");
+  monitor.send_message(message(1));
+  EXPECT_EQ(acknowledged(monitor), "AA 1");
+  std::vector<std::unique_ptr<MllpClient>> idle;
+  for (int i = 0; i < 300; ++i) {
+    idle.push_back(
+        std::make_unique<MllpClient>("127.0.0.1", running.port(), "127.0.6." + std::to_string(1 + i % 60)));
+  }
+  MllpClient other("127.0.0.1", running.port(), "127.0.5.2");
+  other.send_message(message(2));
+  EXPECT_EQ(acknowledged(other), "AA 2");
+  monitor.send_message(message(3));
+  EXPECT_EQ(acknowledged(monitor), "AA 3") << "what delivers keeps its connection";
+  EXPECT_FALSE(idle.front()->receive(std::chrono::seconds(5)));
+  const auto lines = running.finish();
+  EXPECT_EQ(of<VitalSample>(lines).size(), 3U);
+  EXPECT_LE(of<media::VitalNotice>(lines).size(), 60U * 3) << "nobody fills the record with their visits";
+}
+
+TEST(MllpSource, OneAddressTakesFromItsOwnConnectionsAlone) {
+  Running running("?connections=20&of_address=2");
+  MllpClient other("127.0.0.1", running.port(), "127.0.5.1");
+  MllpClient first("127.0.0.1", running.port(), "127.0.5.2");
+  MllpClient second("127.0.0.1", running.port(), "127.0.5.2");
+  MllpClient third("127.0.0.1", running.port(), "127.0.5.2");
+  EXPECT_FALSE(first.receive(std::chrono::seconds(5)));
+  for (MllpClient* client : {&other, &second, &third}) {
+    client->send_message(message(1));
+    EXPECT_EQ(acknowledged(*client), "AA 1");
+  }
+}
+
+TEST(MllpSource, AsksForACertificateOfItsAuthorityWhereOneIsNamed) {
+  const test::TemporaryFolder folder;
+  const test::ClientAuthority authority(folder.path(), "authority");
+  const test::ClientAuthority another(folder.path(), "another");
+  const std::string server = authority.issue("server");
+  Running running("?certificate=" + server + "&key=" + server + "&clients=" + authority.file(), "mllps");
+  const auto sends = [&](const std::string& certificate) {
+    try {
+      MllpClient client("127.0.0.1", running.port(), "127.0.0.1", true, certificate);
+      client.send_message(message(1));
+      return acknowledged(client);
+    } catch (const boost::system::system_error&) {
+      return std::string("nothing");
+    }
+  };
+  EXPECT_EQ(sends(""), "nothing");
+  EXPECT_EQ(sends(another.issue("stranger")), "nothing");
+  EXPECT_EQ(sends(authority.issue("monitor")), "AA 1");
+  EXPECT_EQ(running.refused(), 2U);
+  EXPECT_EQ(of<VitalSample>(running.finish()).size(), 1U);
+}
+
+TEST(MllpSource, ListensToTheNetworkOnlyWhereItIsSaidWhoMaySend) {
+  const CaseClock clock;
+  const auto open = [&](const std::string& address) {
+    return open_vital_source(parse_source_address(address), clock);
+  };
+  for (const char* address : {"mllp://0.0.0.0:0", "mllp://[::]:0", "mllp://:0"}) {
+    try {
+      open(address);
+      FAIL() << address;
+    } catch (const UsageError& error) {
+      EXPECT_THAT(error.what(), HasSubstr("could be anybody on the network: say who may send with allow="));
+    }
+  }
+  EXPECT_NO_THROW(open("mllp://0.0.0.0:0?allow=192.168.7.0/24"));
+  EXPECT_NO_THROW(open("mllp://0.0.0.0:0?allow=any"));
+  for (const char* address : {"mllp://127.0.0.1:0?allow=", "mllp://127.0.0.1:0?allow=192.168.7.1/24",
+                              "mllp://127.0.0.1:0?allow=monitor.local",
+                              "mllp://127.0.0.1:0?sender=", "mllp://127.0.0.1:0?sender=MON,",
+                              "mllp://127.0.0.1:0?of_address=0", "mllp://127.0.0.1:0?clients=ca.pem"}) {
+    EXPECT_THROW(open(address), UsageError) << address;
+  }
 }
 
 TEST(MllpServer, OffersAMessageAgainWhereThereIsNoRoomForItYet) {

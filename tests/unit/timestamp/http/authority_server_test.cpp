@@ -94,6 +94,22 @@ TEST_F(AuthorityServerTest, SurvivesWhatIsNotHttp) {
             TokenCode::kValid);
 }
 
+TEST_F(AuthorityServerTest, RefusesARequestThatCouldHideAnotherAndReadsNoFurther) {
+  const std::string hidden = "GET / HTTP/1.1\r\nHost: x\r\n\r\n";
+  const std::string length = "Content-Length: " + std::to_string(hidden.size()) + "\r\n";
+  for (const std::string& fields : {std::string("Host: x\r\nTransfer-Encoding: gzip\r\n"),
+                                    std::string("Host: x\r\nTransfer-Encoding: chunked, identity\r\n"),
+                                    "Host: x\r\nTransfer-Encoding: chunked\r\n" + length,
+                                    "Host: x\r\n" + length + length, std::string("Host: x\r\nHost: y\r\n"),
+                                    std::string("Host: x\r\nX-Note: one\r\n two\r\n"), std::string()}) {
+    const std::string answer = exchange("POST / HTTP/1.1\r\nContent-Type: application/timestamp-query\r\n" +
+                                        fields + "\r\n" + hidden);
+    EXPECT_THAT(answer, StartsWith("HTTP/1.1 400 Bad Request\r\n")) << fields;
+    EXPECT_THAT(answer, HasSubstr("Connection: close\r\n")) << fields;
+    EXPECT_EQ(answer.find("HTTP/1.1", 1), std::string::npos) << "nothing more is answered: " << fields;
+  }
+}
+
 TEST_F(AuthorityServerTest, AnswersSeveralClientsAtOnce) {
   TrustStore trust;
   trust.add_trusted(bytes_of(authority_.root_pem()), "ca.pem");
@@ -112,14 +128,20 @@ TEST_F(AuthorityServerTest, AnswersSeveralClientsAtOnce) {
   EXPECT_EQ(valid, std::vector<int>(4, 10));
 }
 
-TEST_F(AuthorityServerTest, LetsClientsGoThatAreTooMany) {
+TEST_F(AuthorityServerTest, IsNotShutByClientsThatSayNothing) {
   asio::io_context context;
   std::vector<asio::ip::tcp::socket> idle;
-  for (int i = 0; i < 64; ++i) {
-    idle.emplace_back(context).connect({asio::ip::make_address("127.0.0.1"), server_.port()});
+  for (int i = 0; i < 200; ++i) {
+    asio::ip::tcp::socket& socket = idle.emplace_back(context, asio::ip::tcp::v4());
+    socket.bind({asio::ip::make_address("127.0.3." + std::to_string(1 + i % 20)), 0});
+    socket.connect({asio::ip::make_address("127.0.0.1"), server_.port()});
   }
-  // Accepted in order, so this one is the 65th: closed without an answer.
-  EXPECT_EQ(exchange("GET / HTTP/1.1\r\nHost: x\r\n\r\n"), "");
+  EXPECT_THAT(exchange("GET / HTTP/1.1\r\nHost: x\r\n\r\n"), StartsWith("HTTP/1.1 405 "));
+  // Accepted in order, so the first ones made room.
+  std::array<char, 1> byte{};
+  boost::system::error_code error;
+  idle.front().read_some(asio::buffer(byte), error);
+  EXPECT_TRUE(error);
 }
 
 TEST_F(AuthorityServerTest, LetsClientsGoThatNeverFinish) {

@@ -6,7 +6,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "viewer/server/attempt_guard.h"
+#include "base/attempt_guard.h"
 #include "viewer/server/sign_in_link.h"
 
 namespace kiroku::viewer {

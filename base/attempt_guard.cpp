@@ -1,8 +1,8 @@
-#include "viewer/server/attempt_guard.h"
+#include "base/attempt_guard.h"
 
 #include <algorithm>
 
-namespace kiroku::viewer {
+namespace kiroku {
 
 AttemptGuard::AttemptGuard(AttemptLimits limits) : limits_(limits) {}
 
@@ -11,6 +11,15 @@ std::chrono::seconds AttemptGuard::wait(const std::string& key, Clock::time_poin
   const auto found = failures_.find(key);
   if (found == failures_.end() || found->second.open_again <= now) return std::chrono::seconds(0);
   return std::chrono::ceil<std::chrono::seconds>(found->second.open_again - now);
+}
+
+std::chrono::seconds AttemptGuard::longest_wait(const std::string& beginning, Clock::time_point now) const {
+  const std::lock_guard guard(mutex_);
+  Clock::time_point latest = now;
+  for (const auto& [key, failures] : failures_) {
+    if (key.starts_with(beginning)) latest = std::max(latest, failures.open_again);
+  }
+  return std::chrono::ceil<std::chrono::seconds>(latest - now);
 }
 
 void AttemptGuard::failed(const std::string& key, Clock::time_point now) {
@@ -39,4 +48,4 @@ void AttemptGuard::make_room(Clock::time_point now) {
   failures_.erase(std::ranges::min_element(failures_, {}, [](const auto& each) { return each.second.last; }));
 }
 
-}  // namespace kiroku::viewer
+}  // namespace kiroku

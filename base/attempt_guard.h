@@ -1,5 +1,5 @@
-// Slows down whoever guesses passwords: after some failures each further one closes the door for longer, for
-// the user's name and for the address apart. Thread-safe. Kept in memory alone.
+// Slows down whoever guesses passwords or tokens: after some failures each further one closes the door for
+// longer, for each key apart. Thread-safe. Kept in memory alone.
 #pragma once
 
 #include <chrono>
@@ -8,10 +8,10 @@
 #include <string>
 #include <unordered_map>
 
-namespace kiroku::viewer {
+namespace kiroku {
 
 struct AttemptLimits {
-  std::size_t free_failures = 5;  // of one name or address before the first wait
+  std::size_t free_failures = 5;  // of one key before the first wait
   std::chrono::seconds first_wait{2};
   std::chrono::seconds longest_wait = std::chrono::minutes(5);
   /// Failures are forgotten so long after the last.
@@ -24,9 +24,11 @@ class AttemptGuard {
   using Clock = std::chrono::steady_clock;
   explicit AttemptGuard(AttemptLimits limits = {});
 
-  /// How long this name or address still has to wait at `now`; zero: it may try. `key` as "user:anna",
-  /// "address:192.0.2.7".
+  /// How long this key still has to wait at `now`; zero: it may try. A key says who tries, and from where
+  /// (base/network_address.h).
   [[nodiscard]] std::chrono::seconds wait(const std::string& key, Clock::time_point now) const;
+  /// The longest that any key with this beginning has to wait.
+  [[nodiscard]] std::chrono::seconds longest_wait(const std::string& beginning, Clock::time_point now) const;
   /// The first_wait after free_failures, twice as long after each further one.
   void failed(const std::string& key, Clock::time_point now);
   void succeeded(const std::string& key);
@@ -42,4 +44,4 @@ class AttemptGuard {
   std::unordered_map<std::string, Failures> failures_;
 };
 
-}  // namespace kiroku::viewer
+}  // namespace kiroku

@@ -1,0 +1,156 @@
+// The server's connections, attacked: requests that hide others, and connections that shut others out.
+#include "viewer/server/web_server.h"
+
+#include <arpa/inet.h>
+#include <atomic>
+#include <future>
+#include <netinet/in.h>
+#include <sys/socket.h>
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "base/descriptor.h"
+#include "tests/support/https_client.h"
+#include "tests/support/temporary_folder.h"
+#include "viewer/server/server_certificate.h"
+
+namespace kiroku::viewer {
+namespace {
+
+using namespace std::chrono_literals;
+using test::HttpResponse;
+using test::HttpsConnection;
+using testing::HasSubstr;
+
+class WebServerTest : public testing::Test {
+ protected:
+  WebServerTest() {
+    router.add("POST", "api/said", Right::kNone, [this](const Request& request) {
+      said = request.body;
+      return Response::text("taken", "text/plain");
+    });
+    router.add("GET", "api/hidden", Right::kNone, [this](const Request& /*request*/) {
+      ++hidden;
+      return Response::text("hidden", "text/plain");
+    });
+    router.add("GET", "api/mine", Right::kSeeLive,
+               [](const Request& /*request*/) { return Response::text("mine", "text/plain"); });
+  }
+  void serve(const WebServerLimits& limits = {}) {
+    bool made = false;
+    ServerCertificate certificate = own_certificate(folder.path(), {"127.0.0.1"}, made);
+    WebServerOptions options;
+    options.listen = "127.0.0.1:0";
+    options.certificate_pem = std::move(certificate.certificate_pem);
+    options.key_pem = std::move(certificate.key_pem);
+    options.limits = limits;
+    server.emplace(std::move(options), dispatcher);
+  }
+  /// A connection that never says anything, not even to TLS.
+  [[nodiscard]] Descriptor silent(const std::string& source) const {
+    const auto address = [](const std::string& host, std::uint16_t port) {
+      sockaddr_in out{};
+      out.sin_family = AF_INET;
+      out.sin_port = htons(port);
+      inet_pton(AF_INET, host.c_str(), &out.sin_addr);
+      return out;
+    };
+    Descriptor socket(::socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0));
+    const sockaddr_in from = address(source, 0), to = address("127.0.0.1", server->port());
+    EXPECT_EQ(::bind(socket.number(), reinterpret_cast<const sockaddr*>(&from), sizeof from), 0);
+    EXPECT_EQ(::connect(socket.number(), reinterpret_cast<const sockaddr*>(&to), sizeof to), 0);
+    return socket;
+  }
+  static std::string hidden_request() { return "GET /api/hidden HTTP/1.1\r\nHost: localhost\r\n\r\n"; }
+  static std::string post(const std::string& fields, const std::string& body) {
+    return "POST /api/said HTTP/1.1\r\nX-Kiroku-Request: 1\r\nContent-Type: application/json\r\n" + fields +
+           "\r\n" + body;
+  }
+
+  test::TemporaryFolder folder;
+  std::atomic<int> hidden{0};
+  std::string said;
+  Router router;
+  SessionStore sessions;
+  StaticFiles page;
+  Dispatcher dispatcher{router, sessions, page, [](const std::string& /*sentence*/) {}};
+  std::optional<WebServer> server;
+};
+
+TEST_F(WebServerTest, AnswersARequestWhoseBodyEndsInOneWay) {
+  serve();
+  HttpsConnection connection(server->port());
+  connection.send(post("Host: localhost\r\nContent-Length: 2\r\n", "{}") + hidden_request() +
+                  post("Host: localhost\r\nTransfer-Encoding: chunked\r\n", "2\r\n[]\r\n0\r\n\r\n"));
+  EXPECT_EQ(connection.receive().body, "taken");
+  EXPECT_EQ(connection.receive().body, "hidden");
+  EXPECT_EQ(connection.receive().body, "taken");
+  EXPECT_EQ(said, "[]");
+  EXPECT_EQ(hidden, 1);
+}
+
+TEST_F(WebServerTest, RefusesARequestThatCouldHideAnotherAndReadsNoFurther) {
+  serve();
+  const std::string body = hidden_request();
+  const std::string length = "Content-Length: " + std::to_string(body.size()) + "\r\n";
+  const std::string host = "Host: localhost\r\n";
+  for (const std::string& fields :
+       {host + "Transfer-Encoding: gzip\r\n", host + "Transfer-Encoding: xchunked\r\n",
+        host + "Transfer-Encoding: chunked, identity\r\n", host + "Transfer-Encoding: identity\r\n",
+        host + length + "Transfer-Encoding: chunked\r\n", host + "Transfer-Encoding: chunked\r\n" + length,
+        host + length + length, host + "Content-Length: 0\r\nContent-Length: 0\r\n",
+        host + "Host: elsewhere\r\n", host + host, host + "X-Note: one\r\n two\r\n",
+        host + "X-Note: one\r\n\ttwo\r\n", host + "Content-Length: 0, 0\r\n", host + "Content-Length : 0\r\n",
+        std::string()}) {
+    HttpsConnection connection(server->port());
+    connection.send(post(fields, body));
+    const HttpResponse answer = connection.receive();
+    EXPECT_EQ(answer.status, 400) << fields;
+    EXPECT_EQ(answer.headers.at("connection"), "close") << fields;
+    EXPECT_EQ(connection.receive().status, 0) << "nothing more is answered: " << fields;
+  }
+  EXPECT_EQ(hidden, 0);
+  EXPECT_EQ(said, "");
+}
+
+TEST_F(WebServerTest, TakesAHeadByteByByteAndTellsWhereItIsTooLong) {
+  serve({.header_bytes = 300});
+  HttpsConnection slow(server->port());
+  for (const char c : hidden_request()) slow.send(std::string(1, c));
+  EXPECT_EQ(slow.receive().body, "hidden");
+  HttpsConnection at_once(server->port());
+  at_once.send("GET / HTTP/1.1\r\nHost: localhost\r\nX: " + std::string(400, 'x') + "\r\n\r\n");
+  EXPECT_EQ(at_once.receive().status, 431);
+  HttpsConnection endless(server->port());
+  endless.send(std::string(1000, 'x'));
+  EXPECT_EQ(endless.receive().status, 431);
+}
+
+TEST_F(WebServerTest, SilentConnectionsShutNobodyOut) {
+  serve({.connections = 20, .connections_of_address = 10});
+  const std::string cookie =
+      std::string(kSessionCookie) + "=" + sessions.open("anna", Role::kSurgeon, {}).token;
+  HttpsConnection signed_in(server->port());
+  const std::string mine = test::http_request("GET", "/api/mine", {{"Cookie", cookie}});
+  signed_in.send(mine);
+  ASSERT_EQ(signed_in.receive().body, "mine");
+  std::vector<Descriptor> held;
+  for (int i = 0; i < 100; ++i) held.push_back(silent("127.0.1." + std::to_string(1 + i % 50)));
+  EXPECT_EQ(test::ask_once(server->port(), hidden_request()).body, "hidden");
+  signed_in.send(mine);
+  EXPECT_EQ(signed_in.receive().body, "mine") << "whoever signed in keeps the connection";
+}
+
+TEST_F(WebServerTest, AnAddressTakesFromItsOwnConnectionsAlone) {
+  serve({.connections = 100, .connections_of_address = 3});
+  HttpsConnection other(server->port(), "127.0.2.2");
+  std::vector<Descriptor> held;
+  for (int i = 0; i < 30; ++i) held.push_back(silent("127.0.2.1"));
+  EXPECT_EQ(test::ask_once(server->port(), hidden_request(), "127.0.2.1").body, "hidden");
+  other.send(hidden_request());
+  EXPECT_EQ(other.receive().body, "hidden");
+}
+
+}  // namespace
+}  // namespace kiroku::viewer
