@@ -69,6 +69,7 @@ for profile in mpeg2 lossless; do
   take --from 00:00:02 --to 00:00:04 --stream endoscope
   expect 4 '^INTACT EXCERPT: .*endoscope from 2000000000 to 4000000000 ns' verify-excerpt.sh "$excerpt"
   expect 4 '^INTACT EXCERPT: ' verify-excerpt.sh "$excerpt" "$KIROKU_HOME/identity.txt"
+  OWN_ROOTS=$KIROKU_HOME/own-authority.pem expect 4 ': self-issued, so the recorder says' verify-excerpt.sh "$excerpt"
   expect 2 '^COULD NOT CHECK: this is an excerpt' verify.sh "$excerpt"
   expect 2 '^COULD NOT CHECK: this is not an excerpt' verify-excerpt.sh "$case"
   wrong_inputs verify-excerpt.sh "$excerpt"
