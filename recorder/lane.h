@@ -49,6 +49,8 @@ struct LaneStatus {
   std::uint64_t frames = 0, dropped = 0, segments = 0, bytes = 0;
   std::int64_t last_ns = 0;     // case-clock end of what was recorded
   std::int64_t durable_ns = 0;  // case-clock end of the last segment that was handed to the ledger
+  unsigned stuck = 0;           // threads of its source that do not come back from its driver
+  std::uint64_t given_up = 0;   // such threads since the recorder started
 };
 
 class Lane {

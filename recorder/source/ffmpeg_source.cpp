@@ -10,6 +10,7 @@ extern "C" {
 #include <algorithm>
 #include <filesystem>
 #include <mutex>
+#include <thread>
 
 #include "base/error.h"
 #include "recorder/source/fifo_input.h"
@@ -19,8 +20,8 @@ namespace {
 
 using media::require;
 
-// A live source that sends nothing for this long is lost: torn down and opened anew.
-constexpr std::int64_t kStallTimeoutNs = 5'000'000'000;
+// libavdevice keeps its descriptor to itself, so a device is asked this often whether it has a picture.
+constexpr std::chrono::milliseconds kDeviceInterval{1};
 // A file whose time stamps jump further than this is taken to go on where it was.
 constexpr std::int64_t kLargestJumpNs = 10'000'000'000;
 constexpr AVRational kNanoseconds{1, 1'000'000'000};
@@ -49,6 +50,8 @@ class FfmpegSource : public Source {
       : address_(address),
         clock_(clock),
         cancelled_(terms.cancelled),
+        pulse_(terms.pulse),
+        silence_ns_(terms.silence.count()),
         name_("source '" + address.stated + "'"),
         live_(address.kind != SourceKind::kFile),
         wants_sound_(terms.sound),
@@ -101,7 +104,7 @@ class FfmpegSource : public Source {
             std::max(std::min<std::int64_t>(frame->reordered_opaque, clock_.now_ns()), last_time_ns_ + 1);
       } else {
         timed.time_ns = file_time_ns(*frame);
-        if (!address_.unpaced() && !wait_until(clock_, timed.time_ns, interruption())) return {};
+        if (!address_.unpaced() && !wait_until(clock_, timed.time_ns, interruption(), pulse_)) return {};
       }
       last_time_ns_ = timed.time_ns;
       timed.frame = std::move(frame);
@@ -113,8 +116,11 @@ class FfmpegSource : public Source {
  private:
   static int must_stop(void* self) { return static_cast<FfmpegSource*>(self)->must_stop() ? 1 : 0; }
   [[nodiscard]] bool must_stop() const {
-    return interrupted() || (cancelled_ != nullptr && *cancelled_) ||
-           (live_ && clock_.now_ns() > deadline_ns_);
+    const bool stop =
+        interrupted() || (cancelled_ != nullptr && *cancelled_) || (live_ && clock_.now_ns() > deadline_ns_);
+    // What goes on waiting though it must stop gives no sign of life.
+    if (!stop && pulse_ != nullptr) ++*pulse_;
+    return stop;
   }
 
   [[nodiscard]] media::Options options_for_input(const AVInputFormat*& format) const {
@@ -155,6 +161,8 @@ class FfmpegSource : public Source {
     if (raw == nullptr) throw std::bad_alloc();
     raw->interrupt_callback = {must_stop, this};
     if (live_) raw->flags |= AVFMT_FLAG_NOBUFFER;
+    // libavdevice asks no callback while it waits in the driver, so it may not wait there.
+    if (address_.kind == SourceKind::kDevice) raw->flags |= AVFMT_FLAG_NONBLOCK;
     std::string location = address_.location;
     if (address_.kind == SourceKind::kPipe) {
       try {
@@ -170,6 +178,8 @@ class FfmpegSource : public Source {
     const int opened = avformat_open_input(&raw, location.c_str(), input_format, options.address());
     if (opened < 0) throw Error(name_ + " cannot be opened: " + why_not_opened(opened));
     input_.reset(raw);
+    // A device says by itself what it gives; asked without waiting, libavformat would look in a busy loop.
+    if (address_.kind == SourceKind::kDevice) return;
     const int described = avformat_find_stream_info(input_.get(), nullptr);
     if (described < 0) throw Error(name_ + " cannot be opened: " + why_not_opened(described));
   }
@@ -236,8 +246,8 @@ class FfmpegSource : public Source {
       if (sound_decoder_ && avcodec_receive_frame(sound_decoder_.get(), frame.get()) == 0) return frame;
       if (received == AVERROR_EOF) return {};
       if (received != AVERROR(EAGAIN)) require(received, "cannot decode " + name_);
-      if (!opening_) deadline_ns_ = clock_.now_ns() + kStallTimeoutNs;
-      const int read = av_read_frame(input_.get(), packet.get());
+      if (!opening_) deadline_ns_ = clock_.now_ns() + silence_ns_;
+      const int read = next_packet(*packet);
       if (read == AVERROR_EOF || interrupted()) {
         (void)avcodec_send_packet(decoder_.get(), nullptr);
         if (sound_decoder_) (void)avcodec_send_packet(sound_decoder_.get(), nullptr);
@@ -254,6 +264,31 @@ class FfmpegSource : public Source {
       }
       av_packet_unref(packet.get());
     }
+  }
+
+  /// As av_read_frame(), which a device without a picture answers at once.
+  int next_packet(AVPacket& packet) {
+    for (;;) {
+      const int read = av_read_frame(input_.get(), &packet);
+      if (read == AVERROR(EAGAIN)) {
+        if (must_stop()) return AVERROR_EXIT;
+        std::this_thread::sleep_for(kDeviceInterval);
+        continue;
+      }
+      if (read >= 0 && address_.kind == SourceKind::kDevice) keep(packet);
+      return read;
+    }
+  }
+
+  /// What a device gives lies in memory of its driver, which goes when it is closed; decoded pictures may
+  /// still refer to it then.
+  static void keep(AVPacket& packet) {
+    const media::Packet copy = media::make_packet();
+    require(av_new_packet(copy.get(), packet.size), "take a picture from its driver");
+    std::copy_n(packet.data, packet.size, copy->data);
+    require(av_packet_copy_props(copy.get(), &packet), "take a picture from its driver");
+    av_packet_unref(&packet);
+    av_packet_move_ref(&packet, copy.get());
   }
 
   void rewind() {
@@ -295,6 +330,8 @@ class FfmpegSource : public Source {
   const SourceAddress address_;
   const CaseClock& clock_;
   const std::atomic<bool>* cancelled_;  // while opening
+  Pulse* const pulse_;                  // may be null
+  const std::int64_t silence_ns_;       // a live source that sends nothing for so long is lost
   const std::string name_;
   const bool live_;
   const bool wants_sound_;

@@ -94,15 +94,17 @@ SourceAddress parse_source_address(const std::string& text, Presence presence) {
   constexpr std::string_view kDevice = "v4l2:";
   const std::string path = text.starts_with(kDevice) ? text.substr(kDevice.size()) : text;
   std::error_code error;
+  const bool looks = presence != Presence::kNotLookedAt;
   // A file may have a question mark in its own name.
-  if (std::filesystem::exists(path, error)) {
+  if (looks && std::filesystem::exists(path, error)) {
     address.location = path;
   } else {
     split_options(path, address);
   }
-  const auto status = std::filesystem::status(address.location, error);
+  const auto status =
+      looks ? std::filesystem::status(address.location, error) : std::filesystem::file_status();
   if (!std::filesystem::exists(status)) {
-    if (presence == Presence::kMayBeAbsent) {
+    if (presence != Presence::kRequired) {
       address.kind = address.location.starts_with("/dev/") ? SourceKind::kDevice : SourceKind::kFile;
       return address;
     }

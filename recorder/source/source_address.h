@@ -27,8 +27,9 @@ struct SourceAddress {
 };
 
 /// Whether a path must be there when its address is read. One that is not, and may be absent, is taken for a
-/// device below /dev, for a file elsewhere.
-enum class Presence { kRequired, kMayBeAbsent };
+/// device below /dev, for a file elsewhere; so is one that is not looked at, as looking may wait for a file
+/// system that does not answer.
+enum class Presence { kRequired, kMayBeAbsent, kNotLookedAt };
 /// Throws kiroku::UsageError for an empty address, an unknown scheme, or a path that is required and not
 /// there.
 SourceAddress parse_source_address(const std::string& text, Presence presence = Presence::kRequired);
