@@ -51,6 +51,7 @@ struct LaneStatus {
   std::int64_t durable_ns = 0;  // case-clock end of the last segment that was handed to the ledger
   unsigned stuck = 0;           // threads of its source that do not come back from its driver
   std::uint64_t given_up = 0;   // such threads since the recorder started
+  std::string input;            // what comes, as Source::input() says
 };
 
 class Lane {

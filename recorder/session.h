@@ -76,6 +76,7 @@ struct StreamStatus {
   std::int64_t durable_ns = 0;  // case-clock end of what is safely on the disk and in the ledger
   unsigned stuck = 0;           // threads of its source that do not come back from its driver
   std::uint64_t given_up = 0;   // such threads since the recorder started, come back or not
+  std::string input;            // what comes: "640x480 yuyv422, 30 a second, RTSP over UDP"; "" if not known
 };
 struct SessionStatus {
   std::int64_t now_ns = 0;

@@ -41,6 +41,7 @@ VideoLane::VideoLane(const LaneContext& context, std::size_t stream_index, archi
       queue_(queue_bytes),
       muxer_(profile.in_transport_stream() ? make_transport_stream_muxer() : make_matroska_muxer()),
       source_(std::move(source)) {
+  if (source_) input_ = source_->input();
   if (!source_ || !profile_.audio) return;
   if (const auto format = source_->sound_format()) sound_ = std::make_unique<SoundEncoder>(*format, profile_);
 }
@@ -64,15 +65,19 @@ void VideoLane::stop() {
 }
 
 LaneStatus VideoLane::status() const {
-  return {live_,
-          frames_,
-          refused_ + queue_.dropped(),
-          output_.segments(),
-          output_.bytes(),
-          last_ns_,
-          output_.claimed_until_ns(),
-          guard_->stuck(),
-          guard_->given_up()};
+  LaneStatus status;
+  status.live = live_;
+  status.frames = frames_;
+  status.dropped = refused_ + queue_.dropped();
+  status.segments = output_.segments();
+  status.bytes = output_.bytes();
+  status.last_ns = last_ns_;
+  status.durable_ns = output_.claimed_until_ns();
+  status.stuck = guard_->stuck();
+  status.given_up = guard_->given_up();
+  const std::lock_guard guard(source_mutex_);
+  status.input = input_;
+  return status;
 }
 
 // --- capture -----------------------------------------------------------------------------------------------
@@ -149,6 +154,7 @@ bool VideoLane::reopen(bool was_open) {
       auto fresh = open_source(address_, context_.clock, terms);
       if (const std::string remark = fresh->remark(); !remark.empty()) context_.troubles.mention(remark);
       const std::lock_guard guard(source_mutex_);
+      input_ = fresh->input();
       source_ = std::move(fresh);
       if (stopping_) source_->interrupt();
       return true;
@@ -223,10 +229,10 @@ void VideoLane::take(QueuedFrame item) {
                                       kShortestSilenceNs, kLongestSilenceNs);
   if (!absence_ && time_ns - end_of_last_frame() > longest_silence_ns) {
     end_segment(end_of_last_frame());
-    absence_ = Absence{recorded_until_ns_, item.dropped_before > 0 ? archive::GapCause::kOverload
-                                                                   : archive::GapCause::kSignalLost};
+    absence_ = Absence{recorded_until_ns_,
+                       item.dropped_before > 0 ? item.dropped_cause : archive::GapCause::kSignalLost};
   } else if (item.dropped_before > 0) {
-    state_gap(item.dropped_since_ns, time_ns, archive::GapCause::kOverload);
+    state_gap(item.dropped_since_ns, time_ns, item.dropped_cause);
   }
   if (!ready_for(format_of(*item.picture.frame), item.picture.rate)) {
     ++refused_;
@@ -385,8 +391,7 @@ void VideoLane::finish(std::int64_t close_ns) {
     try {
       if (const std::optional<QueuedFrame> drops = queue_.unstated_drops()) {
         segment_dropped_ += drops->dropped_before;
-        state_gap(drops->dropped_since_ns, std::max(close_ns, drops->dropped_since_ns),
-                  archive::GapCause::kOverload);
+        state_gap(drops->dropped_since_ns, std::max(close_ns, drops->dropped_since_ns), drops->dropped_cause);
       }
       if (sound_ && segment_has_sound_ && output_.is_open()) write_sound(sound_->drain());
       end_coding();

@@ -93,8 +93,9 @@ class VideoLane : public Lane {
   std::unique_ptr<SegmentMuxer> muxer_;
   std::unique_ptr<SoundEncoder> sound_;  // null: no sound, or none yet
 
-  std::mutex source_mutex_;  // guards the pointer: stop() interrupts whatever source there is
+  mutable std::mutex source_mutex_;  // guards the next two: stop() interrupts whatever source there is
   std::unique_ptr<Source> source_;
+  std::string input_;  // of the source there is, or was
   std::atomic<bool> stopping_ = false, ended_ = false, reached_end_ = false, live_ = false;
   std::atomic<std::uint64_t> frames_ = 0, refused_ = 0;
   std::atomic<std::int64_t> last_ns_ = 0;  // when the last frame ceased to be shown

@@ -38,7 +38,8 @@ void VitalsLane::stop() {
 LaneStatus VitalsLane::status() const {
   // What waits for arrivals may be silent for long though its connection stands.
   const bool live = live_ && (!source_->is_live() || context_.clock.now_ns() - last_ns_ < kSilenceNs);
-  return {live, samples_, 0, output_.segments(), output_.bytes(), last_ns_, output_.claimed_until_ns()};
+  return {live, samples_, 0, output_.segments(), output_.bytes(), last_ns_, output_.claimed_until_ns(),
+          0,    0,        ""};
 }
 
 std::optional<VitalLine> VitalsLane::next_line() {

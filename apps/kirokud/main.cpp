@@ -442,5 +442,5 @@ int main(int argc, char** argv) {
   root.example("kirokud --check --config kiroku.toml", "looks for mistakes in a configuration");
   root.example("kirokud --home ~/.local/share/kiroku", "records in the foreground");
   root.on_run([request] { return run(*request); });
-  return recorder::end_process(program.run(argc, argv));
+  return kiroku::recorder::end_process(program.run(argc, argv));
 }

@@ -63,6 +63,7 @@ ordered_json stream_json(const StreamStatus& stream, std::int64_t now_ns) {
           {"bytes", stream.bytes},
           {"age_ms", std::llround(milliseconds_since(stream.last_ns))},
           {"durable_age_ms", std::llround(milliseconds_since(stream.durable_ns))},
+          {"input", stream.input},
           {"stuck", stream.stuck},
           {"given_up", stream.given_up}};
 }

@@ -4,10 +4,12 @@ extern "C" {
 #include <libavcodec/avcodec.h>
 #include <libavdevice/avdevice.h>
 #include <libavformat/avformat.h>
+#include <libavutil/parseutils.h>
 #include <libavutil/pixdesc.h>
 }
 
 #include <algorithm>
+#include <array>
 #include <filesystem>
 #include <mutex>
 #include <thread>
@@ -24,6 +26,14 @@ using media::require;
 constexpr std::chrono::milliseconds kDeviceInterval{1};
 // A file whose time stamps jump further than this is taken to go on where it was.
 constexpr std::int64_t kLargestJumpNs = 10'000'000'000;
+// A decoder gives pictures some packets after it took them in.
+constexpr int kPicturesOfDamage = 16;
+// A server is asked for them in this order.
+struct RtspTransport {
+  const char *asked, *libav, *name;
+};
+constexpr std::array<RtspTransport, 3> kRtspTransports{
+    {{"tcp", "tcp", "TCP"}, {"udp", "udp", "UDP"}, {"multicast", "udp_multicast", "multicast"}}};
 constexpr AVRational kNanoseconds{1, 1'000'000'000};
 
 /// The same samples under the name that says their range apart from their layout.
@@ -67,6 +77,7 @@ class FfmpegSource : public Source {
     format_ = format_of(*first_frame_);
     cancelled_ = nullptr;
     opening_ = false;
+    if (address_.kind == SourceKind::kDevice) compare_with_asked();
   }
 
   [[nodiscard]] PictureFormat format() const override { return format_; }
@@ -77,6 +88,12 @@ class FfmpegSource : public Source {
                        sound_decoder_->sample_fmt};
   }
   [[nodiscard]] bool is_live() const override { return live_; }
+  [[nodiscard]] std::string remark() const override { return remark_; }
+  [[nodiscard]] std::string input() const override {
+    char rate[32];
+    std::snprintf(rate, sizeof rate, ", %.4g a second", double(rate_.numerator) / double(rate_.denominator));
+    return format_.to_string() + rate + (transport_.empty() ? "" : ", RTSP over " + transport_);
+  }
 
   std::optional<TimedFrame> read() override {
     // The picture that opening looked at came before recording began.
@@ -102,6 +119,8 @@ class FfmpegSource : public Source {
       if (live_) {
         timed.time_ns =
             std::max(std::min<std::int64_t>(frame->reordered_opaque, clock_.now_ns()), last_time_ns_ + 1);
+        timed.lost_before = lost_on_the_way_before(*frame);
+        timed.lost_on_the_way = true;
       } else {
         timed.time_ns = file_time_ns(*frame);
         if (!address_.unpaced() && !wait_until(clock_, timed.time_ns, interruption(), pulse_)) return {};
@@ -139,7 +158,6 @@ class FfmpegSource : public Source {
     } else if (address_.kind == SourceKind::kFile) {
       address_.require_options("speed,loop");
     }
-    if (address_.location.starts_with("rtsp")) options.set("rtsp_transport", "tcp");
     if (address_.location.starts_with("udp")) {
       // A moment's delay must not end the stream; what is lost shows in the pictures.
       options.set("overrun_nonfatal", "1");
@@ -155,8 +173,48 @@ class FfmpegSource : public Source {
     if (address_.kind == SourceKind::kFile && std::filesystem::file_size(address_.location, ignored) == 0) {
       throw UsageError(name_ + " is an empty file; give one that holds a film");
     }
+    if (address_.location.starts_with("rtsp")) {
+      open_rtsp();
+    } else if (const int opened = try_to_open(nullptr); opened < 0) {
+      throw Error(name_ + " cannot be opened: " + why_not_opened(opened));
+    }
+    // A device says by itself what it gives; asked without waiting, libavformat would look in a busy loop.
+    if (address_.kind == SourceKind::kDevice) return;
+    const int described = avformat_find_stream_info(input_.get(), nullptr);
+    if (described < 0) throw Error(name_ + " cannot be opened: " + why_not_opened(described));
+  }
+
+  /// Over the transport that the address names, or the first of all that the server offers. What libavformat
+  /// tries by itself, it does not tell.
+  void open_rtsp() {
+    const std::string asked = address_.option("transport", "");
+    std::string refused;
+    for (const RtspTransport& transport : kRtspTransports) {
+      if (!asked.empty() && asked != transport.asked) continue;
+      // Over TLS there is TCP alone.
+      if (asked.empty() && address_.location.starts_with("rtsps") && !refused.empty()) break;
+      const int opened = try_to_open(transport.libav);
+      if (opened >= 0) {
+        transport_ = transport.name;
+        if (!refused.empty()) {
+          remark_ = name_ + " comes over " + transport_ +
+                    ", where what the network loses is not sent again: its server offers no " + refused;
+        }
+        return;
+      }
+      if (opened != AVERROR(EPROTONOSUPPORT)) {
+        throw Error(name_ + " cannot be opened: " + why_not_opened(opened));
+      }
+      refused += (refused.empty() ? "" : " or ") + std::string(transport.name);
+    }
+    throw Error(name_ + " cannot be opened: its server does not offer RTSP over " + refused);
+  }
+
+  /// What avformat_open_input() says; `rtsp_transport` is its option, null for what is not RTSP.
+  int try_to_open(const char* rtsp_transport) {
     const AVInputFormat* input_format = nullptr;
     media::Options options = options_for_input(input_format);
+    if (rtsp_transport != nullptr) options.set("rtsp_transport", rtsp_transport);
     AVFormatContext* raw = avformat_alloc_context();
     if (raw == nullptr) throw std::bad_alloc();
     raw->interrupt_callback = {must_stop, this};
@@ -176,12 +234,8 @@ class FfmpegSource : public Source {
       location.insert(0, "file:");  // a path must not be mistaken for a protocol ("a:b.mp4")
     }
     const int opened = avformat_open_input(&raw, location.c_str(), input_format, options.address());
-    if (opened < 0) throw Error(name_ + " cannot be opened: " + why_not_opened(opened));
-    input_.reset(raw);
-    // A device says by itself what it gives; asked without waiting, libavformat would look in a busy loop.
-    if (address_.kind == SourceKind::kDevice) return;
-    const int described = avformat_find_stream_info(input_.get(), nullptr);
-    if (described < 0) throw Error(name_ + " cannot be opened: " + why_not_opened(described));
+    if (opened >= 0) input_.reset(raw);
+    return opened;
   }
 
   [[nodiscard]] std::string why_not_opened(int code) const {
@@ -211,6 +265,25 @@ class FfmpegSource : public Source {
     require(avcodec_open2(decoder_.get(), decoder, nullptr), action);
     const AVRational rate = av_guess_frame_rate(input_.get(), stream, nullptr);
     rate_ = rate.num > 0 && rate.den > 0 ? Rational{rate.num, rate.den} : Rational{25, 1};
+  }
+
+  /// A driver gives what is nearest to what it is asked for, and libavdevice takes it.
+  void compare_with_asked() {
+    const std::string size = std::to_string(format_.width) + "x" + std::to_string(format_.height);
+    const std::string asked_size = address_.option("size", size);
+    int width = 0;
+    int height = 0;
+    const bool same_size = av_parse_video_size(&width, &height, asked_size.c_str()) >= 0 &&
+                           width == format_.width && height == format_.height;
+    AVRational asked_rate{rate_.numerator, rate_.denominator};
+    const bool rate_named = address_.options.contains("rate");
+    if (rate_named) (void)av_parse_video_rate(&asked_rate, address_.option("rate", "").c_str());
+    const bool same_rate = av_cmp_q(asked_rate, {rate_.numerator, rate_.denominator}) == 0;
+    if (same_size && same_rate) return;
+    remark_ = name_ + " was asked for";
+    if (!same_size) remark_ += " " + asked_size + (same_rate ? "" : ",");
+    if (!same_rate) remark_ += " " + address_.option("rate", "") + " pictures a second";
+    remark_ += ", which it does not offer: recorded is " + input();
   }
 
   void open_sound_decoder() {
@@ -256,6 +329,7 @@ class FfmpegSource : public Source {
       if (read == AVERROR_EXIT) throw Error(name_ + " sent nothing for too long; check its cable or network");
       require(read, "cannot read on from " + name_);
       if (packet->stream_index == stream_) {
+        if ((packet->flags & AV_PKT_FLAG_CORRUPT) != 0) damage_concerns_ = kPicturesOfDamage;
         decoder_->reordered_opaque = clock_.now_ns();
         (void)avcodec_send_packet(decoder_.get(), packet.get());
       } else if (sound_decoder_ && packet->stream_index == sound_stream_) {
@@ -317,6 +391,24 @@ class FfmpegSource : public Source {
     return file_time_ns_ += advance;
   }
 
+  /// How many pictures the source's own times leave out before this one, where data were damaged on the way
+  /// (a transport stream counts its packets, and a decoder misses what it refers to). Without damage a hole
+  /// is the source's own: there was nothing to send.
+  std::uint64_t lost_on_the_way_before(const AVFrame& frame) {
+    if (frame.decode_error_flags != 0 || (frame.flags & AV_FRAME_FLAG_CORRUPT) != 0)
+      damage_concerns_ = kPicturesOfDamage;
+    if (frame.best_effort_timestamp == AV_NOPTS_VALUE) return 0;
+    const std::int64_t pts_ns =
+        av_rescale_q(frame.best_effort_timestamp, input_->streams[stream_]->time_base, kNanoseconds);
+    const std::int64_t advance = pts_ns - last_pts_ns_.value_or(pts_ns);
+    last_pts_ns_ = pts_ns;
+    if (damage_concerns_ == 0) return 0;
+    --damage_concerns_;
+    const std::int64_t step = 1'000'000'000LL * rate_.denominator / rate_.numerator;
+    if (advance < step || advance > kLargestJumpNs) return 0;
+    return static_cast<std::uint64_t>((advance + step / 2) / step - 1);
+  }
+
   /// On the same time line as the pictures; negative where there is no picture to go by.
   [[nodiscard]] std::int64_t sound_time_ns(const AVFrame& frame) const {
     if (live_)
@@ -346,9 +438,12 @@ class FfmpegSource : public Source {
   int sound_stream_ = -1;
   PictureFormat format_;
   Rational rate_;
+  std::string transport_;  // of RTSP
+  std::string remark_;
   media::Frame first_frame_;
   std::int64_t last_time_ns_ = -1;
   std::optional<std::int64_t> last_pts_ns_;
+  int damage_concerns_ = 0;  // so many of the next pictures may be missing for damage that was seen
   std::int64_t file_time_ns_ = 0;
   std::uint64_t frames_read_ = 0;
 };

@@ -47,7 +47,8 @@ SoundFormat sound_format_of(const AVFrame& frame);
 struct TimedFrame {
   media::Frame frame;
   std::int64_t time_ns = 0;
-  std::uint64_t lost_before = 0;  // frames that the source knows it lost since the last one
+  std::uint64_t lost_before = 0;  // frames that the source knows were lost since the last one
+  bool lost_on_the_way = false;   // by what sends them or the network, not for want of time here
   Rational rate{25, 1};           // nominal, of the source it came from
   bool is_sound = false;
 };
@@ -64,6 +65,8 @@ class Source {
   [[nodiscard]] virtual std::optional<SoundFormat> sound_format() const { return {}; }
   /// Whether frames come when the world sends them, so that losing the source is a fault and not an end.
   [[nodiscard]] virtual bool is_live() const = 0;
+  /// What comes, for people: "640x480 yuyv422, 30 a second". "" where nobody needs to be told.
+  [[nodiscard]] virtual std::string input() const { return {}; }
   /// What a person should know of how it was opened: that it gives other pictures than were asked for, or
   /// comes another way. "" where there is nothing.
   [[nodiscard]] virtual std::string remark() const { return {}; }

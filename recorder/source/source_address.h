@@ -15,7 +15,8 @@ struct SourceAddress {
   std::string
       location;  // without our options: "/dev/video0", "film.mp4", "room" (synthetic), "mllp://0.0.0.0:2575"
   std::map<std::string, std::string> options;  // after '?', for synthetic sources, files and monitors; part
-                                               // of the location for network addresses
+                                               // of the location for network addresses, but for "transport",
+                                               // which the scheme names: "rtsp+udp://"
   std::string stated;  // for the ledger and for people: passwords and passphrases replaced by "***"
 
   [[nodiscard]] std::string option(const std::string& name, const std::string& otherwise) const;

@@ -27,6 +27,8 @@ class SilentCamera : public ProgramTest {
       GTEST_SKIP() << "a sanitizer's library must be the first one that is loaded";
     make_demo_home();
     port_ = reserved_port();
+  }
+  void configure(const std::string& source) const {
     std::string text = read_text(home() / "kiroku.toml");
     const std::string usual = "source_timeout = \"5s\"";
     const std::size_t at = text.find(usual);
@@ -37,7 +39,7 @@ name = "or-1"
 [[room.stream]]
 name = "endoscope"
 source = ")") +
-            kDevice +
+            source +
             R"("
 [[room.stream]]
 name = "room"
@@ -70,7 +72,9 @@ socket = ")" +
     return {std::istreambuf_iterator<char>(connection), {}};
   }
   /// Records until the camera has fallen silent and the recorder knows, then ends the case and the recorder.
-  void record(const std::string& then, const std::function<bool(const nlohmann::json& streams)>& known) {
+  void record(const std::string& then, const std::function<bool(const nlohmann::json& streams)>& known,
+              const std::string& source = kDevice) {
+    configure(source);
     Process daemon(kirokud(then));
     ASSERT_TRUE(daemon.wait_for("recording for 1 room"));
     const std::string id = kiroku_json({"case", "start", "--json"})["case"];
@@ -139,6 +143,17 @@ TEST_F(SilentCamera, WhoseDriverKeepsWhoClosesItHoldsNothing) {
   record("stuck-closing", [](const nlohmann::json& streams) { return streams[0].value("stuck", 0) > 0; });
   expect_gap_to_the_end();
   EXPECT_THAT(ended_.err, HasSubstr("(closing): its thread is left behind, 1 of at most 4"));
+}
+
+TEST_F(SilentCamera, ThatOffersOtherPicturesThanWereAskedForSaysSo) {
+  record(
+      "silent",
+      [](const nlohmann::json& streams) {
+        return streams[0]["input"] == "64x48 yuyv422, 20 a second" && !streams[0]["live"].get<bool>();
+      },
+      std::string(kDevice) + "?size=1920x1080&rate=60");
+  EXPECT_THAT(ended_.err, HasSubstr("was asked for 1920x1080, 60 pictures a second, which it does not offer: "
+                                    "recorded is 64x48 yuyv422, 20 a second"));
 }
 
 }  // namespace

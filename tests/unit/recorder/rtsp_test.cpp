@@ -88,8 +88,41 @@ TEST_F(RtspTest, ATransportThatIsNotOfferedIsRefusedByName) {
     open("rtsp://" + none.host() + "/stream", clock);
     FAIL() << "it was opened";
   } catch (const Error& error) {
-    EXPECT_THAT(error.what(), HasSubstr("its server does not offer RTSP over TCP, UDP or multicast"));
+    EXPECT_THAT(error.what(), HasSubstr("its server does not offer RTSP over TCP or UDP or multicast"));
   }
+}
+
+TEST_F(RtspTest, StatesPicturesThatTheNetworkLost) {
+  RtspCamera::Options losing = camera({"udp"});
+  losing.lost = [](std::uint64_t number) { return number % 5 == 4; };
+  const RtspCamera served(std::move(losing));
+  SessionOptions options = bench.options();
+  options.video = {bench.stream("room", "rtsp+udp://" + served.host() + "/stream")};
+  Session session(std::move(options));
+  const SessionResult result = session.run([&](const SessionStatus& status) {
+    if (status.streams[0].dropped >= 20) session.stop();
+  });
+  EXPECT_THAT(result.last.streams[0].input, HasSubstr("64x48 yuv420p, 20 a second, RTSP over UDP"));
+  const test::RecordedCase recorded = bench.read(result.folder);
+  EXPECT_THAT(recorded.broken_rules(), IsEmpty());
+  std::uint64_t dropped = 0;
+  for (const archive::SegmentEntry& segment : recorded.segments("room")) dropped += segment.dropped;
+  EXPECT_GE(dropped, 10U);
+  ASSERT_THAT(recorded.gaps("room"), testing::Not(IsEmpty()));
+  for (const archive::GapEntry& gap : recorded.gaps("room"))
+    EXPECT_EQ(gap.cause, archive::GapCause::kSignalLost);
+}
+
+TEST_F(RtspTest, StatesNoLossWhereNothingIsLost) {
+  const RtspCamera served(camera({"tcp"}));
+  SessionOptions options = bench.options();
+  options.video = {bench.stream("room", "rtsp://" + served.host() + "/stream")};
+  Session session(std::move(options));
+  const SessionResult result = session.run([&](const SessionStatus& status) {
+    if (status.streams[0].frames >= 40) session.stop();
+  });
+  EXPECT_EQ(result.last.streams[0].dropped, 0U);
+  EXPECT_THAT(bench.read(result.folder).gaps("room"), IsEmpty());
 }
 
 }  // namespace
