@@ -38,18 +38,22 @@ bool FrameQueue::push(TimedFrame frame, bool patient) {
   if (lost > 0 && dropped_before_next_ == 0) {
     first_dropped_ns_ = last_taken_ns_ + (time_ns - last_taken_ns_) / (lost + 1);
   }
+  if (lost > 0 && (dropped_before_next_ == 0 || !frame.lost_on_the_way)) {
+    dropped_cause_ = frame.lost_on_the_way ? archive::GapCause::kSignalLost : archive::GapCause::kOverload;
+  }
   dropped_before_next_ += frame.lost_before;
   if (!has_room()) {
     if (frame.is_sound) return false;  // silence fills the hole
+    dropped_cause_ = archive::GapCause::kOverload;
     if (dropped_before_next_++ == 0) first_dropped_ns_ = time_ns;
     ++dropped_;
     return false;
   }
   if (frame.is_sound) {
-    items_.emplace_back(QueuedFrame{std::move(frame), 0, 0});
+    items_.emplace_back(QueuedFrame{std::move(frame), 0, 0, dropped_cause_});
   } else {
-    items_.emplace_back(
-        QueuedFrame{std::move(frame), std::exchange(dropped_before_next_, 0), first_dropped_ns_});
+    items_.emplace_back(QueuedFrame{std::move(frame), std::exchange(dropped_before_next_, 0),
+                                    first_dropped_ns_, dropped_cause_});
     last_taken_ns_ = time_ns;
   }
   waiting_bytes_ += bytes;
@@ -108,6 +112,7 @@ std::optional<QueuedFrame> FrameQueue::unstated_drops() {
   QueuedFrame item;
   item.dropped_before = std::exchange(dropped_before_next_, 0);
   item.dropped_since_ns = first_dropped_ns_;
+  item.dropped_cause = dropped_cause_;
   return item;
 }
 

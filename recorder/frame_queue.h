@@ -19,6 +19,7 @@ struct QueuedFrame {
   TimedFrame picture;
   std::uint64_t dropped_before = 0;
   std::int64_t dropped_since_ns = 0;  // case clock; until the picture's own time nothing was taken
+  archive::GapCause dropped_cause = archive::GapCause::kOverload;
 };
 /// The source went away after the last frame.
 struct SourceLost {
@@ -60,6 +61,7 @@ class FrameQueue {
   std::uint64_t dropped_ = 0;
   std::uint64_t dropped_before_next_ = 0;
   std::int64_t first_dropped_ns_ = 0;
+  archive::GapCause dropped_cause_ = archive::GapCause::kOverload;
   std::int64_t last_taken_ns_ = 0;
 };
 

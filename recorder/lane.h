@@ -50,6 +50,9 @@ struct LaneStatus {
   std::int64_t last_ns = 0;     // case-clock end of what was recorded
   std::int64_t durable_ns = 0;  // case-clock end of the last segment that was handed to the ledger
   std::uint64_t refused = 0;    // of senders who may not send
+  unsigned stuck = 0;           // threads of its source that do not come back from its driver
+  std::uint64_t given_up = 0;   // such threads since the recorder started
+  std::string input;            // what comes, as Source::input() says
 };
 
 class Lane {

@@ -85,7 +85,8 @@ struct Session::State {
       };
       status.streams.push_back({lanes[i]->name(), l.live, kept(l.frames, gone[i].frames),
                                 kept(l.dropped, gone[i].dropped), kept(l.segments, gone[i].segments),
-                                kept(l.bytes, gone[i].bytes), l.last_ns, l.durable_ns, l.refused});
+                                kept(l.bytes, gone[i].bytes), l.last_ns, l.durable_ns, l.refused, l.stuck,
+                                l.given_up, l.input});
     }
     status.begun = begun;
     status.begins_ns = begins_ns;
@@ -181,7 +182,7 @@ void check(const SessionOptions& options) {
 }
 
 SourceAddress checked_address(const StreamRequest& request, const SessionOptions& options) {
-  SourceAddress address = parse_source_address(
+  SourceAddress address = request.guard->look_up(
       request.source, request.may_be_absent ? Presence::kMayBeAbsent : Presence::kRequired);
   if (address.unpaced() && !options.duration &&
       (address.kind == SourceKind::kSynthetic || address.option("loop", "0") == "1")) {
@@ -278,7 +279,7 @@ Session::State::State(SessionOptions asked)
   for (OpenedVideo& opened : videos) {
     lanes.push_back(std::make_unique<VideoLane>(context, index, writing.streams[index], opened.address,
                                                 std::move(opened.source), options.video[index].video, budget,
-                                                options.video[index].tap));
+                                                options.video[index].tap, options.video[index].guard));
     ++index;
   }
   video_lanes = lanes.size();
@@ -324,11 +325,13 @@ void Session::State::discard() {
 void Session::State::open(OpenedVideo& opened, const StreamRequest& request) {
   OpeningTerms terms;
   terms.sound = request.video.audio;
+  terms.guard = request.guard;
   if (request.may_be_absent) terms.patience = kPatienceWithAbsent;
   try {
     opened.source = open_source(opened.address, clock, terms);
     // Tried once, so that a picture too large for the encoder is refused now and not in the first second.
     const VideoEncoder tried(opened.source->format(), opened.source->frame_rate(), request.video);
+    if (const std::string remark = opened.source->remark(); !remark.empty()) troubles.mention(remark);
   } catch (const Error& error) {
     if (!request.may_be_absent) throw;
     troubles.mention(error.what());

@@ -19,6 +19,7 @@
 #include "media/pointing_line.h"
 #include "recorder/encoder/video_profile.h"
 #include "recorder/picture_tap.h"
+#include "recorder/source/source_guard.h"
 #include "recorder/stamper.h"
 #include "timestamp/client.h"
 #include "timestamp/token_verifier.h"
@@ -37,6 +38,9 @@ struct StreamRequest {
   bool may_be_absent = false;
   /// Is offered every picture as it is captured, over all cases; null: nobody. Video only.
   std::shared_ptr<PictureTap> tap = nullptr;
+  /// Through which its source is looked up and, of video, opened, over all cases of whoever keeps the
+  /// request.
+  std::shared_ptr<SourceGuard> guard = std::make_shared<SourceGuard>();
 };
 
 struct SessionOptions {
@@ -71,6 +75,9 @@ struct StreamStatus {
   std::int64_t last_ns = 0;     // case-clock end of what came last
   std::int64_t durable_ns = 0;  // case-clock end of what is safely on the disk and in the ledger
   std::uint64_t refused = 0;    // connections and messages of senders who may not send (VitalSource::refused)
+  unsigned stuck = 0;           // threads of its source that do not come back from its driver
+  std::uint64_t given_up = 0;   // such threads since the recorder started, come back or not
+  std::string input;            // what comes: "640x480 yuyv422, 30 a second, RTSP over UDP"; "" if not known
 };
 struct SessionStatus {
   std::int64_t now_ns = 0;

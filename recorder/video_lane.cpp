@@ -30,15 +30,18 @@ constexpr int kMostFailuresInARow = 5;
 
 VideoLane::VideoLane(const LaneContext& context, std::size_t stream_index, archive::StreamInfo info,
                      SourceAddress address, std::unique_ptr<Source> source, VideoProfile profile,
-                     std::size_t queue_bytes, std::shared_ptr<PictureTap> tap)
+                     std::size_t queue_bytes, std::shared_ptr<PictureTap> tap,
+                     std::shared_ptr<SourceGuard> guard)
     : context_(context),
       address_(std::move(address)),
       profile_(profile),
       tap_(std::move(tap)),
+      guard_(std::move(guard)),
       output_(context.store, stream_index, std::move(info), context.facts),
       queue_(queue_bytes),
       muxer_(profile.in_transport_stream() ? make_transport_stream_muxer() : make_matroska_muxer()),
       source_(std::move(source)) {
+  if (source_) input_ = source_->input();
   if (!source_ || !profile_.audio) return;
   if (const auto format = source_->sound_format()) sound_ = std::make_unique<SoundEncoder>(*format, profile_);
 }
@@ -62,8 +65,19 @@ void VideoLane::stop() {
 }
 
 LaneStatus VideoLane::status() const {
-  return {live_,           frames_,  refused_ + queue_.dropped(), output_.segments(),
-          output_.bytes(), last_ns_, output_.claimed_until_ns()};
+  LaneStatus status;
+  status.live = live_;
+  status.frames = frames_;
+  status.dropped = refused_ + queue_.dropped();
+  status.segments = output_.segments();
+  status.bytes = output_.bytes();
+  status.last_ns = last_ns_;
+  status.durable_ns = output_.claimed_until_ns();
+  status.stuck = guard_->stuck();
+  status.given_up = guard_->given_up();
+  const std::lock_guard guard(source_mutex_);
+  status.input = input_;
+  return status;
 }
 
 // --- capture -----------------------------------------------------------------------------------------------
@@ -88,14 +102,22 @@ void VideoLane::capture() {
     queue_.push(SourceLost{cause_of_loss()});
     // Full teardown, a pause, and a fresh one: stale buffers and half-open connections go with the old
     // object.
-    {
-      const std::lock_guard guard(source_mutex_);
-      source_.reset();
-    }
+    close_source();
     present = reopen(true);
   }
   ended_ = true;
   queue_.finish();
+  close_source();
+}
+
+void VideoLane::close_source() {
+  std::unique_ptr<Source> closing;
+  {
+    const std::lock_guard guard(source_mutex_);
+    closing = std::move(source_);
+  }
+  // Closing may take its time; stop() must not wait for it.
+  closing.reset();
 }
 
 void VideoLane::capture_from(Source& source) {
@@ -127,9 +149,12 @@ bool VideoLane::reopen(bool was_open) {
       OpeningTerms terms;
       terms.cancelled = &stopping_;
       terms.sound = profile_.audio;
+      terms.guard = guard_;
       if (address_.kind == SourceKind::kPipe) terms.patience = kPipePatience;
       auto fresh = open_source(address_, context_.clock, terms);
+      if (const std::string remark = fresh->remark(); !remark.empty()) context_.troubles.mention(remark);
       const std::lock_guard guard(source_mutex_);
+      input_ = fresh->input();
       source_ = std::move(fresh);
       if (stopping_) source_->interrupt();
       return true;
@@ -204,10 +229,10 @@ void VideoLane::take(QueuedFrame item) {
                                       kShortestSilenceNs, kLongestSilenceNs);
   if (!absence_ && time_ns - end_of_last_frame() > longest_silence_ns) {
     end_segment(end_of_last_frame());
-    absence_ = Absence{recorded_until_ns_, item.dropped_before > 0 ? archive::GapCause::kOverload
-                                                                   : archive::GapCause::kSignalLost};
+    absence_ = Absence{recorded_until_ns_,
+                       item.dropped_before > 0 ? item.dropped_cause : archive::GapCause::kSignalLost};
   } else if (item.dropped_before > 0) {
-    state_gap(item.dropped_since_ns, time_ns, archive::GapCause::kOverload);
+    state_gap(item.dropped_since_ns, time_ns, item.dropped_cause);
   }
   if (!ready_for(format_of(*item.picture.frame), item.picture.rate)) {
     ++refused_;
@@ -337,6 +362,12 @@ std::int64_t VideoLane::end_of_last_frame() const {
   return std::max(std::min(last_frame_ns_ + interval_ns_, latest), last_frame_ns_ + 1);
 }
 
+bool VideoLane::is_silent_at(std::int64_t time_ns) const {
+  // What states its own times ends where they end.
+  return output_.info().timing == "arrival" && !reached_end_ &&
+         time_ns - end_of_last_frame() > kShortestSilenceNs;
+}
+
 void VideoLane::fail(const std::exception& error) {
   failed_ = true;
   context_.troubles.end_session(close_reason_for(error), error.what());
@@ -360,8 +391,7 @@ void VideoLane::finish(std::int64_t close_ns) {
     try {
       if (const std::optional<QueuedFrame> drops = queue_.unstated_drops()) {
         segment_dropped_ += drops->dropped_before;
-        state_gap(drops->dropped_since_ns, std::max(close_ns, drops->dropped_since_ns),
-                  archive::GapCause::kOverload);
+        state_gap(drops->dropped_since_ns, std::max(close_ns, drops->dropped_since_ns), drops->dropped_cause);
       }
       if (sound_ && segment_has_sound_ && output_.is_open()) write_sound(sound_->drain());
       end_coding();
@@ -371,6 +401,8 @@ void VideoLane::finish(std::int64_t close_ns) {
     }
   }
   if (last_frame_ns_ < 0 && !absence_) absence_ = Absence{};  // not one frame came
+  if (!absence_ && is_silent_at(std::min(close_ns, context_.end_ns.value_or(close_ns))))
+    absence_ = Absence{recorded_until_ns_, archive::GapCause::kSignalLost};
   if (absence_) state_gap(absence_->since_ns, std::max(close_ns, absence_->since_ns), absence_->cause);
 }
 

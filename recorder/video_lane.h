@@ -18,6 +18,7 @@
 #include "recorder/lane.h"
 #include "recorder/picture_tap.h"
 #include "recorder/source/source.h"
+#include "recorder/source/source_guard.h"
 #include "recorder/stream_output.h"
 
 namespace kiroku::recorder {
@@ -28,10 +29,11 @@ class VideoLane : public Lane {
   /// source is taken up when it can be opened, with a gap stated until then. A live one is opened anew when
   /// it is lost, after pauses that grow from one second to sixteen, until it is back (a pipe: when somebody
   /// writes to it again within ten seconds, else it has ended). `tap`, which may be null, is offered every
-  /// picture before it is queued.
+  /// picture before it is queued. The source is opened through `guard`, so that nothing here waits longer for
+  /// it than the guard's limits say.
   VideoLane(const LaneContext& context, std::size_t stream_index, archive::StreamInfo info,
             SourceAddress address, std::unique_ptr<Source> source, VideoProfile profile,
-            std::size_t queue_bytes, std::shared_ptr<PictureTap> tap);
+            std::size_t queue_bytes, std::shared_ptr<PictureTap> tap, std::shared_ptr<SourceGuard> guard);
   ~VideoLane() override;
 
   void start() override;
@@ -50,6 +52,7 @@ class VideoLane : public Lane {
   /// Tries until there is a source; false if it has ended or the session stops. A pipe that was never
   /// opened is waited for like anything else.
   bool reopen(bool was_open);
+  void close_source();
   [[nodiscard]] archive::GapCause cause_of_loss() const;
 
   // Encoding.
@@ -70,6 +73,8 @@ class VideoLane : public Lane {
   void state_gap(std::int64_t start_ns, std::int64_t end_ns, archive::GapCause cause);
   /// When the last frame ceased to be shown.
   [[nodiscard]] std::int64_t end_of_last_frame() const;
+  /// Whether pictures that could have come until then did not.
+  [[nodiscard]] bool is_silent_at(std::int64_t time_ns) const;
   void fail(const std::exception& error);
 
   /// Nothing has been recorded since then.
@@ -82,13 +87,15 @@ class VideoLane : public Lane {
   const SourceAddress address_;
   const VideoProfile profile_;
   const std::shared_ptr<PictureTap> tap_;
+  const std::shared_ptr<SourceGuard> guard_;
   StreamOutput output_;
   FrameQueue queue_;
   std::unique_ptr<SegmentMuxer> muxer_;
   std::unique_ptr<SoundEncoder> sound_;  // null: no sound, or none yet
 
-  std::mutex source_mutex_;  // guards the pointer: stop() interrupts whatever source there is
+  mutable std::mutex source_mutex_;  // guards the next two: stop() interrupts whatever source there is
   std::unique_ptr<Source> source_;
+  std::string input_;  // of the source there is, or was
   std::atomic<bool> stopping_ = false, ended_ = false, reached_end_ = false, live_ = false;
   std::atomic<std::uint64_t> frames_ = 0, refused_ = 0;
   std::atomic<std::int64_t> last_ns_ = 0;  // when the last frame ceased to be shown

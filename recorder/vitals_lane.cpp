@@ -45,7 +45,10 @@ LaneStatus VitalsLane::status() const {
           output_.bytes(),
           last_ns_,
           output_.claimed_until_ns(),
-          source_->refused()};
+          source_->refused(),
+          0,
+          0,
+          ""};
 }
 
 std::optional<VitalLine> VitalsLane::next_line() {

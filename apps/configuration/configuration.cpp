@@ -118,6 +118,12 @@ void read_recording(const toml::table& table, const std::string& file, Configura
   reader.text("stamp_every", [&](const std::string& text) {
     into.stamp_every = parse_stamp_interval(text, "'stamp_every'");
   });
+  reader.text("source_timeout", [&](const std::string& text) {
+    const nanoseconds duration = parse_duration(text, "'source_timeout'");
+    if (duration < milliseconds(100) || duration > std::chrono::minutes(1))
+      throw UsageError("'source_timeout' is '" + text + "': it must be between 100ms and 1m");
+    into.source_timeout = duration;
+  });
   reader.refuse_unknown_keys();
 }
 

@@ -32,6 +32,7 @@ struct Configuration {
   bool audio = false;
   std::chrono::nanoseconds segment = std::chrono::seconds(2);
   std::chrono::nanoseconds stamp_every = std::chrono::seconds(60);
+  std::chrono::nanoseconds source_timeout = std::chrono::seconds(5);
   std::map<std::string, std::string> recipients;  // stream to recipients file, relative to the home
   std::vector<AuthorityConfiguration> authorities;
   // Of an unattended recorder.

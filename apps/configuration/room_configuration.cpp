@@ -38,7 +38,7 @@ StreamConfiguration read_stream(const toml::table& table, const TableReader& in,
     stream.is_video = text == "video";
   });
   reader.text("source", [&](const std::string& text) {
-    if (recorder::parse_source_address(text, recorder::Presence::kMayBeAbsent).unpaced()) {
+    if (recorder::parse_source_address(text, recorder::Presence::kNotLookedAt).unpaced()) {
       throw UsageError("'source' is '" + text +
                        "': a room is recorded at the pace of its clock, without speed=max");
     }

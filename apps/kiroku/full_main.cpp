@@ -6,6 +6,7 @@
 #include "apps/sim/plan_command.h"
 #include "apps/sim/sim_command.h"
 #include "apps/train/train_command.h"
+#include "recorder/source/source_guard.h"
 
 namespace {
 
@@ -62,5 +63,5 @@ int main(int argc, char** argv) {
   add_compare_command(root);
   add_train_command(root);
   add_completion_command(root);
-  return program.run(argc, argv);
+  return kiroku::recorder::end_process(program.run(argc, argv));
 }

@@ -133,7 +133,10 @@ recorder::SessionOptions session_options(const Request& request, const Home& hom
   const recorder::VideoProfile video = video_profile(request, configuration);
   const auto add = [&](std::vector<recorder::StreamRequest>& to, const char* name,
                        const std::optional<std::string>& source) {
-    if (source) to.push_back({name, *source, name, video, recipients.of(name)});
+    if (!source) return;
+    to.push_back({name, *source, name, video, recipients.of(name)});
+    to.back().guard =
+        guard_for(configuration, [](const std::string& sentence) { print_error("kiroku", sentence); });
   };
   add(options.video, "endoscope", request.endoscope);
   add(options.video, "room", request.room);

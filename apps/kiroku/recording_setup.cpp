@@ -64,4 +64,11 @@ void refresh_catalogue(const Home& home, const std::filesystem::path& case_folde
   archive::Catalogue::open(home.catalogue_file())->refresh(case_folder);
 }
 
+std::shared_ptr<recorder::SourceGuard> guard_for(const Configuration& configuration,
+                                                 recorder::SourceGuard::Tell tell) {
+  recorder::SourceGuard::Limits limits;
+  limits.silence = limits.ending = configuration.source_timeout;
+  return std::make_shared<recorder::SourceGuard>(limits, std::move(tell));
+}
+
 }  // namespace kiroku::apps

@@ -11,6 +11,7 @@
 #include "apps/kiroku/home.h"
 #include "archive/appliance_log.h"
 #include "crypto/age_recipient.h"
+#include "recorder/source/source_guard.h"
 
 namespace kiroku::apps {
 
@@ -48,6 +49,10 @@ class RecipientChoice {
 
 /// Enters the configuration's hash into the log where it is not the last one the log knows.
 void log_configuration(const std::filesystem::path& file, const Home& home, archive::ApplianceLog& log);
+
+/// For one stream, with the limits of [recording]. `tell` is called from any thread.
+std::shared_ptr<recorder::SourceGuard> guard_for(const Configuration& configuration,
+                                                 recorder::SourceGuard::Tell tell);
 
 /// Brings one case of the catalogue up to date. Throws kiroku::Error; the case itself is not in question
 /// then.

@@ -116,6 +116,9 @@ recorder::RoomPlan plan_of(const RoomConfiguration& room, const Home& home,
   for (const StreamConfiguration& stream : room.streams) {
     recorder::StreamRequest asked{
         stream.name, stream.source, stream.purpose, stream.video, recipients.of(stream.name), true};
+    asked.guard = guard_for(configuration, [name = room.name](const std::string& sentence) {
+      spdlog::error("room {}: {}", name, printable(sentence));
+    });
     if (stream.is_video && channels != nullptr) {
       asked.tap = std::make_shared<recorder::PictureTap>();
       (*channels)[{room.name, stream.name}] = std::make_unique<live::LiveChannel>(
@@ -460,5 +463,5 @@ int main(int argc, char** argv) {
   root.example("kirokud --check --config kiroku.toml", "looks for mistakes in a configuration");
   root.example("kirokud --home ~/.local/share/kiroku", "records in the foreground");
   root.on_run([request] { return run(*request); });
-  return program.run(argc, argv);
+  return kiroku::recorder::end_process(program.run(argc, argv));
 }

@@ -63,7 +63,10 @@ ordered_json stream_json(const StreamStatus& stream, std::int64_t now_ns) {
           {"segments", stream.segments},
           {"bytes", stream.bytes},
           {"age_ms", std::llround(milliseconds_since(stream.last_ns))},
-          {"durable_age_ms", std::llround(milliseconds_since(stream.durable_ns))}};
+          {"durable_age_ms", std::llround(milliseconds_since(stream.durable_ns))},
+          {"input", stream.input},
+          {"stuck", stream.stuck},
+          {"given_up", stream.given_up}};
 }
 
 /// "path" is over which the latest token came; "left_alone_ms", until it may be asked again, is 0 where it
@@ -367,6 +370,12 @@ std::string Daemon::metrics() const {
              [](const StreamStatus& stream) { return stream.refused; });
   per_stream("kiroku_stream_bytes", "gauge", "Sealed bytes of the newest case",
              [](const StreamStatus& stream) { return stream.bytes; });
+  per_stream("kiroku_source_threads_stuck", "gauge",
+             "Threads of the source that do not come back from its driver",
+             [](const StreamStatus& stream) { return stream.stuck; });
+  per_stream("kiroku_source_threads_given_up_total", "counter",
+             "Threads of the source that were left behind in its driver since the recorder started",
+             [](const StreamStatus& stream) { return stream.given_up; });
   const DiskState disk = disk_of(state_->options.archive);
   family("kiroku_disk_free_bytes", "gauge", "Free space of the archive's disk");
   out << "kiroku_disk_free_bytes " << disk.free_bytes << "\n";

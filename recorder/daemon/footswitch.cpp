@@ -10,6 +10,7 @@
 #include <optional>
 #include <poll.h>
 #include <sys/eventfd.h>
+#include <sys/inotify.h>
 #include <sys/ioctl.h>
 #include <thread>
 #include <unistd.h>
@@ -71,6 +72,21 @@ Descriptor open_device(const FootswitchOptions& options) {
   return device;
 }
 
+/// Becomes readable when something changes where the device would appear: in its folder, or in the nearest
+/// one above that exists. None where that cannot be told.
+Descriptor watch_for(const std::string& device) {
+  Descriptor changes(::inotify_init1(IN_CLOEXEC | IN_NONBLOCK));
+  std::filesystem::path folder =
+      device.starts_with(kByName) ? kInputFolder : std::filesystem::path(device).parent_path();
+  std::error_code error;
+  while (!std::filesystem::is_directory(folder, error) && folder.has_relative_path())
+    folder = folder.parent_path();
+  // Its permissions are set after it was made.
+  constexpr std::uint32_t kAppears = IN_CREATE | IN_MOVED_TO | IN_ATTRIB;
+  if (::inotify_add_watch(changes.number(), folder.c_str(), kAppears) < 0) return Descriptor();
+  return changes;
+}
+
 }  // namespace
 
 std::string_view press_action_name(PressAction action) {
@@ -107,6 +123,8 @@ struct Footswitch::State {
   void run() {
     auto pause = options.first_pause;
     for (;;) {
+      // First, so that what appears after it was looked for is not missed.
+      const Descriptor changes = watch_for(options.device);
       try {
         const Descriptor device = open_device(options);
         set_problem("");
@@ -115,7 +133,7 @@ struct Footswitch::State {
       } catch (const std::exception& error) {
         set_problem(error.what());
       }
-      if (is_over(pause)) return;
+      if (is_over(pause, changes)) return;
       pause = std::min(2 * pause, options.longest_pause);
     }
   }
@@ -157,10 +175,11 @@ struct Footswitch::State {
     }
   }
 
-  /// Whether the end came within the time.
-  [[nodiscard]] bool is_over(std::chrono::milliseconds limit) const {
-    pollfd waiting{end.number(), POLLIN, 0};
-    return ::poll(&waiting, 1, static_cast<int>(limit.count())) > 0;
+  /// Whether the end came within the time; waits no longer once something changed.
+  [[nodiscard]] bool is_over(std::chrono::milliseconds limit, const Descriptor& changes) const {
+    std::array<pollfd, 2> waiting{pollfd{end.number(), POLLIN, 0}, pollfd{changes.number(), POLLIN, 0}};
+    return ::poll(waiting.data(), waiting.size(), static_cast<int>(limit.count())) > 0 &&
+           waiting[0].revents != 0;
   }
 
   void set_problem(const std::string& sentence) {

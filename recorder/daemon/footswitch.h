@@ -23,8 +23,8 @@ struct FootswitchOptions {
   std::string mark = "footswitch";  // text of a mark
   /// A press so soon after another is the same one: contacts bounce.
   std::chrono::nanoseconds bounce = std::chrono::milliseconds(300);
-  /// A device that is not there, or was unplugged, is looked for again after so long, twice, four times as
-  /// long, …
+  /// A device that is not there, or was unplugged, is looked for again when its folder changes; and, should
+  /// that not be told, after so long, twice, four times as long, …
   std::chrono::milliseconds first_pause{1000};
   std::chrono::milliseconds longest_pause{30'000};
 };

@@ -4,12 +4,15 @@ extern "C" {
 #include <libavcodec/avcodec.h>
 #include <libavdevice/avdevice.h>
 #include <libavformat/avformat.h>
+#include <libavutil/parseutils.h>
 #include <libavutil/pixdesc.h>
 }
 
 #include <algorithm>
+#include <array>
 #include <filesystem>
 #include <mutex>
+#include <thread>
 
 #include "base/error.h"
 #include "recorder/source/fifo_input.h"
@@ -19,10 +22,18 @@ namespace {
 
 using media::require;
 
-// A live source that sends nothing for this long is lost: torn down and opened anew.
-constexpr std::int64_t kStallTimeoutNs = 5'000'000'000;
+// libavdevice keeps its descriptor to itself, so a device is asked this often whether it has a picture.
+constexpr std::chrono::milliseconds kDeviceInterval{1};
 // A file whose time stamps jump further than this is taken to go on where it was.
 constexpr std::int64_t kLargestJumpNs = 10'000'000'000;
+// A decoder gives pictures some packets after it took them in.
+constexpr int kPicturesOfDamage = 16;
+// A server is asked for them in this order.
+struct RtspTransport {
+  const char *asked, *libav, *name;
+};
+constexpr std::array<RtspTransport, 3> kRtspTransports{
+    {{"tcp", "tcp", "TCP"}, {"udp", "udp", "UDP"}, {"multicast", "udp_multicast", "multicast"}}};
 constexpr AVRational kNanoseconds{1, 1'000'000'000};
 
 /// The same samples under the name that says their range apart from their layout.
@@ -49,6 +60,8 @@ class FfmpegSource : public Source {
       : address_(address),
         clock_(clock),
         cancelled_(terms.cancelled),
+        pulse_(terms.pulse),
+        silence_ns_(terms.silence.count()),
         name_("source '" + address.stated + "'"),
         live_(address.kind != SourceKind::kFile),
         wants_sound_(terms.sound),
@@ -64,6 +77,7 @@ class FfmpegSource : public Source {
     format_ = format_of(*first_frame_);
     cancelled_ = nullptr;
     opening_ = false;
+    if (address_.kind == SourceKind::kDevice) compare_with_asked();
   }
 
   [[nodiscard]] PictureFormat format() const override { return format_; }
@@ -74,6 +88,12 @@ class FfmpegSource : public Source {
                        sound_decoder_->sample_fmt};
   }
   [[nodiscard]] bool is_live() const override { return live_; }
+  [[nodiscard]] std::string remark() const override { return remark_; }
+  [[nodiscard]] std::string input() const override {
+    char rate[32];
+    std::snprintf(rate, sizeof rate, ", %.4g a second", double(rate_.numerator) / double(rate_.denominator));
+    return format_.to_string() + rate + (transport_.empty() ? "" : ", RTSP over " + transport_);
+  }
 
   std::optional<TimedFrame> read() override {
     // The picture that opening looked at came before recording began.
@@ -99,9 +119,11 @@ class FfmpegSource : public Source {
       if (live_) {
         timed.time_ns =
             std::max(std::min<std::int64_t>(frame->reordered_opaque, clock_.now_ns()), last_time_ns_ + 1);
+        timed.lost_before = lost_on_the_way_before(*frame);
+        timed.lost_on_the_way = true;
       } else {
         timed.time_ns = file_time_ns(*frame);
-        if (!address_.unpaced() && !wait_until(clock_, timed.time_ns, interruption())) return {};
+        if (!address_.unpaced() && !wait_until(clock_, timed.time_ns, interruption(), pulse_)) return {};
       }
       last_time_ns_ = timed.time_ns;
       timed.frame = std::move(frame);
@@ -113,8 +135,11 @@ class FfmpegSource : public Source {
  private:
   static int must_stop(void* self) { return static_cast<FfmpegSource*>(self)->must_stop() ? 1 : 0; }
   [[nodiscard]] bool must_stop() const {
-    return interrupted() || (cancelled_ != nullptr && *cancelled_) ||
-           (live_ && clock_.now_ns() > deadline_ns_);
+    const bool stop =
+        interrupted() || (cancelled_ != nullptr && *cancelled_) || (live_ && clock_.now_ns() > deadline_ns_);
+    // What goes on waiting though it must stop gives no sign of life.
+    if (!stop && pulse_ != nullptr) ++*pulse_;
+    return stop;
   }
 
   [[nodiscard]] media::Options options_for_input(const AVInputFormat*& format) const {
@@ -133,7 +158,6 @@ class FfmpegSource : public Source {
     } else if (address_.kind == SourceKind::kFile) {
       address_.require_options("speed,loop");
     }
-    if (address_.location.starts_with("rtsp")) options.set("rtsp_transport", "tcp");
     if (address_.location.starts_with("udp")) {
       // A moment's delay must not end the stream; what is lost shows in the pictures.
       options.set("overrun_nonfatal", "1");
@@ -149,12 +173,54 @@ class FfmpegSource : public Source {
     if (address_.kind == SourceKind::kFile && std::filesystem::file_size(address_.location, ignored) == 0) {
       throw UsageError(name_ + " is an empty file; give one that holds a film");
     }
+    if (address_.location.starts_with("rtsp")) {
+      open_rtsp();
+    } else if (const int opened = try_to_open(nullptr); opened < 0) {
+      throw Error(name_ + " cannot be opened: " + why_not_opened(opened));
+    }
+    // A device says by itself what it gives; asked without waiting, libavformat would look in a busy loop.
+    if (address_.kind == SourceKind::kDevice) return;
+    const int described = avformat_find_stream_info(input_.get(), nullptr);
+    if (described < 0) throw Error(name_ + " cannot be opened: " + why_not_opened(described));
+  }
+
+  /// Over the transport that the address names, or the first of all that the server offers. What libavformat
+  /// tries by itself, it does not tell.
+  void open_rtsp() {
+    const std::string asked = address_.option("transport", "");
+    std::string refused;
+    for (const RtspTransport& transport : kRtspTransports) {
+      if (!asked.empty() && asked != transport.asked) continue;
+      // Over TLS there is TCP alone.
+      if (asked.empty() && address_.location.starts_with("rtsps") && !refused.empty()) break;
+      const int opened = try_to_open(transport.libav);
+      if (opened >= 0) {
+        transport_ = transport.name;
+        if (!refused.empty()) {
+          remark_ = name_ + " comes over " + transport_ +
+                    ", where what the network loses is not sent again: its server offers no " + refused;
+        }
+        return;
+      }
+      if (opened != AVERROR(EPROTONOSUPPORT)) {
+        throw Error(name_ + " cannot be opened: " + why_not_opened(opened));
+      }
+      refused += (refused.empty() ? "" : " or ") + std::string(transport.name);
+    }
+    throw Error(name_ + " cannot be opened: its server does not offer RTSP over " + refused);
+  }
+
+  /// What avformat_open_input() says; `rtsp_transport` is its option, null for what is not RTSP.
+  int try_to_open(const char* rtsp_transport) {
     const AVInputFormat* input_format = nullptr;
     media::Options options = options_for_input(input_format);
+    if (rtsp_transport != nullptr) options.set("rtsp_transport", rtsp_transport);
     AVFormatContext* raw = avformat_alloc_context();
     if (raw == nullptr) throw std::bad_alloc();
     raw->interrupt_callback = {must_stop, this};
     if (live_) raw->flags |= AVFMT_FLAG_NOBUFFER;
+    // libavdevice asks no callback while it waits in the driver, so it may not wait there.
+    if (address_.kind == SourceKind::kDevice) raw->flags |= AVFMT_FLAG_NONBLOCK;
     std::string location = address_.location;
     if (address_.kind == SourceKind::kPipe) {
       try {
@@ -168,10 +234,8 @@ class FfmpegSource : public Source {
       location.insert(0, "file:");  // a path must not be mistaken for a protocol ("a:b.mp4")
     }
     const int opened = avformat_open_input(&raw, location.c_str(), input_format, options.address());
-    if (opened < 0) throw Error(name_ + " cannot be opened: " + why_not_opened(opened));
-    input_.reset(raw);
-    const int described = avformat_find_stream_info(input_.get(), nullptr);
-    if (described < 0) throw Error(name_ + " cannot be opened: " + why_not_opened(described));
+    if (opened >= 0) input_.reset(raw);
+    return opened;
   }
 
   [[nodiscard]] std::string why_not_opened(int code) const {
@@ -201,6 +265,25 @@ class FfmpegSource : public Source {
     require(avcodec_open2(decoder_.get(), decoder, nullptr), action);
     const AVRational rate = av_guess_frame_rate(input_.get(), stream, nullptr);
     rate_ = rate.num > 0 && rate.den > 0 ? Rational{rate.num, rate.den} : Rational{25, 1};
+  }
+
+  /// A driver gives what is nearest to what it is asked for, and libavdevice takes it.
+  void compare_with_asked() {
+    const std::string size = std::to_string(format_.width) + "x" + std::to_string(format_.height);
+    const std::string asked_size = address_.option("size", size);
+    int width = 0;
+    int height = 0;
+    const bool same_size = av_parse_video_size(&width, &height, asked_size.c_str()) >= 0 &&
+                           width == format_.width && height == format_.height;
+    AVRational asked_rate{rate_.numerator, rate_.denominator};
+    const bool rate_named = address_.options.contains("rate");
+    if (rate_named) (void)av_parse_video_rate(&asked_rate, address_.option("rate", "").c_str());
+    const bool same_rate = av_cmp_q(asked_rate, {rate_.numerator, rate_.denominator}) == 0;
+    if (same_size && same_rate) return;
+    remark_ = name_ + " was asked for";
+    if (!same_size) remark_ += " " + asked_size + (same_rate ? "" : ",");
+    if (!same_rate) remark_ += " " + address_.option("rate", "") + " pictures a second";
+    remark_ += ", which it does not offer: recorded is " + input();
   }
 
   void open_sound_decoder() {
@@ -236,8 +319,8 @@ class FfmpegSource : public Source {
       if (sound_decoder_ && avcodec_receive_frame(sound_decoder_.get(), frame.get()) == 0) return frame;
       if (received == AVERROR_EOF) return {};
       if (received != AVERROR(EAGAIN)) require(received, "cannot decode " + name_);
-      if (!opening_) deadline_ns_ = clock_.now_ns() + kStallTimeoutNs;
-      const int read = av_read_frame(input_.get(), packet.get());
+      if (!opening_) deadline_ns_ = clock_.now_ns() + silence_ns_;
+      const int read = next_packet(*packet);
       if (read == AVERROR_EOF || interrupted()) {
         (void)avcodec_send_packet(decoder_.get(), nullptr);
         if (sound_decoder_) (void)avcodec_send_packet(sound_decoder_.get(), nullptr);
@@ -246,6 +329,7 @@ class FfmpegSource : public Source {
       if (read == AVERROR_EXIT) throw Error(name_ + " sent nothing for too long; check its cable or network");
       require(read, "cannot read on from " + name_);
       if (packet->stream_index == stream_) {
+        if ((packet->flags & AV_PKT_FLAG_CORRUPT) != 0) damage_concerns_ = kPicturesOfDamage;
         decoder_->reordered_opaque = clock_.now_ns();
         (void)avcodec_send_packet(decoder_.get(), packet.get());
       } else if (sound_decoder_ && packet->stream_index == sound_stream_) {
@@ -254,6 +338,31 @@ class FfmpegSource : public Source {
       }
       av_packet_unref(packet.get());
     }
+  }
+
+  /// As av_read_frame(), which a device without a picture answers at once.
+  int next_packet(AVPacket& packet) {
+    for (;;) {
+      const int read = av_read_frame(input_.get(), &packet);
+      if (read == AVERROR(EAGAIN)) {
+        if (must_stop()) return AVERROR_EXIT;
+        std::this_thread::sleep_for(kDeviceInterval);
+        continue;
+      }
+      if (read >= 0 && address_.kind == SourceKind::kDevice) keep(packet);
+      return read;
+    }
+  }
+
+  /// What a device gives lies in memory of its driver, which goes when it is closed; decoded pictures may
+  /// still refer to it then.
+  static void keep(AVPacket& packet) {
+    const media::Packet copy = media::make_packet();
+    require(av_new_packet(copy.get(), packet.size), "take a picture from its driver");
+    std::copy_n(packet.data, packet.size, copy->data);
+    require(av_packet_copy_props(copy.get(), &packet), "take a picture from its driver");
+    av_packet_unref(&packet);
+    av_packet_move_ref(&packet, copy.get());
   }
 
   void rewind() {
@@ -282,6 +391,24 @@ class FfmpegSource : public Source {
     return file_time_ns_ += advance;
   }
 
+  /// How many pictures the source's own times leave out before this one, where data were damaged on the way
+  /// (a transport stream counts its packets, and a decoder misses what it refers to). Without damage a hole
+  /// is the source's own: there was nothing to send.
+  std::uint64_t lost_on_the_way_before(const AVFrame& frame) {
+    if (frame.decode_error_flags != 0 || (frame.flags & AV_FRAME_FLAG_CORRUPT) != 0)
+      damage_concerns_ = kPicturesOfDamage;
+    if (frame.best_effort_timestamp == AV_NOPTS_VALUE) return 0;
+    const std::int64_t pts_ns =
+        av_rescale_q(frame.best_effort_timestamp, input_->streams[stream_]->time_base, kNanoseconds);
+    const std::int64_t advance = pts_ns - last_pts_ns_.value_or(pts_ns);
+    last_pts_ns_ = pts_ns;
+    if (damage_concerns_ == 0) return 0;
+    --damage_concerns_;
+    const std::int64_t step = 1'000'000'000LL * rate_.denominator / rate_.numerator;
+    if (advance < step || advance > kLargestJumpNs) return 0;
+    return static_cast<std::uint64_t>((advance + step / 2) / step - 1);
+  }
+
   /// On the same time line as the pictures; negative where there is no picture to go by.
   [[nodiscard]] std::int64_t sound_time_ns(const AVFrame& frame) const {
     if (live_)
@@ -295,6 +422,8 @@ class FfmpegSource : public Source {
   const SourceAddress address_;
   const CaseClock& clock_;
   const std::atomic<bool>* cancelled_;  // while opening
+  Pulse* const pulse_;                  // may be null
+  const std::int64_t silence_ns_;       // a live source that sends nothing for so long is lost
   const std::string name_;
   const bool live_;
   const bool wants_sound_;
@@ -309,9 +438,12 @@ class FfmpegSource : public Source {
   int sound_stream_ = -1;
   PictureFormat format_;
   Rational rate_;
+  std::string transport_;  // of RTSP
+  std::string remark_;
   media::Frame first_frame_;
   std::int64_t last_time_ns_ = -1;
   std::optional<std::int64_t> last_pts_ns_;
+  int damage_concerns_ = 0;  // so many of the next pictures may be missing for damage that was seen
   std::int64_t file_time_ns_ = 0;
   std::uint64_t frames_read_ = 0;
 };

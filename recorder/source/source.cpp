@@ -8,7 +8,7 @@ extern "C" {
 #include <algorithm>
 #include <thread>
 
-#include "recorder/source/ffmpeg_source.h"
+#include "recorder/source/source_guard.h"
 #include "recorder/source/synthetic_source.h"
 
 namespace kiroku::recorder {
@@ -29,12 +29,14 @@ std::string PictureFormat::to_string() const {
   return std::to_string(width) + "x" + std::to_string(height) + " " + (name == nullptr ? "unknown" : name);
 }
 
-bool wait_until(const CaseClock& clock, std::int64_t due_ns, const std::atomic<bool>& interrupted) {
+bool wait_until(const CaseClock& clock, std::int64_t due_ns, const std::atomic<bool>& interrupted,
+                Pulse* pulse) {
   // In steps, so that an interruption is noticed within a tenth of a second.
   constexpr std::int64_t kStepNs = 100'000'000;
   while (!interrupted) {
     const std::int64_t left = due_ns - clock.now_ns();
     if (left <= 0) return true;
+    if (pulse != nullptr) ++*pulse;
     std::this_thread::sleep_for(std::chrono::nanoseconds(std::min(left, kStepNs)));
   }
   return false;
@@ -43,7 +45,8 @@ bool wait_until(const CaseClock& clock, std::int64_t due_ns, const std::atomic<b
 std::unique_ptr<Source> open_source(const SourceAddress& address, const CaseClock& clock,
                                     const OpeningTerms& terms) {
   if (address.kind == SourceKind::kSynthetic) return open_synthetic_source(address, clock, terms.sound);
-  return open_ffmpeg_source(address, clock, terms);
+  const std::shared_ptr<SourceGuard> guard = terms.guard ? terms.guard : std::make_shared<SourceGuard>();
+  return guard->open(address, clock, terms);
 }
 
 }  // namespace kiroku::recorder

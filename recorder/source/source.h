@@ -47,7 +47,8 @@ SoundFormat sound_format_of(const AVFrame& frame);
 struct TimedFrame {
   media::Frame frame;
   std::int64_t time_ns = 0;
-  std::uint64_t lost_before = 0;  // frames that the source knows it lost since the last one
+  std::uint64_t lost_before = 0;  // frames that the source knows were lost since the last one
+  bool lost_on_the_way = false;   // by what sends them or the network, not for want of time here
   Rational rate{25, 1};           // nominal, of the source it came from
   bool is_sound = false;
 };
@@ -64,6 +65,11 @@ class Source {
   [[nodiscard]] virtual std::optional<SoundFormat> sound_format() const { return {}; }
   /// Whether frames come when the world sends them, so that losing the source is a fault and not an end.
   [[nodiscard]] virtual bool is_live() const = 0;
+  /// What comes, for people: "640x480 yuyv422, 30 a second". "" where nobody needs to be told.
+  [[nodiscard]] virtual std::string input() const { return {}; }
+  /// What a person should know of how it was opened: that it gives other pictures than were asked for, or
+  /// comes another way. "" where there is nothing.
+  [[nodiscard]] virtual std::string remark() const { return {}; }
   /// Waits for the next frame; nothing at the end of a file or after interrupt(). Throws kiroku::Error when
   /// the source is lost.
   virtual std::optional<TimedFrame> read() = 0;
@@ -78,18 +84,31 @@ class Source {
   std::atomic<bool> interrupted_ = false;
 };
 
-/// Waits until the case clock reaches `due_ns`; false if `interrupted` became true first.
-bool wait_until(const CaseClock& clock, std::int64_t due_ns, const std::atomic<bool>& interrupted);
+/// Counted up by what waits, as a sign that it is not stuck.
+using Pulse = std::atomic<std::uint64_t>;
+
+/// Waits until the case clock reaches `due_ns`; false if `interrupted` became true first. `pulse` may be
+/// null.
+bool wait_until(const CaseClock& clock, std::int64_t due_ns, const std::atomic<bool>& interrupted,
+                Pulse* pulse = nullptr);
+
+class SourceGuard;
 
 /// How long, and whether, opening goes on. Read from the opening thread; `cancelled` may be set from any.
 struct OpeningTerms {
   std::chrono::nanoseconds patience = std::chrono::seconds(15);
   const std::atomic<bool>* cancelled = nullptr;
-  bool sound = false;  // also read its sound, if it has any
+  bool sound = false;                            // also read its sound, if it has any
+  std::shared_ptr<SourceGuard> guard = nullptr;  // null: one with the usual limits
+  // The guard's, for the source that it opens; both outlive it.
+  std::chrono::nanoseconds silence = std::chrono::seconds(5);  // a live source that sends nothing is lost
+  Pulse* pulse = nullptr;                                      // may be null
 };
 
-/// Opens what the address names; `clock` must outlive the source. Throws kiroku::Error in one sentence: not
-/// there, no answer, no picture in it, cancelled.
+/// Opens what the address names; `clock` must outlive the source. What a driver, a file system or a network
+/// stands behind is opened, read and closed by a thread of its own (source_guard.h), so that no call waits
+/// longer than the guard's limits. Throws kiroku::Error in one sentence: not there, no answer, no picture in
+/// it, cancelled.
 std::unique_ptr<Source> open_source(const SourceAddress& address, const CaseClock& clock,
                                     const OpeningTerms& terms = {});
 

@@ -13,6 +13,8 @@ namespace {
 constexpr std::array<std::string_view, 9> kNetworkSchemes{"rtsp", "rtsps", "srt",   "udp", "rtp",
                                                           "tcp",  "http",  "https", "rtmp"};
 
+constexpr std::array<std::string_view, 3> kRtspTransports{"tcp", "udp", "multicast"};
+
 /// Splits "a?x=1&y" into "a" and its options. The last question mark counts: a file may have one in its name.
 void split_options(const std::string& text, SourceAddress& address) {
   const std::size_t question = text.rfind('?');
@@ -77,32 +79,44 @@ SourceAddress parse_source_address(const std::string& text, Presence presence) {
   }
   const std::size_t scheme_end = text.find("://");
   if (scheme_end != std::string::npos && scheme_end > 0) {
-    const std::string scheme = text.substr(0, scheme_end);
+    std::string scheme = text.substr(0, scheme_end);
     if (scheme == "mllp" || scheme == "mllps") {
       address.kind = SourceKind::kMonitors;
       split_options(text, address);
       return address;
+    }
+    address.location = text;
+    if (const std::size_t plus = scheme.find('+'); scheme.starts_with("rtsp") && plus != std::string::npos) {
+      const std::string transport = scheme.substr(plus + 1);
+      if (std::find(kRtspTransports.begin(), kRtspTransports.end(), transport) == kRtspTransports.end()) {
+        throw UsageError("source '" + address.stated + "' asks for the unknown transport '" + transport +
+                         "'; known are rtsp+tcp, rtsp+udp and rtsp+multicast");
+      }
+      address.options["transport"] = transport;
+      address.location.erase(plus, scheme_end - plus);
+      scheme.resize(plus);
     }
     if (std::find(kNetworkSchemes.begin(), kNetworkSchemes.end(), scheme) == kNetworkSchemes.end()) {
       throw UsageError("source '" + address.stated + "' has the unknown scheme '" + scheme +
                        "'; known are rtsp, srt, udp, rtp, tcp, http, rtmp, and mllp for vital signs");
     }
     address.kind = SourceKind::kNetwork;
-    address.location = text;
     return address;
   }
   constexpr std::string_view kDevice = "v4l2:";
   const std::string path = text.starts_with(kDevice) ? text.substr(kDevice.size()) : text;
   std::error_code error;
+  const bool looks = presence != Presence::kNotLookedAt;
   // A file may have a question mark in its own name.
-  if (std::filesystem::exists(path, error)) {
+  if (looks && std::filesystem::exists(path, error)) {
     address.location = path;
   } else {
     split_options(path, address);
   }
-  const auto status = std::filesystem::status(address.location, error);
+  const auto status =
+      looks ? std::filesystem::status(address.location, error) : std::filesystem::file_status();
   if (!std::filesystem::exists(status)) {
-    if (presence == Presence::kMayBeAbsent) {
+    if (presence != Presence::kRequired) {
       address.kind = address.location.starts_with("/dev/") ? SourceKind::kDevice : SourceKind::kFile;
       return address;
     }

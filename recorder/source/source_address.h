@@ -15,7 +15,8 @@ struct SourceAddress {
   std::string
       location;  // without our options: "/dev/video0", "film.mp4", "room" (synthetic), "mllp://0.0.0.0:2575"
   std::map<std::string, std::string> options;  // after '?', for synthetic sources, files and monitors; part
-                                               // of the location for network addresses
+                                               // of the location for network addresses, but for "transport",
+                                               // which the scheme names: "rtsp+udp://"
   std::string stated;  // for the ledger and for people: passwords and passphrases replaced by "***"
 
   [[nodiscard]] std::string option(const std::string& name, const std::string& otherwise) const;
@@ -27,8 +28,9 @@ struct SourceAddress {
 };
 
 /// Whether a path must be there when its address is read. One that is not, and may be absent, is taken for a
-/// device below /dev, for a file elsewhere.
-enum class Presence { kRequired, kMayBeAbsent };
+/// device below /dev, for a file elsewhere; so is one that is not looked at, as looking may wait for a file
+/// system that does not answer.
+enum class Presence { kRequired, kMayBeAbsent, kNotLookedAt };
 /// Throws kiroku::UsageError for an empty address, an unknown scheme, or a path that is required and not
 /// there.
 SourceAddress parse_source_address(const std::string& text, Presence presence = Presence::kRequired);

@@ -25,6 +25,17 @@ TEST(SourceAddress, KeepsTheWholeAddressForTheNetwork) {
   EXPECT_EQ(address.location, "srt://host:9000?mode=caller&passphrase=0123456789");
 }
 
+TEST(SourceAddress, LetsTheSchemeOfRtspChooseTheTransport) {
+  const SourceAddress address = parse_source_address("rtsp+udp://user:secret@host/x?channel=1");
+  EXPECT_EQ(address.kind, SourceKind::kNetwork);
+  EXPECT_EQ(address.location, "rtsp://user:secret@host/x?channel=1");
+  EXPECT_EQ(address.option("transport", ""), "udp");
+  EXPECT_EQ(address.stated, "rtsp+udp://user:***@host/x?channel=1");
+  EXPECT_EQ(parse_source_address("rtsp://host/x").option("transport", "any"), "any");
+  EXPECT_THROW(parse_source_address("rtsp+pigeon://host/x"), UsageError);
+  EXPECT_THROW(parse_source_address("srt+udp://host/x"), UsageError);
+}
+
 TEST(SourceAddress, SplitsOptionsOfSyntheticSources) {
   const SourceAddress address = parse_source_address("synthetic:room?size=64x48&rate=10&speed=max");
   EXPECT_EQ(address.kind, SourceKind::kSynthetic);

@@ -146,6 +146,28 @@ TEST_F(FootswitchTest, IsLookedForUntilItIsThereAndAgainWhenItIsLost) {
   EXPECT_THAT(told[2], HasSubstr("not there any more; it is looked for again"));
 }
 
+// By what the folder says, long before it would be looked for again.
+TEST_F(FootswitchTest, IsThereAsSoonAsItIsPluggedIn) {
+  FootswitchOptions patient = options();
+  patient.device = (folder / "by-id" / "pedal").string();
+  patient.first_pause = patient.longest_pause = 1h;
+  std::atomic<int> presses = 0;
+  const Footswitch footswitch(patient, [&] { ++presses; }, {});
+  ASSERT_TRUE(within(10s, [&] { return footswitch.status().state.starts_with("cannot open"); }));
+  // As udev does it: the device, then a folder of names, then the name.
+  for (int i = 0; i < 3; ++i) {
+    pedal.plug_in();
+    std::filesystem::create_directory(folder / "by-id");
+    std::filesystem::create_symlink(pedal.path(), patient.device);
+    ASSERT_TRUE(within(10s, [&] { return footswitch.status().well; }));
+    pedal.press();
+    ASSERT_TRUE(within(10s, [&] { return presses == i + 1; }));
+    std::filesystem::remove_all(folder / "by-id");
+    pedal.unplug();
+    ASSERT_TRUE(within(10s, [&] { return !footswitch.status().well; }));
+  }
+}
+
 TEST_F(FootswitchTest, APressThatCannotBeActedOnIsTold) {
   pedal.plug_in();
   const Footswitch footswitch(

@@ -1,0 +1,300 @@
+#include "recorder/source/source_guard.h"
+
+#include <mutex>
+#include <thread>
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "base/error.h"
+#include "recorder/session.h"
+#include "tests/support/recording.h"
+#include "tests/support/stuck_source.h"
+
+namespace kiroku::recorder {
+namespace {
+
+using namespace std::chrono_literals;
+using archive::GapCause;
+using test::RecordedCase;
+using test::RecorderBench;
+using test::stuck_camera;
+using test::StuckDriver;
+using testing::ElementsAre;
+using testing::HasSubstr;
+using testing::IsEmpty;
+using testing::SizeIs;
+
+constexpr const char* kDevice = "/dev/video-of-a-test";
+
+template <typename Condition>
+bool within(std::chrono::seconds limit, const Condition& holds) {
+  const auto end = std::chrono::steady_clock::now() + limit;
+  while (!holds()) {
+    if (std::chrono::steady_clock::now() > end) return false;
+    std::this_thread::sleep_for(5ms);
+  }
+  return true;
+}
+
+class SourceGuardTest : public testing::Test {
+ protected:
+  std::shared_ptr<SourceGuard> guard(SourceGuard::Maker make) {
+    SourceGuard::Limits limits;
+    limits.silence = limits.ending = 100ms;
+    limits.most_stuck = 2;
+    const auto tell = [told = told](const std::string& sentence) {
+      const std::lock_guard lock(told->mutex);
+      told->sentences.push_back(sentence);
+    };
+    return std::make_shared<SourceGuard>(limits, tell, std::move(make));
+  }
+  [[nodiscard]] std::vector<std::string> sentences() const {
+    const std::lock_guard lock(told->mutex);
+    return told->sentences;
+  }
+  /// No thread of a test may be left when the process ends.
+  void TearDown() override {
+    driver.let_go();
+    ASSERT_TRUE(within(20s, [] { return stuck_source_threads() == 0; }));
+  }
+
+  struct Told {
+    std::mutex mutex;
+    std::vector<std::string> sentences;
+  };
+  const std::shared_ptr<Told> told = std::make_shared<Told>();
+  const SourceAddress address = parse_source_address(kDevice, Presence::kMayBeAbsent);
+  CaseClock clock;
+  StuckDriver driver;
+};
+
+TEST_F(SourceGuardTest, GivesUpAThreadThatDoesNotComeBackFromReading) {
+  const auto guarded = guard(stuck_camera(driver, 2));
+  auto source = guarded->open(address, clock, {});
+  EXPECT_TRUE(source->is_live());
+  EXPECT_EQ(source->format().width, 64);
+  EXPECT_TRUE(source->read().has_value());
+  EXPECT_TRUE(source->read().has_value());
+  EXPECT_THROW(source->read(), Error);
+  EXPECT_THROW(source->read(), Error);
+  EXPECT_EQ(guarded->stuck(), 1U);
+  EXPECT_EQ(stuck_source_threads(), 1U);
+  source.reset();
+  EXPECT_EQ(driver.waiting(), 1);
+  EXPECT_THAT(sentences(), ElementsAre("source '/dev/video-of-a-test' does not come back from its driver or "
+                                       "file system (reading): its thread is left behind, 1 of at most 2"));
+  driver.let_go();
+  EXPECT_TRUE(within(20s, [&] { return guarded->stuck() == 0; }));
+  EXPECT_EQ(guarded->given_up(), 1U);
+  EXPECT_THAT(sentences().back(), HasSubstr("a thread that was left behind has come back"));
+}
+
+TEST_F(SourceGuardTest, GivesUpAThreadThatDoesNotComeBackFromOpening) {
+  const auto guarded = guard(stuck_camera(driver, 2, "opening"));
+  EXPECT_THROW(guarded->open(address, clock, {}), Error);
+  EXPECT_EQ(guarded->stuck(), 1U);
+  EXPECT_THAT(sentences(), ElementsAre(HasSubstr("(opening)")));
+}
+
+TEST_F(SourceGuardTest, GivesUpAThreadThatDoesNotComeBackFromClosing) {
+  const auto guarded = guard(stuck_camera(driver, 2, "closing"));
+  auto source = guarded->open(address, clock, {});
+  EXPECT_TRUE(source->read().has_value());
+  source.reset();
+  EXPECT_EQ(guarded->stuck(), 1U);
+  EXPECT_THAT(sentences(), ElementsAre(HasSubstr("(closing)")));
+}
+
+TEST_F(SourceGuardTest, WaitsForAThreadThatGivesSignsOfLife) {
+  class Patient : public Source {
+   public:
+    explicit Patient(Pulse* pulse) : pulse_(pulse) {}
+    [[nodiscard]] PictureFormat format() const override { return {}; }
+    [[nodiscard]] Rational frame_rate() const override { return {}; }
+    [[nodiscard]] bool is_live() const override { return true; }
+    std::optional<TimedFrame> read() override {
+      // Five times as long as a silent one may take.
+      for (int i = 0; i < 50; ++i) {
+        std::this_thread::sleep_for(10ms);
+        ++*pulse_;
+      }
+      return TimedFrame{};
+    }
+
+   private:
+    Pulse* const pulse_;
+  };
+  const auto guarded = guard([](const SourceAddress&, const CaseClock&, const OpeningTerms& terms) {
+    return std::make_unique<Patient>(terms.pulse);
+  });
+  EXPECT_TRUE(guarded->open(address, clock, {})->read().has_value());
+  EXPECT_EQ(guarded->given_up(), 0U);
+}
+
+TEST_F(SourceGuardTest, AnInterruptionEndsTheWaitForAStuckThread) {
+  const auto guarded = guard(stuck_camera(driver, 0));
+  const auto source = guarded->open(address, clock, {});
+  std::thread operator_thread([&] {
+    while (driver.waiting() == 0) std::this_thread::yield();
+    source->interrupt();
+  });
+  EXPECT_FALSE(source->read().has_value());
+  operator_thread.join();
+}
+
+TEST_F(SourceGuardTest, OpensNoMoreThanSoManyUntilOneComesBack) {
+  const auto guarded = guard(stuck_camera(driver, 0));
+  for (int i = 0; i < 2; ++i) EXPECT_THROW(guarded->open(address, clock, {})->read(), Error);
+  try {
+    guarded->open(address, clock, {});
+    FAIL() << "a third thread was made";
+  } catch (const Error& error) {
+    EXPECT_THAT(error.what(),
+                HasSubstr("cannot be opened again before one of its 2 stuck threads comes back"));
+  }
+  EXPECT_EQ(driver.waiting(), 2);
+  driver.let_go();
+  ASSERT_TRUE(within(20s, [&] { return guarded->stuck() == 0; }));
+  EXPECT_NE(guarded->open(address, clock, {}), nullptr);
+}
+
+TEST_F(SourceGuardTest, KeepsWhatWentWrongAndWhatTheClockSays) {
+  const auto refusing =
+      guard([](const SourceAddress&, const CaseClock&, const OpeningTerms&) -> std::unique_ptr<Source> {
+        throw UsageError("no such thing");
+      });
+  EXPECT_THROW(refusing->open(address, clock, {}), UsageError);
+  const auto guarded = guard(stuck_camera(driver, 1));
+  const auto source = guarded->open(address, clock, {});
+  clock.restart();
+  const auto frame = source->read();
+  ASSERT_TRUE(frame.has_value());
+  EXPECT_EQ(frame->time_ns, 0);
+  EXPECT_EQ(stuck_source_threads(), 0U);
+}
+
+TEST_F(SourceGuardTest, DoesNotWaitForAFileSystemThatDoesNotAnswer) {
+  SourceGuard::Limits limits;
+  limits.silence = 50ms;
+  limits.most_stuck = 1;
+  std::atomic<int> looked = 0;
+  const auto guarded = std::make_shared<SourceGuard>(
+      limits, SourceGuard::Tell{}, SourceGuard::Maker{},
+      [&looked, wait = driver.wait()](const std::string& text, Presence presence) {
+        ++looked;
+        wait();
+        return parse_source_address(text, presence);
+      });
+  EXPECT_EQ(guarded->look_up("/mnt/films/a.ts?loop=1", Presence::kMayBeAbsent).kind, SourceKind::kFile);
+  EXPECT_EQ(guarded->stuck(), 1U);
+  EXPECT_EQ(guarded->look_up("/mnt/films/a.ts?loop=1", Presence::kMayBeAbsent).location, "/mnt/films/a.ts");
+  EXPECT_THROW(guarded->look_up("/mnt/films/a.ts", Presence::kRequired), Error);
+  EXPECT_EQ(looked, 1) << "no second thread is given to it";
+  EXPECT_THROW(guarded->look_up("gopher://film", Presence::kMayBeAbsent), UsageError);
+}
+
+// --- in a session ------------------------------------------------------------------------------------------
+
+class StuckSession : public SourceGuardTest {
+ protected:
+  [[nodiscard]] SessionOptions options(const std::shared_ptr<SourceGuard>& guarded) const {
+    SessionOptions options = bench.options();
+    options.video = {bench.stream("endoscope", kDevice), bench.stream("room", kRoom)};
+    options.video[0].may_be_absent = true;
+    options.video[0].guard = guarded;
+    return options;
+  }
+  /// Runs until the status is as wanted, stops, and reads what was recorded.
+  template <typename Condition>
+  RecordedCase record_until(SessionOptions options, const Condition& holds) {
+    Session session(std::move(options));
+    result = session.run([&](const SessionStatus& status) {
+      if (holds(status)) session.stop();
+    });
+    return bench.read(result.folder);
+  }
+
+  static constexpr const char* kRoom = "synthetic:pattern?size=64x48&rate=20";
+  const RecorderBench bench;
+  SessionResult result;
+};
+
+TEST_F(StuckSession, EndsAndStatesTheGapToTheEnd) {
+  const auto guarded = guard(stuck_camera(driver, 5));
+  const RecordedCase recorded = record_until(
+      options(guarded), [](const SessionStatus& status) { return status.streams[0].given_up >= 1; });
+  EXPECT_EQ(result.close_reason, "operator");
+  EXPECT_FALSE(result.last.streams[0].live);
+  EXPECT_GE(result.last.streams[0].stuck, 1U);
+  EXPECT_EQ(result.last.streams[1].stuck, 0U);
+  EXPECT_THAT(recorded.broken_rules(), IsEmpty());
+  EXPECT_THAT(recorded.gaps("room"), IsEmpty());
+  const auto gaps = recorded.gaps("endoscope");
+  ASSERT_THAT(gaps, SizeIs(1));
+  EXPECT_EQ(gaps[0].cause, GapCause::kDeviceRemoved) << "the test's device is no file";
+  EXPECT_EQ(gaps[0].span.start_ns, recorded.segments("endoscope").back().span.end_ns);
+  EXPECT_GE(gaps[0].span.end_ns, recorded.segments("room").back().span.end_ns - 1'000'000'000);
+  EXPECT_EQ(recorded.all<archive::CloseEntry>().at(0).reason, "operator");
+}
+
+TEST_F(StuckSession, EndsWhileTheDriverIsBeingWaitedFor) {
+  SourceGuard::Limits limits;
+  limits.silence = 1h;
+  limits.ending = 50ms;
+  const auto guarded = std::make_shared<SourceGuard>(limits, SourceGuard::Tell{}, stuck_camera(driver, 5));
+  const RecordedCase recorded =
+      record_until(options(guarded), [&](const SessionStatus&) { return driver.waiting() == 1; });
+  EXPECT_EQ(result.close_reason, "operator");
+  EXPECT_EQ(guarded->stuck(), 1U);
+  EXPECT_THAT(recorded.broken_rules(), IsEmpty());
+}
+
+TEST_F(StuckSession, StatesASilenceThatLastsUntilTheEnd) {
+  SourceGuard::Limits limits;
+  limits.silence = 1h;
+  limits.ending = 50ms;
+  const auto guarded = std::make_shared<SourceGuard>(limits, SourceGuard::Tell{}, stuck_camera(driver, 5));
+  const RecordedCase recorded = record_until(options(guarded), [](const SessionStatus& status) {
+    return status.streams[0].frames > 0 && status.now_ns - status.streams[0].last_ns > 1'200'000'000;
+  });
+  EXPECT_THAT(recorded.broken_rules(), IsEmpty());
+  EXPECT_THAT(recorded.gaps("room"), IsEmpty());
+  ASSERT_THAT(recorded.gaps("endoscope"), SizeIs(1));
+  const archive::GapEntry gap = recorded.gaps("endoscope")[0];
+  EXPECT_EQ(gap.cause, GapCause::kSignalLost);
+  EXPECT_EQ(gap.span.start_ns, recorded.segments("endoscope").back().span.end_ns);
+  EXPECT_GE(gap.span.end_ns - gap.span.start_ns, 1'000'000'000);
+}
+
+TEST_F(StuckSession, TheNextCaseKnowsOfTheThreadsOfTheOneBefore) {
+  const auto guarded = guard(stuck_camera(driver, 0, "opening"));
+  for (int i = 0; i < 3; ++i) {
+    const RecordedCase recorded = record_until(
+        options(guarded), [](const SessionStatus& status) { return status.streams[1].frames >= 5; });
+    EXPECT_THAT(recorded.segments("endoscope"), IsEmpty());
+    EXPECT_THAT(recorded.gaps("endoscope"), SizeIs(1));
+    EXPECT_THAT(recorded.gaps("room"), IsEmpty());
+  }
+  EXPECT_LE(driver.waiting(), 2);
+  EXPECT_EQ(result.last.streams[0].stuck, guarded->stuck());
+}
+
+TEST_F(StuckSession, TakesTheSourceUpAgainWhenItsDriverWorks) {
+  int opened = 0;
+  const auto stuck = stuck_camera(driver, 3);
+  const auto whole = stuck_camera(driver, 1000);
+  const auto guarded = guard([&, stuck, whole](const SourceAddress& its_address, const CaseClock& its_clock,
+                                               const OpeningTerms& terms) {
+    return (opened++ == 0 ? stuck : whole)(its_address, its_clock, terms);
+  });
+  const RecordedCase recorded = record_until(
+      options(guarded), [](const SessionStatus& status) { return status.streams[0].frames >= 15; });
+  EXPECT_EQ(guarded->given_up(), 1U);
+  EXPECT_THAT(recorded.broken_rules(), IsEmpty());
+  ASSERT_THAT(recorded.gaps("endoscope"), SizeIs(1));
+  EXPECT_GT(recorded.segments("endoscope").back().span.end_ns, recorded.gaps("endoscope")[0].span.end_ns);
+}
+
+}  // namespace
+}  // namespace kiroku::recorder
