@@ -51,6 +51,8 @@ class StreamRules {
   /// claimed of it: a part, or whole, of an index that comes next or later, of a stream whose last word is a
   /// gap.
   [[nodiscard]] bool may_be_left_over(const std::string& path) const;
+  /// Whether a segment's file of this stream may be called so, whatever its index.
+  [[nodiscard]] bool has_name(const std::string& path) const;
   /// Whether segments and gaps reach over [from_ns, to_ns), as far as the stream goes: `begins` and `ends`
   /// say that nothing of the stream lies before or after what was seen.
   [[nodiscard]] bool reaches_over(std::int64_t from_ns, std::int64_t to_ns, bool ends) const;
@@ -62,6 +64,8 @@ class StreamRules {
     std::uint64_t index = 0;
   };
   void check_seam(const SegmentEntry& segment, std::uint64_t entry);
+  /// Of a segment's file of this stream; nothing for any other path.
+  [[nodiscard]] std::optional<std::uint64_t> index_of(const std::string& path) const;
   /// What is left of a hole after all gaps; nothing if they cover it.
   [[nodiscard]] std::optional<Span> uncovered(Span hole) const;
 
