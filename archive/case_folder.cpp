@@ -61,28 +61,35 @@ ListedFile::Kind kind_of(const struct stat& status) {
   return S_ISLNK(status.st_mode) ? ListedFile::Kind::kLink : ListedFile::Kind::kSpecial;
 }
 
-void list_into(Descriptor folder, const std::string& prefix, int depth, std::vector<ListedFile>& all) {
+/// 0, or the error for which the folder could not be listed to its end.
+int list_into(Descriptor folder, const std::string& prefix, int depth, std::vector<ListedFile>& all) {
   const FolderHandle handle(::fdopendir(folder.number()));
   if (!handle) {
-    return;
+    return errno;
   }
   (void)folder.release();  // the handle closes it
-  while (const dirent* entry = ::readdir(handle.get())) {
+  for (;;) {
+    errno = 0;  // what tells an error from the end
+    const dirent* entry = ::readdir(handle.get());
+    if (entry == nullptr) {
+      return errno;
+    }
     const std::string name = entry->d_name;
     if (name == "." || name == "..") {
       continue;
     }
     struct stat status {};
     if (::fstatat(::dirfd(handle.get()), name.c_str(), &status, AT_SYMLINK_NOFOLLOW) != 0) {
-      continue;  // gone since
+      if (errno != ENOENT) {  // else it is gone since
+        all.push_back({prefix + name, ListedFile::Kind::kUnreadable, 0});
+      }
+      continue;
     }
     ListedFile file{prefix + name, kind_of(status), static_cast<std::uint64_t>(status.st_size)};
     if (file.kind == ListedFile::Kind::kFolder && depth < kMaximumDepth) {
       Descriptor below(open_below(::dirfd(handle.get()), name, O_DIRECTORY));
-      if (below) {
-        list_into(std::move(below), file.path + "/", depth + 1, all);
-      } else {
-        file.kind = ListedFile::Kind::kUnreadableFolder;
+      if (!below || list_into(std::move(below), file.path + "/", depth + 1, all) != 0) {
+        file.kind = ListedFile::Kind::kUnreadable;
       }
     }
     all.push_back(std::move(file));
@@ -197,7 +204,9 @@ std::vector<ListedFile> CaseFolder::list() const {
   if (!again) {
     throw IoError("list folder", path_, errno);
   }
-  list_into(std::move(again), "", 1, all);
+  if (const int error = list_into(std::move(again), "", 1, all); error != 0) {
+    throw IoError("list folder", path_, error);
+  }
   std::sort(all.begin(), all.end(), [](const ListedFile& a, const ListedFile& b) { return a.path < b.path; });
   return all;
 }

@@ -63,8 +63,8 @@ struct FileOpening {
 
 /// One name in the folder.
 struct ListedFile {
-  enum class Kind { kRegular, kFolder, kLink, kSpecial, kUnreadableFolder };
-  std::string path;  // relative, with '/'
+  enum class Kind { kRegular, kFolder, kLink, kSpecial, kUnreadable };  // kUnreadable: what it is or holds
+  std::string path;                                                     // relative, with '/'
   Kind kind = Kind::kRegular;
   std::uint64_t bytes = 0;
 };

@@ -72,9 +72,13 @@ void CaseRules::take(const LedgerLine& line, std::uint64_t number) {
                  [&](const ClockEntry& clock) { take_clock(clock, entry.at.mono_ns, number); },
                  [&](const TokenEntry& token) {
                    named_.insert(token.file);
+                   authorities_.insert(token.authority);
                    tokens_.take(token, number, entry.at.mono_ns);
                  },
-                 [&](const TokenMissedEntry& missed) { tokens_.take_missed(missed, number); },
+                 [&](const TokenMissedEntry& missed) {
+                   authorities_.insert(missed.authority);
+                   tokens_.take_missed(missed, number);
+                 },
                  [&](const RecoveredEntry& recovered) {
                    recovered_ = true;
                    tokens_.take_recovered();

@@ -52,6 +52,8 @@ class CaseRules {
   [[nodiscard]] const TokenRules& tokens() const { return tokens_; }
   /// Whether an entry names this file.
   [[nodiscard]] bool names(const std::string& file) const { return named_.contains(file); }
+  /// Whether an entry names this authority: its token, or that there is none.
+  [[nodiscard]] bool names_authority(const std::string& name) const { return authorities_.contains(name); }
   /// Whether it is a segment's file that an `erased` entry says is gone.
   [[nodiscard]] bool erased(const std::string& path) const;
   /// Whether format 1 has a folder of this path in this case.
@@ -86,6 +88,7 @@ class CaseRules {
   std::map<std::string, StreamTotal> close_totals_;
   std::optional<UtcTime> last_utc_;
   std::unordered_set<std::string> named_;
+  std::set<std::string> authorities_;
   std::int64_t last_mono_ns_ = 0;
   std::optional<std::uint64_t> last_checked_segment_;
   std::uint64_t last_claim_ = 0;  // the last entry that says more than what became of the case since

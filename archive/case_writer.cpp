@@ -241,6 +241,9 @@ void CaseWriter::store_authority_chain(const std::string& authority, const std::
   State& state = *state_;
   state.refuse_unless_writable();
   state.check_authority(authority);
+  if (chain_der.empty()) {
+    return;  // an empty file would be no certificates
+  }
   std::string pem;
   for (const Bytes& der : chain_der) {
     pem += pem_of(der);

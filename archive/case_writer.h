@@ -96,7 +96,7 @@ class CaseWriter {
   /// Appends the entry of a token whose file is there already: the recorder died in between.
   void adopt_token(std::uint64_t checkpoint, const std::string& authority, const TokenEntry& facts,
                    Moment now);
-  /// The authority's certificates, a convenience beside the tokens.
+  /// The authority's certificates, a convenience beside the tokens; nothing where there are none.
   void store_authority_chain(const std::string& authority, const std::vector<Bytes>& chain_der);
   /// Appends `close`. Only tokens, token-missed and erased may follow.
   void close(const std::string& reason, Moment now);

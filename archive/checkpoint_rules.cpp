@@ -64,6 +64,26 @@ void judge_device(const crypto::VerifierKey& device, const VerifyOptions& option
   }
 }
 
+namespace {
+
+/// The first few of many names that anybody may have chosen, each cut short.
+std::string some_of(const std::vector<std::string>& keys) {
+  constexpr std::size_t kMost = 3;
+  constexpr std::size_t kLongest = 80;
+  std::string text;
+  for (std::size_t i = 0; i < std::min(keys.size(), kMost); ++i) {
+    std::size_t end = std::min(keys[i].size(), kLongest);
+    // Not within a character.
+    while (end < keys[i].size() && (static_cast<unsigned char>(keys[i][end]) & 0xc0U) == 0x80U) {
+      --end;
+    }
+    text += (i == 0 ? "" : ", ") + keys[i].substr(0, end) + (end < keys[i].size() ? "…" : "");
+  }
+  return text + (keys.size() > kMost ? ", …" : "");
+}
+
+}  // namespace
+
 CheckpointRules::CheckpointRules(const CaseFolder& folder, const VerifyOptions& options,
                                  FindingList& findings, std::vector<std::uint64_t> sizes)
     : folder_(&folder), options_(&options), findings_(&findings), sizes_(std::move(sizes)) {}
@@ -75,6 +95,13 @@ void CheckpointRules::set_signer(crypto::VerifierKey device, std::string origin)
 
 bool CheckpointRules::has(std::uint64_t size) const {
   return std::binary_search(sizes_.begin(), sizes_.end(), size);
+}
+
+void CheckpointRules::appeared(std::uint64_t size) {
+  const auto at = std::lower_bound(sizes_.begin(), sizes_.end(), size);
+  if (at == sizes_.end() || *at != size) {
+    sizes_.insert(at, size);
+  }
 }
 
 std::optional<std::int64_t> CheckpointRules::mono_at(std::uint64_t size) const {
@@ -105,6 +132,12 @@ std::optional<crypto::Checkpoint> CheckpointRules::check_note(std::uint64_t size
         "checkpoint-unknown-key", place,
         place.file + " is not signed by the device " + device_->name() + ": " + opened.explanation);
     return std::nullopt;
+  }
+  if (device_ && !opened.unchecked.empty()) {
+    findings_->add("checkpoint-cosigned", place,
+                   place.file + " is signed in the names of " + std::to_string(opened.unchecked.size()) +
+                       (opened.unchecked.size() == 1 ? " key" : " keys") +
+                       " beside the device's, which were not checked: " + some_of(opened.unchecked));
   }
   if (checkpoint->size != size) {
     findings_->add("checkpoint-size-differs", place,

@@ -40,6 +40,8 @@ class CheckpointRules {
   void set_signer(crypto::VerifierKey device, std::string origin);
   /// Whether a note of this size is there.
   [[nodiscard]] bool has(std::uint64_t size) const;
+  /// A note that came to be after the listing.
+  void appeared(std::uint64_t size);
   /// The tree has `size` entries, and `fits` tells whether a root is its. `tree_known` is false once a line
   /// could not be hashed. `mono_ns` is the case clock of the last entry, where known.
   void reached(std::uint64_t size, const RootTest& fits, bool tree_known,

@@ -7,6 +7,7 @@
 #include <utility>
 
 #include "archive/age_layout.h"
+#include "archive/authority_files.h"
 #include "archive/case_folder.h"
 #include "archive/case_layout.h"
 #include "archive/checkpoint_rules.h"
@@ -281,9 +282,8 @@ void copy_segment(const CaseFolder& from, const SegmentEntry& segment, const Exc
 
 void copy_conveniences(const CaseFolder& from, const std::vector<ListedFile>& listing, ExcerptFolder& to) {
   for (const ListedFile& file : listing) {
-    const bool convenience =
-        file.path == kDeviceFile || file.path.starts_with(std::string(kAuthoritiesFolder) + "/");
-    if (convenience && file.kind == ListedFile::Kind::kRegular) {
+    const bool device = file.path == kDeviceFile && file.kind == ListedFile::Kind::kRegular;
+    if (device || is_authority_file(from, file)) {
       copy_small(from, file.path, to);
     }
   }

@@ -7,11 +7,13 @@
 #include <vector>
 
 #include "archive/age_layout.h"
+#include "archive/authority_files.h"
 #include "archive/case_layout.h"
 #include "archive/case_rules.h"
 #include "archive/excerpt_document.h"
 #include "archive/folder_names.h"
 #include "archive/log_rules.h"
+#include "archive/outside_notes.h"
 #include "archive/verdict.h"
 #include "base/error.h"
 #include "crypto/merkle_tree.h"
@@ -37,7 +39,8 @@ class ExcerptVerification {
                {false, [this](const SegmentEntry& segment) { return select(segment); },
                 [this](const std::string& file) {
                   return present_.contains(file + std::string(kOriginalHeaderSuffix));
-                }}) {}
+                }}),
+        outside_(options, findings_) {}
 
   VerificationReport run() {
     std::optional<ReadableFile> open_file = open(kExcerptOpenFile);
@@ -45,6 +48,10 @@ class ExcerptVerification {
     if (open_file && lines_file) {
       walk(*open_file, *lines_file);
     }
+    if (rules_.opening() && rules_.device()) {
+      outside_.add_origin(case_origin(rules_.device()->name(), rules_.opening()->case_id));
+    }
+    outside_.finish(document_.first_entry + leaves_.size(), false);
     rules_.judge_missing(files_.finish());
     check_folder_names(listing_, findings_, [&](const ListedFile& file) { return judge_name(file); });
     rules_.check_device_file();
@@ -127,6 +134,7 @@ class ExcerptVerification {
         return crypto::verify_range(leaves_, document_.first_entry, number, document_.left, root);
       };
       checkpoints_.reached(number, fits, !line.too_long, rules_.last_mono_ns());
+      outside_.reached(number, fits, !line.too_long);
       if (comparison->asks_for(number)) {
         comparison->reached(number, fits);
       }
@@ -264,7 +272,7 @@ class ExcerptVerification {
 
   std::uint64_t last_selected() const { return rules_.last_checked_segment().value_or(0); }
 
-  NameJudgement judge_name(const ListedFile& file) const {
+  NameJudgement judge_name(const ListedFile& file) {
     const std::string& path = file.path;
     for (const std::string_view known : {kExcerptFile, kExcerptOpenFile, kExcerptLinesFile, kDeviceFile}) {
       if (path == known) {
@@ -275,15 +283,18 @@ class ExcerptVerification {
       return NameJudgement::kUnnamed;  // named by open, but an excerpt holds no patient's data
     }
     const bool segment = path.starts_with(std::string(kSegmentsFolder) + "/");
-    if ((rules_.names(path) && !segment) || selected_files_.contains(path) || is_note_path(path)) {
+    if ((rules_.names(path) && !segment) || selected_files_.contains(path) || is_note_file(file)) {
       return NameJudgement::kNamed;
     }
-    if (path.ends_with(kOriginalHeaderSuffix) &&
-        selected_files_.contains(path.substr(0, path.size() - kOriginalHeaderSuffix.size()))) {
-      return NameJudgement::kNamed;
+    if (path.ends_with(kOriginalHeaderSuffix)) {
+      // Beside a segment that is not here, nothing would look into it.
+      const std::string its = path.substr(0, path.size() - kOriginalHeaderSuffix.size());
+      return selected_files_.contains(its) && present_.contains(its) ? NameJudgement::kNamed
+                                                                     : NameJudgement::kUnnamed;
     }
-    if (path.starts_with(std::string(kAuthoritiesFolder) + "/")) {
-      return NameJudgement::kFree;
+    if (is_below_authorities(path)) {
+      return judge_authority_file(
+          folder_, file, [this](const std::string& name) { return rules_.names_authority(name); }, findings_);
     }
     return file.kind == ListedFile::Kind::kFolder && rules_.is_folder(path) ? NameJudgement::kNamed
                                                                             : NameJudgement::kUnnamed;
@@ -345,6 +356,7 @@ class ExcerptVerification {
   CheckpointRules checkpoints_;
   FileChecker files_;
   CaseRules rules_;
+  OutsideNotes outside_;
   std::vector<Sha256Digest> leaves_;
   std::optional<Sha256Digest> signed_root_;
 };

@@ -5,12 +5,14 @@
 #include <tuple>
 #include <utility>
 
+#include "base/printable.h"
+
 namespace kiroku::archive {
 
-void FindingList::add(CodeName code, Place place, std::string text) {
+void FindingList::add(CodeName code, Place place, const std::string& text) {
   const std::lock_guard lock(mutex_);
   add_locked({std::string(code.code().name), code.code().severity, std::move(place.file), place.entry,
-              place.offset, std::move(text)});
+              place.offset, printable(text)});
 }
 
 void FindingList::add_locked(Finding finding) {

@@ -26,7 +26,8 @@ class FindingList {
   /// At most this many of one code are kept; the rest is counted in one "more-findings".
   static constexpr std::uint64_t kMostOfOneCode = 1'000;
 
-  void add(CodeName code, Place place, std::string text);
+  /// Where `text` quotes what it judges, that may hold anything: it is made printable (base/printable.h).
+  void add(CodeName code, Place place, const std::string& text);
   /// Findings of another list, their files below `folder`.
   void take_from(FindingList& other, const std::string& folder);
   /// The gravest so far, kept also of those that were only counted.

@@ -36,9 +36,9 @@ void check_kind(const ListedFile& file, FindingList& findings) {
     case ListedFile::Kind::kSpecial:
       findings.add("file-not-regular", {file.path}, file.path + " is a special file, which is never opened");
       break;
-    case ListedFile::Kind::kUnreadableFolder:
+    case ListedFile::Kind::kUnreadable:
       findings.add("file-unreadable", {file.path},
-                   file.path + " cannot be listed; so what is in it was not checked");
+                   file.path + " cannot be looked at; so what is in it was not checked");
       break;
     case ListedFile::Kind::kRegular:
     case ListedFile::Kind::kFolder:
@@ -51,6 +51,10 @@ void check_kind(const ListedFile& file, FindingList& findings) {
 bool is_note_path(std::string_view path) {
   const auto name = name_in(kCheckpointsFolder, path);
   return name && size_of_note_name(*name).value_or(0) > 0;
+}
+
+bool is_note_file(const ListedFile& file) {
+  return file.kind != ListedFile::Kind::kFolder && is_note_path(file.path);
 }
 
 std::optional<TokenName> token_of_path(std::string_view path) {
@@ -71,9 +75,6 @@ void check_folder_names(const std::vector<ListedFile>& listing, FindingList& fin
     const bool plain = file.kind == ListedFile::Kind::kRegular || file.kind == ListedFile::Kind::kFolder;
     switch (judge(file)) {
       case NameJudgement::kNamed:
-        break;
-      case NameJudgement::kFree:
-        check_kind(file, findings);
         break;
       case NameJudgement::kPart:
         check_kind(file, findings);

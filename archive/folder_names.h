@@ -15,7 +15,6 @@ namespace kiroku::archive {
 
 enum class NameJudgement {
   kNamed,              // something names it, and what it is was or is checked elsewhere
-  kFree,               // may be there or not, but must be a plain file or folder
   kPart,               // was being written when recording stopped, or is now
   kTokenNotEntered,    // its entry is not written yet
   kSegmentNotEntered,  // likewise
@@ -28,6 +27,8 @@ void check_folder_names(const std::vector<ListedFile>& listing, FindingList& fin
 
 /// "checkpoints/00000042.note", of a size above 0.
 bool is_note_path(std::string_view path);
+/// A name of that form that is no folder, so that the note is looked into.
+bool is_note_file(const ListedFile& file);
 /// Of "tokens/00000042.swiss.tsr"; nothing for any other path.
 std::optional<TokenName> token_of_path(std::string_view path);
 

@@ -18,6 +18,9 @@ struct Overloaded : Functions... {
 template <typename... Functions>
 Overloaded(Functions...) -> Overloaded<Functions...>;
 
+// A log gets a few entries a minute; these are those that came while it was read.
+constexpr std::size_t kMostRecent = 64;
+
 std::string at_entry(std::uint64_t number) { return "entry " + std::to_string(number); }
 
 Place in_ledger(std::uint64_t number, std::optional<std::uint64_t> offset = std::nullopt) {
@@ -47,9 +50,15 @@ LogContents LogWalk::run() {
   if (head_ == 0) {
     contents_.root_at_head = tree_.root();
   }
+  const auto fits = [&](const crypto::Sha256Digest& root) { return root == tree_.root(); };
   LineReader reader(*opening.file);
   LedgerLine line;
   bool tree_known = true;
+  const std::vector<std::uint64_t> listed = note_sizes(listing_);
+  const std::uint64_t last_listed = listed.empty() ? 0 : listed.back();
+  if (outside_ != nullptr) {
+    outside_->reached(0, fits, tree_known);
+  }
   while (reader.next(line)) {
     if (line.torn) {
       findings_->add("log-tail-not-covered", in_ledger(tree_.size(), line.offset),
@@ -61,23 +70,60 @@ LogContents LogWalk::run() {
     tree_known = tree_known && !line.too_long;
     take(line, number);
     if (checkpoints_.has(tree_.size())) {
-      checkpoints_.reached(
-          tree_.size(), [&](const crypto::Sha256Digest& root) { return root == tree_.root(); }, tree_known,
-          std::nullopt);
+      checkpoints_.reached(tree_.size(), fits, tree_known, std::nullopt);
+    } else if (tree_.size() > last_listed) {
+      recent_.push_back({{}, tree_.size(), tree_.root()});
+      if (recent_.size() > kMostRecent) {
+        recent_.pop_front();
+      }
+    }
+    if (outside_ != nullptr) {
+      outside_->reached(tree_.size(), fits, tree_known);
     }
     if (tree_.size() == head_) {
       contents_.root_at_head = tree_.root();
     }
   }
+  take_late_notes(tree_known);
   checkpoints_.finish(tree_.size());
-  if (checkpoints_.covered() < tree_.size()) {
-    findings_->add("log-tail-not-covered", in_ledger(checkpoints_.covered()),
-                   "no checkpoint covers the log from " + at_entry(checkpoints_.covered()) + " on");
+  if (outside_ != nullptr) {
+    outside_->finish(tree_.size(), true);
   }
+  judge_tail();
   check_names();
   contents_.entries = tree_.size();
   contents_.checkpoints = checkpoints_.count();
   return std::move(contents_);
+}
+
+void LogWalk::take_late_notes(bool tree_known) {
+  for (const crypto::Checkpoint& recent : recent_) {
+    if (folder_->open_file(note_path(recent.size)).file) {
+      checkpoints_.appeared(recent.size);
+      checkpoints_.reached(
+          recent.size, [&](const crypto::Sha256Digest& root) { return root == recent.root; }, tree_known,
+          std::nullopt);
+    }
+  }
+}
+
+void LogWalk::judge_tail() {
+  const std::uint64_t covered = checkpoints_.covered();
+  if (covered == tree_.size()) {
+    return;
+  }
+  // A log is signed entry by entry, but for starts of the machine and changes of its configuration: one may
+  // be without its checkpoint, where the machine stopped in between or is at it now.
+  const bool two_unsigned = to_be_followed_.size() == 2 && to_be_followed_.front() >= covered;
+  const bool nothing_signed = covered == 0 && !to_be_followed_.empty();
+  if (nothing_signed || two_unsigned) {
+    findings_->add("log-tail-unsigned", in_ledger(covered),
+                   "no checkpoint covers the log from " + at_entry(covered) +
+                       " on, where one was to follow each entry: nobody signed what stands there");
+  } else {
+    findings_->add("log-tail-not-covered", in_ledger(covered),
+                   "no checkpoint covers the log from " + at_entry(covered) + " on");
+  }
 }
 
 void LogWalk::take(const LedgerLine& line, std::uint64_t number) {
@@ -109,6 +155,12 @@ void LogWalk::take(const LedgerLine& line, std::uint64_t number) {
         "the machine's monotonic clock goes back in " + at_entry(number) + " of the log without a boot");
   }
   last_mono_ns_ = entry.at.mono_ns;
+  if (!boots && !std::holds_alternative<ConfigChangedEntry>(entry.body)) {
+    to_be_followed_.push_back(number);
+    if (to_be_followed_.size() > 2) {
+      to_be_followed_.pop_front();
+    }
+  }
   contents_.begins = contents_.begins.value_or(entry.at.utc);
   std::visit(Overloaded{[&](const BootEntry& boot) { set_device(boot.device, number); },
                         [&](const DeviceKeyChangedEntry& change) { set_device(change.device, number); },
@@ -146,6 +198,9 @@ void LogWalk::set_device(const std::string& device, std::uint64_t number) {
   try {
     const crypto::VerifierKey key = crypto::VerifierKey::parse(device);
     checkpoints_.set_signer(key, log_origin(key.name()));
+    if (outside_ != nullptr) {
+      outside_->add_origin(log_origin(key.name()));
+    }
     judge_device(key, *options_, *findings_);
   } catch (const UsageError& error) {
     findings_->add("device-invalid", in_ledger(number),
@@ -161,10 +216,14 @@ void LogWalk::note_root(const std::string& case_id, const KnownRoot& root) {
 
 void LogWalk::check_names() {
   check_folder_names(listing_, *findings_, [](const ListedFile& file) {
-    if (file.path == kCheckpointsFolder || file.path == kLedgerFile || is_note_path(file.path)) {
+    const bool notes_folder = file.path == kCheckpointsFolder && file.kind == ListedFile::Kind::kFolder;
+    if (notes_folder || file.path == kLedgerFile || is_note_file(file)) {
       return NameJudgement::kNamed;
     }
-    return file.path.ends_with(kPartSuffix) ? NameJudgement::kPart : NameJudgement::kUnnamed;
+    const bool part = file.kind == ListedFile::Kind::kRegular && file.path.ends_with(kPartSuffix);
+    return part && is_note_path(std::string_view(file.path).substr(0, file.path.size() - kPartSuffix.size()))
+               ? NameJudgement::kPart
+               : NameJudgement::kUnnamed;
   });
 }
 

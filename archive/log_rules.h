@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <deque>
 #include <map>
 #include <optional>
 #include <string>
@@ -13,6 +14,7 @@
 #include "archive/ledger_entry.h"
 #include "archive/line_reader.h"
 #include "archive/log_entry.h"
+#include "archive/outside_notes.h"
 #include "archive/verifier.h"
 #include "crypto/merkle_tree.h"
 
@@ -51,6 +53,8 @@ class LogWalk {
   /// case. Everything referred to must outlive the object.
   LogWalk(const CaseFolder& folder, const VerifyOptions& options, FindingList& findings, std::string case_id,
           std::uint64_t head);
+  /// Notes to compare the log with, before run().
+  void compare_with(OutsideNotes& notes) { outside_ = &notes; }
 
   /// Once. Throws kiroku::Error if the folder is no log.
   LogContents run();
@@ -60,17 +64,23 @@ class LogWalk {
   void set_device(const std::string& device, std::uint64_t number);
   void note_root(const std::string& case_id, const KnownRoot& root);
   void check_names();
+  /// Notes that were signed while the log was read, of the newest entries.
+  void take_late_notes(bool tree_known);
+  void judge_tail();
 
   const CaseFolder* folder_;
   const VerifyOptions* options_;
   FindingList* findings_;
   std::string case_id_;
   std::uint64_t head_;
+  OutsideNotes* outside_ = nullptr;
   std::vector<ListedFile> listing_;
   CheckpointRules checkpoints_;
   crypto::MerkleFrontier tree_;
   LogContents contents_;
   std::int64_t last_mono_ns_ = 0;
+  std::deque<crypto::Checkpoint> recent_;     // of the newest sizes that no listed note has; without origin
+  std::deque<std::uint64_t> to_be_followed_;  // the last two entries that a checkpoint follows at once
 };
 
 /// One case against what the log knows of it, while its ledger is walked.

@@ -208,10 +208,17 @@ bool StreamRules::may_be_left_over(const std::string& path) const {
   }
   const bool part = path.ends_with(kPartSuffix);
   const std::string whole = part ? path.substr(0, path.size() - kPartSuffix.size()) : path;
-  const std::string number = std::filesystem::path(whole).filename().string();
+  const std::optional<std::uint64_t> index = index_of(whole);
+  return index && *index >= next_index_.value_or(0);
+}
+
+bool StreamRules::has_name(const std::string& path) const { return index_of(path).has_value(); }
+
+std::optional<std::uint64_t> StreamRules::index_of(const std::string& path) const {
+  const std::string number = std::filesystem::path(path).filename().string();
   const std::optional<std::uint64_t> index = parse_index(number.substr(0, number.find('.')));
-  return index && *index >= next_index_.value_or(0) &&
-         whole == segment_path(report_.info.name, *index, report_.info.extension);
+  return index && path == segment_path(report_.info.name, *index, report_.info.extension) ? index
+                                                                                          : std::nullopt;
 }
 
 bool StreamRules::shows_all_of(std::int64_t from_ns, std::int64_t to_ns, const LinesShown& lines) const {

@@ -51,6 +51,8 @@ class StreamRules {
   /// claimed of it: a part, or whole, of an index that comes next or later, of a stream whose last word is a
   /// gap.
   [[nodiscard]] bool may_be_left_over(const std::string& path) const;
+  /// Whether a segment's file of this stream may be called so, whatever its index.
+  [[nodiscard]] bool has_name(const std::string& path) const;
   /// Where an excerpt's lines lie in the case's ledger.
   struct LinesShown {
     bool from_open = false;     // no entry between `open` and them is left out
@@ -74,6 +76,8 @@ class StreamRules {
     std::uint64_t index = 0;
   };
   void check_seam(const SegmentEntry& segment, std::uint64_t entry);
+  /// Of a segment's file of this stream; nothing for any other path.
+  [[nodiscard]] std::optional<std::uint64_t> index_of(const std::string& path) const;
   /// What is left of a hole after all gaps; nothing if they cover it.
   [[nodiscard]] std::optional<Span> uncovered(Span hole) const;
 

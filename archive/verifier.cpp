@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <utility>
 
+#include "archive/authority_files.h"
 #include "archive/case_folder.h"
 #include "archive/case_layout.h"
 #include "archive/case_rules.h"
@@ -14,6 +15,7 @@
 #include "archive/found_files.h"
 #include "archive/line_reader.h"
 #include "archive/log_rules.h"
+#include "archive/outside_notes.h"
 #include "archive/verdict.h"
 #include "base/error.h"
 #include "crypto/merkle_tree.h"
@@ -48,7 +50,8 @@ class CaseVerification {
         listing_(folder.list()),
         checkpoints_(folder, options, findings_, note_sizes(listing_)),
         files_(folder, options, findings_, bytes_in(listing_)),
-        rules_(folder, options, findings_, checkpoints_, files_, {}) {}
+        rules_(folder, options, findings_, checkpoints_, files_, {}),
+        outside_(options, findings_) {}
 
   VerificationReport run() {
     const FileOpening opening = folder_.open_file(kLedgerFile);
@@ -57,6 +60,10 @@ class CaseVerification {
     } else {
       report_unopened(findings_, {std::string(kLedgerFile)}, opening);
     }
+    if (rules_.opening() && rules_.device()) {
+      outside_.add_origin(case_origin(rules_.device()->name(), rules_.opening()->case_id));
+    }
+    outside_.finish(tree_.size(), opening.file.has_value());
     return report();
   }
 
@@ -68,16 +75,18 @@ class CaseVerification {
     LogComparison comparison(log ? &*log : nullptr, open, findings_);
     comparison.check_opening(entry0);
 
+    const auto fits = [&](const crypto::Sha256Digest& root) { return root == tree_.root(); };
     LineReader reader(ledger);
     LedgerLine line;
     bool tree_known = true;
+    outside_.reached(0, fits, tree_known);
     while (reader.next(line) && !line.torn) {
       const std::uint64_t number = tree_.size();
       tree_.append(crypto::merkle_leaf_hash(bytes_of(line.text)));
       tree_known = tree_known && !line.too_long;
       rules_.take(line, number);
-      const auto fits = [&](const crypto::Sha256Digest& root) { return root == tree_.root(); };
       checkpoints_.reached(tree_.size(), fits, tree_known, rules_.last_mono_ns());
+      outside_.reached(tree_.size(), fits, tree_known);
       if (comparison.asks_for(tree_.size())) {
         comparison.reached(tree_.size(), fits);
       }
@@ -143,16 +152,17 @@ class CaseVerification {
     }
   }
 
-  NameJudgement judge_name(const ListedFile& file) const {
+  NameJudgement judge_name(const ListedFile& file) {
     const std::string& path = file.path;
-    if (path == kLedgerFile || path == kDeviceFile || rules_.names(path) || is_note_path(path)) {
+    if (path == kLedgerFile || path == kDeviceFile || rules_.names(path) || is_note_file(file)) {
       return NameJudgement::kNamed;
     }
-    if (file.kind == ListedFile::Kind::kFolder && rules_.is_folder(path)) {
-      return NameJudgement::kNamed;
+    if (file.kind == ListedFile::Kind::kFolder) {
+      return rules_.is_folder(path) ? NameJudgement::kNamed : NameJudgement::kUnnamed;
     }
-    if (path.starts_with(std::string(kAuthoritiesFolder) + "/")) {
-      return NameJudgement::kFree;
+    if (is_below_authorities(path)) {
+      return judge_authority_file(
+          folder_, file, [this](const std::string& name) { return rules_.names_authority(name); }, findings_);
     }
     for (const auto& [name, stream] : rules_.streams()) {
       if (!rules_.close_entry() && path == stream.next_file()) {
@@ -163,7 +173,7 @@ class CaseVerification {
       }
     }
     if (!rules_.close_entry() || rules_.recovered()) {
-      if (path.ends_with(kPartSuffix)) {
+      if (may_be_unfinished(file)) {
         return NameJudgement::kPart;
       }
       if (token_of_path(path)) {
@@ -171,6 +181,17 @@ class CaseVerification {
       }
     }
     return rules_.close_entry() ? judge_after_close(path) : NameJudgement::kUnnamed;
+  }
+
+  /// What a recorder may have been writing: a note, a token, a segment of a stream.
+  [[nodiscard]] bool may_be_unfinished(const ListedFile& file) const {
+    if (file.kind != ListedFile::Kind::kRegular || !file.path.ends_with(kPartSuffix)) {
+      return false;
+    }
+    const std::string whole = file.path.substr(0, file.path.size() - kPartSuffix.size());
+    return is_note_path(whole) || token_of_path(whole) ||
+           std::any_of(rules_.streams().begin(), rules_.streams().end(),
+                       [&](const auto& named) { return named.second.has_name(whole); });
   }
 
   /// A token that comes after the recording is stored before its entry is written, and the checkpoint over
@@ -226,6 +247,7 @@ class CaseVerification {
   CheckpointRules checkpoints_;
   FileChecker files_;
   CaseRules rules_;
+  OutsideNotes outside_;
   crypto::MerkleFrontier tree_;
 };
 
@@ -306,18 +328,30 @@ VerificationReport verify_case(const std::filesystem::path& folder, const Verify
 }
 
 VerificationReport verify_log(const std::filesystem::path& folder, const VerifyOptions& options) {
-  const CaseFolder opened = CaseFolder::open(folder);
   FindingList findings;
-  const LogContents log = LogWalk(opened, options, findings, {}, 0).run();
-  look_for_cases(log, folder, findings);
+  OutsideNotes outside(options, findings);
   VerificationReport report;
   report.case_id = "log";
-  report.device = log.device;
-  report.entries = log.entries;
-  report.checkpoints = log.checkpoints;
-  report.files = log.checkpoints + 1;
-  report.bytes = bytes_in(opened.list());
-  report.opened = log.begins;
+  try {
+    const CaseFolder opened = CaseFolder::open(folder);
+    LogWalk walk(opened, options, findings, {}, 0);
+    walk.compare_with(outside);
+    const LogContents log = walk.run();
+    look_for_cases(log, folder, findings);
+    report.device = log.device;
+    report.entries = log.entries;
+    report.checkpoints = log.checkpoints;
+    report.files = log.checkpoints + 1;
+    report.bytes = bytes_in(opened.list());
+    report.opened = log.begins;
+  } catch (const Error& error) {
+    // Two notes that contradict each other prove a fork also where the log is gone.
+    if (!outside.contradict_each_other()) {
+      throw;
+    }
+    outside.finish(0, false);
+    findings.add("file-unreadable", {std::string(kLedgerFile)}, error.what());
+  }
   report.verdict = verdict_of(findings.worst());
   report.findings = findings.take();
   return report;

@@ -112,10 +112,16 @@ using SegmentInspector = std::function<std::optional<std::string>(const StreamIn
                                                                   const std::filesystem::path& sealed_file,
                                                                   const crypto::AgeIdentities&)>;
 
+/// A signed note that somebody kept outside what is verified, and what it is called in findings.
+struct OutsideNote {
+  std::string name, text;
+};
+
 struct VerifyOptions {
   std::vector<crypto::VerifierKey> devices;  // trusted; empty: unproven
   const timestamp::TrustStore* trust = nullptr;
   std::optional<std::filesystem::path> log;  // appliance log folder
+  std::vector<OutsideNote> against;          // of what is verified: notes of the case, or of the log
   const crypto::AgeIdentities* identities = nullptr;
   SegmentInspector inspect;
   unsigned threads = 0;  // 0: one a core

@@ -2,6 +2,8 @@
 
 #include <algorithm>
 #include <charconv>
+#include <set>
+#include <utility>
 
 #include "base/error.h"
 #include "crypto/encoding.h"
@@ -64,7 +66,7 @@ std::optional<SignatureLine> parse_signature_line(std::string_view line) {
 }
 
 OpenedNote malformed(const std::string& why) {
-  return {{}, {}, NoteFailure::kMalformed, "this is not a signed note: " + why};
+  return {{}, {}, {}, NoteFailure::kMalformed, "this is not a signed note: " + why};
 }
 
 // The line at the front of `text` without its newline, which is cut off, too; nothing if there is none.
@@ -147,13 +149,21 @@ OpenedNote open_note(std::string_view note, const std::vector<VerifierKey>& veri
   if (!rest.ends_with('\n')) return malformed("its last line has no newline");
 
   bool verified = false;
+  bool foreign_in_known_name = false;
+  std::set<std::pair<std::string, std::uint32_t>> keys;
   while (const auto line = take_line(rest)) {
     const auto signature = parse_signature_line(*line);
     if (!signature) return malformed("a signature line is not \"\u2014 <name> <base64>\"");
     result.signers.push_back(signature->name);
     if (result.signers.size() > kMaximumSignatures) return malformed("it has more than 100 signatures");
+    if (!keys.emplace(signature->name, signature->key_id).second)
+      return malformed("two of its signature lines are of one key");
+    bool known_name = false;
+    bool known_key = false;
     for (const auto& verifier : verifiers) {
+      known_name = known_name || verifier.name() == signature->name;
       if (verifier.name() != signature->name || verifier.key_id() != signature->key_id) continue;
+      known_key = true;
       if (verify_ed25519(verifier.key(), bytes_of(result.text), signature->signature)) {
         verified = true;
       } else if (!result.failure) {
@@ -161,6 +171,13 @@ OpenedNote open_note(std::string_view note, const std::vector<VerifierKey>& veri
         result.explanation = "the signature of " + verifier.name() + " does not fit the note's text";
       }
     }
+    if (!known_key) result.unchecked.push_back(signature->name + "+" + to_hex(big_endian(signature->key_id)));
+    foreign_in_known_name = foreign_in_known_name || (known_name && !known_key);
+  }
+  // A note by another key of the name alone is of an unknown key; beside the known one it is a forgery.
+  if (!result.failure && verified && foreign_in_known_name) {
+    result.failure = NoteFailure::kBadSignature;
+    result.explanation = "another key signed it, too, in the name of a key that is known";
   }
   if (!result.failure && !verified) {
     result.failure = NoteFailure::kUnknownKey;

@@ -40,11 +40,13 @@ enum class NoteFailure { kMalformed, kUnknownKey, kBadSignature };
 struct OpenedNote {
   std::string text;                    // what was signed, empty if malformed
   std::vector<std::string> signers;    // names on the signature lines
+  std::vector<std::string> unchecked;  // "<name>+<key id>" of lines by keys that were not given
   std::optional<NoteFailure> failure;  // nothing: signed by one of the verifiers
   std::string explanation;             // one sentence when it failed
 };
-/// Checks form and signature. A signature by a known key that does not verify fails the whole note; by
-/// unknown keys is ignored.
+/// Checks form and signature. Two lines of one key are no form. A signature by a known key that does not
+/// verify fails the whole note, and so does one in a known name by another key; those by unknown names are
+/// not checked: whoever can write the note can add them.
 OpenedNote open_note(std::string_view note, const std::vector<VerifierKey>& verifiers);
 
 /// Origin, size and root of a log (C2SP tlog-checkpoint): three lines; extension lines are refused here.

@@ -6,6 +6,7 @@
 
 #include <openssl/err.h>
 
+#include "base/printable.h"
 #include "timestamp/der.h"
 
 namespace kiroku::timestamp {
@@ -14,13 +15,6 @@ namespace {
 constexpr std::array kHashes{std::pair(NID_sha256, crypto::HashAlgorithm::kSha256),
                              std::pair(NID_sha384, crypto::HashAlgorithm::kSha384),
                              std::pair(NID_sha512, crypto::HashAlgorithm::kSha512)};
-
-/// Characters that a terminal or a page obeys instead of showing: controls and changes of writing direction.
-bool is_control(unsigned long character) {
-  return character < 0x20 || (character >= 0x7f && character < 0xa0) ||
-         (character >= 0x200e && character <= 0x200f) || (character >= 0x2028 && character <= 0x202e) ||
-         (character >= 0x2066 && character <= 0x2069);
-}
 
 std::string object_text(const ASN1_OBJECT* object, bool numbers_only) {
   std::array<char, 256> text{};
@@ -78,23 +72,7 @@ const EVP_MD* message_digest_of(crypto::HashAlgorithm algorithm) {
   return nullptr;
 }
 
-std::string printable(ByteView utf8) {
-  std::string out;
-  const unsigned char* at = octets_of(utf8);
-  auto left = static_cast<int>(utf8.size());
-  while (left > 0) {
-    unsigned long character = 0;
-    const int used = UTF8_getc(at, left, &character);
-    if (used <= 0 || is_control(character)) {
-      out += '?';
-    } else {
-      out.append(reinterpret_cast<const char*>(at), static_cast<std::size_t>(used));
-    }
-    at += std::max(used, 1);
-    left -= std::max(used, 1);
-  }
-  return out;
-}
+std::string printable(ByteView utf8) { return kiroku::printable(text_of(utf8)); }
 
 void forget_openssl_errors() { ERR_clear_error(); }
 

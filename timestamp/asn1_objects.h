@@ -91,7 +91,7 @@ Bytes integer_octets(const ASN1_INTEGER* number);
 /// The hash algorithm named by an AlgorithmIdentifier without (or with NULL) parameters; nothing for others.
 std::optional<crypto::HashAlgorithm> hash_algorithm_of(const X509_ALGOR* identifier);
 const EVP_MD* message_digest_of(crypto::HashAlgorithm algorithm);
-/// Text of a foreign response for our messages: UTF-8 as it is, control and malformed characters as '?'.
+/// Text of a foreign response for our messages (base/printable.h).
 std::string printable(ByteView utf8);
 
 void forget_openssl_errors();

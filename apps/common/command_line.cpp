@@ -8,6 +8,7 @@
 
 #include "apps/common/version.h"
 #include "base/error.h"
+#include "base/printable.h"
 
 namespace kiroku::apps {
 namespace {
@@ -69,13 +70,7 @@ std::string parse_sentence(const CLI::ParseError& error, const std::string& comm
 
 }  // namespace
 
-std::string printable(std::string_view text) {
-  std::string out(text);
-  for (char& c : out) {
-    if (static_cast<unsigned char>(c) < 0x20 || c == 0x7f) c = c == '\n' || c == '\t' ? ' ' : '?';
-  }
-  return out;
-}
+std::string printable(std::string_view text) { return kiroku::printable(text); }
 
 std::string_view version() { return kVersion; }
 

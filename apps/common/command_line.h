@@ -126,7 +126,7 @@ std::string_view version();
 
 /// "<program>: <sentence>" on standard error, line breaks and control characters in it made visible.
 void print_error(std::string_view program, std::string_view sentence);
-/// Text that came from a file or a network, safe to print on a terminal: control characters become "?".
+/// Text that came from a file or a network, fit for a terminal (base/printable.h).
 std::string printable(std::string_view text);
 
 }  // namespace kiroku::apps

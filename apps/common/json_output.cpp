@@ -4,10 +4,12 @@
 
 #include <nlohmann/json.hpp>
 
+#include "base/printable.h"
+
 namespace kiroku::apps {
 
 void print_json(const nlohmann::ordered_json& object) {
-  std::cout << object.dump(2, ' ', false, nlohmann::json::error_handler_t::replace) << "\n";
+  std::cout << printable_json(object.dump(2, ' ', false, nlohmann::json::error_handler_t::replace)) << "\n";
 }
 
 }  // namespace kiroku::apps

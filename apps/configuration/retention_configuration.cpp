@@ -4,6 +4,7 @@
 #include "apps/configuration/table_reader.h"
 #include "archive/replica.h"
 #include "base/error.h"
+#include "base/printable.h"
 
 namespace kiroku::apps {
 namespace {
@@ -21,6 +22,11 @@ RetentionRule read_rule(const toml::table& table, const std::string& file) {
   }
   if (rule.after.count() == 0)
     reader.refuse(table.source(), "a [[retention]] needs 'after', such as \"30d\"");
+  if (const std::optional<std::string> character = first_unprintable(rule.policy)) {
+    reader.refuse(table.source(),
+                  "'policy' holds " + *character +
+                      ", which is obeyed or cannot be seen where it is shown: write it without");
+  }
   if (rule.policy.empty()) {
     reader.refuse(table.source(), "a [[retention]] needs a 'policy': why the recording may go");
   }

@@ -18,6 +18,7 @@
 #include "archive/file_system.h"
 #include "archive/retention.h"
 #include "base/error.h"
+#include "base/printable.h"
 #include "recorder/checkpoint_stamper.h"
 
 namespace kiroku::apps {
@@ -92,6 +93,7 @@ std::vector<Candidate> what_was_named(const Home& home, const Request& request) 
   }
   if (request.stream.empty()) throw UsageError("name the stream that may go with --stream");
   if (request.policy.empty()) throw UsageError("--policy is empty: say why the recording may go");
+  require_printable(request.policy, "--policy");
   const auto age =
       request.older_than ? parse_age(*request.older_than, "--older-than") : std::chrono::nanoseconds{};
   if (request.case_name) {

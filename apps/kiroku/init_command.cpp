@@ -18,6 +18,7 @@
 #include "archive/catalogue.h"
 #include "archive/file_system.h"
 #include "base/error.h"
+#include "base/printable.h"
 #include "crypto/age_file.h"
 #include "timestamp/authority.h"
 
@@ -156,6 +157,7 @@ void require_free_place(const fs::path& folder) {
 crypto::VerifierKey fill(const Home& home, const Request& request, const std::vector<std::string>& recipients,
                          Undo& undo) {
   const std::string name = request.device_name.value_or(default_device_name());
+  require_printable(name, "--device-name");
   const crypto::SigningKey key = crypto::SigningKey::generate();
   const crypto::VerifierKey device(name, key.public_key());
   std::optional<crypto::Secret> passphrase;

@@ -8,10 +8,12 @@
 #include "apps/common/progress.h"
 #include "apps/kiroku/commands.h"
 #include "apps/kiroku/home.h"
+#include "apps/verify/outside_note.h"
 #include "apps/verify/report_text.h"
 #include "archive/appliance_log.h"
 #include "archive/report_json.h"
 #include "archive/verifier.h"
+#include "base/error.h"
 
 namespace kiroku::apps {
 namespace {
@@ -20,6 +22,7 @@ using nlohmann::ordered_json;
 
 struct Request {
   std::optional<std::string> home;
+  std::vector<std::string> against;
   bool verify = false, json = false;
 };
 
@@ -53,11 +56,12 @@ int list(const Home& home, bool json) {
   return kDone;
 }
 
-int verify(const Home& home, bool json) {
+int verify(const Home& home, const std::vector<std::string>& against, bool json) {
   const timestamp::TrustStore trust = home.trust();
   archive::VerifyOptions options;
   options.devices = {home.device()};
   options.trust = &trust;
+  for (const std::string& note : against) options.against.push_back(load_outside_note(note));
   Progress progress("verifying");
   options.progress = [&progress](std::uint64_t done, std::uint64_t total) { progress.update(done, total); };
   const archive::VerificationReport report = archive::verify_log(home.log_folder(), options);
@@ -76,6 +80,10 @@ void add_log_command(Command& program) {
   Command& command = program.add_command("log", "lists or verifies the appliance log");
   const auto request = std::make_shared<Request>();
   command.flag("--verify", request->verify, "judges the log instead of listing it");
+  command.option(
+      "--against", "NOTE", request->against,
+      "with --verify: checkpoint of the log kept outside, or a copy of its folder from before: tells "
+      "what was cut off or rewritten since");
   add_home_option(command, request->home);
   command.flag("--json", request->json, "prints one JSON object instead");
   command.explain(
@@ -85,10 +93,24 @@ void add_log_command(Command& program) {
       "'kiroku "
       "verify'.");
   command.example("kiroku log", "lists every entry");
+  command.explain(
+      "With --against, the log must still begin with the entries that the note was signed of. Whoever holds "
+      "the "
+      "device's key can cut the log's end off and sign the rest anew; only a note that was kept elsewhere "
+      "(in a "
+      "mail, on another machine, on paper) shows it. Of two notes of one size with different roots the "
+      "device "
+      "signed two logs, whatever is here now. A note of another log, or not signed by this home's device, "
+      "could "
+      "not be compared: exit status 3.");
   command.example("kiroku log --verify", "tells whether the log is whole");
+  command.example("kiroku log --verify --against kept.note",
+                  "tells also whether it goes on from a note that was kept elsewhere");
   command.on_run([request] {
     const Home home = Home::open(request->home);
-    return request->verify ? verify(home, request->json) : list(home, request->json);
+    if (!request->verify && !request->against.empty())
+      throw UsageError("--against compares the log with a note: give --verify, too");
+    return request->verify ? verify(home, request->against, request->json) : list(home, request->json);
   });
 }
 

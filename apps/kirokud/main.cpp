@@ -173,7 +173,8 @@ void tell_catalogue(const Home& home, const std::filesystem::path& folder) {
   try {
     refresh_catalogue(home, folder);
   } catch (const std::exception& error) {
-    spdlog::warn("the catalogue does not know case {} yet: {}", folder.filename().string(), error.what());
+    spdlog::warn("the catalogue does not know case {} yet: {}", folder.filename().string(),
+                 printable(error.what()));
   }
 }
 
@@ -288,7 +289,7 @@ class LateStamper {
           tell_catalogue(home_, home_.archive() / each.case_id);
         }
       } catch (const std::exception& error) {
-        spdlog::warn("time-stamps that did not come cannot be asked for now: {}", error.what());
+        spdlog::warn("time-stamps that did not come cannot be asked for now: {}", printable(error.what()));
       }
       lock.lock();
     }

@@ -4,6 +4,7 @@
 
 #include "apps/common/progress.h"
 #include "apps/common/terminal.h"
+#include "apps/verify/outside_note.h"
 #include "base/error.h"
 
 namespace kiroku::apps {
@@ -35,6 +36,9 @@ void add_judging_options(Command& command, JudgingRequest& request, const Verify
                  "certificates that help to build a chain without being trusted");
   command.option("--log", "DIR", request.log, "appliance log that must know the case",
                  home ? "the home's, for cases in its archive" : "");
+  command.option("--against", "NOTE", request.against,
+                 "checkpoint kept outside, or a copy of the folder from before: tells what was cut off or "
+                 "rewritten since");
   command.option(
       "-i,--identity", "FILE", request.identities,
       extras.inspect ? "also decrypts every segment and decodes it" : "also decrypts every segment");
@@ -50,6 +54,7 @@ Judge::Judge(const JudgingRequest& request, const VerifyExtras& extras) : reques
       identities_.push_back(std::move(identity));
     }
   }
+  for (const std::string& note : request.against) against_.push_back(load_outside_note(note));
   threads_ = parse_threads(request.threads);
 }
 
@@ -72,6 +77,7 @@ Judged Judge::judge(const std::filesystem::path& folder) const {
   if (trust.has_trusted()) options.trust = &trust;
   options.log = judged.log =
       request_.log ? std::optional<std::filesystem::path>(*request_.log) : defaults.log;
+  options.against = against_;
   if (!identities_.empty()) {
     options.identities = &identities_;
     options.inspect = extras_.inspect;
@@ -79,11 +85,12 @@ Judged Judge::judge(const std::filesystem::path& folder) const {
   options.threads = threads_;
   Progress progress("verifying");
   options.progress = [&progress](std::uint64_t done, std::uint64_t total) { progress.update(done, total); };
-  judged.report = archive::verify_case(folder, options);
+  judged.report =
+      request_.as_log ? archive::verify_log(folder, options) : archive::verify_case(folder, options);
   judged.device_trusted =
       std::any_of(options.devices.begin(), options.devices.end(),
                   [&](const crypto::VerifierKey& key) { return key.to_string() == judged.report.device; });
-  if (extras_.verified) extras_.verified(folder, judged.report, !identities_.empty());
+  if (extras_.verified && !request_.as_log) extras_.verified(folder, judged.report, !identities_.empty());
   return judged;
 }
 

@@ -13,8 +13,9 @@ namespace kiroku::apps {
 
 /// What a person gave; the rest is VerifyExtras::defaults.
 struct JudgingRequest {
-  std::vector<std::string> devices, trust, own_authority, untrusted, identities;
+  std::vector<std::string> devices, trust, own_authority, untrusted, identities, against;
   std::optional<std::string> log, threads;
+  bool as_log = false;  // the folder is an appliance log
 };
 /// `request` must live until the program has run.
 void add_judging_options(Command& command, JudgingRequest& request, const VerifyExtras& extras);
@@ -41,6 +42,7 @@ class Judge {
   const VerifyExtras& extras_;
   std::vector<crypto::VerifierKey> devices_;
   crypto::AgeIdentities identities_;
+  std::vector<archive::OutsideNote> against_;
   unsigned threads_ = 0;
 };
 

@@ -38,14 +38,18 @@ int worse(int a, int b) {
 }
 
 int run(const Request& request, const VerifyExtras& extras, const std::string& program) {
+  if (!request.judging.against.empty() && request.cases.size() > 1) {
+    throw UsageError("--against takes notes of one case: verify the cases one by one");
+  }
   const Judge judge(request.judging, extras);
   int status = kDone;
   ordered_json reports = ordered_json::array();
   bool first = true;
   for (const std::string& named : request.cases) {
     try {
-      const std::filesystem::path folder =
-          extras.find_case ? extras.find_case(named) : std::filesystem::path(named);
+      const std::filesystem::path folder = extras.find_case && !request.judging.as_log
+                                               ? extras.find_case(named)
+                                               : std::filesystem::path(named);
       const Judged judged = judge.judge(folder);
       status = worse(status, archive::exit_status(judged.report.verdict, request.excerpt));
       if (request.json) {
@@ -107,7 +111,15 @@ void make_verify_command(Command& command, const VerifyExtras& extras) {
   add_judging_options(command, request->judging, extras);
   command.flag("--excerpt", request->excerpt,
                "an excerpt will do: an intact one gives exit status 0 instead of 4");
+  command.flag("--as-log", request->judging.as_log, "CASE is the folder of an appliance log");
   command.flag("--json", request->json, "prints one JSON object instead");
+  command.explain(
+      "--against compares with a signed note that was kept elsewhere: from a receipt, a replica, a mail. If "
+      "the "
+      "record has fewer entries than the note, or others, its end was cut off or its history rewritten, by "
+      "whomever, and the answer is no. A note of another record, or not signed by a trusted device, could "
+      "not "
+      "be compared: exit status 3.");
   command.explain(
       "Exit status: 0 intact (also with stated gaps), 1 tampered, 2 wrong usage or unreadable, 3 incomplete "
       "or unproven, 4 an intact excerpt, which is a part of a case. --excerpt changes nothing else: an "
@@ -118,6 +130,10 @@ void make_verify_command(Command& command, const VerifyExtras& extras) {
                   "judges a case by a device key and roots that you trust");
   command.example(command.full_name() + " --excerpt for-the-court --device device.pub --trust roots.pem",
                   "judges an excerpt, and says what part of the case it is");
+  command.example(command.full_name() + " CASE --against receipt.note",
+                  "tells also whether the case is still the one of a printed receipt");
+  command.example(command.full_name() + " --as-log archive/log --device device.pub --against kept.note",
+                  "judges an appliance log by a note that was kept elsewhere");
   command.example(command.full_name() + " --json CASE | jq -r .verdict", "prints the verdict alone");
   command.on_run([request, extras, program] { return run(*request, extras, program); });
 }

@@ -8,6 +8,7 @@
 #include <thread>
 
 #include "base/error.h"
+#include "base/printable.h"
 
 namespace kiroku::recorder {
 namespace {
@@ -504,6 +505,7 @@ std::string Room::stop(const std::string& reason, bool wait) {
 }
 
 void Room::mark(const std::string& text) {
+  require_printable(text, "the text of the mark");
   const std::shared_ptr<Session> session = state_->recording_session();
   if (!session) throw UsageError("room " + name() + " is not recording: there is nothing to mark");
   session->mark(text);

@@ -154,7 +154,8 @@ TEST_F(BitFlips, InConveniencesChangeNoVerdict) {
     EXPECT_EQ(summary(verify_flipped("device.pub", at, 0)), "intact\ndevice-file-differs device.pub -");
   }
   for (std::size_t at = 0; at < fs::file_size(case_ / "authorities/embedded.pem"); at += 7) {
-    EXPECT_EQ(summary(verify_flipped("authorities/embedded.pem", at, 0)), "intact");
+    EXPECT_THAT(summary(verify_flipped("authorities/embedded.pem", at, 0)),
+                ::testing::AnyOf("intact", "intact\nauthority-file-malformed authorities/embedded.pem -"));
   }
 }
 

@@ -202,6 +202,28 @@ TEST(AttackBesideALogOfAnotherAppliance, IsTold) {
                                                 ::testing::HasSubstr("device-not-trusted")));
 }
 
+// Every entry but starts and configurations is signed at once: whoever rewrites the end takes the notes away.
+TEST(AttackOnTheLog, EntriesThatNobodySignedAreNoProof) {
+  const AttackedCase victim;
+  const fs::path log = victim.outside("rewritten");  // no archive: cases are not looked for beside it
+  fs::rename(victim.log(), log);
+  const archive::VerifyOptions options = SoundCases::get().archive.options();
+  const std::vector<std::string> lines = log_lines(log);
+  const auto remove_notes_above = [&](std::uint64_t size) {
+    for (std::uint64_t each = size + 1; each <= lines.size(); ++each) {
+      fs::remove(log / archive::note_path(each));
+    }
+  };
+  const std::uint64_t end = lines.size();
+  remove_notes_above(end - 1);
+  const std::string one_missing = summary(archive::verify_log(log, options));
+  EXPECT_EQ(one_missing, "intact\nlog-tail-not-covered ledger.jsonl " + std::to_string(end - 1));
+  remove_notes_above(2);
+  EXPECT_EQ(summary(archive::verify_log(log, options)), "unproven\nlog-tail-unsigned ledger.jsonl 2");
+  remove_notes_above(0);
+  EXPECT_EQ(summary(archive::verify_log(log, options)), "unproven\nlog-tail-unsigned ledger.jsonl 0");
+}
+
 TEST(AttackByAForgedDevice, ACaseWithGenuineTokensIsUnprovenAndUnknownToTheLog) {
   SampleArchive& sound = SoundCases::get().archive;
   SampleArchive forger;

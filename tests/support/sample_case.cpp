@@ -2,9 +2,11 @@
 
 #include <algorithm>
 #include <random>
+#include <sstream>
 #include <stdexcept>
 #include <utility>
 
+#include "crypto/encoding.h"
 #include "timestamp/request.h"
 #include "timestamp/token.h"
 
@@ -26,6 +28,16 @@ Bytes noise(std::size_t size, std::uint64_t seed) {
     each = static_cast<std::byte>(random() & 0xFFU);
   }
   return bytes;
+}
+
+/// The DER of a PEM text with one certificate.
+Bytes der_of(const std::string& pem) {
+  std::string base64;
+  std::istringstream lines(pem);
+  for (std::string line; std::getline(lines, line);) {
+    base64 += line.starts_with("-----") ? "" : line;
+  }
+  return crypto::from_base64(base64, crypto::Base64Padding::kPadded).value();
 }
 
 }  // namespace
@@ -119,7 +131,7 @@ SampleCase::SampleCase(SampleArchive& archive, bool log, archive::FileSystem& fi
   options.boot_id = "00000000-0000-4000-8000-000000000000";
   options.log = log_.get();
   writer_ = archive::CaseWriter::create(files, options, archive.now());
-  writer_->store_authority_chain(SampleArchive::kAuthorityName, {to_bytes("sample")});
+  writer_->store_authority_chain(SampleArchive::kAuthorityName, {der_of(archive.authority().root_pem())});
 }
 
 SampleCase::~SampleCase() = default;

@@ -1,6 +1,7 @@
 // What the programs say of a configuration that trusts the network, or whose secrets lie open.
 #include <filesystem>
 
+#include "tests/support/build_paths.h"
 #include "tests/system/program_test.h"
 
 namespace kiroku::test {
@@ -18,7 +19,7 @@ class NetworkTrust : public ProgramTest {
                "[[room]]\nname = \"or-1\"\n[[room.stream]]\nname = \"vitals\"\nkind = \"vitals\"\n"
                "source = \"" +
                    source + "\"\n");
-    return tool({KIROKU_DAEMON_PROGRAM, "--home", home().string(), "--config", path("k.toml"), "--check"});
+    return tool({built_file("kirokud"), "--home", home().string(), "--config", path("k.toml"), "--check"});
   }
 };
 

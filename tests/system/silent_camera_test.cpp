@@ -6,6 +6,7 @@
 
 #include <boost/asio/ip/tcp.hpp>
 
+#include "tests/support/build_paths.h"
 #include "tests/support/reserved_port.h"
 #include "tests/system/program_test.h"
 
@@ -51,8 +52,8 @@ socket = ")" +
   }
   [[nodiscard]] Process::Options kirokud(const std::string& then) const {
     Process::Options started = options({});
-    started.command.front() = KIROKU_DAEMON_PROGRAM;
-    started.environment["LD_PRELOAD"] = KIROKU_PLAYED_CAMERA;
+    started.command.front() = built_file("kirokud");
+    started.environment["LD_PRELOAD"] = built_file("played_camera");
     started.environment["KIROKU_CAMERA_DEVICE"] = kDevice;
     started.environment["KIROKU_CAMERA_PICTURES"] = "20";
     started.environment["KIROKU_CAMERA_THEN"] = then;

@@ -6,6 +6,7 @@
 #include <Eigen/Geometry>
 
 #include "base/error.h"
+#include "base/printable.h"
 #include "sim/fem/number_text.h"
 #include "sim/meshing/mesh_recipe.h"
 #include "sim/model/body_model.h"
@@ -24,8 +25,7 @@ std::string name_in(const JsonField& document, const std::filesystem::path& file
   const std::optional<JsonField> given = document.optional_member("name");
   const std::string name = given ? given->text() : file.stem().string();
   const bool sound =
-      !name.empty() && name.size() <= kLongest && name != "a" && name != "b" &&
-      std::ranges::none_of(name, [](char c) { return static_cast<unsigned char>(c) < ' ' || c == '\x7f'; });
+      !name.empty() && name.size() <= kLongest && name != "a" && name != "b" && !first_unprintable(name);
   if (!sound) {
     const std::string what =
         "is '" + name + "': an organ's name is 1 to 40 bytes without control characters, and neither a nor b";

@@ -4,6 +4,7 @@
 
 #include "archive/sqlite_handles.h"
 #include "base/error.h"
+#include "base/printable.h"
 
 namespace kiroku::trainer {
 namespace {
@@ -156,14 +157,12 @@ Trainee TrainingDatabase::add_trainee(const std::string& name, const std::string
                                       const std::string& account) {
   constexpr std::size_t kLongest = 100;
   const auto sound = [](const std::string& text) {
-    return text.size() <= kLongest && std::ranges::none_of(text, [](char c) {
-             return static_cast<unsigned char>(c) < ' ' || c == '\x7f';
-           });
+    return text.size() <= kLongest && !first_unprintable(text);
   };
   if (name.empty() || !sound(name) || !sound(group))
     throw UsageError(
-        "a trainee's name and group are text of at most 100 bytes without control characters, the name not "
-        "empty");
+        "a trainee's name and group are text of at most 100 bytes without control characters and others that "
+        "cannot be seen, the name not empty");
   const auto existing = trainees();
   if (std::ranges::find(existing, name, &Trainee::name) != existing.end()) {
     throw UsageError("there is a trainee '" + name + "' in " + state_->file.string() +

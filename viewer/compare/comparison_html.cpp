@@ -5,6 +5,7 @@
 #include <span>
 
 #include "archive/case_reader.h"
+#include "base/printable.h"
 #include "crypto/encoding.h"
 #include "viewer/compare/comparison_document.h"
 
@@ -15,7 +16,7 @@ constexpr double kNsPerSecond = 1e9;
 
 std::string escaped(std::string_view text) {
   std::string html;
-  for (const char c : text) {
+  for (const char c : printable(text)) {
     switch (c) {
       case '&':
         html += "&amp;";
@@ -30,7 +31,7 @@ std::string escaped(std::string_view text) {
         html += "&quot;";
         break;
       default:
-        html += static_cast<unsigned char>(c) < 0x20 ? ' ' : c;
+        html += c;
     }
   }
   return html;

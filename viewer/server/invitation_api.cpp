@@ -2,7 +2,7 @@
 
 #include <nlohmann/json.hpp>
 
-#include "crypto/utf8.h"
+#include "base/printable.h"
 #include "viewer/server/api.h"
 #include "viewer/server/json_fields.h"
 
@@ -49,11 +49,13 @@ Response list(ViewerContext& context) {
 /// A name as people write it, which stands in the appliance log.
 std::string guest_of(const json& asked) {
   std::string name = take_text(asked, "guest");
-  const auto is_control = [](char c) { return static_cast<unsigned char>(c) < 0x20U || c == 0x7F; };
   const bool is_blank = name.find_first_not_of(' ') == std::string::npos;
-  if (is_blank || name.size() > kLongestName || !crypto::is_utf8(name) ||
-      std::ranges::any_of(name, is_control)) {
+  if (is_blank || name.size() > kLongestName) {
     throw Refusal(400, "'guest' must be a name of 1 to " + std::to_string(kLongestName) + " bytes");
+  }
+  if (const auto character = first_unprintable(name)) {
+    throw Refusal(400, "'guest' holds " + *character +
+                           ", which is obeyed or cannot be seen where it is shown: write it without");
   }
   return name;
 }

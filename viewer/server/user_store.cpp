@@ -5,6 +5,7 @@
 
 #include "archive/sqlite_file.h"
 #include "base/error.h"
+#include "base/printable.h"
 #include "crypto/encoding.h"
 #include "crypto/key_derivation.h"
 #include "crypto/utf8.h"
@@ -97,7 +98,8 @@ std::unique_ptr<UserStore> UserStore::open(const std::filesystem::path& file, Pa
 
 void UserStore::require_sound(const std::string& name, const crypto::Secret& password) {
   if (!is_user_name(name)) {
-    throw UsageError("'" + name + "' is no user's name: write up to " + std::to_string(kLongestName) +
+    throw UsageError("'" + printable(name) + "' is no user's name: write up to " +
+                     std::to_string(kLongestName) +
                      " of a-z, 0-9, '.', '_' and '-', beginning with a letter or digit");
   }
   require_password(name, password);

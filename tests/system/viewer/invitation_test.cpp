@@ -245,7 +245,8 @@ TEST_F(Guests, AreInvitedBySurgeonsAndAdministratorsToRoomsThatAreThere) {
     EXPECT_EQ(status({{"guest", "Dr. Sato"}, {"room", "or-1"}, {"minutes", minutes}}), 400) << minutes;
   }
   for (const std::string& guest :
-       {std::string(), std::string("  "), std::string("a\nb"), std::string(65, 'x')}) {
+       {std::string(), std::string("  "), std::string("a\nb"), std::string("an\u200bna"),
+        std::string("Sato\u202e"), std::string(65, 'x')}) {
     EXPECT_EQ(status({{"guest", guest}, {"room", "or-1"}, {"minutes", 5}}), 400) << guest;
   }
   EXPECT_EQ(ask("POST", "/api/invitations", surgeon_, body, {{"X-Kiroku-Request", ""}}).status, 403);

@@ -1,11 +1,13 @@
 #include "archive/excerpt.h"
 
+#include <algorithm>
 #include <fstream>
 #include <sstream>
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include "archive/case_layout.h"
 #include "archive/case_reader.h"
 #include "archive/excerpt_document.h"
 #include "archive/excerpt_verifier.h"
@@ -252,6 +254,43 @@ TEST_F(Excerpt, HoldsNothingThatItDoesNotName) {
   make(middle());
   write(excerpt() / "segments/endoscope/00000007.ts.age", "x");
   EXPECT_EQ(summary(verify()), "tampered\nfile-unnamed segments/endoscope/00000007.ts.age -");
+}
+
+TEST_F(Excerpt, HoldsNoHeaderOfASegmentThatIsElsewhere) {
+  make(middle());
+  write(excerpt() / "segments/endoscope/00000000.ts.age.header", "a film, for instance");
+  EXPECT_EQ(summary(verify()), "tampered\nfile-unnamed segments/endoscope/00000000.ts.age.header -");
+}
+
+TEST_F(Excerpt, CarriesCertificatesOfTheAuthoritiesAndNothingElse) {
+  write(folder_ / "authorities/film.mp4", "x");
+  write(folder_ / "authorities/swiss.pem", "no certificate");
+  fs::copy_file(folder_ / "authorities/embedded.pem", folder_ / "authorities/free.pem");
+  make(middle());
+  EXPECT_FALSE(fs::exists(excerpt() / "authorities/film.mp4"));
+  EXPECT_FALSE(fs::exists(excerpt() / "authorities/swiss.pem"));
+  EXPECT_EQ(read(excerpt() / "authorities/embedded.pem"), read(folder_ / "authorities/embedded.pem"));
+  // Other lines of the case may name that authority.
+  EXPECT_EQ(summary(verify()), "intact\nauthority-not-named authorities/free.pem -");
+  write(excerpt() / "authorities/film.mp4", "x");
+  EXPECT_EQ(verify().verdict, Verdict::kTampered);
+}
+
+TEST_F(Excerpt, IsComparedWithANoteThatWasKeptAsFarAsItsLinesReach) {
+  make(middle());
+  VerifyOptions options = archive_.options();
+  const auto kept = [&](const std::string& file) {
+    return std::vector<OutsideNote>{{"kept.note", read(folder_ / "checkpoints" / file)}};
+  };
+  std::uint64_t largest = 0;
+  for (const auto& each : fs::directory_iterator(excerpt() / "checkpoints")) {
+    largest = std::max<std::uint64_t>(largest, std::stoull(each.path().stem().string()));
+  }
+  options.against = kept(format_index(largest) + ".note");
+  EXPECT_EQ(summary(verify_case(excerpt(), options)), "intact\noutside-note-holds - -");
+  // Of what came later the excerpt shows nothing: that is no cut.
+  options.against = kept("00000011.note");
+  EXPECT_EQ(summary(verify_case(excerpt(), options)), "unproven\noutside-note-unchecked - -");
 }
 
 TEST_F(Excerpt, ReKeyedOpensForTheNewReaderAndProvesTheFilm) {

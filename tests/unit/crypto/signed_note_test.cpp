@@ -78,6 +78,35 @@ TEST(SignedNote, IgnoresUnknownSignaturesBesideAKnownOne) {
   EXPECT_THAT(opened.signers, ElementsAre("PeterNeumann", "witness"));
 }
 
+TEST(SignedNote, NamesTheKeysThatItDidNotCheck) {
+  const SigningKey key = SigningKey::generate();
+  const std::string witness = sign_note(kText, "witness", key);
+  const std::string note = published_note() + witness.substr(kText.size() + 1);
+  const std::string full = VerifierKey("witness", key.public_key()).to_string();
+  const std::string named = full.substr(0, std::string("witness+01234567").size());
+  EXPECT_THAT(open_note(note, {VerifierKey::parse(kPeterNeumann)}).unchecked, ElementsAre(named));
+  EXPECT_THAT(open_note(note, {VerifierKey::parse(kPeterNeumann), VerifierKey("witness", key.public_key())})
+                  .unchecked,
+              ElementsAre());
+  EXPECT_THAT(open_note(published_note(), {}).unchecked, ElementsAre("PeterNeumann+c74f20a3"));
+}
+
+TEST(SignedNote, AnotherKeyInAKnownNameFailsTheNote) {
+  const std::string other = sign_note(kText, "PeterNeumann", SigningKey::generate());
+  const std::string note = published_note() + other.substr(kText.size() + 1);
+  EXPECT_EQ(open_note(note, {VerifierKey::parse(kPeterNeumann)}).failure, NoteFailure::kBadSignature);
+  // By that key alone it is a note of somebody else.
+  EXPECT_EQ(open_note(other, {VerifierKey::parse(kPeterNeumann)}).failure, NoteFailure::kUnknownKey);
+}
+
+TEST(SignedNote, TwoLinesOfOneKeyAreNoForm) {
+  const std::string twice = published_note() + std::string(kSignature);
+  EXPECT_EQ(open_note(twice, {VerifierKey::parse(kPeterNeumann)}).failure, NoteFailure::kMalformed);
+  const std::string witness = sign_note(kText, "witness", SigningKey::generate()).substr(kText.size() + 1);
+  EXPECT_EQ(open_note(published_note() + witness + witness, {VerifierKey::parse(kPeterNeumann)}).failure,
+            NoteFailure::kMalformed);
+}
+
 TEST(SignedNote, OneBadSignatureOfAKnownKeyFailsTheNote) {
   const SigningKey key = SigningKey::generate();
   const std::string elsewhere = sign_note("another text\n", "device", key);

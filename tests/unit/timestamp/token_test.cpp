@@ -66,7 +66,7 @@ TEST(Response, ShowsNoControlCharactersOfForeignText) {
                                            "0d0c0b1b5b324ae280aec0afc3a9"),
                                        why);
   ASSERT_TRUE(response) << why;
-  EXPECT_EQ(response->status_text, std::vector<std::string>{"?[2J???\xc3\xa9"});
+  EXPECT_EQ(response->status_text, std::vector<std::string>{"\\u{001B}[2J\\u{202E}\\x{C0}\\x{AF}\xc3\xa9"});
 }
 
 TEST(Response, IsRefusedWhereItContradictsItself) {

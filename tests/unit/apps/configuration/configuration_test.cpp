@@ -113,6 +113,10 @@ TEST(Configuration, RetentionSaysWhatWhenAndWhy) {
             "k.toml:1:1: a [[retention]] needs 'after', such as \"30d\"");
   EXPECT_EQ(refusal("[[retention]]\nstream = \"a\"\nafter = \"1d\"\n"),
             "k.toml:1:1: a [[retention]] needs a 'policy': why the recording may go");
+  EXPECT_EQ(
+      refusal("[[retention]]\nstream = \"a\"\nafter = \"1d\"\npolicy = \"p\u2066\"\n"),
+      "k.toml:1:1: 'policy' holds \\u{2066}, which is obeyed or cannot be seen where it is shown: write it "
+      "without");
   EXPECT_EQ(refusal("[[retention]]\nstream = \"a\"\nafter = \"soon\"\n").substr(0, 37),
             "k.toml:3:9: 'after' is 'soon', which ");
   EXPECT_EQ(refusal("[storage]\nreplicas = [\"copies\"]\n"),

@@ -194,6 +194,7 @@ TEST_F(RoomTest, ACaseBeginsWithWhatWasRecordedBefore) {
   const std::int64_t before = room.status().session.streams.at(0).last_ns;
   ASSERT_TRUE(
       within(20s, [&] { return room.status().session.streams.at(0).last_ns > before + 1'000'000'000; }));
+  EXPECT_THROW(room.mark("clip\u202e decalp"), UsageError);
   room.mark("clip placed");
   room.stop("operator", true);
   ASSERT_EQ(closed(), 1U);

@@ -60,9 +60,9 @@ TEST(Texts, OfUnknownLanguagesAreRefused) {
 TEST(PlainText, ShowsWhatWouldMislead) {
   EXPECT_EQ(plain_text("内視鏡 – endoscope"), "内視鏡 – endoscope");
   EXPECT_EQ(plain_text("a\nb\tc"), "a b c");
-  EXPECT_EQ(plain_text("a\x1b[31m\x7f"), "a\uFFFD[31m\uFFFD");
-  EXPECT_EQ(plain_text("x\u202Egpj.exe"), "x\uFFFDgpj.exe");
-  EXPECT_EQ(plain_text("\xff\xc3(\xe3\x81"), "\uFFFD\uFFFD(\uFFFD\uFFFD");
+  EXPECT_EQ(plain_text("a\x1b[31m\x7f"), "a\\u{001B}[31m\\u{007F}");
+  EXPECT_EQ(plain_text("x\u202Egpj.exe"), "x\\u{202E}gpj.exe");
+  EXPECT_EQ(plain_text("\xff\xc3(\xe3\x81"), "\\x{FF}\\x{C3}(\\x{E3}\\x{81}");
 }
 
 }  // namespace

@@ -3,6 +3,7 @@ import type {
   ApplianceStatus, CaseInfo, CaseSummary, Comparison, ComparisonDocument, ComparisonMaking, JudgedPoints, Matching, PickingCamera, PickingView,
   Preparing, Role, Session, Timeline, User, Verification, Vitals,
 } from '@/api/types';
+import { printable, printableTexts } from '@/base/printable';
 
 export class ApiError extends Error {
   constructor(
@@ -23,7 +24,7 @@ async function failure(response: Response): Promise<ApiError> {
   const text = await response.text();
   try {
     const body = JSON.parse(text) as { error?: unknown };
-    if (typeof body.error === 'string') return new ApiError(response.status, body.error);
+    if (typeof body.error === 'string') return new ApiError(response.status, printable(body.error));
   } catch {
     // A proxy in between answers in its own words.
   }
@@ -46,7 +47,7 @@ async function ask(method: string, path: string, body?: unknown, signal?: AbortS
 async function json<T>(method: string, path: string, body?: unknown, signal?: AbortSignal): Promise<T> {
   const response = await ask(method, path, body, signal);
   const text = await response.text();
-  return (text === '' ? undefined : JSON.parse(text)) as T;
+  return (text === '' ? undefined : JSON.parse(text, printableTexts)) as T;
 }
 
 async function bytes(path: string, signal?: AbortSignal): Promise<ArrayBuffer> {

@@ -1,6 +1,7 @@
 // Who looks on in a room and where they point: WS /api/live/ROOM (docs/viewer.md, "Pointing"). Connects anew by itself until it is closed.
 import { signal } from '@preact/signals';
 import { live } from '@/api/client';
+import { printableTexts } from '@/base/printable';
 import { kSeen_ms, keyOf, type Pointer } from '@/pointing/pointers';
 
 const kFirstRetry_ms = 500;
@@ -50,7 +51,7 @@ export class Company {
     const socket = new WebSocket(live.companyAddress(this.room));
     socket.onopen = () => (this.retry_ms = kFirstRetry_ms);
     socket.onmessage = ({ data }: MessageEvent<string>) => {
-      const said = JSON.parse(data) as { watchers?: Watcher[]; pointer?: Pointer };
+      const said = JSON.parse(data, printableTexts) as { watchers?: Watcher[]; pointer?: Pointer };
       if (said.watchers) this.watchers.value = said.watchers;
       if (said.pointer) this.take(said.pointer);
     };

@@ -43,6 +43,8 @@ const kByPrefix: readonly [string, LinkName][] = [
   ['erased-', 'segments'],
   ['rekeyed-', 'segments'],
   ['checkpoint-', 'checkpoints'],
+  ['outside-', 'checkpoints'],
+  ['authority-', 'authority'],
   ['token-', 'tokens'],
 ];
 

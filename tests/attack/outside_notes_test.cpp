@@ -1,0 +1,228 @@
+// The holder of the device's key cuts off or rewrites what it signed, and signs the rest anew. Nothing in the
+// folder tells; a note that was kept elsewhere does.
+#include <algorithm>
+#include <sstream>
+
+#include "archive/case_layout.h"
+#include "crypto/merkle_tree.h"
+#include "tests/attack/attack_table.h"
+
+namespace kiroku::test {
+namespace {
+
+namespace fs = std::filesystem;
+using ::testing::HasSubstr;
+
+SampleArchive& sound() { return SoundCases::get().archive; }
+
+/// A copy of the sound log outside any archive, to be rewritten.
+class RewrittenLog : public ::testing::Test {
+ protected:
+  // Not where an archive keeps it: cases are not looked for beside it.
+  RewrittenLog() { fs::rename(victim_.log(), log()); }
+  [[nodiscard]] fs::path log() const { return victim_.outside("rewritten"); }
+  [[nodiscard]] std::string ledger() const { return read_file(log() / archive::kLedgerFile); }
+  [[nodiscard]] std::vector<std::string> lines() const {
+    std::vector<std::string> all;
+    std::istringstream text(ledger());
+    for (std::string line; std::getline(text, line);) {
+      all.push_back(line);
+    }
+    return all;
+  }
+  /// The sound log's note over its first `size` entries, as it was seen outside.
+  static archive::OutsideNote kept(std::uint64_t size) {
+    return {"kept.note", read_file(sound().log_folder() / archive::note_path(size))};
+  }
+  static std::string signed_note(std::uint64_t size, const crypto::Sha256Digest& root,
+                                 const crypto::SigningKey& key, const std::string& origin) {
+    return crypto::sign_note(crypto::Checkpoint{origin, size, root}.to_text(), SampleArchive::kDeviceName,
+                             key);
+  }
+  static std::string origin() { return archive::log_origin(SampleArchive::kDeviceName); }
+  /// Writes these lines and signs a note over all of them, as the key's holder can.
+  void rewrite(const std::vector<std::string>& all) const {
+    std::string text;
+    crypto::MerkleFrontier tree;
+    for (const std::string& line : all) {
+      text += line + "\n";
+      tree.append(crypto::merkle_leaf_hash(bytes_of(line)));
+    }
+    write_file(log() / archive::kLedgerFile, text);
+    fs::remove_all(log() / archive::kCheckpointsFolder);
+    fs::create_directory(log() / archive::kCheckpointsFolder);
+    write_file(log() / archive::note_path(all.size()),
+               signed_note(all.size(), tree.root(), sound().key(), origin()));
+  }
+  [[nodiscard]] archive::VerificationReport verify(std::vector<archive::OutsideNote> against) const {
+    archive::VerifyOptions options = sound().options();
+    options.against = std::move(against);
+    return archive::verify_log(log(), options);
+  }
+  [[nodiscard]] std::uint64_t size() const { return lines().size(); }
+
+  AttackedCase victim_;
+};
+
+TEST_F(RewrittenLog, ThatWasNotRewrittenHoldsAgainstEveryNoteThatWasKept) {
+  const archive::VerificationReport report = verify({kept(2), kept(size())});
+  EXPECT_EQ(summary(report), "intact\noutside-note-holds - -\noutside-note-holds - -") << details(report);
+  EXPECT_THAT(report.findings[0].text, HasSubstr("kept.note holds: the first 2 entries"));
+}
+
+TEST_F(RewrittenLog, WithItsLastEntriesCutOffIsToldByANoteOverThem) {
+  const std::uint64_t before = size();
+  std::vector<std::string> rest = lines();
+  rest.resize(6);  // the second case was never opened
+  rewrite(rest);
+  ASSERT_EQ(summary(verify({})), "intact");  // only the note can tell
+  const archive::VerificationReport report = verify({kept(2), kept(before)});
+  EXPECT_EQ(summary(report),
+            "tampered\noutside-note-rolled-back ledger.jsonl 6"
+            "\noutside-note-holds - -")
+      << details(report);
+  EXPECT_THAT(report.findings[0].text,
+              HasSubstr("the last " + std::to_string(before - 6) + " entries were removed"));
+}
+
+TEST_F(RewrittenLog, WithAnotherEntryIsAForkFromTheNewestNoteThatHolds) {
+  const std::uint64_t end = size();
+  std::vector<std::string> other = lines();
+  std::string& line = other[5];
+  line.replace(line.find("\"utc\":\"") + 7, 4, "2001");
+  rewrite(other);
+  ASSERT_THAT(summary(verify({})), ::testing::StartsWith("intact"));
+  const archive::VerificationReport report = verify({kept(end), kept(3)});
+  EXPECT_EQ(summary(report), "tampered\noutside-note-forked ledger.jsonl 3\noutside-note-holds - -")
+      << details(report);
+  EXPECT_THAT(report.findings[0].text, HasSubstr("parts from this one at entry 3 or later"));
+}
+
+TEST_F(RewrittenLog, ThatGrewAgainAfterTheCutIsAForkToo) {
+  const std::uint64_t before = size();
+  std::vector<std::string> other = lines();
+  other.resize(3);
+  while (other.size() < before + 2) {
+    std::string more = lines()[2];
+    more.replace(more.find("\"seq\":2"), 7, "\"seq\":" + std::to_string(other.size()));
+    other.push_back(more);
+  }
+  rewrite(other);
+  EXPECT_THAT(summary(verify({kept(before)})), HasSubstr("tampered\noutside-note-forked ledger.jsonl 0"));
+}
+
+TEST_F(RewrittenLog, IsNotJudgedByANoteOfAnotherLog) {
+  SampleArchive other;
+  SampleCase::write(other);
+  archive::VerifyOptions options = sound().options();
+  // Of another trusted device's log, and signed by its key in this device's name.
+  options.against = {{"other.note", signed_note(2, {}, other.key(), "kiroku/or4/log")}};
+  options.devices.emplace_back("or4", other.key().public_key());
+  EXPECT_EQ(summary(archive::verify_log(log(), options)), "unproven\noutside-note-untrusted - -");
+  options.against = {{"other.note", crypto::sign_note(crypto::Checkpoint{"kiroku/or4/log", 2, {}}.to_text(),
+                                                      "or4", other.key())}};
+  EXPECT_EQ(summary(archive::verify_log(log(), options)), "unproven\noutside-note-of-other-origin - -");
+  // A note of one of the device's cases is none of its log.
+  options.against = {{"case.note", read_file(SoundCases::get().first / "checkpoints/00000011.note")}};
+  EXPECT_EQ(summary(archive::verify_log(log(), options)), "unproven\noutside-note-of-other-origin - -");
+}
+
+TEST_F(RewrittenLog, IsNotAccusedByANoteThatAnybodyCouldWrite) {
+  const crypto::SigningKey forger = crypto::SigningKey::generate();
+  const crypto::Sha256Digest root = crypto::sha256(bytes_of("another history"));
+  // By another key, in the device's name.
+  EXPECT_EQ(summary(verify({{"forged.note", signed_note(4, root, forger, origin())}})),
+            "unproven\noutside-note-untrusted - -");
+  // The device's own signature, over another text.
+  std::string changed = kept(2).text;
+  changed.replace(changed.find("\n2\n"), 3, "\n9\n");
+  EXPECT_EQ(summary(verify({{"changed.note", changed}})), "unproven\noutside-note-invalid - -");
+  for (const std::string& other : {std::string(), std::string("x"), kept(2).text + "x"}) {
+    EXPECT_EQ(summary(verify({{"none.note", other}})), "unproven\noutside-note-invalid - -");
+  }
+  // A device speaks for its own log alone, also where another one is trusted.
+  archive::VerifyOptions options = sound().options();
+  options.devices.emplace_back("or4", forger.public_key());
+  options.against = {
+      {"or4.note", crypto::sign_note(crypto::Checkpoint{origin(), 4, root}.to_text(), "or4", forger)}};
+  EXPECT_EQ(summary(archive::verify_log(log(), options)), "unproven\noutside-note-untrusted - -");
+}
+
+TEST_F(RewrittenLog, IsNotJudgedWithoutATrustedDevice) {
+  archive::VerifyOptions options;
+  options.against = {kept(2)};
+  EXPECT_THAT(summary(archive::verify_log(log(), options)),
+              HasSubstr("unproven\nno-trusted-device - 0\noutside-note-untrusted - -"));
+}
+
+TEST_F(RewrittenLog, OfWhichTwoNotesContradictEachOtherIsAForkWhateverIsShown) {
+  const std::string other =
+      signed_note(2, crypto::sha256(bytes_of("another history")), sound().key(), origin());
+  const archive::VerificationReport report = verify({kept(2), {"other.note", other}});
+  EXPECT_EQ(
+      summary(report),
+      "tampered\noutside-note-forked ledger.jsonl 0\noutside-note-holds - -\noutside-notes-contradict - -")
+      << details(report);
+  fs::remove_all(log());
+  const archive::VerificationReport without = verify({kept(2), {"other.note", other}});
+  EXPECT_EQ(without.verdict, archive::Verdict::kTampered);
+  EXPECT_THAT(summary(without), HasSubstr("outside-notes-contradict - -"));
+  EXPECT_THROW((void)verify({kept(2)}), Error);
+  // The same note twice is one.
+  EXPECT_THROW((void)verify({kept(2), kept(2)}), Error);
+}
+
+TEST_F(RewrittenLog, WithALineThatCannotBeHashedCouldNotBeCompared) {
+  write_file(log() / archive::kLedgerFile, ledger() + std::string((1U << 20U) + 1, 'x') + "\n");
+  const archive::OutsideNote beyond{
+      "kept.note", signed_note(size(), crypto::sha256(bytes_of("x")), sound().key(), origin())};
+  EXPECT_THAT(summary(verify({beyond})), HasSubstr("outside-note-unchecked - -"));
+}
+
+// -- a case against its receipt
+
+class RewrittenCase : public ::testing::Test {
+ protected:
+  static archive::OutsideNote receipt() {
+    return {"receipt.note", read_file(SoundCases::get().first / "checkpoints/00000011.note")};
+  }
+  [[nodiscard]] archive::VerificationReport verify(std::vector<archive::OutsideNote> against) const {
+    archive::VerifyOptions options = sound().options();
+    options.log.reset();
+    options.against = std::move(against);
+    return archive::verify_case(victim_.folder(), options);
+  }
+  AttackedCase victim_;
+};
+
+TEST_F(RewrittenCase, ThatWasNotRewrittenHolds) {
+  EXPECT_EQ(summary(verify({receipt()})), "intact\noutside-note-holds - -");
+}
+
+TEST_F(RewrittenCase, ForgedByDeviceAndAuthorityIsAFork) {
+  victim_.edit(5, [](archive::CaseEntry& e) { std::get<archive::MarkEntry>(e.body).commitment = {}; });
+  victim_.forge(sound().key(), true);
+  ASSERT_EQ(summary(verify({})), "intact");  // only the note can tell
+  EXPECT_EQ(summary(verify({receipt()})), "tampered\noutside-note-forked ledger.jsonl 0");
+}
+
+TEST_F(RewrittenCase, CutBehindAClaimedPowerCutIsRolledBack) {
+  victim_.cut(7);
+  EXPECT_THAT(summary(verify({receipt()})), HasSubstr("outside-note-rolled-back ledger.jsonl 7"));
+  EXPECT_EQ(verify({receipt()}).verdict, archive::Verdict::kTampered);
+}
+
+TEST_F(RewrittenCase, IsNotJudgedByTheReceiptOfAnother) {
+  EXPECT_EQ(
+      summary(verify({{"other.note", read_file(SoundCases::get().second / "checkpoints/00000011.note")}})),
+      "unproven\noutside-note-of-other-origin - -");
+}
+
+TEST_F(RewrittenCase, WithoutItsLedgerLeavesTheReceiptUnanswered) {
+  fs::remove(victim_ / "ledger.jsonl");
+  fs::create_directory(victim_ / "ledger.jsonl");
+  EXPECT_THAT(summary(verify({receipt()})), HasSubstr("outside-note-unchecked - -"));
+}
+
+}  // namespace
+}  // namespace kiroku::test
