@@ -365,6 +365,7 @@ inline constexpr auto kTexts = std::to_array<Text>({
      "けでは何も証明しません。"},
     {"hash.ledger", "Ledger ({0})", "台帳（{0}）"},
     {"hash.entries", "Entries in the ledger", "台帳の項目数"},
+    {"hash.entries.excerpt", "Entries in the excerpt's part of the ledger", "抜粋に含まれる台帳の項目数"},
     {"hash.root", "Merkle root of the ledger", "台帳のマークル根"},
     {"hash.checkpoint", "Last checkpoint", "最後のチェックポイント"},
     {"hash.checkpoint-root", "Root that it signs", "署名された根"},
