@@ -265,8 +265,8 @@ inline constexpr auto kTexts = std::to_array<Text>({
      "時刻は症例時計（開始時を0とし、途中で合わせることのない時計）によります。「フレーム」は、映像では画像数"
      "、"
      "バイタルサインとイベントでは行数です。"},
-    {"stream.lead.excerpt", "Segments and frames are those that this excerpt holds. The case has more.",
-     "区間とフレームは、この抜粋に含まれるものです。症例にはこれ以外もあります。"},
+    {"stream.lead.excerpt", "Segments and frames are those that this excerpt holds. The case may have more.",
+     "区間とフレームは、この抜粋に含まれるものです。症例にはこれ以外もあり得ます。"},
     {"kind.video", "video", "映像"},
     {"kind.audio", "sound", "音声"},
     {"kind.vitals", "vital signs", "バイタル"},
