@@ -364,8 +364,11 @@ class ExcerptVerification {
 }  // namespace
 
 bool is_excerpt(const CaseFolder& folder) {
+  if (!folder.open_file(kExcerptFile).file) {
+    return false;
+  }
   const FileOpening ledger = folder.open_file(kLedgerFile);
-  return folder.open_file(kExcerptFile).file && !ledger.file && ledger.problem == FileProblem::kMissing;
+  return !ledger.file && ledger.problem == FileProblem::kMissing;
 }
 
 bool is_excerpt(const std::filesystem::path& folder) {

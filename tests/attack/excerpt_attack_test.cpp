@@ -125,6 +125,16 @@ TEST(ExcerptAttack, AWholeCaseInTheFormOfAnExcerptIsNoCase) {
   }
 }
 
+TEST(ExcerptAttack, TimeBeyondTheEndOfItsCaseIsNotToldAsHeld) {
+  AttackedCase victim;
+  call_it_an_excerpt(victim, {kSecond, 3600 * kSecond, {"endoscope", "vitals"}});
+  const archive::VerificationReport report = victim.verify();
+  EXPECT_EQ(summary(report), "intact-excerpt") << details(report);
+  ASSERT_TRUE(report.excerpt);
+  EXPECT_EQ(report.excerpt->from_ns, kSecond);
+  EXPECT_EQ(report.excerpt->to_ns, 7'100'000'000);
+}
+
 TEST(ExcerptAttack, TheFirstSecondTellsOnlyOfWhatItHolds) {
   AttackedCase victim;
   for (const char* gone : {"endoscope/00000001.ts.age", "endoscope/00000002.ts.age", "vitals"}) {

@@ -27,7 +27,8 @@ void ReportMaker::add_hashes() {
     add_fact(table, std::move(name), crypto::to_hex(digest), Face::kMono);
   };
   hash(words("hash.ledger", {facts.ledger.name}), facts.ledger.sha256);
-  add_fact(table, words("hash.entries"), grouped(facts.entries));
+  add_fact(table, words(facts.excerpt ? TextKey("hash.entries.excerpt") : TextKey("hash.entries")),
+           grouped(facts.entries));
   if (facts.root) hash(words("hash.root"), *facts.root);
   if (facts.last_checkpoint) {
     add_fact(table, words("hash.checkpoint"),

@@ -275,8 +275,8 @@ inline constexpr auto kTexts = std::to_array<Text>({
      "時刻は症例時計（開始時を0とし、途中で合わせることのない時計）によります。「フレーム」は、映像では画像数"
      "、"
      "バイタルサインとイベントでは行数です。"},
-    {"stream.lead.excerpt", "Segments and frames are those that this excerpt holds. The case has more.",
-     "区間とフレームは、この抜粋に含まれるものです。症例にはこれ以外もあります。"},
+    {"stream.lead.excerpt", "Segments and frames are those that this excerpt holds. The case may have more.",
+     "区間とフレームは、この抜粋に含まれるものです。症例にはこれ以外もあり得ます。"},
     {"kind.video", "video", "映像"},
     {"kind.audio", "sound", "音声"},
     {"kind.vitals", "vital signs", "バイタル"},
@@ -376,6 +376,7 @@ inline constexpr auto kTexts = std::to_array<Text>({
      "けでは何も証明しません。"},
     {"hash.ledger", "Ledger ({0})", "台帳（{0}）"},
     {"hash.entries", "Entries in the ledger", "台帳の項目数"},
+    {"hash.entries.excerpt", "Entries in the excerpt's part of the ledger", "抜粋に含まれる台帳の項目数"},
     {"hash.root", "Merkle root of the ledger", "台帳のマークル根"},
     {"hash.checkpoint", "Last checkpoint", "最後のチェックポイント"},
     {"hash.checkpoint-root", "Root that it signs", "署名された根"},

@@ -128,7 +128,7 @@ TEST_F(ReportDocument, OfAnExcerptSaysWhatPartItIsAndNothingOfTheRest) {
   EXPECT_THAT(text,
               HasSubstr("Is every file of the excerpt there, and exactly as it was when it was listed? | "
                         "✓ Yes | "));
-  EXPECT_THAT(text, HasSubstr("endoscope: 1 of 3 segments"));
+  EXPECT_THAT(text, HasSubstr("endoscope: 1 of 3 sealed files"));
   EXPECT_THAT(text, HasSubstr("Part of the case | from 0:00:02.000 to 0:00:04.000 on the case clock"));
   EXPECT_THAT(text, HasSubstr("Leaves out | the streams vitals; everything before and after"));
   EXPECT_THAT(text,
