@@ -4,6 +4,7 @@
 #include <map>
 #include <optional>
 #include <set>
+#include <string>
 #include <utility>
 
 #include "archive/age_layout.h"
@@ -134,18 +135,26 @@ std::pair<std::uint64_t, std::uint64_t> needed_entries(const Survey& ledger,
   return {std::min(first, last), last};
 }
 
-/// Chooses the lines: from the token before to the checkpoint that covers the token after.
+/// Chooses the lines: from the token before to the checkpoint that covers the token after, of each authority
+/// that has one, since only a verifier knows which of them are outside ones.
 void choose_lines(const Survey& ledger, const std::vector<std::uint64_t>& notes, ExcerptDocument& document) {
   const auto [first, last] = needed_entries(ledger, document);
   document.first_entry = 0;
-  std::optional<std::uint64_t> token_after;
+  std::map<std::string, std::uint64_t> before;
+  std::map<std::string, std::uint64_t> after;
   for (const auto& [entry, token] : ledger.tokens) {
     if (entry < first) {
-      document.first_entry = entry;
+      before[token.authority] = entry;
     }
-    if (!token_after && token.checkpoint > last) {
-      token_after = entry;
+    if (token.checkpoint > last) {
+      after.emplace(token.authority, entry);
     }
+  }
+  if (!before.empty()) {
+    document.first_entry = first;
+  }
+  for (const auto& [authority, entry] : before) {
+    document.first_entry = std::min(document.first_entry, entry);
   }
   const auto covering = [&](std::uint64_t entry) -> std::optional<std::uint64_t> {
     const auto note = std::find_if(notes.begin(), notes.end(), [&](std::uint64_t size) {
@@ -153,9 +162,9 @@ void choose_lines(const Survey& ledger, const std::vector<std::uint64_t>& notes,
     });
     return note == notes.end() ? std::nullopt : std::optional(*note);
   };
-  std::optional<std::uint64_t> size = covering(token_after.value_or(last));
-  if (!size) {
-    size = covering(last);
+  std::optional<std::uint64_t> size = covering(last);
+  for (const auto& [authority, entry] : after) {
+    size = std::max(size, covering(entry));
   }
   if (!size) {
     throw UsageError("no checkpoint covers that part of case " + ledger.opening.case_id +

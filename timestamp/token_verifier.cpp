@@ -203,6 +203,8 @@ std::optional<Refusal> Judge::find_signer() {
   forget_openssl_errors();
   std::vector<X509*> candidates;
   const int enclosed = std::max(sk_X509_num(enclosed_.get()), 0);
+  candidates.reserve(static_cast<std::size_t>(enclosed) + trust_.untrusted.size() +
+                     trust_.outside.certificates.size() + trust_.own.certificates.size());
   for (int i = 0; i < enclosed; ++i) candidates.push_back(sk_X509_value(enclosed_.get(), i));
   for (const auto& certificate : trust_.untrusted) candidates.push_back(certificate.get());
   for (const Anchors* anchors : {&trust_.outside, &trust_.own}) {

@@ -7,6 +7,7 @@
 #include <gtest/gtest.h>
 #include <openssl/pem.h>
 
+#include "archive/excerpt.h"
 #include "tests/attack/attacked_case.h"
 #include "tests/support/report_text.h"
 #include "tests/support/token_maker.h"
@@ -219,6 +220,29 @@ TEST_F(AttackBesideAnOutsideAuthority, AnOutsideTokenOverTheEndProvesTheWhole) {
   const archive::VerificationReport report = verify(sample.folder(), own_);
   EXPECT_EQ(summary(report), "intact") << details(report);
   EXPECT_EQ(archive::time_proof_name(report.time), "external");
+}
+
+TEST_F(AttackBesideAnOutsideAuthority, AnExcerptBetweenOwnTokensReachesToTheOutsideOnes) {
+  SampleCase sample(archive_);
+  stamp_outside(sample);
+  sample.record();
+  archive_.now_ns = 7'000'000'000;
+  sample.writer().close("operator", archive_.now());
+  sample.stamp();
+  stamp_outside(sample);
+  sample.writer().finish(archive_.now());
+  archive::ExcerptOptions options;
+  options.from_ns = 2'000'000'001;
+  options.to_ns = 4'000'000'000;
+  options.streams = {"endoscope"};
+  archive::make_excerpt(sample.folder(), options, archive_.folder() / "excerpt");
+  const archive::VerificationReport report = verify(archive_.folder() / "excerpt", own_);
+  EXPECT_EQ(summary(report), "intact") << details(report);
+  EXPECT_EQ(archive::time_proof_name(report.time), "external");
+  for (const archive::Bracket& bracket : report.brackets) {
+    EXPECT_THAT(bracket.authority_before, testing::AnyOf("", "outside"));
+    EXPECT_THAT(bracket.authority_after, testing::AnyOf("", "outside"));
+  }
 }
 
 }  // namespace

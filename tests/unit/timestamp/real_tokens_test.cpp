@@ -70,6 +70,7 @@ TEST_F(RealToken, OfDigiCertIsValidWithItsChainAndRoot) {
   EXPECT_EQ(judgement.signer_subject, "CN=DigiCert Timestamp 2023,O=DigiCert\\, Inc.,C=US");
   EXPECT_EQ(judgement.root_subject, "CN=DigiCert Assured ID Root CA,OU=www.digicert.com,O=DigiCert Inc,C=US");
   EXPECT_EQ(judgement.chain.size(), 4U);
+  EXPECT_EQ(judgement.authority, TimeAuthority::kOutside);
   EXPECT_EQ(judge_token(response, answering("digicert-ysimonx/file.digicert.tsq"), trust).code,
             TokenCode::kValid);
 }
