@@ -353,10 +353,14 @@ struct Room::State {
     rate.add(Clock::now(), total_bytes(now));
     status.bytes_per_second = rate.bytes_per_second();
     status.session = now;
-    if (!now.last_problem.empty() && now.last_problem != status.problem) {
-      status.problem = now.last_problem;
-      if (listener.warn) listener.warn(now.last_problem);
-    }
+    tell_new_problem(now);
+  }
+
+  /// With the mutex held.
+  void tell_new_problem(const SessionStatus& now) {
+    if (now.last_problem.empty() || now.last_problem == status.problem) return;
+    status.problem = now.last_problem;
+    if (listener.warn) listener.warn(now.last_problem);
   }
 
   [[nodiscard]] std::int64_t last_sign_of_life(const SessionStatus& now) const {
@@ -371,6 +375,11 @@ struct Room::State {
   void end(const SessionResult& result) {
     const bool by_itself = result.close_reason == "disk-full" || result.close_reason.starts_with("error: ") ||
                            result.close_reason == "sources-ended";
+    {
+      // What went wrong after the case was looked at for the last time.
+      const std::lock_guard guard(mutex);
+      tell_new_problem(result.last);
+    }
     // First, so that whoever waits for the end finds everything done.
     if (!result.case_id.empty()) {
       if (listener.note) {

@@ -8,6 +8,7 @@
 //                           picture), "stuck-closing" (silent, and the driver keeps whoever ends the stream)
 // It offers pictures of 64x48 in YUYV, whatever is asked for.
 
+#include <algorithm>
 #include <array>
 #include <atomic>
 #include <cerrno>
@@ -107,6 +108,17 @@ int answer(unsigned long asked, void* what) {
       capability.capabilities = capability.device_caps | V4L2_CAP_DEVICE_CAPS;
       return 0;
     }
+    case VIDIOC_G_INPUT:
+    case VIDIOC_S_INPUT:
+      *static_cast<int*>(what) = 0;
+      return 0;
+    case VIDIOC_ENUMINPUT: {
+      auto& input = *static_cast<v4l2_input*>(what);
+      if (input.index > 0) return fail(EINVAL);
+      input = {};
+      input.type = V4L2_INPUT_TYPE_CAMERA;
+      return 0;
+    }
     case VIDIOC_ENUM_FMT: {
       auto& format = *static_cast<v4l2_fmtdesc*>(what);
       if (format.index > 0) return fail(EINVAL);
@@ -194,6 +206,11 @@ int open64(const char* path, int flags, ...) {
   const mode_t mode = mode_of(flags, arguments);
   va_end(arguments);
   return open_as("open64", path, flags, mode);
+}
+int close(int descriptor) {
+  int expected = descriptor;
+  if (descriptor >= 0) camera().descriptor.compare_exchange_strong(expected, -1);
+  return next<int (*)(int)>("close")(descriptor);
 }
 int ioctl(int descriptor, unsigned long asked, ...) noexcept {
   va_list arguments;

@@ -33,7 +33,8 @@ class SilentCamera : public ProgramTest {
     std::string text = read_text(home() / "kiroku.toml");
     const std::string usual = "source_timeout = \"5s\"";
     const std::size_t at = text.find(usual);
-    if (at != std::string::npos) text.replace(at, usual.size(), "source_timeout = \"200ms\"");
+    ASSERT_NE(at, std::string::npos);
+    text.replace(at, usual.size(), "source_timeout = \"200ms\"");
     text += std::string(R"(
 [[room]]
 name = "or-1"

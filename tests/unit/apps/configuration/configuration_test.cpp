@@ -26,6 +26,7 @@ TEST(Configuration, DefaultFileStatesTheDefaults) {
   EXPECT_EQ(read.chroma_422, defaults.chroma_422);
   EXPECT_EQ(read.segment, defaults.segment);
   EXPECT_EQ(read.stamp_every, defaults.stamp_every);
+  EXPECT_EQ(read.source_timeout, defaults.source_timeout);
   ASSERT_EQ(read.authorities.size(), 1U);
   EXPECT_TRUE(read.authorities[0].is_embedded());
 }
@@ -132,6 +133,8 @@ TEST(Configuration, RefusesUnknownKeysWithTheirPlace) {
 }
 
 TEST(Configuration, RefusesWrongTypesAndValuesWithTheirPlace) {
+  EXPECT_EQ(refusal("[recording]\nsource_timeout = \"5ms\"\n"),
+            "k.toml:2:18: 'source_timeout' is '5ms': it must be between 100ms and 1m");
   EXPECT_EQ(refusal("[recording]\nprofile = 3\n"),
             "k.toml:2:11: 'profile' must be a text in quotation marks");
   EXPECT_EQ(refusal("[recording]\naudio = \"yes\"\n"), "k.toml:2:9: 'audio' must be true or false");

@@ -12,6 +12,7 @@
 #include "base/error.h"
 #include "tests/support/fault_file_system.h"
 #include "tests/support/recording.h"
+#include "tests/support/stuck_source.h"
 
 namespace kiroku::recorder {
 namespace {
@@ -92,6 +93,34 @@ TEST_F(RoomTest, RecordsFromStartToStopWithMarks) {
   const RecordedCase recorded = bench.read(results[0].folder);
   EXPECT_THAT(recorded.broken_rules(), IsEmpty());
   EXPECT_THAT(recorded.all<archive::MarkEntry>(), SizeIs(1));
+}
+
+TEST_F(RoomTest, ADriverThatDoesNotComeBackHoldsNoRoom) {
+  test::StuckDriver driver;
+  RoomPlan asked = plan({kCamera, "/dev/video-of-a-test"});
+  SourceGuard::Limits limits;
+  limits.silence = limits.ending = 100ms;
+  const auto guarded =
+      std::make_shared<SourceGuard>(limits, SourceGuard::Tell{}, test::stuck_camera(driver, 5));
+  asked.session.video[1].guard = guarded;
+  {
+    Room room(std::move(asked), listener());
+    room.start("operator");
+    ASSERT_TRUE(within(20s, [&] { return room.status().session.streams.at(1).given_up == 1; }));
+    room.stop("operator", true);
+    EXPECT_EQ(room.status().state, RoomState::kIdle);
+  }
+  {
+    // Whatever was said, also right before the end.
+    const std::lock_guard guard(mutex);
+    EXPECT_THAT(warnings, Contains(HasSubstr("'/dev/video-of-a-test' has not answered for 0.1 s")));
+  }
+  const RecordedCase recorded = bench.read(results.at(0).folder);
+  EXPECT_THAT(recorded.broken_rules(), IsEmpty());
+  EXPECT_THAT(recorded.gaps("camera-1"), SizeIs(1));
+  EXPECT_THAT(recorded.gaps("camera-0"), IsEmpty());
+  driver.let_go();
+  EXPECT_TRUE(within(20s, [&] { return guarded->stuck() == 0; }));
 }
 
 TEST_F(RoomTest, OneCaseAtATime) {
