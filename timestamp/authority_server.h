@@ -15,7 +15,8 @@ class AuthorityServer {
  public:
   /// `listen` is "address:port" ("[::1]:port"); port 0 takes a free one. A query must arrive, and its
   /// response leave, within `time_limit` each; after it an idle connection is closed, too. Up to 64
-  /// connections at a time, 16 of one address (of IPv6: one /64); the idlest makes room for one more. Throws kiroku::Error if it cannot listen there.
+  /// connections at a time, 16 of one address (of IPv6: one /64); the idlest makes room for one more. Throws
+  /// kiroku::Error if it cannot listen there.
   AuthorityServer(Authority& authority, const std::string& listen,
                   std::chrono::milliseconds time_limit = std::chrono::seconds(10));
   ~AuthorityServer();

@@ -56,6 +56,28 @@ TEST_F(ProcedureInboxTest, TakesMessagesOverASocketAndAcknowledges) {
   EXPECT_THAT(inbox.way().state, HasSubstr("1 taken, 2 refused"));
 }
 
+TEST_F(ProcedureInboxTest, TakesNothingOfStrangers) {
+  ProcedureInbox inbox("mllp://127.0.0.1:0?allow=127.0.5.1&sender=ADT/HOSP",
+                       [this](const std::string& sentence) { tell(sentence); });
+  inbox.tend();
+  MllpClient stranger("127.0.0.1", inbox.port(), "127.0.7.1");
+  EXPECT_FALSE(stranger.receive());
+  MllpClient engine("127.0.0.1", inbox.port(), "127.0.5.1");
+  EXPECT_THAT(answer(engine, "MSH|^~\\&|OTHER|HOSP|||20260805080000||ADT^A01|1|P|2.5\rPID|1||9\r"),
+              HasSubstr("AR|1|this sender's messages"));
+  EXPECT_EQ(answer(engine, kInOr1), "AA|77\r");
+  EXPECT_THAT(inbox.way().state, HasSubstr("1 taken, 1 refused, 1 connections of strangers"));
+  const std::lock_guard guard(mutex);
+  EXPECT_THAT(told, HasSubstr("connection-refused"));
+}
+
+TEST_F(ProcedureInboxTest, ListensToTheNetworkOnlyWhereItIsSaidWhoMaySend) {
+  ProcedureInbox inbox("mllp://0.0.0.0:0", [this](const std::string& sentence) { tell(sentence); });
+  inbox.tend();
+  EXPECT_FALSE(inbox.way().well);
+  EXPECT_THAT(inbox.way().state, HasSubstr("say who may send with allow="));
+}
+
 TEST_F(ProcedureInboxTest, TellsNothingOfAPatient) {
   ProcedureInbox inbox("mllp://127.0.0.1:0", [this](const std::string& sentence) { tell(sentence); });
   inbox.tend();

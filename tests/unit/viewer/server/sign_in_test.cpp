@@ -247,7 +247,7 @@ TEST_F(SignIn, AFloodIsRefusedAtOnceAndNothingElseWaitsBehindIt) {
   for (auto& each : answers) {
     const HttpResponse answer = each.get();
     ++statuses[answer.status];
-    if (answer.status == 429) EXPECT_EQ(answer.headers.at("retry-after"), "3");
+    EXPECT_EQ(answer.headers.contains("retry-after"), answer.status == 429);
   }
   EXPECT_EQ(statuses, (std::map<int, int>{{401, 3}, {429, 57}}));
   for (HttpsConnection& each : waiting) EXPECT_EQ(each.receive().status, 401);
