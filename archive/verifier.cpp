@@ -71,7 +71,7 @@ class CaseVerification {
     LineReader reader(ledger);
     LedgerLine line;
     bool tree_known = true;
-    while (reader.next(line) && !line.torn) {
+    while (!rules_.gave_up() && reader.next(line) && !line.torn) {
       const std::uint64_t number = tree_.size();
       tree_.append(crypto::merkle_leaf_hash(bytes_of(line.text)));
       tree_known = tree_known && !line.too_long;
@@ -81,6 +81,10 @@ class CaseVerification {
       if (comparison.asks_for(tree_.size())) {
         comparison.reached(tree_.size(), fits);
       }
+    }
+    if (rules_.gave_up()) {
+      files_.finish();  // what is missing may be erased later
+      return;
     }
     judge_end(line, comparison);
     checkpoints_.finish(tree_.size());
@@ -101,6 +105,9 @@ class CaseVerification {
                  open ? open->appliance_log_size : 0);
     LogContents contents = walk.run();
     findings_.take_from(of_log, "log");
+    if (contents.gave_up) {
+      return std::nullopt;
+    }
     return contents;
   }
 
@@ -154,11 +161,11 @@ class CaseVerification {
     if (path.starts_with(std::string(kAuthoritiesFolder) + "/")) {
       return NameJudgement::kFree;
     }
-    for (const auto& [name, stream] : rules_.streams()) {
-      if (!rules_.close_entry() && path == stream.next_file()) {
+    if (const StreamRules* stream = rules_.stream_of_folder(path)) {
+      if (!rules_.close_entry() && path == stream->next_file()) {
         return NameJudgement::kSegmentNotEntered;
       }
-      if (stream.may_be_left_over(path)) {
+      if (stream->may_be_left_over(path)) {
         return path.ends_with(kPartSuffix) ? NameJudgement::kPart : NameJudgement::kSegmentNotEntered;
       }
     }
@@ -295,7 +302,9 @@ VerificationReport verify_log(const std::filesystem::path& folder, const VerifyO
   const CaseFolder opened = CaseFolder::open(folder);
   FindingList findings;
   const LogContents log = LogWalk(opened, options, findings, {}, 0).run();
-  look_for_cases(log, folder, findings);
+  if (!log.gave_up) {
+    look_for_cases(log, folder, findings);
+  }
   VerificationReport report;
   report.case_id = "log";
   report.device = log.device;
