@@ -621,17 +621,18 @@ archive::VerificationReport verify_hostile(const fs::path& parent, unsigned thre
   return archive::verify_case(parent / HostileCase::kCaseId, options);
 }
 
-std::uint64_t bytes_below(const fs::path& parent) {
+Contents contents_below(const fs::path& parent) {
   constexpr std::uint64_t kBlock = 512;
-  std::uint64_t total = 0;
+  Contents contents;
   for (const auto& each : fs::recursive_directory_iterator(parent)) {
+    ++contents.names;
     struct stat status {};
     if (each.is_regular_file() && ::stat(each.path().c_str(), &status) == 0) {
-      total += std::min<std::uint64_t>(static_cast<std::uint64_t>(status.st_size),
-                                       static_cast<std::uint64_t>(status.st_blocks) * kBlock);
+      contents.bytes += std::min<std::uint64_t>(static_cast<std::uint64_t>(status.st_size),
+                                                static_cast<std::uint64_t>(status.st_blocks) * kBlock);
     }
   }
-  return total;
+  return contents;
 }
 
 }  // namespace kiroku::test

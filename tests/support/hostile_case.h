@@ -95,7 +95,12 @@ const std::vector<HostileForm>& hostile_forms();
 
 /// The case below `parent`, against the log there if there is one; the log itself where there is no case.
 archive::VerificationReport verify_hostile(const std::filesystem::path& parent, unsigned threads = 1);
-/// Bytes of all files below `parent`; of sparse ones what the disk holds.
-std::uint64_t bytes_below(const std::filesystem::path& parent);
+/// What lies below `parent`: bytes of files, of sparse ones what the disk holds; and names, of which each costs
+/// whoever sends them 512 bytes in a tar file.
+struct Contents {
+  std::uint64_t bytes = 0, names = 0;
+  [[nodiscard]] std::uint64_t sent() const { return bytes + 512 * names; }
+};
+Contents contents_below(const std::filesystem::path& parent);
 
 }  // namespace kiroku::test
