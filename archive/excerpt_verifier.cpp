@@ -273,8 +273,8 @@ class ExcerptVerification {
     report.checkpoints = checkpoints_.count();
     report.files = files_.files() + report.tokens + report.checkpoints + 3;
     report.bytes = bytes_in(listing_);
-    report.brackets = rules_.tokens().brackets(
-        document_.first_entry, document_.first_entry + std::max<std::uint64_t>(1, lines_));
+    report.brackets = rules_.tokens().brackets(document_.first_entry,
+                                               document_.first_entry + std::max<std::uint64_t>(1, lines_));
     report.verdict = verdict_of(findings_.worst());
     report.findings = findings_.take();
     return report;

@@ -25,9 +25,9 @@ namespace kiroku::archive {
 struct FileJob {
   FileReference expected;
   std::uint64_t entry = 0;
-  std::optional<SegmentEntry> segment;  // set for segments: they may be erased, decrypted, inspected
+  std::optional<SegmentEntry> segment;       // set for segments: they may be erased, decrypted, inspected
   std::shared_ptr<const StreamInfo> stream;  // of the segment; shared, since its texts can be long
-  bool rekeyed = false;                 // excerpt: the original age header lies beside as NAME.header
+  bool rekeyed = false;                      // excerpt: the original age header lies beside as NAME.header
 };
 
 /// A file that is not there.

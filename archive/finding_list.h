@@ -1,5 +1,5 @@
-// Collects what verification finds, in bounded memory: what is beyond the limits of archive/limits.h is counted
-// and still decides. Thread-safe.
+// Collects what verification finds, in bounded memory: what is beyond the limits of archive/limits.h is
+// counted and still decides. Thread-safe.
 #pragma once
 
 #include <array>

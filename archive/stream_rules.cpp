@@ -184,9 +184,9 @@ void StreamRules::join_gaps() {
 
 std::optional<Span> StreamRules::uncovered(Span hole) const {
   // The gap in which the hole begins, or within the tolerance before which: no other goes on from there.
-  const auto after = std::upper_bound(
-      gaps_.begin(), gaps_.end(), hole.start_ns + kSeamToleranceNs,
-      [](std::int64_t start_ns, const Span& gap) { return start_ns < gap.start_ns; });
+  const auto after =
+      std::upper_bound(gaps_.begin(), gaps_.end(), hole.start_ns + kSeamToleranceNs,
+                       [](std::int64_t start_ns, const Span& gap) { return start_ns < gap.start_ns; });
   if (after != gaps_.begin()) {
     hole.start_ns = std::max(hole.start_ns, std::prev(after)->end_ns);
   }

@@ -3,8 +3,8 @@
 //
 // Refused, each with the byte position: NUL and other control characters (also a carriage return or a tab
 // between tokens), a byte order mark, invalid UTF-8, "\u0000", a key twice in one object, nesting deeper than
-// allowed, more values than allowed, integers of magnitude 2^53 or more, fractions, exponents, NaN, null, trailing bytes, too long a
-// text. (RFC 8259 allows much of it; RFC 7493, I-JSON, is the nearest profile.)
+// allowed, more values than allowed, integers of magnitude 2^53 or more, fractions, exponents, NaN, null,
+// trailing bytes, too long a text. (RFC 8259 allows much of it; RFC 7493, I-JSON, is the nearest profile.)
 #pragma once
 
 #include <cstdint>

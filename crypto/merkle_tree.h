@@ -21,8 +21,8 @@ std::uint64_t merkle_nodes_hashed();
 class MerkleFrontier {
  public:
   /// Goes on behind `size` leaves that are known by their largest complete subtrees alone, left to right;
-  /// nothing if a tree of that size has another number of them. Such are what MerkleTree::range_proof gives of
-  /// the leaves left of a range, whatever the tree's size.
+  /// nothing if a tree of that size has another number of them. Such are what MerkleTree::range_proof gives
+  /// of the leaves left of a range, whatever the tree's size.
   static std::optional<MerkleFrontier> after(std::uint64_t size, std::vector<Sha256Digest> subtrees);
 
   void append(const Sha256Digest& leaf_hash);

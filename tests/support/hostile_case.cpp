@@ -21,9 +21,9 @@ constexpr std::uint64_t kSharedFileBytes = 64U << 20U;
 UtcTime opened_at() { return *parse_utc("2026-08-05T09:15:02.000000Z"); }
 
 archive::Moment at(std::int64_t mono_ns) {
-  return {opened_at() +
-              std::chrono::duration_cast<std::chrono::microseconds>(std::chrono::nanoseconds(mono_ns)),
-          mono_ns};
+  return {
+      opened_at() + std::chrono::duration_cast<std::chrono::microseconds>(std::chrono::nanoseconds(mono_ns)),
+      mono_ns};
 }
 
 std::string stream_name(std::size_t number) { return "s" + std::to_string(number); }
@@ -66,7 +66,8 @@ void gaps_beside_holes(HostileCase& of, std::uint64_t bytes) {
   }
 }
 
-void long_texts(HostileCase& of, std::uint64_t bytes, const std::function<archive::CaseEntryBody(int)>& body) {
+void long_texts(HostileCase& of, std::uint64_t bytes,
+                const std::function<archive::CaseEntryBody(int)>& body) {
   const std::uint64_t until = of.bytes() + bytes;
   for (int i = 0; room_for_more(of, until); ++i) {
     of.add(body(i));
@@ -74,9 +75,7 @@ void long_texts(HostileCase& of, std::uint64_t bytes, const std::function<archiv
 }
 
 void long_causes(HostileCase& of, std::uint64_t bytes) {
-  long_texts(of, bytes, [](int) {
-    return archive::TokenMissedEntry{1, "a", std::string(kLongText, 'c')};
-  });
+  long_texts(of, bytes, [](int) { return archive::TokenMissedEntry{1, "a", std::string(kLongText, 'c')}; });
 }
 
 void long_policies(HostileCase& of, std::uint64_t bytes) {
@@ -250,9 +249,10 @@ void openings_of_nothing(HostileCase& of, std::uint64_t bytes) {
 void openings_of_many_streams(HostileCase& of, std::uint64_t bytes) {
   std::string streams = "[";
   for (int i = 0; streams.size() < kLongText - 1'000; ++i) {
-    streams += (i > 0 ? std::string(",") : std::string()) + R"({"name":"s)" + std::to_string(i) +
-               R"(","kind":"video","media":"video/mp2t","source":"","profile":"","purpose":"","recipients":[],)"
-               R"("timing":"arrival"})";
+    streams +=
+        (i > 0 ? std::string(",") : std::string()) + R"({"name":"s)" + std::to_string(i) +
+        R"(","kind":"video","media":"video/mp2t","source":"","profile":"","purpose":"","recipients":[],)"
+        R"("timing":"arrival"})";
   }
   raw_lines(of, bytes, opening_with(streams + "]"));
 }
@@ -265,8 +265,12 @@ void many_keys(HostileCase& of, std::uint64_t bytes) {
   raw_lines(of, bytes, line + "}");
 }
 
-void many_values(HostileCase& of, std::uint64_t bytes) { raw_lines(of, bytes, "{\"a\":" + list_of("1") + "}"); }
-void many_lists(HostileCase& of, std::uint64_t bytes) { raw_lines(of, bytes, "{\"a\":" + list_of("[]") + "}"); }
+void many_values(HostileCase& of, std::uint64_t bytes) {
+  raw_lines(of, bytes, "{\"a\":" + list_of("1") + "}");
+}
+void many_lists(HostileCase& of, std::uint64_t bytes) {
+  raw_lines(of, bytes, "{\"a\":" + list_of("[]") + "}");
+}
 void many_digits(HostileCase& of, std::uint64_t bytes) {
   raw_lines(of, bytes, "{\"a\":" + std::string(kLongText, '9') + "}");
 }
@@ -279,7 +283,8 @@ void many_escapes(HostileCase& of, std::uint64_t bytes) {
 }
 void many_unknown_totals(HostileCase& of, std::uint64_t bytes) {
   archive::CloseEntry close{"operator", {}};
-  for (std::uint64_t written = 0; written < std::min<std::uint64_t>(bytes, kLongText - 10'000); written += 66) {
+  for (std::uint64_t written = 0; written < std::min<std::uint64_t>(bytes, kLongText - 10'000);
+       written += 66) {
     close.totals["t" + std::to_string(written)] = {};
   }
   of.add(close);
@@ -426,8 +431,9 @@ std::vector<HostileForm> all_forms() {
       [](const fs::path& parent, std::uint64_t) { excerpt_of_list(parent, "streams", "\"\""); });
   add("excerpt: list of empty objects",
       [](const fs::path& parent, std::uint64_t) { excerpt_of_list(parent, "earlier", "{}"); });
-  add("excerpt: list of proofs without hashes",
-      [](const fs::path& parent, std::uint64_t) { excerpt_of_list(parent, "earlier", R"({"size":1,"proof":[]})"); });
+  add("excerpt: list of proofs without hashes", [](const fs::path& parent, std::uint64_t) {
+    excerpt_of_list(parent, "earlier", R"({"size":1,"proof":[]})");
+  });
   add("log: many cases", log_of_cases);
   add("log: many devices", log_of_devices);
   add("log: shutdowns", log_of_shutdowns);
@@ -447,8 +453,7 @@ HostileCase::HostileCase(const fs::path& parent, std::size_t streams, const std:
   open.device = crypto::VerifierKey(kDeviceName, key_.public_key()).to_string();
   open.appliance_log_root = crypto::sha256({});
   for (std::size_t i = 0; i < streams; ++i) {
-    open.streams.push_back(
-        {stream_name(i), "video", "video/mp2t", source, "mpeg2", "", {}, "arrival", ""});
+    open.streams.push_back({stream_name(i), "video", "video/mp2t", source, "mpeg2", "", {}, "arrival", ""});
     fs::create_directory(folder_ / archive::kSegmentsFolder / stream_name(i));
   }
   lines_.open(folder_ / archive::kLedgerFile, std::ios::binary);
@@ -480,19 +485,20 @@ std::string HostileCase::signed_note() {
 }
 
 void HostileCase::note() {
-  if (!notes_.empty() && notes_.back() == tree_.size()) {
-    return;
+  const bool there = !notes_.empty() && notes_.back() == tree_.size();
+  if (!there && notes_.size() < most_notes) {
+    notes_.push_back(tree_.size());
+    file(archive::note_path(tree_.size()), signed_note());
   }
-  notes_.push_back(tree_.size());
-  file(archive::note_path(tree_.size()), signed_note());
 }
 
 void HostileCase::note_signed(std::size_t signatures) {
   std::string note = signed_note();
   const std::string line = note.substr(note.rfind('\n', note.size() - 2) + 1);
   const std::string key_and_name = line.substr(0, line.rfind(' ') + 1);
-  Bytes signature = *crypto::from_base64(line.substr(key_and_name.size(), line.size() - key_and_name.size() - 1),
-                                         crypto::Base64Padding::kPadded);
+  Bytes signature =
+      *crypto::from_base64(line.substr(key_and_name.size(), line.size() - key_and_name.size() - 1),
+                           crypto::Base64Padding::kPadded);
   for (std::size_t i = 1; i < signatures; ++i) {
     signature.back() = static_cast<std::byte>(i);
     note += key_and_name + crypto::to_base64(signature, crypto::Base64Padding::kPadded) + "\n";
@@ -526,7 +532,7 @@ void HostileCase::begin_excerpt() {
 }
 
 void HostileCase::finish() {
-  note();
+  file(archive::note_path(tree_.size()), signed_note());
   lines_.close();
   if (first_entry_ == 0) {
     return;
@@ -559,11 +565,13 @@ HostileLog::HostileLog(const fs::path& parent) {
 }
 
 std::string HostileLog::new_device() {
-  return crypto::VerifierKey(HostileCase::kDeviceName, crypto::SigningKey::generate().public_key()).to_string();
+  return crypto::VerifierKey(HostileCase::kDeviceName, crypto::SigningKey::generate().public_key())
+      .to_string();
 }
 
 std::uint64_t HostileLog::add(archive::LogEntryBody body) {
-  const std::string line = archive::to_line({size_, at(static_cast<std::int64_t>(size_) * 1'000), std::move(body)});
+  const std::string line =
+      archive::to_line({size_, at(static_cast<std::int64_t>(size_) * 1'000), std::move(body)});
   lines_ << line << '\n';
   bytes_ += line.size() + 1;
   return size_++;

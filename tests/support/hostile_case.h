@@ -26,6 +26,8 @@ class HostileCase {
  public:
   static constexpr const char* kCaseId = "20260805T091502Z-3f9c21ab";
   static constexpr const char* kDeviceName = "or3";
+  /// note() writes so many of one case at most, beside that of finish(): with more only Ed25519 is measured.
+  static inline std::uint64_t most_notes = ~std::uint64_t{0};
 
   /// Writes `open` with streams s0, s1 … whose source is `source`.
   HostileCase(const std::filesystem::path& parent, std::size_t streams, const std::string& source = "x");
@@ -95,8 +97,8 @@ const std::vector<HostileForm>& hostile_forms();
 
 /// The case below `parent`, against the log there if there is one; the log itself where there is no case.
 archive::VerificationReport verify_hostile(const std::filesystem::path& parent, unsigned threads = 1);
-/// What lies below `parent`: bytes of files, of sparse ones what the disk holds; and names, of which each costs
-/// whoever sends them 512 bytes in a tar file.
+/// What lies below `parent`: bytes of files, of sparse ones what the disk holds; and names, of which each
+/// costs whoever sends them 512 bytes in a tar file.
 struct Contents {
   std::uint64_t bytes = 0, names = 0;
   [[nodiscard]] std::uint64_t sent() const { return bytes + 512 * names; }

@@ -76,8 +76,9 @@ TEST(FindingList, KeepsOneOfEachCodeHoweverFullItIs) {
     }
   };
   fill(CodeName("gap"), CodeName("recovered"), CodeName("token-missed"), CodeName("file-missing"),
-       CodeName("file-unnamed"), CodeName("entry-malformed"), CodeName("segments-erased"), CodeName("token-order"),
-       CodeName("clock-stepped"), CodeName("name-clash"), CodeName("part-file"), CodeName("utc-went-back"));
+       CodeName("file-unnamed"), CodeName("entry-malformed"), CodeName("segments-erased"),
+       CodeName("token-order"), CodeName("clock-stepped"), CodeName("name-clash"), CodeName("part-file"),
+       CodeName("utc-went-back"));
   list.add("segment-hole", {"ledger.jsonl"}, "the first of its code");
   list.add("segment-hole", {"ledger.jsonl"}, "the second of its code");
   const std::vector<Finding> findings = list.take();
@@ -99,7 +100,8 @@ TEST(FindingList, TakesFromAnotherAlsoWhatThatOnlyCounted) {
   const std::vector<Finding> findings = list.take();
   EXPECT_EQ(texts_of(findings, "gap").size(), kMostFindingsOfOneCode);
   EXPECT_EQ(findings.front().file, "log/ledger.jsonl");
-  EXPECT_THAT(texts_of(findings, "more-findings"), testing::ElementsAre("there are 6 more findings of code gap"));
+  EXPECT_THAT(texts_of(findings, "more-findings"),
+              testing::ElementsAre("there are 6 more findings of code gap"));
   EXPECT_TRUE(of_log.take().empty());
 }
 

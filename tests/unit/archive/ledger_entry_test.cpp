@@ -264,8 +264,9 @@ TEST(LedgerEntry, RefusesMoreStreamsThanAllowed) {
   open.streams.back().name = "more";
   EXPECT_THROW(line_of(open), Error);
   std::string line = most;
-  line.insert(line.find(R"({"name":"s0")"), R"({"name":"more","kind":"video","media":"video/mp2t","source":"",)"
-                                           R"("profile":"","purpose":"","recipients":[],"timing":"arrival"},)");
+  line.insert(line.find(R"({"name":"s0")"),
+              R"({"name":"more","kind":"video","media":"video/mp2t","source":"",)"
+              R"("profile":"","purpose":"","recipients":[],"timing":"arrival"},)");
   EXPECT_THAT(parse_case_entry(line).problem, HasSubstr("\"streams\" names more than 256 streams"));
 }
 

@@ -30,7 +30,8 @@ LogContents log_of(std::vector<KnownRoot> roots) {
 }
 
 TEST(LogComparison, AsksForTheSizesThatTheLogStatesInWhateverOrder) {
-  const LogContents log = log_of({{9, digest(9), 3}, {2, digest(2), 4}, {5, digest(5), 5}, {2, digest(7), 6}});
+  const LogContents log =
+      log_of({{9, digest(9), 3}, {2, digest(2), 4}, {5, digest(5), 5}, {2, digest(7), 6}});
   FindingList findings;
   LogComparison comparison(&log, opening(), findings);
   std::vector<std::uint64_t> asked;

@@ -64,7 +64,8 @@ TEST(StrictJson, RefusesNestingOfAMillionLevelsWithoutRecursion) {
 TEST(StrictJson, RefusesMoreValuesThanAllowed) {
   // A text, a list, a number and an object are a value each, and so is what holds them.
   EXPECT_TRUE(parse_json(R"({"a":"x","b":[1,{}]})", {200, 4, 5}).value);
-  EXPECT_EQ(parse_json(R"({"a":"x","b":[1,{}]})", {200, 4, 4}).problem, "byte 19: there are more than 4 values");
+  EXPECT_EQ(parse_json(R"({"a":"x","b":[1,{}]})", {200, 4, 4}).problem,
+            "byte 19: there are more than 4 values");
   std::string list = "[";
   for (std::size_t i = 0; i < kMaximumJsonValues; ++i) {
     list += i > 0 ? ",1" : "1";
