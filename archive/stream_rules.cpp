@@ -100,9 +100,11 @@ bool StreamRules::take(const SegmentEntry& segment, std::uint64_t entry) {
     first_dropped_entry_ = entry;
   }
   IndexRanges& entered = segment.complete ? entered_ : entered_parts_;
-  const bool again = entered.contains(segment.index);  // so it was out of order, which is said
+  if (!named || entered.contains(segment.index)) {
+    return false;  // a finding already: another name, or out of order
+  }
   entered.add(segment.index, segment.index);
-  return named && !again;
+  return true;
 }
 
 void StreamRules::check_seam(const SegmentEntry& segment, std::uint64_t entry) {
