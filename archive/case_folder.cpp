@@ -10,14 +10,13 @@
 #include <unistd.h>
 #include <utility>
 
+#include "archive/limits.h"
 #include "base/descriptor.h"
 #include "base/error.h"
 
 namespace kiroku::archive {
 
 namespace {
-
-constexpr int kMaximumDepth = 3;
 
 struct FolderCloser {
   void operator()(DIR* folder) const { ::closedir(folder); }
@@ -86,7 +85,7 @@ int list_into(Descriptor folder, const std::string& prefix, int depth, std::vect
       continue;
     }
     ListedFile file{prefix + name, kind_of(status), static_cast<std::uint64_t>(status.st_size)};
-    if (file.kind == ListedFile::Kind::kFolder && depth < kMaximumDepth) {
+    if (file.kind == ListedFile::Kind::kFolder && depth < kMaximumFolderDepth) {
       Descriptor below(open_below(::dirfd(handle.get()), name, O_DIRECTORY));
       if (!below || list_into(std::move(below), file.path + "/", depth + 1, all) != 0) {
         file.kind = ListedFile::Kind::kUnreadable;

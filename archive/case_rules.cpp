@@ -39,6 +39,7 @@ CaseRules::CaseRules(const CaseFolder& folder, const VerifyOptions& options, Fin
 
 void CaseRules::take(const LedgerLine& line, std::uint64_t number) {
   if (line.too_long) {
+    count_broken_line(number);
     findings_->add("entry-too-long", in_ledger(number, line.offset),
                    "the line of " + at_entry(number) + " has " + std::to_string(line.bytes) +
                        " bytes where at most " + std::to_string(kMaximumLineBytes) + " are allowed");
@@ -46,6 +47,7 @@ void CaseRules::take(const LedgerLine& line, std::uint64_t number) {
   }
   const EntryParse parse = parse_case_entry(line.text);
   if (!parse.entry) {
+    count_broken_line(number);
     findings_->add("entry-malformed", in_ledger(number, line.offset + parse.position.value_or(0)),
                    at_entry(number) + " is no entry of the format: " + parse.problem);
     if (number == 0) {
@@ -71,12 +73,18 @@ void CaseRules::take(const LedgerLine& line, std::uint64_t number) {
                  },
                  [&](const ClockEntry& clock) { take_clock(clock, entry.at.mono_ns, number); },
                  [&](const TokenEntry& token) {
-                   named_.insert(token.file);
-                   authorities_.insert(token.authority);
+                   if (token.file.size() <= kMaximumPathBytes) {
+                     named_.insert(token.file);
+                   }
+                   if (token.authority.size() <= kMaximumPathBytes) {
+                     authorities_.insert(token.authority);
+                   }
                    tokens_.take(token, number, entry.at.mono_ns);
                  },
                  [&](const TokenMissedEntry& missed) {
-                   authorities_.insert(missed.authority);
+                   if (missed.authority.size() <= kMaximumPathBytes) {
+                     authorities_.insert(missed.authority);
+                   }
                    tokens_.take_missed(missed, number);
                  },
                  [&](const RecoveredEntry& recovered) {
@@ -91,6 +99,13 @@ void CaseRules::take(const LedgerLine& line, std::uint64_t number) {
                  },
                  [&](const CloseEntry& close) { take_close(close, entry, number); }, [](const MarkEntry&) {}},
       entry.body);
+}
+
+void CaseRules::count_broken_line(std::uint64_t number) {
+  ++broken_lines_;
+  if (gave_up()) {
+    findings_->add("ledger-unreadable", in_ledger(number), unreadable_text(number));
+  }
 }
 
 void CaseRules::check_common(const CaseEntry& entry, std::uint64_t number, const LedgerLine& line) {
@@ -235,16 +250,14 @@ void CaseRules::finish() {
   tokens_.finish(scope_.whole_case);
 }
 
-void CaseRules::judge_missing(const std::vector<FileJob>& missing) {
-  for (const FileJob& job : missing) {
-    if (job.segment) {
-      const auto its = streams_.find(job.segment->stream);
-      if (its != streams_.end() && its->second.erased(job.segment->index)) {
-        continue;
-      }
+void CaseRules::judge_missing(const std::vector<MissingFile>& missing) {
+  for (const MissingFile& each : missing) {
+    const auto its = each.stream ? streams_.find(each.stream->name) : streams_.end();
+    if (its != streams_.end() && its->second.erased(each.index)) {
+      continue;
     }
-    findings_->add("file-missing", {job.expected.file, job.entry},
-                   job.expected.file + " is not there, which " + at_entry(job.entry) + " names");
+    findings_->add("file-missing", {each.file, each.entry},
+                   each.file + " is not there, which " + at_entry(each.entry) + " names");
   }
 }
 
@@ -257,6 +270,16 @@ bool CaseRules::erased(const std::string& path) const {
   const std::string name = parts.filename().string();
   const std::optional<std::uint64_t> index = parse_index(name.substr(0, name.find('.')));
   return index && its->second.erased(*index);
+}
+
+const StreamRules* CaseRules::stream_of_folder(const std::string& path) const {
+  const std::string prefix = std::string(kSegmentsFolder) + "/";
+  const std::size_t end = path.find('/', prefix.size());
+  if (!path.starts_with(prefix) || end == std::string::npos) {
+    return nullptr;
+  }
+  const auto its = streams_.find(path.substr(prefix.size(), end - prefix.size()));
+  return its == streams_.end() ? nullptr : &its->second;
 }
 
 bool CaseRules::is_folder(const std::string& path) const {

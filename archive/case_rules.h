@@ -36,10 +36,13 @@ class CaseRules {
 
   /// Entry `number`. Lines that are no entries are findings.
   void take(const LedgerLine& line, std::uint64_t number);
+  /// Whether so many lines are no entries that the rest is not worth reading: then nothing may be judged that
+  /// depends on it.
+  [[nodiscard]] bool gave_up() const { return broken_lines_ > kMostBrokenLines; }
   /// After the last line.
   void finish();
   /// After FileChecker::finish(): files that are not there, unless erased.
-  void judge_missing(const std::vector<FileJob>& missing);
+  void judge_missing(const std::vector<MissingFile>& missing);
 
   [[nodiscard]] const std::optional<OpenEntry>& opening() const { return opening_; }
   [[nodiscard]] const std::optional<crypto::VerifierKey>& device() const { return device_; }
@@ -56,6 +59,8 @@ class CaseRules {
   [[nodiscard]] bool names_authority(const std::string& name) const { return authorities_.contains(name); }
   /// Whether it is a segment's file that an `erased` entry says is gone.
   [[nodiscard]] bool erased(const std::string& path) const;
+  /// The stream in whose folder of segments the path lies; null if in none.
+  [[nodiscard]] const StreamRules* stream_of_folder(const std::string& path) const;
   /// Whether format 1 has a folder of this path in this case.
   [[nodiscard]] bool is_folder(const std::string& path) const;
   /// Entry of the last segment that was within the scope.
@@ -66,6 +71,7 @@ class CaseRules {
   void describe(VerificationReport& report) const;
 
  private:
+  void count_broken_line(std::uint64_t number);
   void check_common(const CaseEntry& entry, std::uint64_t number, const LedgerLine& line);
   void take_open(const OpenEntry& open, const CaseEntry& entry, std::uint64_t number);
   void take_segment(const SegmentEntry& segment, std::uint64_t number);
@@ -92,6 +98,7 @@ class CaseRules {
   std::int64_t last_mono_ns_ = 0;
   std::optional<std::uint64_t> last_checked_segment_;
   std::uint64_t last_claim_ = 0;  // the last entry that says more than what became of the case since
+  std::uint64_t broken_lines_ = 0;
   bool recovered_ = false;
   bool clock_step_stated_ = false;
   bool slewed_ = false;  // by the latest clock entry

@@ -10,13 +10,11 @@
 
 #include "archive/case_folder.h"
 #include "archive/finding_list.h"
+#include "archive/limits.h"
 #include "archive/verifier.h"
 #include "crypto/signed_note.h"
 
 namespace kiroku::archive {
-
-/// Longer files are no notes: a checkpoint with a hundred cosignatures is a tenth of it.
-inline constexpr std::size_t kMaximumNoteBytes = 1U << 17U;
 
 /// The note files of `checkpoints/`, by tree size, from the folder's listing. Files there with other names
 /// are not in it.

@@ -35,6 +35,7 @@
 #include <string_view>
 #include <vector>
 
+#include "archive/limits.h"
 #include "base/utc_time.h"
 #include "crypto/hash.h"
 
@@ -44,7 +45,6 @@ inline constexpr std::string_view kExcerptFormat = "kiroku-excerpt/1";
 inline constexpr std::string_view kExcerptFile = "excerpt.json";
 inline constexpr std::string_view kExcerptOpenFile = "ledger-open.jsonl";
 inline constexpr std::string_view kExcerptLinesFile = "ledger-part.jsonl";
-inline constexpr std::size_t kMaximumExcerptBytes = 4U << 20U;
 
 struct ExcerptDocument {
   struct Earlier {

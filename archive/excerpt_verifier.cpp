@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <set>
 #include <string>
+#include <unordered_map>
 #include <utility>
 #include <vector>
 
@@ -40,7 +41,9 @@ class ExcerptVerification {
                 [this](const std::string& file) {
                   return present_.contains(file + std::string(kOriginalHeaderSuffix));
                 }}),
-        outside_(options, findings_) {}
+        outside_(options, findings_),
+        selected_streams_(document_.streams.begin(), document_.streams.end()),
+        tree_(crypto::MerkleFrontier::after(document_.first_entry, document_.left)) {}
 
   VerificationReport run() {
     std::optional<ReadableFile> open_file = open(kExcerptOpenFile);
@@ -51,9 +54,12 @@ class ExcerptVerification {
     if (rules_.opening() && rules_.device()) {
       outside_.add_origin(case_origin(rules_.device()->name(), rules_.opening()->case_id));
     }
-    outside_.finish(document_.first_entry + leaves_.size(), false);
-    rules_.judge_missing(files_.finish());
-    check_folder_names(listing_, findings_, [&](const ListedFile& file) { return judge_name(file); });
+    outside_.finish(document_.first_entry + lines_, false);
+    const std::vector<MissingFile> missing = files_.finish();
+    if (!rules_.gave_up()) {
+      rules_.judge_missing(missing);
+      check_folder_names(listing_, findings_, [&](const ListedFile& file) { return judge_name(file); });
+    }
     rules_.check_device_file();
     return report();
   }
@@ -75,15 +81,15 @@ class ExcerptVerification {
     return std::move(opening.file);
   }
 
-  bool selects(const std::string& stream) const {
-    return std::find(document_.streams.begin(), document_.streams.end(), stream) != document_.streams.end();
-  }
+  bool selects(const std::string& stream) const { return selected_streams_.contains(stream); }
   /// Whether the excerpt must hold the segment; one that it need not hold it may not hold either.
   bool select(const SegmentEntry& segment) {
     if (!selects(segment.stream) || !meets(segment.span, document_.from_ns, document_.to_ns)) {
       return false;
     }
-    selected_files_.insert(segment.file.file);
+    if (segment.file.file.size() <= kMaximumPathBytes) {
+      selected_files_.insert(segment.file.file);
+    }
     return true;
   }
 
@@ -113,11 +119,14 @@ class ExcerptVerification {
     std::uint64_t number = document_.first_entry;
     std::optional<LogContents> log;
     std::optional<LogComparison> comparison;
-    while (reader.next(line) && !line.torn) {
+    while (!rules_.gave_up() && reader.next(line) && !line.torn) {
       if (number == 0 && line.text != open_line) {
         malformed(kExcerptOpenFile, "it is not the first line of " + std::string(kExcerptLinesFile));
       }
-      leaves_.push_back(crypto::merkle_leaf_hash(bytes_of(line.text)));
+      ++lines_;
+      if (tree_) {
+        tree_->append(crypto::merkle_leaf_hash(bytes_of(line.text)));
+      }
       if (!earlier_done) {
         check_earlier();
         earlier_done = true;
@@ -130,14 +139,15 @@ class ExcerptVerification {
         comparison->check_opening(open_hash);
       }
       ++number;
-      const auto fits = [&](const Sha256Digest& root) {
-        return crypto::verify_range(leaves_, document_.first_entry, number, document_.left, root);
-      };
+      const auto fits = [&](const Sha256Digest& root) { return tree_ && tree_->root() == root; };
       checkpoints_.reached(number, fits, !line.too_long, rules_.last_mono_ns());
       outside_.reached(number, fits, !line.too_long);
       if (comparison->asks_for(number)) {
         comparison->reached(number, fits);
       }
+    }
+    if (rules_.gave_up()) {
+      return;
     }
     if (line.torn && line.bytes > 0) {
       malformed(kExcerptLinesFile, "its last line is not whole");
@@ -165,6 +175,9 @@ class ExcerptVerification {
     LogWalk walk(folder, options_, of_log, rules_.opening()->case_id, rules_.opening()->appliance_log_size);
     LogContents contents = walk.run();
     findings_.take_from(of_log, "log");
+    if (contents.gave_up) {
+      return std::nullopt;
+    }
     return contents;
   }
 
@@ -194,17 +207,19 @@ class ExcerptVerification {
   }
 
   void check_earlier() {
+    std::unordered_map<std::uint64_t, const ExcerptDocument::Earlier*> proofs;
+    for (const ExcerptDocument::Earlier& each : document_.earlier) {
+      proofs.emplace(each.size, &each);
+    }
     for (const std::uint64_t size : note_sizes(listing_)) {
       if (size > document_.first_entry) {
         break;
       }
-      const auto proof =
-          std::find_if(document_.earlier.begin(), document_.earlier.end(),
-                       [&](const ExcerptDocument::Earlier& each) { return each.size == size; });
+      const auto proof = proofs.find(size);
       const auto fits = [&](const Sha256Digest& root) {
         const bool proven =
-            proof != document_.earlier.end() && signed_root_ &&
-            crypto::verify_consistency(size, root, document_.size, *signed_root_, proof->proof);
+            proof != proofs.end() && signed_root_ &&
+            crypto::verify_consistency(size, root, document_.size, *signed_root_, proof->second->proof);
         if (!proven) {
           findings_.add("excerpt-proof-invalid", {note_path(size)},
                         note_path(size) + " is not proven to be of the same tree as the later checkpoints");
@@ -304,12 +319,12 @@ class ExcerptVerification {
     VerificationReport report;
     rules_.describe(report);
     describe_part(report);
-    report.entries = leaves_.size();
+    report.entries = lines_;
     report.checkpoints = checkpoints_.count();
     report.files = files_.files() + report.tokens + report.checkpoints + 3;
     report.bytes = bytes_in(listing_);
-    report.brackets = rules_.tokens().brackets(
-        document_.first_entry, document_.first_entry + std::max<std::uint64_t>(1, leaves_.size()));
+    report.brackets = rules_.tokens().brackets(document_.first_entry,
+                                               document_.first_entry + std::max<std::uint64_t>(1, lines_));
     report.verdict = verdict_of_excerpt(findings_.worst());
     report.findings = findings_.take();
     return report;
@@ -357,7 +372,10 @@ class ExcerptVerification {
   FileChecker files_;
   CaseRules rules_;
   OutsideNotes outside_;
-  std::vector<Sha256Digest> leaves_;
+  std::set<std::string> selected_streams_;
+  // Over the lines until now and what lies before them; nothing where `left` is not of first_entry entries.
+  std::optional<crypto::MerkleFrontier> tree_;
+  std::uint64_t lines_ = 0;
   std::optional<Sha256Digest> signed_root_;
 };
 

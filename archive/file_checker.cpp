@@ -70,7 +70,7 @@ void FileChecker::check(FileJob job) {
   changed_.notify_all();
 }
 
-std::vector<FileJob> FileChecker::finish() {
+std::vector<MissingFile> FileChecker::finish() {
   {
     const std::lock_guard lock(mutex_);
     no_more_ = true;
@@ -119,7 +119,7 @@ void FileChecker::check_one(const FileJob& job, std::span<std::byte> buffer) {
   if (!opening.file) {
     if (opening.problem == FileProblem::kMissing) {
       const std::lock_guard lock(mutex_);
-      missing_.push_back(job);
+      missing_.push_back({job.expected.file, job.entry, job.stream, job.segment ? job.segment->index : 0});
     } else {
       report_unopened(*findings_, place, opening);
     }

@@ -7,6 +7,7 @@
 #include <deque>
 #include <exception>
 #include <map>
+#include <memory>
 #include <mutex>
 #include <optional>
 #include <set>
@@ -25,9 +26,17 @@ namespace kiroku::archive {
 struct FileJob {
   FileReference expected;
   std::uint64_t entry = 0;
-  std::optional<SegmentEntry> segment;  // set for segments: they may be erased, decrypted, inspected
-  std::optional<StreamInfo> stream;     // of the segment
-  bool rekeyed = false;                 // excerpt: the original age header lies beside as NAME.header
+  std::optional<SegmentEntry> segment;       // set for segments: they may be erased, decrypted, inspected
+  std::shared_ptr<const StreamInfo> stream;  // of the segment; shared, since its texts can be long
+  bool rekeyed = false;                      // excerpt: the original age header lies beside as NAME.header
+};
+
+/// A file that is not there.
+struct MissingFile {
+  std::string file;
+  std::uint64_t entry = 0;
+  std::shared_ptr<const StreamInfo> stream;  // of a segment
+  std::uint64_t index = 0;                   // likewise
 };
 
 /// Segments of one stream whose files have the hash that the ledger states.
@@ -47,9 +56,9 @@ class FileChecker {
 
   /// Hands over one file; waits while many are waiting already, so that memory stays bounded.
   void check(FileJob job);
-  /// Waits for all work. Rethrows what a worker could not turn into a finding. Returns the jobs whose file is
-  /// not there: whether that is a finding depends on `erased` entries that come later.
-  std::vector<FileJob> finish();
+  /// Waits for all work. Rethrows what a worker could not turn into a finding. Returns the files that are not
+  /// there: whether that is a finding depends on `erased` entries that come later.
+  std::vector<MissingFile> finish();
 
   [[nodiscard]] std::uint64_t files() const { return files_; }  // after finish()
   [[nodiscard]] std::uint64_t bytes() const { return bytes_; }
@@ -86,7 +95,7 @@ class FileChecker {
   std::deque<FileJob> waiting_;
   bool no_more_ = false;
   std::exception_ptr failure_;
-  std::vector<FileJob> missing_;
+  std::vector<MissingFile> missing_;
   std::set<std::string> streams_not_decrypted_;
   std::map<std::string, HeldSegments> held_;
   std::uint64_t files_ = 0;

@@ -23,6 +23,10 @@ inline constexpr auto kFindingCodes = std::to_array<FindingCode>({
     {"entry-malformed", Severity::kTampered,
      "a line is no entry of the format; offset: the byte where it goes wrong"},
     {"entry-too-long", Severity::kTampered, "a line is longer than 1 MiB"},
+    {"ledger-unreadable", Severity::kTampered,
+     "more than 10,000 lines are no entries: the rest of the ledger was not read, and nothing was judged "
+     "that "
+     "depends on it"},
     {"entry-out-of-sequence", Severity::kTampered, "seq is not the number of the line"},
     {"entry-after-close", Severity::kTampered,
      "something other than token, token-missed and erased follows close"},
@@ -185,7 +189,8 @@ inline constexpr auto kFindingCodes = std::to_array<FindingCode>({
      "a segment was re-keyed, and only a recipient's identity can prove that it still opens to the same "
      "film"},
     // -- of the list itself
-    {"more-findings", Severity::kNote, "so many of one code that the rest is only counted"},
+    {"more-findings", Severity::kNote,
+     "so many findings, of one code or of all together, that the rest is only counted"},
 });
 
 /// A code of the table; any other text does not compile.
@@ -195,6 +200,8 @@ class CodeName {
   // where it stands
   consteval CodeName(const char* name) : index_(find(name)) {}
   [[nodiscard]] constexpr const FindingCode& code() const { return kFindingCodes[index_]; }
+  /// Its place in the table.
+  [[nodiscard]] constexpr std::size_t index() const { return index_; }
 
  private:
   static consteval std::size_t find(std::string_view name) {

@@ -1,8 +1,9 @@
-// Collects what verification finds. Thread-safe.
+// Collects what verification finds, in bounded memory: what is beyond the limits of archive/limits.h is
+// counted and still decides. Thread-safe.
 #pragma once
 
+#include <array>
 #include <cstdint>
-#include <map>
 #include <mutex>
 #include <optional>
 #include <string>
@@ -21,14 +22,16 @@ struct Place {
   std::optional<std::uint64_t> offset = std::nullopt;
 };
 
+/// A text as a finding keeps it: of one that is too long the beginning and "…", in room of its own.
+std::string shortened(std::string text);
+
 class FindingList {
  public:
-  /// At most this many of one code are kept; the rest is counted in one "more-findings".
-  static constexpr std::uint64_t kMostOfOneCode = 1'000;
-
   /// Where `text` quotes what it judges, that may hold anything: it is made printable (base/printable.h).
-  void add(CodeName code, Place place, const std::string& text);
-  /// Findings of another list, their files below `folder`.
+  /// Texts and file names that are too long are cut. Of each code the first is kept in any case; one that is
+  /// only counted stands in a "more-findings".
+  void add(CodeName code, Place place, std::string text);
+  /// Findings of another list, their files below `folder`, and what it only counted.
   void take_from(FindingList& other, const std::string& folder);
   /// The gravest so far, kept also of those that were only counted.
   [[nodiscard]] Severity worst() const;
@@ -36,11 +39,20 @@ class FindingList {
   std::vector<Finding> take();
 
  private:
-  void add_locked(Finding finding);
+  struct OfOneCode {
+    std::uint64_t kept = 0, dropped = 0;
+  };
+  struct Kept {
+    std::size_t code = 0;  // place in kFindingCodes
+    Place place;
+    std::string text;
+  };
+  void add_locked(std::size_t code, Place place, std::string text);
 
   mutable std::mutex mutex_;
-  std::vector<Finding> findings_;
-  std::map<std::string, std::uint64_t> counts_;
+  std::vector<Kept> kept_;
+  std::array<OfOneCode, kFindingCodes.size()> counts_{};
+  std::size_t bytes_ = 0;  // of what is kept
   Severity worst_ = Severity::kNote;
 };
 

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <array>
+#include <set>
 #include <type_traits>
 #include <utility>
 
@@ -47,7 +48,8 @@ bool is_hex(std::string_view text) {
 
 bool is_time_base(std::string_view text) {
   const std::size_t slash = text.find('/');
-  return slash != std::string_view::npos && all_digits(text.substr(0, slash)) &&
+  return slash != std::string_view::npos && slash <= kMaximumTimeBaseDigits &&
+         text.size() - slash - 1 <= kMaximumTimeBaseDigits && all_digits(text.substr(0, slash)) &&
          all_digits(text.substr(slash + 1)) && text[0] != '0' && text[slash + 1] != '0';
 }
 
@@ -124,13 +126,17 @@ OpenEntry read_open(JsonFields& fields) {
   }
   open.device = fields.text("device");
   open.boot_id = fields.text("boot_id");
+  std::set<std::string> names;
   for (const JsonFields& stream : fields.objects("streams")) {
+    if (open.streams.size() == kMaximumStreams) {
+      fields.refuse("streams", "names more than " + std::to_string(kMaximumStreams) + " streams");
+    }
     open.streams.push_back(read_stream(stream));
-    const bool again = std::count_if(open.streams.begin(), open.streams.end(), [&](const StreamInfo& other) {
-                         return other.name == open.streams.back().name;
-                       }) > 1;
-    if (again) {
+    if (!names.insert(open.streams.back().name).second) {
       fields.refuse("streams", "names a stream twice");
+    }
+    if (fields.failed()) {
+      break;  // the list may hold as many wrong ones as fit into a line
     }
   }
   if (fields.has("subject")) {
@@ -339,6 +345,10 @@ std::string stream_json(const StreamInfo& stream) {
 }
 
 void write(JsonWriter& line, const OpenEntry& open) {
+  if (open.streams.size() > kMaximumStreams) {
+    throw Error("a case cannot have " + std::to_string(open.streams.size()) + " streams where at most " +
+                std::to_string(kMaximumStreams) + " are allowed; record fewer sources");
+  }
   line.text("format", OpenEntry::kFormat)
       .text("case", open.case_id)
       .text("device", open.device)

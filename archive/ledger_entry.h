@@ -46,6 +46,7 @@
 #include <variant>
 #include <vector>
 
+#include "archive/limits.h"
 #include "base/utc_time.h"
 #include "crypto/hash.h"
 
@@ -216,7 +217,6 @@ struct EntryParse {
   std::string problem;                  // one sentence when there is no entry
   std::optional<std::size_t> position;  // byte within the line, where it is no JSON of the strict profile
 };
-inline constexpr std::size_t kMaximumLineBytes = 1 << 20;
 EntryParse parse_case_entry(std::string_view line);
 
 }  // namespace kiroku::archive

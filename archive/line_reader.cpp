@@ -12,6 +12,11 @@ constexpr std::size_t kBufferBytes = 256U << 10U;
 
 }  // namespace
 
+std::string unreadable_text(std::uint64_t number) {
+  return "more than " + std::to_string(kMostBrokenLines) + " lines are no entries of the format: from line " +
+         std::to_string(number) + " on nothing was read";
+}
+
 bool LineReader::fill() {
   buffer_.resize(kBufferBytes);
   buffer_.resize(file_->read_at(read_, std::as_writable_bytes(std::span(buffer_.data(), buffer_.size()))));

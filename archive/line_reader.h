@@ -18,6 +18,9 @@ struct LedgerLine {
   bool torn = false;         // the file ends before an LF: the last line of a write that did not finish
 };
 
+/// Why a ledger of which too many lines are no entries is not read beyond line `number`.
+std::string unreadable_text(std::uint64_t number);
+
 class LineReader {
  public:
   /// `file` must outlive the reader.

@@ -69,6 +69,14 @@ LogContents LogWalk::run() {
     tree_.append(crypto::merkle_leaf_hash(bytes_of(line.text)));
     tree_known = tree_known && !line.too_long;
     take(line, number);
+    if (contents_.gave_up) {
+      if (outside_ != nullptr) {
+        outside_->finish(tree_.size(), false);
+      }
+      contents_.entries = tree_.size();
+      contents_.checkpoints = checkpoints_.count();
+      return std::move(contents_);
+    }
     if (checkpoints_.has(tree_.size())) {
       checkpoints_.reached(tree_.size(), fits, tree_known, std::nullopt);
     } else if (tree_.size() > last_listed) {
@@ -126,8 +134,16 @@ void LogWalk::judge_tail() {
   }
 }
 
+void LogWalk::count_broken_line(std::uint64_t number) {
+  contents_.gave_up = ++broken_lines_ > kMostBrokenLines;
+  if (contents_.gave_up) {
+    findings_->add("ledger-unreadable", in_ledger(number), unreadable_text(number));
+  }
+}
+
 void LogWalk::take(const LedgerLine& line, std::uint64_t number) {
   if (line.too_long) {
+    count_broken_line(number);
     findings_->add("entry-too-long", in_ledger(number, line.offset),
                    "the line of " + at_entry(number) + " of the log has " + std::to_string(line.bytes) +
                        " bytes where at most " + std::to_string(kMaximumLineBytes) + " are allowed");
@@ -135,6 +151,7 @@ void LogWalk::take(const LedgerLine& line, std::uint64_t number) {
   }
   const LogEntryParse parse = parse_log_entry(line.text);
   if (!parse.entry) {
+    count_broken_line(number);
     findings_->add("entry-malformed", in_ledger(number, line.offset),
                    at_entry(number) + " of the log is no entry of the format: " + parse.problem);
     return;
@@ -165,10 +182,10 @@ void LogWalk::take(const LedgerLine& line, std::uint64_t number) {
   std::visit(Overloaded{[&](const BootEntry& boot) { set_device(boot.device, number); },
                         [&](const DeviceKeyChangedEntry& change) { set_device(change.device, number); },
                         [&](const CaseOpenedEntry& opened) {
-                          LoggedCase& logged = contents_.cases[opened.case_id];
-                          if (!logged.opened) {
-                            logged.opened = number;
-                            logged.opening_line = opened.sha256;
+                          LoggedCase* known = logged(opened.case_id);
+                          if (known != nullptr && !known->opened) {
+                            known->opened = number;
+                            known->opening_line = opened.sha256;
                           }
                         },
                         [&](const CaseCheckpointEntry& checkpoint) {
@@ -177,13 +194,16 @@ void LogWalk::take(const LedgerLine& line, std::uint64_t number) {
                         [&](const CaseClosedEntry& closed) {
                           const KnownRoot root{closed.size, closed.root, number};
                           note_root(closed.case_id, root);
-                          contents_.cases[closed.case_id].closed = root;
-                          contents_.cases[closed.case_id].final_token = closed.final_token;
+                          if (LoggedCase* known = logged(closed.case_id)) {
+                            known->closed = root;
+                            known->final_token = closed.final_token;
+                          }
                         },
                         [&](const CaseErasedEntry& erased) {
                           // Of one stream's segments only: the rest of the case must still be there.
-                          if (!erased.stream) {
-                            contents_.cases[erased.case_id].erased = true;
+                          LoggedCase* known = erased.stream ? nullptr : logged(erased.case_id);
+                          if (known != nullptr) {
+                            known->erased = true;
                           }
                         },
                         [](const auto&) {}},
@@ -206,6 +226,10 @@ void LogWalk::set_device(const std::string& device, std::uint64_t number) {
     findings_->add("device-invalid", in_ledger(number),
                    at_entry(number) + " of the log names no device: " + error.what());
   }
+}
+
+LoggedCase* LogWalk::logged(const std::string& case_id) {
+  return case_id_.empty() || case_id == case_id_ ? &contents_.cases[case_id] : nullptr;
 }
 
 void LogWalk::note_root(const std::string& case_id, const KnownRoot& root) {
@@ -240,6 +264,9 @@ LogComparison::LogComparison(const LogContents* log, const std::optional<OpenEnt
                    "the appliance log does not know a case " + case_id_);
   } else {
     known_ = &found->second;
+    roots_ = known_->roots;
+    std::stable_sort(roots_.begin(), roots_.end(),
+                     [](const KnownRoot& a, const KnownRoot& b) { return a.size < b.size; });
   }
   if (log->root_at_head != opening->appliance_log_root) {
     findings_->add("log-head-differs", in_ledger(0),
@@ -257,19 +284,23 @@ void LogComparison::check_opening(const crypto::Sha256Digest& entry0) {
   }
 }
 
-bool LogComparison::asks_for(std::uint64_t size) const {
-  return known_ != nullptr && std::any_of(known_->roots.begin(), known_->roots.end(),
-                                          [&](const KnownRoot& each) { return each.size == size; });
+std::span<const KnownRoot> LogComparison::roots_at(std::uint64_t size) const {
+  const auto begin = std::partition_point(roots_.begin(), roots_.end(),
+                                          [&](const KnownRoot& each) { return each.size < size; });
+  const auto end =
+      std::partition_point(begin, roots_.end(), [&](const KnownRoot& each) { return each.size == size; });
+  return {begin, end};
 }
 
+bool LogComparison::asks_for(std::uint64_t size) const { return !roots_at(size).empty(); }
+
 bool LogComparison::knows_beyond(std::uint64_t size) const {
-  return known_ != nullptr && std::any_of(known_->roots.begin(), known_->roots.end(),
-                                          [&](const KnownRoot& each) { return each.size > size; });
+  return !roots_.empty() && roots_.back().size > size;
 }
 
 void LogComparison::reached(std::uint64_t size, const RootTest& fits) {
-  for (const KnownRoot& each : known_->roots) {
-    if (each.size == size && !differs_ && !fits(each.root)) {
+  for (const KnownRoot& each : roots_at(size)) {
+    if (!differs_ && !fits(each.root)) {
       differs_ = true;
       findings_->add("log-checkpoint-differs", in_log(each.entry),
                      "the first " + std::to_string(size) +

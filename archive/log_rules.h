@@ -5,6 +5,7 @@
 #include <deque>
 #include <map>
 #include <optional>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -44,13 +45,15 @@ struct LogContents {
   std::uint64_t entries = 0, checkpoints = 0;
   std::string device;
   std::optional<UtcTime> begins;
+  bool gave_up = false;  // so many lines are no entries that the rest was not read: nothing follows from it
 };
 
 /// Walks a log once. Findings name files relative to the log's folder.
 class LogWalk {
  public:
-  /// Roots of one case only are kept (`case_id`), and the log's own root at size `head`: for verifying that
-  /// case. Everything referred to must outlive the object.
+  /// With a `case_id` only that case is kept, with its roots, and the log's own root at size `head`: for
+  /// verifying that case. Without one all cases are, and no roots. Everything referred to must outlive the
+  /// object.
   LogWalk(const CaseFolder& folder, const VerifyOptions& options, FindingList& findings, std::string case_id,
           std::uint64_t head);
   /// Notes to compare the log with, before run().
@@ -61,7 +64,10 @@ class LogWalk {
 
  private:
   void take(const LedgerLine& line, std::uint64_t number);
+  void count_broken_line(std::uint64_t number);
   void set_device(const std::string& device, std::uint64_t number);
+  /// What is known of a case; nothing where it is not asked for.
+  LoggedCase* logged(const std::string& case_id);
   void note_root(const std::string& case_id, const KnownRoot& root);
   void check_names();
   /// Notes that were signed while the log was read, of the newest entries.
@@ -81,6 +87,7 @@ class LogWalk {
   std::int64_t last_mono_ns_ = 0;
   std::deque<crypto::Checkpoint> recent_;     // of the newest sizes that no listed note has; without origin
   std::deque<std::uint64_t> to_be_followed_;  // the last two entries that a checkpoint follows at once
+  std::uint64_t broken_lines_ = 0;
 };
 
 /// One case against what the log knows of it, while its ledger is walked.
@@ -100,7 +107,11 @@ class LogComparison {
   void finish(std::uint64_t entries, const std::map<std::uint64_t, crypto::Sha256Digest>& tokens);
 
  private:
+  /// The roots that the log states for this size.
+  [[nodiscard]] std::span<const KnownRoot> roots_at(std::uint64_t size) const;
+
   const LoggedCase* known_ = nullptr;
+  std::vector<KnownRoot> roots_;  // by size, then in the order of the log
   FindingList* findings_;
   std::string case_id_;
   bool differs_ = false;

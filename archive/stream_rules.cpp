@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <filesystem>
+#include <iterator>
 #include <utility>
 
 #include "archive/case_layout.h"
@@ -33,8 +34,10 @@ std::string totals_text(const StreamTotal& total) {
 }  // namespace
 
 StreamRules::StreamRules(StreamInfo info, bool whole_case, FindingList& findings)
-    : whole_case_(whole_case), findings_(&findings) {
-  report_.info = std::move(info);
+    : info_(std::make_shared<const StreamInfo>(std::move(info))),
+      whole_case_(whole_case),
+      findings_(&findings) {
+  report_.info = *info_;
   if (whole_case_) {
     next_index_ = 0;
   }
@@ -70,7 +73,7 @@ bool StreamRules::take(const SegmentEntry& segment, std::uint64_t entry) {
   if (!segment.complete) {
     findings_->add("segment-incomplete", place, segment.file.file + " was cut off; its beginning is there");
     if (!interrupted_ && segment.counted) {
-      cut_ = Cut{entry, segment.file.file};
+      cut_ = Cut{entry, shortened(segment.file.file)};
     }
   }
   interrupted_ = false;
@@ -96,7 +99,12 @@ bool StreamRules::take(const SegmentEntry& segment, std::uint64_t entry) {
   if (segment.dropped > 0 && !first_dropped_entry_) {
     first_dropped_entry_ = entry;
   }
-  return named;
+  IndexRanges& entered = segment.complete ? entered_ : entered_parts_;
+  if (!named || entered.contains(segment.index)) {
+    return false;  // a finding already: another name, or out of order
+  }
+  entered.add(segment.index, segment.index);
+  return true;
 }
 
 void StreamRules::check_seam(const SegmentEntry& segment, std::uint64_t entry) {
@@ -119,6 +127,8 @@ void StreamRules::take(const GapEntry& gap, std::uint64_t entry) {
                      std::string(gap_cause_name(gap.cause)) + ")");
   report_.gap_ns += gap.span.end_ns - gap.span.start_ns;
   take_interruption();
+  all_gaps_ = {std::min(all_gaps_.value_or(gap.span).start_ns, gap.span.start_ns),
+               std::max(all_gaps_.value_or(gap.span).end_ns, gap.span.end_ns)};
   // Gaps come in order, or nearly: joined, a stream that flickers for hours takes no more room than it must.
   if (!gaps_.empty() && gap.span.start_ns >= gaps_.back().start_ns &&
       gap.span.start_ns <= gaps_.back().end_ns) {
@@ -133,7 +143,7 @@ void StreamRules::take(const ErasedEntry& erased, std::uint64_t entry) {
                  digits(erased.last_index - erased.first_index + 1) + " segments of " + report_.info.name +
                      " (" + digits(erased.first_index) + " to " + digits(erased.last_index) +
                      ") were erased by policy: " + erased.policy);
-  erased_.push_back(erased);
+  erased_.add(erased.first_index, erased.last_index);
 }
 
 void StreamRules::take_interruption() {
@@ -161,21 +171,32 @@ void StreamRules::check_totals(const StreamTotal* stated, std::uint64_t entry) {
   }
 }
 
-std::optional<Span> StreamRules::uncovered(Span hole) const {
-  bool moved = true;
-  while (moved && hole.end_ns - hole.start_ns > kSeamToleranceNs) {
-    moved = false;
-    for (const Span& gap : gaps_) {
-      if (gap.start_ns <= hole.start_ns + kSeamToleranceNs && gap.end_ns > hole.start_ns) {
-        hole.start_ns = gap.end_ns;
-        moved = true;
-      }
+void StreamRules::join_gaps() {
+  std::sort(gaps_.begin(), gaps_.end(), [](const Span& a, const Span& b) { return a.start_ns < b.start_ns; });
+  std::vector<Span> joined;
+  for (const Span& gap : gaps_) {
+    if (joined.empty() || gap.start_ns > joined.back().end_ns + kSeamToleranceNs) {
+      joined.push_back(gap);
+    } else {
+      joined.back().end_ns = std::max(joined.back().end_ns, gap.end_ns);
     }
+  }
+  gaps_ = std::move(joined);
+}
+
+std::optional<Span> StreamRules::uncovered(Span hole) const {
+  // The gap in which the hole begins, or within the tolerance before which: no other goes on from there.
+  const auto after =
+      std::upper_bound(gaps_.begin(), gaps_.end(), hole.start_ns + kSeamToleranceNs,
+                       [](std::int64_t start_ns, const Span& gap) { return start_ns < gap.start_ns; });
+  if (after != gaps_.begin()) {
+    hole.start_ns = std::max(hole.start_ns, std::prev(after)->end_ns);
   }
   return hole.end_ns - hole.start_ns > kSeamToleranceNs ? std::optional(hole) : std::nullopt;
 }
 
 void StreamRules::finish() {
+  join_gaps();
   for (const Hole& hole : holes_) {
     if (const std::optional<Span> left = uncovered(hole.span)) {
       findings_->add("segment-hole", {std::string(kLedgerFile), hole.entry},
@@ -190,20 +211,14 @@ void StreamRules::finish() {
   }
 }
 
-bool StreamRules::erased(std::uint64_t index) const {
-  return std::any_of(erased_.begin(), erased_.end(), [&](const ErasedEntry& each) {
-    return each.first_index <= index && index <= each.last_index;
-  });
-}
+bool StreamRules::erased(std::uint64_t index) const { return erased_.contains(index); }
 
 std::string StreamRules::next_file() const {
   return segment_path(report_.info.name, next_index_.value_or(0), report_.info.extension);
 }
 
 bool StreamRules::may_be_left_over(const std::string& path) const {
-  const bool ends_with_gap = std::any_of(gaps_.begin(), gaps_.end(),
-                                         [&](const Span& gap) { return gap.end_ns >= end_ns_.value_or(0); });
-  if (!ends_with_gap) {
+  if (!all_gaps_ || all_gaps_->end_ns < end_ns_.value_or(0)) {
     return false;
   }
   const bool part = path.ends_with(kPartSuffix);

@@ -12,11 +12,13 @@
 #pragma once
 
 #include <cstdint>
+#include <memory>
 #include <optional>
 #include <string>
 #include <vector>
 
 #include "archive/finding_list.h"
+#include "archive/index_ranges.h"
 #include "archive/ledger_entry.h"
 #include "archive/verifier.h"
 
@@ -30,7 +32,7 @@ class StreamRules {
   StreamRules(StreamInfo info, bool whole_case, FindingList& findings);
 
   /// False if the segment's file name is not the one its stream and index dictate, so that it must not be
-  /// opened.
+  /// opened; or if an entry before named the same file: it is read once, however often it is named.
   bool take(const SegmentEntry& segment, std::uint64_t entry);
   void take(const GapEntry& gap, std::uint64_t entry);
   void take(const ErasedEntry& erased, std::uint64_t entry);
@@ -42,7 +44,7 @@ class StreamRules {
   void check_totals(const StreamTotal* stated, std::uint64_t entry);
   void finish();
 
-  [[nodiscard]] const StreamInfo& info() const { return report_.info; }
+  [[nodiscard]] const std::shared_ptr<const StreamInfo>& info() const { return info_; }
   [[nodiscard]] const StreamReport& report() const { return report_; }
   [[nodiscard]] bool erased(std::uint64_t index) const;
   /// The file name of the segment that comes next, complete.
@@ -78,17 +80,22 @@ class StreamRules {
   void check_seam(const SegmentEntry& segment, std::uint64_t entry);
   /// Of a segment's file of this stream; nothing for any other path.
   [[nodiscard]] std::optional<std::uint64_t> index_of(const std::string& path) const;
-  /// What is left of a hole after all gaps; nothing if they cover it.
+  /// Sorts the gaps and joins those between which no more than the tolerance is missing.
+  void join_gaps();
+  /// What is left of a hole after all gaps, which must be joined; nothing if they cover it.
   [[nodiscard]] std::optional<Span> uncovered(Span hole) const;
 
+  std::shared_ptr<const StreamInfo> info_;
   StreamReport report_;
   bool whole_case_;
   FindingList* findings_;
   std::optional<std::uint64_t> first_index_, next_index_;
+  IndexRanges entered_, entered_parts_;  // indexes of complete segments and of others
   std::optional<std::int64_t> end_ns_;
   std::vector<Span> gaps_;
+  std::optional<Span> all_gaps_;  // from the earliest start to the latest end
   std::vector<Hole> holes_;
-  std::vector<ErasedEntry> erased_;
+  IndexRanges erased_;
   struct Cut {
     std::uint64_t entry = 0;
     std::string file;

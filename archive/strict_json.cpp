@@ -63,7 +63,7 @@ class CountingIterator {
 /// Builds the value and stops at the first thing the strict profile refuses.
 class Builder {
  public:
-  explicit Builder(std::size_t maximum_depth) : maximum_depth_(maximum_depth) {}
+  explicit Builder(const JsonLimits& limits) : limits_(limits) {}
 
   // Names and signatures are nlohmann's SAX interface.
   bool null() { return refuse("null is not allowed"); }
@@ -126,8 +126,8 @@ class Builder {
     return false;
   }
   bool open(JsonValue value) {
-    if (levels_.size() == maximum_depth_) {
-      return refuse("nesting is deeper than " + std::to_string(maximum_depth_) + " levels");
+    if (levels_.size() == limits_.depth) {
+      return refuse("nesting is deeper than " + std::to_string(limits_.depth) + " levels");
     }
     levels_.push_back({std::move(value), {}, {}});
     return true;
@@ -138,6 +138,9 @@ class Builder {
     return add(std::move(done));
   }
   bool add(JsonValue value) {
+    if (++values_ > limits_.values) {
+      return refuse("there are more than " + std::to_string(limits_.values) + " values");
+    }
     if (levels_.empty()) {
       root_ = std::move(value);
     } else if (auto* array = std::get_if<JsonArray>(&levels_.back().value.content())) {
@@ -149,7 +152,8 @@ class Builder {
     return true;
   }
 
-  std::size_t maximum_depth_;
+  JsonLimits limits_;
+  std::size_t values_ = 0;
   std::vector<Level> levels_;
   std::optional<JsonValue> root_;
   std::string problem_;
@@ -201,7 +205,7 @@ JsonParse parse_json(std::string_view text, const JsonLimits& limits) {
     return *refused;
   }
   const char* furthest = text.data();
-  Builder builder(limits.depth);
+  Builder builder(limits);
   const char* end = text.data() + text.size();
   const bool read =
       nlohmann::json::sax_parse(CountingIterator(text.data(), &furthest), CountingIterator(end, &furthest),

@@ -3,8 +3,8 @@
 //
 // Refused, each with the byte position: NUL and other control characters (also a carriage return or a tab
 // between tokens), a byte order mark, invalid UTF-8, "\u0000", a key twice in one object, nesting deeper than
-// allowed, integers of magnitude 2^53 or more, fractions, exponents, NaN, null, trailing bytes, too long a
-// text. (RFC 8259 allows much of it; RFC 7493, I-JSON, is the nearest profile.)
+// allowed, more values than allowed, integers of magnitude 2^53 or more, fractions, exponents, NaN, null,
+// trailing bytes, too long a text. (RFC 8259 allows much of it; RFC 7493, I-JSON, is the nearest profile.)
 #pragma once
 
 #include <cstdint>
@@ -15,6 +15,7 @@
 #include <variant>
 #include <vector>
 
+#include "archive/limits.h"
 #include "base/utc_time.h"
 #include "crypto/hash.h"
 
@@ -26,6 +27,7 @@ inline constexpr std::int64_t kJsonIntegerLimit = std::int64_t{1} << 53;
 struct JsonLimits {
   std::size_t bytes = 1U << 20U;
   std::size_t depth = 4;  // the outermost object has depth 1
+  std::size_t values = kMaximumJsonValues;
 };
 
 class JsonValue;

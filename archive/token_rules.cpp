@@ -168,7 +168,7 @@ TokenRules::Judged TokenRules::judge(const TokenEntry& token, std::uint64_t entr
       if (judgement.code == timestamp::TokenCode::kNoTrust) {
         no_trust_ = true;
       } else {
-        untrusted_.push_back({token.checkpoint, entry, token.file, judgement.explanation});
+        untrusted_.push_back({token.checkpoint, entry, token.file, shortened(judgement.explanation)});
       }
       return {false, false, restated};
     case timestamp::TokenVerdict::kValid:
@@ -278,16 +278,21 @@ void TokenRules::take_rate(std::int64_t rate_ppb, std::int64_t mono_ns) {
   slew_.rate_ppb = rate;
 }
 
-void TokenRules::report_disagreements() const {
+void TokenRules::report_disagreements() {
+  std::sort(steps_.begin(), steps_.end(), [](const Step& a, const Step& b) { return a.mono_ns < b.mono_ns; });
+  std::vector<double> stepped_before{0};  // by all steps in front of each, either way
+  for (const Step& step : steps_) {
+    stepped_before.push_back(stepped_before.back() + std::abs(static_cast<double>(step.step_ns)));
+  }
+  const auto steps_before = [&](std::int64_t mono_ns) {
+    const auto first = std::partition_point(steps_.begin(), steps_.end(),
+                                            [&](const Step& step) { return step.mono_ns < mono_ns; });
+    return stepped_before[static_cast<std::size_t>(first - steps_.begin())];
+  };
   for (const Disagreement& each : disagreements_) {
     // A step is stated within a second, so an entry may follow the token that shows it already.
-    double stepped_ns = 0;
-    for (const Step& step : steps_) {
-      if (each.from_ns - kStepStatedWithinNs <= step.mono_ns &&
-          step.mono_ns <= each.until_ns + kStepStatedWithinNs) {
-        stepped_ns += std::abs(static_cast<double>(step.step_ns));
-      }
-    }
+    const double stepped_ns = steps_before(each.until_ns + kStepStatedWithinNs + 1) -
+                              steps_before(each.from_ns - kStepStatedWithinNs);
     if (static_cast<double>(each.excess_ns) > stepped_ns) {
       findings_->add("clock-disagreement", each.place, each.text);
     }
@@ -326,14 +331,12 @@ void TokenRules::compare_clocks(const TokenEntry& token, bool outside) {
   const ClockComparison comparison{
       token.gen_time, asked_ns + (answered_ns - asked_ns) / 2,
       (answered_ns - asked_ns + 1) / 2 + token.accuracy_ns + (whole_seconds ? 1'000'000'000 : 0)};
-  const auto known = std::find_if(clocks_.begin(), clocks_.end(), [&](const AuthorityClock& each) {
-    return each.authority == token.authority && each.outside == outside;
-  });
-  if (known == clocks_.end()) {
+  const auto [known, first] = clock_of_.emplace(std::pair(token.authority, outside), clocks_.size());
+  if (first) {
     clocks_.push_back({token.authority, outside, 1, comparison, comparison});
   } else {
-    ++known->comparisons;
-    known->last = comparison;
+    ++clocks_[known->second].comparisons;
+    clocks_[known->second].last = comparison;
   }
 }
 

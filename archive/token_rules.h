@@ -14,12 +14,10 @@
 #include "archive/checkpoint_rules.h"
 #include "archive/finding_list.h"
 #include "archive/ledger_entry.h"
+#include "archive/limits.h"
 #include "archive/verifier.h"
 
 namespace kiroku::archive {
-
-/// Longer files are no tokens; those in the world have 1 to 15 kB.
-inline constexpr std::size_t kMaximumTokenBytes = 1U << 20U;
 
 class TokenRules {
  public:
@@ -95,7 +93,7 @@ class TokenRules {
   void check_elapsed(const TokenEntry& token, const Earlier& now);
   void compare_clocks(const TokenEntry& token, bool outside);
   /// Adds what no stated step of the wall clock explains.
-  void report_disagreements() const;
+  void report_disagreements();
   /// How much slews may have moved the case clock, all in all, up to this time.
   [[nodiscard]] std::int64_t slewed_until(std::int64_t mono_ns) const;
 
@@ -115,6 +113,7 @@ class TokenRules {
   std::set<std::uint64_t> restating_;  // entries behind close
   std::map<std::uint64_t, crypto::Sha256Digest> hashes_;
   std::vector<AuthorityClock> clocks_;
+  std::map<std::pair<std::string, bool>, std::size_t> clock_of_;  // place in clocks_ by authority, `outside`
   struct Slew {
     std::int64_t total_ns = 0;  // up to since_ns
     std::int64_t since_ns = 0;

@@ -63,7 +63,7 @@ class CaseVerification {
     if (rules_.opening() && rules_.device()) {
       outside_.add_origin(case_origin(rules_.device()->name(), rules_.opening()->case_id));
     }
-    outside_.finish(tree_.size(), opening.file.has_value());
+    outside_.finish(tree_.size(), opening.file.has_value() && !rules_.gave_up());
     return report();
   }
 
@@ -80,7 +80,7 @@ class CaseVerification {
     LedgerLine line;
     bool tree_known = true;
     outside_.reached(0, fits, tree_known);
-    while (reader.next(line) && !line.torn) {
+    while (!rules_.gave_up() && reader.next(line) && !line.torn) {
       const std::uint64_t number = tree_.size();
       tree_.append(crypto::merkle_leaf_hash(bytes_of(line.text)));
       tree_known = tree_known && !line.too_long;
@@ -90,6 +90,10 @@ class CaseVerification {
       if (comparison.asks_for(tree_.size())) {
         comparison.reached(tree_.size(), fits);
       }
+    }
+    if (rules_.gave_up()) {
+      files_.finish();  // what is missing may be erased later
+      return;
     }
     judge_end(line, comparison);
     checkpoints_.finish(tree_.size());
@@ -110,6 +114,9 @@ class CaseVerification {
                  open ? open->appliance_log_size : 0);
     LogContents contents = walk.run();
     findings_.take_from(of_log, "log");
+    if (contents.gave_up) {
+      return std::nullopt;
+    }
     return contents;
   }
 
@@ -164,11 +171,11 @@ class CaseVerification {
       return judge_authority_file(
           folder_, file, [this](const std::string& name) { return rules_.names_authority(name); }, findings_);
     }
-    for (const auto& [name, stream] : rules_.streams()) {
-      if (!rules_.close_entry() && path == stream.next_file()) {
+    if (const StreamRules* stream = rules_.stream_of_folder(path)) {
+      if (!rules_.close_entry() && path == stream->next_file()) {
         return NameJudgement::kSegmentNotEntered;
       }
-      if (stream.may_be_left_over(path)) {
+      if (stream->may_be_left_over(path)) {
         return path.ends_with(kPartSuffix) ? NameJudgement::kPart : NameJudgement::kSegmentNotEntered;
       }
     }
@@ -337,7 +344,9 @@ VerificationReport verify_log(const std::filesystem::path& folder, const VerifyO
     LogWalk walk(opened, options, findings, {}, 0);
     walk.compare_with(outside);
     const LogContents log = walk.run();
-    look_for_cases(log, folder, findings);
+    if (!log.gave_up) {
+      look_for_cases(log, folder, findings);
+    }
     report.device = log.device;
     report.entries = log.entries;
     report.checkpoints = log.checkpoints;

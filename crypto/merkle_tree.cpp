@@ -4,11 +4,14 @@
 #include <bit>
 #include <optional>
 #include <string>
+#include <utility>
 
 #include "base/error.h"
 
 namespace kiroku::crypto {
 namespace {
+
+thread_local std::uint64_t nodes_hashed = 0;
 
 constexpr std::byte kLeafPrefix{0x00};
 constexpr std::byte kNodePrefix{0x01};
@@ -56,11 +59,22 @@ Sha256Digest merkle_leaf_hash(ByteView entry) {
 }
 
 Sha256Digest merkle_node_hash(const Sha256Digest& left, const Sha256Digest& right) {
+  ++nodes_hashed;
   std::array<std::byte, 65> bytes;
   bytes[0] = kNodePrefix;
   std::ranges::copy(left, bytes.begin() + 1);
   std::ranges::copy(right, bytes.begin() + 33);
   return sha256(bytes);
+}
+
+std::uint64_t merkle_nodes_hashed() { return nodes_hashed; }
+
+std::optional<MerkleFrontier> MerkleFrontier::after(std::uint64_t size, std::vector<Sha256Digest> subtrees) {
+  if (subtrees.size() != static_cast<std::size_t>(std::popcount(size))) return std::nullopt;
+  MerkleFrontier frontier;
+  frontier.size_ = size;
+  frontier.complete_subtrees_ = std::move(subtrees);
+  return frontier;
 }
 
 void MerkleFrontier::append(const Sha256Digest& leaf_hash) {

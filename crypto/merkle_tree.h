@@ -3,6 +3,7 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
 #include <vector>
 
 #include "base/bytes.h"
@@ -12,11 +13,18 @@ namespace kiroku::crypto {
 
 Sha256Digest merkle_leaf_hash(ByteView entry);
 Sha256Digest merkle_node_hash(const Sha256Digest& left, const Sha256Digest& right);
+/// How many nodes this thread has hashed since it began: how much work proofs were, whatever the machine.
+std::uint64_t merkle_nodes_hashed();
 
 /// The right edge of a growing tree: O(log n) memory, root at any time. Root of the empty tree is SHA-256 of
 /// nothing.
 class MerkleFrontier {
  public:
+  /// Goes on behind `size` leaves that are known by their largest complete subtrees alone, left to right;
+  /// nothing if a tree of that size has another number of them. Such are what MerkleTree::range_proof gives
+  /// of the leaves left of a range, whatever the tree's size.
+  static std::optional<MerkleFrontier> after(std::uint64_t size, std::vector<Sha256Digest> subtrees);
+
   void append(const Sha256Digest& leaf_hash);
   [[nodiscard]] std::uint64_t size() const { return size_; }
   [[nodiscard]] Sha256Digest root() const;

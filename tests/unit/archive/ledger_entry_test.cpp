@@ -225,6 +225,7 @@ INSTANTIATE_TEST_SUITE_P(
         Edit{"EndBeforeStart", "\"end_ns\":6000", "\"end_ns\":3999", "\"end_ns\" is before start_ns"},
         Edit{"BothCounts", "\"frames\":50", "\"frames\":50,\"samples\":50", "\"frames\" is not known here"},
         Edit{"TimeBase", "1/90000", "1/0", "\"time_base\" is not a fraction"},
+        Edit{"LongTimeBase", "1/90000", "1/10000000000", "\"time_base\" is not a fraction"},
         Edit{"UpperCaseHash", "ba78", "BA78", "64 lower-case hex digits"},
         Edit{"StreamWithSlash", "\"stream\":\"endoscope\"", "\"stream\":\"../x\"", "not a short name"},
         Edit{"LocalTime", "02.000123Z", "02.000123+02:00", "is not a UTC time"},
@@ -249,6 +250,24 @@ TEST(LedgerEntry, RefusesWhatOpenMayNotSay) {
                 o.subject = FileReference{"../s", 1, {}};
               }),
               HasSubstr("\"subject\" does not name subject.json.age"));
+}
+
+TEST(LedgerEntry, RefusesMoreStreamsThanAllowed) {
+  OpenEntry open = opening();
+  open.streams.resize(kMaximumStreams, open.streams[0]);
+  for (std::size_t i = 0; i < open.streams.size(); ++i) {
+    open.streams[i].name = "s" + std::to_string(i);
+  }
+  const std::string most = line_of(open);
+  EXPECT_EQ(parse_case_entry(most).problem, "");
+  open.streams.push_back(open.streams[0]);
+  open.streams.back().name = "more";
+  EXPECT_THROW(line_of(open), Error);
+  std::string line = most;
+  line.insert(line.find(R"({"name":"s0")"),
+              R"({"name":"more","kind":"video","media":"video/mp2t","source":"",)"
+              R"("profile":"","purpose":"","recipients":[],"timing":"arrival"},)");
+  EXPECT_THAT(parse_case_entry(line).problem, HasSubstr("\"streams\" names more than 256 streams"));
 }
 
 TEST(LedgerEntry, RefusesHalfAnExchangeAndOneThatRunsBackwards) {

@@ -61,6 +61,18 @@ TEST(StrictJson, RefusesNestingOfAMillionLevelsWithoutRecursion) {
   EXPECT_EQ(parse_json(deep, {1U << 20U, 4}).problem, "byte 4: nesting is deeper than 4 levels");
 }
 
+TEST(StrictJson, RefusesMoreValuesThanAllowed) {
+  // A text, a list, a number and an object are a value each, and so is what holds them.
+  EXPECT_TRUE(parse_json(R"({"a":"x","b":[1,{}]})", {200, 4, 5}).value);
+  EXPECT_EQ(parse_json(R"({"a":"x","b":[1,{}]})", {200, 4, 4}).problem,
+            "byte 19: there are more than 4 values");
+  std::string list = "[";
+  for (std::size_t i = 0; i < kMaximumJsonValues; ++i) {
+    list += i > 0 ? ",1" : "1";
+  }
+  EXPECT_THAT(parse_json(list + "]").problem, testing::EndsWith("there are more than 131072 values"));
+}
+
 TEST(StrictJson, ReadsTheLargestIntegersAllowed) {
   const JsonParse parse = parse_json(R"({"high":9007199254740991,"low":-9007199254740991})");
   ASSERT_TRUE(parse.value.has_value()) << parse.problem;

@@ -180,6 +180,46 @@ TEST(MerkleTree, EveryRangeProofHoldsForItsLeavesOnly) {
   }
 }
 
+TEST(MerkleTree, AFrontierGoesOnBehindLeavesThatAreKnownBySubtreesAlone) {
+  constexpr std::uint64_t kSize = 40;
+  const MerkleTree tree = tree_of(kSize);
+  for (std::uint64_t first = 0; first < kSize; ++first) {
+    // The subtrees left of a range are the same whatever the size of the tree.
+    const std::vector<Sha256Digest> left = tree.range_proof(first, kSize, kSize);
+    auto frontier = MerkleFrontier::after(first, left);
+    ASSERT_TRUE(frontier) << first;
+    std::vector<Sha256Digest> leaves;
+    for (std::uint64_t size = first + 1; size <= kSize; ++size) {
+      leaves.push_back(leaf(size - 1));
+      frontier->append(leaves.back());
+      EXPECT_EQ(frontier->size(), size);
+      EXPECT_EQ(frontier->root(), tree.root(size)) << first << " " << size;
+      EXPECT_TRUE(verify_range(leaves, first, size, left, frontier->root()));
+    }
+    std::vector<Sha256Digest> more = left;
+    more.push_back(leaf(0));
+    EXPECT_FALSE(MerkleFrontier::after(first, more));
+    EXPECT_FALSE(verify_range(leaves, first, kSize, more, tree.root(kSize)));
+    if (!left.empty()) {
+      more = left;
+      more.pop_back();
+      EXPECT_FALSE(MerkleFrontier::after(first, more));
+      more = left;
+      more.back() = leaf(99);
+      auto other = MerkleFrontier::after(first, more);
+      other->append(leaf(first));
+      EXPECT_NE(other->root(), tree.root(first + 1));
+    }
+  }
+}
+
+TEST(MerkleTree, CountsTheNodesItHashes) {
+  const std::uint64_t before = merkle_nodes_hashed();
+  MerkleFrontier frontier;
+  for (std::uint64_t i = 0; i < 8; ++i) frontier.append(leaf(i));
+  EXPECT_EQ(merkle_nodes_hashed() - before, 7U);
+}
+
 TEST(MerkleTree, ProofOfOneLeafAsARangeEqualsItsInclusionProofInAnotherOrder) {
   const MerkleTree tree = tree_of(13);
   auto range = hex_of(tree.range_proof(6, 7, 13));

@@ -116,6 +116,22 @@ TEST(SignedNote, OneBadSignatureOfAKnownKeyFailsTheNote) {
   EXPECT_EQ(opened.failure, NoteFailure::kBadSignature);
 }
 
+// An Ed25519 signature of one text is one: who could make two would let a verifier check a hundred.
+TEST(SignedNote, TakesOneSignatureOfAKey) {
+  const VerifierKey peter = VerifierKey::parse(kPeterNeumann);
+  const std::string line = published_note().substr(kText.size() + 1);
+  const auto repeated = open_note(published_note() + line, {peter});
+  EXPECT_FALSE(repeated.failure) << "the same line again says nothing else";
+  EXPECT_THAT(repeated.signers, ElementsAre("PeterNeumann", "PeterNeumann"));
+
+  const std::string elsewhere = sign_note("another text\n", "PeterNeumann", peter_neumanns_key());
+  const std::string other_line = elsewhere.substr(elsewhere.find("\n\n") + 2);
+  EXPECT_EQ(open_note(published_note() + other_line, {peter}).failure, NoteFailure::kBadSignature);
+  const std::string text_part = published_note().substr(0, kText.size() + 1);
+  EXPECT_EQ(open_note(text_part + other_line + line, {peter}).failure, NoteFailure::kBadSignature);
+  EXPECT_EQ(open_note(text_part + other_line + other_line, {peter}).failure, NoteFailure::kBadSignature);
+}
+
 TEST(SignedNote, RefusesMalformedNotes) {
   const std::string good = published_note();
   const std::string text(kText);

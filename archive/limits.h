@@ -1,0 +1,43 @@
+// Every limit on what verification takes from a folder that somebody else may have made (docs/format.md,
+// "Limits"): with them its time grows with the folder's bytes and no faster, and so does its memory, by far
+// less. What is beyond a limit of the format is refused; what is beyond a limit of the report is counted.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+
+namespace kiroku::archive {
+
+// -- of the format
+/// A line of a ledger or of the appliance log, without LF.
+inline constexpr std::size_t kMaximumLineBytes = 1U << 20U;
+/// Values in one line or in excerpt.json: texts, numbers, lists, objects. Each takes 40 bytes when it is
+/// read, and can take two in the text.
+inline constexpr std::size_t kMaximumJsonValues = 1U << 17U;
+/// Streams that `open` names.
+inline constexpr std::size_t kMaximumStreams = 256;
+/// Digits of each number of `time_base`: FFmpeg's have 32 bits.
+inline constexpr std::size_t kMaximumTimeBaseDigits = 10;
+/// excerpt.json.
+inline constexpr std::size_t kMaximumExcerptBytes = 4U << 20U;
+/// Longer files are no notes: a checkpoint with a hundred cosignatures is a tenth of it.
+inline constexpr std::size_t kMaximumNoteBytes = 1U << 17U;
+/// Longer files are no tokens; those in the world have 1 to 15 kB.
+inline constexpr std::size_t kMaximumTokenBytes = 1U << 20U;
+/// Folders in folders that are entered: segments/<stream>/<file>.
+inline constexpr int kMaximumFolderDepth = 3;
+/// So a path has at most three names, of at most 255 bytes on every file system.
+inline constexpr std::size_t kMaximumPathBytes = std::size_t{kMaximumFolderDepth} * 256;
+
+// -- of the report
+/// After so many lines that are no entries the rest of a ledger is not read: it is tampered with, and a line
+/// of one byte costs as much as one of a hundred.
+inline constexpr std::uint64_t kMostBrokenLines = 10'000;
+/// Of one code so many findings are kept; the rest is counted.
+inline constexpr std::uint64_t kMostFindingsOfOneCode = 1'000;
+/// A finding's text and its file name, each: what is longer ends in "…".
+inline constexpr std::size_t kMaximumFindingText = 1'000;
+/// All kept findings together. Beyond it one of each code is kept, whatever its size.
+inline constexpr std::size_t kMaximumFindingBytes = 16U << 20U;
+
+}  // namespace kiroku::archive
