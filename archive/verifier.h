@@ -13,6 +13,7 @@
 #include "archive/finding.h"
 #include "archive/ledger_entry.h"
 #include "crypto/age_recipient.h"
+#include "crypto/byte_source.h"
 #include "crypto/signed_note.h"
 #include "timestamp/token_verifier.h"
 
@@ -75,10 +76,11 @@ struct VerificationReport {
   std::optional<UtcTime> clock_zero;  // the recorder's wall clock at 0 of the case clock, by `open`
 };
 
-/// Looks at one decrypted segment: returns a sentence if it does not decode to what the entry states. Given
+/// Decrypts and looks at one segment: returns a sentence if it does not decode to what the entry states. Only
+/// bytes whose hash the entry states come out of `sealed`, which throws crypto::SourceChanged otherwise. Given
 /// by the full program, which has decoders; the small verifier has none. Called from several threads.
 using SegmentInspector = std::function<std::optional<std::string>(const StreamInfo&, const SegmentEntry&,
-                                                                  const std::filesystem::path& sealed_file,
+                                                                  const crypto::ByteSource& sealed,
                                                                   const crypto::AgeIdentities&)>;
 
 struct VerifyOptions {
