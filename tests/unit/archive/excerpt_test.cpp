@@ -8,6 +8,7 @@
 
 #include "archive/verifier.h"
 #include "crypto/age_file.h"
+#include "tests/support/forger.h"
 #include "tests/support/report_text.h"
 #include "tests/support/sample_case.h"
 
@@ -163,6 +164,22 @@ TEST_F(Excerpt, WithAHeaderThatOpensAnotherFilmIsTampered) {
   const VerificationReport report = verify_case(excerpt(), with_identity);
   EXPECT_EQ(summary(report), "tampered\nrekeyed-key-differs segments/endoscope/00000001.ts.age 4")
       << details(report);
+}
+
+TEST_F(Excerpt, ReKeysTheHeaderThatItHashes) {
+  // A forger's film stands there when the header is opened, and the recorded one when the rest is copied.
+  const fs::path segment = folder_ / "segments/endoscope/00000001.ts.age";
+  const std::string honest = read(segment);
+  const std::string forged = test::sealed_anew(Bytes(70'000), archive_.recipients());
+  ASSERT_EQ(forged.size(), honest.size());
+  const crypto::AgeIdentities forging =
+      test::observed(archive_.identities(), [&] { test::write_into(segment, honest); });
+  write(segment, forged);
+  ExcerptOptions options = middle();
+  options.identities = &forging;
+  options.recipients = {crypto::parse_recipient(crypto::generate_age_key().recipient)};
+  EXPECT_THROW(make(options), Error);
+  EXPECT_FALSE(fs::exists(excerpt()));
 }
 
 TEST_F(Excerpt, IsRefusedWithNothingLeftBehind) {
