@@ -291,8 +291,8 @@ void copy_conveniences(const CaseFolder& from, const std::vector<ListedFile>& li
 
 }  // namespace
 
-ExcerptResult make_excerpt(const fs::path& case_folder, const ExcerptOptions& options,
-                           const fs::path& folder) {
+ExcerptResult make_excerpt(const fs::path& case_folder, const ExcerptOptions& options, const fs::path& folder,
+                           FileSystem& files) {
   if (options.from_ns < 0 || options.to_ns <= options.from_ns) {
     throw UsageError("an excerpt must end after it begins");
   }
@@ -325,7 +325,7 @@ ExcerptResult make_excerpt(const fs::path& case_folder, const ExcerptOptions& op
   document.open_proof = ledger.tree.inclusion_proof(0, document.size);
   document.left = ledger.tree.range_proof(document.first_entry, document.size, document.size);
 
-  ExcerptFolder to(real_file_system(), folder);
+  ExcerptFolder to(files, folder);
   std::set<std::uint64_t> notes{document.size};
   for (const auto& [entry, token] : ledger.tokens) {
     if (entry >= document.first_entry && entry < document.size) {

@@ -6,6 +6,7 @@
 #include <string>
 #include <vector>
 
+#include "archive/file_system.h"
 #include "crypto/age_recipient.h"
 
 namespace kiroku::archive {
@@ -22,6 +23,6 @@ struct ExcerptResult {
 };
 /// Writes `folder` (which must not exist); nothing is left there on failure.
 ExcerptResult make_excerpt(const std::filesystem::path& case_folder, const ExcerptOptions& options,
-                           const std::filesystem::path& folder);
+                           const std::filesystem::path& folder, FileSystem& files = real_file_system());
 
 }  // namespace kiroku::archive
