@@ -88,6 +88,7 @@ class ExcerptVerification {
     const std::string open_line(line.text);
     const Sha256Digest open_leaf = crypto::merkle_leaf_hash(bytes_of(open_line));
     const Sha256Digest open_hash = crypto::sha256(bytes_of(open_line));
+    judged_.append(open_leaf);
     LedgerLine more;
     if (open_reader.next(more)) {
       malformed(kExcerptOpenFile, "it holds more than one line");
@@ -109,6 +110,7 @@ class ExcerptVerification {
         malformed(kExcerptOpenFile, "it is not the first line of " + std::string(kExcerptLinesFile));
       }
       leaves_.push_back(crypto::merkle_leaf_hash(bytes_of(line.text)));
+      judged_.append(leaves_.back());
       if (!earlier_done) {
         check_earlier();
         earlier_done = true;
@@ -256,6 +258,9 @@ class ExcerptVerification {
     VerificationReport report;
     rules_.describe(report);
     report.entries = leaves_.size();
+    if (judged_.size() > 0) {
+      report.lines_root = judged_.root();
+    }
     report.checkpoints = checkpoints_.count();
     report.files = files_.files() + report.tokens + report.checkpoints + 3;
     report.bytes = bytes_in(listing_);
@@ -276,6 +281,7 @@ class ExcerptVerification {
   FileChecker files_;
   CaseRules rules_;
   std::vector<Sha256Digest> leaves_;
+  crypto::MerkleFrontier judged_;  // the opening line, then the lines
   std::optional<Sha256Digest> signed_root_;
 };
 

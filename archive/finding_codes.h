@@ -119,8 +119,8 @@ inline constexpr auto kFindingCodes = std::to_array<FindingCode>({
     {"file-missing", Severity::kTampered, "a file that the ledger names is not there"},
     {"file-size-differs", Severity::kTampered, "a file has not the size the ledger states"},
     {"file-hash-differs", Severity::kTampered,
-     "a file has not the hash the ledger states, or changed while it was checked; offset, with an identity: "
-     "the first chunk that does not decrypt, or that changed"},
+     "a file has not the hash the ledger states; offset, with an identity: the first chunk that does not "
+     "decrypt, or that changed while it was checked"},
     {"file-unnamed", Severity::kTampered, "a file or folder that nothing names"},
     {"file-not-regular", Severity::kTampered, "a symbolic link or special file"},
     {"name-clash", Severity::kTampered, "two names differ only in case"},
