@@ -4,18 +4,25 @@
 
 namespace kiroku::archive {
 
-std::optional<std::uint64_t> age_header_bytes(const crypto::ByteSource& file) {
-  std::string text(kMaximumAgeHeaderBytes, '\0');
-  text.resize(file.read_at(0, std::as_writable_bytes(std::span(text.data(), text.size()))));
+std::optional<Bytes> age_header_text(const crypto::ByteSource& file) {
+  Bytes front(kMaximumAgeHeaderBytes);
+  front.resize(file.read_at(0, front));
+  const std::string_view text = text_of(front);
   if (!text.starts_with("age-encryption.org/v1\n")) {
     return std::nullopt;
   }
   const std::size_t mac = text.find("\n--- ");
-  const std::size_t end = mac == std::string::npos ? mac : text.find('\n', mac + 1);
-  if (end == std::string::npos) {
+  const std::size_t end = mac == std::string_view::npos ? mac : text.find('\n', mac + 1);
+  if (end == std::string_view::npos) {
     return std::nullopt;
   }
-  return end + 1;
+  front.resize(end + 1);
+  return front;
+}
+
+std::optional<std::uint64_t> age_header_bytes(const crypto::ByteSource& file) {
+  const std::optional<Bytes> header = age_header_text(file);
+  return header ? std::optional<std::uint64_t>(header->size()) : std::nullopt;
 }
 
 }  // namespace kiroku::archive

@@ -17,6 +17,9 @@ inline constexpr std::size_t kMaximumAgeHeaderBytes = 64U << 10U;
 /// An excerpt's original header beside a re-keyed segment: NAME.header.
 inline constexpr std::string_view kOriginalHeaderSuffix = ".header";
 
+/// The header text, up to and with the line "--- <MAC>"; nothing if the file does not begin with one. Throws
+/// kiroku::IoError.
+std::optional<Bytes> age_header_text(const crypto::ByteSource& file);
 /// Length of the header text, up to and with the line "--- <MAC>"; nothing if the file does not begin with
 /// one. Throws kiroku::IoError.
 std::optional<std::uint64_t> age_header_bytes(const crypto::ByteSource& file);

@@ -128,18 +128,6 @@ std::size_t ReadableFile::read_at(std::uint64_t offset, std::span<std::byte> int
   return done;
 }
 
-FileIdentity ReadableFile::identity() const {
-  struct stat status {};
-  if (::fstat(descriptor_, &status) != 0) {
-    throw IoError("look at", path_, errno);
-  }
-  const auto nanoseconds = [](const timespec& time) {
-    return std::int64_t{time.tv_sec} * 1'000'000'000 + time.tv_nsec;
-  };
-  return {status.st_dev, status.st_ino, static_cast<std::uint64_t>(status.st_size),
-          nanoseconds(status.st_mtim), nanoseconds(status.st_ctim)};
-}
-
 void ReadableFile::expect_sequential_reading() const {
   ::posix_fadvise(descriptor_, 0, 0, POSIX_FADV_SEQUENTIAL);  // a hint: failure changes nothing
 }

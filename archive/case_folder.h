@@ -8,25 +8,12 @@
 #include <optional>
 #include <string>
 #include <string_view>
-#include <tuple>
 #include <vector>
 
 #include "base/bytes.h"
 #include "crypto/age_file.h"
 
 namespace kiroku::archive {
-
-/// What tells a file from any other and from itself before it was touched: the kernel sets `changed_ns`
-/// (ctime) with every change of bytes, owner or name, and lets nobody set it back.
-struct FileIdentity {
-  std::uint64_t device = 0, inode = 0, size = 0;
-  std::int64_t modified_ns = 0, changed_ns = 0;
-  bool operator==(const FileIdentity&) const = default;
-  bool operator<(const FileIdentity& other) const {
-    return std::tie(device, inode, size, modified_ns, changed_ns) <
-           std::tie(other.device, other.inode, other.size, other.modified_ns, other.changed_ns);
-  }
-};
 
 /// A regular file open for reading. Movable; read_at() is thread-safe.
 class ReadableFile final : public crypto::ByteSource {
@@ -43,8 +30,6 @@ class ReadableFile final : public crypto::ByteSource {
   [[nodiscard]] std::uint64_t size() const override { return size_; }
   /// Fewer bytes only at the end of the file, which may have moved since. Throws kiroku::IoError.
   std::size_t read_at(std::uint64_t offset, std::span<std::byte> into) const override;
-  /// Of the open file, as it is now. Throws kiroku::IoError.
-  [[nodiscard]] FileIdentity identity() const;
   /// Tells the kernel that the file is read from front to end.
   void expect_sequential_reading() const;
 

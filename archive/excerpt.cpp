@@ -242,12 +242,16 @@ void copy_small(const CaseFolder& from, const std::string& file, ExcerptFolder& 
   to.write(file, bytes_of(*text));
 }
 
-void copy_lines(const ReadableFile& ledger, const ExcerptDocument& document, ExcerptFolder& to) {
+/// Copies the lines that the proof is about; a ledger that changed since they were surveyed is refused.
+void copy_lines(const ReadableFile& ledger, const crypto::Sha256Digest& root, const ExcerptDocument& document,
+                ExcerptFolder& to) {
+  crypto::MerkleFrontier copied;
   const auto part = to.create(std::string(kExcerptLinesFile));
   LineReader reader(ledger);
   LedgerLine line;
   for (std::uint64_t number = 0; number < document.size && reader.next(line); ++number) {
     const std::string text = std::string(line.text) + "\n";
+    copied.append(crypto::merkle_leaf_hash(bytes_of(line.text)));
     if (number == 0) {
       to.write(std::string(kExcerptOpenFile), bytes_of(text));
     }
@@ -255,10 +259,14 @@ void copy_lines(const ReadableFile& ledger, const ExcerptDocument& document, Exc
       part->write(bytes_of(text));
     }
   }
+  if (copied.size() != document.size || copied.root() != root) {
+    throw Error("cannot take an excerpt of case " + document.case_id +
+                ": its ledger changed while it was read; find out what writes to it, and try again");
+  }
   part->sync();
 }
 
-/// Copies one segment, re-keyed if asked; the bytes are hashed on the way.
+/// Copies one segment, re-keyed if asked; the bytes are hashed on the way, each read once.
 void copy_segment(const CaseFolder& from, const SegmentEntry& segment, const ExcerptOptions& options,
                   ExcerptFolder& to) {
   const ReadableFile source = open_or_refuse(from, segment.file.file);
@@ -267,14 +275,15 @@ void copy_segment(const CaseFolder& from, const SegmentEntry& segment, const Exc
   crypto::Sha256 hash;
   std::uint64_t at = 0;
   if (options.identities != nullptr && !options.recipients.empty()) {
-    std::uint64_t header_bytes = 0;
-    const Bytes header = crypto::rekey_header(source, *options.identities, options.recipients, header_bytes);
-    Bytes original(static_cast<std::size_t>(header_bytes));
-    source.read_at(0, original);
-    hash.update(original);
-    at = header_bytes;
-    copy->write(header);
-    to.write(segment.file.file + std::string(kOriginalHeaderSuffix), original);
+    const std::optional<Bytes> original = age_header_text(source);
+    if (!original) {
+      throw Error("cannot take an excerpt of " + from.path().string() + ": " + segment.file.file +
+                  " is no age file; see what `kiroku verify` says of the case");
+    }
+    copy->write(
+        crypto::rekey_header(*crypto::memory_source(*original), *options.identities, options.recipients, at));
+    hash.update(*original);
+    to.write(segment.file.file + std::string(kOriginalHeaderSuffix), *original);
   }
   while (const std::size_t got = source.read_at(at, buffer)) {
     const ByteView piece = std::span(buffer).first(got);
@@ -300,8 +309,8 @@ void copy_conveniences(const CaseFolder& from, const std::vector<ListedFile>& li
 
 }  // namespace
 
-ExcerptResult make_excerpt(const fs::path& case_folder, const ExcerptOptions& options,
-                           const fs::path& folder) {
+ExcerptResult make_excerpt(const fs::path& case_folder, const ExcerptOptions& options, const fs::path& folder,
+                           FileSystem& files) {
   if (options.to_ns <= options.from_ns) {
     throw UsageError("an excerpt must end after it begins");
   }
@@ -340,7 +349,7 @@ ExcerptResult make_excerpt(const fs::path& case_folder, const ExcerptOptions& op
   document.open_proof = ledger.tree.inclusion_proof(0, document.size);
   document.left = ledger.tree.range_proof(document.first_entry, document.size, document.size);
 
-  ExcerptFolder to(real_file_system(), folder);
+  ExcerptFolder to(files, folder);
   std::set<std::uint64_t> notes{document.size};
   for (const auto& [entry, token] : ledger.tokens) {
     if (entry >= document.first_entry && entry < document.size) {
@@ -355,7 +364,7 @@ ExcerptResult make_excerpt(const fs::path& case_folder, const ExcerptOptions& op
     }
   }
   to.write(std::string(kExcerptFile), bytes_of(to_text(document)));
-  copy_lines(ledger_file, document, to);
+  copy_lines(ledger_file, ledger.tree.root(document.size), document, to);
   copy_conveniences(from, listing, to);
   ExcerptResult result;
   for (const SegmentEntry* segment : wanted) {

@@ -7,6 +7,7 @@
 #include <string>
 #include <vector>
 
+#include "archive/file_system.h"
 #include "base/utc_time.h"
 #include "crypto/age_recipient.h"
 
@@ -28,6 +29,6 @@ struct ExcerptResult {
 /// Writes `folder` (which must not exist); nothing is left there on failure. Time beyond the end of a closed
 /// case is cut off. Throws kiroku::UsageError where the selected streams have nothing in that time.
 ExcerptResult make_excerpt(const std::filesystem::path& case_folder, const ExcerptOptions& options,
-                           const std::filesystem::path& folder);
+                           const std::filesystem::path& folder, FileSystem& files = real_file_system());
 
 }  // namespace kiroku::archive

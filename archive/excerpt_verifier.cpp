@@ -103,6 +103,7 @@ class ExcerptVerification {
     const std::string open_line(line.text);
     const Sha256Digest open_leaf = crypto::merkle_leaf_hash(bytes_of(open_line));
     const Sha256Digest open_hash = crypto::sha256(bytes_of(open_line));
+    judged_.append(open_leaf);
     LedgerLine more;
     if (open_reader.next(more)) {
       malformed(kExcerptOpenFile, "it holds more than one line");
@@ -124,8 +125,10 @@ class ExcerptVerification {
         malformed(kExcerptOpenFile, "it is not the first line of " + std::string(kExcerptLinesFile));
       }
       ++lines_;
+      const Sha256Digest leaf = crypto::merkle_leaf_hash(bytes_of(line.text));
+      judged_.append(leaf);
       if (tree_) {
-        tree_->append(crypto::merkle_leaf_hash(bytes_of(line.text)));
+        tree_->append(leaf);
       }
       if (!earlier_done) {
         check_earlier();
@@ -320,6 +323,9 @@ class ExcerptVerification {
     rules_.describe(report);
     describe_part(report);
     report.entries = lines_;
+    if (judged_.size() > 0) {
+      report.lines_root = judged_.root();
+    }
     report.checkpoints = checkpoints_.count();
     report.files = files_.files() + report.tokens + report.checkpoints + 3;
     report.bytes = bytes_in(listing_);
@@ -376,6 +382,7 @@ class ExcerptVerification {
   // Over the lines until now and what lies before them; nothing where `left` is not of first_entry entries.
   std::optional<crypto::MerkleFrontier> tree_;
   std::uint64_t lines_ = 0;
+  crypto::MerkleFrontier judged_;  // the opening line, then the lines
   std::optional<Sha256Digest> signed_root_;
 };
 

@@ -13,8 +13,6 @@ namespace kiroku::archive {
 
 namespace {
 
-// Half of what a core's second-level cache holds, so that the hash reads what the kernel just copied.
-constexpr std::size_t kBufferBytes = 512U << 10U;
 constexpr std::size_t kMostWaiting = 64;
 constexpr std::uint64_t kProgressStep = 8U << 20U;
 
@@ -90,7 +88,6 @@ std::vector<MissingFile> FileChecker::finish() {
 }
 
 void FileChecker::work() {
-  std::vector<std::byte> buffer(kBufferBytes);
   for (;;) {
     std::unique_lock lock(mutex_);
     changed_.wait(lock, [&] { return !waiting_.empty() || no_more_ || failure_; });
@@ -102,7 +99,7 @@ void FileChecker::work() {
     lock.unlock();
     changed_.notify_all();
     try {
-      check_one(job, buffer);
+      check_one(job);
     } catch (...) {
       lock.lock();
       failure_ = std::current_exception();
@@ -113,7 +110,7 @@ void FileChecker::work() {
   }
 }
 
-void FileChecker::check_one(const FileJob& job, std::span<std::byte> buffer) {
+void FileChecker::check_one(const FileJob& job) {
   const Place place{job.expected.file, job.entry};
   const FileOpening opening = folder_->open_file(job.expected.file);
   if (!opening.file) {
@@ -126,32 +123,37 @@ void FileChecker::check_one(const FileJob& job, std::span<std::byte> buffer) {
     return;
   }
   try {
-    const HashCheck hash = check_hash(job, *opening.file, buffer);
-    if (hash == HashCheck::kReported) {
+    const std::optional<Hashed> hashed = hash_file(job, *opening.file);
+    if (!hashed) {
       return;
     }
-    if (job.segment && hash == HashCheck::kFits) {
+    if (job.segment && hashed->fits) {
       count_held(*job.segment);
     }
     if (job.segment && options_->identities != nullptr) {
-      look_inside(job, *opening.file, hash == HashCheck::kFits);
-    } else if (hash == HashCheck::kDiffers) {
+      const crypto::HashedSource sealed(*opening.file, hashed->trail, job.expected.file, hashed->new_header);
+      look_inside(job, sealed, *hashed);
+      if (const auto changed = sealed.changed_at()) {
+        report_changed(job, *changed);  // the inspector passed over it
+      }
+    } else if (!hashed->fits) {
       findings_->add(
           "file-hash-differs", place,
           job.expected.file + " is not the file whose hash entry " + digits(job.entry) + " states");
     } else if (job.rekeyed) {
       report_rekeyed_unopened(job);
     }
+  } catch (const crypto::SourceChanged& changed) {
+    report_changed(job, changed.offset());
   } catch (const IoError& error) {
     findings_->add("file-unreadable", place, std::string(error.what()) + "; so it was not checked");
   }
 }
 
-FileChecker::HashCheck FileChecker::check_hash(const FileJob& job, const ReadableFile& file,
-                                               std::span<std::byte> buffer) {
+std::optional<FileChecker::Hashed> FileChecker::hash_file(const FileJob& job, const ReadableFile& file) {
   const Place place{job.expected.file, job.entry};
-  crypto::Sha256 hash;
-  std::uint64_t from = 0;
+  Hashed hashed;
+  crypto::HashBegin begin;
   std::uint64_t size = file.size();
   if (job.rekeyed) {
     // What the ledger hashed is the original header and the payload behind the new one.
@@ -159,52 +161,49 @@ FileChecker::HashCheck FileChecker::check_hash(const FileJob& job, const Readabl
     if (!header.file) {
       report_unopened(*findings_, {job.expected.file + std::string(kOriginalHeaderSuffix), job.entry},
                       header);
-      return HashCheck::kReported;
+      return std::nullopt;
     }
     const std::optional<std::string> original = read_small(*header.file, kMaximumAgeHeaderBytes);
-    const std::optional<std::uint64_t> new_header = age_header_bytes(file);
+    std::optional<Bytes> new_header = age_header_text(file);
     if (!original || !new_header) {
       findings_->add("file-hash-differs", place,
                      job.expected.file + " or the header beside it is no age file");
-      return HashCheck::kReported;
+      return std::nullopt;
     }
-    hash.update(bytes_of(*original));
-    from = *new_header;
-    size = size - from + original->size();
+    hashed.original_header = to_bytes(*original);
+    hashed.new_header = std::move(*new_header);
+    begin.before = hashed.original_header;
+    begin.offset = hashed.new_header.size();
+    size = size - begin.offset + hashed.original_header.size();
   }
   if (size != job.expected.bytes) {
     findings_->add("file-size-differs", place,
                    job.expected.file + " has " + digits(size) + " bytes where entry " + digits(job.entry) +
                        " states " + digits(job.expected.bytes));
     report_progress(file.size());
-    return HashCheck::kReported;
+    return std::nullopt;
   }
   file.expect_sequential_reading();
-  std::uint64_t at = from;
-  while (const std::size_t got = file.read_at(at, buffer)) {
-    hash.update(buffer.first(got));
-    at += got;
-    report_progress(got);
-  }
-  {
-    const std::lock_guard lock(mutex_);
-    ++files_;
-    bytes_ += at;
-  }
-  return hash.finish() == job.expected.sha256 ? HashCheck::kFits : HashCheck::kDiffers;
+  hashed.trail = std::make_shared<const crypto::HashTrail>(
+      crypto::HashTrail::of(file, begin, [this](std::uint64_t more) { report_progress(more); }));
+  hashed.fits = hashed.trail->digest() == job.expected.sha256;
+  const std::lock_guard lock(mutex_);
+  ++files_;
+  bytes_ += hashed.trail->end();
+  return hashed;
 }
 
-FileChecker::Opened FileChecker::try_opening(const FileJob& job, const ReadableFile& file,
+FileChecker::Opened FileChecker::try_opening(const FileJob& job, const crypto::HashedSource& sealed,
                                              bool intact) const {
   Opened opened;
   try {
     // A damaged file is read as far as it goes, to say where the damage begins.
     const bool whole = intact && job.segment->complete;
-    const crypto::AgeFile sealed = crypto::AgeFile::open(
-        file, *options_->identities, whole ? crypto::Truncation::kRefuse : crypto::Truncation::kTolerate);
-    opened.header = sealed.header_size();
-    sealed.read_all([&](ByteView piece) { opened.plaintext += piece.size(); });
-    if (!intact && sealed.is_truncated()) {
+    const crypto::AgeFile file = crypto::AgeFile::open(
+        sealed, *options_->identities, whole ? crypto::Truncation::kRefuse : crypto::Truncation::kTolerate);
+    opened.header = file.header_size();
+    file.read_all([&](ByteView piece) { opened.plaintext += piece.size(); });
+    if (!intact && file.is_truncated()) {
       opened.failure.emplace(crypto::AgeFailure::kTruncated, "its last chunk does not decrypt");
     }
   } catch (const crypto::AgeError& error) {
@@ -230,10 +229,10 @@ void FileChecker::report_damage(const FileJob& job, const Opened& opened) {
   findings_->add("file-hash-differs", where, text);
 }
 
-void FileChecker::look_inside(const FileJob& job, const ReadableFile& file, bool intact) {
+void FileChecker::look_inside(const FileJob& job, const crypto::HashedSource& sealed, const Hashed& hashed) {
   const Place place{job.expected.file, job.entry};
-  const Opened opened = try_opening(job, file, intact);
-  if (!intact) {
+  const Opened opened = try_opening(job, sealed, hashed.fits);
+  if (!hashed.fits) {
     report_damage(job, opened);
     return;
   }
@@ -244,7 +243,7 @@ void FileChecker::look_inside(const FileJob& job, const ReadableFile& file, bool
     report_not_decrypted(job);
     return;
   }
-  if (job.rekeyed && !new_header_fits(job, file)) {
+  if (job.rekeyed && !new_header_fits(hashed)) {
     findings_->add("rekeyed-key-differs", place,
                    "the new header of " + job.expected.file +
                        " yields another key than the original one: it would open to another film");
@@ -257,8 +256,7 @@ void FileChecker::look_inside(const FileJob& job, const ReadableFile& file, bool
     findings_->add("segment-undecryptable", place,
                    job.expected.file + " does not decrypt: " + opened.failure->what());
   } else if (!opened.failure && options_->inspect) {
-    if (const auto problem = options_->inspect(*job.stream, *job.segment, folder_->path() / job.expected.file,
-                                               *options_->identities)) {
+    if (const auto problem = options_->inspect(*job.stream, *job.segment, sealed, *options_->identities)) {
       findings_->add("segment-undecodable", place, job.expected.file + ": " + *problem);
     }
   }
@@ -289,15 +287,22 @@ void FileChecker::count_held(const SegmentEntry& segment) {
   held.bytes += segment.file.bytes;
 }
 
-bool FileChecker::new_header_fits(const FileJob& job, const ReadableFile& file) {
-  const FileOpening header = folder_->open_file(job.expected.file + std::string(kOriginalHeaderSuffix));
-  const std::optional<std::string> original =
-      header.file ? read_small(*header.file, kMaximumAgeHeaderBytes) : std::nullopt;
+bool FileChecker::new_header_fits(const Hashed& hashed) const {
+  const auto opened_by = crypto::memory_source(hashed.new_header);
   try {
-    return original && crypto::same_file_key(file, bytes_of(*original), *options_->identities);
+    return crypto::same_file_key(*opened_by, hashed.original_header, *options_->identities);
   } catch (const crypto::AgeError&) {
     return false;  // one of the headers yields no key at all
   }
+}
+
+void FileChecker::report_changed(const FileJob& job, std::uint64_t offset) {
+  Place place{job.expected.file, job.entry};
+  place.offset = offset;
+  findings_->add("file-hash-differs", place,
+                 job.expected.file + " changed while it was checked: what stands from byte " +
+                     digits(offset) + " on was not hashed, so it is not what entry " + digits(job.entry) +
+                     " states");
 }
 
 void FileChecker::report_rekeyed_unopened(const FileJob& job) {

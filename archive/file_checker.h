@@ -19,6 +19,7 @@
 #include "archive/finding_list.h"
 #include "archive/ledger_entry.h"
 #include "archive/verifier.h"
+#include "crypto/hashed_source.h"
 
 namespace kiroku::archive {
 
@@ -66,7 +67,12 @@ class FileChecker {
   [[nodiscard]] const std::map<std::string, HeldSegments>& held() const { return held_; }
 
  private:
-  enum class HashCheck { kFits, kDiffers, kReported };  // kReported: not compared, a finding says why
+  /// One file after its bytes were hashed.
+  struct Hashed {
+    std::shared_ptr<const crypto::HashTrail> trail;
+    bool fits = false;                  // the entry's hash
+    Bytes original_header, new_header;  // of a re-keyed segment; the first was hashed in place of the second
+  };
   /// How far a segment could be decrypted.
   struct Opened {
     std::optional<crypto::AgeError> failure;
@@ -74,15 +80,18 @@ class FileChecker {
     std::uint64_t plaintext = 0;
   };
   void work();
-  void check_one(const FileJob& job, std::span<std::byte> buffer);
-  HashCheck check_hash(const FileJob& job, const ReadableFile& file, std::span<std::byte> buffer);
-  Opened try_opening(const FileJob& job, const ReadableFile& file, bool intact) const;
+  void check_one(const FileJob& job);
+  /// Nothing where it was not compared; a finding says why.
+  std::optional<Hashed> hash_file(const FileJob& job, const ReadableFile& file);
+  Opened try_opening(const FileJob& job, const crypto::HashedSource& sealed, bool intact) const;
   void report_damage(const FileJob& job, const Opened& opened);
   void report_not_decrypted(const FileJob& job);
-  void look_inside(const FileJob& job, const ReadableFile& file, bool intact);
+  /// Decrypts what was hashed and no other bytes; throws crypto::SourceChanged.
+  void look_inside(const FileJob& job, const crypto::HashedSource& sealed, const Hashed& hashed);
+  void report_changed(const FileJob& job, std::uint64_t offset);
   void report_rekeyed_unopened(const FileJob& job);
   void count_held(const SegmentEntry& segment);
-  bool new_header_fits(const FileJob& job, const ReadableFile& file);
+  bool new_header_fits(const Hashed& hashed) const;
   void report_progress(std::uint64_t more);
 
   const CaseFolder* folder_;

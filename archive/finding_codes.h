@@ -126,7 +126,7 @@ inline constexpr auto kFindingCodes = std::to_array<FindingCode>({
     {"file-size-differs", Severity::kTampered, "a file has not the size the ledger states"},
     {"file-hash-differs", Severity::kTampered,
      "a file has not the hash the ledger states; offset, with an identity: the first chunk that does not "
-     "decrypt"},
+     "decrypt, or that changed while it was checked"},
     {"file-unnamed", Severity::kTampered, "a file or folder that nothing names"},
     {"file-not-regular", Severity::kTampered, "a symbolic link or special file"},
     {"name-clash", Severity::kTampered, "two names differ only in case"},

@@ -5,7 +5,7 @@
 #include <string>
 #include <string_view>
 
-#include "archive/case_folder.h"
+#include "crypto/byte_source.h"
 
 namespace kiroku::archive {
 
@@ -24,14 +24,14 @@ std::string unreadable_text(std::uint64_t number);
 class LineReader {
  public:
   /// `file` must outlive the reader.
-  explicit LineReader(const ReadableFile& file) : file_(&file) {}
-  /// The next line; false at the end. Throws kiroku::IoError.
+  explicit LineReader(const crypto::ByteSource& file) : file_(&file) {}
+  /// The next line; false at the end. Throws what the source throws.
   bool next(LedgerLine& line);
 
  private:
   bool fill();
 
-  const ReadableFile* file_;
+  const crypto::ByteSource* file_;
   std::uint64_t read_ = 0;  // bytes taken from the file
   std::string buffer_;
   std::size_t at_ = 0;  // in buffer_

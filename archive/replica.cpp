@@ -8,6 +8,7 @@
 #include "archive/case_layout.h"
 #include "archive/case_reader.h"
 #include "archive/excerpt_verifier.h"
+#include "archive/line_reader.h"
 #include "base/error.h"
 #include "crypto/hash.h"
 
@@ -18,6 +19,24 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr std::size_t kBlockBytes = 1U << 20U;
+
+/// Whether `close` is among the whole lines within the first `bytes` of the ledger.
+bool closes_within(const ReadableFile& ledger, std::uint64_t bytes) {
+  LineReader reader(ledger);
+  LedgerLine line;
+  std::uint64_t end = 0;
+  while (reader.next(line) && !line.torn) {
+    end += line.text.size() + 1;
+    if (line.too_long || end > bytes) {
+      return false;
+    }
+    const EntryParse parse = parse_case_entry(line.text);
+    if (parse.entry && std::holds_alternative<CloseEntry>(parse.entry->body)) {
+      return true;
+    }
+  }
+  return false;
+}
 
 /// The first reason why the replica's ledger is not the case's, as far as it goes.
 std::optional<std::string> ledger_problem(const CaseFolder& original, const CaseFolder& copy) {
@@ -45,8 +64,9 @@ std::optional<std::string> ledger_problem(const CaseFolder& original, const Case
     }
     at += got;
   }
-  return CaseReader::open(copy.path()).closing() ? std::nullopt
-                                                 : std::optional<std::string>("its ledger is not closed yet");
+  return closes_within(*ours.file, theirs.file->size())
+             ? std::nullopt
+             : std::optional<std::string>("its ledger is not closed yet");
 }
 
 std::optional<std::string> segment_problem(const CaseFolder& copy, const FileReference& stated) {

@@ -24,14 +24,13 @@ namespace kiroku::archive {
 
 namespace {
 
-/// `open` and the hash of its line, if the first line is one.
-std::optional<OpenEntry> read_opening(const ReadableFile& ledger, crypto::Sha256Digest& line_hash) {
+/// `open`, if the first line is one.
+std::optional<OpenEntry> read_opening(const ReadableFile& ledger) {
   LineReader reader(ledger);
   LedgerLine line;
   if (!reader.next(line) || line.torn || line.too_long) {
     return std::nullopt;
   }
-  line_hash = crypto::sha256(bytes_of(line.text));
   EntryParse parse = parse_case_entry(line.text);
   if (!parse.entry || !std::holds_alternative<OpenEntry>(parse.entry->body)) {
     return std::nullopt;
@@ -69,11 +68,9 @@ class CaseVerification {
 
  private:
   void walk(const ReadableFile& ledger) {
-    crypto::Sha256Digest entry0{};
-    const std::optional<OpenEntry> open = read_opening(ledger, entry0);
+    const std::optional<OpenEntry> open = read_opening(ledger);
     const std::optional<LogContents> log = walk_log(open);
     LogComparison comparison(log ? &*log : nullptr, open, findings_);
-    comparison.check_opening(entry0);
 
     const auto fits = [&](const crypto::Sha256Digest& root) { return root == tree_.root(); };
     LineReader reader(ledger);
@@ -82,6 +79,9 @@ class CaseVerification {
     outside_.reached(0, fits, tree_known);
     while (!rules_.gave_up() && reader.next(line) && !line.torn) {
       const std::uint64_t number = tree_.size();
+      if (number == 0) {
+        comparison.check_opening(crypto::sha256(bytes_of(line.text)));  // of the very line that the tree has
+      }
       tree_.append(crypto::merkle_leaf_hash(bytes_of(line.text)));
       tree_known = tree_known && !line.too_long;
       rules_.take(line, number);
@@ -94,6 +94,9 @@ class CaseVerification {
     if (rules_.gave_up()) {
       files_.finish();  // what is missing may be erased later
       return;
+    }
+    if (tree_.size() == 0) {
+      comparison.check_opening({});
     }
     judge_end(line, comparison);
     checkpoints_.finish(tree_.size());
@@ -237,6 +240,7 @@ class CaseVerification {
     VerificationReport report;
     rules_.describe(report);
     report.entries = tree_.size();
+    report.lines_root = tree_.root();
     report.checkpoints = checkpoints_.count();
     report.files = files_.files() + report.tokens + report.checkpoints + 1;
     report.bytes = bytes_in(listing_);

@@ -13,6 +13,7 @@
 #include "archive/finding.h"
 #include "archive/ledger_entry.h"
 #include "crypto/age_recipient.h"
+#include "crypto/byte_source.h"
 #include "crypto/signed_note.h"
 #include "timestamp/token_verifier.h"
 
@@ -102,15 +103,19 @@ struct VerificationReport {
   std::vector<Bracket> brackets;
   std::vector<AuthorityClock> clocks;  // one an authority, in the order of their first tokens
   std::vector<Finding> findings;       // ordered by entry, then file
+  /// Root (RFC 6962) over the lines that were judged, of which there are `entries`; of an excerpt its opening
+  /// line comes before them. Nothing where none could be read. Who shows lines beside the verdict compares
+  /// it.
+  std::optional<crypto::Sha256Digest> lines_root;
   std::optional<UtcTime> opened, closed;
   std::optional<UtcTime> clock_zero;  // the recorder's wall clock at 0 of the case clock, by `open`
 };
 
-/// Looks at one decrypted segment: returns a sentence if it does not decode to what the entry states. Given
-/// by the full program, which has decoders; the small verifier has none. Called from several threads.
-using SegmentInspector = std::function<std::optional<std::string>(const StreamInfo&, const SegmentEntry&,
-                                                                  const std::filesystem::path& sealed_file,
-                                                                  const crypto::AgeIdentities&)>;
+/// Decrypts and looks at one segment: returns a sentence if it does not decode to what the entry states. Only
+/// bytes whose hash the entry states come out of `sealed`, which throws crypto::SourceChanged otherwise.
+/// Given by the full program, which has decoders; the small verifier has none. Called from several threads.
+using SegmentInspector = std::function<std::optional<std::string>(
+    const StreamInfo&, const SegmentEntry&, const crypto::ByteSource& sealed, const crypto::AgeIdentities&)>;
 
 /// A signed note that somebody kept outside what is verified, and what it is called in findings.
 struct OutsideNote {

@@ -42,10 +42,11 @@ struct ExportResult {
 };
 
 /// Packets are copied, never re-encoded. Written beside the output and renamed when whole; nothing is left
-/// behind on failure. Every segment's bytes are checked against the ledger's hash before a byte of it leaves.
-/// Throws kiroku::Error: unknown stream, nothing recorded in that time, wrong identity, a segment that is not
-/// what the ledger says, a form that does not go with the stream, a container that cannot hold the codec, a
-/// picture size that changes within a .mkv or .mp4, a file that is already there, no space.
+/// behind on failure. Every segment's bytes are checked against the ledger's hash before a byte of it leaves,
+/// and only the bytes that were hashed are decrypted. Throws kiroku::Error: unknown stream, nothing recorded
+/// in that time, wrong identity, a segment that is not what the ledger says, a form that does not go with the
+/// stream, a container that cannot hold the codec, a picture size that changes within a .mkv or .mp4, a file
+/// that is already there, no space.
 ExportResult export_stream(const archive::CaseReader& recording, const crypto::AgeIdentities& identities,
                            const ExportOptions& options);
 

@@ -3,6 +3,7 @@
 #include <nlohmann/json.hpp>
 
 #include "base/error.h"
+#include "crypto/hashed_source.h"
 #include "media/picture_decoder.h"
 #include "media/plaintext_lines.h"
 #include "media/sealed_segment.h"
@@ -47,10 +48,10 @@ std::uint64_t count_lines(const archive::StreamInfo& stream, const archive::Segm
 }
 
 std::optional<std::string> inspect(const archive::StreamInfo& stream, const archive::SegmentEntry& entry,
-                                   const std::filesystem::path& sealed_file,
+                                   const crypto::ByteSource& sealed,
                                    const crypto::AgeIdentities& identities) {
   try {
-    const SealedSegment segment = SealedSegment::open_unchecked(sealed_file, entry.complete, identities);
+    const SealedSegment segment = SealedSegment::decrypt(sealed, entry.complete, identities);
     const bool lines = stream.media == "application/jsonl";
     const std::uint64_t counted =
         lines ? count_lines(stream, entry, segment) : count_frames(stream, entry, segment);
@@ -60,6 +61,10 @@ std::optional<std::string> inspect(const archive::StreamInfo& stream, const arch
              std::to_string(entry.frames);
     }
     return std::nullopt;
+  } catch (const IoError&) {
+    throw;  // says nothing of the segment
+  } catch (const crypto::SourceChanged&) {
+    throw;
   } catch (const Error& error) {
     return error.what();
   }

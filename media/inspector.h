@@ -9,7 +9,8 @@ namespace kiroku::media {
 /// vitals must be as vital_sample.h says, events JSON objects, one a line, and as many as stated. A segment
 /// with complete = false may end anywhere; what it holds until there is not counted against what is stated,
 /// which may include what was lost. What does not hold is returned, with an identity that does not fit among
-/// it; nothing is thrown but std::bad_alloc. Thread-safe: each call decodes in its own thread alone.
+/// it. What keeps the file from being read is thrown: kiroku::IoError, crypto::SourceChanged, std::bad_alloc.
+/// Thread-safe: each call decodes in its own thread alone.
 archive::SegmentInspector decoding_inspector();
 
 }  // namespace kiroku::media

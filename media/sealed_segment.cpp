@@ -1,38 +1,36 @@
 #include "media/sealed_segment.h"
 
+#include <utility>
+
 #include "base/error.h"
-#include "crypto/hash.h"
 
 namespace kiroku::media {
 namespace {
 
-constexpr std::size_t kReadBytes = 1U << 20;
+[[noreturn]] void refuse(const archive::FileReference& stated, const std::string& what) {
+  throw Error("the segment file " + stated.file + " is not what the ledger says (" + what +
+              "); run kiroku verify to see what else does not hold");
+}
 
-void require_recorded_bytes(const crypto::ByteSource& file, const archive::FileReference& stated,
-                            const ReadProgress& progress) {
-  const auto refuse = [&](const std::string& what) {
-    throw Error("the segment file " + stated.file + " is not what the ledger says (" + what +
-                "); run kiroku verify to see what else does not hold");
-  };
+void require_recorded_size(const archive::ReadableFile& file, const archive::FileReference& stated) {
   if (file.size() != stated.bytes) {
-    refuse("it has " + std::to_string(file.size()) + " bytes, not " + std::to_string(stated.bytes));
+    refuse(stated, "it has " + std::to_string(file.size()) + " bytes, not " + std::to_string(stated.bytes));
   }
-  crypto::Sha256 hash;
-  Bytes buffer(kReadBytes);
-  for (std::uint64_t offset = 0; offset < stated.bytes;) {
-    const std::size_t count = file.read_at(offset, buffer);
-    if (count == 0) {
-      refuse("it became shorter while it was read");
-    }
-    hash.update(ByteView(buffer).first(count));
-    offset += count;
-    if (progress) {
-      progress(count);
-    }
+}
+
+std::shared_ptr<const crypto::HashTrail> recorded_trail(const archive::ReadableFile& file,
+                                                        const archive::FileReference& stated,
+                                                        const ReadProgress& progress) {
+  file.expect_sequential_reading();
+  auto trail =
+      std::make_shared<const crypto::HashTrail>(crypto::HashTrail::of(file, crypto::HashBegin(), progress));
+  if (trail->end() != stated.bytes) {
+    refuse(stated, "it became shorter while it was read");
   }
-  if (hash.finish() != stated.sha256) {
-    refuse("its SHA-256 differs");
+  if (trail->digest() != stated.sha256) {
+    refuse(stated, "its SHA-256 differs");
   }
+  return trail;
 }
 
 crypto::Truncation truncation_for(bool complete) {
@@ -43,52 +41,54 @@ crypto::Truncation truncation_for(bool complete) {
 
 SealedSegment SealedSegment::open(const archive::CaseFolder& folder, const archive::SegmentEntry& entry,
                                   const crypto::AgeIdentities& identities, const ReadProgress& progress) {
-  return open_after(folder, entry, identities, [&](const archive::ReadableFile& file) {
-    file.expect_sequential_reading();
-    require_recorded_bytes(file, entry.file, progress);
-  });
+  auto sealed = open_file(folder, entry);
+  auto trail = recorded_trail(sealed->file, entry.file, progress);
+  return decrypt_hashed(std::move(sealed), std::move(trail), folder, entry, identities);
 }
 
 SealedSegment SealedSegment::open(const archive::CaseFolder& folder, const archive::SegmentEntry& entry,
-                                  const crypto::AgeIdentities& identities, CheckedFiles& checked) {
-  return open_after(folder, entry, identities, [&](const archive::ReadableFile& file) {
-    const archive::FileIdentity before = file.identity();
-    if (before.size == entry.file.bytes && checked.contains(before, entry.file.sha256)) {
-      return;
-    }
-    file.expect_sequential_reading();
-    require_recorded_bytes(file, entry.file, {});
-    if (file.identity() == before) {  // else somebody wrote while it was read
-      checked.add(before, entry.file.sha256);
-    }
-  });
+                                  const crypto::AgeIdentities& identities, crypto::HashTrails& checked) {
+  auto sealed = open_file(folder, entry);
+  auto trail = checked.find(entry.file.sha256);
+  if (!trail) {
+    trail = recorded_trail(sealed->file, entry.file, {});
+    checked.add(trail);
+  }
+  return decrypt_hashed(std::move(sealed), std::move(trail), folder, entry, identities);
 }
 
-SealedSegment SealedSegment::open_after(
-    const archive::CaseFolder& folder, const archive::SegmentEntry& entry,
-    const crypto::AgeIdentities& identities,
-    const std::function<void(const archive::ReadableFile& file)>& compare) {
+std::unique_ptr<SealedSegment::Sealed> SealedSegment::open_file(const archive::CaseFolder& folder,
+                                                                const archive::SegmentEntry& entry) {
   archive::FileOpening opening = folder.open_file(entry.file.file);
   if (!opening.file) {
     throw Error("the segment file " + entry.file.file + " of " + folder.path().string() + " " +
                 opening.explanation + "; run kiroku verify to see what else does not hold");
   }
-  auto file = std::make_unique<archive::ReadableFile>(std::move(*opening.file));
-  compare(*file);
+  auto sealed = std::make_unique<Sealed>(std::move(*opening.file));
+  require_recorded_size(sealed->file, entry.file);
+  return sealed;
+}
+
+SealedSegment SealedSegment::decrypt_hashed(std::unique_ptr<Sealed> sealed,
+                                            std::shared_ptr<const crypto::HashTrail> trail,
+                                            const archive::CaseFolder& folder,
+                                            const archive::SegmentEntry& entry,
+                                            const crypto::AgeIdentities& identities) {
+  sealed->hashed.emplace(sealed->file, std::move(trail),
+                         "the segment file " + entry.file.file + " of " + folder.path().string());
   try {
-    crypto::AgeFile plaintext = crypto::AgeFile::open(*file, identities, truncation_for(entry.complete));
-    return {std::move(file), std::move(plaintext)};
+    crypto::AgeFile plaintext =
+        crypto::AgeFile::open(*sealed->hashed, identities, truncation_for(entry.complete));
+    return {std::move(sealed), std::move(plaintext)};
   } catch (const crypto::AgeError& error) {
     throw crypto::AgeError(error.failure(),
                            "cannot open the segment file " + entry.file.file + ": " + error.what());
   }
 }
 
-SealedSegment SealedSegment::open_unchecked(const std::filesystem::path& sealed_file, bool complete,
-                                            const crypto::AgeIdentities& identities) {
-  auto file = crypto::open_file_source(sealed_file);
-  crypto::AgeFile plaintext = crypto::AgeFile::open(*file, identities, truncation_for(complete));
-  return {std::move(file), std::move(plaintext)};
+SealedSegment SealedSegment::decrypt(const crypto::ByteSource& sealed, bool complete,
+                                     const crypto::AgeIdentities& identities) {
+  return {nullptr, crypto::AgeFile::open(sealed, identities, truncation_for(complete))};
 }
 
 }  // namespace kiroku::media

@@ -1,16 +1,18 @@
-// One sealed segment of a case as plaintext by offset, once its ciphertext is known to be what the ledger
-// says. Immutable after open(); read_at is thread-safe.
+// One sealed segment of a case as plaintext by offset. Its ciphertext is known to be what the ledger says,
+// and only the bytes that were hashed are decrypted (crypto/hashed_source.h). Immutable after open(); read_at
+// is thread-safe.
 #pragma once
 
 #include <cstdint>
-#include <filesystem>
 #include <functional>
 #include <memory>
+#include <optional>
+#include <utility>
 
 #include "archive/case_folder.h"
 #include "archive/ledger_entry.h"
 #include "crypto/age_file.h"
-#include "media/checked_files.h"
+#include "crypto/hash_trails.h"
 
 namespace kiroku::media {
 
@@ -25,28 +27,39 @@ class SealedSegment : public crypto::ByteSource {
   static SealedSegment open(const archive::CaseFolder& folder, const archive::SegmentEntry& entry,
                             const crypto::AgeIdentities& identities, const ReadProgress& progress = {});
 
-  /// The same; a file that `checked` holds is not read once more to compare it, and one that fits goes there.
+  /// The same; where `checked` has the trail of the entry's hash, the file is not hashed as a whole once
+  /// more: each block is compared with the trail when it is read.
   static SealedSegment open(const archive::CaseFolder& folder, const archive::SegmentEntry& entry,
-                            const crypto::AgeIdentities& identities, CheckedFiles& checked);
+                            const crypto::AgeIdentities& identities, crypto::HashTrails& checked);
 
-  /// The same without comparing hashes, for whoever has done so: `sealed_file` is the whole path.
-  static SealedSegment open_unchecked(const std::filesystem::path& sealed_file, bool complete,
-                                      const crypto::AgeIdentities& identities);
+  /// Opens what somebody else compares with the ledger. `sealed` must outlive the object.
+  static SealedSegment decrypt(const crypto::ByteSource& sealed, bool complete,
+                               const crypto::AgeIdentities& identities);
 
   [[nodiscard]] std::uint64_t size() const override { return plaintext_.plaintext_size(); }
+  /// Throws crypto::SourceChanged where the file is no longer what was hashed.
   std::size_t read_at(std::uint64_t offset, std::span<std::byte> into) const override {
     return plaintext_.read_at(offset, into);
   }
 
  private:
-  /// `compare` looks at the file before its first byte is decrypted, and may refuse it.
-  static SealedSegment open_after(const archive::CaseFolder& folder, const archive::SegmentEntry& entry,
-                                  const crypto::AgeIdentities& identities,
-                                  const std::function<void(const archive::ReadableFile& file)>& compare);
-  SealedSegment(std::unique_ptr<crypto::ByteSource> file, crypto::AgeFile plaintext)
-      : file_(std::move(file)), plaintext_(std::move(plaintext)) {}
+  /// On the heap: the second refers to the first, and what decrypts to the second.
+  struct Sealed {
+    explicit Sealed(archive::ReadableFile opened) : file(std::move(opened)) {}
+    archive::ReadableFile file;
+    std::optional<crypto::HashedSource> hashed;
+  };
 
-  std::unique_ptr<crypto::ByteSource> file_;  // on the heap: plaintext_ refers to it
+  static std::unique_ptr<Sealed> open_file(const archive::CaseFolder& folder,
+                                           const archive::SegmentEntry& entry);
+  static SealedSegment decrypt_hashed(std::unique_ptr<Sealed> sealed,
+                                      std::shared_ptr<const crypto::HashTrail> trail,
+                                      const archive::CaseFolder& folder, const archive::SegmentEntry& entry,
+                                      const crypto::AgeIdentities& identities);
+  SealedSegment(std::unique_ptr<Sealed> sealed, crypto::AgeFile plaintext)
+      : sealed_(std::move(sealed)), plaintext_(std::move(plaintext)) {}
+
+  std::unique_ptr<Sealed> sealed_;  // null where somebody else holds the file
   crypto::AgeFile plaintext_;
 };
 

@@ -89,7 +89,8 @@ void add_export_command(Command& program) {
   command.explain(
       "Pictures are copied, never encoded again. Every sealed file is checked against the ledger before a "
       "byte of it "
-      "leaves. Whole segments are written, so that a little more than asked for may be there. The export is "
+      "leaves; if one changes meanwhile, nothing is written. Whole segments are written, so that a little "
+      "more than asked for may be there. The export is "
       "entered in "
       "the appliance log.");
   command.example(

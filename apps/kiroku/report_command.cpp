@@ -85,7 +85,7 @@ int run(const Request& request, const VerifyExtras& extras) {
   report::ReportInput input;
   input.given = given_of(judged, request.judging);
   input.verification = std::move(judged.report);
-  input.facts = report::read_case_facts(folder);
+  input.facts = report::read_case_facts(folder, input.verification);
   input.author = request.author.value_or(person());
   input.program = "kiroku " + std::string(version());
   input.made = date_of_document();

@@ -134,7 +134,7 @@ class PageSealer : public viewer::AttemptSealer {
     input.language = language;
     log_access(home_, home_.archive() / case_id, "made a certificate of training for " + user);
     input.verification = verify(case_id);
-    input.facts = report::read_case_facts(home_.archive() / case_id);
+    input.facts = report::read_case_facts(home_.archive() / case_id, input.verification);
     input.given.devices = {{home_.device().to_string(), {}}};
     input.given.roots = {{"trust.pem", {}}};
     input.given.own_roots = {{"own-authority.pem", {}}};

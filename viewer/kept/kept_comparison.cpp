@@ -126,11 +126,46 @@ Bytes open_kept(const fs::path& sealed, const crypto::AgeIdentities& identities,
   return bytes;
 }
 
-KeptFilm::KeptFilm(const fs::path& sealed, const crypto::AgeIdentities& identities)
-    : source_(crypto::open_file_source(sealed)), film_(crypto::AgeFile::open(*source_, identities)) {}
+class KeptFilm::Plaintext final : public crypto::ByteSource {
+ public:
+  Plaintext(const fs::path& sealed, const crypto::AgeIdentities& identities)
+      : sealed_(crypto::open_file_source(sealed)), film_(crypto::AgeFile::open(*sealed_, identities)) {}
+  [[nodiscard]] std::uint64_t size() const override { return film_.plaintext_size(); }
+  std::size_t read_at(std::uint64_t offset, std::span<std::byte> into) const override {
+    return film_.read_at(offset, into);
+  }
+
+ private:
+  std::unique_ptr<crypto::ByteSource> sealed_;
+  crypto::AgeFile film_;
+};
+
+KeptFilm::KeptFilm(const KeptPlace& place, const std::string& role, const crypto::AgeIdentities& identities,
+                   crypto::HashTrails& hashed) {
+  const Bytes text = open_kept(place.sealed_document(), identities, kLargestDocument);
+  const Provenance made = read_provenance(std::string(text_of(text)), place.document_name());
+  const auto stated = std::ranges::find(made.outputs, role, &NamedFile::role);
+  if (stated == made.outputs.end())
+    throw Error("the comparison '" + place.name + "' names no such film: " + role);
+  const std::string name = place.film_name(role);
+  plaintext_ = std::make_unique<const Plaintext>(place.folder / (name + ".age"), identities);
+  auto trail = hashed.find(stated->sha256);
+  if (!trail) {
+    trail = std::make_shared<const crypto::HashTrail>(crypto::HashTrail::of(*plaintext_));
+    if (trail->digest() != stated->sha256)
+      throw Error(name + " is not the film that the comparison '" + place.name +
+                  "' was made with; it is not shown");
+    hashed.add(trail);
+  }
+  film_.emplace(*plaintext_, trail, name);
+}
+
+KeptFilm::~KeptFilm() = default;
+
+std::uint64_t KeptFilm::size() const { return film_->size(); }
 
 void KeptFilm::read_at(std::uint64_t offset, std::span<std::byte> into) const {
-  if (film_.read_at(offset, into) != into.size()) throw Error("a film became shorter while it was read");
+  if (film_->read_at(offset, into) != into.size()) throw Error("a film became shorter while it was read");
 }
 
 crypto::AgeRecipients recipients_in_common(const archive::OpenEntry& open, const std::string& stream) {

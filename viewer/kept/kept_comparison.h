@@ -25,6 +25,7 @@
 #include "base/check.h"
 #include "crypto/age_file.h"
 #include "crypto/age_recipient.h"
+#include "crypto/hash_trails.h"
 #include "timestamp/token_verifier.h"
 #include "viewer/kept/log_of_case.h"
 #include "viewer/kept/provenance.h"
@@ -64,18 +65,26 @@ Bytes open_kept(const std::filesystem::path& sealed, const crypto::AgeIdentities
                 std::uint64_t most_bytes);
 inline constexpr std::uint64_t kLargestDocument = std::uint64_t{32} << 20;
 
-/// A sealed film, decrypted where it is read. Thread-safe.
+/// A film of a kept comparison, decrypted where it is read: the one that the comparison's document names by
+/// its hash, or nothing. Thread-safe.
 class KeptFilm {
  public:
-  /// As open_kept().
-  KeptFilm(const std::filesystem::path& sealed, const crypto::AgeIdentities& identities);
-  [[nodiscard]] std::uint64_t size() const { return film_.plaintext_size(); }
-  /// Fills all of `into`; kiroku::Error where the film ends before.
+  /// `role` is that of the document's output. The film is hashed as a whole, unless `hashed` remembers it,
+  /// and each block again when it is read. As open_kept(), and kiroku::Error for a film that the document
+  /// does not name, or another one.
+  KeptFilm(const KeptPlace& place, const std::string& role, const crypto::AgeIdentities& identities,
+           crypto::HashTrails& hashed);
+  ~KeptFilm();
+  KeptFilm(const KeptFilm&) = delete;
+  KeptFilm& operator=(const KeptFilm&) = delete;
+  [[nodiscard]] std::uint64_t size() const;
+  /// Fills all of `into`; kiroku::Error where the film ends before, or is no longer what was hashed.
   void read_at(std::uint64_t offset, std::span<std::byte> into) const;
 
  private:
-  std::unique_ptr<crypto::ByteSource> source_;
-  crypto::AgeFile film_;
+  class Plaintext;
+  std::unique_ptr<const Plaintext> plaintext_;
+  std::optional<crypto::HashedSource> film_;
 };
 
 /// Who reads everything that a comparison of `stream` tells of: recipients that its stream, the vital signs

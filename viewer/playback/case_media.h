@@ -1,5 +1,5 @@
 // The video streams of a case on its clock, and their segments as plaintext. Immutable after construction but
-// for what it remembers of checked files; thread-safe.
+// for what it remembers of hashed files; thread-safe.
 //
 // Where a picture stands on the case clock. The packets of a stream carry the time stamps of one muxer time
 // line (docs/format.md): case-clock time, in the container's unit, plus a constant. A segment's ledger entry
@@ -56,8 +56,8 @@ class CaseMedia {
   [[nodiscard]] const crypto::AgeIdentities& identities() const { return identities_; }
   /// Throws kiroku::UsageError if there is no such stream, or it is none of pictures.
   [[nodiscard]] const VideoIndex& video(const std::string& stream) const;
-  /// Compared with the ledger's hash before its first byte is used, once for as long as nobody touches the
-  /// file. Throws as media::SealedSegment::open.
+  /// The whole file is compared with the ledger's hash when it is opened first, and each block again when it
+  /// is decrypted. Throws as media::SealedSegment::open.
   [[nodiscard]] media::SealedSegment open(const archive::SegmentEntry& segment) const;
 
  private:
@@ -65,7 +65,7 @@ class CaseMedia {
   crypto::AgeIdentities identities_;
   archive::CaseFolder folder_;
   std::vector<VideoIndex> videos_;
-  mutable media::CheckedFiles checked_;
+  mutable crypto::HashTrails checked_;
 };
 
 }  // namespace kiroku::playback

@@ -10,6 +10,7 @@
 #include "archive/excerpt_verifier.h"
 #include "archive/line_reader.h"
 #include "base/error.h"
+#include "crypto/hashed_source.h"
 #include "crypto/merkle_tree.h"
 #include "crypto/signed_note.h"
 
@@ -68,28 +69,15 @@ void take_line(CaseFacts& facts, std::string_view line) {
   std::visit(Taking{&facts, parse.entry->at, parse.entry->seq}, parse.entry->body);
 }
 
-/// Takes in every whole line; the root over them, and the hash of the file.
-std::pair<crypto::Sha256Digest, crypto::Sha256Digest> take_lines(CaseFacts& facts,
-                                                                 const archive::ReadableFile& file) {
-  archive::LineReader reader(file);
+/// Takes in whole lines, `most` of them.
+void take_lines(CaseFacts& facts, const crypto::ByteSource& lines, std::uint64_t most,
+                crypto::MerkleFrontier& tree) {
+  archive::LineReader reader(lines);
   archive::LedgerLine line;
-  crypto::MerkleFrontier tree;
-  crypto::Sha256 whole;
-  while (reader.next(line)) {
-    if (line.torn) continue;
-    ++facts.entries;
+  for (facts.entries = 0; facts.entries < most && reader.next(line) && !line.torn; ++facts.entries) {
     tree.append(crypto::merkle_leaf_hash(bytes_of(line.text)));
     if (!line.too_long) take_line(facts, line.text);
   }
-  constexpr std::size_t kBlock = 1U << 20U;
-  Bytes block(kBlock);
-  for (std::uint64_t at = 0; at < file.size();) {
-    const std::size_t size = file.read_at(at, block);
-    if (size == 0) break;
-    whole.update(ByteView(block).first(size));
-    at += size;
-  }
-  return {tree.root(), whole.finish()};
 }
 
 std::optional<StoredNote> find_last_checkpoint(const CaseFolder& folder) {
@@ -110,22 +98,36 @@ std::optional<StoredNote> find_last_checkpoint(const CaseFolder& folder) {
   return std::nullopt;
 }
 
-}  // namespace
-
-CaseFacts read_case_facts(const std::filesystem::path& path) {
+CaseFacts read_facts(const std::filesystem::path& path, const archive::VerificationReport* verification) {
   const CaseFolder folder = CaseFolder::open(path);
   CaseFacts facts;
+  crypto::MerkleFrontier tree;
   facts.excerpt = archive::is_excerpt(folder);
-  const std::string_view name = facts.excerpt ? archive::kExcerptLinesFile : archive::kLedgerFile;
-  if (facts.excerpt) {
-    take_lines(facts, open_or_throw(folder, archive::kExcerptOpenFile));
-    facts.entries = 0;
+  const std::string name(facts.excerpt ? archive::kExcerptLinesFile : archive::kLedgerFile);
+  if (facts.excerpt) take_lines(facts, open_or_throw(folder, archive::kExcerptOpenFile), 1, tree);
+  // The hash that a document states and the lines that it tells of are of the same bytes.
+  const archive::ReadableFile file = open_or_throw(folder, name);
+  const auto trail = std::make_shared<const crypto::HashTrail>(crypto::HashTrail::of(file));
+  const crypto::HashedSource hashed(file, trail, (path / name).string());
+  const bool is_judged = verification != nullptr && verification->lines_root;
+  take_lines(facts, hashed, is_judged ? verification->entries : UINT64_MAX, tree);
+  if (is_judged && (facts.entries != verification->entries || tree.root() != *verification->lines_root)) {
+    throw Error("cannot report on " + path.string() +
+                ": its ledger changed after it was verified; find out what writes to it, and try again");
   }
-  const auto [root, sha256] = take_lines(facts, open_or_throw(folder, name));
-  facts.ledger = {std::string(name), sha256};
-  if (!facts.excerpt) facts.root = root;
+  facts.ledger = {name, trail->digest()};
+  if (!facts.excerpt) facts.root = tree.root();
   facts.last_checkpoint = find_last_checkpoint(folder);
   return facts;
+}
+
+}  // namespace
+
+CaseFacts read_case_facts(const std::filesystem::path& folder) { return read_facts(folder, nullptr); }
+
+CaseFacts read_case_facts(const std::filesystem::path& folder,
+                          const archive::VerificationReport& verification) {
+  return read_facts(folder, &verification);
 }
 
 }  // namespace kiroku::report

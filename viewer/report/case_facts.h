@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "archive/ledger_entry.h"
+#include "archive/verifier.h"
 #include "crypto/hash.h"
 
 namespace kiroku::report {
@@ -52,5 +53,9 @@ struct CaseFacts {
 /// Throws kiroku::UsageError where there is no such folder or no ledger in it, kiroku::IoError. Lines that
 /// are no entry are passed over.
 CaseFacts read_case_facts(const std::filesystem::path& folder);
+/// Of the lines that `verification` judged, so that a document states of a case what its verdict is about.
+/// kiroku::Error where they are no longer there; lines that were written since are passed over.
+CaseFacts read_case_facts(const std::filesystem::path& folder,
+                          const archive::VerificationReport& verification);
 
 }  // namespace kiroku::report

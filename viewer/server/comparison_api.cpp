@@ -77,42 +77,47 @@ class ComparisonApi {
 
   [[nodiscard]] Response document(const Request& request) {
     return file(request, &compare::KeptPlace::sealed_document, "read comparison ",
-                [](const std::filesystem::path& sealed, const crypto::AgeIdentities& identities) {
-                  return Response::bytes(compare::open_kept(sealed, identities, compare::kLargestDocument),
-                                         "application/json");
+                [](const compare::KeptPlace& place, const crypto::AgeIdentities& identities) {
+                  return Response::bytes(
+                      compare::open_kept(place.sealed_document(), identities, compare::kLargestDocument),
+                      "application/json");
                 });
   }
   [[nodiscard]] Response replay(const Request& request) {
-    return file(request, &compare::KeptPlace::sealed_replay, "watched the plan of comparison ", film);
+    return file(request, &compare::KeptPlace::sealed_replay, "watched the plan of comparison ",
+                film("replay"));
   }
   [[nodiscard]] Response radiographs(const Request& request) {
     return file(request, &compare::KeptPlace::sealed_radiographs,
-                "watched the plan's radiographs of comparison ", film);
+                "watched the plan's radiographs of comparison ", film("radiographs"));
   }
 
  private:
   [[nodiscard]] const std::filesystem::path& folder() const { return context_.home().comparisons_folder; }
 
-  using Open = std::function<Response(const std::filesystem::path&, const crypto::AgeIdentities&)>;
+  using Open = std::function<Response(const compare::KeptPlace&, const crypto::AgeIdentities&)>;
 
-  static Response film(const std::filesystem::path& sealed, const crypto::AgeIdentities& identities) {
-    const auto opened = std::make_shared<const compare::KeptFilm>(sealed, identities);
-    return Response::read(
-        {[opened](std::uint64_t offset, std::span<std::byte> into) { opened->read_at(offset, into); }, 0,
-         opened->size()},
-        "video/mp4");
+  Open film(const std::string& role) {
+    return [this, role](const compare::KeptPlace& place, const crypto::AgeIdentities& identities) {
+      const auto opened = std::make_shared<const compare::KeptFilm>(place, role, identities, hashed_films_);
+      return Response::read(
+          {[opened](std::uint64_t offset, std::span<std::byte> into) { opened->read_at(offset, into); }, 0,
+           opened->size()},
+          "video/mp4");
+    };
   }
 
   Response file(const Request& request, std::filesystem::path (compare::KeptPlace::*which)() const,
                 const std::string& deed, const Open& open) {
     const std::string& case_id = request.parameter("case");
     const std::string& name = request.parameter("comparison");
-    const std::filesystem::path sealed = (compare::kept_place(folder(), case_id, name).*which)();
+    const compare::KeptPlace place = compare::kept_place(folder(), case_id, name);
+    const std::filesystem::path sealed = (place.*which)();
     return opened(request, [&](const crypto::AgeIdentities& identities) {
       std::error_code failed;
       if (!std::filesystem::is_regular_file(std::filesystem::symlink_status(sealed, failed)))
         throw Refusal(404, "the case has no such file of a comparison '" + name + "'");
-      Response opened = open(sealed, identities);
+      Response opened = open(place, identities);
       context_.enter_access_once(request, case_id, deed + name);
       return opened;
     });
@@ -133,6 +138,7 @@ class ComparisonApi {
   }
 
   ViewerContext& context_;
+  crypto::HashTrails hashed_films_;
 };
 
 }  // namespace

@@ -38,7 +38,7 @@ report::ReportInput verify(const Request& request, const ViewerContext& context)
   report::ReportInput input;
   input.language = asked_language(request);
   input.verification = archive::verify_case(folder, options);
-  input.facts = report::read_case_facts(folder);
+  input.facts = report::read_case_facts(folder, input.verification);
   input.given.devices = {{home.device.to_string(), {}}};
   if (home.trust != nullptr) {
     input.given.roots = {{"trust.pem", {}}};

@@ -14,6 +14,8 @@
 #include "archive/replica.h"
 #include "archive/verifier.h"
 #include "crypto/age_file.h"
+#include "tests/support/forger.h"
+#include "tests/support/observed_file_system.h"
 #include "tests/support/report_text.h"
 #include "tests/support/sample_case.h"
 
@@ -335,6 +337,51 @@ TEST_F(Excerpt, WithAHeaderThatOpensAnotherFilmIsTampered) {
   const VerificationReport report = verify_case(excerpt(), with_identity);
   EXPECT_EQ(summary(report), "tampered\nrekeyed-key-differs segments/endoscope/00000001.ts.age 4")
       << details(report);
+}
+
+TEST_F(Excerpt, ReKeysTheHeaderThatItHashes) {
+  // A forger's film stands there when the header is opened, and the recorded one when the rest is copied.
+  const fs::path segment = folder_ / "segments/endoscope/00000001.ts.age";
+  const std::string honest = read(segment);
+  const std::string forged = test::sealed_anew(Bytes(70'000), archive_.recipients());
+  ASSERT_EQ(forged.size(), honest.size());
+  const crypto::AgeIdentities forging =
+      test::observed(archive_.identities(), [&] { test::write_into(segment, honest); });
+  write(segment, forged);
+  ExcerptOptions options = middle();
+  options.identities = &forging;
+  options.recipients = {crypto::parse_recipient(crypto::generate_age_key().recipient)};
+  EXPECT_THROW(make(options), Error);
+  EXPECT_FALSE(fs::exists(excerpt()));
+}
+
+TEST_F(Excerpt, IsRefusedWhereTheLedgerChangesMeanwhile) {
+  const fs::path ledger = folder_ / "ledger.jsonl";
+  const std::string honest = read(ledger);
+  std::string changed = honest;
+  changed[changed.find("utc", changed.find('\n')) + 8] = '9';
+  for (const std::string& other : {changed, honest.substr(0, honest.find('\n') + 1)}) {
+    write(ledger, honest);
+    test::ObservedFileSystem files([&](const fs::path& file) {
+      if (file.filename() == "ledger-part.jsonl") test::write_into(ledger, other);
+    });
+    EXPECT_THAT(
+        [&] { make_excerpt(folder_, middle(), excerpt(), files); },
+        ::testing::ThrowsMessage<Error>(::testing::HasSubstr("its ledger changed while it was read")));
+    EXPECT_FALSE(fs::exists(excerpt()));
+  }
+}
+
+TEST_F(Excerpt, ASegmentThatChangesMeanwhileIsRefused) {
+  const fs::path segment = folder_ / "segments/endoscope/00000001.ts.age";
+  test::ObservedFileSystem files([&](const fs::path& file) {
+    if (file.filename() == segment.filename()) {
+      test::write_into(segment, test::sealed_anew(Bytes(70'000), archive_.recipients()));
+    }
+  });
+  EXPECT_THAT([&] { make_excerpt(folder_, middle(), excerpt(), files); },
+              ::testing::ThrowsMessage<Error>(::testing::HasSubstr("is not the file whose hash")));
+  EXPECT_FALSE(fs::exists(excerpt()));
 }
 
 TEST_F(Excerpt, IsRefusedWithNothingLeftBehind) {

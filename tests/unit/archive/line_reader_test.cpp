@@ -4,6 +4,7 @@
 
 #include <gtest/gtest.h>
 
+#include "archive/case_folder.h"
 #include "archive/ledger_entry.h"
 #include "tests/support/temporary_folder.h"
 

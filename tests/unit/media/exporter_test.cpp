@@ -10,6 +10,7 @@
 #include "base/error.h"
 #include "crypto/age_file.h"
 #include "media/vital_sample.h"
+#include "tests/support/forger.h"
 #include "tests/support/media_maker.h"
 #include "tests/support/recorded_case.h"
 #include "tests/support/temporary_folder.h"
@@ -230,6 +231,73 @@ TEST_F(ExporterTest, RefusesASegmentThatAnotherFileStandsInFor) {
   EXPECT_THAT(refusal("endoscope", "film.ts"), HasSubstr("is a symbolic link"));
   std::filesystem::remove(file);
   EXPECT_THAT(refusal("endoscope", "film.ts"), HasSubstr("segments/endoscope/00000001.ts.age"));
+}
+
+// A forger waits until a segment was hashed, and puts another film in its place before it is decrypted.
+TEST_F(ExporterTest, AFilmExchangedAfterItWasHashedDoesNotLeave) {
+  record({transport_stream()});
+  const auto file = segment_file("endoscope/00000002.ts.age");
+  const std::string honest = test::bytes_in(file);
+  const std::vector<std::pair<std::string, std::string>> forgeries{
+      {"of the same length", test::sealed_anew(Bytes(film_[2].size()), reader_.recipients)},
+      {"of another segment", test::sealed_anew(film_[0], reader_.recipients)},
+      {"shorter", test::sealed_anew(Bytes(188), reader_.recipients)},
+      {"longer", test::sealed_anew(Bytes(film_[2].size() + 188), reader_.recipients)},
+      {"under the same key", test::resealed(honest, reader_.identities, film_[0])}};
+  for (const char* output : {"film.ts", "film.mkv", "film.mp4"}) {
+    for (const auto& [what, forgery] : forgeries) {
+      test::write_into(file, honest);
+      options_.progress = [&, &forged = forgery](std::uint64_t done, std::uint64_t total) {
+        if (done == total) test::write_into(file, forged);
+      };
+      EXPECT_THAT(refusal("endoscope", output),
+                  testing::AllOf(HasSubstr("segments/endoscope/00000002.ts.age"),
+                                 HasSubstr("changed after it was hashed"), HasSubstr("Find out what writes")))
+          << output << " " << what;
+    }
+  }
+}
+
+// Under the same key, which a reader of the case knows: decryption alone tells nothing.
+TEST_F(ExporterTest, AFilmExchangedWhileItIsOpenedDoesNotLeave) {
+  record({matroska("rawvideo", {.width = 320, .height = 240})});
+  const auto file = segment_file("room/00000001.mkv.age");
+  const std::string forgery = test::resealed(test::bytes_in(file), reader_.identities, film_[2]);
+  int opened = 0;
+  reader_.identities = test::observed(reader_.identities, [&] {
+    if (++opened == 2) test::write_into(file, forgery);
+  });
+  EXPECT_THAT(refusal("room", "film.mkv"),
+              HasSubstr("00000001.mkv.age of " + case_.string() + " changed after it was hashed"));
+}
+
+TEST_F(ExporterTest, WhatLeavesOfASmallFileIsWhatWasHashed) {
+  record({transport_stream()});
+  const auto file = segment_file("endoscope/00000001.ts.age");
+  const std::string forgery = test::resealed(test::bytes_in(file), reader_.identities, film_[2]);
+  int opened = 0;
+  reader_.identities = test::observed(reader_.identities, [&] {
+    if (++opened == 2) test::write_into(file, forgery);
+  });
+  run("endoscope", "film.ts");
+  EXPECT_EQ(read_file(folder_ / "film.ts"), joined(film_));
+  EXPECT_EQ(test::bytes_in(file), forgery) << "the forger was at work";
+}
+
+TEST_F(ExporterTest, LinesExchangedAfterTheyWereHashedDoNotLeave) {
+  const std::string line = to_json_line(sample_at(1, "MDC_ECG_HEART_RATE", 60)) + "\n";
+  const std::string other = to_json_line(sample_at(1, "MDC_ECG_HEART_RATE", 90)) + "\n";
+  ASSERT_EQ(line.size(), other.size());
+  record({{"vitals", "vitals", "application/jsonl", {to_bytes(line)}, {1}}});
+  const auto file = segment_file("vitals/00000000.jsonl.age");
+  const std::string honest = test::bytes_in(file);
+  for (const char* output : {"vitals.jsonl", "vitals.csv"}) {
+    options_.progress = [&](std::uint64_t, std::uint64_t) {
+      test::write_into(file, test::sealed_anew(bytes_of(other), reader_.recipients));
+    };
+    EXPECT_THAT(refusal("vitals", output), HasSubstr("changed after it was hashed")) << output;
+    test::write_into(file, honest);
+  }
 }
 
 TEST_F(ExporterTest, SaysThatASegmentWasErased) {

@@ -4,7 +4,9 @@
 #include <gtest/gtest.h>
 
 #include "archive/case_reader.h"
+#include "crypto/hashed_source.h"
 #include "media/vital_sample.h"
+#include "tests/support/forger.h"
 #include "tests/support/media_maker.h"
 #include "tests/support/recorded_case.h"
 #include "tests/support/temporary_folder.h"
@@ -24,9 +26,9 @@ class InspectorTest : public testing::Test {
     const archive::SegmentInspector inspector = decoding_inspector();
     std::vector<std::string> said;
     for (const archive::SegmentEntry& entry : recording.segments(stream.name, 0, INT64_MAX)) {
+      const auto sealed = crypto::open_file_source(folder / entry.file.file);
       said.push_back(
-          inspector(recording.stream(stream.name), entry, folder / entry.file.file, opener_.identities)
-              .value_or(""));
+          inspector(recording.stream(stream.name), entry, *sealed, opener_.identities).value_or(""));
     }
     return said;
   }
@@ -115,6 +117,19 @@ TEST_F(InspectorTest, ReadsEventsAsJsonObjects) {
   }
   EXPECT_NE(inspect(events(std::string(500'000, '{') + "\n", 1))[0], "")
       << "deep nesting must not exhaust the stack";
+}
+
+TEST_F(InspectorTest, SaysNothingOfASegmentThatChangesMeanwhile) {
+  const auto folder = test::record_case(
+      folder_ / "archive", {film(test::make_transport_stream({}), "video/mp2t")}, reader_.recipients);
+  const auto recording = archive::CaseReader::open(folder);
+  const auto entry = recording.segments("room", 0, INT64_MAX).at(0);
+  const auto file = crypto::open_file_source(folder / entry.file.file);
+  const crypto::HashedSource sealed(
+      *file, std::make_shared<const crypto::HashTrail>(crypto::HashTrail::of(*file)), entry.file.file);
+  test::write_into(folder / entry.file.file, test::sealed_anew({}, reader_.recipients));
+  EXPECT_THROW((void)decoding_inspector()(recording.stream("room"), entry, sealed, opener_.identities),
+               crypto::SourceChanged);
 }
 
 TEST_F(InspectorTest, TellsAnIdentityThatDoesNotFit) {

@@ -9,6 +9,7 @@
 
 #include "base/error.h"
 #include "tests/support/decoded_video.h"
+#include "tests/support/forger.h"
 #include "tests/support/recording.h"
 #include "tests/unit/viewer/playback/rewritten_case.h"
 #include "viewer/playback/case_ticks.h"
@@ -249,7 +250,7 @@ TEST_F(CasePlaybackTest, ATamperedSegmentIsRefusedInASentence) {
   EXPECT_THAT(playback->piece("room", 2), Not(IsEmpty()));
 }
 
-TEST_F(CasePlaybackTest, ASegmentTouchedAfterItWasCheckedIsCheckedAgain) {
+TEST_F(CasePlaybackTest, ASegmentTouchedAfterItWasCheckedIsFoundOut) {
   const Recorded recorded = record("synthetic:room?size=96x64&rate=25&speed=max", Profile::kMpeg2, 2s, 2s);
   const CaseMedia media(archive::CaseReader::open(recorded.folder), reader_.identities);
   const archive::SegmentEntry segment = recorded.contents.segments("room").at(0);
@@ -264,7 +265,37 @@ TEST_F(CasePlaybackTest, ASegmentTouchedAfterItWasCheckedIsCheckedAgain) {
   }
   std::filesystem::last_write_time(file, written);
   EXPECT_THAT([&] { (void)media.open(segment); },
-              testing::ThrowsMessage<Error>(HasSubstr("its SHA-256 differs")));
+              testing::ThrowsMessage<Error>(HasSubstr(segment.file.file + " of " + recorded.folder.string() +
+                                                      " changed after it was hashed")));
+}
+
+// Under the same key, which a reader of the case knows: decryption alone tells nothing. No time of change
+// helps either, for the file is exchanged after it was looked at.
+TEST_F(CasePlaybackTest, ASegmentExchangedAfterItWasCheckedIsNotShown) {
+  const Recorded recorded =
+      record("synthetic:pattern?size=640x480&rate=25&speed=max", Profile::kLossless, 2s, 2s);
+  const archive::SegmentEntry segment = recorded.contents.segments("room").at(0);
+  const std::filesystem::path file = recorded.folder / segment.file.file;
+  const std::string honest = test::bytes_in(file);
+  ASSERT_GT(honest.size(), crypto::HashTrail::kBlockBytes + crypto::kSealedAgeChunkSize);
+  const Bytes film = recorded.contents.plaintext(segment);
+  const std::string forged = test::resealed(honest, reader_.identities, Bytes(film.size()));
+  bool forging = false;
+  const CaseMedia media(archive::CaseReader::open(recorded.folder), test::observed(reader_.identities, [&] {
+                          if (forging) test::write_into(file, forged);
+                        }));
+  Bytes shown(film.size());
+  {
+    const media::SealedSegment opened = media.open(segment);
+    EXPECT_EQ(opened.read_at(0, std::span(shown).first(1000)), 1000U);
+    test::write_into(file, forged);  // while the film is open
+    EXPECT_THROW(opened.read_at(0, shown), crypto::SourceChanged);
+  }
+  test::write_into(file, honest);
+  EXPECT_EQ(media.open(segment).read_at(0, shown), film.size());
+  EXPECT_EQ(shown, film);
+  forging = true;  // while the film is opened, whose hash is remembered
+  EXPECT_THROW((void)media.open(segment), crypto::SourceChanged);
 }
 
 TEST_F(CasePlaybackTest, AnotherIdentityIsRefusedAlsoWhatIsInTheCache) {
