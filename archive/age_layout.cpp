@@ -7,7 +7,7 @@ namespace kiroku::archive {
 std::optional<std::uint64_t> age_header_bytes(const crypto::ByteSource& file) {
   std::string text(kMaximumAgeHeaderBytes, '\0');
   text.resize(file.read_at(0, std::as_writable_bytes(std::span(text.data(), text.size()))));
-  if (!text.starts_with("age-encryption.org/v1\n")) {
+  if (!text.starts_with(kAgeFirstLine)) {
     return std::nullopt;
   }
   const std::size_t mac = text.find("\n--- ");

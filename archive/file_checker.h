@@ -54,11 +54,13 @@ class FileChecker {
     std::optional<crypto::AgeError> failure;
     std::uint64_t header = 0;  // bytes; 0: not even the header
     std::uint64_t plaintext = 0;
+    std::uint64_t unreadable = 0;  // bytes behind the last chunk that decrypts, where that may be
   };
   void work();
   void check_one(const FileJob& job, std::span<std::byte> buffer);
   HashCheck check_hash(const FileJob& job, const ReadableFile& file, std::span<std::byte> buffer);
   Opened try_opening(const FileJob& job, const ReadableFile& file, bool intact) const;
+  void report_lost_part(const FileJob& job, const Opened& opened);
   void report_damage(const FileJob& job, const Opened& opened);
   void report_not_decrypted(const FileJob& job);
   void look_inside(const FileJob& job, const ReadableFile& file, bool intact);

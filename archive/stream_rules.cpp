@@ -68,7 +68,7 @@ bool StreamRules::take(const SegmentEntry& segment, std::uint64_t entry) {
     cut_.reset();
   }
   if (!segment.complete) {
-    findings_->add("segment-incomplete", place, segment.file.file + " was cut off; its beginning is there");
+    findings_->add("segment-incomplete", place, segment.file.file + " was cut off before its end");
     if (!interrupted_ && segment.counted) {
       cut_ = Cut{entry, segment.file.file};
     }

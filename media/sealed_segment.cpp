@@ -1,5 +1,6 @@
 #include "media/sealed_segment.h"
 
+#include "archive/found_files.h"
 #include "base/error.h"
 #include "crypto/hash.h"
 
@@ -79,6 +80,9 @@ SealedSegment SealedSegment::open_after(
     crypto::AgeFile plaintext = crypto::AgeFile::open(*file, identities, truncation_for(entry.complete));
     return {std::move(file), std::move(plaintext)};
   } catch (const crypto::AgeError& error) {
+    if (archive::was_found_cut_off(entry) && error.failure() != crypto::AgeFailure::kNoMatch) {
+      return {std::move(file), std::nullopt};
+    }
     throw crypto::AgeError(error.failure(),
                            "cannot open the segment file " + entry.file.file + ": " + error.what());
   }

@@ -6,6 +6,7 @@
 #include <filesystem>
 #include <functional>
 #include <memory>
+#include <optional>
 
 #include "archive/case_folder.h"
 #include "archive/ledger_entry.h"
@@ -20,8 +21,9 @@ using ReadProgress = std::function<void(std::uint64_t more_bytes)>;
 class SealedSegment : public crypto::ByteSource {
  public:
   /// Reads the file once to compare size and SHA-256 with the entry, then opens it. A segment with complete =
-  /// false may be cut short: it is readable up to its last whole chunk. Throws kiroku::Error naming the file:
-  /// not there, no regular file, not what the ledger says, damaged, none of the identities fits.
+  /// false may be cut short: it is readable up to the first chunk that does not authenticate, and one that
+  /// recovery found may be empty, where not even its header reached the disk. Throws kiroku::Error naming the
+  /// file: not there, no regular file, not what the ledger says, damaged, none of the identities fits.
   static SealedSegment open(const archive::CaseFolder& folder, const archive::SegmentEntry& entry,
                             const crypto::AgeIdentities& identities, const ReadProgress& progress = {});
 
@@ -33,9 +35,9 @@ class SealedSegment : public crypto::ByteSource {
   static SealedSegment open_unchecked(const std::filesystem::path& sealed_file, bool complete,
                                       const crypto::AgeIdentities& identities);
 
-  [[nodiscard]] std::uint64_t size() const override { return plaintext_.plaintext_size(); }
+  [[nodiscard]] std::uint64_t size() const override { return plaintext_ ? plaintext_->plaintext_size() : 0; }
   std::size_t read_at(std::uint64_t offset, std::span<std::byte> into) const override {
-    return plaintext_.read_at(offset, into);
+    return plaintext_ ? plaintext_->read_at(offset, into) : 0;
   }
 
  private:
@@ -43,11 +45,11 @@ class SealedSegment : public crypto::ByteSource {
   static SealedSegment open_after(const archive::CaseFolder& folder, const archive::SegmentEntry& entry,
                                   const crypto::AgeIdentities& identities,
                                   const std::function<void(const archive::ReadableFile& file)>& compare);
-  SealedSegment(std::unique_ptr<crypto::ByteSource> file, crypto::AgeFile plaintext)
+  SealedSegment(std::unique_ptr<crypto::ByteSource> file, std::optional<crypto::AgeFile> plaintext)
       : file_(std::move(file)), plaintext_(std::move(plaintext)) {}
 
   std::unique_ptr<crypto::ByteSource> file_;  // on the heap: plaintext_ refers to it
-  crypto::AgeFile plaintext_;
+  std::optional<crypto::AgeFile> plaintext_;  // nothing: none of it can be opened
 };
 
 }  // namespace kiroku::media

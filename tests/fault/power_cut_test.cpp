@@ -1,0 +1,452 @@
+// Power fails, and the disk gives back what it likes of whatever was not flushed: blocks of zeros within a
+// file of its full length, half a header, a name without its bytes. The next start recovers. No such case may
+// read as tampered, and it must read the same with and without an identity.
+#include <algorithm>
+#include <cstdlib>
+#include <fstream>
+#include <functional>
+#include <iostream>
+#include <iterator>
+#include <map>
+#include <random>
+#include <string>
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "archive/age_layout.h"
+#include "archive/case_layout.h"
+#include "archive/recovery.h"
+#include "archive/verifier.h"
+#include "crypto/age_file.h"
+#include "media/inspector.h"
+#include "recorder/checkpoint_stamper.h"
+#include "tests/support/power_cut_file_system.h"
+#include "tests/support/recording.h"
+#include "tests/support/sample_case.h"
+
+namespace kiroku::recorder {
+namespace {
+
+namespace fs = std::filesystem;
+using namespace std::chrono_literals;
+using archive::ApplianceLog;
+using archive::Finding;
+using archive::VerificationReport;
+using test::Names;
+using test::PowerCutFileSystem;
+
+constexpr std::uint64_t kSealedChunk = archive::kAgeChunkBytes + archive::kAgeTagBytes;
+
+/// How many power cuts are played: KIROKU_POWER_CUTS, else a sample.
+std::size_t power_cuts() {
+  constexpr std::size_t kSample = 200;
+  const char* const asked = std::getenv("KIROKU_POWER_CUTS");
+  return asked == nullptr ? kSample : std::stoul(asked);
+}
+
+std::string text_in(const fs::path& file) {
+  std::ifstream input(file, std::ios::binary);
+  return {std::istreambuf_iterator<char>(input), {}};
+}
+
+bool holds(const VerificationReport& report) {
+  return report.verdict == archive::Verdict::kIntact || report.verdict == archive::Verdict::kIntactWithGaps;
+}
+
+std::string findings_of(const VerificationReport& report) {
+  std::string text(archive::verdict_name(report.verdict));
+  for (const Finding& finding : report.findings) {
+    text += "\n  " + finding.code + " " + finding.file + ": " + finding.text;
+  }
+  return text;
+}
+
+std::vector<std::string> codes_of(const VerificationReport& report) {
+  std::vector<std::string> codes;
+  codes.reserve(report.findings.size());
+  for (const Finding& finding : report.findings) codes.push_back(finding.code);
+  return codes;
+}
+
+/// A recording with pictures, vital signs and marks, of which every write and flush is known.
+class PowerCut : public testing::Test {
+ protected:
+  [[nodiscard]] fs::path archive() const { return bench_ / "archive"; }
+
+  void clear() const {
+    fs::remove_all(archive());
+    fs::create_directory(archive());
+  }
+
+  [[nodiscard]] std::unique_ptr<ApplianceLog> log(archive::FileSystem& files) const {
+    return ApplianceLog::open(files, archive() / "log", *bench_.options().key, "test");
+  }
+
+  void record(archive::FileSystem& files) const {
+    const auto log = this->log(files);
+    SessionOptions options = bench_.options();
+    options.files = &files;
+    options.log = log.get();
+    options.segment_duration = 500ms;
+    options.video = {bench_.stream("endoscope", "synthetic:pattern?size=640x480&rate=25&speed=max")};
+    options.vitals = {bench_.stream("vitals", "synthetic:patient?speed=max")};
+    options.duration = 2s;
+    options.stamp_interval = 50ms;
+    Session session(options);
+    session.mark("incision");
+    session.run();
+  }
+
+  std::vector<archive::CaseRecovery> recover(archive::FileSystem& files) const {
+    const auto log = this->log(files);
+    const SessionOptions known = bench_.options();
+    archive::RecoveryOptions options;
+    options.archive = archive();
+    options.key = known.key;
+    options.device_name = known.device_name;
+    options.boot_id = "another";
+    options.log = log.get();
+    options.stamp = checkpoint_stamper(known.authorities, known.trust, nullptr);
+    const archive::RecordingLock lock = archive::RecordingLock::take(files, archive());
+    return archive::recover_archive(files, options, lock);
+  }
+
+  [[nodiscard]] archive::VerifyOptions options(bool with_identity) const {
+    const SessionOptions known = bench_.options();
+    archive::VerifyOptions options;
+    options.devices = {crypto::VerifierKey(known.device_name, known.key->public_key())};
+    options.trust = known.trust;
+    options.log = archive() / "log";
+    options.threads = 1;
+    if (with_identity) {
+      options.identities = &bench_.identities();
+      options.inspect = media::decoding_inspector();
+    }
+    return options;
+  }
+
+  [[nodiscard]] std::vector<fs::path> cases() const {
+    std::vector<fs::path> found;
+    for (const fs::directory_entry& entry : fs::directory_iterator(archive())) {
+      if (archive::is_case_id(entry.path().filename().string())) found.push_back(entry.path());
+    }
+    return found;
+  }
+
+  /// Whole chunks that were flushed before power failed must be there afterwards, and open.
+  void expect_flushed_chunks(const std::map<fs::path, std::uint64_t>& flushed) const {
+    for (const auto& [path, bytes] : flushed) {
+      const fs::path below = path.lexically_relative(*path.begin());
+      if (bytes <= kSealedChunk || !archive::is_case_id(path.begin()->string()) ||
+          *below.begin() != archive::kSegmentsFolder) {
+        continue;
+      }
+      fs::path file = archive() / path;
+      if (!fs::exists(file) && file.extension() == archive::kPartSuffix) file.replace_extension();
+      ASSERT_TRUE(fs::exists(file)) << path << ", of which " << bytes << " bytes were flushed";
+      const auto source = crypto::open_file_source(file);
+      const auto sealed = crypto::AgeFile::open(*source, bench_.identities(), crypto::Truncation::kTolerate);
+      const std::uint64_t payload = bytes - std::min(bytes, sealed.header_size() + archive::kAgeNonceBytes);
+      EXPECT_GE(sealed.plaintext_size(), payload / kSealedChunk * archive::kAgeChunkBytes)
+          << path << ", of which " << bytes << " bytes were flushed";
+    }
+  }
+
+  void expect_all_holds(std::map<std::string, std::size_t>& tally) const {
+    for (const fs::path& folder : cases()) {
+      const VerificationReport sealed = archive::verify_case(folder, options(false));
+      const VerificationReport opened = archive::verify_case(folder, options(true));
+      EXPECT_TRUE(holds(sealed)) << "without identity: " << findings_of(sealed);
+      EXPECT_TRUE(holds(opened)) << "with identity: " << findings_of(opened);
+      EXPECT_EQ(archive::verdict_name(sealed.verdict), archive::verdict_name(opened.verdict))
+          << findings_of(opened);
+      ++tally[std::string(archive::verdict_name(opened.verdict))];
+      for (const char* const code : {"segment-incomplete", "segment-part-lost"}) {
+        tally[code] += testing::Value(codes_of(opened), testing::Contains(std::string(code))) ? 1U : 0U;
+      }
+    }
+    const VerificationReport log = archive::verify_log(archive() / "log", options(false));
+    EXPECT_TRUE(holds(log)) << "the log: " << findings_of(log);
+  }
+
+  void expect_recovered(const std::vector<archive::CaseRecovery>& recoveries) const {
+    for (const archive::CaseRecovery& recovery : recoveries) {
+      EXPECT_EQ(recovery.problem, "");
+      EXPECT_NE(recovery.outcome, archive::CaseRecovery::Outcome::kRefused);
+    }
+  }
+
+  /// What is on the disk after a cut of `files`, as far as nobody may take it back.
+  struct Flushed {
+    std::map<fs::path, std::uint64_t> files;
+    std::map<fs::path, std::string> ledgers;  // of cases: their flushed bytes
+  };
+
+  Flushed cut_power(const PowerCutFileSystem& files, std::size_t steps, std::uint64_t seed) const {
+    clear();
+    files.cut_power(steps, seed, seed % 2 == 0 ? Names::kInOrder : Names::kEachForItself, archive());
+    Flushed flushed;
+    flushed.files = files.flushed(steps);
+    for (const auto& [path, bytes] : flushed.files) {
+      if (archive::is_case_id(path.parent_path().string()) && path.filename() == archive::kLedgerFile) {
+        flushed.ledgers[path] = text_in(archive() / path).substr(0, static_cast<std::size_t>(bytes));
+      }
+    }
+    return flushed;
+  }
+
+  void expect_kept(const Flushed& flushed) const {
+    for (const auto& [path, text] : flushed.ledgers) {
+      EXPECT_TRUE(text_in(archive() / path).starts_with(text)) << path;
+    }
+    expect_flushed_chunks(flushed.files);
+  }
+
+  test::RecorderBench bench_;
+};
+
+TEST_F(PowerCut, AtAnyMomentIsAStatedLossAndNeverTampering) {
+  clear();
+  PowerCutFileSystem recording(archive());
+  record(recording);
+  std::map<std::string, std::size_t> tally;
+  expect_all_holds(tally);
+  ASSERT_EQ(tally["intact"], 1U);
+  tally.clear();
+  const std::size_t cuts = power_cuts();
+  std::mt19937_64 random(20'261'123);
+  for (std::size_t cut = 0; cut < cuts && !HasFailure(); ++cut) {
+    const std::size_t steps = 1 + random() % recording.steps();
+    SCOPED_TRACE("cut " + std::to_string(cut) + " after step " + std::to_string(steps) + " of " +
+                 std::to_string(recording.steps()));
+    const Flushed flushed = cut_power(recording, steps, random());
+    if (cut % 3 == 0) {  // and once more while it is being recovered
+      PowerCutFileSystem recovering(archive());
+      expect_recovered(recover(recovering));
+      const std::size_t again = random() % (recovering.steps() + 1);
+      const Flushed flushed_again = cut_power(recovering, again, random());
+      expect_recovered(recover(archive::real_file_system()));
+      expect_kept(flushed_again);
+    } else {
+      expect_recovered(recover(archive::real_file_system()));
+    }
+    expect_kept(flushed);
+    expect_all_holds(tally);
+    EXPECT_TRUE(recover(archive::real_file_system()).empty()) << "once is enough";
+  }
+  std::cout << cuts << " power cuts in " << recording.steps() << " steps:";
+  for (const auto& [what, count] : tally) std::cout << " " << count << " " << what << ",";
+  std::cout << " 0 tampered\n";
+}
+
+/// A segment that was being written when power failed, and what the disk made of it.
+class CutSegment : public testing::Test {
+ protected:
+  static constexpr std::uint64_t kBlock = 4096;
+
+  CutSegment() {
+    test::SampleCase sample(archive_);
+    sample.record();
+    folder_ = sample.folder();
+    const auto begun = sample.writer().begin_segment(0, 3);
+    header_and_nonce_ = begun->bytes();
+    begun->write(Bytes(5 * archive::kAgeChunkBytes + 1, std::byte{7}));
+    part_ = folder_ / "segments/endoscope/00000003.ts.age.part";
+  }
+
+  [[nodiscard]] std::string contents() const { return text_in(part_); }
+  void set_contents(const std::string& text) const { std::ofstream(part_, std::ios::binary) << text; }
+  [[nodiscard]] static std::string with_zeros(std::string text, std::size_t from, std::size_t count) {
+    std::fill_n(text.begin() + static_cast<std::ptrdiff_t>(from), count, '\0');
+    return text;
+  }
+
+  std::vector<archive::CaseRecovery> recover() {
+    archive_.now_ns = 100'000'000'000;
+    archive::FileSystem& files = archive::real_file_system();
+    const auto log =
+        ApplianceLog::open(files, archive_.log_folder(), archive_.key(), test::SampleArchive::kDeviceName);
+    archive::RecoveryOptions options;
+    options.archive = archive_.folder();
+    options.key = &archive_.key();
+    options.device_name = test::SampleArchive::kDeviceName;
+    options.boot_id = "another";
+    options.log = log.get();
+    options.now = [this] { return archive_.now().utc; };
+    options.stamp = [this](const archive::StoredCheckpoint& over) {
+      archive::CheckpointStamp stamp;
+      stamp.authority = test::SampleArchive::kAuthorityName;
+      stamp.response = archive_.stamp(over.note);
+      stamp.facts = test::SampleArchive::facts_of(stamp.response);
+      return std::vector<archive::CheckpointStamp>{stamp};
+    };
+    const archive::RecordingLock lock = archive::RecordingLock::take(files, archive_.folder());
+    return archive::recover_archive(files, options, lock);
+  }
+
+  [[nodiscard]] VerificationReport verify(bool with_identity) const {
+    archive::VerifyOptions options = archive_.options();
+    if (with_identity) {
+      options.identities = &archive_.identities();
+      // The sample's other segments hold noise, which does not decode.
+      options.inspect = [decode = media::decoding_inspector()](const auto& stream, const auto& segment,
+                                                               const auto& file, const auto& identities) {
+        return segment.complete ? std::nullopt : decode(stream, segment, file, identities);
+      };
+    }
+    return archive::verify_case(folder_, options);
+  }
+
+  /// Recovers, and expects the stated loss with and without identity.
+  void expect_stated_loss() {
+    const auto recovered = recover();
+    ASSERT_EQ(recovered.size(), 1U);
+    EXPECT_EQ(recovered[0].problem, "");
+    EXPECT_EQ(recovered[0].outcome, archive::CaseRecovery::Outcome::kRecovered);
+    for (const bool with_identity : {false, true}) {
+      const VerificationReport report = verify(with_identity);
+      EXPECT_EQ(archive::verdict_name(report.verdict), "intact-with-gaps")
+          << (with_identity ? "with identity: " : "without: ") << findings_of(report);
+    }
+  }
+
+  /// The text of the finding of the lost part; "" if there is none.
+  [[nodiscard]] std::string loss() const {
+    for (const Finding& finding : verify(true).findings) {
+      if (finding.code == "segment-part-lost") return finding.text;
+    }
+    return "";
+  }
+
+  test::SampleArchive archive_;
+  fs::path folder_, part_;
+  std::uint64_t header_and_nonce_ = 0;
+};
+
+TEST_F(CutSegment, OneBlockWithAHeaderAndZerosHoldsNothing) {
+  set_contents(contents().substr(0, header_and_nonce_) + std::string(kBlock - header_and_nonce_, '\0'));
+  ASSERT_EQ(fs::file_size(part_), kBlock);
+  expect_stated_loss();
+  EXPECT_FALSE(fs::exists(part_));
+}
+
+TEST_F(CutSegment, OneBlockWithTheBeginningOfAChunkIsAStatedLoss) {
+  set_contents(contents().substr(0, kBlock));
+  expect_stated_loss();
+  EXPECT_TRUE(fs::exists(part_));
+}
+
+TEST_F(CutSegment, AChunkThatIsZerosBetweenOthersIsAStatedLossFromThereOn) {
+  const std::uint64_t second = header_and_nonce_ + kSealedChunk;
+  const std::uint64_t block = (second / kBlock + 1) * kBlock;
+  set_contents(with_zeros(contents(), block, kBlock));
+  expect_stated_loss();
+  EXPECT_THAT(loss(), testing::HasSubstr("from byte " + std::to_string(second) + " on"));
+}
+
+TEST_F(CutSegment, ALostFirstBlockIsAStatedLossOfEverything) {
+  set_contents(with_zeros(contents(), 0, kBlock));
+  expect_stated_loss();
+  EXPECT_TRUE(fs::exists(part_)) << "something was sealed in it: that is for people to look at";
+  EXPECT_THAT(loss(), testing::HasSubstr("nothing of"));
+}
+
+TEST_F(CutSegment, ALostNonceIsAStatedLossOfEverything) {
+  set_contents(with_zeros(contents(), header_and_nonce_ - archive::kAgeNonceBytes, archive::kAgeNonceBytes));
+  expect_stated_loss();
+  EXPECT_THAT(loss(), testing::HasSubstr("from byte " + std::to_string(header_and_nonce_) + " on"));
+}
+
+TEST_F(CutSegment, EveryBlockOfTheHeaderAndTheFirstChunkMayBeLost) {
+  const std::string whole = contents();
+  for (std::uint64_t sector = 0; sector < 2 * kBlock; sector += 512) {
+    set_contents(with_zeros(whole, sector, 512));
+    const VerificationReport before = verify(true);
+    EXPECT_EQ(archive::verdict_name(before.verdict), "incomplete") << findings_of(before);
+  }
+  set_contents(with_zeros(whole, 512, kBlock));
+  expect_stated_loss();
+}
+
+TEST_F(CutSegment, ZerosBehindWhatWasFlushedAreStatedInWords) {
+  const std::uint64_t flushed = (header_and_nonce_ + 2 * kSealedChunk) / kBlock * kBlock;
+  set_contents(with_zeros(contents(), flushed, contents().size() - flushed));
+  const std::uint64_t zeros = contents().size() - flushed;
+  expect_stated_loss();
+  EXPECT_THAT(findings_of(verify(false)), testing::HasSubstr("the last " + std::to_string(zeros)));
+  EXPECT_THAT(loss(),
+              testing::HasSubstr("from byte " + std::to_string(header_and_nonce_ + kSealedChunk) + " on"));
+}
+
+TEST_F(CutSegment, OneThatHoldsNothingIsEnteredWhereAnotherFollows) {
+  const std::string whole = contents();
+  std::ofstream(folder_ / "segments/endoscope/00000004.ts.age.part", std::ios::binary) << whole;
+  set_contents("");
+  expect_stated_loss();
+  EXPECT_TRUE(fs::exists(part_));
+}
+
+TEST_F(CutSegment, WhatChangedAfterRecoverySignedItIsTampering) {
+  expect_stated_loss();
+  set_contents(with_zeros(contents(), 2 * kBlock, kBlock));
+  for (const bool with_identity : {false, true}) {
+    const VerificationReport report = verify(with_identity);
+    EXPECT_EQ(archive::verdict_name(report.verdict), "tampered");
+    EXPECT_THAT(codes_of(report), testing::Contains("file-hash-differs"));
+  }
+}
+
+/// The excuse is for what recovery found. A recorder that lives says itself what it could not finish, and
+/// knows what is in it.
+TEST_F(CutSegment, AChunkThatDoesNotOpenIsTamperingWhereARecorderEnteredIt) {
+  archive_.clear();
+  test::SampleCase sample(archive_);
+  sample.record();
+  folder_ = sample.folder();
+  part_ = folder_ / "segments/endoscope/00000003.ts.age.part";
+  const auto begun = sample.writer().begin_segment(0, 3);
+  begun->write(Bytes(5 * archive::kAgeChunkBytes + 1, std::byte{7}));
+  set_contents(with_zeros(contents(), header_and_nonce_ + kSealedChunk, kBlock));
+  archive::SegmentEntry entry;
+  entry.stream = "endoscope";
+  entry.index = 3;
+  entry.file = *begun->salvage();
+  entry.span = {6'000'000'000, 7'000'000'000};
+  entry.time_base = "1/1000";
+  entry.frames = 20;
+  entry.complete = false;
+  sample.writer().append({entry}, archive_.now());
+  sample.close();
+  EXPECT_EQ(archive::verdict_name(verify(false).verdict), "intact-with-gaps");
+  const VerificationReport report = verify(true);
+  EXPECT_EQ(archive::verdict_name(report.verdict), "tampered");
+  EXPECT_THAT(codes_of(report), testing::Contains("segment-undecryptable"));
+}
+
+TEST_F(CutSegment, ZerosWhereLinesOfTheLedgerWereAreCutOff) {
+  const std::string flushed = text_in(folder_ / archive::kLedgerFile);
+  const std::string tail = std::string(700, '\0') + "\"frames\":50}\n{\"type\":\"segment\",\"seq\":12}\n";
+  std::ofstream(folder_ / archive::kLedgerFile, std::ios::app) << tail;
+  const VerificationReport before = verify(true);
+  EXPECT_EQ(archive::verdict_name(before.verdict), "incomplete") << findings_of(before);
+  expect_stated_loss();
+  EXPECT_TRUE(text_in(folder_ / archive::kLedgerFile).starts_with(flushed));
+  EXPECT_THAT(findings_of(verify(false)), testing::HasSubstr(std::to_string(tail.size()) + " bytes behind"));
+}
+
+TEST_F(CutSegment, ZerosInAWholeLineUnderACheckpointAreTampering) {
+  const fs::path ledger = folder_ / archive::kLedgerFile;
+  std::string text = text_in(ledger);
+  const std::size_t second = text.find('\n') + 1;
+  text = with_zeros(text, second, 20);
+  std::ofstream(ledger, std::ios::binary) << text;
+  EXPECT_EQ(archive::verdict_name(verify(false).verdict), "tampered");
+  const auto recovered = recover();
+  ASSERT_EQ(recovered.size(), 1U);
+  EXPECT_EQ(recovered[0].outcome, archive::CaseRecovery::Outcome::kRefused);
+  EXPECT_EQ(text_in(ledger), text) << "nothing is cut off that was signed";
+}
+
+}  // namespace
+}  // namespace kiroku::recorder
