@@ -129,29 +129,32 @@ class PowerCutFileSystem::Disk {
     return tree;
   }
 
-  /// Each block as of a moment of its own since it was flushed, and the size as of another.
+  /// Each block as of a moment of its own since it was flushed, or all of one moment; the size as of another.
   Contents contents(Node file) {
     const std::size_t safe = safe_[file];
-    Contents flushed = after(file, safe, [&](std::uint64_t) { return safe; });
-    const std::uint64_t written = after(file, steps_, [&](std::uint64_t) { return safe; }).size;
+    const auto flushed_only = [safe](std::uint64_t) { return safe; };
+    const std::uint64_t flushed = after(file, safe, flushed_only).size;
+    const std::uint64_t written = after(file, steps_, flushed_only).size;
+    constexpr std::uint64_t kFewMoments = 3;  // of so many files one has all its blocks of one moment
+    const bool one_moment = chance_.between(1, kFewMoments) == 1;
+    const std::size_t moment = chance_.between(0, 1) == 0 ? steps_ : chance_.between(safe, steps_);
     std::map<std::uint64_t, std::size_t> moments;
     Contents given = after(file, steps_, [&](std::uint64_t block) {
+      if (one_moment) return moment;
       const auto known = moments.find(block);
       return known != moments.end() ? known->second : (moments[block] = chance_.between(safe, steps_));
     });
-    constexpr std::uint64_t kWays = 2;
-    switch (chance_.between(0, kWays)) {
-      case 0:
-        break;  // its full length, whatever blocks are there
-      case 1: {
-        const std::size_t moment = chance_.between(safe, steps_);
-        given.size = after(file, moment, [&](std::uint64_t) { return safe; }).size;
+    enum class Size { kFull, kOfAMoment, kWholeBlocks };
+    switch (static_cast<Size>(chance_.between(0, 2))) {
+      case Size::kFull:
+        given.size = written;  // whatever blocks are there
         break;
-      }
-      default: {
-        const std::uint64_t least = std::min(flushed.size, written), most = std::max(flushed.size, written);
-        const std::uint64_t whole = chance_.between(least, most) / kBlockBytes * kBlockBytes;
-        given.size = std::max(least, whole);
+      case Size::kOfAMoment:
+        given.size = after(file, chance_.between(safe, steps_), flushed_only).size;
+        break;
+      case Size::kWholeBlocks: {
+        const std::uint64_t least = std::min(flushed, written), most = std::max(flushed, written);
+        given.size = std::max(least, chance_.between(least, most) / kBlockBytes * kBlockBytes);
         break;
       }
     }
