@@ -10,6 +10,7 @@
 #include <map>
 #include <random>
 #include <string>
+#include <utility>
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -105,62 +106,18 @@ TEST(PowerCutFileSystem, KeepsWhatWasFlushedAndLosesOfTheRestByChance) {
   EXPECT_THAT(known, testing::ElementsAre(testing::Pair(fs::path("a.part"), flushed.size())));
 }
 
-/// A recording with pictures, vital signs and marks, of which every write and flush is known.
-class PowerCut : public testing::Test {
+/// An archive in which something is recorded, of which every write and flush is known.
+class PowerCutStory : public testing::Test {
  protected:
-  [[nodiscard]] fs::path archive() const { return folder_ / "archive"; }
+  [[nodiscard]] virtual fs::path archive() const = 0;
+  [[nodiscard]] virtual const crypto::AgeIdentities& identities() const = 0;
+  virtual void record(archive::FileSystem& files) = 0;
+  virtual std::vector<archive::CaseRecovery> recover(archive::FileSystem& files) = 0;
+  [[nodiscard]] virtual archive::VerifyOptions options(bool with_identity) const = 0;
 
   void clear() const {
     fs::remove_all(archive());
     fs::create_directory(archive());
-  }
-
-  [[nodiscard]] std::unique_ptr<ApplianceLog> log(archive::FileSystem& files) const {
-    return ApplianceLog::open(files, archive() / "log", *bench_.options().key, "test");
-  }
-
-  void record(archive::FileSystem& files) const {
-    const auto log = this->log(files);
-    SessionOptions options = bench_.options();
-    options.archive = archive();
-    options.files = &files;
-    options.log = log.get();
-    options.segment_duration = 500ms;
-    options.video = {bench_.stream("endoscope", "synthetic:pattern?size=640x480&rate=25&speed=max")};
-    options.vitals = {bench_.stream("vitals", "synthetic:patient?speed=max")};
-    options.duration = 2s;
-    options.stamp_interval = 50ms;
-    Session session(options);
-    session.mark("incision");
-    session.run();
-  }
-
-  std::vector<archive::CaseRecovery> recover(archive::FileSystem& files) const {
-    const auto log = this->log(files);
-    const SessionOptions known = bench_.options();
-    archive::RecoveryOptions options;
-    options.archive = archive();
-    options.key = known.key;
-    options.device_name = known.device_name;
-    options.boot_id = "another";
-    options.log = log.get();
-    options.stamp = checkpoint_stamper(known.authorities, known.trust, nullptr);
-    const archive::RecordingLock lock = archive::RecordingLock::take(files, archive());
-    return archive::recover_archive(files, options, lock);
-  }
-
-  [[nodiscard]] archive::VerifyOptions options(bool with_identity) const {
-    const SessionOptions known = bench_.options();
-    archive::VerifyOptions options;
-    options.devices = {crypto::VerifierKey(known.device_name, known.key->public_key())};
-    options.trust = known.trust;
-    options.log = archive() / "log";
-    options.threads = 1;
-    if (with_identity) {
-      options.identities = &bench_.identities();
-      options.inspect = media::decoding_inspector();
-    }
-    return options;
   }
 
   [[nodiscard]] std::vector<fs::path> cases() const {
@@ -183,7 +140,7 @@ class PowerCut : public testing::Test {
       if (!fs::exists(file) && file.extension() == archive::kPartSuffix) file.replace_extension();
       ASSERT_TRUE(fs::exists(file)) << path << ", of which " << bytes << " bytes were flushed";
       const auto source = crypto::open_file_source(file);
-      const auto sealed = crypto::AgeFile::open(*source, bench_.identities(), crypto::Truncation::kTolerate);
+      const auto sealed = crypto::AgeFile::open(*source, identities(), crypto::Truncation::kTolerate);
       const std::uint64_t payload = bytes - std::min(bytes, sealed.header_size() + archive::kAgeNonceBytes);
       EXPECT_GE(sealed.plaintext_size(), payload / kSealedChunk * archive::kAgeChunkBytes)
           << path << ", of which " << bytes << " bytes were flushed";
@@ -240,70 +197,148 @@ class PowerCut : public testing::Test {
     }
   }
 
+  void play_power_cuts() {
+    clear();
+    PowerCutFileSystem recording(archive());
+    record(recording);
+    std::map<std::string, std::size_t> tally;
+    expect_all_holds(tally);
+    ASSERT_EQ(tally["intact"], 1U);
+    tally.clear();
+    const std::size_t cuts = power_cuts();
+    constexpr std::uint64_t kMuch = 8192;
+    const std::vector<std::size_t> loose = recording.steps_with_unflushed(kMuch);
+    ASSERT_FALSE(loose.empty());
+    std::mt19937_64 random(20'261'123);
+    for (std::size_t cut = 0; cut < cuts && !HasFailure(); ++cut) {
+      // Half of them while much is not flushed, which is a small part of all steps.
+      const std::size_t steps =
+          cut % 2 == 0 ? loose.at(random() % loose.size()) : 1 + random() % recording.steps();
+      SCOPED_TRACE("cut " + std::to_string(cut) + " after step " + std::to_string(steps) + " of " +
+                   std::to_string(recording.steps()));
+      const Flushed flushed = cut_power(recording, steps, random());
+      if (cut % 3 == 0) {  // and once more while it is being recovered
+        PowerCutFileSystem recovering(archive());
+        expect_recovered(recover(recovering));
+        const std::size_t again = random() % (recovering.steps() + 1);
+        const Flushed flushed_again = cut_power(recovering, again, random());
+        expect_recovered(recover(archive::real_file_system()));
+        expect_flushed_lines(flushed_again);
+      } else {
+        expect_recovered(recover(archive::real_file_system()));
+      }
+      expect_flushed_lines(flushed);
+      expect_flushed_chunks(flushed.files);
+      expect_all_holds(tally);
+      EXPECT_TRUE(recover(archive::real_file_system()).empty()) << "once is enough";
+    }
+    ASSERT_FALSE(HasFailure());
+    EXPECT_GT(tally["segment-part-lost"], 0U) << "nothing was lost: the cuts prove nothing";
+    std::cout << cuts << " power cuts in " << recording.steps() << " steps:";
+    for (const auto& [what, count] : tally) std::cout << " " << count << " " << what << ",";
+    std::cout << " 0 tampered\n";
+  }
+};
+
+/// The whole recorder with its threads: pictures, vital signs and a mark. All of it must decode.
+class RecorderLosesPower : public PowerCutStory {
+ protected:
+  [[nodiscard]] fs::path archive() const override { return folder_ / "archive"; }
+  [[nodiscard]] const crypto::AgeIdentities& identities() const override { return bench_.identities(); }
+
+  [[nodiscard]] std::unique_ptr<ApplianceLog> log(archive::FileSystem& files) const {
+    return ApplianceLog::open(files, archive() / "log", *bench_.options().key, "test");
+  }
+
+  void record(archive::FileSystem& files) override {
+    const auto log = this->log(files);
+    SessionOptions options = bench_.options();
+    options.archive = archive();
+    options.files = &files;
+    options.log = log.get();
+    options.segment_duration = 500ms;
+    options.video = {bench_.stream("endoscope", "synthetic:pattern?size=640x480&rate=25&speed=max")};
+    options.vitals = {bench_.stream("vitals", "synthetic:patient?speed=max")};
+    options.duration = 2s;
+    options.stamp_interval = 50ms;
+    Session session(options);
+    session.mark("incision");
+    session.run();
+  }
+
+  std::vector<archive::CaseRecovery> recover(archive::FileSystem& files) override {
+    const auto log = this->log(files);
+    const SessionOptions known = bench_.options();
+    archive::RecoveryOptions options;
+    options.archive = archive();
+    options.key = known.key;
+    options.device_name = known.device_name;
+    options.boot_id = "another";
+    options.log = log.get();
+    options.stamp = checkpoint_stamper(known.authorities, known.trust, nullptr);
+    const archive::RecordingLock lock = archive::RecordingLock::take(files, archive());
+    return archive::recover_archive(files, options, lock);
+  }
+
+  [[nodiscard]] archive::VerifyOptions options(bool with_identity) const override {
+    const SessionOptions known = bench_.options();
+    archive::VerifyOptions options;
+    options.devices = {crypto::VerifierKey(known.device_name, known.key->public_key())};
+    options.trust = known.trust;
+    options.log = archive() / "log";
+    options.threads = 1;
+    if (with_identity) {
+      options.identities = &bench_.identities();
+      options.inspect = media::decoding_inspector();
+    }
+    return options;
+  }
+
   test::RecorderBench bench_;
   test::TemporaryFolder folder_{test::quick_parent()};  // flushes are played, and cost nothing there
 };
 
-TEST_F(PowerCut, AtAnyMomentIsAStatedLossAndNeverTampering) {
-  clear();
-  PowerCutFileSystem recording(archive());
-  record(recording);
-  std::map<std::string, std::size_t> tally;
-  expect_all_holds(tally);
-  ASSERT_EQ(tally["intact"], 1U);
-  tally.clear();
-  const std::size_t cuts = power_cuts();
-  std::mt19937_64 random(20'261'123);
-  for (std::size_t cut = 0; cut < cuts && !HasFailure(); ++cut) {
-    const std::size_t steps = 1 + random() % recording.steps();
-    SCOPED_TRACE("cut " + std::to_string(cut) + " after step " + std::to_string(steps) + " of " +
-                 std::to_string(recording.steps()));
-    const Flushed flushed = cut_power(recording, steps, random());
-    if (cut % 3 == 0) {  // and once more while it is being recovered
-      PowerCutFileSystem recovering(archive());
-      expect_recovered(recover(recovering));
-      const std::size_t again = random() % (recovering.steps() + 1);
-      const Flushed flushed_again = cut_power(recovering, again, random());
-      expect_recovered(recover(archive::real_file_system()));
-      expect_flushed_lines(flushed_again);
-    } else {
-      expect_recovered(recover(archive::real_file_system()));
-    }
-    expect_flushed_lines(flushed);
-    expect_flushed_chunks(flushed.files);
-    expect_all_holds(tally);
-    EXPECT_TRUE(recover(archive::real_file_system()).empty()) << "once is enough";
-  }
-  std::cout << cuts << " power cuts in " << recording.steps() << " steps:";
-  for (const auto& [what, count] : tally) std::cout << " " << count << " " << what << ",";
-  std::cout << " 0 tampered\n";
-}
+TEST_F(RecorderLosesPower, AtAnyMomentItIsAStatedLossAndNeverTampering) { play_power_cuts(); }
 
-/// A segment that was being written when power failed, and what the disk made of it.
-class CutSegment : public testing::Test {
+/// The archive's writer alone, call by call, so that each run is like the other: segments of many chunks,
+/// some flushed on the way, several entered at once.
+class WriterLosesPower : public PowerCutStory {
  protected:
-  static constexpr std::uint64_t kBlock = 4096;
+  [[nodiscard]] fs::path archive() const override { return archive_.folder(); }
+  [[nodiscard]] const crypto::AgeIdentities& identities() const override { return archive_.identities(); }
 
-  CutSegment() {
-    test::SampleCase sample(archive_);
+  void record(archive::FileSystem& files) override {
+    constexpr std::int64_t kSecond = 1'000'000'000;
+    test::SampleCase sample(archive_, true, files);
     sample.record();
-    folder_ = sample.folder();
-    const auto begun = sample.writer().begin_segment(0, 3);
-    header_and_nonce_ = begun->bytes();
-    begun->write(Bytes(5 * archive::kAgeChunkBytes + 1, std::byte{7}));
-    part_ = folder_ / "segments/endoscope/00000003.ts.age.part";
+    std::vector<archive::CaseEntryBody> waiting;
+    for (std::uint64_t index = 3; index < 9; ++index) {
+      const auto begun = sample.writer().begin_segment(0, index);
+      for (int part = 0; part < 6; ++part) {
+        begun->write(Bytes(2 * archive::kAgeChunkBytes, static_cast<std::byte>(part)));
+        if (part % 4 == 1) begun->sync();
+      }
+      begun->seal();
+      archive::SegmentEntry entry;
+      entry.stream = "endoscope";
+      entry.index = index;
+      entry.file = begun->commit();
+      entry.span.start_ns = static_cast<std::int64_t>(2 * index) * kSecond;
+      entry.span.end_ns = entry.span.start_ns + 2 * kSecond;
+      entry.time_base = "1/1000";
+      entry.frames = 50;
+      waiting.emplace_back(std::move(entry));
+      archive_.now_ns = static_cast<std::int64_t>(2 * index + 2) * kSecond;
+      if (waiting.size() == 3) {
+        sample.writer().append(std::exchange(waiting, {}), archive_.now());
+        sample.stamp();
+      }
+    }
+    sample.close();
   }
 
-  [[nodiscard]] std::string contents() const { return text_in(part_); }
-  void set_contents(const std::string& text) const { std::ofstream(part_, std::ios::binary) << text; }
-  [[nodiscard]] static std::string with_zeros(std::string text, std::size_t from, std::size_t count) {
-    std::fill_n(text.begin() + static_cast<std::ptrdiff_t>(from), count, '\0');
-    return text;
-  }
-
-  std::vector<archive::CaseRecovery> recover() {
+  std::vector<archive::CaseRecovery> recover(archive::FileSystem& files) override {
     archive_.now_ns = 100'000'000'000;
-    archive::FileSystem& files = archive::real_file_system();
     const auto log =
         ApplianceLog::open(files, archive_.log_folder(), archive_.key(), test::SampleArchive::kDeviceName);
     archive::RecoveryOptions options;
@@ -324,22 +359,54 @@ class CutSegment : public testing::Test {
     return archive::recover_archive(files, options, lock);
   }
 
-  [[nodiscard]] VerificationReport verify(bool with_identity) const {
+  [[nodiscard]] archive::VerifyOptions options(bool with_identity) const override {
     archive::VerifyOptions options = archive_.options();
     if (with_identity) {
       options.identities = &archive_.identities();
-      // The sample's other segments hold noise, which does not decode.
+      // Complete segments hold noise, which does not decode.
       options.inspect = [decode = media::decoding_inspector()](const auto& stream, const auto& segment,
                                                                const auto& file, const auto& identities) {
         return segment.complete ? std::nullopt : decode(stream, segment, file, identities);
       };
     }
-    return archive::verify_case(folder_, options);
+    return options;
+  }
+
+  test::SampleArchive archive_;
+};
+
+TEST_F(WriterLosesPower, AtAnyMomentItIsAStatedLossAndNeverTampering) { play_power_cuts(); }
+
+/// A segment that was being written when power failed, and what the disk made of it.
+class CutSegment : public WriterLosesPower {
+ protected:
+  static constexpr std::uint64_t kBlock = 4096;
+
+  CutSegment() {
+    test::SampleCase sample(archive_);
+    sample.record();
+    folder_ = sample.folder();
+    const auto begun = sample.writer().begin_segment(0, 3);
+    header_and_nonce_ = begun->bytes();
+    begun->write(Bytes(5 * archive::kAgeChunkBytes + 1, std::byte{7}));
+    part_ = folder_ / "segments/endoscope/00000003.ts.age.part";
+  }
+
+  [[nodiscard]] std::string contents() const { return text_in(part_); }
+  void set_contents(const std::string& text) const { std::ofstream(part_, std::ios::binary) << text; }
+  [[nodiscard]] static std::string with_zeros(std::string text, std::size_t from, std::size_t count) {
+    std::fill_n(text.begin() + static_cast<std::ptrdiff_t>(from), count, '\0');
+    return text;
+  }
+
+  std::vector<archive::CaseRecovery> recover_now() { return recover(archive::real_file_system()); }
+  [[nodiscard]] VerificationReport verify(bool with_identity) const {
+    return archive::verify_case(folder_, options(with_identity));
   }
 
   /// Recovers, and expects the stated loss with and without identity.
   void expect_stated_loss() {
-    const auto recovered = recover();
+    const auto recovered = recover_now();
     ASSERT_EQ(recovered.size(), 1U);
     EXPECT_EQ(recovered[0].problem, "");
     EXPECT_EQ(recovered[0].outcome, archive::CaseRecovery::Outcome::kRecovered);
@@ -358,7 +425,6 @@ class CutSegment : public testing::Test {
     return "";
   }
 
-  test::SampleArchive archive_;
   fs::path folder_, part_;
   std::uint64_t header_and_nonce_ = 0;
 };
@@ -481,7 +547,7 @@ TEST_F(CutSegment, ZerosInAWholeLineUnderACheckpointAreTampering) {
   text = with_zeros(text, second, 20);
   std::ofstream(ledger, std::ios::binary) << text;
   EXPECT_EQ(archive::verdict_name(verify(false).verdict), "tampered");
-  const auto recovered = recover();
+  const auto recovered = recover_now();
   ASSERT_EQ(recovered.size(), 1U);
   EXPECT_EQ(recovered[0].outcome, archive::CaseRecovery::Outcome::kRefused);
   EXPECT_EQ(text_in(ledger), text) << "nothing is cut off that was signed";

@@ -267,6 +267,25 @@ std::size_t PowerCutFileSystem::all_steps() const {
 
 std::size_t PowerCutFileSystem::steps() const { return all_steps() - imported_; }
 
+std::vector<std::size_t> PowerCutFileSystem::steps_with_unflushed(std::uint64_t bytes) const {
+  const std::lock_guard lock(mutex_);
+  std::vector<std::size_t> found;
+  std::map<Node, std::map<std::size_t, std::uint64_t>> unflushed;  // by file and step
+  for (std::size_t at = imported_; at < history_.size(); ++at) {
+    const Step& step = history_[at];
+    if (step.kind == Kind::kWrite) unflushed[step.node][at] = step.bytes.size();
+    if (step.kind == Kind::kFlush)
+      std::erase_if(unflushed[step.node], [&](const auto& write) { return write.first < step.place; });
+    const bool much = std::any_of(unflushed.begin(), unflushed.end(), [&](const auto& file) {
+      std::uint64_t sum = 0;
+      for (const auto& [number, count] : file.second) sum += count;
+      return sum >= bytes;
+    });
+    if (much) found.push_back(at + 1 - imported_);
+  }
+  return found;
+}
+
 std::unique_ptr<archive::WritableFile> PowerCutFileSystem::create(const fs::path& file) {
   const std::lock_guard lock(mutex_);
   std::unique_ptr<archive::WritableFile> real = real_.create(file);

@@ -30,6 +30,8 @@ class PowerCutFileSystem final : public archive::FileSystem {
 
   /// How many steps the history has. A power cut comes after any number of them.
   [[nodiscard]] std::size_t steps() const;
+  /// Numbers of steps after which at least so many bytes of one file are not flushed.
+  [[nodiscard]] std::vector<std::size_t> steps_with_unflushed(std::uint64_t bytes) const;
   /// Fills the empty folder `target` with what the disk may hold if power failed after `steps` steps. Equal
   /// seeds give equal folders.
   void cut_power(std::size_t steps, std::uint64_t seed, Names names,
