@@ -196,8 +196,8 @@ bool StreamRules::erased(std::uint64_t index) const {
   });
 }
 
-std::string StreamRules::next_file() const {
-  return segment_path(report_.info.name, next_index_.value_or(0), report_.info.extension);
+std::string StreamRules::next_file(std::uint64_t further) const {
+  return segment_path(report_.info.name, next_index_.value_or(0) + further, report_.info.extension);
 }
 
 bool StreamRules::may_be_left_over(const std::string& path) const {
