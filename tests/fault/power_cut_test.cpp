@@ -164,12 +164,13 @@ class PowerCutStory : public testing::Test {
     EXPECT_TRUE(holds(log)) << "the log: " << findings_of(log);
   }
 
-  /// A copy of the disk that nobody recovered.
+  /// A copy of the disk that nobody recovered. (Half a line behind `close` is damage until then.)
   void expect_unrecovered_is_no_tampering(std::map<std::string, std::size_t>& tally) const {
     for (const fs::path& folder : cases()) {
       archive::VerifyOptions alone = options(false);
       alone.log.reset();
       const VerificationReport report = archive::verify_case(folder, alone);
+      if (report.closed) continue;
       ++tally["before recovery " + std::string(archive::verdict_name(report.verdict))];
       EXPECT_NE(archive::verdict_name(report.verdict), "tampered")
           << "not recovered: " << findings_of(report);
