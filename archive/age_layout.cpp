@@ -8,7 +8,7 @@ std::optional<Bytes> age_header_text(const crypto::ByteSource& file) {
   Bytes front(kMaximumAgeHeaderBytes);
   front.resize(file.read_at(0, front));
   const std::string_view text = text_of(front);
-  if (!text.starts_with("age-encryption.org/v1\n")) {
+  if (!text.starts_with(kAgeFirstLine)) {
     return std::nullopt;
   }
   const std::size_t mac = text.find("\n--- ");

@@ -14,6 +14,8 @@ inline constexpr std::uint64_t kAgeTagBytes = 16;            // after each chunk
 inline constexpr std::uint64_t kAgeNonceBytes = 16;          // between header and first chunk
 /// Headers of more recipients than that are not looked at.
 inline constexpr std::size_t kMaximumAgeHeaderBytes = 64U << 10U;
+/// How every age v1 file begins.
+inline constexpr std::string_view kAgeFirstLine = "age-encryption.org/v1\n";
 /// An excerpt's original header beside a re-keyed segment: NAME.header.
 inline constexpr std::string_view kOriginalHeaderSuffix = ".header";
 

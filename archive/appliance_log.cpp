@@ -8,6 +8,7 @@
 
 #include "archive/case_layout.h"
 #include "archive/file_system.h"
+#include "archive/found_files.h"
 #include "archive/ledger.h"
 #include "archive/log_entry.h"
 #include "archive/space_reserve.h"
@@ -135,8 +136,10 @@ std::unique_ptr<ApplianceLog> ApplianceLog::open(FileSystem& files, const fs::pa
   auto state = std::make_unique<State>(files, folder, key, device_name);
   make_folder_unless_there(files, folder);
   make_folder_unless_there(files, folder / kCheckpointsFolder);
-  state->ledger = Ledger::open(files, folder / kLedgerFile, Ledger::Sharing::kShared, &state->reserve,
-                               [&log = *state](std::uint64_t, std::string_view line) { log.look_at(line); });
+  state->ledger = Ledger::open(
+      files, folder / kLedgerFile, Ledger::Sharing::kShared, &state->reserve,
+      [&log = *state](std::uint64_t, std::string_view line) { log.look_at(line); },
+      [folder] { return newest_note(folder); });
   return std::unique_ptr<ApplianceLog>(new ApplianceLog(std::move(state)));
 }
 

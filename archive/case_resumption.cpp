@@ -2,6 +2,7 @@
 #include "archive/case_layout.h"
 #include "archive/case_writer_state.h"
 #include "archive/checkpoint_rules.h"
+#include "archive/found_files.h"
 #include "crypto/merkle_tree.h"
 #include "crypto/signed_note.h"
 
@@ -10,15 +11,6 @@ namespace kiroku::archive {
 namespace {
 
 namespace fs = std::filesystem;
-
-/// Size of the newest note in the folder; 0 if there is none.
-std::uint64_t newest_note(const fs::path& folder) {
-  std::uint64_t newest = 0;
-  for (const fs::directory_entry& file : fs::directory_iterator(folder / kCheckpointsFolder)) {
-    newest = std::max(newest, size_of_note_name(file.path().filename().string()).value_or(0));
-  }
-  return newest;
-}
 
 [[noreturn]] void refuse_damaged(const fs::path& folder, const std::string& what) {
   throw Error("case " + folder.filename().string() + " is not taken up again, since " + what +
@@ -93,12 +85,14 @@ std::unique_ptr<CaseWriter> CaseWriter::resume(FileSystem& files, const fs::path
   };
   // Only what stands there already is of interest, not what is appended later.
   const auto reading = std::make_shared<Ledger::Visitor>(take);
-  state->ledger = Ledger::open(files, folder / kLedgerFile, Ledger::Sharing::kExclusive, &state->reserve,
-                               [reading](std::uint64_t seq, std::string_view line) {
-                                 if (*reading) {
-                                   (*reading)(seq, line);
-                                 }
-                               });
+  state->ledger = Ledger::open(
+      files, folder / kLedgerFile, Ledger::Sharing::kExclusive, &state->reserve,
+      [reading](std::uint64_t seq, std::string_view line) {
+        if (*reading) {
+          (*reading)(seq, line);
+        }
+      },
+      [newest] { return newest; });
   *reading = nullptr;
   state->torn_bytes = state->ledger->torn_bytes();
   if (state->ledger->size() == 0) {

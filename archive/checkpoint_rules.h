@@ -49,6 +49,8 @@ class CheckpointRules {
 
   /// Largest size whose note fits the tree; 0 if none.
   [[nodiscard]] std::uint64_t covered() const { return covered_; }
+  /// Largest size that any note has by its name; 0 if none.
+  [[nodiscard]] std::uint64_t newest() const { return sizes_.empty() ? 0 : sizes_.back(); }
   [[nodiscard]] std::uint64_t count() const { return count_; }
   /// Case clock when the tree had this size; nothing for a size without a note.
   [[nodiscard]] std::optional<std::int64_t> mono_at(std::uint64_t size) const;

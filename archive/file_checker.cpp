@@ -6,6 +6,7 @@
 
 #include "archive/age_layout.h"
 #include "archive/case_layout.h"
+#include "archive/found_files.h"
 #include "base/error.h"
 #include "crypto/age_file.h"
 
@@ -203,6 +204,12 @@ FileChecker::Opened FileChecker::try_opening(const FileJob& job, const crypto::H
         sealed, *options_->identities, whole ? crypto::Truncation::kRefuse : crypto::Truncation::kTolerate);
     opened.header = file.header_size();
     file.read_all([&](ByteView piece) { opened.plaintext += piece.size(); });
+    opened.unreadable = file.unreadable_size();
+    const bool whole_chunk_is_bad = opened.unreadable >= kAgeChunkBytes + kAgeTagBytes;
+    if (intact && whole_chunk_is_bad && !was_found_cut_off(*job.segment)) {
+      opened.failure.emplace(crypto::AgeFailure::kPayloadDamaged,
+                             "chunk " + digits(opened.plaintext / kAgeChunkBytes) + " does not authenticate");
+    }
     if (!intact && file.is_truncated()) {
       opened.failure.emplace(crypto::AgeFailure::kTruncated, "its last chunk does not decrypt");
     }
@@ -249,6 +256,12 @@ void FileChecker::look_inside(const FileJob& job, const crypto::HashedSource& se
                        " yields another key than the original one: it would open to another film");
     return;
   }
+  if (was_found_cut_off(*job.segment) && (opened.failure || opened.unreadable > 0)) {
+    report_lost_part(job, opened);
+    if (opened.failure) {
+      return;
+    }
+  }
   // A power cut can leave less than a header; that it was cut off is said already.
   const bool cut_in_header = !job.segment->complete && (failed_with(crypto::AgeFailure::kHeaderMalformed) ||
                                                         failed_with(crypto::AgeFailure::kTruncated));
@@ -260,6 +273,27 @@ void FileChecker::look_inside(const FileJob& job, const crypto::HashedSource& se
       findings_->add("segment-undecodable", place, job.expected.file + ": " + *problem);
     }
   }
+}
+
+// The hash fits, so this is what recovery found and signed without a key, and the ledger says so: what does
+// not open was lost with the power, or changed before recovery came. Nobody claimed that it opens.
+void FileChecker::report_lost_part(const FileJob& job, const Opened& opened) {
+  const SegmentEntry& segment = *job.segment;
+  Place where{job.expected.file, job.entry};
+  std::string what =
+      "nothing of " + job.expected.file + ", " + digits(job.expected.bytes) + " bytes, can be opened";
+  if (!opened.failure) {
+    where.offset = job.expected.bytes - opened.unreadable;
+    what = "of the " + digits(job.expected.bytes) + " bytes of " + job.expected.file + " the last " +
+           digits(opened.unreadable) + " cannot be opened, from byte " + digits(*where.offset) + " on";
+  }
+  constexpr std::int64_t kNsPerMs = 1'000'000;
+  findings_->add("segment-part-lost", where,
+                 what +
+                     ": they had not reached the disk when recording was cut off. By the ledger's estimate "
+                     "the segment reaches from " +
+                     std::to_string(segment.span.start_ns / kNsPerMs) + " ms to " +
+                     std::to_string(segment.span.end_ns / kNsPerMs) + " ms");
 }
 
 void FileChecker::report_not_decrypted(const FileJob& job) {

@@ -78,12 +78,14 @@ class FileChecker {
     std::optional<crypto::AgeError> failure;
     std::uint64_t header = 0;  // bytes; 0: not even the header
     std::uint64_t plaintext = 0;
+    std::uint64_t unreadable = 0;  // bytes behind the last chunk that decrypts, where that may be
   };
   void work();
   void check_one(const FileJob& job);
   /// Nothing where it was not compared; a finding says why.
   std::optional<Hashed> hash_file(const FileJob& job, const ReadableFile& file);
   Opened try_opening(const FileJob& job, const crypto::HashedSource& sealed, bool intact) const;
+  void report_lost_part(const FileJob& job, const Opened& opened);
   void report_damage(const FileJob& job, const Opened& opened);
   void report_not_decrypted(const FileJob& job);
   /// Decrypts what was hashed and no other bytes; throws crypto::SourceChanged.

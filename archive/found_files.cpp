@@ -49,6 +49,32 @@ std::vector<fs::path> regular_files(const fs::path& folder) {
   return files;
 }
 
+/// Where the last byte that is not zero ends.
+std::uint64_t end_of_content(const ReadableFile& file) {
+  std::vector<std::byte> buffer(kReadBytes);
+  for (std::uint64_t end = file.size(); end > 0;) {
+    const std::uint64_t start = end - std::min<std::uint64_t>(end, kReadBytes);
+    const auto piece = std::span(buffer).first(static_cast<std::size_t>(end - start));
+    std::size_t filled = file.read_at(start, piece);
+    while (filled > 0 && piece[filled - 1] == std::byte{0}) {
+      --filled;
+    }
+    if (filled > 0) {
+      return start + filled;
+    }
+    end = start;
+  }
+  return 0;
+}
+
+/// Whether the first `size` bytes are the beginning of an age header and no more.
+bool is_begun_header(const ReadableFile& file, std::uint64_t size) {
+  std::string text(static_cast<std::size_t>(size), '\0');
+  text.resize(file.read_at(0, std::as_writable_bytes(std::span(text.data(), text.size()))));
+  return (text.starts_with(kAgeFirstLine) || kAgeFirstLine.starts_with(text)) &&
+         text.find('\0') == std::string::npos;
+}
+
 /// Clean pages of the file leave the cache. A hint: where it is not taken, nothing is worse than before.
 void forget_cached(const fs::path& file) {
   const int descriptor = ::open(file.c_str(), O_RDONLY | O_CLOEXEC | O_NOFOLLOW);
@@ -117,13 +143,32 @@ std::optional<TokenEntry> token_in_folder(const CaseFolder& folder, const TokenN
   return facts;
 }
 
-bool holds_a_chunk(const fs::path& part) {
+PartContents look_into(const fs::path& part) {
   const FileOpening opening = CaseFolder::open(part.parent_path()).open_file(part.filename().string());
   if (!opening.file) {
     throw Error("cannot read " + part.string() + ": it " + opening.explanation);
   }
-  const std::optional<std::uint64_t> header = age_header_bytes(*opening.file);
-  return header && opening.file->size() > *header + kAgeNonceBytes;
+  const ReadableFile& file = *opening.file;
+  const std::uint64_t end = end_of_content(file);
+  PartContents contents;
+  contents.zeros_at_end = file.size() - end;
+  if (const std::optional<std::uint64_t> header = age_header_bytes(file)) {
+    contents.holds_sealed_bytes = end > *header + kAgeNonceBytes;
+  } else {
+    // Lost or half there. Text without a zero is the beginning of a header; anything else stood behind one.
+    contents.holds_sealed_bytes = end > kMaximumAgeHeaderBytes || !is_begun_header(file, end);
+  }
+  return contents;
+}
+
+bool was_found_cut_off(const SegmentEntry& segment) { return !segment.complete && !segment.counted; }
+
+std::uint64_t newest_note(const fs::path& folder) {
+  std::uint64_t newest = 0;
+  for (const fs::directory_entry& file : fs::directory_iterator(folder / kCheckpointsFolder)) {
+    newest = std::max(newest, size_of_note_name(file.path().filename().string()).value_or(0));
+  }
+  return newest;
 }
 
 FileReference measure_file(const fs::path& file) {

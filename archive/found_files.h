@@ -31,8 +31,21 @@ std::vector<TokenName> found_tokens(const std::filesystem::path& case_folder);
 /// that checkpoint's note, or one of the two is not there. Nothing is trusted here.
 std::optional<TokenEntry> token_in_folder(const CaseFolder& folder, const TokenName& name);
 
-/// Whether a part holds more than an age header. Throws kiroku::IoError.
-bool holds_a_chunk(const std::filesystem::path& part);
+/// What stands in a part, as far as that can be told without a key. After a power cut its length proves
+/// nothing: of what was not flushed, some blocks are zeros.
+struct PartContents {
+  bool holds_sealed_bytes = false;  // anything behind an age header and its nonce, or behind zeros
+  std::uint64_t zeros_at_end = 0;   // bytes
+};
+/// Throws kiroku::IoError.
+PartContents look_into(const std::filesystem::path& part);
+/// Whether the entry is of a segment that was cut off and that recovery found: nobody knew what was in it
+/// when it was entered, so what does not open of it was lost before.
+bool was_found_cut_off(const SegmentEntry& segment);
+
+/// Size of the newest checkpoint's note in a case's or log's folder, by its name; 0 if there is none.
+std::uint64_t newest_note(const std::filesystem::path& folder);
+
 /// Flushes a file and its folder, and measures what the disk then gives back, past the page cache: after a
 /// flush that failed unseen, the cache may hold what the disk does not. `file` of the result is empty. Throws
 /// kiroku::IoError.

@@ -59,14 +59,16 @@ Ledger::Ledger(FileSystem& files, fs::path file, Sharing sharing, SpaceReserve* 
       visitor_(std::move(visitor)) {}
 
 std::unique_ptr<Ledger> Ledger::open(FileSystem& files, fs::path file, Sharing sharing, SpaceReserve* reserve,
-                                     Visitor visitor) {
+                                     Visitor visitor, Covered covered) {
   std::unique_ptr<Ledger> ledger(new Ledger(files, std::move(file), sharing, reserve, std::move(visitor)));
   ledger->written_ = open_or_create(files, ledger->file_);
   if (sharing == Sharing::kExclusive && !ledger->written_->try_lock()) {
     throw UsageError("another process is writing " + ledger->file_.string() +
                      ": wait until it has ended, or end it first");
   }
+  ledger->covered_ = std::move(covered);
   ledger->catch_up();
+  ledger->covered_ = nullptr;
   return ledger;
 }
 
@@ -103,17 +105,24 @@ void Ledger::read_new_lines() {
     input.read(buffer.data(), static_cast<std::streamsize>(buffer.size()));
     std::string_view piece(buffer.data(), static_cast<std::size_t>(input.gcount()));
     for (std::size_t end = piece.find('\n'); end != std::string_view::npos; end = piece.find('\n')) {
-      if (rest.empty()) {
-        accept(piece.substr(0, end));
-      } else {
-        rest.append(piece.substr(0, end));
-        accept(rest);
-        rest.clear();
+      std::string_view line = piece.substr(0, end);
+      if (!rest.empty()) {
+        line = rest.append(line);
       }
+      if (was_never_flushed(line)) {
+        cut_torn_line(fs::file_size(file_));
+        return;
+      }
+      accept(line);
+      rest.clear();
       piece.remove_prefix(end + 1);
     }
     rest.append(piece);
     if (rest.size() > kMaximumLineBytes) {
+      if (was_never_flushed(rest)) {
+        cut_torn_line(fs::file_size(file_));
+        return;
+      }
       throw Error("line " + std::to_string(tree_.size() + 1) + " of " + file_.string() +
                   " is longer than any entry may be: the file is damaged, verify it before writing to it");
     }
@@ -124,6 +133,12 @@ void Ledger::read_new_lines() {
   if (!rest.empty()) {
     cut_torn_line(bytes_ + rest.size());
   }
+}
+
+// No entry has a zero byte. Of a line that was flushed none appears by itself, and what a checkpoint covers
+// was flushed: zeros there are damage, which is not cut off but found by whoever verifies.
+bool Ledger::was_never_flushed(std::string_view line) const {
+  return covered_ && line.find('\0') != std::string_view::npos && covered_() <= tree_.size();
 }
 
 // Whoever holds the lock finds a torn line only if its writer died: a living one holds the lock until its

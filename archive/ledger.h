@@ -27,13 +27,17 @@ class Ledger {
   using Visitor = std::function<void(std::uint64_t seq, std::string_view line)>;
   /// Lines to append, without LF, given how many there are; called once the file is ours and up to date.
   using MakeLines = std::function<std::vector<std::string>(std::uint64_t size)>;
+  /// How many lines checkpoints cover. Asked only where zeros are found.
+  using Covered = std::function<std::uint64_t()>;
 
   /// Opens `file`, or makes it, with its name durable. A last line without LF is one whose writing a crash or
-  /// power cut ended: nothing ever counted on it; it is cut off, and torn_bytes() tells. Throws UsageError if
-  /// another writer has it (kExclusive), kiroku::Error for a line longer than the format's, kiroku::IoError.
-  /// `files` and `reserve` must outlive the object; `reserve` may be null.
+  /// power cut ended: nothing ever counted on it; it is cut off, and torn_bytes() tells. A power cut may also
+  /// leave zeros where blocks of the last append were not flushed, and lines behind them that were: with
+  /// `covered`, everything from the first line with a zero byte on is cut off, unless a checkpoint covers
+  /// that line. Throws UsageError if another writer has it (kExclusive), kiroku::Error for a line longer than
+  /// the format's, kiroku::IoError. `files` and `reserve` must outlive the object; `reserve` may be null.
   static std::unique_ptr<Ledger> open(FileSystem& files, std::filesystem::path file, Sharing sharing,
-                                      SpaceReserve* reserve, Visitor visitor = {});
+                                      SpaceReserve* reserve, Visitor visitor = {}, Covered covered = {});
   Ledger(const Ledger&) = delete;
   Ledger& operator=(const Ledger&) = delete;
 
@@ -71,6 +75,7 @@ class Ledger {
          Visitor visitor);
   void refuse_if_failed() const;
   void read_new_lines();
+  [[nodiscard]] bool was_never_flushed(std::string_view line) const;
   void cut_torn_line(std::uint64_t end);
   void accept(std::string_view line);
   void write_durably(std::string_view text);
@@ -82,6 +87,7 @@ class Ledger {
   Sharing sharing_;
   SpaceReserve* reserve_;
   Visitor visitor_;
+  Covered covered_;  // only while the file is opened: later nobody finds what a power cut left
   std::unique_ptr<WritableFile> written_;
   crypto::MerkleFrontier tree_;
   std::uint64_t bytes_ = 0;            // of whole lines in the tree

@@ -201,7 +201,7 @@ class Recovery {
     std::vector<CaseEntryBody> entries;
     std::vector<std::string> cut;
     if (const std::uint64_t torn = writer_->torn_bytes(); torn > 0) {
-      cut.push_back("a ledger line of which " + count_of(torn, "byte", "bytes") + " were written");
+      cut.push_back(count_of(torn, "byte", "bytes") + " behind the last whole line of the ledger");
     }
     for (StreamStanding& stream : standing_.streams) {
       adopt_segments(stream, at, entries, cut);
@@ -221,15 +221,17 @@ class Recovery {
 
   void adopt_segments(StreamStanding& stream, const Moment& at, std::vector<CaseEntryBody>& entries,
                       std::vector<std::string>& cut) {
-    for (const FoundSegment& found : found_segments(folder_, stream.info, stream.next_index)) {
+    const std::vector<FoundSegment> all = found_segments(folder_, stream.info, stream.next_index);
+    const std::uint64_t end = end_of_contents(all);
+    for (const FoundSegment& found : all) {
       const std::string name = found.path.filename().string();
-      if (found.index != stream.next_index) {
-        result_.problem = found.path.string() + " is left as it is, since the segment before it is not there";
-        continue;
-      }
-      if (!found.complete && !holds_a_chunk(found.path)) {
+      if (found.index >= end) {
         files_.remove(found.path);
         cut.push_back(stream.info.name + "/" + name + ", removed because nothing was sealed in it yet");
+        continue;
+      }
+      if (found.index != stream.next_index) {
+        result_.problem = found.path.string() + " is left as it is, since the segment before it is not there";
         continue;
       }
       SegmentEntry entry;
@@ -243,7 +245,8 @@ class Recovery {
       if (!found.complete) {
         entry.file.file += kPartSuffix;
         cut.push_back(stream.info.name + "/" + name + ", of which " +
-                      count_of(entry.file.bytes, "byte is", "bytes are") + " there");
+                      count_of(entry.file.bytes, "byte is", "bytes are") + " there" +
+                      zeros_text(look_into(found.path).zeros_at_end));
         ++result_.incomplete;
       }
       ++result_.segments;
@@ -253,6 +256,25 @@ class Recovery {
       stream.interruption_stated = false;
       entries.emplace_back(std::move(entry));
     }
+  }
+
+  /// One more than the last index with something sealed in its file. What lies before it is entered even if
+  /// it holds nothing, so that indexes have no hole.
+  static std::uint64_t end_of_contents(const std::vector<FoundSegment>& all) {
+    std::uint64_t end = 0;
+    for (const FoundSegment& found : all) {
+      if (found.complete || look_into(found.path).holds_sealed_bytes) {
+        end = std::max(end, found.index + 1);
+      }
+    }
+    return end;
+  }
+
+  /// What was sealed ends with a zero now and then, with a disk's sector of them only where it was not
+  /// flushed.
+  static std::string zeros_text(std::uint64_t zeros) {
+    constexpr std::uint64_t kSector = 512;
+    return zeros < kSector ? "" : ", the last " + std::to_string(zeros) + " of them zeros";
   }
 
   /// From where the stream was accounted for to the file's last change. Of a stream that stated its own times

@@ -71,7 +71,7 @@ bool StreamRules::take(const SegmentEntry& segment, std::uint64_t entry) {
     cut_.reset();
   }
   if (!segment.complete) {
-    findings_->add("segment-incomplete", place, segment.file.file + " was cut off; its beginning is there");
+    findings_->add("segment-incomplete", place, segment.file.file + " was cut off before its end");
     if (!interrupted_ && segment.counted) {
       cut_ = Cut{entry, shortened(segment.file.file)};
     }
@@ -213,8 +213,8 @@ void StreamRules::finish() {
 
 bool StreamRules::erased(std::uint64_t index) const { return erased_.contains(index); }
 
-std::string StreamRules::next_file() const {
-  return segment_path(report_.info.name, next_index_.value_or(0), report_.info.extension);
+std::string StreamRules::next_file(std::uint64_t further) const {
+  return segment_path(report_.info.name, next_index_.value_or(0) + further, report_.info.extension);
 }
 
 bool StreamRules::may_be_left_over(const std::string& path) const {

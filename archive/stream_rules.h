@@ -47,8 +47,8 @@ class StreamRules {
   [[nodiscard]] const std::shared_ptr<const StreamInfo>& info() const { return info_; }
   [[nodiscard]] const StreamReport& report() const { return report_; }
   [[nodiscard]] bool erased(std::uint64_t index) const;
-  /// The file name of the segment that comes next, complete.
-  [[nodiscard]] std::string next_file() const;
+  /// The file name of the segment that comes next, or so many later, complete.
+  [[nodiscard]] std::string next_file(std::uint64_t further) const;
   /// Whether a file that no entry names may be a segment that could not be made durable, so that nothing is
   /// claimed of it: a part, or whole, of an index that comes next or later, of a stream whose last word is a
   /// gap.

@@ -40,22 +40,27 @@ namespace {
                                                   " does not authenticate");
 }
 
-// Leaves the chunks up to the last whole one that authenticates. What a power cut left behind them may be
-// half a chunk, or blocks of zeros.
+// Leaves the chunks before the first that does not authenticate. A power cut leaves half a chunk, or blocks
+// of zeros: behind what was flushed, but also between blocks that reached the disk. So every chunk is tried.
 void cut_to_authentic_chunks(AgePayload& payload, AgeChunkReader& reader) {
-  payload.ends_with_last_chunk = false;
-  while (payload.chunks > 0) {
-    const std::uint64_t number = payload.chunks - 1;
-    if (payload.last_sealed_size == kSealedAgeChunkSize) {
-      if (reader.authenticates(number, kSealedAgeChunkSize, ChunkPosition::kInside)) return;
-      if (reader.authenticates(number, kSealedAgeChunkSize, ChunkPosition::kLast))
-        throw AgeError(AgeFailure::kTrailingData, "the sealed file goes on after its last chunk, number " +
-                                                      std::to_string(number) + " at byte " +
-                                                      std::to_string(payload.offset_of(number)));
-    }
-    payload.chunks = number;
-    payload.last_sealed_size = kSealedAgeChunkSize;
+  std::uint64_t number = 0;
+  while (number < payload.chunks && payload.sealed_size(number) == kSealedAgeChunkSize &&
+         reader.authenticates(number, kSealedAgeChunkSize, ChunkPosition::kInside)) {
+    ++number;
   }
+  const bool may_be_last =
+      number + 1 < payload.chunks ||
+      AgePayloadLayout{payload.chunks, payload.last_sealed_size}.last_chunk_is_possible();
+  if (number < payload.chunks && may_be_last &&
+      reader.authenticates(number, payload.sealed_size(number), ChunkPosition::kLast)) {
+    if (number + 1 == payload.chunks) return;
+    throw AgeError(AgeFailure::kTrailingData, "the sealed file goes on after its last chunk, number " +
+                                                  std::to_string(number) + " at byte " +
+                                                  std::to_string(payload.offset_of(number)));
+  }
+  payload.ends_with_last_chunk = false;
+  payload.chunks = number;
+  payload.last_sealed_size = kSealedAgeChunkSize;
 }
 
 }  // namespace
@@ -63,6 +68,7 @@ void cut_to_authentic_chunks(AgePayload& payload, AgeChunkReader& reader) {
 struct AgeFile::State {
   AgePayload payload;
   std::uint64_t header_size = 0;
+  std::uint64_t unreadable_size = 0;
 
   // The newest chunk read in part.
   std::mutex cache_mutex;
@@ -104,11 +110,16 @@ AgeFile AgeFile::open(const ByteSource& source, const AgeIdentities& identities,
   payload.last_sealed_size = layout.last_sealed_size;
 
   AgeChunkReader reader(payload);
+  if (truncation == Truncation::kTolerate) {
+    cut_to_authentic_chunks(payload, reader);
+    if (!payload.ends_with_last_chunk)
+      state->unreadable_size = source.size() - std::min(source.size(), payload.offset_of(payload.chunks));
+    return AgeFile(std::move(state));
+  }
   const bool complete =
       layout.last_chunk_is_possible() &&
       reader.authenticates(payload.chunks - 1, payload.last_sealed_size, ChunkPosition::kLast);
-  if (!complete && truncation == Truncation::kRefuse) explain_bad_end(payload, reader);
-  if (!complete) cut_to_authentic_chunks(payload, reader);
+  if (!complete) explain_bad_end(payload, reader);
   return AgeFile(std::move(state));
 }
 
@@ -120,6 +131,7 @@ AgeFile::~AgeFile() = default;
 std::uint64_t AgeFile::plaintext_size() const { return state_->payload.plaintext_size(); }
 std::uint64_t AgeFile::header_size() const { return state_->header_size; }
 bool AgeFile::is_truncated() const { return !state_->payload.ends_with_last_chunk; }
+std::uint64_t AgeFile::unreadable_size() const { return state_->unreadable_size; }
 
 std::size_t AgeFile::read_at(std::uint64_t offset, std::span<std::byte> into) const {
   const std::uint64_t size = plaintext_size();

@@ -36,7 +36,7 @@ class AgeSealer {
 /// What to do where the file ends early.
 enum class Truncation {
   kRefuse,   // AgeFailure::kTruncated
-  kTolerate  // readable up to the last whole chunk that authenticates; is_truncated() tells
+  kTolerate  // readable up to the first chunk that does not authenticate; is_truncated() tells
 };
 
 /// An opened age file: plaintext by offset. All members are thread-safe.
@@ -53,6 +53,8 @@ class AgeFile {
   [[nodiscard]] std::uint64_t plaintext_size() const;
   [[nodiscard]] std::uint64_t header_size() const;  // bytes of header text, before the payload nonce
   [[nodiscard]] bool is_truncated() const;
+  /// Bytes of the file behind the last chunk that can be read; 0 unless is_truncated().
+  [[nodiscard]] std::uint64_t unreadable_size() const;
   /// Decrypts [offset, offset + into.size()); returns how many bytes there were (fewer only at the end). The
   /// newest chunk read in part is kept, so that small reads in order decrypt nothing twice.
   std::size_t read_at(std::uint64_t offset, std::span<std::byte> into) const;

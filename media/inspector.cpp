@@ -15,17 +15,19 @@ namespace {
 
 std::uint64_t count_frames(const archive::StreamInfo& stream, const archive::SegmentEntry& entry,
                            const SealedSegment& segment) {
-  SegmentInput input(segment, stream.media, entry.file.file);
-  PictureDecoder decoder(input, entry.file.file);
+  std::uint64_t frames = 0;
   try {
+    SegmentInput input(segment, stream.media, entry.file.file);
+    PictureDecoder decoder(input, entry.file.file);
     while (decoder.next()) {
+      ++frames;
     }
-  } catch (const MediaError&) {
+  } catch (const MediaError&) {  // cut off, perhaps before its first picture
     if (entry.complete) {
       throw;
     }
   }
-  return decoder.count();
+  return frames;
 }
 
 std::uint64_t count_lines(const archive::StreamInfo& stream, const archive::SegmentEntry& entry,

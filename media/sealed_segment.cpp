@@ -2,6 +2,7 @@
 
 #include <utility>
 
+#include "archive/found_files.h"
 #include "base/error.h"
 
 namespace kiroku::media {
@@ -81,6 +82,9 @@ SealedSegment SealedSegment::decrypt_hashed(std::unique_ptr<Sealed> sealed,
         crypto::AgeFile::open(*sealed->hashed, identities, truncation_for(entry.complete));
     return {std::move(sealed), std::move(plaintext)};
   } catch (const crypto::AgeError& error) {
+    if (archive::was_found_cut_off(entry) && error.failure() != crypto::AgeFailure::kNoMatch) {
+      return {std::move(sealed), std::nullopt};
+    }
     throw crypto::AgeError(error.failure(),
                            "cannot open the segment file " + entry.file.file + ": " + error.what());
   }

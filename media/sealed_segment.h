@@ -22,8 +22,9 @@ using ReadProgress = std::function<void(std::uint64_t more_bytes)>;
 class SealedSegment : public crypto::ByteSource {
  public:
   /// Reads the file once to compare size and SHA-256 with the entry, then opens it. A segment with complete =
-  /// false may be cut short: it is readable up to its last whole chunk. Throws kiroku::Error naming the file:
-  /// not there, no regular file, not what the ledger says, damaged, none of the identities fits.
+  /// false may be cut short: it is readable up to the first chunk that does not authenticate, and one that
+  /// recovery found may be empty, where not even its header reached the disk. Throws kiroku::Error naming the
+  /// file: not there, no regular file, not what the ledger says, damaged, none of the identities fits.
   static SealedSegment open(const archive::CaseFolder& folder, const archive::SegmentEntry& entry,
                             const crypto::AgeIdentities& identities, const ReadProgress& progress = {});
 
@@ -36,10 +37,10 @@ class SealedSegment : public crypto::ByteSource {
   static SealedSegment decrypt(const crypto::ByteSource& sealed, bool complete,
                                const crypto::AgeIdentities& identities);
 
-  [[nodiscard]] std::uint64_t size() const override { return plaintext_.plaintext_size(); }
+  [[nodiscard]] std::uint64_t size() const override { return plaintext_ ? plaintext_->plaintext_size() : 0; }
   /// Throws crypto::SourceChanged where the file is no longer what was hashed.
   std::size_t read_at(std::uint64_t offset, std::span<std::byte> into) const override {
-    return plaintext_.read_at(offset, into);
+    return plaintext_ ? plaintext_->read_at(offset, into) : 0;
   }
 
  private:
@@ -56,11 +57,11 @@ class SealedSegment : public crypto::ByteSource {
                                       std::shared_ptr<const crypto::HashTrail> trail,
                                       const archive::CaseFolder& folder, const archive::SegmentEntry& entry,
                                       const crypto::AgeIdentities& identities);
-  SealedSegment(std::unique_ptr<Sealed> sealed, crypto::AgeFile plaintext)
+  SealedSegment(std::unique_ptr<Sealed> sealed, std::optional<crypto::AgeFile> plaintext)
       : sealed_(std::move(sealed)), plaintext_(std::move(plaintext)) {}
 
-  std::unique_ptr<Sealed> sealed_;  // null where somebody else holds the file
-  crypto::AgeFile plaintext_;
+  std::unique_ptr<Sealed> sealed_;            // null where somebody else holds the file
+  std::optional<crypto::AgeFile> plaintext_;  // nothing: none of it can be opened
 };
 
 }  // namespace kiroku::media

@@ -3,8 +3,10 @@
 #include <cmath>
 #include <fcntl.h>
 #include <functional>
+#include <grp.h>
 #include <iostream>
 #include <memory>
+#include <pwd.h>
 #include <sys/resource.h>
 #include <sys/statvfs.h>
 #include <unistd.h>
@@ -231,9 +233,48 @@ Check check_roots(const Home& home, const timestamp::TrustStore& trust) {
           "move it to " + home.own_authority_file().string()};
 }
 
+/// The group whose members may open a device that this user may not; nothing where that is not what lacks.
+std::optional<std::string> missing_group(const fs::path& device) {
+  struct stat info {};
+  if (::stat(device.c_str(), &info) != 0 || !S_ISCHR(info.st_mode) || (info.st_mode & S_IRGRP) == 0 ||
+      ::access(device.c_str(), R_OK) == 0 || errno != EACCES) {
+    return {};
+  }
+  const group* const found = ::getgrgid(info.st_gid);
+  return found != nullptr ? found->gr_name : std::to_string(info.st_gid);
+}
+
+/// kirokud's unit gives it these groups; whoever runs this by hand may lack them.
+Check lacks_group(const std::string& subject, const std::string& device, const std::string& its_group) {
+  const passwd* const user = ::getpwuid(::geteuid());
+  const std::string name = user != nullptr ? user->pw_name : std::to_string(::geteuid());
+  return {Health::kWarning, subject,
+          "not examined: " + device + " is for the group " + its_group + ", in which " + name + " is not",
+          "kirokud's unit has this group; to examine it by hand: sudo usermod -aG " + its_group + " " + name +
+              ", then run this again"};
+}
+
+Check check_footswitch(const RoomConfiguration& room, const recorder::FootswitchOptions& options) {
+  const std::string subject = "footswitch " + room.name + ", " + options.device;
+  try {
+    recorder::try_footswitch(options);
+  } catch (const IoError& error) {
+    // One that is looked for by its name may be any of them.
+    const bool by_name = options.device.starts_with("name:");
+    const std::string device = by_name ? "/dev/input/event0" : options.device;
+    const auto its_group = missing_group(device);
+    if (error.error_number() == EACCES && its_group) return lacks_group(subject, device, *its_group);
+    throw;
+  }
+  return {Health::kGood, subject, "is there and has the key", ""};
+}
+
 Check check_source(const RoomConfiguration& room, const StreamConfiguration& stream) {
   const std::string subject = "source " + room.name + "/" + stream.name;
   const recorder::SourceAddress address = recorder::parse_source_address(stream.source);
+  if (const auto its_group = missing_group(address.location)) {
+    return lacks_group(subject, address.location, *its_group);
+  }
   const recorder::CaseClock clock;
   if (!stream.is_video) {
     static_cast<void>(recorder::open_vital_source(address, clock));
@@ -312,6 +353,11 @@ void examine_all(const Home& home, const Configuration& configuration, Examinati
       out.examine("source " + room.name + "/" + stream.name,
                   "look at cable, power and address; a case begins without it and states the gap",
                   [&] { return check_source(room, stream); });
+    }
+    for (const recorder::FootswitchOptions& footswitch : room.footswitches) {
+      out.examine("footswitch " + room.name + ", " + footswitch.device,
+                  "look at its plug and at the device's name in kiroku.toml; cases can be started without it",
+                  [&] { return check_footswitch(room, footswitch); });
     }
   }
 }

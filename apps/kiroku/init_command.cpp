@@ -1,3 +1,4 @@
+#include <algorithm>
 #include <cerrno>
 #include <fcntl.h>
 #include <iostream>
@@ -141,6 +142,29 @@ void require_enough_recipients(const Request& request, std::size_t given) {
       "give two of --recipient age1... and --new-identity FILE, or --demo to try things out");
 }
 
+/// What mkfs leaves at the root of a disk.
+bool is_lost_and_found(const fs::directory_entry& entry) {
+  struct stat facts {};
+  return entry.path().filename() == "lost+found" && ::lstat(entry.path().c_str(), &facts) == 0 &&
+         S_ISDIR(facts.st_mode) && facts.st_uid == 0;
+}
+
+/// Whether nobody put anything there: empty, or the root of a new disk.
+bool is_unused(const fs::path& folder) {
+  std::error_code failed;
+  const fs::directory_iterator entries(folder, failed);
+  return !failed && std::all_of(begin(entries), end(entries), is_lost_and_found);
+}
+
+/// A folder that has to stay where it is: a disk is mounted there.
+bool is_root_of_disk(const fs::path& folder) {
+  struct stat its {
+  }, above{};
+  return ::lstat(folder.c_str(), &its) == 0 &&
+         ::stat(fs::absolute(folder).lexically_normal().parent_path().c_str(), &above) == 0 &&
+         its.st_dev != above.st_dev;
+}
+
 void require_free_place(const fs::path& folder) {
   std::error_code ignored;
   const fs::file_status status = fs::status(folder, ignored);
@@ -148,7 +172,7 @@ void require_free_place(const fs::path& folder) {
   if (fs::exists(folder / "device.pub", ignored)) {
     throw UsageError(folder.string() + " is a home already and stays as it is: name another with --home DIR");
   }
-  if (!fs::is_directory(status) || !fs::is_empty(folder, ignored)) {
+  if (!fs::is_directory(status) || !is_unused(folder)) {
     throw UsageError(folder.string() + " is there and not empty: name a new folder with --home DIR");
   }
 }
@@ -178,10 +202,13 @@ crypto::VerifierKey fill(const Home& home, const Request& request, const std::ve
 }
 
 /// The new home is filled beside its place and renamed there when it is whole; inside it where the folder is
-/// there, empty, and this user may write nothing beside it (a service's folder below /var/lib).
+/// there and no other can take its place: it is the root of a disk, or this user may write nothing beside it
+/// (a service's folder below /var/lib).
 fs::path make_place(const fs::path& folder, Undo& undo) {
   const fs::path beside = fs::absolute(folder).lexically_normal().parent_path();
-  const bool inside = fs::is_directory(folder) && ::access(beside.c_str(), W_OK) != 0;
+  std::error_code ignored;
+  const bool inside = fs::is_directory(folder) && (::access(beside.c_str(), W_OK) != 0 ||
+                                                   !fs::is_empty(folder, ignored) || is_root_of_disk(folder));
   const fs::path parent = inside ? folder : beside;
   std::error_code failed;
   fs::create_directories(parent, failed);

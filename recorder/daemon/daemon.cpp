@@ -182,13 +182,17 @@ struct Daemon::State {
     return room(required_text(request, "room"));
   }
 
-  /// Hours until the disk is full if every room recorded; nothing if that cannot be known.
+  /// Hours until the disk is full if every room recorded; nothing if that cannot be known. A room that rests
+  /// counts with what its last case wrote, so that the figure does not jump when a case begins or ends;
+  /// before its first case with the bit rate that is asked for.
   [[nodiscard]] std::optional<double> hours_left(const DiskState& disk) const {
     double rate = 0;
     for (std::size_t i = 0; i < rooms.size(); ++i) {
       const RoomStatus status = rooms[i]->status();
-      if (status.bytes_per_second > 0) {
-        rate += status.bytes_per_second;
+      const double known =
+          status.bytes_per_second > 0 ? status.bytes_per_second : status.last_bytes_per_second;
+      if (known > 0) {
+        rate += known;
       } else if (expected[i]) {
         rate += *expected[i];
       } else {

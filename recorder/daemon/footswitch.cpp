@@ -47,10 +47,13 @@ Descriptor open_by_name(const std::string& name) {
     if (entry.path().filename().string().starts_with("event")) events.push_back(entry.path());
   }
   std::sort(events.begin(), events.end());
+  std::filesystem::path refused;
   for (const std::filesystem::path& event : events) {
     Descriptor device = open_quietly(event);
+    if (device.number() < 0 && errno == EACCES) refused = event;
     if (device.number() >= 0 && name_of(device) == name) return device;
   }
+  if (!refused.empty()) throw IoError("look for the footswitch '" + name + "' at", refused, EACCES);
   throw Error("there is no input device named '" + name + "' that may be read");
 }
 
@@ -88,6 +91,8 @@ Descriptor watch_for(const std::string& device) {
 }
 
 }  // namespace
+
+void try_footswitch(const FootswitchOptions& options) { open_device(options); }
 
 std::string_view press_action_name(PressAction action) {
   switch (action) {

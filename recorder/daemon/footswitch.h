@@ -29,6 +29,10 @@ struct FootswitchOptions {
   std::chrono::milliseconds longest_pause{30'000};
 };
 
+/// Opens the device once and lets go of it. Throws kiroku::Error where it is not there or has no such key,
+/// kiroku::IoError with EACCES where this user may not read it.
+void try_footswitch(const FootswitchOptions& options);
+
 /// How it is; the sentence is for people.
 struct FootswitchStatus {
   std::string device;

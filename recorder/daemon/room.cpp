@@ -391,6 +391,7 @@ struct Room::State {
       const std::lock_guard guard(mutex);
       session.reset();
       status.state = RoomState::kIdle;
+      if (status.bytes_per_second > 0) status.last_bytes_per_second = status.bytes_per_second;
       status.bytes_per_second = 0;
       if (!result.case_id.empty()) {
         status.reason = result.close_reason;

@@ -62,6 +62,7 @@ struct RoomStatus {
   std::vector<ProcedureWay> procedure;         // how the ways to procedure data are
   std::uint64_t cases = 0;                     // ended since the room was made
   double bytes_per_second = 0;                 // of the case being recorded, over the last minute or so
+  double last_bytes_per_second = 0;            // the same of the case before, at its end
 };
 
 /// What a room tells the world; called from the room's thread. Must not call the room.

@@ -237,7 +237,7 @@ TEST_F(AttackBesideAnOutsideAuthority, AnExcerptBetweenOwnTokensReachesToTheOuts
   options.streams = {"endoscope"};
   archive::make_excerpt(sample.folder(), options, archive_.folder() / "excerpt");
   const archive::VerificationReport report = verify(archive_.folder() / "excerpt", own_);
-  EXPECT_EQ(summary(report), "intact") << details(report);
+  EXPECT_EQ(summary(report), "intact-excerpt") << details(report);
   EXPECT_EQ(archive::time_proof_name(report.time), "external");
   for (const archive::Bracket& bracket : report.brackets) {
     EXPECT_THAT(bracket.authority_before, testing::AnyOf("", "outside"));

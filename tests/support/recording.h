@@ -57,6 +57,7 @@ class RecorderBench {
                                                recorder::Profile profile = recorder::Profile::kMpeg2) const;
   [[nodiscard]] RecordedCase read(const std::filesystem::path& folder) const { return {folder, identities_}; }
   [[nodiscard]] RecordedCase record(recorder::SessionOptions options) const;
+  [[nodiscard]] const crypto::AgeIdentities& identities() const { return identities_; }
   [[nodiscard]] std::filesystem::path operator/(const std::string& name) const { return folder_ / name; }
   /// Case folders in the archive.
   [[nodiscard]] std::size_t cases() const;

@@ -55,6 +55,26 @@ TEST_F(Init, RefusesAFolderWithSomethingInIt) {
   EXPECT_THAT(files_below(home()), ElementsAre("notes.txt"));
 }
 
+TEST_F(Init, TakesTheRootOfANewDisk) {
+  if (::geteuid() != 0) GTEST_SKIP() << "only root makes what mkfs leaves";
+  std::filesystem::create_directories(home() / "lost+found");
+  ASSERT_EQ(kiroku({"init", "--demo"}).status, 0);
+  EXPECT_TRUE(std::filesystem::is_regular_file(home() / "device.pub"));
+  EXPECT_TRUE(std::filesystem::is_directory(home() / "lost+found"));
+  EXPECT_THAT(files_below(home()), testing::Not(testing::Contains(HasSubstr(".kiroku-init"))));
+}
+
+TEST_F(Init, RefusesAFolderThatOnlyLooksLikeTheRootOfADisk) {
+  std::filesystem::create_directory(home());
+  write_text(home() / "lost+found", "mine");
+  EXPECT_REFUSED(kiroku({"init", "--demo"}), "not empty");
+  std::filesystem::remove(home() / "lost+found");
+  std::filesystem::create_directory(home() / "lost+found");
+  write_text(home() / "notes.txt", "mine");
+  EXPECT_REFUSED(kiroku({"init", "--demo"}), "not empty");
+  EXPECT_THAT(files_below(home()), testing::Contains("notes.txt"));
+}
+
 TEST_F(Init, AsksForTwoRecipients) {
   EXPECT_REFUSED(kiroku({"init", "--recipient", kAlice}), "at least two recipients");
   EXPECT_FALSE(std::filesystem::exists(home()));

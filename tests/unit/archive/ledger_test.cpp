@@ -107,6 +107,31 @@ TEST_F(LedgerTest, CutsATornLastLineAndSaysHowLongItWas) {
   EXPECT_EQ(contents(), "one\ntwo\n");
 }
 
+TEST_F(LedgerTest, CutsOffZerosThatAPowerCutLeftUnlessACheckpointCoversThem) {
+  const std::string zeros(5000, '\0');
+  const std::string written = "one\ntwo\n" + zeros + "ee\nfour\n";
+  const auto open_covered = [&](std::uint64_t covered) {
+    std::ofstream(file_, std::ios::binary) << written;
+    return Ledger::open(files_, file_, Ledger::Sharing::kExclusive, nullptr, {},
+                        [covered] { return covered; });
+  };
+  for (const std::uint64_t covered : {0U, 2U}) {
+    const auto ledger = open_covered(covered);
+    EXPECT_EQ(contents(), "one\ntwo\n");
+    EXPECT_EQ(ledger->torn_bytes(), zeros.size() + 8);
+    EXPECT_EQ(ledger->root(), root_of({"one", "two"}));
+  }
+  EXPECT_EQ(open_covered(3)->size(), 4U);
+  EXPECT_EQ(contents(), written) << "zeros in what was signed are for the verifier to find";
+}
+
+TEST_F(LedgerTest, CutsOffMoreZerosThanAnyLineHasBytes) {
+  std::ofstream(file_, std::ios::binary) << "one\n" << std::string((3U << 20U) + 1, '\0');
+  const auto ledger =
+      Ledger::open(files_, file_, Ledger::Sharing::kExclusive, nullptr, {}, [] { return std::uint64_t{1}; });
+  EXPECT_EQ(contents(), "one\n");
+}
+
 TEST_F(LedgerTest, RefusesASecondWriter) {
   const auto ledger = open();
   try {

@@ -140,7 +140,7 @@ TEST_F(RecoveryTest, AdoptsWhatWasDurableAndStatesWhatWasLost) {
   EXPECT_EQ(recovered[0].incomplete, 1U);
   EXPECT_EQ(recovered[0].tokens, 1U);
   EXPECT_TRUE(recovered[0].stamped);
-  EXPECT_THAT(recovered[0].truncated, HasSubstr("a ledger line of which 24 bytes were written"));
+  EXPECT_THAT(recovered[0].truncated, HasSubstr("24 bytes behind the last whole line of the ledger"));
   EXPECT_THAT(recovered[0].truncated, HasSubstr("endoscope/00000004.ts.age.part, of which"));
   EXPECT_THAT(recovered[0].truncated, HasSubstr("vitals/00000001.jsonl.age.part, removed"));
 

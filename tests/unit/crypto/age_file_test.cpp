@@ -213,6 +213,8 @@ TEST(AgeFile, ATruncatedFileCanBeReadUpToItsLastWholeChunk) {
     const AgeFile file = AgeFile::open(*source, keys().identities, Truncation::kTolerate);
     EXPECT_TRUE(file.is_truncated());
     EXPECT_EQ(file.plaintext_size(), chunks * kAgeChunkSize);
+    const std::size_t end = payload + chunks * kSealedAgeChunkSize;
+    EXPECT_EQ(file.unreadable_size(), cut.size() - std::min(cut.size(), end));
     for (const unsigned threads : {1U, 2U})
       EXPECT_EQ(read_all(file, threads), front_of(plaintext, chunks * kAgeChunkSize));
   };
@@ -227,10 +229,16 @@ TEST(AgeFile, ATruncatedFileCanBeReadUpToItsLastWholeChunk) {
       front_of(sealed, payload + 4 * kSealedAgeChunkSize + 1000);  // as a power cut leaves them
   zeros_behind.resize(zeros_behind.size() + 3 * kSealedAgeChunkSize);
   readable(zeros_behind, 4);
+  Bytes zeros_between = sealed;
+  std::fill_n(zeros_between.begin() + static_cast<std::ptrdiff_t>(payload + 3 * kSealedAgeChunkSize + 4096),
+              4096, std::byte{0});
+  readable(zeros_between, 3);  // what follows them opens, and yet nobody reads on over a hole
+  readable(front_of(zeros_between, sealed.size() - 1), 3);
 
   const auto source = memory_source(sealed);
   const AgeFile whole = AgeFile::open(*source, keys().identities, Truncation::kTolerate);
   EXPECT_FALSE(whole.is_truncated());
+  EXPECT_EQ(whole.unreadable_size(), 0U);
   EXPECT_EQ(read_all(whole, 1), plaintext);
 }
 

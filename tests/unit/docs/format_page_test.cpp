@@ -32,7 +32,7 @@ std::string with_commas(std::uint64_t number) {
 }
 
 TEST(FormatPage, StatesEveryLimit) {
-  std::ifstream in(std::string(KIROKU_SOURCE_DIR) + "/docs/format.md");
+  std::ifstream in(test::source_folder() / "docs/format.md");
   ASSERT_TRUE(in);
   std::stringstream page;
   page << in.rdbuf();
