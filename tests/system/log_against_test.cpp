@@ -2,6 +2,7 @@
 #include <algorithm>
 #include <sstream>
 
+#include "tests/support/build_paths.h"
 #include "tests/system/program_test.h"
 
 namespace kiroku::test {
@@ -36,7 +37,7 @@ class LogAgainst : public ProgramTest {
   }
   [[nodiscard]] ProcessResult small_verifier(Arguments arguments) const {
     Process::Options run = options({});
-    run.command = {KIROKU_VERIFY_PROGRAM};
+    run.command = {built_file("kiroku-verify")};
     run.command.insert(run.command.end(), arguments.begin(), arguments.end());
     return run_process(run);
   }
@@ -57,7 +58,7 @@ class LogAgainst : public ProgramTest {
 
 TEST_F(LogAgainst, ANoteThatWasKeptHoldsWhileTheLogGrows) {
   const std::string kept = keep_newest(home(), "kept.note");
-  record();
+  (void)record();
   const ProcessResult judged = kiroku({"log", "--verify", "--against", kept});
   EXPECT_EQ(judged.status, 0) << judged.out << judged.err;
   EXPECT_THAT(judged.out, HasSubstr("outside-note-holds"));
