@@ -44,7 +44,8 @@ class LogAgainst : public ProgramTest {
   /// "code entry" of each finding about notes.
   static std::vector<std::string> about_notes(const std::string& json) {
     std::vector<std::string> found;
-    for (const auto& each : nlohmann::json::parse(json)["findings"]) {
+    const nlohmann::json report = nlohmann::json::parse(json);
+    for (const auto& each : report.at("findings")) {
       const std::string code = each["code"];
       if (code.starts_with("outside-")) {
         found.push_back(code + (each["entry"].is_null() ? "" : " " + each["entry"].dump()));

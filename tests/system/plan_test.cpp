@@ -283,7 +283,8 @@ TEST_F(PlanProgram, CarriesOutTheWorkedPlans) {
     EXPECT_EQ(kiroku({"plan", "check", plan}).status, 0) << name;
     const ProcessResult ran = kiroku({"plan", "run", plan, "-o", name, "--frames-every", "1", "--json"});
     ASSERT_EQ(ran.status, 0) << ran.err;
-    for (const nlohmann::json& step : nlohmann::json::parse(ran.out)["steps"])
+    const nlohmann::json answer = nlohmann::json::parse(ran.out);
+    for (const nlohmann::json& step : answer.at("steps"))
       EXPECT_EQ(step["remarks"].size(), 0U) << name << " " << step.dump();
   }
 }

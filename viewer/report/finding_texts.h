@@ -18,6 +18,8 @@ struct FindingText {
 inline constexpr auto kFindingTexts = std::to_array<FindingText>({
     {"entry-malformed", Check::kLedger, "台帳の行が形式に合わない（位置は不正が始まるバイト）。"},
     {"entry-too-long", Check::kLedger, "台帳の行が 1 MiB を超えている。"},
+    {"ledger-unreadable", Check::kLedger,
+     "項目でない行が 1 万を超えたため、台帳の残りを読まず、残りに依存する点を判定していない。"},
     {"entry-out-of-sequence", Check::kLedger, "項目の通し番号が行の順番と一致しない。"},
     {"entry-after-close", Check::kLedger, "終了項目の後に、許されない種類の項目がある。"},
     {"open-missing", Check::kLedger, "最初の項目が開始項目でない。"},

@@ -273,7 +273,7 @@ TEST_F(Excerpt, CarriesCertificatesOfTheAuthoritiesAndNothingElse) {
   EXPECT_FALSE(fs::exists(excerpt() / "authorities/swiss.pem"));
   EXPECT_EQ(read(excerpt() / "authorities/embedded.pem"), read(folder_ / "authorities/embedded.pem"));
   // Other lines of the case may name that authority.
-  EXPECT_EQ(summary(verify()), "intact\nauthority-not-named authorities/free.pem -");
+  EXPECT_EQ(summary(verify()), "intact-excerpt\nauthority-not-named authorities/free.pem -");
   write(excerpt() / "authorities/film.mp4", "x");
   EXPECT_EQ(verify().verdict, Verdict::kTampered);
 }
@@ -289,7 +289,7 @@ TEST_F(Excerpt, IsComparedWithANoteThatWasKeptAsFarAsItsLinesReach) {
     largest = std::max<std::uint64_t>(largest, std::stoull(each.path().stem().string()));
   }
   options.against = kept(format_index(largest) + ".note");
-  EXPECT_EQ(summary(verify_case(excerpt(), options)), "intact\noutside-note-holds - -");
+  EXPECT_EQ(summary(verify_case(excerpt(), options)), "intact-excerpt\noutside-note-holds - -");
   // Of what came later the excerpt shows nothing: that is no cut.
   options.against = kept("00000011.note");
   EXPECT_EQ(summary(verify_case(excerpt(), options)), "unproven\noutside-note-unchecked - -");
