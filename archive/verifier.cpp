@@ -211,9 +211,8 @@ class CaseVerification {
       return false;
     }
     const std::string whole = file.path.substr(0, file.path.size() - kPartSuffix.size());
-    return is_note_path(whole) || token_of_path(whole) ||
-           std::any_of(rules_.streams().begin(), rules_.streams().end(),
-                       [&](const auto& named) { return named.second.has_name(whole); });
+    const StreamRules* const stream = rules_.stream_of_folder(whole);
+    return is_note_path(whole) || token_of_path(whole) || (stream != nullptr && stream->has_name(whole));
   }
 
   /// A token that comes after the recording is stored before its entry is written, and the checkpoint over

@@ -17,6 +17,7 @@ class SwitchedAuthority : public timestamp::StampSource {
   explicit SwitchedAuthority(std::shared_ptr<timestamp::StampSource> inner) : inner_(std::move(inner)) {}
   Bytes ask(ByteView query) override {
     ++requests;
+    held.wait(true);
     if (!up) {
       const std::chrono::seconds pause(leave_alone_for_s);
       throw timestamp::AuthorityError("the authority is not there",
@@ -24,9 +25,15 @@ class SwitchedAuthority : public timestamp::StampSource {
     }
     return inner_->ask(query);
   }
+  /// Lets go whoever asks while `held` is set.
+  void let_go() {
+    held = false;
+    held.notify_all();
+  }
   [[nodiscard]] std::string path() const override { return "over wwan0"; }
 
   std::atomic<bool> up = true;
+  std::atomic<bool> held = false;  // it answers nobody before let_go()
   std::atomic<int> requests = 0;
   std::atomic<int> leave_alone_for_s = 0;  // what it asks for while it is not up; 0: nothing
 

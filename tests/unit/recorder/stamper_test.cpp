@@ -142,7 +142,10 @@ TEST_F(StamperTest, TheClosingCheckpointIsTriedOnceMoreInTheMiddleOfAPause) {
   EXPECT_TRUE(nothing_comes_within(100ms));
   EXPECT_EQ(stamper->outstanding(), 0U);
   source_->up = true;
+  source_->held = true;
   stamper->stamp_closing(checkpoint(3));
+  EXPECT_EQ(stamper->outstanding(), 1U);
+  source_->let_go();
   const AuthorityAnswer closing = answer();
   EXPECT_TRUE(closing.valid()) << closing.cause;
   EXPECT_EQ(closing.checkpoint.size, 3U);
