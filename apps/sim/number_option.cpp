@@ -4,6 +4,7 @@
 #include <charconv>
 
 #include "base/error.h"
+#include "base/time_text.h"
 #include "sim/fem/number_text.h"
 #include "sim/respiration/number_table.h"
 
@@ -22,6 +23,16 @@ double parse_number(const std::string& text, const std::string& what, double lea
                      " to " + sim::number_text(greatest));
   }
   return *number;
+}
+
+double parse_seconds(const std::string& text, const std::string& what, double least, double greatest) {
+  const auto ns = parse_time_text(text);
+  const double seconds = ns ? static_cast<double>(*ns) / 1e9 : -1;
+  if (!ns || seconds < least || seconds > greatest) {
+    throw UsageError(what + " is '" + text + "', which is no length of time from " + sim::number_text(least) +
+                     "s to " + sim::number_text(greatest) + "s: write " + std::string(kTimeForms));
+  }
+  return seconds;
 }
 
 std::size_t parse_count(const std::string& text, const std::string& what, std::size_t least,
