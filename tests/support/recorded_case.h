@@ -15,6 +15,11 @@ struct RecordedStream {
   std::string name, kind, media;
   std::vector<Bytes> segments;       // plaintexts, a second of the case clock each
   std::vector<std::uint64_t> units;  // frames, samples or lines of each segment
+  /// When each segment begins on the case clock; absent: one after the other from 0. What lies between is
+  /// stated as gaps.
+  std::vector<std::int64_t> starts_ns = {};
+  /// Time stamps of the segments' first pictures, in 1/90000 s; absent: those of the case clock.
+  std::vector<std::int64_t> first_pts = {};
   /// The last segment was being written when the power failed: never sealed, entered as incomplete.
   bool last_is_cut = false;
   /// The first segment's file was removed by retention ("after 30 days"), and the ledger says so.
@@ -25,6 +30,7 @@ struct RecordedStream {
 struct Reader {
   crypto::AgeRecipients recipients;
   crypto::AgeIdentities identities;
+  std::string identity_text = {};  // as an identity file holds it
 };
 Reader make_reader();
 
