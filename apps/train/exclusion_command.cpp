@@ -8,6 +8,7 @@
 
 #include "apps/common/json_output.h"
 #include "apps/common/step_line.h"
+#include "apps/common/time_option.h"
 #include "apps/kiroku/commands.h"
 #include "apps/kiroku/home.h"
 #include "apps/sim/number_option.h"
@@ -304,14 +305,14 @@ void add_train_exclusion_command(Command& train) {
                  "forces in three directions, or their part along each finger", "full");
   command.option("--ghost", "FILE", request->ghost,
                  "an expert's hand motion, shown beside the trainee's fingers");
-  command.option("--seconds", "T", request->seconds, "until the attempt is over");
+  command.option("--seconds", "T", request->seconds, duration_help("until the attempt is over"));
   command.option("--size", "WxH", request->size, "of the pictures");
   command.option("--trainee", "NAME", request->trainee, "whose attempt it is ('kiroku train trainee')");
   command.option("--database", "FILE", request->database, "keeps the attempt there");
   command.option("--session", "N", request->session, "of the trainee's curriculum",
                  "the one that a person goes on with; 1");
   command.option("--practice", "T", request->practice,
-                 "a person's practice in a session before its test; 0 asks for none");
+                 duration_help("a person's practice in a session before its test; 0 asks for none"));
   command.flag("--test", request->test, "the session's test, without stress; else practice");
   command.option("--seed", "N", request->seed, "of the simulated trainee");
   command.flag("--seal", request->seal, "makes a case of it, signed and time-stamped, as of an operation");

@@ -5,6 +5,7 @@
 
 #include <nlohmann/json.hpp>
 
+#include "apps/common/time_option.h"
 #include "apps/kiroku/commands.h"
 #include "apps/kiroku/home.h"
 #include "apps/kiroku/serving.h"
@@ -122,9 +123,9 @@ void add_train_serve_command(Command& train) {
   command.option("--friction", "MU", request->friction,
                  "of a fingertip on the organ: the most force along its surface, in pressing ones; 0 glides",
                  "0.5, or what an organ's file says");
-  command.option("--seconds", "T", request->seconds, "until an attempt is over");
+  command.option("--seconds", "T", request->seconds, duration_help("until an attempt is over"));
   command.option("--practice", "T", request->practice,
-                 "of practice in a session before its test; 0 asks for none");
+                 duration_help("of practice in a session before its test; 0 asks for none"));
   command.option("--at-once", "N", request->at_once, "attempts at a time", "half as many as there are cores");
   command.option("--expert-a", "FILE", request->expert_a,
                  "an expert's hand motion on object A, shown on demand");
