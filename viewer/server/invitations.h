@@ -1,4 +1,4 @@
-// Guests: who was invited to look on in a room, until when, and what became of it (docs/viewer.md,
+// Guests: who was invited to look on in a room, until when, and what became of it (docs/reference/viewer.md,
 // "Invitations"). Kept in memory alone, so that none outlives the program. All classes are thread-safe.
 #pragma once
 

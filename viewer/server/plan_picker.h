@@ -17,7 +17,7 @@ struct PickingAnswer {
   std::string doing;
   std::optional<double> share;
   // Then:
-  std::string text;  // a JSON object, as docs/viewer.md has it
+  std::string text;  // a JSON object, as docs/reference/viewer.md has it
 };
 
 class PlanPicker {
