@@ -86,7 +86,8 @@ def wrapped(text):
             flush()
             fence = not fence
             out.append(line)
-        elif fence or not line.strip() or line.startswith(("|", "#", "<!--", "![", "    ")):
+        elif (fence or not line.strip() or line.startswith(("|", "#", "<!--", "!["))
+              or line.startswith("    ") and not block and not re.match(r"\s*[-*] ", line)):
             flush()
             out.append(line)
         else:
