@@ -26,6 +26,7 @@ class LateStamping {
     archive::ApplianceLog* log = nullptr;  // may be null (tests)
     const timestamp::TrustStore* trust = nullptr;
     StampingQueue* queue = nullptr;
+    const Clock* clock = &Clock::system();
   };
 
   struct Stamped {

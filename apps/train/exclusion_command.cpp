@@ -18,8 +18,8 @@
 #include "apps/train/training_body.h"
 #include "apps/train/udp_hand.h"
 #include "base/error.h"
+#include "base/number_text.h"
 #include "media/film_writer.h"
-#include "sim/fem/number_text.h"
 #include "sim/haptics/plugin_device.h"
 #include "sim/haptics/udp_device.h"
 #include "sim/model/body_model.h"
@@ -31,7 +31,6 @@
 namespace kiroku::apps {
 namespace {
 
-using sim::number_text;
 using Json = nlohmann::ordered_json;
 
 struct Request {

@@ -9,6 +9,8 @@
 #include <optional>
 #include <string>
 
+#include "base/clock.h"
+
 namespace kiroku::viewer {
 
 struct PickingAnswer {
@@ -30,6 +32,7 @@ class PlanPicker {
     std::chrono::milliseconds idle = std::chrono::minutes(5);
     /// So long after somebody's last question nobody else may take it for another plan.
     std::chrono::milliseconds reserved = std::chrono::minutes(1);
+    const Clock* clock = &Clock::system();  // by which all of these pass
   };
   explicit PlanPicker(Options options);
   /// Ends the program.

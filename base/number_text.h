@@ -3,7 +3,7 @@
 
 #include <string>
 
-namespace kiroku::sim {
+namespace kiroku {
 
 /// With at most `digits` significant ones: "0.5", "1e+300", "nan".
 std::string number_text(double number, int digits = 6);
@@ -11,4 +11,4 @@ std::string number_text(double number, int digits = 6);
 /// As few digits as read back to the bit.
 std::string exact_text(double number);
 
-}  // namespace kiroku::sim
+}  // namespace kiroku

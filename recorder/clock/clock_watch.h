@@ -11,7 +11,7 @@
 #include <optional>
 
 #include "archive/ledger_entry.h"
-#include "recorder/case_clock.h"
+#include "recorder/clock/case_clock.h"
 
 namespace kiroku::recorder {
 

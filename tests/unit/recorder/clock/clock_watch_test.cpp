@@ -1,4 +1,4 @@
-#include "recorder/clock_watch.h"
+#include "recorder/clock/clock_watch.h"
 
 #include <cmath>
 

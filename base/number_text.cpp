@@ -1,9 +1,9 @@
-#include "sim/fem/number_text.h"
+#include "base/number_text.h"
 
 #include <array>
 #include <charconv>
 
-namespace kiroku::sim {
+namespace kiroku {
 
 std::string number_text(double number, int digits) {
   std::array<char, 40> text{};
@@ -17,4 +17,4 @@ std::string exact_text(double number) {
   return {text.data(), std::to_chars(text.data(), text.data() + text.size(), number).ptr};
 }
 
-}  // namespace kiroku::sim
+}  // namespace kiroku
