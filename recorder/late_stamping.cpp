@@ -82,7 +82,7 @@ AuthorityContact* LateStamping::contact(const std::string& name) const {
   return found == contacts_.end() ? nullptr : found->get();
 }
 
-std::string LateStamping::pause_of(AuthorityContact& contact, Patience patience) {
+std::string LateStamping::pause_of(AuthorityContact& contact, Patience patience) const {
   const auto allowed = patience == Patience::kLimitsOnly ? contact.limit() : contact.next();
   const Clock::Time now = around_.clock->now();
   if (allowed <= now) return {};

@@ -2,7 +2,7 @@
 # Checks the source without running it. What needs seconds comes first; clang-tidy needs most of an hour and is asked for.
 #
 # Usage: tests/lint/run.sh [--tidy [FILE...]]
-#   tests/lint/run.sh                           formatting (clang-format 14), shell scripts (shellcheck), links, figures and generated pages of docs/
+#   tests/lint/run.sh                           formatting (clang-format 14), shell scripts (shellcheck), ways of includes, links, figures and generated pages of docs/
 #   tests/lint/run.sh --tidy                    clang-tidy on every source file of the preset release, too, which must be configured
 #   tests/lint/run.sh --tidy archive/ledger.cpp clang-tidy on these files alone
 #
@@ -33,6 +33,9 @@ fi
 
 # Sourced files define what the scripts use (SC2154), and counting loops need their variable for nothing else (SC2034).
 git grep -lE '^#!.*\b(bash|sh)$' -- ':!*.md' | xargs shellcheck -x -S warning -e SC2154,SC2034 || found=1
+
+# Which folder includes what.
+tests/lint/rooms.sh || found=1
 
 # Links and lines of the documents; tables of figures are what their JSON says; the configuration's page is deploy/kiroku.toml. The page of commands
 # needs the built programs: CTest's CommandsPage.
