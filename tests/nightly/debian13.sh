@@ -6,8 +6,8 @@
 #   tests/nightly/debian13.sh --keep          goes on in the root of the last run: what is installed and built is not made again
 #   tests/nightly/debian13.sh --keep -R Age   there, but only these tests, and no demo
 #
-# Packages come from where this machine's own apt takes Debian's, or from KIROKU_DEBIAN_MIRROR. Who is not root needs user namespaces, and folders above
-# that others may enter. What the compilers made is cached beside the root. Exit status: 0 passed, 1 failed, 77 skipped, as mmdebstrap is not installed.
+# Packages come from where this machine's own apt takes Debian's, or from KIROKU_DEBIAN_MIRROR. Who is not root needs user namespaces, and folders
+# above that others may enter. What the compilers made is cached beside the root. Exit status: 0 passed, 1 failed, 77 skipped, as there is no mmdebstrap.
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/../.."
 source deploy/lib.sh
