@@ -7,7 +7,7 @@
 #   tests/nightly/debian13.sh --keep -R Age   there, but only these tests, and no demo
 #
 # Packages come from where this machine's own apt takes Debian's, or from KIROKU_DEBIAN_MIRROR. Who is not root needs user namespaces, and folders
-# above that others may enter. What the compilers made is cached beside the root. Exit status: 0 passed, 1 failed, 77 skipped, as there is no mmdebstrap.
+# above that others may enter. What the compilers made is cached beside the root. Exit status: 0 passed, 1 failed, 77 skipped: no mmdebstrap.
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/../.."
 source deploy/lib.sh
