@@ -6,8 +6,8 @@
 #   tests/nightly/debian13.sh --keep          goes on in the root of the last run: what is installed and built is not made again
 #   tests/nightly/debian13.sh --keep -R Age   there, but only these tests, and no demo
 #
-# Packages come from where this machine's own apt takes Debian's, or from KIROKU_DEBIAN_MIRROR. Who is not root needs user namespaces. What the compilers
-# made is cached beside the root. Exit status: 0 passed, 1 failed, 77 skipped, as mmdebstrap is not installed.
+# Packages come from where this machine's own apt takes Debian's, or from KIROKU_DEBIAN_MIRROR. Who is not root needs user namespaces, and folders
+# above that others may enter. What the compilers made is cached beside the root. Exit status: 0 passed, 1 failed, 77 skipped: no mmdebstrap.
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/../.."
 source deploy/lib.sh
@@ -20,10 +20,10 @@ command -v mmdebstrap >/dev/null || { echo "SKIPPED: mmdebstrap is not installed
 
 work=$root/build/nightly/debian13
 debian=$work/root
-# Ordinary users get the rights of root over their own root only, in a namespace of their own.
+# Ordinary users become root of a namespace of their own, by the numbers of /etc/subuid, as mmdebstrap makes them.
 mode=root own=()
 export PATH=$PATH:/usr/sbin  # chroot, which ordinary users are not offered
-((EUID == 0)) || mode=unshare own=(--user --map-root-user --map-auto)
+((EUID == 0)) || mode=unshare own=(--user --map-auto --setuid 0 --setgid 0)
 
 # inside COMMAND ARGUMENT...: runs it in the tree in the root. What it mounts and starts goes when it ends.
 inside() {
@@ -55,12 +55,16 @@ debian_sources() {
 }
 
 mkdir -p "$work/ccache"
+# There, an ordinary user is somebody else.
+((EUID == 0)) || chmod 777 "$work/ccache"
 if [[ -z $keep || ! -e $debian/src ]]; then
   say "A fresh root of Debian 13 ($mode)"
   sources=$(debian_sources)
   [[ -n $sources ]] || die "apt here knows no source of Debian; name one: KIROKU_DEBIAN_MIRROR=ADDRESS tests/nightly/debian13.sh"
-  # Files of other users in it can be removed only by who mapped them.
-  [[ ! -e $debian ]] || unshare "${own[@]}" rm -rf --one-file-system "$debian"
+  if [[ -e $debian ]]; then
+    unshare "${own[@]}" find "$debian" -xdev -mindepth 1 -delete
+    rmdir "$debian"
+  fi
   mmdebstrap --mode="$mode" --variant=apt --include=ca-certificates trixie "$debian" - <<<"$sources" 2>&1 | alive "mmdebstrap goes on"
   unshare "${own[@]}" mkdir -p "$debian/src/shared" "$debian/src/kiroku" "$debian/var/cache/ccache"
 fi

@@ -30,8 +30,8 @@ std::vector<MlKemProvider> providers() {
 // The same tests, whoever computes.
 class MlKem : public testing::TestWithParam<MlKemProvider> {
  protected:
-  [[nodiscard]] static MlKemPrivateKey key_of(ByteView seed) { return MlKemPrivateKey(seed, GetParam()); }
-  [[nodiscard]] static MlKemEncapsulation encapsulate(ByteView public_key, const Secret& message) {
+  static MlKemPrivateKey key_of(ByteView seed) { return MlKemPrivateKey(seed, GetParam()); }
+  static MlKemEncapsulation encapsulate(ByteView public_key, const Secret& message) {
     return ml_kem_encapsulate(public_key, message, GetParam());
   }
 };
