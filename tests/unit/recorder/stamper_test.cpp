@@ -104,11 +104,7 @@ TEST_F(StamperTest, AfterAnOutageOneTokenCatchesUp) {
   clock_.await_waiting(1);
   EXPECT_THAT(source_->requests.load(), AllOf(Ge(12), Le(24)));
   source_->up = true;
-  for (int looks = 0; looks < 150; ++looks) {  // the longest pause and a quarter more
-    if (stamper->status()[0].failures == 0) break;
-    clock_.await_waiting(1);
-    clock_.move(5s);
-  }
+  clock_.move(750s);  // the longest pause and a quarter more; after its token the stamper waits for nothing
   int missed = 0;
   AuthorityAnswer latest = answer();
   while (!latest.valid()) {
