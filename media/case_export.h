@@ -6,7 +6,7 @@
 //   NAME.frames.csv      when each picture of the file beside it is shown: frame,time,case_time (seconds)
 //   NAME.csv NAME.jsonl  vital signs and waves as a table, and every line as it was recorded (texts, alarms)
 //   NAME.jsonl           events and pointing
-//   manifest.json        docs/operations.md, "Exporting"
+//   manifest.json        docs/how-to/export.md
 // All files have one time 0 (export_zero_ns()).
 #pragma once
 

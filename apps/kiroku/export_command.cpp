@@ -41,7 +41,7 @@ static_assert(std::atomic<bool>::is_always_lock_free);
 void end_when_told() {
   struct sigaction action {};
   action.sa_handler = [](int) { told_to_end = true; };
-  action.sa_flags = SA_RESETHAND;  // who asks twice is obeyed at once
+  action.sa_flags = static_cast<int>(SA_RESETHAND);  // who asks twice is obeyed at once
   for (const int signal : {SIGINT, SIGTERM, SIGHUP}) ::sigaction(signal, &action, nullptr);
 }
 
@@ -188,8 +188,7 @@ void add_export_command(Command& program) {
   command.explain(
       "Pictures are copied, never encoded again. Every sealed file is checked against the ledger before a "
       "byte of it leaves; if one changes meanwhile, nothing is written. Whole segments are written, so that "
-      "a "
-      "little more than asked for may be there. The export is entered in the appliance log.");
+      "a little more than asked for may be there. The export is entered in the appliance log.");
   command.explain(
       "All forms and streams have one time base. Time 0 is --from, or where the earliest segment of pictures "
       "begins that reaches into the stretch; it is the same for every stream that is exported from the same "
@@ -197,9 +196,8 @@ void add_export_command(Command& program) {
       "time and, in its last column, the time since 0.");
   command.explain(
       "--all verifies the case first. manifest.json says what was found, where each file begins on the "
-      "case's "
-      "clock and in UTC by the ledger, gaps, and the SHA-256 of each file; NAME.frames.csv says when each "
-      "picture is shown.");
+      "case's clock and in UTC by the ledger, gaps, and the SHA-256 of each file; NAME.frames.csv says when "
+      "each picture is shown.");
   command.example(
       "kiroku export 20260805T091502Z-3f9c21ab --stream endoscope -i identity.txt -o endoscope.mp4",
       "the endoscope's film");

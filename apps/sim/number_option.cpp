@@ -29,8 +29,8 @@ double parse_seconds(const std::string& text, const std::string& what, double le
   const auto ns = parse_time_text(text);
   const double seconds = ns ? static_cast<double>(*ns) / 1e9 : -1;
   if (!ns || seconds < least || seconds > greatest) {
-    throw UsageError(what + " is '" + text + "', which is no length of time from " + sim::number_text(least) +
-                     "s to " + sim::number_text(greatest) + "s: write " + std::string(kTimeForms));
+    throw UsageError(what + " is '" + text + "', which is no length of time from " + number_text(least) +
+                     "s to " + number_text(greatest) + "s: write " + std::string(kTimeForms));
   }
   return seconds;
 }

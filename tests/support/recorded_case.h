@@ -15,15 +15,15 @@ struct RecordedStream {
   std::string name, kind, media;
   std::vector<Bytes> segments;       // plaintexts, a second of the case clock each
   std::vector<std::uint64_t> units;  // frames, samples or lines of each segment
+  /// The last segment was being written when the power failed: never sealed, entered as incomplete.
+  bool last_is_cut = false;
+  /// The first segment's file was removed by retention ("after 30 days"), and the ledger says so.
+  bool first_is_erased = false;
   /// When each segment begins on the case clock; absent: one after the other from 0. What lies between is
   /// stated as gaps.
   std::vector<std::int64_t> starts_ns = {};
   /// Time stamps of the segments' first pictures, in 1/90000 s; absent: those of the case clock.
   std::vector<std::int64_t> first_pts = {};
-  /// The last segment was being written when the power failed: never sealed, entered as incomplete.
-  bool last_is_cut = false;
-  /// The first segment's file was removed by retention ("after 30 days"), and the ledger says so.
-  bool first_is_erased = false;
 };
 
 /// Someone who can open what is sealed to her.

@@ -138,16 +138,16 @@ TEST_F(Exporting, ReplacesOnlyWhereForcedAndOnlyWhatItMade) {
 }
 
 TEST_F(Exporting, SaysWhatIsWrongWithTimesAndNames) {
-  const auto refused = [&](Arguments more, const std::string& part) {
+  const auto expect = [&](Arguments more, const std::string& part) {
     more.insert(more.end(), {"-o", "x.ts"});
     EXPECT_REFUSED(take(more), part);
   };
-  refused({"--stream", "endoscop"}, "did you mean 'endoscope'?");
-  refused({"--stream", "room", "--from", "5s", "--to", "0:03"}, "--from (5s) is after --to (0:03)");
-  refused({"--stream", "room", "--from", "1h2m"}, "beyond the end of the case, which is 00:00:08 long");
-  refused({"--stream", "room", "--to", "9"}, "beyond the end of the case, which is 00:00:08 long");
-  refused({"--stream", "room", "--from", "noon"}, "write 5s, 0:05, 1:02:03.5, 1h2m or 90 (seconds)");
-  refused({}, "--stream, or take every stream with --all");
+  expect({"--stream", "endoscop"}, "did you mean 'endoscope'?");
+  expect({"--stream", "room", "--from", "5s", "--to", "0:03"}, "--from (5s) is after --to (0:03)");
+  expect({"--stream", "room", "--from", "1h2m"}, "beyond the end of the case, which is 00:00:08 long");
+  expect({"--stream", "room", "--to", "9"}, "beyond the end of the case, which is 00:00:08 long");
+  expect({"--stream", "room", "--from", "noon"}, "write 5s, 0:05, 1:02:03.5, 1h2m or 90 (seconds)");
+  expect({}, "--stream, or take every stream with --all");
 }
 
 }  // namespace

@@ -43,7 +43,7 @@ TEST(TransportTimes, ChangeNothingButTimes) {
   move(moved, 12'345'678);
   ASSERT_EQ(moved.size(), original.size());
   std::size_t changed = 0;
-  for (std::size_t i = 0; i < moved.size(); ++i) changed += moved[i] != original[i] ? 1 : 0;
+  for (std::size_t i = 0; i < moved.size(); ++i) changed += moved[i] != original[i] ? 1U : 0U;
   EXPECT_LT(changed, moved.size() / TransportTimes::kPacketBytes * 6);
   EXPECT_GT(changed, 0U);
 }
@@ -63,7 +63,7 @@ TEST(TransportTimes, LeaveOutSoundBeforeZero) {
   const auto nulls = [](const Bytes& bytes) {
     std::size_t count = 0;
     for (std::size_t at = 0; at < bytes.size(); at += TransportTimes::kPacketBytes) {
-      count += bytes[at + 1] == std::byte{0x1f} && bytes[at + 2] == std::byte{0xff} ? 1 : 0;
+      count += bytes[at + 1] == std::byte{0x1f} && bytes[at + 2] == std::byte{0xff} ? 1U : 0U;
     }
     return count;
   };
