@@ -4,6 +4,7 @@
 #include <filesystem>
 #include <iostream>
 #include <new>
+#include <span>
 
 #include <CLI/CLI.hpp>
 
@@ -82,7 +83,8 @@ std::string choice_meant(const std::string& text, const Command& command) {
 }
 
 /// One sentence, beginning in lower case, for what CLI11 refused.
-std::string parse_sentence(const CLI::ParseError& error, const Command& command) {
+std::string parse_sentence(const CLI::ParseError& error, const Command& command,
+                           std::span<const char* const> typed) {
   std::string text = error.what();
   if (dynamic_cast<const CLI::ExtrasError*>(&error) != nullptr) {
     // An unknown option makes its value unexpected, too: the option is what was wrong.
@@ -92,7 +94,11 @@ std::string parse_sentence(const CLI::ParseError& error, const Command& command)
       const std::string name = word.substr(0, word.find('='));
       return "there is no option '" + name + "' here" + did_you_mean(name, option_names(command));
     }
-    const std::string word = words.empty() ? "" : words.front();
+    // CLI11 tells them in an order of its own: what follows a mistyped command is its arguments.
+    const auto first =
+        std::find_first_of(typed.begin(), typed.end(), words.begin(), words.end(),
+                           [](const char* one, const std::string& other) { return other == one; });
+    const std::string word = first == typed.end() ? "" : *first;
     return "'" + word + "' is neither a command of " + command.full_name() +
            " nor expected as an argument here" + did_you_mean(word, command_names(command));
   }
@@ -272,7 +278,8 @@ int Program::run_parsed(int argc, const char* const* argv) {
     return kDone;
   } catch (const CLI::ParseError& error) {
     descend();
-    throw UsageError(parse_sentence(error, *command) + "; see '" + command->full_name() + " --help'");
+    throw UsageError(parse_sentence(error, *command, {argv, std::size_t(argc)}) + "; see '" +
+                     command->full_name() + " --help'");
   }
   if (command->action_) return command->action_();
   if (command == root_.get()) {

@@ -12,7 +12,7 @@
 #include <unistd.h>
 
 #include "apps/kiroku/blas_kernels.h"
-#include "apps/kiroku/command_list.h"
+#include "apps/programs/command_list.h"
 
 namespace {
 

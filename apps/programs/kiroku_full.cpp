@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <string>
 
-#include "apps/kiroku/command_list.h"
+#include "apps/programs/command_list.h"
 #include "recorder/source/source_guard.h"
 
 namespace {

@@ -1,7 +1,7 @@
 // kiroku-sim: the commands of kiroku that simulate, without the libraries of cameras and codecs, whose
 // loading took a fifth of a small solve. People start it through kiroku.
 
-#include "apps/kiroku/command_list.h"
+#include "apps/programs/command_list.h"
 
 int main(int argc, char** argv) {
   using namespace kiroku::apps;

@@ -9,6 +9,7 @@ namespace {
 using testing::HasSubstr;
 
 const std::vector<Arguments> kCommands{{"init"},
+                                       {"devices"},
                                        {"record"},
                                        {"cases"},
                                        {"sim", "solve"},
@@ -86,6 +87,7 @@ TEST_F(Help, RefusesWhatItDoesNotKnowInOneSentenceWithAHint) {
 TEST_F(Help, AsksWhatWasMeantInEveryProgram) {
   EXPECT_REFUSED(kiroku({"recrod"}), "did you mean 'record'?");
   EXPECT_REFUSED(kiroku({"caes"}), "did you mean 'case'?");
+  EXPECT_REFUSED(kiroku({"expotr", "a-case", "another"}), "did you mean 'export'?");
   EXPECT_REFUSED(kiroku({"case", "strat"}), "did you mean 'start'?");
   EXPECT_REFUSED(kiroku({"sim", "rendr"}), "did you mean 'render'?");
   EXPECT_REFUSED(kiroku({"plan", "repaly"}), "did you mean 'replay'?");
