@@ -175,6 +175,13 @@ inline constexpr auto kFindingCodes = std::to_array<FindingCode>({
      "what is here does not show the root at a given note's size: it was not compared"},
     {"outside-note-holds", Severity::kNote,
      "a note kept outside fits: the entries begin with those that it was signed of"},
+    // -- two cases of one operation
+    {"carrying-on-broken", Severity::kTampered,
+     "this case and the one that it carries on, or that carries it on, do not fit each other"},
+    {"carried-on-not-here", Severity::kNote,
+     "the case that this one carries on, or that carries this one on, does not lie beside it"},
+    {"carrying-on-holds", Severity::kNote,
+     "this case and the one that it carries on, or that carries it on, name each other"},
     // -- excerpts
     {"excerpt-malformed", Severity::kTampered,
      "excerpt.json is not of the format, or does not fit the lines beside it"},

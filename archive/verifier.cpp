@@ -5,6 +5,7 @@
 #include <utility>
 
 #include "archive/authority_files.h"
+#include "archive/carried_on.h"
 #include "archive/case_folder.h"
 #include "archive/case_layout.h"
 #include "archive/case_rules.h"
@@ -110,6 +111,9 @@ class CaseVerification {
     rules_.judge_missing(files_.finish());
     judge_names();
     rules_.check_device_file();
+    if (rules_.opening()) {
+      check_carrying_on(folder_, *rules_.opening(), rules_.close_reason(), findings_);
+    }
   }
 
   /// Zeros where a power cut kept lines from the disk, which the next start cuts off. Nobody signed anything

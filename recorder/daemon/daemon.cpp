@@ -238,6 +238,9 @@ struct Daemon::State {
             {"state", state_name(status.state)},
             {"case", status.case_id},
             {"reason", status.reason},
+            {"carries_on", status.carries_on},
+            {"resumed", status.resumed},
+            {"not_resumed", status.not_resumed},
             {"subject", subject_state_name(status.subject)},
             {"procedure", procedure},
             {"elapsed_ns", status.session.now_ns - status.session.begins_ns},
@@ -358,6 +361,12 @@ std::string Daemon::metrics() const {
            [](const RoomStatus& room) { return room.state == RoomState::kRecording ? 1 : 0; });
   per_room("kiroku_room_cases_total", "counter", "Cases ended since the recorder started",
            [](const RoomStatus& room) { return room.cases; });
+  per_room("kiroku_room_resumed_total", "counter",
+           "Cases that carry on one which was cut off, since the recorder started",
+           [](const RoomStatus& room) { return room.resumed; });
+  per_room("kiroku_room_not_resumed", "gauge",
+           "1 while a case that was cut off is not carried on, until another one begins",
+           [](const RoomStatus& room) { return room.not_resumed ? 1 : 0; });
   per_room("kiroku_case_tokens", "gauge", "Time-stamp tokens of the newest case",
            [](const RoomStatus& room) { return room.session.tokens; });
   per_room("kiroku_case_tokens_missed", "gauge",
