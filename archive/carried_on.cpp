@@ -95,7 +95,7 @@ Place in_ledger(std::optional<std::uint64_t> entry = std::nullopt) {
   return {std::string(kLedgerFile), entry};
 }
 
-void check_earlier(const CaseFolder& folder, const std::string& case_id, const CarriedOn& earlier,
+void check_earlier(const CaseFolder& folder, const OpenEntry& open, const CarriedOn& earlier,
                    FindingList& findings) {
   const std::string stated = "the case carries on case " + earlier.case_id;
   const auto found = read_neighbour(beside(folder, earlier.case_id), earlier.size);
@@ -111,14 +111,17 @@ void check_earlier(const CaseFolder& folder, const std::string& case_id, const C
     findings.add("carrying-on-broken", in_ledger(0),
                  stated + ", whose first " + std::to_string(earlier.size) +
                      " entries are not those of the one beside it");
-  } else if (announced_by(found->close_reason) != case_id) {
+  } else if (announced_by(found->close_reason) != open.case_id) {
     findings.add("carrying-on-broken", in_ledger(0), stated + ", which does not announce it");
+  } else if (!found->open || found->open->case_id != earlier.case_id || found->open->device != open.device) {
+    findings.add("carrying-on-broken", in_ledger(0),
+                 stated + ", and the one beside it names another case or another device");
   } else {
     findings.add("carrying-on-holds", in_ledger(0), stated + ", which lies beside it and announces it");
   }
 }
 
-void check_later(const CaseFolder& folder, const std::string& case_id, const std::string& later,
+void check_later(const CaseFolder& folder, const OpenEntry& open, const std::string& later,
                  FindingList& findings) {
   const std::string stated = "the case was to be carried on as case " + later;
   const auto found = read_neighbour(beside(folder, later), 1);
@@ -128,9 +131,14 @@ void check_later(const CaseFolder& folder, const std::string& case_id, const std
     return;
   }
   const auto earlier = found->open ? carried_on_by(*found->open) : std::nullopt;
-  if (!earlier || earlier->case_id != case_id) {
+  if (!earlier || earlier->case_id != open.case_id || found->open->case_id != later) {
     findings.add("carrying-on-broken", in_ledger(),
                  stated + ", and the one beside it does not say that it carries this one on");
+    return;
+  }
+  if (found->open->device != open.device) {
+    findings.add("carrying-on-broken", in_ledger(),
+                 stated + ", and the one beside it names another device than this one");
     return;
   }
   const auto here = read_neighbour(folder.path(), earlier->size);
@@ -187,10 +195,10 @@ std::optional<std::string> announced_by(const std::string& close_reason) {
 void check_carrying_on(const CaseFolder& folder, const OpenEntry& open, const std::string& close_reason,
                        FindingList& findings) {
   if (const auto earlier = carried_on_by(open)) {
-    check_earlier(folder, open.case_id, *earlier, findings);
+    check_earlier(folder, open, *earlier, findings);
   }
   if (const auto later = announced_by(close_reason)) {
-    check_later(folder, open.case_id, *later, findings);
+    check_later(folder, open, *later, findings);
   }
 }
 

@@ -1,5 +1,5 @@
 // One operation in two cases: the recorder died, and after its recovery a new case carries the first one on
-// (docs/format.md, "A case that carries another on"). Both statements are texts of format 1, so that a
+// (docs/reference/format.md, "A case that carries another on"). Both statements are texts of format 1, so that a
 // verifier that does not know them judges both cases as it always did. Pure functions, thread-safe, but for
 // check_carrying_on().
 #pragma once
