@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <ctime>
 #include <set>
+#include <utility>
 
 #include "archive/appliance_log.h"
 #include "archive/case_folder.h"
