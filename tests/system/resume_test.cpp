@@ -55,7 +55,9 @@ class Resuming : public ProgramTest {
   [[nodiscard]] std::string record_and_kill(const Arguments& start) const {
     Process daemon(kirokud());
     EXPECT_TRUE(daemon.wait_for("recording for 1 room"));
-    if (!start.empty()) EXPECT_EQ(kiroku(start).status, 0);
+    if (!start.empty()) {
+      EXPECT_EQ(kiroku(start).status, 0);
+    }
     EXPECT_TRUE(until_state("recording"));
     EXPECT_TRUE(until_segment());
     const std::string id = room()["case"];
