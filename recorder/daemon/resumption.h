@@ -1,6 +1,6 @@
 // Carrying a case on that was cut off by a crash or a power cut, in a room whose rules ask for it
-// (docs/how-to/operations.md, "After a crash the operation goes on"): whether, as which case, and with what of the
-// earlier one. One thread, at the recorder's start, before any room records.
+// (docs/how-to/operations.md, "After a crash the operation goes on"): whether, as which case, and with what
+// of the earlier one. One thread, at the recorder's start, before any room records.
 #pragma once
 
 #include <chrono>

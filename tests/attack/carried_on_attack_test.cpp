@@ -1,5 +1,5 @@
-// Attacks on the link between cases of one operation: by somebody without any key, by somebody with a device of
-// their own, and by the owner of the device. The chain of three cases is made as a recorder makes it.
+// Attacks on the link between cases of one operation: by somebody without any key, by somebody with a device
+// of their own, and by the owner of the device. The chain of three cases is made as a recorder makes it.
 #include <algorithm>
 
 #include "archive/case_layout.h"
@@ -51,10 +51,11 @@ archive::CaseWriter::Options writing(const SampleArchive& archive, const crypto:
 }
 
 /// A case of an operation, of which the recorder dies; then its recovery, which announces `later` ("": none).
-fs::path record_and_recover(SampleArchive& archive, const std::string& id, const std::optional<CarriedOn>& earlier,
-                            const std::string& later) {
+fs::path record_and_recover(SampleArchive& archive, const std::string& id,
+                            const std::optional<CarriedOn>& earlier, const std::string& later) {
   archive::FileSystem& files = archive::real_file_system();
-  const auto log = archive::ApplianceLog::open(files, archive.log_folder(), archive.key(), SampleArchive::kDeviceName);
+  const auto log =
+      archive::ApplianceLog::open(files, archive.log_folder(), archive.key(), SampleArchive::kDeviceName);
   archive::CaseWriter::Options options = writing(archive, archive.key());
   options.log = log.get();
   options.case_id = id;
@@ -101,13 +102,17 @@ struct Operation {
 
 class AttackOnAnOperation : public ::testing::Test {
  protected:
-  AttackOnAnOperation() { fs::copy(Operation::get().archive.folder(), archive_, fs::copy_options::recursive); }
+  AttackOnAnOperation() {
+    fs::copy(Operation::get().archive.folder(), archive_, fs::copy_options::recursive);
+  }
 
   [[nodiscard]] fs::path folder(const std::string& id) const { return archive_ / id; }
   [[nodiscard]] VerificationReport verify(const std::string& id) const {
     return archive::verify_case(folder(id), options());
   }
-  [[nodiscard]] VerificationReport verify_log() const { return archive::verify_log(archive_ / "log", options()); }
+  [[nodiscard]] VerificationReport verify_log() const {
+    return archive::verify_log(archive_ / "log", options());
+  }
   /// Text of the findings of one code.
   static std::string told(const VerificationReport& report, const std::string& code) {
     std::string text;
@@ -133,7 +138,8 @@ class AttackOnAnOperation : public ::testing::Test {
     write_file(folder(id) / archive::kLedgerFile, text.replace(at, from.size(), to));
   }
   /// A case with any key in the place of `id`, closed by its recorder.
-  void put_in_place(const std::string& id, const crypto::SigningKey& key, const std::optional<CarriedOn>& earlier) {
+  void put_in_place(const std::string& id, const crypto::SigningKey& key,
+                    const std::optional<CarriedOn>& earlier) {
     SampleArchive elsewhere;
     archive::CaseWriter::Options options = writing(elsewhere, key);
     options.case_id = id;
@@ -170,9 +176,11 @@ TEST_F(AttackOnAnOperation, NobodyDidAnything) {
 }
 
 TEST_F(AttackOnAnOperation, ALinkThatWasWrittenAnewIsSeenInItsOwnLedger) {
-  replace_in_ledger(kLast, std::string("carries on case ") + kMiddle, std::string("carries on case ") + kFirst);
+  replace_in_ledger(kLast, std::string("carries on case ") + kMiddle,
+                    std::string("carries on case ") + kFirst);
   EXPECT_THAT(summary(verify(kLast)), HasSubstr("ledger-changed"));
-  replace_in_ledger(kFirst, std::string("carried on as case ") + kMiddle, std::string("carried on as case ") + kLast);
+  replace_in_ledger(kFirst, std::string("carried on as case ") + kMiddle,
+                    std::string("carried on as case ") + kLast);
   EXPECT_EQ(verify(kFirst).verdict, Verdict::kTampered);
   EXPECT_THAT(summary(verify(kFirst)), HasSubstr("ledger-changed"));
 }

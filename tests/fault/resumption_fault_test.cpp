@@ -1,6 +1,6 @@
-// A recorder dies while a room records, and the start that carries the operation on dies as well: at each of its
-// file system calls, from recovery to the new case's first moment. The start after it must leave one unbroken
-// chain of cases, whatever was done already.
+// A recorder dies while a room records, and the start that carries the operation on dies as well: at each of
+// its file system calls, from recovery to the new case's first moment. The start after it must leave one
+// unbroken chain of cases, whatever was done already.
 #include <chrono>
 #include <iostream>
 #include <map>
@@ -50,7 +50,9 @@ class ResumptionFault : public testing::Test {
     ResumptionPlanner::Surroundings around;
     around.archive = archive();
     around.boot_id = archive::kernel_boot_id();
-    around.tell = [&](const std::string& /*room*/, const std::string& sentence) { started.refused = sentence; };
+    around.tell = [&](const std::string& /*room*/, const std::string& sentence) {
+      started.refused = sentence;
+    };
     ResumptionPlanner planner(around, {{kRoom, 10min, 24h, started.note}});
 
     archive::RecoveryOptions recovery;
@@ -158,7 +160,8 @@ class ResumptionFault : public testing::Test {
       const archive::VerificationReport report = archive::verify_case(entry.path(), options);
       EXPECT_NE(report.verdict, archive::Verdict::kTampered);
       for (const archive::Finding& finding : report.findings) {
-        if (finding.code == "carrying-on-holds") ++links[finding.entry ? "names an earlier" : "announces a later"];
+        if (finding.code == "carrying-on-holds")
+          ++links[finding.entry ? "names an earlier" : "announces a later"];
         EXPECT_TRUE(finding.code != "carrying-on-broken" && finding.code != "carried-on-not-here")
             << finding.code << ": " << finding.text;
       }

@@ -238,8 +238,8 @@ TEST_F(RecoveryTest, BringsAClosedCaseToItsEnd) {
   EXPECT_EQ(entries_of(folder).back().at.mono_ns, 7 * kSecond) << "after close the case clock stands";
 }
 
-// A recorder that dies while it adds a line behind `close`: half of it, zeros where a power cut kept it from the
-// disk, or both.
+// A recorder that dies while it adds a line behind `close`: half of it, zeros where a power cut kept it from
+// the disk, or both.
 TEST_F(RecoveryTest, HalfALineBehindCloseIsNoTampering) {
   const fs::path folder = SampleCase::write(archive_);
   const std::string whole = contents(folder / kLedgerFile);
@@ -247,9 +247,10 @@ TEST_F(RecoveryTest, HalfALineBehindCloseIsNoTampering) {
   const std::string line = whole.substr(whole.rfind('\n', whole.size() - 2) + 1);
   VerifyOptions with_key = archive_.options();
   with_key.identities = &archive_.identities();
-  for (const std::string& tail : {std::string("{"), line.substr(0, line.size() / 2), line.substr(0, line.size() - 1),
-                                  std::string(4096, '\0'), line.substr(0, 20) + std::string(100, '\0'),
-                                  std::string(100, '\0') + line}) {
+  for (const std::string& tail :
+       {std::string("{"), line.substr(0, line.size() / 2), line.substr(0, line.size() - 1),
+        std::string(4096, '\0'), line.substr(0, 20) + std::string(100, '\0'),
+        std::string(100, '\0') + line}) {
     SCOPED_TRACE(testing::PrintToString(tail.substr(0, 30)) + " of " + std::to_string(tail.size()));
     log_.reset();
     std::ofstream(folder / kLedgerFile, std::ios::app | std::ios::binary) << tail;

@@ -211,8 +211,7 @@ TEST(Configuration, RefusesWaysToProcedureDataThatAreNone) {
 
 TEST(Configuration, CarriesACaseOnOnlyWhereTheRoomSaysSo) {
   const std::string room = "[[room]]\nname = \"a\"\n";
-  const std::string stream =
-      "[[room.stream]]\nname = \"endoscope\"\nsource = \"synthetic:endoscope\"\n";
+  const std::string stream = "[[room.stream]]\nname = \"endoscope\"\nsource = \"synthetic:endoscope\"\n";
   const auto within = [&](const std::string& keys) {
     return parse_configuration(room + keys + stream, "k.toml").rooms.at(0).rules.resume_within;
   };
@@ -227,8 +226,9 @@ TEST(Configuration, RefusesRulesOfCarryingOnThatSayNothing) {
   const std::string room = "[[room]]\nname = \"a\"\n";
   EXPECT_EQ(refusal(room + "resume = \"yes\"\n").substr(0, 11), "k.toml:3:10");
   for (const char* within : {"9s", "13h"}) {
-    EXPECT_EQ(refusal(room + "resume = true\nresume_within = \"" + within + "\"\n"),
-              std::string("k.toml:4:17: 'resume_within' is '") + within + "': it must be between 10s and 12h");
+    EXPECT_EQ(
+        refusal(room + "resume = true\nresume_within = \"" + within + "\"\n"),
+        std::string("k.toml:4:17: 'resume_within' is '") + within + "': it must be between 10s and 12h");
   }
   for (const char* without : {"", "resume = false\n"}) {
     EXPECT_THAT(refusal(room + "resume_within = \"5m\"\n" + without),
