@@ -119,6 +119,9 @@ std::string page(const json& status) {
     std::snprintf(hours, sizeof hours, ", about %.1f hours", disk["hours_left"].get<double>());
     out += std::string(hours) + " if every room records";
   }
+  if (const std::string assumes = disk.value("hours_assume", ""); !assumes.empty()) {
+    out += " (" + printable(assumes) + ")";
+  }
   const json& clock = status["clock"];
   out += std::string("\nclock: ") +
          (clock.value("synchronised", false) ? "synchronised" : "not synchronised") + "\n";
