@@ -81,11 +81,11 @@ TEST_F(Daemon, RecordsWhatItIsToldAndClosesWhenItEnds) {
 // doctor before kirokud runs, doctor beside it and status tell one figure, and what it assumes.
 TEST_F(Daemon, HoursOfDiskAreOneFigureThatSaysWhatItAssumes) {
   const auto by_doctor = [this] {
-    const ProcessResult examined = kiroku({"doctor", "--json"});
-    for (const nlohmann::json& check : nlohmann::json::parse(examined.out)["checks"]) {
+    const nlohmann::json examined = nlohmann::json::parse(kiroku({"doctor", "--json"}).out);
+    for (const nlohmann::json& check : examined["checks"]) {
       if (check["subject"] == "hours of disk") return check["finding"].get<std::string>();
     }
-    return std::string("no such check: ") + examined.out;
+    return "no such check: " + examined.dump();
   };
   const auto hours_of = [](const std::string& text) { return std::stod(text.substr(std::strlen("about "))); };
   const std::string before = by_doctor();
