@@ -48,6 +48,11 @@ describe.each<BrowserName>([...kBrowsers])('%s', (name) => {
   it('opens a case, unlocked with its identity, and shows its pictures', async () => {
     const { page } = visitor;
     await page.locator('.case-link', { hasText: id }).click();
+    // The home of a demonstration is unlocked for everybody.
+    await page.locator('.timeline').waitFor();
+    await page.getByRole('button', { name: 'Lock pictures' }).click();
+    await page.getByRole('heading', { name: 'This case is sealed' }).waitFor();
+    await expectFits(visitor, `sealed-${name}`);
     await page.getByPlaceholder('AGE-SECRET-KEY-1…').fill(appliance.identity());
     await page.getByRole('button', { name: 'Unlock' }).click();
     await settled(page);
