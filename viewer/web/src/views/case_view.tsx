@@ -143,13 +143,14 @@ function Loaded({ model, verdict, unlocked }: { model: CaseModel; verdict: Verdi
     [playback, store, plan],
   );
   useEffect(() => {
+    if (session.peek() === null) return; // about to be replaced by signing in
     const left_ns = leftAt?.id === id ? leftAt.at_ns : undefined;
     leftAt = undefined;
     if (asked_ns !== undefined || left_ns !== undefined) playback.seek(left_ns ?? asked_ns ?? 0);
   }, [playback, asked_ns]);
   useEffect(
     () => () => {
-      if (session.peek() === null) leftAt = { id, at_ns: playback.position_ns.peek() };
+      if (session.peek() === null) leftAt ??= { id, at_ns: playback.position_ns.peek() };
     },
     [playback],
   );

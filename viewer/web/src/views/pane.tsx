@@ -46,6 +46,8 @@ export function Pane({ model, player, playback, large, original, onEnlarge, onOr
   useEffect(() => {
     place.current?.prepend(player.video);
     player.video.setAttribute('aria-label', word('stream', player.stream));
+    // A case that is unlocked is loaded anew, with a player of its own.
+    return () => player.video.remove();
   }, [player]);
   const recorded = useMemo(() => computed(() => player.isRecorded(playback.position_ns.value)), [player, playback]);
   const cause = useMemo(
