@@ -114,6 +114,7 @@ describe.each<BrowserName>([...kBrowsers])('%s', (name) => {
     expect(await page.locator('html').getAttribute('lang')).toBe('ja');
     await page.getByRole('heading', { name: '検証' }).waitFor();
     const japanese = /[\u3040-\u30ff\u4e00-\u9fff]/;
+    await page.locator('.finding-text > span').first().waitFor();
     for (const text of await page.locator('.finding-text > span').allTextContents()) expect(text).toMatch(japanese);
     await page.goto(`${appliance.url}#/log`);
     await page.locator('.log-table').waitFor();

@@ -59,6 +59,7 @@ describe('A case on a tablet', () => {
     for (let i = 0; i < 2; ++i) await appliance.kiroku('record', '--endoscope', source, '--room', `${source}&beep=1`, ...more);
     [id, damaged] = appliance.cases() as [string, string];
     await visitor.page.goto(`${appliance.url}#/cases`);
+    await visitor.page.reload();
     await visitor.page.locator('.case-row').nth(1).waitFor();
   });
 
