@@ -134,6 +134,7 @@ describe('A case on a tablet', () => {
     await page.locator('.log-table tbody tr').first().waitFor();
     await page.locator('.log-verdict').waitFor();
     await expectFits(visitor, 'log');
+    await appliance.addUser('bea', 'operator');
     await page.goto(`${appliance.url}#/users`);
     await page.locator('.table tbody tr').first().waitFor();
     await expectFits(visitor, 'users');

@@ -5,7 +5,8 @@
 
 namespace kiroku::viewer {
 
-/// Gives each finding of `report` (archive/report_json.h) a `meaning`: {"en", "ja"}, one sentence each, by its code.
+/// Gives each finding of `report` (archive/report_json.h) a `meaning`: {"en", "ja"}, one sentence each, by
+/// its code.
 void add_meanings(nlohmann::ordered_json& report);
 
 }  // namespace kiroku::viewer
