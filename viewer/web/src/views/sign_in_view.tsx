@@ -1,5 +1,6 @@
 import { useSignal } from '@preact/signals';
 import { ApiError, session as api } from '@/api/client';
+import { typed } from '@/base/form_fields';
 import { t } from '@/i18n/i18n';
 import { session, sessionEnded, textOf } from '@/shell/state';
 
@@ -12,7 +13,7 @@ export function SignInView() {
     busy.value = true;
     problem.value = '';
     try {
-      await api.signIn(String(fields.get('user')), String(fields.get('password')));
+      await api.signIn(typed(fields, 'user'), typed(fields, 'password'));
       session.value = await api.get();
       sessionEnded.value = false;
     } catch (error) {
