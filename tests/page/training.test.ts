@@ -6,8 +6,9 @@ import { tmpdir } from 'node:os';
 import { join } from 'node:path';
 import { promisify } from 'node:util';
 import type { Browser, CDPSession, Page } from 'playwright-core';
-import { afterAll, beforeAll, describe, expect, it } from 'vitest';
-import { keepPicture, seriousBarriers, startBrowser, until, visit, type Visitor } from './kit';
+import { afterAll, beforeAll, expect } from 'vitest';
+import { keepPicture, seriousBarriers, startBrowser, story, until, visit, type Visitor } from './kit';
+import { expectFits } from './layout';
 
 const kiroku = process.env['KIROKU_PROGRAM'] as string;
 const run = promisify(execFile);
@@ -132,8 +133,8 @@ const pixelsLike = (page: Page, red: number, green: number, blue: number): Promi
     [red, green, blue] as const,
   );
 
-describe('A new trainee', () => {
-  it('is added on the page, which shows nothing of recordings', async () => {
+story('A new trainee', (step) => {
+  step('is added on the page, which shows nothing of recordings', async () => {
     const { page } = visitor;
     await page.goto(trainer.signIn);
     await page.getByRole('heading', { name: 'Push an organ aside' }).waitFor();
@@ -142,6 +143,7 @@ describe('A new trainee', () => {
     await page.locator('.train-add').getByLabel('Name').fill('Aoki');
     await page.getByRole('button', { name: 'Add', exact: true }).click();
     await page.getByText('Session 1: its first test ends it.').waitFor();
+    await expectFits(visitor, 'training');
     expect(await page.locator('.train-choice select').first().inputValue()).toBe('Aoki');
     await page.locator('.train-add').getByLabel('Name').fill('Aoki');
     await page.getByRole('button', { name: 'Add', exact: true }).click();
@@ -149,13 +151,16 @@ describe('A new trainee', () => {
     expect(await seriousBarriers(page)).toEqual([]);
   });
 
-  it('finishes a task with the mouse and sees score and learning curve', async () => {
+  step('finishes a task with the mouse and sees score and learning curve', async () => {
     const { page } = visitor;
     await page.getByLabel('Fingers').selectOption('3');
     await page.getByLabel('Show an expert’s hand').check();
     await page.getByRole('button', { name: 'Practise' }).click();
     await begun();
     await page.getByText('von Mises stress, kPa; 100 counts as damage').waitFor();
+    // The picture has what is left of the screen: 220 pixels of its height are for the rest.
+    const field = (await page.locator('.attempt-field').boundingBox()) as { height: number };
+    expect(field.height).toBeGreaterThan(0.9 * ((page.viewportSize()?.height ?? 0) - 220));
     const start = await onPicture(0.5, 0.66);
     let latency = '';
     await page.mouse.move(start.x, start.y);
@@ -185,7 +190,7 @@ describe('A new trainee', () => {
     expect(await seriousBarriers(page)).toEqual([]);
   });
 
-  it('takes the test with five touch points, each a finger, and without stress', async () => {
+  step('takes the test with five touch points, each a finger, and without stress', async () => {
     const { page } = visitor;
     await page.getByRole('button', { name: 'Other trainee or organ' }).click();
     await page.getByLabel('Fingers').selectOption('5');
@@ -228,17 +233,16 @@ describe('A new trainee', () => {
     await page.getByRole('button', { name: 'English' }).click();
     await page.getByLabel('Measure').selectOption('time');
     await page.getByRole('img', { name: 'Tests by session: Time, s' }).waitFor();
+    await expectFits(visitor, 'training-result');
+    await touch.send('Emulation.setTouchEmulationEnabled', { enabled: true, maxTouchPoints: 5 });
   });
 
-  it('goes on with the next session after a test', async () => {
+  step('goes on with the next session after a test', async () => {
     const { page } = visitor;
     await page.getByRole('button', { name: 'Other trainee or organ' }).click();
     await page.getByText('Session 2:').waitFor();
   });
-});
-
-describe('An attempt', () => {
-  it('can be made with keys alone, muted, and given up', async () => {
+  step('makes an attempt with keys alone, muted, and gives up', async () => {
     const { page } = visitor;
     await page.getByLabel('Fingers').selectOption('2');
     await page.getByRole('button', { name: 'Practise' }).click();
@@ -257,7 +261,7 @@ describe('An attempt', () => {
     await page.locator('.train-came', { hasText: 'Given up' }).waitFor();
   });
 
-  it('can be made with a gamepad', async () => {
+  step('makes one with a gamepad', async () => {
     const { page } = visitor;
     // No gamepad can be plugged in here: the browser's own list of them is replaced, and nothing behind it.
     await page.evaluate(() => {
@@ -288,7 +292,7 @@ describe('An attempt', () => {
     await page.locator('.train-came', { hasText: 'Given up' }).waitFor();
   });
 
-  it('whose page is closed is kept as broken off', async () => {
+  step('closes the page, and the attempt is kept as broken off', async () => {
     const { page } = visitor;
     await page.getByRole('button', { name: 'Again' }).click();
     await begun();
@@ -306,10 +310,7 @@ describe('An attempt', () => {
       .toContain('Broken off');
     expect(await page.locator('.train-numbers tbody tr').allTextContents()).toHaveLength(5);
   });
-});
-
-describe('The page', () => {
-  it('is whole in Japanese and in light colours', async () => {
+  step('reads all of it in Japanese and in light colours', async () => {
     const { page } = visitor;
     await page.getByRole('button', { name: '日本語' }).click();
     await page.getByRole('button', { name: '明るい配色' }).click();
@@ -319,7 +320,7 @@ describe('The page', () => {
     await keepPicture(page, 'training-japanese');
   });
 
-  it('asked nothing of anybody else, and nothing went wrong', () => {
+  step('asks nothing of anybody else, and nothing goes wrong', () => {
     const own = new URL(trainer.signIn).origin;
     expect(visitor.asked.filter((address) => !address.startsWith(own) && !address.startsWith('blob:') && !address.startsWith('data:'))).toEqual([]);
     // The name that was there already was refused with 400, which the browser writes down.

@@ -150,7 +150,10 @@ export interface Finding {
   file: string | null;
   entry: number | null;
   offset: number | null;
+  /** The verifier's own sentence, in English. */
   text: string;
+  /** What the code means. */
+  meaning: Readonly<Record<'en' | 'ja', string>>;
   time_ns?: number | null;
 }
 
@@ -235,6 +238,8 @@ export interface RoomStatus {
   missed: number;
   authorities: AuthorityStatus[];
   problem: string;
+  /** The case that was cut off and that this one carries on; '': none. */
+  carries_on: string;
 }
 
 export interface ApplianceStatus {
