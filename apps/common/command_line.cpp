@@ -82,6 +82,11 @@ std::string choice_meant(const std::string& text, const Command& command) {
   return "";
 }
 
+std::string no_such_option(const std::string& word, const Command& command) {
+  const std::string name = word.substr(0, word.find('='));
+  return "there is no option '" + name + "' here" + did_you_mean(name, option_names(command));
+}
+
 /// One sentence, beginning in lower case, for what CLI11 refused.
 std::string parse_sentence(const CLI::ParseError& error, const Command& command,
                            std::span<const char* const> typed) {
@@ -90,17 +95,27 @@ std::string parse_sentence(const CLI::ParseError& error, const Command& command,
     // An unknown option makes its value unexpected, too: the option is what was wrong.
     const std::vector<std::string> words = unexpected_words(text);
     for (const std::string& word : words) {
-      if (word.size() <= 1 || word[0] != '-') continue;
-      const std::string name = word.substr(0, word.find('='));
-      return "there is no option '" + name + "' here" + did_you_mean(name, option_names(command));
+      if (word.size() > 1 && word[0] == '-') return no_such_option(word, command);
     }
     // CLI11 tells them in an order of its own: what follows a mistyped command is its arguments.
     const auto first =
         std::find_first_of(typed.begin(), typed.end(), words.begin(), words.end(),
                            [](const char* one, const std::string& other) { return other == one; });
-    const std::string word = first == typed.end() ? "" : *first;
+    const std::string word = first != typed.end() ? *first : words.empty() ? "" : words.front();
     return "'" + word + "' is neither a command of " + command.full_name() +
            " nor expected as an argument here" + did_you_mean(word, command_names(command));
+  }
+  if (dynamic_cast<const CLI::RequiredError*>(&error) != nullptr) {
+    // What lacks may be there, mistyped: CLI11 looks for it first.
+    const std::vector<std::string> known = option_names(command);
+    for (const std::string word : typed) {
+      if (word == "--") break;
+      if (!word.starts_with("--") || word == "--help") continue;
+      const std::string name = word.substr(0, word.find('='));
+      if (std::find(known.begin(), known.end(), name) == known.end() && nearest_word(name, known)) {
+        return no_such_option(word, command);
+      }
+    }
   }
   if (const std::size_t many = text.find(": At Most 1 required but received"); many != std::string::npos) {
     return text.substr(0, many) + " may be given only once";
