@@ -129,6 +129,7 @@ struct ApplianceLog::State {
 
 ApplianceLog::ApplianceLog(std::unique_ptr<State> state) : state_(std::move(state)) {}
 ApplianceLog::~ApplianceLog() = default;
+const fs::path& ApplianceLog::folder() const { return state_->folder; }
 
 std::unique_ptr<ApplianceLog> ApplianceLog::open(FileSystem& files, const fs::path& folder,
                                                  const crypto::SigningKey& key,

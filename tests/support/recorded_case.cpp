@@ -84,6 +84,7 @@ std::filesystem::path record_case(const std::filesystem::path& archive,
     writer->append(bodies, moment(static_cast<std::int64_t>(index + 1) * kSecondNs));
   }
   const archive::Moment end = moment(static_cast<std::int64_t>(longest + 1) * kSecondNs);
+  writer->close("operator", end);
   for (const RecordedStream& stream : streams) {
     if (stream.first_is_erased) {
       writer->append({archive::ErasedEntry{stream.name, 0, 0, "after 30 days"}}, end);
@@ -96,7 +97,6 @@ std::filesystem::path record_case(const std::filesystem::path& archive,
       }
     }
   }
-  writer->close("operator", end);
   writer->finish(end);
   return writer->folder();
 }

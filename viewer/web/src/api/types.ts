@@ -167,6 +167,8 @@ export interface VerifiedStream {
   name: string;
   kind: string;
   segments: number;
+  /** Of `segments`: removed since by retention. */
+  erased_segments: number;
   frames: number;
   dropped: number;
   bytes: number;
