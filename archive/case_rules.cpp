@@ -19,7 +19,9 @@ struct Overloaded : Functions... {
 template <typename... Functions>
 Overloaded(Functions...) -> Overloaded<Functions...>;
 
-constexpr std::int64_t kWallClockDiffersNs = 60'000'000'000;
+constexpr std::int64_t kNsPerUs = 1'000;
+constexpr std::int64_t kUsPerSecond = 1'000'000;
+constexpr std::int64_t kWallClockDiffersUs = 60 * kUsPerSecond;
 
 std::string at_entry(std::uint64_t number) { return "entry " + std::to_string(number); }
 
@@ -276,13 +278,15 @@ void CaseRules::judge_wall_clock() {
     if (!clock.outside || !clock_zero_) {
       continue;
     }
-    const std::int64_t ahead_ns = offset_ns(clock.first, *clock_zero_);
-    if (std::abs(ahead_ns) - clock.first.half_width_ns > kWallClockDiffersNs) {
+    // In microseconds: an `open` that somebody made up may lie thousands of years away.
+    const std::int64_t ahead_us =
+        (clock.first.gen_time - *clock_zero_).count() - clock.first.case_ns / kNsPerUs;
+    if (std::abs(ahead_us) - clock.first.half_width_ns / kNsPerUs > kWallClockDiffersUs) {
       findings_->add(
           "clock-differs", in_ledger(0),
           "by " + clock.authority + " the recorder's wall clock was " +
-              std::to_string(std::abs(ahead_ns) / 1'000'000'000) + " s " +
-              (ahead_ns > 0 ? "behind" : "ahead") +
+              std::to_string(std::abs(ahead_us) / kUsPerSecond) + " s " +
+              (ahead_us > 0 ? "behind" : "ahead") +
               ": the case's identifier and every time \"by the recorder's clock\" are wrong by that "
               "much; the time-stamps are not");
     }
