@@ -13,12 +13,16 @@ class CaseClock {
  public:
   /// Starts at zero now.
   CaseClock() : zero_(std::chrono::steady_clock::now()) {}
+  /// The clock of another process of this machine, by its zero_ns().
+  explicit CaseClock(std::int64_t zero_ns) : zero_(std::chrono::nanoseconds(zero_ns)) {}
   /// Zero is now: when every source is open and the case begins, before any thread reads the clock.
   void restart() { zero_ = std::chrono::steady_clock::now(); }
   [[nodiscard]] std::int64_t now_ns() const { return at_ns(std::chrono::steady_clock::now()); }
   [[nodiscard]] std::int64_t at_ns(std::chrono::steady_clock::time_point time) const {
     return std::chrono::duration_cast<std::chrono::nanoseconds>(time - zero_).count();
   }
+  /// Its zero on CLOCK_MONOTONIC.
+  [[nodiscard]] std::int64_t zero_ns() const { return -at_ns({}); }
   /// Case-clock time with the machine's opinion of UTC beside it.
   [[nodiscard]] archive::Moment moment() const { return {utc_now(), now_ns()}; }
 

@@ -36,6 +36,7 @@
 #include "archive/file_system.h"
 #include "archive/recording_lock.h"
 #include "base/error.h"
+#include "base/process_hardening.h"
 #include "recorder/daemon/control_server.h"
 #include "recorder/daemon/daemon.h"
 #include "recorder/daemon/http_server.h"
@@ -451,6 +452,7 @@ int run(const Request& request) {
 
 int main(int argc, char** argv) {
   using namespace kiroku::apps;
+  kiroku::harden_process();
   Program program("kirokud", "records operating rooms unattended", "");
   Command& root = program.root();
   const auto request = std::make_shared<Request>();

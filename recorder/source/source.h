@@ -93,6 +93,7 @@ bool wait_until(const CaseClock& clock, std::int64_t due_ns, const std::atomic<b
                 Pulse* pulse = nullptr);
 
 class SourceGuard;
+struct BoxHooks;
 
 /// How long, and whether, opening goes on. Read from the opening thread; `cancelled` may be set from any.
 struct OpeningTerms {
@@ -103,11 +104,12 @@ struct OpeningTerms {
   // The guard's, for the source that it opens; both outlive it.
   std::chrono::nanoseconds silence = std::chrono::seconds(5);  // a live source that sends nothing is lost
   Pulse* pulse = nullptr;                                      // may be null
+  const BoxHooks* box = nullptr;                               // of the box that it works in (source_box.h)
 };
 
 /// Opens what the address names; `clock` must outlive the source. What a driver, a file system or a network
 /// stands behind is opened, read and closed by a thread of its own (source_guard.h), so that no call waits
-/// longer than the guard's limits. Throws kiroku::Error in one sentence: not there, no answer, no picture in
+/// longer than the guard's limits, and demuxed and decoded by a process of its own (boxed_source.h). Throws kiroku::Error in one sentence: not there, no answer, no picture in
 /// it, cancelled.
 std::unique_ptr<Source> open_source(const SourceAddress& address, const CaseClock& clock,
                                     const OpeningTerms& terms = {});
