@@ -4,6 +4,7 @@
 
 #include "base/error.h"
 #include "crypto/hashed_source.h"
+#include "media/box/boxed_jobs.h"
 #include "media/picture_decoder.h"
 #include "media/plaintext_lines.h"
 #include "media/sealed_segment.h"
@@ -13,21 +14,32 @@
 namespace kiroku::media {
 namespace {
 
-std::uint64_t count_frames(const archive::StreamInfo& stream, const archive::SegmentEntry& entry,
-                           const SealedSegment& segment) {
-  std::uint64_t frames = 0;
-  try {
-    SegmentInput input(segment, stream.media, entry.file.file);
-    PictureDecoder decoder(input, entry.file.file);
-    while (decoder.next()) {
-      ++frames;
-    }
-  } catch (const MediaError&) {  // cut off, perhaps before its first picture
-    if (entry.complete) {
-      throw;
-    }
+/// Somebody else's plaintext.
+class Borrowed : public crypto::ByteSource {
+ public:
+  explicit Borrowed(const crypto::ByteSource& source) : source_(source) {}
+  [[nodiscard]] std::uint64_t size() const override { return source_.size(); }
+  std::size_t read_at(std::uint64_t offset, std::span<std::byte> into) const override {
+    return source_.read_at(offset, into);
   }
-  return frames;
+
+ private:
+  const crypto::ByteSource& source_;
+};
+
+std::uint64_t count_frames_boxed(BoxPool& boxes, const archive::StreamInfo& stream,
+                                 const archive::SegmentEntry& entry, const SealedSegment& segment) {
+  const nlohmann::json asked{
+      {"media", stream.media}, {"name", entry.file.file}, {"complete", entry.complete}};
+  const nlohmann::json counted = boxes.with([&](BoxedJobs& box) {
+    return box.ask(
+        kCountFrames, asked, [&](std::uint64_t) { return std::make_unique<Borrowed>(segment); },
+        entry.file.file);
+  });
+  const auto frames = counted.find("frames");
+  if (frames == counted.end() || !frames->is_number_unsigned())
+    throw MediaError("the media of " + entry.file.file + " cannot be decoded: the decoder says what it may not");
+  return frames->get<std::uint64_t>();
 }
 
 std::uint64_t count_lines(const archive::StreamInfo& stream, const archive::SegmentEntry& entry,
@@ -49,14 +61,14 @@ std::uint64_t count_lines(const archive::StreamInfo& stream, const archive::Segm
   return lines;
 }
 
-std::optional<std::string> inspect(const archive::StreamInfo& stream, const archive::SegmentEntry& entry,
+std::optional<std::string> inspect(BoxPool& boxes, const archive::StreamInfo& stream, const archive::SegmentEntry& entry,
                                    const crypto::ByteSource& sealed,
                                    const crypto::AgeIdentities& identities) {
   try {
     const SealedSegment segment = SealedSegment::decrypt(sealed, entry.complete, identities);
     const bool lines = stream.media == "application/jsonl";
     const std::uint64_t counted =
-        lines ? count_lines(stream, entry, segment) : count_frames(stream, entry, segment);
+        lines ? count_lines(stream, entry, segment) : count_frames_boxed(boxes, stream, entry, segment);
     if (entry.complete && entry.counted && counted != entry.frames) {
       const std::string what = stream.kind == "vitals" ? " samples" : lines ? " lines" : " frames";
       return entry.file.file + " holds " + std::to_string(counted) + what + ", the ledger states " +
@@ -75,8 +87,29 @@ std::optional<std::string> inspect(const archive::StreamInfo& stream, const arch
 }  // namespace
 
 archive::SegmentInspector decoding_inspector() {
-  silence_libav();
-  return inspect;
+  return [boxes = std::make_shared<BoxPool>()](
+             const archive::StreamInfo& stream, const archive::SegmentEntry& entry,
+             const crypto::ByteSource& sealed, const crypto::AgeIdentities& identities) {
+    return inspect(*boxes, stream, entry, sealed, identities);
+  };
+}
+
+nlohmann::json count_frames(const nlohmann::json& with, JobSegments& segments) {
+  const std::string name = with.at("name");
+  const std::unique_ptr<crypto::ByteSource> segment = segments.open(0);
+  std::uint64_t frames = 0;
+  try {
+    SegmentInput input(*segment, with.at("media"), name);
+    PictureDecoder decoder(input, name);
+    while (decoder.next()) {
+      ++frames;
+    }
+  } catch (const MediaError&) {  // cut off, perhaps before its first picture
+    if (with.at("complete").get<bool>()) {
+      throw;
+    }
+  }
+  return {{"frames", frames}};
 }
 
 }  // namespace kiroku::media

@@ -26,12 +26,12 @@ constexpr const char* kNothing = "/dev/null";
 constexpr int kFirstFree = 16;
 
 [[noreturn]] void fail(const std::string& what, int error) {
-  throw Error("the decoder cannot be started: " + what + ": " + std::strerror(error));
+  throw IoError("start the decoder,", what, error);
 }
 
 Descriptor moved_up(int descriptor) {
   Descriptor copy(::fcntl(descriptor, F_DUPFD_CLOEXEC, kFirstFree));
-  if (!copy) fail("no descriptor", errno);
+  if (!copy) fail("kiroku-decoder", errno);
   return copy;
 }
 
@@ -92,11 +92,26 @@ Mapping& Mapping::operator=(Mapping&& other) noexcept {
   return *this;
 }
 
+namespace {
+
+/// The program as it was when it was needed first: an upgrade while a case is recorded may replace it by one
+/// that this process does not understand.
+int program_at_hand() {
+  static const Descriptor program = [] {
+    const fs::path found = find_decoder_program();
+    if (found.empty()) fail("kiroku-decoder (it belongs to this program; install Kiroku anew)", ENOENT);
+    Descriptor opened(::open(found.c_str(), O_PATH | O_CLOEXEC));
+    if (!opened) fail(found.string(), errno);
+    return opened;
+  }();
+  return program.number();
+}
+
+}  // namespace
+
 BoxedChild::Started BoxedChild::start(const std::string& role, const Descriptor& memory) {
-  const std::string program = find_decoder_program().string();
-  if (program.empty())
-    throw Error("the decoder cannot be started: kiroku-decoder, which belongs to this program, is missing; "
-                "install Kiroku anew");
+  const Descriptor executable = moved_up(program_at_hand());
+  const std::string program = "/proc/self/fd/" + std::to_string(executable.number());
   SocketPair pair = make_channel_pair();
   const Descriptor theirs = moved_up(pair.theirs.number());
   const Descriptor shared = moved_up(memory.number());
@@ -110,7 +125,7 @@ BoxedChild::Started BoxedChild::start(const std::string& role, const Descriptor&
     ::posix_spawn_file_actions_addopen(&beginning.actions, STDERR_FILENO, kNothing, O_RDWR, 0);
   ::posix_spawn_file_actions_adddup2(&beginning.actions, theirs.number(), kChannelDescriptor);
   ::posix_spawn_file_actions_adddup2(&beginning.actions, shared.number(), kMemoryDescriptor);
-  ::posix_spawn_file_actions_addclosefrom_np(&beginning.actions, kMemoryDescriptor + 1);
+  // All others close when the program begins, or are closed by it (limit_process()).
   sigset_t none, all;
   sigemptyset(&none);
   sigfillset(&all);
@@ -120,7 +135,7 @@ BoxedChild::Started BoxedChild::start(const std::string& role, const Descriptor&
   ::posix_spawnattr_setpgroup(&beginning.attributes, 0);
   ::posix_spawnattr_setflags(&beginning.attributes,
                              POSIX_SPAWN_SETSIGMASK | POSIX_SPAWN_SETSIGDEF | POSIX_SPAWN_SETPGROUP);
-  std::array<std::string, 2> arguments{program, role};
+  std::array<std::string, 2> arguments{"kiroku-decoder", role};
   std::array<char*, 3> pointers{arguments[0].data(), arguments[1].data(), nullptr};
   // OpenBLAS, which FFmpeg's filters stand on, would start threads that have nothing to do.
   std::string blas = "OPENBLAS_NUM_THREADS=1";
@@ -128,7 +143,7 @@ BoxedChild::Started BoxedChild::start(const std::string& role, const Descriptor&
   pid_t process = -1;
   const int failed = ::posix_spawn(&process, program.c_str(), &beginning.actions, &beginning.attributes,
                                    pointers.data(), environment.data());
-  if (failed != 0) fail(program, failed);
+  if (failed != 0) fail("kiroku-decoder", failed);
   return {process, std::move(pair.ours)};
 }
 

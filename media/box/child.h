@@ -44,7 +44,7 @@ class Mapping {
 class BoxedChild {
  public:
   /// Starts `kiroku-decoder ROLE`, found beside this program or where it is installed, with an environment
-  /// that is empty. `memory` is shared with it and stays the caller's. Throws kiroku::Error where it cannot
+  /// that is empty. `memory` is shared with it and stays the caller's. Throws kiroku::IoError where it cannot
   /// be started.
   BoxedChild(const std::string& role, const Descriptor& memory);
   /// As end().

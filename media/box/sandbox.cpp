@@ -18,6 +18,7 @@
 #include <unistd.h>
 
 #include "base/error.h"
+#include "media/box/child.h"
 
 namespace kiroku::media {
 namespace {
@@ -155,6 +156,8 @@ void allow_device(Filter& filter) { filter.allow_if("ioctl", masked(1, 0xff00, s
 
 void limit_process(unsigned processor_seconds) {
   (void)::signal(SIGPIPE, SIG_IGN);
+  (void)::prctl(PR_SET_NAME, "kiroku-decoder");
+  if (::close_range(kMemoryDescriptor + 1, ~0U, 0) != 0) fail("descriptors stay open", errno);
   limit(RLIMIT_CORE, 0, "core files");
   limit(RLIMIT_FSIZE, 0, "file sizes");
   limit(RLIMIT_MEMLOCK, 0, "locked memory");

@@ -180,7 +180,9 @@ class SourceBox {
   /// What the other end says, on a thread of its own, until it is gone.
   void listen() {
     try {
-      while (const auto message = channel_.receive(kNoLimit, kLongestRequest)) {
+      for (;;) {
+        const auto message = channel_.receive(kNoLimit, kLongestRequest);
+        if (!message) continue;
         const std::lock_guard guard(mutex_);
         if (message->kind == number(ToSourceBox::kBegin) && message->body.size() == sizeof(std::int64_t)) {
           std::int64_t zero_ns = 0;
