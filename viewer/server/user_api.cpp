@@ -10,7 +10,7 @@ using nlohmann::json;
 using nlohmann::ordered_json;
 
 ordered_json user_json(const User& user, ViewerContext& context) {
-  const auto now = context.home().now();
+  const auto now = context.home().clock->now();
   return {{"user", user.name},
           {"role", role_name(user.role)},
           {"locked", context.attempts().longest_wait(user_key(user.name), now).count() > 0}};
