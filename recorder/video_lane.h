@@ -51,7 +51,7 @@ class VideoLane : public Lane {
   void capture_from(Source& source);
   /// Tries until there is a source; false if it has ended or the session stops. A pipe that was never
   /// opened is waited for like anything else.
-  bool reopen(bool was_open);
+  bool reopen(bool may_have_ended);
   void close_source();
   [[nodiscard]] archive::GapCause cause_of_loss() const;
 

@@ -42,6 +42,7 @@
 #include "recorder/daemon/http_server.h"
 #include "recorder/late_stamping.h"
 #include "recorder/procedure/room_procedure.h"
+#include "recorder/source/boxed_source.h"
 #include "recorder/source/source_address.h"
 #include "recorder/vitals/mllp_address.h"
 #include "viewer/live/live_pictures.h"
@@ -408,6 +409,13 @@ int run(const Request& request) {
   const WritableHome shared(home);  // by all rooms
   log_configuration(file, home, *shared.log);
 
+  // Asked before the first source: an upgrade while a case runs then finds the decoder of this version at
+  // hand.
+  if (const std::string why = recorder::why_unboxed(); !why.empty()) {
+    spdlog::error(
+        "sources are decoded without a box, beside the device key: {}; cases are recorded all the same",
+        printable(why));
+  }
   const Authorities authorities(home, configuration, {});
   recover_first(shared, authorities, lock);
   recorder::DaemonOptions options;

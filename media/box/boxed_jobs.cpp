@@ -98,15 +98,20 @@ class BoxedJobs::Serving {
   }
 
   void await_ready() {
+    std::string why = "it does not begin";
     try {
-      if (next().kind == static_cast<std::uint32_t>(FromJobBox::kReady)) {
+      const Channel::Message message = next();
+      if (message.kind == static_cast<std::uint32_t>(FromJobBox::kReady)) {
         box_.ready_ = true;
         return;
       }
+      if (message.kind == static_cast<std::uint32_t>(FromJobBox::kFailed))
+        why = printable(parsed(message).value("text", why).substr(0, kLongestText));
     } catch (const MediaError&) {  // it has seen nothing yet, so that says nothing of the media
+    } catch (const json::exception&) {
     }
     box_.ended_ = true;
-    throw IoError("start the decoder for", name_, EPERM);
+    throw IoError("start the decoder for", name_ + " (" + why + ")", EPERM);
   }
 
   [[noreturn]] void ended() {

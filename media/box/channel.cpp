@@ -35,8 +35,7 @@ void Channel::send(std::uint32_t kind, ByteView body, milliseconds patience) {
   const std::lock_guard guard(sending_);
   for (ByteView rest : {std::as_bytes(std::span(&head, 1)), body}) {
     while (!rest.empty()) {
-      const ssize_t sent =
-          ::send(socket_.number(), rest.data(), rest.size(), MSG_NOSIGNAL | MSG_DONTWAIT);
+      const ssize_t sent = ::send(socket_.number(), rest.data(), rest.size(), MSG_NOSIGNAL | MSG_DONTWAIT);
       if (sent >= 0) {
         rest = rest.subspan(static_cast<std::size_t>(sent));
       } else if (errno == EAGAIN) {

@@ -45,7 +45,7 @@ class Channel {
 
   Descriptor socket_;
   std::mutex sending_;
-  Bytes received_;            // not yet given out
+  Bytes received_;             // not yet given out
   std::size_t given_out_ = 0;  // of its bytes
 };
 

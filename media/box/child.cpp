@@ -15,15 +15,21 @@
 #include <utility>
 
 #include "base/error.h"
+#include "base/printable.h"
+#include "media/box/sandbox.h"
 
 namespace kiroku::media {
 namespace {
 
 namespace fs = std::filesystem;
+using std::chrono::milliseconds;
 
 constexpr const char* kNothing = "/dev/null";
 // Above all numbers that the child's descriptors get, so that none is written over before it was copied.
 constexpr int kFirstFree = 16;
+constexpr std::size_t kProbeBytes = 4096;
+/// A process is started and its libraries loaded meanwhile, also on a machine that is busy.
+constexpr milliseconds kProbing{30'000}, kProbeStep{100};
 
 [[noreturn]] void fail(const std::string& what, int error) {
   throw IoError("start the decoder,", what, error);
@@ -76,8 +82,7 @@ Descriptor make_shared_memory(std::size_t bytes) {
 }
 
 Mapping::Mapping(int descriptor, std::size_t bytes, int protection, std::size_t offset) : size_(bytes) {
-  void* const at =
-      ::mmap(nullptr, bytes, protection, MAP_SHARED, descriptor, static_cast<off_t>(offset));
+  void* const at = ::mmap(nullptr, bytes, protection, MAP_SHARED, descriptor, static_cast<off_t>(offset));
   if (at == MAP_FAILED) throw IoError("map", "memory that is shared with the decoder", errno);
   data_ = static_cast<std::byte*>(at);
 }
@@ -200,8 +205,43 @@ bool BoxedChild::killed_from_outside() const {
 std::chrono::nanoseconds BoxedChild::processor_time() const {
   clockid_t clock{};
   timespec time{};
-  if (status_ || ::clock_getcpuclockid(process_, &clock) != 0 || ::clock_gettime(clock, &time) != 0) return {};
+  if (status_ || ::clock_getcpuclockid(process_, &clock) != 0 || ::clock_gettime(clock, &time) != 0)
+    return {};
   return std::chrono::seconds(time.tv_sec) + std::chrono::nanoseconds(time.tv_nsec);
+}
+
+std::string why_no_box(const std::function<void()>& waiting) {
+  try {
+    const Descriptor memory = make_shared_memory(kProbeBytes);
+    BoxedChild child("probe", memory);
+    try {
+      for (milliseconds waited{0}; waited < kProbing; waited += kProbeStep) {
+        if (const auto answer = child.channel().receive(kProbeStep, kProbeBytes))
+          return printable(text_of(answer->body));
+        if (waiting) waiting();
+      }
+    } catch (const ChannelError&) {
+    }
+    return "the decoder " + child.how_it_ended();
+  } catch (const Error& error) {
+    return error.what();
+  }
+}
+
+void run_box_probe() {
+  Channel channel{Descriptor(kChannelDescriptor)};
+  try {
+    std::string failure;
+    try {
+      limit_process(0);
+      close_box(BoxNeeds::kNetwork);
+    } catch (const Error& error) {
+      failure = error.what();
+    }
+    channel.send(0, failure);
+  } catch (const ChannelError&) {  // nobody waits for the answer any more
+  }
+  ::_exit(0);
 }
 
 }  // namespace kiroku::media

@@ -5,6 +5,7 @@
 
 #include <chrono>
 #include <filesystem>
+#include <functional>
 #include <optional>
 #include <string>
 #include <sys/types.h>
@@ -80,6 +81,12 @@ class BoxedChild {
   bool killed_ = false;        // by end()
   Channel channel_;
 };
+
+/// Starts a decoder that closes the widest box and ends. "" where it could, else one sentence on why not.
+/// `waiting` is called some ten times a second meanwhile; it may be empty. Thread-safe.
+std::string why_no_box(const std::function<void()>& waiting = {});
+/// The inside of it: what the program kiroku-decoder does as "probe".
+[[noreturn]] void run_box_probe();
 
 /// Beside this program, where it is installed, or where a build has it; empty where there is none.
 std::filesystem::path find_decoder_program();

@@ -51,18 +51,23 @@ class JobBox : public JobSegments {
     while (done < into.size()) {
       const std::size_t wanted = std::min(into.size() - done, kWindowBytes);
       say_form(FromJobBox::kRead, SegmentRead{handle, offset + done, wanted});
-      const auto count =
-          std::min<std::size_t>(answer<SegmentCount>(ToJobBox::kRead).bytes, wanted);
+      const auto count = std::min<std::size_t>(answer<SegmentCount>(ToJobBox::kRead).bytes, wanted);
       std::memcpy(into.data() + done, window_.data(), count);
       done += count;
       if (count < wanted) break;
     }
     return done;
   }
+  void tell(const char* kind, const std::exception& error) {
+    const json failure{{"kind", kind}, {"text", error.what()}};
+    say(FromJobBox::kFailed, bytes_of(failure.dump(-1, ' ', false, json::error_handler_t::replace)));
+  }
   void close(std::uint64_t handle) { say_form(FromJobBox::kClose, SegmentNumber{handle}); }
 
  private:
-  void say(FromJobBox kind, ByteView body) { channel_.send(static_cast<std::uint32_t>(kind), body, kNoLimit); }
+  void say(FromJobBox kind, ByteView body) {
+    channel_.send(static_cast<std::uint32_t>(kind), body, kNoLimit);
+  }
   template <typename Form>
   void say_form(FromJobBox kind, const Form& form) {
     say(kind, std::as_bytes(std::span(&form, 1)));
@@ -91,10 +96,6 @@ class JobBox : public JobSegments {
   }
 
   void do_job(const Jobs& jobs, const std::string& what, const json& with) {
-    const auto tell = [this](const char* kind, const std::exception& error) {
-      const json failure{{"kind", kind}, {"text", error.what()}};
-      say(FromJobBox::kFailed, bytes_of(failure.dump(-1, ' ', false, json::error_handler_t::replace)));
-    };
     try {
       const auto found = jobs.find(what);
       if (found == jobs.end()) throw Error("the decoder knows no job '" + what + "'");
@@ -145,9 +146,15 @@ std::unique_ptr<crypto::ByteSource> JobBox::open(std::uint64_t segment) {
 
 void run_job_box(const Jobs& jobs) {
   try {
-    limit_process(kMostProcessorSeconds);
-    close_box(BoxNeeds::kNothing);
-    JobBox().run(jobs);
+    JobBox box;
+    try {
+      limit_process(kMostProcessorSeconds);
+      close_box(BoxNeeds::kNothing);
+    } catch (const Error& error) {
+      box.tell(kOtherFailure, error);
+      ::_exit(1);
+    }
+    box.run(jobs);
   } catch (const std::exception&) {  // the other end is gone, or will see that this one is
     ::_exit(1);
   }

@@ -101,7 +101,8 @@ bool PictureLender::fill(AVCodecContext& codec, AVFrame& frame) {
   if (!buffer) return false;
   point_into(frame, frame.format, height, buffer->data);
   const AVPixFmtDescriptor* const described = av_pix_fmt_desc_get(static_cast<AVPixelFormat>(frame.format));
-  if (described != nullptr && (described->flags & AV_PIX_FMT_FLAG_PAL) != 0) std::memset(frame.data[1], 0, 1024);
+  if (described != nullptr && (described->flags & AV_PIX_FMT_FLAG_PAL) != 0)
+    std::memset(frame.data[1], 0, 1024);
   frame.buf[0] = buffer.release();
   return true;
 }
@@ -116,7 +117,8 @@ std::size_t PictureLender::find_place(std::size_t bytes) {
   for (std::size_t i = 0; i < places_.size(); ++i) {
     if (!is_free(i)) {
       all_free = false;
-    } else if (places_[i].bytes >= bytes && (found == kMostPlaces || places_[i].bytes < places_[found].bytes)) {
+    } else if (places_[i].bytes >= bytes &&
+               (found == kMostPlaces || places_[i].bytes < places_[found].bytes)) {
       found = i;
     }
   }
@@ -273,7 +275,8 @@ Frame PictureBorrower::borrow(const PictureNote& note) {
   constexpr std::uint64_t kEnd = kPictureMemoryBytes - kSharedPageBytes;
   require_fit(note.begin >= kSharedPageBytes && note.bytes <= kEnd && note.begin <= kEnd - note.bytes);
   std::array<int, 4> least{};
-  require_fit(av_image_fill_linesizes(least.data(), static_cast<AVPixelFormat>(note.format), note.width) >= 0);
+  require_fit(av_image_fill_linesizes(least.data(), static_cast<AVPixelFormat>(note.format), note.width) >=
+              0);
   for (std::size_t i = 0; i < 4; ++i) {
     require_fit(note.line_bytes[i] >= least[i] && note.line_bytes[i] <= (kLargestSide + 1024) * 16);
   }
@@ -286,8 +289,8 @@ Frame PictureBorrower::borrow(const PictureNote& note) {
     require_fit(note.planes[i] >= note.begin && bytes[i] <= note.bytes &&
                 note.planes[i] - note.begin <= note.bytes - bytes[i]);
     // Nobody writes to it here: the mapping would not let them, and the buffer says so.
-    frame->data[i] = const_cast<std::uint8_t*>(
-        reinterpret_cast<const std::uint8_t*>(pictures_.data() + note.planes[i]));
+    frame->data[i] =
+        const_cast<std::uint8_t*>(reinterpret_cast<const std::uint8_t*>(pictures_.data() + note.planes[i]));
   }
   frame->extended_data = frame->data;
   frame->width = note.width;
@@ -310,7 +313,8 @@ Frame PictureBorrower::borrow(const PictureNote& note) {
   frame->key_frame = note.key != 0 ? 1 : 0;
 #endif
   auto held = std::make_unique<Held>(Held{shared_from_this(), note.place});
-  auto* const at = const_cast<std::uint8_t*>(reinterpret_cast<const std::uint8_t*>(pictures_.data() + note.begin));
+  auto* const at =
+      const_cast<std::uint8_t*>(reinterpret_cast<const std::uint8_t*>(pictures_.data() + note.begin));
   frame->buf[0] = av_buffer_create(at, note.bytes, give_back, held.get(), AV_BUFFER_FLAG_READONLY);
   if (frame->buf[0] == nullptr) throw std::bad_alloc();
   (void)held.release();

@@ -33,10 +33,10 @@ static_assert(sizeof(SharedPage) <= kSharedPageBytes);
 
 /// What is said of a picture that is handed out: everything that the recorder uses of an AVFrame.
 struct PictureNote {
-  std::uint32_t place = 0;                      // below kMostPlaces
-  std::uint64_t begin = 0, bytes = 0;           // of the place, from the memory's beginning
-  std::array<std::uint64_t, 4> planes{};        // from the memory's beginning; 0: none
-  std::array<std::int32_t, 4> line_bytes{};     // AVFrame::linesize
+  std::uint32_t place = 0;                   // below kMostPlaces
+  std::uint64_t begin = 0, bytes = 0;        // of the place, from the memory's beginning
+  std::array<std::uint64_t, 4> planes{};     // from the memory's beginning; 0: none
+  std::array<std::int32_t, 4> line_bytes{};  // AVFrame::linesize
   std::int32_t width = 0, height = 0, format = -1;
   std::int32_t aspect_numerator = 0, aspect_denominator = 1;
   std::int32_t range = 0, primaries = 2, transfer = 2, matrix = 2, chroma_location = 0;

@@ -7,6 +7,7 @@
 #include <cstring>
 #include <fcntl.h>
 #include <initializer_list>
+#include <malloc.h>
 #include <memory>
 #include <sched.h>
 #include <seccomp.h>
@@ -26,9 +27,11 @@ namespace {
 constexpr bool kSanitized = !std::string_view(KIROKU_SANITIZERS).empty();
 constexpr rlim_t kMostDescriptors = 64;
 constexpr rlim_t kMostAddresses = rlim_t{4} << 30;
+/// Each of the C library's arenas sets 64 MiB of addresses aside, and it makes eight for each processor.
+constexpr int kMostArenas = 8;
 
 [[noreturn]] void fail(const std::string& what, int error) {
-  throw Error("nothing is decoded, as the decoder cannot be boxed: " + what + ": " + std::strerror(error));
+  throw Error("a decoder cannot be boxed here: " + what + ": " + std::strerror(error));
 }
 
 void limit(__rlimit_resource which, rlim_t most, const char* what) {
@@ -47,10 +50,10 @@ class Filter {
     check(::seccomp_attr_set(context_.get(), SCMP_FLTATR_ACT_BADARCH, SCMP_ACT_KILL_PROCESS));
   }
   void allow(std::initializer_list<const char*> calls) { rule(SCMP_ACT_ALLOW, calls); }
-  void refuse(std::initializer_list<const char*> calls, unsigned error) { rule(SCMP_ACT_ERRNO(error), calls); }
-  void allow_if(const char* call, scmp_arg_cmp condition) {
-    add(SCMP_ACT_ALLOW, call, &condition, 1);
+  void refuse(std::initializer_list<const char*> calls, unsigned error) {
+    rule(SCMP_ACT_ERRNO(error), calls);
   }
+  void allow_if(const char* call, scmp_arg_cmp condition) { add(SCMP_ACT_ALLOW, call, &condition, 1); }
   void refuse_if(const char* call, unsigned error, scmp_arg_cmp condition) {
     add(SCMP_ACT_ERRNO(error), call, &condition, 1);
   }
@@ -76,24 +79,58 @@ class Filter {
   std::unique_ptr<void, Release> context_;
 };
 
-scmp_arg_cmp equal(unsigned argument, std::uint64_t value) {
-  return {argument, SCMP_CMP_EQ, value, 0};
-}
+scmp_arg_cmp equal(unsigned argument, std::uint64_t value) { return {argument, SCMP_CMP_EQ, value, 0}; }
 scmp_arg_cmp masked(unsigned argument, std::uint64_t mask, std::uint64_t value) {
   return {argument, SCMP_CMP_MASKED_EQ, mask, value};
 }
 
 /// Memory, threads, clocks, and descriptors that are there.
 void allow_common(Filter& filter) {
-  filter.allow({"read",           "write",           "readv",           "writev",       "pread64",
-                "lseek",          "close",           "munmap",          "mremap",       "madvise",
-                "brk",            "futex",           "set_robust_list", "rseq",         "rt_sigaction",
-                "rt_sigprocmask", "rt_sigreturn",    "sigaltstack",     "exit",         "exit_group",
-                "sched_yield",    "sched_getaffinity", "getpid",        "gettid",       "clock_gettime",
-                "clock_getres",   "clock_nanosleep", "nanosleep",       "gettimeofday", "time",
-                "poll",           "ppoll",           "select",          "pselect6",     "getrandom",
-                "fstat",          "uname",           "sysinfo",         "getcpu",       "restart_syscall",
-                "membarrier",     "getrusage",       "getuid",          "geteuid",      "getgid",
+  filter.allow({"read",
+                "write",
+                "readv",
+                "writev",
+                "pread64",
+                "lseek",
+                "close",
+                "munmap",
+                "mremap",
+                "madvise",
+                "brk",
+                "futex",
+                "set_robust_list",
+                "rseq",
+                "rt_sigaction",
+                "rt_sigprocmask",
+                "rt_sigreturn",
+                "sigaltstack",
+                "exit",
+                "exit_group",
+                "sched_yield",
+                "sched_getaffinity",
+                "getpid",
+                "gettid",
+                "clock_gettime",
+                "clock_getres",
+                "clock_nanosleep",
+                "nanosleep",
+                "gettimeofday",
+                "time",
+                "poll",
+                "ppoll",
+                "select",
+                "pselect6",
+                "getrandom",
+                "fstat",
+                "uname",
+                "sysinfo",
+                "getcpu",
+                "restart_syscall",
+                "membarrier",
+                "getrusage",
+                "getuid",
+                "geteuid",
+                "getgid",
                 "getegid"});
   // Memory is never executable, so that no code comes in as data.
   if (kSanitized) {
@@ -152,9 +189,20 @@ void allow_network(Filter& filter) {
 /// V4L2's calls have 'V' as their type (ioctl(2), linux/videodev2.h).
 void allow_device(Filter& filter) { filter.allow_if("ioctl", masked(1, 0xff00, std::uint64_t{'V'} << 8)); }
 
+/// A recorder asks to be the last that the kernel ends for want of memory (OOMScoreAdjust= of its unit), and
+/// what it starts inherits that. Its decoders come before it.
+void come_before_the_recorder() {
+  constexpr std::string_view kNoPreference = "0";
+  const Descriptor preference(::open("/proc/self/oom_score_adj", O_RDWR | O_CLOEXEC));
+  char sign = 0;
+  if (preference && ::pread(preference.number(), &sign, 1, 0) == 1 && sign == '-')
+    (void)!::write(preference.number(), kNoPreference.data(), kNoPreference.size());
+}
+
 }  // namespace
 
 void limit_process(unsigned processor_seconds) {
+  come_before_the_recorder();
   (void)::signal(SIGPIPE, SIG_IGN);
   (void)::prctl(PR_SET_NAME, "kiroku-decoder");
   if (::close_range(kMemoryDescriptor + 1, ~0U, 0) != 0) fail("descriptors stay open", errno);
@@ -163,6 +211,7 @@ void limit_process(unsigned processor_seconds) {
   limit(RLIMIT_MEMLOCK, 0, "locked memory");
   limit(RLIMIT_NOFILE, kMostDescriptors, "descriptors");
   if (processor_seconds > 0) limit(RLIMIT_CPU, processor_seconds, "processor time");
+  (void)::mallopt(M_ARENA_MAX, kMostArenas);
   // A sanitizer's shadow takes terabytes of addresses.
   if (!kSanitized) limit(RLIMIT_AS, kMostAddresses, "memory");
   if (::prctl(PR_SET_NO_NEW_PRIVS, 1, 0, 0, 0) != 0) fail("new privileges cannot be refused", errno);

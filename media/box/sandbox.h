@@ -15,7 +15,8 @@ enum class BoxNeeds {
 
 /// At the very beginning of a boxed program, before it loads or reads anything: limits, and what is
 /// inherited. No core, nothing to write to files, `processor_seconds` of processors (0: without end),
-/// few descriptors and none but those of child.h, 4 GiB of addresses; no new privileges, no other process of the user may attach or read.
+/// few descriptors and none but those of child.h, 4 GiB of addresses; no new privileges, no other process of
+/// the user may attach or read; no preference over others when memory is short.
 /// Throws kiroku::Error where the kernel refuses: then nothing may be decoded.
 void limit_process(unsigned processor_seconds);
 

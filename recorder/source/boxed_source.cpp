@@ -1,6 +1,7 @@
 #include "recorder/source/boxed_source.h"
 
 #include <algorithm>
+#include <atomic>
 #include <chrono>
 #include <cstdio>
 #include <cstring>
@@ -19,6 +20,7 @@ extern "C" {
 #include "base/printable.h"
 #include "media/box/child.h"
 #include "media/box/picture_memory.h"
+#include "recorder/source/ffmpeg_source.h"
 #include "recorder/source/source_box.h"
 
 namespace kiroku::recorder {
@@ -151,18 +153,19 @@ class BoxedSource : public Source {
       child_.end();
       char seconds[32];
       std::snprintf(seconds, sizeof seconds, "%.3g s", std::chrono::duration<double>(silent).count());
-      throw Error(name_ + " has not answered for " + seconds + ": its decoder was killed");
+      throw DecoderLost(name_ + " has not answered for " + seconds + ": its decoder was killed");
     }
     return {};
   }
 
   [[noreturn]] void throw_ended() {
-    throw Error("the decoder of " + name_ + " " + child_.how_it_ended(std::chrono::duration_cast<milliseconds>(
-                                                std::min<nanoseconds>(kGoodBye, silence_ / 2))));
+    const auto patience =
+        std::chrono::duration_cast<milliseconds>(std::min<nanoseconds>(kGoodBye, silence_ / 2));
+    throw DecoderLost("the decoder of " + name_ + " " + child_.how_it_ended(patience));
   }
   [[noreturn]] void throw_nonsense() {
     child_.end();
-    throw Error("the decoder of " + name_ + " says what it may not: it was killed");
+    throw DecoderLost("the decoder of " + name_ + " says what it may not: it was killed");
   }
   [[noreturn]] void throw_failure(ByteView body) {
     std::string text;
@@ -182,7 +185,8 @@ class BoxedSource : public Source {
     try {
       const json facts = json::parse(text_of(body));
       const auto pair = [&](const char* name) {
-        return Rational{within(facts.at(name).at(0), 0, INT32_MAX), within(facts.at(name).at(1), 1, INT32_MAX)};
+        return Rational{within(facts.at(name).at(0), 0, INT32_MAX),
+                        within(facts.at(name).at(1), 1, INT32_MAX)};
       };
       format_.width = within(facts.at("width"), 1, kLargestSide);
       format_.height = within(facts.at("height"), 1, kLargestSide);
@@ -241,7 +245,8 @@ class BoxedSource : public Source {
     TimedFrame timed;
     timed.is_sound = true;
     timed.time_ns = std::clamp<std::int64_t>(
-        message.time_ns, 0, live_ ? clock_.now_ns() : std::max<std::int64_t>(last_time_ns_, 0) + kLargestJumpNs);
+        message.time_ns, 0,
+        live_ ? clock_.now_ns() : std::max<std::int64_t>(last_time_ns_, 0) + kLargestJumpNs);
     timed.frame = media::make_frame();
     AVFrame& frame = *timed.frame;
     frame.sample_rate = message.sample_rate;
@@ -277,7 +282,28 @@ class BoxedSource : public Source {
   std::int64_t last_time_ns_ = -1;
 };
 
+// Set once, and never cleared: what boxed once is never given up for a decoder without a box.
+std::atomic<bool> boxes_are_there = false;
+
 }  // namespace
+
+std::string why_unboxed(Pulse* pulse) {
+  if (boxes_are_there) return {};
+  std::string why = media::why_no_box([pulse] {
+    if (pulse != nullptr) ++*pulse;
+  });
+  if (why.empty()) boxes_are_there = true;
+  return why;
+}
+
+std::unique_ptr<Source> open_captured_source(const SourceAddress& address, const CaseClock& clock,
+                                             const OpeningTerms& terms) {
+  const std::string why = why_unboxed(terms.pulse);
+  if (why.empty()) return open_boxed_source(address, clock, terms);
+  OpeningTerms unboxed = terms;
+  unboxed.remark = "source '" + address.stated + "' is decoded without a box, beside the device key: " + why;
+  return open_ffmpeg_source(address, clock, unboxed);
+}
 
 std::unique_ptr<Source> open_boxed_source(const SourceAddress& address, const CaseClock& clock,
                                           const OpeningTerms& terms) {

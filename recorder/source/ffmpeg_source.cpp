@@ -68,6 +68,7 @@ class FfmpegSource : public Source {
         silence_ns_(terms.silence.count()),
         name_("source '" + address.stated + "'"),
         box_(terms.box),
+        told_(terms.remark),
         live_(address.kind != SourceKind::kFile),
         wants_sound_(terms.sound),
         loop_(integer_option(address, "loop", 0, 0, 1) == 1) {
@@ -93,7 +94,9 @@ class FfmpegSource : public Source {
                        sound_decoder_->sample_fmt};
   }
   [[nodiscard]] bool is_live() const override { return live_; }
-  [[nodiscard]] std::string remark() const override { return remark_; }
+  [[nodiscard]] std::string remark() const override {
+    return remark_ + (remark_.empty() || told_.empty() ? "" : "; ") + told_;
+  }
   [[nodiscard]] std::string input() const override {
     char rate[32];
     std::snprintf(rate, sizeof rate, ", %.4g a second", double(rate_.numerator) / double(rate_.denominator));
@@ -242,7 +245,8 @@ class FfmpegSource : public Source {
     for (const std::string& location : locations_) {
       opened = try_to_open(location, rtsp_transport);
       // As libavformat does where it looks names up itself: the host may answer at another address.
-      if (opened != AVERROR(ECONNREFUSED) && opened != AVERROR(ENETUNREACH) && opened != AVERROR(EHOSTUNREACH))
+      if (opened != AVERROR(ECONNREFUSED) && opened != AVERROR(ENETUNREACH) &&
+          opened != AVERROR(EHOSTUNREACH))
         break;
     }
     return opened;
@@ -455,6 +459,7 @@ class FfmpegSource : public Source {
   const std::int64_t silence_ns_;       // a live source that sends nothing for so long is lost
   const std::string name_;
   const BoxHooks* const box_;  // null: it works in no box
+  const std::string told_;     // by whoever opens it
   const bool live_;
   const bool wants_sound_;
   const bool loop_;

@@ -27,9 +27,9 @@ FileInput::FileInput(const std::string& path, std::function<bool()> must_stop)
     : descriptor_(::open(path.c_str(), O_RDONLY | O_CLOEXEC)), must_stop_(std::move(must_stop)) {
   if (!descriptor_) throw IoError("open the film", path, errno);
   auto* buffer = static_cast<unsigned char*>(av_malloc(kBufferBytes));
-  io_.reset(buffer == nullptr
-                ? nullptr
-                : avio_alloc_context(buffer, kBufferBytes, 0, this, &FileInput::read, nullptr, &FileInput::seek));
+  io_.reset(buffer == nullptr ? nullptr
+                              : avio_alloc_context(buffer, kBufferBytes, 0, this, &FileInput::read, nullptr,
+                                                   &FileInput::seek));
   if (!io_) {
     av_free(buffer);
     throw std::bad_alloc();

@@ -8,8 +8,8 @@
 
 namespace kiroku::recorder {
 
-// RFC 3986 section 3.2: the authority lasts until the first '/', '?' or '#'; the last '@' in it ends the user.
-// A password may itself hold '/', which libavformat takes as the authority's end, too.
+// RFC 3986 section 3.2: the authority lasts until the first '/', '?' or '#'; the last '@' in it ends the
+// user. A password may itself hold '/', which libavformat takes as the authority's end, too.
 HostPlace host_place(const std::string& location) {
   const std::size_t scheme = location.find("://");
   if (scheme == std::string::npos) return {};

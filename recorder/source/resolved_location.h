@@ -8,8 +8,8 @@
 
 namespace kiroku::recorder {
 
-/// "rtsp://user:secret@camera.local:554/x" as "rtsp://user:secret@192.0.2.7:554/x", once for each address that
-/// the host has, in the order in which they are to be tried. What has no name, or one that nobody knows,
+/// "rtsp://user:secret@camera.local:554/x" as "rtsp://user:secret@192.0.2.7:554/x", once for each address
+/// that the host has, in the order in which they are to be tried. What has no name, or one that nobody knows,
 /// comes back as it is, alone.
 std::vector<std::string> resolved_locations(const std::string& location);
 

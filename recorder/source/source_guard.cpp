@@ -254,7 +254,7 @@ SourceGuard::SourceGuard() : SourceGuard(Limits{}) {}
 SourceGuard::SourceGuard(Limits limits, Tell tell, Maker make, LookUp look_up)
     : limits_(limits),
       tell_(std::move(tell)),
-      make_(make ? std::move(make) : Maker(open_boxed_source)),
+      make_(make ? std::move(make) : Maker(open_captured_source)),
       look_up_(std::move(look_up)) {}
 
 SourceAddress SourceGuard::look_up(const std::string& text, Presence presence) {

@@ -99,7 +99,8 @@ Bytes CasePlayback::cached(const std::string& name, const std::function<Bytes()>
 
 Bytes CasePlayback::cached_piece(Stream& stream, std::uint64_t number) {
   if (!may_hold(stream.index, number)) return {};
-  return cached(name_of("piece", stream.index, number), [&] { return stream.boxes.make_piece(stream.format, number); });
+  return cached(name_of("piece", stream.index, number),
+                [&] { return stream.boxes.make_piece(stream.format, number); });
 }
 
 std::optional<InitSegment> CasePlayback::sound_init_segment(const std::string& stream) {

@@ -59,7 +59,8 @@ struct PictureReader::Open {
   media::PictureDecoder decoder;
 };
 
-PictureReader::PictureReader(const SegmentOpener& media, const VideoIndex& index, Decoding decoding, int threads)
+PictureReader::PictureReader(const SegmentOpener& media, const VideoIndex& index, Decoding decoding,
+                             int threads)
     : media_(media), index_(index), decoding_(decoding), threads_(threads) {}
 
 PictureReader::~PictureReader() = default;

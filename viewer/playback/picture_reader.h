@@ -25,8 +25,8 @@ enum class Decoding { kEveryPicture, kKeyFramesOnly };
 class PictureReader {
  public:
   /// Both must outlive the object. `threads` as of media::PictureDecoder.
-  PictureReader(const SegmentOpener& media, const VideoIndex& index, Decoding decoding = Decoding::kEveryPicture,
-                int threads = 1);
+  PictureReader(const SegmentOpener& media, const VideoIndex& index,
+                Decoding decoding = Decoding::kEveryPicture, int threads = 1);
   ~PictureReader();
   PictureReader(const PictureReader&) = delete;
   PictureReader& operator=(const PictureReader&) = delete;

@@ -27,8 +27,8 @@ Ticks ticks_of(std::int64_t stamp, const AVStream& stream) {
 
 }  // namespace
 
-SegmentPackets::SegmentPackets(const SegmentOpener& media, const VideoIndex& index, const IndexedSegment& segment,
-                               Of which)
+SegmentPackets::SegmentPackets(const SegmentOpener& media, const VideoIndex& index,
+                               const IndexedSegment& segment, Of which)
     : wraps_(index.stream.media == "video/mp2t"),
       tolerate_cut_(!segment.entry.complete),
       plaintext_(media.open_plaintext(segment.entry)),

@@ -22,7 +22,8 @@ class SegmentPackets {
 
   /// `segment` is one of `index`; nothing is kept of the three. Throws as SegmentOpener and
   /// media::SegmentInput, and media::MediaError where pictures are asked for and there are none.
-  SegmentPackets(const SegmentOpener& media, const VideoIndex& index, const IndexedSegment& segment, Of which);
+  SegmentPackets(const SegmentOpener& media, const VideoIndex& index, const IndexedSegment& segment,
+                 Of which);
   SegmentPackets(const SegmentPackets&) = delete;
   SegmentPackets& operator=(const SegmentPackets&) = delete;
 

@@ -139,7 +139,8 @@ media::Jobs viewing_jobs() {
   };
   jobs[kPieceJob] = [shown](const json& with, media::JobSegments& segments) {
     const Shown& of = **shown;
-    segments.give(make_viewing_piece(of.segments, of.index, format_from(with.at("format")), with.at("number")));
+    segments.give(
+        make_viewing_piece(of.segments, of.index, format_from(with.at("format")), with.at("number")));
     return json::object();
   };
   jobs[kSoundJob] = [shown](const json&, media::JobSegments&) {
@@ -149,7 +150,8 @@ media::Jobs viewing_jobs() {
   };
   jobs[kSoundPieceJob] = [shown](const json& with, media::JobSegments& segments) {
     const Shown& of = **shown;
-    segments.give(make_sound_piece(of.segments, of.index, sound_form_from(with.at("form")), with.at("number")));
+    segments.give(
+        make_sound_piece(of.segments, of.index, sound_form_from(with.at("form")), with.at("number")));
     return json::object();
   };
   jobs[kThumbnailJob] = [shown](const json& with, media::JobSegments& segments) {

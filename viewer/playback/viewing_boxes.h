@@ -22,8 +22,8 @@ class ViewingBoxes {
   /// Both must outlive the object.
   ViewingBoxes(const CaseMedia& media, const VideoIndex& index);
 
-  // All throw what they do when called here: PictureReader, SoundReader; media::MediaError where a decoder was
-  // killed by what it decodes or says what cannot be, kiroku::IoError where there is none.
+  // All throw what they do when called here: PictureReader, SoundReader; media::MediaError where a decoder
+  // was killed by what it decodes or says what cannot be, kiroku::IoError where there is none.
 
   ViewingFormat find_format();
   Bytes make_piece(const ViewingFormat& format, std::uint64_t number);

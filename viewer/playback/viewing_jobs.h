@@ -10,13 +10,13 @@
 namespace kiroku::playback {
 
 // Names of jobs, and what they are asked with and answer.
-inline constexpr const char* kIndexJob = "index";            // json_of(VideoIndex); {}
-inline constexpr const char* kFormatJob = "format";          // {}; json_of(ViewingFormat)
-inline constexpr const char* kPieceJob = "piece";            // {"format", "number"}; {} and bytes
-inline constexpr const char* kSoundJob = "sound";            // {}; {} or {"form"}
+inline constexpr const char* kIndexJob = "index";             // json_of(VideoIndex); {}
+inline constexpr const char* kFormatJob = "format";           // {}; json_of(ViewingFormat)
+inline constexpr const char* kPieceJob = "piece";             // {"format", "number"}; {} and bytes
+inline constexpr const char* kSoundJob = "sound";             // {}; {} or {"form"}
 inline constexpr const char* kSoundPieceJob = "sound-piece";  // {"form", "number"}; {} and bytes
-inline constexpr const char* kThumbnailJob = "thumbnail";    // {"number"}; {} and bytes
-inline constexpr const char* kStillJob = "still";            // {"at_ns", "step"}; {} or {"time_ns"} and bytes
+inline constexpr const char* kThumbnailJob = "thumbnail";     // {"number"}; {} and bytes
+inline constexpr const char* kStillJob = "still";  // {"at_ns", "step"}; {} or {"time_ns"} and bytes
 
 // What readers use of an index, and no more. Reading throws nlohmann::json::exception or kiroku::Error for
 // what cannot be: the box may say anything.

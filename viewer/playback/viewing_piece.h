@@ -1,4 +1,5 @@
-// A stream's viewing copy made from its segments: the form of all of its pictures, and one piece. Thread-safe.
+// A stream's viewing copy made from its segments: the form of all of its pictures, and one piece.
+// Thread-safe.
 #pragma once
 
 #include <cstdint>

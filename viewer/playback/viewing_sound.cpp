@@ -66,8 +66,8 @@ std::vector<double> low_pass(int by) {
 }
 
 /// Samples [from, to) of the copy.
-std::vector<std::int16_t> samples_of(const SegmentOpener& media, const VideoIndex& index, const SoundForm& form,
-                                     std::int64_t from, std::int64_t to) {
+std::vector<std::int16_t> samples_of(const SegmentOpener& media, const VideoIndex& index,
+                                     const SoundForm& form, std::int64_t from, std::int64_t to) {
   SoundReader reader(media, index, form);
   const int by = reduction_of(form);
   if (by == 1) return reader.read(from, to);

@@ -29,11 +29,32 @@ void expect_stopped(const std::string& needs, const std::string& call) {
 TEST(BoxAttack, WhatIsNotOnTheListEndsTheDecoder) {
   if (kSanitized) GTEST_SKIP() << "a sanitizer's box refuses instead";
   for (const char* needs : {"nothing", "network", "device"}) {
-    for (const char* call :
-         {"ptrace", "read of parent", "signal", "descriptor of parent", "program", "process", "vfork",
-          "new process by clone", "namespace", "mount", "unlink", "mkdir", "chmod", "raw socket",
-          "executable memory", "making memory executable", "limit", "dumpable", "another filter", "bpf", "perf",
-          "io_uring", "userfaultfd", "keys", "terminal", "uid"}) {
+    for (const char* call : {"ptrace",
+                             "read of parent",
+                             "signal",
+                             "descriptor of parent",
+                             "program",
+                             "process",
+                             "vfork",
+                             "new process by clone",
+                             "namespace",
+                             "mount",
+                             "unlink",
+                             "mkdir",
+                             "chmod",
+                             "raw socket",
+                             "executable memory",
+                             "making memory executable",
+                             "limit",
+                             "dumpable",
+                             "another filter",
+                             "bpf",
+                             "perf",
+                             "io_uring",
+                             "userfaultfd",
+                             "keys",
+                             "terminal",
+                             "uid"}) {
       EXPECT_EQ(try_to(needs, call), kKilled) << needs << ": " << call;
     }
   }
@@ -45,15 +66,17 @@ TEST(BoxAttack, WhatIsNotOnTheListEndsTheDecoder) {
 
 TEST(BoxAttack, NoWayLeadsToAFileAKeyOrAnotherProcess) {
   for (const char* needs : {"nothing", "network", "device"}) {
-    for (const char* call : {"open", "create", "memory of parent", "ptrace", "read of parent", "signal",
-                             "descriptor of parent", "program", "process", "local socket", "netlink", "mount"})
+    for (const char* call :
+         {"open", "create", "memory of parent", "ptrace", "read of parent", "signal", "descriptor of parent",
+          "program", "process", "local socket", "netlink", "mount"})
       expect_stopped(needs, call);
   }
 }
 
 TEST(BoxAttack, PathsAreRefusedWithoutEndingTheDecoder) {
   // Libraries look for files that they can do without.
-  for (const char* call : {"open", "create", "memory of parent"}) EXPECT_EQ(try_to("nothing", call), kRefused);
+  for (const char* call : {"open", "create", "memory of parent"})
+    EXPECT_EQ(try_to("nothing", call), kRefused);
   EXPECT_EQ(try_to("network", "netlink"), kRefused);
 }
 

@@ -51,12 +51,10 @@ void write_film(const std::filesystem::path& pipe, int count, std::chrono::milli
   }
 }
 
-pid_t wait_for_decoder() {
-  for (;;) {
-    const std::vector<pid_t> found = child_processes();
-    if (!found.empty()) return found.front();
-    std::this_thread::sleep_for(5ms);
-  }
+/// 0 where there is none.
+pid_t decoder_of_now() {
+  const std::vector<pid_t> found = child_processes();
+  return found.empty() ? 0 : found.front();
 }
 
 class BoxedSession : public testing::Test {
@@ -66,40 +64,48 @@ class BoxedSession : public testing::Test {
     ASSERT_EQ(::mkfifo((bench_ / "camera").c_str(), 0600), 0);
   }
 
-  /// Records a camera of which the decoder gets a signal after some pictures, in the middle of the case.
+  /// Records a camera of which the decoder gets a signal after some pictures, until the next decoder has
+  /// given some, too.
   RecordedCase record_with(int signal) {
+    std::atomic<bool> ended = false;
     std::thread camera([&] {
-      write_film(bench_ / "camera", 1000);
-      write_film(bench_ / "camera", 1000);
-    });
-    std::thread attacker([&] {
-      const pid_t decoder = wait_for_decoder();
-      while (frames_ < 10) std::this_thread::sleep_for(5ms);
-      first_ = decoder;
-      ::kill(decoder, signal);
-      while (child_processes().empty() || child_processes().front() == decoder)
-        std::this_thread::sleep_for(5ms);
-      second_ = child_processes().front();
+      while (!ended) write_film(bench_ / "camera", 1000);
     });
     SessionOptions options = bench_.options();
     options.video = {bench_.stream("endoscope", (bench_ / "camera").string())};
     SourceGuard::Limits limits;
     limits.silence = 700ms;
     options.video[0].guard = std::make_shared<SourceGuard>(limits);
-    options.video[0].tap = std::make_shared<PictureTap>();
-    options.video[0].tap->watch(true);
-    std::thread counter([tap = options.video[0].tap, this] {
-      while (!ended_) {
-        if (tap->take(20ms)) ++frames_;
+    const auto tap = options.video[0].tap = std::make_shared<PictureTap>();
+    tap->watch(true);
+    Session session(options);
+    std::atomic<int> pictures = 0;
+    std::thread counter([&] {
+      while (!ended) {
+        if (tap->take(20ms)) ++pictures;
       }
     });
-    options.duration = 5s;
-    RecordedCase recorded = bench_.record(options);
-    ended_ = true;
-    camera.join();
+    std::thread attacker([&] {
+      const auto until = [](const auto& holds) {
+        for (int i = 0; i < 12'000 && !holds(); ++i) std::this_thread::sleep_for(5ms);
+      };
+      until([&] { return pictures >= 10; });
+      first_ = decoder_of_now();
+      ::kill(first_, signal);
+      until([&] { return decoder_of_now() != 0 && decoder_of_now() != first_; });
+      second_ = decoder_of_now();
+      const int before = pictures;
+      until([&] { return pictures >= before + 10; });
+      session.stop();
+    });
+    const std::filesystem::path folder = session.run().folder;
     attacker.join();
+    ended = true;
     counter.join();
-    return recorded;
+    // It may wait for a reader.
+    const Descriptor reader(::open((bench_ / "camera").c_str(), O_RDONLY | O_NONBLOCK));
+    camera.join();
+    return bench_.read(folder);
   }
 
   static void expect_one_gap_and_more_after(const RecordedCase& recorded) {
@@ -113,9 +119,7 @@ class BoxedSession : public testing::Test {
   }
 
   RecorderBench bench_;
-  std::atomic<int> frames_ = 0;
-  std::atomic<bool> ended_ = false;
-  std::atomic<pid_t> first_ = 0, second_ = 0;
+  pid_t first_ = 0, second_ = 0;
 };
 
 TEST_F(BoxedSession, ADecoderThatIsKilledCostsAGap) {
@@ -176,22 +180,21 @@ TEST_F(BoxedSourceTest, TheDecoderHasNothingButWhatItNeeds) {
   ASSERT_TRUE(source->read());
   ::unsetenv("KIROKU_PASSPHRASE");
   ASSERT_THAT(child_processes(), SizeIs(1));
-  const pid_t decoder = child_processes().front();
+  const pid_t decoder = decoder_of_now();
   EXPECT_EQ(line_of_process(decoder, "status", "NoNewPrivs:"), "1");
   EXPECT_EQ(line_of_process(decoder, "status", "Seccomp:"), "2");
   EXPECT_THAT(line_of_process(decoder, "limits", "Max core file size"), testing::StartsWith("0 "));
   EXPECT_THAT(line_of_process(decoder, "limits", "Max file size"), testing::StartsWith("0 "));
   if (::geteuid() != 0) GTEST_SKIP() << "what it has, it shows to root alone";
   std::ifstream environment("/proc/" + std::to_string(decoder) + "/environ");
-  EXPECT_EQ(std::string(std::istreambuf_iterator<char>(environment), {}), std::string("OPENBLAS_NUM_THREADS=1\0", 23));
+  EXPECT_EQ(std::string(std::istreambuf_iterator<char>(environment), {}),
+            std::string("OPENBLAS_NUM_THREADS=1\0", 23));
   std::vector<std::string> held;
-  for (const auto& each :
-       std::filesystem::directory_iterator("/proc/" + std::to_string(decoder) + "/fd")) {
+  for (const auto& each : std::filesystem::directory_iterator("/proc/" + std::to_string(decoder) + "/fd")) {
     const int number = std::stoi(each.path().filename());
     if (number > 2) held.push_back(std::filesystem::read_symlink(each.path()).string().substr(0, 7));
   }
-  std::sort(held.begin(), held.end());
-  EXPECT_THAT(held, ElementsAre(film_.string().substr(0, 7), "/memfd:", "socket:"));
+  EXPECT_THAT(held, testing::UnorderedElementsAre(film_.string().substr(0, 7), "/memfd:", "socket:"));
 }
 
 TEST_F(BoxedSourceTest, SaysWhatEndedTheDecoder) {
@@ -215,7 +218,8 @@ TEST_F(BoxedSourceTest, ErrorsCrossTheBoxAsTheyAre) {
     EXPECT_THAT(error.what(), HasSubstr("speed can only be 'max'"));
   }
   std::ofstream(bench_ / "text.mp4") << "no film\n";
-  EXPECT_THROW((void)open_boxed_source(parse_source_address((bench_ / "text.mp4").string()), clock_, {}), Error);
+  EXPECT_THROW((void)open_boxed_source(parse_source_address((bench_ / "text.mp4").string()), clock_, {}),
+               Error);
   EXPECT_THAT(child_processes(), IsEmpty());
 }
 
@@ -225,10 +229,11 @@ TEST_F(BoxedSourceTest, OpeningEndsWhenNobodyWaitsForIt) {
   OpeningTerms terms;
   terms.cancelled = &cancelled;
   std::thread canceller([&] {
-    wait_for_decoder();
+    while (decoder_of_now() == 0) std::this_thread::sleep_for(5ms);
     cancelled = true;
   });
-  EXPECT_THROW((void)open_boxed_source(parse_source_address((bench_ / "silent").string()), clock_, terms), Error);
+  EXPECT_THROW((void)open_boxed_source(parse_source_address((bench_ / "silent").string()), clock_, terms),
+               Error);
   canceller.join();
   EXPECT_THAT(child_processes(), IsEmpty());
 }

@@ -1,4 +1,4 @@
-#include "media/inspector.h"
+#include "media/inspection/inspector.h"
 
 #include <nlohmann/json.hpp>
 
@@ -38,7 +38,8 @@ std::uint64_t count_frames_boxed(BoxPool& boxes, const archive::StreamInfo& stre
   });
   const auto frames = counted.find("frames");
   if (frames == counted.end() || !frames->is_number_unsigned())
-    throw MediaError("the media of " + entry.file.file + " cannot be decoded: the decoder says what it may not");
+    throw MediaError("the media of " + entry.file.file +
+                     " cannot be decoded: the decoder says what it may not");
   return frames->get<std::uint64_t>();
 }
 
@@ -61,8 +62,8 @@ std::uint64_t count_lines(const archive::StreamInfo& stream, const archive::Segm
   return lines;
 }
 
-std::optional<std::string> inspect(BoxPool& boxes, const archive::StreamInfo& stream, const archive::SegmentEntry& entry,
-                                   const crypto::ByteSource& sealed,
+std::optional<std::string> inspect(BoxPool& boxes, const archive::StreamInfo& stream,
+                                   const archive::SegmentEntry& entry, const crypto::ByteSource& sealed,
                                    const crypto::AgeIdentities& identities) {
   try {
     const SealedSegment segment = SealedSegment::decrypt(sealed, entry.complete, identities);
