@@ -44,7 +44,7 @@ void limit(__rlimit_resource which, rlim_t most, const char* what) {
 class Filter {
  public:
   Filter() : context_(::seccomp_init(kSanitized ? SCMP_ACT_ERRNO(EPERM) : SCMP_ACT_KILL_PROCESS)) {
-    if (!context_) fail("no filter", ENOMEM);
+    if (!context_) fail("no filter of system calls", ENOSYS);
     // Libraries start threads before main().
     check(::seccomp_attr_set(context_.get(), SCMP_FLTATR_CTL_TSYNC, 1));
     check(::seccomp_attr_set(context_.get(), SCMP_FLTATR_ACT_BADARCH, SCMP_ACT_KILL_PROCESS));

@@ -1,8 +1,8 @@
 // A V4L2 camera for a machine that has none: loaded before the C library (LD_PRELOAD), it answers what a
 // program asks of one character device, so that libavdevice's own code captures from it. Environment:
 //   KIROKU_CAMERA_DEVICE    the device whose calls are answered; it must exist and may be any (/dev/full)
-//   KIROKU_CAMERA_GIVEN     an empty file in which it counts the pictures that it gave, to whichever process
-//   KIROKU_CAMERA_PICTURES  so many pictures come, 20 a second; then none ever again
+//   KIROKU_CAMERA_GIVEN     a file of eight zeros in which it counts the pictures that it gave, to whichever
+//   process KIROKU_CAMERA_PICTURES  so many pictures come, 20 a second; then none ever again
 //   KIROKU_CAMERA_THEN      what happens then: "silent" (a program that waits in the driver waits for ever,
 //   one
 //                           that may not is told to come again), "stuck" (the driver keeps whoever asks for a
@@ -60,9 +60,8 @@ std::atomic<int>& given() {
   static std::atomic<int>* const counted = [] {
     const int file = ::open(setting("KIROKU_CAMERA_GIVEN").c_str(), O_RDWR | O_CLOEXEC);
     void* const at =
-        file < 0 || ::ftruncate(file, sizeof(std::atomic<int>)) != 0
-            ? MAP_FAILED
-            : ::mmap(nullptr, sizeof(std::atomic<int>), PROT_READ | PROT_WRITE, MAP_SHARED, file, 0);
+        file < 0 ? MAP_FAILED
+                 : ::mmap(nullptr, sizeof(std::atomic<int>), PROT_READ | PROT_WRITE, MAP_SHARED, file, 0);
     if (at == MAP_FAILED) std::abort();
     ::close(file);
     return static_cast<std::atomic<int>*>(at);
@@ -190,7 +189,7 @@ int answer(unsigned long asked, void* what) {
 int open_camera(int flags) {
   (void)given();  // no file can be opened later: the decoder's box is closed then
   const int descriptor = ::memfd_create("camera", MFD_CLOEXEC);
-  if (descriptor < 0 || ::ftruncate(descriptor, kBytes) != 0) return -1;
+  if (descriptor < 0) return -1;
   camera().queued = {};
   camera().may_wait = (flags & O_NONBLOCK) == 0;
   camera().descriptor = descriptor;
@@ -236,6 +235,18 @@ int open64(const char* path, int flags, ...) {
   const mode_t mode = mode_of(flags, arguments);
   va_end(arguments);
   return open_as("open64", path, flags, mode);
+}
+/// The device's own memory. A decoder may make no file long enough for it.
+void* mmap(void* at, size_t bytes, int protection, int flags, int descriptor, off_t offset) noexcept {
+  if (descriptor >= 0 && descriptor == camera().descriptor) {
+    descriptor = -1;
+    flags = MAP_PRIVATE | MAP_ANONYMOUS;
+    offset = 0;
+  }
+  return next<decltype(&mmap)>("mmap")(at, bytes, protection, flags, descriptor, offset);
+}
+void* mmap64(void* at, size_t bytes, int protection, int flags, int descriptor, off64_t offset) noexcept {
+  return mmap(at, bytes, protection, flags, descriptor, offset);
 }
 int close(int descriptor) {
   int expected = descriptor;

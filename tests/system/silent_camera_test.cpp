@@ -56,7 +56,7 @@ socket = ")" +
     started.command.front() = built_file("kirokud");
     started.environment["LD_PRELOAD"] = built_file("played_camera");
     started.environment["KIROKU_CAMERA_DEVICE"] = kDevice;
-    write_text(path("given"), "");
+    write_text(path("given"), std::string(8, '\0'));
     started.environment["KIROKU_CAMERA_GIVEN"] = path("given");
     started.environment["KIROKU_CAMERA_PICTURES"] = "20";
     started.environment["KIROKU_CAMERA_THEN"] = then;

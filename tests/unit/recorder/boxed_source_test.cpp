@@ -67,9 +67,10 @@ class BoxedSession : public testing::Test {
   /// Records a camera of which the decoder gets a signal after some pictures, until the next decoder has
   /// given some, too.
   RecordedCase record_with(int signal) {
-    std::atomic<bool> ended = false;
+    std::atomic<bool> ended = false, camera_ended = false;
     std::thread camera([&] {
       while (!ended) write_film(bench_ / "camera", 1000);
+      camera_ended = true;
     });
     SessionOptions options = bench_.options();
     options.video = {bench_.stream("endoscope", (bench_ / "camera").string())};
@@ -103,7 +104,10 @@ class BoxedSession : public testing::Test {
     ended = true;
     counter.join();
     // It may wait for a reader.
-    const Descriptor reader(::open((bench_ / "camera").c_str(), O_RDONLY | O_NONBLOCK));
+    while (!camera_ended) {
+      const Descriptor reader(::open((bench_ / "camera").c_str(), O_RDONLY | O_NONBLOCK));
+      std::this_thread::sleep_for(5ms);
+    }
     camera.join();
     return bench_.read(folder);
   }
