@@ -8,6 +8,7 @@ import type { ComparisonDocument } from '@/api/types';
 import { mapOfSteps } from '@/compare/matching';
 import { planMap } from '@/compare/plan_map';
 import { Appliance, clockOf, keepPicture, kMaking_ms, near, seriousBarriers, settled, startBrowser, visitSignedIn, type Visitor } from './kit';
+import { expectFits } from './layout';
 
 let appliance: Appliance;
 let browser: Browser;
@@ -106,6 +107,16 @@ describe('The plan beside the recording', () => {
     expect(await page.locator('table.steps tr[aria-current=step] th').textContent()).toBe('3. Lift');
     await page.locator('.step-facts', { hasText: 'arterial pressure, mean' }).waitFor();
     await keepPicture(page, 'plan-steps');
+    await expectFits(visitor, 'plan', async ({ width }) => {
+      if (width > 900) return;
+      // Nothing lies between the two that are compared.
+      const box = async (selector: string) => (await page.locator(selector).boundingBox()) as { y: number; height: number };
+      const endoscope = await box('.pane[data-stream=endoscope]');
+      const plan = await box('.pane-plan');
+      expect(plan.y - (endoscope.y + endoscope.height)).toBeGreaterThanOrEqual(0);
+      expect(plan.y - (endoscope.y + endoscope.height)).toBeLessThan(20);
+      expect((await box('.pane[data-stream=room]')).y).toBeGreaterThanOrEqual(plan.y);
+    });
     expect(await seriousBarriers(page)).toEqual([]);
     // By keys, in the order they were done.
     await press('n');
@@ -118,7 +129,10 @@ describe('The plan beside the recording', () => {
   it('keeps the plan in step: as the time map says while it stands, is paused, and goes on', async () => {
     const { page } = visitor;
     const map = await page.evaluate(
-      async (one) => (await (await fetch(`/api/cases/${one}/comparisons/newest`)).json()).time_map.pieces as { step: number; knots: [number, number][] }[],
+      async (one) => {
+        const document = (await (await fetch(`/api/cases/${one}/comparisons/newest`)).json()) as { time_map: { pieces: { step: number; knots: [number, number][] }[] } };
+        return document.time_map.pieces;
+      },
       id,
     );
     const lift = map.find((one) => one.step === 3)?.knots ?? [];
@@ -227,6 +241,7 @@ describe('The plan beside the recording', () => {
     await expect.poll(async () => Number(await flag.getAttribute('aria-valuenow'))).toBe(after + 100);
     await settled(page);
     await keepPicture(page, 'plan-matching');
+    await expectFits(visitor, 'matching');
     expect(await seriousBarriers(page)).toEqual([]);
   });
 

@@ -8,6 +8,7 @@ import { promisify } from 'node:util';
 import type { Browser, CDPSession, Page } from 'playwright-core';
 import { afterAll, beforeAll, describe, expect, it } from 'vitest';
 import { keepPicture, seriousBarriers, startBrowser, until, visit, type Visitor } from './kit';
+import { expectFits } from './layout';
 
 const kiroku = process.env['KIROKU_PROGRAM'] as string;
 const run = promisify(execFile);
@@ -142,6 +143,7 @@ describe('A new trainee', () => {
     await page.locator('.train-add').getByLabel('Name').fill('Aoki');
     await page.getByRole('button', { name: 'Add', exact: true }).click();
     await page.getByText('Session 1: its first test ends it.').waitFor();
+    await expectFits(visitor, 'training');
     expect(await page.locator('.train-choice select').first().inputValue()).toBe('Aoki');
     await page.locator('.train-add').getByLabel('Name').fill('Aoki');
     await page.getByRole('button', { name: 'Add', exact: true }).click();
@@ -156,6 +158,9 @@ describe('A new trainee', () => {
     await page.getByRole('button', { name: 'Practise' }).click();
     await begun();
     await page.getByText('von Mises stress, kPa; 100 counts as damage').waitFor();
+    // The picture has what is left of the screen: 220 pixels of its height are for the rest.
+    const field = (await page.locator('.attempt-field').boundingBox()) as { height: number };
+    expect(field.height).toBeGreaterThan(0.9 * ((page.viewportSize()?.height ?? 0) - 220));
     const start = await onPicture(0.5, 0.66);
     let latency = '';
     await page.mouse.move(start.x, start.y);
@@ -228,6 +233,8 @@ describe('A new trainee', () => {
     await page.getByRole('button', { name: 'English' }).click();
     await page.getByLabel('Measure').selectOption('time');
     await page.getByRole('img', { name: 'Tests by session: Time, s' }).waitFor();
+    await expectFits(visitor, 'training-result');
+    await touch.send('Emulation.setTouchEmulationEnabled', { enabled: true, maxTouchPoints: 5 });
   });
 
   it('goes on with the next session after a test', async () => {

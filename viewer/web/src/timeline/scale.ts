@@ -29,6 +29,17 @@ export function zoomed(window: Span, whole: Span, factor: number, about_ns: numb
 export const panned = (window: Span, whole: Span, by_ns: number): Span =>
   within({ start_ns: window.start_ns + by_ns, end_ns: window.end_ns + by_ns }, whole);
 
+/** Fingers that lie closer than this would zoom without end. */
+const kLeastApart = 24;
+
+/** What lay under the middle of two fingers stays there, and the window is as much closer as they are further apart. */
+export function pinched(window: Span, whole: Span, from: readonly [number, number], to: readonly [number, number], width: number): Span {
+  const apart = ([a, b]: readonly [number, number]) => Math.max(kLeastApart, Math.abs(b - a));
+  const middle = ([a, b]: readonly [number, number]) => (a + b) / 2;
+  const closer = zoomed(window, whole, apart(from) / apart(to), toTime(middle(from), window, width));
+  return panned(closer, whole, ((middle(from) - middle(to)) / width) * (closer.end_ns - closer.start_ns));
+}
+
 /** The window that shows `time_ns` again once it has left it: turned over like a page, so that it stands still while one watches. */
 export function following(window: Span, whole: Span, time_ns: number): Span {
   if (time_ns >= window.start_ns && time_ns <= window.end_ns) return window;
@@ -36,15 +47,16 @@ export function following(window: Span, whole: Span, time_ns: number): Span {
   return within({ start_ns: time_ns - 0.1 * length, end_ns: time_ns + 0.9 * length }, whole);
 }
 
+const kLongestStep = 24 * kHour;
 const kSteps = [
   0.1 * kSecond, 0.2 * kSecond, 0.5 * kSecond, kSecond, 2 * kSecond, 5 * kSecond, 10 * kSecond, 15 * kSecond, 30 * kSecond, kMinute, 2 * kMinute,
-  5 * kMinute, 10 * kMinute, 15 * kMinute, 30 * kMinute, kHour, 2 * kHour, 3 * kHour, 6 * kHour, 12 * kHour, 24 * kHour,
+  5 * kMinute, 10 * kMinute, 15 * kMinute, 30 * kMinute, kHour, 2 * kHour, 3 * kHour, 6 * kHour, 12 * kHour, kLongestStep,
 ];
 
 /** Where the ruler has a number: times counted from `begin_ns`, at least `least_pixels` apart. */
 export function ticks(window: Span, begin_ns: number, width: number, least_pixels: number): { times: number[]; step_ns: number } {
   const length = window.end_ns - window.start_ns;
-  const step_ns = kSteps.find((step) => (step / length) * width >= least_pixels) ?? (kSteps.at(-1) as number);
+  const step_ns = kSteps.find((step) => (step / length) * width >= least_pixels) ?? kLongestStep;
   const times: number[] = [];
   for (let time = begin_ns + Math.ceil((window.start_ns - begin_ns) / step_ns) * step_ns; time <= window.end_ns; time += step_ns) times.push(time);
   return { times, step_ns };

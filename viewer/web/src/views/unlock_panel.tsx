@@ -2,10 +2,11 @@
 // and is forgotten there on signing out.
 import { useSignal } from '@preact/signals';
 import { session as api } from '@/api/client';
+import { typed } from '@/base/form_fields';
 import { readIdentityFile } from '@/base/identity_file';
 import { t } from '@/i18n/i18n';
 import { Icon } from '@/shell/icon';
-import { announce, session } from '@/shell/state';
+import { announce, session, textOf } from '@/shell/state';
 
 export function UnlockPanel() {
   const problem = useSignal('');
@@ -19,14 +20,14 @@ export function UnlockPanel() {
     busy.value = true;
     problem.value = '';
     try {
-      const identity = file instanceof File && file.size > 0 ? await readIdentityFile(file) : String(fields.get('identity')).trim();
+      const identity = file instanceof File && file.size > 0 ? await readIdentityFile(file) : typed(fields, 'identity').trim();
       if (identity === '') throw new Error(t('unlock.nothing'));
-      await api.unlock(identity, String(fields.get('passphrase')));
+      await api.unlock(identity, typed(fields, 'passphrase'));
       form.reset();
       session.value = await api.get();
       announce(t('unlock.done'));
     } catch (error) {
-      problem.value = error instanceof Error ? error.message : String(error);
+      problem.value = textOf(error);
     } finally {
       busy.value = false;
     }
