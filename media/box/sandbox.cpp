@@ -148,6 +148,7 @@ void allow_common(Filter& filter) {
     filter.allow_if("tgkill", equal(0, static_cast<std::uint64_t>(::getpid())));
   }
   filter.allow_if("prctl", equal(0, PR_SET_NAME));
+  filter.allow_if("prctl", equal(0, PR_GET_NAME));  // libsrt
   filter.allow_if("fcntl", equal(1, F_GETFL));
   filter.allow_if("fcntl", equal(1, F_SETFL));
   filter.allow_if("fcntl", equal(1, F_GETFD));

@@ -116,6 +116,11 @@ const std::map<std::string, std::function<long()>>& calls() {
       {"thread", try_thread},
       {"memory", [] { return std::malloc(1 << 20) == nullptr ? -1L : 0L; }},
       {"clock", [] { return ::usleep(1000); }},
+      {"name of its thread",
+       [] {
+         char name[16];
+         return ::prctl(PR_GET_NAME, name);
+       }},
   };
   return all;
 }

@@ -88,7 +88,8 @@ TEST(BoxAttack, TheNetworkIsThereForSourcesOfTheNetworkAlone) {
 
 TEST(BoxAttack, ADecoderCanStillDecode) {
   for (const char* needs : {"nothing", "network", "device"}) {
-    for (const char* call : {"thread", "memory", "clock"}) EXPECT_EQ(try_to(needs, call), kDone) << call;
+    for (const char* call : {"thread", "memory", "clock", "name of its thread"})
+      EXPECT_EQ(try_to(needs, call), kDone) << call;
   }
 }
 
