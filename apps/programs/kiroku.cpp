@@ -14,6 +14,7 @@
 
 #include "apps/kiroku/blas_kernels.h"
 #include "apps/kiroku/commands.h"
+#include "base/process_hardening.h"
 
 namespace {
 
@@ -45,6 +46,7 @@ fs::path program(const std::string& name) {
 
 int main(int argc, char** argv) {
   using namespace kiroku::apps;
+  kiroku::harden_process();
   if (argc > 1 && std::ranges::count(kAnsweredHere, argv[1]) > 0) {
     Program answers("kiroku", "records operations, sealed and time-stamped, and proves it", "");
     add_case_command(answers.root());

@@ -6,6 +6,7 @@
 #include "apps/sim/plan_command.h"
 #include "apps/sim/sim_command.h"
 #include "apps/train/train_command.h"
+#include "base/process_hardening.h"
 #include "recorder/source/source_guard.h"
 
 namespace {
@@ -29,6 +30,7 @@ Other commands: case, status, doctor, recover, excerpt, erase, seal, unseal, sta
 
 int main(int argc, char** argv) {
   using namespace kiroku::apps;
+  kiroku::harden_process();
   Program program("kiroku", "records operations, sealed and time-stamped, and proves it", kOverview);
   Command& root = program.root();
   add_init_command(root);
