@@ -4,6 +4,7 @@
 
 #include "crypto/encoding.h"
 #include "crypto/hash.h"
+#include "viewer/server/subject_shelf.h"
 
 namespace kiroku::viewer {
 namespace {
@@ -23,12 +24,14 @@ std::string random_token() {
 }
 
 Session::Session(std::string user, Role role, std::optional<UtcTime> credential,
-                 SessionClock::time_point ends_at_latest, std::shared_ptr<Invitation> invitation)
+                 SessionClock::time_point ends_at_latest, std::shared_ptr<Invitation> invitation,
+                 bool must_change_password)
     : user_(std::move(user)),
       role_(role),
       credential_(credential),
       ends_at_latest_(ends_at_latest),
       invitation_(std::move(invitation)),
+      must_change_password_(must_change_password),
       last_activity_(SessionClock::now().time_since_epoch().count()) {}
 
 Session::Identities Session::identities() const {
@@ -36,14 +39,22 @@ Session::Identities Session::identities() const {
   return identities_;
 }
 
+std::shared_ptr<SubjectShelf> Session::subjects() const {
+  const std::lock_guard guard(mutex_);
+  return subjects_;
+}
+
 void Session::unlock(Identities identities) {
   const std::lock_guard guard(mutex_);
-  if (!ended_) identities_ = std::move(identities);
+  if (ended_) return;
+  subjects_ = identities ? std::make_shared<SubjectShelf>(identities) : nullptr;
+  identities_ = std::move(identities);
 }
 
 void Session::lock() {
   const std::lock_guard guard(mutex_);
   identities_.reset();
+  subjects_.reset();
 }
 
 void Session::once(const std::string& deed, const std::function<void()>& action) {
@@ -57,6 +68,7 @@ void Session::end() {
   const std::lock_guard guard(mutex_);
   ended_ = true;
   identities_.reset();
+  subjects_.reset();
 }
 
 SessionStore::SessionStore(SessionLimits limits) : limits_(limits) {}
@@ -67,9 +79,10 @@ bool SessionStore::has_expired(const Session& session, SessionClock::time_point 
   return session.has_ended() || now >= session.ends_at_latest_ || is_idle;
 }
 
-SessionStore::Opened SessionStore::open(const std::string& user, Role role,
-                                        std::optional<UtcTime> credential) {
-  return add(std::make_shared<Session>(user, role, credential, SessionClock::now() + limits_.longest));
+SessionStore::Opened SessionStore::open(const std::string& user, Role role, std::optional<UtcTime> credential,
+                                        bool must_change_password) {
+  return add(std::make_shared<Session>(user, role, credential, SessionClock::now() + limits_.longest, nullptr,
+                                       must_change_password));
 }
 
 SessionStore::Opened SessionStore::open_for_guest(const std::string& name,

@@ -297,6 +297,10 @@ class StatedProcedure : public ProcedureSource {
     const std::lock_guard guard(mutex_);
     return data_;
   }
+  [[nodiscard]] std::vector<ProcedureData> list(UtcTime /*at*/) const override {
+    const std::lock_guard guard(mutex_);
+    return data_ ? std::vector{*data_} : std::vector<ProcedureData>();
+  }
   void hurry() override { ++hurried; }
   [[nodiscard]] std::vector<ProcedureWay> ways() const override {
     return {{"worklist", false, "does not answer"}};
