@@ -1,6 +1,6 @@
-// The appliance's own ledger (docs/format.md, "The appliance log"): same lines, tree and checkpoints as a
-// case. Thread-safe. Several processes may have it open: each holds the file only while it appends, after
-// reading what the others appended, so that an export can be logged while a recording runs.
+// The appliance's own ledger (docs/reference/format.md, "The appliance log"): same lines, tree and
+// checkpoints as a case. Thread-safe. Several processes may have it open: each holds the file only while it
+// appends, after reading what the others appended, so that an export can be logged while a recording runs.
 #pragma once
 
 #include <cstdint>

@@ -1,5 +1,5 @@
 // Where things lie in a case folder and what they are called: the one place for the names of format 1
-// (docs/format.md, "Layout"). Pure functions, thread-safe.
+// (docs/reference/format.md, "Layout"). Pure functions, thread-safe.
 //
 //   ledger.jsonl                               kLedgerFile
 //   checkpoints/00000042.note                  note_path(42): tree size, at least eight digits

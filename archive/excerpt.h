@@ -1,4 +1,4 @@
-// A verifiable part of a case (docs/format.md, "Excerpts"). Functions; thread-safe.
+// A verifiable part of a case (docs/reference/format.md, "Excerpts"). Functions; thread-safe.
 #pragma once
 
 #include <cstdint>

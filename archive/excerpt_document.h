@@ -1,5 +1,5 @@
-// excerpt.json: what an excerpt is of, and the proofs that its lines are those of the case (docs/format.md,
-// "Excerpts"). Pure functions, thread-safe.
+// excerpt.json: what an excerpt is of, and the proofs that its lines are those of the case
+// (docs/reference/format.md, "Excerpts"). Pure functions, thread-safe.
 //
 // An excerpt folder holds
 //   excerpt.json           this document: one line of JSON and LF

@@ -411,7 +411,7 @@ VerificationReport verify_excerpt(const CaseFolder& folder, const VerifyOptions&
   ExcerptParse parse = text ? parse_excerpt(*text) : ExcerptParse{std::nullopt, "it is far too long"};
   if (!parse.document) {
     VerificationReport report;
-    const FindingCode& code = CodeName("excerpt-malformed").code();
+    const FindingCode& code = kFindingCodes[CodeName("excerpt-malformed").index()];
     report.findings.push_back({std::string(code.name),
                                code.severity,
                                std::string(kExcerptFile),

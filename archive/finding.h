@@ -15,7 +15,7 @@ enum class Severity {
   kTampered,    // does not hold
 };
 
-/// One fact. `code` is stable and listed in docs/format.md; `text` is one sentence for people.
+/// One fact. `code` is stable and listed in docs/reference/format.md; `text` is one sentence for people.
 struct Finding {
   std::string code;
   Severity severity = Severity::kNote;

@@ -1,6 +1,6 @@
-// Every code a finding can have, with its severity and what it means: the one table (docs/format.md,
-// "Findings"). A code's severity never depends on circumstances; where circumstances matter there are two
-// codes. Codes are stable: programs and reports rely on them.
+// Every code a finding can have, with its severity and what it means: the one table
+// (docs/reference/format.md, "Findings"). A code's severity never depends on circumstances; where
+// circumstances matter there are two codes. Codes are stable: programs and reports rely on them.
 //
 // The verdict is the gravest severity found: tampered > incomplete > unproven > gap > note.
 #pragma once

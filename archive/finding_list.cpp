@@ -83,7 +83,7 @@ std::vector<Finding> FindingList::take() {
     findings.push_back({std::string(code.name), code.severity, std::move(each.place.file), each.place.entry,
                         each.place.offset, std::move(each.text)});
   }
-  const FindingCode& more = CodeName("more-findings").code();
+  const FindingCode& more = kFindingCodes[CodeName("more-findings").index()];
   for (std::size_t code = 0; code < counts_.size(); ++code) {
     if (counts_[code].dropped > 0) {
       findings.push_back({std::string(more.name),

@@ -4,20 +4,11 @@
 #include <unordered_map>
 
 #include "archive/case_layout.h"
+#include "base/ascii.h"
 
 namespace kiroku::archive {
 
 namespace {
-
-std::string in_lower_case(std::string_view text) {
-  std::string lower(text);
-  for (char& c : lower) {
-    if (c >= 'A' && c <= 'Z') {
-      c = static_cast<char>(c - 'A' + 'a');
-    }
-  }
-  return lower;
-}
 
 /// The rest of a path below `folder`; nothing if it is not directly in it.
 std::optional<std::string_view> name_in(std::string_view folder, std::string_view path) {
@@ -66,7 +57,7 @@ void check_folder_names(const std::vector<ListedFile>& listing, FindingList& fin
                         const std::function<NameJudgement(const ListedFile&)>& judge) {
   std::unordered_map<std::string, std::string_view> seen;
   for (const ListedFile& file : listing) {
-    const auto [other, fresh] = seen.emplace(in_lower_case(file.path), file.path);
+    const auto [other, fresh] = seen.emplace(lower_case(file.path), file.path);
     if (!fresh) {
       findings.add(
           "name-clash", {file.path},

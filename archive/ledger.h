@@ -1,6 +1,6 @@
-// An append-only file of lines with the Merkle tree over them (docs/format.md, "Ledger entries"): what a case
-// and the appliance log have in common. Knows nothing of what the lines say. Not thread-safe; other processes
-// are kept off by a lock.
+// An append-only file of lines with the Merkle tree over them (docs/reference/format.md, "Ledger entries"):
+// what a case and the appliance log have in common. Knows nothing of what the lines say. Not thread-safe;
+// other processes are kept off by a lock.
 #pragma once
 
 #include <cstdint>

@@ -1,5 +1,5 @@
-// Entries of a case's ledger (docs/format.md, "Ledger entries") as values, to and from their line. Pure
-// functions, thread-safe.
+// Entries of a case's ledger (docs/reference/format.md, "Ledger entries") as values, to and from their line.
+// Pure functions, thread-safe.
 //
 // The line. One JSON object, keys in this order, no white space; a reader takes any order of keys, since the
 // bytes themselves are hashed. Every key is always there unless marked "optional". Every entry begins with

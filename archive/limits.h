@@ -1,6 +1,7 @@
-// Every limit on what verification takes from a folder that somebody else may have made (docs/format.md,
-// "Limits"): with them its time grows with the folder's bytes and no faster, and so does its memory, by far
-// less. What is beyond a limit of the format is refused; what is beyond a limit of the report is counted.
+// Every limit on what verification takes from a folder that somebody else may have made
+// (docs/reference/format.md, "Limits"): with them its time grows with the folder's bytes and no faster, and
+// so does its memory, by far less. What is beyond a limit of the format is refused; what is beyond a limit of
+// the report is counted.
 #pragma once
 
 #include <cstddef>

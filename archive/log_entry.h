@@ -1,5 +1,5 @@
-// Entries of the appliance log (docs/format.md, "The appliance log"), as values, to and from their line. Pure
-// functions, thread-safe.
+// Entries of the appliance log (docs/reference/format.md, "The appliance log"), as values, to and from their
+// line. Pure functions, thread-safe.
 //
 // Every line begins with `type`, `seq`, `utc`, `mono_ns` as a case's does, then:
 //

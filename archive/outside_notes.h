@@ -1,6 +1,6 @@
 // Checkpoints that somebody kept outside the machine, against the lines that are shown now: whoever holds the
 // device's key can cut off a ledger's end or write another one, and sign that; what they cannot do is take
-// back a note that was seen (docs/format.md, "Notes kept outside"). Not thread-safe.
+// back a note that was seen (docs/reference/format.md, "Notes kept outside"). Not thread-safe.
 #pragma once
 
 #include <cstdint>

@@ -24,7 +24,7 @@ namespace fs = std::filesystem;
 using std::chrono::nanoseconds;
 
 constexpr std::string_view kHiddenPrefix = ".new-";
-/// A segment lasts no longer (docs/format.md, "Layout").
+/// A segment lasts no longer (docs/reference/format.md, "Layout").
 constexpr std::int64_t kLongestSegmentNs = 10'000'000'000;
 // Lines are sealed within a second.
 constexpr std::int64_t kLongestUnsealedPointingNs = 1'000'000'000;

@@ -1,6 +1,6 @@
-// One sealed segment file being written (docs/format.md, "Segments"). The object belongs to one thread at a
-// time, except where stated; the hand-over from the encoder's thread to the one that makes files durable is
-// the caller's.
+// One sealed segment file being written (docs/reference/format.md, "Segments"). The object belongs to one
+// thread at a time, except where stated; the hand-over from the encoder's thread to the one that makes files
+// durable is the caller's.
 #pragma once
 
 #include <cstdint>

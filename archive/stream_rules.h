@@ -1,4 +1,4 @@
-// The segments of one stream in order, without overlap, without silent holes (docs/format.md,
+// The segments of one stream in order, without overlap, without silent holes (docs/reference/format.md,
 // "Verification"). Not thread-safe.
 //
 // - Indexes count 0, 1, 2 … without hole; an excerpt begins anywhere.

@@ -1,5 +1,5 @@
 // Tokens of a case: each by itself, in order among each other, and against the case clock; and the brackets
-// of outside time that they give (docs/format.md, "Checkpoints and tokens"). Not thread-safe.
+// of outside time that they give (docs/reference/format.md, "Checkpoints and tokens"). Not thread-safe.
 #pragma once
 
 #include <cstdint>

@@ -1,6 +1,7 @@
-// Verifying a case from its files alone (docs/format.md, "Verification"). One verifier object is used by one
-// thread; it uses several inside. Time grows with the folder's bytes and no faster, whatever stands in it;
-// memory is bounded by archive/limits.h apart from a few dozen bytes an entry and some two hundred a file.
+// Verifying a case from its files alone (docs/reference/format.md, "Verification"). One verifier object is
+// used by one thread; it uses several inside. Time grows with the folder's bytes and no faster, whatever
+// stands in it; memory is bounded by archive/limits.h apart from a few dozen bytes an entry and some two
+// hundred a file.
 #pragma once
 
 #include <cstdint>

@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cstddef>
 
+#include "base/ascii.h"
+
 namespace kiroku {
 namespace {
 
@@ -12,15 +14,9 @@ constexpr std::size_t kMostLengthDigits = 18;
 bool is_digit(char c) { return c >= '0' && c <= '9'; }
 bool is_blank(char c) { return c == ' ' || c == '\t'; }
 
-char lower(char c) { return c >= 'A' && c <= 'Z' ? static_cast<char>(c - 'A' + 'a') : c; }
-
-bool equal_words(std::string_view a, std::string_view b) {
-  return std::ranges::equal(a, b, [](char x, char y) { return lower(x) == lower(y); });
-}
-
 /// RFC 9110 section 5.6.2: a token.
 bool is_name_character(char c) {
-  return (lower(c) >= 'a' && lower(c) <= 'z') || is_digit(c) ||
+  return (ascii_lower(c) >= 'a' && ascii_lower(c) <= 'z') || is_digit(c) ||
          std::string_view("!#$%&'*+-.^_`|~").find(c) != std::string_view::npos;
 }
 
@@ -41,19 +37,19 @@ struct Framing {
 
   /// Why the field cannot stand, or "".
   std::string_view take(std::string_view name, std::string_view value) {
-    if (equal_words(name, "host")) {
+    if (same_but_for_case(name, "host")) {
       ++hosts;
       if (std::ranges::any_of(value, [](char c) { return is_blank(c) || c == ','; })) {
         return "the header Host names no host";
       }
-    } else if (equal_words(name, "content-length")) {
+    } else if (same_but_for_case(name, "content-length")) {
       ++lengths;
       if (value.empty() || value.size() > kMostLengthDigits || !std::ranges::all_of(value, is_digit)) {
         return "the header Content-Length is no number";
       }
-    } else if (equal_words(name, "transfer-encoding")) {
+    } else if (same_but_for_case(name, "transfer-encoding")) {
       ++codings;
-      if (!equal_words(value, "chunked")) return "the only Transfer-Encoding known here is chunked";
+      if (!same_but_for_case(value, "chunked")) return "the only Transfer-Encoding known here is chunked";
     }
     return "";
   }

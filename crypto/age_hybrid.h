@@ -1,7 +1,7 @@
 // The post-quantum recipient type of age (C2SP age, "mlkem768x25519"): HPKE over X-Wing. What is sealed to it
 // today stays closed to a quantum computer of tomorrow, which matters for archives that are kept for decades
-// and could be copied now. Opened by age from version 1.3 on, not by Debian 12's age 1.1. A file must not be
-// sealed to other recipient types beside it, through which it would open all the same.
+// and could be copied now. Opened by age from version 1.3 on, not by Debian's (1.1 in 12, 1.2 in 13). A file
+// must not be sealed to other recipient types beside it, through which it would open all the same.
 //
 // Texts are "age1pq1…" and "AGE-SECRET-KEY-PQ-1…"; parse_recipient and parse_identity take them, too.
 #pragma once

@@ -4,6 +4,8 @@
 #include <array>
 #include <cstdint>
 
+#include "base/ascii.h"
+
 namespace kiroku::crypto {
 namespace {
 
@@ -29,10 +31,6 @@ constexpr auto kBech32Values = inverse(kBech32Alphabet);
 std::uint8_t value_of(const std::array<std::uint8_t, 256>& table, char c) {
   return table[static_cast<std::uint8_t>(c)];
 }
-
-// Not std::tolower: that depends on the locale.
-char ascii_lower(char c) { return c >= 'A' && c <= 'Z' ? static_cast<char>(c - 'A' + 'a') : c; }
-char ascii_upper(char c) { return c >= 'a' && c <= 'z' ? static_cast<char>(c - 'a' + 'A') : c; }
 
 // BIP 173's checksum polynomial over 5-bit values.
 class Bech32Checksum {

@@ -1,9 +1,10 @@
-// ML-KEM-768 (FIPS 203), a key encapsulation that quantum computers are not known to break. Written here
-// because the OpenSSL of Debian 12 has none; the Keccak functions are OpenSSL's.
+// ML-KEM-768 (FIPS 203), a key encapsulation that quantum computers are not known to break. OpenSSL's where
+// the libcrypto that runs has it (3.5, Debian 13), else the project's own (3.0, Debian 12); both give the
+// same bytes.
 //
-// Time and memory addresses depend on public values only (public key, ciphertext length), never on keys,
-// messages or whether a ciphertext is valid: no branch, table or division is taken on a secret. Secrets are
-// zeroised. Functions and const members are thread-safe.
+// Which one is decided when the program runs, not when it is built: libcrypto.so.3 is the same library by
+// name in both releases, and the machine's openssl.cnf says which algorithms it offers. Secrets are zeroised.
+// Functions and const members are thread-safe.
 #pragma once
 
 #include <cstddef>
@@ -19,11 +20,16 @@ inline constexpr std::size_t kMlKemCiphertextSize = 1088;
 inline constexpr std::size_t kMlKemSharedSize = 32;
 inline constexpr std::size_t kMlKemMessageSize = 32;
 
+enum class MlKemProvider { kOwn, kOpenSsl };
+/// Who computes unless it is said: OpenSSL where it offers ML-KEM-768, as its code is read and attacked by
+/// more people.
+MlKemProvider ml_kem_provider();
+
 /// A decapsulation key, kept as its seed and expanded when used. Move-only.
 class MlKemPrivateKey {
  public:
   /// ML-KEM.KeyGen_internal; `seed` has kMlKemSeedSize bytes (kiroku::UsageError otherwise).
-  explicit MlKemPrivateKey(ByteView seed);
+  explicit MlKemPrivateKey(ByteView seed, MlKemProvider provider = ml_kem_provider());
   [[nodiscard]] const Bytes& public_key() const { return public_key_; }
   /// ML-KEM.Decaps: always gives a secret; for a ciphertext that was not made for this key, one that nobody
   /// else can compute ("implicit rejection"). `ciphertext` has kMlKemCiphertextSize bytes
@@ -31,6 +37,7 @@ class MlKemPrivateKey {
   [[nodiscard]] Secret decapsulate(ByteView ciphertext) const;
 
  private:
+  MlKemProvider provider_;
   Secret seed_;
   Bytes public_key_;
 };
@@ -44,6 +51,7 @@ struct MlKemEncapsulation {
 };
 /// ML-KEM.Encaps_internal with the random `message` (kMlKemMessageSize bytes) given. Throws
 /// kiroku::UsageError if the key is not a valid one.
-MlKemEncapsulation ml_kem_encapsulate(ByteView public_key, const Secret& message);
+MlKemEncapsulation ml_kem_encapsulate(ByteView public_key, const Secret& message,
+                                      MlKemProvider provider = ml_kem_provider());
 
 }  // namespace kiroku::crypto

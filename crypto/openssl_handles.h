@@ -28,6 +28,7 @@ using PrivateKey = std::unique_ptr<EVP_PKEY, OpenSslDeleter<EVP_PKEY_free>>;
 using PrivateKeyContext = std::unique_ptr<EVP_PKEY_CTX, OpenSslDeleter<EVP_PKEY_CTX_free>>;
 using FetchedDigest = std::unique_ptr<EVP_MD, OpenSslDeleter<EVP_MD_free>>;
 using FetchedCipher = std::unique_ptr<EVP_CIPHER, OpenSslDeleter<EVP_CIPHER_free>>;
+using FetchedKem = std::unique_ptr<EVP_KEM, OpenSslDeleter<EVP_KEM_free>>;
 using FetchedKdf = std::unique_ptr<EVP_KDF, OpenSslDeleter<EVP_KDF_free>>;
 using KdfContext = std::unique_ptr<EVP_KDF_CTX, OpenSslDeleter<EVP_KDF_CTX_free>>;
 using BufferIo = std::unique_ptr<BIO, OpenSslDeleter<BIO_free_all>>;

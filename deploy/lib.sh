@@ -52,14 +52,22 @@ counted() {
   [[ ! -t 1 ]] || printf '\r%*s\r' 78 ''
 }
 
+# debian_release: 12, 13 and so on; nothing where it has no number, as in Debian's own testing.
+debian_release() { sed -n 's/^VERSION_ID="\{0,1\}\([0-9]*\).*/\1/p' /etc/os-release; }
+
+# packages_of RELEASE GROUP...: the packages of deploy/dependencies that this release has, one a line.
+packages_of() {
+  awk -v release="$1" -v groups=" ${*:2} " '!/^#/ && NF && index(groups, " " $1 " ") && (NF == 2 || $3 == release) { print $2 }' \
+    "$root/deploy/dependencies" | sort -u
+}
+
 # install_missing GROUP...: installs the packages of deploy/dependencies that are not there yet, and says which.
 install_missing() {
   command -v dpkg-query >/dev/null || die "this is not a Debian system; install what deploy/dependencies lists by hand, then run cmake --preset release"
-  local groups=" $* " group package missing=()
-  while read -r group package; do
-    [[ -z $group || $group == \#* || $groups != *" $group "* ]] && continue
+  local package missing=()
+  while read -r package; do
     is_there "$package" || missing+=("$package")
-  done <"$root/deploy/dependencies"
+  done < <(packages_of "$(debian_release)" "$@")
   if ((${#missing[@]} == 0)); then
     echo "Nothing to install: every package is there."
     return

@@ -96,7 +96,6 @@ class FilmFile : public FilmWriter::Sink {
     frame->format = encoder_->pix_fmt;
     frame->color_range = encoder_->color_range;
     frame->pts = next_++;
-    frame->pkt_duration = 1;
     require(av_frame_get_buffer(frame.get(), 0), "cannot write " + name_);
     if (scaler_) {
       require(sws_scale(scaler_.get(), data.data(), lines.data(), 0, picture.height, frame->data,
@@ -203,6 +202,7 @@ class FilmFile : public FilmWriter::Sink {
       require(result, "cannot encode a picture of " + name_);
       AVStream& stream = *container_->streams[0];
       packet->stream_index = 0;
+      packet->duration = 1;
       av_packet_rescale_ts(packet.get(), encoder_->time_base, stream.time_base);
       io_.check(av_interleaved_write_frame(container_.get(), packet.get()), "cannot write " + name_);
     }

@@ -5,6 +5,7 @@
 
 extern "C" {
 #include <libavformat/avio.h>
+#include <libavutil/error.h>
 #include <libavutil/mem.h>
 }
 
@@ -16,7 +17,9 @@ OutputIo::OutputIo(OutputFile& output) : output_(output) {
   if (buffer == nullptr) {
     throw std::bad_alloc();
   }
-  context_.reset(avio_alloc_context(buffer, kBufferBytes, 1, this, nullptr, write, seek));
+  // The bytes are const from libavformat 61 on.
+  const auto taken = [](void* self, auto* bytes, int size) { return write(self, bytes, size); };
+  context_.reset(avio_alloc_context(buffer, kBufferBytes, 1, this, nullptr, taken, seek));
   if (!context_) {
     av_free(buffer);
     throw std::bad_alloc();
@@ -35,7 +38,7 @@ void OutputIo::flush(const std::string& what) const {
   check(context_->error, what);
 }
 
-int OutputIo::write(void* self, std::uint8_t* bytes, int size) {
+int OutputIo::write(void* self, const std::uint8_t* bytes, int size) {
   auto& io = *static_cast<OutputIo*>(self);
   if (io.failure_) {
     return AVERROR(EIO);

@@ -25,7 +25,7 @@ class OutputIo {
   void flush(const std::string& what) const;
 
  private:
-  static int write(void* self, std::uint8_t* bytes, int size);
+  static int write(void* self, const std::uint8_t* bytes, int size);
   static std::int64_t seek(void* self, std::int64_t offset, int whence);
 
   OutputFile& output_;

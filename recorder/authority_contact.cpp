@@ -9,20 +9,20 @@ namespace kiroku::recorder {
 namespace {
 
 using std::chrono::nanoseconds;
-using std::chrono::steady_clock;
 
 AuthorityAnswer exchange(const NamedAuthority& authority, const timestamp::TrustStore& trust,
-                         archive::StoredCheckpoint checkpoint, std::optional<nanoseconds>& leave_alone_for) {
+                         const Clock& clock, archive::StoredCheckpoint checkpoint,
+                         std::optional<nanoseconds>& leave_alone_for) {
   AuthorityAnswer answer;
   answer.authority = authority.name;
   const timestamp::Request request =
       timestamp::make_request(crypto::HashAlgorithm::kSha256,
                               crypto::digest(crypto::HashAlgorithm::kSha256, bytes_of(checkpoint.note)));
   answer.checkpoint = std::move(checkpoint);
-  answer.asked = answer.answered = steady_clock::now();
+  answer.asked = answer.answered = clock.now();
   try {
     answer.response = authority.source->ask(timestamp::encode_request(request));
-    answer.answered = steady_clock::now();
+    answer.answered = clock.now();
     timestamp::Expectation expectation;
     expectation.algorithm = request.algorithm;
     expectation.imprint = request.imprint;
@@ -36,7 +36,7 @@ AuthorityAnswer exchange(const NamedAuthority& authority, const timestamp::Trust
   } catch (const std::exception& error) {
     answer.cause = error.what();
   }
-  if (!answer.valid()) answer.answered = steady_clock::now();
+  if (!answer.valid()) answer.answered = clock.now();
   return answer;
 }
 
@@ -61,26 +61,27 @@ archive::TokenEntry token_facts(const AuthorityAnswer& answer) {
 }
 
 AuthorityContact::AuthorityContact(NamedAuthority authority, const timestamp::TrustStore* trust,
-                                   StampingQueue* queue)
+                                   StampingQueue* queue, const Clock& clock)
     : authority_(std::move(authority)),
       trust_(trust),
       queue_(queue),
+      clock_(clock),
       back_off_(authority_.pauses, std::random_device{}()) {}
 
 AuthorityAnswer AuthorityContact::ask(archive::StoredCheckpoint checkpoint) {
   {
     const std::lock_guard guard(mutex_);
-    back_off_.asked(steady_clock::now());
+    back_off_.asked(clock_.now());
     remember_locked();  // before the request goes out: a new start must not ask sooner
   }
   static const timestamp::TrustStore kNothing;
   std::optional<nanoseconds> leave_alone_for;
-  AuthorityAnswer answer =
-      exchange(authority_, trust_ == nullptr ? kNothing : *trust_, std::move(checkpoint), leave_alone_for);
+  AuthorityAnswer answer = exchange(authority_, trust_ == nullptr ? kNothing : *trust_, clock_,
+                                    std::move(checkpoint), leave_alone_for);
   const std::lock_guard guard(mutex_);
   if (answer.valid()) {
     back_off_.succeeded();
-    record_.last_token = utc_now();
+    record_.last_token = clock_.utc();
     record_.path = answer.path;
   } else {
     back_off_.failed(answer.answered, leave_alone_for);
@@ -111,7 +112,7 @@ AuthorityStatus AuthorityContact::status() const {
   status.failures = back_off_.failures();
   status.last_error = record_.last_error;
   status.last_token = record_.last_token;
-  status.pause = std::max(nanoseconds(0), nanoseconds(back_off_.next() - steady_clock::now()));
+  status.pause = std::max(nanoseconds(0), nanoseconds(back_off_.next() - clock_.now()));
   return status;
 }
 
@@ -121,8 +122,8 @@ void AuthorityContact::catch_up_locked() {
     const std::optional<AuthorityRecord> stored = queue_->authority(authority_.name);
     if (!stored || stored->written == record_.written) return;
     record_ = *stored;
-    const UtcTime wall = utc_now();
-    const Time now = steady_clock::now();
+    const UtcTime wall = clock_.utc();
+    const Time now = clock_.now();
     back_off_.adopt(stored->failures, now + remaining(stored->limit, stored->written, wall),
                     now + remaining(stored->next, stored->written, wall));
   } catch (const Error&) {  // NOLINT(bugprone-empty-catch): what this process knows by itself is enough
@@ -131,9 +132,9 @@ void AuthorityContact::catch_up_locked() {
 
 void AuthorityContact::remember_locked() {
   if (queue_ == nullptr) return;
-  const Time now = steady_clock::now();
+  const Time now = clock_.now();
   record_.failures = back_off_.failures();
-  record_.written = utc_now();
+  record_.written = clock_.utc();
   record_.limit = utc_after(record_.written, back_off_.limit() - now);
   record_.next = utc_after(record_.written, back_off_.next() - now);
   try {

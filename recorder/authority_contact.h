@@ -9,6 +9,7 @@
 #include <string>
 
 #include "archive/case_writer.h"
+#include "base/clock.h"
 #include "recorder/back_off.h"
 #include "recorder/stamping_queue.h"
 #include "timestamp/client.h"
@@ -29,7 +30,7 @@ struct AuthorityAnswer {
   Bytes response;                       // empty if none came
   timestamp::TokenJudgement judgement;  // of the response
   std::string cause;                    // why there is no valid token, "" if there is one
-  std::chrono::steady_clock::time_point asked, answered;
+  Clock::Time asked, answered;
   std::string path;                   // timestamp::StampSource::path() of a valid token
   std::chrono::nanoseconds pause{0};  // how long the authority is left alone after a failure
 
@@ -55,7 +56,8 @@ class AuthorityContact {
 
   /// `trust` null: nothing is trusted. With a `queue`, what it remembers of the authority is taken up, and
   /// kept there; a queue that cannot be used is done without. All must outlive the object.
-  AuthorityContact(NamedAuthority authority, const timestamp::TrustStore* trust, StampingQueue* queue);
+  AuthorityContact(NamedAuthority authority, const timestamp::TrustStore* trust, StampingQueue* queue,
+                   const Clock& clock = Clock::system());
 
   [[nodiscard]] const std::string& name() const { return authority_.name; }
   /// Asks now, whatever limit() and next() say. Used by one thread at a time.
@@ -73,6 +75,7 @@ class AuthorityContact {
   NamedAuthority authority_;
   const timestamp::TrustStore* trust_;
   StampingQueue* queue_;
+  const Clock& clock_;
   mutable std::mutex mutex_;  // of what follows
   BackOff back_off_;
   AuthorityRecord record_;

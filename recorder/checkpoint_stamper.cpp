@@ -1,9 +1,10 @@
 #include "recorder/checkpoint_stamper.h"
 
+#include <condition_variable>
 #include <future>
 #include <memory>
+#include <mutex>
 #include <string>
-#include <thread>
 #include <utility>
 
 #include "base/error.h"
@@ -17,10 +18,10 @@ constexpr std::chrono::seconds kPatience{2};
 class Authorities {
  public:
   Authorities(const std::vector<NamedAuthority>& authorities, const timestamp::TrustStore* trust,
-              StampingQueue* queue)
-      : queue_(queue) {
+              StampingQueue* queue, const Clock& clock)
+      : queue_(queue), clock_(clock) {
     for (const NamedAuthority& each : authorities) {
-      contacts_.push_back(std::make_unique<AuthorityContact>(each, trust, queue));
+      contacts_.push_back(std::make_unique<AuthorityContact>(each, trust, queue, clock));
     }
   }
 
@@ -36,10 +37,14 @@ class Authorities {
   }
 
  private:
-  static AuthorityAnswer answer_of(AuthorityContact& contact, const archive::StoredCheckpoint& over) {
+  [[nodiscard]] AuthorityAnswer answer_of(AuthorityContact& contact,
+                                          const archive::StoredCheckpoint& over) const {
     const AuthorityContact::Time allowed = contact.next();
-    if (allowed <= std::chrono::steady_clock::now() + kPatience) {
-      std::this_thread::sleep_until(allowed);
+    if (allowed <= clock_.now() + kPatience) {
+      std::mutex mutex;
+      std::unique_lock lock(mutex);
+      std::condition_variable nothing;
+      clock_.wait_until(nothing, lock, allowed, [] { return false; });
       return contact.ask(over);
     }
     AuthorityAnswer answer;
@@ -71,7 +76,7 @@ class Authorities {
       if (answer.valid()) {
         queue_->done(case_id, answer.authority, answer.checkpoint.size);
       } else {
-        queue_->want(case_id, answer.authority, answer.checkpoint.size, utc_now());
+        queue_->want(case_id, answer.authority, answer.checkpoint.size, clock_.utc());
         queue_->failed(case_id, answer.authority, answer.cause);
       }
     } catch (const Error&) {  // NOLINT(bugprone-empty-catch): a reminder is lost, the ledger says what is
@@ -81,13 +86,15 @@ class Authorities {
 
   std::vector<std::unique_ptr<AuthorityContact>> contacts_;
   StampingQueue* queue_;
+  const Clock& clock_;
 };
 
 }  // namespace
 
 archive::CheckpointStamper checkpoint_stamper(const std::vector<NamedAuthority>& authorities,
-                                              const timestamp::TrustStore* trust, StampingQueue* queue) {
-  const auto all = std::make_shared<Authorities>(authorities, trust, queue);
+                                              const timestamp::TrustStore* trust, StampingQueue* queue,
+                                              const Clock& clock) {
+  const auto all = std::make_shared<Authorities>(authorities, trust, queue, clock);
   return [all](const archive::StoredCheckpoint& over) { return all->ask(over); };
 }
 

@@ -10,9 +10,10 @@ namespace kiroku::recorder {
 
 /// Asks all authorities at once and waits for their answers, judged under `trust` (null: nothing is trusted).
 /// One that is to be left alone is not asked, so that a dead network costs its time limit once, not once a
-/// case. What did not come is put into `queue` (may be null). `trust` and `queue` must outlive the function.
+/// case. What did not come is put into `queue` (may be null). What is referred to must outlive the function.
 /// Not thread-safe.
 archive::CheckpointStamper checkpoint_stamper(const std::vector<NamedAuthority>& authorities,
-                                              const timestamp::TrustStore* trust, StampingQueue* queue);
+                                              const timestamp::TrustStore* trust, StampingQueue* queue,
+                                              const Clock& clock = Clock::system());
 
 }  // namespace kiroku::recorder

@@ -10,7 +10,7 @@
 #include <string>
 
 #include "archive/case_writer.h"
-#include "recorder/case_clock.h"
+#include "recorder/clock/case_clock.h"
 #include "recorder/fact_queue.h"
 #include "recorder/segment_store.h"
 

@@ -14,7 +14,6 @@ namespace kiroku::recorder {
 namespace {
 
 namespace fs = std::filesystem;
-using std::chrono::steady_clock;
 
 std::string in_seconds(std::chrono::nanoseconds time) {
   return std::to_string(std::chrono::ceil<std::chrono::seconds>(time).count()) + " s";
@@ -27,7 +26,8 @@ struct LateStamping::Case {
   explicit Case(const Surroundings& around, const fs::path& folder)
       : writer(archive::CaseWriter::resume(
             around.files == nullptr ? archive::real_file_system() : *around.files, folder, *around.key,
-            around.device_name, around.log, [this](const archive::CaseEntry& entry) { take(entry); })) {}
+            around.device_name, around.log, [this](const archive::CaseEntry& entry) { take(entry); })),
+        clock(*around.clock) {}
 
   void take(const archive::CaseEntry& entry) {
     last_mono_ns = entry.at.mono_ns;
@@ -43,7 +43,7 @@ struct LateStamping::Case {
                        [&](const auto& token) { return token.second == authority && token.first > *close; });
   }
   /// After close the case clock stands.
-  [[nodiscard]] archive::Moment now() const { return {utc_now(), last_mono_ns}; }
+  [[nodiscard]] archive::Moment now() const { return {clock.utc(), last_mono_ns}; }
 
   /// Tokens over the end whose entry a crash kept from being written.
   void adopt_tokens(Result& result) {
@@ -64,13 +64,15 @@ struct LateStamping::Case {
   std::optional<std::uint64_t> close;
   std::set<std::pair<std::uint64_t, std::string>> entered;
   std::int64_t last_mono_ns = 0;
-  std::unique_ptr<archive::CaseWriter> writer;  // last: reading it fills the members above
+  std::unique_ptr<archive::CaseWriter> writer;  // reading it fills the members above
+  const Clock& clock;
 };
 
 LateStamping::LateStamping(const std::vector<NamedAuthority>& authorities, Surroundings surroundings)
     : around_(std::move(surroundings)) {
   for (const NamedAuthority& authority : authorities) {
-    contacts_.push_back(std::make_unique<AuthorityContact>(authority, around_.trust, around_.queue));
+    contacts_.push_back(
+        std::make_unique<AuthorityContact>(authority, around_.trust, around_.queue, *around_.clock));
   }
 }
 
@@ -80,9 +82,9 @@ AuthorityContact* LateStamping::contact(const std::string& name) const {
   return found == contacts_.end() ? nullptr : found->get();
 }
 
-std::string LateStamping::pause_of(AuthorityContact& contact, Patience patience) {
+std::string LateStamping::pause_of(AuthorityContact& contact, Patience patience) const {
   const auto allowed = patience == Patience::kLimitsOnly ? contact.limit() : contact.next();
-  const auto now = steady_clock::now();
+  const Clock::Time now = around_.clock->now();
   if (allowed <= now) return {};
   const std::string error = contact.status().last_error;
   return contact.name() + " is left alone for another " + in_seconds(allowed - now) +
@@ -179,7 +181,7 @@ std::optional<AuthorityContact::Time> LateStamping::next() const {
 }
 
 void LateStamping::want(const std::string& case_id) {
-  for (const auto& each : contacts_) around_.queue->want(case_id, each->name(), 0, utc_now());
+  for (const auto& each : contacts_) around_.queue->want(case_id, each->name(), 0, around_.clock->utc());
 }
 
 }  // namespace kiroku::recorder

@@ -26,6 +26,7 @@ class LateStamping {
     archive::ApplianceLog* log = nullptr;  // may be null (tests)
     const timestamp::TrustStore* trust = nullptr;
     StampingQueue* queue = nullptr;
+    const Clock* clock = &Clock::system();
   };
 
   struct Stamped {
@@ -75,7 +76,7 @@ class LateStamping {
   void work_off_case(const std::vector<WantedToken>& wanted, Patience patience, Result& result);
   void ask_for(Case& its, const WantedToken& wanted, Patience patience, Result& result);
   /// Why the authority is not asked now; "" if it may be.
-  static std::string pause_of(AuthorityContact& contact, Patience patience);
+  [[nodiscard]] std::string pause_of(AuthorityContact& contact, Patience patience) const;
 
   Surroundings around_;
   std::vector<std::unique_ptr<AuthorityContact>> contacts_;

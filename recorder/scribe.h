@@ -9,7 +9,7 @@
 #include <thread>
 
 #include "archive/case_writer.h"
-#include "recorder/clock_watch.h"
+#include "recorder/clock/clock_watch.h"
 #include "recorder/fact_queue.h"
 #include "recorder/lane.h"
 #include "recorder/pre_roll.h"

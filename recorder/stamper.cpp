@@ -10,8 +10,6 @@
 namespace kiroku::recorder {
 namespace {
 
-using std::chrono::steady_clock;
-
 // Another process may have learnt meanwhile that an authority is to be left alone, or that it answers again.
 constexpr std::chrono::seconds kLongestSleep{5};
 
@@ -21,7 +19,7 @@ struct Stamper::Worker {
   Worker(NamedAuthority named, const Surroundings& around, FactQueue& queue)
       : surroundings(around),
         facts(queue),
-        contact(std::move(named), around.trust, around.queue),
+        contact(std::move(named), around.trust, around.queue, *around.clock),
         thread([this] { run(); }) {}
   ~Worker() {
     {
@@ -58,14 +56,15 @@ struct Stamper::Worker {
       lock.lock();
       if (stopping) return;
       if (closing != last_chance) continue;
-      const auto now = steady_clock::now();
+      const Clock& clock = *surroundings.clock;
+      const Clock::Time now = clock.now();
       if (allowed > now) {
         if (closing && allowed > now + kClosingPatience) {
           give_up();
         } else {
           due = closing;
-          changed.wait_until(lock, std::min(allowed, now + kLongestSleep),
-                             [&] { return stopping || unqueued || closing != last_chance; });
+          clock.wait_until(changed, lock, std::min(allowed, now + kLongestSleep),
+                           [&] { return stopping || unqueued || closing != last_chance; });
         }
         continue;
       }
@@ -107,7 +106,9 @@ struct Stamper::Worker {
   void put_in_queue(std::unique_lock<std::mutex>& lock) {
     const std::uint64_t size = next->size;
     lock.unlock();
-    in_queue([&] { surroundings.queue->want(surroundings.case_id, contact.name(), size, utc_now()); });
+    in_queue([&] {
+      surroundings.queue->want(surroundings.case_id, contact.name(), size, surroundings.clock->utc());
+    });
     lock.lock();
   }
 

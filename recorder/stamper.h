@@ -21,6 +21,7 @@ class Stamper {
     std::string case_id;                           // for the queue
     /// Told, from any thread, what a person should hear: the queue cannot be used.
     std::function<void(const std::string&)> mention{};
+    const Clock* clock = &Clock::system();
   };
   /// How long a closing checkpoint waits for an authority that wants to be left alone.
   static constexpr std::chrono::seconds kClosingPatience{10};

@@ -14,7 +14,7 @@ extern "C" {
 namespace kiroku::recorder {
 namespace {
 
-// A segment holds at most 1 GiB (docs/format.md); it is cut well before.
+// A segment holds at most 1 GiB (docs/reference/format.md); it is cut well before.
 constexpr std::uint64_t kLargestSegmentBytes = 960ULL << 20;
 // And at most 10 s, so a silence that would stretch it further is stated as a gap.
 constexpr std::int64_t kLongestSegmentNs = 10'000'000'000;

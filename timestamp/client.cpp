@@ -7,6 +7,7 @@
 
 #include <curl/curl.h>
 
+#include "base/ascii.h"
 #include "timestamp/token.h"
 
 namespace kiroku::timestamp {
@@ -38,13 +39,6 @@ void initialise_curl() {
   if (initialised != CURLE_OK) {
     throw AuthorityError(std::string("cannot start libcurl: ") + curl_easy_strerror(initialised));
   }
-}
-
-std::string lower_case(std::string_view text) {
-  std::string out(text);
-  std::transform(out.begin(), out.end(), out.begin(),
-                 [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
-  return out;
 }
 
 /// "http" or "https".

@@ -27,7 +27,7 @@
 #include "apps/kiroku/recording_setup.h"
 #include "base/error.h"
 #include "crypto/secret.h"
-#include "recorder/clock_watch.h"
+#include "recorder/clock/clock_watch.h"
 #include "recorder/control/control_client.h"
 #include "recorder/procedure/worklist.h"
 #include "recorder/source/source.h"

@@ -1,5 +1,5 @@
-// A home: the folder that holds what one recorder is (docs/format.md does not depend on it; a case can be
-// judged without any home). Layout:
+// A home: the folder that holds what one recorder is (docs/reference/format.md does not depend on it; a case
+// can be judged without any home). Layout:
 //
 //   kiroku.toml      how it records            device.key   signing key, PKCS#8, mode 0600
 //   recipients.txt   who can open recordings   device.pub   its C2SP verifier key

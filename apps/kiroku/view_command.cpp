@@ -48,7 +48,8 @@ void add_view_command(Command& program) {
       "address "
       "alone, an address is printed that signs in once without. What is watched, unlocked or exported is "
       "entered "
-      "in the appliance log before it leaves. docs/viewer.md tells who may do what. Ctrl-C ends it.");
+      "in the appliance log before it leaves. docs/reference/viewer.md tells who may do what. Ctrl-C ends "
+      "it.");
   command.example("kiroku view", "the home's cases on https://127.0.0.1:8443/");
   command.example("kiroku view --listen 0.0.0.0:443 --certificate or-3.pem --key or-3.key",
                   "for the whole network, with the hospital's certificate");

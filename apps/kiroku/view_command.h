@@ -1,4 +1,4 @@
-// `kiroku view`, which serves the viewer (docs/viewer.md).
+// `kiroku view`, which serves the viewer (docs/reference/viewer.md).
 #pragma once
 
 #include "apps/common/command_line.h"

@@ -9,9 +9,9 @@
 #include "apps/common/format.h"
 #include "apps/common/json_output.h"
 #include "archive/case_reader.h"
+#include "base/number_text.h"
 #include "base/utc_time.h"
 #include "crypto/encoding.h"
-#include "sim/fem/number_text.h"
 #include "viewer/compare/by_hand.h"
 
 namespace kiroku::apps {
@@ -26,13 +26,12 @@ void print_comparison(const compare::Comparison& comparison, const PlanAtHand& a
   for (const compare::StepFigures& figures : comparison.figures) {
     const compare::PlannedStep& planned = comparison.steps[figures.step];
     const std::string name = std::to_string(figures.step + 1) + ". " + printable(planned.name);
-    const std::string lasts = sim::number_text(planned.duration_s, 4) + " s";
+    const std::string lasts = number_text(planned.duration_s, 4) + " s";
     if (const compare::StepMatch* const match = comparison.matching.match_of(figures.step)) {
       rows.push_back(
           {name, std::to_string(*figures.done_as + 1) + ".",
            archive::case_time_text(match->span.start_ns, comparison.case_begins_ns),
-           sim::number_text(double(match->span.end_ns - match->span.start_ns) / double(kNsPerSecond), 4) +
-               " s",
+           number_text(double(match->span.end_ns - match->span.start_ns) / double(kNsPerSecond), 4) + " s",
            lasts});
     } else {
       rows.push_back({name, "not found", "", "", lasts});
@@ -41,9 +40,8 @@ void print_comparison(const compare::Comparison& comparison, const PlanAtHand& a
   std::cout << format_table(rows, "lrrrr", 2);
   for (const compare::ToolDistance& tool : comparison.tools) {
     std::cout << "  " << printable(at_hand.plan.tools[tool.tool].tool.name) << ": "
-              << sim::number_text(tool.all.mean_px, 3) << " pixels from its planned way on average, "
-              << sim::number_text(tool.all.largest_px, 3) << " at most, in " << tool.all.pictures
-              << " pictures\n";
+              << number_text(tool.all.mean_px, 3) << " pixels from its planned way on average, "
+              << number_text(tool.all.largest_px, 3) << " at most, in " << tool.all.pictures << " pictures\n";
   }
 }
 
@@ -60,13 +58,13 @@ ordered_json found_json(const compare::StepMatch& match) {
 }
 
 void print_fluoroscopy(const compare::Fluoroscopy& found) {
-  std::cout << "  fluoroscopy: gradient correlation " << sim::number_text(found.similarity, 4);
+  std::cout << "  fluoroscopy: gradient correlation " << number_text(found.similarity, 4);
   if (found.alignment) {
     constexpr double kMmPerM = 1000;
     const sim::Vector3 mm = kMmPerM * found.alignment->translation_m;
-    std::cout << ", aligned " << sim::number_text(found.alignment->similarity_after, 4)
-              << "; the patient lay " << sim::number_text(mm.x(), 3) << ", " << sim::number_text(mm.y(), 3)
-              << ", " << sim::number_text(mm.z(), 3) << " mm to the left, back and head";
+    std::cout << ", aligned " << number_text(found.alignment->similarity_after, 4) << "; the patient lay "
+              << number_text(mm.x(), 3) << ", " << number_text(mm.y(), 3) << ", " << number_text(mm.z(), 3)
+              << " mm to the left, back and head";
   }
   std::cout << "\n";
 }

@@ -12,7 +12,7 @@
 #include "apps/sim/number_option.h"
 #include "apps/sim/sim_command.h"
 #include "base/error.h"
-#include "sim/fem/number_text.h"
+#include "base/number_text.h"
 #include "sim/mesh/mesh_writer.h"
 #include "sim/model/body_model.h"
 #include "sim/respiration/landmark_analysis.h"
@@ -24,7 +24,6 @@ namespace kiroku::apps {
 namespace {
 
 namespace fs = std::filesystem;
-using sim::number_text;
 
 struct FitRequest {
   std::string model, output;

@@ -5,7 +5,7 @@
 
 #include "apps/kiroku/output_file.h"
 #include "base/error.h"
-#include "sim/fem/number_text.h"
+#include "base/number_text.h"
 
 namespace kiroku::apps {
 
@@ -58,7 +58,7 @@ void FrameSeries::add(double time_s, const std::string& vtu) {
   char name[32];
   std::snprintf(name, sizeof name, "frames/%05zu.vtu", count_++);
   write_text_file(folder_ / name, vtu);
-  list_ += "    <DataSet timestep=\"" + sim::number_text(time_s, 12) + "\" file=\"" + name + "\"/>\n";
+  list_ += "    <DataSet timestep=\"" + number_text(time_s, 12) + "\" file=\"" + name + "\"/>\n";
 }
 
 void FrameSeries::finish() const {

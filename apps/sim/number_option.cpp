@@ -4,7 +4,7 @@
 #include <charconv>
 
 #include "base/error.h"
-#include "sim/fem/number_text.h"
+#include "base/number_text.h"
 #include "sim/respiration/number_table.h"
 
 namespace kiroku::apps {
@@ -18,8 +18,8 @@ double parse_number(const std::string& text, const std::string& what) {
 double parse_number(const std::string& text, const std::string& what, double least, double greatest) {
   const auto number = sim::number_of(text);
   if (!number || !(*number >= least && *number <= greatest)) {
-    throw UsageError(what + " is '" + text + "': it must be a number from " + sim::number_text(least) +
-                     " to " + sim::number_text(greatest));
+    throw UsageError(what + " is '" + text + "': it must be a number from " + number_text(least) + " to " +
+                     number_text(greatest));
   }
   return *number;
 }

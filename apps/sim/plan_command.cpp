@@ -15,7 +15,7 @@
 #include "apps/sim/number_option.h"
 #include "apps/sim/plan_reading.h"
 #include "base/error.h"
-#include "sim/fem/number_text.h"
+#include "base/number_text.h"
 #include "sim/plan/plan_report.h"
 
 namespace kiroku::apps {
@@ -47,7 +47,7 @@ int check(const Request& request) {
   } else {
     std::cout << request.plan << ": nothing is wrong with it. " << plan->body.mesh.nodes.size() << " nodes, "
               << plan->tools.size() << " tools, " << plan->steps.size() << " steps, "
-              << sim::number_text(duration_s(*plan), 4)
+              << number_text(duration_s(*plan), 4)
               << " s. Whether every tool meets the tissue is seen when it runs.\n";
   }
   return kDone;
@@ -68,15 +68,15 @@ void print_steps(const sim::Plan& plan, const sim::PlanRun& run) {
     for (std::size_t tool = 0; tool < plan.tools.size(); ++tool) {
       if (figures.most_nodes[tool] == 0) continue;
       forces += (forces.empty() ? "" : ", ") + plan.tools[tool].tool.name + " " +
-                sim::number_text(figures.largest_force_n[tool], 3) + " N";
+                number_text(figures.largest_force_n[tool], 3) + " N";
     }
     if (figures.tetrahedra_removed > 0) {
       forces +=
           (forces.empty() ? "" : ", ") + std::to_string(figures.tetrahedra_removed) + " tetrahedra cut out";
     }
-    rows.push_back({sim::number_text(figures.begins_s, 4) + " s", sim::name_of(plan.steps[i].action),
-                    sim::number_text(figures.largest_displacement_m * units, 3) + unit,
-                    sim::number_text(figures.largest_von_mises_pa, 3) + " Pa", printable(forces)});
+    rows.push_back({number_text(figures.begins_s, 4) + " s", sim::name_of(plan.steps[i].action),
+                    number_text(figures.largest_displacement_m * units, 3) + unit,
+                    number_text(figures.largest_von_mises_pa, 3) + " Pa", printable(forces)});
   }
   std::cout << format_table(rows, "rlrrl", 2);
 }
@@ -136,8 +136,8 @@ int run(const Request& request) {
   }
   print_steps(*plan, run);
   const std::chrono::duration<double> took = std::chrono::steady_clock::now() - begin;
-  std::cout << request.output << ": " << series.count() << " frames of " << sim::number_text(all_s, 4)
-            << " s, computed in " << sim::number_text(took.count(), 3) << " s\n  "
+  std::cout << request.output << ": " << series.count() << " frames of " << number_text(all_s, 4)
+            << " s, computed in " << number_text(took.count(), 3) << " s\n  "
             << (folder / "plan.pvd").string() << "     for ParaView (Warp By Vector: displacement)\n  "
             << (folder / "forces.csv").string()
             << "   what each tool feels; stress.csv, tools.csv and steps.json beside it\n";

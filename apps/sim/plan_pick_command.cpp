@@ -60,7 +60,7 @@ void add_plan_pick_command(Command& plan) {
       "Carries the plan out, says {\"ready\":true}, and then answers each line of standard input, a JSON "
       "object, by one on standard output, until its end: pictures from any side at any moment of the plan, "
       "the point of the organ under a place of them, and how well picked points register a camera. The "
-      "viewer's page picks points so (docs/viewer.md, \"Picking\").");
+      "viewer's page picks points so (docs/reference/viewer.md, \"Picking\").");
   command.example("kiroku plan pick liver.seal.json < questions.jsonl", "answers them, a line each");
   command.on_run([request] { return run(*request); });
 }

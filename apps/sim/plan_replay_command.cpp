@@ -14,8 +14,8 @@
 #include "apps/sim/plan_command.h"
 #include "apps/sim/plan_reading.h"
 #include "base/error.h"
+#include "base/number_text.h"
 #include "media/film_writer.h"
-#include "sim/fem/number_text.h"
 #include "sim/plan/plan_run.h"
 #include "sim/render/lettering.h"
 #include "sim/render/plan_pictures.h"
@@ -131,7 +131,7 @@ int run(const Request& request) {
                 {"duration_s", all_s},
                 {"renderer", replay.renderer().renderer()}});
   } else {
-    std::cout << request.output << ": " << replay.frames() << " frames of " << sim::number_text(all_s, 4)
+    std::cout << request.output << ": " << replay.frames() << " frames of " << number_text(all_s, 4)
               << " s, by " << printable(replay.renderer().renderer()) << "\n";
   }
   return kDone;

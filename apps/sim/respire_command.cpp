@@ -12,7 +12,7 @@
 #include "apps/sim/number_option.h"
 #include "apps/sim/sim_command.h"
 #include "base/error.h"
-#include "sim/fem/number_text.h"
+#include "base/number_text.h"
 #include "sim/mesh/mesh_writer.h"
 #include "sim/respiration/breathing_model.h"
 #include "sim/respiration/irradiation_field.h"
@@ -22,7 +22,6 @@ namespace kiroku::apps {
 namespace {
 
 namespace fs = std::filesystem;
-using sim::number_text;
 
 struct RespireRequest {
   std::string model, output;

@@ -10,7 +10,7 @@
 #include "apps/common/json_output.h"
 #include "apps/kiroku/output_file.h"
 #include "base/error.h"
-#include "sim/fem/number_text.h"
+#include "base/number_text.h"
 #include "sim/model/static_model.h"
 
 namespace kiroku::apps {
@@ -62,17 +62,15 @@ void print_result(const Request& request, const sim::StaticModel& model, const s
     return;
   }
   const auto text = [](const sim::Vector3& v) {
-    return "(" + sim::number_text(v.x(), 4) + ", " + sim::number_text(v.y(), 4) + ", " +
-           sim::number_text(v.z(), 4) + ")";
+    return "(" + number_text(v.x(), 4) + ", " + number_text(v.y(), 4) + ", " + number_text(v.z(), 4) + ")";
   };
   if (result.cut_mesh) {
     std::cout << "cuts took " << model.mesh.tetrahedra.size() - tetrahedra << " tetrahedra out; "
-              << sim::number_text(result.volume_lost_m3 * 1e9, 4) << " mm3 of the body were lost\n";
+              << number_text(result.volume_lost_m3 * 1e9, 4) << " mm3 of the body were lost\n";
   }
   std::cout << request.output << ": " << model.mesh.nodes.size() << " nodes, " << tetrahedra
-            << " tetrahedra; largest displacement " << sim::number_text(largest.displacement_m * units, 4)
-            << " " << unit << ", largest von Mises stress " << sim::number_text(largest.von_mises_pa, 4)
-            << " Pa\n"
+            << " tetrahedra; largest displacement " << number_text(largest.displacement_m * units, 4) << " "
+            << unit << ", largest von Mises stress " << number_text(largest.von_mises_pa, 4) << " Pa\n"
             << "  loads in total     " << text(result.load_n) << " N\n"
             << "  reactions in total " << text(result.reaction_n) << " N\n";
 }

@@ -13,12 +13,10 @@
 #include "apps/sim/drr_request.h"
 #include "apps/sim/sim_command.h"
 #include "base/error.h"
-#include "sim/fem/number_text.h"
+#include "base/number_text.h"
 
 namespace kiroku::apps {
 namespace {
-
-using sim::number_text;
 
 struct Request {
   DrrRequest drr;

@@ -12,14 +12,13 @@
 #include "apps/sim/drr_request.h"
 #include "apps/sim/sim_command.h"
 #include "base/error.h"
+#include "base/number_text.h"
 #include "media/film_writer.h"
-#include "sim/fem/number_text.h"
 
 namespace kiroku::apps {
 namespace {
 
 namespace fs = std::filesystem;
-using sim::number_text;
 
 struct Request {
   DrrRequest drr;

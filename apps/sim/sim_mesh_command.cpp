@@ -13,14 +13,12 @@
 #include "apps/sim/sim_command.h"
 #include "apps/sim/volume_request.h"
 #include "base/error.h"
-#include "sim/fem/number_text.h"
+#include "base/number_text.h"
 #include "sim/mesh/mesh_writer.h"
 #include "sim/meshing/mesh_recipe.h"
 
 namespace kiroku::apps {
 namespace {
-
-using sim::number_text;
 
 struct MeshCommandRequest {
   VolumeRequest volume;

@@ -15,10 +15,10 @@
 #include "apps/sim/frame_series.h"
 #include "apps/sim/sim_command.h"
 #include "base/error.h"
+#include "base/number_text.h"
 #include "sim/drr/dicom_radiograph.h"
 #include "sim/drr/overlay.h"
 #include "sim/drr/registration.h"
-#include "sim/fem/number_text.h"
 #include "sim/model/body_model.h"
 #include "sim/respiration/landmarks.h"
 #include "sim/respiration/line_plot.h"
@@ -26,8 +26,6 @@
 
 namespace kiroku::apps {
 namespace {
-
-using sim::number_text;
 
 constexpr double kMmPerM = 1000;
 constexpr sim::Colour kOutlineColour{255, 200, 0}, kPathColour{255, 70, 70}, kMeasuredColour{90, 255, 90};

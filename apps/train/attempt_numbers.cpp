@@ -1,10 +1,8 @@
 #include "apps/train/attempt_numbers.h"
 
-#include "sim/fem/number_text.h"
+#include "base/number_text.h"
 
 namespace kiroku::apps {
-
-using sim::number_text;
 
 std::string vitals_lines(const trainer::ExclusionView& view) {
   std::string lines;

@@ -11,7 +11,7 @@
 #include "apps/train/output_folder.h"
 #include "apps/train/train_command.h"
 #include "base/error.h"
-#include "sim/fem/number_text.h"
+#include "base/number_text.h"
 #include "sim/haptics/haptic_rate.h"
 #include "trainer/haptic_rate/rate_budget.h"
 #include "trainer/report/plot.h"
@@ -20,7 +20,6 @@
 namespace kiroku::apps {
 namespace {
 
-using sim::number_text;
 using Json = nlohmann::ordered_json;
 
 struct Request {

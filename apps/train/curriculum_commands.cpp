@@ -13,14 +13,13 @@
 #include "apps/train/output_folder.h"
 #include "apps/train/train_command.h"
 #include "base/error.h"
-#include "sim/fem/number_text.h"
+#include "base/number_text.h"
 #include "trainer/curriculum/simulated_study.h"
 #include "trainer/results/training_database.h"
 
 namespace kiroku::apps {
 namespace {
 
-using sim::number_text;
 using Json = nlohmann::ordered_json;
 
 const std::vector<std::string> kReportFiles{"attempts.csv", "curves.csv", "report.pdf"};

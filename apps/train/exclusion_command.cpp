@@ -18,8 +18,8 @@
 #include "apps/train/training_body.h"
 #include "apps/train/udp_hand.h"
 #include "base/error.h"
+#include "base/number_text.h"
 #include "media/film_writer.h"
-#include "sim/fem/number_text.h"
 #include "sim/haptics/plugin_device.h"
 #include "sim/haptics/udp_device.h"
 #include "sim/model/body_model.h"
@@ -31,7 +31,6 @@
 namespace kiroku::apps {
 namespace {
 
-using sim::number_text;
 using Json = nlohmann::ordered_json;
 
 struct Request {
@@ -294,7 +293,8 @@ void add_train_exclusion_command(Command& train) {
   command.option("--fingers", "N", request->fingers, "of a device or a simulated trainee, 1 to 5");
   command.option("--vertices", "N", request->vertices, "of the object's mesh");
   command.flag("--stress", request->stress, "shows stress in the tissue's colour");
-  command.option("--organ", "FILE", request->organ, "an organ of a CT instead (docs/training.md)");
+  command.option("--organ", "FILE", request->organ,
+                 "an organ of a CT instead (docs/explanation/training.md)");
   command.option("--damage", "PA", request->damage, "von Mises stress that counts as damage",
                  "100000, or what the organ's file says");
   command.option("--friction", "MU", request->friction,

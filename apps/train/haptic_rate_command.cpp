@@ -11,8 +11,8 @@
 #include "apps/train/person_at_device.h"
 #include "apps/train/train_command.h"
 #include "base/error.h"
+#include "base/number_text.h"
 #include "media/png.h"
-#include "sim/fem/number_text.h"
 #include "sim/haptics/haptic_rate.h"
 #include "trainer/haptic_rate/experiment.h"
 #include "trainer/haptic_rate/plate_picture.h"
@@ -23,7 +23,6 @@
 namespace kiroku::apps {
 namespace {
 
-using sim::number_text;
 using Json = nlohmann::ordered_json;
 
 struct Request {
@@ -124,7 +123,7 @@ Outcome ask(const Request& request, const Subjects& subjects, const trainer::Pla
   return outcome;
 }
 
-std::string exact(double number) { return sim::exact_text(number); }
+std::string exact(double number) { return exact_text(number); }
 
 std::string trials_csv(const Outcome& outcome) {
   std::string csv = "subject,simulated,fingers,trial,rate_hz,answer\n";

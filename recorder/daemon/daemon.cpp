@@ -11,7 +11,7 @@
 
 #include "base/error.h"
 #include "crypto/encoding.h"
-#include "recorder/clock_watch.h"
+#include "recorder/clock/clock_watch.h"
 
 namespace kiroku::recorder {
 namespace {

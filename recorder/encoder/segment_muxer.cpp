@@ -71,7 +71,9 @@ class SinkOutput {
   }
 
  private:
-  static int take(void* self, std::uint8_t* bytes, int size) {
+  /// For libav; the bytes are const from libavformat 61 on.
+  template <typename Byte>
+  static int take(void* self, Byte* bytes, int size) {
     auto* output = static_cast<SinkOutput*>(self);
     if (output->failure_) return AVERROR(EIO);
     try {

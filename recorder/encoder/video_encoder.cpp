@@ -11,6 +11,7 @@ extern "C" {
 
 #include "base/error.h"
 #include "media/ffv1_slices.h"
+#include "media/libav_versions.h"
 
 namespace kiroku::recorder {
 namespace {
@@ -166,10 +167,11 @@ void VideoEncoder::open_uncompressed(const PictureFormat& format, Rational frame
 void VideoEncoder::open_lossless(const PictureFormat& format, Rational frame_rate) {
   const AVPixelFormat source = pixel_format_of(format);
   const AVCodec* codec = avcodec_find_encoder(AV_CODEC_ID_FFV1);
+  const AVPixelFormat* formats = codec == nullptr ? nullptr : media::pixel_formats_of(*codec);
   AVPixelFormat best = source;
-  if (codec != nullptr && codec->pix_fmts != nullptr) {
+  if (formats != nullptr) {
     int loss = 0;
-    best = avcodec_find_best_pix_fmt_of_list(codec->pix_fmts, source, 0, &loss);
+    best = avcodec_find_best_pix_fmt_of_list(formats, source, 0, &loss);
     if (loss != 0) {
       throw UsageError("lossless recording cannot hold pixel format " + name_of(source) +
                        " without loss; choose another format at the source, or --profile uncompressed");
@@ -205,7 +207,7 @@ std::int64_t VideoEncoder::pts_of(std::int64_t time_ns) {
 media::Packet VideoEncoder::encode(media::Frame prepared, bool first_of_segment) {
   // The encoder passes pts on as they are; its own time base only tells it how often pictures come.
   prepared->pts = pts_of(prepared->pts);
-  prepared->pkt_duration = 0;
+  media::set_duration(*prepared, 0);
   // A source's own picture types would be taken for orders.
   prepared->pict_type = first_of_segment ? AV_PICTURE_TYPE_I : AV_PICTURE_TYPE_NONE;
   require(avcodec_send_frame(codec_.get(), prepared.get()), "cannot encode a picture");

@@ -5,20 +5,16 @@
 #include <set>
 #include <utility>
 
+#include "base/ascii.h"
+
 namespace kiroku::recorder {
 namespace {
-
-bool same_text(const std::string& a, const std::string& b) {
-  return std::equal(a.begin(), a.end(), b.begin(), b.end(), [](char x, char y) {
-    return std::tolower(static_cast<unsigned char>(x)) == std::tolower(static_cast<unsigned char>(y));
-  });
-}
 
 bool concerns(const ProcedureRule& rule, const ProcedureMessage& message) {
   if (rule.locations.empty()) return true;
   return std::any_of(message.places.begin(), message.places.end(), [&](const std::string& place) {
     return std::any_of(rule.locations.begin(), rule.locations.end(),
-                       [&](const std::string& location) { return same_text(place, location); });
+                       [&](const std::string& location) { return same_but_for_case(place, location); });
   });
 }
 

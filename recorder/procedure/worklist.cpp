@@ -9,8 +9,6 @@
 namespace kiroku::recorder {
 namespace {
 
-using std::chrono::steady_clock;
-
 constexpr std::chrono::seconds kLeastInterval{5};
 constexpr std::chrono::minutes kLongestInterval{5};
 
@@ -30,8 +28,8 @@ std::optional<ProcedureData> nearest_step(const std::vector<WorklistItem>& items
 }
 
 struct Worklist::State {
-  State(WorklistOptions asked, Tell told)
-      : options(std::move(asked)), tell(std::move(told)), thread([this] { run(); }) {}
+  State(WorklistOptions asked, Tell told, const Clock& by)
+      : options(std::move(asked)), tell(std::move(told)), clock(by), thread([this] { run(); }) {}
   ~State() {
     {
       const std::lock_guard guard(mutex);
@@ -48,9 +46,9 @@ struct Worklist::State {
     while (!ending) {
       hurried = false;
       lock.unlock();
-      const UtcTime now = utc_now();
+      const UtcTime now = clock.utc();
       WorklistAnswer answer = ask(now);
-      const auto asked = steady_clock::now();
+      const Clock::Time asked = clock.now();
       lock.lock();
       const std::string news = take(std::move(answer), now);
       if (!news.empty() && tell) {
@@ -61,8 +59,8 @@ struct Worklist::State {
       const auto next = asked + pause();
       // Whoever is in a hurry waits a little, too: a room that begins a case each second asks no oftener.
       const auto soonest = asked + kLeastInterval;
-      while (!ending && steady_clock::now() < (hurried ? std::min(soonest, next) : next)) {
-        changed.wait_until(lock, hurried ? std::min(soonest, next) : next);
+      while (!ending && clock.now() < (hurried ? std::min(soonest, next) : next)) {
+        clock.wait_until(changed, lock, hurried ? std::min(soonest, next) : next);
       }
     }
   }
@@ -77,12 +75,12 @@ struct Worklist::State {
   }
 
   /// With the mutex held. Until the next question: after failures twice as long each time.
-  [[nodiscard]] steady_clock::duration pause() const {
-    const auto refresh = std::chrono::duration_cast<steady_clock::duration>(options.refresh);
+  [[nodiscard]] Clock::Duration pause() const {
+    const auto refresh = std::chrono::duration_cast<Clock::Duration>(options.refresh);
     if (failures == 0) return refresh;
-    const auto first = std::max<steady_clock::duration>(refresh, kLeastInterval);
-    const auto longest = std::max<steady_clock::duration>(refresh, kLongestInterval);
-    return std::min<steady_clock::duration>(first * (1U << std::min(failures - 1, 6U)), longest);
+    const auto first = std::max<Clock::Duration>(refresh, kLeastInterval);
+    const auto longest = std::max<Clock::Duration>(refresh, kLongestInterval);
+    return std::min<Clock::Duration>(first * (1U << std::min(failures - 1, 6U)), longest);
   }
 
   /// With the mutex held. The sentence that a person should see, if any.
@@ -100,6 +98,7 @@ struct Worklist::State {
 
   const WorklistOptions options;
   const Tell tell;
+  const Clock& clock;
   mutable std::mutex mutex;
   std::condition_variable changed;
   bool ending = false, hurried = false;
@@ -110,8 +109,8 @@ struct Worklist::State {
   std::thread thread;
 };
 
-Worklist::Worklist(WorklistOptions options, Tell tell)
-    : state_(std::make_unique<State>(std::move(options), std::move(tell))) {}
+Worklist::Worklist(WorklistOptions options, Tell tell, const Clock& clock)
+    : state_(std::make_unique<State>(std::move(options), std::move(tell), clock)) {}
 
 Worklist::~Worklist() = default;
 

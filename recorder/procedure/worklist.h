@@ -9,6 +9,7 @@
 #include <string>
 #include <vector>
 
+#include "base/clock.h"
 #include "recorder/procedure/procedure_data.h"
 #include "recorder/procedure/procedure_source.h"
 
@@ -55,7 +56,7 @@ class Worklist {
  public:
   using Tell = std::function<void(const std::string& sentence)>;
   /// `tell` hears when the worklist cannot be asked, and when it can again.
-  Worklist(WorklistOptions options, Tell tell);
+  Worklist(WorklistOptions options, Tell tell, const Clock& clock = Clock::system());
   /// Waits for a question that is under way: a few timeouts at most.
   ~Worklist();
   Worklist(const Worklist&) = delete;

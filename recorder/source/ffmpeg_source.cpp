@@ -15,6 +15,7 @@ extern "C" {
 #include <thread>
 
 #include "base/error.h"
+#include "media/libav_versions.h"
 #include "recorder/source/fifo_input.h"
 
 namespace kiroku::recorder {
@@ -117,8 +118,7 @@ class FfmpegSource : public Source {
         return timed;
       }
       if (live_) {
-        timed.time_ns =
-            std::max(std::min<std::int64_t>(frame->reordered_opaque, clock_.now_ns()), last_time_ns_ + 1);
+        timed.time_ns = std::max(std::min(media::number_of(*frame), clock_.now_ns()), last_time_ns_ + 1);
         timed.lost_before = lost_on_the_way_before(*frame);
         timed.lost_on_the_way = true;
       } else {
@@ -260,6 +260,7 @@ class FfmpegSource : public Source {
     require(avcodec_parameters_to_context(decoder_.get(), stream->codecpar), action);
     decoder_->pkt_timebase = stream->time_base;
     decoder_->thread_count = 2;
+    media::carry_numbers(*decoder_);
     // Frame threads hold frames back: a live picture would arrive late.
     decoder_->thread_type = live_ ? FF_THREAD_SLICE : FF_THREAD_FRAME | FF_THREAD_SLICE;
     require(avcodec_open2(decoder_.get(), decoder, nullptr), action);
@@ -296,6 +297,7 @@ class FfmpegSource : public Source {
     const std::string action = "cannot decode the sound of " + name_;
     require(avcodec_parameters_to_context(sound_decoder_.get(), stream->codecpar), action);
     sound_decoder_->pkt_timebase = stream->time_base;
+    media::carry_numbers(*sound_decoder_);
     require(avcodec_open2(sound_decoder_.get(), decoder, nullptr), action);
   }
 
@@ -330,10 +332,10 @@ class FfmpegSource : public Source {
       require(read, "cannot read on from " + name_);
       if (packet->stream_index == stream_) {
         if ((packet->flags & AV_PKT_FLAG_CORRUPT) != 0) damage_concerns_ = kPicturesOfDamage;
-        decoder_->reordered_opaque = clock_.now_ns();
+        media::set_number(*decoder_, *packet, clock_.now_ns());
         (void)avcodec_send_packet(decoder_.get(), packet.get());
       } else if (sound_decoder_ && packet->stream_index == sound_stream_) {
-        sound_decoder_->reordered_opaque = clock_.now_ns();
+        media::set_number(*sound_decoder_, *packet, clock_.now_ns());
         (void)avcodec_send_packet(sound_decoder_.get(), packet.get());
       }
       av_packet_unref(packet.get());
@@ -411,8 +413,7 @@ class FfmpegSource : public Source {
 
   /// On the same time line as the pictures; negative where there is no picture to go by.
   [[nodiscard]] std::int64_t sound_time_ns(const AVFrame& frame) const {
-    if (live_)
-      return last_time_ns_ < 0 ? -1 : std::min<std::int64_t>(frame.reordered_opaque, clock_.now_ns());
+    if (live_) return last_time_ns_ < 0 ? -1 : std::min(media::number_of(frame), clock_.now_ns());
     if (!last_pts_ns_ || frame.best_effort_timestamp == AV_NOPTS_VALUE) return -1;
     const std::int64_t pts_ns =
         av_rescale_q(frame.best_effort_timestamp, input_->streams[sound_stream_]->time_base, kNanoseconds);

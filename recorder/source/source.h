@@ -9,7 +9,7 @@
 #include <string>
 
 #include "media/libav_handles.h"
-#include "recorder/case_clock.h"
+#include "recorder/clock/case_clock.h"
 #include "recorder/source/source_address.h"
 
 namespace kiroku::recorder {

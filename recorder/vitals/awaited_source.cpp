@@ -7,7 +7,7 @@
 #include <thread>
 
 #include "base/error.h"
-#include "recorder/case_clock.h"
+#include "recorder/clock/case_clock.h"
 
 namespace kiroku::recorder {
 namespace {

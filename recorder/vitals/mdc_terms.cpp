@@ -6,6 +6,7 @@
 #include <utility>
 #include <vector>
 
+#include "base/ascii.h"
 #include "media/vital_codes.h"
 
 namespace kiroku::recorder {
@@ -219,7 +220,7 @@ std::string lower_without_blanks(std::string_view text) {
   std::string result;
   for (const char c : text) {
     if (c != ' ') {
-      result += c >= 'A' && c <= 'Z' ? static_cast<char>(c - 'A' + 'a') : c;
+      result += ascii_lower(c);
     }
   }
   return result;

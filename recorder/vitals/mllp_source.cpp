@@ -7,7 +7,7 @@
 #include <utility>
 
 #include "base/error.h"
-#include "recorder/case_clock.h"
+#include "recorder/clock/case_clock.h"
 #include "recorder/source/source_address.h"
 #include "recorder/vitals/hl7_vitals.h"
 #include "recorder/vitals/mllp_address.h"

@@ -6,7 +6,7 @@
 #include <string>
 
 #include "base/error.h"
-#include "sim/fem/number_text.h"
+#include "base/number_text.h"
 
 namespace kiroku::sim {
 namespace {

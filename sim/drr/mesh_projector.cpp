@@ -6,8 +6,8 @@
 #include <Eigen/LU>
 
 #include "base/error.h"
+#include "base/number_text.h"
 #include "sim/drr/parallel.h"
-#include "sim/fem/number_text.h"
 
 namespace kiroku::sim {
 namespace {

@@ -11,7 +11,7 @@
 #include <png.h>
 
 #include "base/error.h"
-#include "sim/fem/number_text.h"
+#include "base/number_text.h"
 #include "sim/volume/image_file.h"
 
 namespace kiroku::sim {

@@ -9,7 +9,7 @@
 #include <nlohmann/json.hpp>
 
 #include "base/error.h"
-#include "sim/fem/number_text.h"
+#include "base/number_text.h"
 #include "sim/model/body_model.h"
 #include "sim/model/json_field.h"
 

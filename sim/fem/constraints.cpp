@@ -3,7 +3,7 @@
 #include <Eigen/LU>
 
 #include "base/error.h"
-#include "sim/fem/number_text.h"
+#include "base/number_text.h"
 
 namespace kiroku::sim {
 

@@ -6,8 +6,8 @@
 #include <utility>
 
 #include "base/error.h"
+#include "base/number_text.h"
 #include "sim/fem/elimination_order.h"
-#include "sim/fem/number_text.h"
 #include "sim/fem/rigid_motion.h"
 #include "sim/mesh/mesh_check.h"
 

@@ -2,7 +2,7 @@
 
 #include <cmath>
 
-#include "sim/fem/number_text.h"
+#include "base/number_text.h"
 
 namespace kiroku::sim {
 

@@ -6,7 +6,7 @@
 #include <Eigen/Eigenvalues>
 #include <Eigen/SVD>
 
-#include "sim/fem/number_text.h"
+#include "base/number_text.h"
 #include "sim/mesh/disjoint_sets.h"
 
 namespace kiroku::sim {

@@ -7,8 +7,8 @@
  * exception out or end the program.
  *
  * Lengths are metres, forces newtons, in the axes of the organ's mesh. What a plug-in gives is checked and
- * what it is given is limited (docs/training.md, "A device that fails"), but a device of strength needs a
- * limit of its own too.
+ * what it is given is limited (docs/explanation/training.md, "A device that fails"), but a device of strength
+ * needs a limit of its own too.
  */
 #ifndef KIROKU_HAPTIC_PLUGIN_H
 #define KIROKU_HAPTIC_PLUGIN_H

@@ -5,8 +5,8 @@
 #include <utility>
 
 #include "base/error.h"
+#include "base/number_text.h"
 #include "sim/contact/near_tools.h"
-#include "sim/fem/number_text.h"
 
 namespace kiroku::sim {
 namespace {

@@ -4,7 +4,7 @@
 #include <limits>
 
 #include "base/error.h"
-#include "sim/fem/number_text.h"
+#include "base/number_text.h"
 
 namespace kiroku::sim {
 

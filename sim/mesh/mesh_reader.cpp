@@ -6,6 +6,7 @@
 #include <memory>
 #include <sys/stat.h>
 
+#include "base/ascii.h"
 #include "base/error.h"
 
 namespace kiroku::sim {
@@ -24,9 +25,7 @@ std::string read_mesh_text(const std::filesystem::path& file) {
 }
 
 MeshFile read_mesh(const std::filesystem::path& file, LengthUnit unit) {
-  std::string ending = file.extension().string();
-  std::ranges::transform(ending, ending.begin(),
-                         [](char c) { return c >= 'A' && c <= 'Z' ? static_cast<char>(c - 'A' + 'a') : c; });
+  const std::string ending = lower_case(file.extension().string());
   const auto parse = ending == ".msh"   ? parse_msh
                      : ending == ".vtk" ? parse_vtk
                      : ending == ".veg" ? parse_veg

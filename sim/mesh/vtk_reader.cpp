@@ -5,6 +5,7 @@
 #include <cmath>
 #include <optional>
 
+#include "base/ascii.h"
 #include "sim/mesh/mesh_builder.h"
 
 namespace kiroku::sim {
@@ -65,11 +66,6 @@ constexpr std::array<Type, 13> kTypes{{{"float", 4, true},
                                        {"vtktypeint32", 4, false},
                                        {"vtktypeint64", 8, false}}};
 
-bool same_word(std::string_view a, std::string_view b) {
-  const auto lower = [](char c) { return c >= 'A' && c <= 'Z' ? static_cast<char>(c - 'A' + 'a') : c; };
-  return std::ranges::equal(a, b, {}, lower, lower);
-}
-
 class VtkReader {
  public:
   VtkReader(std::string_view file, const std::string& name, LengthUnit unit)
@@ -81,13 +77,13 @@ class VtkReader {
     }
     cursor_.line();  // title
     const std::string_view mode = cursor_.word();
-    if (same_word(mode, "BINARY")) {
+    if (same_but_for_case(mode, "BINARY")) {
       cursor_.set_binary(true, std::endian::big);
-    } else if (!same_word(mode, "ASCII")) {
+    } else if (!same_but_for_case(mode, "ASCII")) {
       cursor_.fail("neither ASCII nor BINARY stands there");
     }
-    if (!same_word(cursor_.word(), "DATASET")) cursor_.fail("DATASET was expected");
-    if (const std::string_view kind = cursor_.word(); !same_word(kind, "UNSTRUCTURED_GRID")) {
+    if (!same_but_for_case(cursor_.word(), "DATASET")) cursor_.fail("DATASET was expected");
+    if (const std::string_view kind = cursor_.word(); !same_but_for_case(kind, "UNSTRUCTURED_GRID")) {
       cursor_.fail("it is a " + std::string(kind.substr(0, 24)) +
                    ": tetrahedra are read from an UNSTRUCTURED_GRID only");
     }
@@ -99,28 +95,28 @@ class VtkReader {
  private:
   void read_section() {
     const std::string section(cursor_.word());
-    if (same_word(section, "POINTS")) {
+    if (same_but_for_case(section, "POINTS")) {
       read_points();
-    } else if (same_word(section, "CELLS")) {
+    } else if (same_but_for_case(section, "CELLS")) {
       read_cells();
-    } else if (same_word(section, "CELL_TYPES")) {
+    } else if (same_but_for_case(section, "CELL_TYPES")) {
       types_ =
           whole_numbers(cursor_.text_count("the number of cell types"), type_named("int"), "a cell type");
-    } else if (same_word(section, "CELL_DATA")) {
+    } else if (same_but_for_case(section, "CELL_DATA")) {
       attributes_ = cursor_.text_count("the number of cells with data");
       of_cells_ = true;
-    } else if (same_word(section, "POINT_DATA")) {
+    } else if (same_but_for_case(section, "POINT_DATA")) {
       attributes_ = cursor_.text_count("the number of points with data");
       of_cells_ = false;
-    } else if (same_word(section, "SCALARS")) {
+    } else if (same_but_for_case(section, "SCALARS")) {
       read_scalars();
-    } else if (same_word(section, "FIELD")) {
+    } else if (same_but_for_case(section, "FIELD")) {
       read_fields();
-    } else if (same_word(section, "VECTORS") || same_word(section, "NORMALS")) {
+    } else if (same_but_for_case(section, "VECTORS") || same_but_for_case(section, "NORMALS")) {
       skip_attribute(3);
-    } else if (same_word(section, "TENSORS")) {
+    } else if (same_but_for_case(section, "TENSORS")) {
       skip_attribute(9);
-    } else if (same_word(section, "METADATA")) {
+    } else if (same_but_for_case(section, "METADATA")) {
       skip_metadata();
     } else {
       cursor_.fail("a section was expected, such as POINTS, and not '" + section.substr(0, 24) + "'");
@@ -129,7 +125,7 @@ class VtkReader {
 
   Type type_named(std::string_view name) const {
     const auto found =
-        std::ranges::find_if(kTypes, [&](const Type& type) { return same_word(type.name, name); });
+        std::ranges::find_if(kTypes, [&](const Type& type) { return same_but_for_case(type.name, name); });
     if (found == kTypes.end())
       cursor_.fail("the data type '" + std::string(name.substr(0, 24)) + "' is not known");
     return *found;
@@ -208,7 +204,7 @@ class VtkReader {
     if (next_is("OFFSETS")) {
       cursor_.word();
       offsets_ = whole_numbers(first, type_named(cursor_.word()), "an offset");
-      if (!same_word(cursor_.word(), "CONNECTIVITY")) cursor_.fail("CONNECTIVITY was expected");
+      if (!same_but_for_case(cursor_.word(), "CONNECTIVITY")) cursor_.fail("CONNECTIVITY was expected");
       const Type type = type_named(cursor_.word());
       if (type.real || type.bytes < 4)
         cursor_.fail("points of cells are not of an integer type of 32 or 64 bits");
@@ -239,7 +235,7 @@ class VtkReader {
 
   [[nodiscard]] bool next_is(std::string_view word) const {
     MeshCursor ahead = cursor_;
-    return same_word(ahead.word(), word);
+    return same_but_for_case(ahead.word(), word);
   }
 
   void read_scalars() {

@@ -6,7 +6,7 @@
 #include <pugixml.hpp>
 
 #include "base/error.h"
-#include "sim/fem/number_text.h"
+#include "base/number_text.h"
 #include "sim/mesh/mesh_reader.h"
 
 namespace kiroku::sim {

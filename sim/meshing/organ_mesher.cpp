@@ -4,7 +4,7 @@
 #include <cmath>
 
 #include "base/error.h"
-#include "sim/fem/number_text.h"
+#include "base/number_text.h"
 #include "sim/meshing/tet_mesher.h"
 
 namespace kiroku::sim {

@@ -9,7 +9,7 @@
 #include <optional>
 
 #include "base/error.h"
-#include "sim/fem/number_text.h"
+#include "base/number_text.h"
 #include "sim/mesh/mesh_check.h"
 #include "sim/mesh/mesh_reader.h"
 

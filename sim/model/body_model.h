@@ -34,7 +34,7 @@ using MeshMaker =
                           const std::filesystem::path& folder, std::vector<std::string>& warnings)>;
 
 /// Takes a body from the keys "mesh", "length_unit", "materials", "fixed" and "gravity_m_s2" of a document;
-/// docs/simulation.md says what they mean.
+/// docs/reference/simulation.md says what they mean.
 class BodyReader {
  public:
   /// kiroku::Error in one sentence with the file and the JSON path; also what read_mesh() throws. The mesh is

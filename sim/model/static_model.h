@@ -9,7 +9,7 @@
 //  "cuts": [{"blade": [{"tip": [40, 20, 30], "heel": [40, 20, 60]},
 //                      {"tip": [40, 50, 30], "heel": [40, 50, 60]}]}]}
 //
-// docs/simulation.md says what each key means.
+// docs/reference/simulation.md says what each key means.
 #pragma once
 
 #include <filesystem>

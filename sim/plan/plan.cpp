@@ -6,7 +6,7 @@
 #include <utility>
 
 #include "base/error.h"
-#include "sim/fem/number_text.h"
+#include "base/number_text.h"
 #include "sim/mesh/mesh_topology.h"
 #include "sim/model/json_field.h"
 #include "sim/plan/plan_body.h"

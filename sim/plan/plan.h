@@ -1,5 +1,5 @@
 // A planned operation as one JSON document: the organ, the tools, and what they do when. Plain data, made by
-// read_plan(); docs/simulation.md says what each key means.
+// read_plan(); docs/reference/simulation.md says what each key means.
 //
 // {"name": "Liver: grasp and retraction",
 //  "mesh": "liver.msh", "length_unit": "mm", "materials": [...], "fixed": [...], "gravity_m_s2": [0, 0, 0],

@@ -6,7 +6,7 @@
 #include FT_FREETYPE_H
 
 #include "base/error.h"
-#include "sim/fem/number_text.h"
+#include "base/number_text.h"
 #include "sim/render/colour_map.h"
 
 namespace kiroku::sim {

@@ -6,7 +6,7 @@
 #include <Eigen/LU>
 
 #include "base/error.h"
-#include "sim/fem/number_text.h"
+#include "base/number_text.h"
 #include "sim/render/transfer_function.h"
 
 namespace kiroku::sim {

@@ -6,7 +6,7 @@
 #include <map>
 
 #include "base/error.h"
-#include "sim/fem/number_text.h"
+#include "base/number_text.h"
 #include "sim/render/colour_map.h"
 #include "sim/render/gl_objects.h"
 #include "sim/render/proxy_geometry.h"

@@ -1,4 +1,4 @@
-// A breathing lung as one JSON document; docs/respiration.md says what each key means.
+// A breathing lung as one JSON document; docs/explanation/respiration.md says what each key means.
 //
 // {"mesh": "lung.msh", "length_unit": "mm", "labels": "totalsegmentator.nii.gz", "tumour": {"region": 2},
 //  "breathing": {"cycle_s": 3.6,

@@ -10,7 +10,7 @@
 #include <Eigen/QR>
 
 #include "base/error.h"
-#include "sim/fem/number_text.h"
+#include "base/number_text.h"
 #include "sim/respiration/line_plot.h"
 
 namespace kiroku::sim {

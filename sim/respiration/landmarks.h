@@ -11,7 +11,7 @@
 namespace kiroku::sim {
 
 /// How well people find the same point twice, mean and standard deviation: what every error at landmarks has
-/// to be read beside. (Published for landmarks in lungs; see docs/respiration.md.)
+/// to be read beside. (Published for landmarks in lungs; see docs/explanation/respiration.md.)
 inline constexpr double kObserverMm = 0.9, kObserverSpreadMm = 0.8;
 
 /// A point a line, x y z in millimetres (left, back, head), separated by spaces, tabs or commas; lines that

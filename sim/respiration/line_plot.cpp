@@ -5,7 +5,7 @@
 #include <cmath>
 #include <limits>
 
-#include "sim/fem/number_text.h"
+#include "base/number_text.h"
 
 namespace kiroku::sim {
 namespace {

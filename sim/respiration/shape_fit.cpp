@@ -6,7 +6,7 @@
 #include <Eigen/Cholesky>
 
 #include "base/error.h"
-#include "sim/fem/number_text.h"
+#include "base/number_text.h"
 #include "sim/respiration/sliding_boundary.h"
 
 namespace kiroku::sim {

@@ -29,7 +29,8 @@ struct SlidingOptions {
   /// Of all tissue while it is fitted, -1 < nu < 0.5; the materials' own where absent.
   std::optional<double> poisson_ratio;
   /// Young's modulus over the coupling's stiffness per area, at the end, m: the smaller, the nearer the lung
-  /// comes to the second surface. Found by cross-validation on that surface (docs/respiration.md).
+  /// comes to the second surface. Found by cross-validation on that surface
+  /// (docs/explanation/respiration.md).
   double yield_m = 0.0015;
   /// Places of the second CT whose surface does not count.
   std::function<bool(const Vector3&)> leave_out;

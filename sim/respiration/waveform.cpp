@@ -7,7 +7,7 @@
 #include <optional>
 
 #include "base/error.h"
-#include "sim/fem/number_text.h"
+#include "base/number_text.h"
 #include "sim/respiration/number_table.h"
 
 namespace kiroku::sim {

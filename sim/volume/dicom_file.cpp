@@ -47,6 +47,15 @@ Bytes encapsulated_bytes(DcmPixelData& pixels, E_TransferSyntax syntax, const st
   return bytes;
 }
 
+/// Whether a picture of that syntax must be decoded.
+bool is_encapsulated(E_TransferSyntax syntax) {
+#if OFFIS_DCMTK_VERSION_NUMBER >= 369  // where isEncapsulated() is deprecated
+  return DcmXfer(syntax).usesEncapsulatedFormat();
+#else
+  return DcmXfer(syntax).isEncapsulated();
+#endif
+}
+
 }  // namespace
 
 bool begins_as_dicom(const std::filesystem::path& file) {
@@ -113,8 +122,7 @@ std::vector<std::int32_t> stored_values(DcmDataset& dataset, const PixelPacking&
     });
     return values;
   }
-  if (DcmXfer(syntax).isEncapsulated() &&
-      dataset.chooseRepresentation(EXS_LittleEndianExplicit, nullptr).bad()) {
+  if (is_encapsulated(syntax) && dataset.chooseRepresentation(EXS_LittleEndianExplicit, nullptr).bad()) {
     throw Error(what + ": its picture is compressed as '" + DcmXfer(syntax).getXferName() +
                 "', and cannot be decoded: it is damaged, or that compression is not known here");
   }

@@ -6,7 +6,7 @@
 #include <system_error>
 
 #include "base/error.h"
-#include "sim/fem/number_text.h"
+#include "base/number_text.h"
 #include "sim/volume/slice_stack.h"
 
 namespace kiroku::sim {

@@ -7,7 +7,7 @@
 #include <Eigen/SVD>
 
 #include "base/error.h"
-#include "sim/fem/number_text.h"
+#include "base/number_text.h"
 
 namespace kiroku::sim {
 namespace {

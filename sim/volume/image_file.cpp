@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <limits>
 
+#include "base/ascii.h"
 #include "base/error.h"
 #include "sim/volume/image_integrity.h"
 #include "sim/volume/itk_image.h"
@@ -22,9 +23,7 @@ constexpr std::array<Ending, 6> kEndings{{{".nii", "NIfTI", ImageFormat::kNifti}
                                           {".mhd", "MetaImage", ImageFormat::kMetaImage}}};
 
 const Ending* ending_of(const std::filesystem::path& file) {
-  std::string name = file.filename().string();
-  std::ranges::transform(name, name.begin(),
-                         [](char c) { return c >= 'A' && c <= 'Z' ? static_cast<char>(c - 'A' + 'a') : c; });
+  const std::string name = lower_case(file.filename().string());
   const auto found =
       std::ranges::find_if(kEndings, [&](const Ending& ending) { return name.ends_with(ending.text); });
   return found == kEndings.end() ? nullptr : &*found;

@@ -1,6 +1,6 @@
 // Planning as the page does it, without browser and network: a view that turns, forceps that pull, five
 // fingers that press, 60 inputs a second; each picture as a JPEG in its message. The figures stand in
-// docs/viewer.md.
+// docs/reference/viewer.md.
 //   plan_page_bench FOLDER PLAN [SECONDS], as kiroku plan serve --plans FOLDER --gpu off lists the plan
 #include <atomic>
 #include <cmath>

@@ -2,7 +2,7 @@
 // beside it, in the same run, the factorisation of the whole matrix that it takes the place of. An organ of
 // 5,100 nodes is cut a hundred times on parallel lines, each step about an element long and two deep; bodies
 // are made anew for every repetition, and of all repetitions the least time of each step counts, because
-// other work on the machine only ever slows. The last lines are the figures of docs/performance.md.
+// other work on the machine only ever slows. The last lines are the figures of docs/results/performance.md.
 //
 //   sim_cutting_bench --benchmark_repetitions=5
 #include <algorithm>

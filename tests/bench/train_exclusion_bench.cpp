@@ -1,5 +1,6 @@
 // Pushing objects A and B aside with five fingers in real time: forces at 1 kHz in a thread of their own,
-// pictures of 640 x 480 in software beside it, as many as are made. The figures stand in docs/training.md.
+// pictures of 640 x 480 in software beside it, as many as are made. The figures stand in
+// docs/explanation/training.md.
 //   train_exclusion_bench [VERTICES [SECONDS]]
 #include <cstdio>
 #include <cstdlib>

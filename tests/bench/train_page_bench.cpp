@@ -1,5 +1,6 @@
 // An attempt as the trainer's page makes it, without the browser: five pointers 60 times a second, forces at
-// 1 kHz, each picture with stress as a JPEG in its message. The figures stand in docs/training.md.
+// 1 kHz, each picture with stress as a JPEG in its message. The figures stand in
+// docs/explanation/training.md.
 //   train_page_bench [VERTICES [SECONDS]]
 #include <atomic>
 #include <cmath>

@@ -1,7 +1,7 @@
 // Folders that are dear to verify, put together from the forms of tests/support/hostile_case.h as the input
 // says, and measured: the processor time must stay below a bound for each byte, must not grow faster than the
-// folder, and so must memory. Bounds are ten times the goal (docs/reliability.md), since this runs under
-// sanitizers beside others. What is beyond them ends the program.
+// folder, and so must memory. Bounds are ten times the goal (docs/results/reliability.md), since this runs
+// under sanitizers beside others. What is beyond them ends the program.
 //
 // The input: byte 0 chooses what is made, byte 1 how many streams `open` names, byte 2 after how many steps
 // the excerpt begins; then steps of two bytes, the form of lines and how much of it; after a step 255 the

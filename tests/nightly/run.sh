@@ -28,6 +28,7 @@ steps=(
   "soak       tests/fault/soak.sh 24 200"
   "recovery   tests/bench/recovery.sh"
   "loaded     tests/nightly/loaded.sh 10"
+  "debian13   tests/nightly/debian13.sh"
   "package    cmake --build build/release --target package"
 )
 
@@ -40,7 +41,7 @@ for wanted in "$@"; do
   [[ $known == *" $wanted "* ]] || die "there is no step '$wanted'; there are:$known"
 done
 
-install_missing verify build run test sanitize lint
+install_missing verify build run test sanitize lint nightly
 mkdir -p build/nightly
 failed=()
 for step in "${steps[@]}"; do

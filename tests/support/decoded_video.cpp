@@ -13,6 +13,7 @@ extern "C" {
 #include "crypto/encoding.h"
 #include "crypto/hash.h"
 #include "media/libav_handles.h"
+#include "media/libav_versions.h"
 #include "tests/support/memory_film.h"
 
 namespace kiroku::test {
@@ -21,7 +22,7 @@ namespace {
 DecodedFrame describe(const AVFrame& frame) {
   DecodedFrame described;
   described.pts = frame.pts;
-  described.key = frame.key_frame != 0;
+  described.key = media::is_key_frame(frame);
   described.width = frame.width;
   described.height = frame.height;
   const auto format = static_cast<AVPixelFormat>(frame.format);

@@ -1,6 +1,6 @@
-// A hand on the network: plays a file of hand motion as datagrams of a UDP device (docs/simulation.md,
-// "Haptic rate"), 500 a second, and counts the forces that come back. It writes the datagrams by itself, so
-// that it proves what is documented.
+// A hand on the network: plays a file of hand motion as datagrams of a UDP device
+// (docs/reference/simulation.md, "Haptic rate"), 500 a second, and counts the forces that come back. It
+// writes the datagrams by itself, so that it proves what is documented.
 //   hand_player FILE PORT
 #include <algorithm>
 #include <arpa/inet.h>

@@ -51,7 +51,9 @@ class MemoryOutput {
 
  private:
   static constexpr int kBuffer = 1 << 16;
-  static int take(void* self, std::uint8_t* bytes, int size) {
+  /// For libav; the bytes are const from libavformat 61 on.
+  template <typename Byte>
+  static int take(void* self, Byte* bytes, int size) {
     append(static_cast<MemoryOutput*>(self)->bytes_,
            std::as_bytes(std::span(bytes, static_cast<std::size_t>(size))));
     return size;

@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# The scripts of docs/verify-with-stock-tools.md, run as they stand against a fresh case and excerpts of it: intact; against changed copies: not intact, for
+# The scripts of docs/how-to/verify-with-stock-tools.md, run as they stand against a fresh case and excerpts of it: intact; against changed copies: not intact, for
 # the right reason; with inputs that do not fit: could not be checked.
 # Usage: stock_tools_test.sh KIROKU SOURCE_DIR
 set -euo pipefail
@@ -12,7 +12,7 @@ trap 'rm -rf "$scratch"' EXIT
 export KIROKU_HOME=$scratch/home
 fail() { echo "FAILED: $*"; exit 1; }
 
-page=$source/docs/verify-with-stock-tools.md
+page=$source/docs/how-to/verify-with-stock-tools.md
 awk '/^```bash$/ { on = 1; next } /^```$/ { on = 0 } on' "$page" >"$scratch/verify.sh"
 awk '/^```bash excerpt$/ { on = 1; next } /^```$/ { on = 0 } on' "$page" >"$scratch/verify-excerpt.sh"
 lines=$(wc -l <"$scratch/verify.sh") excerpt_lines=$(wc -l <"$scratch/verify-excerpt.sh")

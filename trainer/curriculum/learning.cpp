@@ -6,13 +6,11 @@
 #include <set>
 
 #include "base/error.h"
-#include "sim/fem/number_text.h"
+#include "base/number_text.h"
 #include "trainer/report/csv_field.h"
 
 namespace kiroku::trainer {
 namespace {
-
-using sim::number_text;
 
 /// Who is compared: the same group with as many fingers.
 using Cohort = std::pair<std::string, std::size_t>;
@@ -194,7 +192,7 @@ std::string attempts_csv(const std::vector<ExclusionRecord>& records) {
     for (const double number :
          {score.time_s, score.largest_von_mises_pa, 1e6 * score.damaged_m3, score.path_m, score.peak_force_n,
           score.peak_wrist_n, score.best_visible_share})
-      csv += "," + sim::exact_text(number);
+      csv += "," + exact_text(number);
     csv += "\n";
   }
   return csv;
@@ -209,10 +207,10 @@ std::string curves_csv(const std::vector<ExclusionRecord>& records) {
           const SampleSummary& summary = point.summary;
           csv += object + "," + csv_field(label_of(measure)) + "," + csv_field(curve.group) + "," +
                  std::to_string(curve.fingers) + "," + std::to_string(point.session) + "," +
-                 std::to_string(summary.count) + "," + sim::exact_text(summary.mean) + ",";
+                 std::to_string(summary.count) + "," + exact_text(summary.mean) + ",";
           if (summary.of_mean) {
-            csv += sim::exact_text(summary.standard_deviation) + "," + sim::exact_text(summary.of_mean->low) +
-                   "," + sim::exact_text(summary.of_mean->high) + "\n";
+            csv += exact_text(summary.standard_deviation) + "," + exact_text(summary.of_mean->low) + "," +
+                   exact_text(summary.of_mean->high) + "\n";
           } else {
             csv += ",,\n";  // of one trainee there is no spread
           }

@@ -12,7 +12,8 @@ namespace kiroku::trainer {
 
 inline constexpr double kFingertipMetres = 0.008;  // the radius of a fingertip
 
-/// Between a glove and tissue that is neither dry nor under a liquid (docs/training.md, "Friction").
+/// Between a glove and tissue that is neither dry nor under a liquid (docs/explanation/training.md,
+/// "Friction").
 inline constexpr double kFingertipFriction = 0.5, kMostFriction = 5;
 
 /// The task: the line behind the organ is to be seen by the trainee's eye, nearly whole, for a while.

@@ -9,14 +9,13 @@
 
 #include <Eigen/Geometry>
 
-#include "sim/fem/number_text.h"
+#include "base/number_text.h"
 #include "sim/haptics/latency_histogram.h"
 #include "trainer/exclusion/hand_forces.h"
 
 namespace kiroku::trainer {
 namespace {
 
-using sim::number_text;
 using sim::Vector3;
 
 constexpr double kHeldShare = 0.25;

@@ -1,5 +1,5 @@
 // Where an organ of a patient is held, what lies hidden behind it and from where one looks, by rules that a
-// person can check (docs/training.md, "Organs of a CT"). Pure functions, thread-safe.
+// person can check (docs/explanation/training.md, "Organs of a CT"). Pure functions, thread-safe.
 #pragma once
 
 #include <array>

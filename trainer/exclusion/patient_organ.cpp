@@ -6,8 +6,8 @@
 #include <Eigen/Geometry>
 
 #include "base/error.h"
+#include "base/number_text.h"
 #include "base/printable.h"
-#include "sim/fem/number_text.h"
 #include "sim/meshing/mesh_recipe.h"
 #include "sim/model/body_model.h"
 
@@ -119,7 +119,7 @@ PatientOrgan read_patient_organ(const std::filesystem::path& file,
     if (const auto friction = exclusion->optional_member("friction")) {
       organ.task.friction = friction->number();
       if (organ.task.friction < 0 || organ.task.friction > kMostFriction)
-        friction->fail("must be 0 (fingers glide) to " + sim::number_text(kMostFriction));
+        friction->fail("must be 0 (fingers glide) to " + number_text(kMostFriction));
     }
   }
   organ.object.mesh = std::move(body.mesh);
@@ -132,7 +132,7 @@ void require_haptic_rate(const ExclusionBody& body, std::size_t fingers, double 
   if (measured_hz >= kHapticRateHz) return;
   throw Error("the mesh of " + body.object().name + " is too large to be felt on this machine: with " +
               std::to_string(fingers) + (fingers == 1 ? " finger" : " fingers") + " forces came at " +
-              sim::number_text(measured_hz, 3) + " Hz, and a hand needs 1000; make it of fewer than " +
+              number_text(measured_hz, 3) + " Hz, and a hand needs 1000; make it of fewer than " +
               std::to_string(body.object().mesh.nodes.size()) + " vertices");
 }
 

@@ -1,5 +1,5 @@
 // An organ of a CT as something to push aside: a document that names its mesh, what it is made of, and what
-// of the task is not to follow the rules (docs/training.md, "Organs of a CT"). Thread-safe.
+// of the task is not to follow the rules (docs/explanation/training.md, "Organs of a CT"). Thread-safe.
 #pragma once
 
 #include <filesystem>

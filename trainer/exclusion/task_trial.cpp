@@ -3,13 +3,11 @@
 #include <algorithm>
 #include <cmath>
 
-#include "sim/fem/number_text.h"
+#include "base/number_text.h"
 #include "trainer/exclusion/simulated_trainee.h"
 
 namespace kiroku::trainer {
 namespace {
-
-using sim::number_text;
 
 /// As long as the simulated trainee needs for most of its places.
 constexpr double kMostSeconds = 60;

@@ -7,7 +7,7 @@
 #include <utility>
 
 #include "base/error.h"
-#include "sim/fem/number_text.h"
+#include "base/number_text.h"
 
 namespace kiroku::trainer {
 namespace {
@@ -99,12 +99,12 @@ HandMotion parse_hand_motion(std::string_view text, const std::string& file) {
 std::string text_of(const HandMotion& motion) {
   std::string text = std::string(kFirstLine) + "\nfingers " + std::to_string(motion.fingers) + "\n";
   for (std::size_t moment = 0; moment < motion.times_s.size(); ++moment) {
-    text += sim::exact_text(motion.times_s[moment]);
+    text += exact_text(motion.times_s[moment]);
     for (const sim::Pose& pose : motion.poses[moment]) {
       const Eigen::Quaterniond& q = pose.orientation;
       for (const double number :
            {pose.position_m.x(), pose.position_m.y(), pose.position_m.z(), q.w(), q.x(), q.y(), q.z()})
-        text += " " + sim::exact_text(number);
+        text += " " + exact_text(number);
     }
     text += "\n";
   }

@@ -11,7 +11,7 @@
 #include <sstream>
 
 #include "base/error.h"
-#include "sim/fem/number_text.h"
+#include "base/number_text.h"
 
 namespace kiroku::trainer {
 namespace {
@@ -182,13 +182,13 @@ void draw(Pen& pen, const Plot& plot, double left, double top) {
     pen.colour(kGrid);
     pen.line(at_x(tick), from_y, at_x(tick), to_y, 0.6);
     pen.colour(kInk);
-    pen.text(at_x(tick), from_y + 14, 0.5, sim::number_text(tick), 9);
+    pen.text(at_x(tick), from_y + 14, 0.5, number_text(tick), 9);
   }
   for (const double tick : up.ticks()) {
     pen.colour(kGrid);
     pen.line(from_x, at_y(tick), to_x, at_y(tick), 0.6);
     pen.colour(kInk);
-    pen.text(from_x - 6, at_y(tick) + 3, 1, sim::number_text(tick), 9);
+    pen.text(from_x - 6, at_y(tick) + 3, 1, number_text(tick), 9);
   }
   pen.line(from_x, from_y, to_x, from_y, 1);
   pen.line(from_x, from_y, from_x, to_y, 1);

@@ -1,5 +1,5 @@
-// What a person says of a comparison, as a JSON file to be edited (docs/comparison.md). Functions;
-// thread-safe.
+// What a person says of a comparison, as a JSON file to be edited (docs/explanation/comparison.md).
+// Functions; thread-safe.
 //
 // {"steps": [{"step": 2, "start": "00:00:12.5", "end": "00:00:20", "pauses": [["00:00:14", "00:00:15"]]}],
 //  "points": [{"plan_s": 1.5, "at": "00:00:13"}],

@@ -46,7 +46,7 @@ class OrganPicking {
   std::vector<sim::Face> surface_;
 };
 
-/// Answers one question, a JSON object (docs/viewer.md, "Picking"): {"picture": …}, {"point": …} or
+/// Answers one question, a JSON object (docs/reference/viewer.md, "Picking"): {"picture": …}, {"point": …} or
 /// {"registration": …}, by one without line breaks; {"refused": "a sentence"} for what is none, or cannot be.
 std::string answer_picking(OrganPicking& picking, std::string_view question);
 

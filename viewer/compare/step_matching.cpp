@@ -6,6 +6,7 @@
 #include <optional>
 #include <string_view>
 
+#include "base/ascii.h"
 #include "base/error.h"
 
 namespace kiroku::compare {
@@ -29,7 +30,7 @@ std::string words_of(std::string_view text) {
     }
     if (apart && !words.empty()) words += ' ';
     apart = false;
-    words += upper ? static_cast<char>(c - 'A' + 'a') : c;
+    words += ascii_lower(c);
   }
   return words;
 }

@@ -1,5 +1,6 @@
-// What a comparison stands on and who made it, as its document states it (docs/format.md, "Comparisons").
-// Apart from what compares, so that reading needs neither simulation nor OpenCV. Pure functions, thread-safe.
+// What a comparison stands on and who made it, as its document states it (docs/reference/format.md,
+// "Comparisons"). Apart from what compares, so that reading needs neither simulation nor OpenCV. Pure
+// functions, thread-safe.
 #pragma once
 
 #include <cstdint>

@@ -8,6 +8,7 @@ extern "C" {
 #include <libavutil/frame.h>
 }
 
+#include "media/libav_versions.h"
 #include "viewer/playback/case_ticks.h"
 
 namespace kiroku::live {
@@ -56,7 +57,7 @@ void LiveEncoder::encode_one(const playback::ArchivedPicture& picture, std::vect
   const bool is_key = key_wanted_ || picture.time - last_key_ >= kTicksPerSecond;
   frame->pts = last_ = picture.time;
   frame->pict_type = is_key ? AV_PICTURE_TYPE_I : AV_PICTURE_TYPE_NONE;
-  frame->interlaced_frame = 0;
+  media::set_interlaced(*frame, false);
   if (is_key) last_key_ = picture.time;
   key_wanted_ = false;
   require(avcodec_send_frame(codec_.get(), frame.get()), kAction);

@@ -1,4 +1,4 @@
-// Live pictures for the viewer's server: a WebSocket each stream (docs/viewer.md, "Live").
+// Live pictures for the viewer's server: a WebSocket each stream (docs/reference/viewer.md, "Live").
 #pragma once
 
 #include <map>

@@ -1,4 +1,4 @@
-// The planner's part of the API (docs/viewer.md, "Planning").
+// The planner's part of the API (docs/reference/viewer.md, "Planning").
 #pragma once
 
 #include "viewer/planning/planning_room.h"

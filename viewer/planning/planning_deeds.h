@@ -1,4 +1,5 @@
-// What a person does on the page while planning, as values (docs/viewer.md, "Planning"). Plain data.
+// What a person does on the page while planning, as values (docs/reference/viewer.md, "Planning"). Plain
+// data.
 #pragma once
 
 #include <optional>

@@ -1,5 +1,5 @@
-// What page and planner say to each other over a WebSocket (docs/viewer.md, "Planning"). Pure functions,
-// thread-safe.
+// What page and planner say to each other over a WebSocket (docs/reference/viewer.md, "Planning"). Pure
+// functions, thread-safe.
 #pragma once
 
 #include <string>

@@ -1,4 +1,4 @@
-// Planning over one WebSocket (docs/viewer.md, "Planning").
+// Planning over one WebSocket (docs/reference/viewer.md, "Planning").
 #pragma once
 
 #include <functional>

@@ -6,6 +6,7 @@
 #include <nlohmann/json.hpp>
 
 #include "archive/case_folder.h"
+#include "base/ascii.h"
 #include "base/error.h"
 #include "crypto/age_file.h"
 #include "crypto/hash.h"
@@ -122,7 +123,7 @@ CaseSubject read_object(const json& object) {
   gather_texts(object, 0, texts);
   texts += subject.patient + "\n";
   for (const CasePerson& person : subject.staff) texts += person.name + "\n";
-  subject.searchable = lower_ascii(texts);
+  subject.searchable = lower_case(texts);
   return subject;
 }
 
@@ -145,13 +146,6 @@ std::optional<CaseSubject> read_file(const CaseMedia& media) {
 }
 
 }  // namespace
-
-std::string lower_ascii(std::string_view text) {
-  std::string out(text);
-  std::ranges::transform(
-      out, out.begin(), [](char c) { return c >= 'A' && c <= 'Z' ? static_cast<char>(c + ('a' - 'A')) : c; });
-  return out;
-}
 
 std::optional<CaseSubject> read_subject(std::string_view text) {
   const json object = json::parse(text, nullptr, false);

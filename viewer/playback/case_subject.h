@@ -1,4 +1,4 @@
-// What a case is about: patient, procedure and staff, which are sealed (docs/format.md, "The subject file").
+// What a case is about: patient, procedure and staff, which are sealed (docs/reference/format.md, "The subject file").
 // Functions; thread-safe.
 #pragma once
 
@@ -26,7 +26,7 @@ struct CaseSubject {
   std::string procedure, procedure_code, procedure_id, planned;
   std::vector<CasePerson> staff;
   std::string origin, chosen;  // who said so, and why these data
-  /// Every text of it in lower case (ASCII letters alone are changed), for searching.
+  /// Every text of it in lower case (base/ascii.h), for searching.
   std::string searchable;
 };
 
@@ -39,8 +39,5 @@ std::vector<CaseSubject> subjects_of(const CaseMedia& media);
 /// Of the JSON text of a subject file: anything that a person may have given, so nothing is taken for
 /// granted but that it is an object. Nothing for any other text.
 std::optional<CaseSubject> read_subject(std::string_view json);
-
-/// For comparing with CaseSubject::searchable.
-std::string lower_ascii(std::string_view text);
 
 }  // namespace kiroku::playback

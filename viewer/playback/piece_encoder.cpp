@@ -6,6 +6,8 @@ extern "C" {
 #include <libavcodec/avcodec.h>
 }
 
+#include "media/libav_versions.h"
+
 namespace kiroku::playback {
 namespace {
 
@@ -29,7 +31,7 @@ void PieceEncoder::add(const ArchivedPicture& picture) {
   const bool begins_group = packets_.empty() || picture.time / kTicksPerSecond != last_ / kTicksPerSecond;
   // What the archive's decoder says of its pictures is no order to this encoder.
   frame->pict_type = begins_group ? AV_PICTURE_TYPE_I : AV_PICTURE_TYPE_NONE;
-  frame->interlaced_frame = 0;
+  media::set_interlaced(*frame, false);
   last_ = picture.time;
   require(avcodec_send_frame(codec_.get(), frame.get()), kAction);
   receive();

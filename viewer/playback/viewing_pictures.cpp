@@ -19,6 +19,7 @@ extern "C" {
 }
 
 #include "base/error.h"
+#include "media/libav_versions.h"
 
 namespace kiroku::playback {
 namespace {
@@ -152,7 +153,7 @@ std::vector<ArchivedPicture> ViewingPictures::add(ArchivedPicture picture) {
     ready = deinterlacer_->finish();
     deinterlacer_.reset();
   }
-  if (!deinterlacer_ && picture.frame->interlaced_frame != 0) {
+  if (!deinterlacer_ && media::is_interlaced(*picture.frame)) {
     deinterlacer_ = std::make_unique<Deinterlacer>(*picture.frame);
   }
   if (deinterlacer_) {

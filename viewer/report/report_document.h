@@ -1,5 +1,5 @@
 // The documents about a verification: the report that a court reads, and the receipt that somebody keeps
-// (docs/report.md). Pure functions of their input, thread-safe.
+// (docs/reference/report.md). Pure functions of their input, thread-safe.
 #pragma once
 
 #include <string>

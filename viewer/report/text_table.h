@@ -339,10 +339,10 @@ inline constexpr auto kTexts = std::to_array<Text>({
     {"findings.none", "There is nothing to report.", "報告すべき所見はありません。"},
     {"findings.lead",
      "Ordered by weight. The code is stable and explained in Kiroku's description of the format "
-     "(docs/format.md). The "
+     "(docs/reference/format.md). The "
      "last line of each is the verifier's own sentence.",
      "重大な順に示します。コードは不変で、Kiroku "
-     "の形式説明書（docs/format.md）に定義されています。各項目の最終行は、"
+     "の形式説明書（docs/reference/format.md）に定義されています。各項目の最終行は、"
      "検証プログラムの原文（英語）です。"},
     {"finding.number", "No.", "番号"},
     {"finding.what", "Finding", "所見"},
@@ -405,15 +405,15 @@ inline constexpr auto kTexts = std::to_array<Text>({
     {"repeat.all",
      "The whole check, with the Merkle tree and the signatures, is a script of one page in Kiroku's "
      "documentation: "
-     "docs/verify-with-stock-tools.md. With Kiroku, the same as this report:",
-     "マークル木と署名を含む検査の全体は、Kiroku の文書 docs/verify-with-stock-tools.md "
+     "docs/how-to/verify-with-stock-tools.md. With Kiroku, the same as this report:",
+     "マークル木と署名を含む検査の全体は、Kiroku の文書 docs/how-to/verify-with-stock-tools.md "
      "に1ページの手順書としてあります。"
      "Kiroku を用いる場合（本書と同じ検査）："},
     {"repeat.excerpt",
      "The whole check of an excerpt, with its Merkle proofs, is a script of its own in Kiroku's "
      "documentation: "
-     "docs/verify-with-stock-tools.md. With Kiroku, the same as this report:",
-     "マークル証明を含む抜粋の検査の全体は、Kiroku の文書 docs/verify-with-stock-tools.md "
+     "docs/how-to/verify-with-stock-tools.md. With Kiroku, the same as this report:",
+     "マークル証明を含む抜粋の検査の全体は、Kiroku の文書 docs/how-to/verify-with-stock-tools.md "
      "に専用の手順書としてあります。Kiroku を用いる場合（本書と同じ検査）："},
     // -- about
     {"about.by", "Made by", "作成者"},
@@ -484,9 +484,10 @@ inline constexpr auto kTexts = std::to_array<Text>({
      "same.",
      "1. QRコードを読み取ってファイルに保存し、症例内のものと比べます。何も表示されなければ同一です。"},
     {"receipt.check.verify",
-     "2. Verify the case under the device key of this page (docs/report.md says how to do it without "
+     "2. Verify the case under the device key of this page (docs/reference/report.md says how to do it "
+     "without "
      "Kiroku):",
-     "2. この控えの装置の鍵で症例を検証します（Kiroku を用いない方法は docs/report.md）："},
+     "2. この控えの装置の鍵で症例を検証します（Kiroku を用いない方法は docs/reference/report.md）："},
     {"receipt.keep", "Keep it where whoever keeps the recording cannot change it.",
      "記録の保管者が書き換えられない場所に保管してください。"},
     {"receipt.not-intact",

@@ -7,6 +7,7 @@
 
 #include "archive/catalogue.h"
 #include "archive/catalogue_json.h"
+#include "base/ascii.h"
 #include "crypto/encoding.h"
 #include "viewer/server/api.h"
 #include "viewer/server/json_fields.h"
@@ -33,12 +34,12 @@ std::string shown_text(const archive::CatalogueRow& row) {
   std::string shown =
       row.case_id + " " + format_utc(row.opened) + " " + row.state + " " + row.last_verdict.value_or("");
   for (const std::string& stream : row.streams) shown += " " + stream;
-  return playback::lower_ascii(shown);
+  return lower_case(shown);
 }
 
 std::vector<std::string> words_of(const std::string& text) {
   std::vector<std::string> out;
-  std::istringstream stream(playback::lower_ascii(text));
+  std::istringstream stream(lower_case(text));
   for (std::string word; stream >> word;) out.push_back(word);
   return out;
 }

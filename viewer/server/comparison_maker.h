@@ -20,7 +20,7 @@ struct ComparisonJob {
   std::string case_id;
   std::filesystem::path seal_file;  // the sealed plan
   std::string name;                 // what it will be called
-  std::string by_hand;              // docs/comparison.md, "By hand"
+  std::string by_hand;              // docs/explanation/comparison.md, "By hand"
   /// Further arguments of the program, and what it reads under ComparisonProgramCall::kFurtherFile.
   std::vector<std::string> more;
   std::string further_file;

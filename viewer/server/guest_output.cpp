@@ -22,7 +22,7 @@ std::unique_ptr<GuestPresence> GuestPresence::of(ViewerContext& context, const R
 GuestPresence::GuestPresence(ViewerContext& context, std::shared_ptr<Invitation> invitation)
     : context_(context), invitation_(std::move(invitation)) {}
 
-GuestPresence::~GuestPresence() { invitation_->depart(SessionClock::now()); }
+GuestPresence::~GuestPresence() { invitation_->depart(); }
 
 bool GuestPresence::is_admitted() const {
   return invitation_->admits(context_.running_case(invitation_->terms().room));

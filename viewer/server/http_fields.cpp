@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <charconv>
 
+#include "base/ascii.h"
 #include "crypto/utf8.h"
 
 namespace kiroku::viewer {
@@ -70,13 +71,6 @@ std::optional<std::uint64_t> decimal(std::string_view text) {
   const auto [stop, failure] = std::from_chars(text.data(), text.data() + text.size(), value);
   if (text.empty() || failure != std::errc() || stop != text.data() + text.size()) return {};
   return value;
-}
-
-bool equal_without_case(std::string_view a, std::string_view b) {
-  return std::ranges::equal(a, b, [](char x, char y) {
-    const auto lower = [](char c) { return c >= 'A' && c <= 'Z' ? static_cast<char>(c - 'A' + 'a') : c; };
-    return lower(x) == lower(y);
-  });
 }
 
 /// One member of a list with weights, "gzip;q=0.5": its name, and its weight in thousandths (RFC 9110
@@ -148,7 +142,7 @@ std::optional<std::string> cookie_value(std::string_view field, std::string_view
 RangeRequest parse_range(std::string_view field, std::uint64_t size) {
   constexpr std::string_view kUnit = "bytes=";
   const std::string_view set = trimmed(field);
-  if (set.size() < kUnit.size() || !equal_without_case(set.substr(0, kUnit.size()), kUnit)) return {};
+  if (set.size() < kUnit.size() || !same_but_for_case(set.substr(0, kUnit.size()), kUnit)) return {};
   const std::string_view spec = trimmed(set.substr(kUnit.size()));
   const std::size_t dash = spec.find('-');
   if (dash == std::string_view::npos || spec.find(',') != std::string_view::npos) return {};
@@ -170,7 +164,7 @@ bool accepts_encoding(std::string_view field, std::string_view coding) {
   bool accepted = false;
   for_each_part(field, ',', [&](std::string_view member) {
     const auto [name, weight] = weighted(member);
-    if (equal_without_case(name, coding)) accepted = weight > 0;
+    if (same_but_for_case(name, coding)) accepted = weight > 0;
   });
   return accepted;
 }
@@ -181,8 +175,8 @@ std::string_view preferred_language(std::string_view field) {
   for_each_part(field, ',', [&](std::string_view member) {
     const auto [name, weight] = weighted(member);
     const std::string_view primary = name.substr(0, name.find('-'));
-    if (equal_without_case(primary, "en")) english = std::max(english, weight);
-    if (equal_without_case(primary, "ja")) japanese = std::max(japanese, weight);
+    if (same_but_for_case(primary, "en")) english = std::max(english, weight);
+    if (same_but_for_case(primary, "ja")) japanese = std::max(japanese, weight);
   });
   return japanese > 0 && japanese > english ? "ja" : "en";
 }

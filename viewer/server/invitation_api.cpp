@@ -22,7 +22,7 @@ ordered_json or_null(const std::string& text) {
 ordered_json invitation_json(const Invitation& invitation) {
   const Invitation::View view = invitation.view();
   const InvitationTerms& terms = invitation.terms();
-  const auto left = std::chrono::ceil<std::chrono::seconds>(invitation.deadline() - SessionClock::now());
+  const auto left = std::chrono::ceil<std::chrono::seconds>(invitation.left());
   const bool has_ended = view.state == InvitationState::kEnded;
   ordered_json out{{"id", invitation.id()},
                    {"guest", terms.guest},

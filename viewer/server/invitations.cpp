@@ -31,8 +31,12 @@ std::string_view invitation_state_name(InvitationState state) {
 
 std::string_view invitation_end_name(InvitationEnd end) { return kEnds.at(static_cast<std::size_t>(end)); }
 
-Invitation::Invitation(std::string id, InvitationTerms terms, UtcTime made_at, SessionClock::time_point now)
-    : id_(std::move(id)), terms_(std::move(terms)), made_at_(made_at), deadline_(now + terms_.lasts) {}
+Invitation::Invitation(std::string id, InvitationTerms terms, const Clock& clock)
+    : id_(std::move(id)),
+      terms_(std::move(terms)),
+      clock_(clock),
+      made_at_(clock.utc()),
+      deadline_(clock.now() + terms_.lasts) {}
 
 Invitation::View Invitation::view() const {
   const std::lock_guard guard(mutex_);
@@ -48,8 +52,8 @@ bool Invitation::bind(const std::string& running_case) {
 
 bool Invitation::admits(const std::string& running_case) {
   const std::lock_guard guard(mutex_);
-  return view_.state == InvitationState::kJoined && SessionClock::now() < deadline_ &&
-         !running_case.empty() && bind(running_case);
+  return view_.state == InvitationState::kJoined && clock_.now() < deadline_ && !running_case.empty() &&
+         bind(running_case);
 }
 
 bool Invitation::arrive() {
@@ -58,21 +62,22 @@ bool Invitation::arrive() {
   return std::exchange(said_gone_, false);
 }
 
-void Invitation::depart(SessionClock::time_point now) {
+void Invitation::depart() {
   const std::lock_guard guard(mutex_);
   --connections_;
-  last_departure_ = now;
+  last_departure_ = clock_.now();
 }
 
-bool Invitation::has_gone(SessionClock::time_point now) {
+bool Invitation::has_gone() {
   const std::lock_guard guard(mutex_);
-  const bool gone =
-      view_.state == InvitationState::kJoined && connections_ == 0 && now - last_departure_ >= kGoneAfter;
+  const bool gone = view_.state == InvitationState::kJoined && connections_ == 0 &&
+                    clock_.now() - last_departure_ >= kGoneAfter;
   return gone && !std::exchange(said_gone_, true);
 }
 
-bool Invitation::join(std::string address, SessionClock::time_point now) {
+bool Invitation::join(std::string address) {
   const std::lock_guard guard(mutex_);
+  const Clock::Time now = clock_.now();
   if (view_.state != InvitationState::kOpen || now >= deadline_) return false;
   view_.state = InvitationState::kJoined;
   view_.address = std::move(address);
@@ -96,23 +101,21 @@ bool Invitation::end(InvitationEnd why) {
   return true;
 }
 
-std::optional<InvitationEnd> Invitation::reason_to_end(const std::string& running_case,
-                                                       SessionClock::time_point now) {
+std::optional<InvitationEnd> Invitation::reason_to_end(const std::string& running_case) {
   const std::lock_guard guard(mutex_);
   if (view_.state == InvitationState::kEnded) return {};
-  if (now >= deadline_) return InvitationEnd::kTime;
+  if (clock_.now() >= deadline_) return InvitationEnd::kTime;
   if (!bind(running_case)) return InvitationEnd::kCase;
   return {};
 }
 
-Invitations::Invitations(Ended ended) : ended_(std::move(ended)) {}
+Invitations::Invitations(Ended ended, const Clock& clock) : ended_(std::move(ended)), clock_(clock) {}
 
 Invitations::Made Invitations::make(InvitationTerms terms) {
   Made made;
   made.token = random_token();
   const crypto::Secret id = crypto::Secret::random(kIdBytes);
-  made.invitation = std::make_shared<Invitation>(crypto::to_hex(id.bytes()), std::move(terms), utc_now(),
-                                                 SessionClock::now());
+  made.invitation = std::make_shared<Invitation>(crypto::to_hex(id.bytes()), std::move(terms), clock_);
   const std::lock_guard guard(mutex_);
   std::size_t lasting = 0, ended = 0;
   std::erase_if(entries_, [&](const Entry& entry) {
@@ -135,7 +138,7 @@ std::optional<SessionStore::Opened> Invitations::join(
   {
     const std::lock_guard guard(mutex_);
     const auto found = std::ranges::find(entries_, key, &Entry::key);
-    if (found == entries_.end() || !found->invitation->join(address, SessionClock::now())) return {};
+    if (found == entries_.end() || !found->invitation->join(address)) return {};
     invitation = found->invitation;
   }
   try {
@@ -181,8 +184,7 @@ void Invitations::sweep(const std::function<std::string(const std::string& room)
                         const std::function<bool(const InvitationTerms&)>& is_void) {
   for (const std::shared_ptr<Invitation>& each : list()) {
     if (each->view().state == InvitationState::kEnded) continue;
-    std::optional<InvitationEnd> why =
-        each->reason_to_end(running_case(each->terms().room), SessionClock::now());
+    std::optional<InvitationEnd> why = each->reason_to_end(running_case(each->terms().room));
     if (!why && is_void(each->terms())) why = InvitationEnd::kInviter;
     if (why) end(*each, *why);
   }

@@ -1,4 +1,4 @@
-// Guests: who was invited to look on in a room, until when, and what became of it (docs/viewer.md,
+// Guests: who was invited to look on in a room, until when, and what became of it (docs/reference/viewer.md,
 // "Invitations"). Kept in memory alone, so that none outlives the program. All classes are thread-safe.
 #pragma once
 
@@ -36,13 +36,15 @@ std::string_view invitation_end_name(InvitationEnd end);  // "revoked", as opena
 /// other can be seen by it.
 class Invitation {
  public:
-  Invitation(std::string id, InvitationTerms terms, UtcTime made_at, SessionClock::time_point now);
+  Invitation(std::string id, InvitationTerms terms, const Clock& clock);
 
   [[nodiscard]] const std::string& id() const { return id_; }  // eight hexadecimal digits, no secret
   [[nodiscard]] const InvitationTerms& terms() const { return terms_; }
   [[nodiscard]] UtcTime made_at() const { return made_at_; }
   [[nodiscard]] UtcTime ends_at() const { return made_at_ + terms_.lasts; }
-  [[nodiscard]] SessionClock::time_point deadline() const { return deadline_; }
+  [[nodiscard]] Clock::Time deadline() const { return deadline_; }
+  /// Until the deadline; negative after it.
+  [[nodiscard]] Clock::Duration left() const { return deadline_ - clock_.now(); }
 
   struct View {
     InvitationState state = InvitationState::kOpen;
@@ -57,31 +59,31 @@ class Invitation {
 
   /// A connection of the guest's began, or ended. True where the guest had been said to be gone, and is back.
   bool arrive();
-  void depart(SessionClock::time_point now);
+  void depart();
   /// True once after the guest has had no connection for some seconds: to be said.
-  bool has_gone(SessionClock::time_point now);
+  bool has_gone();
 
  private:
   friend class Invitations;
   /// False if it was not open.
-  bool join(std::string address, SessionClock::time_point now);
+  bool join(std::string address);
   void belongs_to(const std::shared_ptr<Session>& session);
   /// False if it has ended before. Ends the guest's session, and with it every connection.
   bool end(InvitationEnd why);
   /// Why it must end now.
-  [[nodiscard]] std::optional<InvitationEnd> reason_to_end(const std::string& running_case,
-                                                           SessionClock::time_point now);
+  [[nodiscard]] std::optional<InvitationEnd> reason_to_end(const std::string& running_case);
   bool bind(const std::string& running_case);  // with the mutex held
 
   const std::string id_;
   const InvitationTerms terms_;
+  const Clock& clock_;
   const UtcTime made_at_;
-  const SessionClock::time_point deadline_;
+  const Clock::Time deadline_;
   mutable std::mutex mutex_;
   View view_;
   std::weak_ptr<Session> session_;  // which holds this
   std::size_t connections_ = 0;
-  SessionClock::time_point last_departure_;
+  Clock::Time last_departure_;
   bool said_gone_ = false;
 };
 
@@ -90,7 +92,7 @@ class Invitations {
   static constexpr std::size_t kMostAtOnce = 20;
   using Ended = std::function<void(const Invitation& invitation, InvitationEnd why)>;
   /// `ended` hears of each end that nobody asked for, and of guests that left.
-  explicit Invitations(Ended ended);
+  explicit Invitations(Ended ended, const Clock& clock = Clock::system());
 
   struct Made {
     std::shared_ptr<Invitation> invitation;
@@ -122,6 +124,7 @@ class Invitations {
   void end(Invitation& invitation, InvitationEnd why);
 
   const Ended ended_;
+  const Clock& clock_;
   mutable std::mutex mutex_;
   struct Entry {
     std::string key;  // SHA-256 of the token

@@ -19,8 +19,8 @@ struct LiveStream {
 struct LivePictures {
   /// Those of this process; empty: it records nothing.
   std::vector<LiveStream> streams;
-  /// Sends what docs/viewer.md says until the handler is destroyed. Called from several threads with one of
-  /// `streams`; null where there are none.
+  /// Sends what docs/reference/viewer.md says until the handler is destroyed. Called from several threads
+  /// with one of `streams`; null where there are none.
   std::function<std::unique_ptr<SocketHandler>(const LiveStream& stream, std::shared_ptr<Session> session,
                                                std::shared_ptr<SocketOutput> output)>
       watch;

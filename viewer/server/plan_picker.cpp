@@ -5,7 +5,6 @@
 #include <functional>
 #include <mutex>
 #include <poll.h>
-#include <stop_token>
 #include <sys/socket.h>
 #include <thread>
 #include <utility>
@@ -17,7 +16,6 @@ namespace kiroku::viewer {
 namespace {
 
 namespace fs = std::filesystem;
-using Clock = std::chrono::steady_clock;
 
 constexpr int kTooLong = 504, kCannotBeShown = 422;
 /// Pictures of a plan as text.
@@ -33,8 +31,9 @@ struct Question {
 /// The program with its three ends.
 class Asked {
  public:
-  Asked(const fs::path& program, const fs::path& seal_file, ProgramListener::Progress progress)
-      : listener_(std::move(progress)) {
+  Asked(const fs::path& program, const fs::path& seal_file, const Clock& clock,
+        ProgramListener::Progress progress)
+      : clock_(clock), listener_(std::move(progress)) {
     DescriptorPair in = make_socket_pair(), out = make_pipe(), err = make_pipe();
     std::vector<Descriptor> given;
     given.push_back(std::move(in.theirs));
@@ -51,7 +50,7 @@ class Asked {
   /// A line of its standard output into `line`.
   Heard hear(std::string& line, std::chrono::milliseconds patience, const std::function<bool()>& leave) {
     constexpr int kLookMs = 100;
-    const Clock::time_point until = Clock::now() + patience;
+    const Clock::Time until = clock_.now() + patience;
     bool open = true;
     for (;;) {
       const std::size_t end = heard_.find('\n');
@@ -62,7 +61,7 @@ class Asked {
       }
       if (!open || heard_.size() > kLongestLine) return Heard::kEnd;
       if (leave()) return Heard::kLeave;
-      if (Clock::now() > until) return Heard::kTooLate;
+      if (clock_.now() > until) return Heard::kTooLate;
       std::array<pollfd, 2> ends{{{out_.number(), POLLIN, 0}, {err_.number(), POLLIN, 0}}};
       if (::poll(ends.data(), ends.size(), kLookMs) <= 0) continue;
       if (ends[1].revents != 0) drain(err_.number(), [&](std::string_view bytes) { listener_.take(bytes); });
@@ -88,6 +87,7 @@ class Asked {
   }
 
  private:
+  const Clock& clock_;
   ProgramListener listener_;
   Descriptor in_, out_, err_;
   std::string heard_;
@@ -97,14 +97,25 @@ class Asked {
 }  // namespace
 
 struct PlanPicker::Work {
-  explicit Work(Options asked) : options(std::move(asked)) {
-    thread = std::jthread([this](const std::stop_token& stop) { run(stop); });
+  explicit Work(Options asked)
+      : options(std::move(asked)), clock(*options.clock), thread([this] { run(); }) {}
+  ~Work() {
+    {
+      const std::lock_guard guard(mutex);
+      ending = true;
+    }
+    changed.notify_all();
+    thread.join();
   }
+  Work(const Work&) = delete;
+  Work& operator=(const Work&) = delete;
 
   /// The program belongs to this thread, with which it would end.
-  void run(const std::stop_token& stop) {
+  void run() {
     std::unique_lock lock(mutex);
-    while (changed.wait(lock, stop, [&] { return wanted && !refused; })) {
+    for (;;) {
+      changed.wait(lock, [&] { return ending || (wanted && !refused); });
+      if (ending) return;
       const fs::path seal = *wanted;
       ready = false;
       doing.clear();
@@ -113,7 +124,7 @@ struct PlanPicker::Work {
       int status = 0;
       std::string problem;
       try {
-        std::tie(status, problem) = serve(seal, stop);
+        std::tie(status, problem) = serve(seal);
       } catch (const std::exception& error) {
         status = kCannotBeShown;
         problem = error.what();
@@ -136,14 +147,13 @@ struct PlanPicker::Work {
   }
 
   /// Until nobody asks any more or another plan is wanted: status 0; else why it ended.
-  std::pair<int, std::string> serve(const fs::path& seal, const std::stop_token& stop) {
+  std::pair<int, std::string> serve(const fs::path& seal) {
     bool prepared = false;
     const auto leave = [&] {
       const std::lock_guard guard(mutex);
-      return stop.stop_requested() || wanted != seal || (prepared && !ready) ||
-             Clock::now() - last_asked > options.idle;
+      return ending || wanted != seal || (prepared && !ready) || clock.now() - last_asked > options.idle;
     };
-    Asked program(options.program, seal, [&](const std::string& what, std::optional<double> part) {
+    Asked program(options.program, seal, clock, [&](const std::string& what, std::optional<double> part) {
       const std::lock_guard guard(mutex);
       doing = what;
       share = part;
@@ -163,12 +173,15 @@ struct PlanPicker::Work {
         ready = true;
       }
       // Not ready any more: another plan was wanted in between.
-      const auto waited = [&] { return wanted != seal || !ready || question; };
+      const auto waited = [&] { return ending || wanted != seal || !ready || question; };
       while (!waited()) {
-        if (stop.stop_requested() || Clock::now() - last_asked > options.idle) return {};
-        changed.wait_until(lock, stop, last_asked + options.idle, waited);
+        if (clock.now() - last_asked >= options.idle) {
+          ready = false;  // whoever asks from now on begins anew
+          return {};
+        }
+        clock.wait_until(changed, lock, last_asked + options.idle, waited);
       }
-      if (wanted != seal || !ready) return {};
+      if (ending || wanted != seal || !ready) return {};
       if (!program.say(question->text)) return {kCannotBeShown, program.problem()};
     }
   }
@@ -184,9 +197,9 @@ struct PlanPicker::Work {
   PickingAnswer ask(const fs::path& seal, const std::string& who, const std::string& text) {
     std::unique_lock lock(mutex);
     const bool same = wanted == seal;
-    if (wanted && !same && who != last_who && Clock::now() - last_asked < options.reserved)
+    if (wanted && !same && who != last_who && clock.now() - last_asked < options.reserved)
       throw Refusal(409, last_who + " picks points on another plan: wait until that is done");
-    last_asked = Clock::now();
+    last_asked = clock.now();
     last_who = who;
     if (refused) {
       const int status = std::exchange(refused, 0);
@@ -207,7 +220,7 @@ struct PlanPicker::Work {
     mine->text = text;
     question = mine;
     changed.notify_all();
-    if (!changed.wait_for(lock, options.to_answer + kToBeEnded, [&] { return mine->done; }))
+    if (!clock.wait_for(changed, lock, options.to_answer + kToBeEnded, [&] { return mine->done; }))
       throw Refusal(kTooLong, "a picture of the plan took too long");
     if (mine->refused != 0) throw Refusal(mine->refused, mine->answer);
     return {true, {}, {}, mine->answer};
@@ -218,7 +231,8 @@ struct PlanPicker::Work {
   bool wait_for_turn(std::unique_lock<std::mutex>& lock) {
     if (question && waiting == kMostWaiting) return false;
     ++waiting;
-    const bool mine = changed.wait_for(lock, options.to_answer + kToBeEnded, [&] { return !question; });
+    const bool mine =
+        clock.wait_for(changed, lock, options.to_answer + kToBeEnded, [&] { return !question; });
     --waiting;
     return mine;
   }
@@ -227,8 +241,10 @@ struct PlanPicker::Work {
   static constexpr int kMostWaiting = 3;
 
   const Options options;
-  std::mutex mutex;
-  std::condition_variable_any changed;
+  const Clock& clock;
+  std::mutex mutex;  // of what follows
+  std::condition_variable changed;
+  bool ending = false;
   std::optional<fs::path> wanted;  // the sealed plan that is asked about
   bool ready = false;              // it is carried out
   std::string doing;
@@ -236,10 +252,10 @@ struct PlanPicker::Work {
   int refused = 0;  // why it is not: a status and a sentence, until the next who asks was told
   std::string sentence;
   std::string last_who;
-  Clock::time_point last_asked;
+  Clock::Time last_asked;
   std::shared_ptr<Question> question;  // the one that is being answered
   int waiting = 0;                     // whose questions come after it
-  std::jthread thread;                 // last: uses the rest
+  std::thread thread;                  // last: uses the rest
 };
 
 PlanPicker::PlanPicker(Options options) : work_(std::make_unique<Work>(std::move(options))) {}

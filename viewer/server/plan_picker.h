@@ -9,6 +9,8 @@
 #include <optional>
 #include <string>
 
+#include "base/clock.h"
+
 namespace kiroku::viewer {
 
 struct PickingAnswer {
@@ -17,7 +19,7 @@ struct PickingAnswer {
   std::string doing;
   std::optional<double> share;
   // Then:
-  std::string text;  // a JSON object, as docs/viewer.md has it
+  std::string text;  // a JSON object, as docs/reference/viewer.md has it
 };
 
 class PlanPicker {
@@ -30,6 +32,7 @@ class PlanPicker {
     std::chrono::milliseconds idle = std::chrono::minutes(5);
     /// So long after somebody's last question nobody else may take it for another plan.
     std::chrono::milliseconds reserved = std::chrono::minutes(1);
+    const Clock* clock = &Clock::system();  // by which all of these pass
   };
   explicit PlanPicker(Options options);
   /// Ends the program.

@@ -13,8 +13,11 @@ constexpr std::chrono::seconds kOpenCaseStays{15};
 
 }  // namespace
 
-PlaybackStore::PlaybackStore(const std::filesystem::path& folder, std::uint64_t most_bytes)
-    : cache_(std::make_shared<playback::EncryptedCache>(folder, most_bytes)), sweeper_([this] { run(); }) {}
+PlaybackStore::PlaybackStore(const std::filesystem::path& folder, std::uint64_t most_bytes,
+                             const Clock& clock)
+    : cache_(std::make_shared<playback::EncryptedCache>(folder, most_bytes)),
+      clock_(clock),
+      sweeper_([this] { run(); }) {}
 
 PlaybackStore::~PlaybackStore() {
   {
@@ -34,8 +37,8 @@ PlaybackStore::Playback PlaybackStore::find(const std::shared_ptr<Session>& sess
            watched.identities.lock() == identities;
   });
   if (found == watched_.end()) return nullptr;
-  const bool is_stale = !found->playback->recording().closing() &&
-                        std::chrono::steady_clock::now() - found->opened > kOpenCaseStays;
+  const bool is_stale =
+      !found->playback->recording().closing() && clock_.now() - found->opened > kOpenCaseStays;
   if (is_stale) return nullptr;
   watched_.splice(watched_.begin(), watched_, found);
   return found->playback;
@@ -58,7 +61,7 @@ PlaybackStore::Playback PlaybackStore::open(const std::shared_ptr<Session>& sess
       const auto at = each++;
       if (at->folder == folder && at->session.lock() == session) gone.splice(gone.end(), watched_, at);
     }
-    watched_.push_front({session, identities, folder, playback, std::chrono::steady_clock::now()});
+    watched_.push_front({session, identities, folder, playback, clock_.now()});
     if (watched_.size() > kMostWatched) gone.splice(gone.end(), watched_, std::prev(watched_.end()));
     return playback;
   });
@@ -80,7 +83,7 @@ void PlaybackStore::run() {
   for (;;) {
     {
       std::unique_lock lock(mutex_);
-      if (wake_.wait_for(lock, kSweepEvery, [this] { return stopping_; })) return;
+      if (clock_.wait_for(wake_, lock, kSweepEvery, [this] { return stopping_; })) return;
     }
     sweep();
   }

@@ -24,7 +24,8 @@ class PlaybackStore {
   using Playback = std::shared_ptr<playback::CasePlayback>;
 
   /// Viewing copies go to `folder`. Throws kiroku::IoError if it cannot be used.
-  PlaybackStore(const std::filesystem::path& folder, std::uint64_t most_bytes);
+  PlaybackStore(const std::filesystem::path& folder, std::uint64_t most_bytes,
+                const Clock& clock = Clock::system());
   ~PlaybackStore();
   PlaybackStore(const PlaybackStore&) = delete;
   PlaybackStore& operator=(const PlaybackStore&) = delete;
@@ -40,7 +41,7 @@ class PlaybackStore {
     std::weak_ptr<const crypto::AgeIdentities> identities;
     std::filesystem::path folder;
     Playback playback;
-    std::chrono::steady_clock::time_point opened;
+    Clock::Time opened;
   };
 
   /// What is there already; null if nothing is.
@@ -50,6 +51,7 @@ class PlaybackStore {
   void run();
 
   const std::shared_ptr<playback::EncryptedCache> cache_;
+  const Clock& clock_;
   playback::SingleFlight<Playback> opening_;
   std::mutex mutex_;  // guards the three below
   std::condition_variable wake_;

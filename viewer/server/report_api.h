@@ -1,4 +1,4 @@
-// The documents' addresses: report and receipt of a case (docs/report.md).
+// The documents' addresses: report and receipt of a case (docs/reference/report.md).
 #pragma once
 
 #include "viewer/report/language.h"

@@ -1,4 +1,4 @@
-// Who may do what: the one table of it (docs/viewer.md, "Roles"). Pure functions, thread-safe.
+// Who may do what: the one table of it (docs/reference/viewer.md, "Roles"). Pure functions, thread-safe.
 #pragma once
 
 #include <optional>

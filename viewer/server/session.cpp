@@ -23,16 +23,16 @@ std::string random_token() {
   return text;
 }
 
-Session::Session(std::string user, Role role, std::optional<UtcTime> credential,
-                 SessionClock::time_point ends_at_latest, std::shared_ptr<Invitation> invitation,
-                 bool must_change_password)
+Session::Session(std::string user, Role role, std::optional<UtcTime> credential, Clock::Time ends_at_latest,
+                 std::shared_ptr<Invitation> invitation, bool must_change_password, const Clock& clock)
     : user_(std::move(user)),
       role_(role),
       credential_(credential),
       ends_at_latest_(ends_at_latest),
       invitation_(std::move(invitation)),
       must_change_password_(must_change_password),
-      last_activity_(SessionClock::now().time_since_epoch().count()) {}
+      clock_(clock),
+      last_activity_(clock.now().time_since_epoch().count()) {}
 
 Session::Identities Session::identities() const {
   const std::lock_guard guard(mutex_);
@@ -71,24 +71,25 @@ void Session::end() {
   subjects_.reset();
 }
 
-SessionStore::SessionStore(SessionLimits limits) : limits_(limits) {}
+SessionStore::SessionStore(SessionLimits limits, const Clock& clock) : limits_(limits), clock_(clock) {}
 
-bool SessionStore::has_expired(const Session& session, SessionClock::time_point now) const {
-  const SessionClock::time_point active{SessionClock::duration(session.last_activity_.load())};
+bool SessionStore::has_expired(const Session& session, Clock::Time now) const {
+  const Clock::Time active{Clock::Duration(session.last_activity_.load())};
   const bool is_idle = session.invitation() == nullptr && now - active >= limits_.idle;
   return session.has_ended() || now >= session.ends_at_latest_ || is_idle;
 }
 
 SessionStore::Opened SessionStore::open(const std::string& user, Role role, std::optional<UtcTime> credential,
                                         bool must_change_password) {
-  return add(std::make_shared<Session>(user, role, credential, SessionClock::now() + limits_.longest, nullptr,
-                                       must_change_password));
+  return add(std::make_shared<Session>(user, role, credential, clock_.now() + limits_.longest, nullptr,
+                                       must_change_password, clock_));
 }
 
 SessionStore::Opened SessionStore::open_for_guest(const std::string& name,
                                                   std::shared_ptr<Invitation> invitation,
-                                                  SessionClock::time_point ends_at) {
-  return add(std::make_shared<Session>(name, Role::kGuest, std::nullopt, ends_at, std::move(invitation)));
+                                                  Clock::Time ends_at) {
+  return add(std::make_shared<Session>(name, Role::kGuest, std::nullopt, ends_at, std::move(invitation),
+                                       false, clock_));
 }
 
 SessionStore::Opened SessionStore::add(std::shared_ptr<Session> session) {
@@ -111,7 +112,7 @@ SessionStore::Opened SessionStore::add(std::shared_ptr<Session> session) {
 
 std::shared_ptr<Session> SessionStore::find(std::string_view token, bool is_activity) {
   const std::string key = key_of(token);
-  const SessionClock::time_point now = SessionClock::now();
+  const Clock::Time now = clock_.now();
   const std::lock_guard guard(mutex_);
   const auto found = sessions_.find(key);
   if (found == sessions_.end()) return nullptr;
@@ -125,15 +126,14 @@ std::shared_ptr<Session> SessionStore::find(std::string_view token, bool is_acti
 }
 
 void SessionStore::note_activity(Session& session) {
-  session.last_activity_ = SessionClock::now().time_since_epoch().count();
+  session.last_activity_ = session.clock_.now().time_since_epoch().count();
 }
 
 std::chrono::seconds SessionStore::left(const Session& session) const {
-  const SessionClock::time_point active{SessionClock::duration(session.last_activity_.load())};
+  const Clock::Time active{Clock::Duration(session.last_activity_.load())};
   const auto end = session.invitation() ? session.ends_at_latest_
                                         : std::min(session.ends_at_latest_, active + limits_.idle);
-  return std::max(std::chrono::floor<std::chrono::seconds>(end - SessionClock::now()),
-                  std::chrono::seconds(0));
+  return std::max(std::chrono::floor<std::chrono::seconds>(end - clock_.now()), std::chrono::seconds(0));
 }
 
 void SessionStore::close(std::string_view token) {
@@ -154,7 +154,7 @@ void SessionStore::close_all_of(const std::string& user) {
 }
 
 void SessionStore::sweep(const std::function<bool(const Session&)>& is_void) {
-  const SessionClock::time_point now = SessionClock::now();
+  const Clock::Time now = clock_.now();
   const std::lock_guard guard(mutex_);
   std::erase_if(sessions_, [&](const auto& each) {
     if (!has_expired(*each.second, now) && !is_void(*each.second)) return false;

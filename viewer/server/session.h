@@ -13,13 +13,12 @@
 #include <unordered_map>
 #include <vector>
 
+#include "base/clock.h"
 #include "base/utc_time.h"
 #include "crypto/age_recipient.h"
 #include "viewer/server/role.h"
 
 namespace kiroku::viewer {
-
-using SessionClock = std::chrono::steady_clock;
 
 class Invitation;
 class SubjectShelf;
@@ -29,9 +28,9 @@ class Session {
  public:
   using Identities = std::shared_ptr<const crypto::AgeIdentities>;
 
-  Session(std::string user, Role role, std::optional<UtcTime> credential,
-          SessionClock::time_point ends_at_latest, std::shared_ptr<Invitation> invitation = nullptr,
-          bool must_change_password = false);
+  Session(std::string user, Role role, std::optional<UtcTime> credential, Clock::Time ends_at_latest,
+          std::shared_ptr<Invitation> invitation = nullptr, bool must_change_password = false,
+          const Clock& clock = Clock::system());
 
   [[nodiscard]] const std::string& user() const { return user_; }
   [[nodiscard]] Role role() const { return role_; }
@@ -53,7 +52,7 @@ class Session {
   /// entered into the appliance log once a session.
   void once(const std::string& deed, const std::function<void()>& action);
   /// After signing out or expiry. What lasts longer than a request (live pictures) must look now and then.
-  [[nodiscard]] bool has_ended() const { return ended_ || SessionClock::now() >= ends_at_latest_; }
+  [[nodiscard]] bool has_ended() const { return ended_ || clock_.now() >= ends_at_latest_; }
   void end();
 
  private:
@@ -61,11 +60,12 @@ class Session {
   const std::string user_;
   const Role role_;
   const std::optional<UtcTime> credential_;
-  const SessionClock::time_point ends_at_latest_;
+  const Clock::Time ends_at_latest_;
   const std::shared_ptr<Invitation> invitation_;
   const bool must_change_password_;
+  const Clock& clock_;
   std::atomic<bool> ended_{false};
-  std::atomic<SessionClock::rep> last_activity_;
+  std::atomic<Clock::Duration::rep> last_activity_;
   mutable std::mutex mutex_;
   Identities identities_;
   std::shared_ptr<SubjectShelf> subjects_;  // null without identities
@@ -82,7 +82,8 @@ struct SessionLimits {
 
 class SessionStore {
  public:
-  explicit SessionStore(SessionLimits limits = {});
+  /// `clock` outlives the store and its sessions.
+  explicit SessionStore(SessionLimits limits = {}, const Clock& clock = Clock::system());
 
   struct Opened {
     std::string token;  // 43 characters of base64url: 256 random bits
@@ -91,8 +92,7 @@ class SessionStore {
   Opened open(const std::string& user, Role role, std::optional<UtcTime> credential,
               bool must_change_password = false);
   /// For a guest, until `ends_at` and however little they do.
-  Opened open_for_guest(const std::string& name, std::shared_ptr<Invitation> invitation,
-                        SessionClock::time_point ends_at);
+  Opened open_for_guest(const std::string& name, std::shared_ptr<Invitation> invitation, Clock::Time ends_at);
   /// Null for a token that no living session has.
   [[nodiscard]] std::shared_ptr<Session> find(std::string_view token, bool is_activity);
   /// A deed that came by no request of its own.
@@ -107,8 +107,9 @@ class SessionStore {
 
  private:
   Opened add(std::shared_ptr<Session> session);
-  [[nodiscard]] bool has_expired(const Session& session, SessionClock::time_point now) const;
+  [[nodiscard]] bool has_expired(const Session& session, Clock::Time now) const;
   const SessionLimits limits_;
+  const Clock& clock_;
   mutable std::mutex mutex_;
   /// By SHA-256 of the token in hex, so that looking one up tells nothing by its time.
   std::unordered_map<std::string, std::shared_ptr<Session>> sessions_;

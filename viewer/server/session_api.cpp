@@ -138,7 +138,7 @@ class SessionApi {
     if (!opened) {
       // The right token is never refused: nobody guesses 256 bits, but a guest may share an address.
       const std::string key = "invitation:" + address_holder(request.peer);
-      const auto now = context_.home().now();
+      const auto now = context_.home().clock->now();
       refuse_who_must_wait(context_.attempts().wait(key, now));
       context_.attempts().failed(key, now);
       context_.tell("somebody at " + request.peer + " came with an invitation that lets nobody in");
@@ -172,7 +172,7 @@ class SessionApi {
   /// Who signed in before, by this browser or from this address, does not wait for the failures of others.
   std::chrono::seconds wait_of(const Attempt& attempt) {
     if (attempt.is_known()) return std::chrono::seconds(0);
-    const auto now = context_.home().now();
+    const auto now = context_.home().clock->now();
     return std::max(context_.attempts().wait(attempt.name_key(), now),
                     of_addresses_.wait(attempt.caller.holder, now));
   }
@@ -233,7 +233,7 @@ class SessionApi {
       with_devices([&](KnownDevices& devices) { devices.note_failure(attempt.caller); });
       return;
     }
-    const auto now = context_.home().now();
+    const auto now = context_.home().clock->now();
     context_.attempts().failed(attempt.name_key(), now);
     of_addresses_.failed(attempt.caller.holder, now);
   }

@@ -28,7 +28,7 @@ struct ShelvedSubject {
   State state = State::kNone;
   std::vector<playback::CaseSubject> subjects;
   std::string problem;  // a sentence without anything of the content
-  /// Whether one of the subjects has this text (playback::lower_ascii() of it).
+  /// Whether one of the subjects has this text (in lower case: base/ascii.h).
   [[nodiscard]] bool has(const std::string& word) const;
 };
 

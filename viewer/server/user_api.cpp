@@ -14,7 +14,7 @@ using nlohmann::ordered_json;
 constexpr std::chrono::hours kOneTimePasswordLasts{24};
 
 ordered_json user_json(const User& user, ViewerContext& context) {
-  const auto now = context.home().now();
+  const auto now = context.home().clock->now();
   return {{"user", user.name},
           {"role", role_name(user.role)},
           {"locked", context.attempts().longest_wait(user_key(user.name), now).count() > 0},

@@ -58,7 +58,7 @@ class Sweeper {
   }
   static void tell_who_has_gone(ViewerContext& context) {
     for (const auto& each : context.invitations().list()) {
-      if (!each->has_gone(SessionClock::now())) continue;
+      if (!each->has_gone()) continue;
       const InvitationTerms& terms = each->terms();
       context.note_access(context.case_of(terms.room),
                           "watches " + terms.room + " no more, invitation " + each->id() + " lasts",

@@ -1,4 +1,4 @@
-// The viewer as a whole: the page and its API on one address (docs/viewer.md).
+// The viewer as a whole: the page and its API on one address (docs/reference/viewer.md).
 #pragma once
 
 #include <cstdint>

@@ -30,14 +30,16 @@ const char* reason_of(InvitationEnd why) {
 ViewerContext::ViewerContext(ViewerHome home, SessionLimits session_limits, Tell tell)
     : home_(std::move(home)),
       tell_(std::move(tell)),
-      sessions_(session_limits),
-      invitations_([this](const Invitation& invitation, InvitationEnd why) {
-        const InvitationTerms& terms = invitation.terms();
-        note_access(case_of(terms.room),
-                    "invitation " + invitation.id() + " of guest " + terms.guest + " to " + terms.room +
-                        " ended: " + reason_of(why),
-                    "kiroku view");
-      }),
+      sessions_(session_limits, *home_.clock),
+      invitations_(
+          [this](const Invitation& invitation, InvitationEnd why) {
+            const InvitationTerms& terms = invitation.terms();
+            note_access(case_of(terms.room),
+                        "invitation " + invitation.id() + " of guest " + terms.guest + " to " + terms.room +
+                            " ended: " + reason_of(why),
+                        "kiroku view");
+          },
+          *home_.clock),
       users_(UserStore::open(home_.users_file, home_.password_hasher)),
       devices_(KnownDevices::open(home_.users_file.parent_path() / "devices.sqlite")),
       log_(archive::ApplianceLog::open(archive::real_file_system(), home_.log_folder, *home_.device_key,

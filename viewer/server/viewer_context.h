@@ -48,8 +48,8 @@ struct ViewerHome {
   std::string serves = "cases";
   /// Empty: scrypt.
   PasswordHasher password_hasher = {};
-  /// By which whoever failed to sign in waits.
-  std::function<AttemptGuard::Clock::time_point()> now = AttemptGuard::Clock::now;
+  /// By which sessions and invitations end, and whoever failed to sign in waits.
+  const Clock* clock = &Clock::system();
 };
 
 class ViewerContext {

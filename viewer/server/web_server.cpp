@@ -14,6 +14,7 @@
 #include <boost/beast/http.hpp>
 #include <boost/beast/ssl.hpp>
 
+#include "base/ascii.h"
 #include "base/connection_places.h"
 #include "base/error.h"
 #include "base/http_head.h"
@@ -62,13 +63,6 @@ using Buffer = beast::basic_flat_buffer<ZeroisingAllocator<char>>;
 using Body = http::basic_string_body<char, std::char_traits<char>, ZeroisingAllocator<char>>;
 using Parser = http::request_parser<Body>;
 
-std::string lower_case(beast::string_view text) {
-  std::string out(text.data(), text.size());
-  std::ranges::transform(out, out.begin(),
-                         [](char c) { return c >= 'A' && c <= 'Z' ? static_cast<char>(c - 'A' + 'a') : c; });
-  return out;
-}
-
 RequestHead head_of(const Parser& parser, const std::string& peer) {
   const auto& message = parser.get();
   RequestHead head;
@@ -76,7 +70,8 @@ RequestHead head_of(const Parser& parser, const std::string& peer) {
   head.target = std::string(message.target());
   head.peer = peer;
   for (const auto& field : message) {
-    auto [at, is_new] = head.headers.try_emplace(lower_case(field.name_string()), field.value());
+    auto [at, is_new] = head.headers.try_emplace(
+        lower_case({field.name_string().data(), field.name_string().size()}), field.value());
     if (!is_new) at->second += (at->first == "cookie" ? "; " : ", ") + std::string(field.value());
   }
   return head;

@@ -1,5 +1,5 @@
-// What page and trainer say to each other over an attempt's WebSocket (docs/training.md, "The page"). Pure
-// functions, thread-safe.
+// What page and trainer say to each other over an attempt's WebSocket (docs/explanation/training.md, "The
+// page"). Pure functions, thread-safe.
 #pragma once
 
 #include <string>

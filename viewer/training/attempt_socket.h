@@ -1,4 +1,4 @@
-// One attempt over one WebSocket (docs/training.md, "The page").
+// One attempt over one WebSocket (docs/explanation/training.md, "The page").
 #pragma once
 
 #include <memory>

@@ -1,4 +1,4 @@
-// The trainer's part of the API (docs/training.md, "The page").
+// The trainer's part of the API (docs/explanation/training.md, "The page").
 #pragma once
 
 #include "viewer/server/router.h"

@@ -33,7 +33,8 @@ std::vector<std::string> holes_of(FindingList& findings) {
   return texts;
 }
 
-/// What is left of a hole, as docs/format.md says it: a gap that begins within the tolerance goes on.
+/// What is left of a hole, as docs/reference/format.md says it: a gap that begins within the tolerance goes
+/// on.
 Span left_of(Span hole, const std::vector<Span>& gaps) {
   for (bool moved = true; moved;) {
     moved = false;

@@ -13,7 +13,7 @@ namespace kiroku::archive {
 namespace {
 
 TEST(FormatPage, ExplainsEveryFindingCode) {
-  std::ifstream in(test::source_folder() / "docs/format.md");
+  std::ifstream in(test::source_folder() / "docs/reference/format.md");
   ASSERT_TRUE(in);
   std::stringstream page;
   page << in.rdbuf();
@@ -32,7 +32,7 @@ std::string with_commas(std::uint64_t number) {
 }
 
 TEST(FormatPage, StatesEveryLimit) {
-  std::ifstream in(test::source_folder() / "docs/format.md");
+  std::ifstream in(test::source_folder() / "docs/reference/format.md");
   ASSERT_TRUE(in);
   std::stringstream page;
   page << in.rdbuf();

@@ -7,6 +7,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include "tests/support/moved_clock.h"
 #include "tests/support/scripted_server.h"
 #include "tests/support/switched_authority.h"
 #include "tests/support/temporary_folder.h"
@@ -35,7 +36,8 @@ class StamperTest : public testing::Test {
     return {size, {}, "note of " + std::to_string(size) + " entries\n", {}};
   }
   [[nodiscard]] Stamper::Surroundings around() {
-    return {&trust_, queue_.get(), "case", [this](const std::string& sentence) { said_ += sentence; }};
+    return {&trust_, queue_.get(), "case", [this](const std::string& sentence) { said_ += sentence; },
+            &clock_};
   }
   [[nodiscard]] std::unique_ptr<Stamper> stamper(BackOffPolicy pauses) {
     return std::make_unique<Stamper>(std::vector<NamedAuthority>{{"swiss", source_, pauses}}, around(),
@@ -54,11 +56,14 @@ class StamperTest : public testing::Test {
     waiting_.erase(waiting_.begin());
     return first;
   }
-  bool nothing_comes_within(std::chrono::milliseconds time) {
-    std::this_thread::sleep_for(time);
-    return waiting_.empty() && facts_.take(0ns).empty();
+  /// What has come, without waiting for more.
+  bool nothing_has_come() { return waiting_.empty() && facts_.take(0ns).empty(); }
+  /// Until nothing is asked, and nothing is about to be.
+  static void settle(const Stamper& stamper) {
+    while (stamper.outstanding() > 0) std::this_thread::yield();
   }
 
+  test::MovedClock clock_;
   test::TemporaryFolder folder_{test::quick_parent()};
   timestamp::Authority authority_ = timestamp::Authority::create(folder_ / "authority", "Test");
   timestamp::TrustStore trust_;
@@ -86,15 +91,20 @@ TEST_F(StamperTest, WhatIsWantedStandsInTheQueueUntilItsTokenIsEntered) {
 }
 
 TEST_F(StamperTest, AfterAnOutageOneTokenCatchesUp) {
-  // Two hours in 1.2 seconds: a checkpoint each minute (10 ms), pauses of half a minute to ten (5 to 100 ms).
-  const auto stamper = this->stamper({.first = 5ms, .longest = 100ms});
+  // Two hours, a checkpoint each minute; pauses of half a minute to ten.
+  const auto stamper = this->stamper({});
   source_->up = false;
   for (std::uint64_t minute = 1; minute <= 120; ++minute) {
     stamper->stamp(checkpoint(minute));
-    std::this_thread::sleep_for(10ms);
+    for (int looks = 0; looks < 12; ++looks) {
+      clock_.await_waiting(1);
+      clock_.move(5s);
+    }
   }
-  EXPECT_THAT(source_->requests.load(), AllOf(Ge(5), Le(30)));
+  clock_.await_waiting(1);
+  EXPECT_THAT(source_->requests.load(), AllOf(Ge(12), Le(24)));
   source_->up = true;
+  clock_.move(750s);  // the longest pause and a quarter more; after its token the stamper waits for nothing
   int missed = 0;
   AuthorityAnswer latest = answer();
   while (!latest.valid()) {
@@ -104,7 +114,9 @@ TEST_F(StamperTest, AfterAnOutageOneTokenCatchesUp) {
   }
   EXPECT_EQ(missed + 1, source_->requests.load());
   EXPECT_EQ(latest.checkpoint.size, 120U);
-  EXPECT_TRUE(nothing_comes_within(200ms)) << "one token is enough";
+  settle(*stamper);
+  clock_.move(1h);
+  EXPECT_TRUE(nothing_has_come()) << "one token is enough";
   ASSERT_THAT(queue_->list(), SizeIs(1));
   EXPECT_EQ(queue_->list()[0].attempts, static_cast<std::uint64_t>(missed));
   stamper->entered(latest);
@@ -123,14 +135,18 @@ TEST_F(StamperTest, ANewStartDoesNotAskSoonerAndTakesUpWhatIsWanted) {
   source_->up = true;
   const auto stamper = this->stamper({});
   stamper->stamp(checkpoint(9));
-  EXPECT_TRUE(nothing_comes_within(100ms));
+  clock_.await_waiting(1);
+  clock_.move(1800s);
+  clock_.await_waiting(1);
+  EXPECT_TRUE(nothing_has_come());
   EXPECT_EQ(source_->requests, 1);
   const auto status = stamper->status();
   EXPECT_EQ(status[0].last_error, "the authority is not there");
-  EXPECT_GT(status[0].pause, 3500s);
-  EXPECT_LE(status[0].pause, 3600s);
+  EXPECT_EQ(status[0].pause, 1800s);
   ASSERT_THAT(queue_->list(), SizeIs(1));
   EXPECT_EQ(queue_->list()[0].checkpoint, 9U);
+  clock_.move(1800s);
+  EXPECT_TRUE(answer().valid());
 }
 
 TEST_F(StamperTest, TheClosingCheckpointIsTriedOnceMoreInTheMiddleOfAPause) {
@@ -139,8 +155,9 @@ TEST_F(StamperTest, TheClosingCheckpointIsTriedOnceMoreInTheMiddleOfAPause) {
   stamper->stamp(checkpoint(1));
   EXPECT_FALSE(answer().valid());
   stamper->stamp(checkpoint(2));
-  EXPECT_TRUE(nothing_comes_within(100ms));
-  EXPECT_EQ(stamper->outstanding(), 0U);
+  settle(*stamper);
+  clock_.move(30min);
+  EXPECT_TRUE(nothing_has_come());
   source_->up = true;
   source_->held = true;
   stamper->stamp_closing(checkpoint(3));
@@ -161,7 +178,7 @@ TEST_F(StamperTest, TheClosingCheckpointDoesNotWaitForALimitedAuthority) {
   stamper->stamp_closing(checkpoint(3));
   const AuthorityAnswer closing = answer();
   EXPECT_EQ(closing.cause, "not asked, since it is to be left alone: the authority is not there");
-  EXPECT_GT(closing.pause, 1100s);
+  EXPECT_EQ(closing.pause, 1200s);
   EXPECT_EQ(stamper->outstanding(), 0U);
   EXPECT_EQ(source_->requests, 1);
   ASSERT_THAT(queue_->list(), SizeIs(1));
@@ -175,9 +192,8 @@ TEST_F(StamperTest, ALeastIntervalAloneIsNoFailure) {
   EXPECT_TRUE(first.valid());
   stamper->entered(first);
   stamper->stamp_closing(checkpoint(2));
-  for (int i = 0; i < 100 && stamper->outstanding() > 0; ++i) std::this_thread::sleep_for(10ms);
-  EXPECT_EQ(stamper->outstanding(), 0U);
-  EXPECT_TRUE(nothing_comes_within(0ms));
+  settle(*stamper);
+  EXPECT_TRUE(nothing_has_come());
   EXPECT_EQ(source_->requests, 1);
   ASSERT_THAT(queue_->list(), SizeIs(1));
   EXPECT_EQ(queue_->list()[0].checkpoint, 2U);
@@ -238,6 +254,9 @@ TEST_F(StamperTest, HonoursRetryAfterOverHttp) {
   EXPECT_THAT(first.cause, HasSubstr("429"));
   EXPECT_GE(first.pause, 1s);
   stamper.stamp(checkpoint(2));
+  clock_.await_waiting(1);
+  EXPECT_EQ(server.requests(), 1U);
+  clock_.move(1s);
   const AuthorityAnswer second = answer();
   EXPECT_GE(second.asked - first.answered, 1s);
   EXPECT_EQ(second.checkpoint.size, 2U);

@@ -8,7 +8,7 @@
 
 #include "base/error.h"
 #include "media/vitals_table.h"
-#include "recorder/case_clock.h"
+#include "recorder/clock/case_clock.h"
 #include "recorder/source/source_address.h"
 #include "recorder/vitals/vital_source.h"
 #include "tests/support/temporary_folder.h"

@@ -9,7 +9,7 @@
 #include <gtest/gtest.h>
 
 #include "base/error.h"
-#include "recorder/case_clock.h"
+#include "recorder/clock/case_clock.h"
 #include "recorder/source/source_address.h"
 #include "recorder/vitals/csv_reader.h"
 #include "tests/support/temporary_folder.h"

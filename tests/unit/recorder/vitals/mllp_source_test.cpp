@@ -7,7 +7,7 @@
 #include <gtest/gtest.h>
 
 #include "base/error.h"
-#include "recorder/case_clock.h"
+#include "recorder/clock/case_clock.h"
 #include "recorder/source/source_address.h"
 #include "recorder/vitals/hl7_message.h"
 #include "recorder/vitals/mllp_server.h"

@@ -7,7 +7,7 @@
 #include <gtest/gtest.h>
 
 #include "base/error.h"
-#include "recorder/case_clock.h"
+#include "recorder/clock/case_clock.h"
 #include "recorder/source/source_address.h"
 #include "recorder/vitals/vital_source.h"
 #include "tests/support/shared_data.h"

@@ -8,7 +8,7 @@
 
 #include "base/error.h"
 #include "media/vital_codes.h"
-#include "recorder/case_clock.h"
+#include "recorder/clock/case_clock.h"
 #include "recorder/source/source_address.h"
 #include "recorder/vitals/patient_model.h"
 

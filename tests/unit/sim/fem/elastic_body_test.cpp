@@ -63,7 +63,7 @@ Eigen::VectorXd random_forces(std::size_t nodes, unsigned seed) {
   return force_n;
 }
 
-/// A relative error, to be smaller than kExact; docs/simulation-validation.md tells what it was.
+/// A relative error, to be smaller than kExact; docs/results/simulation-validation.md tells what it was.
 void expect_exact(const char* what, double relative_error) {
   EXPECT_LE(relative_error, kExact) << what;
   char text[32];

@@ -7,6 +7,8 @@ extern "C" {
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include "media/libav_versions.h"
+
 namespace kiroku::playback {
 namespace {
 
@@ -86,7 +88,7 @@ TEST(ViewingPictures, WeavesFieldsWithoutLosingAPictureOrItsTime) {
   };
   for (const Ticks time : {100, 3701, 7300, 10901}) {
     ArchivedPicture fields = picture(64, 48, time);
-    fields.frame->interlaced_frame = 1;
+    media::set_interlaced(*fields.frame, true);
     fields.frame->top_field_first = 1;
     // A comb, as movement between the two fields makes it, other from picture to picture.
     const auto shade = static_cast<std::uint8_t>(time % 2 == 0 ? 255 : 0);
@@ -105,7 +107,7 @@ TEST(ViewingPictures, WeavesFieldsWithoutLosingAPictureOrItsTime) {
 TEST(ViewingPictures, OnePictureOfFieldsAloneComesOut) {
   ViewingPictures viewing(kFormat);
   ArchivedPicture fields = picture(64, 48, 5);
-  fields.frame->interlaced_frame = 1;
+  media::set_interlaced(*fields.frame, true);
   auto ready = viewing.add(std::move(fields));
   for (ArchivedPicture& one : viewing.finish()) ready.push_back(std::move(one));
   EXPECT_THAT(times(ready), ElementsAre(5));

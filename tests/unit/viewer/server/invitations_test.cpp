@@ -7,6 +7,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include "tests/support/moved_clock.h"
 #include "viewer/server/request.h"
 
 namespace kiroku::viewer {
@@ -32,11 +33,13 @@ class InvitationStore : public testing::Test {
     return end ? std::string(invitation_end_name(*end)) : "";
   }
 
+  test::MovedClock clock;
   std::vector<std::string> ended;
   Invitations store{[this](const Invitation& invitation, InvitationEnd why) {
-    ended.push_back(invitation.id() + " " + std::string(invitation_end_name(why)));
-  }};
-  SessionStore sessions;
+                      ended.push_back(invitation.id() + " " + std::string(invitation_end_name(why)));
+                    },
+                    clock};
+  SessionStore sessions{{}, clock};
   std::optional<UtcTime> credential = UtcTime(5us);
 };
 
@@ -81,11 +84,11 @@ TEST_F(InvitationStore, EndsWithItsTimeWhateverTheGuestDoes) {
   sweep("");
   EXPECT_THAT(ended, testing::ElementsAre(made.invitation->id() + " time"));
 
-  const auto short_one = make(1s);
+  const auto short_one = make(20min);
   const auto opened = join(short_one.token);
   ASSERT_TRUE(opened);
   EXPECT_TRUE(short_one.invitation->admits("case-a"));
-  std::this_thread::sleep_for(1050ms);
+  clock.move(20min);
   EXPECT_TRUE(opened->session->has_ended()) << "without anybody's looking after it";
   EXPECT_FALSE(short_one.invitation->admits("case-a"));
   EXPECT_EQ(sessions.find(opened->token, true), nullptr);
@@ -147,17 +150,20 @@ TEST_F(InvitationStore, KnowsWhetherTheGuestIsThere) {
   const auto made = make();
   ASSERT_TRUE(join(made.token));
   Invitation& invitation = *made.invitation;
-  const auto now = SessionClock::now();
   EXPECT_FALSE(invitation.arrive());
   EXPECT_FALSE(invitation.arrive());
   EXPECT_TRUE(invitation.view().is_present);
-  invitation.depart(now);
-  EXPECT_FALSE(invitation.has_gone(now + 1h)) << "one connection is left";
-  invitation.depart(now);
+  invitation.depart();
+  clock.move(30min);
+  EXPECT_FALSE(invitation.has_gone()) << "one connection is left";
+  invitation.depart();
   EXPECT_FALSE(invitation.view().is_present);
-  EXPECT_FALSE(invitation.has_gone(now + 9s)) << "a page that is loaded anew";
-  EXPECT_TRUE(invitation.has_gone(now + 10s));
-  EXPECT_FALSE(invitation.has_gone(now + 20s)) << "said once";
+  clock.move(9s);
+  EXPECT_FALSE(invitation.has_gone()) << "a page that is loaded anew";
+  clock.move(1s);
+  EXPECT_TRUE(invitation.has_gone());
+  clock.move(10s);
+  EXPECT_FALSE(invitation.has_gone()) << "said once";
   EXPECT_TRUE(invitation.arrive()) << "is back";
   EXPECT_FALSE(invitation.arrive());
 }

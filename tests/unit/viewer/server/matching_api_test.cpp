@@ -124,7 +124,7 @@ class MatchingApiTest : public testing::Test {
   crypto::SigningKey key_ = crypto::SigningKey::generate();
   crypto::AgeKeyPair reader_ = crypto::generate_age_key();
   std::shared_ptr<Session> session_ =
-      std::make_shared<Session>("haru", Role::kSurgeon, std::nullopt, SessionClock::now() + 1h);
+      std::make_shared<Session>("haru", Role::kSurgeon, std::nullopt, Clock::system().now() + 1h);
   int cases_ = 0;
   std::string case_;
   std::optional<ViewerContext> context_;

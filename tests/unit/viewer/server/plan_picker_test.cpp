@@ -7,6 +7,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include "tests/support/moved_clock.h"
 #include "tests/support/temporary_folder.h"
 #include "viewer/server/request.h"
 
@@ -25,7 +26,7 @@ class Picker : public testing::Test {
     std::ofstream(file) << "#!/bin/sh\necho \"$@\" >> " << (folder_ / "starts").string() << "\n"
                         << text << "\n";
     fs::permissions(file, fs::perms::owner_all);
-    return {.program = file};
+    return {.program = file, .clock = &clock_};
   }
   [[nodiscard]] std::vector<std::string> starts() const {
     std::vector<std::string> all;
@@ -57,20 +58,29 @@ class Picker : public testing::Test {
       return {refused.status(), refused.what()};
     }
   }
+  /// What a script does to wait for open_gate().
+  [[nodiscard]] std::string wait_at_gate() const {
+    return "while [ ! -e " + gate().string() + " ]; do sleep 0.02; done";
+  }
+  void open_gate() const { std::ofstream(gate()) << "open"; }
+  [[nodiscard]] fs::path gate() const { return folder_ / "gate"; }
   static constexpr const char* kEcho = "echo ready; while read -r line; do echo \"to $line\"; done";
 
+  test::MovedClock clock_;
   test::TemporaryFolder folder_;
 };
 
 TEST_F(Picker, TellsWhatIsDoneUntilThePlanIsReadyAndThenAnswers) {
-  PlanPicker picker(options("echo '{\"doing\":\"carrying out the plan\",\"share\":0.5}' >&2; sleep 0.5\n" +
-                            std::string(kEcho)));
+  PlanPicker picker(options("echo '{\"doing\":\"carrying out the plan\",\"share\":0.5}' >&2\n" +
+                            wait_at_gate() + "\n" + kEcho));
   const PickingAnswer first = picker.ask("a.seal.json", "mori", "1");
   EXPECT_FALSE(first.ready) << "at once";
-  std::this_thread::sleep_for(250ms);
-  const PickingAnswer second = picker.ask("a.seal.json", "mori", "1");
+  PickingAnswer second;
+  while (second.doing.empty() && !second.ready) second = picker.ask("a.seal.json", "mori", "1");
   EXPECT_EQ(second.doing, "carrying out the plan");
   EXPECT_EQ(second.share, 0.5);
+  EXPECT_FALSE(second.ready);
+  open_gate();
   EXPECT_EQ(ask(picker, "a.seal.json", "mori", "2").text, "to 2");
   EXPECT_EQ(ask(picker, "a.seal.json", "sato", "3").text, "to 3") << "of the same plan";
   EXPECT_EQ(starts(), std::vector<std::string>{"plan pick a.seal.json"});
@@ -91,7 +101,8 @@ TEST_F(Picker, AnswersManyAtATimeOneAfterTheOther) {
 }
 
 TEST_F(Picker, RefusesWhoeverWouldWaitBehindTooMany) {
-  PlanPicker picker(options("echo ready; while read -r line; do sleep 0.5; echo \"to $line\"; done"));
+  PlanPicker picker(options("echo ready; read -r line; echo \"to $line\"; while read -r line; do " +
+                            wait_at_gate() + "; echo \"to $line\"; done"));
   EXPECT_EQ(ask(picker, "a.seal.json", "mori", "0").text, "to 0");
   std::atomic<int> answered = 0, refused = 0;
   {
@@ -103,22 +114,21 @@ TEST_F(Picker, RefusesWhoeverWouldWaitBehindTooMany) {
         EXPECT_THAT(status, testing::AnyOf(200, 503)) << sentence;
       });
     }
+    while (refused < 8) std::this_thread::yield();
+    open_gate();
   }
-  EXPECT_EQ(answered + refused, 12);
-  EXPECT_GE(answered, 4);
-  EXPECT_GE(refused, 1);
+  EXPECT_EQ(answered, 4) << "one, and three who wait";
+  EXPECT_EQ(refused, 8);
 }
 
 TEST_F(Picker, GoesToAnotherPlanForWhoeverHasIt) {
-  PlanPicker::Options given = options(kEcho);
-  given.reserved = 400ms;
-  PlanPicker picker(given);
+  PlanPicker picker(options(kEcho));
   EXPECT_EQ(ask(picker, "a.seal.json", "mori", "1").text, "to 1");
   EXPECT_EQ(ask(picker, "b.seal.json", "mori", "2").text, "to 2") << "one person's own";
   const auto [status, sentence] = refusal([&] { return picker.ask("a.seal.json", "sato", "3"); });
   EXPECT_EQ(status, 409);
   EXPECT_THAT(sentence, HasSubstr("mori picks points on another plan"));
-  std::this_thread::sleep_for(500ms);
+  clock_.move(1min);
   EXPECT_EQ(ask(picker, "a.seal.json", "sato", "4").text, "to 4") << "nobody asked for a while";
   EXPECT_EQ(starts().size(), 3U);
 }
@@ -136,6 +146,7 @@ TEST_F(Picker, SaysWhyAPlanCannotBeShownAndTriesAgain) {
 TEST_F(Picker, EndsWhatTakesTooLong) {
   PlanPicker::Options slow = options("exec sleep 100");
   slow.to_prepare = 300ms;
+  slow.clock = &Clock::system();
   {
     PlanPicker picker(slow);
     const auto [status, sentence] = refusal([&] { return picker.ask("a.seal.json", "mori", "1"); });
@@ -144,6 +155,7 @@ TEST_F(Picker, EndsWhatTakesTooLong) {
   }
   PlanPicker::Options silent = options("echo ready; exec sleep 100");
   silent.to_answer = 300ms;
+  silent.clock = &Clock::system();
   PlanPicker picker(silent);
   const auto [status, sentence] = refusal([&] { return picker.ask("a.seal.json", "mori", "1"); });
   EXPECT_EQ(status, 504);
@@ -152,11 +164,10 @@ TEST_F(Picker, EndsWhatTakesTooLong) {
 }
 
 TEST_F(Picker, EndsWhenNobodyAsks) {
-  PlanPicker::Options given = options(kEcho);
-  given.idle = 300ms;
-  PlanPicker picker(given);
+  PlanPicker picker(options(kEcho));
   EXPECT_EQ(ask(picker, "a.seal.json", "mori", "1").text, "to 1");
-  std::this_thread::sleep_for(700ms);
+  clock_.await_waiting(1);
+  clock_.move(5min);
   EXPECT_FALSE(picker.ask("a.seal.json", "mori", "2").ready) << "it is begun anew";
   EXPECT_EQ(ask(picker, "a.seal.json", "mori", "2").text, "to 2");
   EXPECT_EQ(starts().size(), 2U);

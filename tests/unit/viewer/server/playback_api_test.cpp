@@ -97,7 +97,7 @@ class PlaybackApiTest : public testing::Test {
     return found;
   }
   static std::shared_ptr<Session> session(Role role) {
-    return std::make_shared<Session>("haru", role, std::nullopt, SessionClock::now() + 1h);
+    return std::make_shared<Session>("haru", role, std::nullopt, Clock::system().now() + 1h);
   }
 
   test::RecorderBench bench_;

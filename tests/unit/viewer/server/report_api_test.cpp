@@ -51,7 +51,7 @@ class ReportApi : public testing::Test {
   test::SampleArchive archive_;
   std::filesystem::path folder_ = test::SampleCase::write(archive_);
   std::shared_ptr<Session> session_ =
-      std::make_shared<Session>("haru", Role::kAuditor, std::nullopt, SessionClock::now() + 1h);
+      std::make_shared<Session>("haru", Role::kAuditor, std::nullopt, Clock::system().now() + 1h);
   std::optional<ViewerContext> context_;
   Router router_;
 };

@@ -1,12 +1,14 @@
 #include "viewer/server/session.h"
 
 #include <atomic>
+#include <latch>
 #include <thread>
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include "base/attempt_guard.h"
+#include "tests/support/moved_clock.h"
 #include "viewer/server/sign_in_link.h"
 
 namespace kiroku::viewer {
@@ -48,25 +50,38 @@ TEST(Sessions, EndAtSigningOutWithTheirIdentity) {
 }
 
 TEST(Sessions, EndWhenNothingIsDone) {
-  SessionStore store({.idle = 0s, .longest = 1h});
+  test::MovedClock clock;
+  SessionStore store({.idle = 30min, .longest = 12h}, clock);
   const auto opened = store.open("anna", Role::kSurgeon, {});
+  clock.move(30min - 1ns);
+  EXPECT_EQ(store.find(opened.token, false), opened.session);
+  clock.move(1ns);
   EXPECT_EQ(store.find(opened.token, true), nullptr);
   EXPECT_TRUE(opened.session->has_ended());
 }
 
 TEST(Sessions, EndAtTheirLongestWhateverIsDone) {
-  SessionStore store({.idle = 1h, .longest = 0s});
-  EXPECT_EQ(store.find(store.open("anna", Role::kSurgeon, {}).token, true), nullptr);
+  test::MovedClock clock;
+  SessionStore store({.idle = 30min, .longest = 12h}, clock);
+  const auto opened = store.open("anna", Role::kSurgeon, {});
+  for (int quarter = 1; quarter < 48; ++quarter) {
+    clock.move(15min);
+    ASSERT_EQ(store.find(opened.token, true), opened.session) << quarter;
+  }
+  clock.move(15min);
+  EXPECT_TRUE(opened.session->has_ended()) << "whether anybody asks or not";
+  EXPECT_EQ(store.find(opened.token, true), nullptr);
 }
 
 TEST(Sessions, LiveLongerOnlyByWhatIsADeed) {
-  SessionStore store({.idle = 2s, .longest = 1h});
+  test::MovedClock clock;
+  SessionStore store({.idle = 30min, .longest = 12h}, clock);
   const auto opened = store.open("anna", Role::kSurgeon, {});
-  std::this_thread::sleep_for(1100ms);
+  clock.move(20min);
   ASSERT_NE(store.find(opened.token, false), nullptr);
-  EXPECT_LT(store.left(*opened.session), 1s);
+  EXPECT_EQ(store.left(*opened.session), 10min);
   ASSERT_NE(store.find(opened.token, true), nullptr);
-  EXPECT_GE(store.left(*opened.session), 1s);
+  EXPECT_EQ(store.left(*opened.session), 30min);
 }
 
 TEST(Sessions, OfOneUserAreLimited) {
@@ -92,15 +107,17 @@ TEST(Sessions, OfAUserWhoChangedAreSwept) {
 }
 
 TEST(Sessions, DoADeedOnceAndTheOthersWaitForIt) {
-  Session session("anna", Role::kSurgeon, {}, SessionClock::now() + 1h);
+  Session session("anna", Role::kSurgeon, {}, Clock::system().now() + 1h);
   std::atomic<bool> is_entered{false};
   std::atomic<int> calls{0};
+  std::latch all_ask(8);
   std::vector<std::thread> threads;
   for (int i = 0; i < 8; ++i) {
     threads.emplace_back([&] {
+      all_ask.count_down();
       session.once("watched", [&] {
         ++calls;
-        std::this_thread::sleep_for(20ms);
+        all_ask.wait();
         is_entered = true;
       });
       EXPECT_TRUE(is_entered);
@@ -111,7 +128,7 @@ TEST(Sessions, DoADeedOnceAndTheOthersWaitForIt) {
 }
 
 TEST(Sessions, TryADeedAgainThatFailed) {
-  Session session("anna", Role::kSurgeon, {}, SessionClock::now() + 1h);
+  Session session("anna", Role::kSurgeon, {}, Clock::system().now() + 1h);
   EXPECT_THROW(session.once("watched", [] { throw std::runtime_error("disk full"); }), std::runtime_error);
   bool is_called = false;
   session.once("watched", [&] { is_called = true; });

@@ -10,6 +10,7 @@
 
 #include "crypto/hash.h"
 #include "tests/support/https_client.h"
+#include "tests/support/moved_clock.h"
 #include "tests/support/temporary_folder.h"
 #include "viewer/server/api.h"
 #include "viewer/server/server_certificate.h"
@@ -130,7 +131,7 @@ class SignIn : public testing::Test {
 
   test::TemporaryFolder folder;
   HeldHasher hasher;
-  AttemptGuard::Clock::time_point now{std::chrono::hours(1)};
+  test::MovedClock clock;
   crypto::SigningKey key = crypto::SigningKey::generate();
   ViewerContext context{
       ViewerHome{.archive = folder / "archive",
@@ -144,7 +145,7 @@ class SignIn : public testing::Test {
                  .identities = {},
                  .password_hasher = [this](const crypto::Secret& password, ByteView salt,
                                            int /*cost*/) { return hasher.hash(password, salt); },
-                 .now = [this] { return now; }},
+                 .clock = &clock},
       SessionLimits{}, [](const std::string& /*sentence*/) {}};
   SignInLink link;
   Router router;
@@ -171,7 +172,7 @@ TEST_F(SignIn, LetsStrangersWaitByNameAndAddress) {
   EXPECT_EQ(header(refused, "Retry-After"), "2");
   EXPECT_EQ(sign_in({"203.0.113.9", ""}, "a wrong password", "bert").status, 401) << "another name";
   EXPECT_EQ(sign_in({"203.0.113.10", ""}, kPassword).status, 200) << "another address";
-  now += std::chrono::seconds(2);
+  clock.move(std::chrono::seconds(2));
   EXPECT_EQ(sign_in({"203.0.113.9", ""}, kPassword).status, 200) << "after the wait";
 }
 

@@ -38,7 +38,7 @@ describe('The chain of proof', () => {
   it('puts every finding of the format somewhere on purpose', () => {
     const format = process.env['KIROKU_SOURCE_DIR'];
     if (!format) throw new Error('KIROKU_SOURCE_DIR names the checkout');
-    const codes = [...readFileSync(`${format}/docs/format.md`, 'utf8').matchAll(/^\| `([a-z-]+)` \| (?:tampered|incomplete|unproven|gap|note) \|/gm)].map((one) => one[1]!);
+    const codes = [...readFileSync(`${format}/docs/reference/format.md`, 'utf8').matchAll(/^\| `([a-z-]+)` \| (?:tampered|incomplete|unproven|gap|note) \|/gm)].map((one) => one[1]!);
     expect(codes.length).toBeGreaterThan(70);
     const ofLedger = codes.filter((code) => linkOf(finding(code, 'note')) === 'ledger');
     // What is left to the ledger is about its lines, the appliance log, excerpts and the list itself.

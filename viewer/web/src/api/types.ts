@@ -1,4 +1,4 @@
-// What the server answers (docs/viewer.md; /api/openapi.json).
+// What the server answers (docs/reference/viewer.md; /api/openapi.json).
 
 export type Role = 'operator' | 'surgeon' | 'auditor' | 'administrator';
 export type Verdict = 'intact' | 'intact-with-gaps' | 'intact-excerpt' | 'unproven' | 'incomplete' | 'tampered';
@@ -358,7 +358,7 @@ export type ComparisonMaking =
   | { name: string; made_by: string; state: 'done' }
   | { name: string; made_by: string; state: 'failed'; problem: string };
 
-/** docs/format.md, "Comparisons": what of it the page shows. */
+/** docs/reference/format.md, "Comparisons": what of it the page shows. */
 export interface ComparisonDocument {
   case: { stream: string };
   plan: { seal: string };

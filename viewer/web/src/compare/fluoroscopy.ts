@@ -4,7 +4,7 @@ export type Polarity = 'bone-black' | 'bone-white';
 
 export interface Fluoroscopy {
   stream: string;
-  /** How the fluoroscope sees the patient (docs/drr.md, "Geometry"), and the file it was read from. */
+  /** How the fluoroscope sees the patient (docs/explanation/drr.md, "Geometry"), and the file it was read from. */
   geometry: Readonly<Record<string, unknown>>;
   file: string;
   /** The patient is moved until the pictures of this moment are most alike; nothing: they are not moved. */

@@ -106,7 +106,7 @@ export function mapOfSteps(steps: readonly ComparedStep[]): PlanMap | undefined 
   return pieces.length > 0 ? { pieces } : undefined;
 }
 
-/** As `kiroku compare --by-hand` takes it (docs/comparison.md); times in nanoseconds of the case clock. */
+/** As `kiroku compare --by-hand` takes it (docs/explanation/comparison.md); times in nanoseconds of the case clock. */
 export const byHand = (draft: Draft) => ({
   steps: inOrder(draft).map(([step, { start_ns, end_ns, pauses }]) => ({
     step,

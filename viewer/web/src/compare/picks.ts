@@ -1,5 +1,5 @@
 // Points of the organ picked on the plan's and the recording's pictures, and clicks on tools: what was picked so far, and what `kiroku compare --by-hand`
-// takes of it (docs/comparison.md). Pure. Pixels count from the centre of the left upper one.
+// takes of it (docs/explanation/comparison.md). Pure. Pixels count from the centre of the left upper one.
 import type { PickingCamera } from '@/api/types';
 
 export type Pixel = readonly [number, number];

@@ -1,4 +1,4 @@
-// Invitations, as the server tells them (docs/viewer.md, "Invitations").
+// Invitations, as the server tells them (docs/reference/viewer.md, "Invitations").
 import { del, get, post } from '@/api/client';
 import type { Session } from '@/api/types';
 

@@ -1,4 +1,4 @@
-// Entries of the appliance log as rows (docs/format.md, "The appliance log"). Pure.
+// Entries of the appliance log as rows (docs/reference/format.md, "The appliance log"). Pure.
 
 /** Whatever else it carries stands beside these. */
 export interface LogEntry {

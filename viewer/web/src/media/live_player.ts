@@ -1,4 +1,4 @@
-// One stream while it is recorded: fragments over a WebSocket, shown by Media Source Extensions (docs/viewer.md, "Live"). Connects anew by itself until it is
+// One stream while it is recorded: fragments over a WebSocket, shown by Media Source Extensions (docs/reference/viewer.md, "Live"). Connects anew by itself until it is
 // closed. Its media time line is the case clock in seconds.
 import { live } from '@/api/client';
 import { LivePace } from '@/media/live_pace';

@@ -1,4 +1,4 @@
-// The planner's part of the API (docs/viewer.md, "Planning"): the list of plans, and the WebSocket of one that is open.
+// The planner's part of the API (docs/reference/viewer.md, "Planning"): the list of plans, and the WebSocket of one that is open.
 import { get } from '@/api/client';
 import { splitPicture } from '@/media/picture_message';
 import type { View } from '@/planning/orbit';

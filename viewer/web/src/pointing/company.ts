@@ -1,4 +1,4 @@
-// Who looks on in a room and where they point: WS /api/live/ROOM (docs/viewer.md, "Pointing"). Connects anew by itself until it is closed.
+// Who looks on in a room and where they point: WS /api/live/ROOM (docs/reference/viewer.md, "Pointing"). Connects anew by itself until it is closed.
 import { signal } from '@preact/signals';
 import { live } from '@/api/client';
 import { printableTexts } from '@/base/printable';

@@ -1,4 +1,4 @@
-// The trainer's API and the messages of an attempt (docs/training.md, "The page").
+// The trainer's API and the messages of an attempt (docs/explanation/training.md, "The page").
 import { get, post } from '@/api/client';
 import { splitPicture } from '@/media/picture_message';
 

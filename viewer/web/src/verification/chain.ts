@@ -15,7 +15,7 @@ export interface ChainLink {
   findings: Finding[];
 }
 
-// The codes of docs/format.md, "Findings", by what they are about.
+// The codes of docs/reference/format.md, "Findings", by what they are about.
 const kByCode: Record<string, LinkName> = {
   'device-not-trusted': 'checkpoints',
   'no-trusted-device': 'checkpoints',

@@ -1,0 +1,23 @@
+#include "base/clock.h"
+
+namespace kiroku {
+namespace {
+
+class SystemClock final : public Clock {
+ public:
+  [[nodiscard]] Time now() const override { return std::chrono::steady_clock::now(); }
+  [[nodiscard]] UtcTime utc() const override { return utc_now(); }
+  void wait_until(std::condition_variable& changed, std::unique_lock<std::mutex>& lock,
+                  Time deadline) const override {
+    changed.wait_until(lock, deadline);
+  }
+};
+
+}  // namespace
+
+const Clock& Clock::system() {
+  static const SystemClock kClock;
+  return kClock;
+}
+
+}  // namespace kiroku

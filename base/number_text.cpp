@@ -1,0 +1,20 @@
+#include "base/number_text.h"
+
+#include <array>
+#include <charconv>
+
+namespace kiroku {
+
+std::string number_text(double number, int digits) {
+  std::array<char, 40> text{};
+  const auto end =
+      std::to_chars(text.data(), text.data() + text.size(), number, std::chars_format::general, digits).ptr;
+  return {text.data(), end};
+}
+
+std::string exact_text(double number) {
+  std::array<char, 32> text{};
+  return {text.data(), std::to_chars(text.data(), text.data() + text.size(), number).ptr};
+}
+
+}  // namespace kiroku

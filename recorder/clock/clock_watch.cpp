@@ -1,0 +1,109 @@
+#include "recorder/clock/clock_watch.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdlib>
+#include <ctime>
+#include <sys/timex.h>
+#include <utility>
+
+namespace kiroku::recorder {
+namespace {
+
+constexpr std::int64_t kEntryIntervalNs = 60'000'000'000;
+constexpr std::int64_t kBillion = 1'000'000'000;
+// Two readings of a clock take some dozen nanoseconds; an interruption in between takes longer than this.
+constexpr std::int64_t kGoodReadingNs = 5'000;
+constexpr int kMostReadings = 10;
+// A slew has ended below three quarters of the rate that it begins at, so that one near it does not flicker.
+constexpr std::int64_t kEndedPpb = archive::kSlewPpb * 3 / 4;
+
+std::int64_t read(clockid_t clock) {
+  timespec time{};
+  ::clock_gettime(clock, &time);
+  return time.tv_sec * kBillion + time.tv_nsec;
+}
+
+/// How much more the case clock went on than the crystal did.
+std::int64_t gain_ns(const ClockReading& since, const ClockReading& now) {
+  return (now.case_ns - since.case_ns) - (now.raw_ns - since.raw_ns);
+}
+
+}  // namespace
+
+ClockReading read_clocks(const CaseClock& clock) {
+  ClockReading best;
+  for (int i = 0; i < kMostReadings; ++i) {
+    const std::int64_t before_ns = clock.now_ns();
+    ClockReading reading;
+    reading.wall_ns = read(CLOCK_REALTIME);
+    reading.raw_ns = read(CLOCK_MONOTONIC_RAW);
+    const std::int64_t after_ns = clock.now_ns();
+    reading.case_ns = before_ns + (after_ns - before_ns) / 2;
+    reading.uncertainty_ns = after_ns - before_ns;
+    if (i == 0 || reading.uncertainty_ns < best.uncertainty_ns) best = reading;
+    if (best.uncertainty_ns <= kGoodReadingNs) break;
+  }
+  return best;
+}
+
+KernelClock read_kernel_clock() {
+  timex state{};  // modes 0: only asks
+  const int status = ::adjtimex(&state);
+  KernelClock kernel;
+  kernel.synchronised = status >= 0 && status != TIME_ERROR && (state.status & STA_UNSYNC) == 0;
+  kernel.offset_ns = state.offset * ((state.status & STA_NANO) != 0 ? 1 : 1000);
+  kernel.error_ns = state.maxerror * 1000;
+  return kernel;
+}
+
+ClockWatch::ClockWatch(const CaseClock& clock)
+    : ClockWatch({[&clock] { return read_clocks(clock); }, read_kernel_clock}) {}
+
+ClockWatch::ClockWatch(Clocks clocks) : clocks_(std::move(clocks)) {}
+
+std::optional<archive::ClockEntry> ClockWatch::check() {
+  const ClockReading now = clocks_.read();
+  const bool changed = slew_changed(now);
+  if (!stated_) return entry(now, 0, now);
+  const std::int64_t step_ns = (now.wall_ns - now.case_ns) - (stated_->wall_ns - stated_->case_ns);
+  const bool stepped = std::abs(step_ns) > kSmallestStepNs + now.uncertainty_ns + stated_->uncertainty_ns;
+  if (!stepped && !changed && now.case_ns - stated_->case_ns < kEntryIntervalNs) return {};
+  const bool began = changed && slewing_;
+  return entry(now, stepped ? step_ns : 0, began ? window_.front() : *stated_);
+}
+
+bool ClockWatch::slew_changed(const ClockReading& now) {
+  window_.push_back(now);
+  while (window_.size() > 2 && now.raw_ns - window_[1].raw_ns >= kWindowNs) window_.pop_front();
+  const ClockReading& since = window_.front();
+  const std::int64_t elapsed_ns = now.raw_ns - since.raw_ns;
+  if (elapsed_ns < kWindowNs) return false;
+  const std::int64_t gained_ns = std::abs(gain_ns(since, now));
+  const std::int64_t doubt_ns = now.uncertainty_ns + since.uncertainty_ns;
+  const auto part = [&](std::int64_t ppb) {
+    return static_cast<std::int64_t>(
+        std::llround(static_cast<double>(elapsed_ns) * static_cast<double>(ppb) / kBillion));
+  };
+  const bool was = slewing_;
+  slewing_ = was ? gained_ns + doubt_ns >= part(kEndedPpb) : gained_ns - doubt_ns > part(archive::kSlewPpb);
+  return slewing_ != was;
+}
+
+archive::ClockEntry ClockWatch::entry(const ClockReading& now, std::int64_t step_ns,
+                                      const ClockReading& rate_since) {
+  const KernelClock kernel = clocks_.kernel();
+  archive::ClockEntry entry;
+  entry.synchronised = kernel.synchronised;
+  entry.offset_ns = kernel.offset_ns;
+  entry.error_ns = kernel.error_ns;
+  entry.step_ns = step_ns;
+  if (const std::int64_t elapsed_ns = now.raw_ns - rate_since.raw_ns; elapsed_ns > 0) {
+    entry.rate_ppb = std::llround(static_cast<double>(gain_ns(rate_since, now)) * kBillion /
+                                  static_cast<double>(elapsed_ns));
+  }
+  stated_ = now;
+  return entry;
+}
+
+}  // namespace kiroku::recorder
