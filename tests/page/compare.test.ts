@@ -8,6 +8,7 @@ import type { ComparisonDocument } from '@/api/types';
 import { mapOfSteps } from '@/compare/matching';
 import { planMap } from '@/compare/plan_map';
 import { Appliance, clockOf, keepPicture, kMaking_ms, near, seriousBarriers, settled, startBrowser, visitSignedIn, type Visitor } from './kit';
+import { expectFits } from './layout';
 
 let appliance: Appliance;
 let browser: Browser;
@@ -106,6 +107,7 @@ describe('The plan beside the recording', () => {
     expect(await page.locator('table.steps tr[aria-current=step] th').textContent()).toBe('3. Lift');
     await page.locator('.step-facts', { hasText: 'arterial pressure, mean' }).waitFor();
     await keepPicture(page, 'plan-steps');
+    await expectFits(visitor, 'plan');
     expect(await seriousBarriers(page)).toEqual([]);
     // By keys, in the order they were done.
     await press('n');
@@ -227,6 +229,7 @@ describe('The plan beside the recording', () => {
     await expect.poll(async () => Number(await flag.getAttribute('aria-valuenow'))).toBe(after + 100);
     await settled(page);
     await keepPicture(page, 'plan-matching');
+    await expectFits(visitor, 'matching');
     expect(await seriousBarriers(page)).toEqual([]);
   });
 

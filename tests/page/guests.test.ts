@@ -2,6 +2,7 @@
 import type { Browser, Page } from 'playwright-core';
 import { afterAll, beforeAll, describe, expect, it } from 'vitest';
 import { Appliance, keepPicture, seriousBarriers, settled, signInToRooms, startBrowser, visit, type Visitor } from './kit';
+import { expectFits } from './layout';
 
 let appliance: Appliance;
 let browser: Browser;
@@ -56,6 +57,7 @@ describe('An invitation', () => {
     await page.getByRole('heading', { name: 'You are invited to look on' }).waitFor();
     expect(page.url()).toBe(appliance.url);
     expect(await seriousBarriers(page)).toEqual([]);
+    await expectFits(guest, 'invited');
     await page.getByRole('button', { name: 'Look on' }).click();
     for (const stream of ['endoscope', 'room']) await pane(page, stream).getByText(/Live, \d+\.\d\d s behind/).waitFor();
     const token = link.split('=')[1] as string;
@@ -70,6 +72,7 @@ describe('An invitation', () => {
     expect(await page.getByRole('timer').textContent()).toMatch(/5\d:\d\d/);
     expect(await page.getByRole('navigation').count()).toBe(0);
     expect(await seriousBarriers(page)).toEqual([]);
+    await expectFits(guest, 'guest');
     await page.getByRole('button', { name: '日本語' }).click();
     await page.getByText('Dr. Sato として見学しています。').waitFor();
     expect(await page.getByRole('timer').textContent()).toMatch(/5\d:\d\d/);

@@ -7,7 +7,7 @@ import { tmpdir } from 'node:os';
 import { join } from 'node:path';
 import { promisify } from 'node:util';
 import axe from 'axe-core';
-import { type Browser, type BrowserContext, chromium, type Page } from 'playwright-core';
+import { type Browser, type BrowserContext, chromium, firefox, type Page } from 'playwright-core';
 import { expect } from 'vitest';
 
 const run = promisify(execFile);
@@ -79,9 +79,7 @@ export class Appliance {
     if (live) {
       const listen = `127.0.0.1:${await freePort()}`;
       appendFileSync(join(appliance.home, 'kiroku.toml'), `[viewer]\nlisten = "${listen}"\n`);
-      await run(kiroku, ['user', 'add', 'anna', '--role', 'surgeon', '--home', appliance.home], {
-        env: { ...process.env, KIROKU_PASSPHRASE: kPassword },
-      });
+      await appliance.addUser('anna', 'surgeon');
       appliance.url = `https://${listen}/`;
     }
     appliance.spawn(kirokud, ['--home', appliance.home]);
@@ -116,8 +114,8 @@ export class Appliance {
     return child;
   }
 
-  private async view(): Promise<void> {
-    const child = this.spawn(kiroku, ['view', '--home', this.home, '--listen', '127.0.0.1:0', '--web', fromEnvironment('KIROKU_PAGE'), '--json']);
+  private async view(listen = '127.0.0.1:0'): Promise<void> {
+    const child = this.spawn(kiroku, ['view', '--home', this.home, '--listen', listen, '--web', fromEnvironment('KIROKU_PAGE'), '--json']);
     let said = '';
     child.stdout?.on('data', (bytes: Buffer) => (said += bytes.toString()));
     const answer = await until('kiroku view serves', () => {
@@ -129,6 +127,34 @@ export class Appliance {
     });
     this.url = answer.url.replace(/\/?$/, '/');
     this.signIn = answer.sign_in;
+  }
+
+  /** `kiroku view` ends and begins anew at the same address; all sessions are gone. */
+  async restartView(): Promise<void> {
+    const child = this.processes.pop() as ChildProcess;
+    child.kill('SIGTERM');
+    await once(child, 'exit');
+    await this.view(new URL(this.url).host);
+  }
+
+  readonly password = kPassword;
+  async addUser(name: string, role: string): Promise<void> {
+    await run(kiroku, ['user', 'add', name, '--role', role, '--home', this.home], { env: { ...process.env, KIROKU_PASSPHRASE: kPassword } });
+  }
+
+  /** Cuts the first line of the case's ledger short, so that nothing of it can be read. */
+  spoilLedger(id: string): void {
+    const file = join(this.home, 'archive', id, 'ledger.jsonl');
+    const text = readFileSync(file, 'utf8');
+    rmSync(file);
+    writeFileSync(file, text.slice(40));
+  }
+
+  /** The demonstration's, which opens its recordings. */
+  identity(): string {
+    const found = /^AGE-SECRET-KEY-1\S+$/m.exec(readFileSync(join(this.home, 'identity.txt'), 'utf8'));
+    if (!found) throw new Error('the home has no identity');
+    return found[0];
   }
 
   cases(): string[] {
@@ -159,9 +185,21 @@ export class Appliance {
   }
 }
 
-export async function startBrowser(): Promise<Browser> {
+export type BrowserName = 'chromium' | 'firefox';
+export const kBrowsers: readonly BrowserName[] = ['chromium', 'firefox'];
+
+const kProgramOf: Record<BrowserName, string> = { chromium: 'KIROKU_BROWSER', firefox: 'KIROKU_FIREFOX' };
+/** tests/page/run.sh looks for both, and where KIROKU_PAGE_REQUIRED is set it fails without one. */
+export const hasBrowser = (name: BrowserName): boolean => Boolean(process.env[kProgramOf[name]]);
+
+export async function startBrowser(name: BrowserName = 'chromium'): Promise<Browser> {
+  const executablePath = fromEnvironment(kProgramOf[name]);
+  if (name === 'firefox') {
+    // "moz-firefox" has Playwright speak WebDriver BiDi, which stock Firefox knows; otherwise it wants its own patched one.
+    return firefox.launch({ executablePath, channel: 'moz-firefox', firefoxUserPrefs: { 'media.autoplay.default': 0 } });
+  }
   return chromium.launch({
-    executablePath: fromEnvironment('KIROKU_BROWSER'),
+    executablePath,
     args: [
       '--headless', '--no-sandbox', '--disable-gpu', '--disable-quic', '--no-first-run', '--disable-background-networking', '--disable-component-update',
       '--disable-sync', '--autoplay-policy=no-user-gesture-required',

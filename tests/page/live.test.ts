@@ -4,6 +4,7 @@ import { join } from 'node:path';
 import type { Browser, WebSocket } from 'playwright-core';
 import { afterAll, beforeAll, describe, expect, it } from 'vitest';
 import { Appliance, keepPicture, seriousBarriers, signInToRooms, startBrowser, visit, type Visitor } from './kit';
+import { expectFits } from './layout';
 
 let appliance: Appliance;
 let browser: Browser;
@@ -89,6 +90,7 @@ describe('A room that is recording', () => {
     expect(new Set(seen.map((one) => one.brightness)).size).toBeGreaterThan(5);
     expect(await seriousBarriers(page)).toEqual([]);
     await keepPicture(page, 'live');
+    await expectFits(visitor, 'live');
   });
 
   it('has what `kiroku status` says beside them', async () => {

@@ -9,6 +9,7 @@ import type { ComparisonDocument, PickingCamera } from '@/api/types';
 import { type OrganPoint, type Place, seenBy } from '@/compare/picks';
 import { pictureBox } from '@/pointing/geometry';
 import { Appliance, keepPicture, kMaking_ms, near, seriousBarriers, startBrowser, visitSignedIn, type Visitor } from './kit';
+import { expectFits } from './layout';
 
 const kWide = 320;
 const kHigh = 240;
@@ -175,6 +176,7 @@ describe('What is said by hand', () => {
     await matching().getByText(/The camera is found: 0\.\d\d pixels off by 8 points/).waitFor();
     await page.mouse.move(5, 5);
     await keepPicture(page, 'plan-points');
+    await expectFits(visitor, 'points');
     expect(await seriousBarriers(page)).toEqual([]);
   });
 

@@ -8,6 +8,7 @@ import { promisify } from 'node:util';
 import type { Browser, CDPSession } from 'playwright-core';
 import { afterAll, beforeAll, describe, expect, it } from 'vitest';
 import { keepPicture, seriousBarriers, startBrowser, until, visit, type Visitor } from './kit';
+import { expectFits } from './layout';
 
 const kiroku = process.env['KIROKU_PROGRAM'] as string;
 const demonstration = join(process.env['KIROKU_SOURCE_DIR'] as string, 'deploy/demonstration');
@@ -95,6 +96,7 @@ describe('A person who plans', () => {
     expect(await page.getByRole('link', { name: 'Cases' }).count()).toBe(0);
     await page.getByText('lobe/plan.json · Steps: 6').waitFor();
     expect(await seriousBarriers(page)).toEqual([]);
+    await expectFits(visitor, 'plans');
     await page.getByRole('button', { name: 'Begin anew' }).click();
     await page.locator('.planning-field[aria-busy=false]').waitFor();
     await expect.poll(picture).not.toBe(0);
@@ -149,6 +151,25 @@ describe('A person who plans', () => {
     await touch.send('Input.dispatchTouchEvent', { type: 'touchEnd', touchPoints: [] });
     await expect.poll(async () => (await page.locator('.planning-tool').count())).toBe(1);
     expect((await steps()).join()).toMatch(/Press with finger 1, finger 2, finger 3, finger 4, finger 5/);
+  });
+
+  it('lies on a tablet, where two fingers turn, move and bring closer', async () => {
+    const { page } = visitor;
+    await expectFits(visitor, 'planning');
+    await touch.send('Emulation.setTouchEmulationEnabled', { enabled: true, maxTouchPoints: 5 });
+    await page.keyboard.press('o');
+    await page.setViewportSize({ width: 820, height: 1180 });
+    await field().scrollIntoViewIfNeeded();
+    const before = await picture();
+    const fingers = (apart: number, y: number) => Promise.all([onPicture(0.5 - apart, y), onPicture(0.5 + apart, y)]).then((both) => both.map((one, id) => ({ ...one, id })));
+    await touch.send('Input.dispatchTouchEvent', { type: 'touchStart', touchPoints: await fingers(0.1, 0.5) });
+    for (let step = 1; step <= 8; ++step) await touch.send('Input.dispatchTouchEvent', { type: 'touchMove', touchPoints: await fingers(0.1 + 0.03 * step, 0.5) });
+    await touch.send('Input.dispatchTouchEvent', { type: 'touchEnd', touchPoints: [] });
+    await expect.poll(picture).not.toBe(before);
+    // The page itself was neither scrolled nor zoomed by it.
+    expect(await page.evaluate(() => visualViewport?.scale)).toBe(1);
+    await page.keyboard.press('Home');
+    await page.setViewportSize({ width: 1440, height: 900 });
   });
 
   it('cuts it along a line', async () => {

@@ -15,6 +15,15 @@ options=()
 if [[ $project != unit ]]; then
   KIROKU_BROWSER=$(command -v chromium) || missing "chromium is not installed"
   export KIROKU_BROWSER
+  KIROKU_FIREFOX=$(command -v firefox-esr || command -v firefox || true)
+  if [[ -n $KIROKU_FIREFOX ]]; then
+    export KIROKU_FIREFOX
+  elif [[ -n ${KIROKU_PAGE_REQUIRED-} ]]; then
+    missing "firefox-esr is not installed"
+  else
+    echo "firefox-esr is not installed: its part of browsers.test.ts is skipped"
+    unset KIROKU_FIREFOX
+  fi
   options+=(--no-file-parallelism --bail 8)
 fi
 cd "$stage"

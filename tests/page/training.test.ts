@@ -8,6 +8,7 @@ import { promisify } from 'node:util';
 import type { Browser, CDPSession, Page } from 'playwright-core';
 import { afterAll, beforeAll, describe, expect, it } from 'vitest';
 import { keepPicture, seriousBarriers, startBrowser, until, visit, type Visitor } from './kit';
+import { expectFits } from './layout';
 
 const kiroku = process.env['KIROKU_PROGRAM'] as string;
 const run = promisify(execFile);
@@ -142,6 +143,7 @@ describe('A new trainee', () => {
     await page.locator('.train-add').getByLabel('Name').fill('Aoki');
     await page.getByRole('button', { name: 'Add', exact: true }).click();
     await page.getByText('Session 1: its first test ends it.').waitFor();
+    await expectFits(visitor, 'training');
     expect(await page.locator('.train-choice select').first().inputValue()).toBe('Aoki');
     await page.locator('.train-add').getByLabel('Name').fill('Aoki');
     await page.getByRole('button', { name: 'Add', exact: true }).click();
@@ -228,6 +230,8 @@ describe('A new trainee', () => {
     await page.getByRole('button', { name: 'English' }).click();
     await page.getByLabel('Measure').selectOption('time');
     await page.getByRole('img', { name: 'Tests by session: Time, s' }).waitFor();
+    await expectFits(visitor, 'training-result');
+    await touch.send('Emulation.setTouchEmulationEnabled', { enabled: true, maxTouchPoints: 5 });
   });
 
   it('goes on with the next session after a test', async () => {

@@ -8,6 +8,7 @@
 #include "archive/report_json.h"
 #include "archive/verifier.h"
 #include "viewer/server/api.h"
+#include "viewer/server/finding_meanings.h"
 
 namespace kiroku::viewer {
 namespace {
@@ -47,6 +48,7 @@ Response verify_log(const ViewerContext& context, std::mutex& turn) {
   options.threads = 1;
   const archive::VerificationReport report = archive::verify_log(context.home().log_folder, options);
   ordered_json out = archive::report_json(report);
+  add_meanings(out);
   out["verified"] = format_utc(utc_now());
   return Response::json(out);
 }

@@ -6,6 +6,7 @@
 #include "archive/catalogue.h"
 #include "archive/report_json.h"
 #include "viewer/server/api.h"
+#include "viewer/server/finding_meanings.h"
 #include "viewer/server/verification_runner.h"
 
 namespace kiroku::viewer {
@@ -60,6 +61,7 @@ ordered_json report_of(const archive::VerificationReport& report, const std::fil
   out.update(archive::report_json(report));
   const Moments moments = moments_in(folder);
   for (ordered_json& finding : out["findings"]) finding["time_ns"] = moment_of(finding, moments);
+  add_meanings(out);
   return out;
 }
 

@@ -1,9 +1,11 @@
-// The API as functions. Every failure is an ApiError with the server's own sentence.
+// The API as functions. Every failure is an ApiError with the server's sentence, in the language of the page.
 import type {
   ApplianceStatus, CaseInfo, CaseSummary, Comparison, ComparisonDocument, ComparisonMaking, JudgedPoints, Matching, PickingCamera, PickingView,
   Preparing, Role, Session, Timeline, User, Verification, Vitals,
 } from '@/api/types';
 import { printable, printableTexts } from '@/base/printable';
+import { inOwnWords } from '@/i18n/server_words';
+import { t } from '@/i18n/i18n';
 
 export class ApiError extends Error {
   constructor(
@@ -11,6 +13,25 @@ export class ApiError extends Error {
     sentence: string,
   ) {
     super(sentence);
+  }
+}
+
+/** The status of an error where no server answered. */
+export const kNoAnswer = 0;
+
+let onUnreachable: () => void = () => {};
+/** Called whenever the server does not answer at all. */
+export function whenUnreachable(action: () => void): void {
+  onUnreachable = action;
+}
+
+/** Whether a server answers, whatever it says. */
+export async function reachable(): Promise<boolean> {
+  try {
+    const { status } = await fetch('/api/session', { cache: 'no-store' });
+    return status < 500;
+  } catch {
+    return false;
   }
 }
 
@@ -24,7 +45,7 @@ async function failure(response: Response): Promise<ApiError> {
   const text = await response.text();
   try {
     const body = JSON.parse(text) as { error?: unknown };
-    if (typeof body.error === 'string') return new ApiError(response.status, printable(body.error));
+    if (typeof body.error === 'string') return new ApiError(response.status, inOwnWords(printable(body.error), response.status));
   } catch {
     // A proxy in between answers in its own words.
   }
@@ -37,7 +58,11 @@ async function ask(method: string, path: string, body?: unknown, signal?: AbortS
     options.headers = { 'Content-Type': 'application/json', 'X-Kiroku-Request': '1' };
     options.body = JSON.stringify(body ?? {});
   }
-  const response = await fetch(`/api/${path}`, options);
+  const response = await fetch(`/api/${path}`, options).catch((error: unknown) => {
+    if (signal?.aborted) throw error;
+    onUnreachable();
+    throw new ApiError(kNoAnswer, t('gone.title'));
+  });
   if (response.ok) return response;
   const error = await failure(response);
   if (response.status === 401 && path !== 'session') onSignedOut();

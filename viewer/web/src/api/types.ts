@@ -150,7 +150,10 @@ export interface Finding {
   file: string | null;
   entry: number | null;
   offset: number | null;
+  /** The verifier's own sentence, in English. */
   text: string;
+  /** What the code means. */
+  meaning: Readonly<Record<'en' | 'ja', string>>;
   time_ns?: number | null;
 }
 

@@ -4,7 +4,7 @@ import { useEffect } from 'preact/hooks';
 import { invitations } from '@/guests/guest_api';
 import { guestIsOver, invited } from '@/guests/guest_state';
 import { t } from '@/i18n/i18n';
-import { session } from '@/shell/state';
+import { session, textOf } from '@/shell/state';
 
 export function JoinView({ token }: { token: string }) {
   const problem = useSignal('');
@@ -20,7 +20,7 @@ export function JoinView({ token }: { token: string }) {
       invited.value = undefined;
       guestIsOver.value = false;
     } catch (error) {
-      problem.value = error instanceof Error ? error.message : String(error);
+      problem.value = textOf(error);
     } finally {
       busy.value = false;
     }

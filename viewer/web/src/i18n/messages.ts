@@ -11,6 +11,7 @@ import { planningEn, planningJa } from '@/i18n/planning_messages';
 import { pointingEn, pointingJa } from '@/i18n/pointing_messages';
 import { roomsEn, roomsJa } from '@/i18n/rooms_messages';
 import { shellEn, shellJa } from '@/i18n/shell_messages';
+import { stateEn, stateJa } from '@/i18n/state_messages';
 import { timelineEn, timelineJa } from '@/i18n/timeline_messages';
 import { trainingEn, trainingJa } from '@/i18n/training_messages';
 import { usersEn, usersJa } from '@/i18n/users_messages';
@@ -18,6 +19,7 @@ import { verificationEn, verificationJa } from '@/i18n/verification_messages';
 
 const en = {
   ...shellEn,
+  ...stateEn,
   ...casesEn,
   ...verificationEn,
   ...caseEn,
@@ -39,6 +41,7 @@ export type Language = 'en' | 'ja';
 
 const ja: Record<MessageKey, string> = {
   ...shellJa,
+  ...stateJa,
   ...casesJa,
   ...verificationJa,
   ...caseJa,

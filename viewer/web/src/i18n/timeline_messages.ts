@@ -24,6 +24,8 @@ export const timelineEn = {
   'transport.speed': 'Speed',
   'transport.fullScreen': 'Full screen',
   'transport.goTo': 'Go to a time',
+  'transport.selectFrom': 'Selection begins here',
+  'transport.selectTo': 'Selection ends here',
 
   'goTo.title': 'Go to a time',
   'goTo.what': 'Time in the case, such as 1:30, 01:02:03.5, +10 or -1:00',
@@ -31,7 +33,7 @@ export const timelineEn = {
   'goTo.refused': 'That is no time of this case: it lasts {end}.',
 
   'help.title': 'Keys',
-  'help.mouse': 'On the time line: drag to scrub, turn the wheel to zoom, Shift and wheel to move, Shift and drag to select.',
+  'help.mouse': 'On the time line: drag to scrub, turn the wheel to zoom, Shift and wheel to move, Shift and drag to select. With fingers: tap or drag sideways to scrub, two fingers to zoom and move.',
   'help.streams': 'Streams of this case: {names}.',
   'key.space': 'Space',
   'key.toggle': 'Play, pause',
@@ -77,6 +79,8 @@ export const timelineJa: Record<keyof typeof timelineEn, string> = {
   'transport.speed': '速度',
   'transport.fullScreen': '全画面',
   'transport.goTo': '時刻へ移動',
+  'transport.selectFrom': 'ここから選択',
+  'transport.selectTo': 'ここまで選択',
 
   'goTo.title': '時刻へ移動',
   'goTo.what': '症例内の時刻（例：1:30、01:02:03.5、+10、-1:00）',
@@ -84,7 +88,7 @@ export const timelineJa: Record<keyof typeof timelineEn, string> = {
   'goTo.refused': 'この症例の時刻ではありません。長さは {end} です。',
 
   'help.title': 'キー操作',
-  'help.mouse': 'タイムライン上：ドラッグで移動、ホイールで拡大縮小、Shift+ホイールで横移動、Shift+ドラッグで選択。',
+  'help.mouse': 'タイムライン上：ドラッグで移動、ホイールで拡大縮小、Shift+ホイールで横移動、Shift+ドラッグで選択。指では：タップまたは横へのドラッグで移動、2本指で拡大縮小と横移動。',
   'help.streams': 'この症例のストリーム：{names}。',
   'key.space': 'スペース',
   'key.toggle': '再生・一時停止',

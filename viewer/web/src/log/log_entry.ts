@@ -1,5 +1,7 @@
 // Entries of the appliance log as rows (docs/reference/format.md, "The appliance log"). Pure.
 
+import { formatDuration } from '@/base/time';
+
 /** Whatever else it carries stands beside these. */
 export interface LogEntry {
   type: string;
@@ -22,23 +24,32 @@ export interface LogRow {
   /** "" where it concerns no single case. */
   case: string;
   who: string;
-  /** In the words of whoever entered it, or what it carries: "size 412". */
-  what: string;
+  /** What was done, in the entry's own words; "" where it is no access. */
+  deed: string;
+  /** Whatever else it carries, in its order. */
+  carries: readonly (readonly [field: string, value: string])[];
 }
 
-const text = (value: unknown): string => (typeof value === 'string' ? value : JSON.stringify(value));
+/** Of what the entry carries beside its own columns, what is a length in nanoseconds. */
+const kLengths = new Set(['duration_ns']);
+
+function text(field: string, value: unknown): string {
+  if (kLengths.has(field) && typeof value === 'number') return formatDuration(value);
+  return typeof value === 'string' ? value : JSON.stringify(value);
+}
 
 export function rowOf(entry: LogEntry): LogRow {
   const named = typeof entry['case'] === 'string' && entry['case'] !== '*' ? entry['case'] : '';
   const carried = Object.entries(entry)
     .filter(([key]) => !kOwnColumns.has(key))
-    .map(([key, value]) => `${key} ${text(value)}`);
+    .map(([key, value]) => [key, text(key, value)] as const);
   return {
     seq: entry.seq,
     utc: entry.utc,
     type: entry.type,
     case: named,
     who: typeof entry['who'] === 'string' ? entry['who'] : '',
-    what: [...(typeof entry['what'] === 'string' ? [entry['what']] : []), ...carried].join(', '),
+    deed: typeof entry['what'] === 'string' ? entry['what'] : '',
+    carries: carried,
   };
 }

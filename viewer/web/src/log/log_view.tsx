@@ -5,10 +5,14 @@ import { get } from '@/api/client';
 import type { VerificationReport } from '@/api/types';
 import { hrefOf } from '@/base/route';
 import { formatMoment, type MessageKey, t, word } from '@/i18n/i18n';
+import { deedInWords, fieldInWords } from '@/i18n/log_words';
 import { kLogTypes, type LogEntry, type LogRow, rowOf } from '@/log/log_entry';
+import { returns } from '@/shell/connection';
 import { announce, attempt } from '@/shell/state';
+import { StateCard } from '@/shell/state_card';
 import { VerdictChip } from '@/shell/verdict';
 import { byGravity, severityText } from '@/verification/chain';
+import { FindingText } from '@/verification/finding_text';
 
 const kPage = 100;
 
@@ -43,7 +47,7 @@ function State() {
             <ul class="log-findings">
               {byGravity(found.findings).map((one, at) => (
                 <li key={at}>
-                  <strong>{t(severityText(one.severity))}</strong> <span lang="en">{one.text}</span>
+                  <strong>{t(severityText(one.severity))}</strong> <FindingText finding={one} />
                 </li>
               ))}
             </ul>
@@ -51,6 +55,22 @@ function State() {
         </>
       )}
     </section>
+  );
+}
+
+/** In the page's language; an access in its own words too, since those are what was signed. */
+function What({ row }: { row: LogRow }) {
+  const told = [...(row.deed === '' ? [] : [deedInWords(row.deed)]), ...row.carries.map(([field, value]) => fieldInWords(field, value))].join(', ');
+  const differs = row.deed !== '' && deedInWords(row.deed) !== row.deed;
+  return (
+    <>
+      <small class="muted log-what">{told}</small>
+      {differs && (
+        <small class="muted log-what" lang="en">
+          {row.deed}
+        </small>
+      )}
+    </>
   );
 }
 
@@ -71,7 +91,7 @@ export function LogView() {
     });
   useEffect(() => {
     void load(undefined);
-  }, [kind.value]);
+  }, [kind.value, returns.value]);
   useEffect(() => {
     document.title = `${t('log.title')} · Kiroku`;
   });
@@ -95,7 +115,13 @@ export function LogView() {
           </select>
         </label>
         {rows.value.length === 0 ? (
-          <p class="muted">{t('log.none')}</p>
+          isWhole.value && (
+            <StateCard icon="document" title={t('log.none')} what={t('log.noneWhat')}>
+              <button type="button" class="button" onClick={() => (kind.value = '')}>
+                {t('log.all')}
+              </button>
+            </StateCard>
+          )
         ) : (
           <div class="log-scroll" tabIndex={0} role="region" aria-label={t('log.title')}>
             <table class="table log-table">
@@ -119,9 +145,7 @@ export function LogView() {
                     <td class="log-when">{formatMoment(row.utc)}</td>
                     <td>
                       <strong>{word('logType', row.type)}</strong>
-                      <small class="muted log-what" lang="en">
-                        {row.what}
-                      </small>
+                      <What row={row} />
                     </td>
                     <td lang="en">{row.who}</td>
                     <td>

@@ -17,6 +17,8 @@ export class LivePlayer {
   /** The newest picture on the screen: its time on the case clock and when it was shown, by performance.now(). */
   shown: { media_ns: number; displayed_ms: number } | undefined;
   connected = false;
+  /** This browser has no decoder for what comes. */
+  lacksCodec = false;
   private readonly address: string;
   private socket: WebSocket | undefined;
   private source: MediaSource | undefined;
@@ -95,6 +97,9 @@ export class LivePlayer {
   /** A new case, or another form of picture: nothing of before is of use. */
   private begin(codecs: string): void {
     this.end();
+    const type = `video/mp4; codecs="${codecs}"`;
+    this.lacksCodec = !MediaSource.isTypeSupported(type);
+    if (this.lacksCodec) return;
     const source = new MediaSource();
     this.source = source;
     this.pace = new LivePace();
@@ -103,7 +108,7 @@ export class LivePlayer {
       () => {
         if (source !== this.source) return;
         source.duration = Infinity;
-        const buffer = source.addSourceBuffer(`video/mp4; codecs="${codecs}"`);
+        const buffer = source.addSourceBuffer(type);
         buffer.addEventListener('updateend', () => this.follow(buffer));
         this.buffer = buffer;
         this.append();

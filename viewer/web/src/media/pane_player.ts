@@ -1,5 +1,6 @@
 // One video of a case, fed with pieces of viewing copy by Media Source Extensions. The media time line is the case clock in seconds. Owned by one
 // Playback; closed once.
+import { signal } from '@preact/signals';
 import { cases } from '@/api/client';
 import { common, type Span, spanAt } from '@/base/spans';
 import { correction } from '@/clock/sync';
@@ -13,6 +14,9 @@ const kMargin_ns = 0.12e9;
 /** A frame's own time, as a fraction in binary, may fall just before it. */
 const kIntoFrameSeconds = 0.0005;
 
+/** The browser lacks the codec, or could not decode what came. */
+export type Failure = 'codec' | 'decoding';
+
 export interface ShownFrame {
   media_ns: number;
   displayed_ms: number;
@@ -23,6 +27,8 @@ export class PanePlayer {
   /** The newest frame that was put on the screen. */
   shown: ShownFrame | undefined;
   readonly sound: PaneSound;
+  /** Why the browser shows no picture of this stream at all. */
+  readonly failure = signal<Failure | undefined>(undefined);
   private readonly source = new MediaSource();
   private readonly address: string;
   private feeds: PieceFeed[] = [];
@@ -49,6 +55,9 @@ export class PanePlayer {
     this.video.tabIndex = -1;
     this.address = URL.createObjectURL(this.source);
     this.source.addEventListener('sourceopen', () => void this.open(), { once: true });
+    this.video.addEventListener('error', () => {
+      if (!this.closing.signal.aborted) this.failure.value ??= 'decoding';
+    });
     this.video.src = this.address;
     this.watchFrames();
   }
@@ -69,6 +78,7 @@ export class PanePlayer {
 
   /** Whether the picture of `time_ns` can be shown without waiting, or there is none. */
   isReady(time_ns: number): boolean {
+    if (this.failure.peek()) return true;
     if (this.target_ns !== undefined || !canShow(time_ns, this.recorded, this.buffered(), kMargin_ns)) return false;
     return !this.isRecorded(time_ns) || (!this.video.seeking && this.video.readyState >= HTMLMediaElement.HAVE_CURRENT_DATA);
   }
@@ -89,6 +99,7 @@ export class PanePlayer {
 
   /** Called for each picture of the screen: keeps pieces coming, and the video at `time_ns`. */
   tick(time_ns: number, running: boolean, rate: number, now_ms: number): void {
+    if (this.failure.peek()) return;
     for (const feed of this.feeds) feed.pump(time_ns, rate, now_ms);
     this.hear(rate);
     this.goToTarget();
@@ -125,7 +136,7 @@ export class PanePlayer {
 
   /** Where the video itself stands, if it runs. */
   runningAt(): number | undefined {
-    if (this.video.paused || this.video.seeking || this.video.readyState < HTMLMediaElement.HAVE_FUTURE_DATA) return undefined;
+    if (this.failure.peek() || this.video.paused || this.video.seeking || this.video.readyState < HTMLMediaElement.HAVE_FUTURE_DATA) return undefined;
     return this.video.currentTime * 1e9;
   }
 
@@ -151,7 +162,12 @@ export class PanePlayer {
       // A browser takes no track more once it knows of one: whether there is sound must be known before.
       const [init, sound] = await Promise.all([cases.init(this.caseId, this.stream, signal), this.soundInit(signal)]);
       this.source.duration = this.end_ns / 1e9;
-      const pictures = this.source.addSourceBuffer(mimeTypeOf(new Uint8Array(init)));
+      const type = mimeTypeOf(new Uint8Array(init));
+      if (!MediaSource.isTypeSupported(type)) {
+        this.failure.value = 'codec';
+        return;
+      }
+      const pictures = this.source.addSourceBuffer(type);
       const beside = sound && this.source.addSourceBuffer(sound.type);
       const tell = (error: unknown) => this.tell(error);
       this.feeds = [

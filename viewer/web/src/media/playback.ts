@@ -25,7 +25,7 @@ export class Playback {
   readonly playing = signal(false);
   readonly waiting = signal(false);
   readonly rate = signal(1);
-  readonly problem = signal<string | undefined>(undefined);
+  readonly problem = signal<Error | undefined>(undefined);
   readonly followers = new Set<Follower>();
   private readonly stopNaming: () => void;
   private frame = 0;
@@ -37,7 +37,7 @@ export class Playback {
     this.panes = sources.map(
       ({ stream, recorded }) =>
         new PanePlayer(caseId, stream, recorded, end_ns, (error) => {
-          this.problem.value = error.message;
+          this.problem.value = error;
         }),
     );
     this.stopNaming = effect(() => {

@@ -1,16 +1,18 @@
 // The frame around every view: who is signed in, where one can go, what is said aloud.
 import { useEffect } from 'preact/hooks';
-import { session as api, whenSignedOut } from '@/api/client';
+import { ApiError, kNoAnswer, session as api, whenSignedOut } from '@/api/client';
 import { hrefOf, route, signInLink } from '@/base/route';
 import { invitationLink } from '@/guests/guest_api';
 import { guestIsOver, invited } from '@/guests/guest_state';
 import { GuestView } from '@/guests/guest_view';
 import { JoinView, OverView } from '@/guests/join_view';
 import { hasChosenLanguage, language, setLanguage, t } from '@/i18n/i18n';
+import { returns } from '@/shell/connection';
+import { GoneBanner } from '@/shell/gone_banner';
 import { Icon, type IconName } from '@/shell/icon';
 import { LogView } from '@/log/log_view';
 import { may } from '@/shell/rights';
-import { announcement, attempt, dismiss, notices, notify, session, setTheme, theme } from '@/shell/state';
+import { announcement, attempt, dismiss, notices, notifyOf, session, sessionEnded, setTheme, theme } from '@/shell/state';
 import { PlanningView } from '@/planning/planning_view';
 import { TrainingView } from '@/training/training_view';
 import { CaseView } from '@/views/case_view';
@@ -22,6 +24,7 @@ import { VerificationView } from '@/views/verification_view';
 
 whenSignedOut(() => {
   if (session.value?.role === 'guest') guestIsOver.value = true;
+  else if (session.value) sessionEnded.value = true;
   session.value = null;
 });
 
@@ -33,11 +36,13 @@ async function findSession(): Promise<void> {
   try {
     if (link !== undefined) await api.signInByLink(link);
   } catch (error) {
-    notify(error instanceof Error ? error.message : String(error));
+    notifyOf(error);
   }
   try {
     session.value = await api.get();
-  } catch {
+  } catch (error) {
+    // A server that is away has ended no session: it is asked again once it is back.
+    if (error instanceof ApiError && error.status === kNoAnswer) return;
     session.value = null;
   }
 }
@@ -117,7 +122,7 @@ function Header() {
             }
           >
             <Icon name="unlocked" />
-            {t('lock.now')}
+            <span class="top-text">{t('lock.now')}</span>
           </button>
         )}
         <Switches />
@@ -129,6 +134,7 @@ function Header() {
             onClick={() =>
               void attempt(async () => {
                 await api.signOut();
+                sessionEnded.value = false;
                 session.value = null;
               })
             }
@@ -185,6 +191,10 @@ function View() {
 }
 
 export function App() {
+  const returned = returns.value;
+  useEffect(() => {
+    if (returned > 0 && session.peek() === undefined) void findSession();
+  }, [returned]);
   useEffect(() => {
     void findSession();
     // An invitation that is opened where the page is open already.
@@ -194,6 +204,9 @@ export function App() {
     addEventListener('hashchange', linked);
     return () => removeEventListener('hashchange', linked);
   }, []);
+  // Lists scroll with the document, which stays while views change.
+  const here = route.value;
+  useEffect(() => scrollTo(0, 0), [here.view, 'id' in here ? here.id : '']);
   const chosen = session.value?.language;
   useEffect(() => {
     if ((chosen === 'en' || chosen === 'ja') && !hasChosenLanguage()) setLanguage(chosen, false);
@@ -206,7 +219,10 @@ export function App() {
       }}>
         {t('skip')}
       </a>
-      <Header />
+      <div class="top-stack">
+        <Header />
+        <GoneBanner />
+      </div>
       <View />
       <div class="notices" role="alert">
         {notices.value.map((notice) => (

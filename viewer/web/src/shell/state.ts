@@ -1,9 +1,13 @@
 // What the whole page knows: who is signed in, light or dark, and what is said aloud.
 import { signal } from '@preact/signals';
+import { ApiError, kNoAnswer } from '@/api/client';
 import type { Session } from '@/api/types';
 
 /** undefined: not asked yet; null: signed out. */
 export const session = signal<Session | null | undefined>(undefined);
+
+/** The server ended the session, rather than the person: then signing in leads back to where they were. */
+export const sessionEnded = signal(false);
 
 export type Theme = 'dark' | 'light';
 const kStored = 'kiroku.theme';
@@ -45,13 +49,21 @@ export function dismiss(id: number): void {
   notices.value = notices.value.filter((one) => one.id !== id);
 }
 
+export const textOf = (error: unknown): string => (error instanceof Error ? error.message : String(error));
+
+/** Tells the person of a failure; of one that the frame shows by itself (no answer, no session) it says nothing more. */
+export function notifyOf(error: unknown): void {
+  if (error instanceof DOMException && error.name === 'AbortError') return;
+  if (error instanceof ApiError && (error.status === kNoAnswer || error.status === 401)) return;
+  notify(textOf(error));
+}
+
 /** Runs `action` and tells the person of its failure. */
 export async function attempt<T>(action: () => Promise<T>): Promise<T | undefined> {
   try {
     return await action();
   } catch (error) {
-    if (error instanceof DOMException && error.name === 'AbortError') return undefined;
-    notify(error instanceof Error ? error.message : String(error));
+    notifyOf(error);
     return undefined;
   }
 }

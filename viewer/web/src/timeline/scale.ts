@@ -29,6 +29,17 @@ export function zoomed(window: Span, whole: Span, factor: number, about_ns: numb
 export const panned = (window: Span, whole: Span, by_ns: number): Span =>
   within({ start_ns: window.start_ns + by_ns, end_ns: window.end_ns + by_ns }, whole);
 
+/** Fingers that lie closer than this would zoom without end. */
+const kLeastApart = 24;
+
+/** What lay under the middle of two fingers stays there, and the window is as much closer as they are further apart. */
+export function pinched(window: Span, whole: Span, from: readonly [number, number], to: readonly [number, number], width: number): Span {
+  const apart = ([a, b]: readonly [number, number]) => Math.max(kLeastApart, Math.abs(b - a));
+  const middle = ([a, b]: readonly [number, number]) => (a + b) / 2;
+  const closer = zoomed(window, whole, apart(from) / apart(to), toTime(middle(from), window, width));
+  return panned(closer, whole, ((middle(from) - middle(to)) / width) * (closer.end_ns - closer.start_ns));
+}
+
 /** The window that shows `time_ns` again once it has left it: turned over like a page, so that it stands still while one watches. */
 export function following(window: Span, whole: Span, time_ns: number): Span {
   if (time_ns >= window.start_ns && time_ns <= window.end_ns) return window;

@@ -7,7 +7,9 @@ import { hrefOf } from '@/base/route';
 import { formatBytes, formatDuration } from '@/base/time';
 import { formatMoment, t, word } from '@/i18n/i18n';
 import { Icon } from '@/shell/icon';
+import { returns } from '@/shell/connection';
 import { may } from '@/shell/rights';
+import { StateCard } from '@/shell/state_card';
 import { announce, attempt, session } from '@/shell/state';
 import { VerdictChip } from '@/shell/verdict';
 
@@ -98,7 +100,7 @@ export function CasesView() {
       clearTimeout(timer);
       request.abort();
     };
-  }, [text]);
+  }, [text, returns.value]);
 
   const loadMore = () =>
     attempt(async () => {
@@ -126,10 +128,22 @@ export function CasesView() {
         </label>
       </div>
       {list.value?.length === 0 && (
-        <div class="empty card">
-          <Icon name="cases" />
-          <p>{text === '' ? t('cases.none') : t('cases.noneFound', { text })}</p>
-        </div>
+        <StateCard
+          icon="cases"
+          title={text === '' ? t('cases.none') : t('cases.noneFound', { text })}
+          what={text === '' ? t('cases.noneWhat') : t('cases.noneFoundWhat')}
+        >
+          {text !== '' && (
+            <button type="button" class="button" onClick={() => (search.value = '')}>
+              {t('state.clearSearch')}
+            </button>
+          )}
+          {text === '' && may(session.value?.role, 'control-rooms') && (
+            <a class="button" href={hrefOf({ view: 'rooms' })}>
+              {t('state.toRooms')}
+            </a>
+          )}
+        </StateCard>
       )}
       <ul class="case-list" aria-label={t('nav.cases')} aria-busy={list.value === undefined}>
         {list.value?.map((one) => <Row key={one.id} one={one} />)}

@@ -10,9 +10,10 @@ import { Icon } from '@/shell/icon';
 
 const kLook_ms = 500;
 
-type Shown = { state: 'connecting' | 'nothing' } | { state: 'live'; delay_s: number | undefined };
+type Shown = { state: 'connecting' | 'nothing' | 'noCodec' } | { state: 'live'; delay_s: number | undefined };
 
 function look(player: LivePlayer, clock: RemoteClock): Shown {
+  if (player.lacksCodec) return { state: 'noCodec' };
   const { shown } = player;
   const now_ms = performance.now();
   if (!shown || now_ms - shown.displayed_ms > kFresh_ms) return { state: player.connected ? 'nothing' : 'connecting' };
@@ -60,7 +61,7 @@ export function LivePane({ room, stream, clock, nothing, company, records }: Pro
         {now.state !== 'live' && (
           <div class="pane-empty">
             <Icon name="dash" />
-            <p>{now.state === 'connecting' ? t('live.connecting') : (nothing ?? t('live.nothing'))}</p>
+            <p>{now.state === 'noCodec' ? t('live.noCodec') : now.state === 'connecting' ? t('live.connecting') : (nothing ?? t('live.nothing'))}</p>
           </div>
         )}
         {company && shows.value && <LivePointers company={company} stream={stream} player={shows.value} mayPoint={records && now.state === 'live'} />}

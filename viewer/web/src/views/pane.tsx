@@ -46,6 +46,8 @@ export function Pane({ model, player, playback, large, original, onEnlarge, onOr
   useEffect(() => {
     place.current?.prepend(player.video);
     player.video.setAttribute('aria-label', word('stream', player.stream));
+    // A case that is unlocked is loaded anew, with a player of its own.
+    return () => player.video.remove();
   }, [player]);
   const recorded = useMemo(() => computed(() => player.isRecorded(playback.position_ns.value)), [player, playback]);
   const cause = useMemo(
@@ -63,6 +65,7 @@ export function Pane({ model, player, playback, large, original, onEnlarge, onOr
     return () => clearTimeout(timer);
   }, [waiting]);
 
+  const failure = player.failure.value;
   const name = word('stream', player.stream);
   const hasSound = player.sound.isThere.value === true;
   return (
@@ -70,6 +73,13 @@ export function Pane({ model, player, playback, large, original, onEnlarge, onOr
       <div class="pane-picture" ref={place} onDblClick={onEnlarge}>
         {original && recorded.value && <FrameOver frame={original} />}
         {children}
+        {failure !== undefined && recorded.value && !original && (
+          <div class="pane-empty pane-failed" role="alert">
+            <Icon name="alarm" />
+            <p>{t(failure === 'codec' ? 'pane.noCodec' : 'pane.broken')}</p>
+            <p class="muted">{t(failure === 'codec' ? 'pane.noCodecWhat' : 'pane.brokenWhat')}</p>
+          </div>
+        )}
         {!recorded.value && (
           <div class="pane-empty">
             <Icon name="dash" />

@@ -14,7 +14,8 @@ import { useCompany } from '@/pointing/use_company';
 import { Dialog } from '@/shell/dialog';
 import { Icon } from '@/shell/icon';
 import { may } from '@/shell/rights';
-import { announce, attempt, session } from '@/shell/state';
+import { announce, attempt, session, textOf } from '@/shell/state';
+import { StateCard } from '@/shell/state_card';
 import { useVisible } from '@/shell/visible';
 import { LivePane } from '@/views/live_pane';
 
@@ -242,6 +243,7 @@ export function RoomsView() {
   const status = useSignal<ApplianceStatus | undefined>(undefined);
   const streams = useSignal<readonly LiveStream[] | undefined>(undefined);
   const problem = useSignal('');
+  const noRecorder = useSignal(false);
   const visible = useVisible();
   const clocks = useMemo(() => new Map<string, RemoteClock>(), []);
   const clockOf = (room: string) => {
@@ -259,7 +261,8 @@ export function RoomsView() {
       problem.value = '';
     } catch (error) {
       status.value = undefined;
-      problem.value = error instanceof ApiError && error.status === 503 ? t('rooms.noRecorder') : error instanceof Error ? error.message : String(error);
+      noRecorder.value = error instanceof ApiError && error.status === 503;
+      problem.value = noRecorder.value ? t('rooms.noRecorder') : textOf(error);
     }
   };
   useEffect(() => {
@@ -288,14 +291,16 @@ export function RoomsView() {
         <h1>{t('nav.rooms')}</h1>
       </div>
       {problem.value !== '' && (
-        <div class="empty card" role="status">
-          <Icon name="rooms" />
-          <p>{problem.value}</p>
-        </div>
+        <StateCard icon="rooms" title={problem.value} {...(noRecorder.value ? { what: t('rooms.noRecorderWhat') } : {})}>
+          <button type="button" class="button" onClick={() => void refresh()}>
+            {t('state.again')}
+          </button>
+        </StateCard>
       )}
       {status.value && (
         <>
           <Appliance status={status.value} />
+          {status.value.rooms.length === 0 && <StateCard icon="rooms" title={t('rooms.none')} what={t('rooms.noneWhat')} />}
           <div class="rooms">
             {status.value.rooms.map((room) => (
               <RoomCard

@@ -1,7 +1,7 @@
 import { useSignal } from '@preact/signals';
 import { ApiError, session as api } from '@/api/client';
 import { t } from '@/i18n/i18n';
-import { session } from '@/shell/state';
+import { session, sessionEnded, textOf } from '@/shell/state';
 
 export function SignInView() {
   const problem = useSignal('');
@@ -14,8 +14,9 @@ export function SignInView() {
     try {
       await api.signIn(String(fields.get('user')), String(fields.get('password')));
       session.value = await api.get();
+      sessionEnded.value = false;
     } catch (error) {
-      problem.value = error instanceof ApiError && error.status === 401 ? t('signIn.refused') : error instanceof Error ? error.message : String(error);
+      problem.value = error instanceof ApiError && error.status === 401 ? t('signIn.refused') : textOf(error);
     } finally {
       busy.value = false;
     }
@@ -24,7 +25,7 @@ export function SignInView() {
     <main id="main" class="main sign-in" tabIndex={-1}>
       <form class="card sign-in-card" onSubmit={(event) => void submit(event)}>
         <h1>{t('signIn.title')}</h1>
-        <p class="muted">{t('signIn.what')}</p>
+        {sessionEnded.value ? <p class="session-ended">{t('session.ended')}</p> : <p class="muted">{t('signIn.what')}</p>}
         <label class="field">
           <span>{t('signIn.user')}</span>
           <input name="user" autocomplete="username" autocapitalize="none" spellcheck={false} required autofocus />

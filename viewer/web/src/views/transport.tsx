@@ -25,8 +25,8 @@ function Clock({ model, playback, onGoTo }: { model: CaseModel; playback: Playba
 
 export function Transport({ model, playback, withPictures, act }: { model: CaseModel; playback: Playback; withPictures: boolean; act: (action: Action) => void }) {
   const playing = playback.playing.value;
-  const Button = ({ action, icon, label, keys }: { action: Action; icon: IconName; label: string; keys: string }) => (
-    <button type="button" class="button button-quiet button-square" aria-label={label} title={`${label} (${keys})`} aria-keyshortcuts={keys} onClick={() => act(action)}>
+  const Button = ({ action, icon, label, keys, touchOnly }: { action: Action; icon: IconName; label: string; keys: string; touchOnly?: boolean }) => (
+    <button type="button" class={`button button-quiet button-square${touchOnly ? ' touch-only' : ''}`} aria-label={label} title={`${label} (${keys})`} aria-keyshortcuts={keys} onClick={() => act(action)}>
       <Icon name={icon} />
     </button>
   );
@@ -50,6 +50,8 @@ export function Transport({ model, playback, withPictures, act }: { model: CaseM
       </div>
       <Clock model={model} playback={playback} onGoTo={() => act('goTo')} />
       <div class="transport-group transport-end">
+        <Button action="selectFrom" icon="selectFrom" label={t('transport.selectFrom')} keys="I" touchOnly />
+        <Button action="selectTo" icon="selectTo" label={t('transport.selectTo')} keys="O" touchOnly />
         <label class="speed">
           <span class="only-heard">{t('transport.speed')}</span>
           <select

@@ -5,7 +5,7 @@ import { session as api } from '@/api/client';
 import { readIdentityFile } from '@/base/identity_file';
 import { t } from '@/i18n/i18n';
 import { Icon } from '@/shell/icon';
-import { announce, session } from '@/shell/state';
+import { announce, session, textOf } from '@/shell/state';
 
 export function UnlockPanel() {
   const problem = useSignal('');
@@ -26,7 +26,7 @@ export function UnlockPanel() {
       session.value = await api.get();
       announce(t('unlock.done'));
     } catch (error) {
-      problem.value = error instanceof Error ? error.message : String(error);
+      problem.value = textOf(error);
     } finally {
       busy.value = false;
     }

@@ -12,6 +12,7 @@ import { announce, attempt, session } from '@/shell/state';
 import { verdictSign } from '@/shell/verdict';
 import { byGravity, chainOf, linkOf, type LinkName, momentOf, severityText } from '@/verification/chain';
 import { ChainDrawing } from '@/verification/chain_drawing';
+import { FindingText } from '@/verification/finding_text';
 
 const kEvery_ms = 400;
 
@@ -26,7 +27,9 @@ function FindingRow({ finding, timeline, about }: { finding: Finding; timeline: 
     <li class={`finding finding-${finding.severity}`}>
       <span class="finding-severity">{t(severityText(finding.severity))}</span>
       <div class="finding-what">
-        <p lang="en">{finding.text}</p>
+        <p>
+          <FindingText finding={finding} />
+        </p>
         <p class="muted mono finding-place">
           {[finding.code, ...place].map((one) => (
             <span key={one}>{one}</span>

@@ -1,0 +1,113 @@
+// That what programs say in English has its Japanese: every sentence is read from the sources that say it.
+import { readFileSync } from 'node:fs';
+import { describe, expect, it } from 'vitest';
+import { deedInJapanese, endInJapanese } from '@/i18n/log_words';
+import { messages } from '@/i18n/messages';
+import { SentencePatterns } from '@/i18n/sentence_patterns';
+import { hasJapanese } from '@/i18n/server_words';
+import { kLogTypes } from '@/log/log_entry';
+import { kValue, type Sentence, sentencesOf } from './cpp_sentences';
+
+const root = process.env['KIROKU_SOURCE_DIR'] ?? '';
+if (root === '') throw new Error('KIROKU_SOURCE_DIR names the checkout');
+
+const kJapanese = /[\u3040-\u30ff\u4e00-\u9fff]/;
+/** Told by libraries below, in words of their own: the page puts Japanese before them by the answer's status. */
+const isOfOthers = ({ text }: Sentence) => text.replaceAll(kValue, '').trim() === '';
+/** What breaks the protocol, which the page itself never does. */
+const isOfProtocol = ({ text }: Sentence) =>
+  /^('|an 'id' |a message |a pointer |the body must |the header |files can only be read|this address |the range |this is not HTTP|this server speaks)/.test(text);
+
+describe('Sentences in C++', () => {
+  it('are read as they are put together', () => {
+    const found = sentencesOf(root, ['viewer/server'], 'Refusal', 1).map((one) => one.text);
+    expect(found).toContain(`there is no case ${kValue}`);
+    // Over several lines, and with a choice within.
+    expect(found).toContain(`another comparison is being made by ${kValue}: wait until it is done`);
+    expect(found.length).toBeGreaterThan(80);
+  });
+});
+
+describe('What the server refuses', () => {
+  it('is told in Japanese', () => {
+    const said = [
+      ...sentencesOf(root, ['viewer'], 'Refusal', 1),
+      ...sentencesOf(root, ['viewer/server'], 'refused', 1),
+      ...sentencesOf(root, ['viewer/server'], 'refuse', 1),
+      ...sentencesOf(root, ['viewer/server'], 'Response::error', 1),
+    ];
+    const lacking = said.filter((one) => !isOfOthers(one) && !hasJapanese(one.text) && !isOfProtocol(one));
+    expect(lacking).toEqual([]);
+  });
+});
+
+describe('The appliance log', () => {
+  const types = /kTypes\{(.*?)\};/s.exec(readFileSync(`${root}/archive/log_entry.cpp`, 'utf8'))?.[1] ?? '';
+  const names = [...types.matchAll(/"([a-z-]+)"/g)].map((one) => one[1] as string);
+
+  it('has a name in both languages for every kind of entry', () => {
+    expect(names.length).toBeGreaterThan(10);
+    expect([...kLogTypes].sort()).toEqual([...names].sort());
+    for (const name of names) {
+      for (const language of ['en', 'ja'] as const) expect(messages[language], name).toHaveProperty([`logType.${name}`]);
+    }
+  });
+  it('has a name in both languages for everything an entry carries', () => {
+    const source = readFileSync(`${root}/archive/log_entry.cpp`, 'utf8');
+    const fields = new Set([...source.matchAll(/\.(?:text|digest|count|integer)\("([a-z_0-9]+)"/g)].map((one) => one[1] as string));
+    for (const own of ['case', 'what', 'who', 'type', 'seq', 'utc', 'mono_ns']) fields.delete(own);
+    expect(fields.size).toBeGreaterThan(8);
+    for (const field of fields) {
+      for (const language of ['en', 'ja'] as const) expect(messages[language], field).toHaveProperty([`logField.${field}`]);
+    }
+  });
+
+  it('tells every deed in Japanese', () => {
+    // (request, case, what), (case, what, who, address), (case, what, who), (home, folder, what)
+    const places: Record<string, (given: readonly string[]) => number> = {
+      enter_access: (given) => (given.length === 4 ? 1 : 2),
+      enter_access_once: () => 2,
+      note_access: () => 1,
+      log_access: () => 2,
+    };
+    const said = Object.entries(places).flatMap(([name, which]) => sentencesOf(root, ['viewer', 'apps'], name, which));
+    // Words that come from a variable: where they are given to it.
+    const given = [
+      ...sentencesOf(root, ['viewer/server/'], 'answer', 1).filter((one) => one.file.endsWith('playback_api.cpp')),
+      ...sentencesOf(root, ['viewer/server/'], 'file', 2).filter((one) => one.file.endsWith('comparison_api.cpp')).map((one) => ({ ...one, text: one.text + kValue })),
+      { file: 'viewer/kept/log_of_case.cpp', text: `compared with a plan, document sha256 ${kValue}` },
+    ];
+    expect(given.filter((one) => !isOfOthers(one)).length).toBeGreaterThanOrEqual(7);
+    const kIndirect = ['comparison_api.cpp', 'playback_api.cpp', 'viewer_context.cpp', 'viewer_context.h', 'home.cpp'];
+    const all = [...said, ...given];
+    const unknown = all.filter(isOfOthers).filter((one) => !kIndirect.some((file) => one.file.endsWith(file)));
+    expect(unknown, 'say here where these words come from').toEqual([]);
+    const lacking = all.filter((one) => !isOfOthers(one) && !kJapanese.test(deedInJapanese(one.text) ?? ''));
+    expect(lacking).toEqual([]);
+  });
+  it('tells why an invitation ended in Japanese', () => {
+    const source = readFileSync(`${root}/viewer/server/viewer_context.cpp`, 'utf8');
+    const reasons = [...source.matchAll(/case InvitationEnd::\w+:\s*return "([^"]+)"/g)].map((one) => one[1] as string);
+    expect(reasons.length).toBeGreaterThan(5);
+    for (const reason of reasons) expect(endInJapanese(reason), reason).toMatch(kJapanese);
+  });
+  it('names what a deed was about in words of the page', () => {
+    expect(deedInJapanese('watched endoscope')).toMatch(kJapanese);
+    expect(deedInJapanese('watched or-1/endoscope live')).toContain('or-1/');
+    expect(deedInJapanese('adds user anna as surgeon')).toContain('anna');
+  });
+});
+
+describe('Patterns of sentences', () => {
+  const patterns = new SentencePatterns([
+    ['there is no case {id}', '症例 {id} は存在しません'],
+    ["{n} of {all} (50 %) '*'", '{all} 中 {n}'],
+  ]);
+  it('keep values where they belong', () => {
+    expect(patterns.inJapanese('there is no case 2026')).toBe('症例 2026 は存在しません');
+    expect(patterns.inJapanese("3 of 7 (50 %) '*'")).toBe('7 中 3');
+  });
+  it('know nothing of other sentences', () => {
+    for (const other of ['there is no case', 'well, there is no case 2026', '']) expect(patterns.inJapanese(other)).toBeUndefined();
+  });
+});

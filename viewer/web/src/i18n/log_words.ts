@@ -1,0 +1,72 @@
+// What an entry of the appliance log says, in the page's language: deeds (`what` of an access) and whatever else an entry carries. The entry itself stays as
+// it was signed; in Japanese its own words stand beside. Tests read the sources and fail where a deed or a field has no Japanese.
+import { language, word } from '@/i18n/i18n';
+import { type SentencePair, SentencePatterns } from '@/i18n/sentence_patterns';
+
+export const kDeeds: readonly SentencePair[] = [
+  ['watched vital signs', 'バイタルサインを閲覧'],
+  ['watched pointing', '指示の記録を閲覧'],
+  ['watched the plan of comparison {name}', '比較「{name}」の計画映像を閲覧'],
+  ["watched the plan's radiographs of comparison {name}", '比較「{name}」の計画透視像を閲覧'],
+  ['watched {room}/{stream} live', '{room}/{stream} のライブ映像を閲覧'],
+  ['watched {stream}', '{stream}を閲覧'],
+  ['read marks', 'マークを閲覧'],
+  ['read comparisons', '比較の一覧を閲覧'],
+  ['read comparison {name}', '比較「{name}」を閲覧'],
+  ['matched a plan by hand', '計画の手順を手作業で対応付け'],
+  ['picked points on pictures of a plan', '計画の画像で点を選択'],
+  ['asked for a comparison with a plan, {name}', '計画との比較「{name}」を依頼'],
+  ['compared with a plan, document sha256 {hash}', '計画と比較（文書の sha256 {hash}）'],
+  ['opened to compare it with a plan', '計画と比較するために開封'],
+  ['exported {stream}', '{stream}を書き出し'],
+  ['took an excerpt, sealed as it is', '封印されたまま抜粋を取得'],
+  ['excerpt for a new reader', '新しい受信者のための抜粋を作成'],
+  ['made a receipt', '控えを作成'],
+  ['made a verification report', '検証報告書を作成'],
+  ['verified with an identity', '識別鍵を用いて検証'],
+  ['made a certificate of training for {name}', '{name} の訓練証明を作成'],
+  ['unlocked recordings with an identity', '識別鍵で記録を解錠'],
+  ["unlocked recordings with the server's identity", 'サーバの識別鍵で記録を解錠'],
+  ['adds user {name} as {role}', '利用者 {name} を{role}として追加'],
+  ['changes user {name} as {role}', '利用者 {name} を{role}に変更'],
+  ['removes user {name}', '利用者 {name} を削除'],
+  ['opened plan {plan} with its volume', '計画 {plan} を CT とともに開封'],
+  ['invites guest {guest} to {room} until {time} (invitation {id})', 'ゲスト {guest} を {room} に {time} まで招待（招待 {id}）'],
+  ['revokes invitation {id} of guest {guest} to {room}', 'ゲスト {guest} の {room} への招待 {id} を取り消し'],
+  ['joined {room} by invitation {id} of {name}', '{name} の招待 {id} により {room} に参加'],
+  ['watches {room} again by invitation {id}', '招待 {id} により {room} の閲覧を再開'],
+  ['watches {room} no more, invitation {id} lasts', '{room} の閲覧を中断（招待 {id} は有効）'],
+  ['invitation {id} of guest {guest} to {room} ended: {why}', 'ゲスト {guest} の {room} への招待 {id} が終了：{why}'],
+];
+
+/** Why an invitation ended (viewer/server/viewer_context.cpp). */
+export const kEnds: readonly SentencePair[] = [
+  ['it was revoked', '取り消し'],
+  ['its time is over', '時間切れ'],
+  ['the case is over', '症例の終了'],
+  ['the guest left', 'ゲストの退出'],
+  ['the inviter was removed or changed', '招待者の削除または変更'],
+  ['the viewer was stopped', 'ビューアの停止'],
+];
+
+const kPatterns = new SentencePatterns(kDeeds);
+const kEndPatterns = new SentencePatterns(kEnds);
+
+function valueInJapanese(name: string, value: string): string {
+  if (name === 'stream') return word('stream', value);
+  if (name === 'role') return word('role', value);
+  if (name === 'why') return kEndPatterns.inJapanese(value) ?? value;
+  return value;
+}
+
+export const deedInJapanese = (deed: string): string | undefined => kPatterns.inJapanese(deed, valueInJapanese);
+export const endInJapanese = (why: string): string | undefined => kEndPatterns.inJapanese(why);
+
+/** A deed as it is shown. */
+export function deedInWords(deed: string): string {
+  return language.value === 'en' ? deed : (deedInJapanese(deed) ?? deed);
+}
+
+/** A field that an entry carries: "size 412". */
+export const fieldInWords = (field: string, value: string): string => `${word('logField', field)} ${value}`;
+

@@ -1,0 +1,135 @@
+// What the server says when it refuses something, in the page's language. Its sentences are English (viewer/server, viewer/training, viewer/planning); a test
+// reads them from the sources and fails where one has no Japanese.
+import { language } from '@/i18n/i18n';
+import { type SentencePair, SentencePatterns } from '@/i18n/sentence_patterns';
+
+export const kServerSentences: readonly SentencePair[] = [
+  // Signing in, sessions, roles, users
+  ['sign in first', 'サインインしてください'],
+  ['the session has ended', 'セッションが終了しました。サインインしてください'],
+  ['the name or the password is wrong', '名前またはパスワードが正しくありません'],
+  ['too many failures: try again in {seconds} s', '失敗が続いたため、{seconds} 秒後に再試行してください'],
+  ['many are signing in now: try again in a moment', '同時に多くの人がサインインしています。少し待って再試行してください'],
+  ['a password is never as long as this', 'パスワードが長すぎます'],
+  ['this link has been used, or was never given out: start the viewer anew', 'このリンクは使用済みか、発行されたものではありません。ビューアを起動し直してください'],
+  ['the role {role} may not do this', '{role}の役割ではこの操作はできません'],
+  ['a role is operator, surgeon, auditor or administrator', '役割は、操作者、外科医、監査者、管理者のいずれかです'],
+  ["nobody takes the administrator's role from themselves", '自分自身の管理者の役割を外すことはできません'],
+  ['nobody removes themselves', '自分自身を削除することはできません'],
+  ['there is no user {name}', '利用者 {name} は存在しません'],
+  ["'identity' is missing: the text of an identity file", '識別鍵がありません。識別鍵ファイルの内容を指定してください'],
+  ["'identity' is neither an identity file's text nor base64 of one", '識別鍵の形式が正しくありません'],
+  ['recordings are locked: unlock them with an identity first', '記録は施錠されています。識別鍵で解錠してください'],
+  ['the appliance log cannot be written, so nothing is shown', '装置ログに書き込めないため、何も表示しません。管理者に連絡してください'],
+  // Cases, exports, reports, verification
+  ['there is no case {id}', '症例 {id} は存在しません'],
+  ['nothing was recorded there', 'その時点の記録はありません'],
+  ["stream '{stream}' has no sound", 'ストリーム「{stream}」に音声はありません'],
+  ['the vital signs of this case are still being read', 'この症例のバイタルサインを読み込み中です'],
+  ['ask for ten minutes at most', '一度に読めるのは 10 分までです'],
+  ['other files are being made: try again in a while', '別のファイルを作成中です。しばらくして再試行してください'],
+  ['another document is being made: try again in a moment', '別の文書を作成中です。少し待って再試行してください'],
+  ['the disk has no room for this file beside what a recorder may need: choose a shorter time', '記録のための容量を残すと、ディスクに空きがありません。短い範囲を選んでください'],
+  ['this case has not been verified here as it is now', '現在の状態のこの症例は、まだここで検証されていません'],
+  ['many cases wait to be verified: try again later', '検証待ちの症例が多いため、後で再試行してください'],
+  ['the appliance log is being verified already', '装置ログはすでに検証中です'],
+  // Rooms, live pictures, guests
+  ["'text' must be a text of 1 to {n} bytes", 'マークの文は 1 から {n} バイトまでです'],
+  [
+    'no pictures of {room}/{stream} are recorded by this program; live pictures come from kirokud, where kiroku.toml has a [viewer] section',
+    'このプログラムは {room}/{stream} の映像を記録していません。ライブ映像は、kiroku.toml に [viewer] がある kirokud が配信します',
+  ],
+  ['there are no live pictures of a room {room} to invite anybody to', '招待できる手術室 {room} のライブ映像がありません'],
+  ['there are no live pictures of a room {room}', '手術室 {room} のライブ映像がありません'],
+  ['live pictures take no messages', 'ライブ映像にメッセージは送れません'],
+  ['this invitation is for another room', 'この招待は別の手術室のものです'],
+  ['this invitation has ended, was used before, or was never given out: ask for another', 'この招待は終了したか、使用済みか、発行されたものではありません。新しい招待を依頼してください'],
+  ["'guest' must be a name of 1 to {n} bytes", '招待する方の名前は 1 から {n} バイトまでです'],
+  ["'guest' holds {what}, which is obeyed or cannot be seen where it is shown: write it without", '名前に、表示できない文字（{what}）が含まれています。除いて入力してください'],
+  ["'minutes' must be from 1 to {n}", '招待の時間は 1 分から {n} 分までです'],
+  ['no invitation {id} lasts', '招待 {id} はすでに終了しています'],
+  ['{n} invitations have not ended yet: end one first', '終了していない招待が {n} 件あります。先にどれかを終了してください'],
+  // Plans, comparisons, matching by hand
+  ["the case has no such file of a comparison '{name}'", '比較「{name}」のファイルがこの症例にありません'],
+  ["the case has no stream of pictures '{stream}'", 'この症例に映像「{stream}」はありません'],
+  ["'geometry' must say how the fluoroscope sees the patient: an object, as of kiroku sim drr", '透視装置の幾何情報のファイルが正しくありません（kiroku sim drr の形式）'],
+  ['plans are being read for others: try again', 'ほかの人のために計画を読み込み中です。再試行してください'],
+  [
+    'reading the plan {plan} and its case took longer than {n} s, and was ended: try again when the machine has less to do',
+    '計画 {plan} と症例の読み込みが {n} 秒を超えたため中止しました。負荷が下がってから再試行してください',
+  ],
+  ['the sealed plan {plan} cannot be read', '封印された計画 {plan} を読み込めません'],
+  ["a comparison cannot be called '{name}': use at most 32 small letters, digits and hyphens", '比較の名前「{name}」は使えません。英小文字、数字、ハイフンで 32 文字以内にしてください'],
+  ["the case has a comparison '{name}' already: give this one another name", '比較「{name}」はすでにあります。別の名前にしてください'],
+  ['another comparison is being made by {name}: wait until it is done', '{name} が別の比較を作成中です。終わるまでお待ちください'],
+  ['another comparison is being made{of}: wait until it is done', '別の比較を作成中です。終わるまでお待ちください'],
+  ['no comparison of this case was asked for since the server began', 'サーバの起動後、この症例の比較は依頼されていません'],
+  ['no comparison of this case is being made', 'この症例の比較は作成中ではありません'],
+  ['it is made by {name}: they or an administrator can stop it', '{name} が作成中です。中止できるのは本人か管理者です'],
+  ['the program that shows the plan answered with what is no answer', '計画を表示するプログラムの応答が正しくありません'],
+  ['this case was not recorded by a sealed plan', 'この症例は封印された計画に基づく記録ではありません'],
+  ['the program that compares is not installed: install Kiroku anew', '比較プログラムがありません。Kiroku を再インストールしてください'],
+  ['the plan that this case was recorded by is not here: put its folder into {folder}', 'この症例の計画がここにありません。計画のフォルダーを {folder} に置いてください'],
+  ['{name} picks points on another plan: wait until that is done', '{name} が別の計画で点を選択中です。終わるまでお待ちください'],
+  ['others ask for pictures of the plan: try again', 'ほかの人が計画の画像を要求中です。再試行してください'],
+  ['a picture of the plan took too long', '計画の画像の作成に時間がかかりすぎました'],
+  // Planning
+  ["a plan is saved under letters, digits, spaces, '-', '_' and '.', at most 120 bytes of them", '計画の名前は、英数字、空白、「-」「_」「.」で 120 バイト以内にしてください'],
+  ['there is no plan of that name here', 'その名前の計画はここにありません'],
+  ['this plan names no CT that could be shown: give its "volume" a file or folder', 'この計画には表示できる CT がありません。"volume" にファイルかフォルダーを指定してください'],
+  ['the plan could not be read back', '保存した計画を読み戻せませんでした'],
+  ["there is a plan '{name}' already: save it under another name", '計画「{name}」はすでにあります。別の名前で保存してください'],
+  ['as many people plan here as this machine can compute for ({n}): try again when somebody has left', 'この機械で同時に計画できる人数（{n}）に達しています。誰かが終えてから再試行してください'],
+  ['a plan must be opened first', '先に計画を開いてください'],
+  ['a plan is open on this connection already', 'この接続ではすでに計画が開かれています'],
+  ['more was asked for than can be computed', '計算が追いつきません'],
+  // Training
+  ['an attempt must begin first', '先に試行を始めてください'],
+  ['an attempt has begun on this connection already', 'この接続ではすでに試行が始まっています'],
+  ['this is a simulated trainee, no person', 'これは模擬の訓練者であり、人ではありません'],
+  ['only the user bound to {name}, or an administrator, may train so', '{name} に結び付けられた利用者か管理者だけが、この名前で訓練できます'],
+  ["{name} trains as '{trainee}' already", '{name} はすでに「{trainee}」として訓練しています'],
+  ['there is no trainee of that name whose results you may see', '結果を見られるその名前の訓練者はいません'],
+  ['{name} is training already', '{name} はすでに訓練中です'],
+  ['all places for training are taken: try again when an attempt has ended', '訓練の空きがありません。どれかの試行が終わってから再試行してください'],
+  ['this server makes no cases of attempts: start it with --seal', 'このサーバは試行を症例にしません。--seal を付けて起動してください'],
+  ['sealing makes a case, which surgeons and administrators may: ask one of them', '封印すると症例になります。外科医か管理者に依頼してください'],
+  ['there is no such attempt of a trainee that you may train as', '該当する試行がありません'],
+  ['this attempt is being sealed: wait a moment', 'この試行は封印中です。少しお待ちください'],
+  ['this attempt was sealed as {id} already', 'この試行はすでに {id} として封印されています'],
+  ["an attempt can be sealed until its trainee's next one is over, and while the server runs", '試行を封印できるのは、同じ訓練者の次の試行が終わるまで、かつサーバが動いている間です'],
+  ['this attempt was not sealed', 'この試行は封印されていません'],
+  // Anything
+  ['there is nothing at this address', 'このアドレスには何もありません'],
+  ['the body is too large', '送った内容が大きすぎます'],
+  ['the address is malformed', 'アドレスの形式が正しくありません'],
+  ['this failed inside; the server\'s log says more', '内部で失敗しました。詳しくはサーバのログにあります'],
+  ['this server has no page, only the addresses below /api', 'このサーバにはページがありません'],
+];
+
+const kPatterns = new SentencePatterns(kServerSentences);
+
+/** What an answer's status means, where its sentence has no Japanese: the server's own words follow. */
+const kByStatus: Record<number, string> = {
+  400: '要求の内容が正しくありません',
+  403: 'この操作は許可されていません',
+  404: '見つかりません',
+  409: '現在の状態ではできません',
+  413: '大きすぎます',
+  422: '記録が台帳と異なるか、破損しています',
+  423: '施錠されています',
+  429: '回数が多すぎます。しばらくして再試行してください',
+  500: 'サーバの内部で失敗しました',
+  503: '現在は応じられません。しばらくして再試行してください',
+  504: '時間がかかりすぎました',
+  507: 'ディスクの空きが足りません',
+};
+
+/** `sentence` of an answer with `status`, in the page's language. */
+export function inOwnWords(sentence: string, status: number): string {
+  if (language.peek() === 'en') return sentence;
+  return kPatterns.inJapanese(sentence) ?? `${kByStatus[status] ?? '要求は受け付けられませんでした'}（${sentence}）`;
+}
+
+/** Whether a sentence has its Japanese. */
+export const hasJapanese = (sentence: string): boolean => kPatterns.inJapanese(sentence) !== undefined;
