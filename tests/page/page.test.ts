@@ -3,7 +3,7 @@
 import { readFileSync, statSync } from 'node:fs';
 import type { Browser } from 'playwright-core';
 import { afterAll, beforeAll, describe, expect, it } from 'vitest';
-import { Appliance, clockOf, keepPicture, measuredOffsets, near, seriousBarriers, settled, startBrowser, visit, type Visitor } from './kit';
+import { Appliance, clockOf, keepPicture, measuredOffsets, near, seriousBarriers, settled, startBrowser, startRecording, visit, type Visitor } from './kit';
 
 let appliance: Appliance;
 let browser: Browser;
@@ -62,7 +62,7 @@ describe('A nurse', () => {
     const { page } = visitor;
     const before = appliance.cases().length;
     await page.goto(`${appliance.url}#/rooms`);
-    await page.getByRole('button', { name: 'Start recording' }).click();
+    await startRecording(page);
     await page.locator('.room-recording').waitFor();
     await expect.poll(() => page.locator('.state-good', { hasText: 'delivers' }).count()).toBe(3);
     for (const [text, wait_s] of marks) {

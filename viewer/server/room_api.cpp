@@ -1,5 +1,10 @@
+#include <algorithm>
 #include <chrono>
+#include <functional>
+#include <map>
+#include <utility>
 #include <variant>
+#include <vector>
 
 #include <nlohmann/json.hpp>
 
@@ -8,6 +13,7 @@
 #include "base/error.h"
 #include "crypto/encoding.h"
 #include "recorder/control/control_client.h"
+#include "viewer/kept/sealed_plan.h"
 #include "viewer/server/api.h"
 #include "viewer/server/json_fields.h"
 
@@ -26,11 +32,11 @@ constexpr std::chrono::seconds kPatience{30};
 
 /// 503 where no recorder answers, or not in time, 409 with its own sentence where it could not do what it was
 /// asked.
-Response ask(const ViewerContext& context, const json& question) {
+ordered_json answer_of_recorder(const ViewerContext& context, const json& question) {
   try {
     ordered_json answer = recorder::ask_recorder(context.home().control_socket, question, kPatience);
     answer.erase("ok");
-    return Response::json(answer);
+    return answer;
   } catch (const recorder::NobodyAnswers& nobody) {
     throw Refusal(503, nobody.what());
   } catch (const recorder::AnswersTooLate& late) {
@@ -38,6 +44,10 @@ Response ask(const ViewerContext& context, const json& question) {
   } catch (const Error& refused) {
     throw Refusal(409, refused.what());
   }
+}
+
+Response ask(const ViewerContext& context, const json& question) {
+  return Response::json(answer_of_recorder(context, question));
 }
 
 /// What the case is about, out of a body that may have nothing of it: "subject", as somebody typed it, or
@@ -61,17 +71,22 @@ void add_subject(json& question, const json& asked, const Request& request) {
   }
 }
 
-/// Throws where the appliance log knows no such seal: a case must not name a plan that nobody sealed here.
-void require_sealed(const ViewerContext& context, const std::string& plan) {
-  bool is_known = false;
+/// Seals that the appliance log knows, in hexadecimal, and since when.
+std::map<std::string, UtcTime> sealed_here(const ViewerContext& context) {
+  std::map<std::string, UtcTime> seals;
   archive::for_each_log_line(context.home().log_folder, [&](const archive::LogLine& line) {
-    if (is_known || line.type != "plan-sealed") return;
+    if (line.type != "plan-sealed") return;
     const archive::LogEntryParse parsed = archive::parse_log_entry(line.json);
     if (!parsed.entry) return;
     const auto* const entry = std::get_if<archive::PlanSealedEntry>(&parsed.entry->body);
-    is_known = entry != nullptr && crypto::to_hex(entry->sha256) == plan;
+    if (entry != nullptr) seals.emplace(crypto::to_hex(entry->sha256), line.utc);
   });
-  if (!is_known)
+  return seals;
+}
+
+/// Throws where the appliance log knows no such seal: a case must not name a plan that nobody sealed here.
+void require_sealed(const ViewerContext& context, const std::string& plan) {
+  if (!sealed_here(context).contains(plan))
     throw Refusal(409, "the appliance log knows no such plan: seal it here first, by kiroku plan seal");
 }
 
@@ -101,13 +116,34 @@ Response add_late_subject(const ViewerContext& context, const Request& request) 
   return ask(context, question);
 }
 
+/// Plans that lie here and that the appliance log knows, newest first.
+ordered_json plans_json(const ViewerContext& context) {
+  const std::map<std::string, UtcTime> sealed = sealed_here(context);
+  std::vector<std::pair<UtcTime, ordered_json>> plans;
+  if (!sealed.empty()) {
+    for (const compare::SealedPlanFile& plan : compare::sealed_plans(context.home().plans_folder)) {
+      const std::string seal = crypto::to_hex(plan.seal);
+      const auto found = sealed.find(seal);
+      if (found == sealed.end()) continue;
+      const std::string name = plan.name.empty() ? plan.file.filename().string() : plan.name;
+      plans.emplace_back(found->second,
+                         ordered_json{{"seal", seal}, {"name", name}, {"sealed", format_utc(found->second)}});
+    }
+  }
+  std::ranges::stable_sort(plans, std::ranges::greater(), &std::pair<UtcTime, ordered_json>::first);
+  ordered_json out = ordered_json::array();
+  for (auto& [time, plan] : plans) out.push_back(std::move(plan));
+  return out;
+}
+
 /// The hospital's list, which names patients: who looked at it is entered before it leaves.
 Response procedures(ViewerContext& context, const Request& request) {
   const std::string& room = request.parameter("room");
-  Response listed = ask(context, {{"do", "procedures"}, {"room", room}});
+  ordered_json listed = answer_of_recorder(context, {{"do", "procedures"}, {"room", room}});
   context.enter_access_once(request, ViewerContext::kEveryCase,
                             "looked at the planned procedures of " + room);
-  return listed;
+  listed["plans"] = plans_json(context);
+  return Response::json(listed);
 }
 
 Response stop(const ViewerContext& context, const Request& request) {

@@ -187,9 +187,7 @@ class SessionApi {
       context_.tell("a sign-in from " + request.peer + " failed");
       throw Refusal(401, "the name or the password is wrong");
     }
-    if (user->one_time_until && *user->one_time_until < utc_now()) {
-      throw Refusal(403, "the time of this one-time password is over: ask an administrator for another");
-    }
+    use_one_time_password(*user);
     context_.attempts().succeeded(attempt.name_key());
     KnownDevices::Caller caller = attempt.caller;
     caller.credential = user->changed;
@@ -198,13 +196,26 @@ class SessionApi {
     return open(request, *user, device);
   }
 
+  void refuse_late(const User& user) const {
+    if (user.one_time_until && *user.one_time_until < context_.home().clock->utc()) {
+      throw Refusal(403, "the time of this one-time password is over: ask an administrator for another");
+    }
+  }
+  /// Who finds it afterwards must not come in, and its owner must hear of whoever was faster.
+  void use_one_time_password(const User& user) {
+    if (!user.one_time_until) return;
+    refuse_late(user);
+    if (context_.users().use_one_time(user.name, user.changed)) return;
+    throw Refusal(403, "this one-time password was used already: ask an administrator for another");
+  }
+
   /// Failures of somebody who has signed in are counted apart: they lock nobody else out.
   static std::string own_key(const Request& request) { return "own-password:" + request.session->user(); }
 
   Response change_password(const Request& request, const crypto::Secret& password,
                            const crypto::Secret& chosen) {
     const std::string name = request.session->user();
-    const auto now = context_.home().now();
+    const auto now = context_.home().clock->now();
     refuse_who_must_wait(context_.attempts().wait(own_key(request), now));
     const std::optional<User> user = context_.users().check(name, password);
     if (!user || user->changed != request.session->credential()) {
@@ -212,6 +223,7 @@ class SessionApi {
       throw Refusal(403, "the password of now is wrong");
     }
     context_.attempts().succeeded(own_key(request));
+    refuse_late(*user);
     if (password.text() == chosen.text()) throw Refusal(400, "choose another password than the one of now");
     UserStore::require_sound(name, chosen);
     context_.enter_access(request, ViewerContext::kEveryCase, "chose a new password");

