@@ -54,6 +54,8 @@ std::size_t VitalsTap::take(const std::function<void(const media::VitalLine* lin
   return count;
 }
 
+std::size_t VitalsTap::waiting() const { return kMostWaiting - state_->waiting.write_available(); }
+
 std::uint64_t VitalsTap::lost() const { return state_->lost; }
 
 }  // namespace kiroku::recorder

@@ -27,6 +27,8 @@ class VitalsTap {
   /// By one thread: what came since, in order; `line` is null where a session begins. Returns how many.
   std::size_t take(const std::function<void(const media::VitalLine* line)>& visit);
 
+  /// How many wait, at most kMostWaiting. By the thread that offers.
+  [[nodiscard]] std::size_t waiting() const;
   /// Lines that were not taken in time. From any thread.
   [[nodiscard]] std::uint64_t lost() const;
 

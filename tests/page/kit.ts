@@ -50,7 +50,7 @@ export async function until<T>(what: string, look: () => Promise<T | undefined> 
 
 const kPassword = 'correct horse battery';
 
-async function freePort(): Promise<number> {
+export async function freePort(): Promise<number> {
   const server = createServer().listen(0, '127.0.0.1');
   await once(server, 'listening');
   const { port } = server.address() as AddressInfo;
@@ -70,12 +70,12 @@ export class Appliance {
     readonly home: string,
   ) {}
 
-  /** `live`: kirokud serves the page, with live pictures, to the user "anna"; else `kiroku view` does. */
-  static async start(live = false): Promise<Appliance> {
+  /** `live`: kirokud serves the page, with live pictures, to the user "anna"; else `kiroku view` does. `more`: lines of kiroku.toml that follow the room. */
+  static async start(live = false, more = ''): Promise<Appliance> {
     const folder = mkdtempSync(join(tmpdir(), 'kiroku-page-'));
     const appliance = new Appliance(folder, join(folder, 'home'));
     await appliance.kiroku('init', '--demo');
-    appendFileSync(join(appliance.home, 'kiroku.toml'), kRoom);
+    appendFileSync(join(appliance.home, 'kiroku.toml'), kRoom + more);
     if (live) {
       const listen = `127.0.0.1:${await freePort()}`;
       appendFileSync(join(appliance.home, 'kiroku.toml'), `[viewer]\nlisten = "${listen}"\n`);

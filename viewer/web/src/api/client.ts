@@ -1,6 +1,6 @@
 // The API as functions. Every failure is an ApiError with the server's sentence, in the language of the page.
 import type {
-  ApplianceStatus, CaseInfo, CaseList, Comparison, ComparisonDocument, ComparisonMaking, JudgedPoints, Matching, PickingCamera, PickingView,
+  ApplianceStatus, CaseInfo, CaseList, Comparison, ComparisonDocument, ComparisonMaking, JudgedPoints, LiveVitals, Matching, PickingCamera, PickingView,
   Preparing, Role, SaidOfCase, Session, StartChoices, Subject, Timeline, User, Verification, Vitals,
 } from '@/api/types';
 import { printable, printableTexts } from '@/base/printable';
@@ -164,6 +164,9 @@ export const appliance = {
   status: () => json<ApplianceStatus>('GET', 'status'),
   choices: (room: string) => json<StartChoices>('GET', `rooms/${part(room)}/procedures`),
   start: (room: string, said: SaidOfCase) => json<void>('POST', `rooms/${part(room)}/start`, said),
+  /** Waves after `after_ns` of the case clock. */
+  vitals: (room: string, after_ns: number, signal?: AbortSignal) =>
+    json<LiveVitals>('GET', `rooms/${part(room)}/vitals?after_ns=${Math.max(0, Math.round(after_ns))}`, undefined, signal),
   /** While the case runs. */
   say: (room: string, said: SaidOfCase) => json<void>('POST', `rooms/${part(room)}/subject`, said),
   stop: (room: string) => json<void>('POST', `rooms/${part(room)}/stop`),

@@ -178,6 +178,29 @@ export interface VitalSeries {
   bins: VitalBin[];
 }
 
+/** A quantity as its monitor shows it while it is recorded. */
+export interface LiveSeries {
+  code: string;
+  label: string;
+  unit: string;
+  kind: 'numeric' | 'wave';
+  stream: string;
+  source: string;
+  /** Of the newest value or block, on the case clock. */
+  time_ns: number;
+  /** Of a number; null where its device has none. */
+  value?: number | null;
+  /** Of a wave: those that end after what was asked. */
+  blocks?: { end_ns: number; rate_hz: number; values: (number | null)[] }[];
+}
+
+export interface LiveVitals {
+  /** Null while no case runs. */
+  now_ns: number | null;
+  series: LiveSeries[];
+  alarms: { text: string; priority: string; stream: string; source: string; since_ns: number }[];
+}
+
 export interface Alarm {
   start_ns: number;
   end_ns: number;

@@ -35,6 +35,7 @@ export const kDeeds: readonly SentencePair[] = [
   ['listed patients, procedures and staff of cases', '症例の患者、術式、スタッフを一覧'],
   ['read patient, procedure and staff', '患者、術式、スタッフを閲覧'],
   ['looked at the planned procedures of {room}', '{room} の予定手術を閲覧'],
+  ['watched vital signs of {room} live', '{room} のバイタルサインをライブ閲覧'],
   ['removes user {name}', '利用者 {name} を削除'],
   ['opened plan {plan} with its volume', '計画 {plan} を CT とともに開封'],
   ['invites guest {guest} to {room} until {time} (invitation {id})', 'ゲスト {guest} を {room} に {time} まで招待（招待 {id}）'],

@@ -56,6 +56,7 @@ export const kServerSentences: readonly SentencePair[] = [
   ],
   ['there are no live pictures of a room {room} to invite anybody to', '招待できる手術室 {room} のライブ映像がありません'],
   ['there are no live pictures of a room {room}', '手術室 {room} のライブ映像がありません'],
+  ['no vital signs of {room} are recorded by this program', 'このプログラムは {room} のバイタルサインを記録していません'],
   ['live pictures take no messages', 'ライブ映像にメッセージは送れません'],
   ['this invitation is for another room', 'この招待は別の手術室のものです'],
   ['this invitation has ended, was used before, or was never given out: ask for another', 'この招待は終了したか、使用済みか、発行されたものではありません。新しい招待を依頼してください'],

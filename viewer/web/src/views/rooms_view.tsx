@@ -11,6 +11,8 @@ import { RoomGuests, useInvitations } from '@/guests/room_guests';
 import { formatMoment, t, word } from '@/i18n/i18n';
 import { Lookers } from '@/pointing/lookers';
 import { useCompany } from '@/pointing/use_company';
+import { alertSound, alertSoundWaits, ring, setAlertSound, wakeAlertSound } from '@/rooms/alert_sound';
+import { AlertBell, isSilent, type Trouble, troublesOf } from '@/rooms/trouble';
 import { Dialog } from '@/shell/dialog';
 import { Icon } from '@/shell/icon';
 import { may } from '@/shell/rights';
@@ -19,10 +21,9 @@ import { StateCard } from '@/shell/state_card';
 import { StartDialog } from '@/subject/start_dialog';
 import { useVisible } from '@/shell/visible';
 import { LivePane } from '@/views/live_pane';
+import { LiveVitalsPanel } from '@/vitals/live_vitals';
 
 const kEvery_ms = 1000;
-/** A stream whose newest picture is older than this is said to be silent. */
-const kSilent_ms = 3000;
 
 function Streams({ room }: { room: RoomStatus }) {
   return (
@@ -38,7 +39,7 @@ function Streams({ room }: { room: RoomStatus }) {
       </thead>
       <tbody>
         {room.streams.map((one) => {
-          const well = one.live && one.age_ms < kSilent_ms;
+          const well = !isSilent(one);
           return (
             <tr key={one.name}>
               <th scope="row">{word('stream', one.name)}</th>
@@ -49,7 +50,7 @@ function Streams({ room }: { room: RoomStatus }) {
                 </span>
               </td>
               <td class="number">{one.frames}</td>
-              <td class="number">{one.dropped}</td>
+              <td class={one.dropped > 0 ? 'number state-bad' : 'number'}>{one.dropped}</td>
               <td class="number">{(one.durable_age_ms / 1000).toFixed(1)} s</td>
             </tr>
           );
@@ -59,10 +60,46 @@ function Streams({ room }: { room: RoomStatus }) {
   );
 }
 
+/** What stands out while it lasts. How long silence lasts is not said aloud each second. */
+function Troubles({ troubles }: { troubles: readonly Trouble[] }) {
+  return (
+    <ul class="troubles" role="alert">
+      {troubles.map((one) => (
+        <li key={`${one.kind} ${one.stream}`} class={`trouble trouble-${one.kind}`}>
+          <Icon name="alarm" />
+          {one.kind === 'silent' ? (
+            <>
+              <strong>{t('trouble.silent', { name: word('stream', one.stream) })}</strong>
+              <span aria-hidden="true">{t('trouble.for', { seconds: Math.round(one.for_ms / 1000) })}</span>
+            </>
+          ) : (
+            <strong>{t('trouble.lost', { name: word('stream', one.stream), n: one.pictures })}</strong>
+          )}
+        </li>
+      ))}
+    </ul>
+  );
+}
+
+function AlertSoundSwitch() {
+  const on = alertSound.value;
+  return (
+    <div class="alert-sound">
+      <button type="button" class="button" aria-pressed={on} onClick={() => setAlertSound(!on)}>
+        <Icon name={on ? 'sound' : 'soundOff'} />
+        {t('trouble.sound')}
+      </button>
+      {on && alertSoundWaits.value && <span class="state-warn">{t('trouble.soundWaits')}</span>}
+    </div>
+  );
+}
+
 interface RoomProps {
   room: RoomStatus;
   /** Its streams that can be seen; none while the page is hidden. */
   seen: readonly string[];
+  /** Whether vital signs are asked for: by whoever looks, where kirokud serves the page. */
+  watches: boolean;
   clock: RemoteClock;
   mayControl: boolean;
   refresh: () => Promise<unknown>;
@@ -70,7 +107,7 @@ interface RoomProps {
   guests: { list: readonly Invitation[]; refresh: () => Promise<unknown> } | undefined;
 }
 
-function RoomCard({ room, seen, clock, mayControl, refresh, guests }: RoomProps) {
+function RoomCard({ room, seen, watches, clock, mayControl, refresh, guests }: RoomProps) {
   const stopping = useSignal(false);
   const asking = useSignal(false);
   const note = useSignal('');
@@ -110,6 +147,7 @@ function RoomCard({ room, seen, clock, mayControl, refresh, guests }: RoomProps)
           <Icon name="alarm" /> {room.problem}
         </p>
       )}
+      <Troubles troubles={troublesOf(room)} />
       <div class="room-body">
         {watched.length > 0 && (
           <div class="live-panes">
@@ -120,6 +158,7 @@ function RoomCard({ room, seen, clock, mayControl, refresh, guests }: RoomProps)
           </div>
         )}
         <div class="room-facts">
+          {room.state !== 'idle' && watches && room.streams.some((one) => one.kind === 'vitals') && <LiveVitalsPanel room={room.room} clock={clock} />}
           {room.streams.length > 0 && <Streams room={room} />}
           {room.authorities.length > 0 && (
             <ul class="facts">
@@ -270,6 +309,7 @@ export function RoomsView() {
   const problem = useSignal('');
   const noRecorder = useSignal(false);
   const visible = useVisible();
+  const bell = useMemo(() => new AlertBell(), []);
   const clocks = useMemo(() => new Map<string, RemoteClock>(), []);
   const clockOf = (room: string) => {
     const known = clocks.get(room) ?? new RemoteClock();
@@ -283,6 +323,7 @@ export function RoomsView() {
       for (const room of said.rooms) clockOf(room.room).add(room.now_ns, sent_ms, performance.now());
       streams.value ??= await live.streams();
       status.value = said;
+      if (bell.hear(said.rooms.flatMap(troublesOf), performance.now())) void ring();
       problem.value = '';
     } catch (error) {
       status.value = undefined;
@@ -291,7 +332,17 @@ export function RoomsView() {
     }
   };
   useEffect(() => {
-    if (!visible) return;
+    addEventListener('pointerdown', wakeAlertSound);
+    addEventListener('keydown', wakeAlertSound);
+    return () => {
+      removeEventListener('pointerdown', wakeAlertSound);
+      removeEventListener('keydown', wakeAlertSound);
+    };
+  }, []);
+  // Whoever wishes to hear of it hears it also from behind another window.
+  const asks = visible || alertSound.value;
+  useEffect(() => {
+    if (!asks) return;
     let timer: ReturnType<typeof setTimeout>;
     let ended = false;
     const again = async () => {
@@ -303,7 +354,7 @@ export function RoomsView() {
       ended = true;
       clearTimeout(timer);
     };
-  }, [visible]);
+  }, [asks]);
   useEffect(() => {
     document.title = `${t('nav.rooms')} · Kiroku`;
   });
@@ -314,6 +365,7 @@ export function RoomsView() {
     <main id="main" class="main narrow" tabIndex={-1}>
       <div class="view-head">
         <h1>{t('nav.rooms')}</h1>
+        <AlertSoundSwitch />
       </div>
       {problem.value !== '' && (
         <StateCard icon="rooms" title={problem.value} {...(noRecorder.value ? { what: t('rooms.noRecorderWhat') } : {})}>
@@ -332,6 +384,7 @@ export function RoomsView() {
                 key={room.room}
                 room={room}
                 seen={visible ? (streams.value ?? []).filter((one) => one.room === room.room).map((one) => one.stream) : []}
+                watches={visible && canBeWatched}
                 clock={clockOf(room.room)}
                 mayControl={may(role, 'control-rooms')}
                 refresh={refresh}
