@@ -77,7 +77,7 @@ export function CaseView({ id }: { id: string }) {
       if (!isOfFrame) failed.value = error;
     }
     void attempt(async () => {
-      verdict.value = (await api.list(id, 1, undefined)).cases.find((one) => one.id === id)?.verdict ?? null;
+      verdict.value = (await api.row(id))?.verdict ?? null;
     });
   };
   useEffect(() => {

@@ -98,12 +98,14 @@ export function CasesView() {
       () =>
         void attempt(async () => {
           unread.value = 0;
+          let before: number;
           do {
+            before = unread.value === 0 ? Infinity : unread.value;
             const found = await api.list(text, kPage, undefined, request.signal);
             list.value = found.cases;
             more.value = found.cases.length === kPage;
             unread.value = found.unread;
-          } while (unread.value > 0 && !request.signal.aborted);
+          } while (unread.value > 0 && unread.value < before && !request.signal.aborted);
           if (text !== '') announce(t('cases.found', { n: list.value.length }));
         }),
       list.value ? kTypingPause_ms : 0,
