@@ -16,7 +16,6 @@ namespace kiroku::recorder {
 namespace {
 
 using std::chrono::nanoseconds;
-using std::chrono::steady_clock;
 
 // So often whoever waits looks whether it should go on waiting.
 constexpr std::chrono::milliseconds kStep{20};
@@ -112,9 +111,10 @@ class SourceGuard::Thread : public std::enable_shared_from_this<Thread> {
     std::uint64_t pulse = pulse_;
     nanoseconds silent{0};
     nanoseconds ending{0};
-    steady_clock::time_point before = steady_clock::now();
-    while (!changed_.wait_for(lock, kStep, done)) {
-      const steady_clock::time_point now = steady_clock::now();
+    const Clock& time = guard_->time_;
+    Clock::Time before = time.now();
+    while (!time.wait_for(changed_, lock, kStep, done)) {
+      const Clock::Time now = time.now();
       // Where this thread was kept from running, so was the source's: that says nothing against its driver.
       const nanoseconds passed = std::min<nanoseconds>(now - before, 2 * kStep);
       before = now;
@@ -251,11 +251,12 @@ class SourceGuard::Guarded : public Source {
 
 SourceGuard::SourceGuard() : SourceGuard(Limits{}) {}
 
-SourceGuard::SourceGuard(Limits limits, Tell tell, Maker make, LookUp look_up)
+SourceGuard::SourceGuard(Limits limits, Tell tell, Maker make, LookUp look_up, const Clock& time)
     : limits_(limits),
       tell_(std::move(tell)),
       make_(make ? std::move(make) : Maker(open_ffmpeg_source)),
-      look_up_(std::move(look_up)) {}
+      look_up_(std::move(look_up)),
+      time_(time) {}
 
 SourceAddress SourceGuard::look_up(const std::string& text, Presence presence) {
   SourceAddress unseen = parse_source_address(text, Presence::kNotLookedAt);
@@ -285,7 +286,7 @@ SourceAddress SourceGuard::look_up(const std::string& text, Presence presence) {
       if (looking->given_up) self->came_back(name);
     });
     std::unique_lock lock(looking->mutex);
-    if (looking->changed.wait_for(lock, limits_.silence, [&] { return looking->done; })) {
+    if (time_.wait_for(looking->changed, lock, limits_.silence, [&] { return looking->done; })) {
       lock.unlock();
       thread.join();
       if (looking->failure) std::rethrow_exception(looking->failure);

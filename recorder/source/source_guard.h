@@ -14,6 +14,7 @@
 #include <memory>
 #include <string>
 
+#include "base/clock.h"
 #include "recorder/source/source.h"
 #include "recorder/source/source_address.h"
 
@@ -41,8 +42,10 @@ class SourceGuard : public std::enable_shared_from_this<SourceGuard> {
   using LookUp = std::function<SourceAddress(const std::string& text, Presence presence)>;
 
   SourceGuard();
-  /// `tell` may be empty. `make` and `look_up` are the recorder's own unless a test gives others.
-  explicit SourceGuard(Limits limits, Tell tell = {}, Maker make = {}, LookUp look_up = parse_source_address);
+  /// `tell` may be empty. `make`, `look_up` and `time` are the recorder's own unless a test gives others;
+  /// `time`, by which the limits are judged, must outlive the guard and whoever reads through it.
+  explicit SourceGuard(Limits limits, Tell tell = {}, Maker make = {}, LookUp look_up = parse_source_address,
+                       const Clock& time = Clock::system());
 
   /// As parse_source_address(), but for a file system that does not answer: then as if the path were not
   /// looked at, where it may be absent, else it throws kiroku::Error.
@@ -69,6 +72,7 @@ class SourceGuard : public std::enable_shared_from_this<SourceGuard> {
   const Tell tell_;
   const Maker make_;
   const LookUp look_up_;
+  const Clock& time_;
   std::atomic<unsigned> stuck_ = 0;
   std::atomic<std::uint64_t> given_up_ = 0;
 };

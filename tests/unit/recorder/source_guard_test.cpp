@@ -2,12 +2,14 @@
 
 #include <mutex>
 #include <thread>
+#include <vector>
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include "base/error.h"
 #include "recorder/session.h"
+#include "tests/support/moved_clock.h"
 #include "tests/support/recording.h"
 #include "tests/support/stuck_source.h"
 
@@ -40,14 +42,24 @@ bool within(std::chrono::seconds limit, const Condition& holds) {
 class SourceGuardTest : public testing::Test {
  protected:
   std::shared_ptr<SourceGuard> guard(SourceGuard::Maker make) {
-    SourceGuard::Limits limits;
-    limits.silence = limits.ending = 100ms;
-    limits.most_stuck = 2;
+    return guard({.silence = 5s, .ending = 5s, .most_stuck = 2}, std::move(make));
+  }
+  std::shared_ptr<SourceGuard> guard(SourceGuard::Limits limits, SourceGuard::Maker make,
+                                     SourceGuard::LookUp look_up = parse_source_address) {
     const auto tell = [told = told](const std::string& sentence) {
       const std::lock_guard lock(told->mutex);
       told->sentences.push_back(sentence);
     };
-    return std::make_shared<SourceGuard>(limits, tell, std::move(make));
+    const auto made = std::make_shared<SourceGuard>(limits, tell, std::move(make), std::move(look_up), time);
+    // Time goes on only while a thread waits in the driver that is not given up: how fast this machine opens
+    // and reads what works is no matter of the guard's limits.
+    movers.emplace_back([this, made](const std::stop_token& ending) {
+      while (!ending.stop_requested()) {
+        if (driver.waiting() > static_cast<int>(made->stuck())) time.move(20ms);
+        std::this_thread::yield();
+      }
+    });
+    return made;
   }
   [[nodiscard]] std::vector<std::string> sentences() const {
     const std::lock_guard lock(told->mutex);
@@ -67,6 +79,8 @@ class SourceGuardTest : public testing::Test {
   const SourceAddress address = parse_source_address(kDevice, Presence::kMayBeAbsent);
   CaseClock clock;
   StuckDriver driver;
+  test::MovedClock time;
+  std::vector<std::jthread> movers;  // the last: they use what is above
 };
 
 TEST_F(SourceGuardTest, GivesUpAThreadThatDoesNotComeBackFromReading) {
@@ -109,14 +123,14 @@ TEST_F(SourceGuardTest, GivesUpAThreadThatDoesNotComeBackFromClosing) {
 TEST_F(SourceGuardTest, WaitsForAThreadThatGivesSignsOfLife) {
   class Patient : public Source {
    public:
-    explicit Patient(Pulse* pulse) : pulse_(pulse) {}
+    Patient(Pulse* pulse, test::MovedClock& time) : pulse_(pulse), time_(time) {}
     [[nodiscard]] PictureFormat format() const override { return {}; }
     [[nodiscard]] Rational frame_rate() const override { return {}; }
     [[nodiscard]] bool is_live() const override { return true; }
     std::optional<TimedFrame> read() override {
       // Five times as long as a silent one may take.
-      for (int i = 0; i < 50; ++i) {
-        std::this_thread::sleep_for(10ms);
+      for (int i = 0; i < 2500; ++i) {
+        time_.move(10ms);
         ++*pulse_;
       }
       return TimedFrame{};
@@ -124,9 +138,10 @@ TEST_F(SourceGuardTest, WaitsForAThreadThatGivesSignsOfLife) {
 
    private:
     Pulse* const pulse_;
+    test::MovedClock& time_;
   };
-  const auto guarded = guard([](const SourceAddress&, const CaseClock&, const OpeningTerms& terms) {
-    return std::make_unique<Patient>(terms.pulse);
+  const auto guarded = guard([this](const SourceAddress&, const CaseClock&, const OpeningTerms& terms) {
+    return std::make_unique<Patient>(terms.pulse, time);
   });
   EXPECT_TRUE(guarded->open(address, clock, {})->read().has_value());
   EXPECT_EQ(guarded->given_up(), 0U);
@@ -175,17 +190,13 @@ TEST_F(SourceGuardTest, KeepsWhatWentWrongAndWhatTheClockSays) {
 }
 
 TEST_F(SourceGuardTest, DoesNotWaitForAFileSystemThatDoesNotAnswer) {
-  SourceGuard::Limits limits;
-  limits.silence = 50ms;
-  limits.most_stuck = 1;
   std::atomic<int> looked = 0;
-  const auto guarded = std::make_shared<SourceGuard>(
-      limits, SourceGuard::Tell{}, SourceGuard::Maker{},
-      [&looked, wait = driver.wait()](const std::string& text, Presence presence) {
-        ++looked;
-        wait();
-        return parse_source_address(text, presence);
-      });
+  const auto guarded = guard({.silence = 5s, .most_stuck = 1}, {},
+                             [&looked, wait = driver.wait()](const std::string& text, Presence presence) {
+                               ++looked;
+                               wait();
+                               return parse_source_address(text, presence);
+                             });
   EXPECT_EQ(guarded->look_up("/mnt/films/a.ts?loop=1", Presence::kMayBeAbsent).kind, SourceKind::kFile);
   EXPECT_EQ(guarded->stuck(), 1U);
   EXPECT_EQ(guarded->look_up("/mnt/films/a.ts?loop=1", Presence::kMayBeAbsent).location, "/mnt/films/a.ts");
@@ -239,10 +250,7 @@ TEST_F(StuckSession, EndsAndStatesTheGapToTheEnd) {
 }
 
 TEST_F(StuckSession, EndsWhileTheDriverIsBeingWaitedFor) {
-  SourceGuard::Limits limits;
-  limits.silence = 1h;
-  limits.ending = 50ms;
-  const auto guarded = std::make_shared<SourceGuard>(limits, SourceGuard::Tell{}, stuck_camera(driver, 5));
+  const auto guarded = guard({.silence = 10000h, .ending = 5s}, stuck_camera(driver, 5));
   const RecordedCase recorded =
       record_until(options(guarded), [&](const SessionStatus&) { return driver.waiting() == 1; });
   EXPECT_EQ(result.close_reason, "operator");
@@ -251,10 +259,7 @@ TEST_F(StuckSession, EndsWhileTheDriverIsBeingWaitedFor) {
 }
 
 TEST_F(StuckSession, StatesASilenceThatLastsUntilTheEnd) {
-  SourceGuard::Limits limits;
-  limits.silence = 1h;
-  limits.ending = 50ms;
-  const auto guarded = std::make_shared<SourceGuard>(limits, SourceGuard::Tell{}, stuck_camera(driver, 5));
+  const auto guarded = guard({.silence = 10000h, .ending = 5s}, stuck_camera(driver, 5));
   const RecordedCase recorded = record_until(options(guarded), [](const SessionStatus& status) {
     return status.streams[0].frames > 0 && status.now_ns - status.streams[0].last_ns > 1'200'000'000;
   });
