@@ -102,7 +102,7 @@ describe.each<BrowserName>([...kBrowsers])('%s', (name) => {
 
   it('verifies the case', async () => {
     const { page } = visitor;
-    await page.goto(`${appliance.url}#/cases/${id}/verification`);
+    await page.locator('.case-verdict').click();
     await page.getByRole('button', { name: /Verify (now|again)/ }).click();
     await page.locator('.banner-intact').waitFor();
     await expectFits(visitor, `verification-${name}`);
@@ -116,12 +116,13 @@ describe.each<BrowserName>([...kBrowsers])('%s', (name) => {
     const japanese = /[\u3040-\u30ff\u4e00-\u9fff]/;
     await page.locator('.finding-text > span').first().waitFor();
     for (const text of await page.locator('.finding-text > span').allTextContents()) expect(text).toMatch(japanese);
-    await page.goto(`${appliance.url}#/log`);
+    await page.getByRole('link', { name: 'ログ', exact: true }).click();
     await page.locator('.log-table').waitFor();
     await page.getByText('識別鍵で記録を解錠').first().waitFor();
     for (const text of await page.locator('tbody .log-what:not([lang])').allTextContents()) if (text !== '') expect(text).toMatch(japanese);
     await expectFits(visitor, `log-japanese-${name}`);
-    await page.goto(`${appliance.url}#/cases/20200101T000000Z-00000000`);
+    // By the address line; Playwright's goto() waits for ever for Firefox, which loads nothing where the fragment alone changes.
+    await page.evaluate(() => (location.hash = '#/cases/20200101T000000Z-00000000'));
     await page.getByText('症例 20200101T000000Z-00000000 は存在しません').waitFor();
     await page.getByRole('button', { name: 'English' }).click();
   });
@@ -129,6 +130,7 @@ describe.each<BrowserName>([...kBrowsers])('%s', (name) => {
   it('makes no mistake, and loads nothing from elsewhere', () => {
     const origin = new URL(appliance.url).origin;
     expect(visitor.asked.filter((one) => !one.startsWith(origin) && !one.startsWith('blob:'))).toEqual([]);
-    expect(visitor.problems).toEqual([]);
+    // What was still asked for when the case was locked is refused.
+    expect(visitor.problems.filter((one) => !/status of 423/.test(one))).toEqual([]);
   });
 });

@@ -111,7 +111,10 @@ describe('The plan beside the recording', () => {
   it('keeps the plan in step: as the time map says while it stands, is paused, and goes on', async () => {
     const { page } = visitor;
     const map = await page.evaluate(
-      async (one) => (await (await fetch(`/api/cases/${one}/comparisons/newest`)).json()).time_map.pieces as { step: number; knots: [number, number][] }[],
+      async (one) => {
+        const document = (await (await fetch(`/api/cases/${one}/comparisons/newest`)).json()) as { time_map: { pieces: { step: number; knots: [number, number][] }[] } };
+        return document.time_map.pieces;
+      },
       id,
     );
     const lift = map.find((one) => one.step === 3)?.knots ?? [];

@@ -261,7 +261,7 @@ describe('A surgeon', () => {
     await page.locator('.selection-bar').getByRole('button', { name: 'Export' }).click();
     const saved = async (name: string) => {
       const [download] = await Promise.all([page.waitForEvent('download'), page.getByRole('link', { name }).click()]);
-      return (await download.path()) as string;
+      return await download.path();
     };
     const original = await saved('Save the original');
     expect(readFileSync(original).subarray(0, 4).toString('hex')).toBe('1a45dfa3'); // EBML

@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# Runs tests of the viewer's page: run.sh unit|page|long STAGE PAGE SOURCE [KIROKU KIROKUD [VITEST OPTION...]]. Leaves with 77 where the page was not built, or
+# Runs tests of the viewer's page: run.sh lint|unit|page|long STAGE PAGE SOURCE [KIROKU KIROKUD [VITEST OPTION...]]. Leaves with 77 where the page was not built, or
 # no browser is there; with 1 where KIROKU_PAGE_REQUIRED is set, as in continuous integration.
 set -euo pipefail
 project=$1 stage=$2
@@ -11,6 +11,10 @@ missing() {
   exit 77
 }
 [[ -x $stage/node_modules/.bin/vitest && -f $KIROKU_PAGE/index.html ]] || missing "the page was not built (see viewer/web/build.sh)"
+if [[ $project == lint ]]; then
+  cd "$stage"
+  exec node_modules/.bin/eslint src tests vite.config.ts
+fi
 options=()
 if [[ $project != unit ]]; then
   KIROKU_BROWSER=$(command -v chromium) || missing "chromium is not installed"

@@ -158,6 +158,9 @@ describe('A new trainee', () => {
     await page.getByRole('button', { name: 'Practise' }).click();
     await begun();
     await page.getByText('von Mises stress, kPa; 100 counts as damage').waitFor();
+    // The picture has what is left of the screen: 220 pixels of its height are for the rest.
+    const field = (await page.locator('.attempt-field').boundingBox()) as { height: number };
+    expect(field.height).toBeGreaterThan(0.9 * ((page.viewportSize()?.height ?? 0) - 220));
     const start = await onPicture(0.5, 0.66);
     let latency = '';
     await page.mouse.move(start.x, start.y);

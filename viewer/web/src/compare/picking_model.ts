@@ -235,7 +235,7 @@ export class PickingModel {
       if (this.closed || !this.isOpen.peek()) return undefined;
       if (!isPreparing(answer)) {
         this.preparing.value = undefined;
-        return answer as T;
+        return answer;
       }
       this.preparing.value = answer;
       await waited(kAskEvery_ms);

@@ -1,6 +1,7 @@
 // Who is invited to a room: making an invitation, seeing who watches, ending it.
 import { type Signal, useSignal } from '@preact/signals';
 import { useEffect, useRef } from 'preact/hooks';
+import { typed } from '@/base/form_fields';
 import { type Invitation, invitations as api, linkOf } from '@/guests/guest_api';
 import { language, t, word } from '@/i18n/i18n';
 import { Dialog } from '@/shell/dialog';
@@ -49,7 +50,7 @@ function InviteDialog({ room, onMade, onClose }: { room: string; onMade: () => v
     event.preventDefault();
     const fields = new FormData(event.currentTarget as HTMLFormElement);
     void attempt(async () => {
-      made.value = await api.make(String(fields.get('guest')).trim(), room, Number(fields.get('minutes')));
+      made.value = await api.make(typed(fields, 'guest').trim(), room, Number(fields.get('minutes')));
       onMade();
     });
   };

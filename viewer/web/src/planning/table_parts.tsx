@@ -1,4 +1,5 @@
 // The parts beside the picture: tools at the organ with their forces, the steps, saving.
+import { typed } from '@/base/form_fields';
 import { t, word } from '@/i18n/i18n';
 import type { Step, ToolState } from '@/planning/planning_api';
 import { Dialog } from '@/shell/dialog';
@@ -54,8 +55,8 @@ export function SaveDialog({ name, file, save, close }: { name: string; file: st
         class="form"
         method="dialog"
         onSubmit={(event) => {
-          const fields = new FormData(event.currentTarget as HTMLFormElement);
-          save(String(fields.get('file')).trim(), String(fields.get('name')).trim());
+          const fields = new FormData(event.currentTarget);
+          save(typed(fields, 'file').trim(), typed(fields, 'name').trim());
         }}
       >
         <label class="field">

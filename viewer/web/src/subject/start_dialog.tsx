@@ -3,6 +3,7 @@ import { useSignal } from '@preact/signals';
 import { useEffect } from 'preact/hooks';
 import { appliance as api } from '@/api/client';
 import type { SaidOfCase, StartChoices } from '@/api/types';
+import { typed } from '@/base/form_fields';
 import { formatMoment, t, word } from '@/i18n/i18n';
 import { Dialog } from '@/shell/dialog';
 import { Icon } from '@/shell/icon';
@@ -54,7 +55,7 @@ export function StartDialog({ room, starts, onSaid, onClose }: Props) {
 
   const saidIn = (form: HTMLFormElement): SaidOfCase => {
     const fields = new FormData(form);
-    const field = (name: string) => String(fields.get(name) ?? '');
+    const field = (name: string) => typed(fields, name);
     const subject = types
       ? saidByTyping({
           patient: field('patient'),

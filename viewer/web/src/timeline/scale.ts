@@ -47,15 +47,16 @@ export function following(window: Span, whole: Span, time_ns: number): Span {
   return within({ start_ns: time_ns - 0.1 * length, end_ns: time_ns + 0.9 * length }, whole);
 }
 
+const kLongestStep = 24 * kHour;
 const kSteps = [
   0.1 * kSecond, 0.2 * kSecond, 0.5 * kSecond, kSecond, 2 * kSecond, 5 * kSecond, 10 * kSecond, 15 * kSecond, 30 * kSecond, kMinute, 2 * kMinute,
-  5 * kMinute, 10 * kMinute, 15 * kMinute, 30 * kMinute, kHour, 2 * kHour, 3 * kHour, 6 * kHour, 12 * kHour, 24 * kHour,
+  5 * kMinute, 10 * kMinute, 15 * kMinute, 30 * kMinute, kHour, 2 * kHour, 3 * kHour, 6 * kHour, 12 * kHour, kLongestStep,
 ];
 
 /** Where the ruler has a number: times counted from `begin_ns`, at least `least_pixels` apart. */
 export function ticks(window: Span, begin_ns: number, width: number, least_pixels: number): { times: number[]; step_ns: number } {
   const length = window.end_ns - window.start_ns;
-  const step_ns = kSteps.find((step) => (step / length) * width >= least_pixels) ?? (kSteps.at(-1) as number);
+  const step_ns = kSteps.find((step) => (step / length) * width >= least_pixels) ?? kLongestStep;
   const times: number[] = [];
   for (let time = begin_ns + Math.ceil((window.start_ns - begin_ns) / step_ns) * step_ns; time <= window.end_ns; time += step_ns) times.push(time);
   return { times, step_ns };

@@ -123,9 +123,9 @@ function Curves({ results, measure, fingers }: { results: Results; measure: Meas
   const tests: Series[] =
     curve && curve.own.length > 0
       ? [
-          ...curve.groups.map((one, i) => ({
+          ...curve.groups.map((one, i): Series => ({
             name: word('group', one.group),
-            style: (i === 0 ? 1 : 2) as 1 | 2,
+            style: i === 0 ? 1 : 2,
             points: one.points.map((point) => ({
               x: point.session,
               y: point.mean,

@@ -1,6 +1,7 @@
 // The trainer: who trains, on what; then the attempt; then what came of it.
 import { useSignal } from '@preact/signals';
 import { useEffect } from 'preact/hooks';
+import { typed } from '@/base/form_fields';
 import { formatTime, kSecond } from '@/base/time';
 import { t, word } from '@/i18n/i18n';
 import { attempt, notify } from '@/shell/state';
@@ -34,9 +35,9 @@ function AddTrainee({ groups, supervises, added }: { groups: string[]; supervise
     event.preventDefault();
     const form = event.currentTarget as HTMLFormElement;
     const fields = new FormData(form);
-    const name = String(fields.get('name')).trim();
+    const name = typed(fields, 'name').trim();
     await attempt(async () => {
-      await api.addTrainee(name, String(fields.get('group')), String(fields.get('user') ?? '').trim());
+      await api.addTrainee(name, typed(fields, 'group'), typed(fields, 'user').trim());
       form.reset();
       notify(t('train.added', { name }), 'done');
       await added(name);

@@ -83,9 +83,12 @@ export function CaseView({ id }: { id: string }) {
   useEffect(() => {
     void load();
   }, [id, unlocked]);
+  // The first load is above: a second one would put a new case, at its beginning, in the place of the first.
   const returned = returns.value;
+  const known = useRef(returned);
   useEffect(() => {
-    if (returned > 0 && !model.peek()) void load();
+    if (returned !== known.current && !model.peek()) void load();
+    known.current = returned;
   }, [returned]);
   if (failed.value !== undefined) return <Unshown id={id} error={failed.value} />;
   if (!model.value) return <main id="main" class="main" aria-busy="true" tabIndex={-1} />;
@@ -159,6 +162,10 @@ function Loaded({ model, verdict, unlocked }: { model: CaseModel; verdict: Verdi
   const large = useSignal(0);
   const tab = useSignal<Tab>(unlocked && hasVitals ? 'vitals' : 'moments');
   const dialog = useSignal<OpenDialog>(undefined);
+  // The browser tells of a closed dialogue a moment later, when another may be open.
+  const closed = (which: OpenDialog) => () => {
+    if (dialog.peek() === which) dialog.value = undefined;
+  };
   const selection = useSignal<Span | undefined>(undefined);
   const whole = useRef<HTMLElement>(null);
 
@@ -284,7 +291,7 @@ function Loaded({ model, verdict, unlocked }: { model: CaseModel; verdict: Verdi
       />
 
       {dialog.value === 'help' && (
-        <Dialog title={t('help.title')} onClose={() => (dialog.value = undefined)}>
+        <Dialog title={t('help.title')} onClose={closed('help')}>
           <dl class="keys">
             {kHelp.map(({ keys, does }) => (
               <div key={does}>
@@ -301,8 +308,8 @@ function Loaded({ model, verdict, unlocked }: { model: CaseModel; verdict: Verdi
           <p class="muted">{t('help.streams', { names: model.lanes.map((one) => word('stream', one.name)).join(', ') })}</p>
         </Dialog>
       )}
-      {dialog.value === 'goTo' && <GoToDialog model={model} playback={playback} onClose={() => (dialog.value = undefined)} />}
-      {dialog.value === 'export' && <ExportDialog model={model} span={chosen ?? model.whole} unlocked={unlocked} onClose={() => (dialog.value = undefined)} />}
+      {dialog.value === 'goTo' && <GoToDialog model={model} playback={playback} onClose={closed('goTo')} />}
+      {dialog.value === 'export' && <ExportDialog model={model} span={chosen ?? model.whole} unlocked={unlocked} onClose={closed('export')} />}
     </main>
   );
 }

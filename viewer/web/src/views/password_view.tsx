@@ -1,6 +1,7 @@
 // Choosing a password of one's own: after a one-time password nothing else can be done; and whenever one wishes.
 import { useSignal } from '@preact/signals';
 import { session as api } from '@/api/client';
+import { typed } from '@/base/form_fields';
 import { t } from '@/i18n/i18n';
 import { notify, oneTimePassword, session, textOf } from '@/shell/state';
 
@@ -18,15 +19,15 @@ export function PasswordForm({ known, onDone }: Props) {
   const submit = async (event: SubmitEvent) => {
     event.preventDefault();
     const fields = new FormData(event.currentTarget as HTMLFormElement);
-    const chosen = String(fields.get('new'));
-    if (chosen !== String(fields.get('again'))) {
+    const chosen = typed(fields, 'new');
+    if (chosen !== typed(fields, 'again')) {
       problem.value = t('password.differ');
       return;
     }
     busy.value = true;
     problem.value = '';
     try {
-      session.value = await api.choosePassword(known ?? String(fields.get('now')), chosen);
+      session.value = await api.choosePassword(known ?? typed(fields, 'now'), chosen);
       notify(t('password.done'), 'done');
       onDone();
     } catch (error) {

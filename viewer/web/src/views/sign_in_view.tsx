@@ -1,5 +1,6 @@
 import { useSignal } from '@preact/signals';
 import { ApiError, session as api } from '@/api/client';
+import { typed } from '@/base/form_fields';
 import { t } from '@/i18n/i18n';
 import { oneTimePassword, session, sessionEnded, textOf } from '@/shell/state';
 
@@ -12,8 +13,8 @@ export function SignInView() {
     busy.value = true;
     problem.value = '';
     try {
-      const password = String(fields.get('password'));
-      const signedIn = await api.signIn(String(fields.get('user')), password);
+      const password = typed(fields, 'password');
+      const signedIn = await api.signIn(typed(fields, 'user'), password);
       oneTimePassword.value = signedIn.must_change_password ? password : undefined;
       session.value = await api.get();
       sessionEnded.value = false;

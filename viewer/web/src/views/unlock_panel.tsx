@@ -2,6 +2,7 @@
 // and is forgotten there on signing out.
 import { useSignal } from '@preact/signals';
 import { session as api } from '@/api/client';
+import { typed } from '@/base/form_fields';
 import { readIdentityFile } from '@/base/identity_file';
 import { t } from '@/i18n/i18n';
 import { Icon } from '@/shell/icon';
@@ -20,9 +21,9 @@ export function UnlockPanel({ inList = false }: { inList?: boolean }) {
     busy.value = true;
     problem.value = '';
     try {
-      const identity = file instanceof File && file.size > 0 ? await readIdentityFile(file) : String(fields.get('identity')).trim();
+      const identity = file instanceof File && file.size > 0 ? await readIdentityFile(file) : typed(fields, 'identity').trim();
       if (identity === '') throw new Error(t('unlock.nothing'));
-      await api.unlock(identity, String(fields.get('passphrase')));
+      await api.unlock(identity, typed(fields, 'passphrase'));
       form.reset();
       session.value = await api.get();
       announce(t('unlock.done'));

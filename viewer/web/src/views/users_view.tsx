@@ -2,6 +2,7 @@ import { useSignal } from '@preact/signals';
 import { useEffect, useRef } from 'preact/hooks';
 import { users as api } from '@/api/client';
 import type { Role, User } from '@/api/types';
+import { typed } from '@/base/form_fields';
 import { formatMoment, t } from '@/i18n/i18n';
 import { Dialog } from '@/shell/dialog';
 import { announce, attempt, notify, session } from '@/shell/state';
@@ -111,9 +112,9 @@ export function UsersView() {
     event.preventDefault();
     const form = event.currentTarget as HTMLFormElement;
     const fields = new FormData(form);
-    const name = String(fields.get('user'));
+    const name = typed(fields, 'user');
     await attempt(async () => {
-      await api.add(name, String(fields.get('password')), fields.get('role') as Role);
+      await api.add(name, typed(fields, 'password'), fields.get('role') as Role);
       form.reset();
       notify(t('users.added', { name }), 'done');
       await load();

@@ -72,7 +72,7 @@ export function LiveVitalsPanel({ room, clock }: { room: string; clock: RemoteCl
         const said = await api.vitals(room, waves.last_ns, closing.signal);
         const before = shown.peek();
         // Another case, with a clock of its own: its waves are asked for anew.
-        if (before?.now_ns != null && said.now_ns !== null && said.now_ns < before.now_ns) waves.clear();
+        if (typeof before?.now_ns === 'number' && said.now_ns !== null && said.now_ns < before.now_ns) waves.clear();
         else waves.add(said.series);
         shown.value = said;
         gone.value = false;
