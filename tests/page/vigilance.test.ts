@@ -19,10 +19,11 @@ beforeAll(async () => {
   await visitor.page.addInitScript(() => {
     const counted = globalThis as unknown as { tones: number };
     counted.tones = 0;
-    const make = AudioContext.prototype.createOscillator;
-    AudioContext.prototype.createOscillator = function (this: AudioContext) {
-      counted.tones += 1;
-      return make.call(this);
+    globalThis.AudioContext = class extends AudioContext {
+      override createOscillator(): OscillatorNode {
+        counted.tones += 1;
+        return super.createOscillator();
+      }
     };
   });
 });
