@@ -16,6 +16,7 @@
 #include "viewer/kept/sealed_plan.h"
 #include "viewer/server/api.h"
 #include "viewer/server/json_fields.h"
+#include "viewer/server/subject_json.h"
 
 namespace kiroku::viewer {
 namespace {
@@ -142,6 +143,11 @@ Response procedures(ViewerContext& context, const Request& request) {
   ordered_json listed = answer_of_recorder(context, {{"do", "procedures"}, {"room", room}});
   context.enter_access_once(request, ViewerContext::kEveryCase,
                             "looked at the planned procedures of " + room);
+  for (ordered_json& procedure : listed["procedures"]) {
+    // As the API says subjects everywhere.
+    const auto subject = playback::read_subject(procedure.value("subject", ordered_json::object()).dump());
+    procedure["subject"] = subject_json(subject.value_or(playback::CaseSubject{}));
+  }
   listed["plans"] = plans_json(context);
   return Response::json(listed);
 }
