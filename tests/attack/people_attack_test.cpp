@@ -328,11 +328,11 @@ TEST_F(PeopleAttack, AOneTimePasswordExpires) {
 
   // Signed in in time, and then left standing: it is over for choosing, too.
   const std::string left = one_time_password("audit");
-  SessionStore::Opened opened =
-      context.sessions().open("audit", Role::kAuditor, context.users().find("audit")->changed, true);
   context.users().set_password("audit", crypto::Secret::copy_of(std::string_view(left)), clock.utc() - 1s);
-  opened = context.sessions().open("audit", Role::kAuditor, context.users().find("audit")->changed, true);
-  Browser audit{.token = opened.token, .response = {}};
+  const SessionStore::Opened opened =
+      context.sessions().open("audit", Role::kAuditor, context.users().find("audit")->changed, true);
+  Browser audit;
+  audit.token = opened.token;
   ask(audit, "POST", "/api/session/password", {{"password", left}, {"new_password", "battery staple"}});
   EXPECT_EQ(audit.status, 403) << audit.text;
 }

@@ -19,7 +19,7 @@ export const subjectEn = {
   'staff.nurse': 'Nurse',
   'cases.unlock': 'Unlock patients',
   'cases.unlockWhat': 'Only a recipient’s identity opens whom a case is about. It stays in the server’s memory for this session alone, and the opening is logged.',
-  'cases.searchPeople': 'Search by patient, procedure, staff, date, identifier or verdict',
+  'cases.searchPeople': 'Search by patient, procedure, staff or date',
   'cases.sealed': 'Patient, procedure and staff are sealed.',
   'cases.unread': 'Opening patient data: {n} cases to go.',
 
@@ -71,7 +71,7 @@ export const subjectJa: Record<keyof typeof subjectEn, string> = {
   'staff.nurse': '看護師',
   'cases.unlock': '患者情報を解錠',
   'cases.unlockWhat': '症例の患者情報を開けるのは、受取人の識別鍵だけです。鍵はこのセッションの間だけサーバのメモリに置かれ、解錠はログに記録されます。',
-  'cases.searchPeople': '患者、術式、スタッフ、日付、識別子、判定で検索',
+  'cases.searchPeople': '患者、術式、スタッフ、日付で検索',
   'cases.sealed': '患者、術式、スタッフは封印されています。',
   'cases.unread': '患者情報を開いています：残り {n} 件',
 

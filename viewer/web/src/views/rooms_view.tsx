@@ -63,21 +63,25 @@ function Streams({ room }: { room: RoomStatus }) {
 /** What stands out while it lasts. How long silence lasts is not said aloud each second. */
 function Troubles({ troubles }: { troubles: readonly Trouble[] }) {
   return (
-    <ul class="troubles" role="alert">
-      {troubles.map((one) => (
-        <li key={`${one.kind} ${one.stream}`} class={`trouble trouble-${one.kind}`}>
-          <Icon name="alarm" />
-          {one.kind === 'silent' ? (
-            <>
-              <strong>{t('trouble.silent', { name: word('stream', one.stream) })}</strong>
-              <span aria-hidden="true">{t('trouble.for', { seconds: Math.round(one.for_ms / 1000) })}</span>
-            </>
-          ) : (
-            <strong>{t('trouble.lost', { name: word('stream', one.stream), n: one.pictures })}</strong>
-          )}
-        </li>
-      ))}
-    </ul>
+    <div class="troubles" role="alert">
+      {troubles.length > 0 && (
+        <ul>
+          {troubles.map((one) => (
+            <li key={`${one.kind} ${one.stream}`} class={`trouble trouble-${one.kind}`}>
+              <Icon name="alarm" />
+              {one.kind === 'silent' ? (
+                <>
+                  <strong>{t('trouble.silent', { name: word('stream', one.stream) })}</strong>
+                  <span aria-hidden="true">{t('trouble.for', { seconds: Math.round(one.for_ms / 1000) })}</span>
+                </>
+              ) : (
+                <strong>{t('trouble.lost', { name: word('stream', one.stream), n: one.pictures })}</strong>
+              )}
+            </li>
+          ))}
+        </ul>
+      )}
+    </div>
   );
 }
 
