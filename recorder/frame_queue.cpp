@@ -11,7 +11,7 @@ extern "C" {
 
 namespace kiroku::recorder {
 
-std::size_t picture_bytes(const AVFrame& frame) {
+std::size_t frame_bytes(const AVFrame& frame) {
   if (frame.nb_samples > 0) {
     const int samples = av_samples_get_buffer_size(nullptr, frame.ch_layout.nb_channels, frame.nb_samples,
                                                    static_cast<AVSampleFormat>(frame.format), 1);
@@ -23,7 +23,7 @@ std::size_t picture_bytes(const AVFrame& frame) {
 }
 
 bool FrameQueue::push(TimedFrame frame, bool patient) {
-  const std::size_t bytes = picture_bytes(*frame.frame);
+  const std::size_t bytes = frame_bytes(*frame.frame);
   const std::int64_t time_ns = frame.time_ns;
   std::unique_lock lock(mutex_);
   // A picture larger than the whole budget still fits into an empty queue.
@@ -50,7 +50,7 @@ bool FrameQueue::push(TimedFrame frame, bool patient) {
     return false;
   }
   if (frame.is_sound) {
-    items_.emplace_back(QueuedFrame{std::move(frame), 0, 0, dropped_cause_});
+    items_.emplace_back(QueuedAudio{std::move(frame)});
   } else {
     items_.emplace_back(QueuedFrame{std::move(frame), std::exchange(dropped_before_next_, 0),
                                     first_dropped_ns_, dropped_cause_});
@@ -84,8 +84,11 @@ std::optional<QueueItem> FrameQueue::pop() {
   if (items_.empty()) return {};
   QueueItem item = std::move(items_.front());
   items_.pop_front();
-  if (const auto* frame = std::get_if<QueuedFrame>(&item))
-    waiting_bytes_ -= picture_bytes(*frame->picture.frame);
+  if (const auto* frame = std::get_if<QueuedFrame>(&item)) {
+    waiting_bytes_ -= frame_bytes(*frame->frame.frame);
+  } else if (const auto* audio = std::get_if<QueuedAudio>(&item)) {
+    waiting_bytes_ -= frame_bytes(*audio->audio.frame);
+  }
   lock.unlock();
   changed_.notify_all();
   return item;

@@ -14,18 +14,21 @@
 
 namespace kiroku::recorder {
 
-/// A frame, with what was lost right before it: for want of room, or by the source itself.
+/// A picture, with what was lost right before it: for want of room, or by the source itself.
 struct QueuedFrame {
-  TimedFrame picture;
+  TimedFrame frame;
   std::uint64_t dropped_before = 0;
-  std::int64_t dropped_since_ns = 0;  // case clock; until the picture's own time nothing was taken
+  std::int64_t dropped_since_ns = 0;  // case clock; until the frame's own time nothing was taken
   archive::GapCause dropped_cause = archive::GapCause::kOverload;
+};
+struct QueuedAudio {
+  TimedFrame audio;
 };
 /// The source went away after the last frame.
 struct SourceLost {
   archive::GapCause cause = archive::GapCause::kSignalLost;
 };
-using QueueItem = std::variant<QueuedFrame, SourceLost>;
+using QueueItem = std::variant<QueuedFrame, QueuedAudio, SourceLost>;
 
 /// One producer, one consumer. Thread-safe.
 class FrameQueue {
@@ -33,8 +36,8 @@ class FrameQueue {
   /// `budget_bytes` of pictures may wait.
   explicit FrameQueue(std::size_t budget_bytes) : budget_bytes_(budget_bytes) {}
 
-  /// Adds a frame if there is room. Without room: waits if `patient` (a source that states its own times
-  /// loses nothing by waiting), else drops it, counts it, and states it with the next frame that fits.
+  /// Adds a picture or audio if there is room. Without room: waits if `patient` (a source that states its own
+  /// times loses nothing by waiting), else drops it, counts it, and states it with the next frame that fits.
   /// Returns whether the frame was taken.
   bool push(TimedFrame frame, bool patient);
   void push(SourceLost lost);
@@ -47,7 +50,7 @@ class FrameQueue {
 
   /// Frames dropped so far, those that the source lost included.
   [[nodiscard]] std::uint64_t dropped() const;
-  /// Frames dropped after the last one that was taken, and since when; `picture` is empty. Nothing if none.
+  /// Frames dropped after the last one that was taken, and since when; `frame` is empty. Nothing if none.
   [[nodiscard]] std::optional<QueuedFrame> unstated_drops();
 
  private:
@@ -65,7 +68,7 @@ class FrameQueue {
   std::int64_t last_taken_ns_ = 0;
 };
 
-/// Memory that the picture or sound occupies.
-std::size_t picture_bytes(const AVFrame& frame);
+/// Memory that the picture or audio occupies.
+std::size_t frame_bytes(const AVFrame& frame);
 
 }  // namespace kiroku::recorder

@@ -277,9 +277,11 @@ Session::State::State(SessionOptions asked)
   const std::size_t budget = options.queue_bytes / std::max<std::size_t>(1, videos.size());
   std::size_t index = 0;
   for (OpenedVideo& opened : videos) {
-    lanes.push_back(std::make_unique<VideoLane>(context, index, writing.streams[index], opened.address,
-                                                std::move(opened.source), options.video[index].video, budget,
-                                                options.video[index].tap, options.video[index].guard));
+    const StreamRequest& stream = options.video[index];
+    lanes.push_back(std::make_unique<VideoLane>(
+        context, index, writing.streams[index],
+        SourceSupervisor::Terms{opened.address, stream.video.audio, stream.tap, stream.guard},
+        std::move(opened.source), stream.video, budget));
     ++index;
   }
   video_lanes = lanes.size();

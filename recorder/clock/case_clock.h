@@ -6,24 +6,28 @@
 #include <cstdint>
 
 #include "archive/ledger_entry.h"
+#include "base/clock.h"
 
 namespace kiroku::recorder {
 
 class CaseClock {
  public:
-  /// Starts at zero now.
-  CaseClock() : zero_(std::chrono::steady_clock::now()) {}
+  /// Starts at zero now. `time` must outlive the clock and its copies.
+  explicit CaseClock(const Clock& time = Clock::system()) : time_(&time), zero_(time.now()) {}
   /// Zero is now: when every source is open and the case begins, before any thread reads the clock.
-  void restart() { zero_ = std::chrono::steady_clock::now(); }
-  [[nodiscard]] std::int64_t now_ns() const { return at_ns(std::chrono::steady_clock::now()); }
-  [[nodiscard]] std::int64_t at_ns(std::chrono::steady_clock::time_point time) const {
+  void restart() { zero_ = time_->now(); }
+  [[nodiscard]] std::int64_t now_ns() const { return at_ns(time_->now()); }
+  [[nodiscard]] std::int64_t at_ns(Clock::Time time) const {
     return std::chrono::duration_cast<std::chrono::nanoseconds>(time - zero_).count();
   }
   /// Case-clock time with the machine's opinion of UTC beside it.
-  [[nodiscard]] archive::Moment moment() const { return {utc_now(), now_ns()}; }
+  [[nodiscard]] archive::Moment moment() const { return {time_->utc(), now_ns()}; }
+  /// What it counts.
+  [[nodiscard]] const Clock& time() const { return *time_; }
 
  private:
-  std::chrono::steady_clock::time_point zero_;
+  const Clock* time_;
+  Clock::Time zero_;
 };
 
 }  // namespace kiroku::recorder

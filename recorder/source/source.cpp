@@ -6,7 +6,8 @@ extern "C" {
 }
 
 #include <algorithm>
-#include <thread>
+#include <condition_variable>
+#include <mutex>
 
 #include "recorder/source/source_guard.h"
 #include "recorder/source/synthetic_source.h"
@@ -33,11 +34,15 @@ bool wait_until(const CaseClock& clock, std::int64_t due_ns, const std::atomic<b
                 Pulse* pulse) {
   // In steps, so that an interruption is noticed within a tenth of a second.
   constexpr std::int64_t kStepNs = 100'000'000;
+  std::mutex mutex;
+  std::condition_variable nothing;
+  std::unique_lock lock(mutex);
   while (!interrupted) {
     const std::int64_t left = due_ns - clock.now_ns();
     if (left <= 0) return true;
     if (pulse != nullptr) ++*pulse;
-    std::this_thread::sleep_for(std::chrono::nanoseconds(std::min(left, kStepNs)));
+    clock.time().wait_until(nothing, lock,
+                            clock.time().now() + std::chrono::nanoseconds(std::min(left, kStepNs)));
   }
   return false;
 }

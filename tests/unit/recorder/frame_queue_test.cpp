@@ -36,9 +36,9 @@ TEST(FrameQueue, DropsWholeFramesWhenFullAndStatesThemWithTheNext) {
   EXPECT_FALSE(queue.push(frame_at(300), false));
   EXPECT_EQ(popped(queue).dropped_before, 0U);
   EXPECT_TRUE(queue.push(frame_at(400), false));
-  EXPECT_EQ(popped(queue).picture.time_ns, 100);
+  EXPECT_EQ(popped(queue).frame.time_ns, 100);
   const QueuedFrame next = popped(queue);
-  EXPECT_EQ(next.picture.time_ns, 400);
+  EXPECT_EQ(next.frame.time_ns, 400);
   EXPECT_EQ(next.dropped_before, 2U);
   EXPECT_EQ(next.dropped_since_ns, 200);
   EXPECT_EQ(queue.dropped(), 2U);
@@ -56,7 +56,7 @@ TEST(FrameQueue, StatesDropsThatNoFrameFollows) {
   queue.push(frame_at(0), false);
   queue.push(frame_at(100), false);
   queue.finish();
-  EXPECT_EQ(popped(queue).picture.time_ns, 0);
+  EXPECT_EQ(popped(queue).frame.time_ns, 0);
   EXPECT_FALSE(queue.pop().has_value());
   const std::optional<QueuedFrame> drops = queue.unstated_drops();
   ASSERT_TRUE(drops.has_value());
@@ -79,8 +79,8 @@ TEST(FrameQueue, LetsAPatientSourceWaitForRoom) {
   FrameQueue queue(kPictureBytes);
   queue.push(frame_at(0), true);
   std::thread source([&] { EXPECT_TRUE(queue.push(frame_at(1), true)); });
-  EXPECT_EQ(popped(queue).picture.time_ns, 0);
-  EXPECT_EQ(popped(queue).picture.time_ns, 1);
+  EXPECT_EQ(popped(queue).frame.time_ns, 0);
+  EXPECT_EQ(popped(queue).frame.time_ns, 1);
   source.join();
   EXPECT_EQ(queue.dropped(), 0U);
 }
@@ -99,9 +99,9 @@ TEST(FrameQueue, KeepsALossInItsPlace) {
   queue.push(SourceLost{archive::GapCause::kDeviceRemoved});
   queue.push(frame_at(100), false);
   queue.finish();
-  EXPECT_EQ(popped(queue).picture.time_ns, 0);
+  EXPECT_EQ(popped(queue).frame.time_ns, 0);
   EXPECT_EQ(std::get<SourceLost>(queue.pop().value()).cause, archive::GapCause::kDeviceRemoved);
-  EXPECT_EQ(popped(queue).picture.time_ns, 100);
+  EXPECT_EQ(popped(queue).frame.time_ns, 100);
   EXPECT_FALSE(queue.pop().has_value());
 }
 

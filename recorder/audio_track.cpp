@@ -1,0 +1,33 @@
+#include "recorder/audio_track.h"
+
+extern "C" {
+#include <libavutil/frame.h>
+}
+
+#include <utility>
+
+namespace kiroku::recorder {
+
+AudioTrack::AudioTrack(const std::optional<SoundFormat>& format, const VideoProfile& profile)
+    : profile_(profile) {
+  if (format && profile_.audio) encoder_ = std::make_unique<SoundEncoder>(*format, profile_);
+}
+
+std::optional<MuxedStream> AudioTrack::begin_segment() {
+  in_segment_ = encoder_ != nullptr;
+  if (!in_segment_) return {};
+  return encoder_->muxed_stream();
+}
+
+std::vector<media::Packet> AudioTrack::take(TimedFrame audio) {
+  if (!encoder_) encoder_ = std::make_unique<SoundEncoder>(sound_format_of(*audio.frame), profile_);
+  if (!in_segment_) return {};
+  return encoder_->encode(std::move(audio.frame), audio.time_ns);
+}
+
+std::vector<media::Packet> AudioTrack::drain() {
+  if (!in_segment_) return {};
+  return encoder_->drain();
+}
+
+}  // namespace kiroku::recorder

@@ -1,0 +1,143 @@
+#include "recorder/source_supervisor.h"
+
+#include <algorithm>
+#include <filesystem>
+#include <utility>
+
+#include "base/error.h"
+
+namespace kiroku::recorder {
+namespace {
+
+constexpr std::int64_t kFirstReopenPauseNs = 1'000'000'000;
+constexpr std::int64_t kLongestReopenPauseNs = 16'000'000'000;
+constexpr std::chrono::seconds kPipePatience{10};
+
+}  // namespace
+
+SourceSupervisor::SourceSupervisor(const LaneContext& context, Terms terms, std::unique_ptr<Source> source,
+                                   FrameQueue& queue)
+    : context_(context), terms_(std::move(terms)), queue_(queue), source_(std::move(source)) {
+  if (source_) input_ = source_->input();
+}
+
+SourceSupervisor::~SourceSupervisor() {
+  stop();
+  join();
+}
+
+void SourceSupervisor::start() {
+  thread_ = std::thread([this] { run(); });
+}
+
+void SourceSupervisor::stop() {
+  stopping_ = true;
+  const std::lock_guard guard(mutex_);
+  if (source_) source_->interrupt();
+}
+
+void SourceSupervisor::join() {
+  if (thread_.joinable()) thread_.join();
+}
+
+std::string SourceSupervisor::input() const {
+  const std::lock_guard guard(mutex_);
+  return input_;
+}
+
+void SourceSupervisor::run() {
+  bool present = source_ != nullptr;
+  if (!present) {
+    queue_.push(SourceLost{cause_of_loss()});
+    present = reopen(false);
+  }
+  const bool comes_back = present && source_->is_live();
+  while (present && !stopping_) {
+    bool lost = false;
+    try {
+      read(*source_);
+    } catch (const std::exception& error) {
+      context_.troubles.mention(error.what());
+      lost = true;
+    }
+    live_ = false;
+    if (!lost || stopping_ || !comes_back) break;  // a damaged file does not come back
+    queue_.push(SourceLost{cause_of_loss()});
+    // Full teardown, a pause, and a fresh one: stale buffers and half-open connections go with the old
+    // object.
+    close();
+    present = reopen(true);
+  }
+  ended_ = true;
+  queue_.finish();
+  close();
+}
+
+void SourceSupervisor::read(Source& source) {
+  const Rational rate = source.frame_rate();
+  const bool patient = terms_.address.unpaced();
+  while (std::optional<TimedFrame> frame = source.read()) {
+    const bool beyond = context_.end_ns && frame->time_ns >= *context_.end_ns;
+    if (frame->is_sound) {
+      if (!beyond) queue_.push(std::move(*frame), patient);
+      continue;
+    }
+    if (beyond) {
+      reached_end_ = true;
+      return;
+    }
+    live_ = true;
+    frame->rate = rate;
+    if (terms_.tap) terms_.tap->offer(*frame);
+    queue_.push(std::move(*frame), patient);
+  }
+}
+
+bool SourceSupervisor::reopen(bool was_open) {
+  const bool may_end = was_open && terms_.address.kind == SourceKind::kPipe;
+  for (std::int64_t pause_ns = kFirstReopenPauseNs;;
+       pause_ns = std::min(2 * pause_ns, kLongestReopenPauseNs)) {
+    if (!may_end && !wait_until(context_.clock, context_.clock.now_ns() + pause_ns, stopping_)) return false;
+    try {
+      std::unique_ptr<Source> fresh = open_anew();
+      if (const std::string remark = fresh->remark(); !remark.empty()) context_.troubles.mention(remark);
+      const std::lock_guard guard(mutex_);
+      input_ = fresh->input();
+      source_ = std::move(fresh);
+      if (stopping_) source_->interrupt();
+      return true;
+    } catch (const std::exception& error) {
+      if (stopping_ || may_end) return false;
+      context_.troubles.mention(error.what());
+    }
+  }
+}
+
+std::unique_ptr<Source> SourceSupervisor::open_anew() {
+  OpeningTerms terms;
+  terms.cancelled = &stopping_;
+  terms.sound = terms_.audio;
+  terms.guard = terms_.guard;
+  if (terms_.address.kind == SourceKind::kPipe) terms.patience = kPipePatience;
+  return open_source(terms_.address, context_.clock, terms);
+}
+
+void SourceSupervisor::close() {
+  std::unique_ptr<Source> closing;
+  {
+    const std::lock_guard guard(mutex_);
+    closing = std::move(source_);
+  }
+  // Closing may take its time; stop() must not wait for it.
+  closing.reset();
+}
+
+archive::GapCause SourceSupervisor::cause_of_loss() const {
+  const SourceAddress& address = terms_.address;
+  std::error_code ignored;
+  const bool unplugged =
+      address.kind == SourceKind::kDevice && !std::filesystem::exists(address.location, ignored);
+  return unplugged ? archive::GapCause::kDeviceRemoved : archive::GapCause::kSignalLost;
+}
+
+}  // namespace kiroku::recorder

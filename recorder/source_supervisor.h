@@ -1,0 +1,77 @@
+// Keeps the source of a stream: reads it on a thread of its own into the queue, and opens it anew when it is
+// lost. start, stop, join and what it says of itself are thread-safe.
+#pragma once
+
+#include <atomic>
+#include <memory>
+#include <mutex>
+#include <string>
+#include <thread>
+
+#include "recorder/frame_queue.h"
+#include "recorder/lane.h"
+#include "recorder/picture_tap.h"
+#include "recorder/source/source.h"
+#include "recorder/source/source_guard.h"
+
+namespace kiroku::recorder {
+
+class SourceSupervisor {
+ public:
+  struct Terms {
+    SourceAddress address;
+    bool audio = false;                  // it is asked for its audio too
+    std::shared_ptr<PictureTap> tap;     // offered every picture before it is queued; may be null
+    std::shared_ptr<SourceGuard> guard;  // the source is opened through it; nothing waits longer than it says
+  };
+
+  /// `source` was opened from the address; or it is null, and is taken up when it can be opened: the queue is
+  /// told that it is lost. A live one is opened anew when it is lost, after pauses that grow from one second
+  /// to sixteen, until it is back (a pipe: when somebody writes to it again within ten seconds, else it has
+  /// ended). The queue is finished when nothing more comes. `context` and `queue` must outlive the object.
+  SourceSupervisor(const LaneContext& context, Terms terms, std::unique_ptr<Source> source,
+                   FrameQueue& queue);
+  ~SourceSupervisor();
+  SourceSupervisor(const SourceSupervisor&) = delete;
+  SourceSupervisor& operator=(const SourceSupervisor&) = delete;
+
+  void start();
+  /// Interrupts whatever source there is; returns at once.
+  void stop();
+  /// Waits until the thread has ended.
+  void join();
+
+  /// Pictures come.
+  [[nodiscard]] bool live() const { return live_; }
+  /// Nothing more comes.
+  [[nodiscard]] bool ended() const { return ended_; }
+  /// The source had more when LaneContext::end_ns was reached.
+  [[nodiscard]] bool reached_end() const { return reached_end_; }
+  /// As Source::input(), of the source there is, or was.
+  [[nodiscard]] std::string input() const;
+  [[nodiscard]] const SourceGuard& guard() const { return *terms_.guard; }
+  [[nodiscard]] const SourceAddress& address() const { return terms_.address; }
+
+ private:
+  void run();
+  void read(Source& source);
+  /// Tries until there is a source; false if it has ended or is stopped. A pipe that was never opened is
+  /// waited for like anything else.
+  bool reopen(bool was_open);
+  [[nodiscard]] std::unique_ptr<Source> open_anew();
+  void close();
+  [[nodiscard]] archive::GapCause cause_of_loss() const;
+
+  const LaneContext context_;
+  const Terms terms_;
+  FrameQueue& queue_;
+  std::atomic<bool> stopping_ = false, ended_ = false, reached_end_ = false, live_ = false;
+
+  mutable std::mutex mutex_;  // guards what follows
+  std::unique_ptr<Source> source_;
+  std::string input_;
+
+  std::thread thread_;
+};
+
+}  // namespace kiroku::recorder

@@ -1,0 +1,177 @@
+// Losing a source and taking it up again, by a clock that the test moves.
+#include "recorder/source_supervisor.h"
+
+#include <deque>
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "base/error.h"
+#include "tests/support/moved_clock.h"
+
+namespace kiroku::recorder {
+namespace {
+
+using namespace std::chrono_literals;
+using archive::GapCause;
+using testing::ElementsAre;
+using testing::HasSubstr;
+
+/// Gives its pictures and is lost then, or waits to be interrupted.
+class BriefCamera : public Source {
+ public:
+  BriefCamera(int pictures, bool is_lost, bool is_live)
+      : pictures_(pictures), lost_(is_lost), live_(is_live) {}
+  [[nodiscard]] PictureFormat format() const override { return {64, 48, 0, {}}; }
+  [[nodiscard]] Rational frame_rate() const override { return {25, 1}; }
+  [[nodiscard]] bool is_live() const override { return live_; }
+  [[nodiscard]] std::string input() const override { return "64x48 of a test"; }
+  std::optional<TimedFrame> read() override {
+    if (given_ < pictures_) {
+      TimedFrame timed;
+      timed.frame = media::make_frame();
+      timed.time_ns = given_++ * 1'000'000'000;
+      return timed;
+    }
+    if (lost_) throw Error("the cable was pulled");
+    while (live_ && !interrupted()) std::this_thread::yield();
+    return {};
+  }
+
+ private:
+  const int pictures_;
+  int given_ = 0;
+  const bool lost_, live_;
+};
+
+class SourceSupervisorTest : public testing::Test {
+ protected:
+  /// The camera as it is opened the first time, the second time ...; null: it cannot be opened.
+  std::shared_ptr<SourceGuard> guard(std::deque<std::unique_ptr<Source>> cameras) {
+    const auto left = std::make_shared<std::deque<std::unique_ptr<Source>>>(std::move(cameras));
+    return std::make_shared<SourceGuard>(
+        SourceGuard::Limits{}, SourceGuard::Tell{},
+        [left, this](const SourceAddress&, const CaseClock&, const OpeningTerms&) -> std::unique_ptr<Source> {
+          opened_at.push_back(clock.now_ns());
+          if (left->empty()) throw Error("no such camera");
+          std::unique_ptr<Source> camera = std::move(left->front());
+          left->pop_front();
+          if (!camera) throw Error("no such camera");
+          return camera;
+        });
+  }
+  static std::unique_ptr<Source> camera(int pictures, bool is_lost = true, bool is_live = true) {
+    return std::make_unique<BriefCamera>(pictures, is_lost, is_live);
+  }
+  SourceSupervisor::Terms terms(std::shared_ptr<SourceGuard> guarded) {
+    return {parse_source_address("/dev/video-of-a-test", Presence::kMayBeAbsent), false, nullptr,
+            std::move(guarded)};
+  }
+  /// What comes next: 'p' a picture, 'l' a loss, '.' nothing more.
+  char next() {
+    const std::optional<QueueItem> item = queue.pop();
+    if (!item) return '.';
+    if (const auto* lost = std::get_if<SourceLost>(&*item)) {
+      causes.push_back(lost->cause);
+      return 'l';
+    }
+    return 'p';
+  }
+  /// Moves the clock by tenths of seconds, which are the steps in which a pause is waited for.
+  void let_pass(std::chrono::milliseconds time) {
+    for (; time > 0ms; time -= 100ms) {
+      moved.await_waiting(1);
+      moved.move(100ms);
+    }
+  }
+
+  [[nodiscard]] LaneContext context() { return {clock, store, facts, troubles, 2s, end_ns}; }
+
+  test::MovedClock moved;
+  const CaseClock clock{moved};
+  SegmentStore store{nullptr, 1};
+  FactQueue facts;
+  Troubles troubles;
+  std::optional<std::int64_t> end_ns;
+  FrameQueue queue{1U << 20};
+  std::vector<std::int64_t> opened_at;  // written while the test waits for what comes of it
+  std::vector<GapCause> causes;
+};
+
+TEST_F(SourceSupervisorTest, ALostSourceIsTakenUpAgainAfterPausesThatGrow) {
+  std::deque<std::unique_ptr<Source>> cameras;
+  for (int i = 0; i < 6; ++i) cameras.push_back(nullptr);
+  cameras.push_back(camera(1, false));
+  SourceSupervisor supervisor(context(), terms(guard(std::move(cameras))), camera(2), queue);
+  supervisor.start();
+  EXPECT_EQ(next(), 'p');
+  EXPECT_EQ(next(), 'p');
+  EXPECT_EQ(next(), 'l');
+  EXPECT_EQ(troubles.latest(), "the cable was pulled");
+  EXPECT_FALSE(supervisor.live());
+  let_pass(63s);
+  EXPECT_EQ(next(), 'p');
+  EXPECT_THAT(opened_at, ElementsAre(1'000'000'000, 3'000'000'000, 7'000'000'000, 15'000'000'000,
+                                     31'000'000'000, 47'000'000'000, 63'000'000'000));
+  EXPECT_THAT(causes, ElementsAre(GapCause::kDeviceRemoved)) << "the test's device is no file";
+  EXPECT_THAT(troubles.latest(), HasSubstr("no such camera"));
+  EXPECT_TRUE(supervisor.live());
+  EXPECT_FALSE(supervisor.ended());
+  supervisor.stop();
+  EXPECT_EQ(next(), '.');
+  EXPECT_TRUE(supervisor.ended());
+}
+
+TEST_F(SourceSupervisorTest, ASourceThatIsNotThereIsStatedAsLostAndWaitedFor) {
+  std::deque<std::unique_ptr<Source>> cameras;
+  cameras.push_back(camera(1, false));
+  SourceSupervisor supervisor(context(), terms(guard(std::move(cameras))), nullptr, queue);
+  supervisor.start();
+  EXPECT_EQ(next(), 'l');
+  EXPECT_EQ(supervisor.input(), "");
+  let_pass(1s);
+  EXPECT_EQ(next(), 'p');
+  EXPECT_EQ(supervisor.input(), "64x48 of a test");
+  EXPECT_THAT(opened_at, ElementsAre(1'000'000'000));
+}
+
+TEST_F(SourceSupervisorTest, ADamagedFileDoesNotComeBack) {
+  SourceSupervisor supervisor(context(), terms(guard({})), camera(1, true, false), queue);
+  supervisor.start();
+  EXPECT_EQ(next(), 'p');
+  EXPECT_EQ(next(), '.');
+  EXPECT_TRUE(supervisor.ended());
+  EXPECT_FALSE(supervisor.reached_end());
+  EXPECT_EQ(troubles.latest(), "the cable was pulled");
+}
+
+TEST_F(SourceSupervisorTest, NothingIsTakenFromTheEndOfTheRecordingOn) {
+  end_ns = 2'000'000'000;
+  SourceSupervisor supervisor(context(), terms(guard({})), camera(9, false, false), queue);
+  supervisor.start();
+  EXPECT_EQ(next(), 'p');
+  EXPECT_EQ(next(), 'p');
+  EXPECT_EQ(next(), '.');
+  EXPECT_TRUE(supervisor.reached_end());
+}
+
+TEST_F(SourceSupervisorTest, AStopEndsAPauseAsItEndsAWaitForPictures) {
+  SourceSupervisor paused(context(), terms(guard({})), camera(0), queue);
+  paused.start();
+  EXPECT_EQ(next(), 'l');
+  moved.await_waiting(1);
+  paused.stop();
+  moved.move(100ms);
+  paused.join();
+  EXPECT_EQ(next(), '.');
+
+  FrameQueue other(1U << 20);
+  SourceSupervisor waiting(context(), terms(guard({})), camera(0, false), other);
+  waiting.start();
+  waiting.stop();
+  waiting.join();
+  EXPECT_TRUE(waiting.ended());
+}
+
+}  // namespace
+}  // namespace kiroku::recorder
