@@ -2,11 +2,11 @@
 import { copyFileSync } from 'node:fs';
 import { join } from 'node:path';
 import type { Browser } from 'playwright-core';
-import { afterAll, beforeAll, describe, expect, it } from 'vitest';
+import { afterAll, afterEach, beforeAll, beforeEach, describe, expect, it } from 'vitest';
 import type { ComparisonDocument } from '@/api/types';
 import { mapOfSteps } from '@/compare/matching';
 import { planMap } from '@/compare/plan_map';
-import { Appliance, clockOf, keepPicture, kMaking_ms, near, seriousBarriers, settled, startBrowser, visitSignedIn, type Visitor } from './kit';
+import { Appliance, clockOf, keepPicture, kMaking_ms, near, newTab, seriousBarriers, settled, startBrowser, story, visitSignedIn, type Visitor } from './kit';
 import { expectFits } from './layout';
 
 let appliance: Appliance;
@@ -52,6 +52,24 @@ beforeAll(async () => {
   visitor = await visitSignedIn(browser, appliance);
 });
 
+beforeEach(async () => {
+  await newTab(visitor);
+  const { page } = visitor;
+  await page.goto(`${appliance.url}#/cases/${id}`);
+  await page.locator('.pane-plan video').waitFor();
+  await openPlanTab();
+  await page.getByLabel('Comparison').selectOption('newest');
+  await page.getByText(/Compared by Dr. Mori/).waitFor();
+  await page.locator('.pane-plan video').waitFor();
+  await settled(page);
+  await leaveButton();
+});
+
+afterEach(() => {
+  expect(visitor.problems).toEqual([]);
+  expect(visitor.asked.filter((one) => !one.startsWith(appliance.url) && !one.startsWith('blob:'))).toEqual([]);
+});
+
 afterAll(async () => {
   await browser?.close();
   await appliance?.stop();
@@ -60,10 +78,9 @@ afterAll(async () => {
 describe('The plan beside the recording', () => {
   it('is there when the case is opened, with the patient’s pressure and the steps on the time line', async () => {
     const { page } = visitor;
-    await page.locator('.case-link', { hasText: id }).click();
-    await page.locator('.pane-plan video').waitFor();
-    await settled(page);
     expect(await page.locator('video').count()).toBe(3);
+    await page.getByRole('tab', { name: 'Vital signs' }).click();
+    await leaveButton();
     await press('PageDown');
     await settled(page);
     await expect.poll(() => page.locator('.pane-step').textContent()).toBe('2. Grasp the edge');
@@ -75,7 +92,6 @@ describe('The plan beside the recording', () => {
 
   it('says in words that it was sealed before the first picture, and how that is known', async () => {
     const { page } = visitor;
-    await openPlanTab();
     await page.getByText('The plan was sealed before the first picture').click();
     await page.getByText(/The seal is entry \d+ of the appliance’s log/).waitFor();
     await page.getByText('The first entry of this case names the plan by its seal.').waitFor();
@@ -194,66 +210,68 @@ describe('The plan beside the recording', () => {
     await page.getByText(/Compared by Dr. Sato/).waitFor();
   });
 
-  it('lets steps be matched by hand: by key and by flag, back and forth, seen at once', async () => {
-    const { page } = visitor;
-    await page.getByRole('button', { name: 'Match steps by hand' }).click();
-    const matching = page.getByRole('region', { name: 'Match steps by hand' });
-    await matching.getByText('4 of 6 steps matched').waitFor();
-    expect(await page.locator('.step-flag').count()).toBe(4);
-    await matching.getByRole('button', { name: '1. Approach', exact: true }).click();
-    await goTo('1.2');
-    await settled(page);
-    await leaveButton();
-    await press('m');
-    await matching.getByText('5 of 6 steps matched').waitFor();
-    expect(await matching.locator('li').first().textContent()).toContain('00:00:01.200 – ');
-    expect(await page.getByRole('img', { name: 'Time map: 5 of 6 steps' }).locator('polyline').count()).toBe(5);
-    // The plan's film follows what was matched: within the first step there was nothing before.
-    await goTo('1.5');
-    await settled(page);
-    await expect.poll(planAt).toSatisfy((at: number) => at > 0.05 && at < 0.9);
-    await press('Control+z');
-    await matching.getByText('4 of 6 steps matched').waitFor();
-    await expect.poll(planAt).toBeGreaterThan(0.95);
-    await press('Control+Shift+z');
-    await matching.getByText('5 of 6 steps matched').waitFor();
+  story('has steps matched by hand', (step) => {
+    step('by key and by flag, back and forth, seen at once', async () => {
+      const { page } = visitor;
+      await page.getByRole('button', { name: 'Match steps by hand' }).click();
+      const matching = page.getByRole('region', { name: 'Match steps by hand' });
+      await matching.getByText('4 of 6 steps matched').waitFor();
+      expect(await page.locator('.step-flag').count()).toBe(4);
+      await matching.getByRole('button', { name: '1. Approach', exact: true }).click();
+      await goTo('1.2');
+      await settled(page);
+      await leaveButton();
+      await press('m');
+      await matching.getByText('5 of 6 steps matched').waitFor();
+      expect(await matching.locator('li').first().textContent()).toContain('00:00:01.200 – ');
+      expect(await page.getByRole('img', { name: 'Time map: 5 of 6 steps' }).locator('polyline').count()).toBe(5);
+      // The plan's film follows what was matched: within the first step there was nothing before.
+      await goTo('1.5');
+      await settled(page);
+      await expect.poll(planAt).toSatisfy((at: number) => at > 0.05 && at < 0.9);
+      await press('Control+z');
+      await matching.getByText('4 of 6 steps matched').waitFor();
+      await expect.poll(planAt).toBeGreaterThan(0.95);
+      await press('Control+Shift+z');
+      await matching.getByText('5 of 6 steps matched').waitFor();
 
-    const flag = page.getByRole('slider', { name: '2. Grasp the edge' });
-    const before = Number(await flag.getAttribute('aria-valuenow'));
-    const box = await flag.boundingBox();
-    if (!box) throw new Error('the flag is not to be seen');
-    await page.mouse.move(box.x + 3, box.y + 8);
-    await page.mouse.down();
-    await page.mouse.move(box.x + 23, box.y + 8, { steps: 5 });
-    await page.mouse.up();
-    const after = Number(await flag.getAttribute('aria-valuenow'));
-    expect(after).toBeGreaterThan(before + 50);
-    await flag.press('ArrowRight');
-    await expect.poll(async () => Number(await flag.getAttribute('aria-valuenow'))).toBe(after + 100);
-    await settled(page);
-    await keepPicture(page, 'plan-matching');
-    await expectFits(visitor, 'matching');
-    expect(await seriousBarriers(page)).toEqual([]);
-  });
+      const flag = page.getByRole('slider', { name: '2. Grasp the edge' });
+      const before = Number(await flag.getAttribute('aria-valuenow'));
+      const box = await flag.boundingBox();
+      if (!box) throw new Error('the flag is not to be seen');
+      await page.mouse.move(box.x + 3, box.y + 8);
+      await page.mouse.down();
+      await page.mouse.move(box.x + 23, box.y + 8, { steps: 5 });
+      await page.mouse.up();
+      const after = Number(await flag.getAttribute('aria-valuenow'));
+      expect(after).toBeGreaterThan(before + 50);
+      await flag.press('ArrowRight');
+      await expect.poll(async () => Number(await flag.getAttribute('aria-valuenow'))).toBe(after + 100);
+      await settled(page);
+      await keepPicture(page, 'plan-matching');
+      await expectFits(visitor, 'matching');
+      expect(await seriousBarriers(page)).toEqual([]);
+    });
 
-  it('keeps what was matched as a new comparison under the user’s name', async () => {
-    const { page } = visitor;
-    const matching = page.getByRole('region', { name: 'Match steps by hand' });
-    expect(await matching.getByLabel('Name').inputValue()).toBe('by-hand');
-    await matching.getByRole('button', { name: 'Keep as a comparison' }).click();
-    await matching.getByRole('progressbar').waitFor();
-    await page.getByText(/Compared by demo/).waitFor({ timeout: kMaking_ms });
-    await page.getByText('The plan was sealed before the first picture').waitFor();
-    expect(await page.locator('table.steps caption').textContent()).toContain('5 of 6 steps found');
-    await page.locator('.pane-plan video').waitFor();
-    // What was seen before is what the server made: the page's time map is the document's.
-    const document = await page.evaluate(
-      async (one) => (await (await fetch(`/api/cases/${one}/comparisons/by-hand`)).json()) as ComparisonDocument,
-      id,
-    );
-    expect(mapOfSteps(document.steps)).toEqual(planMap(document));
-    expect(document.steps[0]?.done?.start_ns).toBe(1.2e9);
-    expect((JSON.parse(await appliance.kiroku('verify', id, '--json')) as { verdict: string }).verdict).toBe('intact');
+    step('and kept as a new comparison under the user’s name', async () => {
+      const { page } = visitor;
+      const matching = page.getByRole('region', { name: 'Match steps by hand' });
+      expect(await matching.getByLabel('Name').inputValue()).toBe('by-hand');
+      await matching.getByRole('button', { name: 'Keep as a comparison' }).click();
+      await matching.getByRole('progressbar').waitFor();
+      await page.getByText(/Compared by demo/).waitFor({ timeout: kMaking_ms });
+      await page.getByText('The plan was sealed before the first picture').waitFor();
+      expect(await page.locator('table.steps caption').textContent()).toContain('5 of 6 steps found');
+      await page.locator('.pane-plan video').waitFor();
+      // What was seen before is what the server made: the page's time map is the document's.
+      const document = await page.evaluate(
+        async (one) => (await (await fetch(`/api/cases/${one}/comparisons/by-hand`)).json()) as ComparisonDocument,
+        id,
+      );
+      expect(mapOfSteps(document.steps)).toEqual(planMap(document));
+      expect(document.steps[0]?.done?.start_ns).toBe(1.2e9);
+      expect((JSON.parse(await appliance.kiroku('verify', id, '--json')) as { verdict: string }).verdict).toBe('intact');
+    });
   });
 
   it('reads in Japanese and in light colours, without a serious barrier', async () => {
@@ -265,7 +283,7 @@ describe('The plan beside the recording', () => {
     await settled(page);
     await keepPicture(page, 'plan-japanese');
     expect(await seriousBarriers(page)).toEqual([]);
-    expect(visitor.problems).toEqual([]);
-    expect(visitor.asked.filter((one) => !one.startsWith(appliance.url) && !one.startsWith('blob:'))).toEqual([]);
+    await page.getByRole('button', { name: 'English' }).click();
+    await page.getByRole('button', { name: 'Dark colours' }).click();
   });
 });

@@ -2,8 +2,8 @@
 // verdict. KIROKU_DEMONSTRATION=build/demo says where that is; the README's pictures are made so.
 import { join } from 'node:path';
 import type { Browser } from 'playwright-core';
-import { afterAll, beforeAll, describe, expect, it } from 'vitest';
-import { Appliance, keepPicture, seriousBarriers, settled, startBrowser, visit, type Visitor } from './kit';
+import { afterAll, beforeAll, describe, expect } from 'vitest';
+import { Appliance, keepPicture, seriousBarriers, settled, startBrowser, story, visit, type Visitor } from './kit';
 
 const demonstration = process.env['KIROKU_DEMONSTRATION'];
 
@@ -22,53 +22,55 @@ describe.skipIf(!demonstration)('A new user of the demonstration', () => {
     await appliance?.stop();
   });
 
-  it('finds the case and its verdict in the list', async () => {
-    const { page } = visitor;
-    await page.goto(appliance.signIn);
-    const row = page.locator('.case-row');
-    await expect.poll(() => row.count()).toBe(1);
-    expect(await row.textContent()).toContain('Intact');
-    await row.getByRole('link').first().click();
-  });
+  story('comes to the verdict by nothing but what the page shows', (step) => {
+    step('finds the case and its verdict in the list', async () => {
+      const { page } = visitor;
+      await page.goto(appliance.signIn);
+      const row = page.locator('.case-row');
+      await expect.poll(() => row.count()).toBe(1);
+      expect(await row.textContent()).toContain('Intact');
+      await row.getByRole('link').first().click();
+    });
 
-  it('finds a mark, the pressure at it, and the plan beside it', async () => {
-    const { page } = visitor;
-    await page.locator('.pane-plan video').waitFor();
-    await settled(page);
-    for (let mark = 0; mark < 3; ++mark) {
-      await page.getByRole('button', { name: 'Next mark' }).click();
+    step('finds a mark, the pressure at it, and the plan beside it', async () => {
+      const { page } = visitor;
+      await page.locator('.pane-plan video').waitFor();
       await settled(page);
-    }
-    for (let times = 0; times < 2; ++times) await page.keyboard.press('Shift+ArrowRight');
-    await settled(page);
-    expect(await page.locator('.pane-step').textContent()).toBe('3. Lift');
-    await expect.poll(() => page.locator('.vital', { hasText: 'ABP' }).textContent()).toMatch(/\d\d+\/\d\d+/);
-    await expect.poll(() => page.locator('.case-verdict').textContent()).toBe('Intact');
-    // Until the newest wave is drawn.
-    await page.waitForTimeout(500);
-    await keepPicture(page, 'demo-mark');
-    expect(await seriousBarriers(page)).toEqual([]);
-  });
+      for (let mark = 0; mark < 3; ++mark) {
+        await page.getByRole('button', { name: 'Next mark' }).click();
+        await settled(page);
+      }
+      for (let times = 0; times < 2; ++times) await page.keyboard.press('Shift+ArrowRight');
+      await settled(page);
+      expect(await page.locator('.pane-step').textContent()).toBe('3. Lift');
+      await expect.poll(() => page.locator('.vital', { hasText: 'ABP' }).textContent()).toMatch(/\d\d+\/\d\d+/);
+      await expect.poll(() => page.locator('.case-verdict').textContent()).toBe('Intact');
+      // Until the newest wave is drawn.
+      await page.waitForTimeout(500);
+      await keepPicture(page, 'demo-mark');
+      expect(await seriousBarriers(page)).toEqual([]);
+    });
 
-  it('sees step by step what was planned and what was done', async () => {
-    const { page } = visitor;
-    await page.getByRole('tab', { name: 'Plan' }).click();
-    await page.getByText('The plan was sealed before the first picture').waitFor();
-    expect(await page.locator('table.steps caption').textContent()).toBe('6 of 6 steps found · in the planned order');
-    await page.locator('table.steps').getByRole('button', { name: '4. Hold' }).click();
-    await page.getByText('Over', { exact: true }).click();
-    await settled(page);
-    await page.waitForTimeout(500);
-    await keepPicture(page, 'demo-plan');
-  });
+    step('sees step by step what was planned and what was done', async () => {
+      const { page } = visitor;
+      await page.getByRole('tab', { name: 'Plan' }).click();
+      await page.getByText('The plan was sealed before the first picture').waitFor();
+      expect(await page.locator('table.steps caption').textContent()).toBe('6 of 6 steps found · in the planned order');
+      await page.locator('table.steps').getByRole('button', { name: '4. Hold' }).click();
+      await page.getByText('Over', { exact: true }).click();
+      await settled(page);
+      await page.waitForTimeout(500);
+      await keepPicture(page, 'demo-plan');
+    });
 
-  it('sees why the verdict is what it is', async () => {
-    const { page } = visitor;
-    await page.locator('.case-verdict').click();
-    await page.getByRole('button', { name: 'Verify now' }).click();
-    await page.locator('.banner').waitFor();
-    expect(await page.locator('.banner h2').textContent()).toMatch(/^Intact/);
-    await keepPicture(page, 'demo-verdict');
-    expect(visitor.problems).toEqual([]);
+    step('sees why the verdict is what it is', async () => {
+      const { page } = visitor;
+      await page.locator('.case-verdict').click();
+      await page.getByRole('button', { name: 'Verify now' }).click();
+      await page.locator('.banner').waitFor();
+      expect(await page.locator('.banner h2').textContent()).toMatch(/^Intact/);
+      await keepPicture(page, 'demo-verdict');
+      expect(visitor.problems).toEqual([]);
+    });
   });
 });

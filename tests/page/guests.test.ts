@@ -1,7 +1,7 @@
 // A guest who looks on by an invitation, in a browser of their own, before a kirokud that records.
 import type { Browser, Page } from 'playwright-core';
-import { afterAll, beforeAll, describe, expect, it } from 'vitest';
-import { Appliance, keepPicture, seriousBarriers, settled, signInToRooms, startBrowser, startRecording, visit, type Visitor } from './kit';
+import { afterAll, beforeAll, expect } from 'vitest';
+import { Appliance, keepPicture, seriousBarriers, settled, signInToRooms, startBrowser, startRecording, story, visit, type Visitor } from './kit';
 import { expectFits } from './layout';
 
 let appliance: Appliance;
@@ -41,8 +41,8 @@ async function invite(name: string): Promise<string> {
   return made;
 }
 
-describe('An invitation', () => {
-  it('is made for an hour, and its link is shown once', async () => {
+story('An invitation', (step) => {
+  step('is made for an hour, and its link is shown once', async () => {
     const { page } = surgeon;
     link = await invite('Dr. Sato');
     expect(link).toMatch(new RegExp(`^${appliance.url}#invitation=[\\w-]{43}$`));
@@ -51,7 +51,7 @@ describe('An invitation', () => {
     await line.getByText('60 min left').waitFor();
   });
 
-  it('lets the guest in when they say so, and the token stays in no address', async () => {
+  step('lets the guest in when they say so, and the token stays in no address', async () => {
     const { page } = guest;
     await page.goto(link);
     await page.getByRole('heading', { name: 'You are invited to look on' }).waitFor();
@@ -64,7 +64,7 @@ describe('An invitation', () => {
     for (const address of guest.asked) expect(address).not.toContain(token);
   });
 
-  it('shows the pictures moving and how long they may be seen, and nothing else', async () => {
+  step('shows the pictures moving and how long they may be seen, and nothing else', async () => {
     const { page } = guest;
     const time = () => pane(page, 'endoscope').locator('video').evaluate((video: HTMLVideoElement) => video.currentTime);
     const first = await time();
@@ -79,11 +79,11 @@ describe('An invitation', () => {
     await page.getByRole('button', { name: 'English' }).click();
   });
 
-  it('tells the surgeon that the guest watches', async () => {
+  step('tells the surgeon that the guest watches', async () => {
     await surgeon.page.locator('.guest-line', { hasText: 'Dr. Sato' }).getByText('Watches now').waitFor();
   });
 
-  it('lets the guest point, and everybody sees the arrow where it points', async () => {
+  step('lets the guest point, and everybody sees the arrow where it points', async () => {
     const picture = await guest.page.locator('.live-pane[data-stream=endoscope] .pointer-layer').boundingBox();
     if (!picture) throw new Error('no picture to point on');
     const { mouse } = guest.page;
@@ -112,7 +112,7 @@ describe('An invitation', () => {
     await expect.poll(() => surgeon.page.locator('.pointer').count()).toBe(0);
   });
 
-  it('lets everybody point also by keys', async () => {
+  step('lets everybody point also by keys', async () => {
     await surgeon.page.getByRole('application', { name: 'Point on Endoscope' }).focus();
     for (let i = 0; i < 5; ++i) {
       await surgeon.page.keyboard.press('ArrowRight');
@@ -121,13 +121,13 @@ describe('An invitation', () => {
     await guest.page.locator('.live-pane[data-stream=endoscope] .pointer[data-by=anna]').waitFor();
   });
 
-  it('survives that the page is loaded anew', async () => {
+  step('survives that the page is loaded anew', async () => {
     const { page } = guest;
     await page.reload();
     await pane(page, 'endoscope').getByText(/Live, \d+\.\d\d s behind/).waitFor();
   });
 
-  it('lets nobody in a second time', async () => {
+  step('lets nobody in a second time', async () => {
     const other = await visit(browser);
     await other.page.goto(link);
     await other.page.getByRole('button', { name: 'Look on' }).click();
@@ -135,7 +135,7 @@ describe('An invitation', () => {
     await other.context.close();
   });
 
-  it('ends when the surgeon ends it, and the guest is told', async () => {
+  step('ends when the surgeon ends it, and the guest is told', async () => {
     await surgeon.page.getByRole('button', { name: 'End the invitation of Dr. Sato' }).click();
     await guest.page.getByRole('heading', { name: 'The invitation has ended' }).waitFor();
     expect(await guest.page.locator('video').count()).toBe(0);
@@ -144,7 +144,7 @@ describe('An invitation', () => {
     await guest.page.getByRole('heading', { name: 'Sign in' }).waitFor();
   });
 
-  it('ends when the guest leaves', async () => {
+  step('ends when the guest leaves', async () => {
     const second = await invite('Dr. Mori');
     const { page } = guest;
     await page.goto(second);
@@ -155,7 +155,7 @@ describe('An invitation', () => {
     await surgeon.page.locator('.guest-line', { hasText: 'Dr. Mori' }).getByText('left').waitFor();
   });
 
-  it('ends with the case', async () => {
+  step('ends with the case', async () => {
     const third = await invite('Dr. Abe');
     await guest.page.goto(third);
     await guest.page.getByRole('button', { name: 'Look on' }).click();
@@ -164,7 +164,7 @@ describe('An invitation', () => {
     await guest.page.getByRole('heading', { name: 'The invitation has ended' }).waitFor();
   });
 
-  it('leaves in the case where the guest pointed, at its moment', async () => {
+  step('leaves in the case where the guest pointed, at its moment', async () => {
     const { page } = surgeon;
     const id = appliance.cases().at(-1) as string;
     const { strokes } = (await page.evaluate(async (id) => (await fetch(`/api/cases/${id}/pointing`)).json() as Promise<unknown>, id)) as {

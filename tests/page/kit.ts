@@ -8,7 +8,7 @@ import { join } from 'node:path';
 import { promisify } from 'node:util';
 import axe from 'axe-core';
 import { type Browser, type BrowserContext, chromium, firefox, type Page } from 'playwright-core';
-import { expect } from 'vitest';
+import { expect, it } from 'vitest';
 
 const run = promisify(execFile);
 
@@ -46,6 +46,28 @@ export async function until<T>(what: string, look: () => Promise<T | undefined> 
     if (Date.now() > end) throw new Error(`${what}: not within ${seconds} s`);
     await new Promise((resolve) => setTimeout(resolve, 100));
   }
+}
+
+const kStory_ms = 1_200_000;
+/**
+ * A test of several steps, each of which goes on where the one before ended. They are one test, so that it does the same alone and in any order; where it
+ * fails, the failure names its step.
+ */
+export function story(name: string, tell: (step: (what: string, action: () => Promise<void> | void) => void) => void): void {
+  it(name, async () => {
+    const steps: { what: string; action: () => Promise<void> | void }[] = [];
+    tell((what, action) => steps.push({ what, action }));
+    for (const { what, action } of steps) {
+      const begun_ms = Date.now();
+      try {
+        await action();
+      } catch (error) {
+        if (error instanceof Error) error.message = `${what}: ${error.message}`;
+        throw error;
+      }
+      console.info(`${name}: ${what} (${Date.now() - begun_ms} ms)`);
+    }
+  }, kStory_ms);
 }
 
 const kPassword = 'correct horse battery';
@@ -234,12 +256,7 @@ export interface Visitor {
   asked: string[];
 }
 
-export async function visit(browser: Browser, language = 'en'): Promise<Visitor> {
-  const context = await browser.newContext({ ignoreHTTPSErrors: true, viewport: { width: 1440, height: 900 }, locale: language, acceptDownloads: true });
-  context.setDefaultTimeout(kPatience_ms);
-  const page = await context.newPage();
-  const problems: string[] = [];
-  const asked: string[] = [];
+function listen({ page, problems, asked }: Visitor): void {
   page.on('pageerror', ({ message }) => {
     // Before it makes a picture of Firefox, Playwright adds a style, which the page's content security policy refuses.
     if (!(process.env['KIROKU_PICTURES'] && /blocked an inline style \(style-src-elem\)/.test(message))) problems.push(message);
@@ -249,7 +266,21 @@ export async function visit(browser: Browser, language = 'en'): Promise<Visitor>
     if (message.type() === 'error' && !/status of (401|404|422)|^WebSocket connection to .* failed: (HTTP Authentication failed|.*Unexpected response code: 4\d\d)/.test(message.text())) problems.push(message.text());
   });
   page.on('request', (request) => asked.push(request.url()));
-  return { context, page, problems, asked };
+}
+
+export async function visit(browser: Browser, language = 'en'): Promise<Visitor> {
+  const context = await browser.newContext({ ignoreHTTPSErrors: true, viewport: { width: 1440, height: 900 }, locale: language, acceptDownloads: true });
+  context.setDefaultTimeout(kPatience_ms);
+  const visitor: Visitor = { context, page: await context.newPage(), problems: [], asked: [] };
+  listen(visitor);
+  return visitor;
+}
+
+/** A new tab in the place of the old one: whoever signed in still is, and what is remembered for a tab is forgotten. */
+export async function newTab(visitor: Visitor): Promise<void> {
+  await visitor.page.close();
+  visitor.page = await visitor.context.newPage();
+  listen(visitor);
 }
 
 /** Someone who has signed in by the appliance's own link and sees its cases. */

@@ -1,14 +1,15 @@
 // The viewer on a tablet, and where there is nothing to show: every view on every screen, measured; what fingers do on the time line; what the page says
 // when there is nothing yet, when nothing is found, when a case is damaged, when the browser lacks a codec, when the server is gone and comes back.
 import type { Browser, CDPSession } from 'playwright-core';
-import { afterAll, beforeAll, describe, expect, it } from 'vitest';
-import { Appliance, clockOf, near, settled, startBrowser, visit, visitSignedIn, type Visitor } from './kit';
+import { afterAll, beforeAll, beforeEach, describe, expect, it } from 'vitest';
+import { Appliance, clockOf, near, newTab, settled, startBrowser, visit, visitSignedIn, type Visitor } from './kit';
 import { expectFits } from './layout';
 
 let appliance: Appliance;
 let browser: Browser;
 let visitor: Visitor;
 let id = '';
+let tampered = '';
 let damaged = '';
 
 const openCase = async (one: string) => {
@@ -19,7 +20,16 @@ const openCase = async (one: string) => {
 
 beforeAll(async () => {
   appliance = await Appliance.alone();
+  const more = ['--vitals', 'synthetic:patient', '--segment', '3s', '--duration', '9s'];
+  const source = 'synthetic:pattern?size=480x270';
+  for (let i = 0; i < 3; ++i) await appliance.kiroku('record', '--endoscope', source, '--room', `${source}&beep=1`, ...more);
+  [id, tampered, damaged] = appliance.cases() as [string, string, string];
+  appliance.tamper(tampered, 'endoscope', 1);
   browser = await startBrowser();
+  visitor = await visitSignedIn(browser, appliance);
+});
+beforeEach(async () => {
+  await newTab(visitor);
 });
 afterAll(async () => {
   await browser?.close();
@@ -27,44 +37,45 @@ afterAll(async () => {
 });
 
 describe('Where there is nothing yet', () => {
+  let empty: Appliance;
+  beforeAll(async () => {
+    empty = await Appliance.alone();
+  });
+  afterAll(async () => {
+    await empty?.stop();
+  });
+
   it('the page says what is the matter and what to do', async () => {
     const stranger = await visit(browser);
-    await stranger.page.goto(appliance.url);
+    await stranger.page.goto(empty.url);
     await stranger.page.getByRole('heading', { name: 'Sign in' }).waitFor();
     await expectFits(stranger, 'sign-in');
     await stranger.context.close();
 
-    visitor = await visitSignedIn(browser, appliance);
-    const { page } = visitor;
+    const newcomer = await visitSignedIn(browser, empty);
+    const { page } = newcomer;
     const card = page.locator('.state-card');
     await card.getByText('Nothing has been recorded yet.').waitFor();
     await card.getByText('A case appears here as soon as a recording begins').waitFor();
-    await expectFits(visitor, 'no-cases');
+    await expectFits(newcomer, 'no-cases');
     await card.getByRole('link', { name: 'To the rooms' }).click();
     await card.getByText('No recorder is running on this appliance.').waitFor();
     await card.getByText('start kirokud on the recorder').waitFor();
-    await expectFits(visitor, 'no-recorder');
-    await page.goto(`${appliance.url}#/cases/20200101T000000Z-00000000`);
+    await expectFits(newcomer, 'no-recorder');
+    await page.goto(`${empty.url}#/cases/20200101T000000Z-00000000`);
     await card.getByText('There is no such case here.').waitFor();
-    await expectFits(visitor, 'no-case');
+    await expectFits(newcomer, 'no-case');
     await card.getByRole('link', { name: 'All cases' }).click();
     await page.getByRole('heading', { name: 'Cases' }).waitFor();
+    await newcomer.context.close();
   });
 });
 
 describe('A case on a tablet', () => {
-  beforeAll(async () => {
-    const more = ['--vitals', 'synthetic:patient', '--segment', '3s', '--duration', '9s'];
-    const source = 'synthetic:pattern?size=480x270';
-    for (let i = 0; i < 2; ++i) await appliance.kiroku('record', '--endoscope', source, '--room', `${source}&beep=1`, ...more);
-    [id, damaged] = appliance.cases() as [string, string];
-    await visitor.page.goto(`${appliance.url}#/cases`);
-    await visitor.page.reload();
-    await visitor.page.locator('.case-row').nth(1).waitFor();
-  });
-
   it('stands in a list that scrolls wherever the pointer is', async () => {
     const { page } = visitor;
+    await page.goto(`${appliance.url}#/cases`);
+    await page.locator('.case-row').nth(2).waitFor();
     await expectFits(visitor, 'cases');
     await page.setViewportSize({ width: 1440, height: 200 });
     for (const x of [10, 720, 1430]) {
@@ -77,7 +88,7 @@ describe('A case on a tablet', () => {
     await page.getByPlaceholder('Search').fill('no such case');
     await page.locator('.state-card').getByText('No case matches “no such case”.').waitFor();
     await page.getByRole('button', { name: 'Show all cases' }).click();
-    await expect.poll(() => page.locator('.case-row').count()).toBe(2);
+    await expect.poll(() => page.locator('.case-row').count()).toBe(3);
   });
 
   it('shows the endoscope first, with playback in reach, wherever it is scrolled to', async () => {
@@ -106,6 +117,7 @@ describe('A case on a tablet', () => {
 
   it('has room for fingers in every panel and dialogue', async () => {
     const { page } = visitor;
+    await openCase(id);
     await page.keyboard.press('i');
     await page.keyboard.press('ArrowRight');
     await page.keyboard.press('o');
@@ -125,8 +137,7 @@ describe('A case on a tablet', () => {
 
   it('is verified there, and its appliance log, users and sealed state fit', async () => {
     const { page } = visitor;
-    appliance.tamper(damaged, 'endoscope', 1);
-    await page.goto(`${appliance.url}#/cases/${damaged}/verification`);
+    await page.goto(`${appliance.url}#/cases/${tampered}/verification`);
     await page.getByRole('button', { name: 'Verify now' }).click();
     await page.locator('.banner-tampered').waitFor();
     await expectFits(visitor, 'verification');
@@ -149,15 +160,11 @@ describe('Fingers on the time line', () => {
   const box = async (selector: string) => (await visitor.page.locator(selector).boundingBox()) as { x: number; y: number; width: number; height: number };
   const end = async () => Number(await visitor.page.locator('.overview').getAttribute('aria-valuemax'));
 
-  beforeAll(async () => {
+  beforeEach(async () => {
     touch = await visitor.context.newCDPSession(visitor.page);
     await touch.send('Emulation.setTouchEmulationEnabled', { enabled: true, maxTouchPoints: 5 });
     await visitor.page.setViewportSize({ width: 820, height: 1180 });
     await openCase(id);
-  });
-  afterAll(async () => {
-    await touch.send('Emulation.setTouchEmulationEnabled', { enabled: false });
-    await visitor.page.setViewportSize({ width: 1440, height: 900 });
   });
 
   it('seek on the bar, by a tap and by a drag', async () => {
@@ -221,7 +228,7 @@ describe('A browser that cannot play the video', () => {
     await page.addInitScript(() => {
       MediaSource.isTypeSupported = () => false;
     });
-    await page.reload();
+    await page.goto(`${appliance.url}#/cases/${id}`);
     const pane = page.locator('.pane[data-stream=endoscope]');
     await pane.getByText('This browser cannot play the video (H.264).').waitFor();
     await pane.getByText('Use Chromium, Firefox or Safari').waitFor();
@@ -233,8 +240,6 @@ describe('A browser that cannot play the video', () => {
     await page.keyboard.press('Space');
     await expect.poll(() => clockOf(page)).toBeGreaterThan(1);
     await page.keyboard.press('Space');
-    await page.close();
-    visitor.page = await visitor.context.newPage();
   });
 });
 
@@ -243,7 +248,7 @@ describe('A server that is gone', () => {
     const { page } = visitor;
     const unreachable = '**/api/**';
     await page.goto(`${appliance.url}#/cases`);
-    await expect.poll(() => page.locator('.case-row').count()).toBe(2);
+    await expect.poll(() => page.locator('.case-row').count()).toBe(3);
     await page.route(unreachable, (route) => route.abort('connectionrefused'));
     await page.locator('.case-link', { hasText: id }).click();
     await page.getByText('The server does not answer.').waitFor();
@@ -257,6 +262,14 @@ describe('A server that is gone', () => {
 
   it('that began anew asks to sign in, and leads back to where one was', async () => {
     const { page } = visitor;
+    // As after the server was away: the page has asked for it again.
+    await page.goto(`${appliance.url}#/cases`);
+    await page.locator('.case-row').first().waitFor();
+    await page.route('**/api/**', (route) => route.abort('connectionrefused'));
+    await page.locator('.case-link', { hasText: id }).click();
+    await page.getByText('The server does not answer.').waitFor();
+    await page.unroute('**/api/**');
+    await page.locator('.timeline').waitFor();
     await settled(page);
     await page.keyboard.press('ArrowRight');
     await near(page, 5);

@@ -2,8 +2,8 @@
 import { readFileSync } from 'node:fs';
 import { join } from 'node:path';
 import type { Browser, WebSocket } from 'playwright-core';
-import { afterAll, beforeAll, describe, expect, it } from 'vitest';
-import { Appliance, keepPicture, seriousBarriers, signInToRooms, startBrowser, startRecording, visit, type Visitor } from './kit';
+import { afterAll, beforeAll, expect } from 'vitest';
+import { Appliance, keepPicture, seriousBarriers, signInToRooms, startBrowser, startRecording, story, visit, type Visitor } from './kit';
 import { expectFits } from './layout';
 
 let appliance: Appliance;
@@ -58,15 +58,15 @@ const hide = (hidden: boolean) =>
     document.dispatchEvent(new Event('visibilitychange'));
   }, hidden);
 
-describe('A room that is recording', () => {
-  it('shows nothing, and asks for nothing, before it records', async () => {
+story('A room that is recording', (step) => {
+  step('shows nothing, and asks for nothing, before it records', async () => {
     const { page } = visitor;
     await signInToRooms(page, appliance);
     await page.getByRole('button', { name: 'Start recording' }).waitFor();
     expect(sockets).toEqual([]);
   });
 
-  it('shows its streams moving, and how old the pictures are', async () => {
+  step('shows its streams moving, and how old the pictures are', async () => {
     const { page } = visitor;
     await startRecording(page);
     for (const stream of ['endoscope', 'room']) {
@@ -93,7 +93,7 @@ describe('A room that is recording', () => {
     await expectFits(visitor, 'live');
   });
 
-  it('has what `kiroku status` says beside them', async () => {
+  step('has what `kiroku status` says beside them', async () => {
     const { page } = visitor;
     await expect.poll(() => page.locator('.state-good', { hasText: 'delivers' }).count()).toBe(3);
     await page.getByText(/\d+ received, 0 missed/).waitFor();
@@ -102,7 +102,7 @@ describe('A room that is recording', () => {
     for (const stream of status.rooms[0]?.streams ?? []) expect(stream.dropped).toBe(0);
   });
 
-  it('is watched by nobody while the page is hidden, and again when it is seen', async () => {
+  step('is watched by nobody while the page is hidden, and again when it is seen', async () => {
     await expect.poll(open).toBe(3);
     await hide(true);
     await expect.poll(open).toBe(0);
@@ -112,7 +112,7 @@ describe('A room that is recording', () => {
     await pane('endoscope').getByText(/Live, /).waitFor();
   });
 
-  it('comes back by itself after the connection broke', async () => {
+  step('comes back by itself after the connection broke', async () => {
     const { page } = visitor;
     const before = sockets.length;
     let broken = 0;
@@ -126,7 +126,7 @@ describe('A room that is recording', () => {
     expect(sockets.length).toBeGreaterThan(before);
   });
 
-  it('is said in Japanese, too', async () => {
+  step('is said in Japanese, too', async () => {
     const { page } = visitor;
     await page.getByRole('button', { name: '日本語' }).click();
     await pane('endoscope').getByText(/ライブ（\d+\.\d\d 秒遅れ）/).waitFor();
@@ -134,7 +134,7 @@ describe('A room that is recording', () => {
   });
 
   // Speeds are no tests: tests/bench/live.sh asks for it.
-  it.runIf(process.env['KIROKU_MEASURE'])('is measured from glass to glass', async () => {
+  if (process.env['KIROKU_MEASURE']) step('is measured from glass to glass', async () => {
     const seen = await watch('endoscope', 40);
     const id = appliance.cases().at(-1) as string;
     const opened = JSON.parse(readFileSync(join(appliance.home, 'archive', id, 'ledger.jsonl'), 'utf8').split('\n', 1)[0] ?? '') as { utc: string; mono_ns: number };
@@ -149,7 +149,7 @@ describe('A room that is recording', () => {
     expect(flashes.length).toBeGreaterThan(5);
   });
 
-  it('ends with the recording', async () => {
+  step('ends with the recording', async () => {
     const { page } = visitor;
     await page.getByRole('button', { name: 'Stop', exact: true }).click();
     await page.locator('dialog').getByRole('button', { name: 'Stop' }).click();

@@ -2,8 +2,8 @@
 import { readFileSync } from 'node:fs';
 import { join } from 'node:path';
 import type { Browser, Page } from 'playwright-core';
-import { afterAll, beforeAll, describe, expect, it } from 'vitest';
-import { Appliance, keepPicture, seriousBarriers, settled, startBrowser, visit, visitSignedIn, type Visitor } from './kit';
+import { afterAll, beforeAll, expect } from 'vitest';
+import { Appliance, keepPicture, seriousBarriers, settled, startBrowser, story, visit, visitSignedIn, type Visitor } from './kit';
 import { expectFits } from './layout';
 
 let appliance: Appliance;
@@ -34,8 +34,8 @@ const stop = async (page: Page) => {
   await page.getByRole('button', { name: 'Start recording' }).waitFor();
 };
 
-describe('Start recording', () => {
-  it('asks for patient and plan, says what leaving it empty means, and begins at one more press of Enter', async () => {
+story('Whom a case is about', (step) => {
+  step('is asked for with the plan when a recording starts, which says what leaving it empty means, and begins at one more press of Enter', async () => {
     const { page } = visitor;
     await page.goto(`${appliance.url}#/rooms`);
     await page.getByRole('button', { name: 'Start recording' }).click();
@@ -49,7 +49,7 @@ describe('Start recording', () => {
     await page.getByText('No patient recorded yet').waitFor();
   });
 
-  it('lets the patient be added while it runs, and be corrected', async () => {
+  step('can be added while it runs, and be corrected', async () => {
     const { page } = visitor;
     await page.getByRole('button', { name: 'Add patient' }).click();
     const dialog = page.getByRole('dialog', { name: 'Whom is the case in or-1 about?' });
@@ -69,7 +69,7 @@ describe('Start recording', () => {
     id = appliance.cases().at(-1) as string;
   });
 
-  it('takes what is typed before it begins, and the plan that is chosen', async () => {
+  step('is taken as it was typed before it begins, with the plan that was chosen', async () => {
     const { page } = visitor;
     await appliance.sealPlan();
     await page.reload();
@@ -86,10 +86,8 @@ describe('Start recording', () => {
     const opening = JSON.parse(readFileSync(join(appliance.home, 'archive', appliance.cases().at(-1) as string, 'ledger.jsonl'), 'utf8').split('\n')[0] as string) as { plan?: string };
     expect(opening.plan).toMatch(/^[0-9a-f]{64}$/);
   });
-});
 
-describe('Patient, procedure and staff', () => {
-  it('stand in the list once it is unlocked, and are found there', async () => {
+  step('stands in the list once it is unlocked, and is found there', async () => {
     const { page } = visitor;
     await page.goto(`${appliance.url}#/cases`);
     const row = page.locator('.case-row', { hasText: id });
@@ -107,7 +105,7 @@ describe('Patient, procedure and staff', () => {
     for (const address of visitor.asked) expect(address.toLowerCase()).not.toContain('yamada');
   });
 
-  it('stand in the header of the case, with what was said before', async () => {
+  step('stands in the header of the case, with what was said before', async () => {
     const { page } = visitor;
     await page.goto(`${appliance.url}#/cases/${id}`);
     await settled(page);
@@ -122,7 +120,7 @@ describe('Patient, procedure and staff', () => {
     await page.getByRole('button', { name: 'English' }).click();
   });
 
-  it('are nowhere while it is locked, and the list has a way to unlock', async () => {
+  step('is nowhere while it is locked, and the list has a way to unlock', async () => {
     const { page } = visitor;
     await page.getByRole('button', { name: 'Lock pictures' }).click();
     await page.locator('.case-head').waitFor();
@@ -143,8 +141,8 @@ describe('Patient, procedure and staff', () => {
   });
 });
 
-describe('An administrator', () => {
-  it('resets a password, which is shown once; whoever has it chooses their own, and it works no second time', async () => {
+story('An administrator', (step) => {
+  step('resets a password, which is shown once; whoever has it chooses their own, and it works no second time', async () => {
     const { page } = visitor;
     await appliance.addUser('bea', 'surgeon');
     await page.goto(`${appliance.url}#/users`);
@@ -187,7 +185,7 @@ describe('An administrator', () => {
     await bea.context.close();
   });
 
-  it('changes a role, nobody’s own', async () => {
+  step('changes a role, nobody’s own', async () => {
     const { page } = visitor;
     await page.getByRole('button', { name: 'Change role bea' }).click();
     const dialog = page.getByRole('dialog', { name: 'Role of bea' });

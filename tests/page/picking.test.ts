@@ -4,11 +4,11 @@ import { execFileSync } from 'node:child_process';
 import { mkdirSync, writeFileSync } from 'node:fs';
 import { join } from 'node:path';
 import type { Browser, Locator } from 'playwright-core';
-import { afterAll, beforeAll, describe, expect, it } from 'vitest';
+import { afterAll, beforeAll, expect } from 'vitest';
 import type { ComparisonDocument, PickingCamera } from '@/api/types';
 import { type OrganPoint, type Place, seenBy } from '@/compare/picks';
 import { pictureBox } from '@/pointing/geometry';
-import { Appliance, keepPicture, kMaking_ms, near, seriousBarriers, startBrowser, visitSignedIn, type Visitor } from './kit';
+import { Appliance, keepPicture, kMaking_ms, near, seriousBarriers, startBrowser, story, type Visitor, visitSignedIn } from './kit';
 import { expectFits } from './layout';
 
 const kWide = 320;
@@ -105,8 +105,8 @@ afterAll(async () => {
   await appliance?.stop();
 });
 
-describe('What is said by hand', () => {
-  it('has pauses that are added, listed, removed and undone', async () => {
+story('What is said by hand', (step) => {
+  step('has pauses that are added, listed, removed and undone', async () => {
     const { page } = visitor;
     // As they were recorded: each as fast as planned.
     for (const [step, start] of [['1. Look', 0], ['2. Glide', 1]] as const) {
@@ -139,7 +139,7 @@ describe('What is said by hand', () => {
     await page.locator('.notices').getByRole('button', { name: 'Close' }).click();
   });
 
-  it('says why there is no picture of the plan, and asks again', async () => {
+  step('says why there is no picture of the plan, and asks again', async () => {
     const { page } = visitor;
     await page.route('**/picking/picture', (route) => route.fulfill({ status: 422, contentType: 'application/json', body: JSON.stringify({ error: 'the plan names no CT' }) }));
     await goTo(0.32);
@@ -154,7 +154,7 @@ describe('What is said by hand', () => {
     await work('Steps').click();
   });
 
-  it('has points, picked in both pictures of a moment, with how well they register the camera', async () => {
+  step('has points, picked in both pictures of a moment, with how well they register the camera', async () => {
     const { page } = visitor;
     await goTo(0.32);
     await work('Points').click();
@@ -180,7 +180,7 @@ describe('What is said by hand', () => {
     expect(await seriousBarriers(page)).toEqual([]);
   });
 
-  it('lets points be moved, removed and brought back, by keys too', async () => {
+  step('lets points be moved, removed and brought back, by keys too', async () => {
     const { page } = visitor;
     const mark = recorded().getByRole('button', { name: 'Point 3 in the recording' });
     await mark.focus();
@@ -233,7 +233,7 @@ describe('What is said by hand', () => {
     await matching().getByText(/The camera is found: 0\.\d\d pixels off by 8 points/).waitFor();
   });
 
-  it('has clicks on tools, one a picture, that lead to their pictures', async () => {
+  step('has clicks on tools, one a picture, that lead to their pictures', async () => {
     const { page } = visitor;
     await work('Tools').click();
     const view = { step: 1, plan_s: 0.32, ...kView, width: kWide, height: kHigh };
@@ -263,7 +263,7 @@ describe('What is said by hand', () => {
     expect(await seriousBarriers(page)).toEqual([]);
   });
 
-  it('is kept: the camera is found, and the tool within a pixel of where it was planned', async () => {
+  step('is kept: the camera is found, and the tool within a pixel of where it was planned', async () => {
     const { page } = visitor;
     await matching().getByRole('button', { name: 'Keep as a comparison' }).click();
     await page.getByText(/The camera was registered: 0\.\d\d pixels off by 8 points/).waitFor({ timeout: kMaking_ms });
@@ -280,7 +280,7 @@ describe('What is said by hand', () => {
     expect(await seriousBarriers(page)).toEqual([]);
   });
 
-  it('reads in Japanese and in light colours, without a serious barrier', async () => {
+  step('reads in Japanese and in light colours, without a serious barrier', async () => {
     const { page } = visitor;
     await page.getByRole('button', { name: 'Match steps by hand' }).click();
     await matching().getByText('0 of 2 steps matched').waitFor();

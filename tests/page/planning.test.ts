@@ -6,8 +6,8 @@ import { tmpdir } from 'node:os';
 import { join } from 'node:path';
 import { promisify } from 'node:util';
 import type { Browser, CDPSession } from 'playwright-core';
-import { afterAll, beforeAll, describe, expect, it } from 'vitest';
-import { keepPicture, seriousBarriers, startBrowser, until, visit, type Visitor } from './kit';
+import { afterAll, beforeAll, expect } from 'vitest';
+import { keepPicture, seriousBarriers, startBrowser, story, until, visit, type Visitor } from './kit';
 import { expectFits } from './layout';
 
 const kiroku = process.env['KIROKU_PROGRAM'] as string;
@@ -88,8 +88,8 @@ const picture = () =>
     return data.reduce((sum, value, i) => (sum + value * ((i % 251) + 1)) % 1_000_000_007, 0);
   });
 
-describe('A person who plans', () => {
-  it('finds the plans and begins anew on an organ', async () => {
+story('A person who plans', (step) => {
+  step('finds the plans and begins anew on an organ', async () => {
     const { page } = visitor;
     await page.goto(signIn);
     await page.getByRole('heading', { name: 'Plan an operation' }).waitFor();
@@ -103,7 +103,7 @@ describe('A person who plans', () => {
     expect(await steps()).toEqual([]);
   });
 
-  it('turns it with the mouse and with keys', async () => {
+  step('turns it with the mouse and with keys', async () => {
     const { page } = visitor;
     const before = await picture();
     await drag([0.5, 0.5], [0.53, 0.56]);
@@ -114,7 +114,7 @@ describe('A person who plans', () => {
     await expect.poll(picture).not.toBe(turned);
   });
 
-  it('grasps it, pulls it, and sees what it moves and feels', async () => {
+  step('grasps it, pulls it, and sees what it moves and feels', async () => {
     const { page } = visitor;
     await page.keyboard.press('g');
     await drag([0.4, 0.62], [0.34, 0.72]);
@@ -126,7 +126,7 @@ describe('A person who plans', () => {
     expect(await largest_Pa()).toBeGreaterThan(50);
   });
 
-  it('presses it with five touch points, each a finger', async () => {
+  step('presses it with five touch points, each a finger', async () => {
     const { page } = visitor;
     await page.keyboard.press('p');
     await page.getByRole('slider', { name: 'Depth' }).fill('15');
@@ -153,7 +153,7 @@ describe('A person who plans', () => {
     expect((await steps()).join()).toMatch(/Press with finger 1, finger 2, finger 3, finger 4, finger 5/);
   });
 
-  it('lies on a tablet, where two fingers turn, move and bring closer', async () => {
+  step('lies on a tablet, where two fingers turn, move and bring closer', async () => {
     const { page } = visitor;
     await expectFits(visitor, 'planning');
     await touch.send('Emulation.setTouchEmulationEnabled', { enabled: true, maxTouchPoints: 5 });
@@ -172,7 +172,7 @@ describe('A person who plans', () => {
     await page.setViewportSize({ width: 1440, height: 900 });
   });
 
-  it('cuts it along a line', async () => {
+  step('cuts it along a line', async () => {
     const { page } = visitor;
     const before = (await steps()).length;
     await page.keyboard.press('c');
@@ -184,7 +184,7 @@ describe('A person who plans', () => {
     await keepPicture(page, 'planning-cut');
   });
 
-  it('undoes and does again', async () => {
+  step('undoes and does again', async () => {
     const { page } = visitor;
     const all = await steps();
     const shown = await picture();
@@ -196,7 +196,7 @@ describe('A person who plans', () => {
     await expect.poll(picture).toBe(shown);
   });
 
-  it('plans with keys alone', async () => {
+  step('plans with keys alone', async () => {
     const { page } = visitor;
     const before = (await steps()).length;
     await page.keyboard.press('p');
@@ -209,7 +209,7 @@ describe('A person who plans', () => {
     await expect.poll(async () => (await steps()).length).toBe(before + 3);
   });
 
-  it('saves it as a new plan, which runs to where the page is', async () => {
+  step('saves it as a new plan, which runs to where the page is', async () => {
     const { page } = visitor;
     const shown_mm = await moved_mm();
     const shown_Pa = await largest_Pa();
@@ -233,10 +233,7 @@ describe('A person who plans', () => {
     expect(of(/displacement/)).toBeCloseTo(shown_mm, 0);
     expect(of(/mises/)).toBeCloseTo(shown_Pa, 0);
   });
-});
-
-describe('The page', () => {
-  it('shows the new plan, is whole in Japanese and in light colours', async () => {
+  step('opens the new plan, and reads all of it in Japanese and in light colours', async () => {
     const { page } = visitor;
     await page.getByRole('button', { name: 'Close the plan' }).click();
     await page.getByRole('button', { name: 'Go on with lobe/by-hand.json' }).click();
@@ -248,7 +245,7 @@ describe('The page', () => {
     await keepPicture(page, 'planning-japanese');
   });
 
-  it('asked nothing of anybody else, and nothing went wrong', () => {
+  step('asks nothing of anybody else, and nothing goes wrong', () => {
     const own = new URL(signIn).origin;
     expect(visitor.asked.filter((address) => !address.startsWith(own) && !address.startsWith('blob:') && !address.startsWith('data:'))).toEqual([]);
     expect(visitor.problems).toEqual([]);

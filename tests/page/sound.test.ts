@@ -1,7 +1,7 @@
 // Sound beside the pictures: a flash and a beep at the same moments of the case clock, seen and heard in a browser.
 import type { Browser } from 'playwright-core';
-import { afterAll, beforeAll, describe, expect, it } from 'vitest';
-import { Appliance, keepPicture, seriousBarriers, settled, startBrowser, visitSignedIn, type Visitor } from './kit';
+import { afterAll, afterEach, beforeAll, beforeEach, describe, expect, it } from 'vitest';
+import { Appliance, keepPicture, newTab, seriousBarriers, settled, startBrowser, visitSignedIn, type Visitor } from './kit';
 
 let appliance: Appliance;
 let browser: Browser;
@@ -38,9 +38,19 @@ afterAll(async () => {
   await appliance?.stop();
 });
 
+// In a tab of its own: which sounds are heard is remembered for a tab.
+beforeEach(async () => {
+  await newTab(visitor);
+  await openCase(withSound);
+  await expect.poll(heard).toEqual([true, false]);
+});
+
+afterEach(() => {
+  expect(visitor.problems).toEqual([]);
+});
+
 describe('Sound', () => {
   it('is said to be there, and only the master is heard', async () => {
-    await openCase(withSound);
     await expect.poll(() => visitor.page.getByText('Viewing copy · sound').count()).toBe(2);
     expect(await pane('endoscope').getAttribute('aria-label')).toBe('Endoscope, with sound');
     expect(await pane('endoscope').getByRole('button', { name: 'Sound of Endoscope' }).getAttribute('aria-pressed')).toBe('true');
@@ -90,6 +100,8 @@ describe('Sound', () => {
 
   it('has a volume, which is remembered with the rest while the tab is open', async () => {
     const { page } = visitor;
+    await press('m');
+    await expect.poll(heard).toEqual([false, false]);
     await pane('room').getByRole('slider', { name: 'Volume of Room' }).fill('0.4');
     await expect.poll(heard).toEqual([false, true]);
     await page.reload();
@@ -125,17 +137,12 @@ describe('Sound', () => {
   });
 
   it('is neither shown nor asked for where none was recorded', async () => {
-    visitor.asked.length = 0;
     await openCase(without);
     await expect.poll(() => visitor.page.getByText('Viewing copy', { exact: true }).count()).toBe(2);
     expect(await visitor.page.locator('.pane-sound').count()).toBe(0);
-    expect(visitor.asked.filter((address) => /sound\//.test(address))).toEqual([]);
+    expect(visitor.asked.filter((address) => address.includes(without) && address.includes('/sound/'))).toEqual([]);
     await press('m');
     expect(await visitor.page.locator('[role=status].only-heard').textContent()).toContain('This case has no sound');
-  });
-
-  it('leaves nothing for the browser to complain of', () => {
-    expect(visitor.problems).toEqual([]);
   });
 });
 

@@ -6,8 +6,8 @@ import { tmpdir } from 'node:os';
 import { join } from 'node:path';
 import { promisify } from 'node:util';
 import type { Browser, CDPSession, Page } from 'playwright-core';
-import { afterAll, beforeAll, describe, expect, it } from 'vitest';
-import { keepPicture, seriousBarriers, startBrowser, until, visit, type Visitor } from './kit';
+import { afterAll, beforeAll, expect } from 'vitest';
+import { keepPicture, seriousBarriers, startBrowser, story, until, visit, type Visitor } from './kit';
 import { expectFits } from './layout';
 
 const kiroku = process.env['KIROKU_PROGRAM'] as string;
@@ -133,8 +133,8 @@ const pixelsLike = (page: Page, red: number, green: number, blue: number): Promi
     [red, green, blue] as const,
   );
 
-describe('A new trainee', () => {
-  it('is added on the page, which shows nothing of recordings', async () => {
+story('A new trainee', (step) => {
+  step('is added on the page, which shows nothing of recordings', async () => {
     const { page } = visitor;
     await page.goto(trainer.signIn);
     await page.getByRole('heading', { name: 'Push an organ aside' }).waitFor();
@@ -151,7 +151,7 @@ describe('A new trainee', () => {
     expect(await seriousBarriers(page)).toEqual([]);
   });
 
-  it('finishes a task with the mouse and sees score and learning curve', async () => {
+  step('finishes a task with the mouse and sees score and learning curve', async () => {
     const { page } = visitor;
     await page.getByLabel('Fingers').selectOption('3');
     await page.getByLabel('Show an expert’s hand').check();
@@ -190,7 +190,7 @@ describe('A new trainee', () => {
     expect(await seriousBarriers(page)).toEqual([]);
   });
 
-  it('takes the test with five touch points, each a finger, and without stress', async () => {
+  step('takes the test with five touch points, each a finger, and without stress', async () => {
     const { page } = visitor;
     await page.getByRole('button', { name: 'Other trainee or organ' }).click();
     await page.getByLabel('Fingers').selectOption('5');
@@ -237,15 +237,12 @@ describe('A new trainee', () => {
     await touch.send('Emulation.setTouchEmulationEnabled', { enabled: true, maxTouchPoints: 5 });
   });
 
-  it('goes on with the next session after a test', async () => {
+  step('goes on with the next session after a test', async () => {
     const { page } = visitor;
     await page.getByRole('button', { name: 'Other trainee or organ' }).click();
     await page.getByText('Session 2:').waitFor();
   });
-});
-
-describe('An attempt', () => {
-  it('can be made with keys alone, muted, and given up', async () => {
+  step('makes an attempt with keys alone, muted, and gives up', async () => {
     const { page } = visitor;
     await page.getByLabel('Fingers').selectOption('2');
     await page.getByRole('button', { name: 'Practise' }).click();
@@ -264,7 +261,7 @@ describe('An attempt', () => {
     await page.locator('.train-came', { hasText: 'Given up' }).waitFor();
   });
 
-  it('can be made with a gamepad', async () => {
+  step('makes one with a gamepad', async () => {
     const { page } = visitor;
     // No gamepad can be plugged in here: the browser's own list of them is replaced, and nothing behind it.
     await page.evaluate(() => {
@@ -295,7 +292,7 @@ describe('An attempt', () => {
     await page.locator('.train-came', { hasText: 'Given up' }).waitFor();
   });
 
-  it('whose page is closed is kept as broken off', async () => {
+  step('closes the page, and the attempt is kept as broken off', async () => {
     const { page } = visitor;
     await page.getByRole('button', { name: 'Again' }).click();
     await begun();
@@ -313,10 +310,7 @@ describe('An attempt', () => {
       .toContain('Broken off');
     expect(await page.locator('.train-numbers tbody tr').allTextContents()).toHaveLength(5);
   });
-});
-
-describe('The page', () => {
-  it('is whole in Japanese and in light colours', async () => {
+  step('reads all of it in Japanese and in light colours', async () => {
     const { page } = visitor;
     await page.getByRole('button', { name: '日本語' }).click();
     await page.getByRole('button', { name: '明るい配色' }).click();
@@ -326,7 +320,7 @@ describe('The page', () => {
     await keepPicture(page, 'training-japanese');
   });
 
-  it('asked nothing of anybody else, and nothing went wrong', () => {
+  step('asks nothing of anybody else, and nothing goes wrong', () => {
     const own = new URL(trainer.signIn).origin;
     expect(visitor.asked.filter((address) => !address.startsWith(own) && !address.startsWith('blob:') && !address.startsWith('data:'))).toEqual([]);
     // The name that was there already was refused with 400, which the browser writes down.

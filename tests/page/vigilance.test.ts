@@ -1,7 +1,7 @@
 // Whoever watches over a room that records: live vital signs, and a monitor that says nothing, which is seen at once and heard by whoever wishes it.
 import type { Browser, Page } from 'playwright-core';
-import { afterAll, beforeAll, describe, expect, it } from 'vitest';
-import { Appliance, freePort, keepPicture, seriousBarriers, signInToRooms, startBrowser, startRecording, visit, type Visitor } from './kit';
+import { afterAll, beforeAll, expect } from 'vitest';
+import { Appliance, freePort, keepPicture, seriousBarriers, signInToRooms, startBrowser, startRecording, story, visit, type Visitor } from './kit';
 import { expectFits } from './layout';
 
 let appliance: Appliance;
@@ -32,8 +32,8 @@ afterAll(async () => {
   await appliance?.stop();
 });
 
-describe('A room that records', () => {
-  it('shows numbers and waves as the monitor does', async () => {
+story('A room that records', (step) => {
+  step('shows numbers and waves as the monitor does', async () => {
     const { page } = visitor;
     await signInToRooms(page, appliance);
     await startRecording(page);
@@ -46,7 +46,7 @@ describe('A room that records', () => {
     await expect.poll(isDrawn).toBe(true);
   });
 
-  it('says in words which monitor is silent, and makes no sound that nobody asked for', async () => {
+  step('says in words which monitor is silent, and makes no sound that nobody asked for', async () => {
     const { page } = visitor;
     await page.locator('.trouble', { hasText: 'monitor: nothing arrives' }).waitFor();
     expect(await page.locator('.trouble').count()).toBe(1);
@@ -57,7 +57,7 @@ describe('A room that records', () => {
     await expectFits(visitor, 'vigilance');
   });
 
-  it('sounds for whoever wishes it, again while silence lasts, and remembers the wish', async () => {
+  step('sounds for whoever wishes it, again while silence lasts, and remembers the wish', async () => {
     const { page } = visitor;
     await page.getByRole('button', { name: 'Sound on loss and silence' }).click();
     // Two tones, so that one hears what it is like; two more each time.
@@ -70,7 +70,7 @@ describe('A room that records', () => {
     expect(await page.getByRole('button', { name: 'Sound on loss and silence' }).getAttribute('aria-pressed')).toBe('false');
   });
 
-  it('is as clear in Japanese', async () => {
+  step('is as clear in Japanese', async () => {
     const { page } = visitor;
     await page.getByRole('button', { name: '日本語' }).click();
     await page.locator('.trouble', { hasText: 'monitor：信号がありません' }).waitFor();

@@ -4,9 +4,9 @@ import { execFileSync } from 'node:child_process';
 import { copyFileSync, mkdirSync, writeFileSync } from 'node:fs';
 import { join } from 'node:path';
 import type { Browser } from 'playwright-core';
-import { afterAll, beforeAll, describe, expect, it } from 'vitest';
+import { afterAll, beforeAll, expect } from 'vitest';
 import type { ComparisonDocument } from '@/api/types';
-import { Appliance, keepPicture, kMaking_ms, near, seriousBarriers, settled, startBrowser, visitSignedIn, type Visitor } from './kit';
+import { Appliance, keepPicture, kMaking_ms, near, seriousBarriers, settled, startBrowser, story, type Visitor, visitSignedIn } from './kit';
 
 let appliance: Appliance;
 let browser: Browser;
@@ -58,8 +58,8 @@ afterAll(async () => {
   await appliance?.stop();
 });
 
-describe('The plan’s radiographs', () => {
-  it('lie over the fluoroscopy in step, once one asks for them', async () => {
+story('The plan’s radiographs', (step) => {
+  step('lie over the fluoroscopy in step, once one asks for them', async () => {
     const { page } = visitor;
     await page.locator('.case-link', { hasText: id }).click();
     await page.locator('.pane-plan video').waitFor();
@@ -86,7 +86,7 @@ describe('The plan’s radiographs', () => {
     expect(await seriousBarriers(page)).toEqual([]);
   });
 
-  it('give their place to the plan’s pictures again, which have no difference', async () => {
+  step('give their place to the plan’s pictures again, which have no difference', async () => {
     const { page } = visitor;
     await page.getByText('Pictures', { exact: true }).click();
     await expect.poll(() => over().evaluate((one) => getComputedStyle(one).filter)).toContain('plan-key');
@@ -99,7 +99,7 @@ describe('The plan’s radiographs', () => {
     expect(visitor.problems).toEqual([]);
   });
 
-  it('are compared as the page says: a geometry of one’s own, aligned at a moment', async () => {
+  step('are compared as the page says: a geometry of one’s own, aligned at a moment', async () => {
     const { page } = visitor;
     await page.getByRole('button', { name: 'Match steps by hand' }).click();
     const matching = page.getByRole('region', { name: 'Match steps by hand' });

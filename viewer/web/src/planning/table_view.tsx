@@ -2,13 +2,15 @@
 import { useSignal } from '@preact/signals';
 import { useEffect, useMemo, useRef } from 'preact/hooks';
 import { t } from '@/i18n/i18n';
-import { kFirstView } from '@/planning/orbit';
 import type { Opened, PlanMoment, Steps } from '@/planning/planning_api';
-import { ForceList, SaveDialog, StepList } from '@/planning/table_parts';
+import { StressCard } from '@/planning/stress_card';
 import { kKeyOfTool, kTools, type OnPicture, TableController, type Tool } from '@/planning/table_controller';
+import { kHold_s, Palette } from '@/planning/table_palette';
+import { ForceList, SaveDialog, StepList } from '@/planning/table_parts';
 import { Icon } from '@/shell/icon';
 import { announce, notify } from '@/shell/state';
 import { StressScale } from '@/shell/stress_scale';
+import { placeOn, useField } from '@/shell/use_field';
 
 const kWidth = 800;
 const kHeight = 600;
@@ -16,7 +18,6 @@ const kHeight = 600;
 const kEvery_ms = 100;
 /** From then on the page says that something is being computed. */
 const kSlow_ms = 500;
-const kHold_s = 0.5;
 
 /** "plan" of "liver/plan.json". */
 const stemOf = (plan: string) => (plan.split('/').pop() ?? plan).replace(/\.json$/, '');
@@ -74,38 +75,22 @@ export function TableView({ open, leave }: { open: { plan: string; anew: boolean
     return () => clearInterval(timer);
   }, [table]);
 
-  const placed = (event: PointerEvent): OnPicture => {
-    const box = (field.current as HTMLDivElement).getBoundingClientRect();
-    return {
-      id: event.pointerId,
-      x: (event.clientX - box.left) / box.width,
-      y: (event.clientY - box.top) / box.height,
-      at_ms: event.timeStamp,
-      pan: event.shiftKey,
-    };
-  };
+  const placed = (event: PointerEvent): OnPicture => ({
+    id: event.pointerId,
+    ...placeOn(field.current as HTMLDivElement, event),
+    at_ms: event.timeStamp,
+    pan: event.shiftKey,
+  });
+  useField(field, { wheel: (event) => table.wheel(event.deltaY, event.timeStamp), hidden: () => table.letGo() }, table);
   useEffect(() => {
-    const element = field.current as HTMLDivElement;
-    // Preact's own listeners are passive, and the page would scroll.
-    const wheel = (event: WheelEvent) => {
-      event.preventDefault();
-      table.wheel(event.deltaY, event.timeStamp);
-    };
-    const hidden = () => table.letGo();
     const key = (event: KeyboardEvent) => {
       const target = event.target as HTMLElement;
       if (document.querySelector('dialog[open]') || /^(INPUT|SELECT|TEXTAREA)$/.test(target.tagName) || event.altKey) return;
       if (short(event)) event.preventDefault();
-      else if (!event.ctrlKey && !event.metaKey && target === element && table.key(event.key, event.shiftKey, event.timeStamp)) event.preventDefault();
+      else if (!event.ctrlKey && !event.metaKey && target === field.current && table.key(event.key, event.shiftKey, event.timeStamp)) event.preventDefault();
     };
-    element.addEventListener('wheel', wheel, { passive: false });
-    document.addEventListener('visibilitychange', hidden);
     document.addEventListener('keydown', key);
-    return () => {
-      element.removeEventListener('wheel', wheel);
-      document.removeEventListener('visibilitychange', hidden);
-      document.removeEventListener('keydown', key);
-    };
+    return () => document.removeEventListener('keydown', key);
   }, [table]);
 
   /** Whether the key is a shortcut. */
@@ -157,36 +142,7 @@ export function TableView({ open, leave }: { open: { plan: string; anew: boolean
           </button>
         </div>
       </div>
-      <div class="planning-palette" role="toolbar" aria-label={t('planning.tools')}>
-        {kTools.map((one) => (
-          <button key={one} type="button" class="button" aria-pressed={tool === one} onClick={() => choose(one)} title={kKeyOfTool[one].toUpperCase()}>
-            <Icon name={one} />
-            {t(`planning.tool.${one}`)} <kbd>{kKeyOfTool[one].toUpperCase()}</kbd>
-          </button>
-        ))}
-        <button type="button" class="button" onClick={() => table.send({ hold: { duration_s: kHold_s } })} title="H">
-          <Icon name="clock" />
-          {t('planning.hold', { s: kHold_s })} <kbd>H</kbd>
-        </button>
-        <button type="button" class="button" onClick={() => table.lookFrom(kFirstView)}>
-          <Icon name="fit" />
-          {t('planning.front')}
-        </button>
-        {tool === 'press' && (
-          <label class="planning-depth">
-            <span>{t('planning.depth')}</span>
-            <input type="range" min={1} max={40} value={1000 * table.depth_m.value} onInput={(event) => table.setDepth(Number(event.currentTarget.value) / 1000)} />
-            <span class="mono">{Math.round(1000 * table.depth_m.value)} mm</span>
-          </label>
-        )}
-        {tool === 'cut' && (
-          <label class="planning-depth">
-            <span>{t('planning.cutDepth')}</span>
-            <input type="range" min={1} max={100} value={1000 * table.cutDepth_m.value} onInput={(event) => (table.cutDepth_m.value = Number(event.currentTarget.value) / 1000)} />
-            <span class="mono">{Math.round(1000 * table.cutDepth_m.value)} mm</span>
-          </label>
-        )}
-      </div>
+      <Palette table={table} choose={choose} />
       <div class="attempt-body">
         <div class="attempt-picture">
           <div
@@ -229,42 +185,7 @@ export function TableView({ open, leave }: { open: { plan: string; anew: boolean
           <p class="muted attempt-how">{t(`planning.how.${tool}`)}</p>
         </div>
         <div class="attempt-side">
-          <div class="card planning-stress">
-            <label class="train-check">
-              <input type="checkbox" checked={table.stress.value} onChange={(event) => table.showStress(event.currentTarget.checked)} />
-              <span>
-                {t('planning.stress')} <kbd>S</kbd>
-              </span>
-            </label>
-            <label class="field">
-              <span>{t('planning.stressMost')}</span>
-              <input
-                type="number"
-                min={10}
-                max={10_000_000}
-                step="any"
-                value={table.largest_pa.value}
-                onChange={(event) => {
-                  const pa = Number(event.currentTarget.value);
-                  if (pa >= 10 && pa <= 10_000_000) table.showStress(table.stress.value, pa);
-                }}
-              />
-            </label>
-            <dl class="attempt-facts">
-              <div>
-                <dt>{t('planning.largestStress')}</dt>
-                <dd class="mono">{(now?.largest_von_mises_pa ?? 0).toFixed(0)} Pa</dd>
-              </div>
-              <div>
-                <dt>{t('planning.largestMove')}</dt>
-                <dd class="mono">{(1000 * (now?.largest_displacement_m ?? 0)).toFixed(1)} mm</dd>
-              </div>
-              <div>
-                <dt>{t('planning.time')}</dt>
-                <dd class="mono">{(now?.time_s ?? 0).toFixed(1)} s</dd>
-              </div>
-            </dl>
-          </div>
+          <StressCard table={table} now={now} />
           <ForceList tools={now?.tools ?? []} release={(name) => table.send({ release: { tool: name } })} />
           <StepList steps={steps.value.steps} />
           <p class="muted attempt-latency">

@@ -6,36 +6,16 @@ import { t } from '@/i18n/i18n';
 import { Icon } from '@/shell/icon';
 import { announce } from '@/shell/state';
 import { StressScale } from '@/shell/stress_scale';
-import { firstPad, GamepadHand } from '@/training/gamepad';
+import { placeOn, useField } from '@/shell/use_field';
+import { AttemptFacts, Forces, PointMark } from '@/training/attempt_parts';
 import { type BrowserPointer, Pointers } from '@/training/pointers';
 import { Tone } from '@/training/tone';
 import { AttemptConnection, type Began, type Begin, type Moment, type Over } from '@/training/training_api';
+import { useGamepad } from '@/training/use_gamepad';
 
-/** Of the bars: what a fingertip rarely exceeds. */
-const kMostForce_n = 20;
 const kMuted = 'kiroku.training.muted';
 /** Numbers are written so often; pictures are drawn each. */
 const kEvery_ms = 100;
-
-function Forces({ forces_n, wrist_n }: { forces_n: readonly number[]; wrist_n: number }) {
-  return (
-    <section class="force-list" aria-label={t('attempt.forces')}>
-      <h2>{t('attempt.forces')}</h2>
-      {forces_n.map((force, i) => (
-        <div class="force" key={i}>
-          <span>{t('attempt.finger', { n: i + 1 })}</span>
-          <progress class="force-bar" max={kMostForce_n} value={Math.min(force, kMostForce_n)} aria-label={t('attempt.finger', { n: i + 1 })} />
-          <span class="mono">{force.toFixed(1)}</span>
-        </div>
-      ))}
-      <div class="force force-all">
-        <span>{t('attempt.all')}</span>
-        <span />
-        <span class="mono">{wrist_n.toFixed(1)}</span>
-      </div>
-    </section>
-  );
-}
 
 export function AttemptView({ begin, over, lost }: { begin: Begin; over: (began: Began, over: Over) => void; lost: (sentence: string) => void }) {
   const canvas = useRef<HTMLCanvasElement>(null);
@@ -47,7 +27,6 @@ export function AttemptView({ begin, over, lost }: { begin: Begin; over: (began:
   const keys = useSignal<{ x: number; y: number; finger: number } | undefined>(undefined);
   const connection = useRef<AttemptConnection | undefined>(undefined);
   const pointers = useMemo(() => new Pointers(begin.fingers), [begin]);
-  const padMarks = useSignal<GamepadHand['marks']>([]);
   const tone = useMemo(() => new Tone(), [begin]);
   const sent = useMemo(() => new Map<number, number>(), [begin]);
 
@@ -103,16 +82,12 @@ export function AttemptView({ begin, over, lost }: { begin: Begin; over: (began:
     const number = connection.current?.point(pointers.pointers) ?? 0;
     if (number > 0) sent.set(number, at_ms);
   };
-  const placed = (event: PointerEvent): BrowserPointer => {
-    const box = (field.current as HTMLDivElement).getBoundingClientRect();
-    return {
-      id: event.pointerId,
-      kind: event.pointerType === 'touch' || event.pointerType === 'pen' ? event.pointerType : 'mouse',
-      x: (event.clientX - box.left) / box.width,
-      y: (event.clientY - box.top) / box.height,
-      pressure: event.pressure,
-    };
-  };
+  const placed = (event: PointerEvent): BrowserPointer => ({
+    id: event.pointerId,
+    kind: event.pointerType === 'touch' || event.pointerType === 'pen' ? event.pointerType : 'mouse',
+    ...placeOn(field.current as HTMLDivElement, event),
+    pressure: event.pressure,
+  });
   const press = (event: PointerEvent) => {
     if (event.button !== 0 || !pointers.press(placed(event))) return;
     field.current?.setPointerCapture(event.pointerId);
@@ -125,46 +100,23 @@ export function AttemptView({ begin, over, lost }: { begin: Begin; over: (began:
     const { x, y, finger } = pointers.keysAt;
     keys.value = { x, y, finger };
   };
-  useEffect(() => {
-    const element = field.current as HTMLDivElement;
-    // Preact's own listeners are passive, and the page would scroll.
-    const wheel = (event: WheelEvent) => {
-      event.preventDefault();
-      if (pointers.wheel(event.deltaY)) send(event.timeStamp);
-    };
-    const hidden = () => {
-      pointers.releaseAll();
-      send(performance.now());
-    };
-    element.addEventListener('wheel', wheel, { passive: false });
-    document.addEventListener('visibilitychange', hidden);
-    return () => {
-      element.removeEventListener('wheel', wheel);
-      document.removeEventListener('visibilitychange', hidden);
-    };
-  }, [begin]);
-
-  useEffect(() => {
-    const hand = new GamepadHand(pointers, begin.fingers);
-    let frame = 0;
-    let before_ms = performance.now();
-    let there = false;
-    const look = (now_ms: number) => {
-      frame = requestAnimationFrame(look);
-      const pad = firstPad(navigator.getGamepads());
-      const changed = pad ? hand.step(pad, (now_ms - before_ms) / 1000) : there && hand.release();
-      before_ms = now_ms;
-      if (pad || there) padMarks.value = pad ? hand.marks : [];
-      there = pad !== undefined;
-      if (changed) send(performance.now());
-    };
-    frame = requestAnimationFrame(look);
-    return () => cancelAnimationFrame(frame);
-  }, [begin]);
+  useField(
+    field,
+    {
+      wheel: (event) => {
+        if (pointers.wheel(event.deltaY)) send(event.timeStamp);
+      },
+      hidden: () => {
+        pointers.releaseAll();
+        send(performance.now());
+      },
+    },
+    begin,
+  );
+  const padMarks = useGamepad(pointers, begin.fingers, () => send(performance.now()));
 
   const told = began.value;
   const now = moment.value;
-  const stress_kPa = now?.largest_von_mises_pa === undefined ? undefined : now.largest_von_mises_pa / 1000;
   return (
     <main id="main" class="main pad attempt" tabIndex={-1}>
       <div class="view-head">
@@ -216,15 +168,9 @@ export function AttemptView({ begin, over, lost }: { begin: Begin; over: (began:
             <canvas ref={canvas} width={640} height={480} aria-hidden="true" />
             {!told && <p class="attempt-making">{t('attempt.making')}</p>}
             {padMarks.value.map((mark, i) => (
-              <span key={i} class={mark.down ? 'key-mark pad-mark key-mark-down' : 'key-mark pad-mark'} style={{ left: `${mark.x * 100}%`, top: `${mark.y * 100}%` }} aria-hidden="true">
-                {mark.finger === 0 ? '' : mark.finger}
-              </span>
+              <PointMark key={i} at={mark} down={mark.down} pad />
             ))}
-            {keys.value && (
-              <span class={pointers.keysAreDown ? 'key-mark key-mark-down' : 'key-mark'} style={{ left: `${keys.value.x * 100}%`, top: `${keys.value.y * 100}%` }} aria-hidden="true">
-                {keys.value.finger === 0 ? '' : keys.value.finger}
-              </span>
-            )}
+            {keys.value && <PointMark at={keys.value} down={pointers.keysAreDown} />}
           </div>
           {told?.stress_shown && <StressScale most={told.damage_pa / 1000} label={t('attempt.scale', { most: told.damage_pa / 1000 })} />}
           <p class="muted attempt-how">
@@ -232,35 +178,7 @@ export function AttemptView({ begin, over, lost }: { begin: Begin; over: (began:
           </p>
         </div>
         <div class="attempt-side">
-          <dl class="attempt-facts card">
-            <div>
-              <dt>{t('attempt.time')}</dt>
-              <dd class="mono">{(now?.time_s ?? 0).toFixed(1)} s</dd>
-            </div>
-            <div>
-              <dt>{t('attempt.seen')}</dt>
-              <dd class="mono">{Math.round(100 * (now?.visible_share ?? 0))} %</dd>
-            </div>
-            <div>
-              <dt>{t('attempt.held')}</dt>
-              <dd class="mono">
-                {(now?.held_s ?? 0).toFixed(1)} / {(told?.hold_s ?? 1).toFixed(1)} s
-              </dd>
-            </div>
-            <div>
-              <dt>{t('attempt.path')}</dt>
-              <dd class="mono">{(100 * (now?.path_m ?? 0)).toFixed(0)} cm</dd>
-            </div>
-            {told && !told.stress_shown && <p class="muted">{t('attempt.stressHidden')}</p>}
-            {stress_kPa !== undefined && (
-              <div class={(now?.danger ?? 0) > 0 ? 'attempt-danger' : ''}>
-                <dt>{t('attempt.stress')}</dt>
-                <dd class="mono">
-                  {(now?.danger ?? 0) > 0 && <Icon name="alarm" />} {stress_kPa.toFixed(0)} kPa
-                </dd>
-              </div>
-            )}
-          </dl>
+          <AttemptFacts told={told} now={now} />
           <div class="card">
             <Forces forces_n={now?.forces_n ?? Array.from({ length: begin.fingers }, () => 0)} wrist_n={now?.wrist_force_n ?? 0} />
           </div>

@@ -146,6 +146,7 @@ function RoomCard({ room, seen, watches, clock, mayControl, refresh, guests }: R
           )}
         </p>
       )}
+      {recording && room.carries_on !== '' && <p>{t('rooms.carriesOn', { id: room.carries_on })}</p>}
       {room.problem !== '' && (
         <p class="problem">
           <Icon name="alarm" /> {room.problem}
