@@ -5,7 +5,7 @@ import { LiveWaves, readingsOf } from '@/vitals/live_readings';
 
 const stream = (more: Partial<StreamStatus>): StreamStatus => ({ name: 'endoscope', kind: 'video', live: true, frames: 9, dropped: 0, refused: 0, age_ms: 40, durable_age_ms: 900, ...more });
 const room = (state: string, ...streams: StreamStatus[]): RoomStatus => ({
-  room: 'or-1', state, case: 'c', reason: '', subject: 'none', procedure: [], elapsed_ns: 0, now_ns: 0, streams, tokens: 0, missed: 0, authorities: [], problem: '',
+  room: 'or-1', state, case: 'c', reason: '', carries_on: '', subject: 'none', procedure: [], elapsed_ns: 0, now_ns: 0, streams, tokens: 0, missed: 0, authorities: [], problem: '',
 });
 
 describe('Trouble of a room', () => {
