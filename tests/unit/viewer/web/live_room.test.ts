@@ -15,7 +15,8 @@ describe('Trouble of a room', () => {
       { kind: 'silent', room: 'or-1', stream: 'endoscope', for_ms: 3000 },
       { kind: 'lost', room: 'or-1', stream: 'room', pictures: 2 },
     ]);
-    expect(troublesOf(room('recording', stream({ live: false }))).map((one) => one.kind)).toEqual(['silent']);
+    expect(troublesOf(room('recording', stream({ kind: 'vitals', live: false, age_ms: 3000 }))).map((one) => one.kind)).toEqual(['silent']);
+    expect(troublesOf(room('recording', stream({ live: false, age_ms: 2999 }))), 'is being opened').toEqual([]);
     expect(troublesOf(room('closing', stream({ live: false, dropped: 3 })))).toEqual([]);
   });
   it('leaves a monitor more time than a camera', () => {

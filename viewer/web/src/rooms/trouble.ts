@@ -17,7 +17,8 @@ export const isSilent = (stream: StreamStatus): boolean =>
 export function troublesOf(room: RoomStatus): Trouble[] {
   if (room.state !== 'recording') return [];
   return room.streams.flatMap((stream): Trouble[] => [
-    ...(isSilent(stream) ? [{ kind: 'silent' as const, room: room.room, stream: stream.name, for_ms: stream.age_ms }] : []),
+    // In the first seconds of a case a source is still being opened.
+    ...(isSilent(stream) && stream.age_ms >= kSilentVideo_ms ? [{ kind: 'silent' as const, room: room.room, stream: stream.name, for_ms: stream.age_ms }] : []),
     ...(stream.dropped > 0 ? [{ kind: 'lost' as const, room: room.room, stream: stream.name, pictures: stream.dropped }] : []),
   ]);
 }
