@@ -1,12 +1,7 @@
 // The video streams of a case on its clock, and their segments as plaintext. Immutable after construction but
 // for what it remembers of hashed files; thread-safe.
 //
-// Where a picture stands on the case clock. The packets of a stream carry the time stamps of one muxer time
-// line (docs/reference/format.md): case-clock time, in the container's unit, plus a constant. A segment's
-// ledger entry states the time stamp of its first picture (`first_pts`) and about when that was (`start_ns`:
-// pictures that came in a burst were coded a little later). The least difference of the two over a stream is
-// the constant; so every picture's time is known to the tick, also in segments that recovery found, whose
-// entries state none.
+// Where a picture stands on the case clock: media/stream_clock.h.
 #pragma once
 
 #include <cstddef>

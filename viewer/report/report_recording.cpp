@@ -41,10 +41,13 @@ void ReportMaker::add_part(Table& table, const archive::ExcerptReport& part) con
   }
   add_fact(table, words("case.left-out"),
            left_out.empty() ? words("case.left-out.text") : words("case.left-out.streams", {left_out}));
-  if (part.stated_made_at || !part.stated_made_by.empty()) {
-    add_fact(table, words("case.made"),
-             words("case.made.text", {part.stated_made_at ? utc_time(*part.stated_made_at) : "",
-                                      plain_text(part.stated_made_by)}));
+  const std::string maker = plain_text(part.stated_made_by);
+  if (part.stated_made_at && !maker.empty()) {
+    add_fact(table, words("case.made"), words("case.made.text", {utc_time(*part.stated_made_at), maker}));
+  } else if (part.stated_made_at) {
+    add_fact(table, words("case.made"), words("case.made.at", {utc_time(*part.stated_made_at)}));
+  } else if (!maker.empty()) {
+    add_fact(table, words("case.made"), words("case.made.by", {maker}));
   }
 }
 

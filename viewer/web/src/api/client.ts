@@ -156,8 +156,8 @@ export const cases = {
   },
   reportAddress: (id: string, language: string) => `/api/${caseOf(id)}/report.pdf?language=${language}`,
   receiptAddress: (id: string, language: string) => `/api/${caseOf(id)}/receipt.pdf?language=${language}`,
-  exportAddress: (id: string, stream: string, from_ns: number, to_ns: number) =>
-    `/api/${caseOf(id)}/export?stream=${part(stream)}&from_ns=${from_ns}&to_ns=${to_ns}&form=mkv`,
+  exportAddress: (id: string, stream: string, from_ns: number, to_ns: number, form: 'mkv' | 'csv' | 'jsonl') =>
+    `/api/${caseOf(id)}/export?stream=${part(stream)}&from_ns=${from_ns}&to_ns=${to_ns}&form=${form}`,
   excerptAddress: (id: string, from_ns: number, to_ns: number) =>
     `/api/${caseOf(id)}/excerpt.tar?from_ns=${from_ns}&to_ns=${to_ns}`,
 };

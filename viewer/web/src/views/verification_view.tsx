@@ -145,7 +145,7 @@ function Part({ excerpt }: { excerpt: VerifiedExcerpt }) {
         {(made_utc ?? made_by) && (
           <div>
             <dt>{t('excerpt.made')}</dt>
-            <dd>{t('excerpt.claim', { moment: made_utc ? formatMoment(made_utc) : '', by: made_by ?? '' })}</dd>
+            <dd>{t(made_utc && made_by ? 'excerpt.claim' : made_utc ? 'excerpt.claimAt' : 'excerpt.claimBy', { moment: made_utc ? formatMoment(made_utc) : '', by: made_by ?? '' })}</dd>
           </div>
         )}
       </dl>
