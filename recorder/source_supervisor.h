@@ -56,8 +56,8 @@ class SourceSupervisor {
   void run();
   void read(Source& source);
   /// Tries until there is a source; false if it has ended or is stopped. A pipe that was never opened is
-  /// waited for like anything else.
-  bool reopen(bool was_open);
+  /// waited for like anything else, and so is one whose decoder was lost.
+  bool reopen(bool may_have_ended);
   [[nodiscard]] std::unique_ptr<Source> open_anew();
   void close();
   [[nodiscard]] archive::GapCause cause_of_loss() const;

@@ -29,6 +29,7 @@
 #include "recorder/control/control_client.h"
 #include "recorder/daemon/disk_hours.h"
 #include "recorder/procedure/worklist.h"
+#include "recorder/source/boxed_source.h"
 #include "recorder/source/source.h"
 #include "recorder/vitals/vital_source.h"
 #include "timestamp/request.h"
@@ -137,6 +138,15 @@ Check check_recipients(const Home& home, const Configuration& configuration) {
   return {Health::kGood, "recipients",
           std::to_string(recipients.usual().size()) + " can open what is recorded, none of them this machine",
           ""};
+}
+
+Check check_decoders() {
+  const std::string why = recorder::why_unboxed();
+  if (why.empty())
+    return {Health::kGood, "decoders", "each source is decoded in a box, by a process without keys", ""};
+  return {Health::kBad, "decoders",
+          "sources are decoded beside the device key, and cases are not shown: " + why,
+          "install Kiroku anew; its kernel needs seccomp, as Debian's has (docs/how-to/operations.md)"};
 }
 
 /// Writes and flushes a trial file as recording would.
@@ -351,6 +361,7 @@ void examine_all(const Home& home, const Configuration& configuration, Examinati
   out.examine("disk", "look at the disk of the archive", [&] { return check_disk(home); });
   out.add(check_locked_memory());
   out.add(check_clock());
+  out.add(check_decoders());
   out.add(check_roots(home, trust));
   const Authorities authorities(home, configuration, {});
   for (const recorder::NamedAuthority& authority : authorities.named()) {

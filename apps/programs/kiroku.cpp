@@ -13,6 +13,7 @@
 
 #include "apps/kiroku/blas_kernels.h"
 #include "apps/programs/command_list.h"
+#include "base/process_hardening.h"
 
 namespace {
 
@@ -47,6 +48,7 @@ fs::path beside(const std::string& name) {
 
 int main(int argc, char** argv) {
   using namespace kiroku::apps;
+  kiroku::harden_process();
   if (argc > 1 && answers(kCommandPlaces, argv[1], AnsweredBy::kSmall)) {
     Program program("kiroku", "records operations, sealed and time-stamped, and proves it", "");
     constexpr auto kHere = [](const StatedCommand& one) { return one.by == AnsweredBy::kSmall; };

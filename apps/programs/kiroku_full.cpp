@@ -4,6 +4,7 @@
 #include <string>
 
 #include "apps/programs/command_list.h"
+#include "base/process_hardening.h"
 #include "recorder/source/source_guard.h"
 
 namespace {
@@ -42,6 +43,7 @@ kiroku::apps::Command& command_named(kiroku::apps::Command& root, const std::str
 
 int main(int argc, char** argv) {
   using namespace kiroku::apps;
+  kiroku::harden_process();
   Program program("kiroku", "records operations, sealed and time-stamped, and proves it", overview());
   Command& root = program.root();
   constexpr auto kAll = [](const StatedCommand&) { return true; };

@@ -10,7 +10,7 @@
 #include <utility>
 
 #include "base/error.h"
-#include "recorder/source/ffmpeg_source.h"
+#include "recorder/source/boxed_source.h"
 
 namespace kiroku::recorder {
 namespace {
@@ -254,7 +254,7 @@ SourceGuard::SourceGuard() : SourceGuard(Limits{}) {}
 SourceGuard::SourceGuard(Limits limits, Tell tell, Maker make, LookUp look_up, const Clock& time)
     : limits_(limits),
       tell_(std::move(tell)),
-      make_(make ? std::move(make) : Maker(open_ffmpeg_source)),
+      make_(make ? std::move(make) : Maker(open_captured_source)),
       look_up_(std::move(look_up)),
       time_(time) {}
 

@@ -20,7 +20,7 @@
 #include "archive/recovery.h"
 #include "archive/verifier.h"
 #include "crypto/age_file.h"
-#include "media/inspector.h"
+#include "media/inspection/inspector.h"
 #include "recorder/checkpoint_stamper.h"
 #include "tests/support/power_cut_file_system.h"
 #include "tests/support/recording.h"

@@ -1,7 +1,7 @@
 // A guest who looks on by an invitation, in a browser of their own, before a kirokud that records.
 import type { Browser, Page } from 'playwright-core';
 import { afterAll, beforeAll, expect } from 'vitest';
-import { Appliance, keepPicture, seriousBarriers, settled, signInToRooms, startBrowser, story, visit, type Visitor } from './kit';
+import { Appliance, keepPicture, seriousBarriers, settled, signInToRooms, startBrowser, startRecording, story, visit, type Visitor } from './kit';
 import { expectFits } from './layout';
 
 let appliance: Appliance;
@@ -17,7 +17,7 @@ beforeAll(async () => {
   guest = await visit(browser);
   const { page } = surgeon;
   await signInToRooms(page, appliance);
-  await page.getByRole('button', { name: 'Start recording' }).click();
+  await startRecording(page);
   await page.getByText(/Live, \d+\.\d\d s behind/).first().waitFor();
 });
 

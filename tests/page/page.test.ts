@@ -3,7 +3,7 @@
 import { readFileSync, statSync } from 'node:fs';
 import type { Browser } from 'playwright-core';
 import { afterAll, afterEach, beforeAll, beforeEach, describe, expect, it } from 'vitest';
-import { Appliance, clockOf, keepPicture, measuredOffsets, near, seriousBarriers, settled, startBrowser, until, visit, visitSignedIn, type Visitor } from './kit';
+import { Appliance, clockOf, keepPicture, measuredOffsets, near, seriousBarriers, settled, startBrowser, startRecording, until, visit, visitSignedIn, type Visitor } from './kit';
 
 let appliance: Appliance;
 let browser: Browser;
@@ -27,7 +27,7 @@ const press = (key: string) => visitor.page.keyboard.press(key);
 const record = async (marks: [string, number][], seconds: number, meanwhile?: () => Promise<void>): Promise<string> => {
   const { page } = visitor;
   await page.goto(`${appliance.url}#/rooms`);
-  await page.getByRole('button', { name: 'Start recording' }).click();
+  await startRecording(page);
   await page.locator('.room-recording').waitFor();
   // Before all tests there is no expect.poll.
   await until('three streams deliver', async () => (await page.locator('.state-good', { hasText: 'delivers' }).count()) === 3 || undefined);

@@ -97,6 +97,7 @@ std::filesystem::path record_case(const std::filesystem::path& archive,
     writer->append(bodies, moment(latest_ns));
   }
   const archive::Moment end = moment(latest_ns + kSecondNs);
+  writer->close("operator", end);
   for (const RecordedStream& stream : streams) {
     if (stream.first_is_erased) {
       writer->append({archive::ErasedEntry{stream.name, 0, 0, "after 30 days"}}, end);
@@ -109,7 +110,6 @@ std::filesystem::path record_case(const std::filesystem::path& archive,
       }
     }
   }
-  writer->close("operator", end);
   writer->finish(end);
   return writer->folder();
 }

@@ -42,7 +42,16 @@ struct VideoIndex {
   [[nodiscard]] bool may_hold(Ticks from, Ticks to) const;
 };
 
-class CaseMedia {
+/// Segments as plaintext: of a case that is open here, or in a box, where whoever has the case is asked.
+class SegmentOpener {
+ public:
+  virtual ~SegmentOpener() = default;
+  /// Throws as media::SealedSegment::open.
+  [[nodiscard]] virtual std::unique_ptr<crypto::ByteSource> open_plaintext(
+      const archive::SegmentEntry& segment) const = 0;
+};
+
+class CaseMedia : public SegmentOpener {
  public:
   /// Throws kiroku::UsageError, kiroku::IoError as archive::CaseFolder::open.
   CaseMedia(archive::CaseReader recording, crypto::AgeIdentities identities);
@@ -54,6 +63,10 @@ class CaseMedia {
   /// The whole file is compared with the ledger's hash when it is opened first, and each block again when it
   /// is decrypted. Throws as media::SealedSegment::open.
   [[nodiscard]] media::SealedSegment open(const archive::SegmentEntry& segment) const;
+  [[nodiscard]] std::unique_ptr<crypto::ByteSource> open_plaintext(
+      const archive::SegmentEntry& segment) const override {
+    return std::make_unique<media::SealedSegment>(open(segment));
+  }
 
  private:
   archive::CaseReader recording_;

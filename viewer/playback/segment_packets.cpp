@@ -22,12 +22,12 @@ Ticks ticks_of(std::int64_t stamp, const AVStream& stream) {
 
 }  // namespace
 
-SegmentPackets::SegmentPackets(const CaseMedia& media, const VideoIndex& index, const IndexedSegment& segment,
-                               Of which)
+SegmentPackets::SegmentPackets(const SegmentOpener& media, const VideoIndex& index,
+                               const IndexedSegment& segment, Of which)
     : wraps_(index.stream.media == "video/mp2t"),
       tolerate_cut_(!segment.entry.complete),
-      sealed_(media.open(segment.entry)),
-      input_(sealed_, index.stream.media, segment.entry.file.file),
+      plaintext_(media.open_plaintext(segment.entry)),
+      input_(*plaintext_, index.stream.media, segment.entry.file.file),
       pictures_(&input_.video()),
       stream_(which == Of::kPictures ? pictures_ : input_.sound()),
       start_(segment.start) {

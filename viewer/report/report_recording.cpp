@@ -123,15 +123,18 @@ void ReportMaker::add_streams() {
               {}};
   for (const archive::StreamReport& stream : found_.streams) {
     const bool empty = stream.segments == 0;
-    table.rows.push_back({{plain_text(stream.info.name), Tone::kPlain, Face::kStrong},
-                          {kind_words(stream.info.kind)},
-                          {empty ? words("stream.nothing") : in_case(stream.span.start_ns)},
-                          {empty ? "" : in_case(stream.span.end_ns)},
-                          {grouped(stream.segments)},
-                          {grouped(stream.frames)},
-                          {grouped(stream.dropped)},
-                          {stream.gap_ns == 0 ? words("stream.none") : case_time(stream.gap_ns)},
-                          {byte_size(stream.bytes)}});
+    table.rows.push_back(
+        {{plain_text(stream.info.name), Tone::kPlain, Face::kStrong},
+         {kind_words(stream.info.kind)},
+         {empty ? words("stream.nothing") : in_case(stream.span.start_ns)},
+         {empty ? "" : in_case(stream.span.end_ns)},
+         {grouped(stream.segments) + (stream.erased_segments == 0
+                                          ? ""
+                                          : " " + words("stream.erased", {grouped(stream.erased_segments)}))},
+         {grouped(stream.frames)},
+         {grouped(stream.dropped)},
+         {stream.gap_ns == 0 ? words("stream.none") : case_time(stream.gap_ns)},
+         {byte_size(stream.bytes)}});
   }
   add(std::move(table));
   small(words("stream.lead"));

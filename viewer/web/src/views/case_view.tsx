@@ -20,6 +20,7 @@ import { attempt, notifyOf, session, textOf } from '@/shell/state';
 import { StateCard } from '@/shell/state_card';
 import { VerdictChip } from '@/shell/verdict';
 import { Overview } from '@/timeline/overview';
+import { CaseSubject } from '@/subject/case_subject';
 import { Timeline } from '@/timeline/timeline';
 import { TimelineWindow } from '@/timeline/timeline_window';
 import { ArchivedFrames } from '@/views/archived_frames';
@@ -76,7 +77,7 @@ export function CaseView({ id }: { id: string }) {
       if (!isOfFrame) failed.value = error;
     }
     void attempt(async () => {
-      verdict.value = (await api.list(id, 1, undefined)).find((one) => one.id === id)?.verdict ?? null;
+      verdict.value = (await api.row(id))?.verdict ?? null;
     });
   };
   useEffect(() => {
@@ -212,6 +213,7 @@ function Loaded({ model, verdict, unlocked }: { model: CaseModel; verdict: Verdi
           </p>
           <h1>{formatMoment(model.info.opened)}</h1>
         </div>
+        {unlocked && may(role, 'watch') && <CaseSubject id={id} />}
         {model.info.state === 'open' && (
           <span class="verdict verdict-recording">
             <Icon name="record" filled />

@@ -98,7 +98,10 @@ function Streams({ report }: { report: VerificationReport }) {
           {report.streams.map((one) => (
             <tr key={one.name}>
               <th scope="row">{word('stream', one.name)}</th>
-              <td class="number">{one.segments}</td>
+              <td class="number">
+                {one.segments}
+                {one.erased_segments > 0 && ` (${t('verify.erased', { n: one.erased_segments })})`}
+              </td>
               <td class="number">{one.frames}</td>
               <td class="number">{one.dropped}</td>
               <td class="number">{formatBytes(one.bytes)}</td>
