@@ -28,6 +28,7 @@ steps=(
   "soak       tests/fault/soak.sh 24 200"
   "recovery   tests/bench/recovery.sh"
   "loaded     tests/nightly/loaded.sh 10"
+  "theatre    tests/theatre/power_cuts.py --cuts 70"
   "debian13   tests/nightly/debian13.sh"
   "package    cmake --build build/release --target package"
 )

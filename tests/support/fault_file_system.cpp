@@ -2,6 +2,8 @@
 
 #include <algorithm>
 #include <atomic>
+#include <fstream>
+#include <sstream>
 #include <utility>
 
 namespace kiroku::test {
@@ -220,10 +222,16 @@ void FaultFileSystem::rename(const fs::path& from, const fs::path& to) {
   if (enter("rename " + relative(from) + " " + relative(to)) == Outcome::kFail) {
     throw IoError("give its final name to", from, error_number_);
   }
+  std::optional<std::string> replaced;
+  if (fs::is_regular_file(to)) {
+    std::ostringstream text;
+    text << std::ifstream(to, std::ios::binary).rdbuf();
+    replaced = text.str();
+  }
   real_.rename(from, to);
   const std::lock_guard lock(mutex_);
   move_known_paths(from, to);
-  unflushed_renames_.push_back({from, to});
+  unflushed_renames_.push_back({from, to, std::move(replaced)});
 }
 
 void FaultFileSystem::remove(const fs::path& file) {
@@ -269,6 +277,8 @@ void FaultFileSystem::lose_power() {
     if (fs::exists(each->to)) {
       fs::rename(each->to, each->from);
     }
+    // A name that another file takes over is of one or the other, never of none.
+    if (each->replaced) std::ofstream(each->to, std::ios::binary) << *each->replaced;
   }
   contents_.clear();
   unflushed_names_.clear();

@@ -64,6 +64,7 @@ class FaultFileSystem final : public archive::FileSystem {
   };
   struct Rename {
     std::filesystem::path from, to;
+    std::optional<std::string> replaced;  // what stood there under that name
   };
   enum class Outcome { kDo, kFail };
 
