@@ -53,12 +53,6 @@ class NewFolder {
   bool kept_ = false;
 };
 
-std::string new_case_id(UtcTime now) {
-  std::array<std::byte, 4> random{};
-  crypto::fill_random(random);
-  return format_utc_compact(now) + "-" + crypto::to_hex(random);
-}
-
 void check(const CaseWriter::Options& options) {
   if (options.key == nullptr) {
     throw UsageError("a case cannot be made without a device key");
@@ -91,6 +85,12 @@ void check(const CaseWriter::Options& options) {
   if (options.subject && options.subject_recipients.empty()) {
     throw UsageError("the subject has no recipient: nobody could ever read it");
   }
+  if (options.subject && options.sealed_subject) {
+    throw UsageError("a case has one subject: it is given, or carried over from another case");
+  }
+  if (!options.case_id.empty() && !is_case_id(options.case_id)) {
+    throw UsageError("\"" + options.case_id + "\" is no case identifier");
+  }
 }
 
 /// Streams as `open` states them: recipients are those the segments will really be sealed to.
@@ -101,6 +101,9 @@ std::vector<StreamInfo> declared_streams(const CaseWriter::Options& options) {
     streams[i].recipients.clear();
     for (const auto& recipient : options.stream_recipients[i]) {
       streams[i].recipients.push_back(recipient->to_string());
+    }
+    if (options.carries_on && is_events(streams[i])) {
+      streams[i].source = source_carrying_on(*options.carries_on);
     }
   }
   return streams;
@@ -117,14 +120,23 @@ void make_folders(FileSystem& files, const fs::path& folder, const std::vector<S
   files.sync_folder(folder / kSegmentsFolder);
 }
 
-FileReference store_subject(FileSystem& files, const fs::path& folder, ByteView subject,
-                            const crypto::AgeRecipients& recipients) {
-  const Bytes sealed = crypto::seal_bytes(subject, recipients);
+FileReference store_sealed_subject(FileSystem& files, const fs::path& folder, ByteView sealed) {
   files.write_durably(folder / kSubjectFile, sealed);
   return {std::string(kSubjectFile), sealed.size(), crypto::sha256(sealed)};
 }
 
+FileReference store_subject(FileSystem& files, const fs::path& folder, ByteView subject,
+                            const crypto::AgeRecipients& recipients) {
+  return store_sealed_subject(files, folder, crypto::seal_bytes(subject, recipients));
+}
+
 }  // namespace
+
+std::string new_case_id(UtcTime now) {
+  std::array<std::byte, 4> random{};
+  crypto::fill_random(random);
+  return format_utc_compact(now) + "-" + crypto::to_hex(random);
+}
 
 // Under the hidden name: folders, subject, device key, ledger with `open`, each durable; then
 //
@@ -134,7 +146,7 @@ std::unique_ptr<CaseWriter> CaseWriter::create(FileSystem& files, const Options&
   check(options);
   auto state = std::make_unique<State>(files, options.key, options.device_name, options.log, options.archive);
   state->reserve.fill();
-  state->case_id = new_case_id(now.utc);
+  state->case_id = options.case_id.empty() ? new_case_id(now.utc) : options.case_id;
   state->folder = options.archive / state->case_id;
 
   OpenEntry open;
@@ -156,7 +168,9 @@ std::unique_ptr<CaseWriter> CaseWriter::create(FileSystem& files, const Options&
 
   NewFolder folder(files, state->folder);
   make_folders(files, folder.path(), open.streams);
-  if (options.subject) {
+  if (options.sealed_subject) {
+    open.subject = store_sealed_subject(files, folder.path(), *options.sealed_subject);
+  } else if (options.subject) {
     open.subject = store_subject(files, folder.path(), *options.subject, options.subject_recipients);
   }
   files.write_durably(folder.path() / kDeviceFile, bytes_of(open.device + "\n"));

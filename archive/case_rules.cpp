@@ -218,6 +218,7 @@ void CaseRules::take_close(const CloseEntry& close, const CaseEntry& entry, std:
     return;  // a finding already
   }
   close_ = number;
+  close_reason_ = shortened(close.reason);
   close_totals_ = close.totals;
   closed_ = entry.at.utc;
   tokens_.take_close(number);

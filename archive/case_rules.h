@@ -47,6 +47,8 @@ class CaseRules {
   [[nodiscard]] const std::optional<OpenEntry>& opening() const { return opening_; }
   [[nodiscard]] const std::optional<crypto::VerifierKey>& device() const { return device_; }
   [[nodiscard]] std::optional<std::uint64_t> close_entry() const { return close_; }
+  /// The reason that `close` states; empty before it.
+  [[nodiscard]] const std::string& close_reason() const { return close_reason_; }
   /// What `close` states of each stream; empty before it.
   [[nodiscard]] const std::map<std::string, StreamTotal>& close_totals() const { return close_totals_; }
   [[nodiscard]] bool recovered() const { return recovered_; }
@@ -91,6 +93,7 @@ class CaseRules {
   std::optional<crypto::VerifierKey> device_;
   std::optional<UtcTime> opened_, closed_, clock_zero_;
   std::optional<std::uint64_t> close_;
+  std::string close_reason_;
   std::map<std::string, StreamTotal> close_totals_;
   std::optional<UtcTime> last_utc_;
   std::unordered_set<std::string> named_;

@@ -11,6 +11,7 @@
 #include <string>
 #include <vector>
 
+#include "archive/carried_on.h"
 #include "archive/ledger_entry.h"
 #include "archive/segment_writer.h"
 #include "crypto/age_recipient.h"
@@ -29,6 +30,9 @@ struct StoredCheckpoint {
   std::filesystem::path file;
 };
 
+/// An identifier of a case that begins now: "20260805T091502Z-3f9c21ab".
+std::string new_case_id(UtcTime now);
+
 class CaseWriter {
  public:
   struct Options {
@@ -43,6 +47,11 @@ class CaseWriter {
     ApplianceLog* log = nullptr;  // may be null (tests); receives case-opened, case-checkpoint, case-closed
     std::optional<crypto::Sha256Digest> plan;
     std::int64_t begins_ns = 0;  // OpenEntry::begins_ns
+    std::string case_id;         // "": a new one
+    std::optional<CarriedOn> carries_on;
+    /// A subject file of the case that is carried on, sealed to whoever could open it there: copied as it is.
+    /// Not beside `subject`.
+    std::optional<Bytes> sealed_subject;
   };
   /// Makes the folder and writes `open` durably. The folder is made under a hidden name and gets its own when
   /// all of it is on the disk: a case without its `open` entry never exists, not even after a power cut.

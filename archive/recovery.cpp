@@ -3,9 +3,11 @@
 #include <algorithm>
 #include <optional>
 #include <set>
+#include <tuple>
 #include <utility>
 
 #include "archive/appliance_log.h"
+#include "archive/carried_on.h"
 #include "archive/case_folder.h"
 #include "archive/case_layout.h"
 #include "archive/excerpt_verifier.h"
@@ -66,7 +68,11 @@ struct StreamStanding {
 struct Standing {
   std::vector<StreamStanding> streams;
   std::string boot_id;  // of the machine when it was last written
+  Moment opened;        // of the first entry
   Moment last;          // of the last entry
+  /// Of the last entry that the recorder wrote that died, and of its machine; an earlier recovery may have
+  /// been cut off as well.
+  std::optional<std::pair<Moment, std::string>> cut_off;
   std::optional<std::uint64_t> close;
   std::uint64_t newest_stamped = 0;  // largest checkpoint with a token
   bool missed_after_close = false;
@@ -76,8 +82,9 @@ struct Standing {
   crypto::Sha256Digest opening_line{};
 
   void take(const CaseEntry& entry) {
-    last = entry.at;
+    const Moment before = std::exchange(last, entry.at);
     if (const auto* open = std::get_if<OpenEntry>(&entry.body)) {
+      opened = entry.at;
       boot_id = open->boot_id;
       for (const StreamInfo& info : open->streams) {
         streams.emplace_back();
@@ -105,6 +112,9 @@ struct Standing {
     } else if (const auto* gone = std::get_if<ErasedEntry>(&entry.body)) {
       erased.push_back(*gone);
     } else if (const auto* recovered = std::get_if<RecoveredEntry>(&entry.body)) {
+      if (!cut_off) {
+        cut_off.emplace(before, boot_id);
+      }
       boot_id = recovered->boot_id;
     } else if (std::holds_alternative<CloseEntry>(entry.body)) {
       close = entry.seq;
@@ -159,8 +169,10 @@ class Recovery {
     }
     adopt_tokens();
     if (!was_closed) {
+      const std::string reason = close_reason();
+      const Moment at = now();
       standing_.close = writer_->size();
-      writer_->close("recovered", now());
+      writer_->close(reason, at);
     }
     if (standing_.newest_stamped > *standing_.close) {
       result_.stamped = true;
@@ -194,6 +206,18 @@ class Recovery {
     }
     return {utc, standing_.last.mono_ns + std::clamp<std::int64_t>(ns_between(standing_.last.utc, utc), 0,
                                                                    kLongestBridge.count())};
+  }
+
+  [[nodiscard]] std::string close_reason() const {
+    if (!options_.carry_on) {
+      return "recovered";
+    }
+    CutOffCase cut{result_.case_id, folder_, standing_.boot_id, standing_.opened, standing_.last};
+    if (standing_.cut_off) {
+      std::tie(cut.last, cut.boot_id) = *standing_.cut_off;
+    }
+    const std::string later = options_.carry_on(cut);
+    return later.empty() ? "recovered" : reason_to_be_carried_on(later);
   }
 
   void state_what_was_found() {

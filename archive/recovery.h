@@ -28,6 +28,15 @@ struct CheckpointStamp {
 /// Has a checkpoint time-stamped: one answer from each authority. May take as long as authorities do.
 using CheckpointStamper = std::function<std::vector<CheckpointStamp>(const StoredCheckpoint&)>;
 
+/// A case that was cut off while it was recorded, as its ledger tells.
+struct CutOffCase {
+  std::string case_id;
+  std::filesystem::path folder;
+  std::string boot_id;  // of the machine when it was cut off
+  Moment opened;        // when `open` was written
+  Moment last;          // when the last entry before the cut was
+};
+
 struct RecoveryOptions {
   std::filesystem::path archive;
   const crypto::SigningKey* key = nullptr;
@@ -35,6 +44,9 @@ struct RecoveryOptions {
   std::string boot_id;          // of the machine as it runs now: another one means that power was lost
   ApplianceLog* log = nullptr;  // may be null (tests)
   CheckpointStamper stamp;      // may be empty: then `token-missed` says so
+  /// The identifier of the case that will carry on the one that was cut off: its `close` announces it; ""
+  /// where none will. May be empty.
+  std::function<std::string(const CutOffCase&)> carry_on;
   std::function<UtcTime()> now = utc_now;
 };
 

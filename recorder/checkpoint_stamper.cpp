@@ -98,4 +98,26 @@ archive::CheckpointStamper checkpoint_stamper(const std::vector<NamedAuthority>&
   return [all](const archive::StoredCheckpoint& over) { return all->ask(over); };
 }
 
+archive::CheckpointStamper later_stamper(const std::vector<NamedAuthority>& authorities,
+                                         StampingQueue& queue) {
+  std::vector<std::string> names;
+  for (const NamedAuthority& each : authorities) names.push_back(each.name);
+  return [names, &queue](const archive::StoredCheckpoint& over) {
+    const std::string case_id = over.file.parent_path().parent_path().filename().string();
+    std::vector<archive::CheckpointStamp> stamps;
+    for (const std::string& name : names) {
+      archive::CheckpointStamp stamp;
+      stamp.authority = name;
+      stamp.cause = "not asked yet, since the operation is recorded on first; asked from then on";
+      try {
+        queue.want(case_id, name, over.size, utc_now());
+      } catch (const Error& error) {
+        stamp.cause = std::string("not asked, and not to be asked by itself: ") + error.what();
+      }
+      stamps.push_back(std::move(stamp));
+    }
+    return stamps;
+  };
+}
+
 }  // namespace kiroku::recorder

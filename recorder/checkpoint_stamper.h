@@ -16,4 +16,9 @@ archive::CheckpointStamper checkpoint_stamper(const std::vector<NamedAuthority>&
                                               const timestamp::TrustStore* trust, StampingQueue* queue,
                                               const Clock& clock = Clock::system());
 
+/// Asks nobody and waits for nothing: what is wanted is put into `queue`, and worked off while recording goes
+/// on (late_stamping.h). `queue` must outlive the function.
+archive::CheckpointStamper later_stamper(const std::vector<NamedAuthority>& authorities,
+                                         StampingQueue& queue);
+
 }  // namespace kiroku::recorder

@@ -63,6 +63,11 @@ struct Session::State {
   State& operator=(const State&) = delete;
 
   void open(OpenedVideo& opened, const StreamRequest& request);
+  void identify(const CaseIdentity& identity) {
+    writing.case_id = identity.case_id;
+    writing.carries_on = identity.carries_on;
+    writing.sealed_subject = identity.sealed_subject;
+  }
   /// Makes the case, which begins at `from_ns` of its clock.
   void make_case(std::int64_t from_ns);
   /// There was none: what was recorded ahead is discarded, and stated.
@@ -257,6 +262,7 @@ Session::State::State(SessionOptions asked)
   writing.device_name = options.device_name;
   writing.subject = options.subject;
   writing.plan = options.plan;
+  identify(options.identity);
   writing.subject_recipients = options.event_recipients;
   writing.boot_id = archive::kernel_boot_id();
   writing.log = options.log;
@@ -378,12 +384,14 @@ std::filesystem::path Session::folder() const {
   return state_->writer ? state_->writer->folder() : std::filesystem::path();
 }
 
-std::string Session::begin(std::optional<Bytes> subject, const std::optional<crypto::Sha256Digest>& plan) {
+std::string Session::begin(std::optional<Bytes> subject, const std::optional<crypto::Sha256Digest>& plan,
+                           const CaseIdentity& identity) {
   State& s = *state_;
   const std::lock_guard guard(s.begin_mutex);
   if (s.writer) throw UsageError("case " + s.writer->case_id() + " has begun already");
   s.writing.subject = std::move(subject);
   s.writing.plan = plan;
+  s.identify(identity);
   s.decided_ns = s.clock.now_ns();
   try {
     s.make_case(s.pre_roll->decide(s.decided_ns));

@@ -43,6 +43,15 @@ struct StreamRequest {
   std::shared_ptr<SourceGuard> guard = std::make_shared<SourceGuard>();
 };
 
+/// A case whose identifier is known before it is made, and that may carry on an earlier one
+/// (archive/carried_on.h).
+struct CaseIdentity {
+  std::string case_id;  // "": a new one
+  std::optional<archive::CarriedOn> carries_on;
+  /// The earlier case's subject file, as it is; then no other subject may be given.
+  std::optional<Bytes> sealed_subject;
+};
+
 struct SessionOptions {
   std::filesystem::path archive;
   const crypto::SigningKey* key = nullptr;
@@ -53,6 +62,7 @@ struct SessionOptions {
   bool pointing = false;  // whether people may point on live pictures, for the same recipients
   std::optional<Bytes> subject;
   std::optional<crypto::Sha256Digest> plan;  // of a sealed plan, for the case's first entry
+  CaseIdentity identity;
   std::vector<NamedAuthority> authorities;
   const timestamp::TrustStore* trust = nullptr;  // a token that does not hold under it is token-missed
   StampingQueue* queue = nullptr;                // remembers tokens that did not come; may be null
@@ -109,9 +119,11 @@ class Session {
   [[nodiscard]] std::string case_id() const;
   [[nodiscard]] std::filesystem::path folder() const;
   /// With SessionOptions::pre_roll, while run() runs: makes a case of what is recorded and returns its
-  /// identifier. `subject` is JSON to be sealed with it, `plan` as in SessionOptions. From any thread. Throws
-  /// UsageError if there is one already, kiroku::Error if it cannot be made: then recording ahead goes on.
-  std::string begin(std::optional<Bytes> subject, const std::optional<crypto::Sha256Digest>& plan = {});
+  /// identifier. `subject` is JSON to be sealed with it, `plan` and `identity` as in SessionOptions. From any
+  /// thread. Throws UsageError if there is one already, kiroku::Error if it cannot be made: then recording
+  /// ahead goes on.
+  std::string begin(std::optional<Bytes> subject, const std::optional<crypto::Sha256Digest>& plan = {},
+                    const CaseIdentity& identity = {});
   /// Records until stop(), the duration, or the end of the sources (of all video; of the vital signs where
   /// there is no video); closes the case properly; returns. `progress` about four times a second.
   SessionResult run(const std::function<void(const SessionStatus&)>& progress = {});

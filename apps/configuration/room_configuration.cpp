@@ -110,6 +110,25 @@ void require_signal(const RoomConfiguration& room, TableReader& reader) {
   }
 }
 
+void read_resumption(TableReader& reader, recorder::RoomRules& rules) {
+  constexpr std::chrono::minutes kUsual{10};
+  constexpr std::chrono::seconds kLeast{10};
+  constexpr std::chrono::hours kMost{12};
+  bool resume = false;
+  std::optional<std::chrono::nanoseconds> within;
+  reader.flag("resume", resume);
+  reader.text("resume_within", [&](const std::string& text) {
+    within = parse_duration(text, "'resume_within'");
+    if (*within < kLeast || *within > kMost)
+      throw UsageError("'resume_within' is '" + text + "': it must be between 10s and 12h");
+  });
+  if (within && !resume) {
+    reader.refuse(reader.find("resume_within")->source(),
+                  "'resume_within' has no effect without 'resume = true'");
+  }
+  if (resume) rules.resume_within = within.value_or(kUsual);
+}
+
 RoomConfiguration read_room(const toml::table& table, const TableReader& top, const Configuration& defaults) {
   RoomConfiguration room;
   TableReader reader(table, "[[room]]", top.file());
@@ -135,6 +154,7 @@ RoomConfiguration read_room(const toml::table& table, const TableReader& top, co
   reader.text("signal_lasts", [&](const std::string& text) {
     room.rules.signal_lasts = parse_duration(text, "'signal_lasts'");
   });
+  read_resumption(reader, room.rules);
   room.procedure = read_procedure(reader);
   for_each_table(reader, "footswitch", [&](const toml::table& entry) {
     room.footswitches.push_back(read_footswitch(entry, reader));

@@ -29,6 +29,7 @@
 #include "crypto/secret.h"
 #include "recorder/clock/clock_watch.h"
 #include "recorder/control/control_client.h"
+#include "recorder/daemon/disk_hours.h"
 #include "recorder/procedure/worklist.h"
 #include "recorder/source/source.h"
 #include "recorder/vitals/vital_source.h"
@@ -162,19 +163,21 @@ double trial_megabytes_per_second(const fs::path& archive) {
   return static_cast<double>(kTrialBytes) / kBytesPerMegabyte / took.count();
 }
 
-Check check_disk(const Home& home) {
+std::uint64_t free_bytes(const Home& home) {
   struct statvfs disk {};
   if (::statvfs(home.archive().c_str(), &disk) != 0)
     throw IoError("ask for the free space of", home.archive(), errno);
-  const std::uint64_t free_bytes = std::uint64_t(disk.f_bavail) * disk.f_frsize;
-  if (free_bytes < 2 * kTrialBytes) {
-    return {Health::kBad, "disk",
-            "only " + format_bytes(free_bytes) + " are free in " + home.archive().string(),
+  return std::uint64_t(disk.f_bavail) * disk.f_frsize;
+}
+
+Check check_disk(const Home& home) {
+  const std::uint64_t free = free_bytes(home);
+  if (free < 2 * kTrialBytes) {
+    return {Health::kBad, "disk", "only " + format_bytes(free) + " are free in " + home.archive().string(),
             "make room before anything is recorded"};
   }
   const double speed = trial_megabytes_per_second(home.archive());
-  std::string finding =
-      format_bytes(free_bytes) + " free, writes " + std::to_string(std::lround(speed)) + " MB/s";
+  std::string finding = format_bytes(free) + " free, writes " + std::to_string(std::lround(speed)) + " MB/s";
   constexpr double kSlow = 20;
   if (speed < kSlow) {
     return {Health::kWarning, "disk", finding,
@@ -305,19 +308,54 @@ Check check_worklist(const RoomConfiguration& room) {
           ""};
 }
 
-/// Whether a recorder runs on this home, which then holds the sources.
-bool recorder_answers(const Home& home, const Configuration& configuration, Examination& out) {
+/// What `kiroku status` and doctor say of the disk is one figure: kirokud's where it runs, which knows what
+/// rooms really write, else by what they are configured for.
+recorder::DiskHours disk_hours(const Home& home, const Configuration& configuration,
+                               const std::optional<nlohmann::json>& status) {
+  recorder::DiskHours left;
+  if (status) {
+    const nlohmann::json& disk = status->at("disk");
+    if (disk.at("hours_left").is_number()) left.hours = disk.at("hours_left").get<double>();
+    left.assumes = disk.value("hours_assume", "");
+    return left;
+  }
+  std::vector<recorder::RoomRate> rates;
+  for (const RoomConfiguration& room : configuration.rooms) {
+    std::vector<recorder::VideoProfile> videos;
+    for (const StreamConfiguration& stream : room.streams) {
+      if (stream.is_video) videos.push_back(stream.video);
+    }
+    rates.push_back(recorder::rate_of(room.name, 0, 0, recorder::configured_bytes_per_second(videos)));
+  }
+  return recorder::disk_hours(free_bytes(home), rates);
+}
+
+Check check_hours(const Home& home, const Configuration& configuration,
+                  const std::optional<nlohmann::json>& status) {
+  const recorder::DiskHours left = disk_hours(home, configuration, status);
+  const std::string subject = "hours of disk";
+  if (!left.hours) return {Health::kGood, subject, "not known yet: " + left.assumes, ""};
+  char hours[32];
+  std::snprintf(hours, sizeof hours, "about %.1f", *left.hours);
+  const std::string finding = std::string(hours) + " if every room records (" + left.assumes + ")";
+  if (*left.hours >= configuration.storage.warn_below_hours) return {Health::kGood, subject, finding, ""};
+  return {Health::kWarning, subject, finding, "make room, or replicate and erase what may be erased"};
+}
+
+/// The status of the recorder that runs on this home, which then holds the sources; nothing where none runs.
+std::optional<nlohmann::json> running_recorder(const Home& home, const Configuration& configuration,
+                                               Examination& out) {
   try {
-    const auto status = recorder::ask_recorder(home.control_socket(configuration), {{"do", "status"}});
+    auto status = recorder::ask_recorder(home.control_socket(configuration), {{"do", "status"}});
     out.add({Health::kGood, "kirokud",
              "runs since " + format_duration(status.value("uptime_s", std::int64_t{0}) * 1'000'000'000), ""});
-    return true;
+    return status;
   } catch (const Error&) {
     if (!configuration.rooms.empty()) {
       out.add({Health::kWarning, "kirokud", "does not run on this home",
                "systemctl start kirokud, or kirokud --home DIR"});
     }
-    return false;
+    return {};
   }
 }
 
@@ -345,7 +383,12 @@ void examine_all(const Home& home, const Configuration& configuration, Examinati
   for (const RoomConfiguration& room : configuration.rooms) {
     if (room.procedure.worklist) out.add(check_worklist(room));
   }
-  if (recorder_answers(home, configuration, out)) {
+  const std::optional<nlohmann::json> status = running_recorder(home, configuration, out);
+  if (!configuration.rooms.empty()) {
+    out.examine("hours of disk", "look at the disk of the archive",
+                [&] { return check_hours(home, configuration, status); });
+  }
+  if (status) {
     out.add({Health::kGood, "sources", "kirokud holds them: 'kiroku status' tells how they are", ""});
     return;
   }

@@ -49,7 +49,7 @@ std::string found_text(const CaseRecovery& recovery) {
 
 std::vector<CaseRecovery> recover_home(const WritableHome& writable,
                                        const std::vector<recorder::NamedAuthority>& authorities,
-                                       const archive::RecordingLock& lock) {
+                                       const archive::RecordingLock& lock, const RecoveryWishes& wishes) {
   const Home& home = writable.home;
   archive::RecoveryOptions options;
   options.archive = home.archive();
@@ -57,7 +57,10 @@ std::vector<CaseRecovery> recover_home(const WritableHome& writable,
   options.device_name = home.device().name();
   options.boot_id = archive::kernel_boot_id();
   options.log = writable.log.get();
-  options.stamp = recorder::checkpoint_stamper(authorities, &writable.trust, writable.queue.get());
+  options.carry_on = wishes.carry_on;
+  options.stamp = wishes.stamp_later && writable.queue
+                      ? recorder::later_stamper(authorities, *writable.queue)
+                      : recorder::checkpoint_stamper(authorities, &writable.trust, writable.queue.get());
   std::vector<CaseRecovery> recovered = archive::recover_archive(archive::real_file_system(), options, lock);
   for (const CaseRecovery& each : recovered) {
     if (each.outcome == CaseRecovery::Outcome::kRecovered || each.outcome == CaseRecovery::Outcome::kFinished)

@@ -68,6 +68,13 @@ void print_room(const json& room, std::string& out) {
                      : "  last case " + id + " (" + printable(room.value("reason", "")) + ")";
   }
   out += "\n";
+  if (const std::string earlier = room.value("carries_on", ""); recording && !earlier.empty()) {
+    out += "  carries on case " + printable(earlier) + ", which was cut off\n";
+  }
+  if (room.value("not_resumed", false)) {
+    out += "  " + paint(Colour::kRed, "a case was cut off and is not carried on: nothing is recorded here") +
+           "\n";
+  }
   if (recording) {
     std::vector<std::vector<std::string>> rows{
         {"stream", "", "recorded", "lost", "segments", "size", "last", "on disk to"}};
@@ -111,6 +118,9 @@ std::string page(const json& status) {
     char hours[32];
     std::snprintf(hours, sizeof hours, ", about %.1f hours", disk["hours_left"].get<double>());
     out += std::string(hours) + " if every room records";
+  }
+  if (const std::string assumes = disk.value("hours_assume", ""); !assumes.empty()) {
+    out += " (" + printable(assumes) + ")";
   }
   const json& clock = status["clock"];
   out += std::string("\nclock: ") +

@@ -39,6 +39,7 @@
 #include "recorder/daemon/control_server.h"
 #include "recorder/daemon/daemon.h"
 #include "recorder/daemon/http_server.h"
+#include "recorder/daemon/resumption.h"
 #include "recorder/late_stamping.h"
 #include "recorder/procedure/room_procedure.h"
 #include "recorder/source/source_address.h"
@@ -74,10 +75,14 @@ void set_up_logging() {
   spdlog::set_default_logger(logger);
 }
 
-/// What a recorder that died left behind comes first.
+/// What a recorder that died left behind comes first. Where a room may go on with it, no authority is waited
+/// for.
 void recover_first(const WritableHome& shared, const Authorities& authorities,
-                   const archive::RecordingLock& lock) {
-  for (const archive::CaseRecovery& each : recover_home(shared, authorities.named(), lock)) {
+                   const archive::RecordingLock& lock, recorder::ResumptionPlanner& resumption) {
+  RecoveryWishes wishes;
+  wishes.carry_on = [&](const archive::CutOffCase& cut) { return resumption.carry_on(cut); };
+  wishes.stamp_later = resumption.may_resume();
+  for (const archive::CaseRecovery& each : recover_home(shared, authorities.named(), lock, wishes)) {
     std::istringstream lines(recovery_text(each));
     for (std::string line; std::getline(lines, line);) spdlog::warn("{}", line);
   }
@@ -177,6 +182,47 @@ void tell_catalogue(const Home& home, const std::filesystem::path& folder) {
                  printable(error.what()));
   }
 }
+
+/// Rooms whose cases are carried on after a crash, and why one is not.
+class RoomResumption {
+ public:
+  RoomResumption(const Home& home, const Configuration& configuration)
+      : planner_(surroundings(home), rules(home, configuration)) {}
+
+  recorder::ResumptionPlanner& planner() { return planner_; }
+  void apply(recorder::RoomPlan& plan) {
+    if (const auto note = notes_.find(plan.name); note != notes_.end()) plan.running = note->second;
+    plan.resume = planner_.of(plan.name);
+    plan.not_resumed = why_not_[plan.name];
+  }
+
+ private:
+  recorder::ResumptionPlanner::Surroundings surroundings(const Home& home) {
+    recorder::ResumptionPlanner::Surroundings around;
+    around.archive = home.archive();
+    around.boot_id = archive::kernel_boot_id();
+    around.tell = [this](const std::string& room, const std::string& sentence) {
+      why_not_[room] = sentence;
+      spdlog::error("room {}: {}", room, printable(sentence));
+    };
+    return around;
+  }
+  std::vector<recorder::ResumeRule> rules(const Home& home, const Configuration& configuration) {
+    std::vector<recorder::ResumeRule> rules;
+    for (const RoomConfiguration& room : configuration.rooms) {
+      if (!room.rules.resume_within) continue;
+      const auto note =
+          std::make_shared<recorder::RunningNote>(archive::real_file_system(), home.archive(), room.name);
+      notes_[room.name] = note;
+      rules.push_back({room.name, *room.rules.resume_within, room.rules.longest_case, note});
+    }
+    return rules;
+  }
+
+  std::map<std::string, std::shared_ptr<recorder::RunningNote>> notes_;
+  std::map<std::string, std::string> why_not_;
+  recorder::ResumptionPlanner planner_;
+};
 
 recorder::RoomListener listener_for(const Home& home) {
   recorder::RoomListener listener;
@@ -408,7 +454,8 @@ int run(const Request& request) {
   log_configuration(file, home, *shared.log);
 
   const Authorities authorities(home, configuration, {});
-  recover_first(shared, authorities, lock);
+  RoomResumption resumption(home, configuration);
+  recover_first(shared, authorities, lock, resumption.planner());
   recorder::DaemonOptions options;
   options.archive = home.archive();
   options.warn_below_hours = configuration.storage.warn_below_hours;
@@ -423,6 +470,7 @@ int run(const Request& request) {
                                     setup.viewer.listen.empty() ? nullptr : &channels));
     options.rooms.back().procedure = procedure_of(room, inboxes);
     options.rooms.back().footswitches = room.footswitches;
+    resumption.apply(options.rooms.back());
   }
   std::string reason;
   {

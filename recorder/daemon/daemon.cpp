@@ -12,6 +12,7 @@
 #include "base/error.h"
 #include "crypto/encoding.h"
 #include "recorder/clock/clock_watch.h"
+#include "recorder/daemon/disk_hours.h"
 
 namespace kiroku::recorder {
 namespace {
@@ -24,10 +25,6 @@ using SteadyClock = std::chrono::steady_clock;
 // for networks, each with its own time limit.
 constexpr std::chrono::seconds kLongestSilence{30};
 constexpr std::chrono::minutes kLongestTransition{10};
-// Containers, sealing and hashes beside the encoder's bits.
-constexpr double kOverhead = 1.08;
-constexpr double kBitsPerByte = 8;
-constexpr double kSecondsPerHour = 3600;
 constexpr double kNanosecondsPerMillisecond = 1e6;
 
 struct DiskState {
@@ -40,15 +37,10 @@ DiskState disk_of(const std::filesystem::path& folder) {
   return {std::uint64_t(disk.f_bavail) * disk.f_frsize, std::uint64_t(disk.f_blocks) * disk.f_frsize};
 }
 
-/// What the streams of a room will write, where that can be known before they do.
-std::optional<double> expected_bytes_per_second(const RoomPlan& plan) {
-  double bits = 0;
-  for (const StreamRequest& stream : plan.session.video) {
-    if (stream.video.profile != Profile::kMpeg2) return {};
-    bits += static_cast<double>(stream.video.bit_rate);
-  }
-  if (bits == 0) return {};
-  return bits * kOverhead / kBitsPerByte;
+std::optional<double> configured_bytes_per_second(const RoomPlan& plan) {
+  std::vector<VideoProfile> videos;
+  for (const StreamRequest& stream : plan.session.video) videos.push_back(stream.video);
+  return configured_bytes_per_second(videos);
 }
 
 ordered_json stream_json(const StreamStatus& stream, std::int64_t now_ns) {
@@ -119,7 +111,7 @@ std::optional<crypto::Sha256Digest> sealed_plan_of(const json& request) {
 struct Daemon::State {
   explicit State(DaemonOptions asked) : options(std::move(asked)), began(SteadyClock::now()) {
     for (RoomPlan& plan : options.rooms) {
-      expected.push_back(expected_bytes_per_second(plan));
+      configured.push_back(configured_bytes_per_second(plan));
       RoomListener listener;
       const std::string prefix = "room " + plan.name + ": ";
       listener.closed = options.listener.closed;
@@ -182,25 +174,15 @@ struct Daemon::State {
     return room(required_text(request, "room"));
   }
 
-  /// Hours until the disk is full if every room recorded; nothing if that cannot be known. A room that rests
-  /// counts with what its last case wrote, so that the figure does not jump when a case begins or ends;
-  /// before its first case with the bit rate that is asked for.
-  [[nodiscard]] std::optional<double> hours_left(const DiskState& disk) const {
-    double rate = 0;
+  /// Of this moment.
+  [[nodiscard]] DiskHours hours_left(const DiskState& disk) const {
+    std::vector<RoomRate> rates;
     for (std::size_t i = 0; i < rooms.size(); ++i) {
       const RoomStatus status = rooms[i]->status();
-      const double known =
-          status.bytes_per_second > 0 ? status.bytes_per_second : status.last_bytes_per_second;
-      if (known > 0) {
-        rate += known;
-      } else if (expected[i]) {
-        rate += *expected[i];
-      } else {
-        return {};
-      }
+      rates.push_back(
+          rate_of(rooms[i]->name(), status.bytes_per_second, status.last_bytes_per_second, configured[i]));
     }
-    if (rate <= 0) return {};
-    return static_cast<double>(disk.free_bytes) / rate / kSecondsPerHour;
+    return disk_hours(disk.free_bytes, rates);
   }
 
   [[nodiscard]] ordered_json disk_json() const {
@@ -208,8 +190,11 @@ struct Daemon::State {
     ordered_json out{{"folder", options.archive.string()},
                      {"free_bytes", disk.free_bytes},
                      {"total_bytes", disk.total_bytes},
-                     {"hours_left", nullptr}};
-    if (const auto hours = hours_left(disk)) out["hours_left"] = std::round(*hours * 10) / 10;
+                     {"hours_left", nullptr},
+                     {"hours_assume", ""}};
+    const DiskHours left = hours_left(disk);
+    if (left.hours) out["hours_left"] = std::round(*left.hours * 10) / 10;
+    out["hours_assume"] = left.assumes;
     return out;
   }
 
@@ -238,6 +223,9 @@ struct Daemon::State {
             {"state", state_name(status.state)},
             {"case", status.case_id},
             {"reason", status.reason},
+            {"carries_on", status.carries_on},
+            {"resumed", status.resumed},
+            {"not_resumed", status.not_resumed},
             {"subject", subject_state_name(status.subject)},
             {"procedure", procedure},
             {"elapsed_ns", status.session.now_ns - status.session.begins_ns},
@@ -279,7 +267,7 @@ struct Daemon::State {
 
   DaemonOptions options;
   const SteadyClock::time_point began;
-  std::vector<std::optional<double>> expected;
+  std::vector<std::optional<double>> configured;
   std::vector<std::unique_ptr<Room>> rooms;
   std::vector<std::pair<std::string, std::unique_ptr<Footswitch>>> footswitches;  // by room; use the rooms
   std::mutex disk_mutex;
@@ -358,6 +346,12 @@ std::string Daemon::metrics() const {
            [](const RoomStatus& room) { return room.state == RoomState::kRecording ? 1 : 0; });
   per_room("kiroku_room_cases_total", "counter", "Cases ended since the recorder started",
            [](const RoomStatus& room) { return room.cases; });
+  per_room("kiroku_room_resumed_total", "counter",
+           "Cases that carry on one which was cut off, since the recorder started",
+           [](const RoomStatus& room) { return room.resumed; });
+  per_room("kiroku_room_not_resumed", "gauge",
+           "1 while a case that was cut off is not carried on, until another one begins",
+           [](const RoomStatus& room) { return room.not_resumed ? 1 : 0; });
   per_room("kiroku_case_tokens", "gauge", "Time-stamp tokens of the newest case",
            [](const RoomStatus& room) { return room.session.tokens; });
   per_room("kiroku_case_tokens_missed", "gauge",
@@ -383,7 +377,7 @@ std::string Daemon::metrics() const {
   const DiskState disk = disk_of(state_->options.archive);
   family("kiroku_disk_free_bytes", "gauge", "Free space of the archive's disk");
   out << "kiroku_disk_free_bytes " << disk.free_bytes << "\n";
-  if (const auto hours = state_->hours_left(disk)) {
+  if (const auto hours = state_->hours_left(disk).hours) {
     family("kiroku_disk_hours_left", "gauge", "Hours until the disk is full if every room records");
     out << "kiroku_disk_hours_left " << *hours << "\n";
   }
@@ -395,14 +389,16 @@ std::string Daemon::metrics() const {
 
 void Daemon::watch_disk() {
   const DiskState disk = disk_of(state_->options.archive);
-  const auto hours = state_->hours_left(disk);
+  const DiskHours left = state_->hours_left(disk);
+  const std::optional<double> hours = left.hours;
   const std::lock_guard guard(state_->disk_mutex);
   const bool low = hours && *hours < state_->options.warn_below_hours;
   if (low && !state_->warned_of_disk && state_->options.listener.warn) {
     std::ostringstream sentence;
     sentence.precision(2);
     sentence << "the disk of " << state_->options.archive.string() << " is full in " << *hours
-             << " hours of recording: make room, or replicate and erase what may be erased";
+             << " hours of recording (" << left.assumes
+             << "): make room, or replicate and erase what may be erased";
     state_->options.listener.warn(sentence.str());
   }
   state_->warned_of_disk = low;

@@ -80,6 +80,8 @@ std::string_view subject_state_name(SubjectState state) {
       return "found";
     case SubjectState::kLate:
       return "late";
+    case SubjectState::kCarriedOver:
+      return "carried-over";
   }
   return "";
 }
@@ -87,6 +89,9 @@ std::string_view subject_state_name(SubjectState state) {
 struct Room::State {
   State(RoomPlan asked, RoomListener told) : plan(std::move(asked)), listener(std::move(told)) {
     status.name = plan.name;
+    resume = plan.resume;
+    status.problem = plan.not_resumed;
+    status.not_resumed = !plan.not_resumed.empty();
     beat();
     thread = std::thread([this] { run(); });
   }
@@ -94,6 +99,10 @@ struct Room::State {
     {
       const std::lock_guard guard(mutex);
       ending = true;
+    }
+    note_end();
+    {
+      const std::lock_guard guard(mutex);
       if (session) session->stop("shutdown");
     }
     changed.notify_all();
@@ -106,6 +115,8 @@ struct Room::State {
     std::string reason;
     std::optional<Bytes> subject;
     std::optional<crypto::Sha256Digest> sealed_plan;
+    CaseIdentity identity;
+    std::string first_reason;  // why the operation's first case was begun
     std::promise<std::string> begun;
   };
 
@@ -116,7 +127,8 @@ struct Room::State {
     while (!ending) {
       beat();
       const bool ahead = plan.rules.pre_roll.count() > 0 && Clock::now() >= not_before;
-      if (!ahead) changed.wait_for(lock, kRuleInterval, [&] { return ending || request; });
+      const auto is_wanted = [&] { return ending || request || (resume && Clock::now() >= not_before); };
+      if (!ahead) changed.wait_for(lock, kRuleInterval, is_wanted);
       if (ending) break;
       if (ahead) {
         lock.unlock();
@@ -124,12 +136,12 @@ struct Room::State {
         lock.lock();
         continue;
       }
-      if (!request && schedule_wants_a_case() && Clock::now() >= not_before) {
+      if (!request && !resume && schedule_wants_a_case() && Clock::now() >= not_before) {
         request = std::make_unique<Request>();
         request->reason = "schedule";
       }
-      if (!request) continue;
-      const std::unique_ptr<Request> taken = std::move(request);
+      const std::unique_ptr<Request> taken = next_request();
+      if (!taken) continue;
       lock.unlock();
       record(*taken);
       lock.lock();
@@ -137,6 +149,75 @@ struct Room::State {
     if (request) {
       request->begun.set_exception(std::make_exception_ptr(Error("the recorder is being shut down")));
     }
+  }
+
+  /// With the mutex held: what a person or a rule asked for; else the case that is to be carried on.
+  std::unique_ptr<Request> next_request() {
+    if (request) {
+      // Somebody's own case takes the place of the one that would be carried on.
+      resume.reset();
+      request->first_reason = request->reason;
+      request->identity.case_id = archive::new_case_id(utc_now());
+      return std::move(request);
+    }
+    if (!resume || Clock::now() < not_before) return {};
+    if (Clock::now() > resume->begin_before) {
+      status.not_resumed = true;
+      resume.reset();
+      return {};
+    }
+    auto taken = std::make_unique<Request>();
+    taken->reason = "resumed";
+    taken->first_reason = resume->reason;
+    taken->sealed_plan = resume->plan;
+    taken->identity = {resume->case_id, resume->earlier, resume->sealed_subject};
+    return taken;
+  }
+
+  /// Before a case is made: a recorder that is cut off from here on knows whose case it was.
+  void note_beginning(const Request& asked) {
+    if (!plan.running) return;
+    try {
+      const auto& earlier = asked.identity.carries_on;
+      plan.running->begins(
+          {asked.identity.case_id, earlier ? earlier->case_id : "", asked.first_reason, false});
+    } catch (const std::exception& error) {
+      tell_problem("after a crash this case would not be carried on: " + std::string(error.what()));
+    }
+  }
+
+  /// Before a case is ended by somebody or by a rule: a recorder that is cut off from here on carries nothing
+  /// on.
+  void note_end() {
+    if (!plan.running) return;
+    std::string id;
+    {
+      const std::lock_guard guard(mutex);
+      id = status.case_id;
+    }
+    try {
+      plan.running->ends(id);
+    } catch (const std::exception& error) {
+      tell_problem("if the recorder crashes now, the case that is being ended is carried on: " +
+                   std::string(error.what()));
+    }
+  }
+
+  /// A case has begun. With the mutex held.
+  void take_identity(const Request& asked) {
+    status.carries_on = asked.identity.carries_on ? asked.identity.carries_on->case_id : "";
+    status.not_resumed = false;
+    before = {};
+    if (!asked.identity.carries_on) return;
+    ++status.resumed;
+    before = resume->recorded;
+    resume.reset();
+  }
+
+  [[nodiscard]] static std::string beginning_text(const Request& asked, const std::string& id) {
+    std::string text = "case " + id + " begins (" + asked.reason + ")";
+    if (asked.identity.carries_on) text += " and carries on case " + asked.identity.carries_on->case_id;
+    return text;
   }
 
   /// With the mutex held.
@@ -170,7 +251,7 @@ struct Room::State {
     try {
       end(running->run([&](const SessionStatus& now) {
         if (now.begun) {
-          follow(*running, now, reason == "schedule");
+          follow(*running, now, reason);
         } else {
           reason = begin_if_wanted(*running, now);
         }
@@ -180,21 +261,21 @@ struct Room::State {
     }
   }
 
-  /// Looks whether a case shall begin; the reason if it has.
+  /// Looks whether a case shall begin; why its operation was begun if it has.
   std::string begin_if_wanted(Session& running, const SessionStatus& now) {
     beat();
     std::unique_ptr<Request> taken;
     {
       const std::lock_guard guard(mutex);
       status.session = now;
-      if (request) {
-        taken = std::move(request);
-      } else {
+      taken = next_request();
+      if (!taken && !resume) {
         const bool scheduled = schedule_wants_a_case(), signalled = signal_wants_a_case(now);
         // After a failure the rules wait; a person may try at once.
         if ((scheduled || signalled) && Clock::now() >= not_before) {
           taken = std::make_unique<Request>();
-          taken->reason = scheduled ? "schedule" : "signal";
+          taken->reason = taken->first_reason = scheduled ? "schedule" : "signal";
+          taken->identity.case_id = archive::new_case_id(utc_now());
         }
       }
     }
@@ -203,8 +284,9 @@ struct Room::State {
       return "";
     }
     std::string id;
+    note_beginning(*taken);
     try {
-      id = running.begin(subject_of(*taken), taken->sealed_plan);
+      id = running.begin(subject_of(*taken), taken->sealed_plan, taken->identity);
     } catch (const std::exception& error) {
       back_off();
       tell_problem("no case could be begun: " + std::string(error.what()) + next_try());
@@ -216,11 +298,12 @@ struct Room::State {
       status.state = RoomState::kRecording;
       status.case_id = id;
       status.reason = taken->reason;
+      take_identity(*taken);
     }
-    if (listener.note) listener.note("case " + id + " begins (" + taken->reason + ")");
+    if (listener.note) listener.note(beginning_text(*taken, id));
     state_missing_subject(running);
     taken->begun.set_value(id);
-    return taken->reason;
+    return taken->first_reason;
   }
 
   /// What is known of the procedure; nothing that goes wrong with it may end a recording, or keep one from
@@ -239,11 +322,13 @@ struct Room::State {
     std::optional<Bytes> subject = std::move(asked.subject);
     SubjectState state = subject ? SubjectState::kGiven : SubjectState::kNone;
     begun_at = utc_now();
-    if (!subject && plan.procedure) {
+    const bool carried_over = asked.identity.sealed_subject.has_value();
+    if (carried_over) state = SubjectState::kCarriedOver;
+    if (!subject && !carried_over && plan.procedure) {
       subject = find_subject();
       if (subject) state = SubjectState::kFound;
     }
-    look_for_subject = !subject && plan.procedure;
+    look_for_subject = !subject && !carried_over && plan.procedure;
     const std::lock_guard guard(mutex);
     status.subject = state;
     return subject;
@@ -309,6 +394,8 @@ struct Room::State {
       SessionOptions options = plan.session;
       options.subject = subject_of(asked);
       options.plan = asked.sealed_plan;
+      options.identity = asked.identity;
+      note_beginning(asked);
       running = std::make_shared<Session>(std::move(options));
     } catch (const std::exception& error) {
       refuse_start(asked, error.what());
@@ -319,13 +406,14 @@ struct Room::State {
       session = running;
       status.state = RoomState::kRecording;
       status.case_id = running->case_id();
+      take_identity(asked);
       if (ending) running->stop("shutdown");
     }
-    if (listener.note) listener.note("case " + running->case_id() + " begins (" + asked.reason + ")");
+    if (listener.note) listener.note(beginning_text(asked, running->case_id()));
     state_missing_subject(*running);
     asked.begun.set_value(running->case_id());
     try {
-      end(running->run([&](const SessionStatus& now) { follow(*running, now, asked.reason == "schedule"); }));
+      end(running->run([&](const SessionStatus& now) { follow(*running, now, asked.first_reason); }));
     } catch (const std::exception& error) {
       end_badly(error.what());
     }
@@ -333,21 +421,30 @@ struct Room::State {
 
   void refuse_start(Request& asked, const std::string& why) {
     back_off();
-    tell_problem("no case could be begun: " + why + (plan.rules.schedule.empty() ? "" : next_try()));
+    tell_problem("no case could be begun: " + why +
+                 (plan.rules.schedule.empty() && asked.reason != "resumed" ? "" : next_try()));
     set_state(RoomState::kIdle, "");
     asked.begun.set_exception(std::current_exception());
   }
 
-  /// What is looked at a few times a second while a case runs.
-  void follow(Session& running, const SessionStatus& now, bool by_schedule) {
-    beat();
+  /// The rule that ends the case now; "" while none does.
+  [[nodiscard]] std::string rule_to_end(const SessionStatus& now, const std::string& first_reason) const {
     const RoomRules& rules = plan.rules;
-    if (now.now_ns - now.begins_ns >= rules.longest_case.count()) running.stop("longest-case");
+    if (now.now_ns - now.begins_ns >= (rules.longest_case - before).count()) return "longest-case";
     const std::int64_t silent_since_ns = std::max(last_sign_of_life(now), now.decided_ns);
     if (rules.stop_after_silence && now.now_ns - silent_since_ns > rules.stop_after_silence->count()) {
-      running.stop("silence");
+      return "silence";
     }
-    if (by_schedule && !rules.schedule.contains(local_now())) running.stop("schedule");
+    return first_reason == "schedule" && !rules.schedule.contains(local_now()) ? "schedule" : "";
+  }
+
+  /// What is looked at a few times a second while a case runs. `first_reason` is why its operation was begun.
+  void follow(Session& running, const SessionStatus& now, const std::string& first_reason) {
+    beat();
+    if (const std::string rule = rule_to_end(now, first_reason); !rule.empty()) {
+      note_end();
+      running.stop(rule);
+    }
     look_for_late_subject(running);
     const std::lock_guard guard(mutex);
     rate.add(Clock::now(), total_bytes(now));
@@ -372,6 +469,15 @@ struct Room::State {
     return last_ns;
   }
 
+  /// A closed case is never carried on, whatever the note says: a note that cannot be removed does no harm.
+  void forget(const std::string& case_id) {
+    if (!plan.running) return;
+    try {
+      plan.running->clear(case_id);
+    } catch (const Error&) {  // NOLINT(bugprone-empty-catch): see above
+    }
+  }
+
   void end(const SessionResult& result) {
     const bool by_itself = result.close_reason == "disk-full" || result.close_reason.starts_with("error: ") ||
                            result.close_reason == "sources-ended";
@@ -386,6 +492,7 @@ struct Room::State {
         listener.note("case " + result.case_id + " is closed (" + result.close_reason + ")");
       }
       if (listener.closed) listener.closed(result);
+      forget(result.case_id);
     }
     {
       const std::lock_guard guard(mutex);
@@ -463,6 +570,7 @@ struct Room::State {
   bool stopped_in_window = false;  // by a person, so that the schedule rests
   bool stopped_by_person = false;  // so that the signal that is there begins no other case
   std::unique_ptr<Request> request;
+  std::optional<Resumption> resume;  // until that case has begun
   std::shared_ptr<Session> session;  // while a case runs
   RoomStatus status;
   RateMeter rate;
@@ -470,6 +578,7 @@ struct Room::State {
   std::optional<std::int64_t> signal_since_ns;  // on the clock of the session
   UtcTime begun_at{};                           // of the case that runs
   bool look_for_subject = false;                // of that case: nobody gave one, none was known
+  std::chrono::nanoseconds before{0};           // recorded by the operation's earlier cases
   Clock::time_point next_look{};
   Clock::duration pause{};
   Clock::time_point not_before{};
@@ -502,6 +611,7 @@ std::string Room::start(const std::string& reason, std::optional<Bytes> subject,
 }
 
 std::string Room::stop(const std::string& reason, bool wait) {
+  if (!running_case().empty()) state_->note_end();
   std::unique_lock lock(state_->mutex);
   if (state_->status.state != RoomState::kRecording) throw UsageError("room " + name() + " is not recording");
   std::string id = state_->status.case_id;

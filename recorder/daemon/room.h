@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "recorder/daemon/footswitch.h"
+#include "recorder/daemon/resumption.h"
 #include "recorder/daemon/schedule.h"
 #include "recorder/procedure/procedure_source.h"
 #include "recorder/session.h"
@@ -30,6 +31,9 @@ struct RoomRules {
   std::optional<std::chrono::nanoseconds> stop_after_silence;
   /// A case is ended after so long; a forgotten one does not fill the disk.
   std::chrono::nanoseconds longest_case = std::chrono::hours(24);
+  /// A case that was cut off less than this before the recorder starts is carried on by a new one; never, if
+  /// nothing.
+  std::optional<std::chrono::nanoseconds> resume_within;
 };
 
 struct RoomPlan {
@@ -40,11 +44,16 @@ struct RoomPlan {
   /// begins is looked for while it runs, and becomes an event of it (events_lane.h).
   std::shared_ptr<ProcedureSource> procedure;
   std::vector<FootswitchOptions> footswitches;  // the daemon's, which presses
+  /// Told of each case before it begins and before it is ended; null: nothing is kept.
+  std::shared_ptr<RunningNote> running;
+  std::optional<Resumption> resume;  // the room begins with this case
+  /// Why a case that was cut off is not carried on, for the status; "": none was, or it is.
+  std::string not_resumed;
 };
 
-/// Where the subject of a case came from: nowhere, from who started it, from the room's procedure data, or
-/// from them while it ran.
-enum class SubjectState { kNone, kGiven, kFound, kLate };
+/// Where the subject of a case came from: nowhere, from who started it, from the room's procedure data, from
+/// them while it ran, or from the case that it carries on.
+enum class SubjectState { kNone, kGiven, kFound, kLate, kCarriedOver };
 std::string_view subject_state_name(SubjectState state);
 
 /// kIdle: nothing is recorded. kStandby: sources are recorded ahead, no case has begun.
@@ -60,6 +69,9 @@ struct RoomStatus {
   std::string problem;                         // latest sentence a person should see, "" if none
   SubjectState subject = SubjectState::kNone;  // of that case
   std::vector<ProcedureWay> procedure;         // how the ways to procedure data are
+  std::string carries_on;                      // the case that it carries on; "": none
+  std::uint64_t resumed = 0;                   // cases that carry on another, since the room was made
+  bool not_resumed = false;                    // a case was cut off, nothing carries it on, none began since
   std::uint64_t cases = 0;                     // ended since the room was made
   double bytes_per_second = 0;                 // of the case being recorded, over the last minute or so
   double last_bytes_per_second = 0;            // the same of the case before, at its end

@@ -104,8 +104,16 @@ INSTANTIATE_TEST_SUITE_P(
         Attack{"LastLineEndRemoved",
                [](AttackedCase& c) { fs::resize_file(c / kLedger, fs::file_size(c / kLedger) - 1); },
                "ledger-end-damaged", kLedger, 10},
+        // As of a recorder that dies there: nobody signed them, and whoever writes them gains a question.
         Attack{"BytesBehindTheEnd", [](AttackedCase& c) { write_file(c / kLedger, read_file(c / kLedger) + "{"); },
-               "ledger-end-damaged", kLedger, 11},
+               "ledger-torn", kLedger, 11, Verdict::kIncomplete},
+        Attack{"ZerosInPlaceOfTheEnd",
+               [](AttackedCase& c) {
+                 const auto bytes = fs::file_size(c / kLedger);
+                 fs::resize_file(c / kLedger, bytes - 40);
+                 fs::resize_file(c / kLedger, bytes);
+               },
+               "ledger-end-damaged", kLedger, 10},
         Attack{"LedgerCutInTheMiddleOfALine",
                [](AttackedCase& c) { fs::resize_file(c / kLedger, fs::file_size(c / kLedger) / 2); }, "ledger-cut",
                "checkpoints/00000011.note", {}},

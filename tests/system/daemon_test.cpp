@@ -1,4 +1,5 @@
 #include <csignal>
+#include <cstring>
 #include <thread>
 
 #include "tests/support/build_paths.h"
@@ -75,6 +76,40 @@ TEST_F(Daemon, RecordsWhatItIsToldAndClosesWhenItEnds) {
   EXPECT_EQ(kiroku_json({"verify", "--json", (home() / "archive" / second).string()})["verdict"], "intact");
   EXPECT_THAT(read_text(home() / "archive" / "log" / "ledger.jsonl"), HasSubstr(R"("type":"shutdown")"));
   EXPECT_REFUSED(kiroku({"status"}), "no recorder answers");
+}
+
+// doctor before kirokud runs, doctor beside it and status tell one figure, and what it assumes.
+TEST_F(Daemon, HoursOfDiskAreOneFigureThatSaysWhatItAssumes) {
+  const auto by_doctor = [this] {
+    const nlohmann::json examined = nlohmann::json::parse(kiroku({"doctor", "--json"}).out);
+    for (const nlohmann::json& check : examined["checks"]) {
+      if (check["subject"] == "hours of disk") return check["finding"].get<std::string>();
+    }
+    return "no such check: " + examined.dump();
+  };
+  const auto hours_of = [](const std::string& text) { return std::stod(text.substr(std::strlen("about "))); };
+  const std::string before = by_doctor();
+  EXPECT_THAT(before,
+              testing::MatchesRegex("about .* if every room records .or-1 by the bit rate in kiroku.toml."));
+
+  Process daemon(kirokud());
+  ASSERT_TRUE(daemon.wait_for("recording for 1 room"));
+  const nlohmann::json disk = kiroku_json({"status", "--json"})["disk"];
+  EXPECT_EQ(disk["hours_assume"], "or-1 by the bit rate in kiroku.toml");
+  // Others write to the disk meanwhile.
+  EXPECT_NEAR(disk["hours_left"].get<double>() / hours_of(before), 1, 0.2);
+  EXPECT_NEAR(disk["hours_left"].get<double>() / hours_of(by_doctor()), 1, 0.2);
+  EXPECT_THAT(kiroku({"status"}).out,
+              HasSubstr("if every room records (or-1 by the bit rate in kiroku.toml)"));
+
+  EXPECT_EQ(kiroku({"case", "start"}).status, 0);
+  const auto assumes_now = [this] {
+    return kiroku_json({"status", "--json"})["disk"]["hours_assume"] == "or-1 as it records now";
+  };
+  EXPECT_TRUE(until([&](const nlohmann::json& /*room*/) { return assumes_now(); }));
+  EXPECT_THAT(by_doctor(), HasSubstr("or-1 as it records now"));
+  EXPECT_EQ(kiroku({"case", "stop"}).status, 0);
+  EXPECT_EQ(kiroku_json({"status", "--json"})["disk"]["hours_assume"], "or-1 as its last case");
 }
 
 TEST_F(Daemon, RecordsAPlannedCaseThatCanBeComparedByItsMarks) {

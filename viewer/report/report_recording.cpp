@@ -1,4 +1,5 @@
 // What was recorded: the case, its streams, its gaps.
+#include "archive/carried_on.h"
 #include "viewer/report/report_maker.h"
 #include "viewer/report/time_figure.h"
 
@@ -11,6 +12,7 @@ std::string ReportMaker::reason() const {
   if (reason == "sources-ended") return words("reason.sources-ended");
   if (reason == "disk-full") return words("reason.disk-full");
   if (reason == "recovered") return words("reason.recovered");
+  if (const auto later = archive::announced_by(reason)) return words("reason.to-be-carried-on", {*later});
   return plain_text(reason);
 }
 
@@ -58,6 +60,9 @@ void ReportMaker::add_case() {
   const CaseFacts& facts = in_.facts;
   Table table = facts_table();
   add_fact(table, words("case.id"), document_.identifier);
+  if (const auto earlier = facts.opening ? archive::carried_on_by(*facts.opening) : std::nullopt) {
+    add_fact(table, words("case.carries-on"), words("case.carries-on.text", {earlier->case_id}));
+  }
   if (found_.excerpt) add_part(table, *found_.excerpt);
   const auto by_device = [&](UtcTime time) { return words("case.by-device", {utc_time(time)}); };
   add_fact(table, words("case.opened"),

@@ -211,6 +211,8 @@ inline constexpr auto kTexts = std::to_array<Text>({
     {"case.held.of", "{0}: {1} of {2}", "{0}：{2} のうち {1}"},
     {"case.held.of-at-least", "{0}: {1} of at least {2}", "{0}：少なくとも {2} のうち {1}"},
     {"case.unknown", "not known: the ledger cannot be read that far", "不明（台帳を読み取れません）"},
+    {"case.carries-on", "Carries on", "引き継いだ症例"},
+    {"case.carries-on.text", "case {0}, which was interrupted", "中断された症例 {0}"},
     {"case.size", "Size", "大きさ"},
     {"case.subject", "Patient data", "患者情報"},
     {"case.subject.yes", "sealed in the case; not opened for this report",
@@ -221,6 +223,8 @@ inline constexpr auto kTexts = std::to_array<Text>({
     {"reason.sources-ended", "the end of all sources", "全入力の終了"},
     {"reason.disk-full", "a full disk", "ディスクの満杯"},
     {"reason.recovered", "recovery after an interruption", "中断後の復旧処理"},
+    {"reason.to-be-carried-on", "recovery after an interruption; to be carried on as case {0}",
+     "中断後の復旧処理（症例 {0} として引き継ぐ予定）"},
     // -- the chain
     {"chain.lead",
      "Each part vouches for the one above it. Who changes one byte of a film would have to change the "

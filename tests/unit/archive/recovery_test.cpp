@@ -238,6 +238,36 @@ TEST_F(RecoveryTest, BringsAClosedCaseToItsEnd) {
   EXPECT_EQ(entries_of(folder).back().at.mono_ns, 7 * kSecond) << "after close the case clock stands";
 }
 
+// A recorder that dies while it adds a line behind `close`: half of it, zeros where a power cut kept it from
+// the disk, or both.
+TEST_F(RecoveryTest, HalfALineBehindCloseIsNoTampering) {
+  const fs::path folder = SampleCase::write(archive_);
+  const std::string whole = contents(folder / kLedgerFile);
+  const std::size_t entries = entries_of(folder).size();
+  const std::string line = whole.substr(whole.rfind('\n', whole.size() - 2) + 1);
+  VerifyOptions with_key = archive_.options();
+  with_key.identities = &archive_.identities();
+  for (const std::string& tail :
+       {std::string("{"), line.substr(0, line.size() / 2), line.substr(0, line.size() - 1),
+        std::string(4096, '\0'), line.substr(0, 20) + std::string(100, '\0'),
+        std::string(100, '\0') + line}) {
+    SCOPED_TRACE(testing::PrintToString(tail.substr(0, 30)) + " of " + std::to_string(tail.size()));
+    log_.reset();
+    std::ofstream(folder / kLedgerFile, std::ios::app | std::ios::binary) << tail;
+    for (const VerifyOptions& options : {archive_.options(), with_key}) {
+      const VerificationReport torn = verify_case(folder, options);
+      EXPECT_EQ(torn.verdict, Verdict::kIncomplete) << testing::PrintToString(codes(torn));
+      EXPECT_THAT(codes(torn), Contains("ledger-torn"));
+      EXPECT_EQ(torn.entries, entries);
+    }
+    const auto recovered = recover();
+    ASSERT_THAT(recovered, testing::SizeIs(1));
+    EXPECT_EQ(recovered[0].outcome, CaseRecovery::Outcome::kFinished) << recovered[0].problem;
+    EXPECT_EQ(contents(folder / kLedgerFile), whole);
+    EXPECT_EQ(verify(folder).verdict, Verdict::kIntact);
+  }
+}
+
 TEST_F(RecoveryTest, TellsTheLogWhatItNeverHeard) {
   fs::path folder;
   {

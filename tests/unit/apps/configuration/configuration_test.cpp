@@ -2,6 +2,7 @@
 
 #include <sstream>
 
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include "base/error.h"
@@ -162,6 +163,7 @@ TEST(Configuration, TheExampleOfARoomIsGood) {
   const RoomConfiguration& room = read.rooms[0];
   EXPECT_EQ(room.streams.size(), 3U);
   EXPECT_EQ(room.rules.start_on_signal, "endoscope");
+  EXPECT_EQ(room.rules.resume_within, std::chrono::minutes(10));
   EXPECT_EQ(read.daemon.listen_port, 9464);
   ASSERT_EQ(read.retention.rules.size(), 1U);
   EXPECT_EQ(read.retention.rules[0].after, std::chrono::hours(30 * 24));
@@ -205,6 +207,33 @@ TEST(Configuration, RefusesWaysToProcedureDataThatAreNone) {
             "backslash");
   EXPECT_EQ(refusal(room + "[room.procedure]\nworklst = 1\n"),
             "k.toml:4:1: unknown key 'worklst' in [room.procedure]; known are hl7, worklist");
+}
+
+TEST(Configuration, CarriesACaseOnOnlyWhereTheRoomSaysSo) {
+  const std::string room = "[[room]]\nname = \"a\"\n";
+  const std::string stream = "[[room.stream]]\nname = \"endoscope\"\nsource = \"synthetic:endoscope\"\n";
+  const auto within = [&](const std::string& keys) {
+    return parse_configuration(room + keys + stream, "k.toml").rooms.at(0).rules.resume_within;
+  };
+  EXPECT_EQ(within(""), std::nullopt);
+  EXPECT_EQ(within("resume = false\n"), std::nullopt);
+  EXPECT_EQ(within("resume = true\n"), std::chrono::minutes(10));
+  EXPECT_EQ(within("resume = true\nresume_within = \"45s\"\n"), std::chrono::seconds(45));
+  EXPECT_EQ(within("resume_within = \"12h\"\nresume = true\n"), std::chrono::hours(12));
+}
+
+TEST(Configuration, RefusesRulesOfCarryingOnThatSayNothing) {
+  const std::string room = "[[room]]\nname = \"a\"\n";
+  EXPECT_EQ(refusal(room + "resume = \"yes\"\n").substr(0, 11), "k.toml:3:10");
+  for (const char* within : {"9s", "13h"}) {
+    EXPECT_EQ(
+        refusal(room + "resume = true\nresume_within = \"" + within + "\"\n"),
+        std::string("k.toml:4:17: 'resume_within' is '") + within + "': it must be between 10s and 12h");
+  }
+  for (const char* without : {"", "resume = false\n"}) {
+    EXPECT_THAT(refusal(room + "resume_within = \"5m\"\n" + without),
+                testing::HasSubstr("k.toml:3:17: 'resume_within' has no effect without 'resume = true'"));
+  }
 }
 
 TEST(Configuration, RefusesFootswitchesThatAreNone) {

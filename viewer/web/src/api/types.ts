@@ -238,6 +238,8 @@ export interface RoomStatus {
   missed: number;
   authorities: AuthorityStatus[];
   problem: string;
+  /** The case that was cut off and that this one carries on; '': none. */
+  carries_on: string;
 }
 
 export interface ApplianceStatus {

@@ -103,6 +103,7 @@ function RoomCard({ room, seen, clock, mayControl, refresh, guests }: RoomProps)
           )}
         </p>
       )}
+      {recording && room.carries_on !== '' && <p>{t('rooms.carriesOn', { id: room.carries_on })}</p>}
       {room.problem !== '' && (
         <p class="problem">
           <Icon name="alarm" /> {room.problem}

@@ -1,0 +1,101 @@
+// Carrying a case on that was cut off by a crash or a power cut, in a room whose rules ask for it
+// (docs/how-to/operations.md, "After a crash the operation goes on"): whether, as which case, and with what
+// of the earlier one. One thread, at the recorder's start, before any room records.
+#pragma once
+
+#include <chrono>
+#include <cstdint>
+#include <filesystem>
+#include <functional>
+#include <map>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "archive/carried_on.h"
+#include "archive/recovery.h"
+#include "base/bytes.h"
+#include "recorder/daemon/running_note.h"
+
+namespace kiroku::recorder {
+
+/// The clocks of the machine. Monotonic: CLOCK_MONOTONIC. Since boot: CLOCK_BOOTTIME, which goes on while the
+/// machine is suspended.
+struct MachineTime {
+  UtcTime utc;
+  std::chrono::nanoseconds monotonic{0};
+  std::chrono::nanoseconds since_boot{0};
+};
+MachineTime machine_time();
+
+/// A room's new case, and what it takes over.
+struct Resumption {
+  std::string case_id;  // that the earlier case announces
+  archive::CarriedOn earlier;
+  std::optional<Bytes> sealed_subject;  // the earlier case's subject file, as it is
+  std::optional<crypto::Sha256Digest> plan;
+  std::string reason;                                    // why the operation's first case was begun
+  std::chrono::nanoseconds recorded{0};                  // by the operation's earlier cases
+  std::chrono::steady_clock::time_point begin_before{};  // it is tried until then
+};
+
+/// How long ago a case was cut off; nothing where no clock can tell, and `why` says which way it was known or
+/// why not. In one boot the monotonic clock decides, and time in suspension counts. After another boot only
+/// the wall clock can: it is not believed where the cut would lie after the boot, as with a clock that was
+/// set back or lost its battery.
+struct TimeSinceCut {
+  std::optional<std::chrono::nanoseconds> elapsed;
+  std::string why;
+};
+/// `logged_opening`: the monotonic clock when the appliance log heard of the case, if that was in this boot.
+TimeSinceCut time_since(const archive::CutOffCase& cut, const MachineTime& now, const std::string& boot_id,
+                        std::optional<std::chrono::nanoseconds> logged_opening);
+
+struct ResumeRule {
+  std::string room;
+  std::chrono::nanoseconds within{0};
+  std::chrono::nanoseconds longest{0};  // of the operation's cases together
+  std::shared_ptr<RunningNote> note;
+};
+
+class ResumptionPlanner {
+ public:
+  /// Cases shorter than this, one after the other, are those of a recorder that dies as soon as it records.
+  static constexpr std::chrono::seconds kShortCase{60};
+  static constexpr int kMostShortCases = 3;
+
+  struct Surroundings {
+    std::filesystem::path archive;
+    std::string boot_id;  // of the machine as it runs now
+    std::function<MachineTime()> now = machine_time;
+    std::function<void(const std::string& room, const std::string& sentence)> tell;
+  };
+  ResumptionPlanner(Surroundings around, std::vector<ResumeRule> rules);
+
+  /// Whether any room may have a case to carry on: then nothing should keep the start.
+  [[nodiscard]] bool may_resume() const;
+  /// For RecoveryOptions::carry_on.
+  std::string carry_on(const archive::CutOffCase& cut);
+  /// After recovery: what the room shall begin with. Each refusal is told.
+  std::optional<Resumption> of(const std::string& room);
+
+ private:
+  struct Facts;
+  [[nodiscard]] static std::optional<Facts> facts_of(const std::filesystem::path& folder);
+  /// The newest case of the room's operation, and what the room's note says of it.
+  [[nodiscard]] std::optional<RunningCase> newest_of(const ResumeRule& rule) const;
+  [[nodiscard]] std::optional<std::chrono::nanoseconds> logged_opening(const std::string& case_id) const;
+  /// Why the case is not carried on; "" where it is.
+  [[nodiscard]] std::string refusal(const ResumeRule& rule, const archive::CutOffCase& cut,
+                                    const Facts& facts) const;
+  [[nodiscard]] std::string refusal_by_history(const ResumeRule& rule, const Facts& newest,
+                                               std::chrono::nanoseconds& recorded) const;
+  void tell(const std::string& room, const std::string& sentence) const;
+
+  const Surroundings around_;
+  const std::vector<ResumeRule> rules_;
+  std::map<std::string, std::string> decided_;  // earlier case: "" or later case
+};
+
+}  // namespace kiroku::recorder

@@ -1,0 +1,157 @@
+// The real kirokud is killed while it records, and started again: the operation goes on in a new case.
+#include <csignal>
+#include <thread>
+
+#include "tests/support/build_paths.h"
+#include "tests/system/program_test.h"
+
+namespace kiroku::test {
+namespace {
+
+using testing::HasSubstr;
+using testing::Not;
+
+constexpr const char* kRoom = R"(
+[[room]]
+name = "or-1"
+resume = true
+[[room.stream]]
+name = "endoscope"
+source = "synthetic:endoscope?size=64x48&rate=10"
+)";
+
+class Resuming : public ProgramTest {
+ protected:
+  void SetUp() override {
+    make_demo_home();
+    configuration_ = read_text(home() / "kiroku.toml") + "[daemon]\nsocket = \"" + path("s") + "\"\n";
+    configure(kRoom);
+  }
+  void configure(const std::string& rooms) const {
+    write_text(home() / "kiroku.toml", configuration_ + rooms);
+  }
+  [[nodiscard]] Process::Options kirokud() const {
+    Process::Options started = options({});
+    started.command.front() = built_file("kirokud");
+    return started;
+  }
+  [[nodiscard]] nlohmann::json room() const { return kiroku_json({"status", "--json"})["rooms"][0]; }
+  [[nodiscard]] bool until_segment() const {
+    for (int i = 0; i < 600; ++i) {
+      const nlohmann::json now = room();
+      if (!now["streams"].empty() && now["streams"][0]["segments"].get<int>() > 0) return true;
+      std::this_thread::sleep_for(std::chrono::milliseconds(50));
+    }
+    return false;
+  }
+  [[nodiscard]] bool until_state(const std::string& wanted) const {
+    for (int i = 0; i < 600; ++i) {
+      if (room()["state"] == wanted) return true;
+      std::this_thread::sleep_for(std::chrono::milliseconds(50));
+    }
+    return false;
+  }
+  /// Starts kirokud, and a case if asked, and kills it while it records; the case.
+  [[nodiscard]] std::string record_and_kill(const Arguments& start) const {
+    Process daemon(kirokud());
+    EXPECT_TRUE(daemon.wait_for("recording for 1 room"));
+    if (!start.empty()) {
+      EXPECT_EQ(kiroku(start).status, 0);
+    }
+    EXPECT_TRUE(until_state("recording"));
+    EXPECT_TRUE(until_segment());
+    const std::string id = room()["case"];
+    daemon.signal(SIGKILL);
+    daemon.wait();
+    return id;
+  }
+  [[nodiscard]] nlohmann::json verified(const std::string& id) const {
+    return kiroku_json({"verify", "--json", (home() / "archive" / id).string()});
+  }
+  [[nodiscard]] std::size_t cases() const { return kiroku_json({"cases", "--json"})["cases"].size(); }
+
+ private:
+  std::string configuration_;
+};
+
+TEST_F(Resuming, AKilledRecorderGoesOnInANewCaseThatIsLinkedInBothLedgers) {
+  write_text(path("subject.json"), R"({"patient":{"id":"7"}})");
+  const std::string first = record_and_kill({"case", "start", "--subject", path("subject.json")});
+  Process daemon(kirokud());
+  ASSERT_TRUE(daemon.wait_for("carries on case " + first)) << daemon.out();
+  ASSERT_TRUE(until_segment());
+  const nlohmann::json now = room();
+  const std::string second = now["case"];
+  EXPECT_NE(second, first);
+  EXPECT_EQ(now["carries_on"], first);
+  EXPECT_EQ(now["resumed"], 1);
+  EXPECT_EQ(now["subject"], "carried-over");
+  EXPECT_THAT(kiroku({"status"}).out, HasSubstr("carries on case " + first));
+  EXPECT_EQ(kiroku({"case", "stop"}).status, 0);
+  for (const auto& [id, verdict] : {std::pair(first, "intact-with-gaps"), std::pair(second, "intact")}) {
+    const nlohmann::json report = verified(id);
+    EXPECT_EQ(report["verdict"], verdict) << report["findings"].dump(1);
+    EXPECT_THAT(report["findings"].dump(), HasSubstr("carrying-on-holds"));
+  }
+  EXPECT_EQ(read_text(home() / "archive" / first / "subject.json.age"),
+            read_text(home() / "archive" / second / "subject.json.age"));
+  EXPECT_EQ(kiroku({"log", "--verify"}).status, 0);
+
+  // Another earlier case in its place.
+  std::filesystem::rename(home() / "archive" / first, folder() / "aside");
+  EXPECT_THAT(verified(second)["findings"].dump(), HasSubstr("carried-on-not-here"));
+  EXPECT_EQ(verified(second)["verdict"], "intact");
+  std::filesystem::rename(folder() / "aside", home() / "archive" / first);
+  flip_byte(home() / "archive" / first / "ledger.jsonl", 100);
+  const ProcessResult judged = kiroku({"verify", "--json", (home() / "archive" / second).string()});
+  EXPECT_EQ(judged.status, 1);
+  const nlohmann::json broken = nlohmann::json::parse(judged.out);
+  EXPECT_THAT(broken["findings"].dump(), HasSubstr("carrying-on-broken"));
+}
+
+TEST_F(Resuming, WhatSomebodyEndedIsNotCarriedOn) {
+  {
+    Process daemon(kirokud());
+    ASSERT_TRUE(daemon.wait_for("recording for 1 room"));
+    EXPECT_EQ(kiroku({"case", "start"}).status, 0);
+    ASSERT_TRUE(until_segment());
+    daemon.signal(SIGTERM);
+    EXPECT_EQ(daemon.wait().status, 0);
+  }
+  Process daemon(kirokud());
+  ASSERT_TRUE(daemon.wait_for("recording for 1 room"));
+  EXPECT_EQ(room()["state"], "idle");
+  EXPECT_EQ(room()["not_resumed"], false);
+  EXPECT_EQ(cases(), 1U);
+}
+
+TEST_F(Resuming, WithoutTheRuleNothingIsCarriedOn) {
+  std::string without(kRoom);
+  without.erase(without.find("resume = true\n"), 14);
+  configure(without);
+  const std::string first = record_and_kill({"case", "start"});
+  Process daemon(kirokud());
+  ASSERT_TRUE(daemon.wait_for("recording for 1 room"));
+  EXPECT_EQ(room()["state"], "idle");
+  EXPECT_EQ(cases(), 1U);
+  EXPECT_THAT(verified(first)["findings"].dump(), Not(HasSubstr("carried-on")));
+}
+
+TEST_F(Resuming, ARecorderThatDiesAgainAndAgainIsCarriedOnABoundedNumberOfTimes) {
+  std::string last = record_and_kill({"case", "start"});
+  for (int i = 0; i < 2; ++i) {
+    const std::string next = record_and_kill({});
+    EXPECT_NE(next, last);
+    last = next;
+  }
+  Process daemon(kirokud());
+  ASSERT_TRUE(daemon.wait_for("die as soon as it records")) << daemon.out();
+  ASSERT_TRUE(daemon.wait_for("recording for 1 room"));
+  EXPECT_EQ(room()["state"], "idle");
+  EXPECT_EQ(room()["not_resumed"], true);
+  EXPECT_EQ(cases(), 3U);
+  EXPECT_EQ(kiroku({"log", "--verify"}).status, 0);
+}
+
+}  // namespace
+}  // namespace kiroku::test

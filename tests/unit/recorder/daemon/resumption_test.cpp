@@ -1,0 +1,94 @@
+#include "recorder/daemon/resumption.h"
+
+#include <fstream>
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "tests/support/temporary_folder.h"
+
+namespace kiroku::recorder {
+namespace {
+
+using namespace std::chrono_literals;
+using testing::HasSubstr;
+
+constexpr const char* kCase = "20260805T091502Z-3f9c21ab";
+constexpr const char* kOther = "20260805T091502Z-00000000";
+
+archive::CutOffCase cut_at(UtcTime utc, const std::string& boot) {
+  archive::CutOffCase cut;
+  cut.case_id = kCase;
+  cut.boot_id = boot;
+  cut.opened = {utc - 60s, 1'000'000'000};
+  cut.last = {utc, 61'000'000'000};
+  return cut;
+}
+
+const UtcTime kCut = UtcTime(std::chrono::sys_days(std::chrono::year(2026) / 8 / 5)) + 9h;
+
+TEST(TimeSinceCut, InOneBootTheWallClockDoesNotMatter) {
+  const archive::CutOffCase cut = cut_at(kCut, "this");
+  for (const auto step : {0h, 5000h, -5000h}) {
+    const auto since = time_since(cut, {kCut + step, 1000s, 1000s}, "this", 900s);
+    ASSERT_TRUE(since.elapsed);
+    EXPECT_EQ(*since.elapsed, 40s);
+  }
+}
+
+TEST(TimeSinceCut, TimeInSuspensionCounts) {
+  const auto since = time_since(cut_at(kCut, "this"), {kCut, 1000s, 1000s + 8h}, "this", 900s);
+  EXPECT_EQ(since.elapsed, 8h + 40s);
+}
+
+TEST(TimeSinceCut, AfterAnotherBootTheWallClockDecides) {
+  const auto since = time_since(cut_at(kCut, "before"), {kCut + 90s, 30s, 30s}, "this", {});
+  EXPECT_EQ(since.elapsed, 90s);
+}
+
+TEST(TimeSinceCut, AWallClockThatPutsTheCutBehindTheBootIsNotBelieved) {
+  // Set back, without a battery (1970), and restored from what systemd had saved before the cut.
+  for (const auto now : {kCut - 1h, UtcTime(), kCut + 5s}) {
+    const auto since = time_since(cut_at(kCut, "before"), {now, 30s, 30s}, "this", {});
+    EXPECT_FALSE(since.elapsed);
+    EXPECT_THAT(since.why, HasSubstr("is not known"));
+  }
+}
+
+class RunningNoteTest : public testing::Test {
+ protected:
+  test::TemporaryFolder folder;
+  RunningNote note{archive::real_file_system(), folder.path(), "or-1"};
+};
+
+TEST_F(RunningNoteTest, TellsOfTheCaseUntilItIsCleared) {
+  EXPECT_FALSE(note.read());
+  note.begins({kCase, kOther, "schedule", false});
+  const auto running = note.read();
+  ASSERT_TRUE(running);
+  EXPECT_EQ(running->case_id, kCase);
+  EXPECT_EQ(running->carries_on, kOther);
+  EXPECT_EQ(running->reason, "schedule");
+  EXPECT_FALSE(running->ending);
+  note.ends(kOther);
+  EXPECT_FALSE(note.read()->ending);
+  note.ends(kCase);
+  EXPECT_TRUE(note.read()->ending);
+  note.clear(kOther);
+  EXPECT_TRUE(note.read());
+  note.clear(kCase);
+  EXPECT_FALSE(note.read());
+}
+
+TEST_F(RunningNoteTest, WhatCannotBeReadIsNoLeaveToRecord) {
+  std::filesystem::create_directory(folder / ".running");
+  for (const std::string text : {"", "[]", "{\"case\":7}", "{\"case\":\"../x\",\"ending\":false}"}) {
+    std::ofstream(folder / ".running" / "or-1.json") << text;
+    EXPECT_FALSE(note.read()) << text;
+  }
+  std::ofstream(folder / ".running" / "or-1.json") << "{\"case\":\"" << kCase << "\",\"ending\":\"no\"}";
+  EXPECT_TRUE(note.read()->ending);
+}
+
+}  // namespace
+}  // namespace kiroku::recorder
