@@ -11,6 +11,10 @@ let visitor: Visitor;
 let intact = '';
 let tampered = '';
 
+const kFrame_s = 0.04;
+/** The times of frames are told in whole 1/90000 s. */
+const kRounding_s = 0.0005;
+
 const openCase = async (id: string) => {
   await visitor.page.goto(`${appliance.url}#/cases/${id}`);
   await visitor.page.locator('.timeline').waitFor();
@@ -218,7 +222,7 @@ describe('A surgeon', () => {
     expect(offsets.length).toBeGreaterThan(20);
     // A machine that must do other things at this moment may show a frame late; it is caught up with, and the panes
     // never drift to where they would have to jump.
-    expect(sizes[Math.floor(0.8 * sizes.length)]).toBeLessThan(0.04);
+    expect(sizes[Math.floor(0.8 * sizes.length)]).toBeLessThan(kFrame_s + kRounding_s);
     expect(sizes.at(-1)).toBeLessThan(0.5);
   });
 
@@ -234,7 +238,7 @@ describe('A surgeon', () => {
       apart.push(Math.abs((endoscope?.media ?? NaN) - (room?.media ?? NaN)));
     }
     console.log(`after 50 seeks: at most ${(Math.max(...apart) * 1000).toFixed(1)} ms apart`);
-    expect(Math.max(...apart)).toBeLessThan(0.04);
+    expect(Math.max(...apart)).toBeLessThan(kFrame_s);
   });
 
   it('shows the picture of its moment, though what comes after that is there first', async () => {
