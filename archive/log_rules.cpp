@@ -193,7 +193,7 @@ void LogWalk::take(const LedgerLine& line, std::uint64_t number) {
   last_mono_ns_ = entry.at.mono_ns;
   if (!boots && !std::holds_alternative<ConfigChangedEntry>(entry.body)) {
     // A cut that was made good is entered together with what comes next.
-    since_note_ += std::holds_alternative<LogRecoveredEntry>(entry.body) ? 0 : 1;
+    since_note_ += std::holds_alternative<LogRecoveredEntry>(entry.body) ? 0U : 1U;
     to_be_followed_.push_back(number);
     if (to_be_followed_.size() > 2) {
       to_be_followed_.pop_front();
