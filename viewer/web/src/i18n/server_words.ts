@@ -118,6 +118,7 @@ export const kServerSentences: readonly SentencePair[] = [
   // Anything
   ['there is nothing at this address', 'このアドレスには何もありません'],
   ['the body is too large', '送った内容が大きすぎます'],
+  ['chunks with extensions are not known here', '拡張付きのチャンクは受け付けません'],
   ['the address is malformed', 'アドレスの形式が正しくありません'],
   ['this failed inside; the server\'s log says more', '内部で失敗しました。詳しくはサーバのログにあります'],
   ['this server has no page, only the addresses below /api', 'このサーバにはページがありません'],
