@@ -151,6 +151,9 @@ class CaseVerification {
       if (checkpoints_.newest() > entries) {
         findings_.add("ledger-end-damaged", end,
                       "the ledger does not end with a whole line, although a checkpoint covers that line");
+      } else if (close && last.too_long) {
+        findings_.add("ledger-end-damaged", end,
+                      "behind close the ledger holds more than a recorder can have left of a line");
       } else {
         findings_.add("ledger-torn", end,
                       "the last line of the ledger was not written to its end, and no checkpoint covers it");

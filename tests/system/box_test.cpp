@@ -157,7 +157,7 @@ TEST_F(Box, WhoOnlyLooksIsRefusedWhereThereIsNone) {
   ASSERT_EQ(kiroku({"record", "--room", film()}).status, 0);
   std::string case_folder;
   for (const auto& entry : std::filesystem::directory_iterator(home() / "archive")) {
-    if (entry.path().filename() != "log") case_folder = entry.path().string();
+    if (std::filesystem::exists(entry.path() / "segments")) case_folder = entry.path().string();
   }
   Process::Options verifying =
       options({"verify", "--identity", (home() / "identity.txt").string(), case_folder});

@@ -22,6 +22,8 @@ class Devices : public ProgramTest {
     Process::Options started = options(arguments);
     started.environment["LD_PRELOAD"] = built_file("played_camera");
     started.environment["KIROKU_CAMERA_DEVICE"] = kDevice;
+    write_text(folder() / "given", std::string(8, '\0'));
+    started.environment["KIROKU_CAMERA_GIVEN"] = (folder() / "given").string();
     started.environment["KIROKU_CAMERA_PICTURES"] = pictures;
     started.environment["KIROKU_CAMERA_THEN"] = "silent";
     return started;
