@@ -4,20 +4,14 @@
 #include <array>
 #include <cstddef>
 
+#include "base/ascii.h"
+
 namespace kiroku {
 namespace {
 
 // Longer words are not typed by hand, and comparing them would take time for nothing.
 constexpr std::size_t kLongestWord = 64;
 constexpr std::size_t kShortestBeginning = 3;
-
-std::string lower(std::string_view text) {
-  std::string out(text);
-  for (char& c : out) {
-    if (c >= 'A' && c <= 'Z') c = static_cast<char>(c - 'A' + 'a');
-  }
-  return out;
-}
 
 std::size_t distance(std::string_view a, std::string_view b) {
   std::array<std::vector<std::size_t>, 3> rows;  // of a's letters before the last two, before the last, now
@@ -41,12 +35,12 @@ std::size_t distance(std::string_view a, std::string_view b) {
 
 std::optional<std::string> nearest_word(std::string_view typed, const std::vector<std::string>& known) {
   if (typed.empty() || typed.size() > kLongestWord) return std::nullopt;
-  const std::string asked = lower(typed);
+  const std::string asked = lower_case(typed);
   std::optional<std::string> best;
   std::size_t best_distance = 0;
   for (const std::string& word : known) {
     if (word.size() > kLongestWord) continue;
-    const std::string offered = lower(word);
+    const std::string offered = lower_case(word);
     const std::size_t shorter = std::min(asked.size(), offered.size());
     const bool begins =
         shorter >= kShortestBeginning && asked.substr(0, shorter) == offered.substr(0, shorter);

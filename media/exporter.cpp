@@ -12,6 +12,7 @@ extern "C" {
 }
 
 #include "archive/case_folder.h"
+#include "base/ascii.h"
 #include "base/error.h"
 #include "media/output_file.h"
 #include "media/plaintext_lines.h"
@@ -33,9 +34,7 @@ constexpr std::size_t kLongestLineBytes = kMaximumVitalLineBytes;
 enum class Form { kTransportStream, kMatroska, kMp4, kLines, kTable };
 
 Form form_of(const archive::StreamInfo& stream, const std::filesystem::path& output) {
-  std::string ending = output.extension().string();
-  std::transform(ending.begin(), ending.end(), ending.begin(),
-                 [](char c) { return c >= 'A' && c <= 'Z' ? static_cast<char>(c - 'A' + 'a') : c; });
+  const std::string ending = lower_case(output.extension().string());
   const bool transport_stream = stream.media == kTransportStreamMedia;
   const bool pictures = transport_stream || stream.media == "video/x-matroska";
   const bool vitals = stream.kind == "vitals";

@@ -80,10 +80,10 @@ TEST_F(RewrittenLog, WithItsLastEntriesCutOffIsToldByANoteOverThem) {
   ASSERT_EQ(summary_alone(verify({})), "unproven\nlog-signed-late checkpoints/00000006.note 5");
   const archive::VerificationReport report = verify({kept(2), kept(before)});
   EXPECT_EQ(summary_alone(report),
-            "tampered\noutside-note-rolled-back ledger.jsonl 6"
-            "\noutside-note-holds - -")
+            "tampered\nlog-signed-late checkpoints/00000006.note 5"
+            "\noutside-note-rolled-back ledger.jsonl 6\noutside-note-holds - -")
       << details(report);
-  EXPECT_THAT(report.findings[0].text,
+  EXPECT_THAT(report.findings[1].text,
               HasSubstr("the last " + std::to_string(before - 6) + " entries were removed"));
 }
 
@@ -95,7 +95,9 @@ TEST_F(RewrittenLog, WithAnotherEntryIsAForkFromTheNewestNoteThatHolds) {
   rewrite(other);
   ASSERT_THAT(summary_alone(verify({})), ::testing::StartsWith("unproven\nlog-signed-late"));
   const archive::VerificationReport report = verify({kept(end), kept(3)});
-  EXPECT_EQ(summary_alone(report), "tampered\noutside-note-forked ledger.jsonl 3\noutside-note-holds - -")
+  EXPECT_EQ(summary_alone(report),
+            "tampered\noutside-note-forked ledger.jsonl 3"
+            "\nlog-signed-late checkpoints/00000011.note 10\noutside-note-holds - -")
       << details(report);
   EXPECT_THAT(report.findings[0].text, HasSubstr("parts from this one at entry 3 or later"));
 }
