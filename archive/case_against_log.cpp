@@ -8,6 +8,7 @@
 
 #include "archive/case_folder.h"
 #include "archive/case_layout.h"
+#include "archive/ledger_entry.h"
 #include "archive/line_reader.h"
 #include "archive/log_entry.h"
 #include "base/error.h"
@@ -84,8 +85,13 @@ std::optional<std::string> why_not_the_logged_case(const fs::path& case_folder, 
                                                    const crypto::VerifierKey& device) {
   const Stated stated = stated_of(case_folder.filename().string(), log_folder, device);
   std::optional<std::string> problem;
+  bool recorded = false;
   crypto::MerkleFrontier tree;
   for_each_whole_line(case_folder, [&](std::string_view line) {
+    if (tree.size() == 1) {
+      const EntryParse second = parse_case_entry(line);
+      recorded = !second.entry || !std::holds_alternative<RecoveredEntry>(second.entry->body);
+    }
     if (tree.size() == 0 && stated.opening_line && crypto::sha256(bytes_of(line)) != *stated.opening_line) {
       problem = problem.value_or("the appliance log knows another first entry of it");
     }
@@ -102,7 +108,7 @@ std::optional<std::string> why_not_the_logged_case(const fs::path& case_folder, 
     problem = "the appliance log knows " + std::to_string(stated.roots.rbegin()->first) +
               " entries of it and there are " + std::to_string(tree.size());
   }
-  if (!problem && stated.opening_line && !stated.opening_signed && tree.size() > 1) {
+  if (!problem && stated.opening_line && !stated.opening_signed && recorded) {
     problem = "nobody signed in the appliance log that it was opened, before another line followed there";
   }
   return problem;

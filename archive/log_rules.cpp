@@ -124,8 +124,9 @@ void LogWalk::judge_signed() {
   if (checkpoints_.covered() != tree_.size()) {
     return;
   }
-  // One is without its own where the machine stopped in between; the next start's first entry is the second.
-  constexpr std::uint64_t kMost = 2;
+  // One is without its own where the machine stopped in between; so is the next start's first entry, where it
+  // stops there again. Such entries excuse nothing.
+  constexpr std::uint64_t kMost = 3;
   if (since_note_ > kMost) {
     findings_->add("log-signed-late", {note_path(tree_.size()), tree_.size() - 1},
                    note_path(tree_.size()) + " is the first checkpoint over " + std::to_string(since_note_) +

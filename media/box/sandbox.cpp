@@ -41,9 +41,12 @@ void limit(__rlimit_resource which, rlim_t most, const char* what) {
   if (::setrlimit(which, &wanted) != 0) fail(std::string("no limit of ") + what, errno);
 }
 
+/// What becomes of a call that is not on the list.
+constexpr std::uint32_t kOtherwise = kSanitized ? SCMP_ACT_ERRNO(EPERM) : SCMP_ACT_KILL_PROCESS;
+
 class Filter {
  public:
-  Filter() : context_(::seccomp_init(kSanitized ? SCMP_ACT_ERRNO(EPERM) : SCMP_ACT_KILL_PROCESS)) {
+  Filter() : context_(::seccomp_init(kOtherwise)) {
     if (!context_) fail("no filter of system calls", ENOSYS);
     // Libraries start threads before main().
     check(::seccomp_attr_set(context_.get(), SCMP_FLTATR_CTL_TSYNC, 1));
@@ -70,6 +73,7 @@ class Filter {
     for (const char* call : calls) add(action, call, nullptr, 0);
   }
   void add(std::uint32_t action, const char* call, const scmp_arg_cmp* condition, unsigned conditions) {
+    if (action == kOtherwise) return;  // libseccomp takes no rule that says what holds anyway
     const int number = ::seccomp_syscall_resolve_name(call);
     // One that this processor, or this libseccomp, does not know is not on the list then.
     if (number == __NR_SCMP_ERROR) return;
