@@ -178,7 +178,10 @@ story('An invitation', (step) => {
     await arrow.getByText('Dr. Sato (guest)').waitFor();
     const box = await page.locator('.pane[data-stream=endoscope] .pointer-layer').boundingBox();
     const at = await arrow.locator('svg').boundingBox();
-    const shown = await page.locator('.pane[data-stream=endoscope] video').evaluate((video: HTMLVideoElement) => video.videoWidth / video.videoHeight);
+    // The pointer may be there before the video has a size.
+    const videoShape = () => page.locator('.pane[data-stream=endoscope] video').evaluate((video: HTMLVideoElement) => video.videoWidth / video.videoHeight);
+    await expect.poll(videoShape, { timeout: 30_000 }).toBeGreaterThan(0);
+    const shown = await videoShape();
     if (!box || !at) throw new Error('no arrow');
     // The picture lies in the middle of its pane.
     const width = Math.min(box.width, box.height * shown);
