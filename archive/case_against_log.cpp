@@ -50,6 +50,16 @@ bool is_signed(const fs::path& folder, const crypto::Checkpoint& wanted, const c
   return !opened.failure && crypto::Checkpoint::parse(opened.text) == wanted;
 }
 
+/// Whether a recovery writes such entries: it counts nothing, and marks nothing. `close` and `erased` are cut
+/// off where nobody signed them, and tokens are nothing without a checkpoint.
+bool may_be_of_recovery(const CaseEntryBody& body) {
+  if (const auto* segment = std::get_if<SegmentEntry>(&body)) {
+    return !segment->counted;
+  }
+  return !std::holds_alternative<OpenEntry>(body) && !std::holds_alternative<MarkEntry>(body) &&
+         !std::holds_alternative<ClockEntry>(body);
+}
+
 /// Lines that are no entries are the verifier's to find.
 Stated stated_of(const std::string& case_id, const fs::path& log_folder, const crypto::VerifierKey& device) {
   Stated stated;
@@ -85,12 +95,14 @@ std::optional<std::string> why_not_the_logged_case(const fs::path& case_folder, 
                                                    const crypto::VerifierKey& device) {
   const Stated stated = stated_of(case_folder.filename().string(), log_folder, device);
   std::optional<std::string> problem;
-  bool recorded = false;
+  bool recorded = false;  // on from an opening that nobody signed in time
   crypto::MerkleFrontier tree;
   for_each_whole_line(case_folder, [&](std::string_view line) {
-    if (tree.size() == 1) {
-      const EntryParse second = parse_case_entry(line);
-      recorded = !second.entry || !std::holds_alternative<RecoveredEntry>(second.entry->body);
+    if (tree.size() > 0 && stated.opening_line && !stated.opening_signed && !recorded) {
+      const EntryParse parse = parse_case_entry(line);
+      const bool begins = tree.size() == 1;  // a recovery does, with `recovered`
+      recorded = !parse.entry || !may_be_of_recovery(parse.entry->body) ||
+                 (begins && !std::holds_alternative<RecoveredEntry>(parse.entry->body));
     }
     if (tree.size() == 0 && stated.opening_line && crypto::sha256(bytes_of(line)) != *stated.opening_line) {
       problem = problem.value_or("the appliance log knows another first entry of it");
@@ -108,7 +120,7 @@ std::optional<std::string> why_not_the_logged_case(const fs::path& case_folder, 
     problem = "the appliance log knows " + std::to_string(stated.roots.rbegin()->first) +
               " entries of it and there are " + std::to_string(tree.size());
   }
-  if (!problem && stated.opening_line && !stated.opening_signed && recorded) {
+  if (!problem && recorded) {
     problem = "nobody signed in the appliance log that it was opened, before another line followed there";
   }
   return problem;

@@ -13,8 +13,9 @@ namespace kiroku::archive {
 
 /// One sentence if the ledger has another first line than the log states, another root at some size, or fewer
 /// entries than the log knows; or if it was recorded on behind that first line, and `device` did not sign
-/// `case-opened` in the log before another line followed there. (Where its second line is `recovered`, power
-/// failed right after the opening and again in the recovery, which says what it found.) Nothing if it fits,
+/// `case-opened` in the log before another line followed there. (Where only what a
+/// recovery writes follows it, power failed right after the opening and again in the recovery, which counted
+/// nothing and says what it found.) Nothing if it fits,
 /// or if the log does not know the case. Reads the log, then the ledger: the case may be written meanwhile.
 /// Throws kiroku::Error where either cannot be read. Thread-safe.
 std::optional<std::string> why_not_the_logged_case(const std::filesystem::path& case_folder,

@@ -216,7 +216,27 @@ TEST_F(NextStart, WhatNobodyHadSignedIsSaid) {
               HasSubstr("the entries from " + number + " to " + number + " had no signature until then"));
 }
 
-TEST_F(NextStart, SignsNoCaseThatWasNeverRecorded) {
+class NeverRecorded : public NextStart, public ::testing::WithParamInterface<bool> {
+ protected:
+  /// Puts a line right behind the first one, and numbers those that follow anew.
+  void insert_second_line(const archive::CaseEntryBody& body) {
+    std::string text;
+    std::uint64_t number = 0;
+    for (const std::string& line : lines(folder_)) {
+      archive::CaseEntry entry = archive::parse_case_entry(line).entry.value();
+      entry.seq = number++;
+      text += archive::to_line(entry) + "\n";
+      if (number == 1) {
+        entry.seq = number++;
+        entry.body = body;
+        text += archive::to_line(entry) + "\n";
+      }
+    }
+    write_file(ledger(), text);
+  }
+};
+
+TEST_P(NeverRecorded, CaseIsNotSigned) {
   {
     SampleCase sample(archive_, false);  // made by somebody else, of public keys alone
     sample.record();
@@ -224,6 +244,10 @@ TEST_F(NextStart, SignsNoCaseThatWasNeverRecorded) {
   }
   for (const auto& note : fs::directory_iterator(folder_ / archive::kCheckpointsFolder)) {
     fs::remove(note.path());
+  }
+  if (GetParam()) {
+    // As though power had failed right after the opening, and again in the recovery.
+    insert_second_line(archive::RecoveredEntry{"00000000-0000-4000-8000-000000000000", "crash", ""});
   }
   open_log()->shutdown();
   const std::string first_line = lines(folder_).at(0);
@@ -237,6 +261,8 @@ TEST_F(NextStart, SignsNoCaseThatWasNeverRecorded) {
   }
   EXPECT_TRUE(fs::is_empty(folder_ / archive::kCheckpointsFolder)) << "nothing was signed";
 }
+
+INSTANTIATE_TEST_SUITE_P(WithAClaimedRecovery, NeverRecorded, ::testing::Bool());
 
 // -- the log
 
