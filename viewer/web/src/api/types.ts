@@ -13,6 +13,8 @@ export interface Session {
   unlocked: boolean;
   /** Came by a one-time password: nothing else is answered before another is chosen. */
   must_change_password: boolean;
+  /** False for who came by a link. */
+  has_password: boolean;
   expires_s: number;
   language?: string | null;
   /** What this server is for; by `kiroku train serve`: training; by `kiroku plan serve`: planning. */
