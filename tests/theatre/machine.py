@@ -85,6 +85,13 @@ def missing_tool(*tools):
     return next((tool for tool in (KERNEL, "dmsetup", *tools) if shutil.which(tool) is None), None)
 
 
+def without_flushes(work):
+    """A library that, preloaded, makes a recorder forget to flush."""
+    made = work / "without_flushes.so"
+    subprocess.run(["cc", "-shared", "-fPIC", "-o", made, HERE / "without_flushes.c"], check=True)
+    return made
+
+
 def need_program():
     if not os.access(KIROKU, os.X_OK):
         sys.exit(f"no program at {KIROKU}: build it, or set KIROKU")

@@ -44,26 +44,27 @@ RECORDINGS = [["record", "--endoscope", machine.VIDEO, "--vitals", "synthetic:pa
 # Of dm-log-writes (Linux, Documentation/admin-guide/device-mapper/log-writes.rst).
 MAGIC, FLUSH, FUA, DISCARD, MARK = 0x6A736677736872, 1, 2, 4, 8
 
+# Of a mark, `bytes` is 0 and `offset` how many claims were made before it.
 Write = collections.namedtuple("Write", "sector bytes flags offset")
 
 
 def read_log(file):
-    """What was written, in the order in which it was done, up to the mark at the end; and (position, claims) of the marks."""
+    """What was written, in the order in which it was done, up to the mark at the end; with the marks of claims."""
     with open(file, "rb") as log:
         magic, _, entries, sector = struct.unpack("<QQQI", log.read(28))
         if magic != MAGIC:
             raise RuntimeError(f"{file} is no log of dm-log-writes")
-        writes, marks, at = [], [], sector
+        writes, at = [], sector
         for _ in range(entries):
             log.seek(at)
             first, count, flags, length = struct.unpack("<QQQQ", log.read(32))
             text = log.read(length) if flags & MARK else b""
             at += sector
+            if text.startswith(b"end"):
+                return writes
+            if text.startswith(b"claimed-"):
+                writes.append(Write(0, 0, MARK, int(text[len(b"claimed-"):].rstrip(b"\0"))))
             if flags & MARK:
-                if text.startswith(b"end"):
-                    return writes, marks
-                if text.startswith(b"claimed-"):
-                    marks.append((len(writes), int(text[len(b"claimed-"):].rstrip(b"\0"))))
                 continue
             held = 0 if flags & DISCARD else count * sector
             writes.append(Write(first * sector, held, flags, at))
@@ -116,6 +117,8 @@ class Disk:
 
     @staticmethod
     def _held(source, write):
+        if not write.bytes:
+            return b""
         source.seek(write.offset)
         return source.read(write.bytes)
 
@@ -135,9 +138,10 @@ def try_file_system(name, guest, chance, asked):
     preload = str(asked.preload) if asked.preload else ""
     claims = guest.do("record", [disk, log], file_system=name, commands=RECORDINGS, preload=preload)["claims"]
     disk.unlink()
-    writes, marks = read_log(log)
+    writes = read_log(log)
     flushes = sum(1 for one in writes if one.flags & FLUSH)
-    print(f"{name}: {len(writes)} writes, {sum(one.bytes for one in writes) / 1e6:.1f} MB, {flushes} flushes logged, "
+    marks = [(position, one.offset) for position, one in enumerate(writes) if one.flags & MARK]
+    print(f"{name}: {len(writes) - len(marks)} writes, {sum(one.bytes for one in writes) / 1e6:.1f} MB, {flushes} flushes logged, "
           f"{len(claims)} claims at {len(marks)} moments", flush=True)
     if (flushes < 10 and not asked.preload) or not marks:
         raise RuntimeError(f"{name}: hardly any flush or claim was logged, so that no cut would say anything")
@@ -154,7 +158,7 @@ def try_file_system(name, guest, chance, asked):
                 for image, copy in zip(disks, before):
                     subprocess.run(["cp", "--sparse=always", image, copy], check=True)
             homes = guest.homes(disks, name)
-            due = [claims[:max((count for position, count in marks if position <= stop + 1), default=0)] for stop in some]
+            due = [claims[:max((count for position, count in marks if position <= stop), default=0)] for stop in some]
             claimed += sum(map(len, due))
             judged = judges.map(lambda home, due: ([], [("the file system cannot be read", home[1])]) if home[1] else
                                 machine.judge(home[0], due), homes, due)
@@ -214,8 +218,7 @@ def main():
     with tempfile.TemporaryDirectory(prefix="kiroku-theatre.") as work:
         guest = machine.Machine(pathlib.Path(work))
         if asked.without_flushes:
-            asked.preload = guest.work / "without_flushes.so"
-            subprocess.run(["cc", "-shared", "-fPIC", "-o", asked.preload, machine.HERE / "without_flushes.c"], check=True)
+            asked.preload = machine.without_flushes(guest.work)
         bad = {name: try_file_system(name, guest, chance, asked) for name in wanted}
     if not asked.loss_expected:
         return 1 if any(bad.values()) else 0

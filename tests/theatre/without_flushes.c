@@ -1,4 +1,4 @@
-// Preloaded by tests/theatre/power_cuts.py --without-flushes: a recorder that forgets to flush. The test must notice.
+// Preloaded by power_cuts.py and failing_disk.py with --without-flushes: a recorder that forgets to flush. They must notice.
 #include <unistd.h>
 
 int fsync(int descriptor) {
