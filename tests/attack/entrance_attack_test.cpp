@@ -19,6 +19,7 @@
 #include <gtest/gtest.h>
 #include <nlohmann/json.hpp>
 
+#include "crypto/encoding.h"
 #include "crypto/hash.h"
 #include "tests/support/https_client.h"
 #include "tests/support/socket_client.h"
@@ -43,7 +44,7 @@ constexpr const char* kPassword = "correct horse battery";
 crypto::Secret quickly_hashed(const crypto::Secret& password, ByteView salt, int /*cost*/) {
   std::string text(password.text());
   for (const std::byte byte : salt) text += static_cast<char>(byte);
-  return crypto::Secret::copy_of(crypto::to_hex(crypto::sha256(bytes_of(text))));
+  return crypto::Secret::copy_of(std::string_view(crypto::to_hex(crypto::sha256(bytes_of(text)))));
 }
 
 /// Says who asks, and lets go of nobody by itself.

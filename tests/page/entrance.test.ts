@@ -52,7 +52,7 @@ story('One entrance', (step) => {
     await appliance.servePlanning();
     await nav('Planning').click();
     await page().getByRole('heading', { name: 'Plan an operation' }).waitFor();
-    expect(await nav('Planning').getAttribute('aria-current')).toBe('page');
+    await expect.poll(() => nav('Planning').getAttribute('aria-current')).toBe('page');
     await keepPicture(page(), 'entrance');
     await expectFits(visitor, 'entrance');
   });
@@ -88,7 +88,7 @@ story('One entrance', (step) => {
     answer(false);
     await nav('Cases').click();
     await expect.poll(() => asked).toBe(1);
-    expect(await page().locator('.planning-steps li').count()).toBe(2);
+    await expect.poll(() => page().locator('.planning-steps li').count()).toBe(2);
     expect(new URL(page().url()).hash).toBe('#/planning');
     answer(true);
     await nav('Cases').click();
