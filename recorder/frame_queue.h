@@ -30,7 +30,7 @@ struct SourceLost {
 };
 using QueueItem = std::variant<QueuedFrame, QueuedAudio, SourceLost>;
 
-/// One producer, one consumer. Thread-safe.
+/// One producer of pictures, one of audio, one consumer. Thread-safe.
 class FrameQueue {
  public:
   /// `budget_bytes` of pictures may wait.

@@ -42,6 +42,7 @@ archive::StreamInfo stream_info(const StreamRequest& request, const SourceAddres
   info.kind = video ? "video" : "vitals";
   info.media = video ? std::string(request.video.media()) : "application/jsonl";
   info.source = address.stated;
+  if (!request.microphone.empty()) info.source += "; sound from " + request.microphone;
   info.profile = video ? std::string(profile_name(request.video.profile)) : "jsonl";
   info.purpose = request.purpose;
   info.recipients = names_of(request.recipients);
@@ -186,9 +187,27 @@ void check(const SessionOptions& options) {
   }
 }
 
+std::optional<SourceAddress> microphone_of(const StreamRequest& request) {
+  if (request.microphone.empty()) return {};
+  SourceAddress address = parse_source_address(request.microphone, Presence::kNotLookedAt);
+  if (address.kind != SourceKind::kSound) {
+    throw UsageError("microphone '" + request.microphone +
+                     "' is none: write alsa:hw:1,0 as 'arecord -L' lists it");
+  }
+  return address;
+}
+
 SourceAddress checked_address(const StreamRequest& request, const SessionOptions& options) {
   SourceAddress address = request.guard->look_up(
       request.source, request.may_be_absent ? Presence::kMayBeAbsent : Presence::kRequired);
+  if (address.kind == SourceKind::kSound) {
+    throw UsageError("source '" + address.stated +
+                     "' has no pictures: name it as the microphone of a stream that has");
+  }
+  if (microphone_of(request) && address.unpaced()) {
+    throw UsageError("source '" + address.stated +
+                     "' states its own times: a microphone, which hears the present, cannot stand beside it");
+  }
   if (address.unpaced() && !options.duration &&
       (address.kind == SourceKind::kSynthetic || address.option("loop", "0") == "1")) {
     throw UsageError("source '" + address.stated +
@@ -284,10 +303,11 @@ Session::State::State(SessionOptions asked)
   std::size_t index = 0;
   for (OpenedVideo& opened : videos) {
     const StreamRequest& stream = options.video[index];
-    lanes.push_back(std::make_unique<VideoLane>(
-        context, index, writing.streams[index],
-        SourceSupervisor::Terms{opened.address, stream.video.audio, stream.tap, stream.guard},
-        std::move(opened.source), stream.video, budget));
+    lanes.push_back(
+        std::make_unique<VideoLane>(context, index, writing.streams[index],
+                                    SourceSupervisor::Terms{opened.address, stream.video.audio, stream.tap,
+                                                            stream.guard, microphone_of(stream)},
+                                    std::move(opened.source), stream.video, budget));
     ++index;
   }
   video_lanes = lanes.size();
@@ -332,7 +352,7 @@ void Session::State::discard() {
 
 void Session::State::open(OpenedVideo& opened, const StreamRequest& request) {
   OpeningTerms terms;
-  terms.sound = request.video.audio;
+  terms.sound = request.video.audio && request.microphone.empty();
   terms.guard = request.guard;
   if (request.may_be_absent) terms.patience = kPatienceWithAbsent;
   try {

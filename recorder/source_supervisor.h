@@ -5,11 +5,13 @@
 #include <atomic>
 #include <memory>
 #include <mutex>
+#include <optional>
 #include <string>
 #include <thread>
 
 #include "recorder/frame_queue.h"
 #include "recorder/lane.h"
+#include "recorder/microphone.h"
 #include "recorder/picture_tap.h"
 #include "recorder/source/source.h"
 #include "recorder/source/source_guard.h"
@@ -23,6 +25,8 @@ class SourceSupervisor {
     bool audio = false;                  // it is asked for its audio too
     std::shared_ptr<PictureTap> tap;     // offered every picture before it is queued; may be null
     std::shared_ptr<SourceGuard> guard;  // the source is opened through it; nothing waits longer than it says
+    /// Its audio takes the place of the source's own, and is opened through the same guard.
+    std::optional<SourceAddress> microphone;
   };
 
   /// `source` was opened from the address; or it is null, and is taken up when it can be opened: the queue is
@@ -38,7 +42,7 @@ class SourceSupervisor {
   void start();
   /// Interrupts whatever source there is; returns at once.
   void stop();
-  /// Waits until the thread has ended.
+  /// Waits until the threads have ended.
   void join();
 
   /// Pictures come.
@@ -55,6 +59,8 @@ class SourceSupervisor {
  private:
   void run();
   void read(Source& source);
+  /// From the source's thread, or the microphone's.
+  void hear(TimedFrame audio);
   /// Tries until there is a source; false if it has ended or is stopped. A pipe that was never opened is
   /// waited for like anything else.
   bool reopen(bool was_open);
@@ -71,6 +77,7 @@ class SourceSupervisor {
   std::unique_ptr<Source> source_;
   std::string input_;
 
+  std::unique_ptr<Microphone> microphone_;  // null: the audio is the source's own, or there is none
   std::thread thread_;
 };
 

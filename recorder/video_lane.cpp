@@ -10,6 +10,7 @@ extern "C" {
 
 #include "archive/age_layout.h"
 #include "base/error.h"
+#include "recorder/source/sound_source.h"
 
 namespace kiroku::recorder {
 namespace {
@@ -21,6 +22,17 @@ std::unique_ptr<SegmentMuxer> make_muxer(const VideoProfile& profile) {
   return profile.in_transport_stream() ? make_transport_stream_muxer() : make_matroska_muxer();
 }
 
+/// A microphone's is known before it is there, so that the first segment has room for it.
+std::optional<SoundFormat> audio_format(const SourceSupervisor::Terms& terms, const Source* source) {
+  if (terms.microphone) return sound_format_asked(*terms.microphone);
+  return source == nullptr ? std::nullopt : source->sound_format();
+}
+
+VideoProfile with_audio_of(const SourceSupervisor::Terms& terms, VideoProfile profile) {
+  profile.audio = profile.audio || terms.microphone;
+  return profile;
+}
+
 }  // namespace
 
 VideoLane::VideoLane(const LaneContext& context, std::size_t stream_index, archive::StreamInfo info,
@@ -30,7 +42,7 @@ VideoLane::VideoLane(const LaneContext& context, std::size_t stream_index, archi
       profile_(profile),
       output_(context.store, stream_index, std::move(info), context.facts),
       queue_(queue_bytes),
-      audio_(source ? source->sound_format() : std::nullopt, profile),
+      audio_(audio_format(terms, source.get()), with_audio_of(terms, profile)),
       segmenter_({.duration = context.segment_duration,
                   .end_ns = context.end_ns,
                   .timed_by_arrival = output_.info().timing == "arrival"}),

@@ -294,6 +294,19 @@ Check check_source(const RoomConfiguration& room, const StreamConfiguration& str
   return {Health::kGood, subject, source->format().to_string() + ", " + text, ""};
 }
 
+Check check_microphone(const RoomConfiguration& room, const StreamConfiguration& stream) {
+  const std::string subject = "microphone " + room.name + "/" + stream.name;
+  const char* const devices = "/dev/snd/timer";  // of the group that all of ALSA's have
+  if (const auto its_group = missing_group(devices))
+    return lacks_group(subject, stream.microphone, *its_group);
+  const recorder::CaseClock clock;
+  recorder::OpeningTerms terms;
+  terms.patience = kSourcePatience;
+  const auto source = recorder::open_source(recorder::parse_source_address(stream.microphone), clock, terms);
+  if (!source->read()) throw Error("'" + stream.microphone + "' gives nothing");
+  return {Health::kGood, subject, source->input(), ""};
+}
+
 /// A case begins without it: never worse than a warning.
 Check check_worklist(const RoomConfiguration& room) {
   const std::string subject = "worklist of " + room.name;
@@ -397,6 +410,12 @@ void examine_all(const Home& home, const Configuration& configuration, Examinati
       out.examine("source " + room.name + "/" + stream.name,
                   "look at cable, power and address; a case begins without it and states the gap",
                   [&] { return check_source(room, stream); });
+      if (!stream.microphone.empty()) {
+        out.examine("microphone " + room.name + "/" + stream.name,
+                    "look at its plug, and at its name in kiroku.toml ('arecord -L'); pictures are recorded "
+                    "without it",
+                    [&] { return check_microphone(room, stream); });
+      }
     }
     for (const recorder::FootswitchOptions& footswitch : room.footswitches) {
       out.examine("footswitch " + room.name + ", " + footswitch.device,

@@ -124,6 +124,7 @@ recorder::RoomPlan plan_of(const RoomConfiguration& room, const Home& home,
     asked.guard = guard_for(configuration, [name = room.name](const std::string& sentence) {
       spdlog::error("room {}: {}", name, printable(sentence));
     });
+    asked.microphone = stream.microphone;
     if (stream.is_video && channels != nullptr) {
       asked.tap = std::make_shared<recorder::PictureTap>();
       (*channels)[{room.name, stream.name}] = std::make_unique<live::LiveChannel>(
