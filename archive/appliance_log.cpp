@@ -6,10 +6,12 @@
 #include <unordered_map>
 #include <utility>
 
+#include "archive/case_folder.h"
 #include "archive/case_layout.h"
 #include "archive/file_system.h"
 #include "archive/found_files.h"
 #include "archive/ledger.h"
+#include "archive/line_reader.h"
 #include "archive/log_entry.h"
 #include "archive/space_reserve.h"
 
@@ -129,6 +131,7 @@ struct ApplianceLog::State {
 
 ApplianceLog::ApplianceLog(std::unique_ptr<State> state) : state_(std::move(state)) {}
 ApplianceLog::~ApplianceLog() = default;
+const fs::path& ApplianceLog::folder() const { return state_->folder; }
 
 std::unique_ptr<ApplianceLog> ApplianceLog::open(FileSystem& files, const fs::path& folder,
                                                  const crypto::SigningKey& key,
@@ -238,23 +241,26 @@ std::string kernel_boot_id() {
 
 void for_each_log_line(const fs::path& folder, const std::function<void(const LogLine&)>& visit) {
   const fs::path file = folder / kLedgerFile;
-  std::ifstream input(file, std::ios::binary);
-  if (!input) {
+  std::error_code missing;
+  const bool is_folder = fs::is_directory(folder, missing);
+  const FileOpening opening = is_folder ? CaseFolder::open(folder).open_file(kLedgerFile) : FileOpening{};
+  if (!opening.file) {
     throw UsageError("there is no appliance log in " + folder.string() +
                      ": give the folder that holds its ledger.jsonl");
   }
+  LineReader reader(*opening.file);
   std::uint64_t number = 0;
-  for (std::string line; std::getline(input, line);) {
-    if (input.eof()) {
-      break;  // no LF: torn by a power cut, or another process is writing it just now
-    }
+  // A last line without LF was torn by a power cut, or another process is writing it just now.
+  for (LedgerLine line; reader.next(line) && !line.torn;) {
     ++number;
-    const LogEntryParse parsed = parse_log_entry(line);
+    const LogEntryParse parsed =
+        line.too_long ? LogEntryParse{std::nullopt, "it is too long"} : parse_log_entry(line.text);
     if (!parsed.entry) {
       throw Error("cannot read line " + std::to_string(number) + " of " + file.string() + ": " +
                   parsed.problem);
     }
-    visit({parsed.entry->seq, parsed.entry->at.utc, std::string(type_of(parsed.entry->body)), line});
+    visit({parsed.entry->seq, parsed.entry->at.utc, std::string(type_of(parsed.entry->body)),
+           std::string(line.text)});
   }
 }
 

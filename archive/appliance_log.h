@@ -41,6 +41,7 @@ class ApplianceLog {
   static std::unique_ptr<ApplianceLog> open(FileSystem& files, const std::filesystem::path& folder,
                                             const crypto::SigningKey& key, const std::string& device_name);
   ~ApplianceLog();
+  [[nodiscard]] const std::filesystem::path& folder() const;
 
   // Each of these appends one entry durably; all but boot() and config_changed(), which the next one covers,
   // then sign a checkpoint. They throw kiroku::IoError; after a failed fsync the object refuses everything.

@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <array>
-#include <charconv>
 #include <cstdio>
 
 #include "archive/case_folder.h"
@@ -10,12 +9,12 @@
 #include "archive/excerpt_verifier.h"
 #include "archive/line_reader.h"
 #include "base/error.h"
+#include "base/near_miss.h"
+#include "base/time_text.h"
 
 namespace kiroku::archive {
 
 namespace {
-
-constexpr std::int64_t kNsPerSecond = 1'000'000'000;
 
 /// Visits the entries in order; a torn last line is not an entry yet.
 void read_entries(const std::filesystem::path& path, const std::function<void(CaseEntry&&)>& visit) {
@@ -44,54 +43,6 @@ void read_entries(const std::filesystem::path& path, const std::function<void(Ca
     visit(std::move(*parse.entry));
     ++number;
   }
-}
-
-/// A two-digit number below 60 at the front, which is cut off.
-std::optional<std::int64_t> take_sixtieth(std::string_view& text) {
-  const auto digit = [&](std::size_t at) { return text.size() > at && text[at] >= '0' && text[at] <= '9'; };
-  if (!digit(0) || !digit(1)) {
-    return std::nullopt;
-  }
-  const std::int64_t value = (text[0] - '0') * 10 + (text[1] - '0');
-  text.remove_prefix(2);
-  return value < 60 ? std::optional(value) : std::nullopt;
-}
-
-/// Nanoseconds of "hh:mm:ss[.f…]", one to nine decimals; nothing for any other text.
-std::optional<std::int64_t> parse_offset(std::string_view text) {
-  constexpr std::size_t kMostHourDigits = 4;
-  constexpr std::size_t kMostDecimals = 9;
-  const std::size_t colon = text.find(':');
-  std::int64_t hours = 0;
-  if (colon == std::string_view::npos || colon == 0 || colon > kMostHourDigits ||
-      std::from_chars(text.data(), text.data() + colon, hours).ptr != text.data() + colon || hours < 0) {
-    return std::nullopt;
-  }
-  text.remove_prefix(colon + 1);
-  const auto minutes = take_sixtieth(text);
-  if (!minutes || !text.starts_with(':')) {
-    return std::nullopt;
-  }
-  text.remove_prefix(1);
-  const auto seconds = take_sixtieth(text);
-  if (!seconds) {
-    return std::nullopt;
-  }
-  std::int64_t nanoseconds = 0;
-  if (!text.empty()) {
-    if (text.front() != '.' || text.size() < 2 || text.size() > kMostDecimals + 1) {
-      return std::nullopt;
-    }
-    std::int64_t unit = kNsPerSecond;
-    for (const char c : text.substr(1)) {
-      if (c < '0' || c > '9') {
-        return std::nullopt;
-      }
-      unit /= 10;
-      nanoseconds += (c - '0') * unit;
-    }
-  }
-  return ((hours * 60 + *minutes) * 60 + *seconds) * kNsPerSecond + nanoseconds;
 }
 
 }  // namespace
@@ -128,14 +79,16 @@ CaseReader CaseReader::open(const std::filesystem::path& folder) {
 
 const StreamInfo& CaseReader::stream(const std::string& name) const {
   std::string names;
+  std::vector<std::string> known;
   for (const StreamInfo& stream : opening_.streams) {
     if (stream.name == name) {
       return stream;
     }
     names += (names.empty() ? "" : ", ") + stream.name;
+    known.push_back(stream.name);
   }
   throw UsageError("case " + opening_.case_id + " has no stream \"" + name + "\"; it has " +
-                   (names.empty() ? "none" : names));
+                   (names.empty() ? "none" : names) + did_you_mean(name, known));
 }
 
 std::vector<SegmentEntry> CaseReader::segments(const std::string& stream, std::int64_t from_ns,
@@ -175,22 +128,48 @@ void CaseReader::for_each(const std::function<void(const CaseEntry&)>& visit) co
   read_entries(folder_, [&](CaseEntry&& entry) { visit(entry); });
 }
 
-std::int64_t CaseReader::parse_time(const std::string& text) const {
-  if (const std::optional<std::int64_t> offset = parse_offset(text)) {
+std::int64_t CaseReader::parse_time(const std::string& text, const std::string& what) const {
+  if (const std::optional<std::int64_t> offset = parse_time_text(text)) {
     return opening_.begins_ns + *offset;
   }
   const std::optional<UtcTime> utc = parse_utc(text);
   if (!utc) {
-    throw UsageError("\"" + text +
-                     "\" is no time; give hh:mm:ss[.fff] from the start of the case, or UTC such as " +
-                     format_utc(opened_at_.utc));
+    throw UsageError(what + " is '" + text + "', which is no time: write " + std::string(kTimeForms) +
+                     " from the start of the case, or UTC such as " + format_utc(opened_at_.utc));
   }
   const auto since_open = std::chrono::duration_cast<std::chrono::nanoseconds>(*utc - opened_at_.utc).count();
   const std::int64_t time = opened_at_.mono_ns + since_open;
   if (time < opening_.begins_ns) {
-    throw UsageError(text + " is before the case begins; it was opened at " + format_utc(opened_at_.utc));
+    throw UsageError(what + " is " + text + ", before the case begins; it was opened at " +
+                     format_utc(opened_at_.utc));
   }
   return time;
+}
+
+Span CaseReader::parse_stretch(const std::optional<std::string>& from,
+                               const std::optional<std::string>& to) const {
+  Span stretch{opening_.begins_ns, INT64_MAX};
+  if (from) stretch.start_ns = parse_time(*from, "--from");
+  if (to) stretch.end_ns = parse_time(*to, "--to");
+  require_stretch(stretch, {"--from", from.value_or("the start")}, {"--to", to.value_or("the end")});
+  return stretch;
+}
+
+void CaseReader::require_stretch(const Span& stretch, const StatedTime& from, const StatedTime& to) const {
+  const std::string start = from.name + " (" + from.text + ")", end = to.name + " (" + to.text + ")";
+  const std::int64_t ends_ns = opening_.begins_ns + duration_ns();
+  const auto refuse_beyond = [&](const std::string& which) {
+    throw UsageError(which + " is beyond the end of the case, which is " +
+                     case_time_text(ends_ns, opening_.begins_ns) + " long");
+  };
+  if (stretch.start_ns > opening_.begins_ns && stretch.start_ns >= ends_ns) refuse_beyond(start);
+  if (stretch.end_ns != INT64_MAX && stretch.end_ns > ends_ns) refuse_beyond(end);
+  if (stretch.end_ns < stretch.start_ns) {
+    throw UsageError(start + " is after " + end + ": exchange the two");
+  }
+  if (stretch.end_ns == stretch.start_ns) {
+    throw UsageError("nothing lies between " + start + " and " + end + ", which are the same moment");
+  }
 }
 
 std::string case_time_text(std::int64_t time_ns, std::int64_t begins_ns) {

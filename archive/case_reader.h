@@ -35,8 +35,20 @@ class CaseReader {
   [[nodiscard]] std::int64_t duration_ns() const;
   /// Every entry in order, read from the file again. A last line without LF is not an entry yet.
   void for_each(const std::function<void(const CaseEntry&)>& visit) const;
-  /// Case-clock time of "hh:mm:ss[.fff]" from the start or RFC 3339; throws UsageError.
-  [[nodiscard]] std::int64_t parse_time(const std::string& text) const;
+  /// Case-clock time of what a person wrote: from the start of the case (base/time_text.h), or UTC (RFC
+  /// 3339). Throws UsageError, in which `what` names it: "--at".
+  [[nodiscard]] std::int64_t parse_time(const std::string& text, const std::string& what = "the time") const;
+  /// What lies between the values of --from and --to; absent ones are the start, and INT64_MAX for the end.
+  /// Throws UsageError as parse_time() and require_stretch().
+  [[nodiscard]] Span parse_stretch(const std::optional<std::string>& from,
+                                   const std::optional<std::string>& to) const;
+  /// A time as its giver knows it: "--from" and what was written there.
+  struct StatedTime {
+    std::string name, text;
+  };
+  /// Throws UsageError where nothing lies between the two, or one of them, INT64_MAX apart, lies beyond the
+  /// end of the case, whose length it tells.
+  void require_stretch(const Span& stretch, const StatedTime& from, const StatedTime& to) const;
 
  private:
   std::filesystem::path folder_;

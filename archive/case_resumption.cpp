@@ -1,3 +1,5 @@
+#include "archive/appliance_log.h"
+#include "archive/case_against_log.h"
 #include "archive/case_folder.h"
 #include "archive/case_layout.h"
 #include "archive/case_writer_state.h"
@@ -15,6 +17,15 @@ namespace fs = std::filesystem;
 [[noreturn]] void refuse_damaged(const fs::path& folder, const std::string& what) {
   throw Error("case " + folder.filename().string() + " is not taken up again, since " + what +
               ": `kiroku verify " + folder.string() + "` says more");
+}
+
+/// A recorder signs `close` and `erased` as soon as they stand in the ledger, and nothing is removed before.
+/// Without a signature they say nothing that is lost with them, and whoever can write to the disk could have
+/// put them there: to have a loss pass for the case's end, or segments removed.
+bool needs_signature(std::string_view line) {
+  const EntryParse parse = parse_case_entry(line);
+  return parse.entry && (std::holds_alternative<CloseEntry>(parse.entry->body) ||
+                         std::holds_alternative<ErasedEntry>(parse.entry->body));
 }
 
 }  // namespace
@@ -62,6 +73,14 @@ std::unique_ptr<CaseWriter> CaseWriter::resume(FileSystem& files, const fs::path
                                                const std::function<void(const CaseEntry&)>& visit) {
   auto state = std::make_unique<State>(files, &key, device_name, log, folder.parent_path());
   state->folder = folder;
+  // What is signed here is believed everywhere. Whoever can write to the disk, and has no key, could have cut
+  // a case back to an earlier checkpoint, or taken its checkpoints away and put other lines there.
+  if (log != nullptr) {
+    if (const auto problem = why_not_the_logged_case(folder, log->folder(),
+                                                     crypto::VerifierKey(device_name, key.public_key()))) {
+      refuse_damaged(folder, *problem);
+    }
+  }
   const std::uint64_t newest = newest_note(folder);
   const std::string device = crypto::VerifierKey(device_name, key.public_key()).to_string();
   crypto::MerkleFrontier tree;
@@ -92,9 +111,10 @@ std::unique_ptr<CaseWriter> CaseWriter::resume(FileSystem& files, const fs::path
           (*reading)(seq, line);
         }
       },
-      [newest] { return newest; });
+      [newest] { return newest; }, needs_signature);
   *reading = nullptr;
   state->torn_bytes = state->ledger->torn_bytes();
+  state->unsigned_bytes = state->ledger->unsigned_bytes();
   if (state->ledger->size() == 0) {
     refuse_damaged(folder, "its ledger holds no whole entry");
   }

@@ -19,6 +19,10 @@ struct Overloaded : Functions... {
 template <typename... Functions>
 Overloaded(Functions...) -> Overloaded<Functions...>;
 
+constexpr std::int64_t kNsPerUs = 1'000;
+constexpr std::int64_t kUsPerSecond = 1'000'000;
+constexpr std::int64_t kWallClockDiffersUs = 60 * kUsPerSecond;
+
 std::string at_entry(std::uint64_t number) { return "entry " + std::to_string(number); }
 
 Place in_ledger(std::uint64_t number, std::optional<std::uint64_t> offset = std::nullopt) {
@@ -67,6 +71,12 @@ void CaseRules::take(const LedgerLine& line, std::uint64_t number) {
                    }
                  },
                  [&](const ErasedEntry& erased) {
+                   if (!close_) {
+                     findings_->add("erased-before-close", in_ledger(number),
+                                    at_entry(number) + " says that segments of " + erased.stream +
+                                        " were erased, although the case was not closed yet");
+                     return;
+                   }
                    if (StreamRules* its = stream(erased.stream, number)) {
                      its->take(erased, number);
                    }
@@ -95,10 +105,22 @@ void CaseRules::take(const LedgerLine& line, std::uint64_t number) {
                    }
                    findings_->add("recovered", in_ledger(number),
                                   "recording was cut off (" + recovered.after + ") and found again" +
-                                      (recovered.truncated.empty() ? "" : ": " + recovered.truncated));
+                                      (recovered.truncated.empty() ? "" : ": " + recovered.truncated) +
+                                      signed_late_text(number));
                  },
                  [&](const CloseEntry& close) { take_close(close, entry, number); }, [](const MarkEntry&) {}},
       entry.body);
+}
+
+// Notes cannot be made up without the device's key: those that are there bound what was signed by then. Of an
+// excerpt the last one before its lines may be left out.
+std::string CaseRules::signed_late_text(std::uint64_t recovered) const {
+  const std::uint64_t first = checkpoints_->covered();
+  if (!scope_.whole_case || first >= recovered) {
+    return {};
+  }
+  return "; the entries from " + std::to_string(first) + " to " + std::to_string(recovered - 1) +
+         " had no signature until then, so whoever could write to the disk meanwhile could have made them";
 }
 
 void CaseRules::count_broken_line(std::uint64_t number) {
@@ -249,12 +271,34 @@ void CaseRules::finish() {
     its.finish();
   }
   tokens_.finish(scope_.whole_case);
+  judge_wall_clock();
+}
+
+void CaseRules::judge_wall_clock() {
+  for (const AuthorityClock& clock : tokens_.clocks()) {
+    if (!clock.outside || !clock_zero_) {
+      continue;
+    }
+    // In microseconds: an `open` that somebody made up may lie thousands of years away.
+    const std::int64_t ahead_us =
+        (clock.first.gen_time - *clock_zero_).count() - clock.first.case_ns / kNsPerUs;
+    if (std::abs(ahead_us) - clock.first.half_width_ns / kNsPerUs > kWallClockDiffersUs) {
+      findings_->add(
+          "clock-differs", in_ledger(0),
+          "by " + clock.authority + " the recorder's wall clock was " +
+              std::to_string(std::abs(ahead_us) / kUsPerSecond) + " s " +
+              (ahead_us > 0 ? "behind" : "ahead") +
+              ": the case's identifier and every time \"by the recorder's clock\" are wrong by that "
+              "much; the time-stamps are not");
+    }
+  }
 }
 
 void CaseRules::judge_missing(const std::vector<MissingFile>& missing) {
   for (const MissingFile& each : missing) {
     const auto its = each.stream ? streams_.find(each.stream->name) : streams_.end();
     if (its != streams_.end() && its->second.erased(each.index)) {
+      its->second.count_erased();
       continue;
     }
     findings_->add("file-missing", {each.file, each.entry},

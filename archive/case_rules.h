@@ -73,6 +73,8 @@ class CaseRules {
   void describe(VerificationReport& report) const;
 
  private:
+  [[nodiscard]] std::string signed_late_text(std::uint64_t recovered) const;
+  void judge_wall_clock();
   void count_broken_line(std::uint64_t number);
   void check_common(const CaseEntry& entry, std::uint64_t number, const LedgerLine& line);
   void take_open(const OpenEntry& open, const CaseEntry& entry, std::uint64_t number);

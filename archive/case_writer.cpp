@@ -44,6 +44,7 @@ std::uint64_t CaseWriter::covered() const {
   return state_->last_checkpoint ? state_->last_checkpoint->size : 0;
 }
 std::uint64_t CaseWriter::torn_bytes() const { return state_->torn_bytes; }
+std::uint64_t CaseWriter::unsigned_bytes() const { return state_->unsigned_bytes; }
 
 std::unique_ptr<SegmentWriter> CaseWriter::begin_segment(std::size_t stream_index,
                                                          std::uint64_t segment_index) {

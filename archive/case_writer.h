@@ -62,10 +62,12 @@ class CaseWriter {
 
   /// Opens a case that stands on the disk, to bring it to its end (recovery.h) or to erase from it
   /// (retention.h): entries, tokens and checkpoints can be added as before, segments cannot be begun. A torn
-  /// last line is cut off. `visit` is called with every entry, in order. Of an unfinished case nothing else
-  /// is touched. Throws UsageError if another process is writing it, or if another device recorded it;
-  /// kiroku::Error if the ledger is damaged or its newest checkpoint does not fit it: then it must be
-  /// verified, and not be signed again. `files`, `key` and `log` must outlive the writer.
+  /// last line is cut off, and so is the end from the first `close` or `erased` on that no checkpoint covers:
+  /// whoever can write to the disk could have put it there. `visit` is called with every entry, in order. Of
+  /// an unfinished case nothing else is touched. Throws UsageError if another process is writing it, or if
+  /// another device recorded it; kiroku::Error if the ledger is damaged, or its newest checkpoint or what
+  /// `log` states of the case (case_against_log.h) does not fit it: then it must be verified, and not be
+  /// signed again. `files`, `key` and `log` must outlive the writer.
   static std::unique_ptr<CaseWriter> resume(FileSystem& files, const std::filesystem::path& folder,
                                             const crypto::SigningKey& key, const std::string& device_name,
                                             ApplianceLog* log,
@@ -79,6 +81,8 @@ class CaseWriter {
   [[nodiscard]] std::uint64_t covered() const;
   /// Bytes of a torn last line that resume() cut off.
   [[nodiscard]] std::uint64_t torn_bytes() const;
+  /// Bytes that it cut off because they begin with `close` or `erased`, which nobody had signed.
+  [[nodiscard]] std::uint64_t unsigned_bytes() const;
 
   /// A new segment file of stream `stream_index` (position in Options::streams). Thread-safe.
   std::unique_ptr<SegmentWriter> begin_segment(std::size_t stream_index, std::uint64_t segment_index);

@@ -87,7 +87,7 @@ struct CaseWriter::State {
   std::filesystem::path folder;
   std::vector<Stream> streams;
   std::unique_ptr<Ledger> ledger;
-  std::uint64_t torn_bytes = 0;
+  std::uint64_t torn_bytes = 0, unsigned_bytes = 0;
   std::int64_t last_mono_ns = 0;
   std::optional<StoredCheckpoint> last_checkpoint;
   std::optional<std::int64_t> last_logged_ns;

@@ -1,6 +1,8 @@
 #include "archive/checkpoint_rules.h"
 
 #include <algorithm>
+#include <future>
+#include <thread>
 #include <utility>
 
 #include "archive/case_layout.h"
@@ -89,6 +91,10 @@ CheckpointRules::CheckpointRules(const CaseFolder& folder, const VerifyOptions& 
     : folder_(&folder), options_(&options), findings_(&findings), sizes_(std::move(sizes)) {}
 
 void CheckpointRules::set_signer(crypto::VerifierKey device, std::string origin) {
+  // What was opened ahead was judged by another key. A log that changes its device in every line would have
+  // it all opened again each time.
+  one_signer_ = !device_;
+  ahead_.clear();
   device_ = std::move(device);
   origin_ = std::move(origin);
 }
@@ -109,13 +115,62 @@ std::optional<std::int64_t> CheckpointRules::mono_at(std::uint64_t size) const {
   return found == mono_.end() ? std::nullopt : std::optional(found->second);
 }
 
-std::optional<crypto::Checkpoint> CheckpointRules::check_note(std::uint64_t size, const std::string& note) {
-  const Place place{note_path(size)};
+crypto::OpenedNote CheckpointRules::open(const std::string& note) const {
   std::vector<crypto::VerifierKey> signers;
   if (device_) {
     signers.push_back(*device_);
   }
-  const crypto::OpenedNote opened = crypto::open_note(note, signers);
+  return crypto::open_note(note, signers);
+}
+
+void CheckpointRules::open_ahead(std::uint64_t size) {
+  constexpr std::size_t kOfThread = 32;
+  constexpr std::size_t kMost = 256;  // notes may be large
+  const std::size_t threads =
+      options_->threads > 0 ? options_->threads : std::max(1U, std::thread::hardware_concurrency());
+  const auto first = std::lower_bound(sizes_.begin(), sizes_.end(), size);
+  const auto left = static_cast<std::size_t>(sizes_.end() - first);
+  const std::size_t count = std::min({left, threads * kOfThread, kMost});
+  if (threads < 2 || count < 2 * kOfThread) {
+    return;
+  }
+  ahead_.clear();
+  ahead_until_ = *(first + static_cast<std::ptrdiff_t>(count) - 1);
+  std::vector<std::future<std::map<std::uint64_t, crypto::OpenedNote>>> parts;
+  for (std::size_t begin = 0; begin < count; begin += kOfThread) {
+    const std::vector<std::uint64_t> part(
+        first + static_cast<std::ptrdiff_t>(begin),
+        first + static_cast<std::ptrdiff_t>(std::min(count, begin + kOfThread)));
+    parts.push_back(std::async(std::launch::async, [this, part] {
+      std::map<std::uint64_t, crypto::OpenedNote> all;
+      for (const std::uint64_t each : part) {
+        FindingList said_later;
+        if (const auto note = read_note(*folder_, each, std::nullopt, said_later)) {
+          all.emplace(each, open(*note));
+        }
+      }
+      return all;
+    }));
+  }
+  for (auto& part : parts) {
+    ahead_.merge(part.get());
+  }
+}
+
+std::optional<crypto::OpenedNote> CheckpointRules::opened(std::uint64_t size) {
+  if (device_ && one_signer_ && size > ahead_until_) {
+    open_ahead(size);
+  }
+  if (auto known = ahead_.extract(size)) {
+    return std::move(known.mapped());
+  }
+  const std::optional<std::string> note = read_note(*folder_, size, std::nullopt, *findings_);
+  return note ? std::optional(open(*note)) : std::nullopt;
+}
+
+std::optional<crypto::Checkpoint> CheckpointRules::check_note(std::uint64_t size,
+                                                              const crypto::OpenedNote& opened) {
+  const Place place{note_path(size)};
   const std::optional<crypto::Checkpoint> checkpoint = crypto::Checkpoint::parse(opened.text);
   if (opened.failure == crypto::NoteFailure::kMalformed || !checkpoint) {
     findings_->add("checkpoint-malformed", place,
@@ -155,7 +210,7 @@ void CheckpointRules::reached(std::uint64_t size, const RootTest& fits, bool tre
   if (mono_ns) {
     mono_[size] = *mono_ns;
   }
-  const std::optional<std::string> note = read_note(*folder_, size, std::nullopt, *findings_);
+  const std::optional<crypto::OpenedNote> note = opened(size);
   if (!note) {
     return;
   }
@@ -186,7 +241,7 @@ void CheckpointRules::reached(std::uint64_t size, const RootTest& fits, bool tre
 void CheckpointRules::finish(std::uint64_t size) {
   const auto beyond = std::upper_bound(sizes_.begin(), sizes_.end(), size);
   for (auto each = beyond; each != sizes_.end(); ++each) {
-    const std::optional<std::string> note = read_note(*folder_, *each, std::nullopt, *findings_);
+    const std::optional<crypto::OpenedNote> note = opened(*each);
     const std::optional<crypto::Checkpoint> checkpoint = note ? check_note(*each, *note) : std::nullopt;
     if (!checkpoint) {
       continue;

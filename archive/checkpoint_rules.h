@@ -56,8 +56,13 @@ class CheckpointRules {
   [[nodiscard]] std::optional<std::int64_t> mono_at(std::uint64_t size) const;
 
  private:
+  [[nodiscard]] crypto::OpenedNote open(const std::string& note) const;
+  /// Reads the note of this size, adding a finding where it cannot be had.
+  std::optional<crypto::OpenedNote> opened(std::uint64_t size);
+  /// Opens the notes from this size on in several threads: a signature takes longer than all else about it.
+  void open_ahead(std::uint64_t size);
   /// Form, signature and size; the checkpoint if all hold. Its origin is the caller's to check.
-  std::optional<crypto::Checkpoint> check_note(std::uint64_t size, const std::string& note);
+  std::optional<crypto::Checkpoint> check_note(std::uint64_t size, const crypto::OpenedNote& opened);
 
   const CaseFolder* folder_;
   const VerifyOptions* options_;
@@ -65,6 +70,9 @@ class CheckpointRules {
   std::vector<std::uint64_t> sizes_;  // ascending
   std::optional<crypto::VerifierKey> device_;
   std::string origin_;
+  std::map<std::uint64_t, crypto::OpenedNote> ahead_;  // by size
+  std::uint64_t ahead_until_ = 0;                      // size of the last note that was looked at
+  bool one_signer_ = true;
   std::map<std::uint64_t, std::int64_t> mono_;
   std::uint64_t covered_ = 0;
   std::uint64_t count_ = 0;

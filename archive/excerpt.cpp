@@ -17,6 +17,7 @@
 #include "archive/ledger_entry.h"
 #include "archive/line_reader.h"
 #include "base/error.h"
+#include "base/near_miss.h"
 #include "crypto/age_file.h"
 #include "crypto/merkle_tree.h"
 
@@ -90,16 +91,19 @@ Survey survey(const CaseFolder& folder, const ReadableFile& ledger, std::int64_t
 
 std::vector<std::string> selected_streams(const OpenEntry& opening, const std::vector<std::string>& asked) {
   std::vector<std::string> names;
-  std::string known;
+  std::string listed;
+  std::vector<std::string> known;
   for (const StreamInfo& stream : opening.streams) {
-    known += (known.empty() ? "" : ", ") + stream.name;
+    listed += (listed.empty() ? "" : ", ") + stream.name;
+    known.push_back(stream.name);
     if (asked.empty() || std::find(asked.begin(), asked.end(), stream.name) != asked.end()) {
       names.push_back(stream.name);
     }
   }
   for (const std::string& name : asked) {
     if (std::find(names.begin(), names.end(), name) == names.end()) {
-      throw UsageError("case " + opening.case_id + " has no stream \"" + name + "\"; it has " + known);
+      throw UsageError("case " + opening.case_id + " has no stream \"" + name + "\"; it has " + listed +
+                       did_you_mean(name, known));
     }
   }
   return names;

@@ -30,6 +30,8 @@ inline constexpr auto kFindingCodes = std::to_array<FindingCode>({
     {"entry-out-of-sequence", Severity::kTampered, "seq is not the number of the line"},
     {"entry-after-close", Severity::kTampered,
      "something other than token, token-missed and erased follows close"},
+    {"erased-before-close", Severity::kTampered,
+     "segments are entered as erased before close, which no recorder does; it excuses nothing"},
     {"open-missing", Severity::kTampered, "the first entry is not open (of a log: boot)"},
     {"open-repeated", Severity::kTampered, "open stands again later"},
     {"device-invalid", Severity::kTampered, "the device of open is no verifier key"},
@@ -53,6 +55,10 @@ inline constexpr auto kFindingCodes = std::to_array<FindingCode>({
     {"clock-slewed", Severity::kNote,
      "the machine's clocks, the case clock among them, were made to run more than 200 ppm faster or slower"},
     {"clock-not-synchronised", Severity::kNote, "the machine's wall clock was not synchronised"},
+    {"clock-differs", Severity::kNote,
+     "the recorder's wall clock, and with it every time that it states, differs from an outside authority's "
+     "by "
+     "more than a minute"},
     {"utc-went-back", Severity::kNote,
      "the machine's UTC is earlier than in the entry before, and no clock entry says why"},
     {"folder-name-differs", Severity::kNote, "the folder is not called by its case identifier"},
@@ -151,7 +157,15 @@ inline constexpr auto kFindingCodes = std::to_array<FindingCode>({
     {"log-end-differs", Severity::kTampered, "the log states another final token than the case has"},
     {"log-head-differs", Severity::kTampered, "the case was opened over another state of the log"},
     {"case-missing", Severity::kTampered,
-     "the log knows a case that is not in the archive and was not erased"},
+     "the log knows a case that is not in the archive and was not erased; what begins with another line, or "
+     "is "
+     "an excerpt, is not the case"},
+    {"cases-not-looked-for", Severity::kNote,
+     "the log was verified alone: whether the cases that it knows are still there was not checked"},
+    {"log-signed-late", Severity::kUnproven,
+     "several entries of the log were followed by one checkpoint, where each was to have its own: nobody "
+     "signed "
+     "them when they were written"},
     {"log-tail-unsigned", Severity::kUnproven,
      "no checkpoint covers the log, or several of its newest entries: nobody signed them"},
     {"log-tail-not-covered", Severity::kNote, "no checkpoint covers the newest entries of the log"},

@@ -59,7 +59,7 @@ Ledger::Ledger(FileSystem& files, fs::path file, Sharing sharing, SpaceReserve* 
       visitor_(std::move(visitor)) {}
 
 std::unique_ptr<Ledger> Ledger::open(FileSystem& files, fs::path file, Sharing sharing, SpaceReserve* reserve,
-                                     Visitor visitor, Covered covered) {
+                                     Visitor visitor, Covered covered, NeedsSignature needs_signature) {
   std::unique_ptr<Ledger> ledger(new Ledger(files, std::move(file), sharing, reserve, std::move(visitor)));
   ledger->written_ = open_or_create(files, ledger->file_);
   if (sharing == Sharing::kExclusive && !ledger->written_->try_lock()) {
@@ -67,8 +67,10 @@ std::unique_ptr<Ledger> Ledger::open(FileSystem& files, fs::path file, Sharing s
                      ": wait until it has ended, or end it first");
   }
   ledger->covered_ = std::move(covered);
+  ledger->needs_signature_ = std::move(needs_signature);
   ledger->catch_up();
   ledger->covered_ = nullptr;
+  ledger->needs_signature_ = nullptr;
   return ledger;
 }
 
@@ -113,6 +115,11 @@ void Ledger::read_new_lines() {
         cut_torn_line(fs::file_size(file_));
         return;
       }
+      if (lacks_signature(line)) {
+        unsigned_bytes_ += fs::file_size(file_) - bytes_;
+        cut_end();
+        return;
+      }
       accept(line);
       rest.clear();
       piece.remove_prefix(end + 1);
@@ -141,16 +148,24 @@ bool Ledger::was_never_flushed(std::string_view line) const {
   return covered_ && line.find('\0') != std::string_view::npos && covered_() <= tree_.size();
 }
 
-// Whoever holds the lock finds a torn line only if its writer died: a living one holds the lock until its
-// line is whole.
-void Ledger::cut_torn_line(std::uint64_t end) {
+bool Ledger::lacks_signature(std::string_view line) const {
+  return needs_signature_ && covered_ && covered_() <= tree_.size() && needs_signature_(line);
+}
+
+void Ledger::cut_end() {
   try {
     written_->truncate(bytes_);
     written_->sync();
   } catch (const IoError& error) {
-    failure_ = std::string("a torn last line could not be cut off: ") + error.what();
+    failure_ = std::string("the end of the ledger could not be cut off: ") + error.what();
     throw;
   }
+}
+
+// Whoever holds the lock finds a torn line only if its writer died: a living one holds the lock until its
+// line is whole.
+void Ledger::cut_torn_line(std::uint64_t end) {
+  cut_end();
   torn_bytes_ += end - bytes_;
 }
 

@@ -29,15 +29,20 @@ class Ledger {
   using MakeLines = std::function<std::vector<std::string>(std::uint64_t size)>;
   /// How many lines checkpoints cover. Asked only where zeros are found.
   using Covered = std::function<std::uint64_t()>;
+  /// Whether a line counts only once a checkpoint covers it. Asked only of lines that none covers.
+  using NeedsSignature = std::function<bool(std::string_view line)>;
 
   /// Opens `file`, or makes it, with its name durable. A last line without LF is one whose writing a crash or
   /// power cut ended: nothing ever counted on it; it is cut off, and torn_bytes() tells. A power cut may also
   /// leave zeros where blocks of the last append were not flushed, and lines behind them that were: with
   /// `covered`, everything from the first line with a zero byte on is cut off, unless a checkpoint covers
-  /// that line. Throws UsageError if another writer has it (kExclusive), kiroku::Error for a line longer than
-  /// the format's, kiroku::IoError. `files` and `reserve` must outlive the object; `reserve` may be null.
+  /// that line. So is everything from the first line on that `needs_signature` and has none: whoever can
+  /// write to the disk could have put it there, and unsigned_bytes() tells. Throws UsageError if another
+  /// writer has it (kExclusive), kiroku::Error for a line longer than the format's, kiroku::IoError. `files`
+  /// and `reserve` must outlive the object; `reserve` may be null.
   static std::unique_ptr<Ledger> open(FileSystem& files, std::filesystem::path file, Sharing sharing,
-                                      SpaceReserve* reserve, Visitor visitor = {}, Covered covered = {});
+                                      SpaceReserve* reserve, Visitor visitor = {}, Covered covered = {},
+                                      NeedsSignature needs_signature = {});
   Ledger(const Ledger&) = delete;
   Ledger& operator=(const Ledger&) = delete;
 
@@ -56,6 +61,8 @@ class Ledger {
   [[nodiscard]] const std::filesystem::path& file() const { return file_; }
   /// Bytes of torn lines cut off and not followed by a successful append() yet, which may state them.
   [[nodiscard]] std::uint64_t torn_bytes() const { return torn_bytes_; }
+  /// Bytes cut off by open() since a line of them needs a signature and had none.
+  [[nodiscard]] std::uint64_t unsigned_bytes() const { return unsigned_bytes_; }
 
   /// Holds the file of a shared ledger over several operations; may be nested. Does nothing for an exclusive
   /// one, which is held anyway.
@@ -76,6 +83,9 @@ class Ledger {
   void refuse_if_failed() const;
   void read_new_lines();
   [[nodiscard]] bool was_never_flushed(std::string_view line) const;
+  [[nodiscard]] bool lacks_signature(std::string_view line) const;
+  /// Cuts off what stands behind the last accepted line.
+  void cut_end();
   void cut_torn_line(std::uint64_t end);
   void accept(std::string_view line);
   void write_durably(std::string_view text);
@@ -87,12 +97,15 @@ class Ledger {
   Sharing sharing_;
   SpaceReserve* reserve_;
   Visitor visitor_;
-  Covered covered_;  // only while the file is opened: later nobody finds what a power cut left
+  // Only while the file is opened: later nobody finds what a power cut left.
+  Covered covered_;
+  NeedsSignature needs_signature_;
   std::unique_ptr<WritableFile> written_;
   crypto::MerkleFrontier tree_;
   std::uint64_t bytes_ = 0;            // of whole lines in the tree
   std::uint64_t allocated_until_ = 0;  // no allocation is asked for before bytes_ comes near
   std::uint64_t torn_bytes_ = 0;
+  std::uint64_t unsigned_bytes_ = 0;
   unsigned turns_ = 0;   // nested holders of the lock
   std::string failure_;  // once set, every call is refused with it
 };

@@ -12,6 +12,9 @@ namespace kiroku::archive {
 // -- of the format
 /// A line of a ledger or of the appliance log, without LF.
 inline constexpr std::size_t kMaximumLineBytes = 1U << 20U;
+/// What follows so many bytes without an LF is not read: a file that takes no room on a disk can be as long
+/// as one likes.
+inline constexpr std::uint64_t kMostBytesOfLine = std::uint64_t{64} << 20U;
 /// Values in one line or in excerpt.json: texts, numbers, lists, objects. Each takes 40 bytes when it is
 /// read, and can take two in the text.
 inline constexpr std::size_t kMaximumJsonValues = 1U << 17U;

@@ -30,7 +30,8 @@ bool LineReader::next(LedgerLine& line) {
   line.offset = read_ - (buffer_.size() - at_);
   line_.clear();
   for (;;) {
-    if (at_ == buffer_.size() && !fill()) {
+    gave_up_ = gave_up_ || line.bytes > kMostBytesOfLine;
+    if (gave_up_ || (at_ == buffer_.size() && !fill())) {
       line.torn = true;
       line.text = line_;
       line.too_long = line.bytes > kMaximumLineBytes;

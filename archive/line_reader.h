@@ -15,7 +15,9 @@ struct LedgerLine {
   std::uint64_t offset = 0;  // of its first byte in the file
   std::uint64_t bytes = 0;   // of the whole line, without LF
   bool too_long = false;     // longer than the format's kMaximumLineBytes
-  bool torn = false;         // the file ends before an LF: the last line of a write that did not finish
+  /// The file ends before an LF: the last line of a write that did not finish. So does one that has more than
+  /// kMostBytesOfLine: no further line is read.
+  bool torn = false;
 };
 
 /// Why a ledger of which too many lines are no entries is not read beyond line `number`.
@@ -36,6 +38,7 @@ class LineReader {
   std::string buffer_;
   std::size_t at_ = 0;  // in buffer_
   std::string line_;
+  bool gave_up_ = false;
 };
 
 }  // namespace kiroku::archive

@@ -68,6 +68,7 @@ LogContents LogWalk::run() {
     const std::uint64_t number = tree_.size();
     tree_.append(crypto::merkle_leaf_hash(bytes_of(line.text)));
     tree_known = tree_known && !line.too_long;
+    erased_now_.reset();
     take(line, number);
     if (contents_.gave_up) {
       if (outside_ != nullptr) {
@@ -79,6 +80,10 @@ LogContents LogWalk::run() {
     }
     if (checkpoints_.has(tree_.size())) {
       checkpoints_.reached(tree_.size(), fits, tree_known, std::nullopt);
+      judge_signed();
+      if (erased_now_ && checkpoints_.covered() == tree_.size()) {
+        contents_.cases[*erased_now_].erased = true;
+      }
     } else if (tree_.size() > last_listed) {
       recent_.push_back({{}, tree_.size(), tree_.root()});
       if (recent_.size() > kMostRecent) {
@@ -113,6 +118,21 @@ void LogWalk::take_late_notes(bool tree_known) {
           std::nullopt);
     }
   }
+}
+
+void LogWalk::judge_signed() {
+  if (checkpoints_.covered() != tree_.size()) {
+    return;
+  }
+  // One is without its own where the machine stopped in between; so is the next start's first entry, where it
+  // stops there again. Such entries excuse nothing.
+  constexpr std::uint64_t kMost = 3;
+  if (since_note_ > kMost) {
+    findings_->add("log-signed-late", {note_path(tree_.size()), tree_.size() - 1},
+                   note_path(tree_.size()) + " is the first checkpoint over " + std::to_string(since_note_) +
+                       " entries, where one was to follow each: nobody signed them when they were written");
+  }
+  since_note_ = 0;
 }
 
 void LogWalk::judge_tail() {
@@ -173,6 +193,8 @@ void LogWalk::take(const LedgerLine& line, std::uint64_t number) {
   }
   last_mono_ns_ = entry.at.mono_ns;
   if (!boots && !std::holds_alternative<ConfigChangedEntry>(entry.body)) {
+    // A cut that was made good is entered together with what comes next.
+    since_note_ += std::holds_alternative<LogRecoveredEntry>(entry.body) ? 0U : 1U;
     to_be_followed_.push_back(number);
     if (to_be_followed_.size() > 2) {
       to_be_followed_.pop_front();
@@ -201,9 +223,8 @@ void LogWalk::take(const LedgerLine& line, std::uint64_t number) {
                         },
                         [&](const CaseErasedEntry& erased) {
                           // Of one stream's segments only: the rest of the case must still be there.
-                          LoggedCase* known = erased.stream ? nullptr : logged(erased.case_id);
-                          if (known != nullptr) {
-                            known->erased = true;
+                          if (!erased.stream && logged(erased.case_id) != nullptr) {
+                            erased_now_ = erased.case_id;
                           }
                         },
                         [](const auto&) {}},

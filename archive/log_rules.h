@@ -35,6 +35,8 @@ struct LoggedCase {
   std::vector<KnownRoot> roots;         // of case-checkpoint and case-closed
   std::optional<KnownRoot> closed;
   std::optional<crypto::Sha256Digest> final_token;
+  /// The whole case, by an entry that was signed before another followed. A line that nobody signed then
+  /// excuses nothing: anybody who can write to the disk can add one, and the next start signs what follows.
   bool erased = false;
 };
 
@@ -73,6 +75,8 @@ class LogWalk {
   /// Notes that were signed while the log was read, of the newest entries.
   void take_late_notes(bool tree_known);
   void judge_tail();
+  /// After a checkpoint that covers all until now.
+  void judge_signed();
 
   const CaseFolder* folder_;
   const VerifyOptions* options_;
@@ -87,6 +91,8 @@ class LogWalk {
   std::int64_t last_mono_ns_ = 0;
   std::deque<crypto::Checkpoint> recent_;     // of the newest sizes that no listed note has; without origin
   std::deque<std::uint64_t> to_be_followed_;  // the last two entries that a checkpoint follows at once
+  std::optional<std::string> erased_now_;     // the case that the newest entry says was erased whole
+  std::uint64_t since_note_ = 0;              // entries to be followed, since the last checkpoint that fits
   std::uint64_t broken_lines_ = 0;
 };
 

@@ -105,8 +105,8 @@ struct Standing {
     } else if (const auto* token = std::get_if<TokenEntry>(&entry.body)) {
       tokens.emplace(token->checkpoint, token->authority);
       newest_stamped = std::max(newest_stamped, token->checkpoint);
-    } else if (std::holds_alternative<TokenMissedEntry>(entry.body)) {
-      missed_after_close = missed_after_close || close;
+    } else if (const auto* missed = std::get_if<TokenMissedEntry>(&entry.body)) {
+      missed_after_close = missed_after_close || (close && missed->checkpoint > *close);
     } else if (std::holds_alternative<MarkEntry>(entry.body)) {
       ++marks;
     } else if (const auto* gone = std::get_if<ErasedEntry>(&entry.body)) {
@@ -153,8 +153,8 @@ class Recovery {
  private:
   // Step by step, each durable before the next:
   //
-  //   torn last line cut off → recovered, found segments, gaps (one append) → found tokens → close
-  //   → checkpoint → token or token-missed → last checkpoint → case-closed in the appliance log
+  //   torn last line and unsigned end cut off → recovered, found segments, gaps (one append) → found tokens →
+  //   close → checkpoint → token or token-missed → last checkpoint → case-closed in the appliance log
   //
   // A case that was closed already takes it up at the tokens.
   void bring_to_its_end() {
@@ -166,6 +166,10 @@ class Recovery {
     result_.outcome = was_closed ? CaseRecovery::Outcome::kFinished : CaseRecovery::Outcome::kRecovered;
     if (!was_closed) {
       state_what_was_found();
+    } else if (const std::uint64_t cut = writer_->unsigned_bytes(); cut > 0) {
+      result_.problem = count_of(cut, "byte", "bytes") +
+                        " behind the end of its ledger stated an erasure that nobody had signed, and were "
+                        "cut off: nothing was erased";
     }
     adopt_tokens();
     if (!was_closed) {
@@ -226,6 +230,10 @@ class Recovery {
     std::vector<std::string> cut;
     if (const std::uint64_t torn = writer_->torn_bytes(); torn > 0) {
       cut.push_back(count_of(torn, "byte", "bytes") + " behind the last whole line of the ledger");
+    }
+    if (const std::uint64_t nobodys = writer_->unsigned_bytes(); nobodys > 0) {
+      cut.push_back(count_of(nobodys, "byte", "bytes") +
+                    " of the ledger, from a close or an erasure on that nobody had signed");
     }
     for (StreamStanding& stream : standing_.streams) {
       adopt_segments(stream, at, entries, cut);

@@ -94,6 +94,13 @@ std::optional<std::string> why_not_replicated(const fs::path& case_folder, const
   if (!fs::is_directory(replica)) {
     return "there is no copy of the case";
   }
+  // A link, or a second mount, that leads back to the case is no second copy.
+  const fs::path segments = fs::path(kSegmentsFolder) / stream;
+  std::error_code missing;
+  if (fs::equivalent(case_folder, replica, missing) ||
+      fs::equivalent(case_folder / segments, replica / segments, missing)) {
+    return "it is the case itself";
+  }
   try {
     const CaseFolder copy = CaseFolder::open(replica);
     if (auto problem = ledger_problem(CaseFolder::open(case_folder), copy)) {

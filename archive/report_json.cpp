@@ -10,10 +10,19 @@ namespace {
 using nlohmann::ordered_json;
 
 ordered_json stream_json(const StreamReport& stream) {
-  return {{"name", stream.info.name},         {"kind", stream.info.kind},     {"media", stream.info.media},
-          {"profile", stream.info.profile},   {"source", stream.info.source}, {"segments", stream.segments},
-          {"frames", stream.frames},          {"dropped", stream.dropped},    {"bytes", stream.bytes},
-          {"start_ns", stream.span.start_ns}, {"end_ns", stream.span.end_ns}, {"gap_ns", stream.gap_ns}};
+  return {{"name", stream.info.name},
+          {"kind", stream.info.kind},
+          {"media", stream.info.media},
+          {"profile", stream.info.profile},
+          {"source", stream.info.source},
+          {"segments", stream.segments},
+          {"erased_segments", stream.erased_segments},
+          {"frames", stream.frames},
+          {"dropped", stream.dropped},
+          {"bytes", stream.bytes},
+          {"start_ns", stream.span.start_ns},
+          {"end_ns", stream.span.end_ns},
+          {"gap_ns", stream.gap_ns}};
 }
 
 ordered_json excerpt_json(const ExcerptReport& excerpt) {

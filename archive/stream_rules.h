@@ -47,6 +47,8 @@ class StreamRules {
   [[nodiscard]] const std::shared_ptr<const StreamInfo>& info() const { return info_; }
   [[nodiscard]] const StreamReport& report() const { return report_; }
   [[nodiscard]] bool erased(std::uint64_t index) const;
+  /// The file of an erased segment is not there.
+  void count_erased() { ++report_.erased_segments; }
   /// The file name of the segment that comes next, or so many later, complete.
   [[nodiscard]] std::string next_file(std::uint64_t further) const;
   /// Whether a file that no entry names may be a segment that could not be made durable, so that nothing is

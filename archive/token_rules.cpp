@@ -258,7 +258,7 @@ void TokenRules::check_elapsed(const TokenEntry& token, const Earlier& now) {
 }
 
 void TokenRules::take_missed(const TokenMissedEntry& missed, std::uint64_t entry) {
-  missed_after_close_ = missed_after_close_ || close_.has_value();
+  missed_after_close_ = missed_after_close_ || (close_ && missed.checkpoint > *close_);
   findings_->add("token-missed", {std::string(kLedgerFile), entry},
                  missed.authority + " did not stamp the checkpoint of " + std::to_string(missed.checkpoint) +
                      " entries: " + missed.cause);

@@ -151,6 +151,9 @@ class CaseVerification {
       if (checkpoints_.newest() > entries) {
         findings_.add("ledger-end-damaged", end,
                       "the ledger does not end with a whole line, although a checkpoint covers that line");
+      } else if (close && last.too_long) {
+        findings_.add("ledger-end-damaged", end,
+                      "behind close the ledger holds more than a recorder can have left of a line");
       } else {
         findings_.add("ledger-torn", end,
                       "the last line of the ledger was not written to its end, and no checkpoint covers it");
@@ -160,8 +163,13 @@ class CaseVerification {
       findings_.add("open-missing", {std::string(kLedgerFile)}, "the ledger holds no whole entry");
     }
     if (!close) {
-      findings_.add("not-closed", {std::string(kLedgerFile)},
-                    "the case was not closed: it is still being recorded, or recording was cut off");
+      findings_.add(
+          "not-closed", {std::string(kLedgerFile)},
+          "the case was not closed: it is still being recorded, or recording was cut off" +
+              (checkpoints_.covered() < entries
+                   ? "; nobody has signed the entries from " + std::to_string(checkpoints_.covered()) +
+                         " on, so whoever can write to the disk could have made them"
+                   : std::string()));
     } else if (checkpoints_.covered() <= *close) {
       findings_.add(
           "close-not-covered", {std::string(kLedgerFile), close},
@@ -313,18 +321,33 @@ bool is_archive(const std::filesystem::path& folder) {
   return false;
 }
 
-/// Whether a case lies there. An excerpt in its place is none; a ledger that cannot be read may be one.
-bool holds_case(const std::filesystem::path& folder) {
+/// Whether the case with this first line lies there. An excerpt in its place is not it, and neither is
+/// another case or an empty ledger; a ledger that cannot be read may be it.
+bool holds_case(const std::filesystem::path& folder, const crypto::Sha256Digest& opening_line) {
   std::error_code error;
   if (!std::filesystem::is_directory(folder, error)) {
     return false;
   }
   try {
     const FileOpening ledger = CaseFolder::open(folder).open_file(kLedgerFile);
-    return ledger.file || ledger.problem != FileProblem::kMissing;
+    if (!ledger.file) {
+      return ledger.problem != FileProblem::kMissing;
+    }
+    LineReader reader(*ledger.file);
+    LedgerLine line;
+    return reader.next(line) && !line.torn && crypto::sha256(bytes_of(line.text)) == opening_line;
   } catch (const IoError&) {
     return true;
   }
+}
+
+std::string what_lies_instead(const std::filesystem::path& folder) {
+  if (is_excerpt(folder)) {
+    return ": an excerpt lies in its place";
+  }
+  std::error_code error;
+  return std::filesystem::exists(folder / kLedgerFile, error) ? ": what lies in its place begins otherwise"
+                                                              : "";
 }
 
 void look_for_cases(const LogContents& log, const std::filesystem::path& log_folder, FindingList& findings) {
@@ -332,19 +355,27 @@ void look_for_cases(const LogContents& log, const std::filesystem::path& log_fol
   const std::filesystem::path normal = absolute.has_filename() ? absolute : absolute.parent_path();
   const std::filesystem::path archive = normal.parent_path();
   const bool search = normal.filename() == "log" && is_archive(archive);
+  std::uint64_t not_looked_for = 0;
   for (const auto& [case_id, logged] : log.cases) {
     if (!logged.opened) {
       continue;
     }
-    if (search && !logged.erased && !holds_case(archive / case_id)) {
+    not_looked_for += search || logged.erased ? 0 : 1;
+    if (search && !logged.erased && !holds_case(archive / case_id, logged.opening_line)) {
       findings.add("case-missing", {std::string(kLedgerFile), logged.opened},
                    "case " + case_id + " was opened (entry " + std::to_string(*logged.opened) +
                        " of the log), was not erased, and is not in " + archive.string() +
-                       (is_excerpt(archive / case_id) ? ": an excerpt lies in its place" : ""));
+                       what_lies_instead(archive / case_id));
     } else if (!logged.closed && !logged.erased) {
       findings.add("log-case-open", {std::string(kLedgerFile), logged.opened},
                    "the log knows no end of case " + case_id);
     }
+  }
+  if (not_looked_for > 0) {
+    findings.add("cases-not-looked-for", {std::string(kLedgerFile)},
+                 "no case of an archive lies beside this log, so whether the " +
+                     std::to_string(not_looked_for) + (not_looked_for == 1 ? " case" : " cases") +
+                     " that it knows are still there was not checked");
   }
 }
 

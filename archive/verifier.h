@@ -36,6 +36,7 @@ struct StreamReport {
   std::uint64_t segments = 0, frames = 0, dropped = 0, bytes = 0;
   Span span;
   std::int64_t gap_ns = 0;
+  std::uint64_t erased_segments = 0;  // of `segments`: entered as erased, and not there
 };
 
 /// Entries [first_entry, last_entry] were written after not_before and before not_after: by outside clocks

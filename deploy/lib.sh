@@ -104,20 +104,43 @@ build() {
   rm -f "$log"
 }
 
-# run_tests PRESET [CTEST OPTION...]: runs CTest and adds its counts to passed, failed and skipped.
-passed=0 failed=0 skipped=0
+# The folder in which run_tests keeps its counts (a line "passed failed skipped" a run) and what failed tests printed. A script that sets the variable
+# has the results of the scripts it calls added to its own.
+test_results=${KIROKU_TEST_RESULTS-}
+
+# failures_of REPORT: of a JUnit report each failed test's name and the last 60 lines that it printed.
+failures_of() {
+  awk '
+    function text(line) {
+      gsub(/&lt;/, "<", line); gsub(/&gt;/, ">", line); gsub(/&quot;/, "\"", line); gsub(/&apos;/, "\x27", line); gsub(/&amp;/, "\\&", line)
+      return line
+    }
+    /<testcase / { lines = 0; name = $0; sub(/.*<testcase name="/, "", name); sub(/".*/, "", name); bad = /status="fail"/ }
+    bad && /<system-out>/ { sub(/.*<system-out>/, ""); inside = 1 }
+    inside && /<\/system-out>/ { sub(/<\/system-out>.*/, ""); kept[lines++] = $0; inside = 0 }
+    inside { kept[lines++] = $0 }
+    bad && /<\/testcase>/ {
+      print "\n-- " text(name)
+      for (i = lines > 60 ? lines - 60 : 0; i < lines; ++i) print "   " text(kept[i])
+      bad = 0
+    }' "$1"
+}
+
+# run_tests PRESET [CTEST OPTION...]: runs CTest and keeps its counts, and what failed tests printed, for tally.
 run_tests() {
   local preset=$1 report
   shift
+  : "${test_results:=$(mktemp -d)}"
   report=$(mktemp)
   (cd "$root" && ctest --preset "$preset" --output-junit "$report" "$@") | alive "tests go on" || true
   local tests failures skips
   tests=$(sed -n 's/.*[ \t]tests="\([0-9]*\)".*/\1/p' "$report" | head -1)
   failures=$(sed -n 's/.*[ \t]failures="\([0-9]*\)".*/\1/p' "$report" | head -1)
   skips=$(sed -n 's/.*[ \t]skipped="\([0-9]*\)".*/\1/p' "$report" | head -1)
-  rm -f "$report"
   [[ -n $tests && $tests -gt 0 ]] || die "CTest ran no test of preset '$preset'"
-  passed=$((passed + tests - failures - skips)) failed=$((failed + failures)) skipped=$((skipped + skips))
+  echo "$((tests - failures - skips)) $failures $skips" >>"$test_results/counts"
+  ((failures == 0)) || { echo "   preset $preset:"; failures_of "$report"; } >>"$test_results/failed"
+  rm -f "$report"
 }
 
 # minutes WHAT: how long WHAT took since the last call, so that a log shows where the time goes.
@@ -130,8 +153,17 @@ minutes() {
 # help_of FILE: prints the comment at the head of a script, without the line of the interpreter.
 help_of() { sed -n '2,/^[^#]/{s/^# \{0,1\}//p}' "$1"; }
 
-# tally: the closing line; fails if a test did.
+# count_tests: how many tests passed, failed and were skipped so far.
+count_tests() { awk '{ p += $1; f += $2; s += $3 } END { print p + 0, f + 0, s + 0 }' "$test_results/counts"; }
+
+# tally: what failed, once more at the end, where a log cut to its tail still has it, and the closing line; fails if a test did.
 tally() {
+  local passed failed skipped
+  if [[ -s $test_results/failed ]]; then
+    say "Failed tests, with the end of what each printed"
+    cat "$test_results/failed"
+  fi
+  read -r passed failed skipped < <(count_tests)
   echo
   echo "$passed passed, $failed failed, $skipped skipped"
   ((failed == 0))

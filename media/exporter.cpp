@@ -6,13 +6,21 @@
 #include <utility>
 #include <vector>
 
+extern "C" {
+#include <libavcodec/packet.h>
+#include <libavformat/avformat.h>
+}
+
 #include "archive/case_folder.h"
+#include "base/ascii.h"
 #include "base/error.h"
 #include "media/output_file.h"
 #include "media/plaintext_lines.h"
 #include "media/remuxer.h"
 #include "media/sealed_segment.h"
 #include "media/segment_input.h"
+#include "media/stream_clock.h"
+#include "media/transport_times.h"
 #include "media/vital_line.h"
 #include "media/vitals_table.h"
 
@@ -20,16 +28,14 @@ namespace kiroku::media {
 namespace {
 
 constexpr std::size_t kCopyBytes = 16 * 64 * 1024;
-constexpr std::size_t kTransportPacketBytes = 188;
+constexpr std::string_view kTransportStreamMedia = "video/mp2t";
 constexpr std::size_t kLongestLineBytes = kMaximumVitalLineBytes;
 
 enum class Form { kTransportStream, kMatroska, kMp4, kLines, kTable };
 
 Form form_of(const archive::StreamInfo& stream, const std::filesystem::path& output) {
-  std::string ending = output.extension().string();
-  std::transform(ending.begin(), ending.end(), ending.begin(),
-                 [](char c) { return c >= 'A' && c <= 'Z' ? static_cast<char>(c - 'A' + 'a') : c; });
-  const bool transport_stream = stream.media == "video/mp2t";
+  const std::string ending = lower_case(output.extension().string());
+  const bool transport_stream = stream.media == kTransportStreamMedia;
   const bool pictures = transport_stream || stream.media == "video/x-matroska";
   const bool vitals = stream.kind == "vitals";
   const std::string fitting = transport_stream ? ".ts, .mkv or .mp4"
@@ -72,7 +78,11 @@ class Export {
         folder_(archive::CaseFolder::open(recording.folder())),
         stream_(recording.stream(options.stream)),
         form_(form_of(stream_, options.output)),
-        segments_(recording.segments(options.stream, options.from_ns, options.to_ns)) {
+        segments_(recording.segments(options.stream, options.from_ns, options.to_ns)),
+        offset_(stamp_offset(recording.segments(options.stream, INT64_MIN, INT64_MAX))) {
+    if (options.pass_over_erased) {
+      std::erase_if(segments_, [&](const archive::SegmentEntry& each) { return recording.is_erased(each); });
+    }
     if (segments_.empty()) {
       throw UsageError("stream '" + options.stream + "' has nothing recorded in that time");
     }
@@ -83,14 +93,17 @@ class Export {
     result_.segments = segments_.size();
     result_.start_ns = segments_.front().span.start_ns;
     result_.end_ns = segments_.back().span.end_ns;
+    result_.zero_ns = options.zero_ns.value_or(export_zero_ns(recording, options.from_ns, options.to_ns));
   }
 
   ExportResult run() {
     OutputFile output(options_.output, options_.overwrite);
     switch (form_) {
       case Form::kTransportStream:
+        join_transport_stream(output);
+        break;
       case Form::kLines:
-        join(output);
+        join_lines(output);
         break;
       case Form::kMatroska:
         remux(output, Container::kMatroska);
@@ -125,42 +138,46 @@ class Export {
     }
   }
 
-  /// How much of a segment is whole: a segment cut short by a power failure may end within a packet or line,
-  /// onto which nothing can be joined.
-  std::uint64_t whole_bytes(const archive::SegmentEntry& entry, const SealedSegment& segment) const {
-    if (form_ != Form::kLines) {
-      return entry.complete ? segment.size() : segment.size() - segment.size() % kTransportPacketBytes;
-    }
-    std::uint64_t bytes = 0;
-    for_each_line(segment, entry.file.file, kLongestLineBytes, !entry.complete,
-                  [&](std::uint64_t, std::string_view line) { bytes += line.size() + 1; });
-    return bytes;
+  /// How much of a segment is whole: one that a power failure cut short may end within a packet, onto which
+  /// nothing can be joined.
+  static std::uint64_t whole_packets(const archive::SegmentEntry& entry, const SealedSegment& segment) {
+    return entry.complete ? segment.size() : segment.size() - segment.size() % TransportTimes::kPacketBytes;
   }
 
-  void join(OutputFile& output) {
-    Bytes buffer(kCopyBytes);
+  void join_lines(OutputFile& output) {
     for (const archive::SegmentEntry& entry : segments_) {
       const SealedSegment segment = open(entry);
-      const std::uint64_t end = whole_bytes(entry, segment);
-      for (std::uint64_t offset = 0; offset < end;) {
-        const auto wanted = static_cast<std::size_t>(std::min<std::uint64_t>(end - offset, buffer.size()));
-        const std::size_t count = segment.read_at(offset, std::span(buffer).first(wanted));
-        if (count == 0) {
-          throw Error("the segment file " + entry.file.file + " became shorter while it was read");
-        }
-        output.write(ByteView(buffer).first(count));
-        offset += count;
-      }
-      result_.frames += entry.frames;
-      result_.uncounted += entry.counted ? 0 : 1;
+      std::string text;
+      for_each_line(segment, entry.file.file, kLongestLineBytes, !entry.complete,
+                    [&](std::uint64_t, std::string_view line) {
+                      text += line;
+                      text += '\n';
+                      if (text.size() < kCopyBytes) return;
+                      output.write(bytes_of(text));
+                      text.clear();
+                    });
+      output.write(bytes_of(text));
+      count(entry);
     }
+  }
+
+  void join_transport_stream(OutputFile& output) {
+    const SequentialReader reader = moved_transport_stream();
+    Bytes buffer(kCopyBytes);
+    while (const std::size_t got = reader(buffer)) output.write(ByteView(buffer).first(got));
+    for (const archive::SegmentEntry& entry : segments_) count(entry);
+  }
+
+  void count(const archive::SegmentEntry& entry) {
+    result_.frames += entry.frames;
+    result_.uncounted += entry.counted ? 0 : 1;
   }
 
   void remux(OutputFile& output, Container container) {
-    Remuxer remuxer(output, container, options_.output.string());
-    if (stream_.media == "video/mp2t") {
-      SegmentInput input(joined_plaintext(), stream_.media, "stream '" + stream_.name + "'");
-      remuxer.copy(input);
+    Remuxer remuxer(output, container, options_.output.string(), on_picture());
+    if (stream_.media == kTransportStreamMedia) {
+      SegmentInput input(moved_transport_stream(), stream_.media, "stream '" + stream_.name + "'");
+      remuxer.copy(input, 0);
     } else {
       for (const archive::SegmentEntry& entry : segments_) {
         const SealedSegment segment = open(entry);
@@ -181,40 +198,102 @@ class Export {
       }
       return;  // cut before its first picture
     }
-    remuxer.copy(*input, !entry.complete);
+    if (!shift_) shift_ = shift_by([&] { return first_stamp_of(segment, entry.file.file); });
+    if (const std::string change = remuxer.change(*input); !change.empty()) {
+      throw FormatChanged(change + "; export the times before and after the change one by one (--from, --to)",
+                          entry.span.start_ns);
+    }
+    remuxer.copy(*input, *shift_, !entry.complete);
   }
 
-  /// All segments as one run of bytes, each opened when the one before is spent.
-  SequentialReader joined_plaintext() {
+  [[nodiscard]] std::function<void(Ticks)> on_picture() const {
+    if (!options_.on_picture) return {};
+    return [this](Ticks time) { options_.on_picture(ns_of_ticks(time)); };
+  }
+
+  /// From a time stamp to the time in the file. Where no entry of the stream states a time stamp, the first
+  /// picture is taken to be where its entry estimates it.
+  [[nodiscard]] Ticks shift_by(const std::function<std::optional<Ticks>()>& first_stamp) const {
+    const Ticks zero = ticks_of_ns(result_.zero_ns);
+    if (offset_) return -*offset_ - zero;
+    return ticks_of_ns(segments_.front().span.start_ns) - zero - first_stamp().value_or(0);
+  }
+
+  /// The container's own time stamp of the segment's first picture.
+  [[nodiscard]] std::optional<Ticks> first_stamp_of(const SealedSegment& segment,
+                                                    const std::string& name) const {
+    SegmentInput input(segment, stream_.media, name);
+    const AVStream& pictures = input.video();
+    const Packet packet = make_packet();
+    for (; input.read(*packet); av_packet_unref(packet.get())) {
+      if (packet->stream_index != pictures.index || packet->pts == AV_NOPTS_VALUE) continue;
+      return av_rescale_q(packet->pts, pictures.time_base, {1, int{kTicksPerSecond}});
+    }
+    return std::nullopt;
+  }
+
+  /// All segments as one run of bytes with the file's times, each opened when the one before is spent.
+  SequentialReader moved_transport_stream() {
     struct State {
       std::size_t next = 0;
       std::optional<SealedSegment> segment;
+      std::string name;
       std::uint64_t offset = 0, end = 0;
+      std::optional<TransportTimes> times;
+      Bytes moved;            // whole packets,
+      std::size_t taken = 0;  // of which so many bytes have left
+      Bytes begun;            // of the packet that the last read cut
     };
-    return [this, state = std::make_shared<State>()](std::span<std::byte> into) -> std::size_t {
-      while (state->offset == state->end) {
-        if (state->next == segments_.size()) {
-          return 0;
+    const auto fill = [this](State& state) {
+      while (state.offset == state.end) {
+        if (!state.begun.empty()) {
+          throw MediaError("the media of " + state.name + " ends within a transport packet");
         }
-        const archive::SegmentEntry& entry = segments_[state->next++];
-        state->segment.reset();
-        state->segment.emplace(open(entry));
-        state->offset = 0;
-        state->end = whole_bytes(entry, *state->segment);
+        if (state.next == segments_.size()) return false;
+        const archive::SegmentEntry& entry = segments_[state.next++];
+        state.segment.reset();
+        state.segment.emplace(open(entry));
+        state.name = entry.file.file;
+        state.offset = 0;
+        state.end = whole_packets(entry, *state.segment);
+        if (state.end == 0) continue;
+        if (!state.times) {
+          const Ticks shift = shift_by([&] { return first_stamp_of(*state.segment, state.name); });
+          const bool tells = form_ == Form::kTransportStream;
+          state.times.emplace(shift, "stream '" + stream_.name + "'",
+                              tells ? on_picture() : std::function<void(Ticks)>());
+        }
+        state.times->expect_around(ticks_of_ns(entry.span.start_ns) - ticks_of_ns(result_.zero_ns));
       }
+      state.moved = std::move(state.begun);
+      const std::size_t kept = state.moved.size();
       const auto wanted =
-          static_cast<std::size_t>(std::min<std::uint64_t>(into.size(), state->end - state->offset));
-      const std::size_t count = state->segment->read_at(state->offset, into.first(wanted));
-      if (count == 0) {
-        throw Error("a segment of stream '" + stream_.name + "' became shorter while it was read");
+          static_cast<std::size_t>(std::min<std::uint64_t>(kCopyBytes, state.end - state.offset));
+      state.moved.resize(kept + wanted);
+      const std::size_t got = state.segment->read_at(state.offset, std::span(state.moved).subspan(kept));
+      if (got == 0) throw Error("the segment file " + state.name + " became shorter while it was read");
+      state.offset += got;
+      const std::size_t whole = (kept + got) / TransportTimes::kPacketBytes * TransportTimes::kPacketBytes;
+      state.begun.assign(state.moved.begin() + std::ptrdiff_t(whole),
+                         state.moved.begin() + std::ptrdiff_t(kept + got));
+      state.moved.resize(whole);
+      state.times->move(state.moved);
+      state.taken = 0;
+      return true;
+    };
+    return [fill, state = std::make_shared<State>()](std::span<std::byte> into) -> std::size_t {
+      while (state->taken == state->moved.size()) {
+        if (!fill(*state)) return 0;
       }
-      state->offset += count;
+      const std::size_t count = std::min(into.size(), state->moved.size() - state->taken);
+      std::copy_n(state->moved.begin() + std::ptrdiff_t(state->taken), count, into.begin());
+      state->taken += count;
       return count;
     };
   }
 
   void tabulate(OutputFile& output) {
-    VitalsTable table([&output](ByteView bytes) { output.write(bytes); });
+    VitalsTable table([&output](ByteView bytes) { output.write(bytes); }, result_.zero_ns);
     for (const archive::SegmentEntry& entry : segments_) {
       const SealedSegment segment = open(entry);
       for_each_line(segment, entry.file.file, kLongestLineBytes, !entry.complete,
@@ -242,11 +321,24 @@ class Export {
   archive::StreamInfo stream_;
   Form form_;
   std::vector<archive::SegmentEntry> segments_;
+  std::optional<Ticks> offset_;  // of the stream's time stamps
+  std::optional<Ticks> shift_;   // of Matroska segments, once it is known
   std::uint64_t done_bytes_ = 0, total_bytes_ = 0;
   ExportResult result_;
 };
 
 }  // namespace
+
+std::int64_t export_zero_ns(const archive::CaseReader& recording, std::int64_t from_ns, std::int64_t to_ns) {
+  std::int64_t zero_ns = std::max(from_ns, recording.opening().begins_ns);
+  for (const archive::StreamInfo& stream : recording.opening().streams) {
+    if (!stream.media.starts_with("video/") && !stream.media.starts_with("audio/")) continue;
+    for (const archive::SegmentEntry& segment : recording.segments(stream.name, from_ns, to_ns)) {
+      zero_ns = std::min(zero_ns, segment.span.start_ns - (segment.counted ? 0 : kEarliestBeforeEstimateNs));
+    }
+  }
+  return std::max<std::int64_t>(zero_ns, 0);
+}
 
 ExportResult export_stream(const archive::CaseReader& recording, const crypto::AgeIdentities& identities,
                            const ExportOptions& options) {

@@ -5,9 +5,11 @@
 #include <cstdint>
 #include <filesystem>
 #include <functional>
+#include <optional>
 #include <string>
 
 #include "archive/case_reader.h"
+#include "base/error.h"
 #include "crypto/age_recipient.h"
 
 namespace kiroku::media {
@@ -17,14 +19,21 @@ struct ExportOptions {
   std::int64_t from_ns = 0;
   std::int64_t to_ns = INT64_MAX;
   /// The ending decides the form:
-  ///   .ts     MPEG-TS segments byte for byte, one after the other
-  ///   .mkv    pictures and sound of any video stream, packets copied, time from zero on, gaps kept
+  ///   .ts     MPEG-TS segments one after the other, nothing changed but their time stamps
+  ///   .mkv    pictures and sound of any video stream, packets copied, gaps kept
   ///   .mp4    likewise, if MP4 can hold them (it holds MPEG-2, neither FFV1 nor uncompressed pictures)
   ///   .jsonl  lines of vital signs or events, as they were recorded
   ///   .csv    vital signs as a table (vitals_table.h)
   std::filesystem::path output;
+  /// The moment of the case clock that is time 0 in the file; nothing: export_zero_ns() of the stretch.
+  std::optional<std::int64_t> zero_ns;
   /// Replace a file that is already there.
   bool overwrite = false;
+  /// Leave out segments that retention erased, instead of refusing.
+  bool pass_over_erased = false;
+  /// Told of each picture in the order of the file: when it is shown, counted from time 0. From the calling
+  /// thread.
+  std::function<void(std::int64_t time_ns)> on_picture;
   /// Ciphertext read so far, of all that will be read. From the calling thread.
   std::function<void(std::uint64_t done_bytes, std::uint64_t total_bytes)> progress;
 };
@@ -37,15 +46,34 @@ struct ExportResult {
   std::uint64_t left_out = 0;
   /// Case-clock span of what was written; whole segments, so it may be wider than asked for.
   std::int64_t start_ns = 0, end_ns = 0;
+  /// The moment of the case clock that is time 0 in the file.
+  std::int64_t zero_ns = 0;
   /// Segments that were being written when the power or the program failed; they end early.
   std::uint64_t incomplete = 0;
 };
+
+/// Pictures change their size or form within a stretch that is to become one .mkv or .mp4.
+class FormatChanged : public Error {
+ public:
+  FormatChanged(const std::string& sentence, std::int64_t at_ns) : Error(sentence), at_ns_(at_ns) {}
+  /// Where on the case clock: what lies before and after can be exported one by one.
+  [[nodiscard]] std::int64_t at_ns() const { return at_ns_; }
+
+ private:
+  std::int64_t at_ns_;
+};
+
+/// The moment of the case clock that is time 0 of every file of a stretch, whichever stream and form: the
+/// stretch's start, or that of the earliest segment of pictures or sound, of any stream, that reaches into
+/// it, since whole segments are written. It follows from ledger and stretch alone, so that files which are
+/// exported one by one lie on one time line. A stream that begins later begins later in its file.
+std::int64_t export_zero_ns(const archive::CaseReader& recording, std::int64_t from_ns, std::int64_t to_ns);
 
 /// Packets are copied, never re-encoded. Written beside the output and renamed when whole; nothing is left
 /// behind on failure. Every segment's bytes are checked against the ledger's hash before a byte of it leaves,
 /// and only the bytes that were hashed are decrypted. Throws kiroku::Error: unknown stream, nothing recorded
 /// in that time, wrong identity, a segment that is not what the ledger says, a form that does not go with the
-/// stream, a container that cannot hold the codec, a picture size that changes within a .mkv or .mp4, a file
+/// stream, a container that cannot hold the codec, FormatChanged, a file
 /// that is already there, no space.
 ExportResult export_stream(const archive::CaseReader& recording, const crypto::AgeIdentities& identities,
                            const ExportOptions& options);

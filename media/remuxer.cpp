@@ -55,8 +55,9 @@ bool same_parameters(const AVCodecParameters& a, const AVCodecParameters& b) {
 
 }  // namespace
 
-Remuxer::Remuxer(OutputFile& output, Container container, std::string name)
-    : name_(std::move(name)), container_(container), io_(output) {
+Remuxer::Remuxer(OutputFile& output, Container container, std::string name,
+                 std::function<void(Ticks time)> on_picture)
+    : name_(std::move(name)), container_(container), io_(output), on_picture_(std::move(on_picture)) {
   silence_libav();
 }
 
@@ -69,7 +70,7 @@ void Remuxer::open(SegmentInput& input) {
   context_.reset(raw);
   context_->pb = io_.context();
   context_->flags |= AVFMT_FLAG_CUSTOM_IO | AVFMT_FLAG_BITEXACT;
-  context_->avoid_negative_ts = AVFMT_AVOID_NEG_TS_MAKE_ZERO;
+  context_->avoid_negative_ts = AVFMT_AVOID_NEG_TS_DISABLED;
   for (const AVStream* from : copied_streams(input)) {
     const AVCodecID codec = from->codecpar->codec_id;
     if (avformat_query_codec(context_->oformat, codec, FF_COMPLIANCE_NORMAL) != 1) {
@@ -90,28 +91,25 @@ void Remuxer::open(SegmentInput& input) {
   check(avformat_write_header(context_.get(), nullptr), "cannot begin");
 }
 
-void Remuxer::require_same_streams(SegmentInput& input) const {
+std::string Remuxer::change(SegmentInput& input) const {
+  if (!context_) return "";
   const std::vector<const AVStream*> streams = copied_streams(input);
-  const std::string hint = "; export the times before and after the change one by one (--from, --to)";
   if (streams.size() != context_->nb_streams) {
-    throw Error("cannot join the segments of " + name_ + ": sound comes or goes in the middle" + hint);
+    return "cannot join the segments of " + name_ + ": sound comes or goes in the middle";
   }
   for (unsigned i = 0; i < context_->nb_streams; ++i) {
     const AVCodecParameters& before = *context_->streams[i]->codecpar;
     const AVCodecParameters& now = *streams[i]->codecpar;
     if (!same_parameters(before, now)) {
-      throw Error("cannot join the segments of " + name_ + ": it changes from " + describe(before) + " to " +
-                  describe(now) + hint);
+      return "cannot join the segments of " + name_ + ": it changes from " + describe(before) + " to " +
+             describe(now);
     }
   }
+  return "";
 }
 
-void Remuxer::copy(SegmentInput& input, bool tolerate_cut) {
-  if (!context_) {
-    open(input);
-  } else {
-    require_same_streams(input);
-  }
+void Remuxer::copy(SegmentInput& input, Ticks shift, bool tolerate_cut) {
+  if (!context_) open(input);
   std::vector<int> output_index(input.context().nb_streams, -1);
   int next_index = 0;
   for (const AVStream* stream : copied_streams(input)) {
@@ -137,10 +135,23 @@ void Remuxer::copy(SegmentInput& input, bool tolerate_cut) {
     }
     const AVStream& from = *input.context().streams[from_index];
     const int to_index = output_index[from_index];
-    frames_ += from.codecpar->codec_type == AVMEDIA_TYPE_VIDEO ? 1 : 0;
+    const AVRational ticks{1, int{kTicksPerSecond}};
+    const bool is_picture = from.codecpar->codec_type == AVMEDIA_TYPE_VIDEO;
+    for (std::int64_t* const stamp : {&packet->pts, &packet->dts}) {
+      if (*stamp != AV_NOPTS_VALUE) *stamp = av_rescale_q(*stamp, from.time_base, ticks) + shift;
+    }
+    if (!is_picture && packet->pts != AV_NOPTS_VALUE && packet->pts < 0) {
+      av_packet_unref(packet.get());
+      continue;
+    }
+    if (is_picture) {
+      ++frames_;
+      if (on_picture_ && packet->pts != AV_NOPTS_VALUE) on_picture_(packet->pts);
+    }
+    packet->duration = av_rescale_q(packet->duration, from.time_base, ticks);
     packet->stream_index = to_index;
     packet->pos = -1;
-    av_packet_rescale_ts(packet.get(), from.time_base, context_->streams[to_index]->time_base);
+    av_packet_rescale_ts(packet.get(), ticks, context_->streams[to_index]->time_base);
     check(av_interleaved_write_frame(context_.get(), packet.get()), "cannot write");
   }
 }

@@ -2,8 +2,10 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
 #include <string>
 
+#include "media/media_ticks.h"
 #include "media/output_io.h"
 #include "media/segment_input.h"
 
@@ -11,19 +13,25 @@ namespace kiroku::media {
 
 enum class Container { kMatroska, kMp4 };
 
-/// The first time stamp written becomes zero; all others keep their distance to it, gaps included. The same
-/// packets give the same bytes: nothing of the day, the machine or chance is written.
+/// Time stamps are moved by what the caller says, and stand in the file as they are then: nothing is shifted
+/// so that the file begins with zero, gaps are kept. Sound before zero is left out. The same packets give the
+/// same bytes: nothing of the day, the machine or chance is written.
 class Remuxer {
  public:
-  /// `output` must outlive the object; `name` stands in errors.
-  Remuxer(OutputFile& output, Container container, std::string name);
+  /// `output` must outlive the object; `name` stands in errors. `on_picture`, where there is one, hears when
+  /// each picture is shown.
+  Remuxer(OutputFile& output, Container container, std::string name,
+          std::function<void(Ticks time)> on_picture);
   Remuxer(const Remuxer&) = delete;
   Remuxer& operator=(const Remuxer&) = delete;
 
-  /// Copies all packets. The first input decides the streams; later ones must hold the same, with time stamps
-  /// that go on. Throws kiroku::Error: a codec that the container cannot hold, a picture of another size or
-  /// format than before. `tolerate_cut`: media that ends in mid-packet is copied up to there.
-  void copy(SegmentInput& input, bool tolerate_cut = false);
+  /// What an input holds that cannot be joined to those before, as a sentence without an end: "" where it
+  /// can.
+  [[nodiscard]] std::string change(SegmentInput& input) const;
+  /// Copies all packets, their time stamps moved by `shift`. The first input decides the streams; later ones
+  /// must hold the same (change()), with time stamps that go on. Throws kiroku::Error: a codec that the
+  /// container cannot hold. `tolerate_cut`: media that ends in mid-packet is copied up to there.
+  void copy(SegmentInput& input, Ticks shift, bool tolerate_cut = false);
   /// Writes what stands at the end of the container.
   void finish();
   /// Pictures copied.
@@ -31,13 +39,13 @@ class Remuxer {
 
  private:
   void open(SegmentInput& input);
-  void require_same_streams(SegmentInput& input) const;
   void check(int result, const std::string& what) const;
 
   std::string name_;
   Container container_;
   OutputIo io_;
   OutputContext context_;
+  std::function<void(Ticks time)> on_picture_;
   std::uint64_t frames_ = 0;
 };
 

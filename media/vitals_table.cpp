@@ -46,8 +46,8 @@ void append_seconds(std::string& text, std::int64_t time_ns) {
 
 }  // namespace
 
-VitalsTable::VitalsTable(crypto::ByteSink sink)
-    : sink_(std::move(sink)), text_("time,code,value,unit,quality,source\n") {}
+VitalsTable::VitalsTable(crypto::ByteSink sink, std::int64_t zero_ns)
+    : sink_(std::move(sink)), zero_ns_(zero_ns), text_("time,code,value,unit,quality,source,since_start\n") {}
 
 void VitalsTable::add(const VitalSample& sample) {
   if (sample.time_ns < last_ns_) {
@@ -110,6 +110,8 @@ void VitalsTable::write(const Row& row) {
     text_.append(number.data(), std::to_chars(number.data(), number.data() + number.size(), *row.value).ptr);
   }
   text_ += rest.substr(row.code_bytes);
+  text_ += ',';
+  append_seconds(text_, row.time_ns - zero_ns_);
   text_ += '\n';
   if (text_.size() >= kPieceBytes) {
     flush();

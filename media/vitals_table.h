@@ -1,14 +1,15 @@
 // Vital signs as a table of comma-separated values (RFC 4180), in order of time. An object belongs to one
 // thread.
 //
-//   time,code,value,unit,quality,source
-//   0.4,MDC_ECG_HEART_RATE,72,/min,good,synthetic:patient
+//   time,code,value,unit,quality,source,since_start
+//   600.4,MDC_ECG_HEART_RATE,72,/min,good,synthetic:patient,0.4
 //
-// `time` is in seconds of the case clock, exact to the nanosecond. A waveform becomes one row a value, each
-// at its own time (vital_sample.h); the first values of a waveform that began before the case have negative
-// times. A sample without value has an empty field. The device's own time stands in the JSON Lines only. Read
-// back by the recorder's CSV source, all rows but those of negative time give the same times, codes, values,
-// units and qualities.
+// `time` is in seconds of the case clock, exact to the nanosecond; `since_start` is in seconds since the
+// export's time 0, which is time 0 of the films that are exported with it. A waveform becomes one row a
+// value, each at its own time (vital_sample.h); the first values of a waveform that began before the case
+// have negative times. A sample without value has an empty field. The device's own time stands in the JSON
+// Lines only. Read back by the recorder's CSV source, all rows but those of negative time give the same
+// times, codes, values, units and qualities.
 #pragma once
 
 #include <cstdint>
@@ -26,7 +27,7 @@ namespace kiroku::media {
 class VitalsTable {
  public:
   /// Writes the line of column names. Rows leave through `sink` in large pieces.
-  explicit VitalsTable(crypto::ByteSink sink);
+  VitalsTable(crypto::ByteSink sink, std::int64_t zero_ns);
   /// Samples in order of their time_ns; throws kiroku::Error else.
   void add(const VitalSample& sample);
   /// Writes what was held back to bring waveforms into order. Nothing may be added after.
@@ -51,6 +52,7 @@ class VitalsTable {
   void flush();
 
   crypto::ByteSink sink_;
+  std::int64_t zero_ns_;
   std::priority_queue<Row, std::vector<Row>, Later> held_;
   std::string text_;
   std::int64_t last_ns_ = 0;

@@ -92,7 +92,7 @@ struct Session::State {
       status.streams.push_back({lanes[i]->name(), l.live, kept(l.frames, gone[i].frames),
                                 kept(l.dropped, gone[i].dropped), kept(l.segments, gone[i].segments),
                                 kept(l.bytes, gone[i].bytes), l.last_ns, l.durable_ns, l.refused, l.stuck,
-                                l.given_up, l.input});
+                                l.given_up, l.input, i < video_lanes});
     }
     status.begun = begun;
     status.begins_ns = begins_ns;
@@ -313,7 +313,8 @@ Session::State::State(SessionOptions asked)
   video_lanes = lanes.size();
   for (OpenedVitals& opened : vitals) {
     lanes.push_back(std::make_unique<VitalsLane>(lines, index, writing.streams[index], opened.address,
-                                                 std::move(opened.source)));
+                                                 std::move(opened.source),
+                                                 options.vitals[index - video_lanes].vitals_tap));
     ++index;
   }
   events = std::make_unique<EventsLane>(context, index, writing.streams[index]);

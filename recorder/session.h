@@ -21,6 +21,7 @@
 #include "recorder/picture_tap.h"
 #include "recorder/source/source_guard.h"
 #include "recorder/stamper.h"
+#include "recorder/vitals_tap.h"
 #include "timestamp/client.h"
 #include "timestamp/token_verifier.h"
 
@@ -38,6 +39,8 @@ struct StreamRequest {
   bool may_be_absent = false;
   /// Is offered every picture as it is captured, over all cases; null: nobody. Video only.
   std::shared_ptr<PictureTap> tap = nullptr;
+  /// Is offered every vital sign as it is recorded, likewise.
+  std::shared_ptr<VitalsTap> vitals_tap = nullptr;
   /// Through which its source is looked up and, of video, opened, over all cases of whoever keeps the
   /// request.
   std::shared_ptr<SourceGuard> guard = std::make_shared<SourceGuard>();
@@ -91,6 +94,7 @@ struct StreamStatus {
   unsigned stuck = 0;           // threads of its source that do not come back from its driver
   std::uint64_t given_up = 0;   // such threads since the recorder started, come back or not
   std::string input;            // what comes: "640x480 yuyv422, 30 a second, RTSP over UDP"; "" if not known
+  bool is_video = true;         // else of vital signs
 };
 struct SessionStatus {
   std::int64_t now_ns = 0;

@@ -68,9 +68,12 @@ void SourceSupervisor::run() {
   }
   const bool comes_back = present && source_->is_live();
   while (present && !stopping_) {
-    bool lost = false;
+    bool lost = false, decoder_lost = false;
     try {
       read(*source_);
+    } catch (const DecoderLost& error) {
+      context_.troubles.mention(error.what());
+      lost = decoder_lost = true;
     } catch (const std::exception& error) {
       context_.troubles.mention(error.what());
       lost = true;
@@ -81,7 +84,7 @@ void SourceSupervisor::run() {
     // Full teardown, a pause, and a fresh one: stale buffers and half-open connections go with the old
     // object.
     close();
-    present = reopen(true);
+    present = reopen(!decoder_lost);
   }
   ended_ = true;
   queue_.finish();
@@ -107,8 +110,8 @@ void SourceSupervisor::read(Source& source) {
   }
 }
 
-bool SourceSupervisor::reopen(bool was_open) {
-  const bool may_end = was_open && terms_.address.kind == SourceKind::kPipe;
+bool SourceSupervisor::reopen(bool may_have_ended) {
+  bool may_end = may_have_ended && terms_.address.kind == SourceKind::kPipe;
   for (std::int64_t pause_ns = kFirstReopenPauseNs;;
        pause_ns = std::min(2 * pause_ns, kLongestReopenPauseNs)) {
     if (!may_end && !wait_until(context_.clock, context_.clock.now_ns() + pause_ns, stopping_)) return false;
@@ -120,6 +123,10 @@ bool SourceSupervisor::reopen(bool was_open) {
       source_ = std::move(fresh);
       if (stopping_) source_->interrupt();
       return true;
+    } catch (const DecoderLost& error) {
+      if (stopping_) return false;
+      may_end = false;
+      context_.troubles.mention(error.what());
     } catch (const std::exception& error) {
       if (stopping_ || may_end) return false;
       context_.troubles.mention(error.what());

@@ -62,8 +62,8 @@ class SourceSupervisor {
   /// From the source's thread, or the microphone's.
   void hear(TimedFrame audio);
   /// Tries until there is a source; false if it has ended or is stopped. A pipe that was never opened is
-  /// waited for like anything else.
-  bool reopen(bool was_open);
+  /// waited for like anything else, and so is one whose decoder was lost.
+  bool reopen(bool may_have_ended);
   [[nodiscard]] std::unique_ptr<Source> open_anew();
   void close();
   [[nodiscard]] archive::GapCause cause_of_loss() const;

@@ -14,10 +14,12 @@ constexpr std::int64_t kSilenceNs = 10'000'000'000;
 }  // namespace
 
 VitalsLane::VitalsLane(const LaneContext& context, std::size_t stream_index, archive::StreamInfo info,
-                       const SourceAddress& address, std::unique_ptr<VitalSource> source)
+                       const SourceAddress& address, std::unique_ptr<VitalSource> source,
+                       std::shared_ptr<VitalsTap> tap)
     : context_(context),
       unpaced_(address.unpaced()),
       source_(std::move(source)),
+      tap_(std::move(tap)),
       output_(context.store, stream_index, std::move(info), context.facts),
       segmenter_(*this, context.segment_duration) {}
 
@@ -91,6 +93,7 @@ bool VitalsLane::take_next() {
   if (const auto* const notice = std::get_if<media::VitalNotice>(&*line)) tell_refusal(*notice);
   live_ = true;
   segmenter_.add(*line);
+  if (tap_) tap_->offer(*line);
   ++samples_;
   last_ns_ = time_ns;
   return true;
@@ -113,6 +116,7 @@ bool VitalsLane::wait_for_arrivals() {
 }
 
 void VitalsLane::read() {
+  if (tap_) tap_->begin();
   try {
     while (take_next()) {
     }

@@ -10,13 +10,15 @@
 #include "recorder/stream_output.h"
 #include "recorder/vitals/vital_source.h"
 #include "recorder/vitals/vitals_segmenter.h"
+#include "recorder/vitals_tap.h"
 
 namespace kiroku::recorder {
 
 class VitalsLane : public Lane, private VitalsSegmentSink {
  public:
   VitalsLane(const LaneContext& context, std::size_t stream_index, archive::StreamInfo info,
-             const SourceAddress& address, std::unique_ptr<VitalSource> source);
+             const SourceAddress& address, std::unique_ptr<VitalSource> source,
+             std::shared_ptr<VitalsTap> tap = nullptr);
   ~VitalsLane() override;
 
   void start() override;
@@ -47,6 +49,7 @@ class VitalsLane : public Lane, private VitalsSegmentSink {
   LaneContext context_;
   const bool unpaced_;
   std::unique_ptr<VitalSource> source_;
+  const std::shared_ptr<VitalsTap> tap_;  // null: nobody looks on
   StreamOutput output_;
   VitalsSegmenter segmenter_;
   std::atomic<bool> stopping_ = false, ended_ = false, reached_end_ = false, live_ = false;

@@ -15,6 +15,7 @@
 
 #include "base/connection_places.h"
 #include "base/error.h"
+#include "base/http_chunks.h"
 #include "base/http_head.h"
 #include "base/listen_address.h"
 #include "base/network_address.h"
@@ -59,6 +60,7 @@ class Session : public std::enable_shared_from_this<Session> {
  private:
   void read() {
     parser_.emplace();
+    parser_->on_chunk_header(extensions_);
     parser_->body_limit(kLargestQuery);
     parser_->header_limit(kLargestHeader);
     stream_.expires_after(time_limit_);
@@ -159,6 +161,7 @@ class Session : public std::enable_shared_from_this<Session> {
 
   beast::tcp_stream stream_;
   beast::flat_buffer buffer_;
+  RefuseChunkExtensions extensions_;
   std::optional<http::request_parser<http::string_body>> parser_;
   std::optional<http::response<http::string_body>> response_;
   Authority& authority_;

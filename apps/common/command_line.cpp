@@ -1,13 +1,16 @@
 #include "apps/common/command_line.h"
 
+#include <algorithm>
 #include <filesystem>
 #include <iostream>
 #include <new>
+#include <span>
 
 #include <CLI/CLI.hpp>
 
 #include "apps/common/version.h"
 #include "base/error.h"
+#include "base/near_miss.h"
 #include "base/printable.h"
 
 namespace kiroku::apps {
@@ -47,25 +50,81 @@ std::vector<std::string> unexpected_words(const std::string& text) {
   return words;
 }
 
+std::vector<std::string> command_names(const Command& command) {
+  std::vector<std::string> names;
+  for (const auto& child : command.commands()) names.push_back(child->name());
+  return names;
+}
+
+/// Long ones: one letter is as near to every other.
+std::vector<std::string> option_names(const Command& command) {
+  std::vector<std::string> names;
+  for (const OptionStatement& option : command.options()) {
+    for (const std::string& name : option.names) {
+      if (name.starts_with("--")) names.push_back(name);
+    }
+  }
+  return names;
+}
+
+/// Of a word that is none of an option's choices, which CLI11 tells as "--profile: h264 not in {…}".
+std::string choice_meant(const std::string& text, const Command& command) {
+  const std::size_t colon = text.find(": "), rest = text.find(" not in {");
+  if (colon == std::string::npos || rest == std::string::npos || rest < colon + 2) return "";
+  const std::string name = text.substr(0, colon), typed = text.substr(colon + 2, rest - colon - 2);
+  for (const auto* const statements : {&command.options(), &command.arguments()}) {
+    for (const OptionStatement& statement : *statements) {
+      if (std::find(statement.names.begin(), statement.names.end(), name) != statement.names.end()) {
+        return did_you_mean(typed, statement.choices);
+      }
+    }
+  }
+  return "";
+}
+
+std::string no_such_option(const std::string& word, const Command& command) {
+  const std::string name = word.substr(0, word.find('='));
+  return "there is no option '" + name + "' here" + did_you_mean(name, option_names(command));
+}
+
 /// One sentence, beginning in lower case, for what CLI11 refused.
-std::string parse_sentence(const CLI::ParseError& error, const std::string& command) {
+std::string parse_sentence(const CLI::ParseError& error, const Command& command,
+                           std::span<const char* const> typed) {
   std::string text = error.what();
   if (dynamic_cast<const CLI::ExtrasError*>(&error) != nullptr) {
     // An unknown option makes its value unexpected, too: the option is what was wrong.
     const std::vector<std::string> words = unexpected_words(text);
     for (const std::string& word : words) {
-      if (word.size() > 1 && word[0] == '-') return "there is no option '" + word + "' here";
+      if (word.size() > 1 && word[0] == '-') return no_such_option(word, command);
     }
-    return "'" + (words.empty() ? "" : words.front()) + "' is neither a command of " + command +
-           " nor expected as an argument here";
+    // CLI11 tells them in an order of its own: what follows a mistyped command is its arguments.
+    const auto first =
+        std::find_first_of(typed.begin(), typed.end(), words.begin(), words.end(),
+                           [](const char* one, const std::string& other) { return other == one; });
+    const std::string word = first != typed.end() ? *first : words.empty() ? "" : words.front();
+    return "'" + word + "' is neither a command of " + command.full_name() +
+           " nor expected as an argument here" + did_you_mean(word, command_names(command));
+  }
+  if (dynamic_cast<const CLI::RequiredError*>(&error) != nullptr) {
+    // What lacks may be there, mistyped: CLI11 looks for it first.
+    const std::vector<std::string> known = option_names(command);
+    for (const std::string word : typed) {
+      if (word == "--") break;
+      if (!word.starts_with("--") || word == "--help") continue;
+      const std::string name = word.substr(0, word.find('='));
+      if (std::find(known.begin(), known.end(), name) == known.end() && nearest_word(name, known)) {
+        return no_such_option(word, command);
+      }
+    }
   }
   if (const std::size_t many = text.find(": At Most 1 required but received"); many != std::string::npos) {
     return text.substr(0, many) + " may be given only once";
   }
+  const std::string meant = choice_meant(text, command);
   const auto is_upper = [](char c) { return c >= 'A' && c <= 'Z'; };
   if (text.size() > 1 && is_upper(text[0]) && !is_upper(text[1])) text[0] = char(text[0] - 'A' + 'a');
   while (!text.empty() && (text.back() == '\n' || text.back() == '.' || text.back() == ' ')) text.pop_back();
-  return text;
+  return text + meant;
 }
 
 }  // namespace
@@ -234,8 +293,8 @@ int Program::run_parsed(int argc, const char* const* argv) {
     return kDone;
   } catch (const CLI::ParseError& error) {
     descend();
-    throw UsageError(parse_sentence(error, command->full_name()) + "; see '" + command->full_name() +
-                     " --help'");
+    throw UsageError(parse_sentence(error, *command, {argv, std::size_t(argc)}) + "; see '" +
+                     command->full_name() + " --help'");
   }
   if (command->action_) return command->action_();
   if (command == root_.get()) {

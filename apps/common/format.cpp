@@ -9,12 +9,12 @@
 #include <optional>
 
 #include "base/error.h"
+#include "base/time_text.h"
 
 namespace kiroku::apps {
 namespace {
 
-constexpr double kNanosecondsPerSecond = 1e9;
-constexpr double kLongestSeconds = 3'600'000;
+constexpr std::int64_t kLongestNs = 1000LL * 3600 * 1'000'000'000;
 
 std::optional<double> parse_number(std::string_view text) {
   if (text.empty() || text.find_first_not_of("0123456789.") != std::string_view::npos) return {};
@@ -22,29 +22,6 @@ std::optional<double> parse_number(std::string_view text) {
   const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
   if (error != std::errc() || end != text.data() + text.size()) return {};
   return value;
-}
-
-std::optional<double> parse_clock(std::string_view text) {
-  const std::size_t first = text.find(':'), second = text.rfind(':');
-  if (first == std::string_view::npos || first == second) return {};
-  const auto hours = parse_number(text.substr(0, first));
-  const auto minutes = parse_number(text.substr(first + 1, second - first - 1));
-  const auto seconds = parse_number(text.substr(second + 1));
-  const bool whole = hours && minutes && std::floor(*hours) == *hours && std::floor(*minutes) == *minutes;
-  if (!whole || !seconds || *minutes >= 60 || *seconds >= 60) return {};
-  return *hours * 3600 + *minutes * 60 + *seconds;
-}
-
-std::optional<double> parse_with_unit(std::string_view text) {
-  constexpr std::array<std::pair<std::string_view, double>, 4> kUnits{
-      {{"ms", 0.001}, {"s", 1.0}, {"m", 60.0}, {"h", 3600.0}}};
-  for (const auto& [unit, seconds] : kUnits) {
-    if (!text.ends_with(unit)) continue;
-    const auto number = parse_number(text.substr(0, text.size() - unit.size()));
-    if (!number) return {};
-    return *number * seconds;
-  }
-  return {};
 }
 
 /// Length in characters, not bytes, of UTF-8 text.
@@ -98,13 +75,12 @@ std::string format_utc_for_people(UtcTime time) {
 }
 
 std::chrono::nanoseconds parse_duration(std::string_view text, const std::string& what) {
-  const std::optional<double> seconds =
-      text.find(':') == std::string_view::npos ? parse_with_unit(text) : parse_clock(text);
-  if (!seconds || *seconds <= 0 || *seconds > kLongestSeconds) {
-    throw UsageError(what + " is '" + std::string(text) +
-                     "', which is no length of time: write 20s, 90m, 2h or hh:mm:ss");
+  const std::optional<std::int64_t> ns = parse_time_text(text);
+  if (!ns || *ns == 0 || *ns > kLongestNs) {
+    throw UsageError(what + " is '" + std::string(text) + "', which is no length of time: write " +
+                     std::string(kTimeForms));
   }
-  return std::chrono::nanoseconds(std::llround(*seconds * kNanosecondsPerSecond));
+  return std::chrono::nanoseconds(*ns);
 }
 
 std::int64_t parse_bit_rate(std::string_view text, const std::string& what) {

@@ -21,7 +21,7 @@ std::string format_local(UtcTime time);
 /// "2026-08-05 09:15:02 UTC".
 std::string format_utc_for_people(UtcTime time);
 
-/// "20s", "1.5s", "90m", "2h", "500ms" or "hh:mm:ss[.fff]"; more than nothing and at most 1000 hours. Throws
+/// A length of time as people write it (base/time_text.h), more than nothing and at most 1000 hours. Throws
 /// kiroku::UsageError that names `what` ("--duration").
 std::chrono::nanoseconds parse_duration(std::string_view text, const std::string& what);
 /// "4M", "800k", "4000000": bits a second, 1k to 1G. Throws kiroku::UsageError that names `what`.

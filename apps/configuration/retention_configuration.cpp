@@ -57,6 +57,10 @@ void read_replicas(TableReader& storage, RetentionConfiguration& into) {
 
 std::chrono::nanoseconds parse_age(const std::string& text, const std::string& what) {
   constexpr std::size_t kMostDigits = 5;
+  // Who writes 30 means days, and would erase what is older than half a minute.
+  if (!text.empty() && text.find_first_not_of("0123456789.") == std::string::npos) {
+    throw UsageError(what + " is '" + text + "', which does not say of what: write 30d, 12h or 90m");
+  }
   if (!text.ends_with('d')) return parse_duration(text, what);
   const std::string number = text.substr(0, text.size() - 1);
   if (number.empty() || number.size() > kMostDigits ||

@@ -31,7 +31,8 @@ void read_retention_rules(TableReader& top, RetentionConfiguration& into);
 /// `replicas` of [storage].
 void read_replicas(TableReader& storage, RetentionConfiguration& into);
 
-/// "30d", or what every other duration is written as; throws UsageError naming `what`.
+/// "30d", or what every other duration is written as, but for a number without a unit; throws UsageError
+/// naming `what`.
 std::chrono::nanoseconds parse_age(const std::string& text, const std::string& what);
 
 /// Nothing if one of the replicas holds the stream of the case; else why none does, a sentence. See

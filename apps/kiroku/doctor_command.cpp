@@ -3,12 +3,9 @@
 #include <cmath>
 #include <fcntl.h>
 #include <functional>
-#include <grp.h>
 #include <iostream>
 #include <memory>
-#include <pwd.h>
 #include <sys/resource.h>
-#include <sys/stat.h>
 #include <sys/statvfs.h>
 #include <unistd.h>
 #include <utility>
@@ -22,6 +19,7 @@
 #include "apps/common/terminal.h"
 #include "apps/kiroku/authorities.h"
 #include "apps/kiroku/commands.h"
+#include "apps/kiroku/group_advice.h"
 #include "apps/kiroku/home.h"
 #include "apps/kiroku/output_file.h"
 #include "apps/kiroku/recording_setup.h"
@@ -31,6 +29,7 @@
 #include "recorder/control/control_client.h"
 #include "recorder/daemon/disk_hours.h"
 #include "recorder/procedure/worklist.h"
+#include "recorder/source/boxed_source.h"
 #include "recorder/source/source.h"
 #include "recorder/vitals/vital_source.h"
 #include "timestamp/request.h"
@@ -141,6 +140,15 @@ Check check_recipients(const Home& home, const Configuration& configuration) {
           ""};
 }
 
+Check check_decoders() {
+  const std::string why = recorder::why_unboxed();
+  if (why.empty())
+    return {Health::kGood, "decoders", "each source is decoded in a box, by a process without keys", ""};
+  return {Health::kBad, "decoders",
+          "sources are decoded beside the device key, and cases are not shown: " + why,
+          "install Kiroku anew; its kernel needs seccomp, as Debian's has (docs/how-to/operations.md)"};
+}
+
 /// Writes and flushes a trial file as recording would.
 double trial_megabytes_per_second(const fs::path& archive) {
   const fs::path trial = archive / ".doctor-trial";
@@ -237,25 +245,8 @@ Check check_roots(const Home& home, const timestamp::TrustStore& trust) {
           "move it to " + home.own_authority_file().string()};
 }
 
-/// The group whose members may open a device that this user may not; nothing where that is not what lacks.
-std::optional<std::string> missing_group(const fs::path& device) {
-  struct stat info {};
-  if (::stat(device.c_str(), &info) != 0 || !S_ISCHR(info.st_mode) || (info.st_mode & S_IRGRP) == 0 ||
-      ::access(device.c_str(), R_OK) == 0 || errno != EACCES) {
-    return {};
-  }
-  const group* const found = ::getgrgid(info.st_gid);
-  return found != nullptr ? found->gr_name : std::to_string(info.st_gid);
-}
-
-/// kirokud's unit gives it these groups; whoever runs this by hand may lack them.
-Check lacks_group(const std::string& subject, const std::string& device, const std::string& its_group) {
-  const passwd* const user = ::getpwuid(::geteuid());
-  const std::string name = user != nullptr ? user->pw_name : std::to_string(::geteuid());
-  return {Health::kWarning, subject,
-          "not examined: " + device + " is for the group " + its_group + ", in which " + name + " is not",
-          "kirokud's unit has this group; to examine it by hand: sudo usermod -aG " + its_group + " " + name +
-              ", then run this again"};
+Check not_examined(const std::string& subject, const GroupAdvice& group) {
+  return {Health::kWarning, subject, group.finding, group.advice};
 }
 
 Check check_footswitch(const RoomConfiguration& room, const recorder::FootswitchOptions& options) {
@@ -266,8 +257,8 @@ Check check_footswitch(const RoomConfiguration& room, const recorder::Footswitch
     // One that is looked for by its name may be any of them.
     const bool by_name = options.device.starts_with("name:");
     const std::string device = by_name ? "/dev/input/event0" : options.device;
-    const auto its_group = missing_group(device);
-    if (error.error_number() == EACCES && its_group) return lacks_group(subject, device, *its_group);
+    const auto group = group_advice(device);
+    if (error.error_number() == EACCES && group) return not_examined(subject, *group);
     throw;
   }
   return {Health::kGood, subject, "is there and has the key", ""};
@@ -276,9 +267,7 @@ Check check_footswitch(const RoomConfiguration& room, const recorder::Footswitch
 Check check_source(const RoomConfiguration& room, const StreamConfiguration& stream) {
   const std::string subject = "source " + room.name + "/" + stream.name;
   const recorder::SourceAddress address = recorder::parse_source_address(stream.source);
-  if (const auto its_group = missing_group(address.location)) {
-    return lacks_group(subject, address.location, *its_group);
-  }
+  if (const auto group = group_advice(address.location)) return not_examined(subject, *group);
   const recorder::CaseClock clock;
   if (!stream.is_video) {
     static_cast<void>(recorder::open_vital_source(address, clock));
@@ -385,6 +374,7 @@ void examine_all(const Home& home, const Configuration& configuration, Examinati
   out.examine("disk", "look at the disk of the archive", [&] { return check_disk(home); });
   out.add(check_locked_memory());
   out.add(check_clock());
+  out.add(check_decoders());
   out.add(check_roots(home, trust));
   const Authorities authorities(home, configuration, {});
   for (const recorder::NamedAuthority& authority : authorities.named()) {
@@ -462,11 +452,10 @@ void add_doctor_command(Command& program) {
   command.flag("--json", request->json, "prints one JSON object instead");
   command.explain(
       "Looks at configuration, permissions, recipients, disk, clock, time-stamping authorities, worklists "
-      "and "
-      "sources, and says what to do about what is not good. Writes a trial file of 256 MB into the archive "
+      "and sources, and says what to do about what is not good. Writes a trial file of 256 MB into the "
+      "archive "
       "and removes it. Exit status "
-      "1 if anything is "
-      "bad.");
+      "1 if anything is bad.");
   command.example("kiroku doctor", "before the first case of the day");
   command.on_run([request] { return run(*request); });
 }

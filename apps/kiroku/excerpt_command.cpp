@@ -5,6 +5,7 @@
 
 #include "apps/common/format.h"
 #include "apps/common/json_output.h"
+#include "apps/common/time_option.h"
 #include "apps/kiroku/commands.h"
 #include "apps/kiroku/home.h"
 #include "apps/kiroku/user_name.h"
@@ -26,8 +27,9 @@ int run(const Request& request) {
   const std::optional<Home> home = Home::find(request.home);
   const archive::CaseReader recording = archive::CaseReader::open(find_case(home, request.named));
   archive::ExcerptOptions options;
-  options.from_ns = recording.parse_time(request.from);
-  options.to_ns = recording.parse_time(request.to);
+  const archive::Span stretch = recording.parse_stretch(request.from, request.to);
+  options.from_ns = stretch.start_ns;
+  options.to_ns = stretch.end_ns;
   options.streams = request.streams;
   for (const std::string& text : request.recipients)
     options.recipients.push_back(crypto::parse_recipient(text));
@@ -69,7 +71,7 @@ void add_excerpt_command(Command& program) {
   Command& command = program.add_command("excerpt", "copies a part of a case that can be verified by itself");
   const auto request = std::make_shared<Request>();
   command.argument("CASE", request->named, "case folder, or identifier of a case in the home's archive");
-  command.required_option("--from", "T", request->from, "hh:mm:ss[.fff] from the start, or RFC 3339");
+  command.required_option("--from", "T", request->from, kTimeHelp);
   command.required_option("--to", "T", request->to, "likewise");
   command.required_option("-o,--output", "DIR", request->output, "a folder that does not exist yet");
   command.option("--stream", "STREAM", request->streams, "only this stream; all of them if absent");

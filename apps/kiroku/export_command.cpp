@@ -1,3 +1,6 @@
+#include <atomic>
+#include <csignal>
+#include <initializer_list>
 #include <iostream>
 #include <memory>
 
@@ -6,99 +9,202 @@
 #include "apps/common/format.h"
 #include "apps/common/json_output.h"
 #include "apps/common/progress.h"
+#include "apps/common/time_option.h"
 #include "apps/kiroku/commands.h"
 #include "apps/kiroku/home.h"
+#include "apps/kiroku/user_name.h"
+#include "apps/kiroku/verify_extras.h"
+#include "apps/verify/judging.h"
 #include "archive/case_reader.h"
+#include "archive/report_json.h"
+#include "base/error.h"
+#include "crypto/encoding.h"
+#include "media/case_export.h"
 #include "media/exporter.h"
 
 namespace kiroku::apps {
 namespace {
 
+using nlohmann::ordered_json;
+
 struct Request {
-  std::string named, stream, output;
-  std::optional<std::string> from, to, home;
+  std::string named, output;
+  std::optional<std::string> stream, from, to, home;
   std::vector<std::string> identities;
-  bool json = false;
+  bool all = false, force = false, json = false;
 };
 
-int run(const Request& request) {
-  const std::optional<Home> home = Home::find(request.home);
-  const archive::CaseReader recording = archive::CaseReader::open(find_case(home, request.named));
+std::atomic<bool> told_to_end = false;
+static_assert(std::atomic<bool>::is_always_lock_free);
+
+/// From now on Ctrl-C and SIGTERM end the export where it looks, so that it takes away what it began.
+void end_when_told() {
+  struct sigaction action {};
+  action.sa_handler = [](int) { told_to_end = true; };
+  action.sa_flags = static_cast<int>(SA_RESETHAND);  // who asks twice is obeyed at once
+  for (const int signal : {SIGINT, SIGTERM, SIGHUP}) ::sigaction(signal, &action, nullptr);
+}
+
+/// What an export reports to: draws, and ends it where that was asked for.
+class Watch {
+ public:
+  void operator()(std::uint64_t done, std::uint64_t total) {
+    if (told_to_end) throw Error("ended before it was whole: nothing was written");
+    progress_.update(done, total);
+  }
+
+ private:
+  Progress progress_{"exporting"};
+};
+
+int export_one(const Request& request, const std::optional<Home>& home, const archive::CaseReader& recording,
+               const archive::Span& stretch) {
   media::ExportOptions options;
-  options.stream = request.stream;
+  options.stream = *request.stream;
   // Refuses an unknown one before a passphrase is asked for.
-  const bool pictures = recording.stream(request.stream).kind == "video";
-  if (request.from) options.from_ns = recording.parse_time(*request.from);
-  if (request.to) options.to_ns = recording.parse_time(*request.to);
+  const bool pictures = recording.stream(options.stream).kind == "video";
+  options.from_ns = stretch.start_ns;
+  options.to_ns = stretch.end_ns;
   options.output = request.output;
+  options.overwrite = request.force;
   const crypto::AgeIdentities identities = load_identities(request.identities, home);
   media::ExportResult result;
   {
-    Progress progress("exporting");
-    options.progress = [&progress](std::uint64_t done, std::uint64_t total) { progress.update(done, total); };
+    Watch watch;
+    options.progress = [&watch](std::uint64_t done, std::uint64_t total) { watch(done, total); };
     result = media::export_stream(recording, identities, options);
   }
-  log_access(home, recording.folder(), "exported " + request.stream);
+  log_access(home, recording.folder(), "exported " + options.stream);
+  const std::int64_t begins_ns = recording.opening().begins_ns;
   if (request.json) {
     print_json({{"case", recording.opening().case_id},
-                {"stream", request.stream},
+                {"stream", options.stream},
                 {"file", request.output},
                 {"segments", result.segments},
                 {"frames", result.frames},
                 {"uncounted_segments", result.uncounted},
                 {"left_out", result.left_out},
                 {"bytes", result.bytes},
+                {"zero_ns", result.zero_ns},
                 {"start_ns", result.start_ns},
                 {"end_ns", result.end_ns}});
-  } else {
-    std::cout << request.output << ": " << result.frames << (pictures ? " frames" : " lines") << " of "
-              << request.stream << ", from " << format_duration(result.start_ns) << " to "
-              << format_duration(result.end_ns) << " of the case, " << format_bytes(result.bytes)
-              << (result.uncounted == 0 ? ""
-                                        : "; " + std::to_string(result.uncounted) +
-                                              " segment(s) found by recovery are in it and not counted")
-              << "\n";
-    if (result.left_out > 0) {
-      std::cout
-          << result.left_out
-          << " lines are texts, alarms, messages or notices and have no place in a table; export .jsonl to "
-             "see them\n";
-    }
+    return kDone;
+  }
+  std::cout << request.output << ": " << result.frames << (pictures ? " frames" : " lines") << " of "
+            << options.stream << ", from " << format_duration(result.start_ns - begins_ns) << " to "
+            << format_duration(result.end_ns - begins_ns) << " of the case, " << format_bytes(result.bytes)
+            << (result.uncounted == 0 ? ""
+                                      : "; " + std::to_string(result.uncounted) +
+                                            " segment(s) found by recovery are in it and not counted")
+            << "\nIts time 0 is " << archive::case_time_text(result.zero_ns, begins_ns) << " of the case.\n";
+  if (result.left_out > 0) {
+    std::cout
+        << result.left_out
+        << " lines are texts, alarms, messages or notices and have no place in a table; export .jsonl to "
+           "see them\n";
   }
   return kDone;
+}
+
+ordered_json verification_of(const Request& request, const archive::CaseReader& recording) {
+  const JudgingRequest as_usual;
+  const VerifyExtras extras = verify_extras(std::make_shared<std::optional<std::string>>(request.home));
+  const Judge judge(as_usual, extras);
+  const archive::VerificationReport report = judge.judge(recording.folder()).report;
+  const ordered_json whole = archive::report_json(report);
+  ordered_json verification{{"verdict", whole["verdict"]},
+                            {"time", whole["time"]},
+                            {"entries", report.entries},
+                            {"ledger_root", nullptr},
+                            {"findings", whole["findings"]}};
+  if (report.lines_root) verification["ledger_root"] = crypto::to_hex(*report.lines_root);
+  return verification;
+}
+
+int export_all(const Request& request, const std::optional<Home>& home, const archive::CaseReader& recording,
+               const archive::Span& stretch) {
+  media::CaseExportOptions options;
+  options.from_ns = stretch.start_ns;
+  options.to_ns = stretch.end_ns;
+  options.folder = request.output;
+  options.overwrite = request.force;
+  options.made_by = user_name();
+  options.program = "kiroku " + std::string(version());
+  const crypto::AgeIdentities identities = load_identities(request.identities, home);
+  options.verification = verification_of(request, recording);
+  media::CaseExportResult result;
+  {
+    Watch watch;
+    options.progress = [&watch](std::uint64_t done, std::uint64_t total) { watch(done, total); };
+    result = media::export_case(recording, identities, options);
+  }
+  log_access(home, recording.folder(), "exported every stream");
+  if (request.json) {
+    print_json(result.manifest);
+    return kDone;
+  }
+  const std::int64_t zero_ns = result.manifest["zero"]["case_ns"];
+  std::cout << request.output << ": " << result.files.size() << " files of "
+            << recording.opening().streams.size() << " streams, " << format_bytes(result.bytes)
+            << "; time 0 of all is " << archive::case_time_text(zero_ns, recording.opening().begins_ns)
+            << " of the case, whose verdict is " << options.verification["verdict"].get<std::string>() << ". "
+            << media::kExportManifest << " says where each begins.\n";
+  return kDone;
+}
+
+int run(const Request& request) {
+  if (request.all == request.stream.has_value()) {
+    throw UsageError("name one stream with --stream, or take every stream with --all");
+  }
+  const std::optional<Home> home = Home::find(request.home);
+  const archive::CaseReader recording = archive::CaseReader::open(find_case(home, request.named));
+  const archive::Span stretch = recording.parse_stretch(request.from, request.to);
+  end_when_told();
+  return request.all ? export_all(request, home, recording, stretch)
+                     : export_one(request, home, recording, stretch);
 }
 
 }  // namespace
 
 void add_export_command(Command& program) {
   Command& command =
-      program.add_command("export", "writes one stream of a case as plain media, for a recipient");
+      program.add_command("export", "writes streams of a case as plain media, for a recipient");
   const auto request = std::make_shared<Request>();
   command.argument("CASE", request->named, "case folder, or identifier of a case in the home's archive");
-  command.required_option("--stream", "STREAM", request->stream,
-                          "which stream: endoscope, room, vitals, events");
-  command.required_option(
-      "-o,--output", "FILE", request->output,
-      "where to; its ending says what: .ts .mkv .mp4 for pictures, .jsonl .csv for vital signs");
+  command.option("--stream", "STREAM", request->stream, "which stream: endoscope, room, vitals, events");
+  command.flag("--all", request->all, "every stream instead, into a folder with manifest.json");
+  command.required_option("-o,--output", "FILE", request->output,
+                          "where to; its ending says what: .ts .mkv .mp4 for pictures, .jsonl .csv for vital "
+                          "signs; with --all a folder");
   command.option("-i,--identity", "FILE", request->identities,
                  "a recipient's identity; in a --demo home its own");
-  command.option("--from", "T", request->from, "hh:mm:ss[.fff] from the start, or RFC 3339", "the start");
+  command.option("--from", "T", request->from, kTimeHelp, "the start");
   command.option("--to", "T", request->to, "likewise", "the end");
+  command.flag(
+      "--force", request->force,
+      "replaces what is there, in one step, once the new one is whole; with --all an earlier export");
   add_home_option(command, request->home);
-  command.flag("--json", request->json, "prints one JSON object instead");
+  command.flag("--json", request->json, "prints one JSON object instead; with --all the manifest");
   command.explain(
       "Pictures are copied, never encoded again. Every sealed file is checked against the ledger before a "
-      "byte of it "
-      "leaves; if one changes meanwhile, nothing is written. Whole segments are written, so that a little "
-      "more than asked for may be there. The export is "
-      "entered in "
-      "the appliance log.");
+      "byte of it leaves; if one changes meanwhile, nothing is written. Whole segments are written, so that "
+      "a little more than asked for may be there. The export is entered in the appliance log.");
+  command.explain(
+      "All forms and streams have one time base. Time 0 is --from, or where the earliest segment of pictures "
+      "begins that reaches into the stretch; it is the same for every stream that is exported from the same "
+      "stretch. A stream that begins later begins later in its file, and gaps stay. A .csv has the case's "
+      "time and, in its last column, the time since 0.");
+  command.explain(
+      "--all verifies the case first. manifest.json says what was found, where each file begins on the "
+      "case's clock and in UTC by the ledger, gaps, and the SHA-256 of each file; NAME.frames.csv says when "
+      "each picture is shown.");
   command.example(
       "kiroku export 20260805T091502Z-3f9c21ab --stream endoscope -i identity.txt -o endoscope.mp4",
       "the endoscope's film");
-  command.example(
-      "kiroku export CASE --stream vitals -i identity.txt --from 00:10:00 --to 00:20:00 -o vitals.csv",
-      "ten minutes of vital signs as a table");
+  command.example("kiroku export CASE --stream vitals -i identity.txt --from 10:00 --to 20:00 -o vitals.csv",
+                  "ten minutes of vital signs as a table");
+  command.example("kiroku export CASE --all -i identity.txt --from 1h2m --to 1:05:00 -o for-the-study",
+                  "three minutes of everything, on one time line");
   command.on_run([request] { return run(*request); });
 }
 

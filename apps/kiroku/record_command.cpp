@@ -12,6 +12,7 @@
 #include "apps/common/file.h"
 #include "apps/common/format.h"
 #include "apps/common/json_output.h"
+#include "apps/common/time_option.h"
 #include "apps/kiroku/case_recording.h"
 #include "apps/kiroku/commands.h"
 #include "apps/kiroku/home.h"
@@ -262,8 +263,7 @@ void add_record_command(Command& program) {
   command.option(
       "--vitals", "SRC", request->vitals,
       "the patient's vital signs: mllp://ADDRESS:PORT where monitors deliver HL7, a file, synthetic:patient");
-  command.option("--duration", "T", request->duration, "ends by itself after hh:mm:ss, or 20s, 90m, 2h",
-                 "until Ctrl-C");
+  command.option("--duration", "T", request->duration, duration_help("ends by itself after"), "until Ctrl-C");
   command.option("--subject", "FILE", request->subject,
                  "JSON about patient, procedure and staff, to be sealed with the case");
   command.option("--worklist", "ROOM", request->worklist,

@@ -4,7 +4,7 @@
 #include "archive/catalogue.h"
 #include "archive/excerpt_verifier.h"
 #include "base/error.h"
-#include "media/inspector.h"
+#include "media/inspection/inspector.h"
 
 namespace kiroku::apps {
 namespace {

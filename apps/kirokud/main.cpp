@@ -36,14 +36,17 @@
 #include "archive/file_system.h"
 #include "archive/recording_lock.h"
 #include "base/error.h"
+#include "base/process_hardening.h"
 #include "recorder/daemon/control_server.h"
 #include "recorder/daemon/daemon.h"
 #include "recorder/daemon/http_server.h"
 #include "recorder/daemon/resumption.h"
 #include "recorder/late_stamping.h"
 #include "recorder/procedure/room_procedure.h"
+#include "recorder/source/boxed_source.h"
 #include "recorder/source/source_address.h"
 #include "recorder/vitals/mllp_address.h"
+#include "viewer/live/live_monitors.h"
 #include "viewer/live/live_pictures.h"
 #include "viewer/server/viewer.h"
 
@@ -110,10 +113,16 @@ DaemonSetup read_configuration(const std::filesystem::path& file) {
   return {std::move(configuration), parse_viewer_configuration(text_of(text), file.string())};
 }
 
-/// `channels` is given those of the room's pictures; null: nobody looks on.
+/// What is shown of rooms while they record.
+struct LookingOn {
+  live::Channels channels;
+  live::LiveMonitors monitors;
+};
+
+/// `looking_on` is given the room's pictures and vital signs; null: nobody looks on.
 recorder::RoomPlan plan_of(const RoomConfiguration& room, const Home& home,
                            const Configuration& configuration, const Authorities& authorities,
-                           const WritableHome& shared, live::Channels* channels) {
+                           const WritableHome& shared, LookingOn* looking_on) {
   recorder::RoomPlan plan;
   plan.name = room.name;
   plan.rules = room.rules;
@@ -125,9 +134,13 @@ recorder::RoomPlan plan_of(const RoomConfiguration& room, const Home& home,
       spdlog::error("room {}: {}", name, printable(sentence));
     });
     asked.microphone = stream.microphone;
-    if (stream.is_video && channels != nullptr) {
+    if (!stream.is_video && looking_on != nullptr) {
+      asked.vitals_tap = std::make_shared<recorder::VitalsTap>();
+      looking_on->monitors.add(room.name, stream.name, asked.vitals_tap);
+    }
+    if (stream.is_video && looking_on != nullptr) {
       asked.tap = std::make_shared<recorder::PictureTap>();
-      (*channels)[{room.name, stream.name}] = std::make_unique<live::LiveChannel>(
+      looking_on->channels[{room.name, stream.name}] = std::make_unique<live::LiveChannel>(
           asked.tap, [](const std::string& sentence) { spdlog::warn("{}", printable(sentence)); });
     }
     (stream.is_video ? plan.session.video : plan.session.vitals).push_back(std::move(asked));
@@ -135,7 +148,7 @@ recorder::RoomPlan plan_of(const RoomConfiguration& room, const Home& home,
   plan.session.archive = home.archive();
   plan.session.device_name = home.device().name();
   plan.session.event_recipients = recipients.usual();
-  plan.session.pointing = channels != nullptr;
+  plan.session.pointing = looking_on != nullptr;
   plan.session.segment_duration = configuration.segment;
   plan.session.stamp_interval = configuration.stamp_every;
   plan.session.authorities = authorities.named();
@@ -260,7 +273,7 @@ std::unique_ptr<recorder::HttpServer> serve_http(const Home& home, const Configu
 
 std::unique_ptr<viewer::Viewer> open_viewer(const Home& home, const Configuration& configuration,
                                             const ViewerConfiguration& asked, const WritableHome& shared,
-                                            const live::Channels& channels, recorder::Daemon& daemon) {
+                                            LookingOn& looking_on, recorder::Daemon& daemon) {
   std::optional<std::string> certificate, key;
   if (!asked.certificate.empty()) {
     certificate = (home.folder() / asked.certificate).string();
@@ -276,7 +289,10 @@ std::unique_ptr<viewer::Viewer> open_viewer(const Home& home, const Configuratio
       .sessions = {},
       .page = find_page(),
       .tell = [](const std::string& sentence) { spdlog::warn("viewer: {}", printable(sentence)); }};
-  options.home.live = live::live_pictures(channels);
+  options.home.live = live::live_pictures(looking_on.channels);
+  options.home.vitals = [&looking_on](const std::string& room, std::int64_t after_ns) {
+    return looking_on.monitors.now(room, after_ns);
+  };
   options.home.rooms = {
       .running_case = [&daemon](const std::string& room) { return daemon.running_case(room); },
       .now_ns = [&daemon](const std::string& room) { return daemon.now_ns(room); },
@@ -295,10 +311,10 @@ std::unique_ptr<viewer::Viewer> open_viewer(const Home& home, const Configuratio
 /// recorder.
 std::unique_ptr<viewer::Viewer> serve_viewer(const Home& home, const Configuration& configuration,
                                              const ViewerConfiguration& asked, const WritableHome& shared,
-                                             const live::Channels& channels, recorder::Daemon& daemon) {
+                                             LookingOn& looking_on, recorder::Daemon& daemon) {
   if (asked.listen.empty()) return {};
   try {
-    return open_viewer(home, configuration, asked, shared, channels, daemon);
+    return open_viewer(home, configuration, asked, shared, looking_on, daemon);
   } catch (const std::exception& error) {
     spdlog::error("recording goes on without the viewer: {}", printable(error.what()));
     return {};
@@ -454,6 +470,13 @@ int run(const Request& request) {
   const WritableHome shared(home);  // by all rooms
   log_configuration(file, home, *shared.log);
 
+  // Asked before the first source: an upgrade while a case runs then finds the decoder of this version at
+  // hand.
+  if (const std::string why = recorder::why_unboxed(); !why.empty()) {
+    spdlog::error(
+        "sources are decoded without a box, beside the device key: {}; cases are recorded all the same",
+        printable(why));
+  }
   const Authorities authorities(home, configuration, {});
   RoomResumption resumption(home, configuration);
   recover_first(shared, authorities, lock, resumption.planner());
@@ -464,11 +487,11 @@ int run(const Request& request) {
   // Each room asks over connections of its own: a source of stamps belongs to one thread at a time.
   std::vector<std::unique_ptr<Authorities>> of_rooms;
   Inboxes inboxes;
-  live::Channels channels;
+  LookingOn looking_on;
   for (const RoomConfiguration& room : configuration.rooms) {
     of_rooms.push_back(std::make_unique<Authorities>(home, configuration, std::vector<std::string>{}));
     options.rooms.push_back(plan_of(room, home, configuration, *of_rooms.back(), shared,
-                                    setup.viewer.listen.empty() ? nullptr : &channels));
+                                    setup.viewer.listen.empty() ? nullptr : &looking_on));
     options.rooms.back().procedure = procedure_of(room, inboxes);
     options.rooms.back().footswitches = room.footswitches;
     resumption.apply(options.rooms.back());
@@ -483,7 +506,7 @@ int run(const Request& request) {
         [&daemon](const nlohmann::json& asked) { return daemon.handle(asked); });
     const std::unique_ptr<recorder::HttpServer> http = serve_http(home, configuration, daemon);
     const std::unique_ptr<viewer::Viewer> viewer =
-        serve_viewer(home, configuration, setup.viewer, shared, channels, daemon);
+        serve_viewer(home, configuration, setup.viewer, shared, looking_on, daemon);
     ::sd_notify(0, "READY=1");
     spdlog::info("recording for {} room(s), home {}", configuration.rooms.size(), home.folder().string());
     reason = watch(daemon, inboxes, signals);
@@ -500,6 +523,7 @@ int run(const Request& request) {
 
 int main(int argc, char** argv) {
   using namespace kiroku::apps;
+  kiroku::harden_process();
   Program program("kirokud", "records operating rooms unattended", "");
   Command& root = program.root();
   const auto request = std::make_shared<Request>();

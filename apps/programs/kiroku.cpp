@@ -3,7 +3,6 @@
 // kiroku-sim, everything else kiroku-full.
 
 #include <algorithm>
-#include <array>
 #include <cerrno>
 #include <cstring>
 #include <filesystem>
@@ -13,31 +12,35 @@
 #include <unistd.h>
 
 #include "apps/kiroku/blas_kernels.h"
-#include "apps/kiroku/commands.h"
+#include "apps/programs/command_list.h"
+#include "base/process_hardening.h"
 
 namespace {
 
 namespace fs = std::filesystem;
 
-constexpr std::array<std::string_view, 7> kAnsweredHere{"case",   "cases", "log",   "seal",
-                                                        "status", "token", "unseal"};
-constexpr std::array<std::string_view, 2> kSimulates{"plan", "sim"};
-constexpr std::array<std::string_view, 8> kNeedMore{"drr-film", "pick",  "render",   "replay",
-                                                    "seal",     "serve", "transfer", "verify"};
+using kiroku::apps::AnsweredBy;
 
-/// Commands of 'sim' and 'plan' that compute; what makes pictures, takes a home or lists all
-/// commands needs every library.
+template <typename Places>
+bool answers(const Places& places, std::string_view name, AnsweredBy by) {
+  return std::ranges::any_of(places, [&](const auto& one) { return one.name == name && one.by == by; });
+}
+
+/// Commands of 'sim' and 'plan' that compute; what makes pictures, takes a home, lists all commands or asks
+/// which one was meant needs every library.
 bool simulates(int argc, const char* const* argv) {
-  return argc > 2 && std::ranges::count(kSimulates, argv[1]) > 0 && argv[2][0] != '-' &&
-         std::ranges::count(kNeedMore, argv[2]) == 0;
+  if (argc < 3) return false;
+  const std::string_view group = argv[1], name = argv[2];
+  return (group == "sim" && answers(kiroku::apps::kSimPlaces, name, AnsweredBy::kSim)) ||
+         (group == "plan" && answers(kiroku::apps::kPlanPlaces, name, AnsweredBy::kSim));
 }
 
 /// Beside this program, as it is built, or where it is installed.
-fs::path program(const std::string& name) {
+fs::path beside(const std::string& name) {
   std::error_code failed;
   const fs::path here = fs::read_symlink("/proc/self/exe", failed).parent_path();
-  fs::path beside = here / name;
-  if (::access(beside.c_str(), X_OK) == 0) return beside;
+  fs::path built = here / name;
+  if (::access(built.c_str(), X_OK) == 0) return built;
   return here.parent_path() / "libexec/kiroku" / name;
 }
 
@@ -45,18 +48,14 @@ fs::path program(const std::string& name) {
 
 int main(int argc, char** argv) {
   using namespace kiroku::apps;
-  if (argc > 1 && std::ranges::count(kAnsweredHere, argv[1]) > 0) {
-    Program answers("kiroku", "records operations, sealed and time-stamped, and proves it", "");
-    add_case_command(answers.root());
-    add_cases_command(answers.root());
-    add_log_command(answers.root());
-    add_seal_command(answers.root());
-    add_status_command(answers.root());
-    add_token_command(answers.root());
-    add_unseal_command(answers.root());
-    return answers.run(argc, argv);
+  kiroku::harden_process();
+  if (argc > 1 && answers(kCommandPlaces, argv[1], AnsweredBy::kSmall)) {
+    Program program("kiroku", "records operations, sealed and time-stamped, and proves it", "");
+    constexpr auto kHere = [](const StatedCommand& one) { return one.by == AnsweredBy::kSmall; };
+    add_commands<Commands, kHere>(program.root());
+    return program.run(argc, argv);
   }
-  const fs::path other = program(simulates(argc, argv) ? "kiroku-sim" : "kiroku-full");
+  const fs::path other = beside(simulates(argc, argv) ? "kiroku-sim" : "kiroku-full");
   ask_for_wide_blas_kernels();
   ::execv(other.c_str(), argv);
   print_error("kiroku", "cannot start " + other.string() + ": " + std::strerror(errno) +

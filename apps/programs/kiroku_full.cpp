@@ -1,11 +1,10 @@
 // kiroku-full: every command of kiroku, with all the libraries they need. People start it through kiroku.
 
-#include "apps/kiroku/commands.h"
-#include "apps/kiroku/user_command.h"
-#include "apps/kiroku/view_command.h"
-#include "apps/sim/plan_command.h"
-#include "apps/sim/sim_command.h"
-#include "apps/train/train_command.h"
+#include <algorithm>
+#include <string>
+
+#include "apps/programs/command_list.h"
+#include "base/process_hardening.h"
 #include "recorder/source/source_guard.h"
 
 namespace {
@@ -20,48 +19,37 @@ constexpr const char* kOverview =
   kiroku verify CASE                                   is it whole, and when did it exist?
   kiroku report CASE -o report.pdf                     the same, for a court to read
   kiroku export CASE --stream endoscope -o film.ts     the pictures, for a recipient
-
-Other commands: case, status, doctor, recover, excerpt, erase, seal, unseal, stamp, token, tsa, log, view, user, sim, plan, compare, train, completion.
-'kiroku --help' lists them all, 'kiroku COMMAND --help' explains one.
 )";
+
+/// The overview, with the names of the commands of which it shows no example.
+std::string overview() {
+  std::string others;
+  for (const kiroku::apps::CommandPlace& command : kiroku::apps::kCommandPlaces) {
+    const std::string name(command.name);
+    if (std::string_view(kOverview).find("  kiroku " + name + " ") != std::string_view::npos) continue;
+    others += (others.empty() ? "" : ", ") + name;
+  }
+  return kOverview + ("\nOther commands: " + others) +
+         ".\n'kiroku --help' lists them all, 'kiroku COMMAND --help' explains one.\n";
+}
+
+kiroku::apps::Command& command_named(kiroku::apps::Command& root, const std::string& name) {
+  const auto found = std::find_if(root.commands().begin(), root.commands().end(),
+                                  [&](const auto& command) { return command->name() == name; });
+  return **found;
+}
 
 }  // namespace
 
 int main(int argc, char** argv) {
   using namespace kiroku::apps;
-  Program program("kiroku", "records operations, sealed and time-stamped, and proves it", kOverview);
+  kiroku::harden_process();
+  Program program("kiroku", "records operations, sealed and time-stamped, and proves it", overview());
   Command& root = program.root();
-  add_init_command(root);
-  add_record_command(root);
-  add_case_command(root);
-  add_status_command(root);
-  add_doctor_command(root);
-  add_recover_command(root);
-  add_cases_command(root);
-  add_verify_command(root);
-  add_report_command(root);
-  add_export_command(root);
-  add_excerpt_command(root);
-  add_erase_command(root);
-  add_seal_command(root);
-  add_unseal_command(root);
-  add_stamp_command(root);
-  add_token_command(root);
-  add_tsa_command(root);
-  add_log_command(root);
-  add_view_command(root);
-  add_user_command(root);
-  Command& sim = add_sim_command(root);
-  add_sim_render_command(sim);
-  add_sim_transfer_command(sim);
-  add_sim_drr_film_command(sim);
-  Command& plan = add_plan_command(root);
-  add_plan_replay_command(plan);
-  add_plan_seal_commands(plan);
-  add_plan_pick_command(plan);
-  add_plan_serve_command(plan);
-  add_compare_command(root);
-  add_train_command(root);
-  add_completion_command(root);
+  constexpr auto kAll = [](const StatedCommand&) { return true; };
+  constexpr auto kOwn = [](const StatedCommand& one) { return one.add != nullptr; };
+  add_commands<Commands, kAll>(root);
+  add_commands<SimCommands, kOwn>(command_named(root, "sim"));
+  add_commands<PlanCommands, kOwn>(command_named(root, "plan"));
   return kiroku::recorder::end_process(program.run(argc, argv));
 }

@@ -1,6 +1,7 @@
 // 'kiroku compare': a plan beside the recording of the operation.
 #include <memory>
 
+#include "apps/common/time_option.h"
 #include "apps/kiroku/commands.h"
 #include "apps/kiroku/home.h"
 #include "apps/sim/comparison_check.h"
@@ -41,8 +42,7 @@ void add_compare_command(Command& program) {
                  "beside");
   command.option("--share", "SHARE", request->share,
                  "opacity of the plan laid over, or where the line is (0 to 1)", "0.5");
-  command.option("--from", "T", request->from, "hh:mm:ss[.fff] from the start, or RFC 3339",
-                 "a second before the first step");
+  command.option("--from", "T", request->from, kTimeHelp, "a second before the first step");
   command.option("--to", "T", request->to, "likewise", "a second after the last step");
   command.option("--speed", "FACTOR", request->speed, "of the film", "1");
   command.option("--width", "PIXELS", request->width, "of each of the two pictures",

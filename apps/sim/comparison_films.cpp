@@ -115,9 +115,11 @@ archive::Span shown_span(const ComparisonRequest& request, const archive::CaseRe
   archive::Span span{
       std::max(comparison.case_begins_ns, pieces.front().knots.front().case_ns - kNsPerSecond),
       std::min(comparison.recording_end_ns, pieces.back().knots.back().case_ns + kNsPerSecond)};
-  if (request.from) span.start_ns = recording.parse_time(*request.from);
-  if (request.to) span.end_ns = recording.parse_time(*request.to);
-  if (span.end_ns <= span.start_ns) throw UsageError("there is no time from --from to --to");
+  const archive::Span asked = recording.parse_stretch(request.from, request.to);
+  if (request.from) span.start_ns = asked.start_ns;
+  if (request.to) span.end_ns = asked.end_ns;
+  recording.require_stretch(span, {"--from", request.from.value_or("a second before the first step")},
+                            {"--to", request.to.value_or("a second after the last step")});
   return span;
 }
 
@@ -194,7 +196,7 @@ compare::FluoroscopyRequest fluoroscopy_request(const ComparisonRequest& request
   return {compare::fluoroscopy_of(recording, request.fluoroscopy),
           (sim::is_dicom_file(file) ? sim::read_dicom_geometry(file) : sim::read_geometry(file)).geometry,
           request.polarity == "bone-white" ? sim::Polarity::kBoneWhite : sim::Polarity::kBoneBlack,
-          request.align_at ? recording.parse_time(*request.align_at) : middle_ns,
+          request.align_at ? recording.parse_time(*request.align_at, "--align-at") : middle_ns,
           request.align_at.has_value()};
 }
 

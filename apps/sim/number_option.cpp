@@ -5,6 +5,7 @@
 
 #include "base/error.h"
 #include "base/number_text.h"
+#include "base/time_text.h"
 #include "sim/respiration/number_table.h"
 
 namespace kiroku::apps {
@@ -22,6 +23,16 @@ double parse_number(const std::string& text, const std::string& what, double lea
                      number_text(greatest));
   }
   return *number;
+}
+
+double parse_seconds(const std::string& text, const std::string& what, double least, double greatest) {
+  const auto ns = parse_time_text(text);
+  const double seconds = ns ? static_cast<double>(*ns) / 1e9 : -1;
+  if (!ns || seconds < least || seconds > greatest) {
+    throw UsageError(what + " is '" + text + "', which is no length of time from " + number_text(least) +
+                     "s to " + number_text(greatest) + "s: write " + std::string(kTimeForms));
+  }
+  return seconds;
 }
 
 std::size_t parse_count(const std::string& text, const std::string& what, std::size_t least,

@@ -11,6 +11,8 @@ namespace kiroku::apps {
 double parse_number(const std::string& text, const std::string& what);
 /// From `least` to `greatest`.
 double parse_number(const std::string& text, const std::string& what, double least, double greatest);
+/// Seconds of a length of time as people write it (base/time_text.h), from `least` to `greatest` seconds.
+double parse_seconds(const std::string& text, const std::string& what, double least, double greatest);
 /// A whole number from `least` to `greatest`.
 std::size_t parse_count(const std::string& text, const std::string& what, std::size_t least,
                         std::size_t greatest);

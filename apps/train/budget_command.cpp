@@ -7,6 +7,7 @@
 
 #include "apps/common/json_output.h"
 #include "apps/common/step_line.h"
+#include "apps/common/time_option.h"
 #include "apps/sim/number_option.h"
 #include "apps/train/output_folder.h"
 #include "apps/train/train_command.h"
@@ -58,7 +59,7 @@ Required required_of(const Request& request) {
 }
 
 int run(const Request& request) {
-  const double seconds = parse_number(request.seconds, "--seconds", 0.1, 60);
+  const double seconds = parse_seconds(request.seconds, "--seconds", 0.1, 60);
   const Required required = required_of(request);
   const OutputFolder folder(request.output, {"budget.csv", "budget.svg", "budget.pdf"}, request.force);
   StepLine line;
@@ -134,7 +135,7 @@ void add_train_budget_command(Command& train) {
   command.required_option("-o,--output", "DIR", request->output, "where to");
   command.option("--database", "FILE", request->database,
                  "takes the mean thresholds of the subjects in it, else the papers'");
-  command.option("--seconds", "S", request->seconds, "of each measurement");
+  command.option("--seconds", "T", request->seconds, duration_help("of each measurement"));
   command.flag("-f,--force", request->force, "replaces what an earlier run left in DIR");
   command.flag("--json", request->json, "prints one JSON object instead");
   command.explain(

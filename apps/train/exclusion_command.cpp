@@ -8,6 +8,7 @@
 
 #include "apps/common/json_output.h"
 #include "apps/common/step_line.h"
+#include "apps/common/time_option.h"
 #include "apps/kiroku/commands.h"
 #include "apps/kiroku/home.h"
 #include "apps/sim/number_option.h"
@@ -104,11 +105,11 @@ int run(const Request& request) {
   if (fingers > trainer::kMostExclusionFingers)
     throw UsageError(request.hand + " moves " + std::to_string(fingers) + " fingers: the trainer has 1 to 5");
   const TaskChoice choice =
-      task_choice(request.damage, request.friction, parse_number(request.seconds, "--seconds", 1, 3600));
+      task_choice(request.damage, request.friction, parse_seconds(request.seconds, "--seconds", 1, 3600));
   std::optional<int> asked_session;
   if (request.session)
     asked_session = static_cast<int>(parse_count(*request.session, "--session", 1, 100'000));
-  const double practice_s = parse_number(request.practice, "--practice", 0, 3600);
+  const double practice_s = parse_seconds(request.practice, "--practice", 0, 3600);
   if (request.trainee.has_value() != request.database.has_value())
     throw UsageError("--trainee and --database belong together: who, and where the attempt is kept");
   if (request.organ && request.object)
@@ -304,14 +305,14 @@ void add_train_exclusion_command(Command& train) {
                  "forces in three directions, or their part along each finger", "full");
   command.option("--ghost", "FILE", request->ghost,
                  "an expert's hand motion, shown beside the trainee's fingers");
-  command.option("--seconds", "S", request->seconds, "until the attempt is over");
+  command.option("--seconds", "T", request->seconds, duration_help("until the attempt is over"));
   command.option("--size", "WxH", request->size, "of the pictures");
   command.option("--trainee", "NAME", request->trainee, "whose attempt it is ('kiroku train trainee')");
   command.option("--database", "FILE", request->database, "keeps the attempt there");
   command.option("--session", "N", request->session, "of the trainee's curriculum",
                  "the one that a person goes on with; 1");
-  command.option("--practice", "S", request->practice,
-                 "a person's practice in a session before its test; 0 asks for none");
+  command.option("--practice", "T", request->practice,
+                 duration_help("a person's practice in a session before its test; 0 asks for none"));
   command.flag("--test", request->test, "the session's test, without stress; else practice");
   command.option("--seed", "N", request->seed, "of the simulated trainee");
   command.flag("--seal", request->seal, "makes a case of it, signed and time-stamped, as of an operation");

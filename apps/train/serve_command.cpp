@@ -5,6 +5,7 @@
 
 #include <nlohmann/json.hpp>
 
+#include "apps/common/time_option.h"
 #include "apps/kiroku/commands.h"
 #include "apps/kiroku/home.h"
 #include "apps/kiroku/serving.h"
@@ -65,13 +66,13 @@ viewer::TrainingOptions training_options(const Request& request, const Home& hom
   options.database = request.database ? fs::path(*request.database) : home.folder() / "training.sqlite";
   options.vertices =
       parse_count(request.vertices, "--vertices", trainer::kLeastObjectNodes, trainer::kMostObjectNodes);
-  options.most_s = parse_number(request.seconds, "--seconds", 1, kMostSeconds);
+  options.most_s = parse_seconds(request.seconds, "--seconds", 1, kMostSeconds);
   const TaskChoice choice = task_choice(request.damage, request.friction, options.most_s);
   options.damage_pa = choice.damage_pa.value_or(options.damage_pa);
   options.friction = choice.friction.value_or(options.friction);
   options.at_once = request.at_once ? parse_count(*request.at_once, "--at-once", 1, kMostAtOnce)
                                     : std::max(1U, std::thread::hardware_concurrency() / 2);
-  options.practice_s = parse_number(request.practice, "--practice", 0, kMostSeconds);
+  options.practice_s = parse_seconds(request.practice, "--practice", 0, kMostSeconds);
   options.experts = experts_of(request);
   add_organs(request, choice, options);
   if (request.seal) options.sealer = make_page_sealer(home);
@@ -123,9 +124,9 @@ void add_train_serve_command(Command& train) {
   command.option("--friction", "MU", request->friction,
                  "of a fingertip on the organ: the most force along its surface, in pressing ones; 0 glides",
                  "0.5, or what an organ's file says");
-  command.option("--seconds", "S", request->seconds, "until an attempt is over");
-  command.option("--practice", "S", request->practice,
-                 "of practice in a session before its test; 0 asks for none");
+  command.option("--seconds", "T", request->seconds, duration_help("until an attempt is over"));
+  command.option("--practice", "T", request->practice,
+                 duration_help("of practice in a session before its test; 0 asks for none"));
   command.option("--at-once", "N", request->at_once, "attempts at a time", "half as many as there are cores");
   command.option("--expert-a", "FILE", request->expert_a,
                  "an expert's hand motion on object A, shown on demand");

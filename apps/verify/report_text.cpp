@@ -26,7 +26,7 @@ std::string verdict_words(Verdict verdict) {
       return paint(Colour::kGreen, "INTACT") + ": everything is as it was recorded.";
     case Verdict::kIntactWithGaps:
       return paint(Colour::kGreen, "INTACT, WITH STATED GAPS") +
-             ": what is here is as it was recorded; what is missing was stated at the time.";
+             ": what is here is as it was recorded; what is missing is stated and signed.";
     case Verdict::kIntactExcerpt:
       return paint(Colour::kGreen, "INTACT EXCERPT") +
              ": a part of a case, not the case; what it holds is as it was recorded.";
@@ -188,15 +188,19 @@ std::string excerpt_table(const VerificationReport& report) {
 }
 
 std::string stream_table(const VerificationReport& report) {
+  const bool erased =
+      std::ranges::any_of(report.streams, [](const auto& stream) { return stream.erased_segments > 0; });
   std::vector<std::vector<std::string>> rows{
       {"stream", "segments", "frames", "dropped", "length", "gaps", "size"}};
+  if (erased) rows[0].insert(rows[0].begin() + 2, "erased since");
   for (const auto& stream : report.streams) {
     rows.push_back(
         {printable(stream.info.name), std::to_string(stream.segments), std::to_string(stream.frames),
          std::to_string(stream.dropped), format_duration(stream.span.end_ns - stream.span.start_ns),
          stream.gap_ns == 0 ? "none" : format_duration(stream.gap_ns), format_bytes(stream.bytes)});
+    if (erased) rows.back().insert(rows.back().begin() + 2, std::to_string(stream.erased_segments));
   }
-  return format_table(rows, "lrrrrrr", 2);
+  return format_table(rows, erased ? "lrrrrrrr" : "lrrrrrr", 2);
 }
 
 std::string place(const archive::Finding& finding) {

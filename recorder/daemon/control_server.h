@@ -4,6 +4,11 @@
 //   {"do":"status"}                                  {"ok":true,"rooms":[…],…}
 //   {"do":"start","room":"or-1","subject":{…}}       {"ok":true,"case":"…"}
 //       also "plan":"<hash of the sealed plan that the case follows>"
+//       or instead of "subject" "procedure":"<key of one that was listed>","by":"<who chose it>"
+//   {"do":"procedures","room":"or-1"}                {"ok":true,"procedures":[{"key":"…","subject":{…}}],
+//                                                     "ways":[…]}
+//   {"do":"subject","room":"or-1","subject":{…}}     {"ok":true,"case":"…"}
+//       of the case that runs; or "procedure" as above
 //   {"do":"stop","room":"or-1","wait":true}          {"ok":true,"case":"…"}
 //   {"do":"mark","room":"or-1","text":"…"}           {"ok":true}
 //   anything that cannot be done                     {"ok":false,"error":"one sentence"}

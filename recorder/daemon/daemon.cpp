@@ -48,6 +48,7 @@ ordered_json stream_json(const StreamStatus& stream, std::int64_t now_ns) {
     return static_cast<double>(std::max<std::int64_t>(0, now_ns - then_ns)) / kNanosecondsPerMillisecond;
   };
   return {{"name", stream.name},
+          {"kind", stream.is_video ? "video" : "vitals"},
           {"live", stream.live},
           {"frames", stream.frames},
           {"dropped", stream.dropped},
@@ -104,6 +105,37 @@ std::optional<crypto::Sha256Digest> sealed_plan_of(const json& request) {
     throw UsageError("\"plan\" must be the hash of a sealed plan: 64 hexadecimal digits");
   std::ranges::copy(*bytes, digest.begin());
   return digest;
+}
+
+/// What a case is about, as a request says it: the object itself, or which of the room's procedures was
+/// chosen.
+std::optional<Bytes> subject_of(const json& request, const Room& room) {
+  if (const auto found = request.find("subject"); found != request.end()) {
+    if (!found->is_object()) throw UsageError("\"subject\" must be a JSON object");
+    return to_bytes(bytes_of(found->dump()));
+  }
+  if (!request.contains("procedure")) return {};
+  const std::string key = required_text(request, "procedure");
+  for (ProcedureData& data : room.procedures()) {
+    if (key_of(data) != key) continue;
+    const std::string by = request.value("by", std::string());
+    data.chosen += "; chosen from the list" + (by.empty() ? "" : " by " + by);
+    return subject_json(data);
+  }
+  throw UsageError(
+      "this procedure is not on the list any more, or was changed there: look at the list again");
+}
+
+ordered_json procedures_json(const Room& room) {
+  ordered_json all = ordered_json::array();
+  for (const ProcedureData& data : room.procedures()) {
+    all.push_back({{"key", key_of(data)}, {"subject", ordered_json::parse(text_of(subject_json(data)))}});
+  }
+  ordered_json ways = ordered_json::array();
+  for (const ProcedureWay& way : room.status().procedure) {
+    ways.push_back({{"name", way.name}, {"well", way.well}, {"state", way.state}});
+  }
+  return {{"room", room.name()}, {"procedures", std::move(all)}, {"ways", std::move(ways)}};
 }
 
 }  // namespace
@@ -282,14 +314,17 @@ ordered_json Daemon::handle(const json& request) {
   if (what == "status") return state_->status();
   Room& room = state_->room(request);
   if (what == "start") {
-    std::optional<Bytes> subject;
-    if (const auto found = request.find("subject"); found != request.end()) {
-      if (!found->is_object()) throw UsageError("\"subject\" must be a JSON object");
-      subject = to_bytes(bytes_of(found->dump()));
-    }
+    std::optional<Bytes> subject = subject_of(request, room);
     return {{"room", room.name()},
             {"case", room.start("operator", std::move(subject), sealed_plan_of(request))}};
   }
+  if (what == "subject") {
+    const std::optional<Bytes> subject = subject_of(request, room);
+    if (!subject) throw UsageError("the request needs a \"subject\" or a \"procedure\"");
+    room.add_subject(*subject);
+    return {{"room", room.name()}, {"case", room.status().case_id}};
+  }
+  if (what == "procedures") return procedures_json(room);
   if (what == "stop") {
     return {{"room", room.name()}, {"case", room.stop("operator", request.value("wait", true))}};
   }
@@ -297,7 +332,8 @@ ordered_json Daemon::handle(const json& request) {
     room.mark(required_text(request, "text"));
     return {{"room", room.name()}, {"case", room.status().case_id}};
   }
-  throw UsageError("'" + what + "' is nothing a recorder can do: status, start, stop or mark");
+  throw UsageError("'" + what +
+                   "' is nothing a recorder can do: status, start, stop, mark, subject or procedures");
 }
 
 ordered_json Daemon::hook(const std::string& name, const std::string& action, const std::string& body) {

@@ -16,6 +16,7 @@
 
 #include "base/connection_places.h"
 #include "base/error.h"
+#include "base/http_chunks.h"
 #include "base/http_head.h"
 #include "base/network_address.h"
 #include "base/tally.h"
@@ -135,6 +136,8 @@ struct HttpServer::State {
     for (bool stays = true; stays;) {
       boost::system::error_code failed;
       http::request_parser<http::string_body> parser;
+      RefuseChunkExtensions extensions;
+      parser.on_chunk_header(extensions);
       parser.body_limit(kLongestBody);
       parser.header_limit(kLongestHead);
       peer.expires_after(kPatience);

@@ -349,8 +349,8 @@ struct Room::State {
     if (!look_for_subject || Clock::now() < next_look) return;
     next_look = Clock::now() + kRuleInterval;
     const std::optional<Bytes> found = find_subject();
-    if (!found) return;
-    look_for_subject = false;
+    // A person may have given one meanwhile.
+    if (!found || !look_for_subject.exchange(false)) return;
     running.late_subject(*found);
     {
       const std::lock_guard guard(mutex);
@@ -577,7 +577,7 @@ struct Room::State {
 
   std::optional<std::int64_t> signal_since_ns;  // on the clock of the session
   UtcTime begun_at{};                           // of the case that runs
-  bool look_for_subject = false;                // of that case: nobody gave one, none was known
+  std::atomic<bool> look_for_subject = false;   // of that case: nobody gave one, none was known
   std::chrono::nanoseconds before{0};           // recorded by the operation's earlier cases
   Clock::time_point next_look{};
   Clock::duration pause{};
@@ -629,6 +629,23 @@ void Room::mark(const std::string& text) {
   const std::shared_ptr<Session> session = state_->recording_session();
   if (!session) throw UsageError("room " + name() + " is not recording: there is nothing to mark");
   session->mark(text);
+}
+
+void Room::add_subject(const Bytes& subject) {
+  const std::shared_ptr<Session> session = state_->recording_session();
+  if (!session) {
+    throw UsageError("room " + name() + " is not recording: say whom the case is about when it begins");
+  }
+  session->late_subject(subject);
+  state_->look_for_subject = false;
+  const std::lock_guard guard(state_->mutex);
+  state_->status.subject = SubjectState::kLate;
+}
+
+std::vector<ProcedureData> Room::procedures() const {
+  if (!state_->plan.procedure) return {};
+  state_->plan.procedure->hurry();
+  return state_->plan.procedure->list(utc_now());
 }
 
 std::optional<std::int64_t> Room::point(media::PointedAt at) {

@@ -98,6 +98,12 @@ class Room {
   /// kiroku::Error if none can be begun.
   std::string start(const std::string& reason, std::optional<Bytes> subject = {},
                     const std::optional<crypto::Sha256Digest>& sealed_plan = {});
+  /// What is known of the patient and the procedure while a case runs: JSON as start() takes it, sealed as an
+  /// event of the case; what is there stays, and the last one counts. Nothing is looked for any more then.
+  /// Throws kiroku::UsageError if no case runs, or for what is no JSON object.
+  void add_subject(const Bytes& subject);
+  /// What could be done here now, to choose from; none where nothing is configured. Returns at once.
+  [[nodiscard]] std::vector<ProcedureData> procedures() const;
   /// Ends the case that runs and returns its identifier; returns when it is closed if `wait`. Inside a window
   /// of the schedule no new one is begun until the next window. Throws kiroku::UsageError if none runs.
   std::string stop(const std::string& reason, bool wait);

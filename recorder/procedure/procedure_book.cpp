@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cctype>
+#include <set>
 #include <utility>
 
 #include "base/ascii.h"
@@ -63,6 +64,33 @@ void ProcedureBook::forget_old(Messages& messages, UtcTime now) {
       return a.second.received < b.second.received;
     }));
   }
+}
+
+std::vector<ProcedureData> ProcedureBook::list(const ProcedureRule& rule, UtcTime at) const {
+  std::vector<ProcedureData> all;
+  std::set<std::string> placed;
+  const auto is_near = [&](UtcTime time) { return std::chrono::abs(at - time) <= rule.window; };
+  for (const auto& [patient, kept] : placed_) {
+    if (!concerns(rule, kept.message) || !is_near(kept.received)) continue;
+    placed.insert(patient);
+    std::vector<const ProcedureMessage*> planned;
+    std::vector<std::optional<UtcTime>> times;
+    for (const auto& [appointment, other] : appointments_) {
+      if (other.message.patient != patient || !concerns(rule, other.message)) continue;
+      planned.push_back(&other.message);
+      times.emplace_back(other.message.planned.value_or(other.received));
+    }
+    all.push_back(kept.message.data);
+    all.back().chosen = "a message placed the patient in the room at " + format_utc(kept.received);
+    if (const auto chosen = nearest(times, at, rule.window)) complete(all.back(), planned[*chosen]->data);
+  }
+  for (const auto& [appointment, kept] : appointments_) {
+    if (!concerns(rule, kept.message) || placed.contains(kept.message.patient)) continue;
+    if (!is_near(kept.message.planned.value_or(kept.received))) continue;
+    all.push_back(kept.message.data);
+    all.back().chosen = "an appointment of which a message told at " + format_utc(kept.received);
+  }
+  return all;
 }
 
 std::optional<ProcedureData> ProcedureBook::find(const ProcedureRule& rule, UtcTime at) const {

@@ -33,6 +33,10 @@ class ProcedureBook {
   /// `at` (one without a time counts as planned when its message came).
   [[nodiscard]] std::optional<ProcedureData> find(const ProcedureRule& rule, UtcTime at) const;
 
+  /// All that find() chooses from: patients placed in the room, each completed by their appointment nearest
+  /// to `at`, and appointments of others, within the window.
+  [[nodiscard]] std::vector<ProcedureData> list(const ProcedureRule& rule, UtcTime at) const;
+
   [[nodiscard]] std::size_t size() const { return placed_.size() + appointments_.size(); }
 
  private:

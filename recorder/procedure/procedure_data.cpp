@@ -4,6 +4,9 @@
 
 #include <nlohmann/json.hpp>
 
+#include "crypto/encoding.h"
+#include "crypto/hash.h"
+
 namespace kiroku::recorder {
 namespace {
 
@@ -79,6 +82,28 @@ Bytes subject_json(const ProcedureData& data) {
   put(subject, "origin", data.origin);
   put(subject, "chosen", data.chosen);
   return to_bytes(subject.dump(1, ' ', false, ordered_json::error_handler_t::replace) + "\n");
+}
+
+void add_unknown(std::vector<ProcedureData>& list, std::vector<ProcedureData> more) {
+  for (ProcedureData& each : more) {
+    const bool is_known = std::ranges::any_of(list, [&](const ProcedureData& other) {
+      return other.patient_id == each.patient_id && other.description == each.description &&
+             other.accession == each.accession;
+    });
+    if (!is_known) list.push_back(std::move(each));
+  }
+}
+
+void order_by_plan(std::vector<ProcedureData>& list, std::size_t most) {
+  std::ranges::stable_sort(list, {}, &ProcedureData::planned);
+  if (list.size() > most) list.resize(most);
+}
+
+std::string key_of(const ProcedureData& data) {
+  constexpr std::size_t kDigits = 32;
+  ProcedureData without = data;
+  without.chosen.clear();
+  return crypto::to_hex(crypto::sha256(subject_json(without))).substr(0, kDigits);
 }
 
 std::string iso_date(std::string_view digits) {

@@ -54,6 +54,13 @@ void complete(ProcedureData& data, const ProcedureData& more);
 /// The subject file's text (docs/reference/format.md): one JSON object, what is empty left out.
 Bytes subject_json(const ProcedureData& data);
 
+/// Adds those of `more` that are not the same patient's same procedure as one that is there already.
+void add_unknown(std::vector<ProcedureData>& list, std::vector<ProcedureData> more);
+/// In the order of the planned times as they are written, what has none first; at most so many.
+void order_by_plan(std::vector<ProcedureData>& list, std::size_t most);
+/// Stands for a procedure while it says the same: 32 hexadecimal digits of a hash of all but `chosen`.
+std::string key_of(const ProcedureData& data);
+
 /// "2026-08-05" of "20260805", "2026-08" of "202608"; anything else as it is.
 std::string iso_date(std::string_view digits);
 

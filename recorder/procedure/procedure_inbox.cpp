@@ -136,6 +136,11 @@ std::optional<ProcedureData> ProcedureInbox::find(const ProcedureRule& rule, Utc
   return state_->book.find(rule, at);
 }
 
+std::vector<ProcedureData> ProcedureInbox::list(const ProcedureRule& rule, UtcTime at) const {
+  const std::lock_guard guard(state_->mutex);
+  return state_->book.list(rule, at);
+}
+
 ProcedureWay ProcedureInbox::way() const {
   const std::lock_guard guard(state_->mutex);
   if (!state_->server) {

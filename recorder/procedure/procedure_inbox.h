@@ -31,6 +31,8 @@ class ProcedureInbox {
   void tend();
 
   [[nodiscard]] std::optional<ProcedureData> find(const ProcedureRule& rule, UtcTime at) const;
+  /// As ProcedureBook::list().
+  [[nodiscard]] std::vector<ProcedureData> list(const ProcedureRule& rule, UtcTime at) const;
   [[nodiscard]] ProcedureWay way() const;
   /// The port it listens on; 0 while it does not.
   [[nodiscard]] std::uint16_t port() const;

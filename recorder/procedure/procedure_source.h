@@ -23,6 +23,10 @@ class ProcedureSource {
   /// What is known now for a case that began at `at`; nothing if nothing is. Returns at once: whatever takes
   /// time is done ahead, or meanwhile.
   [[nodiscard]] virtual std::optional<ProcedureData> find(UtcTime at) const = 0;
+  /// Everything that could be meant at `at`, from which a person chooses: in the order of the planned times,
+  /// what has none first; at most kMostListed. Returns at once.
+  [[nodiscard]] virtual std::vector<ProcedureData> list(UtcTime at) const = 0;
+  static constexpr std::size_t kMostListed = 500;
   /// A case waits for it: what is asked for now and then is asked for now.
   virtual void hurry() {}
   [[nodiscard]] virtual std::vector<ProcedureWay> ways() const = 0;

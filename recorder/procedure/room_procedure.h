@@ -25,6 +25,12 @@ class RoomProcedure : public ProcedureSource {
     if (listed && listed->patient_id == found->patient_id) complete(*found, *listed);
     return found;
   }
+  [[nodiscard]] std::vector<ProcedureData> list(UtcTime at) const override {
+    std::vector<ProcedureData> all = inbox_ ? inbox_->list(rule_, at) : std::vector<ProcedureData>();
+    if (worklist_) add_unknown(all, worklist_->list(at));
+    order_by_plan(all, kMostListed);
+    return all;
+  }
   void hurry() override {
     if (worklist_) worklist_->hurry();
   }

@@ -121,6 +121,19 @@ std::optional<ProcedureData> Worklist::find(UtcTime at) const {
   return nearest_step(state_->items, *state_->answered, at, window);
 }
 
+std::vector<ProcedureData> Worklist::list(UtcTime at) const {
+  const std::lock_guard guard(state_->mutex);
+  const auto window = state_->options.window;
+  std::vector<ProcedureData> all;
+  if (!state_->answered || std::chrono::abs(at - *state_->answered) > window) return all;
+  for (const WorklistItem& item : state_->items) {
+    if (item.planned && std::chrono::abs(at - *item.planned) > window) continue;
+    all.push_back(item.data);
+    all.back().chosen = "a step that the worklist listed at " + format_utc(*state_->answered);
+  }
+  return all;
+}
+
 void Worklist::hurry() {
   {
     const std::lock_guard guard(state_->mutex);

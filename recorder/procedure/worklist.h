@@ -65,6 +65,8 @@ class Worklist {
   /// Of the last answer, which is kept while it is not older than the window, the step planned nearest to
   /// `at`.
   [[nodiscard]] std::optional<ProcedureData> find(UtcTime at) const;
+  /// All steps of that answer planned within the window around `at`.
+  [[nodiscard]] std::vector<ProcedureData> list(UtcTime at) const;
   /// Asks now, unless it did so within the last seconds.
   void hurry();
   [[nodiscard]] ProcedureWay way() const;

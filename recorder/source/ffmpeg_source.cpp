@@ -17,6 +17,9 @@ extern "C" {
 #include "base/error.h"
 #include "media/libav_versions.h"
 #include "recorder/source/fifo_input.h"
+#include "recorder/source/file_input.h"
+#include "recorder/source/resolved_location.h"
+#include "recorder/source/source_box.h"
 
 namespace kiroku::recorder {
 namespace {
@@ -64,6 +67,8 @@ class FfmpegSource : public Source {
         pulse_(terms.pulse),
         silence_ns_(terms.silence.count()),
         name_("source '" + address.stated + "'"),
+        box_(terms.box),
+        told_(terms.remark),
         live_(address.kind != SourceKind::kFile),
         wants_sound_(terms.sound),
         loop_(integer_option(address, "loop", 0, 0, 1) == 1) {
@@ -89,7 +94,9 @@ class FfmpegSource : public Source {
                        sound_decoder_->sample_fmt};
   }
   [[nodiscard]] bool is_live() const override { return live_; }
-  [[nodiscard]] std::string remark() const override { return remark_; }
+  [[nodiscard]] std::string remark() const override {
+    return remark_ + (remark_.empty() || told_.empty() ? "" : "; ") + told_;
+  }
   [[nodiscard]] std::string input() const override {
     char rate[32];
     std::snprintf(rate, sizeof rate, ", %.4g a second", double(rate_.numerator) / double(rate_.denominator));
@@ -158,6 +165,8 @@ class FfmpegSource : public Source {
     } else if (address_.kind == SourceKind::kFile) {
       address_.require_options("speed,loop");
     }
+    if (box_ != nullptr && address_.location.starts_with("http"))
+      options.set("headers", "Host: " + host_and_port(address_.location) + "\r\n");
     if (address_.location.starts_with("udp")) {
       // A moment's delay must not end the stream; what is lost shows in the pictures.
       options.set("overrun_nonfatal", "1");
@@ -173,15 +182,35 @@ class FfmpegSource : public Source {
     if (address_.kind == SourceKind::kFile && std::filesystem::file_size(address_.location, ignored) == 0) {
       throw UsageError(name_ + " is an empty file; give one that holds a film");
     }
+    prepare_input();
     if (address_.location.starts_with("rtsp")) {
       open_rtsp();
     } else if (const int opened = try_to_open(nullptr); opened < 0) {
       throw Error(name_ + " cannot be opened: " + why_not_opened(opened));
     }
     // A device says by itself what it gives; asked without waiting, libavformat would look in a busy loop.
-    if (address_.kind == SourceKind::kDevice) return;
+    if (address_.kind == SourceKind::kDevice) {
+      if (box_ != nullptr) box_->close();
+      return;
+    }
     const int described = avformat_find_stream_info(input_.get(), nullptr);
     if (described < 0) throw Error(name_ + " cannot be opened: " + why_not_opened(described));
+  }
+
+  /// Opens what only a path or a name leads to. Then the box, if it works in one, is closed, before the first
+  /// byte that somebody else chose; but libavdevice opens a device by itself, and reads nothing of it then.
+  void prepare_input() {
+    locations_ = {address_.location};
+    if (address_.kind == SourceKind::kDevice) return;
+    if (address_.kind == SourceKind::kPipe) {
+      fifo_ = std::make_unique<FifoInput>(address_.location, [this] { return must_stop(); });
+    } else if (address_.kind == SourceKind::kFile) {
+      file_ = std::make_unique<FileInput>(address_.location, [this] { return must_stop(); });
+      locations_ = {"file:" + address_.location};  // a path must not be mistaken for a protocol ("a:b.mp4")
+    } else if (box_ != nullptr) {
+      locations_ = resolved_locations(address_.location);
+    }
+    if (box_ != nullptr) box_->close();
   }
 
   /// Over the transport that the address names, or the first of all that the server offers. What libavformat
@@ -212,6 +241,17 @@ class FfmpegSource : public Source {
 
   /// What avformat_open_input() says; `rtsp_transport` is its option, null for what is not RTSP.
   int try_to_open(const char* rtsp_transport) {
+    int opened = 0;
+    for (const std::string& location : locations_) {
+      opened = try_to_open(location, rtsp_transport);
+      // As libavformat does where it looks names up itself: the host may answer at another address.
+      if (opened != AVERROR(ECONNREFUSED) && opened != AVERROR(ENETUNREACH) &&
+          opened != AVERROR(EHOSTUNREACH))
+        break;
+    }
+    return opened;
+  }
+  int try_to_open(const std::string& location, const char* rtsp_transport) {
     const AVInputFormat* input_format = nullptr;
     media::Options options = options_for_input(input_format);
     if (rtsp_transport != nullptr) options.set("rtsp_transport", rtsp_transport);
@@ -221,18 +261,8 @@ class FfmpegSource : public Source {
     if (live_) raw->flags |= AVFMT_FLAG_NOBUFFER;
     // libavdevice asks no callback while it waits in the driver, so it may not wait there.
     if (address_.kind == SourceKind::kDevice) raw->flags |= AVFMT_FLAG_NONBLOCK;
-    std::string location = address_.location;
-    if (address_.kind == SourceKind::kPipe) {
-      try {
-        fifo_ = std::make_unique<FifoInput>(location, [this] { return must_stop(); });
-      } catch (...) {
-        avformat_free_context(raw);
-        throw;
-      }
-      raw->pb = fifo_->context();
-    } else if (address_.kind == SourceKind::kFile) {
-      location.insert(0, "file:");  // a path must not be mistaken for a protocol ("a:b.mp4")
-    }
+    if (fifo_) raw->pb = fifo_->context();
+    if (file_) raw->pb = file_->context();
     const int opened = avformat_open_input(&raw, location.c_str(), input_format, options.address());
     if (opened >= 0) input_.reset(raw);
     return opened;
@@ -263,6 +293,7 @@ class FfmpegSource : public Source {
     media::carry_numbers(*decoder_);
     // Frame threads hold frames back: a live picture would arrive late.
     decoder_->thread_type = live_ ? FF_THREAD_SLICE : FF_THREAD_FRAME | FF_THREAD_SLICE;
+    if (box_ != nullptr) box_->lend(*decoder_);
     require(avcodec_open2(decoder_.get(), decoder, nullptr), action);
     const AVRational rate = av_guess_frame_rate(input_.get(), stream, nullptr);
     rate_ = rate.num > 0 && rate.den > 0 ? Rational{rate.num, rate.den} : Rational{25, 1};
@@ -358,9 +389,10 @@ class FfmpegSource : public Source {
 
   /// What a device gives lies in memory of its driver, which goes when it is closed; decoded pictures may
   /// still refer to it then.
-  static void keep(AVPacket& packet) {
+  void keep(AVPacket& packet) const {
     const media::Packet copy = media::make_packet();
-    require(av_new_packet(copy.get(), packet.size), "take a picture from its driver");
+    if (box_ == nullptr || !box_->make_packet(*copy, packet.size))
+      require(av_new_packet(copy.get(), packet.size), "take a picture from its driver");
     std::copy_n(packet.data, packet.size, copy->data);
     require(av_packet_copy_props(copy.get(), &packet), "take a picture from its driver");
     av_packet_unref(&packet);
@@ -426,12 +458,16 @@ class FfmpegSource : public Source {
   Pulse* const pulse_;                  // may be null
   const std::int64_t silence_ns_;       // a live source that sends nothing for so long is lost
   const std::string name_;
+  const BoxHooks* const box_;  // null: it works in no box
+  const std::string told_;     // by whoever opens it
   const bool live_;
   const bool wants_sound_;
   const bool loop_;
   bool opening_ = true;
   std::int64_t deadline_ns_ = 0;
+  std::vector<std::string> locations_;  // what libavformat is given, one after the other
   std::unique_ptr<FifoInput> fifo_;
+  std::unique_ptr<FileInput> file_;
   media::InputContext input_;
   media::Codec decoder_;
   int stream_ = -1;

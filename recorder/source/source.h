@@ -8,6 +8,7 @@
 #include <optional>
 #include <string>
 
+#include "base/error.h"
 #include "media/libav_handles.h"
 #include "recorder/clock/case_clock.h"
 #include "recorder/source/source_address.h"
@@ -92,7 +93,15 @@ using Pulse = std::atomic<std::uint64_t>;
 bool wait_until(const CaseClock& clock, std::int64_t due_ns, const std::atomic<bool>& interrupted,
                 Pulse* pulse = nullptr);
 
+/// The process that decoded a source ended or was killed. That says nothing of the source itself, which may
+/// go on: also a pipe, of which any other error may be its end.
+class DecoderLost : public Error {
+ public:
+  using Error::Error;
+};
+
 class SourceGuard;
+struct BoxHooks;
 
 /// How long, and whether, opening goes on. Read from the opening thread; `cancelled` may be set from any.
 struct OpeningTerms {
@@ -103,12 +112,14 @@ struct OpeningTerms {
   // The guard's, for the source that it opens; both outlive it.
   std::chrono::nanoseconds silence = std::chrono::seconds(5);  // a live source that sends nothing is lost
   Pulse* pulse = nullptr;                                      // may be null
+  const BoxHooks* box = nullptr;                               // of the box that it works in (source_box.h)
+  std::string remark;                                          // said with what the source remarks itself
 };
 
 /// Opens what the address names; `clock` must outlive the source. What a driver, a file system or a network
 /// stands behind is opened, read and closed by a thread of its own (source_guard.h), so that no call waits
-/// longer than the guard's limits. Throws kiroku::Error in one sentence: not there, no answer, no picture in
-/// it, cancelled.
+/// longer than the guard's limits, and demuxed and decoded by a process of its own (boxed_source.h). Throws
+/// kiroku::Error in one sentence: not there, no answer, no picture in it, cancelled.
 std::unique_ptr<Source> open_source(const SourceAddress& address, const CaseClock& clock,
                                     const OpeningTerms& terms = {});
 

@@ -10,7 +10,7 @@
 #include <utility>
 
 #include "base/error.h"
-#include "recorder/source/ffmpeg_source.h"
+#include "recorder/source/boxed_source.h"
 #include "recorder/source/sound_source.h"
 
 namespace kiroku::recorder {
@@ -33,7 +33,7 @@ std::string in_seconds(nanoseconds time) {
 std::unique_ptr<Source> make_source(const SourceAddress& address, const CaseClock& clock,
                                     const OpeningTerms& terms) {
   return address.kind == SourceKind::kSound ? open_sound_source(address, clock, terms)
-                                            : open_ffmpeg_source(address, clock, terms);
+                                            : open_captured_source(address, clock, terms);
 }
 
 std::string name_of(const SourceAddress& address) { return "source '" + address.stated + "'"; }

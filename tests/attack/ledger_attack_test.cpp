@@ -350,11 +350,12 @@ INSTANTIATE_TEST_SUITE_P(
                "device-invalid", kLedger, 0}),
     name_of);
 
-TEST(AttackOnLedgerMemory, ALineOfAGigabyteIsRefusedInBoundedMemory) {
+class LongLine : public ::testing::TestWithParam<std::uintmax_t> {};
+
+TEST_P(LongLine, IsRefusedInBoundedMemoryAndTime) {
   AttackedCase victim;
-  constexpr std::uintmax_t kGigabyte = std::uintmax_t{1} << 30U;
   fs::resize_file(victim / kLedger,
-                  fs::file_size(victim / kLedger) + kGigabyte);  // a hole: zeros without a disk
+                  fs::file_size(victim / kLedger) + GetParam());  // a hole: zeros without a disk
   std::FILE* file = std::fopen((victim / kLedger).c_str(), "ab");
   ASSERT_NE(file, nullptr);
   ASSERT_EQ(std::fputc('\n', file), '\n');
@@ -368,8 +369,14 @@ TEST(AttackOnLedgerMemory, ALineOfAGigabyteIsRefusedInBoundedMemory) {
   const archive::VerificationReport report = victim.verify();
   EXPECT_LT(most_memory() - before, 64 * 1024);
   EXPECT_EQ(report.verdict, Verdict::kTampered);
-  EXPECT_THAT(summary(report), ::testing::HasSubstr("entry-too-long ledger.jsonl 11"));
+  EXPECT_THAT(summary(report), ::testing::HasSubstr(GetParam() < archive::kMostBytesOfLine
+                                                        ? "entry-too-long ledger.jsonl 11"
+                                                        : "ledger-end-damaged ledger.jsonl 11"));
 }
+
+INSTANTIATE_TEST_SUITE_P(Sizes, LongLine,
+                         ::testing::Values(std::uintmax_t{32} << 20U, std::uintmax_t{1} << 30U,
+                                           std::uintmax_t{1} << 40U));
 
 }  // namespace
 }  // namespace kiroku::test

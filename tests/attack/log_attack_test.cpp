@@ -216,12 +216,12 @@ TEST(AttackOnTheLog, EntriesThatNobodySignedAreNoProof) {
   };
   const std::uint64_t end = lines.size();
   remove_notes_above(end - 1);
-  const std::string one_missing = summary(archive::verify_log(log, options));
+  const std::string one_missing = summary_alone(archive::verify_log(log, options));
   EXPECT_EQ(one_missing, "intact\nlog-tail-not-covered ledger.jsonl " + std::to_string(end - 1));
   remove_notes_above(2);
-  EXPECT_EQ(summary(archive::verify_log(log, options)), "unproven\nlog-tail-unsigned ledger.jsonl 2");
+  EXPECT_EQ(summary_alone(archive::verify_log(log, options)), "unproven\nlog-tail-unsigned ledger.jsonl 2");
   remove_notes_above(0);
-  EXPECT_EQ(summary(archive::verify_log(log, options)), "unproven\nlog-tail-unsigned ledger.jsonl 0");
+  EXPECT_EQ(summary_alone(archive::verify_log(log, options)), "unproven\nlog-tail-unsigned ledger.jsonl 0");
 }
 
 TEST(AttackByAForgedDevice, ACaseWithGenuineTokensIsUnprovenAndUnknownToTheLog) {

@@ -66,7 +66,8 @@ class RewrittenLog : public ::testing::Test {
 
 TEST_F(RewrittenLog, ThatWasNotRewrittenHoldsAgainstEveryNoteThatWasKept) {
   const archive::VerificationReport report = verify({kept(2), kept(size())});
-  EXPECT_EQ(summary(report), "intact\noutside-note-holds - -\noutside-note-holds - -") << details(report);
+  EXPECT_EQ(summary_alone(report), "intact\noutside-note-holds - -\noutside-note-holds - -")
+      << details(report);
   EXPECT_THAT(report.findings[0].text, HasSubstr("kept.note holds: the first 2 entries"));
 }
 
@@ -75,13 +76,14 @@ TEST_F(RewrittenLog, WithItsLastEntriesCutOffIsToldByANoteOverThem) {
   std::vector<std::string> rest = lines();
   rest.resize(6);  // the second case was never opened
   rewrite(rest);
-  ASSERT_EQ(summary(verify({})), "intact");  // only the note can tell
+  // Alone it is not believed, for one checkpoint is over many lines; what was cut off only a note can tell.
+  ASSERT_EQ(summary_alone(verify({})), "unproven\nlog-signed-late checkpoints/00000006.note 5");
   const archive::VerificationReport report = verify({kept(2), kept(before)});
-  EXPECT_EQ(summary(report),
-            "tampered\noutside-note-rolled-back ledger.jsonl 6"
-            "\noutside-note-holds - -")
+  EXPECT_EQ(summary_alone(report),
+            "tampered\nlog-signed-late checkpoints/00000006.note 5"
+            "\noutside-note-rolled-back ledger.jsonl 6\noutside-note-holds - -")
       << details(report);
-  EXPECT_THAT(report.findings[0].text,
+  EXPECT_THAT(report.findings[1].text,
               HasSubstr("the last " + std::to_string(before - 6) + " entries were removed"));
 }
 
@@ -91,9 +93,11 @@ TEST_F(RewrittenLog, WithAnotherEntryIsAForkFromTheNewestNoteThatHolds) {
   std::string& line = other[5];
   line.replace(line.find("\"utc\":\"") + 7, 4, "2001");
   rewrite(other);
-  ASSERT_THAT(summary(verify({})), ::testing::StartsWith("intact"));
+  ASSERT_THAT(summary_alone(verify({})), ::testing::StartsWith("unproven\nlog-signed-late"));
   const archive::VerificationReport report = verify({kept(end), kept(3)});
-  EXPECT_EQ(summary(report), "tampered\noutside-note-forked ledger.jsonl 3\noutside-note-holds - -")
+  EXPECT_EQ(summary_alone(report),
+            "tampered\noutside-note-forked ledger.jsonl 3"
+            "\nlog-signed-late checkpoints/00000011.note 10\noutside-note-holds - -")
       << details(report);
   EXPECT_THAT(report.findings[0].text, HasSubstr("parts from this one at entry 3 or later"));
 }
@@ -108,7 +112,8 @@ TEST_F(RewrittenLog, ThatGrewAgainAfterTheCutIsAForkToo) {
     other.push_back(more);
   }
   rewrite(other);
-  EXPECT_THAT(summary(verify({kept(before)})), HasSubstr("tampered\noutside-note-forked ledger.jsonl 0"));
+  EXPECT_THAT(summary_alone(verify({kept(before)})),
+              HasSubstr("tampered\noutside-note-forked ledger.jsonl 0"));
 }
 
 TEST_F(RewrittenLog, IsNotJudgedByANoteOfAnotherLog) {
@@ -118,40 +123,40 @@ TEST_F(RewrittenLog, IsNotJudgedByANoteOfAnotherLog) {
   // Of another trusted device's log, and signed by its key in this device's name.
   options.against = {{"other.note", signed_note(2, {}, other.key(), "kiroku/or4/log")}};
   options.devices.emplace_back("or4", other.key().public_key());
-  EXPECT_EQ(summary(archive::verify_log(log(), options)), "unproven\noutside-note-untrusted - -");
+  EXPECT_EQ(summary_alone(archive::verify_log(log(), options)), "unproven\noutside-note-untrusted - -");
   options.against = {{"other.note", crypto::sign_note(crypto::Checkpoint{"kiroku/or4/log", 2, {}}.to_text(),
                                                       "or4", other.key())}};
-  EXPECT_EQ(summary(archive::verify_log(log(), options)), "unproven\noutside-note-of-other-origin - -");
+  EXPECT_EQ(summary_alone(archive::verify_log(log(), options)), "unproven\noutside-note-of-other-origin - -");
   // A note of one of the device's cases is none of its log.
   options.against = {{"case.note", read_file(SoundCases::get().first / "checkpoints/00000011.note")}};
-  EXPECT_EQ(summary(archive::verify_log(log(), options)), "unproven\noutside-note-of-other-origin - -");
+  EXPECT_EQ(summary_alone(archive::verify_log(log(), options)), "unproven\noutside-note-of-other-origin - -");
 }
 
 TEST_F(RewrittenLog, IsNotAccusedByANoteThatAnybodyCouldWrite) {
   const crypto::SigningKey forger = crypto::SigningKey::generate();
   const crypto::Sha256Digest root = crypto::sha256(bytes_of("another history"));
   // By another key, in the device's name.
-  EXPECT_EQ(summary(verify({{"forged.note", signed_note(4, root, forger, origin())}})),
+  EXPECT_EQ(summary_alone(verify({{"forged.note", signed_note(4, root, forger, origin())}})),
             "unproven\noutside-note-untrusted - -");
   // The device's own signature, over another text.
   std::string changed = kept(2).text;
   changed.replace(changed.find("\n2\n"), 3, "\n9\n");
-  EXPECT_EQ(summary(verify({{"changed.note", changed}})), "unproven\noutside-note-invalid - -");
+  EXPECT_EQ(summary_alone(verify({{"changed.note", changed}})), "unproven\noutside-note-invalid - -");
   for (const std::string& other : {std::string(), std::string("x"), kept(2).text + "x"}) {
-    EXPECT_EQ(summary(verify({{"none.note", other}})), "unproven\noutside-note-invalid - -");
+    EXPECT_EQ(summary_alone(verify({{"none.note", other}})), "unproven\noutside-note-invalid - -");
   }
   // A device speaks for its own log alone, also where another one is trusted.
   archive::VerifyOptions options = sound().options();
   options.devices.emplace_back("or4", forger.public_key());
   options.against = {
       {"or4.note", crypto::sign_note(crypto::Checkpoint{origin(), 4, root}.to_text(), "or4", forger)}};
-  EXPECT_EQ(summary(archive::verify_log(log(), options)), "unproven\noutside-note-untrusted - -");
+  EXPECT_EQ(summary_alone(archive::verify_log(log(), options)), "unproven\noutside-note-untrusted - -");
 }
 
 TEST_F(RewrittenLog, IsNotJudgedWithoutATrustedDevice) {
   archive::VerifyOptions options;
   options.against = {kept(2)};
-  EXPECT_THAT(summary(archive::verify_log(log(), options)),
+  EXPECT_THAT(summary_alone(archive::verify_log(log(), options)),
               HasSubstr("unproven\nno-trusted-device - 0\noutside-note-untrusted - -"));
 }
 
@@ -160,7 +165,7 @@ TEST_F(RewrittenLog, OfWhichTwoNotesContradictEachOtherIsAForkWhateverIsShown) {
       signed_note(2, crypto::sha256(bytes_of("another history")), sound().key(), origin());
   const archive::VerificationReport report = verify({kept(2), {"other.note", other}});
   EXPECT_EQ(
-      summary(report),
+      summary_alone(report),
       "tampered\noutside-note-forked ledger.jsonl 0\noutside-note-holds - -\noutside-notes-contradict - -")
       << details(report);
   fs::remove_all(log());
@@ -176,7 +181,7 @@ TEST_F(RewrittenLog, WithALineThatCannotBeHashedCouldNotBeCompared) {
   write_file(log() / archive::kLedgerFile, ledger() + std::string((1U << 20U) + 1, 'x') + "\n");
   const archive::OutsideNote beyond{
       "kept.note", signed_note(size(), crypto::sha256(bytes_of("x")), sound().key(), origin())};
-  EXPECT_THAT(summary(verify({beyond})), HasSubstr("outside-note-unchecked - -"));
+  EXPECT_THAT(summary_alone(verify({beyond})), HasSubstr("outside-note-unchecked - -"));
 }
 
 // -- a case against its receipt

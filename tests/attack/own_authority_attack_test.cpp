@@ -172,15 +172,17 @@ class AttackBesideAnOutsideAuthority : public AttackByTheOwnAuthority {
     stamp_as(tsa_, {tsa_.certificate.get(), ca_.certificate.get()});
   }
 
-  /// Checkpoint and token of the outside authority, whose clock is right.
-  void stamp_outside(SampleCase& sample) {
+  /// Checkpoint and token of the outside authority, whose clock is right; the recorder's may be behind it.
+  void stamp_outside(SampleCase& sample, std::chrono::seconds behind = std::chrono::seconds(0)) {
     const archive::StoredCheckpoint checkpoint = sample.writer().checkpoint(archive_.now(), true);
+    const std::int64_t asked_ns = archive_.now_ns;
     archive_.now_ns += 100'000'000;
     const Bytes response = answer_of(outside_.signer, {outside_.signer.certificate.get()}, kForeignPolicy,
-                                     checkpoint.note, archive_.now().utc);
+                                     checkpoint.note, archive_.now().utc + behind);
     archive_.now_ns += 100'000'000;
-    sample.writer().add_token(checkpoint, "outside", response, SampleArchive::facts_of(response),
-                              archive_.now());
+    archive::TokenEntry facts = SampleArchive::facts_of(response);
+    facts.exchange = archive::TokenEntry::Exchange{asked_ns, archive_.now_ns};
+    sample.writer().add_token(checkpoint, "outside", response, facts, archive_.now());
   }
 
   TestAuthority outside_ = make_test_authority();
@@ -220,6 +222,24 @@ TEST_F(AttackBesideAnOutsideAuthority, AnOutsideTokenOverTheEndProvesTheWhole) {
   const archive::VerificationReport report = verify(sample.folder(), own_);
   EXPECT_EQ(summary(report), "intact") << details(report);
   EXPECT_EQ(archive::time_proof_name(report.time), "external");
+}
+
+// An operation that was played again a week later, on a clock set back: the times are the token's.
+TEST_F(AttackBesideAnOutsideAuthority, ARecordersClockThatIsAWeekBehindIsSaid) {
+  const auto stamped = [this](std::chrono::seconds behind) {
+    SampleCase sample(archive_);
+    stamp_outside(sample, behind);
+    archive_.now_ns = 7'000'000'000;
+    sample.writer().close("operator", archive_.now());
+    stamp_outside(sample, behind);
+    sample.writer().finish(archive_.now());
+    std::filesystem::remove(sample.folder() / "authorities/embedded.pem");  // no entry names it
+    return verify(sample.folder(), own_);
+  };
+  const archive::VerificationReport report = stamped(std::chrono::hours(24 * 7));
+  EXPECT_EQ(summary(report), "intact\nclock-differs ledger.jsonl 0") << details(report);
+  EXPECT_THAT(details(report), testing::HasSubstr("604800 s behind"));
+  EXPECT_EQ(summary(stamped(std::chrono::seconds(30))), "intact");
 }
 
 TEST_F(AttackBesideAnOutsideAuthority, AnExcerptBetweenOwnTokensReachesToTheOutsideOnes) {

@@ -170,7 +170,14 @@ TEST_P(ArchiveFault, AtEveryFileSystemCallIsRecoveredFrom) {
     }
     EXPECT_THAT(broken(archive), testing::IsEmpty()) << "at call " << at;
     for (const fs::path& folder : cases_in(archive)) {
-      EXPECT_TRUE(text_in(folder / kLedgerFile).starts_with(claimed)) << "at call " << at;
+      const std::string kept = text_in(folder / kLedgerFile);
+      // A `close` that nobody had signed yet is cut off and stated again by recovery, which says so.
+      const std::size_t last = claimed.size() < 2 ? 0 : claimed.rfind('\n', claimed.size() - 2) + 1;
+      if (claimed.find(R"("type":"close")", last) != std::string::npos &&
+          kept.find("from a close or an erasure on that nobody had signed") != std::string::npos) {
+        claimed.resize(last);
+      }
+      EXPECT_TRUE(kept.starts_with(claimed)) << "at call " << at;
       ++cases;
     }
     EXPECT_TRUE(recover(real_file_system(), archive).empty()) << "once is enough; at call " << at;
@@ -267,7 +274,9 @@ TEST(RetentionFault, AtEveryCallOfErasingIsRecoveredFrom) {
         ++points;
       }
       for (const CaseRecovery& recovery : recover(real_file_system(), archive)) {
-        EXPECT_EQ(recovery.problem, "") << "at call " << at;
+        EXPECT_THAT(recovery.problem,
+                    testing::AnyOf("", testing::HasSubstr("an erasure that nobody had signed")))
+            << "at call " << at;
       }
       EXPECT_THAT(broken(archive), testing::IsEmpty()) << "at call " << at;
       const bool stated = text_in(folder / kLedgerFile).find(R"("type":"erased")") != std::string::npos;

@@ -20,7 +20,7 @@
 #include "archive/recovery.h"
 #include "archive/verifier.h"
 #include "crypto/age_file.h"
-#include "media/inspector.h"
+#include "media/inspection/inspector.h"
 #include "recorder/checkpoint_stamper.h"
 #include "tests/support/power_cut_file_system.h"
 #include "tests/support/recording.h"
@@ -205,8 +205,15 @@ class PowerCutStory : public testing::Test {
 
   void expect_flushed_lines(const Flushed& flushed) const {
     for (const auto& [path, text] : flushed.ledgers) {
-      const std::string whole = text.substr(0, text.rfind('\n') + 1);
-      EXPECT_TRUE(text_in(archive() / path).starts_with(whole)) << path;
+      std::string whole = text.substr(0, text.rfind('\n') + 1);
+      const std::string kept = text_in(archive() / path);
+      // A `close` that nobody had signed yet is cut off and stated again by recovery, which says so.
+      const std::size_t last = whole.rfind('\n', whole.size() - 2) + 1;
+      if (whole.find(R"("type":"close")", last) != std::string::npos &&
+          kept.find("from a close or an erasure on that nobody had signed") != std::string::npos) {
+        whole.resize(last);
+      }
+      EXPECT_TRUE(kept.starts_with(whole)) << path;
     }
   }
 

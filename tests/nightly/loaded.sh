@@ -13,6 +13,7 @@ done
 for ((run = 1; run <= times; ++run)); do
   say "Beside four busy loops, run $run of $times"
   run_tests release -j"$(nproc)" "$@"
+  read -r passed failed skipped < <(count_tests)
   echo "after $run of $times runs: $passed passed, $failed failed, $skipped skipped"
 done
 tally

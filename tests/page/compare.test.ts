@@ -1,6 +1,5 @@
 // The plan beside the recording, on the viewer's page: a plan is sealed, a case recorded and marked by it, the two are compared, and a surgeon looks at them.
-import { execFileSync } from 'node:child_process';
-import { copyFileSync, mkdirSync, writeFileSync } from 'node:fs';
+import { copyFileSync } from 'node:fs';
 import { join } from 'node:path';
 import type { Browser } from 'playwright-core';
 import { afterAll, afterEach, beforeAll, beforeEach, describe, expect, it } from 'vitest';
@@ -35,15 +34,7 @@ const goTo = async (text: string) => {
 
 beforeAll(async () => {
   appliance = await Appliance.start();
-  const folder = join(appliance.home, 'plans', 'demonstration');
-  mkdirSync(folder, { recursive: true });
-  const demonstration = join(process.env['KIROKU_SOURCE_DIR'] ?? '', 'deploy', 'demonstration');
-  copyFileSync(join(demonstration, 'plan.json'), join(folder, 'plan.json'));
-  writeFileSync(
-    join(folder, 'organ.nrrd'),
-    execFileSync('awk', ['-f', join(demonstration, 'organ.awk')], { env: { ...process.env, LC_ALL: 'C' }, maxBuffer: 1 << 24 }),
-  );
-  await appliance.kiroku('plan', 'seal', join(folder, 'plan.json'));
+  const folder = await appliance.sealPlan();
   await appliance.kiroku('case', 'start', '--plan', join(folder, 'plan.seal.json'));
   for (const [seconds, mark] of [
     [2, 'Grasp the edge'], [1, 'Lift'], [1.5, 'pause'], [1.5, 'resume'], [1.5, 'Inspect'], [2, 'Hold'], [3, 'Hold done'], [0.5, 'Out'],

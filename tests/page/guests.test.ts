@@ -1,7 +1,7 @@
 // A guest who looks on by an invitation, in a browser of their own, before a kirokud that records.
 import type { Browser, Page } from 'playwright-core';
 import { afterAll, beforeAll, expect } from 'vitest';
-import { Appliance, keepPicture, seriousBarriers, settled, signInToRooms, startBrowser, story, visit, type Visitor } from './kit';
+import { Appliance, keepPicture, seriousBarriers, settled, signInToRooms, startBrowser, startRecording, story, visit, type Visitor } from './kit';
 import { expectFits } from './layout';
 
 let appliance: Appliance;
@@ -17,7 +17,7 @@ beforeAll(async () => {
   guest = await visit(browser);
   const { page } = surgeon;
   await signInToRooms(page, appliance);
-  await page.getByRole('button', { name: 'Start recording' }).click();
+  await startRecording(page);
   await page.getByText(/Live, \d+\.\d\d s behind/).first().waitFor();
 });
 
@@ -178,7 +178,10 @@ story('An invitation', (step) => {
     await arrow.getByText('Dr. Sato (guest)').waitFor();
     const box = await page.locator('.pane[data-stream=endoscope] .pointer-layer').boundingBox();
     const at = await arrow.locator('svg').boundingBox();
-    const shown = await page.locator('.pane[data-stream=endoscope] video').evaluate((video: HTMLVideoElement) => video.videoWidth / video.videoHeight);
+    // The pointer may be there before the video has a size.
+    const videoShape = () => page.locator('.pane[data-stream=endoscope] video').evaluate((video: HTMLVideoElement) => video.videoWidth / video.videoHeight);
+    await expect.poll(videoShape, { timeout: 30_000 }).toBeGreaterThan(0);
+    const shown = await videoShape();
     if (!box || !at) throw new Error('no arrow');
     // The picture lies in the middle of its pane.
     const width = Math.min(box.width, box.height * shown);

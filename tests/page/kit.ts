@@ -1,7 +1,7 @@
 // A real appliance to look at: a home, kirokud with a room of synthetic sources, and `kiroku view`; and a browser.
 import { type ChildProcess, execFile, spawn } from 'node:child_process';
 import { once } from 'node:events';
-import { appendFileSync, existsSync, mkdirSync, mkdtempSync, readdirSync, readFileSync, rmSync, writeFileSync } from 'node:fs';
+import { appendFileSync, copyFileSync, existsSync, mkdirSync, mkdtempSync, readdirSync, readFileSync, rmSync, writeFileSync } from 'node:fs';
 import { type AddressInfo, createServer } from 'node:net';
 import { tmpdir } from 'node:os';
 import { join } from 'node:path';
@@ -72,7 +72,7 @@ export function story(name: string, tell: (step: (what: string, action: () => Pr
 
 const kPassword = 'correct horse battery';
 
-async function freePort(): Promise<number> {
+export async function freePort(): Promise<number> {
   const server = createServer().listen(0, '127.0.0.1');
   await once(server, 'listening');
   const { port } = server.address() as AddressInfo;
@@ -92,12 +92,12 @@ export class Appliance {
     readonly home: string,
   ) {}
 
-  /** `live`: kirokud serves the page, with live pictures, to the user "anna"; else `kiroku view` does. */
-  static async start(live = false): Promise<Appliance> {
+  /** `live`: kirokud serves the page, with live pictures, to the user "anna"; else `kiroku view` does. `more`: lines of kiroku.toml that follow the room. */
+  static async start(live = false, more = ''): Promise<Appliance> {
     const folder = mkdtempSync(join(tmpdir(), 'kiroku-page-'));
     const appliance = new Appliance(folder, join(folder, 'home'));
     await appliance.kiroku('init', '--demo');
-    appendFileSync(join(appliance.home, 'kiroku.toml'), kRoom);
+    appendFileSync(join(appliance.home, 'kiroku.toml'), kRoom + more);
     if (live) {
       const listen = `127.0.0.1:${await freePort()}`;
       appendFileSync(join(appliance.home, 'kiroku.toml'), `[viewer]\nlisten = "${listen}"\n`);
@@ -160,6 +160,7 @@ export class Appliance {
   }
 
   readonly password = kPassword;
+  /** With `password`. */
   async addUser(name: string, role: string): Promise<void> {
     await run(kiroku, ['user', 'add', name, '--role', role, '--home', this.home], { env: { ...process.env, KIROKU_PASSPHRASE: kPassword } });
   }
@@ -177,6 +178,18 @@ export class Appliance {
     const found = /^AGE-SECRET-KEY-1\S+$/m.exec(readFileSync(join(this.home, 'identity.txt'), 'utf8'));
     if (!found) throw new Error('the home has no identity');
     return found[0];
+  }
+
+  /** Puts the demonstration's plan among the home's, and seals it; its folder. */
+  async sealPlan(): Promise<string> {
+    const folder = join(this.home, 'plans', 'demonstration');
+    mkdirSync(folder, { recursive: true });
+    const demonstration = join(fromEnvironment('KIROKU_SOURCE_DIR'), 'deploy', 'demonstration');
+    copyFileSync(join(demonstration, 'plan.json'), join(folder, 'plan.json'));
+    const { stdout } = await run('awk', ['-f', join(demonstration, 'organ.awk')], { env: { ...process.env, LC_ALL: 'C' }, maxBuffer: 1 << 24 });
+    writeFileSync(join(folder, 'organ.nrrd'), stdout);
+    await this.kiroku('plan', 'seal', join(folder, 'plan.json'));
+    return folder;
   }
 
   cases(): string[] {
@@ -286,6 +299,12 @@ export async function signInToRooms(page: Page, appliance: Appliance): Promise<v
   await page.keyboard.press('Enter');
   await page.getByRole('heading', { name: 'Cases' }).waitFor();
   await page.goto(`${appliance.url}#/rooms`);
+}
+
+/** Of the room that is shown, saying nothing of the patient. */
+export async function startRecording(page: Page): Promise<void> {
+  await page.getByRole('button', { name: 'Start recording' }).click();
+  await page.getByRole('button', { name: 'Start without a patient' }).click();
 }
 
 /** Findings of axe-core that are serious or critical, with the elements. */

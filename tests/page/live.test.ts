@@ -3,7 +3,7 @@ import { readFileSync } from 'node:fs';
 import { join } from 'node:path';
 import type { Browser, WebSocket } from 'playwright-core';
 import { afterAll, beforeAll, expect } from 'vitest';
-import { Appliance, keepPicture, seriousBarriers, signInToRooms, startBrowser, story, visit, type Visitor } from './kit';
+import { Appliance, keepPicture, seriousBarriers, signInToRooms, startBrowser, startRecording, story, visit, type Visitor } from './kit';
 import { expectFits } from './layout';
 
 let appliance: Appliance;
@@ -68,7 +68,7 @@ story('A room that is recording', (step) => {
 
   step('shows its streams moving, and how old the pictures are', async () => {
     const { page } = visitor;
-    await page.getByRole('button', { name: 'Start recording' }).click();
+    await startRecording(page);
     for (const stream of ['endoscope', 'room']) {
       await pane(stream).getByText(/Live, \d+\.\d\d s behind/).waitFor();
       await pane(stream).locator('video[aria-label]').waitFor();

@@ -1,12 +1,14 @@
 // A V4L2 camera for a machine that has none: loaded before the C library (LD_PRELOAD), it answers what a
 // program asks of one character device, so that libavdevice's own code captures from it. Environment:
 //   KIROKU_CAMERA_DEVICE    the device whose calls are answered; it must exist and may be any (/dev/full)
-//   KIROKU_CAMERA_PICTURES  so many pictures come, 20 a second; then none ever again
+//   KIROKU_CAMERA_GIVEN     a file of eight zeros in which it counts the pictures that it gave, to whichever
+//   process KIROKU_CAMERA_PICTURES  so many pictures come, 20 a second; then none ever again
 //   KIROKU_CAMERA_THEN      what happens then: "silent" (a program that waits in the driver waits for ever,
 //   one
 //                           that may not is told to come again), "stuck" (the driver keeps whoever asks for a
 //                           picture), "stuck-closing" (silent, and the driver keeps whoever ends the stream)
-// It offers pictures of 64x48 in YUYV, whatever is asked for.
+// It offers pictures of 64x48 in YUYV, whatever is asked for. The program's decoders, which get no
+// environment (media/box/child.h), get this one: they are who opens the camera.
 
 #include <algorithm>
 #include <array>
@@ -19,11 +21,14 @@
 #include <dlfcn.h>
 #include <fcntl.h>
 #include <linux/videodev2.h>
+#include <spawn.h>
 #include <string>
+#include <string_view>
 #include <sys/ioctl.h>
 #include <sys/mman.h>
 #include <thread>
 #include <unistd.h>
+#include <vector>
 
 namespace {
 
@@ -41,7 +46,6 @@ std::string setting(const char* name) {
 struct Camera {
   std::atomic<int> descriptor = -1;
   std::atomic<bool> may_wait = true;
-  std::atomic<int> given = 0;  // since the program began
   Clock::time_point due;
   std::array<bool, kMostBuffers> queued{};
   unsigned buffers = 0, sequence = 0;
@@ -51,17 +55,28 @@ Camera& camera() {
   return the_camera;
 }
 
+/// Of all processes, as each opening of a source is one.
+std::atomic<int>& given() {
+  static std::atomic<int>* const counted = [] {
+    const int file = ::open(setting("KIROKU_CAMERA_GIVEN").c_str(), O_RDWR | O_CLOEXEC);
+    void* const at =
+        file < 0 ? MAP_FAILED
+                 : ::mmap(nullptr, sizeof(std::atomic<int>), PROT_READ | PROT_WRITE, MAP_SHARED, file, 0);
+    if (at == MAP_FAILED) std::abort();
+    ::close(file);
+    return static_cast<std::atomic<int>*>(at);
+  }();
+  return *counted;
+}
+
 template <typename Function>
 Function next(const char* name) {
   return reinterpret_cast<Function>(::dlsym(RTLD_NEXT, name));  // NOLINT(*-reinterpret-cast)
 }
 
-/// Waits in a call that nothing ends.
+/// As in a call that does not come back.
 void wait_for_ever() {
-  std::array<int, 2> ends{};
-  if (::pipe(ends.data()) != 0) std::abort();
-  char byte = 0;
-  (void)!::read(ends[0], &byte, 1);
+  for (;;) std::this_thread::sleep_for(std::chrono::hours(1));
 }
 
 int fail(int error) {
@@ -71,7 +86,7 @@ int fail(int error) {
 
 int take_picture(v4l2_buffer& buffer) {
   Camera& it = camera();
-  if (it.given >= std::atoi(setting("KIROKU_CAMERA_PICTURES").c_str())) {
+  if (given() >= std::atoi(setting("KIROKU_CAMERA_PICTURES").c_str())) {
     if (setting("KIROKU_CAMERA_THEN") == "stuck" || it.may_wait) wait_for_ever();
     return fail(EAGAIN);
   }
@@ -83,7 +98,7 @@ int take_picture(v4l2_buffer& buffer) {
     if (!it.queued[i]) continue;
     it.queued[i] = false;
     it.due = Clock::now() + kInterval;
-    ++it.given;
+    ++given();
     buffer.index = i;
     buffer.bytesused = buffer.length = kBytes;
     buffer.sequence = it.sequence++;
@@ -172,8 +187,9 @@ int answer(unsigned long asked, void* what) {
 }
 
 int open_camera(int flags) {
+  (void)given();  // no file can be opened later: the decoder's box is closed then
   const int descriptor = ::memfd_create("camera", MFD_CLOEXEC);
-  if (descriptor < 0 || ::ftruncate(descriptor, kBytes) != 0) return -1;
+  if (descriptor < 0) return -1;
   camera().queued = {};
   camera().may_wait = (flags & O_NONBLOCK) == 0;
   camera().descriptor = descriptor;
@@ -193,6 +209,19 @@ mode_t mode_of(int flags, va_list arguments) {
 
 extern "C" {
 
+int posix_spawn(pid_t* process, const char* program, const posix_spawn_file_actions_t* actions,
+                const posix_spawnattr_t* attributes, char* const arguments[],
+                char* const variables[]) noexcept {
+  std::vector<char*> all;
+  for (; *variables != nullptr; ++variables) all.push_back(*variables);
+  for (char** each = environ; *each != nullptr; ++each) {
+    const std::string_view variable = *each;
+    if (variable.starts_with("KIROKU_CAMERA_") || variable.starts_with("LD_PRELOAD=")) all.push_back(*each);
+  }
+  all.push_back(nullptr);
+  return next<decltype(&posix_spawn)>("posix_spawn")(process, program, actions, attributes, arguments,
+                                                     all.data());
+}
 int open(const char* path, int flags, ...) {
   va_list arguments;
   va_start(arguments, flags);
@@ -206,6 +235,18 @@ int open64(const char* path, int flags, ...) {
   const mode_t mode = mode_of(flags, arguments);
   va_end(arguments);
   return open_as("open64", path, flags, mode);
+}
+/// The device's own memory. A decoder may make no file long enough for it.
+void* mmap(void* at, size_t bytes, int protection, int flags, int descriptor, off_t offset) noexcept {
+  if (descriptor >= 0 && descriptor == camera().descriptor) {
+    descriptor = -1;
+    flags = MAP_PRIVATE | MAP_ANONYMOUS;
+    offset = 0;
+  }
+  return next<decltype(&mmap)>("mmap")(at, bytes, protection, flags, descriptor, offset);
+}
+void* mmap64(void* at, size_t bytes, int protection, int flags, int descriptor, off64_t offset) noexcept {
+  return mmap(at, bytes, protection, flags, descriptor, offset);
 }
 int close(int descriptor) {
   int expected = descriptor;

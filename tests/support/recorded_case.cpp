@@ -11,6 +11,10 @@ namespace {
 
 constexpr std::int64_t kSecondNs = 1'000'000'000;
 
+std::int64_t start_of(const RecordedStream& stream, std::size_t index) {
+  return stream.starts_ns.empty() ? static_cast<std::int64_t>(index) * kSecondNs : stream.starts_ns.at(index);
+}
+
 archive::SegmentEntry write_segment(archive::CaseWriter& writer, const std::vector<RecordedStream>& streams,
                                     std::size_t stream_index, std::size_t index) {
   const RecordedStream& stream = streams[stream_index];
@@ -26,10 +30,11 @@ archive::SegmentEntry write_segment(archive::CaseWriter& writer, const std::vect
   } else {
     entry.file = segment->salvage().value();
   }
-  const auto start = static_cast<std::int64_t>(index) * kSecondNs;
+  const std::int64_t start = start_of(stream, index);
   entry.span = {start, start + kSecondNs};
   entry.time_base = "1/90000";
-  entry.first_pts = static_cast<std::int64_t>(index) * 90'000;
+  entry.first_pts =
+      stream.first_pts.empty() ? static_cast<std::int64_t>(index) * 90'000 : stream.first_pts.at(index);
   entry.frames = stream.units[index];
   entry.counts_samples = stream.kind == "vitals";
   return entry;
@@ -39,7 +44,8 @@ archive::SegmentEntry write_segment(archive::CaseWriter& writer, const std::vect
 
 Reader make_reader() {
   const crypto::AgeKeyPair pair = crypto::generate_age_key();
-  return {{crypto::parse_recipient(pair.recipient)}, {crypto::parse_identity(pair.identity_text.text())}};
+  const std::string text(pair.identity_text.text());
+  return {{crypto::parse_recipient(pair.recipient)}, {crypto::parse_identity(text)}, text};
 }
 
 std::filesystem::path record_case(const std::filesystem::path& archive,
@@ -74,16 +80,24 @@ std::filesystem::path record_case(const std::filesystem::path& archive,
   for (const RecordedStream& stream : streams) {
     longest = std::max(longest, stream.segments.size());
   }
+  std::int64_t latest_ns = 0;
   for (std::size_t index = 0; index < longest; ++index) {
     std::vector<archive::CaseEntryBody> bodies;
     for (std::size_t s = 0; s < streams.size(); ++s) {
-      if (index < streams[s].segments.size()) {
-        bodies.emplace_back(write_segment(*writer, streams, s, index));
+      if (index >= streams[s].segments.size()) continue;
+      const std::int64_t start = start_of(streams[s], index);
+      const std::int64_t before = index == 0 ? 0 : start_of(streams[s], index - 1) + kSecondNs;
+      if (start > before) {
+        bodies.emplace_back(
+            archive::GapEntry{streams[s].name, {before, start}, archive::GapCause::kSignalLost});
       }
+      bodies.emplace_back(write_segment(*writer, streams, s, index));
+      latest_ns = std::max(latest_ns, start + kSecondNs);
     }
-    writer->append(bodies, moment(static_cast<std::int64_t>(index + 1) * kSecondNs));
+    writer->append(bodies, moment(latest_ns));
   }
-  const archive::Moment end = moment(static_cast<std::int64_t>(longest + 1) * kSecondNs);
+  const archive::Moment end = moment(latest_ns + kSecondNs);
+  writer->close("operator", end);
   for (const RecordedStream& stream : streams) {
     if (stream.first_is_erased) {
       writer->append({archive::ErasedEntry{stream.name, 0, 0, "after 30 days"}}, end);
@@ -96,7 +110,6 @@ std::filesystem::path record_case(const std::filesystem::path& archive,
       }
     }
   }
-  writer->close("operator", end);
   writer->finish(end);
   return writer->folder();
 }

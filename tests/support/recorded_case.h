@@ -19,12 +19,18 @@ struct RecordedStream {
   bool last_is_cut = false;
   /// The first segment's file was removed by retention ("after 30 days"), and the ledger says so.
   bool first_is_erased = false;
+  /// When each segment begins on the case clock; absent: one after the other from 0. What lies between is
+  /// stated as gaps.
+  std::vector<std::int64_t> starts_ns = {};
+  /// Time stamps of the segments' first pictures, in 1/90000 s; absent: those of the case clock.
+  std::vector<std::int64_t> first_pts = {};
 };
 
 /// Someone who can open what is sealed to her.
 struct Reader {
   crypto::AgeRecipients recipients;
   crypto::AgeIdentities identities;
+  std::string identity_text = {};  // as an identity file holds it
 };
 Reader make_reader();
 

@@ -1,5 +1,6 @@
 #include <fstream>
 
+#include "tests/support/build_paths.h"
 #include "tests/system/program_test.h"
 
 namespace kiroku::test {
@@ -8,6 +9,7 @@ namespace {
 using testing::HasSubstr;
 
 const std::vector<Arguments> kCommands{{"init"},
+                                       {"devices"},
                                        {"record"},
                                        {"cases"},
                                        {"sim", "solve"},
@@ -76,10 +78,34 @@ TEST_F(Help, RefusesWhatItDoesNotKnowInOneSentenceWithAHint) {
   EXPECT_REFUSED(kiroku({"record", "--profile", "h264"}), "--profile");
   EXPECT_REFUSED(kiroku({"record", "--room", "a", "--room", "b"}), "--room may be given only once");
   EXPECT_REFUSED(kiroku({"record", "--endoscope"}), "--endoscope");
-  EXPECT_REFUSED(kiroku({"export", "x", "-o", "y"}), "--stream is required");
+  EXPECT_REFUSED(kiroku({"export", "x", "-o", "y"}), "--stream");
   EXPECT_REFUSED(kiroku({"verify"}), "CASE");
   EXPECT_REFUSED(kiroku({"token"}), "verify");
   EXPECT_REFUSED(kiroku({"completion", "fish"}), "fish");
+}
+
+TEST_F(Help, AsksWhatWasMeantInEveryProgram) {
+  EXPECT_REFUSED(kiroku({"recrod"}), "did you mean 'record'?");
+  EXPECT_REFUSED(kiroku({"caes"}), "did you mean 'case'?");
+  EXPECT_REFUSED(kiroku({"expotr", "a-case", "another"}), "did you mean 'export'?");
+  EXPECT_REFUSED(kiroku({"case", "strat"}), "did you mean 'start'?");
+  EXPECT_REFUSED(kiroku({"sim", "rendr"}), "did you mean 'render'?");
+  EXPECT_REFUSED(kiroku({"plan", "repaly"}), "did you mean 'replay'?");
+  EXPECT_REFUSED(kiroku({"sim", "solve", "--ouptut", "x"}), "did you mean '--output'?");
+  EXPECT_REFUSED(kiroku({"record", "--endoscpe", "x"}), "did you mean '--endoscope'?");
+  EXPECT_REFUSED(kiroku({"record", "--profile", "losless"}), "did you mean 'lossless'?");
+  EXPECT_REFUSED(kiroku({"completion", "zhs"}), "did you mean 'zsh'?");
+  EXPECT_THAT(kiroku({"frobnicate"}).err, testing::Not(HasSubstr("did you mean")));
+  EXPECT_REFUSED(tool({built_file("kiroku-verify"), "x", "--devcie", "y"}), "did you mean '--device'?");
+  const ProcessResult daemon = tool({built_file("kirokud"), "--chekc"});
+  EXPECT_EQ(daemon.status, 2);
+  EXPECT_THAT(daemon.err, HasSubstr("did you mean '--check'?"));
+}
+
+// Commands are listed once; what the small programs answer is what that list says.
+TEST_F(Help, NamesEveryCommandInTheOverview) {
+  const std::string overview = kiroku({}).out;
+  for (const Arguments& command : kCommands) EXPECT_THAT(overview, HasSubstr(command[0])) << command[0];
 }
 
 TEST_F(Help, CompletionForBashIsValidAndKnowsEveryOption) {

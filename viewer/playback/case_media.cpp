@@ -1,10 +1,10 @@
 #include "viewer/playback/case_media.h"
 
 #include <algorithm>
-#include <charconv>
 #include <utility>
 
 #include "base/error.h"
+#include "media/stream_clock.h"
 
 namespace kiroku::playback {
 namespace {
@@ -14,49 +14,17 @@ constexpr Ticks kLongestSpread = 2 * kTicksPerSecond;
 /// And one whose times recovery estimated.
 constexpr Ticks kLongestEstimate = 12 * kTicksPerSecond;
 
-/// Ticks of one unit of "n/d"; nothing for a base that is none or not made of whole ticks.
-std::optional<Ticks> unit_of(const std::string& time_base) {
-  std::int64_t numerator = 0;
-  std::int64_t denominator = 0;
-  const char* const end = time_base.data() + time_base.size();
-  const auto upper = std::from_chars(time_base.data(), end, numerator);
-  if (upper.ptr == end || *upper.ptr != '/' || std::from_chars(upper.ptr + 1, end, denominator).ptr != end ||
-      numerator < 1 || denominator < 1 || kTicksPerSecond * numerator % denominator != 0) {
-    return std::nullopt;
-  }
-  return kTicksPerSecond * numerator / denominator;
-}
-
-/// What an entry says of its first picture.
-struct FirstPicture {
-  Ticks stamp = 0;
-  /// Time stamp minus case-clock time, both in the container's unit: in whole units both were rounded alike.
-  Ticks offset = 0;
-};
-std::optional<FirstPicture> first_picture_of(const archive::SegmentEntry& segment) {
-  const auto unit = segment.counted ? unit_of(segment.time_base) : std::nullopt;
-  if (!unit) return std::nullopt;
-  constexpr std::int64_t kTickUnit = 100'000;  // 9 ticks
-  const std::int64_t divisor = kTickUnit * *unit;
-  const std::int64_t start = (segment.span.start_ns * 9 + divisor / 2) / divisor;
-  return FirstPicture{segment.first_pts * *unit, (segment.first_pts - start) * *unit};
-}
-
 VideoIndex index_of(const archive::CaseReader& recording, const archive::StreamInfo& stream) {
   VideoIndex index;
   index.stream = stream;
   std::vector<archive::SegmentEntry> segments = recording.segments(stream.name, INT64_MIN, INT64_MAX);
-  for (const archive::SegmentEntry& segment : segments) {
-    if (const auto first = first_picture_of(segment)) {
-      index.offset = std::min(index.offset.value_or(first->offset), first->offset);
-    }
-  }
+  index.offset = media::stamp_offset(segments);
   std::int64_t before_ended_ns = INT64_MIN;
   for (archive::SegmentEntry& segment : segments) {
     const std::int64_t end_ns = segment.span.end_ns;
     if (recording.erasure_of(segment) == nullptr) {
       IndexedSegment indexed;
-      const auto first = first_picture_of(segment);
+      const auto first = media::first_picture_of(segment);
       indexed.start = first ? first->stamp - *index.offset : ticks_of_ns(segment.span.start_ns);
       indexed.end = ticks_of_ns(end_ns) + (segment.counted ? kLongestSpread : kLongestEstimate);
       indexed.begins_run =

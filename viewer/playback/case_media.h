@@ -1,12 +1,7 @@
 // The video streams of a case on its clock, and their segments as plaintext. Immutable after construction but
 // for what it remembers of hashed files; thread-safe.
 //
-// Where a picture stands on the case clock. The packets of a stream carry the time stamps of one muxer time
-// line (docs/reference/format.md): case-clock time, in the container's unit, plus a constant. A segment's
-// ledger entry states the time stamp of its first picture (`first_pts`) and about when that was (`start_ns`:
-// pictures that came in a burst were coded a little later). The least difference of the two over a stream is
-// the constant; so every picture's time is known to the tick, also in segments that recovery found, whose
-// entries state none.
+// Where a picture stands on the case clock: media/stream_clock.h.
 #pragma once
 
 #include <cstddef>
@@ -47,7 +42,16 @@ struct VideoIndex {
   [[nodiscard]] bool may_hold(Ticks from, Ticks to) const;
 };
 
-class CaseMedia {
+/// Segments as plaintext: of a case that is open here, or in a box, where whoever has the case is asked.
+class SegmentOpener {
+ public:
+  virtual ~SegmentOpener() = default;
+  /// Throws as media::SealedSegment::open.
+  [[nodiscard]] virtual std::unique_ptr<crypto::ByteSource> open_plaintext(
+      const archive::SegmentEntry& segment) const = 0;
+};
+
+class CaseMedia : public SegmentOpener {
  public:
   /// Throws kiroku::UsageError, kiroku::IoError as archive::CaseFolder::open.
   CaseMedia(archive::CaseReader recording, crypto::AgeIdentities identities);
@@ -59,6 +63,10 @@ class CaseMedia {
   /// The whole file is compared with the ledger's hash when it is opened first, and each block again when it
   /// is decrypted. Throws as media::SealedSegment::open.
   [[nodiscard]] media::SealedSegment open(const archive::SegmentEntry& segment) const;
+  [[nodiscard]] std::unique_ptr<crypto::ByteSource> open_plaintext(
+      const archive::SegmentEntry& segment) const override {
+    return std::make_unique<media::SealedSegment>(open(segment));
+  }
 
  private:
   archive::CaseReader recording_;

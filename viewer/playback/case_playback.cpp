@@ -1,31 +1,19 @@
 #include "viewer/playback/case_playback.h"
 
-#include <algorithm>
 #include <exception>
 #include <limits>
-#include <thread>
 #include <utility>
 #include <vector>
 
-extern "C" {
-#include <libavutil/frame.h>
-}
-
 #include "base/error.h"
 #include "crypto/encoding.h"
-#include "viewer/playback/viewing_pictures.h"
+#include "viewer/playback/viewing_boxes.h"
 #include "viewer/playback/viewing_sound.h"
 
 namespace kiroku::playback {
 namespace {
 
-/// Where a stream's pictures may have changed is looked at so often at most: the first picture must not wait
-/// for all interruptions of a long day.
-constexpr std::size_t kMostRunsLookedAt = 24;
 constexpr std::uint64_t kPiecesAhead = 2;
-/// A picture lasts until the next one, unless that is so far away that nobody knows what was to be seen.
-constexpr Ticks kLongestPicture = 2 * kTicksPerSecond;
-constexpr Ticks kUnknownDuration = kTicksPerSecond / 25;
 constexpr std::uint64_t kLastPiece =
     static_cast<std::uint64_t>(std::numeric_limits<Ticks>::max() / kPieceTicks) - 1;
 
@@ -35,48 +23,17 @@ bool may_hold(const VideoIndex& index, std::uint64_t piece) {
   return piece <= kLastPiece && index.may_hold(begin_of(piece), begin_of(piece) + kPieceTicks);
 }
 
-int decoding_threads(const VideoIndex& index) {
-  // FFV1 takes several times as long as the others.
-  return index.stream.profile == "lossless"
-             ? std::clamp(static_cast<int>(std::thread::hardware_concurrency()), 1, 4)
-             : 1;
-}
-
-/// The form that all of the stream's pictures go into: that of the largest.
-ViewingFormat find_format(const CaseMedia& media, const VideoIndex& index) {
-  std::optional<ViewingFormat> largest;
-  std::exception_ptr failure;
-  std::size_t looked_at = 0;
-  for (const IndexedSegment& segment : index.segments) {
-    if (!segment.begins_run) continue;
-    if (looked_at++ == kMostRunsLookedAt) break;
-    try {
-      PictureReader reader(media, index);
-      reader.seek(segment.start);
-      const std::optional<ArchivedPicture> picture = reader.next();
-      if (!picture) continue;
-      const ViewingFormat format = viewing_format_of(*picture->frame, picture->usual_duration);
-      if (!largest || format.width * format.height > largest->width * largest->height) largest = format;
-    } catch (const Error&) {
-      if (!failure) failure = std::current_exception();
-    }
-  }
-  if (largest) return *largest;
-  if (failure) std::rethrow_exception(failure);
-  throw UsageError("stream '" + index.stream.name + "' has no picture in it");
-}
-
 }  // namespace
 
 struct CasePlayback::Stream {
   explicit Stream(const CaseMedia& case_media, const VideoIndex& video)
-      : media(case_media), index(video), stepper(case_media, video) {}
+      : index(video), boxes(case_media, video) {}
 
   /// Finds out the form of the copies, once; and so that the identities open this stream.
   void prepare() {
     const std::lock_guard guard(preparing);
     if (!init.bytes.empty()) return;
-    format = find_format(media, index);
+    format = boxes.find_format();
     init = make_init_segment(format);
   }
 
@@ -84,12 +41,12 @@ struct CasePlayback::Stream {
   void prepare_sound() {
     const std::lock_guard guard(preparing_sound);
     if (sound_is_known) return;
-    if ((sound = find_sound(media, index))) sound_init = make_sound_init_segment(*sound);
+    if ((sound = boxes.find_sound())) sound_init = make_sound_init_segment(*sound);
     sound_is_known = true;
   }
 
-  const CaseMedia& media;
   const VideoIndex& index;
+  ViewingBoxes boxes;
   std::mutex preparing;  // guards the two below until they are set
   ViewingFormat format;
   InitSegment init;
@@ -97,8 +54,6 @@ struct CasePlayback::Stream {
   bool sound_is_known = false;
   std::optional<SoundForm> sound;
   InitSegment sound_init;
-  std::mutex stepping;  // guards stepper
-  PictureStepper stepper;
 };
 
 CasePlayback::CasePlayback(archive::CaseReader recording, crypto::AgeIdentities identities,
@@ -142,46 +97,10 @@ Bytes CasePlayback::cached(const std::string& name, const std::function<Bytes()>
   });
 }
 
-Bytes CasePlayback::cached_piece(const Stream& stream, std::uint64_t number) {
+Bytes CasePlayback::cached_piece(Stream& stream, std::uint64_t number) {
   if (!may_hold(stream.index, number)) return {};
-  return cached(name_of("piece", stream.index, number), [&] { return make_piece(stream, number); });
-}
-
-Bytes CasePlayback::make_piece(const Stream& stream, std::uint64_t number) const {
-  const Ticks from = begin_of(number);
-  const Ticks to = from + kPieceTicks;
-  const VideoIndex& index = stream.index;
-  PictureReader reader(media_, index, Decoding::kEveryPicture, decoding_threads(index));
-  reader.stop_before(to);
-  reader.seek(from);
-  ViewingPictures viewing(stream.format);
-  PieceEncoder encoder(stream.format);
-  Ticks last = 0, usual = 0;
-  std::optional<Ticks> following;
-  while (std::optional<ArchivedPicture> picture = reader.next()) {
-    if (picture->time >= to) {
-      following = picture->time;
-      break;
-    }
-    if (picture->time >= from) {
-      last = picture->time;
-      usual = picture->usual_duration;
-    }
-    for (const ArchivedPicture& ready : viewing.add(std::move(*picture))) {
-      if (ready.time >= from) encoder.add(ready);
-    }
-  }
-  for (const ArchivedPicture& ready : viewing.finish()) {
-    if (ready.time >= from) encoder.add(ready);
-  }
-  if (!following) {
-    const auto next = std::find_if(index.segments.begin(), index.segments.end(),
-                                   [&](const IndexedSegment& segment) { return segment.start >= to; });
-    if (next != index.segments.end()) following = next->start;
-  }
-  const bool known = following && *following - last <= kLongestPicture;
-  return encoder.finish(known ? *following : last + (usual > 0 ? usual : kUnknownDuration),
-                        static_cast<std::uint32_t>(number + 1));
+  return cached(name_of("piece", stream.index, number),
+                [&] { return stream.boxes.make_piece(stream.format, number); });
 }
 
 std::optional<InitSegment> CasePlayback::sound_init_segment(const std::string& stream) {
@@ -196,31 +115,18 @@ Bytes CasePlayback::sound_piece(const std::string& stream, std::uint64_t number)
   from.prepare_sound();
   if (!from.sound || !may_hold(from.index, number)) return {};
   return cached(name_of("sound", from.index, number, kSoundReach),
-                [&] { return make_sound_piece(media_, from.index, *from.sound, number); });
+                [&] { return from.boxes.make_sound_piece(*from.sound, number); });
 }
 
 Bytes CasePlayback::thumbnail(const std::string& stream, std::uint64_t number) {
-  const VideoIndex& index = prepared(stream).index;
-  if (!may_hold(index, number)) return {};
-  return cached(name_of("thumbnail", index, number), [&] {
-    const Ticks from = begin_of(number);
-    return make_thumbnail(media_, index, from, from + kPieceTicks);
-  });
+  Stream& from = prepared(stream);
+  if (!may_hold(from.index, number)) return {};
+  return cached(name_of("thumbnail", from.index, number), [&] { return from.boxes.make_thumbnail(number); });
 }
 
 std::optional<ArchivedStill> CasePlayback::archived_picture(const std::string& stream, std::int64_t at_ns,
                                                             Step step) {
-  Stream& from = prepared(stream);
-  media::Frame picture;
-  Ticks time = 0;
-  {
-    const std::lock_guard guard(from.stepping);
-    const ArchivedPicture* const found = from.stepper.find(ticks_of_ns(at_ns), step);
-    if (found == nullptr) return std::nullopt;
-    picture = media::reference(*found->frame);
-    time = found->time;
-  }
-  return ArchivedStill{png_of_archived(*picture), ns_of_ticks(time)};
+  return prepared(stream).boxes.archived_picture(at_ns, step);
 }
 
 /// What an identity may not see is refused before the cache is asked.

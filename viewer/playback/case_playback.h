@@ -7,6 +7,8 @@
 // one picture for each archived one: none is added, left out or moved. Where nothing was recorded there is
 // nothing. Sound is the archived one, sample for sample. It is no evidence: that is the archive, which
 // archived_picture() shows and an export hands out.
+//
+// Segments are demuxed and decoded in boxes (viewing_boxes.h), which see one stream's plaintext and no key.
 #pragma once
 
 #include <cstdint>
@@ -32,11 +34,6 @@
 #include "viewer/playback/still_pictures.h"
 
 namespace kiroku::playback {
-
-struct ArchivedStill {
-  Bytes png;
-  std::int64_t time_ns = 0;  // of the case clock
-};
 
 class CasePlayback {
  public:
@@ -91,8 +88,7 @@ class CasePlayback {
   void require_readable(const std::vector<archive::SegmentEntry>& segments) const;
   /// What the cache knows by the name; made, once for all who ask meanwhile, where it does not.
   [[nodiscard]] Bytes cached(const std::string& name, const std::function<Bytes()>& make);
-  [[nodiscard]] Bytes cached_piece(const Stream& stream, std::uint64_t number);
-  [[nodiscard]] Bytes make_piece(const Stream& stream, std::uint64_t number) const;
+  [[nodiscard]] Bytes cached_piece(Stream& stream, std::uint64_t number);
   /// Changes with everything that the result depends on.
   [[nodiscard]] std::string name_of(const std::string& what, const std::string& stream,
                                     const std::vector<archive::SegmentEntry>& segments) const;

@@ -1,31 +1,17 @@
 // Case-clock time in the unit that pieces carry. Constants and pure functions; thread-safe.
 #pragma once
 
-#include <cstdint>
+#include "media/media_ticks.h"
 
 namespace kiroku::playback {
 
-/// 1/90000 s of the case clock: the unit of MPEG-2 transport streams, a whole multiple of Matroska's
-/// milliseconds, so that an archived picture's time is a whole number of them.
-using Ticks = std::int64_t;
+using media::kTicksPerSecond;
+using media::ns_of_ticks;
+using media::Ticks;
+using media::ticks_of_ns;
 
-inline constexpr Ticks kTicksPerSecond = 90'000;
 /// Length of a piece; piece K covers [K * kPieceTicks, (K + 1) * kPieceTicks).
 inline constexpr Ticks kPieceTicks = 2 * kTicksPerSecond;
 inline constexpr std::int64_t kPieceNs = 2'000'000'000;
-
-/// To the nearest tick, which gives back the ticks that ns_of_ticks() was given.
-constexpr Ticks ticks_of_ns(std::int64_t ns) {
-  // 9/100000, split so that nothing overflows within 292 years of the case clock
-  constexpr std::int64_t kUnit = 100'000;
-  const std::int64_t whole = ns / kUnit;
-  const std::int64_t rest = ns % kUnit * 9;
-  return whole * 9 + (rest + (rest >= 0 ? kUnit / 2 : -kUnit / 2)) / kUnit;
-}
-/// To the nearest nanosecond.
-constexpr std::int64_t ns_of_ticks(Ticks ticks) {
-  const std::int64_t rest = ticks % 9 * 100'000;
-  return ticks / 9 * 100'000 + (rest + (rest >= 0 ? 4 : -4)) / 9;
-}
 
 }  // namespace kiroku::playback

@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <filesystem>
-#include <set>
 #include <utility>
 
 #include <nlohmann/json.hpp>
@@ -10,15 +9,11 @@
 #include "archive/brackets.h"
 #include "archive/case_folder.h"
 #include "archive/case_layout.h"
-#include "archive/pointing_stream.h"
-#include "crypto/encoding.h"
-#include "crypto/hash.h"
-#include "media/plaintext_lines.h"
+#include "viewer/playback/case_events.h"
 
 namespace kiroku::playback {
 namespace {
 
-constexpr std::size_t kLongestEvent = std::size_t{16} << 20;
 constexpr std::size_t kLargestToken = std::size_t{1} << 20;
 constexpr std::size_t kLargestNote = std::size_t{1} << 16;
 
@@ -71,22 +66,6 @@ std::vector<TimelineBracket> brackets_on_clock(const std::vector<archive::Stampe
   return brackets;
 }
 
-/// The event of a line as text, if the line's own commitment is among those of the ledger.
-std::optional<nlohmann::json> committed_event(std::string_view line,
-                                              const std::set<crypto::Sha256Digest>& commitments) {
-  const auto parsed = nlohmann::json::parse(line, nullptr, false);
-  if (!parsed.is_object() || !parsed.contains("salt") || !parsed.contains("event") ||
-      !parsed["salt"].is_string() || !parsed["event"].is_string()) {
-    return std::nullopt;
-  }
-  const auto& event = parsed["event"].get_ref<const std::string&>();
-  std::optional<Bytes> committed = crypto::from_hex(parsed["salt"].get_ref<const std::string&>());
-  if (!committed) return std::nullopt;
-  append(*committed, bytes_of(event));
-  if (!commitments.contains(crypto::sha256(*committed))) return std::nullopt;
-  return nlohmann::json::parse(event, nullptr, false);
-}
-
 }  // namespace
 
 Timeline timeline_of(const archive::CaseReader& recording, const timestamp::TrustStore& trust) {
@@ -117,28 +96,11 @@ Timeline timeline_of(const archive::CaseReader& recording, const timestamp::Trus
 }
 
 std::vector<TimelineMark> marks_of(const CaseMedia& media) {
-  std::set<crypto::Sha256Digest> commitments;
-  media.recording().for_each([&](const archive::CaseEntry& entry) {
-    if (const auto* const mark = std::get_if<archive::MarkEntry>(&entry.body)) {
-      commitments.insert(mark->commitment);
-    }
-  });
   std::vector<TimelineMark> marks;
-  for (const archive::StreamInfo& stream : media.recording().opening().streams) {
-    if (stream.kind != "events" || archive::is_pointing(stream)) continue;
-    for (const archive::SegmentEntry& segment :
-         media.recording().segments(stream.name, INT64_MIN, INT64_MAX)) {
-      if (media.recording().is_erased(segment)) continue;
-      const media::SealedSegment plain = media.open(segment);
-      media::for_each_line(
-          plain, segment.file.file, kLongestEvent, !segment.complete,
-          [&](std::uint64_t, std::string_view line) {
-            const auto event = committed_event(line, commitments);
-            if (!event || !event->is_object() || event->value("kind", "") != "mark") return;
-            marks.push_back({event->value("time_ns", std::int64_t{0}), event->value("text", std::string())});
-          });
-    }
-  }
+  for_each_event(media, [&](const nlohmann::json& event) {
+    if (event.value("kind", "") != "mark") return;
+    marks.push_back({event.value("time_ns", std::int64_t{0}), event.value("text", std::string())});
+  });
   std::stable_sort(marks.begin(), marks.end(),
                    [](const TimelineMark& a, const TimelineMark& b) { return a.time_ns < b.time_ns; });
   return marks;

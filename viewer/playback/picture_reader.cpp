@@ -21,7 +21,7 @@ using media::MediaError;
 }  // namespace
 
 struct PictureReader::Open {
-  Open(const CaseMedia& media, const VideoIndex& index, const IndexedSegment& segment, int threads)
+  Open(const SegmentOpener& media, const VideoIndex& index, const IndexedSegment& segment, int threads)
       : tolerate_cut(!segment.entry.complete),
         packets(media, index, segment, SegmentPackets::Of::kPictures),
         decoder(
@@ -59,7 +59,8 @@ struct PictureReader::Open {
   media::PictureDecoder decoder;
 };
 
-PictureReader::PictureReader(const CaseMedia& media, const VideoIndex& index, Decoding decoding, int threads)
+PictureReader::PictureReader(const SegmentOpener& media, const VideoIndex& index, Decoding decoding,
+                             int threads)
     : media_(media), index_(index), decoding_(decoding), threads_(threads) {}
 
 PictureReader::~PictureReader() = default;

@@ -25,8 +25,8 @@ enum class Decoding { kEveryPicture, kKeyFramesOnly };
 class PictureReader {
  public:
   /// Both must outlive the object. `threads` as of media::PictureDecoder.
-  PictureReader(const CaseMedia& media, const VideoIndex& index, Decoding decoding = Decoding::kEveryPicture,
-                int threads = 1);
+  PictureReader(const SegmentOpener& media, const VideoIndex& index,
+                Decoding decoding = Decoding::kEveryPicture, int threads = 1);
   ~PictureReader();
   PictureReader(const PictureReader&) = delete;
   PictureReader& operator=(const PictureReader&) = delete;
@@ -50,7 +50,7 @@ class PictureReader {
   /// False past the last segment.
   bool open(std::size_t segment);
 
-  const CaseMedia& media_;
+  const SegmentOpener& media_;
   const VideoIndex& index_;
   Decoding decoding_;
   int threads_;

@@ -7,19 +7,14 @@ extern "C" {
 #include <libavformat/avformat.h>
 }
 
+#include "media/stream_clock.h"
+
 namespace kiroku::playback {
 namespace {
 
-/// Time stamps of MPEG-TS have 33 bits (ISO 13818-1, 2.4.3.7).
-constexpr std::int64_t kTransportWrap = std::int64_t{1} << 33;
 /// A segment found by recovery begins at or after where its stream was accounted for, and not days later.
-constexpr Ticks kEarliestBeforeEstimate = kTicksPerSecond;
+constexpr Ticks kEarliestBeforeEstimate = ticks_of_ns(media::kEarliestBeforeEstimateNs);
 constexpr Ticks kLatestAfterEstimate = 3600 * kTicksPerSecond;
-
-Ticks unwrapped(Ticks difference) {
-  const Ticks half = kTransportWrap / 2;
-  return (((difference + half) % kTransportWrap) + kTransportWrap) % kTransportWrap - half;
-}
 
 Ticks ticks_of(std::int64_t stamp, const AVStream& stream) {
   return av_rescale_q(stamp, stream.time_base, {1, kTicksPerSecond});
@@ -27,12 +22,12 @@ Ticks ticks_of(std::int64_t stamp, const AVStream& stream) {
 
 }  // namespace
 
-SegmentPackets::SegmentPackets(const CaseMedia& media, const VideoIndex& index, const IndexedSegment& segment,
-                               Of which)
+SegmentPackets::SegmentPackets(const SegmentOpener& media, const VideoIndex& index,
+                               const IndexedSegment& segment, Of which)
     : wraps_(index.stream.media == "video/mp2t"),
       tolerate_cut_(!segment.entry.complete),
-      sealed_(media.open(segment.entry)),
-      input_(sealed_, index.stream.media, segment.entry.file.file),
+      plaintext_(media.open_plaintext(segment.entry)),
+      input_(*plaintext_, index.stream.media, segment.entry.file.file),
       pictures_(&input_.video()),
       stream_(which == Of::kPictures ? pictures_ : input_.sound()),
       start_(segment.start) {
@@ -80,7 +75,7 @@ media::Packet SegmentPackets::next() {
   }
   if (!packet) return {};
   const Ticks since = packet->pts - *first_stamp_;
-  packet->pts = start_ + (wraps_ ? unwrapped(since) : since);
+  packet->pts = start_ + (wraps_ ? media::unwrapped(since) : since);
   packet->dts = packet->pts;  // the recorder codes no picture after one that follows it
   return packet;
 }
@@ -89,7 +84,7 @@ void SegmentPackets::begin_at(Ticks stamp) {
   first_stamp_ = stamp;
   if (!offset_) return;
   const Ticks late = stamp - *offset_ - start_;
-  const Ticks after = wraps_ ? unwrapped(late) : late;
+  const Ticks after = wraps_ ? media::unwrapped(late) : late;
   if (after >= -kEarliestBeforeEstimate && after <= kLatestAfterEstimate) start_ += after;
 }
 

@@ -3,6 +3,7 @@
 
 #include <cstdint>
 #include <deque>
+#include <memory>
 #include <optional>
 
 #include "media/libav_handles.h"
@@ -19,9 +20,10 @@ class SegmentPackets {
  public:
   enum class Of { kPictures, kSound };
 
-  /// `segment` is one of `index`; nothing is kept of the three. Throws as CaseMedia::open and
+  /// `segment` is one of `index`; nothing is kept of the three. Throws as SegmentOpener and
   /// media::SegmentInput, and media::MediaError where pictures are asked for and there are none.
-  SegmentPackets(const CaseMedia& media, const VideoIndex& index, const IndexedSegment& segment, Of which);
+  SegmentPackets(const SegmentOpener& media, const VideoIndex& index, const IndexedSegment& segment,
+                 Of which);
   SegmentPackets(const SegmentPackets&) = delete;
   SegmentPackets& operator=(const SegmentPackets&) = delete;
 
@@ -38,7 +40,7 @@ class SegmentPackets {
   media::Packet next_of_both();
 
   bool wraps_, tolerate_cut_;
-  media::SealedSegment sealed_;
+  std::unique_ptr<crypto::ByteSource> plaintext_;
   media::SegmentInput input_;
   const AVStream* pictures_;
   const AVStream* stream_;

@@ -67,7 +67,7 @@ void copy(const AVFrame& sound, int first, int last, std::int16_t* into) {
 }
 
 /// What the first block of a segment says; nothing where it has none.
-std::optional<SoundForm> form_of(const CaseMedia& media, const VideoIndex& index,
+std::optional<SoundForm> form_of(const SegmentOpener& media, const VideoIndex& index,
                                  const IndexedSegment& segment) {
   SegmentPackets packets(media, index, segment, SegmentPackets::Of::kSound);
   const media::Packet packet = packets.next();
@@ -83,7 +83,7 @@ std::optional<SoundForm> form_of(const CaseMedia& media, const VideoIndex& index
 }
 
 /// What the newest whole segment says; one that was cut off may have ended before its track was told of.
-bool has_track(const CaseMedia& media, const VideoIndex& index) {
+bool has_track(const SegmentOpener& media, const VideoIndex& index) {
   std::exception_ptr failure;
   for (std::size_t i = 0; i < std::min(index.segments.size(), kMostLookedAt); ++i) {
     const IndexedSegment& segment = index.segments[index.segments.size() - 1 - i];
@@ -109,7 +109,7 @@ std::int64_t SoundForm::place_of(Ticks time) const {
   return std::abs(stated - on_row) <= rate / 1000 ? on_row : stated;
 }
 
-std::optional<SoundForm> find_sound(const CaseMedia& media, const VideoIndex& index) {
+std::optional<SoundForm> find_sound(const SegmentOpener& media, const VideoIndex& index) {
   const std::vector<IndexedSegment>& segments = index.segments;
   if (!has_track(media, index)) return std::nullopt;
   const auto look = [&](const IndexedSegment& segment) -> std::optional<SoundForm> {
@@ -131,7 +131,7 @@ std::optional<SoundForm> find_sound(const CaseMedia& media, const VideoIndex& in
   return std::nullopt;
 }
 
-SoundReader::SoundReader(const CaseMedia& media, const VideoIndex& index, const SoundForm& form)
+SoundReader::SoundReader(const SegmentOpener& media, const VideoIndex& index, const SoundForm& form)
     : media_(media), index_(index), form_(form) {}
 
 std::vector<std::int16_t> SoundReader::read(std::int64_t from, std::int64_t to) {

@@ -30,7 +30,7 @@ struct SoundForm {
 
 /// Nothing for a stream without sound: told by its last whole segment, since the recorder never gives up a
 /// track of sound that it began. Throws as SegmentPackets where none of the last segments can be read.
-std::optional<SoundForm> find_sound(const CaseMedia& media, const VideoIndex& index);
+std::optional<SoundForm> find_sound(const SegmentOpener& media, const VideoIndex& index);
 
 /// What read() looks at lies no further away than this: sound goes its own way through the recorder, and may
 /// stand in the segment before or after that of its time.
@@ -39,7 +39,7 @@ inline constexpr Ticks kSoundReach = kTicksPerSecond;
 class SoundReader {
  public:
   /// The first two must outlive the object.
-  SoundReader(const CaseMedia& media, const VideoIndex& index, const SoundForm& form);
+  SoundReader(const SegmentOpener& media, const VideoIndex& index, const SoundForm& form);
 
   /// Samples [from, to) of the case clock at the archive's own rate, 16 bit, channels interleaved
   /// ((to - from) x channels); silence where there is none. Throws as SegmentPackets for a segment whose span
@@ -51,7 +51,7 @@ class SoundReader {
   void decode(const AVPacket& packet, std::int64_t place);
   void keep(const AVFrame& sound, std::int64_t place);
 
-  const CaseMedia& media_;
+  const SegmentOpener& media_;
   const VideoIndex& index_;
   SoundForm form_;
   // Of the call of read() that is under way.

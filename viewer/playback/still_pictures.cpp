@@ -76,7 +76,7 @@ std::size_t bytes_of_picture(const AVFrame& frame) {
 
 }  // namespace
 
-Bytes make_thumbnail(const CaseMedia& media, const VideoIndex& index, Ticks from, Ticks to) {
+Bytes make_thumbnail(const SegmentOpener& media, const VideoIndex& index, Ticks from, Ticks to) {
   if (!index.may_hold(from, to)) return {};
   PictureReader reader(media, index, Decoding::kKeyFramesOnly);
   reader.stop_before(to);
@@ -89,7 +89,7 @@ Bytes make_thumbnail(const CaseMedia& media, const VideoIndex& index, Ticks from
   return picture && picture->time < to ? jpeg_of(*picture->frame) : Bytes();
 }
 
-PictureStepper::PictureStepper(const CaseMedia& media, const VideoIndex& index)
+PictureStepper::PictureStepper(const SegmentOpener& media, const VideoIndex& index)
     : index_(index), reader_(media, index) {}
 
 const ArchivedPicture* PictureStepper::find(Ticks time, Step step) {

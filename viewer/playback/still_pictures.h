@@ -14,18 +14,23 @@ namespace kiroku::playback {
 
 /// A JPEG file, 160 pixels wide, of the first key frame in [from, to), or of the last one before where the
 /// pictures of that time refer to it; empty where nothing was recorded. Thread-safe. Throws as PictureReader.
-Bytes make_thumbnail(const CaseMedia& media, const VideoIndex& index, Ticks from, Ticks to);
+Bytes make_thumbnail(const SegmentOpener& media, const VideoIndex& index, Ticks from, Ticks to);
 
 /// Which picture is meant: the last one before the one at a time, the one shown at that time (the last that
 /// is not after it), or the first one after it.
 enum class Step { kBefore = -1, kAt = 0, kAfter = 1 };
+
+struct ArchivedStill {
+  Bytes png;
+  std::int64_t time_ns = 0;  // of the case clock
+};
 
 /// The archived pictures one by one, forwards and back. Decoded ones are kept, so that steps either way
 /// decode nothing twice within a group of pictures. An object belongs to one thread.
 class PictureStepper {
  public:
   /// Both must outlive the object.
-  PictureStepper(const CaseMedia& media, const VideoIndex& index);
+  PictureStepper(const SegmentOpener& media, const VideoIndex& index);
 
   /// Nothing where there is no such picture. Valid until the next call. Throws as PictureReader.
   const ArchivedPicture* find(Ticks time, Step step);

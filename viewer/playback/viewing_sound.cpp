@@ -66,8 +66,8 @@ std::vector<double> low_pass(int by) {
 }
 
 /// Samples [from, to) of the copy.
-std::vector<std::int16_t> samples_of(const CaseMedia& media, const VideoIndex& index, const SoundForm& form,
-                                     std::int64_t from, std::int64_t to) {
+std::vector<std::int16_t> samples_of(const SegmentOpener& media, const VideoIndex& index,
+                                     const SoundForm& form, std::int64_t from, std::int64_t to) {
   SoundReader reader(media, index, form);
   const int by = reduction_of(form);
   if (by == 1) return reader.read(from, to);
@@ -109,7 +109,7 @@ InitSegment make_sound_init_segment(const SoundForm& form) {
   return FragmentMuxer(*encoder, 1).init();
 }
 
-Bytes make_sound_piece(const CaseMedia& media, const VideoIndex& index, const SoundForm& form,
+Bytes make_sound_piece(const SegmentOpener& media, const VideoIndex& index, const SoundForm& form,
                        std::uint64_t number) {
   const int rate = viewing_rate_of(form);
   const Ticks begin = static_cast<Ticks>(number) * kPieceTicks;

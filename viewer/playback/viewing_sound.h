@@ -21,7 +21,7 @@ InitSegment make_sound_init_segment(const SoundForm& form);
 /// block of 80 ms: from the first segment in it to the end of the last. Sound stands where it stands in the
 /// archive, to the sample; where there is none there is silence, for a browser shows no picture where its
 /// sound lacks. Empty where no segment is. Throws as SoundReader.
-Bytes make_sound_piece(const CaseMedia& media, const VideoIndex& index, const SoundForm& form,
+Bytes make_sound_piece(const SegmentOpener& media, const VideoIndex& index, const SoundForm& form,
                        std::uint64_t number);
 
 }  // namespace kiroku::playback

@@ -41,10 +41,13 @@ void ReportMaker::add_part(Table& table, const archive::ExcerptReport& part) con
   }
   add_fact(table, words("case.left-out"),
            left_out.empty() ? words("case.left-out.text") : words("case.left-out.streams", {left_out}));
-  if (part.stated_made_at || !part.stated_made_by.empty()) {
-    add_fact(table, words("case.made"),
-             words("case.made.text", {part.stated_made_at ? utc_time(*part.stated_made_at) : "",
-                                      plain_text(part.stated_made_by)}));
+  const std::string maker = plain_text(part.stated_made_by);
+  if (part.stated_made_at && !maker.empty()) {
+    add_fact(table, words("case.made"), words("case.made.text", {utc_time(*part.stated_made_at), maker}));
+  } else if (part.stated_made_at) {
+    add_fact(table, words("case.made"), words("case.made.at", {utc_time(*part.stated_made_at)}));
+  } else if (!maker.empty()) {
+    add_fact(table, words("case.made"), words("case.made.by", {maker}));
   }
 }
 
@@ -120,15 +123,18 @@ void ReportMaker::add_streams() {
               {}};
   for (const archive::StreamReport& stream : found_.streams) {
     const bool empty = stream.segments == 0;
-    table.rows.push_back({{plain_text(stream.info.name), Tone::kPlain, Face::kStrong},
-                          {kind_words(stream.info.kind)},
-                          {empty ? words("stream.nothing") : in_case(stream.span.start_ns)},
-                          {empty ? "" : in_case(stream.span.end_ns)},
-                          {grouped(stream.segments)},
-                          {grouped(stream.frames)},
-                          {grouped(stream.dropped)},
-                          {stream.gap_ns == 0 ? words("stream.none") : case_time(stream.gap_ns)},
-                          {byte_size(stream.bytes)}});
+    table.rows.push_back(
+        {{plain_text(stream.info.name), Tone::kPlain, Face::kStrong},
+         {kind_words(stream.info.kind)},
+         {empty ? words("stream.nothing") : in_case(stream.span.start_ns)},
+         {empty ? "" : in_case(stream.span.end_ns)},
+         {grouped(stream.segments) + (stream.erased_segments == 0
+                                          ? ""
+                                          : " " + words("stream.erased", {grouped(stream.erased_segments)}))},
+         {grouped(stream.frames)},
+         {grouped(stream.dropped)},
+         {stream.gap_ns == 0 ? words("stream.none") : case_time(stream.gap_ns)},
+         {byte_size(stream.bytes)}});
   }
   add(std::move(table));
   small(words("stream.lead"));

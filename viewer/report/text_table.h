@@ -29,12 +29,11 @@ inline constexpr auto kTexts = std::to_array<Text>({
      "この記録は、記録されたときのままです。変更・欠落・追加はありません。"},
     {"verdict.gaps", "INTACT, WITH STATED GAPS", "改変なし（欠落の記載あり）"},
     {"verdict.gaps.sentence",
-     "What is in this record is as it was recorded. Some of what happened is not in it; the record itself "
-     "said so at "
-     "the time, and this report lists it.",
-     "この記録にあるものは、記録されたときのままです。一部は記録されていませんが、その旨は当時の記録自体に記"
-     "されており、"
-     "本書に一覧を示します。"},
+     "What is in this record is as it was recorded. Some of what happened is not in it, or is not there any "
+     "more; the signed record itself says so, and this report lists it.",
+     "この記録にあるものは、記録されたときのままです。一部は記録されなかったか、後に消去されていますが、その"
+     "旨は署"
+     "名された記録自体に記されており、本書に一覧を示します。"},
     {"verdict.excerpt", "INTACT EXCERPT", "抜粋として改変なし"},
     {"verdict.excerpt.sentence",
      "This is a part of a recording, not the recording. What it holds is as it was recorded. What it leaves "
@@ -51,10 +50,10 @@ inline constexpr auto kTexts = std::to_array<Text>({
     {"verdict.incomplete", "NOT FINISHED", "未完了"},
     {"verdict.incomplete.sentence",
      "This record was not brought to its end: it is still being recorded, or recording was cut off. What "
-     "there is of "
-     "it was checked.",
-     "この記録は完結していません。記録中であるか、途中で断たれています。存在する部分については検査しました"
-     "。"},
+     "there is of it was checked. What nobody has signed of it, the findings say.",
+     "この記録は完結していません。記録中であるか、途中で断たれています。存在する部分については検査しました。"
+     "誰も署"
+     "名していない部分は所見に示します。"},
     {"verdict.tampered", "DOES NOT HOLD (TAMPERED)", "成立しない（改変あり）"},
     {"verdict.tampered.sentence",
      "This record is not as it was recorded: something in it was changed, removed or added, or has been "
@@ -206,8 +205,12 @@ inline constexpr auto kTexts = std::to_array<Text>({
     {"case.left-out.streams", "the streams {0}; everything before and after that time, and the patient data",
      "系統 {0}、その前後のすべてと患者情報"},
     {"case.made", "Excerpt made", "抜粋の作成"},
-    {"case.made.text", "{0} {1} (the excerpt says so itself; nothing proves it)",
-     "{0} {1}（抜粋自身の記載であり、証明するものはありません）"},
+    {"case.made.text", "{0} by {1} (the excerpt says so itself; nothing proves it)",
+     "{0}、作成者：{1}（抜粋自身の記載であり、証明するものはありません）"},
+    {"case.made.at", "{0} (the excerpt says so itself; nothing proves it)",
+     "{0}（抜粋自身の記載であり、証明するものはありません）"},
+    {"case.made.by", "by {0} (the excerpt says so itself; nothing proves it)",
+     "作成者：{0}（抜粋自身の記載であり、証明するものはありません）"},
     {"case.held.of", "{0}: {1} of {2}", "{0}：{2} のうち {1}"},
     {"case.held.of-at-least", "{0}: {1} of at least {2}", "{0}：少なくとも {2} のうち {1}"},
     {"case.unknown", "not known: the ledger cannot be read that far", "不明（台帳を読み取れません）"},
@@ -270,6 +273,7 @@ inline constexpr auto kTexts = std::to_array<Text>({
     {"stream.dropped", "Dropped", "欠落"},
     {"stream.gaps", "Gaps", "空白"},
     {"stream.size", "Size", "大きさ"},
+    {"stream.erased", "({0} erased)", "（うち {0} 消去）"},
     {"stream.none", "none", "なし"},
     {"stream.nothing", "nothing recorded", "記録なし"},
     {"stream.lead",

@@ -175,6 +175,9 @@ Dispatcher::Admission Dispatcher::admit(RequestHead head) const {
   if (!is_public && !may(request.session->role(), match.route->right)) {
     return refused(403, "the role " + std::string(role_name(request.session->role())) + " may not do this");
   }
+  if (!is_public && request.session->must_change_password() && !match.route->before_own_password) {
+    return refused(403, "this password was for signing in once: choose your own first");
+  }
   if (has_body(request) && !is_json(request.header("content-type"))) {
     return refused(415, "the body must be JSON: Content-Type: application/json");
   }

@@ -43,6 +43,15 @@ Stretch stretch_of(const Request& request) {
   return stretch;
 }
 
+/// The end may lie beyond the case's: one that is recorded grows meanwhile.
+void require_within(const archive::CaseReader& recording, std::int64_t from_ns) {
+  try {
+    recording.require_stretch({from_ns, INT64_MAX}, {"'from_ns'", std::to_string(from_ns)}, {"'to_ns'", ""});
+  } catch (const UsageError& error) {
+    throw Refusal(400, error.what());
+  }
+}
+
 std::uint64_t sealed_bytes(const archive::CaseReader& recording, const std::vector<std::string>& streams,
                            const Stretch& stretch) {
   std::uint64_t bytes = 0;
@@ -79,6 +88,7 @@ class ExportApi {
     const archive::StreamInfo& info = recording.stream(stream);  // refuses an unknown one
     const Form& form = form_of(request);
     const Stretch stretch = stretch_of(request);
+    require_within(recording, stretch.from_ns);
     const Turn turn(turns_);
     const std::string name = request.parameter("case") + "-" + stream + "." + std::string(form.name);
     const auto place = handouts_.make_place(sealed_bytes(recording, {stream}, stretch));
@@ -96,6 +106,7 @@ class ExportApi {
   Response excerpt(const Request& request) {
     const archive::CaseReader recording = context_.open_case(request);
     const Stretch stretch = stretch_of(request);
+    require_within(recording, stretch.from_ns);
     archive::ExcerptOptions options;
     options.from_ns = stretch.from_ns;
     options.to_ns = std::min(stretch.to_ns, recording.opening().begins_ns + recording.duration_ns());

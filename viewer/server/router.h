@@ -41,6 +41,8 @@ struct Route {
   /// For an address that is a WebSocket; `handler` is not called then, and `body_limit` is that of each
   /// message, every one of which is a deed where `is_activity` says so.
   SocketOpener socket = {};
+  /// Whether somebody may call it who came by a one-time password and has not chosen their own yet.
+  bool before_own_password = false;
 };
 
 class Router {

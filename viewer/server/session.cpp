@@ -4,6 +4,7 @@
 
 #include "crypto/encoding.h"
 #include "crypto/hash.h"
+#include "viewer/server/subject_shelf.h"
 
 namespace kiroku::viewer {
 namespace {
@@ -23,12 +24,13 @@ std::string random_token() {
 }
 
 Session::Session(std::string user, Role role, std::optional<UtcTime> credential, Clock::Time ends_at_latest,
-                 std::shared_ptr<Invitation> invitation, const Clock& clock)
+                 std::shared_ptr<Invitation> invitation, bool must_change_password, const Clock& clock)
     : user_(std::move(user)),
       role_(role),
       credential_(credential),
       ends_at_latest_(ends_at_latest),
       invitation_(std::move(invitation)),
+      must_change_password_(must_change_password),
       clock_(clock),
       last_activity_(clock.now().time_since_epoch().count()) {}
 
@@ -37,14 +39,22 @@ Session::Identities Session::identities() const {
   return identities_;
 }
 
+std::shared_ptr<SubjectShelf> Session::subjects() const {
+  const std::lock_guard guard(mutex_);
+  return subjects_;
+}
+
 void Session::unlock(Identities identities) {
   const std::lock_guard guard(mutex_);
-  if (!ended_) identities_ = std::move(identities);
+  if (ended_) return;
+  subjects_ = identities ? std::make_shared<SubjectShelf>(identities) : nullptr;
+  identities_ = std::move(identities);
 }
 
 void Session::lock() {
   const std::lock_guard guard(mutex_);
   identities_.reset();
+  subjects_.reset();
 }
 
 void Session::once(const std::string& deed, const std::function<void()>& action) {
@@ -58,6 +68,7 @@ void Session::end() {
   const std::lock_guard guard(mutex_);
   ended_ = true;
   identities_.reset();
+  subjects_.reset();
 }
 
 SessionStore::SessionStore(SessionLimits limits, const Clock& clock) : limits_(limits), clock_(clock) {}
@@ -68,17 +79,17 @@ bool SessionStore::has_expired(const Session& session, Clock::Time now) const {
   return session.has_ended() || now >= session.ends_at_latest_ || is_idle;
 }
 
-SessionStore::Opened SessionStore::open(const std::string& user, Role role,
-                                        std::optional<UtcTime> credential) {
-  return add(
-      std::make_shared<Session>(user, role, credential, clock_.now() + limits_.longest, nullptr, clock_));
+SessionStore::Opened SessionStore::open(const std::string& user, Role role, std::optional<UtcTime> credential,
+                                        bool must_change_password) {
+  return add(std::make_shared<Session>(user, role, credential, clock_.now() + limits_.longest, nullptr,
+                                       must_change_password, clock_));
 }
 
 SessionStore::Opened SessionStore::open_for_guest(const std::string& name,
                                                   std::shared_ptr<Invitation> invitation,
                                                   Clock::Time ends_at) {
-  return add(
-      std::make_shared<Session>(name, Role::kGuest, std::nullopt, ends_at, std::move(invitation), clock_));
+  return add(std::make_shared<Session>(name, Role::kGuest, std::nullopt, ends_at, std::move(invitation),
+                                       false, clock_));
 }
 
 SessionStore::Opened SessionStore::add(std::shared_ptr<Session> session) {

@@ -21,6 +21,7 @@
 namespace kiroku::viewer {
 
 class Invitation;
+class SubjectShelf;
 
 /// One person's stay, from signing in to signing out or its end.
 class Session {
@@ -28,17 +29,23 @@ class Session {
   using Identities = std::shared_ptr<const crypto::AgeIdentities>;
 
   Session(std::string user, Role role, std::optional<UtcTime> credential, Clock::Time ends_at_latest,
-          std::shared_ptr<Invitation> invitation = nullptr, const Clock& clock = Clock::system());
+          std::shared_ptr<Invitation> invitation = nullptr, bool must_change_password = false,
+          const Clock& clock = Clock::system());
 
   [[nodiscard]] const std::string& user() const { return user_; }
   [[nodiscard]] Role role() const { return role_; }
   /// User::changed of the user who signed in; nothing for who needed no password.
   [[nodiscard]] std::optional<UtcTime> credential() const { return credential_; }
+  /// Whoever came by a one-time password may do nothing but choose another (Route::before_own_password).
+  [[nodiscard]] bool must_change_password() const { return must_change_password_; }
   /// By which a guest came; null for everybody else.
   [[nodiscard]] const std::shared_ptr<Invitation>& invitation() const { return invitation_; }
   /// What opens recordings for this session, or null. Keys lie in locked memory (crypto/secret.h), which is
   /// zeroised when the session and the last request that uses them have let go.
   [[nodiscard]] Identities identities() const;
+  /// What was read of sealed subjects with these identities, kept exactly as long as they are; null while
+  /// locked.
+  [[nodiscard]] std::shared_ptr<SubjectShelf> subjects() const;
   void unlock(Identities identities);
   void lock();
   /// Calls `action` unless it succeeded with this text before; who asks meanwhile waits for it. For what is
@@ -55,11 +62,13 @@ class Session {
   const std::optional<UtcTime> credential_;
   const Clock::Time ends_at_latest_;
   const std::shared_ptr<Invitation> invitation_;
+  const bool must_change_password_;
   const Clock& clock_;
   std::atomic<bool> ended_{false};
   std::atomic<Clock::Duration::rep> last_activity_;
   mutable std::mutex mutex_;
   Identities identities_;
+  std::shared_ptr<SubjectShelf> subjects_;  // null without identities
   std::mutex deeds_mutex_;
   std::set<std::string> deeds_;
 };
@@ -80,7 +89,8 @@ class SessionStore {
     std::string token;  // 43 characters of base64url: 256 random bits
     std::shared_ptr<Session> session;
   };
-  Opened open(const std::string& user, Role role, std::optional<UtcTime> credential);
+  Opened open(const std::string& user, Role role, std::optional<UtcTime> credential,
+              bool must_change_password = false);
   /// For a guest, until `ends_at` and however little they do.
   Opened open_for_guest(const std::string& name, std::shared_ptr<Invitation> invitation, Clock::Time ends_at);
   /// Null for a token that no living session has.

@@ -33,6 +33,7 @@ class SessionApi {
                      {"role", role_name(session.role())},
                      {"unlocked", session.identities() != nullptr},
                      {"expires_s", context_.sessions().left(session).count()},
+                     {"must_change_password", session.must_change_password()},
                      {"language", preferred_language(request.header("accept-language"))},
                      {"serves", context_.home().serves}};
     if (const auto& invitation = session.invitation()) {
@@ -48,7 +49,7 @@ class SessionApi {
       const auto holder = link_.use(token.text());
       if (!holder)
         throw Refusal(401, "this link has been used, or was never given out: start the viewer anew");
-      return open(request, holder->user, holder->role, {});
+      return open(request, {holder->user, holder->role, {}}, {}, "");
     }
     const crypto::Secret invitation = take_secret(asked, "invitation");
     if (!invitation.empty()) return join(request, invitation);
@@ -62,6 +63,18 @@ class SessionApi {
                                      password] { return sign_in_by_password(request, attempt, *password); },
                             .goes_first = attempt.is_known(),
                             .who = is_device ? "device:" + attempt.caller.device : attempt.caller.holder});
+  }
+
+  /// Of whoever has signed in with a password, for themselves.
+  Response choose_password(const Request& request) {
+    json asked = request.json();
+    const auto password = std::make_shared<const crypto::Secret>(take_secret(asked, "password"));
+    const auto chosen = std::make_shared<const crypto::Secret>(take_secret(asked, "new_password"));
+    if (!request.session->credential()) throw Refusal(409, "this session has no password to change");
+    return Response::later(
+        {.work = [this, &request, password, chosen] { return change_password(request, *password, *chosen); },
+         .goes_first = true,
+         .who = "session:" + request.session->user()});
   }
 
   Response sign_out(const Request& request) {
@@ -174,12 +187,57 @@ class SessionApi {
       context_.tell("a sign-in from " + request.peer + " failed");
       throw Refusal(401, "the name or the password is wrong");
     }
+    use_one_time_password(*user);
     context_.attempts().succeeded(attempt.name_key());
     KnownDevices::Caller caller = attempt.caller;
     caller.credential = user->changed;
     std::string device;
     with_devices([&](KnownDevices& devices) { device = devices.remember(caller); });
-    return open(request, user->name, user->role, user->changed, device);
+    return open(request, *user, device);
+  }
+
+  void refuse_late(const User& user) const {
+    if (user.one_time_until && *user.one_time_until < context_.home().clock->utc()) {
+      throw Refusal(403, "the time of this one-time password is over: ask an administrator for another");
+    }
+  }
+  /// Who finds it afterwards must not come in, and its owner must hear of whoever was faster.
+  void use_one_time_password(const User& user) {
+    if (!user.one_time_until) return;
+    refuse_late(user);
+    if (context_.users().use_one_time(user.name, user.changed)) return;
+    throw Refusal(403, "this one-time password was used already: ask an administrator for another");
+  }
+
+  /// Failures of somebody who has signed in are counted apart: they lock nobody else out.
+  static std::string own_key(const Request& request) { return "own-password:" + request.session->user(); }
+
+  Response change_password(const Request& request, const crypto::Secret& password,
+                           const crypto::Secret& chosen) {
+    const std::string name = request.session->user();
+    const auto now = context_.home().clock->now();
+    refuse_who_must_wait(context_.attempts().wait(own_key(request), now));
+    const std::optional<User> user = context_.users().check(name, password);
+    if (!user || user->changed != request.session->credential()) {
+      context_.attempts().failed(own_key(request), now);
+      throw Refusal(403, "the password of now is wrong");
+    }
+    context_.attempts().succeeded(own_key(request));
+    refuse_late(*user);
+    if (password.text() == chosen.text()) throw Refusal(400, "choose another password than the one of now");
+    UserStore::require_sound(name, chosen);
+    context_.enter_access(request, ViewerContext::kEveryCase, "chose a new password");
+    context_.users().set_password(name, chosen);
+    // Also this one, which is replaced; whoever else had signed in under the name must do so anew.
+    context_.sessions().close_all_of(name);
+    const std::optional<User> changed = context_.users().find(name);
+    if (!changed) throw Refusal(401, "this user was removed");
+    KnownDevices::Caller caller{name, changed->changed,
+                                cookie_value(request.header("cookie"), kDeviceCookie).value_or(""),
+                                address_holder(request.peer)};
+    std::string device;
+    with_devices([&](KnownDevices& devices) { device = devices.remember(caller); });
+    return open(request, *changed, device);
   }
 
   void note_failure(const Attempt& attempt) {
@@ -201,11 +259,16 @@ class SessionApi {
     }
   }
 
-  Response open(const Request& request, const std::string& user, Role role, std::optional<UtcTime> credential,
-                const std::string& device = "") {
-    const SessionStore::Opened opened = context_.sessions().open(user, role, credential);
+  Response open(const Request& request, const User& user, const std::string& device) {
+    return open(request, user, user.changed, device);
+  }
+  Response open(const Request& request, const User& user, std::optional<UtcTime> credential,
+                const std::string& device) {
+    const SessionStore::Opened opened =
+        context_.sessions().open(user.name, user.role, credential, user.one_time_until.has_value());
     const Session& session = *opened.session;
-    if (context_.home().identities != nullptr && may(role, Right::kWatch)) {
+    if (context_.home().identities != nullptr && may(user.role, Right::kWatch) &&
+        !session.must_change_password()) {
       Request as_signed_in;
       as_signed_in.peer = request.peer;
       as_signed_in.session = opened.session;
@@ -230,14 +293,20 @@ class SessionApi {
 
 void add_session_routes(Router& router, ViewerContext& context, SignInLink& link) {
   const auto api = std::make_shared<SessionApi>(context, link);
-  router.add(
+  const auto of_session = [&router](Route route) {
+    route.before_own_password = true;
+    router.add(std::move(route));
+  };
+  of_session(
       {"GET", "api/session", Right::kSignedIn,
        [api](const Request& request) { return Response::json(api->describe(*request.session, request)); },
        false});
   router.add("POST", "api/session", Right::kNone,
              [api](const Request& request) { return api->sign_in(request); });
-  router.add("DELETE", "api/session", Right::kSignedIn,
-             [api](const Request& request) { return api->sign_out(request); });
+  of_session({"DELETE", "api/session", Right::kSignedIn,
+              [api](const Request& request) { return api->sign_out(request); }});
+  of_session({"POST", "api/session/password", Right::kSignedIn,
+              [api](const Request& request) { return api->choose_password(request); }});
   router.add({"POST", "api/session/unlock", Right::kWatch,
               [api](const Request& request) { return api->unlock(request); }, true, kIdentityBodyLimit});
   router.add("DELETE", "api/session/unlock", Right::kWatch, [](const Request& request) {

@@ -24,6 +24,14 @@ constexpr archive::SqliteFile::Schema kSchema{
     "PRAGMA user_version = 1;",
     1, "SELECT name, role, cost, salt, hash, changed FROM users LIMIT 1", false};
 
+/// Beside the table of format 1, so that an older program can go on with the file.
+constexpr std::string_view kOneTimeTable =
+    "CREATE TABLE IF NOT EXISTS one_time (name TEXT PRIMARY KEY, until TEXT NOT NULL, used INTEGER NOT NULL) "
+    "STRICT";
+constexpr std::string_view kSelectUsers =
+    "SELECT users.name, role, changed, until, used FROM users LEFT JOIN one_time ON one_time.name = "
+    "users.name";
+
 std::size_t characters(std::string_view text) {
   return static_cast<std::size_t>(
       std::ranges::count_if(text, [](char c) { return (static_cast<unsigned char>(c) & 0xc0) != 0x80; }));
@@ -73,15 +81,36 @@ struct UserStore::State {
   static User user_of(const archive::SqliteStatement& row) {
     const std::optional<Role> role = parse_role(row.text(1));
     const std::optional<UtcTime> changed = parse_utc(row.text(2));
-    if (!role || !changed)
+    const std::string until = row.text(3);
+    const std::optional<UtcTime> one_time_until = until.empty() ? std::nullopt : parse_utc(until);
+    if (!role || !changed || one_time_until.has_value() != !until.empty())
       throw Error("the list of users is damaged at '" + row.text(0) + "': add the user anew");
-    return {row.text(0), *role, *changed};
+    return {row.text(0), *role, *changed, one_time_until, one_time_until && row.integer(4) != 0};
   }
   std::optional<User> find(const std::string& name) {
-    auto row = file->statement("SELECT name, role, changed FROM users WHERE name = ?");
+    auto row = file->statement(std::string(kSelectUsers) + " WHERE users.name = ?");
     row.bind(name);
     if (!row.step()) return {};
     return user_of(row);
+  }
+  [[nodiscard]] std::int64_t count_others(const std::string& name, const char* condition) {
+    auto others = file->statement(std::string("SELECT COUNT(*) FROM users WHERE name <> ?") + condition);
+    others.bind(name).step();
+    return others.integer(0);
+  }
+  /// In a transaction: throws where there would be users and no administrator among them.
+  void require_another_administrator(const std::string& name) {
+    const std::optional<User> user = find(name);
+    if (!user) refuse_unknown(name);
+    if (user->role != Role::kAdministrator) return;
+    if (count_others(name, " AND role = 'administrator'") > 0) return;
+    throw UsageError(
+        "'" + name +
+        "' is the last administrator, and nobody could manage users any more: make somebody else "
+        "an administrator first");
+  }
+  void forget_one_time(const std::string& name) {
+    file->statement("DELETE FROM one_time WHERE name = ?").bind(name).step();
   }
 };
 
@@ -92,6 +121,7 @@ std::unique_ptr<UserStore> UserStore::open(const std::filesystem::path& file, Pa
   auto state = std::make_unique<State>();
   state->hasher = hasher ? std::move(hasher) : PasswordHasher(scrypt_of);
   state->file = archive::SqliteFile::open(file, kSchema);
+  state->file->statement(kOneTimeTable).step();
   if (::chmod(file.c_str(), 0600) != 0 && errno != EPERM) throw IoError("protect", file, errno);
   return std::unique_ptr<UserStore>(new UserStore(std::move(state)));
 }
@@ -103,6 +133,20 @@ void UserStore::require_sound(const std::string& name, const crypto::Secret& pas
                      " of a-z, 0-9, '.', '_' and '-', beginning with a letter or digit");
   }
   require_password(name, password);
+}
+
+crypto::Secret UserStore::new_one_time_password() {
+  constexpr std::string_view kDigits = "0123456789abcdefghjkmnpqrstvwxyz";
+  constexpr std::size_t kLength = 20, kGroup = 5;
+  const crypto::Secret random = crypto::Secret::random(kLength);
+  crypto::Secret text(kLength + kLength / kGroup - 1);
+  std::size_t at = 0;
+  for (std::size_t i = 0; i < kLength; ++i) {
+    if (i > 0 && i % kGroup == 0) text.bytes()[at++] = std::byte{'-'};
+    text.bytes()[at++] =
+        static_cast<std::byte>(kDigits[std::to_integer<std::size_t>(random.bytes()[i]) % kDigits.size()]);
+  }
+  return text;
 }
 
 void UserStore::add(const std::string& name, Role role, const crypto::Secret& password) {
@@ -123,7 +167,8 @@ void UserStore::add(const std::string& name, Role role, const crypto::Secret& pa
   transaction.commit();
 }
 
-void UserStore::set_password(const std::string& name, const crypto::Secret& password) {
+void UserStore::set_password(const std::string& name, const crypto::Secret& password,
+                             std::optional<UtcTime> one_time_until) {
   require_password(name, password);
   const Hash hash = hash_of(password, state_->hasher);
   const std::lock_guard guard(state_->mutex);
@@ -136,12 +181,30 @@ void UserStore::set_password(const std::string& name, const crypto::Secret& pass
       .bind(format_utc(utc_now()))
       .bind(name)
       .step();
+  state_->forget_one_time(name);
+  if (one_time_until) {
+    state_->file->statement("INSERT INTO one_time (name, until, used) VALUES (?, ?, 0)")
+        .bind(name)
+        .bind(format_utc(*one_time_until))
+        .step();
+  }
   transaction.commit();
+}
+
+bool UserStore::use_one_time(const std::string& name, UtcTime changed) {
+  const std::lock_guard guard(state_->mutex);
+  archive::SqliteFile::Transaction transaction(*state_->file);
+  const std::optional<User> user = state_->find(name);
+  if (!user || user->changed != changed || !user->one_time_until || user->one_time_used) return false;
+  state_->file->statement("UPDATE one_time SET used = 1 WHERE name = ?").bind(name).step();
+  transaction.commit();
+  return true;
 }
 
 void UserStore::set_role(const std::string& name, Role role) {
   const std::lock_guard guard(state_->mutex);
   archive::SqliteFile::Transaction transaction(*state_->file);
+  if (role != Role::kAdministrator) state_->require_another_administrator(name);
   if (!state_->find(name)) refuse_unknown(name);
   state_->file->statement("UPDATE users SET role = ?, changed = ? WHERE name = ?")
       .bind(role_name(role))
@@ -155,13 +218,16 @@ void UserStore::remove(const std::string& name) {
   const std::lock_guard guard(state_->mutex);
   archive::SqliteFile::Transaction transaction(*state_->file);
   if (!state_->find(name)) refuse_unknown(name);
+  // Whoever removes everybody begins anew.
+  if (state_->count_others(name, "") > 0) state_->require_another_administrator(name);
   state_->file->statement("DELETE FROM users WHERE name = ?").bind(name).step();
+  state_->forget_one_time(name);
   transaction.commit();
 }
 
 std::vector<User> UserStore::list() const {
   const std::lock_guard guard(state_->mutex);
-  auto rows = state_->file->statement("SELECT name, role, changed FROM users ORDER BY name");
+  auto rows = state_->file->statement(std::string(kSelectUsers) + " ORDER BY users.name");
   std::vector<User> out;
   while (rows.step()) out.push_back(State::user_of(rows));
   return out;

@@ -18,6 +18,7 @@
 #include "viewer/server/known_devices.h"
 #include "viewer/server/live_pictures.h"
 #include "viewer/server/live_rooms.h"
+#include "viewer/server/live_vitals.h"
 #include "viewer/server/request.h"
 #include "viewer/server/session.h"
 #include "viewer/server/user_store.h"
@@ -43,6 +44,7 @@ struct ViewerHome {
   Session::Identities identities;
   LivePictures live = {};
   LiveRooms rooms = {};
+  LiveVitals vitals = {};
   /// What is served of it, as the page is told: "cases", or "training" or "planning", which leave signing in,
   /// users and the log of the API.
   std::string serves = "cases";

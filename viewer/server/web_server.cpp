@@ -17,6 +17,7 @@
 #include "base/ascii.h"
 #include "base/connection_places.h"
 #include "base/error.h"
+#include "base/http_chunks.h"
 #include "base/http_head.h"
 #include "base/listen_address.h"
 #include "base/network_address.h"
@@ -318,6 +319,8 @@ struct WebServer::State {
                                   ConnectionPlaces::Place& place) {
     error_code failed;
     Parser parser;
+    RefuseChunkExtensions extensions;
+    parser.on_chunk_header(extensions);
     parser.header_limit(options.limits.header_bytes);
     parser.body_limit(kLargestBody);
     allow(stream, options.limits.header);
@@ -383,6 +386,11 @@ struct WebServer::State {
     co_await http::async_read(stream, buffer, parser, asio::redirect_error(asio::use_awaitable, failed));
     if (failed == http::error::body_limit) {
       co_await send(stream, Dispatcher::refuse(413, "the body is too large"), is_head, false);
+      co_return false;
+    }
+    if (failed == http::error::bad_chunk_extension) {
+      co_await send(stream, Dispatcher::refuse(400, "chunks with extensions are not known here"), is_head,
+                    false);
       co_return false;
     }
     if (failed) co_return false;

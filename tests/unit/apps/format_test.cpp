@@ -33,11 +33,14 @@ TEST(Format, ReadsDurationsWithUnitOrAsClock) {
   EXPECT_EQ(parse_duration("90m", "x"), seconds(5400));
   EXPECT_EQ(parse_duration("2h", "x"), seconds(7200));
   EXPECT_EQ(parse_duration("01:02:03.250", "x"), seconds(3723) + milliseconds(250));
+  EXPECT_EQ(parse_duration("0:05", "x"), seconds(5));
+  EXPECT_EQ(parse_duration("1h2m", "x"), seconds(3720));
+  EXPECT_EQ(parse_duration("20", "x"), seconds(20));
 }
 
 TEST(Format, RefusesWhatIsNoDuration) {
-  for (const char* text : {"", "20", "s", "-1s", "0s", "1:2", "00:60:00", "00:00:60", "1e3s", "9999999h",
-                           "1.5:00:00", "nan", "infs", "00:00:00", "1 s"}) {
+  for (const char* text : {"", "s", "-1s", "0", "1001h", "0s", "1:2", "00:60:00", "00:00:60", "1e3s",
+                           "9999999h", "1.5:00:00", "nan", "infs", "00:00:00", "1 s"}) {
     EXPECT_THROW(parse_duration(text, "--duration"), UsageError) << text;
   }
 }

@@ -48,8 +48,59 @@ TEST_F(CaseReading, ReadsTimesFromTheStartAndInUtc) {
   EXPECT_EQ(reader.parse_time(format_utc(test::SampleArchive::opened_at() + std::chrono::seconds(3))),
             3 * kSecond);
   for (const char* wrong :
-       {"", "2", "00:60:00", "00:00:60", "00:00:1", "00:00:01.", "-1:00:00", "00:00:01.1234567890"}) {
+       {"", "2x", "00:60:00", "00:00:60", "00:00:1", "00:00:01.", "-1:00:00", "00:00:01.1234567890"}) {
     EXPECT_THROW(static_cast<void>(reader.parse_time(wrong)), UsageError) << wrong;
+  }
+}
+
+TEST_F(CaseReading, ReadsEveryFormOfATimeAndTellsThemWhereItIsNone) {
+  const CaseReader reader = CaseReader::open(folder_);
+  for (const char* text : {"5s", "0:05", "00:00:05", "5", "5000ms"}) {
+    EXPECT_EQ(reader.parse_time(text), 5 * kSecond) << text;
+  }
+  try {
+    static_cast<void>(reader.parse_time("noon", "--at"));
+    FAIL() << "noon is a time";
+  } catch (const UsageError& error) {
+    EXPECT_THAT(error.what(), ::testing::StartsWith("--at is 'noon', which is no time: write 5s, 0:05, "
+                                                    "1:02:03.5, 1h2m or 90 (seconds) from the start of the "
+                                                    "case, or UTC such as 2"));
+  }
+}
+
+TEST_F(CaseReading, TellsWhatIsWrongWithAStretch) {
+  const CaseReader reader = CaseReader::open(folder_);
+  const auto refusal = [&](const std::optional<std::string>& from, const std::optional<std::string>& to) {
+    try {
+      static_cast<void>(reader.parse_stretch(from, to));
+    } catch (const UsageError& error) {
+      return std::string(error.what());
+    }
+    return std::string();
+  };
+  EXPECT_EQ(refusal("4s", "0:02"), "--from (4s) is after --to (0:02): exchange the two");
+  EXPECT_EQ(refusal("4s", "0:04"),
+            "nothing lies between --from (4s) and --to (0:04), which are the same moment");
+  EXPECT_EQ(refusal("1m", {}), "--from (1m) is beyond the end of the case, which is 00:00:06 long");
+  EXPECT_EQ(refusal("6s", {}), "--from (6s) is beyond the end of the case, which is 00:00:06 long");
+  EXPECT_EQ(refusal({}, "6.1"), "--to (6.1) is beyond the end of the case, which is 00:00:06 long");
+  EXPECT_EQ(refusal({}, "0"),
+            "nothing lies between --from (the start) and --to (0), which are the same moment");
+  const Span whole = reader.parse_stretch({}, {});
+  EXPECT_EQ(whole.start_ns, 0);
+  EXPECT_EQ(whole.end_ns, INT64_MAX);
+  const Span some = reader.parse_stretch("2s", "0:06");
+  EXPECT_EQ(some.start_ns, 2 * kSecond);
+  EXPECT_EQ(some.end_ns, 6 * kSecond);
+}
+
+TEST_F(CaseReading, AsksWhichStreamWasMeant) {
+  const CaseReader reader = CaseReader::open(folder_);
+  try {
+    static_cast<void>(reader.stream("endoscop"));
+    FAIL() << "a stream that is not there was found";
+  } catch (const UsageError& error) {
+    EXPECT_THAT(error.what(), ::testing::EndsWith("it has endoscope, vitals (did you mean 'endoscope'?)"));
   }
 }
 

@@ -309,9 +309,11 @@ TEST_F(RecoveryTest, DoesNotSignALedgerThatWasChanged) {
     sample.record();
     folder = sample.folder();
   }
-  const auto refused_after = [&](const std::string& ledger, const std::string& why) {
+  const auto refused_after = [&](const std::string& ledger, const std::string& why, bool with_log = true) {
     std::ofstream(folder / "ledger.jsonl", std::ios::trunc) << ledger;
-    const auto refused = recover();
+    RecoveryOptions options = this->options();
+    options.log = with_log ? options.log : nullptr;
+    const auto refused = recover(options);
     ASSERT_EQ(refused.size(), 1U);
     EXPECT_EQ(refused[0].outcome, CaseRecovery::Outcome::kRefused);
     EXPECT_THAT(refused[0].problem, HasSubstr(why));
@@ -320,8 +322,10 @@ TEST_F(RecoveryTest, DoesNotSignALedgerThatWasChanged) {
   const std::string ledger = contents(folder / "ledger.jsonl");
   std::string changed = ledger;
   changed[changed.find("\"offset_ns\":0") + 12] = '1';
-  refused_after(changed, "does not fit its ledger");
-  refused_after(ledger.substr(0, ledger.find('\n') + 1), "covers");
+  refused_after(changed, "are not those whose root the appliance log states");
+  refused_after(changed, "does not fit its ledger", false);
+  refused_after(ledger.substr(0, ledger.find('\n') + 1), "the appliance log knows");
+  refused_after(ledger.substr(0, ledger.find('\n') + 1), "covers", false);
   refused_after(ledger + "{}\n", "is no entry");
   std::ofstream(folder / "ledger.jsonl", std::ios::trunc) << ledger;
   EXPECT_EQ(recover()[0].outcome, CaseRecovery::Outcome::kRecovered);
@@ -457,6 +461,9 @@ TEST_F(RetentionTest, BytesGoAndTheProofStays) {
   EXPECT_EQ(report.verdict, Verdict::kIntactWithGaps);
   EXPECT_THAT(codes(report), ElementsAre("segments-erased"));
   EXPECT_EQ(report.findings[0].text, "3 segments of endoscope (0 to 2) were erased by policy: room: 30 days");
+  ASSERT_EQ(report.streams.size(), 2U);
+  EXPECT_EQ(report.streams[0].erased_segments, 3U);
+  EXPECT_EQ(report.streams[1].erased_segments, 0U);
   EXPECT_THAT(recover(), IsEmpty());
 
   const Erasure again = erase(folder, "endoscope");
@@ -502,6 +509,7 @@ TEST_F(RetentionTest, AnErasureThatWasCutOffIsBroughtToItsEnd) {
     const auto writer = CaseWriter::resume(real_file_system(), folder, archive_.key(),
                                            SampleArchive::kDeviceName, log(), [](const CaseEntry&) {});
     writer->append({ErasedEntry{"endoscope", 0, 2, "room: 30 days"}}, archive_.now());
+    writer->checkpoint(archive_.now());
   }
   EXPECT_THAT(codes(verify(folder)), Contains("erased-file-present"));
   const auto finished = recover();
@@ -516,6 +524,23 @@ TEST_F(RetentionTest, AnErasureThatWasCutOffIsBroughtToItsEnd) {
   EXPECT_EQ(std::count(types.begin(), types.end(), "erased"), 1);
   EXPECT_EQ(std::count(types.begin(), types.end(), "case-closed"), 1);
   EXPECT_THAT(recover(), IsEmpty());
+}
+
+TEST_F(RetentionTest, AnErasureThatWasCutOffBeforeItWasSignedIsTakenBack) {
+  const fs::path folder = SampleCase::write(archive_);
+  const std::string before = contents(folder / "ledger.jsonl");
+  {
+    const auto writer = CaseWriter::resume(real_file_system(), folder, archive_.key(),
+                                           SampleArchive::kDeviceName, log(), [](const CaseEntry&) {});
+    writer->append({ErasedEntry{"endoscope", 0, 2, "room: 30 days"}}, archive_.now());
+  }
+  const auto finished = recover();
+  ASSERT_EQ(finished.size(), 1U);
+  EXPECT_THAT(finished[0].problem, HasSubstr("stated an erasure that nobody had signed"));
+  EXPECT_EQ(contents(folder / "ledger.jsonl"), before);
+  EXPECT_EQ(verify(folder).verdict, Verdict::kIntact);
+  EXPECT_THAT(recover(), IsEmpty());
+  EXPECT_EQ(erase(folder, "endoscope").segments, 3U);
 }
 
 }  // namespace

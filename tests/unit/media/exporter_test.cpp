@@ -9,6 +9,7 @@
 
 #include "base/error.h"
 #include "crypto/age_file.h"
+#include "media/transport_times.h"
 #include "media/vital_sample.h"
 #include "tests/support/forger.h"
 #include "tests/support/media_maker.h"
@@ -145,7 +146,10 @@ TEST_F(ExporterTest, CutsAtSegmentsAndSaysWhatItWrote) {
   options_.from_ns = 1'500'000'000;
   options_.to_ns = 2'000'000'000;
   const ExportResult result = run("endoscope", "film.ts");
-  EXPECT_EQ(read_file(folder_ / "film.ts"), text_of(film_[1]));
+  Bytes second = film_[1];
+  TransportTimes(-kTicksPerSecond, "film", {}).move(second);
+  EXPECT_TRUE(read_file(folder_ / "film.ts") == text_of(second)) << "the file's time 0 is 1 s of the case";
+  EXPECT_EQ(result.zero_ns, 1'000'000'000);
   EXPECT_EQ(result.start_ns, 1'000'000'000);
   EXPECT_EQ(result.end_ns, 2'000'000'000);
   EXPECT_EQ(run("endoscope", "film.mkv").frames, 25U);
@@ -404,11 +408,68 @@ TEST_F(ExporterTest, TabulatesVitalSignsInOrderOfTime) {
   record({{"vitals", "vitals", "application/jsonl", {to_bytes(first), to_bytes(second)}, {2, 1}}});
   EXPECT_EQ(run("vitals", "vitals.csv").frames, 3U);
   EXPECT_EQ(read_file(folder_ / "vitals.csv"),
-            "time,code,value,unit,quality,source\n"
-            "0.392,MDC_ECG_ELEC_POTL_II,0.5,mV,good,bed 4\n"
-            "0.394,HR,72,/min,good,bed 4\n"
-            "0.396,MDC_ECG_ELEC_POTL_II,-0.25,mV,good,bed 4\n"
-            "1,\"a \"\"b\"\", c\",,/min,missing,bed 4\n");
+            "time,code,value,unit,quality,source,since_start\n"
+            "0.392,MDC_ECG_ELEC_POTL_II,0.5,mV,good,bed 4,0.392\n"
+            "0.394,HR,72,/min,good,bed 4,0.394\n"
+            "0.396,MDC_ECG_ELEC_POTL_II,-0.25,mV,good,bed 4,0.396\n"
+            "1,\"a \"\"b\"\", c\",,/min,missing,bed 4,1\n");
+}
+
+// One stream from the start, one from 3 s on, of which every other second lacks: the same stretch gives the
+// same time 0, and only times change.
+TEST_F(ExporterTest, GivesEveryFormAndStreamOneTimeBase) {
+  constexpr std::int64_t kSecond = 1'000'000'000;
+  RecordedStream first = transport_stream({.segments = 6, .sound = true});
+  RecordedStream later = transport_stream({.gap_frames = 25, .sound = true});
+  later.name = "room";
+  later.starts_ns = {3 * kSecond, 5 * kSecond, 7 * kSecond};
+  first.first_pts = {45'000, 135'000, 225'000, 315'000, 405'000, 495'000};
+  later.first_pts = {45'000, 225'000, 405'000};
+  const std::string line = to_json_line(sample_at(5 * kSecond, "HR", 72)) + "\n";
+  RecordedStream vitals{"vitals", "vitals", "application/jsonl", {to_bytes(line)}, {1}};
+  vitals.starts_ns = {5 * kSecond};
+  record({first, later, vitals});
+  std::vector<std::int64_t> told;
+  options_.on_picture = [&](std::int64_t time_ns) { told.push_back(time_ns); };
+  const auto times = [&](const std::string& stream, const std::string& output) {
+    told.clear();
+    const ExportResult result = run(stream, output);
+    EXPECT_EQ(result.frames, told.size()) << output;
+    return told;
+  };
+  for (const std::int64_t from_ns : {std::int64_t{0}, 3 * kSecond + 1}) {
+    options_.from_ns = from_ns;
+    options_.overwrite = true;
+    const std::int64_t zero_ns = from_ns == 0 ? 0 : 3 * kSecond;
+    EXPECT_EQ(export_zero_ns(archive::CaseReader::open(case_), from_ns, INT64_MAX), zero_ns);
+    for (const char* ending : {".ts", ".mkv", ".mp4"}) {
+      const auto endoscope = times("endoscope", std::string("endoscope") + ending);
+      const auto room = times("room", std::string("room") + ending);
+      ASSERT_EQ(room.size(), 75U) << ending;
+      EXPECT_EQ(endoscope.front(), 0) << ending;
+      EXPECT_EQ(room.front(), 3 * kSecond - zero_ns) << ending;
+      EXPECT_EQ(room[25], 5 * kSecond - zero_ns) << ending << ": after the gap";
+      EXPECT_EQ(room[50], 7 * kSecond - zero_ns) << ending;
+    }
+    run("vitals", "vitals.csv");
+    EXPECT_THAT(read_file(folder_ / "vitals.csv"),
+                HasSubstr("5,HR,72,/min,good,bed 4," + std::to_string((5 * kSecond - zero_ns) / kSecond)));
+  }
+  EXPECT_EQ(test::decode_file(folder_ / "room.ts"), test::decode_file(folder_ / "room.mkv"));
+}
+
+TEST_F(ExporterTest, TellsWhereThePicturesChangeTheirSize) {
+  RecordedStream stream = matroska("ffv1");
+  stream.segments[2] = test::make_matroska({.width = 128}, "ffv1")[2];
+  record({stream});
+  options_.stream = "room";
+  options_.output = folder_ / "film.mkv";
+  try {
+    export_stream(archive::CaseReader::open(case_), reader_.identities, options_);
+    FAIL() << "two sizes in one file";
+  } catch (const FormatChanged& change) {
+    EXPECT_EQ(change.at_ns(), 2'000'000'000);
+  }
 }
 
 TEST_F(ExporterTest, NamesTheLineThatIsNoVitalSign) {

@@ -128,8 +128,8 @@ TEST(SegmentInput, SurvivesDamagedMedia) {
       OutputFile output(folder / "film.mkv", true);
       try {
         SegmentInput input(*source, media, "film");
-        Remuxer remuxer(output, Container::kMatroska, "film.mkv");
-        remuxer.copy(input);
+        Remuxer remuxer(output, Container::kMatroska, "film.mkv", {});
+        remuxer.copy(input, 0);
         remuxer.finish();
         ++copied;
       } catch (const Error& error) {

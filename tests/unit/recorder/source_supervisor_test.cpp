@@ -33,10 +33,13 @@ class BriefCamera : public Source {
       timed.time_ns = given_++ * 1'000'000'000;
       return timed;
     }
+    if (decoder_lost) throw DecoderLost("its decoder crashed");
     if (lost_) throw Error("the cable was pulled");
     while (live_ && !interrupted()) std::this_thread::yield();
     return {};
   }
+
+  bool decoder_lost = false;
 
  private:
   const int pictures_;
@@ -97,6 +100,25 @@ class SourceSupervisorTest : public testing::Test {
   std::vector<std::int64_t> opened_at;  // written while the test waits for what comes of it
   std::vector<GapCause> causes;
 };
+
+TEST_F(SourceSupervisorTest, APipeWhoseDecoderIsLostHasNotEnded) {
+  auto crashing = std::make_unique<BriefCamera>(1, true, true);
+  crashing->decoder_lost = true;
+  std::deque<std::unique_ptr<Source>> cameras;
+  cameras.push_back(nullptr);
+  cameras.push_back(camera(1, false));
+  SourceSupervisor::Terms of_pipe = terms(guard(std::move(cameras)));
+  of_pipe.address.kind = SourceKind::kPipe;
+  SourceSupervisor supervisor(context(), std::move(of_pipe), std::move(crashing), queue);
+  supervisor.start();
+  EXPECT_EQ(next(), 'p');
+  EXPECT_EQ(next(), 'l');
+  EXPECT_EQ(troubles.latest(), "its decoder crashed");
+  let_pass(3s);
+  EXPECT_EQ(next(), 'p');
+  supervisor.stop();
+  EXPECT_THAT(opened_at, ElementsAre(1'000'000'000, 3'000'000'000));
+}
 
 TEST_F(SourceSupervisorTest, ALostSourceIsTakenUpAgainAfterPausesThatGrow) {
   std::deque<std::unique_ptr<Source>> cameras;

@@ -10,6 +10,8 @@ import '@/styles/picking.css';
 import '@/styles/page.css';
 import '@/styles/guests.css';
 import '@/styles/log.css';
+import '@/styles/live.css';
+import '@/styles/subject.css';
 import '@/styles/pointing.css';
 import '@/styles/training.css';
 import '@/styles/planning.css';

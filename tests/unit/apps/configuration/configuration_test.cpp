@@ -113,6 +113,10 @@ TEST(Configuration, RetentionSaysWhatWhenAndWhy) {
             "k.toml:1:1: a [[retention]] needs either a 'stream' or a 'purpose'");
   EXPECT_EQ(refusal("[[retention]]\nstream = \"a\"\npolicy = \"p\"\n"),
             "k.toml:1:1: a [[retention]] needs 'after', such as \"30d\"");
+  // Thirty days were meant, and thirty seconds would be taken.
+  EXPECT_NE(refusal("[[retention]]\nstream = \"a\"\nafter = \"30\"\npolicy = \"p\"\n")
+                .find("write 30d, 12h or 90m"),
+            std::string::npos);
   EXPECT_EQ(refusal("[[retention]]\nstream = \"a\"\nafter = \"1d\"\n"),
             "k.toml:1:1: a [[retention]] needs a 'policy': why the recording may go");
   EXPECT_EQ(

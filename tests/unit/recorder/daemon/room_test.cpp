@@ -297,6 +297,10 @@ class StatedProcedure : public ProcedureSource {
     const std::lock_guard guard(mutex_);
     return data_;
   }
+  [[nodiscard]] std::vector<ProcedureData> list(UtcTime /*at*/) const override {
+    const std::lock_guard guard(mutex_);
+    return data_ ? std::vector{*data_} : std::vector<ProcedureData>();
+  }
   void hurry() override { ++hurried; }
   [[nodiscard]] std::vector<ProcedureWay> ways() const override {
     return {{"worklist", false, "does not answer"}};
@@ -355,6 +359,41 @@ TEST_F(RoomTest, ProcedureDataThatComeLateAreAnEventOfTheCase) {
   ASSERT_THAT(events, SizeIs(2));
   EXPECT_THAT(events[0], HasSubstr("subject-missing"));
   EXPECT_THAT(events[1], HasSubstr(R"(\"subject\":{\"patient\":{\"id\":\"4711\"}})"));
+}
+
+TEST_F(RoomTest, APersonSaysWhomTheCaseIsAboutWhileItRuns) {
+  const auto procedure = std::make_shared<StatedProcedure>();
+  RoomPlan unknown = plan({kCamera});
+  unknown.procedure = procedure;
+  Room room(std::move(unknown), listener());
+  EXPECT_THROW(room.add_subject(to_bytes("{}")), UsageError) << "nothing runs";
+  room.start("operator");
+  EXPECT_THROW(room.add_subject(to_bytes("not JSON")), Error);
+  EXPECT_EQ(room.status().subject, SubjectState::kNone);
+  room.add_subject(to_bytes(R"({"patient":"typed"})"));
+  EXPECT_EQ(room.status().subject, SubjectState::kLate);
+  // What comes by itself afterwards does not replace what a person said.
+  procedure->state("4711");
+  room.add_subject(to_bytes(R"({"patient":"corrected"})"));
+  room.stop("operator", true);
+  const RecordedCase recorded = bench.read(results.at(0).folder);
+  EXPECT_THAT(recorded.broken_rules(), IsEmpty());
+  const std::vector<std::string> events = recorded.lines("events");
+  ASSERT_THAT(events, SizeIs(3));
+  EXPECT_THAT(events[1], HasSubstr("typed"));
+  EXPECT_THAT(events[2], HasSubstr("corrected"));
+}
+
+TEST_F(RoomTest, ListsWhatCouldBeDoneInIt) {
+  EXPECT_THAT(Room(plan({kCamera}), listener()).procedures(), IsEmpty()) << "nothing is configured";
+  const auto procedure = std::make_shared<StatedProcedure>();
+  procedure->state("4711");
+  RoomPlan known = plan({kCamera});
+  known.procedure = procedure;
+  Room room(std::move(known), listener());
+  ASSERT_THAT(room.procedures(), SizeIs(1));
+  EXPECT_EQ(room.procedures()[0].patient_id, "4711");
+  EXPECT_GT(procedure->hurried, 0) << "the list is asked for anew";
 }
 
 TEST_F(RoomTest, ASourceOfProcedureDataThatFailsEndsNothing) {

@@ -201,6 +201,17 @@ TEST_F(HttpServerTest, RefusesARequestThatCouldHideAnotherAndReadsNoFurther) {
   EXPECT_EQ(called, "");
 }
 
+TEST_F(HttpServerTest, RefusesAChunkWithExtensionsAndReadsNoFurther) {
+  const std::string hidden =
+      "POST /rooms/or-1/start HTTP/1.1\r\nHost: x\r\nAuthorization: Bearer a token of some length\r\n\r\n";
+  const std::string answer = send(
+      "GET /healthz HTTP/1.1\r\nHost: x\r\nTransfer-Encoding: chunked\r\n\r\n2;a=\"\n\"\r\n[]\r\n0\r\n\r\n" +
+      hidden);
+  EXPECT_THAT(answer, StartsWith("HTTP/1.1 400 Bad Request\r\n"));
+  EXPECT_EQ(answer.find("HTTP/1.1", 1), std::string::npos) << "nothing more is answered";
+  EXPECT_EQ(called, "");
+}
+
 TEST_F(HttpServerTest, RefusesWhatIsTooLong) {
   EXPECT_THAT(send("GET / HTTP/1.1\r\nHost: x\r\nX: " + std::string(20'000, 'x') + "\r\n\r\n"),
               StartsWith("HTTP/1.1 431 "));

@@ -72,6 +72,55 @@ TEST(ProcedureBook, OtherFactsOfAPatientDoNotMoveThem) {
   EXPECT_EQ(data->sex, "F");
 }
 
+std::vector<std::string> listed(const ProcedureBook& book, UtcTime at) {
+  std::vector<std::string> out;
+  for (const ProcedureData& data : book.list({{"OR1"}, 12h}, at))
+    out.push_back(data.patient_id + " " + data.description);
+  return out;
+}
+
+TEST(ProcedureBook, ListsAllThatCouldBeMeant) {
+  ProcedureBook book;
+  EXPECT_THAT(listed(book, kMorning), testing::IsEmpty());
+  book.take(planned("1", "first", kMorning), kMorning - 10h);
+  book.take(planned("1", "again", kMorning + 5h), kMorning - 10h);
+  book.take(planned("2", "second", kMorning + 3h), kMorning - 10h);
+  book.take(planned("3", "elsewhere", kMorning + 1h, "OR2"), kMorning - 10h);
+  book.take(planned("4", "next week", kMorning + 170h), kMorning - 10h);
+  book.take(placed("1", {"OR1"}), kMorning);
+  EXPECT_THAT(listed(book, kMorning + 1h), testing::UnorderedElementsAre("1 first", "2 second"))
+      << "whoever is in the room stands there once, with the nearest of their appointments";
+}
+
+TEST(ProcedureList, HasEachProcedureOnceInTheOrderOfItsTime) {
+  ProcedureData early, late, unplanned;
+  early.patient_id = "1";
+  early.planned = "2026-08-05T08:00:00Z";
+  late.patient_id = "2";
+  late.planned = "2026-08-05T09:00:00Z";
+  unplanned.patient_id = "3";
+  std::vector<ProcedureData> all{late};
+  ProcedureData twice = late;
+  twice.chosen = "by another way";
+  add_unknown(all, {twice, early, unplanned});
+  order_by_plan(all, 500);
+  ASSERT_EQ(all.size(), 3U);
+  EXPECT_EQ(all[0].patient_id + all[1].patient_id + all[2].patient_id, "312");
+  order_by_plan(all, 2);
+  EXPECT_EQ(all.size(), 2U);
+}
+
+TEST(ProcedureList, AKeyStandsForWhatAProcedureSays) {
+  ProcedureData data;
+  data.patient_id = "1";
+  const std::string key = key_of(data);
+  EXPECT_EQ(key.size(), 32U);
+  data.chosen = "the same, found in another way";
+  EXPECT_EQ(key_of(data), key);
+  data.description = "another";
+  EXPECT_NE(key_of(data), key);
+}
+
 TEST(ProcedureBook, TheNearestAppointmentIsTakenAndSaysOfHowMany) {
   ProcedureBook book;
   book.take(planned("1", "first", kMorning), kMorning - 10h);

@@ -50,7 +50,7 @@ std::vector<VitalSample> through_a_table(const std::vector<VitalSample>& samples
   const std::string path = (folder / "vitals.csv").string();
   {
     std::ofstream file(path, std::ios::binary);
-    media::VitalsTable table([&](ByteView bytes) { file << text_of(bytes); });
+    media::VitalsTable table([&](ByteView bytes) { file << text_of(bytes); }, 0);
     for (const VitalSample& sample : samples) {
       table.add(sample);
     }
@@ -96,7 +96,7 @@ TEST(CsvRoundTrip, KeepsMissingValuesQualitiesAndAwkwardNames) {
 }
 
 TEST(CsvRoundTrip, RefusesSamplesOutOfOrder) {
-  media::VitalsTable table([](ByteView) {});
+  media::VitalsTable table([](ByteView) {}, 0);
   VitalSample sample;
   sample.code = "HR";
   sample.value = 1;

@@ -110,6 +110,14 @@ TEST_F(AuthorityServerTest, RefusesARequestThatCouldHideAnotherAndReadsNoFurther
   }
 }
 
+TEST_F(AuthorityServerTest, RefusesAChunkWithExtensionsAndReadsNoFurther) {
+  const std::string answer = exchange(
+      "POST / HTTP/1.1\r\nContent-Type: application/timestamp-query\r\nHost: x\r\n"
+      "Transfer-Encoding: chunked\r\n\r\n2;a=\"\n\"\r\n[]\r\n0\r\n\r\nGET / HTTP/1.1\r\nHost: x\r\n\r\n");
+  EXPECT_THAT(answer, StartsWith("HTTP/1.1 400 Bad Request\r\n"));
+  EXPECT_EQ(answer.find("HTTP/1.1", 1), std::string::npos) << "nothing more is answered";
+}
+
 TEST_F(AuthorityServerTest, AnswersSeveralClientsAtOnce) {
   TrustStore trust;
   trust.add_trusted(bytes_of(authority_.root_pem()), "ca.pem");

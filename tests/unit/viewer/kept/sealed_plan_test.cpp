@@ -34,6 +34,19 @@ TEST_F(SealedPlan, IsFoundByItsHashWhereverItLies) {
   EXPECT_EQ(find_sealed_plan(folder_ / "absent", {}), std::nullopt);
 }
 
+TEST_F(SealedPlan, AreListedWithTheirNames) {
+  write("b/liver.seal.json", R"({"plan":"Liver: grasp"})");
+  write("a.seal.json", R"({"plan":7})");
+  write("broken.seal.json", "{");
+  write("plan.json", R"({"plan":"no seal"})");
+  const std::vector<SealedPlanFile> all = sealed_plans(folder_.path());
+  ASSERT_EQ(all.size(), 2U);
+  EXPECT_EQ(all[0].name, "");
+  EXPECT_EQ(all[1].name, "Liver: grasp");
+  EXPECT_EQ(all[1].seal, crypto::sha256(bytes_of(R"({"plan":"Liver: grasp"})")));
+  EXPECT_TRUE(sealed_plans(folder_ / "absent").empty());
+}
+
 TEST_F(SealedPlan, IsNoOtherFileNoLinkAndNothingFarBelow) {
   write("plan.json", "plan");
   EXPECT_EQ(find("plan"), std::nullopt);

@@ -131,8 +131,8 @@ TEST_F(ReportDocument, OfAnExcerptSaysWhatPartItIsAndNothingOfTheRest) {
   EXPECT_THAT(text, HasSubstr("endoscope: 1 of 3 sealed files"));
   EXPECT_THAT(text, HasSubstr("Part of the case | from 0:00:02.000 to 0:00:04.000 on the case clock"));
   EXPECT_THAT(text, HasSubstr("Leaves out | the streams vitals; everything before and after"));
-  EXPECT_THAT(text,
-              HasSubstr("2026-08-06 09:00:00 UTC Dr. Mori (the excerpt says so itself; nothing proves it)"));
+  EXPECT_THAT(
+      text, HasSubstr("2026-08-06 09:00:00 UTC by Dr. Mori (the excerpt says so itself; nothing proves it)"));
   EXPECT_THAT(text, HasSubstr("endoscope | video | 0:00:02.000 | 0:00:04.000 | 1 | 50 | 0 | none | "));
   EXPECT_THAT(text, HasSubstr("Whether the whole case still exists cannot be told from an excerpt."));
   EXPECT_THAT(text, Not(HasSubstr("Is every file there, and")));

@@ -40,7 +40,7 @@ TEST(Sessions, EndAtSigningOutWithTheirIdentity) {
   const auto opened = store.open("anna", Role::kSurgeon, {});
   const auto identities = an_identity();
   opened.session->unlock(identities);
-  EXPECT_EQ(identities.use_count(), 2);
+  EXPECT_EQ(identities.use_count(), 3) << "the session, and what it reads subjects by";
   store.close(opened.token);
   EXPECT_EQ(identities.use_count(), 1);
   EXPECT_TRUE(opened.session->has_ended());

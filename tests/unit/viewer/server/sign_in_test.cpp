@@ -291,5 +291,23 @@ TEST_F(SignIn, WhoSignedInBeforeGoesBeforeAFlood) {
   EXPECT_EQ(begun[1], kPassword);
 }
 
+TEST_F(SignIn, ByAOneTimePasswordIsGoodForChoosingAnotherAlone) {
+  const crypto::Secret given = UserStore::new_one_time_password();
+  context.users().set_password("anna", given, clock.utc() + std::chrono::hours(1));
+  const Response signed_in = sign_in({"192.0.2.7", ""}, std::string(given.text()));
+  ASSERT_EQ(signed_in.status, 200);
+  EXPECT_EQ(json::parse(std::get<std::string>(signed_in.body))["must_change_password"], true);
+  const auto ask = [&](const SessionStore::Opened& opened, const std::string& path) {
+    RequestHead head{"GET", path, "192.0.2.7", {{"host", "or-3"}}};
+    head.headers["cookie"] = std::string(kSessionCookie) + "=" + opened.token;
+    Dispatcher::Admission admission = dispatcher.admit(std::move(head));
+    return admission.refusal ? admission.refusal->status : dispatcher.answer(admission).status;
+  };
+  const auto temporary = context.sessions().open("anna", Role::kAdministrator, utc_now(), true);
+  EXPECT_EQ(ask(temporary, "/api/session"), 200);
+  EXPECT_EQ(ask(temporary, "/api/users"), 403);
+  EXPECT_EQ(ask(context.sessions().open("anna", Role::kAdministrator, utc_now()), "/api/users"), 200);
+}
+
 }  // namespace
 }  // namespace kiroku::viewer

@@ -88,5 +88,39 @@ TEST_F(Users, AreNotAddedTwiceNorChangedWhereTheyAreNot) {
   EXPECT_THROW(users->remove("bert"), UsageError);
 }
 
+TEST_F(Users, AlwaysHaveAnAdministratorAmongThem) {
+  users->add("anna", Role::kAdministrator, secret("correct horse"));
+  users->add("bert", Role::kSurgeon, secret("correct horse"));
+  EXPECT_THROW(users->set_role("anna", Role::kSurgeon), UsageError);
+  EXPECT_THROW(users->remove("anna"), UsageError);
+  users->set_role("bert", Role::kAdministrator);
+  users->set_role("anna", Role::kSurgeon);
+  EXPECT_THROW(users->set_role("bert", Role::kOperator), UsageError) << "now the last one";
+  users->remove("anna");
+  users->remove("bert");
+  EXPECT_THAT(users->list(), testing::IsEmpty()) << "whoever removes everybody begins anew";
+}
+
+TEST_F(Users, HaveAOneTimePasswordUntilTheyChooseTheirOwn) {
+  users->add("anna", Role::kSurgeon, secret("correct horse"));
+  EXPECT_FALSE(users->find("anna")->one_time_until);
+  const crypto::Secret given = UserStore::new_one_time_password();
+  EXPECT_NE(given.text(), UserStore::new_one_time_password().text());
+  EXPECT_EQ(given.size(), 23U);
+  const UtcTime until = utc_now() + std::chrono::hours(24);
+  users->set_password("anna", given, until);
+  EXPECT_FALSE(users->check("anna", secret("correct horse")));
+  ASSERT_TRUE(users->check("anna", given));
+  EXPECT_TRUE(users->check("anna", given)->one_time_until);
+  const auto other = UserStore::open(folder / "users.sqlite");
+  EXPECT_TRUE(other->list().front().one_time_until);
+  other->set_password("anna", secret("battery staple"));
+  EXPECT_FALSE(users->check("anna", secret("battery staple"))->one_time_until);
+  users->set_password("anna", given, until);
+  users->remove("anna");
+  users->add("anna", Role::kSurgeon, secret("correct horse"));
+  EXPECT_FALSE(users->find("anna")->one_time_until) << "nothing of who was removed";
+}
+
 }  // namespace
 }  // namespace kiroku::viewer

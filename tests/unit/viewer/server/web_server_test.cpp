@@ -114,6 +114,20 @@ TEST_F(WebServerTest, RefusesARequestThatCouldHideAnotherAndReadsNoFurther) {
   EXPECT_EQ(said, "");
 }
 
+// Some programs take the line feed within the quotes for the end of the chunk's line.
+TEST_F(WebServerTest, RefusesAChunkWithExtensionsAndReadsNoFurther) {
+  serve();
+  for (const std::string& line : {std::string("2;a=\"\n\""), std::string("2;a"), std::string("2;a=b")}) {
+    HttpsConnection connection(server->port());
+    connection.send(post("Host: localhost\r\nTransfer-Encoding: chunked\r\n",
+                         line + "\r\n[]\r\n0\r\n\r\n" + hidden_request()));
+    EXPECT_EQ(connection.receive().status, 400) << line;
+    EXPECT_EQ(connection.receive().status, 0) << "nothing more is answered: " << line;
+  }
+  EXPECT_EQ(hidden, 0);
+  EXPECT_EQ(said, "");
+}
+
 TEST_F(WebServerTest, TakesAHeadByteByByteAndTellsWhereItIsTooLong) {
   serve({.header_bytes = 300});
   HttpsConnection slow(server->port());

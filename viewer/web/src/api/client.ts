@@ -1,7 +1,7 @@
 // The API as functions. Every failure is an ApiError with the server's sentence, in the language of the page.
 import type {
-  ApplianceStatus, CaseInfo, CaseSummary, Comparison, ComparisonDocument, ComparisonMaking, JudgedPoints, Matching, PickingCamera, PickingView,
-  Preparing, Role, Session, Timeline, User, Verification, Vitals,
+  ApplianceStatus, CaseInfo, CaseList, Comparison, ComparisonDocument, ComparisonMaking, JudgedPoints, LiveVitals, Matching, PickingCamera, PickingView,
+  Preparing, Role, SaidOfCase, Session, StartChoices, Subject, Timeline, User, Verification, Vitals,
 } from '@/api/types';
 import { printable, printableTexts } from '@/base/printable';
 import { inOwnWords } from '@/i18n/server_words';
@@ -93,6 +93,8 @@ export const session = {
   signIn: (user: string, password: string) => json<Session>('POST', 'session', { user, password }),
   /** With the address that `kiroku view` printed for a demonstration. */
   signInByLink: (link: string) => json<Session>('POST', 'session', { link }),
+  /** With the password of now; the user's other sessions end. */
+  choosePassword: (password: string, new_password: string) => json<Session>('POST', 'session/password', { password, new_password }),
   signOut: () => json<void>('DELETE', 'session'),
   unlock: (identity: string, passphrase: string) =>
     json<void>('POST', 'session/unlock', passphrase === '' ? { identity } : { identity, passphrase }),
@@ -100,11 +102,12 @@ export const session = {
 };
 
 export const cases = {
-  list: async (search: string, limit: number, before: string | undefined, signal?: AbortSignal) => {
-    const query = new URLSearchParams({ search, limit: String(limit) });
-    if (before !== undefined) query.set('before', before);
-    return (await json<{ cases: CaseSummary[] }>('GET', `cases?${query}`, undefined, signal)).cases;
-  },
+  /** Names are searched for, so that nothing of it may stand in an address, which logs keep. */
+  list: (search: string, limit: number, before: string | undefined, signal?: AbortSignal) =>
+    json<CaseList>('POST', 'cases/search', { search, limit, ...(before === undefined ? {} : { before }) }, signal),
+  /** One of the list, by what is no secret: without its subject. */
+  row: async (id: string) => (await json<CaseList>('GET', `cases?${new URLSearchParams({ search: id, limit: '1' })}`)).cases.find((one) => one.id === id),
+  subject: (id: string) => json<{ state: 'none' | 'shown' | 'not-yours'; subjects: Subject[] }>('GET', `${caseOf(id)}/subject`),
   get: (id: string) => json<CaseInfo>('GET', caseOf(id)),
   timeline: (id: string) => json<Timeline>('GET', `${caseOf(id)}/timeline`),
   vitals: (id: string, from_ns: number, to_ns: number, bins: number, signal?: AbortSignal) =>
@@ -153,15 +156,21 @@ export const cases = {
   },
   reportAddress: (id: string, language: string) => `/api/${caseOf(id)}/report.pdf?language=${language}`,
   receiptAddress: (id: string, language: string) => `/api/${caseOf(id)}/receipt.pdf?language=${language}`,
-  exportAddress: (id: string, stream: string, from_ns: number, to_ns: number) =>
-    `/api/${caseOf(id)}/export?stream=${part(stream)}&from_ns=${from_ns}&to_ns=${to_ns}&form=mkv`,
+  exportAddress: (id: string, stream: string, from_ns: number, to_ns: number, form: 'mkv' | 'csv' | 'jsonl') =>
+    `/api/${caseOf(id)}/export?stream=${part(stream)}&from_ns=${from_ns}&to_ns=${to_ns}&form=${form}`,
   excerptAddress: (id: string, from_ns: number, to_ns: number) =>
     `/api/${caseOf(id)}/excerpt.tar?from_ns=${from_ns}&to_ns=${to_ns}`,
 };
 
 export const appliance = {
   status: () => json<ApplianceStatus>('GET', 'status'),
-  start: (room: string) => json<void>('POST', `rooms/${part(room)}/start`),
+  choices: (room: string) => json<StartChoices>('GET', `rooms/${part(room)}/procedures`),
+  start: (room: string, said: SaidOfCase) => json<void>('POST', `rooms/${part(room)}/start`, said),
+  /** Waves after `after_ns` of the case clock. */
+  vitals: (room: string, after_ns: number, signal?: AbortSignal) =>
+    json<LiveVitals>('GET', `rooms/${part(room)}/vitals?after_ns=${Math.max(0, Math.round(after_ns))}`, undefined, signal),
+  /** While the case runs. */
+  say: (room: string, said: SaidOfCase) => json<void>('POST', `rooms/${part(room)}/subject`, said),
   stop: (room: string) => json<void>('POST', `rooms/${part(room)}/stop`),
   mark: (room: string, text: string) => json<void>('POST', `rooms/${part(room)}/mark`, { text }),
 };
@@ -191,4 +200,7 @@ export const users = {
   list: async () => (await json<{ users: User[] }>('GET', 'users')).users,
   add: (user: string, password: string, role: Role) => json<void>('POST', 'users', { user, password, role }),
   remove: (user: string) => json<void>('DELETE', `users/${part(user)}`),
+  changeRole: (user: string, role: Role) => json<User>('POST', `users/${part(user)}/role`, { role }),
+  /** The one-time password, which is told this once. */
+  resetPassword: (user: string) => json<{ password: string; until: string }>('POST', `users/${part(user)}/password`),
 };

@@ -11,6 +11,8 @@ export interface Session {
   /** A guest came by an invitation, and is no user. */
   role: Role | 'guest';
   unlocked: boolean;
+  /** Came by a one-time password: nothing else is answered before another is chosen. */
+  must_change_password: boolean;
   expires_s: number;
   language?: string | null;
   /** What this server is for; by `kiroku train serve`: training; by `kiroku plan serve`: planning. */
@@ -30,6 +32,59 @@ export interface CaseSummary {
   tokens: number;
   verdict: Verdict | null;
   verified: string | null;
+  /** Of an unlocked session alone. */
+  subject_state?: SubjectState;
+  /** As it stood at the end. */
+  subject?: Subject;
+}
+
+/** 'not-yours': the identity opens none of it; 'problem': it cannot be read; 'not-read': there was no time for it. */
+export type SubjectState = 'none' | 'shown' | 'not-yours' | 'problem' | 'not-read';
+
+/** Patient, procedure and staff, which were sealed; what is not known lacks. */
+export interface Subject {
+  /** When it became known while the case ran. */
+  time_ns?: number;
+  patient?: string;
+  patient_id?: string;
+  birth_date?: string;
+  sex?: string;
+  procedure?: string;
+  procedure_code?: string;
+  procedure_id?: string;
+  planned?: string;
+  staff: { role?: string; name?: string; id?: string }[];
+  /** Who said so, and why these data. */
+  origin?: string;
+  chosen?: string;
+}
+
+export interface CaseList {
+  cases: CaseSummary[];
+  subjects: 'unlocked' | 'locked' | 'no-right';
+  /** Cases whose subject there was no time to read: asking again gets further. */
+  unread: number;
+}
+
+/** What a case that begins can be about, and which plan it can follow. */
+export interface StartChoices {
+  procedures: { key: string; subject: Subject }[];
+  /** Where the hospital tells of procedures; none where nothing is configured. */
+  ways: ProcedureWay[];
+  plans: { seal: string; name: string; sealed: string }[];
+}
+
+export interface ProcedureWay {
+  name: string;
+  well: boolean;
+  state: string;
+}
+
+/** What is said of a case when it begins, or of the patient while it runs: typed in, or one of the choices. */
+export interface SaidOfCase {
+  subject?: object;
+  procedure?: string;
+  plan?: string;
 }
 
 export interface StreamInfo {
@@ -123,6 +178,29 @@ export interface VitalSeries {
   bins: VitalBin[];
 }
 
+/** A quantity as its monitor shows it while it is recorded. */
+export interface LiveSeries {
+  code: string;
+  label: string;
+  unit: string;
+  kind: 'numeric' | 'wave';
+  stream: string;
+  source: string;
+  /** Of the newest value or block, on the case clock. */
+  time_ns: number;
+  /** Of a number; null where its device has none. */
+  value?: number | null;
+  /** Of a wave: those that end after what was asked. */
+  blocks?: { end_ns: number; rate_hz: number; values: (number | null)[] }[];
+}
+
+export interface LiveVitals {
+  /** Null while no case runs. */
+  now_ns: number | null;
+  series: LiveSeries[];
+  alarms: { text: string; priority: string; stream: string; source: string; since_ns: number }[];
+}
+
 export interface Alarm {
   start_ns: number;
   end_ns: number;
@@ -170,6 +248,8 @@ export interface VerifiedStream {
   name: string;
   kind: string;
   segments: number;
+  /** Of `segments`: removed since by retention. */
+  erased_segments: number;
   frames: number;
   dropped: number;
   bytes: number;
@@ -210,9 +290,12 @@ export type Verification = { state: 'running'; done_bytes: number; total_bytes: 
 
 export interface StreamStatus {
   name: string;
+  kind: 'video' | 'vitals';
   live: boolean;
   frames: number;
   dropped: number;
+  /** Lines of a device that are not among the samples. */
+  refused: number;
   age_ms: number;
   durable_age_ms: number;
 }
@@ -230,6 +313,9 @@ export interface RoomStatus {
   state: string;
   case: string;
   reason: string;
+  /** Whether the running case has a patient and a procedure: said at the beginning, found by the recorder, said later. */
+  subject: 'none' | 'given' | 'found' | 'late';
+  procedure: ProcedureWay[];
   elapsed_ns: number;
   /** The case clock. */
   now_ns: number;
@@ -380,4 +466,6 @@ export interface User {
   user: string;
   role: Role;
   locked: boolean;
+  /** Until when a one-time password may be used that nobody has replaced yet. */
+  one_time_until: string | null;
 }

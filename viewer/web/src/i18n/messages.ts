@@ -12,6 +12,7 @@ import { pointingEn, pointingJa } from '@/i18n/pointing_messages';
 import { roomsEn, roomsJa } from '@/i18n/rooms_messages';
 import { shellEn, shellJa } from '@/i18n/shell_messages';
 import { stateEn, stateJa } from '@/i18n/state_messages';
+import { subjectEn, subjectJa } from '@/i18n/subject_messages';
 import { timelineEn, timelineJa } from '@/i18n/timeline_messages';
 import { trainingEn, trainingJa } from '@/i18n/training_messages';
 import { usersEn, usersJa } from '@/i18n/users_messages';
@@ -26,6 +27,7 @@ const en = {
   ...planEn,
   ...matchEn,
   ...pickEn,
+  ...subjectEn,
   ...timelineEn,
   ...roomsEn,
   ...usersEn,
@@ -48,6 +50,7 @@ const ja: Record<MessageKey, string> = {
   ...planJa,
   ...matchJa,
   ...pickJa,
+  ...subjectJa,
   ...timelineJa,
   ...roomsJa,
   ...usersJa,

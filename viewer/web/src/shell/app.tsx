@@ -12,11 +12,12 @@ import { GoneBanner } from '@/shell/gone_banner';
 import { Icon, type IconName } from '@/shell/icon';
 import { LogView } from '@/log/log_view';
 import { may } from '@/shell/rights';
-import { announcement, attempt, dismiss, notices, notifyOf, session, sessionEnded, setTheme, theme } from '@/shell/state';
+import { announcement, attempt, dismiss, notices, notifyOf, oneTimePassword, session, sessionEnded, setTheme, theme } from '@/shell/state';
 import { PlanningView } from '@/planning/planning_view';
 import { TrainingView } from '@/training/training_view';
 import { CaseView } from '@/views/case_view';
 import { CasesView } from '@/views/cases_view';
+import { PasswordView } from '@/views/password_view';
 import { RoomsView } from '@/views/rooms_view';
 import { SignInView } from '@/views/sign_in_view';
 import { UsersView } from '@/views/users_view';
@@ -25,6 +26,7 @@ import { VerificationView } from '@/views/verification_view';
 whenSignedOut(() => {
   if (session.value?.role === 'guest') guestIsOver.value = true;
   else if (session.value) sessionEnded.value = true;
+  oneTimePassword.value = undefined;
   session.value = null;
 });
 
@@ -99,7 +101,7 @@ function Header() {
           記録
         </span>
       </a>
-      {signedIn && !guest && (
+      {signedIn && !guest && !signedIn.must_change_password && (
         <nav aria-label={t('nav.label')} class="nav">
           {serves === 'training' && <NavLink to="training" icon="training" text={t('nav.training')} />}
           {serves === 'planning' && may(signedIn.role, 'plan') && <NavLink to="planning" icon="plan" text={t('nav.planning')} />}
@@ -135,6 +137,7 @@ function Header() {
               void attempt(async () => {
                 await api.signOut();
                 sessionEnded.value = false;
+                oneTimePassword.value = undefined;
                 session.value = null;
               })
             }
@@ -165,6 +168,7 @@ function View() {
   if (invited.value !== undefined) return <JoinView token={invited.value} />;
   if (session.value === null) return guestIsOver.value ? <OverView /> : <SignInView />;
   if (session.value.role === 'guest') return <GuestView guest={session.value} />;
+  if (session.value.must_change_password) return <PasswordView />;
   const here = route.value;
   if (session.value.serves === 'training') return here.view === 'users' ? <UsersView /> : <TrainingView />;
   if (session.value.serves === 'planning') {

@@ -9,6 +9,9 @@ export const session = signal<Session | null | undefined>(undefined);
 /** The server ended the session, rather than the person: then signing in leads back to where they were. */
 export const sessionEnded = signal(false);
 
+/** With which somebody has just signed in and which they must replace now; in memory alone. */
+export const oneTimePassword = signal<string | undefined>(undefined);
+
 export type Theme = 'dark' | 'light';
 const kStored = 'kiroku.theme';
 export const theme = signal<Theme>('dark');

@@ -8,55 +8,33 @@ import type { Span } from '@/base/spans';
 import { PickingStage } from '@/compare/picking_stage';
 import { PlanModel, streamOf } from '@/compare/plan_model';
 import { PlanOver, PlanPane } from '@/compare/plan_pane';
-import { formatMoment, type MessageKey, t, word } from '@/i18n/i18n';
+import { formatMoment, t, word } from '@/i18n/i18n';
 import { Playback } from '@/media/playback';
 import { RecordedPointing, type Stroke } from '@/pointing/recorded';
 import { RecordedPointers } from '@/pointing/recorded_pointers';
-import { Dialog } from '@/shell/dialog';
 import { Icon } from '@/shell/icon';
 import { returns } from '@/shell/connection';
 import { may } from '@/shell/rights';
-import { attempt, notifyOf, session, textOf } from '@/shell/state';
-import { StateCard } from '@/shell/state_card';
+import { attempt, notifyOf, session } from '@/shell/state';
 import { VerdictChip } from '@/shell/verdict';
 import { Overview } from '@/timeline/overview';
+import { CaseSubject } from '@/subject/case_subject';
 import { Timeline } from '@/timeline/timeline';
 import { TimelineWindow } from '@/timeline/timeline_window';
 import { ArchivedFrames } from '@/views/archived_frames';
 import { CaseActions, type OpenDialog } from '@/views/case_actions';
 import { type CaseModel, caseModel } from '@/views/case_model';
 import { CaseSide, type Tab } from '@/views/case_side';
+import { CaseUnshown } from '@/views/case_unshown';
 import { ExportDialog } from '@/views/export_dialog';
-import { actionOf, kHelp } from '@/views/keyboard';
+import { actionOf } from '@/views/keyboard';
+import { KeysDialog } from '@/views/keys_dialog';
 import { Pane } from '@/views/pane';
 import { SelectionBar } from '@/views/selection_bar';
 import { GoToDialog, Transport } from '@/views/transport';
 import { UnlockPanel } from '@/views/unlock_panel';
+import { useFirstMoment } from '@/views/use_first_moment';
 import { VitalsStore } from '@/vitals/vitals_store';
-
-/** Why a case cannot be shown, and the ways on. */
-function Unshown({ id, error }: { id: string; error: unknown }) {
-  const isMissing = error instanceof ApiError && error.status === 404;
-  return (
-    <main id="main" class="main narrow" tabIndex={-1}>
-      <StateCard
-        icon={isMissing ? 'search' : 'alarm'}
-        title={t(isMissing ? 'case.missing' : 'case.damaged')}
-        why={textOf(error)}
-        what={t(isMissing ? 'case.missingWhat' : 'case.damagedWhat')}
-      >
-        {!isMissing && may(session.value?.role, 'verify') && (
-          <a class="button button-main" href={hrefOf({ view: 'verification', id })}>
-            {t('case.verify')}
-          </a>
-        )}
-        <a class="button" href={hrefOf({ view: 'cases' })}>
-          {t('state.allCases')}
-        </a>
-      </StateCard>
-    </main>
-  );
-}
 
 export function CaseView({ id }: { id: string }) {
   const model = useSignal<CaseModel | undefined>(undefined);
@@ -76,7 +54,7 @@ export function CaseView({ id }: { id: string }) {
       if (!isOfFrame) failed.value = error;
     }
     void attempt(async () => {
-      verdict.value = (await api.list(id, 1, undefined)).find((one) => one.id === id)?.verdict ?? null;
+      verdict.value = (await api.row(id))?.verdict ?? null;
     });
   };
   useEffect(() => {
@@ -89,13 +67,10 @@ export function CaseView({ id }: { id: string }) {
     if (returned !== known.current && !model.peek()) void load();
     known.current = returned;
   }, [returned]);
-  if (failed.value !== undefined) return <Unshown id={id} error={failed.value} />;
+  if (failed.value !== undefined) return <CaseUnshown id={id} error={failed.value} />;
   if (!model.value) return <main id="main" class="main" aria-busy="true" tabIndex={-1} />;
   return <Loaded key={String(unlocked)} model={model.value} verdict={verdict.value} unlocked={unlocked} />;
 }
-
-/** Where somebody was whose session ended meanwhile. */
-let leftAt: { id: string; at_ns: number } | undefined;
 
 const kNoStrokes: readonly Stroke[] = [];
 
@@ -145,18 +120,7 @@ function Loaded({ model, verdict, unlocked }: { model: CaseModel; verdict: Verdi
     },
     [playback, store, plan],
   );
-  useEffect(() => {
-    if (session.peek() === null) return; // about to be replaced by signing in
-    const left_ns = leftAt?.id === id ? leftAt.at_ns : undefined;
-    leftAt = undefined;
-    if (asked_ns !== undefined || left_ns !== undefined) playback.seek(left_ns ?? asked_ns ?? 0);
-  }, [playback, asked_ns]);
-  useEffect(
-    () => () => {
-      if (session.peek() === null) leftAt ??= { id, at_ns: playback.position_ns.peek() };
-    },
-    [playback],
-  );
+  useFirstMoment(id, playback, asked_ns);
 
   const large = useSignal(0);
   const tab = useSignal<Tab>(unlocked && hasVitals ? 'vitals' : 'moments');
@@ -212,6 +176,7 @@ function Loaded({ model, verdict, unlocked }: { model: CaseModel; verdict: Verdi
           </p>
           <h1>{formatMoment(model.info.opened)}</h1>
         </div>
+        {unlocked && may(role, 'watch') && <CaseSubject id={id} />}
         {model.info.state === 'open' && (
           <span class="verdict verdict-recording">
             <Icon name="record" filled />
@@ -288,24 +253,7 @@ function Loaded({ model, verdict, unlocked }: { model: CaseModel; verdict: Verdi
         matching={matching}
       />
 
-      {dialog.value === 'help' && (
-        <Dialog title={t('help.title')} onClose={closed('help')}>
-          <dl class="keys">
-            {kHelp.map(({ keys, does }) => (
-              <div key={does}>
-                <dt>
-                  {keys.map((key) => (
-                    <kbd key={key}>{key}</kbd>
-                  ))}
-                </dt>
-                <dd>{t(does as MessageKey)}</dd>
-              </div>
-            ))}
-          </dl>
-          <p class="muted">{t('help.mouse')}</p>
-          <p class="muted">{t('help.streams', { names: model.lanes.map((one) => word('stream', one.name)).join(', ') })}</p>
-        </Dialog>
-      )}
+      {dialog.value === 'help' && <KeysDialog streams={model.lanes.map((one) => word('stream', one.name))} onClose={closed('help')} />}
       {dialog.value === 'goTo' && <GoToDialog model={model} playback={playback} onClose={closed('goTo')} />}
       {dialog.value === 'export' && <ExportDialog model={model} span={chosen ?? model.whole} unlocked={unlocked} onClose={closed('export')} />}
     </main>

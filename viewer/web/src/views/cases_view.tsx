@@ -6,12 +6,15 @@ import type { CaseSummary } from '@/api/types';
 import { hrefOf } from '@/base/route';
 import { formatBytes, formatDuration } from '@/base/time';
 import { formatMoment, t, word } from '@/i18n/i18n';
+import { Dialog } from '@/shell/dialog';
 import { Icon } from '@/shell/icon';
 import { returns } from '@/shell/connection';
 import { may } from '@/shell/rights';
 import { StateCard } from '@/shell/state_card';
 import { announce, attempt, session } from '@/shell/state';
 import { VerdictChip } from '@/shell/verdict';
+import { ListedSubject } from '@/subject/case_subject';
+import { UnlockPanel } from '@/views/unlock_panel';
 
 const kPage = 50;
 const kTypingPause_ms = 200;
@@ -39,6 +42,7 @@ function Facts({ one }: { one: CaseSummary }) {
         <small>{t('cases.tokens')}</small>
         {one.tokens}
       </span>
+      <ListedSubject one={one} />
     </>
   );
 }
@@ -78,6 +82,10 @@ export function CasesView() {
   const search = useSignal('');
   const list = useSignal<CaseSummary[] | undefined>(undefined);
   const more = useSignal(false);
+  const unread = useSignal(0);
+  const unlocking = useSignal(false);
+  const unlocked = session.value?.unlocked ?? false;
+  const mayWatch = may(session.value?.role, 'watch');
 
   useEffect(() => {
     document.title = `${t('nav.cases')} · Kiroku`;
@@ -89,10 +97,16 @@ export function CasesView() {
     const timer = setTimeout(
       () =>
         void attempt(async () => {
-          const found = await api.list(text, kPage, undefined, request.signal);
-          list.value = found;
-          more.value = found.length === kPage;
-          if (text !== '') announce(t('cases.found', { n: found.length }));
+          unread.value = 0;
+          let before: number;
+          do {
+            before = unread.value === 0 ? Infinity : unread.value;
+            const found = await api.list(text, kPage, undefined, request.signal);
+            list.value = found.cases;
+            more.value = found.cases.length === kPage;
+            unread.value = found.unread;
+          } while (unread.value > 0 && unread.value < before && !request.signal.aborted);
+          if (text !== '') announce(t('cases.found', { n: list.value.length }));
         }),
       list.value ? kTypingPause_ms : 0,
     );
@@ -100,14 +114,14 @@ export function CasesView() {
       clearTimeout(timer);
       request.abort();
     };
-  }, [text, returns.value]);
+  }, [text, returns.value, unlocked]);
 
   const loadMore = () =>
     attempt(async () => {
       const known = list.value ?? [];
       const found = await api.list(text, kPage, known.at(-1)?.id);
-      list.value = [...known, ...found];
-      more.value = found.length === kPage;
+      list.value = [...known, ...found.cases];
+      more.value = found.cases.length === kPage;
     });
 
   return (
@@ -116,10 +130,10 @@ export function CasesView() {
         <h1>{t('nav.cases')}</h1>
         <label class="search">
           <Icon name="search" />
-          <span class="only-heard">{t('cases.search')}</span>
+          <span class="only-heard">{t(unlocked && mayWatch ? 'cases.searchPeople' : 'cases.search')}</span>
           <input
             type="search"
-            placeholder={t('cases.search')}
+            placeholder={t(unlocked && mayWatch ? 'cases.searchPeople' : 'cases.search')}
             value={text}
             onInput={(event) => {
               search.value = event.currentTarget.value;
@@ -127,7 +141,21 @@ export function CasesView() {
           />
         </label>
       </div>
-      {list.value?.length === 0 && (
+      {mayWatch && !unlocked && (
+        <p class="cases-sealed">
+          <span class="muted">{t('cases.sealed')}</span>
+          <button type="button" class="button" onClick={() => (unlocking.value = true)}>
+            <Icon name="lock" />
+            {t('cases.unlock')}
+          </button>
+        </p>
+      )}
+      {unread.value > 0 && (
+        <p class="muted" role="status">
+          {t('cases.unread', { n: unread.value })}
+        </p>
+      )}
+      {list.value?.length === 0 && unread.value === 0 && (
         <StateCard
           icon="cases"
           title={text === '' ? t('cases.none') : t('cases.noneFound', { text })}
@@ -152,6 +180,11 @@ export function CasesView() {
         <button type="button" class="button" onClick={() => void loadMore()}>
           {t('cases.more')}
         </button>
+      )}
+      {unlocking.value && !unlocked && (
+        <Dialog title={t('cases.unlock')} onClose={() => (unlocking.value = false)}>
+          <UnlockPanel inList />
+        </Dialog>
       )}
     </main>
   );

@@ -8,8 +8,11 @@ import { Dialog } from '@/shell/dialog';
 import { Icon } from '@/shell/icon';
 import type { CaseModel } from '@/views/case_model';
 
+const kVitalForms = ['csv', 'jsonl'] as const;
+
 export function ExportDialog({ model, span, unlocked, onClose }: { model: CaseModel; span: Span; unlocked: boolean; onClose: () => void }) {
   const stream = useSignal(model.videos[0]?.name ?? '');
+  const vitals = model.info.streams.filter((one) => one.kind === 'vitals');
   const from = formatTime(span.start_ns - model.whole.start_ns, 3);
   const to = formatTime(span.end_ns - model.whole.start_ns, 3);
   return (
@@ -35,11 +38,28 @@ export function ExportDialog({ model, span, unlocked, onClose }: { model: CaseMo
                 ))}
               </select>
             </label>
-            <a class="button button-main" href={cases.exportAddress(model.info.id, stream.value, span.start_ns, span.end_ns)} download>
+            <a class="button button-main" href={cases.exportAddress(model.info.id, stream.value, span.start_ns, span.end_ns, 'mkv')} download>
               <Icon name="export" />
               {t('export.originalDo')}
             </a>
           </div>
+        </section>
+      )}
+      {unlocked && vitals.length > 0 && (
+        <section class="choice">
+          <h3>{t('export.vitals')}</h3>
+          <p class="muted">{t('export.vitalsWhat')}</p>
+          {vitals.map((one) => (
+            <div key={one.name} class="choice-row">
+              {vitals.length > 1 && <span>{word('stream', one.name)}</span>}
+              {kVitalForms.map((form) => (
+                <a key={form} class="button" href={cases.exportAddress(model.info.id, one.name, span.start_ns, span.end_ns, form)} download>
+                  <Icon name="export" />
+                  {t(`export.vitals.${form}`)}
+                </a>
+              ))}
+            </div>
+          ))}
         </section>
       )}
       <section class="choice">

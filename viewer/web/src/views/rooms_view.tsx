@@ -11,17 +11,19 @@ import { RoomGuests, useInvitations } from '@/guests/room_guests';
 import { formatMoment, t, word } from '@/i18n/i18n';
 import { Lookers } from '@/pointing/lookers';
 import { useCompany } from '@/pointing/use_company';
+import { alertSound, alertSoundWaits, ring, setAlertSound, wakeAlertSound } from '@/rooms/alert_sound';
+import { AlertBell, isSilent, type Trouble, troublesOf } from '@/rooms/trouble';
 import { Dialog } from '@/shell/dialog';
 import { Icon } from '@/shell/icon';
 import { may } from '@/shell/rights';
 import { announce, attempt, session, textOf } from '@/shell/state';
 import { StateCard } from '@/shell/state_card';
+import { StartDialog } from '@/subject/start_dialog';
 import { useVisible } from '@/shell/visible';
 import { LivePane } from '@/views/live_pane';
+import { LiveVitalsPanel } from '@/vitals/live_vitals';
 
 const kEvery_ms = 1000;
-/** A stream whose newest picture is older than this is said to be silent. */
-const kSilent_ms = 3000;
 
 function Streams({ room }: { room: RoomStatus }) {
   return (
@@ -37,7 +39,7 @@ function Streams({ room }: { room: RoomStatus }) {
       </thead>
       <tbody>
         {room.streams.map((one) => {
-          const well = one.live && one.age_ms < kSilent_ms;
+          const well = !isSilent(one);
           return (
             <tr key={one.name}>
               <th scope="row">{word('stream', one.name)}</th>
@@ -48,7 +50,7 @@ function Streams({ room }: { room: RoomStatus }) {
                 </span>
               </td>
               <td class="number">{one.frames}</td>
-              <td class="number">{one.dropped}</td>
+              <td class={one.dropped > 0 ? 'number state-bad' : 'number'}>{one.dropped}</td>
               <td class="number">{(one.durable_age_ms / 1000).toFixed(1)} s</td>
             </tr>
           );
@@ -58,10 +60,50 @@ function Streams({ room }: { room: RoomStatus }) {
   );
 }
 
+/** What stands out while it lasts. How long silence lasts is not said aloud each second. */
+function Troubles({ troubles }: { troubles: readonly Trouble[] }) {
+  return (
+    <div class="troubles" role="alert">
+      {troubles.length > 0 && (
+        <ul>
+          {troubles.map((one) => (
+            <li key={`${one.kind} ${one.stream}`} class={`trouble trouble-${one.kind}`}>
+              <Icon name="alarm" />
+              {one.kind === 'silent' ? (
+                <>
+                  <strong>{t('trouble.silent', { name: word('stream', one.stream) })}</strong>
+                  <span aria-hidden="true">{t('trouble.for', { seconds: Math.round(one.for_ms / 1000) })}</span>
+                </>
+              ) : (
+                <strong>{t('trouble.lost', { name: word('stream', one.stream), n: one.pictures })}</strong>
+              )}
+            </li>
+          ))}
+        </ul>
+      )}
+    </div>
+  );
+}
+
+function AlertSoundSwitch() {
+  const on = alertSound.value;
+  return (
+    <div class="alert-sound">
+      <button type="button" class="button" aria-pressed={on} onClick={() => setAlertSound(!on)}>
+        <Icon name={on ? 'sound' : 'soundOff'} />
+        {t('trouble.sound')}
+      </button>
+      {on && alertSoundWaits.value && <span class="state-warn">{t('trouble.soundWaits')}</span>}
+    </div>
+  );
+}
+
 interface RoomProps {
   room: RoomStatus;
   /** Its streams that can be seen; none while the page is hidden. */
   seen: readonly string[];
+  /** Whether vital signs are asked for: by whoever looks, where kirokud serves the page. */
+  watches: boolean;
   clock: RemoteClock;
   mayControl: boolean;
   refresh: () => Promise<unknown>;
@@ -69,8 +111,9 @@ interface RoomProps {
   guests: { list: readonly Invitation[]; refresh: () => Promise<unknown> } | undefined;
 }
 
-function RoomCard({ room, seen, clock, mayControl, refresh, guests }: RoomProps) {
+function RoomCard({ room, seen, watches, clock, mayControl, refresh, guests }: RoomProps) {
   const stopping = useSignal(false);
+  const asking = useSignal(false);
   const note = useSignal('');
   const recording = room.state === 'recording';
   const idle = room.state === 'idle' || room.state === 'standby';
@@ -109,6 +152,7 @@ function RoomCard({ room, seen, clock, mayControl, refresh, guests }: RoomProps)
           <Icon name="alarm" /> {room.problem}
         </p>
       )}
+      <Troubles troubles={troublesOf(room)} />
       <div class="room-body">
         {watched.length > 0 && (
           <div class="live-panes">
@@ -119,6 +163,7 @@ function RoomCard({ room, seen, clock, mayControl, refresh, guests }: RoomProps)
           </div>
         )}
         <div class="room-facts">
+          {room.state !== 'idle' && watches && room.streams.some((one) => one.kind === 'vitals') && <LiveVitalsPanel room={room.room} clock={clock} />}
           {room.streams.length > 0 && <Streams room={room} />}
           {room.authorities.length > 0 && (
             <ul class="facts">
@@ -141,10 +186,21 @@ function RoomCard({ room, seen, clock, mayControl, refresh, guests }: RoomProps)
             </ul>
           )}
           {guests && <RoomGuests room={room.room} list={guests.list} refresh={guests.refresh} />}
+          {mayControl && recording && (
+            <p class="room-subject">
+              <span class={room.subject === 'none' ? 'state state-warn' : 'state state-good'}>
+                <Icon name={room.subject === 'none' ? 'alarm' : 'check'} />
+                {t(room.subject === 'none' ? 'subject.missing' : 'subject.recorded')}
+              </span>
+              <button type="button" class="button" onClick={() => (asking.value = true)}>
+                {t(room.subject === 'none' ? 'subject.add' : 'subject.correct')}
+              </button>
+            </p>
+          )}
           {mayControl && (
             <div class="room-controls">
               {idle ? (
-                <button type="button" class="button button-record" onClick={() => void act(() => api.start(room.room), t('rooms.started', { room: room.room }))}>
+                <button type="button" class="button button-record" onClick={() => (asking.value = true)}>
                   <Icon name="record" filled />
                   {t('rooms.start')}
                 </button>
@@ -184,6 +240,18 @@ function RoomCard({ room, seen, clock, mayControl, refresh, guests }: RoomProps)
           )}
         </div>
       </div>
+      {asking.value && (
+        <StartDialog
+          room={room.room}
+          starts={idle}
+          onClose={() => (asking.value = false)}
+          onSaid={(said) => {
+            asking.value = false;
+            if (idle) void act(() => api.start(room.room, said), t('rooms.started', { room: room.room }));
+            else void act(() => api.say(room.room, said), t('start.said'));
+          }}
+        />
+      )}
       {stopping.value && (
         <Dialog title={t('rooms.stopTitle', { room: room.room })} onClose={() => (stopping.value = false)}>
           <p>{t('rooms.stopWhat')}</p>
@@ -246,6 +314,7 @@ export function RoomsView() {
   const problem = useSignal('');
   const noRecorder = useSignal(false);
   const visible = useVisible();
+  const bell = useMemo(() => new AlertBell(), []);
   const clocks = useMemo(() => new Map<string, RemoteClock>(), []);
   const clockOf = (room: string) => {
     const known = clocks.get(room) ?? new RemoteClock();
@@ -259,6 +328,7 @@ export function RoomsView() {
       for (const room of said.rooms) clockOf(room.room).add(room.now_ns, sent_ms, performance.now());
       streams.value ??= await live.streams();
       status.value = said;
+      if (bell.hear(said.rooms.flatMap(troublesOf), performance.now())) void ring();
       problem.value = '';
     } catch (error) {
       status.value = undefined;
@@ -267,7 +337,17 @@ export function RoomsView() {
     }
   };
   useEffect(() => {
-    if (!visible) return;
+    addEventListener('pointerdown', wakeAlertSound);
+    addEventListener('keydown', wakeAlertSound);
+    return () => {
+      removeEventListener('pointerdown', wakeAlertSound);
+      removeEventListener('keydown', wakeAlertSound);
+    };
+  }, []);
+  // Whoever wishes to hear of it hears it also from behind another window.
+  const asks = visible || alertSound.value;
+  useEffect(() => {
+    if (!asks) return;
     let timer: ReturnType<typeof setTimeout>;
     let ended = false;
     const again = async () => {
@@ -279,7 +359,7 @@ export function RoomsView() {
       ended = true;
       clearTimeout(timer);
     };
-  }, [visible]);
+  }, [asks]);
   useEffect(() => {
     document.title = `${t('nav.rooms')} · Kiroku`;
   });
@@ -290,6 +370,7 @@ export function RoomsView() {
     <main id="main" class="main narrow" tabIndex={-1}>
       <div class="view-head">
         <h1>{t('nav.rooms')}</h1>
+        <AlertSoundSwitch />
       </div>
       {problem.value !== '' && (
         <StateCard icon="rooms" title={problem.value} {...(noRecorder.value ? { what: t('rooms.noRecorderWhat') } : {})}>
@@ -308,6 +389,7 @@ export function RoomsView() {
                 key={room.room}
                 room={room}
                 seen={visible ? (streams.value ?? []).filter((one) => one.room === room.room).map((one) => one.stream) : []}
+                watches={visible && canBeWatched}
                 clock={clockOf(room.room)}
                 mayControl={may(role, 'control-rooms')}
                 refresh={refresh}

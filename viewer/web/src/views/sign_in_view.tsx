@@ -2,7 +2,7 @@ import { useSignal } from '@preact/signals';
 import { ApiError, session as api } from '@/api/client';
 import { typed } from '@/base/form_fields';
 import { t } from '@/i18n/i18n';
-import { session, sessionEnded, textOf } from '@/shell/state';
+import { oneTimePassword, session, sessionEnded, textOf } from '@/shell/state';
 
 export function SignInView() {
   const problem = useSignal('');
@@ -13,7 +13,9 @@ export function SignInView() {
     busy.value = true;
     problem.value = '';
     try {
-      await api.signIn(typed(fields, 'user'), typed(fields, 'password'));
+      const password = typed(fields, 'password');
+      const signedIn = await api.signIn(typed(fields, 'user'), password);
+      oneTimePassword.value = signedIn.must_change_password ? password : undefined;
       session.value = await api.get();
       sessionEnded.value = false;
     } catch (error) {

@@ -8,7 +8,8 @@ import { t } from '@/i18n/i18n';
 import { Icon } from '@/shell/icon';
 import { announce, session, textOf } from '@/shell/state';
 
-export function UnlockPanel() {
+/** In a case, where its pictures would be; else in a dialogue of the list, which has the title. */
+export function UnlockPanel({ inList = false }: { inList?: boolean }) {
   const problem = useSignal('');
   const busy = useSignal(false);
   const fileName = useSignal('');
@@ -33,10 +34,14 @@ export function UnlockPanel() {
     }
   };
   return (
-    <form class="unlock card" onSubmit={(event) => void submit(event)} aria-label={t('unlock.title')}>
-      <Icon name="lock" />
-      <h2>{t('unlock.title')}</h2>
-      <p class="muted">{t('unlock.what')}</p>
+    <form class={inList ? 'unlock' : 'unlock card'} onSubmit={(event) => void submit(event)} aria-label={t(inList ? 'cases.unlock' : 'unlock.title')}>
+      {!inList && (
+        <>
+          <Icon name="lock" />
+          <h2>{t('unlock.title')}</h2>
+        </>
+      )}
+      <p class="muted">{t(inList ? 'cases.unlockWhat' : 'unlock.what')}</p>
       <label class="file-field">
         <span class="button">{t('unlock.file')}</span>
         <input

@@ -98,7 +98,10 @@ function Streams({ report }: { report: VerificationReport }) {
           {report.streams.map((one) => (
             <tr key={one.name}>
               <th scope="row">{word('stream', one.name)}</th>
-              <td class="number">{one.segments}</td>
+              <td class="number">
+                {one.segments}
+                {one.erased_segments > 0 && ` (${t('verify.erased', { n: one.erased_segments })})`}
+              </td>
               <td class="number">{one.frames}</td>
               <td class="number">{one.dropped}</td>
               <td class="number">{formatBytes(one.bytes)}</td>
@@ -142,7 +145,7 @@ function Part({ excerpt }: { excerpt: VerifiedExcerpt }) {
         {(made_utc ?? made_by) && (
           <div>
             <dt>{t('excerpt.made')}</dt>
-            <dd>{t('excerpt.claim', { moment: made_utc ? formatMoment(made_utc) : '', by: made_by ?? '' })}</dd>
+            <dd>{t(made_utc && made_by ? 'excerpt.claim' : made_utc ? 'excerpt.claimAt' : 'excerpt.claimBy', { moment: made_utc ? formatMoment(made_utc) : '', by: made_by ?? '' })}</dd>
           </div>
         )}
       </dl>

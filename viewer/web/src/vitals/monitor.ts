@@ -25,7 +25,7 @@ const kGroups: readonly Group[] = [
 ];
 
 /** The groups that `series` can fill, in the monitors' order; what belongs to none stands behind them by itself. */
-export function groupsOf(series: readonly VitalSeries[]): Group[] {
+export function groupsOf(series: readonly Pick<VitalSeries, 'code' | 'kind' | 'label'>[]): Group[] {
   const there = new Set(series.map((one) => one.code));
   const known = kGroups.filter((group) => group.codes.some((code) => there.has(code)));
   const used = new Set(kGroups.flatMap((group) => [...group.codes, group.mean, group.wave]));

@@ -1,4 +1,4 @@
-#include "media/inspector.h"
+#include "media/inspection/inspector.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

@@ -1,7 +1,10 @@
 // Decodes a sealed segment and compares it with what its ledger entry states.
 #pragma once
 
+#include <nlohmann/json_fwd.hpp>
+
 #include "archive/verifier.h"
+#include "media/box/job_box.h"
 
 namespace kiroku::media {
 
@@ -10,7 +13,13 @@ namespace kiroku::media {
 /// with complete = false may end anywhere; what it holds until there is not counted against what is stated,
 /// which may include what was lost. What does not hold is returned, with an identity that does not fit among
 /// it. What keeps the file from being read is thrown: kiroku::IoError, crypto::SourceChanged, std::bad_alloc.
-/// Thread-safe: each call decodes in its own thread alone.
+/// Thread-safe. What is demuxed and decoded is so in boxes (box/boxed_jobs.h), as many as threads call at
+/// once: a decoder that is killed by what it decodes is something that does not hold; that none can be
+/// started, or that one was killed from outside, is thrown as kiroku::IoError.
 archive::SegmentInspector decoding_inspector();
+
+/// In the box: {"media", "name", "complete"} of segment 0, of which {"frames"} are counted.
+inline constexpr const char* kCountFrames = "frames";
+nlohmann::json count_frames(const nlohmann::json& with, JobSegments& segments);
 
 }  // namespace kiroku::media

@@ -1,0 +1,29 @@
+// kiroku-decoder: demuxes and decodes what others wrote or sent, in a box (media/box/child.h). Other programs
+// start it; it has nothing to say to a person.
+
+#include <cstdio>
+#include <string_view>
+
+#include <nlohmann/json.hpp>
+
+#include "media/box/child.h"
+#include "media/inspection/inspector.h"
+#include "media/libav_handles.h"
+#include "recorder/source/source_box.h"
+#include "viewer/playback/viewing_boxes.h"
+
+int main(int argc, char** argv) {
+  kiroku::media::silence_libav();
+  const std::string_view role = argc == 2 ? argv[1] : "";
+  if (role == "probe") kiroku::media::run_box_probe();
+  if (role == "source") kiroku::recorder::run_source_box();
+  if (role == "segments") {
+    kiroku::media::Jobs jobs = kiroku::playback::viewing_jobs();
+    jobs[kiroku::media::kCountFrames] = kiroku::media::count_frames;
+    kiroku::media::run_job_box(jobs);
+  }
+  std::fputs(
+      "kiroku-decoder: only kiroku and kirokud start this program, to decode in a process without keys\n",
+      stderr);
+  return 2;
+}

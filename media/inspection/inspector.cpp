@@ -1,0 +1,116 @@
+#include "media/inspection/inspector.h"
+
+#include <nlohmann/json.hpp>
+
+#include "base/error.h"
+#include "crypto/hashed_source.h"
+#include "media/box/boxed_jobs.h"
+#include "media/picture_decoder.h"
+#include "media/plaintext_lines.h"
+#include "media/sealed_segment.h"
+#include "media/segment_input.h"
+#include "media/vital_line.h"
+
+namespace kiroku::media {
+namespace {
+
+/// Somebody else's plaintext.
+class Borrowed : public crypto::ByteSource {
+ public:
+  explicit Borrowed(const crypto::ByteSource& source) : source_(source) {}
+  [[nodiscard]] std::uint64_t size() const override { return source_.size(); }
+  std::size_t read_at(std::uint64_t offset, std::span<std::byte> into) const override {
+    return source_.read_at(offset, into);
+  }
+
+ private:
+  const crypto::ByteSource& source_;
+};
+
+std::uint64_t count_frames_boxed(BoxPool& boxes, const archive::StreamInfo& stream,
+                                 const archive::SegmentEntry& entry, const SealedSegment& segment) {
+  const nlohmann::json asked{
+      {"media", stream.media}, {"name", entry.file.file}, {"complete", entry.complete}};
+  const nlohmann::json counted = boxes.with([&](BoxedJobs& box) {
+    return box.ask(
+        kCountFrames, asked, [&](std::uint64_t) { return std::make_unique<Borrowed>(segment); },
+        entry.file.file);
+  });
+  const auto frames = counted.find("frames");
+  if (frames == counted.end() || !frames->is_number_unsigned())
+    throw MediaError("the media of " + entry.file.file +
+                     " cannot be decoded: the decoder says what it may not");
+  return frames->get<std::uint64_t>();
+}
+
+std::uint64_t count_lines(const archive::StreamInfo& stream, const archive::SegmentEntry& entry,
+                          const SealedSegment& segment) {
+  std::uint64_t lines = 0;
+  for_each_line(segment, entry.file.file, kMaximumVitalLineBytes, !entry.complete,
+                [&](std::uint64_t number, std::string_view line) {
+                  const std::string where = "line " + std::to_string(number) + " of " + entry.file.file;
+                  if (stream.kind == "vitals") {
+                    const VitalLineParse parse = parse_vital_line_of_any_kind(line);
+                    if (!parse.line) {
+                      throw MediaError(where + " is no vital sign: " + parse.problem);
+                    }
+                  } else if (!line.starts_with('{') || !nlohmann::json::accept(line)) {
+                    throw MediaError(where + " is no JSON object");
+                  }
+                  ++lines;
+                });
+  return lines;
+}
+
+std::optional<std::string> inspect(BoxPool& boxes, const archive::StreamInfo& stream,
+                                   const archive::SegmentEntry& entry, const crypto::ByteSource& sealed,
+                                   const crypto::AgeIdentities& identities) {
+  try {
+    const SealedSegment segment = SealedSegment::decrypt(sealed, entry.complete, identities);
+    const bool lines = stream.media == "application/jsonl";
+    const std::uint64_t counted =
+        lines ? count_lines(stream, entry, segment) : count_frames_boxed(boxes, stream, entry, segment);
+    if (entry.complete && entry.counted && counted != entry.frames) {
+      const std::string what = stream.kind == "vitals" ? " samples" : lines ? " lines" : " frames";
+      return entry.file.file + " holds " + std::to_string(counted) + what + ", the ledger states " +
+             std::to_string(entry.frames);
+    }
+    return std::nullopt;
+  } catch (const IoError&) {
+    throw;  // says nothing of the segment
+  } catch (const crypto::SourceChanged&) {
+    throw;
+  } catch (const Error& error) {
+    return error.what();
+  }
+}
+
+}  // namespace
+
+archive::SegmentInspector decoding_inspector() {
+  return [boxes = std::make_shared<BoxPool>()](
+             const archive::StreamInfo& stream, const archive::SegmentEntry& entry,
+             const crypto::ByteSource& sealed, const crypto::AgeIdentities& identities) {
+    return inspect(*boxes, stream, entry, sealed, identities);
+  };
+}
+
+nlohmann::json count_frames(const nlohmann::json& with, JobSegments& segments) {
+  const std::string name = with.at("name");
+  const std::unique_ptr<crypto::ByteSource> segment = segments.open(0);
+  std::uint64_t frames = 0;
+  try {
+    SegmentInput input(*segment, with.at("media"), name);
+    PictureDecoder decoder(input, name);
+    while (decoder.next()) {
+      ++frames;
+    }
+  } catch (const MediaError&) {  // cut off, perhaps before its first picture
+    if (with.at("complete").get<bool>()) {
+      throw;
+    }
+  }
+  return {{"frames", frames}};
+}
+
+}  // namespace kiroku::media

@@ -1,0 +1,362 @@
+// Whoever can write to the archive's disk, and has no key, prepares a case or the log and waits for the
+// recorder's next start: what that signs is believed everywhere.
+#include <algorithm>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "archive/appliance_log.h"
+#include "archive/case_layout.h"
+#include "archive/log_entry.h"
+#include "archive/recovery.h"
+#include "archive/replica.h"
+#include "tests/attack/attacked_case.h"
+#include "tests/support/report_text.h"
+
+namespace kiroku::test {
+namespace {
+
+namespace fs = std::filesystem;
+using archive::CaseRecovery;
+using archive::Verdict;
+using ::testing::HasSubstr;
+using ::testing::Not;
+
+constexpr const char* kFirstSegment = "segments/endoscope/00000000.ts.age";
+
+/// An archive, and the recorder that starts again after somebody was at its disk.
+class NextStart : public ::testing::Test {
+ protected:
+  /// A closed case.
+  void write_case() { folder_ = SampleCase::write(archive_); }
+  /// A case whose recorder died after its last checkpoint; `more` may go on before it does.
+  void cut_off_case(const std::function<void(SampleCase&)>& more = {}) {
+    SampleCase sample(archive_);
+    sample.record();
+    sample.writer().checkpoint(archive_.now());
+    if (more) {
+      more(sample);
+    }
+    folder_ = sample.folder();
+  }
+
+  std::vector<CaseRecovery> start() {
+    const auto log = open_log();
+    archive::RecoveryOptions options;
+    options.archive = archive_.folder();
+    options.key = &archive_.key();
+    options.device_name = SampleArchive::kDeviceName;
+    options.boot_id = "00000000-0000-4000-8000-000000000000";
+    options.log = log.get();
+    options.now = [this] { return archive_.now().utc; };
+    options.stamp = [this](const archive::StoredCheckpoint& over) {
+      archive::CheckpointStamp stamp;
+      stamp.authority = SampleArchive::kAuthorityName;
+      stamp.response = archive_.stamp(over.note);
+      stamp.facts = SampleArchive::facts_of(stamp.response);
+      return std::vector<archive::CheckpointStamp>{stamp};
+    };
+    const auto lock = archive::RecordingLock::take(archive::real_file_system(), archive_.folder());
+    return archive::recover_archive(archive::real_file_system(), options, lock);
+  }
+  std::unique_ptr<archive::ApplianceLog> open_log() {
+    return archive::ApplianceLog::open(archive::real_file_system(), archive_.log_folder(), archive_.key(),
+                                       SampleArchive::kDeviceName);
+  }
+
+  /// Adds a line that nobody signs to the case's ledger.
+  void add_line(archive::CaseEntryBody body) {
+    std::vector<std::string> all = lines(folder_);
+    archive::CaseEntry entry = archive::parse_case_entry(all.back()).entry.value();
+    entry.seq = all.size();
+    entry.body = std::move(body);
+    write_file(ledger(), read_file(ledger()) + archive::to_line(entry) + "\n");
+  }
+  void add_log_line(archive::LogEntryBody body) {
+    const fs::path file = archive_.log_folder() / archive::kLedgerFile;
+    std::vector<std::string> all = lines(archive_.log_folder());
+    archive::LogEntry entry = archive::parse_log_entry(all.back()).entry.value();
+    entry.seq = all.size();
+    entry.body = std::move(body);
+    write_file(file, read_file(file) + archive::to_line(entry) + "\n");
+  }
+  /// Takes away lines and notes from `size` entries on.
+  void cut_back(const fs::path& folder, std::uint64_t size) {
+    const std::vector<std::string> all = lines(folder);
+    std::string text;
+    for (std::uint64_t number = 0; number < size; ++number) {
+      text += all.at(number) + "\n";
+    }
+    write_file(folder / archive::kLedgerFile, text);
+    for (std::uint64_t each = size + 1; each <= all.size(); ++each) {
+      fs::remove(folder / archive::note_path(each));
+    }
+  }
+  static std::vector<std::string> lines(const fs::path& folder) {
+    std::istringstream text(read_file(folder / archive::kLedgerFile));
+    std::vector<std::string> all;
+    for (std::string line; std::getline(text, line);) {
+      all.push_back(line);
+    }
+    return all;
+  }
+
+  [[nodiscard]] fs::path ledger() const { return folder_ / archive::kLedgerFile; }
+  [[nodiscard]] archive::VerificationReport verify(bool with_log = true) const {
+    archive::VerifyOptions options = archive_.options();
+    if (!with_log) {
+      options.log.reset();
+    }
+    return archive::verify_case(folder_, options);
+  }
+  [[nodiscard]] archive::VerificationReport verify_log() const {
+    return archive::verify_log(archive_.log_folder(), archive_.options());
+  }
+
+  SampleArchive archive_;
+  fs::path folder_;
+};
+
+// -- a case that was closed
+
+TEST_F(NextStart, RemovesNothingForAnErasureThatNobodySigned) {
+  write_case();
+  const std::string sound = read_file(ledger());
+  add_line(archive::ErasedEntry{"endoscope", 0, 2, "room: 30 days"});
+  EXPECT_EQ(verify().verdict, Verdict::kTampered) << details(verify());
+  const auto finished = start();
+  ASSERT_EQ(finished.size(), 1U);
+  EXPECT_THAT(finished[0].problem, HasSubstr("stated an erasure that nobody had signed"));
+  EXPECT_TRUE(fs::exists(folder_ / kFirstSegment));
+  EXPECT_EQ(read_file(ledger()), sound);
+  EXPECT_EQ(summary(verify()), "intact");
+}
+
+TEST_F(NextStart, SignsNoSecondHistoryOfACaseThatTheLogKnowsLonger) {
+  write_case();
+  const std::uint64_t close = 10;  // the notes before it are of 3 and 6 entries or more
+  cut_back(folder_, 7);
+  ASSERT_LT(lines(folder_).size(), close);
+  const std::string cut = read_file(ledger());
+  const auto refused = start();
+  ASSERT_EQ(refused.size(), 1U);
+  EXPECT_EQ(refused[0].outcome, CaseRecovery::Outcome::kRefused);
+  EXPECT_THAT(refused[0].problem, HasSubstr("the appliance log knows"));
+  EXPECT_EQ(read_file(ledger()), cut);
+  EXPECT_EQ(verify(false).verdict, Verdict::kIncomplete);
+  EXPECT_EQ(verify().verdict, Verdict::kTampered);
+}
+
+TEST_F(NextStart, SignsNoLedgerWhoseCheckpointsWereTakenAway) {
+  write_case();
+  std::vector<std::string> all = lines(folder_);
+  // Anything may stand there: the newest checkpoint, which must fit, is none.
+  const auto mark = std::find_if(all.begin(), all.end(), [](const std::string& line) {
+    return line.find("\"mark\"") != std::string::npos;
+  });
+  ASSERT_NE(mark, all.end());
+  char& digit = (*mark)[mark->find("\"commitment\":\"") + 15];
+  digit = digit == '0' ? '1' : '0';
+  std::string text;
+  for (const std::string& line : all) {
+    text += line + "\n";
+  }
+  write_file(ledger(), text);
+  for (const auto& note : fs::directory_iterator(folder_ / archive::kCheckpointsFolder)) {
+    fs::remove(note.path());
+  }
+  const auto refused = start();
+  ASSERT_EQ(refused.size(), 1U);
+  EXPECT_EQ(refused[0].outcome, CaseRecovery::Outcome::kRefused);
+  EXPECT_THAT(refused[0].problem, HasSubstr("are not those whose root the appliance log states"));
+  EXPECT_EQ(read_file(ledger()), text);
+  EXPECT_TRUE(fs::is_empty(folder_ / archive::kCheckpointsFolder)) << "nothing was signed";
+}
+
+// -- a case that was cut off
+
+TEST_F(NextStart, AnErasureBeforeCloseExcusesNothing) {
+  cut_off_case();
+  add_line(archive::ErasedEntry{"endoscope", 0, 2, "room: 30 days"});
+  fs::remove(folder_ / kFirstSegment);
+  const archive::VerificationReport report = verify(false);
+  EXPECT_EQ(report.verdict, Verdict::kTampered);
+  EXPECT_THAT(summary(report), ::testing::AllOf(HasSubstr("erased-before-close"), HasSubstr("file-missing")));
+  ASSERT_EQ(start().size(), 1U);
+  EXPECT_THAT(summary(verify(false)), HasSubstr("tampered\n"));
+  EXPECT_TRUE(fs::exists(folder_ / "segments/endoscope/00000001.ts.age")) << "nothing more was removed";
+}
+
+TEST_F(NextStart, ALossDoesNotPassForTheCasesEnd) {
+  cut_off_case();
+  archive::CloseEntry close;
+  close.reason = "operator";
+  const auto bytes = [&](const char* file) { return fs::file_size(folder_ / file); };
+  close.totals["endoscope"] = {3, 150, 0, 3 * bytes(kFirstSegment)};
+  close.totals["vitals"] = {1, 6, 0, bytes("segments/vitals/00000000.jsonl.age")};
+  add_line(close);
+  ASSERT_EQ(start().size(), 1U);
+  const archive::VerificationReport report = verify();
+  EXPECT_EQ(report.verdict, Verdict::kIntactWithGaps) << details(report);
+  EXPECT_THAT(summary(report), ::testing::AllOf(HasSubstr("recovered"), HasSubstr("gap")));
+  EXPECT_THAT(details(report), HasSubstr("from a close or an erasure on that nobody had signed"));
+}
+
+TEST_F(NextStart, WhatNobodyHadSignedIsSaid) {
+  cut_off_case(
+      [this](SampleCase& sample) { sample.writer().append({archive::MarkEntry{}}, archive_.now()); });
+  const std::uint64_t last = lines(folder_).size() - 1;
+  const std::string number = std::to_string(last);
+  EXPECT_THAT(details(verify(false)), HasSubstr("nobody has signed the entries from " + number + " on"));
+  ASSERT_EQ(start().size(), 1U);
+  EXPECT_THAT(details(verify(false)),
+              HasSubstr("the entries from " + number + " to " + number + " had no signature until then"));
+}
+
+class NeverRecorded : public NextStart, public ::testing::WithParamInterface<bool> {
+ protected:
+  /// Puts a line right behind the first one, and numbers those that follow anew.
+  void insert_second_line(const archive::CaseEntryBody& body) {
+    std::string text;
+    std::uint64_t number = 0;
+    for (const std::string& line : lines(folder_)) {
+      archive::CaseEntry entry = archive::parse_case_entry(line).entry.value();
+      entry.seq = number++;
+      text += archive::to_line(entry) + "\n";
+      if (number == 1) {
+        entry.seq = number++;
+        entry.body = body;
+        text += archive::to_line(entry) + "\n";
+      }
+    }
+    write_file(ledger(), text);
+  }
+};
+
+TEST_P(NeverRecorded, CaseIsNotSigned) {
+  {
+    SampleCase sample(archive_, false);  // made by somebody else, of public keys alone
+    sample.record();
+    folder_ = sample.folder();
+  }
+  for (const auto& note : fs::directory_iterator(folder_ / archive::kCheckpointsFolder)) {
+    fs::remove(note.path());
+  }
+  if (GetParam()) {
+    // As though power had failed right after the opening, and again in the recovery.
+    insert_second_line(archive::RecoveredEntry{"00000000-0000-4000-8000-000000000000", "crash", ""});
+  }
+  open_log()->shutdown();
+  const std::string first_line = lines(folder_).at(0);
+  add_log_line(archive::CaseOpenedEntry{folder_.filename().string(), crypto::sha256(bytes_of(first_line))});
+  for (int start_number = 0; start_number < 2; ++start_number) {
+    const auto refused = start();
+    ASSERT_EQ(refused.size(), 1U);
+    EXPECT_EQ(refused[0].outcome, CaseRecovery::Outcome::kRefused);
+    EXPECT_THAT(refused[0].problem, HasSubstr("nobody signed in the appliance log that it was opened"));
+    open_log()->shutdown();  // signs what stands in the log by now
+  }
+  EXPECT_TRUE(fs::is_empty(folder_ / archive::kCheckpointsFolder)) << "nothing was signed";
+}
+
+INSTANTIATE_TEST_SUITE_P(WithAClaimedRecovery, NeverRecorded, ::testing::Bool());
+
+// -- the log
+
+TEST_F(NextStart, ALineThatNobodySignedDoesNotExcuseACase) {
+  write_case();
+  ASSERT_EQ(summary(verify_log()), "intact");
+  add_log_line(archive::CaseErasedEntry{folder_.filename().string(), {}, "10 years"});
+  fs::remove_all(folder_);
+  const archive::VerificationReport before = verify_log();
+  EXPECT_EQ(before.verdict, Verdict::kTampered);
+  EXPECT_THAT(summary(before), HasSubstr("case-missing"));
+  {
+    const auto log = open_log();
+    log->shutdown();  // signed now, with what stood before it
+  }
+  const archive::VerificationReport after = verify_log();
+  EXPECT_EQ(after.verdict, Verdict::kTampered);
+  EXPECT_THAT(summary(after), HasSubstr("case-missing"));
+}
+
+TEST_F(NextStart, ALogThatSomebodyWroteAnewAndTheRecorderSignedIsUnproven) {
+  write_case();
+  const fs::path other = SampleCase::write(archive_);
+  // Everything about the first case goes, and every checkpoint that tells of it.
+  std::string text;
+  std::uint64_t number = 0;
+  for (const std::string& line : lines(archive_.log_folder())) {
+    if (line.find(folder_.filename()) == std::string::npos) {
+      archive::LogEntry entry = archive::parse_log_entry(line).entry.value();
+      entry.seq = number++;
+      text += archive::to_line(entry) + "\n";
+    }
+  }
+  write_file(archive_.log_folder() / archive::kLedgerFile, text);
+  fs::remove_all(folder_);
+  for (const auto& note : fs::directory_iterator(archive_.log_folder() / archive::kCheckpointsFolder)) {
+    fs::remove(note.path());
+  }
+  EXPECT_THAT(summary(verify_log()), HasSubstr("log-tail-unsigned"));
+  {
+    const auto log = open_log();
+    log->shutdown();
+  }
+  const archive::VerificationReport after = verify_log();
+  EXPECT_EQ(after.verdict, Verdict::kUnproven);
+  EXPECT_THAT(summary(after), HasSubstr("log-signed-late"));
+}
+
+TEST_F(NextStart, ACaseIsMissingWhereAnotherOrNothingLiesInItsPlace) {
+  write_case();
+  const fs::path other = SampleCase::write(archive_);
+  write_file(ledger(), "");
+  EXPECT_THAT(summary(verify_log()), HasSubstr("case-missing"));
+  fs::remove_all(folder_);
+  fs::copy(other, folder_, fs::copy_options::recursive);
+  EXPECT_THAT(summary(verify_log()), HasSubstr("case-missing"));
+}
+
+TEST_F(NextStart, ALogWhoseCasesAreAllGoneSaysThatItDidNotLookForThem) {
+  write_case();
+  fs::remove_all(folder_);
+  fs::remove(archive_.folder() / ".reserve");
+  EXPECT_EQ(summary(verify_log()), "intact\ncases-not-looked-for ledger.jsonl -");
+}
+
+// -- erasing
+
+TEST_F(NextStart, ALinkThatLeadsBackToTheCaseIsNoReplica) {
+  write_case();
+  const fs::path elsewhere = archive_.folder().parent_path() / "replica";
+  fs::create_directory(elsewhere);
+  const fs::path link = elsewhere / folder_.filename();
+  fs::create_directory_symlink(folder_, link);
+  EXPECT_EQ(archive::why_not_replicated(folder_, "endoscope", link), "it is the case itself");
+  fs::remove(link);
+  fs::copy(folder_, link, fs::copy_options::recursive);
+  EXPECT_EQ(archive::why_not_replicated(folder_, "endoscope", link), std::nullopt);
+}
+
+// -- time
+
+TEST_F(NextStart, AMissedTokenOfAnEarlierCheckpointDoesNotExcuseTheEnd) {
+  {
+    SampleCase sample(archive_);
+    sample.record();
+    sample.writer().close("operator", archive_.now());
+    sample.writer().append({archive::TokenMissedEntry{3, "swiss", "no answer"}}, archive_.now());
+    sample.writer().finish(archive_.now());
+    folder_ = sample.folder();
+  }
+  const archive::VerificationReport report = verify();
+  EXPECT_EQ(report.verdict, Verdict::kUnproven) << details(report);
+  EXPECT_THAT(summary(report), HasSubstr("end-not-stamped"));
+}
+
+}  // namespace
+}  // namespace kiroku::test

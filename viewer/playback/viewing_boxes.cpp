@@ -1,0 +1,173 @@
+#include "viewer/playback/viewing_boxes.h"
+
+#include <algorithm>
+#include <utility>
+
+#include <nlohmann/json.hpp>
+
+#include "base/error.h"
+#include "media/segment_input.h"
+#include "viewer/playback/viewing_jobs.h"
+#include "viewer/playback/viewing_piece.h"
+#include "viewer/playback/viewing_sound.h"
+
+namespace kiroku::playback {
+namespace {
+
+using nlohmann::json;
+
+/// What the box answered, read by `read`.
+template <typename Read>
+auto believed(const VideoIndex& index, const Read& read) {
+  const auto refuse = [&] {
+    return media::MediaError("stream '" + index.stream.name +
+                             "' cannot be shown: its decoder says what cannot be");
+  };
+  try {
+    return read();
+  } catch (const json::exception&) {
+    throw refuse();
+  } catch (const Error&) {
+    throw refuse();
+  }
+}
+
+/// Whoever has the case opens its segments.
+class AskedSegments : public SegmentOpener {
+ public:
+  AskedSegments(const VideoIndex& index, media::JobSegments& segments) : segments_(segments) {
+    for (std::size_t i = 0; i < index.segments.size(); ++i) numbers_[index.segments[i].entry.file.file] = i;
+  }
+  [[nodiscard]] std::unique_ptr<crypto::ByteSource> open_plaintext(
+      const archive::SegmentEntry& segment) const override {
+    return segments_.open(numbers_.at(segment.file.file));
+  }
+
+ private:
+  media::JobSegments& segments_;
+  std::map<std::string, std::size_t> numbers_;
+};
+
+/// What a box keeps from one job to the next.
+struct Shown {
+  Shown(VideoIndex of, media::JobSegments& from)
+      : index(std::move(of)), segments(index, from), stepper(segments, index) {}
+  const VideoIndex index;
+  const AskedSegments segments;
+  PictureStepper stepper;
+};
+
+}  // namespace
+
+// --- outside -----------------------------------------------------------------------------------------------
+
+ViewingBoxes::ViewingBoxes(const CaseMedia& media, const VideoIndex& index)
+    : media_(media), index_(index), boxes_([this](media::BoxedJobs& box) { tell_index(box); }) {}
+
+json ViewingBoxes::ask(media::BoxedJobs& box, const char* what, const json& with, Bytes* bytes) {
+  return box.ask(
+      what, with,
+      [this](std::uint64_t segment) {
+        if (segment >= index_.segments.size()) throw UsageError("there is no such segment");
+        return media_.open_plaintext(index_.segments[segment].entry);
+      },
+      "stream '" + index_.stream.name + "'", bytes);
+}
+
+json ViewingBoxes::ask(const char* what, const json& with, Bytes* bytes) {
+  return boxes_.with([&](media::BoxedJobs& box) { return ask(box, what, with, bytes); });
+}
+
+void ViewingBoxes::tell_index(media::BoxedJobs& box) { ask(box, kIndexJob, json_of(index_), nullptr); }
+
+ViewingFormat ViewingBoxes::find_format() {
+  const json answer = ask(kFormatJob, json::object());
+  return believed(index_, [&] { return format_from(answer.at("format")); });
+}
+
+Bytes ViewingBoxes::make_piece(const ViewingFormat& format, std::uint64_t number) {
+  Bytes piece;
+  ask(kPieceJob, {{"format", json_of(format)}, {"number", number}}, &piece);
+  return piece;
+}
+
+std::optional<SoundForm> ViewingBoxes::find_sound() {
+  const json answer = ask(kSoundJob, json::object());
+  if (!answer.contains("form")) return {};
+  return believed(index_, [&] { return sound_form_from(answer.at("form")); });
+}
+
+Bytes ViewingBoxes::make_sound_piece(const SoundForm& form, std::uint64_t number) {
+  Bytes piece;
+  ask(kSoundPieceJob, {{"form", json_of(form)}, {"number", number}}, &piece);
+  return piece;
+}
+
+Bytes ViewingBoxes::make_thumbnail(std::uint64_t number) {
+  Bytes picture;
+  ask(kThumbnailJob, {{"number", number}}, &picture);
+  return picture;
+}
+
+std::optional<ArchivedStill> ViewingBoxes::archived_picture(std::int64_t at_ns, Step step) {
+  const std::lock_guard guard(stepping_);
+  if (!stepper_ || stepper_->is_spent()) {
+    stepper_ = std::make_unique<media::BoxedJobs>();
+    tell_index(*stepper_);
+  }
+  ArchivedStill still;
+  const json answer =
+      ask(*stepper_, kStillJob, {{"at_ns", at_ns}, {"step", static_cast<int>(step)}}, &still.png);
+  if (!answer.contains("time_ns")) return {};
+  still.time_ns = believed(index_, [&] { return answer.at("time_ns").get<std::int64_t>(); });
+  return still;
+}
+
+// --- in the box --------------------------------------------------------------------------------------------
+
+media::Jobs viewing_jobs() {
+  // Made by the first job, of which all others are.
+  const auto shown = std::make_shared<std::unique_ptr<Shown>>();
+  media::Jobs jobs;
+  jobs[kIndexJob] = [shown](const json& with, media::JobSegments& segments) {
+    *shown = std::make_unique<Shown>(index_from(with), segments);
+    return json::object();
+  };
+  jobs[kFormatJob] = [shown](const json&, media::JobSegments&) {
+    const Shown& of = **shown;
+    return json{{"format", json_of(find_viewing_format(of.segments, of.index))}};
+  };
+  jobs[kPieceJob] = [shown](const json& with, media::JobSegments& segments) {
+    const Shown& of = **shown;
+    segments.give(
+        make_viewing_piece(of.segments, of.index, format_from(with.at("format")), with.at("number")));
+    return json::object();
+  };
+  jobs[kSoundJob] = [shown](const json&, media::JobSegments&) {
+    const Shown& of = **shown;
+    const std::optional<SoundForm> form = find_sound(of.segments, of.index);
+    return form ? json{{"form", json_of(*form)}} : json::object();
+  };
+  jobs[kSoundPieceJob] = [shown](const json& with, media::JobSegments& segments) {
+    const Shown& of = **shown;
+    segments.give(
+        make_sound_piece(of.segments, of.index, sound_form_from(with.at("form")), with.at("number")));
+    return json::object();
+  };
+  jobs[kThumbnailJob] = [shown](const json& with, media::JobSegments& segments) {
+    const Shown& of = **shown;
+    const Ticks from = with.at("number").get<Ticks>() * kPieceTicks;
+    segments.give(make_thumbnail(of.segments, of.index, from, from + kPieceTicks));
+    return json::object();
+  };
+  jobs[kStillJob] = [shown](const json& with, media::JobSegments& segments) {
+    const ArchivedPicture* const found = (*shown)->stepper.find(
+        ticks_of_ns(with.at("at_ns").get<std::int64_t>()), static_cast<Step>(with.at("step").get<int>()));
+    if (found == nullptr) return json::object();
+    segments.give(png_of_archived(*found->frame));
+    return json{{"time_ns", ns_of_ticks(found->time)}};
+  };
+  return jobs;
+}
+
+}  // namespace kiroku::playback
