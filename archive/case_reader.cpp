@@ -104,7 +104,14 @@ std::vector<SegmentEntry> CaseReader::segments(const std::string& stream, std::i
 std::vector<GapEntry> CaseReader::gaps(const std::string& stream) const {
   std::vector<GapEntry> found;
   std::copy_if(gaps_.begin(), gaps_.end(), std::back_inserter(found),
-               [&](const GapEntry& gap) { return gap.stream == stream; });
+               [&](const GapEntry& gap) { return gap.stream == stream && !gap.of_sound; });
+  return found;
+}
+
+std::vector<GapEntry> CaseReader::sound_gaps(const std::string& stream) const {
+  std::vector<GapEntry> found;
+  std::copy_if(gaps_.begin(), gaps_.end(), std::back_inserter(found),
+               [&](const GapEntry& gap) { return gap.stream == stream && gap.of_sound; });
   return found;
 }
 

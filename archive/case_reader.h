@@ -26,8 +26,9 @@ class CaseReader {
   /// Segments of a stream whose span meets [from_ns, to_ns), in order.
   [[nodiscard]] std::vector<SegmentEntry> segments(const std::string& stream, std::int64_t from_ns,
                                                    std::int64_t to_ns) const;
-  /// Stated gaps of a stream, in the ledger's order.
+  /// Stated gaps of a stream, in the ledger's order; of the sound beside its pictures alone.
   [[nodiscard]] std::vector<GapEntry> gaps(const std::string& stream) const;
+  [[nodiscard]] std::vector<GapEntry> sound_gaps(const std::string& stream) const;
   /// The last entry by which retention removed the segment's bytes; null if they were left.
   [[nodiscard]] const ErasedEntry* erasure_of(const SegmentEntry& segment) const;
   [[nodiscard]] bool is_erased(const SegmentEntry& segment) const { return erasure_of(segment) != nullptr; }

@@ -119,6 +119,7 @@ inline constexpr auto kFindingCodes = std::to_array<FindingCode>({
     {"segment-undecryptable", Severity::kTampered, "a segment with the right hash does not decrypt"},
     {"segment-undecodable", Severity::kTampered, "a segment does not decode to what its entry states"},
     {"gap", Severity::kGap, "time in which nothing could be recorded"},
+    {"sound-gap", Severity::kGap, "time in which the sound beside pictures could not be recorded"},
     {"segment-incomplete", Severity::kGap, "a segment was cut off before its end"},
     {"segment-part-lost", Severity::kGap,
      "of a segment that recovery found, what had not reached the disk does not decrypt; offset: from where "

@@ -98,7 +98,7 @@ struct Standing {
       stream.uncounted = stream.uncounted || !segment->counted;
       stream.end_ns = std::max(stream.end_ns, segment->span.end_ns);
       stream.interruption_stated = false;
-    } else if (const auto* gap = std::get_if<GapEntry>(&entry.body)) {
+    } else if (const auto* gap = std::get_if<GapEntry>(&entry.body); gap != nullptr && !gap->of_sound) {
       StreamStanding& stream = of(gap->stream);
       stream.gaps.push_back(gap->span);
       stream.interruption_stated = gap->cause == GapCause::kInterrupted;

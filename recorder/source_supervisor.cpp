@@ -16,14 +16,16 @@ constexpr std::chrono::seconds kPipePatience{10};
 }  // namespace
 
 SourceSupervisor::SourceSupervisor(const LaneContext& context, Terms terms, std::unique_ptr<Source> source,
-                                   FrameQueue& queue)
+                                   FrameQueue& queue, std::unique_ptr<Source> microphone)
     : context_(context), terms_(std::move(terms)), queue_(queue), source_(std::move(source)) {
   if (source_) input_ = source_->input();
   if (terms_.microphone) {
     microphone_ = std::make_unique<Microphone>(
-        *terms_.microphone, context_.clock, terms_.guard,
-        [this](TimedFrame audio) { hear(std::move(audio)); },
-        [this](const std::string& sentence) { context_.troubles.mention(sentence); });
+        *terms_.microphone, context_.clock, terms_.microphone_guard, std::move(microphone),
+        Microphone::Listener{
+            .take = [this](TimedFrame audio) { hear_of_microphone(std::move(audio)); },
+            .lost = [this](archive::GapCause cause) { queue_.push(AudioLost{cause}); },
+            .tell = [this](const std::string& sentence) { context_.troubles.mention(sentence); }});
   }
 }
 
@@ -53,6 +55,22 @@ void SourceSupervisor::hear(TimedFrame audio) {
   if (audio.time_ns < 0) return;  // taken before the case clock began
   if (context_.end_ns && audio.time_ns >= *context_.end_ns) return;
   queue_.push(std::move(audio), terms_.address.unpaced());
+}
+
+void SourceSupervisor::hear_of_microphone(TimedFrame audio) {
+  if (audio.time_ns < 0) return;  // taken before the case clock began
+  if (context_.end_ns && audio.time_ns >= *context_.end_ns) return;
+  const bool taken = queue_.push(std::move(audio), false);
+  if (!taken && !microphone_dropped_) queue_.push(AudioLost{archive::GapCause::kOverload});
+  microphone_dropped_ = !taken;
+}
+
+unsigned SourceSupervisor::stuck() const {
+  return terms_.guard->stuck() + (terms_.microphone ? terms_.microphone_guard->stuck() : 0);
+}
+
+std::uint64_t SourceSupervisor::given_up() const {
+  return terms_.guard->given_up() + (terms_.microphone ? terms_.microphone_guard->given_up() : 0);
 }
 
 std::string SourceSupervisor::input() const {

@@ -64,7 +64,7 @@ StreamConfiguration read_stream(const toml::table& table, const TableReader& in,
   reader.text("microphone", [&](const std::string& text) {
     if (recorder::parse_source_address(text, recorder::Presence::kNotLookedAt).kind !=
         recorder::SourceKind::kSound) {
-      throw UsageError("'microphone' is '" + text + "': write alsa:hw:1,0 as 'arecord -L' lists it");
+      throw UsageError("'microphone' is '" + text + "': write alsa:hw:1,0 as 'kiroku devices' lists it");
     }
     stream.microphone = text;
   });

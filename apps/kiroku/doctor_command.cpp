@@ -286,8 +286,7 @@ Check check_source(const RoomConfiguration& room, const StreamConfiguration& str
 Check check_microphone(const RoomConfiguration& room, const StreamConfiguration& stream) {
   const std::string subject = "microphone " + room.name + "/" + stream.name;
   const char* const devices = "/dev/snd/timer";  // of the group that all of ALSA's have
-  if (const auto its_group = missing_group(devices))
-    return lacks_group(subject, stream.microphone, *its_group);
+  if (const auto group = group_advice(devices)) return not_examined(subject, *group);
   const recorder::CaseClock clock;
   recorder::OpeningTerms terms;
   terms.patience = kSourcePatience;
@@ -401,10 +400,11 @@ void examine_all(const Home& home, const Configuration& configuration, Examinati
                   "look at cable, power and address; a case begins without it and states the gap",
                   [&] { return check_source(room, stream); });
       if (!stream.microphone.empty()) {
-        out.examine("microphone " + room.name + "/" + stream.name,
-                    "look at its plug, and at its name in kiroku.toml ('arecord -L'); pictures are recorded "
-                    "without it",
-                    [&] { return check_microphone(room, stream); });
+        out.examine(
+            "microphone " + room.name + "/" + stream.name,
+            "look at its plug, and at its name in kiroku.toml ('kiroku devices'); pictures are recorded "
+            "without it",
+            [&] { return check_microphone(room, stream); });
       }
     }
     for (const recorder::FootswitchOptions& footswitch : room.footswitches) {

@@ -82,7 +82,7 @@ SourceAddress parse_source_address(const std::string& text, Presence presence) {
     address.kind = SourceKind::kSound;
     split_options(text.substr(kAlsa.size()), address);
     if (address.location.empty())
-      throw UsageError("source 'alsa:' names no device; write alsa:hw:1,0 as 'arecord -L' lists it");
+      throw UsageError("source 'alsa:' names no device; write alsa:hw:1,0 as 'kiroku devices' lists it");
     return address;
   }
   const std::size_t scheme_end = text.find("://");

@@ -101,6 +101,7 @@ inline constexpr auto kFindingTexts = std::to_array<FindingText>({
     {"segment-undecryptable", Check::kContents, "ハッシュ値の正しい区間が復号できない。"},
     {"segment-undecodable", Check::kContents, "区間を再生しても、項目の記載どおりにならない。"},
     {"gap", Check::kStreams, "何も記録できなかった時間。"},
+    {"sound-gap", Check::kStreams, "映像に伴う音声を記録できなかった時間。"},
     {"segment-incomplete", Check::kStreams, "区間が途中で断たれている。"},
     {"segment-part-lost", Check::kContents,
      "復旧で見つかった区間のうち、ディスクに届いていなかった部分が復号できない。"},

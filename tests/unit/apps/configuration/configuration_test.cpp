@@ -249,7 +249,7 @@ TEST(Configuration, AMicrophoneStandsBesidePictures) {
                 .microphone,
             "alsa:hw:1,0");
   EXPECT_EQ(refusal(room + camera + "microphone = \"hw:1,0\"\n"),
-            "k.toml:6:14: 'microphone' is 'hw:1,0': write alsa:hw:1,0 as 'arecord -L' lists it");
+            "k.toml:6:14: 'microphone' is 'hw:1,0': write alsa:hw:1,0 as 'kiroku devices' lists it");
   EXPECT_EQ(
       refusal(room + "source = \"alsa:hw:1,0\"\n"),
       "k.toml:5:10: 'source' is 'alsa:hw:1,0', which has no pictures: write it as 'microphone' of a stream "

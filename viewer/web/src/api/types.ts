@@ -123,6 +123,8 @@ export interface Gap {
   start_ns: number;
   end_ns: number;
   cause: string;
+  /** Only the sound beside the pictures is missing. */
+  of_sound?: boolean;
 }
 
 export interface Token {
