@@ -23,10 +23,10 @@ interface Props {
   onClose: () => void;
 }
 
-const kNothing: StartChoices = { procedures: [], ways: [], plans: [] };
+const kNothing: Omit<StartChoices, 'room'> = { procedures: [], ways: [], plans: [] };
 
 export function StartDialog({ room, starts, onSaid, onClose }: Props) {
-  const choices = useSignal<StartChoices | undefined>(undefined);
+  const choices = useSignal<Omit<StartChoices, 'room'> | undefined>(undefined);
   const problem = useSignal('');
   const chosen = useSignal(kNobody);
   const looksFor = useSignal('');

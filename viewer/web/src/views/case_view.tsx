@@ -2,7 +2,7 @@
 import { useSignal } from '@preact/signals';
 import { useEffect, useMemo, useRef } from 'preact/hooks';
 import { ApiError, cases as api, kNoAnswer } from '@/api/client';
-import type { ComparedStep, Verdict } from '@/api/types';
+import type { ComparedStep, Stroke, Verdict } from '@/api/types';
 import { hrefOf, route } from '@/base/route';
 import type { Span } from '@/base/spans';
 import { PickingStage } from '@/compare/picking_stage';
@@ -10,7 +10,7 @@ import { PlanModel, streamOf } from '@/compare/plan_model';
 import { PlanOver, PlanPane } from '@/compare/plan_pane';
 import { formatMoment, t, word } from '@/i18n/i18n';
 import { Playback } from '@/media/playback';
-import { RecordedPointing, type Stroke } from '@/pointing/recorded';
+import { RecordedPointing } from '@/pointing/recorded';
 import { RecordedPointers } from '@/pointing/recorded_pointers';
 import { Icon } from '@/shell/icon';
 import { returns } from '@/shell/connection';
