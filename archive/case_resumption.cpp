@@ -168,8 +168,8 @@ std::unique_ptr<CaseWriter> CaseWriter::resume(FileSystem& files, const fs::path
   if (state->ledger->size() == 0) {
     refuse_damaged(folder, "its ledger holds no whole entry");
   }
-  const bool changed = (newest > 0 && root != state->last_checkpoint->root) ||
-                       (known_again && known_again->problem(newest));
+  const bool changed =
+      (newest > 0 && root != state->last_checkpoint->root) || (known_again && known_again->problem(newest));
   if (changed) {
     refuse_damaged(folder, "its ledger changed while it was read");
   }

@@ -77,8 +77,8 @@ class CheckpointRules {
   std::vector<std::uint64_t> sizes_;  // ascending
   std::optional<crypto::VerifierKey> device_;
   std::string origin_;
-  std::map<std::uint64_t, ReadNote> ahead_;            // by size
-  std::uint64_t ahead_until_ = 0;                      // size of the last note that was looked at
+  std::map<std::uint64_t, ReadNote> ahead_;  // by size
+  std::uint64_t ahead_until_ = 0;            // size of the last note that was looked at
   bool one_signer_ = true;
   std::map<std::uint64_t, std::int64_t> mono_;
   std::map<std::uint64_t, crypto::Sha256Digest> hashes_;  // by size

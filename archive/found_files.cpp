@@ -121,7 +121,7 @@ std::vector<TokenName> found_tokens(const fs::path& case_folder) {
 }
 
 std::optional<TokenEntry> token_in_folder(const CaseFolder& folder, const TokenName& name,
-                                           const timestamp::TrustStore* trust) {
+                                          const timestamp::TrustStore* trust) {
   const FileOpening token = folder.open_file(token_path(name.size, name.authority));
   const FileOpening note = folder.open_file(note_path(name.size));
   const std::optional<std::string> response =
@@ -140,7 +140,8 @@ std::optional<TokenEntry> token_in_folder(const CaseFolder& folder, const TokenN
   if (trust != nullptr) {
     timestamp::Expectation expectation;
     expectation.data = to_bytes(*text);
-    if (timestamp::judge_token(bytes_of(*response), expectation, *trust).code != timestamp::TokenCode::kValid) {
+    if (timestamp::judge_token(bytes_of(*response), expectation, *trust).code !=
+        timestamp::TokenCode::kValid) {
       return std::nullopt;
     }
   }

@@ -328,8 +328,9 @@ LogComparison::LogComparison(const LogContents* log, const std::optional<OpenEnt
 void LogComparison::add(CodeName code, const Place& place, std::uint64_t log_entry, const std::string& text) {
   if (log_->doubted.contains(log_entry)) {
     findings_->add("log-entry-doubted", place,
-                   text + "; nobody signed that entry of the log when it was written, so whoever could write "
-                          "to the disk could have made it");
+                   text +
+                       "; nobody signed that entry of the log when it was written, so whoever could write "
+                       "to the disk could have made it");
   } else {
     findings_->add(code, place, text);
   }

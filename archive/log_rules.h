@@ -98,12 +98,12 @@ class LogWalk {
   crypto::MerkleFrontier tree_;
   LogContents contents_;
   std::int64_t last_mono_ns_ = 0;
-  std::deque<crypto::Checkpoint> recent_;     // of the newest sizes that no listed note has; without origin
-  std::deque<std::uint64_t> to_be_followed_;  // the last two entries that a checkpoint follows at once
-  std::optional<std::string> erased_now_;     // the case that the newest entry says was erased whole
-  std::optional<std::string> told_now_;       // the case that the newest entry tells of, if it is kept
+  std::deque<crypto::Checkpoint> recent_;      // of the newest sizes that no listed note has; without origin
+  std::deque<std::uint64_t> to_be_followed_;   // the last two entries that a checkpoint follows at once
+  std::optional<std::string> erased_now_;      // the case that the newest entry says was erased whole
+  std::optional<std::string> told_now_;        // the case that the newest entry tells of, if it is kept
   std::optional<CaseClosedEntry> closed_now_;  // the newest entry, if it is this
-  std::uint64_t since_note_ = 0;              // entries to be followed, since the last checkpoint that fits
+  std::uint64_t since_note_ = 0;               // entries to be followed, since the last checkpoint that fits
   std::uint64_t broken_lines_ = 0;
 };
 

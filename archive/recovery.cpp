@@ -374,8 +374,8 @@ class Recovery {
       }
       const std::optional<TokenEntry> facts = token_in_folder(folder, name, options_.trust);
       if (!facts) {
-        result_.problem =
-            token_path(name.size, name.authority) + " is left as it is: it is no valid token over that checkpoint";
+        result_.problem = token_path(name.size, name.authority) +
+                          " is left as it is: it is no valid token over that checkpoint";
         continue;
       }
       writer_->adopt_token(name.size, name.authority, *facts, now());

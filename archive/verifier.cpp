@@ -370,8 +370,9 @@ void look_for_cases(const LogContents& log, const std::filesystem::path& log_fol
         findings.add("case-missing", place, text);
       } else {
         findings.add("log-entry-doubted", place,
-                     text + "; nobody signed what the log says of it when it was written, so whoever could "
-                            "write to the disk could have made it");
+                     text +
+                         "; nobody signed what the log says of it when it was written, so whoever could "
+                         "write to the disk could have made it");
       }
     } else if (!logged.closed && !logged.erased) {
       findings.add("log-case-open", {std::string(kLedgerFile), logged.opened},

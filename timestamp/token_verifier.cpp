@@ -298,9 +298,10 @@ std::optional<Refusal> Judge::check_signature() {
   }
   CMS_SignerInfo_set1_signer_cert(signer_info_, signer_);
   if (is_dear(signer_)) {
-    return Refusal{TokenCode::kTooDear, "the key of " + out_.signer_subject +
-                                            " is of a kind or size that no authority uses: its signature would "
-                                            "take too long to judge"};
+    return Refusal{TokenCode::kTooDear,
+                   "the key of " + out_.signer_subject +
+                       " is of a kind or size that no authority uses: its signature would "
+                       "take too long to judge"};
   }
   const bool verified = CMS_SignerInfo_verify(signer_info_) == 1;
   forget_openssl_errors();

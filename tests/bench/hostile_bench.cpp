@@ -45,8 +45,8 @@ double seconds(const timeval& time) {
 
 int main(int count, char** arguments) {
   const double megabytes = count > 1 ? std::stod(arguments[1]) : 10;
-  std::printf("%-50s %8s %8s %8s %12s %12s %8s  %s\n", "form", "MB", "names", "s", "s per 10 MB",
-              "elapsed", "peak MB", "verdict");
+  std::printf("%-50s %8s %8s %8s %12s %12s %8s  %s\n", "form", "MB", "names", "s", "s per 10 MB", "elapsed",
+              "peak MB", "verdict");
   for (const test::HostileForm& form : test::hostile_forms()) {
     bool wanted = count <= 2;
     for (int i = 2; i < count; ++i) {

@@ -172,7 +172,7 @@ void tokens(HostileCase& of, std::uint64_t bytes, bool present) {
 
 void tokens_of_many_authorities(HostileCase& of, std::uint64_t bytes) { tokens(of, bytes, true); }
 
-/// Tokens that hold, of a stranger with a key of this kind.
+/// Tokens that hold, of a stranger with this key.
 void tokens_signed_by(HostileCase& of, std::uint64_t bytes, const TestAuthority& stranger,
                       const timestamp::Credential& signer) {
   of.note();
@@ -197,8 +197,7 @@ void tokens_signed_by(HostileCase& of, std::uint64_t bytes, const TestAuthority&
 
 void tokens_of_a_stranger(HostileCase& of, std::uint64_t bytes) {
   static const TestAuthority stranger = make_test_authority();
-  static const timestamp::Credential signer =
-      make_signer(stranger, crypto::PrivateKey(EVP_EC_gen("brainpoolP512r1")));
+  static const timestamp::Credential signer = make_signer(stranger, crypto::PrivateKey(EVP_EC_gen("P-384")));
   tokens_signed_by(of, bytes, stranger, signer);
 }
 

@@ -134,7 +134,8 @@ crypto::PrivateKey make_dear_key() {
   constexpr int kExponentBits = 2000;
   const crypto::PrivateKeyContext context(EVP_PKEY_CTX_new_from_name(nullptr, "RSA", nullptr));
   const BigNumber exponent(BN_new());
-  require(BN_set_bit(exponent.get(), kExponentBits) == 1 && BN_set_bit(exponent.get(), 0) == 1, "an exponent");
+  require(BN_set_bit(exponent.get(), kExponentBits) == 1 && BN_set_bit(exponent.get(), 0) == 1,
+          "an exponent");
   EVP_PKEY* made = nullptr;
   require(EVP_PKEY_keygen_init(context.get()) == 1 &&
               EVP_PKEY_CTX_set_rsa_keygen_bits(context.get(), kBits) == 1 &&

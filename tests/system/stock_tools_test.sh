@@ -118,8 +118,8 @@ for profile in mpeg2 lossless; do
   tampered_excerpt 'no checkpoint over all' 'rm "$(ls checkpoints/*.note | tail -1)"'
   tampered_excerpt 'not signed' 'sed -i -e "3{s/^A/B/;t;s/^./A/" -e "}" "$(ls checkpoints/*.note | tail -1)"'
   rm -rf "$copy"; cp -r "$excerpt" "$copy"; evil ledger-open.jsonl
-  jq -c '.first_entry = 0 | .size = ([inputs] | length)' "$excerpt/excerpt.json" "$excerpt/ledger-part.jsonl" >"$copy/excerpt.json"
-  cp "$copy/ledger-open.jsonl" "$scratch/lines" && sed 1d "$excerpt/ledger-part.jsonl" | jq -c '.seq = input_line_number' >>"$scratch/lines" && mv "$scratch/lines" "$copy/ledger-part.jsonl"
+  jq -c '.first_entry = 0 | .size = ([inputs] | length) + 1' "$excerpt/excerpt.json" "$excerpt/ledger-part.jsonl" >"$copy/excerpt.json"
+  cp "$copy/ledger-open.jsonl" "$scratch/lines" && jq -c '.seq = input_line_number' "$excerpt/ledger-part.jsonl" >>"$scratch/lines" && mv "$scratch/lines" "$copy/ledger-part.jsonl"
   expect 1 '^NOT INTACT: .*states another size' verify-excerpt.sh "$copy"
   [[ ! -e $scratch/ran ]] || fail "$profile: the script ran what an excerpt says"
   take --from 00:00:00 --to 00:00:05
