@@ -18,7 +18,9 @@ constexpr std::chrono::seconds kPipePatience{10};
 SourceSupervisor::SourceSupervisor(const LaneContext& context, Terms terms, std::unique_ptr<Source> source,
                                    FrameQueue& queue)
     : context_(context), terms_(std::move(terms)), queue_(queue), source_(std::move(source)) {
-  if (source_) input_ = source_->input();
+  if (!source_) return;
+  input_ = source_->input();
+  unboxed_ = source_->is_unboxed();
 }
 
 SourceSupervisor::~SourceSupervisor() {
@@ -106,6 +108,7 @@ bool SourceSupervisor::reopen(bool may_have_ended) {
       if (const std::string remark = fresh->remark(); !remark.empty()) context_.troubles.mention(remark);
       const std::lock_guard guard(mutex_);
       input_ = fresh->input();
+      unboxed_ = fresh->is_unboxed();
       source_ = std::move(fresh);
       if (stopping_) source_->interrupt();
       return true;

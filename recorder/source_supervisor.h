@@ -49,6 +49,8 @@ class SourceSupervisor {
   [[nodiscard]] bool reached_end() const { return reached_end_; }
   /// As Source::input(), of the source there is, or was.
   [[nodiscard]] std::string input() const;
+  /// As Source::is_unboxed(), likewise.
+  [[nodiscard]] bool is_unboxed() const { return unboxed_; }
   [[nodiscard]] const SourceGuard& guard() const { return *terms_.guard; }
   [[nodiscard]] const SourceAddress& address() const { return terms_.address; }
 
@@ -65,7 +67,7 @@ class SourceSupervisor {
   const LaneContext context_;
   const Terms terms_;
   FrameQueue& queue_;
-  std::atomic<bool> stopping_ = false, ended_ = false, reached_end_ = false, live_ = false;
+  std::atomic<bool> stopping_ = false, ended_ = false, reached_end_ = false, live_ = false, unboxed_ = false;
 
   mutable std::mutex mutex_;  // guards what follows
   std::unique_ptr<Source> source_;

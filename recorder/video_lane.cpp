@@ -59,6 +59,7 @@ LaneStatus VideoLane::status() const {
   status.stuck = supervisor_.guard().stuck();
   status.given_up = supervisor_.guard().given_up();
   status.input = supervisor_.input();
+  status.unboxed = supervisor_.is_unboxed();
   return status;
 }
 

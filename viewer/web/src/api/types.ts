@@ -296,6 +296,8 @@ export interface StreamStatus {
   dropped: number;
   /** Lines of a device that are not among the samples. */
   refused: number;
+  /** Decoded in the recorder itself, beside the device key. */
+  unboxed: boolean;
   age_ms: number;
   durable_age_ms: number;
 }
