@@ -11,6 +11,7 @@
 
 #include "base/error.h"
 #include "recorder/source/boxed_source.h"
+#include "recorder/source/sound_source.h"
 
 namespace kiroku::recorder {
 namespace {
@@ -27,6 +28,12 @@ std::string in_seconds(nanoseconds time) {
   char text[32];
   std::snprintf(text, sizeof text, "%.3g s", std::chrono::duration<double>(time).count());
   return text;
+}
+
+std::unique_ptr<Source> make_source(const SourceAddress& address, const CaseClock& clock,
+                                    const OpeningTerms& terms) {
+  return address.kind == SourceKind::kSound ? open_sound_source(address, clock, terms)
+                                            : open_captured_source(address, clock, terms);
 }
 
 std::string name_of(const SourceAddress& address) { return "source '" + address.stated + "'"; }
@@ -255,7 +262,7 @@ SourceGuard::SourceGuard() : SourceGuard(Limits{}) {}
 SourceGuard::SourceGuard(Limits limits, Tell tell, Maker make, LookUp look_up, const Clock& time)
     : limits_(limits),
       tell_(std::move(tell)),
-      make_(make ? std::move(make) : Maker(open_captured_source)),
+      make_(make ? std::move(make) : Maker(make_source)),
       look_up_(std::move(look_up)),
       time_(time) {}
 

@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# What a new user does, on a fresh Debian 13: a root made with mmdebstrap, the working tree copied into it, deploy/demo and deploy/test run there.
+# What a new user does, on a fresh Debian 13: a root made with mmdebstrap, the working tree copied into it, deploy/demo and deploy/test run there, the package made.
 #
 # Usage: tests/nightly/debian13.sh [--help] [--keep] [CTEST OPTION...]
 #   tests/nightly/debian13.sh                 a new root, both commands: some 45 minutes on two cores, 10 GB in build/nightly/debian13
@@ -84,3 +84,7 @@ if (($# == 0)); then
 fi
 say "deploy/test on Debian 13"
 inside deploy/test "$@"
+if (($# == 0)); then
+  say "The package on Debian 13"
+  inside cmake --build build/release --target package
+fi

@@ -28,7 +28,10 @@ steps=(
   "soak       tests/fault/soak.sh 24 200"
   "recovery   tests/bench/recovery.sh"
   "loaded     tests/nightly/loaded.sh 10"
-  "theatre    tests/theatre/power_cuts.py --cuts 70"
+  "cuts       tests/theatre/power_cuts.py --cuts 70"
+  "forgetful  tests/theatre/power_cuts.py --cuts 15 --without-flushes"
+  "lying      tests/theatre/power_cuts.py --cuts 15 --lying-disk 256"
+  "failing    tests/theatre/failing_disk.py --times 3"
   "debian13   tests/nightly/debian13.sh"
   "package    cmake --build build/release --target package"
 )

@@ -78,7 +78,7 @@ afterAll(async () => {
 describe('The plan beside the recording', () => {
   it('is there when the case is opened, with the patient’s pressure and the steps on the time line', async () => {
     const { page } = visitor;
-    expect(await page.locator('video').count()).toBe(3);
+    await expect.poll(() => page.locator('video').count()).toBe(3);
     await page.getByRole('tab', { name: 'Vital signs' }).click();
     await leaveButton();
     await press('PageDown');
@@ -103,15 +103,15 @@ describe('The plan beside the recording', () => {
 
   it('lists the steps, each leading to its moment', async () => {
     const { page } = visitor;
-    expect(await page.locator('table.steps caption').textContent()).toBe('4 of 6 steps found · in another order than planned');
-    expect(await page.locator('table.steps tbody tr').first().textContent()).toContain('not found in the recording');
+    await expect.poll(() => page.locator('table.steps caption').textContent()).toBe('4 of 6 steps found · in another order than planned');
+    await expect.poll(() => page.locator('table.steps tbody tr').first().textContent()).toContain('not found in the recording');
     const rows = await page.locator('table.steps tbody tr').allTextContents();
     expect(rows[2]).toMatch(/3\. Lift2\.00:00:0[34].*planned 2\.0 s, paused 1\.\d s/);
     await stepButton('3. Lift').click();
     await settled(page);
     const lift = await clockOf(page);
     expect(lift).toBeGreaterThan(2.5);
-    expect(await page.locator('table.steps tr[aria-current=step] th').textContent()).toBe('3. Lift');
+    await expect.poll(() => page.locator('table.steps tr[aria-current=step] th').textContent()).toBe('3. Lift');
     await page.locator('.step-facts', { hasText: 'arterial pressure, mean' }).waitFor();
     await keepPicture(page, 'plan-steps');
     await expectFits(visitor, 'plan', async ({ width }) => {
@@ -183,7 +183,7 @@ describe('The plan beside the recording', () => {
     const over = page.locator('[data-stream=endoscope] .plan-over-picture');
     await page.getByText('Over', { exact: true }).click();
     await over.locator('video').waitFor();
-    expect(await page.locator('.pane-plan').count()).toBe(0);
+    await expect.poll(() => page.locator('.pane-plan').count()).toBe(0);
     await page.getByLabel('Opacity of the plan').fill('0.3');
     expect(await over.evaluate((one) => getComputedStyle(one).opacity)).toBe('0.3');
     await page.getByText('The camera was not registered').waitFor();
@@ -216,15 +216,15 @@ describe('The plan beside the recording', () => {
       await page.getByRole('button', { name: 'Match steps by hand' }).click();
       const matching = page.getByRole('region', { name: 'Match steps by hand' });
       await matching.getByText('4 of 6 steps matched').waitFor();
-      expect(await page.locator('.step-flag').count()).toBe(4);
+      await expect.poll(() => page.locator('.step-flag').count()).toBe(4);
       await matching.getByRole('button', { name: '1. Approach', exact: true }).click();
       await goTo('1.2');
       await settled(page);
       await leaveButton();
       await press('m');
       await matching.getByText('5 of 6 steps matched').waitFor();
-      expect(await matching.locator('li').first().textContent()).toContain('00:00:01.200 – ');
-      expect(await page.getByRole('img', { name: 'Time map: 5 of 6 steps' }).locator('polyline').count()).toBe(5);
+      await expect.poll(() => matching.locator('li').first().textContent()).toContain('00:00:01.200 – ');
+      await expect.poll(() => page.getByRole('img', { name: 'Time map: 5 of 6 steps' }).locator('polyline').count()).toBe(5);
       // The plan's film follows what was matched: within the first step there was nothing before.
       await goTo('1.5');
       await settled(page);
@@ -256,12 +256,12 @@ describe('The plan beside the recording', () => {
     step('and kept as a new comparison under the user’s name', async () => {
       const { page } = visitor;
       const matching = page.getByRole('region', { name: 'Match steps by hand' });
-      expect(await matching.getByLabel('Name').inputValue()).toBe('by-hand');
+      await expect.poll(() => matching.getByLabel('Name').inputValue()).toBe('by-hand');
       await matching.getByRole('button', { name: 'Keep as a comparison' }).click();
       await matching.getByRole('progressbar').waitFor();
       await page.getByText(/Compared by demo/).waitFor({ timeout: kMaking_ms });
       await page.getByText('The plan was sealed before the first picture').waitFor();
-      expect(await page.locator('table.steps caption').textContent()).toContain('5 of 6 steps found');
+      await expect.poll(() => page.locator('table.steps caption').textContent()).toContain('5 of 6 steps found');
       await page.locator('.pane-plan video').waitFor();
       // What was seen before is what the server made: the page's time map is the document's.
       const document = await page.evaluate(

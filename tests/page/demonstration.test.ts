@@ -28,7 +28,7 @@ describe.skipIf(!demonstration)('A new user of the demonstration', () => {
       await page.goto(appliance.signIn);
       const row = page.locator('.case-row');
       await expect.poll(() => row.count()).toBe(1);
-      expect(await row.textContent()).toContain('Intact');
+      await expect.poll(() => row.textContent()).toContain('Intact');
       await row.getByRole('link').first().click();
     });
 
@@ -42,7 +42,7 @@ describe.skipIf(!demonstration)('A new user of the demonstration', () => {
       }
       for (let times = 0; times < 2; ++times) await page.keyboard.press('Shift+ArrowRight');
       await settled(page);
-      expect(await page.locator('.pane-step').textContent()).toBe('3. Lift');
+      await expect.poll(() => page.locator('.pane-step').textContent()).toBe('3. Lift');
       await expect.poll(() => page.locator('.vital', { hasText: 'ABP' }).textContent()).toMatch(/\d\d+\/\d\d+/);
       await expect.poll(() => page.locator('.case-verdict').textContent()).toBe('Intact');
       // Until the newest wave is drawn.
@@ -55,7 +55,7 @@ describe.skipIf(!demonstration)('A new user of the demonstration', () => {
       const { page } = visitor;
       await page.getByRole('tab', { name: 'Plan' }).click();
       await page.getByText('The plan was sealed before the first picture').waitFor();
-      expect(await page.locator('table.steps caption').textContent()).toBe('6 of 6 steps found · in the planned order');
+      await expect.poll(() => page.locator('table.steps caption').textContent()).toBe('6 of 6 steps found · in the planned order');
       await page.locator('table.steps').getByRole('button', { name: '4. Hold' }).click();
       await page.getByText('Over', { exact: true }).click();
       await settled(page);
@@ -68,7 +68,7 @@ describe.skipIf(!demonstration)('A new user of the demonstration', () => {
       await page.locator('.case-verdict').click();
       await page.getByRole('button', { name: 'Verify now' }).click();
       await page.locator('.banner').waitFor();
-      expect(await page.locator('.banner h2').textContent()).toMatch(/^Intact/);
+      await expect.poll(() => page.locator('.banner h2').textContent()).toMatch(/^Intact/);
       await keepPicture(page, 'demo-verdict');
       expect(visitor.problems).toEqual([]);
     });

@@ -69,13 +69,13 @@ story('An invitation', (step) => {
     const time = () => pane(page, 'endoscope').locator('video').evaluate((video: HTMLVideoElement) => video.currentTime);
     const first = await time();
     await expect.poll(time).toBeGreaterThan(first + 1);
-    expect(await page.getByRole('timer').textContent()).toMatch(/5\d:\d\d/);
-    expect(await page.getByRole('navigation').count()).toBe(0);
+    await expect.poll(() => page.getByRole('timer').textContent()).toMatch(/5\d:\d\d/);
+    await expect.poll(() => page.getByRole('navigation').count()).toBe(0);
     expect(await seriousBarriers(page)).toEqual([]);
     await expectFits(guest, 'guest');
     await page.getByRole('button', { name: '日本語' }).click();
     await page.getByText('Dr. Sato として見学しています。').waitFor();
-    expect(await page.getByRole('timer').textContent()).toMatch(/5\d:\d\d/);
+    await expect.poll(() => page.getByRole('timer').textContent()).toMatch(/5\d:\d\d/);
     await page.getByRole('button', { name: 'English' }).click();
   });
 
@@ -100,14 +100,14 @@ story('An invitation', (step) => {
           return box && at ? Math.hypot((at.x - box.x) / box.width - 0.6, (at.y - box.y) / box.height - 0.4) : 1;
         })
         .toBeLessThan(0.01);
-      expect(await page.locator('.live-pane[data-stream=room] .pointer').count()).toBe(0);
+      await expect.poll(() => page.locator('.live-pane[data-stream=room] .pointer').count()).toBe(0);
       await page.locator('.lookers').getByText('Dr. Sato (guest)').waitFor();
     }
     await keepPicture(guest.page, 'guest');
     await keepPicture(surgeon.page, 'pointing-live');
     // Held still it stays.
     await guest.page.waitForTimeout(2500);
-    expect(await surgeon.page.locator('.pointer').count()).toBe(1);
+    await expect.poll(() => surgeon.page.locator('.pointer').count()).toBe(1);
     await mouse.up();
     await expect.poll(() => surgeon.page.locator('.pointer').count()).toBe(0);
   });
@@ -138,7 +138,7 @@ story('An invitation', (step) => {
   step('ends when the surgeon ends it, and the guest is told', async () => {
     await surgeon.page.getByRole('button', { name: 'End the invitation of Dr. Sato' }).click();
     await guest.page.getByRole('heading', { name: 'The invitation has ended' }).waitFor();
-    expect(await guest.page.locator('video').count()).toBe(0);
+    await expect.poll(() => guest.page.locator('video').count()).toBe(0);
     await surgeon.page.locator('.guest-line', { hasText: 'Dr. Sato' }).getByText('was ended').waitFor();
     await guest.page.reload();
     await guest.page.getByRole('heading', { name: 'Sign in' }).waitFor();

@@ -207,7 +207,7 @@ describe('Fingers on the time line', () => {
     const y = lanes.y + 60;
     const at = (share: number) => ({ x: lanes.x + lanes.width * share, y });
     const clock = await clockOf(page);
-    expect(await page.locator('.overview-window').isVisible()).toBe(false);
+    await expect.poll(() => page.locator('.overview-window').isVisible()).toBe(false);
     await finger('touchStart', at(0.45), at(0.55));
     for (let step = 1; step <= 6; ++step) await finger('touchMove', at(0.45 - 0.05 * step), at(0.55 + 0.05 * step));
     await finger('touchEnd');

@@ -106,7 +106,7 @@ story('A room that is recording', (step) => {
     await expect.poll(open).toBe(3);
     await hide(true);
     await expect.poll(open).toBe(0);
-    expect(await visitor.page.locator('video').count()).toBe(0);
+    await expect.poll(() => visitor.page.locator('video').count()).toBe(0);
     await hide(false);
     await expect.poll(open).toBe(3);
     await pane('endoscope').getByText(/Live, /).waitFor();

@@ -48,7 +48,7 @@ describe('The appliance log', () => {
   it('shows one kind alone', async () => {
     await kind().selectOption('Case closed');
     await expect.poll(() => rows().count()).toBe(1);
-    expect(await rows().locator('a').textContent()).toBe(appliance.cases()[0]);
+    await expect.poll(() => rows().locator('a').textContent()).toBe(appliance.cases()[0]);
     await kind().selectOption('Recording erased');
     await visitor.page.getByText('There is no such entry.').waitFor();
     await kind().selectOption('Everything');

@@ -118,7 +118,7 @@ describe('The list of cases', () => {
     await page.goto(`${appliance.url}#/cases`);
     await page.locator('.case-row', { hasText: intact }).waitFor();
     await page.locator('.case-row', { hasText: tampered }).waitFor();
-    expect(await page.locator('.case-row').first().textContent()).toContain('Endoscope · Room · Vital signs');
+    await expect.poll(() => page.locator('.case-row').first().textContent()).toContain('Endoscope · Room · Vital signs');
     await page.getByPlaceholder('Search').fill(intact.slice(-8));
     await expect.poll(() => page.locator('.case-row').count()).toBe(1);
     await page.getByPlaceholder('Search').fill('no such case');
@@ -139,10 +139,10 @@ describe('A surgeon', () => {
 
   it('opens a case and sees its pictures and vital signs', async () => {
     const { page } = visitor;
-    expect(await page.locator('video').count()).toBe(2);
+    await expect.poll(() => page.locator('video').count()).toBe(2);
     await expect.poll(() => page.locator('.vital', { hasText: 'HR' }).textContent()).toMatch(/HR.*\d\d/);
     await expect.poll(() => page.locator('.vital', { hasText: 'ABP' }).textContent()).toMatch(/\d\d+\/\d\d+/);
-    expect(await page.getByText('Viewing copy').count()).toBe(2);
+    await expect.poll(() => page.getByText('Viewing copy').count()).toBe(2);
   });
 
   it('jumps from mark to mark', async () => {
@@ -151,7 +151,7 @@ describe('A surgeon', () => {
     await settled(page);
     const first = await clockOf(page);
     expect(first).toBeGreaterThan(4);
-    expect(await page.locator('[role=status].only-heard').textContent()).toContain('Trocar placed');
+    await expect.poll(() => page.locator('[role=status].only-heard').textContent()).toContain('Trocar placed');
     await press('PageDown');
     await settled(page);
     expect(await clockOf(page)).toBeGreaterThan(first + 8);
@@ -378,10 +378,10 @@ describe('A lawyer', () => {
   it('reads that a genuine case is intact, why, and since when', async () => {
     const { page } = visitor;
     await verify(intact);
-    expect(await page.locator('.banner h2').textContent()).toMatch(/^Intact/);
-    expect(await page.locator('.banner').textContent()).toContain('self-issued');
-    expect(await page.locator('.chain-link').count()).toBe(5);
-    expect(await page.locator('.chain-broken').count()).toBe(0);
+    await expect.poll(() => page.locator('.banner h2').textContent()).toMatch(/^Intact/);
+    await expect.poll(() => page.locator('.banner').textContent()).toContain('self-issued');
+    await expect.poll(() => page.locator('.chain-link').count()).toBe(5);
+    await expect.poll(() => page.locator('.chain-broken').count()).toBe(0);
     expect(await seriousBarriers(page)).toEqual([]);
     await keepPicture(page, 'intact');
   });
@@ -389,10 +389,10 @@ describe('A lawyer', () => {
   it('reads that a changed case is tampered with, and comes to the moment', async () => {
     const { page } = visitor;
     await verify(tampered);
-    expect(await page.locator('.banner h2').textContent()).toBe('Tampered');
-    expect(await page.locator('.chain-broken').textContent()).toContain('Segments');
+    await expect.poll(() => page.locator('.banner h2').textContent()).toBe('Tampered');
+    await expect.poll(() => page.locator('.chain-broken').textContent()).toContain('Segments');
     const finding = page.locator('.finding-tampered', { hasText: 'file-hash-differs' });
-    expect(await finding.textContent()).toContain('segments/endoscope/00000001');
+    await expect.poll(() => finding.textContent()).toContain('segments/endoscope/00000001');
     expect(await seriousBarriers(page)).toEqual([]);
     await keepPicture(page, 'tampered');
     await finding.getByRole('link').click();
@@ -408,8 +408,8 @@ describe('Everybody', () => {
     await page.reload();
     await openCase(intact);
     await settled(page);
-    expect(await page.locator('html').getAttribute('lang')).toBe('ja');
-    expect(await page.getByText('閲覧用複製').count()).toBe(2);
+    await expect.poll(() => page.locator('html').getAttribute('lang')).toBe('ja');
+    await expect.poll(() => page.getByText('閲覧用複製').count()).toBe(2);
     await press('PageDown');
     await settled(page);
     await page.waitForTimeout(500);

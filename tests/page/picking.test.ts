@@ -125,7 +125,7 @@ story('What is said by hand', (step) => {
     await keepPicture(page, 'plan-pause');
     expect(await seriousBarriers(page)).toEqual([]);
     await glide.getByRole('button', { name: 'Remove the pause at 00:00:01.500' }).click();
-    expect(await glide.getByText(/^pause /).count()).toBe(0);
+    await expect.poll(() => glide.getByText(/^pause /).count()).toBe(0);
     await matching().getByRole('button', { name: 'Undo' }).click();
     await glide.getByText('pause 00:00:01.500').waitFor();
     await press('Control+z');
@@ -150,7 +150,7 @@ story('What is said by hand', (step) => {
     await page.unroute('**/picking/picture');
     await page.getByRole('button', { name: 'Try again' }).click();
     await planned().waitFor();
-    expect(await page.getByText('could not be had').count()).toBe(0);
+    await expect.poll(() => page.getByText('could not be had').count()).toBe(0);
     await work('Steps').click();
   });
 
@@ -196,7 +196,7 @@ story('What is said by hand', (step) => {
     await page.mouse.click(stands.x + stands.width / 2 + 6, stands.y + stands.height / 2 - 5);
     await expect.poll(() => points().nth(2).getAttribute('class')).toBe('matching-chosen');
     expect(await mark.boundingBox()).toEqual(stands);
-    expect(await points().nth(2).textContent()).toBe(told);
+    await expect.poll(() => points().nth(2).textContent()).toBe(told);
     // All points are of one picture: no other takes its place.
     await page.evaluate(() => (document.activeElement as HTMLElement | null)?.blur());
     await press('.');
@@ -228,7 +228,7 @@ story('What is said by hand', (step) => {
     // With two of eight left nothing can be kept, and it is said why.
     for (let i = 0; i < 6; ++i) await matching().getByRole('button', { name: 'Remove point 1' }).click();
     await matching().getByText('Too few points are picked on both sides').waitFor();
-    expect(await matching().getByRole('button', { name: 'Keep as a comparison' }).isDisabled()).toBe(true);
+    await expect.poll(() => matching().getByRole('button', { name: 'Keep as a comparison' }).isDisabled()).toBe(true);
     for (let i = 0; i < 6; ++i) await press('Control+z');
     await matching().getByText(/The camera is found: 0\.\d\d pixels off by 8 points/).waitFor();
   });
@@ -254,7 +254,7 @@ story('What is said by hand', (step) => {
     await page.evaluate(() => (document.activeElement as HTMLElement | null)?.blur());
     await press(',');
     await shows(2.88);
-    expect(await page.locator('.pick-mark').count()).toBe(0);
+    await expect.poll(() => page.locator('.pick-mark').count()).toBe(0);
     await matching().locator('.pick-list').getByRole('button', { name: '00:00:02.000', exact: true }).click();
     await shows(2);
     await page.getByRole('button', { name: 'Click 3 on the tip of finger' }).waitFor();

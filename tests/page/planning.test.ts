@@ -93,7 +93,7 @@ story('A person who plans', (step) => {
     const { page } = visitor;
     await page.goto(signIn);
     await page.getByRole('heading', { name: 'Plan an operation' }).waitFor();
-    expect(await page.getByRole('link', { name: 'Cases' }).count()).toBe(0);
+    await expect.poll(() => page.getByRole('link', { name: 'Cases' }).count()).toBe(0);
     await page.getByText('lobe/plan.json · Steps: 6').waitFor();
     expect(await seriousBarriers(page)).toEqual([]);
     await expectFits(visitor, 'plans');

@@ -52,9 +52,9 @@ afterEach(() => {
 describe('Sound', () => {
   it('is said to be there, and only the master is heard', async () => {
     await expect.poll(() => visitor.page.getByText('Viewing copy · sound').count()).toBe(2);
-    expect(await pane('endoscope').getAttribute('aria-label')).toBe('Endoscope, with sound');
-    expect(await pane('endoscope').getByRole('button', { name: 'Sound of Endoscope' }).getAttribute('aria-pressed')).toBe('true');
-    expect(await pane('room').getByRole('button', { name: 'Sound of Room' }).getAttribute('aria-pressed')).toBe('false');
+    await expect.poll(() => pane('endoscope').getAttribute('aria-label')).toBe('Endoscope, with sound');
+    await expect.poll(() => pane('endoscope').getByRole('button', { name: 'Sound of Endoscope' }).getAttribute('aria-pressed')).toBe('true');
+    await expect.poll(() => pane('room').getByRole('button', { name: 'Sound of Room' }).getAttribute('aria-pressed')).toBe('false');
     await expect.poll(heard).toEqual([true, false]);
     expect(await seriousBarriers(visitor.page)).toEqual([]);
   });
@@ -89,7 +89,7 @@ describe('Sound', () => {
     const { page } = visitor;
     await press('m');
     await expect.poll(heard).toEqual([false, false]);
-    expect(await page.locator('[role=status].only-heard').textContent()).toContain('Sound off');
+    await expect.poll(() => page.locator('[role=status].only-heard').textContent()).toContain('Sound off');
     await press('m');
     await expect.poll(heard).toEqual([true, false]);
     await pane('room').getByRole('button', { name: 'Sound of Room' }).click();
@@ -139,10 +139,10 @@ describe('Sound', () => {
   it('is neither shown nor asked for where none was recorded', async () => {
     await openCase(without);
     await expect.poll(() => visitor.page.getByText('Viewing copy', { exact: true }).count()).toBe(2);
-    expect(await visitor.page.locator('.pane-sound').count()).toBe(0);
+    await expect.poll(() => visitor.page.locator('.pane-sound').count()).toBe(0);
     expect(visitor.asked.filter((address) => address.includes(without) && address.includes('/sound/'))).toEqual([]);
     await press('m');
-    expect(await visitor.page.locator('[role=status].only-heard').textContent()).toContain('This case has no sound');
+    await expect.poll(() => visitor.page.locator('[role=status].only-heard').textContent()).toContain('This case has no sound');
   });
 });
 

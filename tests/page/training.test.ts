@@ -138,13 +138,13 @@ story('A new trainee', (step) => {
     const { page } = visitor;
     await page.goto(trainer.signIn);
     await page.getByRole('heading', { name: 'Push an organ aside' }).waitFor();
-    expect(await page.getByRole('link', { name: 'Cases' }).count()).toBe(0);
+    await expect.poll(() => page.getByRole('link', { name: 'Cases' }).count()).toBe(0);
     await page.getByText('Nobody trains here yet.').waitFor();
     await page.locator('.train-add').getByLabel('Name').fill('Aoki');
     await page.getByRole('button', { name: 'Add', exact: true }).click();
     await page.getByText('Session 1: its first test ends it.').waitFor();
     await expectFits(visitor, 'training');
-    expect(await page.locator('.train-choice select').first().inputValue()).toBe('Aoki');
+    await expect.poll(() => page.locator('.train-choice select').first().inputValue()).toBe('Aoki');
     await page.locator('.train-add').getByLabel('Name').fill('Aoki');
     await page.getByRole('button', { name: 'Add', exact: true }).click();
     await page.getByText('there is a trainee \'Aoki\'').waitFor();
@@ -182,9 +182,9 @@ story('A new trainee', (step) => {
     await page.mouse.up();
     expect(forces).toHaveLength(4);
     expect(Math.max(...forces)).toBeGreaterThan(1);
-    expect(await page.locator('.train-came').textContent()).toContain('Done');
+    await expect.poll(() => page.locator('.train-came').textContent()).toContain('Done');
     console.info(`As the page saw it, three fingers: ${latency}. ${await page.getByText('This machine:').textContent()}`);
-    expect(await page.locator('.train-came').textContent()).toMatch(/Largest von Mises stress, kPa\d+/);
+    await expect.poll(() => page.locator('.train-came').textContent()).toMatch(/Largest von Mises stress, kPa\d+/);
     await page.getByRole('img', { name: 'Attempts of Aoki: Largest von Mises stress, kPa' }).waitFor();
     await page.getByText('The learning curve by session begins with the first test.').waitFor();
     expect(await seriousBarriers(page)).toEqual([]);
@@ -212,7 +212,7 @@ story('A new trainee', (step) => {
     await touch.send('Input.dispatchTouchEvent', { type: 'touchEnd', touchPoints: [] });
     expect(forces).toHaveLength(6);
     for (const force of forces.slice(0, 5)) expect(force).toBeGreaterThan(0.2);
-    expect(await page.locator('.train-came').textContent()).toContain('Done');
+    await expect.poll(() => page.locator('.train-came').textContent()).toContain('Done');
     await page.getByRole('img', { name: 'Tests by session: Largest von Mises stress, kPa' }).waitFor();
     await page.getByRole('button', { name: 'Seal this attempt' }).click();
     const told = page.getByText(/^Sealed as \d{8}T\d{6}Z-[0-9a-f]{8}\. Its verification says: intact\./);
@@ -308,7 +308,7 @@ story('A new trainee', (step) => {
         return page.locator('.train-numbers tbody tr').last().textContent();
       })
       .toContain('Broken off');
-    expect(await page.locator('.train-numbers tbody tr').allTextContents()).toHaveLength(5);
+    await expect.poll(() => page.locator('.train-numbers tbody tr').allTextContents()).toHaveLength(5);
   });
   step('reads all of it in Japanese and in light colours', async () => {
     const { page } = visitor;

@@ -49,8 +49,8 @@ story('A room that records', (step) => {
   step('says in words which monitor is silent, and makes no sound that nobody asked for', async () => {
     const { page } = visitor;
     await page.locator('.trouble', { hasText: 'monitor: nothing arrives' }).waitFor();
-    expect(await page.locator('.trouble').count()).toBe(1);
-    expect(await page.getByRole('button', { name: 'Sound on loss and silence' }).getAttribute('aria-pressed')).toBe('false');
+    await expect.poll(() => page.locator('.trouble').count()).toBe(1);
+    await expect.poll(() => page.getByRole('button', { name: 'Sound on loss and silence' }).getAttribute('aria-pressed')).toBe('false');
     expect(await tones(page)).toBe(0);
     expect(await seriousBarriers(page)).toEqual([]);
     await keepPicture(page, 'live-vitals');
@@ -64,10 +64,10 @@ story('A room that records', (step) => {
     await expect.poll(() => tones(page)).toBeGreaterThanOrEqual(4);
     await page.reload();
     await page.locator('.trouble', { hasText: 'monitor: nothing arrives' }).waitFor();
-    expect(await page.getByRole('button', { name: 'Sound on loss and silence' }).getAttribute('aria-pressed')).toBe('true');
+    await expect.poll(() => page.getByRole('button', { name: 'Sound on loss and silence' }).getAttribute('aria-pressed')).toBe('true');
     await expect.poll(() => tones(page)).toBeGreaterThanOrEqual(2);
     await page.getByRole('button', { name: 'Sound on loss and silence' }).click();
-    expect(await page.getByRole('button', { name: 'Sound on loss and silence' }).getAttribute('aria-pressed')).toBe('false');
+    await expect.poll(() => page.getByRole('button', { name: 'Sound on loss and silence' }).getAttribute('aria-pressed')).toBe('false');
   });
 
   step('is as clear in Japanese', async () => {

@@ -64,7 +64,7 @@ story('The plan’s radiographs', (step) => {
     await page.locator('.case-link', { hasText: id }).click();
     await page.locator('.pane-plan video').waitFor();
     await page.getByRole('tab', { name: 'Plan' }).click();
-    expect(await page.getByText('Difference', { exact: true }).count()).toBe(0);
+    await expect.poll(() => page.getByText('Difference', { exact: true }).count()).toBe(0);
     await page.getByText('X-ray', { exact: true }).click();
     await page.getByText(/Fluoroscopy: the plan’s radiograph is alike by 0\.\d+/).waitFor();
     await page.getByText(/Aligned: 0\.9\d+; the patient lay \d+\.\d mm aside/).waitFor();
@@ -77,7 +77,7 @@ story('The plan’s radiographs', (step) => {
     await over().locator('video').waitFor();
     await page.getByText('Difference', { exact: true }).click();
     await expect.poll(() => over().evaluate((one) => getComputedStyle(one).mixBlendMode)).toBe('difference');
-    expect(await page.getByLabel('Opacity of the plan').count()).toBe(0);
+    await expect.poll(() => page.getByLabel('Opacity of the plan').count()).toBe(0);
     await settled(page);
     await expect.poll(() => page.evaluate(() => document.querySelector<HTMLVideoElement>('.plan-over video')?.currentTime ?? NaN)).toBeCloseTo(2, 1);
     await keepPicture(page, 'xray-difference');
@@ -90,7 +90,7 @@ story('The plan’s radiographs', (step) => {
     const { page } = visitor;
     await page.getByText('Pictures', { exact: true }).click();
     await expect.poll(() => over().evaluate((one) => getComputedStyle(one).filter)).toContain('plan-key');
-    expect(await page.getByText('Difference', { exact: true }).count()).toBe(0);
+    await expect.poll(() => page.getByText('Difference', { exact: true }).count()).toBe(0);
     await page.getByText('The comparison is as it was made').click();
     await page.getByText('The film of the plan’s radiographs is the one that was made.').waitFor();
     await settled(page);

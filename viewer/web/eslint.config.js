@@ -3,6 +3,7 @@ import hooks from 'eslint-plugin-react-hooks';
 import tseslint from 'typescript-eslint';
 
 const kMarkup = 'Show text: markup made from strings lets a recorded name or an answer of the server run as a program.';
+const kOnce = 'A page that is still changing is asked again: await expect.poll(() => …). What is read once races with it.';
 
 export default tseslint.config(
   { ignores: ['node_modules', 'dist'] },
@@ -20,6 +21,12 @@ export default tseslint.config(
         { selector: 'AssignmentExpression > MemberExpression.left[property.name=/^(inner|outer)HTML$/]', message: kMarkup },
         { selector: 'CallExpression > MemberExpression.callee[property.name="insertAdjacentHTML"]', message: kMarkup },
         { selector: 'JSXAttribute[name.name="dangerouslySetInnerHTML"]', message: kMarkup },
+        {
+          selector:
+            'CallExpression[callee.name="expect"] > AwaitExpression > ' +
+            'CallExpression[callee.property.name=/^(count|getAttribute|inputValue|is(Checked|Disabled|Editable|Enabled|Hidden|Visible))$/]',
+          message: kOnce,
+        },
       ],
     },
   },

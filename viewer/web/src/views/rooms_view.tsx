@@ -1,12 +1,11 @@
 // The recorder's rooms: start, stop, mark; whether each stream is well, and the appliance behind them.
 import { useSignal } from '@preact/signals';
 import { useEffect, useMemo } from 'preact/hooks';
-import { ApiError, appliance as api, live, type LiveStream } from '@/api/client';
-import type { ApplianceStatus, RoomStatus } from '@/api/types';
+import { ApiError, appliance as api, live } from '@/api/client';
+import type { ApplianceStatus, Invitation, LiveStream, RoomStatus } from '@/api/types';
 import { hrefOf } from '@/base/route';
 import { formatBytes, formatTime, kSecond } from '@/base/time';
 import { RemoteClock } from '@/clock/remote_clock';
-import type { Invitation } from '@/guests/guest_api';
 import { RoomGuests, useInvitations } from '@/guests/room_guests';
 import { formatMoment, t, word } from '@/i18n/i18n';
 import { Lookers } from '@/pointing/lookers';
