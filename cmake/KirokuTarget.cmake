@@ -68,7 +68,7 @@ function(kiroku_test target)
   kiroku_configure(${target})
   target_link_libraries(${target} PRIVATE ${ARG_LIBRARIES} kiroku_build_paths GTest::gmock GTest::gtest_main)
   # Who opens sources or shows cases starts the decoder in its box.
-  if(ARG_LIBRARIES MATCHES "kiroku_(media|recorder|daemon|playback|viewer|compare|live|commands)")
+  if(ARG_LIBRARIES MATCHES "kiroku_(media|recorder|procedure|daemon|playback|viewer|compare|live|commands)")
     add_dependencies(${target} kiroku-decoder)
   endif()
   if(NOT ARG_OPTIMISED)

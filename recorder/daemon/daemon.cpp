@@ -58,6 +58,7 @@ ordered_json stream_json(const StreamStatus& stream, std::int64_t now_ns) {
           {"age_ms", std::llround(milliseconds_since(stream.last_ns))},
           {"durable_age_ms", std::llround(milliseconds_since(stream.durable_ns))},
           {"input", stream.input},
+          {"unboxed", stream.unboxed},
           {"stuck", stream.stuck},
           {"given_up", stream.given_up}};
 }
@@ -404,6 +405,9 @@ std::string Daemon::metrics() const {
              [](const StreamStatus& stream) { return stream.refused; });
   per_stream("kiroku_stream_bytes", "gauge", "Sealed bytes of the newest case",
              [](const StreamStatus& stream) { return stream.bytes; });
+  per_stream("kiroku_stream_unboxed", "gauge",
+             "1 where the source is decoded in the recorder itself, beside the device key",
+             [](const StreamStatus& stream) { return stream.unboxed ? 1 : 0; });
   per_stream("kiroku_source_threads_stuck", "gauge",
              "Threads of the source that do not come back from its driver",
              [](const StreamStatus& stream) { return stream.stuck; });
