@@ -7,6 +7,7 @@
 
 #include "tests/support/build_paths.h"
 #include "tests/support/child_processes.h"
+#include "tests/support/eventually.h"
 #include "tests/system/program_test.h"
 
 namespace kiroku::test {
@@ -44,8 +45,7 @@ class Box : public ProgramTest {
     const auto frames = [&] {
       return kiroku_json({"status", "--json"})["rooms"][0]["streams"][0]["frames"].get<int>();
     };
-    for (int i = 0; i < 600 && frames() == 0; ++i) std::this_thread::sleep_for(std::chrono::milliseconds(50));
-    EXPECT_GT(frames(), 0) << daemon.out();
+    EXPECT_TRUE(eventually([&] { return frames() > 0; })) << daemon.out();
     EXPECT_EQ(kiroku({"case", "stop"}).status, 0);
     daemon.signal(SIGTERM);
     const ProcessResult ended = daemon.wait();
