@@ -152,6 +152,20 @@ export class Appliance {
     this.signIn = answer.sign_in;
   }
 
+  /** `kiroku plan serve` and `kiroku train serve` without an address of their own: `kiroku view` leads to them. */
+  async servePlanning(): Promise<void> {
+    await this.behind('plan', 'serve', '--gpu', 'off');
+  }
+  async serveTraining(): Promise<void> {
+    await this.behind('train', 'serve', '--vertices', '900', '--practice', '0');
+  }
+  private async behind(...parameters: string[]): Promise<void> {
+    const child = this.spawn(kiroku, [...parameters, '--home', this.home, '--json']);
+    let said = '';
+    child.stdout?.on('data', (bytes: Buffer) => (said += bytes.toString()));
+    await until(`kiroku ${parameters.join(' ')} serves`, () => (said.includes('}') ? true : undefined));
+  }
+
   /** `kiroku view` ends and begins anew at the same address; all sessions are gone. */
   async restartView(): Promise<void> {
     const child = this.processes.pop() as ChildProcess;

@@ -124,6 +124,8 @@ inline constexpr auto kFindingTexts = std::to_array<FindingText>({
     {"log-case-unknown", Check::kLog, "装置ログにこの症例の開始がない。"},
     {"log-opening-differs", Check::kLog, "装置ログの知る最初の項目が異なる。"},
     {"log-checkpoint-differs", Check::kLog, "装置ログの知る根が、この症例のある時点で異なる。"},
+    {"log-entry-doubted", Check::kLog,
+     "装置ログの項目が、書かれた時に誰にも署名されておらず、症例と合わない。書き足されたおそれがある。"},
     {"log-knows-more", Check::kLog, "装置ログは、ここにない項目を知っている。末尾が削除されている。"},
     {"log-end-differs", Check::kLog, "装置ログの知る最後のタイムスタンプが、症例のものと異なる。"},
     {"log-head-differs", Check::kLog, "症例は、装置ログの別の状態の上で開始されている。"},

@@ -26,7 +26,8 @@ std::string cookie(std::string_view name, const std::string& token, const std::s
 
 class SessionApi {
  public:
-  SessionApi(ViewerContext& context, SignInLink& link) : context_(context), link_(link) {}
+  SessionApi(ViewerContext& context, SignInLink& link)
+      : context_(context), link_(link), cookie_name_(session_cookie(context.home().serves)) {}
 
   [[nodiscard]] ordered_json describe(const Session& session, const Request& request) const {
     ordered_json out{{"user", session.user()},
@@ -34,6 +35,7 @@ class SessionApi {
                      {"unlocked", session.identities() != nullptr},
                      {"expires_s", context_.sessions().left(session).count()},
                      {"must_change_password", session.must_change_password()},
+                     {"has_password", session.credential().has_value()},
                      {"language", preferred_language(request.header("accept-language"))},
                      {"serves", context_.home().serves}};
     if (const auto& invitation = session.invitation()) {
@@ -78,11 +80,11 @@ class SessionApi {
   }
 
   Response sign_out(const Request& request) {
-    const auto token = cookie_value(request.header("cookie"), kSessionCookie);
+    const auto token = cookie_value(request.header("cookie"), cookie_name_);
     if (const auto& invitation = request.session->invitation()) context_.invitations().leave(*invitation);
     if (token) context_.sessions().close(*token);
     return Response::nothing()
-        .with("Set-Cookie", cookie(kSessionCookie, "", "; Max-Age=0"))
+        .with("Set-Cookie", cookie(cookie_name_, "", "; Max-Age=0"))
         .with("Clear-Site-Data", "\"cache\"");
   }
 
@@ -146,7 +148,7 @@ class SessionApi {
                     "this invitation has ended, was used before, or was never given out: ask for another");
     }
     return Response::json(describe(*opened->session, request))
-        .with("Set-Cookie", cookie(kSessionCookie, opened->token, ""));
+        .with("Set-Cookie", cookie(cookie_name_, opened->token, ""));
   }
 
   static void refuse_who_must_wait(std::chrono::seconds wait) {
@@ -281,11 +283,12 @@ class SessionApi {
       response = std::move(response).with(
           "Set-Cookie", cookie(kDeviceCookie, device, "; Max-Age=" + std::to_string(kDeviceCookieSeconds)));
     }
-    return std::move(response).with("Set-Cookie", cookie(kSessionCookie, opened.token, ""));
+    return std::move(response).with("Set-Cookie", cookie(cookie_name_, opened.token, ""));
   }
 
   ViewerContext& context_;
   SignInLink& link_;
+  const std::string cookie_name_;
   AttemptGuard of_addresses_{AttemptLimits{.free_failures = kFreeFailuresOfAddress}};
 };
 

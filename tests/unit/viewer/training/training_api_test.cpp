@@ -14,6 +14,7 @@
 #include "tests/support/served_routes.h"
 #include "tests/support/temporary_folder.h"
 #include "trainer/exclusion/patient_organ.h"
+#include "viewer/server/workplaces.h"
 
 namespace kiroku::viewer {
 namespace {
@@ -102,6 +103,12 @@ class TrainingApi : public testing::Test {
   std::optional<TrainingRoom> kept_room;
   std::optional<test::ServedRoutes> routes;  // last: over before what it uses
 };
+
+TEST_F(TrainingApi, HasTheRoutesToWhichTheViewerLeadsAndNoOther) {
+  Router router;
+  add_training_routes(router, room());
+  test::expect_to_be(router, kTrainingRoutes);
+}
 
 TEST_F(TrainingApi, AnAttemptIsDoneByThePointersOfAPageAndKept) {
   const auto client = connect();
