@@ -10,6 +10,7 @@
 
 #include "tests/support/build_paths.h"
 #include "tests/support/child_processes.h"
+#include "tests/support/eventually.h"
 #include "tests/support/reserved_port.h"
 #include "tests/system/program_test.h"
 
@@ -54,8 +55,7 @@ class Box : public ProgramTest {
     const auto frames = [&] {
       return kiroku_json({"status", "--json"})["rooms"][0]["streams"][0]["frames"].get<int>();
     };
-    for (int i = 0; i < 600 && frames() == 0; ++i) std::this_thread::sleep_for(std::chrono::milliseconds(50));
-    EXPECT_GT(frames(), 0) << daemon.out();
+    EXPECT_TRUE(eventually([&] { return frames() > 0; })) << daemon.out();
     const nlohmann::json stream = kiroku_json({"status", "--json"})["rooms"][0]["streams"][0];
     EXPECT_EQ(stream["unboxed"], is_unboxed) << stream;
     EXPECT_EQ(kiroku({"status"}).out.find("endoscope: decoded without a box") != std::string::npos,
