@@ -13,7 +13,15 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/// Whether there is a note of this size in the folder, signed by `device` of just this.
+/// Whether a recovery writes such entries of a case in which nothing was recorded yet, up to its `close`: no
+/// segment, for none was begun before the log's line was signed. What lies behind `close` is signed with it.
+bool may_be_of_empty_case(const CaseEntryBody& body) {
+  return std::holds_alternative<RecoveredEntry>(body) || std::holds_alternative<GapEntry>(body) ||
+         std::holds_alternative<CloseEntry>(body);
+}
+
+}  // namespace
+
 bool is_signed(const fs::path& folder, const crypto::Checkpoint& wanted, const crypto::VerifierKey& device) {
   const FileOpening file = CaseFolder::open(folder).open_file(note_path(wanted.size));
   const std::optional<std::string> note =
@@ -24,15 +32,6 @@ bool is_signed(const fs::path& folder, const crypto::Checkpoint& wanted, const c
   const crypto::OpenedNote opened = crypto::open_note(*note, {device});
   return !opened.failure && crypto::Checkpoint::parse(opened.text) == wanted;
 }
-
-/// Whether a recovery writes such entries of a case in which nothing was recorded yet, up to its `close`: no
-/// segment, for none was begun before the log's line was signed. What lies behind `close` is signed with it.
-bool may_be_of_empty_case(const CaseEntryBody& body) {
-  return std::holds_alternative<RecoveredEntry>(body) || std::holds_alternative<GapEntry>(body) ||
-         std::holds_alternative<CloseEntry>(body);
-}
-
-}  // namespace
 
 void for_each_whole_line(const fs::path& folder, const std::function<void(std::string_view)>& take) {
   const FileOpening ledger = CaseFolder::open(folder).open_file(kLedgerFile);

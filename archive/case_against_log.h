@@ -45,6 +45,9 @@ class CaseAgainstLog {
   bool recorded_ = false;  // on from the opening
 };
 
+/// Whether the note of this size in a case or log is there, and signed by `device` of just this.
+bool is_signed(const std::filesystem::path& folder, const crypto::Checkpoint& wanted,
+               const crypto::VerifierKey& device);
 /// Calls `take` with every whole line of the ledger of a case or log. Throws kiroku::Error if it cannot be
 /// read.
 void for_each_whole_line(const std::filesystem::path& folder,

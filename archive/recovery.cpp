@@ -79,12 +79,14 @@ struct Standing {
   std::uint64_t marks = 0;
   std::set<std::pair<std::uint64_t, std::string>> tokens;
   std::vector<ErasedEntry> erased;
+  OpenEntry opening;
   crypto::Sha256Digest opening_line{};
 
   void take(const CaseEntry& entry) {
     const Moment before = std::exchange(last, entry.at);
     if (const auto* open = std::get_if<OpenEntry>(&entry.body)) {
       opened = entry.at;
+      opening = *open;
       boot_id = open->boot_id;
       for (const StreamInfo& info : open->streams) {
         streams.emplace_back();
@@ -234,7 +236,8 @@ class Recovery {
     if (!options_.carry_on) {
       return "recovered";
     }
-    if (!writer_->opening_vouched()) {
+    const crypto::VerifierKey device(options_.device_name, options_.key->public_key());
+    if (!writer_->opening_vouched() && !is_announced_by_earlier(folder_, standing_.opening, device)) {
       result_.problem = "it is not carried on, since it ended before anybody signed that it was opened";
       return "recovered";
     }

@@ -49,7 +49,8 @@ struct RecoveryOptions {
   /// any that is over its checkpoint.
   const timestamp::TrustStore* trust = nullptr;
   /// The identifier of the case that will carry on the one that was cut off: its `close` announces it; ""
-  /// where none will. May be empty. Not asked of a case of which no signature shows that it is the device's.
+  /// where none will. May be empty. Not asked of a case of which no signature shows that it is the device's,
+  /// unless it carries on one that announces it, with the same subject.
   std::function<std::string(const CutOffCase&)> carry_on;
   std::function<UtcTime()> now = utc_now;
 };

@@ -104,7 +104,7 @@ struct Session::State {
       status.streams.push_back({lanes[i]->name(), l.live, kept(l.frames, gone[i].frames),
                                 kept(l.dropped, gone[i].dropped), kept(l.segments, gone[i].segments),
                                 kept(l.bytes, gone[i].bytes), l.last_ns, l.durable_ns, l.refused, l.stuck,
-                                l.given_up, l.input, i < video_lanes});
+                                l.given_up, l.input, i < video_lanes, l.unboxed});
     }
     status.begun = begun;
     status.begins_ns = begins_ns;

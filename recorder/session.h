@@ -97,6 +97,7 @@ struct StreamStatus {
   std::uint64_t given_up = 0;   // such threads since the recorder started, come back or not
   std::string input;            // what comes: "640x480 yuyv422, 30 a second, RTSP over UDP"; "" if not known
   bool is_video = true;         // else of vital signs
+  bool unboxed = false;         // decoded in this process, beside its keys
 };
 struct SessionStatus {
   std::int64_t now_ns = 0;

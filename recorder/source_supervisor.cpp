@@ -18,7 +18,10 @@ constexpr std::chrono::seconds kPipePatience{10};
 SourceSupervisor::SourceSupervisor(const LaneContext& context, Terms terms, std::unique_ptr<Source> source,
                                    FrameQueue& queue, std::unique_ptr<Source> microphone)
     : context_(context), terms_(std::move(terms)), queue_(queue), source_(std::move(source)) {
-  if (source_) input_ = source_->input();
+  if (source_) {
+    input_ = source_->input();
+    unboxed_ = source_->is_unboxed();
+  }
   if (terms_.microphone) {
     microphone_ = std::make_unique<Microphone>(
         *terms_.microphone, context_.clock, terms_.microphone_guard, std::move(microphone),
@@ -138,6 +141,7 @@ bool SourceSupervisor::reopen(bool may_have_ended) {
       if (const std::string remark = fresh->remark(); !remark.empty()) context_.troubles.mention(remark);
       const std::lock_guard guard(mutex_);
       input_ = fresh->input();
+      unboxed_ = fresh->is_unboxed();
       source_ = std::move(fresh);
       if (stopping_) source_->interrupt();
       return true;

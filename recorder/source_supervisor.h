@@ -56,6 +56,8 @@ class SourceSupervisor {
   [[nodiscard]] bool reached_end() const { return reached_end_; }
   /// As Source::input(), of the source there is, or was.
   [[nodiscard]] std::string input() const;
+  /// As Source::is_unboxed(), likewise.
+  [[nodiscard]] bool is_unboxed() const { return unboxed_; }
   /// As SourceGuard, of the source and the microphone together.
   [[nodiscard]] unsigned stuck() const;
   [[nodiscard]] std::uint64_t given_up() const;
@@ -77,7 +79,7 @@ class SourceSupervisor {
   const LaneContext context_;
   const Terms terms_;
   FrameQueue& queue_;
-  std::atomic<bool> stopping_ = false, ended_ = false, reached_end_ = false, live_ = false;
+  std::atomic<bool> stopping_ = false, ended_ = false, reached_end_ = false, live_ = false, unboxed_ = false;
 
   mutable std::mutex mutex_;  // guards what follows
   std::unique_ptr<Source> source_;

@@ -73,6 +73,7 @@ LaneStatus VideoLane::status() const {
   status.stuck = supervisor_.stuck();
   status.given_up = supervisor_.given_up();
   status.input = supervisor_.input();
+  status.unboxed = supervisor_.is_unboxed();
   return status;
 }
 

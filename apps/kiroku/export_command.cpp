@@ -19,8 +19,8 @@
 #include "archive/report_json.h"
 #include "base/error.h"
 #include "crypto/encoding.h"
-#include "media/case_export.h"
-#include "media/exporter.h"
+#include "media/export/case_export.h"
+#include "media/export/exporter.h"
 
 namespace kiroku::apps {
 namespace {

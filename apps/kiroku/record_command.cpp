@@ -20,6 +20,7 @@
 #include "apps/kiroku/recording_display.h"
 #include "apps/kiroku/recording_setup.h"
 #include "base/error.h"
+#include "base/foreign_json.h"
 #include "recorder/procedure/worklist.h"
 #include "recorder/session.h"
 
@@ -77,7 +78,7 @@ recorder::VideoProfile video_profile(const Request& request, const Configuration
 
 Bytes load_subject(const std::string& file) {
   Bytes bytes = read_small_file(file, "the subject");
-  const auto parsed = nlohmann::json::parse(text_of(bytes), nullptr, false);
+  const auto parsed = parse_foreign_json(text_of(bytes));
   if (!parsed.is_object()) {
     throw UsageError("the subject " + file +
                      " is no JSON object: write {\"patient\": {...}, \"procedure\": \"...\"}");

@@ -57,7 +57,7 @@ class SourceGuard::Thread : public std::enable_shared_from_this<Thread> {
     PictureFormat format;
     Rational rate;
     std::optional<SoundFormat> sound;
-    bool live = false;
+    bool live = false, unboxed = false;
     std::string input, remark;
   };
 
@@ -174,8 +174,8 @@ class SourceGuard::Thread : public std::enable_shared_from_this<Thread> {
     Facts facts;
     try {
       made = guard_->make_(address_, clock_, terms_);
-      facts = {made->format(),  made->frame_rate(), made->sound_format(),
-               made->is_live(), made->input(),      made->remark()};
+      facts = {made->format(),     made->frame_rate(), made->sound_format(), made->is_live(),
+               made->is_unboxed(), made->input(),      made->remark()};
     } catch (...) {
       failure = std::current_exception();
     }
@@ -237,6 +237,7 @@ class SourceGuard::Guarded : public Source {
   [[nodiscard]] Rational frame_rate() const override { return facts_.rate; }
   [[nodiscard]] std::optional<SoundFormat> sound_format() const override { return facts_.sound; }
   [[nodiscard]] bool is_live() const override { return facts_.live; }
+  [[nodiscard]] bool is_unboxed() const override { return facts_.unboxed; }
   [[nodiscard]] std::string input() const override { return facts_.input; }
   [[nodiscard]] std::string remark() const override { return facts_.remark; }
 

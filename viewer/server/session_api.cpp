@@ -229,7 +229,9 @@ class SessionApi {
     if (password.text() == chosen.text()) throw Refusal(400, "choose another password than the one of now");
     UserStore::require_sound(name, chosen);
     context_.enter_access(request, ViewerContext::kEveryCase, "chose a new password");
-    context_.users().set_password(name, chosen);
+    if (!context_.users().replace_password(name, chosen, user->changed)) {
+      throw Refusal(409, "an administrator changed this user meanwhile: sign in again");
+    }
     // Also this one, which is replaced; whoever else had signed in under the name must do so anew.
     context_.sessions().close_all_of(name);
     const std::optional<User> changed = context_.users().find(name);
@@ -269,6 +271,15 @@ class SessionApi {
     const SessionStore::Opened opened =
         context_.sessions().open(user.name, user.role, credential, user.one_time_until.has_value());
     const Session& session = *opened.session;
+    // A role or password that was changed while the one of before was hashed: whoever changed it has ended
+    // this session too, or had not yet seen it.
+    if (credential) {
+      const std::optional<User> now = context_.users().find(user.name);
+      if (!now || now->changed != *credential) {
+        context_.sessions().close(opened.token);
+        throw Refusal(401, "this user was changed meanwhile: sign in again");
+      }
+    }
     if (context_.home().identities != nullptr && may(user.role, Right::kWatch) &&
         !session.must_change_password()) {
       Request as_signed_in;

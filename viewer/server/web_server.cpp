@@ -3,6 +3,9 @@
 #include <algorithm>
 #include <array>
 #include <charconv>
+#include <map>
+#include <mutex>
+#include <optional>
 #include <thread>
 #include <unistd.h>
 #include <utility>  // Boost 1.74 forgets it before its awaitable
@@ -166,6 +169,49 @@ class BodyReader {
   Bytes buffer_;
 };
 
+/// How many connections of each user are safe from making room for others: one user's, or one guest's, must
+/// not take every place that there is.
+class KnownConnections {
+ public:
+  explicit KnownConnections(std::size_t most_of_user) : most_of_user_(most_of_user) {}
+
+  /// One connection's seat. Belongs to its strand.
+  class Seat {
+   public:
+    explicit Seat(KnownConnections& all) : all_(all) {}
+    ~Seat() { give_back(); }
+    Seat(const Seat&) = delete;
+    Seat& operator=(const Seat&) = delete;
+    /// Whether the connection is one of so many of this user's.
+    bool take(const std::string& user) {
+      if (user_ == user) return true;
+      give_back();
+      const std::lock_guard guard(all_.mutex_);
+      std::size_t& count = all_.of_user_[user];
+      if (count >= all_.most_of_user_) return false;
+      ++count;
+      user_ = user;
+      return true;
+    }
+
+   private:
+    void give_back() {
+      if (!user_) return;
+      const std::lock_guard guard(all_.mutex_);
+      const auto found = all_.of_user_.find(*user_);
+      if (--found->second == 0) all_.of_user_.erase(found);
+      user_.reset();
+    }
+    KnownConnections& all_;
+    std::optional<std::string> user_;
+  };
+
+ private:
+  const std::size_t most_of_user_;
+  std::mutex mutex_;
+  std::map<std::string, std::size_t> of_user_;
+};
+
 }  // namespace
 
 struct WebServer::State {
@@ -174,6 +220,7 @@ struct WebServer::State {
         dispatcher(answers),
         places({.all = options.limits.connections, .of_holder = options.limits.connections_of_address}),
         inner_places({.all = options.limits.connections, .of_holder = options.limits.connections}),
+        known(options.limits.safe_connections_of_user),
         costly(options.limits.costly),
         workers(std::max<std::size_t>(kFewestWorkers, 2U * std::thread::hardware_concurrency())),
         acceptor(asio::make_strand(context)),
@@ -326,7 +373,8 @@ struct WebServer::State {
   asio::awaitable<void> serve_at_inner_door(std::shared_ptr<LocalStream> stream, const Dispatcher& answers,
                                             std::unique_ptr<ConnectionPlaces::Place> place) {
     Buffer buffer;
-    while (co_await serve_one(*stream, answers, buffer, "", *place)) {
+    KnownConnections::Seat seat(known);
+    while (co_await serve_one(*stream, answers, buffer, "", *place, seat)) {
       place->set_busy(false);
     }
     place.reset();
@@ -340,7 +388,8 @@ struct WebServer::State {
                                      asio::redirect_error(asio::use_awaitable, failed));
     if (failed) co_return;
     Buffer buffer;
-    while (co_await serve_one(*stream, dispatcher, buffer, peer, *place)) {
+    KnownConnections::Seat seat(known);
+    while (co_await serve_one(*stream, dispatcher, buffer, peer, *place, seat)) {
       place->set_busy(false);
     }
     allow(*stream, kFarewell);
@@ -370,7 +419,8 @@ struct WebServer::State {
   /// One request and its answer; false when the connection is over.
   template <typename Stream>
   asio::awaitable<bool> serve_one(Stream& stream, const Dispatcher& answers, Buffer& buffer,
-                                  const std::string& peer, ConnectionPlaces::Place& place) {
+                                  const std::string& peer, ConnectionPlaces::Place& place,
+                                  KnownConnections::Seat& seat) {
     error_code failed;
     Parser parser;
     RefuseChunkExtensions extensions;
@@ -410,14 +460,14 @@ struct WebServer::State {
     RequestHead head = head_of(parser, peer);
     const bool wants_socket = is_socket_request(head);
     Dispatcher::Admission admission = answers.admit(std::move(head));
-    place.note(admission.request.session ? ConnectionPlaces::Standing::kKnown
-                                         : ConnectionPlaces::Standing::kSpoken);
+    const bool is_known = admission.request.session && seat.take(admission.request.session->user());
+    place.note(is_known ? ConnectionPlaces::Standing::kKnown : ConnectionPlaces::Standing::kSpoken);
     if (admission.refusal) {
       const bool stay = keep_alive && !has_body;
       co_return co_await send(stream, *admission.refusal, is_head, stay) && stay;
     }
     if (wants_socket && admission.route != nullptr && admission.route->socket && !has_body) {
-      place.set_busy(true);
+      place.set_busy(is_known);
       UpgradeRequest upgrade;
       upgrade.base() = parser.get().base();
       Response refusal;
@@ -454,6 +504,8 @@ struct WebServer::State {
     place.set_busy(true);
     Response response = co_await on_worker([&] { return answers.answer(admission); });
     while (response.costly) response = co_await at_a_cost(std::move(*response.costly));
+    // Whoever takes an answer slowly on purpose is not busy.
+    place.set_busy(false);
     co_return co_await send(stream, response, is_head, keep_alive) && keep_alive;
   }
 
@@ -538,6 +590,7 @@ struct WebServer::State {
   const WebServerOptions options;
   const Dispatcher& dispatcher;
   ConnectionPlaces places, inner_places;
+  KnownConnections known;
   OpenSockets sockets;
   CostlyWork costly;
   asio::thread_pool workers;

@@ -22,6 +22,8 @@ struct WebServerLimits {
   /// (base/connection_places.h).
   std::size_t connections = 1000;
   std::size_t connections_of_address = 200;
+  /// So many of a user who has signed in, or of a guest, never make room.
+  std::size_t safe_connections_of_user = 128;
   std::uint32_t header_bytes = 16U << 10;
   std::chrono::milliseconds handshake{10'000};
   /// From the first byte one waits for to the end of the header, also on a connection kept open.

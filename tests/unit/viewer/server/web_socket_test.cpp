@@ -7,6 +7,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include "tests/support/moved_clock.h"
 #include "tests/support/socket_client.h"
 #include "tests/support/temporary_folder.h"
 #include "viewer/server/server_certificate.h"
@@ -127,7 +128,8 @@ class WebSocketTest : public testing::Test {
   test::TemporaryFolder folder;
   Seen seen;
   Router router;
-  SessionStore sessions;
+  test::MovedClock time;
+  SessionStore sessions{SessionLimits(), time};
   SessionStore::Opened opened;
   StaticFiles page;
   std::mutex told_mutex;
@@ -211,7 +213,7 @@ TEST_F(WebSocketTest, KeepsTheSessionAliveByWhatABrowserSendsWhereThatIsADeed) {
   const std::string cookie = signed_in(Role::kSurgeon);
   const auto left_after_a_message = [&](const std::string& target) {
     SocketClient client = connect(target, cookie);
-    std::this_thread::sleep_for(std::chrono::milliseconds(1200));
+    time.move(std::chrono::milliseconds(1200));
     client.send_text("here");
     client.receive();
     return sessions.left(*opened.session);

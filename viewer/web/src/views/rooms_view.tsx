@@ -151,6 +151,13 @@ function RoomCard({ room, seen, watches, clock, mayControl, refresh, guests }: R
           <Icon name="alarm" /> {room.problem}
         </p>
       )}
+      {room.streams
+        .filter((one) => one.unboxed)
+        .map((one) => (
+          <p key={one.name} class="problem unboxed">
+            <Icon name="alarm" /> {t('rooms.unboxed', { name: word('stream', one.name) })}
+          </p>
+        ))}
       <Troubles troubles={troublesOf(room)} />
       <div class="room-body">
         {watched.length > 0 && (

@@ -1,4 +1,4 @@
-#include "media/case_export.h"
+#include "media/export/case_export.h"
 
 #include <algorithm>
 #include <array>
@@ -12,7 +12,7 @@
 #include "base/error.h"
 #include "crypto/encoding.h"
 #include "crypto/hash.h"
-#include "media/exporter.h"
+#include "media/export/exporter.h"
 #include "media/output_file.h"
 #include "media/output_folder.h"
 
