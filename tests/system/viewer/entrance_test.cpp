@@ -94,7 +94,7 @@ TEST_F(Entrance, AnAttemptRunsThroughTheViewerAndIsOfWhoSignedInThere) {
     ASSERT_TRUE(message) << client.farewell().second;
     if (message->is_text)
       began = began || text_of(message->bytes).find("\"began\"") != std::string_view::npos;
-    pictures += message->is_text ? 0 : 1;
+    if (!message->is_text) ++pictures;
   }
   EXPECT_TRUE(began);
   client.send_text(R"({"end":true})");

@@ -252,21 +252,21 @@ TEST_F(WebSocketTest, TellsOnceWhatWasQueuedHasBeenTakenOrNeverWill) {
                  "https://127.0.0.1:" + std::to_string(server->port()));
   ASSERT_TRUE(seen.wait_for([&] { return seen.output != nullptr; }));
   std::atomic<int> told_taken = 0;
-  const auto told = [&] {
+  const auto tell_taken = [&] {
     ++told_taken;
     // Whoever waits looks under the mutex: without it they could miss this.
     { const std::lock_guard guard(seen.mutex); }
     seen.changed.notify_all();
   };
-  seen.output->when_taken(told);
+  seen.output->when_taken(tell_taken);
   EXPECT_EQ(told_taken, 1) << "nothing waits";
   seen.output->send_text("a message");
-  seen.output->when_taken(told);
+  seen.output->when_taken(tell_taken);
   EXPECT_TRUE(seen.wait_for([&] { return told_taken == 2; }));
   const auto picture = std::make_shared<const Bytes>(1U << 20);
   while (seen.output->send_bytes(picture)) {
   }
-  seen.output->when_taken(told);
+  seen.output->when_taken(tell_taken);
   EXPECT_EQ(told_taken, 2) << "the browser takes nothing";
   client.reset();
   EXPECT_TRUE(seen.wait_for([&] { return told_taken == 3; })) << "and has gone";
