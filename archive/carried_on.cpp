@@ -5,6 +5,7 @@
 #include <filesystem>
 #include <string_view>
 
+#include "archive/case_against_log.h"
 #include "archive/case_folder.h"
 #include "archive/case_layout.h"
 #include "archive/finding_list.h"
@@ -190,6 +191,23 @@ std::optional<std::string> announced_by(const std::string& close_reason) {
   }
   std::string id = close_reason.substr(kAnnounces.size());
   return is_case_id(id) ? std::optional(std::move(id)) : std::nullopt;
+}
+
+bool is_announced_by_earlier(const fs::path& folder, const OpenEntry& open,
+                             const crypto::VerifierKey& device) {
+  const auto earlier = carried_on_by(open);
+  if (!earlier) {
+    return false;
+  }
+  const fs::path its = fs::absolute(folder).lexically_normal().parent_path() / earlier->case_id;
+  const auto found = read_neighbour(its, earlier->size);
+  const auto hash_of = [](const OpenEntry& of) {
+    return of.subject ? std::optional(of.subject->sha256) : std::nullopt;
+  };
+  return found && found->open && found->root == earlier->root &&
+         announced_by(found->close_reason) == open.case_id && hash_of(*found->open) == hash_of(open) &&
+         found->open->plan == open.plan &&
+         is_signed(its, {case_origin(device.name(), earlier->case_id), earlier->size, earlier->root}, device);
 }
 
 void check_carrying_on(const CaseFolder& folder, const OpenEntry& open, const std::string& close_reason,

@@ -5,10 +5,12 @@
 #pragma once
 
 #include <cstdint>
+#include <filesystem>
 #include <optional>
 #include <string>
 
 #include "archive/ledger_entry.h"
+#include "crypto/signed_note.h"
 
 namespace kiroku::archive {
 
@@ -34,6 +36,11 @@ std::optional<CarriedOn> carried_on_by(const OpenEntry& open);
 std::string reason_to_be_carried_on(const std::string& later_case);
 /// The case that `close` announces; nothing where it announces none.
 std::optional<std::string> announced_by(const std::string& close_reason);
+
+/// Whether the case that `open` says it carries on lies beside `folder`, announces just this case under a
+/// checkpoint of `device`, and has the same subject and plan. Then `open` brings nothing that was not there.
+bool is_announced_by_earlier(const std::filesystem::path& folder, const OpenEntry& open,
+                             const crypto::VerifierKey& device);
 
 /// Compares a case with the one before it and the one after it, where they lie beside it in one archive
 /// folder. Reads their ledgers once each, in constant memory. `folder` is the case's, `open` and

@@ -11,13 +11,15 @@
 #include "base/error.h"
 #include "base/near_miss.h"
 #include "base/time_text.h"
+#include "crypto/merkle_tree.h"
 
 namespace kiroku::archive {
 
 namespace {
 
 /// Visits the entries in order; a torn last line is not an entry yet.
-void read_entries(const std::filesystem::path& path, const std::function<void(CaseEntry&&)>& visit) {
+void read_entries(const std::filesystem::path& path,
+                  const std::function<void(CaseEntry&&, std::string_view line)>& visit) {
   const CaseFolder folder = CaseFolder::open(path);
   const FileOpening opening = folder.open_file(kLedgerFile);
   if (!opening.file) {
@@ -40,7 +42,7 @@ void read_entries(const std::filesystem::path& path, const std::function<void(Ca
       throw Error("cannot read entry " + std::to_string(number) + " of " + (path / kLedgerFile).string() +
                   ": " + parse.problem + "; see what `kiroku verify` says of the case");
     }
-    visit(std::move(*parse.entry));
+    visit(std::move(*parse.entry), line.text);
     ++number;
   }
 }
@@ -51,7 +53,9 @@ CaseReader CaseReader::open(const std::filesystem::path& folder) {
   CaseReader reader;
   reader.folder_ = folder;
   bool first = true;
-  read_entries(folder, [&](CaseEntry&& entry) {
+  crypto::MerkleFrontier tree;
+  read_entries(folder, [&](CaseEntry&& entry, std::string_view line) {
+    tree.append(crypto::merkle_leaf_hash(bytes_of(line)));
     if (first) {
       auto* opening = std::get_if<OpenEntry>(&entry.body);
       if (opening == nullptr) {
@@ -74,6 +78,7 @@ CaseReader CaseReader::open(const std::filesystem::path& folder) {
   if (first) {
     throw Error("cannot read " + (folder / kLedgerFile).string() + ": it holds no whole entry");
   }
+  reader.lines_root_ = tree.root();
   return reader;
 }
 
@@ -104,7 +109,14 @@ std::vector<SegmentEntry> CaseReader::segments(const std::string& stream, std::i
 std::vector<GapEntry> CaseReader::gaps(const std::string& stream) const {
   std::vector<GapEntry> found;
   std::copy_if(gaps_.begin(), gaps_.end(), std::back_inserter(found),
-               [&](const GapEntry& gap) { return gap.stream == stream; });
+               [&](const GapEntry& gap) { return gap.stream == stream && !gap.of_sound; });
+  return found;
+}
+
+std::vector<GapEntry> CaseReader::sound_gaps(const std::string& stream) const {
+  std::vector<GapEntry> found;
+  std::copy_if(gaps_.begin(), gaps_.end(), std::back_inserter(found),
+               [&](const GapEntry& gap) { return gap.stream == stream && gap.of_sound; });
   return found;
 }
 
@@ -125,7 +137,7 @@ std::int64_t CaseReader::duration_ns() const {
 }
 
 void CaseReader::for_each(const std::function<void(const CaseEntry&)>& visit) const {
-  read_entries(folder_, [&](CaseEntry&& entry) { visit(entry); });
+  read_entries(folder_, [&](CaseEntry&& entry, std::string_view) { visit(entry); });
 }
 
 std::int64_t CaseReader::parse_time(const std::string& text, const std::string& what) const {

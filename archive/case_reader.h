@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "archive/ledger_entry.h"
+#include "crypto/hash.h"
 
 namespace kiroku::archive {
 
@@ -21,13 +22,17 @@ class CaseReader {
   [[nodiscard]] const OpenEntry& opening() const { return opening_; }
   [[nodiscard]] const Moment& opened_at() const { return opened_at_; }
   [[nodiscard]] std::optional<CloseEntry> closing() const { return closing_; }
+  /// Root (RFC 6962) over the lines that were read: VerificationReport::lines_root of a verification of the
+  /// same ledger.
+  [[nodiscard]] const crypto::Sha256Digest& lines_root() const { return lines_root_; }
   [[nodiscard]] const StreamInfo& stream(
       const std::string& name) const;  // throws UsageError that lists the streams there are
   /// Segments of a stream whose span meets [from_ns, to_ns), in order.
   [[nodiscard]] std::vector<SegmentEntry> segments(const std::string& stream, std::int64_t from_ns,
                                                    std::int64_t to_ns) const;
-  /// Stated gaps of a stream, in the ledger's order.
+  /// Stated gaps of a stream, in the ledger's order; of the sound beside its pictures alone.
   [[nodiscard]] std::vector<GapEntry> gaps(const std::string& stream) const;
+  [[nodiscard]] std::vector<GapEntry> sound_gaps(const std::string& stream) const;
   /// The last entry by which retention removed the segment's bytes; null if they were left.
   [[nodiscard]] const ErasedEntry* erasure_of(const SegmentEntry& segment) const;
   [[nodiscard]] bool is_erased(const SegmentEntry& segment) const { return erasure_of(segment) != nullptr; }
@@ -59,6 +64,7 @@ class CaseReader {
   std::vector<GapEntry> gaps_;
   std::vector<ErasedEntry> erased_;
   std::int64_t last_mono_ns_ = 0;
+  crypto::Sha256Digest lines_root_{};
 };
 
 /// "00:01:02.345678901" since a case began, without zeros at the end; what CaseReader::parse_time() reads

@@ -30,7 +30,7 @@ bool needs_signature(std::string_view line) {
 
 }  // namespace
 
-void CaseWriter::State::take_opening(const CaseEntry& entry, const std::string& device) {
+const OpenEntry& CaseWriter::State::check_opening(const CaseEntry& entry, const std::string& device) const {
   const auto* open = std::get_if<OpenEntry>(&entry.body);
   if (open == nullptr) {
     refuse_damaged(folder, "its ledger does not begin with open");
@@ -42,10 +42,7 @@ void CaseWriter::State::take_opening(const CaseEntry& entry, const std::string& 
   if (open->case_id != folder.filename().string()) {
     refuse_damaged(folder, "its ledger is that of case " + open->case_id);
   }
-  case_id = open->case_id;
-  for (const StreamInfo& info : open->streams) {
-    streams.push_back({info, {}, {}, {}});
-  }
+  return *open;
 }
 
 void CaseWriter::State::take_newest_note(std::uint64_t size, const crypto::Sha256Digest& root) {
@@ -67,24 +64,72 @@ void CaseWriter::State::take_newest_note(std::uint64_t size, const crypto::Sha25
   last_checkpoint = StoredCheckpoint{size, root, *note, file};
 }
 
+/// Nothing is written, read or removed through a link that somebody put in the place of a folder.
+void refuse_linked_folders(const fs::path& folder) {
+  std::vector<fs::path> folders;
+  for (const std::string_view name :
+       {kCheckpointsFolder, kTokensFolder, kSegmentsFolder, kAuthoritiesFolder}) {
+    folders.push_back(folder / name);
+  }
+  for (std::size_t at = 0; at < folders.size(); ++at) {
+    const fs::file_type type = fs::symlink_status(folders[at]).type();
+    if (type == fs::file_type::symlink) {
+      refuse_damaged(folder, folders[at].lexically_relative(folder).string() + " is a symbolic link");
+    }
+    if (folders[at] == folder / kSegmentsFolder && type == fs::file_type::directory) {
+      for (const fs::directory_entry& stream : fs::directory_iterator(folders[at])) {
+        folders.push_back(stream.path());
+      }
+    }
+  }
+}
+
 std::unique_ptr<CaseWriter> CaseWriter::resume(FileSystem& files, const fs::path& folder,
                                                const crypto::SigningKey& key, const std::string& device_name,
                                                ApplianceLog* log,
                                                const std::function<void(const CaseEntry&)>& visit) {
   auto state = std::make_unique<State>(files, &key, device_name, log, folder.parent_path());
   state->folder = folder;
-  // What is signed here is believed everywhere. Whoever can write to the disk, and has no key, could have cut
-  // a case back to an earlier checkpoint, or taken its checkpoints away and put other lines there.
-  if (log != nullptr) {
-    if (const auto problem = why_not_the_logged_case(folder, log->folder(),
-                                                     crypto::VerifierKey(device_name, key.public_key()))) {
-      refuse_damaged(folder, *problem);
-    }
-  }
+  state->case_id = folder.filename().string();
+  refuse_linked_folders(folder);
+  const crypto::VerifierKey verifier(device_name, key.public_key());
+  const std::string device = verifier.to_string();
   const std::uint64_t newest = newest_note(folder);
-  const std::string device = crypto::VerifierKey(device_name, key.public_key()).to_string();
+  // What is signed here is believed everywhere. Whoever can write to the disk, and has no key, could have cut
+  // a case back to an earlier checkpoint, taken its checkpoints away, or put other lines there. So all is
+  // read before anything is cut off, and judged again as it is read for good.
+  std::optional<CaseAgainstLog> known;
+  if (log != nullptr) {
+    known.emplace(state->case_id, log->folder(), verifier);
+  }
+  std::optional<CaseAgainstLog> known_again = known;
   crypto::MerkleFrontier tree;
   std::optional<crypto::Sha256Digest> root;  // that the newest note must state
+  for_each_whole_line(folder, [&](std::string_view line) {
+    if (const EntryParse first = tree.size() == 0 ? parse_case_entry(line) : EntryParse{}; first.entry) {
+      static_cast<void>(state->check_opening(*first.entry, device));
+    }
+    if (known) {
+      known->take(line);
+    }
+    tree.append(crypto::merkle_leaf_hash(bytes_of(line)));
+    if (tree.size() == newest) {
+      root = tree.root();
+    }
+  });
+  if (const auto problem = known ? known->problem(newest) : std::nullopt) {
+    refuse_damaged(folder, *problem);
+  }
+  if (newest > tree.size()) {
+    refuse_damaged(folder, "a checkpoint covers " + std::to_string(newest) + " entries and there are " +
+                               std::to_string(tree.size()));
+  }
+  if (newest > 0) {
+    state->take_newest_note(newest, *root);
+  }
+  state->opening_vouched = newest > 0 || !known || known->opening_signed();
+  tree = crypto::MerkleFrontier();
+  root.reset();
   const auto take = [&](std::uint64_t seq, std::string_view line) {
     const EntryParse parse = parse_case_entry(line);
     if (!parse.entry || parse.entry->seq != seq) {
@@ -92,7 +137,12 @@ std::unique_ptr<CaseWriter> CaseWriter::resume(FileSystem& files, const fs::path
                                  (parse.problem.empty() ? "" : " (" + parse.problem + ")"));
     }
     if (seq == 0) {
-      state->take_opening(*parse.entry, device);
+      for (const StreamInfo& info : state->check_opening(*parse.entry, device).streams) {
+        state->streams.push_back({info, {}, {}, {}});
+      }
+    }
+    if (known_again) {
+      known_again->take(line);
     }
     tree.append(crypto::merkle_leaf_hash(bytes_of(line)));
     if (tree.size() == newest) {
@@ -118,12 +168,10 @@ std::unique_ptr<CaseWriter> CaseWriter::resume(FileSystem& files, const fs::path
   if (state->ledger->size() == 0) {
     refuse_damaged(folder, "its ledger holds no whole entry");
   }
-  if (newest > state->ledger->size()) {
-    refuse_damaged(folder, "a checkpoint covers " + std::to_string(newest) + " entries and there are " +
-                               std::to_string(state->ledger->size()));
-  }
-  if (newest > 0) {
-    state->take_newest_note(newest, *root);
+  const bool changed =
+      (newest > 0 && root != state->last_checkpoint->root) || (known_again && known_again->problem(newest));
+  if (changed) {
+    refuse_damaged(folder, "its ledger changed while it was read");
   }
   return std::unique_ptr<CaseWriter>(new CaseWriter(std::move(state)));
 }

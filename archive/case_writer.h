@@ -83,6 +83,9 @@ class CaseWriter {
   [[nodiscard]] std::uint64_t torn_bytes() const;
   /// Bytes that it cut off because they begin with `close` or `erased`, which nobody had signed.
   [[nodiscard]] std::uint64_t unsigned_bytes() const;
+  /// Whether a signature shows that the case is the device's: a checkpoint of its own, or the log's over
+  /// `case-opened`. Without one a recorder had nothing but `open` in it; anybody could have made that.
+  [[nodiscard]] bool opening_vouched() const;
 
   /// A new segment file of stream `stream_index` (position in Options::streams). Thread-safe.
   std::unique_ptr<SegmentWriter> begin_segment(std::size_t stream_index, std::uint64_t segment_index);

@@ -75,7 +75,7 @@ struct CaseWriter::State {
   /// Keeps count of what is in the ledger, written just now or found there.
   void account_for(const CaseEntryBody& body);
   /// Of a ledger that is there already; throw kiroku::Error where it is not this device's, or damaged.
-  void take_opening(const CaseEntry& entry, const std::string& device);
+  [[nodiscard]] const OpenEntry& check_opening(const CaseEntry& entry, const std::string& device) const;
   void take_newest_note(std::uint64_t size, const crypto::Sha256Digest& root);
 
   FileSystem& files;
@@ -88,6 +88,7 @@ struct CaseWriter::State {
   std::vector<Stream> streams;
   std::unique_ptr<Ledger> ledger;
   std::uint64_t torn_bytes = 0, unsigned_bytes = 0;
+  bool opening_vouched = true;
   std::int64_t last_mono_ns = 0;
   std::optional<StoredCheckpoint> last_checkpoint;
   std::optional<std::int64_t> last_logged_ns;

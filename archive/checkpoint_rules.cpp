@@ -115,12 +115,17 @@ std::optional<std::int64_t> CheckpointRules::mono_at(std::uint64_t size) const {
   return found == mono_.end() ? std::nullopt : std::optional(found->second);
 }
 
-crypto::OpenedNote CheckpointRules::open(const std::string& note) const {
+std::optional<crypto::Sha256Digest> CheckpointRules::hash_at(std::uint64_t size) const {
+  const auto found = hashes_.find(size);
+  return found == hashes_.end() ? std::nullopt : std::optional(found->second);
+}
+
+CheckpointRules::ReadNote CheckpointRules::open(const std::string& note) const {
   std::vector<crypto::VerifierKey> signers;
   if (device_) {
     signers.push_back(*device_);
   }
-  return crypto::open_note(note, signers);
+  return {crypto::open_note(note, signers), crypto::sha256(bytes_of(note))};
 }
 
 void CheckpointRules::open_ahead(std::uint64_t size) {
@@ -136,13 +141,13 @@ void CheckpointRules::open_ahead(std::uint64_t size) {
   }
   ahead_.clear();
   ahead_until_ = *(first + static_cast<std::ptrdiff_t>(count) - 1);
-  std::vector<std::future<std::map<std::uint64_t, crypto::OpenedNote>>> parts;
+  std::vector<std::future<std::map<std::uint64_t, ReadNote>>> parts;
   for (std::size_t begin = 0; begin < count; begin += kOfThread) {
     const std::vector<std::uint64_t> part(
         first + static_cast<std::ptrdiff_t>(begin),
         first + static_cast<std::ptrdiff_t>(std::min(count, begin + kOfThread)));
     parts.push_back(std::async(std::launch::async, [this, part] {
-      std::map<std::uint64_t, crypto::OpenedNote> all;
+      std::map<std::uint64_t, ReadNote> all;
       for (const std::uint64_t each : part) {
         FindingList said_later;
         if (const auto note = read_note(*folder_, each, std::nullopt, said_later)) {
@@ -162,10 +167,16 @@ std::optional<crypto::OpenedNote> CheckpointRules::opened(std::uint64_t size) {
     open_ahead(size);
   }
   if (auto known = ahead_.extract(size)) {
-    return std::move(known.mapped());
+    hashes_.emplace(size, known.mapped().hash);
+    return std::move(known.mapped().opened);
   }
   const std::optional<std::string> note = read_note(*folder_, size, std::nullopt, *findings_);
-  return note ? std::optional(open(*note)) : std::nullopt;
+  if (!note) {
+    return std::nullopt;
+  }
+  ReadNote read = open(*note);
+  hashes_.emplace(size, read.hash);
+  return std::move(read.opened);
 }
 
 std::optional<crypto::Checkpoint> CheckpointRules::check_note(std::uint64_t size,

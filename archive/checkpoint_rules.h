@@ -52,11 +52,18 @@ class CheckpointRules {
   /// Largest size that any note has by its name; 0 if none.
   [[nodiscard]] std::uint64_t newest() const { return sizes_.empty() ? 0 : sizes_.back(); }
   [[nodiscard]] std::uint64_t count() const { return count_; }
+  /// Hash of the bytes that were judged as the note of this size; nothing where none were. Whoever reads the
+  /// note again compares it: its file may have changed meanwhile.
+  [[nodiscard]] std::optional<crypto::Sha256Digest> hash_at(std::uint64_t size) const;
   /// Case clock when the tree had this size; nothing for a size without a note.
   [[nodiscard]] std::optional<std::int64_t> mono_at(std::uint64_t size) const;
 
  private:
-  [[nodiscard]] crypto::OpenedNote open(const std::string& note) const;
+  struct ReadNote {
+    crypto::OpenedNote opened;
+    crypto::Sha256Digest hash;
+  };
+  [[nodiscard]] ReadNote open(const std::string& note) const;
   /// Reads the note of this size, adding a finding where it cannot be had.
   std::optional<crypto::OpenedNote> opened(std::uint64_t size);
   /// Opens the notes from this size on in several threads: a signature takes longer than all else about it.
@@ -70,10 +77,11 @@ class CheckpointRules {
   std::vector<std::uint64_t> sizes_;  // ascending
   std::optional<crypto::VerifierKey> device_;
   std::string origin_;
-  std::map<std::uint64_t, crypto::OpenedNote> ahead_;  // by size
-  std::uint64_t ahead_until_ = 0;                      // size of the last note that was looked at
+  std::map<std::uint64_t, ReadNote> ahead_;  // by size
+  std::uint64_t ahead_until_ = 0;            // size of the last note that was looked at
   bool one_signer_ = true;
   std::map<std::uint64_t, std::int64_t> mono_;
+  std::map<std::uint64_t, crypto::Sha256Digest> hashes_;  // by size
   std::uint64_t covered_ = 0;
   std::uint64_t count_ = 0;
   bool changed_ = false;  // a root did not fit: all later ones cannot either

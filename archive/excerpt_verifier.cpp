@@ -164,6 +164,11 @@ class ExcerptVerification {
       findings_.add("checkpoint-missing", {note_path(document_.size)},
                     note_path(document_.size) + " is not there, which must cover all lines of the excerpt");
     }
+    // The note was read once for the proofs and once to be judged.
+    if (signed_root_ && tree_ && number == document_.size && tree_->root() != *signed_root_) {
+      findings_.add("excerpt-proof-invalid", {note_path(document_.size)},
+                    "the root that the proofs lead to is not that of the lines");
+    }
     checkpoints_.finish(number);
     rules_.finish();
     judge_reach();

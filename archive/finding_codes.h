@@ -119,6 +119,7 @@ inline constexpr auto kFindingCodes = std::to_array<FindingCode>({
     {"segment-undecryptable", Severity::kTampered, "a segment with the right hash does not decrypt"},
     {"segment-undecodable", Severity::kTampered, "a segment does not decode to what its entry states"},
     {"gap", Severity::kGap, "time in which nothing could be recorded"},
+    {"sound-gap", Severity::kGap, "time in which the sound beside pictures could not be recorded"},
     {"segment-incomplete", Severity::kGap, "a segment was cut off before its end"},
     {"segment-part-lost", Severity::kGap,
      "of a segment that recovery found, what had not reached the disk does not decrypt; offset: from where "
@@ -155,6 +156,10 @@ inline constexpr auto kFindingCodes = std::to_array<FindingCode>({
     {"log-knows-more", Severity::kTampered,
      "the log knows entries of this case that are not there: the end was removed"},
     {"log-end-differs", Severity::kTampered, "the log states another final token than the case has"},
+    {"log-entry-doubted", Severity::kUnproven,
+     "an entry of the log that nobody signed before another followed contradicts the case, or tells of one "
+     "that "
+     "is not there: the machine stopped at that moment, or somebody made it up"},
     {"log-head-differs", Severity::kTampered, "the case was opened over another state of the log"},
     {"case-missing", Severity::kTampered,
      "the log knows a case that is not in the archive and was not erased; what begins with another line, or "

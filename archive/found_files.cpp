@@ -120,7 +120,8 @@ std::vector<TokenName> found_tokens(const fs::path& case_folder) {
   return found;
 }
 
-std::optional<TokenEntry> token_in_folder(const CaseFolder& folder, const TokenName& name) {
+std::optional<TokenEntry> token_in_folder(const CaseFolder& folder, const TokenName& name,
+                                          const timestamp::TrustStore* trust) {
   const FileOpening token = folder.open_file(token_path(name.size, name.authority));
   const FileOpening note = folder.open_file(note_path(name.size));
   const std::optional<std::string> response =
@@ -135,6 +136,14 @@ std::optional<TokenEntry> token_in_folder(const CaseFolder& folder, const TokenN
   const auto info = parsed ? timestamp::parse_token_info(parsed->token, ignored) : std::nullopt;
   if (!info || !info->algorithm || crypto::digest(*info->algorithm, bytes_of(*text)) != info->imprint) {
     return std::nullopt;
+  }
+  if (trust != nullptr) {
+    timestamp::Expectation expectation;
+    expectation.data = to_bytes(*text);
+    if (timestamp::judge_token(bytes_of(*response), expectation, *trust).code !=
+        timestamp::TokenCode::kValid) {
+      return std::nullopt;
+    }
   }
   TokenEntry facts;
   facts.gen_time = info->gen_time;

@@ -10,6 +10,7 @@
 #include "archive/case_folder.h"
 #include "archive/case_layout.h"
 #include "archive/ledger_entry.h"
+#include "timestamp/token_verifier.h"
 
 namespace kiroku::archive {
 
@@ -28,8 +29,10 @@ std::vector<FoundSegment> found_segments(const std::filesystem::path& case_folde
 std::vector<TokenName> found_tokens(const std::filesystem::path& case_folder);
 
 /// gen_time, accuracy_ns and serial of a token file, which may have no entry yet; nothing if it is not over
-/// that checkpoint's note, or one of the two is not there. Nothing is trusted here.
-std::optional<TokenEntry> token_in_folder(const CaseFolder& folder, const TokenName& name);
+/// that checkpoint's note, or one of the two is not there, or if it is not valid under `trust`. Where that is
+/// null nothing is trusted here.
+std::optional<TokenEntry> token_in_folder(const CaseFolder& folder, const TokenName& name,
+                                          const timestamp::TrustStore* trust = nullptr);
 
 /// What stands in a part, as far as that can be told without a key. After a power cut its length proves
 /// nothing: of what was not flushed, some blocks are zeros.

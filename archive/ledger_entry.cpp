@@ -187,6 +187,8 @@ SegmentEntry read_segment(JsonFields& fields) {
   return segment;
 }
 
+constexpr std::string_view kOfSound = "sound";
+
 GapEntry read_gap(JsonFields& fields) {
   GapEntry gap;
   gap.stream = read_short_name(fields, "stream");
@@ -198,6 +200,12 @@ GapEntry read_gap(JsonFields& fields) {
     fields.refuse("cause", "has a value that format 1 does not know");
   } else {
     gap.cause = cause->first;
+  }
+  if (fields.has("of")) {
+    gap.of_sound = fields.text("of") == kOfSound;
+    if (!fields.failed() && !gap.of_sound) {
+      fields.refuse("of", "has a value that format 1 does not know");
+    }
   }
   return gap;
 }
@@ -391,6 +399,9 @@ void write(JsonWriter& line, const GapEntry& gap) {
   line.text("stream", gap.stream);
   write_span(line, gap.span);
   line.text("cause", gap_cause_name(gap.cause));
+  if (gap.of_sound) {
+    line.text("of", kOfSound);
+  }
 }
 
 void write(JsonWriter& line, const ClockEntry& clock) {

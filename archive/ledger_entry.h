@@ -132,6 +132,8 @@ struct GapEntry {
   std::string stream;
   Span span;
   GapCause cause = GapCause::kSignalLost;
+  /// Only the sound beside the stream's pictures is missing: it says nothing of the pictures.
+  bool of_sound = false;
 };
 
 struct ClockEntry {

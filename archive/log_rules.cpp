@@ -69,6 +69,8 @@ LogContents LogWalk::run() {
     tree_.append(crypto::merkle_leaf_hash(bytes_of(line.text)));
     tree_known = tree_known && !line.too_long;
     erased_now_.reset();
+    told_now_.reset();
+    closed_now_.reset();
     take(line, number);
     if (contents_.gave_up) {
       if (outside_ != nullptr) {
@@ -84,7 +86,11 @@ LogContents LogWalk::run() {
       if (erased_now_ && checkpoints_.covered() == tree_.size()) {
         contents_.cases[*erased_now_].erased = true;
       }
-    } else if (tree_.size() > last_listed) {
+      judge_told(number, checkpoints_.covered() == tree_.size());
+    } else {
+      judge_told(number, false);
+    }
+    if (!checkpoints_.has(tree_.size()) && tree_.size() > last_listed) {
       recent_.push_back({{}, tree_.size(), tree_.root()});
       if (recent_.size() > kMostRecent) {
         recent_.pop_front();
@@ -133,6 +139,21 @@ void LogWalk::judge_signed() {
                        " entries, where one was to follow each: nobody signed them when they were written");
   }
   since_note_ = 0;
+}
+
+void LogWalk::judge_told(std::uint64_t number, bool has_its_own) {
+  if (!told_now_) {
+    return;
+  }
+  LoggedCase& known = contents_.cases[*told_now_];
+  if (closed_now_ && (has_its_own || !known.closed)) {
+    known.closed = {closed_now_->size, closed_now_->root, number};
+    known.final_token = closed_now_->final_token;
+  }
+  known.vouched = known.vouched || has_its_own;
+  if (!has_its_own) {
+    contents_.doubted.insert(number);
+  }
 }
 
 void LogWalk::judge_tail() {
@@ -205,6 +226,9 @@ void LogWalk::take(const LedgerLine& line, std::uint64_t number) {
                         [&](const DeviceKeyChangedEntry& change) { set_device(change.device, number); },
                         [&](const CaseOpenedEntry& opened) {
                           LoggedCase* known = logged(opened.case_id);
+                          if (known != nullptr) {
+                            told_now_ = opened.case_id;
+                          }
                           if (known != nullptr && !known->opened) {
                             known->opened = number;
                             known->opening_line = opened.sha256;
@@ -212,13 +236,16 @@ void LogWalk::take(const LedgerLine& line, std::uint64_t number) {
                         },
                         [&](const CaseCheckpointEntry& checkpoint) {
                           note_root(checkpoint.case_id, {checkpoint.size, checkpoint.root, number});
+                          if (contents_.cases.contains(checkpoint.case_id)) {
+                            told_now_ = checkpoint.case_id;
+                          }
                         },
                         [&](const CaseClosedEntry& closed) {
                           const KnownRoot root{closed.size, closed.root, number};
                           note_root(closed.case_id, root);
-                          if (LoggedCase* known = logged(closed.case_id)) {
-                            known->closed = root;
-                            known->final_token = closed.final_token;
+                          if (logged(closed.case_id) != nullptr) {
+                            told_now_ = closed.case_id;
+                            closed_now_ = closed;
                           }
                         },
                         [&](const CaseErasedEntry& erased) {
@@ -278,6 +305,7 @@ LogComparison::LogComparison(const LogContents* log, const std::optional<OpenEnt
   if (log == nullptr || !opening) {
     return;
   }
+  log_ = log;
   case_id_ = opening->case_id;
   const auto found = log->cases.find(case_id_);
   if (found == log->cases.end() || !found->second.opened) {
@@ -297,10 +325,20 @@ LogComparison::LogComparison(const LogContents* log, const std::optional<OpenEnt
   }
 }
 
+void LogComparison::add(CodeName code, const Place& place, std::uint64_t log_entry, const std::string& text) {
+  if (log_->doubted.contains(log_entry)) {
+    findings_->add("log-entry-doubted", place,
+                   text +
+                       "; nobody signed that entry of the log when it was written, so whoever could write "
+                       "to the disk could have made it");
+  } else {
+    findings_->add(code, place, text);
+  }
+}
+
 void LogComparison::check_opening(const crypto::Sha256Digest& entry0) {
   if (known_ != nullptr && known_->opening_line != entry0) {
-    findings_->add(
-        "log-opening-differs", in_log(*known_->opened),
+    add("log-opening-differs", in_log(*known_->opened), *known_->opened,
         "the appliance log knows another open of case " + case_id_ + " in its " + at_entry(*known_->opened));
   }
 }
@@ -321,12 +359,12 @@ bool LogComparison::knows_beyond(std::uint64_t size) const {
 
 void LogComparison::reached(std::uint64_t size, const RootTest& fits) {
   for (const KnownRoot& each : roots_at(size)) {
-    if (!differs_ && !fits(each.root)) {
-      differs_ = true;
-      findings_->add("log-checkpoint-differs", in_log(each.entry),
-                     "the first " + std::to_string(size) +
-                         " entries are not those whose root the appliance log states in its " +
-                         at_entry(each.entry));
+    bool& said = log_->doubted.contains(each.entry) ? differs_in_doubt_ : differs_;
+    if (!said && !fits(each.root)) {
+      said = true;
+      add("log-checkpoint-differs", in_log(each.entry), each.entry,
+          "the first " + std::to_string(size) +
+              " entries are not those whose root the appliance log states in its " + at_entry(each.entry));
     }
   }
 }
@@ -336,13 +374,17 @@ void LogComparison::finish(std::uint64_t entries,
   if (known_ == nullptr) {
     return;
   }
-  const auto most = std::max_element(known_->roots.begin(), known_->roots.end(),
-                                     [](const KnownRoot& a, const KnownRoot& b) { return a.size < b.size; });
-  if (most != known_->roots.end() && most->size > entries) {
-    findings_->add("log-knows-more", {std::string(kLedgerFile), entries},
-                   "the appliance log knows " + std::to_string(most->size) + " entries of this case (its " +
-                       at_entry(most->entry) + ") and there are " + std::to_string(entries) +
-                       ": the end of the ledger was removed");
+  // By size: of those that somebody signed in time the last, or the last of the others.
+  const auto signed_then = [&](const KnownRoot& each) { return !log_->doubted.contains(each.entry); };
+  auto most = std::find_if(roots_.rbegin(), roots_.rend(), signed_then);
+  if (most == roots_.rend() || most->size <= entries) {
+    most = roots_.rbegin();
+  }
+  if (most != roots_.rend() && most->size > entries) {
+    add("log-knows-more", {std::string(kLedgerFile), entries}, most->entry,
+        "the appliance log knows " + std::to_string(most->size) + " entries of this case (its " +
+            at_entry(most->entry) + ") and there are " + std::to_string(entries) +
+            ": the end of the ledger was removed");
     return;
   }
   if (known_->closed) {
@@ -353,9 +395,9 @@ void LogComparison::finish(std::uint64_t entries,
       }
     }
     if (last != known_->final_token) {
-      findings_->add("log-end-differs", in_log(known_->closed->entry),
-                     "the appliance log states another final token of this case in its " +
-                         at_entry(known_->closed->entry));
+      add("log-end-differs", in_log(known_->closed->entry), known_->closed->entry,
+          "the appliance log states another final token of this case in its " +
+              at_entry(known_->closed->entry));
     }
   }
 }

@@ -7,6 +7,7 @@
 #include <optional>
 #include <span>
 #include <string>
+#include <unordered_set>
 #include <vector>
 
 #include "archive/case_folder.h"
@@ -38,11 +39,17 @@ struct LoggedCase {
   /// The whole case, by an entry that was signed before another followed. A line that nobody signed then
   /// excuses nothing: anybody who can write to the disk can add one, and the next start signs what follows.
   bool erased = false;
+  /// Whether any entry of the log about the case was signed before another followed.
+  bool vouched = false;
 };
 
 /// What a walk over a log gives.
 struct LogContents {
   std::map<std::string, LoggedCase> cases;
+  /// Of the entries about these cases those that nobody signed before another followed: the machine stopped
+  /// at that moment, or somebody who can write to the disk made them up, and the next start signed them with
+  /// its own. They prove nothing against a case either.
+  std::unordered_set<std::uint64_t> doubted;
   std::optional<crypto::Sha256Digest> root_at_head;  // nothing: the log is shorter
   std::uint64_t entries = 0, checkpoints = 0;
   std::string device;
@@ -77,6 +84,8 @@ class LogWalk {
   void judge_tail();
   /// After a checkpoint that covers all until now.
   void judge_signed();
+  /// When it is known whether the newest entry, `number`, has a checkpoint of its own.
+  void judge_told(std::uint64_t number, bool has_its_own);
 
   const CaseFolder* folder_;
   const VerifyOptions* options_;
@@ -89,10 +98,12 @@ class LogWalk {
   crypto::MerkleFrontier tree_;
   LogContents contents_;
   std::int64_t last_mono_ns_ = 0;
-  std::deque<crypto::Checkpoint> recent_;     // of the newest sizes that no listed note has; without origin
-  std::deque<std::uint64_t> to_be_followed_;  // the last two entries that a checkpoint follows at once
-  std::optional<std::string> erased_now_;     // the case that the newest entry says was erased whole
-  std::uint64_t since_note_ = 0;              // entries to be followed, since the last checkpoint that fits
+  std::deque<crypto::Checkpoint> recent_;      // of the newest sizes that no listed note has; without origin
+  std::deque<std::uint64_t> to_be_followed_;   // the last two entries that a checkpoint follows at once
+  std::optional<std::string> erased_now_;      // the case that the newest entry says was erased whole
+  std::optional<std::string> told_now_;        // the case that the newest entry tells of, if it is kept
+  std::optional<CaseClosedEntry> closed_now_;  // the newest entry, if it is this
+  std::uint64_t since_note_ = 0;               // entries to be followed, since the last checkpoint that fits
   std::uint64_t broken_lines_ = 0;
 };
 
@@ -115,12 +126,15 @@ class LogComparison {
  private:
   /// The roots that the log states for this size.
   [[nodiscard]] std::span<const KnownRoot> roots_at(std::uint64_t size) const;
+  /// A finding with this code, or with one for an entry of the log that nobody signed when it was written.
+  void add(CodeName code, const Place& place, std::uint64_t log_entry, const std::string& text);
 
+  const LogContents* log_ = nullptr;
   const LoggedCase* known_ = nullptr;
   std::vector<KnownRoot> roots_;  // by size, then in the order of the log
   FindingList* findings_;
   std::string case_id_;
-  bool differs_ = false;
+  bool differs_ = false, differs_in_doubt_ = false;
 };
 
 }  // namespace kiroku::archive

@@ -79,12 +79,14 @@ struct Standing {
   std::uint64_t marks = 0;
   std::set<std::pair<std::uint64_t, std::string>> tokens;
   std::vector<ErasedEntry> erased;
+  OpenEntry opening;
   crypto::Sha256Digest opening_line{};
 
   void take(const CaseEntry& entry) {
     const Moment before = std::exchange(last, entry.at);
     if (const auto* open = std::get_if<OpenEntry>(&entry.body)) {
       opened = entry.at;
+      opening = *open;
       boot_id = open->boot_id;
       for (const StreamInfo& info : open->streams) {
         streams.emplace_back();
@@ -98,7 +100,7 @@ struct Standing {
       stream.uncounted = stream.uncounted || !segment->counted;
       stream.end_ns = std::max(stream.end_ns, segment->span.end_ns);
       stream.interruption_stated = false;
-    } else if (const auto* gap = std::get_if<GapEntry>(&entry.body)) {
+    } else if (const auto* gap = std::get_if<GapEntry>(&entry.body); gap != nullptr && !gap->of_sound) {
       StreamStanding& stream = of(gap->stream);
       stream.gaps.push_back(gap->span);
       stream.interruption_stated = gap->cause == GapCause::kInterrupted;
@@ -160,6 +162,7 @@ class Recovery {
   void bring_to_its_end() {
     writer_ = CaseWriter::resume(files_, folder_, *options_.key, options_.device_name, options_.log,
                                  [this](const CaseEntry& entry) { standing_.take(entry); });
+    refuse_films_without_a_case();
     make_known_to_the_log();
     remove_unfinished_files(files_, folder_);
     const bool was_closed = standing_.close.has_value();
@@ -187,6 +190,23 @@ class Recovery {
     finish_erasures();
   }
 
+  /// Segments are begun when the case's opening is signed. Behind one that nobody signed they are not the
+  /// recorder's: anybody can write an `open`, and seal a film to a recipient.
+  void refuse_films_without_a_case() const {
+    if (writer_->opening_vouched()) {
+      return;
+    }
+    for (const StreamStanding& stream : standing_.streams) {
+      const std::vector<FoundSegment> found = found_segments(folder_, stream.info, 0);
+      if (!found.empty()) {
+        throw Error("nobody signed that case " + result_.case_id + " was opened, and " +
+                    found.front().path.lexically_relative(folder_).string() +
+                    " lies in it, which no recorder left there: `kiroku verify " + folder_.string() +
+                    "` says more");
+      }
+    }
+  }
+
   /// A kill between a case's first entry and the log's `case-opened` leaves a case that the log does not
   /// know. With more than that first entry it never was one of ours.
   void make_known_to_the_log() {
@@ -212,8 +232,13 @@ class Recovery {
                                                                    kLongestBridge.count())};
   }
 
-  [[nodiscard]] std::string close_reason() const {
+  [[nodiscard]] std::string close_reason() {
     if (!options_.carry_on) {
+      return "recovered";
+    }
+    const crypto::VerifierKey device(options_.device_name, options_.key->public_key());
+    if (!writer_->opening_vouched() && !is_announced_by_earlier(folder_, standing_.opening, device)) {
+      result_.problem = "it is not carried on, since it ended before anybody signed that it was opened";
       return "recovered";
     }
     CutOffCase cut{result_.case_id, folder_, standing_.boot_id, standing_.opened, standing_.last};
@@ -350,10 +375,10 @@ class Recovery {
       if (standing_.tokens.contains({name.size, name.authority}) || name.size > writer_->size()) {
         continue;
       }
-      const std::optional<TokenEntry> facts = token_in_folder(folder, name);
+      const std::optional<TokenEntry> facts = token_in_folder(folder, name, options_.trust);
       if (!facts) {
-        result_.problem =
-            token_path(name.size, name.authority) + " is left as it is: it is no token over that checkpoint";
+        result_.problem = token_path(name.size, name.authority) +
+                          " is left as it is: it is no valid token over that checkpoint";
         continue;
       }
       writer_->adopt_token(name.size, name.authority, *facts, now());

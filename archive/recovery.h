@@ -12,6 +12,7 @@
 
 #include "archive/case_writer.h"
 #include "archive/recording_lock.h"
+#include "timestamp/token_verifier.h"
 
 namespace kiroku::archive {
 
@@ -44,8 +45,12 @@ struct RecoveryOptions {
   std::string boot_id;          // of the machine as it runs now: another one means that power was lost
   ApplianceLog* log = nullptr;  // may be null (tests)
   CheckpointStamper stamp;      // may be empty: then `token-missed` says so
+  /// Tokens that lie in a case without an entry are entered only if they are valid under these roots. Null:
+  /// any that is over its checkpoint.
+  const timestamp::TrustStore* trust = nullptr;
   /// The identifier of the case that will carry on the one that was cut off: its `close` announces it; ""
-  /// where none will. May be empty.
+  /// where none will. May be empty. Not asked of a case of which no signature shows that it is the device's,
+  /// unless it carries on one that announces it, with the same subject.
   std::function<std::string(const CutOffCase&)> carry_on;
   std::function<UtcTime()> now = utc_now;
 };

@@ -23,10 +23,14 @@ struct Segments {
   std::vector<ErasedEntry> erased;
   bool closed = false;
   std::int64_t last_mono_ns = 0;
+  OpenEntry opening;
+  Moment opened;
 
   void take(const CaseEntry& entry, const std::string& stream) {
     last_mono_ns = entry.at.mono_ns;
     if (const auto* open = std::get_if<OpenEntry>(&entry.body)) {
+      opening = *open;
+      opened = entry.at;
       stream_known = std::any_of(open->streams.begin(), open->streams.end(),
                                  [&](const StreamInfo& each) { return each.name == stream; });
     } else if (const auto* segment = std::get_if<SegmentEntry>(&entry.body)) {
@@ -136,6 +140,11 @@ Erasure erase_stream(FileSystem& files, const RetentionOptions& options, const f
     throw UsageError("case " + writer->case_id() +
                      " was not brought to its end: nothing is erased from it before that; `kiroku recover` "
                      "does it");
+  }
+  if (options.may_go && !options.may_go(segments.opening, segments.opened)) {
+    throw UsageError("case " + writer->case_id() +
+                     " is not as it was when it was chosen, and may not go: nothing was erased; find out who "
+                     "writes to the archive");
   }
   // After close the case clock stands.
   const auto now = [&] { return Moment{options.now(), segments.last_mono_ns}; };

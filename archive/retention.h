@@ -18,6 +18,10 @@ struct RetentionOptions {
   ApplianceLog* log = nullptr;  // may be null (tests)
   CheckpointStamper stamp;      // may be empty: then `token-missed` says so
   std::function<UtcTime()> now = utc_now;
+  /// Asked of the case's first entry when its ledger is held and its signatures were compared: whoever chose
+  /// the case read it before, and it may have been changed for that moment. False: nothing is erased. May be
+  /// empty.
+  std::function<bool(const OpenEntry&, const Moment& opened)> may_go;
 };
 
 struct Erasure {
@@ -30,7 +34,7 @@ struct Erasure {
 /// signed, in the appliance log and time-stamped; only then files are removed. Cut off before that, nothing
 /// is lost; after it, the next erasure or start-up removes the rest. Throws UsageError if the case is not
 /// closed and signed to its end, if it has no such stream, if `policy` is empty, if another process writes
-/// the case or another device recorded it; kiroku::Error, kiroku::IoError.
+/// the case or another device recorded it, or if `may_go` says no; kiroku::Error, kiroku::IoError.
 Erasure erase_stream(FileSystem& files, const RetentionOptions& options, const std::filesystem::path& folder,
                      const std::string& stream, const std::string& policy);
 

@@ -122,6 +122,13 @@ void StreamRules::check_seam(const SegmentEntry& segment, std::uint64_t entry) {
 }
 
 void StreamRules::take(const GapEntry& gap, std::uint64_t entry) {
+  if (gap.of_sound) {
+    // It excuses no hole between segments, and no segment that was cut off.
+    findings_->add("sound-gap", {std::string(kLedgerFile), entry},
+                   "the sound of " + report_.info.name + " was not recorded from " + text_of(gap.span) +
+                       " (" + std::string(gap_cause_name(gap.cause)) + ")");
+    return;
+  }
   findings_->add("gap", {std::string(kLedgerFile), entry},
                  report_.info.name + " was not recorded from " + text_of(gap.span) + " (" +
                      std::string(gap_cause_name(gap.cause)) + ")");

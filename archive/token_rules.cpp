@@ -140,6 +140,13 @@ TokenRules::Judged TokenRules::judge(const TokenEntry& token, std::uint64_t entr
   if (!note) {
     return {};
   }
+  if (checkpoints_->hash_at(token.checkpoint) != crypto::sha256(bytes_of(*note))) {
+    findings_->add("file-hash-differs", {note_path(token.checkpoint), entry},
+                   note_path(token.checkpoint) +
+                       " changed while it was checked: the token is over other bytes than those of which the "
+                       "signature was verified");
+    return {};
+  }
   static const timestamp::TrustStore kNoTrust;
   timestamp::Expectation expectation;
   expectation.data = to_bytes(*note);

@@ -362,10 +362,18 @@ void look_for_cases(const LogContents& log, const std::filesystem::path& log_fol
     }
     not_looked_for += search || logged.erased ? 0 : 1;
     if (search && !logged.erased && !holds_case(archive / case_id, logged.opening_line)) {
-      findings.add("case-missing", {std::string(kLedgerFile), logged.opened},
-                   "case " + case_id + " was opened (entry " + std::to_string(*logged.opened) +
-                       " of the log), was not erased, and is not in " + archive.string() +
-                       what_lies_instead(archive / case_id));
+      const Place place{std::string(kLedgerFile), logged.opened};
+      const std::string text = "case " + case_id + " was opened (entry " + std::to_string(*logged.opened) +
+                               " of the log), was not erased, and is not in " + archive.string() +
+                               what_lies_instead(archive / case_id);
+      if (logged.vouched) {
+        findings.add("case-missing", place, text);
+      } else {
+        findings.add("log-entry-doubted", place,
+                     text +
+                         "; nobody signed what the log says of it when it was written, so whoever could "
+                         "write to the disk could have made it");
+      }
     } else if (!logged.closed && !logged.erased) {
       findings.add("log-case-open", {std::string(kLedgerFile), logged.opened},
                    "the log knows no end of case " + case_id);

@@ -11,7 +11,7 @@ extern "C" {
 
 namespace kiroku::media {
 
-OutputIo::OutputIo(OutputFile& output) : output_(output) {
+OutputIo::OutputIo(OutputBytes& output) : output_(output) {
   constexpr int kBufferBytes = 1 << 18;
   auto* const buffer = static_cast<unsigned char*>(av_malloc(kBufferBytes));
   if (buffer == nullptr) {

@@ -1,4 +1,4 @@
-// What libav's muxers write, into an OutputFile. An object belongs to one thread.
+// What libav's muxers write, into OutputBytes. An object belongs to one thread.
 #pragma once
 
 #include <cstdint>
@@ -14,7 +14,7 @@ namespace kiroku::media {
 class OutputIo {
  public:
   /// `output` must outlive the object; the object whatever writes to context().
-  explicit OutputIo(OutputFile& output);
+  explicit OutputIo(OutputBytes& output);
   OutputIo(const OutputIo&) = delete;
   OutputIo& operator=(const OutputIo&) = delete;
 
@@ -28,7 +28,7 @@ class OutputIo {
   static int write(void* self, const std::uint8_t* bytes, int size);
   static std::int64_t seek(void* self, std::int64_t offset, int whence);
 
-  OutputFile& output_;
+  OutputBytes& output_;
   std::exception_ptr failure_;
   CustomIo context_;
 };

@@ -55,7 +55,7 @@ bool same_parameters(const AVCodecParameters& a, const AVCodecParameters& b) {
 
 }  // namespace
 
-Remuxer::Remuxer(OutputFile& output, Container container, std::string name,
+Remuxer::Remuxer(OutputBytes& output, Container container, std::string name,
                  std::function<void(Ticks time)> on_picture)
     : name_(std::move(name)), container_(container), io_(output), on_picture_(std::move(on_picture)) {
   silence_libav();

@@ -20,7 +20,7 @@ class Remuxer {
  public:
   /// `output` must outlive the object; `name` stands in errors. `on_picture`, where there is one, hears when
   /// each picture is shown.
-  Remuxer(OutputFile& output, Container container, std::string name,
+  Remuxer(OutputBytes& output, Container container, std::string name,
           std::function<void(Ticks time)> on_picture);
   Remuxer(const Remuxer&) = delete;
   Remuxer& operator=(const Remuxer&) = delete;

@@ -13,7 +13,14 @@ namespace {
 
 constexpr std::size_t kPieceBytes = 256U << 10;
 
+/// What a spreadsheet would take for a formula, and obey: names come from whoever sent them.
+bool is_obeyed(std::string_view field) {
+  return !field.empty() && std::string_view("=+-@\t\r").find(field.front()) != std::string_view::npos;
+}
+
 void append_field(std::string& text, std::string_view field) {
+  const std::string as_text = is_obeyed(field) ? "'" + std::string(field) : "";
+  if (!as_text.empty()) field = as_text;
   if (field.find_first_of(",\"\r\n") == std::string_view::npos) {
     text += field;
     return;

@@ -8,8 +8,9 @@
 // export's time 0, which is time 0 of the films that are exported with it. A waveform becomes one row a
 // value, each at its own time (vital_sample.h); the first values of a waveform that began before the case
 // have negative times. A sample without value has an empty field. The device's own time stands in the JSON
-// Lines only. Read back by the recorder's CSV source, all rows but those of negative time give the same
-// times, codes, values, units and qualities.
+// Lines only. A name that a spreadsheet would take for a formula has an apostrophe before it. Read back by
+// the recorder's CSV source, all rows but those of negative time give the same times, codes, values, units
+// and qualities.
 #pragma once
 
 #include <cstdint>

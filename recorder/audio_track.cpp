@@ -8,9 +8,10 @@ extern "C" {
 
 namespace kiroku::recorder {
 
-AudioTrack::AudioTrack(const std::optional<SoundFormat>& format, const VideoProfile& profile)
-    : profile_(profile) {
-  if (format && profile_.audio) encoder_ = std::make_unique<SoundEncoder>(*format, profile_);
+AudioTrack::AudioTrack(const std::optional<SoundFormat>& format, const VideoProfile& profile,
+                       SoundEncoder::Pace pace)
+    : profile_(profile), pace_(pace) {
+  if (format && profile_.audio) encoder_ = std::make_unique<SoundEncoder>(*format, profile_, pace_);
 }
 
 std::optional<MuxedStream> AudioTrack::begin_segment() {
@@ -20,7 +21,7 @@ std::optional<MuxedStream> AudioTrack::begin_segment() {
 }
 
 std::vector<media::Packet> AudioTrack::take(TimedFrame audio) {
-  if (!encoder_) encoder_ = std::make_unique<SoundEncoder>(sound_format_of(*audio.frame), profile_);
+  if (!encoder_) encoder_ = std::make_unique<SoundEncoder>(sound_format_of(*audio.frame), profile_, pace_);
   if (!in_segment_) return {};
   return encoder_->encode(std::move(audio.frame), audio.time_ns);
 }

@@ -17,7 +17,8 @@ namespace kiroku::recorder {
 class AudioTrack {
  public:
   /// `format`: of the source, where it is known already. Throws kiroku::Error as SoundEncoder does.
-  AudioTrack(const std::optional<SoundFormat>& format, const VideoProfile& profile);
+  AudioTrack(const std::optional<SoundFormat>& format, const VideoProfile& profile,
+             SoundEncoder::Pace pace = SoundEncoder::Pace::kAsTheyCome);
 
   /// A segment begins; what it carries of audio, valid as long as this object. Nothing: none.
   std::optional<MuxedStream> begin_segment();
@@ -29,6 +30,7 @@ class AudioTrack {
 
  private:
   const VideoProfile profile_;
+  const SoundEncoder::Pace pace_;
   std::unique_ptr<SoundEncoder> encoder_;  // null: no audio, or none yet
   bool in_segment_ = false;
 };

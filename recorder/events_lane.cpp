@@ -5,6 +5,7 @@
 #include <nlohmann/json.hpp>
 
 #include "base/error.h"
+#include "base/foreign_json.h"
 #include "crypto/encoding.h"
 #include "crypto/secret.h"
 
@@ -27,7 +28,7 @@ void EventsLane::mark(const std::string& text) { add("mark", "text", text); }
 void EventsLane::subject_missing(const std::string& why) { add("subject-missing", "text", why); }
 
 void EventsLane::late_subject(const Bytes& json) {
-  const auto subject = nlohmann::ordered_json::parse(text_of(json), nullptr, false);
+  const auto subject = parse_foreign_json<nlohmann::ordered_json>(text_of(json));
   if (!subject.is_object()) throw UsageError("a subject must be a JSON object");
   add("subject", "subject", subject);
 }

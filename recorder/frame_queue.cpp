@@ -70,6 +70,14 @@ void FrameQueue::push(SourceLost lost) {
   changed_.notify_all();
 }
 
+void FrameQueue::push(AudioLost lost) {
+  {
+    const std::lock_guard guard(mutex_);
+    items_.emplace_back(lost);
+  }
+  changed_.notify_all();
+}
+
 void FrameQueue::finish() {
   {
     const std::lock_guard guard(mutex_);

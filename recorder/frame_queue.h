@@ -28,9 +28,13 @@ struct QueuedAudio {
 struct SourceLost {
   archive::GapCause cause = archive::GapCause::kSignalLost;
 };
-using QueueItem = std::variant<QueuedFrame, QueuedAudio, SourceLost>;
+/// Audio that comes from a device of its own is missing after the last piece.
+struct AudioLost {
+  archive::GapCause cause = archive::GapCause::kSignalLost;
+};
+using QueueItem = std::variant<QueuedFrame, QueuedAudio, SourceLost, AudioLost>;
 
-/// One producer, one consumer. Thread-safe.
+/// One producer of pictures, one of audio, one consumer. Thread-safe.
 class FrameQueue {
  public:
   /// `budget_bytes` of pictures may wait.
@@ -41,6 +45,7 @@ class FrameQueue {
   /// Returns whether the frame was taken.
   bool push(TimedFrame frame, bool patient);
   void push(SourceLost lost);
+  void push(AudioLost lost);
   /// Nothing more comes.
   void finish();
   /// The next item; nothing when finished and empty.

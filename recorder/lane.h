@@ -53,6 +53,7 @@ struct LaneStatus {
   unsigned stuck = 0;           // threads of its source that do not come back from its driver
   std::uint64_t given_up = 0;   // such threads since the recorder started
   std::string input;            // what comes, as Source::input() says
+  bool unboxed = false;         // as Source::is_unboxed() says
 };
 
 class Lane {

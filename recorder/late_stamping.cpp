@@ -46,14 +46,14 @@ struct LateStamping::Case {
   [[nodiscard]] archive::Moment now() const { return {clock.utc(), last_mono_ns}; }
 
   /// Tokens over the end whose entry a crash kept from being written.
-  void adopt_tokens(Result& result) {
+  void adopt_tokens(const timestamp::TrustStore* trust, Result& result) {
     const archive::CaseFolder folder = archive::CaseFolder::open(writer->folder());
     for (const archive::TokenName& name : archive::found_tokens(writer->folder())) {
       if (name.size <= *close || name.size > writer->size() ||
           entered.contains({name.size, name.authority})) {
         continue;
       }
-      const std::optional<archive::TokenEntry> facts = archive::token_in_folder(folder, name);
+      const std::optional<archive::TokenEntry> facts = archive::token_in_folder(folder, name, trust);
       if (!facts) continue;
       writer->adopt_token(name.size, name.authority, *facts, now());
       entered.emplace(name.size, name.authority);
@@ -136,7 +136,7 @@ void LateStamping::work_off_case(const std::vector<WantedToken>& all_wanted, Pat
   try {
     Case its(around_, folder);
     if (!its.close) throw Error("the case was not closed: recovery does that first");
-    its.adopt_tokens(result);
+    its.adopt_tokens(around_.trust, result);
     for (; done < possible.size(); ++done) ask_for(its, possible[done], patience, result);
     if (its.writer->covered() < its.writer->size()) its.writer->finish(its.now());
     // Only now: a case that is left in the middle is taken up again.

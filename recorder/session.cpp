@@ -36,12 +36,23 @@ std::vector<std::string> names_of(const crypto::AgeRecipients& recipients) {
   return names;
 }
 
+std::optional<SourceAddress> microphone_of(const StreamRequest& request) {
+  if (request.microphone.empty()) return {};
+  SourceAddress address = parse_source_address(request.microphone, Presence::kNotLookedAt);
+  if (address.kind != SourceKind::kSound) {
+    throw UsageError("microphone '" + request.microphone +
+                     "' is none: write alsa:hw:1,0 as 'kiroku devices' lists it");
+  }
+  return address;
+}
+
 archive::StreamInfo stream_info(const StreamRequest& request, const SourceAddress& address, bool video) {
   archive::StreamInfo info;
   info.name = request.name;
   info.kind = video ? "video" : "vitals";
   info.media = video ? std::string(request.video.media()) : "application/jsonl";
   info.source = address.stated;
+  if (const auto microphone = microphone_of(request)) info.source += "; sound from " + microphone->stated;
   info.profile = video ? std::string(profile_name(request.video.profile)) : "jsonl";
   info.purpose = request.purpose;
   info.recipients = names_of(request.recipients);
@@ -55,7 +66,8 @@ struct Session::State {
   /// What was asked for, checked and opened, before there is a case.
   struct OpenedVideo {
     SourceAddress address;
-    std::unique_ptr<Source> source;  // null: absent
+    std::unique_ptr<Source> source;      // null: absent
+    std::unique_ptr<Source> microphone;  // null: absent, or none was asked for
   };
   explicit State(SessionOptions asked);
   ~State();
@@ -63,6 +75,7 @@ struct Session::State {
   State& operator=(const State&) = delete;
 
   void open(OpenedVideo& opened, const StreamRequest& request);
+  void open_microphone(OpenedVideo& opened, const StreamRequest& request);
   void identify(const CaseIdentity& identity) {
     writing.case_id = identity.case_id;
     writing.carries_on = identity.carries_on;
@@ -91,7 +104,7 @@ struct Session::State {
       status.streams.push_back({lanes[i]->name(), l.live, kept(l.frames, gone[i].frames),
                                 kept(l.dropped, gone[i].dropped), kept(l.segments, gone[i].segments),
                                 kept(l.bytes, gone[i].bytes), l.last_ns, l.durable_ns, l.refused, l.stuck,
-                                l.given_up, l.input, i < video_lanes});
+                                l.given_up, l.input, i < video_lanes, l.unboxed});
     }
     status.begun = begun;
     status.begins_ns = begins_ns;
@@ -189,6 +202,14 @@ void check(const SessionOptions& options) {
 SourceAddress checked_address(const StreamRequest& request, const SessionOptions& options) {
   SourceAddress address = request.guard->look_up(
       request.source, request.may_be_absent ? Presence::kMayBeAbsent : Presence::kRequired);
+  if (address.kind == SourceKind::kSound) {
+    throw UsageError("source '" + address.stated +
+                     "' has no pictures: name it as the microphone of a stream that has");
+  }
+  if (microphone_of(request) && address.unpaced()) {
+    throw UsageError("source '" + address.stated +
+                     "' states its own times: a microphone, which hears the present, cannot stand beside it");
+  }
   if (address.unpaced() && !options.duration &&
       (address.kind == SourceKind::kSynthetic || address.option("loop", "0") == "1")) {
     throw UsageError("source '" + address.stated +
@@ -233,8 +254,9 @@ Session::State::State(SessionOptions asked)
   std::vector<std::future<OpenedVideo>> opening;
   for (const StreamRequest& request : options.video) {
     opening.push_back(std::async(std::launch::async, [this, &request] {
-      OpenedVideo opened{checked_address(request, options), {}};
+      OpenedVideo opened{checked_address(request, options), {}, {}};
       open(opened, request);
+      open_microphone(opened, request);
       return opened;
     }));
   }
@@ -286,8 +308,9 @@ Session::State::State(SessionOptions asked)
     const StreamRequest& stream = options.video[index];
     lanes.push_back(std::make_unique<VideoLane>(
         context, index, writing.streams[index],
-        SourceSupervisor::Terms{opened.address, stream.video.audio, stream.tap, stream.guard},
-        std::move(opened.source), stream.video, budget));
+        SourceSupervisor::Terms{opened.address, stream.video.audio, stream.tap, stream.guard,
+                                microphone_of(stream), stream.microphone_guard},
+        std::move(opened.source), stream.video, budget, std::move(opened.microphone)));
     ++index;
   }
   video_lanes = lanes.size();
@@ -331,9 +354,25 @@ void Session::State::discard() {
   if (options.log != nullptr) options.log->pre_roll_discarded(amount.segments, amount.duration_ns);
 }
 
+void Session::State::open_microphone(OpenedVideo& opened, const StreamRequest& request) {
+  const std::optional<SourceAddress> address = microphone_of(request);
+  if (!address) return;
+  try {
+    OpeningTerms terms;
+    terms.guard = request.microphone_guard;
+    opened.microphone = open_source(*address, clock, terms);
+  } catch (const UsageError&) {
+    throw;
+  } catch (const Error& error) {
+    if (!request.may_be_absent) throw;
+    troubles.mention(std::string(error.what()) +
+                     ". Pictures are recorded without its sound until it is there");
+  }
+}
+
 void Session::State::open(OpenedVideo& opened, const StreamRequest& request) {
   OpeningTerms terms;
-  terms.sound = request.video.audio;
+  terms.sound = request.video.audio && request.microphone.empty();
   terms.guard = request.guard;
   if (request.may_be_absent) terms.patience = kPatienceWithAbsent;
   try {

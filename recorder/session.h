@@ -44,6 +44,11 @@ struct StreamRequest {
   /// Through which its source is looked up and, of video, opened, over all cases of whoever keeps the
   /// request.
   std::shared_ptr<SourceGuard> guard = std::make_shared<SourceGuard>();
+  /// Where the audio beside its pictures comes from, in the place of the source's own: "alsa:hw:1,0"; "":
+  /// from the source, if video.audio. Video only.
+  std::string microphone = {};
+  /// As `guard`, of the microphone.
+  std::shared_ptr<SourceGuard> microphone_guard = std::make_shared<SourceGuard>();
 };
 
 /// A case whose identifier is known before it is made, and that may carry on an earlier one
@@ -92,6 +97,7 @@ struct StreamStatus {
   std::uint64_t given_up = 0;   // such threads since the recorder started, come back or not
   std::string input;            // what comes: "640x480 yuyv422, 30 a second, RTSP over UDP"; "" if not known
   bool is_video = true;         // else of vital signs
+  bool unboxed = false;         // decoded in this process, beside its keys
 };
 struct SessionStatus {
   std::int64_t now_ns = 0;

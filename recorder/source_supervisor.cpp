@@ -16,9 +16,20 @@ constexpr std::chrono::seconds kPipePatience{10};
 }  // namespace
 
 SourceSupervisor::SourceSupervisor(const LaneContext& context, Terms terms, std::unique_ptr<Source> source,
-                                   FrameQueue& queue)
+                                   FrameQueue& queue, std::unique_ptr<Source> microphone)
     : context_(context), terms_(std::move(terms)), queue_(queue), source_(std::move(source)) {
-  if (source_) input_ = source_->input();
+  if (source_) {
+    input_ = source_->input();
+    unboxed_ = source_->is_unboxed();
+  }
+  if (terms_.microphone) {
+    microphone_ = std::make_unique<Microphone>(
+        *terms_.microphone, context_.clock, terms_.microphone_guard, std::move(microphone),
+        Microphone::Listener{
+            .take = [this](TimedFrame audio) { hear_of_microphone(std::move(audio)); },
+            .lost = [this](archive::GapCause cause) { queue_.push(AudioLost{cause}); },
+            .tell = [this](const std::string& sentence) { context_.troubles.mention(sentence); }});
+  }
 }
 
 SourceSupervisor::~SourceSupervisor() {
@@ -28,16 +39,41 @@ SourceSupervisor::~SourceSupervisor() {
 
 void SourceSupervisor::start() {
   thread_ = std::thread([this] { run(); });
+  if (microphone_) microphone_->start();
 }
 
 void SourceSupervisor::stop() {
   stopping_ = true;
+  if (microphone_) microphone_->stop();
   const std::lock_guard guard(mutex_);
   if (source_) source_->interrupt();
 }
 
 void SourceSupervisor::join() {
   if (thread_.joinable()) thread_.join();
+  if (microphone_) microphone_->join();
+}
+
+void SourceSupervisor::hear(TimedFrame audio) {
+  if (audio.time_ns < 0) return;  // taken before the case clock began
+  if (context_.end_ns && audio.time_ns >= *context_.end_ns) return;
+  queue_.push(std::move(audio), terms_.address.unpaced());
+}
+
+void SourceSupervisor::hear_of_microphone(TimedFrame audio) {
+  if (audio.time_ns < 0) return;  // taken before the case clock began
+  if (context_.end_ns && audio.time_ns >= *context_.end_ns) return;
+  const bool taken = queue_.push(std::move(audio), false);
+  if (!taken && !microphone_dropped_) queue_.push(AudioLost{archive::GapCause::kOverload});
+  microphone_dropped_ = !taken;
+}
+
+unsigned SourceSupervisor::stuck() const {
+  return terms_.guard->stuck() + (terms_.microphone ? terms_.microphone_guard->stuck() : 0);
+}
+
+std::uint64_t SourceSupervisor::given_up() const {
+  return terms_.guard->given_up() + (terms_.microphone ? terms_.microphone_guard->given_up() : 0);
 }
 
 std::string SourceSupervisor::input() const {
@@ -80,12 +116,11 @@ void SourceSupervisor::read(Source& source) {
   const Rational rate = source.frame_rate();
   const bool patient = terms_.address.unpaced();
   while (std::optional<TimedFrame> frame = source.read()) {
-    const bool beyond = context_.end_ns && frame->time_ns >= *context_.end_ns;
     if (frame->is_sound) {
-      if (!beyond) queue_.push(std::move(*frame), patient);
+      hear(std::move(*frame));
       continue;
     }
-    if (beyond) {
+    if (context_.end_ns && frame->time_ns >= *context_.end_ns) {
       reached_end_ = true;
       return;
     }
@@ -106,6 +141,7 @@ bool SourceSupervisor::reopen(bool may_have_ended) {
       if (const std::string remark = fresh->remark(); !remark.empty()) context_.troubles.mention(remark);
       const std::lock_guard guard(mutex_);
       input_ = fresh->input();
+      unboxed_ = fresh->is_unboxed();
       source_ = std::move(fresh);
       if (stopping_) source_->interrupt();
       return true;
@@ -123,7 +159,7 @@ bool SourceSupervisor::reopen(bool may_have_ended) {
 std::unique_ptr<Source> SourceSupervisor::open_anew() {
   OpeningTerms terms;
   terms.cancelled = &stopping_;
-  terms.sound = terms_.audio;
+  terms.sound = terms_.audio && !terms_.microphone;
   terms.guard = terms_.guard;
   if (terms_.address.kind == SourceKind::kPipe) terms.patience = kPipePatience;
   return open_source(terms_.address, context_.clock, terms);

@@ -5,11 +5,13 @@
 #include <atomic>
 #include <memory>
 #include <mutex>
+#include <optional>
 #include <string>
 #include <thread>
 
 #include "recorder/frame_queue.h"
 #include "recorder/lane.h"
+#include "recorder/microphone.h"
 #include "recorder/picture_tap.h"
 #include "recorder/source/source.h"
 #include "recorder/source/source_guard.h"
@@ -23,14 +25,19 @@ class SourceSupervisor {
     bool audio = false;                  // it is asked for its audio too
     std::shared_ptr<PictureTap> tap;     // offered every picture before it is queued; may be null
     std::shared_ptr<SourceGuard> guard;  // the source is opened through it; nothing waits longer than it says
+    /// Its audio takes the place of the source's own; opened through a guard of its own, so that its driver
+    /// takes nothing from the camera.
+    std::optional<SourceAddress> microphone = {};
+    std::shared_ptr<SourceGuard> microphone_guard = nullptr;  // null: there is no microphone
   };
 
   /// `source` was opened from the address; or it is null, and is taken up when it can be opened: the queue is
   /// told that it is lost. A live one is opened anew when it is lost, after pauses that grow from one second
   /// to sixteen, until it is back (a pipe: when somebody writes to it again within ten seconds, else it has
-  /// ended). The queue is finished when nothing more comes. `context` and `queue` must outlive the object.
-  SourceSupervisor(const LaneContext& context, Terms terms, std::unique_ptr<Source> source,
-                   FrameQueue& queue);
+  /// ended). The queue is finished when nothing more comes. `microphone` was opened from Terms::microphone,
+  /// or is null, and is taken up likewise. `context` and `queue` must outlive the object.
+  SourceSupervisor(const LaneContext& context, Terms terms, std::unique_ptr<Source> source, FrameQueue& queue,
+                   std::unique_ptr<Source> microphone = nullptr);
   ~SourceSupervisor();
   SourceSupervisor(const SourceSupervisor&) = delete;
   SourceSupervisor& operator=(const SourceSupervisor&) = delete;
@@ -38,7 +45,7 @@ class SourceSupervisor {
   void start();
   /// Interrupts whatever source there is; returns at once.
   void stop();
-  /// Waits until the thread has ended.
+  /// Waits until the threads have ended.
   void join();
 
   /// Pictures come.
@@ -49,12 +56,19 @@ class SourceSupervisor {
   [[nodiscard]] bool reached_end() const { return reached_end_; }
   /// As Source::input(), of the source there is, or was.
   [[nodiscard]] std::string input() const;
-  [[nodiscard]] const SourceGuard& guard() const { return *terms_.guard; }
+  /// As Source::is_unboxed(), likewise.
+  [[nodiscard]] bool is_unboxed() const { return unboxed_; }
+  /// As SourceGuard, of the source and the microphone together.
+  [[nodiscard]] unsigned stuck() const;
+  [[nodiscard]] std::uint64_t given_up() const;
   [[nodiscard]] const SourceAddress& address() const { return terms_.address; }
 
  private:
   void run();
   void read(Source& source);
+  void hear(TimedFrame audio);
+  /// From the microphone's thread.
+  void hear_of_microphone(TimedFrame audio);
   /// Tries until there is a source; false if it has ended or is stopped. A pipe that was never opened is
   /// waited for like anything else, and so is one whose decoder was lost.
   bool reopen(bool may_have_ended);
@@ -65,12 +79,14 @@ class SourceSupervisor {
   const LaneContext context_;
   const Terms terms_;
   FrameQueue& queue_;
-  std::atomic<bool> stopping_ = false, ended_ = false, reached_end_ = false, live_ = false;
+  std::atomic<bool> stopping_ = false, ended_ = false, reached_end_ = false, live_ = false, unboxed_ = false;
 
   mutable std::mutex mutex_;  // guards what follows
   std::unique_ptr<Source> source_;
   std::string input_;
 
+  std::unique_ptr<Microphone> microphone_;  // null: the audio is the source's own, or there is none
+  bool microphone_dropped_ = false;         // the microphone's thread's: its last piece had no room
   std::thread thread_;
 };
 

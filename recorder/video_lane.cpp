@@ -10,6 +10,7 @@ extern "C" {
 
 #include "archive/age_layout.h"
 #include "base/error.h"
+#include "recorder/source/sound_source.h"
 
 namespace kiroku::recorder {
 namespace {
@@ -21,21 +22,34 @@ std::unique_ptr<SegmentMuxer> make_muxer(const VideoProfile& profile) {
   return profile.in_transport_stream() ? make_transport_stream_muxer() : make_matroska_muxer();
 }
 
+/// A microphone's is known before it is there, so that the first segment has room for it.
+std::optional<SoundFormat> audio_format(const SourceSupervisor::Terms& terms, const Source* source) {
+  if (terms.microphone) return sound_format_asked(*terms.microphone);
+  return source == nullptr ? std::nullopt : source->sound_format();
+}
+
+VideoProfile with_audio_of(const SourceSupervisor::Terms& terms, VideoProfile profile) {
+  profile.audio = profile.audio || terms.microphone;
+  return profile;
+}
+
 }  // namespace
 
 VideoLane::VideoLane(const LaneContext& context, std::size_t stream_index, archive::StreamInfo info,
                      SourceSupervisor::Terms terms, std::unique_ptr<Source> source,
-                     const VideoProfile& profile, std::size_t queue_bytes)
+                     const VideoProfile& profile, std::size_t queue_bytes, std::unique_ptr<Source> microphone)
     : context_(context),
       profile_(profile),
       output_(context.store, stream_index, std::move(info), context.facts),
       queue_(queue_bytes),
-      audio_(source ? source->sound_format() : std::nullopt, profile),
+      audio_(audio_format(terms, source.get()), with_audio_of(terms, profile),
+             terms.microphone ? SoundEncoder::Pace::kResampled : SoundEncoder::Pace::kAsTheyCome),
+      audio_gaps_(terms.microphone ? std::optional(SoundGaps()) : std::nullopt),
       segmenter_({.duration = context.segment_duration,
                   .end_ns = context.end_ns,
                   .timed_by_arrival = output_.info().timing == "arrival"}),
       muxer_(make_muxer(profile)),
-      supervisor_(context_, std::move(terms), std::move(source), queue_) {}
+      supervisor_(context_, std::move(terms), std::move(source), queue_, std::move(microphone)) {}
 
 VideoLane::~VideoLane() {
   stop();
@@ -56,9 +70,10 @@ LaneStatus VideoLane::status() const {
   status.bytes = output_.bytes();
   status.last_ns = last_ns_;
   status.durable_ns = output_.claimed_until_ns();
-  status.stuck = supervisor_.guard().stuck();
-  status.given_up = supervisor_.guard().given_up();
+  status.stuck = supervisor_.stuck();
+  status.given_up = supervisor_.given_up();
   status.input = supervisor_.input();
+  status.unboxed = supervisor_.is_unboxed();
   return status;
 }
 
@@ -106,6 +121,7 @@ void VideoLane::begin_anew(const media::LibavError& error) {
 
 void VideoLane::take(QueuedFrame item) {
   const std::int64_t time_ns = item.frame.time_ns;
+  if (audio_gaps_) state_of_audio(audio_gaps_->piece_before(time_ns));
   segment_dropped_ += item.dropped_before;
   if (segmenter_.silent_before(time_ns, context_.clock.now_ns())) {
     end_segment(end_of_last_frame());
@@ -124,7 +140,19 @@ void VideoLane::take(QueuedFrame item) {
   }
 }
 
-void VideoLane::take(QueuedAudio item) { write_audio(audio_.take(std::move(item.audio))); }
+void VideoLane::take(QueuedAudio item) {
+  if (audio_gaps_) {
+    const AVFrame& audio = *item.audio.frame;
+    const std::int64_t start_ns = item.audio.time_ns;
+    state_of_audio(
+        audio_gaps_->heard(start_ns, start_ns + audio.nb_samples * 1'000'000'000LL / audio.sample_rate));
+  }
+  write_audio(audio_.take(std::move(item.audio)));
+}
+
+void VideoLane::take(const AudioLost& lost) {
+  if (audio_gaps_) audio_gaps_->lost(lost.cause);
+}
 
 void VideoLane::take(const SourceLost& lost) {
   end_coding();
@@ -225,6 +253,11 @@ void VideoLane::state(Gap gap) {
   context_.facts.push(archive::CaseEntryBody(archive::GapEntry{name(), gap.span, gap.cause}));
 }
 
+void VideoLane::state_of_audio(const std::optional<Gap>& gap) {
+  if (!gap) return;
+  context_.facts.push(archive::CaseEntryBody(archive::GapEntry{name(), gap->span, gap->cause, true}));
+}
+
 void VideoLane::state_drops(const QueuedFrame& drops, std::int64_t until_ns) {
   state({{std::min(drops.dropped_since_ns, until_ns), until_ns}, drops.dropped_cause});
 }
@@ -270,6 +303,7 @@ void VideoLane::finish(std::int64_t close_ns) {
   const std::optional<Gap> rest =
       segmenter_.gap_at_close(close_ns, context_.clock.now_ns(), supervisor_.reached_end());
   if (rest) state(*rest);
+  if (audio_gaps_) state_of_audio(audio_gaps_->gap_at_close(close_ns));
 }
 
 }  // namespace kiroku::recorder

@@ -12,6 +12,7 @@
 #include "recorder/frame_queue.h"
 #include "recorder/lane.h"
 #include "recorder/segmenter.h"
+#include "recorder/sound_gaps.h"
 #include "recorder/source_supervisor.h"
 #include "recorder/stream_output.h"
 
@@ -19,10 +20,10 @@ namespace kiroku::recorder {
 
 class VideoLane : public Lane {
  public:
-  /// `source` as SourceSupervisor takes it; the encoder was tried on its format.
+  /// `source` and `microphone` as SourceSupervisor takes them; the encoder was tried on the source's format.
   VideoLane(const LaneContext& context, std::size_t stream_index, archive::StreamInfo info,
             SourceSupervisor::Terms terms, std::unique_ptr<Source> source, const VideoProfile& profile,
-            std::size_t queue_bytes);
+            std::size_t queue_bytes, std::unique_ptr<Source> microphone = nullptr);
   ~VideoLane() override;
 
   void start() override;
@@ -40,6 +41,7 @@ class VideoLane : public Lane {
   void take(QueuedFrame item);
   void take(QueuedAudio item);
   void take(const SourceLost& lost);
+  void take(const AudioLost& lost);
   /// Whether there is an encoder for pictures like these; makes one if not.
   bool ready_for(const PictureFormat& format, Rational rate);
   void record(media::Frame prepared);
@@ -53,6 +55,7 @@ class VideoLane : public Lane {
   /// After what concerns no more than a picture.
   void begin_anew(const media::LibavError& error);
   void state(Gap gap);
+  void state_of_audio(const std::optional<Gap>& gap);
   void state_drops(const QueuedFrame& drops, std::int64_t until_ns);
   void write_audio(std::vector<media::Packet> packets);
   [[nodiscard]] std::int64_t end_of_last_frame() const;
@@ -68,6 +71,7 @@ class VideoLane : public Lane {
 
   // The coding thread's; finish()'s when that has ended.
   AudioTrack audio_;
+  std::optional<SoundGaps> audio_gaps_;  // of a microphone
   Segmenter segmenter_;
   std::unique_ptr<SegmentMuxer> muxer_;
   std::unique_ptr<VideoEncoder> encoder_;

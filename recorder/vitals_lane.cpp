@@ -50,7 +50,8 @@ LaneStatus VitalsLane::status() const {
           source_->refused(),
           0,
           0,
-          ""};
+          "",
+          false};
 }
 
 std::optional<VitalLine> VitalsLane::next_line() {

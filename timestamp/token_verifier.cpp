@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <array>
 
+#include <openssl/core_names.h>
+
 #include "crypto/encoding.h"
 #include "timestamp/authority.h"
 #include "timestamp/certificate_path.h"
@@ -39,6 +41,7 @@ constexpr std::array kCodes{
               TokenVerdict::kCouldNotCheck},
     CodeEntry{TokenCode::kIssuerUnknown, "token-issuer-unknown", TokenVerdict::kCouldNotCheck},
     CodeEntry{TokenCode::kNoTrust, "token-no-trust", TokenVerdict::kCouldNotCheck},
+    CodeEntry{TokenCode::kTooDear, "token-too-dear", TokenVerdict::kCouldNotCheck},
 };
 
 const CodeEntry& entry_of(TokenCode code) {
@@ -74,6 +77,40 @@ bool same_bytes(ByteView a, ByteView b) { return std::equal(a.begin(), a.end(), 
 ByteView without_leading_zeros(ByteView number) {
   while (number.size() > 1 && number[0] == std::byte{0}) number = number.subspan(1);
   return number;
+}
+
+/// Whether one signature by the certificate's key can take longer than some milliseconds. OpenSSL takes an
+/// exponent as long as the modulus (4 ms at 2048 bits, 100 times what the usual one takes), moduli of 16,384
+/// bits and any curve; a folder can hold thousands of tokens.
+bool is_dear(const X509* signer) {
+  constexpr int kMostRsaBits = 8192;
+  constexpr int kMostExponentBits = 33;  // 2^32 + 1; those in use are 3 and 65537
+  constexpr int kMostDsaBits = 3072;
+  constexpr int kMostCurveBits = 521;
+  EVP_PKEY* const key = X509_get0_pubkey(signer);
+  if (key == nullptr) return false;  // no signature fits it
+  const int bits = EVP_PKEY_get_bits(key);
+  switch (EVP_PKEY_get_base_id(key)) {
+    case EVP_PKEY_RSA:
+    case EVP_PKEY_RSA_PSS: {
+      BIGNUM* number = nullptr;
+      EVP_PKEY_get_bn_param(key, OSSL_PKEY_PARAM_RSA_E, &number);
+      const BigNumber exponent(number);
+      return bits > kMostRsaBits || !exponent || BN_num_bits(exponent.get()) > kMostExponentBits;
+    }
+    case EVP_PKEY_EC: {
+      // A curve without a name is one that somebody made up.
+      std::array<char, 80> name{};
+      return bits > kMostCurveBits || EVP_PKEY_get_group_name(key, name.data(), name.size(), nullptr) != 1;
+    }
+    case EVP_PKEY_DSA:
+      return bits > kMostDsaBits;
+    case EVP_PKEY_ED25519:
+    case EVP_PKEY_ED448:
+      return false;
+    default:
+      return true;
+  }
 }
 
 /// One judgement: each step either finds a reason against the token or lets it pass to the next. What speaks
@@ -260,6 +297,12 @@ std::optional<Refusal> Judge::check_signature() {
                    "the TSTInfo is not what was signed (message-digest differs)"};
   }
   CMS_SignerInfo_set1_signer_cert(signer_info_, signer_);
+  if (is_dear(signer_)) {
+    return Refusal{TokenCode::kTooDear,
+                   "the key of " + out_.signer_subject +
+                       " is of a kind or size that no authority uses: its signature would "
+                       "take too long to judge"};
+  }
   const bool verified = CMS_SignerInfo_verify(signer_info_) == 1;
   forget_openssl_errors();
   if (!verified) {

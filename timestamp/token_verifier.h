@@ -106,6 +106,7 @@ enum class TokenCode {
   kSignerCertificateMissing,  // token has no certificate and none was given
   kIssuerUnknown,             // no chain to a trusted root could be built
   kNoTrust,                   // no trusted roots were given
+  kTooDear,  // the signer's key is one that no authority has, chosen so that judging takes long
 };
 std::string_view code_name(TokenCode code);
 

@@ -42,6 +42,11 @@ StreamConfiguration read_stream(const toml::table& table, const TableReader& in,
       throw UsageError("'source' is '" + text +
                        "': a room is recorded at the pace of its clock, without speed=max");
     }
+    if (recorder::parse_source_address(text, recorder::Presence::kNotLookedAt).kind ==
+        recorder::SourceKind::kSound) {
+      throw UsageError("'source' is '" + text +
+                       "', which has no pictures: write it as 'microphone' of a stream that has");
+    }
     stream.source = text;
   });
   stream.purpose = stream.name;
@@ -56,9 +61,19 @@ StreamConfiguration read_stream(const toml::table& table, const TableReader& in,
               [&](const std::string& text) { stream.video.chroma_422 = parse_chroma(text, "'chroma'"); });
   reader.flag("deinterlace", stream.video.deinterlace);
   reader.flag("audio", stream.video.audio);
+  reader.text("microphone", [&](const std::string& text) {
+    if (recorder::parse_source_address(text, recorder::Presence::kNotLookedAt).kind !=
+        recorder::SourceKind::kSound) {
+      throw UsageError("'microphone' is '" + text + "': write alsa:hw:1,0 as 'kiroku devices' lists it");
+    }
+    stream.microphone = text;
+  });
   reader.refuse_unknown_keys();
   if (stream.name.empty()) reader.refuse(table.source(), "a [[room.stream]] needs a 'name'");
   if (stream.source.empty()) reader.refuse(table.source(), "a [[room.stream]] needs a 'source'");
+  if (!stream.is_video && !stream.microphone.empty()) {
+    reader.refuse(reader.find("microphone")->source(), "'microphone' is for streams of kind video");
+  }
   return stream;
 }
 

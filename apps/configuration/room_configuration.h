@@ -24,6 +24,7 @@ struct StreamConfiguration {
   std::string source;
   std::string purpose;
   recorder::VideoProfile video;  // what is not stated is [recording]'s
+  std::string microphone;        // as StreamRequest::microphone
 };
 
 /// One [[room]].

@@ -7,8 +7,10 @@
 #include <nlohmann/json.hpp>
 
 #include "media/box/child.h"
+#include "media/export/remux_job.h"
 #include "media/inspection/inspector.h"
 #include "media/libav_handles.h"
+#include "recorder/procedure/worklist_box.h"
 #include "recorder/source/source_box.h"
 #include "viewer/playback/viewing_boxes.h"
 
@@ -22,6 +24,9 @@ int main(int argc, char** argv) {
     jobs[kiroku::media::kCountFrames] = kiroku::media::count_frames;
     kiroku::media::run_job_box(jobs);
   }
+  // Of a case of days: as long as it takes, while it says something.
+  if (role == "remuxing") kiroku::media::run_job_box(kiroku::media::remux_jobs(), 0);
+  if (role == "worklist") kiroku::recorder::run_worklist_box();
   std::fputs(
       "kiroku-decoder: only kiroku and kirokud start this program, to decode in a process without keys\n",
       stderr);

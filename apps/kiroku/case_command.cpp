@@ -9,6 +9,7 @@
 #include "apps/kiroku/home.h"
 #include "apps/kiroku/plan_seal.h"
 #include "base/error.h"
+#include "base/foreign_json.h"
 #include "crypto/encoding.h"
 #include "recorder/control/control_client.h"
 
@@ -41,7 +42,7 @@ int start(const Request& request) {
   json question{{"do", "start"}};
   if (request.subject) {
     const Bytes bytes = read_small_file(*request.subject, "the subject");
-    question["subject"] = json::parse(text_of(bytes), nullptr, false);
+    question["subject"] = parse_foreign_json(text_of(bytes));
     if (!question["subject"].is_object()) {
       throw UsageError("the subject " + *request.subject +
                        " is no JSON object: write {\"patient\": {...}, \"procedure\": \"...\"}");

@@ -31,8 +31,8 @@ using nlohmann::json;
 using nlohmann::ordered_json;
 
 constexpr const char* kSoundAdvice =
-    "A sound card is not recorded. Sound comes with a network camera or a file that carries it: audio = true "
-    "in [recording].";
+    "Sound is recorded beside the pictures of a [[room.stream]]. A network camera or a file that carries its "
+    "own needs audio = true in the place of this.";
 constexpr const char* kSerialAdvice =
     "A serial port is not recorded. Monitors are read by HL7 over the network (MLLP): let the monitor, or "
     "its "
@@ -52,6 +52,7 @@ struct Recorded {
   struct Stream {
     std::string room, name, source, stated;
     bool is_video = true;
+    std::string microphone = {};
   };
   std::vector<Stream> streams;
   std::string problem;         // why kiroku.toml could not be read; "" where it could
@@ -66,6 +67,18 @@ struct Recorded {
                               fs::equivalent(address.location, camera.node, failed))) {
         return stream.room + "/" + stream.name;
       }
+    }
+    return "";
+  }
+  /// The same of a sound card, by the card and device that the names of ALSA's state.
+  [[nodiscard]] std::string stream_of(const recorder::SoundInput& sound) const {
+    const std::string device = sound.device.substr(sound.device.find(':'));
+    for (const Stream& stream : streams) {
+      const std::size_t at = stream.microphone.find(device);
+      if (at == std::string::npos) continue;
+      const std::size_t end = at + device.size();
+      if (end == stream.microphone.size() || stream.microphone[end] == '?')
+        return stream.room + "/" + stream.name;
     }
     return "";
   }
@@ -91,7 +104,8 @@ Recorded recorded_of(const std::optional<Home>& home) {
     for (const RoomConfiguration& room : configuration.rooms) {
       for (const StreamConfiguration& stream : room.streams) {
         const auto address = recorder::parse_source_address(stream.source, recorder::Presence::kNotLookedAt);
-        recorded.streams.push_back({room.name, stream.name, stream.source, address.stated, stream.is_video});
+        recorded.streams.push_back(
+            {room.name, stream.name, stream.source, address.stated, stream.is_video, stream.microphone});
       }
     }
     constexpr std::chrono::seconds kPatience{3};
@@ -157,7 +171,11 @@ class Listing {
                  serial = ordered_json::array(), monitors = ordered_json::array();
     for (const Camera& camera : cameras_) cameras.push_back(json_of(camera));
     for (const recorder::SoundInput& one : sound_) {
-      sound.push_back({{"node", one.node}, {"device", one.device}, {"name", one.name}});
+      sound.push_back({{"node", one.node},
+                       {"device", one.device},
+                       {"name", one.name},
+                       {"microphone", microphone_of(one)},
+                       {"stream", recorded_.stream_of(one)}});
     }
     for (const recorder::SerialPort& one : serial_) {
       serial.push_back({{"node", one.node}, {"lasting", one.lasting}, {"name", one.name}});
@@ -278,6 +296,9 @@ class Listing {
     print_line("kiroku.toml", "source = \"" + source + "\"");
   }
 
+  /// Through ALSA's converter: a card need not offer what is recorded.
+  static std::string microphone_of(const recorder::SoundInput& sound) { return "alsa:plug" + sound.device; }
+
   void print_cameras() const {
     std::cout << "Cameras\n";
     bool any = false;
@@ -318,6 +339,9 @@ class Listing {
     for (const recorder::SoundInput& one : sound_) {
       std::cout << "  " << printable(one.name) << "\n";
       print_line("ALSA", one.device + ", " + one.node);
+      const std::string stream = recorded_.stream_of(one);
+      if (!stream.empty()) print_line("recorded as", "sound of " + stream);
+      print_line("kiroku.toml", "microphone = \"" + microphone_of(one) + "\"");
       print_group(one.node);
     }
     std::cout << "  " << (sound_.empty() ? "none" : kSoundAdvice) << "\n";
@@ -421,8 +445,9 @@ void add_devices_command(Command& program) {
   add_home_option(command, request->home);
   command.flag("--json", request->json, "prints one JSON object instead");
   command.explain(
-      "Says of each camera what it can give and what to put into kiroku.toml, which rooms of the home record "
-      "it, and which group is missing where it may not be opened. A camera that is in use can be listed, and "
+      "Says of each camera what it can give and what to put into kiroku.toml, likewise of each sound card, "
+      "which rooms of the home record it, and which group is missing where it may not be opened. A camera "
+      "that is in use can be listed, and "
       "as a rule gives no still.");
   command.explain(
       "--monitors lets everybody connect unless the address has allow=. Nothing that comes is kept, and "

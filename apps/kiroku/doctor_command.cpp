@@ -283,6 +283,18 @@ Check check_source(const RoomConfiguration& room, const StreamConfiguration& str
   return {Health::kGood, subject, source->format().to_string() + ", " + text, ""};
 }
 
+Check check_microphone(const RoomConfiguration& room, const StreamConfiguration& stream) {
+  const std::string subject = "microphone " + room.name + "/" + stream.name;
+  const char* const devices = "/dev/snd/timer";  // of the group that all of ALSA's have
+  if (const auto group = group_advice(devices)) return not_examined(subject, *group);
+  const recorder::CaseClock clock;
+  recorder::OpeningTerms terms;
+  terms.patience = kSourcePatience;
+  const auto source = recorder::open_source(recorder::parse_source_address(stream.microphone), clock, terms);
+  if (!source->read()) throw Error("'" + stream.microphone + "' gives nothing");
+  return {Health::kGood, subject, source->input(), ""};
+}
+
 /// A case begins without it: never worse than a warning.
 Check check_worklist(const RoomConfiguration& room) {
   const std::string subject = "worklist of " + room.name;
@@ -387,6 +399,13 @@ void examine_all(const Home& home, const Configuration& configuration, Examinati
       out.examine("source " + room.name + "/" + stream.name,
                   "look at cable, power and address; a case begins without it and states the gap",
                   [&] { return check_source(room, stream); });
+      if (!stream.microphone.empty()) {
+        out.examine(
+            "microphone " + room.name + "/" + stream.name,
+            "look at its plug, and at its name in kiroku.toml ('kiroku devices'); pictures are recorded "
+            "without it",
+            [&] { return check_microphone(room, stream); });
+      }
     }
     for (const recorder::FootswitchOptions& footswitch : room.footswitches) {
       out.examine("footswitch " + room.name + ", " + footswitch.device,

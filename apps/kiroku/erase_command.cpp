@@ -33,14 +33,27 @@ struct Request {
   bool due = false, only_copy = false, json = false;
 };
 
+using MayGo = std::function<bool(const archive::OpenEntry&, const archive::Moment& opened)>;
+
 /// One stream of one case that may go.
 struct Candidate {
   fs::path folder;
   std::string stream, policy;
+  MayGo may_go;  // by what its first entry says
 };
 
-bool is_older(const archive::CaseReader& reader, std::chrono::nanoseconds age) {
-  return utc_now() - reader.opened_at().utc > std::chrono::duration_cast<UtcTime::duration>(age);
+bool is_older(const archive::Moment& opened, std::chrono::nanoseconds age) {
+  return utc_now() - opened.utc > std::chrono::duration_cast<UtcTime::duration>(age);
+}
+MayGo if_older(std::chrono::nanoseconds age) {
+  return [age](const archive::OpenEntry&, const archive::Moment& opened) { return is_older(opened, age); };
+}
+MayGo if_due(const RetentionRule& rule, const std::string& stream) {
+  return [rule, stream](const archive::OpenEntry& open, const archive::Moment& opened) {
+    return is_older(opened, rule.after) && std::ranges::any_of(open.streams, [&](const auto& each) {
+             return each.name == stream && rule.concerns(each);
+           });
+  };
 }
 
 /// Whether the stream has a segment that is not erased yet.
@@ -76,10 +89,10 @@ std::vector<Candidate> what_is_due(const Home& home, const std::vector<Retention
   for_each_closed_case(home, [&](const archive::CaseReader& reader) {
     for (const archive::StreamInfo& stream : reader.opening().streams) {
       const auto rule = std::find_if(rules.begin(), rules.end(), [&](const RetentionRule& each) {
-        return each.concerns(stream) && is_older(reader, each.after);
+        return each.concerns(stream) && is_older(reader.opened_at(), each.after);
       });
       if (rule != rules.end() && has_something_left(reader, stream.name)) {
-        due.push_back({reader.folder(), stream.name, rule->policy});
+        due.push_back({reader.folder(), stream.name, rule->policy, if_due(*rule, stream.name)});
       }
     }
   });
@@ -103,19 +116,20 @@ std::vector<Candidate> what_was_named(const Home& home, const Request& request) 
                        " is not in this home's archive: only the recorder that recorded a "
                        "case can state that something was erased from it");
     }
-    if (request.older_than && !is_older(archive::CaseReader::open(folder), age)) {
+    if (request.older_than && !is_older(archive::CaseReader::open(folder).opened_at(), age)) {
       throw UsageError("case " + folder.filename().string() + " is not older than " + *request.older_than +
                        ": nothing was erased");
     }
-    return {{fs::canonical(folder), request.stream, request.policy}};
+    return {{fs::canonical(folder), request.stream, request.policy,
+             request.older_than ? if_older(age) : MayGo{}}};
   }
   std::vector<Candidate> named;
   for_each_closed_case(home, [&](const archive::CaseReader& reader) {
     const auto& streams = reader.opening().streams;
     const bool has_stream = std::any_of(streams.begin(), streams.end(),
                                         [&](const auto& stream) { return stream.name == request.stream; });
-    if (has_stream && is_older(reader, age))
-      named.push_back({reader.folder(), request.stream, request.policy});
+    if (has_stream && is_older(reader.opened_at(), age))
+      named.push_back({reader.folder(), request.stream, request.policy, if_older(age)});
   });
   return named;
 }
@@ -133,6 +147,7 @@ class Eraser {
   }
 
   archive::Erasure erase(const Candidate& candidate) {
+    options_.may_go = candidate.may_go;
     const archive::Erasure erased = archive::erase_stream(
         archive::real_file_system(), options_, candidate.folder, candidate.stream, candidate.policy);
     refresh_catalogue(writable_.home, candidate.folder);

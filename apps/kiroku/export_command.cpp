@@ -19,8 +19,8 @@
 #include "archive/report_json.h"
 #include "base/error.h"
 #include "crypto/encoding.h"
-#include "media/case_export.h"
-#include "media/exporter.h"
+#include "media/export/case_export.h"
+#include "media/export/exporter.h"
 
 namespace kiroku::apps {
 namespace {
@@ -111,6 +111,12 @@ ordered_json verification_of(const Request& request, const archive::CaseReader& 
   const VerifyExtras extras = verify_extras(std::make_shared<std::optional<std::string>>(request.home));
   const Judge judge(as_usual, extras);
   const archive::VerificationReport report = judge.judge(recording.folder()).report;
+  if (report.lines_root != recording.lines_root()) {
+    throw Error(
+        "the ledger of " + recording.folder().string() +
+        " is not the one that was verified: it changed in between, so nothing was exported; find out what "
+        "writes to it");
+  }
   const ordered_json whole = archive::report_json(report);
   ordered_json verification{{"verdict", whole["verdict"]},
                             {"time", whole["time"]},

@@ -1,3 +1,4 @@
+#include <algorithm>
 #include <atomic>
 #include <csignal>
 #include <initializer_list>
@@ -19,6 +20,7 @@
 #include "apps/kiroku/recording_display.h"
 #include "apps/kiroku/recording_setup.h"
 #include "base/error.h"
+#include "base/foreign_json.h"
 #include "recorder/procedure/worklist.h"
 #include "recorder/session.h"
 
@@ -29,7 +31,7 @@ using nlohmann::ordered_json;
 
 struct Request {
   std::optional<std::string> home, endoscope, room, fluoroscopy, vitals, profile, duration, subject, segment,
-      stamp_every, bit_rate, chroma, plan, worklist;
+      stamp_every, bit_rate, chroma, plan, worklist, microphone;
   std::vector<std::string> authorities, recipients_for;
   bool audio = false, deinterlace = false, json = false;
 };
@@ -76,7 +78,7 @@ recorder::VideoProfile video_profile(const Request& request, const Configuration
 
 Bytes load_subject(const std::string& file) {
   Bytes bytes = read_small_file(file, "the subject");
-  const auto parsed = nlohmann::json::parse(text_of(bytes), nullptr, false);
+  const auto parsed = parse_foreign_json(text_of(bytes));
   if (!parsed.is_object()) {
     throw UsageError("the subject " + file +
                      " is no JSON object: write {\"patient\": {...}, \"procedure\": \"...\"}");
@@ -144,6 +146,15 @@ recorder::SessionOptions session_options(const Request& request, const Home& hom
   add(options.video, "fluoroscopy", request.fluoroscopy);
   add(options.vitals, "vitals", request.vitals);
   recipients.require_all_used(request.recipients_for);
+  if (request.microphone) {
+    if (options.video.empty()) {
+      throw UsageError("--microphone needs pictures beside which its sound stands: --room or --endoscope");
+    }
+    const auto room =
+        std::find_if(options.video.begin(), options.video.end(),
+                     [](const recorder::StreamRequest& stream) { return stream.name == "room"; });
+    (room == options.video.end() ? options.video.front() : *room).microphone = *request.microphone;
+  }
   options.archive = home.archive();
   options.device_name = home.device().name();
   options.event_recipients = recipients.usual();
@@ -268,6 +279,10 @@ void add_record_command(Command& program) {
   command.choice("--chroma", {"420", "422"}, request->chroma, "colour resolution of MPEG-2",
                  "kiroku.toml's, 420 at first");
   command.flag("--audio", request->audio, "records sound where a source has it");
+  command.option(
+      "--microphone", "ALSA", request->microphone,
+      "sound of an ALSA device, such as alsa:hw:1,0, beside the pictures of --room, else of the first "
+      "camera");
   command.flag("--deinterlace", request->deinterlace, "takes interlacing out before encoding");
   command.option("--segment", "T", request->segment, "length of one sealed file, 500ms to 9s",
                  "kiroku.toml's, 2s at first");

@@ -58,6 +58,7 @@ std::vector<CaseRecovery> recover_home(const WritableHome& writable,
   options.boot_id = archive::kernel_boot_id();
   options.log = writable.log.get();
   options.carry_on = wishes.carry_on;
+  options.trust = &writable.trust;
   options.stamp = wishes.stamp_later && writable.queue
                       ? recorder::later_stamper(authorities, *writable.queue)
                       : recorder::checkpoint_stamper(authorities, &writable.trust, writable.queue.get());

@@ -30,13 +30,20 @@ void print_start(const ServingRequest& request, const Served& served, const view
                  const std::string& sign_in, const std::string& fingerprint) {
   if (request.json) {
     nlohmann::ordered_json told{
-        {"url", server.url()}, {"sign_in", or_null(sign_in)}, {"fingerprint", fingerprint}};
+        {"url", or_null(server.url())}, {"sign_in", or_null(sign_in)}, {"fingerprint", or_null(fingerprint)}};
     if (served.tell_more) served.tell_more(told);
     print_json(told);
     std::cout << std::flush;
     return;
   }
   std::cout << served.first_line(server.url()) << "\n";
+  if (server.url().empty()) {
+    std::cout << "\nPeople reach it through the viewer of this home, with its sign-in: 'kiroku view', or "
+                 "kirokud with "
+                 "[viewer]\nin kiroku.toml. An address of its own comes by --listen.\n\nCtrl-C ends it.\n"
+              << std::flush;
+    return;
+  }
   if (!sign_in.empty())
     std::cout << "\nOpen this address, which signs in once without a password:\n  " << sign_in << "\n";
   std::cout << "\nThe server's certificate "
@@ -48,10 +55,14 @@ void print_start(const ServingRequest& request, const Served& served, const view
 }  // namespace
 
 void add_serving_options(Command& command, ServingRequest& request) {
-  const std::string port = request.listen.substr(request.listen.rfind(':'));
+  const bool is_behind = !request.own_port.empty();
+  const std::string port =
+      is_behind ? ":" + request.own_port : request.listen.substr(request.listen.rfind(':'));
   command.option("--listen", "ADDRESS", request.listen,
-                 "where to, as 127.0.0.1" + port + ", [::1]" + port + " or 0.0.0.0" + port +
-                     "; beyond this machine only once there is a user");
+                 (is_behind ? "an address of its own, as 127.0.0.1" : "where to, as 127.0.0.1") + port +
+                     ", [::1]" + port + " or 0.0.0.0" + port +
+                     "; beyond this machine only once there is a user" +
+                     (is_behind ? "; without one the viewer of the home leads here" : ""));
   command.option("--certificate", "FILE", request.certificate,
                  "the server's certificate and those up to its authority, PEM", "its own, made in the home");
   command.option("--key", "FILE", request.key, "its private key, PEM, without passphrase");
@@ -75,9 +86,15 @@ std::function<void(const std::string&)> tell_on_standard_error() {
 void serve_until_stopped(const ServingRequest& request, const Home& home, Served served) {
   const crypto::SigningKey device_key = home.signing_key();
   const timestamp::TrustStore trust = home.trust();
-  viewer::ServerCertificate certificate =
-      viewer_certificate(home, request.listen, request.certificate, request.key);
-  const std::string fingerprint = viewer::fingerprint(certificate.certificate_pem);
+  const bool has_address = !request.listen.empty();
+  if (!has_address && (request.certificate || request.key))
+    throw UsageError("--certificate and --key are of an address of its own: give --listen too");
+  viewer::ServerCertificate certificate;
+  std::string fingerprint;
+  if (has_address) {
+    certificate = viewer_certificate(home, request.listen, request.certificate, request.key);
+    fingerprint = viewer::fingerprint(certificate.certificate_pem);
+  }
   viewer::ViewerOptions options{
       .home = viewer_home(home, home.configuration(), device_key, trust, std::move(served.identities)),
       .web = {.listen = request.listen,
@@ -85,14 +102,14 @@ void serve_until_stopped(const ServingRequest& request, const Home& home, Served
               .key_pem = std::move(certificate.key_pem),
               .limits = {}},
       .sessions = {},
-      .page = page_of(request),
+      .page = has_address ? page_of(request) : std::nullopt,
       .more_routes = std::move(served.more_routes),
       .tell = std::move(served.tell)};
   options.home.serves = served.serves;
   allow_many_descriptors();
   std::error_code ignored;
-  const bool is_demonstration =
-      std::filesystem::exists(home.identity_file(), ignored) && viewer::is_loopback(request.listen);
+  const bool is_demonstration = has_address && std::filesystem::exists(home.identity_file(), ignored) &&
+                                viewer::is_loopback(request.listen);
   sigset_t signals;
   sigemptyset(&signals);
   sigaddset(&signals, SIGINT);

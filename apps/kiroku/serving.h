@@ -17,11 +17,12 @@ namespace kiroku::apps {
 
 /// What every command that serves a page takes.
 struct ServingRequest {
-  std::string listen;
+  std::string listen;         // "": behind the viewer of the home alone
+  std::string own_port = {};  // of an example, where it needs no address of its own: "8445"
   std::optional<std::string> home = {}, certificate = {}, key = {}, web = {};
   bool json = false;
 };
-/// `request` has the address to listen on by default, and must live as long as the command.
+/// `request` has the address to listen on by default, or `own_port`, and must live as long as the command.
 void add_serving_options(Command& command, ServingRequest& request);
 
 /// The folder that was named, or the page as it is built or installed; nothing: neither.
@@ -34,7 +35,7 @@ struct Served {
   std::function<void(viewer::Router& router, viewer::ViewerContext& context)> more_routes;
   std::function<void(const std::string& sentence)> tell;
   /// What is said once it serves: a line for people, and what JSON has beside address and fingerprint.
-  std::function<std::string(const std::string& url)> first_line;
+  std::function<std::string(const std::string& url)> first_line;  // `url` is "" behind the viewer alone
   std::function<void(nlohmann::ordered_json& told)> tell_more;
 };
 

@@ -95,6 +95,14 @@ void print_room(const json& room, std::string& out) {
                "\n";
       }
     }
+    for (const json& stream : room["streams"]) {
+      if (!stream.value("unboxed", false)) continue;
+      out +=
+          "  " +
+          paint(Colour::kRed, printable(stream.value("name", "")) +
+                                  ": decoded without a box, beside the device key; kiroku doctor says why") +
+          "\n";
+    }
     out += "  time-stamps: " + std::to_string(room.value("tokens", 0)) + ", missed " +
            std::to_string(room.value("missed", 0)) + "\n";
     print_authorities(room["authorities"], out);

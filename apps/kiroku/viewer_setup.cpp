@@ -70,6 +70,8 @@ viewer::ViewerHome viewer_home(const Home& home, const Configuration& configurat
           .folder = home.folder(),
           .plans_folder = home.plans_folder(),
           .comparison_program = find_full_program(),
+          .planning_socket = home.folder() / "planning.sock",
+          .training_socket = home.folder() / "training.sock",
           .device_key = &device_key,
           .device = home.device(),
           .trust = &trust,

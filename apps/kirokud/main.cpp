@@ -130,9 +130,12 @@ recorder::RoomPlan plan_of(const RoomConfiguration& room, const Home& home,
   for (const StreamConfiguration& stream : room.streams) {
     recorder::StreamRequest asked{
         stream.name, stream.source, stream.purpose, stream.video, recipients.of(stream.name), true};
-    asked.guard = guard_for(configuration, [name = room.name](const std::string& sentence) {
+    const auto tell = [name = room.name](const std::string& sentence) {
       spdlog::error("room {}: {}", name, printable(sentence));
-    });
+    };
+    asked.guard = guard_for(configuration, tell);
+    asked.microphone = stream.microphone;
+    asked.microphone_guard = guard_for(configuration, tell);
     if (!stream.is_video && looking_on != nullptr) {
       asked.vitals_tap = std::make_shared<recorder::VitalsTap>();
       looking_on->monitors.add(room.name, stream.name, asked.vitals_tap);

@@ -21,7 +21,7 @@ namespace {
 namespace fs = std::filesystem;
 
 struct Request {
-  ServingRequest serving{.listen = "127.0.0.1:8445"};
+  ServingRequest serving{.listen = "", .own_port = "8445"};
   std::optional<std::string> plans, transfer, gpu, at_once;
 };
 
@@ -40,7 +40,7 @@ viewer::PlanningOptions planning_options(const Request& request, const Home& hom
 
 int run(const Request& request) {
   const Home home = Home::open(request.serving.home);
-  if (!page_of(request.serving))
+  if (!request.serving.listen.empty() && !page_of(request.serving))
     throw UsageError("there is no page to plan on: it was not built; name its folder with --web");
   viewer::PlanningRoom room(planning_options(request, home));
   const std::string plans = room.options().plans.string();
@@ -55,10 +55,10 @@ int run(const Request& request) {
                        .tell = room.options().tell,
                        .first_line =
                            [&](const std::string& url) {
-                             return "Planning at " + url + " on " + std::to_string(count) +
-                                    (count == 1 ? " plan" : " plans") + " of " + plans + ", " +
-                                    std::to_string(at_once) + (at_once == 1 ? " person" : " persons") +
-                                    " at a time";
+                             return "Planning" + (url.empty() ? "" : " at " + url) + " on " +
+                                    std::to_string(count) + (count == 1 ? " plan" : " plans") + " of " +
+                                    plans + ", " + std::to_string(at_once) +
+                                    (at_once == 1 ? " person" : " persons") + " at a time";
                            },
                        .tell_more =
                            [&](nlohmann::ordered_json& told) {
@@ -87,10 +87,13 @@ void add_plan_serve_command(Command& plan) {
                  "half as many as there are cores");
   add_serving_options(command, request->serving);
   command.explain(
-      "Surgeons and administrators sign in as in the viewer ('kiroku user add'), open a plan, and do by hand "
-      "what becomes its steps. What is saved is a new plan for 'kiroku plan check', 'run', 'replay' and "
+      "Surgeons and administrators sign in to the viewer of the home ('kiroku view', or kirokud), choose "
+      "Planning "
+      "there, open a plan, and do by hand what becomes its steps. What is saved is a new plan for 'kiroku "
+      "plan check', 'run', 'replay' and "
       "'seal'; no plan is overwritten.");
-  command.example("kiroku plan serve --plans plans", "the planner on https://127.0.0.1:8445/");
+  command.example("kiroku plan serve", "the home's plans, behind its viewer");
+  command.example("kiroku plan serve --plans plans --listen 127.0.0.1:8445", "with an address of its own");
   command.example("kiroku plan serve --plans plans --transfer kidney --gpu off", "with a kidney's colours");
   command.on_run([request] { return run(*request); });
 }

@@ -25,7 +25,7 @@ namespace {
 namespace fs = std::filesystem;
 
 struct Request {
-  ServingRequest serving{.listen = "127.0.0.1:8444"};
+  ServingRequest serving{.listen = "", .own_port = "8444"};
   std::optional<std::string> database, expert_a, expert_b, at_once;
   std::vector<std::string> organs;
   std::optional<std::string> damage, friction;
@@ -82,7 +82,7 @@ viewer::TrainingOptions training_options(const Request& request, const Home& hom
 
 int run(const Request& request) {
   const Home home = Home::open(request.serving.home);
-  if (!page_of(request.serving))
+  if (!request.serving.listen.empty() && !page_of(request.serving))
     throw UsageError("there is no page to train with: it was not built; name its folder with --web");
   viewer::TrainingRoom room(training_options(request, home));
   const viewer::TrainingOptions& training = room.options();
@@ -96,7 +96,8 @@ int run(const Request& request) {
                        .tell = room.options().tell,
                        .first_line =
                            [&](const std::string& url) {
-                             return "Training at " + url + ", " + std::to_string(training.at_once) +
+                             return "Training" + (url.empty() ? "" : " at " + url) + ", " +
+                                    std::to_string(training.at_once) +
                                     (training.at_once == 1 ? " trainee" : " trainees") +
                                     " at a time; results in " + training.database.string();
                            },
@@ -135,10 +136,12 @@ void add_train_serve_command(Command& train) {
                "surgeons and administrators may make cases of attempts, signed and time-stamped");
   add_serving_options(command, request->serving);
   command.explain(
-      "People sign in as in the viewer ('kiroku user add') and push the organ aside as the trainee that is "
+      "People sign in to the viewer of the home ('kiroku view', or kirokud), choose Training there, and push "
+      "the organ aside as the trainee that is "
       "bound to them ('kiroku train trainee --user'), administrators as everybody. What is begun is "
       "kept as broken off until its end is known. 'kiroku train results' reports the same database.");
-  command.example("kiroku train serve", "the trainer on https://127.0.0.1:8444/");
+  command.example("kiroku train serve", "the trainer, behind the home's viewer");
+  command.example("kiroku train serve --listen 127.0.0.1:8444", "with an address of its own");
   command.example("kiroku train serve --expert-a lift/hand.txt", "with a hand to follow");
   command.example("kiroku train serve --organ liver.json", "with a patient's liver in the list of organs");
   command.on_run([request] { return run(*request); });

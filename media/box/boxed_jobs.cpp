@@ -9,6 +9,7 @@
 
 #include <nlohmann/json.hpp>
 
+#include "base/foreign_json.h"
 #include "base/printable.h"
 #include "crypto/age_error.h"
 #include "media/box/job_messages.h"
@@ -35,8 +36,8 @@ constexpr std::size_t kMostOpen = 64, kMostIdle = 2, kLongestText = 2000;
 /// One job, from its asking to its answer.
 class BoxedJobs::Serving {
  public:
-  Serving(BoxedJobs& box, const SegmentDoor& door, const std::string& name, Bytes* bytes)
-      : box_(box), door_(door), name_(name), bytes_(bytes) {}
+  Serving(BoxedJobs& box, const SegmentDoor& door, const std::string& name, const Taker& take)
+      : box_(box), door_(door), name_(name), take_(take) {}
 
   json run(const json& asked) {
     if (!box_.ready_) await_ready();
@@ -54,8 +55,7 @@ class BoxedJobs::Serving {
           box_.open_.erase(as<SegmentNumber>(message).number);
           break;
         case FromJobBox::kBytes:
-          if (bytes_ == nullptr || bytes_->size() + message.body.size() > kMostResult) give_up();
-          append(*bytes_, message.body);
+          if (!is_taken(message.body)) give_up();
           break;
         case FromJobBox::kDone:
           return parsed(message);
@@ -126,6 +126,16 @@ class BoxedJobs::Serving {
     throw MediaError("the media of " + name_ + " cannot be decoded: the decoder says what it may not");
   }
 
+  bool is_taken(ByteView bytes) {
+    try {
+      return take_ && take_(bytes);
+    } catch (...) {
+      box_.ended_ = true;
+      box_.child_.end();
+      throw;
+    }
+  }
+
   template <typename Form>
   Form as(const Channel::Message& message) {
     Form form;
@@ -134,7 +144,7 @@ class BoxedJobs::Serving {
     return form;
   }
   json parsed(const Channel::Message& message) {
-    json value = json::parse(text_of(message.body), nullptr, false);
+    json value = parse_foreign_json(text_of(message.body));
     if (!value.is_object()) give_up();
     return value;
   }
@@ -196,21 +206,31 @@ class BoxedJobs::Serving {
   BoxedJobs& box_;
   const SegmentDoor& door_;
   const std::string& name_;
-  Bytes* const bytes_;
+  const Taker& take_;
   std::map<std::string, std::exception_ptr> refused_;  // by what was said
 };
 
-BoxedJobs::BoxedJobs(milliseconds silence)
+BoxedJobs::BoxedJobs(milliseconds silence, const std::string& role)
     : silence_(silence),
       memory_(make_shared_memory(kWindowBytes)),
       window_(memory_.number(), kWindowBytes, PROT_READ | PROT_WRITE),
-      child_("segments", memory_) {}
+      child_(role, memory_) {}
 
 BoxedJobs::~BoxedJobs() = default;
 
 json BoxedJobs::ask(const std::string& what, const json& with, const SegmentDoor& door,
                     const std::string& name, Bytes* bytes) {
-  return Serving(*this, door, name, bytes).run({{"what", what}, {"with", with}});
+  if (bytes == nullptr) return ask(what, with, door, name, Taker());
+  return ask(what, with, door, name, [bytes](ByteView more) {
+    if (bytes->size() + more.size() > kMostResult) return false;
+    append(*bytes, more);
+    return true;
+  });
+}
+
+json BoxedJobs::ask(const std::string& what, const json& with, const SegmentDoor& door,
+                    const std::string& name, const Taker& take) {
+  return Serving(*this, door, name, take).run({{"what", what}, {"with", with}});
 }
 
 bool BoxedJobs::is_spent() const { return ended_ || child_.processor_time() > kWorksFor; }

@@ -27,8 +27,10 @@ using SegmentDoor = std::function<std::unique_ptr<crypto::ByteSource>(std::uint6
 class BoxedJobs {
  public:
   /// A decoder that says nothing for `silence` has hung: no picture takes so long to decode, and no piece of
-  /// a viewing copy to code. Throws kiroku::IoError where there is no box to be had.
-  explicit BoxedJobs(std::chrono::milliseconds silence = std::chrono::seconds(60));
+  /// a viewing copy to code. `role` is the program's (apps/kiroku-decoder). Throws kiroku::IoError where
+  /// there is no box to be had.
+  explicit BoxedJobs(std::chrono::milliseconds silence = std::chrono::seconds(60),
+                     const std::string& role = "segments");
   ~BoxedJobs();
   BoxedJobs(const BoxedJobs&) = delete;
   BoxedJobs& operator=(const BoxedJobs&) = delete;
@@ -39,6 +41,11 @@ class BoxedJobs {
   /// where somebody outside killed the decoder. A box that ended does nothing any more.
   nlohmann::json ask(const std::string& what, const nlohmann::json& with, const SegmentDoor& door,
                      const std::string& name, Bytes* bytes = nullptr);
+  /// Takes a piece of what the box makes; false where that cannot be: then it is killed (MediaError).
+  using Taker = std::function<bool(ByteView bytes)>;
+  /// The same, for more than memory holds. What `take` throws ends the job, and the box.
+  nlohmann::json ask(const std::string& what, const nlohmann::json& with, const SegmentDoor& door,
+                     const std::string& name, const Taker& take);
   /// Whether it is to be replaced before the next job: it ended, or has worked for long.
   [[nodiscard]] bool is_spent() const;
   [[nodiscard]] pid_t process() const { return child_.process(); }

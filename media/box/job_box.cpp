@@ -21,7 +21,6 @@ using nlohmann::json;
 constexpr std::chrono::hours kNoLimit{1000};
 constexpr std::size_t kLongestRequest = std::size_t{64} << 20;  // the segments of a long case
 constexpr std::size_t kBytesAtOnce = 256 * 1024;
-constexpr unsigned kMostProcessorSeconds = 600;
 
 class JobBox : public JobSegments {
  public:
@@ -144,11 +143,11 @@ std::unique_ptr<crypto::ByteSource> JobBox::open(std::uint64_t segment) {
 
 }  // namespace
 
-void run_job_box(const Jobs& jobs) {
+void run_job_box(const Jobs& jobs, unsigned processor_seconds) {
   try {
     JobBox box;
     try {
-      limit_process(kMostProcessorSeconds);
+      limit_process(processor_seconds);
       close_box(BoxNeeds::kNothing);
     } catch (const Error& error) {
       box.tell(kOtherFailure, error);

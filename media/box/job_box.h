@@ -28,8 +28,11 @@ class JobSegments {
 using Job = std::function<nlohmann::json(const nlohmann::json& with, JobSegments& segments)>;
 using Jobs = std::map<std::string, Job, std::less<>>;
 
+inline constexpr unsigned kMostProcessorSeconds = 600;
+
 /// Closes the box, then does what is asked, one job after the other, until the other end goes; then the
-/// process ends. The channel and the memory are where child.h says.
-[[noreturn]] void run_job_box(const Jobs& jobs);
+/// process ends, as it does after so many seconds of a processor (0: any). The channel and the memory are
+/// where child.h says.
+[[noreturn]] void run_job_box(const Jobs& jobs, unsigned processor_seconds = kMostProcessorSeconds);
 
 }  // namespace kiroku::media

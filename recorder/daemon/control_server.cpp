@@ -1,6 +1,8 @@
 #include "recorder/daemon/control_server.h"
 
-#include <array>
+#include <chrono>
+#include <memory>
+#include <sys/socket.h>
 #include <sys/stat.h>
 #include <thread>
 #include <utility>  // Boost 1.74 forgets it before its awaitable
@@ -9,6 +11,8 @@
 #include <boost/asio.hpp>
 #include <nlohmann/json.hpp>
 
+#include "base/connection_places.h"
+#include "base/foreign_json.h"
 #include "recorder/control/control_client.h"
 
 namespace kiroku::recorder {
@@ -19,8 +23,42 @@ using asio::local::stream_protocol;
 using boost::system::error_code;
 
 constexpr std::size_t kLongestLine = 1U << 20;
-constexpr std::size_t kThreads = 8;
+/// A request that waits until a case has begun or ended holds one; each room has at most two of those.
+constexpr std::size_t kThreads = 16;
 constexpr mode_t kSocketMode = 0660;
+/// For a whole request to come, and for its answer to be taken.
+constexpr std::chrono::seconds kPatience{60};
+constexpr ConnectionPlaces::Limits kConnections{.all = 128, .of_holder = 64};
+
+/// One connection. Its members belong to its strand.
+struct Peer {
+  explicit Peer(stream_protocol::socket connected)
+      : socket(std::move(connected)), limit(socket.get_executor()) {}
+  void close() {
+    error_code ignored;
+    limit.cancel();
+    socket.close(ignored);
+  }
+  stream_protocol::socket socket;
+  asio::steady_timer limit;
+};
+
+/// Whose connection it is for the limits: the user on the other end.
+std::string holder_of(stream_protocol::socket& socket) {
+  ucred user{};
+  socklen_t size = sizeof user;
+  if (::getsockopt(socket.native_handle(), SOL_SOCKET, SO_PEERCRED, &user, &size) != 0) return "";
+  return std::to_string(user.uid);
+}
+
+/// Closes it if what it waits for is not over in time.
+void watch(const std::shared_ptr<Peer>& peer) {
+  peer->limit.expires_after(kPatience);
+  peer->limit.async_wait([watched = std::weak_ptr<Peer>(peer)](const error_code& cancelled) {
+    const std::shared_ptr<Peer> late = watched.lock();
+    if (!cancelled && late && late->limit.expiry() <= asio::steady_timer::clock_type::now()) late->close();
+  });
+}
 
 bool somebody_answers(const std::filesystem::path& socket) {
   asio::io_context context;
@@ -69,10 +107,10 @@ struct ControlServer::State {
   asio::awaitable<void> accept() {
     for (;;) {
       error_code failed;
-      stream_protocol::socket peer =
-          co_await acceptor.async_accept(asio::redirect_error(asio::use_awaitable, failed));
+      stream_protocol::socket connected = co_await acceptor.async_accept(
+          asio::make_strand(context), asio::redirect_error(asio::use_awaitable, failed));
       if (!failed) {
-        asio::co_spawn(asio::make_strand(context), serve(std::move(peer)), asio::detached);
+        welcome(std::move(connected));
         continue;
       }
       // Out of descriptors, for instance: others will be free again.
@@ -81,24 +119,41 @@ struct ControlServer::State {
     }
   }
 
-  asio::awaitable<void> serve(stream_protocol::socket peer) {
+  /// Serves it if there is a place for it; else it is let go, and may come again.
+  void welcome(stream_protocol::socket connected) {
+    const std::string holder = holder_of(connected);
+    const auto peer = std::make_shared<Peer>(std::move(connected));
+    auto place = places.enter(holder, [leaving = std::weak_ptr<Peer>(peer)] {
+      const std::shared_ptr<Peer> open = leaving.lock();
+      if (open) asio::post(open->socket.get_executor(), [open] { open->close(); });
+    });
+    if (place) asio::co_spawn(peer->socket.get_executor(), serve(peer, std::move(place)), asio::detached);
+  }
+
+  asio::awaitable<void> serve(std::shared_ptr<Peer> peer, std::unique_ptr<ConnectionPlaces::Place> place) {
     std::string received;
     for (;;) {
       error_code failed;
+      watch(peer);
       const std::size_t length =
-          co_await asio::async_read_until(peer, asio::dynamic_buffer(received, kLongestLine), '\n',
+          co_await asio::async_read_until(peer->socket, asio::dynamic_buffer(received, kLongestLine), '\n',
                                           asio::redirect_error(asio::use_awaitable, failed));
       if (failed) co_return;
+      peer->limit.expires_at(asio::steady_timer::time_point::max());
+      place->note(ConnectionPlaces::Standing::kSpoken);
+      place->set_busy(true);
       const std::string reply = answer(received.substr(0, length));
+      place->set_busy(false);
       received.erase(0, length);
-      co_await asio::async_write(peer, asio::buffer(reply),
+      watch(peer);
+      co_await asio::async_write(peer->socket, asio::buffer(reply),
                                  asio::redirect_error(asio::use_awaitable, failed));
       if (failed) co_return;
     }
   }
 
   [[nodiscard]] std::string answer(const std::string& line) const {
-    const nlohmann::json request = nlohmann::json::parse(line, nullptr, false);
+    const nlohmann::json request = parse_foreign_json(line);
     nlohmann::ordered_json reply;
     if (!request.is_object()) {
       reply = refusal("a request is one JSON object on one line");
@@ -115,6 +170,7 @@ struct ControlServer::State {
 
   const std::filesystem::path path;
   const ControlHandler handler;
+  ConnectionPlaces places{kConnections};
   asio::io_context context;
   stream_protocol::acceptor acceptor;
   std::vector<std::thread> threads;

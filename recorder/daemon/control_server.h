@@ -1,5 +1,7 @@
 // How other programs speak with a running recorder: one JSON object a line over a Unix socket, one answer a
-// line. Who may connect is decided by the socket's mode (0660) and its folder.
+// line. Who may connect is decided by the socket's mode (0660) and its folder. Connections are bounded, in
+// all and of one user: the idlest makes room for one more. One that does not end its line, or take its
+// answer, within a minute is closed. Arrays and objects nest at most 64 deep (base/foreign_json.h).
 //
 //   {"do":"status"}                                  {"ok":true,"rooms":[…],…}
 //   {"do":"start","room":"or-1","subject":{…}}       {"ok":true,"case":"…"}

@@ -19,7 +19,6 @@ namespace {
 
 using nlohmann::json;
 using nlohmann::ordered_json;
-using SteadyClock = std::chrono::steady_clock;
 
 // A room that records or waits does something several times a second; opening sources and closing a case wait
 // for networks, each with its own time limit.
@@ -58,6 +57,7 @@ ordered_json stream_json(const StreamStatus& stream, std::int64_t now_ns) {
           {"age_ms", std::llround(milliseconds_since(stream.last_ns))},
           {"durable_age_ms", std::llround(milliseconds_since(stream.durable_ns))},
           {"input", stream.input},
+          {"unboxed", stream.unboxed},
           {"stuck", stream.stuck},
           {"given_up", stream.given_up}};
 }
@@ -141,7 +141,7 @@ ordered_json procedures_json(const Room& room) {
 }  // namespace
 
 struct Daemon::State {
-  explicit State(DaemonOptions asked) : options(std::move(asked)), began(SteadyClock::now()) {
+  explicit State(DaemonOptions asked) : options(std::move(asked)), began(options.time->now()) {
     for (RoomPlan& plan : options.rooms) {
       configured.push_back(configured_bytes_per_second(plan));
       RoomListener listener;
@@ -154,15 +154,15 @@ struct Daemon::State {
         if (options.listener.warn) options.listener.warn(prefix + sentence);
       };
       const std::vector<FootswitchOptions> switches = std::move(plan.footswitches);
-      rooms.push_back(std::make_unique<Room>(std::move(plan), std::move(listener)));
+      rooms.push_back(std::make_unique<Room>(std::move(plan), std::move(listener), *options.time));
       for (const FootswitchOptions& one : switches) {
         Room& its_room = *rooms.back();
         const auto tell = [this, prefix](const std::string& sentence) {
           if (options.listener.warn) options.listener.warn(prefix + sentence);
         };
-        footswitches.emplace_back(its_room.name(),
-                                  std::make_unique<Footswitch>(
-                                      one, [&its_room, one] { act_on_press(its_room, one); }, tell));
+        footswitches.emplace_back(its_room.name(), std::make_unique<Footswitch>(
+                                                       one, [&its_room, one] { act_on_press(its_room, one); },
+                                                       tell, *options.time));
       }
     }
     options.rooms.clear();
@@ -290,7 +290,7 @@ struct Daemon::State {
       all.push_back(room_json(one->status()));
       all.back()["footswitches"] = footswitches_json(one->name());
     }
-    const std::chrono::duration<double> up = SteadyClock::now() - began;
+    const std::chrono::duration<double> up = options.time->now() - began;
     return {{"rooms", all},
             {"disk", disk_json()},
             {"clock", clock_json()},
@@ -298,7 +298,7 @@ struct Daemon::State {
   }
 
   DaemonOptions options;
-  const SteadyClock::time_point began;
+  const Clock::Time began;
   std::vector<std::optional<double>> configured;
   std::vector<std::unique_ptr<Room>> rooms;
   std::vector<std::pair<std::string, std::unique_ptr<Footswitch>>> footswitches;  // by room; use the rooms
@@ -404,6 +404,9 @@ std::string Daemon::metrics() const {
              [](const StreamStatus& stream) { return stream.refused; });
   per_stream("kiroku_stream_bytes", "gauge", "Sealed bytes of the newest case",
              [](const StreamStatus& stream) { return stream.bytes; });
+  per_stream("kiroku_stream_unboxed", "gauge",
+             "1 where the source is decoded in the recorder itself, beside the device key",
+             [](const StreamStatus& stream) { return stream.unboxed ? 1 : 0; });
   per_stream("kiroku_source_threads_stuck", "gauge",
              "Threads of the source that do not come back from its driver",
              [](const StreamStatus& stream) { return stream.stuck; });
@@ -441,10 +444,11 @@ void Daemon::watch_disk() {
 }
 
 bool Daemon::healthy() const {
-  return std::all_of(state_->rooms.begin(), state_->rooms.end(), [](const std::unique_ptr<Room>& room) {
+  const Clock& time = *state_->options.time;
+  return std::all_of(state_->rooms.begin(), state_->rooms.end(), [&](const std::unique_ptr<Room>& room) {
     const RoomState state = room->status().state;
     const bool in_transition = state == RoomState::kStarting || state == RoomState::kClosing;
-    const auto silence = SteadyClock::now() - room->heartbeat();
+    const Clock::Duration silence = time.now() - room->heartbeat();
     return in_transition ? silence < kLongestTransition : silence < kLongestSilence;
   });
 }

@@ -20,6 +20,7 @@ struct DaemonOptions {
   std::filesystem::path archive;  // whose disk is watched
   double warn_below_hours = 8;
   RoomListener listener;  // of every room; `note` and `warn` are given the room's name before the sentence
+  const Clock* time = &Clock::system();  // by which rooms and footswitches go; outlives the daemon
 };
 
 class Daemon {

@@ -23,8 +23,6 @@
 namespace kiroku::recorder {
 namespace {
 
-using std::chrono::steady_clock;
-
 constexpr const char* kInputFolder = "/dev/input";
 constexpr std::string_view kByName = "name:";
 constexpr int kPress = 1;  // the value of an EV_KEY event; 0 is a release, 2 a repetition
@@ -109,10 +107,11 @@ std::string_view press_action_name(PressAction action) {
 }
 
 struct Footswitch::State {
-  State(FootswitchOptions asked, Pressed act, Tell told)
+  State(FootswitchOptions asked, Pressed act, Tell told, const Clock& its_time)
       : options(std::move(asked)),
         pressed(std::move(act)),
         tell(std::move(told)),
+        time(its_time),
         end(::eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK)) {
     if (end.number() < 0) throw IoError("wait for the footswitch", options.device, errno);
     thread = std::thread([this] { run(); });
@@ -166,7 +165,7 @@ struct Footswitch::State {
   }
 
   void press() {
-    const auto now = steady_clock::now();
+    const Clock::Time now = time.now();
     if (last_press && now - *last_press < options.bounce) return;
     last_press = now;
     {
@@ -202,17 +201,18 @@ struct Footswitch::State {
   const FootswitchOptions options;
   const Pressed pressed;
   const Tell tell;
+  const Clock& time;
   const Descriptor end;
   mutable std::mutex mutex;  // guards the next three
   bool opened = false;
   std::string problem;
   std::uint64_t presses = 0;
-  std::optional<steady_clock::time_point> last_press;  // the thread's
+  std::optional<Clock::Time> last_press;  // the thread's
   std::thread thread;
 };
 
-Footswitch::Footswitch(FootswitchOptions options, Pressed pressed, Tell tell)
-    : state_(std::make_unique<State>(std::move(options), std::move(pressed), std::move(tell))) {}
+Footswitch::Footswitch(FootswitchOptions options, Pressed pressed, Tell tell, const Clock& time)
+    : state_(std::make_unique<State>(std::move(options), std::move(pressed), std::move(tell), time)) {}
 
 Footswitch::~Footswitch() = default;
 

@@ -8,6 +8,8 @@
 #include <string>
 #include <string_view>
 
+#include "base/clock.h"
+
 namespace kiroku::recorder {
 
 /// What a press does to its room. kStartStop: begins a case where none runs, else ends it.
@@ -49,7 +51,9 @@ class Footswitch {
   /// Hears when the device is lost, cannot be opened, or is there again.
   using Tell = std::function<void(const std::string& sentence)>;
 
-  Footswitch(FootswitchOptions options, Pressed pressed, Tell tell);
+  /// `time`, by which presses are told from contacts that bounce, must outlive it. How long a device is not
+  /// looked for is real time: it waits for what the kernel tells, too.
+  Footswitch(FootswitchOptions options, Pressed pressed, Tell tell, const Clock& time = Clock::system());
   /// Waits for a press that is being acted on.
   ~Footswitch();
   Footswitch(const Footswitch&) = delete;

@@ -246,7 +246,7 @@ std::optional<Resumption> ResumptionPlanner::of(const std::string& room) {
   resumption.earlier = facts->named;
   resumption.plan = facts->open.plan;
   resumption.reason = running->reason;
-  resumption.begin_before = std::chrono::steady_clock::now() + rule->within;
+  resumption.within = rule->within;
   if (facts->open.subject) {
     const archive::FileOpening file =
         archive::CaseFolder::open(facts->cut.folder).open_file(archive::kSubjectFile);

@@ -35,9 +35,9 @@ struct Resumption {
   archive::CarriedOn earlier;
   std::optional<Bytes> sealed_subject;  // the earlier case's subject file, as it is
   std::optional<crypto::Sha256Digest> plan;
-  std::string reason;                                    // why the operation's first case was begun
-  std::chrono::nanoseconds recorded{0};                  // by the operation's earlier cases
-  std::chrono::steady_clock::time_point begin_before{};  // it is tried until then
+  std::string reason;                    // why the operation's first case was begun
+  std::chrono::nanoseconds recorded{0};  // by the operation's earlier cases
+  std::chrono::nanoseconds within{0};    // it is tried for so long
 };
 
 /// How long ago a case was cut off; nothing where no clock can tell, and `why` says which way it was known or

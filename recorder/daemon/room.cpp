@@ -13,7 +13,6 @@
 namespace kiroku::recorder {
 namespace {
 
-using Clock = std::chrono::steady_clock;
 constexpr std::chrono::seconds kRuleInterval{1};
 constexpr std::chrono::seconds kFirstPause{1};
 constexpr std::chrono::seconds kLongestPause{60};
@@ -27,7 +26,7 @@ constexpr std::int64_t kLongestStandbyNs = 2LL * 3600 * 1'000'000'000;
 /// Bytes a second over about the last minute.
 class RateMeter {
  public:
-  void add(Clock::time_point now, std::uint64_t bytes) {
+  void add(Clock::Time now, std::uint64_t bytes) {
     if (!samples_.empty() && now - samples_.back().when < std::chrono::seconds(1)) return;
     samples_.push_back({now, bytes});
     while (samples_.size() > 2 && now - samples_.front().when > kRateWindow) samples_.pop_front();
@@ -40,7 +39,7 @@ class RateMeter {
 
  private:
   struct Sample {
-    Clock::time_point when;
+    Clock::Time when;
     std::uint64_t bytes;
   };
   std::deque<Sample> samples_;
@@ -87,9 +86,11 @@ std::string_view subject_state_name(SubjectState state) {
 }
 
 struct Room::State {
-  State(RoomPlan asked, RoomListener told) : plan(std::move(asked)), listener(std::move(told)) {
+  State(RoomPlan asked, RoomListener told, const Clock& its_time)
+      : plan(std::move(asked)), listener(std::move(told)), time(its_time) {
     status.name = plan.name;
     resume = plan.resume;
+    if (resume) begin_before = time.now() + resume->within;
     status.problem = plan.not_resumed;
     status.not_resumed = !plan.not_resumed.empty();
     beat();
@@ -120,15 +121,15 @@ struct Room::State {
     std::promise<std::string> begun;
   };
 
-  void beat() { heartbeat = Clock::now().time_since_epoch().count(); }
+  void beat() { heartbeat = time.now().time_since_epoch().count(); }
 
   void run() {
     std::unique_lock lock(mutex);
     while (!ending) {
       beat();
-      const bool ahead = plan.rules.pre_roll.count() > 0 && Clock::now() >= not_before;
-      const auto is_wanted = [&] { return ending || request || (resume && Clock::now() >= not_before); };
-      if (!ahead) changed.wait_for(lock, kRuleInterval, is_wanted);
+      const bool ahead = plan.rules.pre_roll.count() > 0 && time.now() >= not_before;
+      const auto is_wanted = [&] { return ending || request || (resume && time.now() >= not_before); };
+      if (!ahead) time.wait_for(changed, lock, kRuleInterval, is_wanted);
       if (ending) break;
       if (ahead) {
         lock.unlock();
@@ -136,7 +137,7 @@ struct Room::State {
         lock.lock();
         continue;
       }
-      if (!request && !resume && schedule_wants_a_case() && Clock::now() >= not_before) {
+      if (!request && !resume && schedule_wants_a_case() && time.now() >= not_before) {
         request = std::make_unique<Request>();
         request->reason = "schedule";
       }
@@ -157,11 +158,11 @@ struct Room::State {
       // Somebody's own case takes the place of the one that would be carried on.
       resume.reset();
       request->first_reason = request->reason;
-      request->identity.case_id = archive::new_case_id(utc_now());
+      request->identity.case_id = archive::new_case_id(time.utc());
       return std::move(request);
     }
-    if (!resume || Clock::now() < not_before) return {};
-    if (Clock::now() > resume->begin_before) {
+    if (!resume || time.now() < not_before) return {};
+    if (time.now() > begin_before) {
       status.not_resumed = true;
       resume.reset();
       return {};
@@ -222,7 +223,8 @@ struct Room::State {
 
   /// With the mutex held.
   [[nodiscard]] bool schedule_wants_a_case() {
-    const bool in_window = !plan.rules.schedule.empty() && plan.rules.schedule.contains(local_now());
+    const bool in_window =
+        !plan.rules.schedule.empty() && plan.rules.schedule.contains(local_time(time.utc()));
     if (!in_window) stopped_in_window = false;
     return in_window && !stopped_in_window;
   }
@@ -272,10 +274,10 @@ struct Room::State {
       if (!taken && !resume) {
         const bool scheduled = schedule_wants_a_case(), signalled = signal_wants_a_case(now);
         // After a failure the rules wait; a person may try at once.
-        if ((scheduled || signalled) && Clock::now() >= not_before) {
+        if ((scheduled || signalled) && time.now() >= not_before) {
           taken = std::make_unique<Request>();
           taken->reason = taken->first_reason = scheduled ? "schedule" : "signal";
-          taken->identity.case_id = archive::new_case_id(utc_now());
+          taken->identity.case_id = archive::new_case_id(time.utc());
         }
       }
     }
@@ -321,7 +323,7 @@ struct Room::State {
   std::optional<Bytes> subject_of(Request& asked) {
     std::optional<Bytes> subject = std::move(asked.subject);
     SubjectState state = subject ? SubjectState::kGiven : SubjectState::kNone;
-    begun_at = utc_now();
+    begun_at = time.utc();
     const bool carried_over = asked.identity.sealed_subject.has_value();
     if (carried_over) state = SubjectState::kCarriedOver;
     if (!subject && !carried_over && plan.procedure) {
@@ -346,8 +348,8 @@ struct Room::State {
 
   /// Each second, until there is one.
   void look_for_late_subject(Session& running) {
-    if (!look_for_subject || Clock::now() < next_look) return;
-    next_look = Clock::now() + kRuleInterval;
+    if (!look_for_subject || time.now() < next_look) return;
+    next_look = time.now() + kRuleInterval;
     const std::optional<Bytes> found = find_subject();
     // A person may have given one meanwhile.
     if (!found || !look_for_subject.exchange(false)) return;
@@ -377,8 +379,8 @@ struct Room::State {
   }
 
   void back_off() {
-    pause = std::clamp<Clock::duration>(2 * pause, kFirstPause, kLongestPause);
-    not_before = Clock::now() + pause;
+    pause = std::clamp<Clock::Duration>(2 * pause, kFirstPause, kLongestPause);
+    not_before = time.now() + pause;
   }
 
   [[nodiscard]] std::string next_try() const {
@@ -435,7 +437,7 @@ struct Room::State {
     if (rules.stop_after_silence && now.now_ns - silent_since_ns > rules.stop_after_silence->count()) {
       return "silence";
     }
-    return first_reason == "schedule" && !rules.schedule.contains(local_now()) ? "schedule" : "";
+    return first_reason == "schedule" && !rules.schedule.contains(local_time(time.utc())) ? "schedule" : "";
   }
 
   /// What is looked at a few times a second while a case runs. `first_reason` is why its operation was begun.
@@ -447,7 +449,7 @@ struct Room::State {
     }
     look_for_late_subject(running);
     const std::lock_guard guard(mutex);
-    rate.add(Clock::now(), total_bytes(now));
+    rate.add(time.now(), total_bytes(now));
     status.bytes_per_second = rate.bytes_per_second();
     status.session = now;
     tell_new_problem(now);
@@ -562,7 +564,8 @@ struct Room::State {
 
   const RoomPlan plan;
   const RoomListener listener;
-  std::atomic<Clock::rep> heartbeat{0};
+  const Clock& time;
+  std::atomic<Clock::Duration::rep> heartbeat{0};
 
   mutable std::mutex mutex;  // guards what follows, but for the last ones, which only the room's thread uses
   std::condition_variable changed;
@@ -579,14 +582,15 @@ struct Room::State {
   UtcTime begun_at{};                           // of the case that runs
   std::atomic<bool> look_for_subject = false;   // of that case: nobody gave one, none was known
   std::chrono::nanoseconds before{0};           // recorded by the operation's earlier cases
-  Clock::time_point next_look{};
-  Clock::duration pause{};
-  Clock::time_point not_before{};
+  Clock::Time next_look{};
+  Clock::Duration pause{};
+  Clock::Time not_before{};
+  Clock::Time begin_before{};  // the case that is to be carried on
   std::thread thread;
 };
 
-Room::Room(RoomPlan plan, RoomListener listener)
-    : state_(std::make_unique<State>(std::move(plan), std::move(listener))) {}
+Room::Room(RoomPlan plan, RoomListener listener, const Clock& time)
+    : state_(std::make_unique<State>(std::move(plan), std::move(listener), time)) {}
 Room::~Room() = default;
 
 const std::string& Room::name() const { return state_->plan.name; }
@@ -645,7 +649,7 @@ void Room::add_subject(const Bytes& subject) {
 std::vector<ProcedureData> Room::procedures() const {
   if (!state_->plan.procedure) return {};
   state_->plan.procedure->hurry();
-  return state_->plan.procedure->list(utc_now());
+  return state_->plan.procedure->list(state_->time.utc());
 }
 
 std::optional<std::int64_t> Room::point(media::PointedAt at) {
@@ -666,8 +670,6 @@ RoomStatus Room::status() const {
   return status;
 }
 
-Clock::time_point Room::heartbeat() const {
-  return Clock::time_point(Clock::duration(state_->heartbeat.load()));
-}
+Clock::Time Room::heartbeat() const { return Clock::Time(Clock::Duration(state_->heartbeat.load())); }
 
 }  // namespace kiroku::recorder

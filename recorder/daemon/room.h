@@ -10,6 +10,7 @@
 #include <string>
 #include <vector>
 
+#include "base/clock.h"
 #include "recorder/daemon/footswitch.h"
 #include "recorder/daemon/resumption.h"
 #include "recorder/daemon/schedule.h"
@@ -86,7 +87,8 @@ struct RoomListener {
 
 class Room {
  public:
-  Room(RoomPlan plan, RoomListener listener);
+  /// `time`, by which the room goes, must outlive it. A case has the machine's clock (Session).
+  Room(RoomPlan plan, RoomListener listener, const Clock& time = Clock::system());
   /// Ends a case that runs, properly, with the reason "shutdown".
   ~Room();
   Room(const Room&) = delete;
@@ -116,7 +118,7 @@ class Room {
   [[nodiscard]] RoomStatus status() const;
   /// When the room's thread last did anything; older than a few seconds, it hangs (opening sources and
   /// closing a case count as doing something).
-  [[nodiscard]] std::chrono::steady_clock::time_point heartbeat() const;
+  [[nodiscard]] Clock::Time heartbeat() const;
 
  private:
   struct State;

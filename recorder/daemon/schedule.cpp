@@ -91,10 +91,10 @@ bool Schedule::contains(const std::tm& local) const {
   });
 }
 
-std::tm local_now() {
-  const std::time_t now = std::time(nullptr);
+std::tm local_time(UtcTime at) {
+  const std::time_t seconds = std::chrono::system_clock::to_time_t(at);
   std::tm local{};
-  ::localtime_r(&now, &local);
+  ::localtime_r(&seconds, &local);
   return local;
 }
 

@@ -9,6 +9,8 @@
 #include <string_view>
 #include <vector>
 
+#include "base/utc_time.h"
+
 namespace kiroku::recorder {
 
 class Schedule {
@@ -30,7 +32,7 @@ class Schedule {
   std::vector<Window> windows_;
 };
 
-/// This machine's local time now.
-std::tm local_now();
+/// As this machine's clocks on the wall show it.
+std::tm local_time(UtcTime at);
 
 }  // namespace kiroku::recorder

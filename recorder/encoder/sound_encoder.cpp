@@ -22,6 +22,11 @@ using media::require;
 constexpr const char* kAction = "cannot encode sound";
 constexpr int kLayer2Rate = 48'000;
 constexpr std::int64_t kLayer2BitsPerChannel = 96'000;
+// Of what is longer the recorder would make silence for as long as it takes, and hold it in memory.
+constexpr std::int64_t kLongestFilledNs = 10'000'000'000;
+// By so much at most sound is made faster or slower: ten times what a crystal is wrong by, and a sixtieth of
+// a semitone.
+constexpr int kMostResampled = 1'000;  // one of so many samples
 
 std::string layout_of(int channels) { return std::to_string(channels) + "c"; }
 
@@ -33,7 +38,7 @@ std::string input_of(const std::string& time_base, int rate, AVSampleFormat form
 
 }  // namespace
 
-SoundEncoder::SoundEncoder(const SoundFormat& format, const VideoProfile& profile) {
+SoundEncoder::SoundEncoder(const SoundFormat& format, const VideoProfile& profile, Pace pace) : pace_(pace) {
   const bool layer2 = profile.in_transport_stream();
   const AVCodec* codec = avcodec_find_encoder(layer2 ? AV_CODEC_ID_MP2 : AV_CODEC_ID_FLAC);
   if (codec == nullptr) throw Error("this libavcodec cannot encode sound; install Debian's FFmpeg libraries");
@@ -81,12 +86,16 @@ SoundEncoder::Filter SoundEncoder::make_filter(const std::string& input, const s
 }
 
 SoundEncoder::Filter SoundEncoder::make_converter(const AVFrame& sound) const {
-  // Samples are dropped or silence is filled in where the time stamps say so (by more than a tenth of a
-  // second): sound keeps to the case clock and is left as it is otherwise.
+  // Samples are dropped or silence is filled in where the time stamps say so by more than a tenth of a second
+  // (FFmpeg's "async", man ffmpeg-resampler). Above 1, "async" is by how many samples a second it may stretch
+  // or squeeze besides; the resampler must be there from the start then, since one that begins in the middle
+  // forgets its times.
+  const std::string async =
+      pace_ == Pace::kAsTheyCome ? "1" : std::to_string(sound.sample_rate / kMostResampled) + ":flags=res";
   return make_filter(input_of("1/1000000000", sound.sample_rate, static_cast<AVSampleFormat>(sound.format),
                               sound.ch_layout.nb_channels),
-                     "aresample=" + std::to_string(codec_->sample_rate) +
-                         ":async=1,aformat=sample_fmts=" + av_get_sample_fmt_name(codec_->sample_fmt) +
+                     "aresample=" + std::to_string(codec_->sample_rate) + ":async=" + async +
+                         ",aformat=sample_fmts=" + av_get_sample_fmt_name(codec_->sample_fmt) +
                          ":channel_layouts=" + layout_of(codec_->ch_layout.nb_channels));
 }
 
@@ -98,14 +107,13 @@ SoundEncoder::Filter SoundEncoder::make_divider() const {
 
 std::vector<media::Packet> SoundEncoder::encode(media::Frame sound, std::int64_t time_ns) {
   std::vector<media::Packet> packets;
-  if (!converter_.graph || !(converted_format_ == sound_format_of(*sound))) {
-    if (converter_.graph) {
-      require(av_buffersrc_close(converter_.source, AV_NOPTS_VALUE, 0), kAction);
-      take_from_converter(packets);
-    }
+  const bool after_long = time_ns - converted_until_ns_ > kLongestFilledNs;
+  if (!converter_.graph || after_long || !(converted_format_ == sound_format_of(*sound))) {
+    end_converter(packets);
     converter_ = make_converter(*sound);
     converted_format_ = sound_format_of(*sound);
   }
+  converted_until_ns_ = time_ns + sound->nb_samples * 1'000'000'000LL / sound->sample_rate;
   // Layouts are named by their number of channels, whatever the source calls them.
   av_channel_layout_uninit(&sound->ch_layout);
   av_channel_layout_default(&sound->ch_layout, converted_format_.channels);
@@ -115,11 +123,17 @@ std::vector<media::Packet> SoundEncoder::encode(media::Frame sound, std::int64_t
   return packets;
 }
 
-std::vector<media::Packet> SoundEncoder::drain() {
-  std::vector<media::Packet> packets;
-  if (!converter_.graph) return packets;
+void SoundEncoder::end_converter(std::vector<media::Packet>& packets) {
+  if (!converter_.graph) return;
   require(av_buffersrc_close(converter_.source, AV_NOPTS_VALUE, 0), kAction);
   take_from_converter(packets);
+  converter_ = {};
+}
+
+std::vector<media::Packet> SoundEncoder::drain() {
+  std::vector<media::Packet> packets;
+  end_converter(packets);
+  if (!divider_.graph) return packets;
   require(av_buffersrc_close(divider_.source, AV_NOPTS_VALUE, 0), kAction);
   take_from_divider(packets);
   take_from_encoder(nullptr, packets);
@@ -135,8 +149,15 @@ void SoundEncoder::take_from_converter(std::vector<media::Packet>& packets) {
     const std::int64_t place =
         av_rescale_q(piece->pts, av_buffersink_get_time_base(converter_.sink), codec_->time_base);
     if (!next_sample_) next_sample_ = next_block_ = place;
-    // A converter fills the holes in what it was given, but not the one between another and itself.
-    if (place - *next_sample_ > codec_->sample_rate / 10) add_silence(place - *next_sample_, packets);
+    // A converter fills the holes in what it was given, and drops what overlaps, but not between another and
+    // itself.
+    const std::int64_t hole = place - *next_sample_;
+    if (hole < -codec_->sample_rate / 10) continue;
+    if (hole > kLongestFilledNs / 1'000'000'000 * codec_->sample_rate) {
+      pass_over(hole, packets);
+    } else if (hole > codec_->sample_rate / 10) {
+      add_silence(hole, packets);
+    }
     divide(piece.get(), packets);
   }
 }
@@ -155,6 +176,17 @@ void SoundEncoder::add_silence(std::int64_t samples, std::vector<media::Packet>&
     samples -= silence->nb_samples;
     divide(silence.get(), packets);
   }
+}
+
+void SoundEncoder::pass_over(std::int64_t samples, std::vector<media::Packet>& packets) {
+  const std::int64_t block = codec_->frame_size;
+  const std::int64_t begun = (*next_sample_ - *next_block_) % block;
+  const std::int64_t rest = begun == 0 ? 0 : block - begun;
+  add_silence(rest, packets);
+  const std::int64_t left_out = (samples - rest) / block * block;
+  *next_sample_ += left_out;
+  *next_block_ += left_out;
+  add_silence(samples - rest - left_out, packets);
 }
 
 void SoundEncoder::divide(AVFrame* sound, std::vector<media::Packet>& packets) {

@@ -11,8 +11,6 @@
 namespace kiroku::recorder {
 namespace {
 
-using std::chrono::steady_clock;
-
 constexpr std::chrono::seconds kListenAgain{10};
 // Of what is kept of one message; whoever sends more than that does not fill the memory.
 constexpr std::size_t kLongestKept = 16U << 10;
@@ -47,12 +45,15 @@ std::size_t kept_bytes(const ProcedureMessage& message) {
 }  // namespace
 
 struct ProcedureInbox::State {
-  State(const std::string& listen, Tell told)
-      : where(parse_source_address(listen).stated), listening(listening_at(listen)), tell(std::move(told)) {}
+  State(const std::string& listen, Tell told, const Clock& its_time)
+      : where(parse_source_address(listen).stated),
+        listening(listening_at(listen)),
+        tell(std::move(told)),
+        time(its_time) {}
 
   /// On the server's thread.
   std::string take(std::string_view bytes) {
-    const UtcTime now = utc_now();
+    const UtcTime now = time.utc();
     const Hl7Parse parsed = parse_hl7_message(bytes);
     std::string answer = "AA", why;
     std::optional<ProcedureMessage> message;
@@ -89,17 +90,18 @@ struct ProcedureInbox::State {
   const std::string where;
   const Listening listening;
   const Tell tell;
+  const Clock& time;
 
   mutable std::mutex mutex;  // guards what follows, but for the server's own thread
   ProcedureBook book;
   std::uint64_t taken = 0, refused = 0;
   std::string problem;
-  steady_clock::time_point not_before{};
+  Clock::Time not_before{};
   std::unique_ptr<MllpServer> server;  // last: its thread uses the rest
 };
 
-ProcedureInbox::ProcedureInbox(const std::string& listen, Tell tell)
-    : state_(std::make_unique<State>(listen, std::move(tell))) {}
+ProcedureInbox::ProcedureInbox(const std::string& listen, Tell tell, const Clock& time)
+    : state_(std::make_unique<State>(listen, std::move(tell), time)) {}
 
 ProcedureInbox::~ProcedureInbox() = default;
 
@@ -110,7 +112,7 @@ void ProcedureInbox::tend() {
   std::string news;
   {
     const std::lock_guard guard(state.mutex);
-    if (state.server || steady_clock::now() < state.not_before) return;
+    if (state.server || state.time.now() < state.not_before) return;
     try {
       auto server = std::make_unique<MllpServer>(
           state.listening.server,
@@ -123,7 +125,7 @@ void ProcedureInbox::tend() {
       state.problem.clear();
       state.server = std::move(server);
     } catch (const std::exception& error) {
-      state.not_before = steady_clock::now() + kListenAgain;
+      state.not_before = state.time.now() + kListenAgain;
       if (state.problem != error.what()) news = error.what();
       state.problem = error.what();
     }

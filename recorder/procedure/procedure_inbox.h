@@ -7,6 +7,7 @@
 #include <optional>
 #include <string>
 
+#include "base/clock.h"
 #include "recorder/procedure/procedure_book.h"
 #include "recorder/procedure/procedure_source.h"
 
@@ -18,8 +19,8 @@ class ProcedureInbox {
   using Tell = std::function<void(const std::string& sentence)>;
 
   /// `listen` is mllp://ADDRESS:PORT with the options of mllp_address.h and `zone` (mllp_source.h). Does not
-  /// listen yet. Throws kiroku::UsageError for an address that is none.
-  ProcedureInbox(const std::string& listen, Tell tell);
+  /// listen yet. `time` must outlive it. Throws kiroku::UsageError for an address that is none.
+  ProcedureInbox(const std::string& listen, Tell tell, const Clock& time = Clock::system());
   ~ProcedureInbox();
   ProcedureInbox(const ProcedureInbox&) = delete;
   ProcedureInbox& operator=(const ProcedureInbox&) = delete;

@@ -31,6 +31,7 @@ struct Worklist::State {
   State(WorklistOptions asked, Tell told, const Clock& by)
       : options(std::move(asked)), tell(std::move(told)), clock(by), thread([this] { run(); }) {}
   ~State() {
+    cancelled = true;
     {
       const std::lock_guard guard(mutex);
       ending = true;
@@ -68,7 +69,7 @@ struct Worklist::State {
   /// Whatever goes wrong with it, nothing else ends.
   [[nodiscard]] WorklistAnswer ask(UtcTime now) const {
     try {
-      return ask_worklist(options, now);
+      return ask_worklist(options, now, &cancelled);
     } catch (const std::exception& error) {
       return {{}, std::string("the worklist cannot be asked: ") + error.what()};
     }
@@ -99,6 +100,7 @@ struct Worklist::State {
   const WorklistOptions options;
   const Tell tell;
   const Clock& clock;
+  std::atomic<bool> cancelled = false;
   mutable std::mutex mutex;
   std::condition_variable changed;
   bool ending = false, hurried = false;

@@ -1,6 +1,7 @@
 // A hospital's list of planned procedures: DICOM modality worklist (PS3.4 annex K), asked for by C-FIND.
 #pragma once
 
+#include <atomic>
 #include <chrono>
 #include <cstdint>
 #include <functional>
@@ -41,9 +42,11 @@ struct WorklistAnswer {
 
 inline constexpr std::size_t kMostWorklistItems = 500;  // of one answer
 
-/// Asks for the steps of the days within the window around `now`. Blocks for a few timeouts at most.
-/// Thread-safe.
-WorklistAnswer ask_worklist(const WorklistOptions& options, UtcTime now);
+/// Asks for the steps of the days within the window around `now`, in a box (worklist_box.h): where there is
+/// none, it cannot be asked. Blocks for a few timeouts at most, a minute where they are short, and no longer
+/// once `*cancelled` is true; it may be null. Thread-safe.
+WorklistAnswer ask_worklist(const WorklistOptions& options, UtcTime now,
+                            const std::atomic<bool>* cancelled = nullptr);
 
 /// Of the answer to a question asked at `asked`, the step planned nearest to `at` and within the window;
 /// nothing if none is.
@@ -57,7 +60,7 @@ class Worklist {
   using Tell = std::function<void(const std::string& sentence)>;
   /// `tell` hears when the worklist cannot be asked, and when it can again.
   Worklist(WorklistOptions options, Tell tell, const Clock& clock = Clock::system());
-  /// Waits for a question that is under way: a few timeouts at most.
+  /// A question that is under way is given up.
   ~Worklist();
   Worklist(const Worklist&) = delete;
   Worklist& operator=(const Worklist&) = delete;

@@ -7,7 +7,7 @@
 #include "dcmtk/dcmdata/dctk.h"
 #include "dcmtk/dcmnet/scu.h"
 #include "dcmtk/oflog/oflog.h"
-#include "recorder/procedure/worklist.h"
+#include "recorder/procedure/worklist_box.h"
 #include "recorder/vitals/hl7_charset.h"
 
 namespace kiroku::recorder {
@@ -235,20 +235,21 @@ WorklistItem read_item(DcmDataset& answer) {
 
 }  // namespace
 
-WorklistAnswer ask_worklist(const WorklistOptions& options, UtcTime now) {
+std::string prepare_worklist_query() {
   silence_dcmtk();
+  ::tzset();
+  keep_charsets_at_hand();
+  if (dcmDataDict.isDictionaryLoaded()) return "";
+  return "cannot be asked: DCMTK's data dictionary (dicom.dic) is not installed";
+}
+
+WorklistAnswer query_worklist(const WorklistOptions& options, UtcTime now) {
   WorklistAnswer answer;
-  const std::string who =
-      "the worklist " + options.called_ae + " at " + options.host + ":" + std::to_string(options.port);
   const auto fail = [&](const std::string& what, const OFCondition& why) {
     answer.items.clear();
-    answer.problem = who + " " + what + (why.bad() ? std::string(": ") + why.text() : "");
+    answer.problem = what + (why.bad() ? std::string(": ") + why.text() : "");
     return answer;
   };
-  if (!dcmDataDict.isDictionaryLoaded()) {
-    answer.problem = "the worklist cannot be asked: DCMTK's data dictionary (dicom.dic) is not installed";
-    return answer;
-  }
   Query query;
   query.setAETitle(options.calling_ae);
   query.setPeerAETitle(options.called_ae);

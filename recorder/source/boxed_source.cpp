@@ -39,7 +39,7 @@ constexpr std::chrono::seconds kStarting{30};
 constexpr milliseconds kGoodBye{500};
 constexpr std::size_t kLongestMessage = 8 << 20;  // a second of sound, many channels
 constexpr std::size_t kLongestText = 2000;
-constexpr int kMostChannels = 64, kFastestSound = 768'000, kLargestSide = 16'384, kMostSamples = 1 << 20;
+constexpr int kMostChannels = 64, kLargestSide = 16'384;
 constexpr std::uint64_t kMostLost = 1'000'000;
 // As of FfmpegSource: no two pictures of a file are further apart.
 constexpr std::int64_t kLargestJumpNs = 10'000'000'000;
@@ -205,7 +205,8 @@ class BoxedSource : public Source {
       input_ = text_from(facts, "input");
       remark_ = text_from(facts, "remark");
       if (const auto sound = facts.find("sound"); sound != facts.end()) {
-        sound_ = SoundFormat{within(sound->at(0), 1, kFastestSound), within(sound->at(1), 1, kMostChannels),
+        sound_ = SoundFormat{within(sound->at(0), kSlowestSound, kFastestSound),
+                             within(sound->at(1), 1, kMostChannels),
                              within(sound->at(2), 0, AV_SAMPLE_FMT_NB - 1)};
       }
     } catch (const std::exception&) {
@@ -237,11 +238,20 @@ class BoxedSource : public Source {
     if (body.size() < sizeof message) throw_nonsense();
     std::memcpy(&message, body.data(), sizeof message);
     body = body.subspan(sizeof message);
-    if (message.sample_rate < 1 || message.sample_rate > kFastestSound || message.channels < 1 ||
-        message.channels > kMostChannels || message.samples < 1 || message.samples > kMostSamples ||
-        message.sample_format < 0 || message.sample_format >= AV_SAMPLE_FMT_NB) {
+    if (message.sample_rate < kSlowestSound || message.sample_rate > kFastestSound || message.channels < 1 ||
+        message.channels > kMostChannels || message.samples < 1 ||
+        message.samples > message.sample_rate * kLongestSoundSeconds || message.sample_format < 0 ||
+        message.sample_format >= AV_SAMPLE_FMT_NB) {
       throw_nonsense();
     }
+    const auto format = static_cast<AVSampleFormat>(message.sample_format);
+    const bool planar = av_sample_fmt_is_planar(format) != 0;
+    const auto planes = static_cast<std::size_t>(planar ? message.channels : 1);
+    const auto bytes = static_cast<std::size_t>(av_get_bytes_per_sample(format)) *
+                       static_cast<std::size_t>(message.samples) *
+                       static_cast<std::size_t>(planar ? 1 : message.channels);
+    // Before memory is asked for.
+    if (body.size() != planes * bytes) throw_nonsense();
     TimedFrame timed;
     timed.is_sound = true;
     timed.time_ns = std::clamp<std::int64_t>(
@@ -254,13 +264,6 @@ class BoxedSource : public Source {
     frame.nb_samples = message.samples;
     av_channel_layout_default(&frame.ch_layout, message.channels);
     require(av_frame_get_buffer(&frame, 0), "take the sound of " + name_);
-    const auto format = static_cast<AVSampleFormat>(message.sample_format);
-    const bool planar = av_sample_fmt_is_planar(format) != 0;
-    const auto planes = static_cast<std::size_t>(planar ? message.channels : 1);
-    const auto bytes = static_cast<std::size_t>(av_get_bytes_per_sample(format)) *
-                       static_cast<std::size_t>(message.samples) *
-                       static_cast<std::size_t>(planar ? 1 : message.channels);
-    if (body.size() != planes * bytes) throw_nonsense();
     for (std::size_t plane = 0; plane < planes; ++plane)
       std::memcpy(frame.extended_data[plane], body.data() + plane * bytes, bytes);
     return timed;

@@ -94,6 +94,7 @@ class FfmpegSource : public Source {
                        sound_decoder_->sample_fmt};
   }
   [[nodiscard]] bool is_live() const override { return live_; }
+  [[nodiscard]] bool is_unboxed() const override { return box_ == nullptr; }
   [[nodiscard]] std::string remark() const override {
     return remark_ + (remark_.empty() || told_.empty() ? "" : "; ") + told_;
   }
@@ -330,8 +331,17 @@ class FfmpegSource : public Source {
     sound_decoder_->pkt_timebase = stream->time_base;
     media::carry_numbers(*sound_decoder_);
     require(avcodec_open2(sound_decoder_.get(), decoder, nullptr), action);
+    if (sound_decoder_->sample_rate >= kSlowestSound && sound_decoder_->sample_rate <= kFastestSound) return;
+    remark_ += (remark_.empty() ? "" : "; ") + name_ + " has sound of " +
+               std::to_string(sound_decoder_->sample_rate) + " samples a second, which is left out";
+    sound_decoder_.reset();
+    sound_stream_ = -1;
   }
 
+  [[nodiscard]] static bool can_be_taken(const AVFrame& sound) {
+    return sound.sample_rate >= kSlowestSound && sound.sample_rate <= kFastestSound &&
+           sound.nb_samples <= sound.sample_rate * kLongestSoundSeconds;
+  }
   [[nodiscard]] static bool is_sound(const AVFrame& frame) { return frame.nb_samples > 0; }
 
   /// The next decoded picture or sound, nothing at the end. Damaged packets are the decoder's to conceal or
@@ -349,7 +359,10 @@ class FfmpegSource : public Source {
         }
         return frame;
       }
-      if (sound_decoder_ && avcodec_receive_frame(sound_decoder_.get(), frame.get()) == 0) return frame;
+      if (sound_decoder_ && avcodec_receive_frame(sound_decoder_.get(), frame.get()) == 0) {
+        if (can_be_taken(*frame)) return frame;
+        continue;
+      }
       if (received == AVERROR_EOF) return {};
       if (received != AVERROR(EAGAIN)) require(received, "cannot decode " + name_);
       if (!opening_) deadline_ns_ = clock_.now_ns() + silence_ns_;

@@ -43,6 +43,10 @@ struct SoundFormat {
 };
 SoundFormat sound_format_of(const AVFrame& frame);
 
+/// Sound is brought to the rate of the record, so that a second of it at one sample a second would take the
+/// memory of 48,000 samples: sources give none slower, faster or longer than these.
+inline constexpr int kSlowestSound = 1000, kFastestSound = 768'000, kLongestSoundSeconds = 10;
+
 /// A picture, or a piece of sound, and when it reached this machine (case clock), or when it was due (a file
 /// at its own pace), or its own time (unpaced).
 struct TimedFrame {
@@ -71,6 +75,8 @@ class Source {
   /// What a person should know of how it was opened: that it gives other pictures than were asked for, or
   /// comes another way. "" where there is nothing.
   [[nodiscard]] virtual std::string remark() const { return {}; }
+  /// What others sent is demuxed and decoded in this process, beside its keys (boxed_source.h).
+  [[nodiscard]] virtual bool is_unboxed() const { return false; }
   /// Waits for the next frame; nothing at the end of a file or after interrupt(). Throws kiroku::Error when
   /// the source is lost.
   virtual std::optional<TimedFrame> read() = 0;

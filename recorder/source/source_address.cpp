@@ -77,6 +77,14 @@ SourceAddress parse_source_address(const std::string& text, Presence presence) {
     split_options(text.substr(kSynthetic.size()), address);
     return address;
   }
+  constexpr std::string_view kAlsa = "alsa:";
+  if (text.starts_with(kAlsa)) {
+    address.kind = SourceKind::kSound;
+    split_options(text.substr(kAlsa.size()), address);
+    if (address.location.empty())
+      throw UsageError("source 'alsa:' names no device; write alsa:hw:1,0 as 'kiroku devices' lists it");
+    return address;
+  }
   const std::size_t scheme_end = text.find("://");
   if (scheme_end != std::string::npos && scheme_end > 0) {
     std::string scheme = text.substr(0, scheme_end);

@@ -1,5 +1,5 @@
 // Addresses of sources as people type them: "rtsp://user:secret@host/x", "film.mp4?speed=max&loop=1",
-// "synthetic:room?size=640x480". Pure functions, thread-safe.
+// "synthetic:room?size=640x480", "alsa:hw:1,0". Pure functions, thread-safe.
 #pragma once
 
 #include <map>
@@ -8,12 +8,13 @@
 
 namespace kiroku::recorder {
 
-enum class SourceKind { kSynthetic, kFile, kPipe, kDevice, kNetwork, kMonitors };
+/// kSound: an ALSA capture device, which stands beside pictures and is no source of its own.
+enum class SourceKind { kSynthetic, kFile, kPipe, kDevice, kNetwork, kMonitors, kSound };
 
 struct SourceAddress {
   SourceKind kind = SourceKind::kFile;
-  std::string
-      location;  // without our options: "/dev/video0", "film.mp4", "room" (synthetic), "mllp://0.0.0.0:2575"
+  std::string location;  // without our options: "/dev/video0", "film.mp4", "room" (synthetic), "hw:1,0"
+                         // (ALSA), "mllp://0.0.0.0:2575"
   std::map<std::string, std::string> options;  // after '?', for synthetic sources, files and monitors; part
                                                // of the location for network addresses, but for "transport",
                                                // which the scheme names: "rtsp+udp://"

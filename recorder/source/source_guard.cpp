@@ -11,6 +11,7 @@
 
 #include "base/error.h"
 #include "recorder/source/boxed_source.h"
+#include "recorder/source/sound_source.h"
 
 namespace kiroku::recorder {
 namespace {
@@ -27,6 +28,12 @@ std::string in_seconds(nanoseconds time) {
   char text[32];
   std::snprintf(text, sizeof text, "%.3g s", std::chrono::duration<double>(time).count());
   return text;
+}
+
+std::unique_ptr<Source> make_source(const SourceAddress& address, const CaseClock& clock,
+                                    const OpeningTerms& terms) {
+  return address.kind == SourceKind::kSound ? open_sound_source(address, clock, terms)
+                                            : open_captured_source(address, clock, terms);
 }
 
 std::string name_of(const SourceAddress& address) { return "source '" + address.stated + "'"; }
@@ -50,7 +57,7 @@ class SourceGuard::Thread : public std::enable_shared_from_this<Thread> {
     PictureFormat format;
     Rational rate;
     std::optional<SoundFormat> sound;
-    bool live = false;
+    bool live = false, unboxed = false;
     std::string input, remark;
   };
 
@@ -167,8 +174,8 @@ class SourceGuard::Thread : public std::enable_shared_from_this<Thread> {
     Facts facts;
     try {
       made = guard_->make_(address_, clock_, terms_);
-      facts = {made->format(),  made->frame_rate(), made->sound_format(),
-               made->is_live(), made->input(),      made->remark()};
+      facts = {made->format(),     made->frame_rate(), made->sound_format(), made->is_live(),
+               made->is_unboxed(), made->input(),      made->remark()};
     } catch (...) {
       failure = std::current_exception();
     }
@@ -230,6 +237,7 @@ class SourceGuard::Guarded : public Source {
   [[nodiscard]] Rational frame_rate() const override { return facts_.rate; }
   [[nodiscard]] std::optional<SoundFormat> sound_format() const override { return facts_.sound; }
   [[nodiscard]] bool is_live() const override { return facts_.live; }
+  [[nodiscard]] bool is_unboxed() const override { return facts_.unboxed; }
   [[nodiscard]] std::string input() const override { return facts_.input; }
   [[nodiscard]] std::string remark() const override { return facts_.remark; }
 
@@ -254,7 +262,7 @@ SourceGuard::SourceGuard() : SourceGuard(Limits{}) {}
 SourceGuard::SourceGuard(Limits limits, Tell tell, Maker make, LookUp look_up, const Clock& time)
     : limits_(limits),
       tell_(std::move(tell)),
-      make_(make ? std::move(make) : Maker(open_captured_source)),
+      make_(make ? std::move(make) : Maker(make_source)),
       look_up_(std::move(look_up)),
       time_(time) {}
 

@@ -80,6 +80,22 @@ bool is_ascii(std::string_view bytes) {
   return std::ranges::all_of(bytes, [](char c) { return static_cast<unsigned char>(c) < 0x80 && c != 0x1B; });
 }
 
+/// ISO 8859-1 has every byte, and each is the character of its number: needs no table, so it cannot fail.
+std::string latin1_as_utf8(std::string_view bytes) {
+  std::string text;
+  text.reserve(bytes.size());
+  for (const char c : bytes) {
+    const auto byte = static_cast<unsigned char>(c);
+    if (byte < 0x80) {
+      text += c;
+    } else {
+      text += static_cast<char>(0xC0U | (byte >> 6U));
+      text += static_cast<char>(0x80U | (byte & 0x3FU));
+    }
+  }
+  return text;
+}
+
 class Converter {
  public:
   explicit Converter(const std::string& from) : handle_(iconv_open("UTF-8", from.c_str())) {}
@@ -125,6 +141,16 @@ std::optional<std::string> converted_to_utf8(std::string_view bytes, const std::
   return converter.convert(bytes);
 }
 
+void keep_charsets_at_hand() {
+  // Never closed: the C library lets go of the tables of a set that nobody converts.
+  for (const auto& [name, charset] : kNames) {
+    if (const auto handle = iconv_open("UTF-8", charset); handle != reinterpret_cast<iconv_t>(-1))
+      (void)iconv(handle, nullptr, nullptr, nullptr, nullptr);
+  }
+  for (int part = 1; part <= 16; ++part)
+    (void)iconv_open("UTF-8", ("ISO-8859-" + std::to_string(part)).c_str());
+}
+
 Utf8Text hl7_text_as_utf8(std::string_view bytes, const std::vector<std::string>& stated) {
   if (is_ascii(bytes)) {
     return {std::string(bytes), ""};  // the same in all of them
@@ -158,7 +184,7 @@ Utf8Text hl7_text_as_utf8(std::string_view bytes, const std::vector<std::string>
   if (crypto::is_utf8(bytes)) {
     return {std::string(bytes), complaint + "; it was read as UTF-8"};
   }
-  return {*converted_to_utf8(bytes, "ISO-8859-1"), complaint + "; it was read as ISO 8859-1"};
+  return {latin1_as_utf8(bytes), complaint + "; it was read as ISO 8859-1"};
 }
 
 }  // namespace kiroku::recorder

@@ -19,6 +19,9 @@ struct Utf8Text {
 /// 8859-1, in which every byte is a character, so that nothing is lost; the remark says so.
 Utf8Text hl7_text_as_utf8(std::string_view bytes, const std::vector<std::string>& stated);
 
+/// Loads the tables of all known sets, so that they are there where no file can be opened any more.
+void keep_charsets_at_hand();
+
 /// `bytes` as UTF-8 from the iconv character set `charset`; nothing where they do not fit it, or iconv does
 /// not know it.
 std::optional<std::string> converted_to_utf8(std::string_view bytes, const std::string& charset);

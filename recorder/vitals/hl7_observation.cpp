@@ -44,6 +44,15 @@ Hl7Segment unshifted(Hl7Segment segment, std::vector<std::string>& remarks) {
   return segment;
 }
 
+/// Names of what was observed stand in every line that is made of it, and some are remembered.
+constexpr std::size_t kLongestName = 1000;
+
+bool is_named_at_length(const Hl7Segment& segment) {
+  constexpr std::array<std::size_t, 6> kNames{1, 2, 3, 4, 6, 14};
+  return std::ranges::any_of(
+      kNames, [&](std::size_t number) { return segment.field(number).raw().size() > kLongestName; });
+}
+
 /// "500 Hz" or "500Hz" as the whole of a component.
 bool states_rate(std::string_view text) {
   const std::size_t number = std::min(text.find_first_not_of("0123456789."), text.size());
@@ -71,6 +80,11 @@ std::string Observation::name() const {
 Observation read_observation(const Hl7Segment& sent) {
   Observation observation;
   const Hl7Segment segment = unshifted(sent, observation.remarks);
+  if (is_named_at_length(segment)) {
+    observation.remarks.push_back("its number, type, name, sub-identifier, unit or time is longer than " +
+                                  std::to_string(kLongestName) + " bytes");
+    return observation;
+  }
   observation.set_id = segment.field(1).text();
   observation.type = segment.field(2).text();
   observation.quantity = quantity_of(segment.field(3));

@@ -40,6 +40,26 @@ std::string escaped(std::string_view text, const Hl7Separators& separators) {
   return result;
 }
 
+/// Who sends stands in every line that is made of a message, and is remembered with its identifier. HL7 gives
+/// them 227 bytes each and 199.
+constexpr std::size_t kLongestSender = 500, kLongestIdentifier = 200;
+
+/// Why the message is not read, or "".
+std::string problem_of_names(const Hl7Message& message) {
+  if (message.sender().size() > kLongestSender) {
+    return "the message names its sender (MSH-3, MSH-4) with more than " + std::to_string(kLongestSender) +
+           " bytes";
+  }
+  if (message.control_id().size() > kLongestIdentifier) {
+    return "the identifier of the message (MSH-10) is longer than " + std::to_string(kLongestIdentifier) +
+           " bytes";
+  }
+  if (message.type().size() > kLongestIdentifier) {
+    return "the type of the message (MSH-9) is longer than " + std::to_string(kLongestIdentifier) + " bytes";
+  }
+  return "";
+}
+
 /// Of all that a message says but when it was sent (MSH-7), which a retry may state anew.
 crypto::Sha256Digest content_hash(const Hl7Message& message) {
   constexpr std::size_t kSentAt = 7;
@@ -145,10 +165,13 @@ Hl7Vitals::Taken Hl7Vitals::take(std::string_view bytes, std::int64_t arrival_ns
   Taken taken;
   taken.answer = "AA";
   if (parsed.message) {
-    source = parsed.message->sender() + at;
+    problem = problem_of_names(*parsed.message);
+    if (problem.empty()) source = parsed.message->sender() + at;
     if (!senders_.takes(*parsed.message)) return refuse(*parsed.message, source, arrival_ns, now);
     const std::string type = parsed.message->type();
-    if (type.empty()) {
+    if (!problem.empty()) {
+      taken.answer = "AE";
+    } else if (type.empty()) {
       taken.answer = "AE";
       problem = "the message states no type (MSH-9)";
     } else if (!MonitorReader::reads(type)) {
@@ -157,6 +180,10 @@ Hl7Vitals::Taken Hl7Vitals::take(std::string_view bytes, std::int64_t arrival_ns
           "messages of type " + type + " are not read; ORU^R01, ORU^R30 to R32, ORU^R40 and ORU^W01 are";
     }
   } else {
+    // A frame of two bytes becomes lines of hundreds: whoever sends them without end must not fill the disk.
+    const auto count = unreadable_.add(at);
+    if (!count) return {{}, "AE", make_acknowledgement(nullptr, "AE", problem, now)};
+    if (*count > kUnreadableKept) problem += "; " + std::to_string(*count) + " such messages so far";
     taken.answer = "AE";
   }
   const Novelty novelty =

@@ -59,6 +59,8 @@ class Hl7Vitals {
   static constexpr std::size_t kRemembered = 4096;
   static constexpr std::int64_t kLongestRetryNs = 600'000'000'000;
   static constexpr std::size_t kMostSenders = 256;
+  /// Messages of one peer that are none of HL7 are kept up to so many, then ever fewer (base/tally.h).
+  static constexpr std::uint64_t kUnreadableKept = 1000;
 
  private:
   enum class Novelty { kNew, kRepeated, kRepeatedWithOtherTime };
@@ -79,6 +81,7 @@ class Hl7Vitals {
   std::chrono::minutes assumed_zone_;
   SenderList senders_;
   Tally strangers_;
+  Tally unreadable_{kMostSenders, kUnreadableKept};  // by peer
   std::map<std::string, MonitorReader> readers_;
   std::map<std::string, Identifiers> identifiers_;  // by sender
   std::map<std::string, Seen> seen_;                // by sender and MSH-10

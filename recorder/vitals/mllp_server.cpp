@@ -24,6 +24,10 @@ using boost::system::error_code;
 using TlsStream = asio::ssl::stream<tcp::socket>;
 
 constexpr std::chrono::milliseconds kOfferAgain{20};
+/// Complaints of one name about one address that are told each; a monitor with a loose cable has as many in a
+/// long case, and whoever means harm makes millions.
+constexpr std::uint64_t kToldEach = 1000;
+constexpr std::size_t kMostTallied = 256;
 
 std::string printable(std::string_view text) {
   std::string result;
@@ -48,14 +52,23 @@ struct Shared {
   MllpServer::Taker taker;
   MllpServer::Complaint complaint;
   ConnectionPlaces places{{.all = options.most_connections, .of_holder = options.most_of_address}};
-  Tally strangers{};  // complaints of peers who delivered nothing, by name and address
+  Tally strangers{};                       // complaints of peers who delivered nothing, by name and address
+  Tally senders{kMostTallied, kToldEach};  // and of all others
   std::atomic<std::uint64_t> refused = 0;
   std::set<std::shared_ptr<Connection>> connections{};
 
   void complain_of_stranger(const std::string& name, const std::string& text, const std::string& peer) {
-    const auto count = strangers.add(name + " " + address_holder(peer));
+    complain(strangers, 1, name, text, peer);
+  }
+  void complain_of_sender(const std::string& name, const std::string& text, const std::string& peer) {
+    complain(senders, kToldEach, name, text, peer);
+  }
+  /// The first `each` are told as they are.
+  void complain(Tally& tally, std::uint64_t each, const std::string& name, const std::string& text,
+                const std::string& peer) {
+    const auto count = tally.add(name + " " + address_holder(peer));
     if (!count) return;
-    complaint(name, *count == 1 ? text : text + " (" + std::to_string(*count) + " times so far)", peer);
+    complaint(name, *count <= each ? text : text + " (" + std::to_string(*count) + " times so far)", peer);
   }
 };
 
@@ -211,7 +224,7 @@ class StreamConnection : public Connection, public std::enable_shared_from_this<
 
   void complain(const std::string& name, const std::string& text) {
     if (delivered_) {
-      shared_.complaint(name, text, peer_);
+      shared_.complain_of_sender(name, text, peer_);
     } else {
       shared_.complain_of_stranger(name, text, peer_);
     }
@@ -264,6 +277,10 @@ struct MllpServer::State {
       tls.emplace(asio::ssl::context::tls_server);
       tls->set_options(asio::ssl::context::default_workarounds | asio::ssl::context::no_tlsv1 |
                        asio::ssl::context::no_tlsv1_1);
+      // No session is resumed: each connection shows its certificate. OpenSSL would else end one that asks to
+      // resume, as no context of sessions is named.
+      SSL_CTX_set_options(tls->native_handle(), SSL_OP_NO_TICKET | SSL_OP_NO_RENEGOTIATION);
+      SSL_CTX_set_session_cache_mode(tls->native_handle(), SSL_SESS_CACHE_OFF);
       tls->use_certificate_chain_file(options.certificate);
       tls->use_private_key_file(options.key.empty() ? options.certificate : options.key,
                                 asio::ssl::context::pem);

@@ -41,8 +41,9 @@ class MllpServer {
   /// is offered again a little later, and its connection read no further meanwhile. Called on the server's
   /// thread; what is answered is sent after it returned.
   using Taker = std::function<std::optional<std::string>(std::string_view message, const std::string& peer)>;
-  /// What a person should know of a connection: name of the notice, sentence, peer. Of peers who delivered no
-  /// message yet ever fewer of the same name and address are told (base/tally.h).
+  /// What a person should know of a connection: name of the notice, sentence, peer. Ever fewer of the same
+  /// name and address are told (base/tally.h): of peers who delivered no message yet from the second on, of
+  /// others from the thousandth.
   using Complaint =
       std::function<void(const std::string& name, const std::string& text, const std::string& peer)>;
 

@@ -19,6 +19,31 @@ namespace {
 /// So often a reader who waits hears that nothing has come.
 constexpr std::chrono::milliseconds kPatience{50};
 
+/// So much a line takes while it waits.
+std::size_t memory_of(const VitalLine& line) {
+  struct Texts {
+    std::size_t operator()(const media::VitalSample& sample) const {
+      return sample.code.size() + sample.unit.size() + sample.source.size() +
+             sample.values.size() * sizeof(double);
+    }
+    std::size_t operator()(const media::VitalText& text) const {
+      return text.code.size() + text.text.size() + text.source.size();
+    }
+    std::size_t operator()(const media::DeviceAlarm& alarm) const {
+      return alarm.code.size() + alarm.text.size() + alarm.about.size() + alarm.phase.size() +
+             alarm.state.size() + alarm.priority.size() + alarm.source.size();
+    }
+    std::size_t operator()(const media::DeviceMessage& message) const {
+      return message.bytes.size() + message.source.size();
+    }
+    std::size_t operator()(const media::DeviceClock& clock) const { return clock.source.size(); }
+    std::size_t operator()(const media::VitalNotice& notice) const {
+      return notice.notice.size() + notice.text.size() + notice.source.size();
+    }
+  };
+  return sizeof line + std::visit(Texts{}, line);
+}
+
 class MllpSource : public VitalSource {
  public:
   MllpSource(const SourceAddress& address, const CaseClock& clock)
@@ -42,6 +67,11 @@ class MllpSource : public VitalSource {
     std::unique_lock lock(mutex_);
     arrived_.wait_for(lock, kPatience, [this] { return !queue_.empty() || interrupted_; });
     quiet_until_ns_.reset();
+    if (queue_.empty() && untold_ > 0) {
+      const std::string count = std::to_string(std::exchange(untold_, 0));
+      return media::VitalNotice{taking_since_ns_.value_or(clock_.now_ns()), "complaints-left-out",
+                                count + " complaints about connections had no room in the queue", ""};
+    }
     if (queue_.empty()) {
       if (!interrupted_ || !drained_) {
         drained_ = interrupted_;  // once more after the server has stopped
@@ -49,10 +79,10 @@ class MllpSource : public VitalSource {
       }
       return std::nullopt;
     }
-    Queued queued = std::move(queue_.front());
+    VitalLine line = std::move(queue_.front());
+    queued_bytes_ -= memory_of(line);
     queue_.pop_front();
-    queued_bytes_ -= queued.bytes;
-    return std::move(queued.line);
+    return line;
   }
 
   [[nodiscard]] std::optional<std::int64_t> quiet_until_ns() const override { return quiet_until_ns_; }
@@ -65,19 +95,12 @@ class MllpSource : public VitalSource {
   }
 
  private:
-  struct Queued {
-    VitalLine line;
-    std::size_t bytes;
-  };
-
   // Both on the server's thread.
   std::optional<std::string> take(std::string_view message, const std::string& peer) {
     std::int64_t now_ns = 0;
     {
       const std::lock_guard lock(mutex_);
-      if (queued_bytes_ > 0 && queued_bytes_ + message.size() > kMllpQueueBytes) {
-        return std::nullopt;
-      }
+      if (is_full()) return std::nullopt;
       // Until its lines are in the queue nobody may believe that nothing came since now.
       now_ns = clock_.now_ns();
       taking_since_ns_ = now_ns;
@@ -86,10 +109,10 @@ class MllpSource : public VitalSource {
     try {
       taken = vitals_.take(message, now_ns, utc_now(), peer);
     } catch (const std::exception&) {
-      push({}, 0);
+      push({});
       throw;
     }
-    push(std::move(taken.lines), message.size());
+    push(std::move(taken.lines));
     return std::move(taken.acknowledgement);
   }
 
@@ -97,21 +120,29 @@ class MllpSource : public VitalSource {
     std::int64_t now_ns = 0;
     {
       const std::lock_guard lock(mutex_);
+      // Whoever complains cannot wait, as a message can.
+      if (is_full()) {
+        ++untold_;
+        return;
+      }
       now_ns = clock_.now_ns();
       taking_since_ns_ = now_ns;
     }
     std::vector<VitalLine> lines;
     lines.emplace_back(media::VitalNotice{now_ns, name, text, "@" + peer});
-    push(std::move(lines), text.size());
+    push(std::move(lines));
   }
 
-  void push(std::vector<VitalLine> lines, std::size_t bytes) {
+  /// With the mutex held.
+  [[nodiscard]] bool is_full() const { return queued_bytes_ >= kMllpQueueBytes; }
+
+  void push(std::vector<VitalLine> lines) {
     {
       const std::lock_guard lock(mutex_);
       taking_since_ns_.reset();
       for (VitalLine& line : lines) {
-        queue_.push_back({std::move(line), std::exchange(bytes, 0)});
-        queued_bytes_ += queue_.back().bytes;
+        queued_bytes_ += memory_of(line);
+        queue_.push_back(std::move(line));
       }
     }
     arrived_.notify_one();
@@ -124,8 +155,9 @@ class MllpSource : public VitalSource {
   std::atomic<bool> interrupted_ = false;
   std::mutex mutex_;
   std::condition_variable arrived_;
-  std::deque<Queued> queue_;
+  std::deque<VitalLine> queue_;
   std::size_t queued_bytes_ = 0;
+  std::uint64_t untold_ = 0;  // complaints that found no room since the last that were told
   std::optional<std::int64_t> taking_since_ns_;
   MllpServer server_;  // last: its thread uses the rest
 };

@@ -14,7 +14,7 @@ namespace kiroku::recorder {
 /// `certificate=PEM`, `key=PEM`, `clients=PEM` (mllp_server.h).
 ///
 /// A message is acknowledged once its lines are in the queue to the recorder. When that holds kMllpQueueBytes
-/// of messages, connections are read no further until there is room: nothing is lost, monitors wait. What was
+/// of lines, connections are read no further until there is room: nothing is lost, monitors wait. What was
 /// acknowledged is recorded also when the end is asked for. Throws kiroku::UsageError: an address or port
 /// that cannot be listened on, TLS files that cannot be used.
 std::unique_ptr<VitalSource> open_mllp_source(const SourceAddress& address, const CaseClock& clock);

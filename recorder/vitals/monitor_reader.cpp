@@ -150,9 +150,9 @@ void MonitorReader::read_clock(const Hl7Message& message) {
   const std::string text = message.header().field(7).component(1).text();
   const auto time = parse_hl7_time(text);
   if (!time || !time->is_instant()) {
-    notice("time-unreadable", text.empty()
-                                  ? "the message states no time (MSH-7)"
-                                  : "the time '" + text + "' of the message (MSH-7) says no instant");
+    notice("time-unreadable",
+           text.empty() ? "the message states no time (MSH-7)"
+                        : "the time '" + first_words(text) + "' of the message (MSH-7) says no instant");
     return;
   }
   if (!time->zone) {

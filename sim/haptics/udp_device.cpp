@@ -46,7 +46,8 @@ sockaddr_in socket_address(std::uint32_t address, std::uint16_t port) {
 
 }  // namespace
 
-UdpDevice::UdpDevice(std::size_t tools, const std::string& address, std::uint16_t port) : tools_(tools) {
+UdpDevice::UdpDevice(std::size_t tools, const std::string& address, std::uint16_t port, const Clock& time)
+    : tools_(tools), time_(time) {
   if (tools == 0 || tools > kMostTools) {
     throw UsageError("a UDP device has 1 to " + std::to_string(kMostTools) + " tools, not " +
                      std::to_string(tools));
@@ -105,7 +106,7 @@ bool UdpDevice::read(std::span<Pose> poses) {
       ++counts_.malformed;
       continue;
     }
-    const auto now = std::chrono::steady_clock::now();
+    const Clock::Time now = time_.now();
     const Peer from{sender.sin_addr.s_addr, sender.sin_port};
     const auto sequence = number_at<std::uint32_t>(&datagram[4]);
     if (has_peer_ && now - heard_ < kSilence) {

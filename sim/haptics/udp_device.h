@@ -18,6 +18,7 @@
 #include <cstdint>
 #include <string>
 
+#include "base/clock.h"
 #include "base/descriptor.h"
 #include "sim/haptics/haptic_device.h"
 
@@ -27,8 +28,9 @@ namespace kiroku::sim {
 class UdpDevice : public HapticDevice {
  public:
   /// `address` in numbers, IPv4; port 0 takes a free one. kiroku::UsageError for an address that is none or
-  /// more than kMostTools, kiroku::Error where the address cannot be had.
-  UdpDevice(std::size_t tools, const std::string& address = "127.0.0.1", std::uint16_t port = 0);
+  /// more than kMostTools, kiroku::Error where the address cannot be had. `time` must outlive it.
+  explicit UdpDevice(std::size_t tools, const std::string& address = "127.0.0.1", std::uint16_t port = 0,
+                     const Clock& time = Clock::system());
 
   [[nodiscard]] std::uint16_t port() const { return port_; }
   [[nodiscard]] std::size_t tools() const override { return tools_; }
@@ -64,7 +66,8 @@ class UdpDevice : public HapticDevice {
   std::uint16_t port_ = 0;
   Peer peer_;
   bool has_peer_ = false;
-  std::chrono::steady_clock::time_point heard_;
+  const Clock& time_;
+  Clock::Time heard_;
   std::uint32_t sequence_ = 0;
   Counts counts_;
 };

@@ -2,10 +2,13 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include "archive/case_layout.h"
 #include "tests/attack/attacked_case.h"
 #include "tests/support/forger.h"
 #include "tests/support/patterned_bytes.h"
 #include "tests/support/recorded_case.h"
+#include "tests/support/report_text.h"
+#include "tests/support/sample_case.h"
 
 namespace kiroku::test {
 namespace {
@@ -126,6 +129,50 @@ TEST_F(AttackWhileReading, AFileThatIsMadeGoodAgainIsNotCalledAForgersWork) {
   const auto report = verify_while([&] { write_into(file_, honest_); });
   EXPECT_THAT(said(report), testing::ElementsAre(testing::AllOf(
                                 HasSubstr(kChanged), Not(HasSubstr("somebody who knows a recipient")))));
+}
+
+// A checkpoint is read to judge its signature, and again for the token over it. Whoever answers otherwise the
+// second time has a token over other bytes, from years ago perhaps.
+TEST(AttackWhileReadingNotes, ATokenOverOtherBytesThanTheSignatureIsTold) {
+  SampleArchive archive;
+  fs::path folder;
+  std::uint64_t size = 0;
+  const std::string older = "what the authority stamped long ago\n";
+  {
+    SampleCase sample(archive);
+    sample.record();
+    const archive::StoredCheckpoint checkpoint = sample.writer().checkpoint(archive.now());
+    size = checkpoint.size;
+    // More files than wait to be hashed: the first is opened before the token's entry is read.
+    std::vector<archive::CaseEntryBody> segments;
+    for (std::uint64_t index = 1; index < 100; ++index) {
+      const auto end = static_cast<std::int64_t>(6'000'000'000 + index);
+      segments.emplace_back(sample.segment(1, index, {end - 1, end}));
+    }
+    sample.writer().append(segments, archive.now());
+    const Bytes response = archive.stamp(older);
+    sample.writer().add_token(checkpoint, SampleArchive::kAuthorityName, response,
+                              SampleArchive::facts_of(response), archive.now());
+    sample.close();
+    folder = sample.folder();
+  }
+  const fs::path note = folder / archive::note_path(size);
+  const std::string honest = read_file(note);
+  archive::VerifyOptions options = archive.options();
+  options.threads = 1;
+  const auto said = [&] { return details(archive::verify_case(folder, options)); };
+  EXPECT_THAT(said(), HasSubstr("token-imprint-differs"));
+  // Files are opened in the ledger's order: these lie behind the checkpoint.
+  constexpr int kFilesBefore = 8;
+  int opened = 0;
+  const crypto::AgeIdentities identities = observed(archive.identities(), [&] {
+    if (++opened == kFilesBefore) {
+      write_file(note, older);
+    }
+  });
+  options.identities = &identities;
+  EXPECT_THAT(said(), HasSubstr("changed while it was checked"));
+  EXPECT_EQ(read_file(note), older) << "the forger was at work";
 }
 
 }  // namespace

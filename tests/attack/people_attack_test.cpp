@@ -271,6 +271,26 @@ TEST_F(PeopleAttack, AChangedSubjectIsNotShown) {
   EXPECT_THAT(sato.text, HasSubstr("is not what the ledger says"));
 }
 
+TEST_F(PeopleAttack, ASubjectThatIsChangedInPlaceIsNotShownAsItWasReadBefore) {
+  Browser sato = sign_in("sato");
+  unlock(sato, a);
+  EXPECT_THAT(search(sato, ""), HasSubstr("Yamada"));
+  for (const auto& file : fs::directory_iterator(home / "archive" / yamada)) {
+    if (!file.path().filename().string().starts_with("subject")) continue;
+    // As many bytes as before: neither the ledger nor a size tells of it.
+    std::fstream bytes(file.path(), std::ios::binary | std::ios::in | std::ios::out);
+    bytes.seekg(-1, std::ios::end);
+    const char last = static_cast<char>(bytes.get() ^ 1);
+    bytes.seekp(-1, std::ios::end);
+    bytes.put(last);
+  }
+  const std::string found = search(sato, "");
+  EXPECT_THAT(found, Not(HasSubstr("Yamada")));
+  EXPECT_THAT(found, HasSubstr(R"("subject_state":"problem")"));
+  ask(sato, "GET", "/api/cases/" + yamada + "/subject");
+  EXPECT_EQ(sato.status, 422) << sato.text;
+}
+
 TEST_F(PeopleAttack, AOneTimePasswordWorksOnce) {
   const std::string given = one_time_password("sato");
   EXPECT_EQ(sign_in("sato").status, 401) << "the old one is void";

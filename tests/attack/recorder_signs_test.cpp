@@ -10,9 +10,12 @@
 
 #include "archive/appliance_log.h"
 #include "archive/case_layout.h"
+#include "archive/found_files.h"
 #include "archive/log_entry.h"
 #include "archive/recovery.h"
 #include "archive/replica.h"
+#include "archive/retention.h"
+#include "base/error.h"
 #include "tests/attack/attacked_case.h"
 #include "tests/support/report_text.h"
 
@@ -43,9 +46,14 @@ class NextStart : public ::testing::Test {
     folder_ = sample.folder();
   }
 
-  std::vector<CaseRecovery> start() {
+  std::vector<CaseRecovery> start(const archive::VerifyOptions& trusting = {}) {
     const auto log = open_log();
     archive::RecoveryOptions options;
+    options.trust = trusting.trust;
+    options.carry_on = [this](const archive::CutOffCase& cut) {
+      asked_to_carry_on_.push_back(cut.case_id);
+      return "";
+    };
     options.archive = archive_.folder();
     options.key = &archive_.key();
     options.device_name = SampleArchive::kDeviceName;
@@ -118,6 +126,7 @@ class NextStart : public ::testing::Test {
 
   SampleArchive archive_;
   fs::path folder_;
+  std::vector<std::string> asked_to_carry_on_;
 };
 
 // -- a case that was closed
@@ -176,7 +185,71 @@ TEST_F(NextStart, SignsNoLedgerWhoseCheckpointsWereTakenAway) {
   EXPECT_TRUE(fs::is_empty(folder_ / archive::kCheckpointsFolder)) << "nothing was signed";
 }
 
+// Without its newest checkpoints a closed case reads as one that was cut off before its end.
+TEST_F(NextStart, SignsNoSecondHistoryWhereTheNewestCheckpointsWereTakenAway) {
+  write_case();
+  const std::uint64_t close = 10;
+  for (std::uint64_t each = close; each <= lines(folder_).size(); ++each) {
+    fs::remove(folder_ / archive::note_path(each));
+  }
+  const std::string sound = read_file(ledger());
+  const auto refused = start();
+  ASSERT_EQ(refused.size(), 1U);
+  EXPECT_EQ(refused[0].outcome, CaseRecovery::Outcome::kRefused);
+  EXPECT_THAT(refused[0].problem, HasSubstr("the appliance log knows a checkpoint of it over"));
+  EXPECT_EQ(read_file(ledger()), sound) << "close and all behind it stands there still";
+}
+
 // -- a case that was cut off
+
+TEST_F(NextStart, EntersNoTokenOfAnybody) {
+  cut_off_case();
+  SampleArchive stranger;
+  const std::uint64_t newest = archive::newest_note(folder_);
+  const std::string note = read_file(folder_ / archive::note_path(newest));
+  const Bytes token = stranger.stamp(note);
+  const std::string name = archive::token_path(newest, "stranger");
+  write_file(folder_ / name, std::string(text_of(token)));
+  const archive::VerifyOptions options = archive_.options();
+  const auto recovered = start(options);
+  ASSERT_EQ(recovered.size(), 1U);
+  EXPECT_THAT(recovered[0].problem, HasSubstr(name + " is left as it is"));
+  EXPECT_EQ(recovered[0].tokens, 0U);
+  EXPECT_EQ(verify().verdict, Verdict::kIntactWithGaps) << details(verify());
+}
+
+TEST_F(NextStart, WritesAndRemovesNothingThroughALink) {
+  cut_off_case();
+  const fs::path elsewhere = archive_.folder().parent_path() / "elsewhere";
+  for (const char* each : {"segments/endoscope", "checkpoints", "segments"}) {
+    fs::rename(folder_ / each, elsewhere);
+    fs::create_directory_symlink(elsewhere, folder_ / each);
+    const auto refused = start();
+    ASSERT_EQ(refused.size(), 1U);
+    EXPECT_EQ(refused[0].outcome, CaseRecovery::Outcome::kRefused);
+    EXPECT_THAT(refused[0].problem, HasSubstr(std::string(each) + " is a symbolic link"));
+    fs::remove(folder_ / each);
+    fs::rename(elsewhere, folder_ / each);
+  }
+  EXPECT_EQ(start().at(0).outcome, CaseRecovery::Outcome::kRecovered);
+}
+
+// The log's line may stand there unsigned, where the machine stopped or its disk was full at that moment.
+TEST_F(NextStart, TakesUpACaseThatItsOwnCheckpointsShowToBeTheDevices) {
+  cut_off_case();
+  const std::vector<std::string> log = lines(archive_.log_folder());
+  const auto opened = std::find_if(log.begin(), log.end(), [](const std::string& line) {
+    return line.find("\"case-opened\"") != std::string::npos;
+  });
+  ASSERT_NE(opened, log.end());
+  const auto size = static_cast<std::uint64_t>(opened - log.begin()) + 1;
+  ASSERT_TRUE(fs::remove(archive_.log_folder() / archive::note_path(size)));
+  const auto recovered = start();
+  ASSERT_EQ(recovered.size(), 1U);
+  EXPECT_EQ(recovered[0].outcome, CaseRecovery::Outcome::kRecovered) << recovered[0].problem;
+  EXPECT_THAT(asked_to_carry_on_, ::testing::ElementsAre(folder_.filename().string()));
+  EXPECT_EQ(verify().verdict, Verdict::kIntactWithGaps) << details(verify());
+}
 
 TEST_F(NextStart, AnErasureBeforeCloseExcusesNothing) {
   cut_off_case();
@@ -264,6 +337,69 @@ TEST_P(NeverRecorded, CaseIsNotSigned) {
 
 INSTANTIATE_TEST_SUITE_P(WithAClaimedRecovery, NeverRecorded, ::testing::Bool());
 
+/// One line, and films beside it: what a recorder leaves that dies right after a case's opening, but for the
+/// films.
+class FilmsBesideAnOpening : public NextStart, public ::testing::WithParamInterface<bool> {};
+
+TEST_P(FilmsBesideAnOpening, AreNotSigned) {
+  {
+    SampleCase sample(archive_, false);
+    for (std::uint64_t index = 0; index < 3; ++index) {
+      sample.segment(0, index, {});
+    }
+    folder_ = sample.folder();
+  }
+  open_log()->shutdown();
+  const std::string text = read_file(ledger());
+  if (GetParam()) {
+    add_log_line(archive::CaseOpenedEntry{folder_.filename().string(),
+                                          crypto::sha256(bytes_of(lines(folder_).at(0)))});
+  }
+  const auto refused = start();
+  ASSERT_EQ(refused.size(), 1U);
+  EXPECT_EQ(refused[0].outcome, CaseRecovery::Outcome::kRefused);
+  EXPECT_THAT(refused[0].problem, HasSubstr("nobody signed that case"));
+  EXPECT_EQ(read_file(ledger()), text);
+  EXPECT_TRUE(fs::is_empty(folder_ / archive::kCheckpointsFolder)) << "nothing was signed";
+}
+
+TEST_P(FilmsBesideAnOpening, NamedByAClaimedRecoveryAreNotSigned) {
+  archive::SegmentEntry film;
+  {
+    SampleCase sample(archive_, false);
+    film = sample.segment(0, 0, {0, 1'000'000'000});
+    film.counted = false;
+    folder_ = sample.folder();
+  }
+  add_line(archive::RecoveredEntry{"00000000-0000-4000-8000-000000000000", "crash", ""});
+  add_line(film);
+  add_line(archive::GapEntry{"endoscope", {1'000'000'000, 2'000'000'000}, archive::GapCause::kInterrupted});
+  open_log()->shutdown();
+  if (GetParam()) {
+    add_log_line(archive::CaseOpenedEntry{folder_.filename().string(),
+                                          crypto::sha256(bytes_of(lines(folder_).at(0)))});
+  }
+  const auto refused = start();
+  ASSERT_EQ(refused.size(), 1U);
+  EXPECT_EQ(refused[0].outcome, CaseRecovery::Outcome::kRefused) << details(verify());
+  EXPECT_TRUE(fs::is_empty(folder_ / archive::kCheckpointsFolder)) << "nothing was signed";
+}
+
+INSTANTIATE_TEST_SUITE_P(KnownToTheLog, FilmsBesideAnOpening, ::testing::Bool());
+
+// Somebody wants the recorder to begin by itself, or their subject in its next case.
+TEST_F(NextStart, AnOpeningThatNobodySignedIsNotCarriedOn) {
+  {
+    const SampleCase sample(archive_, false);
+    folder_ = sample.folder();
+  }
+  const auto recovered = start();
+  ASSERT_EQ(recovered.size(), 1U);
+  EXPECT_EQ(recovered[0].outcome, CaseRecovery::Outcome::kRecovered);
+  EXPECT_THAT(recovered[0].problem, HasSubstr("it is not carried on"));
+  EXPECT_TRUE(asked_to_carry_on_.empty());
+}
+
 // -- the log
 
 TEST_F(NextStart, ALineThatNobodySignedDoesNotExcuseACase) {
@@ -328,6 +464,34 @@ TEST_F(NextStart, ALogWhoseCasesAreAllGoneSaysThatItDidNotLookForThem) {
   EXPECT_EQ(summary(verify_log()), "intact\ncases-not-looked-for ledger.jsonl -");
 }
 
+// Lines that anybody added before a start are signed with its own: they must not speak against a case either.
+TEST_F(NextStart, ALineThatNobodySignedDoesNotAccuseACase) {
+  write_case();
+  const std::string id = folder_.filename().string();
+  crypto::Sha256Digest made_up{};
+  made_up.fill(std::byte{7});
+  const std::string log = read_file(archive_.log_folder() / archive::kLedgerFile);
+  for (const archive::LogEntryBody& lie :
+       {archive::LogEntryBody(archive::CaseCheckpointEntry{id, 3, made_up}),
+        archive::LogEntryBody(archive::CaseCheckpointEntry{id, 300, made_up}),
+        archive::LogEntryBody(archive::CaseClosedEntry{id, 12, made_up, made_up}),
+        archive::LogEntryBody(archive::CaseOpenedEntry{"20200101T000000Z-00000000", made_up})}) {
+    add_log_line(lie);
+    open_log()->shutdown();
+    for (const archive::VerificationReport& report : {verify(), verify_log()}) {
+      EXPECT_NE(report.verdict, Verdict::kTampered) << details(report);
+    }
+    const std::string told = summary(verify()) + summary(verify_log());
+    EXPECT_THAT(told, HasSubstr("log-entry-doubted"));
+    // The log as it was before.
+    write_file(archive_.log_folder() / archive::kLedgerFile, log);
+    const std::uint64_t size = lines(archive_.log_folder()).size();
+    for (std::uint64_t beyond = size + 1; beyond <= size + 3; ++beyond) {
+      fs::remove(archive_.log_folder() / archive::note_path(beyond));
+    }
+  }
+}
+
 // -- erasing
 
 TEST_F(NextStart, ALinkThatLeadsBackToTheCaseIsNoReplica) {
@@ -340,6 +504,44 @@ TEST_F(NextStart, ALinkThatLeadsBackToTheCaseIsNoReplica) {
   fs::remove(link);
   fs::copy(folder_, link, fs::copy_options::recursive);
   EXPECT_EQ(archive::why_not_replicated(folder_, "endoscope", link), std::nullopt);
+}
+
+/// The recorder's own erasing of a stream that is due.
+class Erasing : public NextStart {
+ protected:
+  archive::Erasure erase(const archive::RetentionOptions& with = {}) {
+    const auto log = open_log();
+    archive::RetentionOptions options = with;
+    options.key = &archive_.key();
+    options.device_name = SampleArchive::kDeviceName;
+    options.log = log.get();
+    return archive::erase_stream(archive::real_file_system(), options, folder_, "endoscope", "room: 30 days");
+  }
+};
+
+// Whoever chooses cases by their age reads ledgers that nobody verified: one that looks old for that moment.
+TEST_F(Erasing, AsksAgainWhetherACaseMayGoWhenItsLedgerIsHeld) {
+  write_case();
+  archive::RetentionOptions options;
+  UtcTime opened;
+  options.may_go = [&](const archive::OpenEntry& open, const archive::Moment& at) {
+    EXPECT_EQ(open.case_id, folder_.filename());
+    opened = at.utc;
+    return false;
+  };
+  EXPECT_THROW(erase(options), UsageError);
+  EXPECT_EQ(opened, SampleArchive::opened_at());
+  EXPECT_TRUE(fs::exists(folder_ / kFirstSegment));
+  EXPECT_EQ(summary(verify()), "intact");
+}
+
+TEST_F(Erasing, RemovesNoOtherCasesFilmsThroughALink) {
+  const fs::path other = SampleCase::write(archive_);
+  write_case();
+  fs::remove_all(folder_ / "segments/endoscope");
+  fs::create_directory_symlink(other / "segments/endoscope", folder_ / "segments/endoscope");
+  EXPECT_THROW(erase(), Error);
+  EXPECT_TRUE(fs::exists(other / kFirstSegment));
 }
 
 // -- time

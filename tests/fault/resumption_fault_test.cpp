@@ -16,6 +16,7 @@
 #include "archive/verifier.h"
 #include "recorder/daemon/room.h"
 #include "tests/fault/fault_step.h"
+#include "tests/support/eventually.h"
 #include "tests/support/fault_file_system.h"
 #include "tests/support/recording.h"
 
@@ -82,12 +83,7 @@ class ResumptionFault : public testing::Test {
 
   template <typename Condition>
   static bool until(const Condition& holds) {
-    const auto end = std::chrono::steady_clock::now() + 60s;
-    while (!holds()) {
-      if (std::chrono::steady_clock::now() > end) return false;
-      std::this_thread::sleep_for(5ms);
-    }
-    return true;
+    return test::eventually(holds);
   }
   static bool records(const Room& room) { return room.status().state == RoomState::kRecording; }
 

@@ -16,6 +16,7 @@
 #include "recorder/checkpoint_stamper.h"
 #include "tests/fault/fault_step.h"
 #include "tests/support/decoded_video.h"
+#include "tests/support/eventually.h"
 #include "tests/support/fault_file_system.h"
 #include "tests/support/recording.h"
 
@@ -177,11 +178,11 @@ TEST_F(SessionFault, APowerCutCostsASecondAtMost) {
       options.video = {bench_.stream("room", "synthetic:pattern?size=64x48&rate=20")};
       options.vitals = {bench_.stream("vitals", "synthetic:patient?waves=0")};
       Session session(options);
-      const auto begun = std::chrono::steady_clock::now();
       std::thread cut([&] {
-        std::this_thread::sleep_until(begun + moment);
+        EXPECT_TRUE(test::eventually(
+            [&] { return session.status().now_ns >= std::chrono::nanoseconds(moment).count(); }));
         files.kill_at(0);
-        cut_ns = (std::chrono::steady_clock::now() - begun).count();
+        cut_ns = session.status().now_ns;
         session.stop();
       });
       EXPECT_ANY_THROW(session.run());

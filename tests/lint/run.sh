@@ -2,7 +2,7 @@
 # Checks the source without running it. What needs seconds comes first; clang-tidy needs most of an hour and is asked for.
 #
 # Usage: tests/lint/run.sh [--tidy [FILE...]]
-#   tests/lint/run.sh                           formatting (clang-format 14), shell scripts (shellcheck), ways of includes, links, figures and generated pages of docs/
+#   tests/lint/run.sh                           formatting (clang-format 14), shell scripts (shellcheck), ways of includes, sleeping tests, links, figures and generated pages of docs/
 #   tests/lint/run.sh --tidy                    clang-tidy on every source file of the preset release, too, which must be configured
 #   tests/lint/run.sh --tidy archive/ledger.cpp clang-tidy on these files alone
 #
@@ -36,6 +36,9 @@ git grep -lE '^#!.*\b(bash|sh)$' -- ':!*.md' | xargs shellcheck -x -S warning -e
 
 # Which folder includes what.
 tests/lint/rooms.sh || found=1
+
+# No test sleeps that could move a clock.
+tests/lint/waits.py || found=1
 
 # Links and lines of the documents; tables of figures are what their JSON says; the configuration's page is deploy/kiroku.toml. The page of commands
 # needs the built programs: CTest's CommandsPage.

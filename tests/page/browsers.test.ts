@@ -51,11 +51,18 @@ describe.each<BrowserName>([...kBrowsers])('%s', (name) => {
       await page.locator('.case-link', { hasText: id }).click();
       // The home of a demonstration is unlocked for everybody.
       await page.locator('.timeline').waitFor();
+      await page.keyboard.press('ArrowRight');
+      await near(page, 5);
       await page.getByRole('button', { name: 'Lock pictures' }).click();
       await page.getByRole('heading', { name: 'This case is sealed' }).waitFor();
+      await near(page, 5);
       await expectFits(visitor, `sealed-${name}`);
       await page.getByPlaceholder('AGE-SECRET-KEY-1…').fill(appliance.identity());
       await page.getByRole('button', { name: 'Unlock' }).click();
+      await settled(page);
+      await near(page, 5);
+      await page.keyboard.press('Home');
+      await near(page, 0);
       await settled(page);
       await expect.poll(() => page.locator('video').count()).toBe(2);
       await expect.poll(() => page.locator('.vital', { hasText: 'HR' }).textContent()).toMatch(/HR.*\d\d/);

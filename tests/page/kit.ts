@@ -8,7 +8,8 @@ import { join } from 'node:path';
 import { promisify } from 'node:util';
 import axe from 'axe-core';
 import { type Browser, type BrowserContext, chromium, firefox, type Page } from 'playwright-core';
-import { expect, it } from 'vitest';
+import { afterAll, expect, it } from 'vitest';
+import { Contract } from './contract';
 
 const run = promisify(execFile);
 
@@ -151,6 +152,20 @@ export class Appliance {
     this.signIn = answer.sign_in;
   }
 
+  /** `kiroku plan serve` and `kiroku train serve` without an address of their own: `kiroku view` leads to them. */
+  async servePlanning(): Promise<void> {
+    await this.behind('plan', 'serve', '--gpu', 'off');
+  }
+  async serveTraining(): Promise<void> {
+    await this.behind('train', 'serve', '--vertices', '900', '--practice', '0');
+  }
+  private async behind(...parameters: string[]): Promise<void> {
+    const child = this.spawn(kiroku, [...parameters, '--home', this.home, '--json']);
+    let said = '';
+    child.stdout?.on('data', (bytes: Buffer) => (said += bytes.toString()));
+    await until(`kiroku ${parameters.join(' ')} serves`, () => (said.includes('}') ? true : undefined));
+  }
+
   /** `kiroku view` ends and begins anew at the same address; all sessions are gone. */
   async restartView(): Promise<void> {
     const child = this.processes.pop() as ChildProcess;
@@ -256,7 +271,16 @@ export interface Visitor {
   asked: string[];
 }
 
+const contract = new Contract(fromEnvironment('KIROKU_SOURCE_DIR'));
+// Of every file of tests that has visitors, whatever else it looks at.
+afterAll(async () => {
+  await contract.settle();
+  expect(contract.breaches, 'what page and server said to each other').toEqual([]);
+  expect(contract.checked > 0).toBe(contract.visited);
+});
+
 function listen({ page, problems, asked }: Visitor): void {
+  contract.listen(page);
   page.on('pageerror', ({ message }) => {
     // Before it makes a picture of Firefox, Playwright adds a style, which the page's content security policy refuses.
     if (!(process.env['KIROKU_PICTURES'] && /blocked an inline style \(style-src-elem\)/.test(message))) problems.push(message);

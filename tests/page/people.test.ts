@@ -182,7 +182,22 @@ story('An administrator', (step) => {
     await bea.page.getByRole('button', { name: 'Sign out' }).click();
     await signIn(bea.page, 'bea', 'battery staple 1');
     await bea.page.getByRole('heading', { name: 'Cases' }).waitFor();
+
+    // Who administers nothing changes it again whenever they like.
+    await bea.page.getByRole('button', { name: 'Change my password' }).click();
+    await bea.page.getByLabel('Password of now').fill('battery staple 1');
+    await bea.page.getByLabel(/New password/).fill('battery staple 3');
+    await bea.page.getByLabel('The same again').fill('battery staple 3');
+    expect(await seriousBarriers(bea.page)).toEqual([]);
+    await expectFits(bea, 'own-password');
+    await bea.page.keyboard.press('Enter');
+    await bea.page.getByText('Your password is changed.').waitFor();
+    await bea.page.getByRole('button', { name: 'Sign out' }).click();
+    await signIn(bea.page, 'bea', 'battery staple 3');
+    await bea.page.getByRole('heading', { name: 'Cases' }).waitFor();
     await bea.context.close();
+    // By a link one comes without a password, so there is none to change.
+    await expect.poll(() => page.getByRole('button', { name: 'Change my password' }).count()).toBe(0);
   });
 
   step('changes a role, nobody’s own', async () => {

@@ -6,6 +6,7 @@
 
 #include "archive/case_layout.h"
 #include "crypto/encoding.h"
+#include "tests/support/token_maker.h"
 
 namespace kiroku::test {
 
@@ -170,6 +171,41 @@ void tokens(HostileCase& of, std::uint64_t bytes, bool present) {
 }
 
 void tokens_of_many_authorities(HostileCase& of, std::uint64_t bytes) { tokens(of, bytes, true); }
+
+/// Tokens that hold, of a stranger with this key.
+void tokens_signed_by(HostileCase& of, std::uint64_t bytes, const TestAuthority& stranger,
+                      const timestamp::Credential& signer) {
+  of.note();
+  const std::uint64_t checkpoint = of.size();
+  TokenRecipe recipe;
+  recipe.imprint = to_bytes(crypto::sha256(bytes_of(of.signed_note())));
+  recipe.signer = &signer;
+  recipe.enclosed = {signer.certificate.get(), stranger.ca.certificate.get()};
+  const Bytes response = make_response(make_token(recipe));
+  archive::TokenEntry token;
+  token.checkpoint = checkpoint;
+  token.sha256 = crypto::sha256(response);
+  token.gen_time = *parse_utc("2026-08-05T09:15:02.250000Z");
+  token.serial = "07";
+  for (std::uint64_t written = 0, i = 0; written < bytes; written += response.size() + 400, ++i) {
+    token.authority = "a" + std::to_string(i);
+    token.file = archive::token_path(checkpoint, token.authority);
+    of.file(token.file, text_of(response));
+    of.add(token);
+  }
+}
+
+void tokens_of_a_stranger(HostileCase& of, std::uint64_t bytes) {
+  static const TestAuthority stranger = make_test_authority();
+  static const timestamp::Credential signer = make_signer(stranger, crypto::PrivateKey(EVP_EC_gen("P-384")));
+  tokens_signed_by(of, bytes, stranger, signer);
+}
+
+void tokens_by_a_dear_key(HostileCase& of, std::uint64_t bytes) {
+  static const TestAuthority stranger = make_test_authority();
+  static const timestamp::Credential signer = make_signer(stranger, make_dear_key());
+  tokens_signed_by(of, bytes, stranger, signer);
+}
 
 /// Tokens whose clock contradicts the case clock, and steps that do not explain it.
 void tokens_and_steps(HostileCase& of, std::uint64_t bytes) {
@@ -607,6 +643,8 @@ const std::vector<HostileLines>& hostile_lines() {
       {"many digits", many_digits},
       {"many escapes", many_escapes},
       {"totals of unknown streams", many_unknown_totals},
+      {"tokens of a stranger", tokens_of_a_stranger},
+      {"tokens by a dear key", tokens_by_a_dear_key},
   };
   return kLines;
 }

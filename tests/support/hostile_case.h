@@ -37,6 +37,8 @@ class HostileCase {
   void raw(std::string_view line);
   /// A signed checkpoint over all lines so far.
   void note();
+  /// The bytes of such a checkpoint.
+  [[nodiscard]] std::string signed_note();
   /// The same with `signatures` lines of signatures, all but the first wrong.
   void note_signed(std::size_t signatures);
   void file(const std::string& path, std::string_view bytes);
@@ -55,8 +57,6 @@ class HostileCase {
   std::function<void(archive::ExcerptDocument&)> change_document;
 
  private:
-  [[nodiscard]] std::string signed_note();
-
   std::filesystem::path folder_;
   crypto::SigningKey key_ = crypto::SigningKey::generate();
   crypto::MerkleTree tree_;

@@ -60,6 +60,12 @@ class MovedClock final : public Clock {
     const std::lock_guard guard(mutex_);
     utc_ = utc;
   }
+  /// How many threads wait for a later time.
+  [[nodiscard]] std::size_t waiting() const {
+    const std::lock_guard guard(mutex_);
+    return static_cast<std::size_t>(
+        std::ranges::count_if(waiting_, [this](const Waiting& each) { return each.deadline > now_; }));
+  }
   /// Returns once so many threads wait for a later time.
   void await_waiting(std::size_t threads) const {
     std::unique_lock lock(mutex_);

@@ -5,6 +5,8 @@
 #include <functional>
 #include <memory>
 #include <optional>
+#include <set>
+#include <span>
 #include <string>
 #include <utility>
 
@@ -15,6 +17,7 @@
 #include "tests/support/temporary_folder.h"
 #include "viewer/server/server_certificate.h"
 #include "viewer/server/web_server.h"
+#include "viewer/server/workplaces.h"
 
 namespace kiroku::test {
 
@@ -76,6 +79,23 @@ class ServedRoutes {
   viewer::Dispatcher dispatcher_{router_, sessions_, page_, [](const std::string& /*sentence*/) {}};
   std::optional<viewer::WebServer> server_;
 };
+
+/// Whether a program has the routes to which the viewer leads (viewer/server/workplaces.h), and no other.
+inline void expect_to_be(const viewer::Router& router, std::span<const viewer::WorkplaceRoute> led_to) {
+  const auto text = [](std::string_view method, std::string_view pattern, viewer::Right right,
+                       bool is_socket) {
+    return std::string(method) + " " + std::string(pattern) + ": " + std::string(viewer::right_name(right)) +
+           (is_socket ? ", a WebSocket" : "");
+  };
+  std::set<std::string> there, wanted;
+  for (const viewer::Route* route : router.routes()) {
+    there.insert(text(route->method, route->pattern, route->right, route->socket != nullptr));
+    EXPECT_LE(route->body_limit, viewer::kUsualBodyLimit) << route->pattern << ": the viewer takes no more";
+  }
+  for (const viewer::WorkplaceRoute& route : led_to)
+    wanted.insert(text(route.method, route.pattern, route.right, route.is_socket));
+  EXPECT_EQ(there, wanted);
+}
 
 /// What came over a WebSocket: text as JSON, or a picture's JSON with its size
 /// (viewer/server/picture_message.h).

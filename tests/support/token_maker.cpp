@@ -4,6 +4,7 @@
 #include <stdexcept>
 
 #include <openssl/pem.h>
+#include <openssl/rsa.h>
 
 #include "timestamp/der.h"
 
@@ -119,6 +120,29 @@ TestAuthority make_test_authority(const std::string& extended_key_usage) {
                                   .extended_key_usage = extended_key_usage},
                                  &out.ca);
   return out;
+}
+
+Credential make_signer(const TestAuthority& authority, crypto::PrivateKey key) {
+  Credential out{std::move(key), Certificate(X509_dup(authority.signer.certificate.get()))};
+  require(X509_set_pubkey(out.certificate.get(), out.key.get()) == 1, "another key");
+  require(X509_sign(out.certificate.get(), authority.ca.key.get(), EVP_sha256()) > 0, "signing anew");
+  return out;
+}
+
+crypto::PrivateKey make_dear_key() {
+  constexpr int kBits = 2048;
+  constexpr int kExponentBits = 2000;
+  const crypto::PrivateKeyContext context(EVP_PKEY_CTX_new_from_name(nullptr, "RSA", nullptr));
+  const BigNumber exponent(BN_new());
+  require(BN_set_bit(exponent.get(), kExponentBits) == 1 && BN_set_bit(exponent.get(), 0) == 1,
+          "an exponent");
+  EVP_PKEY* made = nullptr;
+  require(EVP_PKEY_keygen_init(context.get()) == 1 &&
+              EVP_PKEY_CTX_set_rsa_keygen_bits(context.get(), kBits) == 1 &&
+              EVP_PKEY_CTX_set1_rsa_keygen_pubexp(context.get(), exponent.get()) == 1 &&
+              EVP_PKEY_generate(context.get(), &made) == 1,
+          "a dear key");
+  return crypto::PrivateKey(made);
 }
 
 Bytes make_token(const TokenRecipe& recipe) {

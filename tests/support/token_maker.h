@@ -18,6 +18,12 @@ struct TestAuthority {
 };
 TestAuthority make_test_authority(const std::string& extended_key_usage = "critical,timeStamping");
 
+/// Another signer under the same CA, of any key.
+timestamp::Credential make_signer(const TestAuthority& authority, crypto::PrivateKey key);
+/// A key whose signatures take a hundred times as long to verify as an honest one's: RSA of 2048 bits whose
+/// public exponent is as long.
+crypto::PrivateKey make_dear_key();
+
 /// PEM of one certificate.
 std::string pem_of(X509* certificate);
 

@@ -1,12 +1,17 @@
 // Programs where the decoder's box is there, is not there, or is what the systemd unit leaves of it.
 #include <csignal>
 #include <functional>
+#include <iterator>
 #include <map>
 #include <set>
 #include <sstream>
 
+#include <boost/asio/ip/tcp.hpp>
+
 #include "tests/support/build_paths.h"
 #include "tests/support/child_processes.h"
+#include "tests/support/eventually.h"
+#include "tests/support/reserved_port.h"
 #include "tests/system/program_test.h"
 
 namespace kiroku::test {
@@ -32,10 +37,16 @@ class Box : public ProgramTest {
   void make_room() const {
     write_text(home() / "kiroku.toml", read_text(home() / "kiroku.toml") + "\n[[room]]\nname = \"or-1\"\n" +
                                            "[[room.stream]]\nname = \"endoscope\"\nsource = \"" + film() +
-                                           "?loop=1\"\n[daemon]\nsocket = \"" + path("s") + "\"\n");
+                                           "?loop=1\"\n[daemon]\nsocket = \"" + path("s") +
+                                           "\"\nlisten = \"127.0.0.1:" + std::to_string(port_) + "\"\n");
+  }
+  [[nodiscard]] std::string metrics() const {
+    boost::asio::ip::tcp::iostream connection("127.0.0.1", std::to_string(port_));
+    connection << "GET /metrics HTTP/1.1\r\nHost: localhost\r\nConnection: close\r\n\r\n" << std::flush;
+    return {std::istreambuf_iterator<char>(connection), {}};
   }
   /// Records a case until it has pictures; what kirokud wrote to standard error.
-  [[nodiscard]] std::string record_with(const Arguments& kirokud) const {
+  [[nodiscard]] std::string record_with(const Arguments& kirokud, bool is_unboxed) const {
     Process::Options started = options({});
     started.command = kirokud;
     Process daemon(started);
@@ -44,8 +55,13 @@ class Box : public ProgramTest {
     const auto frames = [&] {
       return kiroku_json({"status", "--json"})["rooms"][0]["streams"][0]["frames"].get<int>();
     };
-    for (int i = 0; i < 600 && frames() == 0; ++i) std::this_thread::sleep_for(std::chrono::milliseconds(50));
-    EXPECT_GT(frames(), 0) << daemon.out();
+    EXPECT_TRUE(eventually([&] { return frames() > 0; })) << daemon.out();
+    const nlohmann::json stream = kiroku_json({"status", "--json"})["rooms"][0]["streams"][0];
+    EXPECT_EQ(stream["unboxed"], is_unboxed) << stream;
+    EXPECT_EQ(kiroku({"status"}).out.find("endoscope: decoded without a box") != std::string::npos,
+              is_unboxed);
+    EXPECT_THAT(metrics(), HasSubstr("kiroku_stream_unboxed{room=\"or-1\",stream=\"endoscope\"} " +
+                                     std::string(is_unboxed ? "1" : "0")));
     EXPECT_EQ(kiroku({"case", "stop"}).status, 0);
     daemon.signal(SIGTERM);
     const ProcessResult ended = daemon.wait();
@@ -54,6 +70,7 @@ class Box : public ProgramTest {
     EXPECT_EQ(verified.status, 0) << verified.out << verified.err;
     return ended.err;
   }
+  const std::uint16_t port_ = reserved_port();
   /// The program alone, where no decoder is beside it.
   [[nodiscard]] std::string alone(const std::string& program) const {
     const std::filesystem::path there = folder() / "alone" / program;
@@ -122,14 +139,14 @@ TEST_F(Box, TheUnitLetsTheDecoderCloseItsBox) {
   for (const std::string& call : allowed) text += call + "\n";
   write_text(folder() / "calls", text);
   make_room();
-  EXPECT_THAT(record_with({built_file("under_filter"), "allow", path("calls"), built_file("kirokud")}),
+  EXPECT_THAT(record_with({built_file("under_filter"), "allow", path("calls"), built_file("kirokud")}, false),
               Not(HasSubstr("without a box")));
 }
 
 TEST_F(Box, AKernelWithoutSeccompRecordsAndSaysSo) {
   make_room();
   const std::string said =
-      record_with({built_file("under_filter"), "refuse", "seccomp", built_file("kirokud")});
+      record_with({built_file("under_filter"), "refuse", "seccomp", built_file("kirokud")}, true);
   EXPECT_THAT(said, HasSubstr("error    sources are decoded without a box, beside the device key: a decoder "
                               "cannot be boxed here: "));
   EXPECT_THAT(said, HasSubstr(kUnboxed));
@@ -137,7 +154,7 @@ TEST_F(Box, AKernelWithoutSeccompRecordsAndSaysSo) {
 
 TEST_F(Box, ARecorderWithoutItsDecoderRecordsAndSaysSo) {
   make_room();
-  const std::string said = record_with({alone("kirokud")});
+  const std::string said = record_with({alone("kirokud")}, true);
   EXPECT_THAT(said,
               HasSubstr("error    sources are decoded without a box, beside the device key: cannot start "
                         "the decoder"));

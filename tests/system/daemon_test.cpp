@@ -3,6 +3,7 @@
 #include <thread>
 
 #include "tests/support/build_paths.h"
+#include "tests/support/eventually.h"
 #include "tests/support/mllp_client.h"
 #include "tests/support/reserved_port.h"
 #include "tests/support/worklist_server.h"
@@ -40,11 +41,7 @@ class Daemon : public ProgramTest {
   /// Waits until `status` says of the only room what is wanted.
   template <typename Condition>
   [[nodiscard]] bool until(const Condition& holds) const {
-    for (int i = 0; i < 600; ++i) {
-      if (holds(kiroku_json({"status", "--json"})["rooms"][0])) return true;
-      std::this_thread::sleep_for(std::chrono::milliseconds(50));
-    }
-    return false;
+    return eventually([&] { return holds(kiroku_json({"status", "--json"})["rooms"][0]); });
   }
 };
 
@@ -172,10 +169,7 @@ source = "synthetic:endoscope?size=64x48&rate=10"
   ASSERT_TRUE(daemon.wait_for("it is asked again"));
   const auto room = [this] { return kiroku_json({"status", "--json"})["rooms"][1]; };
   const auto until_subject = [&](const std::string& wanted) {
-    for (int i = 0; i < 600 && room()["subject"] != wanted; ++i) {
-      std::this_thread::sleep_for(std::chrono::milliseconds(50));
-    }
-    return room()["subject"] == wanted;
+    return eventually([&] { return room()["subject"] == wanted; });
   };
   const auto opened = [&](const std::string& case_id) {
     return kiroku({"unseal", "-i", (home() / "identity.txt").string(),

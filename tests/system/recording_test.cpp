@@ -2,6 +2,7 @@
 #include <csignal>
 #include <thread>
 
+#include "tests/support/eventually.h"
 #include "tests/support/worklist_server.h"
 #include "tests/system/program_test.h"
 
@@ -36,9 +37,7 @@ class Recording : public ProgramTest {
   }
   /// Until the first segment is whole; false if it never is.
   [[nodiscard]] bool wait_for_segment() const {
-    for (int i = 0; i < 600 && !recorded_a_segment(); ++i)
-      std::this_thread::sleep_for(std::chrono::milliseconds(50));
-    return recorded_a_segment();
+    return eventually([this] { return recorded_a_segment(); });
   }
   [[nodiscard]] std::string codes(const nlohmann::json& report) const {
     std::string out;

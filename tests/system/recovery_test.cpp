@@ -2,6 +2,7 @@
 #include <csignal>
 #include <thread>
 
+#include "tests/support/eventually.h"
 #include "tests/system/program_test.h"
 
 namespace kiroku::test {
@@ -19,16 +20,14 @@ class Recovering : public ProgramTest {
   }
   /// Until a recording has at least one whole segment; its case's folder.
   [[nodiscard]] std::filesystem::path wait_for_segment() const {
-    for (int i = 0; i < 600; ++i) {
+    std::filesystem::path folder;
+    EXPECT_TRUE(eventually([&] {
       for (const std::string& file : files_below(home() / "archive")) {
-        if (file.ends_with("0.ts.age")) {
-          return home() / "archive" / *std::filesystem::path(file).begin();
-        }
+        if (file.ends_with("0.ts.age")) folder = home() / "archive" / *std::filesystem::path(file).begin();
       }
-      std::this_thread::sleep_for(std::chrono::milliseconds(50));
-    }
-    ADD_FAILURE() << "no segment";
-    return {};
+      return !folder.empty();
+    })) << "no segment";
+    return folder;
   }
   [[nodiscard]] nlohmann::json verified(const std::filesystem::path& folder) const {
     return kiroku_json(
@@ -103,7 +102,6 @@ TEST_F(Recovering, ErasesOneStreamAndTheRestStaysProved) {
   EXPECT_EQ(none["cases"].size(), 0U);
   EXPECT_EQ(verified(folder)["verdict"], "intact");
 
-  std::this_thread::sleep_for(std::chrono::milliseconds(20));
   const ProcessResult only_copy =
       kiroku({"erase", "--stream", "endoscope", "--policy", "p", "--older-than", "10ms"});
   EXPECT_EQ(only_copy.status, 1);
@@ -130,7 +128,6 @@ TEST_F(Recovering, ErasesWhatIsDueOnceAReplicaHoldsIt) {
                                          "policy = \"room: at once\"\n" +
                                          read_text(home() / "kiroku.toml"));
   EXPECT_REFUSED(kiroku({"erase", "--due", "--stream", "room"}), "--due goes by [[retention]]");
-  std::this_thread::sleep_for(std::chrono::milliseconds(20));
   const ProcessResult kept = kiroku({"erase", "--due", "--json"});
   EXPECT_EQ(kept.status, 1);
   EXPECT_THAT(kept.out, HasSubstr("there is no copy of the case"));

@@ -3,6 +3,7 @@
 #include <thread>
 
 #include "tests/support/build_paths.h"
+#include "tests/support/eventually.h"
 #include "tests/system/program_test.h"
 
 namespace kiroku::test {
@@ -37,19 +38,13 @@ class Resuming : public ProgramTest {
   }
   [[nodiscard]] nlohmann::json room() const { return kiroku_json({"status", "--json"})["rooms"][0]; }
   [[nodiscard]] bool until_segment() const {
-    for (int i = 0; i < 600; ++i) {
+    return eventually([this] {
       const nlohmann::json now = room();
-      if (!now["streams"].empty() && now["streams"][0]["segments"].get<int>() > 0) return true;
-      std::this_thread::sleep_for(std::chrono::milliseconds(50));
-    }
-    return false;
+      return !now["streams"].empty() && now["streams"][0]["segments"].get<int>() > 0;
+    });
   }
   [[nodiscard]] bool until_state(const std::string& wanted) const {
-    for (int i = 0; i < 600; ++i) {
-      if (room()["state"] == wanted) return true;
-      std::this_thread::sleep_for(std::chrono::milliseconds(50));
-    }
-    return false;
+    return eventually([&] { return room()["state"] == wanted; });
   }
   /// Starts kirokud, and a case if asked, and kills it while it records; the case.
   [[nodiscard]] std::string record_and_kill(const Arguments& start) const {

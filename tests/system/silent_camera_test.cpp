@@ -7,6 +7,7 @@
 #include <boost/asio/ip/tcp.hpp>
 
 #include "tests/support/build_paths.h"
+#include "tests/support/eventually.h"
 #include "tests/support/reserved_port.h"
 #include "tests/system/program_test.h"
 
@@ -64,11 +65,7 @@ socket = ")" +
   }
   template <typename Condition>
   [[nodiscard]] bool until(const Condition& holds) const {
-    for (int i = 0; i < 600; ++i) {
-      if (holds(kiroku_json({"status", "--json"})["rooms"][0]["streams"])) return true;
-      std::this_thread::sleep_for(std::chrono::milliseconds(50));
-    }
-    return false;
+    return eventually([&] { return holds(kiroku_json({"status", "--json"})["rooms"][0]["streams"]); });
   }
   [[nodiscard]] std::string metrics() const {
     boost::asio::ip::tcp::iostream connection("127.0.0.1", std::to_string(port_));

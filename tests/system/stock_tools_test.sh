@@ -16,8 +16,8 @@ page=$source/docs/how-to/verify-with-stock-tools.md
 awk '/^```bash$/ { on = 1; next } /^```$/ { on = 0 } on' "$page" >"$scratch/verify.sh"
 awk '/^```bash excerpt$/ { on = 1; next } /^```$/ { on = 0 } on' "$page" >"$scratch/verify-excerpt.sh"
 lines=$(wc -l <"$scratch/verify.sh") excerpt_lines=$(wc -l <"$scratch/verify-excerpt.sh")
-((lines > 20 && lines <= 80)) || fail "the script for cases has $lines lines; it must have at most 80"
-((excerpt_lines > 20 && excerpt_lines <= 125)) || fail "the script for excerpts has $excerpt_lines lines; it must have at most 125"
+((lines > 20 && lines <= 100)) || fail "the script for cases has $lines lines; it must have at most 100"
+((excerpt_lines > 20 && excerpt_lines <= 145)) || fail "the script for excerpts has $excerpt_lines lines; it must have at most 145"
 
 "$kiroku" init --demo >/dev/null
 KIROKU_HOME=$scratch/other "$kiroku" init --demo >/dev/null
@@ -63,6 +63,30 @@ for profile in mpeg2 lossless; do
   tampered 'not signed' 'sed -i -e "3{s/^A/B/;t;s/^./A/" -e "}" "$(ls checkpoints/*.note | head -1)"'
   tampered 'not one recording' 'sed -i "\$d" ledger.jsonl; sed -i "/\"type\":\"close\"/,\$d" ledger.jsonl'
 
+  tampered 'no plain file' 'film=$(ls segments/endoscope/* | head -1); mv "$film" ../film; ln -s "$PWD/../film" "$film"'
+  tampered 'no plain file' "mkdir -p \$'authorities/a.pem\\nf authorities'; touch \$'authorities/a.pem\\nf authorities/b.pem'"
+  tampered 'not whole' 'tail -1 ledger.jsonl | tr -d "\n" >>ledger.jsonl'
+  tampered 'another form' 'sed -i "s/\"frames\":[0-9]*/\"frames\":\"leaf[\$(touch ..\/ran)]\"/" ledger.jsonl'
+  # A signature of somebody else beside the device's is no fault; no token is over the last checkpoint's bytes.
+  rm -rf "$copy"; cp -r "$case" "$copy"
+  echo "— witness $(head -c 68 /dev/urandom | base64 -w0)" >>"$(ls "$copy"/checkpoints/*.note | tail -1)"
+  expect 0 '^INTACT: ' verify.sh "$copy"
+
+  # Who made a folder may have signed it with a key of their own. The scripts run nothing of it, and no word of it passes for theirs.
+  evil_size='leaf[$(touch '$scratch'/ran)]'
+  evil() { # LINES: the folder's, signed anew by nobody's device; the first checkpoint's size is a command
+    openssl genpkey -algorithm ed25519 -out "$scratch/evil.pem" 2>/dev/null
+    local key
+    key=or3+00000000+$( (printf '\1'; openssl pkey -in "$scratch/evil.pem" -pubout -outform DER | tail -c 32) | base64 -w0)
+    rm -f "$copy"/checkpoints/* && jq -c --arg key "$key" 'if .type == "open" then .device = $key else . end' "$copy/$1" >"$scratch/lines" && mv "$scratch/lines" "$copy/$1"
+    printf '%s\n' "kiroku/or3/x" "$evil_size" AAAA >"$scratch/text"
+    openssl pkeyutl -sign -rawin -inkey "$scratch/evil.pem" -in "$scratch/text" -out "$scratch/signature"
+    { cat "$scratch/text"; echo; echo "— or3 $( (printf '\0\0\0\0'; cat "$scratch/signature") | base64 -w0)"; } >"$copy/checkpoints/00000001.note"
+  }
+  rm -rf "$copy"; cp -r "$case" "$copy"; evil ledger.jsonl
+  expect 1 '^NOT INTACT: .*states another size' verify.sh "$copy"
+  [[ ! -e $scratch/ran ]] || fail "$profile: the script ran what a case says"
+
   # An excerpt out of the middle, one from the beginning to the end, and one for a new reader.
   excerpt=$scratch/excerpt
   take() { rm -rf "$excerpt" && "$kiroku" excerpt "$case" -o "$excerpt" "$@" >/dev/null; }
@@ -93,7 +117,14 @@ for profile in mpeg2 lossless; do
   tampered_excerpt 'not entry 0' 'sed -i "s/\"boot_id\":\"/&0/" ledger-open.jsonl'
   tampered_excerpt 'no checkpoint over all' 'rm "$(ls checkpoints/*.note | tail -1)"'
   tampered_excerpt 'not signed' 'sed -i -e "3{s/^A/B/;t;s/^./A/" -e "}" "$(ls checkpoints/*.note | tail -1)"'
+  rm -rf "$copy"; cp -r "$excerpt" "$copy"; evil ledger-open.jsonl
+  jq -c '.first_entry = 0 | .size = ([inputs] | length) + 1' "$excerpt/excerpt.json" "$excerpt/ledger-part.jsonl" >"$copy/excerpt.json"
+  cp "$copy/ledger-open.jsonl" "$scratch/lines" && jq -c '.seq = input_line_number' "$excerpt/ledger-part.jsonl" >>"$scratch/lines" && mv "$scratch/lines" "$copy/ledger-part.jsonl"
+  expect 1 '^NOT INTACT: .*states another size' verify-excerpt.sh "$copy"
+  [[ ! -e $scratch/ran ]] || fail "$profile: the script ran what an excerpt says"
   take --from 00:00:00 --to 00:00:05
+  tampered_excerpt 'another form' 'jq -c ".to_ns = \"9 ns\nINTACT: $(basename "$case"), all of it\"" excerpt.json >x; mv x excerpt.json'
+  tampered_excerpt 'another form' 'cat excerpt.json excerpt.json >x; mv x excerpt.json'
   expect 4 '^INTACT EXCERPT: ' verify-excerpt.sh "$excerpt" "$KIROKU_HOME/identity.txt"
   age-keygen -o "$scratch/expert.txt" 2>/dev/null
   take --from 00:00:02 --to 00:00:04 --to-recipient "$(age-keygen -y "$scratch/expert.txt")"

@@ -165,8 +165,7 @@ Trainee TrainingDatabase::add_trainee(const std::string& name, const std::string
         "cannot be seen, the name not empty");
   const auto existing = trainees();
   if (std::ranges::find(existing, name, &Trainee::name) != existing.end()) {
-    throw UsageError("there is a trainee '" + name + "' in " + state_->file.string() +
-                     " already: choose another name");
+    throw UsageError("there is a trainee '" + name + "' already: choose another name");
   }
   state_->statement("INSERT INTO trainees (name, study_group, simulated, account) VALUES (?, ?, ?, ?)")
       .bind(name)
@@ -195,8 +194,7 @@ Trainee TrainingDatabase::trainee(const std::string& name) const {
   const auto all = trainees();
   const auto found = std::ranges::find(all, name, &Trainee::name);
   if (found == all.end()) {
-    throw UsageError("there is no trainee '" + name + "' in " + state_->file.string() +
-                     ": 'kiroku train trainee add' adds one");
+    throw UsageError("there is no trainee '" + name + "': 'kiroku train trainee add' adds one");
   }
   return *found;
 }
@@ -319,13 +317,13 @@ void TrainingDatabase::end_attempt(std::int64_t attempt, Ending ending, const Ex
                                           kScoreValues + ") WHERE id = ?");
   bind_score(row, ending, score).bind(attempt).step();
   if (sqlite3_changes(state_->database.get()) != 1)
-    throw UsageError("there is no attempt " + std::to_string(attempt) + " in " + state_->file.string());
+    throw UsageError("there is no attempt " + std::to_string(attempt) + " among these results");
 }
 
 void TrainingDatabase::keep_case(std::int64_t attempt, const std::string& case_id) {
   state_->statement("UPDATE attempts SET sealed_case = ? WHERE id = ?").bind(case_id).bind(attempt).step();
   if (sqlite3_changes(state_->database.get()) != 1)
-    throw UsageError("there is no attempt " + std::to_string(attempt) + " in " + state_->file.string());
+    throw UsageError("there is no attempt " + std::to_string(attempt) + " among these results");
 }
 
 std::vector<ExclusionRecord> TrainingDatabase::attempts() const {

@@ -11,6 +11,7 @@
 #include <nlohmann/json.hpp>
 
 #include "base/bytes.h"
+#include "base/foreign_json.h"
 
 namespace kiroku::compare {
 namespace {
@@ -59,7 +60,7 @@ std::vector<SealedPlanFile> sealed_plans(const fs::path& folder) {
   for_each_seal(folder, [&](const fs::path& file) {
     const std::optional<std::string> text = text_of_file(file);
     if (!text) return true;
-    const auto seal = nlohmann::json::parse(*text, nullptr, false);
+    const auto seal = parse_foreign_json(*text);
     if (!seal.is_object()) return true;
     const auto name = seal.find("plan");
     all.push_back({file, crypto::sha256(bytes_of(*text)),

@@ -5,6 +5,7 @@
 #include <sys/stat.h>
 
 #include "base/error.h"
+#include "base/foreign_json.h"
 #include "sim/meshing/mesh_recipe.h"
 #include "sim/model/body_model.h"
 #include "sim/plan/plan_document.h"
@@ -26,7 +27,7 @@ ordered_json document_at(const fs::path& file) {
   std::error_code failed;
   if (fs::file_size(file, failed) > kLargestDocument || failed) return nullptr;
   try {
-    ordered_json document = ordered_json::parse(sim::read_document(file), nullptr, false);
+    ordered_json document = parse_foreign_json<ordered_json>(sim::read_document(file));
     const bool is_plan = document.is_object() && document.contains("mesh") && document.contains("tools") &&
                          document.contains("steps") && document["tools"].is_object() &&
                          document["steps"].is_array();

@@ -6,6 +6,7 @@
 
 #include <nlohmann/json.hpp>
 
+#include "base/foreign_json.h"
 #include "sim/fem/element.h"
 #include "sim/render/picture_jpeg.h"
 #include "viewer/server/picture_message.h"
@@ -126,7 +127,7 @@ ordered_json tools_json(const PlanningTable& table) {
 }  // namespace
 
 PlanningMessage parse_planning_message(std::string_view message) {
-  const json object = json::parse(message, nullptr, false);
+  const json object = parse_foreign_json(message);
   if (!object.is_object()) throw Refusal(400, "a message must be a JSON object");
   if (object.contains("open")) {
     const json& open = object["open"];

@@ -7,6 +7,7 @@
 #include <nlohmann/json.hpp>
 
 #include "archive/pointing_stream.h"
+#include "base/foreign_json.h"
 #include "crypto/encoding.h"
 #include "crypto/hash.h"
 #include "media/plaintext_lines.h"
@@ -19,7 +20,7 @@ constexpr std::size_t kLongestEvent = std::size_t{16} << 20;
 /// The event of a line as text, if the line's own commitment is among those of the ledger.
 std::optional<nlohmann::json> committed_event(std::string_view line,
                                               const std::set<crypto::Sha256Digest>& commitments) {
-  const auto parsed = nlohmann::json::parse(line, nullptr, false);
+  const auto parsed = parse_foreign_json(line);
   if (!parsed.is_object() || !parsed.contains("salt") || !parsed.contains("event") ||
       !parsed["salt"].is_string() || !parsed["event"].is_string()) {
     return std::nullopt;
@@ -29,7 +30,7 @@ std::optional<nlohmann::json> committed_event(std::string_view line,
   if (!committed) return std::nullopt;
   append(*committed, bytes_of(event));
   if (!commitments.contains(crypto::sha256(*committed))) return std::nullopt;
-  return nlohmann::json::parse(event, nullptr, false);
+  return parse_foreign_json(event);
 }
 
 }  // namespace

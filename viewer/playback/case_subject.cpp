@@ -8,6 +8,7 @@
 #include "archive/case_folder.h"
 #include "base/ascii.h"
 #include "base/error.h"
+#include "base/foreign_json.h"
 #include "crypto/age_file.h"
 #include "crypto/hash.h"
 #include "viewer/playback/case_events.h"
@@ -148,7 +149,7 @@ std::optional<CaseSubject> read_file(const CaseMedia& media) {
 }  // namespace
 
 std::optional<CaseSubject> read_subject(std::string_view text) {
-  const json object = json::parse(text, nullptr, false);
+  const json object = parse_foreign_json(text);
   if (!object.is_object()) return {};
   return read_object(object);
 }

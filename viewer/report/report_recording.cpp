@@ -177,7 +177,8 @@ void ReportMaker::add_gaps() {
               {}};
   for (const archive::GapEntry& gap : gaps) {
     if (table.rows.size() == kMost) break;
-    table.rows.push_back({{plain_text(gap.stream), Tone::kPlain, Face::kStrong},
+    const std::string stream = plain_text(gap.stream);
+    table.rows.push_back({{gap.of_sound ? words("gap.sound", {stream}) : stream, Tone::kPlain, Face::kStrong},
                           {in_case(gap.span.start_ns)},
                           {in_case(gap.span.end_ns)},
                           {case_time(gap.span.end_ns - gap.span.start_ns)},

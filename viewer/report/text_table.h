@@ -296,6 +296,7 @@ inline constexpr auto kTexts = std::to_array<Text>({
     {"gap.to", "To", "終了"},
     {"gap.length", "Length", "長さ"},
     {"gap.cause", "Cause, as the recorder stated it", "原因（記録装置の記載）"},
+    {"gap.sound", "{0}, sound", "{0}の音声"},
     {"gap.none", "The record states no gap.", "欠落の記載はありません。"},
     {"gap.further", "{0} further gaps are not printed here; 'kiroku verify --json' lists all.",
      "ほか {0} 件は省略しました（kiroku verify --json で一覧できます）。"},

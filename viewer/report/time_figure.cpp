@@ -30,7 +30,7 @@ class TimeFigure {
     label(stream.info.name);
     if (stream.span.end_ns > stream.span.start_ns) bar(stream.span);
     for (const archive::GapEntry& gap : gaps) {
-      if (gap.stream == stream.info.name) cross(gap.span);
+      if (gap.stream == stream.info.name && !gap.of_sound) cross(gap.span);
     }
     y_ += kRow;
   }

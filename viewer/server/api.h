@@ -33,6 +33,8 @@ void add_room_routes(Router& router, ViewerContext& context);
 void add_live_routes(Router& router, ViewerContext& context);
 /// Who looks on in a room, and where they point.
 void add_pointing_routes(Router& router, ViewerContext& context);
+/// What programs behind the viewer answer, and whether they do.
+void add_workplace_routes(Router& router, ViewerContext& context);
 /// Guests who look on in a room.
 void add_invitation_routes(Router& router, ViewerContext& context);
 

@@ -128,8 +128,19 @@ std::string joined(const std::vector<std::string>& names) {
 
 }  // namespace
 
-Dispatcher::Dispatcher(const Router& router, SessionStore& sessions, const StaticFiles& page, Tell tell)
-    : router_(router), sessions_(sessions), page_(page), tell_(std::move(tell)) {}
+std::string session_cookie(std::string_view serves) {
+  return std::string(kSessionCookie) + (serves == "cases" ? "" : "-" + std::string(serves));
+}
+
+WhoCalls whoever_has_cookie(SessionStore& sessions, std::string name) {
+  return [&sessions, name = std::move(name)](Request& request, bool is_activity) -> std::shared_ptr<Session> {
+    const std::optional<std::string> token = cookie_value(request.header("cookie"), name);
+    return token ? sessions.find(*token, is_activity) : nullptr;
+  };
+}
+
+Dispatcher::Dispatcher(const Router& router, WhoCalls who_calls, const StaticFiles& page, Tell tell)
+    : router_(router), who_calls_(std::move(who_calls)), page_(page), tell_(std::move(tell)) {}
 
 Response Dispatcher::refuse(int status, const std::string& sentence, std::chrono::seconds retry_after) {
   return secured(error_of({status, sentence, retry_after}));
@@ -160,8 +171,7 @@ Dispatcher::Admission Dispatcher::admit(RequestHead head) const {
 
   Router::Match match = router_.match(request.method, target->segments);
   const bool is_public = match.route != nullptr && match.route->right == Right::kNone;
-  const std::optional<std::string> token = cookie_value(request.header("cookie"), kSessionCookie);
-  if (token) request.session = sessions_.find(*token, match.route != nullptr && match.route->is_activity);
+  request.session = who_calls_(request, match.route != nullptr && match.route->is_activity);
   // Who has not signed in learns nothing, not even which addresses there are.
   if (!is_public && request.session == nullptr) return refused(401, "sign in first");
   if (match.route == nullptr && match.allowed.empty())

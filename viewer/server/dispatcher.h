@@ -9,6 +9,8 @@
 #include <memory>
 #include <optional>
 #include <string>
+#include <string_view>
+#include <utility>
 
 #include "viewer/server/request.h"
 #include "viewer/server/response.h"
@@ -21,6 +23,15 @@ namespace kiroku::viewer {
 /// The name of the session's cookie. With the prefix __Host- browsers accept it over TLS alone, from this
 /// very host, for every path (RFC 6265bis section 4.1.3.2).
 inline constexpr std::string_view kSessionCookie = "__Host-kiroku";
+/// The same of a server of `serves` (ViewerHome): cookies know no port, so servers of one host that used one
+/// name would end each other's sessions.
+std::string session_cookie(std::string_view serves);
+
+/// Whose request it is, by its head, and null where it is nobody's; may say in it from where it came. Called
+/// from several threads at a time.
+using WhoCalls = std::function<std::shared_ptr<Session>(Request& request, bool is_activity)>;
+/// Whoever has the cookie of a session. `sessions` must outlive it.
+WhoCalls whoever_has_cookie(SessionStore& sessions, std::string name);
 
 /// What stands before the body.
 struct RequestHead {
@@ -33,7 +44,11 @@ class Dispatcher {
   /// Hears of what failed inside, one sentence each; called from several threads.
   using Tell = std::function<void(const std::string& sentence)>;
   /// What it is given must outlive it.
-  Dispatcher(const Router& router, SessionStore& sessions, const StaticFiles& page, Tell tell);
+  Dispatcher(const Router& router, WhoCalls who_calls, const StaticFiles& page, Tell tell);
+  /// Of whoever has the cookie kSessionCookie.
+  Dispatcher(const Router& router, SessionStore& sessions, const StaticFiles& page, Tell tell)
+      : Dispatcher(router, whoever_has_cookie(sessions, std::string(kSessionCookie)), page, std::move(tell)) {
+  }
 
   /// A request that may go on: its body is read, up to `body_limit` bytes, and answer() called.
   struct Admission {
@@ -73,7 +88,7 @@ class Dispatcher {
   [[nodiscard]] std::optional<Failure> guarded(const Route& route, const Request& request,
                                                const std::function<void()>& action) const;
   const Router& router_;
-  SessionStore& sessions_;
+  WhoCalls who_calls_;
   const StaticFiles& page_;
   Tell tell_;
 };

@@ -4,7 +4,7 @@
 
 #include "archive/excerpt.h"
 #include "base/error.h"
-#include "media/exporter.h"
+#include "media/export/exporter.h"
 #include "viewer/server/api.h"
 #include "viewer/server/handout.h"
 #include "viewer/server/tar_stream.h"

@@ -41,4 +41,8 @@ bool GuestOutput::send_bytes(std::shared_ptr<const Bytes> bytes) {
 
 std::size_t GuestOutput::waiting() const { return inner_->waiting(); }
 
+void GuestOutput::when_taken(std::function<void()> action) { inner_->when_taken(std::move(action)); }
+
+void GuestOutput::end(std::string sentence) { inner_->end(std::move(sentence)); }
+
 }  // namespace kiroku::viewer

@@ -39,6 +39,8 @@ class GuestOutput final : public SocketOutput {
   bool send_text(std::string text) override;
   bool send_bytes(std::shared_ptr<const Bytes> bytes) override;
   [[nodiscard]] std::size_t waiting() const override;
+  void when_taken(std::function<void()> action) override;
+  void end(std::string sentence) override;
 
  private:
   const std::shared_ptr<SocketOutput> inner_;

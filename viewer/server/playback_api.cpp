@@ -85,7 +85,8 @@ ordered_json timeline_json(const playback::Timeline& timeline) {
     gaps.push_back({{"stream", gap.stream},
                     {"start_ns", gap.span.start_ns},
                     {"end_ns", gap.span.end_ns},
-                    {"cause", archive::gap_cause_name(gap.cause)}});
+                    {"cause", archive::gap_cause_name(gap.cause)},
+                    {"of_sound", gap.of_sound}});
   }
   ordered_json tokens = ordered_json::array();
   for (const playback::TimelineToken& token : timeline.tokens) {

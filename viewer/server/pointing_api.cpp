@@ -3,6 +3,7 @@
 
 #include <nlohmann/json.hpp>
 
+#include "base/foreign_json.h"
 #include "viewer/server/api.h"
 #include "viewer/server/guest_output.h"
 #include "viewer/server/point_rate.h"
@@ -51,7 +52,7 @@ class CompanySocket final : public SocketHandler {
 
   void receive(const SocketMessage& message) override {
     if (!rate_.take(PointRate::Clock::now())) return;
-    const json said = json::parse(text_of(message.bytes), nullptr, false);
+    const json said = parse_foreign_json(text_of(message.bytes));
     if (!message.is_text || !said.is_object()) throw Refusal(400, "a message is one JSON object");
     const media::PointedAt at = pointed_at(said);
     if (!is_admitted()) return;

@@ -4,6 +4,7 @@
 
 #include <nlohmann/json.hpp>
 
+#include "base/foreign_json.h"
 #include "crypto/secret.h"
 
 namespace kiroku::viewer {
@@ -58,7 +59,7 @@ std::optional<std::int64_t> Request::query_integer(std::string_view name) const 
 }
 
 nlohmann::json Request::json() const {
-  nlohmann::json object = nlohmann::json::parse(body, nullptr, false);
+  nlohmann::json object = parse_foreign_json(body);
   if (!object.is_object()) throw Refusal(400, "the body must be one JSON object");
   return object;
 }

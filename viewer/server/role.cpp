@@ -12,7 +12,7 @@ struct RightRow {
   bool operator_may, surgeon_may, auditor_may, administrator_may, guest_may;
 };
 
-constexpr std::array<RightRow, 14> kRights{{
+constexpr std::array<RightRow, 15> kRights{{
     {Right::kNone, "none", true, true, true, true, true},
     {Right::kSignedIn, "signed-in", true, true, true, true, true},
     {Right::kListCases, "list-cases", true, true, true, true, false},
@@ -20,6 +20,7 @@ constexpr std::array<RightRow, 14> kRights{{
     {Right::kWatch, "watch", false, true, false, true, false},
     {Right::kCompare, "compare", false, true, false, true, false},
     {Right::kPlan, "plan", false, true, false, true, false},
+    {Right::kTrain, "train", true, true, true, true, false},
     {Right::kVerify, "verify", false, true, true, true, false},
     {Right::kReadLog, "read-log", false, false, true, true, false},
     {Right::kSeeLive, "see-live", true, true, false, true, false},

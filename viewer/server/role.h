@@ -21,6 +21,7 @@ enum class Right {
   kWatch,         // what was recorded, with an identity
   kCompare,       // plans beside recordings
   kPlan,          // planning on the page
+  kTrain,         // training on the page
   kVerify,        // verification and its documents
   kReadLog,       // the appliance log
   kSeeLive,       // status

@@ -20,6 +20,7 @@ void add_routes(Router& router, ViewerContext& context, SignInLink& link) {
   add_live_routes(router, context);
   add_pointing_routes(router, context);
   add_invitation_routes(router, context);
+  add_workplace_routes(router, context);
   add_log_routes(router, context);
   add_user_routes(router, context);
 }

@@ -26,7 +26,8 @@ std::string cookie(std::string_view name, const std::string& token, const std::s
 
 class SessionApi {
  public:
-  SessionApi(ViewerContext& context, SignInLink& link) : context_(context), link_(link) {}
+  SessionApi(ViewerContext& context, SignInLink& link)
+      : context_(context), link_(link), cookie_name_(session_cookie(context.home().serves)) {}
 
   [[nodiscard]] ordered_json describe(const Session& session, const Request& request) const {
     ordered_json out{{"user", session.user()},
@@ -34,6 +35,7 @@ class SessionApi {
                      {"unlocked", session.identities() != nullptr},
                      {"expires_s", context_.sessions().left(session).count()},
                      {"must_change_password", session.must_change_password()},
+                     {"has_password", session.credential().has_value()},
                      {"language", preferred_language(request.header("accept-language"))},
                      {"serves", context_.home().serves}};
     if (const auto& invitation = session.invitation()) {
@@ -78,11 +80,11 @@ class SessionApi {
   }
 
   Response sign_out(const Request& request) {
-    const auto token = cookie_value(request.header("cookie"), kSessionCookie);
+    const auto token = cookie_value(request.header("cookie"), cookie_name_);
     if (const auto& invitation = request.session->invitation()) context_.invitations().leave(*invitation);
     if (token) context_.sessions().close(*token);
     return Response::nothing()
-        .with("Set-Cookie", cookie(kSessionCookie, "", "; Max-Age=0"))
+        .with("Set-Cookie", cookie(cookie_name_, "", "; Max-Age=0"))
         .with("Clear-Site-Data", "\"cache\"");
   }
 
@@ -146,7 +148,7 @@ class SessionApi {
                     "this invitation has ended, was used before, or was never given out: ask for another");
     }
     return Response::json(describe(*opened->session, request))
-        .with("Set-Cookie", cookie(kSessionCookie, opened->token, ""));
+        .with("Set-Cookie", cookie(cookie_name_, opened->token, ""));
   }
 
   static void refuse_who_must_wait(std::chrono::seconds wait) {
@@ -227,7 +229,9 @@ class SessionApi {
     if (password.text() == chosen.text()) throw Refusal(400, "choose another password than the one of now");
     UserStore::require_sound(name, chosen);
     context_.enter_access(request, ViewerContext::kEveryCase, "chose a new password");
-    context_.users().set_password(name, chosen);
+    if (!context_.users().replace_password(name, chosen, user->changed)) {
+      throw Refusal(409, "an administrator changed this user meanwhile: sign in again");
+    }
     // Also this one, which is replaced; whoever else had signed in under the name must do so anew.
     context_.sessions().close_all_of(name);
     const std::optional<User> changed = context_.users().find(name);
@@ -267,6 +271,15 @@ class SessionApi {
     const SessionStore::Opened opened =
         context_.sessions().open(user.name, user.role, credential, user.one_time_until.has_value());
     const Session& session = *opened.session;
+    // A role or password that was changed while the one of before was hashed: whoever changed it has ended
+    // this session too, or had not yet seen it.
+    if (credential) {
+      const std::optional<User> now = context_.users().find(user.name);
+      if (!now || now->changed != *credential) {
+        context_.sessions().close(opened.token);
+        throw Refusal(401, "this user was changed meanwhile: sign in again");
+      }
+    }
     if (context_.home().identities != nullptr && may(user.role, Right::kWatch) &&
         !session.must_change_password()) {
       Request as_signed_in;
@@ -281,11 +294,12 @@ class SessionApi {
       response = std::move(response).with(
           "Set-Cookie", cookie(kDeviceCookie, device, "; Max-Age=" + std::to_string(kDeviceCookieSeconds)));
     }
-    return std::move(response).with("Set-Cookie", cookie(kSessionCookie, opened.token, ""));
+    return std::move(response).with("Set-Cookie", cookie(cookie_name_, opened.token, ""));
   }
 
   ViewerContext& context_;
   SignInLink& link_;
+  const std::string cookie_name_;
   AttemptGuard of_addresses_{AttemptLimits{.free_failures = kFreeFailuresOfAddress}};
 };
 

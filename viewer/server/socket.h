@@ -22,6 +22,11 @@ class SocketOutput {
   virtual bool send_bytes(std::shared_ptr<const Bytes> bytes) = 0;
   /// Bytes queued that the connection has not begun to send: 0 when the newest picture may be drawn next.
   [[nodiscard]] virtual std::size_t waiting() const = 0;
+  /// Calls `action` once, on any thread, as soon as nothing waits or the connection is over: at once where
+  /// that is so already. It must not block, nor use this output.
+  virtual void when_taken(std::function<void()> action) = 0;
+  /// Closes the connection with 1008 and this sentence once what was queued before has been sent.
+  virtual void end(std::string sentence) = 0;
 };
 
 /// From one browser: UTF-8 where it is text.

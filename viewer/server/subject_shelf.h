@@ -14,6 +14,7 @@
 
 #include "crypto/age_recipient.h"
 #include "viewer/playback/case_subject.h"
+#include "viewer/server/file_stamp.h"
 
 namespace kiroku::viewer {
 
@@ -45,15 +46,16 @@ class SubjectShelf {
   SubjectShelf(const SubjectShelf&) = delete;
   SubjectShelf& operator=(const SubjectShelf&) = delete;
 
-  /// Of the case in this folder; read anew where its ledger has changed since. Two who ask at once may both
-  /// read it. Throws nothing but std::bad_alloc.
+  /// Of the case in this folder; read anew where a file that it was read from has changed since: the ledger,
+  /// the subject file, segments of events (viewer/server/file_stamp.h). Two who ask
+  /// at once may both read it. Throws nothing but std::bad_alloc.
   [[nodiscard]] Entry of(const std::filesystem::path& folder);
   /// The same where it is known already; null where it must be read first.
   [[nodiscard]] Entry known(const std::filesystem::path& folder) const;
 
  private:
   struct Kept {
-    std::uintmax_t ledger_bytes = 0;
+    std::map<std::filesystem::path, FileStamp> files;  // before they were read
     Entry entry;
   };
   const std::shared_ptr<const crypto::AgeIdentities> identities_;

@@ -109,6 +109,17 @@ struct UserStore::State {
         "' is the last administrator, and nobody could manage users any more: make somebody else "
         "an administrator first");
   }
+  /// In a transaction: the user's own from now on.
+  void put_password(const std::string& name, const Hash& hash) {
+    file->statement("UPDATE users SET cost = ?, salt = ?, hash = ?, changed = ? WHERE name = ?")
+        .bind(std::int64_t{kCost})
+        .bind(hash.salt)
+        .bind(hash.hash)
+        .bind(format_utc(utc_now()))
+        .bind(name)
+        .step();
+    forget_one_time(name);
+  }
   void forget_one_time(const std::string& name) {
     file->statement("DELETE FROM one_time WHERE name = ?").bind(name).step();
   }
@@ -174,14 +185,7 @@ void UserStore::set_password(const std::string& name, const crypto::Secret& pass
   const std::lock_guard guard(state_->mutex);
   archive::SqliteFile::Transaction transaction(*state_->file);
   if (!state_->find(name)) refuse_unknown(name);
-  state_->file->statement("UPDATE users SET cost = ?, salt = ?, hash = ?, changed = ? WHERE name = ?")
-      .bind(std::int64_t{kCost})
-      .bind(hash.salt)
-      .bind(hash.hash)
-      .bind(format_utc(utc_now()))
-      .bind(name)
-      .step();
-  state_->forget_one_time(name);
+  state_->put_password(name, hash);
   if (one_time_until) {
     state_->file->statement("INSERT INTO one_time (name, until, used) VALUES (?, ?, 0)")
         .bind(name)
@@ -189,6 +193,18 @@ void UserStore::set_password(const std::string& name, const crypto::Secret& pass
         .step();
   }
   transaction.commit();
+}
+
+bool UserStore::replace_password(const std::string& name, const crypto::Secret& password, UtcTime known) {
+  require_password(name, password);
+  const Hash hash = hash_of(password, state_->hasher);
+  const std::lock_guard guard(state_->mutex);
+  archive::SqliteFile::Transaction transaction(*state_->file);
+  const std::optional<User> user = state_->find(name);
+  if (!user || user->changed != known) return false;
+  state_->put_password(name, hash);
+  transaction.commit();
+  return true;
 }
 
 bool UserStore::use_one_time(const std::string& name, UtcTime changed) {

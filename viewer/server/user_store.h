@@ -49,6 +49,10 @@ class UserStore {
   /// then, unless `one_time_until` says until when it may be used for choosing another.
   void set_password(const std::string& name, const crypto::Secret& password,
                     std::optional<UtcTime> one_time_until = {});
+  /// As set_password(), by the user themselves. False, and nothing changes, where the user was removed, or
+  /// got another password or role since `known` (User::changed): what an administrator did while a new
+  /// password was hashed must not be undone by it.
+  [[nodiscard]] bool replace_password(const std::string& name, const crypto::Secret& password, UtcTime known);
   /// Takes the one-time password that was set with `changed` (User::changed) as used. False where it was used
   /// before, or replaced: of two that sign in with it at once, in whatever process, one is told so.
   [[nodiscard]] bool use_one_time(const std::string& name, UtcTime changed);

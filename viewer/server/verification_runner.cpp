@@ -1,15 +1,14 @@
 #include "viewer/server/verification_runner.h"
 
 #include <algorithm>
-#include <array>
 #include <condition_variable>
 #include <deque>
 #include <map>
 #include <mutex>
-#include <sys/stat.h>
 #include <thread>
 
 #include "base/error.h"
+#include "viewer/server/file_stamp.h"
 
 namespace kiroku::viewer {
 namespace {
@@ -20,19 +19,16 @@ constexpr std::size_t kMostWaiting = 64;
 constexpr std::size_t kMostRemembered = 256;
 
 /// Of all files of the case: what changes when one is written, replaced, added or removed.
-using CaseIdentity = std::map<fs::path, std::array<std::int64_t, 4>>;
+using CaseIdentity = std::map<fs::path, FileStamp>;
 
 CaseIdentity identity_of(const fs::path& folder) {
   CaseIdentity identity;
   std::error_code failed;
   for (fs::recursive_directory_iterator file(folder, failed), end; !failed && file != end;
        file.increment(failed)) {
-    struct stat state {};
-    if (::lstat(file->path().c_str(), &state) != 0 || S_ISDIR(state.st_mode)) continue;
-    constexpr std::int64_t kNsPerSecond = 1'000'000'000;
-    identity[file->path()] = {static_cast<std::int64_t>(state.st_ino), state.st_size,
-                              state.st_mtim.tv_sec * kNsPerSecond + state.st_mtim.tv_nsec,
-                              state.st_ctim.tv_sec * kNsPerSecond + state.st_ctim.tv_nsec};
+    std::error_code gone;
+    if (fs::is_directory(file->symlink_status(gone))) continue;
+    identity[file->path()] = file_stamp(file->path());
   }
   return identity;
 }

@@ -7,7 +7,9 @@
 
 #include "base/error.h"
 #include "viewer/server/api.h"
+#include "viewer/server/inner_door.h"
 #include "viewer/server/sign_in_link.h"
+#include "viewer/server/workplace_caller.h"
 
 namespace kiroku::viewer {
 namespace {
@@ -71,15 +73,32 @@ class Sweeper {
   std::thread thread_;
 };
 
+/// Null for the viewer itself, which has none, and where it cannot be opened but people come otherwise.
+std::unique_ptr<InnerDoor> open_inner_door(const ViewerHome& home, bool has_address,
+                                           const std::function<void(const std::string&)>& tell) {
+  if (home.serves == "cases") return nullptr;
+  try {
+    return std::make_unique<InnerDoor>(home.serves == "planning" ? home.planning_socket
+                                                                 : home.training_socket);
+  } catch (const Error& error) {
+    if (!has_address) throw;
+    tell(std::string("nobody is led here by the viewer: ") + error.what());
+    return nullptr;
+  }
+}
+
 }  // namespace
 
 struct Viewer::State {
   explicit State(ViewerOptions options)
       : context(std::move(options.home), options.sessions, options.tell),
         page(options.page ? StaticFiles::load(*options.page) : StaticFiles()),
-        dispatcher(router, context.sessions(), page, options.tell),
+        dispatcher(router, whoever_has_cookie(context.sessions(), session_cookie(context.home().serves)),
+                   page, options.tell),
+        inner_dispatcher(inner_router, whom_the_viewer_names(), no_page, options.tell),
         sweeper(context) {
-    if (!is_loopback(options.web.listen) && context.users().list().empty()) {
+    const bool has_address = !options.web.listen.empty();
+    if (has_address && !is_loopback(options.web.listen) && context.users().list().empty()) {
       throw UsageError("nobody could sign in, so " + options.web.listen +
                        " is not opened to the network: add a user with 'kiroku user add NAME', or listen on "
                        "127.0.0.1");
@@ -91,8 +110,12 @@ struct Viewer::State {
       add_log_routes(router, context);
       add_user_routes(router, context);
     }
-    if (options.more_routes) options.more_routes(router, context);
-    server.emplace(std::move(options.web), dispatcher);
+    if (options.more_routes) {
+      options.more_routes(router, context);
+      options.more_routes(inner_router, context);
+    }
+    options.web.inner_door = open_inner_door(context.home(), has_address, options.tell);
+    server.emplace(std::move(options.web), dispatcher, &inner_dispatcher);
   }
   ~State() {
     context.close();
@@ -104,8 +127,10 @@ struct Viewer::State {
   ViewerContext context;
   SignInLink link;
   Router router;
-  StaticFiles page;
-  Dispatcher dispatcher;
+  /// Of what comes through the inner door: nothing but what this program adds.
+  Router inner_router;
+  StaticFiles page, no_page;
+  Dispatcher dispatcher, inner_dispatcher;
   Sweeper sweeper;
   std::optional<WebServer> server;  // last: gone before what it calls
 };

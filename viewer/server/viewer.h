@@ -17,6 +17,8 @@ namespace kiroku::viewer {
 
 struct ViewerOptions {
   ViewerHome home;
+  /// Where `web.listen` is empty, people come through the inner door of planning_socket or training_socket
+  /// alone.
   WebServerOptions web;
   SessionLimits sessions;
   /// The page's files; nothing: the API alone.
@@ -31,13 +33,14 @@ struct ViewerOptions {
 class Viewer {
  public:
   /// Throws kiroku::UsageError for an address beyond loopback while there is no user, and where options
-  /// cannot be used; kiroku::Error where it cannot listen.
+  /// cannot be used; kiroku::Error where it cannot listen. Where it has an address of its own, that its inner
+  /// door cannot be opened is only told.
   explicit Viewer(ViewerOptions options);
   ~Viewer();
   Viewer(const Viewer&) = delete;
   Viewer& operator=(const Viewer&) = delete;
 
-  [[nodiscard]] std::string url() const;  // "https://127.0.0.1:8443/"
+  [[nodiscard]] std::string url() const;  // "https://127.0.0.1:8443/"; "" without an address
   [[nodiscard]] std::uint16_t port() const;
   /// An address that signs in an administrator named `user`, once. The page reads the token from the
   /// fragment, which browsers never send.

@@ -37,6 +37,8 @@ struct ViewerHome {
   std::filesystem::path comparisons_folder = {};
   /// For making more of them: the home, sealed plans below it, and kiroku-full; without that none is made.
   std::filesystem::path folder = {}, plans_folder = {}, comparison_program = {};
+  /// Where programs that plan and train answer (viewer/server/inner_door.h).
+  std::filesystem::path planning_socket = {}, training_socket = {};
   const crypto::SigningKey* device_key = nullptr;  // signs the appliance log
   crypto::VerifierKey device;
   const timestamp::TrustStore* trust = nullptr;

@@ -3,6 +3,9 @@
 #include <algorithm>
 #include <array>
 #include <charconv>
+#include <map>
+#include <mutex>
+#include <optional>
 #include <thread>
 #include <unistd.h>
 #include <utility>  // Boost 1.74 forgets it before its awaitable
@@ -31,7 +34,6 @@ namespace beast = boost::beast;
 namespace http = beast::http;
 using asio::ip::tcp;
 using boost::system::error_code;
-using Stream = TlsStream;
 
 constexpr std::uint16_t kExamplePort = 8443;
 constexpr std::size_t kIoThreads = 2;
@@ -41,6 +43,7 @@ constexpr std::size_t kReadUnit = 4U << 10;
 constexpr std::size_t kWriteUnit = 256U << 10;
 /// No route takes more.
 constexpr std::uint64_t kLargestBody = 16U << 20;
+constexpr int kInnerBuffer = 32 << 10;
 constexpr std::chrono::milliseconds kAcceptPause{100};
 constexpr std::chrono::seconds kFarewell{2};
 /// When whoever was refused for what it costs may come again.
@@ -166,19 +169,71 @@ class BodyReader {
   Bytes buffer_;
 };
 
+/// How many connections of each user are safe from making room for others: one user's, or one guest's, must
+/// not take every place that there is.
+class KnownConnections {
+ public:
+  explicit KnownConnections(std::size_t most_of_user) : most_of_user_(most_of_user) {}
+
+  /// One connection's seat. Belongs to its strand.
+  class Seat {
+   public:
+    explicit Seat(KnownConnections& all) : all_(all) {}
+    ~Seat() { give_back(); }
+    Seat(const Seat&) = delete;
+    Seat& operator=(const Seat&) = delete;
+    /// Whether the connection is one of so many of this user's.
+    bool take(const std::string& user) {
+      if (user_ == user) return true;
+      give_back();
+      const std::lock_guard guard(all_.mutex_);
+      std::size_t& count = all_.of_user_[user];
+      if (count >= all_.most_of_user_) return false;
+      ++count;
+      user_ = user;
+      return true;
+    }
+
+   private:
+    void give_back() {
+      if (!user_) return;
+      const std::lock_guard guard(all_.mutex_);
+      const auto found = all_.of_user_.find(*user_);
+      if (--found->second == 0) all_.of_user_.erase(found);
+      user_.reset();
+    }
+    KnownConnections& all_;
+    std::optional<std::string> user_;
+  };
+
+ private:
+  const std::size_t most_of_user_;
+  std::mutex mutex_;
+  std::map<std::string, std::size_t> of_user_;
+};
+
 }  // namespace
 
 struct WebServer::State {
-  State(WebServerOptions asked, const Dispatcher& answers)
+  State(WebServerOptions asked, const Dispatcher& answers, const Dispatcher* of_inner_door)
       : options(std::move(asked)),
         dispatcher(answers),
         places({.all = options.limits.connections, .of_holder = options.limits.connections_of_address}),
+        inner_places({.all = options.limits.connections, .of_holder = options.limits.connections}),
+        known(options.limits.safe_connections_of_user),
         costly(options.limits.costly),
         workers(std::max<std::size_t>(kFewestWorkers, 2U * std::thread::hardware_concurrency())),
-        acceptor(asio::make_strand(context)) {
-    prepare_tls();
-    listen();
-    asio::co_spawn(acceptor.get_executor(), accept(), asio::detached);
+        acceptor(asio::make_strand(context)),
+        inner_acceptor(asio::make_strand(context)) {
+    if (!options.listen.empty()) {
+      prepare_tls();
+      listen();
+      asio::co_spawn(acceptor.get_executor(), accept(), asio::detached);
+    }
+    if (options.inner_door) {
+      inner_acceptor.assign(asio::local::stream_protocol(), options.inner_door->take_listener().release());
+      asio::co_spawn(inner_acceptor.get_executor(), accept_at_inner_door(*of_inner_door), asio::detached);
+    }
     for (std::size_t i = 0; i < kIoThreads; ++i) {
       threads.emplace_back([this] { run(); });
     }
@@ -264,23 +319,68 @@ struct WebServer::State {
     }
   }
 
+  /// Whoever is not this very user, or root, is let go before it said a word.
+  asio::awaitable<void> accept_at_inner_door(const Dispatcher& answers) {
+    asio::steady_timer pause(inner_acceptor.get_executor());
+    for (;;) {
+      error_code failed;
+      asio::local::stream_protocol::socket socket = co_await inner_acceptor.async_accept(
+          asio::make_strand(context), asio::redirect_error(asio::use_awaitable, failed));
+      if (failed) {
+        pause.expires_after(kAcceptPause);
+        co_await pause.async_wait(asio::redirect_error(asio::use_awaitable, failed));
+        continue;
+      }
+      if (!is_of_this_user(socket.native_handle())) continue;
+      // What lies in it the viewer has not taken: pictures would grow old there (SocketOutput::waiting()).
+      socket.set_option(asio::socket_base::send_buffer_size(kInnerBuffer), failed);
+      try {
+        const auto executor = socket.get_executor();
+        const auto stream = std::make_shared<LocalStream>(std::move(socket));
+        auto place = enter(inner_places, "viewer", stream, executor);
+        if (place)
+          asio::co_spawn(executor, serve_at_inner_door(stream, answers, std::move(place)), asio::detached);
+      } catch (const std::exception&) {
+        continue;
+      }
+    }
+  }
+
   /// Serves it if there is a place for it; else it is let go, and may come again.
   void welcome(tcp::socket socket, const std::string& peer) {
     const auto executor = socket.get_executor();
-    const auto stream = std::make_shared<Stream>(beast::tcp_stream(std::move(socket)), tls);
-    auto place = places.enter(address_holder(peer), [leaving = std::weak_ptr<Stream>(stream), executor] {
+    const auto stream = std::make_shared<TlsStream>(beast::tcp_stream(std::move(socket)), tls);
+    auto place = enter(places, address_holder(peer), stream, executor);
+    if (place) asio::co_spawn(executor, serve(stream, peer, std::move(place)), asio::detached);
+  }
+
+  template <typename Stream, typename Executor>
+  static std::unique_ptr<ConnectionPlaces::Place> enter(ConnectionPlaces& places, const std::string& holder,
+                                                        const std::shared_ptr<Stream>& stream,
+                                                        const Executor& executor) {
+    return places.enter(holder, [leaving = std::weak_ptr<Stream>(stream), executor] {
       asio::post(executor, [leaving] {
         if (const auto open = leaving.lock()) beast::get_lowest_layer(*open).close();
       });
     });
-    if (place) asio::co_spawn(executor, serve(stream, peer, std::move(place)), asio::detached);
   }
 
+  template <typename Stream>
   static void allow(Stream& stream, std::chrono::milliseconds limit) {
     beast::get_lowest_layer(stream).expires_after(limit);
   }
 
-  asio::awaitable<void> serve(std::shared_ptr<Stream> stream, std::string peer,
+  asio::awaitable<void> serve_at_inner_door(std::shared_ptr<LocalStream> stream, const Dispatcher& answers,
+                                            std::unique_ptr<ConnectionPlaces::Place> place) {
+    Buffer buffer;
+    KnownConnections::Seat seat(known);
+    while (co_await serve_one(*stream, answers, buffer, "", *place, seat)) {
+      place->set_busy(false);
+    }
+    place.reset();
+  }
+
+  asio::awaitable<void> serve(std::shared_ptr<TlsStream> stream, std::string peer,
                               std::unique_ptr<ConnectionPlaces::Place> place) {
     error_code failed;
     allow(*stream, options.limits.handshake);
@@ -288,7 +388,8 @@ struct WebServer::State {
                                      asio::redirect_error(asio::use_awaitable, failed));
     if (failed) co_return;
     Buffer buffer;
-    while (co_await serve_one(*stream, buffer, peer, *place)) {
+    KnownConnections::Seat seat(known);
+    while (co_await serve_one(*stream, dispatcher, buffer, peer, *place, seat)) {
       place->set_busy(false);
     }
     allow(*stream, kFarewell);
@@ -298,6 +399,7 @@ struct WebServer::State {
 
   /// Reads on until the buffer begins with a whole head, and returns its size: 0 where the connection ended
   /// before, more than the limit where it has no end within that. Nothing is taken out of the buffer.
+  template <typename Stream>
   asio::awaitable<std::size_t> read_head(Stream& stream, Buffer& buffer) const {
     std::size_t searched = 0;
     for (;;) {
@@ -315,8 +417,10 @@ struct WebServer::State {
   }
 
   /// One request and its answer; false when the connection is over.
-  asio::awaitable<bool> serve_one(Stream& stream, Buffer& buffer, const std::string& peer,
-                                  ConnectionPlaces::Place& place) {
+  template <typename Stream>
+  asio::awaitable<bool> serve_one(Stream& stream, const Dispatcher& answers, Buffer& buffer,
+                                  const std::string& peer, ConnectionPlaces::Place& place,
+                                  KnownConnections::Seat& seat) {
     error_code failed;
     Parser parser;
     RefuseChunkExtensions extensions;
@@ -355,19 +459,19 @@ struct WebServer::State {
     const bool has_body = parser.chunked() || parser.content_length().value_or(0) > 0;
     RequestHead head = head_of(parser, peer);
     const bool wants_socket = is_socket_request(head);
-    Dispatcher::Admission admission = dispatcher.admit(std::move(head));
-    place.note(admission.request.session ? ConnectionPlaces::Standing::kKnown
-                                         : ConnectionPlaces::Standing::kSpoken);
+    Dispatcher::Admission admission = answers.admit(std::move(head));
+    const bool is_known = admission.request.session && seat.take(admission.request.session->user());
+    place.note(is_known ? ConnectionPlaces::Standing::kKnown : ConnectionPlaces::Standing::kSpoken);
     if (admission.refusal) {
       const bool stay = keep_alive && !has_body;
       co_return co_await send(stream, *admission.refusal, is_head, stay) && stay;
     }
     if (wants_socket && admission.route != nullptr && admission.route->socket && !has_body) {
-      place.set_busy(true);
+      place.set_busy(is_known);
       UpgradeRequest upgrade;
       upgrade.base() = parser.get().base();
       Response refusal;
-      if (!co_await serve_socket(stream, upgrade, dispatcher, admission, workers, sockets, refusal)) {
+      if (!co_await serve_socket(stream, upgrade, answers, admission, workers, sockets, refusal)) {
         co_await send(stream, refusal, is_head, false);
       }
       co_return false;
@@ -398,8 +502,10 @@ struct WebServer::State {
     admission.request.body.assign(body.data(), body.size());
     beast::get_lowest_layer(stream).expires_never();
     place.set_busy(true);
-    Response response = co_await on_worker([&] { return dispatcher.answer(admission); });
+    Response response = co_await on_worker([&] { return answers.answer(admission); });
     while (response.costly) response = co_await at_a_cost(std::move(*response.costly));
+    // Whoever takes an answer slowly on purpose is not busy.
+    place.set_busy(false);
     co_return co_await send(stream, response, is_head, keep_alive) && keep_alive;
   }
 
@@ -448,6 +554,7 @@ struct WebServer::State {
   }
 
   /// False if it could not be sent whole: then the connection must end.
+  template <typename Stream>
   asio::awaitable<bool> send(Stream& stream, const Response& response, bool is_head, bool keep_alive) {
     BodyReader reader(response);
     const std::optional<std::uint64_t> size = reader.size();
@@ -482,7 +589,8 @@ struct WebServer::State {
 
   const WebServerOptions options;
   const Dispatcher& dispatcher;
-  ConnectionPlaces places;
+  ConnectionPlaces places, inner_places;
+  KnownConnections known;
   OpenSockets sockets;
   CostlyWork costly;
   asio::thread_pool workers;
@@ -490,16 +598,18 @@ struct WebServer::State {
   asio::io_context context;
   tcp::acceptor acceptor;
   tcp::endpoint local;
+  asio::local::stream_protocol::acceptor inner_acceptor;
   std::vector<std::thread> threads;
 };
 
-WebServer::WebServer(WebServerOptions options, const Dispatcher& dispatcher)
-    : state_(std::make_unique<State>(std::move(options), dispatcher)) {}
+WebServer::WebServer(WebServerOptions options, const Dispatcher& dispatcher, const Dispatcher* of_inner_door)
+    : state_(std::make_unique<State>(std::move(options), dispatcher, of_inner_door)) {}
 WebServer::~WebServer() = default;
 
 std::uint16_t WebServer::port() const { return state_->local.port(); }
 
 std::string WebServer::url() const {
+  if (state_->options.listen.empty()) return "";
   return "https://" + ListenAddress{state_->local.address().to_string(), port()}.to_string() + "/";
 }
 

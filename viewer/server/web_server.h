@@ -12,6 +12,7 @@
 #include "crypto/secret.h"
 #include "viewer/server/costly_work.h"
 #include "viewer/server/dispatcher.h"
+#include "viewer/server/inner_door.h"
 
 namespace kiroku::viewer {
 
@@ -21,6 +22,8 @@ struct WebServerLimits {
   /// (base/connection_places.h).
   std::size_t connections = 1000;
   std::size_t connections_of_address = 200;
+  /// So many of a user who has signed in, or of a guest, never make room.
+  std::size_t safe_connections_of_user = 128;
   std::uint32_t header_bytes = 16U << 10;
   std::chrono::milliseconds handshake{10'000};
   /// From the first byte one waits for to the end of the header, also on a connection kept open.
@@ -33,10 +36,13 @@ struct WebServerLimits {
 };
 
 struct WebServerOptions {
-  std::string listen = "127.0.0.1:8443";  // "address:port", "[::1]:8443"; port 0: any free one
-  std::string certificate_pem;            // the server's, then those up to its authority
+  /// "address:port", "[::1]:8443"; port 0: any free one; "": no address of its own, but that of the door.
+  std::string listen = "127.0.0.1:8443";
+  std::string certificate_pem;  // the server's, then those up to its authority
   crypto::Secret key_pem;
   WebServerLimits limits;
+  /// Through which the viewer of the same home sends requests, too; null: through none.
+  std::unique_ptr<InnerDoor> inner_door = nullptr;
 };
 
 /// Listens from construction to destruction on threads of its own; answers are made on others, since they may
@@ -45,13 +51,15 @@ class WebServer {
  public:
   /// `dispatcher` must outlive it. Throws kiroku::UsageError for an address, certificate or key that cannot
   /// be used, kiroku::Error if it cannot listen there.
-  WebServer(WebServerOptions options, const Dispatcher& dispatcher);
+  /// `of_inner_door`, which must outlive it too, answers what comes through the inner door.
+  WebServer(WebServerOptions options, const Dispatcher& dispatcher,
+            const Dispatcher* of_inner_door = nullptr);
   /// Waits for answers being made; connections are cut.
   ~WebServer();
   WebServer(const WebServer&) = delete;
   WebServer& operator=(const WebServer&) = delete;
   [[nodiscard]] std::uint16_t port() const;
-  [[nodiscard]] std::string url() const;  // "https://127.0.0.1:8443/"
+  [[nodiscard]] std::string url() const;  // "https://127.0.0.1:8443/"; "" without an address
 
  private:
   struct State;

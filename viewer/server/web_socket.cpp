@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <chrono>
 #include <deque>
+#include <functional>
 #include <mutex>
 #include <optional>
 #include <variant>
@@ -18,7 +19,6 @@ namespace asio = boost::asio;
 namespace beast = boost::beast;
 namespace websocket = beast::websocket;
 using boost::system::error_code;
-using Socket = websocket::stream<TlsStream&>;
 
 /// What may wait for a slow browser: a live picture of many seconds.
 constexpr std::size_t kMostWaitingBytes = 4U << 20;
@@ -46,17 +46,35 @@ class Queue final : public OpenSockets::Output {
     Message message = std::move(messages_.front());
     messages_.pop_front();
     waiting_ -= size_of(message);
+    if (waiting_ == 0) tell_taken();
     return message;
+  }
+  /// Why the connection is to be closed, once nothing is queued any more.
+  std::optional<std::string> ending() {
+    const std::lock_guard guard(mutex_);
+    return messages_.empty() ? ending_ : std::nullopt;
   }
   [[nodiscard]] std::size_t waiting() const override {
     const std::lock_guard guard(mutex_);
     return waiting_;
+  }
+  void when_taken(std::function<void()> action) override {
+    const std::lock_guard guard(mutex_);
+    taken_.push_back(std::move(action));
+    if (closed_ || waiting_ == 0) tell_taken();
+  }
+  void end(std::string sentence) override {
+    const std::lock_guard guard(mutex_);
+    if (closed_ || ending_) return;
+    ending_ = std::move(sentence);
+    asio::post(executor_, [wake = wake_] { wake->cancel(); });
   }
   void close() override {
     const std::lock_guard guard(mutex_);
     closed_ = true;
     messages_.clear();
     waiting_ = 0;
+    tell_taken();
     // Who keeps this longer than the server lives must hold nothing of its executor.
     wake_.reset();
     executor_ = {};
@@ -67,9 +85,12 @@ class Queue final : public OpenSockets::Output {
     if (const auto* text = std::get_if<std::string>(&message)) return text->size();
     return std::get<std::shared_ptr<const Bytes>>(message)->size();
   }
+  void tell_taken() {
+    for (const auto& action : std::exchange(taken_, {})) action();
+  }
   bool push(Message message) {
     const std::lock_guard guard(mutex_);
-    if (closed_ || waiting_ + size_of(message) > kMostWaitingBytes) return false;
+    if (closed_ || ending_ || waiting_ + size_of(message) > kMostWaitingBytes) return false;
     waiting_ += size_of(message);
     messages_.push_back(std::move(message));
     // Timers belong to the connection's strand.
@@ -81,6 +102,8 @@ class Queue final : public OpenSockets::Output {
   std::shared_ptr<asio::steady_timer> wake_;
   mutable std::mutex mutex_;
   std::deque<Message> messages_;
+  std::vector<std::function<void()>> taken_;
+  std::optional<std::string> ending_;
   std::size_t waiting_ = 0;
   bool closed_ = false;
 };
@@ -94,9 +117,10 @@ websocket::reason_string reason_of(std::string_view sentence) {
 }
 
 /// One connection; everything but the queue belongs to its strand.
+template <typename Stream>
 class Connection {
  public:
-  Connection(TlsStream& stream, const Dispatcher& dispatcher, const Dispatcher::Admission& admission,
+  Connection(Stream& stream, const Dispatcher& dispatcher, const Dispatcher::Admission& admission,
              asio::thread_pool& workers, OpenSockets& sockets, const asio::any_io_executor& strand)
       : stream_(stream),
         dispatcher_(dispatcher),
@@ -192,6 +216,10 @@ class Connection {
       }
       const std::optional<Queue::Message> message = queue_->pop();
       if (!message) {
+        if (const std::optional<std::string> why = queue_->ending()) {
+          farewell_ = {websocket::close_code::policy_error, reason_of(*why)};
+          break;
+        }
         // A message cancels the timer; none is lost between pop() and here, since both are on the strand.
         wake_->expires_after(kSessionCheck);
         error_code ignored;
@@ -212,11 +240,11 @@ class Connection {
     if (failed) beast::get_lowest_layer(stream_).close();
   }
 
-  TlsStream& stream_;
+  Stream& stream_;
   const Dispatcher& dispatcher_;
   const Dispatcher::Admission& admission_;
   asio::thread_pool& workers_;
-  Socket socket_;
+  websocket::stream<Stream&> socket_;
   std::shared_ptr<asio::steady_timer> wake_;
   asio::steady_timer listener_end_;
   std::shared_ptr<Queue> queue_;
@@ -245,10 +273,12 @@ bool is_socket_request(const RequestHead& head) {
   return upgrade != head.headers.end() && beast::iequals(upgrade->second, "websocket");
 }
 
-asio::awaitable<bool> serve_socket(TlsStream& stream, const UpgradeRequest& upgrade,
+template <typename Stream>
+asio::awaitable<bool> serve_socket(Stream& stream, const UpgradeRequest& upgrade,
                                    const Dispatcher& dispatcher, const Dispatcher::Admission& admission,
                                    asio::thread_pool& workers, OpenSockets& sockets, Response& refusal) {
-  Connection connection(stream, dispatcher, admission, workers, sockets, co_await asio::this_coro::executor);
+  Connection<Stream> connection(stream, dispatcher, admission, workers, sockets,
+                                co_await asio::this_coro::executor);
   if (std::optional<Response> refused = co_await connection.open()) {
     refusal = std::move(*refused);
     co_return false;
@@ -256,5 +286,12 @@ asio::awaitable<bool> serve_socket(TlsStream& stream, const UpgradeRequest& upgr
   co_await connection.serve(upgrade);
   co_return true;
 }
+
+template asio::awaitable<bool> serve_socket(TlsStream&, const UpgradeRequest&, const Dispatcher&,
+                                            const Dispatcher::Admission&, asio::thread_pool&, OpenSockets&,
+                                            Response&);
+template asio::awaitable<bool> serve_socket(LocalStream&, const UpgradeRequest&, const Dispatcher&,
+                                            const Dispatcher::Admission&, asio::thread_pool&, OpenSockets&,
+                                            Response&);
 
 }  // namespace kiroku::viewer

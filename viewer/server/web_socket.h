@@ -8,6 +8,7 @@
 #include <vector>
 
 #include <boost/asio/awaitable.hpp>
+#include <boost/asio/local/stream_protocol.hpp>
 #include <boost/asio/ssl.hpp>
 #include <boost/asio/thread_pool.hpp>
 #include <boost/beast/core.hpp>
@@ -19,6 +20,8 @@
 namespace kiroku::viewer {
 
 using TlsStream = boost::beast::ssl_stream<boost::beast::tcp_stream>;
+/// Of a Unix socket, which needs no TLS.
+using LocalStream = boost::beast::basic_stream<boost::asio::local::stream_protocol>;
 
 /// The sockets that are open, so that none takes anything more once their server ends. Thread-safe.
 class OpenSockets {
@@ -43,8 +46,9 @@ using UpgradeRequest = boost::beast::http::request<boost::beast::http::empty_bod
 
 /// Accepts and serves until the browser goes, falls silent, or the session ends. `admission` is of a route
 /// with a socket; `upgrade` is the request's head. False: nothing was accepted, the connection still is HTTP,
-/// and `refusal` is to be sent.
-boost::asio::awaitable<bool> serve_socket(TlsStream& stream, const UpgradeRequest& upgrade,
+/// and `refusal` is to be sent. `Stream` is TlsStream or LocalStream.
+template <typename Stream>
+boost::asio::awaitable<bool> serve_socket(Stream& stream, const UpgradeRequest& upgrade,
                                           const Dispatcher& dispatcher,
                                           const Dispatcher::Admission& admission,
                                           boost::asio::thread_pool& workers, OpenSockets& sockets,

@@ -2,6 +2,7 @@
 
 #include <nlohmann/json.hpp>
 
+#include "base/foreign_json.h"
 #include "sim/render/picture_jpeg.h"
 #include "trainer/report/score_json.h"
 #include "viewer/server/picture_message.h"
@@ -77,7 +78,7 @@ ordered_json latency_json(const trainer::LiveOutcome::Latency& latency) {
 }  // namespace
 
 PageMessage parse_page_message(std::string_view message) {
-  const json object = json::parse(message, nullptr, false);
+  const json object = parse_foreign_json(message);
   if (!object.is_object()) throw Refusal(400, "a message must be a JSON object");
   if (object.contains("begin")) return begin_of(object["begin"]);
   if (object.contains("end")) return EndMessage{};

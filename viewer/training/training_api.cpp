@@ -133,19 +133,19 @@ Response results_of(TrainingRoom& room, const Request& request) {
 }  // namespace
 
 void add_training_routes(Router& router, TrainingRoom& room) {
-  router.add("GET", "api/training", Right::kSignedIn,
+  router.add("GET", "api/training", Right::kTrain,
              [&room](const Request& request) { return training(room, request); });
-  router.add("POST", "api/training/trainees", Right::kSignedIn,
+  router.add("POST", "api/training/trainees", Right::kTrain,
              [&room](const Request& request) { return add_trainee(room, request); });
-  router.add("GET", "api/training/trainees/{trainee:text}/results", Right::kSignedIn,
+  router.add("GET", "api/training/trainees/{trainee:text}/results", Right::kTrain,
              [&room](const Request& request) { return results_of(room, request); });
-  router.add("POST", "api/training/attempts/{attempt:number}/case", Right::kSignedIn,
+  router.add("POST", "api/training/attempts/{attempt:number}/case", Right::kTrain,
              [&room](const Request& request) {
                const SealedAttempt sealed =
                    room.seal(training_user(request), static_cast<std::int64_t>(request.number("attempt")));
                return Response::json({{"case", sealed.case_id}, {"verdict", sealed.verdict}}, 201);
              });
-  router.add("GET", "api/training/attempts/{attempt:number}/certificate.pdf", Right::kSignedIn,
+  router.add("GET", "api/training/attempts/{attempt:number}/certificate.pdf", Right::kTrain,
              [&room](const Request& request) {
                const auto number = static_cast<std::int64_t>(request.number("attempt"));
                return Response::bytes(
@@ -156,7 +156,7 @@ void add_training_routes(Router& router, TrainingRoom& room) {
   Route attempt;
   attempt.method = "GET";
   attempt.pattern = "api/training/attempt";
-  attempt.right = Right::kSignedIn;
+  attempt.right = Right::kTrain;
   attempt.body_limit = kLongestPageMessage;
   attempt.socket = [&room](const Request& request, std::shared_ptr<SocketOutput> output) {
     return std::make_unique<AttemptSocket>(room, training_user(request), std::move(output));

@@ -7,6 +7,7 @@
 #include <boost/system/system_error.hpp>
 
 #include "tests/support/build_paths.h"
+#include "tests/support/eventually.h"
 #include "tests/support/reserved_port.h"
 #include "tests/support/socket_client.h"
 #include "tests/system/viewer/served_home.h"
@@ -206,10 +207,10 @@ TEST_F(Guests, SeeNothingBeforeAndNothingAfterTheirCase) {
   const int after = pictures(*socket, 1000);
   EXPECT_LT(after, 100) << "what was queued of the first case, none of the second";
   json now = json::object();
-  for (int i = 0; i < 100 && now.value("state", "") != "ended"; ++i) {
-    std::this_thread::sleep_for(100ms);
+  EXPECT_TRUE(eventually([&] {
     now = invitation(made);
-  }
+    return now.value("state", "") == "ended";
+  }));
   EXPECT_EQ(now["end"], "case");
   EXPECT_EQ(now["case"], first);
   EXPECT_EQ(ask("GET", "/api/live", guest).status, 401);
@@ -265,12 +266,7 @@ TEST_F(Guests, LoseTheirInvitationWithTheUserWhoMadeIt) {
   const std::string guest = join(invite());
   EXPECT_EQ(ask("GET", "/api/live", guest).status, 200);
   ASSERT_EQ(kiroku({"user", "remove", "a-surgeon"}).status, 0);
-  int status = 200;
-  for (int i = 0; i < 100 && status == 200; ++i) {
-    std::this_thread::sleep_for(100ms);
-    status = ask("GET", "/api/live", guest).status;
-  }
-  EXPECT_EQ(status, 401);
+  EXPECT_TRUE(eventually([&] { return ask("GET", "/api/live", guest).status == 401; }));
 }
 
 }  // namespace

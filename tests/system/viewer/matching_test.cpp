@@ -5,6 +5,7 @@
 #include <gtest/gtest.h>
 
 #include "tests/support/cube_plan.h"
+#include "tests/support/eventually.h"
 #include "tests/system/viewer/served_home.h"
 
 namespace kiroku::test {
@@ -44,13 +45,13 @@ class Matching : public ServedHome {
   }
   /// How the one that was asked for ended.
   [[nodiscard]] json ended() const {
-    for (int look = 0; look < 600; ++look) {
-      const HttpResponse answer = ask("GET", case_path("/making"), surgeon_);
-      if (answer.status == 200) return json::parse(answer.body);
-      EXPECT_EQ(answer.status, 202) << answer.body;
-      std::this_thread::sleep_for(std::chrono::milliseconds(100));
-    }
-    return {{"state", "never ended"}};
+    HttpResponse answer;
+    EXPECT_TRUE(eventually([&] {
+      answer = ask("GET", case_path("/making"), surgeon_);
+      return answer.status != 202;
+    }));
+    EXPECT_EQ(answer.status, 200) << answer.body;
+    return json::parse(answer.body);
   }
   [[nodiscard]] std::vector<std::string> kept_files() const {
     std::vector<std::string> names;
@@ -147,15 +148,13 @@ TEST_F(Matching, SaysInWordsWhatItDoesNotMake) {
 
 TEST_F(Matching, PicksPointsOnPicturesOfThePlanAndKeepsTheCameraThatFollows) {
   const auto pick = [&](const std::string& what, const json& body) {
-    for (int look = 0; look < 600; ++look) {
-      const HttpResponse answer = ask("POST", case_path("/picking/" + what), surgeon_, body.dump());
-      if (answer.status != 202) {
-        EXPECT_EQ(answer.status, 200) << answer.body;
-        return json::parse(answer.body);
-      }
-      std::this_thread::sleep_for(std::chrono::milliseconds(100));
-    }
-    return json("never ready");
+    HttpResponse answer;
+    EXPECT_TRUE(eventually([&] {
+      answer = ask("POST", case_path("/picking/" + what), surgeon_, body.dump());
+      return answer.status != 202;
+    }));
+    EXPECT_EQ(answer.status, 200) << answer.body;
+    return json::parse(answer.body);
   };
   // At rest, seen from aside and above.
   json view{{"step", 1},  {"plan_s", 0}, {"azimuth_deg", 35}, {"elevation_deg", 25}, {"zoom", 1},

@@ -5,6 +5,7 @@
 #include <boost/system/system_error.hpp>
 
 #include "tests/support/build_paths.h"
+#include "tests/support/eventually.h"
 #include "tests/support/reserved_port.h"
 #include "tests/support/socket_client.h"
 #include "tests/system/viewer/served_home.h"
@@ -82,7 +83,6 @@ TEST_F(Pointing, IsSeenByTheRoomAndStandsInTheCase) {
     EXPECT_EQ(pointer["role"], i % 2 == 0 ? "guest" : "surgeon");
     EXPECT_EQ(pointer["x"], i / 20.0);
     seen.push_back(pointer);
-    std::this_thread::sleep_for(50ms);
   }
   sato->close();
   EXPECT_EQ(next(*anna, "watchers"), json::parse(R"([{"name":"a-surgeon","role":"surgeon"}])"));
@@ -199,7 +199,17 @@ TEST_F(Pointing, OutlivesARecorderThatDies) {
     socket->send_text(point(0.5, 0.5));
     last = next(*socket, "pointer");
   }
-  std::this_thread::sleep_for(3s);
+  // Until nothing of it is on its way to the disk any more.
+  EXPECT_TRUE(eventually([&] {
+    std::int64_t until_ns = 0;
+    std::istringstream entered(read_text(home() / "archive" / case_id_ / "ledger.jsonl"));
+    for (std::string text; std::getline(entered, text);) {
+      const json entry = json::parse(text, nullptr, false);
+      if (entry.is_object() && entry["type"] == "segment" && entry["stream"] == "pointing")
+        until_ns = entry["end_ns"];
+    }
+    return until_ns > last["time_ns"].get<std::int64_t>();
+  }));
   server_->signal(SIGKILL);
   (void)server_->wait(10s);
   server_.reset();

@@ -6,6 +6,8 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include "archive/case_layout.h"
+#include "archive/verifier.h"
 #include "base/error.h"
 #include "tests/support/sample_case.h"
 
@@ -28,6 +30,14 @@ TEST_F(CaseReading, GivesSegmentsThatMeetASpan) {
   EXPECT_EQ(found[1].index, 2U);
   EXPECT_EQ(reader.duration_ns(), 6 * kSecond);
   EXPECT_TRUE(reader.closing().has_value());
+}
+
+TEST_F(CaseReading, StatesTheRootThatVerificationDoes) {
+  const CaseReader before = CaseReader::open(folder_);
+  EXPECT_EQ(before.lines_root(), verify_case(folder_, archive_.options()).lines_root);
+  std::ofstream(folder_ / kLedgerFile, std::ios::app) << "half a line";
+  EXPECT_EQ(CaseReader::open(folder_).lines_root(), before.lines_root());
+  EXPECT_EQ(before.lines_root(), verify_case(folder_, archive_.options()).lines_root);
 }
 
 TEST_F(CaseReading, NamesTheStreamsThereAre) {

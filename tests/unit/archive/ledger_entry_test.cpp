@@ -89,6 +89,12 @@ TEST(LedgerEntry, WritesTheOthers) {
   EXPECT_EQ(
       line_of(GapEntry{"room", {1, 2}, GapCause::kDeviceRemoved}),
       "{\"type\":\"gap\"," + kHead + R"(,"stream":"room","start_ns":1,"end_ns":2,"cause":"device-removed"})");
+  const std::string of_sound = line_of(GapEntry{"room", {1, 2}, GapCause::kOverload, true});
+  EXPECT_EQ(of_sound, "{\"type\":\"gap\"," + kHead +
+                          R"(,"stream":"room","start_ns":1,"end_ns":2,"cause":"overload","of":"sound"})");
+  std::string of_another = of_sound;
+  of_another.replace(of_another.find(R"("sound")"), 7, R"("light")");
+  EXPECT_FALSE(parse_case_entry(of_another).entry);
   EXPECT_EQ(
       line_of(ClockEntry{true, -5, 6, 0}),
       "{\"type\":\"clock\"," + kHead + R"(,"synchronised":true,"offset_ns":-5,"error_ns":6,"step_ns":0})");
@@ -152,6 +158,7 @@ TEST(LedgerEntry, EveryEntryComesBackAsItWas) {
                                           segment(),
                                           found,
                                           GapEntry{"room", {1, 2}, GapCause::kPaused},
+                                          GapEntry{"room", {1, 2}, GapCause::kPaused, true},
                                           ClockEntry{false, 1, 2, -3},
                                           ClockEntry{false, 1, 2, -3, 4},
                                           exchanged,

@@ -177,6 +177,24 @@ TEST_F(RecoveryTest, AdoptsWhatWasDurableAndStatesWhatWasLost) {
   EXPECT_THAT(recover(), IsEmpty()) << "once is enough";
 }
 
+TEST_F(RecoveryTest, AGapOfSoundAccountsForNoPictures) {
+  fs::path folder;
+  {
+    SampleCase sample(archive_);
+    sample.record();
+    sample.writer().append({GapEntry{"endoscope", {0, 20 * kSecond}, GapCause::kInterrupted, true}},
+                           archive_.now());
+    folder = sample.folder();
+  }
+  archive_.now_ns = 60 * kSecond;
+  const std::vector<CaseRecovery> recovered = recover();
+  ASSERT_EQ(recovered.size(), 1U);
+  ASSERT_FALSE(recovered[0].gaps.empty());
+  EXPECT_EQ(recovered[0].gaps[0].stream, "endoscope");
+  EXPECT_EQ(recovered[0].gaps[0].span.start_ns, 6 * kSecond);
+  EXPECT_EQ(verify(folder).verdict, Verdict::kIntactWithGaps);
+}
+
 TEST_F(RecoveryTest, AnotherBootMeansThatPowerWasLost) {
   fs::path folder;
   {

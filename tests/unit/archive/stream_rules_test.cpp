@@ -48,6 +48,24 @@ Span left_of(Span hole, const std::vector<Span>& gaps) {
   return hole;
 }
 
+// Else whoever holds the device key could have pictures missing and say that only a microphone was.
+TEST(StreamRules, AGapOfSoundExcusesNoPictures) {
+  FindingList findings;
+  StreamRules rules(room(), true, findings);
+  rules.take(segment(0, {0, 10 * kMs}), 1);
+  SegmentEntry cut = segment(1, {10 * kMs, 20 * kMs});
+  cut.complete = false;
+  cut.file.file += ".part";
+  rules.take(cut, 2);
+  rules.take(GapEntry{"room", {20 * kMs, 5'000 * kMs}, GapCause::kSignalLost, true}, 3);
+  rules.take(segment(2, {5'000 * kMs, 5'010 * kMs}), 4);
+  rules.finish();
+  std::vector<std::string> codes;
+  for (const Finding& each : findings.take()) codes.push_back(each.code);
+  EXPECT_THAT(codes, testing::IsSupersetOf({"sound-gap", "segment-hole", "segment-cut-unexplained"}));
+  EXPECT_THAT(codes, testing::Not(testing::Contains("gap")));
+}
+
 TEST(StreamRules, LeavesOfAHoleWhatNoGapGoesOnOver) {
   std::mt19937_64 random(3);
   const auto number = [&](std::uint64_t below) { return static_cast<std::int64_t>(random() % below); };

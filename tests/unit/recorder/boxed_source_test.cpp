@@ -22,7 +22,9 @@ extern "C" {
 #include "recorder/source/source_guard.h"
 #include "tests/support/child_processes.h"
 #include "tests/support/decoded_video.h"
+#include "tests/support/eventually.h"
 #include "tests/support/film_with_sound.h"
+#include "tests/support/pipe_camera.h"
 #include "tests/support/recording.h"
 
 namespace kiroku::recorder {
@@ -40,16 +42,6 @@ using testing::IsEmpty;
 using testing::SizeIs;
 
 constexpr int kFrames = 24;
-
-/// Pictures of 64x48, 20 a second, until `count` are written or nobody reads any more.
-void write_film(const std::filesystem::path& pipe, int count, std::chrono::milliseconds pause = 50ms) {
-  std::ofstream out(pipe, std::ios::binary);
-  out << "YUV4MPEG2 W64 H48 F20:1 Ip A1:1 C420jpeg\n";
-  for (int i = 0; i < count && out; ++i) {
-    out << "FRAME\n" << std::string(64 * 48 * 3 / 2, static_cast<char>(i)) << std::flush;
-    std::this_thread::sleep_for(pause);
-  }
-}
 
 /// 0 where there is none.
 pid_t decoder_of_now() {
@@ -69,7 +61,7 @@ class BoxedSession : public testing::Test {
   RecordedCase record_with(int signal) {
     std::atomic<bool> ended = false, camera_ended = false;
     std::thread camera([&] {
-      while (!ended) write_film(bench_ / "camera", 1000);
+      while (!ended) test::write_film(bench_ / "camera", 1000);
       camera_ended = true;
     });
     SessionOptions options = bench_.options();
@@ -87,9 +79,7 @@ class BoxedSession : public testing::Test {
       }
     });
     std::thread attacker([&] {
-      const auto until = [](const auto& holds) {
-        for (int i = 0; i < 12'000 && !holds(); ++i) std::this_thread::sleep_for(5ms);
-      };
+      const auto until = [](const auto& holds) { EXPECT_TRUE(test::eventually(holds)); };
       until([&] { return pictures >= 10; });
       first_ = decoder_of_now();
       if (first_ > 0) ::kill(first_, signal);  // else the signal would be for this process and its group
@@ -104,10 +94,10 @@ class BoxedSession : public testing::Test {
     ended = true;
     counter.join();
     // It may wait for a reader.
-    while (!camera_ended) {
+    EXPECT_TRUE(test::eventually([&] {
       const Descriptor reader(::open((bench_ / "camera").c_str(), O_RDONLY | O_NONBLOCK));
-      std::this_thread::sleep_for(5ms);
-    }
+      return camera_ended.load();
+    }));
     camera.join();
     return bench_.read(folder);
   }
@@ -141,7 +131,7 @@ TEST_F(BoxedSession, ADecoderThatCrashesCostsAGap) { expect_one_gap_and_more_aft
 
 class BoxedSourceTest : public testing::Test {
  protected:
-  void SetUp() override { write_film(film_, kFrames, 0ms); }
+  void SetUp() override { test::write_film(film_, kFrames, 64, 0ms); }
   std::unique_ptr<Source> open(const OpeningTerms& terms = {}) {
     return open_boxed_source(parse_source_address(film_.string() + "?speed=max"), clock_, terms);
   }
@@ -234,7 +224,7 @@ TEST_F(BoxedSourceTest, OpeningEndsWhenNobodyWaitsForIt) {
   OpeningTerms terms;
   terms.cancelled = &cancelled;
   std::thread canceller([&] {
-    while (decoder_of_now() == 0) std::this_thread::sleep_for(5ms);
+    EXPECT_TRUE(test::eventually([] { return decoder_of_now() != 0; }));
     cancelled = true;
   });
   EXPECT_THROW((void)open_boxed_source(parse_source_address((bench_ / "silent").string()), clock_, terms),

@@ -8,6 +8,7 @@
 #include "archive/pointing_stream.h"
 #include "recorder/pointing_lane.h"
 #include "recorder/session.h"
+#include "tests/support/eventually.h"
 #include "tests/support/fault_file_system.h"
 #include "tests/support/recording.h"
 
@@ -37,17 +38,24 @@ class Pointing : public testing::Test {
 };
 
 TEST_F(Pointing, StandsInTheCaseLineByLineInOrderOfTime) {
-  Session session(options());
+  SessionOptions asked = options();
+  asked.duration.reset();
+  Session session(asked);
   std::vector<std::thread> people;
+  std::atomic<int> done = 0;
   for (const char* name : {"Dr. Sato", "anna"}) {
-    people.emplace_back([&session, name] {
+    people.emplace_back([&session, &done, name] {
       for (int i = 0; i < 20; ++i) {
         EXPECT_TRUE(session.point(at(name, i / 20.0)));
-        std::this_thread::sleep_for(50ms);
+        const std::int64_t then_ns = session.status().now_ns;
+        EXPECT_TRUE(test::eventually([&] { return session.status().now_ns > then_ns + 50'000'000; }));
       }
+      ++done;
     });
   }
-  const SessionResult result = session.run();
+  const SessionResult result = session.run([&](const SessionStatus& /*status*/) {
+    if (done == 2) session.stop();
+  });
   for (std::thread& person : people) person.join();
   EXPECT_FALSE(session.point(at("Dr. Sato"))) << "the case is over";
 
@@ -65,7 +73,8 @@ TEST_F(Pointing, StandsInTheCaseLineByLineInOrderOfTime) {
   }
   EXPECT_THAT(recorded.all<archive::MarkEntry>(), IsEmpty()) << "no entry of the ledger for each";
   const auto segments = recorded.segments("pointing");
-  EXPECT_LE(segments.size(), 9U) << "one each 200 ms at most";
+  EXPECT_LE(static_cast<std::int64_t>(segments.size()), 2 + result.duration_ns / 200'000'000)
+      << "one each 200 ms at most";
   std::size_t next = 0;
   for (const archive::SegmentEntry& segment : segments) {
     for (std::uint64_t i = 0; i < segment.frames; ++i) {
@@ -93,16 +102,18 @@ TEST_F(Pointing, BeginsWithTheCase) {
   asked.pre_roll = 10s;
   asked.duration.reset();
   Session session(asked);
-  std::thread person([&session] {
-    std::this_thread::sleep_for(500ms);
-    EXPECT_FALSE(session.point(at("anna"))) << "there is no case yet";
-    session.begin({});
-    EXPECT_TRUE(session.point(at("anna")));
-    std::this_thread::sleep_for(300ms);
-    session.stop("operator");
+  std::uint64_t frames_then = 0;
+  const SessionResult result = session.run([&](const SessionStatus& status) {
+    const std::uint64_t frames = status.streams.at(0).frames;
+    if (frames_then == 0 && frames > 3) {
+      EXPECT_FALSE(session.point(at("anna"))) << "there is no case yet";
+      session.begin({});
+      EXPECT_TRUE(session.point(at("anna")));
+      frames_then = frames;
+    } else if (frames_then > 0 && frames > frames_then + 3) {
+      session.stop("operator");
+    }
   });
-  const SessionResult result = session.run();
-  person.join();
   const RecordedCase recorded = bench.read(result.folder);
   EXPECT_THAT(recorded.lines("pointing"), SizeIs(1));
   EXPECT_THAT(recorded.broken_rules(), IsEmpty());
@@ -129,14 +140,8 @@ TEST_F(Pointing, ThatCannotBeWrittenIsAGapAndEndsNoRecording) {
   asked.files = &files;
   Session session(asked);
   files.fail("create " + session.case_id() + "/segments/pointing", EIO, 1);
-  std::thread person([&session] {
-    for (int i = 0; i < 20; ++i) {
-      session.point(at("anna"));
-      std::this_thread::sleep_for(50ms);
-    }
-  });
-  const SessionResult result = session.run();
-  person.join();
+  const SessionResult result =
+      session.run([&](const SessionStatus& /*status*/) { session.point(at("anna")); });
   EXPECT_EQ(result.close_reason, "duration");
   EXPECT_THAT(result.last.last_problem, testing::HasSubstr("where people point is recorded no more"));
   const RecordedCase recorded = bench.read(result.folder);

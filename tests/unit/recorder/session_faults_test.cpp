@@ -13,6 +13,7 @@
 #include "tests/support/decoded_video.h"
 #include "tests/support/fault_file_system.h"
 #include "tests/support/film_with_sound.h"
+#include "tests/support/pipe_camera.h"
 #include "tests/support/recording.h"
 #include "tests/support/shared_data.h"
 #include "tests/support/slow_file_system.h"
@@ -45,20 +46,8 @@ Sums sums(const std::vector<archive::SegmentEntry>& segments) {
   return sum;
 }
 
-/// Writes pictures of 48 lines, as YUV4MPEG2 of 20 a second, until `count` are written or nobody reads any
-/// more.
-void write_film(const std::filesystem::path& pipe, int count, int width = 64,
-                std::chrono::milliseconds pause = 50ms) {
-  std::ofstream out(pipe, std::ios::binary);
-  out << "YUV4MPEG2 W" << width << " H48 F20:1 Ip A1:1 C420jpeg\n";
-  for (int i = 0; i < count && out; ++i) {
-    out << "FRAME\n"
-        << std::string(static_cast<std::size_t>(width) * 48 * 3 / 2, static_cast<char>(i)) << std::flush;
-    std::this_thread::sleep_for(pause);
-  }
-}
-
-class FifoSession : public testing::Test {
+// Real time: a writer that stays away for a while, as seen by a session on the machine's clock.
+class FifoSessionRealTime : public testing::Test {
  protected:
   void SetUp() override {
     std::signal(SIGPIPE, SIG_IGN);
@@ -67,11 +56,11 @@ class FifoSession : public testing::Test {
   RecorderBench bench;
 };
 
-TEST_F(FifoSession, StatesTheGapWhileAPipeHasNoWriterAndGoesOnWhenItIsBack) {
+TEST_F(FifoSessionRealTime, StatesTheGapWhileAPipeHasNoWriterAndGoesOnWhenItIsBack) {
   std::thread camera([&] {
-    write_film(bench / "camera", 12);
+    test::write_film(bench / "camera", 12);
     std::this_thread::sleep_for(600ms);
-    write_film(bench / "camera", 1000);
+    test::write_film(bench / "camera", 1000);
   });
   SessionOptions options = bench.options();
   options.video = {bench.stream("endoscope", (bench / "camera").string())};
@@ -93,11 +82,11 @@ TEST_F(FifoSession, StatesTheGapWhileAPipeHasNoWriterAndGoesOnWhenItIsBack) {
 
 // Pictures that arrive all at once are coded one after the other, so their time line runs ahead of the clock;
 // what another camera sends next must not fall behind it.
-TEST_F(FifoSession, GoesOnWithOtherPicturesAfterABurst) {
+TEST_F(FifoSessionRealTime, GoesOnWithOtherPicturesAfterABurst) {
   std::thread camera([&] {
-    write_film(bench / "camera", 80, 64, 0ms);
+    test::write_film(bench / "camera", 80, 64, 0ms);
     std::this_thread::sleep_for(200ms);
-    write_film(bench / "camera", 1000, 128);
+    test::write_film(bench / "camera", 1000, 128);
   });
   SessionOptions options = bench.options();
   options.video = {bench.stream("endoscope", (bench / "camera").string())};
@@ -111,8 +100,8 @@ TEST_F(FifoSession, GoesOnWithOtherPicturesAfterABurst) {
   EXPECT_EQ(sums(recorded.segments("endoscope")).dropped, 0U);
 }
 
-TEST_F(FifoSession, CanBeStoppedWhileAPipeHasNoWriter) {
-  std::thread camera([&] { write_film(bench / "camera", 12); });
+TEST_F(FifoSessionRealTime, CanBeStoppedWhileAPipeHasNoWriter) {
+  std::thread camera([&] { test::write_film(bench / "camera", 12); });
   SessionOptions options = bench.options();
   options.video = {bench.stream("endoscope", (bench / "camera").string())};
   Session session(options);

@@ -9,6 +9,7 @@
 
 #include "base/error.h"
 #include "recorder/session.h"
+#include "tests/support/eventually.h"
 #include "tests/support/moved_clock.h"
 #include "tests/support/recording.h"
 #include "tests/support/stuck_source.h"
@@ -28,16 +29,6 @@ using testing::IsEmpty;
 using testing::SizeIs;
 
 constexpr const char* kDevice = "/dev/video-of-a-test";
-
-template <typename Condition>
-bool within(std::chrono::seconds limit, const Condition& holds) {
-  const auto end = std::chrono::steady_clock::now() + limit;
-  while (!holds()) {
-    if (std::chrono::steady_clock::now() > end) return false;
-    std::this_thread::sleep_for(5ms);
-  }
-  return true;
-}
 
 class SourceGuardTest : public testing::Test {
  protected:
@@ -68,7 +59,7 @@ class SourceGuardTest : public testing::Test {
   /// No thread of a test may be left when the process ends.
   void TearDown() override {
     driver.let_go();
-    ASSERT_TRUE(within(20s, [] { return stuck_source_threads() == 0; }));
+    ASSERT_TRUE(test::eventually([] { return stuck_source_threads() == 0; }));
   }
 
   struct Told {
@@ -99,7 +90,7 @@ TEST_F(SourceGuardTest, GivesUpAThreadThatDoesNotComeBackFromReading) {
   EXPECT_THAT(sentences(), ElementsAre("source '/dev/video-of-a-test' does not come back from its driver or "
                                        "file system (reading): its thread is left behind, 1 of at most 2"));
   driver.let_go();
-  EXPECT_TRUE(within(20s, [&] { return guarded->stuck() == 0; }));
+  EXPECT_TRUE(test::eventually([&] { return guarded->stuck() == 0; }));
   EXPECT_EQ(guarded->given_up(), 1U);
   EXPECT_THAT(sentences().back(), HasSubstr("a thread that was left behind has come back"));
 }
@@ -170,7 +161,7 @@ TEST_F(SourceGuardTest, OpensNoMoreThanSoManyUntilOneComesBack) {
   }
   EXPECT_EQ(driver.waiting(), 2);
   driver.let_go();
-  ASSERT_TRUE(within(20s, [&] { return guarded->stuck() == 0; }));
+  ASSERT_TRUE(test::eventually([&] { return guarded->stuck() == 0; }));
   EXPECT_NE(guarded->open(address, clock, {}), nullptr);
 }
 

@@ -288,6 +288,23 @@ TEST_F(HostileToken, FromAnUnknownAuthorityCannotBeChecked) {
   EXPECT_EQ(verdict_of(judgement.code), TokenVerdict::kCouldNotCheck);
 }
 
+// One of a folder's thousands must not take a hundred times as long as an honest one.
+TEST_F(HostileToken, ByAKeyThatIsDearToVerifyIsNotChecked) {
+  const Credential dear = test::make_signer(authority_, test::make_dear_key());
+  TokenRecipe token = recipe();
+  token.signer = &dear;
+  token.enclosed = {dear.certificate.get()};
+  const auto judgement = judge(token);
+  EXPECT_EQ(judgement.code, TokenCode::kTooDear) << judgement.explanation;
+  EXPECT_EQ(verdict_of(judgement.code), TokenVerdict::kCouldNotCheck);
+  for (const char* curve : {"P-384", "P-521", "brainpoolP512r1"}) {
+    const Credential usual = test::make_signer(authority_, crypto::PrivateKey(EVP_EC_gen(curve)));
+    token.signer = &usual;
+    token.enclosed = {usual.certificate.get()};
+    EXPECT_EQ(judge(token).code, TokenCode::kValid) << curve;
+  }
+}
+
 TEST_F(HostileToken, CannotBeCheckedWithoutAnyTrust) {
   const auto judgement = judge_token(make_token(recipe()), {}, TrustStore());
   EXPECT_EQ(judgement.code, TokenCode::kNoTrust);

@@ -240,6 +240,25 @@ TEST(Configuration, RefusesRulesOfCarryingOnThatSayNothing) {
   }
 }
 
+TEST(Configuration, AMicrophoneStandsBesidePictures) {
+  const std::string room = "[[room]]\nname = \"a\"\n[[room.stream]]\nname = \"room\"\n";
+  const std::string camera = "source = \"synthetic:room\"\n";
+  EXPECT_EQ(parse_configuration(room + camera + "microphone = \"alsa:hw:1,0\"\n", "k.toml")
+                .rooms.at(0)
+                .streams.at(0)
+                .microphone,
+            "alsa:hw:1,0");
+  EXPECT_EQ(refusal(room + camera + "microphone = \"hw:1,0\"\n"),
+            "k.toml:6:14: 'microphone' is 'hw:1,0': write alsa:hw:1,0 as 'kiroku devices' lists it");
+  EXPECT_EQ(
+      refusal(room + "source = \"alsa:hw:1,0\"\n"),
+      "k.toml:5:10: 'source' is 'alsa:hw:1,0', which has no pictures: write it as 'microphone' of a stream "
+      "that has");
+  EXPECT_EQ(
+      refusal(room + "kind = \"vitals\"\nsource = \"synthetic:patient\"\nmicrophone = \"alsa:hw:1,0\"\n"),
+      "k.toml:7:14: 'microphone' is for streams of kind video");
+}
+
 TEST(Configuration, RefusesFootswitchesThatAreNone) {
   const std::string one = "[[room]]\nname = \"a\"\n[[room.footswitch]]\n";
   const std::string incomplete =

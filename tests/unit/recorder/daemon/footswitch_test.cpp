@@ -7,6 +7,7 @@
 #include <filesystem>
 #include <linux/input.h>
 #include <mutex>
+#include <sys/ioctl.h>
 #include <sys/stat.h>
 #include <thread>
 #include <unistd.h>
@@ -17,6 +18,8 @@
 
 #include "base/error.h"
 #include "recorder/daemon/daemon.h"
+#include "tests/support/eventually.h"
+#include "tests/support/moved_clock.h"
 #include "tests/support/recording.h"
 #include "tests/support/temporary_folder.h"
 
@@ -28,16 +31,6 @@ using testing::HasSubstr;
 using testing::SizeIs;
 
 constexpr std::uint16_t kKey = KEY_F13;
-
-template <typename Condition>
-bool within(std::chrono::seconds limit, const Condition& holds) {
-  const auto end = std::chrono::steady_clock::now() + limit;
-  while (!holds()) {
-    if (std::chrono::steady_clock::now() > end) return false;
-    std::this_thread::sleep_for(5ms);
-  }
-  return true;
-}
 
 /// A device that is plugged in and unplugged.
 class Pedal {
@@ -71,6 +64,11 @@ class Pedal {
     send(EV_KEY, key, 2);
     send(EV_KEY, key, 0);
     send(EV_SYN, SYN_REPORT, 0);
+  }
+  /// Whether the reader took all that was sent.
+  [[nodiscard]] bool was_read() const {
+    int left = 0;
+    return ::ioctl(descriptor_, FIONREAD, &left) == 0 && left == 0;
   }
   [[nodiscard]] std::string path() const { return path_.string(); }
 
@@ -108,7 +106,7 @@ TEST_F(FootswitchTest, CountsPressesOfItsKeyAlone) {
   pedal.press();
   pedal.press(KEY_A);
   pedal.press();
-  ASSERT_TRUE(within(10s, [&] { return presses == 2; }));
+  ASSERT_TRUE(test::eventually([&] { return presses == 2; }));
   EXPECT_TRUE(footswitch.status().well);
   EXPECT_EQ(footswitch.status().state, "is there; 2 presses");
 }
@@ -116,27 +114,35 @@ TEST_F(FootswitchTest, CountsPressesOfItsKeyAlone) {
 TEST_F(FootswitchTest, ContactsThatBounceAreOnePress) {
   pedal.plug_in();
   FootswitchOptions bouncing = options();
-  bouncing.bounce = 1h;
+  bouncing.bounce = 300ms;
+  test::MovedClock time;
   std::atomic<int> presses = 0;
-  const Footswitch footswitch(bouncing, [&] { ++presses; }, {});
+  const Footswitch footswitch(
+      bouncing, [&] { ++presses; }, {}, time);
   for (int i = 0; i < 5; ++i) pedal.press();
-  ASSERT_TRUE(within(10s, [&] { return presses == 1; }));
-  std::this_thread::sleep_for(50ms);
-  EXPECT_EQ(presses, 1);
+  ASSERT_TRUE(test::eventually([&] { return presses == 1; }));
+  // The presses of a pedal come in order: when the next counts, all before it were looked at.
+  ASSERT_TRUE(test::eventually([&] { return pedal.was_read(); }));
+  time.move(299ms);
+  pedal.press();
+  ASSERT_TRUE(test::eventually([&] { return pedal.was_read(); }));
+  time.move(1ms);
+  pedal.press();
+  ASSERT_TRUE(test::eventually([&] { return presses == 2; }));
 }
 
 TEST_F(FootswitchTest, IsLookedForUntilItIsThereAndAgainWhenItIsLost) {
   std::atomic<int> presses = 0;
   const Footswitch footswitch(
       options(), [&] { ++presses; }, [this](const std::string& said) { tell(said); });
-  ASSERT_TRUE(within(10s, [&] { return footswitch.status().state.starts_with("cannot open"); }));
+  ASSERT_TRUE(test::eventually([&] { return footswitch.status().state.starts_with("cannot open"); }));
   for (int i = 0; i < 3; ++i) {
     pedal.plug_in();
-    ASSERT_TRUE(within(10s, [&] { return footswitch.status().well; }));
+    ASSERT_TRUE(test::eventually([&] { return footswitch.status().well; }));
     pedal.press();
-    ASSERT_TRUE(within(10s, [&] { return presses == i + 1; }));
+    ASSERT_TRUE(test::eventually([&] { return presses == i + 1; }));
     pedal.unplug();
-    ASSERT_TRUE(within(10s, [&] { return !footswitch.status().well; }));
+    ASSERT_TRUE(test::eventually([&] { return !footswitch.status().well; }));
   }
   EXPECT_THAT(footswitch.status().state, HasSubstr("event7"));
   const std::lock_guard guard(mutex);
@@ -153,18 +159,18 @@ TEST_F(FootswitchTest, IsThereAsSoonAsItIsPluggedIn) {
   patient.first_pause = patient.longest_pause = 1h;
   std::atomic<int> presses = 0;
   const Footswitch footswitch(patient, [&] { ++presses; }, {});
-  ASSERT_TRUE(within(10s, [&] { return footswitch.status().state.starts_with("cannot open"); }));
+  ASSERT_TRUE(test::eventually([&] { return footswitch.status().state.starts_with("cannot open"); }));
   // As udev does it: the device, then a folder of names, then the name.
   for (int i = 0; i < 3; ++i) {
     pedal.plug_in();
     std::filesystem::create_directory(folder / "by-id");
     std::filesystem::create_symlink(pedal.path(), patient.device);
-    ASSERT_TRUE(within(10s, [&] { return footswitch.status().well; }));
+    ASSERT_TRUE(test::eventually([&] { return footswitch.status().well; }));
     pedal.press();
-    ASSERT_TRUE(within(10s, [&] { return presses == i + 1; }));
+    ASSERT_TRUE(test::eventually([&] { return presses == i + 1; }));
     std::filesystem::remove_all(folder / "by-id");
     pedal.unplug();
-    ASSERT_TRUE(within(10s, [&] { return !footswitch.status().well; }));
+    ASSERT_TRUE(test::eventually([&] { return !footswitch.status().well; }));
   }
 }
 
@@ -174,7 +180,7 @@ TEST_F(FootswitchTest, APressThatCannotBeActedOnIsTold) {
       options(), [] { throw UsageError("room or-1 is not recording"); },
       [this](const std::string& said) { tell(said); });
   pedal.press();
-  ASSERT_TRUE(within(10s, [&] {
+  ASSERT_TRUE(test::eventually([&] {
     const std::lock_guard guard(mutex);
     return !told.empty();
   }));
@@ -203,13 +209,13 @@ TEST_F(FootswitchTest, StartsMarksAndStopsARoom) {
     const auto room = [&] { return daemon.handle({{"do", "status"}})["rooms"][0]; };
     EXPECT_THAT(room()["footswitches"], SizeIs(2));
     pedal.press();
-    ASSERT_TRUE(within(20s, [&] { return room()["state"] == "recording"; }));
+    ASSERT_TRUE(test::eventually([&] { return room()["state"] == "recording"; }));
     EXPECT_EQ(room()["reason"], "footswitch");
     marker.press();
-    ASSERT_TRUE(within(20s, [&] { return room()["footswitches"][1]["presses"] == 1; }));
-    std::this_thread::sleep_for(300ms);
+    ASSERT_TRUE(test::eventually([&] { return room()["footswitches"][1]["presses"] == 1; }));
+    ASSERT_TRUE(test::eventually([&] { return room()["streams"][0]["frames"] >= 5; }));
     pedal.press();
-    ASSERT_TRUE(within(20s, [&] { return room()["state"] == "idle"; }));
+    ASSERT_TRUE(test::eventually([&] { return room()["state"] == "idle"; }));
   }
   ASSERT_THAT(closed, SizeIs(1));
   EXPECT_EQ(closed[0].close_reason, "footswitch");

@@ -10,7 +10,9 @@
 
 #include "archive/standby_folder.h"
 #include "base/error.h"
+#include "tests/support/eventually.h"
 #include "tests/support/fault_file_system.h"
+#include "tests/support/moved_clock.h"
 #include "tests/support/recording.h"
 #include "tests/support/stuck_source.h"
 
@@ -54,15 +56,6 @@ class RoomTest : public testing::Test {
     };
     return told;
   }
-  template <typename Condition>
-  static bool within(std::chrono::seconds limit, const Condition& holds) {
-    const auto end = std::chrono::steady_clock::now() + limit;
-    while (!holds()) {
-      if (std::chrono::steady_clock::now() > end) return false;
-      std::this_thread::sleep_for(10ms);
-    }
-    return true;
-  }
   [[nodiscard]] std::size_t closed() {
     const std::lock_guard guard(mutex);
     return results.size();
@@ -74,6 +67,7 @@ class RoomTest : public testing::Test {
   }
 
   const RecorderBench bench;
+  test::MovedClock time;
   std::mutex mutex;
   std::vector<std::string> warnings;
   std::vector<SessionResult> results;
@@ -85,7 +79,7 @@ TEST_F(RoomTest, RecordsFromStartToStopWithMarks) {
   const std::string id = room.start("operator");
   EXPECT_EQ(room.status().state, RoomState::kRecording);
   EXPECT_EQ(room.status().case_id, id);
-  ASSERT_TRUE(within(20s, [&] { return room.status().session.streams.at(0).frames >= 10; }));
+  ASSERT_TRUE(test::eventually([&] { return room.status().session.streams.at(0).frames >= 10; }));
   room.mark("clip placed");
   EXPECT_EQ(room.stop("operator", true), id);
   EXPECT_EQ(room.status().state, RoomState::kIdle);
@@ -107,7 +101,7 @@ TEST_F(RoomTest, ADriverThatDoesNotComeBackHoldsNoRoom) {
   {
     Room room(std::move(asked), listener());
     room.start("operator");
-    ASSERT_TRUE(within(20s, [&] { return room.status().session.streams.at(1).given_up == 1; }));
+    ASSERT_TRUE(test::eventually([&] { return room.status().session.streams.at(1).given_up == 1; }));
     room.stop("operator", true);
     EXPECT_EQ(room.status().state, RoomState::kIdle);
   }
@@ -121,7 +115,7 @@ TEST_F(RoomTest, ADriverThatDoesNotComeBackHoldsNoRoom) {
   EXPECT_THAT(recorded.gaps("camera-1"), SizeIs(1));
   EXPECT_THAT(recorded.gaps("camera-0"), IsEmpty());
   driver.let_go();
-  EXPECT_TRUE(within(20s, [&] { return guarded->stuck() == 0; }));
+  EXPECT_TRUE(test::eventually([&] { return guarded->stuck() == 0; }));
 }
 
 TEST_F(RoomTest, OneCaseAtATime) {
@@ -139,7 +133,7 @@ TEST_F(RoomTest, OneCaseAtATime) {
 TEST_F(RoomTest, BeginsWithoutASourceThatIsAbsentAndStatesTheGap) {
   Room room(plan({kCamera, kAbsentCamera}), listener());
   room.start("operator");
-  ASSERT_TRUE(within(20s, [&] { return room.status().session.streams.at(0).frames >= 10; }));
+  ASSERT_TRUE(test::eventually([&] { return room.status().session.streams.at(0).frames >= 10; }));
   room.stop("operator", true);
   const RecordedCase recorded = bench.read(results.at(0).folder);
   EXPECT_THAT(recorded.broken_rules(), IsEmpty());
@@ -158,7 +152,7 @@ TEST_F(RoomTest, TakesUpVitalSignsThatComeLate) {
   Room room(std::move(late), listener());
   room.start("operator");
   std::ofstream(file) << "time,code,value,unit\n0.5,MDC_ECG_HEART_RATE,71,/min\n";
-  ASSERT_TRUE(within(20s, [&] { return room.status().session.streams.at(1).frames >= 3; }))
+  ASSERT_TRUE(test::eventually([&] { return room.status().session.streams.at(1).frames >= 3; }))
       << room.status().session.streams.at(1).frames << " lines; " << room.status().problem;
   room.stop("operator", true);
   const RecordedCase recorded = bench.read(results.at(0).folder);
@@ -175,7 +169,7 @@ TEST_F(RoomTest, EndsACaseThatNoPictureReaches) {
   silent.rules.stop_after_silence = 1s;
   Room room(std::move(silent), listener());
   room.start("operator");
-  ASSERT_TRUE(within(30s, [&] { return closed() == 1; }));
+  ASSERT_TRUE(test::eventually([&] { return closed() == 1; }));
   EXPECT_EQ(results[0].close_reason, "silence");
 }
 
@@ -184,27 +178,47 @@ TEST_F(RoomTest, EndsACaseThatIsTooLong) {
   bounded.rules.longest_case = 1s;
   Room room(std::move(bounded), listener());
   room.start("operator");
-  ASSERT_TRUE(within(30s, [&] { return closed() == 1; }));
+  ASSERT_TRUE(test::eventually([&] { return closed() == 1; }));
   EXPECT_EQ(results[0].close_reason, "longest-case");
 }
 
 TEST_F(RoomTest, ScheduleStartsByItselfAndRestsAfterAPersonStoppedIt) {
   RoomPlan scheduled = plan({kCamera});
-  scheduled.rules.schedule = Schedule::parse({"daily 00:00-24:00"});
-  Room room(std::move(scheduled), listener());
-  ASSERT_TRUE(within(20s, [&] { return room.status().state == RoomState::kRecording; }));
+  scheduled.rules.schedule = Schedule::parse({"daily 00:00-12:00"});
+  // The day's window begins a second after the room does, in whatever zone this machine is.
+  std::tm midnight = local_time(time.utc());
+  midnight.tm_hour = midnight.tm_min = midnight.tm_sec = 0;
+  midnight.tm_isdst = -1;
+  const auto day = std::chrono::system_clock::from_time_t(std::mktime(&midnight));
+  time.set_utc(std::chrono::floor<UtcTime::duration>(day) - 1s);
+  Room room(std::move(scheduled), listener(), time);
+  time.await_waiting(1);
+  EXPECT_EQ(room.status().state, RoomState::kIdle) << "before the window";
+  time.move(1s);
+  ASSERT_TRUE(test::eventually([&] { return room.status().state == RoomState::kRecording; }));
   EXPECT_EQ(room.status().reason, "schedule");
   room.stop("operator", true);
-  std::this_thread::sleep_for(2500ms);  // the rule is looked at each second
-  EXPECT_EQ(room.status().state, RoomState::kIdle);
+  // The rule is looked at each second.
+  for (int looks = 0; looks < 3; ++looks) {
+    time.await_waiting(1);
+    EXPECT_EQ(room.status().state, RoomState::kIdle);
+    time.move(1s);
+  }
+  time.await_waiting(1);
   EXPECT_EQ(closed(), 1U);
+  // The window ends, and another begins.
+  time.move(12h);
+  time.await_waiting(1);
+  time.move(12h);
+  ASSERT_TRUE(test::eventually([&] { return room.status().state == RoomState::kRecording; }));
+  EXPECT_EQ(room.status().reason, "schedule");
 }
 
 TEST_F(RoomTest, ClosesTheCaseThatRunsWhenItEnds) {
   {
     Room room(plan({kCamera}), listener());
     room.start("operator");
-    ASSERT_TRUE(within(20s, [&] { return room.status().session.streams.at(0).frames > 0; }));
+    ASSERT_TRUE(test::eventually([&] { return room.status().session.streams.at(0).frames > 0; }));
   }
   ASSERT_EQ(closed(), 1U);
   EXPECT_EQ(results[0].close_reason, "shutdown");
@@ -215,7 +229,7 @@ TEST_F(RoomTest, ACaseBeginsWithWhatWasRecordedBefore) {
   RoomPlan ahead = plan({kCamera, kAbsentCamera});
   ahead.rules.pre_roll = 1s;
   Room room(std::move(ahead), listener());
-  ASSERT_TRUE(within(20s, [&] { return room.status().session.now_ns > 3'000'000'000; }));
+  ASSERT_TRUE(test::eventually([&] { return room.status().session.now_ns > 3'000'000'000; }));
   EXPECT_EQ(room.status().state, RoomState::kStandby);
   EXPECT_THROW(room.mark("too early"), UsageError);
   EXPECT_THROW(room.stop("operator", true), UsageError);
@@ -223,7 +237,7 @@ TEST_F(RoomTest, ACaseBeginsWithWhatWasRecordedBefore) {
   const std::string id = room.start("operator");
   const std::int64_t before = room.status().session.streams.at(0).last_ns;
   ASSERT_TRUE(
-      within(20s, [&] { return room.status().session.streams.at(0).last_ns > before + 1'000'000'000; }));
+      test::eventually([&] { return room.status().session.streams.at(0).last_ns > before + 1'000'000'000; }));
   EXPECT_THROW(room.mark("clip\u202e decalp"), UsageError);
   room.mark("clip placed");
   room.stop("operator", true);
@@ -255,7 +269,7 @@ TEST_F(RoomTest, WhatNoCaseNeedsIsDiscardedAndStated) {
     RoomPlan ahead = plan({kCamera});
     ahead.rules.pre_roll = 500ms;
     Room room(std::move(ahead), listener());
-    ASSERT_TRUE(within(20s, [&] { return room.status().session.now_ns > 2'000'000'000; }));
+    ASSERT_TRUE(test::eventually([&] { return room.status().session.now_ns > 2'000'000'000; }));
     std::size_t segments = 0;
     for (const auto& entry : std::filesystem::recursive_directory_iterator(bench.options().archive)) {
       segments += entry.path().extension() == ".age" ? 1U : 0U;
@@ -274,12 +288,15 @@ TEST_F(RoomTest, ASignalBeginsACaseAndAPersonEndsIt) {
   ahead.rules.start_on_signal = "camera-0";
   ahead.rules.signal_lasts = 1s;
   Room room(std::move(ahead), listener());
-  ASSERT_TRUE(within(20s, [&] { return room.status().state == RoomState::kRecording; }));
+  ASSERT_TRUE(test::eventually([&] { return room.status().state == RoomState::kRecording; }));
   EXPECT_EQ(room.status().reason, "signal");
   const std::string id = room.status().case_id;
   room.stop("operator", true);
-  std::this_thread::sleep_for(3s);
-  EXPECT_NE(room.status().state, RoomState::kRecording) << "the same signal";
+  // It goes on all the time that would begin a case, and longer.
+  ASSERT_TRUE(test::eventually([&] {
+    const RoomStatus status = room.status();
+    return status.state == RoomState::kStandby && status.session.now_ns > 2'500'000'000;
+  })) << "the same signal";
   ASSERT_EQ(closed(), 1U);
   EXPECT_EQ(results[0].case_id, id);
 }
@@ -324,9 +341,8 @@ TEST_F(RoomTest, ProcedureDataBecomeTheSubjectUnlessAPersonGaveOne) {
     room.start("operator");
     EXPECT_EQ(room.status().subject, SubjectState::kFound);
     room.stop("operator", true);
-    ASSERT_TRUE(within(20s, [&] {
-      return room.status().state == (pre_roll > 0ms ? RoomState::kStandby : RoomState::kIdle);
-    }));
+    ASSERT_TRUE(test::eventually(
+        [&] { return room.status().state == (pre_roll > 0ms ? RoomState::kStandby : RoomState::kIdle); }));
     room.start("operator", to_bytes("{\"patient\":\"given\"}"));
     EXPECT_EQ(room.status().subject, SubjectState::kGiven);
     room.stop("operator", true);
@@ -349,7 +365,7 @@ TEST_F(RoomTest, ProcedureDataThatComeLateAreAnEventOfTheCase) {
   EXPECT_THAT(room.status().problem, HasSubstr("worklist: does not answer"));
   EXPECT_EQ(procedure->hurried, 1);
   procedure->state("4711");
-  ASSERT_TRUE(within(20s, [&] { return room.status().subject == SubjectState::kLate; }));
+  ASSERT_TRUE(test::eventually([&] { return room.status().subject == SubjectState::kLate; }));
   room.stop("operator", true);
   const RecordedCase recorded = bench.read(results.at(0).folder);
   EXPECT_THAT(recorded.broken_rules(), IsEmpty());
@@ -403,10 +419,10 @@ TEST_F(RoomTest, ASourceOfProcedureDataThatFailsEndsNothing) {
   broken.procedure = procedure;
   Room room(std::move(broken), listener());
   room.start("operator");
-  ASSERT_TRUE(within(20s, [&] { return room.status().problem.find("it broke") != std::string::npos; }));
+  ASSERT_TRUE(test::eventually([&] { return room.status().problem.find("it broke") != std::string::npos; }));
   procedure->broken = false;
   procedure->state("4711");
-  ASSERT_TRUE(within(20s, [&] { return room.status().subject == SubjectState::kLate; }));
+  ASSERT_TRUE(test::eventually([&] { return room.status().subject == SubjectState::kLate; }));
   room.stop("operator", true);
   EXPECT_EQ(results.at(0).close_reason, "operator");
 }
@@ -425,13 +441,25 @@ TEST_F(RoomTest, WaitsLongerAfterEachCaseThatTheScheduleCouldNotBegin) {
   faults.fail("make_folder .new-", EIO);  // a case's folder, before it has its name
   RoomPlan scheduled = plan({kCamera});
   scheduled.session.files = &faults;
-  scheduled.rules.pre_roll = 1s;
   scheduled.rules.schedule = Schedule::parse({"daily 00:00-24:00"});
-  Room room(std::move(scheduled), listener());
-  ASSERT_TRUE(within(20s, [&] { return told() >= 2; }));
-  const std::lock_guard guard(mutex);
-  EXPECT_THAT(warnings[0], AllOf(HasSubstr("no case could be begun"), HasSubstr("the next try is in 1 s")));
-  EXPECT_THAT(warnings[1], AllOf(HasSubstr("no case could be begun"), HasSubstr("the next try is in 2 s")));
+  const Room room(std::move(scheduled), listener(), time);
+  const auto told_of = [&](std::size_t tries, const std::string& next) {
+    ASSERT_TRUE(test::eventually([&] { return told() >= tries; }));
+    const std::lock_guard guard(mutex);
+    EXPECT_THAT(warnings.at(tries - 1), AllOf(HasSubstr("could be begun"), HasSubstr(next)));
+  };
+  time.await_waiting(1);
+  time.move(1s);
+  told_of(1, "the next try is in 1 s");
+  time.await_waiting(1);
+  time.move(1s);
+  told_of(2, "the next try is in 2 s");
+  time.await_waiting(1);
+  time.move(1s);
+  time.await_waiting(1);
+  EXPECT_EQ(told(), 2U) << "too early";
+  time.move(1s);
+  told_of(3, "the next try is in 4 s");
 }
 
 TEST_F(RoomTest, APersonNeedNotWaitForTheNextTry) {
@@ -441,7 +469,7 @@ TEST_F(RoomTest, APersonNeedNotWaitForTheNextTry) {
   ahead.session.files = &faults;
   ahead.rules.pre_roll = 1s;
   Room room(std::move(ahead), listener());
-  ASSERT_TRUE(within(20s, [&] { return room.status().state == RoomState::kStandby; }));
+  ASSERT_TRUE(test::eventually([&] { return room.status().state == RoomState::kStandby; }));
   EXPECT_THROW(room.start("operator"), Error);
   faults.heal();
   EXPECT_FALSE(room.start("operator").empty());
@@ -457,7 +485,7 @@ TEST_F(RoomTest, RecordingAheadThatFailsIsNoCase) {
   room.start("operator");
   const std::string first = room.stop("operator", true);
   faults.fail("remove", EIO);  // what no case needs any more stays
-  ASSERT_TRUE(within(20s, [&] { return room.status().problem.starts_with("recording ahead ended"); }));
+  ASSERT_TRUE(test::eventually([&] { return room.status().problem.starts_with("recording ahead ended"); }));
   faults.heal();
   const RoomStatus status = room.status();
   EXPECT_EQ(status.cases, 1U);

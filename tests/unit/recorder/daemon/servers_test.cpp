@@ -1,6 +1,7 @@
 #include <array>
 #include <atomic>
 #include <fstream>
+#include <future>
 #include <thread>
 #include <utility>  // Boost 1.74 forgets it before its awaitable
 
@@ -65,25 +66,27 @@ TEST_F(ControlServerTest, RefusesWhatIsNoObjectAndGoesOn) {
 }
 
 TEST_F(ControlServerTest, ASlowAnswerDelaysNobodyElse) {
-  std::atomic<bool> release{false};
+  std::promise<void> release;
+  const std::shared_future<void> released = release.get_future().share();
   const ControlServer server(socket, [&](const json& request) -> ordered_json {
-    while (request.contains("slow") && !release) std::this_thread::sleep_for(std::chrono::milliseconds(5));
+    if (request.contains("slow")) released.wait();
     return {{"done", true}};
   });
   std::thread slow([&] { ask_recorder(socket, {{"slow", 1}}); });
   EXPECT_EQ(ask_recorder(socket, {{"fast", 1}})["done"], true);
-  release = true;
+  release.set_value();
   slow.join();
 }
 
 TEST_F(ControlServerTest, IsNotTakenForAbsentWhereItIsSlow) {
-  std::atomic<bool> release{false};
+  std::promise<void> release;
+  const std::shared_future<void> released = release.get_future().share();
   const ControlServer server(socket, [&](const json& /*request*/) -> ordered_json {
-    while (!release) std::this_thread::sleep_for(std::chrono::milliseconds(5));
+    released.wait();
     return {{"done", true}};
   });
   EXPECT_THROW(ask_recorder(socket, {{"do", "x"}}, std::chrono::seconds(1)), AnswersTooLate);
-  release = true;
+  release.set_value();
 }
 
 TEST_F(ControlServerTest, ReplacesADeadSocketButNotALivingOne) {

@@ -7,6 +7,7 @@
 
 #include "base/error.h"
 #include "tests/support/mllp_client.h"
+#include "tests/support/moved_clock.h"
 
 namespace kiroku::recorder {
 namespace {
@@ -97,16 +98,25 @@ TEST_F(ProcedureInboxTest, TellsNothingOfAPatient) {
 }
 
 TEST_F(ProcedureInboxTest, APortThatIsTakenIsToldAndTriedAgain) {
-  ProcedureInbox first("mllp://127.0.0.1:0", {});
-  first.tend();
-  const std::string taken = "mllp://127.0.0.1:" + std::to_string(first.port());
-  ProcedureInbox second(taken, [this](const std::string& sentence) { tell(sentence); });
+  auto first = std::make_unique<ProcedureInbox>("mllp://127.0.0.1:0", ProcedureInbox::Tell());
+  first->tend();
+  const std::string taken = "mllp://127.0.0.1:" + std::to_string(first->port());
+  test::MovedClock time;
+  ProcedureInbox second(
+      taken, [this](const std::string& sentence) { tell(sentence); }, time);
   second.tend();
   second.tend();
   EXPECT_FALSE(second.way().well);
   EXPECT_THAT(second.way().state, HasSubstr("cannot wait for monitors at 127.0.0.1"));
-  const std::lock_guard guard(mutex);
-  EXPECT_EQ(std::count(told.begin(), told.end(), '\n'), 1) << "told once";
+  EXPECT_EQ(std::count(told.begin(), told.end(), '\n'), 1) << told;
+  first.reset();
+  time.move(9s);
+  second.tend();
+  EXPECT_FALSE(second.way().well) << "too early";
+  time.move(1s);
+  second.tend();
+  EXPECT_TRUE(second.way().well) << second.way().state;
+  EXPECT_THAT(told, HasSubstr("are waited for at " + taken + " now"));
 }
 
 TEST_F(ProcedureInboxTest, RefusesAddressesThatAreNone) {

@@ -8,6 +8,7 @@
 #include <gtest/gtest.h>
 #include <nlohmann/json.hpp>
 
+#include "tests/support/eventually.h"
 #include "tests/support/temporary_folder.h"
 #include "tests/support/worklist_server.h"
 
@@ -131,10 +132,7 @@ TEST_F(WorklistTest, IsAskedAgainUntilItAnswersAndKeepsTheNearestStep) {
     const std::lock_guard guard(mutex);
     told.push_back(sentence);
   });
-  const auto until = [](const auto& holds) {
-    for (int i = 0; i < 300 && !holds(); ++i) std::this_thread::sleep_for(50ms);
-    return holds();
-  };
+  const auto until = [](const auto& holds) { return test::eventually(holds); };
   ASSERT_TRUE(until([&] { return !worklist.way().well; }));
   EXPECT_EQ(worklist.find(now), std::nullopt);
   add("1", "Near^Er", now + 10min);

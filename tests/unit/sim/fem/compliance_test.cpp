@@ -6,6 +6,7 @@
 #include <gtest/gtest.h>
 
 #include "base/error.h"
+#include "tests/support/eventually.h"
 #include "tests/support/tet_cylinder.h"
 
 namespace kiroku::sim {
@@ -107,7 +108,7 @@ TEST_F(ComplianceTest, AWorkerComputesWhatIsFetchedAhead) {
   const std::vector<std::uint32_t> nodes = surface();
   Compliance compliance(body_, nodes, {1, 10 * Compliance::kGroupSize * nodes.size() * kColumnBytes});
   compliance.prefetch(std::span(nodes).first(3));
-  while (compliance.usage().groups_computed == 0) std::this_thread::sleep_for(std::chrono::milliseconds(1));
+  ASSERT_TRUE(test::eventually([&] { return compliance.usage().groups_computed > 0; }));
   EXPECT_EQ(compliance.usage().groups_waited_for, 0U);
   // Beside the worker, from two threads: what it computes is neither computed twice nor torn.
   compliance.prefetch(nodes);

@@ -10,6 +10,7 @@
 #include "base/error.h"
 #include "sim/haptics/haptic_contact.h"
 #include "sim/haptics/simulated_hand.h"
+#include "tests/support/eventually.h"
 #include "tests/support/tet_cylinder.h"
 
 namespace kiroku::sim {
@@ -17,13 +18,7 @@ namespace {
 
 using namespace std::chrono_literals;
 
-void wait_for(const std::function<bool()>& condition) {
-  const auto patience = std::chrono::steady_clock::now() + 60s;
-  while (!condition()) {
-    ASSERT_LT(std::chrono::steady_clock::now(), patience);
-    std::this_thread::sleep_for(1ms);
-  }
-}
+void wait_for(const std::function<bool()>& condition) { ASSERT_TRUE(test::eventually(condition)); }
 
 class StillDevice : public HapticDevice {
  public:

@@ -14,6 +14,7 @@
 
 #include "base/bytes.h"
 #include "base/error.h"
+#include "tests/support/moved_clock.h"
 
 namespace kiroku::sim {
 namespace {
@@ -72,7 +73,8 @@ const std::array<double, 7> kFirst{0.1, -0.2, 0.3, 1, 0, 0, 0}, kSecond{0, 0, 0.
 class UdpDeviceTest : public testing::Test {
  protected:
   static_assert(std::endian::native == std::endian::little);
-  UdpDevice device_{2};
+  test::MovedClock time_;
+  UdpDevice device_{2, "127.0.0.1", 0, time_};
   Sender sender_{device_.port()};
   std::vector<Pose> poses_ = std::vector<Pose>(2);
 };
@@ -164,7 +166,7 @@ TEST_F(UdpDeviceTest, AnotherSenderIsNotHeardWhileTheFirstIs) {
   other.send(poses_of(200, {kSecond, kFirst}));
   EXPECT_FALSE(device_.read(poses_));
   EXPECT_EQ(device_.counts().foreign, 1U);
-  std::this_thread::sleep_for(UdpDevice::kSilence + std::chrono::milliseconds(10));
+  time_.move(UdpDevice::kSilence);
   other.send(poses_of(1, {kSecond, kFirst}));
   EXPECT_TRUE(device_.read(poses_));
   device_.write(std::vector<Vector3>(2, Vector3::Zero()));

@@ -168,6 +168,10 @@ TEST(TrainingDatabase, RefusesANameThatExistsAndNamesThatAreNone) {
   EXPECT_THAT(refusal([&] { database.add_trainee("", "", false); }), HasSubstr("not empty"));
   EXPECT_THAT(refusal([&] { database.add_trainee("a\nb", "", false); }), HasSubstr("control characters"));
   EXPECT_THAT(refusal([&] { (void)database.trainee("Ueda"); }), HasSubstr("no trainee 'Ueda'"));
+  // A trainee on the network reads these sentences.
+  const auto place = testing::Not(HasSubstr(folder.path().string()));
+  EXPECT_THAT(refusal([&] { database.add_trainee("Aoki", "other", true); }), place);
+  EXPECT_THAT(refusal([&] { (void)database.trainee("Ueda"); }), place);
 }
 
 TEST(TrainingDatabase, RefusesWhatItDoesNotKnow) {

@@ -11,6 +11,7 @@
 #include "tests/support/served_routes.h"
 #include "tests/support/temporary_folder.h"
 #include "tests/unit/viewer/planning/planned_block.h"
+#include "viewer/server/workplaces.h"
 
 namespace kiroku::viewer {
 namespace {
@@ -78,6 +79,12 @@ class PlanningApi : public testing::Test {
   test::ServedRoutes routes{[this](Router& router) { add_planning_routes(router, room, context); }, "anna",
                             Role::kSurgeon};
 };
+
+TEST_F(PlanningApi, HasTheRoutesToWhichTheViewerLeadsAndNoOther) {
+  Router router;
+  add_planning_routes(router, room, context);
+  test::expect_to_be(router, kPlanningRoutes);
+}
 
 TEST_F(PlanningApi, ListsPlansForWhoMayPlan) {
   EXPECT_EQ(routes.ask("GET", "planning/plans").status, 200);

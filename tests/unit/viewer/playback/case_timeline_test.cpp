@@ -1,7 +1,5 @@
 #include "viewer/playback/case_timeline.h"
 
-#include <thread>
-
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -27,13 +25,12 @@ class CaseTimelineTest : public testing::Test {
     options.video[0].recipients = options.event_recipients = reader_.recipients;
     options.duration = 1500ms;
     recorder::Session session(std::move(options));
-    std::jthread marking([&] {
-      for (const std::string& text : marks) {
-        std::this_thread::sleep_for(200ms);
-        session.mark(text);
-      }
-    });
-    return session.run().folder;
+    std::size_t marked = 0;
+    return session
+        .run([&](const recorder::SessionStatus& /*status*/) {
+          if (marked < marks.size()) session.mark(marks[marked++]);
+        })
+        .folder;
   }
 
   test::RecorderBench bench_;

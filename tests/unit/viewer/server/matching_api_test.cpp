@@ -11,6 +11,7 @@
 #include "archive/case_writer.h"
 #include "archive/file_system.h"
 #include "crypto/encoding.h"
+#include "tests/support/eventually.h"
 #include "tests/support/temporary_folder.h"
 
 namespace kiroku::viewer {
@@ -103,21 +104,22 @@ class MatchingApiTest : public testing::Test {
   static std::string text_of(const Response& response) { return std::get<std::string>(response.body); }
   /// Waits for the end of what is being made.
   json ended() {
-    for (int look = 0; look < 500; ++look) {
+    json made;
+    EXPECT_TRUE(test::eventually([&] {
       const Response state = ask("GET", "making");
-      if (state.status == 200) return json::parse(text_of(state));
-      std::this_thread::sleep_for(20ms);
-    }
-    return {};
+      if (state.status == 200) made = json::parse(text_of(state));
+      return state.status == 200;
+    }));
+    return made;
   }
   /// A picture of the plan is asked for until it is there.
   Response pick(const char* what, const json& body) {
-    for (int look = 0; look < 300; ++look) {
-      Response response = ask("POST", std::string("picking/") + what, body);
-      if (response.status != 202) return response;
-      std::this_thread::sleep_for(20ms);
-    }
-    return Response::error(202, "never ready");
+    Response response = Response::error(202, "never ready");
+    EXPECT_TRUE(test::eventually([&] {
+      response = ask("POST", std::string("picking/") + what, body);
+      return response.status != 202;
+    }));
+    return response;
   }
 
   test::TemporaryFolder folder_;
@@ -173,10 +175,10 @@ TEST_F(MatchingApiTest, ARequestWaitsNoLongerThanItsLimit) {
 }
 
 TEST_F(MatchingApiTest, AServerThatEndsWaitsForNoPlan) {
-  serve("exec sleep 100", 1min);
+  serve("touch '" + (folder_ / "begun").string() + "'\nexec sleep 100", 1min);
   unlock();
   const std::jthread ending([this] {
-    std::this_thread::sleep_for(300ms);
+    EXPECT_TRUE(test::eventually([this] { return fs::exists(folder_ / "begun"); }));
     context_->close();
   });
   const auto begin = std::chrono::steady_clock::now();

@@ -7,6 +7,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include "tests/support/eventually.h"
 #include "tests/support/moved_clock.h"
 #include "tests/support/temporary_folder.h"
 #include "viewer/server/request.h"
@@ -37,22 +38,18 @@ class Picker : public testing::Test {
   /// Asks until the plan is ready, as the page does.
   static PickingAnswer ask(PlanPicker& picker, const std::string& seal, const std::string& who,
                            const std::string& question) {
-    for (int look = 0; look < 3000; ++look) {
-      PickingAnswer answer = picker.ask(seal, who, question);
-      if (answer.ready) return answer;
-      std::this_thread::sleep_for(20ms);
-    }
-    ADD_FAILURE() << "never ready";
-    return {};
+    PickingAnswer answer;
+    EXPECT_TRUE(test::eventually([&] {
+      answer = picker.ask(seal, who, question);
+      return answer.ready;
+    })) << "never ready";
+    return answer;
   }
   /// Its status and sentence.
   template <typename Act>
   static std::pair<int, std::string> refusal(Act act) {
     try {
-      for (int look = 0; look < 3000; ++look) {
-        if (act().ready) return {200, ""};
-        std::this_thread::sleep_for(20ms);
-      }
+      if (test::eventually([&] { return act().ready; })) return {200, ""};
       return {202, "never ready"};
     } catch (const Refusal& refused) {
       return {refused.status(), refused.what()};

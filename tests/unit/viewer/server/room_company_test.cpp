@@ -22,6 +22,8 @@ class Heard final : public SocketOutput {
   }
   bool send_bytes(std::shared_ptr<const Bytes> /*bytes*/) override { return true; }
   [[nodiscard]] std::size_t waiting() const override { return 0; }
+  void when_taken(std::function<void()> action) override { action(); }
+  void end(std::string /*sentence*/) override {}
   std::vector<std::string> texts;
 };
 

@@ -85,19 +85,20 @@ TEST(Roles, MayDoWhatTheDocumentSays) {
   const auto rights_of = [](Role role) {
     std::vector<std::string> rights;
     for (const Right right :
-         {Right::kListCases, Right::kReadCase, Right::kWatch, Right::kCompare, Right::kPlan, Right::kVerify,
-          Right::kReadLog, Right::kSeeLive, Right::kControlRooms, Right::kManageUsers}) {
+         {Right::kListCases, Right::kReadCase, Right::kWatch, Right::kCompare, Right::kPlan, Right::kTrain,
+          Right::kVerify, Right::kReadLog, Right::kSeeLive, Right::kControlRooms, Right::kManageUsers}) {
       if (may(role, right)) rights.emplace_back(right_name(right));
     }
     return rights;
   };
-  EXPECT_THAT(rights_of(Role::kOperator), ElementsAre("list-cases", "see-live", "control-rooms"));
+  EXPECT_THAT(rights_of(Role::kOperator), ElementsAre("list-cases", "train", "see-live", "control-rooms"));
   EXPECT_THAT(rights_of(Role::kSurgeon), ElementsAre("list-cases", "read-case", "watch", "compare", "plan",
-                                                     "verify", "see-live", "control-rooms"));
-  EXPECT_THAT(rights_of(Role::kAuditor), ElementsAre("list-cases", "read-case", "verify", "read-log"));
+                                                     "train", "verify", "see-live", "control-rooms"));
+  EXPECT_THAT(rights_of(Role::kAuditor),
+              ElementsAre("list-cases", "read-case", "train", "verify", "read-log"));
   EXPECT_THAT(rights_of(Role::kAdministrator),
-              ElementsAre("list-cases", "read-case", "watch", "compare", "plan", "verify", "read-log",
-                          "see-live", "control-rooms", "manage-users"));
+              ElementsAre("list-cases", "read-case", "watch", "compare", "plan", "train", "verify",
+                          "read-log", "see-live", "control-rooms", "manage-users"));
 }
 
 TEST(Roles, HaveNamesThatAreReadBack) {

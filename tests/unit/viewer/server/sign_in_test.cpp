@@ -309,5 +309,62 @@ TEST_F(SignIn, ByAOneTimePasswordIsGoodForChoosingAnotherAlone) {
   EXPECT_EQ(ask(context.sessions().open("anna", Role::kAdministrator, utc_now()), "/api/users"), 200);
 }
 
+// An account is in the hands of somebody else, who changes its password without end; while one of their
+// changes is being hashed, the administrator gives the owner another.
+TEST_F(SignIn, AChangeThatIsUnderWayDoesNotUndoAnAdministrators) {
+  const auto opened = context.sessions().open("anna", Role::kSurgeon, context.users().find("anna")->changed);
+  RequestHead head{"POST",
+                   "/api/session/password",
+                   "192.0.2.7",
+                   {{"host", "or-3"}, {"x-kiroku-request", "1"}, {"content-type", "application/json"}}};
+  head.headers["cookie"] = std::string(kSessionCookie) + "=" + opened.token;
+  Dispatcher::Admission admission = dispatcher.admit(std::move(head));
+  admission.request.body = json{{"password", kPassword}, {"new_password", "the thief's own"}}.dump();
+  hasher.hold();
+  std::future<Response> theirs = std::async(std::launch::async, [&] {
+    Response response = dispatcher.answer(admission);
+    while (response.costly) response = response.costly->work();
+    return response;
+  });
+  hasher.wait_for_begun(1);
+  // By another process, as `kiroku user` does; or by another thread.
+  const auto other =
+      UserStore::open(folder / "users.sqlite", [](const crypto::Secret& password, ByteView salt, int) {
+        crypto::Sha256 hash;
+        hash.update(password.bytes());
+        hash.update(salt);
+        return crypto::Secret::copy_of(hash.finish());
+      });
+  other->set_password("anna", crypto::Secret::copy_of(std::string_view("given by hand")),
+                      clock.utc() + std::chrono::hours(1));
+  context.sessions().close_all_of("anna");
+  hasher.release();
+  EXPECT_EQ(theirs.get().status, 409);
+  EXPECT_EQ(sign_in({"192.0.2.8", ""}, "the thief's own").status, 401);
+  EXPECT_EQ(sign_in({"192.0.2.8", ""}, "given by hand").status, 200);
+}
+
+TEST_F(SignIn, WhoIsDemotedWhileTheirPasswordIsHashedComesInWithoutTheRole) {
+  context.users().add("carla", Role::kAdministrator, crypto::Secret::copy_of(std::string_view(kPassword)));
+  for (const std::string name : {"demoted", "removed"}) {
+    context.users().add(name, Role::kAdministrator, crypto::Secret::copy_of(std::string_view(kPassword)));
+    hasher.hold();
+    std::future<Response> signing_in = std::async(std::launch::async, [&] {
+      return sign_in({"192.0.2.7", ""}, kPassword, name);
+    });
+    hasher.wait_for_begun(1);
+    if (name == "removed") {
+      context.users().remove(name);
+    } else {
+      context.users().set_role(name, Role::kOperator);
+    }
+    context.sessions().close_all_of(name);
+    hasher.release();
+    const Response answer = signing_in.get();
+    EXPECT_EQ(answer.status, 401) << name;
+    EXPECT_EQ(header(answer, "Set-Cookie", std::string(kSessionCookie)), "") << name;
+  }
+}
+
 }  // namespace
 }  // namespace kiroku::viewer

@@ -1,3 +1,4 @@
+#include <atomic>
 #include <condition_variable>
 #include <mutex>
 #include <thread>
@@ -6,6 +7,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include "tests/support/moved_clock.h"
 #include "tests/support/socket_client.h"
 #include "tests/support/temporary_folder.h"
 #include "viewer/server/server_certificate.h"
@@ -126,7 +128,8 @@ class WebSocketTest : public testing::Test {
   test::TemporaryFolder folder;
   Seen seen;
   Router router;
-  SessionStore sessions;
+  test::MovedClock time;
+  SessionStore sessions{SessionLimits(), time};
   SessionStore::Opened opened;
   StaticFiles page;
   std::mutex told_mutex;
@@ -210,7 +213,7 @@ TEST_F(WebSocketTest, KeepsTheSessionAliveByWhatABrowserSendsWhereThatIsADeed) {
   const std::string cookie = signed_in(Role::kSurgeon);
   const auto left_after_a_message = [&](const std::string& target) {
     SocketClient client = connect(target, cookie);
-    std::this_thread::sleep_for(std::chrono::milliseconds(1200));
+    time.move(std::chrono::milliseconds(1200));
     client.send_text("here");
     client.receive();
     return sessions.left(*opened.session);
@@ -228,6 +231,45 @@ TEST_F(WebSocketTest, QueuesNoMoreForASlowBrowserThanItsLimit) {
   while (seen.output->send_bytes(picture)) ASSERT_LT(++taken, 200);
   EXPECT_GE(taken, 4);
   EXPECT_LE(seen.output->waiting(), 4U << 20);
+}
+
+TEST_F(WebSocketTest, EndsWithASentenceAfterWhatWasQueuedBefore) {
+  SocketClient client = connect("/api/echo", signed_in(Role::kSurgeon));
+  ASSERT_TRUE(seen.wait_for([&] { return seen.output != nullptr; }));
+  seen.output->send_text("the last one");
+  seen.output->end("the table is taken away");
+  EXPECT_FALSE(seen.output->send_text("too late"));
+  seen.output->end("only the first reason counts");
+  EXPECT_EQ(text_of_message(client.receive()), "text the last one");
+  EXPECT_EQ(client.receive(), std::nullopt);
+  EXPECT_THAT(client.farewell(), Pair(1008, "the table is taken away"));
+  EXPECT_TRUE(seen.wait_for([&] { return seen.gone == 1; }));
+}
+
+TEST_F(WebSocketTest, TellsOnceWhatWasQueuedHasBeenTakenOrNeverWill) {
+  std::optional<SocketClient> client;
+  client.emplace(server->port(), "/api/echo", signed_in(Role::kSurgeon),
+                 "https://127.0.0.1:" + std::to_string(server->port()));
+  ASSERT_TRUE(seen.wait_for([&] { return seen.output != nullptr; }));
+  std::atomic<int> told_taken = 0;
+  const auto told = [&] {
+    ++told_taken;
+    // Whoever waits looks under the mutex: without it they could miss this.
+    { const std::lock_guard guard(seen.mutex); }
+    seen.changed.notify_all();
+  };
+  seen.output->when_taken(told);
+  EXPECT_EQ(told_taken, 1) << "nothing waits";
+  seen.output->send_text("a message");
+  seen.output->when_taken(told);
+  EXPECT_TRUE(seen.wait_for([&] { return told_taken == 2; }));
+  const auto picture = std::make_shared<const Bytes>(1U << 20);
+  while (seen.output->send_bytes(picture)) {
+  }
+  seen.output->when_taken(told);
+  EXPECT_EQ(told_taken, 2) << "the browser takes nothing";
+  client.reset();
+  EXPECT_TRUE(seen.wait_for([&] { return told_taken == 3; })) << "and has gone";
 }
 
 TEST_F(WebSocketTest, MayBeKeptByItsHandlersFriendsBeyondTheServer) {

@@ -9,10 +9,12 @@
 #include <gtest/gtest.h>
 #include <nlohmann/json.hpp>
 
+#include "tests/support/eventually.h"
 #include "tests/support/flat_organ_volume.h"
 #include "tests/support/served_routes.h"
 #include "tests/support/temporary_folder.h"
 #include "trainer/exclusion/patient_organ.h"
+#include "viewer/server/workplaces.h"
 
 namespace kiroku::viewer {
 namespace {
@@ -93,14 +95,6 @@ class TrainingApi : public testing::Test {
       results.add_attempt(results.trainee(trainee), record, utc_now());
     });
   }
-  template <typename Condition>
-  static bool eventually(const Condition& condition) {
-    for (int i = 0; i < 500; ++i) {
-      if (condition()) return true;
-      std::this_thread::sleep_for(std::chrono::milliseconds(20));
-    }
-    return false;
-  }
 
   test::TemporaryFolder folder;
   std::mutex told_mutex;
@@ -109,6 +103,12 @@ class TrainingApi : public testing::Test {
   std::optional<TrainingRoom> kept_room;
   std::optional<test::ServedRoutes> routes;  // last: over before what it uses
 };
+
+TEST_F(TrainingApi, HasTheRoutesToWhichTheViewerLeadsAndNoOther) {
+  Router router;
+  add_training_routes(router, room());
+  test::expect_to_be(router, kTrainingRoutes);
+}
 
 TEST_F(TrainingApi, AnAttemptIsDoneByThePointersOfAPageAndKept) {
   const auto client = connect();
@@ -168,11 +168,11 @@ TEST_F(TrainingApi, AConnectionThatIsLostLeavesABrokenOffAttempt) {
     ASSERT_EQ(kept().size(), 1U);
     EXPECT_EQ(kept()[0].ending, Ending::kBrokenOff);  // from its beginning on
   }
-  EXPECT_TRUE(eventually([&] { return kept()[0].score.time_s > 0; }));
+  EXPECT_TRUE(test::eventually([&] { return kept()[0].score.time_s > 0; }));
   EXPECT_EQ(kept()[0].ending, Ending::kBrokenOff);
   EXPECT_FALSE(kept()[0].score.done);
   // The trainee's place is free again, a moment after the end was kept.
-  EXPECT_TRUE(eventually([&] {
+  EXPECT_TRUE(test::eventually([&] {
     const auto again = connect();
     again->send_text(begin("Ueda"));
     const json said = next_text(*again);
@@ -236,7 +236,7 @@ TEST_F(TrainingApi, RefusesInWordsWhatNoPageSays) {
   ASSERT_TRUE(next_said(*client));
   client->send_text(R"({"input":1,"pointers":[{"finger":9,"x":0.5,"y":0.5,"push_m":0}]})");
   EXPECT_THAT(refusal_of(*client).second, HasSubstr("no finger 9"));
-  EXPECT_TRUE(eventually([&] { return kept()[0].score.time_s > 0; }));
+  EXPECT_TRUE(test::eventually([&] { return kept()[0].score.time_s > 0; }));
   EXPECT_EQ(kept()[0].ending, Ending::kBrokenOff);
 }
 

@@ -5,8 +5,8 @@ import { byGravity, chainOf, linkOf, momentOf } from '@/verification/chain';
 
 const finding = (code: string, severity: Severity, more: Partial<Finding> = {}): Finding => ({ code, severity, file: null, entry: null, offset: null, text: code, meaning: { en: code, ja: code }, ...more });
 const report = (findings: Finding[], more: Partial<VerificationReport> = {}): VerificationReport => ({
-  state: 'done', verified: '2026-08-05T09:15:02.000000Z', verdict: 'intact', time: 'external', device: '', opened: null, closed: null, entries: 9, files: 9, bytes: 9, checkpoints: 2, tokens: 2, excerpt: null,
-  streams: [], brackets: [], findings, ...more,
+  state: 'done', verified: '2026-08-05T09:15:02.000000Z', case: 'c', verdict: 'intact', time: 'external', outside_entries: 9, device: '', opened: null, closed: null, entries: 9, files: 9, bytes: 9, checkpoints: 2, tokens: 2, excerpt: null,
+  streams: [], brackets: [], clocks: [], findings, ...more,
 });
 const states = (one: VerificationReport) => Object.fromEntries(chainOf(one).map((link) => [link.name, link.state]));
 

@@ -5,6 +5,7 @@ import { deedInJapanese, endInJapanese } from '@/i18n/log_words';
 import { messages } from '@/i18n/messages';
 import { SentencePatterns } from '@/i18n/sentence_patterns';
 import { hasJapanese } from '@/i18n/server_words';
+import { wayInJapanese } from '@/i18n/way_words';
 import { kLogTypes } from '@/log/log_entry';
 import { kValue, type Sentence, sentencesOf } from './cpp_sentences';
 
@@ -95,6 +96,22 @@ describe('The appliance log', () => {
     expect(deedInJapanese('watched endoscope')).toMatch(kJapanese);
     expect(deedInJapanese('watched or-1/endoscope live')).toContain('or-1/');
     expect(deedInJapanese('adds user anna as surgeon')).toContain('anna');
+  });
+});
+
+describe('The ways to the hospital’s procedures', () => {
+  const ofWorklist = sentencesOf(root, ['recorder/procedure'], 'fail', 0).map(({ text }) => `the worklist ${kValue} at ${kValue} ${text}`);
+  const ofListening = sentencesOf(root, ['recorder/vitals'], 'UsageError', 0).map(({ text }) => text).filter((text) => /^cannot (wait|use the certificate)/.test(text));
+  it('are told in Japanese, with and without what a library adds', () => {
+    expect(ofWorklist.length).toBeGreaterThan(3);
+    expect(ofListening.length).toBeGreaterThan(1);
+    const states = [
+      ...ofWorklist, ...ofWorklist.filter((text) => !/has no|refused/.test(text)).map((text) => `${text}: ${kValue}`), ...ofListening,
+      'waits for messages at mllp://0.0.0.0:2576; 12 taken, 1 refused', 'waits for messages at mllp://0.0.0.0:2576; 12 taken, 1 refused, 3 connections of strangers',
+      'HIS listed 7 steps at 2026-11-23T09:00:00Z', 'is being asked for the first time', 'does not wait for messages yet',
+    ];
+    for (const state of states) expect(wayInJapanese(state), state).toMatch(kJapanese);
+    expect(wayInJapanese('the worklist HIS at 192.0.2.9:104 cannot be asked: Peer aborted')).toBe('192.0.2.9:104 のワークリスト HIS に問い合わせできません（Peer aborted）');
   });
 });
 

@@ -1,7 +1,7 @@
 // The API as functions. Every failure is an ApiError with the server's sentence, in the language of the page.
 import type {
-  ApplianceStatus, CaseInfo, CaseList, Comparison, ComparisonDocument, ComparisonMaking, JudgedPoints, LiveVitals, Matching, PickingCamera, PickingView,
-  Preparing, Role, SaidOfCase, Session, StartChoices, Subject, Timeline, User, Verification, Vitals,
+  ApplianceStatus, CaseInfo, CaseList, Comparison, ComparisonDocument, ComparisonMaking, JudgedPoints, LiveStream, LiveVitals, Matching, PickingCamera,
+  PickingView, Preparing, Role, SaidOfCase, Session, StartChoices, Subject, Timeline, User, Verification, Vitals,
 } from '@/api/types';
 import { printable, printableTexts } from '@/base/printable';
 import { inOwnWords } from '@/i18n/server_words';
@@ -174,13 +174,6 @@ export const appliance = {
   stop: (room: string) => json<void>('POST', `rooms/${part(room)}/stop`),
   mark: (room: string, text: string) => json<void>('POST', `rooms/${part(room)}/mark`, { text }),
 };
-
-export interface LiveStream {
-  room: string;
-  stream: string;
-  /** What the clock of the room's case shows; null where none runs that may be seen. */
-  now_ns: number | null;
-}
 
 /** RFC 6455, section 7.4.1, policy violation: how a socket ends whose session has ended. */
 const kRefused = 1008;

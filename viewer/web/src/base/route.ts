@@ -48,8 +48,23 @@ export function signInLink(hash: string): string | undefined {
 
 export const route = signal<Route>({ view: 'cases' });
 
+/** Asked before the person goes elsewhere: false, and they stay. Of a view with something that would be lost. */
+let mayLeave: (() => boolean) | undefined;
+export function askBeforeLeaving(ask: () => boolean): () => void {
+  mayLeave = ask;
+  return () => {
+    if (mayLeave === ask) mayLeave = undefined;
+  };
+}
+
 export function startRouting(): void {
+  let here = location.hash;
   const read = () => {
+    if (location.hash !== here && mayLeave && !mayLeave()) {
+      history.replaceState(null, '', here || '#');
+      return;
+    }
+    here = location.hash;
     route.value = parseRoute(location.hash);
   };
   addEventListener('hashchange', read);

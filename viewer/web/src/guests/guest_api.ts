@@ -1,18 +1,6 @@
 // Invitations, as the server tells them (docs/reference/viewer.md, "Invitations").
 import { del, get, post } from '@/api/client';
-import type { Session } from '@/api/types';
-
-export interface Invitation {
-  id: string;
-  guest: string;
-  room: string;
-  made_by: string;
-  ends: string;
-  left_s: number;
-  state: 'open' | 'joined' | 'ended';
-  end: string | null;
-  watches: boolean;
-}
+import type { Invitation, Session } from '@/api/types';
 
 export const invitations = {
   list: async () => (await get<{ invitations: Invitation[] }>('invitations')).invitations,

@@ -1,8 +1,9 @@
 // Who is invited to a room: making an invitation, seeing who watches, ending it.
 import { type Signal, useSignal } from '@preact/signals';
 import { useEffect, useRef } from 'preact/hooks';
+import type { Invitation } from '@/api/types';
 import { typed } from '@/base/form_fields';
-import { type Invitation, invitations as api, linkOf } from '@/guests/guest_api';
+import { invitations as api, linkOf } from '@/guests/guest_api';
 import { language, t, word } from '@/i18n/i18n';
 import { Dialog } from '@/shell/dialog';
 import { Icon } from '@/shell/icon';

@@ -6,6 +6,7 @@ import { guestEn, guestJa } from '@/i18n/guest_messages';
 import { logEn, logJa } from '@/i18n/log_messages';
 import { matchEn, matchJa } from '@/i18n/match_messages';
 import { pickEn, pickJa } from '@/i18n/pick_messages';
+import { placeEn, placeJa } from '@/i18n/place_messages';
 import { planEn, planJa } from '@/i18n/plan_messages';
 import { planningEn, planningJa } from '@/i18n/planning_messages';
 import { pointingEn, pointingJa } from '@/i18n/pointing_messages';
@@ -21,6 +22,7 @@ import { verificationEn, verificationJa } from '@/i18n/verification_messages';
 const en = {
   ...shellEn,
   ...stateEn,
+  ...placeEn,
   ...casesEn,
   ...verificationEn,
   ...caseEn,
@@ -44,6 +46,7 @@ export type Language = 'en' | 'ja';
 const ja: Record<MessageKey, string> = {
   ...shellJa,
   ...stateJa,
+  ...placeJa,
   ...casesJa,
   ...verificationJa,
   ...caseJa,

@@ -1,6 +1,6 @@
 // Texts of the planner, a part of those of the page.
 export const planningEn = {
-  'nav.planning': 'Plan',
+  'nav.planning': 'Planning',
   'planning.title': 'Plan an operation',
   'planning.what': 'Open a plan to go on with it, or begin anew on its organ. What you do by hand becomes its steps, and is saved as a new plan.',
   'planning.mayNot': 'Surgeons and administrators plan here.',
@@ -13,6 +13,7 @@ export const planningEn = {
   'planning.anewOf': 'Begin anew on the organ of {plan}',
   'planning.opening': 'Opening the plan',
   'planning.opened': '{name} is open.',
+  'planning.leave': 'Steps of this plan are not saved. Leave it, and lose them?',
   'planning.lost': 'The connection to the planner was lost. What was not saved is gone.',
   'planning.close': 'Close the plan',
   'planning.undo': 'Undo',
@@ -73,6 +74,7 @@ export const planningJa: Record<keyof typeof planningEn, string> = {
   'planning.anewOf': '{plan} の臓器で新しく始める',
   'planning.opening': '計画を開いています',
   'planning.opened': '{name} を開きました。',
+  'planning.leave': 'この計画には保存していない手順があります。破棄して移動しますか。',
   'planning.lost': '計画サーバーとの接続が切れました。保存していない内容は失われました。',
   'planning.close': '計画を閉じる',
   'planning.undo': '元に戻す',

@@ -99,6 +99,12 @@ export const kServerSentences: readonly SentencePair[] = [
   ['a plan must be opened first', '先に計画を開いてください'],
   ['a plan is open on this connection already', 'この接続ではすでに計画が開かれています'],
   ['more was asked for than can be computed', '計算が追いつきません'],
+  // Programs behind the viewer
+  ['the program behind this page does not run: start kiroku {command}', 'このページのプログラムが動いていません。kiroku {command} を起動してください'],
+  ['others wait for the program behind this page: try again in a moment', 'ほかの人がこのページのプログラムを待っています。少し待って再試行してください'],
+  ['the program behind this page does not answer in time', 'このページのプログラムが時間内に応答しません'],
+  ['the program behind this page answered with what is no answer', 'このページのプログラムの応答が正しくありません'],
+  ['the program behind this page has ended: try again once it runs', 'このページのプログラムが終了しました。再び動いてから再試行してください'],
   // Training
   ['an attempt must begin first', '先に試行を始めてください'],
   ['an attempt has begun on this connection already', 'この接続ではすでに試行が始まっています'],

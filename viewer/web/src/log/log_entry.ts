@@ -1,14 +1,7 @@
 // Entries of the appliance log as rows (docs/reference/format.md, "The appliance log"). Pure.
 
+import type { LogEntry } from '@/api/types';
 import { formatDuration } from '@/base/time';
-
-/** Whatever else it carries stands beside these. */
-export interface LogEntry {
-  type: string;
-  seq: number;
-  utc: string;
-  [key: string]: unknown;
-}
 
 export const kLogTypes = [
   'access', 'case-opened', 'case-checkpoint', 'case-closed', 'plan-sealed', 'replicated', 'erased', 'boot', 'shutdown', 'config-changed', 'device-key-changed',

@@ -2,11 +2,11 @@
 import { useSignal } from '@preact/signals';
 import { useEffect } from 'preact/hooks';
 import { get } from '@/api/client';
-import type { VerificationReport } from '@/api/types';
+import type { LogEntry, Report } from '@/api/types';
 import { hrefOf } from '@/base/route';
 import { formatMoment, type MessageKey, t, word } from '@/i18n/i18n';
 import { deedInWords, fieldInWords } from '@/i18n/log_words';
-import { kLogTypes, type LogEntry, type LogRow, rowOf } from '@/log/log_entry';
+import { kLogTypes, type LogRow, rowOf } from '@/log/log_entry';
 import { returns } from '@/shell/connection';
 import { announce, attempt } from '@/shell/state';
 import { StateCard } from '@/shell/state_card';
@@ -17,11 +17,11 @@ import { FindingText } from '@/verification/finding_text';
 const kPage = 100;
 
 function State() {
-  const report = useSignal<VerificationReport | undefined>(undefined);
+  const report = useSignal<Report | undefined>(undefined);
   const verify = () =>
     attempt(async () => {
       report.value = undefined;
-      const found = await get<VerificationReport>('log/verification');
+      const found = await get<Report>('log/verification');
       report.value = found;
       announce(word('logVerdict', found.verdict));
     });

@@ -5,14 +5,16 @@ import { t } from '@/i18n/i18n';
 import { type ListedPlan, planning } from '@/planning/planning_api';
 import { TableView } from '@/planning/table_view';
 import { attempt, notify } from '@/shell/state';
+import { lookForWorkplaces } from '@/shell/workplaces';
 
 export function PlanningView() {
   const plans = useSignal<ListedPlan[] | undefined>(undefined);
   const open = useSignal<{ plan: string; anew: boolean } | undefined>(undefined);
-  const load = () =>
-    attempt(async () => {
-      plans.value = await planning.plans();
-    });
+  const load = async () => {
+    const found = await attempt(planning.plans);
+    if (found) plans.value = found;
+    else await lookForWorkplaces();
+  };
   useEffect(() => {
     void load();
   }, []);

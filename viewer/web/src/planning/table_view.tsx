@@ -1,6 +1,7 @@
 // A plan that is made by hand: the picture, the tools on it, and what they came to.
 import { useSignal } from '@preact/signals';
 import { useEffect, useMemo, useRef } from 'preact/hooks';
+import { askBeforeLeaving } from '@/base/route';
 import { t } from '@/i18n/i18n';
 import type { Opened, PlanMoment, Steps } from '@/planning/planning_api';
 import { StressCard } from '@/planning/stress_card';
@@ -32,6 +33,8 @@ export function TableView({ open, leave }: { open: { plan: string; anew: boolean
   const rate = useSignal({ latency_ms: undefined as number | undefined, perSecond: 0 });
   const slow = useSignal(false);
   const saving = useSignal(false);
+  /** As the plan was opened, or saved last. */
+  const kept = useRef<Steps | undefined>(undefined);
 
   const table = useMemo(() => {
     let written_ms = 0;
@@ -44,7 +47,10 @@ export function TableView({ open, leave }: { open: { plan: string; anew: boolean
         announce(t('planning.opened', { name: what.name || what.plan }));
         field.current?.focus();
       },
-      steps: (what) => (steps.value = what),
+      steps: (what) => {
+        kept.current ??= what;
+        steps.value = what;
+      },
       moment: (now, picture) => {
         canvas.current?.getContext('2d')?.drawImage(picture, 0, 0, kWidth, kHeight);
         const write = () => {
@@ -59,6 +65,7 @@ export function TableView({ open, leave }: { open: { plan: string; anew: boolean
       },
       told: notify,
       saved: (plan) => {
+        kept.current = steps.peek();
         notify(t('planning.saved', { plan }), 'done');
         announce(t('planning.saved', { plan }));
       },
@@ -67,6 +74,8 @@ export function TableView({ open, leave }: { open: { plan: string; anew: boolean
     return made;
   }, [open]);
   useEffect(() => () => table.leave(), [table]);
+  const mayLeave = () => steps.peek() === kept.current || steps.peek().steps.length === 0 || confirm(t('planning.leave'));
+  useEffect(() => askBeforeLeaving(mayLeave), [table]);
   useEffect(() => {
     const timer = setInterval(() => {
       const since = table.waitsSince_ms.value;
@@ -137,7 +146,7 @@ export function TableView({ open, leave }: { open: { plan: string; anew: boolean
             <Icon name="save" />
             {t('planning.save')}
           </button>
-          <button type="button" class="button button-quiet" onClick={() => leave()}>
+          <button type="button" class="button button-quiet" onClick={() => mayLeave() && leave()}>
             {t('planning.close')}
           </button>
         </div>

@@ -1,6 +1,6 @@
 // The lane of the time line in which it stands who pointed when.
+import type { Stroke } from '@/api/types';
 import type { Span } from '@/base/spans';
-import type { Stroke } from '@/pointing/recorded';
 import type { Colors } from '@/timeline/colors';
 import { toPixel } from '@/timeline/scale';
 

@@ -1,21 +1,9 @@
 // Where people pointed while a case was recorded: all of it in short for the time line, and the points themselves a minute at a time as the clock comes near.
 import { signal } from '@preact/signals';
 import { get } from '@/api/client';
+import type { RecordedPoint, Stroke } from '@/api/types';
 import { kMinute, kSecond } from '@/base/time';
-import { type Pointer, type Seen, seenAt } from '@/pointing/pointers';
-
-export interface Stroke {
-  start_ns: number;
-  end_ns: number;
-  by: string;
-  role: string;
-  stream: string;
-  points: number;
-}
-
-interface RecordedPoint extends Pointer {
-  time_ns: number;
-}
+import { type Seen, seenAt } from '@/pointing/pointers';
 
 const kTile_ns = kMinute;
 /** An arrow is seen so long after its point; what is a little ahead is fetched before it is due. */

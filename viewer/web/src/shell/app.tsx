@@ -11,8 +11,11 @@ import { returns } from '@/shell/connection';
 import { GoneBanner } from '@/shell/gone_banner';
 import { Icon, type IconName } from '@/shell/icon';
 import { LogView } from '@/log/log_view';
+import { OwnPassword } from '@/shell/own_password';
 import { may } from '@/shell/rights';
 import { announcement, attempt, dismiss, notices, notifyOf, oneTimePassword, session, sessionEnded, setTheme, theme } from '@/shell/state';
+import { lookForWorkplaces, workplaces } from '@/shell/workplaces';
+import { WorkplaceView } from '@/shell/workplace_view';
 import { PlanningView } from '@/planning/planning_view';
 import { TrainingView } from '@/training/training_view';
 import { CaseView } from '@/views/case_view';
@@ -76,11 +79,16 @@ function Switches() {
 
 function NavLink({ to, icon, text }: { to: 'cases' | 'rooms' | 'log' | 'users' | 'training' | 'planning'; icon: IconName; text: string }) {
   const view = route.value.view;
-  const here = view === to || ((to === 'training' || to === 'planning') && view !== 'users') || (to === 'cases' && (view === 'case' || view === 'verification'));
+  // A server of planning or training alone shows it at every address.
+  const isAlone = session.value?.serves === to && to !== 'cases';
+  const here = view === to || (isAlone && view !== 'users') || (to === 'cases' && (view === 'case' || view === 'verification'));
+  const state = to === 'planning' || to === 'training' ? workplaces.value[to] : undefined;
+  const isAway = state !== undefined && state !== 'open';
   return (
-    <a href={hrefOf({ view: to })} class="nav-link" aria-current={here ? 'page' : undefined}>
+    <a href={hrefOf({ view: to })} class={isAway ? 'nav-link nav-link-away' : 'nav-link'} aria-current={here ? 'page' : undefined} title={isAway ? t('place.away') : undefined}>
       <Icon name={icon} />
       {text}
+      {isAway && <span class="only-heard"> ({t('place.away')})</span>}
     </a>
   );
 }
@@ -105,7 +113,13 @@ function Header() {
         <nav aria-label={t('nav.label')} class="nav">
           {serves === 'training' && <NavLink to="training" icon="training" text={t('nav.training')} />}
           {serves === 'planning' && may(signedIn.role, 'plan') && <NavLink to="planning" icon="plan" text={t('nav.planning')} />}
-          {serves === 'cases' && <NavLink to="cases" icon="cases" text={t('nav.cases')} />}
+          {serves === 'cases' && (
+            <>
+              <NavLink to="cases" icon="cases" text={t('nav.cases')} />
+              <NavLink to="planning" icon="plan" text={t('nav.planning')} />
+              <NavLink to="training" icon="training" text={t('nav.training')} />
+            </>
+          )}
           {serves === 'cases' && may(signedIn.role, 'see-live') && <NavLink to="rooms" icon="rooms" text={t('nav.rooms')} />}
           {serves === 'cases' && may(signedIn.role, 'read-log') && <NavLink to="log" icon="document" text={t('nav.log')} />}
           {may(signedIn.role, 'manage-users') && <NavLink to="users" icon="users" text={t('nav.users')} />}
@@ -128,6 +142,7 @@ function Header() {
           </button>
         )}
         <Switches />
+        {signedIn && !guest && signedIn.has_password && !signedIn.must_change_password && <OwnPassword />}
         {signedIn && !guest && (
           <button
             type="button"
@@ -188,9 +203,18 @@ function View() {
       return <LogView />;
     case 'users':
       return <UsersView />;
-    case 'training': // is served by another program, and planning by a third
     case 'planning':
-      return <CasesView />;
+      return (
+        <WorkplaceView place="planning">
+          <PlanningView />
+        </WorkplaceView>
+      );
+    case 'training':
+      return (
+        <WorkplaceView place="training">
+          <TrainingView />
+        </WorkplaceView>
+      );
   }
 }
 
@@ -211,6 +235,12 @@ export function App() {
   // Lists scroll with the document, which stays while views change.
   const here = route.value;
   useEffect(() => scrollTo(0, 0), [here.view, 'id' in here ? here.id : '']);
+  const who = session.value?.user;
+  const isOneTime = session.value?.must_change_password;
+  useEffect(() => {
+    workplaces.value = {};
+    if (who !== undefined) void lookForWorkplaces();
+  }, [who, isOneTime]);
   const chosen = session.value?.language;
   useEffect(() => {
     if ((chosen === 'en' || chosen === 'ja') && !hasChosenLanguage()) setLanguage(chosen, false);

@@ -1,13 +1,14 @@
 // What the page offers to whom. The server decides (viewer/server/role.cpp); a test compares the two.
 import type { Role } from '@/api/types';
 
-export type Right = 'read-case' | 'watch' | 'compare' | 'plan' | 'verify' | 'read-log' | 'see-live' | 'watch-room' | 'control-rooms' | 'invite' | 'manage-users';
+export type Right = 'read-case' | 'watch' | 'compare' | 'plan' | 'train' | 'verify' | 'read-log' | 'see-live' | 'watch-room' | 'control-rooms' | 'invite' | 'manage-users';
 
 const kWho: Record<Right, readonly Role[]> = {
   'read-case': ['surgeon', 'auditor', 'administrator'],
   watch: ['surgeon', 'administrator'],
   compare: ['surgeon', 'administrator'],
   plan: ['surgeon', 'administrator'],
+  train: ['operator', 'surgeon', 'auditor', 'administrator'],
   verify: ['surgeon', 'auditor', 'administrator'],
   'read-log': ['auditor', 'administrator'],
   'see-live': ['operator', 'surgeon', 'administrator'],

@@ -5,6 +5,7 @@ import { appliance as api } from '@/api/client';
 import type { SaidOfCase, StartChoices } from '@/api/types';
 import { typed } from '@/base/form_fields';
 import { formatMoment, t, word } from '@/i18n/i18n';
+import { wayInOwnWords } from '@/i18n/way_words';
 import { Dialog } from '@/shell/dialog';
 import { Icon } from '@/shell/icon';
 import { textOf } from '@/shell/state';
@@ -23,10 +24,10 @@ interface Props {
   onClose: () => void;
 }
 
-const kNothing: StartChoices = { procedures: [], ways: [], plans: [] };
+const kNothing: Omit<StartChoices, 'room'> = { procedures: [], ways: [], plans: [] };
 
 export function StartDialog({ room, starts, onSaid, onClose }: Props) {
-  const choices = useSignal<StartChoices | undefined>(undefined);
+  const choices = useSignal<Omit<StartChoices, 'room'> | undefined>(undefined);
   const problem = useSignal('');
   const chosen = useSignal(kNobody);
   const looksFor = useSignal('');
@@ -153,7 +154,7 @@ export function StartDialog({ room, starts, onSaid, onClose }: Props) {
         {starts && choices.value && plans.length === 0 && <p class="muted">{t('start.noPlans')}</p>}
         {ways.filter((way) => !way.well).map((way) => (
           <p key={way.name} class="problem">
-            <Icon name="alarm" /> {t('start.wayBad', { name: word('way', way.name), state: way.state })}
+            <Icon name="alarm" /> {t('start.wayBad', { name: word('way', way.name), state: wayInOwnWords(way.state) })}
           </p>
         ))}
         {problem.value !== '' && (

@@ -1,10 +1,9 @@
 // The lanes of the time line on a canvas: a ruler, what was recorded of each stream and what lacks, marks, alarms, and the proof of time.
-import type { Alarm, ComparedStep } from '@/api/types';
+import type { Alarm, ComparedStep, Stroke } from '@/api/types';
 import type { Span } from '@/base/spans';
 import { formatTime, kSecond } from '@/base/time';
 import { inOrderDone } from '@/compare/plan_map';
 import { drawStrokes } from '@/pointing/draw_strokes';
-import type { Stroke } from '@/pointing/recorded';
 import type { Colors } from '@/timeline/colors';
 import { ticks, toPixel } from '@/timeline/scale';
 import type { CaseModel } from '@/views/case_model';

@@ -2,13 +2,12 @@
 // trends of vital signs.
 import { useSignalEffect } from '@preact/signals';
 import { useEffect, useRef } from 'preact/hooks';
-import type { ComparedStep } from '@/api/types';
+import type { ComparedStep, Stroke } from '@/api/types';
 import type { Span } from '@/base/spans';
 import type { MatchingModel } from '@/compare/matching_model';
 import { StepFlags } from '@/compare/step_flags';
 import { t, word } from '@/i18n/i18n';
 import type { Playback } from '@/media/playback';
-import type { Stroke } from '@/pointing/recorded';
 import { theme } from '@/shell/state';
 import { colorsOf, prepared } from '@/timeline/colors';
 import { drawLanes, lanesOf } from '@/timeline/draw_lanes';

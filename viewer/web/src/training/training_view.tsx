@@ -5,6 +5,7 @@ import { typed } from '@/base/form_fields';
 import { formatTime, kSecond } from '@/base/time';
 import { t, word } from '@/i18n/i18n';
 import { attempt, notify } from '@/shell/state';
+import { lookForWorkplaces } from '@/shell/workplaces';
 import { AttemptView } from '@/training/attempt_view';
 import { objectLabel } from '@/training/object_label';
 import { ResultView } from '@/training/result_view';
@@ -83,10 +84,11 @@ export function TrainingView() {
   const known = useSignal<Training | undefined>(undefined);
   const choice = useSignal<Choice>(storedChoice());
   const stage = useSignal<Stage>({ at: 'choose' });
-  const load = () =>
-    attempt(async () => {
-      known.value = await api.get();
-    });
+  const load = async () => {
+    const found = await attempt(api.get);
+    if (found) known.value = found;
+    else await lookForWorkplaces();
+  };
   useEffect(() => {
     void load();
   }, []);

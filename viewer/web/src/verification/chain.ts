@@ -31,6 +31,7 @@ const kByCode: Record<string, LinkName> = {
   'clock-contradicted': 'tokens',
   'clock-disagreement': 'tokens',
   gap: 'segments',
+  'sound-gap': 'segments',
   'frames-dropped': 'segments',
   'part-file': 'segments',
   'name-clash': 'segments',

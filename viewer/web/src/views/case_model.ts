@@ -14,6 +14,8 @@ export interface CaseModel {
   lanes: StreamInfo[];
   recorded: ReadonlyMap<string, Span[]>;
   gaps: ReadonlyMap<string, Gap[]>;
+  /** Of all streams: the sound beside their pictures is missing. */
+  soundGaps: Gap[];
   marks: Mark[];
 }
 
@@ -23,8 +25,8 @@ export function caseModel(info: CaseInfo, timeline: Timeline): CaseModel {
   for (const { name } of info.streams) {
     const segments = timeline.segments.filter((one) => one.stream === name);
     recorded.set(name, merged(segments.filter((one) => !one.erased), kJoin_ns));
-    const erased = merged(segments.filter((one) => one.erased), kJoin_ns).map((span) => ({ ...span, stream: name, cause: 'erased' }));
-    gaps.set(name, [...timeline.gaps.filter((one) => one.stream === name), ...erased].sort((a, b) => a.start_ns - b.start_ns));
+    const erased = merged(segments.filter((one) => one.erased), kJoin_ns).map((span) => ({ ...span, stream: name, cause: 'erased', of_sound: false }));
+    gaps.set(name, [...timeline.gaps.filter((one) => one.stream === name && !one.of_sound), ...erased].sort((a, b) => a.start_ns - b.start_ns));
   }
   const lastEnd = Math.max(...timeline.segments.map((one) => one.end_ns), info.begins_ns + info.duration_ns, info.begins_ns + 1e9);
   return {
@@ -35,6 +37,7 @@ export function caseModel(info: CaseInfo, timeline: Timeline): CaseModel {
     lanes: info.streams.filter((one) => one.kind !== 'events'),
     recorded,
     gaps,
+    soundGaps: timeline.gaps.filter((one) => one.of_sound),
     marks: [...(timeline.marks ?? [])].sort((a, b) => a.time_ns - b.time_ns),
   };
 }

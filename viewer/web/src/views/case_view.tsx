@@ -1,8 +1,9 @@
 // A case: its videos, vital signs and time line on one clock.
 import { useSignal } from '@preact/signals';
+import type { RefObject } from 'preact';
 import { useEffect, useMemo, useRef } from 'preact/hooks';
 import { ApiError, cases as api, kNoAnswer } from '@/api/client';
-import type { ComparedStep, Verdict } from '@/api/types';
+import type { ComparedStep, Stroke, Verdict } from '@/api/types';
 import { hrefOf, route } from '@/base/route';
 import type { Span } from '@/base/spans';
 import { PickingStage } from '@/compare/picking_stage';
@@ -10,7 +11,7 @@ import { PlanModel, streamOf } from '@/compare/plan_model';
 import { PlanOver, PlanPane } from '@/compare/plan_pane';
 import { formatMoment, t, word } from '@/i18n/i18n';
 import { Playback } from '@/media/playback';
-import { RecordedPointing, type Stroke } from '@/pointing/recorded';
+import { RecordedPointing } from '@/pointing/recorded';
 import { RecordedPointers } from '@/pointing/recorded_pointers';
 import { Icon } from '@/shell/icon';
 import { returns } from '@/shell/connection';
@@ -63,20 +64,21 @@ export function CaseView({ id }: { id: string }) {
   // The first load is above: a second one would put a new case, at its beginning, in the place of the first.
   const returned = returns.value;
   const known = useRef(returned);
+  const kept = useRef<number>(null);
   useEffect(() => {
     if (returned !== known.current && !model.peek()) void load();
     known.current = returned;
   }, [returned]);
   if (failed.value !== undefined) return <CaseUnshown id={id} error={failed.value} />;
   if (!model.value) return <main id="main" class="main" aria-busy="true" tabIndex={-1} />;
-  return <Loaded key={String(unlocked)} model={model.value} verdict={verdict.value} unlocked={unlocked} />;
+  return <Loaded key={String(unlocked)} model={model.value} verdict={verdict.value} unlocked={unlocked} kept={kept} />;
 }
 
 const kNoStrokes: readonly Stroke[] = [];
 
 const kNoSteps: readonly ComparedStep[] = [];
 
-function Loaded({ model, verdict, unlocked }: { model: CaseModel; verdict: Verdict | null; unlocked: boolean }) {
+function Loaded({ model, verdict, unlocked, kept }: { model: CaseModel; verdict: Verdict | null; unlocked: boolean; kept: RefObject<number> }) {
   const id = model.info.id;
   const role = session.value?.role;
   const mayWatch = may(role, 'watch');
@@ -120,7 +122,7 @@ function Loaded({ model, verdict, unlocked }: { model: CaseModel; verdict: Verdi
     },
     [playback, store, plan],
   );
-  useFirstMoment(id, playback, asked_ns);
+  useFirstMoment(id, playback, asked_ns, kept);
 
   const large = useSignal(0);
   const tab = useSignal<Tab>(unlocked && hasVitals ? 'vitals' : 'moments');

@@ -48,7 +48,7 @@ function Facts({ one }: { one: CaseSummary }) {
 }
 
 function Row({ one }: { one: CaseSummary }) {
-  const recording = one.state === 'open' || one.state === 'recording';
+  const recording = one.state === 'open';
   return (
     <li class="case-row">
       {may(session.value?.role, 'read-case') ? (

@@ -1,12 +1,11 @@
 // The recorder's rooms: start, stop, mark; whether each stream is well, and the appliance behind them.
 import { useSignal } from '@preact/signals';
 import { useEffect, useMemo } from 'preact/hooks';
-import { ApiError, appliance as api, live, type LiveStream } from '@/api/client';
-import type { ApplianceStatus, RoomStatus } from '@/api/types';
+import { ApiError, appliance as api, live } from '@/api/client';
+import type { ApplianceStatus, Invitation, LiveStream, RoomStatus } from '@/api/types';
 import { hrefOf } from '@/base/route';
 import { formatBytes, formatTime, kSecond } from '@/base/time';
 import { RemoteClock } from '@/clock/remote_clock';
-import type { Invitation } from '@/guests/guest_api';
 import { RoomGuests, useInvitations } from '@/guests/room_guests';
 import { formatMoment, t, word } from '@/i18n/i18n';
 import { Lookers } from '@/pointing/lookers';
@@ -152,6 +151,13 @@ function RoomCard({ room, seen, watches, clock, mayControl, refresh, guests }: R
           <Icon name="alarm" /> {room.problem}
         </p>
       )}
+      {room.streams
+        .filter((one) => one.unboxed)
+        .map((one) => (
+          <p key={one.name} class="problem unboxed">
+            <Icon name="alarm" /> {t('rooms.unboxed', { name: word('stream', one.name) })}
+          </p>
+        ))}
       <Troubles troubles={troublesOf(room)} />
       <div class="room-body">
         {watched.length > 0 && (

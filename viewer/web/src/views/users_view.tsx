@@ -6,7 +6,6 @@ import { typed } from '@/base/form_fields';
 import { formatMoment, t } from '@/i18n/i18n';
 import { Dialog } from '@/shell/dialog';
 import { announce, attempt, notify, session } from '@/shell/state';
-import { PasswordForm } from '@/views/password_view';
 
 const kRoles: readonly Role[] = ['operator', 'surgeon', 'auditor', 'administrator'];
 
@@ -96,7 +95,6 @@ export function UsersView() {
   const removing = useSignal<string | undefined>(undefined);
   const changing = useSignal<User | undefined>(undefined);
   const resetting = useSignal<User | undefined>(undefined);
-  const ownPassword = useSignal(false);
   const load = () =>
     attempt(async () => {
       list.value = await api.list();
@@ -150,11 +148,7 @@ export function UsersView() {
                 <td class="muted">{t(`may.${one.role}`)}</td>
                 <td class="table-end">
                   <div class="user-actions">
-                    {one.user === session.value?.user ? (
-                      <button type="button" class="button" onClick={() => (ownPassword.value = true)}>
-                        {t('password.change')}
-                      </button>
-                    ) : (
+                    {one.user !== session.value?.user && (
                       <>
                         <button type="button" class="button" onClick={() => (changing.value = one)}>
                           {t('users.changeRole')}
@@ -203,11 +197,6 @@ export function UsersView() {
       </form>
       {changing.value && <RoleDialog user={changing.value} onDone={load} onClose={() => (changing.value = undefined)} />}
       {resetting.value && <ResetDialog user={resetting.value} onDone={load} onClose={() => (resetting.value = undefined)} />}
-      {ownPassword.value && (
-        <Dialog title={t('password.change')} onClose={() => (ownPassword.value = false)}>
-          <PasswordForm known={undefined} onDone={() => (ownPassword.value = false)} />
-        </Dialog>
-      )}
       {removing.value !== undefined && (
         <Dialog title={t('users.removeTitle', { name: removing.value })} onClose={() => (removing.value = undefined)}>
           <p>{t('users.removeWhat')}</p>

@@ -1,4 +1,4 @@
-#include "media/case_export.h"
+#include "media/export/case_export.h"
 
 #include <algorithm>
 #include <array>
@@ -12,7 +12,7 @@
 #include "base/error.h"
 #include "crypto/encoding.h"
 #include "crypto/hash.h"
-#include "media/exporter.h"
+#include "media/export/exporter.h"
 #include "media/output_file.h"
 #include "media/output_folder.h"
 
@@ -182,14 +182,7 @@ class CaseExport {
         }
       }
     }
-    ordered_json gaps = ordered_json::array(), erased = ordered_json::array();
-    for (const archive::GapEntry& gap : recording_.gaps(stream.name)) {
-      if (!archive::meets(gap.span, options_.from_ns, options_.to_ns)) continue;
-      gaps.push_back({{"start_ns", gap.span.start_ns},
-                      {"end_ns", gap.span.end_ns},
-                      {"time", seconds(gap.span.start_ns - zero_ns_)},
-                      {"cause", archive::gap_cause_name(gap.cause)}});
-    }
+    ordered_json erased = ordered_json::array();
     for (const archive::SegmentEntry& segment :
          recording_.segments(stream.name, options_.from_ns, options_.to_ns)) {
       const archive::ErasedEntry* const erasure = recording_.erasure_of(segment);
@@ -198,9 +191,27 @@ class CaseExport {
                         {"end_ns", segment.span.end_ns},
                         {"policy", erasure->policy}});
     }
-    return {{"name", stream.name},        {"kind", stream.kind},     {"purpose", stream.purpose},
-            {"source", stream.source},    {"timing", stream.timing}, {"gaps", std::move(gaps)},
+    return {{"name", stream.name},
+            {"kind", stream.kind},
+            {"purpose", stream.purpose},
+            {"source", stream.source},
+            {"timing", stream.timing},
+            {"gaps", told(recording_.gaps(stream.name))},
+            {"sound_gaps", told(recording_.sound_gaps(stream.name))},
             {"erased", std::move(erased)}};
+  }
+
+  /// Those that the export meets.
+  [[nodiscard]] ordered_json told(const std::vector<archive::GapEntry>& gaps) const {
+    ordered_json told = ordered_json::array();
+    for (const archive::GapEntry& gap : gaps) {
+      if (!archive::meets(gap.span, options_.from_ns, options_.to_ns)) continue;
+      told.push_back({{"start_ns", gap.span.start_ns},
+                      {"end_ns", gap.span.end_ns},
+                      {"time", seconds(gap.span.start_ns - zero_ns_)},
+                      {"cause", archive::gap_cause_name(gap.cause)}});
+    }
+    return told;
   }
 
   static double seconds(std::int64_t ns) { return double(ns) / double(kNsPerSecond); }

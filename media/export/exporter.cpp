@@ -1,4 +1,4 @@
-#include "media/exporter.h"
+#include "media/export/exporter.h"
 
 #include <algorithm>
 #include <functional>
@@ -6,19 +6,13 @@
 #include <utility>
 #include <vector>
 
-extern "C" {
-#include <libavcodec/packet.h>
-#include <libavformat/avformat.h>
-}
-
 #include "archive/case_folder.h"
 #include "base/ascii.h"
 #include "base/error.h"
+#include "media/export/remux_job.h"
 #include "media/output_file.h"
 #include "media/plaintext_lines.h"
-#include "media/remuxer.h"
 #include "media/sealed_segment.h"
-#include "media/segment_input.h"
 #include "media/stream_clock.h"
 #include "media/transport_times.h"
 #include "media/vital_line.h"
@@ -66,6 +60,26 @@ Form form_of(const archive::StreamInfo& stream, const std::filesystem::path& out
   throw UsageError("stream '" + stream.name + "' cannot be exported as '" + output.filename().string() +
                    "'; its name must end in " + fitting);
 }
+
+/// Beside the pictures a container has a table of them; none is smaller than this.
+constexpr std::uint64_t kTables = 64U << 20, kSmallestPicture = 16;
+
+/// A run of bytes that is read from its beginning to its end.
+class Run : public crypto::ByteSource {
+ public:
+  explicit Run(SequentialReader reader) : reader_(std::move(reader)) {}
+  [[nodiscard]] std::uint64_t size() const override { return INT64_MAX; }
+  std::size_t read_at(std::uint64_t offset, std::span<std::byte> into) const override {
+    if (offset != at_) throw UsageError("a run of bytes is read from its beginning to its end");
+    const std::size_t got = reader_(into);
+    at_ += got;
+    return got;
+  }
+
+ private:
+  const SequentialReader reader_;
+  mutable std::uint64_t at_ = 0;
+};
 
 /// One export in the making.
 class Export {
@@ -174,36 +188,36 @@ class Export {
   }
 
   void remux(OutputFile& output, Container container) {
-    Remuxer remuxer(output, container, options_.output.string(), on_picture());
-    if (stream_.media == kTransportStreamMedia) {
-      SegmentInput input(moved_transport_stream(), stream_.media, "stream '" + stream_.name + "'");
-      remuxer.copy(input, 0);
+    RemuxTerms terms;
+    terms.container = container;
+    terms.media = stream_.media;
+    terms.stream = "stream '" + stream_.name + "'";
+    terms.output = options_.output.string();
+    // What is written has the pictures as they were sealed, and tables of them.
+    terms.most_bytes = 2 * total_bytes_ + kTables;
+    terms.most_pictures = total_bytes_ / kSmallestPicture + kSmallestPicture;
+    terms.is_run = stream_.media == kTransportStreamMedia;
+    if (terms.is_run) {
+      terms.shift = 0;  // moved already
     } else {
-      for (const archive::SegmentEntry& entry : segments_) {
-        const SealedSegment segment = open(entry);
-        copy_segment(remuxer, entry, segment);
-      }
+      for (const archive::SegmentEntry& entry : segments_)
+        terms.inputs.push_back({entry.file.file, entry.complete});
+      const Ticks zero = ticks_of_ns(result_.zero_ns);
+      terms.first_at = ticks_of_ns(segments_.front().span.start_ns) - zero;
+      if (offset_) terms.shift = -*offset_ - zero;
     }
-    remuxer.finish();
-    result_.frames = remuxer.frames();
-  }
-
-  void copy_segment(Remuxer& remuxer, const archive::SegmentEntry& entry, const SealedSegment& segment) {
-    std::optional<SegmentInput> input;
-    try {
-      input.emplace(segment, stream_.media, entry.file.file);
-    } catch (const MediaError&) {
-      if (entry.complete) {
-        throw;
-      }
-      return;  // cut before its first picture
+    const SegmentDoor door = [&](std::uint64_t number) -> std::unique_ptr<crypto::ByteSource> {
+      if (terms.is_run && number == 0) return std::make_unique<Run>(moved_transport_stream());
+      if (terms.is_run || number >= segments_.size()) throw UsageError("there is no such segment");
+      return std::make_unique<SealedSegment>(open(segments_[number]));
+    };
+    const RemuxResult done = remux_in_box(terms, door, output, on_picture());
+    if (done.changed_at) {
+      throw FormatChanged(
+          done.change + "; export the times before and after the change one by one (--from, --to)",
+          segments_[*done.changed_at].span.start_ns);
     }
-    if (!shift_) shift_ = shift_by([&] { return first_stamp_of(segment, entry.file.file); });
-    if (const std::string change = remuxer.change(*input); !change.empty()) {
-      throw FormatChanged(change + "; export the times before and after the change one by one (--from, --to)",
-                          entry.span.start_ns);
-    }
-    remuxer.copy(*input, *shift_, !entry.complete);
+    result_.frames = done.frames;
   }
 
   [[nodiscard]] std::function<void(Ticks)> on_picture() const {
@@ -217,19 +231,6 @@ class Export {
     const Ticks zero = ticks_of_ns(result_.zero_ns);
     if (offset_) return -*offset_ - zero;
     return ticks_of_ns(segments_.front().span.start_ns) - zero - first_stamp().value_or(0);
-  }
-
-  /// The container's own time stamp of the segment's first picture.
-  [[nodiscard]] std::optional<Ticks> first_stamp_of(const SealedSegment& segment,
-                                                    const std::string& name) const {
-    SegmentInput input(segment, stream_.media, name);
-    const AVStream& pictures = input.video();
-    const Packet packet = make_packet();
-    for (; input.read(*packet); av_packet_unref(packet.get())) {
-      if (packet->stream_index != pictures.index || packet->pts == AV_NOPTS_VALUE) continue;
-      return av_rescale_q(packet->pts, pictures.time_base, {1, int{kTicksPerSecond}});
-    }
-    return std::nullopt;
   }
 
   /// All segments as one run of bytes with the file's times, each opened when the one before is spent.
@@ -258,7 +259,8 @@ class Export {
         state.end = whole_packets(entry, *state.segment);
         if (state.end == 0) continue;
         if (!state.times) {
-          const Ticks shift = shift_by([&] { return first_stamp_of(*state.segment, state.name); });
+          const Ticks shift =
+              shift_by([&] { return first_stamp_in_box(*state.segment, stream_.media, state.name); });
           const bool tells = form_ == Form::kTransportStream;
           state.times.emplace(shift, "stream '" + stream_.name + "'",
                               tells ? on_picture() : std::function<void(Ticks)>());
@@ -322,7 +324,6 @@ class Export {
   Form form_;
   std::vector<archive::SegmentEntry> segments_;
   std::optional<Ticks> offset_;  // of the stream's time stamps
-  std::optional<Ticks> shift_;   // of Matroska segments, once it is known
   std::uint64_t done_bytes_ = 0, total_bytes_ = 0;
   ExportResult result_;
 };

@@ -1,5 +1,6 @@
-#include "media/exporter.h"
+#include "media/export/exporter.h"
 
+#include <csignal>
 #include <fstream>
 #include <iterator>
 #include <sys/stat.h>
@@ -11,6 +12,7 @@
 #include "crypto/age_file.h"
 #include "media/transport_times.h"
 #include "media/vital_sample.h"
+#include "tests/support/child_processes.h"
 #include "tests/support/forger.h"
 #include "tests/support/media_maker.h"
 #include "tests/support/recorded_case.h"
@@ -109,6 +111,29 @@ TEST_F(ExporterTest, KeepsEveryPictureAndItsTimeInMatroskaAndMp4) {
     EXPECT_EQ(test::decode_file(folder_ / name), pictures) << name;
     EXPECT_EQ(result.bytes, std::filesystem::file_size(folder_ / name));
   }
+}
+
+TEST_F(ExporterTest, WhatWasRecordedIsDemuxedInABox) {
+  record({transport_stream(), matroska("ffv1")});
+  for (const auto& [stream, name] :
+       {std::pair{"endoscope", "film.mkv"}, {"endoscope", "film.mp4"}, {"room", "room.mkv"}}) {
+    bool is_boxed = false;
+    options_.progress = [&](std::uint64_t, std::uint64_t) {
+      for (const pid_t child : test::child_processes())
+        is_boxed = is_boxed || test::line_of_process(child, "status", "Seccomp:") == "2";
+    };
+    run(stream, name);
+    EXPECT_TRUE(is_boxed) << name;
+  }
+}
+
+TEST_F(ExporterTest, ADecoderThatIsKilledLeavesNoFile) {
+  record({transport_stream(), matroska("ffv1")});
+  options_.progress = [](std::uint64_t, std::uint64_t) {
+    for (const pid_t child : test::child_processes()) ::kill(child, SIGKILL);
+  };
+  EXPECT_THAT(refusal("endoscope", "film.mkv"), HasSubstr("stream 'endoscope'"));
+  EXPECT_THAT(refusal("room", "room.mkv"), HasSubstr("stream 'room'"));
 }
 
 TEST_F(ExporterTest, JoinsMatroskaSegmentsWithoutTouchingAPicture) {
