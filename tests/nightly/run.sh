@@ -31,7 +31,8 @@ steps=(
   "cuts       tests/theatre/power_cuts.py --cuts 70"
   "forgetful  tests/theatre/power_cuts.py --cuts 15 --without-flushes"
   "lying      tests/theatre/power_cuts.py --cuts 15 --lying-disk 256"
-  "failing    tests/theatre/failing_disk.py --times 3"
+  "failing    tests/theatre/failing_disk.py --times 2"
+  "theatre    tests/theatre/whole_machine.py"
   "debian13   tests/nightly/debian13.sh"
   "package    cmake --build build/release --target package"
 )

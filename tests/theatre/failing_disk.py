@@ -1,11 +1,11 @@
 #!/usr/bin/env python3
 """A disk that fails while Kiroku records on ext4, xfs and btrfs: nothing may be lost silently.
 
-User-mode Linux boots Debian's kernel as a process. Kiroku records there on a disk (dm-flakey) that after some seconds
-answers writes, or all requests, with EIO: for two seconds, or for good. The file system may end itself, become
+User-mode Linux boots Debian's kernel as a process. `kiroku record`, or `kirokud` with a room, records there on a disk
+(dm-flakey) that after some seconds answers writes, or all requests, with EIO: for two seconds, or for good. The file system may end itself, become
 read-only, or go on. Then the disk is well again and the machine starts anew. It holds if
 
-- the recorder ended by itself, and said that something failed, or the case states a gap,
+- the recorder ended by itself (`kirokud`: when it was told to), and said that something failed, or the case states a gap,
 - `kiroku recover` brings the case to its end, and `kiroku verify` says `intact` or `intact-with-gaps`,
 - everything that the ledger had claimed to be on the disk before the fault is there byte for byte,
 - segments and stated gaps together cover each stream from its beginning to the case's end.
@@ -20,6 +20,7 @@ KIROKU is the program (build/release/apps/kiroku), KIROKU_UML the kernel (linux.
 Exit status: 0 all hold (where loss is expected: it was found), 1 otherwise, 77 a tool is not installed.
 """
 import argparse
+import itertools
 import json
 import pathlib
 import shutil
@@ -36,6 +37,19 @@ FAULTS = {
     "everything fails for 2 s": ("", 2),
     "everything fails for good": ("", 0),
 }
+ROOM = f"""
+[[room]]
+name = "or-1"
+[[room.stream]]
+name = "endoscope"
+kind = "video"
+source = "{machine.VIDEO}"
+[[room.stream]]
+name = "vitals"
+kind = "vitals"
+source = "synthetic:patient"
+"""
+RECORDERS = {"kiroku record": "", "kirokud": ROOM}
 AFTER_CLAIMS = 6
 SECOND = 1_000_000_000
 
@@ -62,12 +76,12 @@ def told(entries, out):
     return out["status"] != 0 or any(entry["type"] == "gap" for entry in entries)
 
 
-def try_fault(guest, name, fault, preload):
+def try_fault(guest, name, fault, room, preload):
     """Problems, and a line of what came of it."""
     features, seconds = FAULTS[fault]
     disk = guest.new_disk("disk.img", name)
     out = guest.do("fail", [disk], file_system=name, command=RECORDING, after_claims=AFTER_CLAIMS, features=features,
-                   seconds=seconds, preload=str(preload or ""))
+                   seconds=seconds, room=room, preload=str(preload or ""))
     [(home, broken)] = guest.homes([disk], name)
     disk.unlink()
     if broken:
@@ -93,7 +107,7 @@ def try_fault(guest, name, fault, preload):
             problems.append(f"{stream}: {hole:.1f} s are neither recorded nor stated as a gap")
     how = f"exit status {out['status']}, then {' '.join(verdicts) or 'no case'}"
     if problems:
-        problems.append(f"the recorder said: {out['said'].strip()[-600:]}")
+        problems.append(f"the recorder said: {out['told'].strip()[-600:]} {out['said'].strip()[-600:]}")
     return problems, how, home
 
 
@@ -121,10 +135,10 @@ def main():
         guest = machine.Machine(pathlib.Path(work))
         preload = machine.without_flushes(guest.work) if asked.without_flushes else None
         for name in wanted:
-            for fault in list(FAULTS) * asked.times:
-                problems, how, home = try_fault(guest, name, fault, preload)
+            for fault, (recorder, room) in itertools.product(list(FAULTS) * asked.times, RECORDERS.items()):
+                problems, how, home = try_fault(guest, name, fault, room, preload)
                 tried += 1
-                print(f"{name}, {fault}: {'DOES NOT HOLD' if problems else 'held'}; {how}", flush=True)
+                print(f"{name}, {recorder}, {fault}: {'DOES NOT HOLD' if problems else 'held'}; {how}", flush=True)
                 for problem in problems:
                     print(f"  {problem}", flush=True)
                 if problems:

@@ -141,6 +141,42 @@ def turn(table):
     device_mapper("resume", "faulty")
 
 
+def wait_until(holds, what):
+    ends = time.monotonic() + MOST_SECONDS
+    while not holds():
+        if time.monotonic() > ends:
+            raise RuntimeError(f"{what}: not within {MOST_SECONDS} s")
+        time.sleep(0.1)
+
+
+def ask(job, *command):
+    return run([job["kiroku"], *command, "--home", job["mount"] + "/home"])
+
+
+def begin_service(job, said):
+    """kirokud with a case that runs."""
+    home = pathlib.Path(job["mount"], "home")
+    with open(home / "kiroku.toml", "a", encoding="utf-8") as configuration:
+        configuration.write(job["room"])
+    service = subprocess.Popen([str(pathlib.Path(job["kiroku"]).with_name("kirokud")), "--home", str(home)],
+                               stdin=subprocess.DEVNULL, stdout=said, stderr=subprocess.STDOUT,
+                               env={**os.environ, **({"LD_PRELOAD": job["preload"]} if job.get("preload") else {})})
+    wait_until(lambda: ask(job, "status").returncode == 0, "kirokud answers")
+    begun = ask(job, "case", "start")
+    if begun.returncode != 0:
+        raise RuntimeError(f"case start: {begun.returncode} {begun.stderr}")
+    return service
+
+
+def end_service(job, service, out):
+    """What a person sees and does after the fault: status, the case's end; then the service's."""
+    out["told"] = ask(job, "status").stdout
+    stopped = ask(job, "case", "stop")
+    out["told"] += f"case stop: {stopped.returncode} {stopped.stdout}{stopped.stderr}"
+    service.terminate()
+    service.wait(MOST_SECONDS)
+
+
 def fail(job):
     """Records on a disk that fails meanwhile, for some seconds or for good (dm-flakey)."""
     load_modules(job["modules"], ("dm-mod", "dm-flakey"))
@@ -150,20 +186,22 @@ def fail(job):
     device_mapper("create", "faulty", "--table", good)
     mount("/dev/dm-0", job["mount"], job["file_system"])
     witness = Witness(job["mount"] + "/home")
-    out = {"ended": True}
+    out = {"ended": True, "told": ""}
     with open(job["said"], "w+", encoding="utf-8") as said:
-        recorder = begin_recorder(job, job["command"], said)
-        ends = time.monotonic() + MOST_SECONDS
-        while recorder.poll() is None and witness.look() < job["after_claims"] and time.monotonic() < ends:
-            time.sleep(0.1)
+        recorder = begin_service(job, said) if job["room"] else begin_recorder(job, job["command"], said)
+        wait_until(lambda: recorder.poll() is not None or witness.look() >= job["after_claims"], "the recorder's first claims")
         out["claims"] = list(witness.claims)
         out["failed_while_recording"] = recorder.poll() is None
         turn(bad)
         try:
+            if job["seconds"] or job["room"]:
+                time.sleep(job["seconds"] or 4)
             if job["seconds"]:
-                time.sleep(job["seconds"])
                 turn(good)
-            recorder.wait(MOST_SECONDS)
+            if job["room"]:
+                end_service(job, recorder, out)
+            else:
+                recorder.wait(MOST_SECONDS)
         except subprocess.TimeoutExpired:
             out["ended"] = False
             recorder.kill()
