@@ -153,6 +153,9 @@ struct Daemon::State {
       listener.warn = [this, prefix](const std::string& sentence) {
         if (options.listener.warn) options.listener.warn(prefix + sentence);
       };
+      listener.left = [this, prefix](const std::string& sentence) {
+        if (options.listener.left) options.listener.left(prefix + sentence);
+      };
       const std::vector<FootswitchOptions> switches = std::move(plan.footswitches);
       rooms.push_back(std::make_unique<Room>(std::move(plan), std::move(listener), *options.time));
       for (const FootswitchOptions& one : switches) {

@@ -522,10 +522,11 @@ struct Room::State {
 
   void end_badly(const std::string& why) {
     std::string sentence;
+    bool ahead = false;
     {
       const std::lock_guard guard(mutex);
       // What was recorded ahead is no case, and the case before it was closed.
-      const bool ahead = status.state == RoomState::kStandby;
+      ahead = status.state == RoomState::kStandby;
       session.reset();
       status.state = RoomState::kIdle;
       back_off();
@@ -534,19 +535,22 @@ struct Room::State {
       } else {
         status.reason = "error: " + why;
         ++status.cases;
-        sentence = "case " + status.case_id + " could not be closed: " + why;
+        sentence = "case " + status.case_id +
+                   " could not be closed; the recorder's next start brings it to its end: " + why;
       }
     }
-    tell_problem(sentence);
+    tell_problem(sentence, ahead ? listener.warn : listener.left);
     changed.notify_all();
   }
 
-  void tell_problem(const std::string& sentence) {
+  void tell_problem(const std::string& sentence) { tell_problem(sentence, listener.warn); }
+
+  void tell_problem(const std::string& sentence, const std::function<void(const std::string&)>& tell) {
     {
       const std::lock_guard guard(mutex);
       status.problem = sentence;
     }
-    if (listener.warn) listener.warn(sentence);
+    if (tell) tell(sentence);
   }
 
   /// Null while no case is recorded.

@@ -83,6 +83,7 @@ struct RoomListener {
   std::function<void(const std::string& sentence)> note;    // something happened
   std::function<void(const std::string& sentence)> warn;    // something a person should see
   std::function<void(const SessionResult& result)> closed;  // a case was closed
+  std::function<void(const std::string& sentence)> left;    // a case could not be closed; a later start does
 };
 
 class Room {
