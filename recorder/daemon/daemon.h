@@ -19,7 +19,7 @@ struct DaemonOptions {
   std::vector<RoomPlan> rooms;
   std::filesystem::path archive;  // whose disk is watched
   double warn_below_hours = 8;
-  RoomListener listener;  // of every room; sentences are given the room's name before them
+  RoomListener listener;                 // of every room; sentences are given the room's name before them
   const Clock* time = &Clock::system();  // by which rooms and footswitches go; outlives the daemon
 };
 

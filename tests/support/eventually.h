@@ -1,5 +1,5 @@
 // Waiting for what another thread, or another program, does: the one place where a test may sleep
-// (tests/lint/check_waits.py).
+// (tests/lint/waits.py).
 #pragma once
 
 #include <algorithm>

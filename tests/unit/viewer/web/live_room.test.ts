@@ -3,7 +3,7 @@ import type { LiveSeries, RoomStatus, StreamStatus } from '@/api/types';
 import { AlertBell, kAgain_ms, troublesOf } from '@/rooms/trouble';
 import { LiveWaves, readingsOf } from '@/vitals/live_readings';
 
-const stream = (more: Partial<StreamStatus>): StreamStatus => ({ name: 'endoscope', kind: 'video', live: true, frames: 9, dropped: 0, refused: 0, segments: 1, bytes: 9, age_ms: 40, durable_age_ms: 900, input: '', stuck: 0, given_up: 0, ...more });
+const stream = (more: Partial<StreamStatus>): StreamStatus => ({ name: 'endoscope', kind: 'video', live: true, frames: 9, dropped: 0, refused: 0, segments: 1, bytes: 9, age_ms: 40, durable_age_ms: 900, input: '', unboxed: false, stuck: 0, given_up: 0, ...more });
 const room = (state: string, ...streams: StreamStatus[]): RoomStatus => ({
   room: 'or-1', state, case: 'c', reason: '', carries_on: '', resumed: 0, not_resumed: false, subject: 'none', procedure: [], elapsed_ns: 0, now_ns: 0, streams, tokens: 0, missed: 0, authorities: [], bytes_per_second: 0, cases: 1, problem: '', footswitches: [],
 });
