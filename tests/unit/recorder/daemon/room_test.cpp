@@ -489,7 +489,7 @@ TEST_F(RoomTest, ACaseThatADiskKeepsFromBeingClosedIsToldAsLeftOpen) {
     Room room(std::move(failing), listener());
     id = room.start("operator");
     faults.fail("sync", EIO);
-    ASSERT_TRUE(within(20s, [&] { return room.status().state == RoomState::kIdle; }));
+    ASSERT_TRUE(test::eventually([&] { return room.status().state == RoomState::kIdle; }));
     EXPECT_THAT(room.status().problem, HasSubstr(id + " could not be closed; the recorder's next start"));
   }
   const std::lock_guard guard(mutex);
