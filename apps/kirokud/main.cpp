@@ -8,6 +8,7 @@
 #include <future>
 #include <initializer_list>
 #include <iostream>
+#include <malloc.h>
 #include <map>
 #include <mutex>
 #include <poll.h>
@@ -537,6 +538,9 @@ int run(const Request& request) {
 int main(int argc, char** argv) {
   using namespace kiroku::apps;
   kiroku::harden_process();
+  // Each arena of glibc keeps what the largest case needed of it, and there may be eight for each core.
+  constexpr int kMostArenas = 4;
+  (void)::mallopt(M_ARENA_MAX, kMostArenas);
   Program program("kirokud", "records operating rooms unattended", "");
   Command& root = program.root();
   const auto request = std::make_shared<Request>();

@@ -1,12 +1,18 @@
 #include "viewer/server/server_certificate.h"
 
 #include <array>
+#include <cerrno>
 #include <chrono>
+#include <cstring>
+#include <fcntl.h>
+#include <optional>
+#include <sys/file.h>
 #include <unistd.h>
 
 #include <openssl/pem.h>
 #include <openssl/x509v3.h>
 
+#include "base/descriptor.h"
 #include "base/error.h"
 #include "base/utc_time.h"
 #include "crypto/hash.h"
@@ -53,6 +59,41 @@ bool lasts(X509* certificate) {
   const auto until = std::chrono::system_clock::to_time_t(std::chrono::system_clock::now() + kRenewedBefore);
   time_t at = until;
   return X509_cmp_time(X509_get0_notAfter(certificate), &at) > 0;
+}
+
+/// Half of an older pair may be left where a disk was full between the two.
+bool belong_together(X509* certificate, const crypto::Secret& key_pem) {
+  const ByteView bytes = key_pem.bytes();
+  const crypto::BufferIo memory(BIO_new_mem_buf(bytes.data(), static_cast<int>(bytes.size())));
+  const crypto::PrivateKey key(PEM_read_bio_PrivateKey(memory.get(), nullptr, nullptr, nullptr));
+  const bool yes = key && X509_check_private_key(certificate, key.get()) == 1;
+  timestamp::forget_openssl_errors();
+  return yes;
+}
+
+/// What lies there and can be used; nothing where it must be made.
+std::optional<ServerCertificate> usable(const fs::path& certificate_file, const fs::path& key_file,
+                                        const std::vector<std::string>& names) {
+  std::error_code ignored;
+  if (!fs::exists(certificate_file, ignored) || !fs::exists(key_file, ignored)) return {};
+  ServerCertificate found = load_certificate(certificate_file, key_file);
+  const Certificate certificate = parse_certificate(found.certificate_pem);
+  if (!names_all(certificate.get(), names) || !lasts(certificate.get()) ||
+      !belong_together(certificate.get(), found.key_pem))
+    return {};
+  return found;
+}
+
+/// Of several servers that start on one home, one makes the pair.
+Descriptor lock_of(const fs::path& file) {
+  Descriptor lock(::open(file.c_str(), O_RDWR | O_CREAT | O_CLOEXEC | O_NOFOLLOW, kKeyMode));
+  int status = lock ? 0 : -1;
+  do {
+    if (lock) status = ::flock(lock.number(), LOCK_EX);
+  } while (lock && status != 0 && errno == EINTR);
+  if (status != 0)
+    throw Error("cannot make the server's certificate: " + file.string() + ": " + std::strerror(errno));
+  return lock;
 }
 
 std::string text_of_memory(const crypto::BufferIo& memory) {
@@ -117,13 +158,11 @@ ServerCertificate load_certificate(const fs::path& certificate, const fs::path& 
 ServerCertificate own_certificate(const fs::path& folder, const std::vector<std::string>& names, bool& made) {
   const fs::path certificate_file = folder / "viewer.pem";
   const fs::path key_file = folder / "viewer.key";
-  std::error_code ignored;
   made = false;
-  if (fs::exists(certificate_file, ignored) && fs::exists(key_file, ignored)) {
-    ServerCertificate found = load_certificate(certificate_file, key_file);
-    const Certificate certificate = parse_certificate(found.certificate_pem);
-    if (names_all(certificate.get(), names) && lasts(certificate.get())) return found;
-  }
+  if (auto found = usable(certificate_file, key_file, names)) return std::move(*found);
+  const Descriptor lock = lock_of(folder / "viewer.lock");
+  // Another server may have made it meanwhile.
+  if (auto found = usable(certificate_file, key_file, names)) return std::move(*found);
   ServerCertificate fresh = make_certificate(names);
   timestamp::replace_file(key_file, fresh.key_pem.bytes(), kKeyMode);
   timestamp::replace_file(certificate_file, bytes_of(fresh.certificate_pem), kCertificateMode);

@@ -23,8 +23,9 @@ std::string fingerprint(const std::string& certificate_pem);
 ServerCertificate load_certificate(const std::filesystem::path& certificate,
                                    const std::filesystem::path& key);
 
-/// Those of `folder` (viewer.pem, and viewer.key with mode 0600), made there where they are missing, lack one
-/// of `names` (DNS names or addresses) or end within 30 days. Says in `made` whether they are new.
+/// Those of `folder` (viewer.pem, and viewer.key with mode 0600), made there where they are missing, do not
+/// belong together, lack one of `names` (DNS names or addresses) or end within 30 days. Says in `made`
+/// whether they are new. Of several programs that come at once one makes them (viewer.lock).
 ServerCertificate own_certificate(const std::filesystem::path& folder, const std::vector<std::string>& names,
                                   bool& made);
 

@@ -127,14 +127,14 @@ TEST_F(Viewer, AnswersNobodyWhoHasNotSignedIn) {
 
 TEST_F(Viewer, LetsEachRoleDoWhatItMayAndNoMore) {
   const std::map<std::string, std::set<std::string>> rights{
-      {"operator", {"list-cases", "see-live", "watch-room", "control-rooms"}},
+      {"operator", {"list-cases", "see-live", "watch-room", "control-rooms", "train"}},
       {"surgeon",
        {"list-cases", "read-case", "watch", "compare", "verify", "see-live", "watch-room", "control-rooms",
-        "invite"}},
-      {"auditor", {"list-cases", "read-case", "verify", "read-log"}},
+        "invite", "plan", "train"}},
+      {"auditor", {"list-cases", "read-case", "verify", "read-log", "train"}},
       {"administrator",
        {"list-cases", "read-case", "watch", "compare", "verify", "read-log", "see-live", "watch-room",
-        "control-rooms", "invite", "manage-users"}}};
+        "control-rooms", "invite", "manage-users", "plan", "train"}}};
   for (const std::string& role : kRoles) {
     const std::string cookie = sign_in("a-" + role);
     for (const Operation& each : operations(kOtherCase)) {

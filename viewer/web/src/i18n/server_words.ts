@@ -22,6 +22,8 @@ export const kServerSentences: readonly SentencePair[] = [
   ['this session has no password to change', 'このセッションに変更できるパスワードはありません'],
   ['the password of now is wrong', '現在のパスワードが正しくありません'],
   ['choose another password than the one of now', '現在とは別のパスワードにしてください'],
+  ['an administrator changed this user meanwhile: sign in again', 'その間に管理者がこの利用者を変更しました。サインインし直してください'],
+  ['this user was changed meanwhile: sign in again', 'その間にこの利用者が変更されました。サインインし直してください'],
   ['this user was removed', 'この利用者は削除されました'],
   ['nobody removes themselves', '自分自身を削除することはできません'],
   ['there is no user {name}', '利用者 {name} は存在しません'],
