@@ -12,7 +12,7 @@ namespace kiroku::archive {
 
 namespace {
 
-constexpr std::uint64_t kFirstLook = 64U << 10U;
+constexpr std::uint64_t kFirstLook = 64U << 10U, kLongestLook = 64U << 20U;
 
 /// The last `size` bytes of a file.
 std::string last_bytes(const ReadableFile& file, std::uint64_t size) {
@@ -64,7 +64,9 @@ std::optional<LedgerTail> read_ledger_tail(const std::filesystem::path& case_fol
     if (!ledger.file || ledger.file->size() == 0) {
       return std::nullopt;
     }
-    for (std::uint64_t look = kFirstLook;; look *= 2) {
+    // Behind `close` stand a few lines of a thousand bytes. A file that has nothing but a hole of a
+    // terabyte before its last line is read line by line, by whoever takes the case up.
+    for (std::uint64_t look = kFirstLook; look <= kLongestLook; look *= 2) {
       const bool whole = look >= ledger.file->size();
       // What stands before the first line of a file ends it, too.
       const std::string text =
@@ -79,6 +81,7 @@ std::optional<LedgerTail> read_ledger_tail(const std::filesystem::path& case_fol
         return readable ? std::optional(tail) : std::nullopt;
       }
     }
+    return std::nullopt;
   } catch (const Error&) {
     return std::nullopt;  // no permission, a disk that fails: whoever takes the case up is told why
   }

@@ -329,8 +329,8 @@ void LogComparison::add(CodeName code, const Place& place, std::uint64_t log_ent
   if (log_->doubted.contains(log_entry)) {
     findings_->add("log-entry-doubted", place,
                    text +
-                       "; nobody signed that entry of the log when it was written, so whoever could write "
-                       "to the disk could have made it");
+                       "; that entry of the log has no checkpoint of its own: it was never signed, or its "
+                       "checkpoint was removed. Whoever could write to the disk could have made it");
   } else {
     findings_->add(code, place, text);
   }

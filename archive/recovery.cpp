@@ -146,13 +146,20 @@ class Recovery {
     try {
       bring_to_its_end();
     } catch (const Error& error) {
-      result_.outcome = CaseRecovery::Outcome::kRefused;
-      result_.problem = error.what();
+      refuse(error);
+    } catch (const fs::filesystem_error& error) {
+      refuse(error);
     }
     return std::move(result_);
   }
 
  private:
+  /// One folder that cannot be read must not keep the recorder from its start.
+  void refuse(const std::exception& error) {
+    result_.outcome = CaseRecovery::Outcome::kRefused;
+    result_.problem = error.what();
+  }
+
   // Step by step, each durable before the next:
   //
   //   torn last line and unsigned end cut off → recovered, found segments, gaps (one append) → found tokens →
@@ -414,7 +421,11 @@ bool is_finished(const fs::path& folder, const ApplianceLog* log) {
     return false;
   }
   const std::optional<LedgerTail> tail = read_ledger_tail(folder);
-  return tail && tail->closed && tail->covered && files_to_erase(folder, tail->erased).empty();
+  try {
+    return tail && tail->closed && tail->covered && files_to_erase(folder, tail->erased).empty();
+  } catch (const fs::filesystem_error&) {
+    return false;  // whoever takes the case up says what cannot be read
+  }
 }
 
 CaseRecovery remove_hidden(FileSystem& files, const fs::path& folder) {

@@ -371,8 +371,8 @@ void look_for_cases(const LogContents& log, const std::filesystem::path& log_fol
       } else {
         findings.add("log-entry-doubted", place,
                      text +
-                         "; nobody signed what the log says of it when it was written, so whoever could "
-                         "write to the disk could have made it");
+                         "; what the log says of it has no checkpoint of its own: it was never signed, or "
+                         "its checkpoint was removed. Whoever could write to the disk could have made it");
       }
     } else if (!logged.closed && !logged.erased) {
       findings.add("log-case-open", {std::string(kLedgerFile), logged.opened},

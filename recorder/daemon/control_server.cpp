@@ -110,7 +110,11 @@ struct ControlServer::State {
       stream_protocol::socket connected = co_await acceptor.async_accept(
           asio::make_strand(context), asio::redirect_error(asio::use_awaitable, failed));
       if (!failed) {
-        welcome(std::move(connected));
+        try {
+          welcome(std::move(connected));
+        } catch (const std::exception&) {
+          // One connection failed (out of memory); the next one is awaited.
+        }
         continue;
       }
       // Out of descriptors, for instance: others will be free again.

@@ -42,7 +42,7 @@ constexpr std::chrono::seconds kLeastPatience{60};
 constexpr int kTimeoutsInAll = 6;
 constexpr std::chrono::hours kNoLimit{1000};
 constexpr std::size_t kLongestText = 4096, kLongestProblem = 500, kMostStaff = 32, kMostAddresses = 8;
-constexpr std::size_t kLongestRequest = 64U << 10, kLongestAnswer = 32U << 20;
+constexpr std::size_t kLongestRequest = 64U << 10, kLongestAnswer = 4U << 20;
 constexpr unsigned kProcessorSeconds = 60;
 /// Answers take some MiB; addresses, more.
 constexpr rlim_t kMostMemory = rlim_t{1} << 30;

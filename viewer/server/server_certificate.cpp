@@ -76,12 +76,16 @@ std::optional<ServerCertificate> usable(const fs::path& certificate_file, const 
                                         const std::vector<std::string>& names) {
   std::error_code ignored;
   if (!fs::exists(certificate_file, ignored) || !fs::exists(key_file, ignored)) return {};
-  ServerCertificate found = load_certificate(certificate_file, key_file);
-  const Certificate certificate = parse_certificate(found.certificate_pem);
-  if (!names_all(certificate.get(), names) || !lasts(certificate.get()) ||
-      !belong_together(certificate.get(), found.key_pem))
-    return {};
-  return found;
+  try {
+    ServerCertificate found = load_certificate(certificate_file, key_file);
+    const Certificate certificate = parse_certificate(found.certificate_pem);
+    if (names_all(certificate.get(), names) && lasts(certificate.get()) &&
+        belong_together(certificate.get(), found.key_pem))
+      return found;
+  } catch (const UsageError&) {
+    return {};  // an empty file, for instance, where a disk was full
+  }
+  return {};
 }
 
 /// Of several servers that start on one home, one makes the pair.

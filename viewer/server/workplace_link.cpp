@@ -13,6 +13,7 @@
 #include <boost/beast/websocket.hpp>
 #include <nlohmann/json.hpp>
 
+#include "base/foreign_json.h"
 #include "viewer/server/inner_door.h"
 #include "viewer/server/session.h"
 #include "viewer/server/workplace_caller.h"
@@ -35,7 +36,7 @@ constexpr std::chrono::seconds kToTake{5};
 /// Each holds a thread of the viewer: a program that hangs must not take them all.
 constexpr int kMostWaiting = 3;
 constexpr std::chrono::milliseconds kLook{100};
-constexpr std::size_t kLargestAnswer = 16U << 20;
+constexpr std::size_t kLargestAnswer = 4U << 20, kLongestRefusal = 64U << 10;
 /// What a SocketOutput takes at all.
 constexpr std::size_t kLongestMessage = 4U << 20;
 constexpr std::string_view kJson = "application/json", kPdf = "application/pdf";
@@ -53,7 +54,8 @@ void put_fields(http::fields& fields, const Request& request) {
 }
 
 std::string error_in(const std::string& body) {
-  const nlohmann::json answer = nlohmann::json::parse(body, nullptr, false);
+  if (body.size() > kLongestRefusal) return "";
+  const nlohmann::json answer = parse_foreign_json(body);
   if (!answer.is_object()) return "";
   const auto error = answer.find("error");
   return error != answer.end() && error->is_string() ? error->get<std::string>() : "";

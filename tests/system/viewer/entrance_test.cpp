@@ -35,7 +35,8 @@ class Entrance : public ServedHome {
   /// "planning: open"
   std::vector<std::string> workplaces(const std::string& cookie) {
     std::vector<std::string> out;
-    for (const json& place : json::parse(ask("GET", "/api/workplaces", cookie).body)["workplaces"])
+    const json told = json::parse(ask("GET", "/api/workplaces", cookie).body);
+    for (const json& place : told["workplaces"])
       out.push_back(place["name"].get<std::string>() + ": " + place["state"].get<std::string>());
     return out;
   }

@@ -393,6 +393,28 @@ TEST_F(RecoveryTest, OneBadCaseDoesNotKeepTheOthersFromBeingRecovered) {
   EXPECT_EQ(verify(good).verdict, Verdict::kIntactWithGaps);
 }
 
+TEST_F(RecoveryTest, AFolderThatNobodyCanReadKeepsTheRecorderFromNothing) {
+  const auto folder = [this](const std::string& id) {
+    const fs::path made = archive_.folder() / id;
+    fs::create_directories(made);
+    return made;
+  };
+  folder("20200101T000000Z-00000000");
+  std::ofstream(folder("20200101T000000Z-00000001") / "checkpoints") << "a file in the place of a folder";
+  // A hole of a terabyte, which takes 4 KiB of the disk.
+  const fs::path sparse = folder("20200101T000000Z-00000002");
+  fs::create_directories(sparse / "checkpoints");
+  std::ofstream(sparse / "ledger.jsonl").close();
+  fs::resize_file(sparse / "ledger.jsonl", std::uintmax_t{1} << 40U);
+  std::ofstream(sparse / "ledger.jsonl", std::ios::app) << '\n';
+  const std::vector<CaseRecovery> found = recover();
+  ASSERT_EQ(found.size(), 3U);
+  for (const CaseRecovery& each : found) {
+    EXPECT_EQ(each.outcome, CaseRecovery::Outcome::kRefused) << each.case_id;
+    EXPECT_THAT(each.problem, Not(IsEmpty()));
+  }
+}
+
 TEST_F(RecoveryTest, LeavesATokenAsideThatIsNone) {
   fs::path folder;
   {

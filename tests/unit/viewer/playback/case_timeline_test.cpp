@@ -27,12 +27,14 @@ class CaseTimelineTest : public testing::Test {
     recorder::Session session(std::move(options));
     std::size_t marked = 0;
     return session
-        .run([&](const recorder::SessionStatus& /*status*/) {
-          if (marked < marks.size()) session.mark(marks[marked++]);
+        .run([&](const recorder::SessionStatus& status) {
+          const bool is_due = status.now_ns - status.begins_ns >= kFirstMarkNs;
+          if (is_due && marked < marks.size()) session.mark(marks[marked++]);
         })
         .folder;
   }
 
+  static constexpr std::int64_t kFirstMarkNs = 150'000'000;
   test::RecorderBench bench_;
   test::Reader reader_ = test::make_reader();
 };
@@ -109,7 +111,7 @@ TEST_F(CaseTimelineTest, MarksAreThoseThatWereCommittedTo) {
   const CaseMedia media(archive::CaseReader::open(folder), reader_.identities);
   EXPECT_THAT(marks_of(media),
               ElementsAre(Field(&TimelineMark::text, "clip placed"), Field(&TimelineMark::text, "鉗子")));
-  EXPECT_GE(marks_of(media)[0].time_ns, 150'000'000);
+  EXPECT_GE(marks_of(media)[0].time_ns, kFirstMarkNs);
   // Without the ledger's commitments (the rewritten case has none) nobody can tell that they were marked.
   const test::RecordedCase recorded(folder, reader_.identities);
   const auto rewritten = test::rewrite_case(bench_ / "rewritten", recorded, reader_.recipients,
