@@ -121,15 +121,7 @@ def main():
     parser.add_argument("--keep", action="store_true")
     parser.add_argument("--without-flushes", action="store_true")
     asked = parser.parse_args()
-    wanted = asked.file_systems.split(",")
-    for name in wanted:
-        if name not in machine.MAKE:
-            sys.exit(f"there is no file system '{name}' here; there are {', '.join(machine.MAKE)}")
-    missing = machine.missing_tool(*(machine.MAKE[name][0] for name in wanted), *(["cc"] if asked.without_flushes else []))
-    if missing:
-        print(f"{missing} is not installed (packages user-mode-linux, dmsetup, e2fsprogs, xfsprogs, btrfs-progs, gcc)")
-        return 77
-    machine.need_program()
+    wanted = machine.wanted_file_systems(asked)
     bad = tried = 0
     with tempfile.TemporaryDirectory(prefix="kiroku-theatre.") as work:
         guest = machine.Machine(pathlib.Path(work))

@@ -92,9 +92,19 @@ def without_flushes(work):
     return made
 
 
-def need_program():
+def wanted_file_systems(asked):
+    """Those of --file-systems. Ends the program where one is not known, or what they need is missing (status 77)."""
+    wanted = asked.file_systems.split(",")
+    for name in wanted:
+        if name not in MAKE:
+            sys.exit(f"there is no file system '{name}' here; there are {', '.join(MAKE)}")
+    missing = missing_tool(*(MAKE[name][0] for name in wanted), *(["cc"] if asked.without_flushes else []))
+    if missing:
+        print(f"{missing} is not installed (packages user-mode-linux, dmsetup, e2fsprogs, xfsprogs, btrfs-progs, gcc)")
+        sys.exit(77)
     if not os.access(KIROKU, os.X_OK):
         sys.exit(f"no program at {KIROKU}: build it, or set KIROKU")
+    return wanted
 
 
 def kiroku(*command):

@@ -204,15 +204,7 @@ def main():
     faults.add_argument("--without-flushes", action="store_true")
     asked = parser.parse_args()
     asked.loss_expected, asked.preload = bool(asked.lying_disk or asked.without_flushes), None
-    wanted = asked.file_systems.split(",")
-    for name in wanted:
-        if name not in machine.MAKE:
-            sys.exit(f"there is no file system '{name}' here; there are {', '.join(machine.MAKE)}")
-    missing = machine.missing_tool(*(machine.MAKE[name][0] for name in wanted), *(["cc"] if asked.without_flushes else []))
-    if missing:
-        print(f"{missing} is not installed (packages user-mode-linux, dmsetup, e2fsprogs, xfsprogs, btrfs-progs, gcc)")
-        return 77
-    machine.need_program()
+    wanted = machine.wanted_file_systems(asked)
     print(f"seed {asked.seed}", flush=True)
     chance = random.Random(asked.seed)
     with tempfile.TemporaryDirectory(prefix="kiroku-theatre.") as work:
