@@ -1,6 +1,6 @@
 #include "media/recorded_lines.h"
 
-#include "archive/case_folder.h"
+#include "archive/format/case_folder.h"
 #include "media/plaintext_lines.h"
 #include "media/sealed_segment.h"
 #include "media/vital_sample.h"

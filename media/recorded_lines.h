@@ -6,7 +6,7 @@
 #include <string>
 #include <string_view>
 
-#include "archive/case_reader.h"
+#include "archive/reading/case_reader.h"
 #include "crypto/age_recipient.h"
 
 namespace kiroku::media {

@@ -2,7 +2,7 @@
 
 #include <utility>
 
-#include "archive/found_files.h"
+#include "archive/verify/found_files.h"
 #include "base/error.h"
 
 namespace kiroku::media {

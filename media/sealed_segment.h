@@ -9,8 +9,8 @@
 #include <optional>
 #include <utility>
 
-#include "archive/case_folder.h"
-#include "archive/ledger_entry.h"
+#include "archive/format/case_folder.h"
+#include "archive/format/ledger_entry.h"
 #include "crypto/age_file.h"
 #include "crypto/hash_trails.h"
 

@@ -10,7 +10,7 @@
 #include <optional>
 #include <vector>
 
-#include "archive/ledger_entry.h"
+#include "archive/format/ledger_entry.h"
 #include "media/media_ticks.h"
 
 namespace kiroku::media {

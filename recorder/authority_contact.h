@@ -8,7 +8,7 @@
 #include <optional>
 #include <string>
 
-#include "archive/case_writer.h"
+#include "archive/writing/case_writer.h"
 #include "base/clock.h"
 #include "recorder/back_off.h"
 #include "recorder/stamping_queue.h"

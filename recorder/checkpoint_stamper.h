@@ -3,7 +3,7 @@
 
 #include <vector>
 
-#include "archive/recovery.h"
+#include "archive/upkeep/recovery.h"
 #include "recorder/authority_contact.h"
 
 namespace kiroku::recorder {

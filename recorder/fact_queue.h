@@ -8,7 +8,7 @@
 #include <variant>
 #include <vector>
 
-#include "archive/case_writer.h"
+#include "archive/writing/case_writer.h"
 #include "recorder/authority_contact.h"
 
 namespace kiroku::recorder {

@@ -9,7 +9,7 @@
 #include <optional>
 #include <variant>
 
-#include "archive/ledger_entry.h"
+#include "archive/format/ledger_entry.h"
 #include "recorder/source/source.h"
 
 namespace kiroku::recorder {

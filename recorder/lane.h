@@ -9,7 +9,7 @@
 #include <optional>
 #include <string>
 
-#include "archive/case_writer.h"
+#include "archive/writing/case_writer.h"
 #include "recorder/clock/case_clock.h"
 #include "recorder/fact_queue.h"
 #include "recorder/segment_store.h"

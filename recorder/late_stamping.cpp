@@ -5,9 +5,9 @@
 #include <set>
 #include <utility>
 
-#include "archive/case_folder.h"
-#include "archive/case_layout.h"
-#include "archive/found_files.h"
+#include "archive/format/case_folder.h"
+#include "archive/format/case_layout.h"
+#include "archive/verify/found_files.h"
 #include "base/error.h"
 
 namespace kiroku::recorder {

@@ -8,9 +8,9 @@
 #include <string>
 #include <vector>
 
-#include "archive/appliance_log.h"
-#include "archive/case_writer.h"
-#include "archive/file_system.h"
+#include "archive/storage/file_system.h"
+#include "archive/writing/appliance_log.h"
+#include "archive/writing/case_writer.h"
 #include "recorder/authority_contact.h"
 #include "recorder/stamping_queue.h"
 

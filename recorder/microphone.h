@@ -9,7 +9,7 @@
 #include <string>
 #include <thread>
 
-#include "archive/ledger_entry.h"
+#include "archive/format/ledger_entry.h"
 #include "recorder/clock/case_clock.h"
 #include "recorder/source/source.h"
 #include "recorder/source/source_guard.h"

@@ -10,7 +10,7 @@
 #include <optional>
 #include <vector>
 
-#include "archive/standby_folder.h"
+#include "archive/upkeep/standby_folder.h"
 #include "recorder/fact_queue.h"
 
 namespace kiroku::recorder {

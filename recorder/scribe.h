@@ -8,7 +8,7 @@
 #include <string>
 #include <thread>
 
-#include "archive/case_writer.h"
+#include "archive/writing/case_writer.h"
 #include "recorder/clock/clock_watch.h"
 #include "recorder/fact_queue.h"
 #include "recorder/lane.h"

@@ -8,8 +8,8 @@
 #include <mutex>
 #include <vector>
 
-#include "archive/case_writer.h"
-#include "archive/standby_folder.h"
+#include "archive/upkeep/standby_folder.h"
+#include "archive/writing/case_writer.h"
 
 namespace kiroku::recorder {
 

@@ -11,7 +11,7 @@
 #include <cstdint>
 #include <optional>
 
-#include "archive/ledger_entry.h"
+#include "archive/format/ledger_entry.h"
 
 namespace kiroku::recorder {
 

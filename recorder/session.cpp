@@ -5,8 +5,8 @@
 #include <mutex>
 #include <thread>
 
-#include "archive/case_layout.h"
-#include "archive/pointing_stream.h"
+#include "archive/format/case_layout.h"
+#include "archive/format/pointing_stream.h"
 #include "base/error.h"
 #include "recorder/events_lane.h"
 #include "recorder/pointing_lane.h"

@@ -11,9 +11,9 @@
 #include <string>
 #include <vector>
 
-#include "archive/appliance_log.h"
-#include "archive/case_writer.h"
-#include "archive/file_system.h"
+#include "archive/storage/file_system.h"
+#include "archive/writing/appliance_log.h"
+#include "archive/writing/case_writer.h"
 #include "crypto/age_recipient.h"
 #include "crypto/signing_key.h"
 #include "media/pointing_line.h"
@@ -52,7 +52,7 @@ struct StreamRequest {
 };
 
 /// A case whose identifier is known before it is made, and that may carry on an earlier one
-/// (archive/carried_on.h).
+/// (archive/verify/carried_on.h).
 struct CaseIdentity {
   std::string case_id;  // "": a new one
   std::optional<archive::CarriedOn> carries_on;

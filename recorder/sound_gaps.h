@@ -5,7 +5,7 @@
 #include <cstdint>
 #include <optional>
 
-#include "archive/ledger_entry.h"
+#include "archive/format/ledger_entry.h"
 #include "recorder/segmenter.h"
 
 namespace kiroku::recorder {

@@ -7,7 +7,7 @@
 #include <string>
 #include <vector>
 
-#include "archive/case_writer.h"
+#include "archive/writing/case_writer.h"
 #include "recorder/authority_contact.h"
 #include "recorder/fact_queue.h"
 

@@ -4,7 +4,7 @@
 #include <mutex>
 #include <utility>
 
-#include "archive/sqlite_file.h"
+#include "archive/catalogue/sqlite_file.h"
 
 namespace kiroku::recorder {
 namespace {

@@ -8,7 +8,7 @@ extern "C" {
 #include <algorithm>
 #include <utility>
 
-#include "archive/age_layout.h"
+#include "archive/format/age_layout.h"
 #include "base/error.h"
 #include "recorder/source/sound_source.h"
 

@@ -2,7 +2,7 @@
 
 #include "apps/common/format.h"
 #include "apps/configuration/table_reader.h"
-#include "archive/replica.h"
+#include "archive/reading/replica.h"
 #include "base/error.h"
 #include "base/printable.h"
 

@@ -7,8 +7,8 @@
 #include "apps/common/format.h"
 #include "apps/configuration/configuration.h"
 #include "apps/configuration/table_reader.h"
-#include "archive/case_layout.h"
-#include "archive/pointing_stream.h"
+#include "archive/format/case_layout.h"
+#include "archive/format/pointing_stream.h"
 #include "recorder/source/source_address.h"
 
 namespace kiroku::apps {

@@ -7,7 +7,7 @@
 #include "apps/kiroku/authorities.h"
 #include "apps/kiroku/recording_setup.h"
 #include "apps/kiroku/recovering.h"
-#include "archive/appliance_log.h"
+#include "archive/writing/appliance_log.h"
 #include "base/error.h"
 
 namespace kiroku::apps {

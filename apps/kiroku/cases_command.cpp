@@ -7,8 +7,8 @@
 #include "apps/common/json_output.h"
 #include "apps/kiroku/commands.h"
 #include "apps/kiroku/home.h"
-#include "archive/catalogue.h"
-#include "archive/catalogue_json.h"
+#include "archive/catalogue/catalogue.h"
+#include "archive/catalogue/catalogue_json.h"
 
 namespace kiroku::apps {
 namespace {

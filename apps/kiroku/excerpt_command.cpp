@@ -9,8 +9,8 @@
 #include "apps/kiroku/commands.h"
 #include "apps/kiroku/home.h"
 #include "apps/kiroku/user_name.h"
-#include "archive/case_reader.h"
-#include "archive/excerpt.h"
+#include "archive/reading/case_reader.h"
+#include "archive/reading/excerpt.h"
 #include "base/error.h"
 
 namespace kiroku::apps {

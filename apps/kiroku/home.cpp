@@ -8,9 +8,9 @@
 #include "apps/common/terminal.h"
 #include "apps/kiroku/user_name.h"
 #include "apps/verify/verify_command.h"
-#include "archive/appliance_log.h"
-#include "archive/excerpt_verifier.h"
-#include "archive/file_system.h"
+#include "archive/storage/file_system.h"
+#include "archive/verify/excerpt_verifier.h"
+#include "archive/writing/appliance_log.h"
 #include "base/error.h"
 
 namespace kiroku::apps {

@@ -10,9 +10,9 @@
 #include "apps/kiroku/home.h"
 #include "apps/verify/outside_note.h"
 #include "apps/verify/report_text.h"
-#include "archive/appliance_log.h"
-#include "archive/report_json.h"
-#include "archive/verifier.h"
+#include "archive/verify/report_json.h"
+#include "archive/verify/verifier.h"
+#include "archive/writing/appliance_log.h"
 #include "base/error.h"
 
 namespace kiroku::apps {

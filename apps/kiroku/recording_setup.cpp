@@ -5,8 +5,8 @@
 #include <nlohmann/json.hpp>
 
 #include "apps/common/file.h"
-#include "archive/catalogue.h"
-#include "archive/file_system.h"
+#include "archive/catalogue/catalogue.h"
+#include "archive/storage/file_system.h"
 #include "base/error.h"
 #include "crypto/encoding.h"
 

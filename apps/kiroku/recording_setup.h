@@ -9,7 +9,7 @@
 
 #include "apps/kiroku/authorities.h"
 #include "apps/kiroku/home.h"
-#include "archive/appliance_log.h"
+#include "archive/writing/appliance_log.h"
 #include "crypto/age_recipient.h"
 #include "recorder/source/source_guard.h"
 

@@ -9,7 +9,7 @@
 #include "apps/kiroku/commands.h"
 #include "apps/kiroku/home.h"
 #include "apps/kiroku/recovering.h"
-#include "archive/file_system.h"
+#include "archive/storage/file_system.h"
 
 namespace kiroku::apps {
 namespace {

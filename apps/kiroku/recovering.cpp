@@ -2,7 +2,7 @@
 
 #include "apps/common/command_line.h"
 #include "apps/common/format.h"
-#include "archive/file_system.h"
+#include "archive/storage/file_system.h"
 #include "base/error.h"
 #include "recorder/checkpoint_stamper.h"
 

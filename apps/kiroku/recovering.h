@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "apps/kiroku/recording_setup.h"
-#include "archive/recovery.h"
+#include "archive/upkeep/recovery.h"
 #include "recorder/authority_contact.h"
 
 namespace kiroku::apps {

@@ -11,7 +11,7 @@
 
 #include "apps/common/command_line.h"
 #include "apps/kiroku/home.h"
-#include "viewer/server/viewer.h"
+#include "viewer/viewer.h"
 
 namespace kiroku::apps {
 

@@ -11,8 +11,8 @@
 #include "apps/kiroku/authorities.h"
 #include "apps/kiroku/commands.h"
 #include "apps/kiroku/home.h"
-#include "archive/appliance_log.h"
-#include "archive/catalogue.h"
+#include "archive/catalogue/catalogue.h"
+#include "archive/writing/appliance_log.h"
 #include "base/error.h"
 #include "recorder/late_stamping.h"
 

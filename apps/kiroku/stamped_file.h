@@ -12,7 +12,7 @@
 
 #include "apps/common/command_line.h"
 #include "apps/kiroku/home.h"
-#include "archive/log_entry.h"
+#include "archive/format/log_entry.h"
 #include "base/check.h"
 #include "crypto/hash.h"
 #include "recorder/authority_contact.h"

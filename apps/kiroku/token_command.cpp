@@ -9,7 +9,7 @@
 #include "apps/common/terminal.h"
 #include "apps/kiroku/commands.h"
 #include "apps/kiroku/home.h"
-#include "archive/verifier.h"
+#include "archive/verify/verifier.h"
 #include "base/error.h"
 #include "crypto/encoding.h"
 #include "timestamp/token_verifier.h"

@@ -11,7 +11,7 @@
 #include "apps/kiroku/commands.h"
 #include "apps/kiroku/home.h"
 #include "base/error.h"
-#include "viewer/server/user_store.h"
+#include "viewer/people/user_store.h"
 
 namespace kiroku::apps {
 namespace {

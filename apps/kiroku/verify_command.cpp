@@ -1,8 +1,8 @@
 #include "apps/kiroku/commands.h"
 #include "apps/kiroku/home.h"
 #include "apps/kiroku/verify_extras.h"
-#include "archive/catalogue.h"
-#include "archive/excerpt_verifier.h"
+#include "archive/catalogue/catalogue.h"
+#include "archive/verify/excerpt_verifier.h"
 #include "base/error.h"
 #include "media/inspection/inspector.h"
 

@@ -7,8 +7,8 @@
 #include <vector>
 
 #include "apps/kiroku/home.h"
-#include "viewer/server/server_certificate.h"
-#include "viewer/server/viewer_context.h"
+#include "viewer/api/viewer_context.h"
+#include "viewer/http/server_certificate.h"
 
 namespace kiroku::apps {
 

@@ -33,9 +33,9 @@
 #include "apps/kiroku/recording_setup.h"
 #include "apps/kiroku/recovering.h"
 #include "apps/kiroku/viewer_setup.h"
-#include "archive/appliance_log.h"
-#include "archive/file_system.h"
-#include "archive/recording_lock.h"
+#include "archive/storage/file_system.h"
+#include "archive/storage/recording_lock.h"
+#include "archive/writing/appliance_log.h"
 #include "base/error.h"
 #include "base/process_hardening.h"
 #include "recorder/daemon/control_server.h"
@@ -49,7 +49,7 @@
 #include "recorder/vitals/mllp_address.h"
 #include "viewer/live/live_monitors.h"
 #include "viewer/live/live_pictures.h"
-#include "viewer/server/viewer.h"
+#include "viewer/viewer.h"
 
 namespace kiroku::apps {
 namespace {

@@ -11,7 +11,7 @@
 #include "apps/kiroku/plan_seal.h"
 #include "apps/kiroku/stamped_file.h"
 #include "apps/sim/sealed_files.h"
-#include "archive/case_reader.h"
+#include "archive/reading/case_reader.h"
 #include "base/error.h"
 #include "crypto/encoding.h"
 #include "viewer/kept/log_of_case.h"

@@ -10,7 +10,7 @@
 
 #include "apps/sim/comparison_progress.h"
 #include "apps/sim/comparison_request.h"
-#include "archive/case_reader.h"
+#include "archive/reading/case_reader.h"
 #include "crypto/age_recipient.h"
 #include "sim/plan/plan_frames.h"
 #include "sim/render/plan_pictures.h"

@@ -2,7 +2,7 @@
 
 #include "apps/common/file.h"
 #include "apps/kiroku/stamped_file.h"
-#include "archive/file_stamps.h"
+#include "archive/storage/file_stamps.h"
 #include "base/error.h"
 #include "viewer/kept/provenance.h"
 

@@ -8,7 +8,7 @@
 #include "apps/common/command_line.h"
 #include "apps/common/format.h"
 #include "apps/common/json_output.h"
-#include "archive/case_reader.h"
+#include "archive/reading/case_reader.h"
 #include "base/number_text.h"
 #include "base/utc_time.h"
 #include "crypto/encoding.h"

@@ -6,7 +6,7 @@
 #include "apps/kiroku/output_file.h"
 #include "apps/kiroku/plan_seal.h"
 #include "apps/kiroku/stamped_file.h"
-#include "archive/file_stamps.h"
+#include "archive/storage/file_stamps.h"
 #include "base/error.h"
 #include "crypto/age_file.h"
 

@@ -8,7 +8,7 @@
 #include <string_view>
 
 #include "apps/kiroku/home.h"
-#include "archive/case_reader.h"
+#include "archive/reading/case_reader.h"
 #include "crypto/age_recipient.h"
 #include "viewer/kept/kept_comparison.h"
 

@@ -15,7 +15,7 @@
 #include "apps/sim/plan_command.h"
 #include "apps/sim/plan_reading.h"
 #include "apps/sim/sealed_files.h"
-#include "archive/case_reader.h"
+#include "archive/reading/case_reader.h"
 #include "base/error.h"
 #include "crypto/encoding.h"
 #include "viewer/kept/log_of_case.h"

@@ -13,7 +13,7 @@
 #include "apps/sim/plan_command.h"
 #include "base/error.h"
 #include "viewer/planning/planning_api.h"
-#include "viewer/server/viewer.h"
+#include "viewer/viewer.h"
 
 namespace kiroku::apps {
 namespace {

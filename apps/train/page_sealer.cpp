@@ -14,12 +14,12 @@
 #include "apps/kiroku/recording_setup.h"
 #include "apps/train/attempt_numbers.h"
 #include "apps/train/attempt_seal.h"
-#include "archive/verifier.h"
+#include "archive/verify/verifier.h"
 #include "base/error.h"
+#include "viewer/http/own_folder.h"
 #include "viewer/report/case_facts.h"
 #include "viewer/report/pdf_writer.h"
 #include "viewer/report/report_document.h"
-#include "viewer/server/own_folder.h"
 
 namespace kiroku::apps {
 namespace {

@@ -16,8 +16,8 @@
 #include "base/error.h"
 #include "sim/model/body_model.h"
 #include "trainer/exclusion/hand_forces.h"
-#include "viewer/server/viewer.h"
 #include "viewer/training/training_api.h"
+#include "viewer/viewer.h"
 
 namespace kiroku::apps {
 namespace {

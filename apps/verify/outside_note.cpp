@@ -1,9 +1,9 @@
 #include "apps/verify/outside_note.h"
 
 #include "apps/common/file.h"
-#include "archive/case_folder.h"
-#include "archive/case_layout.h"
-#include "archive/checkpoint_rules.h"
+#include "archive/format/case_folder.h"
+#include "archive/format/case_layout.h"
+#include "archive/verify/checkpoint_rules.h"
 #include "base/error.h"
 
 namespace kiroku::apps {

@@ -3,7 +3,7 @@
 
 #include <filesystem>
 
-#include "archive/verifier.h"
+#include "archive/verify/verify_options.h"
 
 namespace kiroku::apps {
 

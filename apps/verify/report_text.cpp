@@ -10,7 +10,7 @@
 #include "apps/common/command_line.h"
 #include "apps/common/format.h"
 #include "apps/common/terminal.h"
-#include "archive/report_json.h"
+#include "archive/verify/report_json.h"
 
 namespace kiroku::apps {
 namespace {

@@ -3,7 +3,7 @@
 
 #include <string>
 
-#include "archive/verifier.h"
+#include "archive/verify/report.h"
 
 namespace kiroku::apps {
 

@@ -10,7 +10,7 @@
 #include "apps/common/json_output.h"
 #include "apps/verify/judging.h"
 #include "apps/verify/report_text.h"
-#include "archive/report_json.h"
+#include "archive/verify/report_json.h"
 #include "base/error.h"
 
 namespace kiroku::apps {

@@ -9,7 +9,7 @@
 #include <vector>
 
 #include "apps/common/command_line.h"
-#include "archive/verifier.h"
+#include "archive/verify/verifier.h"
 
 namespace kiroku::apps {
 

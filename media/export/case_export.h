@@ -18,7 +18,7 @@
 
 #include <nlohmann/json.hpp>
 
-#include "archive/case_reader.h"
+#include "archive/reading/case_reader.h"
 #include "crypto/age_recipient.h"
 
 namespace kiroku::media {

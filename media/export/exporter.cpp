@@ -6,7 +6,7 @@
 #include <utility>
 #include <vector>
 
-#include "archive/case_folder.h"
+#include "archive/format/case_folder.h"
 #include "base/ascii.h"
 #include "base/error.h"
 #include "media/export/remux_job.h"

@@ -3,7 +3,7 @@
 
 #include <nlohmann/json_fwd.hpp>
 
-#include "archive/verifier.h"
+#include "archive/verify/verify_options.h"
 #include "media/box/job_box.h"
 
 namespace kiroku::media {

@@ -5,7 +5,7 @@
 #include <chrono>
 #include <cstdint>
 
-#include "archive/ledger_entry.h"
+#include "archive/format/ledger_entry.h"
 #include "base/clock.h"
 
 namespace kiroku::recorder {

@@ -10,7 +10,7 @@
 #include <functional>
 #include <optional>
 
-#include "archive/ledger_entry.h"
+#include "archive/format/ledger_entry.h"
 #include "recorder/clock/case_clock.h"
 
 namespace kiroku::recorder {

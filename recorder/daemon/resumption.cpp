@@ -5,12 +5,12 @@
 #include <set>
 #include <utility>
 
-#include "archive/appliance_log.h"
-#include "archive/case_folder.h"
-#include "archive/case_layout.h"
-#include "archive/found_files.h"
-#include "archive/line_reader.h"
-#include "archive/log_entry.h"
+#include "archive/format/case_folder.h"
+#include "archive/format/case_layout.h"
+#include "archive/format/line_reader.h"
+#include "archive/format/log_entry.h"
+#include "archive/verify/found_files.h"
+#include "archive/writing/appliance_log.h"
 #include "base/error.h"
 #include "crypto/merkle_tree.h"
 

@@ -13,8 +13,8 @@
 #include <string>
 #include <vector>
 
-#include "archive/carried_on.h"
-#include "archive/recovery.h"
+#include "archive/upkeep/recovery.h"
+#include "archive/verify/carried_on.h"
 #include "base/bytes.h"
 #include "recorder/daemon/running_note.h"
 

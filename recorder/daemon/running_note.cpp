@@ -4,7 +4,7 @@
 
 #include <nlohmann/json.hpp>
 
-#include "archive/case_layout.h"
+#include "archive/format/case_layout.h"
 
 namespace kiroku::recorder {
 namespace {

@@ -8,7 +8,7 @@
 #include <optional>
 #include <string>
 
-#include "archive/file_system.h"
+#include "archive/storage/file_system.h"
 
 namespace kiroku::recorder {
 

@@ -6,7 +6,7 @@
 #include <stdexcept>
 #include <utility>
 
-#include "archive/case_layout.h"
+#include "archive/format/case_layout.h"
 #include "crypto/merkle_tree.h"
 
 namespace kiroku::test {

@@ -8,8 +8,8 @@
 #include <string>
 #include <vector>
 
-#include "archive/ledger_entry.h"
-#include "archive/verifier.h"
+#include "archive/format/ledger_entry.h"
+#include "archive/verify/verifier.h"
 #include "tests/support/sample_case.h"
 #include "tests/support/temporary_folder.h"
 

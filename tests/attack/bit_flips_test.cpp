@@ -8,7 +8,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "archive/case_layout.h"
+#include "archive/format/case_layout.h"
 #include "tests/attack/attacked_case.h"
 #include "tests/support/report_text.h"
 

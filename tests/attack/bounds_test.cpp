@@ -6,8 +6,8 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "archive/case_layout.h"
-#include "archive/limits.h"
+#include "archive/format/case_layout.h"
+#include "archive/format/limits.h"
 #include "crypto/merkle_tree.h"
 #include "tests/attack/attacked_case.h"
 #include "tests/support/heap_count.h"

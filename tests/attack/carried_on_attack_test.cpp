@@ -2,9 +2,9 @@
 // of their own, and by the owner of the device. The chain of three cases is made as a recorder makes it.
 #include <algorithm>
 
-#include "archive/case_layout.h"
-#include "archive/found_files.h"
-#include "archive/recovery.h"
+#include "archive/format/case_layout.h"
+#include "archive/upkeep/recovery.h"
+#include "archive/verify/found_files.h"
 #include "crypto/encoding.h"
 #include "crypto/merkle_tree.h"
 #include "tests/attack/attack_table.h"

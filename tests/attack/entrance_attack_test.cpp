@@ -24,10 +24,10 @@
 #include "tests/support/https_client.h"
 #include "tests/support/socket_client.h"
 #include "tests/support/temporary_folder.h"
+#include "viewer/api/workplaces.h"
+#include "viewer/http/server_certificate.h"
 #include "viewer/server/inner_door.h"
-#include "viewer/server/server_certificate.h"
-#include "viewer/server/viewer.h"
-#include "viewer/server/workplaces.h"
+#include "viewer/viewer.h"
 
 namespace kiroku::viewer {
 namespace {

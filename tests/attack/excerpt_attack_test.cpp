@@ -4,9 +4,9 @@
 #include <set>
 #include <sstream>
 
-#include "archive/case_layout.h"
-#include "archive/excerpt.h"
-#include "archive/excerpt_document.h"
+#include "archive/format/case_layout.h"
+#include "archive/format/excerpt_document.h"
+#include "archive/reading/excerpt.h"
 #include "crypto/merkle_tree.h"
 #include "tests/attack/attack_table.h"
 

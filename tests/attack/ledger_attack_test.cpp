@@ -3,7 +3,7 @@
 #include <cstdio>
 #include <sys/resource.h>
 
-#include "archive/case_layout.h"
+#include "archive/format/case_layout.h"
 #include "tests/attack/attack_table.h"
 
 namespace kiroku::test {

@@ -2,8 +2,8 @@
 #include <algorithm>
 #include <sstream>
 
-#include "archive/case_layout.h"
-#include "archive/log_entry.h"
+#include "archive/format/case_layout.h"
+#include "archive/format/log_entry.h"
 #include "crypto/merkle_tree.h"
 #include "tests/attack/attack_table.h"
 

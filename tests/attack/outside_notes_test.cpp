@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <sstream>
 
-#include "archive/case_layout.h"
+#include "archive/format/case_layout.h"
 #include "crypto/merkle_tree.h"
 #include "tests/attack/attack_table.h"
 

@@ -7,7 +7,7 @@
 #include <gtest/gtest.h>
 #include <openssl/pem.h>
 
-#include "archive/excerpt.h"
+#include "archive/reading/excerpt.h"
 #include "tests/attack/attacked_case.h"
 #include "tests/support/report_text.h"
 #include "tests/support/token_maker.h"

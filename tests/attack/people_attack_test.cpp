@@ -9,17 +9,17 @@
 #include <gtest/gtest.h>
 #include <nlohmann/json.hpp>
 
-#include "archive/case_writer.h"
-#include "archive/file_system.h"
+#include "archive/storage/file_system.h"
+#include "archive/writing/case_writer.h"
 #include "crypto/age_file.h"
 #include "crypto/hash.h"
 #include "tests/support/moved_clock.h"
 #include "tests/support/temporary_folder.h"
-#include "viewer/server/api.h"
+#include "viewer/api/api.h"
+#include "viewer/http/http_fields.h"
+#include "viewer/http/static_files.h"
+#include "viewer/people/sign_in_link.h"
 #include "viewer/server/dispatcher.h"
-#include "viewer/server/http_fields.h"
-#include "viewer/server/sign_in_link.h"
-#include "viewer/server/static_files.h"
 
 namespace kiroku::viewer {
 namespace {

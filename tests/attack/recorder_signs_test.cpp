@@ -8,13 +8,13 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "archive/appliance_log.h"
-#include "archive/case_layout.h"
-#include "archive/found_files.h"
-#include "archive/log_entry.h"
-#include "archive/recovery.h"
-#include "archive/replica.h"
-#include "archive/retention.h"
+#include "archive/format/case_layout.h"
+#include "archive/format/log_entry.h"
+#include "archive/reading/replica.h"
+#include "archive/upkeep/recovery.h"
+#include "archive/upkeep/retention.h"
+#include "archive/verify/found_files.h"
+#include "archive/writing/appliance_log.h"
 #include "base/error.h"
 #include "tests/attack/attacked_case.h"
 #include "tests/support/report_text.h"

@@ -14,8 +14,8 @@
 #include <thread>
 #include <vector>
 
-#include "archive/case_writer.h"
-#include "archive/file_system.h"
+#include "archive/storage/file_system.h"
+#include "archive/writing/case_writer.h"
 #include "crypto/age_recipient.h"
 #include "crypto/signing_key.h"
 #include "media/vital_line.h"

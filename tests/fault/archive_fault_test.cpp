@@ -9,9 +9,9 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "archive/case_layout.h"
-#include "archive/recovery.h"
-#include "archive/retention.h"
+#include "archive/format/case_layout.h"
+#include "archive/upkeep/recovery.h"
+#include "archive/upkeep/retention.h"
 #include "tests/fault/fault_step.h"
 #include "tests/support/fault_file_system.h"
 #include "tests/support/sample_case.h"

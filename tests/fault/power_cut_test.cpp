@@ -15,10 +15,10 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "archive/age_layout.h"
-#include "archive/case_layout.h"
-#include "archive/recovery.h"
-#include "archive/verifier.h"
+#include "archive/format/age_layout.h"
+#include "archive/format/case_layout.h"
+#include "archive/upkeep/recovery.h"
+#include "archive/verify/verifier.h"
 #include "crypto/age_file.h"
 #include "media/inspection/inspector.h"
 #include "recorder/checkpoint_stamper.h"

@@ -11,9 +11,9 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "archive/case_layout.h"
-#include "archive/recovery.h"
-#include "archive/verifier.h"
+#include "archive/format/case_layout.h"
+#include "archive/upkeep/recovery.h"
+#include "archive/verify/verifier.h"
 #include "recorder/daemon/room.h"
 #include "tests/fault/fault_step.h"
 #include "tests/support/eventually.h"

@@ -4,9 +4,9 @@
 #include <cstdlib>
 #include <string_view>
 
-#include "archive/excerpt_document.h"
-#include "archive/ledger_entry.h"
-#include "archive/log_entry.h"
+#include "archive/format/excerpt_document.h"
+#include "archive/format/ledger_entry.h"
+#include "archive/format/log_entry.h"
 
 namespace {
 

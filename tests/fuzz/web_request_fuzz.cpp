@@ -7,7 +7,7 @@
 
 #include "base/http_head.h"
 #include "crypto/utf8.h"
-#include "viewer/server/http_fields.h"
+#include "viewer/http/http_fields.h"
 
 namespace {
 

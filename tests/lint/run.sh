@@ -4,7 +4,7 @@
 # Usage: tests/lint/run.sh [--tidy [FILE...]]
 #   tests/lint/run.sh                           formatting (clang-format 14), shell scripts (shellcheck), ways of includes, sleeping tests, links, figures and generated pages of docs/
 #   tests/lint/run.sh --tidy                    clang-tidy on every source file of the preset release, too, which must be configured
-#   tests/lint/run.sh --tidy archive/ledger.cpp clang-tidy on these files alone
+#   tests/lint/run.sh --tidy archive/writing/ledger.cpp clang-tidy on these files alone
 #
 # Exit status: 0 nothing was found, 1 something was, 2 a tool is missing.
 set -euo pipefail

@@ -1,4 +1,4 @@
-// What page and server say to each other, held against viewer/server/openapi.json: nothing less than it promises, and nothing that it does not name.
+// What page and server say to each other, held against viewer/api/openapi.json: nothing less than it promises, and nothing that it does not name.
 import { readFileSync } from 'node:fs';
 import { join } from 'node:path';
 import { Ajv2020, type ValidateFunction } from 'ajv/dist/2020.js';

@@ -7,7 +7,7 @@
 #include <string>
 #include <vector>
 
-#include "archive/case_writer.h"
+#include "archive/writing/case_writer.h"
 #include "crypto/age_recipient.h"
 #include "crypto/signing_key.h"
 

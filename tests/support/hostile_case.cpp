@@ -4,7 +4,7 @@
 #include <sys/stat.h>
 #include <utility>
 
-#include "archive/case_layout.h"
+#include "archive/format/case_layout.h"
 #include "crypto/encoding.h"
 #include "tests/support/token_maker.h"
 

@@ -11,10 +11,10 @@
 #include <string_view>
 #include <vector>
 
-#include "archive/excerpt_document.h"
-#include "archive/ledger_entry.h"
-#include "archive/log_entry.h"
-#include "archive/verifier.h"
+#include "archive/format/excerpt_document.h"
+#include "archive/format/ledger_entry.h"
+#include "archive/format/log_entry.h"
+#include "archive/verify/verifier.h"
 #include "crypto/merkle_tree.h"
 #include "crypto/signed_note.h"
 #include "crypto/signing_key.h"

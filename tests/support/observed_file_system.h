@@ -6,7 +6,7 @@
 #include <memory>
 #include <utility>
 
-#include "archive/file_system.h"
+#include "archive/storage/file_system.h"
 
 namespace kiroku::test {
 

@@ -13,7 +13,7 @@
 #include <string>
 #include <vector>
 
-#include "archive/file_system.h"
+#include "archive/storage/file_system.h"
 
 namespace kiroku::test {
 

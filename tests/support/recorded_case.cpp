@@ -2,8 +2,8 @@
 
 #include <algorithm>
 
-#include "archive/case_writer.h"
-#include "archive/file_system.h"
+#include "archive/storage/file_system.h"
+#include "archive/writing/case_writer.h"
 #include "crypto/signing_key.h"
 
 namespace kiroku::test {

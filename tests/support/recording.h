@@ -6,7 +6,7 @@
 #include <string>
 #include <vector>
 
-#include "archive/case_reader.h"
+#include "archive/reading/case_reader.h"
 #include "crypto/age_recipient.h"
 #include "recorder/session.h"
 #include "tests/support/temporary_folder.h"

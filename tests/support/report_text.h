@@ -4,7 +4,7 @@
 #include <string>
 #include <vector>
 
-#include "archive/verifier.h"
+#include "archive/verify/verifier.h"
 
 namespace kiroku::test {
 

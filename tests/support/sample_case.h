@@ -11,10 +11,10 @@
 #include <optional>
 #include <string>
 
-#include "archive/appliance_log.h"
-#include "archive/case_writer.h"
-#include "archive/file_system.h"
-#include "archive/verifier.h"
+#include "archive/storage/file_system.h"
+#include "archive/verify/verifier.h"
+#include "archive/writing/appliance_log.h"
+#include "archive/writing/case_writer.h"
 #include "crypto/signing_key.h"
 #include "tests/support/temporary_folder.h"
 #include "timestamp/authority.h"

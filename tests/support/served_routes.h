@@ -15,9 +15,9 @@
 
 #include "tests/support/socket_client.h"
 #include "tests/support/temporary_folder.h"
-#include "viewer/server/server_certificate.h"
+#include "viewer/api/workplaces.h"
+#include "viewer/http/server_certificate.h"
 #include "viewer/server/web_server.h"
-#include "viewer/server/workplaces.h"
 
 namespace kiroku::test {
 
@@ -80,7 +80,7 @@ class ServedRoutes {
   std::optional<viewer::WebServer> server_;
 };
 
-/// Whether a program has the routes to which the viewer leads (viewer/server/workplaces.h), and no other.
+/// Whether a program has the routes to which the viewer leads (viewer/api/workplaces.h), and no other.
 inline void expect_to_be(const viewer::Router& router, std::span<const viewer::WorkplaceRoute> led_to) {
   const auto text = [](std::string_view method, std::string_view pattern, viewer::Right right,
                        bool is_socket) {
@@ -98,7 +98,7 @@ inline void expect_to_be(const viewer::Router& router, std::span<const viewer::W
 }
 
 /// What came over a WebSocket: text as JSON, or a picture's JSON with its size
-/// (viewer/server/picture_message.h).
+/// (viewer/http/picture_message.h).
 struct Said {
   nlohmann::json text;
   std::size_t jpeg_bytes = 0;  // 0: no picture

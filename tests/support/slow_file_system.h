@@ -10,7 +10,7 @@
 #include <thread>
 #include <utility>
 
-#include "archive/file_system.h"
+#include "archive/storage/file_system.h"
 
 namespace kiroku::test {
 

@@ -9,7 +9,7 @@
 #include "base/error.h"
 #include "tests/support/small_disk.h"
 #include "tests/system/program_test.h"
-#include "viewer/server/request.h"
+#include "viewer/http/request.h"
 #include "viewer/training/attempt_messages.h"
 #include "viewer/training/training_room.h"
 

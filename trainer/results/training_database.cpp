@@ -2,7 +2,7 @@
 
 #include <algorithm>
 
-#include "archive/sqlite_handles.h"
+#include "archive/catalogue/sqlite_handles.h"
 #include "base/error.h"
 #include "base/printable.h"
 

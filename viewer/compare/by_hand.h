@@ -14,7 +14,7 @@
 #include <string_view>
 #include <vector>
 
-#include "archive/case_reader.h"
+#include "archive/reading/case_reader.h"
 #include "sim/plan/plan.h"
 #include "viewer/compare/camera_track.h"
 #include "viewer/compare/figures.h"

@@ -8,7 +8,7 @@
 #include <span>
 #include <vector>
 
-#include "archive/ledger_entry.h"
+#include "archive/format/ledger_entry.h"
 #include "media/png.h"
 #include "viewer/compare/point_hold.h"
 #include "viewer/compare/registration.h"

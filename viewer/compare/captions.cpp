@@ -7,7 +7,7 @@
 #include <optional>
 #include <string>
 
-#include "archive/case_reader.h"
+#include "archive/reading/case_reader.h"
 
 namespace kiroku::compare {
 namespace {

@@ -7,7 +7,7 @@
 
 #include <nlohmann/json.hpp>
 
-#include "archive/pointing_stream.h"
+#include "archive/format/pointing_stream.h"
 #include "base/error.h"
 #include "media/recorded_lines.h"
 #include "media/vital_codes.h"

@@ -7,7 +7,7 @@
 #include <string>
 #include <vector>
 
-#include "archive/case_reader.h"
+#include "archive/reading/case_reader.h"
 #include "crypto/age_recipient.h"
 #include "viewer/compare/step_matching.h"
 

@@ -9,7 +9,7 @@
 #include <string>
 #include <vector>
 
-#include "archive/case_reader.h"
+#include "archive/reading/case_reader.h"
 #include "crypto/age_recipient.h"
 #include "sim/plan/plan.h"
 #include "sim/plan/plan_frames.h"

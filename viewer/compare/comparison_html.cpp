@@ -4,7 +4,7 @@
 #include <cstdio>
 #include <span>
 
-#include "archive/case_reader.h"
+#include "archive/reading/case_reader.h"
 #include "base/printable.h"
 #include "crypto/encoding.h"
 #include "viewer/compare/comparison_document.h"

@@ -8,7 +8,7 @@
 #include <optional>
 #include <string>
 
-#include "archive/case_reader.h"
+#include "archive/reading/case_reader.h"
 #include "crypto/age_recipient.h"
 #include "media/png.h"
 #include "sim/drr/ct_projector.h"

@@ -7,7 +7,7 @@
 #include <optional>
 #include <string>
 
-#include "archive/case_reader.h"
+#include "archive/reading/case_reader.h"
 #include "crypto/age_recipient.h"
 #include "sim/plan/plan_frames.h"
 #include "sim/render/plan_pictures.h"

@@ -4,7 +4,7 @@
 
 #include <cstdint>
 
-#include "archive/case_reader.h"
+#include "archive/reading/case_reader.h"
 #include "crypto/age_recipient.h"
 #include "sim/drr/overlay.h"
 #include "sim/plan/plan_frames.h"

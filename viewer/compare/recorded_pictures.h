@@ -4,7 +4,7 @@
 #include <cstdint>
 #include <string>
 
-#include "archive/case_reader.h"
+#include "archive/reading/case_reader.h"
 #include "crypto/age_recipient.h"
 #include "media/rgb_converter.h"
 #include "sim/render/picture.h"

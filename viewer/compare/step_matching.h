@@ -8,7 +8,7 @@
 #include <string>
 #include <vector>
 
-#include "archive/ledger_entry.h"
+#include "archive/format/ledger_entry.h"
 
 namespace kiroku::compare {
 

@@ -10,7 +10,7 @@
 
 #include <Eigen/Core>
 
-#include "archive/ledger_entry.h"
+#include "archive/format/ledger_entry.h"
 #include "media/png.h"
 #include "viewer/compare/point_hold.h"
 

@@ -2,7 +2,7 @@
 
 #include <algorithm>
 
-#include "archive/file_stamps.h"
+#include "archive/storage/file_stamps.h"
 #include "base/error.h"
 #include "crypto/age_file.h"
 #include "crypto/byte_source.h"

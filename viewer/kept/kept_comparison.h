@@ -20,7 +20,7 @@
 #include <string_view>
 #include <vector>
 
-#include "archive/case_reader.h"
+#include "archive/reading/case_reader.h"
 #include "base/bytes.h"
 #include "base/check.h"
 #include "crypto/age_file.h"

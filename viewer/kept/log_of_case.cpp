@@ -3,8 +3,8 @@
 #include <algorithm>
 #include <variant>
 
-#include "archive/appliance_log.h"
-#include "archive/log_entry.h"
+#include "archive/format/log_entry.h"
+#include "archive/writing/appliance_log.h"
 #include "crypto/encoding.h"
 #include "crypto/merkle_tree.h"
 

@@ -6,7 +6,7 @@
 #include <map>
 #include <string>
 
-#include "archive/ledger_entry.h"
+#include "archive/format/ledger_entry.h"
 #include "base/check.h"
 #include "base/utc_time.h"
 #include "crypto/hash.h"

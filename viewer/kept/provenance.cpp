@@ -4,9 +4,9 @@
 
 #include <nlohmann/json.hpp>
 
-#include "archive/case_folder.h"
-#include "archive/case_reader.h"
-#include "archive/line_reader.h"
+#include "archive/format/case_folder.h"
+#include "archive/format/line_reader.h"
+#include "archive/reading/case_reader.h"
 #include "base/error.h"
 #include "crypto/encoding.h"
 #include "crypto/merkle_tree.h"

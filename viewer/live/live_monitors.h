@@ -12,7 +12,7 @@
 #include <vector>
 
 #include "recorder/vitals_tap.h"
-#include "viewer/server/live_vitals.h"
+#include "viewer/rooms/live_vitals.h"
 
 namespace kiroku::live {
 

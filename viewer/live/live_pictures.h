@@ -7,7 +7,7 @@
 #include <utility>
 
 #include "viewer/live/live_channel.h"
-#include "viewer/server/live_pictures.h"
+#include "viewer/rooms/live_pictures.h"
 
 namespace kiroku::live {
 

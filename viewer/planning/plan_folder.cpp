@@ -11,7 +11,7 @@
 #include "sim/plan/plan_document.h"
 #include "sim/volume/volume_reader.h"
 #include "timestamp/small_files.h"
-#include "viewer/server/request.h"
+#include "viewer/http/request.h"
 
 namespace kiroku::viewer {
 namespace {

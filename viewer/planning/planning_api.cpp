@@ -2,8 +2,8 @@
 
 #include <nlohmann/json.hpp>
 
+#include "viewer/http/response.h"
 #include "viewer/planning/planning_socket.h"
-#include "viewer/server/response.h"
 
 namespace kiroku::viewer {
 namespace {

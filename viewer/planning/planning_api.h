@@ -1,9 +1,9 @@
 // The planner's part of the API (docs/reference/viewer.md, "Planning").
 #pragma once
 
+#include "viewer/api/viewer_context.h"
+#include "viewer/http/router.h"
 #include "viewer/planning/planning_room.h"
-#include "viewer/server/router.h"
-#include "viewer/server/viewer_context.h"
 
 namespace kiroku::viewer {
 

@@ -9,8 +9,8 @@
 #include "base/foreign_json.h"
 #include "sim/fem/element.h"
 #include "sim/render/picture_jpeg.h"
-#include "viewer/server/picture_message.h"
-#include "viewer/server/request.h"
+#include "viewer/http/picture_message.h"
+#include "viewer/http/request.h"
 
 namespace kiroku::viewer {
 namespace {

@@ -39,7 +39,7 @@ PlanningMessage parse_planning_message(std::string_view text);
 nlohmann::ordered_json opened_json(const PlanningTable& table);
 /// {"steps": [{"title", "action", "tools", "duration_s"}], "undo", "redo"}
 nlohmann::ordered_json steps_json(const PlanningTable& table);
-/// A picture with its numbers (viewer/server/picture_message.h).
+/// A picture with its numbers (viewer/http/picture_message.h).
 Bytes moment_message(const PlanningMoment& moment);
 
 }  // namespace kiroku::viewer

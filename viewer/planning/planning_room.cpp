@@ -2,7 +2,7 @@
 
 #include <utility>
 
-#include "viewer/server/request.h"
+#include "viewer/http/request.h"
 
 namespace kiroku::viewer {
 

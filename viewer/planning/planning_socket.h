@@ -6,9 +6,9 @@
 #include <mutex>
 #include <string>
 
+#include "viewer/http/socket.h"
 #include "viewer/planning/planning_messages.h"
 #include "viewer/planning/planning_room.h"
-#include "viewer/server/socket.h"
 
 namespace kiroku::viewer {
 

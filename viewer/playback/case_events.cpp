@@ -6,7 +6,7 @@
 
 #include <nlohmann/json.hpp>
 
-#include "archive/pointing_stream.h"
+#include "archive/format/pointing_stream.h"
 #include "base/foreign_json.h"
 #include "crypto/encoding.h"
 #include "crypto/hash.h"

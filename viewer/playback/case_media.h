@@ -11,8 +11,8 @@
 #include <string>
 #include <vector>
 
-#include "archive/case_folder.h"
-#include "archive/case_reader.h"
+#include "archive/format/case_folder.h"
+#include "archive/reading/case_reader.h"
 #include "crypto/age_recipient.h"
 #include "media/sealed_segment.h"
 #include "viewer/playback/case_ticks.h"

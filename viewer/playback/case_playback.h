@@ -20,7 +20,7 @@
 #include <string>
 #include <vector>
 
-#include "archive/case_reader.h"
+#include "archive/reading/case_reader.h"
 #include "base/bytes.h"
 #include "crypto/age_recipient.h"
 #include "viewer/playback/case_media.h"

@@ -5,7 +5,7 @@
 #include <map>
 #include <tuple>
 
-#include "archive/pointing_stream.h"
+#include "archive/format/pointing_stream.h"
 #include "base/error.h"
 #include "media/plaintext_lines.h"
 #include "media/vital_sample.h"

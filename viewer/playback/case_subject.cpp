@@ -5,7 +5,7 @@
 
 #include <nlohmann/json.hpp>
 
-#include "archive/case_folder.h"
+#include "archive/format/case_folder.h"
 #include "base/ascii.h"
 #include "base/error.h"
 #include "base/foreign_json.h"

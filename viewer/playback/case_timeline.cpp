@@ -6,9 +6,9 @@
 
 #include <nlohmann/json.hpp>
 
-#include "archive/brackets.h"
-#include "archive/case_folder.h"
-#include "archive/case_layout.h"
+#include "archive/format/case_folder.h"
+#include "archive/format/case_layout.h"
+#include "archive/verify/brackets.h"
 #include "viewer/playback/case_events.h"
 
 namespace kiroku::playback {

@@ -7,7 +7,7 @@
 #include <string>
 #include <vector>
 
-#include "archive/case_reader.h"
+#include "archive/reading/case_reader.h"
 #include "base/utc_time.h"
 #include "timestamp/token_verifier.h"
 #include "viewer/playback/case_media.h"

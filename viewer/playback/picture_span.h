@@ -6,7 +6,7 @@
 #include <optional>
 #include <string>
 
-#include "archive/case_reader.h"
+#include "archive/reading/case_reader.h"
 #include "crypto/age_recipient.h"
 #include "viewer/playback/case_media.h"
 #include "viewer/playback/picture_reader.h"

@@ -4,11 +4,11 @@
 #include <functional>
 #include <utility>
 
-#include "archive/case_folder.h"
-#include "archive/case_layout.h"
-#include "archive/excerpt_document.h"
-#include "archive/excerpt_verifier.h"
-#include "archive/line_reader.h"
+#include "archive/format/case_folder.h"
+#include "archive/format/case_layout.h"
+#include "archive/format/excerpt_document.h"
+#include "archive/format/line_reader.h"
+#include "archive/verify/excerpt_verifier.h"
 #include "base/error.h"
 #include "crypto/hashed_source.h"
 #include "crypto/merkle_tree.h"

@@ -1,5 +1,6 @@
 // What a case's or an excerpt's files state of themselves, read as far as they can be read: a report on a
-// damaged case tells what is there. Nothing here is judged (archive/verifier.h does). Functions; thread-safe.
+// damaged case tells what is there. Nothing here is judged (archive/verify/verifier.h does). Functions;
+// thread-safe.
 #pragma once
 
 #include <cstdint>
@@ -9,8 +10,8 @@
 #include <string>
 #include <vector>
 
-#include "archive/ledger_entry.h"
-#include "archive/verifier.h"
+#include "archive/format/ledger_entry.h"
+#include "archive/verify/report.h"
 #include "crypto/hash.h"
 
 namespace kiroku::report {

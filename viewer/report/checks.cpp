@@ -2,7 +2,7 @@
 
 #include <algorithm>
 
-#include "archive/finding_codes.h"
+#include "archive/verify/finding_codes.h"
 #include "viewer/report/finding_texts.h"
 #include "viewer/report/texts.h"
 

@@ -7,7 +7,7 @@
 #include <string_view>
 #include <vector>
 
-#include "archive/verifier.h"
+#include "archive/verify/report.h"
 #include "crypto/hash.h"
 #include "viewer/report/document.h"
 #include "viewer/report/language.h"

@@ -1,5 +1,5 @@
-// What each finding code (archive/finding_codes.h, whose English meaning stands there) is about: the question
-// it belongs to, and its meaning in Japanese.
+// What each finding code (archive/verify/finding_codes.h, whose English meaning stands there) is about: the
+// question it belongs to, and its meaning in Japanese.
 #pragma once
 
 #include <array>

@@ -4,7 +4,7 @@
 
 #include <string>
 
-#include "archive/verifier.h"
+#include "archive/verify/report.h"
 #include "viewer/report/case_facts.h"
 #include "viewer/report/checks.h"
 #include "viewer/report/document.h"

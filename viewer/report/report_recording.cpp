@@ -1,5 +1,5 @@
 // What was recorded: the case, its streams, its gaps.
-#include "archive/carried_on.h"
+#include "archive/verify/carried_on.h"
 #include "viewer/report/report_maker.h"
 #include "viewer/report/time_figure.h"
 

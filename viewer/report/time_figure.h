@@ -2,7 +2,7 @@
 // thread-safe.
 #pragma once
 
-#include "archive/verifier.h"
+#include "archive/verify/report.h"
 #include "viewer/report/case_facts.h"
 #include "viewer/report/figure.h"
 #include "viewer/report/language.h"

@@ -4,7 +4,7 @@
 #include <array>
 
 #include "base/error.h"
-#include "viewer/server/http_fields.h"
+#include "viewer/http/http_fields.h"
 
 namespace kiroku::viewer {
 namespace {

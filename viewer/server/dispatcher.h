@@ -12,11 +12,11 @@
 #include <string_view>
 #include <utility>
 
-#include "viewer/server/request.h"
-#include "viewer/server/response.h"
-#include "viewer/server/router.h"
-#include "viewer/server/session.h"
-#include "viewer/server/static_files.h"
+#include "viewer/http/request.h"
+#include "viewer/http/response.h"
+#include "viewer/http/router.h"
+#include "viewer/http/static_files.h"
+#include "viewer/people/session.h"
 
 namespace kiroku::viewer {
 

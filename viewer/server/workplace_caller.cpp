@@ -1,6 +1,6 @@
 #include "viewer/server/workplace_caller.h"
 
-#include "viewer/server/user_store.h"
+#include "viewer/people/user_store.h"
 
 namespace kiroku::viewer {
 

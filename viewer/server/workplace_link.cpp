@@ -14,8 +14,8 @@
 #include <nlohmann/json.hpp>
 
 #include "base/foreign_json.h"
+#include "viewer/people/session.h"
 #include "viewer/server/inner_door.h"
-#include "viewer/server/session.h"
 #include "viewer/server/workplace_caller.h"
 
 namespace kiroku::viewer {

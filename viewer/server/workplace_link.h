@@ -10,9 +10,9 @@
 #include <memory>
 #include <string>
 
-#include "viewer/server/request.h"
-#include "viewer/server/response.h"
-#include "viewer/server/socket.h"
+#include "viewer/http/request.h"
+#include "viewer/http/response.h"
+#include "viewer/http/socket.h"
 
 namespace kiroku::viewer {
 

@@ -5,8 +5,8 @@
 #include "base/foreign_json.h"
 #include "sim/render/picture_jpeg.h"
 #include "trainer/report/score_json.h"
-#include "viewer/server/picture_message.h"
-#include "viewer/server/request.h"
+#include "viewer/http/picture_message.h"
+#include "viewer/http/request.h"
 
 namespace kiroku::viewer {
 namespace {

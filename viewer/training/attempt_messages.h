@@ -32,7 +32,7 @@ inline constexpr std::size_t kLongestPageMessage = 2048;
 /// Refusal 400 in one sentence for what is none of them.
 PageMessage parse_page_message(std::string_view text);
 
-/// A moment and its picture (viewer/server/picture_message.h). What tells of stress is in it only where that
+/// A moment and its picture (viewer/http/picture_message.h). What tells of stress is in it only where that
 /// is shown.
 Bytes moment_message(const trainer::LiveView& view, bool shows_stress, ByteView jpeg);
 /// The picture of a moment as the page shows it.

@@ -5,7 +5,7 @@
 #include <nlohmann/json.hpp>
 
 #include "trainer/report/score_json.h"
-#include "viewer/server/request.h"
+#include "viewer/http/request.h"
 
 namespace kiroku::viewer {
 namespace {

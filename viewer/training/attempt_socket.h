@@ -4,7 +4,7 @@
 #include <memory>
 #include <optional>
 
-#include "viewer/server/socket.h"
+#include "viewer/http/socket.h"
 #include "viewer/training/attempt_messages.h"
 #include "viewer/training/training_room.h"
 

@@ -6,8 +6,8 @@
 
 #include "trainer/curriculum/learning.h"
 #include "trainer/report/score_json.h"
-#include "viewer/server/json_fields.h"
-#include "viewer/server/report_api.h"
+#include "viewer/api/report_api.h"
+#include "viewer/people/json_fields.h"
 #include "viewer/training/attempt_socket.h"
 
 namespace kiroku::viewer {

@@ -1,7 +1,7 @@
 // The trainer's part of the API (docs/explanation/training.md, "The page").
 #pragma once
 
-#include "viewer/server/router.h"
+#include "viewer/http/router.h"
 #include "viewer/training/training_room.h"
 
 namespace kiroku::viewer {

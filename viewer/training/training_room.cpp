@@ -5,7 +5,7 @@
 
 #include <nlohmann/json.hpp>
 
-#include "viewer/server/session.h"
+#include "viewer/people/session.h"
 
 namespace kiroku::viewer {
 

@@ -14,7 +14,7 @@
 #include "trainer/exclusion/exclusion_body.h"
 #include "trainer/hand/hand_motion.h"
 #include "trainer/results/training_database.h"
-#include "viewer/server/request.h"
+#include "viewer/http/request.h"
 #include "viewer/training/attempt_sealer.h"
 
 namespace kiroku::viewer {

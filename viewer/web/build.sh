@@ -23,7 +23,7 @@ if [[ ! -d node_modules || $(cat node_modules/.lock 2>/dev/null) != "$lock" ]]; 
   fi
   echo "$lock" >node_modules/.lock
 fi
-node_modules/.bin/openapi-typescript "$source_folder/../server/openapi.json" --output src/api/schema.d.ts --array-length >openapi.log 2>&1 ||
+node_modules/.bin/openapi-typescript "$source_folder/../api/openapi.json" --output src/api/schema.d.ts --array-length >openapi.log 2>&1 ||
   { cat openapi.log >&2; exit 1; }
 node_modules/.bin/tsc --noEmit
 node_modules/.bin/vite build --outDir "$out" --emptyOutDir --logLevel warn

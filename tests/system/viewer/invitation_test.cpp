@@ -161,7 +161,7 @@ TEST_F(Guests, SeeTheRunningCaseOfTheirRoomUntilTheInvitationIsRevoked) {
 TEST_F(Guests, AreRefusedWhateverElseTheApiHas) {
   const std::string case_id = begin_case();
   const std::string guest = join(invite());
-  const json document = json::parse(read_text(source_folder() / "viewer/server/openapi.json"));
+  const json document = json::parse(read_text(source_folder() / "viewer/api/openapi.json"));
   int asked = 0;
   for (const auto& [path, methods] : document["paths"].items()) {
     for (const auto& [method, operation] : methods.items()) {

@@ -4,7 +4,7 @@
 #include <cmath>
 #include <csignal>
 
-#include "archive/case_reader.h"
+#include "archive/reading/case_reader.h"
 #include "tests/support/build_paths.h"
 #include "tests/support/decoded_video.h"
 #include "tests/support/https_client.h"

@@ -41,7 +41,7 @@ class Viewer : public ServedHome {
     std::string method, target, right;
   };
   [[nodiscard]] std::vector<Operation> operations(const std::string& case_id) const {
-    const json document = json::parse(read_text(source_folder() / "viewer/server/openapi.json"));
+    const json document = json::parse(read_text(source_folder() / "viewer/api/openapi.json"));
     std::vector<Operation> out;
     for (const auto& [path, methods] : document["paths"].items()) {
       for (const auto& [method, operation] : methods.items()) {

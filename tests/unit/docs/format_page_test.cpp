@@ -4,9 +4,9 @@
 
 #include <gtest/gtest.h>
 
-#include "archive/age_layout.h"
-#include "archive/finding_codes.h"
-#include "archive/limits.h"
+#include "archive/format/age_layout.h"
+#include "archive/format/limits.h"
+#include "archive/verify/finding_codes.h"
 #include "tests/support/build_paths.h"
 
 namespace kiroku::archive {

@@ -3,8 +3,8 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "archive/case_layout.h"
-#include "archive/verifier.h"
+#include "archive/format/case_layout.h"
+#include "archive/verify/verifier.h"
 #include "base/error.h"
 #include "tests/support/case_kit.h"
 #include "tests/support/fault_file_system.h"

@@ -5,7 +5,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "archive/pointing_stream.h"
+#include "archive/format/pointing_stream.h"
 #include "recorder/pointing_lane.h"
 #include "recorder/session.h"
 #include "tests/support/eventually.h"

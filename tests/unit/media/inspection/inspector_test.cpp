@@ -3,7 +3,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "archive/case_reader.h"
+#include "archive/reading/case_reader.h"
 #include "crypto/hashed_source.h"
 #include "media/vital_sample.h"
 #include "tests/support/forger.h"

@@ -8,7 +8,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "archive/standby_folder.h"
+#include "archive/upkeep/standby_folder.h"
 #include "base/error.h"
 #include "tests/support/eventually.h"
 #include "tests/support/fault_file_system.h"

@@ -5,7 +5,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "archive/sqlite_handles.h"
+#include "archive/catalogue/sqlite_handles.h"
 #include "base/error.h"
 #include "tests/support/temporary_folder.h"
 

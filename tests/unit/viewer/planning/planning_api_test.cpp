@@ -11,7 +11,7 @@
 #include "tests/support/served_routes.h"
 #include "tests/support/temporary_folder.h"
 #include "tests/unit/viewer/planning/planned_block.h"
-#include "viewer/server/workplaces.h"
+#include "viewer/api/workplaces.h"
 
 namespace kiroku::viewer {
 namespace {

@@ -10,8 +10,8 @@
 #include "sim/mesh/mesh_writer.h"
 #include "sim/plan/plan_run.h"
 #include "tests/unit/viewer/planning/planned_block.h"
+#include "viewer/http/request.h"
 #include "viewer/planning/live_planning.h"
-#include "viewer/server/request.h"
 
 namespace kiroku::viewer {
 namespace {

@@ -3,7 +3,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "archive/case_layout.h"
+#include "archive/format/case_layout.h"
 #include "tests/support/recording.h"
 #include "tests/unit/viewer/playback/rewritten_case.h"
 

@@ -6,8 +6,8 @@
 #include <functional>
 #include <vector>
 
-#include "archive/case_writer.h"
-#include "archive/file_system.h"
+#include "archive/storage/file_system.h"
+#include "archive/writing/case_writer.h"
 #include "crypto/signing_key.h"
 #include "tests/support/recorded_case.h"
 #include "tests/support/recording.h"

@@ -6,7 +6,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "archive/excerpt.h"
+#include "archive/reading/excerpt.h"
 #include "base/error.h"
 #include "tests/support/sample_case.h"
 

@@ -5,7 +5,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "archive/finding_codes.h"
+#include "archive/verify/finding_codes.h"
 #include "viewer/report/checks.h"
 #include "viewer/report/document.h"
 #include "viewer/report/finding_texts.h"

@@ -14,7 +14,7 @@
 #include "tests/support/eventually.h"
 #include "tests/support/https_client.h"
 #include "tests/support/temporary_folder.h"
-#include "viewer/server/server_certificate.h"
+#include "viewer/http/server_certificate.h"
 
 namespace kiroku::viewer {
 namespace {

@@ -10,7 +10,7 @@
 #include "tests/support/moved_clock.h"
 #include "tests/support/socket_client.h"
 #include "tests/support/temporary_folder.h"
-#include "viewer/server/server_certificate.h"
+#include "viewer/http/server_certificate.h"
 #include "viewer/server/web_server.h"
 
 namespace kiroku::viewer {

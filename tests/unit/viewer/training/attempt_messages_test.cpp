@@ -6,7 +6,7 @@
 #include <gtest/gtest.h>
 #include <nlohmann/json.hpp>
 
-#include "viewer/server/request.h"
+#include "viewer/http/request.h"
 
 namespace kiroku::viewer {
 namespace {

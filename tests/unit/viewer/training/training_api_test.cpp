@@ -14,7 +14,7 @@
 #include "tests/support/served_routes.h"
 #include "tests/support/temporary_folder.h"
 #include "trainer/exclusion/patient_organ.h"
-#include "viewer/server/workplaces.h"
+#include "viewer/api/workplaces.h"
 
 namespace kiroku::viewer {
 namespace {

@@ -73,7 +73,7 @@ describe('Who is offered what', () => {
   it('is what the server allows', () => {
     const folder = process.env['KIROKU_SOURCE_DIR'];
     if (!folder) throw new Error('KIROKU_SOURCE_DIR names the checkout');
-    const table = readFileSync(`${folder}/viewer/server/role.cpp`, 'utf8');
+    const table = readFileSync(`${folder}/viewer/http/role.cpp`, 'utf8');
     for (const right of kRights) {
       const row = new RegExp(`"${right}", (true|false), (true|false), (true|false), (true|false)`).exec(table);
       const offered = (['operator', 'surgeon', 'auditor', 'administrator'] as const).map((role) => String(may(role, right)));

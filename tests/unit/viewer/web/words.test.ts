@@ -43,7 +43,7 @@ describe('What the server refuses', () => {
 });
 
 describe('The appliance log', () => {
-  const types = /kTypes\{(.*?)\};/s.exec(readFileSync(`${root}/archive/log_entry.cpp`, 'utf8'))?.[1] ?? '';
+  const types = /kTypes\{(.*?)\};/s.exec(readFileSync(`${root}/archive/format/log_entry.cpp`, 'utf8'))?.[1] ?? '';
   const names = [...types.matchAll(/"([a-z-]+)"/g)].map((one) => one[1] as string);
 
   it('has a name in both languages for every kind of entry', () => {
@@ -54,7 +54,7 @@ describe('The appliance log', () => {
     }
   });
   it('has a name in both languages for everything an entry carries', () => {
-    const source = readFileSync(`${root}/archive/log_entry.cpp`, 'utf8');
+    const source = readFileSync(`${root}/archive/format/log_entry.cpp`, 'utf8');
     const fields = new Set([...source.matchAll(/\.(?:text|digest|count|integer)\("([a-z_0-9]+)"/g)].map((one) => one[1] as string));
     for (const own of ['case', 'what', 'who', 'type', 'seq', 'utc', 'mono_ns']) fields.delete(own);
     expect(fields.size).toBeGreaterThan(8);
@@ -74,8 +74,8 @@ describe('The appliance log', () => {
     const said = Object.entries(places).flatMap(([name, which]) => sentencesOf(root, ['viewer', 'apps'], name, which));
     // Words that come from a variable: where they are given to it.
     const given = [
-      ...sentencesOf(root, ['viewer/server/'], 'answer', 1).filter((one) => one.file.endsWith('playback_api.cpp')),
-      ...sentencesOf(root, ['viewer/server/'], 'file', 2).filter((one) => one.file.endsWith('comparison_api.cpp')).map((one) => ({ ...one, text: one.text + kValue })),
+      ...sentencesOf(root, ['viewer/api/'], 'answer', 1).filter((one) => one.file.endsWith('playback_api.cpp')),
+      ...sentencesOf(root, ['viewer/api/'], 'file', 2).filter((one) => one.file.endsWith('comparison_api.cpp')).map((one) => ({ ...one, text: one.text + kValue })),
       { file: 'viewer/kept/log_of_case.cpp', text: `compared with a plan, document sha256 ${kValue}` },
     ];
     expect(given.filter((one) => !isOfOthers(one)).length).toBeGreaterThanOrEqual(7);
@@ -87,7 +87,7 @@ describe('The appliance log', () => {
     expect(lacking).toEqual([]);
   });
   it('tells why an invitation ended in Japanese', () => {
-    const source = readFileSync(`${root}/viewer/server/viewer_context.cpp`, 'utf8');
+    const source = readFileSync(`${root}/viewer/api/viewer_context.cpp`, 'utf8');
     const reasons = [...source.matchAll(/case InvitationEnd::\w+:\s*return "([^"]+)"/g)].map((one) => one[1] as string);
     expect(reasons.length).toBeGreaterThan(5);
     for (const reason of reasons) expect(endInJapanese(reason), reason).toMatch(kJapanese);

@@ -46,7 +46,7 @@ export const kDeeds: readonly SentencePair[] = [
   ['invitation {id} of guest {guest} to {room} ended: {why}', 'ゲスト {guest} の {room} への招待 {id} が終了：{why}'],
 ];
 
-/** Why an invitation ended (viewer/server/viewer_context.cpp). */
+/** Why an invitation ended (viewer/api/viewer_context.cpp). */
 export const kEnds: readonly SentencePair[] = [
   ['it was revoked', '取り消し'],
   ['its time is over', '時間切れ'],

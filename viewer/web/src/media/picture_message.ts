@@ -1,4 +1,4 @@
-// Pictures that come over a WebSocket with what belongs to them (viewer/server/picture_message.h).
+// Pictures that come over a WebSocket with what belongs to them (viewer/http/picture_message.h).
 
 /** The number of bytes of a JSON text (32 bits, the lowest first), the text, a JPEG file. */
 export function splitPicture<T>(message: ArrayBuffer): { about: T; jpeg: Blob } {

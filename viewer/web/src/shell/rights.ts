@@ -1,4 +1,4 @@
-// What the page offers to whom. The server decides (viewer/server/role.cpp); a test compares the two.
+// What the page offers to whom. The server decides (viewer/http/role.cpp); a test compares the two.
 import type { Role } from '@/api/types';
 
 export type Right = 'read-case' | 'watch' | 'compare' | 'plan' | 'train' | 'verify' | 'read-log' | 'see-live' | 'watch-room' | 'control-rooms' | 'invite' | 'manage-users';

@@ -1,0 +1,176 @@
+#include "archive/format/log_entry.h"
+
+#include <array>
+#include <utility>
+
+#include "archive/format/case_layout.h"
+#include "archive/format/json_writer.h"
+#include "archive/format/strict_json.h"
+
+namespace kiroku::archive {
+
+namespace {
+
+constexpr std::size_t kMaximumDepth = 1;
+
+constexpr std::array<std::string_view, std::variant_size_v<LogEntryBody>> kTypes{
+    "boot",        "shutdown",        "config-changed",    "device-key-changed", "plan-sealed",
+    "case-opened", "case-checkpoint", "case-closed",       "replicated",         "erased",
+    "access",      "recovered",       "pre-roll-discarded"};
+
+// -- writing, one function an entry type
+
+void write(JsonWriter& line, const BootEntry& entry) {
+  line.text("boot_id", entry.boot_id).text("device", entry.device);
+}
+void write(JsonWriter& /*line*/, const ShutdownEntry& /*entry*/) {}
+void write(JsonWriter& line, const ConfigChangedEntry& entry) { line.digest("sha256", entry.sha256); }
+void write(JsonWriter& line, const DeviceKeyChangedEntry& entry) { line.text("device", entry.device); }
+void write(JsonWriter& line, const PlanSealedEntry& entry) { line.digest("sha256", entry.sha256); }
+void write(JsonWriter& line, const CaseOpenedEntry& entry) {
+  line.text("case", entry.case_id).digest("sha256", entry.sha256);
+}
+void write(JsonWriter& line, const CaseCheckpointEntry& entry) {
+  line.text("case", entry.case_id).count("size", entry.size).digest("root", entry.root);
+}
+void write(JsonWriter& line, const CaseClosedEntry& entry) {
+  line.text("case", entry.case_id).count("size", entry.size).digest("root", entry.root);
+  if (entry.final_token) {
+    line.digest("final_token", *entry.final_token);
+  }
+}
+void write(JsonWriter& line, const ReplicatedEntry& entry) {
+  line.text("case", entry.case_id).text("target", entry.target);
+}
+void write(JsonWriter& line, const CaseErasedEntry& entry) {
+  line.text("case", entry.case_id);
+  if (entry.stream) {
+    line.text("stream", *entry.stream);
+  }
+  line.text("policy", entry.policy);
+}
+void write(JsonWriter& line, const AccessEntry& entry) {
+  line.text("case", entry.case_id).text("what", entry.what).text("who", entry.who);
+}
+void write(JsonWriter& line, const LogRecoveredEntry& entry) { line.count("truncated", entry.truncated); }
+void write(JsonWriter& line, const PreRollDiscardedEntry& entry) {
+  line.count("segments", entry.segments);
+  if (entry.duration_ns) {
+    line.integer("duration_ns", *entry.duration_ns);
+  }
+}
+
+// -- reading, likewise; each takes every key it knows
+
+std::string read_case_id(JsonFields& fields) {
+  std::string id = fields.text("case");
+  if (!fields.failed() && !is_case_id(id)) {
+    fields.refuse("case", "is not a case identifier such as 20260805T091502Z-3f9c21ab");
+  }
+  return id;
+}
+
+void read(JsonFields& fields, BootEntry& entry) {
+  entry.boot_id = fields.text("boot_id");
+  entry.device = fields.text("device");
+}
+void read(JsonFields& /*fields*/, ShutdownEntry& /*entry*/) {}
+void read(JsonFields& fields, ConfigChangedEntry& entry) { entry.sha256 = fields.digest("sha256"); }
+void read(JsonFields& fields, DeviceKeyChangedEntry& entry) { entry.device = fields.text("device"); }
+void read(JsonFields& fields, PlanSealedEntry& entry) { entry.sha256 = fields.digest("sha256"); }
+void read(JsonFields& fields, CaseOpenedEntry& entry) {
+  entry.case_id = read_case_id(fields);
+  entry.sha256 = fields.digest("sha256");
+}
+void read(JsonFields& fields, CaseCheckpointEntry& entry) {
+  entry.case_id = read_case_id(fields);
+  entry.size = fields.count("size");
+  entry.root = fields.digest("root");
+}
+void read(JsonFields& fields, CaseClosedEntry& entry) {
+  entry.case_id = read_case_id(fields);
+  entry.size = fields.count("size");
+  entry.root = fields.digest("root");
+  if (fields.has("final_token")) {
+    entry.final_token = fields.digest("final_token");
+  }
+}
+void read(JsonFields& fields, ReplicatedEntry& entry) {
+  entry.case_id = read_case_id(fields);
+  entry.target = fields.text("target");
+}
+void read(JsonFields& fields, CaseErasedEntry& entry) {
+  entry.case_id = read_case_id(fields);
+  if (fields.has("stream")) {
+    entry.stream = fields.text("stream");
+  }
+  entry.policy = fields.text("policy");
+}
+void read(JsonFields& fields, AccessEntry& entry) {
+  entry.case_id = fields.text("case");
+  entry.what = fields.text("what");
+  entry.who = fields.text("who");
+}
+void read(JsonFields& fields, LogRecoveredEntry& entry) { entry.truncated = fields.count("truncated"); }
+void read(JsonFields& fields, PreRollDiscardedEntry& entry) {
+  entry.segments = fields.count("segments");
+  if (fields.has("duration_ns")) {
+    entry.duration_ns = fields.integer("duration_ns");
+  }
+}
+
+/// A body of the type called `type`, its fields still empty.
+template <std::size_t Index = 0>
+std::optional<LogEntryBody> empty_body(std::string_view type) {
+  if constexpr (Index == kTypes.size()) {
+    return std::nullopt;
+  } else {
+    if (kTypes[Index] == type) {
+      return LogEntryBody(std::in_place_index<Index>);
+    }
+    return empty_body<Index + 1>(type);
+  }
+}
+
+}  // namespace
+
+std::string_view type_of(const LogEntryBody& body) { return kTypes.at(body.index()); }
+
+std::string to_line(const LogEntry& entry) {
+  JsonWriter line;
+  line.text("type", type_of(entry.body))
+      .count("seq", entry.seq)
+      .utc("utc", entry.at.utc)
+      .integer("mono_ns", entry.at.mono_ns);
+  std::visit([&line](const auto& body) { write(line, body); }, entry.body);
+  return line.finish();
+}
+
+LogEntryParse parse_log_entry(std::string_view line) {
+  const JsonParse parsed = parse_json(line, {kMaximumLineBytes, kMaximumDepth});
+  if (!parsed.value) {
+    return {std::nullopt, parsed.problem};
+  }
+  std::string problem;
+  JsonFields fields(*parsed.value, "log entry", problem);
+  LogEntry entry;
+  const std::string type = fields.text("type");
+  entry.seq = fields.count("seq");
+  entry.at.utc = fields.utc("utc");
+  entry.at.mono_ns = fields.integer("mono_ns");
+  if (problem.empty()) {
+    if (std::optional<LogEntryBody> body = empty_body(type)) {
+      std::visit([&fields](auto& each) { read(fields, each); }, *body);
+      entry.body = std::move(*body);
+      fields.no_more();
+    } else {
+      fields.refuse("type", "has a value that the appliance log does not know");
+    }
+  }
+  if (!problem.empty()) {
+    return {std::nullopt, problem};
+  }
+  return {std::move(entry), {}};
+}
+
+}  // namespace kiroku::archive

@@ -1,0 +1,105 @@
+// Entries of the appliance log (docs/reference/format.md, "The appliance log"), as values, to and from their
+// line. Pure functions, thread-safe.
+//
+// Every line begins with `type`, `seq`, `utc`, `mono_ns` as a case's does, then:
+//
+//   boot                 boot_id, device (verifier key)
+//   shutdown
+//   config-changed       sha256
+//   device-key-changed   device (the new verifier key)
+//   plan-sealed          sha256
+//   case-opened          case, sha256 (of the bytes of the case's first line, without LF)
+//   case-checkpoint      case, size, root
+//   case-closed          case, size, root, final_token (SHA-256 of the closing token's file; absent if none
+//                        came)
+//   replicated           case, target
+//   erased               case, stream (absent: the whole case), policy
+//   access               case (as it was asked for), what, who
+//   recovered            truncated (bytes of a torn last line that were cut off before this entry)
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <variant>
+
+#include "archive/format/ledger_entry.h"
+
+namespace kiroku::archive {
+
+struct BootEntry {
+  std::string boot_id;
+  std::string device;
+};
+struct ShutdownEntry {};
+struct ConfigChangedEntry {
+  crypto::Sha256Digest sha256{};
+};
+struct DeviceKeyChangedEntry {
+  std::string device;
+};
+struct PlanSealedEntry {
+  crypto::Sha256Digest sha256{};
+};
+struct CaseOpenedEntry {
+  std::string case_id;
+  crypto::Sha256Digest sha256{};
+};
+struct CaseCheckpointEntry {
+  std::string case_id;
+  std::uint64_t size = 0;
+  crypto::Sha256Digest root{};
+};
+struct CaseClosedEntry {
+  std::string case_id;
+  std::uint64_t size = 0;
+  crypto::Sha256Digest root{};
+  std::optional<crypto::Sha256Digest> final_token;
+};
+struct ReplicatedEntry {
+  std::string case_id, target;
+};
+struct CaseErasedEntry {
+  std::string case_id;
+  std::optional<std::string> stream;  // nothing: the whole case
+  std::string policy;
+};
+struct AccessEntry {
+  std::string case_id, what, who;
+};
+struct LogRecoveredEntry {
+  std::uint64_t truncated = 0;
+};
+struct PreRollDiscardedEntry {
+  std::uint64_t segments = 0;               // that were still there
+  std::optional<std::int64_t> duration_ns;  // they covered; nothing where a dead recorder left them
+};
+
+using LogEntryBody =
+    std::variant<BootEntry, ShutdownEntry, ConfigChangedEntry, DeviceKeyChangedEntry, PlanSealedEntry,
+                 CaseOpenedEntry, CaseCheckpointEntry, CaseClosedEntry, ReplicatedEntry, CaseErasedEntry,
+                 AccessEntry, LogRecoveredEntry, PreRollDiscardedEntry>;
+
+struct LogEntry {
+  std::uint64_t seq = 0;
+  /// mono_ns is the machine's monotonic clock: it starts anew after each `boot` and never goes back in
+  /// between.
+  Moment at;
+  LogEntryBody body;
+};
+
+/// "case-opened".
+std::string_view type_of(const LogEntryBody& body);
+
+/// The line, without LF. Throws kiroku::Error for a number of magnitude 2^53 or more.
+std::string to_line(const LogEntry& entry);
+
+/// What is wrong with a line, or the entry; as strict as parse_case_entry.
+struct LogEntryParse {
+  std::optional<LogEntry> entry;
+  std::string problem;  // one sentence when there is no entry
+};
+LogEntryParse parse_log_entry(std::string_view line);
+
+}  // namespace kiroku::archive

@@ -1,0 +1,171 @@
+#include "archive/upkeep/retention.h"
+
+#include <algorithm>
+#include <map>
+#include <optional>
+#include <set>
+#include <utility>
+
+#include "archive/format/case_layout.h"
+#include "archive/storage/file_system.h"
+#include "archive/writing/appliance_log.h"
+
+namespace kiroku::archive {
+
+namespace {
+
+namespace fs = std::filesystem;
+
+/// What the ledger says of one stream's segments.
+struct Segments {
+  std::map<std::uint64_t, std::uint64_t> bytes;  // by index
+  bool stream_known = false;
+  std::vector<ErasedEntry> erased;
+  bool closed = false;
+  std::int64_t last_mono_ns = 0;
+  OpenEntry opening;
+  Moment opened;
+
+  void take(const CaseEntry& entry, const std::string& stream) {
+    last_mono_ns = entry.at.mono_ns;
+    if (const auto* open = std::get_if<OpenEntry>(&entry.body)) {
+      opening = *open;
+      opened = entry.at;
+      stream_known = std::any_of(open->streams.begin(), open->streams.end(),
+                                 [&](const StreamInfo& each) { return each.name == stream; });
+    } else if (const auto* segment = std::get_if<SegmentEntry>(&entry.body)) {
+      if (segment->stream == stream) {
+        bytes[segment->index] = segment->file.bytes;
+      }
+    } else if (const auto* gone = std::get_if<ErasedEntry>(&entry.body)) {
+      if (gone->stream == stream) {
+        erased.push_back(*gone);
+        bytes.erase(bytes.lower_bound(gone->first_index), bytes.upper_bound(gone->last_index));
+      }
+    } else if (std::holds_alternative<CloseEntry>(entry.body)) {
+      closed = true;
+    }
+  }
+};
+
+/// What is left as runs of indexes.
+std::vector<ErasedEntry> runs_of(const Segments& segments, const std::string& stream,
+                                 const std::string& policy) {
+  std::vector<ErasedEntry> runs;
+  for (const auto& [index, bytes] : segments.bytes) {
+    if (!runs.empty() && runs.back().last_index + 1 == index) {
+      runs.back().last_index = index;
+    } else {
+      runs.push_back({stream, index, index, policy});
+    }
+  }
+  return runs;
+}
+
+}  // namespace
+
+std::vector<fs::path> files_to_erase(const fs::path& folder, const std::vector<ErasedEntry>& erased) {
+  std::set<std::string> streams;
+  for (const ErasedEntry& each : erased) {
+    streams.insert(each.stream);
+  }
+  std::vector<fs::path> found;
+  for (const std::string& stream : streams) {
+    const fs::path segments = folder / kSegmentsFolder / stream;
+    if (!fs::is_directory(segments)) {
+      continue;
+    }
+    for (const fs::directory_entry& file : fs::directory_iterator(segments)) {
+      const std::string name = file.path().filename().string();
+      const std::optional<std::uint64_t> index = parse_index(name.substr(0, name.find('.')));
+      const bool gone =
+          index && std::any_of(erased.begin(), erased.end(), [&](const ErasedEntry& each) {
+            return each.stream == stream && each.first_index <= *index && *index <= each.last_index;
+          });
+      if (gone && file.symlink_status().type() == fs::file_type::regular) {
+        found.push_back(file.path());
+      }
+    }
+  }
+  return found;
+}
+
+void remove_erased(FileSystem& files, const std::vector<fs::path>& to_erase) {
+  std::set<fs::path> folders;
+  for (const fs::path& file : to_erase) {
+    files.remove(file);
+    folders.insert(file.parent_path());
+  }
+  for (const fs::path& folder : folders) {
+    files.sync_folder(folder);
+  }
+}
+
+bool stamp_end(CaseWriter& writer, const CheckpointStamper& stamper, const std::function<Moment()>& now) {
+  const StoredCheckpoint over = writer.checkpoint(now(), true);
+  std::vector<CheckpointStamp> stamps = stamper ? stamper(over) : std::vector<CheckpointStamp>();
+  if (stamps.empty()) {
+    stamps.push_back({"none", {}, {}, {}, "no authority was at hand"});
+  }
+  bool stamped = false;
+  for (const CheckpointStamp& stamp : stamps) {
+    if (!stamp.cause.empty()) {
+      writer.append({TokenMissedEntry{over.size, stamp.authority, stamp.cause}}, now());
+      continue;
+    }
+    writer.store_authority_chain(stamp.authority, stamp.chain);
+    writer.add_token(over, stamp.authority, stamp.response, stamp.facts, now());
+    stamped = true;
+  }
+  return stamped;
+}
+
+// Step by step, each durable before the next:
+//
+//   erased in the ledger → checkpoint, also in the appliance log → erased in the appliance log → token
+//   → last checkpoint → the files are removed, their folder flushed
+//
+Erasure erase_stream(FileSystem& files, const RetentionOptions& options, const fs::path& folder,
+                     const std::string& stream, const std::string& policy) {
+  if (policy.empty()) {
+    throw UsageError("nothing is erased without a policy that says why: name it");
+  }
+  Segments segments;
+  const auto writer = CaseWriter::resume(files, folder, *options.key, options.device_name, options.log,
+                                         [&](const CaseEntry& entry) { segments.take(entry, stream); });
+  if (!segments.stream_known) {
+    throw UsageError("case " + writer->case_id() + " has no stream \"" + stream + "\"");
+  }
+  if (!segments.closed || writer->covered() < writer->size()) {
+    throw UsageError("case " + writer->case_id() +
+                     " was not brought to its end: nothing is erased from it before that; `kiroku recover` "
+                     "does it");
+  }
+  if (options.may_go && !options.may_go(segments.opening, segments.opened)) {
+    throw UsageError("case " + writer->case_id() +
+                     " is not as it was when it was chosen, and may not go: nothing was erased; find out who "
+                     "writes to the archive");
+  }
+  // After close the case clock stands.
+  const auto now = [&] { return Moment{options.now(), segments.last_mono_ns}; };
+  Erasure result;
+  for (const auto& [index, bytes] : segments.bytes) {
+    ++result.segments;
+    result.bytes += bytes;
+  }
+  const std::vector<ErasedEntry> runs = runs_of(segments, stream, policy);
+  if (!runs.empty()) {
+    writer->append(std::vector<CaseEntryBody>(runs.begin(), runs.end()), now());
+    writer->checkpoint(now(), true);
+    if (options.log != nullptr) {
+      options.log->erased(writer->case_id(), stream, policy);
+    }
+    result.stamped = stamp_end(*writer, options.stamp, now);
+    writer->finish(now());
+    segments.erased.insert(segments.erased.end(), runs.begin(), runs.end());
+  }
+  remove_erased(files, files_to_erase(folder, segments.erased));
+  return result;
+}
+
+}  // namespace kiroku::archive

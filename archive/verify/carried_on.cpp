@@ -1,0 +1,223 @@
+#include "archive/verify/carried_on.h"
+
+#include <algorithm>
+#include <charconv>
+#include <filesystem>
+#include <string_view>
+
+#include "archive/format/case_folder.h"
+#include "archive/format/case_layout.h"
+#include "archive/format/line_reader.h"
+#include "archive/verify/case_against_log.h"
+#include "archive/verify/finding_list.h"
+#include "base/error.h"
+#include "crypto/encoding.h"
+#include "crypto/merkle_tree.h"
+
+namespace kiroku::archive {
+
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr std::string_view kEvents = "events";
+constexpr std::string_view kCarriesOn = "operator; carries on case ";
+constexpr std::string_view kEntries = " entries, root ";
+constexpr std::string_view kAnnounces = "recovered; to be carried on as case ";
+
+/// What stands before `mark`, which is taken off `text` with it; nothing if it is not there.
+std::optional<std::string_view> take_until(std::string_view& text, std::string_view mark) {
+  const std::size_t at = text.find(mark);
+  if (at == std::string_view::npos) {
+    return std::nullopt;
+  }
+  const std::string_view before = text.substr(0, at);
+  text.remove_prefix(at + mark.size());
+  return before;
+}
+
+std::optional<std::uint64_t> number_of(std::string_view text) {
+  std::uint64_t number = 0;
+  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), number);
+  return error == std::errc() && end == text.data() + text.size() ? std::optional(number) : std::nullopt;
+}
+
+/// What of another ledger matters here.
+struct Neighbour {
+  std::optional<OpenEntry> open;
+  std::string close_reason;                  // within the entries that were read
+  std::uint64_t entries = 0;                 // that were read
+  std::optional<crypto::Sha256Digest> root;  // over the first `asked` entries
+};
+
+/// The first `asked` entries of a ledger; nothing where no case lies there, or it cannot be read.
+std::optional<Neighbour> read_neighbour(const fs::path& folder, std::uint64_t asked) {
+  try {
+    std::error_code error;
+    if (fs::symlink_status(folder, error).type() != fs::file_type::directory) {
+      return std::nullopt;
+    }
+    const FileOpening ledger = CaseFolder::open(folder).open_file(kLedgerFile);
+    if (!ledger.file) {
+      return std::nullopt;
+    }
+    Neighbour found;
+    crypto::MerkleFrontier tree;
+    LineReader reader(*ledger.file);
+    LedgerLine line;
+    while (tree.size() < asked && reader.next(line) && !line.torn && !line.too_long) {
+      tree.append(crypto::merkle_leaf_hash(bytes_of(line.text)));
+      const bool is_first = tree.size() == 1;
+      if (!is_first && line.text.find(R"("close")") == std::string_view::npos) {
+        continue;
+      }
+      EntryParse parse = parse_case_entry(line.text);
+      if (auto* open = parse.entry ? std::get_if<OpenEntry>(&parse.entry->body) : nullptr) {
+        found.open = std::move(*open);
+      } else if (const auto* close = parse.entry ? std::get_if<CloseEntry>(&parse.entry->body) : nullptr) {
+        found.close_reason = close->reason;
+      }
+    }
+    found.entries = tree.size();
+    if (tree.size() == asked) {
+      found.root = tree.root();
+    }
+    return found;
+  } catch (const Error&) {
+    return std::nullopt;
+  }
+}
+
+fs::path beside(const CaseFolder& folder, const std::string& case_id) {
+  return fs::absolute(folder.path()).lexically_normal().parent_path() / case_id;
+}
+
+Place in_ledger(std::optional<std::uint64_t> entry = std::nullopt) {
+  return {std::string(kLedgerFile), entry};
+}
+
+void check_earlier(const CaseFolder& folder, const OpenEntry& open, const CarriedOn& earlier,
+                   FindingList& findings) {
+  const std::string stated = "the case carries on case " + earlier.case_id;
+  const auto found = read_neighbour(beside(folder, earlier.case_id), earlier.size);
+  if (!found) {
+    findings.add("carried-on-not-here", in_ledger(0),
+                 stated + ", which does not lie beside it: they were not compared");
+  } else if (!found->root) {
+    findings.add("carrying-on-broken", in_ledger(0),
+                 stated + " after " + std::to_string(earlier.size) + " entries, and the one beside it has " +
+                     std::to_string(found->entries) +
+                     ": the end of that one was removed, or it is a copy from before");
+  } else if (*found->root != earlier.root) {
+    findings.add("carrying-on-broken", in_ledger(0),
+                 stated + ", whose first " + std::to_string(earlier.size) +
+                     " entries are not those of the one beside it");
+  } else if (announced_by(found->close_reason) != open.case_id) {
+    findings.add("carrying-on-broken", in_ledger(0), stated + ", which does not announce it");
+  } else if (!found->open || found->open->case_id != earlier.case_id || found->open->device != open.device) {
+    findings.add("carrying-on-broken", in_ledger(0),
+                 stated + ", and the one beside it names another case or another device");
+  } else {
+    findings.add("carrying-on-holds", in_ledger(0), stated + ", which lies beside it and announces it");
+  }
+}
+
+void check_later(const CaseFolder& folder, const OpenEntry& open, const std::string& later,
+                 FindingList& findings) {
+  const std::string stated = "the case was to be carried on as case " + later;
+  const auto found = read_neighbour(beside(folder, later), 1);
+  if (!found) {
+    findings.add("carried-on-not-here", in_ledger(),
+                 stated + ", which does not lie beside it: it was not compared, or was never begun");
+    return;
+  }
+  const auto earlier = found->open ? carried_on_by(*found->open) : std::nullopt;
+  if (!earlier || earlier->case_id != open.case_id || found->open->case_id != later) {
+    findings.add("carrying-on-broken", in_ledger(),
+                 stated + ", and the one beside it does not say that it carries this one on");
+    return;
+  }
+  if (found->open->device != open.device) {
+    findings.add("carrying-on-broken", in_ledger(),
+                 stated + ", and the one beside it names another device than this one");
+    return;
+  }
+  const auto here = read_neighbour(folder.path(), earlier->size);
+  if (!here || here->root != earlier->root) {
+    findings.add("carrying-on-broken", in_ledger(),
+                 stated + ", which names other first " + std::to_string(earlier->size) +
+                     " entries than there are here");
+    return;
+  }
+  findings.add("carrying-on-holds", in_ledger(), stated + ", which lies beside it and names it");
+}
+
+}  // namespace
+
+bool is_events(const StreamInfo& stream) { return stream.kind == kEvents && stream.name == kEvents; }
+
+std::string source_carrying_on(const CarriedOn& earlier) {
+  return std::string(kCarriesOn) + earlier.case_id + ", " + std::to_string(earlier.size) +
+         std::string(kEntries) + crypto::to_hex(earlier.root);
+}
+
+std::optional<CarriedOn> carried_on_by(const OpenEntry& open) {
+  const auto events = std::find_if(open.streams.begin(), open.streams.end(), is_events);
+  if (events == open.streams.end() || !events->source.starts_with(kCarriesOn)) {
+    return std::nullopt;
+  }
+  std::string_view rest = std::string_view(events->source).substr(kCarriesOn.size());
+  const auto id = take_until(rest, ", ");
+  const auto entries = take_until(rest, kEntries);
+  const auto size = entries ? number_of(*entries) : std::nullopt;
+  const auto root = crypto::from_hex(rest);
+  CarriedOn earlier;
+  if (!id || !is_case_id(*id) || !size || *size == 0 || !root || root->size() != earlier.root.size()) {
+    return std::nullopt;
+  }
+  earlier.case_id = *id;
+  earlier.size = *size;
+  std::copy(root->begin(), root->end(), earlier.root.begin());
+  return earlier;
+}
+
+std::string reason_to_be_carried_on(const std::string& later_case) {
+  return std::string(kAnnounces) + later_case;
+}
+
+std::optional<std::string> announced_by(const std::string& close_reason) {
+  if (!close_reason.starts_with(kAnnounces)) {
+    return std::nullopt;
+  }
+  std::string id = close_reason.substr(kAnnounces.size());
+  return is_case_id(id) ? std::optional(std::move(id)) : std::nullopt;
+}
+
+bool is_announced_by_earlier(const fs::path& folder, const OpenEntry& open,
+                             const crypto::VerifierKey& device) {
+  const auto earlier = carried_on_by(open);
+  if (!earlier) {
+    return false;
+  }
+  const fs::path its = fs::absolute(folder).lexically_normal().parent_path() / earlier->case_id;
+  const auto found = read_neighbour(its, earlier->size);
+  const auto hash_of = [](const OpenEntry& of) {
+    return of.subject ? std::optional(of.subject->sha256) : std::nullopt;
+  };
+  return found && found->open && found->root == earlier->root &&
+         announced_by(found->close_reason) == open.case_id && hash_of(*found->open) == hash_of(open) &&
+         found->open->plan == open.plan &&
+         is_signed(its, {case_origin(device.name(), earlier->case_id), earlier->size, earlier->root}, device);
+}
+
+void check_carrying_on(const CaseFolder& folder, const OpenEntry& open, const std::string& close_reason,
+                       FindingList& findings) {
+  if (const auto earlier = carried_on_by(open)) {
+    check_earlier(folder, open, *earlier, findings);
+  }
+  if (const auto later = announced_by(close_reason)) {
+    check_later(folder, open, *later, findings);
+  }
+}
+
+}  // namespace kiroku::archive

@@ -1,0 +1,51 @@
+// One operation in two cases: the recorder died, and after its recovery a new case carries the first one on
+// (docs/reference/format.md, "A case that carries another on"). Both statements are texts of format 1, so
+// that a verifier that does not know them judges both cases as it always did. Pure functions, thread-safe,
+// but for check_carrying_on().
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <optional>
+#include <string>
+
+#include "archive/format/ledger_entry.h"
+#include "crypto/signed_note.h"
+
+namespace kiroku::archive {
+
+class CaseFolder;
+class FindingList;
+
+/// The earlier case as the later one names it: its first `size` entries have `root`.
+struct CarriedOn {
+  std::string case_id;
+  std::uint64_t size = 0;
+  crypto::Sha256Digest root{};
+};
+
+/// Whether it is the stream of marks, whose `source` names the earlier case.
+bool is_events(const StreamInfo& stream);
+/// `source` of the later case's stream of events: "operator; carries on case ID, N entries, root HEX".
+std::string source_carrying_on(const CarriedOn& earlier);
+/// What `open` says of an earlier case; nothing where it says nothing.
+std::optional<CarriedOn> carried_on_by(const OpenEntry& open);
+
+/// `reason` of the earlier case's `close`: "recovered; to be carried on as case ID". The later case does not
+/// exist yet, and may never come to be.
+std::string reason_to_be_carried_on(const std::string& later_case);
+/// The case that `close` announces; nothing where it announces none.
+std::optional<std::string> announced_by(const std::string& close_reason);
+
+/// Whether the case that `open` says it carries on lies beside `folder`, announces just this case under a
+/// checkpoint of `device`, and has the same subject and plan. Then `open` brings nothing that was not there.
+bool is_announced_by_earlier(const std::filesystem::path& folder, const OpenEntry& open,
+                             const crypto::VerifierKey& device);
+
+/// Compares a case with the one before it and the one after it, where they lie beside it in one archive
+/// folder. Reads their ledgers once each, in constant memory. `folder` is the case's, `open` and
+/// `close_reason` ("" where there is none) are what its ledger says.
+void check_carrying_on(const CaseFolder& folder, const OpenEntry& open, const std::string& close_reason,
+                       FindingList& findings);
+
+}  // namespace kiroku::archive

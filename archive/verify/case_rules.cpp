@@ -1,0 +1,382 @@
+#include "archive/verify/case_rules.h"
+
+#include <algorithm>
+#include <cmath>
+#include <filesystem>
+#include <utility>
+
+#include "archive/format/case_layout.h"
+#include "base/error.h"
+
+namespace kiroku::archive {
+
+namespace {
+
+template <typename... Functions>
+struct Overloaded : Functions... {
+  using Functions::operator()...;
+};
+template <typename... Functions>
+Overloaded(Functions...) -> Overloaded<Functions...>;
+
+constexpr std::int64_t kNsPerUs = 1'000;
+constexpr std::int64_t kUsPerSecond = 1'000'000;
+constexpr std::int64_t kWallClockDiffersUs = 60 * kUsPerSecond;
+
+std::string at_entry(std::uint64_t number) { return "entry " + std::to_string(number); }
+
+Place in_ledger(std::uint64_t number, std::optional<std::uint64_t> offset = std::nullopt) {
+  return {std::string(kLedgerFile), number, offset};
+}
+
+}  // namespace
+
+CaseRules::CaseRules(const CaseFolder& folder, const VerifyOptions& options, FindingList& findings,
+                     CheckpointRules& checkpoints, FileChecker& files, Scope scope)
+    : folder_(&folder),
+      options_(&options),
+      findings_(&findings),
+      checkpoints_(&checkpoints),
+      files_(&files),
+      scope_(std::move(scope)),
+      tokens_(folder, options, findings, checkpoints) {}
+
+void CaseRules::take(const LedgerLine& line, std::uint64_t number) {
+  if (line.too_long) {
+    count_broken_line(number);
+    findings_->add("entry-too-long", in_ledger(number, line.offset),
+                   "the line of " + at_entry(number) + " has " + std::to_string(line.bytes) +
+                       " bytes where at most " + std::to_string(kMaximumLineBytes) + " are allowed");
+    return;
+  }
+  const EntryParse parse = parse_case_entry(line.text);
+  if (!parse.entry) {
+    count_broken_line(number);
+    findings_->add("entry-malformed", in_ledger(number, line.offset + parse.position.value_or(0)),
+                   at_entry(number) + " is no entry of the format: " + parse.problem);
+    if (number == 0) {
+      findings_->add("open-missing", in_ledger(0, line.offset),
+                     "the ledger does not begin with a readable open");
+    }
+    return;
+  }
+  const CaseEntry& entry = *parse.entry;
+  check_common(entry, number, line);
+  std::visit(
+      Overloaded{[&](const OpenEntry& open) { take_open(open, entry, number); },
+                 [&](const SegmentEntry& segment) { take_segment(segment, number); },
+                 [&](const GapEntry& gap) {
+                   if (StreamRules* its = stream(gap.stream, number)) {
+                     its->take(gap, number);
+                   }
+                 },
+                 [&](const ErasedEntry& erased) {
+                   if (!close_) {
+                     findings_->add("erased-before-close", in_ledger(number),
+                                    at_entry(number) + " says that segments of " + erased.stream +
+                                        " were erased, although the case was not closed yet");
+                     return;
+                   }
+                   if (StreamRules* its = stream(erased.stream, number)) {
+                     its->take(erased, number);
+                   }
+                 },
+                 [&](const ClockEntry& clock) { take_clock(clock, entry.at.mono_ns, number); },
+                 [&](const TokenEntry& token) {
+                   if (token.file.size() <= kMaximumPathBytes) {
+                     named_.insert(token.file);
+                   }
+                   if (token.authority.size() <= kMaximumPathBytes) {
+                     authorities_.insert(token.authority);
+                   }
+                   tokens_.take(token, number, entry.at.mono_ns);
+                 },
+                 [&](const TokenMissedEntry& missed) {
+                   if (missed.authority.size() <= kMaximumPathBytes) {
+                     authorities_.insert(missed.authority);
+                   }
+                   tokens_.take_missed(missed, number);
+                 },
+                 [&](const RecoveredEntry& recovered) {
+                   recovered_ = true;
+                   tokens_.take_recovered();
+                   for (auto& [name, its] : streams_) {
+                     its.take_recovered();
+                   }
+                   findings_->add("recovered", in_ledger(number),
+                                  "recording was cut off (" + recovered.after + ") and found again" +
+                                      (recovered.truncated.empty() ? "" : ": " + recovered.truncated) +
+                                      signed_late_text(number));
+                 },
+                 [&](const CloseEntry& close) { take_close(close, entry, number); }, [](const MarkEntry&) {}},
+      entry.body);
+}
+
+// Notes cannot be made up without the device's key: those that are there bound what was signed by then. Of an
+// excerpt the last one before its lines may be left out.
+std::string CaseRules::signed_late_text(std::uint64_t recovered) const {
+  const std::uint64_t first = checkpoints_->covered();
+  if (!scope_.whole_case || first >= recovered) {
+    return {};
+  }
+  return "; the entries from " + std::to_string(first) + " to " + std::to_string(recovered - 1) +
+         " had no signature until then, so whoever could write to the disk meanwhile could have made them";
+}
+
+void CaseRules::count_broken_line(std::uint64_t number) {
+  ++broken_lines_;
+  if (gave_up()) {
+    findings_->add("ledger-unreadable", in_ledger(number), unreadable_text(number));
+  }
+}
+
+void CaseRules::check_common(const CaseEntry& entry, std::uint64_t number, const LedgerLine& line) {
+  const bool is_open = std::holds_alternative<OpenEntry>(entry.body);
+  if (entry.seq != number) {
+    findings_->add("entry-out-of-sequence", in_ledger(number, line.offset),
+                   "line " + std::to_string(number) + " has seq " + std::to_string(entry.seq));
+  }
+  if (number == 0 && !is_open) {
+    findings_->add("open-missing", in_ledger(0, line.offset),
+                   "the ledger begins with " + std::string(type_of(entry.body)) + " instead of open");
+  }
+  if (number != 0 && is_open) {
+    findings_->add("open-repeated", in_ledger(number, line.offset), at_entry(number) + " is a second open");
+  }
+  if (entry.at.mono_ns < last_mono_ns_) {
+    findings_->add("clock-went-back", in_ledger(number, line.offset),
+                   "the case clock of " + at_entry(number) + " is " +
+                       std::to_string(last_mono_ns_ - entry.at.mono_ns) +
+                       " ns before that of the entry before it");
+  }
+  last_mono_ns_ = std::max(last_mono_ns_, entry.at.mono_ns);
+  if (last_utc_ && entry.at.utc < *last_utc_ && !clock_step_stated_ &&
+      !std::holds_alternative<ClockEntry>(entry.body)) {
+    findings_->add("utc-went-back", in_ledger(number, line.offset),
+                   "the machine's UTC of " + at_entry(number) + " is " + format_utc(entry.at.utc) +
+                       ", before " + format_utc(*last_utc_) + " of the entry before it");
+  }
+  last_utc_ = entry.at.utc;
+  clock_step_stated_ = false;
+  const bool may_follow_close = std::holds_alternative<TokenEntry>(entry.body) ||
+                                std::holds_alternative<TokenMissedEntry>(entry.body) ||
+                                std::holds_alternative<ErasedEntry>(entry.body);
+  if (!may_follow_close) {
+    last_claim_ = number;
+  }
+  if (close_ && !may_follow_close) {
+    findings_->add("entry-after-close", in_ledger(number, line.offset),
+                   at_entry(number) + " is a " + std::string(type_of(entry.body)) + " after close in " +
+                       at_entry(*close_));
+  }
+}
+
+void CaseRules::take_open(const OpenEntry& open, const CaseEntry& entry, std::uint64_t number) {
+  if (number != 0) {
+    return;
+  }
+  opening_ = open;
+  opened_ = entry.at.utc;
+  clock_zero_ = entry.at.utc -
+                std::chrono::floor<std::chrono::microseconds>(std::chrono::nanoseconds(entry.at.mono_ns));
+  for (const StreamInfo& each : open.streams) {
+    streams_.emplace(each.name, StreamRules(each, scope_.whole_case, *findings_));
+  }
+  try {
+    device_ = crypto::VerifierKey::parse(open.device);
+    checkpoints_->set_signer(*device_, case_origin(device_->name(), open.case_id));
+    judge_device(*device_, *options_, *findings_);
+  } catch (const UsageError& error) {
+    findings_->add("device-invalid", in_ledger(0), std::string("open names no device: ") + error.what());
+  }
+  if (open.subject) {
+    named_.insert(open.subject->file);
+    if (scope_.whole_case) {
+      files_->check({*open.subject, number, {}, {}, false});
+    }
+  }
+}
+
+void CaseRules::take_segment(const SegmentEntry& segment, std::uint64_t number) {
+  StreamRules* its = stream(segment.stream, number);
+  if (its == nullptr || !its->take(segment, number)) {
+    return;
+  }
+  named_.insert(segment.file.file);
+  if (!scope_.wanted || scope_.wanted(segment)) {
+    last_checked_segment_ = number;
+    files_->check(
+        {segment.file, number, segment, its->info(), scope_.rekeyed && scope_.rekeyed(segment.file.file)});
+  }
+}
+
+void CaseRules::take_clock(const ClockEntry& clock, std::int64_t mono_ns, std::uint64_t number) {
+  if (clock.rate_ppb) {
+    tokens_.take_rate(*clock.rate_ppb, mono_ns);
+    const bool slewed = std::abs(*clock.rate_ppb) > kSlewPpb;
+    if (slewed && !slewed_) {
+      findings_->add("clock-slewed", in_ledger(number),
+                     "the machine's clocks, the case clock among them, were made to run " +
+                         std::to_string(std::abs(*clock.rate_ppb) / 1'000) + " ppm " +
+                         (*clock.rate_ppb > 0 ? "faster" : "slower") + " than its crystal");
+    }
+    slewed_ = slewed;
+  }
+  if (clock.step_ns != 0) {
+    clock_step_stated_ = true;
+    tokens_.take_step(clock.step_ns, mono_ns);
+    findings_->add("clock-stepped", in_ledger(number),
+                   "the machine's wall clock was set by " + std::to_string(clock.step_ns) + " ns");
+  }
+  if (!clock.synchronised && !said_not_synchronised_) {
+    said_not_synchronised_ = true;
+    findings_->add("clock-not-synchronised", in_ledger(number),
+                   "the machine's wall clock was not synchronised");
+  }
+}
+
+void CaseRules::take_close(const CloseEntry& close, const CaseEntry& entry, std::uint64_t number) {
+  if (close_) {
+    return;  // a finding already
+  }
+  close_ = number;
+  close_reason_ = shortened(close.reason);
+  close_totals_ = close.totals;
+  closed_ = entry.at.utc;
+  tokens_.take_close(number);
+  for (auto& [name, its] : streams_) {
+    its.take_interruption();
+    const auto stated = close.totals.find(name);
+    its.check_totals(stated == close.totals.end() ? nullptr : &stated->second, number);
+  }
+  for (const auto& [name, total] : close.totals) {
+    stream(name, number);
+  }
+}
+
+StreamRules* CaseRules::stream(const std::string& name, std::uint64_t number) {
+  const auto found = streams_.find(name);
+  if (found != streams_.end()) {
+    return &found->second;
+  }
+  if (opening_) {
+    findings_->add("stream-unknown", in_ledger(number),
+                   at_entry(number) + " is of a stream \"" + name + "\", which open does not name");
+  }
+  return nullptr;
+}
+
+void CaseRules::finish() {
+  for (auto& [name, its] : streams_) {
+    its.finish();
+  }
+  tokens_.finish(scope_.whole_case);
+  judge_wall_clock();
+}
+
+void CaseRules::judge_wall_clock() {
+  for (const AuthorityClock& clock : tokens_.clocks()) {
+    if (!clock.outside || !clock_zero_) {
+      continue;
+    }
+    // In microseconds: an `open` that somebody made up may lie thousands of years away.
+    const std::int64_t ahead_us =
+        (clock.first.gen_time - *clock_zero_).count() - clock.first.case_ns / kNsPerUs;
+    if (std::abs(ahead_us) - clock.first.half_width_ns / kNsPerUs > kWallClockDiffersUs) {
+      findings_->add(
+          "clock-differs", in_ledger(0),
+          "by " + clock.authority + " the recorder's wall clock was " +
+              std::to_string(std::abs(ahead_us) / kUsPerSecond) + " s " +
+              (ahead_us > 0 ? "behind" : "ahead") +
+              ": the case's identifier and every time \"by the recorder's clock\" are wrong by that "
+              "much; the time-stamps are not");
+    }
+  }
+}
+
+void CaseRules::judge_missing(const std::vector<MissingFile>& missing) {
+  for (const MissingFile& each : missing) {
+    const auto its = each.stream ? streams_.find(each.stream->name) : streams_.end();
+    if (its != streams_.end() && its->second.erased(each.index)) {
+      its->second.count_erased();
+      continue;
+    }
+    findings_->add("file-missing", {each.file, each.entry},
+                   each.file + " is not there, which " + at_entry(each.entry) + " names");
+  }
+}
+
+bool CaseRules::erased(const std::string& path) const {
+  const std::filesystem::path parts(path);
+  const auto its = streams_.find(parts.parent_path().filename().string());
+  if (its == streams_.end() || !names(path)) {
+    return false;
+  }
+  const std::string name = parts.filename().string();
+  const std::optional<std::uint64_t> index = parse_index(name.substr(0, name.find('.')));
+  return index && its->second.erased(*index);
+}
+
+const StreamRules* CaseRules::stream_of_folder(const std::string& path) const {
+  const std::string prefix = std::string(kSegmentsFolder) + "/";
+  const std::size_t end = path.find('/', prefix.size());
+  if (!path.starts_with(prefix) || end == std::string::npos) {
+    return nullptr;
+  }
+  const auto its = streams_.find(path.substr(prefix.size(), end - prefix.size()));
+  return its == streams_.end() ? nullptr : &its->second;
+}
+
+bool CaseRules::is_folder(const std::string& path) const {
+  for (const std::string_view folder :
+       {kCheckpointsFolder, kTokensFolder, kSegmentsFolder, kAuthoritiesFolder}) {
+    if (path == folder) {
+      return true;
+    }
+  }
+  const std::string prefix = std::string(kSegmentsFolder) + "/";
+  return path.starts_with(prefix) && streams_.contains(path.substr(prefix.size()));
+}
+
+void CaseRules::check_device_file() {
+  if (!opening_) {
+    return;
+  }
+  const Place place{std::string(kDeviceFile)};
+  const FileOpening opening = folder_->open_file(kDeviceFile);
+  if (!opening.file && opening.problem != FileProblem::kMissing) {
+    report_unopened(*findings_, place, opening);
+    return;
+  }
+  std::optional<std::string> text;
+  try {
+    text = opening.file ? read_small(*opening.file, kMaximumNoteBytes) : std::nullopt;
+  } catch (const IoError& error) {
+    findings_->add("file-unreadable", place, std::string(error.what()) + "; so it was not checked");
+    return;
+  }
+  if (text != opening_->device + "\n") {
+    findings_->add("device-file-differs", place,
+                   std::string(kDeviceFile) +
+                       (opening.file ? " is not the key that open names" : " is not there") +
+                       "; it is a convenience that nothing was checked with");
+  }
+}
+
+void CaseRules::describe(VerificationReport& report) const {
+  if (opening_) {
+    report.case_id = opening_->case_id;
+    report.device = opening_->device;
+    for (const StreamInfo& each : opening_->streams) {
+      report.streams.push_back(streams_.at(each.name).report());
+    }
+  }
+  report.opened = opened_;
+  report.clock_zero = clock_zero_;
+  report.closed = closed_;
+  report.time = tokens_.time(scope_.whole_case ? last_claim_ : last_checked_segment_.value_or(0));
+  report.outside_entries = tokens_.outside_entries();
+  report.tokens = tokens_.count();
+}
+
+}  // namespace kiroku::archive

@@ -1,0 +1,114 @@
+// All rules for the entries of a case, fed line by line, whether from a whole ledger or an excerpt's part of
+// one. Knows nothing of where lines come from. Not thread-safe.
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <map>
+#include <optional>
+#include <set>
+#include <string>
+#include <unordered_set>
+#include <vector>
+
+#include "archive/format/case_folder.h"
+#include "archive/format/line_reader.h"
+#include "archive/verify/checkpoint_rules.h"
+#include "archive/verify/file_checker.h"
+#include "archive/verify/finding_list.h"
+#include "archive/verify/report.h"
+#include "archive/verify/stream_rules.h"
+#include "archive/verify/token_rules.h"
+#include "archive/verify/verify_options.h"
+
+namespace kiroku::archive {
+
+class CaseRules {
+ public:
+  /// What an excerpt leaves out is not looked for: which segments must be there, and no subject.
+  struct Scope {
+    bool whole_case = true;
+    std::function<bool(const SegmentEntry&)> wanted;  // unset: all
+    std::function<bool(const std::string& file)> rekeyed;
+  };
+  /// Everything referred to must outlive the object.
+  CaseRules(const CaseFolder& folder, const VerifyOptions& options, FindingList& findings,
+            CheckpointRules& checkpoints, FileChecker& files, Scope scope);
+
+  /// Entry `number`. Lines that are no entries are findings.
+  void take(const LedgerLine& line, std::uint64_t number);
+  /// Whether so many lines are no entries that the rest is not worth reading: then nothing may be judged that
+  /// depends on it.
+  [[nodiscard]] bool gave_up() const { return broken_lines_ > kMostBrokenLines; }
+  /// After the last line.
+  void finish();
+  /// After FileChecker::finish(): files that are not there, unless erased.
+  void judge_missing(const std::vector<MissingFile>& missing);
+
+  [[nodiscard]] const std::optional<OpenEntry>& opening() const { return opening_; }
+  [[nodiscard]] const std::optional<crypto::VerifierKey>& device() const { return device_; }
+  [[nodiscard]] std::optional<std::uint64_t> close_entry() const { return close_; }
+  /// The reason that `close` states; empty before it.
+  [[nodiscard]] const std::string& close_reason() const { return close_reason_; }
+  /// What `close` states of each stream; empty before it.
+  [[nodiscard]] const std::map<std::string, StreamTotal>& close_totals() const { return close_totals_; }
+  [[nodiscard]] bool recovered() const { return recovered_; }
+  [[nodiscard]] std::int64_t last_mono_ns() const { return last_mono_ns_; }
+  [[nodiscard]] const std::map<std::string, StreamRules>& streams() const { return streams_; }
+  [[nodiscard]] const TokenRules& tokens() const { return tokens_; }
+  /// Whether an entry names this file.
+  [[nodiscard]] bool names(const std::string& file) const { return named_.contains(file); }
+  /// Whether an entry names this authority: its token, or that there is none.
+  [[nodiscard]] bool names_authority(const std::string& name) const { return authorities_.contains(name); }
+  /// Whether it is a segment's file that an `erased` entry says is gone.
+  [[nodiscard]] bool erased(const std::string& path) const;
+  /// The stream in whose folder of segments the path lies; null if in none.
+  [[nodiscard]] const StreamRules* stream_of_folder(const std::string& path) const;
+  /// Whether format 1 has a folder of this path in this case.
+  [[nodiscard]] bool is_folder(const std::string& path) const;
+  /// Entry of the last segment that was within the scope.
+  [[nodiscard]] std::optional<std::uint64_t> last_checked_segment() const { return last_checked_segment_; }
+  /// device.pub against `open`.
+  void check_device_file();
+  /// Fills what the entries tell of the report.
+  void describe(VerificationReport& report) const;
+
+ private:
+  [[nodiscard]] std::string signed_late_text(std::uint64_t recovered) const;
+  void judge_wall_clock();
+  void count_broken_line(std::uint64_t number);
+  void check_common(const CaseEntry& entry, std::uint64_t number, const LedgerLine& line);
+  void take_open(const OpenEntry& open, const CaseEntry& entry, std::uint64_t number);
+  void take_segment(const SegmentEntry& segment, std::uint64_t number);
+  void take_clock(const ClockEntry& clock, std::int64_t mono_ns, std::uint64_t number);
+  void take_close(const CloseEntry& close, const CaseEntry& entry, std::uint64_t number);
+  StreamRules* stream(const std::string& name, std::uint64_t number);
+
+  const CaseFolder* folder_;
+  const VerifyOptions* options_;
+  FindingList* findings_;
+  CheckpointRules* checkpoints_;
+  FileChecker* files_;
+  Scope scope_;
+  TokenRules tokens_;
+  std::map<std::string, StreamRules> streams_;
+  std::optional<OpenEntry> opening_;
+  std::optional<crypto::VerifierKey> device_;
+  std::optional<UtcTime> opened_, closed_, clock_zero_;
+  std::optional<std::uint64_t> close_;
+  std::string close_reason_;
+  std::map<std::string, StreamTotal> close_totals_;
+  std::optional<UtcTime> last_utc_;
+  std::unordered_set<std::string> named_;
+  std::set<std::string> authorities_;
+  std::int64_t last_mono_ns_ = 0;
+  std::optional<std::uint64_t> last_checked_segment_;
+  std::uint64_t last_claim_ = 0;  // the last entry that says more than what became of the case since
+  std::uint64_t broken_lines_ = 0;
+  bool recovered_ = false;
+  bool clock_step_stated_ = false;
+  bool slewed_ = false;  // by the latest clock entry
+  bool said_not_synchronised_ = false;
+};
+
+}  // namespace kiroku::archive

@@ -1,0 +1,271 @@
+#include "archive/verify/checkpoint_rules.h"
+
+#include <algorithm>
+#include <future>
+#include <thread>
+#include <utility>
+
+#include "archive/format/case_layout.h"
+#include "archive/verify/file_checker.h"
+#include "base/error.h"
+
+namespace kiroku::archive {
+
+std::vector<std::uint64_t> note_sizes(const std::vector<ListedFile>& listing) {
+  const std::string prefix = std::string(kCheckpointsFolder) + "/";
+  std::vector<std::uint64_t> sizes;
+  for (const ListedFile& file : listing) {
+    if (file.path.starts_with(prefix) && file.kind != ListedFile::Kind::kFolder) {
+      if (const auto size = size_of_note_name(std::string_view(file.path).substr(prefix.size()));
+          size && *size > 0) {
+        sizes.push_back(*size);
+      }
+    }
+  }
+  std::sort(sizes.begin(), sizes.end());
+  return sizes;
+}
+
+std::optional<std::string> read_note(const CaseFolder& folder, std::uint64_t size,
+                                     std::optional<std::uint64_t> entry, FindingList& findings) {
+  const Place place{note_path(size), entry};
+  const FileOpening opening = folder.open_file(place.file);
+  if (!opening.file) {
+    report_unopened(findings, place, opening);
+    return std::nullopt;
+  }
+  try {
+    std::optional<std::string> note = read_small(*opening.file, kMaximumNoteBytes);
+    if (!note) {
+      findings.add("checkpoint-malformed", place, place.file + " is far too long for a checkpoint");
+    }
+    return note;
+  } catch (const IoError& error) {
+    findings.add("file-unreadable", place, std::string(error.what()) + "; so it was not checked");
+    return std::nullopt;
+  }
+}
+
+std::uint64_t bytes_in(const std::vector<ListedFile>& listing) {
+  std::uint64_t total = 0;
+  for (const ListedFile& file : listing) {
+    total += file.kind == ListedFile::Kind::kRegular ? file.bytes : 0;
+  }
+  return total;
+}
+
+void judge_device(const crypto::VerifierKey& device, const VerifyOptions& options, FindingList& findings) {
+  if (options.devices.empty()) {
+    findings.add("no-trusted-device", {"", 0},
+                 "no trusted device key was given, so the signatures of " + device.name() +
+                     " prove only that one key made them all");
+  } else if (std::find(options.devices.begin(), options.devices.end(), device) == options.devices.end()) {
+    findings.add(
+        "device-not-trusted", {"", 0},
+        "the device " + device.to_string() + " is not among the trusted ones: anybody can make such a key");
+  }
+}
+
+namespace {
+
+/// The first few of many names that anybody may have chosen, each cut short.
+std::string some_of(const std::vector<std::string>& keys) {
+  constexpr std::size_t kMost = 3;
+  constexpr std::size_t kLongest = 80;
+  std::string text;
+  for (std::size_t i = 0; i < std::min(keys.size(), kMost); ++i) {
+    std::size_t end = std::min(keys[i].size(), kLongest);
+    // Not within a character.
+    while (end < keys[i].size() && (static_cast<unsigned char>(keys[i][end]) & 0xc0U) == 0x80U) {
+      --end;
+    }
+    text += (i == 0 ? "" : ", ") + keys[i].substr(0, end) + (end < keys[i].size() ? "…" : "");
+  }
+  return text + (keys.size() > kMost ? ", …" : "");
+}
+
+}  // namespace
+
+CheckpointRules::CheckpointRules(const CaseFolder& folder, const VerifyOptions& options,
+                                 FindingList& findings, std::vector<std::uint64_t> sizes)
+    : folder_(&folder), options_(&options), findings_(&findings), sizes_(std::move(sizes)) {}
+
+void CheckpointRules::set_signer(crypto::VerifierKey device, std::string origin) {
+  // What was opened ahead was judged by another key. A log that changes its device in every line would have
+  // it all opened again each time.
+  one_signer_ = !device_;
+  ahead_.clear();
+  device_ = std::move(device);
+  origin_ = std::move(origin);
+}
+
+bool CheckpointRules::has(std::uint64_t size) const {
+  return std::binary_search(sizes_.begin(), sizes_.end(), size);
+}
+
+void CheckpointRules::appeared(std::uint64_t size) {
+  const auto at = std::lower_bound(sizes_.begin(), sizes_.end(), size);
+  if (at == sizes_.end() || *at != size) {
+    sizes_.insert(at, size);
+  }
+}
+
+std::optional<std::int64_t> CheckpointRules::mono_at(std::uint64_t size) const {
+  const auto found = mono_.find(size);
+  return found == mono_.end() ? std::nullopt : std::optional(found->second);
+}
+
+std::optional<crypto::Sha256Digest> CheckpointRules::hash_at(std::uint64_t size) const {
+  const auto found = hashes_.find(size);
+  return found == hashes_.end() ? std::nullopt : std::optional(found->second);
+}
+
+CheckpointRules::ReadNote CheckpointRules::open(const std::string& note) const {
+  std::vector<crypto::VerifierKey> signers;
+  if (device_) {
+    signers.push_back(*device_);
+  }
+  return {crypto::open_note(note, signers), crypto::sha256(bytes_of(note))};
+}
+
+void CheckpointRules::open_ahead(std::uint64_t size) {
+  constexpr std::size_t kOfThread = 32;
+  constexpr std::size_t kMost = 256;  // notes may be large
+  const std::size_t threads =
+      options_->threads > 0 ? options_->threads : std::max(1U, std::thread::hardware_concurrency());
+  const auto first = std::lower_bound(sizes_.begin(), sizes_.end(), size);
+  const auto left = static_cast<std::size_t>(sizes_.end() - first);
+  const std::size_t count = std::min({left, threads * kOfThread, kMost});
+  if (threads < 2 || count < 2 * kOfThread) {
+    return;
+  }
+  ahead_.clear();
+  ahead_until_ = *(first + static_cast<std::ptrdiff_t>(count) - 1);
+  std::vector<std::future<std::map<std::uint64_t, ReadNote>>> parts;
+  for (std::size_t begin = 0; begin < count; begin += kOfThread) {
+    const std::vector<std::uint64_t> part(
+        first + static_cast<std::ptrdiff_t>(begin),
+        first + static_cast<std::ptrdiff_t>(std::min(count, begin + kOfThread)));
+    parts.push_back(std::async(std::launch::async, [this, part] {
+      std::map<std::uint64_t, ReadNote> all;
+      for (const std::uint64_t each : part) {
+        FindingList said_later;
+        if (const auto note = read_note(*folder_, each, std::nullopt, said_later)) {
+          all.emplace(each, open(*note));
+        }
+      }
+      return all;
+    }));
+  }
+  for (auto& part : parts) {
+    ahead_.merge(part.get());
+  }
+}
+
+std::optional<crypto::OpenedNote> CheckpointRules::opened(std::uint64_t size) {
+  if (device_ && one_signer_ && size > ahead_until_) {
+    open_ahead(size);
+  }
+  if (auto known = ahead_.extract(size)) {
+    hashes_.emplace(size, known.mapped().hash);
+    return std::move(known.mapped().opened);
+  }
+  const std::optional<std::string> note = read_note(*folder_, size, std::nullopt, *findings_);
+  if (!note) {
+    return std::nullopt;
+  }
+  ReadNote read = open(*note);
+  hashes_.emplace(size, read.hash);
+  return std::move(read.opened);
+}
+
+std::optional<crypto::Checkpoint> CheckpointRules::check_note(std::uint64_t size,
+                                                              const crypto::OpenedNote& opened) {
+  const Place place{note_path(size)};
+  const std::optional<crypto::Checkpoint> checkpoint = crypto::Checkpoint::parse(opened.text);
+  if (opened.failure == crypto::NoteFailure::kMalformed || !checkpoint) {
+    findings_->add("checkpoint-malformed", place,
+                   place.file + " is no signed checkpoint" +
+                       (opened.explanation.empty() || checkpoint ? "" : ": " + opened.explanation));
+    return std::nullopt;
+  }
+  if (device_ && opened.failure == crypto::NoteFailure::kBadSignature) {
+    findings_->add("checkpoint-signature-invalid", place, place.file + ": " + opened.explanation);
+    return std::nullopt;
+  }
+  if (device_ && opened.failure) {
+    findings_->add(
+        "checkpoint-unknown-key", place,
+        place.file + " is not signed by the device " + device_->name() + ": " + opened.explanation);
+    return std::nullopt;
+  }
+  if (device_ && !opened.unchecked.empty()) {
+    findings_->add("checkpoint-cosigned", place,
+                   place.file + " is signed in the names of " + std::to_string(opened.unchecked.size()) +
+                       (opened.unchecked.size() == 1 ? " key" : " keys") +
+                       " beside the device's, which were not checked: " + some_of(opened.unchecked));
+  }
+  if (checkpoint->size != size) {
+    findings_->add("checkpoint-size-differs", place,
+                   place.file + " states a tree of " + std::to_string(checkpoint->size) + " entries");
+    return std::nullopt;
+  }
+  return checkpoint;
+}
+
+void CheckpointRules::reached(std::uint64_t size, const RootTest& fits, bool tree_known,
+                              std::optional<std::int64_t> mono_ns) {
+  if (!has(size)) {
+    return;
+  }
+  if (mono_ns) {
+    mono_[size] = *mono_ns;
+  }
+  const std::optional<crypto::OpenedNote> note = opened(size);
+  if (!note) {
+    return;
+  }
+  ++count_;
+  const std::optional<crypto::Checkpoint> checkpoint = check_note(size, *note);
+  if (!checkpoint || !tree_known) {
+    return;
+  }
+  // A changed `open` makes every origin foreign: the root says so, too, and names the ledger.
+  const bool foreign = device_ && checkpoint->origin != origin_;
+  if (foreign) {
+    findings_->add("checkpoint-of-other-origin", {note_path(size)},
+                   note_path(size) + " is of \"" + checkpoint->origin + "\", not of \"" + origin_ + "\"");
+  }
+  if (fits(checkpoint->root)) {
+    covered_ = foreign ? covered_ : size;
+    return;
+  }
+  if (!changed_) {
+    changed_ = true;
+    findings_->add("ledger-changed", {std::string(kLedgerFile), covered_},
+                   "entries " + std::to_string(covered_) + " to " + std::to_string(size - 1) +
+                       " are not those of which " + note_path(size) +
+                       " was signed: at least one was changed, added, removed or moved");
+  }
+}
+
+void CheckpointRules::finish(std::uint64_t size) {
+  const auto beyond = std::upper_bound(sizes_.begin(), sizes_.end(), size);
+  for (auto each = beyond; each != sizes_.end(); ++each) {
+    const std::optional<crypto::OpenedNote> note = opened(*each);
+    const std::optional<crypto::Checkpoint> checkpoint = note ? check_note(*each, *note) : std::nullopt;
+    if (!checkpoint) {
+      continue;
+    }
+    if (device_ && checkpoint->origin != origin_) {
+      findings_->add("checkpoint-of-other-origin", {note_path(*each)},
+                     note_path(*each) + " is of \"" + checkpoint->origin + "\", not of \"" + origin_ + "\"");
+      continue;
+    }
+    findings_->add("ledger-cut", {note_path(*each), size},
+                   note_path(*each) + " covers " + std::to_string(*each) + " entries and there are " +
+                       std::to_string(size) + ": the end of the ledger was removed");
+  }
+}
+
+}  // namespace kiroku::archive

@@ -1,0 +1,96 @@
+// Signed notes of a ledger against its tree. Not thread-safe.
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <map>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "archive/format/case_folder.h"
+#include "archive/format/limits.h"
+#include "archive/verify/finding_list.h"
+#include "archive/verify/verify_options.h"
+#include "crypto/signed_note.h"
+
+namespace kiroku::archive {
+
+/// The note files of `checkpoints/`, by tree size, from the folder's listing. Files there with other names
+/// are not in it.
+std::vector<std::uint64_t> note_sizes(const std::vector<ListedFile>& listing);
+
+/// The bytes of one note; adds a finding and gives nothing where it cannot be had.
+std::optional<std::string> read_note(const CaseFolder& folder, std::uint64_t size,
+                                     std::optional<std::uint64_t> entry, FindingList& findings);
+
+/// Whether a root is that of the tree as it stands.
+using RootTest = std::function<bool(const crypto::Sha256Digest& root)>;
+
+/// Takes the tree's root at each size that a note has, in rising order, and checks that note.
+class CheckpointRules {
+ public:
+  CheckpointRules(const CaseFolder& folder, const VerifyOptions& options, FindingList& findings,
+                  std::vector<std::uint64_t> sizes);
+
+  /// Who must sign from here on, and the origin line; before the first call signatures and origins are not
+  /// checked (the ledger has no usable `open`, which is a finding of its own).
+  void set_signer(crypto::VerifierKey device, std::string origin);
+  /// Whether a note of this size is there.
+  [[nodiscard]] bool has(std::uint64_t size) const;
+  /// A note that came to be after the listing.
+  void appeared(std::uint64_t size);
+  /// The tree has `size` entries, and `fits` tells whether a root is its. `tree_known` is false once a line
+  /// could not be hashed. `mono_ns` is the case clock of the last entry, where known.
+  void reached(std::uint64_t size, const RootTest& fits, bool tree_known,
+               std::optional<std::int64_t> mono_ns);
+  /// The ledger ends with `size` entries: notes beyond are findings.
+  void finish(std::uint64_t size);
+
+  /// Largest size whose note fits the tree; 0 if none.
+  [[nodiscard]] std::uint64_t covered() const { return covered_; }
+  /// Largest size that any note has by its name; 0 if none.
+  [[nodiscard]] std::uint64_t newest() const { return sizes_.empty() ? 0 : sizes_.back(); }
+  [[nodiscard]] std::uint64_t count() const { return count_; }
+  /// Hash of the bytes that were judged as the note of this size; nothing where none were. Whoever reads the
+  /// note again compares it: its file may have changed meanwhile.
+  [[nodiscard]] std::optional<crypto::Sha256Digest> hash_at(std::uint64_t size) const;
+  /// Case clock when the tree had this size; nothing for a size without a note.
+  [[nodiscard]] std::optional<std::int64_t> mono_at(std::uint64_t size) const;
+
+ private:
+  struct ReadNote {
+    crypto::OpenedNote opened;
+    crypto::Sha256Digest hash;
+  };
+  [[nodiscard]] ReadNote open(const std::string& note) const;
+  /// Reads the note of this size, adding a finding where it cannot be had.
+  std::optional<crypto::OpenedNote> opened(std::uint64_t size);
+  /// Opens the notes from this size on in several threads: a signature takes longer than all else about it.
+  void open_ahead(std::uint64_t size);
+  /// Form, signature and size; the checkpoint if all hold. Its origin is the caller's to check.
+  std::optional<crypto::Checkpoint> check_note(std::uint64_t size, const crypto::OpenedNote& opened);
+
+  const CaseFolder* folder_;
+  const VerifyOptions* options_;
+  FindingList* findings_;
+  std::vector<std::uint64_t> sizes_;  // ascending
+  std::optional<crypto::VerifierKey> device_;
+  std::string origin_;
+  std::map<std::uint64_t, ReadNote> ahead_;  // by size
+  std::uint64_t ahead_until_ = 0;            // size of the last note that was looked at
+  bool one_signer_ = true;
+  std::map<std::uint64_t, std::int64_t> mono_;
+  std::map<std::uint64_t, crypto::Sha256Digest> hashes_;  // by size
+  std::uint64_t covered_ = 0;
+  std::uint64_t count_ = 0;
+  bool changed_ = false;  // a root did not fit: all later ones cannot either
+};
+
+/// Sizes of all regular files together.
+std::uint64_t bytes_in(const std::vector<ListedFile>& listing);
+
+/// Adds "no-trusted-device" or "device-not-trusted" unless `device` is trusted.
+void judge_device(const crypto::VerifierKey& device, const VerifyOptions& options, FindingList& findings);
+
+}  // namespace kiroku::archive

@@ -1,0 +1,362 @@
+#include "archive/verify/file_checker.h"
+
+#include <algorithm>
+#include <cstring>
+#include <utility>
+
+#include "archive/format/age_layout.h"
+#include "archive/format/case_layout.h"
+#include "archive/verify/found_files.h"
+#include "base/error.h"
+#include "crypto/age_file.h"
+
+namespace kiroku::archive {
+
+namespace {
+
+constexpr std::size_t kMostWaiting = 64;
+constexpr std::uint64_t kProgressStep = 8U << 20U;
+
+std::string digits(std::uint64_t number) { return std::to_string(number); }
+
+}  // namespace
+
+void report_unopened(FindingList& findings, const Place& place, const FileOpening& opening) {
+  const std::string text = place.file + " " + opening.explanation;
+  switch (opening.problem) {
+    case FileProblem::kMissing:
+      findings.add("file-missing", place, place.file + " is named by the ledger and " + opening.explanation);
+      break;
+    case FileProblem::kNotRegular:
+      findings.add("file-not-regular", place, text + ", where a regular file must be");
+      break;
+    case FileProblem::kUnreadable:
+      findings.add("file-unreadable", place, text + "; so it was not checked");
+      break;
+  }
+}
+
+FileChecker::FileChecker(const CaseFolder& folder, const VerifyOptions& options, FindingList& findings,
+                         std::uint64_t total_bytes)
+    : folder_(&folder), options_(&options), findings_(&findings), total_bytes_(total_bytes) {
+  const unsigned count =
+      options.threads > 0 ? options.threads : std::max(1U, std::thread::hardware_concurrency());
+  for (unsigned i = 0; i < count; ++i) {
+    workers_.emplace_back([this] { work(); });
+  }
+}
+
+FileChecker::~FileChecker() {
+  {
+    const std::lock_guard lock(mutex_);
+    no_more_ = true;
+    waiting_.clear();
+  }
+  changed_.notify_all();
+  for (std::thread& worker : workers_) {
+    worker.join();
+  }
+}
+
+void FileChecker::check(FileJob job) {
+  std::unique_lock lock(mutex_);
+  changed_.wait(lock, [&] { return waiting_.size() < kMostWaiting || failure_; });
+  if (failure_) {
+    return;  // finish() tells
+  }
+  waiting_.push_back(std::move(job));
+  lock.unlock();
+  changed_.notify_all();
+}
+
+std::vector<MissingFile> FileChecker::finish() {
+  {
+    const std::lock_guard lock(mutex_);
+    no_more_ = true;
+  }
+  changed_.notify_all();
+  for (std::thread& worker : workers_) {
+    worker.join();
+  }
+  workers_.clear();
+  if (failure_) {
+    std::rethrow_exception(failure_);
+  }
+  if (options_->progress) {
+    options_->progress(total_bytes_, total_bytes_);
+  }
+  return std::exchange(missing_, {});
+}
+
+void FileChecker::work() {
+  for (;;) {
+    std::unique_lock lock(mutex_);
+    changed_.wait(lock, [&] { return !waiting_.empty() || no_more_ || failure_; });
+    if (waiting_.empty() || failure_) {
+      return;
+    }
+    const FileJob job = std::move(waiting_.front());
+    waiting_.pop_front();
+    lock.unlock();
+    changed_.notify_all();
+    try {
+      check_one(job);
+    } catch (...) {
+      lock.lock();
+      failure_ = std::current_exception();
+      lock.unlock();
+      changed_.notify_all();
+      return;
+    }
+  }
+}
+
+void FileChecker::check_one(const FileJob& job) {
+  const Place place{job.expected.file, job.entry};
+  const FileOpening opening = folder_->open_file(job.expected.file);
+  if (!opening.file) {
+    if (opening.problem == FileProblem::kMissing) {
+      const std::lock_guard lock(mutex_);
+      missing_.push_back({job.expected.file, job.entry, job.stream, job.segment ? job.segment->index : 0});
+    } else {
+      report_unopened(*findings_, place, opening);
+    }
+    return;
+  }
+  try {
+    const std::optional<Hashed> hashed = hash_file(job, *opening.file);
+    if (!hashed) {
+      return;
+    }
+    if (job.segment && hashed->fits) {
+      count_held(*job.segment);
+    }
+    if (job.segment && options_->identities != nullptr) {
+      const crypto::HashedSource sealed(*opening.file, hashed->trail, job.expected.file, hashed->new_header);
+      look_inside(job, sealed, *hashed);
+      if (const auto changed = sealed.changed_at()) {
+        report_changed(job, *changed);  // the inspector passed over it
+      }
+    } else if (!hashed->fits) {
+      findings_->add(
+          "file-hash-differs", place,
+          job.expected.file + " is not the file whose hash entry " + digits(job.entry) + " states");
+    } else if (job.rekeyed) {
+      report_rekeyed_unopened(job);
+    }
+  } catch (const crypto::SourceChanged& changed) {
+    report_changed(job, changed.offset());
+  } catch (const IoError& error) {
+    findings_->add("file-unreadable", place, std::string(error.what()) + "; so it was not checked");
+  }
+}
+
+std::optional<FileChecker::Hashed> FileChecker::hash_file(const FileJob& job, const ReadableFile& file) {
+  const Place place{job.expected.file, job.entry};
+  Hashed hashed;
+  crypto::HashBegin begin;
+  std::uint64_t size = file.size();
+  if (job.rekeyed) {
+    // What the ledger hashed is the original header and the payload behind the new one.
+    const FileOpening header = folder_->open_file(job.expected.file + std::string(kOriginalHeaderSuffix));
+    if (!header.file) {
+      report_unopened(*findings_, {job.expected.file + std::string(kOriginalHeaderSuffix), job.entry},
+                      header);
+      return std::nullopt;
+    }
+    const std::optional<std::string> original = read_small(*header.file, kMaximumAgeHeaderBytes);
+    std::optional<Bytes> new_header = age_header_text(file);
+    if (!original || !new_header) {
+      findings_->add("file-hash-differs", place,
+                     job.expected.file + " or the header beside it is no age file");
+      return std::nullopt;
+    }
+    hashed.original_header = to_bytes(*original);
+    hashed.new_header = std::move(*new_header);
+    begin.before = hashed.original_header;
+    begin.offset = hashed.new_header.size();
+    size = size - begin.offset + hashed.original_header.size();
+  }
+  if (size != job.expected.bytes) {
+    findings_->add("file-size-differs", place,
+                   job.expected.file + " has " + digits(size) + " bytes where entry " + digits(job.entry) +
+                       " states " + digits(job.expected.bytes));
+    report_progress(file.size());
+    return std::nullopt;
+  }
+  file.expect_sequential_reading();
+  hashed.trail = std::make_shared<const crypto::HashTrail>(
+      crypto::HashTrail::of(file, begin, [this](std::uint64_t more) { report_progress(more); }));
+  hashed.fits = hashed.trail->digest() == job.expected.sha256;
+  const std::lock_guard lock(mutex_);
+  ++files_;
+  bytes_ += hashed.trail->end();
+  return hashed;
+}
+
+FileChecker::Opened FileChecker::try_opening(const FileJob& job, const crypto::HashedSource& sealed,
+                                             bool intact) const {
+  Opened opened;
+  try {
+    // A damaged file is read as far as it goes, to say where the damage begins.
+    const bool whole = intact && job.segment->complete;
+    const crypto::AgeFile file = crypto::AgeFile::open(
+        sealed, *options_->identities, whole ? crypto::Truncation::kRefuse : crypto::Truncation::kTolerate);
+    opened.header = file.header_size();
+    file.read_all([&](ByteView piece) { opened.plaintext += piece.size(); });
+    opened.unreadable = file.unreadable_size();
+    const bool whole_chunk_is_bad = opened.unreadable >= kAgeChunkBytes + kAgeTagBytes;
+    if (intact && whole_chunk_is_bad && !was_found_cut_off(*job.segment)) {
+      opened.failure.emplace(crypto::AgeFailure::kPayloadDamaged,
+                             "chunk " + digits(opened.plaintext / kAgeChunkBytes) + " does not authenticate");
+    }
+    if (!intact && file.is_truncated()) {
+      opened.failure.emplace(crypto::AgeFailure::kTruncated, "its last chunk does not decrypt");
+    }
+  } catch (const crypto::AgeError& error) {
+    opened.failure = error;
+  }
+  return opened;
+}
+
+void FileChecker::report_damage(const FileJob& job, const Opened& opened) {
+  Place where{job.expected.file, job.entry};
+  std::string text = job.expected.file + " is not the file whose hash entry " + digits(job.entry) + " states";
+  if (opened.failure && opened.header > 0) {
+    const std::uint64_t chunk = opened.plaintext / kAgeChunkBytes;
+    where.offset = opened.header + kAgeNonceBytes + chunk * (kAgeChunkBytes + kAgeTagBytes);
+    text +=
+        ": the 64 KiB chunk " + digits(chunk) + ", at byte " + digits(*where.offset) + ", does not decrypt";
+  } else if (opened.failure) {
+    where.offset = 0;
+    text += ": " + std::string(opened.failure->what());
+  } else {
+    text += ", yet it decrypts: somebody who knows a recipient made it";
+  }
+  findings_->add("file-hash-differs", where, text);
+}
+
+void FileChecker::look_inside(const FileJob& job, const crypto::HashedSource& sealed, const Hashed& hashed) {
+  const Place place{job.expected.file, job.entry};
+  const Opened opened = try_opening(job, sealed, hashed.fits);
+  if (!hashed.fits) {
+    report_damage(job, opened);
+    return;
+  }
+  const auto failed_with = [&](crypto::AgeFailure what) {
+    return opened.failure && opened.failure->failure() == what;
+  };
+  if (failed_with(crypto::AgeFailure::kNoMatch)) {
+    report_not_decrypted(job);
+    return;
+  }
+  if (job.rekeyed && !new_header_fits(hashed)) {
+    findings_->add("rekeyed-key-differs", place,
+                   "the new header of " + job.expected.file +
+                       " yields another key than the original one: it would open to another film");
+    return;
+  }
+  if (was_found_cut_off(*job.segment) && (opened.failure || opened.unreadable > 0)) {
+    report_lost_part(job, opened);
+    if (opened.failure) {
+      return;
+    }
+  }
+  // A power cut can leave less than a header; that it was cut off is said already.
+  const bool cut_in_header = !job.segment->complete && (failed_with(crypto::AgeFailure::kHeaderMalformed) ||
+                                                        failed_with(crypto::AgeFailure::kTruncated));
+  if (opened.failure && !cut_in_header) {
+    findings_->add("segment-undecryptable", place,
+                   job.expected.file + " does not decrypt: " + opened.failure->what());
+  } else if (!opened.failure && options_->inspect) {
+    if (const auto problem = options_->inspect(*job.stream, *job.segment, sealed, *options_->identities)) {
+      findings_->add("segment-undecodable", place, job.expected.file + ": " + *problem);
+    }
+  }
+}
+
+// The hash fits, so this is what recovery found and signed without a key, and the ledger says so: what does
+// not open was lost with the power, or changed before recovery came. Nobody claimed that it opens.
+void FileChecker::report_lost_part(const FileJob& job, const Opened& opened) {
+  const SegmentEntry& segment = *job.segment;
+  Place where{job.expected.file, job.entry};
+  std::string what =
+      "nothing of " + job.expected.file + ", " + digits(job.expected.bytes) + " bytes, can be opened";
+  if (!opened.failure) {
+    where.offset = job.expected.bytes - opened.unreadable;
+    what = "of the " + digits(job.expected.bytes) + " bytes of " + job.expected.file + " the last " +
+           digits(opened.unreadable) + " cannot be opened, from byte " + digits(*where.offset) + " on";
+  }
+  constexpr std::int64_t kNsPerMs = 1'000'000;
+  findings_->add("segment-part-lost", where,
+                 what +
+                     ": they had not reached the disk when recording was cut off. By the ledger's estimate "
+                     "the segment reaches from " +
+                     std::to_string(segment.span.start_ns / kNsPerMs) + " ms to " +
+                     std::to_string(segment.span.end_ns / kNsPerMs) + " ms");
+}
+
+void FileChecker::report_not_decrypted(const FileJob& job) {
+  if (job.rekeyed) {
+    report_rekeyed_unopened(job);
+    return;
+  }
+  const std::lock_guard lock(mutex_);
+  if (streams_not_decrypted_.insert(job.segment->stream).second) {
+    findings_->add(
+        "segment-not-decrypted", {job.expected.file, job.entry},
+        "the segments of " + job.segment->stream + " were not decrypted: no identity given is a recipient");
+  }
+}
+
+void FileChecker::count_held(const SegmentEntry& segment) {
+  const std::lock_guard lock(mutex_);
+  const auto [entry, first] = held_.try_emplace(segment.stream);
+  HeldSegments& held = entry->second;
+  held.span.start_ns = first ? segment.span.start_ns : std::min(held.span.start_ns, segment.span.start_ns);
+  held.span.end_ns = std::max(first ? segment.span.end_ns : held.span.end_ns, segment.span.end_ns);
+  ++held.segments;
+  held.frames += segment.frames;
+  held.dropped += segment.dropped;
+  held.bytes += segment.file.bytes;
+}
+
+bool FileChecker::new_header_fits(const Hashed& hashed) const {
+  const auto opened_by = crypto::memory_source(hashed.new_header);
+  try {
+    return crypto::same_file_key(*opened_by, hashed.original_header, *options_->identities);
+  } catch (const crypto::AgeError&) {
+    return false;  // one of the headers yields no key at all
+  }
+}
+
+void FileChecker::report_changed(const FileJob& job, std::uint64_t offset) {
+  Place place{job.expected.file, job.entry};
+  place.offset = offset;
+  findings_->add("file-hash-differs", place,
+                 job.expected.file + " changed while it was checked: what stands from byte " +
+                     digits(offset) + " on was not hashed, so it is not what entry " + digits(job.entry) +
+                     " states");
+}
+
+void FileChecker::report_rekeyed_unopened(const FileJob& job) {
+  findings_->add(
+      "rekeyed-not-opened", {job.expected.file, job.entry},
+      job.expected.file +
+          " was re-keyed for a new reader; verify with the reader's identity to prove that it opens "
+          "to the film that was recorded");
+}
+
+void FileChecker::report_progress(std::uint64_t more) {
+  if (!options_->progress) {
+    return;
+  }
+  const std::lock_guard lock(progress_mutex_);
+  const std::uint64_t before = progress_bytes_ / kProgressStep;
+  progress_bytes_ += more;
+  if (progress_bytes_ / kProgressStep != before) {
+    options_->progress(std::min(progress_bytes_, total_bytes_), total_bytes_);
+  }
+}
+
+}  // namespace kiroku::archive

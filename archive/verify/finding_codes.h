@@ -1,0 +1,246 @@
+// Every code a finding can have, with its severity and what it means: the one table
+// (docs/reference/format.md, "Findings"). A code's severity never depends on circumstances; where
+// circumstances matter there are two codes. Codes are stable: programs and reports rely on them.
+//
+// The verdict is the gravest severity found: tampered > incomplete > unproven > gap > note.
+#pragma once
+
+#include <array>
+#include <string_view>
+
+#include "archive/verify/finding.h"
+
+namespace kiroku::archive {
+
+struct FindingCode {
+  std::string_view name;
+  Severity severity;
+  std::string_view meaning;
+};
+
+inline constexpr auto kFindingCodes = std::to_array<FindingCode>({
+    // -- ledger: its lines
+    {"entry-malformed", Severity::kTampered,
+     "a line is no entry of the format; offset: the byte where it goes wrong"},
+    {"entry-too-long", Severity::kTampered, "a line is longer than 1 MiB"},
+    {"ledger-unreadable", Severity::kTampered,
+     "more than 10,000 lines are no entries: the rest of the ledger was not read, and nothing was judged "
+     "that "
+     "depends on it"},
+    {"entry-out-of-sequence", Severity::kTampered, "seq is not the number of the line"},
+    {"entry-after-close", Severity::kTampered,
+     "something other than token, token-missed and erased follows close"},
+    {"erased-before-close", Severity::kTampered,
+     "segments are entered as erased before close, which no recorder does; it excuses nothing"},
+    {"open-missing", Severity::kTampered, "the first entry is not open (of a log: boot)"},
+    {"open-repeated", Severity::kTampered, "open stands again later"},
+    {"device-invalid", Severity::kTampered, "the device of open is no verifier key"},
+    {"clock-went-back", Severity::kTampered, "the case clock (mono_ns) is less than in the entry before"},
+    {"ledger-changed", Severity::kTampered,
+     "a checkpoint's root is not the tree's: lines since the last one that fits were changed, added or "
+     "removed"},
+    {"ledger-cut", Severity::kTampered, "a checkpoint covers more entries than there are"},
+    {"ledger-not-covered", Severity::kTampered,
+     "the case is closed, and no checkpoint covers its last entries"},
+    {"ledger-end-damaged", Severity::kTampered, "a checkpoint covers the last line, which is not whole"},
+    {"ledger-torn", Severity::kIncomplete,
+     "the last line was not written to its end, and no checkpoint covers it"},
+    {"not-closed", Severity::kIncomplete, "there is no close: still being recorded, or never closed"},
+    {"close-not-covered", Severity::kIncomplete, "no checkpoint covers close: the case was not finished"},
+    {"token-not-covered", Severity::kIncomplete,
+     "behind the last checkpoint there are only entries of tokens over the end, which state what those say: "
+     "the case was not finished"},
+    {"recovered", Severity::kGap, "recording was cut off by power loss or a crash and found again"},
+    {"clock-stepped", Severity::kNote, "the machine's wall clock was set"},
+    {"clock-slewed", Severity::kNote,
+     "the machine's clocks, the case clock among them, were made to run more than 200 ppm faster or slower"},
+    {"clock-not-synchronised", Severity::kNote, "the machine's wall clock was not synchronised"},
+    {"clock-differs", Severity::kNote,
+     "the recorder's wall clock, and with it every time that it states, differs from an outside authority's "
+     "by "
+     "more than a minute"},
+    {"utc-went-back", Severity::kNote,
+     "the machine's UTC is earlier than in the entry before, and no clock entry says why"},
+    {"folder-name-differs", Severity::kNote, "the folder is not called by its case identifier"},
+    // -- checkpoints
+    {"checkpoint-malformed", Severity::kTampered, "a note is no signed checkpoint"},
+    {"checkpoint-unknown-key", Severity::kTampered, "a checkpoint is not signed by the case's device"},
+    {"checkpoint-signature-invalid", Severity::kTampered,
+     "the device's signature on a checkpoint does not verify"},
+    {"checkpoint-of-other-origin", Severity::kTampered, "a checkpoint is of another case or log"},
+    {"checkpoint-size-differs", Severity::kTampered, "a checkpoint states another size than its file name"},
+    {"checkpoint-missing", Severity::kTampered, "a token is over a checkpoint that is not there"},
+    {"device-not-trusted", Severity::kUnproven, "the device's key is not among the trusted ones"},
+    {"no-trusted-device", Severity::kUnproven, "no trusted device key was given"},
+    {"device-file-differs", Severity::kNote, "device.pub is missing or not the key that open names"},
+    {"checkpoint-cosigned", Severity::kNote,
+     "a checkpoint carries signatures by keys that were not given; they were not checked"},
+    // -- tokens
+    {"token-name-differs", Severity::kTampered,
+     "a token's file is not named by its checkpoint and authority"},
+    {"token-covers-later", Severity::kTampered,
+     "a token entry names a checkpoint larger than the ledger was then"},
+    {"token-repeated", Severity::kTampered, "one token is entered twice"},
+    {"token-imprint-differs", Severity::kTampered, "a token is not over the checkpoint it is entered for"},
+    {"token-refused", Severity::kTampered,
+     "a token does not hold (signature, signer, certificate at its time, form)"},
+    {"token-entry-differs", Severity::kTampered,
+     "gen_time, accuracy_ns or serial of an entry is not its token's"},
+    {"token-exchange-impossible", Severity::kTampered,
+     "asked_ns and answered_ns of an entry are not between its checkpoint and itself"},
+    {"token-order", Severity::kTampered,
+     "a token covers the entry of one with a later time: gen_a - accuracy_a > gen_b + accuracy_b"},
+    {"clock-contradicted", Severity::kTampered,
+     "time between two trusted outside tokens differs from the case clock by more than accuracies, round "
+     "trips, 2 s and 0.02 %"},
+    {"clock-disagreement", Severity::kUnproven,
+     "the same between tokens that are self-issued or not trusted, where no stated step of the wall clock "
+     "explains it: it was probably set"},
+    {"token-untrusted", Severity::kUnproven,
+     "a token could not be judged under the trusted roots, and no other over the same checkpoint could"},
+    {"no-trusted-authority", Severity::kUnproven, "there are tokens, and no trusted root was given"},
+    {"no-token", Severity::kUnproven, "there is no token: nothing outside the device says when"},
+    {"end-not-stamped", Severity::kUnproven,
+     "there are tokens, none covers close, and no token-missed says why"},
+    {"token-missed", Severity::kGap, "an authority did not answer, or not with a valid token"},
+    {"second-token-untrusted", Severity::kNote,
+     "a token could not be judged under the trusted roots; another over the same checkpoint is valid"},
+    // -- streams
+    {"stream-unknown", Severity::kTampered, "an entry names a stream that open does not"},
+    {"segment-name-differs", Severity::kTampered, "a segment's file is not named by its stream and index"},
+    {"segment-out-of-order", Severity::kTampered, "a segment's index is not the next of its stream"},
+    {"segment-overlap", Severity::kTampered, "a segment begins before the one before it ends"},
+    {"segment-hole", Severity::kTampered, "time between two segments of a stream that no gap accounts for"},
+    {"segment-cut-unexplained", Severity::kTampered,
+     "an incomplete segment without recovered, gap or close between it and its neighbours"},
+    {"segment-uncounted-unexplained", Severity::kTampered,
+     "an entry states no counts of its segment, and no recovered stands before it"},
+    {"totals-differ", Severity::kTampered, "close states other totals than the segments add up to"},
+    {"segment-undecryptable", Severity::kTampered, "a segment with the right hash does not decrypt"},
+    {"segment-undecodable", Severity::kTampered, "a segment does not decode to what its entry states"},
+    {"gap", Severity::kGap, "time in which nothing could be recorded"},
+    {"sound-gap", Severity::kGap, "time in which the sound beside pictures could not be recorded"},
+    {"segment-incomplete", Severity::kGap, "a segment was cut off before its end"},
+    {"segment-part-lost", Severity::kGap,
+     "of a segment that recovery found, what had not reached the disk does not decrypt; offset: from where "
+     "on"},
+    {"segment-uncounted", Severity::kGap,
+     "a segment that recovery found: its times are estimates, its frames are not counted"},
+    {"segments-erased", Severity::kGap, "segments were removed by retention"},
+    {"frames-dropped", Severity::kGap, "frames of a stream were dropped"},
+    {"segment-not-decrypted", Severity::kNote, "the identities given are no recipients of a stream"},
+    {"erased-file-present", Severity::kNote, "a segment entered as erased is still there"},
+    // -- files
+    {"file-missing", Severity::kTampered, "a file that the ledger names is not there"},
+    {"file-size-differs", Severity::kTampered, "a file has not the size the ledger states"},
+    {"file-hash-differs", Severity::kTampered,
+     "a file has not the hash the ledger states; offset, with an identity: the first chunk that does not "
+     "decrypt, or that changed while it was checked"},
+    {"file-unnamed", Severity::kTampered, "a file or folder that nothing names"},
+    {"file-not-regular", Severity::kTampered, "a symbolic link or special file"},
+    {"name-clash", Severity::kTampered, "two names differ only in case"},
+    {"file-unreadable", Severity::kUnproven, "a file cannot be read by this user or from this disk"},
+    {"authority-file-malformed", Severity::kNote,
+     "a file of authorities/ is not certificates and nothing else; nothing was checked with it"},
+    {"authority-not-named", Severity::kNote,
+     "authorities/ has certificates of an authority that no entry names (yet)"},
+    {"part-file", Severity::kNote, "a file that was being written when recording stopped, or is now"},
+    {"token-not-entered", Severity::kNote,
+     "a token whose entry is not written yet, or was not when recording stopped"},
+    {"segment-not-entered", Severity::kNote,
+     "a segment whose entry is not written yet, or whose flush failed"},
+    // -- the appliance log; `file` begins with "log/" when a case is verified against one
+    {"log-case-unknown", Severity::kTampered, "the log has no case-opened for this case"},
+    {"log-opening-differs", Severity::kTampered, "the log knows another entry 0"},
+    {"log-checkpoint-differs", Severity::kTampered, "the log knows another root at some size of this case"},
+    {"log-knows-more", Severity::kTampered,
+     "the log knows entries of this case that are not there: the end was removed"},
+    {"log-end-differs", Severity::kTampered, "the log states another final token than the case has"},
+    {"log-entry-doubted", Severity::kUnproven,
+     "an entry of the log that nobody signed before another followed contradicts the case, or tells of one "
+     "that "
+     "is not there: the machine stopped at that moment, or somebody made it up"},
+    {"log-head-differs", Severity::kTampered, "the case was opened over another state of the log"},
+    {"case-missing", Severity::kTampered,
+     "the log knows a case that is not in the archive and was not erased; what begins with another line, or "
+     "is "
+     "an excerpt, is not the case"},
+    {"cases-not-looked-for", Severity::kNote,
+     "the log was verified alone: whether the cases that it knows are still there was not checked"},
+    {"log-signed-late", Severity::kUnproven,
+     "several entries of the log were followed by one checkpoint, where each was to have its own: nobody "
+     "signed "
+     "them when they were written"},
+    {"log-tail-unsigned", Severity::kUnproven,
+     "no checkpoint covers the log, or several of its newest entries: nobody signed them"},
+    {"log-tail-not-covered", Severity::kNote, "no checkpoint covers the newest entries of the log"},
+    {"log-case-open", Severity::kNote, "the log knows no end of a case"},
+    // -- checkpoints kept outside (--against)
+    {"outside-note-rolled-back", Severity::kTampered,
+     "a note kept outside was signed of more entries than there are: the end was removed"},
+    {"outside-note-forked", Severity::kTampered,
+     "a note kept outside was signed of other entries: what is shown is not the history that the device "
+     "signed"},
+    {"outside-notes-contradict", Severity::kTampered,
+     "two notes kept outside have one origin and size and different roots: the device signed two histories"},
+    {"outside-note-invalid", Severity::kUnproven,
+     "a note given is no signed checkpoint, or its signature does not verify: it was not compared"},
+    {"outside-note-untrusted", Severity::kUnproven,
+     "a note given is not signed by a trusted device for its own log or case: it was not compared"},
+    {"outside-note-of-other-origin", Severity::kUnproven,
+     "a note given is of another case or log: it was not compared"},
+    {"outside-note-unchecked", Severity::kUnproven,
+     "what is here does not show the root at a given note's size: it was not compared"},
+    {"outside-note-holds", Severity::kNote,
+     "a note kept outside fits: the entries begin with those that it was signed of"},
+    // -- two cases of one operation
+    {"carrying-on-broken", Severity::kTampered,
+     "this case and the one that it carries on, or that carries it on, do not fit each other"},
+    {"carried-on-not-here", Severity::kNote,
+     "the case that this one carries on, or that carries this one on, does not lie beside it"},
+    {"carrying-on-holds", Severity::kNote,
+     "this case and the one that it carries on, or that carries it on, name each other"},
+    // -- excerpts
+    {"excerpt-malformed", Severity::kTampered,
+     "excerpt.json is not of the format, or does not fit the lines beside it"},
+    {"excerpt-empty", Severity::kTampered,
+     "no segment of the selected streams lies in the time that the excerpt states: it is of nothing"},
+    {"excerpt-outside-case", Severity::kTampered,
+     "the time that the excerpt states begins before the case, or after all that its lines show"},
+    {"excerpt-proof-invalid", Severity::kTampered, "a Merkle proof does not lead to the signed root"},
+    {"excerpt-range-short", Severity::kUnproven,
+     "the lines do not show every segment that a selected stream has in the time the excerpt states"},
+    {"excerpt-no-later-token", Severity::kUnproven, "no token after the excerpt's last segment is in it"},
+    {"rekeyed-key-differs", Severity::kTampered,
+     "a segment's new header yields another key than its original one"},
+    {"rekeyed-not-opened", Severity::kUnproven,
+     "a segment was re-keyed, and only a recipient's identity can prove that it still opens to the same "
+     "film"},
+    // -- of the list itself
+    {"more-findings", Severity::kNote,
+     "so many findings, of one code or of all together, that the rest is only counted"},
+});
+
+/// A code of the table; any other text does not compile.
+class CodeName {
+ public:
+  // NOLINTNEXTLINE(google-explicit-constructor,hicpp-explicit-conversions): so that a literal is checked
+  // where it stands
+  consteval CodeName(const char* name) : index_(find(name)) {}
+  [[nodiscard]] constexpr const FindingCode& code() const { return kFindingCodes[index_]; }
+  /// Its place in the table.
+  [[nodiscard]] constexpr std::size_t index() const { return index_; }
+
+ private:
+  static consteval std::size_t find(std::string_view name) {
+    std::size_t index = 0;
+    while (kFindingCodes.at(index).name != name) {
+      ++index;  // at() ends the compilation for a name that is not in the table
+    }
+    return index;
+  }
+
+  std::size_t index_;
+};
+
+}  // namespace kiroku::archive

@@ -1,0 +1,221 @@
+#include "archive/verify/found_files.h"
+
+#include <algorithm>
+#include <cerrno>
+#include <chrono>
+#include <fcntl.h>
+#include <fstream>
+#include <string>
+#include <sys/stat.h>
+#include <tuple>
+#include <unistd.h>
+
+#include "archive/format/age_layout.h"
+#include "archive/storage/file_system.h"
+#include "archive/verify/checkpoint_rules.h"
+#include "archive/verify/token_rules.h"
+#include "base/error.h"
+#include "crypto/hash.h"
+#include "timestamp/token.h"
+
+namespace kiroku::archive {
+
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr std::size_t kReadBytes = 1U << 20U;
+
+UtcTime last_change_of(const fs::path& file) {
+  struct stat status {};
+  if (::lstat(file.c_str(), &status) != 0) {
+    throw IoError("examine", file, errno);
+  }
+  return UtcTime(std::chrono::seconds(status.st_mtim.tv_sec) +
+                 std::chrono::microseconds(status.st_mtim.tv_nsec / 1'000));
+}
+
+/// Regular files of a folder; none if it is not there.
+std::vector<fs::path> regular_files(const fs::path& folder) {
+  std::vector<fs::path> files;
+  if (!fs::is_directory(folder)) {
+    return files;
+  }
+  for (const fs::directory_entry& entry : fs::directory_iterator(folder)) {
+    if (entry.symlink_status().type() == fs::file_type::regular) {
+      files.push_back(entry.path());
+    }
+  }
+  return files;
+}
+
+/// Where the last byte that is not zero ends.
+std::uint64_t end_of_content(const ReadableFile& file) {
+  std::vector<std::byte> buffer(kReadBytes);
+  for (std::uint64_t end = file.size(); end > 0;) {
+    const std::uint64_t start = end - std::min<std::uint64_t>(end, kReadBytes);
+    const auto piece = std::span(buffer).first(static_cast<std::size_t>(end - start));
+    std::size_t filled = file.read_at(start, piece);
+    while (filled > 0 && piece[filled - 1] == std::byte{0}) {
+      --filled;
+    }
+    if (filled > 0) {
+      return start + filled;
+    }
+    end = start;
+  }
+  return 0;
+}
+
+/// Whether the first `size` bytes are the beginning of an age header and no more.
+bool is_begun_header(const ReadableFile& file, std::uint64_t size) {
+  std::string text(static_cast<std::size_t>(size), '\0');
+  text.resize(file.read_at(0, std::as_writable_bytes(std::span(text.data(), text.size()))));
+  return (text.starts_with(kAgeFirstLine) || kAgeFirstLine.starts_with(text)) &&
+         text.find('\0') == std::string::npos;
+}
+
+/// Clean pages of the file leave the cache. A hint: where it is not taken, nothing is worse than before.
+void forget_cached(const fs::path& file) {
+  const int descriptor = ::open(file.c_str(), O_RDONLY | O_CLOEXEC | O_NOFOLLOW);
+  if (descriptor >= 0) {
+    ::posix_fadvise(descriptor, 0, 0, POSIX_FADV_DONTNEED);
+    ::close(descriptor);
+  }
+}
+
+}  // namespace
+
+std::vector<FoundSegment> found_segments(const fs::path& case_folder, const StreamInfo& stream,
+                                         std::uint64_t first_index) {
+  std::vector<FoundSegment> found;
+  for (const fs::path& file : regular_files(case_folder / kSegmentsFolder / stream.name)) {
+    const std::string name = file.filename().string();
+    const std::optional<std::uint64_t> index = parse_index(name.substr(0, name.find('.')));
+    if (!index || *index < first_index) {
+      continue;
+    }
+    const std::string whole =
+        fs::path(segment_path(stream.name, *index, stream.extension)).filename().string();
+    if (name == whole || name == whole + std::string(kPartSuffix)) {
+      found.push_back({*index, name == whole, file, last_change_of(file)});
+    }
+  }
+  std::sort(found.begin(), found.end(), [](const FoundSegment& a, const FoundSegment& b) {
+    return std::make_tuple(a.index, !a.complete) < std::make_tuple(b.index, !b.complete);
+  });
+  return found;
+}
+
+std::vector<TokenName> found_tokens(const fs::path& case_folder) {
+  std::vector<TokenName> found;
+  for (const fs::path& file : regular_files(case_folder / kTokensFolder)) {
+    if (const std::optional<TokenName> name = parse_token_name(file.filename().string())) {
+      found.push_back(*name);
+    }
+  }
+  std::sort(found.begin(), found.end(), [](const TokenName& a, const TokenName& b) {
+    return std::tie(a.size, a.authority) < std::tie(b.size, b.authority);
+  });
+  return found;
+}
+
+std::optional<TokenEntry> token_in_folder(const CaseFolder& folder, const TokenName& name,
+                                          const timestamp::TrustStore* trust) {
+  const FileOpening token = folder.open_file(token_path(name.size, name.authority));
+  const FileOpening note = folder.open_file(note_path(name.size));
+  const std::optional<std::string> response =
+      token.file ? read_small(*token.file, kMaximumTokenBytes) : std::nullopt;
+  const std::optional<std::string> text =
+      note.file ? read_small(*note.file, kMaximumNoteBytes) : std::nullopt;
+  if (!response || !text) {
+    return std::nullopt;
+  }
+  std::string ignored;
+  const auto parsed = timestamp::parse_response(bytes_of(*response), ignored);
+  const auto info = parsed ? timestamp::parse_token_info(parsed->token, ignored) : std::nullopt;
+  if (!info || !info->algorithm || crypto::digest(*info->algorithm, bytes_of(*text)) != info->imprint) {
+    return std::nullopt;
+  }
+  if (trust != nullptr) {
+    timestamp::Expectation expectation;
+    expectation.data = to_bytes(*text);
+    if (timestamp::judge_token(bytes_of(*response), expectation, *trust).code !=
+        timestamp::TokenCode::kValid) {
+      return std::nullopt;
+    }
+  }
+  TokenEntry facts;
+  facts.gen_time = info->gen_time;
+  facts.accuracy_ns = info->accuracy_ns;
+  facts.serial = info->serial;
+  return facts;
+}
+
+PartContents look_into(const fs::path& part) {
+  const FileOpening opening = CaseFolder::open(part.parent_path()).open_file(part.filename().string());
+  if (!opening.file) {
+    throw Error("cannot read " + part.string() + ": it " + opening.explanation);
+  }
+  const ReadableFile& file = *opening.file;
+  const std::uint64_t end = end_of_content(file);
+  PartContents contents;
+  contents.zeros_at_end = file.size() - end;
+  if (const std::optional<std::uint64_t> header = age_header_bytes(file)) {
+    contents.holds_sealed_bytes = end > *header + kAgeNonceBytes;
+  } else {
+    // Lost or half there. Text without a zero is the beginning of a header; anything else stood behind one.
+    contents.holds_sealed_bytes = end > kMaximumAgeHeaderBytes || !is_begun_header(file, end);
+  }
+  return contents;
+}
+
+bool was_found_cut_off(const SegmentEntry& segment) { return !segment.complete && !segment.counted; }
+
+std::uint64_t newest_note(const fs::path& folder) {
+  std::uint64_t newest = 0;
+  for (const fs::directory_entry& file : fs::directory_iterator(folder / kCheckpointsFolder)) {
+    newest = std::max(newest, size_of_note_name(file.path().filename().string()).value_or(0));
+  }
+  return newest;
+}
+
+FileReference measure_file(const fs::path& file) {
+  std::ifstream input(file, std::ios::binary);
+  if (!input) {
+    throw IoError("read back", file, errno);
+  }
+  FileReference reference;
+  crypto::Sha256 hash;
+  std::vector<char> buffer(kReadBytes);
+  while (input) {
+    input.read(buffer.data(), static_cast<std::streamsize>(buffer.size()));
+    const std::string_view piece(buffer.data(), static_cast<std::size_t>(input.gcount()));
+    hash.update(bytes_of(piece));
+    reference.bytes += piece.size();
+  }
+  if (input.bad()) {
+    throw IoError("read back", file, EIO);
+  }
+  reference.sha256 = hash.finish();
+  return reference;
+}
+
+FileReference make_durable(FileSystem& files, const fs::path& file) {
+  files.append_to(file)->sync_all();
+  files.sync_folder(file.parent_path());
+  forget_cached(file);
+  return measure_file(file);
+}
+
+void remove_unfinished_files(FileSystem& files, const fs::path& case_folder) {
+  for (const std::string_view folder : {kCheckpointsFolder, kTokensFolder, kAuthoritiesFolder}) {
+    for (const fs::path& file : regular_files(case_folder / folder)) {
+      if (file.extension() == kPartSuffix) {
+        files.remove(file);
+      }
+    }
+  }
+}
+
+}  // namespace kiroku::archive

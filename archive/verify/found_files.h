@@ -1,0 +1,62 @@
+// What a recorder that died left in a case's folder without an entry in its ledger. Symbolic links and
+// special files are never among it. Functions; thread-safe for different cases.
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <optional>
+#include <vector>
+
+#include "archive/format/case_folder.h"
+#include "archive/format/case_layout.h"
+#include "archive/format/ledger_entry.h"
+#include "timestamp/token_verifier.h"
+
+namespace kiroku::archive {
+
+class FileSystem;
+
+struct FoundSegment {
+  std::uint64_t index = 0;
+  bool complete = false;  // it has its final name, so it was sealed to its end and durable
+  std::filesystem::path path;
+  UtcTime last_change;  // of the file's contents, by the wall clock
+};
+/// Segment files of the stream from `first_index` on, in order; those with a final name before parts.
+std::vector<FoundSegment> found_segments(const std::filesystem::path& case_folder, const StreamInfo& stream,
+                                         std::uint64_t first_index);
+/// All token files, by checkpoint, then authority.
+std::vector<TokenName> found_tokens(const std::filesystem::path& case_folder);
+
+/// gen_time, accuracy_ns and serial of a token file, which may have no entry yet; nothing if it is not over
+/// that checkpoint's note, or one of the two is not there, or if it is not valid under `trust`. Where that is
+/// null nothing is trusted here.
+std::optional<TokenEntry> token_in_folder(const CaseFolder& folder, const TokenName& name,
+                                          const timestamp::TrustStore* trust = nullptr);
+
+/// What stands in a part, as far as that can be told without a key. After a power cut its length proves
+/// nothing: of what was not flushed, some blocks are zeros.
+struct PartContents {
+  bool holds_sealed_bytes = false;  // anything behind an age header and its nonce, or behind zeros
+  std::uint64_t zeros_at_end = 0;   // bytes
+};
+/// Throws kiroku::IoError.
+PartContents look_into(const std::filesystem::path& part);
+/// Whether the entry is of a segment that was cut off and that recovery found: nobody knew what was in it
+/// when it was entered, so what does not open of it was lost before.
+bool was_found_cut_off(const SegmentEntry& segment);
+
+/// Size of the newest checkpoint's note in a case's or log's folder, by its name; 0 if there is none.
+std::uint64_t newest_note(const std::filesystem::path& folder);
+
+/// Flushes a file and its folder, and measures what the disk then gives back, past the page cache: after a
+/// flush that failed unseen, the cache may hold what the disk does not. `file` of the result is empty. Throws
+/// kiroku::IoError.
+FileReference make_durable(FileSystem& files, const std::filesystem::path& file);
+/// Size and SHA-256 of a file; `file` of the result is empty. Throws kiroku::IoError.
+FileReference measure_file(const std::filesystem::path& file);
+/// Removes what was not written to its end of checkpoints, tokens and certificates: nothing names it, and
+/// all of it can be made anew. Throws kiroku::IoError.
+void remove_unfinished_files(FileSystem& files, const std::filesystem::path& case_folder);
+
+}  // namespace kiroku::archive

@@ -1,0 +1,405 @@
+#include "archive/verify/log_rules.h"
+
+#include <algorithm>
+#include <utility>
+
+#include "archive/format/case_layout.h"
+#include "archive/verify/folder_names.h"
+#include "base/error.h"
+
+namespace kiroku::archive {
+
+namespace {
+
+template <typename... Functions>
+struct Overloaded : Functions... {
+  using Functions::operator()...;
+};
+template <typename... Functions>
+Overloaded(Functions...) -> Overloaded<Functions...>;
+
+// A log gets a few entries a minute; these are those that came while it was read.
+constexpr std::size_t kMostRecent = 64;
+
+std::string at_entry(std::uint64_t number) { return "entry " + std::to_string(number); }
+
+Place in_ledger(std::uint64_t number, std::optional<std::uint64_t> offset = std::nullopt) {
+  return {std::string(kLedgerFile), number, offset};
+}
+
+Place in_log(std::uint64_t number) { return {"log/" + std::string(kLedgerFile), number}; }
+
+}  // namespace
+
+LogWalk::LogWalk(const CaseFolder& folder, const VerifyOptions& options, FindingList& findings,
+                 std::string case_id, std::uint64_t head)
+    : folder_(&folder),
+      options_(&options),
+      findings_(&findings),
+      case_id_(std::move(case_id)),
+      head_(head),
+      listing_(folder.list()),
+      checkpoints_(folder, options, findings, note_sizes(listing_)) {}
+
+LogContents LogWalk::run() {
+  const FileOpening opening = folder_->open_file(kLedgerFile);
+  if (!opening.file) {
+    throw UsageError(folder_->path().string() + " is no appliance log: its " + std::string(kLedgerFile) +
+                     " " + opening.explanation + "; give the folder of the log");
+  }
+  if (head_ == 0) {
+    contents_.root_at_head = tree_.root();
+  }
+  const auto fits = [&](const crypto::Sha256Digest& root) { return root == tree_.root(); };
+  LineReader reader(*opening.file);
+  LedgerLine line;
+  bool tree_known = true;
+  const std::vector<std::uint64_t> listed = note_sizes(listing_);
+  const std::uint64_t last_listed = listed.empty() ? 0 : listed.back();
+  if (outside_ != nullptr) {
+    outside_->reached(0, fits, tree_known);
+  }
+  while (reader.next(line)) {
+    if (line.torn) {
+      findings_->add("log-tail-not-covered", in_ledger(tree_.size(), line.offset),
+                     "the last line of the log is not whole: a write that did not finish");
+      break;
+    }
+    const std::uint64_t number = tree_.size();
+    tree_.append(crypto::merkle_leaf_hash(bytes_of(line.text)));
+    tree_known = tree_known && !line.too_long;
+    erased_now_.reset();
+    told_now_.reset();
+    closed_now_.reset();
+    take(line, number);
+    if (contents_.gave_up) {
+      if (outside_ != nullptr) {
+        outside_->finish(tree_.size(), false);
+      }
+      contents_.entries = tree_.size();
+      contents_.checkpoints = checkpoints_.count();
+      return std::move(contents_);
+    }
+    if (checkpoints_.has(tree_.size())) {
+      checkpoints_.reached(tree_.size(), fits, tree_known, std::nullopt);
+      judge_signed();
+      if (erased_now_ && checkpoints_.covered() == tree_.size()) {
+        contents_.cases[*erased_now_].erased = true;
+      }
+      judge_told(number, checkpoints_.covered() == tree_.size());
+    } else {
+      judge_told(number, false);
+    }
+    if (!checkpoints_.has(tree_.size()) && tree_.size() > last_listed) {
+      recent_.push_back({{}, tree_.size(), tree_.root()});
+      if (recent_.size() > kMostRecent) {
+        recent_.pop_front();
+      }
+    }
+    if (outside_ != nullptr) {
+      outside_->reached(tree_.size(), fits, tree_known);
+    }
+    if (tree_.size() == head_) {
+      contents_.root_at_head = tree_.root();
+    }
+  }
+  take_late_notes(tree_known);
+  checkpoints_.finish(tree_.size());
+  if (outside_ != nullptr) {
+    outside_->finish(tree_.size(), true);
+  }
+  judge_tail();
+  check_names();
+  contents_.entries = tree_.size();
+  contents_.checkpoints = checkpoints_.count();
+  return std::move(contents_);
+}
+
+void LogWalk::take_late_notes(bool tree_known) {
+  for (const crypto::Checkpoint& recent : recent_) {
+    if (folder_->open_file(note_path(recent.size)).file) {
+      checkpoints_.appeared(recent.size);
+      checkpoints_.reached(
+          recent.size, [&](const crypto::Sha256Digest& root) { return root == recent.root; }, tree_known,
+          std::nullopt);
+    }
+  }
+}
+
+void LogWalk::judge_signed() {
+  if (checkpoints_.covered() != tree_.size()) {
+    return;
+  }
+  // One is without its own where the machine stopped in between; so is the next start's first entry, where it
+  // stops there again. Such entries excuse nothing.
+  constexpr std::uint64_t kMost = 3;
+  if (since_note_ > kMost) {
+    findings_->add("log-signed-late", {note_path(tree_.size()), tree_.size() - 1},
+                   note_path(tree_.size()) + " is the first checkpoint over " + std::to_string(since_note_) +
+                       " entries, where one was to follow each: nobody signed them when they were written");
+  }
+  since_note_ = 0;
+}
+
+void LogWalk::judge_told(std::uint64_t number, bool has_its_own) {
+  if (!told_now_) {
+    return;
+  }
+  LoggedCase& known = contents_.cases[*told_now_];
+  if (closed_now_ && (has_its_own || !known.closed)) {
+    known.closed = {closed_now_->size, closed_now_->root, number};
+    known.final_token = closed_now_->final_token;
+  }
+  known.vouched = known.vouched || has_its_own;
+  if (!has_its_own) {
+    contents_.doubted.insert(number);
+  }
+}
+
+void LogWalk::judge_tail() {
+  const std::uint64_t covered = checkpoints_.covered();
+  if (covered == tree_.size()) {
+    return;
+  }
+  // A log is signed entry by entry, but for starts of the machine and changes of its configuration: one may
+  // be without its checkpoint, where the machine stopped in between or is at it now.
+  const bool two_unsigned = to_be_followed_.size() == 2 && to_be_followed_.front() >= covered;
+  const bool nothing_signed = covered == 0 && !to_be_followed_.empty();
+  if (nothing_signed || two_unsigned) {
+    findings_->add("log-tail-unsigned", in_ledger(covered),
+                   "no checkpoint covers the log from " + at_entry(covered) +
+                       " on, where one was to follow each entry: nobody signed what stands there");
+  } else {
+    findings_->add("log-tail-not-covered", in_ledger(covered),
+                   "no checkpoint covers the log from " + at_entry(covered) + " on");
+  }
+}
+
+void LogWalk::count_broken_line(std::uint64_t number) {
+  contents_.gave_up = ++broken_lines_ > kMostBrokenLines;
+  if (contents_.gave_up) {
+    findings_->add("ledger-unreadable", in_ledger(number), unreadable_text(number));
+  }
+}
+
+void LogWalk::take(const LedgerLine& line, std::uint64_t number) {
+  if (line.too_long) {
+    count_broken_line(number);
+    findings_->add("entry-too-long", in_ledger(number, line.offset),
+                   "the line of " + at_entry(number) + " of the log has " + std::to_string(line.bytes) +
+                       " bytes where at most " + std::to_string(kMaximumLineBytes) + " are allowed");
+    return;
+  }
+  const LogEntryParse parse = parse_log_entry(line.text);
+  if (!parse.entry) {
+    count_broken_line(number);
+    findings_->add("entry-malformed", in_ledger(number, line.offset),
+                   at_entry(number) + " of the log is no entry of the format: " + parse.problem);
+    return;
+  }
+  const LogEntry& entry = *parse.entry;
+  if (entry.seq != number) {
+    findings_->add("entry-out-of-sequence", in_ledger(number, line.offset),
+                   "line " + std::to_string(number) + " of the log has seq " + std::to_string(entry.seq));
+  }
+  const bool boots = std::holds_alternative<BootEntry>(entry.body);
+  if (number == 0 && !boots) {
+    findings_->add("open-missing", in_ledger(0),
+                   "the log begins with " + std::string(type_of(entry.body)) + " instead of boot");
+  }
+  if (!boots && entry.at.mono_ns < last_mono_ns_) {
+    findings_->add(
+        "clock-went-back", in_ledger(number, line.offset),
+        "the machine's monotonic clock goes back in " + at_entry(number) + " of the log without a boot");
+  }
+  last_mono_ns_ = entry.at.mono_ns;
+  if (!boots && !std::holds_alternative<ConfigChangedEntry>(entry.body)) {
+    // A cut that was made good is entered together with what comes next.
+    since_note_ += std::holds_alternative<LogRecoveredEntry>(entry.body) ? 0U : 1U;
+    to_be_followed_.push_back(number);
+    if (to_be_followed_.size() > 2) {
+      to_be_followed_.pop_front();
+    }
+  }
+  contents_.begins = contents_.begins.value_or(entry.at.utc);
+  std::visit(Overloaded{[&](const BootEntry& boot) { set_device(boot.device, number); },
+                        [&](const DeviceKeyChangedEntry& change) { set_device(change.device, number); },
+                        [&](const CaseOpenedEntry& opened) {
+                          LoggedCase* known = logged(opened.case_id);
+                          if (known != nullptr) {
+                            told_now_ = opened.case_id;
+                          }
+                          if (known != nullptr && !known->opened) {
+                            known->opened = number;
+                            known->opening_line = opened.sha256;
+                          }
+                        },
+                        [&](const CaseCheckpointEntry& checkpoint) {
+                          note_root(checkpoint.case_id, {checkpoint.size, checkpoint.root, number});
+                          if (contents_.cases.contains(checkpoint.case_id)) {
+                            told_now_ = checkpoint.case_id;
+                          }
+                        },
+                        [&](const CaseClosedEntry& closed) {
+                          const KnownRoot root{closed.size, closed.root, number};
+                          note_root(closed.case_id, root);
+                          if (logged(closed.case_id) != nullptr) {
+                            told_now_ = closed.case_id;
+                            closed_now_ = closed;
+                          }
+                        },
+                        [&](const CaseErasedEntry& erased) {
+                          // Of one stream's segments only: the rest of the case must still be there.
+                          if (!erased.stream && logged(erased.case_id) != nullptr) {
+                            erased_now_ = erased.case_id;
+                          }
+                        },
+                        [](const auto&) {}},
+             entry.body);
+}
+
+void LogWalk::set_device(const std::string& device, std::uint64_t number) {
+  if (device == contents_.device) {
+    return;
+  }
+  contents_.device = device;
+  try {
+    const crypto::VerifierKey key = crypto::VerifierKey::parse(device);
+    checkpoints_.set_signer(key, log_origin(key.name()));
+    if (outside_ != nullptr) {
+      outside_->add_origin(log_origin(key.name()));
+    }
+    judge_device(key, *options_, *findings_);
+  } catch (const UsageError& error) {
+    findings_->add("device-invalid", in_ledger(number),
+                   at_entry(number) + " of the log names no device: " + error.what());
+  }
+}
+
+LoggedCase* LogWalk::logged(const std::string& case_id) {
+  return case_id_.empty() || case_id == case_id_ ? &contents_.cases[case_id] : nullptr;
+}
+
+void LogWalk::note_root(const std::string& case_id, const KnownRoot& root) {
+  if (case_id == case_id_) {
+    contents_.cases[case_id].roots.push_back(root);
+  }
+}
+
+void LogWalk::check_names() {
+  check_folder_names(listing_, *findings_, [](const ListedFile& file) {
+    const bool notes_folder = file.path == kCheckpointsFolder && file.kind == ListedFile::Kind::kFolder;
+    if (notes_folder || file.path == kLedgerFile || is_note_file(file)) {
+      return NameJudgement::kNamed;
+    }
+    const bool part = file.kind == ListedFile::Kind::kRegular && file.path.ends_with(kPartSuffix);
+    return part && is_note_path(std::string_view(file.path).substr(0, file.path.size() - kPartSuffix.size()))
+               ? NameJudgement::kPart
+               : NameJudgement::kUnnamed;
+  });
+}
+
+LogComparison::LogComparison(const LogContents* log, const std::optional<OpenEntry>& opening,
+                             FindingList& findings)
+    : findings_(&findings) {
+  if (log == nullptr || !opening) {
+    return;
+  }
+  log_ = log;
+  case_id_ = opening->case_id;
+  const auto found = log->cases.find(case_id_);
+  if (found == log->cases.end() || !found->second.opened) {
+    findings_->add("log-case-unknown", {"log/" + std::string(kLedgerFile)},
+                   "the appliance log does not know a case " + case_id_);
+  } else {
+    known_ = &found->second;
+    roots_ = known_->roots;
+    std::stable_sort(roots_.begin(), roots_.end(),
+                     [](const KnownRoot& a, const KnownRoot& b) { return a.size < b.size; });
+  }
+  if (log->root_at_head != opening->appliance_log_root) {
+    findings_->add("log-head-differs", in_ledger(0),
+                   "open states the log's root at " + std::to_string(opening->appliance_log_size) +
+                       " entries, and the log " +
+                       (log->root_at_head ? std::string("has another") : std::string("is shorter")));
+  }
+}
+
+void LogComparison::add(CodeName code, const Place& place, std::uint64_t log_entry, const std::string& text) {
+  if (log_->doubted.contains(log_entry)) {
+    findings_->add("log-entry-doubted", place,
+                   text +
+                       "; that entry of the log has no checkpoint of its own: it was never signed, or its "
+                       "checkpoint was removed. Whoever could write to the disk could have made it");
+  } else {
+    findings_->add(code, place, text);
+  }
+}
+
+void LogComparison::check_opening(const crypto::Sha256Digest& entry0) {
+  if (known_ != nullptr && known_->opening_line != entry0) {
+    add("log-opening-differs", in_log(*known_->opened), *known_->opened,
+        "the appliance log knows another open of case " + case_id_ + " in its " + at_entry(*known_->opened));
+  }
+}
+
+std::span<const KnownRoot> LogComparison::roots_at(std::uint64_t size) const {
+  const auto begin = std::partition_point(roots_.begin(), roots_.end(),
+                                          [&](const KnownRoot& each) { return each.size < size; });
+  const auto end =
+      std::partition_point(begin, roots_.end(), [&](const KnownRoot& each) { return each.size == size; });
+  return {begin, end};
+}
+
+bool LogComparison::asks_for(std::uint64_t size) const { return !roots_at(size).empty(); }
+
+bool LogComparison::knows_beyond(std::uint64_t size) const {
+  return !roots_.empty() && roots_.back().size > size;
+}
+
+void LogComparison::reached(std::uint64_t size, const RootTest& fits) {
+  for (const KnownRoot& each : roots_at(size)) {
+    bool& said = log_->doubted.contains(each.entry) ? differs_in_doubt_ : differs_;
+    if (!said && !fits(each.root)) {
+      said = true;
+      add("log-checkpoint-differs", in_log(each.entry), each.entry,
+          "the first " + std::to_string(size) +
+              " entries are not those whose root the appliance log states in its " + at_entry(each.entry));
+    }
+  }
+}
+
+void LogComparison::finish(std::uint64_t entries,
+                           const std::map<std::uint64_t, crypto::Sha256Digest>& tokens) {
+  if (known_ == nullptr) {
+    return;
+  }
+  // By size: of those that somebody signed in time the last, or the last of the others.
+  const auto signed_then = [&](const KnownRoot& each) { return !log_->doubted.contains(each.entry); };
+  auto most = std::find_if(roots_.rbegin(), roots_.rend(), signed_then);
+  if (most == roots_.rend() || most->size <= entries) {
+    most = roots_.rbegin();
+  }
+  if (most != roots_.rend() && most->size > entries) {
+    add("log-knows-more", {std::string(kLedgerFile), entries}, most->entry,
+        "the appliance log knows " + std::to_string(most->size) + " entries of this case (its " +
+            at_entry(most->entry) + ") and there are " + std::to_string(entries) +
+            ": the end of the ledger was removed");
+    return;
+  }
+  if (known_->closed) {
+    std::optional<crypto::Sha256Digest> last;
+    for (const auto& [entry, hash] : tokens) {
+      if (entry < known_->closed->size) {
+        last = hash;
+      }
+    }
+    if (last != known_->final_token) {
+      add("log-end-differs", in_log(known_->closed->entry), known_->closed->entry,
+          "the appliance log states another final token of this case in its " +
+              at_entry(known_->closed->entry));
+    }
+  }
+}
+
+}  // namespace kiroku::archive

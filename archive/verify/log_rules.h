@@ -1,0 +1,140 @@
+// The appliance log: its own integrity, and what it knows of cases. Not thread-safe.
+#pragma once
+
+#include <cstdint>
+#include <deque>
+#include <map>
+#include <optional>
+#include <span>
+#include <string>
+#include <unordered_set>
+#include <vector>
+
+#include "archive/format/case_folder.h"
+#include "archive/format/ledger_entry.h"
+#include "archive/format/line_reader.h"
+#include "archive/format/log_entry.h"
+#include "archive/verify/checkpoint_rules.h"
+#include "archive/verify/finding_list.h"
+#include "archive/verify/outside_notes.h"
+#include "archive/verify/verify_options.h"
+#include "crypto/merkle_tree.h"
+
+namespace kiroku::archive {
+
+/// A tree of a case as the log states it, in `entry` of the log.
+struct KnownRoot {
+  std::uint64_t size = 0;
+  crypto::Sha256Digest root{};
+  std::uint64_t entry = 0;
+};
+
+/// What a log says of one case.
+struct LoggedCase {
+  std::optional<std::uint64_t> opened;  // entry of case-opened
+  crypto::Sha256Digest opening_line{};  // SHA-256 of entry 0 of the case
+  std::vector<KnownRoot> roots;         // of case-checkpoint and case-closed
+  std::optional<KnownRoot> closed;
+  std::optional<crypto::Sha256Digest> final_token;
+  /// The whole case, by an entry that was signed before another followed. A line that nobody signed then
+  /// excuses nothing: anybody who can write to the disk can add one, and the next start signs what follows.
+  bool erased = false;
+  /// Whether any entry of the log about the case was signed before another followed.
+  bool vouched = false;
+};
+
+/// What a walk over a log gives.
+struct LogContents {
+  std::map<std::string, LoggedCase> cases;
+  /// Of the entries about these cases those that nobody signed before another followed: the machine stopped
+  /// at that moment, or somebody who can write to the disk made them up, and the next start signed them with
+  /// its own. They prove nothing against a case either.
+  std::unordered_set<std::uint64_t> doubted;
+  std::optional<crypto::Sha256Digest> root_at_head;  // nothing: the log is shorter
+  std::uint64_t entries = 0, checkpoints = 0;
+  std::string device;
+  std::optional<UtcTime> begins;
+  bool gave_up = false;  // so many lines are no entries that the rest was not read: nothing follows from it
+};
+
+/// Walks a log once. Findings name files relative to the log's folder.
+class LogWalk {
+ public:
+  /// With a `case_id` only that case is kept, with its roots, and the log's own root at size `head`: for
+  /// verifying that case. Without one all cases are, and no roots. Everything referred to must outlive the
+  /// object.
+  LogWalk(const CaseFolder& folder, const VerifyOptions& options, FindingList& findings, std::string case_id,
+          std::uint64_t head);
+  /// Notes to compare the log with, before run().
+  void compare_with(OutsideNotes& notes) { outside_ = &notes; }
+
+  /// Once. Throws kiroku::Error if the folder is no log.
+  LogContents run();
+
+ private:
+  void take(const LedgerLine& line, std::uint64_t number);
+  void count_broken_line(std::uint64_t number);
+  void set_device(const std::string& device, std::uint64_t number);
+  /// What is known of a case; nothing where it is not asked for.
+  LoggedCase* logged(const std::string& case_id);
+  void note_root(const std::string& case_id, const KnownRoot& root);
+  void check_names();
+  /// Notes that were signed while the log was read, of the newest entries.
+  void take_late_notes(bool tree_known);
+  void judge_tail();
+  /// After a checkpoint that covers all until now.
+  void judge_signed();
+  /// When it is known whether the newest entry, `number`, has a checkpoint of its own.
+  void judge_told(std::uint64_t number, bool has_its_own);
+
+  const CaseFolder* folder_;
+  const VerifyOptions* options_;
+  FindingList* findings_;
+  std::string case_id_;
+  std::uint64_t head_;
+  OutsideNotes* outside_ = nullptr;
+  std::vector<ListedFile> listing_;
+  CheckpointRules checkpoints_;
+  crypto::MerkleFrontier tree_;
+  LogContents contents_;
+  std::int64_t last_mono_ns_ = 0;
+  std::deque<crypto::Checkpoint> recent_;      // of the newest sizes that no listed note has; without origin
+  std::deque<std::uint64_t> to_be_followed_;   // the last two entries that a checkpoint follows at once
+  std::optional<std::string> erased_now_;      // the case that the newest entry says was erased whole
+  std::optional<std::string> told_now_;        // the case that the newest entry tells of, if it is kept
+  std::optional<CaseClosedEntry> closed_now_;  // the newest entry, if it is this
+  std::uint64_t since_note_ = 0;               // entries to be followed, since the last checkpoint that fits
+  std::uint64_t broken_lines_ = 0;
+};
+
+/// One case against what the log knows of it, while its ledger is walked.
+class LogComparison {
+ public:
+  /// `log` may be null: then nothing is compared. It must be of a walk for this case and its `open`, and
+  /// outlive the object.
+  LogComparison(const LogContents* log, const std::optional<OpenEntry>& opening, FindingList& findings);
+
+  void check_opening(const crypto::Sha256Digest& entry0);
+  [[nodiscard]] bool asks_for(std::uint64_t size) const;
+  /// Whether the log states a root for more entries: a checkpoint over them was made before.
+  [[nodiscard]] bool knows_beyond(std::uint64_t size) const;
+  /// The case's tree has `size` entries; `fits` tells whether a root is its.
+  void reached(std::uint64_t size, const RootTest& fits);
+  /// The case has `entries`; `tokens` are the hashes of its token files by entry.
+  void finish(std::uint64_t entries, const std::map<std::uint64_t, crypto::Sha256Digest>& tokens);
+
+ private:
+  /// The roots that the log states for this size.
+  [[nodiscard]] std::span<const KnownRoot> roots_at(std::uint64_t size) const;
+  /// A finding with this code, or with one for an entry of the log that nobody signed when it was written.
+  void add(CodeName code, const Place& place, std::uint64_t log_entry, const std::string& text);
+
+  const LogContents* log_ = nullptr;
+  const LoggedCase* known_ = nullptr;
+  std::vector<KnownRoot> roots_;  // by size, then in the order of the log
+  FindingList* findings_;
+  std::string case_id_;
+  bool differs_ = false, differs_in_doubt_ = false;
+};
+
+}  // namespace kiroku::archive

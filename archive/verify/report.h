@@ -1,0 +1,109 @@
+// What a verification finds: the verdict, and what a reader of it is told (docs/reference/verdicts.md).
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "archive/format/ledger_entry.h"
+#include "archive/verify/finding.h"
+#include "timestamp/token_verifier.h"
+
+namespace kiroku::archive {
+
+/// kIntactExcerpt is of an excerpt alone, with or without stated gaps. An excerpt is never kIntact.
+enum class Verdict { kIntact, kIntactWithGaps, kIntactExcerpt, kUnproven, kIncomplete, kTampered };
+std::string_view verdict_name(Verdict verdict);  // "intact-with-gaps"
+/// 0 0 4 3 3 1. `excerpt_accepted`: the caller said that an excerpt will do, so that an intact one gives 0.
+int exit_status(Verdict verdict, bool excerpt_accepted = false);
+
+/// kExternal: a token of an outside authority covers all that the case claims (all entries up to close, of an
+/// excerpt its segments); kExternalInPart: one covers the beginning alone.
+enum class TimeProof { kExternal, kExternalInPart, kSelfIssued, kNone };
+std::string_view time_proof_name(TimeProof proof);
+
+struct StreamReport {
+  StreamInfo info;
+  std::uint64_t segments = 0, frames = 0, dropped = 0, bytes = 0;
+  Span span;
+  std::int64_t gap_ns = 0;
+  std::uint64_t erased_segments = 0;  // of `segments`: entered as erased, and not there
+};
+
+/// Entries [first_entry, last_entry] were written after not_before and before not_after: by outside clocks
+/// alone where the case has any token of an outside authority, else by the recorder's own authority.
+struct Bracket {
+  std::uint64_t first_entry = 0, last_entry = 0;
+  std::optional<UtcTime> not_before, not_after;
+  std::string authority_before, authority_after;
+};
+
+/// An authority's clock beside the case clock: gen_time, and the case clock in the middle of the exchange
+/// that brought it. True time was within half_width_ns of gen_time then: half the round trip, the authority's
+/// stated accuracy, and a second where gen_time has none but whole seconds.
+struct ClockComparison {
+  UtcTime gen_time;
+  std::int64_t case_ns = 0;
+  std::int64_t half_width_ns = 0;
+};
+/// First and last comparison of one authority, over valid tokens. The name is the ledger's: tokens under one
+/// name of both kinds of authority make two clocks.
+struct AuthorityClock {
+  std::string authority;
+  bool outside = false;
+  std::uint64_t comparisons = 0;
+  ClockComparison first, last;
+
+  /// By how much the authority's clock went on more than the case clock between the two; right to
+  /// drift_half_width_ns().
+  [[nodiscard]] std::int64_t drift_ns() const;
+  [[nodiscard]] std::int64_t drift_half_width_ns() const { return first.half_width_ns + last.half_width_ns; }
+};
+/// By how much gen_time is ahead of the recorder's UTC: of `clock_zero` plus the case clock.
+std::int64_t offset_ns(const ClockComparison& comparison, UtcTime clock_zero);
+
+/// One stream of the case that an excerpt is of: how much of it lies in the excerpt's folder with the right
+/// hash, and how much the case has.
+struct ExcerptStream {
+  std::string name;
+  bool selected = false;
+  std::uint64_t held_segments = 0, held_frames = 0;
+  /// By `close`; nothing where that is not among the excerpt's lines.
+  std::optional<std::uint64_t> case_segments, case_frames;
+  std::uint64_t known_segments = 0;  // the case has at least so many, by the excerpt's lines
+};
+/// What part of a case an excerpt is.
+struct ExcerptReport {
+  std::int64_t from_ns = 0, to_ns = 0;      // case clock, half open; to_ns is not after the case's end
+  std::int64_t begins_ns = 0;               // where the case begins on its clock
+  std::uint64_t first_entry = 0, size = 0;  // the lines are those of the entries [first_entry, size)
+  std::vector<ExcerptStream> streams;       // every stream of the case, in its order
+  bool with_gaps = false;                   // the findings state gaps
+  /// What the excerpt says of its making. Nothing proves this.
+  std::optional<UtcTime> stated_made_at;
+  std::string stated_made_by;
+};
+
+struct VerificationReport {
+  Verdict verdict = Verdict::kTampered;
+  std::string case_id;
+  std::string device;  // verifier key of the case
+  TimeProof time = TimeProof::kNone;
+  std::uint64_t outside_entries = 0;  // from 0 on: those that a token of an outside authority covers
+  std::uint64_t entries = 0, files = 0, bytes = 0, tokens = 0, checkpoints = 0;
+  std::vector<StreamReport> streams;     // of an excerpt: of the selected streams, what it holds
+  std::optional<ExcerptReport> excerpt;  // of an excerpt whose excerpt.json could be read
+  std::vector<Bracket> brackets;
+  std::vector<AuthorityClock> clocks;  // one an authority, in the order of their first tokens
+  std::vector<Finding> findings;       // ordered by entry, then file
+  /// Root (RFC 6962) over the lines that were judged, of which there are `entries`; of an excerpt its opening
+  /// line comes before them. Nothing where none could be read. Who shows lines beside the verdict compares
+  /// it.
+  std::optional<crypto::Sha256Digest> lines_root;
+  std::optional<UtcTime> opened, closed;
+  std::optional<UtcTime> clock_zero;  // the recorder's wall clock at 0 of the case clock, by `open`
+};
+
+}  // namespace kiroku::archive

@@ -1,0 +1,129 @@
+#include "archive/verify/report_json.h"
+
+#include <nlohmann/json.hpp>
+
+#include "base/json_or_null.h"
+
+namespace kiroku::archive {
+namespace {
+
+using nlohmann::ordered_json;
+
+ordered_json stream_json(const StreamReport& stream) {
+  return {{"name", stream.info.name},
+          {"kind", stream.info.kind},
+          {"media", stream.info.media},
+          {"profile", stream.info.profile},
+          {"source", stream.info.source},
+          {"segments", stream.segments},
+          {"erased_segments", stream.erased_segments},
+          {"frames", stream.frames},
+          {"dropped", stream.dropped},
+          {"bytes", stream.bytes},
+          {"start_ns", stream.span.start_ns},
+          {"end_ns", stream.span.end_ns},
+          {"gap_ns", stream.gap_ns}};
+}
+
+ordered_json excerpt_json(const ExcerptReport& excerpt) {
+  ordered_json streams = ordered_json::array();
+  for (const ExcerptStream& stream : excerpt.streams) {
+    streams.push_back({{"name", stream.name},
+                       {"selected", stream.selected},
+                       {"held_segments", stream.held_segments},
+                       {"held_frames", stream.held_frames},
+                       {"case_segments", or_null(stream.case_segments)},
+                       {"case_frames", or_null(stream.case_frames)},
+                       {"known_segments", stream.known_segments}});
+  }
+  return {{"from_ns", excerpt.from_ns},
+          {"to_ns", excerpt.to_ns},
+          {"begins_ns", excerpt.begins_ns},
+          {"first_entry", excerpt.first_entry},
+          {"size", excerpt.size},
+          {"with_gaps", excerpt.with_gaps},
+          {"streams", std::move(streams)},
+          {"stated",
+           {{"made_utc", or_null(excerpt.stated_made_at)}, {"made_by", or_null(excerpt.stated_made_by)}}}};
+}
+
+ordered_json bracket_json(const Bracket& bracket) {
+  return {{"first_entry", bracket.first_entry},
+          {"last_entry", bracket.last_entry},
+          {"not_before", or_null(bracket.not_before)},
+          {"not_after", or_null(bracket.not_after)},
+          {"authority_before", or_null(bracket.authority_before)},
+          {"authority_after", or_null(bracket.authority_after)}};
+}
+
+ordered_json comparison_json(const ClockComparison& comparison, const std::optional<UtcTime>& clock_zero) {
+  return {
+      {"gen_time", format_utc(comparison.gen_time)},
+      {"case_ns", comparison.case_ns},
+      {"offset_ns", clock_zero ? ordered_json(offset_ns(comparison, *clock_zero)) : ordered_json(nullptr)},
+      {"half_width_ns", comparison.half_width_ns}};
+}
+
+ordered_json clock_json(const AuthorityClock& clock, const std::optional<UtcTime>& clock_zero) {
+  return {{"authority", clock.authority},
+          {"time", time_proof_name(clock.outside ? TimeProof::kExternal : TimeProof::kSelfIssued)},
+          {"comparisons", clock.comparisons},
+          {"first", comparison_json(clock.first, clock_zero)},
+          {"last", comparison_json(clock.last, clock_zero)},
+          {"drift_ns", clock.drift_ns()},
+          {"drift_half_width_ns", clock.drift_half_width_ns()}};
+}
+
+ordered_json finding_json(const Finding& finding) {
+  return {{"code", finding.code},
+          {"severity", severity_name(finding.severity)},
+          {"file", or_null(finding.file)},
+          {"entry", or_null(finding.entry)},
+          {"offset", or_null(finding.offset)},
+          {"text", finding.text}};
+}
+
+}  // namespace
+
+std::string severity_name(Severity severity) {
+  switch (severity) {
+    case Severity::kNote:
+      return "note";
+    case Severity::kGap:
+      return "gap";
+    case Severity::kUnproven:
+      return "unproven";
+    case Severity::kIncomplete:
+      return "incomplete";
+    case Severity::kTampered:
+      break;
+  }
+  return "tampered";
+}
+
+ordered_json report_json(const VerificationReport& report) {
+  ordered_json out = {{"case", report.case_id},
+                      {"verdict", verdict_name(report.verdict)},
+                      {"time", time_proof_name(report.time)},
+                      {"outside_entries", report.outside_entries},
+                      {"device", report.device},
+                      {"opened", or_null(report.opened)},
+                      {"closed", or_null(report.closed)},
+                      {"entries", report.entries},
+                      {"files", report.files},
+                      {"bytes", report.bytes},
+                      {"checkpoints", report.checkpoints},
+                      {"tokens", report.tokens}};
+  out["excerpt"] = report.excerpt ? excerpt_json(*report.excerpt) : ordered_json(nullptr);
+  out["streams"] = ordered_json::array();
+  for (const auto& stream : report.streams) out["streams"].push_back(stream_json(stream));
+  out["brackets"] = ordered_json::array();
+  for (const auto& bracket : report.brackets) out["brackets"].push_back(bracket_json(bracket));
+  out["clocks"] = ordered_json::array();
+  for (const auto& clock : report.clocks) out["clocks"].push_back(clock_json(clock, report.clock_zero));
+  out["findings"] = ordered_json::array();
+  for (const auto& finding : report.findings) out["findings"].push_back(finding_json(finding));
+  return out;
+}
+
+}  // namespace kiroku::archive

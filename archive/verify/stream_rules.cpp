@@ -1,0 +1,266 @@
+#include "archive/verify/stream_rules.h"
+
+#include <algorithm>
+#include <filesystem>
+#include <iterator>
+#include <utility>
+
+#include "archive/format/case_layout.h"
+
+namespace kiroku::archive {
+
+namespace {
+
+std::string digits(std::uint64_t number) { return std::to_string(number); }
+
+std::string in_seconds(std::int64_t ns) {
+  constexpr std::int64_t kNsPerUs = 1'000;
+  constexpr std::int64_t kUsPerSecond = 1'000'000;
+  const std::int64_t us = ns / kNsPerUs;
+  std::string fraction = std::to_string(us % kUsPerSecond);
+  fraction.insert(0, 6 - fraction.size(), '0');
+  return std::to_string(us / kUsPerSecond) + "." + fraction;
+}
+
+std::string text_of(const Span& span) {
+  return in_seconds(span.start_ns) + " s to " + in_seconds(span.end_ns) + " s";
+}
+
+std::string totals_text(const StreamTotal& total) {
+  return digits(total.segments) + " segments, " + digits(total.frames) + " frames, " + digits(total.dropped) +
+         " dropped, " + digits(total.bytes) + " bytes";
+}
+
+}  // namespace
+
+StreamRules::StreamRules(StreamInfo info, bool whole_case, FindingList& findings)
+    : info_(std::make_shared<const StreamInfo>(std::move(info))),
+      whole_case_(whole_case),
+      findings_(&findings) {
+  report_.info = *info_;
+  if (whole_case_) {
+    next_index_ = 0;
+  }
+}
+
+bool StreamRules::take(const SegmentEntry& segment, std::uint64_t entry) {
+  const std::string& name = report_.info.name;
+  const Place place{segment.file.file, entry};
+  std::string file = segment_path(name, segment.index, report_.info.extension);
+  if (!segment.complete) {
+    file += kPartSuffix;
+  }
+  const bool named = segment.file.file == file;
+  if (!named) {
+    findings_->add(
+        "segment-name-differs", {std::string(kLedgerFile), entry},
+        "entry " + digits(entry) + " names a file \"" + segment.file.file + "\" where " + file + " must be");
+  }
+  if (next_index_ && segment.index != *next_index_) {
+    findings_->add("segment-out-of-order", place,
+                   "entry " + digits(entry) + " has segment " + digits(segment.index) + " of " + name +
+                       " where " + digits(*next_index_) + " must come");
+  }
+  first_index_ = first_index_.value_or(segment.index);
+  next_index_ = segment.index + 1;
+  check_seam(segment, entry);
+
+  if (cut_) {
+    findings_->add("segment-cut-unexplained", {cut_->file, cut_->entry},
+                   cut_->file + " is incomplete, and recording went on as if nothing had happened");
+    cut_.reset();
+  }
+  if (!segment.complete) {
+    findings_->add("segment-incomplete", place, segment.file.file + " was cut off before its end");
+    if (!interrupted_ && segment.counted) {
+      cut_ = Cut{entry, shortened(segment.file.file)};
+    }
+  }
+  interrupted_ = false;
+  if (!segment.counted && recovered_) {
+    findings_->add("segment-uncounted", place,
+                   segment.file.file +
+                       " was found after recording was cut off: its times are estimates, and "
+                       "only its recipients can count what is in it");
+  } else if (!segment.counted) {
+    findings_->add("segment-uncounted-unexplained", place,
+                   "entry " + digits(entry) + " does not state what " + segment.file.file +
+                       " holds, although recording was not cut off before it");
+  }
+
+  if (report_.segments == 0) {
+    report_.span.start_ns = segment.span.start_ns;
+  }
+  ++report_.segments;
+  report_.frames += segment.frames;
+  report_.dropped += segment.dropped;
+  report_.bytes += segment.file.bytes;
+  report_.span.end_ns = std::max(report_.span.end_ns, segment.span.end_ns);
+  if (segment.dropped > 0 && !first_dropped_entry_) {
+    first_dropped_entry_ = entry;
+  }
+  IndexRanges& entered = segment.complete ? entered_ : entered_parts_;
+  if (!named || entered.contains(segment.index)) {
+    return false;  // a finding already: another name, or out of order
+  }
+  entered.add(segment.index, segment.index);
+  return true;
+}
+
+void StreamRules::check_seam(const SegmentEntry& segment, std::uint64_t entry) {
+  if (end_ns_) {
+    if (segment.span.start_ns < *end_ns_ - kSeamToleranceNs) {
+      findings_->add("segment-overlap", {segment.file.file, entry},
+                     "segment " + digits(segment.index) + " of " + report_.info.name + " begins at " +
+                         in_seconds(segment.span.start_ns) + " s, before " + in_seconds(*end_ns_) +
+                         " s, where the one before it ends");
+    } else if (segment.span.start_ns > *end_ns_ + kSeamToleranceNs) {
+      holes_.push_back({{*end_ns_, segment.span.start_ns}, entry, segment.index});
+    }
+  }
+  end_ns_ = std::max(end_ns_.value_or(0), segment.span.end_ns);
+}
+
+void StreamRules::take(const GapEntry& gap, std::uint64_t entry) {
+  if (gap.of_sound) {
+    // It excuses no hole between segments, and no segment that was cut off.
+    findings_->add("sound-gap", {std::string(kLedgerFile), entry},
+                   "the sound of " + report_.info.name + " was not recorded from " + text_of(gap.span) +
+                       " (" + std::string(gap_cause_name(gap.cause)) + ")");
+    return;
+  }
+  findings_->add("gap", {std::string(kLedgerFile), entry},
+                 report_.info.name + " was not recorded from " + text_of(gap.span) + " (" +
+                     std::string(gap_cause_name(gap.cause)) + ")");
+  report_.gap_ns += gap.span.end_ns - gap.span.start_ns;
+  take_interruption();
+  all_gaps_ = {std::min(all_gaps_.value_or(gap.span).start_ns, gap.span.start_ns),
+               std::max(all_gaps_.value_or(gap.span).end_ns, gap.span.end_ns)};
+  // Gaps come in order, or nearly: joined, a stream that flickers for hours takes no more room than it must.
+  if (!gaps_.empty() && gap.span.start_ns >= gaps_.back().start_ns &&
+      gap.span.start_ns <= gaps_.back().end_ns) {
+    gaps_.back().end_ns = std::max(gaps_.back().end_ns, gap.span.end_ns);
+  } else {
+    gaps_.push_back(gap.span);
+  }
+}
+
+void StreamRules::take(const ErasedEntry& erased, std::uint64_t entry) {
+  findings_->add("segments-erased", {std::string(kLedgerFile), entry},
+                 digits(erased.last_index - erased.first_index + 1) + " segments of " + report_.info.name +
+                     " (" + digits(erased.first_index) + " to " + digits(erased.last_index) +
+                     ") were erased by policy: " + erased.policy);
+  erased_.add(erased.first_index, erased.last_index);
+}
+
+void StreamRules::take_interruption() {
+  cut_.reset();
+  interrupted_ = true;
+}
+
+void StreamRules::take_recovered() {
+  recovered_ = true;
+  take_interruption();
+}
+
+void StreamRules::check_totals(const StreamTotal* stated, std::uint64_t entry) {
+  if (!whole_case_) {
+    return;
+  }
+  const StreamTotal real{report_.segments, report_.frames, report_.dropped, report_.bytes};
+  const bool same = stated != nullptr && stated->segments == real.segments && stated->frames == real.frames &&
+                    stated->dropped == real.dropped && stated->bytes == real.bytes;
+  if (!same) {
+    findings_->add("totals-differ", {std::string(kLedgerFile), entry},
+                   "close states for " + report_.info.name + " " +
+                       (stated == nullptr ? std::string("nothing") : totals_text(*stated)) +
+                       " where its entries add up to " + totals_text(real));
+  }
+}
+
+void StreamRules::join_gaps() {
+  std::sort(gaps_.begin(), gaps_.end(), [](const Span& a, const Span& b) { return a.start_ns < b.start_ns; });
+  std::vector<Span> joined;
+  for (const Span& gap : gaps_) {
+    if (joined.empty() || gap.start_ns > joined.back().end_ns + kSeamToleranceNs) {
+      joined.push_back(gap);
+    } else {
+      joined.back().end_ns = std::max(joined.back().end_ns, gap.end_ns);
+    }
+  }
+  gaps_ = std::move(joined);
+}
+
+std::optional<Span> StreamRules::uncovered(Span hole) const {
+  // The gap in which the hole begins, or within the tolerance before which: no other goes on from there.
+  const auto after =
+      std::upper_bound(gaps_.begin(), gaps_.end(), hole.start_ns + kSeamToleranceNs,
+                       [](std::int64_t start_ns, const Span& gap) { return start_ns < gap.start_ns; });
+  if (after != gaps_.begin()) {
+    hole.start_ns = std::max(hole.start_ns, std::prev(after)->end_ns);
+  }
+  return hole.end_ns - hole.start_ns > kSeamToleranceNs ? std::optional(hole) : std::nullopt;
+}
+
+void StreamRules::finish() {
+  join_gaps();
+  for (const Hole& hole : holes_) {
+    if (const std::optional<Span> left = uncovered(hole.span)) {
+      findings_->add("segment-hole", {std::string(kLedgerFile), hole.entry},
+                     report_.info.name + " has nothing from " + text_of(*left) + ", before segment " +
+                         digits(hole.index) + ", and no gap says why");
+    }
+  }
+  if (first_dropped_entry_) {
+    findings_->add("frames-dropped", {std::string(kLedgerFile), first_dropped_entry_},
+                   digits(report_.dropped) + " frames of " + report_.info.name +
+                       " were dropped, first in entry " + digits(*first_dropped_entry_));
+  }
+}
+
+bool StreamRules::erased(std::uint64_t index) const { return erased_.contains(index); }
+
+std::string StreamRules::next_file(std::uint64_t further) const {
+  return segment_path(report_.info.name, next_index_.value_or(0) + further, report_.info.extension);
+}
+
+bool StreamRules::may_be_left_over(const std::string& path) const {
+  if (!all_gaps_ || all_gaps_->end_ns < end_ns_.value_or(0)) {
+    return false;
+  }
+  const bool part = path.ends_with(kPartSuffix);
+  const std::string whole = part ? path.substr(0, path.size() - kPartSuffix.size()) : path;
+  const std::optional<std::uint64_t> index = index_of(whole);
+  return index && *index >= next_index_.value_or(0);
+}
+
+bool StreamRules::has_name(const std::string& path) const { return index_of(path).has_value(); }
+
+std::optional<std::uint64_t> StreamRules::index_of(const std::string& path) const {
+  const std::string number = std::filesystem::path(path).filename().string();
+  const std::optional<std::uint64_t> index = parse_index(number.substr(0, number.find('.')));
+  return index && path == segment_path(report_.info.name, *index, report_.info.extension) ? index
+                                                                                          : std::nullopt;
+}
+
+bool StreamRules::shows_all_of(std::int64_t from_ns, std::int64_t to_ns, const LinesShown& lines) const {
+  if (lines.total_segments == 0U) {
+    return true;
+  }
+  const bool any = first_index_.has_value();
+  // What came live was entered after it happened: nothing entered before from_ns lies in the time.
+  const bool written_before = report_.info.timing == "arrival" && lines.begin_ns <= from_ns;
+  const bool begins_in_time =
+      lines.from_open || written_before || first_index_ == 0U || (any && report_.span.start_ns <= from_ns);
+  return begins_in_time && (lines.to_close || (any && end_ns_ >= to_ns));
+}
+
+std::int64_t StreamRules::gap_within(std::int64_t from_ns, std::int64_t to_ns) const {
+  std::int64_t total = 0;
+  for (const Span& gap : gaps_) {
+    total += std::max<std::int64_t>(0, std::min(gap.end_ns, to_ns) - std::max(gap.start_ns, from_ns));
+  }
+  return total;
+}
+
+}  // namespace kiroku::archive

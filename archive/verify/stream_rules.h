@@ -1,0 +1,111 @@
+// The segments of one stream in order, without overlap, without silent holes (docs/reference/format.md,
+// "Verification"). Not thread-safe.
+//
+// - Indexes count 0, 1, 2 … without hole; an excerpt begins anywhere.
+// - A segment begins where the one before it ends, to within kSeamTolerance. If it begins later, the `gap`
+//   entries of the stream (before or after it in the ledger) must cover the time between; it never begins
+//   earlier. Before the first segment and after the last nothing is demanded: sources begin and end when they
+//   do.
+// - A segment without counts is one that recovery found: a `recovered` stands before it.
+// - An incomplete segment is explained by `recovered`, `close` or a `gap` of its stream between the segments
+//   around it; one that recovery found, by that.
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "archive/format/index_ranges.h"
+#include "archive/format/ledger_entry.h"
+#include "archive/verify/finding_list.h"
+#include "archive/verify/report.h"
+
+namespace kiroku::archive {
+
+/// A container's time base can round to milliseconds (Matroska); no picture or sample fits in less.
+inline constexpr std::int64_t kSeamToleranceNs = 1'000'000;
+
+class StreamRules {
+ public:
+  StreamRules(StreamInfo info, bool whole_case, FindingList& findings);
+
+  /// False if the segment's file name is not the one its stream and index dictate, so that it must not be
+  /// opened; or if an entry before named the same file: it is read once, however often it is named.
+  bool take(const SegmentEntry& segment, std::uint64_t entry);
+  void take(const GapEntry& gap, std::uint64_t entry);
+  void take(const ErasedEntry& erased, std::uint64_t entry);
+  /// `recovered` or `close`, which explain an incomplete segment.
+  void take_interruption();
+  /// `recovered`, after which segments may stand that nobody could count.
+  void take_recovered();
+  /// Totals of `close` against what was seen; not for excerpts.
+  void check_totals(const StreamTotal* stated, std::uint64_t entry);
+  void finish();
+
+  [[nodiscard]] const std::shared_ptr<const StreamInfo>& info() const { return info_; }
+  [[nodiscard]] const StreamReport& report() const { return report_; }
+  [[nodiscard]] bool erased(std::uint64_t index) const;
+  /// The file of an erased segment is not there.
+  void count_erased() { ++report_.erased_segments; }
+  /// The file name of the segment that comes next, or so many later, complete.
+  [[nodiscard]] std::string next_file(std::uint64_t further) const;
+  /// Whether a file that no entry names may be a segment that could not be made durable, so that nothing is
+  /// claimed of it: a part, or whole, of an index that comes next or later, of a stream whose last word is a
+  /// gap.
+  [[nodiscard]] bool may_be_left_over(const std::string& path) const;
+  /// Whether a segment's file of this stream may be called so, whatever its index.
+  [[nodiscard]] bool has_name(const std::string& path) const;
+  /// Where an excerpt's lines lie in the case's ledger.
+  struct LinesShown {
+    bool from_open = false;     // no entry between `open` and them is left out
+    std::int64_t begin_ns = 0;  // case clock of the first
+    bool to_close = false;
+    std::optional<std::uint64_t> total_segments;  // of the stream, by `close`
+  };
+  /// Whether every segment of the stream that meets [from_ns, to_ns) must be among the lines seen. A stream's
+  /// segments are entered in the order of their times, so a segment at each end shows it. A gap does not: it
+  /// may be entered before a segment that lies before it, or after one that lies behind it.
+  [[nodiscard]] bool shows_all_of(std::int64_t from_ns, std::int64_t to_ns, const LinesShown& lines) const;
+  /// How much of [from_ns, to_ns) the stream's gaps take.
+  [[nodiscard]] std::int64_t gap_within(std::int64_t from_ns, std::int64_t to_ns) const;
+  /// How many segments the case has at least, by the largest index seen.
+  [[nodiscard]] std::uint64_t known_segments() const { return next_index_.value_or(0); }
+
+ private:
+  struct Hole {
+    Span span;
+    std::uint64_t entry = 0;
+    std::uint64_t index = 0;
+  };
+  void check_seam(const SegmentEntry& segment, std::uint64_t entry);
+  /// Of a segment's file of this stream; nothing for any other path.
+  [[nodiscard]] std::optional<std::uint64_t> index_of(const std::string& path) const;
+  /// Sorts the gaps and joins those between which no more than the tolerance is missing.
+  void join_gaps();
+  /// What is left of a hole after all gaps, which must be joined; nothing if they cover it.
+  [[nodiscard]] std::optional<Span> uncovered(Span hole) const;
+
+  std::shared_ptr<const StreamInfo> info_;
+  StreamReport report_;
+  bool whole_case_;
+  FindingList* findings_;
+  std::optional<std::uint64_t> first_index_, next_index_;
+  IndexRanges entered_, entered_parts_;  // indexes of complete segments and of others
+  std::optional<std::int64_t> end_ns_;
+  std::vector<Span> gaps_;
+  std::optional<Span> all_gaps_;  // from the earliest start to the latest end
+  std::vector<Hole> holes_;
+  IndexRanges erased_;
+  struct Cut {
+    std::uint64_t entry = 0;
+    std::string file;
+  };
+  std::optional<Cut> cut_;    // an incomplete segment that nothing has explained yet
+  bool interrupted_ = false;  // since the last segment
+  bool recovered_ = false;
+  std::optional<std::uint64_t> first_dropped_entry_;
+};
+
+}  // namespace kiroku::archive

@@ -1,0 +1,380 @@
+#include "archive/verify/token_rules.h"
+
+#include <algorithm>
+#include <chrono>
+#include <utility>
+
+#include "archive/format/case_layout.h"
+#include "archive/verify/file_checker.h"
+#include "base/error.h"
+
+namespace kiroku::archive {
+
+namespace {
+
+using std::chrono::nanoseconds;
+
+// Tokens often state whole seconds (RFC 3161 2.4.2: the fraction may be left out) and a crystal drifts.
+constexpr std::int64_t kSlackNs = 2'000'000'000;
+constexpr std::int64_t kStepStatedWithinNs = 2'000'000'000;
+constexpr std::int64_t kDriftDivisor = 5'000;  // 0.02 %
+
+std::string at_entry(std::uint64_t entry) { return "entry " + std::to_string(entry); }
+
+std::int64_t ns_of(UtcTime::duration duration) {
+  return std::chrono::duration_cast<nanoseconds>(duration).count();
+}
+
+std::string seconds(std::int64_t ns) {
+  constexpr std::int64_t kNsPerMs = 1'000'000;
+  const std::int64_t ms = ns / kNsPerMs;
+  std::string fraction = std::to_string(std::abs(ms % 1'000));
+  fraction.insert(0, 3 - fraction.size(), '0');
+  return (ms < 0 && ms > -1'000 ? "-" : "") + std::to_string(ms / 1'000) + "." + fraction + " s";
+}
+
+}  // namespace
+
+TokenRules::TokenRules(const CaseFolder& folder, const VerifyOptions& options, FindingList& findings,
+                       const CheckpointRules& checkpoints)
+    : folder_(&folder), options_(&options), findings_(&findings), checkpoints_(&checkpoints) {}
+
+void TokenRules::take(const TokenEntry& token, std::uint64_t entry, std::int64_t mono_ns) {
+  ++count_;
+  hashes_[entry] = token.sha256;
+  const Place place{token.file, entry};
+  if (token.file != token_path(token.checkpoint, token.authority)) {
+    findings_->add("token-name-differs", place,
+                   at_entry(entry) + " names " + token.file + " where " +
+                       token_path(token.checkpoint, token.authority) + " must be");
+    return;
+  }
+  if (!entered_.emplace(token.checkpoint, token.authority).second) {
+    findings_->add("token-repeated", place, at_entry(entry) + " enters " + token.file + " a second time");
+    return;
+  }
+  if (token.checkpoint > entry) {
+    findings_->add("token-covers-later", place,
+                   at_entry(entry) + " names a checkpoint of " + std::to_string(token.checkpoint) +
+                       " entries, which did not exist yet");
+    return;
+  }
+  largest_checkpoint_ = std::max(largest_checkpoint_, token.checkpoint);
+  const std::optional<std::string> response = read_token(token, entry);
+  const Judged judged = response ? judge(token, entry, *response) : Judged{};
+  if (judged.restated && close_ && token.checkpoint > *close_) {
+    restating_.insert(entry);
+  }
+
+  Earlier now{entry,
+              token.checkpoint,
+              mono_ns,
+              token.gen_time,
+              token.accuracy_ns,
+              judged.valid && judged.external,
+              {},
+              mono_ns,
+              slewed_until(mono_ns)};
+  now.earliest_ns = checkpoints_->mono_at(token.checkpoint);
+  check_exchange(token, entry, mono_ns);
+  if (token.exchange) {
+    now.earliest_ns = token.exchange->asked_ns;
+    now.latest_ns = token.exchange->answered_ns;
+  }
+  check_order(token, entry);
+  check_elapsed(token, now);
+  last_of_authority_[token.authority] = now;
+  const StampedToken stamped{entry, token.checkpoint, token.gen_time, token.accuracy_ns, token.authority};
+  all_.push_back(stamped);
+  const bool later = latest_of_all_.empty() || all_[latest_of_all_.back()].earliest() < stamped.earliest();
+  latest_of_all_.push_back(later ? all_.size() - 1 : latest_of_all_.back());
+  if (judged.valid) {
+    compare_clocks(token, judged.external);
+    valid_.push_back(stamped);
+    valid_checkpoints_.insert(token.checkpoint);
+    if (judged.external && token.checkpoint > 0) {
+      outside_.push_back(stamped);
+      outside_entries_ = std::max(outside_entries_, token.checkpoint);
+    }
+  }
+}
+
+TimeProof TokenRules::time(std::uint64_t last_claim) const {
+  if (!outside_.empty()) {
+    return outside_entries_ > last_claim ? TimeProof::kExternal : TimeProof::kExternalInPart;
+  }
+  return valid_.empty() ? TimeProof::kNone : TimeProof::kSelfIssued;
+}
+
+std::optional<std::string> TokenRules::read_token(const TokenEntry& token, std::uint64_t entry) {
+  const Place place{token.file, entry};
+  const FileOpening opening = folder_->open_file(token.file);
+  if (!opening.file) {
+    report_unopened(*findings_, place, opening);
+    return std::nullopt;
+  }
+  try {
+    std::optional<std::string> response = read_small(*opening.file, kMaximumTokenBytes);
+    if (!response || crypto::sha256(bytes_of(*response)) != token.sha256) {
+      findings_->add("file-hash-differs", place,
+                     token.file + " is not the file whose hash " + at_entry(entry) + " states");
+      return std::nullopt;
+    }
+    return response;
+  } catch (const IoError& error) {
+    findings_->add("file-unreadable", place, std::string(error.what()) + "; so it was not checked");
+    return std::nullopt;
+  }
+}
+
+TokenRules::Judged TokenRules::judge(const TokenEntry& token, std::uint64_t entry,
+                                     const std::string& response) {
+  const Place place{token.file, entry};
+  if (!checkpoints_->has(token.checkpoint)) {
+    findings_->add(
+        "checkpoint-missing", {note_path(token.checkpoint), entry},
+        note_path(token.checkpoint) + " is not there, which the token of " + at_entry(entry) + " is over");
+    return {};
+  }
+  const std::optional<std::string> note = read_note(*folder_, token.checkpoint, entry, *findings_);
+  if (!note) {
+    return {};
+  }
+  if (checkpoints_->hash_at(token.checkpoint) != crypto::sha256(bytes_of(*note))) {
+    findings_->add("file-hash-differs", {note_path(token.checkpoint), entry},
+                   note_path(token.checkpoint) +
+                       " changed while it was checked: the token is over other bytes than those of which the "
+                       "signature was verified");
+    return {};
+  }
+  static const timestamp::TrustStore kNoTrust;
+  timestamp::Expectation expectation;
+  expectation.data = to_bytes(*note);
+  const timestamp::TokenJudgement judgement = timestamp::judge_token(
+      bytes_of(response), expectation, options_->trust == nullptr ? kNoTrust : *options_->trust);
+  bool restated = false;
+  if (judgement.info) {
+    restated = compare_entry(token, entry, *judgement.info);
+    // Said also where the chain could not be judged: the imprint needs no trust.
+    const bool other_imprint =
+        judgement.info->algorithm &&
+        crypto::digest(*judgement.info->algorithm, *expectation.data) != judgement.info->imprint;
+    if (other_imprint || judgement.code == timestamp::TokenCode::kImprintDiffers) {
+      findings_->add("token-imprint-differs", place,
+                     token.file + " is a token over something else than " + note_path(token.checkpoint));
+      return {};
+    }
+  }
+  switch (timestamp::verdict_of(judgement.code)) {
+    case timestamp::TokenVerdict::kRefused:
+      findings_->add("token-refused", place,
+                     token.file + " does not hold (" + std::string(timestamp::code_name(judgement.code)) +
+                         "): " + judgement.explanation);
+      return {};
+    case timestamp::TokenVerdict::kCouldNotCheck:
+      if (judgement.code == timestamp::TokenCode::kNoTrust) {
+        no_trust_ = true;
+      } else {
+        untrusted_.push_back({token.checkpoint, entry, token.file, shortened(judgement.explanation)});
+      }
+      return {false, false, restated};
+    case timestamp::TokenVerdict::kValid:
+      break;
+  }
+  return {true, judgement.authority == timestamp::TimeAuthority::kOutside, restated};
+}
+
+bool TokenRules::compare_entry(const TokenEntry& token, std::uint64_t entry,
+                               const timestamp::TokenInfo& info) {
+  bool same = true;
+  const auto differs = [&](const std::string& field, const std::string& stated, const std::string& real) {
+    same = false;
+    findings_->add(
+        "token-entry-differs", {std::string(kLedgerFile), entry},
+        at_entry(entry) + " states " + field + " " + stated + " where " + token.file + " has " + real);
+  };
+  if (token.gen_time != info.gen_time) {
+    differs("gen_time", format_utc(token.gen_time), format_utc(info.gen_time));
+  }
+  if (token.accuracy_ns != info.accuracy_ns) {
+    differs("accuracy_ns", std::to_string(token.accuracy_ns), std::to_string(info.accuracy_ns));
+  }
+  if (token.serial != info.serial) {
+    differs("serial", token.serial, info.serial);
+  }
+  return same;
+}
+
+bool TokenRules::restate_late_tokens(std::uint64_t first, std::uint64_t end) const {
+  for (std::uint64_t entry = first; entry < end; ++entry) {
+    if (!restating_.contains(entry)) {
+      return false;
+    }
+  }
+  return true;
+}
+
+void TokenRules::check_order(const TokenEntry& token, std::uint64_t entry) {
+  // Among the tokens whose entry this token's checkpoint covers, the one with the latest lower bound.
+  const auto covered = std::partition_point(
+      all_.begin(), all_.end(), [&](const StampedToken& a) { return a.entry < token.checkpoint; });
+  if (covered == all_.begin()) {
+    return;
+  }
+  const StampedToken& before = all_[latest_of_all_[static_cast<std::size_t>(covered - all_.begin()) - 1]];
+  const StampedToken now{entry, token.checkpoint, token.gen_time, token.accuracy_ns, token.authority};
+  if (before.earliest() > now.latest()) {
+    findings_->add("token-order", {token.file, entry},
+                   token.file + " says " + format_utc(token.gen_time) + ", yet it covers " +
+                       at_entry(before.entry) + " with the token of " + before.authority + " of " +
+                       format_utc(before.gen_time));
+  }
+}
+
+void TokenRules::check_elapsed(const TokenEntry& token, const Earlier& now) {
+  const auto found = last_of_authority_.find(token.authority);
+  if (found == last_of_authority_.end()) {
+    return;
+  }
+  const Earlier& before = found->second;
+  if (!before.earliest_ns || !now.earliest_ns) {
+    return;  // over a checkpoint that is not there, or before an excerpt
+  }
+  const std::int64_t shortest = *now.earliest_ns - before.latest_ns;
+  const std::int64_t longest = now.latest_ns - *before.earliest_ns;
+  const std::int64_t elapsed = ns_of(now.gen_time - before.gen_time);
+  const std::int64_t tolerance = kSlackNs + before.accuracy_ns + now.accuracy_ns + longest / kDriftDivisor +
+                                 (now.slewed_ns - before.slewed_ns);
+  // After close the case clock stands: a token may come hours or years later.
+  const bool stands = close_ && now.checkpoint > *close_;
+  if (elapsed >= shortest - tolerance && (stands || elapsed <= longest + tolerance)) {
+    return;
+  }
+  const Place place{token.file, now.entry};
+  const std::string text = "between the tokens of " + token.authority + " in entries " +
+                           std::to_string(before.entry) + " and " + std::to_string(now.entry) +
+                           " its clock went on by " + seconds(elapsed) + " and the case clock by " +
+                           seconds(shortest) + " to " + seconds(longest);
+  if (now.external && before.external) {
+    findings_->add("clock-contradicted", place, text);
+  } else {
+    const std::int64_t excess =
+        std::max(shortest - tolerance - elapsed, stands ? 0 : elapsed - longest - tolerance);
+    disagreements_.push_back({place, text, before.mono_ns, now.mono_ns, excess});
+  }
+}
+
+void TokenRules::take_missed(const TokenMissedEntry& missed, std::uint64_t entry) {
+  missed_after_close_ = missed_after_close_ || (close_ && missed.checkpoint > *close_);
+  findings_->add("token-missed", {std::string(kLedgerFile), entry},
+                 missed.authority + " did not stamp the checkpoint of " + std::to_string(missed.checkpoint) +
+                     " entries: " + missed.cause);
+}
+
+void TokenRules::take_recovered() {
+  last_of_authority_.clear();
+  recovered_ = true;
+}
+
+void TokenRules::take_rate(std::int64_t rate_ppb, std::int64_t mono_ns) {
+  const std::int64_t rate = std::abs(rate_ppb) > kSlewPpb ? std::abs(rate_ppb) : 0;
+  // The entry at a slew's end states its mean rate.
+  slew_.rate_ppb = std::max(slew_.rate_ppb, rate);
+  slew_.total_ns = slewed_until(mono_ns);
+  slew_.since_ns = std::max(slew_.since_ns, mono_ns);
+  slew_.rate_ppb = rate;
+}
+
+void TokenRules::report_disagreements() {
+  std::sort(steps_.begin(), steps_.end(), [](const Step& a, const Step& b) { return a.mono_ns < b.mono_ns; });
+  std::vector<double> stepped_before{0};  // by all steps in front of each, either way
+  for (const Step& step : steps_) {
+    stepped_before.push_back(stepped_before.back() + std::abs(static_cast<double>(step.step_ns)));
+  }
+  const auto steps_before = [&](std::int64_t mono_ns) {
+    const auto first = std::partition_point(steps_.begin(), steps_.end(),
+                                            [&](const Step& step) { return step.mono_ns < mono_ns; });
+    return stepped_before[static_cast<std::size_t>(first - steps_.begin())];
+  };
+  for (const Disagreement& each : disagreements_) {
+    // A step is stated within a second, so an entry may follow the token that shows it already.
+    const double stepped_ns = steps_before(each.until_ns + kStepStatedWithinNs + 1) -
+                              steps_before(each.from_ns - kStepStatedWithinNs);
+    if (static_cast<double>(each.excess_ns) > stepped_ns) {
+      findings_->add("clock-disagreement", each.place, each.text);
+    }
+  }
+}
+
+std::int64_t TokenRules::slewed_until(std::int64_t mono_ns) const {
+  const double elapsed = static_cast<double>(std::max<std::int64_t>(mono_ns - slew_.since_ns, 0));
+  constexpr double kMostNs = 1e15;  // of a rate that is nonsense
+  return slew_.total_ns +
+         static_cast<std::int64_t>(std::min(elapsed * static_cast<double>(slew_.rate_ppb) / 1e9, kMostNs));
+}
+
+// The case clock goes on from the request to the entry, so this can only be false of entries that were made
+// up.
+void TokenRules::check_exchange(const TokenEntry& token, std::uint64_t entry, std::int64_t mono_ns) {
+  if (!token.exchange) {
+    return;
+  }
+  const auto [asked_ns, answered_ns] = *token.exchange;
+  const std::int64_t signed_ns = checkpoints_->mono_at(token.checkpoint).value_or(0);
+  if (asked_ns < signed_ns || answered_ns < asked_ns || mono_ns < answered_ns) {
+    findings_->add(
+        "token-exchange-impossible", {std::string(kLedgerFile), entry},
+        at_entry(entry) + " states that " + token.file +
+            " was asked for and answered at a time that is not between its checkpoint and its entry");
+  }
+}
+
+void TokenRules::compare_clocks(const TokenEntry& token, bool outside) {
+  if (!token.exchange || recovered_) {
+    return;
+  }
+  const auto [asked_ns, answered_ns] = *token.exchange;
+  const bool whole_seconds = token.gen_time == std::chrono::floor<std::chrono::seconds>(token.gen_time);
+  const ClockComparison comparison{
+      token.gen_time, asked_ns + (answered_ns - asked_ns) / 2,
+      (answered_ns - asked_ns + 1) / 2 + token.accuracy_ns + (whole_seconds ? 1'000'000'000 : 0)};
+  const auto [known, first] = clock_of_.emplace(std::pair(token.authority, outside), clocks_.size());
+  if (first) {
+    clocks_.push_back({token.authority, outside, 1, comparison, comparison});
+  } else {
+    ++clocks_[known->second].comparisons;
+    clocks_[known->second].last = comparison;
+  }
+}
+
+void TokenRules::finish(bool whole_case) {
+  report_disagreements();
+  if (count_ == 0) {
+    findings_->add("no-token", {},
+                   "there is no time-stamp token: only the device's own clock says when this was");
+  } else if (no_trust_) {
+    findings_->add("no-trusted-authority", {},
+                   "no trusted time-stamping root was given, so the tokens prove no time");
+  }
+  for (const Untrusted& token : untrusted_) {
+    const Place place{token.file, token.entry};
+    const std::string text = token.file + " could not be judged: " + token.explanation;
+    if (valid_checkpoints_.contains(token.checkpoint)) {
+      findings_->add("second-token-untrusted", place, text);
+    } else {
+      findings_->add("token-untrusted", place, text);
+    }
+  }
+  if (whole_case && count_ > 0 && close_ && largest_checkpoint_ <= *close_ && !missed_after_close_) {
+    findings_->add(
+        "end-not-stamped", {std::string(kLedgerFile), close_},
+        "no token covers close in " + at_entry(*close_) + ": when the end was written is not proven");
+  }
+}
+
+std::vector<Bracket> TokenRules::brackets(std::uint64_t first, std::uint64_t entries) const {
+  // Beside an outside clock the recorder's own would only seem to make the brackets narrower.
+  return brackets_of(outside_.empty() ? valid_ : outside_, first, entries);
+}
+
+}  // namespace kiroku::archive

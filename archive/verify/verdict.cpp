@@ -1,0 +1,79 @@
+#include "archive/verify/verdict.h"
+
+namespace kiroku::archive {
+
+Verdict verdict_of(Severity worst) {
+  switch (worst) {
+    case Severity::kNote:
+      return Verdict::kIntact;
+    case Severity::kGap:
+      return Verdict::kIntactWithGaps;
+    case Severity::kUnproven:
+      return Verdict::kUnproven;
+    case Severity::kIncomplete:
+      return Verdict::kIncomplete;
+    case Severity::kTampered:
+      break;
+  }
+  return Verdict::kTampered;
+}
+
+Verdict verdict_of_excerpt(Severity worst) {
+  const Verdict verdict = verdict_of(worst);
+  const bool intact = verdict == Verdict::kIntact || verdict == Verdict::kIntactWithGaps;
+  return intact ? Verdict::kIntactExcerpt : verdict;
+}
+
+std::string_view verdict_name(Verdict verdict) {
+  switch (verdict) {
+    case Verdict::kIntact:
+      return "intact";
+    case Verdict::kIntactWithGaps:
+      return "intact-with-gaps";
+    case Verdict::kIntactExcerpt:
+      return "intact-excerpt";
+    case Verdict::kUnproven:
+      return "unproven";
+    case Verdict::kIncomplete:
+      return "incomplete";
+    case Verdict::kTampered:
+      break;
+  }
+  return "tampered";
+}
+
+int exit_status(Verdict verdict, bool excerpt_accepted) {
+  constexpr int kYes = 0;
+  constexpr int kNo = 1;
+  constexpr int kNoAnswer = 3;
+  constexpr int kOfAPart = 4;
+  switch (verdict) {
+    case Verdict::kIntact:
+    case Verdict::kIntactWithGaps:
+      return kYes;
+    case Verdict::kIntactExcerpt:
+      return excerpt_accepted ? kYes : kOfAPart;
+    case Verdict::kUnproven:
+    case Verdict::kIncomplete:
+      return kNoAnswer;
+    case Verdict::kTampered:
+      break;
+  }
+  return kNo;
+}
+
+std::string_view time_proof_name(TimeProof proof) {
+  switch (proof) {
+    case TimeProof::kExternal:
+      return "external";
+    case TimeProof::kExternalInPart:
+      return "external-in-part";
+    case TimeProof::kSelfIssued:
+      return "self-issued";
+    case TimeProof::kNone:
+      break;
+  }
+  return "none";
+}
+
+}  // namespace kiroku::archive

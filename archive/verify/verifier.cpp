@@ -1,0 +1,452 @@
+#include "archive/verify/verifier.h"
+
+#include <algorithm>
+#include <set>
+#include <utility>
+
+#include "archive/format/case_folder.h"
+#include "archive/format/case_layout.h"
+#include "archive/format/line_reader.h"
+#include "archive/verify/authority_files.h"
+#include "archive/verify/carried_on.h"
+#include "archive/verify/case_rules.h"
+#include "archive/verify/checkpoint_rules.h"
+#include "archive/verify/excerpt_verifier.h"
+#include "archive/verify/file_checker.h"
+#include "archive/verify/finding_list.h"
+#include "archive/verify/folder_names.h"
+#include "archive/verify/found_files.h"
+#include "archive/verify/log_rules.h"
+#include "archive/verify/outside_notes.h"
+#include "archive/verify/verdict.h"
+#include "base/error.h"
+#include "crypto/merkle_tree.h"
+
+namespace kiroku::archive {
+
+namespace {
+
+/// `open`, if the first line is one.
+std::optional<OpenEntry> read_opening(const ReadableFile& ledger) {
+  LineReader reader(ledger);
+  LedgerLine line;
+  if (!reader.next(line) || line.torn || line.too_long) {
+    return std::nullopt;
+  }
+  EntryParse parse = parse_case_entry(line.text);
+  if (!parse.entry || !std::holds_alternative<OpenEntry>(parse.entry->body)) {
+    return std::nullopt;
+  }
+  return std::get<OpenEntry>(std::move(parse.entry->body));
+}
+
+/// One run over one case folder.
+class CaseVerification {
+ public:
+  // The folder is listed before the ledger is read: of a case that is being recorded, everything listed then
+  // has its entry, apart from what is in the making.
+  CaseVerification(const CaseFolder& folder, const VerifyOptions& options)
+      : folder_(folder),
+        options_(options),
+        listing_(folder.list()),
+        checkpoints_(folder, options, findings_, note_sizes(listing_)),
+        files_(folder, options, findings_, bytes_in(listing_)),
+        rules_(folder, options, findings_, checkpoints_, files_, {}),
+        outside_(options, findings_) {}
+
+  VerificationReport run() {
+    const FileOpening opening = folder_.open_file(kLedgerFile);
+    if (opening.file) {
+      walk(*opening.file);
+    } else {
+      report_unopened(findings_, {std::string(kLedgerFile)}, opening);
+    }
+    if (rules_.opening() && rules_.device()) {
+      outside_.add_origin(case_origin(rules_.device()->name(), rules_.opening()->case_id));
+    }
+    outside_.finish(tree_.size(), opening.file.has_value() && !rules_.gave_up());
+    return report();
+  }
+
+ private:
+  void walk(const ReadableFile& ledger) {
+    const std::optional<OpenEntry> open = read_opening(ledger);
+    const std::optional<LogContents> log = walk_log(open);
+    LogComparison comparison(log ? &*log : nullptr, open, findings_);
+
+    const auto fits = [&](const crypto::Sha256Digest& root) { return root == tree_.root(); };
+    LineReader reader(ledger);
+    LedgerLine line;
+    bool tree_known = true;
+    outside_.reached(0, fits, tree_known);
+    while (!rules_.gave_up() && reader.next(line) && !line.torn) {
+      const std::uint64_t number = tree_.size();
+      if (was_never_flushed(line, number)) {
+        line.torn = true;
+        break;
+      }
+      if (number == 0) {
+        comparison.check_opening(crypto::sha256(bytes_of(line.text)));  // of the very line that the tree has
+      }
+      tree_.append(crypto::merkle_leaf_hash(bytes_of(line.text)));
+      tree_known = tree_known && !line.too_long;
+      rules_.take(line, number);
+      checkpoints_.reached(tree_.size(), fits, tree_known, rules_.last_mono_ns());
+      outside_.reached(tree_.size(), fits, tree_known);
+      if (comparison.asks_for(tree_.size())) {
+        comparison.reached(tree_.size(), fits);
+      }
+    }
+    if (rules_.gave_up()) {
+      files_.finish();  // what is missing may be erased later
+      return;
+    }
+    if (tree_.size() == 0) {
+      comparison.check_opening({});
+    }
+    judge_end(line, comparison);
+    checkpoints_.finish(tree_.size());
+    rules_.finish();
+    comparison.finish(tree_.size(), rules_.tokens().hashes());
+    rules_.judge_missing(files_.finish());
+    judge_names();
+    rules_.check_device_file();
+    if (rules_.opening()) {
+      check_carrying_on(folder_, *rules_.opening(), rules_.close_reason(), findings_);
+    }
+  }
+
+  /// Zeros where a power cut kept lines from the disk, which the next start cuts off. Nobody signed anything
+  /// from here on: cutting it off leaves what cutting off the lines themselves would. Behind `close` a
+  /// recorder never has more than a few lines under way.
+  [[nodiscard]] bool was_never_flushed(const LedgerLine& line, std::uint64_t number) const {
+    const bool may_be = !rules_.close_entry() || !line.too_long;
+    return may_be && line.text.find('\0') != std::string::npos && checkpoints_.newest() <= number;
+  }
+
+  std::optional<LogContents> walk_log(const std::optional<OpenEntry>& open) {
+    if (!options_.log) {
+      return std::nullopt;
+    }
+    const CaseFolder folder = CaseFolder::open(*options_.log);
+    FindingList of_log;
+    LogWalk walk(folder, options_, of_log, open ? open->case_id : std::string(),
+                 open ? open->appliance_log_size : 0);
+    LogContents contents = walk.run();
+    findings_.take_from(of_log, "log");
+    if (contents.gave_up) {
+      return std::nullopt;
+    }
+    return contents;
+  }
+
+  /// `last` is what the reader stopped at.
+  void judge_end(const LedgerLine& last, const LogComparison& log) {
+    const std::uint64_t entries = tree_.size();
+    const std::optional<std::uint64_t> close = rules_.close_entry();
+    const Place end{std::string(kLedgerFile), entries, last.offset};
+    if (last.torn && last.bytes > 0) {
+      // A line that a checkpoint covers was whole. Behind that a recorder dies in the middle of one, after
+      // `close` as before it; nobody signed it, so that nothing is lost with it.
+      if (checkpoints_.newest() > entries) {
+        findings_.add("ledger-end-damaged", end,
+                      "the ledger does not end with a whole line, although a checkpoint covers that line");
+      } else if (close && last.too_long) {
+        findings_.add("ledger-end-damaged", end,
+                      "behind close the ledger holds more than a recorder can have left of a line");
+      } else {
+        findings_.add("ledger-torn", end,
+                      "the last line of the ledger was not written to its end, and no checkpoint covers it");
+      }
+    }
+    if (entries == 0) {
+      findings_.add("open-missing", {std::string(kLedgerFile)}, "the ledger holds no whole entry");
+    }
+    if (!close) {
+      findings_.add(
+          "not-closed", {std::string(kLedgerFile)},
+          "the case was not closed: it is still being recorded, or recording was cut off" +
+              (checkpoints_.covered() < entries
+                   ? "; nobody has signed the entries from " + std::to_string(checkpoints_.covered()) +
+                         " on, so whoever can write to the disk could have made them"
+                   : std::string()));
+    } else if (checkpoints_.covered() <= *close) {
+      findings_.add(
+          "close-not-covered", {std::string(kLedgerFile), close},
+          "no checkpoint covers close in entry " + std::to_string(*close) + ": the case was not finished");
+    } else if (checkpoints_.covered() < entries && !log.knows_beyond(checkpoints_.covered()) &&
+               rules_.tokens().restate_late_tokens(checkpoints_.covered(), entries)) {
+      // What a recorder leaves that dies between a token's entry and the checkpoint over it. Nobody signed
+      // these lines, so nothing is believed for their sake: the tokens hold without them, and speak of the
+      // checkpoints that they are over. Whoever removes that last checkpoint leaves the same; the appliance
+      // log knows.
+      findings_.add("token-not-covered", {std::string(kLedgerFile), checkpoints_.covered()},
+                    "no checkpoint covers the entries of tokens from " +
+                        std::to_string(checkpoints_.covered()) + " on: the case was not finished");
+    } else if (checkpoints_.covered() < entries) {
+      findings_.add("ledger-not-covered", {std::string(kLedgerFile), checkpoints_.covered()},
+                    "no checkpoint covers the entries from " + std::to_string(checkpoints_.covered()) +
+                        " on, although the case was closed");
+    }
+  }
+
+  NameJudgement judge_name(const ListedFile& file) {
+    const std::string& path = file.path;
+    if (path == kLedgerFile || path == kDeviceFile || rules_.names(path) || is_note_file(file)) {
+      return NameJudgement::kNamed;
+    }
+    if (file.kind == ListedFile::Kind::kFolder) {
+      return rules_.is_folder(path) ? NameJudgement::kNamed : NameJudgement::kUnnamed;
+    }
+    if (is_below_authorities(path)) {
+      return judge_authority_file(
+          folder_, file, [this](const std::string& name) { return rules_.names_authority(name); }, findings_);
+    }
+    if (not_entered_.contains(path)) {
+      return NameJudgement::kSegmentNotEntered;
+    }
+    if (const StreamRules* stream = rules_.stream_of_folder(path)) {
+      if (stream->may_be_left_over(path)) {
+        return path.ends_with(kPartSuffix) ? NameJudgement::kPart : NameJudgement::kSegmentNotEntered;
+      }
+    }
+    if (!rules_.close_entry() || rules_.recovered()) {
+      if (may_be_unfinished(file)) {
+        return NameJudgement::kPart;
+      }
+      if (token_of_path(path)) {
+        return NameJudgement::kTokenNotEntered;
+      }
+    }
+    return rules_.close_entry() ? judge_after_close(path) : NameJudgement::kUnnamed;
+  }
+
+  /// What a recorder may have been writing: a note, a token, a segment of a stream.
+  [[nodiscard]] bool may_be_unfinished(const ListedFile& file) const {
+    if (file.kind != ListedFile::Kind::kRegular || !file.path.ends_with(kPartSuffix)) {
+      return false;
+    }
+    const std::string whole = file.path.substr(0, file.path.size() - kPartSuffix.size());
+    const StreamRules* const stream = rules_.stream_of_folder(whole);
+    return is_note_path(whole) || token_of_path(whole) || (stream != nullptr && stream->has_name(whole));
+  }
+
+  /// A token that comes after the recording is stored before its entry is written, and the checkpoint over
+  /// that comes last, too: a power cut can come between. A token is one if it is over the checkpoint it is
+  /// named after, and that covers close.
+  NameJudgement judge_after_close(std::string_view path) const {
+    const bool part = path.ends_with(kPartSuffix);
+    if (part) {
+      path.remove_suffix(kPartSuffix.size());
+    }
+    const std::optional<TokenName> token = token_of_path(path);
+    if (part) {
+      const bool later_token = token && token->size > *rules_.close_entry();
+      return later_token || is_note_path(path) ? NameJudgement::kPart : NameJudgement::kUnnamed;
+    }
+    return token && token->size > *rules_.close_entry() && token_in_folder(folder_, *token)
+               ? NameJudgement::kTokenNotEntered
+               : NameJudgement::kUnnamed;
+  }
+
+  /// Finished segments whose entries are not written yet: those that follow a stream's last entered one
+  /// without a hole. Several may wait for a slow disk.
+  void find_not_entered() {
+    if (rules_.close_entry()) {
+      return;
+    }
+    std::set<std::string_view> regular;
+    for (const ListedFile& file : listing_) {
+      if (file.kind == ListedFile::Kind::kRegular) {
+        regular.insert(file.path);
+      }
+    }
+    for (const auto& [name, stream] : rules_.streams()) {
+      for (std::uint64_t further = 0; regular.contains(stream.next_file(further)); ++further) {
+        not_entered_.insert(stream.next_file(further));
+      }
+    }
+  }
+
+  void judge_names() {
+    find_not_entered();
+    check_folder_names(listing_, findings_, [&](const ListedFile& file) { return judge_name(file); });
+    for (const ListedFile& file : listing_) {
+      if (file.kind == ListedFile::Kind::kRegular && rules_.erased(file.path)) {
+        findings_.add("erased-file-present", {file.path},
+                      file.path + " is still there, although it was erased by policy");
+      }
+    }
+    if (rules_.opening() && std::filesystem::absolute(folder_.path()).lexically_normal().filename() !=
+                                rules_.opening()->case_id) {
+      findings_.add("folder-name-differs", {}, "the folder is not called " + rules_.opening()->case_id);
+    }
+  }
+
+  VerificationReport report() {
+    VerificationReport report;
+    rules_.describe(report);
+    report.entries = tree_.size();
+    report.lines_root = tree_.root();
+    report.checkpoints = checkpoints_.count();
+    report.files = files_.files() + report.tokens + report.checkpoints + 1;
+    report.bytes = bytes_in(listing_);
+    report.brackets = rules_.tokens().brackets(0, tree_.size());
+    report.clocks = rules_.tokens().clocks();
+    report.verdict = verdict_of(findings_.worst());
+    report.findings = findings_.take();
+    return report;
+  }
+
+  const CaseFolder& folder_;
+  const VerifyOptions& options_;
+  FindingList findings_;
+  std::vector<ListedFile> listing_;
+  std::set<std::string> not_entered_;
+  CheckpointRules checkpoints_;
+  FileChecker files_;
+  CaseRules rules_;
+  OutsideNotes outside_;
+  crypto::MerkleFrontier tree_;
+};
+
+/// Whether cases are to be looked for beside the log: it lies where an archive keeps it.
+bool is_archive(const std::filesystem::path& folder) {
+  std::error_code error;
+  for (const auto& each : std::filesystem::directory_iterator(folder, error)) {
+    if (is_case_id(each.path().filename().string()) || each.path().filename() == ".reserve") {
+      return true;
+    }
+  }
+  return false;
+}
+
+/// Whether the case with this first line lies there. An excerpt in its place is not it, and neither is
+/// another case or an empty ledger; a ledger that cannot be read may be it.
+bool holds_case(const std::filesystem::path& folder, const crypto::Sha256Digest& opening_line) {
+  std::error_code error;
+  if (!std::filesystem::is_directory(folder, error)) {
+    return false;
+  }
+  try {
+    const FileOpening ledger = CaseFolder::open(folder).open_file(kLedgerFile);
+    if (!ledger.file) {
+      return ledger.problem != FileProblem::kMissing;
+    }
+    LineReader reader(*ledger.file);
+    LedgerLine line;
+    return reader.next(line) && !line.torn && crypto::sha256(bytes_of(line.text)) == opening_line;
+  } catch (const IoError&) {
+    return true;
+  }
+}
+
+std::string what_lies_instead(const std::filesystem::path& folder) {
+  if (is_excerpt(folder)) {
+    return ": an excerpt lies in its place";
+  }
+  std::error_code error;
+  return std::filesystem::exists(folder / kLedgerFile, error) ? ": what lies in its place begins otherwise"
+                                                              : "";
+}
+
+void look_for_cases(const LogContents& log, const std::filesystem::path& log_folder, FindingList& findings) {
+  const std::filesystem::path absolute = std::filesystem::absolute(log_folder).lexically_normal();
+  const std::filesystem::path normal = absolute.has_filename() ? absolute : absolute.parent_path();
+  const std::filesystem::path archive = normal.parent_path();
+  const bool search = normal.filename() == "log" && is_archive(archive);
+  std::uint64_t not_looked_for = 0;
+  for (const auto& [case_id, logged] : log.cases) {
+    if (!logged.opened) {
+      continue;
+    }
+    not_looked_for += search || logged.erased ? 0 : 1;
+    if (search && !logged.erased && !holds_case(archive / case_id, logged.opening_line)) {
+      const Place place{std::string(kLedgerFile), logged.opened};
+      const std::string text = "case " + case_id + " was opened (entry " + std::to_string(*logged.opened) +
+                               " of the log), was not erased, and is not in " + archive.string() +
+                               what_lies_instead(archive / case_id);
+      if (logged.vouched) {
+        findings.add("case-missing", place, text);
+      } else {
+        findings.add("log-entry-doubted", place,
+                     text +
+                         "; what the log says of it has no checkpoint of its own: it was never signed, or "
+                         "its checkpoint was removed. Whoever could write to the disk could have made it");
+      }
+    } else if (!logged.closed && !logged.erased) {
+      findings.add("log-case-open", {std::string(kLedgerFile), logged.opened},
+                   "the log knows no end of case " + case_id);
+    }
+  }
+  if (not_looked_for > 0) {
+    findings.add("cases-not-looked-for", {std::string(kLedgerFile)},
+                 "no case of an archive lies beside this log, so whether the " +
+                     std::to_string(not_looked_for) + (not_looked_for == 1 ? " case" : " cases") +
+                     " that it knows are still there was not checked");
+  }
+}
+
+}  // namespace
+
+std::int64_t AuthorityClock::drift_ns() const {
+  const auto elapsed = std::chrono::duration_cast<std::chrono::nanoseconds>(last.gen_time - first.gen_time);
+  return elapsed.count() - (last.case_ns - first.case_ns);
+}
+
+std::int64_t offset_ns(const ClockComparison& comparison, UtcTime clock_zero) {
+  const auto since_zero =
+      std::chrono::duration_cast<std::chrono::nanoseconds>(comparison.gen_time - clock_zero);
+  return since_zero.count() - comparison.case_ns;
+}
+
+VerificationReport verify_case(const std::filesystem::path& folder, const VerifyOptions& options) {
+  const CaseFolder opened = CaseFolder::open(folder);
+  if (is_excerpt(opened)) {
+    return verify_excerpt(opened, options);
+  }
+  const FileOpening ledger = opened.open_file(kLedgerFile);
+  if (!ledger.file && ledger.problem == FileProblem::kMissing) {
+    throw UsageError(folder.string() + " is no case: there is no " + std::string(kLedgerFile) +
+                     " in it; give the folder of a case");
+  }
+  if (!ledger.file && ledger.problem == FileProblem::kUnreadable) {
+    throw Error("cannot verify " + folder.string() + ": its " + std::string(kLedgerFile) + " " +
+                ledger.explanation);
+  }
+  return CaseVerification(opened, options).run();
+}
+
+VerificationReport verify_log(const std::filesystem::path& folder, const VerifyOptions& options) {
+  FindingList findings;
+  OutsideNotes outside(options, findings);
+  VerificationReport report;
+  report.case_id = "log";
+  try {
+    const CaseFolder opened = CaseFolder::open(folder);
+    LogWalk walk(opened, options, findings, {}, 0);
+    walk.compare_with(outside);
+    const LogContents log = walk.run();
+    if (!log.gave_up) {
+      look_for_cases(log, folder, findings);
+    }
+    report.device = log.device;
+    report.entries = log.entries;
+    report.checkpoints = log.checkpoints;
+    report.files = log.checkpoints + 1;
+    report.bytes = bytes_in(opened.list());
+    report.opened = log.begins;
+  } catch (const Error& error) {
+    // Two notes that contradict each other prove a fork also where the log is gone.
+    if (!outside.contradict_each_other()) {
+      throw;
+    }
+    outside.finish(0, false);
+    findings.add("file-unreadable", {std::string(kLedgerFile)}, error.what());
+  }
+  report.verdict = verdict_of(findings.worst());
+  report.findings = findings.take();
+  return report;
+}
+
+}  // namespace kiroku::archive

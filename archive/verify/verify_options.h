@@ -1,0 +1,42 @@
+// What a verification is given beside the folder: keys, anchors, the log, notes kept outside.
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <functional>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "archive/format/ledger_entry.h"
+#include "crypto/age_recipient.h"
+#include "crypto/byte_source.h"
+#include "crypto/signed_note.h"
+#include "timestamp/token_verifier.h"
+
+namespace kiroku::archive {
+
+/// Decrypts and looks at one segment: returns a sentence if it does not decode to what the entry states. Only
+/// bytes whose hash the entry states come out of `sealed`, which throws crypto::SourceChanged otherwise.
+/// Given by the full program, which has decoders; the small verifier has none. Called from several threads.
+using SegmentInspector = std::function<std::optional<std::string>(
+    const StreamInfo&, const SegmentEntry&, const crypto::ByteSource& sealed, const crypto::AgeIdentities&)>;
+
+/// A signed note that somebody kept outside what is verified, and what it is called in findings.
+struct OutsideNote {
+  std::string name, text;
+};
+
+struct VerifyOptions {
+  std::vector<crypto::VerifierKey> devices;  // trusted; empty: unproven
+  const timestamp::TrustStore* trust = nullptr;
+  std::optional<std::filesystem::path> log;  // appliance log folder
+  std::vector<OutsideNote> against;          // of what is verified: notes of the case, or of the log
+  const crypto::AgeIdentities* identities = nullptr;
+  SegmentInspector inspect;
+  unsigned threads = 0;  // 0: one a core
+  std::function<void(std::uint64_t done_bytes, std::uint64_t total_bytes)>
+      progress;  // from any thread, serialised
+};
+
+}  // namespace kiroku::archive

@@ -1,0 +1,273 @@
+#include "archive/writing/appliance_log.h"
+
+#include <chrono>
+#include <fstream>
+#include <mutex>
+#include <unordered_map>
+#include <utility>
+
+#include "archive/format/case_folder.h"
+#include "archive/format/case_layout.h"
+#include "archive/format/line_reader.h"
+#include "archive/format/log_entry.h"
+#include "archive/storage/file_system.h"
+#include "archive/storage/space_reserve.h"
+#include "archive/verify/found_files.h"
+#include "archive/writing/ledger.h"
+
+namespace kiroku::archive {
+
+namespace {
+
+namespace fs = std::filesystem;
+
+Moment machine_now() {
+  const auto since_boot = std::chrono::steady_clock::now().time_since_epoch();
+  return {utc_now(), std::chrono::duration_cast<std::chrono::nanoseconds>(since_boot).count()};
+}
+
+void make_folder_unless_there(FileSystem& files, const fs::path& folder) {
+  if (!fs::exists(folder)) {
+    files.make_folder(folder);
+    files.sync_folder(folder.parent_path());
+  }
+}
+
+void check_case_id(const std::string& case_id) {
+  if (!is_case_id(case_id)) {
+    throw UsageError("\"" + case_id + "\" is no case identifier such as 20260805T091502Z-3f9c21ab");
+  }
+}
+
+}  // namespace
+
+struct ApplianceLog::State {
+  State(FileSystem& the_files, fs::path the_folder, const crypto::SigningKey& the_key,
+        const std::string& name)
+      : files(the_files),
+        folder(std::move(the_folder)),
+        key(the_key),
+        device(name, the_key.public_key()),
+        reserve(the_files, reserve_file(folder.parent_path())),
+        boot_id(kernel_boot_id()) {}
+
+  /// Keeps track of the newest boot and of which cases are open, in what stands in the file, whoever wrote
+  /// it. Most lines are checkpoints of cases, which tell nothing of either.
+  void look_at(std::string_view line) {
+    constexpr std::string_view kType = R"("type":")";
+    const std::size_t at = line.find(kType);
+    const std::string_view type = at == std::string_view::npos ? "" : line.substr(at + kType.size());
+    if (!type.starts_with("boot\"") && !type.starts_with("case-opened\"") &&
+        !type.starts_with("case-closed\"")) {
+      return;
+    }
+    const LogEntryParse parsed = parse_log_entry(line);
+    if (!parsed.entry) {
+      return;
+    }
+    if (const auto* boot = std::get_if<BootEntry>(&parsed.entry->body)) {
+      newest_boot_id = boot->boot_id;
+    } else if (const auto* opened = std::get_if<CaseOpenedEntry>(&parsed.entry->body)) {
+      cases.try_emplace(opened->case_id, CaseState::kOpened);
+    } else if (const auto* closed = std::get_if<CaseClosedEntry>(&parsed.entry->body)) {
+      cases[closed->case_id] = CaseState::kClosed;
+    }
+  }
+
+  /// The entries that must come first (a cut made good, a boot), then `body` if there is one.
+  void append_locked(const std::optional<LogEntryBody>& body) {
+    ledger->append([&](std::uint64_t size) {
+      std::vector<LogEntryBody> bodies;
+      if (newest_boot_id != boot_id) {
+        bodies.emplace_back(BootEntry{boot_id, device.to_string()});
+      }
+      if (const std::uint64_t torn = ledger->torn_bytes(); torn > 0) {
+        bodies.emplace_back(LogRecoveredEntry{torn});
+      }
+      if (body) {
+        bodies.push_back(*body);
+      }
+      const Moment now = machine_now();
+      std::vector<std::string> lines;
+      lines.reserve(bodies.size());
+      for (const LogEntryBody& each : bodies) {
+        lines.push_back(to_line(LogEntry{size + lines.size(), now, each}));
+      }
+      return lines;
+    });
+  }
+
+  void append(const LogEntryBody& body) {
+    const std::lock_guard guard(mutex);
+    append_locked(body);
+  }
+
+  void append_and_checkpoint(const LogEntryBody& body) {
+    const std::lock_guard guard(mutex);
+    const Ledger::Turn turn(*ledger);
+    append_locked(body);
+    checkpoint_locked();
+  }
+
+  void checkpoint_locked() {
+    const crypto::Checkpoint text{log_origin(device.name()), ledger->size(), ledger->root()};
+    const fs::path file = folder / note_path(text.size);
+    if (text.size > 0 && !fs::exists(file)) {
+      reserve.write_durably(file, bytes_of(crypto::sign_note(text.to_text(), device.name(), key)));
+    }
+  }
+
+  FileSystem& files;
+  fs::path folder;
+  const crypto::SigningKey& key;
+  crypto::VerifierKey device;
+  SpaceReserve reserve;
+  std::string boot_id;         // of this machine, as far as known
+  std::string newest_boot_id;  // that the log states
+  std::unordered_map<std::string, CaseState> cases;
+  std::unique_ptr<Ledger> ledger;
+  std::mutex mutex;
+};
+
+ApplianceLog::ApplianceLog(std::unique_ptr<State> state) : state_(std::move(state)) {}
+ApplianceLog::~ApplianceLog() = default;
+const fs::path& ApplianceLog::folder() const { return state_->folder; }
+
+std::unique_ptr<ApplianceLog> ApplianceLog::open(FileSystem& files, const fs::path& folder,
+                                                 const crypto::SigningKey& key,
+                                                 const std::string& device_name) {
+  auto state = std::make_unique<State>(files, folder, key, device_name);
+  make_folder_unless_there(files, folder);
+  make_folder_unless_there(files, folder / kCheckpointsFolder);
+  state->ledger = Ledger::open(
+      files, folder / kLedgerFile, Ledger::Sharing::kShared, &state->reserve,
+      [&log = *state](std::uint64_t, std::string_view line) { log.look_at(line); },
+      [folder] { return newest_note(folder); });
+  return std::unique_ptr<ApplianceLog>(new ApplianceLog(std::move(state)));
+}
+
+void ApplianceLog::boot(const std::string& boot_id) {
+  const std::lock_guard guard(state_->mutex);
+  state_->boot_id = boot_id;
+  state_->append_locked(std::nullopt);
+}
+
+void ApplianceLog::shutdown() { state_->append_and_checkpoint(ShutdownEntry{}); }
+
+void ApplianceLog::config_changed(const crypto::Sha256Digest& sha256) {
+  state_->append(ConfigChangedEntry{sha256});
+}
+
+void ApplianceLog::device_key_changed() {
+  state_->append_and_checkpoint(DeviceKeyChangedEntry{state_->device.to_string()});
+}
+
+void ApplianceLog::plan_sealed(const crypto::Sha256Digest& sha256) {
+  state_->append_and_checkpoint(PlanSealedEntry{sha256});
+}
+
+void ApplianceLog::case_opened(const std::string& case_id, const crypto::Sha256Digest& entry0) {
+  check_case_id(case_id);
+  state_->append_and_checkpoint(CaseOpenedEntry{case_id, entry0});
+}
+
+void ApplianceLog::case_checkpoint(const std::string& case_id, std::uint64_t size,
+                                   const crypto::Sha256Digest& root) {
+  check_case_id(case_id);
+  state_->append_and_checkpoint(CaseCheckpointEntry{case_id, size, root});
+}
+
+void ApplianceLog::case_closed(const std::string& case_id, std::uint64_t size,
+                               const crypto::Sha256Digest& root,
+                               const std::optional<crypto::Sha256Digest>& final_token) {
+  check_case_id(case_id);
+  state_->append_and_checkpoint(CaseClosedEntry{case_id, size, root, final_token});
+}
+
+void ApplianceLog::replicated(const std::string& case_id, const std::string& target) {
+  check_case_id(case_id);
+  state_->append_and_checkpoint(ReplicatedEntry{case_id, target});
+}
+
+void ApplianceLog::erased(const std::string& case_id, const std::optional<std::string>& stream,
+                          const std::string& policy) {
+  check_case_id(case_id);
+  state_->append_and_checkpoint(CaseErasedEntry{case_id, stream, policy});
+}
+
+void ApplianceLog::pre_roll_discarded(std::uint64_t segments, std::optional<std::int64_t> duration_ns) {
+  state_->append_and_checkpoint(PreRollDiscardedEntry{segments, duration_ns});
+}
+
+void ApplianceLog::access(const std::string& case_id, const std::string& what, const std::string& who) {
+  state_->append_and_checkpoint(AccessEntry{case_id, what, who});
+}
+
+std::uint64_t ApplianceLog::size() const {
+  const std::lock_guard guard(state_->mutex);
+  return state_->ledger->size();
+}
+
+crypto::Sha256Digest ApplianceLog::root() const {
+  const std::lock_guard guard(state_->mutex);
+  return state_->ledger->root();
+}
+
+ApplianceLog::Head ApplianceLog::head() const {
+  const std::lock_guard guard(state_->mutex);
+  state_->ledger->catch_up();
+  return {state_->ledger->size(), state_->ledger->root()};
+}
+
+ApplianceLog::CaseState ApplianceLog::case_state(const std::string& case_id) const {
+  const std::lock_guard guard(state_->mutex);
+  const auto found = state_->cases.find(case_id);
+  return found == state_->cases.end() ? CaseState::kUnknown : found->second;
+}
+
+void ApplianceLog::checkpoint() {
+  const std::lock_guard guard(state_->mutex);
+  const Ledger::Turn turn(*state_->ledger);
+  state_->ledger->catch_up();
+  state_->checkpoint_locked();
+}
+
+std::string kernel_boot_id() {
+  std::ifstream input("/proc/sys/kernel/random/boot_id");
+  std::string id;
+  std::getline(input, id);
+  return id.empty() ? "unknown" : id;
+}
+
+void for_each_log_line(const fs::path& folder, const std::function<void(const LogLine&)>& visit) {
+  const fs::path file = folder / kLedgerFile;
+  std::error_code missing;
+  const bool is_folder = fs::is_directory(folder, missing);
+  const FileOpening opening = is_folder ? CaseFolder::open(folder).open_file(kLedgerFile) : FileOpening{};
+  if (!opening.file) {
+    throw UsageError("there is no appliance log in " + folder.string() +
+                     ": give the folder that holds its ledger.jsonl");
+  }
+  LineReader reader(*opening.file);
+  std::uint64_t number = 0;
+  // A last line without LF was torn by a power cut, or another process is writing it just now.
+  for (LedgerLine line; reader.next(line) && !line.torn;) {
+    ++number;
+    const LogEntryParse parsed =
+        line.too_long ? LogEntryParse{std::nullopt, "it is too long"} : parse_log_entry(line.text);
+    if (!parsed.entry) {
+      throw Error("cannot read line " + std::to_string(number) + " of " + file.string() + ": " +
+                  parsed.problem);
+    }
+    visit({parsed.entry->seq, parsed.entry->at.utc, std::string(type_of(parsed.entry->body)),
+           std::string(line.text)});
+  }
+}
+
+std::vector<LogLine> read_log(const fs::path& folder) {
+  std::vector<LogLine> lines;
+  for_each_log_line(folder, [&](const LogLine& line) { lines.push_back(line); });
+  return lines;
+}
+
+}  // namespace kiroku::archive

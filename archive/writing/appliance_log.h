@@ -1,0 +1,96 @@
+// The appliance's own ledger (docs/reference/format.md, "The appliance log"): same lines, tree and
+// checkpoints as a case. Thread-safe. Several processes may have it open: each holds the file only while it
+// appends, after reading what the others appended, so that an export can be logged while a recording runs.
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <functional>
+#include <memory>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "archive/format/ledger_entry.h"
+#include "crypto/signed_note.h"
+
+namespace kiroku::archive {
+
+class FileSystem;
+
+/// One line of the log for listing.
+struct LogLine {
+  std::uint64_t seq = 0;
+  UtcTime utc;
+  std::string type;
+  std::string json;  // the exact line
+};
+
+class ApplianceLog {
+ public:
+  /// How many entries there are, and the tree's root over them.
+  struct Head {
+    std::uint64_t size = 0;
+    crypto::Sha256Digest root{};
+  };
+
+  /// Opens or starts `<folder>/ledger.jsonl`; the folder is made if its parent is there. A torn last line
+  /// (power cut) is cut off, and a `recovered` entry states how many bytes it had. `files` and `key` must
+  /// outlive the log. Throws kiroku::Error.
+  static std::unique_ptr<ApplianceLog> open(FileSystem& files, const std::filesystem::path& folder,
+                                            const crypto::SigningKey& key, const std::string& device_name);
+  ~ApplianceLog();
+  [[nodiscard]] const std::filesystem::path& folder() const;
+
+  // Each of these appends one entry durably; all but boot() and config_changed(), which the next one covers,
+  // then sign a checkpoint. They throw kiroku::IoError; after a failed fsync the object refuses everything.
+
+  /// States that the machine runs with this boot identifier; nothing if the newest `boot` states the same.
+  /// Every other entry makes sure of it by itself, with the kernel's boot_id unless boot() was called, since
+  /// mono_ns is only comparable within one boot.
+  void boot(const std::string& boot_id);
+  void shutdown();
+  void config_changed(const crypto::Sha256Digest& sha256);
+  /// The key itself is the one given to open().
+  void device_key_changed();
+  void plan_sealed(const crypto::Sha256Digest& sha256);
+  void case_opened(const std::string& case_id, const crypto::Sha256Digest& entry0);
+  void case_checkpoint(const std::string& case_id, std::uint64_t size, const crypto::Sha256Digest& root);
+  void case_closed(const std::string& case_id, std::uint64_t size, const crypto::Sha256Digest& root,
+                   const std::optional<crypto::Sha256Digest>& final_token);
+  /// What was recorded ahead of a case that never began.
+  void pre_roll_discarded(std::uint64_t segments, std::optional<std::int64_t> duration_ns);
+  void replicated(const std::string& case_id, const std::string& target);
+  /// One stream's segments by retention; without a stream, the whole case.
+  void erased(const std::string& case_id, const std::optional<std::string>& stream,
+              const std::string& policy);
+  /// Who decrypted or exported what.
+  void access(const std::string& case_id, const std::string& what, const std::string& who);
+
+  /// As this object last saw it; head() first takes in what other processes appended.
+  [[nodiscard]] std::uint64_t size() const;
+  [[nodiscard]] crypto::Sha256Digest root() const;
+  [[nodiscard]] Head head() const;
+  enum class CaseState { kUnknown, kOpened, kClosed };
+  /// What the log says of a case, as this object last saw it.
+  [[nodiscard]] CaseState case_state(const std::string& case_id) const;
+  /// Signs the present state into checkpoints/, if no note of that size is there.
+  void checkpoint();
+
+ private:
+  struct State;
+  explicit ApplianceLog(std::unique_ptr<State> state);
+  std::unique_ptr<State> state_;
+};
+
+/// The kernel's identifier of this boot of the machine; "unknown" where it gives none.
+std::string kernel_boot_id();
+
+/// Calls `visit` with each line of a log, in order, without opening it for writing; a torn last line is left
+/// out. Throws kiroku::Error naming the line that cannot be read.
+void for_each_log_line(const std::filesystem::path& folder, const std::function<void(const LogLine&)>& visit);
+/// All of them.
+std::vector<LogLine> read_log(const std::filesystem::path& folder);
+
+}  // namespace kiroku::archive

@@ -1,0 +1,264 @@
+#include "archive/writing/ledger.h"
+
+#include <array>
+#include <cerrno>
+#include <fstream>
+#include <utility>
+
+#include "archive/format/ledger_entry.h"
+
+namespace kiroku::archive {
+
+namespace {
+
+namespace fs = std::filesystem;
+
+/// Blocks are allocated this far ahead, so that lines find room on a disk that has filled up meanwhile.
+constexpr std::uint64_t kAllocationStep = 1U << 20U;
+constexpr std::uint64_t kAllocationMargin = kAllocationStep / 4;
+constexpr std::size_t kReadBytes = 1U << 18U;
+
+std::unique_ptr<WritableFile> open_or_create(FileSystem& files, const fs::path& file) {
+  if (fs::exists(file)) {
+    return files.append_to(file);
+  }
+  std::unique_ptr<WritableFile> created;
+  try {
+    created = files.create(file);
+  } catch (const IoError& error) {
+    if (error.error_number() != EEXIST) {
+      throw;
+    }
+    return files.append_to(file);  // another process was quicker
+  }
+  files.sync_folder(file.parent_path());
+  return created;
+}
+
+}  // namespace
+
+Ledger::Turn::Turn(Ledger& ledger) : ledger_(ledger) {
+  if (ledger_.sharing_ == Sharing::kShared && ledger_.turns_ == 0) {
+    ledger_.written_->lock();
+  }
+  ++ledger_.turns_;
+}
+
+Ledger::Turn::~Turn() {
+  --ledger_.turns_;
+  if (ledger_.sharing_ == Sharing::kShared && ledger_.turns_ == 0) {
+    ledger_.written_->unlock();
+  }
+}
+
+Ledger::Ledger(FileSystem& files, fs::path file, Sharing sharing, SpaceReserve* reserve, Visitor visitor)
+    : files_(&files),
+      file_(std::move(file)),
+      sharing_(sharing),
+      reserve_(reserve),
+      visitor_(std::move(visitor)) {}
+
+std::unique_ptr<Ledger> Ledger::open(FileSystem& files, fs::path file, Sharing sharing, SpaceReserve* reserve,
+                                     Visitor visitor, Covered covered, NeedsSignature needs_signature) {
+  std::unique_ptr<Ledger> ledger(new Ledger(files, std::move(file), sharing, reserve, std::move(visitor)));
+  ledger->written_ = open_or_create(files, ledger->file_);
+  if (sharing == Sharing::kExclusive && !ledger->written_->try_lock()) {
+    throw UsageError("another process is writing " + ledger->file_.string() +
+                     ": wait until it has ended, or end it first");
+  }
+  ledger->covered_ = std::move(covered);
+  ledger->needs_signature_ = std::move(needs_signature);
+  ledger->catch_up();
+  ledger->covered_ = nullptr;
+  ledger->needs_signature_ = nullptr;
+  return ledger;
+}
+
+void Ledger::refuse_if_failed() const {
+  if (!failure_.empty()) {
+    throw Error(failure_);
+  }
+}
+
+void Ledger::catch_up() {
+  refuse_if_failed();
+  const Turn turn(*this);
+  read_new_lines();
+}
+
+void Ledger::accept(std::string_view line) {
+  const std::uint64_t seq = tree_.size();
+  tree_.append(crypto::merkle_leaf_hash(bytes_of(line)));
+  bytes_ += line.size() + 1;
+  if (visitor_) {
+    visitor_(seq, line);
+  }
+}
+
+void Ledger::read_new_lines() {
+  std::ifstream input(file_, std::ios::binary);
+  input.seekg(static_cast<std::streamoff>(bytes_));
+  if (!input) {
+    throw Error("cannot read " + file_.string() + ": check that it is there and may be read");
+  }
+  std::vector<char> buffer(kReadBytes);
+  std::string rest;  // of a line that goes on in the next buffer
+  while (input) {
+    input.read(buffer.data(), static_cast<std::streamsize>(buffer.size()));
+    std::string_view piece(buffer.data(), static_cast<std::size_t>(input.gcount()));
+    for (std::size_t end = piece.find('\n'); end != std::string_view::npos; end = piece.find('\n')) {
+      std::string_view line = piece.substr(0, end);
+      if (!rest.empty()) {
+        line = rest.append(line);
+      }
+      if (was_never_flushed(line)) {
+        cut_torn_line(fs::file_size(file_));
+        return;
+      }
+      if (lacks_signature(line)) {
+        unsigned_bytes_ += fs::file_size(file_) - bytes_;
+        cut_end();
+        return;
+      }
+      accept(line);
+      rest.clear();
+      piece.remove_prefix(end + 1);
+    }
+    rest.append(piece);
+    if (rest.size() > kMaximumLineBytes) {
+      if (was_never_flushed(rest)) {
+        cut_torn_line(fs::file_size(file_));
+        return;
+      }
+      throw Error("line " + std::to_string(tree_.size() + 1) + " of " + file_.string() +
+                  " is longer than any entry may be: the file is damaged, verify it before writing to it");
+    }
+  }
+  if (input.bad()) {
+    throw IoError("read", file_, EIO);
+  }
+  if (!rest.empty()) {
+    cut_torn_line(bytes_ + rest.size());
+  }
+}
+
+// No entry has a zero byte. Of a line that was flushed none appears by itself, and what a checkpoint covers
+// was flushed: zeros there are damage, which is not cut off but found by whoever verifies.
+bool Ledger::was_never_flushed(std::string_view line) const {
+  return covered_ && line.find('\0') != std::string_view::npos && covered_() <= tree_.size();
+}
+
+bool Ledger::lacks_signature(std::string_view line) const {
+  return needs_signature_ && covered_ && covered_() <= tree_.size() && needs_signature_(line);
+}
+
+void Ledger::cut_end() {
+  try {
+    written_->truncate(bytes_);
+    written_->sync();
+  } catch (const IoError& error) {
+    failure_ = std::string("the end of the ledger could not be cut off: ") + error.what();
+    throw;
+  }
+}
+
+// Whoever holds the lock finds a torn line only if its writer died: a living one holds the lock until its
+// line is whole.
+void Ledger::cut_torn_line(std::uint64_t end) {
+  cut_end();
+  torn_bytes_ += end - bytes_;
+}
+
+void Ledger::append(const MakeLines& make_lines) {
+  refuse_if_failed();
+  const Turn turn(*this);
+  if (sharing_ == Sharing::kShared) {
+    read_new_lines();
+  }
+  const std::vector<std::string> lines = make_lines(size());
+  std::string text;
+  for (const std::string& line : lines) {
+    if (line.empty() || line.size() > kMaximumLineBytes || line.find('\n') != std::string::npos) {
+      throw Error("a ledger line is empty, too long or has a line end inside: nothing was written to " +
+                  file_.string());
+    }
+    text += line;
+    text += '\n';
+  }
+  if (text.empty()) {
+    return;
+  }
+  allocate_ahead(text.size());
+  write_durably(text);
+  for (const std::string& line : lines) {
+    accept(line);
+  }
+  torn_bytes_ = 0;
+}
+
+void Ledger::allocate_ahead(std::uint64_t coming) {
+  if (bytes_ + coming + kAllocationMargin <= allocated_until_) {
+    return;
+  }
+  try {
+    written_->reserve(coming + kAllocationStep);
+    allocated_until_ = bytes_ + coming + kAllocationStep;
+  } catch (const IoError&) {
+    // The margin allocated before is still there, and after it the reserve; a broken disk shows in write().
+    allocated_until_ = 0;
+  }
+}
+
+// One append, step by step:
+//
+//   fallocate(KEEP_SIZE)        now and then, 1 MiB ahead
+//   write(all lines)            one call; a short one leaves a last line without LF, which open() cuts off
+//   fdatasync                   only now the lines count
+//
+// If write() fails, what it left is cut off again before anything else is tried, so that the file never holds
+// half a line with more behind it.
+void Ledger::write_durably(std::string_view text) {
+  const auto write = [&] {
+    try {
+      written_->write(bytes_of(text));
+    } catch (const IoError&) {
+      undo_write();
+      throw;
+    }
+  };
+  try {
+    if (reserve_ != nullptr) {
+      reserve_->support(write);
+    } else {
+      write();
+    }
+    written_->sync();
+  } catch (const SyncError& error) {
+    failure_ = std::string(error.what()) +
+               "; what was last written may be lost, so nothing more is written to " + file_.string();
+    throw;
+  } catch (const IoError& error) {
+    if (!error.disk_full()) {
+      failure_ = error.what();
+    }
+    throw;
+  }
+}
+
+void Ledger::undo_write() {
+  try {
+    written_->truncate(bytes_);
+    allocated_until_ = bytes_;
+  } catch (const IoError& error) {
+    failure_ = std::string("part of a line may stand at the end of the ledger: ") + error.what();
+    throw Error(failure_);
+  }
+}
+
+void Ledger::trim() {
+  refuse_if_failed();
+  written_->truncate(bytes_);
+  allocated_until_ = bytes_;
+}
+
+}  // namespace kiroku::archive

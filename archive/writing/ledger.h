@@ -1,0 +1,113 @@
+// An append-only file of lines with the Merkle tree over them (docs/reference/format.md, "Ledger entries"):
+// what a case and the appliance log have in common. Knows nothing of what the lines say. Not thread-safe;
+// other processes are kept off by a lock.
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <functional>
+#include <memory>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "archive/storage/file_system.h"
+#include "archive/storage/space_reserve.h"
+#include "crypto/merkle_tree.h"
+
+namespace kiroku::archive {
+
+class Ledger {
+ public:
+  /// kExclusive: one writer from open() to the end (a case). kShared: several processes take turns, each
+  /// holding the file only while it appends (the appliance log).
+  enum class Sharing { kExclusive, kShared };
+  /// Called for every line found in the file and every line appended, in order, without its LF.
+  using Visitor = std::function<void(std::uint64_t seq, std::string_view line)>;
+  /// Lines to append, without LF, given how many there are; called once the file is ours and up to date.
+  using MakeLines = std::function<std::vector<std::string>(std::uint64_t size)>;
+  /// How many lines checkpoints cover. Asked only where zeros are found.
+  using Covered = std::function<std::uint64_t()>;
+  /// Whether a line counts only once a checkpoint covers it. Asked only of lines that none covers.
+  using NeedsSignature = std::function<bool(std::string_view line)>;
+
+  /// Opens `file`, or makes it, with its name durable. A last line without LF is one whose writing a crash or
+  /// power cut ended: nothing ever counted on it; it is cut off, and torn_bytes() tells. A power cut may also
+  /// leave zeros where blocks of the last append were not flushed, and lines behind them that were: with
+  /// `covered`, everything from the first line with a zero byte on is cut off, unless a checkpoint covers
+  /// that line. So is everything from the first line on that `needs_signature` and has none: whoever can
+  /// write to the disk could have put it there, and unsigned_bytes() tells. Throws UsageError if another
+  /// writer has it (kExclusive), kiroku::Error for a line longer than the format's, kiroku::IoError. `files`
+  /// and `reserve` must outlive the object; `reserve` may be null.
+  static std::unique_ptr<Ledger> open(FileSystem& files, std::filesystem::path file, Sharing sharing,
+                                      SpaceReserve* reserve, Visitor visitor = {}, Covered covered = {},
+                                      NeedsSignature needs_signature = {});
+  Ledger(const Ledger&) = delete;
+  Ledger& operator=(const Ledger&) = delete;
+
+  /// Appends all lines with one write and one fdatasync. The line is only in the tree once it is durable. On
+  /// a full disk the reserve is used; if that does not do, nothing of it stands in the file, IoError is
+  /// thrown and a later append may succeed. After any other failure the ledger refuses everything.
+  void append(const MakeLines& make_lines);
+
+  /// kShared: takes in what other processes appended. (append() does so by itself.)
+  void catch_up();
+  /// Gives back the blocks allocated ahead; for a ledger that ends.
+  void trim();
+
+  [[nodiscard]] std::uint64_t size() const { return tree_.size(); }
+  [[nodiscard]] crypto::Sha256Digest root() const { return tree_.root(); }
+  [[nodiscard]] const std::filesystem::path& file() const { return file_; }
+  /// Bytes of torn lines cut off and not followed by a successful append() yet, which may state them.
+  [[nodiscard]] std::uint64_t torn_bytes() const { return torn_bytes_; }
+  /// Bytes cut off by open() since a line of them needs a signature and had none.
+  [[nodiscard]] std::uint64_t unsigned_bytes() const { return unsigned_bytes_; }
+
+  /// Holds the file of a shared ledger over several operations; may be nested. Does nothing for an exclusive
+  /// one, which is held anyway.
+  class Turn {
+   public:
+    explicit Turn(Ledger& ledger);
+    Turn(const Turn&) = delete;
+    Turn& operator=(const Turn&) = delete;
+    ~Turn();
+
+   private:
+    Ledger& ledger_;
+  };
+
+ private:
+  Ledger(FileSystem& files, std::filesystem::path file, Sharing sharing, SpaceReserve* reserve,
+         Visitor visitor);
+  void refuse_if_failed() const;
+  void read_new_lines();
+  [[nodiscard]] bool was_never_flushed(std::string_view line) const;
+  [[nodiscard]] bool lacks_signature(std::string_view line) const;
+  /// Cuts off what stands behind the last accepted line.
+  void cut_end();
+  void cut_torn_line(std::uint64_t end);
+  void accept(std::string_view line);
+  void write_durably(std::string_view text);
+  void undo_write();
+  void allocate_ahead(std::uint64_t coming);
+
+  FileSystem* files_;
+  std::filesystem::path file_;
+  Sharing sharing_;
+  SpaceReserve* reserve_;
+  Visitor visitor_;
+  // Only while the file is opened: later nobody finds what a power cut left.
+  Covered covered_;
+  NeedsSignature needs_signature_;
+  std::unique_ptr<WritableFile> written_;
+  crypto::MerkleFrontier tree_;
+  std::uint64_t bytes_ = 0;            // of whole lines in the tree
+  std::uint64_t allocated_until_ = 0;  // no allocation is asked for before bytes_ comes near
+  std::uint64_t torn_bytes_ = 0;
+  std::uint64_t unsigned_bytes_ = 0;
+  unsigned turns_ = 0;   // nested holders of the lock
+  std::string failure_;  // once set, every call is refused with it
+};
+
+}  // namespace kiroku::archive

@@ -1,0 +1,121 @@
+#include "archive/format/log_entry.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "crypto/hash.h"
+
+namespace kiroku::archive {
+namespace {
+
+using testing::HasSubstr;
+
+constexpr std::string_view kCase = "20260805T091502Z-3f9c21ab";
+crypto::Sha256Digest some_digest() { return crypto::sha256(bytes_of("abc")); }
+constexpr std::string_view kHex = "ba7816bf8f01cfea414140de5dae2223b00361a396177a9cb410ff61f20015ad";
+
+LogEntry entry_of(LogEntryBody body) {
+  return {7, {*parse_utc("2026-08-05T09:15:02.000123Z"), 42}, std::move(body)};
+}
+
+std::string head_of(std::string_view type) {
+  return "{\"type\":\"" + std::string(type) +
+         "\",\"seq\":7,\"utc\":\"2026-08-05T09:15:02.000123Z\",\"mono_ns\":42";
+}
+
+struct Example {
+  LogEntryBody body;
+  std::string line;
+};
+
+std::vector<Example> examples() {
+  const std::string id(kCase);
+  const std::string hex(kHex);
+  const std::string with_case = ",\"case\":\"" + id + "\"";
+  return {
+      {BootEntry{"b1", "dev+1+k"}, head_of("boot") + R"(,"boot_id":"b1","device":"dev+1+k"})"},
+      {ShutdownEntry{}, head_of("shutdown") + "}"},
+      {ConfigChangedEntry{some_digest()}, head_of("config-changed") + ",\"sha256\":\"" + hex + "\"}"},
+      {DeviceKeyChangedEntry{"dev+2+k"}, head_of("device-key-changed") + R"(,"device":"dev+2+k"})"},
+      {PlanSealedEntry{some_digest()}, head_of("plan-sealed") + ",\"sha256\":\"" + hex + "\"}"},
+      {CaseOpenedEntry{id, some_digest()},
+       head_of("case-opened") + with_case + ",\"sha256\":\"" + hex + "\"}"},
+      {CaseCheckpointEntry{id, 9, some_digest()},
+       head_of("case-checkpoint") + with_case + ",\"size\":9,\"root\":\"" + hex + "\"}"},
+      {CaseClosedEntry{id, 9, some_digest(), some_digest()}, head_of("case-closed") + with_case +
+                                                                 ",\"size\":9,\"root\":\"" + hex +
+                                                                 "\",\"final_token\":\"" + hex + "\"}"},
+      {CaseClosedEntry{id, 9, some_digest(), {}},
+       head_of("case-closed") + with_case + ",\"size\":9,\"root\":\"" + hex + "\"}"},
+      {ReplicatedEntry{id, "s3://x"}, head_of("replicated") + with_case + R"(,"target":"s3://x"})"},
+      {CaseErasedEntry{id, {}, "10 years"}, head_of("erased") + with_case + R"(,"policy":"10 years"})"},
+      {CaseErasedEntry{id, "room", "30 days"},
+       head_of("erased") + with_case + R"(,"stream":"room","policy":"30 days"})"},
+      {AccessEntry{"a/folder", "export room", "Dr. Sato"},
+       head_of("access") + R"(,"case":"a/folder","what":"export room","who":"Dr. Sato"})"},
+      {LogRecoveredEntry{17}, head_of("recovered") + R"(,"truncated":17})"},
+      {PreRollDiscardedEntry{3, 4'000'000'000},
+       head_of("pre-roll-discarded") + R"(,"segments":3,"duration_ns":4000000000})"},
+      {PreRollDiscardedEntry{3, {}}, head_of("pre-roll-discarded") + R"(,"segments":3})"},
+  };
+}
+
+TEST(LogEntry, IsWrittenAsTheFormatSays) {
+  for (const Example& example : examples()) {
+    EXPECT_EQ(to_line(entry_of(example.body)), example.line);
+  }
+}
+
+TEST(LogEntry, IsReadBackToTheSameLine) {
+  for (const Example& example : examples()) {
+    const LogEntryParse parsed = parse_log_entry(example.line);
+    ASSERT_TRUE(parsed.entry) << parsed.problem;
+    EXPECT_EQ(parsed.entry->body.index(), example.body.index());
+    EXPECT_EQ(parsed.entry->seq, 7U);
+    EXPECT_EQ(parsed.entry->at.mono_ns, 42);
+    EXPECT_EQ(to_line(*parsed.entry), example.line);
+  }
+}
+
+TEST(LogEntry, RefusesALineFromWhichAnyMemberIsMissing) {
+  for (const Example& example : examples()) {
+    // Cut each member out in turn; `final_token`, an erased stream and a lost duration may be absent.
+    std::size_t start = 1;
+    while (start < example.line.size() - 1) {
+      const bool last = example.line.find(",\"", start) == std::string::npos;
+      const std::size_t end = last ? example.line.size() - 1 : example.line.find(",\"", start);
+      std::string cut = example.line;
+      if (last) {
+        cut.erase(start - 1, end - start + 1);
+      } else {
+        cut.erase(start, end - start + 1);
+      }
+      if (example.line.compare(start, 13, "\"final_token\"") != 0 &&
+          example.line.compare(start, 8, "\"stream\"") != 0 &&
+          example.line.compare(start, 13, "\"duration_ns\"") != 0) {
+        EXPECT_FALSE(parse_log_entry(cut).entry) << cut;
+      }
+      start = end + 1;
+    }
+  }
+}
+
+TEST(LogEntry, RefusesUnknownMembersAndTypes) {
+  EXPECT_THAT(parse_log_entry(head_of("shutdown") + R"(,"more":1})").problem, HasSubstr("more"));
+  EXPECT_THAT(parse_log_entry(head_of("restart") + "}").problem, HasSubstr("type"));
+  EXPECT_THAT(parse_log_entry(head_of("open") + "}").problem, HasSubstr("type"));
+}
+
+TEST(LogEntry, RefusesACaseThatIsNoIdentifier) {
+  EXPECT_THAT(parse_log_entry(head_of("erased") + R"(,"case":"../x","policy":"p"})").problem,
+              HasSubstr("case"));
+}
+
+TEST(LogEntry, RefusesNestedValues) {
+  EXPECT_FALSE(parse_log_entry(head_of("replicated") + R"(,"case":{"a":1},"target":"t"})").entry);
+  EXPECT_FALSE(parse_log_entry("[]").entry);
+  EXPECT_FALSE(parse_log_entry("").entry);
+}
+
+}  // namespace
+}  // namespace kiroku::archive

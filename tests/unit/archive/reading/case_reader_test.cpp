@@ -1,0 +1,130 @@
+#include "archive/reading/case_reader.h"
+
+#include <filesystem>
+#include <fstream>
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "archive/format/case_layout.h"
+#include "archive/verify/verifier.h"
+#include "base/error.h"
+#include "tests/support/sample_case.h"
+
+namespace kiroku::archive {
+namespace {
+
+constexpr std::int64_t kSecond = 1'000'000'000;
+
+class CaseReading : public ::testing::Test {
+ protected:
+  test::SampleArchive archive_;
+  std::filesystem::path folder_ = test::SampleCase::write(archive_);
+};
+
+TEST_F(CaseReading, GivesSegmentsThatMeetASpan) {
+  const CaseReader reader = CaseReader::open(folder_);
+  const std::vector<SegmentEntry> found = reader.segments("endoscope", 2 * kSecond, 4 * kSecond + 1);
+  ASSERT_EQ(found.size(), 2U);
+  EXPECT_EQ(found[0].index, 1U);
+  EXPECT_EQ(found[1].index, 2U);
+  EXPECT_EQ(reader.duration_ns(), 6 * kSecond);
+  EXPECT_TRUE(reader.closing().has_value());
+}
+
+TEST_F(CaseReading, StatesTheRootThatVerificationDoes) {
+  const CaseReader before = CaseReader::open(folder_);
+  EXPECT_EQ(before.lines_root(), verify_case(folder_, archive_.options()).lines_root);
+  std::ofstream(folder_ / kLedgerFile, std::ios::app) << "half a line";
+  EXPECT_EQ(CaseReader::open(folder_).lines_root(), before.lines_root());
+  EXPECT_EQ(before.lines_root(), verify_case(folder_, archive_.options()).lines_root);
+}
+
+TEST_F(CaseReading, NamesTheStreamsThereAre) {
+  const CaseReader reader = CaseReader::open(folder_);
+  EXPECT_EQ(reader.stream("vitals").extension, "jsonl");
+  try {
+    static_cast<void>(reader.stream("room"));
+    FAIL() << "a stream that is not there was found";
+  } catch (const UsageError& error) {
+    EXPECT_THAT(error.what(), ::testing::HasSubstr("endoscope, vitals"));
+  }
+}
+
+TEST_F(CaseReading, ReadsTimesFromTheStartAndInUtc) {
+  const CaseReader reader = CaseReader::open(folder_);
+  EXPECT_EQ(reader.parse_time("00:00:02"), 2 * kSecond);
+  EXPECT_EQ(reader.parse_time("01:02:03.5"), 3'723 * kSecond + kSecond / 2);
+  EXPECT_EQ(reader.parse_time(format_utc(test::SampleArchive::opened_at() + std::chrono::seconds(3))),
+            3 * kSecond);
+  for (const char* wrong :
+       {"", "2x", "00:60:00", "00:00:60", "00:00:1", "00:00:01.", "-1:00:00", "00:00:01.1234567890"}) {
+    EXPECT_THROW(static_cast<void>(reader.parse_time(wrong)), UsageError) << wrong;
+  }
+}
+
+TEST_F(CaseReading, ReadsEveryFormOfATimeAndTellsThemWhereItIsNone) {
+  const CaseReader reader = CaseReader::open(folder_);
+  for (const char* text : {"5s", "0:05", "00:00:05", "5", "5000ms"}) {
+    EXPECT_EQ(reader.parse_time(text), 5 * kSecond) << text;
+  }
+  try {
+    static_cast<void>(reader.parse_time("noon", "--at"));
+    FAIL() << "noon is a time";
+  } catch (const UsageError& error) {
+    EXPECT_THAT(error.what(), ::testing::StartsWith("--at is 'noon', which is no time: write 5s, 0:05, "
+                                                    "1:02:03.5, 1h2m or 90 (seconds) from the start of the "
+                                                    "case, or UTC such as 2"));
+  }
+}
+
+TEST_F(CaseReading, TellsWhatIsWrongWithAStretch) {
+  const CaseReader reader = CaseReader::open(folder_);
+  const auto refusal = [&](const std::optional<std::string>& from, const std::optional<std::string>& to) {
+    try {
+      static_cast<void>(reader.parse_stretch(from, to));
+    } catch (const UsageError& error) {
+      return std::string(error.what());
+    }
+    return std::string();
+  };
+  EXPECT_EQ(refusal("4s", "0:02"), "--from (4s) is after --to (0:02): exchange the two");
+  EXPECT_EQ(refusal("4s", "0:04"),
+            "nothing lies between --from (4s) and --to (0:04), which are the same moment");
+  EXPECT_EQ(refusal("1m", {}), "--from (1m) is beyond the end of the case, which is 00:00:06 long");
+  EXPECT_EQ(refusal("6s", {}), "--from (6s) is beyond the end of the case, which is 00:00:06 long");
+  EXPECT_EQ(refusal({}, "6.1"), "--to (6.1) is beyond the end of the case, which is 00:00:06 long");
+  EXPECT_EQ(refusal({}, "0"),
+            "nothing lies between --from (the start) and --to (0), which are the same moment");
+  const Span whole = reader.parse_stretch({}, {});
+  EXPECT_EQ(whole.start_ns, 0);
+  EXPECT_EQ(whole.end_ns, INT64_MAX);
+  const Span some = reader.parse_stretch("2s", "0:06");
+  EXPECT_EQ(some.start_ns, 2 * kSecond);
+  EXPECT_EQ(some.end_ns, 6 * kSecond);
+}
+
+TEST_F(CaseReading, AsksWhichStreamWasMeant) {
+  const CaseReader reader = CaseReader::open(folder_);
+  try {
+    static_cast<void>(reader.stream("endoscop"));
+    FAIL() << "a stream that is not there was found";
+  } catch (const UsageError& error) {
+    EXPECT_THAT(error.what(), ::testing::EndsWith("it has endoscope, vitals (did you mean 'endoscope'?)"));
+  }
+}
+
+TEST_F(CaseReading, LeavesOutATornLastLine) {
+  std::ofstream(folder_ / "ledger.jsonl", std::ios::app) << "{\"type\":";
+  std::uint64_t entries = 0;
+  CaseReader::open(folder_).for_each([&](const CaseEntry&) { ++entries; });
+  EXPECT_EQ(entries, 11U);
+}
+
+TEST_F(CaseReading, RefusesAFolderThatIsNoCase) {
+  EXPECT_THROW(CaseReader::open(archive_.folder()), UsageError);
+  EXPECT_THROW(CaseReader::open(archive_.folder() / "nowhere"), UsageError);
+}
+
+}  // namespace
+}  // namespace kiroku::archive

@@ -1,0 +1,51 @@
+#include "archive/verify/brackets.h"
+
+#include <gtest/gtest.h>
+
+namespace kiroku::archive {
+namespace {
+
+UtcTime at(int seconds) { return UtcTime(std::chrono::seconds(seconds)); }
+
+TEST(Brackets, WithoutTokensAreOneWithoutBounds) {
+  const std::vector<Bracket> brackets = brackets_of({}, 0, 5);
+  ASSERT_EQ(brackets.size(), 1U);
+  EXPECT_EQ(brackets[0].first_entry, 0U);
+  EXPECT_EQ(brackets[0].last_entry, 4U);
+  EXPECT_EQ(brackets[0].not_before, std::nullopt);
+  EXPECT_EQ(brackets[0].not_after, std::nullopt);
+}
+
+// Entries between token i's entry and the checkpoint of token i+1 lie between their times.
+TEST(Brackets, LieBetweenOneTokensEntryAndTheNextCheckpoint) {
+  const std::vector<Bracket> brackets =
+      brackets_of({{1, 1, at(10), 0, "a"}, {6, 5, at(70), 1'000'000'000, "a"}}, 0, 8);
+  ASSERT_EQ(brackets.size(), 4U);
+  EXPECT_EQ(brackets[0].last_entry, 0U);
+  EXPECT_EQ(brackets[0].not_before, std::nullopt);
+  EXPECT_EQ(brackets[0].not_after, at(10));
+  EXPECT_EQ(brackets[1].first_entry, 1U);
+  EXPECT_EQ(brackets[1].last_entry, 4U);
+  EXPECT_EQ(brackets[1].not_before, at(10));
+  EXPECT_EQ(brackets[1].not_after, at(71));
+  // Written while the second token was asked for: no token covers it.
+  EXPECT_EQ(brackets[2].first_entry, 5U);
+  EXPECT_EQ(brackets[2].last_entry, 5U);
+  EXPECT_EQ(brackets[2].not_before, at(10));
+  EXPECT_EQ(brackets[2].not_after, std::nullopt);
+  EXPECT_EQ(brackets[3].first_entry, 6U);
+  EXPECT_EQ(brackets[3].not_before, at(69));
+}
+
+TEST(Brackets, TakeTheNarrowestBoundsOfSeveralAuthorities) {
+  const std::vector<Bracket> brackets = brackets_of(
+      {{1, 1, at(10), 0, "a"}, {2, 1, at(12), 0, "b"}, {6, 6, at(80), 0, "b"}, {7, 6, at(70), 0, "a"}}, 3, 6);
+  ASSERT_EQ(brackets.size(), 1U);
+  EXPECT_EQ(brackets[0].not_before, at(12));
+  EXPECT_EQ(brackets[0].authority_before, "b");
+  EXPECT_EQ(brackets[0].not_after, at(70));
+  EXPECT_EQ(brackets[0].authority_after, "a");
+}
+
+}  // namespace
+}  // namespace kiroku::archive

@@ -1,0 +1,167 @@
+#include "archive/verify/stream_rules.h"
+
+#include <random>
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "archive/format/case_layout.h"
+
+namespace kiroku::archive {
+namespace {
+
+constexpr std::int64_t kMs = 1'000'000;
+
+StreamInfo room() { return {"room", "video", "video/mp2t", "x", "mpeg2", "", {}, "arrival", "ts"}; }
+
+SegmentEntry segment(std::uint64_t index, Span span) {
+  SegmentEntry entry;
+  entry.stream = "room";
+  entry.index = index;
+  entry.file.file = segment_path("room", index, "ts");
+  entry.span = span;
+  return entry;
+}
+
+std::vector<std::string> holes_of(FindingList& findings) {
+  std::vector<std::string> texts;
+  for (const Finding& each : findings.take()) {
+    if (each.code == "segment-hole") {
+      texts.push_back(each.text);
+    }
+  }
+  return texts;
+}
+
+/// What is left of a hole, as docs/reference/format.md says it: a gap that begins within the tolerance goes
+/// on.
+Span left_of(Span hole, const std::vector<Span>& gaps) {
+  for (bool moved = true; moved;) {
+    moved = false;
+    for (const Span& gap : gaps) {
+      if (gap.start_ns <= hole.start_ns + kSeamToleranceNs && gap.end_ns > hole.start_ns) {
+        hole.start_ns = gap.end_ns;
+        moved = true;
+      }
+    }
+  }
+  return hole;
+}
+
+// Else whoever holds the device key could have pictures missing and say that only a microphone was.
+TEST(StreamRules, AGapOfSoundExcusesNoPictures) {
+  FindingList findings;
+  StreamRules rules(room(), true, findings);
+  rules.take(segment(0, {0, 10 * kMs}), 1);
+  SegmentEntry cut = segment(1, {10 * kMs, 20 * kMs});
+  cut.complete = false;
+  cut.file.file += ".part";
+  rules.take(cut, 2);
+  rules.take(GapEntry{"room", {20 * kMs, 5'000 * kMs}, GapCause::kSignalLost, true}, 3);
+  rules.take(segment(2, {5'000 * kMs, 5'010 * kMs}), 4);
+  rules.finish();
+  std::vector<std::string> codes;
+  for (const Finding& each : findings.take()) codes.push_back(each.code);
+  EXPECT_THAT(codes, testing::IsSupersetOf({"sound-gap", "segment-hole", "segment-cut-unexplained"}));
+  EXPECT_THAT(codes, testing::Not(testing::Contains("gap")));
+}
+
+TEST(StreamRules, LeavesOfAHoleWhatNoGapGoesOnOver) {
+  std::mt19937_64 random(3);
+  const auto number = [&](std::uint64_t below) { return static_cast<std::int64_t>(random() % below); };
+  int covered = 0;
+  int open = 0;
+  for (int round = 0; round < 3'000; ++round) {
+    FindingList findings;
+    StreamRules rules(room(), true, findings);
+    std::vector<Span> gaps;
+    const std::int64_t count = number(12);
+    for (std::int64_t i = 0; i < count; ++i) {
+      const std::int64_t start_ns = number(40) * kMs / 2;
+      gaps.push_back({start_ns, start_ns + number(10) * kMs / 2});
+      rules.take(GapEntry{"room", gaps.back(), GapCause::kOverload}, 0);
+    }
+    const Span hole{number(10) * kMs / 2, 10 * kMs + number(20) * kMs / 2};
+    rules.take(segment(0, {0, hole.start_ns}), 1);
+    rules.take(segment(1, {hole.end_ns, hole.end_ns}), 2);
+    rules.finish();
+    const Span left = left_of(hole, gaps);
+    const std::vector<std::string> told = holes_of(findings);
+    if (left.end_ns - left.start_ns <= kSeamToleranceNs) {
+      ++covered;
+      EXPECT_THAT(told, testing::IsEmpty());
+    } else {
+      ++open;
+      const std::string us = std::to_string(left.start_ns / 1'000);
+      const std::string from = "from 0." + std::string(6 - us.size(), '0') + us + " s to";
+      EXPECT_THAT(told, testing::ElementsAre(testing::HasSubstr(from)));
+    }
+  }
+  EXPECT_GT(covered, 100);
+  EXPECT_GT(open, 100);
+}
+
+// A walk over all gaps for each would take a million million steps: no machine does that before this test's
+// time is over.
+TEST(StreamRules, FindsTheWayThroughAMillionGapsInWhateverOrder) {
+  constexpr std::int64_t kGaps = 1'000'000;
+  FindingList findings;
+  StreamRules rules(room(), true, findings);
+  rules.take(segment(0, {0, kMs}), 0);
+  for (std::int64_t i = kGaps; i > 0; --i) {
+    rules.take(GapEntry{"room", {i * kMs, (i + 1) * kMs}, GapCause::kOverload}, 1);
+  }
+  rules.take(segment(1, {(kGaps + 1) * kMs, (kGaps + 2) * kMs}), 2);
+  rules.finish();
+  EXPECT_THAT(holes_of(findings), testing::IsEmpty());
+}
+
+TEST(StreamRules, TellsWhatAMillionEntriesEraseAndAHundredThousandHoles) {
+  constexpr std::uint64_t kRanges = 1'000'000;
+  FindingList findings;
+  StreamRules rules(room(), true, findings);
+  for (std::uint64_t i = 0; i < kRanges; ++i) {
+    rules.take(ErasedEntry{"room", 3 * (kRanges - i), 3 * (kRanges - i) + 1, "p"}, i);
+  }
+  std::uint64_t erased = 0;
+  for (std::uint64_t index = 0; index < 3 * kRanges; ++index) {
+    erased += rules.erased(index) ? 1U : 0U;
+  }
+  EXPECT_EQ(erased, 2 * (kRanges - 1));
+  for (std::int64_t i = 0; i < 100'000; ++i) {
+    rules.take(GapEntry{"room", {(4 * i + 1) * kMs, (4 * i + 2) * kMs}, GapCause::kOverload}, 1);
+    rules.take(segment(static_cast<std::uint64_t>(i), {4 * i * kMs, (4 * i + 1) * kMs}), 2);
+  }
+  rules.finish();
+  EXPECT_EQ(holes_of(findings).size(), 1'000U) << "the rest is counted";
+}
+
+TEST(StreamRules, LetsAFileBeReadOnce) {
+  FindingList findings;
+  StreamRules rules(room(), true, findings);
+  EXPECT_TRUE(rules.take(segment(0, {0, kMs}), 0));
+  EXPECT_TRUE(rules.take(segment(1, {kMs, 2 * kMs}), 1));
+  EXPECT_FALSE(rules.take(segment(0, {2 * kMs, 3 * kMs}), 2)) << "read already";
+  SegmentEntry part = segment(1, {3 * kMs, 4 * kMs});
+  part.file.file += kPartSuffix;
+  part.complete = false;
+  EXPECT_TRUE(rules.take(part, 3)) << "another file";
+  EXPECT_FALSE(rules.take(part, 4));
+  EXPECT_EQ(findings.worst(), Severity::kTampered) << "each repetition is out of order";
+}
+
+TEST(StreamRules, KeepsNoLongTextOfWhatIsErasedOrCutOff) {
+  FindingList findings;
+  StreamRules rules(room(), true, findings);
+  SegmentEntry part = segment(0, {0, kMs});
+  part.file.file = std::string(1'000'000, 'f');
+  part.complete = false;
+  EXPECT_FALSE(rules.take(part, 0));
+  EXPECT_TRUE(rules.take(segment(1, {kMs, 2 * kMs}), 1));
+  for (const Finding& each : findings.take()) {
+    EXPECT_LE(each.file.size() + each.text.size(), 2'000U);
+  }
+}
+
+}  // namespace
+}  // namespace kiroku::archive

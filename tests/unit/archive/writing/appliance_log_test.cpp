@@ -1,0 +1,240 @@
+#include "archive/writing/appliance_log.h"
+
+#include <cerrno>
+#include <fstream>
+#include <iterator>
+#include <thread>
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "archive/format/case_layout.h"
+#include "archive/format/log_entry.h"
+#include "crypto/merkle_tree.h"
+#include "tests/support/fault_file_system.h"
+#include "tests/support/temporary_folder.h"
+
+namespace kiroku::archive {
+namespace {
+
+namespace fs = std::filesystem;
+using test::FaultFileSystem;
+using test::TemporaryFolder;
+using testing::ElementsAre;
+using testing::HasSubstr;
+
+constexpr const char* kCase = "20260805T091502Z-3f9c21ab";
+crypto::Sha256Digest some_digest() { return crypto::sha256(bytes_of("abc")); }
+
+class ApplianceLogTest : public testing::Test {
+ protected:
+  std::unique_ptr<ApplianceLog> open(FileSystem& files) {
+    return ApplianceLog::open(files, folder_ / "log", key_, "theatre-1");
+  }
+  std::unique_ptr<ApplianceLog> open() { return open(files_); }
+  [[nodiscard]] std::vector<std::string> types() const {
+    std::vector<std::string> types;
+    for (const LogLine& line : read_log(folder_ / "log")) {
+      types.push_back(line.type);
+    }
+    return types;
+  }
+  [[nodiscard]] crypto::Sha256Digest root_of_first(std::uint64_t size) const {
+    crypto::MerkleFrontier tree;
+    for (const LogLine& line : read_log(folder_ / "log")) {
+      if (tree.size() < size) {
+        tree.append(crypto::merkle_leaf_hash(bytes_of(line.json)));
+      }
+    }
+    return tree.root();
+  }
+  /// The note of that tree size, opened with the device's key.
+  [[nodiscard]] std::optional<crypto::Checkpoint> note(std::uint64_t size) const {
+    std::ifstream input(folder_ / "log" / note_path(size), std::ios::binary);
+    const std::string text{std::istreambuf_iterator<char>(input), {}};
+    const auto opened = crypto::open_note(text, {crypto::VerifierKey("theatre-1", key_.public_key())});
+    return opened.failure ? std::nullopt : crypto::Checkpoint::parse(opened.text);
+  }
+
+  TemporaryFolder folder_{test::quick_parent()};
+  crypto::SigningKey key_ = crypto::SigningKey::generate();
+  FaultFileSystem files_{folder_.path()};
+};
+
+TEST_F(ApplianceLogTest, BeginsWithTheBoot) {
+  open()->access(kCase, "export endoscope", "Dr. Sato");
+  EXPECT_THAT(types(), ElementsAre("boot", "access"));
+  const auto boot = parse_log_entry(read_log(folder_ / "log")[0].json);
+  EXPECT_EQ(std::get<BootEntry>(boot.entry->body).device,
+            crypto::VerifierKey("theatre-1", key_.public_key()).to_string());
+}
+
+TEST_F(ApplianceLogTest, StatesOneBootOnce) {
+  const auto log = open();
+  log->boot("b1");
+  log->boot("b1");
+  log->shutdown();
+  open()->boot("b1");
+  EXPECT_THAT(types(), ElementsAre("boot", "shutdown"));
+  open()->boot("b2");
+  EXPECT_THAT(types(), ElementsAre("boot", "shutdown", "boot"));
+}
+
+TEST_F(ApplianceLogTest, CarriesWhatItIsTold) {
+  const auto log = open();
+  log->boot("b1");
+  log->config_changed(some_digest());
+  log->device_key_changed();
+  log->plan_sealed(some_digest());
+  log->case_opened(kCase, some_digest());
+  log->case_checkpoint(kCase, 5, some_digest());
+  log->case_closed(kCase, 9, some_digest(), some_digest());
+  log->replicated(kCase, "s3://bucket");
+  log->erased(kCase, std::nullopt, "10 years");
+  log->access(kCase, "what", "who");
+  log->shutdown();
+  EXPECT_THAT(types(),
+              ElementsAre("boot", "config-changed", "device-key-changed", "plan-sealed", "case-opened",
+                          "case-checkpoint", "case-closed", "replicated", "erased", "access", "shutdown"));
+  std::uint64_t seq = 0;
+  std::int64_t last_ns = 0;
+  for (const LogLine& line : read_log(folder_ / "log")) {
+    const auto parsed = parse_log_entry(line.json);
+    EXPECT_EQ(parsed.entry->seq, seq++);
+    EXPECT_GE(parsed.entry->at.mono_ns, last_ns);
+    last_ns = parsed.entry->at.mono_ns;
+  }
+  EXPECT_EQ(log->size(), 11U);
+  EXPECT_EQ(log->root(), root_of_first(11));
+}
+
+TEST_F(ApplianceLogTest, SignsACheckpointAfterEachEntryThatMatters) {
+  const auto log = open();
+  log->boot("b1");
+  log->case_closed(kCase, 9, some_digest(), {});
+  log->shutdown();
+  EXPECT_EQ(note(1), std::nullopt) << "the next one covers the boot";
+  EXPECT_EQ(note(2), (crypto::Checkpoint{"kiroku/theatre-1/log", 2, root_of_first(2)}));
+  EXPECT_EQ(note(3), (crypto::Checkpoint{"kiroku/theatre-1/log", 3, root_of_first(3)}));
+}
+
+TEST_F(ApplianceLogTest, ChecksTheCaseIdentifier) {
+  const auto log = open();
+  EXPECT_THROW(log->case_opened("../../etc", some_digest()), UsageError);
+  EXPECT_EQ(log->size(), 0U);
+}
+
+TEST_F(ApplianceLogTest, TwoProcessesAddToOneLog) {
+  const auto recording = open();
+  const auto exporting = ApplianceLog::open(real_file_system(), folder_ / "log", key_, "theatre-1");
+  recording->boot("b1");
+  exporting->boot("b1");
+  recording->case_opened(kCase, some_digest());
+  exporting->access(kCase, "export", "somebody");
+  recording->case_checkpoint(kCase, 5, some_digest());
+  EXPECT_THAT(types(), ElementsAre("boot", "case-opened", "access", "case-checkpoint"));
+  EXPECT_EQ(exporting->head().size, 4U);
+  EXPECT_EQ(exporting->root(), recording->root());
+  EXPECT_EQ(note(4)->root, root_of_first(4));
+}
+
+TEST_F(ApplianceLogTest, ThreadsAndOpeningsAtOnceLoseNoEntry) {
+  constexpr int kEach = 20;
+  const auto first = open(real_file_system());
+  const auto second = open(real_file_system());
+  const auto add = [&](ApplianceLog& log) {
+    for (int i = 0; i < kEach; ++i) {
+      log.access(kCase, "what", "who");
+    }
+  };
+  std::thread a([&] { add(*first); });
+  std::thread b([&] { add(*first); });
+  std::thread c([&] { add(*second); });
+  a.join();
+  b.join();
+  c.join();
+  const std::vector<LogLine> lines = read_log(folder_ / "log");
+  ASSERT_EQ(lines.size(), 1U + 3 * kEach);
+  for (std::uint64_t seq = 0; seq < lines.size(); ++seq) {
+    EXPECT_EQ(lines[seq].seq, seq);
+  }
+  EXPECT_EQ(first->head().root, second->head().root);
+}
+
+TEST_F(ApplianceLogTest, StatesATornLastLine) {
+  open()->boot("b1");
+  std::ofstream(folder_ / "log" / "ledger.jsonl", std::ios::app) << "{\"type\":\"acc";
+  EXPECT_EQ(read_log(folder_ / "log").size(), 1U) << "a torn line is no entry";
+  const auto log = open();
+  log->boot("b2");
+  log->shutdown();
+  EXPECT_THAT(types(), ElementsAre("boot", "boot", "recovered", "shutdown"));
+  const auto recovered = parse_log_entry(read_log(folder_ / "log")[2].json);
+  EXPECT_EQ(std::get<LogRecoveredEntry>(recovered.entry->body).truncated, 12U);
+}
+
+TEST_F(ApplianceLogTest, RefusesEverythingAfterAFailedFlush) {
+  const auto log = open();
+  log->boot("b1");
+  files_.fail("sync log/ledger.jsonl", EIO);
+  EXPECT_THROW(log->shutdown(), SyncError);
+  files_.heal();
+  EXPECT_THROW(log->shutdown(), Error);
+  EXPECT_EQ(log->size(), 1U);
+}
+
+TEST_F(ApplianceLogTest, ReadingNamesTheLineThatIsDamaged) {
+  open()->boot("b1");
+  std::ofstream(folder_ / "log" / "ledger.jsonl", std::ios::app) << "nonsense\n";
+  try {
+    read_log(folder_ / "log");
+    FAIL() << "read";
+  } catch (const Error& error) {
+    EXPECT_THAT(error.what(), HasSubstr("cannot read line 2 of"));
+  }
+  EXPECT_THROW(read_log(folder_ / "nowhere"), UsageError);
+}
+
+TEST_F(ApplianceLogTest, WhereverItIsKilledNoNoteCoversWhatIsNotThere) {
+  for (const bool power : {false, true}) {
+    for (std::size_t at = 0;; ++at) {
+      const TemporaryFolder folder(test::quick_parent());
+      FaultFileSystem files(folder.path());
+      files.kill_at(at);
+      bool whole = false;
+      try {
+        const auto log = ApplianceLog::open(files, folder / "log", key_, "theatre-1");
+        log->boot("b1");
+        log->case_opened(kCase, some_digest());
+        log->case_closed(kCase, 9, some_digest(), {});
+        whole = true;
+      } catch (const test::Killed&) {
+      }
+      if (power) {
+        files.lose_power();
+      }
+      std::uint64_t lines = 0;
+      if (fs::exists(folder / "log" / "ledger.jsonl")) {
+        lines = read_log(folder / "log").size();
+      }
+      if (fs::exists(folder / "log" / "checkpoints")) {
+        for (const fs::directory_entry& file : fs::directory_iterator(folder / "log" / "checkpoints")) {
+          if (const auto size = size_of_note_name(file.path().filename().string())) {
+            EXPECT_LE(*size, lines) << "kill at call " << at;
+          }
+        }
+      }
+      if (whole) {
+        EXPECT_EQ(lines, 3U);
+        break;
+      }
+      files.heal();
+      const auto again = ApplianceLog::open(files, folder / "log", key_, "theatre-1");
+      again->shutdown();
+      EXPECT_EQ(read_log(folder / "log").back().type, "shutdown") << "kill at call " << at;
+    }
+  }
+}
+
+}  // namespace
+}  // namespace kiroku::archive

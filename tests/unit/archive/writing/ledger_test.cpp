@@ -1,0 +1,286 @@
+#include "archive/writing/ledger.h"
+
+#include <cerrno>
+#include <fstream>
+#include <iterator>
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "archive/format/ledger_entry.h"
+#include "tests/support/fault_file_system.h"
+#include "tests/support/temporary_folder.h"
+
+namespace kiroku::archive {
+namespace {
+
+namespace fs = std::filesystem;
+using test::FaultFileSystem;
+using test::TemporaryFolder;
+using testing::ElementsAre;
+using testing::HasSubstr;
+
+class LedgerTest : public testing::Test {
+ protected:
+  std::unique_ptr<Ledger> open(Ledger::Sharing sharing = Ledger::Sharing::kExclusive,
+                               SpaceReserve* reserve = nullptr) {
+    return Ledger::open(files_, file_, sharing, reserve);
+  }
+  static void append(Ledger& ledger, const std::vector<std::string>& lines) {
+    ledger.append([&](std::uint64_t) { return lines; });
+  }
+  [[nodiscard]] std::string contents() const {
+    std::ifstream input(file_, std::ios::binary);
+    return {std::istreambuf_iterator<char>(input), {}};
+  }
+  static crypto::Sha256Digest root_of(const std::vector<std::string>& lines) {
+    crypto::MerkleFrontier tree;
+    for (const std::string& line : lines) {
+      tree.append(crypto::merkle_leaf_hash(bytes_of(line)));
+    }
+    return tree.root();
+  }
+
+  TemporaryFolder folder_{test::quick_parent()};
+  fs::path file_ = folder_ / "ledger.jsonl";
+  FaultFileSystem files_{folder_.path()};
+};
+
+TEST_F(LedgerTest, StartsEmptyWithADurableName) {
+  const auto ledger = open();
+  EXPECT_EQ(ledger->size(), 0U);
+  EXPECT_EQ(ledger->root(), root_of({}));
+  EXPECT_THAT(files_.calls(), ElementsAre("create ledger.jsonl", "sync_folder .", "lock ledger.jsonl"));
+}
+
+TEST_F(LedgerTest, AppendsSeveralLinesWithOneWriteAndOneFlush) {
+  const auto ledger = open();
+  files_.forget_calls();
+  append(*ledger, {"one", "two"});
+  append(*ledger, {"three"});
+  EXPECT_THAT(files_.calls(), ElementsAre("reserve ledger.jsonl 1048584", "write ledger.jsonl 8",
+                                          "sync ledger.jsonl", "write ledger.jsonl 6", "sync ledger.jsonl"));
+  EXPECT_EQ(contents(), "one\ntwo\nthree\n");
+  EXPECT_EQ(ledger->size(), 3U);
+  EXPECT_EQ(ledger->root(), root_of({"one", "two", "three"}));
+}
+
+TEST_F(LedgerTest, TellsTheMakerHowManyLinesThereAre) {
+  const auto ledger = open();
+  append(*ledger, {"one", "two"});
+  std::uint64_t told = 0;
+  ledger->append([&](std::uint64_t size) {
+    told = size;
+    return std::vector<std::string>{"three"};
+  });
+  EXPECT_EQ(told, 2U);
+}
+
+TEST_F(LedgerTest, ReopenedHasTheSameTree) {
+  append(*open(), {"one", "two", "three"});
+  std::vector<std::string> seen;
+  const auto ledger = Ledger::open(files_, file_, Ledger::Sharing::kExclusive, nullptr,
+                                   [&](std::uint64_t seq, std::string_view line) {
+                                     EXPECT_EQ(seq, seen.size());
+                                     seen.emplace_back(line);
+                                   });
+  EXPECT_THAT(seen, ElementsAre("one", "two", "three"));
+  EXPECT_EQ(ledger->root(), root_of({"one", "two", "three"}));
+  EXPECT_EQ(ledger->torn_bytes(), 0U);
+}
+
+TEST_F(LedgerTest, ReadsLinesLongerThanItsBuffer) {
+  const std::string long_line(700'000, 'x');
+  append(*open(), {"one", long_line, "three"});
+  EXPECT_EQ(open()->root(), root_of({"one", long_line, "three"}));
+}
+
+TEST_F(LedgerTest, CutsATornLastLineAndSaysHowLongItWas) {
+  append(*open(), {"one"});
+  std::ofstream(file_, std::ios::app) << "tw";
+  const auto ledger = open();
+  EXPECT_EQ(ledger->torn_bytes(), 2U);
+  EXPECT_EQ(ledger->size(), 1U);
+  EXPECT_EQ(contents(), "one\n");
+  append(*ledger, {"two"});
+  EXPECT_EQ(ledger->torn_bytes(), 0U);
+  EXPECT_EQ(contents(), "one\ntwo\n");
+}
+
+TEST_F(LedgerTest, CutsOffZerosThatAPowerCutLeftUnlessACheckpointCoversThem) {
+  const std::string zeros(5000, '\0');
+  const std::string written = "one\ntwo\n" + zeros + "ee\nfour\n";
+  const auto open_covered = [&](std::uint64_t covered) {
+    std::ofstream(file_, std::ios::binary) << written;
+    return Ledger::open(files_, file_, Ledger::Sharing::kExclusive, nullptr, {},
+                        [covered] { return covered; });
+  };
+  for (const std::uint64_t covered : {0U, 2U}) {
+    const auto ledger = open_covered(covered);
+    EXPECT_EQ(contents(), "one\ntwo\n");
+    EXPECT_EQ(ledger->torn_bytes(), zeros.size() + 8);
+    EXPECT_EQ(ledger->root(), root_of({"one", "two"}));
+  }
+  EXPECT_EQ(open_covered(3)->size(), 4U);
+  EXPECT_EQ(contents(), written) << "zeros in what was signed are for the verifier to find";
+}
+
+TEST_F(LedgerTest, CutsOffMoreZerosThanAnyLineHasBytes) {
+  std::ofstream(file_, std::ios::binary) << "one\n" << std::string((3U << 20U) + 1, '\0');
+  const auto ledger =
+      Ledger::open(files_, file_, Ledger::Sharing::kExclusive, nullptr, {}, [] { return std::uint64_t{1}; });
+  EXPECT_EQ(contents(), "one\n");
+}
+
+TEST_F(LedgerTest, RefusesASecondWriter) {
+  const auto ledger = open();
+  try {
+    open();
+    FAIL() << "opened twice";
+  } catch (const UsageError& error) {
+    EXPECT_EQ(std::string(error.what()),
+              "another process is writing " + file_.string() + ": wait until it has ended, or end it first");
+  }
+}
+
+TEST_F(LedgerTest, WritersOfASharedLedgerTakeTurns) {
+  const auto first = open(Ledger::Sharing::kShared);
+  const auto second = open(Ledger::Sharing::kShared);
+  append(*first, {"one"});
+  append(*second, {"two"});
+  append(*first, {"three"});
+  EXPECT_EQ(contents(), "one\ntwo\nthree\n");
+  second->catch_up();
+  EXPECT_EQ(first->root(), root_of({"one", "two", "three"}));
+  EXPECT_EQ(second->root(), first->root());
+}
+
+TEST_F(LedgerTest, ASharedLedgerCutsTheTornLineOfAWriterThatDied) {
+  const auto ledger = open(Ledger::Sharing::kShared);
+  append(*ledger, {"one"});
+  std::ofstream(file_, std::ios::app) << "to";
+  std::uint64_t torn = 0;
+  ledger->append([&](std::uint64_t) {
+    torn = ledger->torn_bytes();
+    return std::vector<std::string>{"two"};
+  });
+  EXPECT_EQ(torn, 2U);
+  EXPECT_EQ(contents(), "one\ntwo\n");
+}
+
+TEST_F(LedgerTest, NestedTurnsKeepTheLockToTheOutermostEnd) {
+  const auto ledger = open(Ledger::Sharing::kShared);
+  const auto other = real_file_system().append_to(file_);
+  {
+    const Ledger::Turn turn(*ledger);
+    append(*ledger, {"one"});
+    EXPECT_FALSE(other->try_lock());
+  }
+  EXPECT_TRUE(other->try_lock());
+}
+
+TEST_F(LedgerTest, RefusesLinesThatAreNoLines) {
+  const auto ledger = open();
+  EXPECT_THROW(append(*ledger, {"a\nb"}), Error);
+  EXPECT_THROW(append(*ledger, {""}), Error);
+  EXPECT_THROW(append(*ledger, {std::string(kMaximumLineBytes + 1, 'x')}), Error);
+  EXPECT_EQ(contents(), "");
+}
+
+TEST_F(LedgerTest, RefusesAFileWithALineLongerThanTheFormats) {
+  std::ofstream(file_) << "one\n" << std::string(2 * kMaximumLineBytes, 'x');
+  try {
+    open();
+    FAIL() << "opened";
+  } catch (const Error& error) {
+    EXPECT_THAT(error.what(), HasSubstr("line 2 of"));
+  }
+}
+
+TEST_F(LedgerTest, AFullDiskLeavesNoPartOfALineAndALaterAppendSucceeds) {
+  const auto ledger = open();
+  append(*ledger, {"one"});
+  files_.fail("write", ENOSPC);
+  EXPECT_THROW(append(*ledger, {"two", "three"}), IoError);
+  EXPECT_EQ(contents(), "one\n");
+  EXPECT_EQ(ledger->size(), 1U);
+  files_.heal();
+  append(*ledger, {"two"});
+  EXPECT_EQ(contents(), "one\ntwo\n");
+}
+
+TEST_F(LedgerTest, AFailedFlushIsFinal) {
+  const auto ledger = open();
+  append(*ledger, {"one"});
+  files_.fail("sync ledger.jsonl", EIO);
+  EXPECT_THROW(append(*ledger, {"two"}), SyncError);
+  EXPECT_EQ(ledger->size(), 1U) << "what may be lost is not in the tree";
+  files_.heal();
+  files_.forget_calls();
+  EXPECT_THROW(append(*ledger, {"three"}), Error);
+  EXPECT_THROW(ledger->trim(), Error);
+  EXPECT_THAT(files_.calls(), ElementsAre());
+}
+
+TEST_F(LedgerTest, AWriteErrorThatCannotBeUndoneIsFinal) {
+  const auto ledger = open();
+  append(*ledger, {"one"});
+  files_.fail("", EIO);
+  EXPECT_THROW(append(*ledger, {"two"}), Error);
+  files_.heal();
+  EXPECT_THROW(append(*ledger, {"three"}), Error);
+}
+
+TEST_F(LedgerTest, UsesTheReserveWhenTheDiskIsFull) {
+  SpaceReserve reserve(real_file_system(), reserve_file(folder_.path()));
+  reserve.fill();
+  const auto ledger = open(Ledger::Sharing::kExclusive, &reserve);
+  append(*ledger, {"one"});
+  files_.fail("write", ENOSPC, 0, 2);
+  append(*ledger, {"two"});
+  EXPECT_EQ(contents(), "one\ntwo\n");
+  EXPECT_EQ(fs::file_size(folder_ / ".reserve"), SpaceReserve::kBytes - 2 * SpaceReserve::kStep);
+}
+
+TEST_F(LedgerTest, TellsTheFullDiskWhenTheReserveDoesNotDo) {
+  SpaceReserve reserve(real_file_system(), reserve_file(folder_.path()));
+  reserve.fill();
+  const auto ledger = open(Ledger::Sharing::kExclusive, &reserve);
+  files_.fail("write", ENOSPC);
+  EXPECT_THROW(append(*ledger, {"one"}), IoError);
+  EXPECT_EQ(fs::file_size(folder_ / ".reserve"), 0U) << "every step was tried";
+  EXPECT_EQ(contents(), "");
+}
+
+TEST_F(LedgerTest, WhereverItIsKilledEveryFlushedLineIsThere) {
+  for (const bool power : {false, true}) {
+    for (std::size_t at = 0; at < 9; ++at) {
+      const TemporaryFolder folder(test::quick_parent());
+      FaultFileSystem files(folder.path());
+      files.kill_at(at);
+      std::vector<std::string> confirmed;
+      const std::vector<std::string> wanted{"first", "second", "third"};
+      try {
+        const auto ledger = Ledger::open(files, folder / "l", Ledger::Sharing::kExclusive, nullptr);
+        for (const std::string& line : wanted) {
+          append(*ledger, {line});
+          confirmed.push_back(line);
+        }
+      } catch (const test::Killed&) {
+      }
+      if (power) {
+        files.lose_power();
+      }
+      files.heal();
+      std::vector<std::string> found;
+      Ledger::open(files, folder / "l", Ledger::Sharing::kExclusive, nullptr,
+                   [&](std::uint64_t, std::string_view line) { found.emplace_back(line); });
+      ASSERT_GE(found.size(), confirmed.size()) << at;
+      ASSERT_LE(found.size(), confirmed.size() + 1) << at;
+      EXPECT_TRUE(std::equal(found.begin(), found.end(), wanted.begin())) << at;
+    }
+  }
+}
+
+}  // namespace
+}  // namespace kiroku::archive

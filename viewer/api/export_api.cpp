@@ -1,0 +1,151 @@
+#include <algorithm>
+#include <array>
+#include <semaphore>
+
+#include "archive/reading/excerpt.h"
+#include "base/error.h"
+#include "media/export/exporter.h"
+#include "viewer/api/api.h"
+#include "viewer/http/handout.h"
+#include "viewer/http/tar_stream.h"
+
+namespace kiroku::viewer {
+namespace {
+
+/// Each costs a disk's and a core's whole attention.
+constexpr std::ptrdiff_t kMadeAtATime = 2;
+
+struct Form {
+  std::string_view name, type;
+};
+constexpr std::array<Form, 5> kForms{{{"ts", "video/mp2t"},
+                                      {"mkv", "video/x-matroska"},
+                                      {"mp4", "video/mp4"},
+                                      {"jsonl", "application/jsonl"},
+                                      {"csv", "text/csv; charset=utf-8"}}};
+
+const Form& form_of(const Request& request) {
+  const std::string asked = request.query_text("form").value_or("mkv");
+  const auto* const found = std::ranges::find(kForms, asked, &Form::name);
+  if (found == kForms.end()) throw Refusal(400, "'form' is ts, mkv, mp4, jsonl or csv");
+  return *found;
+}
+
+struct Stretch {
+  std::int64_t from_ns = 0, to_ns = INT64_MAX;
+};
+Stretch stretch_of(const Request& request) {
+  const Stretch stretch{request.query_integer("from_ns").value_or(0),
+                        request.query_integer("to_ns").value_or(INT64_MAX)};
+  if (stretch.from_ns < 0 || stretch.to_ns <= stretch.from_ns) {
+    throw Refusal(400, "'from_ns' must be 0 or more and before 'to_ns'");
+  }
+  return stretch;
+}
+
+/// The end may lie beyond the case's: one that is recorded grows meanwhile.
+void require_within(const archive::CaseReader& recording, std::int64_t from_ns) {
+  try {
+    recording.require_stretch({from_ns, INT64_MAX}, {"'from_ns'", std::to_string(from_ns)}, {"'to_ns'", ""});
+  } catch (const UsageError& error) {
+    throw Refusal(400, error.what());
+  }
+}
+
+std::uint64_t sealed_bytes(const archive::CaseReader& recording, const std::vector<std::string>& streams,
+                           const Stretch& stretch) {
+  std::uint64_t bytes = 0;
+  for (const std::string& stream : streams) {
+    for (const auto& segment : recording.segments(stream, stretch.from_ns, stretch.to_ns)) {
+      bytes += segment.file.bytes;
+    }
+  }
+  return bytes;
+}
+
+/// Lets few in at a time.
+class Turn {
+ public:
+  explicit Turn(std::counting_semaphore<>& turns) : turns_(turns) {
+    if (!turns_.try_acquire()) throw Refusal(503, "other files are being made: try again in a while");
+  }
+  ~Turn() { turns_.release(); }
+  Turn(const Turn&) = delete;
+  Turn& operator=(const Turn&) = delete;
+
+ private:
+  std::counting_semaphore<>& turns_;
+};
+
+class ExportApi {
+ public:
+  explicit ExportApi(ViewerContext& context) : context_(context), handouts_(context.home().handout_folder) {}
+
+  Response export_stream(const Request& request) {
+    const archive::CaseReader recording = context_.open_case(request);
+    const auto identities = ViewerContext::require_unlocked(request);
+    const std::string stream = required_stream(request);
+    const archive::StreamInfo& info = recording.stream(stream);  // refuses an unknown one
+    const Form& form = form_of(request);
+    const Stretch stretch = stretch_of(request);
+    require_within(recording, stretch.from_ns);
+    const Turn turn(turns_);
+    const std::string name = request.parameter("case") + "-" + stream + "." + std::string(form.name);
+    const auto place = handouts_.make_place(sealed_bytes(recording, {stream}, stretch));
+    media::ExportOptions options;
+    options.stream = stream;
+    options.from_ns = stretch.from_ns;
+    options.to_ns = stretch.to_ns;
+    options.output = place->folder() / name;
+    media::export_stream(recording, *identities, options);
+    context_.enter_access(request, request.parameter("case"), "exported " + info.name);
+    return Response::file(open_body(options.output), std::string(form.type)).as_download(name);
+  }
+
+  /// Everything in it stays sealed, so no identity is asked for.
+  Response excerpt(const Request& request) {
+    const archive::CaseReader recording = context_.open_case(request);
+    const Stretch stretch = stretch_of(request);
+    require_within(recording, stretch.from_ns);
+    archive::ExcerptOptions options;
+    options.from_ns = stretch.from_ns;
+    options.to_ns = std::min(stretch.to_ns, recording.opening().begins_ns + recording.duration_ns());
+    options.streams = request.query_texts("stream");
+    options.made_at = utc_now();
+    options.made_by = request.session->user();
+    std::vector<std::string> streams = options.streams;
+    if (streams.empty()) {
+      for (const archive::StreamInfo& stream : recording.opening().streams) streams.push_back(stream.name);
+    }
+    const Turn turn(turns_);
+    const std::string name = request.parameter("case") + "-excerpt";
+    const auto place = handouts_.make_place(sealed_bytes(recording, streams, stretch));
+    archive::make_excerpt(recording.folder(), options, place->folder() / name);
+    context_.enter_access(request, request.parameter("case"), "took an excerpt, sealed as it is");
+    return Response::stream(tar_stream(place->folder(), name, place), "application/x-tar")
+        .as_download(name + ".tar");
+  }
+
+ private:
+  static std::string required_stream(const Request& request) {
+    const auto stream = request.query_text("stream");
+    if (!stream) throw Refusal(400, "'stream' is missing from the address");
+    return *stream;
+  }
+
+  ViewerContext& context_;
+  const Handouts handouts_;
+  std::counting_semaphore<> turns_{kMadeAtATime};
+};
+
+}  // namespace
+
+void add_export_routes(Router& router, ViewerContext& context) {
+  const auto api = std::make_shared<ExportApi>(context);
+  router.add("GET", "api/cases/{case:case}/export", Right::kWatch,
+             [api](const Request& request) { return api->export_stream(request); });
+  router.add("GET", "api/cases/{case:case}/excerpt.tar", Right::kVerify,
+             [api](const Request& request) { return api->excerpt(request); });
+}
+
+}  // namespace kiroku::viewer

@@ -1,0 +1,189 @@
+#include <algorithm>
+#include <chrono>
+#include <functional>
+#include <map>
+#include <utility>
+#include <variant>
+#include <vector>
+
+#include <nlohmann/json.hpp>
+
+#include "archive/format/log_entry.h"
+#include "archive/writing/appliance_log.h"
+#include "base/error.h"
+#include "crypto/encoding.h"
+#include "recorder/control/control_client.h"
+#include "viewer/api/api.h"
+#include "viewer/kept/sealed_plan.h"
+#include "viewer/people/json_fields.h"
+#include "viewer/people/subject_json.h"
+
+namespace kiroku::viewer {
+namespace {
+
+using nlohmann::json;
+using nlohmann::ordered_json;
+
+constexpr std::size_t kLongestMark = 500;
+constexpr std::size_t kLargestSubject = 16U << 10;
+constexpr std::size_t kDigitsOfPlan = 64;
+
+/// A recorder that hangs must not hold every thread of the viewer; starting opens cameras, which takes long.
+constexpr std::chrono::seconds kPatience{30};
+
+/// 503 where no recorder answers, or not in time, 409 with its own sentence where it could not do what it was
+/// asked.
+ordered_json answer_of_recorder(const ViewerContext& context, const json& question) {
+  try {
+    ordered_json answer = recorder::ask_recorder(context.home().control_socket, question, kPatience);
+    answer.erase("ok");
+    return answer;
+  } catch (const recorder::NobodyAnswers& nobody) {
+    throw Refusal(503, nobody.what());
+  } catch (const recorder::AnswersTooLate& late) {
+    throw Refusal(503, late.what());
+  } catch (const Error& refused) {
+    throw Refusal(409, refused.what());
+  }
+}
+
+Response ask(const ViewerContext& context, const json& question) {
+  return Response::json(answer_of_recorder(context, question));
+}
+
+/// What the case is about, out of a body that may have nothing of it: "subject", as somebody typed it, or
+/// "procedure", one that GET procedures listed. What was typed says by whom, whatever the browser claims.
+void add_subject(json& question, const json& asked, const Request& request) {
+  if (asked.contains("subject") && asked.contains("procedure"))
+    throw Refusal(400, "give 'subject' or 'procedure', not both");
+  const std::string& user = request.session->user();
+  if (const auto subject = asked.find("subject"); subject != asked.end()) {
+    if (!subject->is_object() || subject->dump().size() > kLargestSubject) {
+      throw Refusal(
+          400, "'subject' must be a JSON object of at most " + std::to_string(kLargestSubject) + " bytes");
+    }
+    question["subject"] = *subject;
+    question["subject"]["origin"] = "page";
+    question["subject"]["chosen"] = "typed in by " + user;
+  }
+  if (asked.contains("procedure")) {
+    question["procedure"] = take_text(asked, "procedure");
+    question["by"] = user;
+  }
+}
+
+/// Seals that the appliance log knows, in hexadecimal, and since when.
+std::map<std::string, UtcTime> sealed_here(const ViewerContext& context) {
+  std::map<std::string, UtcTime> seals;
+  archive::for_each_log_line(context.home().log_folder, [&](const archive::LogLine& line) {
+    if (line.type != "plan-sealed") return;
+    const archive::LogEntryParse parsed = archive::parse_log_entry(line.json);
+    if (!parsed.entry) return;
+    const auto* const entry = std::get_if<archive::PlanSealedEntry>(&parsed.entry->body);
+    if (entry != nullptr) seals.emplace(crypto::to_hex(entry->sha256), line.utc);
+  });
+  return seals;
+}
+
+/// Throws where the appliance log knows no such seal: a case must not name a plan that nobody sealed here.
+void require_sealed(const ViewerContext& context, const std::string& plan) {
+  if (!sealed_here(context).contains(plan))
+    throw Refusal(409, "the appliance log knows no such plan: seal it here first, by kiroku plan seal");
+}
+
+/// One press starts without a body; the rest can be said then or while the case runs.
+Response start(const ViewerContext& context, const Request& request) {
+  json question{{"do", "start"}, {"room", request.parameter("room")}};
+  if (!request.body.empty()) {
+    const json asked = request.json();
+    add_subject(question, asked, request);
+    if (asked.contains("plan")) {
+      const std::string plan = take_text(asked, "plan");
+      const bool is_hash =
+          plan.size() == kDigitsOfPlan && plan.find_first_not_of("0123456789abcdef") == std::string::npos;
+      if (!is_hash) throw Refusal(400, "'plan' must be the hash of a sealed plan: 64 hexadecimal digits");
+      require_sealed(context, plan);
+      question["plan"] = plan;
+    }
+  }
+  return ask(context, question);
+}
+
+Response add_late_subject(const ViewerContext& context, const Request& request) {
+  json question{{"do", "subject"}, {"room", request.parameter("room")}};
+  add_subject(question, request.json(), request);
+  if (!question.contains("subject") && !question.contains("procedure"))
+    throw Refusal(400, "give a 'subject' or a 'procedure'");
+  return ask(context, question);
+}
+
+/// Plans that lie here and that the appliance log knows, newest first.
+ordered_json plans_json(const ViewerContext& context) {
+  const std::map<std::string, UtcTime> sealed = sealed_here(context);
+  std::vector<std::pair<UtcTime, ordered_json>> plans;
+  if (!sealed.empty()) {
+    for (const compare::SealedPlanFile& plan : compare::sealed_plans(context.home().plans_folder)) {
+      const std::string seal = crypto::to_hex(plan.seal);
+      const auto found = sealed.find(seal);
+      if (found == sealed.end()) continue;
+      const std::string name = plan.name.empty() ? plan.file.filename().string() : plan.name;
+      plans.emplace_back(found->second,
+                         ordered_json{{"seal", seal}, {"name", name}, {"sealed", format_utc(found->second)}});
+    }
+  }
+  std::ranges::stable_sort(plans, std::ranges::greater(), &std::pair<UtcTime, ordered_json>::first);
+  ordered_json out = ordered_json::array();
+  for (auto& [time, plan] : plans) out.push_back(std::move(plan));
+  return out;
+}
+
+/// The hospital's list, which names patients: who looked at it is entered before it leaves.
+Response procedures(ViewerContext& context, const Request& request) {
+  const std::string& room = request.parameter("room");
+  ordered_json listed = answer_of_recorder(context, {{"do", "procedures"}, {"room", room}});
+  context.enter_access_once(request, ViewerContext::kEveryCase,
+                            "looked at the planned procedures of " + room);
+  for (ordered_json& procedure : listed["procedures"]) {
+    // As the API says subjects everywhere.
+    const auto subject = playback::read_subject(procedure.value("subject", ordered_json::object()).dump());
+    procedure["subject"] = subject_json(subject.value_or(playback::CaseSubject{}));
+  }
+  listed["plans"] = plans_json(context);
+  return Response::json(listed);
+}
+
+Response stop(const ViewerContext& context, const Request& request) {
+  return ask(context, {{"do", "stop"}, {"room", request.parameter("room")}, {"wait", false}});
+}
+
+Response mark(const ViewerContext& context, const Request& request) {
+  const json asked = request.json();
+  const auto text = asked.find("text");
+  if (text == asked.end() || !text->is_string() || text->get_ref<const std::string&>().empty() ||
+      text->get_ref<const std::string&>().size() > kLongestMark) {
+    throw Refusal(400, "'text' must be a text of 1 to " + std::to_string(kLongestMark) + " bytes");
+  }
+  return ask(context, {{"do", "mark"}, {"room", request.parameter("room")}, {"text", *text}});
+}
+
+}  // namespace
+
+void add_room_routes(Router& router, ViewerContext& context) {
+  router.add({"GET", "api/status", Right::kSeeLive,
+              [&context](const Request& /*request*/) {
+                return ask(context, {{"do", "status"}});
+              },
+              false});
+  router.add("POST", "api/rooms/{room:name}/start", Right::kControlRooms,
+             [&context](const Request& request) { return start(context, request); });
+  router.add("GET", "api/rooms/{room:name}/procedures", Right::kControlRooms,
+             [&context](const Request& request) { return procedures(context, request); });
+  router.add("POST", "api/rooms/{room:name}/subject", Right::kControlRooms,
+             [&context](const Request& request) { return add_late_subject(context, request); });
+  router.add("POST", "api/rooms/{room:name}/stop", Right::kControlRooms,
+             [&context](const Request& request) { return stop(context, request); });
+  router.add("POST", "api/rooms/{room:name}/mark", Right::kControlRooms,
+             [&context](const Request& request) { return mark(context, request); });
+}
+
+}  // namespace kiroku::viewer

@@ -1,0 +1,28 @@
+#include "viewer/api/api.h"
+#include "viewer/api/openapi.h"
+#include "viewer/api/report_api.h"
+
+namespace kiroku::viewer {
+
+void add_routes(Router& router, ViewerContext& context, SignInLink& link) {
+  router.add("GET", "api/openapi.json", Right::kListCases, [](const Request& /*request*/) {
+    return Response::text(std::string(openapi_text()), "application/json");
+  });
+  add_session_routes(router, context, link);
+  add_case_routes(router, context);
+  add_playback_routes(router, context);
+  add_comparison_routes(router, context);
+  add_matching_routes(router, context);
+  add_verification_routes(router, context);
+  add_report_routes(router, context);
+  add_export_routes(router, context);
+  add_room_routes(router, context);
+  add_live_routes(router, context);
+  add_pointing_routes(router, context);
+  add_invitation_routes(router, context);
+  add_workplace_routes(router, context);
+  add_log_routes(router, context);
+  add_user_routes(router, context);
+}
+
+}  // namespace kiroku::viewer

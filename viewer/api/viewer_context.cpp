@@ -1,0 +1,106 @@
+#include "viewer/api/viewer_context.h"
+
+#include "archive/storage/file_system.h"
+#include "archive/verify/excerpt_verifier.h"
+#include "base/error.h"
+
+namespace kiroku::viewer {
+namespace {
+
+const char* reason_of(InvitationEnd why) {
+  switch (why) {
+    case InvitationEnd::kRevoked:
+      return "it was revoked";
+    case InvitationEnd::kTime:
+      return "its time is over";
+    case InvitationEnd::kCase:
+      return "the case is over";
+    case InvitationEnd::kLeft:
+      return "the guest left";
+    case InvitationEnd::kInviter:
+      return "the inviter was removed or changed";
+    case InvitationEnd::kStopped:
+      return "the viewer was stopped";
+  }
+  return "";
+}
+
+}  // namespace
+
+ViewerContext::ViewerContext(ViewerHome home, SessionLimits session_limits, Tell tell)
+    : home_(std::move(home)),
+      tell_(std::move(tell)),
+      sessions_(session_limits, *home_.clock),
+      invitations_(
+          [this](const Invitation& invitation, InvitationEnd why) {
+            const InvitationTerms& terms = invitation.terms();
+            note_access(case_of(terms.room),
+                        "invitation " + invitation.id() + " of guest " + terms.guest + " to " + terms.room +
+                            " ended: " + reason_of(why),
+                        "kiroku view");
+          },
+          *home_.clock),
+      users_(UserStore::open(home_.users_file, home_.password_hasher)),
+      devices_(KnownDevices::open(home_.users_file.parent_path() / "devices.sqlite")),
+      log_(archive::ApplianceLog::open(archive::real_file_system(), home_.log_folder, *home_.device_key,
+                                       home_.device.name())) {}
+
+std::filesystem::path ViewerContext::case_folder(const Request& request) const {
+  const std::string& id = request.parameter("case");
+  std::filesystem::path folder = home_.archive / id;
+  std::error_code failed;
+  if (!std::filesystem::is_directory(std::filesystem::symlink_status(folder, failed)) ||
+      archive::is_excerpt(folder)) {
+    throw Refusal(404, "there is no case " + id);
+  }
+  return folder;
+}
+
+archive::CaseReader ViewerContext::open_case(const Request& request) const {
+  return archive::CaseReader::open(case_folder(request));
+}
+
+Session::Identities ViewerContext::require_unlocked(const Request& request) {
+  Session::Identities identities = request.session->identities();
+  if (identities == nullptr) throw Refusal(423, "recordings are locked: unlock them with an identity first");
+  return identities;
+}
+
+void ViewerContext::enter_access(const Request& request, const std::string& case_id,
+                                 const std::string& what) {
+  enter_access(case_id, what, request.session->user(), request.peer);
+}
+
+void ViewerContext::enter_access(const std::string& case_id, const std::string& what, const std::string& who,
+                                 const std::string& peer) {
+  try {
+    log_->access(case_id, what, who + " (kiroku view, " + peer + ")");
+  } catch (const Error& error) {
+    tell_(std::string("the appliance log cannot be written, so nothing is shown: ") + error.what());
+    throw Refusal(500, "the appliance log cannot be written, so nothing is shown");
+  }
+}
+
+void ViewerContext::note_access(const std::string& case_id, const std::string& what, const std::string& who) {
+  try {
+    log_->access(case_id, what, who);
+  } catch (const Error& error) {
+    tell_("the appliance log cannot be written, and lacks that " + who + " " + what + ": " + error.what());
+  }
+}
+
+std::string ViewerContext::running_case(const std::string& room) const {
+  return home_.rooms.running_case ? home_.rooms.running_case(room) : std::string();
+}
+
+std::string ViewerContext::case_of(const std::string& room) const {
+  std::string running = running_case(room);
+  return running.empty() ? kEveryCase : running;
+}
+
+void ViewerContext::enter_access_once(const Request& request, const std::string& case_id,
+                                      const std::string& what) {
+  request.session->once(case_id + " " + what, [&] { enter_access(request, case_id, what); });
+}
+
+}  // namespace kiroku::viewer
