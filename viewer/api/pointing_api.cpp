@@ -42,7 +42,8 @@ class CompanySocket final : public SocketHandler {
  public:
   CompanySocket(ViewerContext& context, RoomCompany& company, const Request& request,
                 std::shared_ptr<SocketOutput> output)
-      : rooms_(context.home().rooms),
+      : clock_(*context.home().clock),
+        rooms_(context.home().rooms),
         room_(request.parameter("room")),
         guest_(GuestPresence::of(context, request, room_)),
         streams_(streams_of(context, room_)),
@@ -51,7 +52,7 @@ class CompanySocket final : public SocketHandler {
         seat_(company.join(room_, {by_, role_, std::move(output), [this] { return is_admitted(); }})) {}
 
   void receive(const SocketMessage& message) override {
-    if (!rate_.take(PointRate::Clock::now())) return;
+    if (!rate_.take(clock_.now())) return;
     const json said = parse_foreign_json(text_of(message.bytes));
     if (!message.is_text || !said.is_object()) throw Refusal(400, "a message is one JSON object");
     const media::PointedAt at = pointed_at(said);
@@ -96,12 +97,13 @@ class CompanySocket final : public SocketHandler {
     return at;
   }
 
+  const Clock& clock_;
   const LiveRooms& rooms_;
   const std::string room_;
   const std::unique_ptr<GuestPresence> guest_;
   const std::vector<std::string> streams_;
   const std::string by_, role_;
-  PointRate rate_{PointRate::Clock::now()};
+  PointRate rate_{clock_.now()};
   const std::unique_ptr<RoomCompany::Seat> seat_;  // last: calls what is above
 };
 

@@ -17,6 +17,9 @@ using nlohmann::json;
 using nlohmann::ordered_json;
 
 constexpr std::size_t kIdentityBodyLimit = 256U << 10;
+/// Of an identity's passphrase: a gibibyte, some seconds. age writes 18. A recorder may need the memory that
+/// more would take.
+constexpr int kMaximumWorkFactor = 20;
 /// Of one address under whatever names, before it waits: many people may share one.
 constexpr std::size_t kFreeFailuresOfAddress = 20;
 
@@ -64,7 +67,7 @@ class SessionApi {
     return Response::later({.work = [this, &request, attempt,
                                      password] { return sign_in_by_password(request, attempt, *password); },
                             .goes_first = attempt.is_known(),
-                            .who = is_device ? "device:" + attempt.caller.device : attempt.caller.holder});
+                            .who = is_device ? person_of(attempt.caller.user) : attempt.caller.holder});
   }
 
   /// Of whoever has signed in with a password, for themselves.
@@ -76,7 +79,7 @@ class SessionApi {
     return Response::later(
         {.work = [this, &request, password, chosen] { return change_password(request, *password, *chosen); },
          .goes_first = true,
-         .who = "session:" + request.session->user()});
+         .who = request.session->person()});
   }
 
   Response sign_out(const Request& request) {
@@ -106,7 +109,7 @@ class SessionApi {
     return Response::later(
         {.work = [this, &request, sealed, opens] { return unlock_with(request, std::move(*sealed), *opens); },
          .goes_first = true,
-         .who = "session:" + request.session->user()});
+         .who = request.session->person()});
   }
 
  private:
@@ -120,9 +123,9 @@ class SessionApi {
   };
 
   Response unlock_with(const Request& request, crypto::Secret sealed, const crypto::Secret& passphrase) {
-    auto identities = std::make_shared<const crypto::AgeIdentities>(
-        crypto::read_identities(std::move(sealed), "the identity",
-                                [&](const std::string& /*what_for*/) { return passphrase.clone(); }));
+    auto identities = std::make_shared<const crypto::AgeIdentities>(crypto::read_identities(
+        std::move(sealed), "the identity",
+        [&](const std::string& /*what_for*/) { return passphrase.clone(); }, kMaximumWorkFactor));
     context_.enter_access(request, ViewerContext::kEveryCase, "unlocked recordings with an identity");
     request.session->unlock(std::move(identities));
     return Response::json(describe(*request.session, request));

@@ -4,17 +4,18 @@
 #include <algorithm>
 #include <chrono>
 
+#include "base/clock.h"
+
 namespace kiroku::viewer {
 
 class PointRate {
  public:
-  using Clock = std::chrono::steady_clock;
   /// A page points 20 times a second at most.
   static constexpr double kPerSecond = 30;
   static constexpr double kAtOnce = 30;
 
-  explicit PointRate(Clock::time_point now) : last_(now) {}
-  bool take(Clock::time_point now) {
+  explicit PointRate(Clock::Time now) : last_(now) {}
+  bool take(Clock::Time now) {
     const std::chrono::duration<double> passed = now - last_;
     last_ = now;
     left_ = std::min(kAtOnce, left_ + passed.count() * kPerSecond);
@@ -24,7 +25,7 @@ class PointRate {
   }
 
  private:
-  Clock::time_point last_;
+  Clock::Time last_;
   double left_ = kAtOnce;
 };
 

@@ -18,12 +18,13 @@ namespace kiroku::viewer {
 
 struct WebServerLimits {
   /// Counted when they are accepted, before TLS, by address (of IPv6 by /64). Where there are too many, the
-  /// idlest makes room: first of those that said nothing yet, then of those without a session
+  /// idlest makes room: first of those that said nothing yet, then of those without a session. One place in
+  /// eight is for these; where people who have signed in hold more, whoever has the most gives one up
   /// (base/connection_places.h).
   std::size_t connections = 1000;
   std::size_t connections_of_address = 200;
   /// So many of a user who has signed in, or of a guest, never make room.
-  std::size_t safe_connections_of_user = 128;
+  std::size_t kept_connections_of_person = 8;
   std::uint32_t header_bytes = 16U << 10;
   std::chrono::milliseconds handshake{10'000};
   /// From the first byte one waits for to the end of the header, also on a connection kept open.

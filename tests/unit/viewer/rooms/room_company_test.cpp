@@ -66,7 +66,7 @@ TEST_F(Company, TellsARoomAloneAndThoseWhoMaySeeIt) {
 }
 
 TEST(PointRateOfOneBrowser, IsAsAPagePointsAndNoFaster) {
-  PointRate::Clock::time_point now{};
+  Clock::Time now{};
   PointRate rate(now);
   for (int i = 0; i < 1000; ++i)
     EXPECT_TRUE(rate.take(now += 50ms)) << "20 a second, for as long as one likes";

@@ -104,6 +104,9 @@ export const kServerSentences: readonly SentencePair[] = [
   // Programs behind the viewer
   ['the program behind this page does not run: start kiroku {command}', 'このページのプログラムが動いていません。kiroku {command} を起動してください'],
   ['others wait for the program behind this page: try again in a moment', 'ほかの人がこのページのプログラムを待っています。少し待って再試行してください'],
+  ['you wait for the program behind this page already: try again in a moment', 'このページのプログラムの応答をすでに待っています。少し待って再試行してください'],
+  ['the program behind this page takes less than is sent: try again later', 'このページのプログラムの受信が追いつきません。後で再試行してください'],
+  ['the program behind this page takes nothing of what is sent: try again later', 'このページのプログラムが受信していません。後で再試行してください'],
   ['the program behind this page does not answer in time', 'このページのプログラムが時間内に応答しません'],
   ['the program behind this page answered with what is no answer', 'このページのプログラムの応答が正しくありません'],
   ['the program behind this page has ended: try again once it runs', 'このページのプログラムが終了しました。再び動いてから再試行してください'],
