@@ -53,7 +53,7 @@ function(kiroku_precompile target)
   target_precompile_headers(${target} PRIVATE <algorithm> <array> <chrono> <cstdint> <filesystem> <functional> <map> <memory> <mutex> <optional> <span>
                                               <string> <string_view> <thread> <utility> <variant> <vector> ${ARGN})
   # ccache asks for the first. With it, GCC 12 sees strings overflow that it inlined itself (GCC bugs 105329, 105651).
-  target_compile_options(${target} PRIVATE -fpch-preprocess -Wno-array-bounds -Wno-stringop-overflow -Wno-restrict)
+  target_compile_options(${target} PRIVATE -fpch-preprocess -Wno-array-bounds -Wno-stringop-overflow -Wno-stringop-overread -Wno-restrict)
 endfunction()
 
 # kiroku_asio_coroutines(TARGET): for libraries that use Asio's coroutines, and what links them.
@@ -91,7 +91,7 @@ function(kiroku_test target)
                                               <optional> <string> <thread> <vector>)
   if(CMAKE_CXX_COMPILER_ID STREQUAL "GNU")
     # ccache asks for the first. With it, GCC 12 sees strings overflow that it inlined itself (GCC bugs 105329, 105651).
-    target_compile_options(${target} PRIVATE -fpch-preprocess -Wno-array-bounds -Wno-stringop-overflow -Wno-restrict)
+    target_compile_options(${target} PRIVATE -fpch-preprocess -Wno-array-bounds -Wno-stringop-overflow -Wno-stringop-overread -Wno-restrict)
   endif()
   if(NOT ARG_TIMEOUT)
     set(ARG_TIMEOUT 120)

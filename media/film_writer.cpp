@@ -36,7 +36,7 @@ Form form_of(const fs::path& output) {
                    " must end in .mp4 (H.264) or .mkv (FFV1, lossless), or be a folder's name for PNG files");
 }
 
-void require_sound(const FilmFormat& format, Form form) {
+void require_valid(const FilmFormat& format, Form form) {
   const std::string size = std::to_string(format.width) + "x" + std::to_string(format.height);
   constexpr int kLargestSide = 16384;
   if (format.width < 1 || format.height < 1 || format.width > kLargestSide || format.height > kLargestSide) {
@@ -285,7 +285,7 @@ class FilmFolder : public FilmWriter::Sink {
 
 FilmWriter::FilmWriter(const fs::path& output, const FilmFormat& format, bool overwrite) : format_(format) {
   const Form form = form_of(output);
-  require_sound(format, form);
+  require_valid(format, form);
   if (form == Form::kPictures) {
     sink_ = std::make_unique<FilmFolder>(output, overwrite);
   } else {
@@ -296,7 +296,7 @@ FilmWriter::FilmWriter(const fs::path& output, const FilmFormat& format, bool ov
 FilmWriter::~FilmWriter() = default;
 
 void FilmWriter::add(const PictureView& picture) {
-  media::require_sound(picture);
+  media::require_valid(picture);
   if (picture.width != format_.width || picture.height != format_.height ||
       picture.channels != format_.channels) {
     throw Error("a film's pictures must all be alike: picture " + std::to_string(frames_ + 1) + " is " +

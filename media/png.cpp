@@ -10,7 +10,7 @@ extern "C" {
 
 namespace kiroku::media {
 
-void require_sound(const PictureView& picture) {
+void require_valid(const PictureView& picture) {
   if (picture.width <= 0 || picture.height <= 0 || (picture.channels != 1 && picture.channels != 3)) {
     throw Error("a picture of " + std::to_string(picture.width) + "x" + std::to_string(picture.height) +
                 " pixels and " + std::to_string(picture.channels) +
@@ -26,7 +26,7 @@ void require_sound(const PictureView& picture) {
 }
 
 Bytes png_of(const PictureView& picture, PngEffort effort) {
-  require_sound(picture);
+  require_valid(picture);
   silence_libav();
   const AVCodec* const codec = avcodec_find_encoder(AV_CODEC_ID_PNG);
   if (codec == nullptr) {

@@ -16,12 +16,12 @@ struct PictureView {
 };
 /// Throws kiroku::Error for a picture without pixels, of other channels, or whose samples are of another
 /// count.
-void require_sound(const PictureView& picture);
+void require_valid(const PictureView& picture);
 
 /// What a file's making is for: to be kept, or to be looked at once and at once.
 enum class PngEffort { kSmall, kQuick };
 
-/// A PNG file of the picture, the same bytes each time. Throws kiroku::Error as require_sound().
+/// A PNG file of the picture, the same bytes each time. Throws kiroku::Error as require_valid().
 Bytes png_of(const PictureView& picture, PngEffort effort = PngEffort::kSmall);
 
 }  // namespace kiroku::media

@@ -14,8 +14,8 @@ namespace kiroku::recorder {
 EventsLane::EventsLane(const LaneContext& context, std::size_t stream_index, archive::StreamInfo info)
     : context_(context),
       segments_(context, stream_index, std::move(info),
-                [&troubles = context.troubles](const std::exception& error) {
-                  troubles.end_session(close_reason_for(error), error.what());
+                [&problems = context.problems](const std::exception& error) {
+                  problems.end_session(close_reason_for(error), error.what());
                 }) {}
 
 void EventsLane::begin(std::int64_t begins_ns) {

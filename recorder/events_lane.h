@@ -39,7 +39,7 @@ class EventsLane {
   /// Seals what happened, in one segment that follows the one before. Called by the session's thread, about
   /// each segment's duration.
   void step(std::int64_t now_ns);
-  /// Seals the rest. Throws nothing: troubles go where the lanes' go.
+  /// Seals the rest. Throws nothing: problems go where the lanes' go.
   void finish(std::int64_t close_ns);
 
  private:

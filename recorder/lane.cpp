@@ -4,23 +4,23 @@
 
 namespace kiroku::recorder {
 
-void Troubles::mention(const std::string& sentence) {
+void ProblemLog::report(const std::string& sentence) {
   const std::lock_guard guard(mutex_);
   latest_ = sentence;
 }
 
-void Troubles::end_session(const std::string& close_reason, const std::string& sentence) {
+void ProblemLog::end_session(const std::string& close_reason, const std::string& sentence) {
   const std::lock_guard guard(mutex_);
   latest_ = sentence;
   if (close_reason_.empty()) close_reason_ = close_reason;
 }
 
-std::string Troubles::latest() const {
+std::string ProblemLog::latest() const {
   const std::lock_guard guard(mutex_);
   return latest_;
 }
 
-std::string Troubles::close_reason() const {
+std::string ProblemLog::close_reason() const {
   const std::lock_guard guard(mutex_);
   return close_reason_;
 }

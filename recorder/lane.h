@@ -17,10 +17,10 @@
 namespace kiroku::recorder {
 
 /// What people should hear about, and whether the session must end. Thread-safe.
-class Troubles {
+class ProblemLog {
  public:
   /// Something a person should see; recording goes on.
-  void mention(const std::string& sentence);
+  void report(const std::string& sentence);
   /// The disk is full, or another write failed: the case must be closed with what is there. The first one
   /// stands.
   void end_session(const std::string& close_reason, const std::string& sentence);
@@ -39,7 +39,7 @@ struct LaneContext {
   const CaseClock& clock;
   SegmentStore& store;
   FactQueue& facts;
-  Troubles& troubles;
+  ProblemLog& problems;
   std::chrono::nanoseconds segment_duration;
   std::optional<std::int64_t> end_ns;  // nothing is recorded from this case-clock time on
 };

@@ -23,11 +23,11 @@ std::string in_seconds(std::chrono::nanoseconds time) {
 
 /// One closed case, open for writing.
 struct LateStamping::Case {
-  explicit Case(const Surroundings& around, const fs::path& folder)
+  explicit Case(const Context& context, const fs::path& folder)
       : writer(archive::CaseWriter::resume(
-            around.files == nullptr ? archive::real_file_system() : *around.files, folder, *around.key,
-            around.device_name, around.log, [this](const archive::CaseEntry& entry) { take(entry); })),
-        clock(*around.clock) {}
+            context.files == nullptr ? archive::real_file_system() : *context.files, folder, *context.key,
+            context.device_name, context.log, [this](const archive::CaseEntry& entry) { take(entry); })),
+        clock(*context.clock) {}
 
   void take(const archive::CaseEntry& entry) {
     last_mono_ns = entry.at.mono_ns;
@@ -68,11 +68,11 @@ struct LateStamping::Case {
   const Clock& clock;
 };
 
-LateStamping::LateStamping(const std::vector<NamedAuthority>& authorities, Surroundings surroundings)
-    : around_(std::move(surroundings)) {
+LateStamping::LateStamping(const std::vector<NamedAuthority>& authorities, Context context)
+    : context_(std::move(context)) {
   for (const NamedAuthority& authority : authorities) {
     contacts_.push_back(
-        std::make_unique<AuthorityContact>(authority, around_.trust, around_.queue, *around_.clock));
+        std::make_unique<AuthorityContact>(authority, context_.trust, context_.queue, *context_.clock));
   }
 }
 
@@ -84,7 +84,7 @@ AuthorityContact* LateStamping::contact(const std::string& name) const {
 
 std::string LateStamping::pause_of(AuthorityContact& contact, Patience patience) const {
   const auto allowed = patience == Patience::kLimitsOnly ? contact.limit() : contact.next();
-  const Clock::Time now = around_.clock->now();
+  const Clock::Time now = context_.clock->now();
   if (allowed <= now) return {};
   const std::string error = contact.status().last_error;
   return contact.name() + " is left alone for another " + in_seconds(allowed - now) +
@@ -95,7 +95,7 @@ LateStamping::Result LateStamping::work_off(Patience patience) {
   Result result;
   waited_for_.clear();
   std::vector<std::vector<WantedToken>> cases;
-  for (WantedToken& wanted : around_.queue->list()) {
+  for (WantedToken& wanted : context_.queue->list()) {
     const auto same = std::find_if(cases.begin(), cases.end(),
                                    [&](const auto& each) { return each.front().case_id == wanted.case_id; });
     if (same == cases.end()) {
@@ -112,9 +112,9 @@ LateStamping::Result LateStamping::work_off(Patience patience) {
 void LateStamping::work_off_case(const std::vector<WantedToken>& all_wanted, Patience patience,
                                  Result& result) {
   const std::string& case_id = all_wanted.front().case_id;
-  const fs::path folder = around_.archive / case_id;
+  const fs::path folder = context_.archive / case_id;
   const auto drop = [&](const WantedToken& wanted, const std::string& reason) {
-    around_.queue->drop(case_id, wanted.authority);
+    context_.queue->drop(case_id, wanted.authority);
     result.dropped.push_back({case_id, wanted.authority, reason});
   };
   std::vector<WantedToken> possible;
@@ -134,14 +134,14 @@ void LateStamping::work_off_case(const std::vector<WantedToken>& all_wanted, Pat
   if (possible.empty()) return;
   std::size_t done = 0;
   try {
-    Case its(around_, folder);
+    Case its(context_, folder);
     if (!its.close) throw Error("the case was not closed: recovery does that first");
-    its.adopt_tokens(around_.trust, result);
+    its.adopt_tokens(context_.trust, result);
     for (; done < possible.size(); ++done) ask_for(its, possible[done], patience, result);
     if (its.writer->covered() < its.writer->size()) its.writer->finish(its.now());
     // Only now: a case that is left in the middle is taken up again.
     for (const WantedToken& wanted : possible) {
-      if (its.has_token_of(wanted.authority)) around_.queue->drop(case_id, wanted.authority);
+      if (its.has_token_of(wanted.authority)) context_.queue->drop(case_id, wanted.authority);
     }
   } catch (const Error& error) {
     for (; done < possible.size(); ++done) result.waiting.push_back({possible[done], error.what()});
@@ -159,7 +159,7 @@ void LateStamping::ask_for(Case& its, const WantedToken& wanted, Patience patien
   }
   const AuthorityAnswer answer = asked.ask(its.writer->checkpoint(its.now()));
   if (!answer.valid()) {
-    around_.queue->failed(wanted.case_id, wanted.authority, answer.cause);
+    context_.queue->failed(wanted.case_id, wanted.authority, answer.cause);
     waited_for_.push_back(&asked);
     result.waiting.push_back({wanted, answer.cause});
     return;
@@ -181,7 +181,7 @@ std::optional<AuthorityContact::Time> LateStamping::next() const {
 }
 
 void LateStamping::want(const std::string& case_id) {
-  for (const auto& each : contacts_) around_.queue->want(case_id, each->name(), 0, around_.clock->utc());
+  for (const auto& each : contacts_) context_.queue->want(case_id, each->name(), 0, context_.clock->utc());
 }
 
 }  // namespace kiroku::recorder

@@ -18,7 +18,7 @@ namespace kiroku::recorder {
 
 class LateStamping {
  public:
-  struct Surroundings {
+  struct Context {
     archive::FileSystem* files = nullptr;  // null: the real one
     std::filesystem::path archive;
     const crypto::SigningKey* key = nullptr;
@@ -50,7 +50,7 @@ class LateStamping {
   };
 
   /// All that is referred to must outlive the object.
-  LateStamping(const std::vector<NamedAuthority>& authorities, Surroundings surroundings);
+  LateStamping(const std::vector<NamedAuthority>& authorities, Context context);
 
   enum class Patience {
     kLimitsOnly,  // a person asks: what authorities demand is kept, pauses after failures are not
@@ -78,7 +78,7 @@ class LateStamping {
   /// Why the authority is not asked now; "" if it may be.
   [[nodiscard]] std::string pause_of(AuthorityContact& contact, Patience patience) const;
 
-  Surroundings around_;
+  Context context_;
   std::vector<std::unique_ptr<AuthorityContact>> contacts_;
   std::vector<AuthorityContact*> waited_for_;
 };

@@ -32,7 +32,7 @@ void LineSegments::seal(const std::vector<std::string>& lines, std::uint64_t dro
     try {
       output_.give_up({end_ns, 0, 0});
     } catch (const std::exception& second) {
-      context_.troubles.mention(second.what());
+      context_.problems.report(second.what());
     }
   }
 }

@@ -10,8 +10,8 @@ namespace kiroku::recorder {
 PointingLane::PointingLane(const LaneContext& context, std::size_t stream_index, archive::StreamInfo info)
     : clock_(context.clock),
       segments_(context, stream_index, std::move(info),
-                [&troubles = context.troubles](const std::exception& error) {
-                  troubles.mention(std::string("where people point is recorded no more: ") + error.what());
+                [&problems = context.problems](const std::exception& error) {
+                  problems.report(std::string("where people point is recorded no more: ") + error.what());
                 }) {}
 
 void PointingLane::begin(std::int64_t begins_ns) {

@@ -9,8 +9,8 @@
 #include "archive/format/pointing_stream.h"
 #include "base/error.h"
 #include "recorder/events_lane.h"
+#include "recorder/ledger_writer.h"
 #include "recorder/pointing_lane.h"
-#include "recorder/scribe.h"
 #include "recorder/video_lane.h"
 #include "recorder/vitals/awaited_source.h"
 #include "recorder/vitals_lane.h"
@@ -109,10 +109,10 @@ struct Session::State {
     status.begun = begun;
     status.begins_ns = begins_ns;
     status.decided_ns = decided_ns;
-    status.tokens = scribe->tokens();
-    status.missed = scribe->missed();
+    status.tokens = ledger_writer->tokens();
+    status.missed = ledger_writer->missed();
     if (begun) status.authorities = stamper->status();
-    status.last_problem = troubles.latest();
+    status.last_problem = problems.latest();
     return status;
   }
 
@@ -122,7 +122,7 @@ struct Session::State {
       const std::lock_guard guard(stop_mutex);
       return stop_reason;
     }
-    if (std::string trouble = troubles.close_reason(); !trouble.empty()) return trouble;
+    if (std::string trouble = problems.close_reason(); !trouble.empty()) return trouble;
     const auto has_ended = [](const auto& lane) { return lane->ended(); };
     if (!end_ns) {
       const std::size_t deciding = video_lanes > 0 ? video_lanes : lanes.size();
@@ -145,7 +145,7 @@ struct Session::State {
   archive::FileSystem& files;
   CaseClock clock;
   FactQueue facts;
-  Troubles troubles;
+  ProblemLog problems;
   std::optional<std::int64_t> end_ns;
   archive::CaseWriter::Options writing;
   std::mutex begin_mutex;  // guards the making of the case: the next three
@@ -160,7 +160,7 @@ struct Session::State {
   std::size_t video_lanes = 0;
   std::unique_ptr<EventsLane> events;
   std::unique_ptr<PointingLane> pointing;  // null: not asked for
-  std::unique_ptr<Scribe> scribe;
+  std::unique_ptr<LedgerWriter> ledger_writer;
   std::atomic<bool> stopping = false;
   mutable std::mutex stop_mutex;
   std::string stop_reason = "operator";
@@ -270,7 +270,7 @@ Session::State::State(SessionOptions asked)
       opened.source = open_vital_source(opened.address, clock);
     } catch (const Error& error) {
       if (!request.may_be_absent) throw;
-      troubles.mention(error.what());
+      problems.report(error.what());
       opened.source = await_vital_source(opened.address, clock, error.what());
     }
     declare(stream_info(request, opened.address, false), request.recipients);
@@ -295,13 +295,14 @@ Session::State::State(SessionOptions asked)
     pre_roll = std::make_unique<PreRoll>(*standby, writing.streams.size(), *options.pre_roll);
   }
   store = std::make_unique<SegmentStore>(standby.get(), writing.streams.size());
-  scribe = std::make_unique<Scribe>(facts, clock, troubles, pre_roll.get(), options.stamp_interval);
+  ledger_writer =
+      std::make_unique<LedgerWriter>(facts, clock, problems, pre_roll.get(), options.stamp_interval);
   if (!options.pre_roll) make_case(0);
 
   if (options.duration) end_ns = options.duration->count();
-  const LaneContext context{clock, *store, facts, troubles, options.segment_duration, end_ns};
+  const LaneContext context{clock, *store, facts, problems, options.segment_duration, end_ns};
   const std::chrono::nanoseconds of_lines = std::min(options.segment_duration, kLongestSegmentOfLines);
-  const LaneContext lines{clock, *store, facts, troubles, of_lines, end_ns};
+  const LaneContext lines{clock, *store, facts, problems, of_lines, end_ns};
   const std::size_t budget = options.queue_bytes / std::max<std::size_t>(1, videos.size());
   std::size_t index = 0;
   for (OpenedVideo& opened : videos) {
@@ -331,9 +332,9 @@ Session::State::State(SessionOptions asked)
 void Session::State::make_case(std::int64_t from_ns) {
   writing.begins_ns = from_ns;
   auto made = archive::CaseWriter::create(files, writing, clock.moment());
-  Stamper::Surroundings around{options.trust, options.queue, made->case_id(),
-                               [this](const std::string& sentence) { troubles.mention(sentence); }};
-  stamper = std::make_unique<Stamper>(options.authorities, std::move(around), facts);
+  Stamper::Context context{options.trust, options.queue, made->case_id(),
+                           [this](const std::string& sentence) { problems.report(sentence); }};
+  stamper = std::make_unique<Stamper>(options.authorities, std::move(context), facts);
   writer = std::move(made);
   std::vector<std::uint64_t> discarded(writing.streams.size());
   if (pre_roll) {
@@ -343,13 +344,13 @@ void Session::State::make_case(std::int64_t from_ns) {
   store->enter(*writer, discarded);
   if (events) events->begin(from_ns);
   if (pointing) pointing->begin(from_ns);
-  scribe->begin_case(*writer, *stamper);
+  ledger_writer->begin_case(*writer, *stamper);
   begins_ns = from_ns;
   begun = true;
 }
 
 void Session::State::discard() {
-  scribe->abandon();
+  ledger_writer->abandon();
   const PreRoll::Amount amount = pre_roll->amount();
   if (options.log != nullptr) options.log->pre_roll_discarded(amount.segments, amount.duration_ns);
 }
@@ -365,8 +366,8 @@ void Session::State::open_microphone(OpenedVideo& opened, const StreamRequest& r
     throw;
   } catch (const Error& error) {
     if (!request.may_be_absent) throw;
-    troubles.mention(std::string(error.what()) +
-                     ". Pictures are recorded without its sound until it is there");
+    problems.report(std::string(error.what()) +
+                    ". Pictures are recorded without its sound until it is there");
   }
 }
 
@@ -379,15 +380,15 @@ void Session::State::open(OpenedVideo& opened, const StreamRequest& request) {
     opened.source = open_source(opened.address, clock, terms);
     // Tried once, so that a picture too large for the encoder is refused now and not in the first second.
     const VideoEncoder tried(opened.source->format(), opened.source->frame_rate(), request.video);
-    if (const std::string remark = opened.source->remark(); !remark.empty()) troubles.mention(remark);
+    if (const std::string remark = opened.source->remark(); !remark.empty()) problems.report(remark);
   } catch (const Error& error) {
     if (!request.may_be_absent) throw;
-    troubles.mention(error.what());
+    problems.report(error.what());
   }
 }
 
 Session::State::~State() {
-  if (closed || !scribe) return;
+  if (closed || !ledger_writer) return;
   // Never run, or run() was left by an error: the case is still closed properly.
   try {
     finish_lanes();
@@ -395,7 +396,7 @@ Session::State::~State() {
       discard();
       return;
     }
-    scribe->finish("error: the recording was abandoned");
+    ledger_writer->finish("error: the recording was abandoned");
   } catch (const std::exception&) {
     // The ledger cannot be written any more; verification says "incomplete".
     return;
@@ -444,7 +445,7 @@ std::string Session::begin(std::optional<Bytes> subject, const std::optional<cry
 
 SessionResult Session::run(const std::function<void(const SessionStatus&)>& progress) {
   State& s = *state_;
-  s.scribe->start();
+  s.ledger_writer->start();
   for (const auto& lane : s.lanes) lane->start();
   std::string reason;
   std::int64_t next_progress_ns = 0;
@@ -465,14 +466,14 @@ SessionResult Session::run(const std::function<void(const SessionStatus&)>& prog
   }
   s.finish_lanes();
   // A write that failed while the rest was brought in changes the reason.
-  if (const std::string trouble = s.troubles.close_reason(); !trouble.empty()) reason = trouble;
+  if (const std::string trouble = s.problems.close_reason(); !trouble.empty()) reason = trouble;
   s.closed = true;
   SessionResult result;
   {
     // Nothing begins any more.
     const std::lock_guard guard(s.begin_mutex);
     if (s.begun) {
-      s.scribe->finish(reason);
+      s.ledger_writer->finish(reason);
       result.case_id = s.writer->case_id();
       result.folder = s.writer->folder();
     } else {

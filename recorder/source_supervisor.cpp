@@ -28,7 +28,7 @@ SourceSupervisor::SourceSupervisor(const LaneContext& context, Terms terms, std:
         Microphone::Listener{
             .take = [this](TimedFrame audio) { hear_of_microphone(std::move(audio)); },
             .lost = [this](archive::GapCause cause) { queue_.push(AudioLost{cause}); },
-            .tell = [this](const std::string& sentence) { context_.troubles.mention(sentence); }});
+            .tell = [this](const std::string& sentence) { context_.problems.report(sentence); }});
   }
 }
 
@@ -93,10 +93,10 @@ void SourceSupervisor::run() {
     try {
       read(*source_);
     } catch (const DecoderLost& error) {
-      context_.troubles.mention(error.what());
+      context_.problems.report(error.what());
       lost = decoder_lost = true;
     } catch (const std::exception& error) {
-      context_.troubles.mention(error.what());
+      context_.problems.report(error.what());
       lost = true;
     }
     live_ = false;
@@ -138,7 +138,7 @@ bool SourceSupervisor::reopen(bool may_have_ended) {
     if (!may_end && !wait_until(context_.clock, context_.clock.now_ns() + pause_ns, stopping_)) return false;
     try {
       std::unique_ptr<Source> fresh = open_anew();
-      if (const std::string remark = fresh->remark(); !remark.empty()) context_.troubles.mention(remark);
+      if (const std::string remark = fresh->remark(); !remark.empty()) context_.problems.report(remark);
       const std::lock_guard guard(mutex_);
       input_ = fresh->input();
       unboxed_ = fresh->is_unboxed();
@@ -148,10 +148,10 @@ bool SourceSupervisor::reopen(bool may_have_ended) {
     } catch (const DecoderLost& error) {
       if (stopping_) return false;
       may_end = false;
-      context_.troubles.mention(error.what());
+      context_.problems.report(error.what());
     } catch (const std::exception& error) {
       if (stopping_ || may_end) return false;
-      context_.troubles.mention(error.what());
+      context_.problems.report(error.what());
     }
   }
 }

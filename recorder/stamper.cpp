@@ -16,10 +16,10 @@ constexpr std::chrono::seconds kLongestSleep{5};
 }  // namespace
 
 struct Stamper::Worker {
-  Worker(NamedAuthority named, const Surroundings& around, FactQueue& queue)
-      : surroundings(around),
+  Worker(NamedAuthority named, const Context& context, FactQueue& queue)
+      : context(context),
         facts(queue),
-        contact(std::move(named), around.trust, around.queue, *around.clock),
+        contact(std::move(named), context.trust, context.queue, *context.clock),
         thread([this] { run(); }) {}
   ~Worker() {
     {
@@ -56,7 +56,7 @@ struct Stamper::Worker {
       lock.lock();
       if (stopping) return;
       if (closing != last_chance) continue;
-      const Clock& clock = *surroundings.clock;
+      const Clock& clock = *context.clock;
       const Clock::Time now = clock.now();
       if (allowed > now) {
         if (closing && allowed > now + kClosingPatience) {
@@ -79,7 +79,7 @@ struct Stamper::Worker {
     lock.unlock();
     AuthorityAnswer answer = contact.ask(checkpoint);
     if (!answer.valid()) {
-      in_queue([&] { surroundings.queue->failed(surroundings.case_id, answer.authority, answer.cause); });
+      in_queue([&] { context.queue->failed(context.case_id, answer.authority, answer.cause); });
     }
     lock.lock();
     const bool newer = unqueued;
@@ -106,24 +106,22 @@ struct Stamper::Worker {
   void put_in_queue(std::unique_lock<std::mutex>& lock) {
     const std::uint64_t size = next->size;
     lock.unlock();
-    in_queue([&] {
-      surroundings.queue->want(surroundings.case_id, contact.name(), size, surroundings.clock->utc());
-    });
+    in_queue([&] { context.queue->want(context.case_id, contact.name(), size, context.clock->utc()); });
     lock.lock();
   }
 
   /// Does something with the queue, if there is one; recording goes on without it.
   template <typename Step>
   void in_queue(Step step) {
-    if (surroundings.queue == nullptr) return;
+    if (context.queue == nullptr) return;
     try {
       step();
     } catch (const Error& error) {
-      if (surroundings.mention) surroundings.mention(error.what());
+      if (context.report) context.report(error.what());
     }
   }
 
-  const Surroundings& surroundings;
+  const Context& context;
   FactQueue& facts;
   AuthorityContact contact;
   mutable std::mutex mutex;  // of what follows
@@ -138,10 +136,10 @@ struct Stamper::Worker {
   std::thread thread;
 };
 
-Stamper::Stamper(std::vector<NamedAuthority> authorities, Surroundings surroundings, FactQueue& facts)
-    : surroundings_(std::move(surroundings)) {
+Stamper::Stamper(std::vector<NamedAuthority> authorities, Context context, FactQueue& facts)
+    : context_(std::move(context)) {
   for (NamedAuthority& authority : authorities)
-    workers_.push_back(std::make_unique<Worker>(std::move(authority), surroundings_, facts));
+    workers_.push_back(std::make_unique<Worker>(std::move(authority), context_, facts));
 }
 
 Stamper::~Stamper() = default;
@@ -158,7 +156,7 @@ void Stamper::entered(const AuthorityAnswer& answer) {
   for (const auto& worker : workers_) {
     if (worker->contact.name() != answer.authority) continue;
     worker->in_queue(
-        [&] { surroundings_.queue->done(surroundings_.case_id, answer.authority, answer.checkpoint.size); });
+        [&] { context_.queue->done(context_.case_id, answer.authority, answer.checkpoint.size); });
   }
 }
 

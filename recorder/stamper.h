@@ -15,19 +15,19 @@ namespace kiroku::recorder {
 
 class Stamper {
  public:
-  struct Surroundings {
+  struct Context {
     const timestamp::TrustStore* trust = nullptr;  // tokens are judged under it; null: nothing is trusted
     StampingQueue* queue = nullptr;                // remembers what is wanted; null: nobody does
     std::string case_id;                           // for the queue
     /// Told, from any thread, what a person should hear: the queue cannot be used.
-    std::function<void(const std::string&)> mention{};
+    std::function<void(const std::string&)> report{};
     const Clock* clock = &Clock::system();
   };
   /// How long a closing checkpoint waits for an authority that wants to be left alone.
   static constexpr std::chrono::seconds kClosingPatience{10};
 
   /// Answers go to `facts`. All must outlive the object.
-  Stamper(std::vector<NamedAuthority> authorities, Surroundings surroundings, FactQueue& facts);
+  Stamper(std::vector<NamedAuthority> authorities, Context context, FactQueue& facts);
   /// Waits for requests under way (each has its time limit). What still waits stays in the queue.
   ~Stamper();
   Stamper(const Stamper&) = delete;
@@ -51,7 +51,7 @@ class Stamper {
 
  private:
   struct Worker;
-  Surroundings surroundings_;
+  Context context_;
   std::vector<std::unique_ptr<Worker>> workers_;
 };
 

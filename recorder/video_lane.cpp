@@ -103,7 +103,7 @@ void VideoLane::run() {
 // again is left out until the source changes its pictures.
 void VideoLane::begin_anew(const media::LibavError& error) {
   const int failures = failures_in_a_row_ + 1;
-  mention(std::string("is taken up anew: ") + error.what());
+  report(std::string("is taken up anew: ") + error.what());
   ++segment_dropped_;
   ++refused_;
   try {
@@ -170,14 +170,14 @@ bool VideoLane::ready_for(const PictureFormat& format, Rational rate) {
   end_coding();
   if (changed) {
     segmenter_.absent(archive::GapCause::kFormatChange);
-    mention("changed its pictures to " + format.to_string() + "; recording goes on in a new segment");
+    report("changed its pictures to " + format.to_string() + "; recording goes on in a new segment");
   }
   try {
     encoder_ = std::make_unique<VideoEncoder>(format, rate, profile_, coded_until_ns_);
   } catch (const Error& error) {
     // Another format may follow: the other streams, and this one, go on.
     refused_format_ = format;
-    mention(std::string("cannot be recorded any more: ") + error.what());
+    report(std::string("cannot be recorded any more: ") + error.what());
     return false;
   }
   refused_format_.reset();
@@ -266,17 +266,17 @@ std::int64_t VideoLane::end_of_last_frame() const {
   return segmenter_.end_of_last_frame(context_.clock.now_ns());
 }
 
-void VideoLane::mention(const std::string& what) const {
-  context_.troubles.mention("source '" + supervisor_.address().stated + "' " + what);
+void VideoLane::report(const std::string& what) const {
+  context_.problems.report("source '" + supervisor_.address().stated + "' " + what);
 }
 
 void VideoLane::fail(const std::exception& error) {
   failed_ = true;
-  context_.troubles.end_session(close_reason_for(error), error.what());
+  context_.problems.end_session(close_reason_for(error), error.what());
   try {
     give_up_segment();
   } catch (const std::exception& second) {
-    context_.troubles.mention(second.what());
+    context_.problems.report(second.what());
   }
   segmenter_.failed(output_.claimed_until_ns(), gap_cause_for(error));
   encoder_.reset();

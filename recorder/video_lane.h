@@ -59,7 +59,7 @@ class VideoLane : public Lane {
   void state_drops(const QueuedFrame& drops, std::int64_t until_ns);
   void write_audio(std::vector<media::Packet> packets);
   [[nodiscard]] std::int64_t end_of_last_frame() const;
-  void mention(const std::string& what) const;
+  void report(const std::string& what) const;
   void fail(const std::exception& error);
 
   const LaneContext context_;

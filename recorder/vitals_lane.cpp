@@ -59,7 +59,7 @@ std::optional<VitalLine> VitalsLane::next_line() {
     return source_->next();
   } catch (const std::exception& error) {
     // The source is damaged: what it gave is kept, and the rest of the case goes on.
-    context_.troubles.mention(error.what());
+    context_.problems.report(error.what());
     return {};
   }
 }
@@ -86,8 +86,8 @@ bool VitalsLane::take_next() {
   if (beyond) {
     reached_end_ = true;
     if (source_->is_live()) {
-      context_.troubles.mention("'" + name() +
-                                "' took messages after the end of the case; they are not in it");
+      context_.problems.report("'" + name() +
+                               "' took messages after the end of the case; they are not in it");
     }
     return false;
   }
@@ -104,8 +104,8 @@ void VitalsLane::tell_refusal(const media::VitalNotice& notice) {
   if (notice.notice != "connection-refused" && notice.notice != "sender-refused") return;
   // Before the address stands what the sender wrote.
   const std::size_t at = notice.source.rfind('@');
-  context_.troubles.mention("'" + name() + "': " + notice.text +
-                            (at == std::string::npos ? "" : " (" + notice.source.substr(at + 1) + ")"));
+  context_.problems.report("'" + name() + "': " + notice.text +
+                           (at == std::string::npos ? "" : " (" + notice.source.substr(at + 1) + ")"));
 }
 
 bool VitalsLane::wait_for_arrivals() {
@@ -130,11 +130,11 @@ void VitalsLane::read() {
 
 void VitalsLane::fail(const std::exception& error) {
   failed_ = true;
-  context_.troubles.end_session(close_reason_for(error), error.what());
+  context_.problems.end_session(close_reason_for(error), error.what());
   try {
     output_.give_up({last_ns_ + 1, samples_ - samples_before_segment_, 0});
   } catch (const std::exception& second) {
-    context_.troubles.mention(second.what());
+    context_.problems.report(second.what());
   }
   gap_cause_ = gap_cause_for(error);
 }

@@ -204,7 +204,7 @@ void tell_catalogue(const Home& home, const std::filesystem::path& folder) {
 class RoomResumption {
  public:
   RoomResumption(const Home& home, const Configuration& configuration)
-      : planner_(surroundings(home), rules(home, configuration)) {}
+      : planner_(context(home), rules(home, configuration)) {}
 
   recorder::ResumptionPlanner& planner() { return planner_; }
   void apply(recorder::RoomPlan& plan) {
@@ -214,15 +214,15 @@ class RoomResumption {
   }
 
  private:
-  recorder::ResumptionPlanner::Surroundings surroundings(const Home& home) {
-    recorder::ResumptionPlanner::Surroundings around;
-    around.archive = home.archive();
-    around.boot_id = archive::kernel_boot_id();
-    around.tell = [this](const std::string& room, const std::string& sentence) {
+  recorder::ResumptionPlanner::Context context(const Home& home) {
+    recorder::ResumptionPlanner::Context context;
+    context.archive = home.archive();
+    context.boot_id = archive::kernel_boot_id();
+    context.tell = [this](const std::string& room, const std::string& sentence) {
       why_not_[room] = sentence;
       spdlog::error("room {}: {}", room, printable(sentence));
     };
-    return around;
+    return context;
   }
   std::vector<recorder::ResumeRule> rules(const Home& home, const Configuration& configuration) {
     std::vector<recorder::ResumeRule> rules;

@@ -15,7 +15,7 @@ std::shared_ptr<const trainer::ExclusionBody> body_of(StepLine& line, trainer::O
   if (choice.damage_pa) task.damage_pa = *choice.damage_pa;
   if (choice.friction) task.friction = *choice.friction;
   task.most_s = choice.most_s;
-  line.show("computing how " + object.name + " gives way");
+  line.show("computing the compliance of " + object.name);
   return std::make_shared<const trainer::ExclusionBody>(std::move(object), task);
 }
 

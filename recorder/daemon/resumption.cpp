@@ -123,19 +123,19 @@ std::optional<ResumptionPlanner::Facts> ResumptionPlanner::facts_of(const fs::pa
   }
 }
 
-ResumptionPlanner::ResumptionPlanner(Surroundings around, std::vector<ResumeRule> rules)
-    : around_(std::move(around)), rules_(std::move(rules)) {}
+ResumptionPlanner::ResumptionPlanner(Context context, std::vector<ResumeRule> rules)
+    : context_(std::move(context)), rules_(std::move(rules)) {}
 
 void ResumptionPlanner::tell(const std::string& room, const std::string& sentence) const {
-  if (around_.tell) around_.tell(room, sentence);
+  if (context_.tell) context_.tell(room, sentence);
 }
 
 std::optional<RunningCase> ResumptionPlanner::newest_of(const ResumeRule& rule) const {
   std::optional<RunningCase> running = rule.note->read();
   if (!running) return {};
   // The note is written before the case is made, and cut off in between the earlier one is the newest.
-  if (!is_there(around_.archive / running->case_id)) running->case_id = running->carries_on;
-  if (running->case_id.empty() || !is_there(around_.archive / running->case_id)) return {};
+  if (!is_there(context_.archive / running->case_id)) running->case_id = running->carries_on;
+  if (running->case_id.empty() || !is_there(context_.archive / running->case_id)) return {};
   return running;
 }
 
@@ -149,12 +149,12 @@ bool ResumptionPlanner::may_resume() const {
 std::optional<nanoseconds> ResumptionPlanner::logged_opening(const std::string& case_id) const {
   std::optional<nanoseconds> opened;
   bool this_boot = false;
-  archive::for_each_log_line(around_.archive / "log", [&](const archive::LogLine& line) {
+  archive::for_each_log_line(context_.archive / "log", [&](const archive::LogLine& line) {
     if (line.type != "boot" && (line.type != "case-opened" || !may_tell_of(line.json, case_id))) return;
     const archive::LogEntryParse parse = archive::parse_log_entry(line.json);
     if (!parse.entry) return;
     if (const auto* boot = std::get_if<archive::BootEntry>(&parse.entry->body)) {
-      this_boot = boot->boot_id == around_.boot_id;
+      this_boot = boot->boot_id == context_.boot_id;
     } else if (this_boot) {
       opened = nanoseconds(parse.entry->at.mono_ns);
     }
@@ -174,7 +174,7 @@ std::string ResumptionPlanner::refusal_by_history(const ResumeRule& rule, const 
     only_short = only_short && facts->duration() < kShortCase;
     if (only_short) ++short_cases;
     const auto earlier = archive::carried_on_by(facts->open);
-    facts = earlier ? facts_of(around_.archive / earlier->case_id) : std::nullopt;
+    facts = earlier ? facts_of(context_.archive / earlier->case_id) : std::nullopt;
   }
   if (short_cases >= kMostShortCases) {
     return "the last " + std::to_string(short_cases) + " cases were each cut off within " +
@@ -188,7 +188,7 @@ std::string ResumptionPlanner::refusal_by_history(const ResumeRule& rule, const 
 
 std::string ResumptionPlanner::refusal(const ResumeRule& rule, const archive::CutOffCase& cut,
                                        const Facts& facts) const {
-  const TimeSinceCut since = time_since(cut, around_.now(), around_.boot_id, logged_opening(cut.case_id));
+  const TimeSinceCut since = time_since(cut, context_.now(), context_.boot_id, logged_opening(cut.case_id));
   if (!since.elapsed) return since.why;
   if (*since.elapsed >= rule.within) {
     return "it was cut off " + in_words(*since.elapsed) + " ago " + since.why + ", and resume_within is " +
@@ -211,7 +211,7 @@ std::string ResumptionPlanner::carry_on(const archive::CutOffCase& cut) {
                           ". Begin a case by hand where the operation goes on");
       return "";
     }
-    return decided_[cut.case_id] = archive::new_case_id(around_.now().utc);
+    return decided_[cut.case_id] = archive::new_case_id(context_.now().utc);
   }
   return "";
 }
@@ -222,7 +222,7 @@ std::optional<Resumption> ResumptionPlanner::of(const std::string& room) {
   if (rule == rules_.end()) return {};
   const auto running = newest_of(*rule);
   if (!running || running->ending) return {};
-  const auto facts = facts_of(around_.archive / running->case_id);
+  const auto facts = facts_of(context_.archive / running->case_id);
   if (!facts || facts->close_reason.empty() || facts->named.size == 0) {
     tell(room, "case " + running->case_id +
                    " was cut off and is not carried on, since it could not be brought to its end. Begin a "
@@ -230,7 +230,7 @@ std::optional<Resumption> ResumptionPlanner::of(const std::string& room) {
     return {};
   }
   const auto later = archive::announced_by(facts->close_reason);
-  if (!later || is_there(around_.archive / *later)) return {};
+  if (!later || is_there(context_.archive / *later)) return {};
   Resumption resumption;
   if (const auto decided = decided_.find(running->case_id);
       decided == decided_.end() || decided->second != *later) {

@@ -65,13 +65,13 @@ class ResumptionPlanner {
   static constexpr std::chrono::seconds kShortCase{60};
   static constexpr int kMostShortCases = 3;
 
-  struct Surroundings {
+  struct Context {
     std::filesystem::path archive;
     std::string boot_id;  // of the machine as it runs now
     std::function<MachineTime()> now = machine_time;
     std::function<void(const std::string& room, const std::string& sentence)> tell;
   };
-  ResumptionPlanner(Surroundings around, std::vector<ResumeRule> rules);
+  ResumptionPlanner(Context context, std::vector<ResumeRule> rules);
 
   /// Whether any room may have a case to carry on: then nothing should keep the start.
   [[nodiscard]] bool may_resume() const;
@@ -93,7 +93,7 @@ class ResumptionPlanner {
                                                std::chrono::nanoseconds& recorded) const;
   void tell(const std::string& room, const std::string& sentence) const;
 
-  const Surroundings around_;
+  const Context context_;
   const std::vector<ResumeRule> rules_;
   std::map<std::string, std::string> decided_;  // earlier case: "" or later case
 };

@@ -1,5 +1,5 @@
-// A held body as tools meet it: its surface, how that gives way, and how the whole body lies under the forces
-// of contacts.
+// A held body as tools meet it: its surface, its compliance there, and how the whole body lies under the
+// forces of contacts.
 #pragma once
 
 #include <cstdint>

@@ -12,13 +12,13 @@ namespace kiroku::sim {
 namespace {
 
 constexpr std::uint32_t kNone = std::numeric_limits<std::uint32_t>::max();
-/// Along a direction in which a node gives way by less than this part of what it does in all three together,
-/// it is held.
+/// Along a direction in which a node moves under a force by less than this part of what it does in all three
+/// together, it is held.
 constexpr double kHeld = 1e-9;
 /// Friction fits normal forces and slip where renewing it changes it by no more than this part of the largest
 /// normal force. So often it is renewed in a step; what is left then is made up for by the next steps.
 constexpr double kFrictionTolerance = 1e-3;
-constexpr int kMostRubbing = 12;
+constexpr int kMostFrictionUpdates = 12;
 /// Room that is there from the beginning, in rows a tool.
 constexpr std::size_t kUsualRows = 48;
 
@@ -211,12 +211,12 @@ void ContactSolver::find_balance() {
   iterations_ = 0;
   largest_gap_m_ = 0;
   converged_ = touches_.empty();
-  int rubbing = 0;
+  int friction_updates = 0;
   while (!converged_ && iterations_ < options_.most_iterations) {
     do {
       make_rows();
       solve_rows();
-    } while (let_go() || let_slide() || ((rubbing++ < kMostRubbing && rub())));
+    } while (release() || slip() || ((friction_updates++ < kMostFrictionUpdates && update_friction())));
     move();
     ++iterations_;
     const bool more = add_touching(tolerance_m_);
@@ -342,7 +342,7 @@ void ContactSolver::solve_rows() {
 }
 
 /// Of bound nodes that would have to be pulled; whether there were any.
-bool ContactSolver::let_go() {
+bool ContactSolver::release() {
   bool any = false;
   for (Touch& touch : touches_) {
     if (!touch.bound || touch.pressing) continue;
@@ -360,7 +360,7 @@ bool ContactSolver::let_go() {
 }
 
 /// Of bound nodes that friction cannot hold, and friction of those that do not press; whether there were any.
-bool ContactSolver::let_slide() {
+bool ContactSolver::slip() {
   bool any = false;
   for (Touch& touch : touches_) {
     if (touch.sliding && !touch.pressing) {
@@ -396,7 +396,7 @@ Vector3 ContactSolver::slip_m(const Touch& touch) const {
 }
 
 /// Fits friction to how hard nodes press, and turns it against the way they slide; whether it was otherwise.
-bool ContactSolver::rub() {
+bool ContactSolver::update_friction() {
   double largest_n = 0, wrong_n = 0;
   const auto sliding = static_cast<double>(std::ranges::count(touches_, true, &Touch::sliding));
   for (Touch& touch : touches_) {

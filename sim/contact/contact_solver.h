@@ -1,4 +1,4 @@
-// Contact of rigid tools with a surface that gives way: forces and displacements where one may touch it.
+// Contact of rigid tools with a compliant surface: forces and displacements where one may touch it.
 //
 // A node is outside a tool where the signed distance phi(x) >= 0. The body answers u = C f with its
 // compliance C between the nodes of a neighbourhood (after Hirota and Kaneko, see fem/compliance.h), so that
@@ -170,9 +170,9 @@ class ContactSolver {
   void bind(Touch& touch);
   void make_rows();
   void solve_rows();
-  bool let_go();
-  bool let_slide();
-  bool rub();
+  bool release();
+  bool slip();
+  bool update_friction();
   [[nodiscard]] Vector3 slip_m(const Touch& touch) const;
   void hold_where_it_lies();
   void move();

@@ -1,5 +1,5 @@
-// How a held body gives way where it may be touched: columns of K^-1 at chosen nodes, kept for a body whose
-// stiffness stays as it is.
+// The compliance of a held body where it may be touched: columns of K^-1 at chosen nodes, kept for a body
+// whose stiffness stays as it is.
 //
 // Source: the force between two nodes of a body needs only K^-1 between them (Hirota and Kaneko,
 // "Representation of soft objects in virtual environments", 1998). K^-1 is the compliance: block (i, j) is

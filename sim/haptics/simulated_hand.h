@@ -1,4 +1,4 @@
-// A hand as a model: what it wants to do, and how it gives way to what it feels.
+// A hand as a model: what it wants to do, and how it yields to what it feels.
 #pragma once
 
 #include <functional>

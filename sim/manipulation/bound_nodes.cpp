@@ -89,8 +89,8 @@ void BoundNodes::append_rows(std::size_t first) {
     }
   }
   if (!compliance_.append(last_rows)) {
-    throw Error("how the " + std::to_string(nodes_.size()) +
-                " nodes that tools hold give way is too badly conditioned: moduli differ too much, or a "
+    throw Error("the compliance of the " + std::to_string(nodes_.size()) +
+                " nodes that tools hold is too badly conditioned: moduli differ too much, or a "
                 "Poisson's ratio is too near 0.5");
   }
 }
@@ -206,7 +206,7 @@ std::vector<BoundNode> BoundNodes::forces(std::span<const OptionalPose> poses,
 std::shared_ptr<ContactNeighbourhood> BoundNodes::neighbourhood(std::span<const std::uint32_t> places) const {
   auto held = std::make_shared<ContactNeighbourhood>(*body_->neighbourhood(places));
   if (nodes_.empty() || places.empty()) return held;
-  // L^-1 C_bc; its square is what the body gives way less for being held.
+  // L^-1 C_bc; its square is the compliance that holding takes from the body.
   Eigen::MatrixXd across(static_cast<Eigen::Index>(free_.size()), held->compliance.cols());
   for (std::size_t row = 0; row < free_.size(); ++row) {
     const Node& node = nodes_[static_cast<std::size_t>(free_[row] / 3)];

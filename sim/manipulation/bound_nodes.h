@@ -59,14 +59,14 @@ class BoundNodes {
   /// Of all rows, (3 |rows|), while the tools are at these poses, one a tool and at least for those that hold
   /// something, and nothing presses.
   void displacement_m(std::span<const OptionalPose> poses, Eigen::VectorXd& displacement_m) const;
-  /// Adds what contacts of nodes that are not bound do to them beside that. How the held body gives way at a
-  /// node is computed when it is pressed first, and known as long as it is pressed in every call.
+  /// Adds what contacts of nodes that are not bound do to them beside that. The compliance of the held
+  /// body at a node is computed when it is pressed first, and known as long as it is pressed in every call.
   void add_contacts(std::span<const Contact> contacts, Eigen::VectorXd& displacement_m);
   /// What holds the nodes meanwhile; by tool and node.
   [[nodiscard]] std::vector<BoundNode> forces(std::span<const OptionalPose> poses,
                                               std::span<const Contact> contacts) const;
 
-  /// Nodes of the surface, by their place there, ascending, none of them bound: how they give way while what
+  /// Nodes of the surface, by their place there, ascending, none of them bound: their compliance while what
   /// is bound is held. Its rest_m is that of the body while nothing is held.
   [[nodiscard]] std::shared_ptr<ContactNeighbourhood> neighbourhood(
       std::span<const std::uint32_t> places) const;

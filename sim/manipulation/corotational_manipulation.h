@@ -2,8 +2,8 @@
 // retracted keeps its volume, where linear elements would swell (fem/corotational_body.h).
 //
 // A step seeks the least energy with what tools hold prescribed and with no node inside a tool that presses.
-// Newton's method: about where the body lies its tangent is factorised; how that gives way where tools are
-// near (columns of K^-1) makes one contact problem of them (contact/contact_solver.h), whose answer is the
+// Newton's method: about where the body lies its tangent is factorised; its compliance where tools are near
+// (columns of K^-1) makes one contact problem of them (contact/contact_solver.h), whose answer is the
 // next place to look from. There forces and contacts belong to the same state, so that only the forces out of
 // balance are left to judge. The motion of a step is halved where this does not converge.
 #pragma once

@@ -11,7 +11,7 @@ namespace kiroku::sim {
 namespace {
 
 /// How far around tools that press nodes are taken together, in lengths of the body, so that it is seldom
-/// asked anew how they give way.
+/// asked anew for their compliance.
 constexpr double kMargin = 0.02;
 
 Eigen::Index at(std::size_t node) { return static_cast<Eigen::Index>(3 * node); }

@@ -51,8 +51,8 @@ class Manipulation {
   /// have axes of their own.
   Manipulation(const ContactBody& body, std::vector<Tool> tools, const ContactOptions& options = {});
 
-  /// Goes on where `previous` is, on a body whose nodes have the same numbers but which may be shaped and
-  /// give way otherwise (it was cut, say): what is held stays held with the displacements it has, and tools
+  /// Goes on where `previous` is, on a body whose nodes have the same numbers but which may have another
+  /// shape and compliance (it was cut, say): what is held stays held with the displacements it has, and tools
   /// that stick keep what they have; a step with the last poses is made. Nodes that can no longer be bound
   /// there are let go. kiroku::UsageError for another number of nodes, and what step() throws.
   Manipulation(const ContactBody& body, const Manipulation& previous);

@@ -48,19 +48,19 @@ class ResumptionFault : public testing::Test {
     SessionOptions session = bench_.options();
     started.log = ApplianceLog::open(files, archive() / "log", *session.key, session.device_name);
     started.note = std::make_shared<RunningNote>(files, archive(), kRoom);
-    ResumptionPlanner::Surroundings around;
-    around.archive = archive();
-    around.boot_id = archive::kernel_boot_id();
-    around.tell = [&](const std::string& /*room*/, const std::string& sentence) {
+    ResumptionPlanner::Context context;
+    context.archive = archive();
+    context.boot_id = archive::kernel_boot_id();
+    context.tell = [&](const std::string& /*room*/, const std::string& sentence) {
       started.refused = sentence;
     };
-    ResumptionPlanner planner(around, {{kRoom, 10min, 24h, started.note}});
+    ResumptionPlanner planner(context, {{kRoom, 10min, 24h, started.note}});
 
     archive::RecoveryOptions recovery;
     recovery.archive = archive();
     recovery.key = session.key;
     recovery.device_name = session.device_name;
-    recovery.boot_id = around.boot_id;
+    recovery.boot_id = context.boot_id;
     recovery.log = started.log.get();
     recovery.carry_on = [&](const archive::CutOffCase& cut) { return planner.carry_on(cut); };
     {

@@ -10,7 +10,19 @@ let id = '';
 beforeAll(async () => {
   appliance = await Appliance.alone();
   await appliance.addUser('anna', 'administrator');
-  await appliance.kiroku('record', '--endoscope', 'synthetic:pattern?size=480x270', '--room', 'synthetic:pattern?size=480x270&beep=1', '--vitals', 'synthetic:patient', '--segment', '3s', '--duration', '12s');
+  await appliance.kiroku(
+    'record',
+    '--endoscope',
+    'synthetic:pattern?size=480x270',
+    '--room',
+    'synthetic:pattern?size=480x270&beep=1',
+    '--vitals',
+    'synthetic:patient',
+    '--segment',
+    '3s',
+    '--duration',
+    '12s',
+  );
   id = appliance.cases()[0] as string;
 });
 afterAll(async () => {

@@ -37,7 +37,14 @@ beforeAll(async () => {
   const folder = await appliance.sealPlan();
   await appliance.kiroku('case', 'start', '--plan', join(folder, 'plan.seal.json'));
   for (const [seconds, mark] of [
-    [2, 'Grasp the edge'], [1, 'Lift'], [1.5, 'pause'], [1.5, 'resume'], [1.5, 'Inspect'], [2, 'Hold'], [3, 'Hold done'], [0.5, 'Out'],
+    [2, 'Grasp the edge'],
+    [1, 'Lift'],
+    [1.5, 'pause'],
+    [1.5, 'resume'],
+    [1.5, 'Inspect'],
+    [2, 'Hold'],
+    [3, 'Hold done'],
+    [0.5, 'Out'],
   ] as const) {
     await wait(seconds);
     await appliance.kiroku('case', 'mark', mark);
@@ -135,13 +142,12 @@ describe('The plan beside the recording', () => {
 
   it('keeps the plan in step: as the time map says while it stands, is paused, and goes on', async () => {
     const { page } = visitor;
-    const map = await page.evaluate(
-      async (one) => {
-        const document = (await (await fetch(`/api/cases/${one}/comparisons/newest`)).json()) as { time_map: { pieces: { step: number; knots: [number, number][] }[] } };
-        return document.time_map.pieces;
-      },
-      id,
-    );
+    const map = await page.evaluate(async (one) => {
+      const document = (await (await fetch(`/api/cases/${one}/comparisons/newest`)).json()) as {
+        time_map: { pieces: { step: number; knots: [number, number][] }[] };
+      };
+      return document.time_map.pieces;
+    }, id);
     const lift = map.find((one) => one.step === 3)?.knots ?? [];
     expect(lift.length).toBe(4);
     const [from, pause, resume, to] = lift as [[number, number], [number, number], [number, number], [number, number]];
@@ -173,7 +179,9 @@ describe('The plan beside the recording', () => {
     }
     await press('Space');
     apart.sort((a, b) => a - b);
-    console.log(`plan while playing: ${apart.length} looks, in the middle ${((apart[apart.length >> 1] as number) * 1000).toFixed(0)} ms off, at most ${((apart.at(-1) as number) * 1000).toFixed(0)} ms`);
+    console.log(
+      `plan while playing: ${apart.length} looks, in the middle ${((apart[apart.length >> 1] as number) * 1000).toFixed(0)} ms off, at most ${((apart.at(-1) as number) * 1000).toFixed(0)} ms`,
+    );
     expect(apart.length).toBeGreaterThan(10);
     expect(apart[Math.floor(0.8 * apart.length)]).toBeLessThan(0.1);
   });
@@ -264,10 +272,7 @@ describe('The plan beside the recording', () => {
       await expect.poll(() => page.locator('table.steps caption').textContent()).toContain('5 of 6 steps found');
       await page.locator('.pane-plan video').waitFor();
       // What was seen before is what the server made: the page's time map is the document's.
-      const document = await page.evaluate(
-        async (one) => (await (await fetch(`/api/cases/${one}/comparisons/by-hand`)).json()) as ComparisonDocument,
-        id,
-      );
+      const document = await page.evaluate(async (one) => (await (await fetch(`/api/cases/${one}/comparisons/by-hand`)).json()) as ComparisonDocument, id);
       expect(mapOfSteps(document.steps)).toEqual(planMap(document));
       expect(document.steps[0]?.done?.start_ns).toBe(1.2e9);
       expect((JSON.parse(await appliance.kiroku('verify', id, '--json')) as { verdict: string }).verdict).toBe('intact');

@@ -22,7 +22,10 @@ afterAll(async () => {
 });
 
 const page = () => visitor.page;
-const nav = (name: string) => page().getByRole('navigation').getByRole('link', { name: new RegExp(`^${name}`) });
+const nav = (name: string) =>
+  page()
+    .getByRole('navigation')
+    .getByRole('link', { name: new RegExp(`^${name}`) });
 
 async function signIn(user: string): Promise<void> {
   await page().goto(appliance.url);
@@ -58,7 +61,11 @@ story('One entrance', (step) => {
   });
 
   step('leads to each by the keyboard', async () => {
-    for (const [name, heading] of [['Training', 'Push an organ aside'], ['Planning', 'Plan an operation'], ['Cases', 'Cases']] as const) {
+    for (const [name, heading] of [
+      ['Training', 'Push an organ aside'],
+      ['Planning', 'Plan an operation'],
+      ['Cases', 'Cases'],
+    ] as const) {
       await nav(name).focus();
       await page().keyboard.press('Enter');
       await page().getByRole('heading', { name: heading, exact: true }).waitFor();
@@ -67,7 +74,9 @@ story('One entrance', (step) => {
 
   step('plans by the viewer’s address: pictures come, deeds go', async () => {
     await nav('Planning').click();
-    await page().getByRole('button', { name: /^Begin anew on / }).click();
+    await page()
+      .getByRole('button', { name: /^Begin anew on / })
+      .click();
     await page().locator('.planning-field[aria-busy=false]').waitFor();
     await page().keyboard.press('g');
     const box = await page().locator('.planning-field').boundingBox();
@@ -81,10 +90,11 @@ story('One entrance', (step) => {
 
   step('leaves no plan with steps that are not saved before it was asked', async () => {
     let asked = 0;
-    const answer = (accept: boolean) => page().once('dialog', (dialog) => {
-      ++asked;
-      void (accept ? dialog.accept() : dialog.dismiss());
-    });
+    const answer = (accept: boolean) =>
+      page().once('dialog', (dialog) => {
+        ++asked;
+        void (accept ? dialog.accept() : dialog.dismiss());
+      });
     answer(false);
     await nav('Cases').click();
     await expect.poll(() => asked).toBe(1);
@@ -96,7 +106,9 @@ story('One entrance', (step) => {
     expect(asked).toBe(2);
     // Nothing is lost by leaving what is only looked at.
     await nav('Planning').click();
-    await page().getByRole('button', { name: /^Begin anew on / }).click();
+    await page()
+      .getByRole('button', { name: /^Begin anew on / })
+      .click();
     await page().locator('.planning-field[aria-busy=false]').waitFor();
     await nav('Training').click();
     await page().getByRole('heading', { name: 'Push an organ aside' }).waitFor();

@@ -18,7 +18,10 @@ beforeAll(async () => {
   const { page } = surgeon;
   await signInToRooms(page, appliance);
   await startRecording(page);
-  await page.getByText(/Live, \d+\.\d\d s behind/).first().waitFor();
+  await page
+    .getByText(/Live, \d+\.\d\d s behind/)
+    .first()
+    .waitFor();
 });
 
 afterAll(async () => {
@@ -59,14 +62,20 @@ story('An invitation', (step) => {
     expect(await seriousBarriers(page)).toEqual([]);
     await expectFits(guest, 'invited');
     await page.getByRole('button', { name: 'Look on' }).click();
-    for (const stream of ['endoscope', 'room']) await pane(page, stream).getByText(/Live, \d+\.\d\d s behind/).waitFor();
+    for (const stream of ['endoscope', 'room'])
+      await pane(page, stream)
+        .getByText(/Live, \d+\.\d\d s behind/)
+        .waitFor();
     const token = link.split('=')[1] as string;
     for (const address of guest.asked) expect(address).not.toContain(token);
   });
 
   step('shows the pictures moving and how long they may be seen, and nothing else', async () => {
     const { page } = guest;
-    const time = () => pane(page, 'endoscope').locator('video').evaluate((video: HTMLVideoElement) => video.currentTime);
+    const time = () =>
+      pane(page, 'endoscope')
+        .locator('video')
+        .evaluate((video: HTMLVideoElement) => video.currentTime);
     const first = await time();
     await expect.poll(time).toBeGreaterThan(first + 1);
     await expect.poll(() => page.getByRole('timer').textContent()).toMatch(/5\d:\d\d/);
@@ -124,7 +133,9 @@ story('An invitation', (step) => {
   step('survives that the page is loaded anew', async () => {
     const { page } = guest;
     await page.reload();
-    await pane(page, 'endoscope').getByText(/Live, \d+\.\d\d s behind/).waitFor();
+    await pane(page, 'endoscope')
+      .getByText(/Live, \d+\.\d\d s behind/)
+      .waitFor();
   });
 
   step('lets nobody in a second time', async () => {
@@ -159,7 +170,9 @@ story('An invitation', (step) => {
     const third = await invite('Dr. Abe');
     await guest.page.goto(third);
     await guest.page.getByRole('button', { name: 'Look on' }).click();
-    await pane(guest.page, 'endoscope').getByText(/Live, \d+\.\d\d s behind/).waitFor();
+    await pane(guest.page, 'endoscope')
+      .getByText(/Live, \d+\.\d\d s behind/)
+      .waitFor();
     await appliance.kiroku('case', 'stop');
     await guest.page.getByRole('heading', { name: 'The invitation has ended' }).waitFor();
   });

@@ -55,20 +55,24 @@ const kStory_ms = 1_200_000;
  * fails, the failure names its step.
  */
 export function story(name: string, tell: (step: (what: string, action: () => Promise<void> | void) => void) => void): void {
-  it(name, async () => {
-    const steps: { what: string; action: () => Promise<void> | void }[] = [];
-    tell((what, action) => steps.push({ what, action }));
-    for (const { what, action } of steps) {
-      const begun_ms = Date.now();
-      try {
-        await action();
-      } catch (error) {
-        if (error instanceof Error) error.message = `${what}: ${error.message}`;
-        throw error;
+  it(
+    name,
+    async () => {
+      const steps: { what: string; action: () => Promise<void> | void }[] = [];
+      tell((what, action) => steps.push({ what, action }));
+      for (const { what, action } of steps) {
+        const begun_ms = Date.now();
+        try {
+          await action();
+        } catch (error) {
+          if (error instanceof Error) error.message = `${what}: ${error.message}`;
+          throw error;
+        }
+        console.info(`${name}: ${what} (${Date.now() - begun_ms} ms)`);
       }
-      console.info(`${name}: ${what} (${Date.now() - begun_ms} ms)`);
-    }
-  }, kStory_ms);
+    },
+    kStory_ms,
+  );
 }
 
 const kPassword = 'correct horse battery';
@@ -106,7 +110,12 @@ export class Appliance {
       appliance.url = `https://${listen}/`;
     }
     appliance.spawn(kirokud, ['--home', appliance.home]);
-    await until('kirokud answers', () => appliance.kiroku('status').then(() => true, () => undefined));
+    await until('kirokud answers', () =>
+      appliance.kiroku('status').then(
+        () => true,
+        () => undefined,
+      ),
+    );
     if (!live) await appliance.view();
     return appliance;
   }
@@ -208,7 +217,9 @@ export class Appliance {
   }
 
   cases(): string[] {
-    return readdirSync(join(this.home, 'archive')).filter((name) => /^\d{8}T/.test(name)).sort();
+    return readdirSync(join(this.home, 'archive'))
+      .filter((name) => /^\d{8}T/.test(name))
+      .sort();
   }
 
   /** Flips one bit in the middle of a segment of the case. */
@@ -251,8 +262,15 @@ export async function startBrowser(name: BrowserName = 'chromium'): Promise<Brow
   return chromium.launch({
     executablePath,
     args: [
-      '--headless', '--no-sandbox', '--disable-gpu', '--disable-quic', '--no-first-run', '--disable-background-networking', '--disable-component-update',
-      '--disable-sync', '--autoplay-policy=no-user-gesture-required',
+      '--headless',
+      '--no-sandbox',
+      '--disable-gpu',
+      '--disable-quic',
+      '--no-first-run',
+      '--disable-background-networking',
+      '--disable-component-update',
+      '--disable-sync',
+      '--autoplay-policy=no-user-gesture-required',
     ],
   });
 }
@@ -287,7 +305,11 @@ function listen({ page, problems, asked }: Visitor): void {
   });
   page.on('console', (message) => {
     // That nobody is signed in yet, that a case was never verified, that a changed segment is not shown, or that what was watched live has ended, is an answer.
-    if (message.type() === 'error' && !/status of (401|404|422)|^WebSocket connection to .* failed: (HTTP Authentication failed|.*Unexpected response code: 4\d\d)/.test(message.text())) problems.push(message.text());
+    if (
+      message.type() === 'error' &&
+      !/status of (401|404|422)|^WebSocket connection to .* failed: (HTTP Authentication failed|.*Unexpected response code: 4\d\d)/.test(message.text())
+    )
+      problems.push(message.text());
   });
   page.on('request', (request) => asked.push(request.url()));
 }
@@ -370,25 +392,28 @@ export async function near(page: Page, seconds: number, tolerance = 0.05): Promi
 /** How far the endoscope is ahead of the room whenever it shows a new frame, in seconds of the case: by the frames' own times and when they came to the
  * screen, both playing at `rate`. */
 export async function measuredOffsets(page: Page, seconds: number, rate = 1): Promise<number[]> {
-  return page.evaluate(async ([length_s, rate]) => {
-    const videos = [...document.querySelectorAll('video')] as [HTMLVideoElement, HTMLVideoElement];
-    // Until both run.
-    while (videos.some((one) => one.paused || one.readyState < 3)) await new Promise(requestAnimationFrame);
-    await new Promise((resolve) => setTimeout(resolve, 1000));
-    const shown: { media: number; at: number }[][] = videos.map(() => []);
-    videos.forEach((one, which) => {
-      const note: VideoFrameRequestCallback = (_, frame) => {
-        shown[which]?.push({ media: frame.mediaTime, at: frame.expectedDisplayTime });
+  return page.evaluate(
+    async ([length_s, rate]) => {
+      const videos = [...document.querySelectorAll('video')] as [HTMLVideoElement, HTMLVideoElement];
+      // Until both run.
+      while (videos.some((one) => one.paused || one.readyState < 3)) await new Promise(requestAnimationFrame);
+      await new Promise((resolve) => setTimeout(resolve, 1000));
+      const shown: { media: number; at: number }[][] = videos.map(() => []);
+      videos.forEach((one, which) => {
+        const note: VideoFrameRequestCallback = (_, frame) => {
+          shown[which]?.push({ media: frame.mediaTime, at: frame.expectedDisplayTime });
+          one.requestVideoFrameCallback(note);
+        };
         one.requestVideoFrameCallback(note);
-      };
-      one.requestVideoFrameCallback(note);
-    });
-    await new Promise((resolve) => setTimeout(resolve, length_s * 1000));
-    // The other showed its last frame a little earlier, and would be so much further by now.
-    const [first, second] = shown as [{ media: number; at: number }[], { media: number; at: number }[]];
-    return first.flatMap((frame) => {
-      const beside = second.findLast((one) => one.at <= frame.at + 1);
-      return beside ? [frame.media - beside.media - (rate * (frame.at - beside.at)) / 1000] : [];
-    });
-  }, [seconds, rate] as const);
+      });
+      await new Promise((resolve) => setTimeout(resolve, length_s * 1000));
+      // The other showed its last frame a little earlier, and would be so much further by now.
+      const [first, second] = shown as [{ media: number; at: number }[], { media: number; at: number }[]];
+      return first.flatMap((frame) => {
+        const beside = second.findLast((one) => one.at <= frame.at + 1);
+        return beside ? [frame.media - beside.media - (rate * (frame.at - beside.at)) / 1000] : [];
+      });
+    },
+    [seconds, rate] as const,
+  );
 }

@@ -95,7 +95,12 @@ describe('A case on a tablet', () => {
     const { page } = visitor;
     await openCase(id);
     await expectFits(visitor, 'case', async ({ width, height }) => {
-      const places = await page.evaluate(() => [...document.querySelectorAll('.pane')].map((one) => ({ stream: (one as HTMLElement).dataset['stream'], ...one.getBoundingClientRect().toJSON() as DOMRect })));
+      const places = await page.evaluate(() =>
+        [...document.querySelectorAll('.pane')].map((one) => ({
+          stream: (one as HTMLElement).dataset['stream'],
+          ...(one.getBoundingClientRect().toJSON() as DOMRect),
+        })),
+      );
       const endoscope = places.find((one) => one.stream === 'endoscope') as DOMRect;
       for (const other of places) expect(endoscope.top).toBeLessThanOrEqual(other.top);
       expect(endoscope.top).toBeGreaterThanOrEqual(0);
@@ -105,10 +110,12 @@ describe('A case on a tablet', () => {
       expect(endoscope.height).toBeGreaterThan(0.25 * height);
       // To its end, where the lanes are.
       await page.locator('.case').evaluate((one) => one.scrollTo(0, one.scrollHeight));
-      expect(await page.locator('.button-play').evaluate((one) => {
-        const { left, top, width, height } = one.getBoundingClientRect();
-        return one.contains(document.elementFromPoint(left + width / 2, top + height / 2));
-      })).toBe(true);
+      expect(
+        await page.locator('.button-play').evaluate((one) => {
+          const { left, top, width, height } = one.getBoundingClientRect();
+          return one.contains(document.elementFromPoint(left + width / 2, top + height / 2));
+        }),
+      ).toBe(true);
       const lanes = (await page.locator('.lanes').boundingBox()) as { y: number; height: number };
       expect(lanes.y + 40).toBeLessThan((await page.locator('.controls').boundingBox())?.y as number);
       await page.locator('.case').evaluate((one) => one.scrollTo(0, 0));

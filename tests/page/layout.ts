@@ -10,10 +10,17 @@ export interface Screen {
 
 /** Upright and on its side; the least is a narrow window beside another. */
 export const kScreens: readonly Screen[] = [
-  { width: 600, height: 960 }, { width: 768, height: 1024 }, { width: 820, height: 1180 }, { width: 1024, height: 1366 }, { width: 1024, height: 768 },
+  { width: 600, height: 960 },
+  { width: 768, height: 1024 },
+  { width: 820, height: 1180 },
+  { width: 1024, height: 1366 },
+  { width: 1024, height: 768 },
 ];
 /** Of which pictures are kept. */
-const kPictured: readonly Screen[] = [{ width: 820, height: 1180 }, { width: 1024, height: 768 }];
+const kPictured: readonly Screen[] = [
+  { width: 820, height: 1180 },
+  { width: 1024, height: 768 },
+];
 /** Up to this width the page is laid out for tablets with a mouse, too. */
 const kNarrow = 900;
 
@@ -54,7 +61,12 @@ export async function measured(page: Page, fingers: boolean): Promise<Measured> 
       const scrolling = document.scrollingElement as Element;
       const sideways = Math.max(0, scrolling.scrollWidth - innerWidth);
       const beyond =
-        sideways === 0 ? [] : [...document.querySelectorAll('body *')].filter((one) => isShown(one) && one.getBoundingClientRect().right > innerWidth + 1).slice(0, 5).map(named);
+        sideways === 0
+          ? []
+          : [...document.querySelectorAll('body *')]
+              .filter((one) => isShown(one) && one.getBoundingClientRect().right > innerWidth + 1)
+              .slice(0, 5)
+              .map(named);
 
       // What is pressed for a box to tick, or a file to choose, is its label.
       const targetOf = (one: Element) => (one.matches('input[type=checkbox], input[type=radio], input[type=file]') ? (one.closest('label') ?? one) : one);

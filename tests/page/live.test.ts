@@ -70,7 +70,9 @@ story('A room that is recording', (step) => {
     const { page } = visitor;
     await startRecording(page);
     for (const stream of ['endoscope', 'room']) {
-      await pane(stream).getByText(/Live, \d+\.\d\d s behind/).waitFor();
+      await pane(stream)
+        .getByText(/Live, \d+\.\d\d s behind/)
+        .waitFor();
       await pane(stream).locator('video[aria-label]').waitFor();
     }
     // A flash is one picture of fifty, and a busy machine does not show them all.
@@ -109,7 +111,9 @@ story('A room that is recording', (step) => {
     await expect.poll(() => visitor.page.locator('video').count()).toBe(0);
     await hide(false);
     await expect.poll(open).toBe(3);
-    await pane('endoscope').getByText(/Live, /).waitFor();
+    await pane('endoscope')
+      .getByText(/Live, /)
+      .waitFor();
   });
 
   step('comes back by itself after the connection broke', async () => {
@@ -129,25 +133,31 @@ story('A room that is recording', (step) => {
   step('is said in Japanese, too', async () => {
     const { page } = visitor;
     await page.getByRole('button', { name: '日本語' }).click();
-    await pane('endoscope').getByText(/ライブ（\d+\.\d\d 秒遅れ）/).waitFor();
+    await pane('endoscope')
+      .getByText(/ライブ（\d+\.\d\d 秒遅れ）/)
+      .waitFor();
     await page.getByRole('button', { name: 'English' }).click();
   });
 
   // Speeds are no tests: tests/bench/live.sh asks for it.
-  if (process.env['KIROKU_MEASURE']) step('is measured from glass to glass', async () => {
-    const seen = await watch('endoscope', 40);
-    const id = appliance.cases().at(-1) as string;
-    const opened = JSON.parse(readFileSync(join(appliance.home, 'archive', id, 'ledger.jsonl'), 'utf8').split('\n', 1)[0] ?? '') as { utc: string; mono_ns: number };
-    const zero_ms = Date.parse(opened.utc) - opened.mono_ns / 1e6;
-    const sorted = (all: number[]) => all.sort((one, other) => one - other);
-    const ages = sorted(seen.map((one) => one.shown_ms - zero_ms - one.media_s * 1000));
-    const flashes = sorted(seen.filter((one) => one.brightness > 220).map((one) => one.shown_ms - zero_ms - 2000 * Math.round(one.media_s / 2)));
-    const at = (all: number[], part: number) => `${Math.round(all[Math.floor(all.length * part)] ?? NaN)} ms`;
-    process.stdout.write(
-      `glass to glass: ${ages.length} pictures of ${40 * 25}, median ${at(ages, 0.5)}, p95 ${at(ages, 0.95)}; by ${flashes.length} flashes in the picture: median ${at(flashes, 0.5)}, worst ${at(flashes, 0.999)}\n`,
-    );
-    expect(flashes.length).toBeGreaterThan(5);
-  });
+  if (process.env['KIROKU_MEASURE'])
+    step('is measured from glass to glass', async () => {
+      const seen = await watch('endoscope', 40);
+      const id = appliance.cases().at(-1) as string;
+      const opened = JSON.parse(readFileSync(join(appliance.home, 'archive', id, 'ledger.jsonl'), 'utf8').split('\n', 1)[0] ?? '') as {
+        utc: string;
+        mono_ns: number;
+      };
+      const zero_ms = Date.parse(opened.utc) - opened.mono_ns / 1e6;
+      const sorted = (all: number[]) => all.sort((one, other) => one - other);
+      const ages = sorted(seen.map((one) => one.shown_ms - zero_ms - one.media_s * 1000));
+      const flashes = sorted(seen.filter((one) => one.brightness > 220).map((one) => one.shown_ms - zero_ms - 2000 * Math.round(one.media_s / 2)));
+      const at = (all: number[], part: number) => `${Math.round(all[Math.floor(all.length * part)] ?? NaN)} ms`;
+      process.stdout.write(
+        `glass to glass: ${ages.length} pictures of ${40 * 25}, median ${at(ages, 0.5)}, p95 ${at(ages, 0.95)}; by ${flashes.length} flashes in the picture: median ${at(flashes, 0.5)}, worst ${at(flashes, 0.999)}\n`,
+      );
+      expect(flashes.length).toBeGreaterThan(5);
+    });
 
   step('ends with the recording', async () => {
     const { page } = visitor;

@@ -56,9 +56,13 @@ it('keeps its panes together to the end, at eight times its speed', async () => 
     await page.waitForTimeout(3000);
   }
   const played_s = await clockOf(page);
-  console.log(`played ${Math.round(played_s)} s in ${Math.round((performance.now() - started) / 1000)} s; apart meanwhile, 95 % of frames within ${milliseconds(sorted(largest).at(-1))} of the case`);
+  console.log(
+    `played ${Math.round(played_s)} s in ${Math.round((performance.now() - started) / 1000)} s; apart meanwhile, 95 % of frames within ${milliseconds(sorted(largest).at(-1))} of the case`,
+  );
   await page.locator('.speed select').selectOption('1');
   const offsets = sorted(await measuredOffsets(page, 10));
-  console.log(`then at its own speed: ${offsets.length} frames, in the middle ${milliseconds(offsets[offsets.length >> 1])} apart, 95 % within ${milliseconds(offsets[Math.floor(0.95 * offsets.length)])}, at most ${milliseconds(offsets.at(-1))}`);
+  console.log(
+    `then at its own speed: ${offsets.length} frames, in the middle ${milliseconds(offsets[offsets.length >> 1])} apart, 95 % within ${milliseconds(offsets[Math.floor(0.95 * offsets.length)])}, at most ${milliseconds(offsets.at(-1))}`,
+  );
   expect(offsets.length).toBeGreaterThan(100);
 });

@@ -3,7 +3,21 @@
 import { readFileSync, statSync } from 'node:fs';
 import type { Browser } from 'playwright-core';
 import { afterAll, afterEach, beforeAll, beforeEach, describe, expect, it } from 'vitest';
-import { Appliance, clockOf, keepPicture, measuredOffsets, near, seriousBarriers, settled, startBrowser, startRecording, until, visit, visitSignedIn, type Visitor } from './kit';
+import {
+  Appliance,
+  clockOf,
+  keepPicture,
+  measuredOffsets,
+  near,
+  seriousBarriers,
+  settled,
+  startBrowser,
+  startRecording,
+  until,
+  visit,
+  visitSignedIn,
+  type Visitor,
+} from './kit';
 
 let appliance: Appliance;
 let browser: Browser;
@@ -53,7 +67,13 @@ beforeAll(async () => {
   appliance = await Appliance.start();
   browser = await startBrowser();
   visitor = await visitSignedIn(browser, appliance);
-  intact = await record([['Trocar placed', 6], ['Clip on cystic artery', 10]], 10);
+  intact = await record(
+    [
+      ['Trocar placed', 6],
+      ['Clip on cystic artery', 10],
+    ],
+    10,
+  );
   tampered = await record([], 4);
   appliance.tamper(tampered, 'endoscope', 1);
 });
@@ -218,7 +238,9 @@ describe('A surgeon', () => {
     const offsets = await measuredOffsets(page, 4);
     await press('Space');
     const sizes = offsets.map(Math.abs).sort((a, b) => a - b);
-    console.log(`while playing: ${offsets.length} frames, in the middle ${((sizes[sizes.length >> 1] as number) * 1000).toFixed(1)} ms apart, at most ${((sizes.at(-1) as number) * 1000).toFixed(1)} ms`);
+    console.log(
+      `while playing: ${offsets.length} frames, in the middle ${((sizes[sizes.length >> 1] as number) * 1000).toFixed(1)} ms apart, at most ${((sizes.at(-1) as number) * 1000).toFixed(1)} ms`,
+    );
     expect(offsets.length).toBeGreaterThan(20);
     // A machine that must do other things at this moment may show a frame late; it is caught up with, and the panes
     // never drift to where they would have to jump.
@@ -257,7 +279,10 @@ describe('A surgeon', () => {
       await settled(page);
       const frames = page.evaluate(framesAfterSeek, 11.93);
       await goTo('11.930');
-      expect((await frames).map((one) => one.media.toFixed(2)), `from ${before} s`).toEqual(['11.92', '11.92']);
+      expect(
+        (await frames).map((one) => one.media.toFixed(2)),
+        `from ${before} s`,
+      ).toEqual(['11.92', '11.92']);
       await settled(page);
     }
     await page.unroute(address);
@@ -328,7 +353,10 @@ async function framesAfterSeek(seconds: number): Promise<{ media: number; white:
     const canvas = new OffscreenCanvas(1, 1);
     const context = canvas.getContext('2d') as OffscreenCanvasRenderingContext2D;
     context.drawImage(one, one.videoWidth / 4, one.videoHeight / 4, 8, 8, 0, 0, 1, 1);
-    const white = context.getImageData(0, 0, 1, 1).data.slice(0, 3).every((value) => value > 220);
+    const white = context
+      .getImageData(0, 0, 1, 1)
+      .data.slice(0, 3)
+      .every((value) => value > 220);
     return { media, white };
   };
   const videos = [...document.querySelectorAll('video')];
@@ -362,7 +390,10 @@ async function archivedWhites({ id, at_ns }: { id: string; at_ns: number }): Pro
       const canvas = new OffscreenCanvas(1, 1);
       const context = canvas.getContext('2d') as OffscreenCanvasRenderingContext2D;
       context.drawImage(picture, picture.width / 4, picture.height / 4, 8, 8, 0, 0, 1, 1);
-      return context.getImageData(0, 0, 1, 1).data.slice(0, 3).every((value) => value > 220);
+      return context
+        .getImageData(0, 0, 1, 1)
+        .data.slice(0, 3)
+        .every((value) => value > 220);
     }),
   );
 }

@@ -83,7 +83,9 @@ story('Whom a case is about', (step) => {
     await page.getByText('Patient and procedure are recorded').waitFor();
     await page.waitForTimeout(2500);
     await stop(page);
-    const opening = JSON.parse(readFileSync(join(appliance.home, 'archive', appliance.cases().at(-1) as string, 'ledger.jsonl'), 'utf8').split('\n')[0] as string) as { plan?: string };
+    const opening = JSON.parse(
+      readFileSync(join(appliance.home, 'archive', appliance.cases().at(-1) as string, 'ledger.jsonl'), 'utf8').split('\n')[0] as string,
+    ) as { plan?: string };
     expect(opening.plan).toMatch(/^[0-9a-f]{64}$/);
   });
 

@@ -49,7 +49,11 @@ const clickOn = async (field: Locator, place: Place) => {
 const ask = (path: string, body: unknown) =>
   visitor.page.evaluate(
     async ([address, text]) => {
-      const answer = await fetch(address as string, { method: 'POST', headers: { 'Content-Type': 'application/json', 'X-Kiroku-Request': '1' }, body: text as string });
+      const answer = await fetch(address as string, {
+        method: 'POST',
+        headers: { 'Content-Type': 'application/json', 'X-Kiroku-Request': '1' },
+        body: text as string,
+      });
       return (await answer.json()) as Record<string, unknown>;
     },
     [`/api/cases/${id}/${path}`, JSON.stringify(body)],
@@ -57,18 +61,44 @@ const ask = (path: string, body: unknown) =>
 
 /** All over the organ as it is seen from there. */
 const kPlaces: Place[] = [
-  { x: 0.3, y: 0.5 }, { x: 0.42, y: 0.38 }, { x: 0.45, y: 0.62 }, { x: 0.56, y: 0.44 }, { x: 0.62, y: 0.55 }, { x: 0.7, y: 0.5 }, { x: 0.36, y: 0.56 }, { x: 0.5, y: 0.5 },
+  { x: 0.3, y: 0.5 },
+  { x: 0.42, y: 0.38 },
+  { x: 0.45, y: 0.62 },
+  { x: 0.56, y: 0.44 },
+  { x: 0.62, y: 0.55 },
+  { x: 0.7, y: 0.5 },
+  { x: 0.36, y: 0.56 },
+  { x: 0.5, y: 0.5 },
 ];
 /** A finger that glides over the organ, which is so stiff and held so well that it stays where it is. */
 const kGlide: { from: OrganPoint; to: OrganPoint } = { from: [-20, -42.8, 0], to: [5, -39.8, 0] };
 const kPlan = {
-  name: 'A finger glides over the lobe', volume: 'organ.nrrd', mesh: { threshold: [0, 300], vertices: 500 }, length_unit: 'mm', time_step_s: 0.04,
+  name: 'A finger glides over the lobe',
+  volume: 'organ.nrrd',
+  mesh: { threshold: [0, 300], vertices: 500 },
+  length_unit: 'mm',
+  time_step_s: 0.04,
   materials: [{ region: 'all', young_modulus_pa: 50_000, poisson_ratio: 0.45 }],
-  fixed: [{ box: [[-90, 8, -60], [90, 60, 60]] }],
+  fixed: [
+    {
+      box: [
+        [-90, 8, -60],
+        [90, 60, 60],
+      ],
+    },
+  ],
   tools: { finger: { kind: 'finger', radius: 7 } },
   steps: [
     { do: 'hold', name: 'Look', duration_s: 1 },
-    { do: 'press', name: 'Glide', tool: 'finger', path: [{ at_s: 0, position: kGlide.from }, { at_s: 2, position: kGlide.to }] },
+    {
+      do: 'press',
+      name: 'Glide',
+      tool: 'finger',
+      path: [
+        { at_s: 0, position: kGlide.from },
+        { at_s: 2, position: kGlide.to },
+      ],
+    },
   ],
 };
 /** The recording ran as fast as the plan: where the finger is in its pictures. */
@@ -88,9 +118,32 @@ beforeAll(async () => {
   await appliance.kiroku('plan', 'seal', join(folder, 'plan.json'));
   const film = join(folder, 'replay.mp4');
   execFileSync(process.env['KIROKU_PROGRAM'] ?? '', [
-    'plan', 'replay', join(folder, 'plan.json'), '-o', film, '--gpu', 'off', '--no-caption', '--size', `${kWide}x${kHigh}`, '--view', `${kView.azimuth_deg},${kView.elevation_deg}`,
+    'plan',
+    'replay',
+    join(folder, 'plan.json'),
+    '-o',
+    film,
+    '--gpu',
+    'off',
+    '--no-caption',
+    '--size',
+    `${kWide}x${kHigh}`,
+    '--view',
+    `${kView.azimuth_deg},${kView.elevation_deg}`,
   ]);
-  await appliance.kiroku('record', '--endoscope', `${film}?speed=max`, '--vitals', 'synthetic:patient?speed=max', '--profile', 'lossless', '--duration', '3000ms', '--plan', join(folder, 'plan.seal.json'));
+  await appliance.kiroku(
+    'record',
+    '--endoscope',
+    `${film}?speed=max`,
+    '--vitals',
+    'synthetic:patient?speed=max',
+    '--profile',
+    'lossless',
+    '--duration',
+    '3000ms',
+    '--plan',
+    join(folder, 'plan.seal.json'),
+  );
   id = appliance.cases().at(-1) as string;
   browser = await startBrowser();
   visitor = await visitSignedIn(browser, appliance);
@@ -109,7 +162,10 @@ story('What is said by hand', (step) => {
   step('has pauses that are added, listed, removed and undone', async () => {
     const { page } = visitor;
     // As they were recorded: each as fast as planned.
-    for (const [step, start] of [['1. Look', 0], ['2. Glide', 1]] as const) {
+    for (const [step, start] of [
+      ['1. Look', 0],
+      ['2. Glide', 1],
+    ] as const) {
       await matching().getByRole('button', { name: step, exact: true }).click();
       await goTo(start);
       await press('m');
@@ -141,7 +197,9 @@ story('What is said by hand', (step) => {
 
   step('says why there is no picture of the plan, and asks again', async () => {
     const { page } = visitor;
-    await page.route('**/picking/picture', (route) => route.fulfill({ status: 422, contentType: 'application/json', body: JSON.stringify({ error: 'the plan names no CT' }) }));
+    await page.route('**/picking/picture', (route) =>
+      route.fulfill({ status: 422, contentType: 'application/json', body: JSON.stringify({ error: 'the plan names no CT' }) }),
+    );
     await goTo(0.32);
     await work('Points').click();
     await page.getByText('The plan’s picture could not be had: the plan names no CT').waitFor();
@@ -173,7 +231,9 @@ story('What is said by hand', (step) => {
       await clickOn(planned(), place);
       await expect.poll(() => points().nth(before).getByText('missing').count()).toBe(0);
     }
-    await matching().getByText(/The camera is found: 0\.\d\d pixels off by 8 points/).waitFor();
+    await matching()
+      .getByText(/The camera is found: 0\.\d\d pixels off by 8 points/)
+      .waitFor();
     await page.mouse.move(5, 5);
     await keepPicture(page, 'plan-points');
     await expectFits(visitor, 'points');
@@ -188,7 +248,9 @@ story('What is said by hand', (step) => {
     // Thirty pixels off: the camera cannot be where all are seen.
     await expect.poll(() => points().nth(2).textContent()).toMatch(/Point 3[1-9]\d*\.\d\d px off/);
     for (let i = 0; i < 3; ++i) await press('Control+z');
-    await matching().getByText(/The camera is found: 0\.\d\d pixels off by 8 points/).waitFor();
+    await matching()
+      .getByText(/The camera is found: 0\.\d\d pixels off by 8 points/)
+      .waitFor();
     // Clicked on beside its middle, a mark is chosen and stays to the pixel where it was.
     const stands = await mark.boundingBox();
     const told = await points().nth(2).textContent();
@@ -230,7 +292,9 @@ story('What is said by hand', (step) => {
     await matching().getByText('Too few points are picked on both sides').waitFor();
     await expect.poll(() => matching().getByRole('button', { name: 'Keep as a comparison' }).isDisabled()).toBe(true);
     for (let i = 0; i < 6; ++i) await press('Control+z');
-    await matching().getByText(/The camera is found: 0\.\d\d pixels off by 8 points/).waitFor();
+    await matching()
+      .getByText(/The camera is found: 0\.\d\d pixels off by 8 points/)
+      .waitFor();
   });
 
   step('has clicks on tools, one a picture, that lead to their pictures', async () => {
@@ -244,7 +308,10 @@ story('What is said by hand', (step) => {
       const place = seenBy(camera, tipAt(seconds));
       if (!place) throw new Error('the tip is not before the camera');
       await clickOn(recorded(), place);
-      await matching().locator('.pick-list').getByRole('button', { name: `00:00:0${seconds.toFixed(3)}`, exact: true }).waitFor();
+      await matching()
+        .locator('.pick-list')
+        .getByRole('button', { name: `00:00:0${seconds.toFixed(3)}`, exact: true })
+        .waitFor();
     }
     await matching().getByText('5 clicks on its tip').waitFor();
     await clickOn(recorded(), { x: 0.1, y: 0.1 });

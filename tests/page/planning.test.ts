@@ -33,8 +33,19 @@ beforeAll(async () => {
   server = spawn(
     kiroku,
     [
-      'plan', 'serve', '--home', home, '--plans', join(folder, 'plans'), '--listen', '127.0.0.1:0', '--gpu', 'off',
-      '--web', process.env['KIROKU_PAGE'] as string, '--json',
+      'plan',
+      'serve',
+      '--home',
+      home,
+      '--plans',
+      join(folder, 'plans'),
+      '--listen',
+      '127.0.0.1:0',
+      '--gpu',
+      'off',
+      '--web',
+      process.env['KIROKU_PAGE'] as string,
+      '--json',
     ],
     { stdio: ['ignore', 'pipe', 'inherit'] },
   );
@@ -149,7 +160,7 @@ story('A person who plans', (step) => {
     await keepPicture(page, 'planning');
     console.info(`As the page saw it: ${await page.locator('.attempt-latency').textContent()}`);
     await touch.send('Input.dispatchTouchEvent', { type: 'touchEnd', touchPoints: [] });
-    await expect.poll(async () => (await page.locator('.planning-tool').count())).toBe(1);
+    await expect.poll(async () => await page.locator('.planning-tool').count()).toBe(1);
     expect((await steps()).join()).toMatch(/Press with finger 1, finger 2, finger 3, finger 4, finger 5/);
   });
 
@@ -161,9 +172,11 @@ story('A person who plans', (step) => {
     await page.setViewportSize({ width: 820, height: 1180 });
     await field().scrollIntoViewIfNeeded();
     const before = await picture();
-    const fingers = (apart: number, y: number) => Promise.all([onPicture(0.5 - apart, y), onPicture(0.5 + apart, y)]).then((both) => both.map((one, id) => ({ ...one, id })));
+    const fingers = (apart: number, y: number) =>
+      Promise.all([onPicture(0.5 - apart, y), onPicture(0.5 + apart, y)]).then((both) => both.map((one, id) => ({ ...one, id })));
     await touch.send('Input.dispatchTouchEvent', { type: 'touchStart', touchPoints: await fingers(0.1, 0.5) });
-    for (let step = 1; step <= 8; ++step) await touch.send('Input.dispatchTouchEvent', { type: 'touchMove', touchPoints: await fingers(0.1 + 0.03 * step, 0.5) });
+    for (let step = 1; step <= 8; ++step)
+      await touch.send('Input.dispatchTouchEvent', { type: 'touchMove', touchPoints: await fingers(0.1 + 0.03 * step, 0.5) });
     await touch.send('Input.dispatchTouchEvent', { type: 'touchEnd', touchPoints: [] });
     await expect.poll(picture).not.toBe(before);
     // The page itself was neither scrolled nor zoomed by it.

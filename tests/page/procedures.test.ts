@@ -26,7 +26,12 @@ beforeAll(async () => {
   const now = new Date().toISOString().replace(/\D/g, '').slice(0, 14);
   const place = (id: string, patient: string) =>
     deliver(port, [`MSH|^~\\&|ADT|HOSP|||${now}||ADT^A02|${id}|P|2.5||||||UNICODE UTF-8`, `PID|1||${id}^^^HOSP^MR||${patient}||19800115|F`, 'PV1|1|I|OR1']);
-  await until('the room listens', () => place('17', 'Mori^Aya').then((answer) => answer.includes('MSA|AA'), () => undefined));
+  await until('the room listens', () =>
+    place('17', 'Mori^Aya').then(
+      (answer) => answer.includes('MSA|AA'),
+      () => undefined,
+    ),
+  );
   await place('18', 'Ito^Ken');
   browser = await startBrowser();
   visitor = await visitSignedIn(browser, appliance);

@@ -13,7 +13,8 @@ missing() {
 [[ -x $stage/node_modules/.bin/vitest && -f $KIROKU_PAGE/index.html ]] || missing "the page was not built (see viewer/web/build.sh)"
 if [[ $project == lint ]]; then
   cd "$stage"
-  exec node_modules/.bin/eslint src tests vite.config.ts
+  node_modules/.bin/eslint src tests vite.config.ts
+  exec node_modules/.bin/prettier --check --log-level warn src tests vite.config.ts eslint.config.js '!src/api/schema.d.ts'
 fi
 options=()
 if [[ $project != unit ]]; then

@@ -22,7 +22,18 @@ beforeAll(async () => {
   appliance = await Appliance.alone();
   const record = async (duration: string, ...more: string[]) => {
     const options = 'size=320x180&flash=1&beep=1&speed=max';
-    await appliance.kiroku('record', '--endoscope', `synthetic:pattern?${options}`, '--room', `synthetic:pattern?${options}`, '--duration', duration, '--segment', '3s', ...more);
+    await appliance.kiroku(
+      'record',
+      '--endoscope',
+      `synthetic:pattern?${options}`,
+      '--room',
+      `synthetic:pattern?${options}`,
+      '--duration',
+      duration,
+      '--segment',
+      '3s',
+      ...more,
+    );
     // Cases are named by the second.
     await new Promise((resolve) => setTimeout(resolve, 1100));
     return appliance.cases().at(-1) as string;
@@ -66,7 +77,9 @@ describe('Sound', () => {
     expect(said.decoded).toBeGreaterThan(0);
     const sorted = [...said.apart].sort((a, b) => a - b);
     const middle = sorted[sorted.length >> 1] as number;
-    console.log(`beep after flash, in ${said.apart.length} seconds of playing: in the middle ${middle.toFixed(1)} ms, from ${sorted[0]?.toFixed(1)} to ${sorted.at(-1)?.toFixed(1)} ms`);
+    console.log(
+      `beep after flash, in ${said.apart.length} seconds of playing: in the middle ${middle.toFixed(1)} ms, from ${sorted[0]?.toFixed(1)} to ${sorted.at(-1)?.toFixed(1)} ms`,
+    );
     expect(said.apart.length).toBeGreaterThan(4);
     // Nobody notices 45 ms early and 125 ms late (ITU-R BT.1359). The clocks of a machine without a sound card may add as much again; a track that is a
     // piece or a second off would be seen.
@@ -78,9 +91,19 @@ describe('Sound', () => {
     await press('Home');
     await settled(visitor.page);
     await press('Space');
-    await expect.poll(() => visitor.page.locator('.pane video').first().evaluate((one: HTMLVideoElement) => one.currentTime)).toBeGreaterThan(7);
+    await expect
+      .poll(() =>
+        visitor.page
+          .locator('.pane video')
+          .first()
+          .evaluate((one: HTMLVideoElement) => one.currentTime),
+      )
+      .toBeGreaterThan(7);
     await press('Space');
-    const ranges = await visitor.page.locator('.pane video').first().evaluate((one: HTMLVideoElement) => Array.from({ length: one.buffered.length }, (_, i) => [one.buffered.start(i), one.buffered.end(i)]));
+    const ranges = await visitor.page
+      .locator('.pane video')
+      .first()
+      .evaluate((one: HTMLVideoElement) => Array.from({ length: one.buffered.length }, (_, i) => [one.buffered.start(i), one.buffered.end(i)]));
     expect(ranges.length).toBe(1);
     expect(ranges[0]?.[0]).toBeLessThan(0.1);
   });
@@ -106,7 +129,12 @@ describe('Sound', () => {
     await expect.poll(heard).toEqual([false, true]);
     await page.reload();
     await settled(page);
-    await expect.poll(() => page.locator('.pane video').evaluateAll((videos: HTMLVideoElement[]) => videos.map((one) => [one.muted, one.volume]))).toEqual([[true, 1], [false, 0.4]]);
+    await expect
+      .poll(() => page.locator('.pane video').evaluateAll((videos: HTMLVideoElement[]) => videos.map((one) => [one.muted, one.volume])))
+      .toEqual([
+        [true, 1],
+        [false, 0.4],
+      ]);
     await pane('room').getByRole('button', { name: 'Sound of Room' }).click();
     await pane('endoscope').getByRole('button', { name: 'Sound of Endoscope' }).click();
     await expect.poll(heard).toEqual([true, false]);
@@ -116,7 +144,11 @@ describe('Sound', () => {
   it('is heard from half to double speed alone', async () => {
     await settled(visitor.page);
     await visitor.page.locator('#main').focus();
-    for (const [key, count, is] of [[']', 3, true], [']', 1, false], ['[', 5, true]] as const) {
+    for (const [key, count, is] of [
+      [']', 3, true],
+      [']', 1, false],
+      ['[', 5, true],
+    ] as const) {
       for (let i = 0; i < count; ++i) await press(key);
       await expect.poll(heard).toEqual([is, false]);
     }

@@ -31,8 +31,22 @@ class Trainer {
     const child = spawn(
       kiroku,
       [
-        'train', 'serve', '--home', home, '--listen', '127.0.0.1:0', '--vertices', kVertices, '--expert-a', join(folder, 'expert/hand.txt'),
-        '--web', process.env['KIROKU_PAGE'] as string, '--practice', '0', '--seal', '--json',
+        'train',
+        'serve',
+        '--home',
+        home,
+        '--listen',
+        '127.0.0.1:0',
+        '--vertices',
+        kVertices,
+        '--expert-a',
+        join(folder, 'expert/hand.txt'),
+        '--web',
+        process.env['KIROKU_PAGE'] as string,
+        '--practice',
+        '0',
+        '--seal',
+        '--json',
       ],
       { stdio: ['ignore', 'pipe', 'inherit'] },
     );
@@ -107,7 +121,10 @@ async function lift(moveTo: (y: number) => Promise<void>, whileLifting?: () => P
       await whileLifting?.();
     }
     await moveTo(y);
-    const forces = await visitor.page.locator('.force .mono').allTextContents().catch(() => []);
+    const forces = await visitor.page
+      .locator('.force .mono')
+      .allTextContents()
+      .catch(() => []);
     forces.forEach((text, i) => (largest[i] = Math.max(largest[i] ?? 0, Number(text))));
     await visitor.page.waitForTimeout(15);
   }
@@ -147,7 +164,7 @@ story('A new trainee', (step) => {
     await expect.poll(() => page.locator('.train-choice select').first().inputValue()).toBe('Aoki');
     await page.locator('.train-add').getByLabel('Name').fill('Aoki');
     await page.getByRole('button', { name: 'Add', exact: true }).click();
-    await page.getByText('there is a trainee \'Aoki\'').waitFor();
+    await page.getByText("there is a trainee 'Aoki'").waitFor();
     expect(await seriousBarriers(page)).toEqual([]);
   });
 

@@ -41,8 +41,14 @@ story('A room that records', (step) => {
     await expect.poll(() => vitals.locator('.vital', { hasText: 'HR' }).textContent()).toMatch(/HR.*\d\d/);
     await expect.poll(() => vitals.locator('.vital', { hasText: 'ABP' }).textContent()).toMatch(/\d\d+\/\d\d+/);
     const isDrawn = () =>
-      vitals.locator('canvas').first().evaluate((canvas: HTMLCanvasElement) =>
-        (canvas.getContext('2d') as CanvasRenderingContext2D).getImageData(0, 0, canvas.width, canvas.height).data.some((value, i) => i % 4 === 3 && value > 0));
+      vitals
+        .locator('canvas')
+        .first()
+        .evaluate((canvas: HTMLCanvasElement) =>
+          (canvas.getContext('2d') as CanvasRenderingContext2D)
+            .getImageData(0, 0, canvas.width, canvas.height)
+            .data.some((value, i) => i % 4 === 3 && value > 0),
+        );
     await expect.poll(isDrawn).toBe(true);
   });
 

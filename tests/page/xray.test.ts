@@ -34,17 +34,46 @@ beforeAll(async () => {
   const hand = join(folder, 'hand.json');
   const at = (seconds: number) => Math.round(seconds * 1e9);
   // As fast as planned: 1 s, 2 s, 1.5 s, 1 s.
-  writeFileSync(hand, JSON.stringify({ steps: [[1, 0, 1], [3, 1, 3], [4, 3, 4.5], [6, 4.5, 5.4]].map(([step, start, end]) => ({ step, start: at(start as number), end: at(end as number) })) }));
+  writeFileSync(
+    hand,
+    JSON.stringify({
+      steps: [
+        [1, 0, 1],
+        [3, 1, 3],
+        [4, 3, 4.5],
+        [6, 4.5, 5.4],
+      ].map(([step, start, end]) => ({ step, start: at(start as number), end: at(end as number) })),
+    }),
+  );
   const compare = (one: string, name: string, ...more: string[]) =>
     appliance.kiroku('compare', one, seal, '--by-hand', hand, '--gpu', 'off', '--width', '64', '--name', name, '--made-by', 'Dr. Sato', ...more);
   const record = async (source: string) => {
-    await appliance.kiroku('record', '--fluoroscopy', source, '--vitals', 'synthetic:patient?speed=max', '--profile', 'lossless', '--duration', '5500ms', '--plan', seal);
+    await appliance.kiroku(
+      'record',
+      '--fluoroscopy',
+      source,
+      '--vitals',
+      'synthetic:patient?speed=max',
+      '--profile',
+      'lossless',
+      '--duration',
+      '5500ms',
+      '--plan',
+      seal,
+    );
     return appliance.cases().at(-1) as string;
   };
   const first = await record('synthetic:room?size=256x192&speed=max');
   await compare(first, 'film', '--geometry', geometry('lain.json', [-7, 0, 5]));
   const film = join(folder, 'xray.mp4');
-  execFileSync(process.env['KIROKU_PROGRAM'] ?? '', ['unseal', '-i', join(appliance.home, 'identity.txt'), '-o', film, join(appliance.home, 'comparisons', first, 'film.radiographs.mp4.age')]);
+  execFileSync(process.env['KIROKU_PROGRAM'] ?? '', [
+    'unseal',
+    '-i',
+    join(appliance.home, 'identity.txt'),
+    '-o',
+    film,
+    join(appliance.home, 'comparisons', first, 'film.radiographs.mp4.age'),
+  ]);
   // Cases are named by the second.
   await new Promise((resolve) => setTimeout(resolve, 1100));
   id = await record(`${film}?speed=max`);
@@ -103,7 +132,12 @@ story('The plan’s radiographs', (step) => {
     const { page } = visitor;
     await page.getByRole('button', { name: 'Match steps by hand' }).click();
     const matching = page.getByRole('region', { name: 'Match steps by hand' });
-    for (const [step, start] of [['1. Approach', 0], ['3. Lift', 1], ['4. Hold', 3], ['6. Inspect', 4.5]] as const) {
+    for (const [step, start] of [
+      ['1. Approach', 0],
+      ['3. Lift', 1],
+      ['4. Hold', 3],
+      ['6. Inspect', 4.5],
+    ] as const) {
       await matching.getByRole('button', { name: step, exact: true }).click();
       await page.evaluate(() => (document.activeElement as HTMLElement | null)?.blur());
       await page.keyboard.press('g');

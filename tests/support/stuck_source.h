@@ -22,7 +22,7 @@ class StuckDriver {
   StuckDriver() {
     if (::pipe(ends_->data()) != 0) throw Error("no pipe can be made");
   }
-  ~StuckDriver() { let_go(); }
+  ~StuckDriver() { release(); }
   StuckDriver(const StuckDriver&) = delete;
   StuckDriver& operator=(const StuckDriver&) = delete;
 
@@ -38,7 +38,7 @@ class StuckDriver {
   /// Threads that wait now.
   [[nodiscard]] int waiting() const { return *waiting_; }
   /// Those that wait come back, and nobody waits from now on.
-  void let_go() {
+  void release() {
     if (ends_->back() >= 0) ::close(std::exchange(ends_->back(), -1));
   }
 

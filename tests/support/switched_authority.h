@@ -26,14 +26,14 @@ class SwitchedAuthority : public timestamp::StampSource {
     return inner_->ask(query);
   }
   /// Lets go whoever asks while `held` is set.
-  void let_go() {
+  void release() {
     held = false;
     held.notify_all();
   }
   [[nodiscard]] std::string path() const override { return "over wwan0"; }
 
   std::atomic<bool> up = true;
-  std::atomic<bool> held = false;  // it answers nobody before let_go()
+  std::atomic<bool> held = false;  // it answers nobody before release()
   std::atomic<int> requests = 0;
   std::atomic<int> leave_alone_for_s = 0;  // what it asks for while it is not up; 0: nothing
 

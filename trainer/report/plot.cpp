@@ -139,7 +139,7 @@ class Axis {
   std::vector<double> ticks_;
 };
 
-void require_sound(const Plot& plot) {
+void require_valid(const Plot& plot) {
   const auto good_y = [&](double y) { return std::isfinite(y) && (!plot.logarithmic_y || y > 0); };
   for (const PlotSeries& series : plot.series) {
     if (series.x.size() != series.y.size() ||
@@ -287,7 +287,7 @@ PlotForm plot_form(const std::string& file) {
 }
 
 Bytes plot_file(const Plot& plot, PlotForm form) {
-  require_sound(plot);
+  require_valid(plot);
   Bytes bytes;
   constexpr double kPixels = 2;  // a point, in PNG
   Surface surface;
@@ -315,7 +315,7 @@ Bytes plot_file(const Plot& plot, PlotForm form) {
 
 Bytes report_pdf(const std::string& title, const std::vector<ReportBlock>& blocks) {
   for (const ReportBlock& block : blocks) {
-    if (block.plot) require_sound(*block.plot);
+    if (block.plot) require_valid(*block.plot);
   }
   Bytes bytes;
   const Surface surface(cairo_pdf_surface_create_for_stream(append, &bytes, Pages::kWidth, Pages::kHeight));

@@ -230,7 +230,7 @@ class SessionApi {
     context_.attempts().succeeded(own_key(request));
     refuse_late(*user);
     if (password.text() == chosen.text()) throw Refusal(400, "choose another password than the one of now");
-    UserStore::require_sound(name, chosen);
+    UserStore::require_valid(name, chosen);
     context_.enter_access(request, ViewerContext::kEveryCase, "chose a new password");
     if (!context_.users().replace_password(name, chosen, user->changed)) {
       throw Refusal(409, "an administrator changed this user meanwhile: sign in again");

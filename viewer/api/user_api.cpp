@@ -42,7 +42,7 @@ Response put_user(ViewerContext& context, const Request& request) {
   if (!role) throw Refusal(400, "a role is operator, surgeon, auditor or administrator");
   const bool is_there = context.users().find(name).has_value();
   if (is_there && name == request.session->user()) refuse_own_role();
-  if (!is_there || !password.empty()) UserStore::require_sound(name, password);
+  if (!is_there || !password.empty()) UserStore::require_valid(name, password);
   // Nothing changes that the log does not say first.
   context.enter_access(
       request, ViewerContext::kEveryCase,

@@ -17,7 +17,7 @@ constexpr double kLeastTexture = 1e-4;
 cv::Size window() { return {21, 21}; }
 
 cv::Mat grey_of(const media::PictureView& picture) {
-  media::require_sound(picture);
+  media::require_valid(picture);
   // OpenCV takes memory without const; nothing writes to it here.
   const cv::Mat given(picture.height, picture.width, picture.channels == 1 ? CV_8UC1 : CV_8UC3,
                       const_cast<std::uint8_t*>(picture.samples.data()));

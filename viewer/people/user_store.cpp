@@ -137,7 +137,7 @@ std::unique_ptr<UserStore> UserStore::open(const std::filesystem::path& file, Pa
   return std::unique_ptr<UserStore>(new UserStore(std::move(state)));
 }
 
-void UserStore::require_sound(const std::string& name, const crypto::Secret& password) {
+void UserStore::require_valid(const std::string& name, const crypto::Secret& password) {
   if (!is_user_name(name)) {
     throw UsageError("'" + printable(name) + "' is no user's name: write up to " +
                      std::to_string(kLongestName) +
@@ -161,7 +161,7 @@ crypto::Secret UserStore::new_one_time_password() {
 }
 
 void UserStore::add(const std::string& name, Role role, const crypto::Secret& password) {
-  require_sound(name, password);
+  require_valid(name, password);
   const Hash hash = hash_of(password, state_->hasher);
   const std::lock_guard guard(state_->mutex);
   archive::SqliteFile::Transaction transaction(*state_->file);

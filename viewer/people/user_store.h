@@ -42,7 +42,7 @@ class UserStore {
 
   /// Throws kiroku::UsageError for a name that is none, and for a password shorter than kShortestPassword
   /// characters, longer than kLongestPassword bytes or the same as the name.
-  static void require_sound(const std::string& name, const crypto::Secret& password);
+  static void require_valid(const std::string& name, const crypto::Secret& password);
   /// The same, and for a name that is there already.
   void add(const std::string& name, Role role, const crypto::Secret& password);
   /// The same for a user who is there; throws kiroku::UsageError for one who is not. It is the user's own

@@ -115,7 +115,7 @@ void PlanningTable::apply(const Deed& deed) {
   if (const auto* point = std::get_if<PointDeed>(&deed)) return pointers_.point(point->use, point->pointers);
   if (const auto* stress = std::get_if<StressDeed>(&deed))
     return pictures_.set_largest_pa(stress->largest_pa);
-  pointers_.let_go();
+  pointers_.release();
   if (const auto* line = std::get_if<CutDeed>(&deed)) {
     cut(*line);
   } else if (const auto* hold = std::get_if<HoldDeed>(&deed)) {
@@ -159,7 +159,7 @@ Eigen::Vector2d PlanningTable::on_picture(const Vector3& place_m) const {
 }
 
 nlohmann::ordered_json PlanningTable::document(const std::string& name) {
-  pointers_.let_go();
+  pointers_.release();
   if (session_.plan().steps.empty()) throw Error("a plan has at least one step: do something first");
   return sim::document_of(opened_.own, opened_.tooled, session_, name);
 }

@@ -191,7 +191,7 @@ bool PointerTools::advance() {
     }
     session_.advance(poses);
   } catch (const Error&) {
-    let_go();
+    release();
     throw;
   }
   for (Held& held : held_) held.pose = *session_.frame().poses[held.tool];
@@ -208,7 +208,7 @@ void PointerTools::end_motion() {
   }
 }
 
-void PointerTools::let_go() {
+void PointerTools::release() {
   const std::vector<Held> held = std::exchange(held_, {});
   end_motion();
   for (const Held& one : held) {

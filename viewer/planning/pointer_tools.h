@@ -36,7 +36,7 @@ class PointerTools {
   /// free for it; the others go on.
   void point(PointerUse use, const std::vector<PlanPointer>& pointers);
   /// Ends what moves, and forgets all pointers until they come down anew: before another deed.
-  void let_go();
+  void release();
   /// One time step of the plan, where a tool is not yet where its pointer is; false where none moved. What
   /// PlanSession::advance() throws; pointers are let go then.
   bool advance();

@@ -7,7 +7,7 @@ mode=$1 source_folder=$2 tests=$3 stage=$4 out=$5 stamp=$6
 
 mkdir -p "$stage"
 rm -rf "$stage/src" "$stage/public" "$stage/tests"
-cp -r "$source_folder"/{package.json,package-lock.json,.npmrc,tsconfig.json,vite.config.ts,eslint.config.js,index.html,src,public} "$stage/"
+cp -r "$source_folder"/{package.json,package-lock.json,.npmrc,.prettierrc.json,tsconfig.json,vite.config.ts,eslint.config.js,index.html,src,public} "$stage/"
 mkdir "$stage/tests"
 cp -r "$tests/unit/viewer/web" "$stage/tests/unit"
 cp -r "$tests/page" "$stage/tests/page"

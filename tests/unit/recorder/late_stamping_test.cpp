@@ -59,7 +59,7 @@ class LateStampingTest : public testing::Test {
     return writer->folder();
   }
 
-  [[nodiscard]] LateStamping::Surroundings around(archive::FileSystem* files = nullptr) {
+  [[nodiscard]] LateStamping::Context around(archive::FileSystem* files = nullptr) {
     return {files, kit_.archive(), &kit_.key(), "theatre-1", log_.get(), &trust_, queue_.get()};
   }
   [[nodiscard]] LateStamping late(BackOffPolicy pauses = {}, archive::FileSystem* files = nullptr) {

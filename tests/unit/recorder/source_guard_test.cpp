@@ -58,7 +58,7 @@ class SourceGuardTest : public testing::Test {
   }
   /// No thread of a test may be left when the process ends.
   void TearDown() override {
-    driver.let_go();
+    driver.release();
     ASSERT_TRUE(test::eventually([] { return stuck_source_threads() == 0; }));
   }
 
@@ -89,7 +89,7 @@ TEST_F(SourceGuardTest, GivesUpAThreadThatDoesNotComeBackFromReading) {
   EXPECT_EQ(driver.waiting(), 1);
   EXPECT_THAT(sentences(), ElementsAre("source '/dev/video-of-a-test' does not come back from its driver or "
                                        "file system (reading): its thread is left behind, 1 of at most 2"));
-  driver.let_go();
+  driver.release();
   EXPECT_TRUE(test::eventually([&] { return guarded->stuck() == 0; }));
   EXPECT_EQ(guarded->given_up(), 1U);
   EXPECT_THAT(sentences().back(), HasSubstr("a thread that was left behind has come back"));
@@ -160,7 +160,7 @@ TEST_F(SourceGuardTest, OpensNoMoreThanSoManyUntilOneComesBack) {
                 HasSubstr("cannot be opened again before one of its 2 stuck threads comes back"));
   }
   EXPECT_EQ(driver.waiting(), 2);
-  driver.let_go();
+  driver.release();
   ASSERT_TRUE(test::eventually([&] { return guarded->stuck() == 0; }));
   EXPECT_NE(guarded->open(address, clock, {}), nullptr);
 }

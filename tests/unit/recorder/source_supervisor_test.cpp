@@ -88,13 +88,13 @@ class SourceSupervisorTest : public testing::Test {
     }
   }
 
-  [[nodiscard]] LaneContext context() { return {clock, store, facts, troubles, 2s, end_ns}; }
+  [[nodiscard]] LaneContext context() { return {clock, store, facts, problems, 2s, end_ns}; }
 
   test::MovedClock moved;
   const CaseClock clock{moved};
   SegmentStore store{nullptr, 1};
   FactQueue facts;
-  Troubles troubles;
+  ProblemLog problems;
   std::optional<std::int64_t> end_ns;
   FrameQueue queue{1U << 20};
   std::vector<std::int64_t> opened_at;  // written while the test waits for what comes of it
@@ -113,7 +113,7 @@ TEST_F(SourceSupervisorTest, APipeWhoseDecoderIsLostHasNotEnded) {
   supervisor.start();
   EXPECT_EQ(next(), 'p');
   EXPECT_EQ(next(), 'l');
-  EXPECT_EQ(troubles.latest(), "its decoder crashed");
+  EXPECT_EQ(problems.latest(), "its decoder crashed");
   let_pass(3s);
   EXPECT_EQ(next(), 'p');
   supervisor.stop();
@@ -129,14 +129,14 @@ TEST_F(SourceSupervisorTest, ALostSourceIsTakenUpAgainAfterPausesThatGrow) {
   EXPECT_EQ(next(), 'p');
   EXPECT_EQ(next(), 'p');
   EXPECT_EQ(next(), 'l');
-  EXPECT_EQ(troubles.latest(), "the cable was pulled");
+  EXPECT_EQ(problems.latest(), "the cable was pulled");
   EXPECT_FALSE(supervisor.live());
   let_pass(63s);
   EXPECT_EQ(next(), 'p');
   EXPECT_THAT(opened_at, ElementsAre(1'000'000'000, 3'000'000'000, 7'000'000'000, 15'000'000'000,
                                      31'000'000'000, 47'000'000'000, 63'000'000'000));
   EXPECT_THAT(causes, ElementsAre(GapCause::kDeviceRemoved)) << "the test's device is no file";
-  EXPECT_THAT(troubles.latest(), HasSubstr("no such camera"));
+  EXPECT_THAT(problems.latest(), HasSubstr("no such camera"));
   EXPECT_TRUE(supervisor.live());
   EXPECT_FALSE(supervisor.ended());
   supervisor.stop();
@@ -164,7 +164,7 @@ TEST_F(SourceSupervisorTest, ADamagedFileDoesNotComeBack) {
   EXPECT_EQ(next(), '.');
   EXPECT_TRUE(supervisor.ended());
   EXPECT_FALSE(supervisor.reached_end());
-  EXPECT_EQ(troubles.latest(), "the cable was pulled");
+  EXPECT_EQ(problems.latest(), "the cable was pulled");
 }
 
 TEST_F(SourceSupervisorTest, NothingIsTakenFromTheEndOfTheRecordingOn) {

@@ -35,7 +35,7 @@ class StamperTest : public testing::Test {
   static archive::StoredCheckpoint checkpoint(std::uint64_t size) {
     return {size, {}, "note of " + std::to_string(size) + " entries\n", {}};
   }
-  [[nodiscard]] Stamper::Surroundings around() {
+  [[nodiscard]] Stamper::Context around() {
     return {&trust_, queue_.get(), "case", [this](const std::string& sentence) { said_ += sentence; },
             &clock_};
   }
@@ -162,7 +162,7 @@ TEST_F(StamperTest, TheClosingCheckpointIsTriedOnceMoreInTheMiddleOfAPause) {
   source_->held = true;
   stamper->stamp_closing(checkpoint(3));
   EXPECT_EQ(stamper->outstanding(), 1U);
-  source_->let_go();
+  source_->release();
   const AuthorityAnswer closing = answer();
   EXPECT_TRUE(closing.valid()) << closing.cause;
   EXPECT_EQ(closing.checkpoint.size, 3U);

@@ -118,7 +118,7 @@ TEST_F(RoomTest, ADriverThatDoesNotComeBackHoldsNoRoom) {
   EXPECT_THAT(recorded.broken_rules(), IsEmpty());
   EXPECT_THAT(recorded.gaps("camera-1"), SizeIs(1));
   EXPECT_THAT(recorded.gaps("camera-0"), IsEmpty());
-  driver.let_go();
+  driver.release();
   EXPECT_TRUE(test::eventually([&] { return guarded->stuck() == 0; }));
 }
 

@@ -609,7 +609,7 @@ TEST(Manipulation, WhatIsRefusedChangesNothing) {
 }
 
 TEST(Manipulation, NodesThatNearlyNothingMovesAreNotGrasped) {
-  // A part of steel and more in soft tissue: how it gives way is lost in rounding.
+  // A part of steel and more in soft tissue: its compliance is lost in rounding.
   TetMesh mesh = test::tet_grid({2, 2, 4}, {0.02, 0.02, 0.04});
   for (std::size_t t = 0; t < mesh.tetrahedra.size(); ++t) {
     double z_m = 0;

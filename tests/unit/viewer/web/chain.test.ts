@@ -3,10 +3,37 @@ import type { Finding, Severity, Timeline, VerificationReport } from '@/api/type
 import { readFileSync } from 'node:fs';
 import { byGravity, chainOf, linkOf, momentOf } from '@/verification/chain';
 
-const finding = (code: string, severity: Severity, more: Partial<Finding> = {}): Finding => ({ code, severity, file: null, entry: null, offset: null, text: code, meaning: { en: code, ja: code }, ...more });
+const finding = (code: string, severity: Severity, more: Partial<Finding> = {}): Finding => ({
+  code,
+  severity,
+  file: null,
+  entry: null,
+  offset: null,
+  text: code,
+  meaning: { en: code, ja: code },
+  ...more,
+});
 const report = (findings: Finding[], more: Partial<VerificationReport> = {}): VerificationReport => ({
-  state: 'done', verified: '2026-08-05T09:15:02.000000Z', case: 'c', verdict: 'intact', time: 'external', outside_entries: 9, device: '', opened: null, closed: null, entries: 9, files: 9, bytes: 9, checkpoints: 2, tokens: 2, excerpt: null,
-  streams: [], brackets: [], clocks: [], findings, ...more,
+  state: 'done',
+  verified: '2026-08-05T09:15:02.000000Z',
+  case: 'c',
+  verdict: 'intact',
+  time: 'external',
+  outside_entries: 9,
+  device: '',
+  opened: null,
+  closed: null,
+  entries: 9,
+  files: 9,
+  bytes: 9,
+  checkpoints: 2,
+  tokens: 2,
+  excerpt: null,
+  streams: [],
+  brackets: [],
+  clocks: [],
+  findings,
+  ...more,
 });
 const states = (one: VerificationReport) => Object.fromEntries(chainOf(one).map((link) => [link.name, link.state]));
 
@@ -15,8 +42,13 @@ describe('The chain of proof', () => {
     expect(states(report([]))).toEqual({ segments: 'holds', ledger: 'holds', checkpoints: 'holds', tokens: 'holds', authority: 'holds' });
   });
   it('breaks where the finding is, and nowhere else', () => {
-    expect(states(report([finding('file-hash-differs', 'tampered', { file: 'segments/endoscope/00000003.ts.age' })])))
-      .toEqual({ segments: 'broken', ledger: 'holds', checkpoints: 'holds', tokens: 'holds', authority: 'holds' });
+    expect(states(report([finding('file-hash-differs', 'tampered', { file: 'segments/endoscope/00000003.ts.age' })]))).toEqual({
+      segments: 'broken',
+      ledger: 'holds',
+      checkpoints: 'holds',
+      tokens: 'holds',
+      authority: 'holds',
+    });
     expect(states(report([finding('ledger-changed', 'tampered')]))).toMatchObject({ ledger: 'broken', segments: 'holds' });
     expect(states(report([finding('checkpoint-signature-invalid', 'tampered')]))).toMatchObject({ checkpoints: 'broken' });
   });
@@ -38,11 +70,17 @@ describe('The chain of proof', () => {
   it('puts every finding of the format somewhere on purpose', () => {
     const format = process.env['KIROKU_SOURCE_DIR'];
     if (!format) throw new Error('KIROKU_SOURCE_DIR names the checkout');
-    const codes = [...readFileSync(`${format}/docs/reference/format.md`, 'utf8').matchAll(/^\| `([a-z-]+)` \| (?:tampered|incomplete|unproven|gap|note) \|/gm)].map((one) => one[1]!);
+    const codes = [
+      ...readFileSync(`${format}/docs/reference/format.md`, 'utf8').matchAll(/^\| `([a-z-]+)` \| (?:tampered|incomplete|unproven|gap|note) \|/gm),
+    ].map((one) => one[1]!);
     expect(codes.length).toBeGreaterThan(70);
     const ofLedger = codes.filter((code) => linkOf(finding(code, 'note')) === 'ledger');
     // What is left to the ledger is about its lines, the appliance log, excerpts, a case that carries on another, and the list itself.
-    expect(ofLedger.filter((code) => !/^(entry|open|ledger|log|excerpt|case|device-invalid|clock|utc|not-closed|recovered|carrying-on|carried-on|folder|more)/.test(code))).toEqual([]);
+    expect(
+      ofLedger.filter(
+        (code) => !/^(entry|open|ledger|log|excerpt|case|device-invalid|clock|utc|not-closed|recovered|carrying-on|carried-on|folder|more)/.test(code),
+      ),
+    ).toEqual([]);
   });
 });
 
@@ -52,7 +90,13 @@ describe('Findings', () => {
     expect(byGravity(list).map((one) => one.code)).toEqual(['b', 'd', 'c', 'a']);
   });
   it('lead to their moment', () => {
-    const timeline: Timeline = { segments: [{ stream: 'room', index: 3, start_ns: 6e9, end_ns: 8e9, complete: true, erased: false }], gaps: [], tokens: [], checkpoints: [], brackets: [] };
+    const timeline: Timeline = {
+      segments: [{ stream: 'room', index: 3, start_ns: 6e9, end_ns: 8e9, complete: true, erased: false }],
+      gaps: [],
+      tokens: [],
+      checkpoints: [],
+      brackets: [],
+    };
     expect(momentOf(finding('gap', 'gap', { time_ns: 0 }), timeline)).toBe(0);
     expect(momentOf(finding('file-hash-differs', 'tampered', { file: 'segments/room/00000003.ts.age', time_ns: null }), timeline)).toBe(6e9);
     expect(momentOf(finding('file-hash-differs', 'tampered', { file: 'segments/room/00000004.ts.age' }), timeline)).toBeUndefined();

@@ -33,7 +33,7 @@ function skip(source: string, at: number): number {
 /** Splits at `sign` where it stands outside of literals and groups. */
 function split(source: string, sign: string): string[] {
   const parts = [''];
-  for (let i = 0; i < source.length; ) {
+  for (let i = 0; i < source.length;) {
     const end = skip(source, i);
     if (source[i] === sign) parts.push('');
     else parts[parts.length - 1] += source.slice(i, end);

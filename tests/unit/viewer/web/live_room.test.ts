@@ -3,9 +3,43 @@ import type { LiveSeries, RoomStatus, StreamStatus } from '@/api/types';
 import { AlertBell, kAgain_ms, troublesOf } from '@/rooms/trouble';
 import { LiveWaves, readingsOf } from '@/vitals/live_readings';
 
-const stream = (more: Partial<StreamStatus>): StreamStatus => ({ name: 'endoscope', kind: 'video', live: true, frames: 9, dropped: 0, refused: 0, segments: 1, bytes: 9, age_ms: 40, durable_age_ms: 900, input: '', unboxed: false, stuck: 0, given_up: 0, ...more });
+const stream = (more: Partial<StreamStatus>): StreamStatus => ({
+  name: 'endoscope',
+  kind: 'video',
+  live: true,
+  frames: 9,
+  dropped: 0,
+  refused: 0,
+  segments: 1,
+  bytes: 9,
+  age_ms: 40,
+  durable_age_ms: 900,
+  input: '',
+  unboxed: false,
+  stuck: 0,
+  given_up: 0,
+  ...more,
+});
 const room = (state: string, ...streams: StreamStatus[]): RoomStatus => ({
-  room: 'or-1', state, case: 'c', reason: '', carries_on: '', resumed: 0, not_resumed: false, subject: 'none', procedure: [], elapsed_ns: 0, now_ns: 0, streams, tokens: 0, missed: 0, authorities: [], bytes_per_second: 0, cases: 1, problem: '', footswitches: [],
+  room: 'or-1',
+  state,
+  case: 'c',
+  reason: '',
+  carries_on: '',
+  resumed: 0,
+  not_resumed: false,
+  subject: 'none',
+  procedure: [],
+  elapsed_ns: 0,
+  now_ns: 0,
+  streams,
+  tokens: 0,
+  missed: 0,
+  authorities: [],
+  bytes_per_second: 0,
+  cases: 1,
+  problem: '',
+  footswitches: [],
 });
 
 describe('Trouble of a room', () => {
@@ -47,17 +81,31 @@ describe('The bell', () => {
 
 describe('Live vital signs', () => {
   const series = (code: string, time_ns: number, value: number | null, more: Partial<LiveSeries> = {}): LiveSeries => ({
-    code, label: code, unit: '/min', kind: 'numeric', stream: 'vitals', source: '', time_ns, value, ...more,
+    code,
+    label: code,
+    unit: '/min',
+    kind: 'numeric',
+    stream: 'vitals',
+    source: '',
+    time_ns,
+    value,
+    ...more,
   });
   it('are the newest numbers, in the monitors’ order', () => {
     const readings = readingsOf(
       [
-        series('MDC_PRESS_BLD_ART_ABP_DIA', 9e9, 80), series('MDC_PRESS_BLD_ART_ABP_SYS', 9e9, 120), series('MDC_PRESS_BLD_ART_ABP_MEAN', 9e9, 93),
-        series('MDC_ECG_HEART_RATE', 8e9, 59), series('MDC_ECG_HEART_RATE', 9e9, 60, { source: 'bed-2' }),
+        series('MDC_PRESS_BLD_ART_ABP_DIA', 9e9, 80),
+        series('MDC_PRESS_BLD_ART_ABP_SYS', 9e9, 120),
+        series('MDC_PRESS_BLD_ART_ABP_MEAN', 9e9, 93),
+        series('MDC_ECG_HEART_RATE', 8e9, 59),
+        series('MDC_ECG_HEART_RATE', 9e9, 60, { source: 'bed-2' }),
       ],
       10e9,
     );
-    expect(readings.map(({ text, mean, silent_s }) => [text, mean, silent_s])).toEqual([['60', '', undefined], ['120/80', '(93)', undefined]]);
+    expect(readings.map(({ text, mean, silent_s }) => [text, mean, silent_s])).toEqual([
+      ['60', '', undefined],
+      ['120/80', '(93)', undefined],
+    ]);
   });
   it('do not show a number that fell silent, and say for how long', () => {
     expect(readingsOf([series('MDC_ECG_HEART_RATE', 1e9, 60)], 13e9)[0]).toMatchObject({ text: '– –', silent_s: 12 });
@@ -69,11 +117,18 @@ describe('Live vital signs', () => {
   });
   it('join blocks of a wave, whatever comes twice, and begin anew with the next case', () => {
     const waves = new LiveWaves();
-    const block = (end_ns: number, values: (number | null)[]) => [{ ...series('W', end_ns, null), kind: 'wave' as const, blocks: [{ end_ns, rate_hz: 2, values }] }];
+    const block = (end_ns: number, values: (number | null)[]) => [
+      { ...series('W', end_ns, null), kind: 'wave' as const, blocks: [{ end_ns, rate_hz: 2, values }] },
+    ];
     waves.add(block(1e9, [1, 2]));
     waves.add(block(1e9, [1, 2]));
     waves.add(block(2e9, [3, null]));
-    expect(waves.of('W', 0, 9e9).map(({ time_ns, value }) => [time_ns / 1e9, value])).toEqual([[0, 1], [0.5, 2], [1, 3], [1.5, null]]);
+    expect(waves.of('W', 0, 9e9).map(({ time_ns, value }) => [time_ns / 1e9, value])).toEqual([
+      [0, 1],
+      [0.5, 2],
+      [1, 3],
+      [1.5, null],
+    ]);
     expect(waves.last_ns).toBe(2e9);
     waves.add(block(60e9, [5, 6]));
     expect(waves.of('W', 0, 9e9), 'twelve seconds are kept').toEqual([]);

@@ -5,12 +5,24 @@ describe('An entry of the appliance log', () => {
   const head = { seq: 7, utc: '2026-08-05T09:15:02.000000Z', mono_ns: 0 };
   it('says who looked at what', () => {
     expect(rowOf({ ...head, type: 'access', case: '20260805T091502Z-3f9c21ab', what: 'exported endoscope', who: 'anna (kiroku view, 192.0.2.7)' })).toEqual({
-      seq: 7, utc: head.utc, type: 'access', case: '20260805T091502Z-3f9c21ab', who: 'anna (kiroku view, 192.0.2.7)', deed: 'exported endoscope', carries: [],
+      seq: 7,
+      utc: head.utc,
+      type: 'access',
+      case: '20260805T091502Z-3f9c21ab',
+      who: 'anna (kiroku view, 192.0.2.7)',
+      deed: 'exported endoscope',
+      carries: [],
     });
   });
   it('says whatever else it carries', () => {
-    expect(rowOf({ ...head, type: 'case-checkpoint', case: '20260805T091502Z-3f9c21ab', size: 412, root: 'ab' }).carries).toEqual([['size', '412'], ['root', 'ab']]);
-    expect(rowOf({ ...head, type: 'pre-roll-discarded', segments: 30, duration_ns: 90e9 }).carries).toEqual([['segments', '30'], ['duration_ns', '1 min 30 s']]);
+    expect(rowOf({ ...head, type: 'case-checkpoint', case: '20260805T091502Z-3f9c21ab', size: 412, root: 'ab' }).carries).toEqual([
+      ['size', '412'],
+      ['root', 'ab'],
+    ]);
+    expect(rowOf({ ...head, type: 'pre-roll-discarded', segments: 30, duration_ns: 90e9 }).carries).toEqual([
+      ['segments', '30'],
+      ['duration_ns', '1 min 30 s'],
+    ]);
     expect(rowOf({ ...head, type: 'shutdown' })).toMatchObject({ case: '', who: '', deed: '', carries: [] });
   });
   it('of no single case leads to none', () => {

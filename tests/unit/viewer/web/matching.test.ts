@@ -1,5 +1,21 @@
 import { describe, expect, it } from 'vitest';
-import { beginning, begun, byHand, changed, compared, type Draft, ended, freeName, mapOfSteps, notDone, ofFound, paused, redone, undone, unpaused } from '@/compare/matching';
+import {
+  beginning,
+  begun,
+  byHand,
+  changed,
+  compared,
+  type Draft,
+  ended,
+  freeName,
+  mapOfSteps,
+  notDone,
+  ofFound,
+  paused,
+  redone,
+  undone,
+  unpaused,
+} from '@/compare/matching';
 import { planAt } from '@/compare/plan_map';
 
 const room = { start_ns: 0, end_ns: 60e9 };
@@ -15,7 +31,12 @@ describe('Matching by hand', () => {
   it('takes a step until the next one begins, the last until the recording ends', () => {
     const draft = begun(begun(nothing, 1, 10e9, room), 2, 20e9, room);
     expect(doneOf(draft)).toEqual([[10e9, 20e9, 1], [20e9, 60e9, 2], null]);
-    expect(byHand(draft)).toEqual({ steps: [{ step: 1, start: 10e9 }, { step: 2, start: 20e9 }] });
+    expect(byHand(draft)).toEqual({
+      steps: [
+        { step: 1, start: 10e9 },
+        { step: 2, start: 20e9 },
+      ],
+    });
   });
 
   it('lets steps be done in another order than planned', () => {
@@ -45,7 +66,15 @@ describe('Matching by hand', () => {
     const draft = ended(begun(begun(nothing, 1, 10e9, room), 3, 30e9, room), 1, 25e9, room);
     const one = paused(draft, 1, { start_ns: 12e9, end_ns: 14e9 }, room);
     const two = paused(one, 1, { start_ns: 20e9, end_ns: 21e9 }, room);
-    expect(byHand(two).steps[0]).toEqual({ step: 1, start: 10e9, end: 25e9, pauses: [[12e9, 14e9], [20e9, 21e9]] });
+    expect(byHand(two).steps[0]).toEqual({
+      step: 1,
+      start: 10e9,
+      end: 25e9,
+      pauses: [
+        [12e9, 14e9],
+        [20e9, 21e9],
+      ],
+    });
     expect(byHand(paused(two, 1, { start_ns: 13e9, end_ns: 20.5e9 }, room)).steps[0]).toEqual({ step: 1, start: 10e9, end: 25e9, pauses: [[12e9, 21e9]] });
     expect(byHand(unpaused(two, 1, 0)).steps[0]).toEqual({ step: 1, start: 10e9, end: 25e9, pauses: [[20e9, 21e9]] });
     // The last step lasts until the recording ends; nothing is interrupted that was not being done.
@@ -75,10 +104,21 @@ describe('Matching by hand', () => {
     );
     const map = mapOfSteps(compared(planned, draft, room));
     expect(map?.pieces).toEqual([
-      { step: 1, knots: [{ plan_s: 0, case_ns: 10e9 }, { plan_s: 2, case_ns: 14e9 }] },
+      {
+        step: 1,
+        knots: [
+          { plan_s: 0, case_ns: 10e9 },
+          { plan_s: 2, case_ns: 14e9 },
+        ],
+      },
       {
         step: 3,
-        knots: [{ plan_s: 3, case_ns: 30e9 }, { plan_s: 5, case_ns: 32e9 }, { plan_s: 5, case_ns: 38e9 }, { plan_s: 7, case_ns: 40e9 }],
+        knots: [
+          { plan_s: 3, case_ns: 30e9 },
+          { plan_s: 5, case_ns: 32e9 },
+          { plan_s: 5, case_ns: 38e9 },
+          { plan_s: 7, case_ns: 40e9 },
+        ],
       },
     ]);
     expect(map && planAt(map, 35e9)).toEqual({ step: 3, plan_s: 5, speed: 0 });

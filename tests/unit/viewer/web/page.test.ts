@@ -28,8 +28,14 @@ describe('Texts', () => {
 
 describe('Addresses', () => {
   it.each<Route>([
-    { view: 'cases' }, { view: 'rooms' }, { view: 'log' }, { view: 'users' }, { view: 'training' }, { view: 'case', id: '20260805T091502Z-3f9c21ab' },
-    { view: 'case', id: '20260805T091502Z-3f9c21ab', at_ns: 12.5e9 }, { view: 'verification', id: '20260805T091502Z-3f9c21ab' },
+    { view: 'cases' },
+    { view: 'rooms' },
+    { view: 'log' },
+    { view: 'users' },
+    { view: 'training' },
+    { view: 'case', id: '20260805T091502Z-3f9c21ab' },
+    { view: 'case', id: '20260805T091502Z-3f9c21ab', at_ns: 12.5e9 },
+    { view: 'verification', id: '20260805T091502Z-3f9c21ab' },
   ])('lead where they were made for: $view', (route) => {
     expect(parseRoute(hrefOf(route))).toEqual(route);
   });
@@ -47,9 +53,24 @@ describe('Addresses', () => {
 describe('Keys', () => {
   const press = (key: string, more = {}) => actionOf({ key, shiftKey: false, ctrlKey: false, altKey: false, metaKey: false, ...more });
   it('do what the page of keys says', () => {
-    expect([' ', ',', '.', '[', ']', 'PageUp', 'PageDown', 'f', '?', 'g'].map((key) => press(key)))
-      .toEqual(['toggle', 'frameBack', 'frameForward', 'slower', 'faster', 'previousMark', 'nextMark', 'fullScreen', 'help', 'goTo']);
-    expect([press('ArrowLeft'), press('ArrowLeft', { shiftKey: true }), press('ArrowUp'), press('ArrowDown')]).toEqual(['back5', 'back1', 'forward60', 'back60']);
+    expect([' ', ',', '.', '[', ']', 'PageUp', 'PageDown', 'f', '?', 'g'].map((key) => press(key))).toEqual([
+      'toggle',
+      'frameBack',
+      'frameForward',
+      'slower',
+      'faster',
+      'previousMark',
+      'nextMark',
+      'fullScreen',
+      'help',
+      'goTo',
+    ]);
+    expect([press('ArrowLeft'), press('ArrowLeft', { shiftKey: true }), press('ArrowUp'), press('ArrowDown')]).toEqual([
+      'back5',
+      'back1',
+      'forward60',
+      'back60',
+    ]);
     expect([press('?', { shiftKey: true }), press('F', { shiftKey: true })]).toEqual(['help', 'fullScreen']);
   });
   it('leave the browser its own', () => {

@@ -1,6 +1,21 @@
 import { describe, expect, it } from 'vitest';
 import { fluoroscopyBody, readGeometry } from '@/compare/fluoroscopy';
-import { byHandPicks, clicked, completePairs, kNoPicks, lacks, leastPairs, moved, picked, type Picks, pixelAt, placeOf, seenBy, withoutClick, withoutPair } from '@/compare/picks';
+import {
+  byHandPicks,
+  clicked,
+  completePairs,
+  kNoPicks,
+  lacks,
+  leastPairs,
+  moved,
+  picked,
+  type Picks,
+  pixelAt,
+  placeOf,
+  seenBy,
+  withoutClick,
+  withoutPair,
+} from '@/compare/picks';
 
 const at = { time_ns: 5e9, plan_s: 1.5 };
 const pair = (picks: Picks, n: number): Picks => picked(picked(picks, 'organ', [n, 0, 0], at, undefined).picks, 'pixel', [n, 1], at, undefined).picks;
@@ -18,7 +33,13 @@ describe('Points picked on two pictures', () => {
   });
 
   it('go to the chosen pair where that lacks the side, else to the first that does', () => {
-    const three = picked(picked(picked(kNoPicks, 'pixel', [1, 1], at, undefined).picks, 'pixel', [2, 2], at, undefined).picks, 'pixel', [3, 3], at, undefined).picks;
+    const three = picked(
+      picked(picked(kNoPicks, 'pixel', [1, 1], at, undefined).picks, 'pixel', [2, 2], at, undefined).picks,
+      'pixel',
+      [3, 3],
+      at,
+      undefined,
+    ).picks;
     expect(three.pairs.length).toBe(3);
     expect(picked(three, 'organ', [0, 0, 0], at, 1).pair).toBe(1);
     expect(picked(three, 'organ', [0, 0, 0], at, undefined).pair).toBe(0);
@@ -49,7 +70,10 @@ describe('Clicks on tools', () => {
     picks = clicked(picks, 'forceps', { at_ns: 2e9, pixel: [2, 2] });
     picks = clicked(picks, 'forceps', { at_ns: 4e9, pixel: [3, 3] });
     picks = clicked(picks, 'scissors', { at_ns: 4e9, pixel: [9, 9] });
-    expect(picks.clicks.get('forceps')).toEqual([{ at_ns: 2e9, pixel: [2, 2] }, { at_ns: 4e9, pixel: [3, 3] }]);
+    expect(picks.clicks.get('forceps')).toEqual([
+      { at_ns: 2e9, pixel: [2, 2] },
+      { at_ns: 4e9, pixel: [3, 3] },
+    ]);
     const without = withoutClick(withoutClick(picks, 'forceps', 4e9), 'scissors', 4e9);
     expect([...without.clicks.keys()]).toEqual(['forceps']);
     expect(withoutClick(without, 'hook', 1)).toEqual(without);
@@ -83,7 +107,12 @@ describe('What was picked', () => {
 
   it('is seen where the camera sees it', () => {
     // From the front (against y), 100 before the origin; x to the left of the picture's right, z up.
-    const camera = { eye: [0, -100, 0] as [number, number, number], view_axes: [1, 0, 0, 0, 0, 1, 0, -1, 0], half_extent: [0.4, 0.3] as [number, number], centre: [0, 0] as [number, number] };
+    const camera = {
+      eye: [0, -100, 0] as [number, number, number],
+      view_axes: [1, 0, 0, 0, 0, 1, 0, -1, 0],
+      half_extent: [0.4, 0.3] as [number, number],
+      centre: [0, 0] as [number, number],
+    };
     expect(seenBy(camera, [0, 0, 0])).toEqual({ x: 0.5, y: 0.5 });
     expect(seenBy(camera, [20, 0, 15])).toEqual({ x: 0.75, y: 0.25 });
     expect(seenBy({ ...camera, centre: [0.2, 0] }, [20, 0, 0])).toEqual({ x: 0.5, y: 0.5 });
@@ -97,7 +126,10 @@ describe('A fluoroscopy', () => {
     for (const text of ['', '[1]', 'null', '3', '{']) expect(readGeometry(text)).toBeUndefined();
     expect(fluoroscopyBody(undefined)).toBeUndefined();
     expect(fluoroscopyBody({ stream: 'fluoroscopy', geometry: { a: 1 }, file: 'a.json', alignAt_ns: null, polarity: 'bone-black' })).toEqual({
-      stream: 'fluoroscopy', geometry: { a: 1 }, align_at_ns: null, polarity: 'bone-black',
+      stream: 'fluoroscopy',
+      geometry: { a: 1 },
+      align_at_ns: null,
+      polarity: 'bone-black',
     });
   });
 });

@@ -6,10 +6,7 @@ const step = (number: number, start_s?: number, end_s?: number): ComparedStep =>
   step: number,
   name: `step ${number}`,
   planned: { start_s: number - 1, duration_s: 1 },
-  done:
-    start_s === undefined || end_s === undefined
-      ? null
-      : { start_ns: start_s * 1e9, end_ns: end_s * 1e9, order: 1, pauses: [], pause_before_ns: null },
+  done: start_s === undefined || end_s === undefined ? null : { start_ns: start_s * 1e9, end_ns: end_s * 1e9, order: 1, pauses: [], pause_before_ns: null },
 });
 
 const document = (pieces: { step: number; knots: [number, number][] }[] | null, steps: ComparedStep[] = []): ComparisonDocument => ({
@@ -26,9 +23,29 @@ const document = (pieces: { step: number; knots: [number, number][] }[] | null, 
 /** Step 1 half as fast with a pause of a second in it; step 3 is done before step 2. */
 const map = planMap(
   document([
-    { step: 1, knots: [[0, 10e9], [1, 12e9], [1, 13e9], [2, 15e9]] },
-    { step: 3, knots: [[5, 20e9], [6, 20.5e9]] },
-    { step: 2, knots: [[2, 30e9], [5, 33e9]] },
+    {
+      step: 1,
+      knots: [
+        [0, 10e9],
+        [1, 12e9],
+        [1, 13e9],
+        [2, 15e9],
+      ],
+    },
+    {
+      step: 3,
+      knots: [
+        [5, 20e9],
+        [6, 20.5e9],
+      ],
+    },
+    {
+      step: 2,
+      knots: [
+        [2, 30e9],
+        [5, 33e9],
+      ],
+    },
   ]),
 );
 

@@ -88,7 +88,10 @@ describe('A drawn line', () => {
     expect(line.take()).toBeUndefined();
     line.begin(0.2, 0.2);
     expect(line.add(0.3, 0.2)).toBe(true);
-    expect(line.take()).toEqual([{ x: 0.2, y: 0.2 }, { x: 0.3, y: 0.2 }]);
+    expect(line.take()).toEqual([
+      { x: 0.2, y: 0.2 },
+      { x: 0.3, y: 0.2 },
+    ]);
     expect(line.places).toEqual([]);
   });
 });

@@ -10,10 +10,20 @@ describe('A place in a picture', () => {
     expect(partAt(800, 450, box)).toEqual({ x: 0.5, y: 0.5 });
     expect(partAt(200, 0, box)).toEqual({ x: 0, y: 0 });
     expect(partAt(1400, 900, box)).toEqual({ x: 1, y: 1 });
-    for (const [left, top] of [[199, 10], [1401, 10], [800, -1], [800, 901]] as const) expect(partAt(left, top, box)).toBeUndefined();
+    for (const [left, top] of [
+      [199, 10],
+      [1401, 10],
+      [800, -1],
+      [800, 901],
+    ] as const)
+      expect(partAt(left, top, box)).toBeUndefined();
   });
   it('is the same in a pane of any size', () => {
-    for (const [width, height] of [[640, 480], [1920, 300], [333, 777]] as const) {
+    for (const [width, height] of [
+      [640, 480],
+      [1920, 300],
+      [333, 777],
+    ] as const) {
       const box = pictureBox(width, height, 720, 576);
       const part = partAt(box.left + 0.3 * box.width, box.top + 0.7 * box.height, box);
       expect(part?.x).toBeCloseTo(0.3, 9);
@@ -33,7 +43,10 @@ describe('Arrows', () => {
   it('are the newest of each person, of this stream, of the time behind', () => {
     const points = [point('a', 0, 0.1), point('a', 900, 0.2), point('b', 500), point('a', 1100, 0.9), { ...point('c', 900), stream: 'room' }];
     const seen = seenAt(points, 'endoscope', (one) => 1000 - one.time_ms);
-    expect(seen.map(({ by, x }) => [by, x])).toEqual([['a', 0.2], ['b', 0.5]]);
+    expect(seen.map(({ by, x }) => [by, x])).toEqual([
+      ['a', 0.2],
+      ['b', 0.5],
+    ]);
     expect(seenAt(points, 'endoscope', (one) => 1100 + kSeen_ms - one.time_ms)).toEqual([]);
   });
   it('have the same colour for the same person, and a guest another than a user of that name', () => {

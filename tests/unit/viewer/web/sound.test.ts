@@ -39,7 +39,10 @@ describe('Sound', () => {
     expect(all.every((one) => one.muted.value)).toBe(true);
     all[0]?.setVolume(0);
     expect(of.toggleSound(all)).toBe('on');
-    expect(all.map((one) => [one.muted.value, one.volume.value])).toEqual([[false, 1], [true, 1]]);
+    expect(all.map((one) => [one.muted.value, one.volume.value])).toEqual([
+      [false, 1],
+      [true, 1],
+    ]);
     // By its own button too: what was turned down to nothing is not told to be on while nothing is heard.
     all[1]?.setVolume(0);
     all[1]?.mute(false);

@@ -3,7 +3,14 @@ import { patientText, procedureText, saidByTyping, staffText } from '@/subject/s
 
 describe('A subject as text', () => {
   it('has what is known, and nothing for what is not', () => {
-    const whole = { patient: 'Yamada Tarou', patient_id: '17', birth_date: '1980-01-15', sex: 'M', procedure: 'Cholecystectomy', staff: [{ role: 'surgeon', name: 'Sato' }, { role: 'observer', id: '9' }, { name: 'Mori' }] };
+    const whole = {
+      patient: 'Yamada Tarou',
+      patient_id: '17',
+      birth_date: '1980-01-15',
+      sex: 'M',
+      procedure: 'Cholecystectomy',
+      staff: [{ role: 'surgeon', name: 'Sato' }, { role: 'observer', id: '9' }, { name: 'Mori' }],
+    };
     expect(patientText(whole)).toBe('Yamada Tarou (17, born 1980-01-15, M)');
     expect(procedureText(whole)).toBe('Cholecystectomy');
     expect(staffText(whole)).toBe('Surgeon: Sato · observer: 9 · Mori');

@@ -15,8 +15,20 @@ describe('Times', () => {
   });
 
   it.each([
-    ['90', 90], ['1:30', 90], ['01:02:03', 3723], ['12.5', 12.5], ['1h2m3s', 3723], ['5 min', 300], ['２', undefined], ['1：30', 90], [' 7 ', 7],
-    ['1:75', undefined], ['1:60:00', undefined], ['', undefined], ['soon', undefined], ['--5', undefined],
+    ['90', 90],
+    ['1:30', 90],
+    ['01:02:03', 3723],
+    ['12.5', 12.5],
+    ['1h2m3s', 3723],
+    ['5 min', 300],
+    ['２', undefined],
+    ['1：30', 90],
+    [' 7 ', 7],
+    ['1:75', undefined],
+    ['1:60:00', undefined],
+    ['', undefined],
+    ['soon', undefined],
+    ['--5', undefined],
   ])('are read as people type them: %s', (text, seconds) => {
     expect(parseTime(text)).toBe(seconds === undefined ? undefined : seconds * 1e9);
   });

@@ -22,7 +22,11 @@ describe('Tiles of vital signs', () => {
 });
 
 describe('The number beside the picture', () => {
-  const bins: VitalBin[] = [[0, 1e9, 60, 62, 61], [1e9, 2e9, 70, 72, 71], [9e9, 10e9, 80, 82, 81]];
+  const bins: VitalBin[] = [
+    [0, 1e9, 60, 62, 61],
+    [1e9, 2e9, 70, 72, 71],
+    [9e9, 10e9, 80, 82, 81],
+  ];
   it('is the last that was measured, and says when', () => {
     expect(valueAt(bins, 1.5e9)).toEqual({ value: 71, time_ns: 1.5e9 });
     expect(valueAt(bins, 8e9)).toEqual({ value: 71, time_ns: 2e9 });
@@ -41,7 +45,14 @@ describe('Drawing', () => {
     expect(gapOf(1e9, 12)).toBe(28e9); // bins of 8 s
   });
   it('leaves a gap a gap', () => {
-    const columns = columnsOf([[0, 1e9, 1, 2, 2], [1e9, 2e9, 3, 4, 3], [20e9, 21e9, 5, 6, 5]], 5e9);
+    const columns = columnsOf(
+      [
+        [0, 1e9, 1, 2, 2],
+        [1e9, 2e9, 3, 4, 3],
+        [20e9, 21e9, 5, 6, 5],
+      ],
+      5e9,
+    );
     expect(columns.x).toEqual([0.5, 1.5, 11, 20.5]);
     expect(columns.low).toEqual([1, 3, null, 5]);
     expect(columns.high).toEqual([2, 4, null, 6]);
@@ -50,7 +61,16 @@ describe('Drawing', () => {
 });
 
 describe('The monitor', () => {
-  const series = (code: string, kind: 'numeric' | 'wave' = 'numeric'): VitalSeries => ({ code, label: code, unit: '', kind, stream: 'vitals', source: '', every_ns: 1e9, bins: [] });
+  const series = (code: string, kind: 'numeric' | 'wave' = 'numeric'): VitalSeries => ({
+    code,
+    label: code,
+    unit: '',
+    kind,
+    stream: 'vitals',
+    source: '',
+    every_ns: 1e9,
+    bins: [],
+  });
   it('shows what is there in its order, and what it does not know behind', () => {
     const groups = groupsOf([series('KIROKU_X'), series('MDC_PRESS_BLD_ART_ABP_DIA'), series('MDC_ECG_HEART_RATE'), series('MDC_ECG_ELEC_POTL_II', 'wave')]);
     expect(groups.map((one) => one.label)).toEqual(['HR', 'ABP', 'KIROKU_X']);

@@ -17,7 +17,9 @@ const kJapanese = /[\u3040-\u30ff\u4e00-\u9fff]/;
 const isOfOthers = ({ text }: Sentence) => text.replaceAll(kValue, '').trim() === '';
 /** What breaks the protocol, which the page itself never does. */
 const isOfProtocol = ({ text }: Sentence) =>
-  /^('|an 'id' |a message |a pointer |the body must |the header |files can only be read|this address |the range |this is not HTTP|this server speaks)/.test(text);
+  /^('|an 'id' |a message |a pointer |the body must |the header |files can only be read|this address |the range |this is not HTTP|this server speaks)/.test(
+    text,
+  );
 
 describe('Sentences in C++', () => {
   it('are read as they are put together', () => {
@@ -75,7 +77,9 @@ describe('The appliance log', () => {
     // Words that come from a variable: where they are given to it.
     const given = [
       ...sentencesOf(root, ['viewer/api/'], 'answer', 1).filter((one) => one.file.endsWith('playback_api.cpp')),
-      ...sentencesOf(root, ['viewer/api/'], 'file', 2).filter((one) => one.file.endsWith('comparison_api.cpp')).map((one) => ({ ...one, text: one.text + kValue })),
+      ...sentencesOf(root, ['viewer/api/'], 'file', 2)
+        .filter((one) => one.file.endsWith('comparison_api.cpp'))
+        .map((one) => ({ ...one, text: one.text + kValue })),
       { file: 'viewer/kept/log_of_case.cpp', text: `compared with a plan, document sha256 ${kValue}` },
     ];
     expect(given.filter((one) => !isOfOthers(one)).length).toBeGreaterThanOrEqual(7);
@@ -101,17 +105,26 @@ describe('The appliance log', () => {
 
 describe('The ways to the hospital’s procedures', () => {
   const ofWorklist = sentencesOf(root, ['recorder/procedure'], 'fail', 0).map(({ text }) => `the worklist ${kValue} at ${kValue} ${text}`);
-  const ofListening = sentencesOf(root, ['recorder/vitals'], 'UsageError', 0).map(({ text }) => text).filter((text) => /^cannot (wait|use the certificate)/.test(text));
+  const ofListening = sentencesOf(root, ['recorder/vitals'], 'UsageError', 0)
+    .map(({ text }) => text)
+    .filter((text) => /^cannot (wait|use the certificate)/.test(text));
   it('are told in Japanese, with and without what a library adds', () => {
     expect(ofWorklist.length).toBeGreaterThan(3);
     expect(ofListening.length).toBeGreaterThan(1);
     const states = [
-      ...ofWorklist, ...ofWorklist.filter((text) => !/has no|refused|any more/.test(text)).map((text) => `${text}: ${kValue}`), ...ofListening,
-      'waits for messages at mllp://0.0.0.0:2576; 12 taken, 1 refused', 'waits for messages at mllp://0.0.0.0:2576; 12 taken, 1 refused, 3 connections of strangers',
-      'HIS listed 7 steps at 2026-11-23T09:00:00Z', 'is being asked for the first time', 'does not wait for messages yet',
+      ...ofWorklist,
+      ...ofWorklist.filter((text) => !/has no|refused|any more/.test(text)).map((text) => `${text}: ${kValue}`),
+      ...ofListening,
+      'waits for messages at mllp://0.0.0.0:2576; 12 taken, 1 refused',
+      'waits for messages at mllp://0.0.0.0:2576; 12 taken, 1 refused, 3 connections of strangers',
+      'HIS listed 7 steps at 2026-11-23T09:00:00Z',
+      'is being asked for the first time',
+      'does not wait for messages yet',
     ];
     for (const state of states) expect(wayInJapanese(state), state).toMatch(kJapanese);
-    expect(wayInJapanese('the worklist HIS at 192.0.2.9:104 cannot be asked: Peer aborted')).toBe('192.0.2.9:104 のワークリスト HIS に問い合わせできません（Peer aborted）');
+    expect(wayInJapanese('the worklist HIS at 192.0.2.9:104 cannot be asked: Peer aborted')).toBe(
+      '192.0.2.9:104 のワークリスト HIS に問い合わせできません（Peer aborted）',
+    );
   });
 });
 

@@ -1,7 +1,27 @@
 // The API as functions. Every failure is an ApiError with the server's sentence, in the language of the page.
 import type {
-  ApplianceStatus, CaseInfo, CaseList, Comparison, ComparisonDocument, ComparisonMaking, JudgedPoints, LiveStream, LiveVitals, Matching, PickingCamera,
-  PickingView, Preparing, Role, SaidOfCase, Session, StartChoices, Subject, Timeline, User, Verification, Vitals,
+  ApplianceStatus,
+  CaseInfo,
+  CaseList,
+  Comparison,
+  ComparisonDocument,
+  ComparisonMaking,
+  JudgedPoints,
+  LiveStream,
+  LiveVitals,
+  Matching,
+  PickingCamera,
+  PickingView,
+  Preparing,
+  Role,
+  SaidOfCase,
+  Session,
+  StartChoices,
+  Subject,
+  Timeline,
+  User,
+  Verification,
+  Vitals,
 } from '@/api/types';
 import { printable, printableTexts } from '@/base/printable';
 import { inOwnWords } from '@/i18n/server_words';
@@ -96,8 +116,7 @@ export const session = {
   /** With the password of now; the user's other sessions end. */
   choosePassword: (password: string, new_password: string) => json<Session>('POST', 'session/password', { password, new_password }),
   signOut: () => json<void>('DELETE', 'session'),
-  unlock: (identity: string, passphrase: string) =>
-    json<void>('POST', 'session/unlock', passphrase === '' ? { identity } : { identity, passphrase }),
+  unlock: (identity: string, passphrase: string) => json<void>('POST', 'session/unlock', passphrase === '' ? { identity } : { identity, passphrase }),
   lock: () => json<void>('DELETE', 'session/unlock'),
 };
 
@@ -113,22 +132,19 @@ export const cases = {
   vitals: (id: string, from_ns: number, to_ns: number, bins: number, signal?: AbortSignal) =>
     json<Vitals>('GET', `${caseOf(id)}/vitals?from_ns=${from_ns}&to_ns=${to_ns}&bins=${bins}`, undefined, signal),
   init: (id: string, stream: string, signal?: AbortSignal) => bytes(`${streamOf(id, stream)}/init.mp4`, signal),
-  piece: (id: string, stream: string, piece: number, signal?: AbortSignal) =>
-    bytes(`${streamOf(id, stream)}/pieces/${piece}.mp4`, signal),
+  piece: (id: string, stream: string, piece: number, signal?: AbortSignal) => bytes(`${streamOf(id, stream)}/pieces/${piece}.mp4`, signal),
   /** What Media Source Extensions call the stream's sound; null for one without. */
   sound: async (id: string, stream: string, signal?: AbortSignal) =>
     (await json<{ codecs: string | null }>('GET', `${streamOf(id, stream)}/sound`, undefined, signal)).codecs,
   soundInit: (id: string, stream: string, signal?: AbortSignal) => bytes(`${streamOf(id, stream)}/sound/init.mp4`, signal),
-  soundPiece: (id: string, stream: string, piece: number, signal?: AbortSignal) =>
-    bytes(`${streamOf(id, stream)}/sound/pieces/${piece}.mp4`, signal),
+  soundPiece: (id: string, stream: string, piece: number, signal?: AbortSignal) => bytes(`${streamOf(id, stream)}/sound/pieces/${piece}.mp4`, signal),
   thumbnailAddress: (id: string, stream: string, piece: number) => `/api/${streamOf(id, stream)}/thumbnails/${piece}.jpg`,
   /** The archived frame at `at_ns` (step 0), or the one before or after it. */
   frame: async (id: string, stream: string, at_ns: number, step: -1 | 0 | 1, signal?: AbortSignal) => {
     const response = await ask('GET', `${streamOf(id, stream)}/frame.png?at_ns=${at_ns}&step=${step}`, undefined, signal);
     return { time_ns: Number(response.headers.get('X-Kiroku-Frame-Time-Ns')), picture: await response.blob() };
   },
-  comparisons: (id: string) =>
-    json<{ comparisons: Comparison[]; unreadable: { name: string; problem: string }[] }>('GET', `${caseOf(id)}/comparisons`),
+  comparisons: (id: string) => json<{ comparisons: Comparison[]; unreadable: { name: string; problem: string }[] }>('GET', `${caseOf(id)}/comparisons`),
   comparison: (id: string, name: string) => json<ComparisonDocument>('GET', `${caseOf(id)}/comparisons/${part(name)}`),
   /** A film of the plan: as the endoscope would see it, or as the fluoroscope would. */
   planFilm: async (id: string, name: string, film: 'replay' | 'radiographs', signal?: AbortSignal) =>
@@ -158,8 +174,7 @@ export const cases = {
   receiptAddress: (id: string, language: string) => `/api/${caseOf(id)}/receipt.pdf?language=${language}`,
   exportAddress: (id: string, stream: string, from_ns: number, to_ns: number, form: 'mkv' | 'csv' | 'jsonl') =>
     `/api/${caseOf(id)}/export?stream=${part(stream)}&from_ns=${from_ns}&to_ns=${to_ns}&form=${form}`,
-  excerptAddress: (id: string, from_ns: number, to_ns: number) =>
-    `/api/${caseOf(id)}/excerpt.tar?from_ns=${from_ns}&to_ns=${to_ns}`,
+  excerptAddress: (id: string, from_ns: number, to_ns: number) => `/api/${caseOf(id)}/excerpt.tar?from_ns=${from_ns}&to_ns=${to_ns}`,
 };
 
 export const appliance = {

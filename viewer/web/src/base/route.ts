@@ -23,9 +23,7 @@ export function parseRoute(hash: string): Route {
   if (first === 'cases' && id) {
     if (third === 'verification') return { view: 'verification', id };
     const at = new URLSearchParams(query).get('t');
-    return at !== null && at !== '' && Number.isFinite(Number(at))
-      ? { view: 'case', id, at_ns: Math.round(Number(at) * kSecond) }
-      : { view: 'case', id };
+    return at !== null && at !== '' && Number.isFinite(Number(at)) ? { view: 'case', id, at_ns: Math.round(Number(at) * kSecond) } : { view: 'case', id };
   }
   return { view: 'cases' };
 }

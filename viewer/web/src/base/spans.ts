@@ -40,7 +40,7 @@ export function spanAt<T extends Span>(spans: readonly T[], time_ns: number): T 
 /** What two ordered lists have in common. */
 export function common(a: readonly Span[], b: readonly Span[]): Span[] {
   const out: Span[] = [];
-  for (let i = 0, j = 0; i < a.length && j < b.length; ) {
+  for (let i = 0, j = 0; i < a.length && j < b.length;) {
     const [one, other] = [a[i] as Span, b[j] as Span];
     const start_ns = Math.max(one.start_ns, other.start_ns);
     const end_ns = Math.min(one.end_ns, other.end_ns);

@@ -3,7 +3,24 @@ import { batch, computed, type Signal, signal } from '@preact/signals';
 import { cases } from '@/api/client';
 import type { ComparedStep, ComparisonMaking, Matching } from '@/api/types';
 import type { Span } from '@/base/spans';
-import { begun, beginning, byHand, changed, compared, type Draft, ended, freeName, type History, mapOfSteps, notDone, ofFound, paused, redone, undone, unpaused } from '@/compare/matching';
+import {
+  begun,
+  beginning,
+  byHand,
+  changed,
+  compared,
+  type Draft,
+  ended,
+  freeName,
+  type History,
+  mapOfSteps,
+  notDone,
+  ofFound,
+  paused,
+  redone,
+  undone,
+  unpaused,
+} from '@/compare/matching';
 import { byHandPicks, kNoPicks, lacks, type Picks } from '@/compare/picks';
 import { type Fluoroscopy, fluoroscopyBody } from '@/compare/fluoroscopy';
 import { stepAt } from '@/compare/plan_map';
@@ -138,7 +155,12 @@ export class MatchingModel {
   /** Has the server make a comparison of what was said, and waits for it. */
   async keep(): Promise<void> {
     try {
-      this.making.value = await cases.compare(this.caseId, this.name.peek(), { ...byHand(this.draft.peek()), ...byHandPicks(this.picks.peek()) }, fluoroscopyBody(this.fluoroscopy.peek()));
+      this.making.value = await cases.compare(
+        this.caseId,
+        this.name.peek(),
+        { ...byHand(this.draft.peek()), ...byHandPicks(this.picks.peek()) },
+        fluoroscopyBody(this.fluoroscopy.peek()),
+      );
       while (!this.closed && this.making.peek()?.state === 'running') {
         await new Promise((resolve) => setTimeout(resolve, kAskEvery_ms));
         if (!this.closed) this.making.value = await cases.making(this.caseId);

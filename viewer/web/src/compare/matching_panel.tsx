@@ -21,12 +21,22 @@ function MapPicture({ matching, playback }: { matching: MatchingModel; playback:
   const x = (case_ns: number) => ((case_ns - plan.begins_ns) / (plan.end_ns - plan.begins_ns)) * kWide;
   const y = (at_s: number) => kHigh - (at_s / plan_s) * kHigh;
   return (
-    <svg class="map-picture" viewBox={`0 0 ${kWide} ${kHigh}`} preserveAspectRatio="none" role="img" aria-label={t('match.map', { n: map?.pieces.length ?? 0, all: plan.steps.length })}>
+    <svg
+      class="map-picture"
+      viewBox={`0 0 ${kWide} ${kHigh}`}
+      preserveAspectRatio="none"
+      role="img"
+      aria-label={t('match.map', { n: map?.pieces.length ?? 0, all: plan.steps.length })}
+    >
       {plan.steps.map((one) => (
         <line key={one.step} class="map-step" x1="0" x2={kWide} y1={y(one.start_s)} y2={y(one.start_s)} />
       ))}
       {(map?.pieces ?? []).map((piece) => (
-        <polyline key={piece.step} class="map-piece" points={piece.knots.map((knot) => `${x(knot.case_ns).toFixed(1)},${y(knot.plan_s).toFixed(1)}`).join(' ')} />
+        <polyline
+          key={piece.step}
+          class="map-piece"
+          points={piece.knots.map((knot) => `${x(knot.case_ns).toFixed(1)},${y(knot.plan_s).toFixed(1)}`).join(' ')}
+        />
       ))}
       <line class="map-now" x1={x(playback.position_ns.value)} x2={x(playback.position_ns.value)} y1="0" y2={kHigh} />
     </svg>
@@ -40,9 +50,9 @@ function doing(text: string): string {
     'following picked points': 'match.doing.following',
     'carrying out the plan': 'match.doing.simulating',
     'reading the CT': 'match.doing.ct',
-    'making the plan\'s film': 'match.doing.film',
+    "making the plan's film": 'match.doing.film',
     'comparing with the fluoroscopy': 'match.doing.fluoroscopy',
-    'making the film of the plan\'s radiographs': 'match.doing.radiographs',
+    "making the film of the plan's radiographs": 'match.doing.radiographs',
   };
   const key = known[text];
   return key ? t(key) : t('match.doing.beginning');
@@ -120,11 +130,24 @@ function StepsPart({ matching, model, playback, pause }: Omit<Props, 'picking'>)
               >
                 {t('match.begins')}
               </button>
-              <button type="button" class="button" disabled={busy || !step.done} aria-label={t('match.endsHere', { name: step.name })} onClick={() => matching.end(step.step, now())}>
+              <button
+                type="button"
+                class="button"
+                disabled={busy || !step.done}
+                aria-label={t('match.endsHere', { name: step.name })}
+                onClick={() => matching.end(step.step, now())}
+              >
                 {t('match.ends')}
               </button>
               {step.done && step.done.end_ns > step.done.start_ns && (
-                <button type="button" class="button" disabled={busy} aria-keyshortcuts="B" aria-label={`${t(pauses ? 'match.resumes' : 'match.pauses')}: ${step.name}`} onClick={() => pause(now())}>
+                <button
+                  type="button"
+                  class="button"
+                  disabled={busy}
+                  aria-keyshortcuts="B"
+                  aria-label={`${t(pauses ? 'match.resumes' : 'match.pauses')}: ${step.name}`}
+                  onClick={() => pause(now())}
+                >
                   {t(pauses ? 'match.resumes' : 'match.pauses')}
                 </button>
               )}

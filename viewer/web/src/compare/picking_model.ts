@@ -4,7 +4,23 @@ import { computed, effect, type Signal, signal } from '@preact/signals';
 import { cases } from '@/api/client';
 import type { JudgedPoints, PickingCamera, PickingView, Preparing } from '@/api/types';
 import type { MatchingModel } from '@/compare/matching_model';
-import { clicked, type CompletePair, completePairs, leastPairs, moved, type OrganPoint, type Pair, type Picks, picked, type PictureSize, type Pixel, pixelAt, type Place, withoutClick, withoutPair } from '@/compare/picks';
+import {
+  clicked,
+  type CompletePair,
+  completePairs,
+  leastPairs,
+  moved,
+  type OrganPoint,
+  type Pair,
+  type Picks,
+  picked,
+  type PictureSize,
+  type Pixel,
+  pixelAt,
+  type Place,
+  withoutClick,
+  withoutPair,
+} from '@/compare/picks';
 import { planAt } from '@/compare/plan_map';
 import type { Playback } from '@/media/playback';
 import { kFirstView, type View } from '@/planning/orbit';
@@ -95,7 +111,8 @@ export class PickingModel {
         // What was said of other points, or of these in another picture, is said of them no more.
         this.judged.value = undefined;
         const mine = ++this.judging;
-        if (this.isOpen.value && this.work.value === 'points' && frame && points.length >= leastPairs(picks)) void this.judge(mine, points, frame, picks.field_deg);
+        if (this.isOpen.value && this.work.value === 'points' && frame && points.length >= leastPairs(picks))
+          void this.judge(mine, points, frame, picks.field_deg);
       }),
       effect(() => {
         const plan = this.matching.plan.value;
@@ -175,7 +192,8 @@ export class PickingModel {
     const pair = this.chosenPair.peek();
     const at_ns = this.frame.peek()?.time_ns;
     if (this.work.peek() === 'points' && pair !== undefined && pairs[pair]) this.removePair(pair);
-    else if (this.work.peek() === 'tools' && clicks.get(this.tool.peek())?.some((one) => one.at_ns === at_ns)) this.removeClick(this.tool.peek(), at_ns as number);
+    else if (this.work.peek() === 'tools' && clicks.get(this.tool.peek())?.some((one) => one.at_ns === at_ns))
+      this.removeClick(this.tool.peek(), at_ns as number);
     else return false;
     return true;
   }

@@ -104,7 +104,12 @@ export function PointsPart({ matching, picking, model, playback }: Props) {
               <span class={organ && pixel ? 'mono' : 'muted'}>
                 {!pixel ? t('pick.pixelMissing') : !organ ? t('pick.organMissing') : error === undefined ? '' : t('pick.error', { px: error.toFixed(2) })}
               </span>
-              <button type="button" class="button button-quiet button-square" aria-label={t('pick.remove', { n: pair + 1 })} onClick={() => picking.removePair(pair)}>
+              <button
+                type="button"
+                class="button button-quiet button-square"
+                aria-label={t('pick.remove', { n: pair + 1 })}
+                onClick={() => picking.removePair(pair)}
+              >
                 <Icon name="cross" />
               </button>
             </li>
@@ -146,7 +151,12 @@ export function ToolsPart({ matching, picking, model, playback }: Props) {
                 {time}
               </button>
               <span class="mono">{pixel.map((one) => one.toFixed(1)).join(', ')}</span>
-              <button type="button" class="button button-quiet button-square" aria-label={t('pick.removeClick', { time })} onClick={() => picking.removeClick(tool, at_ns)}>
+              <button
+                type="button"
+                class="button button-quiet button-square"
+                aria-label={t('pick.removeClick', { time })}
+                onClick={() => picking.removeClick(tool, at_ns)}
+              >
                 <Icon name="cross" />
               </button>
             </li>
@@ -165,7 +175,8 @@ export function XrayPart({ matching, model, playback }: Omit<Props, 'picking'>) 
   const read = async (file: File) => {
     const geometry = readGeometry(await file.text());
     problem.value = geometry ? '' : t('xray.noGeometry', { file: file.name });
-    if (geometry) matching.fluoroscopy.value = { stream, geometry, file: file.name, alignAt_ns: said?.alignAt_ns ?? null, polarity: said?.polarity ?? 'bone-black' };
+    if (geometry)
+      matching.fluoroscopy.value = { stream, geometry, file: file.name, alignAt_ns: said?.alignAt_ns ?? null, polarity: said?.polarity ?? 'bone-black' };
   };
   return (
     <>
@@ -205,7 +216,11 @@ export function XrayPart({ matching, model, playback }: Omit<Props, 'picking'>) 
             </select>
           </label>
           <div class="matching-tools">
-            <button type="button" class="button" onClick={() => (matching.fluoroscopy.value = { ...said, alignAt_ns: Math.round(playback.position_ns.peek()) })}>
+            <button
+              type="button"
+              class="button"
+              onClick={() => (matching.fluoroscopy.value = { ...said, alignAt_ns: Math.round(playback.position_ns.peek()) })}
+            >
               {t('xray.alignHere')}
             </button>
             {said.alignAt_ns !== null && (

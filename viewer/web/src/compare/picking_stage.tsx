@@ -246,11 +246,22 @@ function RecordedField({ picking, matching, begins_ns }: Props) {
       );
   const pick = (place: Place) => {
     if (!picking.pickPixel(place)) return announce(t(picking.moment.peek() ? 'pick.frameWaits' : 'pick.needsStep'));
-    announce(ofTools ? t('pick.tipPicked', { tool, time: formatTime(frame.time_ns - begins_ns, 3) }) : t('pick.pixelPicked', { n: (picking.chosenPair.peek() ?? 0) + 1 }));
+    announce(
+      ofTools
+        ? t('pick.tipPicked', { tool, time: formatTime(frame.time_ns - begins_ns, 3) })
+        : t('pick.pixelPicked', { n: (picking.chosenPair.peek() ?? 0) + 1 }),
+    );
   };
   return (
     <section class="pane pick-pane" aria-label={name}>
-      <PickField label={ofTools ? t('pick.toolField', { name, tool }) : t('pick.frameField', { name })} how={t('pick.how')} width={frame.width} height={frame.height} marks={marks} pick={pick}>
+      <PickField
+        label={ofTools ? t('pick.toolField', { name, tool }) : t('pick.frameField', { name })}
+        how={t('pick.how')}
+        width={frame.width}
+        height={frame.height}
+        marks={marks}
+        pick={pick}
+      >
         <Frame frame={frame} />
       </PickField>
       <header class="pane-head">
@@ -309,7 +320,8 @@ function PlanField({ picking, matching }: Props) {
       },
     ];
   });
-  const pick = async (place: Place) => announce((await picking.pickOrgan(place)) ? t('pick.organPicked', { n: (picking.chosenPair.peek() ?? 0) + 1 }) : t('pick.beside'));
+  const pick = async (place: Place) =>
+    announce((await picking.pickOrgan(place)) ? t('pick.organPicked', { n: (picking.chosenPair.peek() ?? 0) + 1 }) : t('pick.beside'));
   const step = matching.plan.value?.steps.find((one) => one.step === moment.step);
   return (
     <section class="pane pane-plan pick-pane" aria-label={t('plan.pictures')}>

@@ -33,7 +33,13 @@ export const kNoPicks: Picks = { at: null, pairs: [], field_deg: null, clicks: n
 type Side = keyof Pair;
 
 /** A place on one side: of the pair `chosen` where it lacks that side, else of the first pair that does, else of a new one. Which it became is told. */
-export function picked<S extends Side>(picks: Picks, side: S, place: NonNullable<Pair[S]>, at: NonNullable<Picks['at']>, chosen: number | undefined): { picks: Picks; pair: number } {
+export function picked<S extends Side>(
+  picks: Picks,
+  side: S,
+  place: NonNullable<Pair[S]>,
+  at: NonNullable<Picks['at']>,
+  chosen: number | undefined,
+): { picks: Picks; pair: number } {
   const wanted = chosen !== undefined && picks.pairs[chosen]?.[side] === null ? chosen : picks.pairs.findIndex((one) => one[side] === null);
   const pair = wanted >= 0 ? wanted : picks.pairs.length;
   const before = picks.pairs[pair] ?? { organ: null, pixel: null };
@@ -54,7 +60,13 @@ export function withoutPair(picks: Picks, pair: number): Picks {
 /** A tool has one place in a picture: another click there moves it. */
 export function clicked(picks: Picks, tool: string, click: ToolClick): Picks {
   const others = (picks.clicks.get(tool) ?? []).filter((one) => one.at_ns !== click.at_ns);
-  return { ...picks, clicks: new Map(picks.clicks).set(tool, [...others, click].sort((a, b) => a.at_ns - b.at_ns)) };
+  return {
+    ...picks,
+    clicks: new Map(picks.clicks).set(
+      tool,
+      [...others, click].sort((a, b) => a.at_ns - b.at_ns),
+    ),
+  };
 }
 
 export function withoutClick(picks: Picks, tool: string, at_ns: number): Picks {

@@ -27,7 +27,8 @@ export const filmsOf = (row: Comparison): PlanFilm[] => (['replay', 'radiographs
 /** A difference is of two radiographs. */
 export const viewsOf = (film: PlanFilm): PlanView[] => kPlanViews.filter((one) => one !== 'difference' || film === 'radiographs');
 /** The recorded pictures that it belongs to. */
-export const streamOf = ({ document, film }: ShownComparison): string => (film === 'radiographs' ? document.fluoroscopy?.stream : undefined) ?? document.case.stream;
+export const streamOf = ({ document, film }: ShownComparison): string =>
+  (film === 'radiographs' ? document.fluoroscopy?.stream : undefined) ?? document.case.stream;
 
 export class PlanModel {
   readonly list: Signal<readonly Comparison[]> = signal([]);

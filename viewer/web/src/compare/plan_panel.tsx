@@ -80,7 +80,14 @@ function PlanViewChoice({ plan, shown }: { plan: PlanModel; shown: ShownComparis
       {shares && (
         <label class="plan-share">
           <span>{t(view === 'wipe' ? 'plan.edge' : 'plan.opacity')}</span>
-          <input type="range" min="0" max="1" step="0.02" value={plan.share.value} onInput={(event) => (plan.share.value = Number(event.currentTarget.value))} />
+          <input
+            type="range"
+            min="0"
+            max="1"
+            step="0.02"
+            value={plan.share.value}
+            onInput={(event) => (plan.share.value = Number(event.currentTarget.value))}
+          />
         </label>
       )}
     </fieldset>
@@ -140,7 +147,12 @@ export function PlanPanel({ plan, model, playback, pause }: { plan: PlanModel; m
   const problems = plan.unreadable.value;
   if (plan.matching.plan.value) return <MatchingPanel matching={plan.matching} picking={plan.picking} model={model} playback={playback} pause={pause} />;
   const matchByHand = model.info.plan !== null && (
-    <button type="button" class="button" disabled={plan.matching.opening.value} onClick={() => void plan.matching.open(plan.list.peek().map((one) => one.name))}>
+    <button
+      type="button"
+      class="button"
+      disabled={plan.matching.opening.value}
+      onClick={() => void plan.matching.open(plan.list.peek().map((one) => one.name))}
+    >
       {t(plan.matching.opening.value ? 'match.opening' : 'match.open')}
     </button>
   );
@@ -177,15 +189,12 @@ export function PlanPanel({ plan, model, playback, pause }: { plan: PlanModel; m
       )}
       <h2>{row.plan}</h2>
       <p class="muted plan-made">{t('plan.made', { by: row.made_by, moment: formatMoment(row.made_at) })}</p>
-      <Proof
-        group="sealed"
-        title={t(`sealed.${row.sealed_before.verdict}`)}
-        judged={row.sealed_before}
-        open={row.sealed_before.verdict !== 'holds'}
-      />
+      <Proof group="sealed" title={t(`sealed.${row.sealed_before.verdict}`)} judged={row.sealed_before} open={row.sealed_before.verdict !== 'holds'} />
       <Proof group="whole" title={t(`whole.${row.whole.verdict}`)} judged={row.whole} open={row.whole.verdict !== 'holds'} />
       {shown.player && <PlanViewChoice plan={plan} shown={shown} />}
-      {document.registration === null && shown.film === 'replay' && shown.player && plan.view.value !== 'beside' && plan.view.value !== 'none' && <p class="muted plan-note">{t('plan.notRegistered')}</p>}
+      {document.registration === null && shown.film === 'replay' && shown.player && plan.view.value !== 'beside' && plan.view.value !== 'none' && (
+        <p class="muted plan-note">{t('plan.notRegistered')}</p>
+      )}
       {document.registration && (
         <p class="muted plan-note">
           {t('pick.kept', { px: document.registration.rms_px.toFixed(2), n: document.registration.error_px.length })}
@@ -237,7 +246,9 @@ export function PlanPanel({ plan, model, playback, pause }: { plan: PlanModel; m
                       {t('plan.planned', { time: seconds(step.planned.duration_s) })}
                       {step.done.pauses.length > 0 &&
                         `, ${t('plan.paused', { time: seconds(step.done.pauses.reduce((sum, one) => sum + one.end_ns - one.start_ns, 0) / kSecond) })}`}
-                      {step.done.pause_before_ns !== null && step.done.pause_before_ns > 0 && `, ${t('plan.pauseBefore', { time: seconds(step.done.pause_before_ns / kSecond) })}`}
+                      {step.done.pause_before_ns !== null &&
+                        step.done.pause_before_ns > 0 &&
+                        `, ${t('plan.pauseBefore', { time: seconds(step.done.pause_before_ns / kSecond) })}`}
                     </small>
                   </td>
                 </>

@@ -84,7 +84,10 @@ export function GuestView({ guest }: { guest: Session }) {
         </button>
       </div>
       <div class="guest-panes">
-        {visible && streams.value.map((stream) => <LivePane key={stream} room={room} stream={stream} clock={clock} nothing={t('guest.waits')} company={company} records />)}
+        {visible &&
+          streams.value.map((stream) => (
+            <LivePane key={stream} room={room} stream={stream} clock={clock} nothing={t('guest.waits')} company={company} records />
+          ))}
       </div>
       <Lookers company={company} />
       {leaving.value && (

@@ -7,7 +7,8 @@ export const caseEn = {
   'tab.plan': 'Plan',
 
   'unlock.title': 'This case is sealed',
-  'unlock.what': 'Only a recipient’s identity opens its pictures and vital signs. It stays in the server’s memory for this session alone, and the opening is logged.',
+  'unlock.what':
+    'Only a recipient’s identity opens its pictures and vital signs. It stays in the server’s memory for this session alone, and the opening is logged.',
   'unlock.file': 'Choose an identity file',
   'unlock.noFile': 'no file chosen',
   'unlock.text': 'or paste the identity',
@@ -63,7 +64,8 @@ export const caseEn = {
   'export.originalWhat': 'The pictures as they were archived, decrypted, in a Matroska file. For watching; it proves nothing by itself.',
   'export.originalDo': 'Save the original',
   'export.vitals': 'Vital signs',
-  'export.vitalsWhat': 'Decrypted. The table has every number and wave, with the time of the case and the time of the pictures’ file; the other file has every line as it was recorded, texts and alarms too.',
+  'export.vitalsWhat':
+    'Decrypted. The table has every number and wave, with the time of the case and the time of the pictures’ file; the other file has every line as it was recorded, texts and alarms too.',
   'export.vitals.csv': 'Save as a table (CSV)',
   'export.vitals.jsonl': 'Save every line (JSONL)',
   'export.excerpt': 'Excerpt with proof',
@@ -136,7 +138,8 @@ export const caseJa: Record<keyof typeof caseEn, string> = {
   'export.originalWhat': '保存されたままの映像を復号し、Matroska ファイルにします。視聴用であり、それ自体は何も証明しません。',
   'export.originalDo': '原本を保存',
   'export.vitals': 'バイタルサイン',
-  'export.vitalsWhat': '復号されます。表にはすべての数値と波形が、症例の時刻と映像ファイルの時刻とともに入ります。もう一つのファイルには、テキストやアラームを含め記録されたままの全行が入ります。',
+  'export.vitalsWhat':
+    '復号されます。表にはすべての数値と波形が、症例の時刻と映像ファイルの時刻とともに入ります。もう一つのファイルには、テキストやアラームを含め記録されたままの全行が入ります。',
   'export.vitals.csv': '表として保存（CSV）',
   'export.vitals.jsonl': '全行を保存（JSONL）',
   'export.excerpt': '証明付き抜粋',

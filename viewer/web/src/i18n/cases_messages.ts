@@ -25,10 +25,13 @@ export const casesEn = {
   'verdict.incomplete': 'Incomplete',
   'verdict.tampered': 'Tampered',
   'verdictWhat.intact': 'The record is whole, and signed by a device you trust. Whose clock stands behind its times is said below.',
-  'verdictWhat.intact-with-gaps': 'The record is whole but for gaps that it states itself, and signed by a device you trust. Whose clock stands behind its times is said below.',
+  'verdictWhat.intact-with-gaps':
+    'The record is whole but for gaps that it states itself, and signed by a device you trust. Whose clock stands behind its times is said below.',
   'verdictWhat.intact-excerpt': 'This is a part of a case, not the case. What it holds is as it was recorded. What it leaves out was not here to be checked.',
-  'verdictWhat.unproven': 'The record does not contradict itself, but what would prove it is missing: a trusted device key, a trusted authority, or a time-stamp.',
-  'verdictWhat.incomplete': 'The record was never closed, or is still being made. What is there does not contradict itself; what nobody has signed of it, the findings say.',
+  'verdictWhat.unproven':
+    'The record does not contradict itself, but what would prove it is missing: a trusted device key, a trusted authority, or a time-stamp.',
+  'verdictWhat.incomplete':
+    'The record was never closed, or is still being made. What is there does not contradict itself; what nobody has signed of it, the findings say.',
   'verdictWhat.tampered': 'Something does not hold. The findings below name each place.',
   'time.external': 'outside authority',
   'time.external-in-part': 'outside authority, in part',
@@ -68,7 +71,8 @@ export const casesJa: Record<keyof typeof casesEn, string> = {
   'verdict.tampered': '改ざん',
   'verdictWhat.intact': '記録は完全で、信頼する装置が署名しています。時刻が誰の時計によるかは下に示します。',
   'verdictWhat.intact-with-gaps': '記録自身が明示する欠落を除いて完全で、信頼する装置が署名しています。時刻が誰の時計によるかは下に示します。',
-  'verdictWhat.intact-excerpt': '症例の一部であり、症例の全体ではありません。ここにあるものは記録されたときのままです。含まれない部分は検証の対象にありません。',
+  'verdictWhat.intact-excerpt':
+    '症例の一部であり、症例の全体ではありません。ここにあるものは記録されたときのままです。含まれない部分は検証の対象にありません。',
   'verdictWhat.unproven': '記録に矛盾はありませんが、証明に必要なもの（信頼する装置鍵、信頼する認証局、タイムスタンプ）が欠けています。',
   'verdictWhat.incomplete': '記録は閉じられていないか、まだ記録中です。存在する部分に矛盾はありません。誰も署名していない部分は所見に示します。',
   'verdictWhat.tampered': '成り立たない箇所があります。以下の所見が各箇所を示します。',

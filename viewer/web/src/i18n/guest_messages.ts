@@ -5,7 +5,8 @@ export const guestEn = {
   'guests.none': 'Nobody is invited to look on.',
   'guests.invite': 'Invite a guest',
   'guests.inviteTitle': 'Invite a guest to {room}',
-  'guests.inviteWhat': 'A guest sees the live pictures of this room, with all that stands in them, and can point on them. They see no list of cases, no vital signs and no recording. What they do is in the appliance log.',
+  'guests.inviteWhat':
+    'A guest sees the live pictures of this room, with all that stands in them, and can point on them. They see no list of cases, no vital signs and no recording. What they do is in the appliance log.',
   'guests.name': 'Name of the guest',
   'guests.lasts': 'Lasts',
   'guests.minutes': '{n} minutes',
@@ -53,7 +54,8 @@ export const guestJa: Record<keyof typeof guestEn, string> = {
   'guests.none': '招待中のゲストはいません。',
   'guests.invite': 'ゲストを招待',
   'guests.inviteTitle': '{room} へゲストを招待',
-  'guests.inviteWhat': 'ゲストはこの部屋のライブ画像（画像内の表示を含む）を見て、その上を指し示すことができます。症例一覧、バイタルサイン、記録は見えません。行ったことは装置のログに残ります。',
+  'guests.inviteWhat':
+    'ゲストはこの部屋のライブ画像（画像内の表示を含む）を見て、その上を指し示すことができます。症例一覧、バイタルサイン、記録は見えません。行ったことは装置のログに残ります。',
   'guests.name': 'ゲストの名前',
   'guests.lasts': '有効時間',
   'guests.minutes': '{n} 分',

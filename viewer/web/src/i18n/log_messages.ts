@@ -2,7 +2,8 @@
 export const logEn = {
   'nav.log': 'Log',
   'log.title': 'Appliance log',
-  'log.what': 'What this appliance did and who looked at what, in the order it happened. Every entry is signed; nothing can be changed or removed without it being seen.',
+  'log.what':
+    'What this appliance did and who looked at what, in the order it happened. Every entry is signed; nothing can be changed or removed without it being seen.',
   'log.kind': 'Show',
   'log.all': 'Everything',
   'log.entry': 'Entry',

@@ -76,4 +76,3 @@ export function deedInWords(deed: string): string {
 
 /** A field that an entry carries: "size 412". */
 export const fieldInWords = (field: string, value: string): string => `${word('logField', field)} ${value}`;
-

@@ -4,7 +4,8 @@ export const matchEn = {
   'match.opening': 'Reading the plan…',
   'match.none': 'This case was recorded by a sealed plan. Nobody has compared the two yet.',
   'match.title': 'Match steps by hand',
-  'match.what': 'Say when each planned step began: go there and press M, or drag its flag on the time line. A step that was not done is left out; any order will do.',
+  'match.what':
+    'Say when each planned step began: go there and press M, or drag its flag on the time line. A step that was not done is left out; any order will do.',
   'match.map': 'Time map: {n} of {all} steps; case time from left to right, plan time from below',
   'match.undo': 'Undo',
   'match.redo': 'Redo',
@@ -41,7 +42,8 @@ export const matchJa: Record<keyof typeof matchEn, string> = {
   'match.opening': '計画を読み込んでいます…',
   'match.none': 'この症例は封印された計画に基づいて記録されました。まだ比較されていません。',
   'match.title': '手順の手動対応付け',
-  'match.what': '計画の各手順がいつ始まったかを指定します。その時点へ移動して M を押すか、タイムライン上の旗を動かします。実施しなかった手順は省き、順序は問いません。',
+  'match.what':
+    '計画の各手順がいつ始まったかを指定します。その時点へ移動して M を押すか、タイムライン上の旗を動かします。実施しなかった手順は省き、順序は問いません。',
   'match.map': '時間対応図：{all} 手順中 {n} 手順（横は症例の時間、縦は計画の時間）',
   'match.undo': '元に戻す',
   'match.redo': 'やり直す',

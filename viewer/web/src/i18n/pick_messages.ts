@@ -7,7 +7,8 @@ export const pickEn = {
   'pick.work.xray': 'X-ray',
   'pick.pointsWhat':
     'Pick the same places of the organ in the recording and in the plan’s picture: where the endoscope was follows from them. Four do where its field is known, else six that do not lie in one plane; take places that do not move by themselves.',
-  'pick.toolsWhat': 'Go to a picture and click on the tool’s tip; in between it is followed. Its distance from the plan’s way is measured where points register the camera.',
+  'pick.toolsWhat':
+    'Go to a picture and click on the tool’s tip; in between it is followed. Its distance from the plan’s way is measured where points register the camera.',
   'pick.noTools': 'The plan has no tools.',
   'pick.pinned': 'The points are of the picture at',
   'pick.stays': 'All points are of one picture: remove them to pick in another',
@@ -30,7 +31,8 @@ export const pickEn = {
   'pick.failed': 'The plan’s picture could not be had: {problem}',
   'pick.retry': 'Try again',
   'pick.how': 'Click to pick; or arrow keys (Shift: ten pixels) and Enter. Marks are dragged, moved by arrow keys, removed by Delete.',
-  'pick.howPlan': 'Click to pick; drag to turn, with Shift to move, wheel to come closer; or arrow keys and Enter. Marks are dragged, moved by arrow keys, removed by Delete.',
+  'pick.howPlan':
+    'Click to pick; drag to turn, with Shift to move, wheel to come closer; or arrow keys and Enter. Marks are dragged, moved by arrow keys, removed by Delete.',
   'pick.frameField': 'Pick points in the picture of {name}',
   'pick.toolField': 'Click on the tip of {tool} in the picture of {name}',
   'pick.organField': 'Pick points of the organ in the plan’s picture',

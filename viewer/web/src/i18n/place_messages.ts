@@ -5,8 +5,10 @@ export const placeEn = {
   'place.no-right.planning': 'Surgeons and administrators plan. Ask an administrator to give you that role, on the page “Users”.',
   'place.no-right.training': 'Ask an administrator to give you another role, on the page “Users”.',
   'place.not-running': '{place} does not run now.',
-  'place.not-running.planning': 'This page goes on by itself as soon as it runs. Whoever looks after this recorder starts it: “systemctl enable --now kiroku-planning”, or “kiroku plan serve” where Kiroku was not installed as a package.',
-  'place.not-running.training': 'This page goes on by itself as soon as it runs. Whoever looks after this recorder starts it: “systemctl enable --now kiroku-training”, or “kiroku train serve” where Kiroku was not installed as a package.',
+  'place.not-running.planning':
+    'This page goes on by itself as soon as it runs. Whoever looks after this recorder starts it: “systemctl enable --now kiroku-planning”, or “kiroku plan serve” where Kiroku was not installed as a package.',
+  'place.not-running.training':
+    'This page goes on by itself as soon as it runs. Whoever looks after this recorder starts it: “systemctl enable --now kiroku-training”, or “kiroku train serve” where Kiroku was not installed as a package.',
   'place.not-installed': '{place} is not installed on this machine.',
   'place.not-installed.what': 'The program kiroku-full is missing. Whoever looks after this recorder installs the package kiroku anew.',
 } as const;
@@ -17,8 +19,10 @@ export const placeJa: Record<keyof typeof placeEn, string> = {
   'place.no-right.planning': '計画できるのは外科医と管理者です。「利用者」のページで役割を変えるよう、管理者に依頼してください。',
   'place.no-right.training': '「利用者」のページで役割を変えるよう、管理者に依頼してください。',
   'place.not-running': '「{place}」は現在動いていません。',
-  'place.not-running.planning': '動き始めると、このページは自動的に切り替わります。記録装置の管理担当者が起動してください：「systemctl enable --now kiroku-planning」。パッケージで導入していない場合は「kiroku plan serve」。',
-  'place.not-running.training': '動き始めると、このページは自動的に切り替わります。記録装置の管理担当者が起動してください：「systemctl enable --now kiroku-training」。パッケージで導入していない場合は「kiroku train serve」。',
+  'place.not-running.planning':
+    '動き始めると、このページは自動的に切り替わります。記録装置の管理担当者が起動してください：「systemctl enable --now kiroku-planning」。パッケージで導入していない場合は「kiroku plan serve」。',
+  'place.not-running.training':
+    '動き始めると、このページは自動的に切り替わります。記録装置の管理担当者が起動してください：「systemctl enable --now kiroku-training」。パッケージで導入していない場合は「kiroku train serve」。',
   'place.not-installed': '「{place}」はこの機械に導入されていません。',
   'place.not-installed.what': 'プログラム kiroku-full がありません。記録装置の管理担当者がパッケージ kiroku を再度導入してください。',
 };

@@ -1,7 +1,7 @@
 // Texts of the frame: navigation, roles, signing in.
 export const shellEn = {
-  'close': 'Close',
-  'skip': 'Skip to content',
+  close: 'Close',
+  skip: 'Skip to content',
   'language.other': '日本語',
   'theme.toLight': 'Light colours',
   'theme.toDark': 'Dark colours',
@@ -9,7 +9,7 @@ export const shellEn = {
   'nav.cases': 'Cases',
   'nav.rooms': 'Rooms',
   'nav.users': 'Users',
-  'signOut': 'Sign out',
+  signOut: 'Sign out',
   'lock.now': 'Lock pictures',
 
   'role.operator': 'Operator',
@@ -30,8 +30,8 @@ export const shellEn = {
 } as const;
 
 export const shellJa: Record<keyof typeof shellEn, string> = {
-  'close': '閉じる',
-  'skip': '本文へ移動',
+  close: '閉じる',
+  skip: '本文へ移動',
   'language.other': 'English',
   'theme.toLight': '明るい配色',
   'theme.toDark': '暗い配色',
@@ -39,7 +39,7 @@ export const shellJa: Record<keyof typeof shellEn, string> = {
   'nav.cases': '症例',
   'nav.rooms': '手術室',
   'nav.users': '利用者',
-  'signOut': 'サインアウト',
+  signOut: 'サインアウト',
   'lock.now': '映像を施錠',
 
   'role.operator': '操作者',

@@ -1,7 +1,8 @@
 // Texts of states without content: nothing there yet, nothing found, the server gone, a case that cannot be shown.
 export const stateEn = {
   'gone.title': 'The server does not answer.',
-  'gone.what': 'The page asks again by itself. What is being recorded is not affected. If it lasts, check the network, or whether the program on the recorder still runs.',
+  'gone.what':
+    'The page asks again by itself. What is being recorded is not affected. If it lasts, check the network, or whether the program on the recorder still runs.',
   'gone.now': 'Try now',
   'state.allCases': 'All cases',
   'state.toRooms': 'To the rooms',
@@ -20,7 +21,8 @@ export const stateEn = {
   'rooms.noRecorderWhat': 'Cases can be watched and verified all the same. To record, start kirokud on the recorder (systemctl start kirokud).',
   'session.ended': 'Your session has ended. Sign in, and you are back where you were.',
   'pane.noCodec': 'This browser cannot play the video (H.264).',
-  'pane.noCodecWhat': 'Use Chromium, Firefox or Safari with H.264 (on Debian: package libavcodec-extra). Archived frames can be shown here all the same (A), and the original can be exported.',
+  'pane.noCodecWhat':
+    'Use Chromium, Firefox or Safari with H.264 (on Debian: package libavcodec-extra). Archived frames can be shown here all the same (A), and the original can be exported.',
   'pane.broken': 'The browser could not decode the video.',
   'pane.brokenWhat': 'Load the page again. If it happens again, verify the case; archived frames can be shown all the same (A).',
   'live.noCodec': 'This browser cannot play live video (H.264). Use Chromium, Firefox or Safari.',
@@ -47,7 +49,8 @@ export const stateJa: Record<keyof typeof stateEn, string> = {
   'rooms.noRecorderWhat': '症例の視聴と検証はできます。記録するには、記録装置で kirokud を起動してください（systemctl start kirokud）。',
   'session.ended': 'セッションが終了しました。サインインすると、元の場所に戻ります。',
   'pane.noCodec': 'このブラウザは映像（H.264）を再生できません。',
-  'pane.noCodecWhat': 'H.264 に対応した Chromium、Firefox、Safari をお使いください（Debian ではパッケージ libavcodec-extra）。保存フレームの表示（A）と原本の書き出しはできます。',
+  'pane.noCodecWhat':
+    'H.264 に対応した Chromium、Firefox、Safari をお使いください（Debian ではパッケージ libavcodec-extra）。保存フレームの表示（A）と原本の書き出しはできます。',
   'pane.broken': 'ブラウザが映像を復号できませんでした。',
   'pane.brokenWhat': 'ページを再読み込みしてください。繰り返す場合は症例を検証してください。保存フレームは表示できます（A）。',
   'live.noCodec': 'このブラウザはライブ映像（H.264）を再生できません。Chromium、Firefox、Safari をお使いください。',

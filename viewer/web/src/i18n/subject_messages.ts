@@ -18,7 +18,8 @@ export const subjectEn = {
   'staff.anaesthetist': 'Anaesthetist',
   'staff.nurse': 'Nurse',
   'cases.unlock': 'Unlock patients',
-  'cases.unlockWhat': 'Only a recipient’s identity opens whom a case is about. It stays in the server’s memory for this session alone, and the opening is logged.',
+  'cases.unlockWhat':
+    'Only a recipient’s identity opens whom a case is about. It stays in the server’s memory for this session alone, and the opening is logged.',
   'cases.searchPeople': 'Search by patient, procedure, staff or date',
   'cases.sealed': 'Patient, procedure and staff are sealed.',
   'cases.unread': 'Opening patient data: {n} cases to go.',
@@ -41,7 +42,8 @@ export const subjectEn = {
   'start.wayBad': '{name} does not answer as it should: {state}',
   'start.sealed': 'What you say is sealed with the case. Only who can open its recordings can read it.',
   'start.empty': 'Nothing is recorded of the patient. It can be added while the recording runs, not afterwards.',
-  'start.emptyLooks': 'You choose nobody. The recorder itself takes what the hospital’s systems say, if it fits. It can also be added while the recording runs.',
+  'start.emptyLooks':
+    'You choose nobody. The recorder itself takes what the hospital’s systems say, if it fits. It can also be added while the recording runs.',
   'start.saySomething': 'Choose from the list, or type something in.',
   'start.doWithout': 'Start without a patient',
   'start.doWith': 'Start with these data',

@@ -33,7 +33,8 @@ export const timelineEn = {
   'goTo.refused': 'That is no time of this case: it lasts {end}.',
 
   'help.title': 'Keys',
-  'help.mouse': 'On the time line: drag to scrub, turn the wheel to zoom, Shift and wheel to move, Shift and drag to select. With fingers: tap or drag sideways to scrub, two fingers to zoom and move.',
+  'help.mouse':
+    'On the time line: drag to scrub, turn the wheel to zoom, Shift and wheel to move, Shift and drag to select. With fingers: tap or drag sideways to scrub, two fingers to zoom and move.',
   'help.streams': 'Streams of this case: {names}.',
   'key.space': 'Space',
   'key.toggle': 'Play, pause',
@@ -88,7 +89,8 @@ export const timelineJa: Record<keyof typeof timelineEn, string> = {
   'goTo.refused': 'この症例の時刻ではありません。長さは {end} です。',
 
   'help.title': 'キー操作',
-  'help.mouse': 'タイムライン上：ドラッグで移動、ホイールで拡大縮小、Shift+ホイールで横移動、Shift+ドラッグで選択。指では：タップまたは横へのドラッグで移動、2本指で拡大縮小と横移動。',
+  'help.mouse':
+    'タイムライン上：ドラッグで移動、ホイールで拡大縮小、Shift+ホイールで横移動、Shift+ドラッグで選択。指では：タップまたは横へのドラッグで移動、2本指で拡大縮小と横移動。',
   'help.streams': 'この症例のストリーム：{names}。',
   'key.space': 'スペース',
   'key.toggle': '再生・一時停止',

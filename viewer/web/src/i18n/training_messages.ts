@@ -2,7 +2,8 @@
 export const trainingEn = {
   'nav.training': 'Training',
   'train.title': 'Push an organ aside',
-  'train.what': 'A line lies hidden below the organ. Lift the border until you see the line, and keep it in sight for a second. The less the tissue is stressed, the better.',
+  'train.what':
+    'A line lies hidden below the organ. Lift the border until you see the line, and keep it in sight for a second. The less the tissue is stressed, the better.',
   'train.trainee': 'Trainee',
   'train.choose': 'Choose…',
   'train.nobody': 'Nobody trains here yet. Add the first trainee below.',
@@ -30,7 +31,8 @@ export const trainingEn = {
   'attempt.making': 'Making the organ. This takes some seconds the first time.',
   'attempt.practice': 'Practice, session {session}',
   'attempt.test': 'Test of session {session}',
-  'attempt.picture': 'The organ. Press below its border and drag upwards; the wheel pushes deeper. With keys: space takes hold and lets go, arrows move, Page Up and Page Down push, digits choose a finger.',
+  'attempt.picture':
+    'The organ. Press below its border and drag upwards; the wheel pushes deeper. With keys: space takes hold and lets go, arrows move, Page Up and Page Down push, digits choose a finger.',
   'attempt.how': 'Press below the border and drag upwards. The wheel pushes deeper.',
   'attempt.howTouch': 'Each touch point is a finger.',
   'attempt.howKeys': 'Keys: space takes hold, arrows move (with Shift further), Page Up and Down push, 0 to {n} choose a finger.',
@@ -125,7 +127,8 @@ export const trainingJa: Record<keyof typeof trainingEn, string> = {
   'attempt.making': '臓器を作成しています。初回は数秒かかります。',
   'attempt.practice': '練習、セッション {session}',
   'attempt.test': 'セッション {session} のテスト',
-  'attempt.picture': '臓器の画像。縁の下を押して上へ引きます。ホイールで奥へ押します。キー操作: スペースで持つ・離す、矢印で動かす、Page Up と Page Down で押す、数字で指を選ぶ。',
+  'attempt.picture':
+    '臓器の画像。縁の下を押して上へ引きます。ホイールで奥へ押します。キー操作: スペースで持つ・離す、矢印で動かす、Page Up と Page Down で押す、数字で指を選ぶ。',
   'attempt.how': '縁の下を押して、上へ引いてください。ホイールで奥へ押します。',
   'attempt.howTouch': '画面に触れた点がそれぞれ 1 本の指になります。',
   'attempt.howKeys': 'キー: スペースで持つ、矢印で動かす(Shift で大きく)、Page Up / Down で押す、0 から {n} で指を選ぶ。',

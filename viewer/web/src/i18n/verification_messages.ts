@@ -33,7 +33,8 @@ export const verificationEn = {
   'verify.closed': 'Closed',
 
   'chain.title': 'The chain of proof',
-  'chain.what': 'Each sealed segment is hashed into the ledger; the ledger is signed as a checkpoint; a time-stamp says when the checkpoint existed; an authority stands behind it. Choose a link to see what was found about it.',
+  'chain.what':
+    'Each sealed segment is hashed into the ledger; the ledger is signed as a checkpoint; a time-stamp says when the checkpoint existed; an authority stands behind it. Choose a link to see what was found about it.',
   'chain.segments': '{n} files, {size}',
   'chain.entries': '{n} entries',
   'chain.signed': '{n} signed',
@@ -102,7 +103,8 @@ export const verificationJa: Record<keyof typeof verificationEn, string> = {
   'verify.closed': '終了',
 
   'chain.title': '証明の連鎖',
-  'chain.what': '封印された各セグメントのハッシュが台帳に入り、台帳はチェックポイントとして署名され、タイムスタンプがその存在時刻を示し、認証局がそれを裏付けます。環を選ぶと、その所見を表示します。',
+  'chain.what':
+    '封印された各セグメントのハッシュが台帳に入り、台帳はチェックポイントとして署名され、タイムスタンプがその存在時刻を示し、認証局がそれを裏付けます。環を選ぶと、その所見を表示します。',
   'chain.segments': '{n} ファイル、{size}',
   'chain.entries': '{n} 項目',
   'chain.signed': '署名 {n} 件',

@@ -4,7 +4,10 @@ import { language } from '@/i18n/i18n';
 import { type SentencePair, SentencePatterns } from '@/i18n/sentence_patterns';
 
 export const kWaySentences: readonly SentencePair[] = [
-  ["the worklist cannot be asked: DCMTK's data dictionary (dicom.dic) is not installed", 'DCMTK のデータ辞書（dicom.dic）が導入されていないため、ワークリストに問い合わせできません'],
+  [
+    "the worklist cannot be asked: DCMTK's data dictionary (dicom.dic) is not installed",
+    'DCMTK のデータ辞書（dicom.dic）が導入されていないため、ワークリストに問い合わせできません',
+  ],
   ['the worklist cannot be asked: {why}', 'ワークリストに問い合わせできません（{why}）'],
   ['the worklist {ae} at {place} cannot be asked: {why}', '{place} のワークリスト {ae} に問い合わせできません（{why}）'],
   ['the worklist {ae} at {place} cannot be asked', '{place} のワークリスト {ae} に問い合わせできません'],
@@ -16,10 +19,16 @@ export const kWaySentences: readonly SentencePair[] = [
   ['is being asked for the first time', '最初の問い合わせ中です'],
   ['{ae} listed {n} steps at {time}', '{ae} は {time} に {n} 件を返しました'],
   ['does not wait for messages yet', 'まだメッセージを待ち受けていません'],
-  ['waits for messages at {place}; {taken} taken, {refused} refused, {strangers} connections of strangers', '{place} で待ち受け中（受理 {taken} 件、拒否 {refused} 件、許可のない接続 {strangers} 件）'],
+  [
+    'waits for messages at {place}; {taken} taken, {refused} refused, {strangers} connections of strangers',
+    '{place} で待ち受け中（受理 {taken} 件、拒否 {refused} 件、許可のない接続 {strangers} 件）',
+  ],
   ['waits for messages at {place}; {taken} taken, {refused} refused', '{place} で待ち受け中（受理 {taken} 件、拒否 {refused} 件）'],
   ['cannot wait for monitors at {place}: {why}; {advice}', '{place} で待ち受けできません（{why}）。アドレスとポートを確認してください'],
-  ["cannot use the certificate '{file}' or its key for monitors: {why}; {advice}", '証明書「{file}」またはその鍵を使えません（{why}）。どちらも PEM ファイルで、鍵はパスフレーズなしでなければなりません'],
+  [
+    "cannot use the certificate '{file}' or its key for monitors: {why}; {advice}",
+    '証明書「{file}」またはその鍵を使えません（{why}）。どちらも PEM ファイルで、鍵はパスフレーズなしでなければなりません',
+  ],
 ];
 
 const kPatterns = new SentencePatterns(kWaySentences);

@@ -4,8 +4,19 @@ import type { LogEntry } from '@/api/types';
 import { formatDuration } from '@/base/time';
 
 export const kLogTypes = [
-  'access', 'case-opened', 'case-checkpoint', 'case-closed', 'plan-sealed', 'replicated', 'erased', 'boot', 'shutdown', 'config-changed', 'device-key-changed',
-  'pre-roll-discarded', 'recovered',
+  'access',
+  'case-opened',
+  'case-checkpoint',
+  'case-closed',
+  'plan-sealed',
+  'replicated',
+  'erased',
+  'boot',
+  'shutdown',
+  'config-changed',
+  'device-key-changed',
+  'pre-roll-discarded',
+  'recovered',
 ] as const;
 
 const kOwnColumns = new Set(['type', 'seq', 'utc', 'mono_ns', 'case', 'who', 'what']);

@@ -170,9 +170,7 @@ export class PanePlayer {
       const pictures = this.source.addSourceBuffer(type);
       const beside = sound && this.source.addSourceBuffer(sound.type);
       const tell = (error: unknown) => this.tell(error);
-      this.feeds = [
-        new PieceFeed(this.source, pictures, init, this.recorded, (piece, aborted) => cases.piece(this.caseId, this.stream, piece, aborted), tell),
-      ];
+      this.feeds = [new PieceFeed(this.source, pictures, init, this.recorded, (piece, aborted) => cases.piece(this.caseId, this.stream, piece, aborted), tell)];
       if (beside) {
         this.feeds.push(
           new PieceFeed(this.source, beside, sound.init, this.recorded, (piece, aborted) => cases.soundPiece(this.caseId, this.stream, piece, aborted), tell),

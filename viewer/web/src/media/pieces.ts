@@ -12,8 +12,7 @@ export const kHole_ns = 0.2e9;
 export const pieceAt = (time_ns: number): number => Math.floor(time_ns / kPiece_ns);
 export const pieceSpan = (piece: number): Span => ({ start_ns: piece * kPiece_ns, end_ns: (piece + 1) * kPiece_ns });
 
-const overlaps = (recorded: readonly Span[], span: Span): boolean =>
-  recorded.some((one) => one.start_ns < span.end_ns && span.start_ns < one.end_ns);
+const overlaps = (recorded: readonly Span[], span: Span): boolean => recorded.some((one) => one.start_ns < span.end_ns && span.start_ns < one.end_ns);
 
 /**
  * The pieces from `time_ns` on that are wanted, the most urgent first: `ahead` of them that hold something, within what is kept. `recorded` are the
@@ -43,7 +42,5 @@ export function canShow(time_ns: number, recorded: readonly Span[], buffered: re
   if (!stretch) return true;
   const until_ns = Math.min(time_ns + margin_ns, stretch.end_ns - kHole_ns);
   const from_ns = Math.max(time_ns, stretch.start_ns);
-  return buffered.some(
-    (one) => one.start_ns - kHole_ns <= from_ns && (one.end_ns >= until_ns || one.end_ns >= stretch.end_ns - kHole_ns),
-  );
+  return buffered.some((one) => one.start_ns - kHole_ns <= from_ns && (one.end_ns >= until_ns || one.end_ns >= stretch.end_ns - kHole_ns));
 }

@@ -53,7 +53,12 @@ export function PlanningView() {
             </p>
             {has_volume && (
               <div class="train-do">
-                <button type="button" class="button button-main" onClick={() => (open.value = { plan, anew: false })} aria-label={t('planning.openOf', { plan })}>
+                <button
+                  type="button"
+                  class="button button-main"
+                  onClick={() => (open.value = { plan, anew: false })}
+                  aria-label={t('planning.openOf', { plan })}
+                >
                   {t('planning.open')}
                 </button>
                 <button type="button" class="button" onClick={() => (open.value = { plan, anew: true })} aria-label={t('planning.anewOf', { plan })}>

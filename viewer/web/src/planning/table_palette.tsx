@@ -35,7 +35,9 @@ export function Palette({ table, choose }: { table: TableController; choose: (to
         {t('planning.front')}
       </button>
       {tool === 'press' && <Depth label={t('planning.depth')} most_mm={40} at_m={table.depth_m.value} set={(depth_m) => table.setDepth(depth_m)} />}
-      {tool === 'cut' && <Depth label={t('planning.cutDepth')} most_mm={100} at_m={table.cutDepth_m.value} set={(depth_m) => (table.cutDepth_m.value = depth_m)} />}
+      {tool === 'cut' && (
+        <Depth label={t('planning.cutDepth')} most_mm={100} at_m={table.cutDepth_m.value} set={(depth_m) => (table.cutDepth_m.value = depth_m)} />
+      )}
     </div>
   );
 }

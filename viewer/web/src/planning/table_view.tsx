@@ -185,7 +185,11 @@ export function TableView({ open, leave }: { open: { plan: string; anew: boolean
               </span>
             ))}
             {cursor && tool !== 'orbit' && (
-              <span class={table.keysAreDown ? 'key-mark key-mark-down' : 'key-mark'} style={{ left: `${cursor.x * 100}%`, top: `${cursor.y * 100}%` }} aria-hidden="true" />
+              <span
+                class={table.keysAreDown ? 'key-mark key-mark-down' : 'key-mark'}
+                style={{ left: `${cursor.x * 100}%`, top: `${cursor.y * 100}%` }}
+                aria-hidden="true"
+              />
             )}
             {!told && <p class="attempt-making">{opening.value || t('planning.opening')}</p>}
             {told && slow.value && <p class="planning-slow">{t('planning.computing')}</p>}

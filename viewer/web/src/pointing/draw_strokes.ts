@@ -6,7 +6,15 @@ import { toPixel } from '@/timeline/scale';
 
 const kLeast = 4;
 
-export function drawStrokes(context: CanvasRenderingContext2D, strokes: readonly Stroke[], window: Span, width: number, top: number, height: number, colors: Colors): void {
+export function drawStrokes(
+  context: CanvasRenderingContext2D,
+  strokes: readonly Stroke[],
+  window: Span,
+  width: number,
+  top: number,
+  height: number,
+  colors: Colors,
+): void {
   context.font = '12px system-ui, "IPAGothic", sans-serif';
   context.textBaseline = 'middle';
   const shown = strokes

@@ -6,12 +6,9 @@ const kSilentVideo_ms = 3000;
 /** Monitors speak once a few seconds. */
 const kSilentVitals_ms = 10_000;
 
-export type Trouble =
-  | { kind: 'silent'; room: string; stream: string; for_ms: number }
-  | { kind: 'lost'; room: string; stream: string; pictures: number };
+export type Trouble = { kind: 'silent'; room: string; stream: string; for_ms: number } | { kind: 'lost'; room: string; stream: string; pictures: number };
 
-export const isSilent = (stream: StreamStatus): boolean =>
-  !stream.live || stream.age_ms >= (stream.kind === 'vitals' ? kSilentVitals_ms : kSilentVideo_ms);
+export const isSilent = (stream: StreamStatus): boolean => !stream.live || stream.age_ms >= (stream.kind === 'vitals' ? kSilentVitals_ms : kSilentVideo_ms);
 
 /** Of a room that records; in every other state nothing is missed. */
 export function troublesOf(room: RoomStatus): Trouble[] {

@@ -85,7 +85,12 @@ function NavLink({ to, icon, text }: { to: 'cases' | 'rooms' | 'log' | 'users' |
   const state = to === 'planning' || to === 'training' ? workplaces.value[to] : undefined;
   const isAway = state !== undefined && state !== 'open';
   return (
-    <a href={hrefOf({ view: to })} class={isAway ? 'nav-link nav-link-away' : 'nav-link'} aria-current={here ? 'page' : undefined} title={isAway ? t('place.away') : undefined}>
+    <a
+      href={hrefOf({ view: to })}
+      class={isAway ? 'nav-link nav-link-away' : 'nav-link'}
+      aria-current={here ? 'page' : undefined}
+      title={isAway ? t('place.away') : undefined}
+    >
       <Icon name={icon} />
       {text}
       {isAway && <span class="only-heard"> ({t('place.away')})</span>}
@@ -247,10 +252,14 @@ export function App() {
   }, [chosen]);
   return (
     <div class="page">
-      <a class="skip" href="#main" onClick={(event) => {
-        event.preventDefault();
-        document.getElementById('main')?.focus();
-      }}>
+      <a
+        class="skip"
+        href="#main"
+        onClick={(event) => {
+          event.preventDefault();
+          document.getElementById('main')?.focus();
+        }}
+      >
         {t('skip')}
       </a>
       <div class="top-stack">

@@ -9,7 +9,13 @@ export function OwnPassword() {
   const open = useSignal(false);
   return (
     <>
-      <button type="button" class="button button-quiet button-square" aria-label={t('password.change')} title={t('password.change')} onClick={() => (open.value = true)}>
+      <button
+        type="button"
+        class="button button-quiet button-square"
+        aria-label={t('password.change')}
+        title={t('password.change')}
+        onClick={() => (open.value = true)}
+      >
         <Icon name="key" />
       </button>
       {open.value && (

@@ -1,7 +1,8 @@
 // What the page offers to whom. The server decides (viewer/http/role.cpp); a test compares the two.
 import type { Role } from '@/api/types';
 
-export type Right = 'read-case' | 'watch' | 'compare' | 'plan' | 'train' | 'verify' | 'read-log' | 'see-live' | 'watch-room' | 'control-rooms' | 'invite' | 'manage-users';
+export type Right =
+  'read-case' | 'watch' | 'compare' | 'plan' | 'train' | 'verify' | 'read-log' | 'see-live' | 'watch-room' | 'control-rooms' | 'invite' | 'manage-users';
 
 const kWho: Record<Right, readonly Role[]> = {
   'read-case': ['surgeon', 'auditor', 'administrator'],

@@ -78,9 +78,5 @@ export function ListedSubject({ one }: { one: CaseSummary }) {
   }
   const state = one.subject_state;
   if (state !== 'not-yours' && state !== 'problem' && state !== 'not-read') return null;
-  return (
-    <span class="case-subject muted">
-      {t(state === 'not-yours' ? 'subject.notYours' : state === 'problem' ? 'subject.problem' : 'subject.notRead')}
-    </span>
-  );
+  return <span class="case-subject muted">{t(state === 'not-yours' ? 'subject.notYours' : state === 'problem' ? 'subject.problem' : 'subject.notRead')}</span>;
 }

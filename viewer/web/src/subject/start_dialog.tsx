@@ -152,11 +152,13 @@ export function StartDialog({ room, starts, onSaid, onClose }: Props) {
           </label>
         )}
         {starts && choices.value && plans.length === 0 && <p class="muted">{t('start.noPlans')}</p>}
-        {ways.filter((way) => !way.well).map((way) => (
-          <p key={way.name} class="problem">
-            <Icon name="alarm" /> {t('start.wayBad', { name: word('way', way.name), state: wayInOwnWords(way.state) })}
-          </p>
-        ))}
+        {ways
+          .filter((way) => !way.well)
+          .map((way) => (
+            <p key={way.name} class="problem">
+              <Icon name="alarm" /> {t('start.wayBad', { name: word('way', way.name), state: wayInOwnWords(way.state) })}
+            </p>
+          ))}
         {problem.value !== '' && (
           <p class="problem" role="alert">
             <Icon name="alarm" /> {problem.value}

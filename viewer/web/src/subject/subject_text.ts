@@ -4,7 +4,9 @@ import { t, word } from '@/i18n/i18n';
 
 /** "Yamada Tarou (17, born 1980-01-15, M)"; "" where nothing of the patient is known. */
 export function patientText(subject: Subject): string {
-  const facts = [subject.patient_id ?? '', subject.birth_date ? t('subject.born', { date: subject.birth_date }) : '', subject.sex ?? ''].filter((one) => one !== '');
+  const facts = [subject.patient_id ?? '', subject.birth_date ? t('subject.born', { date: subject.birth_date }) : '', subject.sex ?? ''].filter(
+    (one) => one !== '',
+  );
   const name = subject.patient ?? '';
   if (name === '') return facts.join(', ');
   return facts.length === 0 ? name : `${name} (${facts.join(', ')})`;
@@ -33,7 +35,9 @@ export interface TypedSubject {
 /** As the subject file has it (docs/reference/format.md); undefined where nothing was typed. */
 export function saidByTyping(typed: TypedSubject): SaidOfCase['subject'] {
   const kept = (fields: Record<string, string>) => {
-    const entries = Object.entries(fields).map(([key, text]) => [key, text.trim()] as const).filter(([, text]) => text !== '');
+    const entries = Object.entries(fields)
+      .map(([key, text]) => [key, text.trim()] as const)
+      .filter(([, text]) => text !== '');
     return entries.length === 0 ? undefined : Object.fromEntries(entries);
   };
   const patient = kept({ id: typed.patient_id, name: typed.patient, birth_date: typed.birth_date });

@@ -73,7 +73,14 @@ function hatch(context: CanvasRenderingContext2D, x: number, y: number, width: n
 }
 
 export function drawRuns(
-  context: CanvasRenderingContext2D, model: CaseModel, stream: string, window: Span, width: number, top: number, height: number, colors: Colors,
+  context: CanvasRenderingContext2D,
+  model: CaseModel,
+  stream: string,
+  window: Span,
+  width: number,
+  top: number,
+  height: number,
+  colors: Colors,
 ): void {
   for (const run of model.recorded.get(stream) ?? []) {
     const from = Math.max(0, toPixel(run.start_ns, window, width));
@@ -93,7 +100,16 @@ export function drawRuns(
 }
 
 /** The joins of a stream's sealed segments, once they are wide enough to be told apart. */
-function drawJoins(context: CanvasRenderingContext2D, model: CaseModel, stream: string, window: Span, width: number, top: number, height: number, colors: Colors): void {
+function drawJoins(
+  context: CanvasRenderingContext2D,
+  model: CaseModel,
+  stream: string,
+  window: Span,
+  width: number,
+  top: number,
+  height: number,
+  colors: Colors,
+): void {
   const pixels = (2 * kSecond * width) / (window.end_ns - window.start_ns);
   if (pixels < 10) return;
   context.fillStyle = colors('ground');
@@ -130,7 +146,15 @@ function drawMarks(context: CanvasRenderingContext2D, model: CaseModel, window: 
 }
 
 /** The plan's steps where they were done, with their pauses. */
-function drawSteps(context: CanvasRenderingContext2D, steps: readonly ComparedStep[], window: Span, width: number, top: number, height: number, colors: Colors): void {
+function drawSteps(
+  context: CanvasRenderingContext2D,
+  steps: readonly ComparedStep[],
+  window: Span,
+  width: number,
+  top: number,
+  height: number,
+  colors: Colors,
+): void {
   context.font = '12px system-ui, "IPAGothic", sans-serif';
   context.textBaseline = 'middle';
   for (const step of inOrderDone(steps)) {
@@ -155,7 +179,15 @@ function drawSteps(context: CanvasRenderingContext2D, steps: readonly ComparedSt
   }
 }
 
-function drawAlarms(context: CanvasRenderingContext2D, alarms: readonly Alarm[], window: Span, width: number, top: number, height: number, colors: Colors): void {
+function drawAlarms(
+  context: CanvasRenderingContext2D,
+  alarms: readonly Alarm[],
+  window: Span,
+  width: number,
+  top: number,
+  height: number,
+  colors: Colors,
+): void {
   for (const alarm of alarms) {
     const from = toPixel(alarm.start_ns, window, width);
     const to = toPixel(alarm.end_ns, window, width);
@@ -189,8 +221,16 @@ function drawProof(context: CanvasRenderingContext2D, model: CaseModel, window: 
 }
 
 export function drawLanes(
-  context: CanvasRenderingContext2D, lanes: readonly Lane[], model: CaseModel, alarms: readonly Alarm[], steps: readonly ComparedStep[], strokes: readonly Stroke[], window: Span,
-  width: number, height: number, colors: Colors,
+  context: CanvasRenderingContext2D,
+  lanes: readonly Lane[],
+  model: CaseModel,
+  alarms: readonly Alarm[],
+  steps: readonly ComparedStep[],
+  strokes: readonly Stroke[],
+  window: Span,
+  width: number,
+  height: number,
+  colors: Colors,
 ): void {
   drawRuler(context, model, window, width, height, colors);
   for (const lane of lanes) {

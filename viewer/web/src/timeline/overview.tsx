@@ -31,10 +31,22 @@ function ZoomTools({ window, playback }: { window: TimelineWindow; playback: Pla
   const zoom = (factor: number) => window.zoom(factor, playback.position_ns.peek());
   return (
     <div class="timeline-tools">
-      <button type="button" class="button button-quiet button-square" aria-label={t('timeline.closer')} title={t('timeline.closer')} onClick={() => zoom(1 / kZoomStep)}>
+      <button
+        type="button"
+        class="button button-quiet button-square"
+        aria-label={t('timeline.closer')}
+        title={t('timeline.closer')}
+        onClick={() => zoom(1 / kZoomStep)}
+      >
         <Icon name="zoomIn" />
       </button>
-      <button type="button" class="button button-quiet button-square" aria-label={t('timeline.wider')} title={t('timeline.wider')} onClick={() => zoom(kZoomStep)}>
+      <button
+        type="button"
+        class="button button-quiet button-square"
+        aria-label={t('timeline.wider')}
+        title={t('timeline.wider')}
+        onClick={() => zoom(kZoomStep)}
+      >
         <Icon name="zoomOut" />
       </button>
       <button type="button" class="button button-quiet button-square" aria-label={t('timeline.all')} title={t('timeline.all')} onClick={() => window.showAll()}>

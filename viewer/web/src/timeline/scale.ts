@@ -4,11 +4,9 @@ import { kHour, kMinute, kSecond } from '@/base/time';
 
 export const kShortestWindow_ns = 0.5 * kSecond;
 
-export const toPixel = (time_ns: number, window: Span, width: number): number =>
-  ((time_ns - window.start_ns) / (window.end_ns - window.start_ns)) * width;
+export const toPixel = (time_ns: number, window: Span, width: number): number => ((time_ns - window.start_ns) / (window.end_ns - window.start_ns)) * width;
 
-export const toTime = (pixel: number, window: Span, width: number): number =>
-  Math.round(window.start_ns + (pixel / width) * (window.end_ns - window.start_ns));
+export const toTime = (pixel: number, window: Span, width: number): number => Math.round(window.start_ns + (pixel / width) * (window.end_ns - window.start_ns));
 
 /** `window` moved, and shortened where it must be, so that it lies within `whole`. */
 export function within(window: Span, whole: Span): Span {
@@ -26,8 +24,7 @@ export function zoomed(window: Span, whole: Span, factor: number, about_ns: numb
   return within({ start_ns: about_ns - part * wanted, end_ns: about_ns + (1 - part) * wanted }, whole);
 }
 
-export const panned = (window: Span, whole: Span, by_ns: number): Span =>
-  within({ start_ns: window.start_ns + by_ns, end_ns: window.end_ns + by_ns }, whole);
+export const panned = (window: Span, whole: Span, by_ns: number): Span => within({ start_ns: window.start_ns + by_ns, end_ns: window.end_ns + by_ns }, whole);
 
 /** Fingers that lie closer than this would zoom without end. */
 const kLeastApart = 24;
@@ -49,8 +46,27 @@ export function following(window: Span, whole: Span, time_ns: number): Span {
 
 const kLongestStep = 24 * kHour;
 const kSteps = [
-  0.1 * kSecond, 0.2 * kSecond, 0.5 * kSecond, kSecond, 2 * kSecond, 5 * kSecond, 10 * kSecond, 15 * kSecond, 30 * kSecond, kMinute, 2 * kMinute,
-  5 * kMinute, 10 * kMinute, 15 * kMinute, 30 * kMinute, kHour, 2 * kHour, 3 * kHour, 6 * kHour, 12 * kHour, kLongestStep,
+  0.1 * kSecond,
+  0.2 * kSecond,
+  0.5 * kSecond,
+  kSecond,
+  2 * kSecond,
+  5 * kSecond,
+  10 * kSecond,
+  15 * kSecond,
+  30 * kSecond,
+  kMinute,
+  2 * kMinute,
+  5 * kMinute,
+  10 * kMinute,
+  15 * kMinute,
+  30 * kMinute,
+  kHour,
+  2 * kHour,
+  3 * kHour,
+  6 * kHour,
+  12 * kHour,
+  kLongestStep,
 ];
 
 /** Where the ruler has a number: times counted from `begin_ns`, at least `least_pixels` apart. */

@@ -68,17 +68,23 @@ export function Timeline({ model, playback, window, store, selection, onSelect, 
   /** A mark, or the beginning of a step or of pointing, near `x`. */
   const momentNear = (x: number): number | undefined => {
     const near = matchMedia('(pointer: coarse)').matches ? kNearForFingers : kNear;
-    return [...model.marks.map((mark) => mark.time_ns), ...steps.flatMap((step) => step.done?.start_ns ?? []), ...strokes.map((stroke) => stroke.start_ns)].find(
-      (one) => Math.abs(toPixel(one, window.shown.peek(), width.peek()) - x) < near,
-    );
+    return [
+      ...model.marks.map((mark) => mark.time_ns),
+      ...steps.flatMap((step) => step.done?.start_ns ?? []),
+      ...strokes.map((stroke) => stroke.start_ns),
+    ].find((one) => Math.abs(toPixel(one, window.shown.peek(), width.peek()) - x) < near);
   };
   const timeAt = (x: number) => toTime(x, window.shown.peek(), width.peek());
   const act = (deed: Deed) => {
     switch (deed.do) {
-      case 'point': return playback.scrub(momentNear(deed.x) ?? timeAt(deed.x));
-      case 'scrub': return playback.scrub(timeAt(deed.x));
-      case 'select': return onSelect({ start_ns: timeAt(deed.from), end_ns: timeAt(deed.to) });
-      case 'pinch': return window.pinch(deed.from, deed.to, width.peek());
+      case 'point':
+        return playback.scrub(momentNear(deed.x) ?? timeAt(deed.x));
+      case 'scrub':
+        return playback.scrub(timeAt(deed.x));
+      case 'select':
+        return onSelect({ start_ns: timeAt(deed.from), end_ns: timeAt(deed.to) });
+      case 'pinch':
+        return window.pinch(deed.from, deed.to, width.peek());
     }
   };
   const { listeners, hovered } = usePointers({

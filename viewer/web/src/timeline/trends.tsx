@@ -52,10 +52,22 @@ export function Trends({ store, window, whole, width }: { store: VitalsStore; wi
         legend: { show: false },
         cursor: { show: false },
         padding: [6, 0, 4, 0],
-        scales: { x: { time: false, auto: false }, y: { range: (_, low, high) => [Math.max(0, Math.floor(low / 20) * 20 - 5), Math.ceil(high / 20) * 20 + 5] } },
+        scales: {
+          x: { time: false, auto: false },
+          y: { range: (_, low, high) => [Math.max(0, Math.floor(low / 20) * 20 - 5), Math.ceil(high / 20) * 20 + 5] },
+        },
         axes: [
           { show: false },
-          { side: 1, size: 0, gap: -26, stroke: colors('muted'), font: '10px system-ui', grid: { stroke: colors('line'), width: 1 }, ticks: { show: false }, space: 28 },
+          {
+            side: 1,
+            size: 0,
+            gap: -26,
+            stroke: colors('muted'),
+            font: '10px system-ui',
+            grid: { stroke: colors('line'), width: 1 },
+            ticks: { show: false },
+            space: 28,
+          },
         ],
         // The lowest, highest and last of each: three lines, of which the first two only bound a band.
         series: [{}, ...shown.flatMap(({ color }) => [{ points: { show: false } }, { points: { show: false } }, line(color)])],
@@ -82,7 +94,10 @@ export function Trends({ store, window, whole, width }: { store: VitalsStore; wi
       return [columns.x, columns.low, columns.high, columns.last] as uPlot.AlignedData;
     });
     // Rows that one series has and another has not are no gaps of it; only its own empty ones are.
-    const joined = uPlot.join(tables, tables.map((table) => table.map(() => 2)));
+    const joined = uPlot.join(
+      tables,
+      tables.map((table) => table.map(() => 2)),
+    );
     drawing.batch(() => {
       drawing.setData(joined, true);
       drawing.setScale('x', { min: window.start_ns / 1e9, max: window.end_ns / 1e9 });
@@ -90,5 +105,15 @@ export function Trends({ store, window, whole, width }: { store: VitalsStore; wi
   }, [key, dark, window, width, version]);
 
   if (shown.length === 0) return null;
-  return <div class="trends" ref={place} role="img" aria-label={`${t('timeline.trends')}: ${shown.map(({ label }) => label).filter((label) => label !== '').join(', ')}`} />;
+  return (
+    <div
+      class="trends"
+      ref={place}
+      role="img"
+      aria-label={`${t('timeline.trends')}: ${shown
+        .map(({ label }) => label)
+        .filter((label) => label !== '')
+        .join(', ')}`}
+    />
+  );
 }

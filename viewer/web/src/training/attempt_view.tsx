@@ -183,7 +183,9 @@ export function AttemptView({ begin, over, lost }: { begin: Begin; over: (began:
             <Forces forces_n={now?.forces_n ?? Array.from({ length: begin.fingers }, () => 0)} wrist_n={now?.wrist_force_n ?? 0} />
           </div>
           <p class="muted attempt-latency">
-            {now && toPicture_ms.value !== undefined && t('attempt.latency', { force: now.input_to_force_ms.toFixed(1), picture: toPicture_ms.value.toFixed(0) })}
+            {now &&
+              toPicture_ms.value !== undefined &&
+              t('attempt.latency', { force: now.input_to_force_ms.toFixed(1), picture: toPicture_ms.value.toFixed(0) })}
           </p>
         </div>
       </div>

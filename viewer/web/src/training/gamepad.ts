@@ -54,12 +54,14 @@ export class GamepadHand {
     private readonly fingers: number,
   ) {
     const side = (id: Side['id'], axis: number, trigger: number, bumper: number, finger: number, x: number): Side => ({
-      id, axis, trigger, bumper, pointer: { finger, x, y: kBelowBorder.y, push_m: 0 }, bumped: false,
+      id,
+      axis,
+      trigger,
+      bumper,
+      pointer: { finger, x, y: kBelowBorder.y, push_m: 0 },
+      bumped: false,
     });
-    this.sides = [
-      side('pad-left', 0, kLeftTrigger, kLeftBumper, fingers === 1 ? 1 : 0, 0.5),
-      side('pad-right', 2, kRightTrigger, kRightBumper, fingers, 0.6),
-    ];
+    this.sides = [side('pad-left', 0, kLeftTrigger, kLeftBumper, fingers === 1 ? 1 : 0, 0.5), side('pad-right', 2, kRightTrigger, kRightBumper, fingers, 0.6)];
   }
 
   /** What the sticks point at, pressed or not. */

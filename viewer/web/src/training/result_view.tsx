@@ -7,7 +7,15 @@ import { announce, attempt } from '@/shell/state';
 import { objectLabel } from '@/training/object_label';
 import { countTicks, place, scaleTo } from '@/training/chart';
 import {
-  type AttemptKept, type Began, type Begin, kMeasures, type Measure, type Over, type Results, type Score, training as api,
+  type AttemptKept,
+  type Began,
+  type Begin,
+  kMeasures,
+  type Measure,
+  type Over,
+  type Results,
+  type Score,
+  training as api,
 } from '@/training/training_api';
 
 export function valueOf(measure: Measure, score: Score): number {
@@ -117,9 +125,7 @@ function Curves({ results, measure, fingers }: { results: Results; measure: Meas
   const own = results.attempts.filter((one) => isResult(one) && one.fingers === fingers);
   const all = results.curves.find((one) => one.measure === measure);
   const curve = all && { own: all.own.filter((one) => one.fingers === fingers), groups: all.groups.filter((one) => one.fingers === fingers) };
-  const attempts: Series[] = [
-    { name, style: 0, points: own.map((one, i) => ({ x: i + 1, y: valueOf(measure, one.score), hollow: !one.test })) },
-  ];
+  const attempts: Series[] = [{ name, style: 0, points: own.map((one, i) => ({ x: i + 1, y: valueOf(measure, one.score), hollow: !one.test })) }];
   const tests: Series[] =
     curve && curve.own.length > 0
       ? [
@@ -302,7 +308,17 @@ function Came({ began, over, sealed }: { began: Began; over: Over; sealed: () =>
   );
 }
 
-export function ResultView({ begin, came, again, other }: { begin: Begin; came?: { began: Began; over: Over }; again: (test: boolean) => void; other: () => void }) {
+export function ResultView({
+  begin,
+  came,
+  again,
+  other,
+}: {
+  begin: Begin;
+  came?: { began: Began; over: Over };
+  again: (test: boolean) => void;
+  other: () => void;
+}) {
   const results = useSignal<Results | undefined>(undefined);
   const measure = useSignal<Measure>('stress');
   const load = () =>

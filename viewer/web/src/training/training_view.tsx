@@ -200,12 +200,7 @@ export function TrainingView() {
           <button type="button" class="button" disabled={!trainee} onClick={() => go(beginOf(true))}>
             {t('train.test')}
           </button>
-          <button
-            type="button"
-            class="button button-quiet"
-            disabled={!trainee}
-            onClick={() => (stage.value = { at: 'result', begin: beginOf(false) })}
-          >
+          <button type="button" class="button button-quiet" disabled={!trainee} onClick={() => (stage.value = { at: 'result', begin: beginOf(false) })}>
             {t('train.results')}
           </button>
         </div>

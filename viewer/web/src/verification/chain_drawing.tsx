@@ -56,9 +56,7 @@ export function ChainDrawing({
                 <path
                   class={broken ? 'chain-tie chain-tie-broken' : 'chain-tie'}
                   d={
-                    broken
-                      ? `M${kWidth} ${middle}h12l4 -7M${kWidth + kBetween} ${middle}h-12l-4 7`
-                      : `M${kWidth + 4} ${middle}h${kBetween - 9}m-7 -6l7 6l-7 6`
+                    broken ? `M${kWidth} ${middle}h12l4 -7M${kWidth + kBetween} ${middle}h-12l-4 7` : `M${kWidth + 4} ${middle}h${kBetween - 9}m-7 -6l7 6l-7 6`
                   }
                 />
               )}

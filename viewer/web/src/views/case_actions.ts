@@ -43,37 +43,59 @@ export class CaseActions {
         playback.toggle();
         announce(playback.playing.peek() ? t('transport.playing') : t('transport.pausedAt', { time: this.time(playback.position_ns.peek()) }));
         return;
-      case 'frameBack': return this.picking ? this.pickIn(-1) : unlocked ? void frames.show(large.peek(), -1) : undefined;
-      case 'frameForward': return this.picking ? this.pickIn(1) : unlocked ? void frames.show(large.peek(), 1) : undefined;
-      case 'original': return unlocked ? frames.toggle(large.peek()) : undefined;
-      case 'back5': return this.seekBy(-5 * kSecond);
-      case 'forward5': return this.seekBy(5 * kSecond);
-      case 'back1': return this.seekBy(-kSecond);
-      case 'forward1': return this.seekBy(kSecond);
-      case 'back60': return this.seekBy(-kMinute);
-      case 'forward60': return this.seekBy(kMinute);
-      case 'begin': return playback.seek(model.whole.start_ns);
-      case 'end': return playback.seek(model.whole.end_ns);
-      case 'slower': return this.setSpeed(-1);
-      case 'faster': return this.setSpeed(1);
-      case 'previousMark': return this.seekMark('previous');
-      case 'nextMark': return this.seekMark('next');
-      case 'previousStep': return this.seekStep('previous');
-      case 'nextStep': return this.seekStep('next');
-      case 'planView': return this.nextPlanView();
-      case 'soundOrMatch': return this.matching ? this.match(action) : this.switchSound();
+      case 'frameBack':
+        return this.picking ? this.pickIn(-1) : unlocked ? void frames.show(large.peek(), -1) : undefined;
+      case 'frameForward':
+        return this.picking ? this.pickIn(1) : unlocked ? void frames.show(large.peek(), 1) : undefined;
+      case 'original':
+        return unlocked ? frames.toggle(large.peek()) : undefined;
+      case 'back5':
+        return this.seekBy(-5 * kSecond);
+      case 'forward5':
+        return this.seekBy(5 * kSecond);
+      case 'back1':
+        return this.seekBy(-kSecond);
+      case 'forward1':
+        return this.seekBy(kSecond);
+      case 'back60':
+        return this.seekBy(-kMinute);
+      case 'forward60':
+        return this.seekBy(kMinute);
+      case 'begin':
+        return playback.seek(model.whole.start_ns);
+      case 'end':
+        return playback.seek(model.whole.end_ns);
+      case 'slower':
+        return this.setSpeed(-1);
+      case 'faster':
+        return this.setSpeed(1);
+      case 'previousMark':
+        return this.seekMark('previous');
+      case 'nextMark':
+        return this.seekMark('next');
+      case 'previousStep':
+        return this.seekStep('previous');
+      case 'nextStep':
+        return this.seekStep('next');
+      case 'planView':
+        return this.nextPlanView();
+      case 'soundOrMatch':
+        return this.matching ? this.match(action) : this.switchSound();
       case 'matchEnd':
       case 'matchPause':
       case 'matchRemove':
       case 'undo':
       case 'redo':
         return this.match(action);
-      case 'selectFrom': return this.select('from');
-      case 'selectTo': return this.select('to');
+      case 'selectFrom':
+        return this.select('from');
+      case 'selectTo':
+        return this.select('to');
       case 'clearSelection':
         selection.value = undefined;
         return;
-      case 'fullScreen': return this.desk.fullScreen();
+      case 'fullScreen':
+        return this.desk.fullScreen();
       case 'help':
       case 'goTo':
         dialog.value = action;
@@ -112,7 +134,10 @@ export class CaseActions {
 
   private seekMark(to: 'previous' | 'next'): void {
     const { model, playback } = this.desk;
-    const time_ns = neighbours(model.marks.map((one) => one.time_ns), playback.position_ns.peek())[to];
+    const time_ns = neighbours(
+      model.marks.map((one) => one.time_ns),
+      playback.position_ns.peek(),
+    )[to];
     const mark = model.marks.find((one) => one.time_ns === time_ns);
     if (!mark) {
       announce(t('transport.noMark'));
@@ -129,7 +154,10 @@ export class CaseActions {
       return;
     }
     const done = inOrderDone(steps);
-    const time_ns = neighbours(done.map((one) => one.done.start_ns), playback.position_ns.peek())[to];
+    const time_ns = neighbours(
+      done.map((one) => one.done.start_ns),
+      playback.position_ns.peek(),
+    )[to];
     const step = done.find((one) => one.done.start_ns === time_ns);
     if (!step) {
       announce(t('plan.noFurther'));

@@ -24,9 +24,21 @@ export function caseModel(info: CaseInfo, timeline: Timeline): CaseModel {
   const gaps = new Map<string, Gap[]>();
   for (const { name } of info.streams) {
     const segments = timeline.segments.filter((one) => one.stream === name);
-    recorded.set(name, merged(segments.filter((one) => !one.erased), kJoin_ns));
-    const erased = merged(segments.filter((one) => one.erased), kJoin_ns).map((span) => ({ ...span, stream: name, cause: 'erased', of_sound: false }));
-    gaps.set(name, [...timeline.gaps.filter((one) => one.stream === name && !one.of_sound), ...erased].sort((a, b) => a.start_ns - b.start_ns));
+    recorded.set(
+      name,
+      merged(
+        segments.filter((one) => !one.erased),
+        kJoin_ns,
+      ),
+    );
+    const erased = merged(
+      segments.filter((one) => one.erased),
+      kJoin_ns,
+    ).map((span) => ({ ...span, stream: name, cause: 'erased', of_sound: false }));
+    gaps.set(
+      name,
+      [...timeline.gaps.filter((one) => one.stream === name && !one.of_sound), ...erased].sort((a, b) => a.start_ns - b.start_ns),
+    );
   }
   const lastEnd = Math.max(...timeline.segments.map((one) => one.end_ns), info.begins_ns + info.duration_ns, info.begins_ns + 1e9);
   return {

@@ -96,14 +96,8 @@ function Loaded({ model, verdict, unlocked, kept }: { model: CaseModel; verdict:
     [model, unlocked],
   );
   const hasVitals = model.info.streams.some((one) => one.kind === 'vitals');
-  const store = useMemo(
-    () => (unlocked && hasVitals ? new VitalsStore(id, model.whole, notifyOf) : undefined),
-    [model, unlocked],
-  );
-  const plan = useMemo(
-    () => (unlocked && may(role, 'compare') ? new PlanModel(id, playback, notifyOf) : undefined),
-    [playback, unlocked],
-  );
+  const store = useMemo(() => (unlocked && hasVitals ? new VitalsStore(id, model.whole, notifyOf) : undefined), [model, unlocked]);
+  const plan = useMemo(() => (unlocked && may(role, 'compare') ? new PlanModel(id, playback, notifyOf) : undefined), [playback, unlocked]);
   const pointing = useMemo(
     () => (unlocked && (model.recorded.get('pointing') ?? []).length > 0 ? new RecordedPointing(id, notifyOf) : undefined),
     [model, unlocked],
@@ -198,7 +192,14 @@ function Loaded({ model, verdict, unlocked, kept }: { model: CaseModel; verdict:
 
       <div class="stage">
         {picking && matching && <PickingStage picking={picking} matching={matching} begins_ns={model.whole.start_ns} />}
-        <div hidden={picking !== undefined} class={planView === 'beside' ? `panes panes-with-plan${playback.panes.length > 1 ? '' : ' panes-single'}` : `panes panes-${Math.min(4, Math.max(1, playback.panes.length))}`}>
+        <div
+          hidden={picking !== undefined}
+          class={
+            planView === 'beside'
+              ? `panes panes-with-plan${playback.panes.length > 1 ? '' : ' panes-single'}`
+              : `panes panes-${Math.min(4, Math.max(1, playback.panes.length))}`
+          }
+        >
           {unlocked ? (
             playback.panes.map((player, at) => (
               <Pane

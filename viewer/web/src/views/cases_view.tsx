@@ -32,7 +32,10 @@ function Facts({ one }: { one: CaseSummary }) {
       </span>
       <span class="case-fact case-streams">
         <small>{t('cases.streams')}</small>
-        {one.streams.filter((name) => name !== 'events' && name !== 'pointing').map((name) => word('stream', name)).join(' · ')}
+        {one.streams
+          .filter((name) => name !== 'events' && name !== 'pointing')
+          .map((name) => word('stream', name))
+          .join(' · ')}
       </span>
       <span class="case-fact">
         <small>{t('cases.size')}</small>
@@ -174,7 +177,9 @@ export function CasesView() {
         </StateCard>
       )}
       <ul class="case-list" aria-label={t('nav.cases')} aria-busy={list.value === undefined}>
-        {list.value?.map((one) => <Row key={one.id} one={one} />)}
+        {list.value?.map((one) => (
+          <Row key={one.id} one={one} />
+        ))}
       </ul>
       {more.value && (
         <button type="button" class="button" onClick={() => void loadMore()}>

@@ -1,9 +1,37 @@
 // The keys of the case view. Pure: which action a key asks for.
 
 export type Action =
-  | 'toggle' | 'frameBack' | 'frameForward' | 'back5' | 'forward5' | 'back1' | 'forward1' | 'back60' | 'forward60' | 'slower' | 'faster'
-  | 'previousMark' | 'nextMark' | 'fullScreen' | 'help' | 'goTo' | 'selectFrom' | 'selectTo' | 'clearSelection' | 'begin' | 'end' | 'original'
-  | 'previousStep' | 'nextStep' | 'planView' | 'soundOrMatch' | 'matchEnd' | 'matchPause' | 'matchRemove' | 'undo' | 'redo';
+  | 'toggle'
+  | 'frameBack'
+  | 'frameForward'
+  | 'back5'
+  | 'forward5'
+  | 'back1'
+  | 'forward1'
+  | 'back60'
+  | 'forward60'
+  | 'slower'
+  | 'faster'
+  | 'previousMark'
+  | 'nextMark'
+  | 'fullScreen'
+  | 'help'
+  | 'goTo'
+  | 'selectFrom'
+  | 'selectTo'
+  | 'clearSelection'
+  | 'begin'
+  | 'end'
+  | 'original'
+  | 'previousStep'
+  | 'nextStep'
+  | 'planView'
+  | 'soundOrMatch'
+  | 'matchEnd'
+  | 'matchPause'
+  | 'matchRemove'
+  | 'undo'
+  | 'redo';
 
 export interface Key {
   key: string;
@@ -14,11 +42,44 @@ export interface Key {
 }
 
 const kKeys: Record<string, Action> = {
-  ' ': 'toggle', ',': 'frameBack', '.': 'frameForward', ArrowLeft: 'back5', ArrowRight: 'forward5', ArrowUp: 'forward60', ArrowDown: 'back60',
-  '[': 'slower', ']': 'faster', PageUp: 'previousMark', PageDown: 'nextMark', f: 'fullScreen', F: 'fullScreen', '?': 'help', g: 'goTo', G: 'goTo',
-  i: 'selectFrom', I: 'selectFrom', o: 'selectTo', O: 'selectTo', Escape: 'clearSelection', Home: 'begin', End: 'end', a: 'original', A: 'original',
-  p: 'previousStep', P: 'previousStep', n: 'nextStep', N: 'nextStep', c: 'planView', C: 'planView',
-  m: 'soundOrMatch', M: 'soundOrMatch', e: 'matchEnd', E: 'matchEnd', b: 'matchPause', B: 'matchPause', Delete: 'matchRemove',
+  ' ': 'toggle',
+  ',': 'frameBack',
+  '.': 'frameForward',
+  ArrowLeft: 'back5',
+  ArrowRight: 'forward5',
+  ArrowUp: 'forward60',
+  ArrowDown: 'back60',
+  '[': 'slower',
+  ']': 'faster',
+  PageUp: 'previousMark',
+  PageDown: 'nextMark',
+  f: 'fullScreen',
+  F: 'fullScreen',
+  '?': 'help',
+  g: 'goTo',
+  G: 'goTo',
+  i: 'selectFrom',
+  I: 'selectFrom',
+  o: 'selectTo',
+  O: 'selectTo',
+  Escape: 'clearSelection',
+  Home: 'begin',
+  End: 'end',
+  a: 'original',
+  A: 'original',
+  p: 'previousStep',
+  P: 'previousStep',
+  n: 'nextStep',
+  N: 'nextStep',
+  c: 'planView',
+  C: 'planView',
+  m: 'soundOrMatch',
+  M: 'soundOrMatch',
+  e: 'matchEnd',
+  E: 'matchEnd',
+  b: 'matchPause',
+  B: 'matchPause',
+  Delete: 'matchRemove',
 };
 const kShifted: Record<string, Action> = { ArrowLeft: 'back1', ArrowRight: 'forward1' };
 

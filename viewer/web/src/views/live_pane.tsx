@@ -56,7 +56,12 @@ export function LivePane({ room, stream, clock, nothing, company, records }: Pro
   });
   const now = shown.value;
   return (
-    <section class={records && now.state === 'nothing' ? 'pane live-pane live-pane-lost' : 'pane live-pane'} aria-label={t('live.of', { name })} data-stream={stream} data-live={now.state}>
+    <section
+      class={records && now.state === 'nothing' ? 'pane live-pane live-pane-lost' : 'pane live-pane'}
+      aria-label={t('live.of', { name })}
+      data-stream={stream}
+      data-live={now.state}
+    >
       <div class="pane-picture" ref={place}>
         {now.state !== 'live' && (
           <div class="pane-empty">

@@ -27,7 +27,12 @@ function momentsOf(model: CaseModel, alarms: readonly Alarm[]): Moment[] {
       text: t('moment.noSound', { stream: word('stream', one.stream), cause: word('cause', one.cause) }),
       detail: formatDuration(one.end_ns - one.start_ns),
     })),
-    ...model.timeline.tokens.map((one): Moment => ({ kind: 'token', time_ns: one.time_ns, text: one.authority, detail: `${formatMoment(one.gen_time)}, ${t(`time.${one.kind}`)}` })),
+    ...model.timeline.tokens.map((one): Moment => ({
+      kind: 'token',
+      time_ns: one.time_ns,
+      text: one.authority,
+      detail: `${formatMoment(one.gen_time)}, ${t(`time.${one.kind}`)}`,
+    })),
   ];
   return moments.sort((a, b) => a.time_ns - b.time_ns);
 }

@@ -50,10 +50,7 @@ export function Pane({ model, player, playback, large, original, onEnlarge, onOr
     return () => player.video.remove();
   }, [player]);
   const recorded = useMemo(() => computed(() => player.isRecorded(playback.position_ns.value)), [player, playback]);
-  const cause = useMemo(
-    () => computed(() => spanAt(model.gaps.get(player.stream) ?? [], playback.position_ns.value)?.cause),
-    [model, player, playback],
-  );
+  const cause = useMemo(() => computed(() => spanAt(model.gaps.get(player.stream) ?? [], playback.position_ns.value)?.cause), [model, player, playback]);
   // A short wait is not worth a sign.
   const waiting = playback.waiting.value;
   useEffect(() => {
@@ -69,7 +66,11 @@ export function Pane({ model, player, playback, large, original, onEnlarge, onOr
   const name = word('stream', player.stream);
   const hasSound = player.sound.isThere.value === true;
   return (
-    <section class={`pane${large ? ' pane-large' : ''}${original ? ' pane-with-original' : ''}`} aria-label={hasSound ? t('sound.with', { name }) : name} data-stream={player.stream}>
+    <section
+      class={`pane${large ? ' pane-large' : ''}${original ? ' pane-with-original' : ''}`}
+      aria-label={hasSound ? t('sound.with', { name }) : name}
+      data-stream={player.stream}
+    >
       <div class="pane-picture" ref={place} onDblClick={onEnlarge}>
         {original && recorded.value && <FrameOver frame={original} />}
         {children}
@@ -99,11 +100,21 @@ export function Pane({ model, player, playback, large, original, onEnlarge, onOr
           onClick={onOriginal}
         >
           <Icon name="original" />
-          {original ? t('pane.original', { time: formatTime(original.time_ns - model.whole.start_ns, 3) }) : hasSound ? t('pane.copyWithSound') : t('pane.copy')}
+          {original
+            ? t('pane.original', { time: formatTime(original.time_ns - model.whole.start_ns, 3) })
+            : hasSound
+              ? t('pane.copyWithSound')
+              : t('pane.copy')}
         </button>
         {hasSound && <SoundControl name={name} player={player} playback={playback} />}
         {onEnlarge && (
-          <button type="button" class="button button-quiet button-square" aria-label={t('pane.enlarge', { name })} title={t('pane.enlarge', { name })} onClick={onEnlarge}>
+          <button
+            type="button"
+            class="button button-quiet button-square"
+            aria-label={t('pane.enlarge', { name })}
+            title={t('pane.enlarge', { name })}
+            onClick={onEnlarge}
+          >
             <Icon name="fullScreen" />
           </button>
         )}

@@ -31,9 +31,15 @@ function Streams({ room }: { room: RoomStatus }) {
         <tr>
           <th scope="col">{t('rooms.stream')}</th>
           <th scope="col">{t('rooms.signal')}</th>
-          <th scope="col" class="number">{t('rooms.frames')}</th>
-          <th scope="col" class="number">{t('rooms.lost')}</th>
-          <th scope="col" class="number">{t('rooms.safe')}</th>
+          <th scope="col" class="number">
+            {t('rooms.frames')}
+          </th>
+          <th scope="col" class="number">
+            {t('rooms.lost')}
+          </th>
+          <th scope="col" class="number">
+            {t('rooms.safe')}
+          </th>
         </tr>
       </thead>
       <tbody>
@@ -298,7 +304,9 @@ function Appliance({ status }: { status: ApplianceStatus }) {
         <Icon name="clock" />
         <span>
           <small>{t('appliance.clock')}</small>
-          <strong class={clock.synchronised ? undefined : 'state-bad'}>{clock.synchronised ? t('appliance.synchronised') : t('appliance.notSynchronised')}</strong>
+          <strong class={clock.synchronised ? undefined : 'state-bad'}>
+            {clock.synchronised ? t('appliance.synchronised') : t('appliance.notSynchronised')}
+          </strong>
           <small class="muted">± {(clock.error_ns / 1e6).toFixed(1)} ms</small>
         </span>
       </div>

@@ -23,10 +23,27 @@ function Clock({ model, playback, onGoTo }: { model: CaseModel; playback: Playba
   );
 }
 
-export function Transport({ model, playback, withPictures, act }: { model: CaseModel; playback: Playback; withPictures: boolean; act: (action: Action) => void }) {
+export function Transport({
+  model,
+  playback,
+  withPictures,
+  act,
+}: {
+  model: CaseModel;
+  playback: Playback;
+  withPictures: boolean;
+  act: (action: Action) => void;
+}) {
   const playing = playback.playing.value;
   const Button = ({ action, icon, label, keys, touchOnly }: { action: Action; icon: IconName; label: string; keys: string; touchOnly?: boolean }) => (
-    <button type="button" class={`button button-quiet button-square${touchOnly ? ' touch-only' : ''}`} aria-label={label} title={`${label} (${keys})`} aria-keyshortcuts={keys} onClick={() => act(action)}>
+    <button
+      type="button"
+      class={`button button-quiet button-square${touchOnly ? ' touch-only' : ''}`}
+      aria-label={label}
+      title={`${label} (${keys})`}
+      aria-keyshortcuts={keys}
+      onClick={() => act(action)}
+    >
       <Icon name={icon} />
     </button>
   );
@@ -93,7 +110,13 @@ export function GoToDialog({ model, playback, onClose }: { model: CaseModel; pla
       >
         <label class="field">
           <span>{t('goTo.what')}</span>
-          <input autofocus class="mono" value={text.value} onInput={(event) => (text.value = event.currentTarget.value)} placeholder={formatTime(playback.position_ns.peek() - begin)} />
+          <input
+            autofocus
+            class="mono"
+            value={text.value}
+            onInput={(event) => (text.value = event.currentTarget.value)}
+            placeholder={formatTime(playback.position_ns.peek() - begin)}
+          />
         </label>
         <p class="problem" role="alert">
           {problem.value}

@@ -87,11 +87,21 @@ function Streams({ report }: { report: VerificationReport }) {
         <thead>
           <tr>
             <th scope="col">{t('rooms.stream')}</th>
-            <th scope="col" class="number">{t('verify.segments')}</th>
-            <th scope="col" class="number">{t('verify.frames')}</th>
-            <th scope="col" class="number">{t('rooms.lost')}</th>
-            <th scope="col" class="number">{t('cases.size')}</th>
-            <th scope="col" class="number">{t('verify.gaps')}</th>
+            <th scope="col" class="number">
+              {t('verify.segments')}
+            </th>
+            <th scope="col" class="number">
+              {t('verify.frames')}
+            </th>
+            <th scope="col" class="number">
+              {t('rooms.lost')}
+            </th>
+            <th scope="col" class="number">
+              {t('cases.size')}
+            </th>
+            <th scope="col" class="number">
+              {t('verify.gaps')}
+            </th>
           </tr>
         </thead>
         <tbody>
@@ -145,7 +155,12 @@ function Part({ excerpt }: { excerpt: VerifiedExcerpt }) {
         {(made_utc ?? made_by) && (
           <div>
             <dt>{t('excerpt.made')}</dt>
-            <dd>{t(made_utc && made_by ? 'excerpt.claim' : made_utc ? 'excerpt.claimAt' : 'excerpt.claimBy', { moment: made_utc ? formatMoment(made_utc) : '', by: made_by ?? '' })}</dd>
+            <dd>
+              {t(made_utc && made_by ? 'excerpt.claim' : made_utc ? 'excerpt.claimAt' : 'excerpt.claimBy', {
+                moment: made_utc ? formatMoment(made_utc) : '',
+                by: made_by ?? '',
+              })}
+            </dd>
           </div>
         )}
       </dl>
@@ -278,7 +293,12 @@ export function VerificationView({ id }: { id: string }) {
           <h1>{t('verify.title')}</h1>
         </div>
         {mayVerify && (
-          <button type="button" class={now?.state === 'done' ? 'button' : 'button button-main'} disabled={now?.state === 'running'} onClick={() => void start()}>
+          <button
+            type="button"
+            class={now?.state === 'done' ? 'button' : 'button button-main'}
+            disabled={now?.state === 'running'}
+            onClick={() => void start()}
+          >
             <Icon name="intact" />
             {now?.state === 'done' ? t('verify.again') : t('verify.do')}
           </button>
@@ -293,11 +313,7 @@ export function VerificationView({ id }: { id: string }) {
       {now?.state === 'running' && (
         <div class="card progress-card" role="status">
           <p>{t('verify.running')}</p>
-          <progress
-            aria-label={t('verify.running')}
-            max={Math.max(1, now.total_bytes)}
-            value={now.total_bytes === 0 ? undefined : now.done_bytes}
-          />
+          <progress aria-label={t('verify.running')} max={Math.max(1, now.total_bytes)} value={now.total_bytes === 0 ? undefined : now.done_bytes} />
           <p class="muted">{t('verify.progress', { done: formatBytes(now.done_bytes), total: formatBytes(now.total_bytes) })}</p>
         </div>
       )}

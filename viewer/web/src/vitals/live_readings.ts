@@ -21,7 +21,9 @@ export interface LiveReading {
 
 /** Of several devices that measure the same the one that spoke last. */
 function newest(series: readonly LiveSeries[], code: string): LiveSeries | undefined {
-  return series.filter((one) => one.code === code && one.kind === 'numeric').reduce<LiveSeries | undefined>((last, one) => (last === undefined || one.time_ns > last.time_ns ? one : last), undefined);
+  return series
+    .filter((one) => one.code === code && one.kind === 'numeric')
+    .reduce<LiveSeries | undefined>((last, one) => (last === undefined || one.time_ns > last.time_ns ? one : last), undefined);
 }
 
 export function readingsOf(series: readonly LiveSeries[], now_ns: number): LiveReading[] {
@@ -31,7 +33,8 @@ export function readingsOf(series: readonly LiveSeries[], now_ns: number): LiveR
     const known = all.filter((one) => one !== undefined);
     const last_ns = Math.max(...known.map((one) => one.time_ns));
     const age_ns = now_ns - last_ns;
-    const shown = (one: LiveSeries | undefined) => (one && now_ns - one.time_ns <= fresh_ns && typeof one.value === 'number' ? formatValue(one.value) : undefined);
+    const shown = (one: LiveSeries | undefined) =>
+      one && now_ns - one.time_ns <= fresh_ns && typeof one.value === 'number' ? formatValue(one.value) : undefined;
     const texts = all.map(shown);
     const mean = group.mean === undefined ? undefined : shown(newest(series, group.mean));
     return {

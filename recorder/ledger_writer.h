@@ -20,12 +20,12 @@ namespace kiroku::recorder {
 /// Appends the facts that lanes and authorities hand over, states the clock, and signs and stamps checkpoints
 /// at their times, on a thread of its own from start() to finish(). Before begin_case() there is no case:
 /// what is handed over is held, as long as the pre-roll wants it.
-class Scribe {
+class LedgerWriter {
  public:
   /// `pre_roll` may be null: then begin_case() is called before start(). All must outlive the object.
-  Scribe(FactQueue& facts, const CaseClock& clock, Troubles& troubles, PreRoll* pre_roll,
-         std::chrono::nanoseconds stamp_interval);
-  ~Scribe();
+  LedgerWriter(FactQueue& facts, const CaseClock& clock, ProblemLog& problems, PreRoll* pre_roll,
+               std::chrono::nanoseconds stamp_interval);
+  ~LedgerWriter();
   void start();
   /// From now on everything goes into this case; what is held goes first. Once, from any thread. `writer` is
   /// used by this object's thread alone from here on.
@@ -58,7 +58,7 @@ class Scribe {
 
   FactQueue& facts_;
   const CaseClock& clock_;
-  Troubles& troubles_;
+  ProblemLog& problems_;
   PreRoll* pre_roll_;
   Case begun_{};
   std::atomic<Case*> case_ = nullptr;  // &begun_ from begin_case() on

@@ -1,4 +1,4 @@
-#include "recorder/scribe.h"
+#include "recorder/ledger_writer.h"
 
 namespace kiroku::recorder {
 namespace {
@@ -13,38 +13,38 @@ std::string in_seconds(std::chrono::nanoseconds time) {
 
 }  // namespace
 
-Scribe::Scribe(FactQueue& facts, const CaseClock& clock, Troubles& troubles, PreRoll* pre_roll,
-               std::chrono::nanoseconds stamp_interval)
+LedgerWriter::LedgerWriter(FactQueue& facts, const CaseClock& clock, ProblemLog& problems, PreRoll* pre_roll,
+                           std::chrono::nanoseconds stamp_interval)
     : facts_(facts),
       clock_(clock),
-      troubles_(troubles),
+      problems_(problems),
       pre_roll_(pre_roll),
       stamp_interval_(stamp_interval),
       clock_watch_(clock) {}
 
-Scribe::~Scribe() {
+LedgerWriter::~LedgerWriter() {
   stopping_ = true;
   facts_.wake();
   if (thread_.joinable()) thread_.join();
 }
 
-void Scribe::start() {
+void LedgerWriter::start() {
   thread_ = std::thread([this] { run(); });
 }
 
-void Scribe::begin_case(archive::CaseWriter& writer, Stamper& stamper) {
+void LedgerWriter::begin_case(archive::CaseWriter& writer, Stamper& stamper) {
   begun_ = {&writer, &stamper};
   case_ = &begun_;
   facts_.wake();
 }
 
-void Scribe::abandon() {
+void LedgerWriter::abandon() {
   stopping_ = true;
   facts_.wake();
   if (thread_.joinable()) thread_.join();
 }
 
-void Scribe::hold() {
+void LedgerWriter::hold() {
   while (!stopping_ && case_ == nullptr) {
     for (Fact& fact : facts_.take(kPatience)) pre_roll_->add(std::move(fact));
     pre_roll_->trim(clock_.now_ns());
@@ -52,7 +52,7 @@ void Scribe::hold() {
   if (case_ != nullptr) write(pre_roll_->take());
 }
 
-void Scribe::run() {
+void LedgerWriter::run() {
   try {
     if (pre_roll_ != nullptr) hold();
     while (!stopping_) {
@@ -67,11 +67,11 @@ void Scribe::run() {
     }
   } catch (const std::exception& error) {
     failure_ = std::current_exception();
-    troubles_.end_session(close_reason_for(error), error.what());
+    problems_.end_session(close_reason_for(error), error.what());
   }
 }
 
-void Scribe::write(std::vector<Fact> facts) {
+void LedgerWriter::write(std::vector<Fact> facts) {
   std::vector<archive::CaseEntryBody> bodies;
   const auto flush = [&] {
     if (!bodies.empty()) writer().append(bodies, clock_.moment());
@@ -97,14 +97,14 @@ void Scribe::write(std::vector<Fact> facts) {
   flush();
 }
 
-void Scribe::write(StandbySegment segment) {
+void LedgerWriter::write(StandbySegment segment) {
   const std::filesystem::path from = pre_roll_->path_of(segment.entry.file);
   pre_roll_->number(segment);
   writer().take_in(segment.entry, from);
   writer().append({std::move(segment.entry)}, clock_.moment());
 }
 
-void Scribe::write(const AuthorityAnswer& answer) {
+void LedgerWriter::write(const AuthorityAnswer& answer) {
   tell(answer);
   if (!answer.valid()) {
     ++missed_;
@@ -122,10 +122,10 @@ void Scribe::write(const AuthorityAnswer& answer) {
   stamper().entered(answer);
 }
 
-void Scribe::tell(const AuthorityAnswer& answer) {
+void LedgerWriter::tell(const AuthorityAnswer& answer) {
   if (!answer.valid()) {
     failing_ns_.try_emplace(answer.authority, clock_.now_ns());
-    troubles_.mention("no time-stamp from " + answer.authority + ": " + answer.cause);
+    problems_.report("no time-stamp from " + answer.authority + ": " + answer.cause);
     return;
   }
   const auto failing = failing_ns_.extract(answer.authority);
@@ -138,10 +138,10 @@ void Scribe::tell(const AuthorityAnswer& answer) {
     sentence += " again after " + in_seconds(std::chrono::nanoseconds(clock_.now_ns() - failing.mapped()));
   }
   if (!answer.path.empty()) sentence += ", " + answer.path;
-  troubles_.mention(sentence);
+  problems_.report(sentence);
 }
 
-void Scribe::finish(const std::string& close_reason) {
+void LedgerWriter::finish(const std::string& close_reason) {
   stopping_ = true;
   facts_.wake();
   if (thread_.joinable()) thread_.join();
