@@ -1,6 +1,5 @@
 #include <algorithm>
 #include <array>
-#include <semaphore>
 
 #include "archive/reading/excerpt.h"
 #include "base/error.h"
@@ -8,12 +7,13 @@
 #include "viewer/api/api.h"
 #include "viewer/http/handout.h"
 #include "viewer/http/tar_stream.h"
+#include "viewer/people/turns.h"
 
 namespace kiroku::viewer {
 namespace {
 
 /// Each costs a disk's and a core's whole attention.
-constexpr std::ptrdiff_t kMadeAtATime = 2;
+constexpr Turns::Limits kMadeAtATime{.all = 3, .of_person = 2};
 
 struct Form {
   std::string_view name, type;
@@ -63,20 +63,6 @@ std::uint64_t sealed_bytes(const archive::CaseReader& recording, const std::vect
   return bytes;
 }
 
-/// Lets few in at a time.
-class Turn {
- public:
-  explicit Turn(std::counting_semaphore<>& turns) : turns_(turns) {
-    if (!turns_.try_acquire()) throw Refusal(503, "other files are being made: try again in a while");
-  }
-  ~Turn() { turns_.release(); }
-  Turn(const Turn&) = delete;
-  Turn& operator=(const Turn&) = delete;
-
- private:
-  std::counting_semaphore<>& turns_;
-};
-
 class ExportApi {
  public:
   explicit ExportApi(ViewerContext& context) : context_(context), handouts_(context.home().handout_folder) {}
@@ -89,7 +75,7 @@ class ExportApi {
     const Form& form = form_of(request);
     const Stretch stretch = stretch_of(request);
     require_within(recording, stretch.from_ns);
-    const Turn turn(turns_);
+    const Turns::Turn turn(turns_, request.session->person());
     const std::string name = request.parameter("case") + "-" + stream + "." + std::string(form.name);
     const auto place = handouts_.make_place(sealed_bytes(recording, {stream}, stretch));
     media::ExportOptions options;
@@ -117,7 +103,7 @@ class ExportApi {
     if (streams.empty()) {
       for (const archive::StreamInfo& stream : recording.opening().streams) streams.push_back(stream.name);
     }
-    const Turn turn(turns_);
+    const Turns::Turn turn(turns_, request.session->person());
     const std::string name = request.parameter("case") + "-excerpt";
     const auto place = handouts_.make_place(sealed_bytes(recording, streams, stretch));
     archive::make_excerpt(recording.folder(), options, place->folder() / name);
@@ -135,7 +121,9 @@ class ExportApi {
 
   ViewerContext& context_;
   const Handouts handouts_;
-  std::counting_semaphore<> turns_{kMadeAtATime};
+  Turns turns_{kMadeAtATime,
+               {"other files are being made: try again in a while",
+                "two files of yours are being made: try again when one of them is there"}};
 };
 
 }  // namespace

@@ -49,7 +49,7 @@ class MatchingApi {
                 .comparisons = context.home().comparisons_folder,
                 .tell = [&context](const std::string& sentence) { context.tell(sentence); },
                 .limit = limits.making}),
-        picker_({.program = context.home().comparison_program}) {}
+        picker_({.program = context.home().comparison_program, .clock = context.home().clock}) {}
 
   Response steps(const Request& request) {
     const Session::Identities identities = ViewerContext::require_unlocked(request);

@@ -3,6 +3,9 @@
 #include <algorithm>
 #include <array>
 #include <charconv>
+#include <deque>
+#include <map>
+#include <mutex>
 #include <optional>
 #include <thread>
 #include <unistd.h>
@@ -36,7 +39,7 @@ using boost::system::error_code;
 constexpr std::uint16_t kExamplePort = 8443;
 constexpr std::size_t kIoThreads = 2;
 /// More than wait for programs behind the viewer (viewer/server/workplace_link.cpp).
-constexpr std::size_t kFewestWorkers = 16;
+constexpr std::size_t kFewestWorkers = 24;
 constexpr std::size_t kReadUnit = 4U << 10;
 /// What a client must take within the write limit.
 constexpr std::size_t kWriteUnit = 256U << 10;
@@ -168,6 +171,83 @@ class BodyReader {
   Bytes buffer_;
 };
 
+/// How many answers of each person are being made; whoever has as many as may be waits, without a thread.
+/// Thread-safe.
+class AnswerShares {
+ public:
+  explicit AnswerShares(std::size_t of_person) : of_person_(of_person) {}
+
+  /// One answer's, between enter() and its destruction.
+  class Share {
+   public:
+    Share(AnswerShares& shares, std::string person) : shares_(shares), person_(std::move(person)) {}
+    ~Share() { shares_.leave(person_); }
+    Share(const Share&) = delete;
+    Share& operator=(const Share&) = delete;
+
+   private:
+    AnswerShares& shares_;
+    const std::string person_;
+  };
+  /// Returns when a Share may be made.
+  asio::awaitable<void> enter(const std::string& person) {
+    const asio::any_io_executor strand = co_await asio::this_coro::executor;
+    const auto waiter = std::make_shared<Waiter>(strand);
+    {
+      const std::lock_guard guard(mutex_);
+      Line& line = lines_[person];
+      if (line.answering < of_person_) {
+        ++line.answering;
+        co_return;
+      }
+      line.waiting.push_back(waiter);
+    }
+    error_code ignored;
+    while (!waiter->is_next) {
+      co_await waiter->timer.async_wait(asio::redirect_error(asio::use_awaitable, ignored));
+    }
+  }
+  /// Nobody's turn comes any more.
+  void close() {
+    const std::lock_guard guard(mutex_);
+    closed_ = true;
+  }
+
+ private:
+  /// Belongs to its connection's strand, and to nobody else once that is gone.
+  struct Waiter {
+    explicit Waiter(const asio::any_io_executor& strand)
+        : timer(strand, asio::steady_timer::time_point::max()) {}
+    asio::steady_timer timer;
+    bool is_next = false;
+  };
+  struct Line {
+    std::size_t answering = 0;
+    std::deque<std::weak_ptr<Waiter>> waiting;
+  };
+  void leave(const std::string& person) {
+    const std::lock_guard guard(mutex_);
+    if (closed_) return;
+    const auto line = lines_.find(person);
+    while (!line->second.waiting.empty()) {
+      const std::shared_ptr<Waiter> next = line->second.waiting.front().lock();
+      line->second.waiting.pop_front();
+      if (!next) continue;
+      asio::post(next->timer.get_executor(), [next] {
+        next->is_next = true;
+        next->timer.cancel();
+      });
+      return;
+    }
+    if (--line->second.answering == 0) lines_.erase(line);
+  }
+
+  const std::size_t of_person_;
+  std::mutex mutex_;
+  std::map<std::string, Line> lines_;
+  bool closed_ = false;
+};
+
 }  // namespace
 
 struct WebServer::State {
@@ -180,6 +260,7 @@ struct WebServer::State {
         inner_places({.all = options.limits.connections,
                       .of_holder = options.limits.connections,
                       .kept_of_owner = options.limits.kept_connections_of_person}),
+        shares(options.limits.answers_of_person),
         costly(options.limits.costly),
         workers(std::max<std::size_t>(kFewestWorkers, 2U * std::thread::hardware_concurrency())),
         acceptor(asio::make_strand(context)),
@@ -199,6 +280,7 @@ struct WebServer::State {
   }
   ~State() {
     context.stop();
+    shares.close();
     for (std::thread& thread : threads) thread.join();
     workers.join();
     costly.stop();
@@ -462,11 +544,21 @@ struct WebServer::State {
     admission.request.body.assign(body.data(), body.size());
     beast::get_lowest_layer(stream).expires_never();
     place.set_busy(true);
-    Response response = co_await on_worker([&] { return answers.answer(admission); });
+    Response response = co_await answer(answers, admission);
     while (response.costly) response = co_await at_a_cost(std::move(*response.costly));
     // Whoever takes an answer slowly on purpose is not busy.
     place.set_busy(false);
     co_return co_await send(stream, response, is_head, keep_alive, &admission) && keep_alive;
+  }
+
+  asio::awaitable<Response> answer(const Dispatcher& answers, const Dispatcher::Admission& admission) {
+    std::optional<AnswerShares::Share> share;
+    if (admission.request.session) {
+      const std::string person = admission.request.session->person();
+      co_await shares.enter(person);
+      share.emplace(shares, person);
+    }
+    co_return co_await on_worker([&] { return answers.answer(admission); });
   }
 
   /// Runs what may block on another thread than those of the connections.
@@ -565,6 +657,7 @@ struct WebServer::State {
   const WebServerOptions options;
   const Dispatcher& dispatcher;
   ConnectionPlaces places, inner_places;
+  AnswerShares shares;
   OpenSockets sockets;
   CostlyWork costly;
   asio::thread_pool workers;

@@ -25,6 +25,8 @@ struct WebServerLimits {
   std::size_t connections_of_address = 200;
   /// So many of a user who has signed in, or of a guest, never make room.
   std::size_t kept_connections_of_person = 8;
+  /// Being made at a time of one person, so that nobody holds every worker; the others wait for these.
+  std::size_t answers_of_person = 12;
   std::uint32_t header_bytes = 16U << 10;
   std::chrono::milliseconds handshake{10'000};
   /// From the first byte one waits for to the end of the header, also on a connection kept open.

@@ -3,7 +3,6 @@
 #include <chrono>
 #include <deque>
 #include <future>
-#include <map>
 #include <mutex>
 #include <optional>
 #include <thread>
@@ -259,6 +258,8 @@ struct WorkplaceLink::State {
         path(std::move(at)),
         closing(ends),
         limits(bounds),
+        turns(bounds.waiting, {"others wait for the program behind this page: try again in a moment",
+                               "you wait for the program behind this page already: try again in a moment"}),
         work(asio::make_work_guard(context)),
         thread([this] { run(); }) {}
   ~State() {
@@ -286,32 +287,6 @@ struct WorkplaceLink::State {
       throw Refusal(503, "the program behind this page does not run: start kiroku " + command());
     return {context, stream_protocol(), connection->release()};
   }
-  /// One of those who wait for an answer.
-  class Turn {
-   public:
-    Turn(State& state, std::string person) : state_(state), person_(std::move(person)) {
-      const std::lock_guard guard(state_.waiting_mutex);
-      if (state_.waiting >= state_.limits.waiting)
-        throw Refusal(503, "others wait for the program behind this page: try again in a moment");
-      int& of_person = state_.waiting_of[person_];
-      if (of_person >= state_.limits.waiting_of_person)
-        throw Refusal(503, "you wait for the program behind this page already: try again in a moment");
-      ++of_person;
-      ++state_.waiting;
-    }
-    ~Turn() {
-      const std::lock_guard guard(state_.waiting_mutex);
-      --state_.waiting;
-      const auto of_person = state_.waiting_of.find(person_);
-      if (--of_person->second == 0) state_.waiting_of.erase(of_person);
-    }
-    Turn(const Turn&) = delete;
-    Turn& operator=(const Turn&) = delete;
-
-   private:
-    State& state_;
-    const std::string person_;
-  };
   [[nodiscard]] std::string command() const { return what == "planning" ? "plan serve" : "train serve"; }
 
   /// What the link's thread comes to, or a Refusal where that takes too long or nobody may be answered any
@@ -366,9 +341,7 @@ struct WorkplaceLink::State {
   const std::filesystem::path path;
   const std::atomic<bool>& closing;
   const Limits limits;
-  std::mutex waiting_mutex;
-  int waiting = 0;
-  std::map<std::string, int> waiting_of;  // persons
+  Turns turns;
   asio::io_context context;
   asio::executor_work_guard<asio::io_context::executor_type> work;
   std::thread thread;  // last: uses the rest
@@ -408,7 +381,7 @@ WorkplaceLink::~WorkplaceLink() = default;
 bool WorkplaceLink::is_answered() const { return knock(state_->path).has_value(); }
 
 Response WorkplaceLink::ask(const Request& request) {
-  const State::Turn turn(*state_, request.session->person());
+  const Turns::Turn turn(state_->turns, request.session->person());
   const auto stream = std::make_shared<Stream>(state_->connect());
   const State::ClosedAtLast closed(state_->context, [stream] { stream->close(); });
   http::request<http::string_body> question;
@@ -438,7 +411,7 @@ Response WorkplaceLink::ask(const Request& request) {
 
 std::unique_ptr<SocketHandler> WorkplaceLink::open(const Request& request,
                                                    std::shared_ptr<SocketOutput> output) {
-  const State::Turn turn(*state_, request.session->person());
+  const Turns::Turn turn(state_->turns, request.session->person());
   http::fields fields;
   put_fields(fields, request);
   const auto relay = std::make_shared<Relay>(state_->connect(), std::move(output), state_->limits);

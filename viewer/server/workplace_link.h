@@ -16,16 +16,15 @@
 #include "viewer/http/request.h"
 #include "viewer/http/response.h"
 #include "viewer/http/socket.h"
+#include "viewer/people/turns.h"
 
 namespace kiroku::viewer {
 
 class WorkplaceLink {
  public:
   struct Limits {
-    /// Of those who wait for an answer each holds a thread of the viewer.
-    int waiting = 6;
-    /// Of one person (Session::person()).
-    int waiting_of_person = 2;
+    /// Of those who wait for an answer: each holds a thread of the viewer.
+    Turns::Limits waiting{.all = 6, .of_person = 2};
     std::chrono::milliseconds to_answer{60'000};
     /// What one browser said and the program has not taken: more ends their connection.
     std::size_t untaken_bytes = 1U << 20, untaken_messages = 4096;

@@ -40,6 +40,8 @@ class WebServerTest : public testing::Test {
     router.add("GET", "api/large", Right::kNone, [](const Request& /*request*/) {
       return Response::bytes(std::make_shared<const Bytes>(std::size_t{32} << 20), "text/plain");
     });
+    router.add("GET", "api/slow", Right::kSeeLive,
+               [this](const Request& /*request*/) { return answer_slowly(); });
     router.add("GET", "api/endless", Right::kSeeLive, [this](const Request& /*request*/) {
       return Response::stream(
           [this](Bytes& into) {
@@ -49,6 +51,16 @@ class WebServerTest : public testing::Test {
           },
           "text/plain");
     });
+  }
+  /// Makes slow answers until the test releases them.
+  Response answer_slowly() {
+    const int now = ++slow;
+    int most = most_slow;
+    while (most < now && !most_slow.compare_exchange_weak(most, now)) {
+    }
+    release.wait();
+    --slow;
+    return Response::text("slow", "text/plain");
   }
   void serve(const WebServerLimits& limits = {}) { serve(limits, dispatcher); }
   void serve(const WebServerLimits& limits, const Dispatcher& answers) {
@@ -83,7 +95,9 @@ class WebServerTest : public testing::Test {
   }
 
   test::TemporaryFolder folder;
-  std::atomic<int> hidden{0}, units{0};
+  std::atomic<int> hidden{0}, units{0}, slow{0}, most_slow{0};
+  std::promise<void> released;
+  std::shared_future<void> release = released.get_future().share();
   std::string said;
   Router router;
   SessionStore sessions;
@@ -229,6 +243,27 @@ TEST_F(WebServerTest, UsersOfOneAddressDoNotShutOutItsOthers) {
   HttpsConnection of_dora(server->port(), "127.0.3.1");
   EXPECT_EQ(ask_mine(of_dora, cookie_of("dora")), "mine");
   EXPECT_EQ(ask_mine(of_carla, carla), "mine") << "whoever has few connections keeps them";
+}
+
+TEST_F(WebServerTest, OnePersonsAnswersDoNotKeepTheOthersFromTheirs) {
+  serve({.answers_of_person = 2});
+  const auto request = [this](const std::string& user, const std::string& target) {
+    const std::string token = sessions.open(user, Role::kSurgeon, {}).token;
+    return test::http_request("GET", target, {{"Cookie", std::string(kSessionCookie) + "=" + token}});
+  };
+  std::vector<HttpsConnection> waiting;
+  for (int i = 0; i < 6; ++i) {
+    waiting.emplace_back(server->port());
+    waiting.back().send(request("anna", "/api/slow"));
+  }
+  ASSERT_TRUE(test::eventually([this] { return slow == 2; }));
+  HttpsConnection ben(server->port());
+  ben.send(request("ben", "/api/slow"));
+  EXPECT_TRUE(test::eventually([this] { return slow == 3; })) << "another person's";
+  released.set_value();
+  for (HttpsConnection& each : waiting) EXPECT_EQ(each.receive().body, "slow");
+  EXPECT_EQ(ben.receive().body, "slow");
+  EXPECT_LE(most_slow, 3) << "the third of one person waits for the first";
 }
 
 TEST_F(WebServerTest, ADownloadEndsWithItsSession) {

@@ -175,7 +175,7 @@ TEST_F(WorkplaceLinkTest, SendsWhatWasSaidBeforeTheBrowserWent) {
 }
 
 TEST_F(WorkplaceLinkTest, LeavesPlacesForOthersThanWhoAsksAgainAndAgain) {
-  WorkplaceLink link("planning", folder / "planning.sock", closing, {.waiting = 3, .waiting_of_person = 2});
+  WorkplaceLink link("planning", folder / "planning.sock", closing, {.waiting = {.all = 3, .of_person = 2}});
   std::vector<std::future<int>> waiting;
   for (std::size_t i = 1; i <= 2; ++i) {
     // Sessions of one person count as one.

@@ -23,7 +23,7 @@ const isOfProtocol = ({ text }: Sentence) =>
 
 describe('Sentences in C++', () => {
   it('are read as they are put together', () => {
-    const found = sentencesOf(root, ['viewer/server'], 'Refusal', 1).map((one) => one.text);
+    const found = sentencesOf(root, ['viewer'], 'Refusal', 1).map((one) => one.text);
     expect(found).toContain(`there is no case ${kValue}`);
     // Over several lines, and with a choice within.
     expect(found).toContain(`another comparison is being made by ${kValue}: wait until it is done`);
