@@ -54,12 +54,12 @@ class WebServerTest : public testing::Test {
   }
   /// Makes slow answers until the test releases them.
   Response answer_slowly() {
-    const int now = ++slow;
+    const int now = ++slow_answers;
     int most = most_slow;
     while (most < now && !most_slow.compare_exchange_weak(most, now)) {
     }
     release.wait();
-    --slow;
+    --slow_answers;
     return Response::text("slow", "text/plain");
   }
   void serve(const WebServerLimits& limits = {}) { serve(limits, dispatcher); }
@@ -95,7 +95,7 @@ class WebServerTest : public testing::Test {
   }
 
   test::TemporaryFolder folder;
-  std::atomic<int> hidden{0}, units{0}, slow{0}, most_slow{0};
+  std::atomic<int> hidden{0}, units{0}, slow_answers{0}, most_slow{0};
   std::promise<void> released;
   std::shared_future<void> release = released.get_future().share();
   std::string said;
@@ -256,10 +256,10 @@ TEST_F(WebServerTest, OnePersonsAnswersDoNotKeepTheOthersFromTheirs) {
     waiting.emplace_back(server->port());
     waiting.back().send(request("anna", "/api/slow"));
   }
-  ASSERT_TRUE(test::eventually([this] { return slow == 2; }));
+  ASSERT_TRUE(test::eventually([this] { return slow_answers == 2; }));
   HttpsConnection ben(server->port());
   ben.send(request("ben", "/api/slow"));
-  EXPECT_TRUE(test::eventually([this] { return slow == 3; })) << "another person's";
+  EXPECT_TRUE(test::eventually([this] { return slow_answers == 3; })) << "another person's";
   released.set_value();
   for (HttpsConnection& each : waiting) EXPECT_EQ(each.receive().body, "slow");
   EXPECT_EQ(ben.receive().body, "slow");
