@@ -16,10 +16,10 @@ constexpr std::chrono::seconds kLongestSleep{5};
 }  // namespace
 
 struct Stamper::Worker {
-  Worker(NamedAuthority named, const Context& context, FactQueue& queue)
-      : context(context),
+  Worker(NamedAuthority named, const Context& given, FactQueue& queue)
+      : context(given),
         facts(queue),
-        contact(std::move(named), context.trust, context.queue, *context.clock),
+        contact(std::move(named), given.trust, given.queue, *given.clock),
         thread([this] { run(); }) {}
   ~Worker() {
     {
