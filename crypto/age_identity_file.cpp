@@ -23,11 +23,11 @@ Secret read_secret_file(const std::filesystem::path& file) {
 }
 
 Secret unseal_identity_file(const Secret& sealed, const std::string& name,
-                            const AskPassphrase& ask_passphrase, int maximum_work_factor) {
+                            const AskPassphrase& ask_passphrase) {
   const Secret passphrase = ask_passphrase(name);
   try {
     const auto source = memory_source(sealed.bytes());
-    const AgeFile opened = AgeFile::open(*source, {passphrase_identity(passphrase, maximum_work_factor)});
+    const AgeFile opened = AgeFile::open(*source, {passphrase_identity(passphrase)});
     if (opened.plaintext_size() > kLargestIdentityFile)
       throw UsageError(name + " is no identity file: it is larger than a megabyte");
     Secret content(static_cast<std::size_t>(opened.plaintext_size()));
@@ -60,12 +60,11 @@ AgeIdentities parse_identities(std::string_view text, const std::string& name) {
 
 }  // namespace
 
-AgeIdentities read_identities(Secret content, const std::string& name, const AskPassphrase& ask_passphrase,
-                              int maximum_work_factor) {
+AgeIdentities read_identities(Secret content, const std::string& name, const AskPassphrase& ask_passphrase) {
   if (content.text().starts_with("-----BEGIN AGE ENCRYPTED FILE-----"))
     throw UsageError(name + " is ASCII-armored, which is not read here; seal it with `age -p` without -a");
   if (content.text().starts_with("age-encryption.org/"))
-    content = unseal_identity_file(content, name, ask_passphrase, maximum_work_factor);
+    content = unseal_identity_file(content, name, ask_passphrase);
   return parse_identities(content.text(), name);
 }
 

@@ -17,9 +17,6 @@ using nlohmann::json;
 using nlohmann::ordered_json;
 
 constexpr std::size_t kIdentityBodyLimit = 256U << 10;
-/// Of an identity's passphrase: a gibibyte, some seconds. age writes 18. A recorder may need the memory that
-/// more would take.
-constexpr int kMaximumWorkFactor = 20;
 /// Of one address under whatever names, before it waits: many people may share one.
 constexpr std::size_t kFreeFailuresOfAddress = 20;
 
@@ -123,9 +120,9 @@ class SessionApi {
   };
 
   Response unlock_with(const Request& request, crypto::Secret sealed, const crypto::Secret& passphrase) {
-    auto identities = std::make_shared<const crypto::AgeIdentities>(crypto::read_identities(
-        std::move(sealed), "the identity",
-        [&](const std::string& /*what_for*/) { return passphrase.clone(); }, kMaximumWorkFactor));
+    auto identities = std::make_shared<const crypto::AgeIdentities>(
+        crypto::read_identities(std::move(sealed), "the identity",
+                                [&](const std::string& /*what_for*/) { return passphrase.clone(); }));
     context_.enter_access(request, ViewerContext::kEveryCase, "unlocked recordings with an identity");
     request.session->unlock(std::move(identities));
     return Response::json(describe(*request.session, request));
@@ -312,6 +309,7 @@ void add_session_routes(Router& router, ViewerContext& context, SignInLink& link
   const auto api = std::make_shared<SessionApi>(context, link);
   const auto of_session = [&router](Route route) {
     route.before_own_password = true;
+    route.is_quick = true;
     router.add(std::move(route));
   };
   of_session(

@@ -261,6 +261,7 @@ struct WebServer::State {
                       .of_holder = options.limits.connections,
                       .kept_of_owner = options.limits.kept_connections_of_person}),
         shares(options.limits.answers_of_person),
+        quick_shares(options.limits.quick_answers_of_person),
         costly(options.limits.costly),
         workers(std::max<std::size_t>(kFewestWorkers, 2U * std::thread::hardware_concurrency())),
         acceptor(asio::make_strand(context)),
@@ -281,6 +282,7 @@ struct WebServer::State {
   ~State() {
     context.stop();
     shares.close();
+    quick_shares.close();
     for (std::thread& thread : threads) thread.join();
     workers.join();
     costly.stop();
@@ -554,9 +556,11 @@ struct WebServer::State {
   asio::awaitable<Response> answer(const Dispatcher& answers, const Dispatcher::Admission& admission) {
     std::optional<AnswerShares::Share> share;
     if (admission.request.session) {
+      const bool is_quick = admission.route != nullptr && admission.route->is_quick;
+      AnswerShares& line = is_quick ? quick_shares : shares;
       const std::string person = admission.request.session->person();
-      co_await shares.enter(person);
-      share.emplace(shares, person);
+      co_await line.enter(person);
+      share.emplace(line, person);
     }
     co_return co_await on_worker([&] { return answers.answer(admission); });
   }
@@ -615,6 +619,12 @@ struct WebServer::State {
     return true;
   }
 
+  [[nodiscard]] bool is_too_slow(std::uint64_t sent, std::chrono::duration<double> waited) const {
+    return waited > options.limits.pace_counts_after &&
+           static_cast<double>(sent) <
+               waited.count() * static_cast<double>(options.limits.least_download_pace);
+  }
+
   /// False if it could not be sent whole: then the connection must end.
   template <typename Stream>
   asio::awaitable<bool> send(Stream& stream, const Response& response, bool is_head, bool keep_alive,
@@ -624,6 +634,8 @@ struct WebServer::State {
     std::string before = head_text(response, size, keep_alive);
     bool is_last = is_head || response.status == 204 || response.status == 304;
     bool is_first = true;
+    std::uint64_t sent = 0;
+    std::chrono::duration<double> waited{0};
     error_code failed;
     do {
       ByteView unit;
@@ -648,7 +660,11 @@ struct WebServer::State {
       const std::array<asio::const_buffer, 3> parts{
           asio::buffer(before), asio::buffer(unit.data(), unit.size()), asio::buffer(after)};
       allow(stream, options.limits.write);
+      const auto begin = std::chrono::steady_clock::now();
       co_await asio::async_write(stream, parts, asio::redirect_error(asio::use_awaitable, failed));
+      waited += std::chrono::steady_clock::now() - begin;
+      sent += unit.size();
+      if (reader.may_block() && is_too_slow(sent, waited)) co_return false;
       before.clear();
     } while (!failed && !is_last);
     co_return !failed;
@@ -657,7 +673,7 @@ struct WebServer::State {
   const WebServerOptions options;
   const Dispatcher& dispatcher;
   ConnectionPlaces places, inner_places;
-  AnswerShares shares;
+  AnswerShares shares, quick_shares;
   OpenSockets sockets;
   CostlyWork costly;
   asio::thread_pool workers;

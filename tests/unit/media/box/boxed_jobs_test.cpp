@@ -15,6 +15,7 @@
 #include "media/segment_input.h"
 #include "tests/support/child_processes.h"
 #include "tests/support/media_maker.h"
+#include "tests/support/moved_clock.h"
 
 namespace kiroku::media {
 namespace {
@@ -112,6 +113,26 @@ TEST_F(BoxedJobsTest, ADecoderThatHangsIsKilled) {
   BoxedJobs box(300ms);
   EXPECT_EQ(count(box, film_), (json{{"frames", 25}}));
   EXPECT_THROW(count(box, film_, [&] { ::kill(box.process(), SIGSTOP); }), MediaError);
+  EXPECT_THAT(child_processes(), IsEmpty());
+}
+
+// One that was taken over gives signs of life without end.
+TEST_F(BoxedJobsTest, ADecoderThatTakesTooLongInAllIsKilled) {
+  test::MovedClock clock;
+  const auto count_within = [&](std::chrono::minutes whole) {
+    BoxedJobs box;
+    return box.ask(
+        kCountFrames, {{"media", "video/mp2t"}, {"name", "a film"}, {"complete", true}},
+        [&](std::uint64_t) { return std::make_unique<Plaintext>(film_, [&] { clock.move(1min); }); },
+        "a film", nullptr, {.whole = whole, .clock = &clock});
+  };
+  EXPECT_EQ(count_within(1000min), (json{{"frames", 25}}));
+  try {
+    count_within(1min);
+    ADD_FAILURE();
+  } catch (const MediaError& error) {
+    EXPECT_THAT(error.what(), HasSubstr("takes too long"));
+  }
   EXPECT_THAT(child_processes(), IsEmpty());
 }
 

@@ -8,7 +8,6 @@
 #include <gtest/gtest.h>
 #include <nlohmann/json.hpp>
 
-#include "crypto/encoding.h"
 #include "crypto/hash.h"
 #include "tests/support/https_client.h"
 #include "tests/support/moved_clock.h"
@@ -367,34 +366,24 @@ TEST_F(SignIn, WhoIsDemotedWhileTheirPasswordIsHashedComesInWithoutTheRole) {
   }
 }
 
-// Its maker chooses what it costs: 2 GiB of memory and some seconds here, 4 GiB with one more.
-TEST_F(SignIn, DoesNoMoreWorkForAPassphraseThanARecorderCanSpare) {
-  const Bytes zeros(32);
-  const std::string wrapped = crypto::to_base64(zeros, crypto::Base64Padding::kUnpadded);
-  const auto salt = crypto::to_base64(ByteView(zeros).first(16), crypto::Base64Padding::kUnpadded);
-  const std::string sealed = "age-encryption.org/v1\n-> scrypt " + salt + " 21\n" + wrapped + "\n--- " +
-                             wrapped + "\n" + std::string(64, 'x');
-  const Response signed_in = sign_in({"192.0.2.7", ""}, kPassword);
-  const std::string cookie = header(signed_in, "Set-Cookie", "__Host-kiroku=");
-  RequestHead head{"POST",
-                   "/api/session/unlock",
-                   "192.0.2.7",
-                   {{"host", "or-3"},
-                    {"x-kiroku-request", "1"},
-                    {"content-type", "application/json"},
-                    {"cookie", cookie.substr(0, cookie.find(';'))}}};
-  Dispatcher::Admission admission = dispatcher.admit(std::move(head));
-  ASSERT_FALSE(admission.refusal);
-  admission.request.body = json{
-      {"identity", crypto::to_base64(bytes_of(sealed), crypto::Base64Padding::kPadded)},
-      {"passphrase",
-       "a guess"}}.dump();
-  Response response = dispatcher.answer(admission);
-  ASSERT_TRUE(response.costly);
-  EXPECT_EQ(response.costly->who, "user anna") << "one person's share of what costs much";
-  response = response.costly->work();
-  EXPECT_EQ(response.status, 409);
-  EXPECT_THAT(std::get<std::string>(response.body), HasSubstr("more work than the 2^20 allowed"));
+TEST_F(SignIn, CountsWhatCostsMuchByPersonAndNotByBrowser) {
+  const auto who = [this](const From& from) -> std::string {
+    RequestHead head{"POST",
+                     "/api/session",
+                     from.address,
+                     {{"host", "or-3"}, {"x-kiroku-request", "1"}, {"content-type", "application/json"}}};
+    if (!from.device.empty()) head.headers["cookie"] = std::string(kDeviceCookie) + "=" + from.device;
+    Dispatcher::Admission admission = dispatcher.admit(std::move(head));
+    admission.request.body = body("anna", kPassword);
+    const Response response = dispatcher.answer(admission);
+    return response.costly ? response.costly->who : "";
+  };
+  const std::string one = device_of(sign_in({"192.0.2.7", ""}, kPassword));
+  const std::string other = device_of(sign_in({"192.0.2.8", ""}, kPassword));
+  EXPECT_NE(one, other);
+  EXPECT_EQ(who({"192.0.2.7", one}), "user anna");
+  EXPECT_EQ(who({"192.0.2.8", other}), "user anna");
+  EXPECT_NE(who({"203.0.113.9", ""}), "user anna") << "a stranger takes nothing of hers";
 }
 
 }  // namespace

@@ -278,6 +278,19 @@ TEST_F(WebServerTest, ADownloadEndsWithItsSession) {
   ASSERT_EQ(answer.wait_for(std::chrono::seconds(60)), std::future_status::ready);
 }
 
+TEST_F(WebServerTest, ADownloadThatIsTakenTooSlowlyIsCut) {
+  // No client is as fast as this.
+  serve({.least_download_pace = std::size_t{1} << 50, .pace_counts_after = std::chrono::milliseconds(20)});
+  const std::string cookie =
+      std::string(kSessionCookie) + "=" + sessions.open("anna", Role::kSurgeon, {}).token;
+  HttpsConnection connection(server->port());
+  connection.send(test::http_request("GET", "/api/endless", {{"Cookie", cookie}}));
+  std::future<HttpResponse> answer = std::async(std::launch::async, [&] { return connection.receive(); });
+  ASSERT_EQ(answer.wait_for(std::chrono::seconds(60)), std::future_status::ready);
+  EXPECT_EQ(test::ask_once(server->port(), test::http_request("GET", "/api/mine", {{"Cookie", cookie}})).body,
+            "mine");
+}
+
 TEST_F(WebServerTest, ADownloadThatIsTakenDoesNotEndItsSession) {
   test::MovedClock clock;
   SessionStore timed({.idle = std::chrono::minutes(30)}, clock);
