@@ -54,7 +54,7 @@ export class Contract {
   private readonly pending = new Set<Promise<void>>();
 
   constructor(source: string) {
-    this.document = closed(JSON.parse(readFileSync(join(source, 'viewer', 'server', 'openapi.json'), 'utf8')) as Json);
+    this.document = closed(JSON.parse(readFileSync(join(source, 'viewer', 'api', 'openapi.json'), 'utf8')) as Json);
     this.ajv = new Ajv2020({ strict: false, allErrors: true, allowUnionTypes: true });
     formats(this.ajv, ['date-time']);
     // Of OpenAPI, and not checked here.
