@@ -136,6 +136,34 @@ TEST_F(BoxedJobsTest, ADecoderThatTakesTooLongInAllIsKilled) {
   EXPECT_THAT(child_processes(), IsEmpty());
 }
 
+TEST_F(BoxedJobsTest, MakesNoMoreThanItMay) {
+  for (const std::size_t most : {std::size_t{1} << 20, std::size_t{100}}) {
+    BoxedJobs box(60s, "remuxing");
+    Bytes made;
+    const auto remux = [&] {
+      // As an export asks (media/export/remux_job.h).
+      return box.ask("remux",
+                     {{"matroska", true},
+                      {"media", "video/mp2t"},
+                      {"stream", "a film"},
+                      {"output", "film.mkv"},
+                      {"inputs", json::array({{{"name", "a film"}, {"complete", true}}})},
+                      {"run", false},
+                      {"shift", nullptr},
+                      {"first_at", 0}},
+                     [&](std::uint64_t) { return std::make_unique<Plaintext>(film_); }, "a film", &made,
+                     {.bytes = most});
+    };
+    if (most > 100) {
+      EXPECT_EQ(remux().at("frames"), 25);
+      EXPECT_GT(made.size(), 100U);
+    } else {
+      EXPECT_THROW(remux(), MediaError);
+      EXPECT_TRUE(box.is_spent());
+    }
+  }
+}
+
 TEST_F(BoxedJobsTest, APoolReplacesWhatEndedAndLendsEachBoxOnce) {
   int prepared = 0;
   BoxPool pool([&](BoxedJobs&) { ++prepared; });

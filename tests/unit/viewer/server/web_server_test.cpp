@@ -266,6 +266,23 @@ TEST_F(WebServerTest, OnePersonsAnswersDoNotKeepTheOthersFromTheirs) {
   EXPECT_LE(most_slow, 3) << "the third of one person waits for the first";
 }
 
+TEST_F(WebServerTest, QuickAnswersDoNotWaitBehindTheSamePersonsOthers) {
+  Route status{"GET", "api/quick", Right::kSeeLive,
+               [](const Request& /*request*/) { return Response::text("quick", "text/plain"); }};
+  status.is_quick = true;
+  router.add(std::move(status));
+  serve({.answers_of_person = 1});
+  const std::string cookie =
+      std::string(kSessionCookie) + "=" + sessions.open("anna", Role::kSurgeon, {}).token;
+  HttpsConnection film(server->port()), room(server->port());
+  film.send(test::http_request("GET", "/api/slow", {{"Cookie", cookie}}));
+  ASSERT_TRUE(test::eventually([this] { return slow_answers == 1; }));
+  room.send(test::http_request("GET", "/api/quick", {{"Cookie", cookie}}));
+  EXPECT_EQ(room.receive().body, "quick");
+  released.set_value();
+  EXPECT_EQ(film.receive().body, "slow");
+}
+
 TEST_F(WebServerTest, ADownloadEndsWithItsSession) {
   serve();
   const SessionStore::Opened anna = sessions.open("anna", Role::kSurgeon, {});

@@ -48,8 +48,8 @@ export const kServerSentences: readonly SentencePair[] = [
   ['the vital signs of this case are still being read', 'この症例のバイタルサインを読み込み中です'],
   ['ask for ten minutes at most', '一度に読めるのは 10 分までです'],
   ['other files are being made: try again in a while', '別のファイルを作成中です。しばらくして再試行してください'],
-  ['three files of yours are being downloaded: try again when one of them is there', 'あなたのファイルを3つダウンロード中です。どれかが終わってから再試行してください'],
-  ['as many files are being downloaded as this disk has room for: try again in a while', 'ダウンロード中のファイルが多すぎます。しばらくして再試行してください'],
+  ['three files of yours are being downloaded: try again when one of them is there', 'ファイルを3つダウンロード中です。終わってから再試行してください'],
+  ['as many files are being downloaded as this disk has room for: try again in a while', 'ダウンロード中のファイルが多すぎます。後で再試行してください'],
   ['two files of yours are being made: try again when one of them is there', 'あなたのファイルを2つ作成中です。どちらかができてから再試行してください'],
   ['another document is being made: try again in a moment', '別の文書を作成中です。少し待って再試行してください'],
   [
