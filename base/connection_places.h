@@ -1,7 +1,9 @@
 // Which connections a server keeps when more come than it can hold. Thread-safe.
 //
 // A connection takes its place when it is accepted, before TLS and before its first byte. Where there is no
-// place, the idlest connection of the lowest standing goes, so that silent connections shut nobody out.
+// place, the idlest connection of the lowest standing goes, so that silent connections shut nobody out. Those
+// of somebody whom the server knows stay, but leave some places for others: where they do not, the owner with
+// the most of them gives one up.
 #pragma once
 
 #include <cstddef>
@@ -24,8 +26,12 @@ class ConnectionPlaces {
   };
   struct Limits {
     std::size_t all = 1000, of_holder = 200;
-    /// Connections of this standing never make room for a newcomer.
+    /// Connections of this standing make room only as `kept_of_owner` says.
     Standing safe = Standing::kKnown;
+    /// So many of one owner never make room, whoever comes.
+    std::size_t kept_of_owner = 8;
+    /// One place in so many, of all and of a holder's, is for connections that are not safe.
+    std::size_t one_for_others_in = 8;
   };
 
   /// One connection's, until it is destroyed.
@@ -36,7 +42,9 @@ class ConnectionPlaces {
     Place& operator=(const Place&) = delete;
     /// It did something now; `shown` is what it showed of itself.
     void note(Standing shown);
-    /// A busy connection (its answer is being made or sent) never makes room.
+    /// The same of one that is known, and whose it is.
+    void note_known(const std::string& owner);
+    /// A busy connection (its answer is being made or sent) makes room only as a safe one does, and last.
     void set_busy(bool is_busy);
 
    private:
@@ -60,15 +68,20 @@ class ConnectionPlaces {
 
  private:
   struct Entry {
-    std::string holder;
+    std::string holder, owner;  // no owner: nobody known
     std::function<void()> end;
     Standing standing = Standing::kSilent;
     bool is_busy = false;
     std::uint64_t last = 0;  // greater is later
   };
   using Entries = std::map<std::uint64_t, Entry>;
-  /// The one that makes room; the end if none may. With the mutex held.
+  /// The one that makes room; the end if none may. All with the mutex held, and of `of_holder` alone where
+  /// that is not null.
+  Entries::iterator leaving(const std::string* of_holder);
   Entries::iterator idlest(const std::string* of_holder);
+  Entries::iterator idlest_of_greatest_owner(const std::string* of_holder);
+  /// How many are neither safe nor of an owner.
+  [[nodiscard]] std::size_t others(const std::string* of_holder) const;
   void forget(Entries::iterator entry);
   const Limits limits_;
   mutable std::mutex mutex_;

@@ -20,7 +20,8 @@ constexpr std::chrono::seconds kSweepEvery{5};
 /// of users whom 'kiroku user' removed or changed.
 class Sweeper {
  public:
-  explicit Sweeper(ViewerContext& context) : thread_([this, &context] { run(context); }) {}
+  explicit Sweeper(ViewerContext& context)
+      : clock_(*context.home().clock), thread_([this, &context] { run(context); }) {}
   ~Sweeper() {
     {
       const std::lock_guard guard(mutex_);
@@ -35,7 +36,7 @@ class Sweeper {
  private:
   void run(ViewerContext& context) {
     std::unique_lock lock(mutex_);
-    while (!wake_.wait_for(lock, kSweepEvery, [this] { return stop_; })) {
+    while (!clock_.wait_for(wake_, lock, kSweepEvery, [this] { return stop_; })) {
       try {
         sweep(context);
       } catch (const Error& error) {
@@ -67,10 +68,11 @@ class Sweeper {
                           "guest " + terms.guest + " (kiroku view)");
     }
   }
+  const Clock& clock_;
   std::mutex mutex_;
   std::condition_variable wake_;
   bool stop_ = false;
-  std::thread thread_;
+  std::thread thread_;  // last: uses the rest
 };
 
 /// Null for the viewer itself, which has none, and where it cannot be opened but people come otherwise.

@@ -28,7 +28,6 @@ constexpr milliseconds kStep{100};
 constexpr std::chrono::seconds kStarting{60};
 constexpr std::chrono::seconds kWorksFor{60};
 constexpr std::size_t kLongestMessage = 1 << 20;
-constexpr std::size_t kMostResult = std::size_t{1} << 30;
 constexpr std::size_t kMostOpen = 64, kMostIdle = 2, kLongestText = 2000;
 
 }  // namespace
@@ -36,8 +35,9 @@ constexpr std::size_t kMostOpen = 64, kMostIdle = 2, kLongestText = 2000;
 /// One job, from its asking to its answer.
 class BoxedJobs::Serving {
  public:
-  Serving(BoxedJobs& box, const SegmentDoor& door, const std::string& name, const Taker& take)
-      : box_(box), door_(door), name_(name), take_(take) {}
+  Serving(BoxedJobs& box, const SegmentDoor& door, const std::string& name, const Taker& take,
+          const JobBounds& bounds)
+      : box_(box), door_(door), name_(name), take_(take), bounds_(bounds) {}
 
   json run(const json& asked) {
     if (!box_.ready_) await_ready();
@@ -52,7 +52,7 @@ class BoxedJobs::Serving {
           answer([&] { read(as<SegmentRead>(message)); });
           break;
         case FromJobBox::kClose:
-          box_.open_.erase(as<SegmentNumber>(message).number);
+          if (box_.open_.erase(as<SegmentNumber>(message).number) == 0) give_up();
           break;
         case FromJobBox::kBytes:
           if (!is_taken(message.body)) give_up();
@@ -83,6 +83,7 @@ class BoxedJobs::Serving {
   Channel::Message next() {
     nanoseconds silent{0};
     steady_clock::time_point before = steady_clock::now();
+    if (spent_ >= bounds_.whole) too_long();
     for (;;) {
       try {
         if (auto message = box_.child_.channel().receive(kStep, kLongestMessage)) return std::move(*message);
@@ -91,8 +92,11 @@ class BoxedJobs::Serving {
       }
       const steady_clock::time_point now = steady_clock::now();
       // Where this thread was kept from running, so was the decoder.
-      silent += std::min<nanoseconds>(now - before, 2 * kStep);
+      const nanoseconds waited = std::min<nanoseconds>(now - before, 2 * kStep);
+      silent += waited;
+      spent_ += waited;
       before = now;
+      if (spent_ >= bounds_.whole) too_long();
       if (silent >= (box_.ready_ ? box_.silence_ : std::max<milliseconds>(box_.silence_, kStarting))) ended();
     }
   }
@@ -119,6 +123,11 @@ class BoxedJobs::Serving {
     const std::string how = box_.child_.how_it_ended();
     if (box_.child_.killed_from_outside()) throw IoError("go on decoding", name_, ECANCELED);
     throw MediaError("the media of " + name_ + " cannot be decoded: the decoder " + how);
+  }
+  [[noreturn]] void too_long() {
+    box_.ended_ = true;
+    box_.child_.end();
+    throw MediaError("the media of " + name_ + " cannot be decoded: the decoder takes too long");
   }
   [[noreturn]] void give_up() {
     box_.ended_ = true;
@@ -151,8 +160,10 @@ class BoxedJobs::Serving {
 
   template <typename Call>
   void answer(const Call& call) {
+    const Clock::Time begin = bounds_.clock->now();
     try {
       call();
+      spent_ += bounds_.clock->now() - begin;
       return;
     } catch (const crypto::AgeError& error) {
       refuse(kAgeFailure, error);
@@ -207,6 +218,8 @@ class BoxedJobs::Serving {
   const SegmentDoor& door_;
   const std::string& name_;
   const Taker& take_;
+  const JobBounds& bounds_;
+  nanoseconds spent_{0};
   std::map<std::string, std::exception_ptr> refused_;  // by what was said
 };
 
@@ -219,18 +232,19 @@ BoxedJobs::BoxedJobs(milliseconds silence, const std::string& role)
 BoxedJobs::~BoxedJobs() = default;
 
 json BoxedJobs::ask(const std::string& what, const json& with, const SegmentDoor& door,
-                    const std::string& name, Bytes* bytes) {
-  if (bytes == nullptr) return ask(what, with, door, name, Taker());
-  return ask(what, with, door, name, [bytes](ByteView more) {
-    if (bytes->size() + more.size() > kMostResult) return false;
+                    const std::string& name, Bytes* bytes, const JobBounds& bounds) {
+  if (bytes == nullptr) return ask(what, with, door, name, Taker(), bounds);
+  const auto take = [bytes, most = bounds.bytes](ByteView more) {
+    if (bytes->size() + more.size() > most) return false;
     append(*bytes, more);
     return true;
-  });
+  };
+  return ask(what, with, door, name, take, bounds);
 }
 
 json BoxedJobs::ask(const std::string& what, const json& with, const SegmentDoor& door,
-                    const std::string& name, const Taker& take) {
-  return Serving(*this, door, name, take).run({{"what", what}, {"with", with}});
+                    const std::string& name, const Taker& take, const JobBounds& bounds) {
+  return Serving(*this, door, name, take, bounds).run({{"what", what}, {"with", with}});
 }
 
 bool BoxedJobs::is_spent() const { return ended_ || child_.processor_time() > kWorksFor; }

@@ -3,6 +3,8 @@
 // compares and decrypts it.
 #pragma once
 
+#include <chrono>
+#include <cstddef>
 #include <cstdint>
 #include <exception>
 #include <functional>
@@ -14,6 +16,7 @@
 
 #include <nlohmann/json_fwd.hpp>
 
+#include "base/clock.h"
 #include "crypto/byte_source.h"
 #include "media/box/child.h"
 
@@ -22,6 +25,15 @@ namespace kiroku::media {
 /// The plaintext of a job's segment, by the number that the job knows it by. Throws for a number that there
 /// is none of.
 using SegmentDoor = std::function<std::unique_ptr<crypto::ByteSource>(std::uint64_t segment)>;
+
+/// What one job may take. A decoder that was taken over gives signs of life for as long as it likes.
+struct JobBounds {
+  /// From asking to the answer, without the time for which the machine kept this thread from running.
+  std::chrono::nanoseconds whole = std::chrono::nanoseconds::max();
+  /// Of what it makes beside its answer.
+  std::size_t bytes = std::size_t{1} << 30;
+  const Clock* clock = &Clock::system();  // by which `whole` passes
+};
 
 /// One box. An object belongs to one thread at a time.
 class BoxedJobs {
@@ -38,14 +50,15 @@ class BoxedJobs {
   /// Has `what` done (job_box.h) and gives its answer; what else it makes is added to `bytes`, if that is not
   /// null. `name` stands in errors. Throws what the door threw where that ended the job, else MediaError for
   /// damage and for a decoder that ended or hung over it, kiroku::UsageError, kiroku::Error; kiroku::IoError
-  /// where somebody outside killed the decoder. A box that ended does nothing any more.
+  /// where somebody outside killed the decoder. A job beyond its bounds ends with its box, as MediaError. A
+  /// box that ended does nothing any more.
   nlohmann::json ask(const std::string& what, const nlohmann::json& with, const SegmentDoor& door,
-                     const std::string& name, Bytes* bytes = nullptr);
+                     const std::string& name, Bytes* bytes = nullptr, const JobBounds& bounds = {});
   /// Takes a piece of what the box makes; false where that cannot be: then it is killed (MediaError).
   using Taker = std::function<bool(ByteView bytes)>;
   /// The same, for more than memory holds. What `take` throws ends the job, and the box.
   nlohmann::json ask(const std::string& what, const nlohmann::json& with, const SegmentDoor& door,
-                     const std::string& name, const Taker& take);
+                     const std::string& name, const Taker& take, const JobBounds& bounds = {});
   /// Whether it is to be replaced before the next job: it ended, or has worked for long.
   [[nodiscard]] bool is_spent() const;
   [[nodiscard]] pid_t process() const { return child_.process(); }

@@ -209,6 +209,11 @@ class Borrowed : public crypto::ByteSource {
   const crypto::ByteSource& of_;
 };
 
+/// A disk or a machine so slow that a MiB takes a second, and ten minutes more.
+std::chrono::seconds longest_job(std::uint64_t bytes) {
+  return std::chrono::minutes(10) + std::chrono::seconds(bytes >> 20);
+}
+
 [[noreturn]] void refuse_answer(const std::string& name) {
   throw MediaError(name + " cannot be exported: its decoder says what cannot be");
 }
@@ -231,7 +236,8 @@ RemuxResult remux_in_box(const RemuxTerms& terms, const SegmentDoor& door, Outpu
   Pieces pieces(output, on_picture, terms);
   BoxedJobs box(kSilence, kRole);
   const json answer =
-      box.ask(kRemuxJob, asked, door, terms.stream, [&](ByteView bytes) { return pieces.take(bytes); });
+      box.ask(kRemuxJob, asked, door, terms.stream, [&](ByteView bytes) { return pieces.take(bytes); },
+              {.whole = longest_job(terms.most_bytes)});
   RemuxResult result;
   try {
     if (answer.contains("changed_at")) {
@@ -251,9 +257,9 @@ RemuxResult remux_in_box(const RemuxTerms& terms, const SegmentDoor& door, Outpu
 std::optional<Ticks> first_stamp_in_box(const crypto::ByteSource& segment, const std::string& media,
                                         const std::string& name) {
   BoxedJobs box(kSilence, kRole);
-  const json answer = box.ask(
-      kFirstStampJob, {{"media", media}, {"name", name}},
-      [&](std::uint64_t) { return std::make_unique<Borrowed>(segment); }, name);
+  const json answer = box.ask(kFirstStampJob, {{"media", media}, {"name", name}},
+                              [&](std::uint64_t) { return std::make_unique<Borrowed>(segment); }, name,
+                              nullptr, {.whole = longest_job(0)});
   if (!answer.contains("stamp")) return std::nullopt;
   try {
     const Ticks stamp = answer.at("stamp").get<Ticks>();

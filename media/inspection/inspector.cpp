@@ -27,14 +27,16 @@ class Borrowed : public crypto::ByteSource {
   const crypto::ByteSource& source_;
 };
 
+/// Of one segment. The box takes ten minutes of a processor at most.
+constexpr std::chrono::hours kLongestCounting{1};
+
 std::uint64_t count_frames_boxed(BoxPool& boxes, const archive::StreamInfo& stream,
                                  const archive::SegmentEntry& entry, const SealedSegment& segment) {
   const nlohmann::json asked{
       {"media", stream.media}, {"name", entry.file.file}, {"complete", entry.complete}};
   const nlohmann::json counted = boxes.with([&](BoxedJobs& box) {
-    return box.ask(
-        kCountFrames, asked, [&](std::uint64_t) { return std::make_unique<Borrowed>(segment); },
-        entry.file.file);
+    return box.ask(kCountFrames, asked, [&](std::uint64_t) { return std::make_unique<Borrowed>(segment); },
+                   entry.file.file, nullptr, {.whole = kLongestCounting});
   });
   const auto frames = counted.find("frames");
   if (frames == counted.end() || !frames->is_number_unsigned())

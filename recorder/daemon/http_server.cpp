@@ -54,7 +54,9 @@ Response respond(const Request& request, http::status status, const std::string&
 }
 
 Response respond_json(const Request& request, http::status status, const nlohmann::ordered_json& body) {
-  return respond(request, status, "application/json", body.dump() + "\n");
+  // A room's name in it is whatever the caller wrote.
+  const std::string text = body.dump(-1, ' ', false, nlohmann::ordered_json::error_handler_t::replace);
+  return respond(request, status, "application/json", text + "\n");
 }
 
 Response refuse(const Request& request, http::status status, const std::string& sentence) {

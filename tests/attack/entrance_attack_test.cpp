@@ -7,6 +7,7 @@
 #include <filesystem>
 #include <future>
 #include <mutex>
+#include <poll.h>
 #include <span>
 #include <sys/socket.h>
 #include <sys/stat.h>
@@ -22,6 +23,7 @@
 #include "crypto/encoding.h"
 #include "crypto/hash.h"
 #include "tests/support/https_client.h"
+#include "tests/support/moved_clock.h"
 #include "tests/support/socket_client.h"
 #include "tests/support/temporary_folder.h"
 #include "viewer/api/workplaces.h"
@@ -50,8 +52,9 @@ crypto::Secret quickly_hashed(const crypto::Secret& password, ByteView salt, int
 /// Says who asks, and lets go of nobody by itself.
 class Echo final : public SocketHandler {
  public:
-  Echo(std::string user, std::shared_ptr<SocketOutput> output, std::promise<void>* gone)
-      : user_(std::move(user)), output_(std::move(output)), gone_(gone) {}
+  Echo(std::string user, std::shared_ptr<SocketOutput> output, std::promise<void>* gone,
+       std::shared_future<void> stalls)
+      : user_(std::move(user)), output_(std::move(output)), gone_(gone), stalls_(std::move(stalls)) {}
   ~Echo() override {
     if (gone_ != nullptr) gone_->set_value();
   }
@@ -59,6 +62,7 @@ class Echo final : public SocketHandler {
   Echo& operator=(const Echo&) = delete;
   void receive(const SocketMessage& message) override {
     const std::string text(text_of(message.bytes));
+    if (text == "stall" && stalls_.valid()) stalls_.wait();
     if (text == "refuse") throw Refusal(409, "this plan is open already");
     output_->send_text(user_ + " said " + text);
   }
@@ -67,6 +71,7 @@ class Echo final : public SocketHandler {
   std::string user_;
   std::shared_ptr<SocketOutput> output_;
   std::promise<void>* gone_;
+  std::shared_future<void> stalls_;
 };
 
 class EntranceAttack : public testing::Test {
@@ -75,6 +80,7 @@ class EntranceAttack : public testing::Test {
     std::filesystem::create_directory(home / "archive");
     const auto users = UserStore::open(home / "users.sqlite", quickly_hashed);
     for (const auto& [name, role] : {std::pair{"anna", Role::kSurgeon},
+                                     {"ben", Role::kSurgeon},
                                      {"otto", Role::kOperator},
                                      {"audit", Role::kAuditor},
                                      {"root", Role::kAdministrator}}) {
@@ -125,7 +131,7 @@ class EntranceAttack : public testing::Test {
       table.pattern = "api/planning/table";
       table.right = Right::kPlan;
       table.socket = [this](const Request& request, std::shared_ptr<SocketOutput> output) {
-        return std::make_unique<Echo>(request.session->user(), std::move(output), gone);
+        return std::make_unique<Echo>(request.session->user(), std::move(output), gone, stalls);
       };
       router.add(std::move(table));
     };
@@ -165,6 +171,7 @@ class EntranceAttack : public testing::Test {
   crypto::SigningKey key = crypto::SigningKey::generate();
   timestamp::TrustStore trust;
   std::promise<void>* gone = nullptr;
+  std::shared_future<void> stalls;  // by which whoever says "stall" is read no further
   std::optional<Viewer> viewer, planning;
 };
 
@@ -340,6 +347,15 @@ class TakenOver {
   TakenOver& operator=(const TakenOver&) = delete;
 
   static constexpr const char* kHangs = "hangs";
+  /// Waits until whoever hangs longest has been let go by the viewer.
+  bool is_let_go() {
+    const int socket = [this] {
+      const std::lock_guard guard(mutex_);
+      return hanging_.front().number();
+    }();
+    pollfd ended{socket, POLLRDHUP, 0};
+    return ::poll(&ended, 1, 60'000) == 1;
+  }
   /// Waits until so many of those who asked hang.
   bool wait_for(std::size_t hanging) {
     std::unique_lock lock(mutex_);
@@ -431,11 +447,17 @@ TEST_F(EntranceAttack, AProgramThatHangsDoesNotHangTheViewer) {
   TakenOver program(home / "planning.sock", TakenOver::kHangs);
   const std::string cookie = sign_in(*viewer, "anna");
   std::vector<std::future<int>> waiting;
-  for (int i = 0; i < 3; ++i) {
-    waiting.push_back(
-        std::async(std::launch::async, [&] { return get("/api/planning/plans", cookie).status; }));
+  std::size_t hanging = 0;
+  for (const char* user : {"anna", "ben", "root"}) {
+    const std::string own = sign_in(*viewer, user);
+    for (int i = 0; i < 2; ++i) {
+      waiting.push_back(
+          std::async(std::launch::async, [this, own] { return get("/api/planning/plans", own).status; }));
+    }
+    hanging += 2;
+    ASSERT_TRUE(program.wait_for(hanging));
+    EXPECT_EQ(get("/api/planning/plans", own).status, 503) << "one user leaves places for others";
   }
-  ASSERT_TRUE(program.wait_for(3));
   for (int i = 0; i < 20; ++i) {
     EXPECT_EQ(get("/api/planning/plans", cookie).status, 503) << "each would hold a thread of the viewer";
     EXPECT_THROW(connect(cookie), boost::system::system_error);
@@ -443,6 +465,70 @@ TEST_F(EntranceAttack, AProgramThatHangsDoesNotHangTheViewer) {
   }
   viewer.reset();
   for (std::future<int>& one : waiting) EXPECT_NE(one.get(), 200) << "nobody waits past the viewer's end";
+}
+
+TEST_F(EntranceAttack, ARequestThatWasPassedOnEndsWithItsSession) {
+  TakenOver program(home / "planning.sock", TakenOver::kHangs);
+  const std::string cookie = sign_in(*viewer, "anna");
+  std::future<int> answer =
+      std::async(std::launch::async, [&] { return get("/api/planning/plans", cookie).status; });
+  ASSERT_TRUE(program.wait_for(1));
+  EXPECT_EQ(ask(*viewer, "DELETE", "/api/session", cookie).status, 204);
+  EXPECT_EQ(answer.get(), 401);
+  EXPECT_TRUE(program.is_let_go()) << "the program hears of it too";
+}
+
+TEST_F(EntranceAttack, AProgramThatReadsNothingTakesNoThreadOfTheViewer) {
+  std::promise<void> released;
+  stalls = released.get_future().share();
+  start_planning();
+  const std::string cookie = sign_in(*viewer, "anna");
+  std::vector<std::unique_ptr<SocketClient>> clients;
+  const std::string much(60'000, 'x');
+  for (int i = 0; i < 20; ++i) clients.push_back(connect(cookie));
+  for (const auto& client : clients) {
+    client->send_text("stall");
+    // More than lies between two programs, and less than the viewer keeps for one browser.
+    for (int message = 0; message < 16; ++message) client->send_text(much);
+  }
+  EXPECT_EQ(get("/api/cases", cookie).status, 200);
+  for (const auto& client : clients) {
+    EXPECT_FALSE(client->receive(std::chrono::seconds(60)).has_value());
+    EXPECT_THAT(client->farewell().second, HasSubstr("takes nothing of what is sent"));
+  }
+  released.set_value();
+}
+
+// A session ends soon after its user was removed by another program, whether anybody asks or not.
+TEST_F(EntranceAttack, WhoWasRemovedIsSweptOutByTheViewersClock) {
+  test::MovedClock clock;
+  viewer.reset();
+  ViewerOptions options = options_of("cases", "127.0.0.1:0");
+  options.home.clock = &clock;
+  viewer.emplace(std::move(options));
+  const std::string anna = sign_in(*viewer, "anna"), ben = sign_in(*viewer, "ben");
+  UserStore::open(home / "users.sqlite", quickly_hashed)->remove("anna");
+  // Who looks after sessions, and who after viewing copies.
+  clock.await_waiting(2);
+  EXPECT_EQ(get("/api/cases", anna).status, 200) << "nobody has looked yet";
+  clock.move(std::chrono::seconds(5));
+  clock.await_waiting(2);
+  EXPECT_EQ(get("/api/cases", anna).status, 401);
+  EXPECT_EQ(get("/api/cases", ben).status, 200);
+  viewer.reset();
+}
+
+TEST_F(EntranceAttack, ADoorIsTakenAwayByNobodyButWhoseItIs) {
+  const std::filesystem::path socket = home / "planning.sock";
+  std::optional<InnerDoor> ending(std::in_place, socket);
+  // Its program is about to end: nobody answers any more.
+  { const Descriptor listener = ending->take_listener(); }
+  EXPECT_FALSE(knock(socket));
+  EXPECT_THROW(InnerDoor{socket}, Error) << "it would be taken away from whoever comes now";
+  ending.reset();
+  InnerDoor next(socket);
+  const Descriptor listener = next.take_listener();
+  EXPECT_TRUE(knock(socket));
 }
 
 TEST_F(EntranceAttack, ATargetCarriesNoSecondRequest) {

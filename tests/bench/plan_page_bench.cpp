@@ -16,7 +16,7 @@
 namespace {
 
 using namespace kiroku;
-using Clock = viewer::LivePlanning::Clock;
+using Clock = std::chrono::steady_clock;
 using viewer::Deed;
 using viewer::PointDeed;
 using viewer::PointerUse;

@@ -1,6 +1,5 @@
 #include <algorithm>
 #include <array>
-#include <semaphore>
 
 #include "archive/reading/excerpt.h"
 #include "base/error.h"
@@ -8,12 +7,14 @@
 #include "viewer/api/api.h"
 #include "viewer/http/handout.h"
 #include "viewer/http/tar_stream.h"
+#include "viewer/people/turns.h"
 
 namespace kiroku::viewer {
 namespace {
 
 /// Each costs a disk's and a core's whole attention.
-constexpr std::ptrdiff_t kMadeAtATime = 2;
+constexpr Turns::Limits kMadeAtATime{.all = 3, .of_person = 2};
+constexpr Turns::Limits kTakenAtATime{.all = 12, .of_person = 3};
 
 struct Form {
   std::string_view name, type;
@@ -63,20 +64,6 @@ std::uint64_t sealed_bytes(const archive::CaseReader& recording, const std::vect
   return bytes;
 }
 
-/// Lets few in at a time.
-class Turn {
- public:
-  explicit Turn(std::counting_semaphore<>& turns) : turns_(turns) {
-    if (!turns_.try_acquire()) throw Refusal(503, "other files are being made: try again in a while");
-  }
-  ~Turn() { turns_.release(); }
-  Turn(const Turn&) = delete;
-  Turn& operator=(const Turn&) = delete;
-
- private:
-  std::counting_semaphore<>& turns_;
-};
-
 class ExportApi {
  public:
   explicit ExportApi(ViewerContext& context) : context_(context), handouts_(context.home().handout_folder) {}
@@ -89,7 +76,8 @@ class ExportApi {
     const Form& form = form_of(request);
     const Stretch stretch = stretch_of(request);
     require_within(recording, stretch.from_ns);
-    const Turn turn(turns_);
+    const std::shared_ptr<Turns::Turn> download = begin_download(request);
+    const Turns::Turn turn(turns_, request.session->person());
     const std::string name = request.parameter("case") + "-" + stream + "." + std::string(form.name);
     const auto place = handouts_.make_place(sealed_bytes(recording, {stream}, stretch));
     media::ExportOptions options;
@@ -99,7 +87,9 @@ class ExportApi {
     options.output = place->folder() / name;
     media::export_stream(recording, *identities, options);
     context_.enter_access(request, request.parameter("case"), "exported " + info.name);
-    return Response::file(open_body(options.output), std::string(form.type)).as_download(name);
+    FileBody body = open_body(options.output);
+    body.file = held_while_read(std::move(body.file), download);
+    return Response::file(std::move(body), std::string(form.type)).as_download(name);
   }
 
   /// Everything in it stays sealed, so no identity is asked for.
@@ -117,12 +107,14 @@ class ExportApi {
     if (streams.empty()) {
       for (const archive::StreamInfo& stream : recording.opening().streams) streams.push_back(stream.name);
     }
-    const Turn turn(turns_);
+    const std::shared_ptr<Turns::Turn> download = begin_download(request);
+    const Turns::Turn turn(turns_, request.session->person());
     const std::string name = request.parameter("case") + "-excerpt";
     const auto place = handouts_.make_place(sealed_bytes(recording, streams, stretch));
     archive::make_excerpt(recording.folder(), options, place->folder() / name);
     context_.enter_access(request, request.parameter("case"), "took an excerpt, sealed as it is");
-    return Response::stream(tar_stream(place->folder(), name, place), "application/x-tar")
+    return Response::stream(tar_stream(place->folder(), name, held_while_read(place, download)),
+                            "application/x-tar")
         .as_download(name + ".tar");
   }
 
@@ -133,9 +125,26 @@ class ExportApi {
     return *stream;
   }
 
+  /// A download's, from before its file is made: it takes room on the disk until it is read or given up.
+  std::shared_ptr<Turns::Turn> begin_download(const Request& request) {
+    return std::make_shared<Turns::Turn>(downloads_, request.session->person());
+  }
+  template <typename Source>
+  static std::shared_ptr<Source> held_while_read(std::shared_ptr<Source> source,
+                                                 std::shared_ptr<Turns::Turn> download) {
+    const auto held = std::make_shared<std::pair<std::shared_ptr<Source>, std::shared_ptr<Turns::Turn>>>(
+        std::move(source), std::move(download));
+    return std::shared_ptr<Source>(held, held->first.get());
+  }
+
   ViewerContext& context_;
   const Handouts handouts_;
-  std::counting_semaphore<> turns_{kMadeAtATime};
+  Turns downloads_{kTakenAtATime,
+                   {"as many files are being downloaded as this disk has room for: try again in a while",
+                    "three files of yours are being downloaded: try again when one of them is there"}};
+  Turns turns_{kMadeAtATime,
+               {"other files are being made: try again in a while",
+                "two files of yours are being made: try again when one of them is there"}};
 };
 
 }  // namespace

@@ -81,9 +81,10 @@ Response invite(ViewerContext& context, const Request& request) {
   if (std::ranges::count(context.home().live.streams, room, &LiveStream::room) == 0) {
     throw Refusal(404, "there are no live pictures of a room " + room + " to invite anybody to");
   }
-  const Invitations::Made made = context.invitations().make(std::move(terms));
+  const std::string running = context.running_case(room);
+  const Invitations::Made made = context.invitations().make(std::move(terms), running);
   try {
-    context.enter_access(request, context.case_of(room),
+    context.enter_access(request, running.empty() ? ViewerContext::kEveryCase : running,
                          "invites guest " + made.invitation->terms().guest + " to " + room + " until " +
                              format_utc(made.invitation->ends_at()) + " (invitation " +
                              made.invitation->id() + ")");

@@ -102,8 +102,10 @@ Response vitals(ViewerContext& context, const Request& request) {
 void add_live_routes(Router& router, ViewerContext& context) {
   router.add({"GET", "api/live", Right::kWatchRoom,
               [&context](const Request& request) { return streams(context, request); }, false});
-  router.add({"GET", "api/rooms/{room:name}/vitals", Right::kSeeLive,
-              [&context](const Request& request) { return vitals(context, request); }, false});
+  Route vital_signs{"GET", "api/rooms/{room:name}/vitals", Right::kSeeLive,
+                    [&context](const Request& request) { return vitals(context, request); }, false};
+  vital_signs.is_quick = true;
+  router.add(std::move(vital_signs));
   router.add_socket("api/live/{room:name}/{stream:name}", Right::kWatchRoom,
                     [&context](const Request& request, std::shared_ptr<SocketOutput> output) {
                       return watch(context, request, std::move(output));

@@ -12,6 +12,7 @@
 #include "viewer/kept/kept_comparison.h"
 #include "viewer/kept/sealed_plan.h"
 #include "viewer/people/json_fields.h"
+#include "viewer/people/turns.h"
 #include "viewer/programs/comparison_maker.h"
 #include "viewer/programs/plan_picker.h"
 
@@ -49,7 +50,7 @@ class MatchingApi {
                 .comparisons = context.home().comparisons_folder,
                 .tell = [&context](const std::string& sentence) { context.tell(sentence); },
                 .limit = limits.making}),
-        picker_({.program = context.home().comparison_program}) {}
+        picker_({.program = context.home().comparison_program, .clock = context.home().clock}) {}
 
   Response steps(const Request& request) {
     const Session::Identities identities = ViewerContext::require_unlocked(request);
@@ -57,8 +58,9 @@ class MatchingApi {
     const std::string& case_id = request.parameter("case");
     context_.enter_access_once(request, case_id, "matched a plan by hand");
     const std::chrono::milliseconds limit = limits_.reading;
+    const Turns::Turn waits(readers_, request.session->person());
     const std::unique_lock turn(reading_, limit);
-    if (!turn) throw Refusal(503, "plans are being read for others: try again");
+    if (!turn) throw Refusal(503, kReadForOthers);
     const ComparisonProgramEnd end = run_comparison_program(
         context_.home().comparison_program,
         {.arguments = {case_id, seal.string(), "--home", context_.home().folder.string(), "--steps",
@@ -187,6 +189,10 @@ class MatchingApi {
   const MatchingLimits limits_;
   ComparisonMaker maker_;
   PlanPicker picker_;
+  static constexpr const char* kReadForOthers = "plans are being read for others: try again";
+  /// Of one that is read and those who wait for it: each holds a thread of the server.
+  Turns readers_{{.all = 4, .of_person = 1},
+                 {kReadForOthers, "a plan is being read for you already: wait until that is done"}};
   std::timed_mutex reading_;
   struct {
     std::string case_id;

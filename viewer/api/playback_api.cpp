@@ -123,7 +123,7 @@ class PlaybackApi {
   explicit PlaybackApi(ViewerContext& context)
       : context_(context),
         folder_(context.home().copies_folder),
-        store_(folder_.path(), context.home().most_copy_bytes) {}
+        store_(folder_.path(), context.home().most_copy_bytes, *context.home().clock) {}
 
   [[nodiscard]] Response init(const Request& request) {
     return watch(request, [&](CasePlayback& playback, const std::string& stream) {

@@ -40,18 +40,20 @@ std::int64_t case_time_of(const json& number) {
 /// A browser in a room: hears who is there and where they point, and points.
 class CompanySocket final : public SocketHandler {
  public:
-  CompanySocket(ViewerContext& context, RoomCompany& company, const Request& request,
+  CompanySocket(ViewerContext& context, RoomCompany& company, PointRates& rates, const Request& request,
                 std::shared_ptr<SocketOutput> output)
-      : rooms_(context.home().rooms),
+      : clock_(*context.home().clock),
+        rooms_(context.home().rooms),
         room_(request.parameter("room")),
         guest_(GuestPresence::of(context, request, room_)),
         streams_(streams_of(context, room_)),
         by_(guest_ ? request.session->invitation()->terms().guest : request.session->user()),
         role_(role_name(request.session->role())),
+        rate_(rates.of(request.session->person(), clock_.now())),
         seat_(company.join(room_, {by_, role_, std::move(output), [this] { return is_admitted(); }})) {}
 
   void receive(const SocketMessage& message) override {
-    if (!rate_.take(PointRate::Clock::now())) return;
+    if (!rate_->take(clock_.now())) return;
     const json said = parse_foreign_json(text_of(message.bytes));
     if (!message.is_text || !said.is_object()) throw Refusal(400, "a message is one JSON object");
     const media::PointedAt at = pointed_at(said);
@@ -96,12 +98,13 @@ class CompanySocket final : public SocketHandler {
     return at;
   }
 
+  const Clock& clock_;
   const LiveRooms& rooms_;
   const std::string room_;
   const std::unique_ptr<GuestPresence> guest_;
   const std::vector<std::string> streams_;
   const std::string by_, role_;
-  PointRate rate_{PointRate::Clock::now()};
+  const std::shared_ptr<PointRates::Shared> rate_;
   const std::unique_ptr<RoomCompany::Seat> seat_;  // last: calls what is above
 };
 
@@ -109,13 +112,14 @@ class CompanySocket final : public SocketHandler {
 
 void add_pointing_routes(Router& router, ViewerContext& context) {
   const auto company = std::make_shared<RoomCompany>();
+  const auto rates = std::make_shared<PointRates>();
   Route route;
   route.method = "GET";
   route.pattern = "api/live/{room:name}";
   route.right = Right::kWatchRoom;
   route.body_limit = kLongestMessage;
-  route.socket = [&context, company](const Request& request, std::shared_ptr<SocketOutput> output) {
-    return std::make_unique<CompanySocket>(context, *company, request, std::move(output));
+  route.socket = [&context, company, rates](const Request& request, std::shared_ptr<SocketOutput> output) {
+    return std::make_unique<CompanySocket>(context, *company, *rates, request, std::move(output));
   };
   router.add(std::move(route));
 }

@@ -169,21 +169,29 @@ Response mark(const ViewerContext& context, const Request& request) {
 }  // namespace
 
 void add_room_routes(Router& router, ViewerContext& context) {
-  router.add({"GET", "api/status", Right::kSeeLive,
-              [&context](const Request& /*request*/) {
-                return ask(context, {{"do", "status"}});
-              },
-              false});
-  router.add("POST", "api/rooms/{room:name}/start", Right::kControlRooms,
-             [&context](const Request& request) { return start(context, request); });
-  router.add("GET", "api/rooms/{room:name}/procedures", Right::kControlRooms,
-             [&context](const Request& request) { return procedures(context, request); });
-  router.add("POST", "api/rooms/{room:name}/subject", Right::kControlRooms,
-             [&context](const Request& request) { return add_late_subject(context, request); });
-  router.add("POST", "api/rooms/{room:name}/stop", Right::kControlRooms,
-             [&context](const Request& request) { return stop(context, request); });
-  router.add("POST", "api/rooms/{room:name}/mark", Right::kControlRooms,
-             [&context](const Request& request) { return mark(context, request); });
+  const auto add = [&router](std::string method, std::string pattern, Right right, Handler handler,
+                             bool is_activity = true) {
+    Route route{std::move(method), std::move(pattern), right, std::move(handler), is_activity};
+    // Whoever stands in the room does not wait for their own film.
+    route.is_quick = true;
+    router.add(std::move(route));
+  };
+  add(
+      "GET", "api/status", Right::kSeeLive,
+      [&context](const Request& /*request*/) {
+        return ask(context, {{"do", "status"}});
+      },
+      false);
+  add("POST", "api/rooms/{room:name}/start", Right::kControlRooms,
+      [&context](const Request& request) { return start(context, request); });
+  add("GET", "api/rooms/{room:name}/procedures", Right::kControlRooms,
+      [&context](const Request& request) { return procedures(context, request); });
+  add("POST", "api/rooms/{room:name}/subject", Right::kControlRooms,
+      [&context](const Request& request) { return add_late_subject(context, request); });
+  add("POST", "api/rooms/{room:name}/stop", Right::kControlRooms,
+      [&context](const Request& request) { return stop(context, request); });
+  add("POST", "api/rooms/{room:name}/mark", Right::kControlRooms,
+      [&context](const Request& request) { return mark(context, request); });
 }
 
 }  // namespace kiroku::viewer

@@ -64,7 +64,7 @@ class SessionApi {
     return Response::later({.work = [this, &request, attempt,
                                      password] { return sign_in_by_password(request, attempt, *password); },
                             .goes_first = attempt.is_known(),
-                            .who = is_device ? "device:" + attempt.caller.device : attempt.caller.holder});
+                            .who = is_device ? person_of(attempt.caller.user) : attempt.caller.holder});
   }
 
   /// Of whoever has signed in with a password, for themselves.
@@ -76,7 +76,7 @@ class SessionApi {
     return Response::later(
         {.work = [this, &request, password, chosen] { return change_password(request, *password, *chosen); },
          .goes_first = true,
-         .who = "session:" + request.session->user()});
+         .who = request.session->person()});
   }
 
   Response sign_out(const Request& request) {
@@ -106,7 +106,7 @@ class SessionApi {
     return Response::later(
         {.work = [this, &request, sealed, opens] { return unlock_with(request, std::move(*sealed), *opens); },
          .goes_first = true,
-         .who = "session:" + request.session->user()});
+         .who = request.session->person()});
   }
 
  private:
@@ -309,6 +309,7 @@ void add_session_routes(Router& router, ViewerContext& context, SignInLink& link
   const auto api = std::make_shared<SessionApi>(context, link);
   const auto of_session = [&router](Route route) {
     route.before_own_password = true;
+    route.is_quick = true;
     router.add(std::move(route));
   };
   of_session(

@@ -52,7 +52,7 @@ struct ViewerHome {
   std::string serves = "cases";
   /// Empty: scrypt.
   PasswordHasher password_hasher = {};
-  /// By which sessions and invitations end, and whoever failed to sign in waits.
+  /// By which sessions and invitations end and are swept, and whoever failed to sign in waits.
   const Clock* clock = &Clock::system();
 };
 

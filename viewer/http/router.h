@@ -43,6 +43,8 @@ struct Route {
   SocketOpener socket = {};
   /// Whether somebody may call it who came by a one-time password and has not chosen their own yet.
   bool before_own_password = false;
+  /// Whether it is answered at once, so that it does not wait behind the same person's pictures and files.
+  bool is_quick = false;
 };
 
 class Router {

@@ -111,11 +111,13 @@ std::optional<InvitationEnd> Invitation::reason_to_end(const std::string& runnin
 
 Invitations::Invitations(Ended ended, const Clock& clock) : ended_(std::move(ended)), clock_(clock) {}
 
-Invitations::Made Invitations::make(InvitationTerms terms) {
+Invitations::Made Invitations::make(InvitationTerms terms, const std::string& running_case) {
   Made made;
   made.token = random_token();
   const crypto::Secret id = crypto::Secret::random(kIdBytes);
   made.invitation = std::make_shared<Invitation>(crypto::to_hex(id.bytes()), std::move(terms), clock_);
+  // Nobody knows it yet, so nobody else looks at it.
+  made.invitation->view_.case_id = running_case;
   const std::lock_guard guard(mutex_);
   std::size_t lasting = 0, ended = 0;
   std::erase_if(entries_, [&](const Entry& entry) {

@@ -98,8 +98,8 @@ class Invitations {
     std::shared_ptr<Invitation> invitation;
     std::string token;  // 256 random bits; only its hash is kept
   };
-  /// Refusal 409 while kMostAtOnce have not ended.
-  Made make(InvitationTerms terms);
+  /// Of the case that runs in its room now, if one does. Refusal 409 while kMostAtOnce have not ended.
+  Made make(InvitationTerms terms, const std::string& running_case);
   /// Opens the one session that the token is good for. Nothing if the token was never given out, was used, or
   /// its invitation has ended. `enter` is called before: what it throws leaves the invitation as it was.
   std::optional<SessionStore::Opened> join(std::string_view token, const std::string& address,

@@ -4,6 +4,7 @@
 
 #include "crypto/encoding.h"
 #include "crypto/hash.h"
+#include "viewer/people/invitations.h"
 #include "viewer/people/subject_shelf.h"
 
 namespace kiroku::viewer {
@@ -23,6 +24,8 @@ std::string random_token() {
   return text;
 }
 
+std::string person_of(const std::string& user) { return "user " + user; }
+
 Session::Session(std::string user, Role role, std::optional<UtcTime> credential, Clock::Time ends_at_latest,
                  std::shared_ptr<Invitation> invitation, bool must_change_password, const Clock& clock)
     : user_(std::move(user)),
@@ -33,6 +36,10 @@ Session::Session(std::string user, Role role, std::optional<UtcTime> credential,
       must_change_password_(must_change_password),
       clock_(clock),
       last_activity_(clock.now().time_since_epoch().count()) {}
+
+std::string Session::person() const {
+  return invitation_ ? "invitation " + invitation_->id() : person_of(user_);
+}
 
 Session::Identities Session::identities() const {
   const std::lock_guard guard(mutex_);
@@ -94,15 +101,15 @@ SessionStore::Opened SessionStore::open_for_guest(const std::string& name,
 
 SessionStore::Opened SessionStore::add(std::shared_ptr<Session> session) {
   Opened opened{random_token(), std::move(session)};
-  const std::string& user = opened.session->user();
+  const std::string person = opened.session->person();
   const std::lock_guard guard(mutex_);
-  std::vector<decltype(sessions_)::iterator> of_user;
+  std::vector<decltype(sessions_)::iterator> of_person;
   for (auto each = sessions_.begin(); each != sessions_.end(); ++each) {
-    if (each->second->user() == user) of_user.push_back(each);
+    if (each->second->person() == person) of_person.push_back(each);
   }
-  if (of_user.size() >= limits_.most_of_user) {
+  if (of_person.size() >= limits_.most_of_person) {
     const auto idlest = *std::ranges::min_element(
-        of_user, {}, [](const auto& each) { return each->second->last_activity_.load(); });
+        of_person, {}, [](const auto& each) { return each->second->last_activity_.load(); });
     idlest->second->end();
     sessions_.erase(idlest);
   }

@@ -23,6 +23,9 @@ namespace kiroku::viewer {
 class Invitation;
 class SubjectShelf;
 
+/// A user as Session::person() has one.
+std::string person_of(const std::string& user);
+
 /// One person's stay, from signing in to signing out or its end.
 class Session {
  public:
@@ -34,6 +37,9 @@ class Session {
 
   [[nodiscard]] const std::string& user() const { return user_; }
   [[nodiscard]] Role role() const { return role_; }
+  /// By what this person is counted: a user by name, a guest by invitation, since guests are called what
+  /// their inviters like. No two persons have the same.
+  [[nodiscard]] std::string person() const;
   /// User::changed of the user who signed in; nothing for who needed no password.
   [[nodiscard]] std::optional<UtcTime> credential() const { return credential_; }
   /// Whoever came by a one-time password may do nothing but choose another (Route::before_own_password).
@@ -76,8 +82,8 @@ class Session {
 struct SessionLimits {
   std::chrono::seconds idle = std::chrono::minutes(30);
   std::chrono::seconds longest = std::chrono::hours(12);
-  /// Of one user; one more ends the one that was idle longest.
-  std::size_t most_of_user = 16;
+  /// Of one person; one more ends the one that was idle longest.
+  std::size_t most_of_person = 16;
 };
 
 class SessionStore {

@@ -29,8 +29,8 @@ bool same_pointers(const PointDeed& one, const PointDeed& other) {
 
 }  // namespace
 
-LivePlanning::LivePlanning(MakeTable make, PlanningListener listener)
-    : make_(std::move(make)), listener_(std::move(listener)), thread_([this] { run(); }) {}
+LivePlanning::LivePlanning(MakeTable make, PlanningListener listener, const Clock& clock)
+    : make_(std::move(make)), listener_(std::move(listener)), clock_(clock), thread_([this] { run(); }) {}
 
 LivePlanning::~LivePlanning() {
   {
@@ -42,11 +42,11 @@ LivePlanning::~LivePlanning() {
 }
 
 bool LivePlanning::apply(std::uint64_t number, Deed deed) {
-  return queue({number, Clock::now(), std::move(deed), {}, false});
+  return queue({number, clock_.now(), std::move(deed), {}, false});
 }
 
 bool LivePlanning::run_task(std::uint64_t number, Task task) {
-  return queue({number, Clock::now(), {}, std::move(task), false});
+  return queue({number, clock_.now(), {}, std::move(task), false});
 }
 
 bool LivePlanning::queue(Queued queued) {
@@ -82,23 +82,23 @@ void LivePlanning::run() {
 void LivePlanning::plan(PlanningTable& table) {
   tell_changes(table);
   bool stale = true, quick = false;
-  auto next_step = Clock::now();
+  auto next_step = clock_.now();
   const auto time_step =
-      std::chrono::duration_cast<Clock::duration>(duration<double>(table.session().plan().time_step_s));
+      std::chrono::duration_cast<Clock::Duration>(duration<double>(table.session().plan().time_step_s));
   for (;;) {
     std::deque<Queued> queued;
     {
       std::unique_lock lock(mutex_);
       const auto until = moves_  ? next_step
-                         : stale ? Clock::now() + kAskAgain
+                         : stale ? clock_.now() + kAskAgain
                          : quick ? busy_ + kStill
-                                 : Clock::time_point::max();
+                                 : Clock::Time::max();
       const auto called = [this] { return ends_ || !queued_.empty(); };
       if (!stale || !listener_.ready()) {
-        if (until == Clock::time_point::max()) {
+        if (until == Clock::Time::max()) {
           wake_.wait(lock, called);
         } else {
-          wake_.wait_until(lock, until, called);
+          clock_.wait_until(wake_, lock, until, called);
         }
       }
       if (ends_) return;
@@ -108,7 +108,7 @@ void LivePlanning::plan(PlanningTable& table) {
       if (do_all(table, std::move(queued))) stale = true;
     }
     // Tools are moved as fast as it is planned, and slower where that cannot be computed so fast.
-    if (Clock::now() >= next_step) {
+    if (clock_.now() >= next_step) {
       const bool moved = std::exchange(moves_, advance(table));
       if (awaited_) {
         input_ = *std::exchange(awaited_, {});
@@ -116,9 +116,9 @@ void LivePlanning::plan(PlanningTable& table) {
         stale = true;
       }
       stale = stale || moves_ || moved;
-      next_step = moves_ ? std::max(next_step + time_step, Clock::now()) : Clock::now();
+      next_step = moves_ ? std::max(next_step + time_step, clock_.now()) : clock_.now();
     }
-    const bool is_still = !moves_ && Clock::now() - busy_ >= kStill;
+    const bool is_still = !moves_ && clock_.now() - busy_ >= kStill;
     if (!stale && !(quick && is_still)) continue;
     if (!listener_.ready()) continue;
     const double share = is_still ? 1 : quick_share();
@@ -151,13 +151,13 @@ bool LivePlanning::do_all(PlanningTable& table, std::deque<Queued> queued) {
       timed_ = false;
     }
   }
-  busy_ = Clock::now();
+  busy_ = clock_.now();
   tell_changes(table);
   return seen || table.session().revision() != before;
 }
 
 bool LivePlanning::advance(PlanningTable& table) {
-  const auto begin = Clock::now();
+  const auto begin = clock_.now();
   bool moved = false;
   try {
     moved = table.advance();
@@ -165,7 +165,7 @@ bool LivePlanning::advance(PlanningTable& table) {
     listener_.told(refused.what());
   }
   if (moved) {
-    busy_ = Clock::now();
+    busy_ = clock_.now();
     computing_ = busy_ - begin;
   }
   tell_changes(table);
@@ -188,13 +188,13 @@ double LivePlanning::quick_share() const {
 }
 
 void LivePlanning::show(PlanningTable& table, double share) {
-  const auto begin = Clock::now();
+  const auto begin = clock_.now();
   const sim::Picture picture = table.picture(share);
   PlanningMoment moment{&table, &picture,   ++pictures_,         input_.number,
-                        moves_, computing_, Clock::now() - begin};
+                        moves_, computing_, clock_.now() - begin};
   full_picture_s_ = duration<double>(moment.drawing).count() / std::pow(share, 3);
   listener_.shown(moment);
-  if (!std::exchange(timed_, true)) input_to_picture_.add(Clock::now() - input_.arrived);
+  if (!std::exchange(timed_, true)) input_to_picture_.add(clock_.now() - input_.arrived);
 }
 
 }  // namespace kiroku::viewer

@@ -11,6 +11,7 @@
 #include <string>
 #include <thread>
 
+#include "base/clock.h"
 #include "sim/haptics/latency_histogram.h"
 #include "viewer/planning/planning_table.h"
 
@@ -38,14 +39,14 @@ struct PlanningListener {
 
 class LivePlanning {
  public:
-  using Clock = std::chrono::steady_clock;
   using Opening = std::function<void(const std::string& step)>;
   using MakeTable = std::function<std::unique_ptr<PlanningTable>(const Opening& opening)>;
   /// What is done with the table between two deeds: saving.
   using Task = std::function<void(PlanningTable& table)>;
 
-  /// Runs from construction on, in a thread of its own, in which `make` is called.
-  LivePlanning(MakeTable make, PlanningListener listener);
+  /// Runs from construction on, in a thread of its own, in which `make` is called. By `clock`, which outlives
+  /// this, tools move, and pictures are made small or of full size.
+  LivePlanning(MakeTable make, PlanningListener listener, const Clock& clock = Clock::system());
   /// Ends after the time step or picture that is being made.
   ~LivePlanning();
   LivePlanning(const LivePlanning&) = delete;
@@ -63,7 +64,7 @@ class LivePlanning {
  private:
   struct Queued {
     std::uint64_t number = 0;
-    Clock::time_point arrived;
+    Clock::Time arrived;
     Deed deed;
     Task task;
     bool may_be_left_out = false;  // for one of its kind that comes after it
@@ -81,6 +82,7 @@ class LivePlanning {
 
   MakeTable make_;
   PlanningListener listener_;
+  const Clock& clock_;
   std::mutex mutex_;
   std::condition_variable wake_;
   std::deque<Queued> queued_;
@@ -90,13 +92,13 @@ class LivePlanning {
   // The thread's.
   struct Input {
     std::uint64_t number = 0;
-    Clock::time_point arrived;
+    Clock::Time arrived;
   };
   std::uint64_t pictures_ = 0;
   Input input_;                   // the newest that the next picture shows
   std::optional<Input> awaited_;  // the newest, where that waits for the next time step
   bool timed_ = true;             // input_ is in a picture already
-  Clock::time_point busy_;        // when something was last done
+  Clock::Time busy_;              // when something was last done
   double full_picture_s_ = 0;     // what one of full size took lately
   std::chrono::nanoseconds computing_{0};
   std::optional<std::uint64_t> revision_told_;

@@ -81,6 +81,8 @@ PlanningListener PlanningSocket::listener() {
   };
   out.failed = [this](const std::string& sentence) {
     room_.options().tell("planning ended: " + sentence);
+    // Nothing is planned any more, however long the connection is kept.
+    place_.reset();
     output_->send_text(ordered_json{{"failed", sentence}}.dump());
   };
   return out;

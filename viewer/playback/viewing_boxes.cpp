@@ -1,6 +1,7 @@
 #include "viewer/playback/viewing_boxes.h"
 
 #include <algorithm>
+#include <chrono>
 #include <utility>
 
 #include <nlohmann/json.hpp>
@@ -15,6 +16,11 @@ namespace kiroku::playback {
 namespace {
 
 using nlohmann::json;
+
+/// Nobody waits longer for what a page shows at once, whatever decodes it.
+constexpr std::chrono::minutes kLongestJob{2};
+/// Of a picture of 8K without loss; of a piece of some seconds at many times the rate of its kind.
+constexpr std::size_t kLargestStill = 128U << 20, kLargestPiece = 32U << 20, kLargestThumbnail = 1U << 20;
 
 /// What the box answered, read by `read`.
 template <typename Read>
@@ -64,48 +70,48 @@ struct Shown {
 ViewingBoxes::ViewingBoxes(const CaseMedia& media, const VideoIndex& index)
     : media_(media), index_(index), boxes_([this](media::BoxedJobs& box) { tell_index(box); }) {}
 
-json ViewingBoxes::ask(media::BoxedJobs& box, const char* what, const json& with, Bytes* bytes) {
-  return box.ask(
-      what, with,
-      [this](std::uint64_t segment) {
-        if (segment >= index_.segments.size()) throw UsageError("there is no such segment");
-        return media_.open_plaintext(index_.segments[segment].entry);
-      },
-      "stream '" + index_.stream.name + "'", bytes);
+json ViewingBoxes::ask(media::BoxedJobs& box, const char* what, const json& with, const Result& result) {
+  return box.ask(what, with,
+                 [this](std::uint64_t segment) {
+                   if (segment >= index_.segments.size()) throw UsageError("there is no such segment");
+                   return media_.open_plaintext(index_.segments[segment].entry);
+                 },
+                 "stream '" + index_.stream.name + "'", result.bytes,
+                 {.whole = kLongestJob, .bytes = result.most});
 }
 
-json ViewingBoxes::ask(const char* what, const json& with, Bytes* bytes) {
-  return boxes_.with([&](media::BoxedJobs& box) { return ask(box, what, with, bytes); });
+json ViewingBoxes::ask(const char* what, const json& with, const Result& result) {
+  return boxes_.with([&](media::BoxedJobs& box) { return ask(box, what, with, result); });
 }
 
-void ViewingBoxes::tell_index(media::BoxedJobs& box) { ask(box, kIndexJob, json_of(index_), nullptr); }
+void ViewingBoxes::tell_index(media::BoxedJobs& box) { ask(box, kIndexJob, json_of(index_), {}); }
 
 ViewingFormat ViewingBoxes::find_format() {
-  const json answer = ask(kFormatJob, json::object());
+  const json answer = ask(kFormatJob, json::object(), {});
   return believed(index_, [&] { return format_from(answer.at("format")); });
 }
 
 Bytes ViewingBoxes::make_piece(const ViewingFormat& format, std::uint64_t number) {
   Bytes piece;
-  ask(kPieceJob, {{"format", json_of(format)}, {"number", number}}, &piece);
+  ask(kPieceJob, {{"format", json_of(format)}, {"number", number}}, {&piece, kLargestPiece});
   return piece;
 }
 
 std::optional<SoundForm> ViewingBoxes::find_sound() {
-  const json answer = ask(kSoundJob, json::object());
+  const json answer = ask(kSoundJob, json::object(), {});
   if (!answer.contains("form")) return {};
   return believed(index_, [&] { return sound_form_from(answer.at("form")); });
 }
 
 Bytes ViewingBoxes::make_sound_piece(const SoundForm& form, std::uint64_t number) {
   Bytes piece;
-  ask(kSoundPieceJob, {{"form", json_of(form)}, {"number", number}}, &piece);
+  ask(kSoundPieceJob, {{"form", json_of(form)}, {"number", number}}, {&piece, kLargestPiece});
   return piece;
 }
 
 Bytes ViewingBoxes::make_thumbnail(std::uint64_t number) {
   Bytes picture;
-  ask(kThumbnailJob, {{"number", number}}, &picture);
+  ask(kThumbnailJob, {{"number", number}}, {&picture, kLargestThumbnail});
   return picture;
 }
 
@@ -116,8 +122,8 @@ std::optional<ArchivedStill> ViewingBoxes::archived_picture(std::int64_t at_ns, 
     tell_index(*stepper_);
   }
   ArchivedStill still;
-  const json answer =
-      ask(*stepper_, kStillJob, {{"at_ns", at_ns}, {"step", static_cast<int>(step)}}, &still.png);
+  const json answer = ask(*stepper_, kStillJob, {{"at_ns", at_ns}, {"step", static_cast<int>(step)}},
+                          {&still.png, kLargestStill});
   if (!answer.contains("time_ns")) return {};
   still.time_ns = believed(index_, [&] { return answer.at("time_ns").get<std::int64_t>(); });
   return still;

@@ -3,6 +3,7 @@
 // of one stream and one reader each, and end with the object. Thread-safe.
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
 #include <memory>
 #include <mutex>
@@ -35,8 +36,14 @@ class ViewingBoxes {
   std::optional<ArchivedStill> archived_picture(std::int64_t at_ns, Step step);
 
  private:
-  nlohmann::json ask(media::BoxedJobs& box, const char* what, const nlohmann::json& with, Bytes* bytes);
-  nlohmann::json ask(const char* what, const nlohmann::json& with, Bytes* bytes = nullptr);
+  /// Where what a job makes is put, and how much that may be.
+  struct Result {
+    Bytes* bytes = nullptr;
+    std::size_t most = 0;
+  };
+  nlohmann::json ask(media::BoxedJobs& box, const char* what, const nlohmann::json& with,
+                     const Result& result);
+  nlohmann::json ask(const char* what, const nlohmann::json& with, const Result& result);
   void tell_index(media::BoxedJobs& box);
 
   const CaseMedia& media_;

@@ -10,6 +10,7 @@
 #include <utility>
 
 #include "viewer/http/request.h"
+#include "viewer/people/turns.h"
 #include "viewer/programs/child_program.h"
 
 namespace kiroku::viewer {
@@ -214,7 +215,9 @@ struct PlanPicker::Work {
       changed.notify_all();
     }
     if (!ready) return {false, doing, share, {}};
-    if (!wait_for_turn(lock)) throw Refusal(503, "others ask for pictures of the plan: try again");
+    const Turns::Turn turn(turns, who);
+    if (!clock.wait_for(changed, lock, options.to_answer + kToBeEnded, [&] { return !question; }))
+      throw Refusal(503, kOthersAsk);
     if (!ready || wanted != seal) return {false, doing, share, {}};
     const auto mine = std::make_shared<Question>();
     mine->text = text;
@@ -226,19 +229,8 @@ struct PlanPicker::Work {
     return {true, {}, {}, mine->answer};
   }
 
-  /// False where others' questions take too long, or too many wait already: each holds a thread of the
-  /// server.
-  bool wait_for_turn(std::unique_lock<std::mutex>& lock) {
-    if (question && waiting == kMostWaiting) return false;
-    ++waiting;
-    const bool mine =
-        clock.wait_for(changed, lock, options.to_answer + kToBeEnded, [&] { return !question; });
-    --waiting;
-    return mine;
-  }
-
   static constexpr auto kToBeEnded = std::chrono::seconds(5);
-  static constexpr int kMostWaiting = 3;
+  static constexpr const char* kOthersAsk = "others ask for pictures of the plan: try again";
 
   const Options options;
   const Clock& clock;
@@ -254,8 +246,11 @@ struct PlanPicker::Work {
   std::string last_who;
   Clock::Time last_asked;
   std::shared_ptr<Question> question;  // the one that is being answered
-  int waiting = 0;                     // whose questions come after it
-  std::thread thread;                  // last: uses the rest
+  /// Of it, and of those that come after it: each holds a thread of the server. A page asks for three things
+  /// at a time.
+  Turns turns{{.all = 4, .of_person = 3},
+              {kOthersAsk, "you ask for pictures of the plan already: try again in a moment"}};
+  std::thread thread;  // last: uses the rest
 };
 
 PlanPicker::PlanPicker(Options options) : work_(std::make_unique<Work>(std::move(options))) {}

@@ -42,8 +42,9 @@ class PlanPicker {
 
   /// Asks `question`, a JSON object without line breaks, about the sealed plan; begins to prepare it where
   /// that was not done, and returns at once until it is. Refusal: 409 while another person picks on another
-  /// plan, 422 where the program says that the plan cannot be shown, 503 where others' questions take too
-  /// long, 504 where it took too long itself; then the program was ended, and the next question begins anew.
+  /// plan, 422 where the program says that the plan cannot be shown, 503 where others' questions, or those
+  /// of the same person, are too many or take too long, 504 where it took too long itself; then the program
+  /// was ended, and the next question begins anew.
   PickingAnswer ask(const std::filesystem::path& seal_file, const std::string& who,
                     const std::string& question);
 

@@ -1,5 +1,6 @@
 #include "viewer/server/costly_work.h"
 
+#include <algorithm>
 #include <sys/resource.h>
 #include <unistd.h>
 #include <utility>
@@ -28,9 +29,9 @@ bool CostlyWork::offer(bool goes_first, const std::string& who, std::function<vo
     const std::lock_guard guard(mutex_);
     std::deque<Item>& queue = goes_first ? first_ : others_;
     const auto of_this = of_one_.find(who);
-    const bool is_too_many = of_this != of_one_.end() && of_this->second >= limits_.of_one;
+    const bool is_too_many = of_this != of_one_.end() && of_this->second.all >= limits_.of_one;
     if (is_stopping_ || is_too_many || queue.size() >= limits_.waiting) return false;
-    ++of_one_[who];
+    ++of_one_[who].all;
     queue.push_back({who, std::move(work)});
   }
   changed_.notify_one();
@@ -49,21 +50,33 @@ void CostlyWork::stop() {
   others_.clear();
 }
 
+bool CostlyWork::take_next(Item& next) {
+  for (std::deque<Item>* const queue : {&first_, &others_}) {
+    const auto found = std::ranges::find_if(
+        *queue, [this](const Item& each) { return of_one_[each.who].being_done < limits_.done_of_one; });
+    if (found == queue->end()) continue;
+    next = std::move(*found);
+    queue->erase(found);
+    ++of_one_[next.who].being_done;
+    return true;
+  }
+  return false;
+}
+
 void CostlyWork::run() {
   yield_to_others();
   std::unique_lock lock(mutex_);
   for (;;) {
-    changed_.wait(lock, [this] { return is_stopping_ || !first_.empty() || !others_.empty(); });
+    Item item;
+    changed_.wait(lock, [&] { return is_stopping_ || take_next(item); });
     if (is_stopping_) return;
-    std::deque<Item>& queue = first_.empty() ? others_ : first_;
-    Item item = std::move(queue.front());
-    queue.pop_front();
     lock.unlock();
     item.work();
     item.work = {};
     lock.lock();
     const auto of_this = of_one_.find(item.who);
-    if (--of_this->second == 0) of_one_.erase(of_this);
+    --of_this->second.being_done;
+    if (--of_this->second.all == 0) of_one_.erase(of_this);
   }
 }
 

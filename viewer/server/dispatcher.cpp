@@ -269,6 +269,10 @@ Response Dispatcher::finished(const Admission& admission, Response response) con
     };
     return response;
   }
+  // Made while the session ended, pictures or a file reach nobody. A text may be the answer to signing out.
+  const Session* const session = admission.request.session.get();
+  if (session != nullptr && session->has_ended() && !std::holds_alternative<std::string>(response.body))
+    return refuse(401, "the session has ended");
   if (auto* stream = std::get_if<StreamBody>(&response.body)) tell_failures_of(*stream, admission);
   return secured(as_asked(admission.request, std::move(response)));
 }

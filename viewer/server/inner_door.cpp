@@ -2,7 +2,9 @@
 
 #include <cerrno>
 #include <cstring>
+#include <fcntl.h>
 #include <string>
+#include <sys/file.h>
 #include <sys/socket.h>
 #include <sys/stat.h>
 #include <sys/un.h>
@@ -26,6 +28,19 @@ std::optional<sockaddr_un> address_of(const std::filesystem::path& socket) {
   return address;
 }
 
+/// None where another program holds it.
+Descriptor hold(const std::filesystem::path& file) {
+  Descriptor lock(::open(file.c_str(), O_RDWR | O_CREAT | O_NOFOLLOW | O_CLOEXEC, kOwnerAlone));
+  if (!lock) throw IoError("make", file, errno);
+  int status = -1;
+  do {
+    status = ::flock(lock.number(), LOCK_EX | LOCK_NB);
+  } while (status != 0 && errno == EINTR);
+  if (status == 0) return lock;
+  if (errno != EWOULDBLOCK) throw IoError("hold", file, errno);
+  return Descriptor();
+}
+
 }  // namespace
 
 InnerDoor::InnerDoor(std::filesystem::path socket) : socket_(std::move(socket)) {
@@ -34,7 +49,9 @@ InnerDoor::InnerDoor(std::filesystem::path socket) : socket_(std::move(socket)) 
     throw UsageError("the path " + socket_.string() + " is longer than a socket's may be (" +
                      std::to_string(sizeof address->sun_path - 1) + " bytes): use a home with a shorter one");
   }
-  if (knock(socket_)) {
+  lock_ = hold(socket_.native() + ".lock");
+  // A program of before this version holds no lock.
+  if (!lock_ || knock(socket_)) {
     throw Error("another program answers on " + socket_.string() +
                 " already: only one of its kind may be behind the viewer of a home");
   }

@@ -15,7 +15,7 @@ namespace kiroku::viewer {
 class InnerDoor {
  public:
   /// Listens; a socket that a dead program left behind is replaced. kiroku::UsageError for a path that no
-  /// socket can have, kiroku::Error where a living program answers there or nothing can be put there.
+  /// socket can have, kiroku::Error where a living program has the door or nothing can be put there.
   explicit InnerDoor(std::filesystem::path socket);
   /// Nobody finds it any more.
   ~InnerDoor();
@@ -27,6 +27,9 @@ class InnerDoor {
 
  private:
   const std::filesystem::path socket_;
+  /// Of a file beside the socket, which stays: whoever holds it has the door. So no program takes away a
+  /// socket that is another's.
+  Descriptor lock_;
   Descriptor listener_;
 };
 

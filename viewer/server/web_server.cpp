@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <array>
 #include <charconv>
+#include <deque>
 #include <map>
 #include <mutex>
 #include <optional>
@@ -37,7 +38,8 @@ using boost::system::error_code;
 
 constexpr std::uint16_t kExamplePort = 8443;
 constexpr std::size_t kIoThreads = 2;
-constexpr std::size_t kFewestWorkers = 8;
+/// More than wait for programs behind the viewer (viewer/server/workplace_link.cpp).
+constexpr std::size_t kFewestWorkers = 24;
 constexpr std::size_t kReadUnit = 4U << 10;
 /// What a client must take within the write limit.
 constexpr std::size_t kWriteUnit = 256U << 10;
@@ -169,47 +171,81 @@ class BodyReader {
   Bytes buffer_;
 };
 
-/// How many connections of each user are safe from making room for others: one user's, or one guest's, must
-/// not take every place that there is.
-class KnownConnections {
+/// How many answers of each person are being made; whoever has as many as may be waits, without a thread.
+/// Thread-safe.
+class AnswerShares {
  public:
-  explicit KnownConnections(std::size_t most_of_user) : most_of_user_(most_of_user) {}
+  explicit AnswerShares(std::size_t of_person) : of_person_(of_person) {}
 
-  /// One connection's seat. Belongs to its strand.
-  class Seat {
+  /// One answer's, between enter() and its destruction.
+  class Share {
    public:
-    explicit Seat(KnownConnections& all) : all_(all) {}
-    ~Seat() { give_back(); }
-    Seat(const Seat&) = delete;
-    Seat& operator=(const Seat&) = delete;
-    /// Whether the connection is one of so many of this user's.
-    bool take(const std::string& user) {
-      if (user_ == user) return true;
-      give_back();
-      const std::lock_guard guard(all_.mutex_);
-      std::size_t& count = all_.of_user_[user];
-      if (count >= all_.most_of_user_) return false;
-      ++count;
-      user_ = user;
-      return true;
-    }
+    Share(AnswerShares& shares, std::string person) : shares_(shares), person_(std::move(person)) {}
+    ~Share() { shares_.leave(person_); }
+    Share(const Share&) = delete;
+    Share& operator=(const Share&) = delete;
 
    private:
-    void give_back() {
-      if (!user_) return;
-      const std::lock_guard guard(all_.mutex_);
-      const auto found = all_.of_user_.find(*user_);
-      if (--found->second == 0) all_.of_user_.erase(found);
-      user_.reset();
-    }
-    KnownConnections& all_;
-    std::optional<std::string> user_;
+    AnswerShares& shares_;
+    const std::string person_;
   };
+  /// Returns when a Share may be made.
+  asio::awaitable<void> enter(const std::string& person) {
+    const asio::any_io_executor strand = co_await asio::this_coro::executor;
+    const auto waiter = std::make_shared<Waiter>(strand);
+    {
+      const std::lock_guard guard(mutex_);
+      Line& line = lines_[person];
+      if (line.answering < of_person_) {
+        ++line.answering;
+        co_return;
+      }
+      line.waiting.push_back(waiter);
+    }
+    error_code ignored;
+    while (!waiter->is_next) {
+      co_await waiter->timer.async_wait(asio::redirect_error(asio::use_awaitable, ignored));
+    }
+  }
+  /// Nobody's turn comes any more.
+  void close() {
+    const std::lock_guard guard(mutex_);
+    closed_ = true;
+  }
 
  private:
-  const std::size_t most_of_user_;
+  /// Belongs to its connection's strand, and to nobody else once that is gone.
+  struct Waiter {
+    explicit Waiter(const asio::any_io_executor& strand)
+        : timer(strand, asio::steady_timer::time_point::max()) {}
+    asio::steady_timer timer;
+    bool is_next = false;
+  };
+  struct Line {
+    std::size_t answering = 0;
+    std::deque<std::weak_ptr<Waiter>> waiting;
+  };
+  void leave(const std::string& person) {
+    const std::lock_guard guard(mutex_);
+    if (closed_) return;
+    const auto line = lines_.find(person);
+    while (!line->second.waiting.empty()) {
+      const std::shared_ptr<Waiter> next = line->second.waiting.front().lock();
+      line->second.waiting.pop_front();
+      if (!next) continue;
+      asio::post(next->timer.get_executor(), [next] {
+        next->is_next = true;
+        next->timer.cancel();
+      });
+      return;
+    }
+    if (--line->second.answering == 0) lines_.erase(line);
+  }
+
+  const std::size_t of_person_;
   std::mutex mutex_;
-  std::map<std::string, std::size_t> of_user_;
+  std::map<std::string, Line> lines_;
+  bool closed_ = false;
 };
 
 }  // namespace
@@ -218,9 +254,14 @@ struct WebServer::State {
   State(WebServerOptions asked, const Dispatcher& answers, const Dispatcher* of_inner_door)
       : options(std::move(asked)),
         dispatcher(answers),
-        places({.all = options.limits.connections, .of_holder = options.limits.connections_of_address}),
-        inner_places({.all = options.limits.connections, .of_holder = options.limits.connections}),
-        known(options.limits.safe_connections_of_user),
+        places({.all = options.limits.connections,
+                .of_holder = options.limits.connections_of_address,
+                .kept_of_owner = options.limits.kept_connections_of_person}),
+        inner_places({.all = options.limits.connections,
+                      .of_holder = options.limits.connections,
+                      .kept_of_owner = options.limits.kept_connections_of_person}),
+        shares(options.limits.answers_of_person),
+        quick_shares(options.limits.quick_answers_of_person),
         costly(options.limits.costly),
         workers(std::max<std::size_t>(kFewestWorkers, 2U * std::thread::hardware_concurrency())),
         acceptor(asio::make_strand(context)),
@@ -240,6 +281,8 @@ struct WebServer::State {
   }
   ~State() {
     context.stop();
+    shares.close();
+    quick_shares.close();
     for (std::thread& thread : threads) thread.join();
     workers.join();
     costly.stop();
@@ -373,8 +416,7 @@ struct WebServer::State {
   asio::awaitable<void> serve_at_inner_door(std::shared_ptr<LocalStream> stream, const Dispatcher& answers,
                                             std::unique_ptr<ConnectionPlaces::Place> place) {
     Buffer buffer;
-    KnownConnections::Seat seat(known);
-    while (co_await serve_one(*stream, answers, buffer, "", *place, seat)) {
+    while (co_await serve_one(*stream, answers, buffer, "", *place)) {
       place->set_busy(false);
     }
     place.reset();
@@ -388,8 +430,7 @@ struct WebServer::State {
                                      asio::redirect_error(asio::use_awaitable, failed));
     if (failed) co_return;
     Buffer buffer;
-    KnownConnections::Seat seat(known);
-    while (co_await serve_one(*stream, dispatcher, buffer, peer, *place, seat)) {
+    while (co_await serve_one(*stream, dispatcher, buffer, peer, *place)) {
       place->set_busy(false);
     }
     allow(*stream, kFarewell);
@@ -419,8 +460,7 @@ struct WebServer::State {
   /// One request and its answer; false when the connection is over.
   template <typename Stream>
   asio::awaitable<bool> serve_one(Stream& stream, const Dispatcher& answers, Buffer& buffer,
-                                  const std::string& peer, ConnectionPlaces::Place& place,
-                                  KnownConnections::Seat& seat) {
+                                  const std::string& peer, ConnectionPlaces::Place& place) {
     error_code failed;
     Parser parser;
     RefuseChunkExtensions extensions;
@@ -460,8 +500,12 @@ struct WebServer::State {
     RequestHead head = head_of(parser, peer);
     const bool wants_socket = is_socket_request(head);
     Dispatcher::Admission admission = answers.admit(std::move(head));
-    const bool is_known = admission.request.session && seat.take(admission.request.session->user());
-    place.note(is_known ? ConnectionPlaces::Standing::kKnown : ConnectionPlaces::Standing::kSpoken);
+    const bool is_known = admission.request.session != nullptr;
+    if (is_known) {
+      place.note_known(admission.request.session->person());
+    } else {
+      place.note(ConnectionPlaces::Standing::kSpoken);
+    }
     if (admission.refusal) {
       const bool stay = keep_alive && !has_body;
       co_return co_await send(stream, *admission.refusal, is_head, stay) && stay;
@@ -502,11 +546,23 @@ struct WebServer::State {
     admission.request.body.assign(body.data(), body.size());
     beast::get_lowest_layer(stream).expires_never();
     place.set_busy(true);
-    Response response = co_await on_worker([&] { return answers.answer(admission); });
+    Response response = co_await answer(answers, admission);
     while (response.costly) response = co_await at_a_cost(std::move(*response.costly));
     // Whoever takes an answer slowly on purpose is not busy.
     place.set_busy(false);
-    co_return co_await send(stream, response, is_head, keep_alive) && keep_alive;
+    co_return co_await send(stream, response, is_head, keep_alive, &admission) && keep_alive;
+  }
+
+  asio::awaitable<Response> answer(const Dispatcher& answers, const Dispatcher::Admission& admission) {
+    std::optional<AnswerShares::Share> share;
+    if (admission.request.session) {
+      const bool is_quick = admission.route != nullptr && admission.route->is_quick;
+      AnswerShares& line = is_quick ? quick_shares : shares;
+      const std::string person = admission.request.session->person();
+      co_await line.enter(person);
+      share.emplace(line, person);
+    }
+    co_return co_await on_worker([&] { return answers.answer(admission); });
   }
 
   /// Runs what may block on another thread than those of the connections.
@@ -553,16 +609,39 @@ struct WebServer::State {
     co_return std::move(done->response);
   }
 
+  /// Whether a long answer may go on. A download that is taken is a deed, so that it does not end its own
+  /// session; with the session it ends.
+  static bool may_go_on(const Dispatcher::Admission* admission) {
+    if (admission == nullptr || !admission->request.session) return true;
+    if (admission->request.session->has_ended()) return false;
+    if (admission->route != nullptr && admission->route->is_activity)
+      SessionStore::note_activity(*admission->request.session);
+    return true;
+  }
+
+  [[nodiscard]] bool is_too_slow(std::uint64_t sent, std::chrono::duration<double> waited) const {
+    return waited > options.limits.pace_counts_after &&
+           static_cast<double>(sent) <
+               waited.count() * static_cast<double>(options.limits.least_download_pace);
+  }
+
   /// False if it could not be sent whole: then the connection must end.
   template <typename Stream>
-  asio::awaitable<bool> send(Stream& stream, const Response& response, bool is_head, bool keep_alive) {
+  asio::awaitable<bool> send(Stream& stream, const Response& response, bool is_head, bool keep_alive,
+                             const Dispatcher::Admission* admission = nullptr) {
     BodyReader reader(response);
     const std::optional<std::uint64_t> size = reader.size();
     std::string before = head_text(response, size, keep_alive);
     bool is_last = is_head || response.status == 204 || response.status == 304;
+    bool is_first = true;
+    std::uint64_t sent = 0;
+    std::chrono::duration<double> waited{0};
     error_code failed;
     do {
       ByteView unit;
+      // What is short has been made already, and may be the answer to signing out.
+      if (!is_last && !is_first && reader.may_block() && !may_go_on(admission)) co_return false;
+      is_first = false;
       if (!is_last) {
         if (reader.may_block()) {
           unit = co_await on_worker([&] { return reader.next(); });
@@ -581,7 +660,11 @@ struct WebServer::State {
       const std::array<asio::const_buffer, 3> parts{
           asio::buffer(before), asio::buffer(unit.data(), unit.size()), asio::buffer(after)};
       allow(stream, options.limits.write);
+      const auto begin = std::chrono::steady_clock::now();
       co_await asio::async_write(stream, parts, asio::redirect_error(asio::use_awaitable, failed));
+      waited += std::chrono::steady_clock::now() - begin;
+      sent += unit.size();
+      if (reader.may_block() && is_too_slow(sent, waited)) co_return false;
       before.clear();
     } while (!failed && !is_last);
     co_return !failed;
@@ -590,7 +673,7 @@ struct WebServer::State {
   const WebServerOptions options;
   const Dispatcher& dispatcher;
   ConnectionPlaces places, inner_places;
-  KnownConnections known;
+  AnswerShares shares, quick_shares;
   OpenSockets sockets;
   CostlyWork costly;
   asio::thread_pool workers;

@@ -18,12 +18,17 @@ namespace kiroku::viewer {
 
 struct WebServerLimits {
   /// Counted when they are accepted, before TLS, by address (of IPv6 by /64). Where there are too many, the
-  /// idlest makes room: first of those that said nothing yet, then of those without a session
+  /// idlest makes room: first of those that said nothing yet, then of those without a session. One place in
+  /// eight is for these; where people who have signed in hold more, whoever has the most gives one up
   /// (base/connection_places.h).
   std::size_t connections = 1000;
   std::size_t connections_of_address = 200;
   /// So many of a user who has signed in, or of a guest, never make room.
-  std::size_t safe_connections_of_user = 128;
+  std::size_t kept_connections_of_person = 8;
+  /// Being made at a time of one person, so that nobody holds every worker; further ones wait for these.
+  std::size_t answers_of_person = 4;
+  /// The same of answers that are quick (Route::is_quick).
+  std::size_t quick_answers_of_person = 4;
   std::uint32_t header_bytes = 16U << 10;
   std::chrono::milliseconds handshake{10'000};
   /// From the first byte one waits for to the end of the header, also on a connection kept open.
@@ -31,6 +36,10 @@ struct WebServerLimits {
   std::chrono::milliseconds body{30'000};
   /// For each 256 KiB of an answer to be taken.
   std::chrono::milliseconds write{30'000};
+  /// What a download must be taken by a second, on average, once its sending has waited so long: a file that
+  /// was made for it takes room on the disk until then.
+  std::size_t least_download_pace = 64U << 10;
+  std::chrono::milliseconds pace_counts_after{60'000};
   /// Of what costs much; what is too much is refused at once (429).
   CostlyWork::Limits costly = {};
 };

@@ -23,6 +23,10 @@ using boost::system::error_code;
 /// What may wait for a slow browser: a live picture of many seconds.
 constexpr std::size_t kMostWaitingBytes = 4U << 20;
 constexpr std::chrono::seconds kSessionCheck{2};
+/// For one message to be taken: a live picture of many seconds.
+constexpr std::chrono::seconds kLongestWrite{30};
+/// Between the end of a session and that of its connection, where the browser takes nothing.
+constexpr std::chrono::seconds kFarewell{2};
 /// A browser is asked for a sign of life after half of it.
 constexpr std::chrono::seconds kLongestSilence{30};
 constexpr std::chrono::seconds kHandshakeLimit{10};
@@ -129,6 +133,7 @@ class Connection {
         socket_(stream),
         wake_(std::make_shared<asio::steady_timer>(strand)),
         listener_end_(strand, asio::steady_timer::time_point::max()),
+        write_limit_(std::make_shared<asio::steady_timer>(strand)),
         queue_(std::make_shared<Queue>(strand, wake_)) {
     sockets.add(queue_);
   }
@@ -230,14 +235,34 @@ class Connection {
       socket_.text(text != nullptr);
       const ByteView bytes =
           text != nullptr ? bytes_of(*text) : ByteView(*std::get<std::shared_ptr<const Bytes>>(*message));
+      limit_write(kLongestWrite);
       co_await socket_.async_write(asio::buffer(bytes.data(), bytes.size()),
                                    asio::redirect_error(asio::use_awaitable, failed));
+      write_limit_->cancel();
     }
     if (farewell_ && !over_) {
+      limit_write(kFarewell);
       co_await socket_.async_close(*farewell_, asio::redirect_error(asio::use_awaitable, failed));
+      write_limit_->cancel();
     }
     // The listener, if it still waits, hears of it by this.
     if (failed) beast::get_lowest_layer(stream_).close();
+  }
+
+  /// Cuts the connection where what is being written is not taken in time, or its session ends meanwhile:
+  /// signs of life (RFC 6455 section 5.5.3) are none of taking.
+  void limit_write(std::chrono::steady_clock::duration left) {
+    const auto step = std::min<std::chrono::steady_clock::duration>(left, kSessionCheck);
+    write_limit_->expires_after(step);
+    write_limit_->async_wait([this, left, step, watched = std::weak_ptr(write_limit_)](error_code cancelled) {
+      // The timer goes with the connection.
+      if (cancelled || watched.expired()) return;
+      if (left <= step || admission_.request.session->has_ended()) {
+        beast::get_lowest_layer(stream_).close();
+      } else {
+        limit_write(left - step);
+      }
+    });
   }
 
   Stream& stream_;
@@ -247,6 +272,7 @@ class Connection {
   websocket::stream<Stream&> socket_;
   std::shared_ptr<asio::steady_timer> wake_;
   asio::steady_timer listener_end_;
+  std::shared_ptr<asio::steady_timer> write_limit_;
   std::shared_ptr<Queue> queue_;
   std::unique_ptr<SocketHandler> handler_;
   std::optional<websocket::close_reason> farewell_;

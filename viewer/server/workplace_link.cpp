@@ -1,8 +1,9 @@
 #include "viewer/server/workplace_link.h"
 
 #include <chrono>
-#include <functional>
+#include <deque>
 #include <future>
+#include <mutex>
 #include <optional>
 #include <thread>
 #include <utility>  // Boost 1.74 forgets it before its awaitable
@@ -29,12 +30,7 @@ using asio::local::stream_protocol;
 using boost::system::error_code;
 using Stream = beast::basic_stream<stream_protocol>;
 
-constexpr std::chrono::seconds kToAnswer{60};
 constexpr std::chrono::seconds kToShakeHands{10};
-/// For a message of the browser to be taken.
-constexpr std::chrono::seconds kToTake{5};
-/// Each holds a thread of the viewer: a program that hangs must not take them all.
-constexpr int kMostWaiting = 3;
 constexpr std::chrono::milliseconds kLook{100};
 constexpr std::size_t kLargestAnswer = 4U << 20, kLongestRefusal = 64U << 10;
 /// What a SocketOutput takes at all.
@@ -85,11 +81,30 @@ Response taken_over(const std::string& what, const http::response<http::string_b
   throw Refusal(502, "the program behind this page answered with what is no answer");
 }
 
-/// One browser's WebSocket as the program behind the viewer sees it. Everything runs on the link's thread.
+/// One browser's WebSocket as the program behind the viewer sees it. Everything but say() runs on the link's
+/// thread.
 class Relay : public std::enable_shared_from_this<Relay> {
  public:
-  Relay(stream_protocol::socket socket, std::shared_ptr<SocketOutput> output)
-      : socket_(std::move(socket)), output_(std::move(output)) {}
+  Relay(stream_protocol::socket socket, std::shared_ptr<SocketOutput> output,
+        const WorkplaceLink::Limits& limits)
+      : socket_(std::move(socket)),
+        output_(std::move(output)),
+        limits_(limits),
+        wake_(socket_.get_executor(), asio::steady_timer::time_point::max()) {}
+
+  /// Queues what the browser said and returns at once; false where as much waits as may. For any thread.
+  bool say(bool is_text, ByteView bytes) {
+    {
+      const std::lock_guard guard(mutex_);
+      if (is_over_) return true;  // listen() tells why
+      if (said_.size() >= limits_.untaken_messages || untaken_ + bytes.size() > limits_.untaken_bytes)
+        return false;
+      untaken_ += bytes.size();
+      said_.push_back({is_text, Bytes(bytes.begin(), bytes.end())});
+    }
+    asio::post(socket_.get_executor(), [self = shared_from_this()] { self->wake_.cancel(); });
+    return true;
+  }
 
   /// Status 0 and "", or what it said where it refused.
   struct Opening {
@@ -135,22 +150,82 @@ class Relay : public std::enable_shared_from_this<Relay> {
       co_await self->until_taken();
     }
     const auto& reason = socket.reason().reason;
-    self->output_->end(reason.empty() ? "the program behind this page has ended: try again once it runs"
-                                      : std::string(reason.data(), reason.size()));
-    beast::get_lowest_layer(socket).close();
+    if (!reason.empty()) {
+      self->output_->end(std::string(reason.data(), reason.size()));
+    } else if (self->is_late_) {
+      self->output_->end("the program behind this page takes nothing of what is sent: try again later");
+    } else {
+      self->output_->end("the program behind this page has ended: try again once it runs");
+    }
+    self->close();
   }
 
-  static asio::awaitable<bool> say(std::shared_ptr<Relay> self, bool is_text, Bytes bytes) {
-    self->socket_.text(is_text);
+  /// Sends what say() queued, one message after the other, until the connection is over.
+  static asio::awaitable<void> talk(std::shared_ptr<Relay> self) {
+    asio::steady_timer limit(self->socket_.get_executor());
     error_code failed;
-    co_await self->socket_.async_write(asio::buffer(bytes.data(), bytes.size()),
-                                       asio::redirect_error(asio::use_awaitable, failed));
-    co_return !failed;
+    while (!failed) {
+      const std::optional<Said> next = self->take();
+      if (!next && (self->has_left_ || self->is_closed())) break;
+      if (!next) {
+        error_code ignored;
+        co_await self->wake_.async_wait(asio::redirect_error(asio::use_awaitable, ignored));
+        continue;
+      }
+      self->close_after(limit, self->limits_.to_take);
+      self->socket_.text(next->is_text);
+      co_await self->socket_.async_write(asio::buffer(next->bytes.data(), next->bytes.size()),
+                                         asio::redirect_error(asio::use_awaitable, failed));
+      limit.cancel();
+    }
+    self->close();
   }
 
-  void leave() { beast::get_lowest_layer(socket_).close(); }
+  /// The browser has gone: what it said before is still sent, if it is taken soon.
+  void leave() {
+    has_left_ = true;
+    last_.emplace(socket_.get_executor());
+    close_after(*last_, limits_.to_take_last);
+    wake_.cancel();
+  }
+  void close() {
+    {
+      const std::lock_guard guard(mutex_);
+      is_over_ = true;
+      said_.clear();
+      untaken_ = 0;
+    }
+    beast::get_lowest_layer(socket_).close();
+    wake_.cancel();
+    if (last_) last_->cancel();
+  }
 
  private:
+  struct Said {
+    bool is_text = false;
+    Bytes bytes;
+  };
+  std::optional<Said> take() {
+    const std::lock_guard guard(mutex_);
+    if (said_.empty()) return {};
+    Said next = std::move(said_.front());
+    said_.pop_front();
+    untaken_ -= next.bytes.size();
+    return next;
+  }
+  [[nodiscard]] bool is_closed() const {
+    const std::lock_guard guard(mutex_);
+    return is_over_;
+  }
+  void close_after(asio::steady_timer& timer, std::chrono::milliseconds limit) {
+    timer.expires_after(limit);
+    timer.async_wait([weak = weak_from_this()](const error_code& cancelled) {
+      const std::shared_ptr<Relay> self = weak.lock();
+      if (cancelled || !self) return;
+      self->is_late_ = true;
+      self->close();
+    });
+  }
   /// So that no pictures lie between for a browser that is slow: the program makes the next one when the last
   /// has gone.
   asio::awaitable<void> until_taken() {
@@ -165,15 +240,26 @@ class Relay : public std::enable_shared_from_this<Relay> {
 
   websocket::stream<Stream> socket_;
   const std::shared_ptr<SocketOutput> output_;
+  const WorkplaceLink::Limits limits_;
+  asio::steady_timer wake_;                 // of talk()
+  std::optional<asio::steady_timer> last_;  // once the browser has gone
+  bool has_left_ = false, is_late_ = false;
+  mutable std::mutex mutex_;  // of what follows
+  std::deque<Said> said_;
+  std::size_t untaken_ = 0;
+  bool is_over_ = false;
 };
 
 }  // namespace
 
 struct WorkplaceLink::State {
-  State(std::string of, std::filesystem::path at, const std::atomic<bool>& ends)
+  State(std::string of, std::filesystem::path at, const std::atomic<bool>& ends, const Limits& bounds)
       : what(std::move(of)),
         path(std::move(at)),
         closing(ends),
+        limits(bounds),
+        turns(bounds.waiting, {"others wait for the program behind this page: try again in a moment",
+                               "you wait for the program behind this page already: try again in a moment"}),
         work(asio::make_work_guard(context)),
         thread([this] { run(); }) {}
   ~State() {
@@ -201,39 +287,44 @@ struct WorkplaceLink::State {
       throw Refusal(503, "the program behind this page does not run: start kiroku " + command());
     return {context, stream_protocol(), connection->release()};
   }
-  /// One of those who wait for an answer.
-  class Turn {
-   public:
-    explicit Turn(std::atomic<int>& waiting) : waiting_(waiting) {
-      if (++waiting_ > kMostWaiting) {
-        --waiting_;
-        throw Refusal(503, "others wait for the program behind this page: try again in a moment");
-      }
-    }
-    ~Turn() { --waiting_; }
-    Turn(const Turn&) = delete;
-    Turn& operator=(const Turn&) = delete;
-
-   private:
-    std::atomic<int>& waiting_;
-  };
   [[nodiscard]] std::string command() const { return what == "planning" ? "plan serve" : "train serve"; }
 
-  /// What the link's thread comes to, or a Refusal where that takes too long.
+  /// What the link's thread comes to, or a Refusal where that takes too long or nobody may be answered any
+  /// more.
   template <typename T>
-  T wait(std::future<T> coming, std::chrono::seconds patience) const {
+  T wait(std::future<T> coming, std::chrono::milliseconds patience, const Session& asker) const {
     const auto until = std::chrono::steady_clock::now() + patience;
     while (coming.wait_for(kLook) != std::future_status::ready) {
+      if (asker.has_ended()) break;
       if (closing || std::chrono::steady_clock::now() > until)
         throw Refusal(504, "the program behind this page does not answer in time");
     }
+    if (asker.has_ended()) throw Refusal(401, "the session has ended");
     return coming.get();
   }
 
+  /// Closes what is asked over when whoever asked has gone: the program need not go on.
+  template <typename Closed>
+  class ClosedAtLast {
+   public:
+    ClosedAtLast(asio::io_context& context, Closed close) : context_(context), close_(std::move(close)) {}
+    ~ClosedAtLast() {
+      if (close_) asio::post(context_, std::move(*close_));
+    }
+    ClosedAtLast(const ClosedAtLast&) = delete;
+    ClosedAtLast& operator=(const ClosedAtLast&) = delete;
+    void keep_open() { close_.reset(); }
+
+   private:
+    asio::io_context& context_;
+    std::optional<Closed> close_;
+  };
+
   static asio::awaitable<http::response<http::string_body>> exchange(
-      stream_protocol::socket socket, http::request<http::string_body> question) {
-    Stream stream(std::move(socket));
-    stream.expires_after(kToAnswer);
+      std::shared_ptr<Stream> asked_over, http::request<http::string_body> question,
+      std::chrono::milliseconds to_answer) {
+    Stream& stream = *asked_over;
+    stream.expires_after(to_answer);
     co_await http::async_write(stream, question, asio::use_awaitable);
     beast::flat_buffer buffer;
     http::response_parser<http::string_body> parser;
@@ -249,7 +340,8 @@ struct WorkplaceLink::State {
   const std::string what;
   const std::filesystem::path path;
   const std::atomic<bool>& closing;
-  std::atomic<int> waiting = 0;
+  const Limits limits;
+  Turns turns;
   asio::io_context context;
   asio::executor_work_guard<asio::io_context::executor_type> work;
   std::thread thread;  // last: uses the rest
@@ -260,9 +352,8 @@ namespace {
 /// Hands what a browser says to the program behind the viewer.
 class RelayedSocket final : public SocketHandler {
  public:
-  using Say = std::function<bool(bool is_text, Bytes bytes)>;
-  RelayedSocket(asio::io_context& context, std::shared_ptr<Relay> relay, Say say)
-      : context_(context), relay_(std::move(relay)), say_(std::move(say)) {}
+  RelayedSocket(asio::io_context& context, std::shared_ptr<Relay> relay)
+      : context_(context), relay_(std::move(relay)) {}
   ~RelayedSocket() override {
     asio::post(context_, [relay = relay_] { relay->leave(); });
   }
@@ -270,28 +361,29 @@ class RelayedSocket final : public SocketHandler {
   RelayedSocket& operator=(const RelayedSocket&) = delete;
 
   void receive(const SocketMessage& message) override {
-    // Where it was not taken the program has gone, or said why it goes: the relay tells.
-    static_cast<void>(say_(message.is_text, Bytes(message.bytes.begin(), message.bytes.end())));
+    if (!relay_->say(message.is_text, message.bytes))
+      throw Refusal(503, "the program behind this page takes less than is sent: try again later");
   }
 
  private:
   asio::io_context& context_;
   std::shared_ptr<Relay> relay_;
-  Say say_;
 };
 
 }  // namespace
 
-WorkplaceLink::WorkplaceLink(std::string what, std::filesystem::path socket, const std::atomic<bool>& closing)
-    : state_(std::make_unique<State>(std::move(what), std::move(socket), closing)) {}
+WorkplaceLink::WorkplaceLink(std::string what, std::filesystem::path socket, const std::atomic<bool>& closing,
+                             const Limits& limits)
+    : state_(std::make_unique<State>(std::move(what), std::move(socket), closing, limits)) {}
 
 WorkplaceLink::~WorkplaceLink() = default;
 
 bool WorkplaceLink::is_answered() const { return knock(state_->path).has_value(); }
 
 Response WorkplaceLink::ask(const Request& request) {
-  const State::Turn turn(state_->waiting);
-  stream_protocol::socket socket = state_->connect();
+  const Turns::Turn turn(state_->turns, request.session->person());
+  const auto stream = std::make_shared<Stream>(state_->connect());
+  const State::ClosedAtLast closed(state_->context, [stream] { stream->close(); });
   http::request<http::string_body> question;
   question.method_string({request.method.data(), request.method.size()});
   question.target({request.target.data(), request.target.size()});
@@ -306,9 +398,10 @@ Response WorkplaceLink::ask(const Request& request) {
   try {
     return taken_over(
         state_->what,
-        state_->wait(asio::co_spawn(state_->context, State::exchange(std::move(socket), std::move(question)),
+        state_->wait(asio::co_spawn(state_->context,
+                                    State::exchange(stream, std::move(question), state_->limits.to_answer),
                                     asio::use_future),
-                     kToAnswer));
+                     state_->limits.to_answer, *request.session));
   } catch (const boost::system::system_error& error) {
     if (error.code() == beast::error::timeout)
       throw Refusal(504, "the program behind this page does not answer in time");
@@ -318,25 +411,25 @@ Response WorkplaceLink::ask(const Request& request) {
 
 std::unique_ptr<SocketHandler> WorkplaceLink::open(const Request& request,
                                                    std::shared_ptr<SocketOutput> output) {
-  const State::Turn turn(state_->waiting);
+  const Turns::Turn turn(state_->turns, request.session->person());
   http::fields fields;
   put_fields(fields, request);
-  const auto relay = std::make_shared<Relay>(state_->connect(), std::move(output));
+  const auto relay = std::make_shared<Relay>(state_->connect(), std::move(output), state_->limits);
+  State::ClosedAtLast closed(state_->context, [relay] { relay->close(); });
   const Relay::Opening opening =
       state_->wait(asio::co_spawn(state_->context, Relay::open(relay, std::move(fields), request.target),
                                   asio::use_future),
-                   kToShakeHands + kToShakeHands);
+                   kToShakeHands + kToShakeHands, *request.session);
   if (opening.status != 0) {
     throw Refusal(opening.status, opening.error.empty()
                                       ? "the program behind this page answered with what is no answer"
                                       : opening.error);
   }
+  auto handler = std::make_unique<RelayedSocket>(state_->context, relay);
+  closed.keep_open();
   asio::co_spawn(state_->context, Relay::listen(relay), asio::detached);
-  return std::make_unique<RelayedSocket>(state_->context, relay, [this, relay](bool is_text, Bytes bytes) {
-    return state_->wait(
-        asio::co_spawn(state_->context, Relay::say(relay, is_text, std::move(bytes)), asio::use_future),
-        kToTake);
-  });
+  asio::co_spawn(state_->context, Relay::talk(relay), asio::detached);
+  return handler;
 }
 
 }  // namespace kiroku::viewer

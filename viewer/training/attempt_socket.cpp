@@ -58,6 +58,10 @@ void AttemptSocket::begin(const BeginMessage& message) {
   if (attempt_) throw Refusal(409, "an attempt has begun on this connection already");
   static_cast<void>(trainer::side_by_side_m(message.fingers));  // refuses fingers that no hand has
   room_.require_object(message.object);
+  // Who may not train so neither takes the place nor hears who trains.
+  room_.with_results([&](const trainer::TrainingDatabase& results) {
+    static_cast<void>(require_may_train(results, message.trainee));
+  });
   place_ = room_.enter(message.trainee);
   trainer::ExclusionRecord record;
   record.test = message.test;
@@ -65,11 +69,8 @@ void AttemptSocket::begin(const BeginMessage& message) {
   record.fingers = message.fingers;
   double practice_left_s = 0;
   const std::int64_t kept = room_.with_results([&](trainer::TrainingDatabase& results) {
-    const trainer::Trainee trainee = results.trainee(message.trainee);
-    if (trainee.simulated) throw Refusal(409, "this is a simulated trainee, no person");
-    if (!may_train_as(user_, trainee)) {
-      throw Refusal(403, "only the user bound to " + trainee.name + ", or an administrator, may train so");
-    }
+    // Again: what was read before the place was taken may have changed.
+    const trainer::Trainee trainee = require_may_train(results, message.trainee);
     const trainer::TraineeProgress progress =
         trainer::progress_of(results.attempts(), trainee.name, record.object);
     const double practice_s = room_.options().practice_s;
@@ -92,6 +93,16 @@ void AttemptSocket::begin(const BeginMessage& message) {
   attempt_ =
       std::make_unique<trainer::LiveAttempt>([this, object = message.object] { return room_.body(object); },
                                              std::move(options), message.fingers, listener(kept, record));
+}
+
+trainer::Trainee AttemptSocket::require_may_train(const trainer::TrainingDatabase& results,
+                                                  const std::string& name) const {
+  trainer::Trainee trainee = results.trainee(name);
+  if (trainee.simulated) throw Refusal(409, "this is a simulated trainee, no person");
+  if (!may_train_as(user_, trainee)) {
+    throw Refusal(403, "only the user bound to " + trainee.name + ", or an administrator, may train so");
+  }
+  return trainee;
 }
 
 trainer::LiveListener AttemptSocket::listener(std::int64_t attempt, const trainer::ExclusionRecord& record) {

@@ -19,6 +19,9 @@ class AttemptSocket : public SocketHandler {
 
  private:
   void begin(const BeginMessage& message);
+  /// Refusal 409 of somebody simulated, 403 where the user may not train as this trainee.
+  [[nodiscard]] trainer::Trainee require_may_train(const trainer::TrainingDatabase& results,
+                                                   const std::string& name) const;
   [[nodiscard]] trainer::LiveListener listener(std::int64_t attempt, const trainer::ExclusionRecord& record);
 
   TrainingRoom& room_;

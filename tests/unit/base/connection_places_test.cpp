@@ -73,6 +73,42 @@ TEST_F(ConnectionPlacesTest, TakeOneOfItsOwnWhereAHolderHasMany) {
   EXPECT_NE(enter(places, "c", "other"), nullptr);
 }
 
+TEST_F(ConnectionPlacesTest, TakeFromTheOwnerOfTheMostWhereNobodyElseIsThere) {
+  ConnectionPlaces places({.all = 9, .of_holder = 9, .kept_of_owner = 2});
+  std::vector<std::unique_ptr<ConnectionPlaces::Place>> held;
+  const auto known = [&](const std::string& owner, const std::string& name) {
+    held.push_back(enter(places, "h", name));
+    ASSERT_NE(held.back(), nullptr) << name;
+    held.back()->note_known(owner);
+  };
+  for (const char* name : {"a1", "a2", "a3", "a4", "a5", "a6"}) known("a", name);
+  for (const char* name : {"b1", "b2", "b3"}) known("b", name);
+  // One that is busy goes last of its owner's.
+  held[0]->set_busy(true);
+  for (const char* name : {"c1", "c2"}) known("c", name);
+  EXPECT_THAT(ended, ElementsAre("a2", "a3"));
+  known("d", "d1");
+  known("d", "d2");
+  EXPECT_THAT(ended, ElementsAre("a2", "a3", "a4", "a5")) << "whoever has the most";
+  known("e", "e1");
+  EXPECT_EQ(ended.size(), 5U);
+  EXPECT_EQ(enter(places, "h", "newcomer"), nullptr) << "nobody has more than is kept";
+}
+
+TEST_F(ConnectionPlacesTest, LeaveSomeForOthersThanTheKnown) {
+  ConnectionPlaces places({.all = 100, .of_holder = 16, .kept_of_owner = 2, .one_for_others_in = 8});
+  std::vector<std::unique_ptr<ConnectionPlaces::Place>> known;
+  for (int i = 0; i < 16; ++i) {
+    known.push_back(enter(places, "h", "known"));
+    known.back()->note_known("a");
+  }
+  const auto first = enter(places, "h", "first"), second = enter(places, "h", "second");
+  EXPECT_THAT(ended, ElementsAre("known", "known")) << "two of sixteen";
+  const auto third = enter(places, "h", "third");
+  EXPECT_THAT(ended, ElementsAre("known", "known", "first")) << "then they take from each other";
+  EXPECT_NE(enter(places, "elsewhere", "other"), nullptr);
+}
+
 TEST_F(ConnectionPlacesTest, AreGivenBackOnce) {
   ConnectionPlaces places({.all = 1, .of_holder = 1});
   auto first = enter(places, "a", "first");

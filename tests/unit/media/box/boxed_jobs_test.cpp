@@ -15,6 +15,7 @@
 #include "media/segment_input.h"
 #include "tests/support/child_processes.h"
 #include "tests/support/media_maker.h"
+#include "tests/support/moved_clock.h"
 
 namespace kiroku::media {
 namespace {
@@ -113,6 +114,54 @@ TEST_F(BoxedJobsTest, ADecoderThatHangsIsKilled) {
   EXPECT_EQ(count(box, film_), (json{{"frames", 25}}));
   EXPECT_THROW(count(box, film_, [&] { ::kill(box.process(), SIGSTOP); }), MediaError);
   EXPECT_THAT(child_processes(), IsEmpty());
+}
+
+// One that was taken over gives signs of life without end.
+TEST_F(BoxedJobsTest, ADecoderThatTakesTooLongInAllIsKilled) {
+  test::MovedClock clock;
+  const auto count_within = [&](std::chrono::minutes whole) {
+    BoxedJobs box;
+    return box.ask(
+        kCountFrames, {{"media", "video/mp2t"}, {"name", "a film"}, {"complete", true}},
+        [&](std::uint64_t) { return std::make_unique<Plaintext>(film_, [&] { clock.move(1min); }); },
+        "a film", nullptr, {.whole = whole, .clock = &clock});
+  };
+  EXPECT_EQ(count_within(1000min), (json{{"frames", 25}}));
+  try {
+    count_within(1min);
+    ADD_FAILURE();
+  } catch (const MediaError& error) {
+    EXPECT_THAT(error.what(), HasSubstr("takes too long"));
+  }
+  EXPECT_THAT(child_processes(), IsEmpty());
+}
+
+TEST_F(BoxedJobsTest, MakesNoMoreThanItMay) {
+  for (const std::size_t most : {std::size_t{1} << 20, std::size_t{100}}) {
+    BoxedJobs box(60s, "remuxing");
+    Bytes made;
+    const auto remux = [&] {
+      // As an export asks (media/export/remux_job.h).
+      return box.ask("remux",
+                     {{"matroska", true},
+                      {"media", "video/mp2t"},
+                      {"stream", "a film"},
+                      {"output", "film.mkv"},
+                      {"inputs", json::array({{{"name", "a film"}, {"complete", true}}})},
+                      {"run", false},
+                      {"shift", nullptr},
+                      {"first_at", 0}},
+                     [&](std::uint64_t) { return std::make_unique<Plaintext>(film_); }, "a film", &made,
+                     {.bytes = most});
+    };
+    if (most > 100) {
+      EXPECT_EQ(remux().at("frames"), 25);
+      EXPECT_GT(made.size(), 100U);
+    } else {
+      EXPECT_THROW(remux(), MediaError);
+      EXPECT_TRUE(box.is_spent());
+    }
+  }
 }
 
 TEST_F(BoxedJobsTest, APoolReplacesWhatEndedAndLendsEachBoxOnce) {

@@ -120,6 +120,7 @@ class HttpServerTest : public testing::Test {
     options.metrics = [] { return std::string("kiroku_x 1\n"); };
     options.hook = [this](const std::string& room, const std::string& action, const std::string& body) {
       if (room == "bad") throw UsageError("no such room");
+      if (room.starts_with('\xff')) throw UsageError("there is no room " + room);
       called = room + " " + action + " " + body;
       return ordered_json{{"case", "c"}};
     };
@@ -178,6 +179,12 @@ TEST_F(HttpServerTest, WhoeverGuessesTokensWaitsAndTheRightOneIsNotEvenLookedAt)
   EXPECT_THAT(told, testing::ElementsAre("a wrong token for the hook came from 127.0.0.1, 1 so far",
                                          "a wrong token for the hook came from 127.0.0.1, 2 so far",
                                          "a wrong token for the hook came from 127.0.0.1, 4 so far"));
+}
+
+TEST_F(HttpServerTest, AnswersAlsoWhereARoomsNameIsNoText) {
+  const std::string answer = post("/rooms/\xff\xfe/start", "a token of some length", "");
+  EXPECT_THAT(answer, HasSubstr(" 409 "));
+  EXPECT_THAT(answer, HasSubstr("there is no room \xef\xbf\xbd")) << "U+FFFD in its place";
 }
 
 TEST_F(HttpServerTest, NobodyShutsTheHookToWhoHasItsToken) {

@@ -18,7 +18,7 @@ using namespace std::chrono_literals;
 class InvitationStore : public testing::Test {
  protected:
   Invitations::Made make(std::chrono::seconds lasts = 1h, const std::string& room = "or-1") {
-    return store.make({"Dr. Sato", room, "anna", UtcTime(5us), lasts});
+    return store.make({"Dr. Sato", room, "anna", UtcTime(5us), lasts}, running_case);
   }
   std::optional<SessionStore::Opened> join(const std::string& token) {
     return store.join(token, "192.0.2.7", sessions, [](const Invitation& /*invitation*/) {});
@@ -34,6 +34,7 @@ class InvitationStore : public testing::Test {
   }
 
   test::MovedClock clock;
+  std::string running_case;  // when an invitation is made
   std::vector<std::string> ended;
   Invitations store{[this](const Invitation& invitation, InvitationEnd why) {
                       ended.push_back(invitation.id() + " " + std::string(invitation_end_name(why)));
@@ -181,6 +182,18 @@ TEST_F(InvitationStore, HoldsAFewAtOnceAndForgetsTheOldest) {
   EXPECT_NE(store.find(ids.front()), nullptr) << "what lasts is never forgotten";
   store.end_all(InvitationEnd::kStopped);
   for (const auto& each : store.list()) EXPECT_EQ(each->view().state, InvitationState::kEnded);
+}
+
+TEST_F(InvitationStore, IsOfTheCaseThatRanWhenItWasMade) {
+  running_case = "case-a";
+  const Invitations::Made made = make();
+  EXPECT_EQ(made.invitation->view().case_id, "case-a");
+  ASSERT_TRUE(join(made.token));
+  // That case ended and another began before anybody swept.
+  EXPECT_FALSE(made.invitation->admits("case-b"));
+  EXPECT_TRUE(made.invitation->admits("case-a"));
+  sweep("case-b");
+  EXPECT_EQ(end_of(*made.invitation), "case");
 }
 
 }  // namespace

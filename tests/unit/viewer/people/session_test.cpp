@@ -9,6 +9,7 @@
 
 #include "base/attempt_guard.h"
 #include "tests/support/moved_clock.h"
+#include "viewer/people/invitations.h"
 #include "viewer/people/sign_in_link.h"
 
 namespace kiroku::viewer {
@@ -85,7 +86,7 @@ TEST(Sessions, LiveLongerOnlyByWhatIsADeed) {
 }
 
 TEST(Sessions, OfOneUserAreLimited) {
-  SessionStore store({.most_of_user = 2});
+  SessionStore store({.most_of_person = 2});
   const auto first = store.open("anna", Role::kSurgeon, {});
   const auto second = store.open("anna", Role::kSurgeon, {});
   const auto other = store.open("bert", Role::kSurgeon, {});
@@ -93,6 +94,20 @@ TEST(Sessions, OfOneUserAreLimited) {
   EXPECT_TRUE(first.session->has_ended());
   EXPECT_FALSE(second.session->has_ended());
   EXPECT_FALSE(other.session->has_ended());
+}
+
+TEST(Sessions, OfGuestsWhoAreCalledAlikeDoNotEndEachOther) {
+  test::MovedClock clock;
+  SessionStore store({.most_of_person = 1}, clock);
+  std::vector<SessionStore::Opened> opened;
+  for (const char* id : {"3f9c21ab", "3f9c21ac", "3f9c21ad"}) {
+    const auto invitation = std::make_shared<Invitation>(
+        id, InvitationTerms{"Dr. Mori", "or-1", "anna", {}, std::chrono::hours(1)}, clock);
+    opened.push_back(store.open_for_guest("guest Dr. Mori", invitation, invitation->deadline()));
+  }
+  for (const SessionStore::Opened& each : opened) EXPECT_FALSE(each.session->has_ended());
+  EXPECT_NE(opened[0].session->person(), opened[1].session->person());
+  EXPECT_NE(store.open("guest Dr. Mori", Role::kSurgeon, {}).session->person(), opened[0].session->person());
 }
 
 TEST(Sessions, OfAUserWhoChangedAreSwept) {

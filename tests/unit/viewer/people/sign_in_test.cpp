@@ -366,5 +366,25 @@ TEST_F(SignIn, WhoIsDemotedWhileTheirPasswordIsHashedComesInWithoutTheRole) {
   }
 }
 
+TEST_F(SignIn, CountsWhatCostsMuchByPersonAndNotByBrowser) {
+  const auto who = [this](const From& from) -> std::string {
+    RequestHead head{"POST",
+                     "/api/session",
+                     from.address,
+                     {{"host", "or-3"}, {"x-kiroku-request", "1"}, {"content-type", "application/json"}}};
+    if (!from.device.empty()) head.headers["cookie"] = std::string(kDeviceCookie) + "=" + from.device;
+    Dispatcher::Admission admission = dispatcher.admit(std::move(head));
+    admission.request.body = body("anna", kPassword);
+    const Response response = dispatcher.answer(admission);
+    return response.costly ? response.costly->who : "";
+  };
+  const std::string one = device_of(sign_in({"192.0.2.7", ""}, kPassword));
+  const std::string other = device_of(sign_in({"192.0.2.8", ""}, kPassword));
+  EXPECT_NE(one, other);
+  EXPECT_EQ(who({"192.0.2.7", one}), "user anna");
+  EXPECT_EQ(who({"192.0.2.8", other}), "user anna");
+  EXPECT_NE(who({"203.0.113.9", ""}), "user anna") << "a stranger takes nothing of hers";
+}
+
 }  // namespace
 }  // namespace kiroku::viewer

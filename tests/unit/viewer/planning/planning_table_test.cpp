@@ -2,6 +2,7 @@
 // run.
 #include "viewer/planning/planning_table.h"
 
+#include <atomic>
 #include <fstream>
 
 #include <gmock/gmock.h>
@@ -9,6 +10,8 @@
 
 #include "sim/mesh/mesh_writer.h"
 #include "sim/plan/plan_run.h"
+#include "tests/support/eventually.h"
+#include "tests/support/moved_clock.h"
 #include "tests/unit/viewer/planning/planned_block.h"
 #include "viewer/http/request.h"
 #include "viewer/planning/live_planning.h"
@@ -41,6 +44,17 @@ class PlanningTableTest : public testing::Test {
     int steps = 0;
     while (steps < 200 && table.advance()) ++steps;
     return steps;
+  }
+  static PlanningListener silent_listener() {
+    PlanningListener listener;
+    listener.opening = [](const std::string& /*step*/) {};
+    listener.opened = [](const PlanningTable& /*table*/) {};
+    listener.ready = [] { return true; };
+    listener.shown = [](const PlanningMoment& /*moment*/) {};
+    listener.steps_changed = [](const PlanningTable& /*planned*/) {};
+    listener.told = [](const std::string& /*sentence*/) {};
+    listener.failed = [](const std::string& sentence) { ADD_FAILURE() << sentence; };
+    return listener;
   }
   static std::string refusal(PlanningTable& table, const Deed& deed) {
     try {
@@ -207,6 +221,51 @@ TEST_F(PlanningTableTest, LivePlanningTellsPicturesAndStepsUntilItEnds) {
   lock.lock();
   ASSERT_TRUE(changed.wait_for(lock, std::chrono::seconds(60), [&] { return shown == 6; }));
   EXPECT_GT(planning.input_to_picture().longest().count(), 0);
+}
+
+TEST_F(PlanningTableTest, LivePlanningMovesToolsByItsClock) {
+  test::MovedClock clock;
+  std::atomic<int> pictures = 0;
+  PlanningListener listener = silent_listener();
+  listener.shown = [&](const PlanningMoment& /*moment*/) { ++pictures; };
+  LivePlanning planning([this](const LivePlanning::Opening& /*opening*/) { return table(); }, listener,
+                        clock);
+  EXPECT_TRUE(planning.apply(1, PointDeed{PointerUse::kGrasp, {{1, 0.62, 0.5, 0}}}));
+  EXPECT_TRUE(planning.apply(2, PointDeed{PointerUse::kGrasp, {{1, 0.66, 0.44, 0}}}));
+  // The tool is on its way, and waits for the time of its next step.
+  clock.await_waiting(1);
+  const int before = pictures;
+  clock.move(std::chrono::milliseconds(49));
+  clock.await_waiting(1);
+  EXPECT_EQ(pictures, before);
+  clock.move(std::chrono::milliseconds(1));
+  EXPECT_TRUE(test::eventually([&] { return pictures == before + 1; }));
+}
+
+TEST_F(PlanningTableTest, LivePlanningAsksABrowserThatIsBehindByItsClock) {
+  test::MovedClock clock;
+  std::atomic<int> pictures = 0, asked = 0;
+  std::atomic<bool> is_ready = false;
+  PlanningListener listener = silent_listener();
+  listener.ready = [&] {
+    ++asked;
+    return is_ready.load();
+  };
+  listener.shown = [&](const PlanningMoment& /*moment*/) { ++pictures; };
+  const LivePlanning planning([this](const LivePlanning::Opening& /*opening*/) { return table(); }, listener,
+                              clock);
+  clock.await_waiting(1);
+  const int before = asked;
+  clock.move(std::chrono::milliseconds(3));
+  clock.await_waiting(1);
+  EXPECT_EQ(asked, before) << "however long that takes";
+  clock.move(std::chrono::milliseconds(1));
+  clock.await_waiting(1);
+  EXPECT_GT(asked, before);
+  EXPECT_EQ(pictures, 0);
+  is_ready = true;
+  clock.move(std::chrono::milliseconds(4));
+  EXPECT_TRUE(test::eventually([&] { return pictures == 1; }));
 }
 
 }  // namespace

@@ -91,7 +91,7 @@ TEST_F(Picker, AnswersManyAtATimeOneAfterTheOther) {
     askers.emplace_back([&picker, n] {
       for (int i = 0; i < 20; ++i) {
         const std::string text = std::to_string(100 * n + i);
-        EXPECT_EQ(picker.ask("a.seal.json", "mori", text).text, "to " + text);
+        EXPECT_EQ(picker.ask("a.seal.json", n % 2 == 0 ? "mori" : "sato", text).text, "to " + text);
       }
     });
   }
@@ -105,8 +105,8 @@ TEST_F(Picker, RefusesWhoeverWouldWaitBehindTooMany) {
   {
     std::vector<std::jthread> askers;
     for (int n = 0; n < 12; ++n) {
-      askers.emplace_back([&] {
-        const auto [status, sentence] = refusal([&] { return picker.ask("a.seal.json", "mori", "1"); });
+      askers.emplace_back([&, who = "mori " + std::to_string(n % 4)] {
+        const auto [status, sentence] = refusal([&] { return picker.ask("a.seal.json", who, "1"); });
         ++(status == 200 ? answered : refused);
         EXPECT_THAT(status, testing::AnyOf(200, 503)) << sentence;
       });
@@ -116,6 +116,25 @@ TEST_F(Picker, RefusesWhoeverWouldWaitBehindTooMany) {
   }
   EXPECT_EQ(answered, 4) << "one, and three who wait";
   EXPECT_EQ(refused, 8);
+}
+
+TEST_F(Picker, LeavesATurnForOthersThanWhoAsksForAll) {
+  PlanPicker picker(options("echo ready; read -r line; echo \"to $line\"; while read -r line; do " +
+                            wait_at_gate() + "; echo \"to $line\"; done"));
+  EXPECT_EQ(ask(picker, "a.seal.json", "mori", "0").text, "to 0");
+  std::atomic<int> answered = 0, refused = 0;
+  {
+    std::vector<std::jthread> askers;
+    for (int n = 0; n < 12; ++n) {
+      askers.emplace_back([&] {
+        const auto [status, sentence] = refusal([&] { return picker.ask("a.seal.json", "mori", "1"); });
+        ++(status == 200 ? answered : refused);
+      });
+    }
+    EXPECT_TRUE(test::eventually([&] { return refused == 9; })) << "the fourth turn is somebody else's";
+    open_gate();
+  }
+  EXPECT_EQ(answered, 3);
 }
 
 TEST_F(Picker, GoesToAnotherPlanForWhoeverHasIt) {

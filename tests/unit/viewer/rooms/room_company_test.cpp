@@ -66,7 +66,7 @@ TEST_F(Company, TellsARoomAloneAndThoseWhoMaySeeIt) {
 }
 
 TEST(PointRateOfOneBrowser, IsAsAPagePointsAndNoFaster) {
-  PointRate::Clock::time_point now{};
+  Clock::Time now{};
   PointRate rate(now);
   for (int i = 0; i < 1000; ++i)
     EXPECT_TRUE(rate.take(now += 50ms)) << "20 a second, for as long as one likes";
@@ -74,6 +74,21 @@ TEST(PointRateOfOneBrowser, IsAsAPagePointsAndNoFaster) {
   for (int i = 0; i < 10'000; ++i) taken += rate.take(now += 1ms) ? 1 : 0;
   EXPECT_GE(taken, 300);
   EXPECT_LE(taken, 331) << "of a thousand a second for ten seconds";
+}
+
+TEST(PointRateOfOnePerson, IsOneForAllTheirBrowsers) {
+  Clock::Time now{};
+  PointRates rates;
+  std::vector<std::shared_ptr<PointRates::Shared>> browsers;
+  for (int i = 0; i < 60; ++i) browsers.push_back(rates.of("invitation 3f9c21ab", now));
+  const auto other = rates.of("invitation 3f9c21ac", now);
+  int taken = 0;
+  for (int i = 0; i < 10'000; ++i) {
+    now += 1ms;
+    for (const auto& browser : browsers) taken += browser->take(now) ? 1 : 0;
+  }
+  EXPECT_LE(taken, 331) << "as of one browser";
+  EXPECT_TRUE(other->take(now)) << "another person's";
 }
 
 }  // namespace

@@ -69,6 +69,28 @@ TEST_F(CostlyWorkTest, LeavesRoomForOthersThanTheOneWhoAsksOften) {
   EXPECT_THAT(done, ElementsAre("one", "two", "other"));
 }
 
+TEST(CostlyWorkOfMany, NeverKeepsEveryThreadForOneWhoAsksTwice) {
+  CostlyWork work({.threads = 2, .waiting = 4, .of_one = 3});
+  std::promise<void> released;
+  const std::shared_future<void> release = released.get_future().share();
+  const auto held = [&](std::promise<void>& done) {
+    return [&done, release] {
+      release.wait();
+      done.set_value();
+    };
+  };
+  std::promise<void> first, second, other;
+  ASSERT_TRUE(work.offer(true, "a", held(first)));
+  ASSERT_TRUE(work.offer(true, "a", held(second)));
+  ASSERT_TRUE(work.offer(false, "b", [&other] { other.set_value(); }));
+  std::future<void> of_other = other.get_future();
+  EXPECT_EQ(of_other.wait_for(std::chrono::seconds(60)), std::future_status::ready)
+      << "though it came last, and does not go first";
+  released.set_value();
+  first.get_future().wait();
+  second.get_future().wait();
+}
+
 TEST_F(CostlyWorkTest, DropsWhatWaitsWhenItStops) {
   hold();
   const auto kept = std::make_shared<int>(1);

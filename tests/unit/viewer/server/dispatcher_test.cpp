@@ -195,5 +195,16 @@ TEST_F(DispatcherTest, TellsWhyAStreamBroke) {
   EXPECT_THAT(told, Contains(HasSubstr("the disk is gone")));
 }
 
+TEST_F(DispatcherTest, GivesNoFileToASessionThatEndedWhileItWasMade) {
+  add("GET", "api/made", Right::kListCases, [](const Request& request) {
+    if (request.query_text("ends")) request.session->end();
+    return Response::bytes(to_bytes("a film"), "video/mp4");
+  });
+  EXPECT_EQ(ask("GET", "/api/made", {{"cookie", signed_in(Role::kSurgeon)}}).status, 200);
+  const Response late = ask("GET", "/api/made?ends=1", {{"cookie", signed_in(Role::kSurgeon)}});
+  EXPECT_EQ(late.status, 401);
+  EXPECT_THAT(text_of_body(late), HasSubstr("the session has ended"));
+}
+
 }  // namespace
 }  // namespace kiroku::viewer

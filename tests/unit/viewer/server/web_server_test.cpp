@@ -13,6 +13,7 @@
 #include "base/descriptor.h"
 #include "tests/support/eventually.h"
 #include "tests/support/https_client.h"
+#include "tests/support/moved_clock.h"
 #include "tests/support/temporary_folder.h"
 #include "viewer/http/server_certificate.h"
 
@@ -39,8 +40,30 @@ class WebServerTest : public testing::Test {
     router.add("GET", "api/large", Right::kNone, [](const Request& /*request*/) {
       return Response::bytes(std::make_shared<const Bytes>(std::size_t{32} << 20), "text/plain");
     });
+    router.add("GET", "api/slow", Right::kSeeLive,
+               [this](const Request& /*request*/) { return answer_slowly(); });
+    router.add("GET", "api/endless", Right::kSeeLive, [this](const Request& /*request*/) {
+      return Response::stream(
+          [this](Bytes& into) {
+            into.assign(100, std::byte{'x'});
+            ++units;
+            return true;
+          },
+          "text/plain");
+    });
   }
-  void serve(const WebServerLimits& limits = {}) {
+  /// Makes slow answers until the test releases them.
+  Response answer_slowly() {
+    const int now = ++slow_answers;
+    int most = most_slow;
+    while (most < now && !most_slow.compare_exchange_weak(most, now)) {
+    }
+    release.wait();
+    --slow_answers;
+    return Response::text("slow", "text/plain");
+  }
+  void serve(const WebServerLimits& limits = {}) { serve(limits, dispatcher); }
+  void serve(const WebServerLimits& limits, const Dispatcher& answers) {
     bool made = false;
     ServerCertificate certificate = own_certificate(folder.path(), {"127.0.0.1"}, made);
     WebServerOptions options;
@@ -48,7 +71,7 @@ class WebServerTest : public testing::Test {
     options.certificate_pem = std::move(certificate.certificate_pem);
     options.key_pem = std::move(certificate.key_pem);
     options.limits = limits;
-    server.emplace(std::move(options), dispatcher);
+    server.emplace(std::move(options), answers);
   }
   /// A connection that never says anything, not even to TLS.
   [[nodiscard]] Descriptor silent(const std::string& source) const {
@@ -72,7 +95,9 @@ class WebServerTest : public testing::Test {
   }
 
   test::TemporaryFolder folder;
-  std::atomic<int> hidden{0};
+  std::atomic<int> hidden{0}, units{0}, slow_answers{0}, most_slow{0};
+  std::promise<void> released;
+  std::shared_future<void> release = released.get_future().share();
   std::string said;
   Router router;
   SessionStore sessions;
@@ -177,7 +202,7 @@ TEST_F(WebServerTest, WhoTakesAnAnswerSlowlyShutsNobodyOut) {
 }
 
 TEST_F(WebServerTest, OneUsersConnectionsShutNobodyOut) {
-  serve({.connections = 20, .connections_of_address = 10, .safe_connections_of_user = 8});
+  serve({.connections = 20, .connections_of_address = 10, .kept_connections_of_person = 2});
   const auto ask_mine = [this](HttpsConnection& connection, const std::string& user) {
     const std::string cookie =
         std::string(kSessionCookie) + "=" + sessions.open(user, Role::kSurgeon, {}).token;
@@ -194,6 +219,115 @@ TEST_F(WebServerTest, OneUsersConnectionsShutNobodyOut) {
   HttpsConnection carla(server->port(), "127.0.9.9");
   EXPECT_EQ(ask_mine(carla, "carla"), "mine");
   EXPECT_EQ(ask_mine(anna, "anna"), "mine") << "whoever has few connections keeps them";
+}
+
+TEST_F(WebServerTest, UsersOfOneAddressDoNotShutOutItsOthers) {
+  serve({.connections = 100, .connections_of_address = 16, .kept_connections_of_person = 2});
+  const auto ask_mine = [this](HttpsConnection& connection, const std::string& cookie) {
+    connection.send(test::http_request("GET", "/api/mine", {{"Cookie", cookie}}));
+    return connection.receive().body;
+  };
+  const auto cookie_of = [this](const std::string& user) {
+    return std::string(kSessionCookie) + "=" + sessions.open(user, Role::kSurgeon, {}).token;
+  };
+  const std::string anna = cookie_of("anna"), ben = cookie_of("ben"), carla = cookie_of("carla");
+  HttpsConnection of_carla(server->port(), "127.0.3.1");
+  ASSERT_EQ(ask_mine(of_carla, carla), "mine");
+  std::vector<HttpsConnection> held;
+  for (int i = 0; i < 24; ++i) {
+    held.emplace_back(server->port(), "127.0.3.1");
+    ASSERT_EQ(ask_mine(held.back(), i % 2 == 0 ? anna : ben), "mine") << i;
+  }
+  // Nobody of whom the server knows anything, at the same address.
+  EXPECT_EQ(test::ask_once(server->port(), hidden_request(), "127.0.3.1").body, "hidden");
+  HttpsConnection of_dora(server->port(), "127.0.3.1");
+  EXPECT_EQ(ask_mine(of_dora, cookie_of("dora")), "mine");
+  EXPECT_EQ(ask_mine(of_carla, carla), "mine") << "whoever has few connections keeps them";
+}
+
+TEST_F(WebServerTest, OnePersonsAnswersDoNotKeepTheOthersFromTheirs) {
+  serve({.answers_of_person = 2});
+  const auto request = [this](const std::string& user, const std::string& target) {
+    const std::string token = sessions.open(user, Role::kSurgeon, {}).token;
+    return test::http_request("GET", target, {{"Cookie", std::string(kSessionCookie) + "=" + token}});
+  };
+  std::vector<HttpsConnection> waiting;
+  for (int i = 0; i < 6; ++i) {
+    waiting.emplace_back(server->port());
+    waiting.back().send(request("anna", "/api/slow"));
+  }
+  ASSERT_TRUE(test::eventually([this] { return slow_answers == 2; }));
+  HttpsConnection ben(server->port());
+  ben.send(request("ben", "/api/slow"));
+  EXPECT_TRUE(test::eventually([this] { return slow_answers == 3; })) << "another person's";
+  released.set_value();
+  for (HttpsConnection& each : waiting) EXPECT_EQ(each.receive().body, "slow");
+  EXPECT_EQ(ben.receive().body, "slow");
+  EXPECT_LE(most_slow, 3) << "the third of one person waits for the first";
+}
+
+TEST_F(WebServerTest, QuickAnswersDoNotWaitBehindTheSamePersonsOthers) {
+  Route status{"GET", "api/quick", Right::kSeeLive,
+               [](const Request& /*request*/) { return Response::text("quick", "text/plain"); }};
+  status.is_quick = true;
+  router.add(std::move(status));
+  serve({.answers_of_person = 1});
+  const std::string cookie =
+      std::string(kSessionCookie) + "=" + sessions.open("anna", Role::kSurgeon, {}).token;
+  HttpsConnection film(server->port()), room(server->port());
+  film.send(test::http_request("GET", "/api/slow", {{"Cookie", cookie}}));
+  ASSERT_TRUE(test::eventually([this] { return slow_answers == 1; }));
+  room.send(test::http_request("GET", "/api/quick", {{"Cookie", cookie}}));
+  EXPECT_EQ(room.receive().body, "quick");
+  released.set_value();
+  EXPECT_EQ(film.receive().body, "slow");
+}
+
+TEST_F(WebServerTest, ADownloadEndsWithItsSession) {
+  serve();
+  const SessionStore::Opened anna = sessions.open("anna", Role::kSurgeon, {});
+  const std::string cookie = std::string(kSessionCookie) + "=" + anna.token;
+  HttpsConnection connection(server->port());
+  connection.send(test::http_request("GET", "/api/endless", {{"Cookie", cookie}}));
+  std::future<HttpResponse> answer = std::async(std::launch::async, [&] { return connection.receive(); });
+  ASSERT_TRUE(test::eventually([this] { return units > 1; }));
+  anna.session->end();
+  ASSERT_EQ(answer.wait_for(std::chrono::seconds(60)), std::future_status::ready);
+}
+
+TEST_F(WebServerTest, ADownloadThatIsTakenTooSlowlyIsCut) {
+  // No client is as fast as this.
+  serve({.least_download_pace = std::size_t{1} << 50, .pace_counts_after = std::chrono::milliseconds(20)});
+  const std::string cookie =
+      std::string(kSessionCookie) + "=" + sessions.open("anna", Role::kSurgeon, {}).token;
+  HttpsConnection connection(server->port());
+  connection.send(test::http_request("GET", "/api/endless", {{"Cookie", cookie}}));
+  std::future<HttpResponse> answer = std::async(std::launch::async, [&] { return connection.receive(); });
+  ASSERT_EQ(answer.wait_for(std::chrono::seconds(60)), std::future_status::ready);
+  EXPECT_EQ(test::ask_once(server->port(), test::http_request("GET", "/api/mine", {{"Cookie", cookie}})).body,
+            "mine");
+}
+
+TEST_F(WebServerTest, ADownloadThatIsTakenDoesNotEndItsSession) {
+  test::MovedClock clock;
+  SessionStore timed({.idle = std::chrono::minutes(30)}, clock);
+  Dispatcher by_clock(router, timed, page, [](const std::string& /*sentence*/) {});
+  serve({}, by_clock);
+  const SessionStore::Opened anna = timed.open("anna", Role::kSurgeon, {});
+  const std::string cookie = std::string(kSessionCookie) + "=" + anna.token;
+  HttpsConnection connection(server->port());
+  connection.send(test::http_request("GET", "/api/endless", {{"Cookie", cookie}}));
+  std::future<HttpResponse> answer = std::async(std::launch::async, [&] { return connection.receive(); });
+  for (int half = 0; half < 4; ++half) {
+    clock.move(std::chrono::minutes(20));
+    const int before = units;
+    ASSERT_TRUE(test::eventually([&] { return units > before + 1; }));
+    timed.sweep([](const Session& /*session*/) { return false; });
+  }
+  EXPECT_FALSE(anna.session->has_ended());
+  anna.session->end();
+  answer.wait();
+  server.reset();
 }
 
 TEST_F(WebServerTest, AnAddressTakesFromItsOwnConnectionsAlone) {

@@ -209,6 +209,17 @@ TEST_F(WebSocketTest, ClosesSoonAfterItsSessionEnded) {
   EXPECT_TRUE(seen.wait_for([&] { return seen.gone == 1; }));
 }
 
+// A guest whose invitation was revoked, and who takes nothing: signs of life do not keep the connection.
+TEST_F(WebSocketTest, IsCutSoonAfterItsSessionEndedAlsoWhereNothingIsTaken) {
+  const SocketClient client = connect("/api/echo", signed_in(Role::kSurgeon));
+  ASSERT_TRUE(seen.wait_for([&] { return seen.output != nullptr; }));
+  const auto picture = std::make_shared<const Bytes>(1U << 20);
+  while (seen.output->send_bytes(picture)) {
+  }
+  opened.session->end();
+  EXPECT_TRUE(seen.wait_for([&] { return seen.gone == 1; }));
+}
+
 TEST_F(WebSocketTest, KeepsTheSessionAliveByWhatABrowserSendsWhereThatIsADeed) {
   const std::string cookie = signed_in(Role::kSurgeon);
   const auto left_after_a_message = [&](const std::string& target) {

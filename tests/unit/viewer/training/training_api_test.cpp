@@ -214,6 +214,29 @@ TEST_F(TrainingApi, ATraineeTrainsOnceAtATimeAndPlacesAreLimited) {
   EXPECT_EQ(kept().size(), 2U);
 }
 
+TEST_F(TrainingApi, WhoMayNotTrainAsSomebodyNeitherHearsOfThemNorTakesTheirPlace) {
+  room().with_results([](trainer::TrainingDatabase& results) {
+    results.add_trainee("Mori", trainer::kStressShown, false, "mori");
+  });
+  const auto first = connect();
+  first->send_text(begin("Ueda"));
+  ASSERT_TRUE(next_text(*first).contains("began"));
+  routes->sign_in("anna", Role::kSurgeon);
+  for (const char* trainee : {"Ueda", "Mori"}) {
+    const auto client = connect();
+    client->send_text(begin(trainee));
+    EXPECT_THAT(refusal_of(*client).second, HasSubstr("only the user bound to"))
+        << trainee << ": nobody hears who trains";
+  }
+  // All places are taken: that, too, is told to whoever may train alone.
+  const auto own = connect();
+  own->send_text(begin("Aoki"));
+  ASSERT_TRUE(next_text(*own).contains("began"));
+  const auto other = connect();
+  other->send_text(begin("Mori"));
+  EXPECT_THAT(refusal_of(*other).second, HasSubstr("only the user bound to"));
+}
+
 TEST_F(TrainingApi, RefusesInWordsWhatNoPageSays) {
   const auto refused = [&](const std::vector<std::string>& messages) {
     const auto client = connect();

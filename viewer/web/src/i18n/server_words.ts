@@ -1,4 +1,4 @@
-// What the server says when it refuses something, in the page's language. Its sentences are English (viewer/server, viewer/training, viewer/planning); a test
+// What the server says when it refuses something, in the page's language. Its sentences are English (viewer); a test
 // reads them from the sources and fails where one has no Japanese.
 import { language } from '@/i18n/i18n';
 import { type SentencePair, SentencePatterns } from '@/i18n/sentence_patterns';
@@ -48,6 +48,9 @@ export const kServerSentences: readonly SentencePair[] = [
   ['the vital signs of this case are still being read', 'この症例のバイタルサインを読み込み中です'],
   ['ask for ten minutes at most', '一度に読めるのは 10 分までです'],
   ['other files are being made: try again in a while', '別のファイルを作成中です。しばらくして再試行してください'],
+  ['three files of yours are being downloaded: try again when one of them is there', 'ファイルを3つダウンロード中です。終わってから再試行してください'],
+  ['as many files are being downloaded as this disk has room for: try again in a while', 'ダウンロード中のファイルが多すぎます。後で再試行してください'],
+  ['two files of yours are being made: try again when one of them is there', 'あなたのファイルを2つ作成中です。どちらかができてから再試行してください'],
   ['another document is being made: try again in a moment', '別の文書を作成中です。少し待って再試行してください'],
   [
     'the disk has no room for this file beside what a recorder may need: choose a shorter time',
@@ -86,6 +89,7 @@ export const kServerSentences: readonly SentencePair[] = [
     "'geometry' must say how the fluoroscope sees the patient: an object, as of kiroku sim drr",
     '透視装置の幾何情報のファイルが正しくありません（kiroku sim drr の形式）',
   ],
+  ['a plan is being read for you already: wait until that is done', '計画をすでに読み込み中です。終わるまでお待ちください'],
   ['plans are being read for others: try again', 'ほかの人のために計画を読み込み中です。再試行してください'],
   [
     'reading the plan {plan} and its case took longer than {n} s, and was ended: try again when the machine has less to do',
@@ -110,6 +114,7 @@ export const kServerSentences: readonly SentencePair[] = [
     'この症例の計画がここにありません。計画のフォルダーを {folder} に置いてください',
   ],
   ['{name} picks points on another plan: wait until that is done', '{name} が別の計画で点を選択中です。終わるまでお待ちください'],
+  ['you ask for pictures of the plan already: try again in a moment', '計画の画像をすでに要求中です。少し待って再試行してください'],
   ['others ask for pictures of the plan: try again', 'ほかの人が計画の画像を要求中です。再試行してください'],
   ['a picture of the plan took too long', '計画の画像の作成に時間がかかりすぎました'],
   // Planning
@@ -134,6 +139,9 @@ export const kServerSentences: readonly SentencePair[] = [
   // Programs behind the viewer
   ['the program behind this page does not run: start kiroku {command}', 'このページのプログラムが動いていません。kiroku {command} を起動してください'],
   ['others wait for the program behind this page: try again in a moment', 'ほかの人がこのページのプログラムを待っています。少し待って再試行してください'],
+  ['you wait for the program behind this page already: try again in a moment', 'このページのプログラムの応答を待っています。少し待って再試行してください'],
+  ['the program behind this page takes less than is sent: try again later', 'このページのプログラムの受信が追いつきません。後で再試行してください'],
+  ['the program behind this page takes nothing of what is sent: try again later', 'このページのプログラムが受信していません。後で再試行してください'],
   ['the program behind this page does not answer in time', 'このページのプログラムが時間内に応答しません'],
   ['the program behind this page answered with what is no answer', 'このページのプログラムの応答が正しくありません'],
   ['the program behind this page has ended: try again once it runs', 'このページのプログラムが終了しました。再び動いてから再試行してください'],
