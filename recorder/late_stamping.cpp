@@ -46,9 +46,9 @@ struct LateStamping::Case {
   [[nodiscard]] archive::Moment now() const { return {clock.utc(), last_mono_ns}; }
 
   /// Tokens over the end whose entry a crash kept from being written.
-  void adopt_tokens(const timestamp::TrustStore* trust, Result& result) {
-    const archive::CaseFolder folder = archive::CaseFolder::open(writer->folder());
-    for (const archive::TokenName& name : archive::found_tokens(writer->folder())) {
+  void adopt_tokens(const archive::FileReading& files, const timestamp::TrustStore* trust, Result& result) {
+    const archive::CaseFolder folder = archive::CaseFolder::open(writer->folder(), files);
+    for (const archive::TokenName& name : archive::found_tokens(writer->folder(), files)) {
       if (name.size <= *close || name.size > writer->size() ||
           entered.contains({name.size, name.authority})) {
         continue;
@@ -136,7 +136,8 @@ void LateStamping::work_off_case(const std::vector<WantedToken>& all_wanted, Pat
   try {
     Case its(context_, folder);
     if (!its.close) throw Error("the case was not closed: recovery does that first");
-    its.adopt_tokens(context_.trust, result);
+    its.adopt_tokens(context_.files == nullptr ? archive::real_reading() : *context_.files, context_.trust,
+                     result);
     for (; done < possible.size(); ++done) ask_for(its, possible[done], patience, result);
     if (its.writer->covered() < its.writer->size()) its.writer->finish(its.now());
     // Only now: a case that is left in the middle is taken up again.

@@ -23,18 +23,24 @@ struct FolderCloser {
 };
 using FolderHandle = std::unique_ptr<DIR, FolderCloser>;
 
-int open_below(int folder, const std::string& name, int flags) {
-  int opened = -1;
-  do {
-    opened = ::openat(folder, name.c_str(), flags | O_RDONLY | O_CLOEXEC | O_NOFOLLOW | O_NONBLOCK);
-  } while (opened < 0 && errno == EINTR);
-  return opened;
-}
+/// A folder that is open, and what errors and tests call it.
+struct OpenFolder {
+  const FileReading& reading;
+  int descriptor;
+  std::filesystem::path path;
+
+  [[nodiscard]] int open_below(const std::string& name, int flags) const {
+    return reading.open_at(descriptor, name, flags | O_NOFOLLOW | O_NONBLOCK, path / name);
+  }
+  [[nodiscard]] int status_of(const std::string& name, struct stat& status) const {
+    return reading.status_at(descriptor, name, status, path / name);
+  }
+};
 
 /// What is the matter with a name that could not be opened.
-FileOpening failed_opening(int folder, const std::string& name, int error) {
+FileOpening failed_opening(const OpenFolder& folder, const std::string& name, int error) {
   struct stat status {};
-  const bool seen = ::fstatat(folder, name.c_str(), &status, AT_SYMLINK_NOFOLLOW) == 0;
+  const bool seen = folder.status_of(name, status) == 0;
   if (!seen && (errno == ENOENT || errno == ENOTDIR)) {
     return {std::nullopt, FileProblem::kMissing, "is not there"};
   }
@@ -61,15 +67,16 @@ ListedFile::Kind kind_of(const struct stat& status) {
 }
 
 /// 0, or the error for which the folder could not be listed to its end.
-int list_into(Descriptor folder, const std::string& prefix, int depth, std::vector<ListedFile>& all) {
-  const FolderHandle handle(::fdopendir(folder.number()));
+int list_into(const FileReading& reading, const std::filesystem::path& path, Descriptor opened,
+              const std::string& prefix, int depth, std::vector<ListedFile>& all) {
+  const FolderHandle handle(::fdopendir(opened.number()));
   if (!handle) {
     return errno;
   }
-  (void)folder.release();  // the handle closes it
+  (void)opened.release();  // the handle closes it
+  const OpenFolder folder{reading, ::dirfd(handle.get()), path};
   for (;;) {
-    errno = 0;  // what tells an error from the end
-    const dirent* entry = ::readdir(handle.get());
+    const dirent* entry = reading.next_name(handle.get(), path);
     if (entry == nullptr) {
       return errno;
     }
@@ -78,7 +85,7 @@ int list_into(Descriptor folder, const std::string& prefix, int depth, std::vect
       continue;
     }
     struct stat status {};
-    if (::fstatat(::dirfd(handle.get()), name.c_str(), &status, AT_SYMLINK_NOFOLLOW) != 0) {
+    if (folder.status_of(name, status) != 0) {
       if (errno != ENOENT) {  // else it is gone since
         all.push_back({prefix + name, ListedFile::Kind::kUnreadable, 0});
       }
@@ -86,8 +93,8 @@ int list_into(Descriptor folder, const std::string& prefix, int depth, std::vect
     }
     ListedFile file{prefix + name, kind_of(status), static_cast<std::uint64_t>(status.st_size)};
     if (file.kind == ListedFile::Kind::kFolder && depth < kMaximumFolderDepth) {
-      Descriptor below(open_below(::dirfd(handle.get()), name, O_DIRECTORY));
-      if (!below || list_into(std::move(below), file.path + "/", depth + 1, all) != 0) {
+      Descriptor below(folder.open_below(name, O_DIRECTORY));
+      if (!below || list_into(reading, path / name, std::move(below), file.path + "/", depth + 1, all) != 0) {
         file.kind = ListedFile::Kind::kUnreadable;
       }
     }
@@ -97,54 +104,21 @@ int list_into(Descriptor folder, const std::string& prefix, int depth, std::vect
 
 }  // namespace
 
-ReadableFile::ReadableFile(int descriptor, std::uint64_t size, std::filesystem::path path)
-    : descriptor_(descriptor), size_(size), path_(std::move(path)) {}
-
-ReadableFile::ReadableFile(ReadableFile&& other) noexcept
-    : descriptor_(std::exchange(other.descriptor_, -1)), size_(other.size_), path_(std::move(other.path_)) {}
-
-ReadableFile::~ReadableFile() {
-  if (descriptor_ >= 0) {
-    ::close(descriptor_);
-  }
-}
-
-std::size_t ReadableFile::read_at(std::uint64_t offset, std::span<std::byte> into) const {
-  std::size_t done = 0;
-  while (done < into.size()) {
-    const ssize_t got =
-        ::pread(descriptor_, into.data() + done, into.size() - done, static_cast<off_t>(offset + done));
-    if (got < 0) {
-      if (errno == EINTR) {
-        continue;
-      }
-      throw IoError("read", path_, errno);
-    }
-    if (got == 0) {
-      break;
-    }
-    done += static_cast<std::size_t>(got);
-  }
-  return done;
-}
-
-void ReadableFile::expect_sequential_reading() const {
-  ::posix_fadvise(descriptor_, 0, 0, POSIX_FADV_SEQUENTIAL);  // a hint: failure changes nothing
-}
-
-CaseFolder CaseFolder::open(const std::filesystem::path& folder) {
-  const int descriptor = ::open(folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC);
+CaseFolder CaseFolder::open(const std::filesystem::path& folder, const FileReading& reading) {
+  const int descriptor = reading.open_at(AT_FDCWD, folder.native(), O_DIRECTORY, folder);
   if (descriptor < 0) {
     if (errno == ENOENT || errno == ENOTDIR) {
       throw UsageError("there is no folder " + folder.string() + "; give the folder of a case");
     }
     throw IoError("open folder", folder, errno);
   }
-  return {descriptor, folder};
+  return {descriptor, folder, reading};
 }
 
 CaseFolder::CaseFolder(CaseFolder&& other) noexcept
-    : descriptor_(std::exchange(other.descriptor_, -1)), path_(std::move(other.path_)) {}
+    : descriptor_(std::exchange(other.descriptor_, -1)),
+      path_(std::move(other.path_)),
+      reading_(other.reading_) {}
 
 CaseFolder::~CaseFolder() {
   if (descriptor_ >= 0) {
@@ -153,7 +127,8 @@ CaseFolder::~CaseFolder() {
 }
 
 FileOpening CaseFolder::open_file(std::string_view relative) const {
-  Descriptor folder(::fcntl(descriptor_, F_DUPFD_CLOEXEC, 0));
+  Descriptor inner(::fcntl(descriptor_, F_DUPFD_CLOEXEC, 0));
+  OpenFolder folder{*reading_, inner.number(), path_};
   std::string_view rest = relative;
   for (;;) {
     const std::size_t slash = rest.find('/');
@@ -162,40 +137,54 @@ FileOpening CaseFolder::open_file(std::string_view relative) const {
       return {std::nullopt, FileProblem::kMissing, "is not a name of the case format"};
     }
     if (slash == std::string_view::npos) {
-      const Descriptor opened(open_below(folder.number(), name, 0));
+      Descriptor opened(folder.open_below(name, 0));
       if (!opened) {
-        return failed_opening(folder.number(), name, errno);
+        return failed_opening(folder, name, errno);
       }
       struct stat status {};
       if (::fstat(opened.number(), &status) != 0 || !S_ISREG(status.st_mode)) {
         return {std::nullopt, FileProblem::kNotRegular,
                 S_ISDIR(status.st_mode) ? "is a folder" : "is a special file"};
       }
-      return {ReadableFile(::fcntl(opened.number(), F_DUPFD_CLOEXEC, 0),
-                           static_cast<std::uint64_t>(status.st_size), path_ / relative),
+      return {ReadableFile(opened.release(), static_cast<std::uint64_t>(status.st_size), path_ / relative,
+                           *reading_),
               {},
               {}};
     }
-    Descriptor below(open_below(folder.number(), name, O_DIRECTORY));
+    Descriptor below(folder.open_below(name, O_DIRECTORY));
     if (!below) {
-      return failed_opening(folder.number(), name, errno);
+      return failed_opening(folder, name, errno);
     }
-    folder = std::move(below);
+    inner = std::move(below);
+    folder.descriptor = inner.number();
+    folder.path /= name;
     rest.remove_prefix(slash + 1);
   }
 }
 
 std::vector<ListedFile> CaseFolder::list() const {
   std::vector<ListedFile> all;
-  Descriptor again(open_below(descriptor_, ".", O_DIRECTORY));
+  Descriptor again(OpenFolder{*reading_, descriptor_, path_}.open_below(".", O_DIRECTORY));
   if (!again) {
     throw IoError("list folder", path_, errno);
   }
-  if (const int error = list_into(std::move(again), "", 1, all); error != 0) {
+  if (const int error = list_into(*reading_, path_, std::move(again), "", 1, all); error != 0) {
     throw IoError("list folder", path_, error);
   }
   std::sort(all.begin(), all.end(), [](const ListedFile& a, const ListedFile& b) { return a.path < b.path; });
   return all;
+}
+
+std::optional<std::string> CaseFolder::read_if_there(std::string_view relative, std::size_t limit) const {
+  const FileOpening opening = open_file(relative);
+  if (!opening.file && opening.problem == FileProblem::kUnreadable) {
+    throw Error((path_ / relative).string() + " " + opening.explanation + "; check the disk");
+  }
+  std::optional<std::string> text = opening.file ? read_small(*opening.file, limit) : std::nullopt;
+  if (text) {
+    opening.file->require_read_to_end(text->size());
+  }
+  return text;
 }
 
 std::optional<std::string> read_small(const ReadableFile& file, std::size_t limit) {

@@ -10,34 +10,11 @@
 #include <string_view>
 #include <vector>
 
+#include "archive/format/file_reading.h"
 #include "base/bytes.h"
 #include "crypto/age_file.h"
 
 namespace kiroku::archive {
-
-/// A regular file open for reading. Movable; read_at() is thread-safe.
-class ReadableFile final : public crypto::ByteSource {
- public:
-  /// Takes over the descriptor of a regular file.
-  ReadableFile(int descriptor, std::uint64_t size, std::filesystem::path path);
-  ReadableFile(ReadableFile&& other) noexcept;
-  ReadableFile& operator=(ReadableFile&&) = delete;
-  ReadableFile(const ReadableFile&) = delete;
-  ReadableFile& operator=(const ReadableFile&) = delete;
-  ~ReadableFile() override;
-
-  /// As it was when the file was opened.
-  [[nodiscard]] std::uint64_t size() const override { return size_; }
-  /// Fewer bytes only at the end of the file, which may have moved since. Throws kiroku::IoError.
-  std::size_t read_at(std::uint64_t offset, std::span<std::byte> into) const override;
-  /// Tells the kernel that the file is read from front to end.
-  void expect_sequential_reading() const;
-
- private:
-  int descriptor_;
-  std::uint64_t size_;
-  std::filesystem::path path_;
-};
 
 enum class FileProblem { kMissing, kNotRegular, kUnreadable };
 struct FileOpening {
@@ -57,8 +34,9 @@ struct ListedFile {
 class CaseFolder {
  public:
   /// `folder` itself may be reached over links: that is the caller's choice. Throws kiroku::UsageError if
-  /// there is no such folder, kiroku::IoError if it cannot be opened.
-  static CaseFolder open(const std::filesystem::path& folder);
+  /// there is no such folder, kiroku::IoError if it cannot be opened. `reading` must outlive the object and
+  /// what it opens.
+  static CaseFolder open(const std::filesystem::path& folder, const FileReading& reading = real_reading());
   CaseFolder(CaseFolder&& other) noexcept;
   CaseFolder& operator=(CaseFolder&&) = delete;
   CaseFolder(const CaseFolder&) = delete;
@@ -68,15 +46,21 @@ class CaseFolder {
   [[nodiscard]] const std::filesystem::path& path() const { return path_; }
   /// `relative` must be as format 1 names files: no empty, "." or ".." component (kMissing otherwise).
   [[nodiscard]] FileOpening open_file(std::string_view relative) const;
+  /// The file's bytes; nothing where it is not there, no regular file, or longer than `limit`. For whoever
+  /// takes what is not there as never written: throws kiroku::Error where it is there and cannot be read, or
+  /// not to its end, kiroku::IoError.
+  [[nodiscard]] std::optional<std::string> read_if_there(std::string_view relative, std::size_t limit) const;
   /// Everything in the folder, sorted by path, down to three levels (segments/<stream>/<file>); a folder
   /// below that is listed and not entered.
   [[nodiscard]] std::vector<ListedFile> list() const;
 
  private:
-  CaseFolder(int descriptor, std::filesystem::path path) : descriptor_(descriptor), path_(std::move(path)) {}
+  CaseFolder(int descriptor, std::filesystem::path path, const FileReading& reading)
+      : descriptor_(descriptor), path_(std::move(path)), reading_(&reading) {}
 
   int descriptor_;
   std::filesystem::path path_;
+  const FileReading* reading_;
 };
 
 /// The file's bytes if there are at most `limit`; nothing if there are more. Throws kiroku::IoError.

@@ -17,7 +17,7 @@ constexpr std::uint64_t kFirstLook = 64U << 10U, kLongestLook = 64U << 20U;
 /// The last `size` bytes of a file.
 std::string last_bytes(const ReadableFile& file, std::uint64_t size) {
   std::string text(static_cast<std::size_t>(size), '\0');
-  text.resize(file.read_at(file.size() - size, std::as_writable_bytes(std::span(text.data(), text.size()))));
+  file.read_wholly_at(file.size() - size, std::as_writable_bytes(std::span(text.data(), text.size())));
   return text;
 }
 
@@ -57,9 +57,10 @@ bool take_backwards(std::string_view text, LedgerTail& tail, bool& readable) {
 
 }  // namespace
 
-std::optional<LedgerTail> read_ledger_tail(const std::filesystem::path& case_folder) {
+std::optional<LedgerTail> read_ledger_tail(const std::filesystem::path& case_folder,
+                                           const FileReading& files) {
   try {
-    const CaseFolder folder = CaseFolder::open(case_folder);
+    const CaseFolder folder = CaseFolder::open(case_folder, files);
     const FileOpening ledger = folder.open_file(kLedgerFile);
     if (!ledger.file || ledger.file->size() == 0) {
       return std::nullopt;

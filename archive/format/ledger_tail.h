@@ -7,6 +7,7 @@
 #include <optional>
 #include <vector>
 
+#include "archive/format/file_reading.h"
 #include "archive/format/ledger_entry.h"
 
 namespace kiroku::archive {
@@ -19,6 +20,7 @@ struct LedgerTail {
 };
 
 /// Nothing where the ledger cannot be read, or does not end with a whole entry.
-std::optional<LedgerTail> read_ledger_tail(const std::filesystem::path& case_folder);
+std::optional<LedgerTail> read_ledger_tail(const std::filesystem::path& case_folder,
+                                           const FileReading& files = real_reading());
 
 }  // namespace kiroku::archive

@@ -176,8 +176,7 @@ class RealFileSystem final : public FileSystem {
 void FileSystem::write_durably(const fs::path& file, ByteView bytes) {
   fs::path part = file;
   part += kPartSuffix;
-  std::error_code ignored;
-  if (fs::exists(fs::symlink_status(part, ignored))) {
+  if (exists(part)) {
     remove(part);
   }
   try {
@@ -198,11 +197,11 @@ void FileSystem::write_durably(const fs::path& file, ByteView bytes) {
 }
 
 void remove_tree(FileSystem& files, const fs::path& folder) {
-  for (const fs::directory_entry& entry : fs::directory_iterator(folder)) {
-    if (entry.symlink_status().type() == fs::file_type::directory) {
-      remove_tree(files, entry.path());
+  for (const std::string& name : files.names_in(folder)) {
+    if (files.is_folder(folder / name)) {
+      remove_tree(files, folder / name);
     } else {
-      files.remove(entry.path());
+      files.remove(folder / name);
     }
   }
   files.remove(folder);

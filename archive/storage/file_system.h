@@ -1,5 +1,5 @@
-// Every write of the archive goes through here: the one place where faults are injected in tests, and where
-// durability is spelt out. The real one is thread-safe.
+// Every write of the archive goes through here, and what whoever writes reads: the one place where faults are
+// injected in tests, and where durability is spelt out. The real one is thread-safe.
 #pragma once
 
 #include <cstdint>
@@ -7,6 +7,7 @@
 #include <memory>
 #include <string>
 
+#include "archive/format/file_reading.h"
 #include "base/bytes.h"
 #include "base/error.h"
 
@@ -45,9 +46,8 @@ class WritableFile {
   virtual void unlock() noexcept = 0;
 };
 
-class FileSystem {
+class FileSystem : public FileReading {
  public:
-  virtual ~FileSystem() = default;
   virtual std::unique_ptr<WritableFile> create(const std::filesystem::path& file) = 0;     // must not exist
   virtual std::unique_ptr<WritableFile> append_to(const std::filesystem::path& file) = 0;  // must exist
   virtual void rename(const std::filesystem::path& from, const std::filesystem::path& to) = 0;

@@ -1,8 +1,10 @@
 #include "archive/storage/recording_lock.h"
 
+#include <array>
 #include <cerrno>
-#include <fstream>
+#include <span>
 #include <string>
+#include <string_view>
 #include <unistd.h>
 #include <utility>
 
@@ -13,7 +15,7 @@ namespace {
 namespace fs = std::filesystem;
 
 std::unique_ptr<WritableFile> open_or_create(FileSystem& files, const fs::path& file) {
-  if (!fs::exists(file)) {
+  if (!files.exists(file)) {
     try {
       return files.create(file);
     } catch (const IoError& error) {
@@ -25,12 +27,16 @@ std::unique_ptr<WritableFile> open_or_create(FileSystem& files, const fs::path& 
   return files.append_to(file);
 }
 
-std::string holder_of(const fs::path& file) {
-  std::ifstream input(file);
-  std::string number;
-  std::getline(input, number);
+/// For people only: where it cannot be read nothing is said of it.
+std::string holder_of(const FileReading& files, const fs::path& file) try {
+  std::array<char, 32> text{};
+  const std::size_t size = files.open_to_read(file).read_at(0, std::as_writable_bytes(std::span(text)));
+  const std::string_view line(text.data(), size);
+  const std::string number(line.substr(0, line.find('\n')));
   const bool plain = !number.empty() && number.find_first_not_of("0123456789") == std::string::npos;
   return plain ? " (process " + number + ")" : "";
+} catch (const Error&) {
+  return "";
 }
 
 }  // namespace
@@ -39,7 +45,7 @@ RecordingLock RecordingLock::take(FileSystem& files, const fs::path& archive) {
   const fs::path file = archive / ".recorder";
   std::unique_ptr<WritableFile> opened = open_or_create(files, file);
   if (!opened->try_lock()) {
-    throw UsageError("another recorder" + holder_of(file) + " is at work in " + archive.string() +
+    throw UsageError("another recorder" + holder_of(files, file) + " is at work in " + archive.string() +
                      ": wait until it has ended, or end it first");
   }
   try {

@@ -1,6 +1,7 @@
 #include "archive/storage/space_reserve.h"
 
 #include <cerrno>
+#include <optional>
 #include <utility>
 
 namespace kiroku::archive {
@@ -9,16 +10,16 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/// Bytes the file holds; 0 if there is none.
-std::uint64_t held_by(const fs::path& file) {
-  std::error_code error;
-  const std::uintmax_t size = fs::file_size(file, error);
-  return error ? 0 : size;
+/// Bytes the file holds; 0 if there is none. Throws where that cannot be told: a reserve that is there and
+/// passes for none would be given up.
+std::uint64_t held_by(const FileReading& files, const fs::path& file) {
+  const std::optional<FileStatus> status = files.status(file);
+  return status ? status->bytes : 0;
 }
 
 /// Two recordings may begin at once: whoever comes second finds the other's file.
 std::unique_ptr<WritableFile> open_or_create(FileSystem& files, const fs::path& file) {
-  if (fs::exists(file)) {
+  if (files.exists(file)) {
     return files.append_to(file);
   }
   try {
@@ -39,7 +40,7 @@ SpaceReserve::SpaceReserve(FileSystem& files, fs::path file) : files_(&files), f
 // not there, and tells every process how much is left.
 void SpaceReserve::fill() {
   const std::lock_guard lock(mutex_);
-  const std::uint64_t held = held_by(file_);
+  const std::uint64_t held = held_by(*files_, file_);
   if (held >= kBytes) {
     return;
   }
@@ -55,7 +56,12 @@ void SpaceReserve::fill() {
 
 bool SpaceReserve::release_step() {
   const std::lock_guard lock(mutex_);
-  const std::uint64_t held = held_by(file_);
+  std::uint64_t held = 0;
+  try {
+    held = held_by(*files_, file_);
+  } catch (const IoError&) {
+    return false;  // the full disk is what whoever asked has to tell
+  }
   if (held == 0) {
     return false;
   }

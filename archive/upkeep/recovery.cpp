@@ -204,7 +204,7 @@ class Recovery {
       return;
     }
     for (const StreamStanding& stream : standing_.streams) {
-      const std::vector<FoundSegment> found = found_segments(folder_, stream.info, 0);
+      const std::vector<FoundSegment> found = found_segments(files_, folder_, stream.info, 0);
       if (!found.empty()) {
         throw Error("nobody signed that case " + result_.case_id + " was opened, and " +
                     found.front().path.lexically_relative(folder_).string() +
@@ -244,7 +244,7 @@ class Recovery {
       return "recovered";
     }
     const crypto::VerifierKey device(options_.device_name, options_.key->public_key());
-    if (!writer_->opening_vouched() && !is_announced_by_earlier(folder_, standing_.opening, device)) {
+    if (!writer_->opening_vouched() && !is_announced_by_earlier(folder_, standing_.opening, device, files_)) {
       result_.problem = "it is not carried on, since it ended before anybody signed that it was opened";
       return "recovered";
     }
@@ -285,7 +285,7 @@ class Recovery {
 
   void adopt_segments(StreamStanding& stream, const Moment& at, std::vector<CaseEntryBody>& entries,
                       std::vector<std::string>& cut) {
-    const std::vector<FoundSegment> all = found_segments(folder_, stream.info, stream.next_index);
+    const std::vector<FoundSegment> all = found_segments(files_, folder_, stream.info, stream.next_index);
     const std::uint64_t end = end_of_contents(all);
     for (const FoundSegment& found : all) {
       const std::string name = found.path.filename().string();
@@ -310,7 +310,7 @@ class Recovery {
         entry.file.file += kPartSuffix;
         cut.push_back(stream.info.name + "/" + name + ", of which " +
                       count_of(entry.file.bytes, "byte is", "bytes are") + " there" +
-                      zeros_text(look_into(found.path).zeros_at_end));
+                      zeros_text(look_into(files_, found.path).zeros_at_end));
         ++result_.incomplete;
       }
       ++result_.segments;
@@ -324,10 +324,10 @@ class Recovery {
 
   /// One more than the last index with something sealed in its file. What lies before it is entered even if
   /// it holds nothing, so that indexes have no hole.
-  static std::uint64_t end_of_contents(const std::vector<FoundSegment>& all) {
+  [[nodiscard]] std::uint64_t end_of_contents(const std::vector<FoundSegment>& all) const {
     std::uint64_t end = 0;
     for (const FoundSegment& found : all) {
-      if (found.complete || look_into(found.path).holds_sealed_bytes) {
+      if (found.complete || look_into(files_, found.path).holds_sealed_bytes) {
         end = std::max(end, found.index + 1);
       }
     }
@@ -377,8 +377,8 @@ class Recovery {
   }
 
   void adopt_tokens() {
-    const CaseFolder folder = CaseFolder::open(folder_);
-    for (const TokenName& name : found_tokens(folder_)) {
+    const CaseFolder folder = CaseFolder::open(folder_, files_);
+    for (const TokenName& name : found_tokens(folder_, files_)) {
       if (standing_.tokens.contains({name.size, name.authority}) || name.size > writer_->size()) {
         continue;
       }
@@ -396,7 +396,7 @@ class Recovery {
 
   /// An erasure that was cut off: its entry is there, and perhaps not yet the log's.
   void finish_erasures() {
-    const std::vector<fs::path> left = files_to_erase(folder_, standing_.erased);
+    const std::vector<fs::path> left = files_to_erase(files_, folder_, standing_.erased);
     if (left.empty()) {
       return;
     }
@@ -416,16 +416,25 @@ class Recovery {
 
 /// Whether the case was brought to its end: closed, covered by a checkpoint, not open by the log. (One that
 /// the log does not know at all came from elsewhere.)
-bool is_finished(const fs::path& folder, const ApplianceLog* log) {
+bool is_finished(const FileReading& files, const fs::path& folder, const ApplianceLog* log) {
   if (log != nullptr && log->case_state(folder.filename().string()) == ApplianceLog::CaseState::kOpened) {
     return false;
   }
-  const std::optional<LedgerTail> tail = read_ledger_tail(folder);
+  const std::optional<LedgerTail> tail = read_ledger_tail(folder, files);
   try {
-    return tail && tail->closed && tail->covered && files_to_erase(folder, tail->erased).empty();
-  } catch (const fs::filesystem_error&) {
+    return tail && tail->closed && tail->covered && files_to_erase(files, folder, tail->erased).empty();
+  } catch (const IoError&) {
     return false;  // whoever takes the case up says what cannot be read
   }
+}
+
+CaseRecovery refused(const fs::path& folder, const Error& error) {
+  CaseRecovery result;
+  result.case_id = folder.filename().string();
+  result.folder = folder;
+  result.outcome = CaseRecovery::Outcome::kRefused;
+  result.problem = error.what();
+  return result;
 }
 
 CaseRecovery remove_hidden(FileSystem& files, const fs::path& folder) {
@@ -449,25 +458,27 @@ std::vector<CaseRecovery> recover_archive(FileSystem& files, const RecoveryOptio
                                           const RecordingLock& /*lock*/) {
   std::set<fs::path> hidden;
   std::set<fs::path> unfinished;
-  std::error_code error;
-  fs::directory_iterator entries(options.archive, error);
-  for (; !error && entries != fs::directory_iterator(); entries.increment(error)) {
-    const std::string name = entries->path().filename().string();
-    if (entries->symlink_status().type() != fs::file_type::directory) {
+  std::vector<CaseRecovery> results;
+  for (const std::string& name : files.names_in(options.archive)) {
+    const fs::path folder = options.archive / name;
+    const bool is_hidden = name.starts_with(kHiddenPrefix) && is_case_id(name.substr(kHiddenPrefix.size()));
+    if (!is_hidden && !is_case_id(name)) {
       continue;
     }
-    if (name.starts_with(kHiddenPrefix) && is_case_id(name.substr(kHiddenPrefix.size()))) {
-      hidden.insert(entries->path());
-    } else if (is_case_id(name) && !is_excerpt(entries->path()) &&
-               !is_finished(entries->path(), options.log)) {
-      unfinished.insert(entries->path());
+    try {
+      if (!files.is_folder(folder)) {
+        continue;
+      }
+    } catch (const IoError& error) {
+      results.push_back(refused(folder, error));
+      continue;
+    }
+    if (is_hidden) {
+      hidden.insert(folder);
+    } else if (!is_excerpt(folder, files) && !is_finished(files, folder, options.log)) {
+      unfinished.insert(folder);
     }
   }
-  if (error) {
-    throw IoError("read the archive folder", options.archive, error.value());
-  }
-  std::vector<CaseRecovery> results;
-  results.reserve(hidden.size() + unfinished.size());
   for (const fs::path& folder : hidden) {
     results.push_back(remove_hidden(files, folder));
   }

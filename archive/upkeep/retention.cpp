@@ -64,7 +64,8 @@ std::vector<ErasedEntry> runs_of(const Segments& segments, const std::string& st
 
 }  // namespace
 
-std::vector<fs::path> files_to_erase(const fs::path& folder, const std::vector<ErasedEntry>& erased) {
+std::vector<fs::path> files_to_erase(const FileReading& files, const fs::path& folder,
+                                     const std::vector<ErasedEntry>& erased) {
   std::set<std::string> streams;
   for (const ErasedEntry& each : erased) {
     streams.insert(each.stream);
@@ -72,18 +73,18 @@ std::vector<fs::path> files_to_erase(const fs::path& folder, const std::vector<E
   std::vector<fs::path> found;
   for (const std::string& stream : streams) {
     const fs::path segments = folder / kSegmentsFolder / stream;
-    if (!fs::is_directory(segments)) {
+    if (!files.is_folder(segments)) {
       continue;
     }
-    for (const fs::directory_entry& file : fs::directory_iterator(segments)) {
-      const std::string name = file.path().filename().string();
+    for (const std::string& name : files.names_in(segments)) {
       const std::optional<std::uint64_t> index = parse_index(name.substr(0, name.find('.')));
       const bool gone =
           index && std::any_of(erased.begin(), erased.end(), [&](const ErasedEntry& each) {
             return each.stream == stream && each.first_index <= *index && *index <= each.last_index;
           });
-      if (gone && file.symlink_status().type() == fs::file_type::regular) {
-        found.push_back(file.path());
+      const std::optional<FileStatus> status = gone ? files.status(segments / name) : std::nullopt;
+      if (status && status->kind == FileStatus::Kind::kRegular) {
+        found.push_back(segments / name);
       }
     }
   }
@@ -164,7 +165,7 @@ Erasure erase_stream(FileSystem& files, const RetentionOptions& options, const f
     writer->finish(now());
     segments.erased.insert(segments.erased.end(), runs.begin(), runs.end());
   }
-  remove_erased(files, files_to_erase(folder, segments.erased));
+  remove_erased(files, files_to_erase(files, folder, segments.erased));
   return result;
 }
 

@@ -38,8 +38,9 @@ struct Erasure {
 Erasure erase_stream(FileSystem& files, const RetentionOptions& options, const std::filesystem::path& folder,
                      const std::string& stream, const std::string& policy);
 
-/// Files that `erased` entries name and that are still there.
-std::vector<std::filesystem::path> files_to_erase(const std::filesystem::path& folder,
+/// Files that `erased` entries name and that are still there. Throws kiroku::IoError.
+std::vector<std::filesystem::path> files_to_erase(const FileReading& files,
+                                                  const std::filesystem::path& folder,
                                                   const std::vector<ErasedEntry>& erased);
 /// Removes them, durably. Throws kiroku::IoError.
 void remove_erased(FileSystem& files, const std::vector<std::filesystem::path>& to_erase);

@@ -1,6 +1,7 @@
 #include "archive/upkeep/standby_folder.h"
 
 #include <array>
+#include <optional>
 
 #include "archive/format/case_layout.h"
 #include "archive/storage/file_system.h"
@@ -17,6 +18,19 @@ std::string new_name() {
   std::array<std::byte, 4> random{};
   crypto::fill_random(random);
   return std::string(kStandbyPrefix) + crypto::to_hex(random);
+}
+
+std::uint64_t files_below(const FileReading& files, const fs::path& folder) {
+  std::uint64_t count = 0;
+  for (const std::string& name : files.names_in(folder)) {
+    const std::optional<FileStatus> status = files.status(folder / name);
+    if (status && status->kind == FileStatus::Kind::kFolder) {
+      count += files_below(files, folder / name);
+    } else if (status && status->kind == FileStatus::Kind::kRegular) {
+      ++count;
+    }
+  }
+  return count;
 }
 
 }  // namespace
@@ -53,16 +67,13 @@ void StandbyFolder::discard(const FileReference& file) { files_.remove(path_of(f
 std::uint64_t remove_abandoned_standby(FileSystem& files, const fs::path& archive) {
   std::uint64_t segments = 0;
   std::vector<fs::path> abandoned;
-  for (const fs::directory_entry& entry : fs::directory_iterator(archive)) {
-    if (entry.is_directory() && !entry.is_symlink() &&
-        entry.path().filename().string().starts_with(kStandbyPrefix)) {
-      abandoned.push_back(entry.path());
+  for (const std::string& name : files.names_in(archive)) {
+    if (name.starts_with(kStandbyPrefix) && files.is_folder(archive / name)) {
+      abandoned.push_back(archive / name);
     }
   }
   for (const fs::path& folder : abandoned) {
-    for (const fs::directory_entry& file : fs::recursive_directory_iterator(folder)) {
-      segments += file.is_regular_file() ? 1U : 0U;
-    }
+    segments += files_below(files, folder);
     remove_tree(files, folder);
   }
   return segments;

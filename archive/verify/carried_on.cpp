@@ -50,39 +50,50 @@ struct Neighbour {
   std::optional<crypto::Sha256Digest> root;  // over the first `asked` entries
 };
 
-/// The first `asked` entries of a ledger; nothing where no case lies there, or it cannot be read.
-std::optional<Neighbour> read_neighbour(const fs::path& folder, std::uint64_t asked) {
+/// The first `asked` entries of a ledger; nothing where no case lies there. Throws kiroku::Error where it
+/// cannot be read.
+std::optional<Neighbour> read_neighbour(const FileReading& files, const fs::path& folder,
+                                        std::uint64_t asked) {
+  if (!files.is_folder(folder)) {
+    return std::nullopt;
+  }
+  const FileOpening ledger = CaseFolder::open(folder, files).open_file(kLedgerFile);
+  if (!ledger.file && ledger.problem == FileProblem::kUnreadable) {
+    throw Error((folder / kLedgerFile).string() + " " + ledger.explanation + "; check the disk");
+  }
+  if (!ledger.file) {
+    return std::nullopt;
+  }
+  Neighbour found;
+  crypto::MerkleFrontier tree;
+  LineReader reader(*ledger.file);
+  LedgerLine line;
+  while (tree.size() < asked && reader.next(line) && !line.torn && !line.too_long) {
+    tree.append(crypto::merkle_leaf_hash(bytes_of(line.text)));
+    const bool is_first = tree.size() == 1;
+    if (!is_first && line.text.find(R"("close")") == std::string_view::npos) {
+      continue;
+    }
+    EntryParse parse = parse_case_entry(line.text);
+    if (auto* open = parse.entry ? std::get_if<OpenEntry>(&parse.entry->body) : nullptr) {
+      found.open = std::move(*open);
+    } else if (const auto* close = parse.entry ? std::get_if<CloseEntry>(&parse.entry->body) : nullptr) {
+      found.close_reason = close->reason;
+    }
+  }
+  found.entries = tree.size();
+  if (tree.size() == asked) {
+    found.root = tree.root();
+  } else if (!line.too_long) {
+    ledger.file->require_read_to_end(line.offset + line.bytes);
+  }
+  return found;
+}
+
+/// The same for a verification, to which a ledger that cannot be read is one that does not lie there.
+std::optional<Neighbour> readable_neighbour(const fs::path& folder, std::uint64_t asked) {
   try {
-    std::error_code error;
-    if (fs::symlink_status(folder, error).type() != fs::file_type::directory) {
-      return std::nullopt;
-    }
-    const FileOpening ledger = CaseFolder::open(folder).open_file(kLedgerFile);
-    if (!ledger.file) {
-      return std::nullopt;
-    }
-    Neighbour found;
-    crypto::MerkleFrontier tree;
-    LineReader reader(*ledger.file);
-    LedgerLine line;
-    while (tree.size() < asked && reader.next(line) && !line.torn && !line.too_long) {
-      tree.append(crypto::merkle_leaf_hash(bytes_of(line.text)));
-      const bool is_first = tree.size() == 1;
-      if (!is_first && line.text.find(R"("close")") == std::string_view::npos) {
-        continue;
-      }
-      EntryParse parse = parse_case_entry(line.text);
-      if (auto* open = parse.entry ? std::get_if<OpenEntry>(&parse.entry->body) : nullptr) {
-        found.open = std::move(*open);
-      } else if (const auto* close = parse.entry ? std::get_if<CloseEntry>(&parse.entry->body) : nullptr) {
-        found.close_reason = close->reason;
-      }
-    }
-    found.entries = tree.size();
-    if (tree.size() == asked) {
-      found.root = tree.root();
-    }
-    return found;
+    return read_neighbour(real_reading(), folder, asked);
   } catch (const Error&) {
     return std::nullopt;
   }
@@ -99,7 +110,7 @@ Place in_ledger(std::optional<std::uint64_t> entry = std::nullopt) {
 void check_earlier(const CaseFolder& folder, const OpenEntry& open, const CarriedOn& earlier,
                    FindingList& findings) {
   const std::string stated = "the case carries on case " + earlier.case_id;
-  const auto found = read_neighbour(beside(folder, earlier.case_id), earlier.size);
+  const auto found = readable_neighbour(beside(folder, earlier.case_id), earlier.size);
   if (!found) {
     findings.add("carried-on-not-here", in_ledger(0),
                  stated + ", which does not lie beside it: they were not compared");
@@ -125,7 +136,7 @@ void check_earlier(const CaseFolder& folder, const OpenEntry& open, const Carrie
 void check_later(const CaseFolder& folder, const OpenEntry& open, const std::string& later,
                  FindingList& findings) {
   const std::string stated = "the case was to be carried on as case " + later;
-  const auto found = read_neighbour(beside(folder, later), 1);
+  const auto found = readable_neighbour(beside(folder, later), 1);
   if (!found) {
     findings.add("carried-on-not-here", in_ledger(),
                  stated + ", which does not lie beside it: it was not compared, or was never begun");
@@ -142,7 +153,7 @@ void check_later(const CaseFolder& folder, const OpenEntry& open, const std::str
                  stated + ", and the one beside it names another device than this one");
     return;
   }
-  const auto here = read_neighbour(folder.path(), earlier->size);
+  const auto here = readable_neighbour(folder.path(), earlier->size);
   if (!here || here->root != earlier->root) {
     findings.add("carrying-on-broken", in_ledger(),
                  stated + ", which names other first " + std::to_string(earlier->size) +
@@ -193,21 +204,22 @@ std::optional<std::string> announced_by(const std::string& close_reason) {
   return is_case_id(id) ? std::optional(std::move(id)) : std::nullopt;
 }
 
-bool is_announced_by_earlier(const fs::path& folder, const OpenEntry& open,
-                             const crypto::VerifierKey& device) {
+bool is_announced_by_earlier(const fs::path& folder, const OpenEntry& open, const crypto::VerifierKey& device,
+                             const FileReading& files) {
   const auto earlier = carried_on_by(open);
   if (!earlier) {
     return false;
   }
   const fs::path its = fs::absolute(folder).lexically_normal().parent_path() / earlier->case_id;
-  const auto found = read_neighbour(its, earlier->size);
+  const auto found = read_neighbour(files, its, earlier->size);
   const auto hash_of = [](const OpenEntry& of) {
     return of.subject ? std::optional(of.subject->sha256) : std::nullopt;
   };
   return found && found->open && found->root == earlier->root &&
          announced_by(found->close_reason) == open.case_id && hash_of(*found->open) == hash_of(open) &&
          found->open->plan == open.plan &&
-         is_signed(its, {case_origin(device.name(), earlier->case_id), earlier->size, earlier->root}, device);
+         is_signed(its, {case_origin(device.name(), earlier->case_id), earlier->size, earlier->root}, device,
+                   files);
 }
 
 void check_carrying_on(const CaseFolder& folder, const OpenEntry& open, const std::string& close_reason,

@@ -9,6 +9,7 @@
 #include <optional>
 #include <string>
 
+#include "archive/format/file_reading.h"
 #include "archive/format/ledger_entry.h"
 #include "crypto/signed_note.h"
 
@@ -39,8 +40,9 @@ std::optional<std::string> announced_by(const std::string& close_reason);
 
 /// Whether the case that `open` says it carries on lies beside `folder`, announces just this case under a
 /// checkpoint of `device`, and has the same subject and plan. Then `open` brings nothing that was not there.
+/// Throws kiroku::Error where something lies there and cannot be read.
 bool is_announced_by_earlier(const std::filesystem::path& folder, const OpenEntry& open,
-                             const crypto::VerifierKey& device);
+                             const crypto::VerifierKey& device, const FileReading& files = real_reading());
 
 /// Compares a case with the one before it and the one after it, where they lie beside it in one archive
 /// folder. Reads their ledgers once each, in constant memory. `folder` is the case's, `open` and

@@ -22,10 +22,9 @@ bool may_be_of_empty_case(const CaseEntryBody& body) {
 
 }  // namespace
 
-bool is_signed(const fs::path& folder, const crypto::Checkpoint& wanted, const crypto::VerifierKey& device) {
-  const FileOpening file = CaseFolder::open(folder).open_file(note_path(wanted.size));
-  const std::optional<std::string> note =
-      file.file ? read_small(*file.file, kMaximumNoteBytes) : std::nullopt;
+bool is_signed(const fs::path& folder, const crypto::Checkpoint& wanted, const crypto::VerifierKey& device,
+               const FileReading& files) {
+  const auto note = CaseFolder::open(folder, files).read_if_there(note_path(wanted.size), kMaximumNoteBytes);
   if (!note) {
     return false;
   }
@@ -33,22 +32,28 @@ bool is_signed(const fs::path& folder, const crypto::Checkpoint& wanted, const c
   return !opened.failure && crypto::Checkpoint::parse(opened.text) == wanted;
 }
 
-void for_each_whole_line(const fs::path& folder, const std::function<void(std::string_view)>& take) {
-  const FileOpening ledger = CaseFolder::open(folder).open_file(kLedgerFile);
+void for_each_whole_line(const fs::path& folder, const std::function<void(std::string_view)>& take,
+                         const FileReading& files) {
+  const FileOpening ledger = CaseFolder::open(folder, files).open_file(kLedgerFile);
   if (!ledger.file) {
     throw Error("cannot read " + (folder / kLedgerFile).string() + ": it " + ledger.explanation);
   }
   LineReader reader(*ledger.file);
-  for (LedgerLine line; reader.next(line) && !line.torn;) {
+  LedgerLine line;
+  while (reader.next(line) && !line.torn) {
     take(line.text);
+  }
+  // A line that is longer than any may be is not read to its end: whoever takes such a ledger up refuses it.
+  if (!line.too_long) {
+    ledger.file->require_read_to_end(line.offset + line.bytes);
   }
 }
 
 // Lines of the log that are no entries are the verifier's to find.
 CaseAgainstLog::CaseAgainstLog(const std::string& case_id, const fs::path& log_folder,
-                               const crypto::VerifierKey& device) {
+                               const crypto::VerifierKey& device, const FileReading& files) {
   crypto::MerkleFrontier log_tree;
-  for_each_whole_line(log_folder, [&](std::string_view line) {
+  const auto take_line = [&](std::string_view line) {
     log_tree.append(crypto::merkle_leaf_hash(bytes_of(line)));
     if (line.find(case_id) == std::string_view::npos) {
       return;
@@ -61,7 +66,7 @@ CaseAgainstLog::CaseAgainstLog(const std::string& case_id, const fs::path& log_f
         opened != nullptr && opened->case_id == case_id && !opening_line_) {
       opening_line_ = opened->sha256;
       opening_signed_ =
-          is_signed(log_folder, {log_origin(device.name()), log_tree.size(), log_tree.root()}, device);
+          is_signed(log_folder, {log_origin(device.name()), log_tree.size(), log_tree.root()}, device, files);
     } else if (const auto* checkpoint = std::get_if<CaseCheckpointEntry>(&parse.entry->body);
                checkpoint != nullptr && checkpoint->case_id == case_id) {
       roots_.emplace(checkpoint->size, checkpoint->root);
@@ -69,7 +74,8 @@ CaseAgainstLog::CaseAgainstLog(const std::string& case_id, const fs::path& log_f
                closed != nullptr && closed->case_id == case_id) {
       roots_.emplace(closed->size, closed->root);
     }
-  });
+  };
+  for_each_whole_line(log_folder, take_line, files);
 }
 
 void CaseAgainstLog::take(std::string_view line) {

@@ -11,6 +11,7 @@
 #include <string>
 #include <string_view>
 
+#include "archive/format/file_reading.h"
 #include "crypto/hash.h"
 #include "crypto/merkle_tree.h"
 #include "crypto/signed_note.h"
@@ -22,7 +23,7 @@ class CaseAgainstLog {
  public:
   /// Reads the log; the case may be written meanwhile. Throws kiroku::Error where it cannot be read.
   CaseAgainstLog(const std::string& case_id, const std::filesystem::path& log_folder,
-                 const crypto::VerifierKey& device);
+                 const crypto::VerifierKey& device, const FileReading& files = real_reading());
 
   void take(std::string_view line);
   /// One sentence if the log states another first line, another root at some size, or more entries than there
@@ -45,12 +46,14 @@ class CaseAgainstLog {
   bool recorded_ = false;  // on from the opening
 };
 
-/// Whether the note of this size in a case or log is there, and signed by `device` of just this.
+/// Whether the note of this size in a case or log is there, and signed by `device` of just this. Throws
+/// kiroku::Error if it is there and cannot be read.
 bool is_signed(const std::filesystem::path& folder, const crypto::Checkpoint& wanted,
-               const crypto::VerifierKey& device);
+               const crypto::VerifierKey& device, const FileReading& files = real_reading());
 /// Calls `take` with every whole line of the ledger of a case or log. Throws kiroku::Error if it cannot be
-/// read.
+/// read to its end.
 void for_each_whole_line(const std::filesystem::path& folder,
-                         const std::function<void(std::string_view)>& take);
+                         const std::function<void(std::string_view)>& take,
+                         const FileReading& files = real_reading());
 
 }  // namespace kiroku::archive

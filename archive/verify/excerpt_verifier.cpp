@@ -401,9 +401,9 @@ bool is_excerpt(const CaseFolder& folder) {
   return !ledger.file && ledger.problem == FileProblem::kMissing;
 }
 
-bool is_excerpt(const std::filesystem::path& folder) {
+bool is_excerpt(const std::filesystem::path& folder, const FileReading& files) {
   try {
-    return is_excerpt(CaseFolder::open(folder));
+    return is_excerpt(CaseFolder::open(folder, files));
   } catch (const Error&) {
     return false;
   }

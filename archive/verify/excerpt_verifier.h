@@ -14,7 +14,7 @@ namespace kiroku::archive {
 bool is_excerpt(const CaseFolder& folder);
 /// The same; false for what is no folder or cannot be opened. An excerpt that lies in an archive is no case
 /// of it, whatever its name.
-bool is_excerpt(const std::filesystem::path& folder);
+bool is_excerpt(const std::filesystem::path& folder, const FileReading& files = real_reading());
 /// As verify_case().
 VerificationReport verify_excerpt(const CaseFolder& folder, const VerifyOptions& options);
 

@@ -2,11 +2,8 @@
 
 #include <algorithm>
 #include <cerrno>
-#include <chrono>
 #include <fcntl.h>
-#include <fstream>
 #include <string>
-#include <sys/stat.h>
 #include <tuple>
 #include <unistd.h>
 
@@ -26,27 +23,19 @@ namespace fs = std::filesystem;
 
 constexpr std::size_t kReadBytes = 1U << 20U;
 
-UtcTime last_change_of(const fs::path& file) {
-  struct stat status {};
-  if (::lstat(file.c_str(), &status) != 0) {
-    throw IoError("examine", file, errno);
+/// Regular files of a folder, by name; none if it is not there.
+std::vector<fs::path> regular_files(const FileReading& files, const fs::path& folder) {
+  std::vector<fs::path> found;
+  if (!files.is_folder(folder)) {
+    return found;
   }
-  return UtcTime(std::chrono::seconds(status.st_mtim.tv_sec) +
-                 std::chrono::microseconds(status.st_mtim.tv_nsec / 1'000));
-}
-
-/// Regular files of a folder; none if it is not there.
-std::vector<fs::path> regular_files(const fs::path& folder) {
-  std::vector<fs::path> files;
-  if (!fs::is_directory(folder)) {
-    return files;
-  }
-  for (const fs::directory_entry& entry : fs::directory_iterator(folder)) {
-    if (entry.symlink_status().type() == fs::file_type::regular) {
-      files.push_back(entry.path());
+  for (const std::string& name : files.names_in(folder)) {
+    const std::optional<FileStatus> status = files.status(folder / name);
+    if (status && status->kind == FileStatus::Kind::kRegular) {
+      found.push_back(folder / name);
     }
   }
-  return files;
+  return found;
 }
 
 /// Where the last byte that is not zero ends.
@@ -55,7 +44,9 @@ std::uint64_t end_of_content(const ReadableFile& file) {
   for (std::uint64_t end = file.size(); end > 0;) {
     const std::uint64_t start = end - std::min<std::uint64_t>(end, kReadBytes);
     const auto piece = std::span(buffer).first(static_cast<std::size_t>(end - start));
-    std::size_t filled = file.read_at(start, piece);
+    // Bytes that do not come are not zeros: a part would pass for empty and be removed.
+    file.read_wholly_at(start, piece);
+    std::size_t filled = piece.size();
     while (filled > 0 && piece[filled - 1] == std::byte{0}) {
       --filled;
     }
@@ -70,7 +61,7 @@ std::uint64_t end_of_content(const ReadableFile& file) {
 /// Whether the first `size` bytes are the beginning of an age header and no more.
 bool is_begun_header(const ReadableFile& file, std::uint64_t size) {
   std::string text(static_cast<std::size_t>(size), '\0');
-  text.resize(file.read_at(0, std::as_writable_bytes(std::span(text.data(), text.size()))));
+  file.read_wholly_at(0, std::as_writable_bytes(std::span(text.data(), text.size())));
   return (text.starts_with(kAgeFirstLine) || kAgeFirstLine.starts_with(text)) &&
          text.find('\0') == std::string::npos;
 }
@@ -86,10 +77,10 @@ void forget_cached(const fs::path& file) {
 
 }  // namespace
 
-std::vector<FoundSegment> found_segments(const fs::path& case_folder, const StreamInfo& stream,
-                                         std::uint64_t first_index) {
+std::vector<FoundSegment> found_segments(const FileReading& files, const fs::path& case_folder,
+                                         const StreamInfo& stream, std::uint64_t first_index) {
   std::vector<FoundSegment> found;
-  for (const fs::path& file : regular_files(case_folder / kSegmentsFolder / stream.name)) {
+  for (const fs::path& file : regular_files(files, case_folder / kSegmentsFolder / stream.name)) {
     const std::string name = file.filename().string();
     const std::optional<std::uint64_t> index = parse_index(name.substr(0, name.find('.')));
     if (!index || *index < first_index) {
@@ -98,7 +89,11 @@ std::vector<FoundSegment> found_segments(const fs::path& case_folder, const Stre
     const std::string whole =
         fs::path(segment_path(stream.name, *index, stream.extension)).filename().string();
     if (name == whole || name == whole + std::string(kPartSuffix)) {
-      found.push_back({*index, name == whole, file, last_change_of(file)});
+      const std::optional<FileStatus> status = files.status(file);
+      if (!status) {
+        throw IoError("examine", file, ENOENT);
+      }
+      found.push_back({*index, name == whole, file, status->last_change});
     }
   }
   std::sort(found.begin(), found.end(), [](const FoundSegment& a, const FoundSegment& b) {
@@ -107,9 +102,9 @@ std::vector<FoundSegment> found_segments(const fs::path& case_folder, const Stre
   return found;
 }
 
-std::vector<TokenName> found_tokens(const fs::path& case_folder) {
+std::vector<TokenName> found_tokens(const fs::path& case_folder, const FileReading& files) {
   std::vector<TokenName> found;
-  for (const fs::path& file : regular_files(case_folder / kTokensFolder)) {
+  for (const fs::path& file : regular_files(files, case_folder / kTokensFolder)) {
     if (const std::optional<TokenName> name = parse_token_name(file.filename().string())) {
       found.push_back(*name);
     }
@@ -122,12 +117,8 @@ std::vector<TokenName> found_tokens(const fs::path& case_folder) {
 
 std::optional<TokenEntry> token_in_folder(const CaseFolder& folder, const TokenName& name,
                                           const timestamp::TrustStore* trust) {
-  const FileOpening token = folder.open_file(token_path(name.size, name.authority));
-  const FileOpening note = folder.open_file(note_path(name.size));
-  const std::optional<std::string> response =
-      token.file ? read_small(*token.file, kMaximumTokenBytes) : std::nullopt;
-  const std::optional<std::string> text =
-      note.file ? read_small(*note.file, kMaximumNoteBytes) : std::nullopt;
+  const auto response = folder.read_if_there(token_path(name.size, name.authority), kMaximumTokenBytes);
+  const auto text = folder.read_if_there(note_path(name.size), kMaximumNoteBytes);
   if (!response || !text) {
     return std::nullopt;
   }
@@ -152,12 +143,8 @@ std::optional<TokenEntry> token_in_folder(const CaseFolder& folder, const TokenN
   return facts;
 }
 
-PartContents look_into(const fs::path& part) {
-  const FileOpening opening = CaseFolder::open(part.parent_path()).open_file(part.filename().string());
-  if (!opening.file) {
-    throw Error("cannot read " + part.string() + ": it " + opening.explanation);
-  }
-  const ReadableFile& file = *opening.file;
+PartContents look_into(const FileReading& files, const fs::path& part) {
+  const ReadableFile file = files.open_to_read(part);
   const std::uint64_t end = end_of_content(file);
   PartContents contents;
   contents.zeros_at_end = file.size() - end;
@@ -172,31 +159,24 @@ PartContents look_into(const fs::path& part) {
 
 bool was_found_cut_off(const SegmentEntry& segment) { return !segment.complete && !segment.counted; }
 
-std::uint64_t newest_note(const fs::path& folder) {
+std::uint64_t newest_note(const fs::path& folder, const FileReading& files) {
   std::uint64_t newest = 0;
-  for (const fs::directory_entry& file : fs::directory_iterator(folder / kCheckpointsFolder)) {
-    newest = std::max(newest, size_of_note_name(file.path().filename().string()).value_or(0));
+  for (const std::string& name : files.names_in(folder / kCheckpointsFolder)) {
+    newest = std::max(newest, size_of_note_name(name).value_or(0));
   }
   return newest;
 }
 
-FileReference measure_file(const fs::path& file) {
-  std::ifstream input(file, std::ios::binary);
-  if (!input) {
-    throw IoError("read back", file, errno);
-  }
+FileReference measure_file(const FileReading& files, const fs::path& file) {
+  const ReadableFile input = files.open_to_read(file);
   FileReference reference;
   crypto::Sha256 hash;
-  std::vector<char> buffer(kReadBytes);
-  while (input) {
-    input.read(buffer.data(), static_cast<std::streamsize>(buffer.size()));
-    const std::string_view piece(buffer.data(), static_cast<std::size_t>(input.gcount()));
-    hash.update(bytes_of(piece));
-    reference.bytes += piece.size();
+  std::vector<std::byte> buffer(kReadBytes);
+  while (const std::size_t count = input.read_at(reference.bytes, buffer)) {
+    hash.update(std::span(buffer).first(count));
+    reference.bytes += count;
   }
-  if (input.bad()) {
-    throw IoError("read back", file, EIO);
-  }
+  input.require_read_to_end(reference.bytes);
   reference.sha256 = hash.finish();
   return reference;
 }
@@ -205,12 +185,12 @@ FileReference make_durable(FileSystem& files, const fs::path& file) {
   files.append_to(file)->sync_all();
   files.sync_folder(file.parent_path());
   forget_cached(file);
-  return measure_file(file);
+  return measure_file(files, file);
 }
 
 void remove_unfinished_files(FileSystem& files, const fs::path& case_folder) {
   for (const std::string_view folder : {kCheckpointsFolder, kTokensFolder, kAuthoritiesFolder}) {
-    for (const fs::path& file : regular_files(case_folder / folder)) {
+    for (const fs::path& file : regular_files(files, case_folder / folder)) {
       if (file.extension() == kPartSuffix) {
         files.remove(file);
       }

@@ -23,14 +23,16 @@ struct FoundSegment {
   UtcTime last_change;  // of the file's contents, by the wall clock
 };
 /// Segment files of the stream from `first_index` on, in order; those with a final name before parts.
-std::vector<FoundSegment> found_segments(const std::filesystem::path& case_folder, const StreamInfo& stream,
-                                         std::uint64_t first_index);
-/// All token files, by checkpoint, then authority.
-std::vector<TokenName> found_tokens(const std::filesystem::path& case_folder);
+/// Throws kiroku::IoError.
+std::vector<FoundSegment> found_segments(const FileReading& files, const std::filesystem::path& case_folder,
+                                         const StreamInfo& stream, std::uint64_t first_index);
+/// All token files, by checkpoint, then authority. Throws kiroku::IoError.
+std::vector<TokenName> found_tokens(const std::filesystem::path& case_folder,
+                                    const FileReading& files = real_reading());
 
 /// gen_time, accuracy_ns and serial of a token file, which may have no entry yet; nothing if it is not over
 /// that checkpoint's note, or one of the two is not there, or if it is not valid under `trust`. Where that is
-/// null nothing is trusted here.
+/// null nothing is trusted here. Throws kiroku::Error where one of the two is there and cannot be read.
 std::optional<TokenEntry> token_in_folder(const CaseFolder& folder, const TokenName& name,
                                           const timestamp::TrustStore* trust = nullptr);
 
@@ -40,21 +42,23 @@ struct PartContents {
   bool holds_sealed_bytes = false;  // anything behind an age header and its nonce, or behind zeros
   std::uint64_t zeros_at_end = 0;   // bytes
 };
-/// Throws kiroku::IoError.
-PartContents look_into(const std::filesystem::path& part);
+/// Throws kiroku::IoError, kiroku::Error where the file cannot be read to its end.
+PartContents look_into(const FileReading& files, const std::filesystem::path& part);
 /// Whether the entry is of a segment that was cut off and that recovery found: nobody knew what was in it
 /// when it was entered, so what does not open of it was lost before.
 bool was_found_cut_off(const SegmentEntry& segment);
 
-/// Size of the newest checkpoint's note in a case's or log's folder, by its name; 0 if there is none.
-std::uint64_t newest_note(const std::filesystem::path& folder);
+/// Size of the newest checkpoint's note in a case's or log's folder, by its name; 0 if there is none. Throws
+/// kiroku::IoError.
+std::uint64_t newest_note(const std::filesystem::path& folder, const FileReading& files = real_reading());
 
 /// Flushes a file and its folder, and measures what the disk then gives back, past the page cache: after a
 /// flush that failed unseen, the cache may hold what the disk does not. `file` of the result is empty. Throws
-/// kiroku::IoError.
+/// what measure_file() throws.
 FileReference make_durable(FileSystem& files, const std::filesystem::path& file);
-/// Size and SHA-256 of a file; `file` of the result is empty. Throws kiroku::IoError.
-FileReference measure_file(const std::filesystem::path& file);
+/// Size and SHA-256 of a file; `file` of the result is empty. Throws kiroku::IoError, kiroku::Error where the
+/// file cannot be read to its end.
+FileReference measure_file(const FileReading& files, const std::filesystem::path& file);
 /// Removes what was not written to its end of checkpoints, tokens and certificates: nothing names it, and
 /// all of it can be made anew. Throws kiroku::IoError.
 void remove_unfinished_files(FileSystem& files, const std::filesystem::path& case_folder);

@@ -244,9 +244,17 @@ class CaseVerification {
       const bool later_token = token && token->size > *rules_.close_entry();
       return later_token || is_note_path(path) ? NameJudgement::kPart : NameJudgement::kUnnamed;
     }
-    return token && token->size > *rules_.close_entry() && token_in_folder(folder_, *token)
-               ? NameJudgement::kTokenNotEntered
-               : NameJudgement::kUnnamed;
+    return token && token->size > *rules_.close_entry() && is_token(*token) ? NameJudgement::kTokenNotEntered
+                                                                            : NameJudgement::kUnnamed;
+  }
+
+  /// One that cannot be read is a file that nothing names.
+  [[nodiscard]] bool is_token(const TokenName& name) const {
+    try {
+      return token_in_folder(folder_, name).has_value();
+    } catch (const Error&) {
+      return false;
+    }
   }
 
   /// Finished segments whose entries are not written yet: those that follow a stream's last entered one

@@ -27,7 +27,7 @@ Moment machine_now() {
 }
 
 void make_folder_unless_there(FileSystem& files, const fs::path& folder) {
-  if (!fs::exists(folder)) {
+  if (!files.exists(folder)) {
     files.make_folder(folder);
     files.sync_folder(folder.parent_path());
   }
@@ -112,7 +112,7 @@ struct ApplianceLog::State {
   void checkpoint_locked() {
     const crypto::Checkpoint text{log_origin(device.name()), ledger->size(), ledger->root()};
     const fs::path file = folder / note_path(text.size);
-    if (text.size > 0 && !fs::exists(file)) {
+    if (text.size > 0 && !files.exists(file)) {
       reserve.write_durably(file, bytes_of(crypto::sign_note(text.to_text(), device.name(), key)));
     }
   }
@@ -142,7 +142,7 @@ std::unique_ptr<ApplianceLog> ApplianceLog::open(FileSystem& files, const fs::pa
   state->ledger = Ledger::open(
       files, folder / kLedgerFile, Ledger::Sharing::kShared, &state->reserve,
       [&log = *state](std::uint64_t, std::string_view line) { log.look_at(line); },
-      [folder] { return newest_note(folder); });
+      [folder, &files] { return newest_note(folder, files); });
   return std::unique_ptr<ApplianceLog>(new ApplianceLog(std::move(state)));
 }
 

@@ -37,7 +37,7 @@ class NewFolder {
   }
   [[nodiscard]] const fs::path& path() const { return path_; }
   void give_final_name() {
-    if (fs::exists(fs::symlink_status(final_path_))) {
+    if (files_.exists(final_path_)) {
       throw Error("there is a case " + final_path_.string() + " already: try again");
     }
     files_.rename(path_, final_path_);

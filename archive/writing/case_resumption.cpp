@@ -47,9 +47,7 @@ const OpenEntry& CaseWriter::State::check_opening(const CaseEntry& entry, const 
 
 void CaseWriter::State::take_newest_note(std::uint64_t size, const crypto::Sha256Digest& root) {
   const fs::path file = folder / note_path(size);
-  const FileOpening opening = CaseFolder::open(folder).open_file(note_path(size));
-  const std::optional<std::string> note =
-      opening.file ? read_small(*opening.file, kMaximumNoteBytes) : std::nullopt;
+  const auto note = CaseFolder::open(folder, files).read_if_there(note_path(size), kMaximumNoteBytes);
   if (!note) {
     refuse_damaged(folder, file.string() + " cannot be read");
   }
@@ -65,20 +63,20 @@ void CaseWriter::State::take_newest_note(std::uint64_t size, const crypto::Sha25
 }
 
 /// Nothing is written, read or removed through a link that somebody put in the place of a folder.
-void refuse_linked_folders(const fs::path& folder) {
+void refuse_linked_folders(const FileReading& files, const fs::path& folder) {
   std::vector<fs::path> folders;
   for (const std::string_view name :
        {kCheckpointsFolder, kTokensFolder, kSegmentsFolder, kAuthoritiesFolder}) {
     folders.push_back(folder / name);
   }
   for (std::size_t at = 0; at < folders.size(); ++at) {
-    const fs::file_type type = fs::symlink_status(folders[at]).type();
-    if (type == fs::file_type::symlink) {
+    const std::optional<FileStatus> status = files.status(folders[at]);
+    if (status && status->kind == FileStatus::Kind::kLink) {
       refuse_damaged(folder, folders[at].lexically_relative(folder).string() + " is a symbolic link");
     }
-    if (folders[at] == folder / kSegmentsFolder && type == fs::file_type::directory) {
-      for (const fs::directory_entry& stream : fs::directory_iterator(folders[at])) {
-        folders.push_back(stream.path());
+    if (folders[at] == folder / kSegmentsFolder && status && status->kind == FileStatus::Kind::kFolder) {
+      for (const std::string& stream : files.names_in(folders[at])) {
+        folders.push_back(folder / kSegmentsFolder / stream);
       }
     }
   }
@@ -91,21 +89,21 @@ std::unique_ptr<CaseWriter> CaseWriter::resume(FileSystem& files, const fs::path
   auto state = std::make_unique<State>(files, &key, device_name, log, folder.parent_path());
   state->folder = folder;
   state->case_id = folder.filename().string();
-  refuse_linked_folders(folder);
+  refuse_linked_folders(files, folder);
   const crypto::VerifierKey verifier(device_name, key.public_key());
   const std::string device = verifier.to_string();
-  const std::uint64_t newest = newest_note(folder);
+  const std::uint64_t newest = newest_note(folder, files);
   // What is signed here is believed everywhere. Whoever can write to the disk, and has no key, could have cut
   // a case back to an earlier checkpoint, taken its checkpoints away, or put other lines there. So all is
   // read before anything is cut off, and judged again as it is read for good.
   std::optional<CaseAgainstLog> known;
   if (log != nullptr) {
-    known.emplace(state->case_id, log->folder(), verifier);
+    known.emplace(state->case_id, log->folder(), verifier, files);
   }
   std::optional<CaseAgainstLog> known_again = known;
   crypto::MerkleFrontier tree;
   std::optional<crypto::Sha256Digest> root;  // that the newest note must state
-  for_each_whole_line(folder, [&](std::string_view line) {
+  const auto take_first = [&](std::string_view line) {
     if (const EntryParse first = tree.size() == 0 ? parse_case_entry(line) : EntryParse{}; first.entry) {
       static_cast<void>(state->check_opening(*first.entry, device));
     }
@@ -116,7 +114,8 @@ std::unique_ptr<CaseWriter> CaseWriter::resume(FileSystem& files, const fs::path
     if (tree.size() == newest) {
       root = tree.root();
     }
-  });
+  };
+  for_each_whole_line(folder, take_first, files);
   if (const auto problem = known ? known->problem(newest) : std::nullopt) {
     refuse_damaged(folder, *problem);
   }

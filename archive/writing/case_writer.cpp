@@ -56,7 +56,7 @@ std::unique_ptr<SegmentWriter> CaseWriter::begin_segment(std::size_t stream_inde
   }
   const std::string relative = segment_path(stream.info.name, segment_index, stream.info.extension);
   const fs::path path = state_->folder / relative;
-  if (fs::exists(fs::symlink_status(path))) {
+  if (state_->files.exists(path)) {
     throw UsageError("there is a segment " + path.string() + " already: segments are written once");
   }
   return std::make_unique<SegmentWriter>(state_->files, path, relative, stream.recipients);
@@ -71,7 +71,7 @@ void CaseWriter::take_in(SegmentEntry& segment, const fs::path& from) {
     relative += kPartSuffix;
   }
   const fs::path target = state.folder / relative;
-  if (fs::exists(fs::symlink_status(target))) {
+  if (state.files.exists(target)) {
     throw UsageError("there is a segment " + target.string() + " already: segments are written once");
   }
   state.durably([&] {
@@ -92,9 +92,8 @@ void CaseWriter::State::check_segment(const SegmentEntry& segment,
     throw UsageError("segment " + std::to_string(segment.index) + " of " + segment.stream + " must be in " +
                      expected + ", not in " + segment.file.file);
   }
-  std::error_code error;
-  const std::uintmax_t bytes = fs::file_size(folder / expected, error);
-  if (error || bytes != segment.file.bytes) {
+  const std::optional<FileStatus> found = files.status(folder / expected);
+  if (!found || found->kind != FileStatus::Kind::kRegular || found->bytes != segment.file.bytes) {
     throw UsageError((folder / expected).string() +
                      " is not there as the entry would state it: commit it first");
   }
@@ -217,7 +216,7 @@ void CaseWriter::add_token(const StoredCheckpoint& over, const std::string& auth
   state.refuse_unless_writable();
   state.check_authority(authority);
   const fs::path file = state.folder / token_path(over.size, authority);
-  if (fs::exists(fs::symlink_status(file))) {
+  if (state.files.exists(file)) {
     throw UsageError("there is a token " + file.string() +
                      " already: one of each authority for a checkpoint");
   }
@@ -230,9 +229,8 @@ void CaseWriter::adopt_token(std::uint64_t checkpoint, const std::string& author
   State& state = *state_;
   state.refuse_unless_writable();
   state.check_authority(authority);
-  const FileOpening opening = CaseFolder::open(state.folder).open_file(token_path(checkpoint, authority));
-  const std::optional<std::string> response =
-      opening.file ? read_small(*opening.file, kMaximumTokenBytes) : std::nullopt;
+  const auto response = CaseFolder::open(state.folder, state.files)
+                            .read_if_there(token_path(checkpoint, authority), kMaximumTokenBytes);
   if (!response) {
     throw UsageError("there is no token " + token_path(checkpoint, authority) + " in case " + state.case_id);
   }

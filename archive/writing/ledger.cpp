@@ -2,7 +2,7 @@
 
 #include <array>
 #include <cerrno>
-#include <fstream>
+#include <span>
 #include <utility>
 
 #include "archive/format/ledger_entry.h"
@@ -19,7 +19,7 @@ constexpr std::uint64_t kAllocationMargin = kAllocationStep / 4;
 constexpr std::size_t kReadBytes = 1U << 18U;
 
 std::unique_ptr<WritableFile> open_or_create(FileSystem& files, const fs::path& file) {
-  if (fs::exists(file)) {
+  if (files.exists(file)) {
     return files.append_to(file);
   }
   std::unique_ptr<WritableFile> created;
@@ -95,28 +95,28 @@ void Ledger::accept(std::string_view line) {
   }
 }
 
+// Whoever reads has the lock, so that the file does not grow meanwhile. What stands behind its last line is
+// cut off: only once all of it was read.
 void Ledger::read_new_lines() {
-  std::ifstream input(file_, std::ios::binary);
-  input.seekg(static_cast<std::streamoff>(bytes_));
-  if (!input) {
-    throw Error("cannot read " + file_.string() + ": check that it is there and may be read");
-  }
+  const ReadableFile input = files_->open_to_read(file_);
   std::vector<char> buffer(kReadBytes);
   std::string rest;  // of a line that goes on in the next buffer
-  while (input) {
-    input.read(buffer.data(), static_cast<std::streamsize>(buffer.size()));
-    std::string_view piece(buffer.data(), static_cast<std::size_t>(input.gcount()));
+  std::uint64_t read_until = bytes_;
+  while (const std::size_t count =
+             input.read_at(read_until, std::as_writable_bytes(std::span(buffer.data(), buffer.size())))) {
+    read_until += count;
+    std::string_view piece(buffer.data(), count);
     for (std::size_t end = piece.find('\n'); end != std::string_view::npos; end = piece.find('\n')) {
       std::string_view line = piece.substr(0, end);
       if (!rest.empty()) {
         line = rest.append(line);
       }
       if (was_never_flushed(line)) {
-        cut_torn_line(fs::file_size(file_));
+        cut_torn_line(input.size());
         return;
       }
       if (lacks_signature(line)) {
-        unsigned_bytes_ += fs::file_size(file_) - bytes_;
+        unsigned_bytes_ += input.size() - bytes_;
         cut_end();
         return;
       }
@@ -127,18 +127,16 @@ void Ledger::read_new_lines() {
     rest.append(piece);
     if (rest.size() > kMaximumLineBytes) {
       if (was_never_flushed(rest)) {
-        cut_torn_line(fs::file_size(file_));
+        cut_torn_line(input.size());
         return;
       }
       throw Error("line " + std::to_string(tree_.size() + 1) + " of " + file_.string() +
                   " is longer than any entry may be: the file is damaged, verify it before writing to it");
     }
   }
-  if (input.bad()) {
-    throw IoError("read", file_, EIO);
-  }
+  input.require_read_to_end(read_until);
   if (!rest.empty()) {
-    cut_torn_line(bytes_ + rest.size());
+    cut_torn_line(read_until);
   }
 }
 

@@ -163,7 +163,7 @@ std::optional<FileReference> SegmentWriter::salvage() {
     throw Error(state.part.string() + " cannot be salvaged: it was flushed in vain or is done with");
   }
   state.stage = State::Stage::kDone;
-  FileReference reference = measure_file(state.part);
+  FileReference reference = measure_file(state.files, state.part);
   if (reference.bytes <= state.header_bytes) {
     state.file.reset();
     state.files.remove(state.part);

@@ -1,5 +1,6 @@
 // One short case, written call by call; at every file system call the program dies, the power fails, or the
-// call fails and the program gives up. Then the next start recovers, and the case must verify.
+// call fails and the program gives up. Then the next start recovers, and the case must verify. The same for
+// what recovery and erasing read.
 #include <array>
 #include <cerrno>
 #include <fstream>
@@ -13,6 +14,7 @@
 #include "archive/upkeep/recovery.h"
 #include "archive/upkeep/retention.h"
 #include "tests/fault/fault_step.h"
+#include "tests/support/case_kit.h"
 #include "tests/support/fault_file_system.h"
 #include "tests/support/sample_case.h"
 
@@ -288,6 +290,146 @@ TEST(RetentionFault, AtEveryCallOfErasingIsRecoveredFrom) {
     }
   }
   std::cout << points << " points\n";
+}
+
+/// What of a case must not depend on how often its recovery was hindered: its segments, its tokens, its end.
+std::vector<std::string> substance_of(const SampleArchive& archive) {
+  std::vector<std::string> substance;
+  for (const fs::path& folder : cases_in(archive)) {
+    for (const CaseEntry& entry : test::entries_of(folder)) {
+      if (const auto* segment = std::get_if<SegmentEntry>(&entry.body)) {
+        substance.push_back(segment->file.file + " " + std::to_string(segment->file.bytes));
+      } else if (const auto* token = std::get_if<TokenEntry>(&entry.body)) {
+        substance.push_back("token of " + token->authority + (token->checkpoint == 0 ? " over nothing" : ""));
+      } else if (const auto* close = std::get_if<CloseEntry>(&entry.body)) {
+        substance.push_back("close " + close->reason);
+      } else if (const auto* erased = std::get_if<ErasedEntry>(&entry.body)) {
+        substance.push_back("erased " + erased->stream + " " + std::to_string(erased->first_index) + " " +
+                            std::to_string(erased->last_index));
+      }
+    }
+  }
+  return substance;
+}
+
+std::string name_of(FaultFileSystem::ReadFault fault) {
+  constexpr std::array<const char*, 3> kNames{"fails", "gives half", "ends early"};
+  return kNames.at(static_cast<std::size_t>(fault));
+}
+
+constexpr std::array kReadFaults{FaultFileSystem::ReadFault::kFails, FaultFileSystem::ReadFault::kHalf,
+                                 FaultFileSystem::ReadFault::kEndsEarly};
+
+/// A disk that cannot be read for a moment: either recovery comes to the same end as on a good one, or it
+/// says what it could not read, and the next start comes to that end. Nothing is lost or judged by it.
+TEST(RecoveryFault, AtEveryReadOfRecoveryNothingIsLostOrMisjudged) {
+  SampleArchive archive;
+  const std::size_t calls = calls_of_the_story(archive);
+  std::size_t points = 0, told = 0;
+  // The story is cut off between a token and its entry, within segments, and behind its close.
+  for (const std::size_t before_its_end : {95U, 40U, 18U, 6U}) {
+    const auto die = [&] {
+      archive.clear();
+      FaultFileSystem files(archive.folder());
+      files.kill_at(calls - before_its_end);
+      EXPECT_THROW(record(files, archive), test::Killed);
+    };
+    die();
+    recover(real_file_system(), archive);
+    const std::vector<std::string> wanted = substance_of(archive);
+    for (const FaultFileSystem::ReadFault fault : kReadFaults) {
+      constexpr std::size_t kUsualStep = 5;  // of recovery's reads
+      for (std::size_t at = 0;; at += test::fault_step(kUsualStep)) {
+        die();
+        FaultFileSystem files(archive.folder());
+        files.fail_reading("", fault, at, 1);
+        bool is_told = false;
+        std::string what = name_of(fault) + " at read " + std::to_string(at);
+        try {
+          for (const CaseRecovery& recovery : recover(files, archive)) {
+            is_told = is_told || !recovery.problem.empty();
+            what += ": " + recovery.problem;
+          }
+        } catch (const kiroku::Error& error) {
+          is_told = true;
+          what += std::string(": ") + error.what();
+        }
+        if (files.faults_played() == 0) {
+          break;
+        }
+        ++points;
+        told += is_told ? 1U : 0U;
+        EXPECT_TRUE(!is_told || fault != FaultFileSystem::ReadFault::kHalf) << what;
+        if (!is_told) {
+          EXPECT_EQ(substance_of(archive), wanted) << what;
+        }
+        for (const CaseRecovery& recovery : recover(real_file_system(), archive)) {
+          EXPECT_EQ(recovery.problem, "") << what;
+        }
+        EXPECT_EQ(substance_of(archive), wanted) << what;
+        EXPECT_THAT(broken(archive), testing::IsEmpty()) << what;
+        ASSERT_FALSE(testing::Test::HasFailure()) << what;
+      }
+    }
+  }
+  EXPECT_GT(told, 0U);
+  std::cout << points << " points, of which " << told << " were told\n";
+}
+
+/// The same of an erasure: it is done, or said to have failed and can be asked for again.
+TEST(RetentionFault, AtEveryReadOfErasingNothingElseIsLostOrMisjudged) {
+  SampleArchive archive;
+  const auto erase = [&](FileSystem& on) {
+    archive.now_ns = 100 * kSecond;
+    const auto log = ApplianceLog::open(on, archive.log_folder(), archive.key(), SampleArchive::kDeviceName);
+    RetentionOptions options;
+    options.key = &archive.key();
+    options.device_name = SampleArchive::kDeviceName;
+    options.log = log.get();
+    options.stamp = stamper_of(archive);
+    options.now = [&archive] { return archive.now().utc; };
+    return erase_stream(on, options, cases_in(archive).at(0), "endoscope", "30 days");
+  };
+  std::size_t points = 0, told = 0;
+  for (const FaultFileSystem::ReadFault fault : kReadFaults) {
+    constexpr std::size_t kUsualStep = 3;  // of its reads
+    for (std::size_t at = 0;; at += test::fault_step(kUsualStep)) {
+      archive.clear();
+      const fs::path folder = SampleCase::write(archive);
+      FaultFileSystem files(archive.folder());
+      files.fail_reading("", fault, at, 1);
+      std::string what = name_of(fault) + " at read " + std::to_string(at);
+      bool is_told = false;
+      try {
+        erase(files);
+      } catch (const kiroku::Error& error) {
+        is_told = true;
+        what += std::string(": ") + error.what();
+      }
+      if (files.faults_played() == 0) {
+        break;
+      }
+      ++points;
+      told += is_told ? 1U : 0U;
+      EXPECT_TRUE(!is_told || fault != FaultFileSystem::ReadFault::kHalf) << what;
+      EXPECT_TRUE(is_told || fs::is_empty(folder / "segments/endoscope")) << what;
+      for (const CaseRecovery& recovery : recover(real_file_system(), archive)) {
+        EXPECT_THAT(recovery.problem,
+                    testing::AnyOf("", testing::HasSubstr("an erasure that nobody had signed")))
+            << what;
+      }
+      EXPECT_THAT(broken(archive), testing::IsEmpty()) << what;
+      const bool stated = text_in(folder / kLedgerFile).find(R"("type":"erased")") != std::string::npos;
+      EXPECT_EQ(fs::is_empty(folder / "segments/endoscope"), stated) << what;
+      EXPECT_FALSE(fs::is_empty(folder / "segments/vitals")) << what;
+      erase(real_file_system());
+      EXPECT_TRUE(fs::is_empty(folder / "segments/endoscope")) << what;
+      EXPECT_THAT(broken(archive), testing::IsEmpty()) << what << ", erased again";
+      ASSERT_FALSE(testing::Test::HasFailure()) << what;
+    }
+  }
+  EXPECT_GT(told, 0U);
+  std::cout << points << " points, of which " << told << " were told\n";
 }
 
 }  // namespace

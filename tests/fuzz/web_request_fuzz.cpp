@@ -5,8 +5,8 @@
 #include <cstdlib>
 #include <string_view>
 
-#include "base/http_head.h"
 #include "crypto/utf8.h"
+#include "http/http_head.h"
 #include "viewer/http/http_fields.h"
 
 namespace {

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <atomic>
+#include <cerrno>
 #include <fstream>
 #include <sstream>
 #include <utility>
@@ -138,8 +139,89 @@ void FaultFileSystem::kill_at(std::size_t at) {
 void FaultFileSystem::heal() {
   const std::lock_guard lock(mutex_);
   failures_left_ = 0;
+  reads_.failures_left = 0;
   calls_until_kill_.reset();
   killed_ = false;
+}
+
+std::vector<std::string> FaultFileSystem::reads() const {
+  const std::lock_guard lock(mutex_);
+  return reads_.calls;
+}
+
+void FaultFileSystem::forget_reads() {
+  const std::lock_guard lock(mutex_);
+  reads_.calls.clear();
+}
+
+void FaultFileSystem::fail_reading(std::string prefix, ReadFault fault, std::size_t spared,
+                                   std::size_t times) {
+  const std::lock_guard lock(mutex_);
+  reads_.failing_prefix = std::move(prefix);
+  reads_.fault = fault;
+  reads_.spared = spared;
+  reads_.failures_left = times;
+  reads_.played = 0;
+}
+
+std::size_t FaultFileSystem::faults_played() const {
+  const std::lock_guard lock(mutex_);
+  return reads_.played;
+}
+
+std::optional<FaultFileSystem::ReadFault> FaultFileSystem::enter_reading(const std::string& call) const {
+  const std::lock_guard lock(mutex_);
+  reads_.calls.push_back(call);
+  if (reads_.failures_left == 0 || !call.starts_with(reads_.failing_prefix)) {
+    return std::nullopt;
+  }
+  if (reads_.spared > 0) {
+    --reads_.spared;
+    return std::nullopt;
+  }
+  --reads_.failures_left;
+  ++reads_.played;
+  return reads_.fault;
+}
+
+int FaultFileSystem::open_at(int folder, const std::string& name, int flags, const fs::path& path) const {
+  if (enter_reading("open " + relative(path)) == ReadFault::kFails) {
+    errno = EIO;
+    return -1;
+  }
+  return FileReading::open_at(folder, name, flags, path);
+}
+
+ssize_t FaultFileSystem::read_at(int descriptor, std::uint64_t offset, std::span<std::byte> into,
+                                 const fs::path& path) const {
+  const std::optional<ReadFault> fault = enter_reading(
+      "read " + relative(path) + " " + std::to_string(offset) + " " + std::to_string(into.size()));
+  if (fault == ReadFault::kFails) {
+    errno = EIO;
+    return -1;
+  }
+  if (fault == ReadFault::kEndsEarly) {
+    return 0;
+  }
+  const std::size_t asked = fault == ReadFault::kHalf ? (into.size() + 1) / 2 : into.size();
+  return FileReading::read_at(descriptor, offset, into.first(asked), path);
+}
+
+int FaultFileSystem::status_at(int folder, const std::string& name, struct stat& status,
+                               const fs::path& path) const {
+  if (enter_reading("examine " + relative(path)) == ReadFault::kFails) {
+    errno = EIO;
+    return -1;
+  }
+  return FileReading::status_at(folder, name, status, path);
+}
+
+const dirent* FaultFileSystem::next_name(DIR* folder, const fs::path& path) const {
+  if (enter_reading("list " + relative(path)) == ReadFault::kFails) {
+    errno = EIO;
+    return nullptr;
+  }
+  return FileReading::next_name(folder, path);
 }
 
 FaultFileSystem::Outcome FaultFileSystem::enter(const std::string& call) {

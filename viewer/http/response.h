@@ -2,46 +2,25 @@
 #pragma once
 
 #include <cstdint>
-#include <filesystem>
 #include <functional>
 #include <memory>
 #include <optional>
-#include <span>
 #include <string>
 #include <string_view>
 #include <utility>
-#include <variant>
 #include <vector>
 
 #include <nlohmann/json_fwd.hpp>
 
 #include "base/bytes.h"
-#include "base/descriptor.h"
+#include "http/message.h"
 
 namespace kiroku::viewer {
 
-/// Part of some bytes in memory.
-struct BytesBody {
-  std::shared_ptr<const Bytes> bytes;
-  std::uint64_t offset = 0, size = 0;
-};
-/// Part of an open file.
-struct FileBody {
-  std::shared_ptr<const Descriptor> file;
-  std::uint64_t offset = 0, size = 0;
-};
-
-/// Part of something that is read as the client takes it: `read` fills all of `into` with what lies from
-/// `offset` on, called by one thread at a time. What it throws cuts the connection.
-struct ReadBody {
-  std::function<void(std::uint64_t offset, std::span<std::byte> into)> read;
-  std::uint64_t offset = 0, size = 0;
-};
-
-/// A body whose size is not known before: called by one thread at a time, each time the client has taken what
-/// came before. Puts more into the empty `into` and returns true, or returns false at the end. What it throws
-/// cuts the connection, so that the client knows that something is missing.
-using StreamBody = std::function<bool(Bytes& into)>;
+using http::BytesBody;
+using http::FileBody;
+using http::ReadBody;
+using http::StreamBody;
 
 struct Response;
 
@@ -61,7 +40,7 @@ struct Response {
   std::string cache = "no-store";
   /// A strong entity tag with its quotes, or none. With one, If-None-Match is answered by the server.
   std::string entity_tag;
-  std::variant<std::string, BytesBody, FileBody, ReadBody, StreamBody> body;
+  http::Body body;
   /// Where it is there, this is no answer yet, and nothing else of it counts.
   std::optional<CostlyAnswer> costly;
 

@@ -1,14 +1,11 @@
 #include "viewer/server/web_server.h"
 
 #include <algorithm>
-#include <array>
-#include <charconv>
 #include <deque>
 #include <map>
 #include <mutex>
 #include <optional>
 #include <thread>
-#include <unistd.h>
 #include <utility>  // Boost 1.74 forgets it before its awaitable
 #include <vector>
 
@@ -20,11 +17,12 @@
 
 #include "base/ascii.h"
 #include "base/connection_places.h"
-#include "base/error.h"
-#include "base/http_chunks.h"
-#include "base/http_head.h"
 #include "base/listen_address.h"
 #include "base/network_address.h"
+#include "http/connections.h"
+#include "http/exchange.h"
+#include "http/http_chunks.h"
+#include "http/server_tls.h"
 #include "viewer/server/web_socket.h"
 
 namespace kiroku::viewer {
@@ -32,7 +30,6 @@ namespace {
 
 namespace asio = boost::asio;
 namespace beast = boost::beast;
-namespace http = beast::http;
 using asio::ip::tcp;
 using boost::system::error_code;
 
@@ -40,13 +37,9 @@ constexpr std::uint16_t kExamplePort = 8443;
 constexpr std::size_t kIoThreads = 2;
 /// More than wait for programs behind the viewer (viewer/server/workplace_link.cpp).
 constexpr std::size_t kFewestWorkers = 24;
-constexpr std::size_t kReadUnit = 4U << 10;
-/// What a client must take within the write limit.
-constexpr std::size_t kWriteUnit = 256U << 10;
 /// No route takes more.
 constexpr std::uint64_t kLargestBody = 16U << 20;
 constexpr int kInnerBuffer = 32 << 10;
-constexpr std::chrono::milliseconds kAcceptPause{100};
 constexpr std::chrono::seconds kFarewell{2};
 /// When whoever was refused for what it costs may come again.
 constexpr std::chrono::seconds kCostlyRetry{3};
@@ -66,8 +59,18 @@ struct ZeroisingAllocator {
   bool operator==(const ZeroisingAllocator& /*other*/) const { return true; }
 };
 using Buffer = beast::basic_flat_buffer<ZeroisingAllocator<char>>;
-using Body = http::basic_string_body<char, std::char_traits<char>, ZeroisingAllocator<char>>;
-using Parser = http::request_parser<Body>;
+using Body = beast::http::basic_string_body<char, std::char_traits<char>, ZeroisingAllocator<char>>;
+using Parser = beast::http::request_parser<Body>;
+
+/// What is sent before the body.
+http::Fields fields_of(const Response& response) {
+  http::Fields fields;
+  if (!response.type.empty()) fields.emplace_back("Content-Type", response.type);
+  if (!response.cache.empty()) fields.emplace_back("Cache-Control", response.cache);
+  if (!response.entity_tag.empty()) fields.emplace_back("ETag", response.entity_tag);
+  fields.insert(fields.end(), response.headers.begin(), response.headers.end());
+  return fields;
+}
 
 RequestHead head_of(const Parser& parser, const std::string& peer) {
   const auto& message = parser.get();
@@ -82,94 +85,6 @@ RequestHead head_of(const Parser& parser, const std::string& peer) {
   }
   return head;
 }
-
-/// Status line and fields. A value with a line break in it would be a second header: std::invalid_argument.
-std::string head_text(const Response& response, std::optional<std::uint64_t> size, bool keep_alive) {
-  std::string out = "HTTP/1.1 " + std::to_string(response.status) + " " +
-                    std::string(http::obsolete_reason(http::int_to_status(unsigned(response.status)))) +
-                    "\r\n";
-  const auto add = [&out](std::string_view name, std::string_view value) {
-    if (value.find_first_of(std::string_view("\r\n\0", 3)) != std::string_view::npos) {
-      throw std::invalid_argument("a line break in the header " + std::string(name));
-    }
-    out.append(name).append(": ").append(value).append("\r\n");
-  };
-  if (!response.type.empty()) add("Content-Type", response.type);
-  if (!response.cache.empty()) add("Cache-Control", response.cache);
-  if (!response.entity_tag.empty()) add("ETag", response.entity_tag);
-  for (const auto& [name, value] : response.headers) add(name, value);
-  if (response.status != 204 && response.status != 304) {
-    if (size) {
-      add("Content-Length", std::to_string(*size));
-    } else {
-      add("Transfer-Encoding", "chunked");
-    }
-  }
-  add("Connection", keep_alive ? "keep-alive" : "close");
-  return out + "\r\n";
-}
-
-/// A body in units, as the client takes them.
-class BodyReader {
- public:
-  explicit BodyReader(const Response& response) : body_(response.body) {}
-
-  [[nodiscard]] std::optional<std::uint64_t> size() const {
-    if (const auto* text = std::get_if<std::string>(&body_)) return text->size();
-    if (const auto* bytes = std::get_if<BytesBody>(&body_)) return bytes->size;
-    if (const auto* file = std::get_if<FileBody>(&body_)) return file->size;
-    if (const auto* read = std::get_if<ReadBody>(&body_)) return read->size;
-    return {};
-  }
-  /// Whether next() computes or reads files: then it is called where that may block.
-  [[nodiscard]] bool may_block() const {
-    return std::holds_alternative<FileBody>(body_) || std::holds_alternative<ReadBody>(body_) ||
-           std::holds_alternative<StreamBody>(body_);
-  }
-  /// What comes next, valid until the next call; empty at the end.
-  ByteView next() {
-    if (const auto* stream = std::get_if<StreamBody>(&body_)) {
-      buffer_.clear();
-      while (buffer_.empty()) {
-        if (!(*stream)(buffer_)) return {};
-      }
-      return buffer_;
-    }
-    const std::uint64_t left = *size() - done_;
-    const auto count = static_cast<std::size_t>(std::min<std::uint64_t>(left, kWriteUnit));
-    ByteView out;
-    if (const auto* text = std::get_if<std::string>(&body_)) {
-      out = bytes_of(std::string_view(*text).substr(done_, count));
-    } else if (const auto* bytes = std::get_if<BytesBody>(&body_)) {
-      out = ByteView(*bytes->bytes).subspan(static_cast<std::size_t>(bytes->offset + done_), count);
-    } else if (const auto* read = std::get_if<ReadBody>(&body_)) {
-      buffer_.resize(count);
-      read->read(read->offset + done_, buffer_);
-      out = buffer_;
-    } else {
-      out = read_file(std::get<FileBody>(body_), count);
-    }
-    done_ += count;
-    return out;
-  }
-
- private:
-  ByteView read_file(const FileBody& file, std::size_t count) {
-    buffer_.resize(count);
-    std::size_t got = 0;
-    while (got < count) {
-      const ssize_t read = ::pread(file.file->number(), buffer_.data() + got, count - got,
-                                   static_cast<off_t>(file.offset + done_ + got));
-      if (read <= 0) throw Error("a file became shorter while it was sent");
-      got += static_cast<std::size_t>(read);
-    }
-    return buffer_;
-  }
-
-  const std::variant<std::string, BytesBody, FileBody, ReadBody, StreamBody>& body_;
-  std::size_t done_ = 0;
-  Bytes buffer_;
-};
 
 /// How many answers of each person are being made; whoever has as many as may be waits, without a thread.
 /// Thread-safe.
@@ -267,23 +182,28 @@ struct WebServer::State {
         acceptor(asio::make_strand(context)),
         inner_acceptor(asio::make_strand(context)) {
     if (!options.listen.empty()) {
-      prepare_tls();
-      listen();
-      asio::co_spawn(acceptor.get_executor(), accept(), asio::detached);
+      const ListenAddress address = parse_listen_address(options.listen, kExamplePort);
+      tls.emplace(http::server_tls(options.certificate_pem, options.key_pem.bytes()));
+      http::listen_on(acceptor, address, "; name another address with --listen");
+      local = acceptor.local_endpoint();
+      const auto hello = [this](tcp::socket socket) { welcome(std::move(socket)); };
+      asio::co_spawn(acceptor.get_executor(), http::accept_all(acceptor, context, hello), asio::detached);
     }
     if (options.inner_door) {
       inner_acceptor.assign(asio::local::stream_protocol(), options.inner_door->take_listener().release());
-      asio::co_spawn(inner_acceptor.get_executor(), accept_at_inner_door(*of_inner_door), asio::detached);
+      const auto hello = [this, of_inner_door](asio::local::stream_protocol::socket socket) {
+        welcome_at_inner_door(std::move(socket), *of_inner_door);
+      };
+      asio::co_spawn(inner_acceptor.get_executor(), http::accept_all(inner_acceptor, context, hello),
+                     asio::detached);
     }
-    for (std::size_t i = 0; i < kIoThreads; ++i) {
-      threads.emplace_back([this] { run(); });
-    }
+    threads.emplace(context, kIoThreads);
   }
   ~State() {
     context.stop();
     shares.close();
     quick_shares.close();
-    for (std::thread& thread : threads) thread.join();
+    threads->stop();
     workers.join();
     costly.stop();
     // Whoever still sends finds no executor any more.
@@ -292,125 +212,30 @@ struct WebServer::State {
   State(const State&) = delete;
   State& operator=(const State&) = delete;
 
-  void run() {
-    while (true) {
-      try {
-        context.run();
-        return;
-      } catch (const std::exception&) {
-        // A connection that fails (out of memory) ends by itself, never the others.
-        continue;
-      }
-    }
-  }
-
-  void prepare_tls() {
-    try {
-      tls.use_certificate_chain(asio::buffer(options.certificate_pem));
-      tls.use_private_key(asio::buffer(options.key_pem.bytes().data(), options.key_pem.size()),
-                          asio::ssl::context::pem);
-    } catch (const boost::system::system_error& error) {
-      throw UsageError("cannot use the certificate or its key: " + error.code().message() +
-                       "; both must be PEM, belong together, and the key have no passphrase");
-    }
-    SSL_CTX* const native = tls.native_handle();
-    SSL_CTX_set_min_proto_version(native, TLS1_2_VERSION);
-    SSL_CTX_set_cipher_list(native, "ECDHE+AESGCM:ECDHE+CHACHA20");
-    SSL_CTX_set_options(native, SSL_OP_NO_RENEGOTIATION | SSL_OP_NO_COMPRESSION |
-                                    SSL_OP_CIPHER_SERVER_PREFERENCE | SSL_OP_NO_TICKET |
-                                    SSL_OP_CLEANSE_PLAINTEXT);
-    SSL_CTX_set_session_cache_mode(native, SSL_SESS_CACHE_OFF);
-    SSL_CTX_set_mode(native, SSL_MODE_RELEASE_BUFFERS);
-  }
-
-  void listen() {
-    const ListenAddress address = parse_listen_address(options.listen, kExamplePort);
-    const tcp::endpoint endpoint(asio::ip::make_address(address.host), address.port);
-    error_code error;
-    acceptor.open(endpoint.protocol(), error);
-    if (!error) acceptor.set_option(asio::socket_base::reuse_address(true), error);
-    if (!error) acceptor.bind(endpoint, error);
-    if (!error) acceptor.listen(asio::socket_base::max_listen_connections, error);
-    if (error) {
-      throw Error("cannot listen on " + options.listen + ": " + error.message() +
-                  "; name another address with --listen");
-    }
-    local = acceptor.local_endpoint();
-  }
-
-  asio::awaitable<void> accept() {
-    asio::steady_timer pause(acceptor.get_executor());
-    for (;;) {
-      error_code failed;
-      tcp::socket socket = co_await acceptor.async_accept(asio::make_strand(context),
-                                                          asio::redirect_error(asio::use_awaitable, failed));
-      if (failed) {
-        // Out of descriptors, say: asking again at once would spin.
-        pause.expires_after(kAcceptPause);
-        co_await pause.async_wait(asio::redirect_error(asio::use_awaitable, failed));
-        continue;
-      }
-      const tcp::endpoint peer = socket.remote_endpoint(failed);
-      if (failed) continue;
-      // One that cannot be served (out of memory) is let go; the next ones are accepted all the same.
-      try {
-        socket.set_option(tcp::no_delay(true), failed);
-        welcome(std::move(socket), peer.address().to_string());
-      } catch (const std::exception&) {
-        continue;
-      }
-    }
-  }
-
   /// Whoever is not this very user, or root, is let go before it said a word.
-  asio::awaitable<void> accept_at_inner_door(const Dispatcher& answers) {
-    asio::steady_timer pause(inner_acceptor.get_executor());
-    for (;;) {
-      error_code failed;
-      asio::local::stream_protocol::socket socket = co_await inner_acceptor.async_accept(
-          asio::make_strand(context), asio::redirect_error(asio::use_awaitable, failed));
-      if (failed) {
-        pause.expires_after(kAcceptPause);
-        co_await pause.async_wait(asio::redirect_error(asio::use_awaitable, failed));
-        continue;
-      }
-      if (!is_of_this_user(socket.native_handle())) continue;
-      // What lies in it the viewer has not taken: pictures would grow old there (SocketOutput::waiting()).
-      socket.set_option(asio::socket_base::send_buffer_size(kInnerBuffer), failed);
-      try {
-        const auto executor = socket.get_executor();
-        const auto stream = std::make_shared<LocalStream>(std::move(socket));
-        auto place = enter(inner_places, "viewer", stream, executor);
-        if (place)
-          asio::co_spawn(executor, serve_at_inner_door(stream, answers, std::move(place)), asio::detached);
-      } catch (const std::exception&) {
-        continue;
-      }
+  void welcome_at_inner_door(asio::local::stream_protocol::socket socket, const Dispatcher& answers) {
+    if (!is_of_this_user(socket.native_handle())) return;
+    // What lies in it the viewer has not taken: pictures would grow old there (SocketOutput::waiting()).
+    error_code ignored;
+    socket.set_option(asio::socket_base::send_buffer_size(kInnerBuffer), ignored);
+    const auto executor = socket.get_executor();
+    const auto stream = std::make_shared<LocalStream>(std::move(socket));
+    auto place = http::take_place(inner_places, "viewer", stream, executor);
+    if (place) {
+      asio::co_spawn(executor, serve_at_inner_door(stream, answers, std::move(place)), asio::detached);
     }
   }
 
   /// Serves it if there is a place for it; else it is let go, and may come again.
-  void welcome(tcp::socket socket, const std::string& peer) {
+  void welcome(tcp::socket socket) {
+    error_code failed;
+    const std::string peer = socket.remote_endpoint(failed).address().to_string();
+    if (failed) return;
+    socket.set_option(tcp::no_delay(true), failed);
     const auto executor = socket.get_executor();
-    const auto stream = std::make_shared<TlsStream>(beast::tcp_stream(std::move(socket)), tls);
-    auto place = enter(places, address_holder(peer), stream, executor);
+    const auto stream = std::make_shared<TlsStream>(beast::tcp_stream(std::move(socket)), *tls);
+    auto place = http::take_place(places, address_holder(peer), stream, executor);
     if (place) asio::co_spawn(executor, serve(stream, peer, std::move(place)), asio::detached);
-  }
-
-  template <typename Stream, typename Executor>
-  static std::unique_ptr<ConnectionPlaces::Place> enter(ConnectionPlaces& places, const std::string& holder,
-                                                        const std::shared_ptr<Stream>& stream,
-                                                        const Executor& executor) {
-    return places.enter(holder, [leaving = std::weak_ptr<Stream>(stream), executor] {
-      asio::post(executor, [leaving] {
-        if (const auto open = leaving.lock()) beast::get_lowest_layer(*open).close();
-      });
-    });
-  }
-
-  template <typename Stream>
-  static void allow(Stream& stream, std::chrono::milliseconds limit) {
-    beast::get_lowest_layer(stream).expires_after(limit);
   }
 
   asio::awaitable<void> serve_at_inner_door(std::shared_ptr<LocalStream> stream, const Dispatcher& answers,
@@ -425,7 +250,7 @@ struct WebServer::State {
   asio::awaitable<void> serve(std::shared_ptr<TlsStream> stream, std::string peer,
                               std::unique_ptr<ConnectionPlaces::Place> place) {
     error_code failed;
-    allow(*stream, options.limits.handshake);
+    http::allow(*stream, options.limits.handshake);
     co_await stream->async_handshake(asio::ssl::stream_base::server,
                                      asio::redirect_error(asio::use_awaitable, failed));
     if (failed) co_return;
@@ -433,28 +258,9 @@ struct WebServer::State {
     while (co_await serve_one(*stream, dispatcher, buffer, peer, *place)) {
       place->set_busy(false);
     }
-    allow(*stream, kFarewell);
+    http::allow(*stream, kFarewell);
     co_await stream->async_shutdown(asio::redirect_error(asio::use_awaitable, failed));
     place.reset();
-  }
-
-  /// Reads on until the buffer begins with a whole head, and returns its size: 0 where the connection ended
-  /// before, more than the limit where it has no end within that. Nothing is taken out of the buffer.
-  template <typename Stream>
-  asio::awaitable<std::size_t> read_head(Stream& stream, Buffer& buffer) const {
-    std::size_t searched = 0;
-    for (;;) {
-      const std::string_view text(static_cast<const char*>(buffer.data().data()), buffer.size());
-      const std::size_t end = text.find(kEndOfHttpHead, searched);
-      if (end != std::string_view::npos) co_return end + kEndOfHttpHead.size();
-      if (text.size() > options.limits.header_bytes) co_return text.size();
-      searched = text.size() - std::min(text.size(), kEndOfHttpHead.size() - 1);
-      error_code failed;
-      const std::size_t count = co_await stream.async_read_some(
-          buffer.prepare(kReadUnit), asio::redirect_error(asio::use_awaitable, failed));
-      if (failed) co_return 0;
-      buffer.commit(count);
-    }
   }
 
   /// One request and its answer; false when the connection is over.
@@ -467,34 +273,22 @@ struct WebServer::State {
     parser.on_chunk_header(extensions);
     parser.header_limit(options.limits.header_bytes);
     parser.body_limit(kLargestBody);
-    allow(stream, options.limits.header);
-    const std::size_t head_bytes = co_await read_head(stream, buffer);
-    if (head_bytes == 0) co_return false;
-    if (head_bytes > options.limits.header_bytes) {
-      co_await send(stream, Dispatcher::refuse(431, "the header is too large"), false, false);
-      co_return false;
-    }
-    const std::string_view why =
-        http_head_problem({static_cast<const char*>(buffer.data().data()), head_bytes});
-    if (!why.empty()) {
-      co_await send(stream, Dispatcher::refuse(400, std::string(why)), false, false);
-      co_return false;
-    }
-    co_await http::async_read_header(stream, buffer, parser,
-                                     asio::redirect_error(asio::use_awaitable, failed));
-    if (failed == http::error::body_limit) {
-      co_await send(stream, Dispatcher::refuse(413, "the body is too large"), false, false);
-      co_return false;
-    }
+    http::allow(stream, options.limits.header);
+    const http::HeadOutcome outcome = co_await http::read_head(stream, buffer, options.limits.header_bytes);
+    if (outcome.is_gone) co_return false;
+    if (outcome.refusal) co_return co_await refuse(stream, *outcome.refusal, false);
+    co_await beast::http::async_read_header(stream, buffer, parser,
+                                            asio::redirect_error(asio::use_awaitable, failed));
     if (failed) {
-      co_await send(stream, Dispatcher::refuse(400, "this is not HTTP"), false, false);
-      co_return false;
+      const std::optional<http::Refusal> refusal = http::refusal_of(failed);
+      if (!refusal) co_return false;
+      co_return co_await refuse(stream, *refusal, false);
     }
     if (parser.get().version() != 11) {
       co_await send(stream, Dispatcher::refuse(505, "this server speaks HTTP/1.1"), false, false);
       co_return false;
     }
-    const bool is_head = parser.get().method() == http::verb::head;
+    const bool is_head = parser.get().method() == beast::http::verb::head;
     const bool keep_alive = parser.get().keep_alive();
     const bool has_body = parser.chunked() || parser.content_length().value_or(0) > 0;
     RequestHead head = head_of(parser, peer);
@@ -525,23 +319,18 @@ struct WebServer::State {
       co_return false;
     }
     parser.body_limit(admission.body_limit);
-    allow(stream, options.limits.body);
-    if (has_body && beast::iequals(parser.get()[http::field::expect], "100-continue")) {
-      co_await asio::async_write(stream, asio::buffer(std::string_view("HTTP/1.1 100 Continue\r\n\r\n")),
-                                 asio::redirect_error(asio::use_awaitable, failed));
-      if (failed) co_return false;
-    }
-    co_await http::async_read(stream, buffer, parser, asio::redirect_error(asio::use_awaitable, failed));
-    if (failed == http::error::body_limit) {
-      co_await send(stream, Dispatcher::refuse(413, "the body is too large"), is_head, false);
+    http::allow(stream, options.limits.body);
+    if (has_body && beast::iequals(parser.get()[beast::http::field::expect], "100-continue") &&
+        !co_await http::send_continue(stream)) {
       co_return false;
     }
-    if (failed == http::error::bad_chunk_extension) {
-      co_await send(stream, Dispatcher::refuse(400, "chunks with extensions are not known here"), is_head,
-                    false);
-      co_return false;
+    co_await beast::http::async_read(stream, buffer, parser,
+                                     asio::redirect_error(asio::use_awaitable, failed));
+    if (failed) {
+      const std::optional<http::Refusal> refusal = http::refusal_of(failed);
+      if (!refusal) co_return false;
+      co_return co_await refuse(stream, *refusal, is_head);
     }
-    if (failed) co_return false;
     const auto& body = parser.get().body();
     admission.request.body.assign(body.data(), body.size());
     beast::get_lowest_layer(stream).expires_never();
@@ -629,45 +418,21 @@ struct WebServer::State {
   template <typename Stream>
   asio::awaitable<bool> send(Stream& stream, const Response& response, bool is_head, bool keep_alive,
                              const Dispatcher::Admission* admission = nullptr) {
-    BodyReader reader(response);
-    const std::optional<std::uint64_t> size = reader.size();
-    std::string before = head_text(response, size, keep_alive);
-    bool is_last = is_head || response.status == 204 || response.status == 304;
-    bool is_first = true;
-    std::uint64_t sent = 0;
-    std::chrono::duration<double> waited{0};
-    error_code failed;
-    do {
-      ByteView unit;
-      // What is short has been made already, and may be the answer to signing out.
-      if (!is_last && !is_first && reader.may_block() && !may_go_on(admission)) co_return false;
-      is_first = false;
-      if (!is_last) {
-        if (reader.may_block()) {
-          unit = co_await on_worker([&] { return reader.next(); });
-        } else {
-          unit = reader.next();
-        }
-        is_last = unit.empty();
-      }
-      std::string_view after;
-      if (!size && !is_head) {
-        std::array<char, 16> hex{};
-        const auto [end, error] = std::to_chars(hex.begin(), hex.end(), unit.size(), 16);
-        before.append(hex.begin(), end).append("\r\n");
-        after = "\r\n";
-      }
-      const std::array<asio::const_buffer, 3> parts{
-          asio::buffer(before), asio::buffer(unit.data(), unit.size()), asio::buffer(after)};
-      allow(stream, options.limits.write);
-      const auto begin = std::chrono::steady_clock::now();
-      co_await asio::async_write(stream, parts, asio::redirect_error(asio::use_awaitable, failed));
-      waited += std::chrono::steady_clock::now() - begin;
-      sent += unit.size();
-      if (reader.may_block() && is_too_slow(sent, waited)) co_return false;
-      before.clear();
-    } while (!failed && !is_last);
-    co_return !failed;
+    const http::Sending how{is_head, keep_alive, options.limits.write,
+                            [this, admission](std::uint64_t sent, std::chrono::duration<double> waited) {
+                              return !is_too_slow(sent, waited) && may_go_on(admission);
+                            }};
+    const http::Fields fields = fields_of(response);
+    co_return co_await http::send(stream, response.status, fields, response.body, how,
+                                  [this](auto work) { return on_worker(work); });
+  }
+
+  /// After what cannot be made sense of, or is too much, nothing more is read.
+  template <typename Stream>
+  asio::awaitable<bool> refuse(Stream& stream, const http::Refusal& refusal, bool is_head) {
+    const Response response = Dispatcher::refuse(refusal.status, refusal.why);
+    co_await send(stream, response, is_head, false);
+    co_return false;
   }
 
   const WebServerOptions options;
@@ -677,12 +442,12 @@ struct WebServer::State {
   OpenSockets sockets;
   CostlyWork costly;
   asio::thread_pool workers;
-  asio::ssl::context tls{asio::ssl::context::tls_server};
+  std::optional<asio::ssl::context> tls;
   asio::io_context context;
   tcp::acceptor acceptor;
   tcp::endpoint local;
   asio::local::stream_protocol::acceptor inner_acceptor;
-  std::vector<std::thread> threads;
+  std::optional<http::IoThreads> threads;
 };
 
 WebServer::WebServer(WebServerOptions options, const Dispatcher& dispatcher, const Dispatcher* of_inner_door)

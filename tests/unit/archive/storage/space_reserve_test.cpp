@@ -29,6 +29,17 @@ TEST(SpaceReserve, HoldsRealBlocks) {
   EXPECT_GE(allocated_bytes(folder / ".reserve"), SpaceReserve::kBytes);
 }
 
+TEST(SpaceReserve, IsNotGivenUpBecauseItCannotBeExamined) {
+  const TemporaryFolder folder;
+  FaultFileSystem files(folder.path());
+  SpaceReserve reserve(files, reserve_file(folder.path()));
+  reserve.fill();
+  files.fail_reading("examine .reserve", FaultFileSystem::ReadFault::kFails, 0, 1);
+  files.fail("reserve", ENOSPC);
+  EXPECT_THROW(reserve.fill(), IoError);
+  EXPECT_EQ(fs::file_size(folder / ".reserve"), SpaceReserve::kBytes);
+}
+
 TEST(SpaceReserve, GivesBlocksBackStepByStepAndFillsUpAgain) {
   const TemporaryFolder folder;
   SpaceReserve reserve(real_file_system(), reserve_file(folder.path()));

@@ -12,6 +12,7 @@
 #include "archive/verify/found_files.h"
 #include "archive/writing/appliance_log.h"
 #include "tests/support/case_kit.h"
+#include "tests/support/fault_file_system.h"
 #include "tests/support/sample_case.h"
 
 namespace kiroku::archive {
@@ -20,6 +21,7 @@ namespace {
 namespace fs = std::filesystem;
 using test::contents;
 using test::entries_of;
+using test::FaultFileSystem;
 using test::SampleArchive;
 using test::SampleCase;
 using testing::Contains;
@@ -62,8 +64,11 @@ class RecoveryTest : public testing::Test {
 
   std::vector<CaseRecovery> recover() { return recover(options()); }
   std::vector<CaseRecovery> recover(const RecoveryOptions& options) {
-    const RecordingLock lock = RecordingLock::take(real_file_system(), archive_.folder());
-    return recover_archive(real_file_system(), options, lock);
+    return recover(options, real_file_system());
+  }
+  std::vector<CaseRecovery> recover(const RecoveryOptions& options, FileSystem& files) {
+    const RecordingLock lock = RecordingLock::take(files, archive_.folder());
+    return recover_archive(files, options, lock);
   }
 
   VerificationReport verify(const fs::path& folder) { return verify_case(folder, archive_.options()); }
@@ -429,6 +434,99 @@ TEST_F(RecoveryTest, LeavesATokenAsideThatIsNone) {
   const VerificationReport report = verify(folder);
   EXPECT_EQ(report.verdict, Verdict::kIntactWithGaps);
   EXPECT_THAT(codes(report), Contains("token-not-entered"));
+}
+
+// -- a disk that cannot be read
+
+TEST_F(RecoveryTest, APartThatCannotBeReadIsNotRemovedAsEmpty) {
+  fs::path folder;
+  {
+    SampleCase sample(archive_);
+    sample.record();
+    folder = sample.folder();
+    const auto cut = sample.writer().begin_segment(0, 3);
+    cut->write(Bytes(200'000, std::byte{7}));
+  }
+  const fs::path part = folder / "segments/endoscope/00000003.ts.age.part";
+  const std::string before = contents(part);
+  FaultFileSystem files(archive_.folder());
+  const std::string read = "read " + part.lexically_relative(archive_.folder()).generic_string();
+  for (const auto fault : {FaultFileSystem::ReadFault::kFails, FaultFileSystem::ReadFault::kEndsEarly}) {
+    files.fail_reading(read, fault);
+    const auto refused = recover(options(), files);
+    ASSERT_EQ(refused.size(), 1U);
+    EXPECT_EQ(refused[0].outcome, CaseRecovery::Outcome::kRefused);
+    EXPECT_THAT(refused[0].problem, HasSubstr("00000003.ts.age.part"));
+    EXPECT_EQ(contents(part), before);
+  }
+  files.heal();
+  const auto recovered = recover(options(), files);
+  ASSERT_EQ(recovered.size(), 1U);
+  EXPECT_EQ(recovered[0].problem, "");
+  EXPECT_EQ(recovered[0].incomplete, 1U);
+  EXPECT_EQ(contents(part), before);
+}
+
+TEST_F(RecoveryTest, ATokenThatCannotBeReadIsNotJudgedAndComesIntoTheLedgerLater) {
+  fs::path folder;
+  {
+    SampleCase sample(archive_);
+    sample.record();
+    folder = sample.folder();
+    const StoredCheckpoint over = sample.writer().checkpoint(archive_.now());
+    real_file_system().write_durably(folder / token_path(over.size, "embedded"), archive_.stamp(over.note));
+  }
+  FaultFileSystem files(archive_.folder());
+  const std::string tokens = (folder / kTokensFolder).lexically_relative(archive_.folder()).generic_string();
+  for (const std::string call : {"open ", "read "}) {
+    files.fail_reading(call + tokens + "/", FaultFileSystem::ReadFault::kFails);
+    const auto refused = recover(options(), files);
+    ASSERT_EQ(refused.size(), 1U);
+    EXPECT_EQ(refused[0].outcome, CaseRecovery::Outcome::kRefused);
+    EXPECT_THAT(refused[0].problem, HasSubstr("Input/output error"));
+    EXPECT_THAT(types(folder), Not(Contains("close")));
+  }
+  files.heal();
+  const auto recovered = recover(options(), files);
+  ASSERT_EQ(recovered.size(), 1U);
+  EXPECT_EQ(recovered[0].problem, "");
+  EXPECT_EQ(recovered[0].tokens, 1U);
+}
+
+TEST_F(RecoveryTest, ALogThatEndsEarlyExcusesNothing) {
+  fs::path folder;
+  {
+    SampleCase sample(archive_);
+    sample.record();
+    folder = sample.folder();
+  }
+  const std::string before = contents(folder / "ledger.jsonl");
+  FaultFileSystem files(archive_.folder());
+  const RecoveryOptions with_log = options();
+  files.fail_reading("read log/ledger.jsonl", FaultFileSystem::ReadFault::kEndsEarly);
+  const auto refused = recover(with_log, files);
+  ASSERT_EQ(refused.size(), 1U);
+  EXPECT_EQ(refused[0].outcome, CaseRecovery::Outcome::kRefused);
+  EXPECT_THAT(refused[0].problem, HasSubstr("check the disk"));
+  EXPECT_EQ(contents(folder / "ledger.jsonl"), before);
+}
+
+TEST_F(RecoveryTest, AFolderThatCannotBeExaminedKeepsTheRecorderFromNothing) {
+  fs::path folder;
+  {
+    SampleCase sample(archive_);
+    sample.record();
+    folder = sample.folder();
+  }
+  fs::create_directories(archive_.folder() / "20200101T000000Z-00000000");
+  FaultFileSystem files(archive_.folder());
+  files.fail_reading("examine 20200101T000000Z-00000000", FaultFileSystem::ReadFault::kFails);
+  const auto results = recover(options(), files);
+  ASSERT_EQ(results.size(), 2U);
+  EXPECT_EQ(results[0].outcome, CaseRecovery::Outcome::kRefused);
+  EXPECT_THAT(results[0].problem, HasSubstr("Input/output error"));
+  EXPECT_EQ(results[1].folder, folder);
+  EXPECT_EQ(results[1].outcome, CaseRecovery::Outcome::kRecovered);
 }
 
 TEST(RecordingLock, KeepsASecondRecorderOff) {

@@ -125,6 +125,57 @@ TEST_F(LedgerTest, CutsOffZerosThatAPowerCutLeftUnlessACheckpointCoversThem) {
   EXPECT_EQ(contents(), written) << "zeros in what was signed are for the verifier to find";
 }
 
+// What does not come is not missing: nothing is cut off that could not be read.
+TEST_F(LedgerTest, CutsNothingOffThatADiskDidNotGiveBack) {
+  const std::string written = "one\n" + std::string(300'000, 'x') + "\nthree\n";
+  std::ofstream(file_, std::ios::binary) << written;
+  for (const auto fault : {FaultFileSystem::ReadFault::kFails, FaultFileSystem::ReadFault::kEndsEarly}) {
+    for (std::size_t at = 0;; ++at) {
+      files_.fail_reading("", fault, at, 1);
+      bool is_told = false;
+      try {
+        EXPECT_EQ(open()->size(), 3U);
+      } catch (const Error& error) {
+        is_told = true;
+        EXPECT_THAT(error.what(), HasSubstr("ledger.jsonl")) << at;
+      }
+      EXPECT_EQ(contents(), written) << at;
+      if (files_.faults_played() == 0) {
+        EXPECT_GT(at, 3U);
+        break;
+      }
+      // Behind the end a read that ends early is what any other is.
+      const bool is_of_the_end =
+          files_.reads().back() == "read ledger.jsonl " + std::to_string(written.size()) + " 262144";
+      EXPECT_EQ(is_told, fault == FaultFileSystem::ReadFault::kFails ||
+                             (files_.reads().back().starts_with("read") && !is_of_the_end))
+          << files_.reads().back();
+    }
+  }
+}
+
+TEST_F(LedgerTest, ReadsOnWhereLessCameThanWasAskedFor) {
+  std::ofstream(file_, std::ios::binary) << "one\ntwo\nthr";
+  files_.fail_reading("read", FaultFileSystem::ReadFault::kHalf);
+  const auto ledger = open();
+  EXPECT_GT(files_.faults_played(), 1U);
+  EXPECT_EQ(ledger->root(), root_of({"one", "two"}));
+  EXPECT_EQ(ledger->torn_bytes(), 3U);
+  EXPECT_EQ(contents(), "one\ntwo\n");
+}
+
+TEST_F(LedgerTest, ASharedLedgerThatCouldNotBeReadGoesOnWhereItStood) {
+  const auto ledger = open(Ledger::Sharing::kShared);
+  append(*ledger, {"one"});
+  std::ofstream(file_, std::ios::app) << "two\nthree\n";
+  files_.fail_reading("read", FaultFileSystem::ReadFault::kFails);
+  EXPECT_THROW(append(*ledger, {"four"}), IoError);
+  files_.heal();
+  append(*ledger, {"four"});
+  EXPECT_EQ(contents(), "one\ntwo\nthree\nfour\n");
+  EXPECT_EQ(ledger->root(), root_of({"one", "two", "three", "four"}));
+}
+
 TEST_F(LedgerTest, CutsOffMoreZerosThanAnyLineHasBytes) {
   std::ofstream(file_, std::ios::binary) << "one\n" << std::string((3U << 20U) + 1, '\0');
   const auto ledger =

@@ -1,4 +1,4 @@
-#include "base/http_head.h"
+#include "http/http_head.h"
 
 #include <algorithm>
 #include <cstddef>
