@@ -29,10 +29,10 @@ struct Request {
   bool force = false, json = false;
 };
 
-/// Mean thresholds by fingers: of the database's sessions, and where it has none the papers'.
+/// Mean thresholds by fingers: of the database's sessions, and where it has none the haptic-rate study's.
 struct Required {
   std::map<std::size_t, double> hz;
-  std::string from = "the papers";
+  std::string from = "the haptic-rate study";
 };
 
 Required required_of(const Request& request) {
@@ -73,9 +73,9 @@ int run(const Request& request) {
   Json rows = Json::array();
   std::string text =
       "  fingers  required   forces alone         in one thread: forces, deformations, pictures a second   "
-      "papers\n";
+      "exclusion study\n";
   trainer::PlotSeries needed{"required", {}, {}, {}, true}, here{"this machine", {}, {}, {}, true},
-      then{"papers' machine", {}, {}, {}, true};
+      then{"the exclusion study's machine", {}, {}, {}, true};
   for (const auto& [fingers, hz] : required.hz) {
     line.show("measuring " + std::to_string(fingers) + " of 5");
     const trainer::RateBudget found = trainer::measure_budget(
@@ -134,7 +134,7 @@ void add_train_budget_command(Command& train) {
   const auto request = std::make_shared<Request>();
   command.required_option("-o,--output", "DIR", request->output, "where to");
   command.option("--database", "FILE", request->database,
-                 "takes the mean thresholds of the subjects in it, else the papers'");
+                 "takes the mean thresholds of the subjects in it, else the haptic-rate study's");
   command.option("--seconds", "T", request->seconds, duration_help("of each measurement"));
   command.flag("-f,--force", request->force, "replaces what an earlier run left in DIR");
   command.flag("--json", request->json, "prints one JSON object instead");
@@ -146,7 +146,7 @@ void add_train_budget_command(Command& train) {
       "with one thread that renews forces at the required rate and spends the rest on deformation and "
       "pictures. "
       "Writes budget.csv, budget.svg and budget.pdf.");
-  command.example("kiroku train budget -o budget", "with the papers' thresholds");
+  command.example("kiroku train budget -o budget", "with the haptic-rate study's thresholds");
   command.example("kiroku train budget --database rates/results.sqlite -o budget",
                   "with those that were found");
   command.on_run([request] { return run(*request); });

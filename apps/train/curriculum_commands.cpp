@@ -54,6 +54,7 @@ Json comparisons_json(const std::vector<trainer::ExclusionRecord>& records) {
                  {"fingers", found.fingers},
                  {"first", found.first},
                  {"second", found.second},
+                 {"conditions", trainer::text_of(found.conditions)},
                  {"difference", found.comparison.difference}};
         if (found.comparison.test) {
           const trainer::TestResult& test = *found.comparison.test;

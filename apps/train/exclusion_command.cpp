@@ -213,6 +213,7 @@ int run(const Request& request) {
     record.stress_shown = options.shows_stress;
     record.object = object_name;
     record.fingers = fingers;
+    record.conditions = trainer::conditions_of(body);
     record.score = outcome.score;
     record.ending = outcome.score.done ? trainer::Ending::kDone : trainer::Ending::kTimeOver;
     database->add_attempt(*trainee, record, began);

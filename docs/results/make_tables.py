@@ -24,21 +24,28 @@ One JSON file is what one command measured:
       goal          {"at_most"}, {"at_least"}, {"equals"}: a number of the same unit; {"text"}: words
       peer          {"name", "value", "unit"}: what somebody else's program, or the paper, needs for the same
       measure       which of several values of one `what` this is
-      test          the test that fails when the goal is missed
+      test          the test that fails when the goal is missed: names of tests between backticks, "…" or * for what
+                    is left out. They are looked for in the sources
       note          sentences below the table
 
-A value that misses its goal is shown in bold with "(missed)". Exit status: 0 all agree, 1 something does not.
+A value that misses its goal is shown in bold with "(missed)". In the runs of validation-*.json every figure is a
+test's. Exit status: 0 all agree, 1 something does not.
 """
+import fnmatch
+import functools
 import json
 import pathlib
 import re
+import shlex
 import sys
 import textwrap
 
 FOLDER = pathlib.Path(__file__).resolve().parent
+ROOT = FOLDER.parents[1]
 MOST_WORDS = 25  # of a cell
 WIDTH = 120  # columns of prose
 MARKED = re.compile(r"(<!-- figures: ([a-z0-9 -]+?) -->\n).*?(<!-- end of figures -->)", re.DOTALL)
+GROUPS = ("case", "tsa", "user", "sim", "plan", "train")  # commands of kiroku that have commands
 problems = []
 
 
@@ -135,6 +142,72 @@ def plain(figures):
                  [[group[0]["what"]] + [cell(group) for _, cell in columns] for group in merged(figures)])
 
 
+@functools.lru_cache(None)
+def tests():
+    """All tests in GoogleTest, as Suite.Name."""
+    found = set()
+    for file in sorted((ROOT / "tests").rglob("*_test.cpp")):
+        found.update(f"{suite}.{name}" for suite, name in
+                     re.findall(r"^TEST(?:_F|_P)?\(\s*(\w+),\s*(\w+)\)", file.read_text("utf-8"), re.MULTILINE))
+    return found
+
+
+@functools.lru_cache(None)
+def programs():
+    """Tests and benches as programs."""
+    lists = "".join(file.read_text("utf-8") for file in sorted((ROOT / "tests").rglob("CMakeLists.txt")))
+    return set(re.findall(r"\b(\w+_(?:test|bench))\b", lists))
+
+
+def is_test(pattern):
+    return bool(fnmatch.filter(tests(), pattern.replace("…", "*")))
+
+
+def check_test(text, where):
+    """Whether the tests and programs that a `test` names are there."""
+    named = re.findall(r"`([^`]*)`", text)
+    if not named:
+        problems.append(f"{where}: '{text}' names no test")
+    for name in named:
+        if name.endswith(("_test", "_bench")):
+            if name.rsplit("/", 1)[-1] not in programs():
+                problems.append(f"{where}: there is no program {name}")
+        elif name.startswith("ctest "):
+            check_command(name, where)
+        elif not is_test(name):
+            problems.append(f"{where}: no test is called {name}")
+
+
+@functools.lru_cache(None)
+def subcommands():
+    return set(re.findall(r"^#+ (kiroku\S*(?: \S+)*)$", (ROOT / "docs/reference/commands.md").read_text("utf-8"), re.MULTILINE))
+
+
+def check_command(command, where):
+    """Whether what a command begins with is there: a script, a program of the build, a command of kiroku's."""
+    tokens = shlex.shlex(command, posix=True, punctuation_chars=";&|")
+    tokens.whitespace_split = True
+    parts = [[]]
+    for token in tokens:
+        if set(token) <= set(";&|") or token == "do":
+            parts.append([])
+        elif parts[-1] or token != "time" and not re.match(r"[A-Z_]+=", token):
+            parts[-1].append(token)
+    for words in filter(None, parts):
+        first, name = words[0], words[0].rsplit("/", 1)[-1]
+        if first.startswith("kiroku"):
+            if not any(" ".join(words[:count]) in subcommands() for count in ((2, 3) if words[1:2] and words[1] in GROUPS else (1, 2))):
+                problems.append(f"{where}: docs/reference/commands.md has no command '{' '.join(words[:3])}'")
+        elif first.startswith("build/"):
+            if name not in programs():
+                problems.append(f"{where}: no test and no bench is called {name}")
+            for wanted in [word.split("=", 1)[1] for word in words if word.startswith("--gtest_filter=")]:
+                if wanted != "TEST" and not all(map(is_test, re.sub(r"(^|:)\w+/", r"\1*", wanted).split(":"))):
+                    problems.append(f"{where}: no test is called {wanted}")
+        elif first not in ("for", "done", "ctest", "cmake") and not (ROOT / first).exists():
+            problems.append(f"{where}: there is no {first}")
+
+
 def when(run):
     if run["date"]:
         return f"{run['date']}, commit {run['commit'] or 'not recorded'}"
@@ -147,8 +220,24 @@ def filled(text, **options):
     return textwrap.fill(whole, WIDTH, break_long_words=False, break_on_hyphens=False, **options).replace("\x00", " ")
 
 
+def command_of(run, test=""):
+    """A run's command, for one test where it has one for each."""
+    if run["command"].startswith("no bench"):
+        return run["command"]
+    named = re.findall(r"`([^`]*)`", test)
+    one = ":".join(name.replace("…", "*") for name in named if not name.endswith("_test"))
+    return f"`{run['command'].replace('gtest_filter=TEST', f'gtest_filter={one}') if one else run['command']}`"
+
+
 def shown(name, machines):
     run = json.loads((FOLDER / f"{name}.json").read_text("utf-8"))
+    where = f"docs/results/{name}.json"
+    check_command(run["command"], where)
+    for figure in run["figures"]:
+        if "test" in figure:
+            check_test(figure["test"], f"{where}: {figure['id']}")
+        elif name.startswith("validation-") and "gtest_filter=TEST" in run["command"]:
+            problems.append(f"{where}: {figure['id']} names no test; a figure without one belongs to a run with its command")
     if run["machine"] not in machines:
         problems.append(f"{name}.json: machines.json has no machine '{run['machine']}'")
     out = f"**{run['title']}**\n\n" + (grid if run.get("layout") == "grid" else plain)(run["figures"]) + "\n"
@@ -157,7 +246,7 @@ def shown(name, machines):
         out += "".join(filled(note, subsequent_indent="  ") + "\n" for note in notes) + "\n"
     if "note" in run:
         out += filled(run["note"]) + "\n\n"
-    command = run["command"] if run["command"].startswith("no bench") else f"`{run['command']}`"
+    command = command_of(run)
     minutes = f" ({run['minutes']} min)" if "minutes" in run else ""
     out += filled(f"Command: {command}{minutes}. Machine: {run['machine']}. Load: {run['load']}. Measured: {when(run)}.") + "\n"
     return out

@@ -1,7 +1,7 @@
 // A CT as the texture that pictures are drawn from: HU and their gradient, made once. Plain data; functions
 // are pure and thread-safe.
 //
-// Source: section 4 of "Interactive Volume Manipulation for Supporting Preoperative Planning": gradients are
+// Source: section 3 of "Interactive Volume Manipulation for Supporting Preoperative Planning": gradients are
 // precomputed, and turned with the deformation when they are used; no voxel is ever computed anew.
 #pragma once
 

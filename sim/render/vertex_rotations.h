@@ -1,6 +1,6 @@
 // How the neighbourhood of each node has turned, to turn gradients with it.
 //
-// Source: section 4.2 of "Interactive Volume Manipulation for Supporting Preoperative Planning": an
+// Source: section 3 of "Interactive Volume Manipulation for Supporting Preoperative Planning": an
 // orthonormal basis at each vertex from where its neighbours were and are. Here, with X and x the edges to
 // the neighbours before and after, F = (sum x X^T) (sum X X^T)^-1 is the deformation that fits them best
 // (least squares), and its polar decomposition F = R S gives the rotation.

@@ -1,7 +1,7 @@
 // Shaded pictures of a CT that is deformed and cut with a mesh. The CT is given to OpenGL once; a new picture
 // costs the mesh's nodes and the rays.
 //
-// Source: sections 3 and 4 of "Interactive Volume Manipulation for Supporting Preoperative Planning". The
+// Source: section 3 of "Interactive Volume Manipulation for Supporting Preoperative Planning". The
 // picture is defined by cross-sections of the displaced tetrahedra at multiples of `spacing_m` from the eye,
 // perpendicular to the view: on each, tissue is where its initial coordinates find it in the CT, its colour
 // and opacity (for the length between two cross-sections along the ray) by the transfer function, its shading

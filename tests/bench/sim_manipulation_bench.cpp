@@ -1,6 +1,6 @@
 // What a step of a grasp, a retraction and a press costs, the positions of all nodes included, on bodies of
 // about the sizes of "Interactive Volume Manipulation for Supporting Preoperative Planning" (613 vertices,
-// 20 Hz with rendering; here a cylinder of 610) and of 5,000 vertices.
+// 20 Hz with rendering; here a cylinder of 610) and of 5,000 vertices; and a frame of a body that turns.
 //
 //   sim_manipulation_bench --benchmark_repetitions=5 --benchmark_enable_random_interleaving=true
 #include <cmath>
@@ -10,8 +10,10 @@
 
 #include <benchmark/benchmark.h>
 
+#include "sim/manipulation/corotational_manipulation.h"
 #include "sim/manipulation/manipulation.h"
 #include "tests/support/tet_cylinder.h"
+#include "tests/support/tet_grid.h"
 
 namespace {
 
@@ -105,6 +107,39 @@ void grasp_and_release(benchmark::State& state) {
   state.counters["held"] = static_cast<double>(held);
 }
 BENCHMARK(grasp_and_release)->Arg(610)->Arg(4991)->ArgName("nodes")->Unit(benchmark::kMicrosecond);
+
+/// A frame of a corotational plan: forceps at the free end of a bar of 2,496 nodes turn it by 2.4 degrees a
+/// frame and bend it, while a finger presses it from above.
+void corotational_frame(benchmark::State& state) {
+  TetMesh mesh = kiroku::test::tet_grid({38, 7, 7}, {0.08, 0.02, 0.02});
+  Constraints constraints(mesh.nodes.size());
+  for (std::size_t node = 0; node < mesh.nodes.size(); ++node) {
+    if (mesh.nodes[node].x() == 0) constraints.prescribe(node, Vector3::Zero(), "bench");
+  }
+  const CorotationalBody body(std::move(mesh), {{0, {5e3, 0.45}}}, std::move(constraints));
+  const Eigen::VectorXd none_n = Eigen::VectorXd::Zero(static_cast<Eigen::Index>(3 * 39 * 8 * 8));
+  CorotationalManipulation hand(body, none_n,
+                                {forceps("forceps", {0.001, 0.02, 0.02}), finger("finger", 0.008)});
+  const auto turned = [](double part) {
+    Pose pose;
+    pose.position_m = Vector3(0.08, 0.01, 0.01) + part * Vector3(-0.029, 0, 0.051);
+    pose.orientation = Eigen::AngleAxisd(-part * std::numbers::pi / 3, Vector3::UnitY());
+    return pose;
+  };
+  hand.grasp(0, turned(0));
+  double frames = 0, factorisations = 0, contacts = 0;
+  for ([[maybe_unused]] auto _ : state) {
+    ++frames;
+    Pose pressing;
+    pressing.position_m = {0.035, 0.01, 0.0275 - 0.0005 * frames};
+    contacts += static_cast<double>(
+        hand.step(std::vector<OptionalPose>{turned(frames / 25), pressing}).contacts.size());
+    factorisations += hand.factorisations();
+  }
+  state.counters["factorisations"] = factorisations / frames;
+  state.counters["contacts"] = contacts / frames;
+}
+BENCHMARK(corotational_frame)->Iterations(5)->MeasureProcessCPUTime()->Unit(benchmark::kMillisecond);
 
 }  // namespace
 

@@ -1,6 +1,7 @@
 // 'kiroku sim respire' and 'kiroku sim fit' as a person calls them.
 #include <sstream>
 
+#include "tests/support/shared_data.h"
 #include "tests/system/program_test.h"
 
 namespace kiroku::test {
@@ -115,6 +116,30 @@ TEST_F(Respire, FitsToASecondShapeAndSaysTheErrorAtLandmarks) {
   EXPECT_THAT(result.out, HasSubstr("fitted on the landmarks themselves"));
   EXPECT_THAT(read_text(folder() / "errors.csv"), testing::StartsWith("x_mm,y_mm,z_mm,depth_mm,rigid_x_mm,"));
   EXPECT_THAT(read_text(folder() / "errors.svg"), HasSubstr("</svg>"));
+}
+
+TEST_F(Respire, ARealLungComesToItsSecondMask) {
+  KIROKU_NEEDS_SHARED_DATA("sim/lung-pair/3DCT_lung_followup_mask.mha");
+  const std::string first = shared_data("sim/lung-pair/3DCT_lung_baseline_mask.mha").string(),
+                    second = shared_data("sim/lung-pair/3DCT_lung_followup_mask.mha").string();
+  const ProcessResult mesh =
+      kiroku({"sim", "mesh", first, "--labels", first, "--vertices", "5000", "-o", "right.msh"});
+  ASSERT_EQ(mesh.status, 0) << mesh.err;
+  write_text(folder() / "right.json", R"({"mesh": "right.msh", "length_unit": "mm"})");
+  const nlohmann::json found =
+      kiroku_json({"sim", "fit", "right.json", "--shape", second, "-o", "found.json", "--json"});
+  const nlohmann::json& steps = found["steps"];
+  ASSERT_EQ(steps.size(), 3U);
+  const double bound_mm[] = {5, 3.5, 0.5};
+  const std::string names[] = {"rigid", "model", "sliding_boundary"};
+  for (std::size_t i = 0; i < 3; ++i) {
+    const double mean_mm = steps[i]["surface"]["mean_mm"];
+    RecordProperty(names[i] + "_mm", std::to_string(mean_mm));
+    EXPECT_LT(mean_mm, bound_mm[i]) << steps[i]["step"];
+  }
+  const double second_ml = found["second_volume_ml"];
+  EXPECT_NEAR(steps[2]["volume_ml"].get<double>() / second_ml, 1, 0.01);
+  EXPECT_LT(steps[0]["volume_ml"].get<double>() / second_ml, 0.9);  // it was smaller before
 }
 
 TEST_F(Respire, WhatIsMissingIsSaidInASentence) {

@@ -35,6 +35,17 @@ TEST_F(Training, TheHapticRateExperimentGivesThresholdsAndKeepsThem) {
   EXPECT_EQ(read_text(folder() / "again/trials.csv"), read_text(folder() / "rates/trials.csv"));
 }
 
+TEST_F(Training, TheExclusionTrainersSeriesStandsBesideItsOwnThresholds) {
+  const nlohmann::json found =
+      kiroku_json({"train", "haptic-rate", "-o", path("rates"), "--series", "exclusion", "--fingers", "1,3",
+                   "--simulated", "1", "--trials", "5", "--json"});
+  EXPECT_EQ(found["series"], "exclusion");
+  EXPECT_EQ(found["thresholds"][0]["paper_hz"], 15.8);
+  EXPECT_FALSE(found["thresholds"][1].contains("paper_hz"));
+  EXPECT_THAT(read_text(folder() / "rates/thresholds.svg"), HasSubstr("</svg>"));
+  EXPECT_REFUSED(kiroku({"train", "haptic-rate", "-o", path("other"), "--series", "papers"}), "--series");
+}
+
 TEST_F(Training, OneSubjectGetsASentenceInsteadOfAPValue) {
   const ProcessResult result = kiroku(
       {"train", "haptic-rate", "-o", path("one"), "--simulated", "1", "--fingers", "2,3", "--trials", "10"});
@@ -67,7 +78,7 @@ TEST_F(Training, TheBudgetComparesWhatIsAskedWithWhatIsThere) {
   const nlohmann::json found =
       kiroku_json({"train", "budget", "-o", path("budget"), "--seconds", "0.3", "--json"});
   ASSERT_EQ(found["fingers"].size(), 5U);
-  EXPECT_EQ(found["required_from"], "the papers");
+  EXPECT_EQ(found["required_from"], "the haptic-rate study");
   EXPECT_EQ(found["fingers"][0]["required_hz"], 23.3);
   EXPECT_EQ(found["fingers"][4]["paper_force_ms"], 29.7);
   EXPECT_GT(found["fingers"][4]["force_ms"].get<double>(), 0);

@@ -1,6 +1,7 @@
 #include "trainer/curriculum/learning.h"
 
 #include <algorithm>
+#include <functional>
 #include <iterator>
 #include <map>
 #include <set>
@@ -12,8 +13,15 @@
 namespace kiroku::trainer {
 namespace {
 
-/// Who is compared: the same group with as many fingers.
-using Cohort = std::pair<std::string, std::size_t>;
+using Conditions = std::optional<AttemptConditions>;
+
+/// Who is compared: the same group with as many fingers, under the same conditions.
+struct Cohort {
+  std::string group;
+  std::size_t fingers = 0;
+  Conditions conditions;
+  auto operator<=>(const Cohort&) const = default;
+};
 /// By cohort and session, a number a trainee: the mean of his or her tests.
 using Tests = std::map<Cohort, std::map<int, std::vector<double>>>;
 
@@ -21,7 +29,7 @@ Tests tests_of(const std::vector<ExclusionRecord>& records, const std::string& o
   std::map<Cohort, std::map<int, std::map<std::string, std::vector<double>>>> by_trainee;
   for (const ExclusionRecord& record : records) {
     if (record.test && is_result(record.ending) && record.object == object)
-      by_trainee[{record.group, record.fingers}][record.session][record.trainee].push_back(
+      by_trainee[{record.group, record.fingers, record.conditions}][record.session][record.trainee].push_back(
           value_of(measure, record.score));
   }
   Tests tests;
@@ -49,10 +57,23 @@ std::string interval_text(const Interval& interval) {
   return number_text(interval.low, 3) + " to " + number_text(interval.high, 3);
 }
 
-std::string sentence_of(const GroupComparison& found) {
+/// Whether curves of one object were made under more than one set of conditions, so that each must be named.
+bool conditions_differ(const std::vector<LearningCurve>& curves) {
+  return std::ranges::adjacent_find(curves, std::not_equal_to(), &LearningCurve::conditions) != curves.end();
+}
+
+/// Of the columns friction, damage_limit_pa, vertices and tetrahedra, with a comma before each.
+std::string conditions_csv(const Conditions& conditions) {
+  if (!conditions) return ",,,,";
+  return "," + exact_text(conditions->friction) + "," + exact_text(conditions->damage_pa) + "," +
+         std::to_string(conditions->vertices) + "," + std::to_string(conditions->tetrahedra);
+}
+
+std::string sentence_of(const GroupComparison& found, bool name_conditions) {
   std::string text = group_name(found.first) + " less " + group_name(found.second) + " with " +
-                     fingers_text(found.fingers) + " in session " + std::to_string(found.session) + ": " +
-                     number_text(found.comparison.difference, 3);
+                     fingers_text(found.fingers) +
+                     (name_conditions ? " (" + text_of(found.conditions) + ")" : "") + " in session " +
+                     std::to_string(found.session) + ": " + number_text(found.comparison.difference, 3);
   if (!found.comparison.test) return text + "; no p-value: " + found.comparison.why_no_test + ".";
   const TestResult& test = *found.comparison.test;
   return text + " (95 % " + interval_text(test.of_difference) + "), Welch's t " + number_text(test.t, 3) +
@@ -63,8 +84,14 @@ std::string sentence_of(const GroupComparison& found) {
 
 Plot plot_of(const std::vector<LearningCurve>& curves, Measure measure, const std::string& note) {
   Plot plot{label_of(measure), "session", label_of(measure), {}, false, true, note};
+  const bool differ = conditions_differ(curves);
   for (const LearningCurve& curve : curves) {
-    PlotSeries series{group_name(curve.group) + ", " + fingers_text(curve.fingers), {}, {}, {}, true};
+    PlotSeries series{group_name(curve.group) + ", " + fingers_text(curve.fingers) +
+                          (differ ? ", " + text_of(curve.conditions) : ""),
+                      {},
+                      {},
+                      {},
+                      true};
     for (const CurvePoint& point : curve.points) {
       series.x.push_back(point.session);
       series.y.push_back(point.summary.mean);
@@ -77,6 +104,37 @@ Plot plot_of(const std::vector<LearningCurve>& curves, Measure measure, const st
 }
 
 }  // namespace
+
+AttemptConditions conditions_of(const ExclusionBody& body) {
+  const sim::TetMesh& mesh = body.body().mesh();
+  return {body.task().friction, body.task().damage_pa, static_cast<std::int64_t>(mesh.nodes.size()),
+          static_cast<std::int64_t>(mesh.tetrahedra.size())};
+}
+
+std::string text_of(const Conditions& conditions) {
+  if (!conditions) return "friction, damage limit and mesh not recorded";
+  return "friction " + number_text(conditions->friction, 3) + ", damage limit " +
+         number_text(conditions->damage_pa / 1e3, 4) + " kPa, mesh of " +
+         std::to_string(conditions->vertices) + " vertices and " + std::to_string(conditions->tetrahedra) +
+         " tetrahedra";
+}
+
+std::vector<ExclusionRecord> comparable_records(const std::vector<ExclusionRecord>& records,
+                                                const std::string& trainee, const std::string& object) {
+  const ExclusionRecord *own = nullptr, *any = nullptr;
+  for (const ExclusionRecord& record : records) {
+    if (!record.test || !is_result(record.ending) || record.object != object) continue;
+    any = &record;
+    if (record.trainee == trainee) own = &record;
+  }
+  const ExclusionRecord* newest = own != nullptr ? own : any;
+  std::vector<ExclusionRecord> found;
+  if (newest == nullptr) return found;
+  std::ranges::copy_if(records, std::back_inserter(found), [&](const ExclusionRecord& record) {
+    return record.object == object && record.conditions == newest->conditions;
+  });
+  return found;
+}
 
 std::string label_of(Measure measure) {
   constexpr std::array<const char*, kMeasures.size()> kLabels{
@@ -140,7 +198,8 @@ std::vector<OwnCurve> learning_curves_of(const std::vector<ExclusionRecord>& rec
   std::vector<OwnCurve> curves;
   for (const auto& [cohort, sessions] : tests_of(own, object, measure)) {
     OwnCurve& curve = curves.emplace_back();
-    curve.fingers = cohort.second;
+    curve.fingers = cohort.fingers;
+    curve.conditions = cohort.conditions;
     for (const auto& [session, values] : sessions) curve.points.emplace_back(session, values.front());
   }
   return curves;
@@ -151,8 +210,9 @@ std::vector<LearningCurve> learning_curves(const std::vector<ExclusionRecord>& r
   std::vector<LearningCurve> curves;
   for (const auto& [cohort, sessions] : tests_of(records, object, measure)) {
     LearningCurve& curve = curves.emplace_back();
-    curve.group = cohort.first;
-    curve.fingers = cohort.second;
+    curve.group = cohort.group;
+    curve.fingers = cohort.fingers;
+    curve.conditions = cohort.conditions;
     for (const auto& [session, values] : sessions) curve.points.push_back({session, summary_of(values)});
   }
   return curves;
@@ -164,14 +224,15 @@ std::vector<GroupComparison> compare_at_end(const std::vector<ExclusionRecord>& 
   std::vector<GroupComparison> found;
   for (auto first = tests.begin(); first != tests.end(); ++first) {
     for (auto second = std::next(first); second != tests.end(); ++second) {
-      if (first->first.second != second->first.second) continue;
+      const Cohort &one = first->first, &other = second->first;
+      if (one.fingers != other.fingers || one.conditions != other.conditions) continue;
       int last = 0;
       for (const auto& [session, values] : first->second) {
         if (second->second.contains(session)) last = session;
       }
       if (last == 0) continue;
-      found.push_back({last, first->first.second, first->first.first, second->first.first,
-                       compare_groups(first->second.at(last), second->second.at(last))});
+      found.push_back({last, one.fingers, one.group, other.group,
+                       compare_groups(first->second.at(last), second->second.at(last)), one.conditions});
     }
   }
   return found;
@@ -182,7 +243,8 @@ std::string attempts_csv(const std::vector<ExclusionRecord>& records) {
       "trainee,group,simulated,session,kind,stress_shown,object,fingers,done,ending,time_s,largest_von_mises_"
       "pa,"
       "damaged_ml,"
-      "path_m,peak_force_n,peak_wrist_force_n,best_visible_share\n";
+      "path_m,peak_force_n,peak_wrist_force_n,best_visible_share,friction,damage_limit_pa,vertices,"
+      "tetrahedra\n";
   for (const ExclusionRecord& record : records) {
     const ExclusionScore& score = record.score;
     csv += csv_field(record.trainee) + "," + csv_field(record.group) + (record.simulated ? ",yes," : ",no,") +
@@ -193,13 +255,15 @@ std::string attempts_csv(const std::vector<ExclusionRecord>& records) {
          {score.time_s, score.largest_von_mises_pa, 1e6 * score.damaged_m3, score.path_m, score.peak_force_n,
           score.peak_wrist_n, score.best_visible_share})
       csv += "," + exact_text(number);
-    csv += "\n";
+    csv += conditions_csv(record.conditions) + "\n";
   }
   return csv;
 }
 
 std::string curves_csv(const std::vector<ExclusionRecord>& records) {
-  std::string csv = "object,measure,group,fingers,session,trainees,mean,standard_deviation,low_95,high_95\n";
+  std::string csv =
+      "object,measure,group,fingers,session,trainees,mean,standard_deviation,low_95,high_95,friction,damage_"
+      "limit_pa,vertices,tetrahedra\n";
   for (const std::string& object : objects_of(records)) {
     for (const Measure measure : kMeasures) {
       for (const LearningCurve& curve : learning_curves(records, object, measure)) {
@@ -210,10 +274,11 @@ std::string curves_csv(const std::vector<ExclusionRecord>& records) {
                  std::to_string(summary.count) + "," + exact_text(summary.mean) + ",";
           if (summary.of_mean) {
             csv += exact_text(summary.standard_deviation) + "," + exact_text(summary.of_mean->low) + "," +
-                   exact_text(summary.of_mean->high) + "\n";
+                   exact_text(summary.of_mean->high);
           } else {
-            csv += ",,\n";  // of one trainee there is no spread
+            csv += ",,";  // of one trainee there is no spread
           }
+          csv += conditions_csv(curve.conditions) + "\n";
         }
       }
     }
@@ -236,7 +301,9 @@ Bytes training_report(const std::vector<ExclusionRecord>& records) {
            (simulated.empty() ? "" : " What is simulated says nothing about people.") +
            " Curves are of the tests, in which no stress is shown; bars are 95 % intervals of the mean over "
            "trainees, "
-           "by Student's t. Groups are compared by Welch's t, those with as many fingers only.",
+           "by Student's t. Groups are compared by Welch's t, those with as many fingers and the same "
+           "friction, damage "
+           "limit and mesh only.",
        {},
        {}}};
   for (const std::string& object : objects_of(records)) {
@@ -245,16 +312,19 @@ Bytes training_report(const std::vector<ExclusionRecord>& records) {
       if (curves.empty()) continue;
       ReportBlock block;
       block.heading = "Object " + object + ": " + label_of(measure);
+      const bool differ = conditions_differ(curves);
       for (const GroupComparison& found : compare_at_end(records, object, measure))
-        block.text += (block.text.empty() ? "" : " ") + sentence_of(found);
+        block.text += (block.text.empty() ? "" : " ") + sentence_of(found, differ);
+      if (!differ)
+        block.text += (block.text.empty() ? "All: " : " All: ") + text_of(curves[0].conditions) + ".";
       block.table.push_back(
           {"group", "fingers", "session", "trainees", "mean", "standard deviation", "95 % of the mean"});
       for (const LearningCurve& curve : curves) {
         for (const CurvePoint& point : curve.points) {
           const SampleSummary& summary = point.summary;
-          block.table.push_back({group_name(curve.group), std::to_string(curve.fingers),
-                                 std::to_string(point.session), std::to_string(summary.count),
-                                 number_text(summary.mean, 4),
+          block.table.push_back({group_name(curve.group) + (differ ? ", " + text_of(curve.conditions) : ""),
+                                 std::to_string(curve.fingers), std::to_string(point.session),
+                                 std::to_string(summary.count), number_text(summary.mean, 4),
                                  summary.of_mean ? number_text(summary.standard_deviation, 3) : "one trainee",
                                  summary.of_mean ? interval_text(*summary.of_mean) : ""});
         }

@@ -2,16 +2,32 @@
 #pragma once
 
 #include <array>
+#include <compare>
 #include <cstdint>
+#include <optional>
 #include <string>
 #include <utility>
 #include <vector>
 
+#include "trainer/exclusion/exclusion_body.h"
 #include "trainer/exclusion/exclusion_score.h"
 #include "trainer/report/plot.h"
 #include "trainer/statistics/comparison.h"
 
 namespace kiroku::trainer {
+
+/// What makes attempts comparable besides object and fingers: a score of another friction, limit or mesh is
+/// another measure.
+struct AttemptConditions {
+  double friction = 0;
+  double damage_pa = 0;
+  std::int64_t vertices = 0, tetrahedra = 0;  // of the mesh
+  auto operator<=>(const AttemptConditions&) const = default;
+};
+AttemptConditions conditions_of(const ExclusionBody& body);
+/// "friction 0.5, damage limit 100 kPa, mesh of 2012 vertices and 7000 tetrahedra", or that they were not
+/// recorded.
+std::string text_of(const std::optional<AttemptConditions>& conditions);
 
 /// One attempt, as it is kept.
 struct ExclusionRecord {
@@ -26,6 +42,8 @@ struct ExclusionRecord {
   ExclusionScore score;
   std::int64_t number = 0;  // where it is kept; 0: nowhere
   std::string sealed_case;  // the case that was made of it, or empty
+  /// Absent for attempts that were kept before these were, and for those that ended before there was a mesh.
+  std::optional<AttemptConditions> conditions;
 };
 
 /// The study's groups: whether stress is shown in practice.
@@ -59,19 +77,26 @@ struct LearningCurve {
   std::string group;
   std::size_t fingers = 0;         // what is done with one is not what is done with five
   std::vector<CurvePoint> points;  // by session
+  std::optional<AttemptConditions> conditions;
 };
-/// Of tests alone that are results; by group and fingers. `object` "a" or "b".
+/// Of tests alone that are results; by group, fingers and conditions. `object` "a" or "b".
 std::vector<LearningCurve> learning_curves(const std::vector<ExclusionRecord>& records,
                                            const std::string& object, Measure measure);
 
-/// A trainee's own: the mean of each session's tests, by fingers.
+/// A trainee's own: the mean of each session's tests, by fingers and conditions.
 struct OwnCurve {
   std::size_t fingers = 0;
   std::vector<std::pair<int, double>> points;  // by session
+  std::optional<AttemptConditions> conditions;
 };
 std::vector<OwnCurve> learning_curves_of(const std::vector<ExclusionRecord>& records,
                                          const std::string& trainee, const std::string& object,
                                          Measure measure);
+
+/// The records that the trainee's newest result in a test on the object can be laid beside: those of its
+/// conditions; all of the newest such test of anybody where the trainee has none.
+std::vector<ExclusionRecord> comparable_records(const std::vector<ExclusionRecord>& records,
+                                                const std::string& trainee, const std::string& object);
 
 /// Two groups in the tests of one session, by Welch.
 struct GroupComparison {
@@ -79,9 +104,10 @@ struct GroupComparison {
   std::size_t fingers = 0;
   std::string first, second;
   Comparison comparison;
+  std::optional<AttemptConditions> conditions;
 };
-/// Each pair of groups with as many fingers in the last session that both have tests of; none where there is
-/// one group.
+/// Each pair of groups with as many fingers and the same conditions in the last session that both have tests
+/// of; none where there is one group.
 std::vector<GroupComparison> compare_at_end(const std::vector<ExclusionRecord>& records,
                                             const std::string& object, Measure measure);
 

@@ -44,6 +44,7 @@ std::vector<ExclusionRecord> run_simulated_study(const ExclusionBody& body, cons
           record.stress_shown = shown;
           record.object = body.object().name;
           record.fingers = study.fingers;
+          record.conditions = conditions_of(body);
           record.score = outcome.score;
           record.ending = outcome.score.done ? Ending::kDone : Ending::kTimeOver;
           records.push_back(record);

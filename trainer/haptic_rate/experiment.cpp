@@ -1,12 +1,14 @@
 #include "trainer/haptic_rate/experiment.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <set>
 
 #include <boost/math/distributions/normal.hpp>
 
 #include "base/error.h"
+#include "sim/haptics/haptic_rate.h"
 #include "trainer/psychophysics/rate_series.h"
 #include "trainer/psychophysics/threshold_posterior.h"
 
@@ -24,15 +26,17 @@ RateSession run_rate_session(RateSubject& subject, const RateProtocol& protocol,
   }
   RateSession session;
   session.method = protocol.method;
+  session.series = protocol.series;
   for (const std::size_t fingers : protocol.fingers) {
-    const std::unique_ptr<ThresholdMethod> method = make_method(protocol.method);
-    ThresholdPosterior posterior;
+    const std::unique_ptr<ThresholdMethod> method = make_method(protocol.method, protocol.series);
+    ThresholdPosterior posterior(protocol.series);
     for (std::size_t trial = 0; trial < protocol.trials; ++trial) {
       const std::size_t rate = method->next_rate();
-      const bool vibrating = subject.feels_vibration(fingers, rate_hz(rate));
+      const double given_hz = rate_hz(protocol.series, rate);
+      const bool vibrating = subject.feels_vibration(fingers, given_hz);
       method->answer(vibrating);
       posterior.add(rate, vibrating);
-      session.trials.push_back({fingers, rate_hz(rate), vibrating});
+      session.trials.push_back({fingers, given_hz, vibrating});
       if (asked) asked(session.trials.back());
     }
     session.thresholds.push_back({fingers, posterior.estimate(), method->own_estimate_hz()});
@@ -68,6 +72,14 @@ RateComparison compare_fingers(std::span<const RateSession> sessions) {
     if (pair.of_log10.test) pair.adjusted_p = adjusted[at++];
   }
   return found;
+}
+
+std::optional<double> published_threshold_hz(RateSeries series, std::size_t fingers) {
+  if (fingers < 1 || fingers > kMostFingers) return std::nullopt;
+  if (series == RateSeries::kHapticRate) return sim::haptic_rate_hz(fingers);
+  constexpr std::array<double, 2> kExclusionHz{15.8, 4.2};
+  if (fingers > kExclusionHz.size()) return std::nullopt;
+  return kExclusionHz[fingers - 1];
 }
 
 std::vector<std::vector<PsychometricFunction>> simulated_group(std::span<const double> means_hz,

@@ -27,6 +27,7 @@ struct RateSession {
   std::string subject;
   bool simulated = false;
   MethodKind method = MethodKind::kBayesian;
+  RateSeries series = RateSeries::kHapticRate;
   std::vector<RateTrial> trials;  // in their order
   std::vector<RateThreshold> thresholds;
 };
@@ -34,6 +35,7 @@ struct RateSession {
 struct RateProtocol {
   std::vector<std::size_t> fingers{1, 2, 3, 4, 5};
   MethodKind method = MethodKind::kBayesian;
+  RateSeries series = RateSeries::kHapticRate;
   std::size_t trials = 60;  // for each number of fingers
 };
 
@@ -45,7 +47,7 @@ RateSession run_rate_session(RateSubject& subject, const RateProtocol& protocol,
 /// Of the thresholds of several subjects with one number of fingers.
 struct RateGroup {
   std::size_t fingers = 1;
-  SampleSummary hz;  // its mean beside the papers'; rates are above zero, so no interval is taken of it
+  SampleSummary hz;  // its mean beside the study's; rates are above zero, so no interval is taken of it
   GeometricSummary geometric_hz;
 };
 /// Two numbers of fingers by the same subjects: Student's t for pairs on the logarithms, p-values adjusted
@@ -64,9 +66,17 @@ struct RateComparison {
 /// differ.
 RateComparison compare_fingers(std::span<const RateSession> sessions);
 
+/// The mean threshold that the study of this series published for so many fingers; none where it has none.
+///
+/// Source: of RateSeries::kHapticRate sim::haptic_rate_hz(), one to five fingers; of kExclusion section 6.1
+/// of "Construction of Training Environment for Surgical Exclusion with a Basic Study of Multi-finger Haptic
+/// Interaction", single fingers and pairs.
+std::optional<double> published_threshold_hz(RateSeries series, std::size_t fingers);
+
 /// So many simulated subjects, whose thresholds are spread around the given means (`spread_of_subjects` of
-/// their logarithm) so that their arithmetic mean is the given one to rounding; for each subject the
-/// functions for 1, 2, ... fingers. The same seed gives the same.
+/// their logarithm) so that their arithmetic mean is the given one to rounding: a mean that comes out of
+/// them proves the estimator, and nothing about people. For each subject the functions for 1, 2, ... fingers.
+/// The same seed gives the same.
 std::vector<std::vector<PsychometricFunction>> simulated_group(std::span<const double> means_hz,
                                                                std::size_t subjects,
                                                                double spread_of_subjects, double spread,

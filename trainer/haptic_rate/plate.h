@@ -15,9 +15,11 @@ inline constexpr std::size_t kMostFingers = 5;
 /// What a finger is to press with.
 inline constexpr double kLeastPressN = 0.5, kMostPressN = 1.0;
 
-/// Source: "Haptic Rate for Surgical Manipulations with Fingers and Instruments": a soft plate of 20 x 20 x
-/// 1.5 cm, E 0.2 MPa, Poisson's ratio 0.4; 7.5 % of its length fixed at both ends (x). The paper's mesh had
-/// 1,334 vertices and 4,745 tetrahedra, this one has 1,323 and 4,800. Its upper face is z = 0.
+/// Source: "Haptic Rate for Surgical Manipulations with Fingers and Instruments" and "Construction of
+/// Training Environment for Surgical Exclusion with a Basic Study of Multi-finger Haptic Interaction": a soft
+/// plate of 20 x 20 x 1.5 cm, E 0.2 MPa, Poisson's ratio 0.4; the latter alone says what holds it: 7.5 % of
+/// its length are fixed at both ends (x). The papers' mesh had 1,334 vertices and 4,745 tetrahedra, this one
+/// has 1,323 and 4,800. Its upper face is z = 0.
 ///
 /// Made once (a second); the body may be shared by threads as ContactBody says.
 class Plate {

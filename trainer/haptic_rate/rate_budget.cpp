@@ -15,7 +15,7 @@ using std::chrono::nanoseconds;
 double paper_force_ms(std::size_t fingers) {
   constexpr std::array<double, kMostFingers> kMilliseconds{0.20, 0.63, 2.36, 8.18, 29.7};
   if (fingers < 1 || fingers > kMostFingers)
-    throw UsageError("the papers measured 1 to 5 fingers, not " + std::to_string(fingers));
+    throw UsageError("the paper measured 1 to 5 fingers, not " + std::to_string(fingers));
   return kMilliseconds[fingers - 1];
 }
 

@@ -18,38 +18,42 @@ std::optional<double> geometric_mean(std::span<const double> logs) {
 
 class Search : public ThresholdMethod {
  public:
+  explicit Search(RateSeries series) : series_(series) {}
   std::size_t next_rate() override { return middle(); }
   void answer(bool vibrating) override {
     // Rates fall with i: where it vibrates, the threshold is above, at a lesser i.
     (vibrating ? greatest_ : least_) = middle();
     if (greatest_ - least_ > 1) return;
-    found_.push_back((std::log10(rate_hz(std::max<std::size_t>(least_, 1))) +
-                      std::log10(rate_hz(std::min(greatest_, kMostRates)))) /
+    found_.push_back((std::log10(rate_hz(series_, std::max<std::size_t>(least_, 1))) +
+                      std::log10(rate_hz(series_, std::min(greatest_, rates_of(series_))))) /
                      2);
     least_ = 0;
-    greatest_ = kMostRates + 1;
+    greatest_ = rates_of(series_) + 1;
   }
   std::optional<double> own_estimate_hz() const override { return geometric_mean(found_); }
 
  private:
   [[nodiscard]] std::size_t middle() const { return (least_ + greatest_) / 2; }
 
-  std::size_t least_ = 0, greatest_ = kMostRates + 1;  // continuous at the first, vibrating at the second
+  RateSeries series_;
+  // Continuous at the first, vibrating at the second.
+  std::size_t least_ = 0, greatest_ = rates_of(series_) + 1;
   std::vector<double> found_;
 };
 
 class Staircase : public ThresholdMethod {
  public:
-  std::size_t next_rate() override { return nearest_rate(std::pow(10, log_hz_)); }
+  explicit Staircase(RateSeries series) : series_(series) {}
+  std::size_t next_rate() override { return nearest_rate(series_, std::pow(10, log_hz_)); }
   void answer(bool vibrating) override {
-    const double log_given = std::log10(rate_hz(next_rate()));
+    const double log_given = std::log10(rate_hz(series_, next_rate()));
     if (last_ && *last_ != vibrating) {
       if (step_ <= kLeastStep) turns_.push_back(log_given);
       step_ = std::max(step_ / 2, kLeastStep);
     }
     last_ = vibrating;
-    log_hz_ = std::clamp(log_hz_ + (vibrating ? step_ : -step_), std::log10(rate_hz(kMostRates)),
-                         std::log10(rate_hz(1)));
+    log_hz_ = std::clamp(log_hz_ + (vibrating ? step_ : -step_),
+                         std::log10(rate_hz(series_, rates_of(series_))), std::log10(rate_hz(series_, 1)));
   }
   std::optional<double> own_estimate_hz() const override {
     const std::size_t odd = turns_.size() % 2;
@@ -58,6 +62,7 @@ class Staircase : public ThresholdMethod {
 
  private:
   static constexpr double kFirstStep = 0.32, kLeastStep = 0.04;
+  RateSeries series_;
   double log_hz_ = 1, step_ = kFirstStep;
   std::optional<bool> last_;
   std::vector<double> turns_;
@@ -65,6 +70,7 @@ class Staircase : public ThresholdMethod {
 
 class Bayesian : public ThresholdMethod {
  public:
+  explicit Bayesian(RateSeries series) : posterior_(series) {}
   std::size_t next_rate() override {
     if (!next_) next_ = posterior_.most_telling_rate();
     return *next_;
@@ -93,10 +99,10 @@ MethodKind method_kind(const std::string& name) {
 
 std::string name_of(MethodKind kind) { return kNames[static_cast<std::size_t>(kind)]; }
 
-std::unique_ptr<ThresholdMethod> make_method(MethodKind kind) {
-  if (kind == MethodKind::kSearch) return std::make_unique<Search>();
-  if (kind == MethodKind::kStaircase) return std::make_unique<Staircase>();
-  return std::make_unique<Bayesian>();
+std::unique_ptr<ThresholdMethod> make_method(MethodKind kind, RateSeries series) {
+  if (kind == MethodKind::kSearch) return std::make_unique<Search>(series);
+  if (kind == MethodKind::kStaircase) return std::make_unique<Staircase>(series);
+  return std::make_unique<Bayesian>(series);
 }
 
 }  // namespace kiroku::trainer

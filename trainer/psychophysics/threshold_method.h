@@ -7,6 +7,7 @@
 #include <string>
 #include <vector>
 
+#include "trainer/psychophysics/rate_series.h"
 #include "trainer/statistics/comparison.h"
 
 namespace kiroku::trainer {
@@ -20,7 +21,7 @@ struct ThresholdEstimate {
 class ThresholdMethod {
  public:
   virtual ~ThresholdMethod() = default;
-  /// What to give next, as of rate_hz(i).
+  /// What to give next, the i of the series that the method was made for.
   [[nodiscard]] virtual std::size_t next_rate() = 0;
   /// What was said about it.
   virtual void answer(bool vibrating) = 0;
@@ -34,13 +35,14 @@ enum class MethodKind { kSearch, kStaircase, kBayesian };
 MethodKind method_kind(const std::string& name);  // kiroku::UsageError
 std::string name_of(MethodKind kind);
 
-/// kSearch: the papers' series of rates, i from 1 to 249, halved at each answer until one i is left (eight
-///   answers), then from the beginning again. Its estimate is the geometric mean of what the searches found.
+/// kSearch: the series of rates, halved at each answer until one i is left (eight answers of the exclusion
+///   study's series, ten of the haptic-rate study's), then from the beginning again. Its estimate is the
+///   geometric mean of what the searches found.
 /// kStaircase: one step up after "vibrating", one down after "continuous" on the logarithm of the rate, the
 ///   step halved at each turn down to 0.04 (up-down with equal weights, so that it comes to rest where half
 ///   of the answers are "vibrating": Kaernbach, "Simple adaptive testing with the weighted up-down method",
 ///   1991). Its estimate is the geometric mean of the turns at the least step, an even number of them.
 /// kBayesian: the most telling rate, see ThresholdPosterior, and its estimate.
-std::unique_ptr<ThresholdMethod> make_method(MethodKind kind);
+std::unique_ptr<ThresholdMethod> make_method(MethodKind kind, RateSeries series);
 
 }  // namespace kiroku::trainer

@@ -24,47 +24,53 @@ double log_threshold(std::size_t at) {
 }  // namespace
 
 struct ThresholdPosterior::Table {
+  explicit Table(RateSeries series) {
+    vibrating.resize(kThresholds * kShapes, static_cast<Eigen::Index>(rates_of(series)));
+    log_hz.resize(kThresholds * kShapes);
+    Eigen::Index state = 0;
+    for (std::size_t at = 0; at < kThresholds; ++at) {
+      for (const double spread : kSpreads) {
+        for (const double lapse : kLapses) {
+          const PsychometricFunction function{std::pow(10, log_threshold(at)), spread, lapse};
+          for (std::size_t i = 1; i <= rates_of(series); ++i)
+            vibrating(state, static_cast<Eigen::Index>(i - 1)) = function.vibrating(rate_hz(series, i));
+          log_hz[state++] = log_threshold(at);
+        }
+      }
+    }
+    for (std::size_t i = 1; i <= rates_of(series); ++i) {
+      if (candidates.empty() ||
+          std::log10(rate_hz(series, candidates.back()) / rate_hz(series, i)) >= kLeastStep)
+        candidates.push_back(i);
+    }
+    of_candidates.resize(vibrating.rows(), static_cast<Eigen::Index>(candidates.size()));
+    for (std::size_t c = 0; c < candidates.size(); ++c) {
+      of_candidates.col(static_cast<Eigen::Index>(c)) =
+          vibrating.col(static_cast<Eigen::Index>(candidates[c] - 1));
+    }
+  }
+
   Eigen::MatrixXd vibrating;  // (states x rates), its column 0 that of i = 1
   std::vector<std::size_t> candidates;
   Eigen::MatrixXd of_candidates;  // (states x candidates)
   Eigen::VectorXd log_hz;         // (states)
 };
 
-const ThresholdPosterior::Table& ThresholdPosterior::table() {
-  static const Table kTable = [] {
-    Table made;
-    made.vibrating.resize(kThresholds * kShapes, kMostRates);
-    made.log_hz.resize(kThresholds * kShapes);
-    Eigen::Index state = 0;
-    for (std::size_t at = 0; at < kThresholds; ++at) {
-      for (const double spread : kSpreads) {
-        for (const double lapse : kLapses) {
-          const PsychometricFunction function{std::pow(10, log_threshold(at)), spread, lapse};
-          for (std::size_t i = 1; i <= kMostRates; ++i)
-            made.vibrating(state, static_cast<Eigen::Index>(i - 1)) = function.vibrating(rate_hz(i));
-          made.log_hz[state++] = log_threshold(at);
-        }
-      }
-    }
-    for (std::size_t i = 1; i <= kMostRates; ++i) {
-      if (made.candidates.empty() || std::log10(rate_hz(made.candidates.back()) / rate_hz(i)) >= kLeastStep)
-        made.candidates.push_back(i);
-    }
-    made.of_candidates.resize(made.vibrating.rows(), static_cast<Eigen::Index>(made.candidates.size()));
-    for (std::size_t c = 0; c < made.candidates.size(); ++c) {
-      made.of_candidates.col(static_cast<Eigen::Index>(c)) =
-          made.vibrating.col(static_cast<Eigen::Index>(made.candidates[c] - 1));
-    }
-    return made;
-  }();
+const ThresholdPosterior::Table& ThresholdPosterior::table(RateSeries series) {
+  if (series == RateSeries::kExclusion) {
+    static const Table kTable(RateSeries::kExclusion);
+    return kTable;
+  }
+  static const Table kTable(RateSeries::kHapticRate);
   return kTable;
 }
 
-ThresholdPosterior::ThresholdPosterior()
-    : probability_(Eigen::VectorXd::Constant(table().log_hz.size(), 1.0 / double(kThresholds * kShapes))) {}
+ThresholdPosterior::ThresholdPosterior(RateSeries series)
+    : table_(&table(series)),
+      probability_(Eigen::VectorXd::Constant(table_->log_hz.size(), 1.0 / double(kThresholds * kShapes))) {}
 
 void ThresholdPosterior::add(std::size_t rate, bool vibrating) {
-  const auto said = table().vibrating.col(static_cast<Eigen::Index>(rate - 1)).array();
+  const auto said = table_->vibrating.col(static_cast<Eigen::Index>(rate - 1)).array();
   if (vibrating) {
     probability_.array() *= said;
   } else {
@@ -91,12 +97,12 @@ ThresholdEstimate ThresholdPosterior::estimate() const {
     }
     return kGreatestLog;
   };
-  return {std::pow(10, probability_.dot(table().log_hz)),
+  return {std::pow(10, probability_.dot(table_->log_hz)),
           {std::pow(10, quantile(kTail)), std::pow(10, quantile(1 - kTail))}};
 }
 
 std::size_t ThresholdPosterior::most_telling_rate() const {
-  const Table& all = table();
+  const Table& all = *table_;
   Eigen::MatrixXd moments(probability_.size(), 3);
   moments.col(0) = probability_;
   moments.col(1) = probability_.cwiseProduct(all.log_hz);

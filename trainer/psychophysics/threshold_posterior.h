@@ -19,9 +19,9 @@ namespace kiroku::trainer {
 /// logarithm, spreads from 0.03 to 0.27 of it and lapse rates up to 0.1 likewise.
 class ThresholdPosterior {
  public:
-  ThresholdPosterior();
+  explicit ThresholdPosterior(RateSeries series);
 
-  /// `rate` as of rate_hz(i).
+  /// `rate` is the i of the series.
   void add(std::size_t rate, bool vibrating);
   /// The mean of the threshold's logarithm, and the 95 % around the middle of its distribution.
   [[nodiscard]] ThresholdEstimate estimate() const;
@@ -30,8 +30,9 @@ class ThresholdPosterior {
 
  private:
   struct Table;
-  /// The same for all, made once.
-  static const Table& table();
+  /// The same for all of a series, made once.
+  static const Table& table(RateSeries series);
+  const Table* table_;
   Eigen::VectorXd probability_;  // of each threshold, spread and lapse rate
 };
 

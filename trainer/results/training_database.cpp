@@ -83,6 +83,16 @@ constexpr const char* kAccounts = R"(
   ALTER TABLE attempts ADD COLUMN sealed_case TEXT NOT NULL DEFAULT '';  -- '': none
 )";
 
+/// Since version 5. What was kept before had one series of rates, and said nothing of an attempt's
+/// conditions.
+constexpr const char* kConditions = R"(
+  ALTER TABLE rate_sessions ADD COLUMN series TEXT NOT NULL DEFAULT 'exclusion';
+  ALTER TABLE attempts ADD COLUMN friction REAL;       -- these four are NULL together: not recorded
+  ALTER TABLE attempts ADD COLUMN damage_pa REAL;      -- von Mises stress that counts as damage
+  ALTER TABLE attempts ADD COLUMN vertices INTEGER;    -- of the object's mesh
+  ALTER TABLE attempts ADD COLUMN tetrahedra INTEGER;
+)";
+
 }  // namespace
 
 struct TrainingDatabase::State {
@@ -124,8 +134,9 @@ TrainingDatabase::TrainingDatabase(const fs::path& file) : state_(std::make_uniq
     if (state_->number("SELECT count(*) FROM sqlite_schema") == 0) {
       state_->whole([&] {
         if (state_->number("SELECT count(*) FROM sqlite_schema") > 0) return;  // another was quicker
-        state_->execute(std::string(kSchema) + kAttempts + kEndings + kAccounts + "PRAGMA application_id = " +
-                        std::to_string(kApplication) + "; PRAGMA user_version = " + std::to_string(kVersion));
+        state_->execute(std::string(kSchema) + kAttempts + kEndings + kAccounts + kConditions +
+                        "PRAGMA application_id = " + std::to_string(kApplication) +
+                        "; PRAGMA user_version = " + std::to_string(kVersion));
       });
     }
     if (state_->number("PRAGMA application_id") != kApplication)
@@ -139,7 +150,8 @@ TrainingDatabase::TrainingDatabase(const fs::path& file) : state_(std::make_uniq
       state_->whole([&] {
         const std::int64_t found = state_->number("PRAGMA user_version");
         if (found == kVersion) return;  // another was quicker
-        state_->execute(std::string(found < 2 ? kAttempts : "") + (found < 3 ? kEndings : "") + kAccounts +
+        state_->execute(std::string(found < 2 ? kAttempts : "") + (found < 3 ? kEndings : "") +
+                        (found < 4 ? kAccounts : "") + kConditions +
                         "PRAGMA user_version = " + std::to_string(kVersion));
       });
     }
@@ -203,10 +215,11 @@ std::int64_t TrainingDatabase::add_rate_session(const Trainee& subject, const Ra
                                                 UtcTime began) {
   std::int64_t id = 0;
   state_->whole([&] {
-    state_->statement("INSERT INTO rate_sessions (trainee, began_us, method) VALUES (?, ?, ?)")
+    state_->statement("INSERT INTO rate_sessions (trainee, began_us, method, series) VALUES (?, ?, ?, ?)")
         .bind(subject.id)
         .bind(std::int64_t{began.time_since_epoch().count()})
         .bind(name_of(session.method))
+        .bind(name_of(session.series))
         .step();
     id = sqlite3_last_insert_rowid(state_->database.get());
     std::int64_t number = 0;
@@ -240,7 +253,8 @@ std::int64_t TrainingDatabase::add_rate_session(const Trainee& subject, const Ra
 std::vector<RateSession> TrainingDatabase::rate_sessions() const {
   std::vector<RateSession> found;
   SqliteStatement rows = state_->statement(
-      "SELECT rate_sessions.id, name, simulated, method FROM rate_sessions JOIN trainees ON trainee = "
+      "SELECT rate_sessions.id, name, simulated, method, series FROM rate_sessions JOIN trainees ON trainee "
+      "= "
       "trainees.id "
       "ORDER BY rate_sessions.id");
   while (rows.step()) {
@@ -248,6 +262,7 @@ std::vector<RateSession> TrainingDatabase::rate_sessions() const {
     session.subject = rows.text(1);
     session.simulated = rows.integer(2) != 0;
     session.method = method_kind(rows.text(3));
+    session.series = rate_series(rows.text(4));
     SqliteStatement trials = state_->statement(
         "SELECT fingers, rate_hz, vibrating FROM rate_trials WHERE session = ? ORDER BY number");
     trials.bind(rows.integer(0));
@@ -289,13 +304,26 @@ SqliteStatement& bind_score(SqliteStatement& row, Ending ending, const Exclusion
       .bind_real(score.best_visible_share);
 }
 
+constexpr const char* kConditionColumns = "friction, damage_pa, vertices, tetrahedra";
+SqliteStatement& bind_conditions(SqliteStatement& row, const std::optional<AttemptConditions>& conditions) {
+  if (!conditions) {
+    const std::optional<std::int64_t> none;
+    return row.bind(none).bind(none).bind(none).bind(none);
+  }
+  return row.bind_real(conditions->friction)
+      .bind_real(conditions->damage_pa)
+      .bind(conditions->vertices)
+      .bind(conditions->tetrahedra);
+}
+
 }  // namespace
 
 void TrainingDatabase::add_attempt(const Trainee& trainee, const ExclusionRecord& record, UtcTime began) {
   const auto flag = [](bool is) { return std::int64_t{is ? 1 : 0}; };
   SqliteStatement row = state_->statement(
       std::string("INSERT INTO attempts (trainee, began_us, session, test, stress_shown, object, fingers, ") +
-      kScoreColumns + ") VALUES (?, ?, ?, ?, ?, ?, ?, " + kScoreValues + ")");
+      kScoreColumns + ", " + kConditionColumns + ") VALUES (?, ?, ?, ?, ?, ?, ?, " + kScoreValues +
+      ", ?, ?, ?, ?)");
   row.bind(trainee.id)
       .bind(std::int64_t{began.time_since_epoch().count()})
       .bind(std::int64_t{record.session})
@@ -303,7 +331,7 @@ void TrainingDatabase::add_attempt(const Trainee& trainee, const ExclusionRecord
       .bind(flag(record.stress_shown))
       .bind(record.object)
       .bind(static_cast<std::int64_t>(record.fingers));
-  bind_score(row, record.ending, record.score).step();
+  bind_conditions(bind_score(row, record.ending, record.score), record.conditions).step();
 }
 
 std::int64_t TrainingDatabase::begin_attempt(const Trainee& trainee, ExclusionRecord record, UtcTime began) {
@@ -320,6 +348,14 @@ void TrainingDatabase::end_attempt(std::int64_t attempt, Ending ending, const Ex
     throw UsageError("there is no attempt " + std::to_string(attempt) + " among these results");
 }
 
+void TrainingDatabase::keep_conditions(std::int64_t attempt, const AttemptConditions& conditions) {
+  SqliteStatement row = state_->statement(std::string("UPDATE attempts SET (") + kConditionColumns +
+                                          ") = (?, ?, ?, ?) WHERE id = ?");
+  bind_conditions(row, conditions).bind(attempt).step();
+  if (sqlite3_changes(state_->database.get()) != 1)
+    throw UsageError("there is no attempt " + std::to_string(attempt) + " among these results");
+}
+
 void TrainingDatabase::keep_case(std::int64_t attempt, const std::string& case_id) {
   state_->statement("UPDATE attempts SET sealed_case = ? WHERE id = ?").bind(case_id).bind(attempt).step();
   if (sqlite3_changes(state_->database.get()) != 1)
@@ -331,7 +367,8 @@ std::vector<ExclusionRecord> TrainingDatabase::attempts() const {
   SqliteStatement rows = state_->statement(
       "SELECT name, study_group, simulated, session, test, stress_shown, object, fingers, done, time_s, "
       "largest_von_mises_pa, damaged_m3, path_m, peak_force_n, peak_wrist_n, best_visible_share, ending, "
-      "attempts.id, sealed_case FROM attempts JOIN trainees ON trainee = trainees.id ORDER BY attempts.id");
+      "attempts.id, sealed_case, friction, damage_pa, vertices, tetrahedra FROM attempts JOIN trainees ON "
+      "trainee = trainees.id ORDER BY attempts.id");
   while (rows.step()) {
     ExclusionRecord record;
     record.trainee = rows.text(0);
@@ -347,6 +384,8 @@ std::vector<ExclusionRecord> TrainingDatabase::attempts() const {
     record.ending = ending_named(rows.text(16));
     record.number = rows.integer(17);
     record.sealed_case = rows.text(18);
+    if (!rows.is_null(19))
+      record.conditions = AttemptConditions{rows.real(19), rows.real(20), rows.integer(21), rows.integer(22)};
     found.push_back(std::move(record));
   }
   return found;

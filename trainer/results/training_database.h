@@ -27,7 +27,7 @@ struct Trainee {
 /// Every function throws kiroku::Error where the file cannot be used.
 class TrainingDatabase {
  public:
-  static constexpr std::int64_t kVersion = 4;
+  static constexpr std::int64_t kVersion = 5;
 
   /// Opens or makes the file; one of an older version gets what is new. kiroku::UsageError for one of a newer
   /// version, for another program's database and for what is no database.
@@ -57,6 +57,9 @@ class TrainingDatabase {
   std::int64_t begin_attempt(const Trainee& trainee, ExclusionRecord record, UtcTime began);
   /// Ending and score of a begun attempt; kiroku::UsageError where there is none of the number.
   void end_attempt(std::int64_t attempt, Ending ending, const ExclusionScore& score);
+  /// Under what an attempt that was begun is made, once its mesh is there; kiroku::UsageError where there is
+  /// none of the number.
+  void keep_conditions(std::int64_t attempt, const AttemptConditions& conditions);
   /// The case that was made of an attempt; kiroku::UsageError where there is none of the number.
   void keep_case(std::int64_t attempt, const std::string& case_id);
   /// All that are kept, in their order.

@@ -107,7 +107,10 @@ trainer::Trainee AttemptSocket::require_may_train(const trainer::TrainingDatabas
 
 trainer::LiveListener AttemptSocket::listener(std::int64_t attempt, const trainer::ExclusionRecord& record) {
   trainer::LiveListener out;
-  out.began = [this, record](const trainer::ExclusionBody& body) {
+  out.began = [this, attempt, record](const trainer::ExclusionBody& body) {
+    room_.with_results([&](trainer::TrainingDatabase& results) {
+      results.keep_conditions(attempt, trainer::conditions_of(body));
+    });
     const trainer::ExclusionTask& task = body.task();
     output_->send_text(ordered_json{{"began",
                                      {{"session", record.session},

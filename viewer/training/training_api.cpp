@@ -125,8 +125,9 @@ Response results_of(TrainingRoom& room, const Request& request) {
                         {"case", record.sealed_case}});
   }
   ordered_json curves = ordered_json::array();
+  const std::vector<ExclusionRecord> comparable = trainer::comparable_records(records, name, object);
   for (const trainer::Measure measure : trainer::kMeasures)
-    curves.push_back(curve_json(records, name, object, measure));
+    curves.push_back(curve_json(comparable, name, object, measure));
   return Response::json({{"trainee", name}, {"object", object}, {"attempts", attempts}, {"curves", curves}});
 }
 

@@ -99,6 +99,63 @@ TEST(LearningCurve, TellsNumbersOfFingersApart) {
   EXPECT_THAT(curves_csv(records), HasSubstr(",shown,1,2,3,"));
 }
 
+TEST(LearningCurve, NeverMixesFrictionDamageLimitAndMesh) {
+  std::vector<ExclusionRecord> records = two_groups();
+  const AttemptConditions usual{0.5, 1e5, 2012, 7654};
+  for (ExclusionRecord& made : records) made.conditions = usual;
+  // The same trainees once more in session 2, each time with one condition changed; and as kept long ago.
+  std::vector<std::optional<AttemptConditions>> others(5, usual);
+  others[0]->friction = 0;
+  others[1]->damage_pa = 5e4;
+  others[2]->vertices = 4000;
+  others[3]->tetrahedra = 7655;
+  others[4].reset();
+  for (const auto& conditions : others) {
+    for (int trainee = 0; trainee < 3; ++trainee) {
+      records.push_back(record("s" + std::to_string(trainee), "shown", 2, 9e9));
+      records.back().conditions = conditions;
+    }
+  }
+  const auto curves = learning_curves(records, "a", Measure::kStress);
+  ASSERT_EQ(curves.size(), 7U);
+  int of_usual = 0;
+  for (const LearningCurve& curve : curves) {
+    if (curve.conditions != usual) {
+      EXPECT_EQ(curve.points.size(), 1U);
+      EXPECT_EQ(curve.points[0].summary.mean, 9e6);
+      continue;
+    }
+    ++of_usual;
+    if (curve.group == "shown") {
+      EXPECT_EQ(curve.points[1].summary.mean, 21);
+    }
+  }
+  EXPECT_EQ(of_usual, 2);
+  const auto found = compare_at_end(records, "a", Measure::kStress);
+  ASSERT_EQ(found.size(), 1U);  // hidden has the usual conditions alone
+  EXPECT_EQ(found[0].conditions, usual);
+  EXPECT_EQ(found[0].comparison.difference, 21);
+  EXPECT_EQ(learning_curves_of(records, "s0", "a", Measure::kStress).size(), 6U);
+  EXPECT_THAT(curves_csv(records), HasSubstr(",0.5,1e+05,2012,7654\n"));
+  EXPECT_THAT(attempts_csv(records), HasSubstr(",0.5,50000,2012,7654\n"));
+  EXPECT_THAT(attempts_csv(records), HasSubstr(",,,,\n"));
+  EXPECT_GT(training_report(records).size(), 1000U);
+  EXPECT_EQ(text_of(usual), "friction 0.5, damage limit 100 kPa, mesh of 2012 vertices and 7654 tetrahedra");
+}
+
+TEST(LearningCurve, OfThePageIsThatOfTheTraineesNewestConditions) {
+  std::vector<ExclusionRecord> records{record("x", "g", 1, 1e3), record("y", "g", 1, 2e3),
+                                       record("x", "g", 2, 3e3), record("y", "g", 2, 4e3),
+                                       record("z", "g", 1, 5e3, false)};
+  const AttemptConditions first{0.5, 1e5, 2000, 7000}, second{0, 1e5, 2000, 7000};
+  records[0].conditions = records[1].conditions = records[3].conditions = first;
+  records[2].conditions = second;
+  EXPECT_EQ(comparable_records(records, "x", "a").size(), 1U);
+  EXPECT_EQ(comparable_records(records, "y", "a").size(), 3U);
+  EXPECT_EQ(comparable_records(records, "z", "a").size(), 3U);  // no test of its own: the newest of anybody's
+  EXPECT_TRUE(comparable_records(records, "x", "b").empty());
+}
+
 TEST(TraineeProgress, AsksForPracticeBeforeATestAndForATestAfterPractice) {
   EXPECT_EQ(not_allowed({2, 80}, false, 180), "");
   EXPECT_EQ(not_allowed({2, 80}, true, 180),
@@ -150,7 +207,7 @@ TEST(TrainingReport, SaysWhatIsSimulatedAndWhereAGroupIsTooSmall) {
   ASSERT_EQ(found.size(), 1U);
   EXPECT_FALSE(found[0].comparison.test);
   EXPECT_THAT(found[0].comparison.why_no_test, HasSubstr("at least 3"));
-  EXPECT_THAT(curves_csv(records), HasSubstr("a,\"largest von Mises stress, kPa\",g,3,1,1,1,,,\n"));
+  EXPECT_THAT(curves_csv(records), HasSubstr("a,\"largest von Mises stress, kPa\",g,3,1,1,1,,,,,,,\n"));
   records[0].simulated = true;
   records[0].trainee = "a \"b\", c";
   EXPECT_THAT(attempts_csv(records),

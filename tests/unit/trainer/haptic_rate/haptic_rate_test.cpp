@@ -48,7 +48,7 @@ TEST(Plate, IsBlueWhereItIsPressedLightlyAndRedWhereFirmly) {
   EXPECT_EQ(colour_of_press(9), colour_of_press(1.0));
 }
 
-TEST(HeldForces, AreRenewedAtTheRateOfTheWholeSeries) {
+TEST(HeldForces, AreRenewedAtTheRatesOfBothSeries) {
   class Counter : public sim::ForceSource {
    public:
     void forces(std::span<const sim::Pose>, double period_s, std::span<Vector3> forces_n) override {
@@ -57,16 +57,18 @@ TEST(HeldForces, AreRenewedAtTheRateOfTheWholeSeries) {
     }
     double times = 0, told_s = 0;
   };
-  for (std::size_t i = 1; i <= kMostRates; ++i) {
-    Counter source;
-    HeldForces held(source, rate_hz(i));
-    std::vector<sim::Pose> poses(1);
-    std::vector<Vector3> forces_n(1);
-    constexpr double kPeriodSeconds = 5e-4;
-    const auto steps = static_cast<int>(std::lround(10 / rate_hz(i) / kPeriodSeconds));
-    for (int step = 0; step < steps; ++step) held.forces(poses, kPeriodSeconds, forces_n);
-    EXPECT_EQ(source.times, 10) << i;
-    EXPECT_EQ(forces_n[0].x(), 10);
+  for (const RateSeries series : {RateSeries::kHapticRate, RateSeries::kExclusion}) {
+    for (std::size_t i = 1; i <= rates_of(series); ++i) {
+      Counter source;
+      HeldForces held(source, rate_hz(series, i));
+      std::vector<sim::Pose> poses(1);
+      std::vector<Vector3> forces_n(1);
+      constexpr double kPeriodSeconds = 5e-4;
+      const auto steps = static_cast<int>(std::lround(10 / rate_hz(series, i) / kPeriodSeconds));
+      for (int step = 0; step < steps; ++step) held.forces(poses, kPeriodSeconds, forces_n);
+      EXPECT_EQ(source.times, 10) << name_of(series) << " " << i;
+      EXPECT_EQ(forces_n[0].x(), 10);
+    }
   }
   Counter source;
   EXPECT_THROW(HeldForces(source, 0), UsageError);
@@ -74,10 +76,14 @@ TEST(HeldForces, AreRenewedAtTheRateOfTheWholeSeries) {
 
 TEST(PressPlate, IsFeltAtTheRateThatIsGiven) {
   for (std::size_t fingers = 1; fingers <= kMostFingers; ++fingers) {
-    for (const std::size_t i : {1U, 2U, 7U, 18U, 51U, 118U, 249U}) {
-      const FeltForces felt = press_plate(plate(), fingers, rate_hz(i));
-      EXPECT_NEAR(felt.renewed_hz, rate_hz(i), 1e-9 * rate_hz(i)) << fingers << " " << i;
+    for (const RateSeries series : {RateSeries::kHapticRate, RateSeries::kExclusion}) {
+      for (const std::size_t i : {std::size_t{2}, std::size_t{18}, std::size_t{118}, rates_of(series)}) {
+        const double given_hz = rate_hz(series, i);
+        EXPECT_NEAR(press_plate(plate(), fingers, given_hz).renewed_hz, given_hz, 1e-9 * given_hz)
+            << fingers << " " << i;
+      }
     }
+    EXPECT_NEAR(press_plate(plate(), fingers, 100).renewed_hz, 100, 1e-7) << fingers;
     const FeltForces smooth = press_plate(plate(), fingers, 100);
     EXPECT_NEAR(smooth.least_n, kLeastPressN, 0.1) << fingers;
     EXPECT_NEAR(smooth.greatest_n, kMostPressN, 0.1) << fingers;
@@ -86,8 +92,8 @@ TEST(PressPlate, IsFeltAtTheRateThatIsGiven) {
 
 TEST(SimulatedSubject, AnswersByTheRateItFelt) {
   SimulatedSubject subject(plate(), {{8.8, 0.01, 0}}, 1);
-  EXPECT_TRUE(subject.feels_vibration(1, rate_hz(30)));
-  EXPECT_FALSE(subject.feels_vibration(1, rate_hz(5)));
+  EXPECT_TRUE(subject.feels_vibration(1, 5.1));
+  EXPECT_FALSE(subject.feels_vibration(1, 31));
   EXPECT_THROW((void)subject.feels_vibration(2, 10), UsageError);
   EXPECT_THROW(SimulatedSubject(plate(), {{0, 0.1, 0}}, 1), UsageError);
   EXPECT_THROW(SimulatedSubject(plate(), {{3, 0.1, 1}}, 1), UsageError);
@@ -120,6 +126,16 @@ TEST(RateExperiment, ThePapersMeansFallOutOfSubjectsThatHaveThem) {
     EXPECT_LT(*pair.adjusted_p, 0.01) << pair.first << " " << pair.second;
     EXPECT_GE(*pair.adjusted_p, pair.of_log10.test->p);
   }
+}
+
+TEST(RateExperiment, EachStudyHasItsOwnThresholds) {
+  EXPECT_EQ(published_threshold_hz(RateSeries::kHapticRate, 1), 23.3);
+  EXPECT_EQ(published_threshold_hz(RateSeries::kHapticRate, 5), 1.2);
+  EXPECT_EQ(published_threshold_hz(RateSeries::kExclusion, 1), 15.8);
+  EXPECT_EQ(published_threshold_hz(RateSeries::kExclusion, 2), 4.2);
+  EXPECT_FALSE(published_threshold_hz(RateSeries::kExclusion, 3));
+  EXPECT_FALSE(published_threshold_hz(RateSeries::kHapticRate, 0));
+  EXPECT_FALSE(published_threshold_hz(RateSeries::kHapticRate, 6));
 }
 
 TEST(RateExperiment, TooFewSubjectsGetNoPValue) {

@@ -2,6 +2,8 @@
 
 #include <cmath>
 #include <random>
+#include <string>
+#include <vector>
 
 #include <gtest/gtest.h>
 
@@ -14,11 +16,37 @@
 namespace kiroku::trainer {
 namespace {
 
-TEST(RateSeries, IsThePapers) {
-  EXPECT_EQ(rate_hz(1), 100);
-  EXPECT_NEAR(rate_hz(2), 76.923, 1e-3);
-  EXPECT_NEAR(rate_hz(249), 0.61785, 1e-5);
-  for (std::size_t i = 1; i <= kMostRates; ++i) EXPECT_EQ(nearest_rate(rate_hz(i)), i);
+constexpr RateSeries kBoth[] = {RateSeries::kHapticRate, RateSeries::kExclusion};
+
+/// The papers round theirs.
+void expect_published(RateSeries series, const std::vector<long>& hz) {
+  for (std::size_t i = 1; i <= hz.size(); ++i) EXPECT_EQ(std::lround(rate_hz(series, i)), hz[i - 1]) << i;
+}
+
+TEST(RateSeries, OfHapticRateHasItsPublishedRates) {
+  expect_published(RateSeries::kHapticRate, {100, 83, 56, 42, 33, 28, 24, 21, 19, 17, 15, 14});
+  EXPECT_EQ(rates_of(RateSeries::kHapticRate), 750U);
+  EXPECT_NEAR(rate_hz(RateSeries::kHapticRate, 750), 0.22222, 1e-5);
+}
+
+TEST(RateSeries, OfTheExclusionTrainerHasItsPublishedRates) {
+  expect_published(RateSeries::kExclusion, {100, 77, 51, 38, 31, 26, 22, 19, 17, 15});
+  EXPECT_EQ(rates_of(RateSeries::kExclusion), 250U);
+  EXPECT_NEAR(rate_hz(RateSeries::kExclusion, 250), 0.61538, 1e-5);
+}
+
+TEST(RateSeries, FindsTheNearestRateOfItsOwn) {
+  for (const RateSeries series : kBoth) {
+    for (std::size_t i = 1; i <= rates_of(series); ++i)
+      EXPECT_EQ(nearest_rate(series, rate_hz(series, i)), i) << name_of(series);
+  }
+  EXPECT_EQ(nearest_rate(RateSeries::kHapticRate, 9.06), 18U);
+  EXPECT_EQ(nearest_rate(RateSeries::kExclusion, 9.06), 17U);
+}
+
+TEST(RateSeries, IsNamed) {
+  for (const RateSeries series : kBoth) EXPECT_EQ(rate_series(name_of(series)), series);
+  EXPECT_THROW(rate_series("papers"), UsageError);
 }
 
 TEST(PsychometricFunction, IsAHalfAtTheThresholdAndGuessesWhereItLapses) {
@@ -35,16 +63,17 @@ TEST(PsychometricFunction, IsAHalfAtTheThresholdAndGuessesWhereItLapses) {
 struct Recovery {
   double within = 0, covered = 0, bias = 0;
 };
-Recovery recovery(MethodKind kind, std::size_t trials, double threshold_hz, int subjects) {
+Recovery recovery(MethodKind kind, std::size_t trials, double threshold_hz, int subjects,
+                  RateSeries series = RateSeries::kHapticRate) {
   Recovery found;
   for (int subject = 0; subject < subjects; ++subject) {
     std::mt19937 random(static_cast<std::uint32_t>(1000 + subject));
     const PsychometricFunction function{threshold_hz, 0.08, 0.02};
-    const auto method = make_method(kind);
-    ThresholdPosterior posterior;
+    const auto method = make_method(kind, series);
+    ThresholdPosterior posterior(series);
     for (std::size_t trial = 0; trial < trials; ++trial) {
       const std::size_t rate = method->next_rate();
-      const bool vibrating = uniform(random) < function.vibrating(rate_hz(rate));
+      const bool vibrating = uniform(random) < function.vibrating(rate_hz(series, rate));
       method->answer(vibrating);
       posterior.add(rate, vibrating);
     }
@@ -70,6 +99,14 @@ TEST(ThresholdMethod, TheBayesianOneFindsThresholdsWithinTenPercentInSixtyTrials
   }
 }
 
+TEST(ThresholdMethod, TheExclusionTrainersSeriesFindsThemToo) {
+  for (const double threshold_hz : {21.3, 14.5, 6.6, 3.5}) {
+    const Recovery found = recovery(MethodKind::kBayesian, 60, threshold_hz, 100, RateSeries::kExclusion);
+    EXPECT_GE(found.within, 0.95) << threshold_hz;
+    EXPECT_GE(found.covered, 0.9) << threshold_hz;
+  }
+}
+
 TEST(ThresholdMethod, TheOthersFindThemToo) {
   for (const MethodKind kind : {MethodKind::kSearch, MethodKind::kStaircase}) {
     const Recovery found = recovery(kind, 60, 8.8, 200);
@@ -81,32 +118,39 @@ TEST(ThresholdMethod, TheOthersFindThemToo) {
 }
 
 TEST(ThresholdMethod, WithoutDoubtTheSearchEndsBesideTheThreshold) {
-  const auto search = make_method(MethodKind::kSearch);
-  for (int trial = 0; trial < 8; ++trial) {
-    EXPECT_FALSE(search->own_estimate_hz());
-    search->answer(rate_hz(search->next_rate()) < 8.8);
-  }
-  // 8.8 Hz is between i = 17 (9.05 Hz) and i = 18 (8.55 Hz).
-  ASSERT_TRUE(search->own_estimate_hz());
-  EXPECT_NEAR(*search->own_estimate_hz(), std::sqrt(rate_hz(17) * rate_hz(18)), 1e-12);
+  const auto ends_between = [](RateSeries series, std::size_t i) {
+    const auto search = make_method(MethodKind::kSearch, series);
+    int answers = 0;
+    for (; !search->own_estimate_hz() && answers < 20; ++answers)
+      search->answer(rate_hz(series, search->next_rate()) < 8.8);
+    EXPECT_NEAR(search->own_estimate_hz().value_or(0), std::sqrt(rate_hz(series, i) * rate_hz(series, i + 1)),
+                1e-12);
+    return answers;
+  };
+  // 8.8 Hz is between i = 17 (9.05 Hz) and i = 18 (8.55 Hz); in the other series between 9.26 and 8.77 Hz.
+  EXPECT_LE(ends_between(RateSeries::kExclusion, 17), 8);
+  EXPECT_LE(ends_between(RateSeries::kHapticRate, 18), 10);
 }
 
 TEST(ThresholdMethod, TheStaircaseTurnsAroundTheThreshold) {
-  const auto staircase = make_method(MethodKind::kStaircase);
-  for (int trial = 0; trial < 30; ++trial) staircase->answer(rate_hz(staircase->next_rate()) < 3);
-  ASSERT_TRUE(staircase->own_estimate_hz());
-  EXPECT_NEAR(*staircase->own_estimate_hz(), 3, 0.2);
+  for (const RateSeries series : kBoth) {
+    const auto staircase = make_method(MethodKind::kStaircase, series);
+    for (int trial = 0; trial < 30; ++trial) staircase->answer(rate_hz(series, staircase->next_rate()) < 3);
+    ASSERT_TRUE(staircase->own_estimate_hz());
+    EXPECT_NEAR(*staircase->own_estimate_hz(), 3, 0.2) << name_of(series);
+  }
 }
 
 TEST(ThresholdMethod, StaysInTheSeriesWhateverIsAnswered) {
   for (const MethodKind kind : {MethodKind::kSearch, MethodKind::kStaircase, MethodKind::kBayesian}) {
     for (const bool answer : {true, false}) {
-      const auto method = make_method(kind);
-      ThresholdPosterior posterior;
+      const RateSeries series = answer ? RateSeries::kHapticRate : RateSeries::kExclusion;
+      const auto method = make_method(kind, series);
+      ThresholdPosterior posterior(series);
       for (int trial = 0; trial < 300; ++trial) {
         const std::size_t rate = method->next_rate();
         ASSERT_GE(rate, 1U);
-        ASSERT_LE(rate, kMostRates);
+        ASSERT_LE(rate, rates_of(series));
         method->answer(answer);
         posterior.add(rate, answer);
       }

@@ -36,6 +36,7 @@ TEST(TrainingDatabase, KeepsTraineesAndSessions) {
   const RateSession session{"Aoki",
                             true,
                             MethodKind::kStaircase,
+                            RateSeries::kHapticRate,
                             {{1, 23.7, true}, {1, 30.5, false}, {2, 8.5, true}},
                             {{1, {25.1, {20, 31}}, 24.5}, {2, {8.8, {7, 10}}, std::nullopt}}};
   {
@@ -54,6 +55,7 @@ TEST(TrainingDatabase, KeepsTraineesAndSessions) {
   EXPECT_EQ(found[0].subject, "Aoki");
   EXPECT_TRUE(found[0].simulated);
   EXPECT_EQ(found[0].method, MethodKind::kStaircase);
+  EXPECT_EQ(found[0].series, RateSeries::kHapticRate);
   ASSERT_EQ(found[0].trials.size(), 3U);
   EXPECT_EQ(found[0].trials[1].rate_hz, 30.5);
   EXPECT_FALSE(found[0].trials[1].vibrating);
@@ -71,6 +73,7 @@ TEST(TrainingDatabase, KeepsAttempts) {
   record.object = "b";
   record.fingers = 5;
   record.score = {true, 3.5, 4.5e4, 1e-6, 0.25, 6.5, 12.5, 0.95};
+  record.conditions = AttemptConditions{0.3, 8e4, 2012, 7654};
   TrainingDatabase database(folder / "results.sqlite");
   database.add_attempt(database.add_trainee("Aoki", "first", false), record, UtcTime{});
   const std::vector<ExclusionRecord> found = database.attempts();
@@ -86,6 +89,7 @@ TEST(TrainingDatabase, KeepsAttempts) {
   EXPECT_EQ(found[0].score.time_s, 3.5);
   EXPECT_EQ(found[0].score.damaged_m3, 1e-6);
   EXPECT_EQ(found[0].score.best_visible_share, 0.95);
+  EXPECT_EQ(found[0].conditions, record.conditions);
 }
 
 TEST(TrainingDatabase, ABegunAttemptIsBrokenOffUntilItsEndIsKept) {
@@ -112,17 +116,33 @@ TEST(TrainingDatabase, ABegunAttemptIsBrokenOffUntilItsEndIsKept) {
   EXPECT_EQ(found[1].score.time_s, 3.5);
   EXPECT_EQ(found[1].score.peak_wrist_n, 12.5);
   EXPECT_EQ(found[1].sealed_case, "");
+  EXPECT_FALSE(found[1].conditions);
+  database.keep_conditions(found[1].number, {0.5, 1e5, 2000, 7000});
+  EXPECT_EQ(database.attempts()[1].conditions, (AttemptConditions{0.5, 1e5, 2000, 7000}));
+  EXPECT_FALSE(database.attempts()[0].conditions);
+  EXPECT_THAT(refusal([&] { database.keep_conditions(77, {}); }), HasSubstr("no attempt 77"));
   database.keep_case(found[1].number, "20260805T091502Z-3f9c21ab");
   EXPECT_EQ(database.attempts()[1].sealed_case, "20260805T091502Z-3f9c21ab");
   EXPECT_THAT(refusal([&] { database.keep_case(77, "x"); }), HasSubstr("no attempt 77"));
   EXPECT_THAT(refusal([&] { database.end_attempt(77, Ending::kDone, {}); }), HasSubstr("no attempt 77"));
 }
 
+/// What version 5 brought, taken away from the rate sessions; and from the attempts.
+constexpr const char* kNoSeries = "ALTER TABLE rate_sessions DROP COLUMN series; ";
+constexpr const char* kNoConditions =
+    "ALTER TABLE attempts DROP COLUMN friction; ALTER TABLE attempts DROP COLUMN damage_pa; "
+    "ALTER TABLE attempts DROP COLUMN vertices; ALTER TABLE attempts DROP COLUMN tetrahedra; ";
+
+void execute(const std::filesystem::path& file, const std::string& sql) { execute(file, sql.c_str()); }
+
 TEST(TrainingDatabase, GivesAnOlderOneWhatIsNew) {
   const test::TemporaryFolder folder;
   { TrainingDatabase made(folder / "first.sqlite"); }
-  execute(folder / "first.sqlite",
-          "DROP TABLE attempts; ALTER TABLE trainees DROP COLUMN account; PRAGMA user_version = 1");
+  execute(
+      folder / "first.sqlite",
+      kNoSeries +
+          std::string("DROP TABLE attempts; ALTER TABLE trainees DROP COLUMN account; PRAGMA user_version "
+                      "= 1"));
   EXPECT_TRUE(TrainingDatabase(folder / "first.sqlite").attempts().empty());
   ExclusionRecord done;
   done.object = "a";
@@ -134,19 +154,47 @@ TEST(TrainingDatabase, GivesAnOlderOneWhatIsNew) {
     made.add_attempt(aoki, {}, UtcTime{});
   }
   execute(folder / "second.sqlite",
-          "ALTER TABLE attempts DROP COLUMN ending; ALTER TABLE attempts DROP COLUMN sealed_case; "
-          "ALTER TABLE trainees DROP COLUMN account; "
-          "PRAGMA user_version = 2");
+          std::string(kNoSeries) + kNoConditions +
+              "ALTER TABLE attempts DROP COLUMN ending; ALTER TABLE attempts DROP COLUMN sealed_case; "
+              "ALTER TABLE trainees DROP COLUMN account; "
+              "PRAGMA user_version = 2");
   const std::vector<ExclusionRecord> kept = TrainingDatabase(folder / "second.sqlite").attempts();
   ASSERT_EQ(kept.size(), 2U);
   EXPECT_EQ(kept[0].ending, Ending::kDone);
   EXPECT_EQ(kept[1].ending, Ending::kTimeOver);
   execute(folder / "second.sqlite",
-          "ALTER TABLE attempts DROP COLUMN sealed_case; ALTER TABLE trainees DROP COLUMN account; "
-          "PRAGMA user_version = 3");
+          std::string(kNoSeries) + kNoConditions +
+              "ALTER TABLE attempts DROP COLUMN sealed_case; ALTER TABLE trainees DROP COLUMN account; "
+              "PRAGMA user_version = 3");
   TrainingDatabase third(folder / "second.sqlite");
   EXPECT_EQ(third.attempts()[0].ending, Ending::kDone);
   EXPECT_EQ(third.trainee("Aoki").account, "");
+}
+
+TEST(TrainingDatabase, OfAnOlderOneTheConditionsAreUnknownAndTheRatesWereTheExclusionTrainers) {
+  const test::TemporaryFolder folder;
+  const std::filesystem::path file = folder / "results.sqlite";
+  {
+    TrainingDatabase made(file);
+    const Trainee aoki = made.add_trainee("Aoki", "", false, "anna");
+    ExclusionRecord record;
+    record.object = "a";
+    record.conditions = AttemptConditions{0.3, 8e4, 2012, 7654};
+    made.add_attempt(aoki, record, UtcTime{});
+    RateSession session;
+    session.trials = {{1, 23.7, true}};
+    made.add_rate_session(aoki, session, UtcTime{});
+  }
+  execute(file, std::string(kNoSeries) + kNoConditions + "PRAGMA user_version = 4");
+  for (int time = 0; time < 2; ++time) {
+    TrainingDatabase opened(file);
+    ASSERT_EQ(opened.attempts().size(), 1U);
+    EXPECT_FALSE(opened.attempts()[0].conditions);
+    EXPECT_EQ(opened.trainee("Aoki").account, "anna");
+    ASSERT_EQ(opened.rate_sessions().size(), 1U);
+    EXPECT_EQ(opened.rate_sessions()[0].series, RateSeries::kExclusion);
+    EXPECT_EQ(opened.rate_sessions()[0].trials[0].rate_hz, 23.7);
+  }
 }
 
 TEST(TrainingDatabase, BindsATraineeToAUser) {
@@ -177,7 +225,7 @@ TEST(TrainingDatabase, RefusesANameThatExistsAndNamesThatAreNone) {
 TEST(TrainingDatabase, RefusesWhatItDoesNotKnow) {
   const test::TemporaryFolder folder;
   { TrainingDatabase made(folder / "newer.sqlite"); }
-  execute(folder / "newer.sqlite", "PRAGMA user_version = 5");
+  execute(folder / "newer.sqlite", "PRAGMA user_version = 6");
   EXPECT_THAT(refusal([&] { TrainingDatabase opened(folder / "newer.sqlite"); }), HasSubstr("newer version"));
   execute(folder / "other.sqlite", "CREATE TABLE cases (name TEXT)");
   EXPECT_THAT(refusal([&] { TrainingDatabase opened(folder / "other.sqlite"); }),

@@ -146,6 +146,8 @@ TEST_F(TrainingApi, AnAttemptIsDoneByThePointersOfAPageAndKept) {
   EXPECT_EQ(kept()[0].ending, Ending::kDone);
   EXPECT_EQ(kept()[0].trainee, "Aoki");
   EXPECT_TRUE(kept()[0].stress_shown);
+  EXPECT_EQ(kept()[0].conditions, trainer::conditions_of(*room().body("a")));
+  EXPECT_GT(kept()[0].conditions.value().tetrahedra, 0);
   EXPECT_NEAR(kept()[0].score.time_s, over["score"]["time_s"].get<double>(), 1e-9);
   const json results = answer("GET", "training/trainees/Aoki/results?object=a");
   ASSERT_EQ(results["attempts"].size(), 1U);
@@ -367,6 +369,14 @@ TEST_F(TrainingApi, TellsATraineesCurveBesideTheGroups) {
         record.object = "a";
         record.fingers = 3;
         record.score.largest_von_mises_pa = name[0] == 'A' ? 4e4 / session : 5e4;
+        record.conditions = trainer::AttemptConditions{0.5, 1e5, 900, 3000};
+        // Of another friction, before: listed among the attempts, on no curve.
+        if (session == 1) {
+          trainer::ExclusionRecord gliding = record;
+          gliding.conditions->friction = 0;
+          gliding.score.largest_von_mises_pa = 9e9;
+          results.add_attempt(results.trainee(name), gliding, utc_now());
+        }
         results.add_attempt(results.trainee(name), record, utc_now());
       }
     }
