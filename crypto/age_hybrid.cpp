@@ -42,6 +42,9 @@ class HybridIdentity : public AgeIdentity {
     }
     return std::nullopt;
   }
+  [[nodiscard]] std::string recipient() const override {
+    return to_bech32(kRecipientPart, key_.public_key());
+  }
 
  private:
   [[nodiscard]] std::optional<Secret> unwrap(const AgeStanza& stanza) const {

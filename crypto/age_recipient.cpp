@@ -56,6 +56,7 @@ class X25519Identity : public AgeIdentity {
     }
     return std::nullopt;
   }
+  [[nodiscard]] std::string recipient() const override { return to_bech32(kRecipientPart, public_key_); }
 
  private:
   [[nodiscard]] std::optional<Secret> unwrap(const AgeStanza& stanza) const {

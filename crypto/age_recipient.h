@@ -44,6 +44,9 @@ class AgeIdentity {
   /// The file key, or nothing if none of the stanzas is for this identity. Throws kiroku::Error if a stanza
   /// of its own type is malformed (which makes the whole file invalid).
   [[nodiscard]] virtual std::optional<Secret> unwrap(const std::vector<AgeStanza>& stanzas) const = 0;
+  /// "age1…", to whom a file is sealed that it opens; empty where that has no name: a passphrase, an identity
+  /// that somebody else holds.
+  [[nodiscard]] virtual std::string recipient() const { return {}; }
 };
 
 using AgeRecipients = std::vector<std::shared_ptr<const AgeRecipient>>;

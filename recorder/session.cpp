@@ -20,6 +20,8 @@ namespace {
 
 constexpr std::chrono::milliseconds kProgressInterval{250};
 constexpr std::int64_t kGraceNs = 1'000'000'000;
+// A disk that is slow holds `close` up, and nothing is recorded meanwhile.
+constexpr std::int64_t kLongestUnstatedCloseNs = 3'000'000'000;
 constexpr std::chrono::milliseconds kShortestSegment{100};
 // Format 1 allows ten seconds; the rest is for a source that is silent at a segment's end.
 constexpr std::chrono::seconds kLongestSegment{9};
@@ -86,6 +88,8 @@ struct Session::State {
   /// There was none: what was recorded ahead is discarded, and stated.
   void discard();
   void finish_lanes();
+  /// Recording stopped at `close_ns`, and its last files were durable only now.
+  void state_slow_close(std::int64_t close_ns);
   [[nodiscard]] EventsLane& begun_events() const {
     if (!begun) throw UsageError("no case has begun: there is nothing to mark");
     return *events;
@@ -409,6 +413,17 @@ void Session::State::finish_lanes() {
   for (const auto& lane : lanes) lane->finish(close_ns);
   events->finish(close_ns);
   if (pointing) pointing->finish(close_ns);
+  state_slow_close(close_ns);
+}
+
+void Session::State::state_slow_close(std::int64_t close_ns) {
+  const std::int64_t now_ns = clock.now_ns();
+  if (now_ns - close_ns <= kLongestUnstatedCloseNs) return;
+  for (const archive::StreamInfo& stream : writing.streams) {
+    if (stream.kind == "events" || stream.timing != "arrival") continue;
+    facts.push(archive::CaseEntryBody(
+        archive::GapEntry{stream.name, {close_ns, now_ns}, archive::GapCause::kOverload}));
+  }
 }
 
 Session::Session(SessionOptions options) : state_(std::make_unique<State>(std::move(options))) {}

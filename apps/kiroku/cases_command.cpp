@@ -62,7 +62,7 @@ int run(const Request& request) {
     for (const auto& row : rows) cases.push_back(row_json(row, home));
     print_json({{"cases", cases}});
   } else if (rows.empty()) {
-    std::cout << "Nothing is recorded in " << home.archive().string()
+    std::cout << "Nothing is recorded in " << printable(home.archive().string())
               << " yet: 'kiroku record --help' tells how.\n";
   } else {
     print_table(rows);

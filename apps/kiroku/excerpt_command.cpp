@@ -59,8 +59,9 @@ int run(const Request& request) {
                 {"first_entry", result.first_entry},
                 {"last_entry", result.last_entry}});
   } else {
-    std::cout << request.output << ": " << result.segments << " segments, " << format_bytes(result.bytes)
-              << ", ledger entries " << result.first_entry << " to " << result.last_entry << "\n";
+    std::cout << printable(request.output) << ": " << result.segments << " segments, "
+              << format_bytes(result.bytes) << ", ledger entries " << result.first_entry << " to "
+              << result.last_entry << "\n";
   }
   return kDone;
 }

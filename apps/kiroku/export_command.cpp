@@ -90,8 +90,8 @@ int export_one(const Request& request, const std::optional<Home>& home, const ar
                 {"end_ns", result.end_ns}});
     return kDone;
   }
-  std::cout << request.output << ": " << result.frames << (pictures ? " frames" : " lines") << " of "
-            << options.stream << ", from " << format_duration(result.start_ns - begins_ns) << " to "
+  std::cout << printable(request.output) << ": " << result.frames << (pictures ? " frames" : " lines")
+            << " of " << options.stream << ", from " << format_duration(result.start_ns - begins_ns) << " to "
             << format_duration(result.end_ns - begins_ns) << " of the case, " << format_bytes(result.bytes)
             << (result.uncounted == 0 ? ""
                                       : "; " + std::to_string(result.uncounted) +
@@ -150,7 +150,7 @@ int export_all(const Request& request, const std::optional<Home>& home, const ar
     return kDone;
   }
   const std::int64_t zero_ns = result.manifest["zero"]["case_ns"];
-  std::cout << request.output << ": " << result.files.size() << " files of "
+  std::cout << printable(request.output) << ": " << result.files.size() << " files of "
             << recording.opening().streams.size() << " streams, " << format_bytes(result.bytes)
             << "; time 0 of all is " << archive::case_time_text(zero_ns, recording.opening().begins_ns)
             << " of the case, whose verdict is " << options.verification["verdict"].get<std::string>() << ". "

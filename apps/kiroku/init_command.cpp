@@ -256,9 +256,9 @@ void print_result(const Request& request, const fs::path& folder, const crypto::
                 {"demo", request.demo}});
     return;
   }
-  std::cout << "The home " << folder.string() << " is ready.\n\n"
+  std::cout << "The home " << printable(folder.string()) << " is ready.\n\n"
             << "  device key   " << device.to_string() << "\n"
-            << "               Give this line (or " << home.device_file().string()
+            << "               Give this line (or " << printable(home.device_file().string())
             << ") to whoever shall verify; it proves nothing if it comes with the recording.\n";
   for (const std::string& recipient : recipients) std::cout << "  recipient    " << recipient << "\n";
   for (const std::string& identity : identities) std::cout << "  identity     " << identity << "\n";
@@ -270,9 +270,10 @@ void print_result(const Request& request, const fs::path& folder, const crypto::
   }
   std::cout << "\nNext: kiroku record --endoscope synthetic:endoscope --room synthetic:room --vitals "
                "synthetic:patient --duration 20s\n"
-            << "Time-stamps come from the home's own authority until " << home.configuration_file().string()
+            << "Time-stamps come from the home's own authority until "
+            << printable(home.configuration_file().string())
             << " names outside ones.\nWhoever verifies elsewhere needs its root, "
-            << home.own_authority_file().string() << ", as --own-authority.\n";
+            << printable(home.own_authority_file().string()) << ", as --own-authority.\n";
 }
 
 int run(const Request& request) {

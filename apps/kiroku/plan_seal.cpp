@@ -86,9 +86,11 @@ crypto::Sha256Digest require_sealed(const Home& home, const std::filesystem::pat
   const Bytes bytes = read_small_file(file, "the sealed plan");
   (void)parse_plan_seal(text_of(bytes), file.string());
   const crypto::Sha256Digest digest = crypto::sha256(bytes);
-  if (!find_record(home, states_seal(digest))) {
+  const auto record = find_record(home, states_seal(digest));
+  if (!record || !record->is_signed) {
     throw UsageError(file.string() +
-                     " is not in the appliance log of this home: seal the plan with it first, by kiroku plan "
+                     " is not in the appliance log of this home, or nobody signed its entry: seal the plan "
+                     "with it first, by kiroku plan "
                      "seal");
   }
   return digest;

@@ -248,7 +248,7 @@ int run(const Request& request) {
     print_json(result_json(result));
   } else {
     print_summary(result);
-    std::cout << result.folder.string() << "\n";
+    std::cout << printable(result.folder.string()) << "\n";
   }
   return status_of(result);
 }

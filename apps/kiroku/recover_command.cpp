@@ -67,7 +67,7 @@ int run(const Request& request) {
     for (const CaseRecovery& each : recovered) cases.push_back(recovery_json(each));
     print_json({{"cases", cases}});
   } else if (recovered.empty()) {
-    std::cout << "Every case in " << home.archive().string() << " was brought to its end.\n";
+    std::cout << "Every case in " << printable(home.archive().string()) << " was brought to its end.\n";
   } else {
     for (const CaseRecovery& each : recovered) std::cout << recovery_text(each);
   }

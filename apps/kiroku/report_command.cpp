@@ -104,7 +104,7 @@ int run(const Request& request, const VerifyExtras& extras) {
   if (request.json) {
     print_json({{"case", input.verification.case_id}, {"file", request.output}, {"verdict", verdict}});
   } else {
-    std::cout << request.output << ": " << (request.receipt ? "receipt" : "report") << " of "
+    std::cout << printable(request.output) << ": " << (request.receipt ? "receipt" : "report") << " of "
               << printable(input.verification.case_id) << ", " << verdict << "\n";
   }
   return kDone;

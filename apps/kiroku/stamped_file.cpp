@@ -11,6 +11,7 @@
 #include "archive/storage/file_stamps.h"
 #include "archive/writing/appliance_log.h"
 #include "base/error.h"
+#include "crypto/merkle_tree.h"
 #include "timestamp/request.h"
 #include "timestamp/token_verifier.h"
 
@@ -75,10 +76,14 @@ bool any_valid(const std::vector<Stamp>& stamps) {
 std::optional<SealRecord> find_record(const Home& home,
                                       const std::function<bool(const archive::LogEntryBody&)>& states) {
   std::optional<SealRecord> found;
+  crypto::MerkleFrontier tree;
   archive::for_each_log_line(home.log_folder(), [&](const archive::LogLine& line) {
-    if (found) return;
+    if (found && found->is_signed) return;
+    tree.append(crypto::merkle_leaf_hash(bytes_of(line.json)));
     const archive::LogEntryParse parsed = archive::parse_log_entry(line.json);
-    if (parsed.entry && states(parsed.entry->body)) found = SealRecord{line.seq, line.utc};
+    if (!parsed.entry || !states(parsed.entry->body)) return;
+    const bool is_signed = archive::is_signed_entry(home.log_folder(), home.device(), line.seq, tree.root());
+    if (!found || is_signed) found = SealRecord{line.seq, line.utc, is_signed};
   });
   return found;
 }
@@ -108,6 +113,13 @@ Check check_log(const std::optional<Home>& home, const std::string& what,
     return {"log", Answer::kUnknown,
             "the appliance log of " + home->folder().string() + " does not know this " + what +
                 ": it was made by another appliance, or changed since"};
+  }
+  if (!record->is_signed) {
+    return {
+        "log", Answer::kUnknown,
+        "entry " + std::to_string(record->seq) + " of the appliance log states this " + what +
+            ", and this device did not sign it when it was written: the machine stopped at that moment, or "
+            "somebody made it up"};
   }
   return {"log", Answer::kHolds,
           "entered at " + format_utc(record->utc) + ", entry " + std::to_string(record->seq)};

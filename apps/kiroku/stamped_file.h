@@ -38,10 +38,12 @@ bool any_valid(const std::vector<Stamp>& stamps);
 void write_durably(const std::filesystem::path& file, ByteView bytes);
 
 struct SealRecord {
-  std::uint64_t seq = 0;  // of the entry
-  UtcTime utc;            // the machine's opinion
+  std::uint64_t seq = 0;   // of the entry
+  UtcTime utc;             // the machine's opinion
+  bool is_signed = false;  // by the home's device, when it was written
 };
-/// The first entry of the home's appliance log that `states` accepts.
+/// The first entry of the home's appliance log that `states` accepts and that is signed; without one that is,
+/// the first of the others.
 std::optional<SealRecord> find_record(const Home& home,
                                       const std::function<bool(const archive::LogEntryBody&)>& states);
 

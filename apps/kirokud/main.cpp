@@ -468,7 +468,7 @@ int run(const Request& request) {
       }
       if (room.procedure.hl7) check_senders(room.procedure.hl7->listen);
     }
-    std::cout << file.string() << ": good, " << configuration.rooms.size() << " room(s)\n";
+    std::cout << printable(file.string()) << ": good, " << configuration.rooms.size() << " room(s)\n";
     return kDone;
   }
   set_up_logging();

@@ -108,9 +108,9 @@ int fit_to_radiographs(const FitRequest& request, const sim::BreathingModel& mod
                 {"warnings", model.warnings}});
     return kDone;
   }
-  std::cout << request.output << ": fitted on " << positions.size() << " positions of the tumour in "
-            << views.size() << (views.size() == 1 ? " view" : " views") << " ("
-            << printable(*request.positions) << ")\n"
+  std::cout << printable(request.output) << ": fitted on " << positions.size()
+            << " positions of the tumour in " << views.size() << (views.size() == 1 ? " view" : " views")
+            << " (" << printable(*request.positions) << ")\n"
             << "  rib cage   " << motion_text(found.motion.rib_cage, found.rib_cage_m, found.rib_cage_s, true)
             << "\n"
             << "  diaphragm  "
@@ -124,7 +124,7 @@ int fit_to_radiographs(const FitRequest& request, const sim::BreathingModel& mod
 
 void print_shape(const FitRequest& request, const sim::ShapeFitResult& found,
                  const std::optional<sim::LandmarkErrors>& errors) {
-  std::cout << request.output << ": fitted on the surface in " << printable(*request.shape) << " ("
+  std::cout << printable(request.output) << ": fitted on the surface in " << printable(*request.shape) << " ("
             << number_text(1e6 * found.second_volume_m3, 4) << " ml; the lung at rest has "
             << number_text(1e6 * found.first_volume_m3, 4) << " ml)\n"
             << "  rib cage   " << motion_text(found.motion.rib_cage, 0, 0, false) << "\n  diaphragm  "

@@ -136,10 +136,11 @@ int run(const Request& request) {
   }
   print_steps(*plan, run);
   const std::chrono::duration<double> took = std::chrono::steady_clock::now() - begin;
-  std::cout << request.output << ": " << series.count() << " frames of " << number_text(all_s, 4)
+  std::cout << printable(request.output) << ": " << series.count() << " frames of " << number_text(all_s, 4)
             << " s, computed in " << number_text(took.count(), 3) << " s\n  "
-            << (folder / "plan.pvd").string() << "     for ParaView (Warp By Vector: displacement)\n  "
-            << (folder / "forces.csv").string()
+            << printable((folder / "plan.pvd").string())
+            << "     for ParaView (Warp By Vector: displacement)\n  "
+            << printable((folder / "forces.csv").string())
             << "   what each tool feels; stress.csv, tools.csv and steps.json beside it\n";
   return kDone;
 }

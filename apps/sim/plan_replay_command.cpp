@@ -131,8 +131,8 @@ int run(const Request& request) {
                 {"duration_s", all_s},
                 {"renderer", replay.renderer().renderer()}});
   } else {
-    std::cout << request.output << ": " << replay.frames() << " frames of " << number_text(all_s, 4)
-              << " s, by " << printable(replay.renderer().renderer()) << "\n";
+    std::cout << printable(request.output) << ": " << replay.frames() << " frames of "
+              << number_text(all_s, 4) << " s, by " << printable(replay.renderer().renderer()) << "\n";
   }
   return kDone;
 }

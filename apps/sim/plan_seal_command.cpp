@@ -70,7 +70,7 @@ int seal(const Request& request) {
                 {"time_stamps", stamps_json(stamps)}});
   } else {
     warn_of_missing(stamps);
-    std::cout << seal_path.string() << ": " << made.files.size()
+    std::cout << printable(seal_path.string()) << ": " << made.files.size()
               << " files sealed, entered into the appliance log\n  seal  " << crypto::to_hex(digest) << "\n";
     for (const Stamp& each : stamps) {
       if (each.gen_time)
@@ -87,7 +87,7 @@ Check check_order(const std::optional<Home>& home, const archive::OpenEntry& ope
     return {"order", Check::Answer::kUnknown,
             "which came first is known to the log of the appliance that recorded the case: give its --home"};
   }
-  return compare::check_sealed_before(compare::read_log_of_case(home->log_folder(), open),
+  return compare::check_sealed_before(compare::read_log_of_case(home->log_folder(), open, home->device()),
                                       home->device().to_string(), open, digest);
 }
 

@@ -127,7 +127,7 @@ int run(const RespireRequest& request) {
     print_json(object);
     return kDone;
   }
-  std::cout << request.output << ": " << series.count() << " phases of "
+  std::cout << printable(request.output) << ": " << series.count() << " phases of "
             << number_text(model.waveform.duration_s(), 4) << " s, computed and written in "
             << number_text(took.count(), 3) << " s\n  nodes of the surface:";
   for (std::size_t group = 1; group < counts.size(); ++group) {
@@ -138,7 +138,7 @@ int run(const RespireRequest& request) {
   if (model.tumour) {
     std::cout << "  the tumour moves by " << number_text(excursion.x(), 3) << " mm left to right, "
               << number_text(excursion.y(), 3) << " mm front to back, " << number_text(excursion.z(), 3)
-              << " mm feet to head\n  " << (folder / "tumour.csv").string()
+              << " mm feet to head\n  " << printable((folder / "tumour.csv").string())
               << "   where it is when; tumour.svg beside it\n";
   }
   if (field) {
@@ -147,7 +147,7 @@ int run(const RespireRequest& request) {
               << number_text(1e6 * field->tracking_m3, 4) << " ml when it follows the tumour, "
               << number_text(100 * field->ratio(), 3) << " % of it\n";
   }
-  std::cout << "  " << (folder / "respire.pvd").string()
+  std::cout << "  " << printable((folder / "respire.pvd").string())
             << "  for ParaView (Warp By Vector: displacement; colour: boundary_group)\n";
   return kDone;
 }

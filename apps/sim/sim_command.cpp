@@ -68,7 +68,7 @@ void print_result(const Request& request, const sim::StaticModel& model, const s
     std::cout << "cuts took " << model.mesh.tetrahedra.size() - tetrahedra << " tetrahedra out; "
               << number_text(result.volume_lost_m3 * 1e9, 4) << " mm3 of the body were lost\n";
   }
-  std::cout << request.output << ": " << model.mesh.nodes.size() << " nodes, " << tetrahedra
+  std::cout << printable(request.output) << ": " << model.mesh.nodes.size() << " nodes, " << tetrahedra
             << " tetrahedra; largest displacement " << number_text(largest.displacement_m * units, 4) << " "
             << unit << ", largest von Mises stress " << number_text(largest.von_mises_pa, 4) << " Pa\n"
             << "  loads in total     " << text(result.load_n) << " N\n"

@@ -125,10 +125,10 @@ int run(const Request& request) {
     return kDone;
   }
   for (const std::string& finding : scene.findings()) print_error("kiroku", "warning: " + finding);
-  std::cout << request.output << ": " << image.columns << " x " << image.rows << " pixels, line integrals "
-            << number_text(double(least), 4) << " to " << number_text(double(greatest), 4) << " at "
-            << number_text(scene.attenuation().energy_kev()) << " keV, in " << number_text(took.count(), 3)
-            << " s\n";
+  std::cout << printable(request.output) << ": " << image.columns << " x " << image.rows
+            << " pixels, line integrals " << number_text(double(least), 4) << " to "
+            << number_text(double(greatest), 4) << " at " << number_text(scene.attenuation().energy_kev())
+            << " keV, in " << number_text(took.count(), 3) << " s\n";
   if (window) {
     std::cout << "  shown is from " << number_text(window->low, 4) << " to " << number_text(window->high, 4)
               << (request.response == "transmission" ? " of the rays that arrive\n"

@@ -106,9 +106,9 @@ int run(const Request& request) {
     return kDone;
   }
   for (const std::string& finding : scene.findings()) print_error("kiroku", "warning: " + finding);
-  std::cout << request.output << ": " << film.frames() << " pictures of " << columns << " x " << rows
-            << " pixels, " << rate << " a second; shown is from " << number_text(window->low, 4) << " to "
-            << number_text(window->high, 4) << " of the line integrals\n";
+  std::cout << printable(request.output) << ": " << film.frames() << " pictures of " << columns << " x "
+            << rows << " pixels, " << rate << " a second; shown is from " << number_text(window->low, 4)
+            << " to " << number_text(window->high, 4) << " of the line integrals\n";
   return kDone;
 }
 

@@ -61,8 +61,8 @@ int run_volume(const VolumeRequest& request) {
   }
   const sim::Grid& grid = file.volume.grid;
   const sim::Vector3 size(double(grid.size[0]), double(grid.size[1]), double(grid.size[2]));
-  std::cout << request.path << ": " << file.format << ", " << triple_text(size, " x ") << " voxels of "
-            << triple_text(1000 * grid.spacing_m, " x ") << " mm\n"
+  std::cout << printable(request.path) << ": " << file.format << ", " << triple_text(size, " x ")
+            << " voxels of " << triple_text(1000 * grid.spacing_m, " x ") << " mm\n"
             << "  orientation  " << sim::orientation_code(grid) << " (where columns, rows and slices run to)"
             << (file.patient_position.empty() ? "" : ", patient position " + printable(file.patient_position))
             << "\n"
@@ -139,7 +139,7 @@ void print_mesh(const MeshCommandRequest& request, const sim::RecipeMesh& answer
                 {"warnings", answer.findings}});
     return;
   }
-  std::cout << request.output << ": " << result.mesh.nodes.size() << " vertices, "
+  std::cout << printable(request.output) << ": " << result.mesh.nodes.size() << " vertices, "
             << result.mesh.tetrahedra.size() << " tetrahedra, " << number_text(1e6 * quality.volume_m3, 4)
             << " ml, in " << unit << "\n";
   for (const auto& [region, measures] : quality.regions) {

@@ -247,7 +247,7 @@ int run(const Request& request) {
     return kDone;
   }
   for (const std::string& finding : scene.findings()) print_error("kiroku", "warning: " + finding);
-  std::cout << request.output << ": " << picture.columns << " x " << picture.rows
+  std::cout << printable(request.output) << ": " << picture.columns << " x " << picture.rows
             << " pixels, gradient correlation " << number_text(similarity, 4) << "\n";
   if (found) {
     const sim::Vector3 mm = kMmPerM * found->translation_m;

@@ -124,7 +124,7 @@ int run(const Request& request) {
                 {"height", picture.height},
                 {"renderer", renderer}});
   } else {
-    std::cout << request.output << ": " << picture.width << "x" << picture.height << " pixels, by "
+    std::cout << printable(request.output) << ": " << picture.width << "x" << picture.height << " pixels, by "
               << printable(renderer) << "\n";
   }
   return kDone;

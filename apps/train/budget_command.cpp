@@ -122,7 +122,7 @@ int run(const Request& request) {
   if (request.json) {
     print_json({{"folder", request.output}, {"required_from", required.from}, {"fingers", rows}});
   } else {
-    std::cout << request.output << ": required rates of " << required.from << "\n" << text;
+    std::cout << printable(request.output) << ": required rates of " << required.from << "\n" << text;
   }
   return kDone;
 }

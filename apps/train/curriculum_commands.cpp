@@ -173,7 +173,7 @@ int run_study(const StudyRequest& request) {
                 {"comparisons", comparisons}});
     return kDone;
   }
-  std::cout << request.output << ": " << kept.size() << " attempts of " << trainees.size()
+  std::cout << printable(request.output) << ": " << kept.size() << " attempts of " << trainees.size()
             << " simulated trainees; they say nothing about people\n";
   print_comparisons(comparisons);
   return kDone;
@@ -200,7 +200,7 @@ int run_results(const ResultsRequest& request) {
                 {"comparisons", comparisons}});
     return kDone;
   }
-  std::cout << request.output << ": " << records.size() << " attempts";
+  std::cout << printable(request.output) << ": " << records.size() << " attempts";
   if (simulated > 0) std::cout << ", " << simulated << " of them simulated";
   std::cout << "\n";
   print_comparisons(comparisons);

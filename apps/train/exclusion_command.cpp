@@ -264,7 +264,7 @@ int run(const Request& request) {
     return outcome.score.done ? kDone : kAnswerIsNo;
   }
   const trainer::ExclusionScore& score = outcome.score;
-  std::cout << request.output << ": " << in_words(score) << "\n  largest von Mises stress  "
+  std::cout << printable(request.output) << ": " << in_words(score) << "\n  largest von Mises stress  "
             << number_text(score.largest_von_mises_pa / 1e3, 4) << " kPa; "
             << number_text(1e6 * score.damaged_m3, 3) << " ml above " << number_text(damage_pa / 1e3, 4)
             << " kPa\n  path of all fingers       " << number_text(100 * score.path_m, 3)

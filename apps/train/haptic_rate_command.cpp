@@ -290,7 +290,7 @@ void print(const Request& request, const Outcome& outcome, const trainer::RateCo
     print_json(object);
     return;
   }
-  std::cout << request.output << ": " << outcome.sessions.size()
+  std::cout << printable(request.output) << ": " << outcome.sessions.size()
             << (outcome.true_hz.empty() ? " subject" : " simulated subjects, no person") << ", method "
             << trainer::name_of(outcome.sessions.front().method) << ", series "
             << trainer::name_of(outcome.sessions.front().series)

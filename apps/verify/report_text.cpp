@@ -131,6 +131,13 @@ std::string clock_lines(const VerificationReport& report) {
   return out;
 }
 
+/// How far the segments were looked into.
+std::string contents_words(const archive::OpenedContents& contents) {
+  if (contents.opened == 0) return "none of " + count(contents.segments, "segment", "segments");
+  return std::to_string(contents.opened) + " of " + count(contents.segments, "segment", "segments") +
+         " decrypted, " + std::to_string(contents.decoded) + " of them decoded to the frames stated";
+}
+
 /// "00:10:02.500" from the case's beginning.
 std::string case_time(std::int64_t ns, const archive::ExcerptReport& excerpt) {
   const std::int64_t ms = (ns - excerpt.begins_ns) / 1'000'000;
@@ -235,6 +242,7 @@ std::string report_text(const VerificationReport& report, const std::string& cas
                              count(report.files, "file", "files") + " (" + format_bytes(report.bytes) +
                              "), " + count(report.checkpoints, "checkpoint", "checkpoints") + ", " +
                              count(report.tokens, "time-stamp", "time-stamps"));
+  if (report.contents) out += line("contents", contents_words(*report.contents));
   if (report.excerpt) {
     out += "\n" + excerpt_table(report);
   } else if (!report.streams.empty()) {

@@ -177,6 +177,7 @@ void CaseRules::take_open(const OpenEntry& open, const CaseEntry& entry, std::ui
   }
   opening_ = open;
   opened_ = entry.at.utc;
+  opened_ns_ = entry.at.mono_ns;
   clock_zero_ = entry.at.utc -
                 std::chrono::floor<std::chrono::microseconds>(std::chrono::nanoseconds(entry.at.mono_ns));
   for (const StreamInfo& each : open.streams) {
@@ -243,6 +244,7 @@ void CaseRules::take_close(const CloseEntry& close, const CaseEntry& entry, std:
   close_reason_ = shortened(close.reason);
   close_totals_ = close.totals;
   closed_ = entry.at.utc;
+  closed_ns_ = entry.at.mono_ns;
   tokens_.take_close(number);
   for (auto& [name, its] : streams_) {
     its.take_interruption();
@@ -267,8 +269,13 @@ StreamRules* CaseRules::stream(const std::string& name, std::uint64_t number) {
 }
 
 void CaseRules::finish() {
+  // With a pre-roll the streams' oldest segments begin at different times, each before `open`.
+  const bool pre_rolled = opening_ && opening_->begins_ns > 0;
+  const std::optional<Span> recorded = scope_.whole_case && close_
+                                           ? std::optional(Span{pre_rolled ? opened_ns_ : 0, closed_ns_})
+                                           : std::nullopt;
   for (auto& [name, its] : streams_) {
-    its.finish();
+    its.finish(recorded);
   }
   tokens_.finish(scope_.whole_case);
   judge_wall_clock();
@@ -377,6 +384,8 @@ void CaseRules::describe(VerificationReport& report) const {
   report.time = tokens_.time(scope_.whole_case ? last_claim_ : last_checked_segment_.value_or(0));
   report.outside_entries = tokens_.outside_entries();
   report.tokens = tokens_.count();
+  report.outside_tokens = tokens_.outside_count();
+  report.own_tokens = tokens_.own_count();
 }
 
 }  // namespace kiroku::archive

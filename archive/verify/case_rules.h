@@ -101,7 +101,7 @@ class CaseRules {
   std::optional<UtcTime> last_utc_;
   std::unordered_set<std::string> named_;
   std::set<std::string> authorities_;
-  std::int64_t last_mono_ns_ = 0;
+  std::int64_t last_mono_ns_ = 0, opened_ns_ = 0, closed_ns_ = 0;
   std::optional<std::uint64_t> last_checked_segment_;
   std::uint64_t last_claim_ = 0;  // the last entry that says more than what became of the case since
   std::uint64_t broken_lines_ = 0;

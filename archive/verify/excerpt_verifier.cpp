@@ -334,6 +334,7 @@ class ExcerptVerification {
     report.checkpoints = checkpoints_.count();
     report.files = files_.files() + report.tokens + report.checkpoints + 3;
     report.bytes = bytes_in(listing_);
+    report.contents = files_.contents();
     report.brackets = rules_.tokens().brackets(document_.first_entry,
                                                document_.first_entry + std::max<std::uint64_t>(1, lines_));
     report.verdict = verdict_of_excerpt(findings_.worst());

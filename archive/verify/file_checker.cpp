@@ -39,6 +39,12 @@ void report_unopened(FindingList& findings, const Place& place, const FileOpenin
 FileChecker::FileChecker(const CaseFolder& folder, const VerifyOptions& options, FindingList& findings,
                          std::uint64_t total_bytes)
     : folder_(&folder), options_(&options), findings_(&findings), total_bytes_(total_bytes) {
+  if (options.identities != nullptr) {
+    for (const auto& identity : *options.identities) {
+      own_recipients_.insert(identity->recipient());
+    }
+    own_recipients_.erase("");
+  }
   const unsigned count =
       options.threads > 0 ? options.threads : std::max(1U, std::thread::hardware_concurrency());
   for (unsigned i = 0; i < count; ++i) {
@@ -88,6 +94,10 @@ std::vector<MissingFile> FileChecker::finish() {
   return std::exchange(missing_, {});
 }
 
+std::optional<OpenedContents> FileChecker::contents() const {
+  return options_->identities == nullptr ? std::nullopt : std::optional(contents_);
+}
+
 void FileChecker::work() {
   for (;;) {
     std::unique_lock lock(mutex_);
@@ -133,9 +143,13 @@ void FileChecker::check_one(const FileJob& job) {
     }
     if (job.segment && options_->identities != nullptr) {
       const crypto::HashedSource sealed(*opening.file, hashed->trail, job.expected.file, hashed->new_header);
-      look_inside(job, sealed, *hashed);
+      const std::optional<LookedInside> how_far = look_inside(job, sealed, *hashed);
       if (const auto changed = sealed.changed_at()) {
         report_changed(job, *changed);  // the inspector passed over it
+      } else if (how_far) {
+        const std::lock_guard lock(mutex_);
+        ++contents_.opened;
+        contents_.decoded += *how_far == LookedInside::kDecoded ? 1U : 0U;
       }
     } else if (!hashed->fits) {
       findings_->add(
@@ -236,43 +250,53 @@ void FileChecker::report_damage(const FileJob& job, const Opened& opened) {
   findings_->add("file-hash-differs", where, text);
 }
 
-void FileChecker::look_inside(const FileJob& job, const crypto::HashedSource& sealed, const Hashed& hashed) {
+std::optional<FileChecker::LookedInside> FileChecker::look_inside(const FileJob& job,
+                                                                  const crypto::HashedSource& sealed,
+                                                                  const Hashed& hashed) {
   const Place place{job.expected.file, job.entry};
   const Opened opened = try_opening(job, sealed, hashed.fits);
   if (!hashed.fits) {
     report_damage(job, opened);
-    return;
+    return std::nullopt;
   }
   const auto failed_with = [&](crypto::AgeFailure what) {
     return opened.failure && opened.failure->failure() == what;
   };
   if (failed_with(crypto::AgeFailure::kNoMatch)) {
     report_not_decrypted(job);
-    return;
+    return std::nullopt;
   }
   if (job.rekeyed && !new_header_fits(hashed)) {
     findings_->add("rekeyed-key-differs", place,
                    "the new header of " + job.expected.file +
                        " yields another key than the original one: it would open to another film");
-    return;
+    return std::nullopt;
   }
   if (was_found_cut_off(*job.segment) && (opened.failure || opened.unreadable > 0)) {
     report_lost_part(job, opened);
     if (opened.failure) {
-      return;
+      return std::nullopt;
     }
   }
-  // A power cut can leave less than a header; that it was cut off is said already.
-  const bool cut_in_header = !job.segment->complete && (failed_with(crypto::AgeFailure::kHeaderMalformed) ||
-                                                        failed_with(crypto::AgeFailure::kTruncated));
-  if (opened.failure && !cut_in_header) {
-    findings_->add("segment-undecryptable", place,
-                   job.expected.file + " does not decrypt: " + opened.failure->what());
-  } else if (!opened.failure && options_->inspect) {
-    if (const auto problem = options_->inspect(*job.stream, *job.segment, sealed, *options_->identities)) {
-      findings_->add("segment-undecodable", place, job.expected.file + ": " + *problem);
+  if (opened.failure) {
+    // A power cut can leave less than a header; that it was cut off is said already.
+    const bool cut_in_header = !job.segment->complete && (failed_with(crypto::AgeFailure::kHeaderMalformed) ||
+                                                          failed_with(crypto::AgeFailure::kTruncated));
+    if (!cut_in_header) {
+      findings_->add("segment-undecryptable", place,
+                     job.expected.file + " does not decrypt: " + opened.failure->what());
     }
+    return std::nullopt;
   }
+  if (!options_->inspect) {
+    return LookedInside::kDecrypted;
+  }
+  if (const auto problem = options_->inspect(*job.stream, *job.segment, sealed, *options_->identities)) {
+    findings_->add("segment-undecodable", place, job.expected.file + ": " + *problem);
+    return LookedInside::kDecrypted;
+  }
+  // Of others nobody states how many frames must come out of them.
+  return job.segment->complete && job.segment->counted ? LookedInside::kDecoded : LookedInside::kDecrypted;
 }
 
 // The hash fits, so this is what recovery found and signed without a key, and the ledger says so: what does
@@ -301,6 +325,15 @@ void FileChecker::report_not_decrypted(const FileJob& job) {
     report_rekeyed_unopened(job);
     return;
   }
+  const std::vector<std::string>& named = job.stream->recipients;
+  const auto mine = std::ranges::find_if(
+      named, [this](const std::string& recipient) { return own_recipients_.contains(recipient); });
+  if (mine != named.end()) {
+    findings_->add("segment-not-for-recipient", {job.expected.file, job.entry},
+                   job.expected.file + " does not open with the identity of " + shortened(*mine) +
+                       ", for whom open says that " + job.segment->stream + " is sealed");
+    return;
+  }
   const std::lock_guard lock(mutex_);
   if (streams_not_decrypted_.insert(job.segment->stream).second) {
     findings_->add(
@@ -316,6 +349,7 @@ void FileChecker::count_held(const SegmentEntry& segment) {
   held.span.start_ns = first ? segment.span.start_ns : std::min(held.span.start_ns, segment.span.start_ns);
   held.span.end_ns = std::max(first ? segment.span.end_ns : held.span.end_ns, segment.span.end_ns);
   ++held.segments;
+  ++contents_.segments;
   held.frames += segment.frames;
   held.dropped += segment.dropped;
   held.bytes += segment.file.bytes;

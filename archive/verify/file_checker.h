@@ -18,6 +18,7 @@
 #include "archive/format/case_folder.h"
 #include "archive/format/ledger_entry.h"
 #include "archive/verify/finding_list.h"
+#include "archive/verify/report.h"
 #include "archive/verify/verify_options.h"
 #include "crypto/hashed_source.h"
 
@@ -65,6 +66,8 @@ class FileChecker {
   [[nodiscard]] std::uint64_t bytes() const { return bytes_; }
   /// After finish(): by stream. Of a stream without a single sound segment there is nothing.
   [[nodiscard]] const std::map<std::string, HeldSegments>& held() const { return held_; }
+  /// After finish(): nothing where no identity was given.
+  [[nodiscard]] std::optional<OpenedContents> contents() const;
 
  private:
   /// One file after its bytes were hashed.
@@ -88,8 +91,12 @@ class FileChecker {
   void report_lost_part(const FileJob& job, const Opened& opened);
   void report_damage(const FileJob& job, const Opened& opened);
   void report_not_decrypted(const FileJob& job);
-  /// Decrypts what was hashed and no other bytes; throws crypto::SourceChanged.
-  void look_inside(const FileJob& job, const crypto::HashedSource& sealed, const Hashed& hashed);
+  /// What a segment turned out to be: decrypted to the end; decoded to as many frames as its entry states.
+  enum class LookedInside { kDecrypted, kDecoded };
+  /// Decrypts what was hashed and no other bytes; throws crypto::SourceChanged. Nothing where it does not
+  /// open.
+  std::optional<LookedInside> look_inside(const FileJob& job, const crypto::HashedSource& sealed,
+                                          const Hashed& hashed);
   void report_changed(const FileJob& job, std::uint64_t offset);
   void report_rekeyed_unopened(const FileJob& job);
   void count_held(const SegmentEntry& segment);
@@ -108,6 +115,8 @@ class FileChecker {
   std::exception_ptr failure_;
   std::vector<MissingFile> missing_;
   std::set<std::string> streams_not_decrypted_;
+  std::set<std::string> own_recipients_;  // of the identities given; unchanged while workers run
+  OpenedContents contents_;
   std::map<std::string, HeldSegments> held_;
   std::uint64_t files_ = 0;
   std::uint64_t bytes_ = 0;

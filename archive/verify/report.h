@@ -86,6 +86,16 @@ struct ExcerptReport {
   std::string stated_made_by;
 };
 
+/// How far the segments were looked into, where identities were given. All are segments whose files have the
+/// hash that the ledger states; erased ones are not there to be opened.
+struct OpenedContents {
+  std::uint64_t segments = 0;  // that were there
+  std::uint64_t opened = 0;    // of them: decrypted to the end
+  /// Of those: decoded, and found to hold as many frames as the ledger states. 0 where the program has no
+  /// decoders.
+  std::uint64_t decoded = 0;
+};
+
 struct VerificationReport {
   Verdict verdict = Verdict::kTampered;
   std::string case_id;
@@ -93,8 +103,10 @@ struct VerificationReport {
   TimeProof time = TimeProof::kNone;
   std::uint64_t outside_entries = 0;  // from 0 on: those that a token of an outside authority covers
   std::uint64_t entries = 0, files = 0, bytes = 0, tokens = 0, checkpoints = 0;
-  std::vector<StreamReport> streams;     // of an excerpt: of the selected streams, what it holds
-  std::optional<ExcerptReport> excerpt;  // of an excerpt whose excerpt.json could be read
+  std::uint64_t outside_tokens = 0, own_tokens = 0;  // of `tokens`: valid under trusted roots, by whose
+  std::vector<StreamReport> streams;                 // of an excerpt: of the selected streams, what it holds
+  std::optional<ExcerptReport> excerpt;              // of an excerpt whose excerpt.json could be read
+  std::optional<OpenedContents> contents;            // nothing where no identity was given
   std::vector<Bracket> brackets;
   std::vector<AuthorityClock> clocks;  // one an authority, in the order of their first tokens
   std::vector<Finding> findings;       // ordered by entry, then file

@@ -47,6 +47,10 @@ ordered_json excerpt_json(const ExcerptReport& excerpt) {
            {{"made_utc", or_null(excerpt.stated_made_at)}, {"made_by", or_null(excerpt.stated_made_by)}}}};
 }
 
+ordered_json contents_json(const OpenedContents& contents) {
+  return {{"segments", contents.segments}, {"opened", contents.opened}, {"decoded", contents.decoded}};
+}
+
 ordered_json bracket_json(const Bracket& bracket) {
   return {{"first_entry", bracket.first_entry},
           {"last_entry", bracket.last_entry},
@@ -115,6 +119,7 @@ ordered_json report_json(const VerificationReport& report) {
                       {"checkpoints", report.checkpoints},
                       {"tokens", report.tokens}};
   out["excerpt"] = report.excerpt ? excerpt_json(*report.excerpt) : ordered_json(nullptr);
+  out["contents"] = report.contents ? contents_json(*report.contents) : ordered_json(nullptr);
   out["streams"] = ordered_json::array();
   for (const auto& stream : report.streams) out["streams"].push_back(stream_json(stream));
   out["brackets"] = ordered_json::array();

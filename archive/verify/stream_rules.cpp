@@ -96,6 +96,7 @@ bool StreamRules::take(const SegmentEntry& segment, std::uint64_t entry) {
   report_.dropped += segment.dropped;
   report_.bytes += segment.file.bytes;
   report_.span.end_ns = std::max(report_.span.end_ns, segment.span.end_ns);
+  count_filling(segment, entry);
   if (segment.dropped > 0 && !first_dropped_entry_) {
     first_dropped_entry_ = entry;
   }
@@ -202,8 +203,91 @@ std::optional<Span> StreamRules::uncovered(Span hole) const {
   return hole.end_ns - hole.start_ns > kSeamToleranceNs ? std::optional(hole) : std::nullopt;
 }
 
-void StreamRules::finish() {
+void StreamRules::count_filling(const SegmentEntry& segment, std::uint64_t entry) {
+  const std::int64_t duration_ns = segment.span.end_ns - segment.span.start_ns;
+  if (info_->kind == "video" && segment.complete && segment.counted && duration_ns > 0) {
+    fillings_.push_back({entry, segment.index, segment.frames + segment.dropped, duration_ns});
+  }
+}
+
+void StreamRules::check_fillings() {
+  if (info_->kind == "vitals" && report_.segments > 0 && report_.frames == 0) {
+    findings_->add("segments-sparse", {std::string(kLedgerFile)},
+                   "none of the " + digits(report_.segments) + " segments of " + report_.info.name +
+                       " holds a sample: what they are of said nothing");
+  }
+  if (fillings_.empty()) {
+    return;
+  }
+  std::vector<double> rates;
+  std::ranges::transform(fillings_, std::back_inserter(rates), &Filling::rate);
+  const auto middle = rates.begin() + static_cast<std::ptrdiff_t>(rates.size() / 2);
+  std::nth_element(rates.begin(), middle, rates.end());
+  const double usual = *middle;
+  constexpr double kNsPerSecond = 1e9;
+  constexpr double kMostOfUsual = 0.75;
+  const auto lacking = [&](const Filling& each) {
+    return usual * double(each.duration_ns) / kNsPerSecond - double(each.frames);
+  };
+  std::uint64_t sparse = 0;
+  double all_lacking = 0;
+  const Filling* emptiest = nullptr;
+  for (const Filling& each : fillings_) {
+    if (lacking(each) < usual || each.rate() > kMostOfUsual * usual) {
+      continue;  // less than a second's pictures
+    }
+    ++sparse;
+    all_lacking += lacking(each);
+    if (emptiest == nullptr || lacking(each) > lacking(*emptiest)) {
+      emptiest = &each;
+    }
+  }
+  if (emptiest != nullptr) {
+    findings_->add("segments-sparse", {std::string(kLedgerFile), emptiest->entry},
+                   digits(sparse) + " of the segments of " + report_.info.name +
+                       " hold fewer frames than is usual in it, together about " +
+                       digits(static_cast<std::uint64_t>(all_lacking)) + " fewer; segment " +
+                       digits(emptiest->index) + " holds " + digits(emptiest->frames) + " in " +
+                       in_seconds(emptiest->duration_ns) +
+                       " s. Its source sent less, or what it sent did not arrive");
+  }
+}
+
+void StreamRules::check_ends(const Span& recorded) {
+  if (info_->kind == "events") {
+    return;  // has segments only where somebody did something
+  }
+  const std::string& name = report_.info.name;
+  if (report_.segments == 0 && gaps_.empty()) {
+    findings_->add("stream-empty", {std::string(kLedgerFile)},
+                   name + " has nothing from " + text_of(recorded) + ", the whole case, and no gap says why");
+    return;
+  }
+  if (info_->timing != "arrival") {
+    return;  // a file ends where it ends
+  }
+  if (report_.segments > 0) {
+    const auto late = uncovered({recorded.start_ns, report_.span.start_ns});
+    if (late && late->end_ns - late->start_ns > kLateBeginToleranceNs) {
+      findings_->add(
+          "stream-begins-late", {std::string(kLedgerFile)},
+          name + " has nothing from " + text_of(*late) + ", before its first segment, and no gap says why");
+    }
+  }
+  const auto early = uncovered({end_ns_.value_or(recorded.start_ns), recorded.end_ns});
+  if (early && early->end_ns - early->start_ns > kEarlyEndToleranceNs) {
+    findings_->add(
+        "stream-ends-early", {std::string(kLedgerFile)},
+        name + " has nothing from " + text_of(*early) + ", where the case was closed, and no gap says why");
+  }
+}
+
+void StreamRules::finish(std::optional<Span> recorded) {
   join_gaps();
+  if (recorded) {
+    check_ends(*recorded);
+  }
+  check_fillings();
   for (const Hole& hole : holes_) {
     if (const std::optional<Span> left = uncovered(hole.span)) {
       findings_->add("segment-hole", {std::string(kLedgerFile), hole.entry},

@@ -4,8 +4,8 @@
 // - Indexes count 0, 1, 2 … without hole; an excerpt begins anywhere.
 // - A segment begins where the one before it ends, to within kSeamTolerance. If it begins later, the `gap`
 //   entries of the stream (before or after it in the ledger) must cover the time between; it never begins
-//   earlier. Before the first segment and after the last nothing is demanded: sources begin and end when they
-//   do.
+//   earlier.
+// - A stream that is recorded as it comes has something, or a gap, from the case's beginning to its end.
 // - A segment without counts is one that recovery found: a `recovered` stands before it.
 // - An incomplete segment is explained by `recovered`, `close` or a `gap` of its stream between the segments
 //   around it; one that recovery found, by that.
@@ -26,6 +26,10 @@ namespace kiroku::archive {
 
 /// A container's time base can round to milliseconds (Matroska); no picture or sample fits in less.
 inline constexpr std::int64_t kSeamToleranceNs = 1'000'000;
+/// A recorder states as a gap what lacks for more than 1 s at a case's beginning, and at the moment at which
+/// it stops; then it has the rest of its pictures and its last files to write before `close`.
+inline constexpr std::int64_t kLateBeginToleranceNs = 2'000'000'000;
+inline constexpr std::int64_t kEarlyEndToleranceNs = 10'000'000'000;
 
 class StreamRules {
  public:
@@ -42,7 +46,8 @@ class StreamRules {
   void take_recovered();
   /// Totals of `close` against what was seen; not for excerpts.
   void check_totals(const StreamTotal* stated, std::uint64_t entry);
-  void finish();
+  /// `recorded`: from the case's beginning to its `close`, of a case that has one and is here as a whole.
+  void finish(std::optional<Span> recorded = std::nullopt);
 
   [[nodiscard]] const std::shared_ptr<const StreamInfo>& info() const { return info_; }
   [[nodiscard]] const StreamReport& report() const { return report_; }
@@ -79,6 +84,16 @@ class StreamRules {
     std::uint64_t entry = 0;
     std::uint64_t index = 0;
   };
+  /// What a segment holds against its length.
+  struct Filling {
+    std::uint64_t entry = 0, index = 0, frames = 0;  // those that were dropped among them: they are stated
+    std::int64_t duration_ns = 0;
+    [[nodiscard]] double rate() const { return static_cast<double>(frames) * 1e9 / double(duration_ns); }
+  };
+  void count_filling(const SegmentEntry& segment, std::uint64_t entry);
+  /// Demands a gap where a stream has nothing at the case's beginning or end.
+  void check_ends(const Span& recorded);
+  void check_fillings();
   void check_seam(const SegmentEntry& segment, std::uint64_t entry);
   /// Of a segment's file of this stream; nothing for any other path.
   [[nodiscard]] std::optional<std::uint64_t> index_of(const std::string& path) const;
@@ -97,6 +112,7 @@ class StreamRules {
   std::vector<Span> gaps_;
   std::optional<Span> all_gaps_;  // from the earliest start to the latest end
   std::vector<Hole> holes_;
+  std::vector<Filling> fillings_;
   IndexRanges erased_;
   struct Cut {
     std::uint64_t entry = 0;

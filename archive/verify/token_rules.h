@@ -44,6 +44,9 @@ class TokenRules {
   /// Entries, from 0 on, that a valid token of an outside authority covers.
   [[nodiscard]] std::uint64_t outside_entries() const { return outside_entries_; }
   [[nodiscard]] std::uint64_t count() const { return count_; }
+  /// Valid ones under trusted roots: of outside authorities, and of the recorder's own.
+  [[nodiscard]] std::uint64_t outside_count() const { return outside_.size(); }
+  [[nodiscard]] std::uint64_t own_count() const { return valid_.size() - outside_.size(); }
   [[nodiscard]] std::vector<Bracket> brackets(std::uint64_t first, std::uint64_t entries) const;
   [[nodiscard]] const std::vector<AuthorityClock>& clocks() const { return clocks_; }
   /// Hashes of the entered token files, in order.

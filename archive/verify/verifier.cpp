@@ -299,6 +299,7 @@ class CaseVerification {
     report.checkpoints = checkpoints_.count();
     report.files = files_.files() + report.tokens + report.checkpoints + 1;
     report.bytes = bytes_in(listing_);
+    report.contents = files_.contents();
     report.brackets = rules_.tokens().brackets(0, tree_.size());
     report.clocks = rules_.tokens().clocks();
     report.verdict = verdict_of(findings_.worst());

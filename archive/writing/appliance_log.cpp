@@ -259,9 +259,23 @@ void for_each_log_line(const fs::path& folder, const std::function<void(const Lo
       throw Error("cannot read line " + std::to_string(number) + " of " + file.string() + ": " +
                   parsed.problem);
     }
-    visit({parsed.entry->seq, parsed.entry->at.utc, std::string(type_of(parsed.entry->body)),
-           std::string(line.text)});
+    visit(
+        {number - 1, parsed.entry->at.utc, std::string(type_of(parsed.entry->body)), std::string(line.text)});
   }
+}
+
+bool is_signed_entry(const fs::path& folder, const crypto::VerifierKey& device, std::uint64_t seq,
+                     const crypto::Sha256Digest& root) {
+  const std::uint64_t size = seq + 1;
+  const FileOpening opening = CaseFolder::open(folder).open_file(note_path(size));
+  const std::optional<std::string> note =
+      opening.file ? read_small(*opening.file, kMaximumNoteBytes) : std::nullopt;
+  if (!note) {
+    return false;
+  }
+  const crypto::OpenedNote opened = crypto::open_note(*note, {device});
+  return !opened.failure &&
+         crypto::Checkpoint::parse(opened.text) == crypto::Checkpoint{log_origin(device.name()), size, root};
 }
 
 std::vector<LogLine> read_log(const fs::path& folder) {

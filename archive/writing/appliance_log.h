@@ -21,7 +21,7 @@ class FileSystem;
 
 /// One line of the log for listing.
 struct LogLine {
-  std::uint64_t seq = 0;
+  std::uint64_t seq = 0;  // which line it is, from 0; what it states of itself is not believed
   UtcTime utc;
   std::string type;
   std::string json;  // the exact line
@@ -90,6 +90,12 @@ std::string kernel_boot_id();
 /// Calls `visit` with each line of a log, in order, without opening it for writing; a torn last line is left
 /// out. Throws kiroku::Error naming the line that cannot be read.
 void for_each_log_line(const std::filesystem::path& folder, const std::function<void(const LogLine&)>& visit);
+/// Whether `device` signed the log when its newest entry was number `seq`: its own checkpoint, over `root`,
+/// the tree's root then. Each entry but `boot` and `config-changed` has one. An entry without was cut off in
+/// that moment, or made up by somebody who can write to the disk; what is signed later covers both. False
+/// where the checkpoint cannot be read.
+bool is_signed_entry(const std::filesystem::path& folder, const crypto::VerifierKey& device,
+                     std::uint64_t seq, const crypto::Sha256Digest& root);
 /// All of them.
 std::vector<LogLine> read_log(const std::filesystem::path& folder);
 

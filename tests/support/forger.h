@@ -25,6 +25,7 @@ class ObservedIdentity final : public crypto::AgeIdentity {
     act_();
     return real_->unwrap(stanzas);
   }
+  [[nodiscard]] std::string recipient() const override { return real_->recipient(); }
 
  private:
   std::shared_ptr<const crypto::AgeIdentity> real_;

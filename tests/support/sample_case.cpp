@@ -177,6 +177,11 @@ void SampleCase::record() {
                   archive_->now());
 }
 
+void SampleCase::record_at_once() {
+  writer_->append({segment(0, 0, {0, archive_->now_ns}), segment(1, 0, {0, archive_->now_ns})},
+                  archive_->now());
+}
+
 void SampleCase::close() {
   archive_->now_ns = std::max(archive_->now_ns, 7 * kSecond);
   writer_->close("operator", archive_->now());

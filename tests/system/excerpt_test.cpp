@@ -33,6 +33,13 @@ TEST_F(Excerpt, VerifiesByItself) {
   EXPECT_EQ(kiroku({"verify", "--excerpt", path("part")}).status, 0);
 }
 
+TEST_F(Excerpt, ANameCommandsNoTerminal) {
+  const ProcessResult made = kiroku(cut(path("part\033[31m")));
+  EXPECT_EQ(made.status, 0) << made.err;
+  EXPECT_THAT(made.out, HasSubstr("part\\u{1B}[31m"));
+  EXPECT_THAT(made.out, Not(HasSubstr("\033")));
+}
+
 TEST_F(Excerpt, IsToldAsThePartThatItIs) {
   ASSERT_EQ(kiroku(cut("part", {"--stream", "endoscope", "--by", "Dr. Mori"})).status, 0);
   const std::string text = kiroku({"verify", path("part")}).out;

@@ -1,5 +1,6 @@
 // 'kiroku plan' as a person calls it.
 #include <filesystem>
+#include <fstream>
 #include <map>
 
 #include "tests/support/build_paths.h"
@@ -240,6 +241,20 @@ TEST_F(PlanProgram, SealsAPlanBeforeTheCaseIsRecorded) {
   EXPECT_THAT(forged.out, HasSubstr("was recorded by another plan"));
   EXPECT_REFUSED(kiroku({"record", "--vitals", "synthetic:patient", "--plan", "plan.seal.json"}),
                  "is not in the appliance log");
+
+  // Somebody adds a line to the log, which says that it is entry 1: nobody signed it.
+  write_text(folder() / "added.json", read_text(folder() / "plan.json") + "\n\n");
+  ASSERT_EQ(kiroku({"plan", "seal", "added.json", "--home", path("other")}).status, 0);
+  const std::string others = read_text(path("other/archive/log/ledger.jsonl"));
+  std::string line = others.substr(others.rfind('\n', others.size() - 2) + 1);
+  const std::size_t seq = line.find("\"seq\":") + 6;
+  line.replace(seq, line.find(',', seq) - seq, "1");
+  std::ofstream(home() / "archive/log/ledger.jsonl", std::ios::app) << line;
+  const ProcessResult added = kiroku({"plan", "verify", "added.seal.json"});
+  EXPECT_EQ(added.status, 3) << added.out;
+  EXPECT_THAT(added.out, HasSubstr("this device did not sign it when it was written"));
+  EXPECT_REFUSED(kiroku({"record", "--vitals", "synthetic:patient", "--plan", "added.seal.json"}),
+                 "nobody signed its entry");
 }
 
 TEST_F(PlanProgram, SealsEveryFileThatAPlanIsMadeOf) {

@@ -42,7 +42,17 @@ TEST_F(Report, OfATamperedCaseIsWrittenAndNamesTheFile) {
 TEST_F(Report, WithAnIdentitySaysThatThePicturesOpen) {
   const std::string identity = (home() / "identity.txt").string();
   ASSERT_EQ(kiroku({"report", case_.string(), "-i", identity, "-o", "report.html"}).status, 0);
-  EXPECT_THAT(read_text(path("report.html")), HasSubstr("Every segment was decrypted and decoded"));
+  EXPECT_THAT(read_text(path("report.html")), HasSubstr("each was decrypted and decoded"));
+  EXPECT_THAT(kiroku({"verify", "-i", identity, case_.string()}).out,
+              testing::ContainsRegex("contents +([0-9]+) of [0-9]+ segments decrypted"));
+
+  // What nobody opened is not said to have been looked at.
+  ASSERT_EQ(kiroku({"init", "--demo", "--home", path("other")}).status, 0);
+  const std::string other = path("other/identity.txt");
+  ASSERT_EQ(kiroku({"report", case_.string(), "-i", other, "-o", "unopened.html"}).status, 0);
+  EXPECT_THAT(read_text(path("unopened.html")), HasSubstr("The keys that were given opened nothing."));
+  EXPECT_THAT(kiroku({"verify", "-i", other, case_.string()}).out,
+              testing::ContainsRegex("contents +none of [0-9]+ segments"));
 }
 
 TEST_F(Report, IsTheSameBytesForTheSameDate) {

@@ -56,8 +56,8 @@ class ComparisonApi {
       ordered_json comparisons = ordered_json::array(), unreadable = ordered_json::array();
       if (!names.empty()) {
         const archive::CaseReader recording = context_.open_case(request);
-        const compare::LogOfCase log =
-            compare::read_log_of_case(context_.home().log_folder, recording.opening());
+        const compare::LogOfCase log = compare::read_log_of_case(context_.home().log_folder,
+                                                                 recording.opening(), context_.home().device);
         const compare::KeptEvidence evidence{&recording, &log, context_.home().device.to_string(),
                                              context_.home().trust};
         for (const std::string& name : names) {

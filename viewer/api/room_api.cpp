@@ -12,6 +12,7 @@
 #include "archive/writing/appliance_log.h"
 #include "base/error.h"
 #include "crypto/encoding.h"
+#include "crypto/merkle_tree.h"
 #include "recorder/control/control_client.h"
 #include "viewer/api/api.h"
 #include "viewer/kept/sealed_plan.h"
@@ -72,15 +73,19 @@ void add_subject(json& question, const json& asked, const Request& request) {
   }
 }
 
-/// Seals that the appliance log knows, in hexadecimal, and since when.
+/// Seals that the appliance log knows by signed entries, in hexadecimal, and since when.
 std::map<std::string, UtcTime> sealed_here(const ViewerContext& context) {
   std::map<std::string, UtcTime> seals;
-  archive::for_each_log_line(context.home().log_folder, [&](const archive::LogLine& line) {
+  crypto::MerkleFrontier tree;
+  const ViewerHome& home = context.home();
+  archive::for_each_log_line(home.log_folder, [&](const archive::LogLine& line) {
+    tree.append(crypto::merkle_leaf_hash(bytes_of(line.json)));
     if (line.type != "plan-sealed") return;
     const archive::LogEntryParse parsed = archive::parse_log_entry(line.json);
     if (!parsed.entry) return;
     const auto* const entry = std::get_if<archive::PlanSealedEntry>(&parsed.entry->body);
-    if (entry != nullptr) seals.emplace(crypto::to_hex(entry->sha256), line.utc);
+    if (entry != nullptr && archive::is_signed_entry(home.log_folder, home.device, line.seq, tree.root()))
+      seals.emplace(crypto::to_hex(entry->sha256), line.utc);
   });
   return seals;
 }

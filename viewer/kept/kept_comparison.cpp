@@ -24,7 +24,13 @@ Check check_document(const KeptEvidence& evidence, const crypto::Sha256Digest& d
             "the appliance log does not know this comparison: it was made by another appliance, or changed "
             "since"};
   }
-  const auto& [seq, utc, who] = record->second;
+  const auto& [seq, utc, who, is_signed] = record->second;
+  if (!is_signed) {
+    return {"document", Answer::kUnknown,
+            "entry " + std::to_string(seq) +
+                " of the appliance log states this comparison, and nobody signed it when it was written: the "
+                "machine stopped at that moment, or somebody made it up"};
+  }
   entered_by = who;
   return {"document",
           Answer::kHolds,

@@ -28,22 +28,36 @@ std::string comparison_deed(const crypto::Sha256Digest& document) {
   return std::string(kDeed) + crypto::to_hex(document);
 }
 
-LogOfCase read_log_of_case(const std::filesystem::path& log_folder, const archive::OpenEntry& open) {
+LogOfCase read_log_of_case(const std::filesystem::path& log_folder, const archive::OpenEntry& open,
+                           const crypto::VerifierKey& device) {
   LogOfCase log;
   crypto::MerkleFrontier tree;
+  const auto look_at_head = [&] {
+    if (tree.size() == open.appliance_log_size) {
+      log.case_began_under_it = tree.root() == open.appliance_log_root;
+    }
+  };
+  look_at_head();
+  const auto keep = [&](std::map<crypto::Sha256Digest, LogOfCase::Record>& records,
+                        const crypto::Sha256Digest& what, const archive::LogLine& line,
+                        const std::string& who) {
+    const auto known = records.find(what);
+    if (known != records.end() && known->second.is_signed) return;
+    const bool is_signed = archive::is_signed_entry(log_folder, device, line.seq, tree.root());
+    if (known == records.end() || is_signed) records[what] = {line.seq, line.utc, who, is_signed};
+  };
   archive::for_each_log_line(log_folder, [&](const archive::LogLine& line) {
-    if (tree.size() < open.appliance_log_size) tree.append(crypto::merkle_leaf_hash(bytes_of(line.json)));
+    tree.append(crypto::merkle_leaf_hash(bytes_of(line.json)));
+    look_at_head();
     if (line.type != "plan-sealed" && line.type != "access") return;
     const archive::LogEntryParse parsed = archive::parse_log_entry(line.json);
     if (const auto* const plan = std::get_if<archive::PlanSealedEntry>(&parsed.entry->body)) {
-      log.sealed_plans.try_emplace(plan->sha256, LogOfCase::Record{line.seq, line.utc, {}});
+      keep(log.sealed_plans, plan->sha256, line, {});
     } else if (const auto* const access = std::get_if<archive::AccessEntry>(&parsed.entry->body)) {
       const auto document = document_of(*access);
-      if (document && access->case_id == open.case_id)
-        log.comparisons.try_emplace(*document, LogOfCase::Record{line.seq, line.utc, access->who});
+      if (document && access->case_id == open.case_id) keep(log.comparisons, *document, line, access->who);
     }
   });
-  log.case_began_under_it = tree.size() == open.appliance_log_size && tree.root() == open.appliance_log_root;
   return log;
 }
 
@@ -61,7 +75,8 @@ Check check_sealed_before(const LogOfCase& log, const std::string& device, const
   const auto record = log.sealed_plans.find(seal);
   if (record == log.sealed_plans.end())
     return {"order", Answer::kUnknown, "the appliance log knows no seal of this plan"};
-  const auto& [seq, utc, who] = record->second;
+  const auto& [seq, utc, who, is_signed] = record->second;
+  // What the case's first entry states the root of needs no other signature.
   if (seq >= open.appliance_log_size) {
     return {"order", Answer::kDiffers,        "the plan was sealed after the case had begun",
             seq,     open.appliance_log_size, utc};

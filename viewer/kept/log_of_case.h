@@ -10,6 +10,7 @@
 #include "base/check.h"
 #include "base/utc_time.h"
 #include "crypto/hash.h"
+#include "crypto/signed_note.h"
 
 namespace kiroku::compare {
 
@@ -18,17 +19,19 @@ std::string comparison_deed(const crypto::Sha256Digest& document);
 
 struct LogOfCase {
   struct Record {
-    std::uint64_t seq = 0;  // of the entry
-    UtcTime utc;            // the machine's opinion
-    std::string who;        // of a comparison
+    std::uint64_t seq = 0;   // of the entry
+    UtcTime utc;             // the machine's opinion
+    std::string who;         // of a comparison
+    bool is_signed = false;  // by the log's device, when it was written
   };
-  /// By what was entered; of entries that say the same, the first.
+  /// By what was entered; of entries that say the same, the first that is signed.
   std::map<crypto::Sha256Digest, Record> sealed_plans, comparisons;
   /// Whether the log still begins with what the case's first entry states of it.
   bool case_began_under_it = false;
 };
-/// One pass over the log. kiroku::Error where it cannot be read.
-LogOfCase read_log_of_case(const std::filesystem::path& log_folder, const archive::OpenEntry& open);
+/// One pass over the log of `device`. kiroku::Error where it cannot be read.
+LogOfCase read_log_of_case(const std::filesystem::path& log_folder, const archive::OpenEntry& open,
+                           const crypto::VerifierKey& device);
 
 /// Whether the log held the seal before the case began: the case's first entry, which comes before its first
 /// picture, states the log's size and root as they were then. `device`: whose log it is.

@@ -33,6 +33,12 @@ Answer answer_of(Severity worst) {
   return Answer::kNo;
 }
 
+/// That no finding speaks against the contents says nothing of what nobody opened.
+Answer contents_answer(const std::optional<archive::OpenedContents>& contents) {
+  if (!contents || contents->opened == 0) return Answer::kNotAsked;
+  return contents->decoded == contents->segments ? Answer::kYes : Answer::kInPart;
+}
+
 /// What no finding says: that nobody asked, or that only the recorder itself answers.
 Answer without_findings(Check check, const archive::VerificationReport& verification, const Given& given,
                         bool excerpt) {
@@ -40,7 +46,7 @@ Answer without_findings(Check check, const archive::VerificationReport& verifica
     case Check::kLog:
       return given.log.empty() ? Answer::kNotAsked : Answer::kYes;
     case Check::kContents:
-      return given.identities.empty() ? Answer::kNotAsked : Answer::kYes;
+      return given.identities.empty() ? Answer::kNotAsked : contents_answer(verification.contents);
     case Check::kEnd:
       return excerpt ? Answer::kNotAsked : Answer::kYes;
     case Check::kTime:

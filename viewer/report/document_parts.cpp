@@ -107,7 +107,7 @@ Statement verdict_statement(const ReportInput& input) {
                       verdict_sentence(input.language, verdict), gravest_meanings(input)};
   if (verdict == Verdict::kTampered) return statement;
   statement.remarks.push_back(time_sentence(input));
-  if (input.given.identities.empty())
+  if (!input.verification.contents || input.verification.contents->opened == 0)
     statement.remarks.push_back(say(input.language, "scope.remark-unopened"));
   return statement;
 }

@@ -48,6 +48,11 @@ std::string grouped(std::uint64_t number) {
   return text;
 }
 
+std::string seconds_up(std::int64_t ns) {
+  constexpr std::int64_t kTenth = 100 * kMillisecond;
+  return print("%.1f", static_cast<double>((ns + kTenth - 1) / kTenth) / 10);
+}
+
 std::string signed_seconds(std::int64_t ns) { return print("%+.3f s", static_cast<double>(ns) / 1e9); }
 
 }  // namespace kiroku::report

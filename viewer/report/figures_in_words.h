@@ -16,6 +16,8 @@ std::string case_time(std::int64_t ns, bool fraction = true);
 std::string byte_size(std::uint64_t bytes);
 /// "18 000": thousands set apart by a space that does not break.
 std::string grouped(std::uint64_t number);
+/// "0.5": seconds, to the next tenth above.
+std::string seconds_up(std::int64_t ns);
 /// "+0.013 s".
 std::string signed_seconds(std::int64_t ns);
 

@@ -70,7 +70,24 @@ std::string ReportMaker::explanation(const CheckAnswer& answered) const {
 
 std::string ReportMaker::not_asked(Check check) const {
   if (check == Check::kLog) return words("check.log.not-asked");
-  return check == Check::kEnd ? words("check.end.excerpt") : words("check.contents.not-asked");
+  if (check == Check::kEnd) return words("check.end.excerpt");
+  return in_.given.identities.empty() ? words("check.contents.not-asked")
+                                      : words("check.contents.none-opened");
+}
+
+std::string ReportMaker::unbroken_words() const {
+  const std::string unbroken = words("check.streams.yes");
+  const CaseFacts& facts = in_.facts;
+  if (!facts.opening || !facts.opened_at || !facts.closed_at) return unbroken;
+  const std::int64_t begins_ns = facts.opening->begins_ns > 0 ? facts.opened_at->mono_ns : 0;
+  std::optional<std::int64_t> late_ns, early_ns;
+  for (const archive::StreamReport& stream : found_.streams) {
+    if (stream.info.timing != "arrival" || stream.info.kind == "events" || stream.segments == 0) continue;
+    late_ns = std::max(late_ns.value_or(0), stream.span.start_ns - begins_ns);
+    early_ns = std::max(early_ns.value_or(0), facts.closed_at->mono_ns - stream.span.end_ns);
+  }
+  return late_ns ? words("check.streams.ends", {unbroken, seconds_up(*late_ns), seconds_up(*early_ns)})
+                 : unbroken;
 }
 
 std::string ReportMaker::yes_to(const CheckAnswer& answered) const {
@@ -88,7 +105,7 @@ std::string ReportMaker::yes_to(const CheckAnswer& answered) const {
     case Check::kStreams:
       return found_.excerpt ? words("check.streams.excerpt.yes",
                                     {in_case(found_.excerpt->from_ns), in_case(found_.excerpt->to_ns)})
-                            : words("check.streams.yes");
+                            : unbroken_words();
     case Check::kEnd:
       return words("check.end.yes");
     case Check::kDevice:
@@ -97,14 +114,18 @@ std::string ReportMaker::yes_to(const CheckAnswer& answered) const {
       if (answered.answer == Answer::kInPart) {
         return words("check.time.in-part", {std::to_string(found_.outside_entries - 1)});
       }
-      return answered.answer == Answer::kInsideOnly ? words("check.time.inside", {tokens()})
-                                                    : words("check.time.yes", {tokens()});
+      return answered.answer == Answer::kInsideOnly
+                 ? words("check.time.inside", {count(found_.own_tokens, "one.token", "many.token")})
+                 : words("check.time.yes", {count(found_.outside_tokens, "one.token", "many.token")});
     case Check::kLog:
       return in_.facts.excerpt ? words("check.log.excerpt.yes") : words("check.log.yes");
     case Check::kContents:
       break;
   }
-  return words("check.contents.yes");
+  const archive::OpenedContents contents = found_.contents.value_or(archive::OpenedContents{});
+  const std::string segments = count(contents.segments, "one.segment", "many.segment");
+  if (answered.answer == Answer::kYes) return words("check.contents.yes", {segments});
+  return words("check.contents.in-part", {segments, grouped(contents.opened), grouped(contents.decoded)});
 }
 
 Chain::Link ReportMaker::link(TextKey title, const CheckAnswer& answered, std::string text,

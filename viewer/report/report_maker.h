@@ -49,6 +49,9 @@ class ReportMaker {
 
   [[nodiscard]] std::string yes_to(const CheckAnswer& answered) const;
 
+  /// That nothing lacks between segments, and how far the streams reach.
+  [[nodiscard]] std::string unbroken_words() const;
+
   [[nodiscard]] std::string reason() const;
 
   /// "endoscope: 3 of 12 segments, …": what an excerpt holds of the streams that it selects.

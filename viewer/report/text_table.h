@@ -24,9 +24,9 @@ inline constexpr auto kTexts = std::to_array<Text>({
     // -- verdicts
     {"verdict.intact", "INTACT", "改変なし"},
     {"verdict.intact.sentence",
-     "Everything in this record is as it was recorded: nothing was changed, nothing is missing, nothing was "
+     "Everything in this record is as it was recorded: nothing was changed, nothing was removed, nothing was "
      "added.",
-     "この記録は、記録されたときのままです。変更・欠落・追加はありません。"},
+     "この記録は、記録されたときのままです。変更・削除・追加はありません。"},
     {"verdict.gaps", "INTACT, WITH STATED GAPS", "改変なし（欠落の記載あり）"},
     {"verdict.gaps.sentence",
      "What is in this record is as it was recorded. Some of what happened is not in it, or is not there any "
@@ -132,8 +132,14 @@ inline constexpr auto kTexts = std::to_array<Text>({
      "ません。"},
     {"check.streams", "Was it recorded without a break from beginning to end?",
      "始めから終わりまで途切れなく記録されたか"},
-    {"check.streams.yes", "Segments follow each other without hole or overlap; no frame was dropped.",
-     "区間は隙間も重なりもなく連続し、フレームの欠落はありません。"},
+    {"check.streams.yes",
+     "Segments follow each other without hole or overlap; the recorder dropped no frame that reached it.",
+     "区間は隙間も重なりもなく連続し、記録装置に届いたフレームの欠落はありません。"},
+    {"check.streams.ends",
+     "{0} What it recorded as it came begins at most {1} s after the case and ends at most {2} s before the "
+     "case was closed. Silences of a source of up to 5 s are no holes.",
+     "{0}到着時に記録された系統は、症例の開始から {1} 秒以内に始まり、症例が閉じられる {2} "
+     "秒前以降まで続きます。信号源の 5 秒以内の途絶は、空白とは見なされません。"},
     {"check.streams.excerpt", "Does the excerpt hold its streams without a break in its stretch of time?",
      "抜粋の時間内で、選ばれた系統は途切れなく含まれているか"},
     {"check.streams.excerpt.yes",
@@ -175,8 +181,17 @@ inline constexpr auto kTexts = std::to_array<Text>({
      "装置ログが与えられていません。これがないと、症例全体または末尾の削除は判りません。"},
     {"check.contents", "Do the sealed pictures and vital signs open, and show what the list says?",
      "封緘された映像とバイタルサインは開け、一覧のとおりの内容か"},
-    {"check.contents.yes", "Every segment was decrypted and decoded to the frames that the ledger states.",
-     "全区間を復号し、台帳に記載のフレーム数どおりに再生できました。"},
+    {"check.contents.yes", "{0}: each was decrypted and decoded to as many frames as the ledger states.",
+     "{0}：いずれも復号し、台帳に記載のフレーム数どおりに再生できました。"},
+    {"check.contents.in-part",
+     "Of {0} that are here {1} were decrypted, and {2} of these decoded to as many frames as the ledger "
+     "states.",
+     "ここにある{0}のうち {1} を復号し、そのうち {2} を台帳に記載のフレーム数どおりに再生できました。"},
+    {"check.contents.none-opened",
+     "The keys that were given opened nothing. Whether it is unchanged does not depend on that: hashes are "
+     "of the sealed files.",
+     "与えられた鍵では何も開けませんでした。改変の有無の判定には影響しません（ハッシュ値は封緘後のファイル"
+     "のものです）。"},
     {"check.contents.not-asked",
      "No key was given, so nothing was opened. Whether it is unchanged does not depend on that: hashes are "
      "of the sealed files.",

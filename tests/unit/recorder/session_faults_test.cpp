@@ -170,6 +170,28 @@ TEST(SessionUnderLoad, KeepsFewFilesOpenWhenTheDiskIsSlowerThanTheSource) {
   EXPECT_LE(files.most_open(), 18);
 }
 
+// The disk takes seconds for the last files while the theatre goes on: the record says so, and none of its
+// marks' streams does, which have segments only where somebody did something.
+TEST(SessionUnderLoad, StatesTheTimeThatASlowDiskNeedsForClosing) {
+  const RecorderBench bench;
+  test::SlowFileSystem files("segments/room", 0ms, 3500ms);
+  SessionOptions options = bench.options();
+  options.files = &files;
+  options.segment_duration = 5s;
+  options.video = {bench.stream("room", "synthetic:pattern?size=64x48&rate=20")};
+  options.vitals = {bench.stream("vitals", "synthetic:patient?waves=0")};
+  options.duration = 500ms;
+  const RecordedCase recorded = bench.record(options);
+  for (const char* stream : {"room", "vitals"}) {
+    const auto gaps = recorded.gaps(stream);
+    ASSERT_THAT(gaps, SizeIs(1)) << stream;
+    EXPECT_EQ(gaps[0].cause, GapCause::kOverload);
+    EXPECT_GE(gaps[0].span.start_ns, recorded.segments(stream).back().span.end_ns);
+    EXPECT_GE(gaps[0].span.end_ns - gaps[0].span.start_ns, 3 * kSecond);
+  }
+  EXPECT_THAT(recorded.gaps("events"), IsEmpty());
+}
+
 TEST(SessionOnAFullDisk, KeepsWhatIsThereStatesTheGapAndCloses) {
   const RecorderBench bench;
   test::FaultFileSystem files(bench / "archive");

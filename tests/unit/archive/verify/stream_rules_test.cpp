@@ -163,5 +163,108 @@ TEST(StreamRules, KeepsNoLongTextOfWhatIsErasedOrCutOff) {
   }
 }
 
+constexpr std::int64_t kSecond = 1'000 * kMs;
+
+/// What is found, as codes, of a case of a minute with these segments and gaps of one stream.
+std::vector<std::string> codes_of(const StreamInfo& info, const std::vector<Span>& segments,
+                                  const std::vector<Span>& gaps) {
+  FindingList findings;
+  StreamRules rules(info, true, findings);
+  for (std::size_t i = 0; i < segments.size(); ++i) {
+    SegmentEntry entry = segment(i, segments[i]);
+    entry.frames = static_cast<std::uint64_t>((segments[i].end_ns - segments[i].start_ns) / (40 * kMs));
+    rules.take(entry, i);
+  }
+  for (const Span& gap : gaps) {
+    rules.take(GapEntry{info.name, gap, GapCause::kSignalLost}, 9);
+  }
+  rules.finish(Span{0, 60 * kSecond});
+  std::vector<std::string> codes;
+  for (const Finding& each : findings.take()) {
+    if (each.code != "gap") {
+      codes.push_back(each.code);
+    }
+  }
+  return codes;
+}
+
+TEST(StreamRules, DemandsAGapWhereACameraHasNothingAtTheBeginningOrTheEnd) {
+  using testing::ElementsAre;
+  using testing::IsEmpty;
+  EXPECT_THAT(codes_of(room(), {}, {}), ElementsAre("stream-empty"));
+  EXPECT_THAT(codes_of(room(), {{30 * kSecond, 31 * kSecond}}, {}),
+              ElementsAre("stream-begins-late", "stream-ends-early"));
+  EXPECT_THAT(codes_of(room(), {}, {{0, 5 * kSecond}}), ElementsAre("stream-ends-early"));
+  EXPECT_THAT(codes_of(room(), {{0, 40 * kSecond}}, {{45 * kSecond, 60 * kSecond}}),
+              ElementsAre("stream-ends-early"))
+      << "a gap that does not go on from its end";
+  // Stated, or as long as a recorder takes to begin and to close.
+  EXPECT_THAT(codes_of(room(), {}, {{0, 58 * kSecond}}), IsEmpty());
+  EXPECT_THAT(
+      codes_of(room(), {{30 * kSecond, 31 * kSecond}}, {{0, 30 * kSecond}, {31 * kSecond, 60 * kSecond}}),
+      IsEmpty());
+  EXPECT_THAT(codes_of(room(), {{1 * kSecond, 55 * kSecond}}, {}), IsEmpty());
+}
+
+TEST(StreamRules, DemandsNothingOfMarksAndOfAFileOnlyThatItHasSomething) {
+  StreamInfo marks = room();
+  marks.kind = "events";
+  EXPECT_THAT(codes_of(marks, {}, {}), testing::IsEmpty());
+  StreamInfo file = room();
+  file.timing = "source";
+  EXPECT_THAT(codes_of(file, {{20 * kSecond, 30 * kSecond}}, {}), testing::IsEmpty());
+  EXPECT_THAT(codes_of(file, {}, {}), testing::ElementsAre("stream-empty"));
+}
+
+/// The texts of "segments-sparse".
+std::vector<std::string> sparse_of(StreamRules& rules, FindingList& findings) {
+  rules.finish();
+  std::vector<std::string> texts;
+  for (const Finding& each : findings.take()) {
+    if (each.code == "segments-sparse") {
+      texts.push_back(each.text);
+    }
+  }
+  return texts;
+}
+
+TEST(StreamRules, CountsWhatASegmentLacksAgainstTheRateOfItsStream) {
+  FindingList findings;
+  StreamRules rules(room(), true, findings);
+  for (std::uint64_t i = 0; i < 10; ++i) {
+    const auto at_ns = static_cast<std::int64_t>(i) * 2 * kSecond;
+    SegmentEntry entry = segment(i, {at_ns, at_ns + 2 * kSecond});
+    entry.frames = i == 4 ? 8 : i == 6 ? 45 : 50;
+    rules.take(entry, i);
+  }
+  EXPECT_THAT(sparse_of(rules, findings),
+              testing::ElementsAre(
+                  testing::AllOf(testing::HasSubstr("1 of the segments of room hold fewer frames"),
+                                 testing::HasSubstr("about 42 fewer; segment 4 holds 8 in 2.000000 s"))));
+}
+
+TEST(StreamRules, WhatWasDroppedAndStatedIsNotCountedAgain) {
+  FindingList findings;
+  StreamRules rules(room(), true, findings);
+  for (std::uint64_t i = 0; i < 3; ++i) {
+    SegmentEntry entry =
+        segment(i, {static_cast<std::int64_t>(i) * kSecond, (static_cast<std::int64_t>(i) + 1) * kSecond});
+    entry.frames = i == 1 ? 1 : 25;
+    entry.dropped = i == 1 ? 24 : 0;
+    rules.take(entry, i);
+  }
+  EXPECT_THAT(sparse_of(rules, findings), testing::IsEmpty());
+}
+
+TEST(StreamRules, TellsOfAMonitorThatSaidNothing) {
+  StreamInfo vitals = room();
+  vitals.kind = "vitals";
+  FindingList findings;
+  StreamRules rules(vitals, true, findings);
+  rules.take(segment(0, {0, kSecond}), 0);
+  EXPECT_THAT(sparse_of(rules, findings),
+              testing::ElementsAre(testing::HasSubstr("none of the 1 segments of room holds a sample")));
+}
+
 }  // namespace
 }  // namespace kiroku::archive

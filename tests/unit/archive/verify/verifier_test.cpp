@@ -3,6 +3,8 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include "tests/support/forger.h"
+#include "tests/support/report_text.h"
 #include "tests/support/sample_case.h"
 
 namespace kiroku::archive {
@@ -56,6 +58,7 @@ TEST(Verifier, ComparesAnAuthoritysClockWithTheCaseClock) {
     sample.writer().append({ClockEntry{true, 0, 0, 0, 0}}, archive.now());
     stamp(archive, sample);
   }
+  sample.record_at_once();
   sample.close();  // its token states no exchange, like those of older cases
   const VerificationReport report = verify_case(sample.folder(), archive.options());
   EXPECT_EQ(listing(report), "intact\n");
@@ -78,6 +81,7 @@ TEST(Verifier, AllowsAWholeSecondWhereAnAuthorityHasNoFractions) {
   };
   test::SampleCase sample(archive);
   stamp(archive, sample);
+  sample.record_at_once();
   sample.close();
   const VerificationReport report = verify_case(sample.folder(), archive.options());
   ASSERT_EQ(report.clocks.size(), 1U);
@@ -93,6 +97,7 @@ TEST(Verifier, RefusesAnExchangeThatIsNotBetweenCheckpointAndEntry) {
     sample.writer().append({ClockEntry{true, 0, 0, 0, {}}}, archive.now());
     stamp(archive, sample, stated);
     archive.now_ns = 6 * kSecond;
+    sample.record_at_once();
     sample.close();
     const VerificationReport report = verify_case(sample.folder(), archive.options());
     EXPECT_EQ(report.verdict, Verdict::kTampered);
@@ -121,6 +126,7 @@ VerificationReport slewed(bool stated) {
   stamp(archive, sample);  // while it goes on
   sample.writer().append({clock(80'000'000)}, archive.now());
   stamp(archive, sample);
+  sample.record_at_once();
   sample.close();
   return verify_case(sample.folder(), archive.options());
 }
@@ -150,6 +156,7 @@ VerificationReport stepped(bool stated) {
   if (stated) sample.writer().append({ClockEntry{true, 0, 0, 3600 * kSecond, {}}}, archive.now());
   archive.now_ns = 90 * kSecond;
   stamp(archive, sample);
+  sample.record_at_once();
   sample.close();
   return verify_case(sample.folder(), archive.options());
 }
@@ -173,6 +180,64 @@ TEST(Verifier, TellsASlewThatNobodyStated) {
   EXPECT_EQ(report.verdict, Verdict::kUnproven);
   ASSERT_EQ(report.findings.size(), 1U) << listing(report);
   EXPECT_EQ(report.findings[0].code, "clock-disagreement");
+}
+
+/// A case with one segment that is sealed to somebody whom `open` does not name.
+std::filesystem::path sealed_to_another(test::SampleArchive& archive) {
+  test::SampleCase sample(archive);
+  stamp(archive, sample);
+  archive.now_ns = 7 * kSecond;
+  SegmentEntry entry = sample.segment(0, 0, {0, 7 * kSecond});
+  const crypto::AgeRecipients another{crypto::parse_recipient(crypto::generate_age_key().recipient)};
+  const std::string sealed = test::sealed_anew(to_bytes("a film"), another);
+  test::write_into(sample.folder() / entry.file.file, sealed);
+  entry.file.bytes = sealed.size();
+  entry.file.sha256 = crypto::sha256(bytes_of(sealed));
+  sample.writer().append({entry, sample.segment(1, 0, {0, 7 * kSecond})}, archive.now());
+  sample.close();
+  return sample.folder();
+}
+
+TEST(Verifier, FindsASegmentThatANamedRecipientCannotOpen) {
+  test::SampleArchive archive;
+  const auto folder = sealed_to_another(archive);
+  VerifyOptions options = archive.options();
+  EXPECT_EQ(listing(verify_case(folder, options)), "intact\n") << "without a key nobody can tell";
+  options.identities = &archive.identities();
+  const VerificationReport report = verify_case(folder, options);
+  EXPECT_EQ(test::summary(report), "tampered\nsegment-not-for-recipient segments/endoscope/00000000.ts.age 2")
+      << test::details(report);
+  ASSERT_TRUE(report.contents);
+  EXPECT_EQ(report.contents->segments, 2U);
+  EXPECT_EQ(report.contents->opened, 1U);
+}
+
+TEST(Verifier, SaysHowManySegmentsWereLookedInto) {
+  test::SampleArchive archive;
+  const auto folder = test::SampleCase::write(archive);
+  VerifyOptions options = archive.options();
+  EXPECT_FALSE(verify_case(folder, options).contents);
+
+  const crypto::AgeIdentities stranger{
+      crypto::parse_identity(crypto::generate_age_key().identity_text.text())};
+  options.identities = &stranger;
+  VerificationReport report = verify_case(folder, options);
+  EXPECT_EQ(report.verdict, Verdict::kIntact) << test::details(report);
+  EXPECT_EQ(report.contents->segments, 4U);
+  EXPECT_EQ(report.contents->opened, 0U);
+
+  options.identities = &archive.identities();
+  report = verify_case(folder, options);
+  EXPECT_EQ(report.contents->opened, 4U);
+  EXPECT_EQ(report.contents->decoded, 0U) << "no decoders were given";
+
+  options.inspect = [](const StreamInfo& stream, const SegmentEntry&, const crypto::ByteSource&,
+                       const crypto::AgeIdentities&) {
+    return stream.name == "vitals" ? std::optional<std::string>("it is noise") : std::nullopt;
+  };
+  report = verify_case(folder, options);
+  EXPECT_EQ(report.contents->opened, 4U);
+  EXPECT_EQ(report.contents->decoded, 3U);
 }
 
 }  // namespace

@@ -195,6 +195,31 @@ TEST_F(ApplianceLogTest, ReadingNamesTheLineThatIsDamaged) {
   EXPECT_THROW(read_log(folder_ / "nowhere"), UsageError);
 }
 
+// Whoever can write to the disk can add a line, and say in it that it is the first.
+TEST_F(ApplianceLogTest, ALineThatSomebodyAddedIsCountedAndNotSigned) {
+  open()->plan_sealed(some_digest());
+  std::ofstream(folder_ / "log" / "ledger.jsonl", std::ios::app)
+      << to_line(
+             LogEntry{0, {parse_utc("2026-08-05T07:00:00Z").value(), 1}, PlanSealedEntry{crypto::sha256({})}})
+      << "\n";
+  const std::vector<LogLine> lines = read_log(folder_ / "log");
+  ASSERT_EQ(lines.size(), 3U);
+  EXPECT_EQ(lines[2].seq, 2U);
+  const crypto::VerifierKey device("theatre-1", key_.public_key());
+  const auto is_signed = [&](std::uint64_t seq) {
+    return is_signed_entry(folder_ / "log", device, seq, root_of_first(seq + 1));
+  };
+  EXPECT_TRUE(is_signed(1));
+  EXPECT_FALSE(is_signed(2));
+  // The next start signs what follows it.
+  open()->shutdown();
+  EXPECT_TRUE(is_signed(3));
+  EXPECT_FALSE(is_signed(2));
+  const crypto::VerifierKey other("theatre-1", crypto::SigningKey::generate().public_key());
+  EXPECT_FALSE(is_signed_entry(folder_ / "log", other, 1, root_of_first(2)));
+  EXPECT_FALSE(is_signed_entry(folder_ / "log", device, 1, root_of_first(1)));
+}
+
 TEST_F(ApplianceLogTest, WhereverItIsKilledNoNoteCoversWhatIsNotThere) {
   for (const bool power : {false, true}) {
     for (std::size_t at = 0;; ++at) {

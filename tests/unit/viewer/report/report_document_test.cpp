@@ -71,8 +71,11 @@ class ReportDocument : public testing::Test {
 TEST_F(ReportDocument, OfAnIntactCaseSaysSoAndWhatItRestsOn) {
   const std::string text = report(archive_.options());
   EXPECT_THAT(text, HasSubstr("✓ INTACT\n"));
-  EXPECT_THAT(text, HasSubstr("nothing was changed, nothing is missing"));
+  EXPECT_THAT(text, HasSubstr("nothing was changed, nothing was removed"));
   EXPECT_THAT(text, HasSubstr("Is every file there, and exactly as it was when it was listed? | ✓ Yes | "));
+  EXPECT_THAT(text, HasSubstr("the recorder dropped no frame that reached it. What it recorded as it came "
+                              "begins at most 0.0 s after the case and ends at most 1.0 s before the case "
+                              "was closed."));
   EXPECT_THAT(text, HasSubstr("| Not checked | No key was given"));
   EXPECT_THAT(text, HasSubstr("! Only from inside"));
   EXPECT_THAT(text, HasSubstr("There is nothing to report."));
@@ -96,6 +99,19 @@ TEST_F(ReportDocument, SaysHowFarOutsideAuthoritiesProveTheTime) {
       << "the clock that is compared is the recorder's own";
   in.language = Language::kJapanese;
   EXPECT_THAT(test::text_of(make_report(in)), HasSubstr("台帳の項目 2 まで"));
+}
+
+TEST_F(ReportDocument, CountsOnlyTheTimeStampsThatHold) {
+  ReportInput in = input();
+  EXPECT_EQ(in.verification.own_tokens, 3U);
+  EXPECT_EQ(in.verification.outside_tokens, 0U);
+  EXPECT_THAT(test::text_of(make_report(in)),
+              HasSubstr("3 time stamps of the recorder's own authority hold"));
+  in.verification.time = archive::TimeProof::kExternal;
+  in.verification.tokens = 9;
+  in.verification.outside_tokens = 2;
+  EXPECT_THAT(test::text_of(make_report(in)),
+              HasSubstr("2 time stamps by authorities under trusted roots hold."));
 }
 
 TEST_F(ReportDocument, OfATamperedCaseNamesPlaceAndMeaning) {
@@ -188,6 +204,38 @@ TEST_F(ReportDocument, OfACaseThatIsNotClosedSaysNotFinished) {
   EXPECT_THAT(text, HasSubstr("! NOT FINISHED\n"));
   EXPECT_THAT(text, HasSubstr("Was the recording brought to its end? | ! Not finished"));
   EXPECT_THAT(text, HasSubstr("Closed | not closed"));
+}
+
+std::optional<std::string> finds_nothing(const archive::StreamInfo&, const archive::SegmentEntry&,
+                                         const crypto::ByteSource&, const crypto::AgeIdentities&) {
+  return std::nullopt;
+}
+
+TEST_F(ReportDocument, SaysThatTheContentsWereLookedIntoOnlyAsFarAsTheyWere) {
+  const std::string asked = "Do the sealed pictures and vital signs open, and show what the list says? | ";
+  const auto answered = [&](const crypto::AgeIdentities& identities) {
+    archive::VerifyOptions options = archive_.options();
+    options.identities = &identities;
+    options.inspect = finds_nothing;
+    ReportInput in = input(options);
+    in.given.identities = {{"identity.txt", {}}};
+    return test::text_of(make_report(in));
+  };
+  const crypto::AgeIdentities stranger{
+      crypto::parse_identity(crypto::generate_age_key().identity_text.text())};
+  std::string text = answered(stranger);
+  EXPECT_THAT(text, HasSubstr(asked + "Not checked | The keys that were given opened nothing."));
+  EXPECT_THAT(text, HasSubstr("The pictures themselves were not opened"));
+
+  text = answered(archive_.identities());
+  EXPECT_THAT(text, HasSubstr(asked + "✓ Yes | 4 sealed files: each was decrypted and decoded"));
+  EXPECT_THAT(text, Not(HasSubstr("The pictures themselves were not opened")));
+
+  ReportInput in = input();
+  in.given.identities = {{"identity.txt", {}}};
+  in.verification.contents = archive::OpenedContents{4, 3, 2};
+  text = test::text_of(make_report(in));
+  EXPECT_THAT(text, HasSubstr(asked + "! In part | Of 4 sealed files that are here 3 were decrypted, and 2"));
 }
 
 TEST_F(ReportDocument, StatesGapsWithTheirCause) {

@@ -29,6 +29,7 @@ const report = (findings: Finding[], more: Partial<VerificationReport> = {}): Ve
   checkpoints: 2,
   tokens: 2,
   excerpt: null,
+  contents: null,
   streams: [],
   brackets: [],
   clocks: [],
