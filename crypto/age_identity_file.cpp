@@ -23,11 +23,11 @@ Secret read_secret_file(const std::filesystem::path& file) {
 }
 
 Secret unseal_identity_file(const Secret& sealed, const std::string& name,
-                            const AskPassphrase& ask_passphrase) {
+                            const AskPassphrase& ask_passphrase, int work_factor) {
   const Secret passphrase = ask_passphrase(name);
   try {
     const auto source = memory_source(sealed.bytes());
-    const AgeFile opened = AgeFile::open(*source, {passphrase_identity(passphrase)});
+    const AgeFile opened = AgeFile::open(*source, {passphrase_identity(passphrase, work_factor)});
     if (opened.plaintext_size() > kLargestIdentityFile)
       throw UsageError(name + " is no identity file: it is larger than a megabyte");
     Secret content(static_cast<std::size_t>(opened.plaintext_size()));
@@ -40,7 +40,7 @@ Secret unseal_identity_file(const Secret& sealed, const std::string& name,
   }
 }
 
-AgeIdentities parse_identities(std::string_view text, const std::string& name) {
+AgeIdentities parse_identities(std::string_view text, const std::string& name, std::size_t most) {
   AgeIdentities identities;
   for (std::size_t number = 1; !text.empty(); ++number) {
     const std::size_t end = std::min(text.find('\n'), text.size());
@@ -48,6 +48,10 @@ AgeIdentities parse_identities(std::string_view text, const std::string& name) {
     text.remove_prefix(std::min(end + 1, text.size()));
     if (line.ends_with('\r')) line.remove_suffix(1);
     if (line.empty() || line.starts_with('#')) continue;
+    if (identities.size() == most) {
+      throw UsageError(name + " holds more than " + std::to_string(most) +
+                       " keys; bring a file with those that open these recordings");
+    }
     try {
       identities.push_back(parse_identity(line));
     } catch (const UsageError& error) {
@@ -60,12 +64,13 @@ AgeIdentities parse_identities(std::string_view text, const std::string& name) {
 
 }  // namespace
 
-AgeIdentities read_identities(Secret content, const std::string& name, const AskPassphrase& ask_passphrase) {
+AgeIdentities read_identities(Secret content, const std::string& name, const AskPassphrase& ask_passphrase,
+                              const IdentityLimits& limits) {
   if (content.text().starts_with("-----BEGIN AGE ENCRYPTED FILE-----"))
     throw UsageError(name + " is ASCII-armored, which is not read here; seal it with `age -p` without -a");
   if (content.text().starts_with("age-encryption.org/"))
-    content = unseal_identity_file(content, name, ask_passphrase);
-  return parse_identities(content.text(), name);
+    content = unseal_identity_file(content, name, ask_passphrase, limits.work_factor);
+  return parse_identities(content.text(), name, limits.keys);
 }
 
 AgeIdentities load_identity_file(const std::filesystem::path& file, const AskPassphrase& ask_passphrase) {

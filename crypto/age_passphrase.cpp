@@ -85,7 +85,8 @@ class PassphraseIdentity : public AgeIdentity {
     const auto work_factor = parse_work_factor(stanza.arguments[1]);
     require_stanza(work_factor.has_value(), stanza, "has a work factor that is no plain number");
     require_stanza(*work_factor <= maximum_work_factor_, stanza,
-                   "asks for more work than the 2^" + std::to_string(maximum_work_factor_) + " allowed");
+                   "asks for more work than the 2^" + std::to_string(maximum_work_factor_) +
+                       " allowed here; seal it anew with `age -p`, which asks for 2^18");
     require_stanza(stanza.body.size() == kWrappedFileKeySize, stanza, "has a body that is not 32 bytes long");
     return unwrap_file_key(wrap_key(passphrase_, *salt, *work_factor), stanza.body);
   }

@@ -1,9 +1,11 @@
 #include "crypto/secret.h"
 
 #include <algorithm>
+#include <mutex>
 #include <new>
 #include <sys/mman.h>
 #include <utility>
+#include <vector>
 
 #include <openssl/crypto.h>
 #include <openssl/rand.h>
@@ -12,17 +14,67 @@
 #include "crypto/openssl_handles.h"
 
 namespace kiroku::crypto {
+namespace {
 
-// Each secret has pages of its own: locking works on whole pages, so two secrets in one page would unlock
-// each other.
-Secret::Secret(std::size_t size) {
-  if (size == 0) return;
+std::byte* locked_memory(std::size_t size) {
   void* memory = mmap(nullptr, size, PROT_READ | PROT_WRITE, MAP_PRIVATE | MAP_ANONYMOUS, -1, 0);
   if (memory == MAP_FAILED) throw std::bad_alloc();
-  // Both are best effort: a small RLIMIT_MEMLOCK must not stop a recording.
-  static_cast<void>(mlock(memory, size));
+  // Both are best effort: a small RLIMIT_MEMLOCK must not stop a recording. The kernel joins neighbouring
+  // mappings only in this order: mlock fills pages, and filled ones with different flags stay apart.
   static_cast<void>(madvise(memory, size, MADV_DONTDUMP));
-  data_ = static_cast<std::byte*>(memory);
+  static_cast<void>(mlock(memory, size));
+  return static_cast<std::byte*>(memory);
+}
+
+/// Keys and passphrases, many to a page: a process has 65,530 mappings and a hospital's service 8 MiB that
+/// may be locked, and each key in pages of its own would take one mapping and 4 KiB. Pages stay locked and
+/// are used again; locking works on whole pages, so that giving one back would unlock what else lies in it.
+/// Thread-safe.
+class SmallSecrets {
+ public:
+  static constexpr std::size_t kLargest = 128;
+
+  /// Zero bytes.
+  std::byte* take() {
+    const std::lock_guard guard(mutex_);
+    if (free_.empty()) add_page();
+    std::byte* const slot = free_.back();
+    free_.pop_back();
+    return slot;
+  }
+  /// Of zero bytes again.
+  void give_back(std::byte* slot) noexcept {
+    const std::lock_guard guard(mutex_);
+    free_.push_back(slot);  // there is room for every slot
+  }
+
+ private:
+  static constexpr std::size_t kPage = 4096;
+
+  void add_page() {
+    constexpr std::size_t kSlots = kPage / kLargest;
+    free_.reserve(slots_ + kSlots);
+    std::byte* const page = locked_memory(kPage);
+    slots_ += kSlots;
+    for (std::size_t i = 0; i < kSlots; ++i) free_.push_back(page + i * kLargest);
+  }
+
+  std::mutex mutex_;
+  std::size_t slots_ = 0;
+  std::vector<std::byte*> free_;
+};
+
+SmallSecrets& small_secrets() {
+  // Never destroyed: secrets of other static objects are given back later than it would be.
+  static SmallSecrets& all = *new SmallSecrets;
+  return all;
+}
+
+}  // namespace
+
+Secret::Secret(std::size_t size) {
+  if (size == 0) return;
+  data_ = size <= SmallSecrets::kLargest ? small_secrets().take() : locked_memory(size);
   size_ = size;
 }
 
@@ -54,7 +106,11 @@ Secret& Secret::operator=(Secret&& other) noexcept {
 Secret::~Secret() {
   if (data_ == nullptr) return;
   zeroise(bytes());
-  munmap(data_, size_);  // unlocks, too
+  if (size_ <= SmallSecrets::kLargest) {
+    small_secrets().give_back(data_);
+  } else {
+    munmap(data_, size_);  // unlocks, too
+  }
 }
 
 std::string_view Secret::text() const { return text_of(bytes()); }

@@ -27,6 +27,7 @@ struct QueuedAudio {
 /// The source went away after the last frame.
 struct SourceLost {
   archive::GapCause cause = archive::GapCause::kSignalLost;
+  std::int64_t time_ns = 0;  // case clock; what comes next was taken later
 };
 /// Audio that comes from a device of its own is missing after the last piece.
 struct AudioLost {

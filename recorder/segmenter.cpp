@@ -68,11 +68,21 @@ std::optional<Gap> Segmenter::gap_at_close(std::int64_t close_ns, std::int64_t n
   return gap(missing->since_ns, std::max(close_ns, missing->since_ns), missing->cause);
 }
 
-std::int64_t Segmenter::end_of_last_frame(std::int64_t now_ns) const {
+std::int64_t Segmenter::end_of_last_frame(std::int64_t now_ns, std::optional<std::int64_t> next_ns) const {
   if (!has_frames()) return 0;
-  std::int64_t latest = rules_.end_ns.value_or(INT64_MAX);
+  std::int64_t latest = std::min(rules_.end_ns.value_or(INT64_MAX), next_ns.value_or(INT64_MAX));
   if (rules_.timed_by_arrival) latest = std::min(latest, now_ns);
   return std::max(std::min(last_frame_ns_ + interval_ns_, latest), last_frame_ns_ + 1);
+}
+
+std::optional<std::int64_t> ChangePace::refused_until(std::int64_t time_ns) {
+  if (changes_.size() == kMostChanges) {
+    const std::int64_t free_ns = changes_.front() + kWithinNs;
+    if (time_ns < free_ns) return free_ns;
+    changes_.pop_front();
+  }
+  changes_.push_back(time_ns);
+  return {};
 }
 
 }  // namespace kiroku::recorder

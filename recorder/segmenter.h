@@ -9,6 +9,7 @@
 
 #include <chrono>
 #include <cstdint>
+#include <deque>
 #include <optional>
 
 #include "archive/format/ledger_entry.h"
@@ -63,8 +64,10 @@ class Segmenter {
   [[nodiscard]] std::optional<Gap> gap_at_close(std::int64_t close_ns, std::int64_t now_ns,
                                                 bool reached_end) const;
   /// When the last frame ceased to be shown; 0 before the first. What is stamped at arrival cannot last
-  /// beyond `now_ns`.
-  [[nodiscard]] std::int64_t end_of_last_frame(std::int64_t now_ns) const;
+  /// beyond `now_ns`, and no frame beyond `next_ns`, before which nothing else is recorded: sources send
+  /// faster than the rate they state.
+  [[nodiscard]] std::int64_t end_of_last_frame(std::int64_t now_ns,
+                                               std::optional<std::int64_t> next_ns = {}) const;
   [[nodiscard]] bool has_frames() const { return last_frame_ns_ >= 0; }
   [[nodiscard]] std::int64_t last_frame_ns() const { return last_frame_ns_; }
 
@@ -80,6 +83,21 @@ class Segmenter {
   std::int64_t last_frame_ns_ = -1, interval_ns_ = 0;
   std::int64_t recorded_until_ns_ = 0;  // end of the last segment
   std::optional<Absence> absence_;
+};
+
+/// How often a source may change its pictures: each change costs an encoder, a file and lines of the ledger.
+/// Used by one thread.
+class ChangePace {
+ public:
+  static constexpr std::size_t kMostChanges = 8;
+  static constexpr std::int64_t kWithinNs = 16'000'000'000;
+
+  /// Nothing where the pictures may change at `time_ns`, which is counted; else from when on they may. Times
+  /// never fall.
+  std::optional<std::int64_t> refused_until(std::int64_t time_ns);
+
+ private:
+  std::deque<std::int64_t> changes_;  // the latest ones
 };
 
 }  // namespace kiroku::recorder

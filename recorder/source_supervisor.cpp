@@ -84,7 +84,7 @@ std::string SourceSupervisor::input() const {
 void SourceSupervisor::run() {
   bool present = source_ != nullptr;
   if (!present) {
-    queue_.push(SourceLost{cause_of_loss()});
+    queue_.push(SourceLost{cause_of_loss(), context_.clock.now_ns()});
     present = reopen(false);
   }
   const bool comes_back = present && source_->is_live();
@@ -101,7 +101,7 @@ void SourceSupervisor::run() {
     }
     live_ = false;
     if (!lost || stopping_ || !comes_back) break;  // a damaged file does not come back
-    queue_.push(SourceLost{cause_of_loss()});
+    queue_.push(SourceLost{cause_of_loss(), context_.clock.now_ns()});
     // Full teardown, a pause, and a fresh one: stale buffers and half-open connections go with the old
     // object.
     close();

@@ -121,6 +121,7 @@ void VideoLane::begin_anew(const media::LibavError& error) {
 
 void VideoLane::take(QueuedFrame item) {
   const std::int64_t time_ns = item.frame.time_ns;
+  next_ns_ = time_ns;
   if (audio_gaps_) state_of_audio(audio_gaps_->piece_before(time_ns));
   segment_dropped_ += item.dropped_before;
   if (segmenter_.silent_before(time_ns, context_.clock.now_ns())) {
@@ -129,7 +130,7 @@ void VideoLane::take(QueuedFrame item) {
   } else if (item.dropped_before > 0) {
     state_drops(item, time_ns);
   }
-  if (!ready_for(format_of(*item.frame.frame), item.frame.rate)) {
+  if (!ready_for(format_of(*item.frame.frame), item.frame.rate, time_ns)) {
     ++refused_;
     ++segment_dropped_;
     return;
@@ -155,6 +156,7 @@ void VideoLane::take(const AudioLost& lost) {
 }
 
 void VideoLane::take(const SourceLost& lost) {
+  next_ns_ = lost.time_ns;
   end_coding();
   segmenter_.absent(lost.cause);
 }
@@ -163,13 +165,28 @@ void VideoLane::write_audio(std::vector<media::Packet> packets) {
   for (media::Packet& packet : packets) muxer_->write(std::move(packet), 1);
 }
 
-bool VideoLane::ready_for(const PictureFormat& format, Rational rate) {
+// A camera that flickers between two sizes would else make a thousand files a second. What it sends while it
+// changes too often is left out, as a gap.
+bool VideoLane::may_change(const PictureFormat& format, std::int64_t time_ns) {
+  left_out_until_ns_ = changes_.refused_until(time_ns);
+  if (!left_out_until_ns_) return true;
+  report("changed its pictures to " + format.to_string() + ", after " +
+         std::to_string(ChangePace::kMostChanges) + " other changes within " +
+         std::to_string(ChangePace::kWithinNs / 1'000'000'000) +
+         " s; what it sends is left out for a while: look at the camera and what lies between");
+  return false;
+}
+
+bool VideoLane::ready_for(const PictureFormat& format, Rational rate, std::int64_t time_ns) {
   if (encoder_ && format == coded_format_) return true;
+  if (left_out_until_ns_ && time_ns < *left_out_until_ns_) return false;
   if (refused_format_ && format == *refused_format_) return false;
-  const bool changed = encoder_ || refused_format_ || (segmenter_.has_frames() && !(format == coded_format_));
+  const bool changed = encoder_ || refused_format_ || left_out_until_ns_ ||
+                       (segmenter_.has_frames() && !(format == coded_format_));
   end_coding();
   if (changed) {
     segmenter_.absent(archive::GapCause::kFormatChange);
+    if (!may_change(format, time_ns)) return false;
     report("changed its pictures to " + format.to_string() + "; recording goes on in a new segment");
   }
   try {
@@ -263,7 +280,7 @@ void VideoLane::state_drops(const QueuedFrame& drops, std::int64_t until_ns) {
 }
 
 std::int64_t VideoLane::end_of_last_frame() const {
-  return segmenter_.end_of_last_frame(context_.clock.now_ns());
+  return segmenter_.end_of_last_frame(context_.clock.now_ns(), next_ns_);
 }
 
 void VideoLane::report(const std::string& what) const {
@@ -272,6 +289,7 @@ void VideoLane::report(const std::string& what) const {
 
 void VideoLane::fail(const std::exception& error) {
   failed_ = true;
+  next_ns_.reset();
   context_.problems.end_session(close_reason_for(error), error.what());
   try {
     give_up_segment();
@@ -288,6 +306,7 @@ void VideoLane::finish(std::int64_t close_ns) {
   stop();
   join();
   if (!failed_) {
+    next_ns_.reset();
     try {
       if (const std::optional<QueuedFrame> drops = queue_.unstated_drops()) {
         segment_dropped_ += drops->dropped_before;

@@ -42,8 +42,11 @@ class VideoLane : public Lane {
   void take(QueuedAudio item);
   void take(const SourceLost& lost);
   void take(const AudioLost& lost);
-  /// Whether there is an encoder for pictures like these; makes one if not.
-  bool ready_for(const PictureFormat& format, Rational rate);
+  /// Whether there is an encoder for pictures like these, of which one of `time_ns` is the next; makes one if
+  /// not.
+  bool ready_for(const PictureFormat& format, Rational rate, std::int64_t time_ns);
+  /// Of pictures that have changed: whether they may, after how often they did.
+  bool may_change(const PictureFormat& format, std::int64_t time_ns);
   void record(media::Frame prepared);
   void begin_segment(std::int64_t time_ns, std::int64_t first_pts);
   void seal_in_time(std::int64_t time_ns);
@@ -77,6 +80,9 @@ class VideoLane : public Lane {
   std::unique_ptr<VideoEncoder> encoder_;
   PictureFormat coded_format_;
   std::optional<PictureFormat> refused_format_;
+  ChangePace changes_;
+  std::optional<std::int64_t> left_out_until_ns_;  // pictures that changed too often
+  std::optional<std::int64_t> next_ns_;            // nothing more is recorded before it
   std::int64_t coded_until_ns_ = -1;  // by the encoders before this one
   int failures_in_a_row_ = 0;         // without a segment that came to its end
   std::uint64_t segment_frames_ = 0, segment_dropped_ = 0;

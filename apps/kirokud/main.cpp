@@ -58,6 +58,7 @@ constexpr const char* kServiceHome = "/var/lib/kiroku";
 constexpr std::chrono::seconds kTick{1};
 constexpr int kDiskTicks = 10;
 constexpr std::chrono::seconds kLateStampInterval{15};
+constexpr std::chrono::seconds kLongestEndOfViewer{20};
 constexpr int kNiceOfViewer = 10;  // nice(2); on Linux each thread has its own
 
 struct Request {
@@ -329,6 +330,23 @@ std::unique_ptr<viewer::Viewer> serve_viewer(const Home& home, const Configurati
   }
 }
 
+/// False, with all of it left behind, where a request does not come to its end: the process must end without
+/// destroying what it may still use.
+bool ends_in_time(std::unique_ptr<viewer::Viewer> viewer) {
+  std::promise<void> ended;
+  std::future<void> end = ended.get_future();
+  std::thread ending([viewer = std::move(viewer), ended = std::move(ended)]() mutable {
+    viewer.reset();
+    ended.set_value();
+  });
+  if (end.wait_for(kLongestEndOfViewer) == std::future_status::ready) {
+    ending.join();
+    return true;
+  }
+  ending.detach();
+  return false;
+}
+
 /// Works off the stamping queue, for cases that were closed while no authority answered, until it is
 /// destroyed.
 class LateStamper {
@@ -453,6 +471,16 @@ void check_senders(const std::string& source) {
   if (!why.empty()) throw UsageError(why);
 }
 
+/// Says how it ended, with `left` cases that could not be closed; the exit status.
+int end_of(int left) {
+  if (left > 0) {
+    spdlog::error("ended; {} case(s) could not be closed: the next start brings them to their end", left);
+    return kRefused;
+  }
+  spdlog::info("ended; every case is closed");
+  return kDone;
+}
+
 int run(const Request& request) {
   const Home home = home_of(request);
   const std::filesystem::path file =
@@ -514,22 +542,27 @@ int run(const Request& request) {
         home.control_socket(configuration),
         [&daemon](const nlohmann::json& asked) { return daemon.handle(asked); });
     const std::unique_ptr<recorder::HttpServer> http = serve_http(home, configuration, daemon);
-    const std::unique_ptr<viewer::Viewer> viewer =
+    std::unique_ptr<viewer::Viewer> viewer =
         serve_viewer(home, configuration, setup.viewer, shared, looking_on, daemon);
     ::sd_notify(0, "READY=1");
     spdlog::info("recording for {} room(s), home {}", configuration.rooms.size(), home.folder().string());
     reason = watch(daemon, inboxes, signals);
     ::sd_notify(0, "STOPPING=1");
     spdlog::info("ending: {}", reason);
+    // Before whoever looks on: a request that hangs must not keep a case from its end.
+    daemon.close();
+    if (viewer && !ends_in_time(std::move(viewer))) {
+      late.reset();
+      spdlog::error("a request to the viewer does not come to its end within {} s: it is cut off",
+                    kLongestEndOfViewer.count());
+      shared.log->shutdown();
+      const int status = end_of(left);
+      spdlog::shutdown();
+      ::_exit(status);
+    }
   }
   shared.log->shutdown();
-  if (left > 0) {
-    spdlog::error("ended; {} case(s) could not be closed: the next start brings them to their end",
-                  left.load());
-    return kRefused;
-  }
-  spdlog::info("ended; every case is closed");
-  return kDone;
+  return end_of(left);
 }
 
 }  // namespace

@@ -172,15 +172,19 @@ struct Daemon::State {
   }
   ~State() {
     footswitches.clear();
-    // All at once: closing waits for time-stamping authorities.
-    std::vector<std::thread> closers;
-    for (std::unique_ptr<Room>& room : rooms) {
-      closers.emplace_back([&room] { room.reset(); });
-    }
-    for (std::thread& closer : closers) closer.join();
+    close();
   }
   State(const State&) = delete;
   State& operator=(const State&) = delete;
+
+  void close() {
+    // All at once: closing waits for time-stamping authorities.
+    std::vector<std::thread> closers;
+    for (const std::unique_ptr<Room>& room : rooms) {
+      closers.emplace_back([&room] { room->shut_down(); });
+    }
+    for (std::thread& closer : closers) closer.join();
+  }
 
   static void act_on_press(Room& room, const FootswitchOptions& asked) {
     const RoomState state = room.status().state;
@@ -311,6 +315,7 @@ struct Daemon::State {
 
 Daemon::Daemon(DaemonOptions options) : state_(std::make_unique<State>(std::move(options))) {}
 Daemon::~Daemon() = default;
+void Daemon::close() { state_->close(); }
 
 ordered_json Daemon::handle(const json& request) {
   const std::string what = required_text(request, "do");

@@ -26,8 +26,11 @@ struct DaemonOptions {
 class Daemon {
  public:
   explicit Daemon(DaemonOptions options);
-  /// Closes every case that runs, all rooms at once.
+  /// As close().
   ~Daemon();
+  /// Closes every case that runs, all rooms at once; none can be begun any more. Everything else can still be
+  /// asked, so that whoever looks on need not go first. From one thread.
+  void close();
   Daemon(const Daemon&) = delete;
   Daemon& operator=(const Daemon&) = delete;
 

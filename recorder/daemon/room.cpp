@@ -96,7 +96,21 @@ struct Room::State {
     beat();
     thread = std::thread([this] { run(); });
   }
-  ~State() {
+  ~State() { shut_down(); }
+  State(const State&) = delete;
+  State& operator=(const State&) = delete;
+
+  struct Request {
+    std::string reason;
+    std::optional<Bytes> subject;
+    std::optional<crypto::Sha256Digest> sealed_plan;
+    CaseIdentity identity;
+    std::string first_reason;  // why the operation's first case was begun
+    std::promise<std::string> begun;
+  };
+
+  void shut_down() {
+    if (!thread.joinable()) return;
     {
       const std::lock_guard guard(mutex);
       ending = true;
@@ -109,17 +123,6 @@ struct Room::State {
     changed.notify_all();
     thread.join();
   }
-  State(const State&) = delete;
-  State& operator=(const State&) = delete;
-
-  struct Request {
-    std::string reason;
-    std::optional<Bytes> subject;
-    std::optional<crypto::Sha256Digest> sealed_plan;
-    CaseIdentity identity;
-    std::string first_reason;  // why the operation's first case was begun
-    std::promise<std::string> begun;
-  };
 
   void beat() { heartbeat = time.now().time_since_epoch().count(); }
 
@@ -596,6 +599,7 @@ struct Room::State {
 Room::Room(RoomPlan plan, RoomListener listener, const Clock& time)
     : state_(std::make_unique<State>(std::move(plan), std::move(listener), time)) {}
 Room::~Room() = default;
+void Room::shut_down() { state_->shut_down(); }
 
 const std::string& Room::name() const { return state_->plan.name; }
 
@@ -604,6 +608,7 @@ std::string Room::start(const std::string& reason, std::optional<Bytes> subject,
   std::future<std::string> begun;
   {
     const std::lock_guard guard(state_->mutex);
+    if (state_->ending) throw Error("the recorder is being shut down");
     const bool free = state_->status.state == RoomState::kIdle || state_->status.state == RoomState::kStandby;
     if (!free || state_->request) {
       throw UsageError("room " + name() + " is recording already: case " + state_->status.case_id);

@@ -90,8 +90,11 @@ class Room {
  public:
   /// `time`, by which the room goes, must outlive it. A case has the machine's clock (Session).
   Room(RoomPlan plan, RoomListener listener, const Clock& time = Clock::system());
-  /// Ends a case that runs, properly, with the reason "shutdown".
+  /// As shut_down().
   ~Room();
+  /// Ends a case that runs, properly, with the reason "shutdown"; none can be begun any more. The room can
+  /// still be asked. From one thread.
+  void shut_down();
   Room(const Room&) = delete;
   Room& operator=(const Room&) = delete;
 

@@ -95,6 +95,10 @@ media::Codec new_encoder(const char* name, const FilmOptions& options) {
       encoder->gop_size = 1;
       av_opt_set_int(encoder->priv_data, "slicecrc", 1, 0);
     }
+    if (codec->id == AV_CODEC_ID_MJPEG) {
+      encoder->pix_fmt = AV_PIX_FMT_YUVJ420P;
+      encoder->flags = AV_CODEC_FLAG_BITEXACT;  // a group of pictures is nothing to it
+    }
     if (codec->id == AV_CODEC_ID_RAWVIDEO) {
       encoder->codec_tag = avcodec_pix_fmt_to_codec_tag(encoder->pix_fmt);
     }
@@ -213,6 +217,16 @@ std::vector<Bytes> make_matroska(const FilmOptions& options, const std::string& 
     segments.push_back(output.taken());
   }
   return segments;
+}
+
+Bytes make_jpeg(int width, int height) {
+  media::silence_libav();
+  const media::Codec encoder = new_encoder("mjpeg", {.width = width, .height = height});
+  media::Frame frame = picture(*encoder, 0);
+  frame->pts = 0;
+  const media::Packet packet = encode(*encoder, frame.get());
+  const auto bytes = std::as_bytes(std::span(packet->data, static_cast<std::size_t>(packet->size)));
+  return {bytes.begin(), bytes.end()};
 }
 
 std::vector<Picture> decode_file(const std::string& path) {

@@ -24,6 +24,9 @@ std::vector<Bytes> make_transport_stream(const FilmOptions& options);
 /// One Matroska file a segment, time stamps going on. `codec`: "ffv1" or "rawvideo".
 std::vector<Bytes> make_matroska(const FilmOptions& options, const std::string& codec);
 
+/// A JPEG picture, as cameras send them one after the other.
+Bytes make_jpeg(int width, int height);
+
 /// A decoded picture: what must not change in an export.
 struct Picture {
   std::int64_t time_ms = 0;  // from the first picture

@@ -96,9 +96,16 @@ void require_sealed(const ViewerContext& context, const std::string& plan) {
     throw Refusal(409, "the appliance log knows no such plan: seal it here first, by kiroku plan seal");
 }
 
+/// As the appliance log has whoever acts on a recording, before it happens. A log that cannot be written is
+/// told of, and keeps nobody from recording.
+std::string who(const Request& request) {
+  return request.session->user() + " (kiroku view, " + request.peer + ")";
+}
+
 /// One press starts without a body; the rest can be said then or while the case runs.
-Response start(const ViewerContext& context, const Request& request) {
-  json question{{"do", "start"}, {"room", request.parameter("room")}};
+Response start(ViewerContext& context, const Request& request) {
+  const std::string& room = request.parameter("room");
+  json question{{"do", "start"}, {"room", room}};
   if (!request.body.empty()) {
     const json asked = request.json();
     add_subject(question, asked, request);
@@ -111,14 +118,17 @@ Response start(const ViewerContext& context, const Request& request) {
       question["plan"] = plan;
     }
   }
+  context.note_access(ViewerContext::kEveryCase, "asked to start recording in " + room, who(request));
   return ask(context, question);
 }
 
-Response add_late_subject(const ViewerContext& context, const Request& request) {
-  json question{{"do", "subject"}, {"room", request.parameter("room")}};
+Response add_late_subject(ViewerContext& context, const Request& request) {
+  const std::string& room = request.parameter("room");
+  json question{{"do", "subject"}, {"room", room}};
   add_subject(question, request.json(), request);
   if (!question.contains("subject") && !question.contains("procedure"))
     throw Refusal(400, "give a 'subject' or a 'procedure'");
+  context.note_access(context.case_of(room), "gave patient and procedure of " + room, who(request));
   return ask(context, question);
 }
 
@@ -157,18 +167,23 @@ Response procedures(ViewerContext& context, const Request& request) {
   return Response::json(listed);
 }
 
-Response stop(const ViewerContext& context, const Request& request) {
-  return ask(context, {{"do", "stop"}, {"room", request.parameter("room")}, {"wait", false}});
+Response stop(ViewerContext& context, const Request& request) {
+  const std::string& room = request.parameter("room");
+  context.note_access(context.case_of(room), "asked to stop recording in " + room, who(request));
+  return ask(context, {{"do", "stop"}, {"room", room}, {"wait", false}});
 }
 
-Response mark(const ViewerContext& context, const Request& request) {
+/// The mark's words stay in the case, where they are sealed.
+Response mark(ViewerContext& context, const Request& request) {
   const json asked = request.json();
   const auto text = asked.find("text");
   if (text == asked.end() || !text->is_string() || text->get_ref<const std::string&>().empty() ||
       text->get_ref<const std::string&>().size() > kLongestMark) {
     throw Refusal(400, "'text' must be a text of 1 to " + std::to_string(kLongestMark) + " bytes");
   }
-  return ask(context, {{"do", "mark"}, {"room", request.parameter("room")}, {"text", *text}});
+  const std::string& room = request.parameter("room");
+  context.note_access(context.case_of(room), "marked a moment in " + room, who(request));
+  return ask(context, {{"do", "mark"}, {"room", room}, {"text", *text}});
 }
 
 }  // namespace

@@ -1,3 +1,5 @@
+#include <mutex>
+
 #include <nlohmann/json.hpp>
 
 #include "base/error.h"
@@ -100,7 +102,7 @@ class SessionApi {
       content = crypto::Secret::copy_of(*decoded);
       crypto::zeroise(*decoded);
     }
-    // A sealed one costs as much memory as its maker chose.
+    // A sealed one costs as much memory as its maker chose, up to a limit.
     const auto sealed = std::make_shared<crypto::Secret>(std::move(content));
     const auto opens = std::make_shared<const crypto::Secret>(passphrase.clone());
     return Response::later(
@@ -120,9 +122,14 @@ class SessionApi {
   };
 
   Response unlock_with(const Request& request, crypto::Secret sealed, const crypto::Secret& passphrase) {
-    auto identities = std::make_shared<const crypto::AgeIdentities>(
-        crypto::read_identities(std::move(sealed), "the identity",
-                                [&](const std::string& /*what_for*/) { return passphrase.clone(); }));
+    // One after the other: a sealed one takes 256 MiB, beside a recorder.
+    const auto read = [&] {
+      const std::lock_guard guard(unsealing_);
+      return crypto::read_identities(
+          std::move(sealed), "the identity",
+          [&](const std::string& /*what_for*/) { return passphrase.clone(); }, crypto::kLimitsOfStrangers);
+    };
+    auto identities = std::make_shared<const crypto::AgeIdentities>(read());
     context_.enter_access(request, ViewerContext::kEveryCase, "unlocked recordings with an identity");
     request.session->unlock(std::move(identities));
     return Response::json(describe(*request.session, request));
@@ -300,6 +307,7 @@ class SessionApi {
   ViewerContext& context_;
   SignInLink& link_;
   const std::string cookie_name_;
+  std::mutex unsealing_;
   AttemptGuard of_addresses_{AttemptLimits{.free_failures = kFreeFailuresOfAddress}};
 };
 

@@ -8,6 +8,7 @@
 #include "base/error.h"
 #include "crypto/age_file.h"
 #include "crypto/encoding.h"
+#include "crypto/identity_text.h"
 #include "tests/support/temporary_folder.h"
 
 namespace kiroku::crypto {
@@ -147,6 +148,31 @@ TEST(IdentityFile, OpensASealedOneWithItsPassphrase) {
   EXPECT_THAT(
       [&] { load_identity_file(folder / "key.age", [](const auto&) { return Secret::copy_of("wrong"); }); },
       ThrowsMessage<Error>(HasSubstr("the passphrase does not open the identity file")));
+}
+
+TEST(IdentityOfAStranger, IsRefusedBeforeMuchWorkIsDone) {
+  // Made by hand: sealing it would be the work.
+  const std::string dear = "age-encryption.org/v1\n-> scrypt AAAAAAAAAAAAAAAAAAAAAA 19\n" +
+                           std::string(43, 'A') + "\n--- " + std::string(43, 'A') + "\n" +
+                           std::string(32, '\0');
+  EXPECT_THAT(
+      [&] {
+        read_identities(
+            Secret::copy_of(dear), "the identity", [](const auto&) { return Secret::copy_of("p"); },
+            kLimitsOfStrangers);
+      },
+      ThrowsMessage<Error>(HasSubstr("more work than the 2^18 allowed")));
+}
+
+TEST(IdentityOfAStranger, HasAsManyKeysAsAPersonHas) {
+  const auto read = [](std::size_t keys) {
+    std::string text;
+    for (std::size_t i = 0; i < keys; ++i) text += std::string(kIdentity) + "\n";
+    return read_identities(Secret::copy_of(text), "the identity", never_asked, kLimitsOfStrangers);
+  };
+  EXPECT_EQ(read(kLimitsOfStrangers.keys).size(), kLimitsOfStrangers.keys);
+  EXPECT_THAT([&] { read(kLimitsOfStrangers.keys + 1); },
+              ThrowsMessage<UsageError>(HasSubstr("holds more than 16 keys")));
 }
 
 TEST(IdentityFile, RefusesWhatIsNone) {

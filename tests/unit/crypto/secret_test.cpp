@@ -1,7 +1,12 @@
 #include "crypto/secret.h"
 
+#include <algorithm>
 #include <fstream>
+#include <iterator>
+#include <set>
+#include <string>
 #include <utility>
+#include <vector>
 
 #include <gtest/gtest.h>
 
@@ -56,6 +61,46 @@ TEST(Secret, IsExcludedFromCoreDumps) {
   }
   if (flags.empty()) GTEST_SKIP() << "this kernel does not tell the flags of a mapping";
   EXPECT_NE(flags.find(" dd"), std::string::npos) << flags;
+}
+
+// A process has 65,530 mappings, and what it may lock is little too.
+TEST(Secret, ThousandsOfKeysTakeFewMappingsAndPages) {
+  const auto mappings = [] {
+    std::ifstream maps("/proc/self/maps");
+    return std::count(std::istreambuf_iterator<char>(maps), {}, '\n');
+  };
+  const auto locked_kib = [] {
+    std::ifstream status("/proc/self/status");
+    long kib = 0;
+    for (std::string line; std::getline(status, line);) {
+      if (line.starts_with("VmLck:")) kib = std::stol(line.substr(6));
+    }
+    return kib;
+  };
+  constexpr std::size_t kKeys = 5000;
+  const auto mappings_before = mappings();
+  const long locked_before = locked_kib();
+  std::vector<Secret> keys;
+  for (std::size_t i = 0; i < kKeys; ++i) keys.push_back(Secret::random(32));
+  EXPECT_LT(mappings() - mappings_before, 100);
+  EXPECT_LE(locked_kib() - locked_before, 1024);
+}
+
+TEST(Secret, SmallOnesNeverShareBytesAndStartWithZerosAgain) {
+  std::vector<Secret> secrets;
+  std::set<const std::byte*> places;
+  for (std::size_t i = 0; i < 1000; ++i) {
+    secrets.push_back(Secret::copy_of(std::string(1 + i % 128, static_cast<char>('a' + i % 26))));
+    places.insert(secrets.back().bytes().data());
+  }
+  EXPECT_EQ(places.size(), secrets.size());
+  for (std::size_t i = 0; i < 1000; ++i)
+    ASSERT_EQ(secrets[i].text(), std::string(1 + i % 128, static_cast<char>('a' + i % 26)));
+  secrets.clear();
+  for (std::size_t i = 0; i < 1000; ++i) {
+    secrets.emplace_back(128);
+    for (const std::byte byte : secrets.back().bytes()) ASSERT_EQ(byte, std::byte{0});
+  }
 }
 
 TEST(Secret, ZeroiseOverwrites) {

@@ -96,7 +96,7 @@ TEST(FrameQueue, LetsAWaitingSourceGoWhenItsConsumerFailed) {
 TEST(FrameQueue, KeepsALossInItsPlace) {
   FrameQueue queue(4 * kPictureBytes);
   queue.push(frame_at(0), false);
-  queue.push(SourceLost{archive::GapCause::kDeviceRemoved});
+  queue.push(SourceLost{archive::GapCause::kDeviceRemoved, 7});
   queue.push(frame_at(100), false);
   queue.finish();
   EXPECT_EQ(popped(queue).frame.time_ns, 0);

@@ -102,6 +102,18 @@ TEST_F(SegmenterTest, AFrameStampedAtArrivalIsNotShownBeyondNow) {
   EXPECT_EQ(own_times.end_of_last_frame(0), kSecond);
 }
 
+TEST_F(SegmenterTest, AFrameIsNotShownBeyondTheNextOne) {
+  for (const bool timed_by_arrival : {true, false}) {
+    rules.timed_by_arrival = timed_by_arrival;
+    Segmenter stream(rules);
+    record(stream, 0, kSecond);
+    const std::int64_t last_ns = kSecond - kInterval;
+    EXPECT_EQ(stream.end_of_last_frame(100 * kSecond, last_ns + kInterval / 3), last_ns + kInterval / 3);
+    EXPECT_EQ(stream.end_of_last_frame(100 * kSecond, 3 * kSecond), kSecond);
+    EXPECT_EQ(stream.end_of_last_frame(100 * kSecond, last_ns), last_ns + 1) << "and for a moment at least";
+  }
+}
+
 TEST_F(SegmenterTest, NothingIsShownBeyondTheEndOfTheRecording) {
   rules.end_ns = kSecond - 5;
   Segmenter stream(rules);
@@ -139,6 +151,22 @@ TEST_F(SegmenterTest, AGapNeverEndsBeforeItBegins) {
   stream.absent(GapCause::kSignalLost);
   expect(stream.gap_at_close(4 * kSecond, 4 * kSecond, false), 5 * kSecond, 5 * kSecond,
          GapCause::kSignalLost);
+}
+
+TEST(ChangesOfPictures, AreHeldBackOnceThereWereManyInAShortTime) {
+  ChangePace pace;
+  for (std::size_t i = 0; i < ChangePace::kMostChanges; ++i)
+    EXPECT_FALSE(pace.refused_until(static_cast<std::int64_t>(i) * kSecond / 100).has_value());
+  EXPECT_EQ(pace.refused_until(kSecond), ChangePace::kWithinNs);
+  EXPECT_EQ(pace.refused_until(ChangePace::kWithinNs - 1), ChangePace::kWithinNs);
+  EXPECT_FALSE(pace.refused_until(ChangePace::kWithinNs).has_value());
+  EXPECT_EQ(pace.refused_until(ChangePace::kWithinNs), ChangePace::kWithinNs + kSecond / 100);
+}
+
+TEST(ChangesOfPictures, ThatComeRarelyAreNeverHeldBack) {
+  ChangePace pace;
+  const std::int64_t apart_ns = ChangePace::kWithinNs / static_cast<std::int64_t>(ChangePace::kMostChanges);
+  for (std::int64_t i = 0; i < 1000; ++i) EXPECT_FALSE(pace.refused_until(i * apart_ns).has_value());
 }
 
 }  // namespace

@@ -1,5 +1,6 @@
 // What a session does when the world does not behave: pipes that end and come back, slow and full disks,
 // films that stop early.
+#include <array>
 #include <csignal>
 #include <fstream>
 #include <sys/stat.h>
@@ -9,10 +10,12 @@
 #include <gtest/gtest.h>
 
 #include "base/error.h"
+#include "recorder/segmenter.h"
 #include "recorder/session.h"
 #include "tests/support/decoded_video.h"
 #include "tests/support/fault_file_system.h"
 #include "tests/support/film_with_sound.h"
+#include "tests/support/media_maker.h"
 #include "tests/support/pipe_camera.h"
 #include "tests/support/recording.h"
 #include "tests/support/shared_data.h"
@@ -116,6 +119,58 @@ TEST_F(FifoSessionRealTime, CanBeStoppedWhileAPipeHasNoWriter) {
   const RecordedCase recorded = bench.read(result.folder);
   ASSERT_THAT(recorded.gaps("endoscope"), SizeIs(1));
   EXPECT_THAT(recorded.broken_rules(), IsEmpty());
+}
+
+/// A camera that says nothing of its rate and sends pictures as fast as they are taken: `run` of one size,
+/// then as many of another, until nobody reads any more.
+void flicker(const std::filesystem::path& pipe, const std::array<Bytes, 2>& pictures, int run) {
+  std::ofstream out(pipe, std::ios::binary);
+  for (int i = 0; out; ++i) {
+    out << text_of(pictures.at(static_cast<std::size_t>(i / run % 2))) << std::flush;
+  }
+}
+
+class FlickeringCamera : public testing::Test {
+ protected:
+  void SetUp() override {
+    std::signal(SIGPIPE, SIG_IGN);
+    ASSERT_EQ(::mkfifo((bench / "camera").c_str(), 0600), 0);
+  }
+  /// Until `pictures` have come.
+  RecordedCase record(int run, std::uint64_t pictures) {
+    const std::array<Bytes, 2> pictures_of_two_sizes{test::make_jpeg(64, 48), test::make_jpeg(96, 64)};
+    std::thread camera([&] { flicker(bench / "camera", pictures_of_two_sizes, run); });
+    SessionOptions options = bench.options();
+    options.video = {bench.stream("endoscope", (bench / "camera").string())};
+    Session session(options);
+    const SessionResult result = session.run([&](const SessionStatus& status) {
+      const StreamStatus& stream = status.streams.at(0);
+      if (stream.frames + stream.dropped >= pictures) session.stop();
+    });
+    camera.join();
+    return bench.read(result.folder);
+  }
+  RecorderBench bench;
+};
+
+TEST_F(FlickeringCamera, FasterThanItsStatedRateLeavesNoOverlap) {
+  const RecordedCase recorded = record(200, 1000);
+  EXPECT_GT(recorded.gaps("endoscope").size(), 1U);
+  EXPECT_THAT(recorded.broken_rules(), IsEmpty());
+}
+
+TEST_F(FlickeringCamera, MakesFewSegmentsAndStatesTheRest) {
+  const RecordedCase recorded = record(1, 4000);
+  EXPECT_THAT(recorded.broken_rules(), IsEmpty());
+  const auto segments = recorded.segments("endoscope");
+  const std::int64_t lasted_ns = recorded.entries().back().at.mono_ns;
+  // In 200 ms each, and one more for each change of the pictures.
+  const auto times = static_cast<std::size_t>(lasted_ns / ChangePace::kWithinNs + 1);
+  EXPECT_LE(segments.size(),
+            times * ChangePace::kMostChanges + static_cast<std::size_t>(lasted_ns * 5 / kSecond) + 1);
+  EXPECT_LT(sums(segments).frames, 4000U) << "the rest is left out";
+  ASSERT_FALSE(recorded.gaps("endoscope").empty());
+  EXPECT_EQ(recorded.gaps("endoscope").back().cause, GapCause::kFormatChange);
 }
 
 TEST(SessionUnderLoad, DropsWholeFramesAndStatesThemWhenTheDiskIsTooSlow) {

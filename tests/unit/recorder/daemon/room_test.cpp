@@ -229,6 +229,22 @@ TEST_F(RoomTest, ClosesTheCaseThatRunsWhenItEnds) {
   EXPECT_THAT(bench.read(results[0].folder).all<archive::CloseEntry>(), SizeIs(1));
 }
 
+TEST_F(RoomTest, BeginsNothingMoreOnceItIsShutDownAndCanStillBeAsked) {
+  Room room(plan({kCamera}), listener());
+  const std::string id = room.start("operator");
+  room.shut_down();
+  ASSERT_EQ(closed(), 1U);
+  EXPECT_EQ(results[0].close_reason, "shutdown");
+  EXPECT_EQ(room.status().case_id, id);
+  EXPECT_EQ(room.status().state, RoomState::kIdle);
+  EXPECT_EQ(room.running_case(), "");
+  EXPECT_THROW(room.start("operator"), Error);
+  EXPECT_THROW(room.stop("operator", true), UsageError);
+  EXPECT_THROW(room.mark("too late"), UsageError);
+  room.shut_down();
+  EXPECT_EQ(closed(), 1U);
+}
+
 TEST_F(RoomTest, ACaseBeginsWithWhatWasRecordedBefore) {
   RoomPlan ahead = plan({kCamera, kAbsentCamera});
   ahead.rules.pre_roll = 1s;
