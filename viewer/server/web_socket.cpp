@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <chrono>
+#include <cstdint>
 #include <deque>
 #include <functional>
 #include <mutex>
@@ -238,12 +239,12 @@ class Connection {
       limit_write(kLongestWrite);
       co_await socket_.async_write(asio::buffer(bytes.data(), bytes.size()),
                                    asio::redirect_error(asio::use_awaitable, failed));
-      write_limit_->cancel();
+      end_write();
     }
     if (farewell_ && !over_) {
       limit_write(kFarewell);
       co_await socket_.async_close(*farewell_, asio::redirect_error(asio::use_awaitable, failed));
-      write_limit_->cancel();
+      end_write();
     }
     // The listener, if it still waits, hears of it by this.
     if (failed) beast::get_lowest_layer(stream_).close();
@@ -254,15 +255,21 @@ class Connection {
   void limit_write(std::chrono::steady_clock::duration left) {
     const auto step = std::min<std::chrono::steady_clock::duration>(left, kSessionCheck);
     write_limit_->expires_after(step);
-    write_limit_->async_wait([this, left, step, watched = std::weak_ptr(write_limit_)](error_code cancelled) {
-      // The timer goes with the connection.
-      if (cancelled || watched.expired()) return;
-      if (left <= step || admission_.request.session->has_ended()) {
-        beast::get_lowest_layer(stream_).close();
-      } else {
-        limit_write(left - step);
-      }
-    });
+    write_limit_->async_wait(
+        [this, left, step, write = write_, watched = std::weak_ptr(write_limit_)](error_code cancelled) {
+          // The timer goes with the connection. It may have rung just as the write was over.
+          if (cancelled || watched.expired() || write != write_) return;
+          if (left <= step || admission_.request.session->has_ended()) {
+            beast::get_lowest_layer(stream_).close();
+          } else {
+            limit_write(left - step);
+          }
+        });
+  }
+
+  void end_write() {
+    ++write_;
+    write_limit_->cancel();
   }
 
   Stream& stream_;
@@ -273,6 +280,7 @@ class Connection {
   std::shared_ptr<asio::steady_timer> wake_;
   asio::steady_timer listener_end_;
   std::shared_ptr<asio::steady_timer> write_limit_;
+  std::uint64_t write_ = 0;  // counts them
   std::shared_ptr<Queue> queue_;
   std::unique_ptr<SocketHandler> handler_;
   std::optional<websocket::close_reason> farewell_;
