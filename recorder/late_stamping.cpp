@@ -165,6 +165,13 @@ void LateStamping::ask_for(Case& its, const WantedToken& wanted, Patience patien
     result.waiting.push_back({wanted, answer.cause});
     return;
   }
+  if (const auto missed = its.writer->token_in_the_way(answer.checkpoint.size, wanted.authority)) {
+    its.writer->append({*missed}, its.now());  // the next checkpoint, and its token, has another name
+    context_.queue->failed(wanted.case_id, wanted.authority, missed->cause);
+    waited_for_.push_back(&asked);
+    result.waiting.push_back({wanted, missed->cause});
+    return;
+  }
   its.writer->store_authority_chain(wanted.authority, answer.judgement.chain);
   its.writer->add_token(answer.checkpoint, wanted.authority, answer.response, token_facts(answer), its.now());
   its.entered.emplace(answer.checkpoint.size, wanted.authority);

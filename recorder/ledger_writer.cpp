@@ -114,6 +114,12 @@ void LedgerWriter::write(const AuthorityAnswer& answer) {
         clock_.moment());
     return;
   }
+  if (const auto in_the_way = writer().token_in_the_way(answer.checkpoint.size, answer.authority)) {
+    ++missed_;
+    problems_.report("no time-stamp from " + answer.authority + ": " + in_the_way->cause);
+    writer().append({*in_the_way}, clock_.moment());
+    return;
+  }
   writer().store_authority_chain(answer.authority, answer.judgement.chain);
   archive::TokenEntry facts = token_facts(answer);
   facts.exchange = {clock_.at_ns(answer.asked), clock_.at_ns(answer.answered)};

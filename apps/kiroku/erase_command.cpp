@@ -69,7 +69,40 @@ bool has_something_left(const archive::CaseReader& reader, const std::string& st
   return !left.empty();
 }
 
-void for_each_closed_case(const Home& home, const std::function<void(const archive::CaseReader&)>& visit) {
+/// Cases of which nothing could be erased, with the reason: one that is damaged must not keep what is due in
+/// the others.
+class Refusals {
+ public:
+  template <typename Work>
+  void guard(const fs::path& folder, const Work& work) {
+    try {
+      work();
+    } catch (const Error& error) {
+      add(folder, error.what());
+    } catch (const fs::filesystem_error& error) {
+      add(folder, error.what());
+    }
+  }
+  void tell() const {
+    for (const auto& [name, reason] : all_)
+      print_error("kiroku", name + ": nothing was erased from it: " + reason);
+  }
+  [[nodiscard]] bool empty() const { return all_.empty(); }
+  [[nodiscard]] ordered_json json() const {
+    ordered_json out = ordered_json::array();
+    for (const auto& [name, reason] : all_) out.push_back({{"case", name}, {"reason", reason}});
+    return out;
+  }
+
+ private:
+  void add(const fs::path& folder, const std::string& reason) {
+    all_.emplace_back(folder.filename().string(), reason);
+  }
+  std::vector<std::pair<std::string, std::string>> all_;
+};
+
+void for_each_closed_case(const Home& home, Refusals& refusals,
+                          const std::function<void(const archive::CaseReader&)>& visit) {
   std::vector<fs::path> folders;
   for (const fs::directory_entry& entry : fs::directory_iterator(home.archive())) {
     if (archive::is_case_id(entry.path().filename().string()) && entry.is_directory() &&
@@ -78,15 +111,18 @@ void for_each_closed_case(const Home& home, const std::function<void(const archi
   }
   std::sort(folders.begin(), folders.end());
   for (const fs::path& folder : folders) {
-    const archive::CaseReader reader = archive::CaseReader::open(folder);
-    if (reader.closing()) visit(reader);
+    refusals.guard(folder, [&] {
+      const archive::CaseReader reader = archive::CaseReader::open(folder);
+      if (reader.closing()) visit(reader);
+    });
   }
 }
 
 /// What [[retention]] says may go by now.
-std::vector<Candidate> what_is_due(const Home& home, const std::vector<RetentionRule>& rules) {
+std::vector<Candidate> what_is_due(const Home& home, const std::vector<RetentionRule>& rules,
+                                   Refusals& refusals) {
   std::vector<Candidate> due;
-  for_each_closed_case(home, [&](const archive::CaseReader& reader) {
+  for_each_closed_case(home, refusals, [&](const archive::CaseReader& reader) {
     for (const archive::StreamInfo& stream : reader.opening().streams) {
       const auto rule = std::find_if(rules.begin(), rules.end(), [&](const RetentionRule& each) {
         return each.concerns(stream) && is_older(reader.opened_at(), each.after);
@@ -100,7 +136,7 @@ std::vector<Candidate> what_is_due(const Home& home, const std::vector<Retention
 }
 
 /// The one case that was named, or every case of the home that is old enough and has the stream.
-std::vector<Candidate> what_was_named(const Home& home, const Request& request) {
+std::vector<Candidate> what_was_named(const Home& home, const Request& request, Refusals& refusals) {
   if (!request.case_name && !request.older_than) {
     throw UsageError("name the CASE to erase from, or say which with --older-than, such as 30d");
   }
@@ -124,7 +160,7 @@ std::vector<Candidate> what_was_named(const Home& home, const Request& request) 
              request.older_than ? if_older(age) : MayGo{}}};
   }
   std::vector<Candidate> named;
-  for_each_closed_case(home, [&](const archive::CaseReader& reader) {
+  for_each_closed_case(home, refusals, [&](const archive::CaseReader& reader) {
     const auto& streams = reader.opening().streams;
     const bool has_stream = std::any_of(streams.begin(), streams.end(),
                                         [&](const auto& stream) { return stream.name == request.stream; });
@@ -177,12 +213,13 @@ int run(const Request& request) {
   const Home home = Home::open(request.home);
   const Configuration configuration = home.configuration();
   const RetentionConfiguration& retention = configuration.retention;
+  Refusals refusals;
   const std::vector<Candidate> candidates =
-      request.due ? what_is_due(home, retention.rules) : what_was_named(home, request);
+      request.due ? what_is_due(home, retention.rules, refusals) : what_was_named(home, request, refusals);
   std::optional<Eraser> eraser;
   if (!candidates.empty()) eraser.emplace(home, configuration);
   ordered_json cases = ordered_json::array(), kept = ordered_json::array();
-  for (const Candidate& candidate : candidates) {
+  const auto take = [&](const Candidate& candidate) {
     const std::string name = candidate.folder.filename().string();
     const bool may_go = request.only_copy ||
                         !has_something_left(archive::CaseReader::open(candidate.folder), candidate.stream);
@@ -195,7 +232,7 @@ int run(const Request& request) {
                                   *only_copy + ")" +
                                   (request.due ? "" : "; --only-copy erases it all the same"));
       }
-      continue;
+      return;
     }
     const archive::Erasure erased = eraser->erase(candidate);
     cases.push_back({{"case", name},
@@ -204,15 +241,24 @@ int run(const Request& request) {
                      {"bytes", erased.bytes},
                      {"stamped", erased.stamped}});
     if (!request.json) std::cout << name << ": " << told(candidate, erased) << "\n";
+  };
+  for (const Candidate& candidate : candidates) {
+    if (request.case_name) {
+      take(candidate);
+    } else {
+      refusals.guard(candidate.folder, [&] { take(candidate); });
+    }
   }
   if (request.json) {
-    print_json({{"cases", cases}, {"kept", kept}});
-  } else if (candidates.empty()) {
+    print_json({{"cases", cases}, {"kept", kept}, {"refused", refusals.json()}});
+  } else if (candidates.empty() && refusals.empty()) {
     std::cout << (request.due ? "Nothing is due to be erased."
                               : "No closed case with a stream " + printable(request.stream) +
                                     " is older than " + *request.older_than + ".")
               << "\n";
   }
+  refusals.tell();
+  if (!refusals.empty()) return kRefused;
   return kept.empty() ? kDone : kAnswerIsNo;
 }
 
@@ -239,7 +285,10 @@ void add_erase_command(Command& program) {
       "erased by which policy. That they are erased is signed and time-stamped before the first byte goes. "
       "There is no way back. A case that is not closed is refused. What no replica of [storage] in "
       "kiroku.toml "
-      "holds, byte for byte, is kept, and the exit status is 1, unless --only-copy is given.");
+      "holds, byte for byte, is kept, and the exit status is 1, unless --only-copy is given. Where several "
+      "cases "
+      "are asked for, one that cannot be read or written keeps the others from nothing: it is named, and the "
+      "exit status is 2.");
   command.example("kiroku erase 20260805T091502Z-3f9c21ab --stream room --policy 'consent withdrawn'",
                   "erases the room camera of one case");
   command.example("kiroku erase --older-than 30d --stream room --policy 'room: 30 days'",

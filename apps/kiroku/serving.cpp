@@ -5,7 +5,6 @@
 #include <iostream>
 #include <memory>
 #include <mutex>
-#include <sys/resource.h>
 #include <utility>
 
 #include <nlohmann/json.hpp>
@@ -13,18 +12,11 @@
 #include "apps/common/json_output.h"
 #include "apps/kiroku/commands.h"
 #include "apps/kiroku/viewer_setup.h"
+#include "base/descriptor_limit.h"
 #include "base/json_or_null.h"
 
 namespace kiroku::apps {
 namespace {
-
-/// A thousand connections need more descriptors than a shell gives.
-void allow_many_descriptors() {
-  rlimit limit{};
-  if (::getrlimit(RLIMIT_NOFILE, &limit) != 0) return;
-  limit.rlim_cur = limit.rlim_max;
-  ::setrlimit(RLIMIT_NOFILE, &limit);
-}
 
 void print_start(const ServingRequest& request, const Served& served, const viewer::Viewer& server,
                  const std::string& sign_in, const std::string& fingerprint) {
@@ -106,7 +98,7 @@ void serve_until_stopped(const ServingRequest& request, const Home& home, Served
       .more_routes = std::move(served.more_routes),
       .tell = std::move(served.tell)};
   options.home.serves = served.serves;
-  allow_many_descriptors();
+  raise_descriptor_limit();  // a thousand connections need more than a shell gives
   std::error_code ignored;
   const bool is_demonstration = has_address && std::filesystem::exists(home.identity_file(), ignored) &&
                                 viewer::is_loopback(request.listen);

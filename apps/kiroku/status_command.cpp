@@ -75,6 +75,13 @@ void print_room(const json& room, std::string& out) {
     out += "  " + paint(Colour::kRed, "a case was cut off and is not carried on: nothing is recorded here") +
            "\n";
   }
+  if (room.value("ended_by_error", false)) {
+    out += "  " +
+           paint(Colour::kRed,
+                 "an error ended the case: nothing is recorded here; begin another one where the "
+                 "operation goes on") +
+           "\n";
+  }
   if (recording) {
     std::vector<std::vector<std::string>> rows{
         {"stream", "", "recorded", "lost", "segments", "size", "last", "on disk to"}};

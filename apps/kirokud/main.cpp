@@ -36,6 +36,7 @@
 #include "archive/storage/file_system.h"
 #include "archive/storage/recording_lock.h"
 #include "archive/writing/appliance_log.h"
+#include "base/descriptor_limit.h"
 #include "base/error.h"
 #include "base/process_hardening.h"
 #include "recorder/daemon/control_server.h"
@@ -481,6 +482,16 @@ int end_of(int left) {
   return kDone;
 }
 
+/// Started by hand it has a shell's limit, which the viewer's connections alone reach.
+void allow_many_descriptors() {
+  constexpr std::uint64_t kEnough = 4096;
+  if (const std::uint64_t may = raise_descriptor_limit(); may < kEnough)
+    spdlog::warn(
+        "only {} files and connections may be open at once: sources, segments and the viewer's guests "
+        "share them; raise the hard limit to {} or more (LimitNOFILE= of the unit, `ulimit -Hn`)",
+        may, kEnough);
+}
+
 int run(const Request& request) {
   const Home home = home_of(request);
   const std::filesystem::path file =
@@ -500,6 +511,7 @@ int run(const Request& request) {
     return kDone;
   }
   set_up_logging();
+  allow_many_descriptors();
   const EndSignals signals;
   const archive::RecordingLock lock =
       archive::RecordingLock::take(archive::real_file_system(), home.archive());

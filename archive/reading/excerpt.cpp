@@ -35,6 +35,8 @@ struct Survey {
   crypto::MerkleTree tree;
   std::map<std::uint64_t, TokenEntry> tokens;  // by entry
   std::vector<std::pair<std::uint64_t, SegmentEntry>> segments;
+  std::vector<std::pair<std::uint64_t, GapEntry>> gaps;  // of the streams themselves, not of their sound
+  std::vector<std::uint64_t> recovered;
   std::optional<std::uint64_t> close;
   std::uint64_t last_before = 0;  // the last entry that was written before the selected time
   std::int64_t end_ns = 0;        // latest time that an entry states
@@ -77,6 +79,10 @@ Survey survey(const CaseFolder& folder, const ReadableFile& ledger, std::int64_t
     } else if (auto* segment = std::get_if<SegmentEntry>(&body)) {
       result.end_ns = std::max(result.end_ns, segment->span.end_ns);
       result.segments.emplace_back(number, std::move(*segment));
+    } else if (auto* gap = std::get_if<GapEntry>(&body); gap != nullptr && !gap->of_sound) {
+      result.gaps.emplace_back(number, std::move(*gap));
+    } else if (std::holds_alternative<RecoveredEntry>(body)) {
+      result.recovered.push_back(number);
     } else if (auto* token = std::get_if<TokenEntry>(&body)) {
       result.tokens.emplace(number, std::move(*token));
     } else if (std::holds_alternative<CloseEntry>(body)) {
@@ -139,26 +145,59 @@ std::pair<std::uint64_t, std::uint64_t> needed_entries(const Survey& ledger,
   return {std::min(first, last), last};
 }
 
+/// The first entry that says why streams pause between the segments that are among the lines from `first` on,
+/// or why nobody counted one. A gap may be entered before the segment in front of it. `first` where all such
+/// entries are among the lines.
+std::uint64_t first_explanation(const Survey& ledger, std::uint64_t first) {
+  std::map<std::string, std::int64_t> shown_until;  // by stream: the end of the first segment that is shown
+  std::optional<std::uint64_t> uncounted;
+  for (const auto& [entry, segment] : ledger.segments) {
+    if (entry >= first) {
+      shown_until.emplace(segment.stream, segment.span.end_ns);
+      uncounted = segment.counted || uncounted ? uncounted : entry;
+    }
+  }
+  std::uint64_t earliest = first;
+  for (const auto& [entry, gap] : ledger.gaps) {
+    const auto shown = shown_until.find(gap.stream);
+    if (shown != shown_until.end() && gap.span.end_ns > shown->second) {
+      earliest = std::min(earliest, entry);
+    }
+  }
+  if (uncounted) {
+    const auto behind = std::upper_bound(ledger.recovered.begin(), ledger.recovered.end(), *uncounted);
+    earliest = behind == ledger.recovered.begin() ? earliest : std::min(earliest, *std::prev(behind));
+  }
+  return earliest;
+}
+
 /// Chooses the lines: from the token before to the checkpoint that covers the token after, of each authority
 /// that has one, since only a verifier knows which of them are outside ones.
 void choose_lines(const Survey& ledger, const std::vector<std::uint64_t>& notes, ExcerptDocument& document) {
-  const auto [first, last] = needed_entries(ledger, document);
-  document.first_entry = 0;
-  std::map<std::string, std::uint64_t> before;
+  auto [first, last] = needed_entries(ledger, document);
   std::map<std::string, std::uint64_t> after;
   for (const auto& [entry, token] : ledger.tokens) {
-    if (entry < first) {
-      before[token.authority] = entry;
-    }
     if (token.checkpoint > last) {
       after.emplace(token.authority, entry);
     }
   }
-  if (!before.empty()) {
-    document.first_entry = first;
-  }
-  for (const auto& [authority, entry] : before) {
-    document.first_entry = std::min(document.first_entry, entry);
+  for (;;) {
+    document.first_entry = 0;
+    std::map<std::string, std::uint64_t> before;
+    for (auto each = ledger.tokens.begin(); each != ledger.tokens.end() && each->first < first; ++each) {
+      before[each->second.authority] = each->first;
+    }
+    if (!before.empty()) {
+      document.first_entry = first;
+    }
+    for (const auto& [authority, entry] : before) {
+      document.first_entry = std::min(document.first_entry, entry);
+    }
+    const std::uint64_t explained = first_explanation(ledger, document.first_entry);
+    if (explained >= document.first_entry) {
+      break;
+    }
+    first = explained;
   }
   const auto covering = [&](std::uint64_t entry) -> std::optional<std::uint64_t> {
     const auto note = std::find_if(notes.begin(), notes.end(), [&](std::uint64_t size) {

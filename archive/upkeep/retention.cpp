@@ -62,6 +62,34 @@ std::vector<ErasedEntry> runs_of(const Segments& segments, const std::string& st
   return runs;
 }
 
+struct StampedEnd {
+  bool stamped = false;
+  bool in_the_way = false;  // something lay under the name of a token
+};
+
+StampedEnd stamp_newest(CaseWriter& writer, const CheckpointStamper& stamper,
+                        const std::function<Moment()>& now) {
+  const StoredCheckpoint over = writer.checkpoint(now(), true);
+  std::vector<CheckpointStamp> stamps = stamper ? stamper(over) : std::vector<CheckpointStamp>();
+  if (stamps.empty()) {
+    stamps.push_back({"none", {}, {}, {}, "no authority was at hand"});
+  }
+  StampedEnd end;
+  for (const CheckpointStamp& stamp : stamps) {
+    if (!stamp.cause.empty()) {
+      writer.append({TokenMissedEntry{over.size, stamp.authority, stamp.cause}}, now());
+    } else if (const auto missed = writer.token_in_the_way(over.size, stamp.authority)) {
+      writer.append({*missed}, now());
+      end.in_the_way = true;
+    } else {
+      writer.store_authority_chain(stamp.authority, stamp.chain);
+      writer.add_token(over, stamp.authority, stamp.response, stamp.facts, now());
+      end.stamped = true;
+    }
+  }
+  return end;
+}
+
 }  // namespace
 
 std::vector<fs::path> files_to_erase(const FileReading& files, const fs::path& folder,
@@ -103,22 +131,14 @@ void remove_erased(FileSystem& files, const std::vector<fs::path>& to_erase) {
 }
 
 bool stamp_end(CaseWriter& writer, const CheckpointStamper& stamper, const std::function<Moment()>& now) {
-  const StoredCheckpoint over = writer.checkpoint(now(), true);
-  std::vector<CheckpointStamp> stamps = stamper ? stamper(over) : std::vector<CheckpointStamp>();
-  if (stamps.empty()) {
-    stamps.push_back({"none", {}, {}, {}, "no authority was at hand"});
-  }
-  bool stamped = false;
-  for (const CheckpointStamp& stamp : stamps) {
-    if (!stamp.cause.empty()) {
-      writer.append({TokenMissedEntry{over.size, stamp.authority, stamp.cause}}, now());
-      continue;
+  // A file that lies under a token's name costs that token. The next checkpoint has another name.
+  constexpr int kMostTries = 3;
+  for (int tries = 1;; ++tries) {
+    const StampedEnd end = stamp_newest(writer, stamper, now);
+    if (end.stamped || !end.in_the_way || tries == kMostTries) {
+      return end.stamped;
     }
-    writer.store_authority_chain(stamp.authority, stamp.chain);
-    writer.add_token(over, stamp.authority, stamp.response, stamp.facts, now());
-    stamped = true;
   }
-  return stamped;
 }
 
 // Step by step, each durable before the next:

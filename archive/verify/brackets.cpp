@@ -1,8 +1,10 @@
 #include "archive/verify/brackets.h"
 
 #include <algorithm>
+#include <chrono>
 #include <optional>
 #include <set>
+#include <utility>
 
 namespace kiroku::archive {
 
@@ -17,7 +19,11 @@ std::chrono::microseconds rounded_up(std::int64_t ns) {
 }  // namespace
 
 UtcTime StampedToken::earliest() const { return gen_time - rounded_up(accuracy_ns); }
-UtcTime StampedToken::latest() const { return gen_time + rounded_up(accuracy_ns); }
+UtcTime StampedToken::latest() const {
+  const bool whole_seconds = gen_time == std::chrono::floor<std::chrono::seconds>(gen_time);
+  return gen_time + (accuracy_ns == 0 && whole_seconds ? std::chrono::microseconds(std::chrono::seconds(1))
+                                                       : rounded_up(accuracy_ns));
+}
 
 std::vector<Bracket> brackets_of(const std::vector<StampedToken>& tokens, std::uint64_t first,
                                  std::uint64_t end) {
@@ -70,6 +76,11 @@ std::vector<Bracket> brackets_of(const std::vector<StampedToken>& tokens, std::u
     if (covering < soonest.size()) {
       bracket.not_after = soonest[covering]->latest();
       bracket.authority_after = soonest[covering]->authority;
+    }
+    // Clocks of two authorities that differ: what either says lies between both.
+    if (bracket.not_before && bracket.not_after && *bracket.not_after < *bracket.not_before) {
+      std::swap(bracket.not_before, bracket.not_after);
+      std::swap(bracket.authority_before, bracket.authority_after);
     }
     brackets.push_back(std::move(bracket));
   }

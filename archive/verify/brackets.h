@@ -17,7 +17,9 @@ struct StampedToken {
   std::string authority;
 
   [[nodiscard]] UtcTime earliest() const;  // gen_time - accuracy, rounded down to microseconds
-  [[nodiscard]] UtcTime latest() const;    // gen_time + accuracy, rounded up
+  // gen_time + accuracy, rounded up. Of an authority that states whole seconds and no accuracy the second may
+  // have been cut off (RFC 3161 2.4.2: the fraction may be left out): gen_time + 1 s.
+  [[nodiscard]] UtcTime latest() const;
 };
 
 /// Runs of the entries [first, end) with the same bounds. An entry was written after the latest `earliest()`

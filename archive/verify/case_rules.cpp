@@ -77,7 +77,10 @@ void CaseRules::take(const LedgerLine& line, std::uint64_t number) {
                                         " were erased, although the case was not closed yet");
                      return;
                    }
-                   if (StreamRules* its = stream(erased.stream, number)) {
+                   StreamRules* its = stream(erased.stream, number);
+                   if (checkpoints_->newest() <= number && scope_.whole_case) {
+                     unsigned_aftermath_.insert(number);  // excuses no file that is not there
+                   } else if (its != nullptr) {
                      its->take(erased, number);
                    }
                  },
@@ -94,6 +97,9 @@ void CaseRules::take(const LedgerLine& line, std::uint64_t number) {
                  [&](const TokenMissedEntry& missed) {
                    if (missed.authority.size() <= kMaximumPathBytes) {
                      authorities_.insert(missed.authority);
+                   }
+                   if (close_ && checkpoints_->newest() <= number) {
+                     unsigned_aftermath_.insert(number);
                    }
                    tokens_.take_missed(missed, number);
                  },
@@ -268,14 +274,23 @@ StreamRules* CaseRules::stream(const std::string& name, std::uint64_t number) {
   return nullptr;
 }
 
-void CaseRules::finish() {
+bool CaseRules::only_aftermath(std::uint64_t first, std::uint64_t end) const {
+  for (std::uint64_t entry = first; entry < end; ++entry) {
+    if (!unsigned_aftermath_.contains(entry) && !tokens_.restate_late_tokens(entry, entry + 1)) {
+      return false;
+    }
+  }
+  return true;
+}
+
+void CaseRules::finish(std::optional<std::int64_t> lines_begin_ns) {
   // With a pre-roll the streams' oldest segments begin at different times, each before `open`.
   const bool pre_rolled = opening_ && opening_->begins_ns > 0;
   const std::optional<Span> recorded = scope_.whole_case && close_
                                            ? std::optional(Span{pre_rolled ? opened_ns_ : 0, closed_ns_})
                                            : std::nullopt;
   for (auto& [name, its] : streams_) {
-    its.finish(recorded);
+    its.finish(recorded, lines_begin_ns);
   }
   tokens_.finish(scope_.whole_case);
   judge_wall_clock();

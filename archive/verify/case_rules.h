@@ -40,8 +40,9 @@ class CaseRules {
   /// Whether so many lines are no entries that the rest is not worth reading: then nothing may be judged that
   /// depends on it.
   [[nodiscard]] bool gave_up() const { return broken_lines_ > kMostBrokenLines; }
-  /// After the last line.
-  void finish();
+  /// After the last line. `lines_begin_ns`: of an excerpt that leaves lines out before its own, the case
+  /// clock of the first.
+  void finish(std::optional<std::int64_t> lines_begin_ns = std::nullopt);
   /// After FileChecker::finish(): files that are not there, unless erased.
   void judge_missing(const std::vector<MissingFile>& missing);
 
@@ -56,6 +57,9 @@ class CaseRules {
   [[nodiscard]] std::int64_t last_mono_ns() const { return last_mono_ns_; }
   [[nodiscard]] const std::map<std::string, StreamRules>& streams() const { return streams_; }
   [[nodiscard]] const TokenRules& tokens() const { return tokens_; }
+  /// Whether each of the entries [first, end), which no checkpoint covers, only tells what became of a closed
+  /// case: a late token that says so itself, a missed one, an erasure. Nothing is believed for their sake.
+  [[nodiscard]] bool only_aftermath(std::uint64_t first, std::uint64_t end) const;
   /// Whether an entry names this file.
   [[nodiscard]] bool names(const std::string& file) const { return named_.contains(file); }
   /// Whether an entry names this authority: its token, or that there is none.
@@ -103,6 +107,7 @@ class CaseRules {
   std::set<std::string> authorities_;
   std::int64_t last_mono_ns_ = 0, opened_ns_ = 0, closed_ns_ = 0;
   std::optional<std::uint64_t> last_checked_segment_;
+  std::set<std::uint64_t> unsigned_aftermath_;  // missed tokens and erasures behind close
   std::uint64_t last_claim_ = 0;  // the last entry that says more than what became of the case since
   std::uint64_t broken_lines_ = 0;
   bool recovered_ = false;

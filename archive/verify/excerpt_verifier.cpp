@@ -41,7 +41,9 @@ class ExcerptVerification {
                 [this](const std::string& file) {
                   return present_.contains(file + std::string(kOriginalHeaderSuffix));
                 }}),
-        outside_(options, findings_),
+        options_of_log_(with_notes_of_logs(options, true)),
+        options_of_case_(with_notes_of_logs(options, false)),
+        outside_(options.log ? options_of_case_ : options, findings_),
         selected_streams_(document_.streams.begin(), document_.streams.end()),
         tree_(crypto::MerkleFrontier::after(document_.first_entry, document_.left)) {}
 
@@ -170,7 +172,10 @@ class ExcerptVerification {
                     "the root that the proofs lead to is not that of the lines");
     }
     checkpoints_.finish(number);
-    rules_.finish();
+    rules_.finish(document_.first_entry > 1 ? std::optional(lines_begin_ns_) : std::nullopt);
+    if (comparison) {
+      comparison->settle(checkpoints_.covered(), std::nullopt);
+    }
     judge_reach();
   }
 
@@ -180,7 +185,9 @@ class ExcerptVerification {
     }
     const CaseFolder folder = CaseFolder::open(*options_.log);
     FindingList of_log;
+    OutsideNotes outside(options_of_log_, of_log);
     LogWalk walk(folder, options_, of_log, rules_.opening()->case_id, rules_.opening()->appliance_log_size);
+    walk.compare_with(outside);
     LogContents contents = walk.run();
     findings_.take_from(of_log, "log");
     if (contents.gave_up) {
@@ -383,6 +390,7 @@ class ExcerptVerification {
   CheckpointRules checkpoints_;
   FileChecker files_;
   CaseRules rules_;
+  VerifyOptions options_of_log_, options_of_case_;  // with the notes of the one, of the other
   OutsideNotes outside_;
   std::set<std::string> selected_streams_;
   // Over the lines until now and what lies before them; nothing where `left` is not of first_entry entries.

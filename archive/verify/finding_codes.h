@@ -50,6 +50,10 @@ inline constexpr auto kFindingCodes = std::to_array<FindingCode>({
     {"token-not-covered", Severity::kIncomplete,
      "behind the last checkpoint there are only entries of tokens over the end, which state what those say: "
      "the case was not finished"},
+    {"end-not-covered", Severity::kIncomplete,
+     "the same, with entries of missed tokens or erasures among them, which excuse nothing: the case is "
+     "being "
+     "brought to its end, or was not finished"},
     {"recovered", Severity::kGap, "recording was cut off by power loss or a crash and found again"},
     {"clock-stepped", Severity::kNote, "the machine's wall clock was set"},
     {"clock-slewed", Severity::kNote,
@@ -89,7 +93,11 @@ inline constexpr auto kFindingCodes = std::to_array<FindingCode>({
     {"token-exchange-impossible", Severity::kTampered,
      "asked_ns and answered_ns of an entry are not between its checkpoint and itself"},
     {"token-order", Severity::kTampered,
-     "a token covers the entry of one with a later time: gen_a - accuracy_a > gen_b + accuracy_b"},
+     "a valid token covers the entry of a valid one of the same authority with a later time: gen_a - "
+     "accuracy_a > gen_b + accuracy_b"},
+    {"authorities-disagree", Severity::kUnproven,
+     "a token of an outside authority covers the entry of another's that states a time more than 2 s later: "
+     "the clock of one of the two is wrong"},
     {"clock-contradicted", Severity::kTampered,
      "time between two trusted outside tokens differs from the case clock by more than accuracies, round "
      "trips, 2 s and 0.02 %"},

@@ -80,24 +80,25 @@ LogContents LogWalk::run() {
       contents_.checkpoints = checkpoints_.count();
       return std::move(contents_);
     }
+    if (outside_ != nullptr) {
+      outside_->reached(tree_.size(), fits, tree_known);
+    }
     if (checkpoints_.has(tree_.size())) {
       checkpoints_.reached(tree_.size(), fits, tree_known, std::nullopt);
       judge_signed();
-      if (erased_now_ && checkpoints_.covered() == tree_.size()) {
-        contents_.cases[*erased_now_].erased = true;
-      }
-      judge_told(number, checkpoints_.covered() == tree_.size());
-    } else {
-      judge_told(number, false);
     }
+    // One that was kept elsewhere counts as if it still lay here.
+    const bool has_its_own =
+        checkpoints_.covered() == tree_.size() || (outside_ != nullptr && outside_->held() == tree_.size());
+    if (erased_now_ && has_its_own) {
+      contents_.cases[*erased_now_].erased = true;
+    }
+    judge_told(number, has_its_own);
     if (!checkpoints_.has(tree_.size()) && tree_.size() > last_listed) {
       recent_.push_back({{}, tree_.size(), tree_.root()});
       if (recent_.size() > kMostRecent) {
         recent_.pop_front();
       }
-    }
-    if (outside_ != nullptr) {
-      outside_->reached(tree_.size(), fits, tree_known);
     }
     if (tree_.size() == head_) {
       contents_.root_at_head = tree_.root();
@@ -325,21 +326,40 @@ LogComparison::LogComparison(const LogContents* log, const std::optional<OpenEnt
   }
 }
 
-void LogComparison::add(CodeName code, const Place& place, std::uint64_t log_entry, const std::string& text) {
+void LogComparison::add(CodeName code, const Place& place, std::uint64_t log_entry, const std::string& text,
+                        std::uint64_t contradicted) {
   if (log_->doubted.contains(log_entry)) {
-    findings_->add("log-entry-doubted", place,
-                   text +
-                       "; that entry of the log has no checkpoint of its own: it was never signed, or its "
-                       "checkpoint was removed. Whoever could write to the disk could have made it");
+    doubts_.push_back({code, place, text, contradicted});
   } else {
     findings_->add(code, place, text);
   }
 }
 
+void LogComparison::settle(std::uint64_t covered, std::optional<std::uint64_t> close) {
+  for (const Doubt& each : doubts_) {
+    const bool speaks_for_itself =
+        each.contradicted == kItsEnd ? close && covered > *close : covered >= each.contradicted;
+    if (speaks_for_itself) {
+      findings_->add("log-entry-doubted", each.place,
+                     each.text +
+                         "; that entry of the log has no checkpoint of its own: it was never signed, or its "
+                         "checkpoint was removed. Whoever could write to the disk could have made it");
+    } else {
+      findings_->add(
+          each.code, each.place,
+          each.text +
+              "; that entry of the log has no checkpoint of its own, and no checkpoint of the case "
+              "speaks against it");
+    }
+  }
+  doubts_.clear();
+}
+
 void LogComparison::check_opening(const crypto::Sha256Digest& entry0) {
   if (known_ != nullptr && known_->opening_line != entry0) {
     add("log-opening-differs", in_log(*known_->opened), *known_->opened,
-        "the appliance log knows another open of case " + case_id_ + " in its " + at_entry(*known_->opened));
+        "the appliance log knows another open of case " + case_id_ + " in its " + at_entry(*known_->opened),
+        1);
   }
 }
 
@@ -364,12 +384,13 @@ void LogComparison::reached(std::uint64_t size, const RootTest& fits) {
       said = true;
       add("log-checkpoint-differs", in_log(each.entry), each.entry,
           "the first " + std::to_string(size) +
-              " entries are not those whose root the appliance log states in its " + at_entry(each.entry));
+              " entries are not those whose root the appliance log states in its " + at_entry(each.entry),
+          size);
     }
   }
 }
 
-void LogComparison::finish(std::uint64_t entries,
+void LogComparison::finish(std::uint64_t entries, bool closed,
                            const std::map<std::uint64_t, crypto::Sha256Digest>& tokens) {
   if (known_ == nullptr) {
     return;
@@ -384,8 +405,15 @@ void LogComparison::finish(std::uint64_t entries,
     add("log-knows-more", {std::string(kLedgerFile), entries}, most->entry,
         "the appliance log knows " + std::to_string(most->size) + " entries of this case (its " +
             at_entry(most->entry) + ") and there are " + std::to_string(entries) +
-            ": the end of the ledger was removed");
+            ": the end of the ledger was removed",
+        kItsEnd);
     return;
+  }
+  if (!known_->closed && closed) {
+    findings_->add(
+        "log-case-open", in_log(*known_->opened),
+        "the case is closed and the log knows no end of it: the log was read before that, is a copy "
+        "from before, or was cut off");
   }
   if (known_->closed) {
     std::optional<crypto::Sha256Digest> last;
@@ -397,7 +425,8 @@ void LogComparison::finish(std::uint64_t entries,
     if (last != known_->final_token) {
       add("log-end-differs", in_log(known_->closed->entry), known_->closed->entry,
           "the appliance log states another final token of this case in its " +
-              at_entry(known_->closed->entry));
+              at_entry(known_->closed->entry),
+          known_->closed->size);
     }
   }
 }

@@ -84,7 +84,8 @@ class LogWalk {
   void judge_tail();
   /// After a checkpoint that covers all until now.
   void judge_signed();
-  /// When it is known whether the newest entry, `number`, has a checkpoint of its own.
+  /// When it is known whether the newest entry, `number`, has a checkpoint of its own: here, or one that was
+  /// kept elsewhere.
   void judge_told(std::uint64_t number, bool has_its_own);
 
   const CaseFolder* folder_;
@@ -120,14 +121,30 @@ class LogComparison {
   [[nodiscard]] bool knows_beyond(std::uint64_t size) const;
   /// The case's tree has `size` entries; `fits` tells whether a root is its.
   void reached(std::uint64_t size, const RootTest& fits);
-  /// The case has `entries`; `tokens` are the hashes of its token files by entry.
-  void finish(std::uint64_t entries, const std::map<std::uint64_t, crypto::Sha256Digest>& tokens);
+  /// The case has `entries`, `close` among them or not; `tokens` are the hashes of its token files by entry.
+  void finish(std::uint64_t entries, bool closed,
+              const std::map<std::uint64_t, crypto::Sha256Digest>& tokens);
+  /// At last, where the case's own checkpoints cover `covered` entries and it was closed by entry `close`.
+  /// What the log states without a checkpoint of its own is doubted where the device signed otherwise in the
+  /// case. Elsewhere nothing but the log tells of what is not there any more, and no crash leaves the log
+  /// knowing more of a case than is in it: a case's checkpoint is durable before the log has its line.
+  void settle(std::uint64_t covered, std::optional<std::uint64_t> close);
 
  private:
   /// The roots that the log states for this size.
   [[nodiscard]] std::span<const KnownRoot> roots_at(std::uint64_t size) const;
-  /// A finding with this code, or with one for an entry of the log that nobody signed when it was written.
-  void add(CodeName code, const Place& place, std::uint64_t log_entry, const std::string& text);
+  struct Doubt {
+    CodeName code;
+    Place place;
+    std::string text;
+    std::uint64_t contradicted;
+  };
+  static constexpr std::uint64_t kItsEnd = UINT64_MAX;
+
+  /// A finding; of an entry of the log that nobody signed when it was written only in settle(). It speaks
+  /// against the first `contradicted` entries of the case, or against its end.
+  void add(CodeName code, const Place& place, std::uint64_t log_entry, const std::string& text,
+           std::uint64_t contradicted);
 
   const LogContents* log_ = nullptr;
   const LoggedCase* known_ = nullptr;
@@ -135,6 +152,7 @@ class LogComparison {
   FindingList* findings_;
   std::string case_id_;
   bool differs_ = false, differs_in_doubt_ = false;
+  std::vector<Doubt> doubts_;
 };
 
 }  // namespace kiroku::archive

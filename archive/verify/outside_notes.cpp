@@ -36,6 +36,16 @@ OutsideNotes::OutsideNotes(const VerifyOptions& options, FindingList& findings)
   compare_with_each_other();
 }
 
+VerifyOptions with_notes_of_logs(const VerifyOptions& options, bool of_logs) {
+  constexpr std::string_view kEndOfLogs = "/log";
+  VerifyOptions chosen = options;
+  std::erase_if(chosen.against, [&](const OutsideNote& note) {
+    const auto checkpoint = crypto::Checkpoint::parse(crypto::open_note(note.text, {}).text);
+    return (checkpoint && checkpoint->origin.ends_with(kEndOfLogs)) != of_logs;
+  });
+  return chosen;
+}
+
 void OutsideNotes::judge(const OutsideNote& note) {
   const crypto::OpenedNote unjudged = crypto::open_note(note.text, {});
   std::optional<crypto::Checkpoint> checkpoint = crypto::Checkpoint::parse(unjudged.text);

@@ -31,6 +31,9 @@ class OutsideNotes {
   /// whether it goes on.
   void finish(std::uint64_t size, bool whole_ledger);
 
+  /// The largest size so far at which one of them holds; 0 where none does.
+  [[nodiscard]] std::uint64_t held() const { return held_; }
+
   /// Whether two of them prove a fork, whatever the ledger holds.
   [[nodiscard]] bool contradict_each_other() const { return contradict_; }
 
@@ -53,5 +56,8 @@ class OutsideNotes {
   bool contradict_ = false;
   bool finished_ = false;
 };
+
+/// The options with those of their notes that are of an appliance log, or with the others.
+VerifyOptions with_notes_of_logs(const VerifyOptions& options, bool of_logs);
 
 }  // namespace kiroku::archive

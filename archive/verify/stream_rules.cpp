@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "archive/format/case_layout.h"
+#include "archive/format/excerpt_document.h"
 
 namespace kiroku::archive {
 
@@ -41,6 +42,7 @@ StreamRules::StreamRules(StreamInfo info, bool whole_case, FindingList& findings
   if (whole_case_) {
     next_index_ = 0;
   }
+  interrupted_ = !whole_case_;  // by what an excerpt leaves out, as far as it shows
 }
 
 bool StreamRules::take(const SegmentEntry& segment, std::uint64_t entry) {
@@ -82,6 +84,9 @@ bool StreamRules::take(const SegmentEntry& segment, std::uint64_t entry) {
                    segment.file.file +
                        " was found after recording was cut off: its times are estimates, and "
                        "only its recipients can count what is in it");
+  } else if (!segment.counted && !whole_case_) {
+    findings_->add("excerpt-range-short", {std::string(kExcerptLinesFile), entry},
+                   "the lines do not show why nobody counted what " + segment.file.file + " holds");
   } else if (!segment.counted) {
     findings_->add("segment-uncounted-unexplained", place,
                    "entry " + digits(entry) + " does not state what " + segment.file.file +
@@ -282,14 +287,20 @@ void StreamRules::check_ends(const Span& recorded) {
   }
 }
 
-void StreamRules::finish(std::optional<Span> recorded) {
+void StreamRules::finish(std::optional<Span> recorded, std::optional<std::int64_t> lines_begin_ns) {
   join_gaps();
   if (recorded) {
     check_ends(*recorded);
   }
   check_fillings();
   for (const Hole& hole : holes_) {
-    if (const std::optional<Span> left = uncovered(hole.span)) {
+    const std::optional<Span> left = uncovered(hole.span);
+    // A gap may be entered before the segment in front of it, and so before the lines of an excerpt.
+    if (left && lines_begin_ns && left->end_ns <= *lines_begin_ns + kSeamToleranceNs) {
+      findings_->add("excerpt-range-short", {std::string(kExcerptLinesFile), hole.entry},
+                     "the lines do not show why " + report_.info.name + " has nothing from " +
+                         text_of(*left) + ", before segment " + digits(hole.index));
+    } else if (left) {
       findings_->add("segment-hole", {std::string(kLedgerFile), hole.entry},
                      report_.info.name + " has nothing from " + text_of(*left) + ", before segment " +
                          digits(hole.index) + ", and no gap says why");

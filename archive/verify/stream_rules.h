@@ -47,7 +47,9 @@ class StreamRules {
   /// Totals of `close` against what was seen; not for excerpts.
   void check_totals(const StreamTotal* stated, std::uint64_t entry);
   /// `recorded`: from the case's beginning to its `close`, of a case that has one and is here as a whole.
-  void finish(std::optional<Span> recorded = std::nullopt);
+  /// `lines_begin_ns`: of an excerpt that leaves lines out before its own, the case clock of the first.
+  void finish(std::optional<Span> recorded = std::nullopt,
+              std::optional<std::int64_t> lines_begin_ns = std::nullopt);
 
   [[nodiscard]] const std::shared_ptr<const StreamInfo>& info() const { return info_; }
   [[nodiscard]] const StreamReport& report() const { return report_; }

@@ -81,14 +81,11 @@ void TokenRules::take(const TokenEntry& token, std::uint64_t entry, std::int64_t
     now.earliest_ns = token.exchange->asked_ns;
     now.latest_ns = token.exchange->answered_ns;
   }
-  check_order(token, entry);
   check_elapsed(token, now);
   last_of_authority_[token.authority] = now;
   const StampedToken stamped{entry, token.checkpoint, token.gen_time, token.accuracy_ns, token.authority};
-  all_.push_back(stamped);
-  const bool later = latest_of_all_.empty() || all_[latest_of_all_.back()].earliest() < stamped.earliest();
-  latest_of_all_.push_back(later ? all_.size() - 1 : latest_of_all_.back());
   if (judged.valid) {
+    check_order(token, stamped, judged.external);
     compare_clocks(token, judged.external);
     valid_.push_back(stamped);
     valid_checkpoints_.insert(token.checkpoint);
@@ -214,21 +211,43 @@ bool TokenRules::restate_late_tokens(std::uint64_t first, std::uint64_t end) con
   return true;
 }
 
-void TokenRules::check_order(const TokenEntry& token, std::uint64_t entry) {
-  // Among the tokens whose entry this token's checkpoint covers, the one with the latest lower bound.
-  const auto covered = std::partition_point(
-      all_.begin(), all_.end(), [&](const StampedToken& a) { return a.entry < token.checkpoint; });
-  if (covered == all_.begin()) {
+void TokenRules::Order::add(StampedToken token) {
+  const bool later = latest_.empty() || tokens_[latest_.back()].earliest() < token.earliest();
+  latest_.push_back(later ? tokens_.size() : latest_.back());
+  tokens_.push_back(std::move(token));
+}
+
+const StampedToken* TokenRules::Order::latest_below(std::uint64_t size) const {
+  const auto covered = std::partition_point(tokens_.begin(), tokens_.end(),
+                                            [&](const StampedToken& a) { return a.entry < size; });
+  return covered == tokens_.begin()
+             ? nullptr
+             : &tokens_[latest_[static_cast<std::size_t>(covered - tokens_.begin()) - 1]];
+}
+
+// One authority contradicts itself only where lines were made up. The clocks of two may differ, and that of
+// the recorder's own is the recorder's.
+void TokenRules::check_order(const TokenEntry& token, const StampedToken& now, bool external) {
+  Order& own = order_of_[{token.authority, external}];
+  const auto text = [&](const StampedToken& before) {
+    return token.file + " says " + format_utc(token.gen_time) + ", yet it covers " + at_entry(before.entry) +
+           " with the token of " + before.authority + " of " + format_utc(before.gen_time);
+  };
+  if (const StampedToken* before = own.latest_below(token.checkpoint);
+      before != nullptr && before->earliest() > now.latest()) {
+    findings_->add("token-order", {token.file, now.entry}, text(*before));
+  }
+  own.add(now);
+  if (!external) {
     return;
   }
-  const StampedToken& before = all_[latest_of_all_[static_cast<std::size_t>(covered - all_.begin()) - 1]];
-  const StampedToken now{entry, token.checkpoint, token.gen_time, token.accuracy_ns, token.authority};
-  if (before.earliest() > now.latest()) {
-    findings_->add("token-order", {token.file, entry},
-                   token.file + " says " + format_utc(token.gen_time) + ", yet it covers " +
-                       at_entry(before.entry) + " with the token of " + before.authority + " of " +
-                       format_utc(before.gen_time));
+  if (const StampedToken* before = order_of_outside_.latest_below(token.checkpoint);
+      before != nullptr && before->authority != now.authority &&
+      ns_of(before->earliest() - now.latest()) > kSlackNs) {
+    findings_->add("authorities-disagree", {token.file, now.entry},
+                   text(*before) + ": the clock of one of the two is wrong");
   }
+  order_of_outside_.add(now);
 }
 
 void TokenRules::check_elapsed(const TokenEntry& token, const Earlier& now) {

@@ -89,10 +89,23 @@ class TokenRules {
     std::string file, explanation;
   };
 
+  /// Valid tokens by entry, for the order rule.
+  class Order {
+   public:
+    void add(StampedToken token);
+    /// Of those whose entry a checkpoint of this size covers, the one with the latest lower bound; null:
+    /// none.
+    [[nodiscard]] const StampedToken* latest_below(std::uint64_t size) const;
+
+   private:
+    std::vector<StampedToken> tokens_;
+    std::vector<std::size_t> latest_;  // index of the latest lower bound up to each
+  };
+
   std::optional<std::string> read_token(const TokenEntry& token, std::uint64_t entry);
   Judged judge(const TokenEntry& token, std::uint64_t entry, const std::string& response);
   bool compare_entry(const TokenEntry& token, std::uint64_t entry, const timestamp::TokenInfo& info);
-  void check_order(const TokenEntry& token, std::uint64_t entry);
+  void check_order(const TokenEntry& token, const StampedToken& now, bool external);
   void check_exchange(const TokenEntry& token, std::uint64_t entry, std::int64_t mono_ns);
   void check_elapsed(const TokenEntry& token, const Earlier& now);
   void compare_clocks(const TokenEntry& token, bool outside);
@@ -107,9 +120,9 @@ class TokenRules {
   const CheckpointRules* checkpoints_;
 
   std::vector<StampedToken> valid_;
-  std::vector<StampedToken> outside_;       // those of valid_ that are of outside authorities
-  std::vector<StampedToken> all_;           // by entry, for the order rule
-  std::vector<std::size_t> latest_of_all_;  // index into all_ of the latest lower bound up to each
+  std::vector<StampedToken> outside_;                       // those of valid_ that are of outside authorities
+  std::map<std::pair<std::string, bool>, Order> order_of_;  // by authority, `external`
+  Order order_of_outside_;
   std::map<std::string, Earlier> last_of_authority_;
   std::set<std::pair<std::uint64_t, std::string>> entered_;
   std::vector<Untrusted> untrusted_;

@@ -52,7 +52,9 @@ class CaseVerification {
         checkpoints_(folder, options, findings_, note_sizes(listing_)),
         files_(folder, options, findings_, bytes_in(listing_)),
         rules_(folder, options, findings_, checkpoints_, files_, {}),
-        outside_(options, findings_) {}
+        options_of_log_(with_notes_of_logs(options, true)),
+        options_of_case_(with_notes_of_logs(options, false)),
+        outside_(options.log ? options_of_case_ : options, findings_) {}
 
   VerificationReport run() {
     const FileOpening opening = folder_.open_file(kLedgerFile);
@@ -60,6 +62,9 @@ class CaseVerification {
       walk(*opening.file);
     } else {
       report_unopened(findings_, {std::string(kLedgerFile)}, opening);
+      if (options_.log) {
+        OutsideNotes(options_of_log_, findings_).finish(0, false);
+      }
     }
     if (rules_.opening() && rules_.device()) {
       outside_.add_origin(case_origin(rules_.device()->name(), rules_.opening()->case_id));
@@ -107,7 +112,8 @@ class CaseVerification {
     judge_end(line, comparison);
     checkpoints_.finish(tree_.size());
     rules_.finish();
-    comparison.finish(tree_.size(), rules_.tokens().hashes());
+    comparison.finish(tree_.size(), rules_.close_entry().has_value(), rules_.tokens().hashes());
+    comparison.settle(checkpoints_.covered(), rules_.close_entry());
     rules_.judge_missing(files_.finish());
     judge_names();
     rules_.check_device_file();
@@ -130,8 +136,10 @@ class CaseVerification {
     }
     const CaseFolder folder = CaseFolder::open(*options_.log);
     FindingList of_log;
+    OutsideNotes outside(options_of_log_, of_log);
     LogWalk walk(folder, options_, of_log, open ? open->case_id : std::string(),
                  open ? open->appliance_log_size : 0);
+    walk.compare_with(outside);
     LogContents contents = walk.run();
     findings_.take_from(of_log, "log");
     if (contents.gave_up) {
@@ -183,6 +191,14 @@ class CaseVerification {
       findings_.add("token-not-covered", {std::string(kLedgerFile), checkpoints_.covered()},
                     "no checkpoint covers the entries of tokens from " +
                         std::to_string(checkpoints_.covered()) + " on: the case was not finished");
+    } else if (checkpoints_.covered() < entries && !log.knows_beyond(checkpoints_.covered()) &&
+               rules_.only_aftermath(checkpoints_.covered(), entries)) {
+      // Likewise a missed token, which waits for the answers of other authorities, and an erasure. It is
+      // signed before the first file goes, so all of them must still be there.
+      findings_.add("end-not-covered", {std::string(kLedgerFile), checkpoints_.covered()},
+                    "no checkpoint covers the entries of tokens, missed tokens or erasures from " +
+                        std::to_string(checkpoints_.covered()) +
+                        " on: the case is being brought to its end, or was not finished");
     } else if (checkpoints_.covered() < entries) {
       findings_.add("ledger-not-covered", {std::string(kLedgerFile), checkpoints_.covered()},
                     "no checkpoint covers the entries from " + std::to_string(checkpoints_.covered()) +
@@ -315,6 +331,7 @@ class CaseVerification {
   CheckpointRules checkpoints_;
   FileChecker files_;
   CaseRules rules_;
+  VerifyOptions options_of_log_, options_of_case_;  // with the notes of the one, of the other
   OutsideNotes outside_;
   crypto::MerkleFrontier tree_;
 };

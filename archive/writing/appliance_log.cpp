@@ -1,6 +1,8 @@
 #include "archive/writing/appliance_log.h"
 
+#include <algorithm>
 #include <chrono>
+#include <deque>
 #include <fstream>
 #include <mutex>
 #include <unordered_map>
@@ -53,10 +55,19 @@ struct ApplianceLog::State {
 
   /// Keeps track of the newest boot and of which cases are open, in what stands in the file, whoever wrote
   /// it. Most lines are checkpoints of cases, which tell nothing of either.
-  void look_at(std::string_view line) {
+  void look_at(std::uint64_t seq, std::string_view line) {
+    if (seq == 0) {
+      cases.clear();
+      newest_boot_id.clear();
+      signing.clear();
+    }
     constexpr std::string_view kType = R"("type":")";
     const std::size_t at = line.find(kType);
     const std::string_view type = at == std::string_view::npos ? "" : line.substr(at + kType.size());
+    signing.push_back(signing_of(type));
+    if (signing.size() > kMostRemembered) {
+      signing.pop_front();
+    }
     if (!type.starts_with("boot\"") && !type.starts_with("case-opened\"") &&
         !type.starts_with("case-closed\"")) {
       return;
@@ -97,16 +108,64 @@ struct ApplianceLog::State {
     });
   }
 
-  void append(const LogEntryBody& body) {
+  void append(const std::optional<LogEntryBody>& body) {
     const std::lock_guard guard(mutex);
+    const Ledger::Turn turn(*ledger);
+    settle_locked();
     append_locked(body);
   }
 
+  /// A line whose checkpoint finds no room is taken back before anybody else sees it.
   void append_and_checkpoint(const LogEntryBody& body) {
     const std::lock_guard guard(mutex);
     const Ledger::Turn turn(*ledger);
+    settle_locked();
     append_locked(body);
-    checkpoint_locked();
+    try {
+      checkpoint_locked();
+    } catch (const IoError&) {
+      take_back_unsigned_line();
+      throw;
+    }
+  }
+
+  /// Whether there is no note of the log's size; where that cannot be told there is one.
+  [[nodiscard]] bool lacks_note() const {
+    std::error_code error;
+    return fs::symlink_status(folder / note_path(ledger->size()), error).type() == fs::file_type::not_found;
+  }
+
+  void take_back_unsigned_line() {
+    if (!lacks_note()) {
+      return;
+    }
+    try {
+      ledger->take_back(ledger->size() - 1, false);
+    } catch (const Error&) {  // NOLINT(bugprone-empty-catch): the first error is the one to tell
+    }
+  }
+
+  /// With the turn: takes in what others wrote, and back the last line where its writer died before it was
+  /// signed, or anybody made it up. A writer tells whoever asked only of what is signed, so nobody counts on
+  /// that line. One crash leaves one: where more lack their checkpoint, somebody took those away, and nothing
+  /// is removed. Nor is what the device stands on: a case's opening, another key.
+  void settle_locked() {
+    ledger->catch_up();
+    const std::uint64_t size = ledger->size();
+    if (size == 0 || size <= known_signed || signing.back() != Signing::kFollows) {
+      return;
+    }
+    if (!lacks_note()) {
+      known_signed = size;
+      return;
+    }
+    const std::uint64_t unsigned_lines = size - std::min(size, newest_note(folder));
+    const bool alone = unsigned_lines > 0 && unsigned_lines <= signing.size() &&
+                       std::all_of(signing.end() - static_cast<std::ptrdiff_t>(unsigned_lines),
+                                   signing.end() - 1, [](Signing each) { return each == Signing::kNone; });
+    if (alone) {
+      ledger->take_back(size - 1, true);
+    }
   }
 
   void checkpoint_locked() {
@@ -115,7 +174,22 @@ struct ApplianceLog::State {
     if (text.size > 0 && !files.exists(file)) {
       reserve.write_durably(file, bytes_of(crypto::sign_note(text.to_text(), device.name(), key)));
     }
+    known_signed = text.size;
   }
+
+  /// What becomes of an entry's checkpoint: it follows at once, it does for an entry on which the device
+  /// stands, or none is written (the next entry's covers it).
+  enum class Signing { kFollows, kKept, kNone };
+  static Signing signing_of(std::string_view type) {
+    if (type.starts_with("boot\"") || type.starts_with("config-changed\"") ||
+        type.starts_with("recovered\"")) {
+      return Signing::kNone;
+    }
+    return type.starts_with("case-opened\"") || type.starts_with("device-key-changed\"") ? Signing::kKept
+                                                                                         : Signing::kFollows;
+  }
+  /// A crash leaves a start of the machine, a cut that was made good and one line.
+  static constexpr std::size_t kMostRemembered = 8;
 
   FileSystem& files;
   fs::path folder;
@@ -125,6 +199,8 @@ struct ApplianceLog::State {
   std::string boot_id;         // of this machine, as far as known
   std::string newest_boot_id;  // that the log states
   std::unordered_map<std::string, CaseState> cases;
+  std::deque<Signing> signing;     // of the newest lines
+  std::uint64_t known_signed = 0;  // a note of this size was there: should it vanish now, nothing is cut off
   std::unique_ptr<Ledger> ledger;
   std::mutex mutex;
 };
@@ -141,15 +217,19 @@ std::unique_ptr<ApplianceLog> ApplianceLog::open(FileSystem& files, const fs::pa
   make_folder_unless_there(files, folder / kCheckpointsFolder);
   state->ledger = Ledger::open(
       files, folder / kLedgerFile, Ledger::Sharing::kShared, &state->reserve,
-      [&log = *state](std::uint64_t, std::string_view line) { log.look_at(line); },
+      [&log = *state](std::uint64_t seq, std::string_view line) { log.look_at(seq, line); },
       [folder, &files] { return newest_note(folder, files); });
+  const Ledger::Turn turn(*state->ledger);
+  state->settle_locked();
   return std::unique_ptr<ApplianceLog>(new ApplianceLog(std::move(state)));
 }
 
 void ApplianceLog::boot(const std::string& boot_id) {
-  const std::lock_guard guard(state_->mutex);
-  state_->boot_id = boot_id;
-  state_->append_locked(std::nullopt);
+  {
+    const std::lock_guard guard(state_->mutex);
+    state_->boot_id = boot_id;
+  }
+  state_->append(std::nullopt);
 }
 
 void ApplianceLog::shutdown() { state_->append_and_checkpoint(ShutdownEntry{}); }
@@ -215,7 +295,8 @@ crypto::Sha256Digest ApplianceLog::root() const {
 
 ApplianceLog::Head ApplianceLog::head() const {
   const std::lock_guard guard(state_->mutex);
-  state_->ledger->catch_up();
+  const Ledger::Turn turn(*state_->ledger);
+  state_->settle_locked();
   return {state_->ledger->size(), state_->ledger->root()};
 }
 
@@ -228,7 +309,7 @@ ApplianceLog::CaseState ApplianceLog::case_state(const std::string& case_id) con
 void ApplianceLog::checkpoint() {
   const std::lock_guard guard(state_->mutex);
   const Ledger::Turn turn(*state_->ledger);
-  state_->ledger->catch_up();
+  state_->settle_locked();
   state_->checkpoint_locked();
 }
 

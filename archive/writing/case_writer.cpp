@@ -210,6 +210,18 @@ void CaseWriter::State::enter_token(std::uint64_t checkpoint, const std::string&
   write_entries({entry}, now);
 }
 
+std::optional<TokenMissedEntry> CaseWriter::token_in_the_way(std::uint64_t checkpoint,
+                                                             const std::string& authority) const {
+  const std::string file = token_path(checkpoint, authority);
+  std::error_code error;
+  if (!fs::exists(fs::symlink_status(state_->folder / file, error))) {
+    return std::nullopt;
+  }
+  return TokenMissedEntry{checkpoint, authority,
+                          "a token came, and something else lay in " + file +
+                              " already, which the recorder did not put there and leaves as it is"};
+}
+
 void CaseWriter::add_token(const StoredCheckpoint& over, const std::string& authority, ByteView response,
                            const TokenEntry& facts, Moment now) {
   State& state = *state_;

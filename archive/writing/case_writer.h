@@ -109,6 +109,11 @@ class CaseWriter {
   /// A second token of one authority over one checkpoint is refused (UsageError).
   void add_token(const StoredCheckpoint& over, const std::string& authority, ByteView response,
                  const TokenEntry& facts, Moment now);
+  /// Where something lies under the name of that token already, which add_token() refuses: what is to be
+  /// entered instead. Whoever can write to the disk knows these names, and what they put there must keep no
+  /// case from its end.
+  [[nodiscard]] std::optional<TokenMissedEntry> token_in_the_way(std::uint64_t checkpoint,
+                                                                 const std::string& authority) const;
   /// Appends the entry of a token whose file is there already: the recorder died in between.
   void adopt_token(std::uint64_t checkpoint, const std::string& authority, const TokenEntry& facts,
                    Moment now);

@@ -86,6 +86,16 @@ void Ledger::catch_up() {
   read_new_lines();
 }
 
+void Ledger::take_back(std::uint64_t size, bool another) {
+  refuse_if_failed();
+  const Turn turn(*this);
+  const std::uint64_t before = bytes_;
+  tree_ = {};
+  bytes_ = 0;
+  read_new_lines(size);
+  torn_bytes_ += another ? before - bytes_ : 0;
+}
+
 void Ledger::accept(std::string_view line) {
   const std::uint64_t seq = tree_.size();
   tree_.append(crypto::merkle_leaf_hash(bytes_of(line)));
@@ -97,7 +107,7 @@ void Ledger::accept(std::string_view line) {
 
 // Whoever reads has the lock, so that the file does not grow meanwhile. What stands behind its last line is
 // cut off: only once all of it was read.
-void Ledger::read_new_lines() {
+void Ledger::read_new_lines(std::optional<std::uint64_t> most) {
   const ReadableFile input = files_->open_to_read(file_);
   std::vector<char> buffer(kReadBytes);
   std::string rest;  // of a line that goes on in the next buffer
@@ -110,6 +120,10 @@ void Ledger::read_new_lines() {
       std::string_view line = piece.substr(0, end);
       if (!rest.empty()) {
         line = rest.append(line);
+      }
+      if (tree_.size() == most) {
+        cut_end();
+        return;
       }
       if (was_never_flushed(line)) {
         cut_torn_line(input.size());

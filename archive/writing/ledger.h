@@ -53,13 +53,18 @@ class Ledger {
 
   /// kShared: takes in what other processes appended. (append() does so by itself.)
   void catch_up();
+  /// kShared: takes the newest lines back, durably, until `size` are left, and calls the visitor anew, from
+  /// the first line on, for those that stay. For lines that nobody counts on; torn_bytes() tells of them if
+  /// `another` process left them. Throws kiroku::IoError.
+  void take_back(std::uint64_t size, bool another);
   /// Gives back the blocks allocated ahead; for a ledger that ends.
   void trim();
 
   [[nodiscard]] std::uint64_t size() const { return tree_.size(); }
   [[nodiscard]] crypto::Sha256Digest root() const { return tree_.root(); }
   [[nodiscard]] const std::filesystem::path& file() const { return file_; }
-  /// Bytes of torn lines cut off and not followed by a successful append() yet, which may state them.
+  /// Bytes of torn lines cut off, and of others' lines taken back, and not followed by a successful append()
+  /// yet, which may state them.
   [[nodiscard]] std::uint64_t torn_bytes() const { return torn_bytes_; }
   /// Bytes cut off by open() since a line of them needs a signature and had none.
   [[nodiscard]] std::uint64_t unsigned_bytes() const { return unsigned_bytes_; }
@@ -81,7 +86,8 @@ class Ledger {
   Ledger(FileSystem& files, std::filesystem::path file, Sharing sharing, SpaceReserve* reserve,
          Visitor visitor);
   void refuse_if_failed() const;
-  void read_new_lines();
+  /// Those beyond `most` are cut off.
+  void read_new_lines(std::optional<std::uint64_t> most = std::nullopt);
   [[nodiscard]] bool was_never_flushed(std::string_view line) const;
   [[nodiscard]] bool lacks_signature(std::string_view line) const;
   /// Cuts off what stands behind the last accepted line.

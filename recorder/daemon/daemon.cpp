@@ -265,6 +265,7 @@ struct Daemon::State {
             {"carries_on", status.carries_on},
             {"resumed", status.resumed},
             {"not_resumed", status.not_resumed},
+            {"ended_by_error", status.ended_by_error},
             {"subject", subject_state_name(status.subject)},
             {"procedure", procedure},
             {"elapsed_ns", status.session.now_ns - status.session.begins_ns},
@@ -396,6 +397,9 @@ std::string Daemon::metrics() const {
   per_room("kiroku_room_not_resumed", "gauge",
            "1 while a case that was cut off is not carried on, until another one begins",
            [](const RoomStatus& room) { return room.not_resumed ? 1 : 0; });
+  per_room("kiroku_room_ended_by_error", "gauge",
+           "1 while nothing is recorded since an error or a full disk ended the last case",
+           [](const RoomStatus& room) { return room.ended_by_error ? 1 : 0; });
   per_room("kiroku_case_tokens", "gauge", "Time-stamp tokens of the newest case",
            [](const RoomStatus& room) { return room.session.tokens; });
   per_room("kiroku_case_tokens_missed", "gauge",

@@ -247,18 +247,37 @@ std::optional<Resumption> ResumptionPlanner::of(const std::string& room) {
   resumption.plan = facts->open.plan;
   resumption.reason = running->reason;
   resumption.within = rule->within;
-  if (facts->open.subject) {
-    const archive::FileOpening file =
-        archive::CaseFolder::open(facts->cut.folder).open_file(archive::kSubjectFile);
-    const auto sealed = file.file ? archive::read_small(*file.file, kLargestSubject) : std::nullopt;
-    if (sealed && crypto::sha256(bytes_of(*sealed)) == facts->open.subject->sha256) {
-      resumption.sealed_subject = to_bytes(bytes_of(*sealed));
-    } else {
-      tell(room, "the subject of case " + running->case_id + " cannot be carried over: " +
-                     std::string(archive::kSubjectFile) + " is not as its ledger states it");
-    }
-  }
+  resumption.sealed_subject = sealed_subject_of(facts->cut.folder, facts->open,
+                                                [&](const std::string& sentence) { tell(room, sentence); });
   return resumption;
+}
+
+std::optional<Bytes> sealed_subject_of(const fs::path& folder, const archive::OpenEntry& open,
+                                       const std::function<void(const std::string& sentence)>& tell) {
+  if (!open.subject) return {};
+  const archive::FileOpening file = archive::CaseFolder::open(folder).open_file(archive::kSubjectFile);
+  const auto sealed = file.file ? archive::read_small(*file.file, kLargestSubject) : std::nullopt;
+  if (sealed && crypto::sha256(bytes_of(*sealed)) == open.subject->sha256) return to_bytes(bytes_of(*sealed));
+  tell("the subject of case " + folder.filename().string() +
+       " cannot be carried over: " + std::string(archive::kSubjectFile) + " is not as its ledger states it");
+  return {};
+}
+
+std::optional<Bytes> sealed_subject_of(const fs::path& folder,
+                                       const std::function<void(const std::string& sentence)>& tell) {
+  try {
+    const archive::FileOpening ledger = archive::CaseFolder::open(folder).open_file(archive::kLedgerFile);
+    if (!ledger.file) return {};
+    archive::LineReader reader(*ledger.file);
+    archive::LedgerLine line;
+    if (!reader.next(line) || line.torn || line.too_long) return {};
+    const archive::EntryParse parse = archive::parse_case_entry(line.text);
+    const auto* open = parse.entry ? std::get_if<archive::OpenEntry>(&parse.entry->body) : nullptr;
+    return open == nullptr ? std::nullopt : sealed_subject_of(folder, *open, tell);
+  } catch (const Error& error) {
+    tell("the subject of case " + folder.filename().string() + " cannot be carried over: " + error.what());
+    return {};
+  }
 }
 
 }  // namespace kiroku::recorder

@@ -59,6 +59,14 @@ struct ResumeRule {
   std::shared_ptr<RunningNote> note;
 };
 
+/// The sealed subject of a case, as it is; nothing where it has none, or where the file is not as the ledger
+/// states it, which `tell` is told.
+std::optional<Bytes> sealed_subject_of(const std::filesystem::path& folder, const archive::OpenEntry& open,
+                                       const std::function<void(const std::string& sentence)>& tell);
+/// The same where only the folder is known; nothing also where its ledger cannot be read.
+std::optional<Bytes> sealed_subject_of(const std::filesystem::path& folder,
+                                       const std::function<void(const std::string& sentence)>& tell);
+
 class ResumptionPlanner {
  public:
   /// Cases shorter than this, one after the other, are those of a recorder that dies as soon as it records.

@@ -131,7 +131,9 @@ struct Room::State {
     while (!ending) {
       beat();
       const bool ahead = plan.rules.pre_roll.count() > 0 && time.now() >= not_before;
-      const auto is_wanted = [&] { return ending || request || (resume && time.now() >= not_before); };
+      const auto is_wanted = [&] {
+        return ending || request || ((resume || again) && time.now() >= not_before);
+      };
       if (!ahead) time.wait_for(changed, lock, kRuleInterval, is_wanted);
       if (ending) break;
       if (ahead) {
@@ -140,7 +142,7 @@ struct Room::State {
         lock.lock();
         continue;
       }
-      if (!request && !resume && schedule_wants_a_case() && time.now() >= not_before) {
+      if (!request && !resume && !again && schedule_wants_a_case() && time.now() >= not_before) {
         request = std::make_unique<Request>();
         request->reason = "schedule";
       }
@@ -155,16 +157,19 @@ struct Room::State {
     }
   }
 
-  /// With the mutex held: what a person or a rule asked for; else the case that is to be carried on.
+  /// With the mutex held: what a person or a rule asked for; else the case that is to be carried on, or the
+  /// one after an error.
   std::unique_ptr<Request> next_request() {
     if (request) {
       // Somebody's own case takes the place of the one that would be carried on.
       resume.reset();
+      again.reset();
       request->first_reason = request->reason;
       request->identity.case_id = archive::new_case_id(time.utc());
       return std::move(request);
     }
-    if (!resume || time.now() < not_before) return {};
+    if (time.now() < not_before) return {};
+    if (!resume) return after_error();
     if (time.now() > begin_before) {
       status.not_resumed = true;
       resume.reset();
@@ -176,6 +181,45 @@ struct Room::State {
     taken->sealed_plan = resume->plan;
     taken->identity = {resume->case_id, resume->earlier, resume->sealed_subject};
     return taken;
+  }
+
+  /// With the mutex held: another case where the last one was ended by an error and the room's rules let the
+  /// operation go on.
+  std::unique_ptr<Request> after_error() {
+    if (!again) return {};
+    if (time.now() > again_before) {
+      again.reset();
+      return {};
+    }
+    auto taken = std::make_unique<Request>();
+    taken->reason = "after-error";
+    taken->first_reason = again->first_reason;
+    taken->sealed_plan = again->sealed_plan;
+    taken->identity.case_id = archive::new_case_id(time.utc());
+    taken->identity.sealed_subject = again->sealed_subject;
+    return taken;
+  }
+
+  /// A case was ended by an error or a full disk, and `lasted` so long. What follows from that, in words: ""
+  /// where somebody or a rule was ending it.
+  std::string take_error(const std::string& case_id, std::chrono::nanoseconds lasted) {
+    const auto tell = [this](const std::string& sentence) { tell_problem(sentence); };
+    std::optional<Bytes> subject = sealed_subject_of(plan.session.archive / case_id, tell);
+    bool goes_on = false;
+    {
+      const std::lock_guard guard(mutex);
+      if (ending || end_wanted) return "";
+      status.ended_by_error = true;
+      goes_on = plan.rules.resume_within || begun_for == "schedule";
+      if (plan.rules.resume_within) {
+        // A disk that fails each case at once is not tried for ever.
+        if (!after_error_too || lasted >= ResumptionPlanner::kShortCase)
+          again_before = time.now() + *plan.rules.resume_within;
+        again = Again{begun_for, plan_of_case, std::move(subject)};
+      }
+    }
+    return goes_on ? "; nothing is recorded until another one is begun" + next_try()
+                   : "; nothing is recorded any more: begin another one where the operation goes on";
   }
 
   /// Before a case is made: a recorder that is cut off from here on knows whose case it was.
@@ -211,6 +255,12 @@ struct Room::State {
   void take_identity(const Request& asked) {
     status.carries_on = asked.identity.carries_on ? asked.identity.carries_on->case_id : "";
     status.not_resumed = false;
+    status.ended_by_error = false;
+    begun_for = asked.first_reason;
+    plan_of_case = asked.sealed_plan;
+    after_error_too = asked.reason == "after-error";
+    end_wanted = false;
+    again.reset();
     before = {};
     if (!asked.identity.carries_on) return;
     ++status.resumed;
@@ -274,7 +324,7 @@ struct Room::State {
       const std::lock_guard guard(mutex);
       status.session = now;
       taken = next_request();
-      if (!taken && !resume) {
+      if (!taken && !resume && !again) {
         const bool scheduled = schedule_wants_a_case(), signalled = signal_wants_a_case(now);
         // After a failure the rules wait; a person may try at once.
         if ((scheduled || signalled) && time.now() >= not_before) {
@@ -427,7 +477,9 @@ struct Room::State {
   void refuse_start(Request& asked, const std::string& why) {
     back_off();
     tell_problem("no case could be begun: " + why +
-                 (plan.rules.schedule.empty() && asked.reason != "resumed" ? "" : next_try()));
+                 (plan.rules.schedule.empty() && asked.reason != "resumed" && asked.reason != "after-error"
+                      ? ""
+                      : next_try()));
     set_state(RoomState::kIdle, "");
     asked.begun.set_exception(std::current_exception());
   }
@@ -447,6 +499,7 @@ struct Room::State {
   void follow(Session& running, const SessionStatus& now, const std::string& first_reason) {
     beat();
     if (const std::string rule = rule_to_end(now, first_reason); !rule.empty()) {
+      want_end();
       note_end();
       running.stop(rule);
     }
@@ -456,6 +509,11 @@ struct Room::State {
     status.bytes_per_second = rate.bytes_per_second();
     status.session = now;
     tell_new_problem(now);
+  }
+
+  void want_end() {
+    const std::lock_guard guard(mutex);
+    end_wanted = true;
   }
 
   /// With the mutex held.
@@ -490,6 +548,13 @@ struct Room::State {
       // What went wrong after the case was looked at for the last time.
       const std::lock_guard guard(mutex);
       tell_new_problem(result.last);
+      // A case that ends again and again as soon as it has begun must not fill the archive with beginnings.
+      if (by_itself) {
+        back_off();
+      } else {
+        pause = {};
+        not_before = {};
+      }
     }
     // First, so that whoever waits for the end finds everything done.
     if (!result.case_id.empty()) {
@@ -498,6 +563,11 @@ struct Room::State {
       }
       if (listener.closed) listener.closed(result);
       forget(result.case_id);
+      if (by_itself && result.close_reason != "sources-ended") {
+        const std::chrono::nanoseconds lasted(result.last.now_ns - result.last.begins_ns);
+        if (const std::string follows = take_error(result.case_id, lasted); !follows.empty())
+          tell_problem("case " + result.case_id + " ended by itself (" + result.close_reason + ")" + follows);
+      }
     }
     {
       const std::lock_guard guard(mutex);
@@ -511,38 +581,39 @@ struct Room::State {
         ++status.cases;
       }
       rate = {};
-      // A case that ends again and again as soon as it has begun must not fill the archive with beginnings.
-      if (by_itself) {
-        back_off();
-      } else {
-        pause = {};
-        not_before = {};
-      }
     }
     changed.notify_all();
     if (result.case_id.empty() && by_itself) tell_problem("recording ahead ended: " + result.close_reason);
   }
 
   void end_badly(const std::string& why) {
-    std::string sentence;
-    bool ahead = false;
+    std::string sentence, ended;
+    std::chrono::nanoseconds lasted{0};
     {
       const std::lock_guard guard(mutex);
       // What was recorded ahead is no case, and the case before it was closed.
-      ahead = status.state == RoomState::kStandby;
+      if (status.state != RoomState::kStandby) ended = status.case_id;
+      lasted = std::chrono::nanoseconds(status.session.now_ns - status.session.begins_ns);
+      back_off();
+    }
+    if (ended.empty()) {
+      sentence = "recording ahead ended: " + why + next_try();
+    } else {
+      sentence = "case " + ended +
+                 " could not be closed; the recorder's next start brings it to its end: " + why +
+                 take_error(ended, lasted);
+    }
+    // First, so that whoever waits for the end finds everything told.
+    tell_problem(sentence, ended.empty() ? listener.warn : listener.left);
+    {
+      const std::lock_guard guard(mutex);
       session.reset();
       status.state = RoomState::kIdle;
-      back_off();
-      if (ahead) {
-        sentence = "recording ahead ended: " + why + next_try();
-      } else {
+      if (!ended.empty()) {
         status.reason = "error: " + why;
         ++status.cases;
-        sentence = "case " + status.case_id +
-                   " could not be closed; the recorder's next start brings it to its end: " + why;
       }
     }
-    tell_problem(sentence, ahead ? listener.warn : listener.left);
     changed.notify_all();
   }
 
@@ -581,6 +652,19 @@ struct Room::State {
   bool stopped_by_person = false;  // so that the signal that is there begins no other case
   std::unique_ptr<Request> request;
   std::optional<Resumption> resume;  // until that case has begun
+  /// What the case after an error takes over.
+  struct Again {
+    std::string first_reason;
+    std::optional<crypto::Sha256Digest> sealed_plan;
+    std::optional<Bytes> sealed_subject;
+  };
+  std::optional<Again> again;  // until that case has begun
+  Clock::Time again_before{};
+  // Of the case that runs: why its operation was begun, its plan, whether an error ended the one before it,
+  // whether somebody or a rule ends it.
+  std::string begun_for;
+  std::optional<crypto::Sha256Digest> plan_of_case;
+  bool after_error_too = false, end_wanted = false;
   std::shared_ptr<Session> session;  // while a case runs
   RoomStatus status;
   RateMeter rate;
@@ -628,6 +712,7 @@ std::string Room::stop(const std::string& reason, bool wait) {
   std::unique_lock lock(state_->mutex);
   if (state_->status.state != RoomState::kRecording) throw UsageError("room " + name() + " is not recording");
   std::string id = state_->status.case_id;
+  state_->end_wanted = true;
   const std::uint64_t before = state_->status.cases;
   state_->session->stop(reason);
   state_->status.state = RoomState::kClosing;

@@ -33,7 +33,7 @@ struct RoomRules {
   /// A case is ended after so long; a forgotten one does not fill the disk.
   std::chrono::nanoseconds longest_case = std::chrono::hours(24);
   /// A case that was cut off less than this before the recorder starts is carried on by a new one; never, if
-  /// nothing.
+  /// nothing. After a case that an error or a full disk ended, another one is tried for so long.
   std::optional<std::chrono::nanoseconds> resume_within;
 };
 
@@ -73,6 +73,7 @@ struct RoomStatus {
   std::string carries_on;                      // the case that it carries on; "": none
   std::uint64_t resumed = 0;                   // cases that carry on another, since the room was made
   bool not_resumed = false;                    // a case was cut off, nothing carries it on, none began since
+  bool ended_by_error = false;                 // the last case was, nobody wanted it, and none began since
   std::uint64_t cases = 0;                     // ended since the room was made
   double bytes_per_second = 0;                 // of the case being recorded, over the last minute or so
   double last_bytes_per_second = 0;            // the same of the case before, at its end

@@ -210,8 +210,9 @@ WorklistAnswer answer_in_box(const json& asked, media::Channel& channel) {
   if (const std::string why = prepare_worklist_query(); !why.empty()) return {{}, why};
   const std::vector<std::string> addresses = addresses_of(asked.at("host"));
   if (addresses.empty()) return {{}, "cannot be asked: nobody knows its name"};
-  media::limit_process(kProcessorSeconds);
-  limit_memory();
+  // What answered for the name (nscd, sssd) is not to be spoken to from the box.
+  if (::close_range(media::kMemoryDescriptor + 1, ~0U, 0) != 0)
+    return {{}, "cannot be asked: descriptors stay open in its box"};
   media::close_box(media::BoxNeeds::kNetwork);
   channel.send(static_cast<std::uint32_t>(FromBox::kClosed), "");
   WorklistAnswer answer;
@@ -227,6 +228,11 @@ WorklistAnswer answer_in_box(const json& asked, media::Channel& channel) {
 
 void run_worklist_box() {
   try {
+    // Who answers for the name is foreign, too. The C library looks it up in files and over sockets that a
+    // closed box refuses, and which ones is the machine's configuration (nsswitch.conf), so it happens under
+    // these limits before the box closes.
+    media::limit_process(kProcessorSeconds);
+    limit_memory();
     media::Channel channel{Descriptor(media::kChannelDescriptor)};
     const auto message = channel.receive(kNoLimit, kLongestRequest);
     if (!message || message->kind != static_cast<std::uint32_t>(ToBox::kAsk)) ::_exit(1);

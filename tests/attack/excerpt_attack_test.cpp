@@ -55,6 +55,46 @@ void call_it_an_excerpt(AttackedCase& c, const Claim& claim) {
 
 void remove_segments(AttackedCase& c) { fs::remove_all(c / "segments"); }
 
+/// A stream that pauses from 2 s to 3 s. The gap is entered before the last segment in front of it, and a
+/// token between the two: what a slow disk does.
+class ExcerptBehindAGap : public ::testing::Test {
+ protected:
+  ExcerptBehindAGap() {
+    SampleCase sample(archive_);
+    sample.stamp();
+    archive_.now_ns = kSecond + 200'000'000;
+    sample.writer().append({sample.segment(0, 0, {0, kSecond})}, archive_.now());
+    sample.stamp();
+    archive_.now_ns = 3 * kSecond + 100'000'000;
+    sample.writer().append(
+        {archive::GapEntry{"endoscope", {2 * kSecond, 3 * kSecond}, archive::GapCause::kSignalLost}},
+        archive_.now());
+    sample.stamp();
+    archive_.now_ns += 100'000'000;
+    sample.writer().append({sample.segment(0, 1, {kSecond, 2 * kSecond})}, archive_.now());
+    archive_.now_ns = 5 * kSecond;
+    sample.writer().append({sample.segment(0, 2, {3 * kSecond, 4 * kSecond})}, archive_.now());
+    sample.close();
+    folder_ = sample.folder();
+  }
+  SampleArchive archive_;
+  fs::path folder_;
+};
+
+TEST_F(ExcerptBehindAGap, HoldsTheGapAndIsIntact) {
+  ASSERT_THAT(summary(archive::verify_case(folder_, archive_.options())),
+              ::testing::StartsWith("intact-with-gaps\n"));
+  const fs::path excerpt = archive_.folder().parent_path() / "excerpt";
+  archive::ExcerptOptions options;
+  options.streams = {"endoscope"};
+  options.from_ns = kSecond + kSecond / 2;
+  options.to_ns = 3 * kSecond + kSecond / 2;
+  archive::make_excerpt(folder_, options, excerpt);
+  const archive::VerificationReport report = archive::verify_case(excerpt, archive_.options());
+  EXPECT_EQ(report.verdict, Verdict::kIntactExcerpt) << details(report);
+  EXPECT_THAT(summary(report), HasSubstr("gap ledger"));
+}
+
 struct Forgery {
   std::string name;
   Claim claim;

@@ -151,9 +151,24 @@ INSTANTIATE_TEST_SUITE_P(
                  });
                },
                "ledger-not-covered", kLedger, 10},
-        Attack{"EntryBehindTheLastCheckpoint",
-               [](AttackedCase& c) { c.append(archive::TokenMissedEntry{11, "embedded", "x"}); }, "ledger-not-covered",
-               kLedger, 11},
+        // What a recorder leaves that dies before the next checkpoint. Nothing is believed for its sake.
+        Attack{"MissedTokenBehindTheLastCheckpoint",
+               [](AttackedCase& c) { c.append(archive::TokenMissedEntry{11, "embedded", "x"}); },
+               "end-not-covered", kLedger, 11, Verdict::kIncomplete},
+        Attack{"MissedTokenBehindALastCheckpointThatTheLogKnows",
+               [](AttackedCase& c) {
+                 fs::remove(c / "checkpoints/00000011.note");
+                 c.append(archive::TokenMissedEntry{11, "embedded", "x"});
+               },
+               "ledger-not-covered", kLedger, 10, Verdict::kTampered, true},
+        Attack{"FilmRemovedForAnErasureBehindTheLastCheckpoint",
+               [](AttackedCase& c) {
+                 c.append(archive::ErasedEntry{"endoscope", 0, 2, "room: 30 days"});
+                 fs::remove(c / "segments/endoscope/00000000.ts.age");
+               },
+               "file-missing",
+               "segments/endoscope/00000000.ts.age",
+               {}},
         Attack{"CheckpointOfATokenRemoved", [](AttackedCase& c) { fs::remove(c / "checkpoints/00000006.note"); },
                "checkpoint-missing", "checkpoints/00000006.note", 6},
         Attack{"CheckpointEmptied", [](AttackedCase& c) { write_file(c / "checkpoints/00000011.note", ""); },

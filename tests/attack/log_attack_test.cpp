@@ -224,6 +224,94 @@ TEST(AttackOnTheLog, EntriesThatNobodySignedAreNoProof) {
   EXPECT_EQ(summary_alone(archive::verify_log(log, options)), "unproven\nlog-tail-unsigned ledger.jsonl 0");
 }
 
+/// Takes away the checkpoints of the newest `count` lines about the case.
+void remove_notes_of_last_lines(const fs::path& log, const std::string& case_id, std::size_t count) {
+  const std::vector<std::string> lines = log_lines(log);
+  for (std::size_t number = lines.size(); number-- > 0 && count > 0;) {
+    if (lines[number].find(case_id) != std::string::npos) {
+      fs::remove(log / archive::note_path(number + 1));
+      --count;
+    }
+  }
+}
+
+// What the log says of an end is signed line by line. Whoever cuts the end takes those signatures away, too.
+TEST(AttackOnTheLog, ACutCaseIsTamperedAlsoWithoutTheCheckpointsOfWhatTheLogSaysOfItsEnd) {
+  AttackedCase victim;
+  victim.cut(7);
+  remove_notes_of_last_lines(victim.log(), victim.folder().filename(), 2);
+  const archive::VerificationReport report = victim.verify();
+  EXPECT_EQ(report.verdict, Verdict::kTampered) << details(report);
+  EXPECT_THAT(summary(report), ::testing::HasSubstr("log-knows-more ledger.jsonl 7"));
+}
+
+// And lines behind the case's last checkpoint that the log states otherwise.
+TEST(AttackOnTheLog, RewrittenLinesThatNobodySignedAreTamperedAlsoWithoutTheCheckpointOfWhatTheLogSays) {
+  AttackedCase victim;
+  const std::vector<std::string> lines = log_lines(victim.log());
+  std::uint64_t known = 0;
+  for (const std::string& line : lines) {
+    const auto entry = archive::parse_log_entry(line).entry.value();
+    const auto* checkpoint = std::get_if<archive::CaseCheckpointEntry>(&entry.body);
+    if (checkpoint != nullptr && checkpoint->case_id == victim.folder().filename()) {
+      known = std::max(known, checkpoint->size);
+    }
+  }
+  ASSERT_GT(known, 5U);
+  victim.edit(4, [](CaseEntry& e) { e.at.utc += std::chrono::hours(1); });
+  for (std::uint64_t size = 5; size <= victim.lines().size(); ++size) {
+    fs::remove(victim / archive::note_path(size));
+  }
+  remove_notes_of_last_lines(victim.log(), victim.folder().filename(), 2);
+  const archive::VerificationReport report = victim.verify();
+  EXPECT_EQ(report.verdict, Verdict::kTampered) << details(report);
+  EXPECT_THAT(summary(report), ::testing::HasSubstr("log-checkpoint-differs"));
+}
+
+// A closed case that the device signed speaks for itself: a line of the log without a signature does not
+// accuse it, and a note that was kept elsewhere is that signature.
+TEST(AttackOnTheLog, ANoteThatWasKeptElsewhereCountsForItsLine) {
+  SampleArchive archive;
+  const fs::path folder = SampleCase::write(archive);
+  SampleCase::write(archive);
+  const std::vector<std::string> lines = log_lines(archive.log_folder());
+  std::uint64_t opened = 0;
+  std::vector<archive::OutsideNote> kept;
+  for (std::size_t number = 0; number < lines.size(); ++number) {
+    if (lines[number].find(folder.filename()) != std::string::npos) {
+      const fs::path note = archive.log_folder() / archive::note_path(number + 1);
+      kept.push_back({"kept.note", read_file(note)});
+      opened = opened == 0 ? number : opened;
+      fs::remove(note);
+    }
+  }
+  fs::remove_all(folder);
+  archive::VerifyOptions options = archive.options();
+  const std::string place = "ledger.jsonl " + std::to_string(opened);
+  const archive::VerificationReport alone = archive::verify_log(archive.log_folder(), options);
+  EXPECT_THAT(summary(alone), ::testing::HasSubstr("log-entry-doubted " + place)) << details(alone);
+  options.against = {kept.front()};
+  const archive::VerificationReport report = archive::verify_log(archive.log_folder(), options);
+  EXPECT_EQ(report.verdict, Verdict::kTampered) << details(report);
+  EXPECT_THAT(summary(report), ::testing::HasSubstr("case-missing " + place));
+}
+
+TEST(AttackOnTheLog, ANoteOfTheLogIsComparedWithTheLogBesideACase) {
+  const AttackedCase victim;
+  archive::VerifyOptions options = SoundCases::get().archive.options();
+  options.log = victim.log();
+  const std::string note = read_file(victim.log() / archive::note_path(log_lines(victim.log()).size()));
+  options.against = {{"kept.note", note}};
+  EXPECT_THAT(summary(archive::verify_case(victim.folder(), options)), ::testing::StartsWith("intact\n"));
+  // Of a log that was cut back since.
+  std::vector<std::string> lines = log_lines(victim.log());
+  lines.pop_back();
+  set_log(victim.log(), lines);
+  const archive::VerificationReport report = archive::verify_case(victim.folder(), options);
+  EXPECT_EQ(report.verdict, Verdict::kTampered) << details(report);
+  EXPECT_THAT(summary(report), ::testing::HasSubstr("outside-note-rolled-back log/ledger.jsonl"));
+}
+
 TEST(AttackByAForgedDevice, ACaseWithGenuineTokensIsUnprovenAndUnknownToTheLog) {
   SampleArchive& sound = SoundCases::get().archive;
   SampleArchive forger;

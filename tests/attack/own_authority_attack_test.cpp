@@ -188,6 +188,60 @@ class AttackBesideAnOutsideAuthority : public AttackByTheOwnAuthority {
   TestAuthority outside_ = make_test_authority();
 };
 
+// Whoever slows the recorder's clock makes its own tokens contradict the outside ones: that is no tampering.
+TEST_F(AttackBesideAnOutsideAuthority, ARecordersClockThatIsBehindMakesNoSoundCaseTampered) {
+  for (const auto behind : {std::chrono::seconds(20), std::chrono::seconds(180)}) {
+    SampleCase sample(archive_);
+    stamp_outside(sample, behind);
+    sample.record();
+    sample.close();
+    const archive::VerificationReport report = verify(sample.folder(), own_);
+    EXPECT_EQ(report.verdict, archive::Verdict::kIntact) << details(report);
+  }
+}
+
+/// Two outside authorities, one after the other: the second covers the entry of the first one's token.
+class TwoOutsideAuthorities : public AttackBesideAnOutsideAuthority {
+ protected:
+  TwoOutsideAuthorities() { own_.add_trusted(bytes_of(second_.root_pem()), "another outside authority"); }
+  void stamp(SampleCase& sample, const TestAuthority& authority, const std::string& name, UtcTime says) {
+    const archive::StoredCheckpoint checkpoint = sample.writer().checkpoint(archive_.now(), true);
+    const Bytes response = answer_of(authority.signer, {authority.signer.certificate.get()}, kForeignPolicy,
+                                     checkpoint.note, says);
+    sample.writer().add_token(checkpoint, name, response, SampleArchive::facts_of(response), archive_.now());
+  }
+  /// At 0.3 s of the case; the second authority says so much less than the first.
+  archive::VerificationReport verify_with(std::chrono::milliseconds less) {
+    SampleCase sample(archive_);
+    archive_.now_ns = 300'000'000;
+    const UtcTime now = archive_.now().utc;
+    stamp(sample, outside_, "outside", now);
+    stamp(sample, second_, "second", now - less);
+    sample.record();
+    sample.close();
+    return verify(sample.folder(), own_);
+  }
+  TestAuthority second_ = make_test_authority();
+};
+
+TEST_F(TwoOutsideAuthorities, OfWhichOneStatesWholeSecondsDoNotContradictEachOther) {
+  for (const int less : {300, 1000}) {
+    const archive::VerificationReport report = verify_with(std::chrono::milliseconds(less));
+    EXPECT_EQ(report.verdict, archive::Verdict::kIntact) << details(report);
+    for (const archive::Bracket& bracket : report.brackets) {
+      if (bracket.not_before && bracket.not_after) {
+        EXPECT_LE(*bracket.not_before, *bracket.not_after);
+      }
+    }
+  }
+}
+
+TEST_F(TwoOutsideAuthorities, WhoseClocksContradictEachOtherProveNoTime) {
+  const archive::VerificationReport report = verify_with(std::chrono::seconds(10));
+  EXPECT_EQ(report.verdict, archive::Verdict::kUnproven) << details(report);
+  EXPECT_THAT(summary(report), testing::HasSubstr("authorities-disagree tokens/"));
+}
+
 TEST_F(AttackBesideAnOutsideAuthority, TheOwnTokensMakeNoBracketsOfOutsideTime) {
   SampleCase sample(archive_);
   stamp_outside(sample);

@@ -16,6 +16,7 @@
 #include "archive/verify/found_files.h"
 #include "archive/writing/appliance_log.h"
 #include "base/error.h"
+#include "crypto/merkle_tree.h"
 #include "tests/attack/attacked_case.h"
 #include "tests/support/report_text.h"
 
@@ -91,6 +92,17 @@ class NextStart : public ::testing::Test {
     entry.body = std::move(body);
     write_file(file, read_file(file) + archive::to_line(entry) + "\n");
   }
+  /// What the next line's checkpoint does: the device signs the log as it is.
+  void sign_log() {
+    const std::vector<std::string> all = lines(archive_.log_folder());
+    crypto::MerkleFrontier tree;
+    for (const std::string& line : all) {
+      tree.append(crypto::merkle_leaf_hash(bytes_of(line)));
+    }
+    const crypto::Checkpoint text{archive::log_origin(SampleArchive::kDeviceName), all.size(), tree.root()};
+    write_file(archive_.log_folder() / archive::note_path(all.size()),
+               crypto::sign_note(text.to_text(), SampleArchive::kDeviceName, archive_.key()));
+  }
   /// Takes away lines and notes from `size` entries on.
   void cut_back(const fs::path& folder, std::uint64_t size) {
     const std::vector<std::string> all = lines(folder);
@@ -135,7 +147,12 @@ TEST_F(NextStart, RemovesNothingForAnErasureThatNobodySigned) {
   write_case();
   const std::string sound = read_file(ledger());
   add_line(archive::ErasedEntry{"endoscope", 0, 2, "room: 30 days"});
+  // What a recorder leaves that dies between the line and its checkpoint. It excuses nothing.
+  EXPECT_EQ(summary(verify()), "incomplete\nend-not-covered ledger.jsonl 11") << details(verify());
+  fs::rename(folder_ / kFirstSegment, archive_.folder() / "film");
   EXPECT_EQ(verify().verdict, Verdict::kTampered) << details(verify());
+  EXPECT_THAT(summary(verify()), HasSubstr("file-missing"));
+  fs::rename(archive_.folder() / "film", folder_ / kFirstSegment);
   const auto finished = start();
   ASSERT_EQ(finished.size(), 1U);
   EXPECT_THAT(finished[0].problem, HasSubstr("stated an erasure that nobody had signed"));
@@ -464,20 +481,62 @@ TEST_F(NextStart, ALogWhoseCasesAreAllGoneSaysThatItDidNotLookForThem) {
   EXPECT_EQ(summary(verify_log()), "intact\ncases-not-looked-for ledger.jsonl -");
 }
 
-// Lines that anybody added before a start are signed with its own: they must not speak against a case either.
+// A recorder signs each line at once, and counts on none before. So the next start takes back the last one
+// that has no signature: whoever made it up has nothing signed, and accuses nobody.
+TEST_F(NextStart, ALineThatNobodySignedIsTakenBack) {
+  write_case();
+  const std::string id = folder_.filename().string();
+  crypto::Sha256Digest made_up{};
+  made_up.fill(std::byte{7});
+  for (const archive::LogEntryBody& lie :
+       {archive::LogEntryBody(archive::CaseCheckpointEntry{id, 3, made_up}),
+        archive::LogEntryBody(archive::CaseCheckpointEntry{id, 300, made_up}),
+        archive::LogEntryBody(archive::CaseClosedEntry{id, 12, made_up, made_up}),
+        archive::LogEntryBody(archive::AccessEntry{id, "exported", "nobody"})}) {
+    add_log_line(lie);
+    open_log()->shutdown();
+    EXPECT_EQ(summary(verify()), "intact") << details(verify());
+    EXPECT_EQ(summary(verify_log()), "intact") << details(verify_log());
+    EXPECT_THAT(read_file(archive_.log_folder() / archive::kLedgerFile), Not(HasSubstr("\"07070707")));
+  }
+}
+
+// A cut-off case is brought to its end although somebody wrote into the log that it had more entries.
+TEST_F(NextStart, ALineThatNobodySignedKeepsNoCaseFromItsEnd) {
+  cut_off_case();
+  add_log_line(archive::CaseCheckpointEntry{folder_.filename().string(), 300, {}});
+  const auto finished = start();
+  ASSERT_EQ(finished.size(), 1U);
+  EXPECT_EQ(finished[0].outcome, CaseRecovery::Outcome::kRecovered) << finished[0].problem;
+  EXPECT_EQ(verify().verdict, Verdict::kIntactWithGaps) << details(verify());
+}
+
+// One crash leaves one such line. Where more lack their checkpoint somebody took those away.
+TEST_F(NextStart, TakesNothingBackWhereSeveralLinesLackTheirCheckpoint) {
+  write_case();
+  const std::uint64_t size = lines(archive_.log_folder()).size();
+  fs::remove(archive_.log_folder() / archive::note_path(size));
+  fs::remove(archive_.log_folder() / archive::note_path(size - 1));
+  open_log()->shutdown();
+  EXPECT_EQ(lines(archive_.log_folder()).size(), size + 1);
+}
+
+// Recorders of before left such lines where they were, and signed what came next.
 TEST_F(NextStart, ALineThatNobodySignedDoesNotAccuseACase) {
   write_case();
   const std::string id = folder_.filename().string();
   crypto::Sha256Digest made_up{};
   made_up.fill(std::byte{7});
   const std::string log = read_file(archive_.log_folder() / archive::kLedgerFile);
+  const std::uint64_t size = lines(archive_.log_folder()).size();
   for (const archive::LogEntryBody& lie :
        {archive::LogEntryBody(archive::CaseCheckpointEntry{id, 3, made_up}),
         archive::LogEntryBody(archive::CaseCheckpointEntry{id, 300, made_up}),
         archive::LogEntryBody(archive::CaseClosedEntry{id, 12, made_up, made_up}),
         archive::LogEntryBody(archive::CaseOpenedEntry{"20200101T000000Z-00000000", made_up})}) {
     add_log_line(lie);
-    open_log()->shutdown();
+    add_log_line(archive::ShutdownEntry{});
+    sign_log();
     for (const archive::VerificationReport& report : {verify(), verify_log()}) {
       EXPECT_NE(report.verdict, Verdict::kTampered) << details(report);
     }
@@ -485,10 +544,57 @@ TEST_F(NextStart, ALineThatNobodySignedDoesNotAccuseACase) {
     EXPECT_THAT(told, HasSubstr("log-entry-doubted"));
     // The log as it was before.
     write_file(archive_.log_folder() / archive::kLedgerFile, log);
-    const std::uint64_t size = lines(archive_.log_folder()).size();
-    for (std::uint64_t beyond = size + 1; beyond <= size + 3; ++beyond) {
-      fs::remove(archive_.log_folder() / archive::note_path(beyond));
+    fs::remove(archive_.log_folder() / archive::note_path(size + 2));
+  }
+}
+
+// -- the end of a case
+
+// One authority refuses at once, another takes its time: whoever verifies meanwhile sees no tampering.
+TEST_F(NextStart, ACaseWhoseEndIsBeingWrittenIsIncomplete) {
+  {
+    SampleCase sample(archive_);
+    sample.record();
+    sample.writer().close("operator", archive_.now());
+    const archive::StoredCheckpoint end = sample.writer().checkpoint(archive_.now(), true);
+    sample.writer().append({archive::TokenMissedEntry{end.size, "swiss", "refused"}}, archive_.now());
+    folder_ = sample.folder();
+  }
+  EXPECT_EQ(verify().verdict, Verdict::kIncomplete) << details(verify());
+  EXPECT_THAT(summary(verify()), HasSubstr("end-not-covered"));
+  ASSERT_EQ(start().size(), 1U);
+  EXPECT_EQ(verify().verdict, Verdict::kIntactWithGaps) << details(verify());
+}
+
+TEST_F(NextStart, ALogThatWasCutBackSaysThatItKnowsNoEndOfAClosedCase) {
+  write_case();
+  cut_back(archive_.log_folder(), 3);
+  EXPECT_THAT(summary(verify()), HasSubstr("log-case-open log/ledger.jsonl 1"));
+}
+
+// -- tokens' names are known before
+
+TEST_F(NextStart, AFileUnderATokensNameKeepsNoCaseFromItsEnd) {
+  for (const std::uint64_t planted : {1U, 60U}) {
+    cut_off_case();
+    // The next checkpoint is behind `recovered`, two gaps and `close`.
+    const std::uint64_t entries = lines(folder_).size();
+    std::uint64_t left = planted;
+    for (std::uint64_t size = entries + 1; left > 0 && size < entries + 100; ++size) {
+      const fs::path token = folder_ / archive::token_path(size, SampleArchive::kAuthorityName);
+      if (planted == 1 && size != entries + 4) {
+        continue;
+      }
+      write_file(token, "planted");
+      --left;
     }
+    const auto finished = start();
+    ASSERT_EQ(finished.size(), 1U);
+    EXPECT_EQ(finished[0].outcome, CaseRecovery::Outcome::kRecovered) << finished[0].problem;
+    EXPECT_EQ(finished[0].stamped, planted == 1);
+    EXPECT_THAT(read_file(ledger()), HasSubstr("something else lay in tokens/"));
+    EXPECT_TRUE(start().empty()) << "it was finished";
+    EXPECT_THAT(summary(verify()), HasSubstr("token-missed"));
   }
 }
 

@@ -3,6 +3,7 @@
 #include <thread>
 
 #include "tests/support/build_paths.h"
+#include "tests/support/child_processes.h"
 #include "tests/support/eventually.h"
 #include "tests/support/mllp_client.h"
 #include "tests/support/reserved_port.h"
@@ -73,6 +74,31 @@ TEST_F(Daemon, RecordsWhatItIsToldAndClosesWhenItEnds) {
   EXPECT_EQ(kiroku_json({"verify", "--json", (home() / "archive" / second).string()})["verdict"], "intact");
   EXPECT_THAT(read_text(home() / "archive" / "log" / "ledger.jsonl"), HasSubstr(R"("type":"shutdown")"));
   EXPECT_REFUSED(kiroku({"status"}), "no recorder answers");
+}
+
+// A shell gives 1,024 descriptors; the hard limit is what there is.
+TEST_F(Daemon, TakesTheDescriptorsThatItMayHaveAndSaysWhereTheyAreFew) {
+  const auto limited = [this](const std::string& limit) {
+    Process::Options started = kirokud();
+    std::vector<std::string> command{"/bin/sh", "-c",
+                                     "ulimit " + limit + "; echo $$ >" + path("pid") + "; exec \"$@\"", "sh"};
+    command.insert(command.end(), started.command.begin(), started.command.end());
+    started.command = std::move(command);
+    return started;
+  };
+  {
+    Process daemon(limited("-n 512"));
+    ASSERT_TRUE(daemon.wait_for("recording for 1 room"));
+    EXPECT_THAT(daemon.out(), HasSubstr("only 512 files and connections may be open at once"));
+  }
+  Process daemon(limited("-Sn 512"));
+  ASSERT_TRUE(daemon.wait_for("recording for 1 room"));
+  const pid_t process = std::stoi(read_text(path("pid")));
+  const std::string files = line_of_process(process, "limits", "Max open files");
+  std::istringstream words(files);
+  std::string soft, hard;
+  words >> soft >> hard;
+  EXPECT_EQ(soft, hard) << files;
 }
 
 // doctor before kirokud runs, doctor beside it and status tell one figure, and what it assumes.

@@ -120,6 +120,30 @@ TEST_F(Recovering, ErasesOneStreamAndTheRestStaysProved) {
   EXPECT_THAT(kiroku({"log"}).out, HasSubstr("stream=endoscope  policy=room: at once"));
 }
 
+// The nightly erasure goes on where one folder is damaged, and says which.
+TEST_F(Recovering, OneDamagedCaseKeepsNothingFromBeingErasedInTheOthers) {
+  const std::filesystem::path sound = record();
+  const std::filesystem::path empty = home() / "archive/20200101T000000Z-00000000";
+  const std::filesystem::path cut = home() / "archive/20200101T000000Z-11111111";
+  std::filesystem::create_directory(empty);
+  std::filesystem::create_directory(cut);
+  write_text(cut / "ledger.jsonl", "{\n");
+  const ProcessResult erased = kiroku({"erase", "--json", "--stream", "endoscope", "--policy",
+                                       "room: at once", "--older-than", "10ms", "--only-copy"});
+  EXPECT_EQ(erased.status, 2);
+  const nlohmann::json told = nlohmann::json::parse(erased.out);
+  ASSERT_EQ(told["cases"].size(), 1U);
+  EXPECT_EQ(told["cases"][0]["case"], sound.filename().string());
+  ASSERT_EQ(told["refused"].size(), 2U);
+  EXPECT_EQ(told["refused"][0]["case"], empty.filename().string());
+  EXPECT_THAT(erased.err, AllOf(HasSubstr(empty.filename().string() + ": nothing was erased from it: "),
+                                HasSubstr(cut.filename().string() + ": nothing was erased from it: ")));
+  EXPECT_TRUE(std::filesystem::is_empty(sound / "segments/endoscope"));
+  // One that is named is refused by itself.
+  EXPECT_REFUSED(kiroku({"erase", empty.filename().string(), "--stream", "endoscope", "--policy", "p"}),
+                 empty.filename().string());
+}
+
 TEST_F(Recovering, ErasesWhatIsDueOnceAReplicaHoldsIt) {
   const std::filesystem::path folder = record({"--room", "synthetic:room?size=64x48&rate=10&speed=max"});
   const std::filesystem::path replica = path("copies");

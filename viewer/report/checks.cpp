@@ -44,7 +44,11 @@ Answer without_findings(Check check, const archive::VerificationReport& verifica
                         bool excerpt) {
   switch (check) {
     case Check::kLog:
-      return given.log.empty() ? Answer::kNotAsked : Answer::kYes;
+      if (given.log.empty()) return Answer::kNotAsked;
+      return std::ranges::find(verification.findings, "log-case-open", &archive::Finding::code) !=
+                     verification.findings.end()
+                 ? Answer::kInPart
+                 : Answer::kYes;
     case Check::kContents:
       return given.identities.empty() ? Answer::kNotAsked : contents_answer(verification.contents);
     case Check::kEnd:

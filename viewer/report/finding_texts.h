@@ -39,6 +39,10 @@ inline constexpr auto kFindingTexts = std::to_array<FindingText>({
     {"close-not-covered", Check::kEnd, "終了項目を覆うチェックポイントがない。症例は完結していない。"},
     {"token-not-covered", Check::kEnd,
      "最後のチェックポイントの後に、終了に対するタイムスタンプの項目だけがある。症例は完結していない。"},
+    {"end-not-covered", Check::kEnd,
+     "最後のチェックポイントより後に、取得できなかったタイムスタンプまたは消去の項目がある。症例は終了処理の"
+     "途中か"
+     "、完了していない。"},
     {"recovered", Check::kStreams, "停電または異常終了で記録が断たれ、後に復旧された。"},
     {"clock-stepped", Check::kTime, "装置の時計が合わせ直された。"},
     {"clock-slewed", Check::kTime,
@@ -74,7 +78,11 @@ inline constexpr auto kFindingTexts = std::to_array<FindingText>({
     {"token-entry-differs", Check::kTime, "項目の時刻・精度・番号が、タイムスタンプ自体のものと異なる。"},
     {"token-exchange-impossible", Check::kTime, "要求と応答の時刻が、チェックポイントと項目の間にない。"},
     {"token-order", Check::kTime,
-     "タイムスタンプが、自らより後の時刻を持つタイムスタンプの項目を覆っている。"},
+     "タイムスタンプが、同じ認証局の、自らより後の時刻を持つタイムスタンプの項目を覆っている。"},
+    {"authorities-disagree", Check::kTime,
+     "外部認証局のタイムスタンプが、2 "
+     "秒を超えて後の時刻を持つ別の認証局の項目を覆っている。一方の時計が誤って"
+     "いる。"},
     {"clock-contradicted", Check::kTime,
      "信頼された外部タイムスタンプ間の時間が、精度・往復時間・2 秒・0.02 % を超えて症例時計と食い違う。"},
     {"clock-disagreement", Check::kTime,

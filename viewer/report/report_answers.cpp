@@ -118,6 +118,7 @@ std::string ReportMaker::yes_to(const CheckAnswer& answered) const {
                  ? words("check.time.inside", {count(found_.own_tokens, "one.token", "many.token")})
                  : words("check.time.yes", {count(found_.outside_tokens, "one.token", "many.token")});
     case Check::kLog:
+      if (answered.answer == Answer::kInPart) return words("check.log.in-part");
       return in_.facts.excerpt ? words("check.log.excerpt.yes") : words("check.log.yes");
     case Check::kContents:
       break;

@@ -171,6 +171,12 @@ inline constexpr auto kTexts = std::to_array<Text>({
     {"check.log.yes",
      "The appliance log that was given knows its beginning, its checkpoints and its end as they are here.",
      "与えられた装置ログにある開始・チェックポイント・終了は、ここにあるものと一致します。"},
+    {"check.log.in-part",
+     "The appliance log that was given knows its beginning and its checkpoints as they are here. It knows no "
+     "end of it: it may be a copy from before.",
+     "与えられた装置ログにある開始とチェックポイントは、ここにあるものと一致します。終了は装置ログにありませ"
+     "ん"
+     "（以前の写しである可能性があります）。"},
     {"check.log.excerpt.yes",
      "The appliance log that was given knows the case, and the part of its ledger that is here. Whether the "
      "whole case still exists cannot be told from an excerpt.",

@@ -7,6 +7,7 @@
 #include <gtest/gtest.h>
 #include <nlohmann/json.hpp>
 
+#include "archive/format/case_layout.h"
 #include "base/error.h"
 #include "crypto/encoding.h"
 #include "tests/support/decoded_video.h"
@@ -62,6 +63,27 @@ TEST_P(SessionOfEachProfile, CutsSegmentsThatDecodeAloneToTheStatedFrames) {
 INSTANTIATE_TEST_SUITE_P(Profiles, SessionOfEachProfile,
                          testing::Values(Profile::kMpeg2, Profile::kUncompressed, Profile::kLossless),
                          [](const auto& tested) { return std::string(profile_name(tested.param)); });
+
+// Whoever can write to the disk knows the names of tokens that are to come.
+TEST(Session, AFileUnderATokensNameCostsThatTokenAlone) {
+  const RecorderBench bench;
+  SessionOptions options = bench.options();
+  options.video = {bench.stream("endoscope", "synthetic:pattern?size=64x48&rate=20&speed=max")};
+  options.duration = 2s;
+  const std::string authority = options.authorities.front().name;
+  Session session(std::move(options));
+  for (std::uint64_t size = 1; size < 200; ++size) {
+    std::ofstream(session.folder() / archive::token_path(size, authority)) << "planted";
+  }
+  const SessionResult result = session.run({});
+  EXPECT_EQ(result.close_reason, "duration");
+  const RecordedCase recorded = bench.read(session.folder());
+  EXPECT_THAT(recorded.all<archive::CloseEntry>(), SizeIs(1));
+  EXPECT_THAT(recorded.segments("endoscope"), SizeIs(10));
+  const auto missed = recorded.all<archive::TokenMissedEntry>();
+  ASSERT_THAT(missed, Not(IsEmpty()));
+  EXPECT_THAT(missed.front().cause, HasSubstr("something else lay in tokens/"));
+}
 
 TEST(Session, MakesOneCleanTransportStreamOfItsSegments) {
   const RecorderBench bench;

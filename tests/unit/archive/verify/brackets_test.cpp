@@ -23,7 +23,7 @@ TEST(Brackets, LieBetweenOneTokensEntryAndTheNextCheckpoint) {
   ASSERT_EQ(brackets.size(), 4U);
   EXPECT_EQ(brackets[0].last_entry, 0U);
   EXPECT_EQ(brackets[0].not_before, std::nullopt);
-  EXPECT_EQ(brackets[0].not_after, at(10));
+  EXPECT_EQ(brackets[0].not_after, at(11)) << "whole seconds, whose fraction may have been cut off";
   EXPECT_EQ(brackets[1].first_entry, 1U);
   EXPECT_EQ(brackets[1].last_entry, 4U);
   EXPECT_EQ(brackets[1].not_before, at(10));
@@ -43,7 +43,17 @@ TEST(Brackets, TakeTheNarrowestBoundsOfSeveralAuthorities) {
   ASSERT_EQ(brackets.size(), 1U);
   EXPECT_EQ(brackets[0].not_before, at(12));
   EXPECT_EQ(brackets[0].authority_before, "b");
-  EXPECT_EQ(brackets[0].not_after, at(70));
+  EXPECT_EQ(brackets[0].not_after, at(71)) << "whole seconds, whose fraction may have been cut off";
+  EXPECT_EQ(brackets[0].authority_after, "a");
+}
+
+TEST(Brackets, OfClocksThatDifferSpanWhatBothSay) {
+  const auto brackets =
+      brackets_of({{1, 1, at(12) + std::chrono::milliseconds(700), 0, "a"}, {6, 6, at(10), 0, "b"}}, 3, 6);
+  ASSERT_EQ(brackets.size(), 1U);
+  EXPECT_EQ(brackets[0].not_before, at(11));
+  EXPECT_EQ(brackets[0].authority_before, "b");
+  EXPECT_EQ(brackets[0].not_after, at(12) + std::chrono::milliseconds(700));
   EXPECT_EQ(brackets[0].authority_after, "a");
 }
 

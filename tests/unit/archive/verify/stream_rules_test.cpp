@@ -66,6 +66,24 @@ TEST(StreamRules, AGapOfSoundExcusesNoPictures) {
   EXPECT_THAT(codes, testing::Not(testing::Contains("gap")));
 }
 
+// A gap may be entered before the segment in front of it: an excerpt whose lines begin in between shows none.
+TEST(StreamRules, APauseBeforeAnExcerptsLinesIsNotShownToBeAHole) {
+  for (const std::int64_t begin_ms : {40, 20}) {
+    FindingList findings;
+    StreamRules rules(room(), false, findings);
+    SegmentEntry cut = segment(5, {10 * kMs, 20 * kMs});
+    cut.complete = false;
+    cut.file.file += ".part";
+    rules.take(cut, 50);
+    rules.take(segment(6, {40 * kMs, 50 * kMs}), 51);
+    rules.finish(begin_ms * kMs);
+    std::vector<std::string> codes;
+    for (const Finding& each : findings.take()) codes.push_back(each.code);
+    EXPECT_THAT(codes, testing::UnorderedElementsAre(
+                           "segment-incomplete", begin_ms == 40 ? "excerpt-range-short" : "segment-hole"));
+  }
+}
+
 TEST(StreamRules, LeavesOfAHoleWhatNoGapGoesOnOver) {
   std::mt19937_64 random(3);
   const auto number = [&](std::uint64_t below) { return static_cast<std::int64_t>(random() % below); };

@@ -183,6 +183,59 @@ TEST_F(ApplianceLogTest, RefusesEverythingAfterAFailedFlush) {
   EXPECT_EQ(log->size(), 1U);
 }
 
+TEST_F(ApplianceLogTest, ALineWhoseCheckpointFindsNoRoomIsTakenBack) {
+  const auto log = open();
+  log->case_opened(kCase, some_digest());
+  const auto second = open();
+  const ApplianceLog::Head before = log->head();
+  files_.fail("create log/checkpoints", ENOSPC);
+  for (int tries = 0; tries < 5; ++tries) {
+    EXPECT_THROW(log->case_closed(kCase, 9, some_digest(), {}), IoError);
+  }
+  EXPECT_EQ(log->head().root, before.root);
+  EXPECT_EQ(second->head().root, before.root);
+  EXPECT_EQ(log->case_state(kCase), ApplianceLog::CaseState::kOpened);
+  EXPECT_FALSE(fs::exists(folder_ / "log" / note_path(3)));
+  files_.heal();
+  log->case_closed(kCase, 9, some_digest(), {});
+  second->shutdown();
+  EXPECT_THAT(types(), ElementsAre("boot", "case-opened", "case-closed", "shutdown"));
+  EXPECT_EQ(note(4)->root, root_of_first(4));
+}
+
+TEST_F(ApplianceLogTest, TheLineOfAWriterThatDiedBeforeItsCheckpointIsTakenBackAndStated) {
+  open()->case_opened(kCase, some_digest());
+  const auto living = open();
+  const ApplianceLog::Head before = living->head();
+  files_.kill_at(6);  // behind the line, in the checkpoint
+  std::size_t lines = read_log(folder_ / "log").size();
+  try {
+    open()->access(kCase, "export", "Dr. Sato");
+    FAIL() << "not killed";
+  } catch (const test::Killed&) {
+  }
+  files_.heal();
+  ASSERT_EQ(read_log(folder_ / "log").size(), lines + 1) << "killed elsewhere";
+  const std::uint64_t bytes = read_log(folder_ / "log").back().json.size() + 1;
+  // A case that is opened now states this head: what is not signed is not in it.
+  EXPECT_EQ(living->head().root, before.root);
+  EXPECT_EQ(read_log(folder_ / "log").size(), lines);
+  living->access(kCase, "export", "Dr. Mori");
+  const std::vector<LogLine> all = read_log(folder_ / "log");
+  ASSERT_EQ(all.size(), lines + 2);
+  EXPECT_EQ(std::get<LogRecoveredEntry>(parse_log_entry(all[lines].json).entry->body).truncated, bytes);
+  EXPECT_EQ(note(lines + 2)->root, root_of_first(lines + 2));
+}
+
+TEST_F(ApplianceLogTest, WhatTheDeviceStandsOnIsNotTakenBack) {
+  const auto log = open();
+  log->case_opened(kCase, some_digest());
+  fs::remove(folder_ / "log" / note_path(2));
+  open()->shutdown();
+  log->shutdown();
+  EXPECT_THAT(types(), ElementsAre("boot", "case-opened", "shutdown", "shutdown"));
+}
+
 TEST_F(ApplianceLogTest, ReadingNamesTheLineThatIsDamaged) {
   open()->boot("b1");
   std::ofstream(folder_ / "log" / "ledger.jsonl", std::ios::app) << "nonsense\n";

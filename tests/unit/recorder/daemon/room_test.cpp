@@ -513,6 +513,54 @@ TEST_F(RoomTest, ACaseThatADiskKeepsFromBeingClosedIsToldAsLeftOpen) {
   EXPECT_THAT(results, IsEmpty());
 }
 
+TEST_F(RoomTest, SaysThatNothingIsRecordedSinceADiskErrorEndedACase) {
+  test::FaultFileSystem faults(bench.options().archive);
+  RoomPlan failing = plan({kCamera});
+  failing.session.files = &faults;
+  Room room(std::move(failing), listener());
+  const std::string first = room.start("operator");
+  EXPECT_FALSE(room.status().ended_by_error);
+  faults.fail("sync", EIO);
+  ASSERT_TRUE(test::eventually([&] { return room.status().state == RoomState::kIdle; }));
+  EXPECT_TRUE(room.status().ended_by_error);
+  EXPECT_THAT(room.status().problem, HasSubstr("nothing is recorded any more: begin another one"));
+  faults.heal();
+  EXPECT_NE(room.start("operator"), first);
+  EXPECT_FALSE(room.status().ended_by_error);
+  room.stop("operator", true);
+  EXPECT_FALSE(room.status().ended_by_error);
+}
+
+TEST_F(RoomTest, AfterADiskErrorAnotherCaseBeginsWhereTheRoomMayGoOn) {
+  test::FaultFileSystem faults(bench.options().archive);
+  RoomPlan failing = plan({kCamera});
+  failing.session.files = &faults;
+  failing.rules.resume_within = 10min;
+  Room room(std::move(failing), listener(), time);
+  const std::string first = room.start("operator", to_bytes(bytes_of(R"({"patient":{"id":"7"}})")));
+  faults.fail("sync", EIO);
+  ASSERT_TRUE(test::eventually([&] { return room.status().state == RoomState::kIdle; }));
+  EXPECT_TRUE(room.status().ended_by_error);
+  EXPECT_THAT(room.status().problem,
+              HasSubstr("nothing is recorded until another one is begun; the next try"));
+  // The disk still fails, and is tried again.
+  const std::size_t before = told();
+  time.await_waiting(1);
+  time.move(1s);
+  ASSERT_TRUE(test::eventually([&] { return told() > before; }));
+  EXPECT_TRUE(room.status().ended_by_error);
+  faults.heal();
+  time.await_waiting(1);
+  time.move(5s);
+  ASSERT_TRUE(test::eventually([&] { return room.status().state == RoomState::kRecording; }));
+  const RoomStatus status = room.status();
+  EXPECT_NE(status.case_id, first);
+  EXPECT_FALSE(status.ended_by_error);
+  EXPECT_EQ(status.subject, SubjectState::kCarriedOver);
+  room.stop("operator", true);
+  EXPECT_EQ(bench.read(bench.options().archive / status.case_id).subject(), R"({"patient":{"id":"7"}})");
+}
+
 TEST_F(RoomTest, RecordingAheadThatFailsIsNoCase) {
   test::FaultFileSystem faults(bench.options().archive);
   RoomPlan ahead = plan({kCamera});

@@ -8,6 +8,8 @@
 #include <gtest/gtest.h>
 #include <nlohmann/json.hpp>
 
+#include "media/box/child.h"
+#include "tests/support/child_processes.h"
 #include "tests/support/eventually.h"
 #include "tests/support/temporary_folder.h"
 #include "tests/support/worklist_server.h"
@@ -102,6 +104,20 @@ TEST_F(WorklistTest, ReadsNamesInTheirCharacterSet) {
   const auto japan = ask_worklist(one, now);
   ASSERT_THAT(japan.items, SizeIs(1)) << japan.problem;
   EXPECT_EQ(japan.items[0].data.patient, (PersonName{"Yamada", "Tarou", "Yamada^Tarou=山田^太郎"}));
+}
+
+// Who answers for a name is foreign, too.
+TEST(WorklistBox, HasItsLimitsBeforeANameIsLookedUp) {
+  const Descriptor memory = media::make_shared_memory(4096);
+  const media::BoxedChild child("worklist", memory);  // it is asked nothing yet
+  EXPECT_TRUE(test::eventually(
+      [&] { return test::line_of_process(child.process(), "status", "NoNewPrivs:") == "1"; }));
+  const auto has = [&](const char* limit, const char* most) {
+    return test::line_of_process(child.process(), "limits", limit).find(most) != std::string::npos;
+  };
+  EXPECT_TRUE(test::eventually([&] { return has("Max open files", "64"); }));
+  EXPECT_TRUE(test::eventually([&] { return has("Max file size", "0"); }));
+  EXPECT_TRUE(test::eventually([&] { return has("Max cpu time", "60"); }));
 }
 
 TEST_F(WorklistTest, SaysWhyItCannotBeAsked) {
