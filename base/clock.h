@@ -24,6 +24,8 @@ class Clock {
   Clock& operator=(const Clock&) = delete;
 
   [[nodiscard]] virtual Time now() const = 0;
+  /// Monotonic; goes on while the machine is suspended (CLOCK_BOOTTIME).
+  [[nodiscard]] virtual Duration since_boot() const = 0;
   /// Wall time: testimony, never used for order or duration.
   [[nodiscard]] virtual UtcTime utc() const = 0;
   /// As std::condition_variable::wait_until(), by this clock: returns when `changed` is notified, at

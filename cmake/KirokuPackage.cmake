@@ -1,7 +1,7 @@
 # `cmake --build build/release --target package` makes kiroku_<version>_<architecture>.deb.
 include(GNUInstallDirs)
 install(FILES deploy/systemd/kirokud.service deploy/systemd/kiroku-retention.service deploy/systemd/kiroku-retention.timer deploy/systemd/kiroku-planning.service
-        deploy/systemd/kiroku-training.service DESTINATION lib/systemd/system)
+        deploy/systemd/kiroku-training.service deploy/systemd/kiroku-awake.service DESTINATION lib/systemd/system)
 install(FILES README.md deploy/kiroku.toml DESTINATION ${CMAKE_INSTALL_DOCDIR})
 install(FILES sim/haptics/haptic_plugin.h DESTINATION include/kiroku)
 install(DIRECTORY docs DESTINATION ${CMAKE_INSTALL_DOCDIR})

@@ -2,6 +2,7 @@
 
 #include <utility>
 
+#include "archive/format/sealed_file.h"
 #include "archive/verify/found_files.h"
 #include "base/error.h"
 
@@ -13,9 +14,9 @@ namespace {
               "); run kiroku verify to see what else does not hold");
 }
 
-void require_recorded_size(const archive::ReadableFile& file, const archive::FileReference& stated) {
-  if (file.size() != stated.bytes) {
-    refuse(stated, "it has " + std::to_string(file.size()) + " bytes, not " + std::to_string(stated.bytes));
+void require_sealed(const archive::ReadableFile& file, const archive::SegmentEntry& entry) {
+  if (const auto why = archive::why_not_sealed(file, entry)) {
+    refuse(entry.file, "it " + *why);
   }
 }
 
@@ -66,7 +67,7 @@ std::unique_ptr<SealedSegment::Sealed> SealedSegment::open_file(const archive::C
                 opening.explanation + "; run kiroku verify to see what else does not hold");
   }
   auto sealed = std::make_unique<Sealed>(std::move(*opening.file));
-  require_recorded_size(sealed->file, entry.file);
+  require_sealed(sealed->file, entry);
   return sealed;
 }
 

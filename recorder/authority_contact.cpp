@@ -19,10 +19,10 @@ AuthorityAnswer exchange(const NamedAuthority& authority, const timestamp::Trust
       timestamp::make_request(crypto::HashAlgorithm::kSha256,
                               crypto::digest(crypto::HashAlgorithm::kSha256, bytes_of(checkpoint.note)));
   answer.checkpoint = std::move(checkpoint);
-  answer.asked = answer.answered = clock.now();
+  answer.asked = answer.answered = clock.since_boot();
   try {
     answer.response = authority.source->ask(timestamp::encode_request(request));
-    answer.answered = clock.now();
+    answer.answered = clock.since_boot();
     timestamp::Expectation expectation;
     expectation.algorithm = request.algorithm;
     expectation.imprint = request.imprint;
@@ -36,7 +36,7 @@ AuthorityAnswer exchange(const NamedAuthority& authority, const timestamp::Trust
   } catch (const std::exception& error) {
     answer.cause = error.what();
   }
-  if (!answer.valid()) answer.answered = clock.now();
+  if (!answer.valid()) answer.answered = clock.since_boot();
   return answer;
 }
 
@@ -84,8 +84,9 @@ AuthorityAnswer AuthorityContact::ask(archive::StoredCheckpoint checkpoint) {
     record_.last_token = clock_.utc();
     record_.path = answer.path;
   } else {
-    back_off_.failed(answer.answered, leave_alone_for);
-    answer.pause = back_off_.next() - answer.answered;
+    const Time now = clock_.now();
+    back_off_.failed(now, leave_alone_for);
+    answer.pause = back_off_.next() - now;
   }
   record_.last_error = answer.cause;
   remember_locked();

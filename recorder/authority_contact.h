@@ -27,12 +27,12 @@ struct NamedAuthority {
 struct AuthorityAnswer {
   archive::StoredCheckpoint checkpoint;
   std::string authority;
-  Bytes response;                       // empty if none came
-  timestamp::TokenJudgement judgement;  // of the response
-  std::string cause;                    // why there is no valid token, "" if there is one
-  Clock::Time asked, answered;
-  std::string path;                   // timestamp::StampSource::path() of a valid token
-  std::chrono::nanoseconds pause{0};  // how long the authority is left alone after a failure
+  Bytes response;                         // empty if none came
+  timestamp::TokenJudgement judgement;    // of the response
+  std::string cause;                      // why there is no valid token, "" if there is one
+  Clock::Duration asked{0}, answered{0};  // by Clock::since_boot()
+  std::string path;                       // timestamp::StampSource::path() of a valid token
+  std::chrono::nanoseconds pause{0};      // how long the authority is left alone after a failure
 
   [[nodiscard]] bool valid() const { return cause.empty(); }
 };

@@ -11,6 +11,7 @@
 
 #include "archive/writing/case_writer.h"
 #include "recorder/clock/case_clock.h"
+#include "recorder/clock/sleep_watch.h"
 #include "recorder/fact_queue.h"
 #include "recorder/segment_store.h"
 
@@ -37,6 +38,7 @@ class ProblemLog {
 /// What lanes share; outlives them.
 struct LaneContext {
   const CaseClock& clock;
+  SleepWatch& sleeps;
   SegmentStore& store;
   FactQueue& facts;
   ProblemLog& problems;

@@ -148,6 +148,7 @@ struct Session::State {
   SessionOptions options;
   archive::FileSystem& files;
   CaseClock clock;
+  SleepWatch sleeps{clock};
   FactQueue facts;
   ProblemLog problems;
   std::optional<std::int64_t> end_ns;
@@ -245,7 +246,8 @@ archive::StreamInfo pointing_info(const crypto::AgeRecipients& recipients) {
 
 Session::State::State(SessionOptions asked)
     : options(std::move(asked)),
-      files(options.files == nullptr ? archive::real_file_system() : *options.files) {
+      files(options.files == nullptr ? archive::real_file_system() : *options.files),
+      clock(*options.time) {
   check(options);
   const auto declare = [&](archive::StreamInfo info, const crypto::AgeRecipients& recipients) {
     writing.streams.push_back(std::move(info));
@@ -304,9 +306,9 @@ Session::State::State(SessionOptions asked)
   if (!options.pre_roll) make_case(0);
 
   if (options.duration) end_ns = options.duration->count();
-  const LaneContext context{clock, *store, facts, problems, options.segment_duration, end_ns};
+  const LaneContext context{clock, sleeps, *store, facts, problems, options.segment_duration, end_ns};
   const std::chrono::nanoseconds of_lines = std::min(options.segment_duration, kLongestSegmentOfLines);
-  const LaneContext lines{clock, *store, facts, problems, of_lines, end_ns};
+  const LaneContext lines{clock, sleeps, *store, facts, problems, of_lines, end_ns};
   const std::size_t budget = options.queue_bytes / std::max<std::size_t>(1, videos.size());
   std::size_t index = 0;
   for (OpenedVideo& opened : videos) {

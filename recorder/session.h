@@ -14,6 +14,7 @@
 #include "archive/storage/file_system.h"
 #include "archive/writing/appliance_log.h"
 #include "archive/writing/case_writer.h"
+#include "base/clock.h"
 #include "crypto/age_recipient.h"
 #include "crypto/signing_key.h"
 #include "media/pointing_line.h"
@@ -83,6 +84,7 @@ struct SessionOptions {
   /// recorded up to so long before.
   std::optional<std::chrono::nanoseconds> pre_roll;
   std::size_t queue_bytes = 120U << 20;  // frames waiting for an encoder, all streams together
+  const Clock* time = &Clock::system();  // what the case clock counts; must outlive the session
 };
 
 struct StreamStatus {

@@ -124,9 +124,11 @@ void VideoLane::take(QueuedFrame item) {
   next_ns_ = time_ns;
   if (audio_gaps_) state_of_audio(audio_gaps_->piece_before(time_ns));
   segment_dropped_ += item.dropped_before;
-  if (segmenter_.silent_before(time_ns, context_.clock.now_ns())) {
+  const archive::GapCause cause =
+      cause_or_sleep(item.dropped_before > 0 ? item.dropped_cause : archive::GapCause::kSignalLost, time_ns);
+  if (cause == archive::GapCause::kSuspended || segmenter_.silent_before(time_ns, context_.clock.now_ns())) {
     end_segment(end_of_last_frame());
-    segmenter_.absent(item.dropped_before > 0 ? item.dropped_cause : archive::GapCause::kSignalLost);
+    segmenter_.absent(cause);
   } else if (item.dropped_before > 0) {
     state_drops(item, time_ns);
   }
@@ -158,7 +160,14 @@ void VideoLane::take(const AudioLost& lost) {
 void VideoLane::take(const SourceLost& lost) {
   next_ns_ = lost.time_ns;
   end_coding();
-  segmenter_.absent(lost.cause);
+  segmenter_.absent(cause_or_sleep(lost.cause, context_.clock.now_ns()));
+}
+
+archive::GapCause VideoLane::cause_or_sleep(archive::GapCause cause, std::int64_t until_ns) const {
+  if (output_.info().timing != "arrival") return cause;
+  const std::int64_t since_ns = segmenter_.has_frames() ? segmenter_.last_frame_ns() : 0;
+  const bool slept = context_.sleeps.slept_within(since_ns, until_ns);
+  return slept ? archive::GapCause::kSuspended : cause;
 }
 
 void VideoLane::write_audio(std::vector<media::Packet> packets) {
@@ -318,6 +327,9 @@ void VideoLane::finish(std::int64_t close_ns) {
     } catch (const std::exception& error) {
       fail(error);
     }
+  }
+  if (cause_or_sleep(archive::GapCause::kSignalLost, close_ns) == archive::GapCause::kSuspended) {
+    segmenter_.absent(archive::GapCause::kSuspended);
   }
   const std::optional<Gap> rest =
       segmenter_.gap_at_close(close_ns, context_.clock.now_ns(), supervisor_.reached_end());

@@ -59,6 +59,8 @@ class VideoLane : public Lane {
   void begin_anew(const media::LibavError& error);
   void state(Gap gap);
   void state_of_audio(const std::optional<Gap>& gap);
+  /// Why nothing came since the last frame, until now: that the machine slept explains all the rest.
+  [[nodiscard]] archive::GapCause cause_or_sleep(archive::GapCause cause, std::int64_t until_ns) const;
   void state_drops(const QueuedFrame& drops, std::int64_t until_ns);
   void write_audio(std::vector<media::Packet> packets);
   [[nodiscard]] std::int64_t end_of_last_frame() const;

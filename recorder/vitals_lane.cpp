@@ -70,7 +70,7 @@ void VitalsLane::wait_for(std::int64_t time_ns) {
     // sample comes.
     const std::int64_t boundary = next_boundary(context_.clock.now_ns(), context_.segment_duration);
     wait_until(context_.clock, std::min(time_ns, boundary), stopping_);
-    segmenter_.advance_to(std::min(context_.clock.now_ns(), time_ns));
+    advance_to(std::min(context_.clock.now_ns(), time_ns));
   }
 }
 
@@ -93,11 +93,26 @@ bool VitalsLane::take_next() {
   }
   if (const auto* const notice = std::get_if<media::VitalNotice>(&*line)) tell_refusal(*notice);
   live_ = true;
+  pass_over_sleep(time_ns);
   segmenter_.add(*line);
   if (tap_) tap_->offer(*line);
   ++samples_;
   last_ns_ = time_ns;
   return true;
+}
+
+void VitalsLane::advance_to(std::int64_t until_ns) {
+  pass_over_sleep(until_ns);
+  segmenter_.advance_to(until_ns);
+}
+
+void VitalsLane::pass_over_sleep(std::int64_t until_ns) {
+  if (output_.info().timing != "arrival") return;
+  const std::int64_t since_ns = segmenter_.floor_ns();
+  if (until_ns <= since_ns || !context_.sleeps.slept_within(since_ns, until_ns)) return;
+  const std::int64_t end_ns = segmenter_.pass_over(until_ns);
+  context_.facts.push(
+      archive::CaseEntryBody(archive::GapEntry{name(), {end_ns, until_ns}, archive::GapCause::kSuspended}));
 }
 
 void VitalsLane::tell_refusal(const media::VitalNotice& notice) {
@@ -111,7 +126,7 @@ void VitalsLane::tell_refusal(const media::VitalNotice& notice) {
 bool VitalsLane::wait_for_arrivals() {
   const std::optional<std::int64_t> quiet_until_ns = source_->quiet_until_ns();
   if (!quiet_until_ns) return false;
-  segmenter_.advance_to(std::min(*quiet_until_ns, context_.end_ns.value_or(*quiet_until_ns)));
+  advance_to(std::min(*quiet_until_ns, context_.end_ns.value_or(*quiet_until_ns)));
   reached_end_ = context_.end_ns && *quiet_until_ns >= *context_.end_ns;
   return !reached_end_;
 }
@@ -151,6 +166,7 @@ void VitalsLane::finish(std::int64_t close_ns) {
   if (thread_.joinable()) thread_.join();
   if (!failed_) {
     try {
+      pass_over_sleep(end_of_stream(close_ns));
       segmenter_.finish(end_of_stream(close_ns));
       output_.drain();
     } catch (const std::exception& error) {

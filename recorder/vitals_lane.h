@@ -35,6 +35,10 @@ class VitalsLane : public Lane, private VitalsSegmentSink {
   /// Records one line, or waits a little for one; false when nothing more will be recorded.
   bool take_next();
   bool wait_for_arrivals();
+  /// Nothing comes any more from before `until_ns`, which is not later than now.
+  void advance_to(std::int64_t until_ns);
+  /// Where the machine slept since what came last, states a gap until `until_ns`, likewise.
+  void pass_over_sleep(std::int64_t until_ns);
   /// Of a sender who may not send: a person should hear of it.
   void tell_refusal(const media::VitalNotice& notice);
   std::optional<VitalLine> next_line();

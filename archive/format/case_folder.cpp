@@ -1,6 +1,7 @@
 #include "archive/format/case_folder.h"
 
 #include <algorithm>
+#include <array>
 #include <cerrno>
 #include <cstring>
 #include <dirent.h>

@@ -1,6 +1,7 @@
 #include "archive/format/file_reading.h"
 
 #include <algorithm>
+#include <array>
 #include <cerrno>
 #include <chrono>
 #include <fcntl.h>
@@ -171,6 +172,55 @@ void ReadableFile::require_read_to_end(std::uint64_t bytes) const {
   if (const auto now = static_cast<std::uint64_t>(status.st_size); now > bytes) {
     refuse_short(path_, now, bytes);
   }
+}
+
+std::optional<std::uint64_t> ReadableFile::first_hole() const {
+  constexpr std::size_t kLookedAt = 4096;
+  constexpr std::size_t kSector = 512;
+  const off_t at = ::lseek(descriptor_, 0, SEEK_HOLE);
+  if (at < 0) {
+    if (errno == ENXIO || errno == EINVAL) {
+      return std::nullopt;  // an empty file, or a file system that cannot tell
+    }
+    throw IoError("look for holes in", path_, errno);
+  }
+  // File systems have told of holes where there were none.
+  std::array<std::byte, kLookedAt> there{};
+  const std::size_t got = read_at(static_cast<std::uint64_t>(at), there);
+  const bool zeros = std::all_of(there.begin(), there.begin() + static_cast<std::ptrdiff_t>(got),
+                                 [](std::byte each) { return each == std::byte{0}; });
+  return got >= kSector && zeros ? std::optional(static_cast<std::uint64_t>(at)) : std::nullopt;
+}
+
+std::uint64_t ReadableFile::hole_bytes() const {
+  std::uint64_t bytes = 0;
+  const off_t end = static_cast<off_t>(size_);
+  for (off_t at = 0; at < end;) {
+    const off_t hole = ::lseek(descriptor_, at, SEEK_HOLE);
+    if (hole < 0 && errno != ENXIO && errno != EINVAL) {
+      throw IoError("look for holes in", path_, errno);
+    }
+    if (hole < 0 || hole >= end) {
+      break;
+    }
+    const off_t data = ::lseek(descriptor_, hole, SEEK_DATA);
+    if (data < 0 && errno != ENXIO) {
+      throw IoError("look for holes in", path_, errno);
+    }
+    at = data < 0 ? end : std::min(data, end);
+    bytes += static_cast<std::uint64_t>(at - hole);
+  }
+  return bytes;
+}
+
+std::optional<std::pair<std::uint64_t, std::uint64_t>> ReadableFile::shared_inode() const {
+  struct stat status {};
+  if (::fstat(descriptor_, &status) != 0) {
+    throw IoError("examine", path_, errno);
+  }
+  return status.st_nlink > 1
+             ? std::optional(std::pair<std::uint64_t, std::uint64_t>(status.st_dev, status.st_ino))
+             : std::nullopt;
 }
 
 void ReadableFile::expect_sequential_reading() const {

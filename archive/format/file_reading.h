@@ -10,6 +10,7 @@
 #include <string>
 #include <sys/stat.h>
 #include <sys/types.h>
+#include <utility>
 #include <vector>
 
 #include "base/utc_time.h"
@@ -86,6 +87,13 @@ class ReadableFile final : public crypto::ByteSource {
   /// behind them. Throws kiroku::Error where the file is longer, and still is: a disk that fails may let a
   /// file end early. Throws kiroku::IoError.
   void require_read_to_end(std::uint64_t bytes) const;
+  /// Where the first hole begins: 512 bytes or more that read as zeros and take no room on the disk. What is
+  /// sealed has none, written or copied. Nothing where the file system tells of none. Throws kiroku::IoError.
+  [[nodiscard]] std::optional<std::uint64_t> first_hole() const;
+  /// Bytes in holes, as the file system tells. Throws kiroku::IoError.
+  [[nodiscard]] std::uint64_t hole_bytes() const;
+  /// What the file is under whatever name: device and inode. Nothing while it has one name alone.
+  [[nodiscard]] std::optional<std::pair<std::uint64_t, std::uint64_t>> shared_inode() const;
   /// Tells the kernel that the file is read from front to end.
   void expect_sequential_reading() const;
 

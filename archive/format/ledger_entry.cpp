@@ -20,12 +20,13 @@ constexpr std::size_t kMaximumDepth = 4;  // entry, streams, stream, recipients
 template <typename Value>
 using Names = std::pair<Value, std::string_view>;
 
-constexpr std::array<Names<GapCause>, 7> kGapCauses{{{GapCause::kSignalLost, "signal-lost"},
+constexpr std::array<Names<GapCause>, 8> kGapCauses{{{GapCause::kSignalLost, "signal-lost"},
                                                      {GapCause::kOverload, "overload"},
                                                      {GapCause::kDiskFull, "disk-full"},
                                                      {GapCause::kDeviceRemoved, "device-removed"},
                                                      {GapCause::kFormatChange, "format-change"},
                                                      {GapCause::kPaused, "paused"},
+                                                     {GapCause::kSuspended, "suspended"},
                                                      {GapCause::kInterrupted, "interrupted"}}};
 constexpr std::array<std::string_view, 4> kKinds{"video", "audio", "vitals", "events"};
 constexpr std::array<std::string_view, 2> kTimings{"arrival", "source"};

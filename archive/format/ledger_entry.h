@@ -125,6 +125,7 @@ enum class GapCause {
   kDeviceRemoved,
   kFormatChange,
   kPaused,
+  kSuspended,  // the machine slept
   kInterrupted
 };
 std::string_view gap_cause_name(GapCause cause);  // "signal-lost"
@@ -139,7 +140,7 @@ struct GapEntry {
 struct ClockEntry {
   bool synchronised = false;
   std::int64_t offset_ns = 0, error_ns = 0, step_ns = 0;
-  /// How much faster the case clock (CLOCK_MONOTONIC) ran than the machine's uncorrected crystal
+  /// How much faster the case clock (CLOCK_BOOTTIME) ran than the machine's uncorrected crystal
   /// (CLOCK_MONOTONIC_RAW), in parts of 10^9: since the clock entry before or, where a slew begins, over the
   /// second that showed it.
   std::optional<std::int64_t> rate_ppb = std::nullopt;

@@ -22,6 +22,13 @@ inline constexpr std::size_t kMaximumJsonValues = 1U << 17U;
 inline constexpr std::size_t kMaximumStreams = 256;
 /// Digits of each number of `time_base`: FFmpeg's have 32 bits.
 inline constexpr std::size_t kMaximumTimeBaseDigits = 10;
+/// A segment's file, and the subject's: what is longer is not read.
+inline constexpr std::uint64_t kMaximumSealedBytes = std::uint64_t{1} << 30U;
+/// So many bytes of segments that no entry names are read of a case that was cut off, all together.
+inline constexpr std::uint64_t kMostBytesFound = std::uint64_t{4} << 30U;
+/// In files that may have holes, since they were cut off, so many bytes of holes are read, all together: a
+/// hole takes no room on a disk, and as long to hash as what does.
+inline constexpr std::uint64_t kMostBytesInHoles = std::uint64_t{1} << 30U;
 /// excerpt.json.
 inline constexpr std::size_t kMaximumExcerptBytes = 4U << 20U;
 /// Longer files are no notes: a checkpoint with a hundred cosignatures is a tenth of it.

@@ -13,6 +13,7 @@
 #include "archive/format/excerpt_document.h"
 #include "archive/format/ledger_entry.h"
 #include "archive/format/line_reader.h"
+#include "archive/format/sealed_file.h"
 #include "archive/storage/file_system.h"
 #include "archive/verify/authority_files.h"
 #include "archive/verify/checkpoint_rules.h"
@@ -313,6 +314,10 @@ void copy_lines(const ReadableFile& ledger, const crypto::Sha256Digest& root, co
 void copy_segment(const CaseFolder& from, const SegmentEntry& segment, const ExcerptOptions& options,
                   ExcerptFolder& to) {
   const ReadableFile source = open_or_refuse(from, segment.file.file);
+  if (const auto why = why_not_sealed(source, segment)) {
+    throw Error("cannot take an excerpt of " + from.path().string() + ": " + segment.file.file + " " + *why +
+                "; see what `kiroku verify` says of the case");
+  }
   const auto copy = to.create(segment.file.file);
   std::vector<std::byte> buffer(kCopyBytes);
   crypto::Sha256 hash;

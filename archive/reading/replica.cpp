@@ -7,6 +7,7 @@
 #include "archive/format/case_folder.h"
 #include "archive/format/case_layout.h"
 #include "archive/format/line_reader.h"
+#include "archive/format/sealed_file.h"
 #include "archive/reading/case_reader.h"
 #include "archive/verify/excerpt_verifier.h"
 #include "base/error.h"
@@ -69,10 +70,14 @@ std::optional<std::string> ledger_problem(const CaseFolder& original, const Case
              : std::optional<std::string>("its ledger is not closed yet");
 }
 
-std::optional<std::string> segment_problem(const CaseFolder& copy, const FileReference& stated) {
+std::optional<std::string> segment_problem(const CaseFolder& copy, const SegmentEntry& segment) {
+  const FileReference& stated = segment.file;
   const FileOpening opening = copy.open_file(stated.file);
   if (!opening.file) {
     return stated.file + " " + opening.explanation;
+  }
+  if (const auto why = why_not_sealed(*opening.file, segment)) {
+    return stated.file + " is not the one that was recorded: it " + *why;
   }
   crypto::Sha256 hash;
   Bytes block(kBlockBytes);
@@ -120,7 +125,7 @@ std::optional<std::string> why_not_replicated(const fs::path& case_folder, const
       if (gone) {
         continue;
       }
-      if (auto problem = segment_problem(copy, segment.file)) {
+      if (auto problem = segment_problem(copy, segment)) {
         return problem;
       }
     }

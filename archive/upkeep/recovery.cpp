@@ -137,7 +137,10 @@ struct Standing {
 class Recovery {
  public:
   Recovery(FileSystem& files, const RecoveryOptions& options, fs::path folder)
-      : files_(files), options_(options), folder_(std::move(folder)) {
+      : files_(files),
+        options_(options),
+        folder_(std::move(folder)),
+        left_to_read_(options.most_found_bytes) {
     result_.case_id = folder_.filename().string();
     result_.folder = folder_;
   }
@@ -285,7 +288,8 @@ class Recovery {
 
   void adopt_segments(StreamStanding& stream, const Moment& at, std::vector<CaseEntryBody>& entries,
                       std::vector<std::string>& cut) {
-    const std::vector<FoundSegment> all = found_segments(files_, folder_, stream.info, stream.next_index);
+    std::vector<FoundSegment> all = found_segments(files_, folder_, stream.info, stream.next_index);
+    leave_what_is_too_large(stream, all, cut);
     const std::uint64_t end = end_of_contents(all);
     for (const FoundSegment& found : all) {
       const std::string name = found.path.filename().string();
@@ -319,6 +323,31 @@ class Recovery {
       stream.end_ns = entry.span.end_ns;
       stream.interruption_stated = false;
       entries.emplace_back(std::move(entry));
+    }
+  }
+
+  /// The start waits for what is read here, so that is bounded: a recorder that dies leaves a few seconds of
+  /// each stream, and whoever writes to the disk a file as long as they like, which may be a hole and take no
+  /// room. From the first file on that is too large the stream's are neither entered nor removed.
+  void leave_what_is_too_large(const StreamStanding& stream, std::vector<FoundSegment>& all,
+                               std::vector<std::string>& cut) {
+    for (auto found = all.begin(); found != all.end(); ++found) {
+      std::error_code error;
+      const std::uint64_t bytes = fs::file_size(found->path, error);
+      const bool one_is = bytes > kMaximumSealedBytes;
+      if (!error && !one_is && bytes <= left_to_read_) {
+        left_to_read_ -= bytes;
+        continue;
+      }
+      const std::string why =
+          error    ? "it cannot be examined: " + error.message()
+          : one_is ? "it has " + count_of(bytes, "byte", "bytes") + ", and a segment at most 1 GiB"
+                   : "more lies there without an entry than a recorder that dies leaves";
+      cut.push_back(stream.info.name + "/" + found->path.filename().string() +
+                    " and what follows it, left as they are: " + why);
+      result_.problem = found->path.string() + " is left as it is: " + why;
+      all.erase(found, all.end());
+      return;
     }
   }
 
@@ -411,6 +440,7 @@ class Recovery {
   fs::path folder_;
   Standing standing_;
   std::unique_ptr<CaseWriter> writer_;
+  std::uint64_t left_to_read_;
   CaseRecovery result_;
 };
 

@@ -10,6 +10,7 @@
 #include <string>
 #include <vector>
 
+#include "archive/format/limits.h"
 #include "archive/storage/recording_lock.h"
 #include "archive/writing/case_writer.h"
 #include "timestamp/token_verifier.h"
@@ -53,6 +54,8 @@ struct RecoveryOptions {
   /// unless it carries on one that announces it, with the same subject.
   std::function<std::string(const CutOffCase&)> carry_on;
   std::function<UtcTime()> now = utc_now;
+  /// Of segments that no entry names so many bytes are taken up of a case; what is beyond is left as it is.
+  std::uint64_t most_found_bytes = kMostBytesFound;
 };
 
 /// What became of one unfinished case.

@@ -6,6 +6,7 @@
 
 #include "archive/format/age_layout.h"
 #include "archive/format/case_layout.h"
+#include "archive/format/sealed_file.h"
 #include "archive/verify/found_files.h"
 #include "base/error.h"
 #include "crypto/age_file.h"
@@ -198,6 +199,10 @@ std::optional<FileChecker::Hashed> FileChecker::hash_file(const FileJob& job, co
     report_progress(file.size());
     return std::nullopt;
   }
+  if (!may_be_read(job, file)) {
+    report_progress(file.size());
+    return std::nullopt;
+  }
   file.expect_sequential_reading();
   hashed.trail = std::make_shared<const crypto::HashTrail>(
       crypto::HashTrail::of(file, begin, [this](std::uint64_t more) { report_progress(more); }));
@@ -206,6 +211,47 @@ std::optional<FileChecker::Hashed> FileChecker::hash_file(const FileJob& job, co
   ++files_;
   bytes_ += hashed.trail->end();
   return hashed;
+}
+
+// A file that takes no room on a disk can be as long as one likes, and so can one file under many names: what
+// is read must have been written by whoever made the folder.
+bool FileChecker::may_be_read(const FileJob& job, const ReadableFile& file) {
+  Place place{job.expected.file, job.entry};
+  if (file.size() > kMaximumSealedBytes) {
+    findings_->add(
+        "file-too-large", place,
+        job.expected.file + " has " + digits(file.size()) + " bytes, more than 1 GiB: it was not read");
+    return false;
+  }
+  if (const auto inode = file.shared_inode()) {
+    const std::lock_guard lock(mutex_);
+    if (!shared_inodes_.insert(*inode).second) {
+      findings_->add(
+          "file-not-regular", place,
+          job.expected.file + " is a second name of another file of the case: it was not read again");
+      return false;
+    }
+  }
+  const std::optional<std::uint64_t> hole = file.first_hole();
+  if (!hole) {
+    return true;
+  }
+  const bool was_sealed = !job.segment || !may_have_holes(*job.segment);
+  if (!was_sealed) {
+    const std::uint64_t bytes = file.hole_bytes();
+    const std::lock_guard lock(mutex_);
+    if (bytes <= left_in_holes_) {
+      left_in_holes_ -= bytes;
+      return true;
+    }
+  }
+  place.offset = hole;
+  findings_->add(
+      "file-has-hole", place,
+      job.expected.file + " has a hole from byte " + digits(*hole) +
+          (was_sealed ? " on, where no recorder leaves one: it was not read"
+                      : " on, and there are more of them than a power cut leaves: it was not read"));
+  return false;
 }
 
 FileChecker::Opened FileChecker::try_opening(const FileJob& job, const crypto::HashedSource& sealed,

@@ -13,10 +13,12 @@
 #include <set>
 #include <string>
 #include <thread>
+#include <utility>
 #include <vector>
 
 #include "archive/format/case_folder.h"
 #include "archive/format/ledger_entry.h"
+#include "archive/format/limits.h"
 #include "archive/verify/finding_list.h"
 #include "archive/verify/report.h"
 #include "archive/verify/verify_options.h"
@@ -87,6 +89,8 @@ class FileChecker {
   void check_one(const FileJob& job);
   /// Nothing where it was not compared; a finding says why.
   std::optional<Hashed> hash_file(const FileJob& job, const ReadableFile& file);
+  /// Whether reading it takes no longer than writing it took; else a finding says why not.
+  bool may_be_read(const FileJob& job, const ReadableFile& file);
   Opened try_opening(const FileJob& job, const crypto::HashedSource& sealed, bool intact) const;
   void report_lost_part(const FileJob& job, const Opened& opened);
   void report_damage(const FileJob& job, const Opened& opened);
@@ -117,6 +121,8 @@ class FileChecker {
   std::set<std::string> streams_not_decrypted_;
   std::set<std::string> own_recipients_;  // of the identities given; unchanged while workers run
   OpenedContents contents_;
+  std::set<std::pair<std::uint64_t, std::uint64_t>> shared_inodes_;  // of files with several names
+  std::uint64_t left_in_holes_ = kMostBytesInHoles;
   std::map<std::string, HeldSegments> held_;
   std::uint64_t files_ = 0;
   std::uint64_t bytes_ = 0;

@@ -100,7 +100,12 @@ inline constexpr auto kFindingCodes = std::to_array<FindingCode>({
      "the clock of one of the two is wrong"},
     {"clock-contradicted", Severity::kTampered,
      "time between two trusted outside tokens differs from the case clock by more than accuracies, round "
-     "trips, 2 s and 0.02 %"},
+     "trips, stated slews, 2 s and 0.02 %, and so, over the same time and the same way, does that of another "
+     "outside authority"},
+    {"authority-clock-differs", Severity::kUnproven,
+     "the same of one outside authority alone: its clock was set, or the case clock is made up"},
+    {"authority-clock-set", Severity::kNote,
+     "the same of one outside authority, while another one's clock went on as the case clock did"},
     {"clock-disagreement", Severity::kUnproven,
      "the same between tokens that are self-issued or not trusted, where no stated step of the wall clock "
      "explains it: it was probably set"},
@@ -152,11 +157,18 @@ inline constexpr auto kFindingCodes = std::to_array<FindingCode>({
     // -- files
     {"file-missing", Severity::kTampered, "a file that the ledger names is not there"},
     {"file-size-differs", Severity::kTampered, "a file has not the size the ledger states"},
+    {"file-too-large", Severity::kTampered,
+     "a segment or the subject has more than 1 GiB, and so has its entry; it was not read"},
+    {"file-has-hole", Severity::kTampered,
+     "a sealed file has a hole, which takes no room on the disk and which no recorder leaves; it was not "
+     "read; "
+     "offset: where the hole begins"},
     {"file-hash-differs", Severity::kTampered,
      "a file has not the hash the ledger states; offset, with an identity: the first chunk that does not "
      "decrypt, or that changed while it was checked"},
     {"file-unnamed", Severity::kTampered, "a file or folder that nothing names"},
-    {"file-not-regular", Severity::kTampered, "a symbolic link or special file"},
+    {"file-not-regular", Severity::kTampered,
+     "a symbolic link, a special file or a second name of another file"},
     {"name-clash", Severity::kTampered, "two names differ only in case"},
     {"file-unreadable", Severity::kUnproven, "a file cannot be read by this user or from this disk"},
     {"authority-file-malformed", Severity::kNote,

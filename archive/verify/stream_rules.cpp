@@ -138,7 +138,9 @@ void StreamRules::take(const GapEntry& gap, std::uint64_t entry) {
   findings_->add("gap", {std::string(kLedgerFile), entry},
                  report_.info.name + " was not recorded from " + text_of(gap.span) + " (" +
                      std::string(gap_cause_name(gap.cause)) + ")");
-  report_.gap_ns += gap.span.end_ns - gap.span.start_ns;
+  // Gaps that overlap, as somebody may state them, can add up to more than a number holds.
+  const std::int64_t gap_ns = gap.span.end_ns - gap.span.start_ns;
+  report_.gap_ns = gap_ns > INT64_MAX - report_.gap_ns ? INT64_MAX : report_.gap_ns + gap_ns;
   take_interruption();
   all_gaps_ = {std::min(all_gaps_.value_or(gap.span).start_ns, gap.span.start_ns),
                std::max(all_gaps_.value_or(gap.span).end_ns, gap.span.end_ns)};

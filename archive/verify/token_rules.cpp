@@ -266,7 +266,16 @@ void TokenRules::check_elapsed(const TokenEntry& token, const Earlier& now) {
                                  (now.slewed_ns - before.slewed_ns);
   // After close the case clock stands: a token may come hours or years later.
   const bool stands = close_ && now.checkpoint > *close_;
+  const bool outside = now.external && before.external;
   if (elapsed >= shortest - tolerance && (stands || elapsed <= longest + tolerance)) {
+    if (outside && !stands) {
+      std::vector<Span>& agreeing = agreeing_[token.authority];
+      if (!agreeing.empty() && agreeing.back().end_ns == before.mono_ns) {
+        agreeing.back().end_ns = now.mono_ns;
+      } else {
+        agreeing.push_back({before.mono_ns, now.mono_ns});
+      }
+    }
     return;
   }
   const Place place{token.file, now.entry};
@@ -274,12 +283,43 @@ void TokenRules::check_elapsed(const TokenEntry& token, const Earlier& now) {
                            std::to_string(before.entry) + " and " + std::to_string(now.entry) +
                            " its clock went on by " + seconds(elapsed) + " and the case clock by " +
                            seconds(shortest) + " to " + seconds(longest);
-  if (now.external && before.external) {
-    findings_->add("clock-contradicted", place, text);
+  if (outside) {
+    contradictions_.push_back(
+        {place, text, token.authority, {before.mono_ns, now.mono_ns}, elapsed > longest});
   } else {
     const std::int64_t excess =
         std::max(shortest - tolerance - elapsed, stands ? 0 : elapsed - longest - tolerance);
     disagreements_.push_back({place, text, before.mono_ns, now.mono_ns, excess});
+  }
+}
+
+bool TokenRules::is_confirmed(const Contradiction& one) const {
+  return std::any_of(agreeing_.begin(), agreeing_.end(), [&](const auto& each) {
+    const auto& [authority, spans] = each;
+    return authority != one.authority && std::any_of(spans.begin(), spans.end(), [&](const Span& span) {
+             return span.start_ns <= one.span.start_ns && one.span.end_ns <= span.end_ns;
+           });
+  });
+}
+
+// An authority may set its own clock right, and who holds the device key may state a case clock of their own.
+// One authority cannot tell the two apart: what it says then proves no time, as if it had not been asked. Two
+// that do not know of each other do not set theirs at the same time, by the same way.
+void TokenRules::report_contradictions() {
+  for (const Contradiction& one : contradictions_) {
+    const bool shared =
+        std::any_of(contradictions_.begin(), contradictions_.end(), [&](const Contradiction& other) {
+          return other.authority != one.authority && other.ahead == one.ahead &&
+                 other.span.start_ns < one.span.end_ns && one.span.start_ns < other.span.end_ns;
+        });
+    if (shared) {
+      findings_->add("clock-contradicted", one.place, one.text + ", and so did another authority's");
+    } else if (is_confirmed(one)) {
+      findings_->add("authority-clock-set", one.place,
+                     one.text + ", and that of another authority as the case clock");
+    } else {
+      findings_->add("authority-clock-differs", one.place, one.text + ": one of the two was set");
+    }
   }
 }
 
@@ -367,6 +407,7 @@ void TokenRules::compare_clocks(const TokenEntry& token, bool outside) {
 }
 
 void TokenRules::finish(bool whole_case) {
+  report_contradictions();
   report_disagreements();
   if (count_ == 0) {
     findings_->add("no-token", {},

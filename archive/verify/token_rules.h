@@ -84,6 +84,13 @@ class TokenRules {
     std::int64_t from_ns = 0, until_ns = 0;  // the entries of both
     std::int64_t excess_ns = 0;              // beyond what is tolerated
   };
+  /// Of two tokens' clock, which is vouched for from outside, with the case clock.
+  struct Contradiction {
+    Place place;
+    std::string text, authority;
+    Span span;           // the entries of both
+    bool ahead = false;  // the authority's clock went on by more than the case clock
+  };
   struct Untrusted {
     std::uint64_t checkpoint = 0, entry = 0;
     std::string file, explanation;
@@ -109,6 +116,10 @@ class TokenRules {
   void check_exchange(const TokenEntry& token, std::uint64_t entry, std::int64_t mono_ns);
   void check_elapsed(const TokenEntry& token, const Earlier& now);
   void compare_clocks(const TokenEntry& token, bool outside);
+  /// Says which clock is wrong, as far as other outside authorities tell.
+  void report_contradictions();
+  /// Whether another outside authority's clock went on as the case clock did over that time.
+  [[nodiscard]] bool is_confirmed(const Contradiction& one) const;
   /// Adds what no stated step of the wall clock explains.
   void report_disagreements();
   /// How much slews may have moved the case clock, all in all, up to this time.
@@ -139,6 +150,9 @@ class TokenRules {
   Slew slew_;
   std::vector<Step> steps_;
   std::vector<Disagreement> disagreements_;
+  std::vector<Contradiction> contradictions_;
+  std::map<std::string, std::vector<Span>>
+      agreeing_;  // by outside authority: where its clock is as the case's
   bool recovered_ = false;
   std::optional<std::uint64_t> close_;
   std::uint64_t largest_checkpoint_ = 0;

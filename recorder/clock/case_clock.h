@@ -1,5 +1,6 @@
-// The one clock of a case: nanoseconds of CLOCK_MONOTONIC since it was started. Thread-safe but for
-// restart().
+// The one clock of a case: nanoseconds of CLOCK_BOOTTIME since it was started. A machine that sleeps loses
+// that time, and the case says so: by CLOCK_MONOTONIC it would be missing without a trace. Thread-safe but
+// for restart().
 #pragma once
 
 #include <chrono>
@@ -13,18 +14,18 @@ namespace kiroku::recorder {
 class CaseClock {
  public:
   /// Starts at zero now. `time` must outlive the clock and its copies.
-  explicit CaseClock(const Clock& time = Clock::system()) : time_(&time), zero_(time.now()) {}
+  explicit CaseClock(const Clock& time = Clock::system()) : time_(&time), zero_(time.since_boot()) {}
   /// The clock of another process of this machine, by its zero_ns().
-  explicit CaseClock(std::int64_t zero_ns)
-      : time_(&Clock::system()), zero_(std::chrono::nanoseconds(zero_ns)) {}
+  explicit CaseClock(std::int64_t zero_ns) : time_(&Clock::system()), zero_(zero_ns) {}
   /// Zero is now: when every source is open and the case begins, before any thread reads the clock.
-  void restart() { zero_ = time_->now(); }
-  [[nodiscard]] std::int64_t now_ns() const { return at_ns(time_->now()); }
-  [[nodiscard]] std::int64_t at_ns(Clock::Time time) const {
-    return std::chrono::duration_cast<std::chrono::nanoseconds>(time - zero_).count();
+  void restart() { zero_ = time_->since_boot(); }
+  [[nodiscard]] std::int64_t now_ns() const { return at_ns(time_->since_boot()); }
+  /// Of a reading of Clock::since_boot().
+  [[nodiscard]] std::int64_t at_ns(std::chrono::nanoseconds since_boot) const {
+    return (since_boot - zero_).count();
   }
-  /// Its zero on CLOCK_MONOTONIC.
-  [[nodiscard]] std::int64_t zero_ns() const { return -at_ns({}); }
+  /// Its zero on CLOCK_BOOTTIME.
+  [[nodiscard]] std::int64_t zero_ns() const { return zero_.count(); }
   /// Case-clock time with the machine's opinion of UTC beside it.
   [[nodiscard]] archive::Moment moment() const { return {time_->utc(), now_ns()}; }
   /// What it counts.
@@ -32,7 +33,7 @@ class CaseClock {
 
  private:
   const Clock* time_;
-  Clock::Time zero_;
+  std::chrono::nanoseconds zero_;
 };
 
 }  // namespace kiroku::recorder

@@ -37,7 +37,8 @@ ClockReading read_clocks(const CaseClock& clock) {
     const std::int64_t before_ns = clock.now_ns();
     ClockReading reading;
     reading.wall_ns = read(CLOCK_REALTIME);
-    reading.raw_ns = read(CLOCK_MONOTONIC_RAW);
+    const std::chrono::nanoseconds slept = clock.time().since_boot() - clock.time().now().time_since_epoch();
+    reading.raw_ns = read(CLOCK_MONOTONIC_RAW) + slept.count();
     const std::int64_t after_ns = clock.now_ns();
     reading.case_ns = before_ns + (after_ns - before_ns) / 2;
     reading.uncertainty_ns = after_ns - before_ns;

@@ -1,6 +1,6 @@
 // The state of the machine's clocks, for `clock` entries. One thread.
 //
-// A step changes CLOCK_REALTIME against CLOCK_MONOTONIC, at once. A slew changes the rate of both, and so of
+// A step changes CLOCK_REALTIME against CLOCK_BOOTTIME, at once. A slew changes the rate of both, and so of
 // the case clock, against CLOCK_MONOTONIC_RAW, which nobody corrects; a synchronised machine always has some
 // such rate, since it corrects its crystal.
 #pragma once
@@ -17,9 +17,9 @@ namespace kiroku::recorder {
 
 /// All clocks at one instant.
 struct ClockReading {
-  std::int64_t case_ns = 0;         // CLOCK_MONOTONIC since open
+  std::int64_t case_ns = 0;         // CLOCK_BOOTTIME since open
   std::int64_t wall_ns = 0;         // CLOCK_REALTIME since 1970
-  std::int64_t raw_ns = 0;          // CLOCK_MONOTONIC_RAW
+  std::int64_t raw_ns = 0;          // CLOCK_MONOTONIC_RAW, and the time that the machine slept
   std::int64_t uncertainty_ns = 0;  // how far apart the three instants may be
 };
 /// Read several times where the thread was interrupted in between; the closest ones count.

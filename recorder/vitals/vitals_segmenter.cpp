@@ -62,6 +62,17 @@ void VitalsSegmenter::add(const media::VitalLine& line) {
   ++samples_;
 }
 
+std::int64_t VitalsSegmenter::pass_over(std::int64_t until_ns) {
+  // A segment with a sample spans at least that sample's instant.
+  const std::int64_t end_ns = open_ && segment_samples_ > 0 ? floor_ns_ + 1 : floor_ns_;
+  if (finished_ || until_ns < end_ns) {
+    throw Error("a stream of vital signs went back in time, or on after its end; its source is at fault");
+  }
+  if (open_ || end_ns > start_ns_) end_at(end_ns);
+  start_ns_ = floor_ns_ = until_ns;
+  return end_ns;
+}
+
 void VitalsSegmenter::finish(std::int64_t end_ns) {
   // A segment with a sample spans at least that sample's instant.
   const std::int64_t last_ns = std::max(end_ns, open_ && segment_samples_ > 0 ? floor_ns_ + 1 : floor_ns_);

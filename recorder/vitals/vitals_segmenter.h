@@ -34,9 +34,14 @@ class VitalsSegmenter {
   void add(const media::VitalLine& line);
   /// Nothing with time_ns < `now_ns` will come any more: ends the segments that lie wholly before.
   void advance_to(std::int64_t now_ns);
+  /// Nothing was recorded from the last advance_to() or line until `until_ns`: the open segment ends before,
+  /// the next one begins then. Where what was recorded ends; `until_ns` must not be before that.
+  std::int64_t pass_over(std::int64_t until_ns);
   /// Ends the last segment at `end_ns`, or just after the last sample if that is later. Nothing may follow.
   void finish(std::int64_t end_ns);
 
+  /// No line before it is taken any more.
+  [[nodiscard]] std::int64_t floor_ns() const { return floor_ns_; }
   [[nodiscard]] std::uint64_t samples() const { return samples_; }
   [[nodiscard]] std::uint64_t segments() const { return next_index_; }
 

@@ -1,4 +1,5 @@
 // Attacks on the files of a case.
+#include <functional>
 #include <sys/stat.h>
 #include <unistd.h>
 
@@ -21,6 +22,19 @@ std::string with_another_header(const fs::path& file) {
   std::uint64_t old_header = 0;
   const Bytes header = crypto::rekey_header(*source, archive.identities(), archive.recipients(), old_header);
   return std::string(text_of(header)) + read_file(file).substr(old_header);
+}
+
+/// The file becomes a hole of so many bytes, and the entry states them.
+void make_a_hole(AttackedCase& victim, const std::string& file, std::uint64_t entry, std::uint64_t bytes) {
+  fs::resize_file(victim / file, 0);
+  fs::resize_file(victim / file, bytes);
+  victim.edit(entry, [&](archive::CaseEntry& each) {
+    if (auto* open = std::get_if<archive::OpenEntry>(&each.body)) {
+      open->subject->bytes = bytes;
+    } else {
+      std::get<archive::SegmentEntry>(each.body).file.bytes = bytes;
+    }
+  });
 }
 
 class AttackOnFiles : public ::testing::TestWithParam<Attack> {};
@@ -46,6 +60,15 @@ INSTANTIATE_TEST_SUITE_P(
                [](AttackedCase& c) { write_file(c / kFilm1, read_file(c / kFilm1) + "x"); },
                "file-size-differs", kFilm1, 4},
         Attack{"SegmentEmptied", [](AttackedCase& c) { fs::resize_file(c / kFilm1, 0); }, "file-size-differs",
+               kFilm1, 4},
+        Attack{"SegmentThatIsAHoleOf8Tebibytes",
+               [](AttackedCase& c) { make_a_hole(c, kFilm1, 4, std::uint64_t{8} << 40U); }, "file-too-large",
+               kFilm1, 4},
+        Attack{"SubjectThatIsAHoleOf8Tebibytes",
+               [](AttackedCase& c) { make_a_hole(c, "subject.json.age", 0, std::uint64_t{8} << 40U); },
+               "file-too-large", "subject.json.age", 0},
+        Attack{"SegmentThatIsAHoleOfAGibibyte",
+               [](AttackedCase& c) { make_a_hole(c, kFilm1, 4, std::uint64_t{1} << 30U); }, "file-has-hole",
                kFilm1, 4},
         Attack{"SegmentOfAnotherCase",
                [](AttackedCase& c) { write_file(c / kFilm1, read_file(SoundCases::get().second / kFilm1)); },
@@ -181,6 +204,57 @@ INSTANTIATE_TEST_SUITE_P(
         Attack{"AllSegmentsRemoved", [](AttackedCase& c) { fs::remove_all(c / "segments"); }, "file-missing",
                kFilm0, 3}),
     name_of);
+
+/// Which of them is read is left to chance.
+TEST(AttackOnFilesWithoutRoom, AFileUnderTwoNamesIsReadOnce) {
+  AttackedCase victim;
+  fs::remove(victim / kFilm1);
+  fs::create_hard_link(victim / kFilm0, victim / kFilm1);
+  const auto stated = archive::parse_case_entry(victim.lines().at(3)).entry.value();
+  victim.edit(4, [&](archive::CaseEntry& each) {
+    auto& file = std::get<archive::SegmentEntry>(each.body).file;
+    const std::string name = file.file;
+    file = std::get<archive::SegmentEntry>(stated.body).file;
+    file.file = name;
+  });
+  const archive::VerificationReport report = victim.verify();
+  EXPECT_THAT(summary(report), ::testing::HasSubstr("file-not-regular segments/endoscope/0000000"));
+}
+
+TEST(AttackOnFilesWithoutRoom, ACopyOfACaseByHardLinksIsIntact) {
+  AttackedCase victim;
+  for (const auto& file : fs::recursive_directory_iterator(victim.folder())) {
+    if (file.is_regular_file()) {
+      fs::create_hard_link(file,
+                           victim.outside(std::to_string(std::hash<std::string>{}(file.path().string()))));
+    }
+  }
+  EXPECT_EQ(summary(victim.verify()), "intact");
+}
+
+/// A power cut leaves files with holes, but no hour of reading.
+TEST(AttackOnFilesWithoutRoom, OfCutOffFilesSoManyHolesAreReadAndNoMore) {
+  constexpr std::uint64_t kHole = std::uint64_t{600} << 20U;
+  AttackedCase victim;
+  for (std::uint64_t entry = 3; entry <= 4; ++entry) {
+    const std::string name = "segments/endoscope/0000000" + std::to_string(entry - 3) + ".ts.age";
+    fs::rename(victim / name, victim / (name + ".part"));
+    make_a_hole(victim, name + ".part", entry, kHole);
+    victim.edit(entry, [&](archive::CaseEntry& each) {
+      auto& segment = std::get<archive::SegmentEntry>(each.body);
+      segment.complete = segment.counted = false;
+      segment.file.file += ".part";
+    });
+  }
+  std::size_t read = 0, left = 0;
+  const archive::VerificationReport report = victim.verify();
+  for (const archive::Finding& finding : report.findings) {
+    read += finding.code == "file-hash-differs" ? 1U : 0U;
+    left += finding.code == "file-has-hole" ? 1U : 0U;
+  }
+  EXPECT_EQ(read, 1U) << details(report);
+  EXPECT_EQ(left, 1U) << details(report);
+}
 
 TEST(AttackOnFilesOfSomebodyElse, AFileThatMayNotBeReadIsUnprovenAndNotTampered) {
   if (geteuid() == 0) {

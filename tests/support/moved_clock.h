@@ -24,6 +24,10 @@ class MovedClock final : public Clock {
     const std::lock_guard guard(mutex_);
     return utc_;
   }
+  [[nodiscard]] Duration since_boot() const override {
+    const std::lock_guard guard(mutex_);
+    return now_.time_since_epoch() + suspended_;
+  }
   using Clock::wait_until;
   void wait_until(std::condition_variable& changed, std::unique_lock<std::mutex>& lock,
                   Time deadline) const override {
@@ -55,6 +59,12 @@ class MovedClock final : public Clock {
       lock.lock();
     }
   }
+  /// The machine sleeps: no wait ends.
+  void suspend(Duration by) {
+    const std::lock_guard guard(mutex_);
+    suspended_ += by;
+    utc_ += std::chrono::floor<UtcTime::duration>(by);
+  }
   /// Somebody sets the wall clock.
   void set_utc(UtcTime utc) {
     const std::lock_guard guard(mutex_);
@@ -84,6 +94,7 @@ class MovedClock final : public Clock {
   mutable std::condition_variable waits_;
   mutable std::list<Waiting> waiting_;
   Time now_ = Time(std::chrono::hours(1));
+  Duration suspended_{0};
   UtcTime utc_;
 };
 

@@ -7,6 +7,7 @@
 #include "archive/format/case_folder.h"
 #include "archive/format/case_layout.h"
 #include "archive/format/excerpt_document.h"
+#include "archive/format/limits.h"
 #include "archive/format/line_reader.h"
 #include "archive/verify/excerpt_verifier.h"
 #include "base/error.h"
@@ -107,6 +108,10 @@ CaseFacts read_facts(const std::filesystem::path& path, const archive::Verificat
   if (facts.excerpt) take_lines(facts, open_or_throw(folder, archive::kExcerptOpenFile), 1, tree);
   // The hash that a document states and the lines that it tells of are of the same bytes.
   const archive::ReadableFile file = open_or_throw(folder, name);
+  if (file.hole_bytes() > archive::kMostBytesOfLine) {
+    throw Error("cannot report on " + path.string() + ": " + name +
+                " has a hole, which can be as long as one likes; see what `kiroku verify` says of the case");
+  }
   const auto trail = std::make_shared<const crypto::HashTrail>(crypto::HashTrail::of(file));
   const crypto::HashedSource hashed(file, trail, (path / name).string());
   const bool is_judged = verification != nullptr && verification->lines_root;

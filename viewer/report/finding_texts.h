@@ -84,7 +84,15 @@ inline constexpr auto kFindingTexts = std::to_array<FindingText>({
      "秒を超えて後の時刻を持つ別の認証局の項目を覆っている。一方の時計が誤って"
      "いる。"},
     {"clock-contradicted", Check::kTime,
-     "信頼された外部タイムスタンプ間の時間が、精度・往復時間・2 秒・0.02 % を超えて症例時計と食い違う。"},
+     "信頼された外部タイムスタンプ間の時間が、精度・往復時間・2 秒・0.02 % "
+     "を超えて症例時計と食い違い、別の外部認証"
+     "局でも同じ期間に同じ向きに食い違う。"},
+    {"authority-clock-differs", Check::kTime,
+     "一つの外部認証局だけで、タイムスタンプ間の時間が症例時計と食い違う。認証局の時計が合わせられたか、症例"
+     "時計が"
+     "偽りである。"},
+    {"authority-clock-set", Check::kTime,
+     "一つの外部認証局の時計が症例時計と食い違うが、別の外部認証局の時計は症例時計と一致する。"},
     {"clock-disagreement", Check::kTime,
      "内蔵または未信頼の認証局のタイムスタンプ間の時間が症例時計と食い違い、記載された時計合わせでは説明でき"
      "ない。"},
@@ -130,9 +138,12 @@ inline constexpr auto kFindingTexts = std::to_array<FindingText>({
     {"erased-file-present", Check::kFiles, "消去と記入された区間がまだ存在する。"},
     {"file-missing", Check::kFiles, "台帳に記載のファイルが存在しない。"},
     {"file-size-differs", Check::kFiles, "ファイルの大きさが台帳の記載と異なる。"},
+    {"file-too-large", Check::kFiles, "1 GiB を超える区間または患者情報があり、読まなかった。"},
+    {"file-has-hole", Check::kFiles,
+     "封印されたファイルに穴（ディスク上に実体のない部分）があり、読まなかった。記録装置はこれを残さない。"},
     {"file-hash-differs", Check::kFiles, "ファイルのハッシュ値が台帳の記載と異なる。"},
     {"file-unnamed", Check::kFiles, "どこにも記載のないファイルまたはフォルダーがある。"},
-    {"file-not-regular", Check::kFiles, "シンボリックリンクまたは特殊ファイルがある。"},
+    {"file-not-regular", Check::kFiles, "シンボリックリンク、特殊ファイル、または同じファイルの別名がある。"},
     {"name-clash", Check::kFiles, "大文字・小文字だけが異なる二つの名前がある。"},
     {"file-unreadable", Check::kFiles, "この利用者またはこのディスクでは読めないファイルがある。"},
     {"part-file", Check::kFiles, "記録が止まったとき（または現在）書き込み中のファイルがある。"},

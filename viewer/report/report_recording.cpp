@@ -156,6 +156,8 @@ std::string ReportMaker::cause_words(archive::GapCause cause) const {
       return words("cause.format-change");
     case archive::GapCause::kPaused:
       return words("cause.paused");
+    case archive::GapCause::kSuspended:
+      return words("cause.suspended");
     case archive::GapCause::kInterrupted:
       break;
   }

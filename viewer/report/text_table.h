@@ -327,6 +327,7 @@ inline constexpr auto kTexts = std::to_array<Text>({
     {"cause.device-removed", "the capture device was removed", "取込装置の取り外し"},
     {"cause.format-change", "the format of the signal changed", "信号形式の変化"},
     {"cause.paused", "paused", "一時停止"},
+    {"cause.suspended", "the recorder's machine slept", "記録装置のスリープ"},
     {"cause.interrupted", "the recorder was interrupted", "記録装置の中断"},
     // -- time
     {"time.lead",

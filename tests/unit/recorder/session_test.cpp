@@ -1,5 +1,7 @@
 #include "recorder/session.h"
 
+#include <atomic>
+#include <cstdlib>
 #include <fstream>
 #include <thread>
 
@@ -135,6 +137,60 @@ TEST(SessionRealTime, KeepsPaceWithTheClockAndEndsAtTheDuration) {
     }
   }
   EXPECT_THAT(recorded.broken_rules(), IsEmpty());
+}
+
+/// A machine that sleeps when a test says so.
+class SleepyClock final : public Clock {
+ public:
+  [[nodiscard]] Time now() const override { return system().now(); }
+  [[nodiscard]] Duration since_boot() const override { return system().since_boot() + slept_.load(); }
+  [[nodiscard]] UtcTime utc() const override {
+    return system().utc() + std::chrono::floor<UtcTime::duration>(slept_.load());
+  }
+  using Clock::wait_until;
+  void wait_until(std::condition_variable& changed, std::unique_lock<std::mutex>& lock,
+                  Time deadline) const override {
+    system().wait_until(changed, lock, deadline);
+  }
+  void sleep(Duration by) { slept_ = slept_.load() + by; }
+
+ private:
+  std::atomic<Duration> slept_{Duration(0)};
+};
+
+TEST(Session, StatesTheTimeInWhichTheMachineSlept) {
+  const RecorderBench bench;
+  SleepyClock clock;
+  SessionOptions options = bench.options();
+  options.video = {bench.stream("endoscope", "synthetic:pattern?size=64x48&rate=20")};
+  options.time = &clock;
+  std::filesystem::path folder;
+  {
+    Session session(options);
+    bool slept = false;
+    std::uint64_t frames_then = 0;
+    folder = session
+                 .run([&](const SessionStatus& status) {
+                   const std::uint64_t frames = status.streams.front().frames;
+                   if (!slept && frames >= 10) {
+                     clock.sleep(60s);
+                     slept = true;
+                     frames_then = frames;
+                   } else if (slept && frames >= frames_then + 10) {
+                     session.stop();
+                   }
+                 })
+                 .folder;
+  }
+  const RecordedCase recorded = bench.read(folder);
+  const auto gaps = recorded.gaps("endoscope");
+  ASSERT_THAT(gaps, SizeIs(1));
+  EXPECT_EQ(gaps[0].cause, GapCause::kSuspended);
+  EXPECT_GE(gaps[0].span.end_ns - gaps[0].span.start_ns, 59 * kSecond);
+  EXPECT_THAT(recorded.broken_rules(), IsEmpty());
+  for (const auto& each : recorded.all<archive::ClockEntry>()) {
+    EXPECT_LT(std::abs(each.rate_ppb.value_or(0)), 1'000'000) << "the sleep passes for a slew";
+  }
 }
 
 TEST(Session, ClosesProperlyWhenStopped) {

@@ -68,6 +68,17 @@ TEST_F(Excerpt, VerifiesByItself) {
   EXPECT_FALSE(fs::exists(excerpt() / "subject.json.age"));
 }
 
+TEST_F(Excerpt, CopiesNoHoleOfTebibytes) {
+  fs::resize_file(folder_ / "segments/endoscope/00000001.ts.age", std::uintmax_t{8} << 40U);
+  try {
+    make(middle());
+    FAIL() << "an excerpt was made";
+  } catch (const Error& error) {
+    EXPECT_THAT(error.what(), testing::HasSubstr("00000001.ts.age has 8796093022208 bytes, not "));
+  }
+  EXPECT_FALSE(fs::exists(excerpt()));
+}
+
 TEST_F(Excerpt, OfEverythingVerifies) {
   ExcerptOptions options;
   options.to_ns = 3600 * kSecond;

@@ -55,6 +55,11 @@ TEST_F(ReplicaTest, EveryDoubtIsAReason) {
   EXPECT_THAT(why_not_replicated(folder_, "endoscope", copy_ / "nowhere"), Optional(HasSubstr("no copy")));
 }
 
+TEST_F(ReplicaTest, AHoleOfTebibytesIsNotRead) {
+  fs::resize_file(copy_ / "segments/endoscope/00000001.ts.age", std::uintmax_t{8} << 40U);
+  EXPECT_THAT(why_not(), Optional(HasSubstr("it has 8796093022208 bytes")));
+}
+
 TEST_F(ReplicaTest, ItsLedgerMustBeThisOne) {
   const fs::path ledger = copy_ / "ledger.jsonl";
   std::fstream changed(ledger, std::ios::in | std::ios::out);

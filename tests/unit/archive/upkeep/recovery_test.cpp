@@ -420,6 +420,51 @@ TEST_F(RecoveryTest, AFolderThatNobodyCanReadKeepsTheRecorderFromNothing) {
   }
 }
 
+// The start waits for recovery: a file of 8 TiB takes no room on the disk and three hours to read.
+TEST_F(RecoveryTest, LeavesAPartAsideThatIsAHoleOfTebibytes) {
+  fs::path folder;
+  {
+    SampleCase sample(archive_);
+    sample.record();
+    folder = sample.folder();
+    sample.writer().begin_segment(0, 3)->write(Bytes(200'000, std::byte{7}));
+    sample.writer().begin_segment(1, 1)->write(Bytes(200'000, std::byte{7}));
+  }
+  const fs::path hole = folder / "segments/endoscope/00000003.ts.age.part";
+  fs::resize_file(hole, std::uintmax_t{8} << 40U);
+  const auto results = recover();
+  ASSERT_EQ(results.size(), 1U);
+  EXPECT_EQ(results[0].outcome, CaseRecovery::Outcome::kRecovered);
+  EXPECT_THAT(results[0].problem,
+              HasSubstr("00000003.ts.age.part is left as it is: it has 8796093022208 bytes"));
+  EXPECT_THAT(results[0].truncated, HasSubstr("endoscope/00000003.ts.age.part and what follows it, left"));
+  EXPECT_EQ(results[0].segments, 1U) << "the other stream's";
+  EXPECT_TRUE(fs::exists(hole));
+  const VerificationReport report = verify(folder);
+  EXPECT_EQ(report.verdict, Verdict::kIntactWithGaps);
+  EXPECT_THAT(codes(report), Contains("part-file"));
+  EXPECT_THAT(recover(), IsEmpty());
+}
+
+TEST_F(RecoveryTest, TakesUpNoMoreThanARecorderThatDiesLeaves) {
+  fs::path folder;
+  {
+    SampleCase sample(archive_);
+    sample.record();
+    folder = sample.folder();
+    for (std::uint64_t index = 3; index < 6; ++index) {
+      sample.writer().begin_segment(0, index)->write(Bytes(200'000, std::byte{7}));
+    }
+  }
+  RecoveryOptions limited = options();
+  limited.most_found_bytes = 500'000;
+  const auto results = recover(limited);
+  ASSERT_EQ(results.size(), 1U);
+  EXPECT_EQ(results[0].segments, 2U);
+  EXPECT_THAT(results[0].problem, HasSubstr("00000005.ts.age.part is left as it is: more lies there"));
+  EXPECT_EQ(verify(folder).verdict, Verdict::kIntactWithGaps);
+}
+
 TEST_F(RecoveryTest, LeavesATokenAsideThatIsNone) {
   fs::path folder;
   {

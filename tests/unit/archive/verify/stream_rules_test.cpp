@@ -48,6 +48,17 @@ Span left_of(Span hole, const std::vector<Span>& gaps) {
   return hole;
 }
 
+TEST(StreamRules, GapsThatAddUpToMoreThanANumberHoldsAreNoShortGap) {
+  constexpr std::int64_t kLongest = (std::int64_t{1} << 53U) - 1;
+  FindingList findings;
+  StreamRules rules(room(), true, findings);
+  for (std::uint64_t entry = 1; entry <= 1'300; ++entry) {
+    rules.take(GapEntry{"room", {0, kLongest}, GapCause::kSignalLost, false}, entry);
+  }
+  rules.finish();
+  EXPECT_EQ(rules.report().gap_ns, INT64_MAX);
+}
+
 // Else whoever holds the device key could have pictures missing and say that only a microphone was.
 TEST(StreamRules, AGapOfSoundExcusesNoPictures) {
   FindingList findings;

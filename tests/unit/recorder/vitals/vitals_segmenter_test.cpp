@@ -51,6 +51,22 @@ media::VitalSample at(std::int64_t time_ns) {
 
 using Entries = std::vector<std::string>;
 
+// Eight hours of a machine that sleeps are a gap and not 32,000 empty segments.
+TEST(VitalsSegmenter, PassesOverATimeInWhichNothingWasRecorded) {
+  Diary diary;
+  VitalsSegmenter segmenter(diary, nanoseconds(100));
+  segmenter.add(at(120));
+  EXPECT_EQ(segmenter.pass_over(1'250), 121);
+  segmenter.advance_to(1'270);
+  EXPECT_EQ(segmenter.pass_over(2'000), 1'270);
+  EXPECT_EQ(segmenter.pass_over(2'030), 2'000);
+  segmenter.add(at(2'030));
+  segmenter.finish(2'050);
+  EXPECT_EQ(diary.entries, (Entries{"begin 0 at 0", "end at 100 with 0", "begin 1 at 100", "line",
+                                    "end at 121 with 1", "begin 2 at 1250", "end at 1270 with 0",
+                                    "begin 3 at 2030", "line", "end at 2050 with 1"}));
+}
+
 TEST(VitalsSegmenter, CutsAtWholeMultiplesAndStatesEmptySegments) {
   Diary diary;
   VitalsSegmenter segmenter(diary, nanoseconds(100));

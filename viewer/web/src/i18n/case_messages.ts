@@ -40,6 +40,7 @@ export const caseEn = {
   'cause.device-removed': 'the device was removed',
   'cause.format-change': 'the picture’s format changed',
   'cause.paused': 'recording was paused',
+  'cause.suspended': 'the recorder’s machine slept',
   'cause.interrupted': 'recording was interrupted',
   'cause.erased': 'erased by retention; its hash remains',
 
@@ -114,6 +115,7 @@ export const caseJa: Record<keyof typeof caseEn, string> = {
   'cause.device-removed': '機器が取り外されました',
   'cause.format-change': '映像の形式が変わりました',
   'cause.paused': '記録が一時停止されました',
+  'cause.suspended': '記録装置がスリープしました',
   'cause.interrupted': '記録が中断されました',
   'cause.erased': '保存期間の規則により消去済み（ハッシュは残ります）',
 

@@ -30,6 +30,8 @@ const kByCode: Record<string, LinkName> = {
   'no-token': 'tokens',
   'end-not-stamped': 'tokens',
   'clock-contradicted': 'tokens',
+  'authority-clock-differs': 'tokens',
+  'authority-clock-set': 'tokens',
   'clock-disagreement': 'tokens',
   'authorities-disagree': 'tokens',
   gap: 'segments',

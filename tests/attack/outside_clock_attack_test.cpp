@@ -1,0 +1,101 @@
+// The case clock against the clocks of outside authorities: one of them may have been set right, and whoever
+// holds the device key may have made the case clock up.
+#include <array>
+#include <chrono>
+#include <ctime>
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "tests/attack/attacked_case.h"
+#include "tests/support/report_text.h"
+#include "tests/support/token_maker.h"
+
+namespace kiroku::test {
+namespace {
+
+using namespace std::chrono_literals;
+constexpr std::int64_t kSecond = 1'000'000'000;
+
+/// A case of a minute that two outside authorities stamp at both ends.
+class OutsideClocks : public ::testing::Test {
+ protected:
+  OutsideClocks() {
+    trust_.add_own_authority(bytes_of(archive_.authority().root_pem()), "the recorder's own authority");
+    for (const TestAuthority& authority : authorities_) {
+      trust_.add_trusted(bytes_of(authority.root_pem()), "an outside authority");
+    }
+  }
+
+  /// An authority's clock is that of the case, and `set` more.
+  void stamp(SampleCase& sample, std::size_t authority, std::chrono::seconds set) {
+    const archive::StoredCheckpoint checkpoint = sample.writer().checkpoint(archive_.now(), true);
+    const crypto::Sha256Digest imprint = crypto::sha256(bytes_of(checkpoint.note));
+    const std::time_t says = std::chrono::system_clock::to_time_t(archive_.now().utc + set);
+    std::tm parts{};
+    gmtime_r(&says, &parts);
+    std::array<char, 32> text{};
+    std::strftime(text.data(), text.size(), "%Y%m%d%H%M%SZ", &parts);
+    TokenRecipe recipe;
+    recipe.imprint = Bytes(imprint.begin(), imprint.end());
+    recipe.gen_time = text.data();
+    recipe.policy = "1.2.3.4";
+    recipe.signer = &authorities_.at(authority).signer;
+    recipe.enclosed = {recipe.signer->certificate.get()};
+    const Bytes response = make_response(make_token(recipe));
+    sample.writer().add_token(checkpoint, authority == 0 ? "first" : "second", response,
+                              SampleArchive::facts_of(response), archive_.now());
+  }
+
+  archive::VerificationReport verify(std::size_t count, std::array<std::chrono::seconds, 2> set) {
+    SampleCase sample(archive_);
+    sample.record();
+    for (std::size_t each = 0; each < count; ++each) stamp(sample, each, 0s);
+    archive_.now_ns = 66 * kSecond;
+    for (std::size_t each = 0; each < count; ++each) stamp(sample, each, set.at(each));
+    sample.close();
+    archive::VerifyOptions options = archive_.options();
+    options.trust = &trust_;
+    return archive::verify_case(sample.folder(), options);
+  }
+
+  SampleArchive archive_;
+  std::array<TestAuthority, 2> authorities_{make_test_authority(), make_test_authority()};
+  timestamp::TrustStore trust_;
+};
+
+TEST_F(OutsideClocks, ThatAgreeSayNothing) {
+  const archive::VerificationReport report = verify(2, {0s, 0s});
+  EXPECT_EQ(summary(report), "intact") << details(report);
+}
+
+TEST_F(OutsideClocks, OneThatIsSetMakesNoSoundCaseTampered) {
+  for (const auto set : {10s, -10s}) {
+    const archive::VerificationReport report = verify(1, {set, 0s});
+    EXPECT_EQ(report.verdict, archive::Verdict::kUnproven) << details(report);
+    EXPECT_THAT(summary(report), testing::HasSubstr("unproven\nauthority-clock-differs tokens/"));
+  }
+}
+
+TEST_F(OutsideClocks, AnotherOneThatAgreesWithTheCaseSaysWhichWasSet) {
+  const archive::VerificationReport report = verify(2, {10s, 0s});
+  EXPECT_EQ(report.verdict, archive::Verdict::kIntact) << details(report);
+  EXPECT_THAT(summary(report), testing::HasSubstr("authority-clock-set tokens/"));
+}
+
+TEST_F(OutsideClocks, TwoThatAreSetDifferentWaysProveNoTime) {
+  const archive::VerificationReport report = verify(2, {10s, -10s});
+  EXPECT_EQ(report.verdict, archive::Verdict::kUnproven) << details(report);
+}
+
+// A minute of film that was made in five, or five minutes of which four are missing.
+TEST_F(OutsideClocks, TwoThatSayTheSameShowACaseClockThatWasMadeUp) {
+  for (const auto set : {240s, -50s}) {
+    const archive::VerificationReport report = verify(2, {set, set});
+    EXPECT_EQ(report.verdict, archive::Verdict::kTampered) << details(report);
+    EXPECT_THAT(summary(report), testing::HasSubstr("clock-contradicted tokens/"));
+  }
+}
+
+}  // namespace
+}  // namespace kiroku::test
