@@ -1,6 +1,3 @@
-#include <atomic>
-#include <csignal>
-#include <initializer_list>
 #include <iostream>
 #include <memory>
 
@@ -12,6 +9,7 @@
 #include "apps/common/time_option.h"
 #include "apps/kiroku/commands.h"
 #include "apps/kiroku/home.h"
+#include "apps/kiroku/told_to_end.h"
 #include "apps/kiroku/user_name.h"
 #include "apps/kiroku/verify_extras.h"
 #include "apps/verify/judging.h"
@@ -34,22 +32,11 @@ struct Request {
   bool all = false, force = false, json = false;
 };
 
-std::atomic<bool> told_to_end = false;
-static_assert(std::atomic<bool>::is_always_lock_free);
-
-/// From now on Ctrl-C and SIGTERM end the export where it looks, so that it takes away what it began.
-void end_when_told() {
-  struct sigaction action {};
-  action.sa_handler = [](int) { told_to_end = true; };
-  action.sa_flags = static_cast<int>(SA_RESETHAND);  // who asks twice is obeyed at once
-  for (const int signal : {SIGINT, SIGTERM, SIGHUP}) ::sigaction(signal, &action, nullptr);
-}
-
 /// What an export reports to: draws, and ends it where that was asked for.
 class Watch {
  public:
   void operator()(std::uint64_t done, std::uint64_t total) {
-    if (told_to_end) throw Error("ended before it was whole: nothing was written");
+    if (told_to_end()) throw Error("ended before it was whole: nothing was written");
     progress_.update(done, total);
   }
 

@@ -141,12 +141,12 @@ class Axis {
 
 void require_valid(const Plot& plot) {
   const auto good_y = [&](double y) { return std::isfinite(y) && (!plot.logarithmic_y || y > 0); };
+  const auto good_x = [&](double x) { return std::isfinite(x) && (!plot.logarithmic_x || x > 0); };
   for (const PlotSeries& series : plot.series) {
     if (series.x.size() != series.y.size() ||
         (!series.intervals.empty() && series.intervals.size() != series.y.size()))
       throw UsageError("the series '" + series.name + "' of a plot has x, y and intervals of unequal number");
-    const bool sound = std::ranges::all_of(series.x, [](double x) { return std::isfinite(x); }) &&
-                       std::ranges::all_of(series.y, good_y) &&
+    const bool sound = std::ranges::all_of(series.x, good_x) && std::ranges::all_of(series.y, good_y) &&
                        std::ranges::all_of(series.intervals, [&](const Interval& i) {
                          return good_y(i.low) && good_y(i.high);
                        });
@@ -164,9 +164,11 @@ void draw(Pen& pen, const Plot& plot, double left, double top) {
     for (const Interval& i : series.intervals)
       y_least = std::min(y_least, i.low), y_greatest = std::max(y_greatest, i.high);
   }
-  if (!(x_least <= x_greatest)) x_least = y_least = plot.logarithmic_y ? 1 : 0, x_greatest = y_greatest = 1;
+  if (!(x_least <= x_greatest))
+    x_least = plot.logarithmic_x ? 1 : 0, y_least = plot.logarithmic_y ? 1 : 0, x_greatest = y_greatest = 1;
   constexpr double kLeft = 58, kRight = 118, kTop = 34, kBottom = 56;
-  const Axis across(x_least, x_greatest, false, plot.whole_x);
+  const Axis across(x_least, x_greatest * (plot.logarithmic_x ? 1.0001 : 1), plot.logarithmic_x,
+                    plot.whole_x);
   const Axis up(y_least, y_greatest * (plot.logarithmic_y ? 1.0001 : 1), plot.logarithmic_y, false);
   const double from_x = left + kLeft, to_x = left + kPlotWidth - kRight, from_y = top + kPlotHeight - kBottom,
                to_y = top + kTop;

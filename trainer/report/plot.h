@@ -22,6 +22,7 @@ struct Plot {
   bool logarithmic_y = false;      // all y and intervals greater than zero
   bool whole_x = false;            // ticks at whole numbers only: fingers, sessions
   std::string note;                // a line below: what the data are
+  bool logarithmic_x = false;      // all x greater than zero
 };
 
 enum class PlotForm { kSvg, kPdf, kPng };
