@@ -29,6 +29,9 @@ std::string fixed(double value, int digits) {
 std::string percent(double share) { return fixed(100 * share, 1) + " %"; }
 double megabits(const CodingFigures& figures) { return figures.bytes_per_hour * 8 / 3600 * 1e-6; }
 
+/// Of quality_table().
+constexpr std::ptrdiff_t kMiddleTextureColumn = 7;
+
 struct Measure {
   const char* file;
   const char* title;
@@ -199,6 +202,8 @@ Bytes quality_pdf(const std::vector<ClipResult>& clips) {
     block.heading = clip.name;
     block.text = quality_facts(clip);
     block.table = quality_table(clip);
+    // A4 has no room for it; the page and the JSON have it.
+    for (auto& row : block.table) row.erase(row.begin() + kMiddleTextureColumn);
     blocks.push_back(std::move(block));
     for (const Measure& measure : measures()) blocks.push_back({"", "", {}, plot_of(clip, measure)});
   }

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <csignal>
+#include <sstream>
 
 #include "archive/reading/case_reader.h"
 #include "tests/support/build_paths.h"
@@ -83,6 +84,34 @@ listen = "127.0.0.1:)" + std::to_string(port_) +
   std::optional<Process> daemon_;
   std::optional<SocketClient> watcher_;
 };
+
+TEST_F(Live, WhoStartsMarksAndStopsStandsInTheApplianceLog) {
+  const std::string cookie = sign_in("a-operator");
+  const auto deed = [&](const std::string& action, const std::string& body) {
+    return ask_once(port_, http_request("POST", "/api/rooms/or-1/" + action, {{"Cookie", cookie}}, body));
+  };
+  const HttpResponse started = deed("start", "");
+  ASSERT_EQ(started.status, 200) << started.body;
+  const std::string case_id = json::parse(started.body)["case"];
+  EXPECT_EQ(deed("mark", R"({"text":"clip placed"})").status, 200);
+  EXPECT_EQ(deed("subject", R"({"subject":{"patient":{"name":"DOE^JANE"}}})").status, 200);
+  EXPECT_EQ(deed("stop", "").status, 200);
+  const std::string log = read_text(home() / "archive/log/ledger.jsonl");
+  std::vector<std::string> deeds;
+  std::istringstream lines(log);
+  for (std::string line; std::getline(lines, line);) {
+    const json entry = json::parse(line);
+    if (entry["type"] != "access" ||
+        !entry["who"].get<std::string>().starts_with("a-operator (kiroku view, "))
+      continue;
+    deeds.push_back(entry["case"].get<std::string>() + " " + entry["what"].get<std::string>());
+  }
+  EXPECT_THAT(deeds,
+              testing::ElementsAre("* asked to start recording in or-1", case_id + " marked a moment in or-1",
+                                   case_id + " gave patient and procedure of or-1",
+                                   case_id + " asked to stop recording in or-1"));
+  EXPECT_THAT(log, testing::Not(testing::AnyOf(HasSubstr("clip placed"), HasSubstr("DOE"))));
+}
 
 TEST_F(Live, ShowsWhatIsRecordedAndCostsNoFrame) {
   const std::string case_id = kiroku_json({"case", "start", "--json"})["case"];
