@@ -85,8 +85,8 @@ class VideoLane : public Lane {
   ChangePace changes_;
   std::optional<std::int64_t> left_out_until_ns_;  // pictures that changed too often
   std::optional<std::int64_t> next_ns_;            // nothing more is recorded before it
-  std::int64_t coded_until_ns_ = -1;  // by the encoders before this one
-  int failures_in_a_row_ = 0;         // without a segment that came to its end
+  std::int64_t coded_until_ns_ = -1;               // by the encoders before this one
+  int failures_in_a_row_ = 0;                      // without a segment that came to its end
   std::uint64_t segment_frames_ = 0, segment_dropped_ = 0;
   std::uint64_t sealed_chunks_ = 0;  // of the segment
   std::int64_t sealed_at_ns_ = 0;    // when there was one more of them

@@ -206,7 +206,7 @@ TEST(MonitorAttack, BytesThatAreNoMessageFillNoRecord) {
   std::string strays;
   for (int i = 0; i < 50'000; ++i) strays += "x\x1C";
   strays += std::string(50'000, '\x0B');  // each is cut short by the next
-  client.send(strays);  // none of it is answered: the next answer comes behind all of it
+  client.send(strays);                    // none of it is answered: the next answer comes behind all of it
   client.send_message("MSH|");
   ASSERT_TRUE(client.receive(60s));
   EXPECT_GT(told, 100);

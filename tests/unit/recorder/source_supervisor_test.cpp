@@ -88,10 +88,11 @@ class SourceSupervisorTest : public testing::Test {
     }
   }
 
-  [[nodiscard]] LaneContext context() { return {clock, store, facts, problems, 2s, end_ns}; }
+  [[nodiscard]] LaneContext context() { return {clock, sleeps, store, facts, problems, 2s, end_ns}; }
 
   test::MovedClock moved;
   const CaseClock clock{moved};
+  SleepWatch sleeps{clock};
   SegmentStore store{nullptr, 1};
   FactQueue facts;
   ProblemLog problems;

@@ -87,7 +87,7 @@ TEST(StreamRules, APauseBeforeAnExcerptsLinesIsNotShownToBeAHole) {
     cut.file.file += ".part";
     rules.take(cut, 50);
     rules.take(segment(6, {40 * kMs, 50 * kMs}), 51);
-    rules.finish(begin_ms * kMs);
+    rules.finish(std::nullopt, begin_ms * kMs);
     std::vector<std::string> codes;
     for (const Finding& each : findings.take()) codes.push_back(each.code);
     EXPECT_THAT(codes, testing::UnorderedElementsAre(
