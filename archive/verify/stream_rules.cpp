@@ -218,10 +218,13 @@ void StreamRules::count_filling(const SegmentEntry& segment, std::uint64_t entry
 }
 
 void StreamRules::check_fillings() {
-  if (info_->kind == "vitals" && report_.segments > 0 && report_.frames == 0) {
+  const bool is_video = info_->kind == "video";
+  const bool counted = info_->kind == "vitals" ? report_.segments > 0 : is_video && !fillings_.empty();
+  if (counted && report_.frames == 0) {
     findings_->add("segments-sparse", {std::string(kLedgerFile)},
                    "none of the " + digits(report_.segments) + " segments of " + report_.info.name +
-                       " holds a sample: what they are of said nothing");
+                       " holds a " + (is_video ? "frame" : "sample") + ": what they are of said nothing");
+    return;
   }
   if (fillings_.empty()) {
     return;
@@ -240,7 +243,7 @@ void StreamRules::check_fillings() {
   double all_lacking = 0;
   const Filling* emptiest = nullptr;
   for (const Filling& each : fillings_) {
-    if (lacking(each) < usual || each.rate() > kMostOfUsual * usual) {
+    if (lacking(each) <= usual || each.rate() > kMostOfUsual * usual) {
       continue;  // less than a second's pictures
     }
     ++sparse;

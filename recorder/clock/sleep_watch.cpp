@@ -9,8 +9,8 @@ namespace {
 constexpr std::chrono::milliseconds kGoodReading{1};
 constexpr int kMostReadings = 10;
 constexpr std::size_t kMostRemembered = 64;
-// The reading's own error, and that of a frame's time.
-constexpr std::int64_t kToleranceNs = 50'000'000;
+// A source that makes up for what it is behind fills the end of a sleep: by a second at most, if it is ours.
+constexpr std::int64_t kMadeUpNs = 1'000'000'000;
 
 }  // namespace
 
@@ -43,7 +43,7 @@ bool SleepWatch::slept_within(std::int64_t from_ns, std::int64_t to_ns) {
   look();
   return std::any_of(sleeps_.begin(), sleeps_.end(), [&](const Sleep& sleep) {
     return sleep.after_ns < to_ns && from_ns < sleep.before_ns &&
-           to_ns - from_ns >= sleep.length_ns - kToleranceNs;
+           to_ns - from_ns >= std::max(sleep.length_ns / 2, sleep.length_ns - kMadeUpNs);
   });
 }
 

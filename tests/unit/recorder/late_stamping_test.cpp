@@ -44,6 +44,8 @@ class LateStampingTest : public testing::Test {
   fs::path closed_case(const std::vector<std::string>& authorities = {"swiss"}) {
     CaseWriter::Options options = kit_.options();
     options.log = log_.get();
+    // Nothing is recorded: streams of what people do.
+    for (archive::StreamInfo& stream : options.streams) stream.kind = "events";
     const auto writer = CaseWriter::create(archive::real_file_system(), options, moment(0));
     for (const std::string& name : authorities) {
       queue_->want(writer->case_id(), name, 1,

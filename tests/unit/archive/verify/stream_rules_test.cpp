@@ -20,6 +20,7 @@ SegmentEntry segment(std::uint64_t index, Span span) {
   entry.index = index;
   entry.file.file = segment_path("room", index, "ts");
   entry.span = span;
+  entry.frames = 1;
   return entry;
 }
 
@@ -285,14 +286,19 @@ TEST(StreamRules, WhatWasDroppedAndStatedIsNotCountedAgain) {
   EXPECT_THAT(sparse_of(rules, findings), testing::IsEmpty());
 }
 
-TEST(StreamRules, TellsOfAMonitorThatSaidNothing) {
-  StreamInfo vitals = room();
-  vitals.kind = "vitals";
-  FindingList findings;
-  StreamRules rules(vitals, true, findings);
-  rules.take(segment(0, {0, kSecond}), 0);
-  EXPECT_THAT(sparse_of(rules, findings),
-              testing::ElementsAre(testing::HasSubstr("none of the 1 segments of room holds a sample")));
+TEST(StreamRules, TellsOfAMonitorAndOfACameraThatSaidNothing) {
+  for (const std::string kind : {"video", "vitals"}) {
+    StreamInfo info = room();
+    info.kind = kind;
+    FindingList findings;
+    StreamRules rules(info, true, findings);
+    SegmentEntry empty = segment(0, {0, kSecond});
+    empty.frames = 0;
+    rules.take(empty, 0);
+    EXPECT_THAT(sparse_of(rules, findings),
+                testing::ElementsAre(testing::HasSubstr("none of the 1 segments of room holds a " +
+                                                        std::string(kind == "video" ? "frame" : "sample"))));
+  }
 }
 
 }  // namespace

@@ -43,6 +43,13 @@ TEST_F(SleepWatchTest, KnowsTheStretchInWhichTheMachineSlept) {
   EXPECT_FALSE(watch_.slept_within(now_ns, clock_.now_ns()));
 }
 
+TEST_F(SleepWatchTest, ASourceThatMakesUpForTheLastSecondWasAsleepAsWell) {
+  time_.suspend(60s);
+  const std::int64_t now_ns = clock_.now_ns();
+  EXPECT_TRUE(watch_.slept_within(0, now_ns - kSecond));
+  EXPECT_FALSE(watch_.slept_within(0, now_ns - 2 * kSecond));
+}
+
 TEST_F(SleepWatchTest, ASilenceIsNoSleep) {
   time_.move(60s);
   EXPECT_FALSE(watch_.slept_within(0, clock_.now_ns()));
