@@ -276,7 +276,7 @@ StreamRules* CaseRules::stream(const std::string& name, std::uint64_t number) {
 
 bool CaseRules::only_aftermath(std::uint64_t first, std::uint64_t end) const {
   for (std::uint64_t entry = first; entry < end; ++entry) {
-    if (!unsigned_aftermath_.contains(entry) && !tokens_.restate_late_tokens(entry, entry + 1)) {
+    if (!unsigned_aftermath_.contains(entry) && !tokens_.restate_tokens(entry, entry + 1)) {
       return false;
     }
   }

@@ -48,8 +48,8 @@ inline constexpr auto kFindingCodes = std::to_array<FindingCode>({
     {"not-closed", Severity::kIncomplete, "there is no close: still being recorded, or never closed"},
     {"close-not-covered", Severity::kIncomplete, "no checkpoint covers close: the case was not finished"},
     {"token-not-covered", Severity::kIncomplete,
-     "behind the last checkpoint there are only entries of tokens over the end, which state what those say: "
-     "the case was not finished"},
+     "behind the last checkpoint there are only entries of tokens, which state what those say: the case was "
+     "not finished"},
     {"end-not-covered", Severity::kIncomplete,
      "the same, with entries of missed tokens or erasures among them, which excuse nothing: the case is "
      "being "
@@ -92,9 +92,9 @@ inline constexpr auto kFindingCodes = std::to_array<FindingCode>({
      "gen_time, accuracy_ns or serial of an entry is not its token's"},
     {"token-exchange-impossible", Severity::kTampered,
      "asked_ns and answered_ns of an entry are not between its checkpoint and itself"},
-    {"token-order", Severity::kTampered,
-     "a valid token covers the entry of a valid one of the same authority with a later time: gen_a - "
-     "accuracy_a > gen_b + accuracy_b"},
+    {"token-order", Severity::kUnproven,
+     "a token of an outside authority covers the entry of an earlier one of its own that states a later time, "
+     "by more than 2 s or where it states that its tokens are in order: its clock was set back"},
     {"authorities-disagree", Severity::kUnproven,
      "a token of an outside authority covers the entry of another's that states a time more than 2 s later: "
      "the clock of one of the two is wrong"},

@@ -18,6 +18,7 @@ using std::chrono::nanoseconds;
 constexpr std::int64_t kSlackNs = 2'000'000'000;
 constexpr std::int64_t kStepStatedWithinNs = 2'000'000'000;
 constexpr std::int64_t kDriftDivisor = 5'000;  // 0.02 %
+constexpr std::int64_t kNsPerUs = 1'000;
 
 std::string at_entry(std::uint64_t entry) { return "entry " + std::to_string(entry); }
 
@@ -25,9 +26,8 @@ std::int64_t ns_of(UtcTime::duration duration) {
   return std::chrono::duration_cast<nanoseconds>(duration).count();
 }
 
-std::string seconds(std::int64_t ns) {
-  constexpr std::int64_t kNsPerMs = 1'000'000;
-  const std::int64_t ms = ns / kNsPerMs;
+std::string seconds(std::int64_t us) {
+  const std::int64_t ms = us / 1'000;
   std::string fraction = std::to_string(std::abs(ms % 1'000));
   fraction.insert(0, 3 - fraction.size(), '0');
   return (ms < 0 && ms > -1'000 ? "-" : "") + std::to_string(ms / 1'000) + "." + fraction + " s";
@@ -62,7 +62,7 @@ void TokenRules::take(const TokenEntry& token, std::uint64_t entry, std::int64_t
   largest_checkpoint_ = std::max(largest_checkpoint_, token.checkpoint);
   const std::optional<std::string> response = read_token(token, entry);
   const Judged judged = response ? judge(token, entry, *response) : Judged{};
-  if (judged.restated && close_ && token.checkpoint > *close_) {
+  if (judged.restated && close_) {
     restating_.insert(entry);
   }
 
@@ -81,11 +81,12 @@ void TokenRules::take(const TokenEntry& token, std::uint64_t entry, std::int64_t
     now.earliest_ns = token.exchange->asked_ns;
     now.latest_ns = token.exchange->answered_ns;
   }
-  check_elapsed(token, now);
-  last_of_authority_[token.authority] = now;
+  const bool agrees = check_elapsed(token, now);
   const StampedToken stamped{entry, token.checkpoint, token.gen_time, token.accuracy_ns, token.authority};
   if (judged.valid) {
-    check_order(token, stamped, judged.external);
+    if (judged.external) {
+      check_order(stamped, agrees, judged.ordering);
+    }
     compare_clocks(token, judged.external);
     valid_.push_back(stamped);
     valid_checkpoints_.insert(token.checkpoint);
@@ -178,7 +179,8 @@ TokenRules::Judged TokenRules::judge(const TokenEntry& token, std::uint64_t entr
     case timestamp::TokenVerdict::kValid:
       break;
   }
-  return {true, judgement.authority == timestamp::TimeAuthority::kOutside, restated};
+  return {true, judgement.authority == timestamp::TimeAuthority::kOutside, restated,
+          judgement.info && judgement.info->ordering};
 }
 
 bool TokenRules::compare_entry(const TokenEntry& token, std::uint64_t entry,
@@ -202,7 +204,7 @@ bool TokenRules::compare_entry(const TokenEntry& token, std::uint64_t entry,
   return same;
 }
 
-bool TokenRules::restate_late_tokens(std::uint64_t first, std::uint64_t end) const {
+bool TokenRules::restate_tokens(std::uint64_t first, std::uint64_t end) const {
   for (std::uint64_t entry = first; entry < end; ++entry) {
     if (!restating_.contains(entry)) {
       return false;
@@ -225,72 +227,137 @@ const StampedToken* TokenRules::Order::latest_below(std::uint64_t size) const {
              : &tokens_[latest_[static_cast<std::size_t>(covered - tokens_.begin()) - 1]];
 }
 
-// One authority contradicts itself only where lines were made up. The clocks of two may differ, and that of
-// the recorder's own is the recorder's.
-void TokenRules::check_order(const TokenEntry& token, const StampedToken& now, bool external) {
-  Order& own = order_of_[{token.authority, external}];
-  const auto text = [&](const StampedToken& before) {
-    return token.file + " says " + format_utc(token.gen_time) + ", yet it covers " + at_entry(before.entry) +
-           " with the token of " + before.authority + " of " + format_utc(before.gen_time);
-  };
-  if (const StampedToken* before = own.latest_below(token.checkpoint);
-      before != nullptr && before->earliest() > now.latest()) {
-    findings_->add("token-order", {token.file, now.entry}, text(*before));
-  }
-  own.add(now);
-  if (!external) {
-    return;
-  }
-  if (const StampedToken* before = order_of_outside_.latest_below(token.checkpoint);
-      before != nullptr && before->authority != now.authority &&
-      ns_of(before->earliest() - now.latest()) > kSlackNs) {
-    findings_->add("authorities-disagree", {token.file, now.entry},
-                   text(*before) + ": the clock of one of the two is wrong");
-  }
-  order_of_outside_.add(now);
+namespace {
+
+std::string breach_of(const StampedToken& now, const StampedToken& before) {
+  return token_path(now.checkpoint, now.authority) + " says " + format_utc(now.gen_time) +
+         ", yet it covers " + at_entry(before.entry) + " with the token of " + before.authority + " of " +
+         format_utc(before.gen_time);
 }
 
-void TokenRules::check_elapsed(const TokenEntry& token, const Earlier& now) {
-  const auto found = last_of_authority_.find(token.authority);
-  if (found == last_of_authority_.end()) {
-    return;
+}  // namespace
+
+// A token that covers another was made later, whatever the ledger says: where it says otherwise, a clock was
+// wrong. That of the recorder's own authority is the recorder's, which check_elapsed() looks at.
+void TokenRules::check_order(const StampedToken& now, bool agrees, bool ordering) {
+  Order& order = order_of_[now.authority];
+  const StampedToken* before = order.latest_below(now.checkpoint);
+  // RFC 3161 2.4.2: an authority that states `ordering` can always be held to it.
+  const std::int64_t slack_ns = ordering ? 0 : kSlackNs;
+  if (agrees && before != nullptr && ns_of(before->earliest() - now.latest()) > slack_ns) {
+    findings_->add("token-order", {token_path(now.checkpoint, now.authority), now.entry},
+                   breach_of(now, *before) + ": its clock was set back");
   }
-  const Earlier& before = found->second;
-  if (!before.earliest_ns || !now.earliest_ns) {
-    return;  // over a checkpoint that is not there, or before an excerpt
+  order.add(now);
+}
+
+void TokenRules::compare_authorities() {
+  Order order;
+  for (const StampedToken& now : outside_) {
+    const StampedToken* before = order.latest_below(now.checkpoint);
+    if (before != nullptr && before->authority != now.authority &&
+        ns_of(before->earliest() - now.latest()) > kSlackNs) {
+      findings_->add("authorities-disagree", {token_path(now.checkpoint, now.authority), now.entry},
+                     breach_of(now, *before) + ": the clock of one of the two is wrong");
+    }
+    order.add(now);
   }
-  const std::int64_t shortest = *now.earliest_ns - before.latest_ns;
-  const std::int64_t longest = now.latest_ns - *before.earliest_ns;
-  const std::int64_t elapsed = ns_of(now.gen_time - before.gen_time);
-  const std::int64_t tolerance = kSlackNs + before.accuracy_ns + now.accuracy_ns + longest / kDriftDivisor +
-                                 (now.slewed_ns - before.slewed_ns);
+}
+
+void TokenRules::leave_out(const std::set<std::string>& authorities) {
+  const auto is_left_out = [&](const StampedToken& token) { return authorities.contains(token.authority); };
+  std::erase_if(outside_, is_left_out);
+  std::erase_if(valid_, is_left_out);
+  outside_entries_ = 0;
+  for (const StampedToken& token : outside_) {
+    outside_entries_ = std::max(outside_entries_, token.checkpoint);
+  }
+}
+
+// Each comparison allows for two seconds. Were a token compared with the one before alone, whoever asks for
+// one a second could leave out as much as they like.
+bool TokenRules::check_elapsed(const TokenEntry& token, const Earlier& now) {
+  if (!now.earliest_ns) {
+    return true;  // over a checkpoint that is not there, or before an excerpt
+  }
+  Pace& pace = pace_of_[{token.authority, now.external}];
   // After close the case clock stands: a token may come hours or years later.
   const bool stands = close_ && now.checkpoint > *close_;
-  const bool outside = now.external && before.external;
-  if (elapsed >= shortest - tolerance && (stands || elapsed <= longest + tolerance)) {
-    if (outside && !stands) {
+  const std::optional<Difference> found = pace.difference(now, stands);
+  if (!stands) {
+    const bool goes_on = pace.last && !found;
+    if (!goes_on) {
+      pace = {};
+    }
+    pace.add(now);
+    if (now.external) {
       std::vector<Span>& agreeing = agreeing_[token.authority];
-      if (!agreeing.empty() && agreeing.back().end_ns == before.mono_ns) {
+      if (goes_on) {
         agreeing.back().end_ns = now.mono_ns;
       } else {
-        agreeing.push_back({before.mono_ns, now.mono_ns});
+        agreeing.push_back({now.mono_ns, now.mono_ns});
       }
     }
-    return;
   }
+  if (!found) {
+    return true;
+  }
+  const Earlier& before = found->before;
   const Place place{token.file, now.entry};
   const std::string text = "between the tokens of " + token.authority + " in entries " +
                            std::to_string(before.entry) + " and " + std::to_string(now.entry) +
-                           " its clock went on by " + seconds(elapsed) + " and the case clock by " +
-                           seconds(shortest) + " to " + seconds(longest);
-  if (outside) {
-    contradictions_.push_back(
-        {place, text, token.authority, {before.mono_ns, now.mono_ns}, elapsed > longest});
+                           " its clock went on by " + seconds(found->elapsed_us) + " and the case clock by " +
+                           seconds(found->shortest_us) + " to " + seconds(found->longest_us);
+  if (now.external) {
+    contradictions_.push_back({place,
+                               text,
+                               token.authority,
+                               {before.mono_ns, now.mono_ns},
+                               found->elapsed_us > found->longest_us});
   } else {
-    const std::int64_t excess =
-        std::max(shortest - tolerance - elapsed, stands ? 0 : elapsed - longest - tolerance);
-    disagreements_.push_back({place, text, before.mono_ns, now.mono_ns, excess});
+    disagreements_.push_back({place, text, before.mono_ns, now.mono_ns, found->excess_us});
   }
+  return false;
+}
+
+void TokenRules::Pace::add(const Earlier& token) {
+  last = token;
+  const std::int64_t drift_us = (*token.earliest_ns / kDriftDivisor + token.slewed_ns) / kNsPerUs;
+  const std::int64_t gen_us = token.gen_time.time_since_epoch().count();
+  const std::int64_t accuracy_us = token.accuracy_ns / kNsPerUs;
+  const std::int64_t ahead_us = gen_us - accuracy_us - token.latest_ns / kNsPerUs + drift_us;
+  const std::int64_t behind_us = *token.earliest_ns / kNsPerUs - gen_us - accuracy_us + drift_us;
+  if (!most_ahead || ahead_us > most_ahead->first) {
+    most_ahead.emplace(ahead_us, token);
+  }
+  if (!most_behind || behind_us > most_behind->first) {
+    most_behind.emplace(behind_us, token);
+  }
+}
+
+std::optional<TokenRules::Difference> TokenRules::Pace::difference(const Earlier& now, bool stands) const {
+  for (const Earlier* before : {last ? &*last : nullptr, most_ahead ? &most_ahead->second : nullptr,
+                                most_behind ? &most_behind->second : nullptr}) {
+    if (before == nullptr) {
+      continue;
+    }
+    const std::int64_t longest_ns = now.latest_ns - *before->earliest_ns;
+    Difference found;
+    found.before = *before;
+    found.shortest_us = (*now.earliest_ns - before->latest_ns) / kNsPerUs;
+    found.longest_us = longest_ns / kNsPerUs;
+    found.elapsed_us = (now.gen_time - before->gen_time).count();
+    const std::int64_t tolerance_us =
+        (kSlackNs + before->accuracy_ns + now.accuracy_ns + longest_ns / kDriftDivisor +
+         (now.slewed_ns - before->slewed_ns)) /
+        kNsPerUs;
+    found.excess_us = std::max(found.shortest_us - tolerance_us - found.elapsed_us,
+                               stands ? 0 : found.elapsed_us - found.longest_us - tolerance_us);
+    if (found.excess_us > 0) {
+      return found;
+    }
+  }
+  return std::nullopt;
 }
 
 bool TokenRules::is_confirmed(const Contradiction& one) const {
@@ -306,6 +373,7 @@ bool TokenRules::is_confirmed(const Contradiction& one) const {
 // One authority cannot tell the two apart: what it says then proves no time, as if it had not been asked. Two
 // that do not know of each other do not set theirs at the same time, by the same way.
 void TokenRules::report_contradictions() {
+  std::set<std::string> was_set;
   for (const Contradiction& one : contradictions_) {
     const bool shared =
         std::any_of(contradictions_.begin(), contradictions_.end(), [&](const Contradiction& other) {
@@ -317,10 +385,15 @@ void TokenRules::report_contradictions() {
     } else if (is_confirmed(one)) {
       findings_->add("authority-clock-set", one.place,
                      one.text + ", and that of another authority as the case clock");
+      was_set.insert(one.authority);
     } else {
       findings_->add("authority-clock-differs", one.place, one.text + ": one of the two was set");
     }
   }
+  if (!was_set.empty()) {
+    leave_out(was_set);
+  }
+  compare_authorities();
 }
 
 void TokenRules::take_missed(const TokenMissedEntry& missed, std::uint64_t entry) {
@@ -331,7 +404,7 @@ void TokenRules::take_missed(const TokenMissedEntry& missed, std::uint64_t entry
 }
 
 void TokenRules::take_recovered() {
-  last_of_authority_.clear();
+  pace_of_.clear();
   recovered_ = true;
 }
 
@@ -359,7 +432,7 @@ void TokenRules::report_disagreements() {
     // A step is stated within a second, so an entry may follow the token that shows it already.
     const double stepped_ns = steps_before(each.until_ns + kStepStatedWithinNs + 1) -
                               steps_before(each.from_ns - kStepStatedWithinNs);
-    if (static_cast<double>(each.excess_ns) > stepped_ns) {
+    if (static_cast<double>(each.excess_us) * kNsPerUs > stepped_ns) {
       findings_->add("clock-disagreement", each.place, each.text);
     }
   }

@@ -53,15 +53,16 @@ class TokenRules {
   [[nodiscard]] const std::map<std::uint64_t, crypto::Sha256Digest>& hashes() const { return hashes_; }
   /// Largest tree size that an entered token is over; 0 if there is none.
   [[nodiscard]] std::uint64_t largest_checkpoint() const { return largest_checkpoint_; }
-  /// Whether each of the entries [first, end) enters a token that is over a checkpoint behind close and
-  /// states what that token says: then they say nothing that the token files do not.
-  [[nodiscard]] bool restate_late_tokens(std::uint64_t first, std::uint64_t end) const;
+  /// Whether each of the entries [first, end) stands behind close and enters a token, of whichever checkpoint,
+  /// and states what that token says: then they say nothing that the token files do not.
+  [[nodiscard]] bool restate_tokens(std::uint64_t first, std::uint64_t end) const;
 
  private:
   struct Judged {
     bool valid = false;
     bool external = false;
     bool restated = false;  // the entry states what the token says, and that is over its checkpoint
+    bool ordering = false;  // the authority states that its tokens are in order by time alone
   };
   struct Earlier {
     std::uint64_t entry = 0, checkpoint = 0;
@@ -74,6 +75,24 @@ class TokenRules {
     std::int64_t latest_ns = 0;
     std::int64_t slewed_ns = 0;  // slewed_until() then
   };
+  /// Of an authority's clock with the case clock, between two tokens.
+  struct Difference {
+    Earlier before;
+    std::int64_t elapsed_us = 0;                   // by the authority
+    std::int64_t shortest_us = 0, longest_us = 0;  // by the case clock
+    std::int64_t excess_us = 0;                    // beyond what is tolerated
+  };
+  /// How an authority's clock goes beside the case clock: of all tokens since the last difference those that
+  /// leave the least to the next.
+  struct Pace {
+    std::optional<Earlier> last;
+    // by how far the authority's clock is ahead of the case clock at least, and behind at least, in us, less
+    // what the case clock may have drifted since
+    std::optional<std::pair<std::int64_t, Earlier>> most_ahead, most_behind;
+
+    void add(const Earlier& token);
+    [[nodiscard]] std::optional<Difference> difference(const Earlier& now, bool stands) const;
+  };
   struct Step {
     std::int64_t mono_ns = 0, step_ns = 0;
   };
@@ -82,7 +101,7 @@ class TokenRules {
     Place place;
     std::string text;
     std::int64_t from_ns = 0, until_ns = 0;  // the entries of both
-    std::int64_t excess_ns = 0;              // beyond what is tolerated
+    std::int64_t excess_us = 0;              // beyond what is tolerated
   };
   /// Of two tokens' clock, which is vouched for from outside, with the case clock.
   struct Contradiction {
@@ -112,11 +131,16 @@ class TokenRules {
   std::optional<std::string> read_token(const TokenEntry& token, std::uint64_t entry);
   Judged judge(const TokenEntry& token, std::uint64_t entry, const std::string& response);
   bool compare_entry(const TokenEntry& token, std::uint64_t entry, const timestamp::TokenInfo& info);
-  void check_order(const TokenEntry& token, const StampedToken& now, bool external);
+  /// Of a valid token of an outside authority; `agrees`: check_elapsed() found nothing.
+  void check_order(const StampedToken& now, bool agrees, bool ordering);
+  void compare_authorities();
+  /// Authorities whose clock was set in the course of the case, as another one shows, prove no time of it.
+  void leave_out(const std::set<std::string>& authorities);
   void check_exchange(const TokenEntry& token, std::uint64_t entry, std::int64_t mono_ns);
-  void check_elapsed(const TokenEntry& token, const Earlier& now);
+  /// False where the authority's clock and the case clock differ by more than is tolerated.
+  bool check_elapsed(const TokenEntry& token, const Earlier& now);
   void compare_clocks(const TokenEntry& token, bool outside);
-  /// Says which clock is wrong, as far as other outside authorities tell.
+  /// Says which clock is wrong, as far as other outside authorities tell, and leaves out what is.
   void report_contradictions();
   /// Whether another outside authority's clock went on as the case clock did over that time.
   [[nodiscard]] bool is_confirmed(const Contradiction& one) const;
@@ -132,9 +156,8 @@ class TokenRules {
 
   std::vector<StampedToken> valid_;
   std::vector<StampedToken> outside_;                       // those of valid_ that are of outside authorities
-  std::map<std::pair<std::string, bool>, Order> order_of_;  // by authority, `external`
-  Order order_of_outside_;
-  std::map<std::string, Earlier> last_of_authority_;
+  std::map<std::string, Order> order_of_;                   // by outside authority
+  std::map<std::pair<std::string, bool>, Pace> pace_of_;    // likewise, `external`
   std::set<std::pair<std::uint64_t, std::string>> entered_;
   std::vector<Untrusted> untrusted_;
   std::set<std::uint64_t> valid_checkpoints_;

@@ -183,7 +183,7 @@ class CaseVerification {
           "close-not-covered", {std::string(kLedgerFile), close},
           "no checkpoint covers close in entry " + std::to_string(*close) + ": the case was not finished");
     } else if (checkpoints_.covered() < entries && !log.knows_beyond(checkpoints_.covered()) &&
-               rules_.tokens().restate_late_tokens(checkpoints_.covered(), entries)) {
+               rules_.tokens().restate_tokens(checkpoints_.covered(), entries)) {
       // What a recorder leaves that dies between a token's entry and the checkpoint over it. Nobody signed
       // these lines, so nothing is believed for their sake: the tokens hold without them, and speak of the
       // checkpoints that they are over. Whoever removes that last checkpoint leaves the same; the appliance

@@ -73,7 +73,9 @@ class ExcerptBehindAGap : public ::testing::Test {
     archive_.now_ns += 100'000'000;
     sample.writer().append({sample.segment(0, 1, {kSecond, 2 * kSecond})}, archive_.now());
     archive_.now_ns = 5 * kSecond;
-    sample.writer().append({sample.segment(0, 2, {3 * kSecond, 4 * kSecond})}, archive_.now());
+    sample.writer().append(
+        {sample.segment(0, 2, {3 * kSecond, 4 * kSecond}), sample.segment(1, 0, {0, 4 * kSecond})},
+        archive_.now());
     sample.close();
     folder_ = sample.folder();
   }

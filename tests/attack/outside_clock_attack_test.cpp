@@ -49,11 +49,31 @@ class OutsideClocks : public ::testing::Test {
 
   archive::VerificationReport verify(std::size_t count, std::array<std::chrono::seconds, 2> set) {
     SampleCase sample(archive_);
-    sample.record();
+    archive_.now_ns = 6 * kSecond;
     for (std::size_t each = 0; each < count; ++each) stamp(sample, each, 0s);
     archive_.now_ns = 66 * kSecond;
+    sample.record_at_once();
     for (std::size_t each = 0; each < count; ++each) stamp(sample, each, set.at(each));
     sample.close();
+    archive::VerifyOptions options = archive_.options();
+    options.trust = &trust_;
+    return archive::verify_case(sample.folder(), options);
+  }
+
+  /// A case that is stamped 20 times, after `step` each, while the authorities' clocks gain `gained`.
+  archive::VerificationReport asked_often(std::size_t count, std::chrono::milliseconds step,
+                                          std::chrono::seconds gained) {
+    archive_.clear();
+    archive_.now_ns = 0;
+    SampleCase sample(archive_);
+    for (int i = 0; i < 20; ++i) {
+      archive_.now_ns += std::chrono::nanoseconds(step).count();
+      for (std::size_t each = 0; each < count; ++each) stamp(sample, each, i * gained);
+    }
+    sample.record_at_once();
+    sample.writer().close("operator", archive_.now());
+    for (std::size_t each = 0; each < count; ++each) stamp(sample, each, 20 * gained);
+    sample.writer().finish(archive_.now());
     archive::VerifyOptions options = archive_.options();
     options.trust = &trust_;
     return archive::verify_case(sample.folder(), options);
@@ -67,6 +87,21 @@ class OutsideClocks : public ::testing::Test {
 TEST_F(OutsideClocks, ThatAgreeSayNothing) {
   const archive::VerificationReport report = verify(2, {0s, 0s});
   EXPECT_EQ(summary(report), "intact") << details(report);
+}
+
+TEST_F(OutsideClocks, OfWholeSecondsThatAreAskedOftenAgree) {
+  const archive::VerificationReport report = asked_often(2, 700ms, 0s);
+  EXPECT_EQ(report.verdict, archive::Verdict::kIntact) << details(report);
+}
+
+// Two seconds are allowed to each comparison: who asks for a token each second would leave out half of all.
+TEST_F(OutsideClocks, WhoAsksOftenLeavesNothingOut) {
+  const archive::VerificationReport of_one = asked_often(1, 500ms, 1s);
+  EXPECT_EQ(of_one.verdict, archive::Verdict::kUnproven) << details(of_one);
+  EXPECT_THAT(summary(of_one), testing::HasSubstr("authority-clock-differs tokens/"));
+  const archive::VerificationReport of_two = asked_often(2, 500ms, 1s);
+  EXPECT_EQ(of_two.verdict, archive::Verdict::kTampered) << details(of_two);
+  EXPECT_THAT(summary(of_two), testing::HasSubstr("clock-contradicted tokens/"));
 }
 
 TEST_F(OutsideClocks, OneThatIsSetMakesNoSoundCaseTampered) {

@@ -284,6 +284,7 @@ TEST_F(AttackBesideAnOutsideAuthority, ARecordersClockThatIsAWeekBehindIsSaid) {
     SampleCase sample(archive_);
     stamp_outside(sample, behind);
     archive_.now_ns = 7'000'000'000;
+    sample.record_at_once();
     sample.writer().close("operator", archive_.now());
     stamp_outside(sample, behind);
     sample.writer().finish(archive_.now());

@@ -566,6 +566,25 @@ TEST_F(NextStart, ACaseWhoseEndIsBeingWrittenIsIncomplete) {
   EXPECT_EQ(verify().verdict, Verdict::kIntactWithGaps) << details(verify());
 }
 
+// An authority that is slow answers behind `close` what it was asked at the case's beginning.
+TEST_F(NextStart, AnAnswerThatComesBehindCloseToAnEarlierQuestionIsNoTampering) {
+  {
+    SampleCase sample(archive_);
+    const archive::StoredCheckpoint earlier = sample.writer().checkpoint(archive_.now(), true);
+    const Bytes response = archive_.stamp(earlier.note);
+    sample.record();
+    sample.writer().close("operator", archive_.now());
+    const archive::StoredCheckpoint end = sample.writer().checkpoint(archive_.now(), true);
+    sample.writer().append({archive::TokenMissedEntry{end.size, "swiss", "refused"}}, archive_.now());
+    sample.writer().add_token(earlier, "slow", response, SampleArchive::facts_of(response), archive_.now());
+    folder_ = sample.folder();
+  }
+  EXPECT_EQ(verify().verdict, Verdict::kIncomplete) << details(verify());
+  EXPECT_THAT(summary(verify()), HasSubstr("end-not-covered"));
+  ASSERT_EQ(start().size(), 1U);
+  EXPECT_EQ(verify().verdict, Verdict::kIntactWithGaps) << details(verify());
+}
+
 TEST_F(NextStart, ALogThatWasCutBackSaysThatItKnowsNoEndOfAClosedCase) {
   write_case();
   cut_back(archive_.log_folder(), 3);

@@ -127,7 +127,9 @@ void missing_segments(HostileCase& of, std::uint64_t bytes) {
 /// One file of which every entry states the right size.
 void one_file_over_and_over(HostileCase& of, std::uint64_t bytes) {
   archive::SegmentEntry segment = of.next_segment(true);
-  fs::resize_file(of.folder() / segment.file.file, kSharedFileBytes);
+  std::ofstream file(of.folder() / segment.file.file, std::ios::binary);  // a hole would not be read at all
+  const std::string piece(1U << 20U, 'x');
+  for (std::uint64_t at = 0; at < kSharedFileBytes; at += piece.size()) file << piece;
   segment.file.bytes = kSharedFileBytes;
   long_texts(of, bytes, [&](int) { return segment; });
 }

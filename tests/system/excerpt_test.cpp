@@ -36,7 +36,7 @@ TEST_F(Excerpt, VerifiesByItself) {
 TEST_F(Excerpt, ANameCommandsNoTerminal) {
   const ProcessResult made = kiroku(cut(path("part\033[31m")));
   EXPECT_EQ(made.status, 0) << made.err;
-  EXPECT_THAT(made.out, HasSubstr("part\\u{1B}[31m"));
+  EXPECT_THAT(made.out, HasSubstr("part\\u{001B}[31m"));
   EXPECT_THAT(made.out, Not(HasSubstr("\033")));
 }
 
