@@ -1,5 +1,7 @@
 #include "recorder/ledger_writer.h"
 
+#include "recorder/segmenter.h"
+
 namespace kiroku::recorder {
 namespace {
 
@@ -147,7 +149,17 @@ void LedgerWriter::tell(const AuthorityAnswer& answer) {
   problems_.report(sentence);
 }
 
-void LedgerWriter::finish(const std::string& close_reason) {
+void LedgerWriter::state_slow_end(const Ended& ended, const archive::Moment& close) {
+  if (close.mono_ns - ended.at_ns <= kLongestUnstatedEndNs) return;
+  std::vector<archive::CaseEntryBody> gaps;
+  for (const std::string& stream : ended.streams) {
+    gaps.emplace_back(
+        archive::GapEntry{stream, {ended.at_ns, close.mono_ns}, archive::GapCause::kOverload});
+  }
+  if (!gaps.empty()) writer().append(gaps, close);
+}
+
+void LedgerWriter::finish(const std::string& close_reason, const Ended& ended) {
   stopping_ = true;
   facts_.wake();
   if (thread_.joinable()) thread_.join();
@@ -155,7 +167,10 @@ void LedgerWriter::finish(const std::string& close_reason) {
   // A case that ended as soon as it had begun.
   if (pre_roll_ != nullptr) write(pre_roll_->take());
   write(facts_.take(std::chrono::nanoseconds(0)));
-  writer().close(close_reason, clock_.moment());
+  // One moment for both: the disk may take as long again for the gaps.
+  const archive::Moment close = clock_.moment();
+  state_slow_end(ended, close);
+  writer().close(close_reason, close);
   stamper().stamp_closing(writer().checkpoint(clock_.moment(), true));
   while (stamper().outstanding() > 0) write(facts_.take(kPatience));
   write(facts_.take(std::chrono::nanoseconds(0)));

@@ -32,10 +32,15 @@ class LedgerWriter {
   void begin_case(archive::CaseWriter& writer, Stamper& stamper);
   /// There will be no case: ends the thread. What is held stays with the pre-roll.
   void abandon();
-  /// All lanes have finished: appends the rest and `close`, has the last state stamped, waits for the
-  /// authorities, and signs the last checkpoint. Throws kiroku::Error if the ledger could not be written to
-  /// its end.
-  void finish(const std::string& close_reason);
+  /// Streams that are recorded as they come, and until when they were.
+  struct Ended {
+    std::vector<std::string> streams;
+    std::int64_t at_ns = 0;
+  };
+  /// All lanes have finished: appends the rest, a gap for each of these streams where the disk took long for
+  /// the last files, and `close`; has the last state stamped, waits for the authorities, and signs the last
+  /// checkpoint. Throws kiroku::Error if the ledger could not be written to its end.
+  void finish(const std::string& close_reason, const Ended& ended);
 
   [[nodiscard]] std::uint64_t tokens() const { return tokens_; }
   [[nodiscard]] std::uint64_t missed() const { return missed_; }
@@ -46,6 +51,7 @@ class LedgerWriter {
   void write(std::vector<Fact> facts);
   void write(StandbySegment segment);
   void write(const AuthorityAnswer& answer);
+  void state_slow_end(const Ended& ended, const archive::Moment& close);
   /// What people should hear of an authority's answer.
   void tell(const AuthorityAnswer& answer);
 

@@ -64,6 +64,9 @@ std::optional<Gap> Segmenter::gap_at_close(std::int64_t close_ns, std::int64_t n
   const bool silent =
       rules_.timed_by_arrival && !reached_end && last_ns - end_of_last_frame(now_ns) > kShortestSilenceNs;
   if (!missing && silent) missing = Absence{recorded_until_ns_, archive::GapCause::kSignalLost};
+  // The time to record is over, and another stream's film is still being coded.
+  const bool waits = rules_.timed_by_arrival && close_ns - last_ns > kLongestUnstatedEndNs;
+  if (!missing && waits) missing = Absence{recorded_until_ns_, archive::GapCause::kPaused};
   if (!missing) return {};
   return gap(missing->since_ns, std::max(close_ns, missing->since_ns), missing->cause);
 }

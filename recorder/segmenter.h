@@ -30,6 +30,9 @@ struct Gap {
   archive::GapCause cause = archive::GapCause::kSignalLost;
 };
 
+/// Nothing states why a stream of a case has nothing for so long before `close`.
+inline constexpr std::int64_t kLongestUnstatedEndNs = 3'000'000'000;
+
 /// So long may no frame come within a segment; a longer silence ends it. Before the first frame no segment
 /// could hold it.
 std::int64_t longest_silence_ns(std::chrono::nanoseconds segment_duration, bool after_a_frame);

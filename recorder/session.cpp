@@ -20,8 +20,6 @@ namespace {
 
 constexpr std::chrono::milliseconds kProgressInterval{250};
 constexpr std::int64_t kGraceNs = 1'000'000'000;
-// A disk that is slow holds `close` up, and nothing is recorded meanwhile.
-constexpr std::int64_t kLongestUnstatedCloseNs = 3'000'000'000;
 constexpr std::chrono::milliseconds kShortestSegment{100};
 // Format 1 allows ten seconds; the rest is for a source that is silent at a segment's end.
 constexpr std::chrono::seconds kLongestSegment{9};
@@ -87,9 +85,7 @@ struct Session::State {
   void make_case(std::int64_t from_ns);
   /// There was none: what was recorded ahead is discarded, and stated.
   void discard();
-  void finish_lanes();
-  /// Recording stopped at `close_ns`, and its last files were durable only now.
-  void state_slow_close(std::int64_t close_ns);
+  LedgerWriter::Ended finish_lanes();
   [[nodiscard]] EventsLane& begun_events() const {
     if (!begun) throw UsageError("no case has begun: there is nothing to mark");
     return *events;
@@ -397,35 +393,29 @@ Session::State::~State() {
   if (closed || !ledger_writer) return;
   // Never run, or run() was left by an error: the case is still closed properly.
   try {
-    finish_lanes();
+    const LedgerWriter::Ended ended = finish_lanes();
     if (!begun) {
       discard();
       return;
     }
-    ledger_writer->finish("error: the recording was abandoned");
+    ledger_writer->finish("error: the recording was abandoned", ended);
   } catch (const std::exception&) {
     // The ledger cannot be written any more; verification says "incomplete".
     return;
   }
 }
 
-void Session::State::finish_lanes() {
+LedgerWriter::Ended Session::State::finish_lanes() {
   for (const auto& lane : lanes) lane->stop();
   const std::int64_t close_ns = clock.now_ns();
   for (const auto& lane : lanes) lane->finish(close_ns);
   events->finish(close_ns);
   if (pointing) pointing->finish(close_ns);
-  state_slow_close(close_ns);
-}
-
-void Session::State::state_slow_close(std::int64_t close_ns) {
-  const std::int64_t now_ns = clock.now_ns();
-  if (now_ns - close_ns <= kLongestUnstatedCloseNs) return;
+  LedgerWriter::Ended ended{{}, close_ns};
   for (const archive::StreamInfo& stream : writing.streams) {
-    if (stream.kind == "events" || stream.timing != "arrival") continue;
-    facts.push(archive::CaseEntryBody(
-        archive::GapEntry{stream.name, {close_ns, now_ns}, archive::GapCause::kOverload}));
+    if (stream.kind != "events" && stream.timing == "arrival") ended.streams.push_back(stream.name);
   }
+  return ended;
 }
 
 Session::Session(SessionOptions options) : state_(std::make_unique<State>(std::move(options))) {}
@@ -481,7 +471,7 @@ SessionResult Session::run(const std::function<void(const SessionStatus&)>& prog
       next_progress_ns = now + std::chrono::nanoseconds(kProgressInterval).count();
     }
   }
-  s.finish_lanes();
+  const LedgerWriter::Ended ended = s.finish_lanes();
   // A write that failed while the rest was brought in changes the reason.
   if (const std::string trouble = s.problems.close_reason(); !trouble.empty()) reason = trouble;
   s.closed = true;
@@ -490,7 +480,7 @@ SessionResult Session::run(const std::function<void(const SessionStatus&)>& prog
     // Nothing begins any more.
     const std::lock_guard guard(s.begin_mutex);
     if (s.begun) {
-      s.ledger_writer->finish(reason);
+      s.ledger_writer->finish(reason, ended);
       result.case_id = s.writer->case_id();
       result.folder = s.writer->folder();
     } else {

@@ -3,6 +3,7 @@
 #include <algorithm>
 
 #include "base/error.h"
+#include "recorder/segmenter.h"
 #include "recorder/source/source.h"
 
 namespace kiroku::recorder {
@@ -173,6 +174,8 @@ void VitalsLane::finish(std::int64_t close_ns) {
       fail(error);
     }
   }
+  const bool waits = !unpaced_ && close_ns - end_of_stream(close_ns) > kLongestUnstatedEndNs;
+  if (!gap_cause_ && waits) gap_cause_ = archive::GapCause::kPaused;
   if (gap_cause_) {
     const std::int64_t since_ns = output_.claimed_until_ns();
     context_.facts.push(archive::CaseEntryBody(

@@ -96,8 +96,9 @@ inline constexpr auto kFindingCodes = std::to_array<FindingCode>({
      "a token of an outside authority covers the entry of an earlier one of its own that states a later time, "
      "by more than 2 s or where it states that its tokens are in order: its clock was set back"},
     {"authorities-disagree", Severity::kUnproven,
-     "a token of an outside authority covers the entry of another's that states a time more than 2 s later: "
-     "the clock of one of the two is wrong"},
+     "a token of an outside authority covers the entry of another's that states a time more than 2 s later, or "
+     "the time between two of theirs differs from the case clock as that of authority-clock-differs: one of "
+     "these clocks is wrong"},
     {"clock-contradicted", Severity::kTampered,
      "time between two trusted outside tokens differs from the case clock by more than accuracies, round "
      "trips, stated slews, 2 s and 0.02 %, and so, over the same time and the same way, does that of another "

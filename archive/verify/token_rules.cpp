@@ -19,6 +19,8 @@ constexpr std::int64_t kSlackNs = 2'000'000'000;
 constexpr std::int64_t kStepStatedWithinNs = 2'000'000'000;
 constexpr std::int64_t kDriftDivisor = 5'000;  // 0.02 %
 constexpr std::int64_t kNsPerUs = 1'000;
+// Linux: a tick of 9,000 to 11,000 us and 500 ppm beside it (adjtimex(2)).
+constexpr std::int64_t kFastestSlewPpb = 100'500'000;
 
 std::string at_entry(std::uint64_t entry) { return "entry " + std::to_string(entry); }
 
@@ -66,15 +68,18 @@ void TokenRules::take(const TokenEntry& token, std::uint64_t entry, std::int64_t
     restating_.insert(entry);
   }
 
-  Earlier now{entry,
-              token.checkpoint,
-              mono_ns,
-              token.gen_time,
-              token.accuracy_ns,
-              judged.valid && judged.external,
-              {},
-              mono_ns,
-              slewed_until(mono_ns)};
+  Earlier now;
+  now.entry = entry;
+  now.checkpoint = token.checkpoint;
+  now.mono_ns = now.latest_ns = mono_ns;
+  now.gen_time = token.gen_time;
+  now.accuracy_ns = token.accuracy_ns;
+  now.external = judged.valid && judged.external;
+  now.slewed_ns = slewed_until(mono_ns);
+  now.stands = close_ && token.checkpoint > *close_;
+  now.recoveries = recoveries_;
+  now.root = judged.root;
+  now.file = token.file;
   now.earliest_ns = checkpoints_->mono_at(token.checkpoint);
   check_exchange(token, entry, mono_ns);
   if (token.exchange) {
@@ -82,7 +87,8 @@ void TokenRules::take(const TokenEntry& token, std::uint64_t entry, std::int64_t
     now.latest_ns = token.exchange->answered_ns;
   }
   const bool agrees = check_elapsed(token, now);
-  const StampedToken stamped{entry, token.checkpoint, token.gen_time, token.accuracy_ns, token.authority};
+  const StampedToken stamped{entry,           token.checkpoint, token.gen_time, token.accuracy_ns,
+                             token.authority, judged.root};
   if (judged.valid) {
     if (judged.external) {
       check_order(stamped, agrees, judged.ordering);
@@ -92,6 +98,7 @@ void TokenRules::take(const TokenEntry& token, std::uint64_t entry, std::int64_t
     valid_checkpoints_.insert(token.checkpoint);
     if (judged.external && token.checkpoint > 0) {
       outside_.push_back(stamped);
+      outside_times_.push_back(now);
       outside_entries_ = std::max(outside_entries_, token.checkpoint);
     }
   }
@@ -179,8 +186,9 @@ TokenRules::Judged TokenRules::judge(const TokenEntry& token, std::uint64_t entr
     case timestamp::TokenVerdict::kValid:
       break;
   }
+  const crypto::Sha256Digest root = crypto::sha256(judgement.chain.back());
   return {true, judgement.authority == timestamp::TimeAuthority::kOutside, restated,
-          judgement.info && judgement.info->ordering};
+          judgement.info && judgement.info->ordering, std::string(text_of(root))};
 }
 
 bool TokenRules::compare_entry(const TokenEntry& token, std::uint64_t entry,
@@ -240,7 +248,7 @@ std::string breach_of(const StampedToken& now, const StampedToken& before) {
 // A token that covers another was made later, whatever the ledger says: where it says otherwise, a clock was
 // wrong. That of the recorder's own authority is the recorder's, which check_elapsed() looks at.
 void TokenRules::check_order(const StampedToken& now, bool agrees, bool ordering) {
-  Order& order = order_of_[now.authority];
+  Order& order = order_of_[now.root];
   const StampedToken* before = order.latest_below(now.checkpoint);
   // RFC 3161 2.4.2: an authority that states `ordering` can always be held to it.
   const std::int64_t slack_ns = ordering ? 0 : kSlackNs;
@@ -253,20 +261,44 @@ void TokenRules::check_order(const StampedToken& now, bool agrees, bool ordering
 
 void TokenRules::compare_authorities() {
   Order order;
-  for (const StampedToken& now : outside_) {
-    const StampedToken* before = order.latest_below(now.checkpoint);
-    if (before != nullptr && before->authority != now.authority &&
-        ns_of(before->earliest() - now.latest()) > kSlackNs) {
-      findings_->add("authorities-disagree", {token_path(now.checkpoint, now.authority), now.entry},
-                     breach_of(now, *before) + ": the clock of one of the two is wrong");
+  Pace pace;
+  std::uint64_t recoveries = 0;
+  for (std::size_t i = 0; i < outside_.size(); ++i) {
+    const StampedToken& token = outside_[i];
+    const Place place{outside_times_[i].file, token.entry};
+    const StampedToken* before = order.latest_below(token.checkpoint);
+    const bool breach = before != nullptr && before->root != token.root &&
+                        ns_of(before->earliest() - token.latest()) > kSlackNs;
+    if (breach) {
+      findings_->add("authorities-disagree", place,
+                     breach_of(token, *before) + ": the clock of one of the two is wrong");
     }
-    order.add(now);
+    order.add(token);
+    const Earlier& now = outside_times_[i];
+    if (!now.earliest_ns) {
+      continue;
+    }
+    if (std::exchange(recoveries, now.recoveries) != now.recoveries) {
+      pace = {};
+    }
+    const std::optional<Difference> found = pace.difference(now);
+    if (found && found->before.root != now.root && !breach) {
+      findings_->add("authorities-disagree", place,
+                     Pace::text(*found, now) + ": one of the three clocks is wrong");
+    }
+    if (!now.stands) {
+      if (found) {
+        pace = {};
+      }
+      pace.add(now);
+    }
   }
 }
 
-void TokenRules::leave_out(const std::set<std::string>& authorities) {
-  const auto is_left_out = [&](const StampedToken& token) { return authorities.contains(token.authority); };
+void TokenRules::leave_out(const std::set<std::string>& roots) {
+  const auto is_left_out = [&](const auto& token) { return roots.contains(token.root); };
   std::erase_if(outside_, is_left_out);
+  std::erase_if(outside_times_, is_left_out);
   std::erase_if(valid_, is_left_out);
   outside_entries_ = 0;
   for (const StampedToken& token : outside_) {
@@ -275,23 +307,22 @@ void TokenRules::leave_out(const std::set<std::string>& authorities) {
 }
 
 // Each comparison allows for two seconds. Were a token compared with the one before alone, whoever asks for
-// one a second could leave out as much as they like.
+// one a second could leave out as much as they like. Nor is it the ledger's name for an authority that
+// decides which are compared.
 bool TokenRules::check_elapsed(const TokenEntry& token, const Earlier& now) {
   if (!now.earliest_ns) {
     return true;  // over a checkpoint that is not there, or before an excerpt
   }
-  Pace& pace = pace_of_[{token.authority, now.external}];
-  // After close the case clock stands: a token may come hours or years later.
-  const bool stands = close_ && now.checkpoint > *close_;
-  const std::optional<Difference> found = pace.difference(now, stands);
-  if (!stands) {
+  Pace& pace = pace_of_[now.root.empty() ? token.authority : now.root];
+  const std::optional<Difference> found = pace.difference(now);
+  if (!now.stands) {
     const bool goes_on = pace.last && !found;
     if (!goes_on) {
       pace = {};
     }
     pace.add(now);
     if (now.external) {
-      std::vector<Span>& agreeing = agreeing_[token.authority];
+      std::vector<Span>& agreeing = agreeing_[now.root];
       if (goes_on) {
         agreeing.back().end_ns = now.mono_ns;
       } else {
@@ -302,22 +333,25 @@ bool TokenRules::check_elapsed(const TokenEntry& token, const Earlier& now) {
   if (!found) {
     return true;
   }
-  const Earlier& before = found->before;
   const Place place{token.file, now.entry};
-  const std::string text = "between the tokens of " + token.authority + " in entries " +
-                           std::to_string(before.entry) + " and " + std::to_string(now.entry) +
-                           " its clock went on by " + seconds(found->elapsed_us) + " and the case clock by " +
-                           seconds(found->shortest_us) + " to " + seconds(found->longest_us);
+  const std::int64_t from_ns = found->before.mono_ns;
   if (now.external) {
     contradictions_.push_back({place,
-                               text,
-                               token.authority,
-                               {before.mono_ns, now.mono_ns},
-                               found->elapsed_us > found->longest_us});
+                               Pace::text(*found, now),
+                               now.root,
+                               {from_ns, now.mono_ns},
+                               found->elapsed_us > found->longest_us,
+                               found->excess_us});
   } else {
-    disagreements_.push_back({place, text, before.mono_ns, now.mono_ns, found->excess_us});
+    disagreements_.push_back({place, Pace::text(*found, now), from_ns, now.mono_ns, found->excess_us});
   }
   return false;
+}
+
+std::string TokenRules::Pace::text(const Difference& found, const Earlier& now) {
+  return "between " + found.before.file + " in " + at_entry(found.before.entry) + " and " + now.file +
+         " in " + at_entry(now.entry) + " the authorities' time went on by " + seconds(found.elapsed_us) +
+         " and the case clock by " + seconds(found.shortest_us) + " to " + seconds(found.longest_us);
 }
 
 void TokenRules::Pace::add(const Earlier& token) {
@@ -335,7 +369,7 @@ void TokenRules::Pace::add(const Earlier& token) {
   }
 }
 
-std::optional<TokenRules::Difference> TokenRules::Pace::difference(const Earlier& now, bool stands) const {
+std::optional<TokenRules::Difference> TokenRules::Pace::difference(const Earlier& now) const {
   for (const Earlier* before : {last ? &*last : nullptr, most_ahead ? &most_ahead->second : nullptr,
                                 most_behind ? &most_behind->second : nullptr}) {
     if (before == nullptr) {
@@ -347,12 +381,11 @@ std::optional<TokenRules::Difference> TokenRules::Pace::difference(const Earlier
     found.shortest_us = (*now.earliest_ns - before->latest_ns) / kNsPerUs;
     found.longest_us = longest_ns / kNsPerUs;
     found.elapsed_us = (now.gen_time - before->gen_time).count();
-    const std::int64_t tolerance_us =
-        (kSlackNs + before->accuracy_ns + now.accuracy_ns + longest_ns / kDriftDivisor +
-         (now.slewed_ns - before->slewed_ns)) /
-        kNsPerUs;
+    const std::int64_t tolerance_us = (kSlackNs + before->accuracy_ns + now.accuracy_ns +
+                                       longest_ns / kDriftDivisor + (now.slewed_ns - before->slewed_ns)) /
+                                      kNsPerUs;
     found.excess_us = std::max(found.shortest_us - tolerance_us - found.elapsed_us,
-                               stands ? 0 : found.elapsed_us - found.longest_us - tolerance_us);
+                               now.stands ? 0 : found.elapsed_us - found.longest_us - tolerance_us);
     if (found.excess_us > 0) {
       return found;
     }
@@ -362,8 +395,8 @@ std::optional<TokenRules::Difference> TokenRules::Pace::difference(const Earlier
 
 bool TokenRules::is_confirmed(const Contradiction& one) const {
   return std::any_of(agreeing_.begin(), agreeing_.end(), [&](const auto& each) {
-    const auto& [authority, spans] = each;
-    return authority != one.authority && std::any_of(spans.begin(), spans.end(), [&](const Span& span) {
+    const auto& [root, spans] = each;
+    return root != one.root && std::any_of(spans.begin(), spans.end(), [&](const Span& span) {
              return span.start_ns <= one.span.start_ns && one.span.end_ns <= span.end_ns;
            });
   });
@@ -377,23 +410,33 @@ void TokenRules::report_contradictions() {
   for (const Contradiction& one : contradictions_) {
     const bool shared =
         std::any_of(contradictions_.begin(), contradictions_.end(), [&](const Contradiction& other) {
-          return other.authority != one.authority && other.ahead == one.ahead &&
+          return other.root != one.root && other.ahead == one.ahead &&
                  other.span.start_ns < one.span.end_ns && one.span.start_ns < other.span.end_ns;
         });
-    if (shared) {
+    const bool stated =
+        static_cast<double>(one.excess_us) * kNsPerUs <= stepped_ns(one.span.start_ns, one.span.end_ns);
+    if (shared && stated) {
+      findings_->add("authority-clock-differs", one.place,
+                     one.text +
+                         ", which is how far the wall clock was set: the case clock stood, as in a "
+                         "virtual machine that was paused, or was made up");
+    } else if (shared) {
       findings_->add("clock-contradicted", one.place, one.text + ", and so did another authority's");
     } else if (is_confirmed(one)) {
       findings_->add("authority-clock-set", one.place,
                      one.text + ", and that of another authority as the case clock");
-      was_set.insert(one.authority);
+      was_set.insert(one.root);
     } else {
       findings_->add("authority-clock-differs", one.place, one.text + ": one of the two was set");
     }
   }
-  if (!was_set.empty()) {
-    leave_out(was_set);
+  leave_out(was_set);
+  // Where an authority alone differs, that was said.
+  const bool all_are_out = std::ranges::all_of(
+      contradictions_, [&](const Contradiction& one) { return was_set.contains(one.root); });
+  if (all_are_out) {
+    compare_authorities();
   }
-  compare_authorities();
 }
 
 void TokenRules::take_missed(const TokenMissedEntry& missed, std::uint64_t entry) {
@@ -405,11 +448,12 @@ void TokenRules::take_missed(const TokenMissedEntry& missed, std::uint64_t entry
 
 void TokenRules::take_recovered() {
   pace_of_.clear();
-  recovered_ = true;
+  ++recoveries_;
 }
 
 void TokenRules::take_rate(std::int64_t rate_ppb, std::int64_t mono_ns) {
-  const std::int64_t rate = std::abs(rate_ppb) > kSlewPpb ? std::abs(rate_ppb) : 0;
+  const std::int64_t stated = std::min(std::abs(rate_ppb), kFastestSlewPpb);
+  const std::int64_t rate = stated > kSlewPpb ? stated : 0;
   // The entry at a slew's end states its mean rate.
   slew_.rate_ppb = std::max(slew_.rate_ppb, rate);
   slew_.total_ns = slewed_until(mono_ns);
@@ -417,22 +461,18 @@ void TokenRules::take_rate(std::int64_t rate_ppb, std::int64_t mono_ns) {
   slew_.rate_ppb = rate;
 }
 
-void TokenRules::report_disagreements() {
-  std::sort(steps_.begin(), steps_.end(), [](const Step& a, const Step& b) { return a.mono_ns < b.mono_ns; });
-  std::vector<double> stepped_before{0};  // by all steps in front of each, either way
-  for (const Step& step : steps_) {
-    stepped_before.push_back(stepped_before.back() + std::abs(static_cast<double>(step.step_ns)));
-  }
+double TokenRules::stepped_ns(std::int64_t from_ns, std::int64_t until_ns) const {
   const auto steps_before = [&](std::int64_t mono_ns) {
     const auto first = std::partition_point(steps_.begin(), steps_.end(),
                                             [&](const Step& step) { return step.mono_ns < mono_ns; });
-    return stepped_before[static_cast<std::size_t>(first - steps_.begin())];
+    return stepped_before_[static_cast<std::size_t>(first - steps_.begin())];
   };
+  return steps_before(until_ns + kStepStatedWithinNs + 1) - steps_before(from_ns - kStepStatedWithinNs);
+}
+
+void TokenRules::report_disagreements() {
   for (const Disagreement& each : disagreements_) {
-    // A step is stated within a second, so an entry may follow the token that shows it already.
-    const double stepped_ns = steps_before(each.until_ns + kStepStatedWithinNs + 1) -
-                              steps_before(each.from_ns - kStepStatedWithinNs);
-    if (static_cast<double>(each.excess_us) * kNsPerUs > stepped_ns) {
+    if (static_cast<double>(each.excess_us) * kNsPerUs > stepped_ns(each.from_ns, each.until_ns)) {
       findings_->add("clock-disagreement", each.place, each.text);
     }
   }
@@ -462,7 +502,7 @@ void TokenRules::check_exchange(const TokenEntry& token, std::uint64_t entry, st
 }
 
 void TokenRules::compare_clocks(const TokenEntry& token, bool outside) {
-  if (!token.exchange || recovered_) {
+  if (!token.exchange || recoveries_ > 0) {
     return;
   }
   const auto [asked_ns, answered_ns] = *token.exchange;
@@ -480,6 +520,11 @@ void TokenRules::compare_clocks(const TokenEntry& token, bool outside) {
 }
 
 void TokenRules::finish(bool whole_case) {
+  std::sort(steps_.begin(), steps_.end(), [](const Step& a, const Step& b) { return a.mono_ns < b.mono_ns; });
+  stepped_before_ = {0};
+  for (const Step& step : steps_) {
+    stepped_before_.push_back(stepped_before_.back() + std::abs(static_cast<double>(step.step_ns)));
+  }
   report_contradictions();
   report_disagreements();
   if (count_ == 0) {

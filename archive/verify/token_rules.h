@@ -53,8 +53,8 @@ class TokenRules {
   [[nodiscard]] const std::map<std::uint64_t, crypto::Sha256Digest>& hashes() const { return hashes_; }
   /// Largest tree size that an entered token is over; 0 if there is none.
   [[nodiscard]] std::uint64_t largest_checkpoint() const { return largest_checkpoint_; }
-  /// Whether each of the entries [first, end) stands behind close and enters a token, of whichever checkpoint,
-  /// and states what that token says: then they say nothing that the token files do not.
+  /// Whether each of the entries [first, end) stands behind close and enters a token, of whichever
+  /// checkpoint, and states what that token says: then they say nothing that the token files do not.
   [[nodiscard]] bool restate_tokens(std::uint64_t first, std::uint64_t end) const;
 
  private:
@@ -63,6 +63,7 @@ class TokenRules {
     bool external = false;
     bool restated = false;  // the entry states what the token says, and that is over its checkpoint
     bool ordering = false;  // the authority states that its tokens are in order by time alone
+    std::string root{};     // StampedToken::root of a valid one
   };
   struct Earlier {
     std::uint64_t entry = 0, checkpoint = 0;
@@ -73,7 +74,11 @@ class TokenRules {
     // gen_time lies between these on the case clock, where the first is known
     std::optional<std::int64_t> earliest_ns;
     std::int64_t latest_ns = 0;
-    std::int64_t slewed_ns = 0;  // slewed_until() then
+    std::int64_t slewed_ns = 0;    // slewed_until() then
+    bool stands = false;           // after close the case clock stands: a token may come hours or years later
+    std::uint64_t recoveries = 0;  // before it
+    std::string root{};
+    std::string file{};
   };
   /// Of an authority's clock with the case clock, between two tokens.
   struct Difference {
@@ -91,7 +96,9 @@ class TokenRules {
     std::optional<std::pair<std::int64_t, Earlier>> most_ahead, most_behind;
 
     void add(const Earlier& token);
-    [[nodiscard]] std::optional<Difference> difference(const Earlier& now, bool stands) const;
+    [[nodiscard]] std::optional<Difference> difference(const Earlier& now) const;
+    /// How far the clocks differ, in words.
+    static std::string text(const Difference& found, const Earlier& now);
   };
   struct Step {
     std::int64_t mono_ns = 0, step_ns = 0;
@@ -106,9 +113,10 @@ class TokenRules {
   /// Of two tokens' clock, which is vouched for from outside, with the case clock.
   struct Contradiction {
     Place place;
-    std::string text, authority;
+    std::string text, root;
     Span span;           // the entries of both
     bool ahead = false;  // the authority's clock went on by more than the case clock
+    std::int64_t excess_us = 0;
   };
   struct Untrusted {
     std::uint64_t checkpoint = 0, entry = 0;
@@ -135,7 +143,7 @@ class TokenRules {
   void check_order(const StampedToken& now, bool agrees, bool ordering);
   void compare_authorities();
   /// Authorities whose clock was set in the course of the case, as another one shows, prove no time of it.
-  void leave_out(const std::set<std::string>& authorities);
+  void leave_out(const std::set<std::string>& roots);
   void check_exchange(const TokenEntry& token, std::uint64_t entry, std::int64_t mono_ns);
   /// False where the authority's clock and the case clock differ by more than is tolerated.
   bool check_elapsed(const TokenEntry& token, const Earlier& now);
@@ -146,6 +154,9 @@ class TokenRules {
   [[nodiscard]] bool is_confirmed(const Contradiction& one) const;
   /// Adds what no stated step of the wall clock explains.
   void report_disagreements();
+  /// By how much the wall clock was stated to be set between two times of the case clock, either way. A step
+  /// is stated within a second, so an entry may follow the token that shows it already.
+  [[nodiscard]] double stepped_ns(std::int64_t from_ns, std::int64_t until_ns) const;
   /// How much slews may have moved the case clock, all in all, up to this time.
   [[nodiscard]] std::int64_t slewed_until(std::int64_t mono_ns) const;
 
@@ -155,9 +166,10 @@ class TokenRules {
   const CheckpointRules* checkpoints_;
 
   std::vector<StampedToken> valid_;
-  std::vector<StampedToken> outside_;                       // those of valid_ that are of outside authorities
-  std::map<std::string, Order> order_of_;                   // by outside authority
-  std::map<std::pair<std::string, bool>, Pace> pace_of_;    // likewise, `external`
+  std::vector<StampedToken> outside_;      // those of valid_ that are of outside authorities
+  std::vector<Earlier> outside_times_;     // of outside_
+  std::map<std::string, Order> order_of_;  // of outside authorities, by root
+  std::map<std::string, Pace> pace_of_;    // by root, else by name
   std::set<std::pair<std::uint64_t, std::string>> entered_;
   std::vector<Untrusted> untrusted_;
   std::set<std::uint64_t> valid_checkpoints_;
@@ -172,11 +184,12 @@ class TokenRules {
   };
   Slew slew_;
   std::vector<Step> steps_;
+  std::vector<double> stepped_before_;  // finish(): by all steps in front of each, either way
   std::vector<Disagreement> disagreements_;
   std::vector<Contradiction> contradictions_;
   std::map<std::string, std::vector<Span>>
-      agreeing_;  // by outside authority: where its clock is as the case's
-  bool recovered_ = false;
+      agreeing_;  // by root of an outside authority: where its clock is as the case's
+  std::uint64_t recoveries_ = 0;
   std::optional<std::uint64_t> close_;
   std::uint64_t largest_checkpoint_ = 0;
   bool missed_after_close_ = false;

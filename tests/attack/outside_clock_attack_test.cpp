@@ -28,7 +28,8 @@ class OutsideClocks : public ::testing::Test {
   }
 
   /// An authority's clock is that of the case, and `set` more.
-  void stamp(SampleCase& sample, std::size_t authority, std::chrono::seconds set) {
+  void stamp(SampleCase& sample, std::size_t authority, std::chrono::seconds set,
+             const std::string& name = "") {
     const archive::StoredCheckpoint checkpoint = sample.writer().checkpoint(archive_.now(), true);
     const crypto::Sha256Digest imprint = crypto::sha256(bytes_of(checkpoint.note));
     const std::time_t says = std::chrono::system_clock::to_time_t(archive_.now().utc + set);
@@ -43,7 +44,8 @@ class OutsideClocks : public ::testing::Test {
     recipe.signer = &authorities_.at(authority).signer;
     recipe.enclosed = {recipe.signer->certificate.get()};
     const Bytes response = make_response(make_token(recipe));
-    sample.writer().add_token(checkpoint, authority == 0 ? "first" : "second", response,
+    const std::string usual = authority == 0 ? "first" : "second";
+    sample.writer().add_token(checkpoint, name.empty() ? usual : name, response,
                               SampleArchive::facts_of(response), archive_.now());
   }
 
@@ -79,6 +81,16 @@ class OutsideClocks : public ::testing::Test {
     return archive::verify_case(sample.folder(), options);
   }
 
+  archive::VerificationReport closed(SampleCase& sample) {
+    sample.record_at_once();
+    sample.writer().close("operator", archive_.now());
+    sample.writer().checkpoint(archive_.now(), true);
+    sample.writer().finish(archive_.now());
+    archive::VerifyOptions options = archive_.options();
+    options.trust = &trust_;
+    return archive::verify_case(sample.folder(), options);
+  }
+
   SampleArchive archive_;
   std::array<TestAuthority, 2> authorities_{make_test_authority(), make_test_authority()};
   timestamp::TrustStore trust_;
@@ -102,6 +114,61 @@ TEST_F(OutsideClocks, WhoAsksOftenLeavesNothingOut) {
   const archive::VerificationReport of_two = asked_often(2, 500ms, 1s);
   EXPECT_EQ(of_two.verdict, archive::Verdict::kTampered) << details(of_two);
   EXPECT_THAT(summary(of_two), testing::HasSubstr("clock-contradicted tokens/"));
+}
+
+// The ledger's name for an authority is chosen by whoever writes the ledger.
+TEST_F(OutsideClocks, OneAuthorityUnderManyNamesIsOne) {
+  SampleCase sample(archive_);
+  for (int i = 0; i < 10; ++i) {
+    archive_.now_ns += kSecond / 2;
+    stamp(sample, 0, i * 2s, "name-" + std::to_string(i));
+  }
+  const archive::VerificationReport report = closed(sample);
+  EXPECT_EQ(report.verdict, archive::Verdict::kUnproven) << details(report);
+  EXPECT_THAT(summary(report), testing::HasSubstr("authority-clock-differs tokens/"));
+}
+
+TEST_F(OutsideClocks, OneAuthorityUnderTwoNamesThatIsSetShowsNoClockThatWasMadeUp) {
+  SampleCase sample(archive_);
+  for (const char* name : {"a", "b"}) stamp(sample, 0, 0s, name);
+  archive_.now_ns += 60 * kSecond;
+  for (const char* name : {"a", "b"}) stamp(sample, 0, 10s, name);
+  const archive::VerificationReport report = closed(sample);
+  EXPECT_EQ(report.verdict, archive::Verdict::kUnproven) << details(report);
+}
+
+TEST_F(OutsideClocks, OfTwoThatAreAskedOnceEachTheTimeBetweenIsComparedToo) {
+  SampleCase sample(archive_);
+  stamp(sample, 0, 0s);
+  archive_.now_ns += kSecond;
+  stamp(sample, 1, 20s);
+  const archive::VerificationReport report = closed(sample);
+  EXPECT_EQ(report.verdict, archive::Verdict::kUnproven) << details(report);
+  EXPECT_THAT(summary(report), testing::HasSubstr("authorities-disagree tokens/"));
+}
+
+// No machine's clock runs faster than its kernel lets it.
+TEST_F(OutsideClocks, ASlewThatNoKernelMakesExcusesNothing) {
+  SampleCase sample(archive_);
+  stamp(sample, 0, 0s);
+  archive_.now_ns += kSecond;
+  sample.writer().append({archive::ClockEntry{true, 0, 0, 0, -6'000'000'000'000}}, archive_.now());
+  archive_.now_ns += 3 * kSecond;
+  stamp(sample, 0, 20s);
+  const archive::VerificationReport report = closed(sample);
+  EXPECT_EQ(report.verdict, archive::Verdict::kUnproven) << details(report);
+}
+
+// As a virtual machine sees it: wall clock and authorities go on, and CLOCK_BOOTTIME stands.
+TEST_F(OutsideClocks, AMachineThatWasPausedFromOutsideMakesNoSoundCaseTampered) {
+  SampleCase sample(archive_);
+  for (const std::size_t each : {0U, 1U}) stamp(sample, each, 0s);
+  archive_.now_ns += 5 * kSecond;
+  sample.writer().append({archive::ClockEntry{true, 0, 0, 60 * kSecond, {}}}, archive_.now());
+  for (const std::size_t each : {0U, 1U}) stamp(sample, each, 60s);
+  const archive::VerificationReport report = closed(sample);
+  EXPECT_EQ(report.verdict, archive::Verdict::kUnproven) << details(report);
+  EXPECT_THAT(details(report), testing::HasSubstr("a virtual machine that was paused"));
 }
 
 TEST_F(OutsideClocks, OneThatIsSetMakesNoSoundCaseTampered) {

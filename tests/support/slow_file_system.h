@@ -19,6 +19,8 @@ class SlowFileSystem final : public archive::FileSystem {
   SlowFileSystem(std::string part_of_name, std::chrono::milliseconds write_delay,
                  std::chrono::milliseconds flush_delay = {})
       : part_of_name_(std::move(part_of_name)), write_delay_(write_delay), flush_delay_(flush_delay) {}
+  /// Each sync of such a file takes so long from now on.
+  void delay_syncs(std::chrono::milliseconds by) { sync_delay_ = by; }
   /// The most such files that were open at once.
   [[nodiscard]] int most_open() const { return most_open_; }
 
@@ -28,7 +30,9 @@ class SlowFileSystem final : public archive::FileSystem {
     return std::make_unique<File>(std::move(made), *this);
   }
   std::unique_ptr<archive::WritableFile> append_to(const std::filesystem::path& file) override {
-    return archive::real_file_system().append_to(file);
+    auto opened = archive::real_file_system().append_to(file);
+    if (file.string().find(part_of_name_) == std::string::npos) return opened;
+    return std::make_unique<File>(std::move(opened), *this);
   }
   void rename(const std::filesystem::path& from, const std::filesystem::path& to) override {
     archive::real_file_system().rename(from, to);
@@ -55,7 +59,10 @@ class SlowFileSystem final : public archive::FileSystem {
       std::this_thread::sleep_for(files_.write_delay_);
       real_->write(bytes);
     }
-    void sync() override { real_->sync(); }
+    void sync() override {
+      std::this_thread::sleep_for(files_.sync_delay_.load());
+      real_->sync();
+    }
     void sync_all() override {
       std::this_thread::sleep_for(files_.flush_delay_);
       real_->sync_all();
@@ -74,6 +81,7 @@ class SlowFileSystem final : public archive::FileSystem {
 
   std::string part_of_name_;
   std::chrono::milliseconds write_delay_, flush_delay_;
+  std::atomic<std::chrono::milliseconds> sync_delay_{};
   std::atomic<int> open_{0}, most_open_{0};
 };
 

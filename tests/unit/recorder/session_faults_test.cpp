@@ -247,6 +247,50 @@ TEST(SessionUnderLoad, StatesTheTimeThatASlowDiskNeedsForClosing) {
   EXPECT_THAT(recorded.gaps("events"), IsEmpty());
 }
 
+// Real time: what is stated is how long the ledger itself takes to be written.
+TEST(SessionUnderLoad, StatesTheTimeThatTheLedgerNeedsForItsOwnEnd) {
+  const RecorderBench bench;
+  test::SlowFileSystem files("ledger.jsonl", 0ms);
+  SessionOptions options = bench.options();
+  options.files = &files;
+  options.video = {bench.stream("room", "synthetic:pattern?size=64x48&rate=20")};
+  Session session(options);
+  const SessionResult result = session.run([&](const SessionStatus& status) {
+    if (status.streams.front().frames < 10) return;
+    files.delay_syncs(4s);
+    session.stop();
+  });
+  const RecordedCase recorded = bench.read(result.folder);
+  const auto gaps = recorded.gaps("room");
+  ASSERT_THAT(gaps, SizeIs(1));
+  EXPECT_EQ(gaps[0].cause, GapCause::kOverload);
+  std::int64_t close_ns = 0;
+  for (const archive::CaseEntry& entry : recorded.entries()) {
+    if (std::holds_alternative<archive::CloseEntry>(entry.body)) close_ns = entry.at.mono_ns;
+  }
+  EXPECT_EQ(gaps[0].span.end_ns, close_ns) << "also where the gap itself takes as long";
+}
+
+TEST(SessionUnderLoad, StatesWhatIsNotRecordedWhileAFilmIsStillCoded) {
+  const RecorderBench bench;
+  test::SlowFileSystem files("segments/film", 300ms);
+  SessionOptions options = bench.options();
+  options.files = &files;
+  options.queue_bytes = 400'000;  // so the film's pictures are taken as they are coded
+  options.video = {bench.stream("film", "synthetic:pattern?size=320x240&rate=5&speed=max"),
+                   bench.stream("room", "synthetic:pattern?size=64x48&rate=20")};
+  options.vitals = {bench.stream("vitals", "synthetic:patient?waves=0")};
+  options.duration = 2s;
+  const RecordedCase recorded = bench.record(options);
+  for (const char* stream : {"room", "vitals"}) {
+    const auto gaps = recorded.gaps(stream);
+    ASSERT_FALSE(gaps.empty()) << stream;
+    EXPECT_EQ(gaps[0].cause, GapCause::kPaused);
+    EXPECT_EQ(gaps[0].span.start_ns, recorded.segments(stream).back().span.end_ns);
+  }
+  EXPECT_THAT(recorded.gaps("film"), IsEmpty());
+}
+
 TEST(SessionOnAFullDisk, KeepsWhatIsThereStatesTheGapAndCloses) {
   const RecorderBench bench;
   test::FaultFileSystem files(bench / "archive");

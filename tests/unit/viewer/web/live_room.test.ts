@@ -28,6 +28,7 @@ const room = (state: string, ...streams: StreamStatus[]): RoomStatus => ({
   carries_on: '',
   resumed: 0,
   not_resumed: false,
+  ended_by_error: false,
   subject: 'none',
   procedure: [],
   elapsed_ns: 0,
