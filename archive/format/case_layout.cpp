@@ -83,7 +83,7 @@ std::optional<std::string_view> extension_of_media(std::string_view media) {
   if (media == "video/x-matroska") {
     return "mkv";
   }
-  if (media == "application/jsonl") {
+  if (media == kLinesMedia) {
     return "jsonl";
   }
   return std::nullopt;

@@ -49,6 +49,8 @@ struct TokenName {
 };
 std::optional<TokenName> parse_token_name(std::string_view name);
 
+/// Media type of streams of lines: vital signs, marks.
+inline constexpr std::string_view kLinesMedia = "application/jsonl";
 /// Extension of a stream's plaintext: "video/mp2t" ts, "video/x-matroska" mkv, "application/jsonl" jsonl;
 /// nothing for a media type that format 1 does not have.
 std::optional<std::string_view> extension_of_media(std::string_view media);

@@ -93,10 +93,12 @@ inline constexpr auto kFindingCodes = std::to_array<FindingCode>({
     {"token-exchange-impossible", Severity::kTampered,
      "asked_ns and answered_ns of an entry are not between its checkpoint and itself"},
     {"token-order", Severity::kUnproven,
-     "a token of an outside authority covers the entry of an earlier one of its own that states a later time, "
+     "a token of an outside authority covers the entry of an earlier one of its own that states a later "
+     "time, "
      "by more than 2 s or where it states that its tokens are in order: its clock was set back"},
     {"authorities-disagree", Severity::kUnproven,
-     "a token of an outside authority covers the entry of another's that states a time more than 2 s later, or "
+     "a token of an outside authority covers the entry of another's that states a time more than 2 s later, "
+     "or "
      "the time between two of theirs differs from the case clock as that of authority-clock-differs: one of "
      "these clocks is wrong"},
     {"clock-contradicted", Severity::kTampered,
@@ -153,6 +155,10 @@ inline constexpr auto kFindingCodes = std::to_array<FindingCode>({
     {"frames-dropped", Severity::kGap, "frames of a stream were dropped"},
     {"segments-sparse", Severity::kNote,
      "segments hold far fewer frames than is usual in their stream, or none of a monitor's holds a sample"},
+    {"stream-shorter", Severity::kNote,
+     "a stream that is stated to be read from a file is shorter than the case, by more than 2 s at the "
+     "beginning "
+     "or 10 s at the end"},
     {"segment-not-decrypted", Severity::kNote, "the identities given are no recipients of a stream"},
     {"erased-file-present", Severity::kNote, "a segment entered as erased is still there"},
     // -- files
@@ -183,6 +189,8 @@ inline constexpr auto kFindingCodes = std::to_array<FindingCode>({
      "a segment whose entry is not written yet, or whose flush failed"},
     // -- the appliance log; `file` begins with "log/" when a case is verified against one
     {"log-case-unknown", Severity::kTampered, "the log has no case-opened for this case"},
+    {"log-case-not-entered", Severity::kIncomplete,
+     "the same of a case of one entry that no checkpoint covers: it was being begun"},
     {"log-opening-differs", Severity::kTampered, "the log knows another entry 0"},
     {"log-checkpoint-differs", Severity::kTampered, "the log knows another root at some size of this case"},
     {"log-knows-more", Severity::kTampered,

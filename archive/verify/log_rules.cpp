@@ -310,8 +310,7 @@ LogComparison::LogComparison(const LogContents* log, const std::optional<OpenEnt
   case_id_ = opening->case_id;
   const auto found = log->cases.find(case_id_);
   if (found == log->cases.end() || !found->second.opened) {
-    findings_->add("log-case-unknown", {"log/" + std::string(kLedgerFile)},
-                   "the appliance log does not know a case " + case_id_);
+    unknown_ = true;
   } else {
     known_ = &found->second;
     roots_ = known_->roots;
@@ -336,6 +335,15 @@ void LogComparison::add(CodeName code, const Place& place, std::uint64_t log_ent
 }
 
 void LogComparison::settle(std::uint64_t covered, std::optional<std::uint64_t> close) {
+  if (unknown_ && entries_ == 1 && covered == 0) {
+    // A recorder makes the case first. It holds nothing yet, and nobody has signed that it does.
+    findings_->add("log-case-not-entered", {"log/" + std::string(kLedgerFile)},
+                   "the appliance log does not know the case " + case_id_ +
+                       " yet, which holds nothing: it was being begun");
+  } else if (unknown_) {
+    findings_->add("log-case-unknown", {"log/" + std::string(kLedgerFile)},
+                   "the appliance log does not know a case " + case_id_);
+  }
   for (const Doubt& each : doubts_) {
     const bool speaks_for_itself =
         each.contradicted == kItsEnd ? close && covered > *close : covered >= each.contradicted;
@@ -392,6 +400,7 @@ void LogComparison::reached(std::uint64_t size, const RootTest& fits) {
 
 void LogComparison::finish(std::uint64_t entries, bool closed,
                            const std::map<std::uint64_t, crypto::Sha256Digest>& tokens) {
+  entries_ = entries;
   if (known_ == nullptr) {
     return;
   }

@@ -148,6 +148,8 @@ class LogComparison {
 
   const LogContents* log_ = nullptr;
   const LoggedCase* known_ = nullptr;
+  bool unknown_ = false;          // there is a log, and it has no such case
+  std::uint64_t entries_ = 0;     // finish(): of the ledger
   std::vector<KnownRoot> roots_;  // by size, then in the order of the log
   FindingList* findings_;
   std::string case_id_;

@@ -264,8 +264,8 @@ void StreamRules::check_fillings() {
 }
 
 void StreamRules::check_ends(const Span& recorded) {
-  if (info_->kind == "events") {
-    return;  // has segments only where somebody did something
+  if (info_->kind == "events" && info_->media == kLinesMedia) {
+    return;  // has segments only where somebody did something; no pictures are marks
   }
   const std::string& name = report_.info.name;
   if (report_.segments == 0 && gaps_.empty()) {
@@ -274,7 +274,8 @@ void StreamRules::check_ends(const Span& recorded) {
     return;
   }
   if (info_->timing != "arrival") {
-    return;  // a file ends where it ends
+    check_length(recorded);
+    return;
   }
   if (report_.segments > 0) {
     const auto late = uncovered({recorded.start_ns, report_.span.start_ns});
@@ -289,6 +290,22 @@ void StreamRules::check_ends(const Span& recorded) {
     findings_->add(
         "stream-ends-early", {std::string(kLedgerFile)},
         name + " has nothing from " + text_of(*early) + ", where the case was closed, and no gap says why");
+  }
+}
+
+// A file ends where it ends. Whether it was one rests on the recorder's word, so nobody may take the case's
+// length for the stream's.
+void StreamRules::check_length(const Span& recorded) {
+  if (report_.segments == 0) {
+    return;
+  }
+  const std::int64_t late_ns = report_.span.start_ns - recorded.start_ns;
+  const std::int64_t early_ns = recorded.end_ns - end_ns_.value_or(recorded.start_ns);
+  if (late_ns > kLateBeginToleranceNs || early_ns > kEarlyEndToleranceNs) {
+    findings_->add("stream-shorter", {std::string(kLedgerFile)},
+                   report_.info.name + ", which was read from " + report_.info.source + ", is from " +
+                       text_of({report_.span.start_ns, end_ns_.value_or(report_.span.end_ns)}) +
+                       " of a case from " + text_of(recorded));
   }
 }
 

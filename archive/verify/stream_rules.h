@@ -95,6 +95,7 @@ class StreamRules {
   void count_filling(const SegmentEntry& segment, std::uint64_t entry);
   /// Demands a gap where a stream has nothing at the case's beginning or end.
   void check_ends(const Span& recorded);
+  void check_length(const Span& recorded);
   void check_fillings();
   void check_seam(const SegmentEntry& segment, std::uint64_t entry);
   /// Of a segment's file of this stream; nothing for any other path.

@@ -585,6 +585,14 @@ TEST_F(NextStart, AnAnswerThatComesBehindCloseToAnEarlierQuestionIsNoTampering) 
   EXPECT_EQ(verify().verdict, Verdict::kIntactWithGaps) << details(verify());
 }
 
+// The case is made first, and entered in the log then: a crash may come between.
+TEST_F(NextStart, ACaseThatTheLogDoesNotKnowYetIsIncomplete) {
+  folder_ = SampleCase(archive_).folder();
+  cut_back(archive_.log_folder(), 1);
+  EXPECT_EQ(verify().verdict, Verdict::kIncomplete) << details(verify());
+  EXPECT_THAT(summary(verify()), HasSubstr("log-case-not-entered"));
+}
+
 TEST_F(NextStart, ALogThatWasCutBackSaysThatItKnowsNoEndOfAClosedCase) {
   write_case();
   cut_back(archive_.log_folder(), 3);

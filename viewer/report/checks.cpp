@@ -42,13 +42,16 @@ Answer contents_answer(const std::optional<archive::OpenedContents>& contents) {
 /// What no finding says: that nobody asked, or that only the recorder itself answers.
 Answer without_findings(Check check, const archive::VerificationReport& verification, const Given& given,
                         bool excerpt) {
+  const auto found = [&](std::string_view code) {
+    return std::ranges::find(verification.findings, code, &archive::Finding::code) !=
+           verification.findings.end();
+  };
   switch (check) {
     case Check::kLog:
       if (given.log.empty()) return Answer::kNotAsked;
-      return std::ranges::find(verification.findings, "log-case-open", &archive::Finding::code) !=
-                     verification.findings.end()
-                 ? Answer::kInPart
-                 : Answer::kYes;
+      return found("log-case-open") ? Answer::kInPart : Answer::kYes;
+    case Check::kStreams:
+      return found("stream-shorter") || found("segments-sparse") ? Answer::kInPart : Answer::kYes;
     case Check::kContents:
       return given.identities.empty() ? Answer::kNotAsked : contents_answer(verification.contents);
     case Check::kEnd:
@@ -69,8 +72,9 @@ void withhold(std::vector<CheckAnswer>& answers, bool read) {
   const Answer ledger = std::ranges::find(answers, Check::kLedger, &CheckAnswer::check)->answer;
   for (CheckAnswer& each : answers) {
     const bool rests_on_lines = each.check == Check::kStreams && ledger != Answer::kYes;
-    const bool positive =
-        each.answer == Answer::kYes || each.answer == Answer::kWithGaps || each.answer == Answer::kInsideOnly;
+    const bool positive = each.answer == Answer::kYes || each.answer == Answer::kWithGaps ||
+                          each.answer == Answer::kInsideOnly ||
+                          (rests_on_lines && each.answer == Answer::kInPart);
     if (positive && each.check != Check::kLedger && (!read || rests_on_lines)) each.answer = Answer::kUnknown;
   }
 }
@@ -130,7 +134,8 @@ std::vector<CheckAnswer> answer_checks(const archive::VerificationReport& verifi
     }
     const Answer quiet = without_findings(check, verification, given, excerpt);
     // A stated gap of time stamps does not make the recorder's own authority an outside one.
-    const bool kept = worst == Severity::kNote || (worst == Severity::kGap && quiet != Answer::kYes);
+    const bool gap_says_less = quiet != Answer::kYes && check != Check::kStreams;
+    const bool kept = worst == Severity::kNote || (worst == Severity::kGap && gap_says_less);
     answers.push_back({check, kept ? quiet : answer_of(worst), notes});
   }
   if (excerpt) withhold(answers, verification.excerpt.has_value());

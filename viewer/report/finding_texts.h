@@ -38,7 +38,7 @@ inline constexpr auto kFindingTexts = std::to_array<FindingText>({
     {"not-closed", Check::kEnd, "終了項目がない。記録中であるか、閉じられなかった。"},
     {"close-not-covered", Check::kEnd, "終了項目を覆うチェックポイントがない。症例は完結していない。"},
     {"token-not-covered", Check::kEnd,
-     "最後のチェックポイントの後に、終了に対するタイムスタンプの項目だけがある。症例は完結していない。"},
+     "最後のチェックポイントの後に、タイムスタンプの項目だけがある。症例は完結していない。"},
     {"end-not-covered", Check::kEnd,
      "最後のチェックポイントより後に、取得できなかったタイムスタンプまたは消去の項目がある。症例は終了処理の"
      "途中か"
@@ -134,6 +134,8 @@ inline constexpr auto kFindingTexts = std::to_array<FindingText>({
     {"frames-dropped", Check::kStreams, "系統のフレームが欠落した。"},
     {"segments-sparse", Check::kStreams,
      "フレームが、その系統で通常より著しく少ない区間があるか、モニターの全区間に値が一つもない。"},
+    {"stream-shorter", Check::kStreams,
+     "ファイルから読んだと記載された系統が、症例より短い（開始で 2 秒、終了で 10 秒を超えて）。"},
     {"segment-not-decrypted", Check::kContents, "与えられた鍵は、この系統を開けるものではない。"},
     {"erased-file-present", Check::kFiles, "消去と記入された区間がまだ存在する。"},
     {"file-missing", Check::kFiles, "台帳に記載のファイルが存在しない。"},
@@ -150,6 +152,8 @@ inline constexpr auto kFindingTexts = std::to_array<FindingText>({
     {"token-not-entered", Check::kFiles, "項目がまだ書かれていないタイムスタンプがある。"},
     {"segment-not-entered", Check::kFiles, "項目がまだ書かれていない、または書き込みに失敗した区間がある。"},
     {"log-case-unknown", Check::kLog, "装置ログにこの症例の開始がない。"},
+    {"log-case-not-entered", Check::kLog,
+     "装置ログに症例の開始がないが、署名のない最初の項目だけがある。開始の途中であった。"},
     {"log-opening-differs", Check::kLog, "装置ログの知る最初の項目が異なる。"},
     {"log-checkpoint-differs", Check::kLog, "装置ログの知る根が、この症例のある時点で異なる。"},
     {"log-entry-doubted", Check::kLog,

@@ -103,6 +103,7 @@ std::string ReportMaker::yes_to(const CheckAnswer& answered) const {
       return words("check.files.yes",
                    {count(found_.files, "one.file", "many.file"), byte_size(found_.bytes)});
     case Check::kStreams:
+      if (answered.answer == Answer::kInPart) return words("check.streams.in-part");
       return found_.excerpt ? words("check.streams.excerpt.yes",
                                     {in_case(found_.excerpt->from_ns), in_case(found_.excerpt->to_ns)})
                             : unbroken_words();

@@ -135,6 +135,13 @@ inline constexpr auto kTexts = std::to_array<Text>({
     {"check.streams.yes",
      "Segments follow each other without hole or overlap; the recorder dropped no frame that reached it.",
      "区間は隙間も重なりもなく連続し、記録装置に届いたフレームの欠落はありません。"},
+    {"check.streams.in-part",
+     "No hole was found between segments. But a stream is shorter than the case, or holds far fewer frames "
+     "than "
+     "is usual in it: the findings say which.",
+     "区間の間に空白は見つかりませんでした。ただし、症例より短い系統、またはフレームが通常より著しく少ない系"
+     "統が"
+     "あります（所見を参照）。"},
     {"check.streams.ends",
      "{0} What it recorded as it came begins at most {1} s after the case and ends at most {2} s before the "
      "case was closed. Silences of a source of up to 5 s are no holes.",

@@ -239,10 +239,13 @@ TEST(StreamRules, DemandsAGapWhereACameraHasNothingAtTheBeginningOrTheEnd) {
 TEST(StreamRules, DemandsNothingOfMarksAndOfAFileOnlyThatItHasSomething) {
   StreamInfo marks = room();
   marks.kind = "events";
+  EXPECT_THAT(codes_of(marks, {}, {}), testing::ElementsAre("stream-empty")) << "no pictures are marks";
+  marks.media = kLinesMedia;
   EXPECT_THAT(codes_of(marks, {}, {}), testing::IsEmpty());
   StreamInfo file = room();
   file.timing = "source";
-  EXPECT_THAT(codes_of(file, {{20 * kSecond, 30 * kSecond}}, {}), testing::IsEmpty());
+  EXPECT_THAT(codes_of(file, {{20 * kSecond, 30 * kSecond}}, {}), testing::ElementsAre("stream-shorter"));
+  EXPECT_THAT(codes_of(file, {{1 * kSecond, 55 * kSecond}}, {}), testing::IsEmpty());
   EXPECT_THAT(codes_of(file, {}, {}), testing::ElementsAre("stream-empty"));
 }
 

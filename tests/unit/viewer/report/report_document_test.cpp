@@ -238,6 +238,17 @@ TEST_F(ReportDocument, SaysThatTheContentsWereLookedIntoOnlyAsFarAsTheyWere) {
   EXPECT_THAT(text, HasSubstr(asked + "! In part | Of 4 sealed files that are here 3 were decrypted, and 2"));
 }
 
+TEST_F(ReportDocument, OfAStreamThatIsShorterThanTheCaseDoesNotSayYes) {
+  ReportInput in = input();
+  archive::Finding shorter;
+  shorter.code = "stream-shorter";
+  shorter.severity = archive::Severity::kNote;
+  shorter.text = "endoscope, which was read from a file, is from 1 s to 2 s";
+  in.verification.findings.push_back(shorter);
+  EXPECT_THAT(test::text_of(make_report(in)),
+              HasSubstr("Was it recorded without a break from beginning to end? | ! In part | No hole"));
+}
+
 TEST_F(ReportDocument, StatesGapsWithTheirCause) {
   archive_.clear();
   test::SampleCase sample(archive_);
