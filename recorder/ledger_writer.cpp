@@ -153,8 +153,7 @@ void LedgerWriter::state_slow_end(const Ended& ended, const archive::Moment& clo
   if (close.mono_ns - ended.at_ns <= kLongestUnstatedEndNs) return;
   std::vector<archive::CaseEntryBody> gaps;
   for (const std::string& stream : ended.streams) {
-    gaps.emplace_back(
-        archive::GapEntry{stream, {ended.at_ns, close.mono_ns}, archive::GapCause::kOverload});
+    gaps.emplace_back(archive::GapEntry{stream, {ended.at_ns, close.mono_ns}, archive::GapCause::kOverload});
   }
   if (!gaps.empty()) writer().append(gaps, close);
 }

@@ -164,6 +164,15 @@ void CaseRules::check_common(const CaseEntry& entry, std::uint64_t number, const
   }
   last_utc_ = entry.at.utc;
   clock_step_stated_ = false;
+  const auto* const segment = std::get_if<SegmentEntry>(&entry.body);
+  const bool is_of_a_recording = (segment != nullptr && segment->counted) ||
+                                 std::holds_alternative<MarkEntry>(entry.body) ||
+                                 std::holds_alternative<ClockEntry>(entry.body);
+  if (recovered_ && is_of_a_recording) {
+    findings_->add("entry-after-recovered", in_ledger(number, line.offset),
+                   at_entry(number) + " is a " + std::string(type_of(entry.body)) +
+                       " of a recording that goes on, behind recovered");
+  }
   const bool may_follow_close = std::holds_alternative<TokenEntry>(entry.body) ||
                                 std::holds_alternative<TokenMissedEntry>(entry.body) ||
                                 std::holds_alternative<ErasedEntry>(entry.body);

@@ -30,6 +30,10 @@ inline constexpr auto kFindingCodes = std::to_array<FindingCode>({
     {"entry-out-of-sequence", Severity::kTampered, "seq is not the number of the line"},
     {"entry-after-close", Severity::kTampered,
      "something other than token, token-missed and erased follows close"},
+    {"entry-after-recovered", Severity::kTampered,
+     "a counted segment, a mark or a clock entry follows recovered, which no recorder writes: a case that "
+     "was cut "
+     "off is only closed"},
     {"erased-before-close", Severity::kTampered,
      "segments are entered as erased before close, which no recorder does; it excuses nothing"},
     {"open-missing", Severity::kTampered, "the first entry is not open (of a log: boot)"},
@@ -134,6 +138,8 @@ inline constexpr auto kFindingCodes = std::to_array<FindingCode>({
     {"stream-ends-early", Severity::kUnproven,
      "a stream that is recorded as it comes holds nothing for more than 10 s before close, and no gap says "
      "why"},
+    {"segment-too-long", Severity::kUnproven,
+     "a counted segment of a camera lasts more than 11 s, which no recorder writes"},
     {"segment-cut-unexplained", Severity::kTampered,
      "an incomplete segment without recovered, gap or close between it and its neighbours"},
     {"segment-uncounted-unexplained", Severity::kTampered,
@@ -155,6 +161,8 @@ inline constexpr auto kFindingCodes = std::to_array<FindingCode>({
     {"frames-dropped", Severity::kGap, "frames of a stream were dropped"},
     {"segments-sparse", Severity::kNote,
      "segments hold far fewer frames than is usual in their stream, or none of a monitor's holds a sample"},
+    {"monitor-silent", Severity::kNote,
+     "a monitor's segments hold no sample for more than a minute; nobody states that as a gap"},
     {"stream-shorter", Severity::kNote,
      "a stream that is stated to be read from a file is shorter than the case, by more than 2 s at the "
      "beginning "

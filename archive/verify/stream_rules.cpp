@@ -215,6 +215,24 @@ void StreamRules::count_filling(const SegmentEntry& segment, std::uint64_t entry
   if (info_->kind == "video" && segment.complete && segment.counted && duration_ns > 0) {
     fillings_.push_back({entry, segment.index, segment.frames + segment.dropped, duration_ns});
   }
+  if (info_->kind == "video" && info_->timing == "arrival" && segment.counted &&
+      duration_ns > kLongestCountedSegmentNs) {
+    findings_->add("segment-too-long", {std::string(kLedgerFile), entry},
+                   "segment " + digits(segment.index) + " of " + report_.info.name + " lasts " +
+                       in_seconds(duration_ns) + " s, which no recorder writes");
+  }
+  if (info_->kind != "vitals") {
+    return;
+  }
+  if (segment.frames > 0 || !segment.counted) {
+    silence_.reset();
+    return;
+  }
+  silence_ = Span{silence_ ? silence_->start_ns : segment.span.start_ns, segment.span.end_ns};
+  const auto length_ns = [](const Span& span) { return span.end_ns - span.start_ns; };
+  if (!longest_silence_ || length_ns(*silence_) > length_ns(*longest_silence_)) {
+    longest_silence_ = silence_;
+  }
 }
 
 void StreamRules::check_fillings() {
@@ -226,6 +244,11 @@ void StreamRules::check_fillings() {
                        " holds a " + (is_video ? "frame" : "sample") + ": what they are of said nothing");
     return;
   }
+  if (longest_silence_ && longest_silence_->end_ns - longest_silence_->start_ns > kLongestUntoldSilenceNs) {
+    findings_->add("monitor-silent", {std::string(kLedgerFile)},
+                   report_.info.name + " holds no sample from " + text_of(*longest_silence_) +
+                       ", the longest such time: what it is of said nothing, or did not arrive");
+  }
   if (fillings_.empty()) {
     return;
   }
@@ -233,7 +256,7 @@ void StreamRules::check_fillings() {
   std::ranges::transform(fillings_, std::back_inserter(rates), &Filling::rate);
   const auto middle = rates.begin() + static_cast<std::ptrdiff_t>(rates.size() / 2);
   std::nth_element(rates.begin(), middle, rates.end());
-  const double usual = *middle;
+  const double usual = std::max(*middle, 1.0);  // a second: fewer are seldom of a camera
   constexpr double kNsPerSecond = 1e9;
   constexpr double kMostOfUsual = 0.75;
   const auto lacking = [&](const Filling& each) {
@@ -255,7 +278,7 @@ void StreamRules::check_fillings() {
   if (emptiest != nullptr) {
     findings_->add("segments-sparse", {std::string(kLedgerFile), emptiest->entry},
                    digits(sparse) + " of the segments of " + report_.info.name +
-                       " hold fewer frames than is usual in it, together about " +
+                       " hold fewer frames than is usual, together about " +
                        digits(static_cast<std::uint64_t>(all_lacking)) + " fewer; segment " +
                        digits(emptiest->index) + " holds " + digits(emptiest->frames) + " in " +
                        in_seconds(emptiest->duration_ns) +

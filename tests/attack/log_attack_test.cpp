@@ -80,39 +80,41 @@ INSTANTIATE_TEST_SUITE_P(
                  forge_all(c);
                },
                "log-opening-differs", kLog, 1, Verdict::kTampered, true},
-        Attack{"LastMinutesDroppedAndAPowerCutClaimed",
-               [](AttackedCase& c) {
-                 c.cut(7);
-                 c.append(archive::RecoveredEntry{"boot", "power-loss", ""});
-                 c.append(archive::GapEntry{"vitals", {0, 6'000'000'000}, archive::GapCause::kInterrupted});
-                 c.append(archive::CloseEntry{
-                     "power-loss",
-                     {{"endoscope", {2, 100, 0, 2 * fs::file_size(c / "segments/endoscope/00000000.ts.age")}},
-                      {"vitals", {}}}});
-                 SampleArchive& archive = SoundCases::get().archive;
-                 c.write_note(10, c.origin(), 10, c.root(10), archive.key(), SampleArchive::kDeviceName);
-                 const auto clock = archive.authority_time;
-                 archive.authority_time = [](std::int64_t) {
-                   return SampleArchive::opened_at() + std::chrono::seconds(6);
-                 };
-                 const Bytes response = archive.stamp(read_file(c / "checkpoints/00000010.note"));
-                 archive.authority_time = clock;
-                 write_file(c / "tokens/00000010.embedded.tsr", std::string(text_of(response)));
-                 archive::TokenEntry token = SampleArchive::facts_of(response);
-                 token.checkpoint = 10;
-                 token.authority = SampleArchive::kAuthorityName;
-                 token.file = "tokens/00000010.embedded.tsr";
-                 token.sha256 = crypto::sha256(response);
-                 c.append(token);
-                 c.write_note(11, c.origin(), 11, c.root(11), archive.key(), SampleArchive::kDeviceName);
-                 ASSERT_EQ(summary(c.verify(false)),
-                           "intact-with-gaps\nrecovered ledger.jsonl 7\ngap ledger.jsonl 8");  // only the log can tell
-               },
-               "log-checkpoint-differs",
-               kLog,
-               {},
-               Verdict::kTampered,
-               true},
+        Attack{
+            "LastMinutesDroppedAndAPowerCutClaimed",
+            [](AttackedCase& c) {
+              c.cut(7);
+              c.append(archive::RecoveredEntry{"boot", "power-loss", ""});
+              c.append(archive::GapEntry{"vitals", {0, 6'000'000'000}, archive::GapCause::kInterrupted});
+              c.append(archive::CloseEntry{
+                  "power-loss",
+                  {{"endoscope", {2, 100, 0, 2 * fs::file_size(c / "segments/endoscope/00000000.ts.age")}},
+                   {"vitals", {}}}});
+              SampleArchive& archive = SoundCases::get().archive;
+              c.write_note(10, c.origin(), 10, c.root(10), archive.key(), SampleArchive::kDeviceName);
+              const auto clock = archive.authority_time;
+              archive.authority_time = [](std::int64_t) {
+                return SampleArchive::opened_at() + std::chrono::seconds(6);
+              };
+              const Bytes response = archive.stamp(read_file(c / "checkpoints/00000010.note"));
+              archive.authority_time = clock;
+              write_file(c / "tokens/00000010.embedded.tsr", std::string(text_of(response)));
+              archive::TokenEntry token = SampleArchive::facts_of(response);
+              token.checkpoint = 10;
+              token.authority = SampleArchive::kAuthorityName;
+              token.file = "tokens/00000010.embedded.tsr";
+              token.sha256 = crypto::sha256(response);
+              c.append(token);
+              c.write_note(11, c.origin(), 11, c.root(11), archive.key(), SampleArchive::kDeviceName);
+              ASSERT_EQ(
+                  summary(c.verify(false)),
+                  "intact-with-gaps\nrecovered ledger.jsonl 7\ngap ledger.jsonl 8");  // only the log can tell
+            },
+            "log-checkpoint-differs",
+            kLog,
+            {},
+            Verdict::kTampered,
+            true},
         Attack{"EndCutBehindAClaimedPowerCut", [](AttackedCase& c) { c.cut(7); }, "log-knows-more", kLedger,
                7, Verdict::kTampered, true},
         Attack{"TwoCasesOfOneIdentifier",

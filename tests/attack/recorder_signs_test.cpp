@@ -585,6 +585,19 @@ TEST_F(NextStart, AnAnswerThatComesBehindCloseToAnEarlierQuestionIsNoTampering) 
   EXPECT_EQ(verify().verdict, Verdict::kIntactWithGaps) << details(verify());
 }
 
+// A recorder closes a case that was cut off, and goes on in a new one: nothing else follows `recovered`.
+TEST_F(NextStart, ARecordingThatGoesOnBehindRecoveredIsTampered) {
+  SampleCase sample(archive_);
+  sample.record();
+  sample.writer().append({archive::RecoveredEntry{"boot", "crash", ""}}, archive_.now());
+  archive_.now_ns += 20'000'000'000;
+  sample.writer().append({archive::ClockEntry{true, 0, 0, 0, {}}}, archive_.now());
+  sample.close();
+  folder_ = sample.folder();
+  EXPECT_EQ(verify().verdict, Verdict::kTampered) << details(verify());
+  EXPECT_THAT(summary(verify()), HasSubstr("entry-after-recovered ledger.jsonl"));
+}
+
 // The case is made first, and entered in the log then: a crash may come between.
 TEST_F(NextStart, ACaseThatTheLogDoesNotKnowYetIsIncomplete) {
   folder_ = SampleCase(archive_).folder();

@@ -176,8 +176,7 @@ TEST(AttackOnTime, ASmallDifferenceOfClocksIsNone) {
 
 TEST(AttackOnTime, AClockSetBackIsTold) {
   const archive::VerificationReport report = with_clock(std::chrono::hours(-1));
-  EXPECT_EQ(summary(report),
-            "unproven\nclock-disagreement tokens/00000006.embedded.tsr 6")
+  EXPECT_EQ(summary(report), "unproven\nclock-disagreement tokens/00000006.embedded.tsr 6")
       << details(report);
 }
 

@@ -144,9 +144,9 @@ inline constexpr auto kTexts = std::to_array<Text>({
      "あります（所見を参照）。"},
     {"check.streams.ends",
      "{0} What it recorded as it came begins at most {1} s after the case and ends at most {2} s before the "
-     "case was closed. Silences of a source of up to 5 s are no holes.",
+     "case was closed. Silences of a camera of up to 5 s are no holes, and no silence of a monitor is.",
      "{0}到着時に記録された系統は、症例の開始から {1} 秒以内に始まり、症例が閉じられる {2} "
-     "秒前以降まで続きます。信号源の 5 秒以内の途絶は、空白とは見なされません。"},
+     "秒前以降まで続きます。カメラの 5 秒以内の途絶と、モニターの途絶は、空白とは見なされません。"},
     {"check.streams.excerpt", "Does the excerpt hold its streams without a break in its stretch of time?",
      "抜粋の時間内で、選ばれた系統は途切れなく含まれているか"},
     {"check.streams.excerpt.yes",

@@ -44,8 +44,10 @@ class LateStampingTest : public testing::Test {
   fs::path closed_case(const std::vector<std::string>& authorities = {"swiss"}) {
     CaseWriter::Options options = kit_.options();
     options.log = log_.get();
-    // Nothing is recorded: streams of what people do.
-    for (archive::StreamInfo& stream : options.streams) stream.kind = "events";
+    // Nothing is recorded: a stream of what people do.
+    options.streams = {options.streams.back()};
+    options.stream_recipients.resize(1);
+    options.streams.front().kind = "events";
     const auto writer = CaseWriter::create(archive::real_file_system(), options, moment(0));
     for (const std::string& name : authorities) {
       queue_->want(writer->case_id(), name, 1,

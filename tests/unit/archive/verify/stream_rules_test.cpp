@@ -304,5 +304,44 @@ TEST(StreamRules, TellsOfAMonitorAndOfACameraThatSaidNothing) {
   }
 }
 
+TEST(StreamRules, TellsOfASegmentThatNoRecorderWrites) {
+  EXPECT_THAT(codes_of(room(), {{0, 11 * kSecond}, {11 * kSecond, 60 * kSecond}}, {}),
+              testing::ElementsAre("segment-too-long"));
+}
+
+TEST(StreamRules, TellsOfPicturesThatAreFewerThanOneASecond) {
+  FindingList findings;
+  StreamRules rules(room(), true, findings);
+  for (std::uint64_t i = 0; i < 6; ++i) {
+    const auto at_ns = static_cast<std::int64_t>(i) * 10 * kSecond;
+    rules.take(segment(i, {at_ns, at_ns + 10 * kSecond}), i);
+  }
+  EXPECT_THAT(sparse_of(rules, findings), testing::ElementsAre(testing::HasSubstr("6 of the segments")));
+}
+
+TEST(StreamRules, TellsOfAMonitorThatIsSilentForMoreThanAMinute) {
+  for (const int silent : {6, 7}) {
+    StreamInfo info = room();
+    info.kind = "vitals";
+    FindingList findings;
+    StreamRules rules(info, true, findings);
+    for (int i = 0; i < 20; ++i) {
+      SegmentEntry each = segment(static_cast<std::uint64_t>(i), {i * 10 * kSecond, (i + 1) * 10 * kSecond});
+      each.frames = i >= 5 && i < 5 + silent ? 0 : 3;
+      rules.take(each, static_cast<std::uint64_t>(i));
+    }
+    rules.finish();
+    std::vector<std::string> texts;
+    for (const Finding& each : findings.take()) texts.push_back(each.code + " " + each.text);
+    if (silent == 6) {
+      EXPECT_THAT(texts, testing::IsEmpty()) << "what sends a value a minute";
+    } else {
+      EXPECT_THAT(texts, testing::ElementsAre(
+                             testing::AllOf(testing::StartsWith("monitor-silent "),
+                                            testing::HasSubstr("from 50.000000 s to 120.000000 s"))));
+    }
+  }
+}
+
 }  // namespace
 }  // namespace kiroku::archive
