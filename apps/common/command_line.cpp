@@ -150,6 +150,8 @@ Command::Command(CLI::App& app, std::string full_name, std::string purpose)
 Command::~Command() = default;
 
 Command& Command::add_command(const std::string& name, const std::string& purpose) {
+  // What a command takes by itself is not asked for where one below it is named; Program looks after it.
+  for (const OptionStatement& argument : arguments_) app_.get_option(argument.names.front())->required(false);
   CLI::App* app = app_.add_subcommand(name, purpose);
   commands_.push_back(std::make_unique<Command>(*app, full_name_ + " " + name, purpose));
   return *commands_.back();
@@ -296,7 +298,15 @@ int Program::run_parsed(int argc, const char* const* argv) {
     throw UsageError(parse_sentence(error, *command, {argv, std::size_t(argc)}) + "; see '" +
                      command->full_name() + " --help'");
   }
-  if (command->action_) return command->action_();
+  if (command->action_) {
+    for (const OptionStatement& argument : command->arguments_) {
+      const std::string& name = argument.names.front();
+      if (argument.required && command->app_.get_option(name)->empty()) {
+        throw UsageError(name + " is required; see '" + command->full_name() + " --help'");
+      }
+    }
+    return command->action_();
+  }
   if (command == root_.get()) {
     std::cout << overview_;
     return kDone;

@@ -46,6 +46,8 @@ class Command {
   Command(const Command&) = delete;
   Command& operator=(const Command&) = delete;
 
+  /// A command that has arguments of its own, too, takes them where no command below it is named; they are
+  /// stated before.
   Command& add_command(const std::string& name, const std::string& purpose);
   /// `names` as "-o,--output"; `value` as "FILE". A default is what the variable holds.
   void option(const std::string& names, const std::string& value, std::string& into,

@@ -58,7 +58,7 @@ std::string option_row(const OptionStatement& option) {
 
 std::string usage(const Command& command) {
   std::string out = "Usage: " + command.full_name();
-  if (!command.commands().empty()) return out + " COMMAND";
+  if (!command.commands().empty() && command.arguments().empty()) return out + " COMMAND";
   for (const OptionStatement& option : command.options()) {
     if (option.required) out += " " + option.names.back() + " " + option.value;
   }
@@ -67,6 +67,7 @@ std::string usage(const Command& command) {
     const std::string name = argument.names.front() + (argument.repeatable ? "..." : "");
     out += argument.required ? " " + name : " [" + name + "]";
   }
+  if (!command.commands().empty()) out += "\n       " + command.full_name() + " COMMAND";
   return out;
 }
 

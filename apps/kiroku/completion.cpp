@@ -83,10 +83,10 @@ std::string bash_command_case(const Command& command) {
   std::string out = "    '" + path_of(command) + "')\n";
   out += "      if [[ $word == -* ]]; then COMPREPLY=($(compgen -W '" + words_of(option_names(command)) +
          "' -- \"$word\")); return; fi\n";
+  if (!command.arguments().empty()) out += "      " + bash_reply(command.arguments().front()) + "\n";
   if (!command.commands().empty()) {
-    out += "      COMPREPLY=($(compgen -W '" + words_of(command_names(command)) + "' -- \"$word\"))\n";
-  } else if (!command.arguments().empty()) {
-    out += "      " + bash_reply(command.arguments().front()) + "\n";
+    out += std::string("      COMPREPLY") + (command.arguments().empty() ? "" : "+") + "=($(compgen -W '" +
+           words_of(command_names(command)) + "' -- \"$word\"))\n";
   }
   return out + "      ;;\n";
 }
@@ -131,6 +131,7 @@ std::string zsh_specifications(const Command& command) {
              (option.is_flag() ? "" : ":" + zsh_description(option.value) + ":" + zsh_action(option)) + "'";
     }
   }
+  if (!command.commands().empty()) return out;
   for (const OptionStatement& argument : command.arguments()) {
     out += " \\\n    '" + std::string(argument.repeatable ? "*" : "") + ":" +
            zsh_description(argument.value) + ":" + zsh_action(argument) + "'";
@@ -153,12 +154,14 @@ std::string zsh_function(const Command& command) {
   }
   out += ")\n  _arguments -C" + zsh_specifications(command) +
          " \\\n    '1:command:->command' '*::argument:->argument'\n";
-  out +=
-      "  case $state in\n    command) _describe command commands ;;\n    argument)\n      case $words[1] "
-      "in\n";
+  // What a command takes by itself, where no command below it is named.
+  const std::string own = command.arguments().empty() ? "" : zsh_action(command.arguments().front());
+  out += "  case $state in\n    command) _describe command commands" + (own.empty() ? "" : "; " + own) +
+         " ;;\n    argument)\n      case $words[1] in\n";
   for (const auto& child : command.commands()) {
     out += "        " + child->name() + ") " + zsh_function_name(*child) + " ;;\n";
   }
+  if (!own.empty()) out += "        *) " + own + " ;;\n";
   return out + "      esac ;;\n  esac\n}\n\n";
 }
 

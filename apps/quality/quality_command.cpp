@@ -12,9 +12,10 @@
 #include "apps/common/format.h"
 #include "apps/common/json_output.h"
 #include "apps/common/step_line.h"
-#include "apps/common/time_option.h"
 #include "apps/kiroku/told_to_end.h"
+#include "apps/quality/coding_options.h"
 #include "apps/quality/quality_results.h"
+#include "apps/quality/study_command.h"
 #include "apps/sim/number_option.h"
 #include "base/error.h"
 #include "media/output_file.h"
@@ -28,42 +29,13 @@ namespace fs = std::filesystem;
 constexpr const char* kResults = "quality.json";
 
 struct Request {
-  std::vector<std::string> clips, codings, rates;
-  std::optional<std::string> output, from, duration;
+  std::vector<std::string> clips;
+  CodingOptions coding;
+  StretchOptions stretch;
+  std::optional<std::string> output;
   std::string measured = "24", pictures = "1";
   bool force = false, json = false;
 };
-
-std::vector<recorder::Coding> codings_of(const Request& request) {
-  if (request.codings.empty() && request.rates.empty()) return recorder::usual_codings();
-  std::vector<recorder::CodingFamily> families;
-  for (const std::string& word : request.codings) families.push_back(recorder::parse_coding(word));
-  if (families.empty()) {
-    using enum recorder::CodingFamily;
-    families = {kMpeg2, kMpeg2Chroma422, kLossless, kUncompressed, kH264, kH265};
-  }
-  std::vector<std::int64_t> rates;
-  for (const std::string& text : request.rates) rates.push_back(parse_bit_rate(text, "--rate"));
-  std::vector<recorder::Coding> codings;
-  for (const recorder::CodingFamily family : families) {
-    if (!recorder::has_rate(family)) {
-      codings.push_back({family, 0});
-    } else if (rates.empty()) {
-      std::ranges::copy_if(recorder::usual_codings(), std::back_inserter(codings),
-                           [&](const recorder::Coding& one) { return one.family == family; });
-    } else {
-      for (const std::int64_t rate : rates) codings.push_back({family, rate});
-    }
-  }
-  return codings;
-}
-
-recorder::ClipStretch stretch_of(const Request& request) {
-  recorder::ClipStretch stretch;
-  if (request.from) stretch.from_ns = parse_duration(*request.from, "--from").count();
-  if (request.duration) stretch.duration_ns = parse_duration(*request.duration, "--duration").count();
-  return stretch;
-}
 
 /// A clip's name as a part of file names, unlike those that are taken.
 std::string prefix_of(const fs::path& clip, std::set<std::string>& taken) {
@@ -117,9 +89,9 @@ class Watch {
 };
 
 int run(const Request& request) {
-  const std::vector<recorder::Coding> codings = codings_of(request);
+  const std::vector<recorder::Coding> codings = codings_of(request.coding, recorder::usual_codings());
   recorder::TrialOptions options;
-  options.stretch = stretch_of(request);
+  options.stretch = stretch_of(request.stretch);
   options.measured = parse_count(request.measured, "--measured", 1, 10'000);
   const std::size_t shown = parse_count(request.pictures, "--pictures", 0, 20);
   std::optional<media::OutputFolder> folder;
@@ -168,13 +140,8 @@ void add_quality_command(Command& program) {
   command.arguments("CLIP", request->clips, "a film, best of pictures that were never compressed");
   command.option("-o,--output", "FOLDER", request->output,
                  "a folder for quality.html, quality.json, quality.pdf and plots (SVG)");
-  command.option("--coding", "WORD", request->codings,
-                 "only this one: mpeg2, mpeg2-422, lossless, uncompressed, h264, h265");
-  command.option("--rate", "RATE", request->rates,
-                 "this rate instead of the usual ones: 4M, 800k bits a second");
-  command.option("--from", "T", request->from, duration_help("leaves out what comes before"), "the start");
-  command.option("--duration", "T", request->duration, duration_help("leaves out what comes after"),
-                 "the end");
+  add_coding_options(command, request->coding);
+  add_stretch_options(command, request->stretch);
   command.option("--measured", "N", request->measured,
                  "pictures, evenly spread, of which all is measured; PSNR and SSIM are of every picture");
   command.option("--pictures", "N", request->pictures,
@@ -202,6 +169,7 @@ void add_quality_command(Command& program) {
       "kiroku quality emr.mkv --from 2:00 --duration 10s --coding mpeg2 --rate 4M --rate 6M --json",
       "ten seconds by two rates, for another program");
   command.on_run([request] { return run(*request); });
+  add_study_command(command);
 }
 
 }  // namespace kiroku::apps

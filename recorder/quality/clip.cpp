@@ -1,11 +1,13 @@
 #include "recorder/quality/clip.h"
 
 extern "C" {
+#include <libavutil/common.h>
 #include <libavutil/frame.h>
 #include <libavutil/pixdesc.h>
 }
 
 #include <cstdio>
+#include <cstring>
 #include <utility>
 
 #include "base/error.h"
@@ -26,6 +28,11 @@ AVPixelFormat planar_form(const AVPixFmtDescriptor& given) {
                                                 : (deep ? AV_PIX_FMT_YUV420P10 : AV_PIX_FMT_YUV420P);
   if (given.log2_chroma_h == 0) return deep ? AV_PIX_FMT_YUV422P10 : AV_PIX_FMT_YUV422P;
   return deep ? AV_PIX_FMT_YUV420P10 : AV_PIX_FMT_YUV420P;
+}
+
+bool is_rgb(int pixel_format) {
+  const AVPixFmtDescriptor* const described = av_pix_fmt_desc_get(static_cast<AVPixelFormat>(pixel_format));
+  return described != nullptr && (described->flags & AV_PIX_FMT_FLAG_RGB) != 0;
 }
 
 SourceAddress address_of(const std::filesystem::path& file) {
@@ -58,7 +65,9 @@ media::Frame as_format(media::Frame frame, const PictureFormat& wanted,
     const bool was_full = frame->color_range == AVCOL_RANGE_JPEG;
     const bool full = wanted.colour_range == AVCOL_RANGE_JPEG;
     std::string conversion;
-    if (was_full != full) {
+    if (is_rgb(frame->format) && !is_rgb(wanted.pixel_format)) {
+      conversion = std::string("scale=out_color_matrix=bt709:out_range=") + (full ? "full" : "limited");
+    } else if (was_full != full) {
       conversion = std::string("scale=in_range=") + (was_full ? "full" : "limited") +
                    ":out_range=" + (full ? "full" : "limited");
     }
@@ -76,6 +85,22 @@ media::Frame as_format(media::Frame frame, const PictureFormat& wanted,
   return changed;
 }
 
+bool same_samples(const AVFrame& one, const AVFrame& other) {
+  const AVPixFmtDescriptor& format = *av_pix_fmt_desc_get(static_cast<AVPixelFormat>(one.format));
+  for (int plane = 0; plane < format.nb_components; ++plane) {
+    const bool chroma = plane > 0;
+    const int width = chroma ? AV_CEIL_RSHIFT(one.width, format.log2_chroma_w) : one.width;
+    const int height = chroma ? AV_CEIL_RSHIFT(one.height, format.log2_chroma_h) : one.height;
+    const auto bytes = static_cast<std::size_t>(width) * (format.comp[0].depth > 8 ? 2 : 1);
+    for (int y = 0; y < height; ++y) {
+      if (std::memcmp(one.data[plane] + std::ptrdiff_t{y} * one.linesize[plane],
+                      other.data[plane] + std::ptrdiff_t{y} * other.linesize[plane], bytes) != 0)
+        return false;
+    }
+  }
+  return true;
+}
+
 Clip::Clip(const std::filesystem::path& file, ClipStretch stretch) : file_(file), stretch_(stretch) {
   const SourceAddress address = address_of(file_);
   if (const std::string why = why_unboxed(); !why.empty()) {
@@ -88,6 +113,11 @@ Clip::Clip(const std::filesystem::path& file, ClipStretch stretch) : file_(file)
       av_pix_fmt_desc_get(static_cast<AVPixelFormat>(format_.pixel_format));
   if (described == nullptr) throw Error(file_.string() + " holds pictures of an unknown format");
   format_.pixel_format = planar_form(*described);
+  // What has no matrix of its own: the range and the matrix that it is converted by.
+  if (is_rgb(given_.pixel_format) || described->nb_components < 3) {
+    format_.colour_range = AVCOL_RANGE_MPEG;
+    format_.colour_space = AVCOL_SPC_BT709;
+  }
 }
 
 Clip::~Clip() = default;
@@ -113,6 +143,10 @@ media::Frame Clip::next() {
     media::Frame frame = own_copy(*timed->frame);
     frame->pts = time_ns;
     frame->color_range = static_cast<AVColorRange>(given_.colour_range);
+    // Without a range of its own grey is full, as libswscale takes it.
+    if (av_pix_fmt_desc_get(static_cast<AVPixelFormat>(frame->format))->nb_components < 3 &&
+        frame->color_range == AVCOL_RANGE_UNSPECIFIED)
+      frame->color_range = AVCOL_RANGE_JPEG;
     return converted(std::move(frame));
   }
   return {};

@@ -20,7 +20,7 @@ struct ClipStretch {
 
 /// Demuxed and decoded in a box (source/boxed_source.h); what comes out is copied, so that it stays what it
 /// is. Pictures are planar YCbCr of the film's own subsampling and range, of 8 or 10 bits; a film in RGB
-/// becomes 4:4:4.
+/// becomes 4:4:4, by BT.709 and of limited range; one in grey is of limited range, too.
 class Clip {
  public:
   /// Throws kiroku::Error: not there, no film, no pictures; kiroku::IoError where there is no box.
@@ -55,5 +55,8 @@ class Clip {
 /// needed first and stays with its owner.
 media::Frame as_format(media::Frame frame, const PictureFormat& wanted,
                        std::unique_ptr<class FrameFilter>& filter);
+
+/// Whether every sample of both is the same; they are of one size and planar format.
+bool same_samples(const AVFrame& one, const AVFrame& other);
 
 }  // namespace kiroku::recorder

@@ -1,14 +1,11 @@
 #include "recorder/quality/clip_trial.h"
 
 extern "C" {
-#include <libavutil/common.h>
 #include <libavutil/frame.h>
-#include <libavutil/pixdesc.h>
 }
 
 #include <algorithm>
 #include <cmath>
-#include <cstring>
 #include <deque>
 #include <future>
 #include <map>
@@ -38,23 +35,6 @@ struct Colours {
   std::vector<std::uint8_t> samples;
   [[nodiscard]] media::PictureView view() const { return {width, height, 3, samples}; }
 };
-
-/// Whether every sample of both is the same; they are of one size and planar format.
-bool same_samples(const AVFrame& one, const AVFrame& other) {
-  const AVPixFmtDescriptor& format = *av_pix_fmt_desc_get(static_cast<AVPixelFormat>(one.format));
-  for (int plane = 0; plane < format.nb_components; ++plane) {
-    const bool chroma = plane > 0;
-    const int width = chroma ? AV_CEIL_RSHIFT(one.width, format.log2_chroma_w) : one.width;
-    const int height = chroma ? AV_CEIL_RSHIFT(one.height, format.log2_chroma_h) : one.height;
-    const auto bytes = static_cast<std::size_t>(width) * (format.comp[0].depth > 8 ? 2 : 1);
-    for (int y = 0; y < height; ++y) {
-      if (std::memcmp(one.data[plane] + std::ptrdiff_t{y} * one.linesize[plane],
-                      other.data[plane] + std::ptrdiff_t{y} * other.linesize[plane], bytes) != 0)
-        return false;
-    }
-  }
-  return true;
-}
 
 /// The clip's own pictures first, so that what is measured is chosen by what was filmed, whatever the coding.
 class Survey {

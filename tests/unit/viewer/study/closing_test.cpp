@@ -1,0 +1,116 @@
+#include "viewer/study/closing.h"
+
+#include <fstream>
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "base/error.h"
+#include "tests/support/sample_study.h"
+#include "tests/support/temporary_folder.h"
+#include "viewer/study/answers.h"
+
+namespace kiroku::study {
+namespace {
+
+using testing::HasSubstr;
+
+class StudyClosing : public testing::Test {
+ protected:
+  [[nodiscard]] UtcTime now() const { return UtcTime(std::chrono::seconds(1'785'920'400)); }
+  void answer_all() {
+    for (std::size_t reader = 1; reader <= 2; ++reader) {
+      AnswerBook book(real_, reading_, study_, reader);
+      for (const Showing& one : study_.study.readers[reader - 1].showings)
+        book.add({one.token, {3, 4}, {1, 250, 0}, now()});
+    }
+  }
+  void add_to(const std::string& name, const std::string& text) const {
+    std::ofstream(reading_ / name, std::ios::binary | std::ios::app) << text;
+  }
+  [[nodiscard]] std::vector<std::string> differing() const {
+    std::vector<std::string> found;
+    for (const Check& check : check_closed(reading_, study_).checks) {
+      if (check.answer == Check::Answer::kDiffers) found.push_back(check.text);
+    }
+    return found;
+  }
+
+  test::TemporaryFolder folder_;
+  const std::filesystem::path reading_ = folder_ / "reading";
+  const test::SampleStudy made_ =
+      test::write_sample_study(reading_, 3, 2, 1, crypto::generate_age_key().recipient);
+  const StudyOnDisk study_ = read_study(reading_);
+  archive::FileSystem& real_ = archive::real_file_system();
+};
+
+TEST_F(StudyClosing, SaysHowFarReadersAre) {
+  EXPECT_EQ(progress_of(reading_, study_).size(), 2U);
+  EXPECT_EQ(progress_of(reading_, study_)[0].answered, 0U);
+  AnswerBook(real_, reading_, study_, 1).add({study_.study.readers[0].showings[0].token, {3, 0}, {}, now()});
+  EXPECT_EQ(progress_of(reading_, study_)[0].answered, 0U) << "one of two questions is no answer";
+  answer_all();
+  EXPECT_TRUE(progress_of(reading_, study_)[0].is_done());
+  EXPECT_EQ(progress_of(reading_, study_)[0].showings, 7U);
+}
+
+TEST_F(StudyClosing, BindsKeyStudyAndEveryAnswer) {
+  answer_all();
+  EXPECT_FALSE(is_closed(reading_));
+  EXPECT_THROW(check_closed(reading_, study_), UsageError);
+  const crypto::Sha256Digest digest = close_study(real_, reading_, study_, now());
+  const ClosedStudy closed = check_closed(reading_, study_);
+  EXPECT_EQ(closed.closing.sha256, digest);
+  EXPECT_EQ(closed.closing.utc, now());
+  EXPECT_EQ(closed.checks.size(), 4U);
+  EXPECT_EQ(verdict_of(closed.checks), Check::Answer::kHolds);
+  EXPECT_THROW(close_study(real_, reading_, study_, now()), UsageError) << "it is closed once";
+}
+
+TEST_F(StudyClosing, ShowsWhatWasChangedAfterwards) {
+  answer_all();
+  close_study(real_, reading_, study_, now());
+  EXPECT_THAT(differing(), testing::IsEmpty());
+  // An answer that follows as it should, so that the chain of lines alone would not tell.
+  AnswerBook(real_, reading_, study_, 2)
+      .add({study_.study.readers[1].showings[0].token, {5, 5}, {1, 250, 0}, now()});
+  EXPECT_THAT(differing(), testing::ElementsAre(HasSubstr("reader-2.jsonl was changed")));
+  add_to(kKeyFile, "x");
+  EXPECT_THAT(differing(),
+              testing::UnorderedElementsAre(HasSubstr("reader-2.jsonl"), HasSubstr("key.age was"),
+                                            HasSubstr("not the one that the study was made")));
+  std::filesystem::remove(reading_ / answers_name(1));
+  EXPECT_EQ(differing().size(), 4U);
+}
+
+TEST_F(StudyClosing, TakesNoSealThatLeavesAnythingOut) {
+  close_study(real_, reading_, study_, now());
+  const std::filesystem::path file = reading_ / kSealedFile;
+  std::string text;
+  std::getline(std::ifstream(file), text, '\0');
+  const auto with = [&](const std::string& from, const std::string& to) {
+    std::string other = text;
+    other.replace(other.find(from), from.size(), to);
+    std::ofstream(file, std::ios::trunc) << other;
+  };
+  with("answers/reader-1.jsonl", "answers/reader-7.jsonl");
+  EXPECT_THROW(check_closed(reading_, study_), UsageError);
+  with(made_.study.id, "0000000000000000");
+  EXPECT_THROW(check_closed(reading_, study_), UsageError);
+  std::ofstream(file, std::ios::trunc) << "{}";
+  EXPECT_THROW(check_closed(reading_, study_), UsageError);
+}
+
+TEST_F(StudyClosing, IsForOneProgramAtATime) {
+  const auto held = hold_study(real_, reading_);
+  EXPECT_THROW(hold_study(real_, reading_), UsageError);
+}
+
+TEST_F(StudyClosing, KnowsItsFilms) {
+  EXPECT_EQ(verdict_of(check_films(reading_, study_.study)), Check::Answer::kHolds);
+  add_to("films/" + made_.study.films[1].name, "x");
+  EXPECT_EQ(verdict_of(check_films(reading_, study_.study)), Check::Answer::kDiffers);
+}
+
+}  // namespace
+}  // namespace kiroku::study
