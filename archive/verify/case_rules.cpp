@@ -12,6 +12,9 @@ namespace kiroku::archive {
 
 namespace {
 
+// Times of frames and of entries are read one after the other.
+constexpr std::int64_t kFutureToleranceNs = 2'000'000'000;
+
 template <typename... Functions>
 struct Overloaded : Functions... {
   using Functions::operator()...;
@@ -219,6 +222,13 @@ void CaseRules::take_segment(const SegmentEntry& segment, std::uint64_t number) 
     return;
   }
   named_.insert(segment.file.file);
+  const bool as_it_comes = its->info()->timing == "arrival" && segment.counted;
+  if (as_it_comes && segment.span.end_ns - last_mono_ns_ > kFutureToleranceNs) {
+    findings_->add("segment-in-future", {std::string(kLedgerFile), number},
+                   at_entry(number) + " was written before segment " + std::to_string(segment.index) +
+                       " of " + segment.stream +
+                       " could end, though it is stated to be recorded as it comes");
+  }
   if (!scope_.wanted || scope_.wanted(segment)) {
     last_checked_segment_ = number;
     files_->check(

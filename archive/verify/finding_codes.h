@@ -138,6 +138,9 @@ inline constexpr auto kFindingCodes = std::to_array<FindingCode>({
     {"stream-ends-early", Severity::kUnproven,
      "a stream that is recorded as it comes holds nothing for more than 10 s before close, and no gap says "
      "why"},
+    {"segment-in-future", Severity::kUnproven,
+     "a counted segment of a stream that is recorded as it comes ends more than 2 s after its entry was "
+     "written"},
     {"segment-too-long", Severity::kUnproven,
      "a counted segment of a camera lasts more than 11 s, which no recorder writes"},
     {"segment-cut-unexplained", Severity::kTampered,

@@ -249,7 +249,7 @@ class CaseVerification {
 
   /// A token that comes after the recording is stored before its entry is written, and the checkpoint over
   /// that comes last, too: a power cut can come between. A token is one if it is over the checkpoint it is
-  /// named after, and that covers close.
+  /// named after, which may be an early one: an answer may come late.
   NameJudgement judge_after_close(std::string_view path) const {
     const bool part = path.ends_with(kPartSuffix);
     if (part) {
@@ -257,11 +257,9 @@ class CaseVerification {
     }
     const std::optional<TokenName> token = token_of_path(path);
     if (part) {
-      const bool later_token = token && token->size > *rules_.close_entry();
-      return later_token || is_note_path(path) ? NameJudgement::kPart : NameJudgement::kUnnamed;
+      return token || is_note_path(path) ? NameJudgement::kPart : NameJudgement::kUnnamed;
     }
-    return token && token->size > *rules_.close_entry() && is_token(*token) ? NameJudgement::kTokenNotEntered
-                                                                            : NameJudgement::kUnnamed;
+    return token && is_token(*token) ? NameJudgement::kTokenNotEntered : NameJudgement::kUnnamed;
   }
 
   /// One that cannot be read is a file that nothing names.

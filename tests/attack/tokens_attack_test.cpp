@@ -213,6 +213,20 @@ TEST(AttackOnGaps, AStatedGapIsAGap) {
   EXPECT_EQ(summary(with_hole(true, false)), "intact-with-gaps\ngap ledger.jsonl 4");
 }
 
+// Pictures that a decoder dated hours ahead.
+TEST(AttackOnGaps, ASegmentOfTimeThatHasNotComeIsTold) {
+  SampleArchive archive;
+  SampleCase sample(archive);
+  sample.stamp();
+  constexpr std::int64_t kSecond = 1'000'000'000;
+  archive.now_ns = 5 * kSecond;
+  sample.writer().append({sample.segment(0, 0, {0, 9 * kSecond}), sample.segment(1, 0, {0, 5 * kSecond})},
+                         archive.now());
+  sample.close();
+  EXPECT_EQ(summary(archive::verify_case(sample.folder(), archive.options())),
+            "unproven\nsegment-in-future ledger.jsonl 2");
+}
+
 TEST(AttackOnGaps, AGapTakenOutIsTold) {
   EXPECT_EQ(summary(with_hole(false, false)), "tampered\nsegment-hole ledger.jsonl 3");
 }

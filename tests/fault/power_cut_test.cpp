@@ -355,6 +355,7 @@ class WriterLosesPower : public PowerCutStory {
         sample.stamp();
       }
     }
+    sample.writer().append({sample.segment(1, 1, {6 * kSecond, archive_.now_ns})}, archive_.now());
     sample.close();
   }
 

@@ -178,8 +178,12 @@ void SampleCase::record() {
 }
 
 void SampleCase::record_at_once() {
-  writer_->append({segment(0, 0, {0, archive_->now_ns}), segment(1, 0, {0, archive_->now_ns})},
-                  archive_->now());
+  constexpr std::int64_t kLongest = 10 * kSecond;
+  std::uint64_t index = 0;
+  for (std::int64_t start_ns = 0; start_ns < archive_->now_ns; start_ns += kLongest, ++index) {
+    const archive::Span span{start_ns, std::min(start_ns + kLongest, archive_->now_ns)};
+    writer_->append({segment(0, index, span), segment(1, index, span)}, archive_->now());
+  }
 }
 
 void SampleCase::close() {

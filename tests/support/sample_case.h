@@ -81,7 +81,7 @@ class SampleCase {
   void stamp();
   /// Everything up to 6 s: three segments of endoscope, one of vitals, a mark, clock entries, two tokens.
   void record();
-  /// One segment of each stream, from the case's beginning until now: nothing of them is missing.
+  /// Segments of each stream from the case's beginning until now, entered now: nothing of them is missing.
   void record_at_once();
   /// `close` at 7 s or now, its checkpoint and token, the last checkpoint.
   void close();

@@ -118,6 +118,8 @@ inline constexpr auto kFindingTexts = std::to_array<FindingText>({
      "到着時に記録される系統が、症例の開始から 2 秒を超えて何も含まず、欠落の記載もない。"},
     {"stream-ends-early", Check::kStreams,
      "到着時に記録される系統が、症例の終了前の 10 秒を超えて何も含まず、欠落の記載もない。"},
+    {"segment-in-future", Check::kStreams,
+     "到着時に記録される系統の区間が、その項目が書かれた時より 2 秒を超えて後に終わる。"},
     {"segment-too-long", Check::kStreams,
      "カメラの区間が 11 秒を超える。記録装置はこのような区間を書かない。"},
     {"segment-cut-unexplained", Check::kStreams, "途中で断たれた区間があり、その理由の記載がない。"},

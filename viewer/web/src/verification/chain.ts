@@ -36,6 +36,7 @@ const kByCode: Record<string, LinkName> = {
   'authorities-disagree': 'tokens',
   gap: 'segments',
   'sound-gap': 'segments',
+  'monitor-silent': 'segments',
   'frames-dropped': 'segments',
   'part-file': 'segments',
   'name-clash': 'segments',
