@@ -80,8 +80,8 @@ struct Sending {
   bool is_head = false;  // the answer to HEAD: everything but its body
   bool keep_alive = false;
   std::chrono::milliseconds limit{30'000};  // for each unit of the body to be taken
-  /// Of a body that is computed or read: asked each time the client has taken some of it, with how much that
-  /// was so far and how long it was waited for. False: the connection is to end. None: it goes on.
+  /// Asked each time the client has taken some of it, with how much that was so far and how long it was
+  /// waited for. False: the connection is to end. None: it goes on.
   std::function<bool(std::uint64_t sent, std::chrono::duration<double> waited)> goes_on = {};
 };
 
@@ -134,7 +134,7 @@ boost::asio::awaitable<bool> send(Stream& stream, int status, const Fields& fiel
     co_await beast::http::async_write(stream, serializer, asio::redirect_error(asio::use_awaitable, failed));
     waited += std::chrono::steady_clock::now() - begin;
     if (failed == beast::http::error::need_buffer) failed = {};
-    const bool is_asked = !failed && !is_last && how.goes_on && reader.may_block();
+    const bool is_asked = !failed && !is_last && how.goes_on;
     if (is_asked && !how.goes_on(sent, waited)) co_return false;
   }
   co_return !failed;

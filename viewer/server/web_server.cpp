@@ -33,6 +33,8 @@ namespace beast = boost::beast;
 using asio::ip::tcp;
 using boost::system::error_code;
 
+/// A person may leave as many answers of this size untaken as there are connections.
+constexpr std::size_t kSmallAnswer = 1U << 20;
 constexpr std::uint16_t kExamplePort = 8443;
 constexpr std::size_t kIoThreads = 2;
 /// More than wait for programs behind the viewer (viewer/server/workplace_link.cpp).
@@ -335,15 +337,19 @@ struct WebServer::State {
     admission.request.body.assign(body.data(), body.size());
     beast::get_lowest_layer(stream).expires_never();
     place.set_busy(true);
-    Response response = co_await answer(answers, admission);
+    std::optional<AnswerShares::Share> share;
+    Response response = co_await answer(answers, admission, share);
+    // What one person does not take fills no memory without end; a film's bytes are shared by all who watch.
+    const auto* const made = std::get_if<std::string>(&response.body);
+    if (made == nullptr || made->size() <= kSmallAnswer) share.reset();
     while (response.costly) response = co_await at_a_cost(std::move(*response.costly));
     // Whoever takes an answer slowly on purpose is not busy.
     place.set_busy(false);
     co_return co_await send(stream, response, is_head, keep_alive, &admission) && keep_alive;
   }
 
-  asio::awaitable<Response> answer(const Dispatcher& answers, const Dispatcher::Admission& admission) {
-    std::optional<AnswerShares::Share> share;
+  asio::awaitable<Response> answer(const Dispatcher& answers, const Dispatcher::Admission& admission,
+                                   std::optional<AnswerShares::Share>& share) {
     if (admission.request.session) {
       const bool is_quick = admission.route != nullptr && admission.route->is_quick;
       AnswerShares& line = is_quick ? quick_shares : shares;

@@ -266,6 +266,29 @@ TEST_F(WebServerTest, OnePersonsAnswersDoNotKeepTheOthersFromTheirs) {
   EXPECT_LE(most_slow, 3) << "the third of one person waits for the first";
 }
 
+TEST_F(WebServerTest, LargeAnswersThatNobodyTakesAreNotMadeWithoutEnd) {
+  std::atomic<int> made = 0;
+  router.add({"GET", "api/untaken", Right::kSeeLive, [&made](const Request& /*request*/) {
+                ++made;
+                return Response::text(std::string(64U << 20, 'x'), "text/plain");  // more than sockets hold
+              }});
+  serve({.answers_of_person = 2});
+  const auto request = [this](const std::string& user) {
+    const std::string token = sessions.open(user, Role::kSurgeon, {}).token;
+    return test::http_request("GET", "/api/large", {{"Cookie", std::string(kSessionCookie) + "=" + token}});
+  };
+  std::vector<HttpsConnection> of_anna;
+  for (int i = 0; i < 6; ++i) {
+    of_anna.emplace_back(server->port());
+    of_anna.back().send(request("anna"));
+  }
+  ASSERT_TRUE(test::eventually([&] { return made == 2; }));
+  HttpsConnection ben(server->port());
+  ben.send(request("ben"));
+  EXPECT_EQ(ben.receive().body.size(), 64U << 20);
+  EXPECT_EQ(made, 3) << "the third of one person waits until one is taken";
+}
+
 TEST_F(WebServerTest, QuickAnswersDoNotWaitBehindTheSamePersonsOthers) {
   Route status{"GET", "api/quick", Right::kSeeLive,
                [](const Request& /*request*/) { return Response::text("quick", "text/plain"); }};
