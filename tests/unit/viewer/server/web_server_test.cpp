@@ -275,7 +275,7 @@ TEST_F(WebServerTest, LargeAnswersThatNobodyTakesAreNotMadeWithoutEnd) {
   serve({.answers_of_person = 2});
   const auto request = [this](const std::string& user) {
     const std::string token = sessions.open(user, Role::kSurgeon, {}).token;
-    return test::http_request("GET", "/api/large", {{"Cookie", std::string(kSessionCookie) + "=" + token}});
+    return test::http_request("GET", "/api/untaken", {{"Cookie", std::string(kSessionCookie) + "=" + token}});
   };
   std::vector<HttpsConnection> of_anna;
   for (int i = 0; i < 6; ++i) {
