@@ -142,7 +142,7 @@ struct ClockEntry {
   std::int64_t offset_ns = 0, error_ns = 0, step_ns = 0;
   /// How much faster the case clock (CLOCK_BOOTTIME) ran than the machine's uncorrected crystal
   /// (CLOCK_MONOTONIC_RAW), in parts of 10^9: since the clock entry before or, where a slew begins, over the
-  /// second that showed it.
+  /// second that showed it; the entry behind that one is of the slew alone.
   std::optional<std::int64_t> rate_ppb = std::nullopt;
 };
 /// A rate beyond this, either way, is a slew: crystals are right to 100 ppm and the correction of that is

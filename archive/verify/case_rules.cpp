@@ -239,14 +239,11 @@ void CaseRules::take_segment(const SegmentEntry& segment, std::uint64_t number) 
 void CaseRules::take_clock(const ClockEntry& clock, std::int64_t mono_ns, std::uint64_t number) {
   if (clock.rate_ppb) {
     tokens_.take_rate(*clock.rate_ppb, mono_ns);
-    const bool slewed = std::abs(*clock.rate_ppb) > kSlewPpb;
-    if (slewed && !slewed_) {
-      findings_->add("clock-slewed", in_ledger(number),
-                     "the machine's clocks, the case clock among them, were made to run " +
-                         std::to_string(std::abs(*clock.rate_ppb) / 1'000) + " ppm " +
-                         (*clock.rate_ppb > 0 ? "faster" : "slower") + " than its crystal");
+    if (std::abs(*clock.rate_ppb) <= kSlewPpb) {
+      report_slew();
+    } else if (!slew_ || std::abs(*clock.rate_ppb) > std::abs(slew_->rate_ppb)) {
+      slew_ = Slew{slew_ ? slew_->entry : number, *clock.rate_ppb};
     }
-    slewed_ = slewed;
   }
   if (clock.step_ns != 0) {
     clock_step_stated_ = true;
@@ -259,6 +256,18 @@ void CaseRules::take_clock(const ClockEntry& clock, std::int64_t mono_ns, std::u
     findings_->add("clock-not-synchronised", in_ledger(number),
                    "the machine's wall clock was not synchronised");
   }
+}
+
+// Where a slew begins, its rate is that of a second in part of which it was there: a later entry knows
+// better.
+void CaseRules::report_slew() {
+  if (slew_) {
+    findings_->add("clock-slewed", in_ledger(slew_->entry),
+                   "the machine's clocks, the case clock among them, were made to run " +
+                       std::to_string(std::abs(slew_->rate_ppb) / 1'000) + " ppm " +
+                       (slew_->rate_ppb > 0 ? "faster" : "slower") + " than its crystal");
+  }
+  slew_.reset();
 }
 
 void CaseRules::take_close(const CloseEntry& close, const CaseEntry& entry, std::uint64_t number) {
@@ -311,6 +320,7 @@ void CaseRules::finish(std::optional<std::int64_t> lines_begin_ns) {
   for (auto& [name, its] : streams_) {
     its.finish(recorded, lines_begin_ns);
   }
+  report_slew();
   tokens_.finish(scope_.whole_case);
   judge_wall_clock();
 }

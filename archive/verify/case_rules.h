@@ -85,6 +85,8 @@ class CaseRules {
   void take_open(const OpenEntry& open, const CaseEntry& entry, std::uint64_t number);
   void take_segment(const SegmentEntry& segment, std::uint64_t number);
   void take_clock(const ClockEntry& clock, std::int64_t mono_ns, std::uint64_t number);
+  /// What the latest clock entries state of a slew.
+  void report_slew();
   void take_close(const CloseEntry& close, const CaseEntry& entry, std::uint64_t number);
   StreamRules* stream(const std::string& name, std::uint64_t number);
 
@@ -112,7 +114,11 @@ class CaseRules {
   std::uint64_t broken_lines_ = 0;
   bool recovered_ = false;
   bool clock_step_stated_ = false;
-  bool slewed_ = false;  // by the latest clock entry
+  struct Slew {
+    std::uint64_t entry = 0;    // the first that states it
+    std::int64_t rate_ppb = 0;  // the largest that was stated
+  };
+  std::optional<Slew> slew_;  // by the latest clock entry
   bool said_not_synchronised_ = false;
 };
 

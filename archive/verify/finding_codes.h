@@ -62,6 +62,9 @@ inline constexpr auto kFindingCodes = std::to_array<FindingCode>({
     {"clock-stepped", Severity::kNote, "the machine's wall clock was set"},
     {"clock-slewed", Severity::kNote,
      "the machine's clocks, the case clock among them, were made to run more than 200 ppm faster or slower"},
+    {"clock-slews-allowed-for", Severity::kNote,
+     "the slews that the ledger states may have moved the case clock by 1 s or more in all: by so much the "
+     "authorities' times may differ from it without a finding"},
     {"clock-not-synchronised", Severity::kNote, "the machine's wall clock was not synchronised"},
     {"clock-differs", Severity::kNote,
      "the recorder's wall clock, and with it every time that it states, differs from an outside authority's "

@@ -17,6 +17,14 @@ constexpr std::int64_t kGoodReadingNs = 5'000;
 constexpr int kMostReadings = 10;
 // A slew has ended below three quarters of the rate that it begins at, so that one near it does not flicker.
 constexpr std::int64_t kEndedPpb = archive::kSlewPpb * 3 / 4;
+// The part of a stated rate that it may differ by before it is stated again.
+constexpr std::int64_t kNewRateDivisor = 5;
+
+/// Of a time, at a rate, rounded.
+std::int64_t part_of(std::int64_t elapsed_ns, std::int64_t ppb) {
+  return static_cast<std::int64_t>(
+      std::llround(static_cast<double>(elapsed_ns) * static_cast<double>(ppb) / kBillion));
+}
 
 std::int64_t read(clockid_t clock) {
   timespec time{};
@@ -65,30 +73,44 @@ ClockWatch::ClockWatch(Clocks clocks) : clocks_(std::move(clocks)) {}
 
 std::optional<archive::ClockEntry> ClockWatch::check() {
   const ClockReading now = clocks_.read();
-  const bool changed = slew_changed(now);
+  look(now);
   if (!stated_) return entry(now, 0, now);
   const std::int64_t step_ns = (now.wall_ns - now.case_ns) - (stated_->wall_ns - stated_->case_ns);
   const bool stepped = std::abs(step_ns) > kSmallestStepNs + now.uncertainty_ns + stated_->uncertainty_ns;
-  if (!stepped && !changed && now.case_ns - stated_->case_ns < kEntryIntervalNs) return {};
-  const bool began = changed && slewing_;
-  return entry(now, stepped ? step_ns : 0, began ? window_.front() : *stated_);
+  const bool due = stepped || now.case_ns - stated_->case_ns >= kEntryIntervalNs;
+  if (!due && !(slew_is_news(now) && may_state_slew(now))) return {};
+  const bool begins = slewing_ && !stated_slewing_;
+  return entry(now, stepped ? step_ns : 0, begins ? window_.front() : *stated_);
 }
 
-bool ClockWatch::slew_changed(const ClockReading& now) {
+void ClockWatch::look(const ClockReading& now) {
   window_.push_back(now);
   while (window_.size() > 2 && now.raw_ns - window_[1].raw_ns >= kWindowNs) window_.pop_front();
   const ClockReading& since = window_.front();
   const std::int64_t elapsed_ns = now.raw_ns - since.raw_ns;
-  if (elapsed_ns < kWindowNs) return false;
+  if (elapsed_ns < kWindowNs) return;
   const std::int64_t gained_ns = std::abs(gain_ns(since, now));
   const std::int64_t doubt_ns = now.uncertainty_ns + since.uncertainty_ns;
-  const auto part = [&](std::int64_t ppb) {
-    return static_cast<std::int64_t>(
-        std::llround(static_cast<double>(elapsed_ns) * static_cast<double>(ppb) / kBillion));
-  };
-  const bool was = slewing_;
-  slewing_ = was ? gained_ns + doubt_ns >= part(kEndedPpb) : gained_ns - doubt_ns > part(archive::kSlewPpb);
-  return slewing_ != was;
+  slewing_ = slewing_ ? gained_ns + doubt_ns >= part_of(elapsed_ns, kEndedPpb)
+                      : gained_ns - doubt_ns > part_of(elapsed_ns, archive::kSlewPpb);
+}
+
+bool ClockWatch::slew_is_news(const ClockReading& now) const {
+  if (slewing_ != stated_slewing_) return true;
+  const ClockReading& since = window_.front();
+  if (!slewing_ || since.raw_ns < stated_->raw_ns) return false;
+  if (stated_beginning_) return true;
+  const std::int64_t elapsed_ns = now.raw_ns - since.raw_ns;
+  const std::int64_t doubt_ns = now.uncertainty_ns + since.uncertainty_ns;
+  const std::int64_t differs_ns = std::abs(gain_ns(since, now) - part_of(elapsed_ns, stated_ppb_));
+  return differs_ns - doubt_ns > part_of(elapsed_ns, std::abs(stated_ppb_)) / kNewRateDivisor;
+}
+
+bool ClockWatch::may_state_slew(const ClockReading& now) {
+  slews_paid_until_ns_ = std::max(slews_paid_until_ns_, now.raw_ns - kMostSlewsAtOnce * kSlewEveryNs);
+  if (slews_paid_until_ns_ + kSlewEveryNs > now.raw_ns) return false;
+  slews_paid_until_ns_ += kSlewEveryNs;
+  return true;
 }
 
 archive::ClockEntry ClockWatch::entry(const ClockReading& now, std::int64_t step_ns,
@@ -104,6 +126,9 @@ archive::ClockEntry ClockWatch::entry(const ClockReading& now, std::int64_t step
                                   static_cast<double>(elapsed_ns));
   }
   stated_ = now;
+  stated_beginning_ = slewing_ && !stated_slewing_;
+  stated_slewing_ = slewing_;
+  stated_ppb_ = entry.rate_ppb.value_or(0);
   return entry;
 }
 

@@ -44,22 +44,36 @@ class ClockWatch {
   /// A slew is seen over this time and a fifth of a second between two calls, so within a second.
   static constexpr std::int64_t kWindowNs = 800'000'000;
 
+  /// A clock whose rate changes all the time gets so many entries at once and then one in this time.
+  static constexpr std::int64_t kMostSlewsAtOnce = 10;
+  static constexpr std::int64_t kSlewEveryNs = 3'000'000'000;
+
   explicit ClockWatch(const CaseClock& clock);
   explicit ClockWatch(Clocks clocks);
   /// An entry when one is due: the first time, each minute, when the wall clock stepped since the last entry,
-  /// and when a slew (archive::kSlewPpb) began or ended. Call five times a second; a step is seen by the next
-  /// call.
+  /// when a slew (archive::kSlewPpb) began or ended, when one is first known from a window that lies wholly
+  /// within it, and when its rate over such a window differs by more than a fifth from the latest that was
+  /// stated. Call five times a second; a step is seen by the next call.
   std::optional<archive::ClockEntry> check();
 
  private:
-  /// Whether a slew began or ended, by the window that ends now.
-  bool slew_changed(const ClockReading& now);
+  /// Whether there is a slew, by the window that ends now.
+  void look(const ClockReading& now);
+  /// Whether the latest entry leaves a reader with another slew than there is.
+  [[nodiscard]] bool slew_is_news(const ClockReading& now) const;
+  bool may_state_slew(const ClockReading& now);
   archive::ClockEntry entry(const ClockReading& now, std::int64_t step_ns, const ClockReading& rate_since);
 
   Clocks clocks_;
   std::deque<ClockReading> window_;     // oldest first: one at least kWindowNs old, where there is one
   std::optional<ClockReading> stated_;  // at the latest entry
   bool slewing_ = false;
+  // at the latest entry
+  bool stated_slewing_ = false;
+  bool stated_beginning_ = false;  // over a window that the slew may have begun in
+  std::int64_t stated_ppb_ = 0;
+  // raw_ns; kSlewEveryNs on for each that was stated
+  std::int64_t slews_paid_until_ns_ = -kMostSlewsAtOnce * kSlewEveryNs;
 };
 
 }  // namespace kiroku::recorder

@@ -91,6 +91,14 @@ class OutsideClocks : public ::testing::Test {
     return archive::verify_case(sample.folder(), options);
   }
 
+  archive::VerificationReport stamped_to_its_end(SampleCase& sample) {
+    sample.record_at_once();
+    sample.close();
+    archive::VerifyOptions options = archive_.options();
+    options.trust = &trust_;
+    return archive::verify_case(sample.folder(), options);
+  }
+
   SampleArchive archive_;
   std::array<TestAuthority, 2> authorities_{make_test_authority(), make_test_authority()};
   timestamp::TrustStore trust_;
@@ -157,6 +165,43 @@ TEST_F(OutsideClocks, ASlewThatNoKernelMakesExcusesNothing) {
   stamp(sample, 0, 20s);
   const archive::VerificationReport report = closed(sample);
   EXPECT_EQ(report.verdict, archive::Verdict::kUnproven) << details(report);
+}
+
+// chrony slews by 83,333 ppm. Recorders stated no more of that than its beginning until a minute was over.
+TEST_F(OutsideClocks, ASlewOfWhichOnlyTheBeginningIsStatedMakesNoSoundCaseTampered) {
+  for (const std::size_t count : {1U, 2U}) {
+    archive_.clear();
+    archive_.now_ns = 0;
+    SampleCase sample(archive_);
+    for (std::size_t each = 0; each < count; ++each) stamp(sample, each, 0s);
+    archive_.now_ns += 2 * kSecond;
+    sample.writer().append({archive::ClockEntry{true, 0, 0, 0, 2'727'683}}, archive_.now());
+    archive_.now_ns += 52 * kSecond;
+    for (std::size_t each = 0; each < count; ++each) stamp(sample, each, -4s);
+    const archive::VerificationReport report = stamped_to_its_end(sample);
+    EXPECT_EQ(report.verdict, archive::Verdict::kIntact) << details(report);
+    EXPECT_EQ(summary(report), "intact\nclock-slewed ledger.jsonl 3\nclock-slews-allowed-for")
+        << details(report);
+  }
+}
+
+// Who holds the device key may state slews that were none. That is bounded, and the report says how far.
+TEST_F(OutsideClocks, WhatStatedSlewsMayExcuseIsSaid) {
+  for (const auto set : {5s, 20s}) {
+    archive_.clear();
+    archive_.now_ns = 0;
+    SampleCase sample(archive_);
+    for (const std::size_t each : {0U, 1U}) stamp(sample, each, 0s);
+    for (int entry = 0; entry < 2; ++entry) {
+      archive_.now_ns += 30 * kSecond;
+      sample.writer().append({archive::ClockEntry{true, 0, 0, 0, -100'500'000}}, archive_.now());
+    }
+    for (const std::size_t each : {0U, 1U}) stamp(sample, each, set);
+    const archive::VerificationReport report = stamped_to_its_end(sample);
+    EXPECT_EQ(report.verdict, set == 5s ? archive::Verdict::kIntact : archive::Verdict::kTampered)
+        << details(report);
+    EXPECT_THAT(details(report), testing::HasSubstr("by up to 6.030 s in all"));
+  }
 }
 
 // As a virtual machine sees it: wall clock and authorities go on, and CLOCK_BOOTTIME stands.

@@ -50,6 +50,9 @@ inline constexpr auto kFindingTexts = std::to_array<FindingText>({
     {"clock-stepped", Check::kTime, "装置の時計が合わせ直された。"},
     {"clock-slewed", Check::kTime,
      "装置の時計（症例時計を含む）が 200 ppm を超えて速められ、または遅らされた。"},
+    {"clock-slews-allowed-for", Check::kTime,
+     "台帳に記された装置の時計の速度調整により、症例時計が合わせて 1 "
+     "秒以上動いた可能性がある。その範囲の相違は指摘されない。"},
     {"clock-not-synchronised", Check::kTime, "装置の時計が同期していなかった。"},
     {"clock-differs", Check::kTime,
      "記録装置の時計が、外部の認証局の時計と 1 "

@@ -134,7 +134,8 @@ VerificationReport slewed(bool stated) {
 TEST(Verifier, AllowsForAStatedSlew) {
   const VerificationReport report = slewed(true);
   EXPECT_EQ(report.verdict, Verdict::kIntact);
-  ASSERT_EQ(report.findings.size(), 1U) << listing(report);
+  ASSERT_EQ(report.findings.size(), 2U) << listing(report);
+  EXPECT_EQ(report.findings[1].code, "clock-slews-allowed-for");
   EXPECT_EQ(report.findings[0].code, "clock-slewed");
   EXPECT_EQ(
       report.findings[0].text,

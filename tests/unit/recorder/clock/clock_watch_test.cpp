@@ -98,6 +98,9 @@ TEST_F(ClockWatchTest, SeesASlewWithinASecondAndItsEnd) {
     ASSERT_TRUE(began) << ppm;
     EXPECT_LE(after_ns_, kSecond) << ppm;
     EXPECT_GT(std::abs(began->rate_ppb.value_or(0)), archive::kSlewPpb) << ppm;
+    const auto whole = run(2 * kSecond);
+    ASSERT_TRUE(whole) << "the slew began within the second that showed it";
+    EXPECT_NEAR(static_cast<double>(whole->rate_ppb.value_or(0)), ppm * 1000, std::abs(ppm) * 1000 * 0.01);
     EXPECT_FALSE(run(20 * kSecond)) << "a slew that goes on is stated each minute";
     rate_ppm_ = 0;
     const auto ended = run(2 * kSecond);
@@ -107,6 +110,73 @@ TEST_F(ClockWatchTest, SeesASlewWithinASecondAndItsEnd) {
     EXPECT_NEAR(static_cast<double>(ended->rate_ppb.value_or(0)), ppm * 1000, std::abs(ppm) * 1000 * 0.05);
     EXPECT_EQ(ended->step_ns, 0);
   }
+}
+
+// chrony slews by 83,333 ppm; the second that shows that may have begun just before it.
+TEST_F(ClockWatchTest, StatesTheWholeRateTwoSecondsAfterASlewBegan) {
+  run(3 * kSecond);
+  corrected_ns_ -= 0.03 * static_cast<double>(kTick) * 83'333e-6;  // it began late in a tick
+  rate_ppm_ = 83'333;
+  double stated_ppb = 0;
+  for (std::int64_t passed_ns = 0; passed_ns < 2 * kSecond; passed_ns += after_ns_) {
+    const auto entry = run(2 * kSecond - passed_ns);
+    if (!entry) break;
+    stated_ppb = static_cast<double>(entry->rate_ppb.value_or(0));
+  }
+  EXPECT_NEAR(stated_ppb, 83'333'000, 83'333'000 * 0.01);
+}
+
+TEST_F(ClockWatchTest, StatesASlewAgainWhenItBecomesFasterOrSlower) {
+  rate_ppm_ = 500;
+  run(2 * kSecond);
+  run(2 * kSecond);
+  for (const double ppm : {80'000.0, 20'000.0, -80'000.0}) {
+    run(20 * kSecond);
+    rate_ppm_ = ppm;
+    double stated_ppb = 0;
+    std::int64_t passed_ns = 0;
+    while (const auto entry = run(5 * kSecond)) {
+      stated_ppb = static_cast<double>(entry->rate_ppb.value_or(0));
+      passed_ns += after_ns_;
+    }
+    EXPECT_NEAR(stated_ppb, ppm * 1000, std::abs(ppm) * 1000 / 5) << ppm;
+    EXPECT_LE(passed_ns, 3 * kSecond) << ppm;
+  }
+}
+
+TEST_F(ClockWatchTest, SaysNothingMoreOfASlewThatChangesByLessThanAFifth) {
+  rate_ppm_ = 50'000;
+  run(2 * kSecond);
+  run(2 * kSecond);
+  for (const double ppm : {55'000.0, 45'000.0, 58'000.0}) {
+    rate_ppm_ = ppm;
+    EXPECT_FALSE(run(10 * kSecond)) << ppm;
+  }
+}
+
+TEST_F(ClockWatchTest, AClockThatSwingsFillsNoLedger) {
+  constexpr std::int64_t kLong = 600 * kSecond;
+  int entries = 0;
+  double gained_ns = 0, stated_ns = 0;
+  std::int64_t stated_at_ns = raw_ns_;
+  for (int second = 0; second < kLong / kSecond; ++second) {
+    const double before_ns = corrected_ns_;
+    rate_ppm_ = second % 4 < 2 ? 0 : 1'000.0 * (1 + second % 80);
+    const std::int64_t until_ns = raw_ns_ + kSecond;
+    while (raw_ns_ < until_ns) {
+      if (const auto entry = run(until_ns - raw_ns_)) {
+        ++entries;
+        stated_ns += static_cast<double>(entry->rate_ppb.value_or(0)) *
+                     static_cast<double>(raw_ns_ - stated_at_ns) / 1e9;
+        stated_at_ns = raw_ns_;
+      }
+    }
+    gained_ns += corrected_ns_ - before_ns - static_cast<double>(kSecond);
+  }
+  EXPECT_GT(entries, 20);
+  EXPECT_LE(entries,
+            ClockWatch::kMostSlewsAtOnce + kLong / ClockWatch::kSlewEveryNs + kLong / (60 * kSecond));
+  EXPECT_GT(stated_ns, gained_ns * 0.9) << "what no entry of its own says is in the next one's mean";
 }
 
 TEST_F(ClockWatchTest, TakesNoCrystalForASlew) {
