@@ -81,14 +81,16 @@ int seal(const Request& request) {
   return any_valid(stamps) ? kDone : kNoAnswer;
 }
 
-Check check_order(const std::optional<Home>& home, const archive::OpenEntry& open,
-                  const crypto::Sha256Digest& digest) {
+std::vector<Check> check_order(const std::optional<Home>& home, const archive::CaseReader& recording,
+                               const crypto::Sha256Digest& digest) {
   if (!home) {
-    return {"order", Check::Answer::kUnknown,
-            "which came first is known to the log of the appliance that recorded the case: give its --home"};
+    return {{"order", Check::Answer::kUnknown,
+             "which came first is known to the log of the appliance that recorded the case: give its "
+             "--home"}};
   }
+  const archive::OpenEntry& open = recording.opening();
   return compare::check_sealed_before(compare::read_log_of_case(home->log_folder(), open, home->device()),
-                                      home->device().to_string(), open, digest);
+                                      home->device().to_string(), open, recording.opened_at(), digest);
 }
 
 /// Whether the case says that it was recorded by this plan, and which came first.
@@ -100,8 +102,9 @@ std::vector<Check> check_case(const std::optional<Home>& home, const fs::path& f
   if (!open.plan) return {{"case", Answer::kDiffers, open.case_id + " names no plan"}};
   if (*open.plan != digest)
     return {{"case", Answer::kDiffers, open.case_id + " was recorded by another plan"}};
-  return {{"case", Answer::kHolds, open.case_id + " was recorded by this plan"},
-          check_order(home, open, digest)};
+  std::vector<Check> checks{{"case", Answer::kHolds, open.case_id + " was recorded by this plan"}};
+  std::ranges::move(check_order(home, reader, digest), std::back_inserter(checks));
+  return checks;
 }
 
 int verify(const Request& request) {

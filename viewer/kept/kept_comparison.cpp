@@ -216,8 +216,10 @@ KeptComparison read_kept(const KeptPlace& place, const crypto::AgeIdentities& id
     }
   }
   const archive::OpenEntry& open = evidence.recording->opening();
-  kept.plan_checks = {check_named(open, kept.made.plan_seal),
-                      check_sealed_before(*evidence.log, evidence.device, open, kept.made.plan_seal)};
+  kept.plan_checks = {check_named(open, kept.made.plan_seal)};
+  std::ranges::move(check_sealed_before(*evidence.log, evidence.device, open, evidence.recording->opened_at(),
+                                        kept.made.plan_seal),
+                    std::back_inserter(kept.plan_checks));
   std::ranges::move(check_tokens(place.seal(), kept.made.plan_seal, evidence.trust),
                     std::back_inserter(kept.plan_checks));
   return kept;

@@ -109,7 +109,7 @@ struct KeptComparison {
   /// it), "case" (the ledger as it was compared), "replay", "radiographs".
   std::vector<Check> checks;
   /// Whether its plan was sealed before the first picture: "named" (by the case), "order" (in the appliance
-  /// log), "time" (tokens of the seal).
+  /// log), "ahead" (of a case that was recorded ahead), "time" (tokens of the seal).
   std::vector<Check> plan_checks;
 };
 /// Opens, reads and judges. As open_kept(), and kiroku::UsageError for a document that is none.

@@ -1,6 +1,7 @@
 #include "viewer/kept/log_of_case.h"
 
 #include <algorithm>
+#include <chrono>
 #include <variant>
 
 #include "archive/format/log_entry.h"
@@ -61,33 +62,47 @@ LogOfCase read_log_of_case(const std::filesystem::path& log_folder, const archiv
   return log;
 }
 
-Check check_sealed_before(const LogOfCase& log, const std::string& device, const archive::OpenEntry& open,
-                          const crypto::Sha256Digest& seal) {
+std::vector<Check> check_sealed_before(const LogOfCase& log, const std::string& device,
+                                       const archive::OpenEntry& open, const archive::Moment& opened,
+                                       const crypto::Sha256Digest& seal) {
   using Answer = Check::Answer;
   if (device != open.device) {
-    return {"order", Answer::kUnknown,
-            "which came first is known to the log of the appliance that recorded the case"};
+    return {{"order", Answer::kUnknown,
+             "which came first is known to the log of the appliance that recorded the case"}};
   }
   if (!log.case_began_under_it) {
-    return {"order", Answer::kDiffers,
-            "the appliance log is not the one that " + open.case_id + " was begun under"};
+    return {{"order", Answer::kDiffers,
+             "the appliance log is not the one that " + open.case_id + " was begun under"}};
   }
   const auto record = log.sealed_plans.find(seal);
   if (record == log.sealed_plans.end())
-    return {"order", Answer::kUnknown, "the appliance log knows no seal of this plan"};
+    return {{"order", Answer::kUnknown, "the appliance log knows no seal of this plan"}};
   const auto& [seq, utc, who, is_signed] = record->second;
   // What the case's first entry states the root of needs no other signature.
   if (seq >= open.appliance_log_size) {
-    return {"order", Answer::kDiffers,        "the plan was sealed after the case had begun",
-            seq,     open.appliance_log_size, utc};
+    return {{"order", Answer::kDiffers, "the plan was sealed after the case had begun", seq,
+             open.appliance_log_size, utc}};
   }
-  return {"order",
-          Answer::kHolds,
-          "sealed before the first picture: the case begins with a log of " +
-              std::to_string(open.appliance_log_size) + " entries, the seal is entry " + std::to_string(seq),
-          seq,
-          open.appliance_log_size,
-          utc};
+  const auto ahead = std::chrono::ceil<UtcTime::duration>(
+      std::chrono::nanoseconds(open.begins_ns > 0 ? opened.mono_ns - open.begins_ns : 0));
+  const bool recorded_ahead = ahead > UtcTime::duration::zero();
+  std::vector<Check> checks{
+      {"order", Answer::kHolds,
+       "sealed before " + std::string(recorded_ahead ? "the case was opened" : "the first picture") +
+           ": the case begins with a log of " + std::to_string(open.appliance_log_size) +
+           " entries, the seal is entry " + std::to_string(seq),
+       seq, open.appliance_log_size, utc}};
+  if (recorded_ahead) {
+    const bool older = utc < opened.utc - ahead;
+    checks.push_back({"ahead", older ? Answer::kHolds : Answer::kDiffers,
+                      std::to_string(std::chrono::ceil<std::chrono::seconds>(ahead).count()) +
+                          " s of the case were recorded before it was opened, from " +
+                          format_utc(opened.utc - ahead) + " on, and the plan was sealed " +
+                          (older ? "before that: " : "only after that: ") + format_utc(utc) +
+                          ", both by the recorder's clock",
+                      seq, open.appliance_log_size, utc});
+  }
+  return checks;
 }
 
 }  // namespace kiroku::compare

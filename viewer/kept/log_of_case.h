@@ -5,6 +5,7 @@
 #include <filesystem>
 #include <map>
 #include <string>
+#include <vector>
 
 #include "archive/format/ledger_entry.h"
 #include "base/check.h"
@@ -33,9 +34,12 @@ struct LogOfCase {
 LogOfCase read_log_of_case(const std::filesystem::path& log_folder, const archive::OpenEntry& open,
                            const crypto::VerifierKey& device);
 
-/// Whether the log held the seal before the case began: the case's first entry, which comes before its first
-/// picture, states the log's size and root as they were then. `device`: whose log it is.
-Check check_sealed_before(const LogOfCase& log, const std::string& device, const archive::OpenEntry& open,
-                          const crypto::Sha256Digest& seal);
+/// Whether the log held the seal before the case began. "order": the case's first entry states the log's size
+/// and root as they were then. It comes before the first picture, unless a room recorded ahead of the case;
+/// for that "ahead" compares the seal's line with what was recorded first, both by the machine's clock.
+/// `device`: whose log it is; `opened`: of the case's first entry.
+std::vector<Check> check_sealed_before(const LogOfCase& log, const std::string& device,
+                                       const archive::OpenEntry& open, const archive::Moment& opened,
+                                       const crypto::Sha256Digest& seal);
 
 }  // namespace kiroku::compare

@@ -1,0 +1,72 @@
+#include "viewer/kept/log_of_case.h"
+
+#include <gmock/gmock.h>
+
+#include "base/bytes.h"
+
+namespace kiroku::compare {
+namespace {
+
+using namespace std::chrono_literals;
+using testing::HasSubstr;
+using Answer = Check::Answer;
+
+constexpr std::int64_t kSecond = 1'000'000'000;
+
+/// A log of four entries under which a case was opened, ten seconds after its room began to record ahead.
+class SealedBefore : public testing::Test {
+ protected:
+  SealedBefore() {
+    open_.device = "or3";
+    open_.appliance_log_size = 4;
+    open_.begins_ns = 20 * kSecond;
+    log_.case_began_under_it = true;
+  }
+  [[nodiscard]] std::vector<Check> check(std::uint64_t seq, UtcTime sealed) {
+    log_.sealed_plans[seal_] = {seq, sealed, {}, true};
+    return check_sealed_before(log_, "or3", open_, {opened_, 30 * kSecond}, seal_);
+  }
+
+  const UtcTime opened_{std::chrono::sys_days{std::chrono::year{2026} / 11 / 24} + 1h};
+  const crypto::Sha256Digest seal_ = crypto::sha256(bytes_of("seal"));
+  archive::OpenEntry open_;
+  LogOfCase log_;
+};
+
+TEST_F(SealedBefore, OfACaseThatWasRecordedAheadIsNotBeforeItsOpeningAlone) {
+  const std::vector<Check> within = check(3, opened_ - 2s);
+  ASSERT_EQ(within.size(), 2U);
+  EXPECT_EQ(within[0].answer, Answer::kHolds);
+  EXPECT_THAT(within[0].text, HasSubstr("sealed before the case was opened: "));
+  EXPECT_EQ(within[1].what, "ahead");
+  EXPECT_EQ(within[1].answer, Answer::kDiffers);
+  EXPECT_THAT(within[1].text, HasSubstr("10 s of the case were recorded before it was opened, from "
+                                        "2026-11-24T00:59:50.000000Z on, and the plan was sealed only after "
+                                        "that: 2026-11-24T00:59:58.000000Z"));
+  EXPECT_EQ(check(3, opened_ - 10s)[1].answer, Answer::kDiffers);
+}
+
+TEST_F(SealedBefore, OfACaseThatWasRecordedAheadHoldsBeforeItsFirstPicture) {
+  const std::vector<Check> before = check(3, opened_ - 11s);
+  ASSERT_EQ(before.size(), 2U);
+  EXPECT_EQ(verdict_of(before), Answer::kHolds);
+  EXPECT_THAT(before[1].text, HasSubstr("sealed before that"));
+  for (const Check& each : before) EXPECT_THAT(each.text, testing::Not(HasSubstr("first picture")));
+}
+
+TEST_F(SealedBefore, OfAnyOtherCaseNeedsNoClock) {
+  open_.begins_ns = 0;
+  const std::vector<Check> checks = check(3, opened_ + 1h);
+  ASSERT_EQ(checks.size(), 1U);
+  EXPECT_EQ(checks[0].answer, Answer::kHolds);
+  EXPECT_THAT(checks[0].text, HasSubstr("sealed before the first picture"));
+}
+
+TEST_F(SealedBefore, IsNotWhatTheLogHasOnlyAfterTheCase) {
+  const std::vector<Check> checks = check(4, opened_ - 1h);
+  ASSERT_EQ(checks.size(), 1U);
+  EXPECT_EQ(checks[0].answer, Answer::kDiffers);
+}
+
+}  // namespace
+}  // namespace kiroku::compare
