@@ -12,14 +12,13 @@ extern "C" {
 namespace kiroku::recorder {
 
 std::size_t frame_bytes(const AVFrame& frame) {
-  if (frame.nb_samples > 0) {
-    const int samples = av_samples_get_buffer_size(nullptr, frame.ch_layout.nb_channels, frame.nb_samples,
-                                                   static_cast<AVSampleFormat>(frame.format), 1);
-    return samples > 0 ? static_cast<std::size_t>(samples) : 0;
-  }
+  const auto format = frame.format;
   const int bytes =
-      av_image_get_buffer_size(static_cast<AVPixelFormat>(frame.format), frame.width, frame.height, 1);
-  return bytes > 0 ? static_cast<std::size_t>(bytes) : 0;
+      frame.nb_samples > 0
+          ? av_samples_get_buffer_size(nullptr, frame.ch_layout.nb_channels, frame.nb_samples,
+                                       static_cast<AVSampleFormat>(format), 1)
+          : av_image_get_buffer_size(static_cast<AVPixelFormat>(format), frame.width, frame.height, 1);
+  return std::max(static_cast<std::size_t>(std::max(bytes, 0)), kLeastFrameBytes);
 }
 
 bool FrameQueue::push(TimedFrame frame, bool patient) {

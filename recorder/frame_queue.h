@@ -74,6 +74,8 @@ class FrameQueue {
   std::int64_t last_taken_ns_ = 0;
 };
 
+/// One sample of sound takes a frame, its buffers and a place in the queue, too.
+inline constexpr std::size_t kLeastFrameBytes = 1024;
 /// Memory that the picture or audio occupies.
 std::size_t frame_bytes(const AVFrame& frame);
 

@@ -262,10 +262,20 @@ Session::State::State(SessionOptions asked)
       return opened;
     }));
   }
+  const auto is_cancelled = [&] { return options.cancelled != nullptr && *options.cancelled; };
+  const auto require_wanted = [&] {
+    if (is_cancelled()) throw Error("it was ended before its sources were open: nothing is recorded");
+  };
   for (std::size_t i = 0; i < opening.size(); ++i) {
-    videos.push_back(opening[i].get());
+    try {
+      videos.push_back(opening[i].get());
+    } catch (const Error&) {
+      require_wanted();
+      throw;
+    }
     declare(stream_info(options.video[i], videos.back().address, true), options.video[i].recipients);
   }
+  require_wanted();
   for (const StreamRequest& request : options.vitals) {
     OpenedVitals opened{checked_address(request, options), {}};
     try {
@@ -363,6 +373,7 @@ void Session::State::open_microphone(OpenedVideo& opened, const StreamRequest& r
   try {
     OpeningTerms terms;
     terms.guard = request.microphone_guard;
+    terms.cancelled = options.cancelled;
     opened.microphone = open_source(*address, clock, terms);
   } catch (const UsageError&) {
     throw;
@@ -377,6 +388,7 @@ void Session::State::open(OpenedVideo& opened, const StreamRequest& request) {
   OpeningTerms terms;
   terms.sound = request.video.audio && request.microphone.empty();
   terms.guard = request.guard;
+  terms.cancelled = options.cancelled;
   if (request.may_be_absent) terms.patience = kPatienceWithAbsent;
   try {
     opened.source = open_source(opened.address, clock, terms);

@@ -85,6 +85,9 @@ struct SessionOptions {
   std::optional<std::chrono::nanoseconds> pre_roll;
   std::size_t queue_bytes = 120U << 20;  // frames waiting for an encoder, all streams together
   const Clock* time = &Clock::system();  // what the case clock counts; must outlive the session
+  /// Once it is true, no source is waited for any more: the constructor throws. May be null; from any thread
+  /// or a signal handler. Must outlive the constructor.
+  const std::atomic<bool>* cancelled = nullptr;
 };
 
 struct StreamStatus {

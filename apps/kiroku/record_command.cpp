@@ -39,6 +39,7 @@ struct Request {
 // --- Ctrl-C: once closes the case, twice ends at once. The handler may touch nothing but these.
 std::atomic<recorder::Session*> running{nullptr};
 std::atomic<int> stops{0};
+std::atomic<bool> must_stop{false};  // as SessionOptions::cancelled
 
 /// Which session the handler may stop.
 struct Running {
@@ -54,6 +55,7 @@ void on_stop(int /*signal*/) {
   constexpr int kInterrupted = 130;
   if (stops.fetch_add(1) > 0) ::_exit(kInterrupted);
   write_from_handler("\nkiroku: closing the case; Ctrl-C again ends at once and leaves it unclosed\n");
+  must_stop = true;
   if (recorder::Session* session = running.load()) session->stop();
 }
 
@@ -236,6 +238,7 @@ int run(const Request& request) {
   const recorder::SessionResult result =
       record_case(home, std::move(options), request.authorities, [](recorder::SessionOptions complete) {
         catch_stops();
+        complete.cancelled = &must_stop;
         recorder::Session session(std::move(complete));
         const Running now(session);
         if (stops > 0) session.stop();

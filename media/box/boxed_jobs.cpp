@@ -28,7 +28,7 @@ constexpr milliseconds kStep{100};
 constexpr std::chrono::seconds kStarting{60};
 constexpr std::chrono::seconds kWorksFor{60};
 constexpr std::size_t kLongestMessage = 1 << 20;
-constexpr std::size_t kMostOpen = 64, kMostIdle = 2, kLongestText = 2000;
+constexpr std::size_t kMostOpen = 64, kMostRefused = 64, kMostIdle = 2, kLongestText = 2000;
 
 }  // namespace
 
@@ -55,7 +55,8 @@ class BoxedJobs::Serving {
           if (box_.open_.erase(as<SegmentNumber>(message).number) == 0) give_up();
           break;
         case FromJobBox::kBytes:
-          if (!is_taken(message.body)) give_up();
+          // Of nothing there could be more for ever.
+          if (message.body.empty() || !is_taken(message.body)) give_up();
           break;
         case FromJobBox::kDone:
           return parsed(message);
@@ -85,8 +86,9 @@ class BoxedJobs::Serving {
     steady_clock::time_point before = steady_clock::now();
     if (spent_ >= bounds_.whole) too_long();
     for (;;) {
+      std::optional<Channel::Message> message;
       try {
-        if (auto message = box_.child_.channel().receive(kStep, kLongestMessage)) return std::move(*message);
+        message = box_.child_.channel().receive(kStep, kLongestMessage);
       } catch (const ChannelError&) {
         ended();
       }
@@ -96,6 +98,7 @@ class BoxedJobs::Serving {
       silent += waited;
       spent_ += waited;
       before = now;
+      if (message) return std::move(*message);
       if (spent_ >= bounds_.whole) too_long();
       if (silent >= (box_.ready_ ? box_.silence_ : std::max<milliseconds>(box_.silence_, kStarting))) ended();
     }
@@ -161,10 +164,13 @@ class BoxedJobs::Serving {
   template <typename Call>
   void answer(const Call& call) {
     const Clock::Time begin = bounds_.clock->now();
+    answer_or_refuse(call);
+    spent_ += bounds_.clock->now() - begin;
+  }
+  template <typename Call>
+  void answer_or_refuse(const Call& call) {
     try {
       call();
-      spent_ += bounds_.clock->now() - begin;
-      return;
     } catch (const crypto::AgeError& error) {
       refuse(kAgeFailure, error);
     } catch (const MediaError& error) {
@@ -178,6 +184,8 @@ class BoxedJobs::Serving {
     }
   }
   void refuse(const char* kind, const std::exception& error) {
+    // Each names another segment: a job that meets so many faults has ended long before.
+    if (refused_.size() >= kMostRefused) give_up();
     refused_[error.what()] = std::current_exception();
     const json text{{"kind", kind}, {"text", error.what()}};
     say(ToJobBox::kRefused, bytes_of(text.dump(-1, ' ', false, json::error_handler_t::replace)));

@@ -70,6 +70,8 @@ std::optional<Channel::Message> Channel::receive(milliseconds limit, std::size_t
   for (;;) {
     if (auto message = next_whole(most_bytes)) return message;
     const auto left = std::chrono::ceil<milliseconds>(until - steady_clock::now());
+    // Who sends a byte at a time keeps nobody for as long as it goes on.
+    if (left < milliseconds(0)) return {};
     const int ready = poll_for(socket_.number(), POLLIN, left);
     if (ready == 0) return {};
     if (ready < 0) {

@@ -115,6 +115,7 @@ struct Room::State {
       const std::lock_guard guard(mutex);
       ending = true;
     }
+    cancelled = true;
     note_end();
     {
       const std::lock_guard guard(mutex);
@@ -287,6 +288,7 @@ struct Room::State {
     std::shared_ptr<Session> running;
     try {
       SessionOptions options = plan.session;
+      options.cancelled = &cancelled;
       options.pre_roll = plan.rules.pre_roll;
       running = std::make_shared<Session>(std::move(options));
     } catch (const std::exception& error) {
@@ -447,6 +449,7 @@ struct Room::State {
     std::shared_ptr<Session> running;
     try {
       SessionOptions options = plan.session;
+      options.cancelled = &cancelled;
       options.subject = subject_of(asked);
       options.plan = asked.sealed_plan;
       options.identity = asked.identity;
@@ -647,6 +650,7 @@ struct Room::State {
 
   mutable std::mutex mutex;  // guards what follows, but for the last ones, which only the room's thread uses
   std::condition_variable changed;
+  std::atomic<bool> cancelled = false;  // as SessionOptions::cancelled, of each session
   bool ending = false;
   bool stopped_in_window = false;  // by a person, so that the schedule rests
   bool stopped_by_person = false;  // so that the signal that is there begins no other case

@@ -32,6 +32,9 @@ constexpr std::array<AVPixelFormat, 11> kMatroskaFormats{
     AV_PIX_FMT_YVYU422, AV_PIX_FMT_NV12,    AV_PIX_FMT_NV21,    AV_PIX_FMT_YUV410P,
     AV_PIX_FMT_YUV411P, AV_PIX_FMT_GRAY8,   AV_PIX_FMT_RGBA};
 constexpr AVRational kNanoseconds{1, 1'000'000'000};
+/// A burst of pictures is spread over this time at most: a camera that states a rate far below its own would
+/// else have its pictures shown minutes after they were taken.
+constexpr std::int64_t kLongestSpreadNs = 1'000'000'000;
 
 std::string name_of(AVPixelFormat format) {
   const char* name = av_get_pix_fmt_name(format);
@@ -199,7 +202,8 @@ std::int64_t VideoEncoder::rescaled(std::int64_t time_ns) const {
 }
 
 std::int64_t VideoEncoder::pts_of(std::int64_t time_ns) {
-  last_time_ns_ = last_time_ns_ < 0 ? time_ns : std::max(time_ns, last_time_ns_ + interval_ns_ / 2);
+  const std::int64_t spread_ns = std::min(last_time_ns_ + interval_ns_ / 2, time_ns + kLongestSpreadNs);
+  last_time_ns_ = last_time_ns_ < 0 ? time_ns : std::max(time_ns, spread_ns);
   last_pts_ = std::max(rescaled(last_time_ns_), last_pts_ + 1);
   return last_pts_;
 }

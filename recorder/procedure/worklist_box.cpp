@@ -150,6 +150,7 @@ WorklistAnswer ask_worklist(const WorklistOptions& options, UtcTime now, const s
     child.channel().send(static_cast<std::uint32_t>(ToBox::kAsk),
                          bytes_of(asked.dump(-1, ' ', false, json::error_handler_t::replace)));
     auto until = steady_clock::now() + kStarting;
+    bool closed = false;
     try {
       while (steady_clock::now() < until) {
         if (cancelled != nullptr && *cancelled) return fail("is not asked any more");
@@ -157,6 +158,9 @@ WorklistAnswer ask_worklist(const WorklistOptions& options, UtcTime now, const s
         if (!said) continue;
         if (said->kind == static_cast<std::uint32_t>(FromBox::kAnswered))
           return answer_from(said->body, options);
+        // Said once: who took the box over would else have the question last for ever.
+        if (std::exchange(closed, true))
+          return fail("did not answer to the end: the program that reads its answers says what it may not");
         until = steady_clock::now() +
                 std::max<steady_clock::duration>(kLeastPatience, kTimeoutsInAll * options.timeout);
       }

@@ -17,6 +17,7 @@ extern "C" {
 #include <nlohmann/json.hpp>
 
 #include "base/error.h"
+#include "base/foreign_json.h"
 #include "base/printable.h"
 #include "media/box/child.h"
 #include "media/box/picture_memory.h"
@@ -38,11 +39,15 @@ constexpr std::chrono::seconds kStarting{30};
 /// A server is told good-bye, so that it does not keep a session for nobody.
 constexpr milliseconds kGoodBye{500};
 constexpr std::size_t kLongestMessage = 8 << 20;  // a second of sound, many channels
-constexpr std::size_t kLongestText = 2000;
+constexpr std::size_t kLongestText = 2000, kLongestFacts = 64 << 10;
 constexpr int kMostChannels = 64, kLargestSide = 16'384;
 constexpr std::uint64_t kMostLost = 1'000'000;
 // As of FfmpegSource: no two pictures of a file are further apart.
 constexpr std::int64_t kLargestJumpNs = 10'000'000'000;
+// A decoder that was taken over gives signs of life for as long as it likes. A source of which nothing else
+// comes for so many times its longest silence is lost; a film may pause for as long as its largest jump.
+constexpr int kMostSilences = 12;
+constexpr std::chrono::seconds kLongestPauseOfFilm{60};
 
 std::string text_from(const json& from, const char* name) {
   return printable(from.at(name).get<std::string>().substr(0, kLongestText));
@@ -61,6 +66,8 @@ class BoxedSource : public Source {
         pulse_(terms.pulse),
         silence_(terms.silence),
         name_("source '" + address.stated + "'"),
+        live_(address.kind != SourceKind::kFile),
+        unpaced_(address.unpaced()),
         polite_(address.kind == SourceKind::kNetwork),
         memory_(media::make_shared_memory(media::kPictureMemoryBytes)),
         pictures_(std::make_shared<media::PictureBorrower>(memory_.number())),
@@ -74,7 +81,9 @@ class BoxedSource : public Source {
                      {"silence_ns", terms.silence.count()},
                      {"sound", terms.sound}};
     say(ToSourceBox::kOpen, bytes_of(asked.dump(-1, ' ', false, json::error_handler_t::replace)));
-    const auto answer = await([&] { return terms.cancelled != nullptr && *terms.cancelled; });
+    const auto answer = await(
+        [&] { return terms.cancelled != nullptr && *terms.cancelled; },
+        {terms.patience + std::max<nanoseconds>(silence_, live_ ? silence_ : kStarting), "been opened"});
     if (!answer) throw Error(name_ + " was not opened: nobody waits for it any more");
     if (is(*answer, FromSourceBox::kFailed)) throw_failure(answer->body);
     if (!is(*answer, FromSourceBox::kOpened)) throw_nonsense();
@@ -99,8 +108,15 @@ class BoxedSource : public Source {
       const std::int64_t zero_ns = clock_.zero_ns();
       say(ToSourceBox::kBegin, std::as_bytes(std::span(&zero_ns, 1)));
     }
-    const auto message = await([] { return false; });
-    if (!message || is(*message, FromSourceBox::kEnded)) return {};
+    const nanoseconds longest = kMostSilences * silence_;
+    const auto message = await(
+        [] { return false; },
+        {live_ ? longest : std::max<nanoseconds>(longest, kLongestPauseOfFilm), "given picture or sound"});
+    if (!message) return {};
+    if (is(*message, FromSourceBox::kEnded)) {
+      if (!live_) return {};
+      throw_nonsense("that a live source has come to its end");
+    }
     if (is(*message, FromSourceBox::kFailed)) throw_failure(message->body);
     std::optional<TimedFrame> frame;
     if (is(*message, FromSourceBox::kPicture)) {
@@ -121,18 +137,26 @@ class BoxedSource : public Source {
     return message.kind == static_cast<std::uint32_t>(kind);
   }
   void say(ToSourceBox kind, ByteView body) {
+    // Longer, and the thread that waits here would be given up for its driver's sake.
+    const auto patience = std::chrono::duration_cast<milliseconds>(silence_ / 2);
     try {
-      child_.channel().send(static_cast<std::uint32_t>(kind), body);
+      child_.channel().send(static_cast<std::uint32_t>(kind), body, patience);
     } catch (const media::ChannelError&) {
       throw_ended();
     }
   }
 
+  /// How long a message may take though there are signs of life, and what has not been done by then.
+  struct Bound {
+    nanoseconds whole;
+    const char* doing;
+  };
+
   /// The next message; nothing where the wait was ended from outside.
   template <typename MustEnd>
-  std::optional<Message> await(const MustEnd& must_end) {
+  std::optional<Message> await(const MustEnd& must_end, const Bound& bound) {
     std::uint64_t pulse = pictures_->pulse();
-    nanoseconds silent{0};
+    nanoseconds silent{0}, waited{0};
     steady_clock::time_point before = steady_clock::now();
     while (!interrupted() && !must_end()) {
       std::optional<Message> message;
@@ -149,13 +173,20 @@ class BoxedSource : public Source {
       const nanoseconds passed = std::min<nanoseconds>(now - before, 2 * kStep);
       before = now;
       silent = std::exchange(pulse, pictures_->pulse()) == pulse ? silent + passed : nanoseconds(0);
-      if (silent < (pulse == 0 ? std::max<nanoseconds>(silence_, kStarting) : silence_)) continue;
-      child_.end();
-      char seconds[32];
-      std::snprintf(seconds, sizeof seconds, "%.3g s", std::chrono::duration<double>(silent).count());
-      throw DecoderLost(name_ + " has not answered for " + seconds + ": its decoder was killed");
+      lives_ = lives_ || pulse != 0;
+      if (lives_) waited += passed;
+      if (silent >= (lives_ ? silence_ : std::max<nanoseconds>(silence_, kStarting)))
+        throw_too_long("answered", silent);
+      if (waited >= bound.whole) throw_too_long(bound.doing, waited);
     }
     return {};
+  }
+
+  [[noreturn]] void throw_too_long(const std::string& doing, nanoseconds time) {
+    child_.end();
+    char seconds[32];
+    std::snprintf(seconds, sizeof seconds, "%.3g s", std::chrono::duration<double>(time).count());
+    throw DecoderLost(name_ + " has not " + doing + " for " + seconds + ": its decoder was killed");
   }
 
   [[noreturn]] void throw_ended() {
@@ -163,27 +194,36 @@ class BoxedSource : public Source {
         std::chrono::duration_cast<milliseconds>(std::min<nanoseconds>(kGoodBye, silence_ / 2));
     throw DecoderLost("the decoder of " + name_ + " " + child_.how_it_ended(patience));
   }
-  [[noreturn]] void throw_nonsense() {
+  /// `what` it says, where that helps whoever looks for the cause.
+  [[noreturn]] void throw_nonsense(const std::string& what = "what it may not") {
     child_.end();
-    throw DecoderLost("the decoder of " + name_ + " says what it may not: it was killed");
+    throw DecoderLost("the decoder of " + name_ + " says " + what + ": it was killed");
   }
   [[noreturn]] void throw_failure(ByteView body) {
     std::string text;
     bool usage = false;
     try {
-      const json failure = json::parse(text_of(body));
+      const json failure = parse_short(body);
       text = text_from(failure, "text");
       usage = failure.at("usage");
-    } catch (const json::exception&) {
+    } catch (const std::exception&) {
       throw_nonsense();
     }
     if (usage) throw UsageError(text);
     throw Error(text);
   }
 
+  static json parse_short(ByteView body) {
+    if (body.size() > kLongestFacts) throw Error("it is too long");
+    return parse_foreign_json(text_of(body));
+  }
+
+  /// What the recorder cannot know better. Whether the source is live, and by which clock its pictures are
+  /// timed, follows from its address.
   void take_facts(ByteView body) {
+    std::string wrong = "what it may not";
     try {
-      const json facts = json::parse(text_of(body));
+      const json facts = parse_short(body);
       const auto pair = [&](const char* name) {
         return Rational{within(facts.at(name).at(0), 0, INT32_MAX),
                         within(facts.at(name).at(1), 1, INT32_MAX)};
@@ -191,7 +231,9 @@ class BoxedSource : public Source {
       format_.width = within(facts.at("width"), 1, kLargestSide);
       format_.height = within(facts.at("height"), 1, kLargestSide);
       format_.pixel_format = within(facts.at("pixel_format"), 0, INT32_MAX);
-      if (av_pix_fmt_desc_get(static_cast<AVPixelFormat>(format_.pixel_format)) == nullptr)
+      const AVPixFmtDescriptor* const pixels =
+          av_pix_fmt_desc_get(static_cast<AVPixelFormat>(format_.pixel_format));
+      if (pixels == nullptr || (pixels->flags & AV_PIX_FMT_FLAG_HWACCEL) != 0)
         throw Error("a pixel format is unknown");
       format_.sample_aspect = pair("aspect");
       const json& colours = facts.at("colours");
@@ -200,8 +242,11 @@ class BoxedSource : public Source {
       format_.colour_transfer = within(colours.at(2), 0, AVCOL_TRC_NB - 1);
       format_.colour_space = within(colours.at(3), 0, AVCOL_SPC_NB - 1);
       rate_ = pair("rate");
-      if (rate_.numerator == 0) throw Error("a rate is 0");
-      live_ = facts.at("live");
+      if (!is_believable(rate_)) {
+        wrong = "that a picture comes " + std::to_string(rate_.numerator) + "/" +
+                std::to_string(rate_.denominator) + " times a second";
+        throw Error("a rate cannot be");
+      }
       input_ = text_from(facts, "input");
       remark_ = text_from(facts, "remark");
       if (const auto sound = facts.find("sound"); sound != facts.end()) {
@@ -210,8 +255,13 @@ class BoxedSource : public Source {
                              within(sound->at(2), 0, AV_SAMPLE_FMT_NB - 1)};
       }
     } catch (const std::exception&) {
-      throw_nonsense();
+      throw_nonsense(wrong);
     }
+  }
+
+  /// What has a place in the world's time, or was due by it, has come by now.
+  [[nodiscard]] std::int64_t latest_ns() const {
+    return unpaced_ ? std::max<std::int64_t>(last_time_ns_, 0) + kLargestJumpNs : clock_.now_ns();
   }
 
   TimedFrame picture_of(ByteView body) {
@@ -224,9 +274,7 @@ class BoxedSource : public Source {
     } catch (const Error&) {
       throw_nonsense();
     }
-    const std::int64_t latest = live_ ? std::max(clock_.now_ns(), last_time_ns_ + 1)
-                                      : std::max<std::int64_t>(last_time_ns_, 0) + kLargestJumpNs;
-    timed.time_ns = std::clamp(message.time_ns, last_time_ns_ + 1, latest);
+    timed.time_ns = std::clamp(message.time_ns, last_time_ns_ + 1, std::max(latest_ns(), last_time_ns_ + 1));
     timed.lost_before = std::min(message.lost_before, kMostLost);
     timed.lost_on_the_way = message.lost_on_the_way != 0;
     last_time_ns_ = timed.time_ns;
@@ -254,9 +302,10 @@ class BoxedSource : public Source {
     if (body.size() != planes * bytes) throw_nonsense();
     TimedFrame timed;
     timed.is_sound = true;
-    timed.time_ns = std::clamp<std::int64_t>(
-        message.time_ns, 0,
-        live_ ? clock_.now_ns() : std::max<std::int64_t>(last_time_ns_, 0) + kLargestJumpNs);
+    // A film's sound may lie before its pictures are due.
+    const std::int64_t latest =
+        live_ ? clock_.now_ns() : std::max<std::int64_t>(last_time_ns_, 0) + kLargestJumpNs;
+    timed.time_ns = std::clamp<std::int64_t>(message.time_ns, 0, std::max<std::int64_t>(latest, 0));
     timed.frame = media::make_frame();
     AVFrame& frame = *timed.frame;
     frame.sample_rate = message.sample_rate;
@@ -273,6 +322,7 @@ class BoxedSource : public Source {
   Pulse* const pulse_;  // may be null
   const nanoseconds silence_;
   const std::string name_;
+  const bool live_, unpaced_;
   const bool polite_;
   const Descriptor memory_;
   const std::shared_ptr<media::PictureBorrower> pictures_;
@@ -280,7 +330,7 @@ class BoxedSource : public Source {
   PictureFormat format_;
   Rational rate_;
   std::optional<SoundFormat> sound_;
-  bool live_ = false, begun_ = false;
+  bool lives_ = false, begun_ = false;
   std::string input_, remark_;
   std::int64_t last_time_ns_ = -1;
 };

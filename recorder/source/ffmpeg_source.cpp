@@ -297,7 +297,8 @@ class FfmpegSource : public Source {
     if (box_ != nullptr) box_->lend(*decoder_);
     require(avcodec_open2(decoder_.get(), decoder, nullptr), action);
     const AVRational rate = av_guess_frame_rate(input_.get(), stream, nullptr);
-    rate_ = rate.num > 0 && rate.den > 0 ? Rational{rate.num, rate.den} : Rational{25, 1};
+    rate_ = {rate.num, rate.den};
+    if (!is_believable(rate_)) rate_ = {25, 1};
   }
 
   /// A driver gives what is nearest to what it is asked for, and libavdevice takes it.

@@ -14,6 +14,12 @@ extern "C" {
 
 namespace kiroku::recorder {
 
+bool is_believable(Rational rate) {
+  constexpr std::int64_t kMostASecond = 1'000, kLongestSeconds = 10;
+  return rate.numerator > 0 && rate.denominator > 0 && rate.numerator <= kMostASecond * rate.denominator &&
+         rate.denominator <= kLongestSeconds * rate.numerator;
+}
+
 PictureFormat format_of(const AVFrame& frame) {
   return {frame.width,       frame.height,
           frame.format,      {frame.sample_aspect_ratio.num, frame.sample_aspect_ratio.den},

@@ -19,6 +19,10 @@ struct Rational {
   int numerator = 0, denominator = 1;
 };
 
+/// Whether a source can have this rate: from one picture in ten seconds to a thousand a second. What states
+/// another does not know its own; times, gaps and bits that are counted by it would be none.
+[[nodiscard]] bool is_believable(Rational rate);
+
 /// What every frame of a run has in common; when it changes, a new encoder is needed.
 struct PictureFormat {
   int width = 0, height = 0;

@@ -100,7 +100,6 @@ class SourceBox {
                {"colours",
                 {format.colour_range, format.colour_primaries, format.colour_transfer, format.colour_space}},
                {"rate", {made->frame_rate().numerator, made->frame_rate().denominator}},
-               {"live", made->is_live()},
                {"input", made->input()},
                {"remark", made->remark()}};
     if (const auto sound = made->sound_format())

@@ -93,6 +93,22 @@ TEST(FrameQueue, LetsAWaitingSourceGoWhenItsConsumerFailed) {
   source.join();
 }
 
+TEST(FrameQueue, TakesFewPiecesOfSoundHoweverSmallTheyAre) {
+  FrameQueue queue(8 * kLeastFrameBytes);
+  int taken = 0;
+  for (int i = 0; i < 1000; ++i) {
+    TimedFrame timed;
+    timed.is_sound = true;
+    timed.frame = media::make_frame();
+    timed.frame->format = AV_SAMPLE_FMT_U8;
+    timed.frame->sample_rate = 48'000;
+    timed.frame->nb_samples = 1;
+    av_channel_layout_default(&timed.frame->ch_layout, 1);
+    if (queue.push(std::move(timed), false)) ++taken;
+  }
+  EXPECT_EQ(taken, 8);
+}
+
 TEST(FrameQueue, KeepsALossInItsPlace) {
   FrameQueue queue(4 * kPictureBytes);
   queue.push(frame_at(0), false);

@@ -73,6 +73,13 @@ TEST(VideoEncoder, SpreadsABurstAndThenCatchesUp) {
   EXPECT_THAT(stamps, testing::ElementsAre(0, 1800, 3600, 5400, 18000));
 }
 
+TEST(VideoEncoder, KeepsItsPicturesNearTheirTimesWhateverTheStatedRate) {
+  std::vector<std::int64_t> times;
+  for (int i = 0; i < 50; ++i) times.push_back(i * 40'000'000LL);
+  const auto stamps = time_stamps({1, 10}, times);  // one in ten seconds, and 25 a second come
+  EXPECT_LE(stamps.back(), (49 * 40 + 1000) * 90);
+}
+
 TEST(VideoEncoder, CodesOddRatesAtTheNextHigherOneAndKeepsTheTimes) {
   EXPECT_THAT(time_stamps({22, 1}, {0, 45'454'545, 90'909'091}), testing::ElementsAre(0, 4091, 8182));
   EXPECT_THAT(time_stamps({1000, 1}, {0, 40'000'000}), testing::ElementsAre(0, 3600));

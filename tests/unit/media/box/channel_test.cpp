@@ -2,6 +2,7 @@
 #include "media/box/channel.h"
 
 #include <array>
+#include <atomic>
 #include <thread>
 #include <unistd.h>
 
@@ -44,6 +45,23 @@ TEST_F(ChannelTest, CarriesMessagesInOrderBothWays) {
   writer.join();
   theirs.send(8, "back");
   EXPECT_EQ(text_of(ours.receive(kLong, kMost)->body), "back");
+}
+
+TEST_F(ChannelTest, WaitsNoLongerForOneThatNeverStopsSending) {
+  constexpr std::uint32_t kLength = 64U << 20;
+  Channel ours(std::move(pair_.ours));
+  std::atomic<bool> whole = false;
+  std::thread writer([&] {
+    write(head(3, kLength));
+    const Bytes piece(4096, std::byte{'x'});
+    for (std::size_t sent = 0; sent < kLength; sent += piece.size()) write(piece);
+    whole = true;
+  });
+  EXPECT_FALSE(ours.receive(1ms, kLength));
+  EXPECT_FALSE(whole) << "it was waited for the end of the message";
+  while (!ours.receive(kLong, kLength)) {
+  }
+  writer.join();
 }
 
 TEST_F(ChannelTest, PutsPiecesTogether) {
