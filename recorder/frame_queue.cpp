@@ -10,6 +10,13 @@ extern "C" {
 #include <utility>
 
 namespace kiroku::recorder {
+namespace {
+
+// More than three holes a second: the machine is too slow for long. In one long hole no more is lost then
+// than in many short ones.
+constexpr std::size_t kManyGaps = 24;
+
+}  // namespace
 
 std::size_t frame_bytes(const AVFrame& frame) {
   const auto format = frame.format;
@@ -41,9 +48,13 @@ bool FrameQueue::push(TimedFrame frame, bool patient) {
     dropped_cause_ = frame.lost_on_the_way ? archive::GapCause::kSignalLost : archive::GapCause::kOverload;
   }
   dropped_before_next_ += frame.lost_before;
-  if (!has_room()) {
-    if (frame.is_sound) return false;  // silence fills the hole
-    dropped_cause_ = archive::GapCause::kOverload;
+  const bool is_full = !has_room();
+  if (is_full && frame.is_sound) return false;  // silence fills the hole
+  if (is_full || (!frame.is_sound && !patient && prolongs_hole(time_ns))) {
+    if (is_full) {
+      dropped_cause_ = archive::GapCause::kOverload;
+      empties_ = empties_ || gaps_.counted(time_ns) >= kManyGaps;
+    }
     if (dropped_before_next_++ == 0) first_dropped_ns_ = time_ns;
     ++dropped_;
     return false;
@@ -59,6 +70,13 @@ bool FrameQueue::push(TimedFrame frame, bool patient) {
   lock.unlock();
   changed_.notify_all();
   return true;
+}
+
+bool FrameQueue::prolongs_hole(std::int64_t time_ns) {
+  if (dropped_before_next_ == 0) return false;
+  if (empties_ && !items_.empty()) return true;
+  empties_ = false;
+  return gaps_.refused_until(time_ns).has_value();
 }
 
 void FrameQueue::push(SourceLost lost) {

@@ -10,6 +10,7 @@
 #include <variant>
 
 #include "archive/format/ledger_entry.h"
+#include "recorder/segmenter.h"
 #include "recorder/source/source.h"
 
 namespace kiroku::recorder {
@@ -43,7 +44,8 @@ class FrameQueue {
 
   /// Adds a picture or audio if there is room. Without room: waits if `patient` (a source that states its own
   /// times loses nothing by waiting), else drops it, counts it, and states it with the next frame that fits.
-  /// Returns whether the frame was taken.
+  /// Where holes come fast, they grow longer and so fewer: what has been waiting is coded first, and beyond
+  /// GapPace the hole lasts until another one may be stated. Returns whether the frame was taken.
   bool push(TimedFrame frame, bool patient);
   void push(SourceLost lost);
   void push(AudioLost lost);
@@ -60,6 +62,9 @@ class FrameQueue {
   [[nodiscard]] std::optional<QueuedFrame> unstated_drops();
 
  private:
+  /// Whether a picture for which there is room is dropped like those before it.
+  bool prolongs_hole(std::int64_t time_ns);
+
   const std::size_t budget_bytes_;
   mutable std::mutex mutex_;
   std::condition_variable changed_;
@@ -72,6 +77,8 @@ class FrameQueue {
   std::int64_t first_dropped_ns_ = 0;
   archive::GapCause dropped_cause_ = archive::GapCause::kOverload;
   std::int64_t last_taken_ns_ = 0;
+  GapPace gaps_;
+  bool empties_ = false;  // no picture is taken before all that wait are coded
 };
 
 /// One sample of sound takes a frame, its buffers and a place in the queue, too.

@@ -29,7 +29,7 @@ void Segmenter::segment_began(std::int64_t start_ns) {
 
 void Segmenter::frame_recorded(std::int64_t time_ns, std::int64_t interval_ns) {
   last_frame_ns_ = time_ns;
-  interval_ns_ = interval_ns;
+  interval_ns_ = std::min(interval_ns, kLongestShownNs);
 }
 
 void Segmenter::absent(archive::GapCause cause) {
@@ -78,14 +78,19 @@ std::int64_t Segmenter::end_of_last_frame(std::int64_t now_ns, std::optional<std
   return std::max(std::min(last_frame_ns_ + interval_ns_, latest), last_frame_ns_ + 1);
 }
 
-std::optional<std::int64_t> ChangePace::refused_until(std::int64_t time_ns) {
-  if (changes_.size() == kMostChanges) {
-    const std::int64_t free_ns = changes_.front() + kWithinNs;
+std::optional<std::int64_t> Pace::refused_until(std::int64_t time_ns) {
+  if (times_.size() == most_) {
+    const std::int64_t free_ns = times_.front() + within_ns_;
     if (time_ns < free_ns) return free_ns;
-    changes_.pop_front();
+    times_.pop_front();
   }
-  changes_.push_back(time_ns);
+  times_.push_back(time_ns);
   return {};
+}
+
+std::size_t Pace::counted(std::int64_t time_ns) const {
+  return static_cast<std::size_t>(
+      std::ranges::count_if(times_, [&](std::int64_t each) { return time_ns - each < within_ns_; }));
 }
 
 }  // namespace kiroku::recorder

@@ -45,7 +45,7 @@ class Segmenter {
   // What happens to the stream.
 
   void segment_began(std::int64_t start_ns);
-  /// `interval_ns`: how long a frame is shown.
+  /// `interval_ns`: how long a frame is shown, of which kLongestShownNs counts.
   void frame_recorded(std::int64_t time_ns, std::int64_t interval_ns);
   void segment_ended(std::int64_t end_ns) { recorded_until_ns_ = end_ns; }
   /// Nothing is recorded since the end of the last segment. Where something was missing already, its cause
@@ -88,19 +88,41 @@ class Segmenter {
   std::optional<Absence> absence_;
 };
 
+/// A frame counts as shown for no longer, whatever rate its source states: what follows is silence.
+inline constexpr std::int64_t kLongestShownNs = 1'000'000'000;
+
+/// How often something may happen that costs lines of the ledger: so many times within any stretch of such a
+/// length. Used by one thread.
+class Pace {
+ public:
+  Pace(std::size_t most, std::int64_t within_ns) : most_(most), within_ns_(within_ns) {}
+
+  /// Nothing where it may happen at `time_ns`, which is counted; else from when on it may. Times never fall.
+  std::optional<std::int64_t> refused_until(std::int64_t time_ns);
+  /// How many of those that were counted lie within the stretch that ends at `time_ns`.
+  [[nodiscard]] std::size_t counted(std::int64_t time_ns) const;
+
+ private:
+  std::size_t most_;
+  std::int64_t within_ns_;
+  std::deque<std::int64_t> times_;  // the latest ones
+};
+
 /// How often a source may change its pictures: each change costs an encoder, a file and lines of the ledger.
-/// Used by one thread.
-class ChangePace {
+class ChangePace : public Pace {
  public:
   static constexpr std::size_t kMostChanges = 8;
   static constexpr std::int64_t kWithinNs = 16'000'000'000;
+  ChangePace() : Pace(kMostChanges, kWithinNs) {}
+};
 
-  /// Nothing where the pictures may change at `time_ns`, which is counted; else from when on they may. Times
-  /// never fall.
-  std::optional<std::int64_t> refused_until(std::int64_t time_ns);
-
- private:
-  std::deque<std::int64_t> changes_;  // the latest ones
+/// How many holes of a stream are stated: each is a line of the ledger. What comes behind one hole too many
+/// is left out, so that the hole lasts until another one may be stated.
+class GapPace : public Pace {
+ public:
+  static constexpr std::size_t kMostGaps = 32;
+  static constexpr std::int64_t kWithinNs = 8'000'000'000;
+  GapPace() : Pace(kMostGaps, kWithinNs) {}
 };
 
 }  // namespace kiroku::recorder

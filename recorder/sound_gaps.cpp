@@ -10,9 +10,17 @@ constexpr std::int64_t kLatestNs = 2'000'000'000;
 
 }  // namespace
 
+bool SoundGaps::is_hole_before(std::int64_t start_ns) const {
+  return start_ns - until_ns_ > (begun_ ? kSmallestNs : kAtEndsNs);
+}
+
+bool SoundGaps::leaves_out(std::int64_t start_ns) {
+  return is_hole_before(start_ns) && pace_.refused_until(start_ns);
+}
+
 std::optional<Gap> SoundGaps::heard(std::int64_t start_ns, std::int64_t end_ns) {
   std::optional<Gap> gap;
-  if (start_ns - until_ns_ > (begun_ ? kSmallestNs : kAtEndsNs)) gap = Gap{{until_ns_, start_ns}, cause_};
+  if (is_hole_before(start_ns)) gap = Gap{{until_ns_, start_ns}, cause_};
   begun_ = true;
   until_ns_ = std::max(until_ns_, end_ns);
   cause_ = archive::GapCause::kSignalLost;

@@ -23,6 +23,9 @@ class SoundGaps {
 
   /// Why what is missing from now on is missing. Without a word it is the signal that is lost.
   void lost(archive::GapCause cause) { cause_ = cause; }
+  /// Sound from then on came, behind a hole that comes too soon after many others (GapPace): it is left out,
+  /// so that the hole lasts. To be asked once of each piece, before heard().
+  bool leaves_out(std::int64_t start_ns);
   /// Sound of that stretch came; what is missing before it.
   std::optional<Gap> heard(std::int64_t start_ns, std::int64_t end_ns);
   /// Pictures of `time_ns` came. A piece of what is missing, where there is a whole one.
@@ -31,9 +34,12 @@ class SoundGaps {
   [[nodiscard]] std::optional<Gap> gap_at_close(std::int64_t close_ns) const;
 
  private:
+  [[nodiscard]] bool is_hole_before(std::int64_t start_ns) const;
+
   std::int64_t until_ns_ = 0;  // what is before was heard, or stated as missing
   bool begun_ = false;         // something was heard, or stated
   archive::GapCause cause_ = archive::GapCause::kSignalLost;
+  GapPace pace_;
 };
 
 }  // namespace kiroku::recorder

@@ -147,6 +147,7 @@ void VideoLane::take(QueuedAudio item) {
   if (audio_gaps_) {
     const AVFrame& audio = *item.audio.frame;
     const std::int64_t start_ns = item.audio.time_ns;
+    if (audio_gaps_->leaves_out(start_ns)) return;
     state_of_audio(
         audio_gaps_->heard(start_ns, start_ns + audio.nb_samples * 1'000'000'000LL / audio.sample_rate));
   }
@@ -222,7 +223,7 @@ void VideoLane::record(media::Frame prepared) {
   segmenter_.frame_recorded(time_ns, encoder_->frame_interval_ns());
   ++segment_frames_;
   ++frames_;
-  last_ns_ = time_ns + encoder_->frame_interval_ns();
+  last_ns_ = time_ns + std::min(encoder_->frame_interval_ns(), kLongestShownNs);
 }
 
 void VideoLane::begin_segment(std::int64_t time_ns, std::int64_t first_pts) {

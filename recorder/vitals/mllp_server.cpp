@@ -1,5 +1,6 @@
 #include "recorder/vitals/mllp_server.h"
 
+#include <algorithm>
 #include <array>
 #include <atomic>
 #include <set>
@@ -35,6 +36,21 @@ std::string printable(std::string_view text) {
     result += c >= ' ' && c < 0x7F ? c : '?';
   }
   return result;
+}
+
+bool is_white(std::string_view text) { return text.find_first_not_of(" \t\r\n") == std::string_view::npos; }
+
+/// What sends this where the first message should begin.
+std::string what_sends(std::string_view text) {
+  const std::string_view line = text.substr(0, text.find_first_of("\r\n"));
+  const std::string_view word = line.substr(0, line.find(' '));
+  constexpr std::array<std::string_view, 9> kMethods{"GET",     "POST",  "PUT",   "HEAD",  "OPTIONS",
+                                                     "CONNECT", "PATCH", "TRACE", "DELETE"};
+  if (line.find(" HTTP/") != std::string_view::npos || std::ranges::find(kMethods, word) != kMethods.end())
+    return "a web page in a browser, or another HTTP client";
+  if (text.starts_with("\x16\x03")) return "a TLS client, and this port is one without TLS";
+  if (text.starts_with("MSH")) return "HL7 without the MLLP frame around it (0x0B before, 0x1C 0x0D behind)";
+  return "no HL7 sender";
 }
 
 /// One connection, seen by the server.
@@ -156,6 +172,12 @@ class StreamConnection : public Connection, public std::enable_shared_from_this<
           offer();
           return;
         case MllpDeframer::Event::Kind::kStray:
+          // A page of anybody's can make a browser post a message here, behind a head of its own.
+          if (!delivered_ && !is_white(event->text)) {
+            end("sent '" + printable(event->text) + "' before its first message, as " +
+                what_sends(event->text) + " does");
+            return;
+          }
           complain("bytes-outside-frame",
                    "bytes outside of a message were passed over: '" + printable(event->text) + "'");
           break;

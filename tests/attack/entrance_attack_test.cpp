@@ -2,9 +2,11 @@
 // with another server's cookie, as a guest, past the end of their session. And a program behind the viewer
 // that was taken over, by a CT that it read, wants to reach who looks at it. A real viewer, a real program's
 // door.
+#include <atomic>
 #include <condition_variable>
 #include <fcntl.h>
 #include <filesystem>
+#include <fstream>
 #include <future>
 #include <mutex>
 #include <poll.h>
@@ -22,6 +24,7 @@
 
 #include "crypto/encoding.h"
 #include "crypto/hash.h"
+#include "recorder/daemon/control_server.h"
 #include "tests/support/https_client.h"
 #include "tests/support/moved_clock.h"
 #include "tests/support/socket_client.h"
@@ -199,6 +202,54 @@ TEST_F(EntranceAttack, WhoMayNotIsRefusedBeforeTheProgramHearsOfIt) {
   }
   EXPECT_EQ(get("/api/workplaces", "").status, 401);
   EXPECT_EQ(get("/api/training", sign_in(*viewer, "otto")).status, 503) << "may train, but nothing answers";
+}
+
+// A recorder's control socket, whose room records or not.
+TEST_F(EntranceAttack, RefusedRequestsFillNoLog) {
+  const auto entries = [&](const std::string& what) {
+    std::ifstream log(home / "archive/log/ledger.jsonl");
+    std::size_t count = 0;
+    for (std::string line; std::getline(log, line);) count += line.find(what) != std::string::npos ? 1U : 0U;
+    return count;
+  };
+  std::atomic<bool> is_recording = true, can_start = false;
+  std::atomic<std::size_t> entered_at_start = 0;
+  const recorder::ControlServer recorder(home / "control.sock", [&](const json& question) {
+    const std::string state = is_recording ? "recording" : "idle";
+    if (question.at("do") == "status")
+      return nlohmann::ordered_json{
+          {"rooms", nlohmann::ordered_json::array({{{"room", "or-1"}, {"state", state}}})}};
+    if (!can_start) throw UsageError("the camera cannot be opened");
+    entered_at_start = entries("asked to start recording in or-1");
+    is_recording = true;
+    return nlohmann::ordered_json{{"room", "or-1"}, {"case", "c"}};
+  });
+  const std::string otto = sign_in(*viewer, "otto"), anna = sign_in(*viewer, "anna");
+  const auto post = [&](const std::string& what, const std::string& who, const std::string& body = "") {
+    return ask(*viewer, "POST", "/api/rooms/" + what, who, {}, body);
+  };
+
+  const HttpResponse refused = post("or-1/start", otto);
+  EXPECT_EQ(refused.status, 409);
+  EXPECT_THAT(refused.body, HasSubstr("room or-1 is recording already"));
+  EXPECT_EQ(post("or-2/stop", otto).status, 409);
+  is_recording = false;
+  EXPECT_EQ(post("or-1/stop", otto).status, 409);
+  EXPECT_THAT(post("or-1/mark", otto, R"({"text":"x"})").body, HasSubstr("room or-1 is not recording"));
+  EXPECT_EQ(entries("asked to") + entries("marked"), 0U) << "what the room's state forbids is not entered";
+
+  // What only the trying shows is entered; who is refused again and again waits.
+  std::size_t told_to_wait = 0;
+  for (int i = 0; i < 60; ++i) told_to_wait += post("or-1/start", otto).status == 429 ? 1U : 0U;
+  EXPECT_GE(told_to_wait, 20U);
+  EXPECT_LE(entries("asked to start"), 40U);
+  EXPECT_GE(entries("asked to start"), 1U);
+
+  // Others are not kept from recording, and are in the log before it begins.
+  can_start = true;
+  const std::size_t before = entries("asked to start");
+  EXPECT_EQ(post("or-1/start", anna).status, 200);
+  EXPECT_EQ(entered_at_start, before + 1);
 }
 
 TEST_F(EntranceAttack, AGuestIsLedNowhere) {

@@ -2,6 +2,7 @@
 // what monitors send and by its control socket.
 #include <atomic>
 #include <future>
+#include <mutex>
 #include <sys/resource.h>
 #include <sys/socket.h>
 #include <sys/un.h>
@@ -212,6 +213,47 @@ TEST(MonitorAttack, BytesThatAreNoMessageFillNoRecord) {
   EXPECT_GT(told, 100);
   EXPECT_LT(told, 3000);
   server.stop();
+}
+
+// What fetch(…, {method: "POST", mode: "no-cors", body}) of a page in a browser sends, and others of the
+// kind.
+TEST(MonitorAttack, APageInABrowserDeliversNoMessage) {
+  std::atomic<int> taken = 0;
+  std::mutex mutex;
+  std::string told;
+  MllpServer::Options options;
+  options.address = "127.0.0.1";
+  options.port = 0;
+  MllpServer server(
+      options,
+      [&](std::string_view, const std::string&) {
+        ++taken;
+        return std::optional<std::string>("ACK");
+      },
+      [&](const std::string& name, const std::string& text, const std::string&) {
+        const std::lock_guard guard(mutex);
+        told += name + ": " + text + "\n";
+      });
+  server.start();
+  const std::string message = mllp_frame("MSH|^~\\&|");
+  for (const std::string& head :
+       {std::string("POST / HTTP/1.1\r\nHost: 127.0.0.1:2575\r\nOrigin: http://evil.example\r\n\r\n"),
+        std::string("\r\n PUT / HTTP/1.1\r\n\r\n"), std::string("\x16\x03\x01\x02", 4),
+        std::string("MSH|^~\\&|\r"), std::string("\x1C\r"), std::string("x")}) {
+    MllpClient page("127.0.0.1", server.port());
+    page.send(head + message);
+    EXPECT_FALSE(page.receive(10s)) << head;
+  }
+  EXPECT_EQ(taken, 0);
+  MllpClient monitor("127.0.0.1", server.port());
+  monitor.send("\r\n \t" + message + "noise" + message);
+  EXPECT_TRUE(monitor.receive()) << "white space before the first message is none";
+  EXPECT_TRUE(monitor.receive()) << "and what comes behind it is passed over";
+  server.stop();
+  EXPECT_EQ(taken, 2);
+  EXPECT_THAT(told, HasSubstr("connection-ended: the connection was closed: it sent 'POST / HTTP/1.1"));
+  EXPECT_THAT(told, HasSubstr("as a web page in a browser, or another HTTP client does"));
+  EXPECT_THAT(told, HasSubstr("bytes-outside-frame"));
 }
 
 TEST(MonitorAttack, FramesWithoutAMessageWaitWhereTheRecorderIsSlow) {

@@ -2,6 +2,7 @@
 #include <chrono>
 #include <functional>
 #include <map>
+#include <memory>
 #include <utility>
 #include <variant>
 #include <vector>
@@ -10,6 +11,7 @@
 
 #include "archive/format/log_entry.h"
 #include "archive/writing/appliance_log.h"
+#include "base/attempt_guard.h"
 #include "base/error.h"
 #include "crypto/encoding.h"
 #include "crypto/merkle_tree.h"
@@ -102,8 +104,60 @@ std::string who(const Request& request) {
   return request.session->user() + " (kiroku view, " + request.peer + ")";
 }
 
+/// What people ask of the rooms. Each entry of the appliance log is signed and flushed, so that one person's
+/// askings that come to nothing must not fill it.
+class RoomAskings {
+ public:
+  explicit RoomAskings(ViewerContext& context) : context_(context) {}
+
+  /// Enters `what` and asks. What the recorder's state forbids is refused without an entry, and who was
+  /// refused often waits.
+  Response enter_and_ask(const Request& request, const std::string& case_id, const std::string& what,
+                         const json& question) {
+    const std::string& user = request.session->user();
+    const auto now = context_.home().clock->now();
+    if (const auto wait = refused_.wait(user, now); wait.count() > 0) {
+      throw Refusal(429,
+                    "refused too often: look at what the room does, and try again in " +
+                        std::to_string(wait.count()) + " s",
+                    wait);
+    }
+    try {
+      require_possible(question);
+      context_.note_access(case_id, what, who(request));
+      return ask(context_, question);
+    } catch (const Refusal& refusal) {
+      if (refusal.status() == 409) refused_.failed(user, now);
+      throw;
+    }
+  }
+
+ private:
+  /// Throws where the recorder would refuse by what its room does now.
+  void require_possible(const json& question) const {
+    const std::string& name = question.at("room").get_ref<const std::string&>();
+    const ordered_json status = answer_of_recorder(context_, {{"do", "status"}});
+    for (const ordered_json& room : status.at("rooms")) {
+      if (room.at("room") != name) continue;
+      const std::string& state = room.at("state").get_ref<const std::string&>();
+      const bool is_free = state == "idle" || state == "standby";
+      const bool starts = question.at("do") == "start";
+      if (starts && !is_free) throw Refusal(409, "room " + name + " is recording already");
+      if (!starts && is_free) throw Refusal(409, "room " + name + " is not recording");
+      return;
+    }
+    throw Refusal(409, "there is no room named '" + name + "'");
+  }
+
+  ViewerContext& context_;
+  AttemptGuard refused_{{.free_failures = 20,
+                         .first_wait = std::chrono::seconds(2),
+                         .longest_wait = std::chrono::minutes(1),
+                         .memory = std::chrono::minutes(2)}};
+};
+
 /// One press starts without a body; the rest can be said then or while the case runs.
-Response start(ViewerContext& context, const Request& request) {
+Response start(ViewerContext& context, RoomAskings& askings, const Request& request) {
   const std::string& room = request.parameter("room");
   json question{{"do", "start"}, {"room", room}};
   if (!request.body.empty()) {
@@ -118,18 +172,18 @@ Response start(ViewerContext& context, const Request& request) {
       question["plan"] = plan;
     }
   }
-  context.note_access(ViewerContext::kEveryCase, "asked to start recording in " + room, who(request));
-  return ask(context, question);
+  return askings.enter_and_ask(request, ViewerContext::kEveryCase, "asked to start recording in " + room,
+                               question);
 }
 
-Response add_late_subject(ViewerContext& context, const Request& request) {
+Response add_late_subject(ViewerContext& context, RoomAskings& askings, const Request& request) {
   const std::string& room = request.parameter("room");
   json question{{"do", "subject"}, {"room", room}};
   add_subject(question, request.json(), request);
   if (!question.contains("subject") && !question.contains("procedure"))
     throw Refusal(400, "give a 'subject' or a 'procedure'");
-  context.note_access(context.case_of(room), "gave patient and procedure of " + room, who(request));
-  return ask(context, question);
+  return askings.enter_and_ask(request, context.case_of(room), "gave patient and procedure of " + room,
+                               question);
 }
 
 /// Plans that lie here and that the appliance log knows, newest first.
@@ -167,14 +221,14 @@ Response procedures(ViewerContext& context, const Request& request) {
   return Response::json(listed);
 }
 
-Response stop(ViewerContext& context, const Request& request) {
+Response stop(ViewerContext& context, RoomAskings& askings, const Request& request) {
   const std::string& room = request.parameter("room");
-  context.note_access(context.case_of(room), "asked to stop recording in " + room, who(request));
-  return ask(context, {{"do", "stop"}, {"room", room}, {"wait", false}});
+  return askings.enter_and_ask(request, context.case_of(room), "asked to stop recording in " + room,
+                               {{"do", "stop"}, {"room", room}, {"wait", false}});
 }
 
 /// The mark's words stay in the case, where they are sealed.
-Response mark(ViewerContext& context, const Request& request) {
+Response mark(ViewerContext& context, RoomAskings& askings, const Request& request) {
   const json asked = request.json();
   const auto text = asked.find("text");
   if (text == asked.end() || !text->is_string() || text->get_ref<const std::string&>().empty() ||
@@ -182,8 +236,8 @@ Response mark(ViewerContext& context, const Request& request) {
     throw Refusal(400, "'text' must be a text of 1 to " + std::to_string(kLongestMark) + " bytes");
   }
   const std::string& room = request.parameter("room");
-  context.note_access(context.case_of(room), "marked a moment in " + room, who(request));
-  return ask(context, {{"do", "mark"}, {"room", room}, {"text", *text}});
+  return askings.enter_and_ask(request, context.case_of(room), "marked a moment in " + room,
+                               {{"do", "mark"}, {"room", room}, {"text", *text}});
 }
 
 }  // namespace
@@ -196,6 +250,7 @@ void add_room_routes(Router& router, ViewerContext& context) {
     route.is_quick = true;
     router.add(std::move(route));
   };
+  const auto askings = std::make_shared<RoomAskings>(context);
   add(
       "GET", "api/status", Right::kSeeLive,
       [&context](const Request& /*request*/) {
@@ -203,15 +258,15 @@ void add_room_routes(Router& router, ViewerContext& context) {
       },
       false);
   add("POST", "api/rooms/{room:name}/start", Right::kControlRooms,
-      [&context](const Request& request) { return start(context, request); });
+      [&context, askings](const Request& request) { return start(context, *askings, request); });
   add("GET", "api/rooms/{room:name}/procedures", Right::kControlRooms,
       [&context](const Request& request) { return procedures(context, request); });
   add("POST", "api/rooms/{room:name}/subject", Right::kControlRooms,
-      [&context](const Request& request) { return add_late_subject(context, request); });
+      [&context, askings](const Request& request) { return add_late_subject(context, *askings, request); });
   add("POST", "api/rooms/{room:name}/stop", Right::kControlRooms,
-      [&context](const Request& request) { return stop(context, request); });
+      [&context, askings](const Request& request) { return stop(context, *askings, request); });
   add("POST", "api/rooms/{room:name}/mark", Right::kControlRooms,
-      [&context](const Request& request) { return mark(context, request); });
+      [&context, askings](const Request& request) { return mark(context, *askings, request); });
 }
 
 }  // namespace kiroku::viewer

@@ -109,6 +109,67 @@ TEST(FrameQueue, TakesFewPiecesOfSoundHoweverSmallTheyAre) {
   EXPECT_EQ(taken, 8);
 }
 
+constexpr std::int64_t kSecond = 1'000'000'000;
+
+struct Told {
+  std::uint64_t taken = 0, dropped = 0, gaps = 0;
+};
+/// A camera that sends `rate` pictures a second for `lasts_ns`, of which `coded_rate` are coded, on plain
+/// times. Each gap reaches from the first picture that is missing to the next one that is taken.
+Told send(FrameQueue& queue, std::int64_t lasts_ns, std::int64_t rate, std::int64_t coded_rate,
+          std::uint64_t lost_each = 0) {
+  Told told;
+  std::int64_t coded = 0, last_ns = -1;
+  const std::int64_t step_ns = kSecond / rate;
+  const auto code = [&] {
+    const QueuedFrame item = popped(queue);
+    ++told.taken;
+    told.dropped += item.dropped_before;
+    if (item.dropped_before > 0) {
+      ++told.gaps;
+      if (lost_each == 0) {
+        EXPECT_EQ(item.dropped_since_ns, last_ns + step_ns);
+      }
+      EXPECT_EQ(item.frame.time_ns - last_ns,
+                static_cast<std::int64_t>(item.dropped_before / (1 + lost_each) + 1) * step_ns);
+    }
+    last_ns = item.frame.time_ns;
+  };
+  std::int64_t waiting = 0;
+  for (std::int64_t i = 0; i < lasts_ns / step_ns; ++i) {
+    const std::int64_t now_ns = i * step_ns;
+    for (; waiting > 0 && coded < now_ns * coded_rate / kSecond; --waiting, ++coded) code();
+    if (waiting == 0) coded = now_ns * coded_rate / kSecond;
+    if (queue.push(frame_at(now_ns, i == 0 ? 0 : lost_each), false)) ++waiting;
+  }
+  for (; waiting > 0; --waiting) code();
+  if (const auto rest = queue.unstated_drops()) told.dropped += rest->dropped_before;
+  return told;
+}
+
+TEST(FrameQueue, StatesFewHolesOfACameraThatSendsFasterThanCanBeCoded) {
+  FrameQueue queue(10 * kPictureBytes);
+  const Told told = send(queue, 16 * kSecond, 10'000, 2'000);
+  EXPECT_LE(told.gaps, 3 * GapPace::kMostGaps) << "and no thousands a second";
+  EXPECT_EQ(told.taken + told.dropped, 160'000U) << "each picture is recorded, or counted as dropped";
+  EXPECT_GT(told.taken, 100U);
+}
+
+TEST(FrameQueue, StatesFewHolesOfACameraWhoseNetworkLosesEachSecondPicture) {
+  FrameQueue queue(1000 * kPictureBytes);
+  const Told told = send(queue, 16 * kSecond, 1000, 1000, 1);
+  EXPECT_LE(told.gaps, 3 * GapPace::kMostGaps);
+  EXPECT_EQ(told.taken + told.dropped, 2 * 16'000U - 1);
+}
+
+TEST(FrameQueue, RecordsAsMuchAsCanBeCodedOfACameraThatIsALittleTooFast) {
+  FrameQueue queue(10 * kPictureBytes);
+  const Told told = send(queue, 60 * kSecond, 30, 20);
+  EXPECT_EQ(told.taken + told.dropped, 1800U);
+  EXPECT_GT(told.taken, 1000U) << "of 1200 that could be coded";
+  EXPECT_LE(told.gaps, 8 * GapPace::kMostGaps);
+}
+
 TEST(FrameQueue, KeepsALossInItsPlace) {
   FrameQueue queue(4 * kPictureBytes);
   queue.push(frame_at(0), false);

@@ -114,6 +114,15 @@ TEST_F(SegmenterTest, AFrameIsNotShownBeyondTheNextOne) {
   }
 }
 
+TEST_F(SegmenterTest, ASourceThatStatesFewPicturesASecondHidesNoSilence) {
+  Segmenter stream(rules);
+  stream.frame_recorded(0, 60 * kSecond);
+  EXPECT_EQ(stream.end_of_last_frame(100 * kSecond), kSecond);
+  EXPECT_FALSE(stream.silent_before(5 * kSecond, 5 * kSecond));
+  EXPECT_TRUE(stream.silent_before(5 * kSecond + 1, 6 * kSecond));
+  expect(stream.gap_at_close(30 * kSecond, 30 * kSecond, false), 0, 30 * kSecond, GapCause::kSignalLost);
+}
+
 TEST_F(SegmenterTest, NothingIsShownBeyondTheEndOfTheRecording) {
   rules.end_ns = kSecond - 5;
   Segmenter stream(rules);

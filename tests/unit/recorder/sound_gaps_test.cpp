@@ -1,6 +1,8 @@
 // What is stated of missing sound, on plain times.
 #include "recorder/sound_gaps.h"
 
+#include <vector>
+
 #include <gtest/gtest.h>
 
 namespace kiroku::recorder {
@@ -62,6 +64,27 @@ TEST(SoundGaps, OfHoursAreStatedPieceByPiece) {
   }
   EXPECT_EQ(pieces, 3);
   expect(sound.heard(200 * kSecond, 201 * kSecond), 190 * kSecond, 200 * kSecond, GapCause::kDeviceRemoved);
+}
+
+// A sound card that crackles would else write ten lines of the ledger a second.
+TEST(SoundGaps, ThatComeFastGrowLongerAndSoFewer) {
+  SoundGaps sound;
+  std::vector<Gap> gaps;
+  std::int64_t heard_until_ns = 0, heard_ns = 0;
+  constexpr std::int64_t kEach = SoundGaps::kSmallestNs + kPiece + 1;
+  for (std::int64_t at_ns = 0; at_ns < 80 * kSecond; at_ns += kEach) {
+    if (sound.leaves_out(at_ns)) continue;
+    if (const auto gap = sound.heard(at_ns, at_ns + kPiece)) {
+      EXPECT_EQ(gap->span.start_ns, heard_until_ns) << "all that is left out is stated";
+      EXPECT_EQ(gap->span.end_ns, at_ns);
+      gaps.push_back(*gap);
+    }
+    heard_until_ns = at_ns + kPiece;
+    heard_ns += kPiece;
+  }
+  EXPECT_GT(heard_ns, 5 * kSecond);
+  EXPECT_GT(gaps.size(), GapPace::kMostGaps);
+  EXPECT_LE(gaps.size(), 10 * GapPace::kMostGaps);
 }
 
 TEST(SoundGaps, LastUntilTheCaseIsClosed) {
