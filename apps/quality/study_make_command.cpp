@@ -52,7 +52,7 @@ std::vector<recorder::Coding> codings_of_keio() {
 }
 
 std::vector<recorder::Coding> wanted_codings(const CodingOptions& options) {
-  const std::vector<recorder::Coding> codings = codings_of(options, codings_of_keio());
+  std::vector<recorder::Coding> codings = codings_of(options, codings_of_keio());
   std::set<std::string> names;
   for (const recorder::Coding& one : codings) {
     if (!names.insert(one.name()).second) throw UsageError(one.name() + " is asked for twice");

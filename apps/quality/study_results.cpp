@@ -245,7 +245,8 @@ std::string html_table(const Rows& rows, int words) {
   for (std::size_t i = 0; i < rows.size(); ++i) {
     const std::string cell = i == 0 ? "th" : "td";
     out += "<tr>";
-    for (const std::string& text : rows[i]) out += "<" + cell + ">" + escaped(text) + "</" + cell + ">";
+    for (const std::string& text : rows[i])
+      out.append("<").append(cell).append(">").append(escaped(text)).append("</").append(cell).append(">");
     out += "</tr>\n";
   }
   return out + "</table></div>\n";

@@ -15,53 +15,53 @@ constexpr std::string_view kHtml = R"page(<!doctype html>
 </head>
 <body>
 <main id="entry">
-<h1 id="title">Reading of films</h1>
-<p>You will see films, one after the other, and say by points what can be judged by them. There is no right answer. Every answer is stored at once; you may pause, go back, or come again later with the same code.</p>
+<h1 id="title" data-word="title">Reading of films</h1>
+<p data-word="intro">You will see films, one after the other, and say by points what can be judged by them. There is no right answer. Every answer is stored at once; you may pause, go back, or come again later with the same code.</p>
 <form id="sign-in">
-<label for="code">Your code</label>
+<label for="code" data-word="code">Your code</label>
 <input id="code" autocomplete="off" autocapitalize="characters" spellcheck="false" required>
-<button type="submit">Begin</button>
+<button type="submit" data-word="begin">Begin</button>
 </form>
 <p id="refused" class="wrong" role="alert"></p>
 <table class="keys">
-<caption>Keys</caption>
-<tr><th>1 to 5</th><td>answers the marked question</td></tr>
-<tr><th>Enter</th><td>next film</td></tr>
-<tr><th>Backspace</th><td>film before</td></tr>
-<tr><th>Space</th><td>plays, stops, plays again</td></tr>
-<tr><th>Z</th><td>pixel for pixel, or the whole picture</td></tr>
-<tr><th>P</th><td>pauses the reading</td></tr>
+<caption data-word="keys">Keys</caption>
+<tr><th data-word="key-digits">1 to 5</th><td data-word="key-points">answers the marked question</td></tr>
+<tr><th>Enter</th><td data-word="key-next">next film</td></tr>
+<tr><th>Backspace</th><td data-word="key-back">film before</td></tr>
+<tr><th>Space</th><td data-word="key-play">plays, stops, plays again</td></tr>
+<tr><th>Z</th><td data-word="key-size">pixel for pixel, or the whole picture</td></tr>
+<tr><th>P</th><td data-word="key-pause">pauses the reading</td></tr>
 </table>
 </main>
 <main id="reading" hidden>
 <header>
 <span id="place" role="status"></span>
-<progress id="progress" max="1" value="0" aria-label="films judged"></progress>
+<progress id="progress" data-label="judged" max="1" value="0" aria-label="films judged"></progress>
 <span id="stored" role="status"></span>
-<button id="size" type="button" aria-pressed="false">pixel for pixel</button>
-<button id="pause" type="button">pause</button>
+<button id="size" data-word="size" type="button" aria-pressed="false">pixel for pixel</button>
+<button id="pause" data-word="pause" type="button">pause</button>
 </header>
 <div id="stage"><p id="waiting" role="status"></p></div>
 <div id="player">
 <button id="play" type="button">play again</button>
-<input id="time" type="range" min="0" max="1000" value="0" aria-label="place in the film">
+<input id="time" data-label="time" type="range" min="0" max="1000" value="0" aria-label="place in the film">
 </div>
 <form id="questions"></form>
 <p id="problem" class="wrong" role="alert"></p>
 <nav>
-<button id="back" type="button">back</button>
+<button id="back" data-word="back" type="button">back</button>
 <button id="next" type="button">next film</button>
 </nav>
 </main>
 <main id="paused" hidden>
-<h1>Paused</h1>
-<p>What was answered is stored. The window may be closed.</p>
-<button id="resume" type="button">go on</button>
+<h1 data-word="paused">Paused</h1>
+<p data-word="paused-more">What was answered is stored. The window may be closed.</p>
+<button id="resume" data-word="resume" type="button">go on</button>
 </main>
 <main id="done" hidden>
-<h1>All films are judged</h1>
-<p>Thank you. Everything is stored. You may still look back, until the study is closed.</p>
-<button id="look-back" type="button">back to the last film</button>
+<h1 data-word="done">All films are judged</h1>
+<p data-word="done-more">Thank you. Everything is stored. You may still look back, until the study is closed.</p>
+<button id="look-back" data-word="look-back" type="button">back to the last film</button>
 </main>
 </body>
 </html>
@@ -120,6 +120,31 @@ fieldset label:has(:focus-visible) { outline: 3px solid #f7a600; outline-offset:
 constexpr std::string_view kJs = R"page('use strict';
 const $ = (id) => document.getElementById(id);
 const kKept = 3;  // films in memory
+// What the page says in the browser's language; questions and points are the study's own.
+const kJapanese = {
+  title: '動画の評価', intro: '動画を一つずつ見て、それで何が判断できるかを点数で答えてください。正解はありません。答えはそのつど保存されます。休むことも、前に戻ることも、同じコードで後から続けることもできます。',
+  code: 'コード', begin: '始める', keys: 'キー', 'key-digits': '1から5', 'key-points': '印の付いた質問に答える', 'key-next': '次の動画', 'key-back': '前の動画', 'key-play': '再生、停止、もう一度再生', 'key-size': '等倍、または全体', 'key-pause': '評価を休む',
+  size: '等倍', pause: '休む', back: '戻る', resume: '続ける', 'look-back': '最後の動画に戻る', next: '次の動画', finish: '終わる',
+  paused: '休憩中', 'paused-more': '答えは保存されています。ウィンドウを閉じてもかまいません。', done: 'すべての動画を評価しました', 'done-more': 'ありがとうございました。すべて保存されています。研究が締め切られるまでは見直せます。',
+  place: '動画 {0} / {1}', play: '再生', stop: '停止', again: 'もう一度', storing: '保存中', stored: '保存済み', waiting: '動画を読み込んでいます。',
+  'not-stored': '最後の答えは保存されていません: {0} Enterキーでもう一度試してください。', unplayable: 'このブラウザでは動画を再生できません: {0}。評価せず、研究の担当者に伝えてください。', unfetched: '動画を読み込めませんでした', judged: '評価した動画', time: '動画の位置', 'no-reader': 'このコードの評価者はいません。',
+};
+const kEnglish = {
+  next: 'next film', finish: 'finish', place: 'Film {0} of {1}', play: 'play', stop: 'stop', again: 'play again', storing: 'storing', stored: 'stored', waiting: 'The film is fetched.',
+  'not-stored': 'The last answer is not stored: {0} Press Enter to try again.', unplayable: 'This browser cannot play the film: {0}. Do not judge it; tell who runs the reading.', unfetched: 'the film could not be fetched', 'no-reader': 'There is no reader with this code.',
+};
+const japanese = /^ja\b/.test(navigator.language);
+function say(word, ...values) {
+  const text = japanese ? kJapanese[word] : kEnglish[word];
+  return values.reduce((all, value, i) => all.replace('{' + i + '}', value), text);
+}
+if (japanese) {
+  document.documentElement.lang = 'ja';
+  document.title = kJapanese.title;
+  for (const element of document.querySelectorAll('[data-label]')) element.setAttribute('aria-label', kJapanese[element.dataset.label]);
+  for (const element of document.querySelectorAll('[data-word]')) element.textContent = kJapanese[element.dataset.word];
+}
+
 let code = '', study = null, at = 0, asked = 0, exact = false;
 let video = null, seen = null, changed = false;
 const films = new Map();  // of places: promises of addresses
@@ -139,7 +164,7 @@ function show(id) {
 function film(place) {
   if (!films.has(place)) {
     const got = fetch('films/' + study.showings[place].token).then(async (answer) => {
-      if (!answer.ok) throw new Error('the film could not be fetched');
+      if (!answer.ok) throw new Error(say('unfetched'));
       return URL.createObjectURL(await answer.blob());
     });
     got.catch(() => films.delete(place));
@@ -166,17 +191,17 @@ function store() {
   const showing = study.showings[at];
   const said = { code, showing: showing.token, points: [...showing.points], ...count() };
   changed = false;
-  $('stored').textContent = 'storing';
+  $('stored').textContent = say('storing');
   storing = storing.catch(() => {}).then(() => ask('answer', said));
   const mine = storing;
   mine.then(
     () => {
-      if (mine === storing) { $('stored').textContent = 'stored'; $('problem').textContent = ''; }
+      if (mine === storing) { $('stored').textContent = say('stored'); $('problem').textContent = ''; }
     },
     (error) => {
       changed = true;
       $('stored').textContent = '';
-      $('problem').textContent = 'The last answer is not stored: ' + error.message + ' Press Enter to try again.';
+      $('problem').textContent = say('not-stored', error.message);
     },
   );
   return mine;
@@ -185,11 +210,11 @@ function store() {
 const whole = (showing) => showing.points.every((one) => one > 0);
 function draw() {
   const done = study.showings.filter(whole).length, all = study.showings.length;
-  $('place').textContent = 'Film ' + (at + 1) + ' of ' + all;
+  $('place').textContent = say('place', at + 1, all);
   $('progress').value = done / all;
   $('back').disabled = at === 0;
   $('next').disabled = !whole(study.showings[at]);
-  $('next').textContent = at + 1 === all ? 'finish' : 'next film';
+  $('next').textContent = say(at + 1 === all ? 'finish' : 'next');
   const points = study.showings[at].points;
   document.querySelectorAll('fieldset').forEach((field, question) => {
     field.classList.toggle('asked', question === asked);
@@ -228,7 +253,7 @@ function size() {
   video.style.height = exact ? video.videoHeight / devicePixelRatio + 'px' : '';
 }
 function drawPlayer() {
-  $('play').textContent = !video || video.ended ? 'play again' : video.paused ? 'play' : 'stop';
+  $('play').textContent = say(!video || video.ended ? 'again' : video.paused ? 'play' : 'stop');
   if (video && video.duration > 0) $('time').value = String(Math.round(1000 * video.currentTime / video.duration));
 }
 function play() {
@@ -247,7 +272,7 @@ async function open(place) {
   // A new element: what it counts is of this film alone.
   video?.pause();
   video = null;
-  $('stage').replaceChildren(Object.assign(document.createElement('p'), { id: 'waiting', textContent: 'The film is fetched.' }));
+  $('stage').replaceChildren(Object.assign(document.createElement('p'), { id: 'waiting', textContent: say('waiting') }));
   show('reading');
   draw();
   drawPlayer();
@@ -263,7 +288,7 @@ async function open(place) {
     made.addEventListener('loadedmetadata', size);
     made.addEventListener('ended', () => { ++seen.plays; changed = true; fetchAhead(); });
     for (const name of ['play', 'pause', 'ended', 'timeupdate', 'seeked']) made.addEventListener(name, drawPlayer);
-    made.addEventListener('error', () => { $('problem').textContent = 'This browser cannot play the film: ' + (made.error?.message ?? 'unknown') + '. Do not judge it; tell who runs the reading.'; });
+    made.addEventListener('error', () => { $('problem').textContent = say('unplayable', made.error?.message ?? '?'); });
     made.src = address;
     video = made;
     $('stage').replaceChildren(made);
@@ -311,7 +336,7 @@ $('sign-in').addEventListener('submit', async (event) => {
     if (first >= 0) await open(first);
     else { at = study.showings.length - 1; show('done'); }
   } catch (error) {
-    $('refused').textContent = error.message;
+    $('refused').textContent = error.message === kEnglish['no-reader'] ? say('no-reader') : error.message;
   }
 });
 $('questions').addEventListener('submit', (event) => event.preventDefault());
