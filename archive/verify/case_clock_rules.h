@@ -28,7 +28,9 @@ struct TimedToken {
   std::int64_t latest_ns = 0;
   bool external = false;  // valid, and of an outside authority
   bool ordering = false;  // the authority states that its tokens are in order by time alone
-  bool stands = false;    // after close the case clock stands: a token may come hours or years later
+  // Over the end, and the recorder does not say when by the case clock: it may come hours or years later.
+  bool stands = false;
+  bool is_over_end = false;  // its checkpoint covers close
 };
 
 class CaseClockRules {
@@ -60,6 +62,7 @@ class CaseClockRules {
     std::int64_t elapsed_us = 0;                   // by the authority
     std::int64_t shortest_us = 0, longest_us = 0;  // by the case clock
     std::int64_t excess_us = 0;                    // beyond what is tolerated
+    std::int64_t late_us = 0;  // by which the second is later, where that contradicts nothing
   };
   /// How an authority's clock goes beside the case clock: of all tokens since the last difference those that
   /// leave the least to the next.
@@ -72,8 +75,14 @@ class CaseClockRules {
     /// Keeps the address.
     void add(const Timed& token);
     [[nodiscard]] std::optional<Difference> difference(const Timed& now) const;
+    static Difference compare(const Timed& before, const Timed& now);
     /// How far the clocks differ, in words.
     static std::string text(const Difference& found, const Timed& now);
+  };
+  /// A token over the end that is later than the case clock explains.
+  struct Late {
+    Place place;
+    std::int64_t by_us = 0;
   };
   struct Step {
     std::int64_t mono_ns = 0, step_ns = 0;
@@ -136,6 +145,8 @@ class CaseClockRules {
   std::map<std::string, Order> order_of_;  // of outside authorities, by root
   std::map<std::string, Pace> pace_of_;    // by root, else by name
   std::vector<Disagreement> disagreements_;
+  std::optional<Late> late_;      // the least late one over the end
+  bool end_is_compared_ = false;  // by an outside authority's token whose time on the case clock is stated
   std::vector<Contradiction> contradictions_;
   // by root of an outside authority: where its clock is as the case's
   std::map<std::string, std::vector<Span>> agreeing_;

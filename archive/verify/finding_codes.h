@@ -110,10 +110,14 @@ inline constexpr auto kFindingCodes = std::to_array<FindingCode>({
      "these clocks is wrong"},
     {"clock-contradicted", Severity::kTampered,
      "time between two trusted outside tokens differs from the case clock by more than accuracies, round "
-     "trips, stated slews, 2 s and 0.02 %, and so, over the same time and the same way, does that of another "
+     "trips, stated slews, 2 s and 0.05 %, and so, over the same time and the same way, does that of another "
      "outside authority"},
     {"authority-clock-differs", Severity::kUnproven,
      "the same of one outside authority alone: its clock was set, or the case clock is made up"},
+    {"end-stamped-late", Severity::kNote,
+     "the token over the end is more than 2 s later than the case clock explains, and the ledger does not "
+     "say "
+     "when it was asked for: whether recording ended at close rests on the recorder's word"},
     {"authority-clock-set", Severity::kNote,
      "the same of one outside authority, while another one's clock went on as the case clock did"},
     {"clock-disagreement", Severity::kUnproven,

@@ -57,7 +57,8 @@ void TokenRules::take(const TokenEntry& token, std::uint64_t entry, std::int64_t
   now.earliest_ns = checkpoints_->mono_at(token.checkpoint);
   now.external = judged.valid && judged.external;
   now.ordering = judged.ordering;
-  now.stands = close_ && token.checkpoint > *close_;
+  now.is_over_end = close_ && token.checkpoint > *close_;
+  now.stands = now.is_over_end && !token.exchange;
   check_exchange(token, entry, mono_ns);
   if (token.exchange) {
     now.earliest_ns = token.exchange->asked_ns;

@@ -29,7 +29,7 @@ class OutsideClocks : public ::testing::Test {
 
   /// An authority's clock is that of the case, and `set` more.
   void stamp(SampleCase& sample, std::size_t authority, std::chrono::seconds set,
-             const std::string& name = "") {
+             const std::string& name = "", bool is_exchange_stated = false) {
     const archive::StoredCheckpoint checkpoint = sample.writer().checkpoint(archive_.now(), true);
     const crypto::Sha256Digest imprint = crypto::sha256(bytes_of(checkpoint.note));
     const std::time_t says = std::chrono::system_clock::to_time_t(archive_.now().utc + set);
@@ -45,8 +45,9 @@ class OutsideClocks : public ::testing::Test {
     recipe.enclosed = {recipe.signer->certificate.get()};
     const Bytes response = make_response(make_token(recipe));
     const std::string usual = authority == 0 ? "first" : "second";
-    sample.writer().add_token(checkpoint, name.empty() ? usual : name, response,
-                              SampleArchive::facts_of(response), archive_.now());
+    archive::TokenEntry facts = SampleArchive::facts_of(response);
+    if (is_exchange_stated) facts.exchange = {archive_.now_ns, archive_.now_ns};
+    sample.writer().add_token(checkpoint, name.empty() ? usual : name, response, facts, archive_.now());
   }
 
   archive::VerificationReport verify(std::size_t count, std::array<std::chrono::seconds, 2> set) {
@@ -153,6 +154,28 @@ TEST_F(OutsideClocks, OfTwoThatAreAskedOnceEachTheTimeBetweenIsComparedToo) {
   const archive::VerificationReport report = closed(sample);
   EXPECT_EQ(report.verdict, archive::Verdict::kUnproven) << details(report);
   EXPECT_THAT(summary(report), testing::HasSubstr("authorities-disagree tokens/"));
+}
+
+// Sixteen of twenty seconds are left out, and nobody is asked for the time in between.
+TEST_F(OutsideClocks, TheTokenOverTheEndIsComparedToo) {
+  for (const bool is_stated : {true, false}) {
+    archive_.clear();
+    archive_.now_ns = 0;
+    SampleCase sample(archive_);
+    stamp(sample, 0, 0s);
+    archive_.now_ns += 4 * kSecond;
+    sample.record_at_once();
+    sample.writer().close("operator", archive_.now());
+    stamp(sample, 0, 16s, "first", is_stated);
+    sample.writer().finish(archive_.now());
+    archive::VerifyOptions options = archive_.options();
+    options.trust = &trust_;
+    const archive::VerificationReport report = archive::verify_case(sample.folder(), options);
+    EXPECT_EQ(report.verdict, is_stated ? archive::Verdict::kUnproven : archive::Verdict::kIntact)
+        << details(report);
+    EXPECT_THAT(summary(report), testing::HasSubstr(is_stated ? "authority-clock-differs tokens/"
+                                                              : "end-stamped-late tokens/"));
+  }
 }
 
 // No machine's clock runs faster than its kernel lets it.

@@ -90,13 +90,16 @@ inline constexpr auto kFindingTexts = std::to_array<FindingText>({
      "秒を超えて後の時刻を持つ別の認証局の項目を覆っている。一方の時計が誤って"
      "いる。"},
     {"clock-contradicted", Check::kTime,
-     "信頼された外部タイムスタンプ間の時間が、精度・往復時間・2 秒・0.02 % "
+     "信頼された外部タイムスタンプ間の時間が、精度・往復時間・2 秒・0.05 % "
      "を超えて症例時計と食い違い、別の外部認証"
      "局でも同じ期間に同じ向きに食い違う。"},
     {"authority-clock-differs", Check::kTime,
      "一つの外部認証局だけで、タイムスタンプ間の時間が症例時計と食い違う。認証局の時計が合わせられたか、症例"
      "時計が"
      "偽りである。"},
+    {"end-stamped-late", Check::kTime,
+     "終了に対するタイムスタンプが、症例時計で説明できるより 2 秒を超えて遅く、要求の時刻も記載されていない。"
+     "終了時に記録が終わったことは記録装置の言による。"},
     {"authority-clock-set", Check::kTime,
      "一つの外部認証局の時計が症例時計と食い違うが、別の外部認証局の時計は症例時計と一致する。"},
     {"clock-disagreement", Check::kTime,
