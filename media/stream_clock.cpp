@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <charconv>
 
+#include "archive/format/segment_media.h"
+
 namespace kiroku::media {
 namespace {
 
@@ -38,6 +40,18 @@ std::optional<Ticks> stamp_offset(const std::vector<archive::SegmentEntry>& segm
     }
   }
   return offset;
+}
+
+std::map<std::string, Ticks> stamp_offsets(const archive::StreamInfo& stream,
+                                           const std::vector<archive::SegmentEntry>& segments) {
+  std::map<std::string, std::vector<archive::SegmentEntry>> of_media;
+  for (const archive::SegmentEntry& segment : segments)
+    of_media[archive::media_of(stream, segment)].push_back(segment);
+  std::map<std::string, Ticks> offsets;
+  for (const auto& [media, its_own] : of_media) {
+    if (const auto offset = stamp_offset(its_own)) offsets[media] = *offset;
+  }
+  return offsets;
 }
 
 }  // namespace kiroku::media

@@ -27,11 +27,15 @@ class AudioTrack {
   std::vector<media::Packet> take(TimedFrame audio);
   /// What was not a whole packet yet, for the open segment. Nothing may follow.
   std::vector<media::Packet> drain();
+  /// After drain() and the segment's end: from the next segment on it is coded beside pictures of that
+  /// profile. What came until then is not repeated.
+  void change_profile(Profile profile);
 
  private:
-  const VideoProfile profile_;
+  VideoProfile profile_;
   const SoundEncoder::Pace pace_;
-  std::unique_ptr<SoundEncoder> encoder_;  // null: no audio, or none yet
+  std::optional<SoundFormat> format_;      // nothing: no audio, or none yet
+  std::unique_ptr<SoundEncoder> encoder_;  // null likewise
   bool in_segment_ = false;
 };
 

@@ -27,6 +27,8 @@ void EventsLane::mark(const std::string& text) { add("mark", "text", text); }
 
 void EventsLane::subject_missing(const std::string& why) { add("subject-missing", "text", why); }
 
+void EventsLane::profile(const nlohmann::ordered_json& decision) { add("profile", "profile", decision); }
+
 void EventsLane::late_subject(const Bytes& json) {
   const auto subject = parse_foreign_json<nlohmann::ordered_json>(text_of(json));
   if (!subject.is_object()) throw UsageError("a subject must be a JSON object");

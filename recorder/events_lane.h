@@ -23,6 +23,10 @@ namespace kiroku::recorder {
 ///   {"time_ns":…,"utc":"…","kind":"subject","subject":{"patient":{…},…}}
 ///   {"time_ns":…,"utc":"…","kind":"subject-missing","text":"the worklist of ris:104 does not answer"}
 ///
+/// or, of the form in which pictures are archived (session.h, ProfileDecision),
+///
+///   {"time_ns":…,"utc":"…","kind":"profile","profile":{"streams":["endoscope"],"to":"lossless",…}}
+///
 /// The ledger's commitment is SHA-256(salt bytes ‖ event bytes): whoever can open the stream can prove what
 /// was marked (`jq -j .event`), and nobody can guess it from the ledger.
 class EventsLane {
@@ -30,12 +34,14 @@ class EventsLane {
   EventsLane(const LaneContext& context, std::size_t stream_index, archive::StreamInfo info);
   /// The case begins at this time of its clock (0 unless it begins with what was recorded before).
   void begin(std::int64_t begins_ns);
-  /// These three from any thread. The commitment goes to the ledger at once, the sealed event with the next
+  /// These from any thread. The commitment goes to the ledger at once, the sealed event with the next
   /// step(). Throw kiroku::Error after finish().
   void mark(const std::string& text);
   /// `json` is what a subject file holds: one JSON object. Throws kiroku::UsageError for anything else.
   void late_subject(const Bytes& json);
   void subject_missing(const std::string& why);
+  /// `decision` is the object under "profile".
+  void profile(const nlohmann::ordered_json& decision);
   /// Seals what happened, in one segment that follows the one before. Called by the session's thread, about
   /// each segment's duration.
   void step(std::int64_t now_ns);

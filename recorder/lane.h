@@ -49,13 +49,16 @@ struct LaneContext {
 struct LaneStatus {
   bool live = false;  // something came lately
   std::uint64_t frames = 0, dropped = 0, segments = 0, bytes = 0;
-  std::int64_t last_ns = 0;     // case-clock end of what was recorded
-  std::int64_t durable_ns = 0;  // case-clock end of the last segment that was handed to the ledger
-  std::uint64_t refused = 0;    // of senders who may not send
-  unsigned stuck = 0;           // threads of its source that do not come back from its driver
-  std::uint64_t given_up = 0;   // such threads since the recorder started
-  std::string input;            // what comes, as Source::input() says
-  bool unboxed = false;         // as Source::is_unboxed() says
+  std::int64_t last_ns = 0;          // case-clock end of what was recorded
+  std::int64_t durable_ns = 0;       // case-clock end of the last segment that was handed to the ledger
+  std::uint64_t refused = 0;         // of senders who may not send
+  unsigned stuck = 0;                // threads of its source that do not come back from its driver
+  std::uint64_t given_up = 0;        // such threads since the recorder started
+  std::string input;                 // what comes, as Source::input() says
+  bool unboxed = false;              // as Source::is_unboxed() says
+  std::string profile = {};          // of pictures: in which form the next one is archived
+  std::string profile_to_come = {};  // asked for, and not begun yet; "": none
+  double raw_bytes_per_second = 0;   // of pictures as they come, uncompressed; 0 before the first
 };
 
 class Lane {

@@ -23,12 +23,13 @@ class SegmentStore {
     std::uint64_t index = 0;  // in the case; in the standby folder where it lies there
     bool in_standby = false;
   };
-  Begun begin(std::size_t stream_index) {
+  /// `profile` as archive::SegmentEntry::profile.
+  Begun begin(std::size_t stream_index, const std::string& profile = {}) {
     const std::lock_guard guard(mutex_);
     const std::uint64_t raw = next_.at(stream_index)++;
-    if (writer_ == nullptr) return {standby_->begin_segment(stream_index, raw), raw, true};
+    if (writer_ == nullptr) return {standby_->begin_segment(stream_index, raw, profile), raw, true};
     const std::uint64_t index = raw - gone_.at(stream_index);
-    return {writer_->begin_segment(stream_index, index), index, false};
+    return {writer_->begin_segment(stream_index, index, profile), index, false};
   }
   /// From now on segments go into the case. `gone` counts, for each stream, the segments of the standby
   /// folder that no case will hold: the case's numbers begin after them. `writer` must outlive the object.

@@ -5,6 +5,8 @@
 #include <mutex>
 #include <thread>
 
+#include <nlohmann/json.hpp>
+
 #include "archive/format/case_layout.h"
 #include "archive/format/pointing_stream.h"
 #include "base/error.h"
@@ -90,6 +92,8 @@ struct Session::State {
     if (!begun) throw UsageError("no case has begun: there is nothing to mark");
     return *events;
   }
+  /// Those that a decision is about. Throws kiroku::UsageError.
+  [[nodiscard]] std::vector<VideoLane*> lanes_of(const ProfileDecision& decision) const;
 
   [[nodiscard]] SessionStatus status() const {
     SessionStatus status;
@@ -104,7 +108,8 @@ struct Session::State {
       status.streams.push_back({lanes[i]->name(), l.live, kept(l.frames, gone[i].frames),
                                 kept(l.dropped, gone[i].dropped), kept(l.segments, gone[i].segments),
                                 kept(l.bytes, gone[i].bytes), l.last_ns, l.durable_ns, l.refused, l.stuck,
-                                l.given_up, l.input, i < video_lanes, l.unboxed});
+                                l.given_up, l.input, i < video_lanes, l.unboxed, l.profile, l.profile_to_come,
+                                l.raw_bytes_per_second});
     }
     status.begun = begun;
     status.begins_ns = begins_ns;
@@ -158,6 +163,7 @@ struct Session::State {
   std::atomic<bool> begun = false;
   std::atomic<std::int64_t> begins_ns = 0, decided_ns = 0;
   std::vector<std::unique_ptr<Lane>> lanes;  // video first
+  std::vector<VideoLane*> of_pictures;       // of these
   std::size_t video_lanes = 0;
   std::unique_ptr<EventsLane> events;
   std::unique_ptr<PointingLane> pointing;  // null: not asked for
@@ -228,6 +234,15 @@ archive::StreamInfo events_info(const crypto::AgeRecipients& recipients) {
   info.purpose = "marks of the operator";
   info.recipients = names_of(recipients);
   return info;
+}
+
+nlohmann::ordered_json json_of(const ProfileDecision& decision) {
+  nlohmann::ordered_json json;
+  if (!decision.streams.empty()) json["streams"] = decision.streams;
+  json["to"] = profile_name(decision.profile);
+  json["by"] = decision.by;
+  if (!decision.why.empty()) json["why"] = decision.why;
+  return json;
 }
 
 archive::StreamInfo pointing_info(const crypto::AgeRecipients& recipients) {
@@ -319,11 +334,22 @@ Session::State::State(SessionOptions asked)
   std::size_t index = 0;
   for (OpenedVideo& opened : videos) {
     const StreamRequest& stream = options.video[index];
-    lanes.push_back(std::make_unique<VideoLane>(
+    auto lane = std::make_unique<VideoLane>(
         context, index, writing.streams[index],
         SourceSupervisor::Terms{opened.address, stream.video.audio, stream.tap, stream.guard,
                                 microphone_of(stream), stream.microphone_guard},
-        std::move(opened.source), stream.video, budget, std::move(opened.microphone)));
+        std::move(opened.source), stream.video, budget, std::move(opened.microphone));
+    lane->on_profile_refused([this](const std::string& refusing, Profile wanted, const std::string& why) {
+      if (begun) {
+        nlohmann::ordered_json refusal;
+        refusal["streams"] = nlohmann::ordered_json::array({refusing});
+        refusal["refused"] = profile_name(wanted);
+        refusal["why"] = why;
+        events->profile(refusal);
+      }
+    });
+    of_pictures.push_back(lane.get());
+    lanes.push_back(std::move(lane));
     ++index;
   }
   video_lanes = lanes.size();
@@ -339,6 +365,25 @@ Session::State::State(SessionOptions asked)
     pointing = std::make_unique<PointingLane>(context, index, writing.streams[index]);
     if (begun) pointing->begin(begins_ns);
   }
+  if (begun) {
+    for (const ProfileDecision& decision : options.profile_decisions) events->profile(json_of(decision));
+  }
+}
+
+std::vector<VideoLane*> Session::State::lanes_of(const ProfileDecision& decision) const {
+  if (decision.streams.empty()) return of_pictures;
+  std::vector<VideoLane*> chosen;
+  for (const std::string& name : decision.streams) {
+    const auto found =
+        std::ranges::find_if(of_pictures, [&](const VideoLane* lane) { return lane->name() == name; });
+    if (found == of_pictures.end()) {
+      std::string known;
+      for (const VideoLane* lane : of_pictures) known += (known.empty() ? "" : ", ") + lane->name();
+      throw UsageError("'" + name + "' is no stream of pictures of this case; there are: " + known);
+    }
+    chosen.push_back(*found);
+  }
+  return chosen;
 }
 
 void Session::State::make_case(std::int64_t from_ns) {
@@ -525,6 +570,35 @@ std::optional<std::int64_t> Session::point(media::PointedAt at) {
 }
 
 void Session::late_subject(const Bytes& json) { state_->begun_events().late_subject(json); }
+
+void Session::change_profile(const ProfileDecision& decision) {
+  static_cast<void>(state_->begun_events());
+  ProfileDecision changing = decision;
+  changing.streams.clear();
+  for (const VideoLane* lane : state_->lanes_of(decision)) {
+    if (lane->wanted_profile() != decision.profile) changing.streams.push_back(lane->name());
+  }
+  if (changing.streams.empty()) {
+    throw UsageError("nothing changes: pictures are archived as " +
+                     std::string(profile_name(decision.profile)) + " already");
+  }
+  decide_profile(changing);
+}
+
+void Session::decide_profile(const ProfileDecision& decision) {
+  EventsLane& events = state_->begun_events();
+  const std::vector<VideoLane*> lanes = state_->lanes_of(decision);
+  // Before any picture is another.
+  events.profile(json_of(decision));
+  for (VideoLane* lane : lanes) lane->change_profile(decision.profile);
+}
+
+void Session::profile_unchanged(const std::string& why) {
+  nlohmann::ordered_json unchanged;
+  unchanged["unchanged"] = true;
+  unchanged["why"] = why;
+  state_->begun_events().profile(unchanged);
+}
 
 void Session::subject_missing(const std::string& why) { state_->begun_events().subject_missing(why); }
 

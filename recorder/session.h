@@ -61,6 +61,14 @@ struct CaseIdentity {
   std::optional<Bytes> sealed_subject;
 };
 
+/// In which form pictures are archived, and who or what decided so: sealed as an event of the case.
+struct ProfileDecision {
+  std::vector<std::string> streams;  // of pictures; none: all
+  Profile profile = Profile::kMpeg2;
+  std::string by;   // who: "operator", "footswitch", a user of the viewer; "rule"
+  std::string why;  // a sentence, "" if nobody gave one; may tell of the patient
+};
+
 struct SessionOptions {
   std::filesystem::path archive;
   const crypto::SigningKey* key = nullptr;
@@ -70,6 +78,8 @@ struct SessionOptions {
   crypto::AgeRecipients event_recipients;  // for the events stream and the subject
   bool pointing = false;  // whether people may point on live pictures, for the same recipients
   std::optional<Bytes> subject;
+  /// Why streams of `video` have the profiles that they have; events where a case begins at once.
+  std::vector<ProfileDecision> profile_decisions;
   std::optional<crypto::Sha256Digest> plan;  // of a sealed plan, for the case's first entry
   CaseIdentity identity;
   std::vector<NamedAuthority> authorities;
@@ -103,6 +113,9 @@ struct StreamStatus {
   std::string input;            // what comes: "640x480 yuyv422, 30 a second, RTSP over UDP"; "" if not known
   bool is_video = true;         // else of vital signs
   bool unboxed = false;         // decoded in this process, beside its keys
+  std::string profile;          // of pictures: in which form they are archived now
+  std::string profile_to_come;  // was asked for, and begins with the next picture; "": none
+  double raw_bytes_per_second = 0;  // of its pictures as they come, uncompressed; 0 before the first
 };
 struct SessionStatus {
   std::int64_t now_ns = 0;
@@ -158,6 +171,16 @@ class Session {
   /// SessionOptions::subject, and a sentence on why nothing is known (nothing of a patient in it).
   void late_subject(const Bytes& json);
   void subject_missing(const std::string& why);
+  /// From the next picture on, with which a segment begins, streams are archived in another form; no picture
+  /// is lost or stands there twice. Where that form cannot hold a stream's pictures it goes on as it was,
+  /// which is told (SessionStatus::last_problem) and an event. From any thread. Throws kiroku::UsageError for
+  /// a stream that is none of pictures, or where each has that form already; kiroku::Error before a case has
+  /// begun and after it has ended.
+  void change_profile(const ProfileDecision& decision);
+  /// The same, and also where nothing changes: then the decision is an event alone.
+  void decide_profile(const ProfileDecision& decision);
+  /// A decision that changes nothing, as an event: `why` says what it would have been.
+  void profile_unchanged(const std::string& why);
 
  private:
   struct State;

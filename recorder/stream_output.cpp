@@ -31,8 +31,10 @@ StreamOutput::~StreamOutput() {
   finisher_.join();
 }
 
-void StreamOutput::begin(std::int64_t start_ns, std::int64_t first_pts, std::string time_base) {
-  SegmentStore::Begun begun = store_.begin(stream_index_);
+void StreamOutput::begin(std::int64_t start_ns, std::int64_t first_pts, std::string time_base,
+                         std::string_view profile) {
+  const std::string its_own(profile == info_.profile ? std::string_view() : profile);
+  SegmentStore::Begun begun = store_.begin(stream_index_, its_own);
   current_ = std::move(begun.segment);
   in_standby_ = begun.in_standby;
   entry_ = {};
@@ -42,6 +44,7 @@ void StreamOutput::begin(std::int64_t start_ns, std::int64_t first_pts, std::str
   entry_.first_pts = first_pts;
   entry_.time_base = std::move(time_base);
   entry_.counts_samples = info_.kind != "video";
+  entry_.profile = its_own;
   const std::lock_guard guard(mutex_);
   growing_ = current_;
   synced_bytes_ = 0;

@@ -31,7 +31,9 @@ class StreamOutput {
   StreamOutput(const StreamOutput&) = delete;
   StreamOutput& operator=(const StreamOutput&) = delete;
 
-  void begin(std::int64_t start_ns, std::int64_t first_pts, std::string time_base);
+  /// `profile`: of its pictures; "": the stream's.
+  void begin(std::int64_t start_ns, std::int64_t first_pts, std::string time_base,
+             std::string_view profile = {});
   /// Plaintext. Throws kiroku::IoError; then give_up() is all that is left.
   void write(ByteView plaintext);
   [[nodiscard]] bool is_open() const { return current_ != nullptr; }

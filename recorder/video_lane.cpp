@@ -40,6 +40,8 @@ VideoLane::VideoLane(const LaneContext& context, std::size_t stream_index, archi
                      const VideoProfile& profile, std::size_t queue_bytes, std::unique_ptr<Source> microphone)
     : context_(context),
       profile_(profile),
+      wanted_profile_(profile.profile),
+      used_profile_(profile.profile),
       output_(context.store, stream_index, std::move(info), context.facts),
       queue_(queue_bytes),
       audio_(audio_format(terms, source.get()), with_audio_of(terms, profile),
@@ -74,6 +76,10 @@ LaneStatus VideoLane::status() const {
   status.given_up = supervisor_.given_up();
   status.input = supervisor_.input();
   status.unboxed = supervisor_.is_unboxed();
+  const Profile used = used_profile_, wanted = wanted_profile_;
+  status.profile = profile_name(used);
+  if (wanted != used) status.profile_to_come = profile_name(wanted);
+  status.raw_bytes_per_second = raw_bytes_per_second_;
   return status;
 }
 
@@ -132,7 +138,10 @@ void VideoLane::take(QueuedFrame item) {
   } else if (item.dropped_before > 0) {
     state_drops(item, time_ns);
   }
-  if (!ready_for(format_of(*item.frame.frame), item.frame.rate, time_ns)) {
+  const PictureFormat format = format_of(*item.frame.frame);
+  if (wanted_profile_ != profile_.profile) take_profile(format, item.frame.rate, time_ns);
+  const auto bytes_of_picture = static_cast<double>(frame_bytes(*item.frame.frame));
+  if (!ready_for(format, item.frame.rate, time_ns, bytes_of_picture)) {
     ++refused_;
     ++segment_dropped_;
     return;
@@ -187,7 +196,8 @@ bool VideoLane::may_change(const PictureFormat& format, std::int64_t time_ns) {
   return false;
 }
 
-bool VideoLane::ready_for(const PictureFormat& format, Rational rate, std::int64_t time_ns) {
+bool VideoLane::ready_for(const PictureFormat& format, Rational rate, std::int64_t time_ns,
+                          double bytes_of_picture) {
   if (encoder_ && format == coded_format_) return true;
   if (left_out_until_ns_ && time_ns < *left_out_until_ns_) return false;
   if (refused_format_ && format == *refused_format_) return false;
@@ -209,7 +219,39 @@ bool VideoLane::ready_for(const PictureFormat& format, Rational rate, std::int64
   }
   refused_format_.reset();
   coded_format_ = format;
+  raw_bytes_per_second_ = bytes_of_picture * 1e9 / static_cast<double>(encoder_->frame_interval_ns());
   return true;
+}
+
+// Tried first, so that what cannot hold these pictures costs none of them.
+void VideoLane::take_profile(const PictureFormat& format, Rational rate, std::int64_t time_ns) {
+  if (profile_changes_.refused_until(time_ns)) return;  // asked for again with the next picture
+  Profile wanted = wanted_profile_;
+  VideoProfile changed = profile_;
+  changed.profile = wanted;
+  try {
+    const VideoEncoder tried(format, rate, changed);
+  } catch (const Error& error) {
+    wanted_profile_.compare_exchange_strong(wanted, profile_.profile);
+    report("goes on as " + std::string(profile_name(profile_.profile)) + ": " + error.what());
+    if (profile_refused_) profile_refused_(name(), changed.profile, error.what());
+    return;
+  }
+  if (encoder_) {
+    while (media::Frame held = encoder_->drain()) record(std::move(held));
+    write_audio(audio_.drain());
+    end_segment(time_ns);
+    forget_encoder();
+  }
+  if (changed.in_transport_stream() != profile_.in_transport_stream()) {
+    std::swap(muxer_, resting_muxer_);
+    if (!muxer_) muxer_ = make_muxer(changed);
+  }
+  audio_.change_profile(changed.profile);
+  // What one form cannot hold another may.
+  refused_format_.reset();
+  profile_ = changed;
+  used_profile_ = changed.profile;
 }
 
 void VideoLane::record(media::Frame prepared) {
@@ -229,7 +271,7 @@ void VideoLane::record(media::Frame prepared) {
 void VideoLane::begin_segment(std::int64_t time_ns, std::int64_t first_pts) {
   const MuxedStream pictures = encoder_->muxed_stream();
   const SegmentTime stated = muxer_->stated(first_pts, pictures.time_base);
-  output_.begin(time_ns, stated.pts, stated.time_base);
+  output_.begin(time_ns, stated.pts, stated.time_base, profile_name(profile_.profile));
   segmenter_.segment_began(time_ns);
   std::vector<MuxedStream> streams{pictures};
   if (const std::optional<MuxedStream> audio = audio_.begin_segment()) streams.push_back(*audio);

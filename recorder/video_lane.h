@@ -3,7 +3,9 @@
 #pragma once
 
 #include <atomic>
+#include <functional>
 #include <memory>
+#include <string>
 #include <thread>
 
 #include "recorder/audio_track.h"
@@ -26,6 +28,18 @@ class VideoLane : public Lane {
             std::size_t queue_bytes, std::unique_ptr<Source> microphone = nullptr);
   ~VideoLane() override;
 
+  /// Called from the lane's thread where pictures cannot be archived in the form that was asked for: they go
+  /// on as they were. Given before start().
+  using ProfileRefused =
+      std::function<void(const std::string& stream, Profile asked, const std::string& why)>;
+  void on_profile_refused(ProfileRefused told) { profile_refused_ = std::move(told); }
+  /// From the next picture on, with which a segment begins, pictures are archived in that form; those before
+  /// it end where it begins. Asked for again and again within seconds, the last one counts, a little later.
+  /// Returns at once. Thread-safe.
+  void change_profile(Profile profile) { wanted_profile_ = profile; }
+  /// What was asked for last, or is in use. Thread-safe.
+  [[nodiscard]] Profile wanted_profile() const { return wanted_profile_; }
+
   void start() override;
   void stop() override { supervisor_.stop(); }
   void finish(std::int64_t close_ns) override;
@@ -44,9 +58,11 @@ class VideoLane : public Lane {
   void take(const AudioLost& lost);
   /// Whether there is an encoder for pictures like these, of which one of `time_ns` is the next; makes one if
   /// not.
-  bool ready_for(const PictureFormat& format, Rational rate, std::int64_t time_ns);
+  bool ready_for(const PictureFormat& format, Rational rate, std::int64_t time_ns, double bytes_of_picture);
   /// Of pictures that have changed: whether they may, after how often they did.
   bool may_change(const PictureFormat& format, std::int64_t time_ns);
+  /// To wanted_profile_, with the picture of `time_ns`.
+  void take_profile(const PictureFormat& format, Rational rate, std::int64_t time_ns);
   void record(media::Frame prepared);
   void begin_segment(std::int64_t time_ns, std::int64_t first_pts);
   void seal_in_time(std::int64_t time_ns);
@@ -68,10 +84,13 @@ class VideoLane : public Lane {
   void fail(const std::exception& error);
 
   const LaneContext context_;
-  const VideoProfile profile_;
+  VideoProfile profile_;  // the coding thread's
+  std::atomic<Profile> wanted_profile_, used_profile_;
+  ProfileRefused profile_refused_;
   StreamOutput output_;
   FrameQueue queue_;
   std::atomic<std::uint64_t> frames_ = 0, refused_ = 0;
+  std::atomic<double> raw_bytes_per_second_ = 0;
   std::atomic<std::int64_t> last_ns_ = 0;  // when the last frame ceased to be shown
 
   // The coding thread's; finish()'s when that has ended.
@@ -79,6 +98,8 @@ class VideoLane : public Lane {
   std::optional<SoundGaps> audio_gaps_;  // of a microphone
   Segmenter segmenter_;
   std::unique_ptr<SegmentMuxer> muxer_;
+  std::unique_ptr<SegmentMuxer> resting_muxer_;  // of the container that is not in use, if it was
+  ChangePace profile_changes_;
   std::unique_ptr<VideoEncoder> encoder_;
   PictureFormat coded_format_;
   std::optional<PictureFormat> refused_format_;

@@ -124,6 +124,7 @@ void read_recording(const toml::table& table, const std::string& file, Configura
       throw UsageError("'source_timeout' is '" + text + "': it must be between 100ms and 1m");
     into.source_timeout = duration;
   });
+  static_cast<void>(reader.find("profile_for"));  // read_profile_rules()
   reader.refuse_unknown_keys();
 }
 
@@ -194,6 +195,7 @@ Configuration parse_configuration(std::string_view text, const std::string& name
     read_authorities(*node, top, name_for_errors, configuration);
   read_daemon(top, configuration);
   read_rooms(top, configuration);
+  read_profile_rules(top, configuration);
   read_retention_rules(top, configuration.retention);
   static_cast<void>(read_viewer(top));  // whether it is good; kirokud alone needs it (viewer_configuration.h)
   top.refuse_unknown_keys();

@@ -35,6 +35,7 @@ struct Configuration {
   std::chrono::nanoseconds source_timeout = std::chrono::seconds(5);
   std::map<std::string, std::string> recipients;  // stream to recipients file, relative to the home
   std::vector<AuthorityConfiguration> authorities;
+  std::vector<ProfileForConfiguration> profile_for;
   // Of an unattended recorder.
   std::vector<RoomConfiguration> rooms;
   DaemonConfiguration daemon;

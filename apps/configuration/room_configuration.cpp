@@ -77,6 +77,12 @@ StreamConfiguration read_stream(const toml::table& table, const TableReader& in,
   return stream;
 }
 
+std::vector<std::string> not_empty(const std::vector<std::string>& texts, const std::string& key) {
+  if (texts.empty() || std::ranges::any_of(texts, [](const std::string& text) { return text.empty(); }))
+    throw UsageError("'" + key + "' must hold texts that are not empty");
+  return texts;
+}
+
 recorder::FootswitchOptions read_footswitch(const toml::table& table, const TableReader& in) {
   recorder::FootswitchOptions footswitch;
   TableReader reader(table, "[[room.footswitch]]", in.file());
@@ -92,13 +98,23 @@ recorder::FootswitchOptions read_footswitch(const toml::table& table, const Tabl
   bool stated = false;
   reader.text("press", [&](const std::string& text) {
     using recorder::PressAction;
-    for (const PressAction action :
-         {PressAction::kStart, PressAction::kStop, PressAction::kStartStop, PressAction::kMark}) {
+    for (const PressAction action : {PressAction::kStart, PressAction::kStop, PressAction::kStartStop,
+                                     PressAction::kMark, PressAction::kProfile}) {
       if (text != recorder::press_action_name(action)) continue;
       footswitch.action = action;
       stated = true;
     }
-    if (!stated) throw UsageError("'press' is '" + text + "': it must be start, stop, start-stop or mark");
+    if (!stated)
+      throw UsageError("'press' is '" + text + "': it must be start, stop, start-stop, mark or profile");
+  });
+  bool to_profile = false;
+  reader.text("profile", [&](const std::string& text) {
+    require_profile(text);
+    footswitch.profile = *recorder::parse_profile(text);
+    to_profile = true;
+  });
+  reader.texts("streams", [&](const std::vector<std::string>& texts) {
+    footswitch.streams = not_empty(texts, "streams");
   });
   reader.text("mark", [&](const std::string& text) {
     if (text.empty()) throw UsageError("'mark' is empty: say what a press marks");
@@ -107,6 +123,10 @@ recorder::FootswitchOptions read_footswitch(const toml::table& table, const Tabl
   reader.refuse_unknown_keys();
   if (footswitch.device.empty() || footswitch.key == 0 || !stated) {
     reader.refuse(table.source(), "a [[room.footswitch]] needs a 'device', a 'key' and what a 'press' does");
+  }
+  if (to_profile != (footswitch.action == recorder::PressAction::kProfile)) {
+    reader.refuse(table.source(),
+                  "a [[room.footswitch]] has a 'profile' where its press is \"profile\", and only there");
   }
   return footswitch;
 }
@@ -182,11 +202,77 @@ RoomConfiguration read_room(const toml::table& table, const TableReader& top, co
       reader.refuse(entry.source(), "there are two streams named '" + stream.name + "' in this room");
     room.streams.push_back(std::move(stream));
   });
+  for (const recorder::FootswitchOptions& footswitch : room.footswitches) {
+    for (const std::string& name : footswitch.streams) {
+      const bool known = std::ranges::any_of(
+          room.streams, [&](const auto& stream) { return stream.is_video && stream.name == name; });
+      if (!known)
+        reader.refuse(table.source(),
+                      "a footswitch names the stream '" + name + "', which is no video stream of this room");
+    }
+  }
   reader.refuse_unknown_keys();
   if (room.name.empty()) reader.refuse(table.source(), "a [[room]] needs a 'name'");
   if (!room.rules.start_on_signal.empty()) require_signal(room, reader);
   if (room.streams.empty()) reader.refuse(table.source(), "a [[room]] needs at least one [[room.stream]]");
   return room;
+}
+
+/// Whether a room that the rule is for records pictures as such a stream; where no room is configured, nobody
+/// knows.
+bool may_be_recorded(const ProfileForConfiguration& rule, const std::string& stream,
+                     const Configuration& configuration) {
+  const auto is_it = [&](const StreamConfiguration& one) { return one.is_video && one.name == stream; };
+  return configuration.rooms.empty() ||
+         std::ranges::any_of(configuration.rooms, [&](const RoomConfiguration& room) {
+           const bool meant =
+               rule.rooms.empty() || std::ranges::find(rule.rooms, room.name) != rule.rooms.end();
+           return meant && std::ranges::any_of(room.streams, is_it);
+         });
+}
+
+ProfileForConfiguration read_profile_rule(const toml::table& table, const TableReader& in,
+                                          const Configuration& configuration) {
+  ProfileForConfiguration read;
+  recorder::ProfileRule& rule = read.rule;
+  TableReader reader(table, "[[recording.profile_for]]", in.file());
+  reader.text("name", [&](const std::string& text) {
+    require_name(text);
+    rule.name = text;
+  });
+  reader.texts("words",
+               [&](const std::vector<std::string>& texts) { rule.words = not_empty(texts, "words"); });
+  reader.texts("codes",
+               [&](const std::vector<std::string>& texts) { rule.codes = not_empty(texts, "codes"); });
+  bool stated = false;
+  reader.text("profile", [&](const std::string& text) {
+    require_profile(text);
+    rule.profile = *recorder::parse_profile(text);
+    stated = true;
+  });
+  reader.texts("rooms", [&](const std::vector<std::string>& texts) {
+    read.rooms = not_empty(texts, "rooms");
+    for (const std::string& name : read.rooms) {
+      const bool known =
+          std::ranges::any_of(configuration.rooms, [&](const auto& room) { return room.name == name; });
+      if (!known) throw UsageError("'rooms' names '" + name + "', and there is no [[room]] of that name");
+    }
+  });
+  reader.texts("streams", [&](const std::vector<std::string>& texts) {
+    rule.streams = not_empty(texts, "streams");
+    for (const std::string& name : rule.streams) {
+      if (!may_be_recorded(read, name, configuration))
+        throw UsageError("'streams' names '" + name + "', which is no video stream of these rooms");
+    }
+  });
+  reader.refuse_unknown_keys();
+  if (rule.name.empty()) reader.refuse(table.source(), "a [[recording.profile_for]] needs a 'name'");
+  if (!stated) reader.refuse(table.source(), "a [[recording.profile_for]] needs a 'profile'");
+  if (rule.words.empty() && rule.codes.empty()) {
+    reader.refuse(table.source(),
+                  "a [[recording.profile_for]] needs 'words' or 'codes': of which procedures it is");
+  }
+  return read;
 }
 
 /// Without sign-in nobody but this machine's own programs may come.
@@ -224,6 +310,35 @@ void read_rooms(TableReader& top, Configuration& into) {
     if (twice) top.refuse(entry.source(), "there are two rooms named '" + room.name + "'");
     into.rooms.push_back(std::move(room));
   });
+}
+
+void read_profile_rules(TableReader& top, Configuration& into) {
+  const toml::table* recording = top.table("recording");
+  if (recording == nullptr) return;
+  TableReader reader(*recording, "[recording]", top.file());
+  for_each_table(reader, "profile_for", [&](const toml::table& entry) {
+    ProfileForConfiguration read = read_profile_rule(entry, reader, into);
+    const bool twice = std::ranges::any_of(
+        into.profile_for, [&](const auto& other) { return other.rule.name == read.rule.name; });
+    if (twice)
+      reader.refuse(entry.source(), "there are two [[recording.profile_for]] named '" + read.rule.name + "'");
+    into.profile_for.push_back(std::move(read));
+  });
+}
+
+std::vector<recorder::ProfileRule> profile_rules_for(const Configuration& configuration,
+                                                     const std::string& room,
+                                                     const std::vector<std::string>& streams) {
+  std::vector<recorder::ProfileRule> rules;
+  for (const ProfileForConfiguration& each : configuration.profile_for) {
+    if (!each.rooms.empty() && std::ranges::find(each.rooms, room) == each.rooms.end()) continue;
+    recorder::ProfileRule rule = each.rule;
+    std::erase_if(rule.streams,
+                  [&](const std::string& name) { return std::ranges::find(streams, name) == streams.end(); });
+    if (rule.streams.empty() && !each.rule.streams.empty()) continue;
+    rules.push_back(std::move(rule));
+  }
+  return rules;
 }
 
 void read_daemon(TableReader& top, Configuration& into) {

@@ -11,6 +11,7 @@
 #include "apps/configuration/procedure_configuration.h"
 #include "recorder/daemon/room.h"
 #include "recorder/encoder/video_profile.h"
+#include "recorder/procedure/profile_rules.h"
 
 namespace kiroku::apps {
 
@@ -36,6 +37,18 @@ struct RoomConfiguration {
   std::vector<recorder::FootswitchOptions> footswitches;
 };
 
+/// One [[recording.profile_for]].
+struct ProfileForConfiguration {
+  recorder::ProfileRule rule;
+  std::vector<std::string> rooms;  // none: every room, and `kiroku record`
+};
+
+/// The rules for a room ("": for `kiroku record`) that records these streams of pictures; of their streams
+/// those that there are.
+std::vector<recorder::ProfileRule> profile_rules_for(const Configuration& configuration,
+                                                     const std::string& room,
+                                                     const std::vector<std::string>& streams);
+
 /// [daemon].
 struct DaemonConfiguration {
   std::string socket;          // of the control; empty: control.sock in the home
@@ -56,5 +69,7 @@ recorder::VideoProfile default_video_profile(const Configuration& configuration)
 /// line and column.
 void read_rooms(TableReader& top, Configuration& into);
 void read_daemon(TableReader& top, Configuration& into);
+/// [[recording.profile_for]]; rooms must have been read.
+void read_profile_rules(TableReader& top, Configuration& into);
 
 }  // namespace kiroku::apps

@@ -20,7 +20,7 @@ using nlohmann::json;
 using nlohmann::ordered_json;
 
 struct Request {
-  std::optional<std::string> home, room, subject, plan;
+  std::optional<std::string> home, room, subject, plan, camera, why;
   std::string text;
   bool no_wait = false, json = false;
 };
@@ -34,8 +34,17 @@ int ask(const Request& request, json question, const std::string& done) {
   } else {
     std::cout << "room " << answer.value("room", "") << ": " << done << " " << answer.value("case", "")
               << "\n";
+    if (const std::string warning = answer.value("warning", ""); !warning.empty())
+      print_error("kiroku", "warning: " + warning);
   }
   return kDone;
+}
+
+int change_profile(const Request& request) {
+  json question{{"do", "profile"}, {"profile", request.text}};
+  if (request.camera) question["stream"] = *request.camera;
+  if (request.why) question["why"] = *request.why;
+  return ask(request, question, "from here on " + request.text + ":");
 }
 
 int start(const Request& request) {
@@ -62,7 +71,8 @@ void add_room(Command& command, const std::shared_ptr<Request>& request) {
 }  // namespace
 
 void add_case_command(Command& program) {
-  Command& command = program.add_command("case", "starts, stops and marks cases of the running kirokud");
+  Command& command = program.add_command(
+      "case", "starts, stops and marks cases of the running kirokud, and changes their profile");
   {
     Command& one = command.add_command("start", "begins a case");
     const auto request = std::make_shared<Request>();
@@ -95,6 +105,25 @@ void add_case_command(Command& program) {
     add_room(one, request);
     one.example("kiroku case mark --room or-1 'clip placed'", "marks this moment");
     one.on_run([request] { return ask(*request, {{"do", "mark"}, {"text", request->text}}, "marked in"); });
+  }
+  {
+    Command& one = command.add_command("profile", "archives pictures of the case that runs in another form");
+    const auto request = std::make_shared<Request>();
+    one.choice_argument("PROFILE", {"mpeg2", "uncompressed", "lossless"}, request->text, "in which form");
+    one.option("--camera", "STREAM", request->camera, "which stream of pictures", "all of them");
+    one.option("--why", "TEXT", request->why, "sealed with the case, only recipients can read it");
+    add_room(one, request);
+    one.explain(
+        "From the next picture on. A segment ends there and another one begins; no picture is lost or stands "
+        "there twice. The ledger states of each segment in which form it is, and an event who decided so, "
+        "when "
+        "and why. While a source is away, it holds from its next picture on. Pictures that cannot be "
+        "archived "
+        "in that form go on as they were, and the status says so.");
+    one.example("kiroku case profile lossless --camera endoscope --why 'resection begins'",
+                "from here on without loss");
+    one.example("kiroku case profile mpeg2 --room or-1", "back again");
+    one.on_run([request] { return change_profile(*request); });
   }
 }
 

@@ -131,6 +131,22 @@ std::optional<Bytes> listed_subject(const recorder::WorklistOptions& worklist) {
   return {};
 }
 
+/// By the rules of kiroku.toml that are for every room.
+void choose_profile(recorder::SessionOptions& options, const Configuration& configuration) {
+  std::vector<std::string> names;
+  for (const recorder::StreamRequest& stream : options.video) names.push_back(stream.name);
+  const auto choice = recorder::choose_profile(profile_rules_for(configuration, "", names), *options.subject);
+  if (!choice) return;
+  const recorder::ProfileRule& rule = choice->rule;
+  for (recorder::StreamRequest& stream : options.video) {
+    if (rule.streams.empty() || std::ranges::find(rule.streams, stream.name) != rule.streams.end())
+      stream.video.profile = rule.profile;
+  }
+  options.profile_decisions = {{rule.streams, rule.profile, "rule " + rule.name, choice->why}};
+  std::cerr << "rule " << rule.name << " archives pictures as " << recorder::profile_name(rule.profile)
+            << std::endl;
+}
+
 recorder::SessionOptions session_options(const Request& request, const Home& home,
                                          const Configuration& configuration) {
   recorder::SessionOptions options;
@@ -162,6 +178,7 @@ recorder::SessionOptions session_options(const Request& request, const Home& hom
   options.event_recipients = recipients.usual();
   if (request.subject) options.subject = load_subject(*request.subject);
   if (request.worklist) options.subject = listed_subject(worklist_of(configuration, *request.worklist));
+  if (options.subject && !request.profile) choose_profile(options, configuration);
   if (request.plan) options.plan = require_sealed(home, *request.plan);
   options.segment_duration =
       request.segment ? parse_segment_duration(*request.segment, "--segment") : configuration.segment;

@@ -58,6 +58,12 @@ void print_helper(const json& helper, const std::string& name, std::string& out)
   out += "  " + (helper.value("well", false) ? line : paint(Colour::kYellow, line)) + "\n";
 }
 
+/// "mpeg2"; "mpeg2, then lossless" while the picture is awaited with which that begins.
+std::string profile_text(const json& stream) {
+  const std::string to_come = printable(stream.value("profile_to_come", ""));
+  return printable(stream.value("profile", "")) + (to_come.empty() ? "" : ", then " + to_come);
+}
+
 void print_room(const json& room, std::string& out) {
   const std::string state = room.value("state", "");
   const bool recording = state == "recording";
@@ -84,16 +90,19 @@ void print_room(const json& room, std::string& out) {
   }
   if (recording) {
     std::vector<std::vector<std::string>> rows{
-        {"stream", "", "recorded", "lost", "segments", "size", "last", "on disk to"}};
+        {"stream", "", "as", "recorded", "lost", "segments", "size", "last", "on disk to"}};
     for (const json& stream : room["streams"]) {
       const bool live = stream.value("live", false);
       const bool stale = stream.value("age_ms", std::int64_t{0}) > kStaleMilliseconds;
       rows.push_back({printable(stream.value("name", "")), live && !stale ? "live" : "SILENT",
-                      std::to_string(stream.value("frames", 0)), std::to_string(stream.value("dropped", 0)),
-                      std::to_string(stream.value("segments", 0)), format_bytes(stream.value("bytes", 0ULL)),
-                      age(stream, "age_ms") + " ago", age(stream, "durable_age_ms") + " ago"});
+                      profile_text(stream), std::to_string(stream.value("frames", 0)),
+                      std::to_string(stream.value("dropped", 0)), std::to_string(stream.value("segments", 0)),
+                      format_bytes(stream.value("bytes", 0ULL)), age(stream, "age_ms") + " ago",
+                      age(stream, "durable_age_ms") + " ago"});
     }
-    out += format_table(rows, "llrrrrrr", 2);
+    out += format_table(rows, "lllrrrrrr", 2);
+    if (const std::string rule = room.value("profile_rule", ""); !rule.empty())
+      out += "  profile chosen by rule " + printable(rule) + "\n";
     for (const json& stream : room["streams"]) {
       if (const auto refused = stream.value("refused", std::uint64_t{0}); refused > 0) {
         out += "  " +

@@ -543,6 +543,11 @@ int run(const Request& request) {
                                     setup.viewer.listen.empty() ? nullptr : &looking_on));
     options.rooms.back().procedure = procedure_of(room, inboxes);
     options.rooms.back().footswitches = room.footswitches;
+    std::vector<std::string> pictures;
+    for (const StreamConfiguration& stream : room.streams) {
+      if (stream.is_video) pictures.push_back(stream.name);
+    }
+    options.rooms.back().profile_rules = profile_rules_for(configuration, room.name, pictures);
     resumption.apply(options.rooms.back());
   }
   std::string reason;

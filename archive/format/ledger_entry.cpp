@@ -29,6 +29,7 @@ constexpr std::array<Names<GapCause>, 8> kGapCauses{{{GapCause::kSignalLost, "si
                                                      {GapCause::kSuspended, "suspended"},
                                                      {GapCause::kInterrupted, "interrupted"}}};
 constexpr std::array<std::string_view, 4> kKinds{"video", "audio", "vitals", "events"};
+constexpr std::array<std::string_view, 3> kPictureProfiles{"mpeg2", "uncompressed", "lossless"};
 constexpr std::array<std::string_view, 2> kTimings{"arrival", "source"};
 constexpr std::array<std::string_view, 2> kRecoveryReasons{"power-loss", "crash"};
 
@@ -171,6 +172,7 @@ SegmentEntry read_segment(JsonFields& fields) {
   segment.file = read_file(fields);
   segment.span = read_span(fields);
   segment.complete = fields.flag("complete");
+  if (fields.has("profile")) segment.profile = read_one_of(fields, "profile", kPictureProfiles);
   // All that only the recorder knew is there, or nothing of it.
   segment.counted = fields.has("first_pts") || fields.has("time_base") || fields.has("frames") ||
                     fields.has("samples") || fields.has("dropped");
@@ -394,6 +396,7 @@ void write(JsonWriter& line, const SegmentEntry& segment) {
         .count("dropped", segment.dropped);
   }
   line.flag("complete", segment.complete);
+  if (!segment.profile.empty()) line.text("profile", segment.profile);
 }
 
 void write(JsonWriter& line, const GapEntry& gap) {

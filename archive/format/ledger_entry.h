@@ -12,7 +12,8 @@
 //   segment       stream, index, file, bytes, sha256, start_ns, end_ns, first_pts, time_base, frames or
 //                 samples (exactly one), dropped, complete. Of a segment that recovery found, which nobody
 //                 without a key can look into, first_pts, time_base, frames or samples, and dropped are all
-//                 left out, and start_ns and end_ns are estimates
+//                 left out, and start_ns and end_ns are estimates. profile (optional): of pictures that
+//                 are archived in another form than `open` states of their stream
 //   gap           stream, start_ns, end_ns, cause
 //   clock         synchronised, offset_ns, error_ns, step_ns, rate_ppb (optional)
 //   token         checkpoint, authority, file, sha256, gen_time, accuracy_ns, serial, asked_ns and
@@ -116,6 +117,8 @@ struct SegmentEntry {
   /// False for what recovery found: only the recorder that died knew how many frames there are. Then
   /// first_pts, time_base, frames and dropped are empty and not written, and `span` is an estimate.
   bool counted = true;
+  /// "mpeg2", "uncompressed" or "lossless", where it is not the stream's; "": it is, or nobody knows.
+  std::string profile = {};
 };
 
 enum class GapCause {

@@ -309,7 +309,7 @@ class Recovery {
       entry.complete = found.complete;
       entry.counted = false;
       entry.file = make_durable(files_, found.path);
-      entry.file.file = segment_path(stream.info.name, found.index, stream.info.extension);
+      entry.file.file = found.whole;
       if (!found.complete) {
         entry.file.file += kPartSuffix;
         cut.push_back(stream.info.name + "/" + name + ", of which " +

@@ -4,6 +4,7 @@
 #include <optional>
 
 #include "archive/format/case_layout.h"
+#include "archive/format/segment_media.h"
 #include "archive/storage/file_system.h"
 #include "crypto/encoding.h"
 #include "crypto/secret.h"
@@ -42,8 +43,8 @@ StandbyFolder::StandbyFolder(FileSystem& files, const fs::path& archive,
   files_.make_folder(folder_);
   files_.make_folder(folder_ / kSegmentsFolder);
   for (const StreamInfo& stream : streams) {
-    streams_.push_back(stream.name);
-    extensions_.emplace_back(*extension_of_media(stream.media));
+    streams_.push_back(stream);
+    streams_.back().extension = *extension_of_media(stream.media);
     files_.make_folder(folder_ / kSegmentsFolder / stream.name);
   }
 }
@@ -56,9 +57,12 @@ StandbyFolder::~StandbyFolder() {
 }
 
 std::unique_ptr<SegmentWriter> StandbyFolder::begin_segment(std::size_t stream_index,
-                                                            std::uint64_t segment_index) {
-  const std::string relative =
-      segment_path(streams_.at(stream_index), segment_index, extensions_.at(stream_index));
+                                                            std::uint64_t segment_index,
+                                                            const std::string& profile) {
+  SegmentEntry begun;
+  begun.index = segment_index;
+  begun.profile = profile;
+  const std::string relative = file_of(streams_.at(stream_index), begun);
   return std::make_unique<SegmentWriter>(files_, folder_ / relative, relative, recipients_.at(stream_index));
 }
 

@@ -31,7 +31,9 @@ class StandbyFolder {
   StandbyFolder& operator=(const StandbyFolder&) = delete;
 
   /// A new segment file; numbered as in a case, from 0 for each stream.
-  std::unique_ptr<SegmentWriter> begin_segment(std::size_t stream_index, std::uint64_t segment_index);
+  /// `profile` as SegmentEntry::profile.
+  std::unique_ptr<SegmentWriter> begin_segment(std::size_t stream_index, std::uint64_t segment_index,
+                                               const std::string& profile = {});
   /// Where the file lies that commit() or salvage() returned.
   [[nodiscard]] std::filesystem::path path_of(const FileReference& file) const { return folder_ / file.file; }
   /// Removes a segment that no case will need. Throws kiroku::IoError.
@@ -40,7 +42,7 @@ class StandbyFolder {
  private:
   FileSystem& files_;
   std::filesystem::path folder_;
-  std::vector<std::string> streams_, extensions_;
+  std::vector<StreamInfo> streams_;
   std::vector<crypto::AgeRecipients> recipients_;
 };
 

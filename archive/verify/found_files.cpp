@@ -8,6 +8,7 @@
 #include <unistd.h>
 
 #include "archive/format/age_layout.h"
+#include "archive/format/segment_media.h"
 #include "archive/storage/file_system.h"
 #include "archive/verify/checkpoint_rules.h"
 #include "archive/verify/token_rules.h"
@@ -86,14 +87,15 @@ std::vector<FoundSegment> found_segments(const FileReading& files, const fs::pat
     if (!index || *index < first_index) {
       continue;
     }
-    const std::string whole =
-        fs::path(segment_path(stream.name, *index, stream.extension)).filename().string();
-    if (name == whole || name == whole + std::string(kPartSuffix)) {
+    for (const std::string& extension : extensions_of(stream)) {
+      const std::string path = segment_path(stream.name, *index, extension);
+      const std::string whole = fs::path(path).filename().string();
+      if (name != whole && name != whole + std::string(kPartSuffix)) continue;
       const std::optional<FileStatus> status = files.status(file);
       if (!status) {
         throw IoError("examine", file, ENOENT);
       }
-      found.push_back({*index, name == whole, file, status->last_change});
+      found.push_back({*index, name == whole, file, status->last_change, path});
     }
   }
   std::sort(found.begin(), found.end(), [](const FoundSegment& a, const FoundSegment& b) {

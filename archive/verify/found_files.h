@@ -21,6 +21,7 @@ struct FoundSegment {
   bool complete = false;  // it has its final name, so it was sealed to its end and durable
   std::filesystem::path path;
   UtcTime last_change;  // of the file's contents, by the wall clock
+  std::string whole;    // in the case, as it is called once it is complete
 };
 /// Segment files of the stream from `first_index` on, in order; those with a final name before parts.
 /// Throws kiroku::IoError.

@@ -7,6 +7,7 @@
 
 #include "archive/format/case_layout.h"
 #include "archive/format/excerpt_document.h"
+#include "archive/format/segment_media.h"
 
 namespace kiroku::archive {
 
@@ -48,12 +49,13 @@ StreamRules::StreamRules(StreamInfo info, bool whole_case, FindingList& findings
 bool StreamRules::take(const SegmentEntry& segment, std::uint64_t entry) {
   const std::string& name = report_.info.name;
   const Place place{segment.file.file, entry};
-  std::string file = segment_path(name, segment.index, report_.info.extension);
-  if (!segment.complete) {
-    file += kPartSuffix;
-  }
-  const bool named = segment.file.file == file;
-  if (!named) {
+  const std::string file = file_of(report_.info, segment);
+  const bool of_pictures = report_.info.kind == "video" || segment.profile.empty();
+  const bool named = segment.file.file == file && of_pictures;
+  if (!of_pictures) {
+    findings_->add("segment-name-differs", {std::string(kLedgerFile), entry},
+                   "entry " + digits(entry) + " states a profile of pictures, and " + name + " has none");
+  } else if (!named) {
     findings_->add(
         "segment-name-differs", {std::string(kLedgerFile), entry},
         "entry " + digits(entry) + " names a file \"" + segment.file.file + "\" where " + file + " must be");
@@ -360,8 +362,11 @@ void StreamRules::finish(std::optional<Span> recorded, std::optional<std::int64_
 
 bool StreamRules::erased(std::uint64_t index) const { return erased_.contains(index); }
 
-std::string StreamRules::next_file(std::uint64_t further) const {
-  return segment_path(report_.info.name, next_index_.value_or(0) + further, report_.info.extension);
+std::vector<std::string> StreamRules::next_files(std::uint64_t further) const {
+  std::vector<std::string> files;
+  for (const std::string& extension : extensions_of(report_.info))
+    files.push_back(segment_path(report_.info.name, next_index_.value_or(0) + further, extension));
+  return files;
 }
 
 bool StreamRules::may_be_left_over(const std::string& path) const {
@@ -379,8 +384,12 @@ bool StreamRules::has_name(const std::string& path) const { return index_of(path
 std::optional<std::uint64_t> StreamRules::index_of(const std::string& path) const {
   const std::string number = std::filesystem::path(path).filename().string();
   const std::optional<std::uint64_t> index = parse_index(number.substr(0, number.find('.')));
-  return index && path == segment_path(report_.info.name, *index, report_.info.extension) ? index
-                                                                                          : std::nullopt;
+  if (!index) return std::nullopt;
+  const std::vector<std::string> extensions = extensions_of(report_.info);
+  const bool is_its_own = std::ranges::any_of(extensions, [&](const std::string& extension) {
+    return path == segment_path(report_.info.name, *index, extension);
+  });
+  return is_its_own ? index : std::nullopt;
 }
 
 bool StreamRules::shows_all_of(std::int64_t from_ns, std::int64_t to_ns, const LinesShown& lines) const {

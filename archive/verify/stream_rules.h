@@ -60,8 +60,8 @@ class StreamRules {
   [[nodiscard]] bool erased(std::uint64_t index) const;
   /// The file of an erased segment is not there.
   void count_erased() { ++report_.erased_segments; }
-  /// The file name of the segment that comes next, or so many later, complete.
-  [[nodiscard]] std::string next_file(std::uint64_t further) const;
+  /// What the file of the segment that comes next, or so many later, may be called, complete.
+  [[nodiscard]] std::vector<std::string> next_files(std::uint64_t further) const;
   /// Whether a file that no entry names may be a segment that could not be made durable, so that nothing is
   /// claimed of it: a part, or whole, of an index that comes next or later, of a stream whose last word is a
   /// gap.

@@ -284,8 +284,14 @@ class CaseVerification {
       }
     }
     for (const auto& [name, stream] : rules_.streams()) {
-      for (std::uint64_t further = 0; regular.contains(stream.next_file(further)); ++further) {
-        not_entered_.insert(stream.next_file(further));
+      bool follows = true;
+      for (std::uint64_t further = 0; follows; ++further) {
+        follows = false;
+        for (const std::string& file : stream.next_files(further)) {
+          if (follows || !regular.contains(file)) continue;
+          not_entered_.insert(file);
+          follows = true;
+        }
       }
     }
   }

@@ -2,6 +2,7 @@
 
 #include "archive/format/case_folder.h"
 #include "archive/format/case_layout.h"
+#include "archive/format/segment_media.h"
 #include "archive/verify/token_rules.h"
 #include "archive/writing/appliance_log.h"
 #include "archive/writing/case_writer_state.h"
@@ -48,13 +49,17 @@ std::uint64_t CaseWriter::unsigned_bytes() const { return state_->unsigned_bytes
 bool CaseWriter::opening_vouched() const { return state_->opening_vouched; }
 
 std::unique_ptr<SegmentWriter> CaseWriter::begin_segment(std::size_t stream_index,
-                                                         std::uint64_t segment_index) {
+                                                         std::uint64_t segment_index,
+                                                         const std::string& profile) {
   const State::Stream& stream = state_->streams.at(stream_index);
   if (stream.recipients.empty()) {
     throw UsageError("case " + state_->case_id +
                      " was taken up again to be brought to its end: nothing more is recorded in it");
   }
-  const std::string relative = segment_path(stream.info.name, segment_index, stream.info.extension);
+  SegmentEntry begun;
+  begun.index = segment_index;
+  begun.profile = profile;
+  const std::string relative = file_of(stream.info, begun);
   const fs::path path = state_->folder / relative;
   if (state_->files.exists(path)) {
     throw UsageError("there is a segment " + path.string() + " already: segments are written once");
@@ -65,11 +70,7 @@ std::unique_ptr<SegmentWriter> CaseWriter::begin_segment(std::size_t stream_inde
 void CaseWriter::take_in(SegmentEntry& segment, const fs::path& from) {
   State& state = *state_;
   state.refuse_unless_writable();
-  std::string relative =
-      segment_path(segment.stream, segment.index, state.stream(segment.stream).info.extension);
-  if (!segment.complete) {
-    relative += kPartSuffix;
-  }
+  const std::string relative = file_of(state.stream(segment.stream).info, segment);
   const fs::path target = state.folder / relative;
   if (state.files.exists(target)) {
     throw UsageError("there is a segment " + target.string() + " already: segments are written once");
@@ -84,10 +85,7 @@ void CaseWriter::take_in(SegmentEntry& segment, const fs::path& from) {
 void CaseWriter::State::check_segment(const SegmentEntry& segment,
                                       std::map<std::string, std::uint64_t>& last_in_batch) {
   const Stream& its_stream = stream(segment.stream);
-  std::string expected = segment_path(segment.stream, segment.index, its_stream.info.extension);
-  if (!segment.complete) {
-    expected += kPartSuffix;
-  }
+  const std::string expected = file_of(its_stream.info, segment);
   if (segment.file.file != expected) {
     throw UsageError("segment " + std::to_string(segment.index) + " of " + segment.stream + " must be in " +
                      expected + ", not in " + segment.file.file);

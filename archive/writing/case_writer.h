@@ -87,8 +87,10 @@ class CaseWriter {
   /// `case-opened`. Without one a recorder had nothing but `open` in it; anybody could have made that.
   [[nodiscard]] bool opening_vouched() const;
 
-  /// A new segment file of stream `stream_index` (position in Options::streams). Thread-safe.
-  std::unique_ptr<SegmentWriter> begin_segment(std::size_t stream_index, std::uint64_t segment_index);
+  /// A new segment file of stream `stream_index` (position in Options::streams). `profile` as
+  /// SegmentEntry::profile. Thread-safe.
+  std::unique_ptr<SegmentWriter> begin_segment(std::size_t stream_index, std::uint64_t segment_index,
+                                               const std::string& profile = {});
 
   /// Moves a finished segment file that was recorded ahead of the case (archive/upkeep/standby_folder.h) to
   /// the place of `segment.index`, durably, and sets `segment.file.file`; it is entered by append(). Throws

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "archive/format/case_folder.h"
+#include "archive/format/segment_media.h"
 #include "base/ascii.h"
 #include "base/error.h"
 #include "media/export/remux_job.h"
@@ -27,10 +28,11 @@ constexpr std::size_t kLongestLineBytes = kMaximumVitalLineBytes;
 
 enum class Form { kTransportStream, kMatroska, kMp4, kLines, kTable };
 
-Form form_of(const archive::StreamInfo& stream, const std::filesystem::path& output) {
+Form form_of(const archive::StreamInfo& stream, const std::string& media,
+             const std::filesystem::path& output) {
   const std::string ending = lower_case(output.extension().string());
-  const bool transport_stream = stream.media == kTransportStreamMedia;
-  const bool pictures = transport_stream || stream.media == "video/x-matroska";
+  const bool transport_stream = media == kTransportStreamMedia;
+  const bool pictures = transport_stream || media == "video/x-matroska";
   const bool vitals = stream.kind == "vitals";
   const std::string fitting = transport_stream ? ".ts, .mkv or .mp4"
                               : pictures       ? ".mkv or .mp4"
@@ -91,12 +93,11 @@ class Export {
         options_(options),
         folder_(archive::CaseFolder::open(recording.folder())),
         stream_(recording.stream(options.stream)),
-        form_(form_of(stream_, options.output)),
-        segments_(recording.segments(options.stream, options.from_ns, options.to_ns)),
-        offset_(stamp_offset(recording.segments(options.stream, INT64_MIN, INT64_MAX))) {
-    if (options.pass_over_erased) {
-      std::erase_if(segments_, [&](const archive::SegmentEntry& each) { return recording.is_erased(each); });
-    }
+        segments_(segments_of(recording, options)),
+        media_(segments_.empty() ? stream_.media : archive::media_of(stream_, segments_.front())),
+        form_(form_of(stream_, media_, options.output)) {
+    const auto offsets = stamp_offsets(stream_, recording.segments(options.stream, INT64_MIN, INT64_MAX));
+    if (const auto found = offsets.find(media_); found != offsets.end()) offset_ = found->second;
     if (segments_.empty()) {
       throw UsageError("stream '" + options.stream + "' has nothing recorded in that time");
     }
@@ -111,6 +112,7 @@ class Export {
   }
 
   ExportResult run() {
+    refuse_change_of_profile();
     OutputFile output(options_.output, options_.overwrite);
     switch (form_) {
       case Form::kTransportStream:
@@ -135,6 +137,25 @@ class Export {
   }
 
  private:
+  static std::vector<archive::SegmentEntry> segments_of(const archive::CaseReader& recording,
+                                                        const ExportOptions& options) {
+    auto segments = recording.segments(options.stream, options.from_ns, options.to_ns);
+    if (options.pass_over_erased)
+      std::erase_if(segments, [&](const archive::SegmentEntry& each) { return recording.is_erased(each); });
+    return segments;
+  }
+
+  /// One file has pictures in one form.
+  void refuse_change_of_profile() const {
+    for (const archive::SegmentEntry& segment : segments_) {
+      if (archive::media_of(stream_, segment) == media_) continue;
+      throw FormatChanged("cannot join the segments of stream '" + stream_.name +
+                              "': its profile was changed while it was recorded; export the times before and "
+                              "after the change one by one (--from, --to)",
+                          segment.span.start_ns);
+    }
+  }
+
   SealedSegment open(const archive::SegmentEntry& segment) {
     try {
       return SealedSegment::open(folder_, segment, identities_, [this](std::uint64_t more) {
@@ -190,13 +211,13 @@ class Export {
   void remux(OutputFile& output, Container container) {
     RemuxTerms terms;
     terms.container = container;
-    terms.media = stream_.media;
+    terms.media = media_;
     terms.stream = "stream '" + stream_.name + "'";
     terms.output = options_.output.string();
     // What is written has the pictures as they were sealed, and tables of them.
     terms.most_bytes = 2 * total_bytes_ + kTables;
     terms.most_pictures = total_bytes_ / kSmallestPicture + kSmallestPicture;
-    terms.is_run = stream_.media == kTransportStreamMedia;
+    terms.is_run = media_ == kTransportStreamMedia;
     if (terms.is_run) {
       terms.shift = 0;  // moved already
     } else {
@@ -260,7 +281,7 @@ class Export {
         if (state.end == 0) continue;
         if (!state.times) {
           const Ticks shift =
-              shift_by([&] { return first_stamp_in_box(*state.segment, stream_.media, state.name); });
+              shift_by([&] { return first_stamp_in_box(*state.segment, media_, state.name); });
           const bool tells = form_ == Form::kTransportStream;
           state.times.emplace(shift, "stream '" + stream_.name + "'",
                               tells ? on_picture() : std::function<void(Ticks)>());
@@ -321,9 +342,10 @@ class Export {
   const ExportOptions& options_;
   archive::CaseFolder folder_;
   archive::StreamInfo stream_;
-  Form form_;
   std::vector<archive::SegmentEntry> segments_;
-  std::optional<Ticks> offset_;  // of the stream's time stamps
+  std::string media_;  // of the first of them
+  Form form_;
+  std::optional<Ticks> offset_;  // of the stream's time stamps in such media
   std::uint64_t done_bytes_ = 0, total_bytes_ = 0;
   ExportResult result_;
 };

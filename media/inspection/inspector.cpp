@@ -2,6 +2,7 @@
 
 #include <nlohmann/json.hpp>
 
+#include "archive/format/segment_media.h"
 #include "base/error.h"
 #include "crypto/hashed_source.h"
 #include "media/box/boxed_jobs.h"
@@ -33,7 +34,7 @@ constexpr std::chrono::hours kLongestCounting{1};
 std::uint64_t count_frames_boxed(BoxPool& boxes, const archive::StreamInfo& stream,
                                  const archive::SegmentEntry& entry, const SealedSegment& segment) {
   const nlohmann::json asked{
-      {"media", stream.media}, {"name", entry.file.file}, {"complete", entry.complete}};
+      {"media", media_of(stream, entry)}, {"name", entry.file.file}, {"complete", entry.complete}};
   const nlohmann::json counted = boxes.with([&](BoxedJobs& box) {
     return box.ask(kCountFrames, asked, [&](std::uint64_t) { return std::make_unique<Borrowed>(segment); },
                    entry.file.file, nullptr, {.whole = kLongestCounting});

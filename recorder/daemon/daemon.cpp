@@ -58,6 +58,8 @@ ordered_json stream_json(const StreamStatus& stream, std::int64_t now_ns) {
           {"durable_age_ms", std::llround(milliseconds_since(stream.durable_ns))},
           {"input", stream.input},
           {"unboxed", stream.unboxed},
+          {"profile", stream.profile},
+          {"profile_to_come", stream.profile_to_come},
           {"stuck", stream.stuck},
           {"given_up", stream.given_up}};
 }
@@ -126,6 +128,18 @@ std::optional<Bytes> subject_of(const json& request, const Room& room) {
       "this procedure is not on the list any more, or was changed there: look at the list again");
 }
 
+ProfileDecision profile_decision_of(const json& request) {
+  ProfileDecision decision;
+  const std::string asked = required_text(request, "profile");
+  const auto profile = parse_profile(asked);
+  if (!profile) throw UsageError("'" + asked + "' is no profile: it must be mpeg2, uncompressed or lossless");
+  decision.profile = *profile;
+  if (request.contains("stream")) decision.streams = {required_text(request, "stream")};
+  if (request.contains("why")) decision.why = required_text(request, "why");
+  decision.by = request.contains("by") ? required_text(request, "by") : "operator";
+  return decision;
+}
+
 ordered_json procedures_json(const Room& room) {
   ordered_json all = ordered_json::array();
   for (const ProcedureData& data : room.procedures()) {
@@ -192,6 +206,8 @@ struct Daemon::State {
         asked.action == PressAction::kStart || (asked.action == PressAction::kStartStop && !is_busy(state));
     if (asked.action == PressAction::kMark) {
       room.mark(asked.mark);
+    } else if (asked.action == PressAction::kProfile) {
+      room.change_profile({asked.streams, asked.profile, "footswitch", ""});
     } else if (starts) {
       room.start("footswitch");
     } else {
@@ -222,6 +238,26 @@ struct Daemon::State {
           rate_of(rooms[i]->name(), status.bytes_per_second, status.last_bytes_per_second, configured[i]));
     }
     return disk_hours(disk.free_bytes, rates);
+  }
+
+  /// What a room will write now that its profile was changed, before it is measured: where the disk is full
+  /// soon, a sentence. "" where it is not, or nobody can tell.
+  [[nodiscard]] std::string disk_warning(const Room& changed) const {
+    double rate = 0;
+    for (const std::unique_ptr<Room>& one : rooms) {
+      const RoomStatus status = one->status();
+      rate += one.get() == &changed ? bytes_per_second_to_come(status.session) : status.bytes_per_second;
+    }
+    if (rate <= 0) return "";
+    constexpr double kSecondsPerHour = 3600;
+    const double hours = static_cast<double>(disk_of(options.archive).free_bytes) / rate / kSecondsPerHour;
+    if (hours >= options.warn_below_hours) return "";
+    std::ostringstream sentence;
+    sentence.precision(2);
+    sentence << "with this profile the disk of " << options.archive.string() << " is full in about " << hours
+             << " hours: make room, or change back in time";
+    if (options.listener.warn) options.listener.warn("room " + changed.name() + ": " + sentence.str());
+    return sentence.str();
   }
 
   [[nodiscard]] ordered_json disk_json() const {
@@ -267,6 +303,7 @@ struct Daemon::State {
             {"not_resumed", status.not_resumed},
             {"ended_by_error", status.ended_by_error},
             {"subject", subject_state_name(status.subject)},
+            {"profile_rule", status.profile_rule},
             {"procedure", procedure},
             {"elapsed_ns", status.session.now_ns - status.session.begins_ns},
             {"now_ns", status.session.now_ns},
@@ -337,12 +374,19 @@ ordered_json Daemon::handle(const json& request) {
   if (what == "stop") {
     return {{"room", room.name()}, {"case", room.stop("operator", request.value("wait", true))}};
   }
+  if (what == "profile") {
+    room.change_profile(profile_decision_of(request));
+    ordered_json reply{{"room", room.name()}, {"case", room.status().case_id}};
+    if (const std::string warning = state_->disk_warning(room); !warning.empty()) reply["warning"] = warning;
+    return reply;
+  }
   if (what == "mark") {
     room.mark(required_text(request, "text"));
     return {{"room", room.name()}, {"case", room.status().case_id}};
   }
-  throw UsageError("'" + what +
-                   "' is nothing a recorder can do: status, start, stop, mark, subject or procedures");
+  throw UsageError(
+      "'" + what +
+      "' is nothing a recorder can do: status, start, stop, mark, profile, subject or procedures");
 }
 
 ordered_json Daemon::hook(const std::string& name, const std::string& action, const std::string& body) {

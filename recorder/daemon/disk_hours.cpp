@@ -30,6 +30,19 @@ std::optional<double> configured_bytes_per_second(const std::vector<VideoProfile
   return bits * kOverhead / kBitsPerByte;
 }
 
+double bytes_per_second_to_come(const SessionStatus& session) {
+  constexpr double kLosslessShare = 0.6;
+  constexpr double kMpeg2Bytes = 4e6 * kOverhead / kBitsPerByte;
+  double rate = 0;
+  for (const StreamStatus& stream : session.streams) {
+    const std::string& profile = stream.profile_to_come.empty() ? stream.profile : stream.profile_to_come;
+    if (profile == profile_name(Profile::kUncompressed)) rate += stream.raw_bytes_per_second;
+    if (profile == profile_name(Profile::kLossless)) rate += kLosslessShare * stream.raw_bytes_per_second;
+    if (profile == profile_name(Profile::kMpeg2)) rate += kMpeg2Bytes;
+  }
+  return rate;
+}
+
 RoomRate rate_of(std::string room, double now, double last_case, std::optional<double> configured) {
   if (now > 0) return {std::move(room), Known::kNow, now};
   if (last_case > 0) return {std::move(room), Known::kLastCase, last_case};

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "recorder/encoder/video_profile.h"
+#include "recorder/session.h"
 
 namespace kiroku::recorder {
 
@@ -25,6 +26,10 @@ struct RoomRate {
 /// Bytes in a second on the disk, containers and sealing included; nothing where a profile has no bit rate,
 /// or there is no video.
 std::optional<double> configured_bytes_per_second(const std::vector<VideoProfile>& videos);
+/// Of a session whose streams of pictures have the profiles that they have or will have next, at most: FFV1
+/// leaves of real pictures 30 to 60 % (docs/results/performance.md). MPEG-2 counts
+/// with the usual 4 Mbit/s.
+double bytes_per_second_to_come(const SessionStatus& session);
 /// The best that is known of a room. `now` and `last_case` are bytes in a second, 0 where there is none. A
 /// room that rests counts with what its last case wrote, so that the figure does not jump when a case begins
 /// or ends.

@@ -102,6 +102,8 @@ std::string_view press_action_name(PressAction action) {
       return "start-stop";
     case PressAction::kMark:
       return "mark";
+    case PressAction::kProfile:
+      return "profile";
   }
   return "";
 }

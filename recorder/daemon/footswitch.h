@@ -7,13 +7,16 @@
 #include <memory>
 #include <string>
 #include <string_view>
+#include <vector>
 
 #include "base/clock.h"
+#include "recorder/encoder/video_profile.h"
 
 namespace kiroku::recorder {
 
 /// What a press does to its room. kStartStop: begins a case where none runs, else ends it.
-enum class PressAction { kStart, kStop, kStartStop, kMark };
+/// kProfile: pictures are archived in another form from here on.
+enum class PressAction { kStart, kStop, kStartStop, kMark, kProfile };
 std::string_view press_action_name(PressAction action);
 
 struct FootswitchOptions {
@@ -22,7 +25,9 @@ struct FootswitchOptions {
   std::string device;
   std::uint16_t key = 0;  // KEY_… or BTN_… of linux/input-event-codes.h
   PressAction action = PressAction::kStartStop;
-  std::string mark = "footswitch";  // text of a mark
+  std::string mark = "footswitch";       // text of a mark
+  Profile profile = Profile::kLossless;  // of kProfile
+  std::vector<std::string> streams;      // of kProfile; none: all of pictures
   /// A press so soon after another is the same one: contacts bounce.
   std::chrono::nanoseconds bounce = std::chrono::milliseconds(300);
   /// A device that is not there, or was unplugged, is looked for again when its folder changes; and, should

@@ -9,6 +9,7 @@
 #include "archive/format/case_layout.h"
 #include "archive/format/line_reader.h"
 #include "archive/format/log_entry.h"
+#include "archive/format/segment_media.h"
 #include "archive/verify/found_files.h"
 #include "archive/writing/appliance_log.h"
 #include "base/error.h"
@@ -245,6 +246,7 @@ std::optional<Resumption> ResumptionPlanner::of(const std::string& room) {
   resumption.case_id = *later;
   resumption.earlier = facts->named;
   resumption.plan = facts->open.plan;
+  resumption.profiles = last_profiles_of(facts->cut.folder);
   resumption.reason = running->reason;
   resumption.within = rule->within;
   resumption.sealed_subject = sealed_subject_of(facts->cut.folder, facts->open,
@@ -278,6 +280,31 @@ std::optional<Bytes> sealed_subject_of(const fs::path& folder,
     tell("the subject of case " + folder.filename().string() + " cannot be carried over: " + error.what());
     return {};
   }
+}
+
+Profiles last_profiles_of(const fs::path& folder) {
+  Profiles profiles;
+  std::map<std::string, archive::StreamInfo> streams;
+  try {
+    const archive::FileOpening ledger = archive::CaseFolder::open(folder).open_file(archive::kLedgerFile);
+    if (!ledger.file) return {};
+    archive::LineReader reader(*ledger.file);
+    archive::LedgerLine line;
+    while (reader.next(line) && !line.torn && !line.too_long) {
+      if (!streams.empty() && !may_tell_of(line.text, "segment")) continue;
+      const archive::EntryParse parse = archive::parse_case_entry(line.text);
+      if (!parse.entry) return {};
+      if (const auto* open = std::get_if<archive::OpenEntry>(&parse.entry->body)) {
+        for (const archive::StreamInfo& stream : open->streams) streams[stream.name] = stream;
+      } else if (const auto* segment = std::get_if<archive::SegmentEntry>(&parse.entry->body)) {
+        const auto profile = parse_profile(archive::profile_of(streams[segment->stream], *segment));
+        if (profile && streams[segment->stream].kind == "video") profiles[segment->stream] = *profile;
+      }
+    }
+  } catch (const Error&) {
+    return {};
+  }
+  return profiles;
 }
 
 }  // namespace kiroku::recorder

@@ -17,6 +17,7 @@
 #include "archive/verify/carried_on.h"
 #include "base/bytes.h"
 #include "recorder/daemon/running_note.h"
+#include "recorder/encoder/video_profile.h"
 
 namespace kiroku::recorder {
 
@@ -29,12 +30,16 @@ struct MachineTime {
 };
 MachineTime machine_time();
 
+/// By stream of pictures.
+using Profiles = std::map<std::string, Profile>;
+
 /// A room's new case, and what it takes over.
 struct Resumption {
   std::string case_id;  // that the earlier case announces
   archive::CarriedOn earlier;
   std::optional<Bytes> sealed_subject;  // the earlier case's subject file, as it is
   std::optional<crypto::Sha256Digest> plan;
+  Profiles profiles;                     // in which its streams of pictures ended
   std::string reason;                    // why the operation's first case was begun
   std::chrono::nanoseconds recorded{0};  // by the operation's earlier cases
   std::chrono::nanoseconds within{0};    // it is tried for so long
@@ -66,6 +71,10 @@ std::optional<Bytes> sealed_subject_of(const std::filesystem::path& folder, cons
 /// The same where only the folder is known; nothing also where its ledger cannot be read.
 std::optional<Bytes> sealed_subject_of(const std::filesystem::path& folder,
                                        const std::function<void(const std::string& sentence)>& tell);
+
+/// In which form each stream of pictures of a case was archived last; nothing of one that holds no segment,
+/// or where the ledger cannot be read.
+Profiles last_profiles_of(const std::filesystem::path& folder);
 
 class ResumptionPlanner {
  public:

@@ -105,6 +105,7 @@ struct Room::State {
     std::optional<Bytes> subject;
     std::optional<crypto::Sha256Digest> sealed_plan;
     CaseIdentity identity;
+    Profiles profiles;         // of the case that it goes on with, as that ended
     std::string first_reason;  // why the operation's first case was begun
     std::promise<std::string> begun;
   };
@@ -180,6 +181,7 @@ struct Room::State {
     taken->reason = "resumed";
     taken->first_reason = resume->reason;
     taken->sealed_plan = resume->plan;
+    taken->profiles = resume->profiles;
     taken->identity = {resume->case_id, resume->earlier, resume->sealed_subject};
     return taken;
   }
@@ -196,6 +198,7 @@ struct Room::State {
     taken->reason = "after-error";
     taken->first_reason = again->first_reason;
     taken->sealed_plan = again->sealed_plan;
+    taken->profiles = again->profiles;
     taken->identity.case_id = archive::new_case_id(time.utc());
     taken->identity.sealed_subject = again->sealed_subject;
     return taken;
@@ -206,6 +209,7 @@ struct Room::State {
   std::string take_error(const std::string& case_id, std::chrono::nanoseconds lasted) {
     const auto tell = [this](const std::string& sentence) { tell_problem(sentence); };
     std::optional<Bytes> subject = sealed_subject_of(plan.session.archive / case_id, tell);
+    Profiles profiles = last_profiles_of(plan.session.archive / case_id);
     bool goes_on = false;
     {
       const std::lock_guard guard(mutex);
@@ -216,7 +220,7 @@ struct Room::State {
         // A disk that fails each case at once is not tried for ever.
         if (!after_error_too || lasted >= ResumptionPlanner::kShortCase)
           again_before = time.now() + *plan.rules.resume_within;
-        again = Again{begun_for, plan_of_case, std::move(subject)};
+        again = Again{begun_for, plan_of_case, std::move(subject), std::move(profiles)};
       }
     }
     return goes_on ? "; nothing is recorded until another one is begun" + next_try()
@@ -342,8 +346,11 @@ struct Room::State {
     }
     std::string id;
     note_beginning(*taken);
+    std::vector<ProfileDecision> decisions;
     try {
-      id = running.begin(subject_of(*taken), taken->sealed_plan, taken->identity);
+      std::optional<Bytes> subject = subject_of(*taken);
+      decisions = decisions_for(*taken, subject);
+      id = running.begin(std::move(subject), taken->sealed_plan, taken->identity);
     } catch (const std::exception& error) {
       back_off();
       tell_problem("no case could be begun: " + std::string(error.what()) + next_try());
@@ -358,6 +365,8 @@ struct Room::State {
       take_identity(*taken);
     }
     if (listener.note) listener.note(beginning_text(*taken, id));
+    // What was recorded ahead is archived as it was; from here on as decided.
+    for (const ProfileDecision& decision : decisions) running.decide_profile(decision);
     state_missing_subject(running);
     taken->begun.set_value(id);
     return taken->first_reason;
@@ -391,6 +400,53 @@ struct Room::State {
     return subject;
   }
 
+  /// In which form pictures of a case that begins now are archived: as those of the case with which it goes
+  /// on, else by the room's rules; none where nothing decides.
+  std::vector<ProfileDecision> decisions_for(const Request& asked, const std::optional<Bytes>& subject) {
+    std::vector<ProfileDecision> decisions;
+    std::string rule;
+    if (!asked.profiles.empty()) {
+      for (const auto& [stream, profile] : asked.profiles)
+        decisions.push_back({{stream}, profile, "recorder", "as the case ended with which this one goes on"});
+    } else if (const auto choice = subject ? choose_profile(plan.profile_rules, *subject) : std::nullopt) {
+      rule = choice->rule.name;
+      decisions.push_back(
+          {choice->rule.streams, choice->rule.profile, "rule " + choice->rule.name, choice->why});
+      if (listener.note) listener.note("rule " + rule + " archives pictures as " + name_of(choice->rule));
+    }
+    std::erase_if(decisions, [this](const ProfileDecision& each) {
+      return std::ranges::any_of(each.streams, [this](const std::string& name) {
+        return std::ranges::none_of(plan.session.video, [&](const auto& one) { return one.name == name; });
+      });
+    });
+    const std::lock_guard guard(mutex);
+    status.profile_rule = rule;
+    return decisions;
+  }
+
+  static std::string name_of(const ProfileRule& rule) { return std::string(profile_name(rule.profile)); }
+
+  /// A subject that came while the case ran changes no picture by itself: people are told, and decide.
+  void tell_of_late_rule(Session& running, const Bytes& subject) {
+    const auto choice = choose_profile(plan.profile_rules, subject);
+    if (!choice) return;
+    const SessionStatus now = running.status();
+    const auto is_meant = [&](const std::string& name) {
+      const auto& streams = choice->rule.streams;
+      return streams.empty() || std::ranges::find(streams, name) != streams.end();
+    };
+    const bool differs = std::ranges::any_of(now.streams, [&](const StreamStatus& stream) {
+      const std::string& profile = stream.profile_to_come.empty() ? stream.profile : stream.profile_to_come;
+      return stream.is_video && is_meant(stream.name) && profile != name_of(choice->rule);
+    });
+    if (!differs) return;
+    const std::string sentence = "the procedure became known while the case ran: rule " + choice->rule.name +
+                                 " would archive pictures as " + name_of(choice->rule) +
+                                 ", and they go on as they are";
+    running.profile_unchanged(sentence + " (" + choice->why + ")");
+    tell_problem(sentence + "; 'kiroku case profile " + name_of(choice->rule) + "' changes it");
+  }
+
   /// In the case and to people; recording does not wait for it.
   void state_missing_subject(Session& running) {
     if (!look_for_subject) return;
@@ -409,6 +465,7 @@ struct Room::State {
     // A person may have given one meanwhile.
     if (!found || !look_for_subject.exchange(false)) return;
     running.late_subject(*found);
+    tell_of_late_rule(running, *found);
     {
       const std::lock_guard guard(mutex);
       status.subject = SubjectState::kLate;
@@ -451,6 +508,14 @@ struct Room::State {
       SessionOptions options = plan.session;
       options.cancelled = &cancelled;
       options.subject = subject_of(asked);
+      options.profile_decisions = decisions_for(asked, options.subject);
+      for (const ProfileDecision& decision : options.profile_decisions) {
+        for (StreamRequest& stream : options.video) {
+          const auto& meant = decision.streams;
+          if (meant.empty() || std::ranges::find(meant, stream.name) != meant.end())
+            stream.video.profile = decision.profile;
+        }
+      }
       options.plan = asked.sealed_plan;
       options.identity = asked.identity;
       note_beginning(asked);
@@ -661,6 +726,7 @@ struct Room::State {
     std::string first_reason;
     std::optional<crypto::Sha256Digest> sealed_plan;
     std::optional<Bytes> sealed_subject;
+    Profiles profiles;
   };
   std::optional<Again> again;  // until that case has begun
   Clock::Time again_before{};
@@ -733,12 +799,24 @@ void Room::mark(const std::string& text) {
   session->mark(text);
 }
 
+void Room::change_profile(const ProfileDecision& decision) {
+  require_printable(decision.why, "why the profile changes");
+  const std::shared_ptr<Session> session = state_->recording_session();
+  if (!session) {
+    throw UsageError("room " + name() +
+                     " is not recording: a profile is changed while a case runs; before it, kiroku.toml says "
+                     "which one it begins with");
+  }
+  session->change_profile(decision);
+}
+
 void Room::add_subject(const Bytes& subject) {
   const std::shared_ptr<Session> session = state_->recording_session();
   if (!session) {
     throw UsageError("room " + name() + " is not recording: say whom the case is about when it begins");
   }
   session->late_subject(subject);
+  state_->tell_of_late_rule(*session, subject);
   state_->look_for_subject = false;
   const std::lock_guard guard(state_->mutex);
   state_->status.subject = SubjectState::kLate;

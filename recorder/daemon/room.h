@@ -15,6 +15,7 @@
 #include "recorder/daemon/resumption.h"
 #include "recorder/daemon/schedule.h"
 #include "recorder/procedure/procedure_source.h"
+#include "recorder/procedure/profile_rules.h"
 #include "recorder/session.h"
 
 namespace kiroku::recorder {
@@ -44,6 +45,8 @@ struct RoomPlan {
   /// Asked for the subject of a case for which nobody gave one; null: none. What is not known when the case
   /// begins is looked for while it runs, and becomes an event of it (events_lane.h).
   std::shared_ptr<ProcedureSource> procedure;
+  /// By the procedure of a case, in which form its pictures are archived; the first that matches.
+  std::vector<ProfileRule> profile_rules;
   std::vector<FootswitchOptions> footswitches;  // the daemon's, which presses
   /// Told of each case before it begins and before it is ended; null: nothing is kept.
   std::shared_ptr<RunningNote> running;
@@ -69,6 +72,7 @@ struct RoomStatus {
   SessionStatus session;                       // of that case
   std::string problem;                         // latest sentence a person should see, "" if none
   SubjectState subject = SubjectState::kNone;  // of that case
+  std::string profile_rule;                    // the rule that chose its profile; "": none did
   std::vector<ProcedureWay> procedure;         // how the ways to procedure data are
   std::string carries_on;                      // the case that it carries on; "": none
   std::uint64_t resumed = 0;                   // cases that carry on another, since the room was made
@@ -116,6 +120,9 @@ class Room {
   std::string stop(const std::string& reason, bool wait);
   /// Marks a moment. Throws kiroku::UsageError if no case runs.
   void mark(const std::string& text);
+  /// From the next picture on, streams are archived in another form. Throws as Session::change_profile(), and
+  /// kiroku::UsageError if no case runs.
+  void change_profile(const ProfileDecision& decision);
   /// As Session::point().
   std::optional<std::int64_t> point(media::PointedAt at);
   /// The case that is being recorded; "": none. Cheap.

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <utility>
 
+#include "archive/format/segment_media.h"
 #include "base/error.h"
 #include "media/stream_clock.h"
 
@@ -18,17 +19,21 @@ VideoIndex index_of(const archive::CaseReader& recording, const archive::StreamI
   VideoIndex index;
   index.stream = stream;
   std::vector<archive::SegmentEntry> segments = recording.segments(stream.name, INT64_MIN, INT64_MAX);
-  index.offset = media::stamp_offset(segments);
+  const std::map<std::string, Ticks> offsets = media::stamp_offsets(stream, segments);
+  std::string profile_before;
   std::int64_t before_ended_ns = INT64_MIN;
   for (archive::SegmentEntry& segment : segments) {
     const std::int64_t end_ns = segment.span.end_ns;
     if (recording.erasure_of(segment) == nullptr) {
       IndexedSegment indexed;
       const auto first = media::first_picture_of(segment);
-      indexed.start = first ? first->stamp - *index.offset : ticks_of_ns(segment.span.start_ns);
+      const auto offset = offsets.find(archive::media_of(stream, segment));
+      if (offset != offsets.end()) indexed.offset = offset->second;
+      indexed.start = first ? first->stamp - *indexed.offset : ticks_of_ns(segment.span.start_ns);
       indexed.end = ticks_of_ns(end_ns) + (segment.counted ? kLongestSpread : kLongestEstimate);
-      indexed.begins_run =
-          index.segments.empty() || segment.span.start_ns != before_ended_ns || !segment.counted;
+      indexed.begins_run = index.segments.empty() || segment.span.start_ns != before_ended_ns ||
+                           !segment.counted || archive::profile_of(stream, segment) != profile_before;
+      profile_before = archive::profile_of(stream, segment);
       if (!index.segments.empty() && segment.counted) {
         index.segments.back().end = std::min(index.segments.back().end, indexed.start);
       }

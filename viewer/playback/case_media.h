@@ -25,16 +25,18 @@ struct IndexedSegment {
   Ticks start = 0;
   /// Every picture's time is before it.
   Ticks end = 0;
-  /// Its pictures may differ in size and form from those before: it is the first, or follows a gap.
+  /// Its pictures may differ in size and form from those before: it is the first, follows a gap, or has
+  /// another profile.
   bool begins_run = false;
+  /// Time stamp minus case-clock time of what it holds, in ticks; nothing where no entry of the stream with
+  /// such media states a time stamp.
+  std::optional<Ticks> offset = {};
 };
 
 /// The segments of one video stream that are there, in order; erased ones are left out.
 struct VideoIndex {
   archive::StreamInfo stream;
   std::vector<IndexedSegment> segments;
-  /// Time stamp minus case-clock time, in ticks; nothing where no entry states a time stamp.
-  std::optional<Ticks> offset;
 
   /// The first segment that may hold a picture at or after `time`; segments.size() if none.
   [[nodiscard]] std::size_t first_reaching(Ticks time) const;

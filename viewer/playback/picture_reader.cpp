@@ -9,6 +9,7 @@ extern "C" {
 #include <libavutil/frame.h>
 }
 
+#include "archive/format/segment_media.h"
 #include "base/error.h"
 #include "media/picture_decoder.h"
 #include "viewer/playback/segment_packets.h"
@@ -26,7 +27,12 @@ struct PictureReader::Open {
         packets(media, index, segment, SegmentPackets::Of::kPictures),
         decoder(
             *packets.stream(), [this](AVPacket& packet) { return take(packet); }, segment.entry.file.file,
-            threads) {}
+            is_in_matroska(index, segment) ? threads : 1) {}
+
+  /// One is enough for MPEG-2, and several refuse small pictures of it.
+  static bool is_in_matroska(const VideoIndex& index, const IndexedSegment& segment) {
+    return archive::media_of(index.stream, segment.entry) == "video/x-matroska";
+  }
 
   bool take(AVPacket& packet) {
     media::Packet next;

@@ -7,6 +7,7 @@ extern "C" {
 #include <libavformat/avformat.h>
 }
 
+#include "archive/format/segment_media.h"
 #include "media/stream_clock.h"
 
 namespace kiroku::playback {
@@ -24,14 +25,14 @@ Ticks ticks_of(std::int64_t stamp, const AVStream& stream) {
 
 SegmentPackets::SegmentPackets(const SegmentOpener& media, const VideoIndex& index,
                                const IndexedSegment& segment, Of which)
-    : wraps_(index.stream.media == "video/mp2t"),
+    : wraps_(archive::media_of(index.stream, segment.entry) == "video/mp2t"),
       tolerate_cut_(!segment.entry.complete),
       plaintext_(media.open_plaintext(segment.entry)),
-      input_(*plaintext_, index.stream.media, segment.entry.file.file),
+      input_(*plaintext_, archive::media_of(index.stream, segment.entry), segment.entry.file.file),
       pictures_(&input_.video()),
       stream_(which == Of::kPictures ? pictures_ : input_.sound()),
       start_(segment.start) {
-  if (!segment.entry.counted) offset_ = index.offset;
+  if (!segment.entry.counted) offset_ = segment.offset;
 }
 
 bool SegmentPackets::read(AVPacket& packet) {

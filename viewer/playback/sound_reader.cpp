@@ -158,6 +158,8 @@ std::vector<std::int16_t> SoundReader::read(std::int64_t from, std::int64_t to) 
 void SoundReader::read_segment(const IndexedSegment& segment) {
   SegmentPackets packets(media_, index_, segment, SegmentPackets::Of::kSound);
   if (packets.stream() == nullptr) return;
+  // Another profile has its sound in another form, too.
+  if (decoder_ && decoder_->codec_id != packets.stream()->codecpar->codec_id) decoder_.reset();
   // A block of layer II needs the one before: its first samples are what the two make together.
   media::Packet before;
   std::int64_t before_place = 0;

@@ -24,22 +24,20 @@ json json_of(const VideoIndex& index) {
   json segments = json::array();
   for (const IndexedSegment& segment : index.segments) {
     segments.push_back({segment.entry.file.file, segment.start, segment.end, segment.begins_run,
-                        segment.entry.complete, segment.entry.counted});
+                        segment.entry.complete, segment.entry.counted,
+                        segment.offset ? json(*segment.offset) : json(nullptr)});
   }
-  json stated{{"name", index.stream.name},
-              {"media", index.stream.media},
-              {"profile", index.stream.profile},
-              {"segments", std::move(segments)}};
-  if (index.offset) stated["offset"] = *index.offset;
-  return stated;
+  return {{"name", index.stream.name},
+          {"kind", index.stream.kind},
+          {"media", index.stream.media},
+          {"segments", std::move(segments)}};
 }
 
 VideoIndex index_from(const json& stated) {
   VideoIndex index;
   index.stream.name = stated.at("name");
   index.stream.media = stated.at("media");
-  index.stream.profile = stated.at("profile");
-  if (const auto offset = stated.find("offset"); offset != stated.end()) index.offset = offset->get<Ticks>();
+  index.stream.kind = stated.at("kind");
   for (const json& each : stated.at("segments")) {
     IndexedSegment segment;
     segment.entry.file.file = each.at(0);
@@ -48,6 +46,7 @@ VideoIndex index_from(const json& stated) {
     segment.begins_run = each.at(3);
     segment.entry.complete = each.at(4);
     segment.entry.counted = each.at(5);
+    if (each.at(6).is_number()) segment.offset = each.at(6).get<Ticks>();
     index.segments.push_back(std::move(segment));
   }
   return index;

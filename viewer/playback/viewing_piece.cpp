@@ -8,6 +8,7 @@
 #include <utility>
 #include <vector>
 
+#include "archive/format/segment_media.h"
 #include "base/error.h"
 #include "viewer/playback/picture_reader.h"
 #include "viewer/playback/piece_encoder.h"
@@ -24,10 +25,11 @@ constexpr Ticks kLongestPicture = 2 * kTicksPerSecond;
 constexpr Ticks kUnknownDuration = kTicksPerSecond / 25;
 
 int decoding_threads(const VideoIndex& index) {
-  // FFV1 takes several times as long as the others.
-  return index.stream.profile == "lossless"
-             ? std::clamp(static_cast<int>(std::thread::hardware_concurrency()), 1, 4)
-             : 1;
+  // FFV1, which is in Matroska, takes several times as long as the others.
+  const bool may_be_lossless = std::ranges::any_of(index.segments, [&](const IndexedSegment& segment) {
+    return archive::media_of(index.stream, segment.entry) == "video/x-matroska";
+  });
+  return may_be_lossless ? std::clamp(static_cast<int>(std::thread::hardware_concurrency()), 1, 4) : 1;
 }
 
 }  // namespace

@@ -32,6 +32,72 @@ TEST(Configuration, DefaultFileStatesTheDefaults) {
   EXPECT_TRUE(read.authorities[0].is_embedded());
 }
 
+constexpr const char* kRuleRoom =
+    "[[room]]\nname = \"or-1\"\n[[room.stream]]\nname = \"endoscope\"\nsource = \"synthetic:pattern\"\n"
+    "[[room.stream]]\nname = \"vitals\"\nkind = \"vitals\"\nsource = \"synthetic:patient\"\n";
+
+std::string with_rule(const std::string& keys) {
+  return "[recording]\n[[recording.profile_for]]\n" + keys + kRuleRoom;
+}
+
+TEST(Configuration, ReadsRulesForTheProfile) {
+  const Configuration read = parse_configuration(
+      with_rule("name = \"mucosa\"\nwords = [\"EMR\", \"粘膜切除\"]\ncodes = [\"K653\"]\nprofile = "
+                "\"lossless\"\nstreams = [\"endoscope\"]\nrooms = [\"or-1\"]\n"
+                "[[recording.profile_for]]\nname = \"rest\"\nwords = [\"x\"]\nprofile = \"mpeg2\"\n"),
+      "k.toml");
+  ASSERT_EQ(read.profile_for.size(), 2U);
+  EXPECT_EQ(read.profile_for[0].rule.profile, recorder::Profile::kLossless);
+  EXPECT_THAT(read.profile_for[0].rule.words, testing::ElementsAre("EMR", "粘膜切除"));
+  const auto of_room = profile_rules_for(read, "or-1", {"endoscope"});
+  ASSERT_EQ(of_room.size(), 2U);
+  EXPECT_EQ(of_room[0].name, "mucosa");
+  const auto of_record = profile_rules_for(read, "", {"endoscope"});
+  ASSERT_EQ(of_record.size(), 1U) << "the first one is for a room";
+  EXPECT_EQ(of_record[0].name, "rest");
+  EXPECT_EQ(profile_rules_for(read, "or-1", {"room"}).size(), 1U) << "it is for a stream that is not there";
+}
+
+TEST(Configuration, RefusesRulesForTheProfileThatSayNothing) {
+  using testing::HasSubstr;
+  const std::string good = "name = \"a\"\nwords = [\"EMR\"]\nprofile = \"lossless\"\n";
+  EXPECT_EQ(refusal(with_rule(good)), "accepted");
+  EXPECT_THAT(refusal(with_rule("name = \"a\"\nwords = [\"EMR\"]\nprofile = \"h264\"\n")),
+              HasSubstr("k.toml:5:11: 'profile' is 'h264': it must be mpeg2, uncompressed or lossless"));
+  EXPECT_THAT(refusal(with_rule("words = [\"EMR\"]\nprofile = \"lossless\"\n")), HasSubstr("needs a 'name'"));
+  EXPECT_THAT(refusal(with_rule("name = \"a\"\nwords = [\"EMR\"]\n")), HasSubstr("needs a 'profile'"));
+  EXPECT_THAT(refusal(with_rule("name = \"a\"\nprofile = \"lossless\"\n")),
+              HasSubstr("needs 'words' or 'codes'"));
+  EXPECT_THAT(refusal(with_rule("name = \"a\"\nwords = [\"\"]\nprofile = \"lossless\"\n")),
+              HasSubstr("'words' must hold texts that are not empty"));
+  EXPECT_THAT(refusal(with_rule(good + "rooms = [\"or-9\"]\n")),
+              HasSubstr("'rooms' names 'or-9', and there is no [[room]] of that name"));
+  EXPECT_THAT(refusal(with_rule(good + "streams = [\"vitals\"]\n")),
+              HasSubstr("'streams' names 'vitals', which is no video stream of these rooms"));
+  EXPECT_THAT(refusal(with_rule(good + "procedures = [\"EMR\"]\n")), HasSubstr("unknown key 'procedures'"));
+  EXPECT_THAT(refusal(with_rule(good + "[[recording.profile_for]]\n" + good)),
+              HasSubstr("there are two [[recording.profile_for]] named 'a'"));
+  EXPECT_THAT(refusal("[recording]\nprofile_for = \"EMR\"\n"), HasSubstr("as a table of its own"));
+}
+
+TEST(Configuration, ReadsAFootswitchThatChangesTheProfile) {
+  using testing::HasSubstr;
+  const auto pedal = [](const std::string& keys) {
+    return std::string(kRuleRoom) + "[[room.footswitch]]\ndevice = \"/dev/input/x\"\nkey = 184\n" + keys;
+  };
+  const Configuration read = parse_configuration(
+      pedal("press = \"profile\"\nprofile = \"lossless\"\nstreams = [\"endoscope\"]\n"), "k.toml");
+  const recorder::FootswitchOptions& footswitch = read.rooms.at(0).footswitches.at(0);
+  EXPECT_EQ(footswitch.action, recorder::PressAction::kProfile);
+  EXPECT_EQ(footswitch.profile, recorder::Profile::kLossless);
+  EXPECT_THAT(footswitch.streams, testing::ElementsAre("endoscope"));
+  EXPECT_THAT(refusal(pedal("press = \"profile\"\n")), HasSubstr("has a 'profile' where its press is"));
+  EXPECT_THAT(refusal(pedal("press = \"mark\"\nprofile = \"lossless\"\n")),
+              HasSubstr("has a 'profile' where its press is"));
+  EXPECT_THAT(refusal(pedal("press = \"profile\"\nprofile = \"mpeg2\"\nstreams = [\"vitals\"]\n")),
+              HasSubstr("a footswitch names the stream 'vitals'"));
+}
+
 TEST(Configuration, ReadsAnAuthorityBehindAProxy) {
   const Configuration read = parse_configuration(
       "[[authority]]\nname = \"a\"\nurl = \"https://tsa.example/\"\nproxy = \"http://p:3128\"\ninterface = "
@@ -172,10 +238,11 @@ TEST(Configuration, TheExampleOfARoomIsGood) {
   ASSERT_EQ(read.retention.rules.size(), 1U);
   EXPECT_EQ(read.retention.rules[0].after, std::chrono::hours(30 * 24));
   EXPECT_EQ(read.retention.replicas.size(), 1U);
-  ASSERT_EQ(room.footswitches.size(), 1U);
+  ASSERT_EQ(room.footswitches.size(), 2U);
   EXPECT_EQ(room.footswitches[0].key, 183);
   EXPECT_EQ(room.footswitches[0].action, recorder::PressAction::kStartStop);
   EXPECT_EQ(room.footswitches[0].mark, "footswitch");
+  EXPECT_EQ(room.footswitches[1].action, recorder::PressAction::kProfile);
   ASSERT_TRUE(room.procedure.hl7);
   EXPECT_EQ(room.procedure.hl7->listen, "mllp://0.0.0.0:2576?allow=192.168.7.20");
   EXPECT_EQ(room.procedure.hl7->rule.locations, (std::vector<std::string>{"OR1", "SURGERY^OR1"}));
@@ -270,7 +337,7 @@ TEST(Configuration, RefusesFootswitchesThatAreNone) {
   EXPECT_EQ(refusal(one + "key = \"KEY_F13\"\n"), "k.toml:4:7: 'key' must be a whole number from 1 to 767");
   EXPECT_EQ(refusal(one + "key = 768\n"), "k.toml:4:7: 'key' must be a whole number from 1 to 767");
   EXPECT_EQ(refusal(one + "press = \"kick\"\n"),
-            "k.toml:4:9: 'press' is 'kick': it must be start, stop, start-stop or mark");
+            "k.toml:4:9: 'press' is 'kick': it must be start, stop, start-stop, mark or profile");
 }
 
 TEST(Configuration, RefusesWhatIsNoToml) { EXPECT_EQ(refusal("[recording\n").substr(0, 9), "k.toml:1:"); }

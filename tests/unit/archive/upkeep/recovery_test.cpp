@@ -99,6 +99,28 @@ class RecoveryTest : public testing::Test {
   std::unique_ptr<ApplianceLog> log_;
 };
 
+// The profile was changed and the recorder died: nobody knows the new one but by the file's name.
+TEST_F(RecoveryTest, AdoptsASegmentOfAnotherProfileThanItsStreams) {
+  fs::path folder;
+  {
+    SampleCase sample(archive_);
+    folder = sample.folder();
+    sample.record();
+    const auto cut = sample.writer().begin_segment(0, 3, "lossless");
+    cut->write(Bytes(200'000, std::byte{7}));
+  }
+  change_at(folder / "segments/endoscope/00000003.mkv.age.part", 8 * kSecond);
+  archive_.now_ns = 60 * kSecond;
+  const std::vector<CaseRecovery> recovered = recover();
+  ASSERT_EQ(recovered.size(), 1U);
+  EXPECT_EQ(recovered[0].problem, "");
+  EXPECT_EQ(recovered[0].segments, 1U);
+  const VerificationReport report = verify(folder);
+  EXPECT_EQ(report.verdict, Verdict::kIntactWithGaps);
+  EXPECT_THAT(codes(report), testing::Contains("segment-uncounted"));
+  EXPECT_TRUE(fs::exists(folder / "segments/endoscope/00000003.mkv.age.part"));
+}
+
 TEST_F(RecoveryTest, AnArchiveThatWasLeftProperlyIsLeftAlone) {
   const fs::path folder = SampleCase::write(archive_);
   const std::string before = contents(folder / "ledger.jsonl");

@@ -349,5 +349,47 @@ TEST(StreamRules, TellsOfAMonitorThatIsSilentForMoreThanAMinute) {
   }
 }
 
+std::vector<std::string> codes_in(FindingList& findings) {
+  std::vector<std::string> codes;
+  for (const Finding& each : findings.take()) codes.push_back(each.code);
+  return codes;
+}
+
+TEST(StreamRules, ASegmentIsNamedByTheProfileThatItStates) {
+  FindingList findings;
+  StreamRules rules(room(), true, findings);
+  const auto take = [&](std::uint64_t index, const std::string& profile, const std::string& extension) {
+    const auto at = static_cast<std::int64_t>(index) * 100 * kMs;
+    SegmentEntry entry = segment(index, {at, at + 100 * kMs});
+    entry.profile = profile;
+    entry.file.file = segment_path("room", index, extension);
+    return rules.take(entry, index + 1);
+  };
+  EXPECT_TRUE(take(0, "", "ts"));
+  EXPECT_TRUE(take(1, "lossless", "mkv"));
+  EXPECT_TRUE(take(2, "uncompressed", "mkv"));
+  EXPECT_TRUE(take(3, "mpeg2", "ts"));
+  EXPECT_THAT(codes_in(findings), testing::IsEmpty());
+  EXPECT_FALSE(take(4, "", "mkv")) << "nothing says that it is no MPEG-TS";
+  EXPECT_FALSE(take(5, "lossless", "ts"));
+  EXPECT_FALSE(take(6, "mpeg2", "jsonl"));
+  EXPECT_THAT(codes_in(findings),
+              testing::ElementsAre("segment-name-differs", "segment-name-differs", "segment-name-differs"));
+  EXPECT_TRUE(rules.has_name("segments/room/00000009.mkv.age"));
+  EXPECT_FALSE(rules.has_name("segments/room/00000009.jsonl.age"));
+}
+
+TEST(StreamRules, WhatHasNoPicturesHasNoProfile) {
+  FindingList findings;
+  StreamRules rules({"room", "vitals", "application/jsonl", "x", "jsonl", "", {}, "arrival", "jsonl"}, true,
+                    findings);
+  SegmentEntry entry = segment(0, {0, kMs});
+  entry.profile = "lossless";
+  entry.file.file = segment_path("room", 0, "mkv");
+  EXPECT_FALSE(rules.take(entry, 1));
+  EXPECT_THAT(codes_in(findings), testing::ElementsAre("segment-name-differs"));
+  EXPECT_FALSE(rules.has_name("segments/room/00000009.mkv.age"));
+}
+
 }  // namespace
 }  // namespace kiroku::archive

@@ -123,6 +123,38 @@ TEST_F(CasePlaybackTest, CopiesHaveTheArchivedPicturesAtTheirTimes) {
   }
 }
 
+// From MPEG-2 in MPEG-TS to FFV1 in Matroska and back: two containers, two kinds of time stamps.
+TEST_F(CasePlaybackTest, CopiesGoOnOverAChangeOfTheProfile) {
+  recorder::SessionOptions options = bench_.options();
+  options.video = {bench_.stream("room", "synthetic:room?size=96x64&rate=24")};
+  options.video.front().recipients = reader_.recipients;
+  options.event_recipients = reader_.recipients;
+  recorder::Session session(options);
+  int changes = 0;
+  std::uint64_t frames = 0;
+  const recorder::SessionResult result = session.run([&](const recorder::SessionStatus& status) {
+    const auto& stream = status.streams.at(0);
+    if (stream.frames < frames + 20 || !stream.profile_to_come.empty()) return;
+    frames = stream.frames;
+    if (changes == 3) return session.stop();
+    const Profile next[]{Profile::kLossless, Profile::kMpeg2, Profile::kUncompressed};
+    session.change_profile({{}, next[changes++], "operator", ""});
+  });
+  const Recorded recorded{result.folder, {result.folder, reader_.identities}};
+  std::vector<Ticks> times;
+  for (const auto& segment : recorded.contents.segments("room")) {
+    for (const DecodedFrame& frame : decode_video(recorded.contents.plaintext(segment)).frames) {
+      const bool transport_stream = segment.file.file.ends_with(".ts.age");
+      times.push_back(transport_stream ? frame.pts - kTransportDelay : frame.pts * 90);
+    }
+  }
+  EXPECT_EQ(times.size(), result.last.streams.at(0).frames);
+  const auto playback = open(recorded);
+  const test::DecodedVideo video = decode_video(film(*playback));
+  EXPECT_THAT(video.complaints, IsEmpty());
+  EXPECT_EQ(times_of(video), times);
+}
+
 TEST_F(CasePlaybackTest, APieceBeginsWithAKeyFrameAndDecodesAlone) {
   const Recorded recorded = record("synthetic:room?size=96x64&rate=24&speed=max");
   const auto playback = open(recorded);
