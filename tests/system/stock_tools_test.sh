@@ -121,6 +121,9 @@ for profile in mpeg2 lossless; do
     forged 'goes on, behind recovered' '.[:3] + [.[2] | {type: "recovered", utc, mono_ns, boot_id: "x", after: "crash", truncated: ""}] + .[3:]' && of_kiroku 1
     sign "$fresh"' | (.[] | select(.stream == "room" and .index == 2) | .end_ns) += 15e9 | .[-1].mono_ns += 1e9' && of_kiroku 3
     expect 2 '^COULD NOT CHECK: .*more than 11 s' verify.sh "$copy"
+    sign "$fresh"' | (.[] | select(.stream == "room" and .index == 2) | .end_ns) += 3e9 | .[-1].mono_ns += 1e9' && of_kiroku 3
+    expect 2 '^COULD NOT CHECK: .*was written before its segment could end' verify.sh "$copy"
+    sign "$fresh"' | (.[] | select(.stream == "room" and .index == 2) | .end_ns) += 15e9 | .[-1].mono_ns += 1e9'
     rm -rf "$scratch/part" && "$kiroku" excerpt "$copy" -o "$scratch/part" --from 00:00:00 --to 00:00:05 >/dev/null
     expect 2 '^COULD NOT CHECK: .*more than 11 s' verify-excerpt.sh "$scratch/part"
     forged 'other totals' '.[-1].totals.room.frames += 100' && of_kiroku 1
