@@ -273,7 +273,7 @@ TEST(SessionUnderLoad, StatesTheTimeThatTheLedgerNeedsForItsOwnEnd) {
 
 TEST(SessionUnderLoad, StatesWhatIsNotRecordedWhileAFilmIsStillCoded) {
   const RecorderBench bench;
-  test::SlowFileSystem files("segments/film", 300ms);
+  test::SlowFileSystem files("segments/film", 450ms);
   SessionOptions options = bench.options();
   options.files = &files;
   options.queue_bytes = 400'000;  // so the film's pictures are taken as they are coded
