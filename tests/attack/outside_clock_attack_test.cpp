@@ -203,7 +203,8 @@ TEST_F(OutsideClocks, ASlewOfWhichOnlyTheBeginningIsStatedMakesNoSoundCaseTamper
     for (std::size_t each = 0; each < count; ++each) stamp(sample, each, -4s);
     const archive::VerificationReport report = stamped_to_its_end(sample);
     EXPECT_EQ(report.verdict, archive::Verdict::kIntact) << details(report);
-    EXPECT_EQ(summary(report), "intact\nclock-slewed ledger.jsonl 3\nclock-slews-allowed-for")
+    EXPECT_EQ(summary(report), "intact\nclock-slewed ledger.jsonl " + std::to_string(1 + count) +
+                                   "\nclock-slews-allowed-for - -")
         << details(report);
   }
 }
@@ -223,7 +224,7 @@ TEST_F(OutsideClocks, WhatStatedSlewsMayExcuseIsSaid) {
     const archive::VerificationReport report = stamped_to_its_end(sample);
     EXPECT_EQ(report.verdict, set == 5s ? archive::Verdict::kIntact : archive::Verdict::kTampered)
         << details(report);
-    EXPECT_THAT(details(report), testing::HasSubstr("by up to 6.030 s in all"));
+    EXPECT_THAT(details(report), testing::HasSubstr("by up to 6.040 s in all"));
   }
 }
 

@@ -139,7 +139,7 @@ TEST(SmugglingIntoAnOpenCase, AFileThatPretendsToBeUnfinishedIsTold) {
   EXPECT_THAT(summary(victim.verify(false)),
               ::testing::HasSubstr("part-file segments/endoscope/00000003.ts.age.part -"));
   for (const char* file : {"film.mp4.part", "segments/film.part", "segments/endoscope/film.part",
-                           "segments/endoscope/00000003.mkv.age.part", "tokens/film.part"}) {
+                           "segments/endoscope/00000003.avi.age.part", "tokens/film.part"}) {
     write_file(victim / file, "x");
     const archive::VerificationReport report = victim.verify(false);
     EXPECT_EQ(report.verdict, archive::Verdict::kTampered) << file;
