@@ -117,10 +117,11 @@ class ChangePace : public Pace {
 };
 
 /// How many holes of a stream are stated: each is a line of the ledger. What comes behind one hole too many
-/// is left out, so that the hole lasts until another one may be stated.
+/// is left out, so that the hole lasts until another one may be stated. No camera of up to 60 pictures a second
+/// has more, whatever its network loses: nothing of what comes from it is left out.
 class GapPace : public Pace {
  public:
-  static constexpr std::size_t kMostGaps = 32;
+  static constexpr std::size_t kMostGaps = 240;
   static constexpr std::int64_t kWithinNs = 8'000'000'000;
   GapPace() : Pace(kMostGaps, kWithinNs) {}
 };

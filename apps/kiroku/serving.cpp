@@ -1,6 +1,5 @@
 #include "apps/kiroku/serving.h"
 
-#include <csignal>
 #include <filesystem>
 #include <iostream>
 #include <memory>
@@ -11,6 +10,7 @@
 
 #include "apps/common/json_output.h"
 #include "apps/kiroku/commands.h"
+#include "apps/kiroku/told_to_end.h"
 #include "apps/kiroku/viewer_setup.h"
 #include "base/descriptor_limit.h"
 #include "base/json_or_null.h"
@@ -102,18 +102,10 @@ void serve_until_stopped(const ServingRequest& request, const Home& home, Served
   std::error_code ignored;
   const bool is_demonstration = has_address && std::filesystem::exists(home.identity_file(), ignored) &&
                                 viewer::is_loopback(request.listen);
-  sigset_t signals;
-  sigemptyset(&signals);
-  sigaddset(&signals, SIGINT);
-  sigaddset(&signals, SIGTERM);
-  // The server's threads inherit the mask, so that the signals wait for this one.
-  ::pthread_sigmask(SIG_BLOCK, &signals, nullptr);
+  end_when_told();
   viewer::Viewer server(std::move(options));
   print_start(request, served, server, is_demonstration ? server.sign_in_url("demo") : "", fingerprint);
-  int number = 0;
-  sigwait(&signals, &number);
-  // A second signal does not wait for what is being verified, sent or broken off.
-  ::pthread_sigmask(SIG_UNBLOCK, &signals, nullptr);
+  wait_until_told();
 }
 
 }  // namespace kiroku::apps

@@ -1,4 +1,3 @@
-#include <csignal>
 #include <iostream>
 #include <memory>
 
@@ -7,6 +6,7 @@
 #include "apps/common/json_output.h"
 #include "apps/kiroku/commands.h"
 #include "apps/kiroku/home.h"
+#include "apps/kiroku/told_to_end.h"
 #include "timestamp/authority_server.h"
 
 namespace kiroku::apps {
@@ -21,11 +21,7 @@ struct Request {
 int run(const Request& request) {
   const Home home = Home::open(request.home);
   timestamp::Authority authority = timestamp::Authority::open(home.authority_folder());
-  // Blocked before the server's threads start, so that this thread alone receives them.
-  sigset_t stops;
-  sigemptyset(&stops);
-  for (const int signal : {SIGINT, SIGTERM, SIGHUP}) sigaddset(&stops, signal);
-  ::pthread_sigmask(SIG_BLOCK, &stops, nullptr);
+  end_when_told();
   const timestamp::AuthorityServer server(authority, request.listen);
   const std::string root = (home.authority_folder() / "ca.pem").string();
   if (request.json) {
@@ -36,8 +32,7 @@ int run(const Request& request) {
               << "Ctrl-C ends it.\n";
   }
   std::cout.flush();
-  int received = 0;
-  ::sigwait(&stops, &received);
+  wait_until_told();
   return kDone;
 }
 

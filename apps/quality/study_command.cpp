@@ -1,6 +1,5 @@
 #include "apps/quality/study_command.h"
 
-#include <csignal>
 #include <iostream>
 #include <memory>
 
@@ -13,6 +12,7 @@
 #include "apps/kiroku/commands.h"
 #include "apps/kiroku/home.h"
 #include "apps/kiroku/stamped_file.h"
+#include "apps/kiroku/told_to_end.h"
 #include "base/error.h"
 #include "base/listen_address.h"
 #include "crypto/encoding.h"
@@ -50,11 +50,7 @@ int serve(const ServeRequest& request) {
   }
   study::Desk desk(archive::real_file_system(), request.folder, Clock::system());
   require_films(request.folder, desk.study());
-  // Blocked before the server's threads start, so that this thread alone receives them.
-  sigset_t stops;
-  sigemptyset(&stops);
-  for (const int signal : {SIGINT, SIGTERM, SIGHUP}) sigaddset(&stops, signal);
-  ::pthread_sigmask(SIG_BLOCK, &stops, nullptr);
+  end_when_told();
   http::ServerOptions options;
   options.listen = listen;
   options.answer = [&desk](const http::Request& asked) { return desk.answer(asked); };
@@ -70,8 +66,7 @@ int serve(const ServeRequest& request) {
               << "Ctrl-C ends it; answers stay, and it may be started again.\n";
   }
   std::cout.flush();
-  int received = 0;
-  ::sigwait(&stops, &received);
+  wait_until_told();
   return kDone;
 }
 

@@ -150,7 +150,7 @@ Told send(FrameQueue& queue, std::int64_t lasts_ns, std::int64_t rate, std::int6
 TEST(FrameQueue, StatesFewHolesOfACameraThatSendsFasterThanCanBeCoded) {
   FrameQueue queue(10 * kPictureBytes);
   const Told told = send(queue, 16 * kSecond, 10'000, 2'000);
-  EXPECT_LE(told.gaps, 3 * GapPace::kMostGaps) << "and no thousands a second";
+  EXPECT_LE(told.gaps, 100U) << "and no thousands a second";
   EXPECT_EQ(told.taken + told.dropped, 160'000U) << "each picture is recorded, or counted as dropped";
   EXPECT_GT(told.taken, 100U);
 }
@@ -162,12 +162,18 @@ TEST(FrameQueue, StatesFewHolesOfACameraWhoseNetworkLosesEachSecondPicture) {
   EXPECT_EQ(told.taken + told.dropped, 2 * 16'000U - 1);
 }
 
+TEST(FrameQueue, LeavesOutNothingThatCameOfACameraWhoseNetworkLosesEachSecondPicture) {
+  FrameQueue queue(1000 * kPictureBytes);
+  const Told told = send(queue, 60 * kSecond, 30, 1000, 1);  // of 60 a second
+  EXPECT_EQ(told.taken, 1800U);
+}
+
 TEST(FrameQueue, RecordsAsMuchAsCanBeCodedOfACameraThatIsALittleTooFast) {
   FrameQueue queue(10 * kPictureBytes);
   const Told told = send(queue, 60 * kSecond, 30, 20);
   EXPECT_EQ(told.taken + told.dropped, 1800U);
   EXPECT_GT(told.taken, 1000U) << "of 1200 that could be coded";
-  EXPECT_LE(told.gaps, 8 * GapPace::kMostGaps);
+  EXPECT_LE(told.gaps, 250U);
 }
 
 TEST(FrameQueue, KeepsALossInItsPlace) {

@@ -83,8 +83,12 @@ TEST_F(ProcedureInboxTest, TellsNothingOfAPatient) {
   ProcedureInbox inbox("mllp://127.0.0.1:0", [this](const std::string& sentence) { tell(sentence); });
   inbox.tend();
   {
+    MllpClient stranger("127.0.0.1", inbox.port());
+    stranger.send("PID|1||4711||Secret^Name\r");  // outside of a frame
+    EXPECT_FALSE(stranger.receive(60s)) << "closed before its first message";
     MllpClient client("127.0.0.1", inbox.port());
-    client.send("PID|1||4711||Secret^Name\r");  // outside of a frame
+    EXPECT_EQ(answer(client, kInOr1), "AA|77\r");
+    client.send("PID|1||4711||Secret^Name\r");
     client.send("\x0BMSH|Secret^Name");
     EXPECT_EQ(answer(client, kInOr1), "AA|77\r");
     EXPECT_THAT(

@@ -56,7 +56,8 @@ export const planEn = {
   'proof.sealed.named.differs': 'The case was recorded by another plan.',
   'proof.sealed.named.could-not-check': 'The case names no plan.',
   'proof.sealed.order.differs': 'The plan was sealed after the case began.',
-  'proof.sealed.ahead.differs': 'The plan was sealed before the case was opened. But pictures were recorded before that, and the seal is not older than they are, by the recorder’s clock.',
+  'proof.sealed.ahead.differs':
+    'The plan was sealed before the case was opened. But pictures were recorded before that, and the seal is not older than they are, by the recorder’s clock.',
   'proof.sealed.order.could-not-check': 'The appliance’s log does not show when the plan was sealed.',
   'proof.sealed.time.differs': 'A time-stamp beside the seal does not hold.',
   'proof.sealed.time.could-not-check': 'There is no time-stamp of the seal that could be judged.',
@@ -127,7 +128,8 @@ export const planJa: Record<keyof typeof planEn, string> = {
   'proof.sealed.named.differs': 'この症例は別の計画に基づいて記録されました。',
   'proof.sealed.named.could-not-check': 'この症例は計画を特定していません。',
   'proof.sealed.order.differs': '計画は症例の開始後に封印されました。',
-  'proof.sealed.ahead.differs': '計画は症例を開く前に封印されました。しかしその前の映像も記録されており、記録装置の時計では、封印はその映像より前ではありません。',
+  'proof.sealed.ahead.differs':
+    '計画は症例を開く前に封印されました。しかしその前の映像も記録されており、記録装置の時計では、封印はその映像より前ではありません。',
   'proof.sealed.order.could-not-check': '計画がいつ封印されたか、装置ログからは分かりません。',
   'proof.sealed.time.differs': '封印のタイムスタンプが成立しません。',
   'proof.sealed.time.could-not-check': '判定できる封印のタイムスタンプがありません。',

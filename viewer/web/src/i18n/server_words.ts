@@ -34,6 +34,11 @@ export const kServerSentences: readonly SentencePair[] = [
   ["'identity' is neither an identity file's text nor base64 of one", '識別鍵の形式が正しくありません'],
   ['recordings are locked: unlock them with an identity first', '記録は施錠されています。識別鍵で解錠してください'],
   ['the appliance log cannot be written, so nothing is shown', '装置ログに書き込めないため、何も表示しません。管理者に連絡してください'],
+  // Rooms
+  ['refused too often: look at what the room does, and try again in {seconds} s', '拒否が続いています。室の状態を確かめ、{seconds} 秒後に再試行してください'],
+  ['room {room} is recording already', '室 {room} は既に記録中です'],
+  ['room {room} is not recording', '室 {room} は記録していません'],
+  ["there is no room named '{room}'", '室「{room}」は存在しません'],
   // Patients, procedures and staff
   ['patient, procedure and staff are sealed: unlock them with an identity first', '患者、術式、スタッフは封印されています。識別鍵で解錠してください'],
   ["give 'subject' or 'procedure', not both", '患者は、入力するか一覧から選ぶかのどちらか一方にしてください'],

@@ -29,6 +29,7 @@ const kByCode: Record<string, LinkName> = {
   'second-token-untrusted': 'authority',
   'no-token': 'tokens',
   'end-not-stamped': 'tokens',
+  'end-stamped-late': 'tokens',
   'clock-contradicted': 'tokens',
   'authority-clock-differs': 'tokens',
   'authority-clock-set': 'tokens',
