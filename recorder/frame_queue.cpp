@@ -76,7 +76,8 @@ bool FrameQueue::prolongs_hole(std::int64_t time_ns) {
   if (dropped_before_next_ == 0) return false;
   if (empties_ && !items_.empty()) return true;
   empties_ = false;
-  return gaps_.refused_until(time_ns).has_value();
+  Pace& pace = dropped_cause_ == archive::GapCause::kOverload ? static_cast<Pace&>(gaps_) : losses_;
+  return pace.refused_until(time_ns).has_value();
 }
 
 void FrameQueue::push(SourceLost lost) {

@@ -78,6 +78,7 @@ class FrameQueue {
   archive::GapCause dropped_cause_ = archive::GapCause::kOverload;
   std::int64_t last_taken_ns_ = 0;
   GapPace gaps_;
+  LossPace losses_;
   bool empties_ = false;  // no picture is taken before all that wait are coded
 };
 

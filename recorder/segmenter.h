@@ -117,13 +117,20 @@ class ChangePace : public Pace {
 };
 
 /// How many holes of a stream are stated: each is a line of the ledger. What comes behind one hole too many
-/// is left out, so that the hole lasts until another one may be stated. No camera of up to 60 pictures a second
-/// has more, whatever its network loses: nothing of what comes from it is left out.
+/// is left out, so that the hole lasts until another one may be stated.
 class GapPace : public Pace {
  public:
-  static constexpr std::size_t kMostGaps = 240;
+  static constexpr std::size_t kMostGaps = 32;
   static constexpr std::int64_t kWithinNs = 8'000'000'000;
   GapPace() : Pace(kMostGaps, kWithinNs) {}
+};
+
+/// The same of what a network loses on the way. No camera of up to 60 pictures a second has more, so that
+/// nothing of what comes from it is left out.
+class LossPace : public Pace {
+ public:
+  static constexpr std::size_t kMostGaps = 256;
+  LossPace() : Pace(kMostGaps, GapPace::kWithinNs) {}
 };
 
 }  // namespace kiroku::recorder

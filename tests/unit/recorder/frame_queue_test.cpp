@@ -140,7 +140,9 @@ Told send(FrameQueue& queue, std::int64_t lasts_ns, std::int64_t rate, std::int6
     const std::int64_t now_ns = i * step_ns;
     for (; waiting > 0 && coded < now_ns * coded_rate / kSecond; --waiting, ++coded) code();
     if (waiting == 0) coded = now_ns * coded_rate / kSecond;
-    if (queue.push(frame_at(now_ns, i == 0 ? 0 : lost_each), false)) ++waiting;
+    TimedFrame frame = frame_at(now_ns, i == 0 ? 0 : lost_each);
+    frame.lost_on_the_way = lost_each > 0;
+    if (queue.push(std::move(frame), false)) ++waiting;
   }
   for (; waiting > 0; --waiting) code();
   if (const auto rest = queue.unstated_drops()) told.dropped += rest->dropped_before;
@@ -158,7 +160,7 @@ TEST(FrameQueue, StatesFewHolesOfACameraThatSendsFasterThanCanBeCoded) {
 TEST(FrameQueue, StatesFewHolesOfACameraWhoseNetworkLosesEachSecondPicture) {
   FrameQueue queue(1000 * kPictureBytes);
   const Told told = send(queue, 16 * kSecond, 1000, 1000, 1);
-  EXPECT_LE(told.gaps, 3 * GapPace::kMostGaps);
+  EXPECT_LE(told.gaps, 3 * LossPace::kMostGaps);
   EXPECT_EQ(told.taken + told.dropped, 2 * 16'000U - 1);
 }
 
