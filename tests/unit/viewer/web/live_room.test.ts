@@ -17,6 +17,8 @@ const stream = (more: Partial<StreamStatus>): StreamStatus => ({
   input: '',
   unboxed: false,
   stuck: 0,
+  profile: 'mpeg2',
+  profile_to_come: '',
   given_up: 0,
   ...more,
 });
@@ -30,6 +32,7 @@ const room = (state: string, ...streams: StreamStatus[]): RoomStatus => ({
   not_resumed: false,
   ended_by_error: false,
   subject: 'none',
+  profile_rule: '',
   procedure: [],
   elapsed_ns: 0,
   now_ns: 0,
