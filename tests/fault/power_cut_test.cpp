@@ -215,10 +215,9 @@ class PowerCutStory : public testing::Test {
         whole.resize(last);
       }
       const auto differ = std::ranges::mismatch(kept, whole).in2;
-      EXPECT_TRUE(kept.starts_with(whole))
-          << path << " lost what was flushed:\n"
-          << std::string(differ, whole.end()) << "and has\n"
-          << kept.substr(static_cast<std::size_t>(differ - whole.begin()));
+      EXPECT_TRUE(kept.starts_with(whole)) << path << " lost what was flushed:\n"
+                                           << std::string(differ, whole.end()) << "and has\n"
+                                           << kept.substr(static_cast<std::size_t>(differ - whole.begin()));
     }
   }
 
