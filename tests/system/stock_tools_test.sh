@@ -55,20 +55,20 @@ for profile in mpeg2 lossless; do
     (cd "$copy" && eval "$2")
     expect 1 "^NOT INTACT: .*$1" verify.sh "$copy"
   }
-  tampered 'missing or changed' 'printf x | dd of=$(ls segments/endoscope/*.age | head -1) bs=1 seek=300 conv=notrunc status=none'
-  tampered 'missing or changed' 'rm $(ls segments/vitals/*.age | head -1)'
+  tampered 'missing or changed' 'printf x | dd of=$(ls segments/endoscope/*.age | sed -n 1p) bs=1 seek=300 conv=notrunc status=none'
+  tampered 'missing or changed' 'rm $(ls segments/vitals/*.age | sed -n 1p)'
   tampered 'unnamed files' 'touch segments/room/stray'
   tampered 'hole' 'sed -i 3d ledger.jsonl'
   tampered 'another root' 'sed -i "2s/\"utc\":\"2/\"utc\":\"3/" ledger.jsonl'
-  tampered 'not signed' 'sed -i -e "3{s/^A/B/;t;s/^./A/" -e "}" "$(ls checkpoints/*.note | head -1)"'
+  tampered 'not signed' 'sed -i -e "3{s/^A/B/;t;s/^./A/" -e "}" "$(ls checkpoints/*.note | sed -n 1p)"'
   tampered 'not one recording' 'sed -i "\$d" ledger.jsonl; sed -i "/\"type\":\"close\"/,\$d" ledger.jsonl'
 
-  tampered 'no plain file' 'film=$(ls segments/endoscope/* | head -1); mv "$film" ../film; ln -s "$PWD/../film" "$film"'
+  tampered 'no plain file' 'film=$(ls segments/endoscope/* | sed -n 1p); mv "$film" ../film; ln -s "$PWD/../film" "$film"'
   tampered 'no plain file' "mkdir -p \$'authorities/a.pem\\nf authorities'; touch \$'authorities/a.pem\\nf authorities/b.pem'"
   tampered 'not whole' 'tail -1 ledger.jsonl | tr -d "\n" >>ledger.jsonl'
   tampered 'another form' 'sed -i "s/\"frames\":[0-9]*/\"frames\":\"leaf[\$(touch ..\/ran)]\"/" ledger.jsonl'
   # Zero bytes, which the shell drops before it hashes and behind which jq skips, hide what a line says.
-  tampered 'control characters' 'line=$(grep -n "\"type\":\"segment\"" ledger.jsonl | head -1 | cut -d: -f1); sed -i "${line}s/\"type\":\"segment\"/\"type\":\"s\x00egment\"/" ledger.jsonl'
+  tampered 'control characters' 'line=$(grep -n "\"type\":\"segment\"" ledger.jsonl | sed -n 1p | cut -d: -f1); sed -i "${line}s/\"type\":\"segment\"/\"type\":\"s\x00egment\"/" ledger.jsonl'
   # A signature of somebody else beside the device's is no fault; no token is over the last checkpoint's bytes.
   rm -rf "$copy"; cp -r "$case" "$copy"
   echo "— witness $(head -c 68 /dev/urandom | base64 -w0)" >>"$(ls "$copy"/checkpoints/*.note | tail -1)"
@@ -163,8 +163,8 @@ for profile in mpeg2 lossless; do
     (cd "$copy" && eval "$2")
     expect 1 "^NOT INTACT: .*$1" verify-excerpt.sh "$copy"
   }
-  tampered_excerpt 'not what was recorded' 'printf x | dd of=$(ls segments/endoscope/* | head -1) bs=1 seek=300 conv=notrunc status=none'
-  tampered_excerpt 'is missing' 'rm $(ls segments/endoscope/* | head -1)'
+  tampered_excerpt 'not what was recorded' 'printf x | dd of=$(ls segments/endoscope/* | sed -n 1p) bs=1 seek=300 conv=notrunc status=none'
+  tampered_excerpt 'is missing' 'rm $(ls segments/endoscope/* | sed -n 1p)'
   tampered_excerpt 'unnamed files' 'touch segments/stray'
   tampered_excerpt 'no excerpt of this case' 'jq -c ".streams = []" excerpt.json >x; mv x excerpt.json'
   tampered_excerpt 'no excerpt of this case' 'jq -c ".streams += .streams" excerpt.json >x; mv x excerpt.json'
@@ -192,12 +192,12 @@ for profile in mpeg2 lossless; do
   age-keygen -o "$scratch/expert.txt" 2>/dev/null
   take --from 00:00:02 --to 00:00:04 --to-recipient "$(age-keygen -y "$scratch/expert.txt")"
   expect 2 '^COULD NOT CHECK: .*re-keyed for a new reader' verify-excerpt.sh "$excerpt" "$scratch/expert.txt"
-  tampered_excerpt 'not what was recorded' 'cp $(ls segments/endoscope/*.header | head -1) x; (cat x; echo) >$(ls segments/endoscope/*.header | head -1); rm x'
+  tampered_excerpt 'not what was recorded' 'cp $(ls segments/endoscope/*.header | sed -n 1p) x; (cat x; echo) >$(ls segments/endoscope/*.header | sed -n 1p); rm x'
   rm "$scratch/expert.txt"
 done
 # A case that was cut off and found again is no whole one, and the script says what is missing.
 timeout -s KILL 4 "$kiroku" record --endoscope 'synthetic:endoscope?size=160x120&rate=10' --segment 1s --duration 00:01:00 >/dev/null 2>&1 || true
 "$kiroku" recover >/dev/null
-case=$(grep -l '"type":"recovered"' "$KIROKU_HOME"/archive/2*/ledger.jsonl | head -1)
+case=$(grep -l '"type":"recovered"' "$KIROKU_HOME"/archive/2*/ledger.jsonl | sed -n 1p)
 expect 0 '^INTACT WITH GAPS: .*recording was cut off and found again; .*endoscope: 1 gap' verify.sh "$(dirname "$case")"
 echo "PASSED: the page's $lines and $excerpt_lines lines find what they should"
