@@ -44,7 +44,7 @@ bool told_to_end() { return told; }
 
 void wait_until_told() {
   std::uint64_t count = 0;
-  while (!told && ::read(waker, &count, sizeof count) < 0 && errno == EINTR) {
+  while (!told && (::read(waker, &count, sizeof count) >= 0 || errno == EINTR)) {
   }
 }
 

@@ -30,6 +30,13 @@ namespace {
                          ChildPriority priority, pid_t parent) {
   ::prctl(PR_SET_PDEATHSIG, SIGKILL);
   if (::getppid() != parent) ::_exit(ChildProgram::kNotStarted);  // it ended before that was said
+  // The server's handlers are none of the program's: one would swallow what asks the program to end, and wake
+  // the server through a descriptor that both have.
+  for (int signal = 1; signal < NSIG; ++signal) {
+    struct sigaction action {};
+    if (::sigaction(signal, nullptr, &action) == 0 && action.sa_handler != SIG_IGN)
+      ::signal(signal, SIG_DFL);
+  }
   sigset_t none;
   sigemptyset(&none);
   ::pthread_sigmask(SIG_SETMASK, &none, nullptr);
@@ -84,9 +91,16 @@ ChildProgram::ChildProgram(const std::filesystem::path& program, const std::vect
   for (std::string& each : all) pointers.push_back(each.data());
   pointers.push_back(nullptr);
   const pid_t parent = ::getpid();
+  // Until the program has no handler any more, a signal for it waits.
+  sigset_t every, before;
+  sigfillset(&every);
+  ::pthread_sigmask(SIG_SETMASK, &every, &before);
   process_ = ::fork();
-  if (process_ < 0) fail("no process");
   if (process_ == 0) become(all.front().c_str(), pointers.data(), given, priority, parent);
+  const int failed = errno;
+  ::pthread_sigmask(SIG_SETMASK, &before, nullptr);
+  errno = failed;
+  if (process_ < 0) fail("no process");
 }
 
 ChildProgram::~ChildProgram() {

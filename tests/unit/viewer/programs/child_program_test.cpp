@@ -1,6 +1,9 @@
 #include "viewer/programs/child_program.h"
 
+#include <csignal>
 #include <fstream>
+#include <poll.h>
+#include <unistd.h>
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -80,6 +83,29 @@ TEST_F(AProgram, IsStopped) {
   EXPECT_FALSE(end.overdue) << "a person stopped it";
   EXPECT_EQ(end.status, -1);
   EXPECT_LT(took_, 100s) << "its end was not waited for";
+}
+
+/// Where the handler of this test writes.
+int heard = -1;
+
+TEST_F(AProgram, NeverRunsAHandlerOfTheServer) {
+  const DescriptorPair pipe = make_pipe();
+  heard = pipe.theirs.number();
+  struct sigaction action {}, before {};
+  action.sa_handler = [](int) { static_cast<void>(!::write(heard, "x", 1)); };
+  ::sigaction(SIGTERM, &action, &before);
+  // Asked to end at once: it has not become another program yet.
+  for (int i = 0; i < 20; ++i) {
+    ChildProgram child("/bin/sleep", {"100"}, {}, ChildPriority::kAnswering);
+    child.ask_to_end();
+    EXPECT_EQ(child.wait(20s), -1);
+  }
+  ::sigaction(SIGTERM, &before, nullptr);
+  pollfd waiting{pipe.ours.number(), POLLIN, 0};
+  EXPECT_EQ(::poll(&waiting, 1, 0), 0) << "nothing was written";
+  sigset_t blocked;
+  ::pthread_sigmask(SIG_SETMASK, nullptr, &blocked);
+  EXPECT_EQ(sigismember(&blocked, SIGTERM), 0) << "the server hears again";
 }
 
 TEST_F(AProgram, ThatIsNotThereIsSaidToBe) {
