@@ -34,8 +34,7 @@ namespace {
   // the server through a descriptor that both have.
   for (int signal = 1; signal < NSIG; ++signal) {
     struct sigaction action {};
-    if (::sigaction(signal, nullptr, &action) == 0 && action.sa_handler != SIG_IGN)
-      ::signal(signal, SIG_DFL);
+    if (::sigaction(signal, nullptr, &action) == 0 && action.sa_handler != SIG_IGN) ::signal(signal, SIG_DFL);
   }
   sigset_t none;
   sigemptyset(&none);

@@ -91,7 +91,8 @@ int heard = -1;
 TEST_F(AProgram, NeverRunsAHandlerOfTheServer) {
   const DescriptorPair pipe = make_pipe();
   heard = pipe.theirs.number();
-  struct sigaction action {}, before {};
+  struct sigaction action {
+  }, before{};
   action.sa_handler = [](int) { static_cast<void>(!::write(heard, "x", 1)); };
   ::sigaction(SIGTERM, &action, &before);
   // Asked to end at once: it has not become another program yet.
