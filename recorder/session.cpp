@@ -38,6 +38,16 @@ std::vector<std::string> names_of(const crypto::AgeRecipients& recipients) {
   return names;
 }
 
+std::size_t index_of(const std::vector<StreamRequest>& requests, const std::string& name) {
+  const auto found = std::ranges::find(requests, name, &StreamRequest::name);
+  return static_cast<std::size_t>(found - requests.begin());
+}
+
+/// So that a picture too large for the encoder is refused now and not in the first second.
+void try_encoder(const Source& source, const StreamRequest& request) {
+  const VideoEncoder tried(source.format(), source.frame_rate(), request.video);
+}
+
 std::optional<SourceAddress> microphone_of(const StreamRequest& request) {
   if (request.microphone.empty()) return {};
   SourceAddress address = parse_source_address(request.microphone, Presence::kNotLookedAt);
@@ -54,6 +64,7 @@ archive::StreamInfo stream_info(const StreamRequest& request, const SourceAddres
   info.kind = video ? "video" : "vitals";
   info.media = video ? std::string(request.video.media()) : "application/jsonl";
   info.source = address.stated;
+  if (!request.second_of.empty()) info.source += "; the pictures of stream " + request.second_of;
   if (const auto microphone = microphone_of(request)) info.source += "; sound from " + microphone->stated;
   info.profile = video ? std::string(profile_name(request.video.profile)) : "jsonl";
   info.purpose = request.purpose;
@@ -68,7 +79,7 @@ struct Session::State {
   /// What was asked for, checked and opened, before there is a case.
   struct OpenedVideo {
     SourceAddress address;
-    std::unique_ptr<Source> source;      // null: absent
+    std::unique_ptr<Source> source;      // null: absent, or another stream's
     std::unique_ptr<Source> microphone;  // null: absent, or none was asked for
   };
   explicit State(SessionOptions asked);
@@ -185,6 +196,15 @@ void check(const SessionOptions& options) {
   if (options.video.empty() && options.vitals.empty()) {
     throw UsageError("there is nothing to record: give at least one source");
   }
+  for (std::size_t i = 0; i < options.video.size(); ++i) {
+    const std::string& first = options.video[i].second_of;
+    if (first.empty()) continue;
+    const std::size_t found = index_of(options.video, first);
+    if (found >= i || !options.video[found].second_of.empty()) {
+      throw UsageError("stream '" + options.video[i].name + "' archives the pictures of '" + first +
+                       "' a second time, and no stream before it has that name and a source of its own");
+    }
+  }
   if (options.segment_duration < kShortestSegment || options.segment_duration > kLongestSegment) {
     throw UsageError("a segment must last from 0.1 to 9 seconds");
   }
@@ -236,9 +256,16 @@ archive::StreamInfo events_info(const crypto::AgeRecipients& recipients) {
   return info;
 }
 
-nlohmann::ordered_json json_of(const ProfileDecision& decision) {
+/// For the case, where no streams mean all of pictures.
+nlohmann::ordered_json json_of(const ProfileDecision& decision, const std::vector<StreamRequest>& video) {
   nlohmann::ordered_json json;
-  if (!decision.streams.empty()) json["streams"] = decision.streams;
+  std::vector<std::string> streams = decision.streams;
+  if (streams.empty() && !std::ranges::all_of(video, &std::string::empty, &StreamRequest::second_of)) {
+    for (const StreamRequest& stream : video) {
+      if (stream.second_of.empty()) streams.push_back(stream.name);
+    }
+  }
+  if (!streams.empty()) json["streams"] = streams;
   json["to"] = profile_name(decision.profile);
   json["by"] = decision.by;
   if (!decision.why.empty()) json["why"] = decision.why;
@@ -271,6 +298,7 @@ Session::State::State(SessionOptions asked)
   std::vector<std::future<OpenedVideo>> opening;
   for (const StreamRequest& request : options.video) {
     opening.push_back(std::async(std::launch::async, [this, &request] {
+      if (!request.second_of.empty()) return OpenedVideo{};
       OpenedVideo opened{checked_address(request, options), {}, {}};
       open(opened, request);
       open_microphone(opened, request);
@@ -288,7 +316,18 @@ Session::State::State(SessionOptions asked)
       require_wanted();
       throw;
     }
-    declare(stream_info(options.video[i], videos.back().address, true), options.video[i].recipients);
+    const StreamRequest& request = options.video[i];
+    if (!request.second_of.empty()) {
+      const std::size_t first = index_of(options.video, request.second_of);
+      videos.back().address = videos[first].address;
+      try {
+        if (videos[first].source) try_encoder(*videos[first].source, request);
+      } catch (const Error& error) {
+        if (!request.may_be_absent) throw;
+        problems.report(error.what());
+      }
+    }
+    declare(stream_info(request, videos.back().address, true), request.recipients);
   }
   require_wanted();
   for (const StreamRequest& request : options.vitals) {
@@ -334,11 +373,18 @@ Session::State::State(SessionOptions asked)
   std::size_t index = 0;
   for (OpenedVideo& opened : videos) {
     const StreamRequest& stream = options.video[index];
-    auto lane = std::make_unique<VideoLane>(
-        context, index, writing.streams[index],
-        SourceSupervisor::Terms{opened.address, stream.video.audio, stream.tap, stream.guard,
-                                microphone_of(stream), stream.microphone_guard},
-        std::move(opened.source), stream.video, budget, std::move(opened.microphone));
+    std::unique_ptr<VideoLane> lane;
+    if (stream.second_of.empty()) {
+      lane = std::make_unique<VideoLane>(
+          context, index, writing.streams[index],
+          SourceSupervisor::Terms{opened.address, stream.video.audio, stream.tap, stream.guard,
+                                  microphone_of(stream), stream.microphone_guard},
+          std::move(opened.source), stream.video, budget, std::move(opened.microphone));
+    } else {
+      lane = std::make_unique<VideoLane>(context, index, writing.streams[index],
+                                         *of_pictures[index_of(options.video, stream.second_of)],
+                                         stream.video, budget);
+    }
     lane->on_profile_refused([this](const std::string& refusing, Profile wanted, const std::string& why) {
       if (begun) {
         nlohmann::ordered_json refusal;
@@ -366,13 +412,17 @@ Session::State::State(SessionOptions asked)
     if (begun) pointing->begin(begins_ns);
   }
   if (begun) {
-    for (const ProfileDecision& decision : options.profile_decisions) events->profile(json_of(decision));
+    for (const ProfileDecision& decision : options.profile_decisions)
+      events->profile(json_of(decision, options.video));
   }
 }
 
 std::vector<VideoLane*> Session::State::lanes_of(const ProfileDecision& decision) const {
-  if (decision.streams.empty()) return of_pictures;
   std::vector<VideoLane*> chosen;
+  if (decision.streams.empty()) {
+    std::ranges::copy_if(of_pictures, std::back_inserter(chosen),
+                         [](const VideoLane* lane) { return !lane->is_second(); });
+  }
   for (const std::string& name : decision.streams) {
     const auto found =
         std::ranges::find_if(of_pictures, [&](const VideoLane* lane) { return lane->name() == name; });
@@ -437,8 +487,7 @@ void Session::State::open(OpenedVideo& opened, const StreamRequest& request) {
   if (request.may_be_absent) terms.patience = kPatienceWithAbsent;
   try {
     opened.source = open_source(opened.address, clock, terms);
-    // Tried once, so that a picture too large for the encoder is refused now and not in the first second.
-    const VideoEncoder tried(opened.source->format(), opened.source->frame_rate(), request.video);
+    try_encoder(*opened.source, request);
     if (const std::string remark = opened.source->remark(); !remark.empty()) problems.report(remark);
   } catch (const Error& error) {
     if (!request.may_be_absent) throw;
@@ -473,6 +522,32 @@ LedgerWriter::Ended Session::State::finish_lanes() {
     if (stream.kind != "events" && stream.timing == "arrival") ended.streams.push_back(stream.name);
   }
   return ended;
+}
+
+std::string second_name(const std::string& stream, Profile profile) {
+  return stream + "-" + std::string(profile_name(profile));
+}
+
+StreamRequest second_of(const StreamRequest& first, Profile profile) {
+  StreamRequest second{second_name(first.name, profile),
+                       "",
+                       first.purpose,
+                       first.video,
+                       first.recipients,
+                       first.may_be_absent};
+  second.video.profile = profile;
+  second.video.audio = false;
+  second.second_of = first.name;
+  return second;
+}
+
+void apply(const ProfileDecision& decision, std::vector<StreamRequest>& streams) {
+  for (StreamRequest& stream : streams) {
+    const bool meant = decision.streams.empty()
+                           ? stream.second_of.empty()
+                           : std::ranges::find(decision.streams, stream.name) != decision.streams.end();
+    if (meant) stream.video.profile = decision.profile;
+  }
 }
 
 Session::Session(SessionOptions options) : state_(std::make_unique<State>(std::move(options))) {}
@@ -589,7 +664,7 @@ void Session::decide_profile(const ProfileDecision& decision) {
   EventsLane& events = state_->begun_events();
   const std::vector<VideoLane*> lanes = state_->lanes_of(decision);
   // Before any picture is another.
-  events.profile(json_of(decision));
+  events.profile(json_of(decision, state_->options.video));
   for (VideoLane* lane : lanes) lane->change_profile(decision.profile);
 }
 

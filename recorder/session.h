@@ -50,7 +50,16 @@ struct StreamRequest {
   std::string microphone = {};
   /// As `guard`, of the microphone.
   std::shared_ptr<SourceGuard> microphone_guard = std::make_shared<SourceGuard>();
+  /// The name of a stream before it in SessionOptions::video whose pictures it archives a second time, in
+  /// another form and without audio; "": it has a source of its own. Where it is given, what stands here of a
+  /// source says nothing, and a change of the profile that names no stream leaves it as it is.
+  std::string second_of = {};
 };
+
+/// The name of the stream that archives the pictures of `stream` a second time: "endoscope-lossless".
+std::string second_name(const std::string& stream, Profile profile);
+/// What archives the pictures of `first` a second time, for the same recipients; it stands behind `first`.
+StreamRequest second_of(const StreamRequest& first, Profile profile);
 
 /// A case whose identifier is known before it is made, and that may carry on an earlier one
 /// (archive/verify/carried_on.h).
@@ -63,11 +72,14 @@ struct CaseIdentity {
 
 /// In which form pictures are archived, and who or what decided so: sealed as an event of the case.
 struct ProfileDecision {
-  std::vector<std::string> streams;  // of pictures; none: all
+  std::vector<std::string> streams;  // of pictures; none: all that have a source of their own
   Profile profile = Profile::kMpeg2;
   std::string by;   // who: "operator", "footswitch", a user of the viewer; "rule"
   std::string why;  // a sentence, "" if nobody gave one; may tell of the patient
 };
+
+/// States the decision's profile in the requests that it is about, for a case that has not begun.
+void apply(const ProfileDecision& decision, std::vector<StreamRequest>& streams);
 
 struct SessionOptions {
   std::filesystem::path archive;

@@ -54,6 +54,22 @@ void SourceSupervisor::join() {
   if (microphone_) microphone_->join();
 }
 
+void SourceSupervisor::show(TimedFrame picture) {
+  const bool patient = terms_.address.unpaced();
+  for (FrameQueue* each : further_) {
+    TimedFrame same{media::reference(*picture.frame), picture.time_ns, picture.lost_before,
+                    picture.lost_on_the_way, picture.rate};
+    each->push(std::move(same), patient);
+  }
+  queue_.push(std::move(picture), patient);
+}
+
+void SourceSupervisor::lose() {
+  const SourceLost lost{cause_of_loss(), context_.clock.now_ns()};
+  queue_.push(lost);
+  for (FrameQueue* each : further_) each->push(lost);
+}
+
 void SourceSupervisor::hear(TimedFrame audio) {
   if (audio.time_ns < 0) return;  // taken before the case clock began
   if (context_.end_ns && audio.time_ns >= *context_.end_ns) return;
@@ -84,7 +100,7 @@ std::string SourceSupervisor::input() const {
 void SourceSupervisor::run() {
   bool present = source_ != nullptr;
   if (!present) {
-    queue_.push(SourceLost{cause_of_loss(), context_.clock.now_ns()});
+    lose();
     present = reopen(false);
   }
   const bool comes_back = present && source_->is_live();
@@ -101,7 +117,7 @@ void SourceSupervisor::run() {
     }
     live_ = false;
     if (!lost || stopping_ || !comes_back) break;  // a damaged file does not come back
-    queue_.push(SourceLost{cause_of_loss(), context_.clock.now_ns()});
+    lose();
     // Full teardown, a pause, and a fresh one: stale buffers and half-open connections go with the old
     // object.
     close();
@@ -109,12 +125,12 @@ void SourceSupervisor::run() {
   }
   ended_ = true;
   queue_.finish();
+  for (FrameQueue* each : further_) each->finish();
   close();
 }
 
 void SourceSupervisor::read(Source& source) {
   const Rational rate = source.frame_rate();
-  const bool patient = terms_.address.unpaced();
   while (std::optional<TimedFrame> frame = source.read()) {
     if (frame->is_sound) {
       hear(std::move(*frame));
@@ -127,7 +143,7 @@ void SourceSupervisor::read(Source& source) {
     live_ = true;
     frame->rate = rate;
     if (terms_.tap) terms_.tap->offer(*frame);
-    queue_.push(std::move(*frame), patient);
+    show(std::move(*frame));
   }
 }
 

@@ -8,6 +8,7 @@
 #include <optional>
 #include <string>
 #include <thread>
+#include <vector>
 
 #include "recorder/frame_queue.h"
 #include "recorder/lane.h"
@@ -42,6 +43,10 @@ class SourceSupervisor {
   SourceSupervisor(const SourceSupervisor&) = delete;
   SourceSupervisor& operator=(const SourceSupervisor&) = delete;
 
+  /// Each picture goes into this queue too, and that the source is lost; no audio. `further` must outlive the
+  /// supervisor's thread. Before start().
+  void feed_also(FrameQueue& further) { further_.push_back(&further); }
+
   void start();
   /// Interrupts whatever source there is; returns at once.
   void stop();
@@ -66,6 +71,8 @@ class SourceSupervisor {
  private:
   void run();
   void read(Source& source);
+  void show(TimedFrame picture);
+  void lose();
   void hear(TimedFrame audio);
   /// From the microphone's thread.
   void hear_of_microphone(TimedFrame audio);
@@ -79,6 +86,7 @@ class SourceSupervisor {
   const LaneContext context_;
   const Terms terms_;
   FrameQueue& queue_;
+  std::vector<FrameQueue*> further_;
   std::atomic<bool> stopping_ = false, ended_ = false, reached_end_ = false, live_ = false, unboxed_ = false;
 
   mutable std::mutex mutex_;  // guards what follows

@@ -28,54 +28,72 @@ std::optional<SoundFormat> audio_format(const SourceSupervisor::Terms& terms, co
   return source == nullptr ? std::nullopt : source->sound_format();
 }
 
-VideoProfile with_audio_of(const SourceSupervisor::Terms& terms, VideoProfile profile) {
-  profile.audio = profile.audio || terms.microphone;
+VideoProfile with_audio(VideoProfile profile) {
+  profile.audio = true;
   return profile;
 }
 
 }  // namespace
 
 VideoLane::VideoLane(const LaneContext& context, std::size_t stream_index, archive::StreamInfo info,
-                     SourceSupervisor::Terms terms, std::unique_ptr<Source> source,
-                     const VideoProfile& profile, std::size_t queue_bytes, std::unique_ptr<Source> microphone)
+                     const Audio& audio, const VideoProfile& profile, std::size_t queue_bytes, bool is_second)
     : context_(context),
       profile_(profile),
       wanted_profile_(profile.profile),
       used_profile_(profile.profile),
       output_(context.store, stream_index, std::move(info), context.facts),
       queue_(queue_bytes),
-      audio_(audio_format(terms, source.get()), with_audio_of(terms, profile),
-             terms.microphone ? SoundEncoder::Pace::kResampled : SoundEncoder::Pace::kAsTheyCome),
-      audio_gaps_(terms.microphone ? std::optional(SoundGaps()) : std::nullopt),
+      audio_(audio.format, audio.of_microphone ? with_audio(profile) : profile,
+             audio.of_microphone ? SoundEncoder::Pace::kResampled : SoundEncoder::Pace::kAsTheyCome),
+      audio_gaps_(audio.of_microphone ? std::optional(SoundGaps()) : std::nullopt),
       segmenter_({.duration = context.segment_duration,
                   .end_ns = context.end_ns,
                   .timed_by_arrival = output_.info().timing == "arrival"}),
       muxer_(make_muxer(profile)),
-      supervisor_(context_, std::move(terms), std::move(source), queue_, std::move(microphone)) {}
+      is_second_(is_second) {}
+
+VideoLane::VideoLane(const LaneContext& context, std::size_t stream_index, archive::StreamInfo info,
+                     SourceSupervisor::Terms terms, std::unique_ptr<Source> source,
+                     const VideoProfile& profile, std::size_t queue_bytes, std::unique_ptr<Source> microphone)
+    : VideoLane(context, stream_index, std::move(info),
+                {audio_format(terms, source.get()), terms.microphone.has_value()}, profile, queue_bytes,
+                false) {
+  supervisor_ = std::make_shared<SourceSupervisor>(context_, std::move(terms), std::move(source), queue_,
+                                                   std::move(microphone));
+}
+
+VideoLane::VideoLane(const LaneContext& context, std::size_t stream_index, archive::StreamInfo info,
+                     const VideoLane& first, const VideoProfile& profile, std::size_t queue_bytes)
+    : VideoLane(context, stream_index, std::move(info), {}, profile, queue_bytes, true) {
+  first.supervisor_->feed_also(queue_);
+  supervisor_ = first.supervisor_;
+}
 
 VideoLane::~VideoLane() {
+  if (!supervisor_) return;  // its construction failed
   stop();
   join();
 }
 
 void VideoLane::start() {
   thread_ = std::thread([this] { run(); });
-  supervisor_.start();
+  if (!is_second_) supervisor_->start();
 }
 
 LaneStatus VideoLane::status() const {
   LaneStatus status;
-  status.live = supervisor_.live();
+  status.live = supervisor_->live();
   status.frames = frames_;
   status.dropped = refused_ + queue_.dropped();
   status.segments = output_.segments();
   status.bytes = output_.bytes();
   status.last_ns = last_ns_;
   status.durable_ns = output_.claimed_until_ns();
-  status.stuck = supervisor_.stuck();
-  status.given_up = supervisor_.given_up();
-  status.input = supervisor_.input();
-  status.unboxed = supervisor_.is_unboxed();
+  // Counted once, where the source is kept.
+  status.stuck = is_second_ ? 0 : supervisor_->stuck();
+  status.given_up = is_second_ ? 0 : supervisor_->given_up();
+  status.input = supervisor_->input();
+  status.unboxed = supervisor_->is_unboxed();
   const Profile used = used_profile_, wanted = wanted_profile_;
   status.profile = profile_name(used);
   if (wanted != used) status.profile_to_come = profile_name(wanted);
@@ -84,7 +102,7 @@ LaneStatus VideoLane::status() const {
 }
 
 void VideoLane::join() {
-  supervisor_.join();
+  supervisor_->join();
   queue_.finish();
   if (thread_.joinable()) thread_.join();
 }
@@ -336,7 +354,7 @@ std::int64_t VideoLane::end_of_last_frame() const {
 }
 
 void VideoLane::report(const std::string& what) const {
-  context_.problems.report("source '" + supervisor_.address().stated + "' " + what);
+  context_.problems.report("source '" + supervisor_->address().stated + "' " + what);
 }
 
 void VideoLane::fail(const std::exception& error) {
@@ -375,7 +393,7 @@ void VideoLane::finish(std::int64_t close_ns) {
     segmenter_.absent(archive::GapCause::kSuspended);
   }
   const std::optional<Gap> rest =
-      segmenter_.gap_at_close(close_ns, context_.clock.now_ns(), supervisor_.reached_end());
+      segmenter_.gap_at_close(close_ns, context_.clock.now_ns(), supervisor_->reached_end());
   if (rest) state(*rest);
   if (audio_gaps_) state_of_audio(audio_gaps_->gap_at_close(close_ns));
 }

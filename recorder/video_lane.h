@@ -5,6 +5,7 @@
 #include <atomic>
 #include <functional>
 #include <memory>
+#include <optional>
 #include <string>
 #include <thread>
 
@@ -26,8 +27,14 @@ class VideoLane : public Lane {
   VideoLane(const LaneContext& context, std::size_t stream_index, archive::StreamInfo info,
             SourceSupervisor::Terms terms, std::unique_ptr<Source> source, const VideoProfile& profile,
             std::size_t queue_bytes, std::unique_ptr<Source> microphone = nullptr);
+  /// The pictures of another stream, archived a second time: of the same source, which `first` keeps, without
+  /// its audio. Constructed before first.start(), from the same thread.
+  VideoLane(const LaneContext& context, std::size_t stream_index, archive::StreamInfo info,
+            const VideoLane& first, const VideoProfile& profile, std::size_t queue_bytes);
   ~VideoLane() override;
 
+  /// Whether it is archived a second time, of another stream's source.
+  [[nodiscard]] bool is_second() const { return is_second_; }
   /// Called from the lane's thread where pictures cannot be archived in the form that was asked for: they go
   /// on as they were. Given before start().
   using ProfileRefused =
@@ -41,15 +48,23 @@ class VideoLane : public Lane {
   [[nodiscard]] Profile wanted_profile() const { return wanted_profile_; }
 
   void start() override;
-  void stop() override { supervisor_.stop(); }
+  void stop() override { supervisor_->stop(); }
   void finish(std::int64_t close_ns) override;
-  [[nodiscard]] bool ended() const override { return supervisor_.ended(); }
-  [[nodiscard]] bool reached_end() const override { return supervisor_.reached_end(); }
-  [[nodiscard]] bool is_unpaced() const override { return supervisor_.address().unpaced(); }
+  [[nodiscard]] bool ended() const override { return supervisor_->ended(); }
+  [[nodiscard]] bool reached_end() const override { return supervisor_->reached_end(); }
+  [[nodiscard]] bool is_unpaced() const override { return supervisor_->address().unpaced(); }
   [[nodiscard]] LaneStatus status() const override;
   [[nodiscard]] const std::string& name() const override { return output_.info().name; }
 
  private:
+  /// Audio as AudioTrack takes it. The supervisor follows.
+  struct Audio {
+    std::optional<SoundFormat> format;
+    bool of_microphone = false;
+  };
+  VideoLane(const LaneContext& context, std::size_t stream_index, archive::StreamInfo info,
+            const Audio& audio, const VideoProfile& profile, std::size_t queue_bytes, bool is_second);
+
   void run();
   void join();
   void take(QueuedFrame item);
@@ -113,7 +128,8 @@ class VideoLane : public Lane {
   std::int64_t sealed_at_ns_ = 0;    // when there was one more of them
   bool failed_ = false;
 
-  SourceSupervisor supervisor_;
+  const bool is_second_;
+  std::shared_ptr<SourceSupervisor> supervisor_;  // of lanes of one source the same one
   std::thread thread_;
 };
 

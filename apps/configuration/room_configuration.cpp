@@ -9,6 +9,7 @@
 #include "apps/configuration/table_reader.h"
 #include "archive/format/case_layout.h"
 #include "archive/format/pointing_stream.h"
+#include "recorder/session.h"
 #include "recorder/source/source_address.h"
 
 namespace kiroku::apps {
@@ -18,6 +19,18 @@ void require_name(const std::string& name) {
   if (!archive::is_short_name(name)) {
     throw UsageError("'name' is '" + name + "': it must be 1 to 32 of a-z, 0-9 and '-'");
   }
+}
+
+/// Once all the rest is read.
+void check_also(const StreamConfiguration& stream, TableReader& reader) {
+  const auto refuse = [&](const std::string& why) { reader.refuse(reader.find("also")->source(), why); };
+  if (!stream.is_video) refuse("'also' is for streams of kind video");
+  if (*stream.also == stream.video.profile)
+    refuse("'also' is '" + std::string(recorder::profile_name(*stream.also)) +
+           "', as which these pictures are archived already");
+  if (const std::string name = recorder::second_name(stream.name, *stream.also);
+      !archive::is_short_name(name))
+    refuse("with 'also' there would be a stream named '" + name + "': a name has at most 32 characters");
 }
 
 StreamConfiguration read_stream(const toml::table& table, const TableReader& in,
@@ -55,6 +68,10 @@ StreamConfiguration read_stream(const toml::table& table, const TableReader& in,
     require_profile(text);
     stream.video.profile = *recorder::parse_profile(text);
   });
+  reader.text("also", [&](const std::string& text) {
+    require_profile(text);
+    stream.also = recorder::parse_profile(text);
+  });
   reader.text("bit_rate",
               [&](const std::string& text) { stream.video.bit_rate = parse_bit_rate(text, "'bit_rate'"); });
   reader.text("chroma",
@@ -71,6 +88,7 @@ StreamConfiguration read_stream(const toml::table& table, const TableReader& in,
   reader.refuse_unknown_keys();
   if (stream.name.empty()) reader.refuse(table.source(), "a [[room.stream]] needs a 'name'");
   if (stream.source.empty()) reader.refuse(table.source(), "a [[room.stream]] needs a 'source'");
+  if (stream.also) check_also(stream, reader);
   if (!stream.is_video && !stream.microphone.empty()) {
     reader.refuse(reader.find("microphone")->source(), "'microphone' is for streams of kind video");
   }
@@ -164,6 +182,13 @@ void read_resumption(TableReader& reader, recorder::RoomRules& rules) {
   if (resume) rules.resume_within = within.value_or(kUsual);
 }
 
+/// Its own, and that of what archives its pictures a second time.
+std::vector<std::string> names_of(const StreamConfiguration& stream) {
+  std::vector<std::string> names{stream.name};
+  if (stream.also) names.push_back(recorder::second_name(stream.name, *stream.also));
+  return names;
+}
+
 RoomConfiguration read_room(const toml::table& table, const TableReader& top, const Configuration& defaults) {
   RoomConfiguration room;
   TableReader reader(table, "[[room]]", top.file());
@@ -196,16 +221,18 @@ RoomConfiguration read_room(const toml::table& table, const TableReader& top, co
   });
   for_each_table(reader, "stream", [&](const toml::table& entry) {
     StreamConfiguration stream = read_stream(entry, reader, defaults);
-    const bool twice = std::any_of(room.streams.begin(), room.streams.end(),
-                                   [&](const auto& other) { return other.name == stream.name; });
-    if (twice)
-      reader.refuse(entry.source(), "there are two streams named '" + stream.name + "' in this room");
+    for (const StreamConfiguration& other : room.streams) {
+      for (const std::string& name : names_of(stream)) {
+        if (std::ranges::count(names_of(other), name) > 0)
+          reader.refuse(entry.source(), "there are two streams named '" + name + "' in this room");
+      }
+    }
     room.streams.push_back(std::move(stream));
   });
   for (const recorder::FootswitchOptions& footswitch : room.footswitches) {
     for (const std::string& name : footswitch.streams) {
       const bool known = std::ranges::any_of(
-          room.streams, [&](const auto& stream) { return stream.is_video && stream.name == name; });
+          room.streams, [&](const auto& stream) { return stream.has_pictures_named(name); });
       if (!known)
         reader.refuse(table.source(),
                       "a footswitch names the stream '" + name + "', which is no video stream of this room");
@@ -222,7 +249,7 @@ RoomConfiguration read_room(const toml::table& table, const TableReader& top, co
 /// knows.
 bool may_be_recorded(const ProfileForConfiguration& rule, const std::string& stream,
                      const Configuration& configuration) {
-  const auto is_it = [&](const StreamConfiguration& one) { return one.is_video && one.name == stream; };
+  const auto is_it = [&](const StreamConfiguration& one) { return one.has_pictures_named(stream); };
   return configuration.rooms.empty() ||
          std::ranges::any_of(configuration.rooms, [&](const RoomConfiguration& room) {
            const bool meant =
@@ -291,6 +318,10 @@ void read_listen(const std::string& text, DaemonConfiguration& into) {
 }
 
 }  // namespace
+
+bool StreamConfiguration::has_pictures_named(const std::string& stream) const {
+  return is_video && std::ranges::count(names_of(*this), stream) > 0;
+}
 
 recorder::VideoProfile default_video_profile(const Configuration& configuration) {
   recorder::VideoProfile video;

@@ -26,6 +26,10 @@ struct StreamConfiguration {
   std::string purpose;
   recorder::VideoProfile video;  // what is not stated is [recording]'s
   std::string microphone;        // as StreamRequest::microphone
+  /// Its pictures are archived in this form too, as the stream recorder::second_name().
+  std::optional<recorder::Profile> also;
+  /// Whether it, or what archives its pictures a second time, is the stream of pictures of that name.
+  [[nodiscard]] bool has_pictures_named(const std::string& stream) const;
 };
 
 /// One [[room]].

@@ -325,6 +325,10 @@ recorder::DiskHours disk_hours(const Home& home, const Configuration& configurat
     std::vector<recorder::VideoProfile> videos;
     for (const StreamConfiguration& stream : room.streams) {
       if (stream.is_video) videos.push_back(stream.video);
+      if (stream.also) {
+        videos.push_back(stream.video);
+        videos.back().profile = *stream.also;
+      }
     }
     rates.push_back(recorder::rate_of(room.name, 0, 0, recorder::configured_bytes_per_second(videos)));
   }

@@ -32,7 +32,7 @@ using nlohmann::ordered_json;
 struct Request {
   std::optional<std::string> home, endoscope, room, fluoroscopy, vitals, profile, duration, subject, segment,
       stamp_every, bit_rate, chroma, plan, worklist, microphone;
-  std::vector<std::string> authorities, recipients_for;
+  std::vector<std::string> authorities, recipients_for, also;
   bool audio = false, deinterlace = false, json = false;
 };
 
@@ -138,13 +138,33 @@ void choose_profile(recorder::SessionOptions& options, const Configuration& conf
   const auto choice = recorder::choose_profile(profile_rules_for(configuration, "", names), *options.subject);
   if (!choice) return;
   const recorder::ProfileRule& rule = choice->rule;
-  for (recorder::StreamRequest& stream : options.video) {
-    if (rule.streams.empty() || std::ranges::find(rule.streams, stream.name) != rule.streams.end())
-      stream.video.profile = rule.profile;
-  }
   options.profile_decisions = {{rule.streams, rule.profile, "rule " + rule.name, choice->why}};
+  apply(options.profile_decisions.front(), options.video);
   std::cerr << "rule " << rule.name << " archives pictures as " << recorder::profile_name(rule.profile)
             << std::endl;
+}
+
+/// `text` is --also STREAM=PROFILE.
+void add_second(std::vector<recorder::StreamRequest>& streams, const std::string& text) {
+  const std::size_t split = text.find('=');
+  const auto first = std::ranges::find(streams, text.substr(0, split), &recorder::StreamRequest::name);
+  if (split == std::string::npos || first == streams.end() || !first->second_of.empty()) {
+    throw UsageError("--also is '" + text +
+                     "': write which pictures, of those that are recorded, and in which form: "
+                     "endoscope=lossless");
+  }
+  const auto profile = recorder::parse_profile(text.substr(split + 1));
+  if (!profile) {
+    throw UsageError("--also is '" + text + "': the form must be mpeg2, uncompressed or lossless");
+  }
+  if (first->video.profile == *profile) {
+    throw UsageError("--also is '" + text + "', as which these pictures are archived already");
+  }
+  recorder::StreamRequest second = recorder::second_of(*first, *profile);
+  if (std::ranges::find(streams, second.name, &recorder::StreamRequest::name) != streams.end()) {
+    throw UsageError("--also is '" + text + "' twice");
+  }
+  streams.push_back(std::move(second));
 }
 
 recorder::SessionOptions session_options(const Request& request, const Home& home,
@@ -163,6 +183,7 @@ recorder::SessionOptions session_options(const Request& request, const Home& hom
   add(options.video, "room", request.room);
   add(options.video, "fluoroscopy", request.fluoroscopy);
   add(options.vitals, "vitals", request.vitals);
+  for (const std::string& also : request.also) add_second(options.video, also);
   recipients.require_all_used(request.recipients_for);
   if (request.microphone) {
     if (options.video.empty()) {
@@ -294,6 +315,9 @@ void add_record_command(Command& program) {
       "the sealed plan that is carried out (kiroku plan seal); the case names it in its first entry");
   command.choice("--profile", {"mpeg2", "uncompressed", "lossless"}, request->profile,
                  "how pictures are archived", "kiroku.toml's, mpeg2 at first");
+  command.option("--also", "STREAM=PROFILE", request->also,
+                 "archives the pictures of a stream a second time, in another form: endoscope=lossless is "
+                 "the stream endoscope-lossless");
   command.option("--bitrate", "RATE", request->bit_rate, "bits a second of one MPEG-2 stream",
                  "kiroku.toml's, 4M at first");
   command.choice("--chroma", {"420", "422"}, request->chroma, "colour resolution of MPEG-2",

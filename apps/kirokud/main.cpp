@@ -148,7 +148,12 @@ recorder::RoomPlan plan_of(const RoomConfiguration& room, const Home& home,
       looking_on->channels[{room.name, stream.name}] = std::make_unique<live::LiveChannel>(
           asked.tap, [](const std::string& sentence) { spdlog::warn("{}", printable(sentence)); });
     }
-    (stream.is_video ? plan.session.video : plan.session.vitals).push_back(std::move(asked));
+    auto& requests = stream.is_video ? plan.session.video : plan.session.vitals;
+    requests.push_back(std::move(asked));
+    if (stream.also) {
+      recorder::StreamRequest second = recorder::second_of(requests.back(), *stream.also);
+      requests.push_back(std::move(second));
+    }
   }
   plan.session.archive = home.archive();
   plan.session.device_name = home.device().name();
@@ -544,9 +549,8 @@ int run(const Request& request) {
     options.rooms.back().procedure = procedure_of(room, inboxes);
     options.rooms.back().footswitches = room.footswitches;
     std::vector<std::string> pictures;
-    for (const StreamConfiguration& stream : room.streams) {
-      if (stream.is_video) pictures.push_back(stream.name);
-    }
+    for (const recorder::StreamRequest& stream : options.rooms.back().session.video)
+      pictures.push_back(stream.name);
     options.rooms.back().profile_rules = profile_rules_for(configuration, room.name, pictures);
     resumption.apply(options.rooms.back());
   }

@@ -509,13 +509,7 @@ struct Room::State {
       options.cancelled = &cancelled;
       options.subject = subject_of(asked);
       options.profile_decisions = decisions_for(asked, options.subject);
-      for (const ProfileDecision& decision : options.profile_decisions) {
-        for (StreamRequest& stream : options.video) {
-          const auto& meant = decision.streams;
-          if (meant.empty() || std::ranges::find(meant, stream.name) != meant.end())
-            stream.video.profile = decision.profile;
-        }
-      }
+      for (const ProfileDecision& decision : options.profile_decisions) apply(decision, options.video);
       options.plan = asked.sealed_plan;
       options.identity = asked.identity;
       note_beginning(asked);

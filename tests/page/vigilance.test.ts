@@ -63,6 +63,15 @@ story('A room that records', (step) => {
     await expectFits(visitor, 'vigilance');
   });
 
+  step('archives pictures in another form from here on, by one choice', async () => {
+    const { page } = visitor;
+    const form = page.getByLabel(/From here on, archive endoscope as/i);
+    await expect.poll(() => form.inputValue()).toBe('mpeg2');
+    await form.selectOption('lossless');
+    await page.getByText(/endoscope is archived as lossless from here on/i).waitFor();
+    await expect.poll(() => form.inputValue()).toBe('lossless');
+  });
+
   step('sounds for whoever wishes it, again while silence lasts, and remembers the wish', async () => {
     const { page } = visitor;
     await page.getByRole('button', { name: 'Sound on loss and silence' }).click();

@@ -313,5 +313,42 @@ TEST_F(ProfileByProcedure, KirokuRecordFollowsTheRulesToo) {
   EXPECT_THAT(record_as({"--profile", "uncompressed"}), ElementsAre("uncompressed")) << "a person said so";
 }
 
+TEST_F(ProfileByProcedure, BothFormsOfOneSourceAtOnce) {
+  std::string rooms = kRooms;
+  const std::string source = "source = \"synthetic:endoscope?size=64x48&rate=20\"\n";
+  rooms.insert(rooms.find(source) + source.size(), "also = \"lossless\"\n");
+  configure(rooms);
+  {
+    Process daemon(kirokud());
+    ASSERT_TRUE(daemon.wait_for("recording for 1 room"));
+    const std::string id = begin("");
+    ASSERT_TRUE(records("mpeg2"));
+    EXPECT_EQ(kiroku({"case", "profile", "uncompressed"}).status, 0);
+    ASSERT_TRUE(records("uncompressed"));
+    EXPECT_EQ(kiroku({"case", "stop"}).status, 0);
+    EXPECT_THAT(forms(id, "endoscope"), ElementsAre("mpeg2", "uncompressed"));
+    EXPECT_THAT(forms(id, "endoscope-lossless"), ElementsAre("lossless")) << "nobody named it";
+    EXPECT_EQ(verdict(id), "intact");
+    daemon.signal(SIGTERM);
+    EXPECT_EQ(daemon.wait().status, 0);
+  }
+
+  const Arguments record{"record",     "--endoscope", "synthetic:endoscope?size=64x48&rate=10&speed=max",
+                         "--duration", "00:00:02",    "--also"};
+  const auto with = [&](const std::string& also) {
+    Arguments all = record;
+    all.insert(all.end(), {also, "--json"});
+    return all;
+  };
+  const nlohmann::json recorded = kiroku_json(with("endoscope=lossless"));
+  EXPECT_EQ(recorded["streams"][1]["name"], "endoscope-lossless");
+  EXPECT_EQ(recorded["streams"][1]["frames"], recorded["streams"][0]["frames"]);
+  EXPECT_EQ(verdict(recorded["id"]), "intact");
+  EXPECT_REFUSED(kiroku(with("endoscope")), "endoscope=lossless");
+  EXPECT_REFUSED(kiroku(with("room=lossless")), "of those that are recorded");
+  EXPECT_REFUSED(kiroku(with("endoscope=h264")), "must be mpeg2, uncompressed or lossless");
+  EXPECT_REFUSED(kiroku(with("endoscope=mpeg2")), "are archived already");
+}
+
 }  // namespace
 }  // namespace kiroku::test

@@ -240,6 +240,23 @@ Response mark(ViewerContext& context, RoomAskings& askings, const Request& reque
                                {{"do", "mark"}, {"room", room}, {"text", *text}});
 }
 
+/// In which form pictures are archived from here on. Why stays in the case, where it is sealed.
+Response change_profile(ViewerContext& context, RoomAskings& askings, const Request& request) {
+  const json asked = request.json();
+  const std::string& room = request.parameter("room");
+  json question{{"do", "profile"}, {"room", room}, {"by", request.session->user()}};
+  question["profile"] = take_text(asked, "profile");
+  for (const char* further : {"stream", "why"}) {
+    if (!asked.contains(further)) continue;
+    question[further] = take_text(asked, further);
+    if (question[further].get_ref<const std::string&>().size() > kLongestMark)
+      throw Refusal(
+          400, std::string("'") + further + "' must have at most " + std::to_string(kLongestMark) + " bytes");
+  }
+  return askings.enter_and_ask(request, context.case_of(room),
+                               "changed how pictures of " + room + " are archived", question);
+}
+
 }  // namespace
 
 void add_room_routes(Router& router, ViewerContext& context) {
@@ -267,6 +284,8 @@ void add_room_routes(Router& router, ViewerContext& context) {
       [&context, askings](const Request& request) { return stop(context, *askings, request); });
   add("POST", "api/rooms/{room:name}/mark", Right::kControlRooms,
       [&context, askings](const Request& request) { return mark(context, *askings, request); });
+  add("POST", "api/rooms/{room:name}/profile", Right::kControlRooms,
+      [&context, askings](const Request& request) { return change_profile(context, *askings, request); });
 }
 
 }  // namespace kiroku::viewer

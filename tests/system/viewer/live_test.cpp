@@ -94,6 +94,9 @@ TEST_F(Live, WhoStartsMarksAndStopsStandsInTheApplianceLog) {
   ASSERT_EQ(started.status, 200) << started.body;
   const std::string case_id = json::parse(started.body)["case"];
   EXPECT_EQ(deed("mark", R"({"text":"clip placed"})").status, 200);
+  EXPECT_EQ(deed("profile", R"({"profile":"lossless","stream":"endoscope","why":"resection"})").status, 200);
+  EXPECT_THAT(deed("profile", R"({"profile":"h264"})").body, HasSubstr("must be mpeg2, uncompressed or"));
+  EXPECT_EQ(deed("profile", R"({"stream":"endoscope"})").status, 400);
   EXPECT_EQ(deed("subject", R"({"subject":{"patient":{"name":"DOE^JANE"}}})").status, 200);
   EXPECT_EQ(deed("stop", "").status, 200);
   const std::string log = read_text(home() / "archive/log/ledger.jsonl");
@@ -108,9 +111,12 @@ TEST_F(Live, WhoStartsMarksAndStopsStandsInTheApplianceLog) {
   }
   EXPECT_THAT(deeds,
               testing::ElementsAre("* asked to start recording in or-1", case_id + " marked a moment in or-1",
+                                   case_id + " changed how pictures of or-1 are archived",
+                                   case_id + " changed how pictures of or-1 are archived",
                                    case_id + " gave patient and procedure of or-1",
                                    case_id + " asked to stop recording in or-1"));
-  EXPECT_THAT(log, testing::Not(testing::AnyOf(HasSubstr("clip placed"), HasSubstr("DOE"))));
+  EXPECT_THAT(
+      log, testing::Not(testing::AnyOf(HasSubstr("clip placed"), HasSubstr("resection"), HasSubstr("DOE"))));
 }
 
 TEST_F(Live, ShowsWhatIsRecordedAndCostsNoFrame) {

@@ -40,6 +40,28 @@ std::string with_rule(const std::string& keys) {
   return "[recording]\n[[recording.profile_for]]\n" + keys + kRuleRoom;
 }
 
+TEST(Configuration, ReadsASecondForm) {
+  const auto with = [](const std::string& keys) {
+    return "[[room]]\nname = \"or-1\"\n[[room.stream]]\nname = \"endoscope\"\nsource = "
+           "\"synthetic:pattern\"\n" +
+           keys;
+  };
+  const Configuration read = parse_configuration(
+      with("also = \"lossless\"\n[[room.footswitch]]\ndevice = \"name:P\"\nkey = 5\npress = \"profile\"\n"
+           "profile = \"mpeg2\"\nstreams = [\"endoscope-lossless\"]\n"),
+      "k.toml");
+  EXPECT_EQ(read.rooms.at(0).streams.at(0).also, recorder::Profile::kLossless);
+  EXPECT_THAT(refusal(with("also = \"h264\"\n")), HasSubstr("'also'"));
+  EXPECT_THAT(refusal(with("also = \"mpeg2\"\n")), HasSubstr("k.toml:6:8: 'also' is 'mpeg2', as which"));
+  EXPECT_THAT(refusal(with("also = \"lossless\"\nkind = \"vitals\"\n")), HasSubstr("of kind video"));
+  EXPECT_THAT(refusal(with("also = \"lossless\"\n[[room.stream]]\nname = \"endoscope-lossless\"\n"
+                           "source = \"synthetic:room\"\n")),
+              HasSubstr("there are two streams named 'endoscope-lossless'"));
+  EXPECT_THAT(refusal("[[room]]\nname = \"or-1\"\n[[room.stream]]\nname = \"" + std::string(26, 'a') +
+                      "\"\nsource = \"synthetic:pattern\"\nalso = \"lossless\"\n"),
+              HasSubstr("at most 32 characters"));
+}
+
 TEST(Configuration, ReadsRulesForTheProfile) {
   const Configuration read = parse_configuration(
       with_rule("name = \"mucosa\"\nwords = [\"EMR\", \"粘膜切除\"]\ncodes = [\"K653\"]\nprofile = "

@@ -55,6 +55,8 @@ export type LiveSeries = LiveVitals['series'][number];
 export type ApplianceStatus = Schemas['ApplianceStatus'];
 export type RoomStatus = Schemas['RoomStatus'];
 export type StreamStatus = Schemas['StreamStatus'];
+export type Profile = Schemas['ProfileChange']['profile'];
+export type ProfileChanged = Schemas['ProfileChanged'];
 export type AuthorityStatus = Schemas['AuthorityStatus'];
 
 export type Judged = Schemas['Judged'];

@@ -38,6 +38,7 @@ export const kDeeds: readonly SentencePair[] = [
   ['asked to start recording in {room}', '{room} の記録開始を指示'],
   ['asked to stop recording in {room}', '{room} の記録終了を指示'],
   ['marked a moment in {room}', '{room} でマークを追加'],
+  ['changed how pictures of {room} are archived', '{room} の映像の保存形式を変更'],
   ['gave patient and procedure of {room}', '{room} の患者と術式を入力'],
   ['watched vital signs of {room} live', '{room} のバイタルサインをライブ閲覧'],
   ['removes user {name}', '利用者 {name} を削除'],

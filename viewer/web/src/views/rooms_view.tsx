@@ -11,7 +11,8 @@ import { formatMoment, t, word } from '@/i18n/i18n';
 import { Lookers } from '@/pointing/lookers';
 import { useCompany } from '@/pointing/use_company';
 import { alertSound, alertSoundWaits, ring, setAlertSound, wakeAlertSound } from '@/rooms/alert_sound';
-import { AlertBell, isSilent, type Trouble, troublesOf } from '@/rooms/trouble';
+import { StreamTable } from '@/rooms/stream_table';
+import { AlertBell, type Trouble, troublesOf } from '@/rooms/trouble';
 import { Dialog } from '@/shell/dialog';
 import { Icon } from '@/shell/icon';
 import { may } from '@/shell/rights';
@@ -23,47 +24,6 @@ import { LivePane } from '@/views/live_pane';
 import { LiveVitalsPanel } from '@/vitals/live_vitals';
 
 const kEvery_ms = 1000;
-
-function Streams({ room }: { room: RoomStatus }) {
-  return (
-    <table class="table stream-table">
-      <thead>
-        <tr>
-          <th scope="col">{t('rooms.stream')}</th>
-          <th scope="col">{t('rooms.signal')}</th>
-          <th scope="col" class="number">
-            {t('rooms.frames')}
-          </th>
-          <th scope="col" class="number">
-            {t('rooms.lost')}
-          </th>
-          <th scope="col" class="number">
-            {t('rooms.safe')}
-          </th>
-        </tr>
-      </thead>
-      <tbody>
-        {room.streams.map((one) => {
-          const well = !isSilent(one);
-          return (
-            <tr key={one.name}>
-              <th scope="row">{word('stream', one.name)}</th>
-              <td>
-                <span class={well ? 'state state-good' : 'state state-bad'}>
-                  <Icon name={well ? 'check' : 'alarm'} />
-                  {well ? t('rooms.live') : t('rooms.silent')}
-                </span>
-              </td>
-              <td class="number">{one.frames}</td>
-              <td class={one.dropped > 0 ? 'number state-bad' : 'number'}>{one.dropped}</td>
-              <td class="number">{(one.durable_age_ms / 1000).toFixed(1)} s</td>
-            </tr>
-          );
-        })}
-      </tbody>
-    </table>
-  );
-}
 
 /** What stands out while it lasts. How long silence lasts is not said aloud each second. */
 function Troubles({ troubles }: { troubles: readonly Trouble[] }) {
@@ -176,7 +136,22 @@ function RoomCard({ room, seen, watches, clock, mayControl, refresh, guests }: R
         )}
         <div class="room-facts">
           {room.state !== 'idle' && watches && room.streams.some((one) => one.kind === 'vitals') && <LiveVitalsPanel room={room.room} clock={clock} />}
-          {room.streams.length > 0 && <Streams room={room} />}
+          {room.streams.length > 0 && (
+            <StreamTable
+              room={room}
+              onArchiveAs={
+                mayControl && recording
+                  ? (stream, profile) =>
+                      void attempt(async () => {
+                        const { warning } = await api.archiveAs(room.room, stream, profile);
+                        const said = t('rooms.archivesAs', { name: word('stream', stream), profile: word('profile', profile) });
+                        announce(warning ?? said);
+                        await refresh();
+                      })
+                  : undefined
+              }
+            />
+          )}
           {room.authorities.length > 0 && (
             <ul class="facts">
               <li>
