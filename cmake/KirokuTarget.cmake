@@ -52,6 +52,11 @@ function(kiroku_precompile target)
   endif()
   target_precompile_headers(${target} PRIVATE <algorithm> <array> <chrono> <cstdint> <filesystem> <functional> <map> <memory> <mutex> <optional> <span>
                                               <string> <string_view> <thread> <utility> <variant> <vector> ${ARGN})
+  kiroku_use_precompiled(${target})
+endfunction()
+
+# kiroku_use_precompiled(TARGET): what GCC needs to be told where headers are compiled once.
+function(kiroku_use_precompiled target)
   # ccache asks for the first. With it, GCC 12 sees strings overflow that it inlined itself (GCC bugs 105329, 105651).
   target_compile_options(${target} PRIVATE -fpch-preprocess -Wno-array-bounds -Wno-stringop-overflow -Wno-stringop-overread -Wno-restrict)
 endfunction()
@@ -90,8 +95,7 @@ function(kiroku_test target)
   target_precompile_headers(${target} PRIVATE <gmock/gmock.h> <gtest/gtest.h> <algorithm> <chrono> <filesystem> <fstream> <functional> <map>
                                               <optional> <string> <thread> <vector>)
   if(CMAKE_CXX_COMPILER_ID STREQUAL "GNU")
-    # ccache asks for the first. With it, GCC 12 sees strings overflow that it inlined itself (GCC bugs 105329, 105651).
-    target_compile_options(${target} PRIVATE -fpch-preprocess -Wno-array-bounds -Wno-stringop-overflow -Wno-stringop-overread -Wno-restrict)
+    kiroku_use_precompiled(${target})
   endif()
   if(NOT ARG_TIMEOUT)
     set(ARG_TIMEOUT 120)
