@@ -126,6 +126,19 @@ failures_of() {
     }' "$1"
 }
 
+# slowest_of REPORT: of a JUnit report how long all tests took together, and the ten that took longest.
+slowest_of() {
+  awk '
+    /<testcase / {
+      name = $0; sub(/.*<testcase name="/, "", name); sub(/".*/, "", name)
+      time = $0; sub(/.* time="/, "", time); sub(/".*/, "", time)
+      sum += time
+      ++count
+      printf "%8.1f s  %s\n", time, name | slowest
+    }
+    END { close(slowest); printf "%8.1f s  all %d, one after the other\n", sum, count }' slowest='sort -rn | head -10' "$1"
+}
+
 # run_tests PRESET [CTEST OPTION...]: runs CTest and keeps its counts, and what failed tests printed, for tally.
 run_tests() {
   local preset=$1 report
@@ -140,6 +153,7 @@ run_tests() {
   [[ -n $tests && $tests -gt 0 ]] || die "CTest ran no test of preset '$preset'"
   echo "$((tests - failures - skips)) $failures $skips" >>"$test_results/counts"
   ((failures == 0)) || { echo "   preset $preset:"; failures_of "$report"; } >>"$test_results/failed"
+  { echo "   preset $preset:"; slowest_of "$report"; } >>"$test_results/slowest"
   rm -f "$report"
 }
 
@@ -156,9 +170,11 @@ help_of() { sed -n '2,/^[^#]/{s/^# \{0,1\}//p}' "$1"; }
 # count_tests: how many tests passed, failed and were skipped so far.
 count_tests() { awk '{ p += $1; f += $2; s += $3 } END { print p + 0, f + 0, s + 0 }' "$test_results/counts"; }
 
-# tally: what failed, once more at the end, where a log cut to its tail still has it, and the closing line; fails if a test did.
+# tally: where the time went and what failed, once more at the end, where a log cut to its tail still has it, and the closing line; fails if a test did.
 tally() {
   local passed failed skipped
+  say "The slowest tests"
+  cat "$test_results/slowest"
   if [[ -s $test_results/failed ]]; then
     say "Failed tests, with the end of what each printed"
     cat "$test_results/failed"
