@@ -139,6 +139,9 @@ slowest_of() {
     END { close(slowest); printf "%8.1f s  all %d, one after the other\n", sum, count }' slowest='sort -rn | head -10' "$1"
 }
 
+# How many tests run at once: many wait for programs of theirs while they run.
+jobs=$(($(nproc) + 1))
+
 # run_tests PRESET [CTEST OPTION...]: runs CTest and keeps its counts, and what failed tests printed, for tally.
 run_tests() {
   local preset=$1 report
