@@ -541,7 +541,7 @@ StreamRequest second_of(const StreamRequest& first, Profile profile) {
   return second;
 }
 
-void apply(const ProfileDecision& decision, std::vector<StreamRequest>& streams) {
+void apply_decision(const ProfileDecision& decision, std::vector<StreamRequest>& streams) {
   for (StreamRequest& stream : streams) {
     const bool meant = decision.streams.empty()
                            ? stream.second_of.empty()

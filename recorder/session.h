@@ -79,7 +79,7 @@ struct ProfileDecision {
 };
 
 /// States the decision's profile in the requests that it is about, for a case that has not begun.
-void apply(const ProfileDecision& decision, std::vector<StreamRequest>& streams);
+void apply_decision(const ProfileDecision& decision, std::vector<StreamRequest>& streams);
 
 struct SessionOptions {
   std::filesystem::path archive;

@@ -13,9 +13,9 @@ namespace kiroku::apps {
 using std::chrono::milliseconds;
 using std::chrono::nanoseconds;
 
-void require_profile(const std::string& text) {
+void require_profile(const std::string& text, const std::string& key) {
   if (text != "mpeg2" && text != "uncompressed" && text != "lossless") {
-    throw UsageError("'profile' is '" + text + "': it must be mpeg2, uncompressed or lossless");
+    throw UsageError("'" + key + "' is '" + text + "': it must be mpeg2, uncompressed or lossless");
   }
 }
 

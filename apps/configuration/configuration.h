@@ -54,7 +54,8 @@ std::string_view default_configuration_text();
 std::chrono::nanoseconds parse_segment_duration(std::string_view text,
                                                 const std::string& what);                       // 0.5 to 9 s
 std::chrono::nanoseconds parse_stamp_interval(std::string_view text, const std::string& what);  // 1 s to 24 h
-void require_profile(const std::string& text);                      // of recorder::parse_profile
+/// Of recorder::parse_profile.
+void require_profile(const std::string& text, const std::string& key = "profile");
 bool parse_chroma(std::string_view text, const std::string& what);  // "422" is true, "420" false
 
 }  // namespace kiroku::apps

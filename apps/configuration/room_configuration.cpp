@@ -69,7 +69,7 @@ StreamConfiguration read_stream(const toml::table& table, const TableReader& in,
     stream.video.profile = *recorder::parse_profile(text);
   });
   reader.text("also", [&](const std::string& text) {
-    require_profile(text);
+    require_profile(text, "also");
     stream.also = recorder::parse_profile(text);
   });
   reader.text("bit_rate",

@@ -139,7 +139,7 @@ void choose_profile(recorder::SessionOptions& options, const Configuration& conf
   if (!choice) return;
   const recorder::ProfileRule& rule = choice->rule;
   options.profile_decisions = {{rule.streams, rule.profile, "rule " + rule.name, choice->why}};
-  apply(options.profile_decisions.front(), options.video);
+  apply_decision(options.profile_decisions.front(), options.video);
   std::cerr << "rule " << rule.name << " archives pictures as " << recorder::profile_name(rule.profile)
             << std::endl;
 }

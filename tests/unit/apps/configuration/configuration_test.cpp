@@ -10,6 +10,8 @@
 namespace kiroku::apps {
 namespace {
 
+using testing::HasSubstr;
+
 std::string refusal(const std::string& toml) {
   try {
     parse_configuration(toml, "k.toml");
@@ -81,7 +83,6 @@ TEST(Configuration, ReadsRulesForTheProfile) {
 }
 
 TEST(Configuration, RefusesRulesForTheProfileThatSayNothing) {
-  using testing::HasSubstr;
   const std::string good = "name = \"a\"\nwords = [\"EMR\"]\nprofile = \"lossless\"\n";
   EXPECT_EQ(refusal(with_rule(good)), "accepted");
   EXPECT_THAT(refusal(with_rule("name = \"a\"\nwords = [\"EMR\"]\nprofile = \"h264\"\n")),
@@ -103,7 +104,6 @@ TEST(Configuration, RefusesRulesForTheProfileThatSayNothing) {
 }
 
 TEST(Configuration, ReadsAFootswitchThatChangesTheProfile) {
-  using testing::HasSubstr;
   const auto pedal = [](const std::string& keys) {
     return std::string(kRuleRoom) + "[[room.footswitch]]\ndevice = \"/dev/input/x\"\nkey = 184\n" + keys;
   };

@@ -190,8 +190,7 @@ export const appliance = {
   say: (room: string, said: SaidOfCase) => json<void>('POST', `rooms/${part(room)}/subject`, said),
   stop: (room: string) => json<void>('POST', `rooms/${part(room)}/stop`),
   mark: (room: string, text: string) => json<void>('POST', `rooms/${part(room)}/mark`, { text }),
-  archiveAs: (room: string, stream: string, profile: Profile) =>
-    json<ProfileChanged>('POST', `rooms/${part(room)}/profile`, { profile, stream }),
+  archiveAs: (room: string, stream: string, profile: Profile) => json<ProfileChanged>('POST', `rooms/${part(room)}/profile`, { profile, stream }),
 };
 
 /** RFC 6455, section 7.4.1, policy violation: how a socket ends whose session has ended. */

@@ -94,7 +94,7 @@ export const roomsJa: Record<keyof typeof roomsEn, string> = {
   'rooms.archivedAs': '保存形式',
   'rooms.archiveAs': 'ここからの {name} の保存形式',
   'rooms.archivesAs': 'ここから {name} を{profile}で保存します',
-  'profile.mpeg2': 'MPEG-2',
+  'profile.mpeg2': 'MPEG-2 圧縮',
   'profile.uncompressed': '非圧縮',
   'profile.lossless': '可逆圧縮',
   'rooms.live': '受信中',
