@@ -8,6 +8,7 @@
 #include <string>
 #include <vector>
 
+#include "archive/format/file_reading.h"
 #include "archive/format/ledger_entry.h"
 #include "crypto/age_recipient.h"
 #include "crypto/byte_source.h"
@@ -35,6 +36,8 @@ struct VerifyOptions {
   const crypto::AgeIdentities* identities = nullptr;
   SegmentInspector inspect;
   unsigned threads = 0;  // 0: one a core
+  /// How the case's own folder is read; null: as the operating system does. Must outlive the verification.
+  const FileReading* files = nullptr;
   std::function<void(std::uint64_t done_bytes, std::uint64_t total_bytes)>
       progress;  // from any thread, serialised
 };
