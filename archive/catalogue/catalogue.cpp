@@ -31,16 +31,17 @@ constexpr SqliteFile::Schema kSchema{"catalogue", R"(
     verdict         TEXT,
     verified_us     INTEGER,
     ledger_bytes    INTEGER NOT NULL,   -- what the row was made from; -1 if there was no ledger
-    ledger_mtime_ns INTEGER NOT NULL
+    ledger_mtime_ns INTEGER NOT NULL    -- when something of the case last changed, by the file system
   ) STRICT;
   PRAGMA user_version = 1;
 )",
                                      1, "SELECT ledger_mtime_ns FROM cases LIMIT 1"};
 
-/// What tells that a ledger changed.
+/// What tells that a case changed: its ledger, or which files there are. A file that is written in place
+/// does not show; whoever reads a verdict is told of when it is.
 struct LedgerStamp {
   std::int64_t bytes = -1;
-  std::int64_t mtime_ns = 0;
+  std::int64_t changed_ns = 0;
   friend bool operator==(const LedgerStamp&, const LedgerStamp&) = default;
 };
 
@@ -49,7 +50,25 @@ LedgerStamp stamp_of(const fs::path& case_folder) {
   if (::stat((case_folder / kLedgerFile).c_str(), &status) != 0) {
     return {};
   }
-  return {status.st_size, status.st_mtim.tv_sec * 1'000'000'000 + status.st_mtim.tv_nsec};
+  LedgerStamp stamp{status.st_size, 0};
+  // By the time of the status, which nobody sets as they like.
+  const auto see = [&](const fs::path& path) {
+    struct stat each {};
+    if (::lstat(path.c_str(), &each) == 0) {
+      stamp.changed_ns =
+          std::max(stamp.changed_ns, each.st_ctim.tv_sec * 1'000'000'000 + each.st_ctim.tv_nsec);
+    }
+  };
+  for (const fs::path& path : {case_folder, case_folder / kLedgerFile, case_folder / kCheckpointsFolder,
+                               case_folder / kTokensFolder, case_folder / kSegmentsFolder}) {
+    see(path);
+  }
+  std::error_code error;
+  fs::directory_iterator streams(case_folder / kSegmentsFolder, error);
+  for (; !error && streams != fs::directory_iterator(); streams.increment(error)) {
+    see(streams->path());
+  }
+  return stamp;
 }
 
 UtcTime time_of(std::int64_t microseconds) { return UtcTime(std::chrono::microseconds(microseconds)); }
@@ -154,7 +173,7 @@ void Catalogue::State::store(const CatalogueRow& row, const LedgerStamp& stamp) 
       .bind(static_cast<std::int64_t>(row.bytes))
       .bind(static_cast<std::int64_t>(row.tokens))
       .bind(stamp.bytes)
-      .bind(stamp.mtime_ns)
+      .bind(stamp.changed_ns)
       .step();
 }
 

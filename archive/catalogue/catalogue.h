@@ -31,9 +31,10 @@ class Catalogue {
   /// a newer version is refused.
   static std::unique_ptr<Catalogue> open(const std::filesystem::path& file);
   ~Catalogue();
-  /// Reads one case's folder into its row. A verdict is forgotten if the ledger changed since.
+  /// Reads one case's folder into its row. A verdict is forgotten if its ledger changed since,
+  /// or files were added, removed or replaced.
   void refresh(const std::filesystem::path& case_folder);
-  /// Everything anew from the archive's folders; verdicts are kept where the ledger did not change. Returns
+  /// Everything anew from the archive's folders; verdicts are kept where refresh() keeps them. Returns
   /// how many cases.
   std::size_t rebuild(const std::filesystem::path& archive);
   /// Rows whose folder appeared, vanished or grew since are brought up to date first; newest first. Folders

@@ -1,6 +1,7 @@
 #include "archive/catalogue/catalogue.h"
 
 #include <fstream>
+#include <functional>
 #include <future>
 #include <latch>
 #include <map>
@@ -81,6 +82,15 @@ class CatalogueTest : public testing::Test {
       ids.push_back(row.case_id);
     }
     return ids;
+  }
+
+  /// The file system's clock goes on by ticks: what is written next has another time than all before.
+  void pass_a_tick() const {
+    const fs::path probe = folder_ / "probe";
+    std::ofstream(probe) << "x";
+    for (const auto before = fs::last_write_time(probe); fs::last_write_time(probe) == before;) {
+      std::ofstream(probe) << "x";
+    }
   }
 
   TemporaryFolder folder_{test::quick_parent()};
@@ -195,7 +205,7 @@ TEST_F(CatalogueTest, CountsLinesThatAreWrittenOtherwiseToo) {
   EXPECT_EQ(open()->list(archive_)[0].segments, 1U);
 }
 
-TEST_F(CatalogueTest, KeepsAVerdictWhileTheLedgerDoesNotChange) {
+TEST_F(CatalogueTest, KeepsAVerdictWhileTheCaseDoesNotChange) {
   add_whole_case(kFirst);
   const UtcTime when = *parse_utc("2026-08-06T00:00:00Z");
   {
@@ -214,6 +224,33 @@ TEST_F(CatalogueTest, KeepsAVerdictWhileTheLedgerDoesNotChange) {
   rows = catalogue->list(archive_);
   EXPECT_EQ(rows[0].last_verdict, std::nullopt);
   EXPECT_EQ(rows[0].verified, std::nullopt);
+}
+
+// A list that went on saying "intact" would say it of what nobody verified.
+TEST_F(CatalogueTest, ForgetsAVerdictWhereFilesAreTakenAwayOrTheLedgersTimeIsSetBack) {
+  add_whole_case(kFirst);
+  const fs::path ledger = archive_ / kFirst / "ledger.jsonl";
+  const fs::path segment = archive_ / kFirst / "segments" / "room" / "00000000.ts.age";
+  fs::create_directories(segment.parent_path());
+  std::ofstream(segment) << "film";
+  const auto catalogue = open();
+  const auto is_kept_after = [&](const std::function<void()>& change) {
+    catalogue->list(archive_);
+    catalogue->set_verdict(kFirst, "intact", *parse_utc("2026-08-06T00:00:00Z"));
+    EXPECT_EQ(catalogue->list(archive_)[0].last_verdict, "intact");
+    pass_a_tick();
+    change();
+    return catalogue->list(archive_)[0].last_verdict.has_value();
+  };
+  EXPECT_TRUE(is_kept_after([] {}));
+  EXPECT_FALSE(is_kept_after([&] { fs::rename(segment, segment.string() + ".gone"); }));
+  EXPECT_FALSE(is_kept_after([&] { fs::remove(segment.string() + ".gone"); }));
+  EXPECT_FALSE(is_kept_after([&] { fs::create_directory(archive_ / kFirst / "segments" / "more"); }));
+  EXPECT_FALSE(is_kept_after([&] {
+    const auto time = fs::last_write_time(ledger);
+    std::fstream(ledger, std::ios::in | std::ios::out) << '{';
+    fs::last_write_time(ledger, time);
+  }));
 }
 
 TEST_F(CatalogueTest, IsMadeAnewFromTheFolders) {

@@ -1,6 +1,6 @@
 // A verdict in words, with its sign; colour only repeats what they say.
 import type { Verdict } from '@/api/types';
-import { t } from '@/i18n/i18n';
+import { formatMoment, t } from '@/i18n/i18n';
 import { Icon, type IconName } from '@/shell/icon';
 
 const kSigns: Record<Verdict, IconName> = {
@@ -21,4 +21,9 @@ export function VerdictChip({ verdict }: { verdict: Verdict | null }) {
       {verdict ? t(`verdict.${verdict}`) : t('verdict.none')}
     </span>
   );
+}
+
+/** When it was found: a verdict says what was there then. */
+export function VerdictTime({ verified }: { verified: string | null }) {
+  return verified ? <small class="muted">{t('verify.when', { moment: formatMoment(verified) })}</small> : null;
 }

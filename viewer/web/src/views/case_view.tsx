@@ -41,6 +41,7 @@ export function CaseView({ id }: { id: string }) {
   const model = useSignal<CaseModel | undefined>(undefined);
   const failed = useSignal<unknown>(undefined);
   const verdict = useSignal<Verdict | null>(null);
+  const verified = useSignal<string | null>(null);
   const unlocked = session.value?.unlocked ?? false;
   useEffect(() => {
     document.title = `${id} · Kiroku`;
@@ -55,7 +56,9 @@ export function CaseView({ id }: { id: string }) {
       if (!isOfFrame) failed.value = error;
     }
     void attempt(async () => {
-      verdict.value = (await api.row(id))?.verdict ?? null;
+      const row = await api.row(id);
+      verdict.value = row?.verdict ?? null;
+      verified.value = row?.verified ?? null;
     });
   };
   useEffect(() => {
@@ -71,14 +74,26 @@ export function CaseView({ id }: { id: string }) {
   }, [returned]);
   if (failed.value !== undefined) return <CaseUnshown id={id} error={failed.value} />;
   if (!model.value) return <main id="main" class="main" aria-busy="true" tabIndex={-1} />;
-  return <Loaded key={String(unlocked)} model={model.value} verdict={verdict.value} unlocked={unlocked} kept={kept} />;
+  return <Loaded key={String(unlocked)} model={model.value} verdict={verdict.value} verified={verified.value} unlocked={unlocked} kept={kept} />;
 }
 
 const kNoStrokes: readonly Stroke[] = [];
 
 const kNoSteps: readonly ComparedStep[] = [];
 
-function Loaded({ model, verdict, unlocked, kept }: { model: CaseModel; verdict: Verdict | null; unlocked: boolean; kept: RefObject<number> }) {
+function Loaded({
+  model,
+  verdict,
+  verified,
+  unlocked,
+  kept,
+}: {
+  model: CaseModel;
+  verdict: Verdict | null;
+  verified: string | null;
+  unlocked: boolean;
+  kept: RefObject<number>;
+}) {
   const id = model.info.id;
   const role = session.value?.role;
   const mayWatch = may(role, 'watch');
@@ -179,7 +194,11 @@ function Loaded({ model, verdict, unlocked, kept }: { model: CaseModel; verdict:
             {t('cases.recording')}
           </span>
         )}
-        <a class="case-verdict" href={hrefOf({ view: 'verification', id })} title={t('verify.title')}>
+        <a
+          class="case-verdict"
+          href={hrefOf({ view: 'verification', id })}
+          title={verified ? t('verify.when', { moment: formatMoment(verified) }) : t('verify.title')}
+        >
           <VerdictChip verdict={verdict} />
         </a>
         {mayExport && (

@@ -12,7 +12,7 @@ import { returns } from '@/shell/connection';
 import { may } from '@/shell/rights';
 import { StateCard } from '@/shell/state_card';
 import { announce, attempt, session } from '@/shell/state';
-import { VerdictChip } from '@/shell/verdict';
+import { VerdictChip, VerdictTime } from '@/shell/verdict';
 import { ListedSubject } from '@/subject/case_subject';
 import { UnlockPanel } from '@/views/unlock_panel';
 
@@ -71,10 +71,12 @@ function Row({ one }: { one: CaseSummary }) {
       ) : may(session.value?.role, 'verify') ? (
         <a class="case-verdict" href={hrefOf({ view: 'verification', id: one.id })}>
           <VerdictChip verdict={one.verdict} />
+          <VerdictTime verified={one.verified} />
         </a>
       ) : (
         <span class="case-verdict">
           <VerdictChip verdict={one.verdict} />
+          <VerdictTime verified={one.verified} />
         </span>
       )}
     </li>
