@@ -63,6 +63,17 @@ for profile in mpeg2 lossless; do
   tampered 'not signed' 'sed -i -e "3{s/^A/B/;t;s/^./A/" -e "}" "$(ls checkpoints/*.note | sed -n 1p)"'
   tampered 'not one recording' 'sed -i "\$d" ledger.jsonl; sed -i "/\"type\":\"close\"/,\$d" ledger.jsonl'
 
+  tampered 'does not hold for' 'rm "$(ls checkpoints/*.note | sed -n 1p)"'
+  # What a checkpoint says beside size and root no verifier reads.
+  with_more() { # NOTE: signed by the device, with one more line
+    local name id
+    IFS=+ read -r name id _ <"$device"
+    sed '/^$/,$d' "$1" >"$scratch/text" && echo more >>"$scratch/text"
+    openssl pkeyutl -sign -rawin -inkey "$KIROKU_HOME/device.key" -in "$scratch/text" -out "$scratch/signature"
+    { cat "$scratch/text"; echo; echo "— $name $( (printf "$(sed 's/../\\x&/g' <<<"$id")"; cat "$scratch/signature") | base64 -w0)"; } >"$1"
+  }
+  tampered 'states another size, or more' 'with_more "$(ls checkpoints/*.note | tail -1)"'
+
   tampered 'no plain file' 'film=$(ls segments/endoscope/* | sed -n 1p); mv "$film" ../film; ln -s "$PWD/../film" "$film"'
   tampered 'no plain file' "mkdir -p \$'authorities/a.pem\\nf authorities'; touch \$'authorities/a.pem\\nf authorities/b.pem'"
   tampered 'not whole' 'tail -1 ledger.jsonl | tr -d "\n" >>ledger.jsonl'
@@ -113,8 +124,14 @@ for profile in mpeg2 lossless; do
     expect 1 "^NOT INTACT: .*$1" verify-excerpt.sh "$scratch/part"
   }
   if [[ $profile == mpeg2 ]]; then
+    # Nobody was asked before the end, or the end was stamped long after it: no deviation, and no reader is left to think otherwise.
     sign "$fresh" && of_kiroku 0
     expect 0 '^INTACT: ' verify.sh "$copy"
+    expect 0 '^remark: every outside token is over close' verify.sh "$copy"
+    sign 'map(select(.type != "token" or .checkpoint < 5))' && of_kiroku 0
+    expect 0 '^remark: the token over the end is [0-9.]* s later than close explains' verify.sh "$copy"
+    sign "$fresh"' | .[0].streams[0].kind = "audio" | (.[] | select(.stream == "endoscope" and .index == 2) | .end_ns) += 15e9 | .[-1].mono_ns += 16e9' && of_kiroku 3
+    expect 2 '^COULD NOT CHECK: .*more than 11 s' verify.sh "$copy"
     forged_excerpt 'begins before the segment before it ends' '(.[] | select(.stream == "room" and .index == 1) | .start_ns) -= 5e8' && of_kiroku 1
     forged_excerpt 'not the next segment' '([.[] | select(.stream == "room")][:2]) as [$a, $b]
       | map(if . == $a then $b + ($a | {utc, mono_ns, start_ns, end_ns}) elif . == $b then $a + ($b | {utc, mono_ns, start_ns, end_ns}) else . end)' && of_kiroku 1
