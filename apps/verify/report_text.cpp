@@ -41,10 +41,16 @@ std::string verdict_words(Verdict verdict) {
   return paint(Colour::kRed, "TAMPERED") + ": something does not hold; the findings say what and where.";
 }
 
+bool has(const VerificationReport& report, std::string_view code) {
+  return std::ranges::find(report.findings, code, &archive::Finding::code) != report.findings.end();
+}
+
 std::string time_words(const VerificationReport& report) {
   switch (report.time) {
     case TimeProof::kExternal:
-      return "proved by an outside time-stamping authority";
+      return has(report, "stamped-after-close") ? "an outside time-stamping authority proves that it was "
+                                                  "there by then, not when it was recorded"
+                                                : "proved by an outside time-stamping authority";
     case TimeProof::kExternalInPart:
       return "proved by an outside time-stamping authority as far as entry " +
              std::to_string(report.outside_entries - 1) + " alone; what follows rests on the recorder's word";
@@ -100,6 +106,23 @@ std::string bracket_lines(const VerificationReport& report) {
   if (widest) {
     out += line("", count(report.brackets.size(), "bracket", "brackets") + ", the widest " +
                         format_duration(std::chrono::nanoseconds(*widest).count()));
+  }
+  return out;
+}
+
+/// Who stamped, by certificate; what the ledger calls them stands beside it.
+std::string authority_lines(const VerificationReport& report) {
+  constexpr std::size_t kMostNames = 4;
+  std::string out;
+  for (const archive::StampingAuthority& authority : report.authorities) {
+    std::string names;
+    for (std::size_t i = 0; i < authority.names.size() && i < kMostNames; ++i) {
+      names += (i > 0 ? ", " : "") + authority.names[i];
+    }
+    if (authority.names.size() > kMostNames) names += ", …";
+    out += line(out.empty() ? "stamped by" : "",
+                authority.subject + (authority.outside ? "" : " (self-issued)") + ": " +
+                    count(authority.tokens, "time-stamp", "time-stamps") + ", in the ledger called " + names);
   }
   return out;
 }
@@ -228,7 +251,12 @@ std::string finding_text(const archive::Finding& finding) {
 
 }  // namespace
 
-std::string report_text(const VerificationReport& report, const std::string& case_name, bool device_trusted) {
+std::string no_log_words() {
+  return "none was given: whether a whole case, or the end of one, was removed was not checked";
+}
+
+std::string report_text(const VerificationReport& report, const std::string& case_name, bool device_trusted,
+                        const std::string& log) {
   std::string out = printable(case_name) + "\n" + verdict_words(report.verdict) + "\n\n";
   out += line("case", report.case_id);
   if (report.excerpt) out += excerpt_lines(*report.excerpt);
@@ -237,11 +265,13 @@ std::string report_text(const VerificationReport& report, const std::string& cas
   if (report.closed) out += line("closed", both_times(*report.closed) + ", by the recorder's clock");
   out += line("time", time_words(report));
   out += bracket_lines(report);
+  out += authority_lines(report);
   out += clock_lines(report);
   out += line("checked", count(report.entries, "entry", "entries") + ", " +
                              count(report.files, "file", "files") + " (" + format_bytes(report.bytes) +
                              "), " + count(report.checkpoints, "checkpoint", "checkpoints") + ", " +
                              count(report.tokens, "time-stamp", "time-stamps"));
+  if (!log.empty()) out += line("log", log);
   if (report.contents) out += line("contents", contents_words(*report.contents));
   if (report.excerpt) {
     out += "\n" + excerpt_table(report);

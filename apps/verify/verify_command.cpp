@@ -55,8 +55,11 @@ int run(const Request& request, const VerifyExtras& extras, const std::string& p
       if (request.json) {
         reports.push_back(archive::report_json(judged.report));
       } else {
-        std::cout << (first ? "" : "\n") << report_text(judged.report, folder.string(), judged.device_trusted)
-                  << std::flush;
+        const std::string log = request.judging.as_log ? ""
+                                : judged.log           ? "compared with " + judged.log->string()
+                                                       : no_log_words();
+        std::cout << (first ? "" : "\n")
+                  << report_text(judged.report, folder.string(), judged.device_trusted, log) << std::flush;
         first = false;
       }
     } catch (const Error& error) {

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <chrono>
 #include <cstdlib>
+#include <iterator>
 #include <utility>
 
 #include "archive/format/case_layout.h"
@@ -83,14 +84,47 @@ std::set<std::string> CaseClockRules::finish() {
   std::set<std::string> was_set = report_contradictions();
   report_disagreements();
   report_slews();
-  if (late_ && late_->by_us > 0 && !end_is_compared_) {
-    findings_->add(
-        "end-stamped-late", late_->place,
-        late_->place.file + ", which is over the end, is " + seconds(late_->by_us) +
-            " later than the case clock explains: that recording ended at close, and did not go on, "
-            "rests on the recorder's word");
-  }
+  report_late_end(was_set);
   return was_set;
+}
+
+// Whoever holds the device key writes when a token was asked for, when it was answered and when it was
+// entered. Only `close` bounds what the case says that it is long.
+void CaseClockRules::report_late_end(const std::set<std::string>& left_out) {
+  if (!closed_ns_) {
+    return;
+  }
+  Pace pace;
+  std::uint64_t recoveries = 0;
+  const Timed* soonest = nullptr;
+  std::int64_t late_us = 0;
+  for (const Timed& now : tokens_) {
+    if (!now.external || now.stamped.checkpoint == 0 || !now.earliest_ns ||
+        left_out.contains(now.stamped.root)) {
+      continue;
+    }
+    if (std::exchange(recoveries, now.recoveries) != now.recoveries) {
+      pace = {};
+    }
+    if (!now.is_over_end) {
+      pace.add(now);
+      continue;
+    }
+    Timed at_close = now;
+    at_close.earliest_ns = at_close.latest_ns = *closed_ns_;
+    at_close.slewed_from_ns = at_close.slewed_ns = slews_.until(*closed_ns_);
+    const std::optional<std::int64_t> by_us = pace.late_us(at_close);
+    if (by_us && (soonest == nullptr || *by_us < late_us)) {
+      soonest = &now;
+      late_us = *by_us;
+    }
+  }
+  if (soonest != nullptr && late_us > 0) {
+    findings_->add("end-stamped-late", {soonest->file, soonest->stamped.entry},
+                   soonest->file + ", which is over the end, is " + seconds(late_us) +
+                       " later than the case clock of close explains: that recording ended at close, and "
+                       "did not go on, rests on the recorder's word");
+  }
 }
 
 // Who states slews that were none makes up so much of the case clock, and the kernel's limit is all that
@@ -194,13 +228,6 @@ bool CaseClockRules::check_elapsed(const Timed& now) {
   }
   Pace& pace = pace_of_[now.stamped.root.empty() ? now.stamped.authority : now.stamped.root];
   const std::optional<Difference> found = pace.difference(now);
-  if (now.stands && now.external && pace.last != nullptr) {
-    const std::int64_t late_us = Pace::compare(*pace.last, now).late_us;
-    if (!late_ || late_us < late_->by_us) {
-      late_ = {{now.file, now.stamped.entry}, late_us};
-    }
-  }
-  end_is_compared_ = end_is_compared_ || (now.external && now.is_over_end && !now.stands);
   if (!now.stands) {
     const bool goes_on = pace.last != nullptr && !found;
     if (!goes_on) {
@@ -268,15 +295,27 @@ CaseClockRules::Difference CaseClockRules::Pace::compare(const Timed& before, co
   const std::int64_t tolerance_us =
       (kSlackNs + accuracies_ns + longest_ns / kDriftDivisor + slewed_ns) / kNsPerUs;
   const std::int64_t too_slow_us = found.shortest_us - tolerance_us - found.elapsed_us;
-  const std::int64_t too_fast_us = found.elapsed_us - found.longest_us - tolerance_us;
-  found.excess_us = std::max(too_slow_us, now.stands ? 0 : too_fast_us);
-  found.late_us = now.stands ? too_fast_us : 0;
+  found.too_fast_us = found.elapsed_us - found.longest_us - tolerance_us;
+  found.excess_us = std::max(too_slow_us, now.stands ? 0 : found.too_fast_us);
   return found;
 }
 
+std::array<const CaseClockRules::Timed*, 3> CaseClockRules::Pace::strictest() const {
+  return {last, most_ahead ? most_ahead->second : nullptr, most_behind ? most_behind->second : nullptr};
+}
+
+std::optional<std::int64_t> CaseClockRules::Pace::late_us(const Timed& now) const {
+  std::optional<std::int64_t> most;
+  for (const Timed* before : strictest()) {
+    if (before != nullptr) {
+      most = std::max(most.value_or(INT64_MIN), compare(*before, now).too_fast_us);
+    }
+  }
+  return most;
+}
+
 std::optional<CaseClockRules::Difference> CaseClockRules::Pace::difference(const Timed& now) const {
-  for (const Timed* before :
-       {last, most_ahead ? most_ahead->second : nullptr, most_behind ? most_behind->second : nullptr}) {
+  for (const Timed* before : strictest()) {
     if (before == nullptr) {
       continue;
     }
@@ -288,26 +327,72 @@ std::optional<CaseClockRules::Difference> CaseClockRules::Pace::difference(const
   return std::nullopt;
 }
 
+// An authority's clock agrees from one difference to the next, so its spans follow each other.
 bool CaseClockRules::is_confirmed(const Contradiction& one) const {
-  return std::any_of(agreeing_.begin(), agreeing_.end(), [&](const auto& each) {
+  return std::ranges::any_of(agreeing_, [&](const auto& each) {
     const auto& [root, spans] = each;
-    return root != one.root && std::any_of(spans.begin(), spans.end(), [&](const Span& span) {
-             return span.start_ns <= one.span.start_ns && one.span.end_ns <= span.end_ns;
-           });
+    const auto after = std::ranges::upper_bound(spans, one.span.start_ns, {}, &Span::start_ns);
+    return root != one.root && after != spans.begin() && one.span.end_ns <= std::prev(after)->end_ns;
   });
 }
+
+/// Contradictions that go one way, for the question whether another authority has one over the same time. As
+/// many as the case has tokens, so nothing is compared with each.
+class CaseClockRules::SharedTimes {
+ public:
+  SharedTimes(const std::vector<Contradiction>& all, bool ahead) {
+    for (const Contradiction& each : all) {
+      if (each.ahead == ahead) {
+        by_start_.push_back(&each);
+      }
+    }
+    std::ranges::sort(by_start_, {}, [](const Contradiction* each) { return each->span.start_ns; });
+    Latest latest;
+    for (const Contradiction* each : by_start_) {
+      const std::int64_t end_ns = each->span.end_ns;
+      if (latest.of == nullptr || each->root == latest.of->root) {
+        latest.of = latest.of == nullptr || end_ns > latest.of->span.end_ns ? each : latest.of;
+      } else if (end_ns > latest.of->span.end_ns) {
+        latest = {each, latest.of};
+      } else if (latest.of_another == nullptr || end_ns > latest.of_another->span.end_ns) {
+        latest.of_another = each;
+      }
+      latest_.push_back(latest);
+    }
+  }
+
+  [[nodiscard]] bool has_anothers(const Contradiction& one) const {
+    const auto later = std::ranges::lower_bound(
+        by_start_, one.span.end_ns, {}, [](const Contradiction* each) { return each->span.start_ns; });
+    if (later == by_start_.begin()) {
+      return false;
+    }
+    const Latest& latest = latest_[static_cast<std::size_t>(later - by_start_.begin()) - 1];
+    const Contradiction* const other = latest.of->root != one.root ? latest.of : latest.of_another;
+    return other != nullptr && one.span.start_ns < other->span.end_ns;
+  }
+
+ private:
+  /// Which ends last, and which of those of all other authorities.
+  struct Latest {
+    const Contradiction* of = nullptr;
+    const Contradiction* of_another = nullptr;
+  };
+  std::vector<const Contradiction*> by_start_;
+  std::vector<Latest> latest_;  // up to each
+};
 
 // An authority may set its own clock right, and who holds the device key may state a case clock of their own.
 // One authority cannot tell the two apart: what it says then proves no time, as if it had not been asked. Two
 // that do not know of each other do not set theirs at the same time, by the same way.
 std::set<std::string> CaseClockRules::report_contradictions() {
   std::set<std::string> was_set;
+  for (auto& [root, spans] : agreeing_) {
+    std::ranges::sort(spans, {}, [](const Span& span) { return std::pair(span.start_ns, span.end_ns); });
+  }
+  const SharedTimes ahead(contradictions_, true), behind(contradictions_, false);
   for (const Contradiction& one : contradictions_) {
-    const bool shared =
-        std::any_of(contradictions_.begin(), contradictions_.end(), [&](const Contradiction& other) {
-          return other.root != one.root && other.ahead == one.ahead &&
-                 other.span.start_ns < one.span.end_ns && one.span.start_ns < other.span.end_ns;
-        });
+    const bool shared = (one.ahead ? ahead : behind).has_anothers(one);
     const bool stated =
         static_cast<double>(one.excess_us) * kNsPerUs <= stepped_ns(one.span.start_ns, one.span.end_ns);
     if (shared && stated) {

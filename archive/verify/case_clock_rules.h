@@ -3,6 +3,7 @@
 // since an entry says what the clocks did before it. Not thread-safe.
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <map>
 #include <optional>
@@ -46,6 +47,8 @@ class CaseClockRules {
   void take_step(std::int64_t step_ns, std::int64_t mono_ns) { steps_.push_back({mono_ns, step_ns}); }
   /// Across a crash the case clock is carried on by the wall clock: elapsed times across it prove nothing.
   void take_recovered();
+  /// When recording ended, as `close` says.
+  void take_close(std::int64_t mono_ns) { closed_ns_ = mono_ns; }
 
   /// After the last entry: says what the clocks contradict. Returns the roots of those authorities whose
   /// clock was set in the course of the case, as another one shows: they prove no time of it.
@@ -61,8 +64,8 @@ class CaseClockRules {
     const Timed* before = nullptr;
     std::int64_t elapsed_us = 0;                   // by the authority
     std::int64_t shortest_us = 0, longest_us = 0;  // by the case clock
-    std::int64_t excess_us = 0;                    // beyond what is tolerated
-    std::int64_t late_us = 0;  // by which the second is later, where that contradicts nothing
+    std::int64_t too_fast_us = 0;                  // went the authority's clock, beyond what is tolerated
+    std::int64_t excess_us = 0;  // beyond what is tolerated, either way, where that contradicts anything
   };
   /// How an authority's clock goes beside the case clock: of all tokens since the last difference those that
   /// leave the least to the next.
@@ -75,14 +78,12 @@ class CaseClockRules {
     /// Keeps the address.
     void add(const Timed& token);
     [[nodiscard]] std::optional<Difference> difference(const Timed& now) const;
+    /// By how much `now` is later than the case clock explains, at least; nothing where it has no token.
+    [[nodiscard]] std::optional<std::int64_t> late_us(const Timed& now) const;
+    [[nodiscard]] std::array<const Timed*, 3> strictest() const;  // null where there is none
     static Difference compare(const Timed& before, const Timed& now);
     /// How far the clocks differ, in words.
     static std::string text(const Difference& found, const Timed& now);
-  };
-  /// A token over the end that is later than the case clock explains.
-  struct Late {
-    Place place;
-    std::int64_t by_us = 0;
   };
   struct Step {
     std::int64_t mono_ns = 0, step_ns = 0;
@@ -102,6 +103,7 @@ class CaseClockRules {
     bool ahead = false;  // the authority's clock went on by more than the case clock
     std::int64_t excess_us = 0;
   };
+  class SharedTimes;
 
   /// Valid tokens by entry, for the order rule.
   class Order {
@@ -125,6 +127,8 @@ class CaseClockRules {
   std::set<std::string> report_contradictions();
   /// Whether another outside authority's clock went on as the case clock did over that time.
   [[nodiscard]] bool is_confirmed(const Contradiction& one) const;
+  /// Says by how much the first token over the end came after `close`, whatever the ledger states of it.
+  void report_late_end(const std::set<std::string>& left_out);
   /// Adds what no stated step of the wall clock explains.
   void report_disagreements();
   void report_slews();
@@ -145,8 +149,7 @@ class CaseClockRules {
   std::map<std::string, Order> order_of_;  // of outside authorities, by root
   std::map<std::string, Pace> pace_of_;    // by root, else by name
   std::vector<Disagreement> disagreements_;
-  std::optional<Late> late_;      // the least late one over the end
-  bool end_is_compared_ = false;  // by an outside authority's token whose time on the case clock is stated
+  std::optional<std::int64_t> closed_ns_;
   std::vector<Contradiction> contradictions_;
   // by root of an outside authority: where its clock is as the case's
   std::map<std::string, std::vector<Span>> agreeing_;

@@ -279,7 +279,7 @@ void CaseRules::take_close(const CloseEntry& close, const CaseEntry& entry, std:
   close_totals_ = close.totals;
   closed_ = entry.at.utc;
   closed_ns_ = entry.at.mono_ns;
-  tokens_.take_close(number);
+  tokens_.take_close(number, entry.at.mono_ns);
   for (auto& [name, its] : streams_) {
     its.take_interruption();
     const auto stated = close.totals.find(name);
@@ -326,22 +326,31 @@ void CaseRules::finish(std::optional<std::int64_t> lines_begin_ns) {
 }
 
 void CaseRules::judge_wall_clock() {
-  for (const AuthorityClock& clock : tokens_.clocks()) {
-    if (!clock.outside || !clock_zero_) {
+  for (const auto& [authority, first] : tokens_.first_outside()) {
+    if (!clock_zero_) {
       continue;
     }
     // In microseconds: an `open` that somebody made up may lie thousands of years away.
-    const std::int64_t ahead_us =
-        (clock.first.gen_time - *clock_zero_).count() - clock.first.case_ns / kNsPerUs;
-    if (std::abs(ahead_us) - clock.first.half_width_ns / kNsPerUs > kWallClockDiffersUs) {
+    const std::int64_t ahead_us = (first.gen_time - *clock_zero_).count() - first.case_ns / kNsPerUs;
+    if (std::abs(ahead_us) - first.half_width_ns / kNsPerUs > kWallClockDiffersUs) {
       findings_->add(
           "clock-differs", in_ledger(0),
-          "by " + clock.authority + " the recorder's wall clock was " +
+          "by " + authority + " the recorder's wall clock was " +
               std::to_string(std::abs(ahead_us) / kUsPerSecond) + " s " +
               (ahead_us > 0 ? "behind" : "ahead") +
               ": the case's identifier and every time \"by the recorder's clock\" are wrong by that "
               "much; the time-stamps are not");
     }
+  }
+  const std::optional<StampedToken> first = tokens_.first_after_close();
+  if (scope_.whole_case && first && closed_) {
+    const std::int64_t late_us = (first->gen_time - *closed_).count();
+    findings_->add(
+        "stamped-after-close", {token_path(first->checkpoint, first->authority), first->entry},
+        "the first time-stamp of an outside authority is over close, and by the recorder's clock " +
+            std::to_string(std::abs(late_us) / kUsPerSecond) + " s " + (late_us < 0 ? "before" : "after") +
+            " it: the case was there by then; when it was recorded, and for how long, rests on "
+            "the recorder's word");
   }
 }
 
@@ -430,6 +439,7 @@ void CaseRules::describe(VerificationReport& report) const {
   report.tokens = tokens_.count();
   report.outside_tokens = tokens_.outside_count();
   report.own_tokens = tokens_.own_count();
+  report.authorities = tokens_.authorities();
 }
 
 }  // namespace kiroku::archive

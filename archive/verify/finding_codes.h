@@ -115,9 +115,12 @@ inline constexpr auto kFindingCodes = std::to_array<FindingCode>({
     {"authority-clock-differs", Severity::kUnproven,
      "the same of one outside authority alone: its clock was set, or the case clock is made up"},
     {"end-stamped-late", Severity::kNote,
-     "the token over the end is more than 2 s later than the case clock explains, and the ledger does not "
-     "say "
-     "when it was asked for: whether recording ended at close rests on the recorder's word"},
+     "the first token over the end is more than 2 s later than the case clock of close explains, whatever "
+     "the "
+     "ledger states of it: whether recording ended at close rests on the recorder's word"},
+    {"stamped-after-close", Severity::kNote,
+     "no token of an outside authority is over anything before close: they show that the case was there by "
+     "then; when it was recorded, and for how long, rests on the recorder's word"},
     {"authority-clock-set", Severity::kNote,
      "the same of one outside authority, while another one's clock went on as the case clock did"},
     {"clock-disagreement", Severity::kUnproven,
@@ -149,7 +152,8 @@ inline constexpr auto kFindingCodes = std::to_array<FindingCode>({
      "a counted segment of a stream that is recorded as it comes ends more than 2 s after its entry was "
      "written"},
     {"segment-too-long", Severity::kUnproven,
-     "a counted segment of a camera lasts more than 11 s, which no recorder writes"},
+     "a counted segment of a stream that is recorded as it comes lasts more than 11 s, which no recorder "
+     "writes"},
     {"segment-cut-unexplained", Severity::kTampered,
      "an incomplete segment without recovered, gap or close between it and its neighbours"},
     {"segment-uncounted-unexplained", Severity::kTampered,
@@ -170,7 +174,8 @@ inline constexpr auto kFindingCodes = std::to_array<FindingCode>({
     {"segments-erased", Severity::kGap, "segments were removed by retention"},
     {"frames-dropped", Severity::kGap, "frames of a stream were dropped"},
     {"segments-sparse", Severity::kNote,
-     "segments hold far fewer frames than is usual in their stream, or none of a monitor's holds a sample"},
+     "segments hold far fewer frames than is usual in their stream, or than one a second, or none of a "
+     "monitor's holds a sample"},
     {"monitor-silent", Severity::kNote,
      "a monitor's segments hold no sample for more than a minute; nobody states that as a gap"},
     {"stream-shorter", Severity::kNote,

@@ -64,6 +64,15 @@ struct AuthorityClock {
 /// By how much gen_time is ahead of the recorder's UTC: of `clock_zero` plus the case clock.
 std::int64_t offset_ns(const ClockComparison& comparison, UtcTime clock_zero);
 
+/// Who stamped, by the trusted certificate at which the tokens' paths end. What the ledger calls it is chosen
+/// by whoever writes the ledger: one may have many names.
+struct StampingAuthority {
+  std::string subject;  // "CN=Example TSA root,O=Example"
+  bool outside = false;
+  std::uint64_t tokens = 0;        // valid ones that prove time
+  std::vector<std::string> names;  // in the ledger, in the order of their first tokens
+};
+
 /// One stream of the case that an excerpt is of: how much of it lies in the excerpt's folder with the right
 /// hash, and how much the case has.
 struct ExcerptStream {
@@ -108,8 +117,9 @@ struct VerificationReport {
   std::optional<ExcerptReport> excerpt;              // of an excerpt whose excerpt.json could be read
   std::optional<OpenedContents> contents;            // nothing where no identity was given
   std::vector<Bracket> brackets;
-  std::vector<AuthorityClock> clocks;  // one an authority, in the order of their first tokens
-  std::vector<Finding> findings;       // ordered by entry, then file
+  std::vector<AuthorityClock> clocks;          // one an authority, in the order of their first tokens
+  std::vector<StampingAuthority> authorities;  // in the order of their first tokens
+  std::vector<Finding> findings;               // ordered by entry, then file
   /// Root (RFC 6962) over the lines that were judged, of which there are `entries`; of an excerpt its opening
   /// line comes before them. Nothing where none could be read. Who shows lines beside the verdict compares
   /// it.

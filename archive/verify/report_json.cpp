@@ -78,6 +78,13 @@ ordered_json clock_json(const AuthorityClock& clock, const std::optional<UtcTime
           {"drift_half_width_ns", clock.drift_half_width_ns()}};
 }
 
+ordered_json authority_json(const StampingAuthority& authority) {
+  return {{"subject", authority.subject},
+          {"time", time_proof_name(authority.outside ? TimeProof::kExternal : TimeProof::kSelfIssued)},
+          {"tokens", authority.tokens},
+          {"names", authority.names}};
+}
+
 ordered_json finding_json(const Finding& finding) {
   return {{"code", finding.code},
           {"severity", severity_name(finding.severity)},
@@ -124,6 +131,8 @@ ordered_json report_json(const VerificationReport& report) {
   for (const auto& stream : report.streams) out["streams"].push_back(stream_json(stream));
   out["brackets"] = ordered_json::array();
   for (const auto& bracket : report.brackets) out["brackets"].push_back(bracket_json(bracket));
+  out["authorities"] = ordered_json::array();
+  for (const auto& authority : report.authorities) out["authorities"].push_back(authority_json(authority));
   out["clocks"] = ordered_json::array();
   for (const auto& clock : report.clocks) out["clocks"].push_back(clock_json(clock, report.clock_zero));
   out["findings"] = ordered_json::array();

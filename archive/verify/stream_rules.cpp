@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <filesystem>
 #include <iterator>
+#include <numeric>
 #include <utility>
 
 #include "archive/format/case_layout.h"
@@ -37,6 +38,8 @@ std::string totals_text(const StreamTotal& total) {
 
 StreamRules::StreamRules(StreamInfo info, bool whole_case, FindingList& findings)
     : info_(std::make_shared<const StreamInfo>(std::move(info))),
+      of_pictures_(info_->media != kLinesMedia),
+      of_marks_(info_->kind == "events" && !of_pictures_),
       whole_case_(whole_case),
       findings_(&findings) {
   report_.info = *info_;
@@ -214,16 +217,15 @@ std::optional<Span> StreamRules::uncovered(Span hole) const {
 
 void StreamRules::count_filling(const SegmentEntry& segment, std::uint64_t entry) {
   const std::int64_t duration_ns = segment.span.end_ns - segment.span.start_ns;
-  if (info_->kind == "video" && segment.complete && segment.counted && duration_ns > 0) {
+  if (of_pictures_ && segment.complete && segment.counted && duration_ns > 0) {
     fillings_.push_back({entry, segment.index, segment.frames + segment.dropped, duration_ns});
   }
-  if (info_->kind == "video" && info_->timing == "arrival" && segment.counted &&
-      duration_ns > kLongestCountedSegmentNs) {
+  if (!of_marks_ && info_->timing == "arrival" && segment.counted && duration_ns > kLongestCountedSegmentNs) {
     findings_->add("segment-too-long", {std::string(kLedgerFile), entry},
                    "segment " + digits(segment.index) + " of " + report_.info.name + " lasts " +
                        in_seconds(duration_ns) + " s, which no recorder writes");
   }
-  if (info_->kind != "vitals") {
+  if (of_pictures_ || of_marks_) {
     return;
   }
   if (segment.frames > 0 || !segment.counted) {
@@ -238,12 +240,11 @@ void StreamRules::count_filling(const SegmentEntry& segment, std::uint64_t entry
 }
 
 void StreamRules::check_fillings() {
-  const bool is_video = info_->kind == "video";
-  const bool counted = info_->kind == "vitals" ? report_.segments > 0 : is_video && !fillings_.empty();
+  const bool counted = of_pictures_ ? !fillings_.empty() : !of_marks_ && report_.segments > 0;
   if (counted && report_.frames == 0) {
     findings_->add("segments-sparse", {std::string(kLedgerFile)},
                    "none of the " + digits(report_.segments) + " segments of " + report_.info.name +
-                       " holds a " + (is_video ? "frame" : "sample") + ": what they are of said nothing");
+                       " holds a " + (of_pictures_ ? "frame" : "sample") + ": what they are of said nothing");
     return;
   }
   if (longest_silence_ && longest_silence_->end_ns - longest_silence_->start_ns > kLongestUntoldSilenceNs) {
@@ -285,12 +286,23 @@ void StreamRules::check_fillings() {
                        digits(emptiest->index) + " holds " + digits(emptiest->frames) + " in " +
                        in_seconds(emptiest->duration_ns) +
                        " s. Its source sent less, or what it sent did not arrive");
+    return;
+  }
+  const double all_frames = double(report_.frames + report_.dropped);
+  const double all_seconds = std::accumulate(
+      fillings_.begin(), fillings_.end(), 0.0,
+      [](double sum, const Filling& each) { return sum + double(each.duration_ns) / kNsPerSecond; });
+  if (all_frames < kMostOfUsual * all_seconds && all_seconds - all_frames > 1) {
+    findings_->add("segments-sparse", {std::string(kLedgerFile)},
+                   "the segments of " + report_.info.name + " hold " + digits(report_.frames) +
+                       " frames in " + digits(static_cast<std::uint64_t>(all_seconds)) +
+                       " s, less than one a second. Its source sent no more, or what it sent did not arrive");
   }
 }
 
 void StreamRules::check_ends(const Span& recorded) {
-  if (info_->kind == "events" && info_->media == kLinesMedia) {
-    return;  // has segments only where somebody did something; no pictures are marks
+  if (of_marks_) {
+    return;  // has segments only where somebody did something
   }
   const std::string& name = report_.info.name;
   if (report_.segments == 0 && gaps_.empty()) {

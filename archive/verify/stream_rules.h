@@ -30,7 +30,7 @@ inline constexpr std::int64_t kSeamToleranceNs = 1'000'000;
 /// it stops; then it has the rest of its pictures and its last files to write before `close`.
 inline constexpr std::int64_t kLateBeginToleranceNs = 2'000'000'000;
 inline constexpr std::int64_t kEarlyEndToleranceNs = 10'000'000'000;
-/// Format 1 has segments of 10 s at most; the last frame is shown until the next one.
+/// Format 1 has segments of 10 s at most, whatever is in them; the last frame is shown until the next one.
 inline constexpr std::int64_t kLongestCountedSegmentNs = 11'000'000'000;
 /// Monitors send a value a minute, or more often.
 inline constexpr std::int64_t kLongestUntoldSilenceNs = 60'000'000'000;
@@ -111,6 +111,8 @@ class StreamRules {
 
   std::shared_ptr<const StreamInfo> info_;
   StreamReport report_;
+  // by what its files hold: whoever holds the device key chooses what a stream is called
+  bool of_pictures_, of_marks_;
   bool whole_case_;
   FindingList* findings_;
   std::optional<std::uint64_t> first_index_, next_index_;
@@ -120,7 +122,7 @@ class StreamRules {
   std::optional<Span> all_gaps_;  // from the earliest start to the latest end
   std::vector<Hole> holes_;
   std::vector<Filling> fillings_;
-  std::optional<Span> silence_, longest_silence_;  // of a monitor: segments in a row without a sample
+  std::optional<Span> silence_, longest_silence_;  // of samples: segments in a row without one
   IndexRanges erased_;
   struct Cut {
     std::uint64_t entry = 0;

@@ -67,9 +67,12 @@ void TokenRules::take(const TokenEntry& token, std::uint64_t entry, std::int64_t
   const StampedToken stamped{entry,           token.checkpoint, token.gen_time, token.accuracy_ns,
                              token.authority, judged.root};
   now.stamped = stamped;
+  if (judged.valid) {
+    compare_clocks(token, now);
+  }
   clock_rules_.take(std::move(now));
   if (judged.valid) {
-    compare_clocks(token, judged.external);
+    authorities_.try_emplace(judged.root, StampingAuthority{judged.subject, judged.external, 0, {}});
     valid_.push_back(stamped);
     valid_checkpoints_.insert(token.checkpoint);
     if (judged.external && token.checkpoint > 0) {
@@ -162,8 +165,12 @@ TokenRules::Judged TokenRules::judge(const TokenEntry& token, std::uint64_t entr
       break;
   }
   const crypto::Sha256Digest root = crypto::sha256(judgement.chain.back());
-  return {true, judgement.authority == timestamp::TimeAuthority::kOutside, restated,
-          judgement.info && judgement.info->ordering, std::string(text_of(root))};
+  return {true,
+          judgement.authority == timestamp::TimeAuthority::kOutside,
+          restated,
+          judgement.info && judgement.info->ordering,
+          std::string(text_of(root)),
+          judgement.root_subject};
 }
 
 bool TokenRules::compare_entry(const TokenEntry& token, std::uint64_t entry,
@@ -234,22 +241,55 @@ void TokenRules::check_exchange(const TokenEntry& token, std::uint64_t entry, st
   }
 }
 
-void TokenRules::compare_clocks(const TokenEntry& token, bool outside) {
-  if (!token.exchange || recovered_) {
+void TokenRules::compare_clocks(const TokenEntry& token, const TimedToken& timed) {
+  if (!timed.earliest_ns || timed.stands || recovered_) {
     return;
   }
-  const auto [asked_ns, answered_ns] = *token.exchange;
+  const std::int64_t asked_ns = *timed.earliest_ns;
+  const std::int64_t round_trip_ns = timed.latest_ns - asked_ns;
   const bool whole_seconds = token.gen_time == std::chrono::floor<std::chrono::seconds>(token.gen_time);
   const ClockComparison comparison{
-      token.gen_time, asked_ns + (answered_ns - asked_ns) / 2,
-      (answered_ns - asked_ns + 1) / 2 + token.accuracy_ns + (whole_seconds ? 1'000'000'000 : 0)};
-  const auto [known, first] = clock_of_.emplace(std::pair(token.authority, outside), clocks_.size());
+      token.gen_time, asked_ns + round_trip_ns / 2,
+      (round_trip_ns + 1) / 2 + token.accuracy_ns + (whole_seconds ? 1'000'000'000 : 0)};
+  if (timed.external) {
+    first_outside_.try_emplace(token.authority, comparison);
+  }
+  if (!token.exchange) {
+    return;
+  }
+  const auto [known, first] = clock_of_.emplace(std::pair(token.authority, timed.external), clocks_.size());
   if (first) {
-    clocks_.push_back({token.authority, outside, 1, comparison, comparison});
+    clocks_.push_back({token.authority, timed.external, 1, comparison, comparison});
   } else {
     ++clocks_[known->second].comparisons;
     clocks_[known->second].last = comparison;
   }
+}
+
+std::vector<StampingAuthority> TokenRules::authorities() const {
+  std::vector<StampingAuthority> all;
+  std::map<std::string, std::size_t> place_of;  // by root
+  std::set<std::pair<std::string, std::string>> named;
+  for (const StampedToken& token : valid_) {
+    const auto [place, first] = place_of.emplace(token.root, all.size());
+    if (first) {
+      all.push_back(authorities_.at(token.root));
+    }
+    StampingAuthority& its = all[place->second];
+    ++its.tokens;
+    if (named.emplace(token.root, token.authority).second) {
+      its.names.push_back(token.authority);
+    }
+  }
+  return all;
+}
+
+std::optional<StampedToken> TokenRules::first_after_close() const {
+  const bool all_after = close_ && std::ranges::all_of(outside_, [&](const StampedToken& token) {
+                           return token.checkpoint > *close_;
+                         });
+  const auto first = std::ranges::min_element(outside_, {}, &StampedToken::gen_time);
+  return all_after && first != outside_.end() ? std::optional(*first) : std::nullopt;
 }
 
 void TokenRules::finish(bool whole_case) {

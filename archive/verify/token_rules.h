@@ -36,7 +36,10 @@ class TokenRules {
   // Of a clock entry, as CaseClockRules has them.
   void take_rate(std::int64_t rate_ppb, std::int64_t mono_ns) { clock_rules_.take_rate(rate_ppb, mono_ns); }
   void take_step(std::int64_t step_ns, std::int64_t mono_ns) { clock_rules_.take_step(step_ns, mono_ns); }
-  void take_close(std::uint64_t entry) { close_ = entry; }
+  void take_close(std::uint64_t entry, std::int64_t mono_ns) {
+    close_ = entry;
+    clock_rules_.take_close(mono_ns);
+  }
   /// After the last entry. An excerpt may leave out the token over close.
   void finish(bool whole_case);
 
@@ -50,6 +53,13 @@ class TokenRules {
   [[nodiscard]] std::uint64_t own_count() const { return valid_.size() - outside_.size(); }
   [[nodiscard]] std::vector<Bracket> brackets(std::uint64_t first, std::uint64_t entries) const;
   [[nodiscard]] const std::vector<AuthorityClock>& clocks() const { return clocks_; }
+  /// After finish(): of the tokens that prove time.
+  [[nodiscard]] std::vector<StampingAuthority> authorities() const;
+  /// Of each outside authority the first valid token whose time on the case clock is bounded, by its
+  /// exchange, or else by its checkpoint and its entry.
+  [[nodiscard]] const std::map<std::string, ClockComparison>& first_outside() const { return first_outside_; }
+  /// After finish(): the earliest token of an outside authority, where all of them are over close.
+  [[nodiscard]] std::optional<StampedToken> first_after_close() const;
   /// Hashes of the entered token files, in order.
   [[nodiscard]] const std::map<std::uint64_t, crypto::Sha256Digest>& hashes() const { return hashes_; }
   /// Largest tree size that an entered token is over; 0 if there is none.
@@ -65,6 +75,7 @@ class TokenRules {
     bool restated = false;  // the entry states what the token says, and that is over its checkpoint
     bool ordering = false;  // the authority states that its tokens are in order by time alone
     std::string root{};     // StampedToken::root of a valid one
+    std::string subject{};  // of that root
   };
   struct Untrusted {
     std::uint64_t checkpoint = 0, entry = 0;
@@ -77,7 +88,7 @@ class TokenRules {
   /// Authorities whose clock was set in the course of the case prove no time of it.
   void leave_out(const std::set<std::string>& roots);
   void check_exchange(const TokenEntry& token, std::uint64_t entry, std::int64_t mono_ns);
-  void compare_clocks(const TokenEntry& token, bool outside);
+  void compare_clocks(const TokenEntry& token, const TimedToken& timed);
 
   const CaseFolder* folder_;
   const VerifyOptions* options_;
@@ -94,6 +105,8 @@ class TokenRules {
   std::map<std::uint64_t, crypto::Sha256Digest> hashes_;
   std::vector<AuthorityClock> clocks_;
   std::map<std::pair<std::string, bool>, std::size_t> clock_of_;  // place in clocks_ by authority, `outside`
+  std::map<std::string, ClockComparison> first_outside_;          // by authority
+  std::map<std::string, StampingAuthority> authorities_;          // by root, without tokens and names
   bool recovered_ = false;
   std::optional<std::uint64_t> close_;
   std::uint64_t largest_checkpoint_ = 0;

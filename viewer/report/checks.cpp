@@ -51,7 +51,8 @@ Answer without_findings(Check check, const archive::VerificationReport& verifica
       if (given.log.empty()) return Answer::kNotAsked;
       return found("log-case-open") ? Answer::kInPart : Answer::kYes;
     case Check::kStreams:
-      return found("stream-shorter") || found("segments-sparse") ? Answer::kInPart : Answer::kYes;
+      return found("stream-shorter") || found("segments-sparse") || found("monitor-silent") ? Answer::kInPart
+                                                                                            : Answer::kYes;
     case Check::kContents:
       return given.identities.empty() ? Answer::kNotAsked : contents_answer(verification.contents);
     case Check::kEnd:
@@ -133,8 +134,9 @@ std::vector<CheckAnswer> answer_checks(const archive::VerificationReport& verifi
       notes += finding.severity == Severity::kNote ? 1 : 0;
     }
     const Answer quiet = without_findings(check, verification, given, excerpt);
-    // A stated gap of time stamps does not make the recorder's own authority an outside one.
-    const bool gap_says_less = quiet != Answer::kYes && check != Check::kStreams;
+    // A stated gap of time stamps does not make the recorder's own authority an outside one, and one of a
+    // stream does not explain what else is missing of it.
+    const bool gap_says_less = quiet != Answer::kYes;
     const bool kept = worst == Severity::kNote || (worst == Severity::kGap && gap_says_less);
     answers.push_back({check, kept ? quiet : answer_of(worst), notes});
   }

@@ -44,7 +44,10 @@ std::string time_sentence(const ReportInput& input) {
       earliest = earliest ? std::min(*earliest, *bracket.not_before) : bracket.not_before;
     if (bracket.not_after) latest = latest ? std::max(*latest, *bracket.not_after) : bracket.not_after;
   }
-  if (earliest && latest) {
+  const bool only_afterwards = std::ranges::any_of(
+      input.verification.findings,
+      [](const archive::Finding& finding) { return finding.code == "stamped-after-close"; });
+  if (earliest && latest && !only_afterwards) {
     return say(input.language, "time.external", {utc_time(*earliest), utc_time(*latest)});
   }
   return latest ? say(input.language, "time.external-until", {utc_time(*latest)})

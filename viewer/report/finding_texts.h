@@ -98,8 +98,13 @@ inline constexpr auto kFindingTexts = std::to_array<FindingText>({
      "時計が"
      "偽りである。"},
     {"end-stamped-late", Check::kTime,
-     "終了に対するタイムスタンプが、症例時計で説明できるより 2 秒を超えて遅く、要求の時刻も記載されていない。"
-     "終了時に記録が終わったことは記録装置の言による。"},
+     "終了に対する最初のタイムスタンプが、台帳の記載にかかわらず、終了時の症例時計で説明できるより 2 "
+     "秒を超えて"
+     "遅い。終了時に記録が終わったことは記録装置の言による。"},
+    {"stamped-after-close", Check::kTime,
+     "外部の認証局のタイムスタンプはすべて終了後のもの。その時までに症例が存在したことは示すが、いつ、どれだ"
+     "けの"
+     "時間記録されたかは記録装置の言による。"},
     {"authority-clock-set", Check::kTime,
      "一つの外部認証局の時計が症例時計と食い違うが、別の外部認証局の時計は症例時計と一致する。"},
     {"clock-disagreement", Check::kTime,
@@ -127,7 +132,7 @@ inline constexpr auto kFindingTexts = std::to_array<FindingText>({
     {"segment-in-future", Check::kStreams,
      "到着時に記録される系統の区間が、その項目が書かれた時より 2 秒を超えて後に終わる。"},
     {"segment-too-long", Check::kStreams,
-     "カメラの区間が 11 秒を超える。記録装置はこのような区間を書かない。"},
+     "届くままに記録されるストリームの区間が 11 秒を超える。記録装置はこのような区間を書かない。"},
     {"segment-cut-unexplained", Check::kStreams, "途中で断たれた区間があり、その理由の記載がない。"},
     {"segment-uncounted-unexplained", Check::kStreams,
      "区間のフレーム数の記載がなく、その前に復旧の記載もない。"},
@@ -146,7 +151,7 @@ inline constexpr auto kFindingTexts = std::to_array<FindingText>({
     {"segments-erased", Check::kFiles, "保存期間の規則により区間が消去された。"},
     {"frames-dropped", Check::kStreams, "系統のフレームが欠落した。"},
     {"segments-sparse", Check::kStreams,
-     "フレームが、その系統で通常より著しく少ない区間があるか、モニターの全区間に値が一つもない。"},
+     "フレームが、その系統で通常より、または毎秒 1 枚より著しく少ないか、モニターの全区間に値が一つもない。"},
     {"monitor-silent", Check::kStreams,
      "モニターの値が 1 分を超えて一つもない。これは空白としては記載されない。"},
     {"stream-shorter", Check::kStreams,

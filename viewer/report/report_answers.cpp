@@ -90,6 +90,12 @@ std::string ReportMaker::unbroken_words() const {
                  : unbroken;
 }
 
+bool ReportMaker::has_gaps() const {
+  return std::ranges::any_of(found_.findings, [](const Finding& finding) {
+    return finding.severity == archive::Severity::kGap && check_of(finding.code) == Check::kStreams;
+  });
+}
+
 std::string ReportMaker::yes_to(const CheckAnswer& answered) const {
   switch (answered.check) {
     case Check::kLedger:
@@ -103,7 +109,10 @@ std::string ReportMaker::yes_to(const CheckAnswer& answered) const {
       return words("check.files.yes",
                    {count(found_.files, "one.file", "many.file"), byte_size(found_.bytes)});
     case Check::kStreams:
-      if (answered.answer == Answer::kInPart) return words("check.streams.in-part");
+      if (answered.answer == Answer::kInPart) {
+        return words(has_gaps() ? TextKey("check.streams.in-part-with-gaps")
+                                : TextKey("check.streams.in-part"));
+      }
       return found_.excerpt ? words("check.streams.excerpt.yes",
                                     {in_case(found_.excerpt->from_ns), in_case(found_.excerpt->to_ns)})
                             : unbroken_words();
@@ -136,6 +145,21 @@ Chain::Link ReportMaker::link(TextKey title, const CheckAnswer& answered, std::s
           answer_words(in_.language, answered.answer),
           std::move(text),
           std::move(bond)};
+}
+
+// What the ledger calls an authority is chosen by whoever writes the ledger.
+std::string ReportMaker::authority_words() const {
+  std::string out;
+  for (const archive::StampingAuthority& authority : found_.authorities) {
+    constexpr std::size_t kMostNames = 4;
+    std::string names;
+    for (std::size_t i = 0; i < authority.names.size() && i < kMostNames; ++i) {
+      names += (i > 0 ? ", " : "") + plain_text(authority.names[i]);
+    }
+    if (authority.names.size() > kMostNames) names += ", …";
+    out += (out.empty() ? "" : "; ") + plain_text(authority.subject) + " (" + names + ")";
+  }
+  return out;
 }
 
 void ReportMaker::add_chain() {
@@ -183,12 +207,13 @@ void ReportMaker::add_chain() {
                : words("chain.tokens.text", {tokens(), utc_time(facts.tokens.front().token.gen_time),
                                              utc_time(facts.tokens.back().token.gen_time)}),
            words("chain.tokens.bond")));
-  chain.links.push_back(link("chain.authorities", answer(Check::kTime),
-                             names.empty() ? words("chain.authorities.none")
-                             : in_.given.roots.empty() && in_.given.own_roots.empty()
-                                 ? words("chain.authorities.unjudged", {names})
-                                 : words("chain.authorities.text", {names}),
-                             ""));
+  chain.links.push_back(link(
+      "chain.authorities", answer(Check::kTime),
+      !found_.authorities.empty() ? words("chain.authorities.judged", {authority_words()})
+      : names.empty()             ? words("chain.authorities.none")
+      : in_.given.roots.empty() && in_.given.own_roots.empty() ? words("chain.authorities.unjudged", {names})
+                                                               : words("chain.authorities.text", {names}),
+      ""));
   add(std::move(chain));
 }
 

@@ -51,6 +51,10 @@ class ReportMaker {
 
   /// That nothing lacks between segments, and how far the streams reach.
   [[nodiscard]] std::string unbroken_words() const;
+  /// Who stamped, by certificate, with what the ledger calls them.
+  [[nodiscard]] std::string authority_words() const;
+  /// Whether anything of a stream is stated to be missing.
+  [[nodiscard]] bool has_gaps() const;
 
   [[nodiscard]] std::string reason() const;
 

@@ -136,12 +136,17 @@ inline constexpr auto kTexts = std::to_array<Text>({
      "Segments follow each other without hole or overlap; the recorder dropped no frame that reached it.",
      "区間は隙間も重なりもなく連続し、記録装置に届いたフレームの欠落はありません。"},
     {"check.streams.in-part",
-     "No hole was found between segments. But a stream is shorter than the case, or holds far fewer frames "
-     "than "
-     "is usual in it: the findings say which.",
-     "区間の間に空白は見つかりませんでした。ただし、症例より短い系統、またはフレームが通常より著しく少ない系"
-     "統が"
-     "あります（所見を参照）。"},
+     "No hole was found between segments. But a stream is shorter than the case, holds far fewer frames than "
+     "is usual in it, or no sample for more than a minute: the findings say which.",
+     "区間の間に空白は見つかりませんでした。ただし、症例より短い系統、フレームが通常より著しく少ない系統、ま"
+     "たは "
+     "1 分を超えて値のない系統があります（所見を参照）。"},
+    {"check.streams.in-part-with-gaps",
+     "Every hole between segments is a stated gap. But a stream is shorter than the case, holds far fewer "
+     "frames than is usual in it, or no sample for more than a minute: the findings say which.",
+     "区間の間の空白はすべて記載されています。ただし、症例より短い系統、フレームが通常より著しく少ない系統、"
+     "また"
+     "は 1 分を超えて値のない系統があります（所見を参照）。"},
     {"check.streams.ends",
      "{0} What it recorded as it came begins at most {1} s after the case and ends at most {2} s before the "
      "case was closed. Silences of a camera of up to 5 s are no holes, and no silence of a monitor is.",
@@ -286,6 +291,11 @@ inline constexpr auto kTexts = std::to_array<Text>({
     {"chain.tokens.none", "There is none.", "ありません。"},
     {"chain.tokens.bond", "signed by", "署名者"},
     {"chain.authorities", "Authorities", "時刻認証局"},
+    {"chain.authorities.judged",
+     "{0}. Each is named by the trusted certificate at which its time stamps end; in brackets stands what "
+     "the "
+     "ledger calls it.",
+     "{0}。それぞれ、タイムスタンプの検証が行き着く信頼された証明書の名で示し、括弧内は台帳での呼び名です。"},
     {"chain.authorities.text", "{0}. Their certificates were judged under the roots that were given.",
      "{0}。証明書は、与えられたルートに基づいて判定しました。"},
     {"chain.authorities.unjudged", "{0}. No trusted root was given, so none could be judged.",

@@ -111,5 +111,37 @@ TEST_F(CaseClock, NothingIsComparedAcrossACrash) {
   EXPECT_THAT(codes(), IsEmpty());
 }
 
+// Which other differences lie over the same time is not asked of each of them: here it would take minutes.
+TEST_F(CaseClock, ThousandsOfDifferencesAreComparedWithoutAskingEachOfEach) {
+  constexpr int kDifferences = 60'000;
+  for (int i = 0; i < kDifferences; ++i) {
+    stamp(i * kSecond, i * 10s);
+    stamp(i * kSecond, i * -10s, "second");
+  }
+  EXPECT_THAT(codes(), testing::SizeIs(testing::Ge(1'000U)));
+}
+
+TEST_F(CaseClock, OnlyDifferencesOverTheSameTimeAndTheSameWayShowACaseClockThatWasMadeUp) {
+  stamp(0, 0s);
+  stamp(0, 0s, "third");
+  stamp(60 * kSecond, 70s);  // alone until here
+  stamp(70 * kSecond, 70s, "second");
+  stamp(120 * kSecond, 140s);
+  stamp(125 * kSecond, 100s, "third");  // the other way
+  stamp(130 * kSecond, 140s, "second");
+  stamp(140 * kSecond, 160s);
+  stamp(200 * kSecond, 230s);  // alone again
+  EXPECT_THAT(codes(), ElementsAre("authority-clock-differs", "clock-contradicted", "authority-clock-differs",
+                                   "clock-contradicted", "authority-clock-differs"));
+}
+
+// The second authority's is under way all the while: also for the last of many of the first.
+TEST_F(CaseClock, ADifferenceThatTakesLongIsSharedByAllThatLieInIt) {
+  stamp(0, 0s, "second");
+  for (int i = 0; i <= 4; ++i) stamp(i * 60 * kSecond, i * 70s);
+  stamp(250 * kSecond, 300s, "second");
+  EXPECT_THAT(codes(), testing::AllOf(testing::SizeIs(5), testing::Each("clock-contradicted")));
+}
+
 }  // namespace
 }  // namespace kiroku::archive

@@ -13,6 +13,9 @@ namespace {
 constexpr std::int64_t kMs = 1'000'000;
 
 StreamInfo room() { return {"room", "video", "video/mp2t", "x", "mpeg2", "", {}, "arrival", "ts"}; }
+StreamInfo monitor() {
+  return {"room", "vitals", std::string(kLinesMedia), "x", "jsonl", "", {}, "arrival", "jsonl"};
+}
 
 SegmentEntry segment(std::uint64_t index, Span span) {
   SegmentEntry entry;
@@ -295,17 +298,16 @@ TEST(StreamRules, WhatWasDroppedAndStatedIsNotCountedAgain) {
 }
 
 TEST(StreamRules, TellsOfAMonitorAndOfACameraThatSaidNothing) {
-  for (const std::string kind : {"video", "vitals"}) {
-    StreamInfo info = room();
-    info.kind = kind;
+  for (const StreamInfo& info : {room(), monitor()}) {
     FindingList findings;
     StreamRules rules(info, true, findings);
     SegmentEntry empty = segment(0, {0, kSecond});
     empty.frames = 0;
     rules.take(empty, 0);
-    EXPECT_THAT(sparse_of(rules, findings),
-                testing::ElementsAre(testing::HasSubstr("none of the 1 segments of room holds a " +
-                                                        std::string(kind == "video" ? "frame" : "sample"))));
+    EXPECT_THAT(
+        sparse_of(rules, findings),
+        testing::ElementsAre(testing::HasSubstr("none of the 1 segments of room holds a " +
+                                                std::string(info.kind == "video" ? "frame" : "sample"))));
   }
 }
 
@@ -313,6 +315,40 @@ TEST(StreamRules, TellsOfASegmentThatNoRecorderWrites) {
   EXPECT_THAT(codes_of(room(), {{0, 60 * kSecond}}, {}, 11 * kSecond), testing::IsEmpty());
   EXPECT_THAT(codes_of(room(), {{0, 60 * kSecond}}, {}, 30 * kSecond),
               testing::ElementsAre("segment-too-long", "segment-too-long"));
+}
+
+// What a stream is called is chosen by whoever holds the device key.
+TEST(StreamRules, JudgesByWhatFilesHoldAndByNoNameOfTheStream) {
+  for (const std::string kind : {"audio", "events", "vitals"}) {
+    StreamInfo camera = room();
+    camera.kind = kind;
+    EXPECT_THAT(codes_of(camera, {{0, 60 * kSecond}}, {}, 30 * kSecond),
+                testing::ElementsAre("segment-too-long", "segment-too-long"))
+        << kind;
+    FindingList findings;
+    StreamRules rules(camera, true, findings);
+    for (std::uint64_t i = 0; i < 3; ++i) {
+      const auto at_ns = static_cast<std::int64_t>(i) * 10 * kSecond;
+      SegmentEntry entry = segment(i, {at_ns, at_ns + 10 * kSecond});
+      entry.frames = i == 1 ? 8 : 250;
+      rules.take(entry, i);
+    }
+    EXPECT_THAT(sparse_of(rules, findings), testing::ElementsAre(testing::HasSubstr("1 of the segments")))
+        << kind;
+  }
+  EXPECT_THAT(codes_of(monitor(), {{0, 60 * kSecond}}, {}, 30 * kSecond),
+              testing::Contains("segment-too-long").Times(2))
+      << "a monitor's are no longer";
+}
+
+TEST(StreamRules, TellsOfAStreamThatHasLessThanAPictureASecondHoweverShortItsSegments) {
+  FindingList findings;
+  StreamRules rules(room(), true, findings);
+  for (std::uint64_t i = 0; i < 30; ++i) {
+    const auto at_ns = static_cast<std::int64_t>(i) * 2 * kSecond;
+    rules.take(segment(i, {at_ns, at_ns + 2 * kSecond}), i);
+  }
+  EXPECT_THAT(sparse_of(rules, findings), testing::ElementsAre(testing::HasSubstr("hold 30 frames in 60 s")));
 }
 
 TEST(StreamRules, TellsOfPicturesThatAreFewerThanOneASecond) {
@@ -327,12 +363,11 @@ TEST(StreamRules, TellsOfPicturesThatAreFewerThanOneASecond) {
 
 TEST(StreamRules, TellsOfAMonitorThatIsSilentForMoreThanAMinute) {
   for (const int silent : {6, 7}) {
-    StreamInfo info = room();
-    info.kind = "vitals";
     FindingList findings;
-    StreamRules rules(info, true, findings);
+    StreamRules rules(monitor(), true, findings);
     for (int i = 0; i < 20; ++i) {
       SegmentEntry each = segment(static_cast<std::uint64_t>(i), {i * 10 * kSecond, (i + 1) * 10 * kSecond});
+      each.file.file = segment_path("room", each.index, "jsonl");
       each.frames = i >= 5 && i < 5 + silent ? 0 : 3;
       rules.take(each, static_cast<std::uint64_t>(i));
     }

@@ -239,14 +239,26 @@ TEST_F(ReportDocument, SaysThatTheContentsWereLookedIntoOnlyAsFarAsTheyWere) {
 }
 
 TEST_F(ReportDocument, OfAStreamThatIsShorterThanTheCaseDoesNotSayYes) {
+  const std::string asked = "Was it recorded without a break from beginning to end? | ! In part | ";
+  for (const char* code : {"stream-shorter", "segments-sparse", "monitor-silent"}) {
+    ReportInput in = input();
+    in.verification.findings.push_back({code, archive::Severity::kNote, {}, {}, {}, "something lacks"});
+    EXPECT_THAT(test::text_of(make_report(in)), HasSubstr(asked + "No hole")) << code;
+    // A gap that somebody states explains itself, and nothing else.
+    in.verification.findings.push_back({"gap", archive::Severity::kGap, {}, {}, {}, "signal lost"});
+    EXPECT_THAT(test::text_of(make_report(in)), HasSubstr(asked + "Every hole")) << code;
+  }
+}
+
+TEST_F(ReportDocument, OfACaseThatWasStampedAfterItsEndAloneSaysNoBeginning) {
   ReportInput in = input();
-  archive::Finding shorter;
-  shorter.code = "stream-shorter";
-  shorter.severity = archive::Severity::kNote;
-  shorter.text = "endoscope, which was read from a file, is from 1 s to 2 s";
-  in.verification.findings.push_back(shorter);
-  EXPECT_THAT(test::text_of(make_report(in)),
-              HasSubstr("Was it recorded without a break from beginning to end? | ! In part | No hole"));
+  in.verification.time = archive::TimeProof::kExternal;
+  EXPECT_THAT(test::text_of(make_report(in)), HasSubstr("time-stamped it, from "));
+  in.verification.findings.push_back(
+      {"stamped-after-close", archive::Severity::kNote, {}, {}, {}, "a year after it"});
+  const std::string text = test::text_of(make_report(in));
+  EXPECT_THAT(text, testing::Not(HasSubstr("time-stamped it, from ")));
+  EXPECT_THAT(text, HasSubstr("no later than "));
 }
 
 TEST_F(ReportDocument, StatesGapsWithTheirCause) {

@@ -32,6 +32,7 @@ const report = (findings: Finding[], more: Partial<VerificationReport> = {}): Ve
   contents: null,
   streams: [],
   brackets: [],
+  authorities: [],
   clocks: [],
   findings,
   ...more,

@@ -30,6 +30,7 @@ const kByCode: Record<string, LinkName> = {
   'no-token': 'tokens',
   'end-not-stamped': 'tokens',
   'end-stamped-late': 'tokens',
+  'stamped-after-close': 'tokens',
   'clock-contradicted': 'tokens',
   'authority-clock-differs': 'tokens',
   'authority-clock-set': 'tokens',
