@@ -24,6 +24,7 @@
 #include <boost/beast/core/tcp_stream.hpp>
 
 #include "base/connection_places.h"
+#include "base/descriptor_limit.h"
 #include "base/error.h"
 #include "base/listen_address.h"
 
@@ -51,7 +52,8 @@ void listen_on(boost::asio::ip::tcp::acceptor& acceptor, const ListenAddress& ad
                const std::string& advice = "");
 
 /// Hands every connection to `welcome`, each on a strand of its own. One for which `welcome` throws (out of
-/// memory) is let go; the next ones are accepted all the same.
+/// memory) is let go; the next ones are accepted all the same. So is one that would take the last descriptors
+/// (base/descriptor_limit.h).
 template <typename Acceptor, typename Welcome>
 boost::asio::awaitable<void> accept_all(Acceptor& acceptor, boost::asio::io_context& context,
                                         Welcome welcome) {
@@ -68,6 +70,7 @@ boost::asio::awaitable<void> accept_all(Acceptor& acceptor, boost::asio::io_cont
       co_await pause.async_wait(asio::redirect_error(asio::use_awaitable, failed));
       continue;
     }
+    if (is_kept_back(socket.native_handle())) continue;
     try {
       welcome(std::move(socket));
     } catch (const std::exception&) {

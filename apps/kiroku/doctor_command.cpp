@@ -305,8 +305,13 @@ Check check_worklist(const RoomConfiguration& room) {
         "look at address and titles in kiroku.toml, and whether the worklist knows calling_ae; cases begin "
         "without it"};
   }
-  return {Health::kGood, subject, "lists " + std::to_string(answer.items.size()) + " steps of these days",
-          ""};
+  const std::string lists = "lists " + std::to_string(answer.items.size()) + " steps of these days";
+  if (const std::string left_out = recorder::left_out_of(answer.items); !left_out.empty()) {
+    return {Health::kWarning, subject, lists + "; " + left_out,
+            "have whoever keeps the worklist shorten these steps; a case for one of them needs its patient "
+            "typed in"};
+  }
+  return {Health::kGood, subject, lists, ""};
 }
 
 /// What `kiroku status` and doctor say of the disk is one figure: kirokud's where it runs, which knows what

@@ -124,8 +124,9 @@ std::optional<Bytes> listed_subject(const recorder::WorklistOptions& worklist) {
       std::cerr << "from the worklist: " << printable(in_words(*data)) << std::endl;
       return recorder::subject_json(*data);
     }
+    const std::string left_out = recorder::left_out_of(answer.items);
     problem = "the worklist lists nothing for now (" + std::to_string(answer.items.size()) +
-              " steps of these days)";
+              " steps of these days" + (left_out.empty() ? "" : "; " + left_out) + ")";
   }
   print_error("kiroku", "warning: " + problem + "; recording without patient and procedure");
   return {};

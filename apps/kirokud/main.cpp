@@ -1,5 +1,6 @@
 // kirokud: records unattended. Configuration in kiroku.toml; control by `kiroku case` and `kiroku status`.
 
+#include <algorithm>
 #include <atomic>
 #include <chrono>
 #include <condition_variable>
@@ -60,7 +61,19 @@ constexpr std::chrono::seconds kTick{1};
 constexpr int kDiskTicks = 10;
 constexpr std::chrono::seconds kLateStampInterval{15};
 constexpr std::chrono::seconds kLongestEndOfViewer{20};
-constexpr int kNiceOfViewer = 10;  // nice(2); on Linux each thread has its own
+constexpr int kNiceOfOthers = 10;  // nice(2); on Linux each thread has its own
+
+/// What `make` makes; its threads inherit the priority of the one that makes it. Whoever watches or asks by a
+/// network, recording goes first.
+template <typename Make>
+auto behind_the_recording(const Make& make) {
+  return std::async(std::launch::async,
+                    [&make] {
+                      (void)::setpriority(PRIO_PROCESS, static_cast<id_t>(::gettid()), kNiceOfOthers);
+                      return make();
+                    })
+      .get();
+}
 
 struct Request {
   std::optional<std::string> home, configuration;
@@ -283,7 +296,18 @@ std::unique_ptr<recorder::HttpServer> serve_http(const Home& home, const Configu
   options.hook = [&daemon](const std::string& room, const std::string& action, const std::string& body) {
     return daemon.hook(room, action, body);
   };
-  return std::make_unique<recorder::HttpServer>(std::move(options));
+  return behind_the_recording(
+      [&options] { return std::make_unique<recorder::HttpServer>(std::move(options)); });
+}
+
+/// A connection to planning or training takes two descriptors.
+viewer::WebServerLimits limits_of_viewer() {
+  viewer::WebServerLimits limits;
+  constexpr std::uint64_t kFewest = 32;
+  const std::uint64_t part = std::max(kFewest, count_descriptors().may / 4);
+  limits.connections = std::min<std::size_t>(limits.connections, part);
+  limits.connections_of_address = std::min<std::size_t>(limits.connections_of_address, part / 2);
+  return limits;
 }
 
 std::unique_ptr<viewer::Viewer> open_viewer(const Home& home, const Configuration& configuration,
@@ -300,7 +324,7 @@ std::unique_ptr<viewer::Viewer> open_viewer(const Home& home, const Configuratio
       .web = {.listen = asked.listen,
               .certificate_pem = std::move(own.certificate_pem),
               .key_pem = std::move(own.key_pem),
-              .limits = {}},
+              .limits = limits_of_viewer()},
       .sessions = {},
       .page = find_page(),
       .tell = [](const std::string& sentence) { spdlog::warn("viewer: {}", printable(sentence)); }};
@@ -313,11 +337,8 @@ std::unique_ptr<viewer::Viewer> open_viewer(const Home& home, const Configuratio
       .now_ns = [&daemon](const std::string& room) { return daemon.now_ns(room); },
       .point = [&daemon](const std::string& room,
                          media::PointedAt at) { return daemon.point(room, std::move(at)); }};
-  // Its threads inherit the priority of this one: whoever watches, recording goes first.
-  auto server = std::async(std::launch::async, [&options] {
-                  (void)::setpriority(PRIO_PROCESS, static_cast<id_t>(::gettid()), kNiceOfViewer);
-                  return std::make_unique<viewer::Viewer>(std::move(options));
-                }).get();
+  auto server =
+      behind_the_recording([&options] { return std::make_unique<viewer::Viewer>(std::move(options)); });
   spdlog::info("the viewer is at {}", server->url());
   return server;
 }
@@ -404,6 +425,31 @@ bool was_replaced() {
   return std::filesystem::read_symlink("/proc/self/exe", ignored).string().ends_with(" (deleted)");
 }
 
+/// Tells when descriptors become few, and when they are no longer.
+class DescriptorWatch {
+ public:
+  void look() {
+    const DescriptorCount count = count_descriptors();
+    const std::uint64_t kept = descriptors_kept_back(count.may);
+    // What is told once is over when there are clearly more again.
+    const bool few = count.are + (are_few_ ? 2 * kept : kept + kept / 4) >= count.may;
+    if (few == are_few_) return;
+    are_few_ = few;
+    if (few) {
+      spdlog::warn(
+          "{} of {} files and connections are open: recording goes on, and further connections to the viewer "
+          "and the hook are refused; raise the hard limit (LimitNOFILE= of the unit, `ulimit -Hn`)",
+          count.are, count.may);
+    } else {
+      spdlog::info("{} of {} files and connections are open: connections are taken again", count.are,
+                   count.may);
+    }
+  }
+
+ private:
+  bool are_few_ = false;
+};
+
 /// A disk that cannot be asked is told of; it must not end what is being recorded.
 void watch_disk(recorder::Daemon& daemon) {
   try {
@@ -456,12 +502,14 @@ class EndSignals {
 
 /// Waits for signals and feeds the watchdog; returns the sentence that says why the recorder ends.
 std::string watch(recorder::Daemon& daemon, const Inboxes& inboxes, const EndSignals& signals) {
+  DescriptorWatch descriptors;
   for (int tick = 0;; ++tick) {
     for (const auto& [listen, inbox] : inboxes) inbox->tend();
     if (const int signal = signals.wait(kTick); signal != 0)
       return std::string("received ") + ::strsignal(signal);
     if (daemon.healthy()) ::sd_notify(0, "WATCHDOG=1");
     if (tick % kDiskTicks == 0) watch_disk(daemon);
+    descriptors.look();
     if (!daemon.recording() && was_replaced())
       return "a newer version was installed and nothing is being recorded";
   }

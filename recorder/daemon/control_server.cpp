@@ -92,7 +92,7 @@ struct ControlServer::State {
     }
     asio::co_spawn(context, accept(), asio::detached);
     for (std::size_t i = 0; i < kThreads; ++i) {
-      threads.emplace_back([this] { context.run(); });
+      threads.emplace_back([this] { run(); });
     }
   }
   ~State() {
@@ -103,6 +103,18 @@ struct ControlServer::State {
   }
   State(const State&) = delete;
   State& operator=(const State&) = delete;
+
+  /// Whatever fails for one connection (out of memory) ends neither the others nor the recorder.
+  void run() {
+    for (;;) {
+      try {
+        context.run();
+        return;
+      } catch (const std::exception&) {
+        continue;
+      }
+    }
+  }
 
   asio::awaitable<void> accept() {
     for (;;) {

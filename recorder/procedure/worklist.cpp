@@ -14,13 +14,20 @@ constexpr std::chrono::minutes kLongestInterval{5};
 
 }  // namespace
 
+std::string left_out_of(const std::vector<WorklistItem>& items) {
+  const auto count = std::ranges::count(items, true, &WorklistItem::is_left_out);
+  if (count == 0) return "";
+  return std::to_string(count) + (count == 1 ? " step says" : " steps say") +
+         " more of a patient and a procedure than is kept, and cannot be chosen";
+}
+
 std::optional<ProcedureData> nearest_step(const std::vector<WorklistItem>& items, UtcTime asked, UtcTime at,
                                           std::chrono::nanoseconds window) {
   std::vector<std::optional<UtcTime>> times;
   times.reserve(items.size());
   for (const WorklistItem& item : items) times.push_back(item.planned);
   const auto chosen = nearest(times, at, window);
-  if (!chosen) return {};
+  if (!chosen || items[*chosen].is_left_out) return {};
   ProcedureData data = items[*chosen].data;
   data.chosen = "the worklist's step nearest to the beginning, of " + std::to_string(items.size()) +
                 " that it listed at " + format_utc(asked);
@@ -92,9 +99,12 @@ struct Worklist::State {
       return before.empty() ? answer.problem + "; it is asked again" : "";
     }
     failures = 0;
+    const std::string left_out_before = left_out_of(items);
     items = std::move(answer.items);
     answered = now;
-    return before.empty() ? "" : "the worklist of " + options.called_ae + " answers again";
+    const std::string left_out = left_out_of(items), who = "the worklist of " + options.called_ae;
+    if (!left_out.empty() && left_out != left_out_before) return who + ": " + left_out;
+    return before.empty() ? "" : who + " answers again";
   }
 
   const WorklistOptions options;
@@ -129,6 +139,7 @@ std::vector<ProcedureData> Worklist::list(UtcTime at) const {
   std::vector<ProcedureData> all;
   if (!state_->answered || std::chrono::abs(at - *state_->answered) > window) return all;
   for (const WorklistItem& item : state_->items) {
+    if (item.is_left_out) continue;
     if (item.planned && std::chrono::abs(at - *item.planned) > window) continue;
     all.push_back(item.data);
     all.back().chosen = "a step that the worklist listed at " + format_utc(*state_->answered);
@@ -149,9 +160,10 @@ ProcedureWay Worklist::way() const {
   const std::string name = "worklist";
   if (!state_->problem.empty()) return {name, false, state_->problem};
   if (!state_->answered) return {name, true, "is being asked for the first time"};
+  const std::string left_out = left_out_of(state_->items);
   return {name, true,
           state_->options.called_ae + " listed " + std::to_string(state_->items.size()) + " steps at " +
-              format_utc(*state_->answered)};
+              format_utc(*state_->answered) + (left_out.empty() ? "" : "; " + left_out)};
 }
 
 }  // namespace kiroku::recorder

@@ -33,6 +33,9 @@ struct WorklistOptions {
 struct WorklistItem {
   std::optional<UtcTime> planned;  // by this machine's time zone, or the one that the item states
   ProcedureData data;
+  /// It says more of a patient and a procedure than is kept, so that `data` is empty. It keeps its place: no
+  /// other step is taken for it.
+  bool is_left_out = false;
 };
 
 struct WorklistAnswer {
@@ -48,8 +51,11 @@ inline constexpr std::size_t kMostWorklistItems = 500;  // of one answer
 WorklistAnswer ask_worklist(const WorklistOptions& options, UtcTime now,
                             const std::atomic<bool>* cancelled = nullptr);
 
+/// What a person should know of those that were left out, without anything of a patient; "" where none was.
+std::string left_out_of(const std::vector<WorklistItem>& items);
+
 /// Of the answer to a question asked at `asked`, the step planned nearest to `at` and within the window;
-/// nothing if none is.
+/// nothing if none is, or where that one is left out.
 std::optional<ProcedureData> nearest_step(const std::vector<WorklistItem>& items, UtcTime asked, UtcTime at,
                                           std::chrono::nanoseconds window);
 

@@ -43,11 +43,15 @@ constexpr int kTimeoutsInAll = 6;
 constexpr std::chrono::hours kNoLimit{1000};
 constexpr std::size_t kLongestText = 4096, kLongestProblem = 500, kMostStaff = 32, kMostAddresses = 8;
 constexpr std::size_t kLongestRequest = 64U << 10, kLongestAnswer = 4U << 20;
+/// Of one step as JSON, so that as many as are kept fit into an answer: a step that says more costs itself
+/// alone.
+constexpr std::size_t kLongestItem = 8U << 10;
+static_assert(kMostWorklistItems * kLongestItem + kLongestItem <= kLongestAnswer);
 constexpr unsigned kProcessorSeconds = 60;
 /// Answers take some MiB; addresses, more.
 constexpr rlim_t kMostMemory = rlim_t{1} << 30;
 
-constexpr std::string_view kNotKept = " says more of a patient and a procedure than is kept";
+constexpr const char* kNoAnswer = "did not answer: the program that reads its answers says what is none";
 
 std::string name_of(const WorklistOptions& options) {
   return "the worklist " + options.called_ae + " at " + options.host + ":" + std::to_string(options.port);
@@ -71,6 +75,11 @@ void for_each_text(const Visit& visit) {
   visit("location", &ProcedureData::location);
 }
 
+/// What is no UTF-8 in it becomes U+FFFD.
+std::string text_of_json(const json& value) {
+  return value.dump(-1, ' ', false, json::error_handler_t::replace);
+}
+
 json json_of(const PersonName& name) { return {name.family, name.given, name.as_sent}; }
 
 json json_of(const WorklistItem& item) {
@@ -92,21 +101,36 @@ PersonName name_from(const json& value) {
   return {text_from(value.at(0)), text_from(value.at(1)), text_from(value.at(2))};
 }
 
-WorklistItem item_from(const json& value) {
-  WorklistItem item;
-  item.data.origin = "worklist";
-  item.data.patient = name_from(value.at("patient"));
+std::optional<UtcTime> planned_from(const json& value) {
+  const json& at = value.at("at");
+  if (!at.is_number_integer()) return {};
+  constexpr std::int64_t kLatestUs = std::int64_t{1} << 58;
+  const auto at_us = at.get<std::int64_t>();
+  if (at_us < -kLatestUs || at_us > kLatestUs) throw Error("a time is none");
+  return UtcTime(UtcTime::duration(at_us));
+}
+
+ProcedureData data_from(const json& value) {
+  ProcedureData data;
+  data.origin = "worklist";
+  data.patient = name_from(value.at("patient"));
   for_each_text([&](const char* name, std::string ProcedureData::*member) {
-    item.data.*member = text_from(value.at(name));
+    data.*member = text_from(value.at(name));
   });
   if (value.at("staff").size() > kMostStaff) throw Error("a step has too many people");
   for (const json& member : value.at("staff"))
-    item.data.staff.push_back({text_from(member.at(0)), text_from(member.at(1)), name_from(member.at(2))});
-  if (value.at("at").is_number_integer()) {
-    constexpr std::int64_t kLatestUs = std::int64_t{1} << 58;
-    const auto at = value.at("at").get<std::int64_t>();
-    if (at < -kLatestUs || at > kLatestUs) throw Error("a time is none");
-    item.planned = UtcTime(UtcTime::duration(at));
+    data.staff.push_back({text_from(member.at(0)), text_from(member.at(1)), name_from(member.at(2))});
+  return data;
+}
+
+/// A step that says more than is kept costs itself alone.
+WorklistItem item_from(const json& value) {
+  WorklistItem item;
+  item.planned = planned_from(value);
+  try {
+    item.data = data_from(value);
+  } catch (const std::exception&) {
+    item.is_left_out = true;
   }
   return item;
 }
@@ -120,7 +144,7 @@ WorklistAnswer answer_from(ByteView body, const WorklistOptions& options) {
     if (items.size() > kMostWorklistItems) throw Error("too many");
     for (const json& item : items) answer.items.push_back(item_from(item));
   } catch (const std::exception&) {
-    return {{}, name_of(options) + kNotKept.data()};
+    return {{}, name_of(options) + " " + kNoAnswer};
   }
   if (!answer.problem.empty()) return {{}, name_of(options) + " " + answer.problem};
   return answer;
@@ -147,8 +171,7 @@ WorklistAnswer ask_worklist(const WorklistOptions& options, UtcTime now, const s
   try {
     const Descriptor memory = media::make_shared_memory(kSharedBytes);
     media::BoxedChild child("worklist", memory);
-    child.channel().send(static_cast<std::uint32_t>(ToBox::kAsk),
-                         bytes_of(asked.dump(-1, ' ', false, json::error_handler_t::replace)));
+    child.channel().send(static_cast<std::uint32_t>(ToBox::kAsk), bytes_of(text_of_json(asked)));
     auto until = steady_clock::now() + kStarting;
     bool closed = false;
     try {
@@ -249,10 +272,14 @@ void run_worklist_box() {
       answer = {{}, std::string("cannot be asked: ") + error.what()};
     }
     json items = json::array();
-    for (const WorklistItem& item : answer.items) items.push_back(json_of(item));
-    const json said{{"items", std::move(items)}, {"problem", answer.problem}};
-    channel.send(static_cast<std::uint32_t>(FromBox::kAnswered),
-                 bytes_of(said.dump(-1, ' ', false, json::error_handler_t::replace)));
+    for (const WorklistItem& item : answer.items) {
+      json one = json_of(item);
+      // Without what it says: read as left out.
+      if (text_of_json(one).size() > kLongestItem) one = {{"at", one["at"]}};
+      items.push_back(std::move(one));
+    }
+    const std::string said = text_of_json({{"items", std::move(items)}, {"problem", answer.problem}});
+    channel.send(static_cast<std::uint32_t>(FromBox::kAnswered), bytes_of(said));
   } catch (const std::exception&) {  // the other end is gone, or will see that this one is
     ::_exit(1);
   }

@@ -331,9 +331,25 @@ struct MllpServer::State {
         });
         return;
       }
-      welcome(std::move(socket));
+      try {
+        welcome(std::move(socket));
+      } catch (const std::exception&) {
+        // One connection failed (out of memory); the next one is awaited.
+      }
       accept();
     });
+  }
+
+  /// Whatever fails for one connection (out of memory) ends neither the others nor the recorder.
+  void run() {
+    for (;;) {
+      try {
+        context.run();
+        return;
+      } catch (const std::exception&) {
+        continue;
+      }
+    }
   }
 
   void welcome(tcp::socket socket) {
@@ -390,7 +406,7 @@ std::uint64_t MllpServer::refused() const { return state_->shared.refused; }
 
 void MllpServer::start() {
   state_->accept();
-  state_->thread = std::thread([this] { state_->context.run(); });
+  state_->thread = std::thread([this] { state_->run(); });
 }
 
 void MllpServer::stop() noexcept {

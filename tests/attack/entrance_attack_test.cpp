@@ -252,6 +252,50 @@ TEST_F(EntranceAttack, RefusedRequestsFillNoLog) {
   EXPECT_EQ(entered_at_start, before + 1);
 }
 
+// Each is signed, flushed, and stays for good: nobody writes without end what everybody's log must carry.
+TEST_F(EntranceAttack, DeedsThatSucceedAgainAndAgainFillNoLog) {
+  const auto entries = [&](const std::string& what) {
+    std::ifstream log(home / "archive/log/ledger.jsonl");
+    std::size_t count = 0;
+    for (std::string line; std::getline(log, line);) count += line.find(what) != std::string::npos ? 1U : 0U;
+    return count;
+  };
+  std::atomic<bool> is_recording = true;
+  std::atomic<std::size_t> marks = 0;
+  const recorder::ControlServer recorder(home / "control.sock", [&](const json& question) {
+    const std::string state = is_recording ? "recording" : "idle";
+    if (question.at("do") == "status")
+      return nlohmann::ordered_json{
+          {"rooms", nlohmann::ordered_json::array({{{"room", "or-1"}, {"state", state}}})}};
+    if (question.at("do") == "mark") ++marks;
+    if (question.at("do") == "stop") is_recording = false;
+    return nlohmann::ordered_json{{"room", "or-1"}, {"case", "c"}};
+  });
+  test::MovedClock clock;
+  ViewerOptions options = options_of("cases", "127.0.0.1:0");
+  options.home.clock = &clock;
+  viewer.reset();
+  viewer.emplace(std::move(options));
+  const std::string otto = sign_in(*viewer, "otto"), anna = sign_in(*viewer, "anna");
+  const auto mark = [&](const std::string& who) {
+    return ask(*viewer, "POST", "/api/rooms/or-1/mark", who, {}, R"({"text":"x"})");
+  };
+  std::size_t told_to_wait = 0;
+  for (int i = 0; i < 150; ++i) told_to_wait += mark(otto).status == 429 ? 1U : 0U;
+  EXPECT_EQ(told_to_wait, 30U);
+  EXPECT_EQ(marks, 120U) << "the case is not filled either";
+  EXPECT_EQ(entries("marked a moment in or-1"), 120U);
+  const HttpResponse refused = mark(otto);
+  EXPECT_THAT(refused.body, HasSubstr("more was done than the appliance log takes of one person at a time"));
+  EXPECT_EQ(refused.headers.at("retry-after"), "1");
+  EXPECT_EQ(mark(anna).status, 200) << "nobody waits for another";
+  clock.move(std::chrono::seconds(5));
+  for (int i = 0; i < 10; ++i) EXPECT_EQ(mark(otto).status, 200);
+  EXPECT_EQ(mark(otto).status, 429);
+  EXPECT_EQ(ask(*viewer, "POST", "/api/rooms/or-1/stop", otto, {}).status, 200)
+      << "nobody is kept from ending a recording";
+}
+
 TEST_F(EntranceAttack, AGuestIsLedNowhere) {
   for (const auto& routes :
        {std::span<const WorkplaceRoute>(kPlanningRoutes), std::span<const WorkplaceRoute>(kTrainingRoutes)}) {

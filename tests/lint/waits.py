@@ -4,7 +4,7 @@ and what another thread or program does is waited for (tests/support/eventually.
 
 A test may sleep in a suite whose name holds "RealTime", if its file says why in a comment that begins "Real time:".
 CTest runs those alone and gives them the label real-time. What plays a device in tests/support, and tests/bench, may
-sleep. Exit status: 0 nothing was found, 1 something was.
+sleep; a test on the slow disk that is played there is of real time, too. Exit status: 0 nothing was found, 1 something was.
 """
 import pathlib
 import re
@@ -14,6 +14,7 @@ import sys
 ROOT = pathlib.Path(__file__).resolve().parents[2]
 MAY_SLEEP = ("tests/support/", "tests/bench/")
 SLEEP = re.compile(r"\b(sleep_for|sleep_until|usleep|nanosleep)\s*\((?!.*\boverride\b)")
+SLOW_DISK = re.compile(r"\bSlowFileSystem\s+\w+[({]")
 TEST = re.compile(r"^(?:TYPED_)?TEST(?:_F|_P)?\(\s*(\w+)")
 
 
@@ -26,6 +27,8 @@ def problems_of(name, text):
         if SLEEP.search(line.split("//")[0]) and not name.startswith(MAY_SLEEP) and "RealTime" not in suite:
             yield (f"{name}:{number}: a test sleeps: move a clock by hand (tests/support/moved_clock.h), wait for what "
                    "happens (tests/support/eventually.h), or call its suite RealTime and say why")
+        if SLOW_DISK.search(line) and "RealTime" not in suite:
+            yield f"{name}:{number}: a test on a slow disk is of real time: call its suite RealTime and say why"
     if real_time and "// Real time:" not in text:
         yield f"{name}: tests run alone as RealTime, and no comment that begins 'Real time:' says why"
 

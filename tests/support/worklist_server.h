@@ -68,11 +68,12 @@ class WorklistServer {
                         << "]\n    (0040,0006) PN [Cutter^Carla^M]\n    (0040,0007) LO [step]\n"
                            "    (0040,0009) SH [S"
                         << id << "]\n    (0040,0011) SH [Room 1]\n  (fffe,e00d) -\n(fffe,e0dd) -\n";
-    run_process({{"/usr/bin/dump2dcm", "--quiet", dump.string(), (steps_ / (id + ".wl")).string()},
-                 {},
-                 {},
-                 "",
-                 false});
+    run_process(
+        {{"/usr/bin/dump2dcm", "--quiet", "--line", "65536", dump.string(), (steps_ / (id + ".wl")).string()},
+         {},
+         {},
+         "",
+         false});
     std::filesystem::remove(dump);
   }
 

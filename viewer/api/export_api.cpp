@@ -86,6 +86,7 @@ class ExportApi {
     options.to_ns = stretch.to_ns;
     options.output = place->folder() / name;
     media::export_stream(recording, *identities, options);
+    place->is_made();
     context_.enter_access(request, request.parameter("case"), "exported " + info.name);
     FileBody body = open_body(options.output);
     body.file = held_while_read(std::move(body.file), download);
@@ -112,6 +113,7 @@ class ExportApi {
     const std::string name = request.parameter("case") + "-excerpt";
     const auto place = handouts_.make_place(sealed_bytes(recording, streams, stretch));
     archive::make_excerpt(recording.folder(), options, place->folder() / name);
+    place->is_made();
     context_.enter_access(request, request.parameter("case"), "took an excerpt, sealed as it is");
     return Response::stream(tar_stream(place->folder(), name, held_while_read(place, download)),
                             "application/x-tar")
@@ -138,7 +140,7 @@ class ExportApi {
   }
 
   ViewerContext& context_;
-  const Handouts handouts_;
+  Handouts handouts_;
   Turns downloads_{kTakenAtATime,
                    {"as many files are being downloaded as this disk has room for: try again in a while",
                     "three files of yours are being downloaded: try again when one of them is there"}};

@@ -100,6 +100,7 @@ Response invite(ViewerContext& context, const Request& request) {
 Response revoke(ViewerContext& context, const Request& request) {
   const std::string& id = request.parameter("invitation");
   const std::shared_ptr<Invitation> invitation = context.invitations().find(id);
+  context.require_pace(request.session->person());
   // It ends also where the log cannot say so: a door is closed first.
   if (!context.invitations().revoke(id)) throw Refusal(404, "no invitation " + id + " lasts");
   const InvitationTerms& terms = invitation->terms();

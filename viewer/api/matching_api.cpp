@@ -9,6 +9,7 @@
 #include "base/json_or_null.h"
 #include "viewer/api/api.h"
 #include "viewer/api/fluoroscopy_fields.h"
+#include "viewer/http/disk_room.h"
 #include "viewer/kept/kept_comparison.h"
 #include "viewer/kept/sealed_plan.h"
 #include "viewer/people/json_fields.h"
@@ -103,6 +104,10 @@ class MatchingApi {
     std::error_code ignored;
     if (std::filesystem::exists(place.sealed_document(), ignored))
       throw Refusal(409, "the case has a comparison '" + name + "' already: give this one another name");
+    // Before the entry: askings that come to nothing fill no log.
+    const auto other = maker_.state();
+    if (other && other->state == ComparisonMakingState::State::kRunning) refuse_beside(other);
+    require_disk_room(context_.home().folder, 0, "remove comparisons that nobody needs");
     const std::string& user = request.session->user();
     context_.enter_access(request, case_id, "asked for a comparison with a plan, " + name);
     if (!maker_.start({.case_id = case_id,
@@ -114,9 +119,7 @@ class MatchingApi {
                        .made_by = user,
                        .asked_by = user + " (kiroku view, " + request.peer + ")",
                        .identities = identities})) {
-      const auto other = maker_.state();
-      throw Refusal(409, "another comparison is being made" +
-                             (other ? " by " + other->made_by : std::string()) + ": wait until it is done");
+      refuse_beside(maker_.state());
     }
     return state(request);
   }
@@ -158,6 +161,10 @@ class MatchingApi {
   }
 
  private:
+  [[noreturn]] static void refuse_beside(const std::optional<ComparisonMakingState>& other) {
+    throw Refusal(409, "another comparison is being made" +
+                           (other ? " by " + other->made_by : std::string()) + ": wait until it is done");
+  }
   /// plan_of(), which reads a whole ledger and hashes plans, once for the many questions about one case.
   [[nodiscard]] std::filesystem::path plan_picked_on(const Request& request) {
     const std::string& case_id = request.parameter("case");

@@ -124,6 +124,9 @@ class RoomAskings {
     }
     try {
       require_possible(question);
+      // Nobody is kept from starting and ending a recording, which takes its time by itself.
+      const std::string& deed = question.at("do").get_ref<const std::string&>();
+      if (deed != "start" && deed != "stop") context_.require_pace(request.session->person());
       context_.note_access(case_id, what, who(request));
       return ask(context_, question);
     } catch (const Refusal& refusal) {

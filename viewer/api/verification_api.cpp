@@ -102,7 +102,7 @@ void add_verification_routes(Router& router, ViewerContext& context) {
   router.add("POST", "api/cases/{case:case}/verification", Right::kVerify,
              [&context, runner](const Request& request) {
                const std::filesystem::path folder = context.case_folder(request);
-               if (!runner->start(folder)) {
+               if (!runner->start(folder, request.session->person())) {
                  throw Refusal(503, "many cases wait to be verified: try again later");
                }
                return describe(runner->state(folder), folder);

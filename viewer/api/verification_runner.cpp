@@ -5,7 +5,9 @@
 #include <deque>
 #include <map>
 #include <mutex>
+#include <set>
 #include <thread>
+#include <utility>
 
 #include "base/error.h"
 #include "viewer/http/file_stamp.h"
@@ -15,7 +17,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr std::size_t kMostWaiting = 64;
+constexpr std::size_t kMostWaiting = 64, kMostOfPerson = 16;
 constexpr std::size_t kMostRemembered = 256;
 
 /// Of all files of the case: what changes when one is written, replaced, added or removed.
@@ -38,6 +40,11 @@ struct Job {
   CaseIdentity files;  // before they were read
 };
 
+struct Wish {
+  fs::path folder;
+  std::set<std::string> persons;
+};
+
 }  // namespace
 
 struct VerificationRunner::State {
@@ -58,13 +65,31 @@ struct VerificationRunner::State {
     while (true) {
       wake.wait(lock, [this] { return stop || !waiting.empty(); });
       if (stop) return;
-      const fs::path folder = waiting.front();
+      const fs::path folder = take_next();
       lock.unlock();
       VerificationState done = verify(folder);
       lock.lock();
-      waiting.pop_front();
+      running.clear();
       jobs[folder].state = std::move(done);
     }
+  }
+
+  /// With the mutex held: of whoever was served longest ago, what they asked for first.
+  fs::path take_next() {
+    const auto turn_of = [this](const Wish& wish) {
+      std::uint64_t earliest = turn;
+      for (const std::string& person : wish.persons) {
+        const auto found = served.find(person);
+        earliest = std::min(earliest, found == served.end() ? 0 : found->second);
+      }
+      return earliest;
+    };
+    const auto next = std::ranges::min_element(waiting, {}, turn_of);
+    ++turn;
+    for (const std::string& person : next->persons) served[person] = turn;
+    running = std::move(next->folder);
+    waiting.erase(next);
+    return running;
   }
 
   VerificationState verify(const fs::path& folder) {
@@ -90,7 +115,10 @@ struct VerificationRunner::State {
   mutable std::mutex mutex;
   std::condition_variable wake;
   std::map<fs::path, Job> jobs;
-  std::deque<fs::path> waiting;  // the first one runs
+  std::deque<Wish> waiting;
+  fs::path running;                             // empty: none
+  std::map<std::string, std::uint64_t> served;  // whose last one began when; greater is later
+  std::uint64_t turn = 0;
   bool stop = false;
   std::thread thread;  // last: uses the rest
 };
@@ -99,25 +127,40 @@ VerificationRunner::VerificationRunner(Options options)
     : state_(std::make_unique<State>(std::move(options))) {}
 VerificationRunner::~VerificationRunner() = default;
 
-bool VerificationRunner::start(const fs::path& folder) {
+bool VerificationRunner::start(const fs::path& folder, const std::string& person) {
+  // A folder may have very many files, and others ask meanwhile.
+  CaseIdentity identity = identity_of(folder);
   const std::lock_guard guard(state_->mutex);
-  if (std::ranges::count(state_->waiting, folder) > 0) return true;
-  if (state_->waiting.size() >= kMostWaiting) return false;
+  if (state_->running == folder) return true;
+  std::deque<Wish>& waiting = state_->waiting;
+  if (waiting.empty() && state_->running.empty()) state_->served.clear();
+  if (const auto same = std::ranges::find(waiting, folder, &Wish::folder); same != waiting.end()) {
+    same->persons.insert(person);
+    return true;
+  }
+  const auto is_theirs = [&](const Wish& wish) { return wish.persons.contains(person); };
+  if (waiting.size() >= kMostWaiting ||
+      static_cast<std::size_t>(std::ranges::count_if(waiting, is_theirs)) >= kMostOfPerson)
+    return false;
   if (state_->jobs.size() >= kMostRemembered) {
     std::erase_if(state_->jobs, [](const auto& each) { return each.second.state.is_done(); });
   }
-  state_->jobs[folder] = {{}, identity_of(folder)};
-  state_->waiting.push_back(folder);
+  state_->jobs[folder] = {{}, std::move(identity)};
+  waiting.push_back({folder, {person}});
   state_->wake.notify_one();
   return true;
 }
 
 std::optional<VerificationState> VerificationRunner::state(const fs::path& folder) const {
-  const std::lock_guard guard(state_->mutex);
-  const auto found = state_->jobs.find(folder);
-  if (found == state_->jobs.end()) return {};
-  const bool is_old = found->second.state.is_done() && found->second.files != identity_of(folder);
-  return is_old ? std::nullopt : std::optional(found->second.state);
+  std::optional<Job> job;
+  {
+    const std::lock_guard guard(state_->mutex);
+    const auto found = state_->jobs.find(folder);
+    if (found == state_->jobs.end()) return {};
+    job = found->second;
+  }
+  const bool is_old = job->state.is_done() && job->files != identity_of(folder);
+  return is_old ? std::nullopt : std::optional(job->state);
 }
 
 }  // namespace kiroku::viewer

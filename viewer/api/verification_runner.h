@@ -38,8 +38,10 @@ class VerificationRunner {
   VerificationRunner(const VerificationRunner&) = delete;
   VerificationRunner& operator=(const VerificationRunner&) = delete;
 
-  /// Begins, unless it runs or waits already. False where too many wait.
-  bool start(const std::filesystem::path& folder);
+  /// Begins, unless it runs or waits already. Who waits is served in turn, person by person
+  /// (Session::person()), so that nobody's many cases are before another's one. False where too many wait, or
+  /// too many of this person.
+  bool start(const std::filesystem::path& folder, const std::string& person);
   /// The newest; nothing if there was none since a file of the case was written, replaced, added or removed.
   [[nodiscard]] std::optional<VerificationState> state(const std::filesystem::path& folder) const;
 

@@ -66,13 +66,29 @@ Session::Identities ViewerContext::require_unlocked(const Request& request) {
   return identities;
 }
 
+void ViewerContext::require_pace(const std::string& person) {
+  const auto wait = pace_.take(person, home_.clock->now());
+  if (wait.count() == 0) return;
+  throw Refusal(429,
+                "more was done than the appliance log takes of one person at a time: try again in " +
+                    std::to_string(wait.count()) + " s",
+                wait);
+}
+
 void ViewerContext::enter_access(const Request& request, const std::string& case_id,
                                  const std::string& what) {
-  enter_access(case_id, what, request.session->user(), request.peer);
+  require_pace(request.session->person());
+  enter(case_id, what, request.session->user(), request.peer);
 }
 
 void ViewerContext::enter_access(const std::string& case_id, const std::string& what, const std::string& who,
                                  const std::string& peer) {
+  require_pace(person_of(who));
+  enter(case_id, what, who, peer);
+}
+
+void ViewerContext::enter(const std::string& case_id, const std::string& what, const std::string& who,
+                          const std::string& peer) {
   try {
     log_->access(case_id, what, who + " (kiroku view, " + peer + ")");
   } catch (const Error& error) {

@@ -15,6 +15,7 @@
 #include "crypto/signed_note.h"
 #include "timestamp/token_verifier.h"
 #include "viewer/http/request.h"
+#include "viewer/people/deed_pace.h"
 #include "viewer/people/invitations.h"
 #include "viewer/people/known_devices.h"
 #include "viewer/people/session.h"
@@ -82,8 +83,13 @@ class ViewerContext {
   /// What opens recordings for this session; Refusal 423 where it is locked.
   [[nodiscard]] static Session::Identities require_unlocked(const Request& request);
 
+  /// Refusal 429 where `person` (Session::person()) does more than the appliance log is to take of one person
+  /// (viewer/people/deed_pace.h); else one more counts. What enters asks by itself; for what must not be done
+  /// without an entry, and is done before it.
+  void require_pace(const std::string& person);
   /// An `access` entry of the appliance log: "watched endoscope". Durable when this returns; a Refusal (500)
-  /// if that cannot be, so that nothing leaves unseen. Call it before the first byte does.
+  /// if that cannot be, so that nothing leaves unseen, and as require_pace(). Call it before the first byte
+  /// does.
   void enter_access(const Request& request, const std::string& case_id, const std::string& what);
   /// The same of somebody who has no session yet.
   void enter_access(const std::string& case_id, const std::string& what, const std::string& who,
@@ -100,6 +106,9 @@ class ViewerContext {
   static constexpr const char* kEveryCase = "*";
 
  private:
+  void enter(const std::string& case_id, const std::string& what, const std::string& who,
+             const std::string& peer);
+
   ViewerHome home_;
   Tell tell_;
   std::atomic<bool> closing_{false};
@@ -109,6 +118,7 @@ class ViewerContext {
   std::unique_ptr<UserStore> users_;
   std::unique_ptr<KnownDevices> devices_;
   std::unique_ptr<archive::ApplianceLog> log_;
+  DeedPace pace_;
 };
 
 }  // namespace kiroku::viewer

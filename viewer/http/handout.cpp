@@ -1,19 +1,18 @@
 #include "viewer/http/handout.h"
 
 #include <fcntl.h>
+#include <limits>
 #include <sys/stat.h>
 #include <unistd.h>
+#include <utility>
 
 #include "base/error.h"
-#include "viewer/http/request.h"
+#include "viewer/http/disk_room.h"
 
 namespace kiroku::viewer {
 namespace {
 
 namespace fs = std::filesystem;
-
-/// What a download leaves free on the disk, since a recorder may need it.
-constexpr std::uint64_t kAlwaysFree = 2ULL << 30;
 
 fs::path new_folder(const fs::path& parent) {
   std::string name = (parent / "XXXXXX").string();
@@ -25,18 +24,27 @@ fs::path new_folder(const fs::path& parent) {
 
 Handouts::Handouts(const fs::path& parent) : own_(parent) {}
 
-std::shared_ptr<const Handouts::Place> Handouts::make_place(std::uint64_t bytes) const {
-  std::error_code failed;
-  const fs::space_info space = fs::space(own_.path(), failed);
-  if (failed || space.available < bytes + kAlwaysFree) {
-    throw Refusal(
-        507, "the disk has no room for this file beside what a recorder may need: choose a shorter time");
-  }
-  return std::make_shared<const Place>(new_folder(own_.path()));
+std::shared_ptr<Handouts::Place> Handouts::make_place(std::uint64_t bytes) {
+  const std::lock_guard guard(promised_->mutex);
+  // Two that are made at once would else both be promised the same room.
+  constexpr std::uint64_t kMost = std::numeric_limits<std::uint64_t>::max();
+  const std::uint64_t in_all = bytes > kMost - promised_->bytes ? kMost : bytes + promised_->bytes;
+  require_disk_room(own_.path(), in_all, "choose a shorter time");
+  auto place = std::make_shared<Place>(new_folder(own_.path()), promised_, bytes);
+  promised_->bytes += bytes;
+  return place;
 }
 
-Handouts::Place::Place(fs::path folder) : folder_(std::move(folder)) {}
+Handouts::Place::Place(fs::path folder, std::shared_ptr<Promised> promised, std::uint64_t bytes)
+    : folder_(std::move(folder)), promised_(std::move(promised)), bytes_(bytes) {}
+
+void Handouts::Place::is_made() {
+  const std::lock_guard guard(promised_->mutex);
+  promised_->bytes -= std::exchange(bytes_, 0);
+}
+
 Handouts::Place::~Place() {
+  is_made();
   std::error_code ignored;
   fs::remove_all(folder_, ignored);
 }

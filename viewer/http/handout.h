@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <filesystem>
 #include <memory>
+#include <mutex>
 
 #include "viewer/http/own_folder.h"
 #include "viewer/http/response.h"
@@ -17,22 +18,33 @@ class Handouts {
   /// Makes a folder of its own in `parent` (own_folder.h). Throws kiroku::IoError.
   explicit Handouts(const std::filesystem::path& parent);
 
+  /// What files in the making may still take.
+  struct Promised {
+    std::mutex mutex;
+    std::uint64_t bytes = 0;
+  };
   /// A folder for one file in the making; it and everything in it is removed with the object.
   class Place {
    public:
-    explicit Place(std::filesystem::path folder);
+    Place(std::filesystem::path folder, std::shared_ptr<Promised> promised, std::uint64_t bytes);
     ~Place();
     Place(const Place&) = delete;
     Place& operator=(const Place&) = delete;
     [[nodiscard]] const std::filesystem::path& folder() const { return folder_; }
+    /// What it takes of the disk is on it now.
+    void is_made();
 
    private:
     std::filesystem::path folder_;
+    const std::shared_ptr<Promised> promised_;
+    std::uint64_t bytes_;  // still promised
   };
-  /// Refusal 507 where less than `bytes` and what a recorder should always have would be free.
-  [[nodiscard]] std::shared_ptr<const Place> make_place(std::uint64_t bytes) const;
+  /// Refusal 507 where less than `bytes`, what others were promised, and what a recorder should always have
+  /// would be free.
+  [[nodiscard]] std::shared_ptr<Place> make_place(std::uint64_t bytes);
 
  private:
+  const std::shared_ptr<Promised> promised_ = std::make_shared<Promised>();
   OwnFolder own_;
 };
 

@@ -11,6 +11,7 @@
 #include "sim/plan/plan_document.h"
 #include "sim/volume/volume_reader.h"
 #include "timestamp/small_files.h"
+#include "viewer/http/disk_room.h"
 #include "viewer/http/request.h"
 
 namespace kiroku::viewer {
@@ -119,9 +120,8 @@ std::vector<PlanFolder::Listed> PlanFolder::plans() const {
   return plans;
 }
 
-fs::path PlanFolder::path_of(const std::string& file) const {
+fs::path PlanFolder::path_among(const std::vector<Listed>& all, const std::string& file) const {
   // Nothing but what is listed, so that no name leads elsewhere.
-  const std::vector<Listed> all = plans();
   if (std::ranges::find(all, file, &Listed::file) == all.end())
     throw Refusal(404, "there is no plan of that name here");
   return folder_ / file;
@@ -129,7 +129,7 @@ fs::path PlanFolder::path_of(const std::string& file) const {
 
 OpenedPlan PlanFolder::open(const std::string& file,
                             const std::function<void(const std::string& step)>& step) const {
-  const fs::path path = path_of(file);
+  const fs::path path = path_among(plans(), file);
   OpenedPlan opened;
   opened.file = file;
   opened.own = document_at(path);
@@ -150,14 +150,22 @@ OpenedPlan PlanFolder::open(const std::string& file,
 std::string PlanFolder::save(const OpenedPlan& beside, const std::string& name,
                              const ordered_json& document) const {
   check_name(name);
-  const fs::path folder = path_of(beside.file).parent_path();
+  const std::vector<Listed> all = plans();
+  if (all.size() >= kMost)
+    throw Refusal(409, "there are " + std::to_string(all.size()) +
+                           " plans here, as many as are kept: have some removed");
+  const fs::path folder = path_among(all, beside.file).parent_path();
   const fs::path file = folder / (name + ".json");
   const sim::Plan plan = read(document, file, maker_of(beside.plan.body.mesh));
   if (plan.steps.size() != document["steps"].size()) throw Refusal(422, "the plan could not be read back");
   if (std::error_code ignored; fs::exists(file, ignored))
     throw Refusal(409, "there is a plan '" + name + "' already: save it under another name");
+  const std::string text = document.dump(1) + "\n";
+  if (text.size() > kLargestDocument)
+    throw Refusal(422, "this plan has more steps than one that can be opened again: undo some");
+  require_disk_room(folder, text.size(), "remove plans that nobody needs");
   constexpr mode_t kMode = 0640;
-  timestamp::write_new_file(file, bytes_of(document.dump(1) + "\n"), kMode);
+  timestamp::write_new_file(file, bytes_of(text), kMode);
   return file.lexically_relative(folder_).generic_string();
 }
 

@@ -27,6 +27,9 @@ struct OpenedPlan {
 
 class PlanFolder {
  public:
+  /// So many plans are saved; each is read whenever they are listed.
+  static constexpr std::size_t kMost = 1000;
+
   /// kiroku::UsageError where there is no such folder.
   explicit PlanFolder(std::filesystem::path folder);
 
@@ -45,13 +48,14 @@ class PlanFolder {
                                 const std::function<void(const std::string& step)>& step) const;
 
   /// Writes a new file, `name` with ".json", beside the plan, durably; returns it as it is listed then.
-  /// Refusal 400 for a name that is no file's, 409 where there is such a file, 422 where the document could
-  /// not be read back as a plan of so many steps.
+  /// Refusal 400 for a name that is no file's, 409 where there is such a file or kMost plans, 422 where the
+  /// document could not be read back as a plan of so many steps, 507 where the disk has no room for it.
   [[nodiscard]] std::string save(const OpenedPlan& beside, const std::string& name,
                                  const nlohmann::ordered_json& document) const;
 
  private:
-  [[nodiscard]] std::filesystem::path path_of(const std::string& file) const;
+  [[nodiscard]] std::filesystem::path path_among(const std::vector<Listed>& all,
+                                                 const std::string& file) const;
 
   std::filesystem::path folder_;
 };

@@ -33,7 +33,8 @@ void add_planning_routes(Router& router, PlanningRoom& room, ViewerContext& cont
     auto enter = [&context, who = request.session->user(), peer = request.peer](const std::string& plan) {
       context.enter_access(ViewerContext::kEveryCase, "opened plan " + plan + " with its volume", who, peer);
     };
-    return std::make_unique<PlanningSocket>(room, std::move(output), std::move(enter));
+    return std::make_unique<PlanningSocket>(room, request.session->person(), std::move(output),
+                                            std::move(enter));
   };
   router.add(std::move(table));
 }

@@ -1,11 +1,11 @@
 // What all who plan at a server share: the plans, and how many may plan at once. Thread-safe.
 #pragma once
 
-#include <atomic>
 #include <functional>
 #include <memory>
 #include <string>
 
+#include "viewer/people/turns.h"
 #include "viewer/planning/plan_folder.h"
 #include "viewer/planning/planning_table.h"
 
@@ -27,24 +27,14 @@ class PlanningRoom {
   [[nodiscard]] const PlanningOptions& options() const { return options_; }
   [[nodiscard]] const PlanFolder& folder() const { return folder_; }
 
-  /// Somebody's who plans; the room must outlive it.
-  class Place {
-   public:
-    explicit Place(PlanningRoom& room) : room_(room) {}
-    ~Place() { --room_.taken_; }
-    Place(const Place&) = delete;
-    Place& operator=(const Place&) = delete;
-
-   private:
-    PlanningRoom& room_;
-  };
-  /// Refusal 503 where all places are taken.
-  std::unique_ptr<Place> enter();
+  /// A place for `person` (Session::person()); the room must outlive it. Refusal 503 where all are taken. Of
+  /// several places one is always left for others.
+  std::unique_ptr<Turns::Turn> enter(const std::string& person);
 
  private:
   PlanningOptions options_;
   PlanFolder folder_;
-  std::atomic<std::size_t> taken_ = 0;
+  Turns places_;
 };
 
 }  // namespace kiroku::viewer

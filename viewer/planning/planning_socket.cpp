@@ -20,8 +20,9 @@ std::string seconds_text(double time_s) {
 
 }  // namespace
 
-PlanningSocket::PlanningSocket(PlanningRoom& room, std::shared_ptr<SocketOutput> output, EnterOpening enter)
-    : room_(room), output_(std::move(output)), enter_(std::move(enter)) {}
+PlanningSocket::PlanningSocket(PlanningRoom& room, std::string person, std::shared_ptr<SocketOutput> output,
+                               EnterOpening enter)
+    : room_(room), person_(std::move(person)), output_(std::move(output)), enter_(std::move(enter)) {}
 
 void PlanningSocket::receive(const SocketMessage& message) {
   if (!message.is_text) throw Refusal(400, "a message must be text");
@@ -40,7 +41,7 @@ void PlanningSocket::receive(const SocketMessage& message) {
 
 void PlanningSocket::open(const OpenMessage& message) {
   if (planning_) throw Refusal(409, "a plan is open on this connection already");
-  place_ = room_.enter();
+  place_ = room_.enter(person_);
   planning_ = std::make_unique<LivePlanning>(
       [this, message](const LivePlanning::Opening& opening) {
         OpenedPlan opened = room_.folder().open(message.plan, opening);

@@ -18,8 +18,9 @@ class PlanningSocket : public SocketHandler {
   /// Called on a thread of its own.
   using EnterOpening = std::function<void(const std::string& plan)>;
 
-  /// `room` must outlive it.
-  PlanningSocket(PlanningRoom& room, std::shared_ptr<SocketOutput> output, EnterOpening enter);
+  /// `room` must outlive it. `person` as Session::person().
+  PlanningSocket(PlanningRoom& room, std::string person, std::shared_ptr<SocketOutput> output,
+                 EnterOpening enter);
   void receive(const SocketMessage& message) override;
 
  private:
@@ -28,9 +29,10 @@ class PlanningSocket : public SocketHandler {
   [[nodiscard]] PlanningListener listener();
 
   PlanningRoom& room_;
+  const std::string person_;
   std::shared_ptr<SocketOutput> output_;
   EnterOpening enter_;
-  std::unique_ptr<PlanningRoom::Place> place_;
+  std::unique_ptr<Turns::Turn> place_;
   std::uint64_t last_input_ = 0;
   std::unique_ptr<LivePlanning> planning_;  // last: over before what it uses
 };

@@ -173,7 +173,8 @@ TEST_F(FlickeringCamera, MakesFewSegmentsAndStatesTheRest) {
   EXPECT_EQ(recorded.gaps("endoscope").back().cause, GapCause::kFormatChange);
 }
 
-TEST(SessionUnderLoad, DropsWholeFramesAndStatesThemWhenTheDiskIsTooSlow) {
+// Real time: disks that are slow beside cameras that are not, and how long the ledger's own end takes.
+TEST(SessionUnderLoadRealTime, DropsWholeFramesAndStatesThemWhenTheDiskIsTooSlow) {
   const RecorderBench bench;
   test::SlowFileSystem files("segments/room", 150ms);
   SessionOptions options = bench.options();
@@ -197,7 +198,7 @@ TEST(SessionUnderLoad, DropsWholeFramesAndStatesThemWhenTheDiskIsTooSlow) {
   }
 }
 
-TEST(SessionUnderLoad, NeverDropsWhatASourceStatesAtItsOwnTimes) {
+TEST(SessionUnderLoadRealTime, NeverDropsWhatASourceStatesAtItsOwnTimes) {
   const RecorderBench bench;
   test::SlowFileSystem files("segments/room", 20ms);
   SessionOptions options = bench.options();
@@ -211,7 +212,7 @@ TEST(SessionUnderLoad, NeverDropsWhatASourceStatesAtItsOwnTimes) {
   EXPECT_EQ(sums(recorded.segments("room")).dropped, 0U);
 }
 
-TEST(SessionUnderLoad, KeepsFewFilesOpenWhenTheDiskIsSlowerThanTheSource) {
+TEST(SessionUnderLoadRealTime, KeepsFewFilesOpenWhenTheDiskIsSlowerThanTheSource) {
   const RecorderBench bench;
   test::SlowFileSystem files("segments/room", 0ms, 25ms);
   SessionOptions options = bench.options();
@@ -227,7 +228,7 @@ TEST(SessionUnderLoad, KeepsFewFilesOpenWhenTheDiskIsSlowerThanTheSource) {
 
 // The disk takes seconds for the last files while the theatre goes on: the record says so, and none of its
 // marks' streams does, which have segments only where somebody did something.
-TEST(SessionUnderLoad, StatesTheTimeThatASlowDiskNeedsForClosing) {
+TEST(SessionUnderLoadRealTime, StatesTheTimeThatASlowDiskNeedsForClosing) {
   const RecorderBench bench;
   test::SlowFileSystem files("segments/room", 0ms, 3500ms);
   SessionOptions options = bench.options();
@@ -247,8 +248,7 @@ TEST(SessionUnderLoad, StatesTheTimeThatASlowDiskNeedsForClosing) {
   EXPECT_THAT(recorded.gaps("events"), IsEmpty());
 }
 
-// Real time: what is stated is how long the ledger itself takes to be written.
-TEST(SessionUnderLoad, StatesTheTimeThatTheLedgerNeedsForItsOwnEnd) {
+TEST(SessionUnderLoadRealTime, StatesTheTimeThatTheLedgerNeedsForItsOwnEnd) {
   const RecorderBench bench;
   test::SlowFileSystem files("ledger.jsonl", 0ms);
   SessionOptions options = bench.options();
@@ -271,7 +271,7 @@ TEST(SessionUnderLoad, StatesTheTimeThatTheLedgerNeedsForItsOwnEnd) {
   EXPECT_EQ(gaps[0].span.end_ns, close_ns) << "also where the gap itself takes as long";
 }
 
-TEST(SessionUnderLoad, StatesWhatIsNotRecordedWhileAFilmIsStillCoded) {
+TEST(SessionUnderLoadRealTime, StatesWhatIsNotRecordedWhileAFilmIsStillCoded) {
   const RecorderBench bench;
   test::SlowFileSystem files("segments/film", 450ms);
   SessionOptions options = bench.options();

@@ -106,6 +106,56 @@ TEST_F(WorklistTest, ReadsNamesInTheirCharacterSet) {
   EXPECT_EQ(japan.items[0].data.patient, (PersonName{"Yamada", "Tarou", "Yamada^Tarou=山田^太郎"}));
 }
 
+// A name of 5,000 bytes took the whole list away. The step that it names keeps its place: another patient's
+// is not taken for it.
+TEST_F(WorklistTest, AStepThatSaysMoreThanIsKeptCostsItselfAlone) {
+  add("1", "Near^Er", now + 10min);
+  add("2", std::string(5000, 'L') + "^Long", now + 2h);
+  add("3", "Far^Ther", now + 6h);
+  server.start();
+  const WorklistAnswer answer = ask_worklist(options(), now);
+  EXPECT_EQ(answer.problem, "");
+  ASSERT_THAT(answer.items, SizeIs(3));
+  const auto nearest_to = [&](UtcTime at) {
+    const auto step = nearest_step(answer.items, now, at, 12h);
+    return step ? step->patient_id : "none";
+  };
+  EXPECT_EQ(nearest_to(now), "1");
+  EXPECT_EQ(nearest_to(now + 2h), "none");
+  EXPECT_EQ(nearest_to(now + 6h), "3");
+  EXPECT_EQ(left_out_of(answer.items),
+            "1 step says more of a patient and a procedure than is kept, and cannot be chosen");
+
+  std::mutex mutex;
+  std::vector<std::string> told;
+  const Worklist worklist(options(), [&](const std::string& sentence) {
+    const std::lock_guard guard(mutex);
+    told.push_back(sentence);
+  });
+  ASSERT_TRUE(test::eventually([&] { return worklist.find(now).has_value(); })) << worklist.way().state;
+  EXPECT_EQ(worklist.find(now + 2h), std::nullopt);
+  EXPECT_THAT(worklist.list(now), SizeIs(2));
+  EXPECT_THAT(worklist.way().state, HasSubstr("1 step says more of a patient"));
+  ASSERT_TRUE(test::eventually([&] {
+    const std::lock_guard guard(mutex);
+    return !told.empty();
+  }));
+  EXPECT_THAT(told[0], HasSubstr("the worklist of RIS: 1 step says more"));
+}
+
+// Together they are longer than an answer of the box may be.
+TEST_F(WorklistTest, ManyLongStepsTakeNoOtherAway) {
+  constexpr int kLong = 75;
+  for (int i = 0; i < kLong; ++i) add(std::to_string(i + 2), std::string(60'000, 'L') + "^Long", now + 1h);
+  add("1", "Near^Er", now);
+  server.start();
+  const WorklistAnswer answer = ask_worklist(options(), now);
+  EXPECT_EQ(answer.problem, "");
+  EXPECT_THAT(answer.items, SizeIs(kLong + 1));
+  EXPECT_THAT(left_out_of(answer.items), HasSubstr("75 steps say"));
+  EXPECT_TRUE(nearest_step(answer.items, now, now, 12h).has_value());
+}
+
 // Who answers for a name is foreign, too.
 TEST(WorklistBox, HasItsLimitsBeforeANameIsLookedUp) {
   const Descriptor memory = media::make_shared_memory(4096);

@@ -156,7 +156,11 @@ TEST_F(PlanningApi, RefusesInWords) {
   EXPECT_TRUE(until(*second, "opened").is_object()) << "whose plan could not be opened has no place";
   const auto third = connect();
   third->send_text(R"({"open": {"plan": "block/plan.json", "anew": true}})");
-  EXPECT_THAT(refusal_of(*third).second, HasSubstr("as many people plan here"));
+  EXPECT_THAT(refusal_of(*third).second, HasSubstr("you plan here already"));
+  routes.sign_in("ben", Role::kSurgeon);
+  const auto fourth = connect();
+  fourth->send_text(R"({"open": {"plan": "block/plan.json", "anew": true}})");
+  EXPECT_THAT(refusal_of(*fourth).second, HasSubstr("as many people plan here"));
 }
 
 TEST_F(PlanningApi, RefusesWhatIsNoMessage) {

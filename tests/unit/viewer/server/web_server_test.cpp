@@ -5,6 +5,8 @@
 #include <atomic>
 #include <future>
 #include <netinet/in.h>
+#include <poll.h>
+#include <sys/resource.h>
 #include <sys/socket.h>
 
 #include <gmock/gmock.h>
@@ -182,6 +184,41 @@ TEST_F(WebServerTest, SilentConnectionsShutNobodyOut) {
   EXPECT_EQ(test::ask_once(server->port(), hidden_request()).body, "hidden");
   signed_in.send(mine);
   EXPECT_EQ(signed_in.receive().body, "mine") << "whoever signed in keeps the connection";
+}
+
+// Files and sources of a recording in the same process need some of the descriptors that a shell gives.
+TEST_F(WebServerTest, ConnectionsLeaveDescriptorsForWhatRecords) {
+  struct SoftLimit {
+    SoftLimit() {
+      ::getrlimit(RLIMIT_NOFILE, &before);
+      rlimit now = before;
+      now.rlim_cur = 1024;
+      lowered = ::setrlimit(RLIMIT_NOFILE, &now) == 0;
+    }
+    ~SoftLimit() { ::setrlimit(RLIMIT_NOFILE, &before); }
+    SoftLimit(const SoftLimit&) = delete;
+    SoftLimit& operator=(const SoftLimit&) = delete;
+    rlimit before{};
+    bool lowered = false;
+  };
+  serve();
+  const SoftLimit limit;
+  ASSERT_TRUE(limit.lowered);
+  // Each takes two here: the client's end is in the same process.
+  std::vector<Descriptor> held;
+  for (int i = 0; i < 450; ++i) held.push_back(silent("127.0.1." + std::to_string(1 + i % 50)));
+  pollfd last{held.back().number(), POLLIN, 0};
+  EXPECT_EQ(::poll(&last, 1, 5000), 1) << "it is let go";
+  pollfd first{held.front().number(), POLLIN, 0};
+  EXPECT_EQ(::poll(&first, 1, 0), 0) << "and the first stay";
+  held.clear();
+  EXPECT_TRUE(test::eventually([this] {
+    try {
+      return test::ask_once(server->port(), hidden_request()).body == "hidden";
+    } catch (const std::runtime_error&) {
+      return false;
+    }
+  }));
 }
 
 TEST_F(WebServerTest, WhoTakesAnAnswerSlowlyShutsNobodyOut) {

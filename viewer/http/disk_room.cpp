@@ -1,0 +1,20 @@
+#include "viewer/http/disk_room.h"
+
+#include <string>
+#include <system_error>
+
+#include "viewer/http/request.h"
+
+namespace kiroku::viewer {
+
+void require_disk_room(const std::filesystem::path& folder, std::uint64_t bytes, const char* advice) {
+  std::error_code failed;
+  const std::filesystem::space_info space = std::filesystem::space(folder, failed);
+  const bool has_room =
+      !failed && space.available >= kLeftToRecorder && space.available - kLeftToRecorder >= bytes;
+  if (!has_room)
+    throw Refusal(
+        507, std::string("the disk has no room for this file beside what a recorder may need: ") + advice);
+}
+
+}  // namespace kiroku::viewer
