@@ -40,12 +40,13 @@ tests/lint/rooms.sh || found=1
 # No test sleeps that could move a clock.
 tests/lint/waits.py || found=1
 
-# Links and lines of the documents; tables of figures are what their JSON says, and so is the page of the papers; the configuration's page is deploy/kiroku.toml. The page of commands
+# Links and lines of the documents; tables of figures are what their JSON says, and so is the page of the papers; the configuration's page is deploy/kiroku.toml; the worked example of the format is of the bytes that its writer makes. The page of commands
 # needs the built programs: CTest's CommandsPage.
 tests/lint/pages.py || found=1
 docs/results/make_tables.py --check || found=1
 docs/papers/make_page.py --check || found=1
 docs/reference/make_configuration.py --check || found=1
+docs/reference/make_example.py --check || found=1
 
 if [[ $tidy ]]; then
   need clang-tidy

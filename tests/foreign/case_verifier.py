@@ -1,0 +1,925 @@
+"""Judges a case or an excerpt from its files alone, without keys, by docs/reference/format.md."""
+import base64
+import binascii
+import functools
+import hashlib
+import os
+import pathlib
+import re
+import subprocess
+
+import merkle
+import note
+import schema
+import stamp
+import strict_json
+from clock_rules import SECOND, ClockRules, Timed, first_zero_ns
+from log_verifier import LogRead
+from stamp import nanoseconds
+from verifier import (LARGEST_CERTIFICATES, LARGEST_NOTE, Folder, Judgement, Ledger, number_of, outside_notes, sha256_of, size_of_note, token_of_path)
+
+SEAM, LATE_BEGIN, EARLY_END, FUTURE = 1_000_000, 2 * SECOND, 10 * SECOND, 2 * SECOND
+LONGEST_SEGMENT, LONGEST_SILENCE, WALL_CLOCK = 11 * SECOND, 60 * SECOND, 60 * SECOND
+LARGEST_SEALED, LARGEST_TOKEN = 1 << 30, 1 << 20
+EXTENSIONS = {"video/mp2t": "ts", "video/x-matroska": "mkv", "application/jsonl": "jsonl"}
+CONTAINERS = {"mpeg2": "ts", "uncompressed": "mkv", "lossless": "mkv"}
+AFTERMATH = ("token", "token-missed", "erased")
+CARRIES_ON = re.compile(r"operator; carries on case ([0-9]{8}T[0-9]{6}Z-[0-9a-f]{8}), ([1-9][0-9]*) entries, root ([0-9a-f]{64})")
+ANNOUNCES = re.compile(r"recovered; to be carried on as case ([0-9]{8}T[0-9]{6}Z-[0-9a-f]{8})")
+
+
+class Stream:
+    """The segments of one stream: in order, without overlap, without holes that no gap accounts for."""
+
+    def __init__(self, info, whole_case, report):
+        self.info, self.whole_case, self.report = info, whole_case, report
+        self.next_index = 0 if whole_case else None
+        self.interrupted, self.recovered, self.cut = not whole_case, False, None
+        self.first, self.end, self.begin = None, None, 0
+        self.segments = self.frames = self.dropped = self.bytes = 0
+        self.holes, self.gaps, self.fillings, self.erased = [], [], [], []
+        self.silence = None
+        self.longest_silence = 0
+        self.entered = set()
+
+    @property
+    def extensions(self):
+        own = EXTENSIONS[self.info["media"]]
+        return [own] + [e for e in ("ts", "mkv") if e != own] if self.info["kind"] == "video" else [own]
+
+    def path(self, index, extension, complete=True):
+        return f"segments/{self.info['name']}/{index:08d}.{extension}.age" + ("" if complete else ".part")
+
+    def index_of(self, path):
+        """Of the path of a finished segment of this stream."""
+        found = re.fullmatch(rf"segments/{re.escape(self.info['name'])}/([0-9]+)\.({'|'.join(self.extensions)})\.age", path)
+        return number_of(found[1]) if found else None
+
+    def is_erased(self, index):
+        return any(first <= index <= last for first, last in self.erased)
+
+    def take(self, segment):
+        """False where the file has another name than it must have, or was entered before."""
+        info, report, index = self.info, self.report, segment["index"]
+        counted = "time_base" in segment
+        profile = segment.get("profile")
+        if profile is not None and info["kind"] != "video":
+            named = False
+        else:
+            may_be = ([CONTAINERS[profile]] if profile else [EXTENSIONS[info["media"]]] if counted else self.extensions)
+            named = segment["file"] in [self.path(index, e, segment["complete"]) for e in may_be]
+        if not named:
+            report("segment-name-differs", segment["file"])
+        if self.next_index is not None and index != self.next_index:
+            report("segment-out-of-order", segment["file"])
+        self.first = index if self.first is None else self.first
+        self.next_index = index + 1
+        begin, end = segment["start_ns"], segment["end_ns"]
+        if self.end is not None:
+            if begin < self.end - SEAM:
+                report("segment-overlap", segment["file"])
+            elif begin > self.end + SEAM:
+                self.holes.append((self.end, begin))
+        self.end = max(self.end or 0, end)
+        if self.cut:
+            report("segment-cut-unexplained", self.cut)
+            self.cut = None
+        if not segment["complete"]:
+            report("segment-incomplete", segment["file"])
+            if not self.interrupted and counted:
+                self.cut = segment["file"]
+        self.interrupted = False
+        if not counted:
+            report("segment-uncounted" if self.recovered else "segment-uncounted-unexplained" if self.whole_case else "excerpt-range-short", segment["file"])
+        if self.segments == 0:
+            self.begin = begin
+        frames = segment.get("frames", segment.get("samples", 0))
+        self.segments += 1
+        self.frames += frames
+        self.dropped += segment.get("dropped", 0)
+        self.bytes += segment["bytes"]
+        self._fill(segment, frames, counted, end - begin)
+        if not named or (segment["complete"], index) in self.entered:
+            return False
+        self.entered.add((segment["complete"], index))
+        return True
+
+    def _fill(self, segment, frames, counted, duration):
+        kind = self.info["kind"]
+        if kind == "video" and segment["complete"] and counted and duration > 0:
+            self.fillings.append((frames + segment["dropped"], duration))
+        if kind == "video" and self.info["timing"] == "arrival" and counted and duration > LONGEST_SEGMENT:
+            self.report("segment-too-long", segment["file"])
+        if kind == "vitals":
+            if frames > 0 or not counted:
+                self.silence = None
+            else:
+                self.silence = segment["start_ns"] if self.silence is None else self.silence
+                self.longest_silence = max(self.longest_silence, segment["end_ns"] - self.silence)
+
+    def take_gap(self, gap):
+        if gap.get("of") == "sound":
+            self.report("sound-gap", gap["stream"])
+            return
+        self.report("gap", gap["stream"])
+        self.interrupt()
+        self.gaps.append((gap["start_ns"], gap["end_ns"]))
+
+    def take_erased(self, erased):
+        self.report("segments-erased", erased["stream"])
+        self.erased.append((erased["first_index"], erased["last_index"]))
+
+    def interrupt(self):
+        self.cut, self.interrupted = None, True
+
+    def totals(self):
+        return {"segments": self.segments, "frames": self.frames, "dropped": self.dropped, "bytes": self.bytes}
+
+    def uncovered(self, begin, end):
+        """What of a hole lies behind the joined gap in which it begins; None where that is no more than a seam."""
+        joined = []
+        for start, stop in sorted(self.gaps):
+            if joined and start <= joined[-1][1] + SEAM:
+                joined[-1][1] = max(joined[-1][1], stop)
+            else:
+                joined.append([start, stop])
+        before = [gap for gap in joined if gap[0] <= begin + SEAM]
+        begin = max([begin] + [gap[1] for gap in before[-1:]])
+        return (begin, end) if end - begin > SEAM else None
+
+    def finish(self, recorded, lines_begin):
+        if recorded and not (self.info["kind"] == "events" and self.info["media"] == "application/jsonl"):
+            self._check_ends(*recorded)
+        self._check_fillings()
+        for begin, end in self.holes:
+            left = self.uncovered(begin, end)
+            if left and lines_begin is not None and left[1] <= lines_begin + SEAM:
+                self.report("excerpt-range-short", self.info["name"])
+            elif left:
+                self.report("segment-hole", self.info["name"])
+        if self.dropped > 0:
+            self.report("frames-dropped", self.info["name"])
+
+    def _check_ends(self, begin, end):
+        name = self.info["name"]
+        if self.segments == 0 and not self.gaps:
+            self.report("stream-empty", name)
+            return
+        if self.info["timing"] != "arrival":
+            if self.segments and (self.begin - begin > LATE_BEGIN or end - self.end > EARLY_END):
+                self.report("stream-shorter", name)
+            return
+        late = self.uncovered(begin, self.begin) if self.segments else None
+        if late and late[1] - late[0] > LATE_BEGIN:
+            self.report("stream-begins-late", name)
+        early = self.uncovered(begin if self.end is None else self.end, end)
+        if early and early[1] - early[0] > EARLY_END:
+            self.report("stream-ends-early", name)
+
+    def _check_fillings(self):
+        kind, name = self.info["kind"], self.info["name"]
+        counted = self.segments > 0 if kind == "vitals" else kind == "video" and bool(self.fillings)
+        if counted and self.frames == 0:
+            self.report("segments-sparse", name)
+            return
+        if self.longest_silence > LONGEST_SILENCE:
+            self.report("monitor-silent", name)
+        if self.fillings:
+            rates = sorted(frames * SECOND / duration for frames, duration in self.fillings)
+            usual = max(rates[len(rates) // 2], 1.0)
+            if any(usual * duration / SECOND - frames > usual and frames * SECOND / duration <= 0.75 * usual for frames, duration in self.fillings):
+                self.report("segments-sparse", name)
+
+    def shows_all_of(self, begin, end, from_open, lines_begin, closed, total):
+        if total == 0:
+            return True
+        written_before = self.info["timing"] == "arrival" and lines_begin <= begin
+        begins = from_open or written_before or self.first == 0 or (self.first is not None and self.begin <= begin)
+        return begins and (closed or (self.first is not None and self.end >= end))
+
+
+class Entries:
+    """The rules that a case's lines obey, taken one after the other; of an excerpt, those lines that it has."""
+
+    def __init__(self, folder, whole_case, wanted=lambda segment: True):
+        self.folder, self.whole_case, self.wanted, self.report = folder, whole_case, wanted, folder.report
+        self.opening = self.device = self.close = self.close_entry = None
+        self.streams, self.named, self.authorities, self.checked = {}, set(), set(), []
+        self.recovered = self.unsynchronised = self.slew = False
+        self.last_mono, self.last_utc, self.step_stated = 0, None, False
+        self.mono_at, self.entered_tokens, self.tokens, self.aftermath = {}, set(), 0, set()
+        self.untrusted, self.valid_checkpoints, self.no_trust = [], set(), False
+        self.largest_checkpoint, self.missed_after_close, self.restating, self.token_hashes = 0, False, set(), {}
+        self.clocks, self.first_comparisons = ClockRules(self.report), {}
+        self.last_checked = None
+
+    @property
+    def origin(self):
+        return f"kiroku/{self.device.name}/{self.opening['case']}"
+
+    def take(self, number, entry):
+        if entry is None:
+            if number == 0:
+                self.report("open-missing", "line 0")
+            return
+        kind = entry["type"]
+        self._common(number, entry, kind)
+        getattr(self, "_" + kind.replace("-", "_"))(number, entry)
+
+    def _common(self, number, entry, kind):
+        if entry["seq"] != number:
+            self.report("entry-out-of-sequence", f"line {number}")
+        if number == 0 and kind != "open":
+            self.report("open-missing", "line 0")
+        if number != 0 and kind == "open":
+            self.report("open-repeated", f"line {number}")
+        if entry["mono_ns"] < self.last_mono:
+            self.report("clock-went-back", f"line {number}")
+        self.last_mono = max(self.last_mono, entry["mono_ns"])
+        if self.last_utc is not None and entry["utc"] < self.last_utc and not self.step_stated and kind != "clock":
+            self.report("utc-went-back", f"line {number}")
+        self.last_utc, self.step_stated = entry["utc"], False
+        if self.recovered and (kind in ("mark", "clock") or kind == "segment" and "time_base" in entry):
+            self.report("entry-after-recovered", f"line {number}")
+        if self.close is not None and kind not in AFTERMATH:
+            self.report("entry-after-close", f"line {number}")
+
+    def _stream(self, name, number):
+        if name not in self.streams and self.opening:
+            self.report("stream-unknown", f"line {number}: {name}")
+        return self.streams.get(name)
+
+    def _open(self, number, entry):
+        if number != 0:
+            return
+        self.opening = entry
+        self.streams = {info["name"]: Stream(info, self.whole_case, self.report) for info in entry["streams"]}
+        try:
+            self.device = note.parse_key(entry["device"])
+            self.folder.judge_device(self.device)
+        except note.Malformed as e:
+            self.report("device-invalid", str(e))
+        if "subject" in entry:
+            self.named.add("subject.json.age")
+            if self.whole_case:
+                self.checked.append((entry["subject"], None, None))
+
+    def _segment(self, number, entry):
+        stream = self._stream(entry["stream"], number)
+        if stream is None or not stream.take(entry):
+            return
+        self.named.add(entry["file"])
+        if stream.info["timing"] == "arrival" and "time_base" in entry and entry["end_ns"] - self.last_mono > FUTURE:
+            self.report("segment-in-future", entry["file"])
+        if self.wanted(entry):
+            self.last_checked = number
+            self.checked.append((entry, stream, entry["index"]))
+
+    def _gap(self, number, entry):
+        if stream := self._stream(entry["stream"], number):
+            stream.take_gap(entry)
+
+    def _clock(self, number, entry):
+        if "rate_ppb" in entry:
+            self.clocks.take_rate(entry["rate_ppb"], entry["mono_ns"])
+            self.slew = self.slew or abs(entry["rate_ppb"]) > 200_000
+        if entry["step_ns"] != 0:
+            self.step_stated = True
+            self.clocks.take_step(entry["step_ns"], entry["mono_ns"])
+            self.report("clock-stepped", f"line {number}")
+        if not entry["synchronised"] and not self.unsynchronised:
+            self.unsynchronised = True
+            self.report("clock-not-synchronised", f"line {number}")
+
+    def _mark(self, number, entry):
+        pass
+
+    def _recovered(self, number, entry):
+        self.recovered = True
+        self.clocks.take_recovered()
+        for stream in self.streams.values():
+            stream.recovered = True
+            stream.interrupt()
+        self.report("recovered", f"line {number}")
+
+    def _close(self, number, entry):
+        if self.close is not None:
+            return
+        self.close, self.close_entry = number, entry
+        for name, stream in self.streams.items():
+            stream.interrupt()
+            if self.whole_case and entry["totals"].get(name) != stream.totals():
+                self.report("totals-differ", name)
+        for name in entry["totals"]:
+            self._stream(name, number)
+
+    def _erased(self, number, entry):
+        if self.close is None:
+            self.report("erased-before-close", f"line {number}")
+            return
+        stream = self._stream(entry["stream"], number)
+        if self.whole_case and max(self.folder.note_sizes, default=0) <= number:
+            self.aftermath.add(number)
+        elif stream:
+            stream.take_erased(entry)
+
+    def _token_missed(self, number, entry):
+        self.authorities.add(entry["authority"])
+        if self.close is not None and max(self.folder.note_sizes, default=0) <= number:
+            self.aftermath.add(number)
+        self.missed_after_close = self.missed_after_close or (self.close is not None and entry["checkpoint"] > self.close)
+        self.report("token-missed", f"line {number}")
+
+    def _token(self, number, entry):
+        self.named.add(entry["file"])
+        self.authorities.add(entry["authority"])
+        self.tokens += 1
+        self.token_hashes[number] = entry["sha256"]
+        size, authority, file = entry["checkpoint"], entry["authority"], entry["file"]
+        if file != f"tokens/{size:08d}.{authority}.tsr":
+            self.report("token-name-differs", file)
+            return
+        if (size, authority) in self.entered_tokens:
+            self.report("token-repeated", file)
+            return
+        self.entered_tokens.add((size, authority))
+        if size > number:
+            self.report("token-covers-later", file)
+            return
+        self.largest_checkpoint = max(self.largest_checkpoint, size)
+        kind, root, read = self._judge_token(number, entry)
+        exchange = "asked_ns" in entry
+        over_end = self.close is not None and size > self.close
+        if exchange and (entry["asked_ns"] < self.mono_at.get(size, 0) or entry["mono_ns"] < entry["answered_ns"]):
+            self.report("token-exchange-impossible", f"line {number}")
+        valid = kind in ("outside", "self-issued")
+        gen = nanoseconds(entry["gen_time"])
+        whole = gen % SECOND == 0
+        timed = Timed(number, size, gen, entry["accuracy_ns"], SECOND if whole else 0, root if valid else "", authority, kind == "outside",
+                      bool(read and read.ordered), entry["mono_ns"], entry["asked_ns"] if exchange else self.mono_at.get(size),
+                      entry["answered_ns"] if exchange else entry["mono_ns"], over_end, over_end and not exchange, self.clocks.recoveries)
+        self.clocks.take(timed)
+        if valid:
+            self.valid_checkpoints.add(size)
+            if exchange and not self.recovered and kind == "outside" and authority not in self.first_comparisons:
+                half = (entry["answered_ns"] - entry["asked_ns"] + 1) // 2 + entry["accuracy_ns"] + (SECOND if whole else 0)
+                self.first_comparisons[authority] = (gen, (entry["asked_ns"] + entry["answered_ns"]) // 2, half)
+
+    def _judge_token(self, number, entry):
+        response = self.folder.read(entry["file"], LARGEST_TOKEN)
+        if response is None:
+            return None, "", None
+        if hashlib.sha256(response).hexdigest() != entry["sha256"]:
+            self.report("file-hash-differs", entry["file"])
+            return None, "", None
+        if entry["checkpoint"] not in self.folder.note_sizes:
+            self.report("checkpoint-missing", entry["file"])
+            return None, "", None
+        data = self.folder.read(f"checkpoints/{entry['checkpoint']:08d}.note", LARGEST_NOTE)
+        if data is None:
+            return None, "", None
+        try:
+            read = stamp.parse(response)
+        except (stamp.Malformed, ValueError, IndexError, KeyError):
+            self.report("token-refused", entry["file"])
+            return None, "", None
+        same = (nanoseconds(entry["gen_time"]) == read.gen_ns // 1000 * 1000 and entry["accuracy_ns"] == read.accuracy_ns and entry["serial"] == read.serial)
+        if not same:
+            self.report("token-entry-differs", f"line {number}")
+        elif self.close is not None:
+            self.restating.add(number)
+        if read.imprint != hashlib.sha256(data).digest():
+            self.report("token-imprint-differs", entry["file"])
+            return None, "", read
+        kind, root, why = stamp.judge(response, self.folder.trust.roots, self.folder.trust.own_roots)
+        if kind == "refused":
+            self.report("token-refused", f"{entry['file']}: {why}")
+        elif kind == "no trust":
+            self.no_trust = True
+        elif kind == "untrusted":
+            self.untrusted.append((entry["checkpoint"], entry["file"]))
+        return kind, root, read
+
+    def only(self, first, end, kinds):
+        """Whether the entries from `first` on are those of tokens that restate what is there, or are of `kinds`."""
+        return all(i in self.restating or i in kinds for i in range(first, end))
+
+    def finish(self, lines_begin=None):
+        recorded = None
+        if self.whole_case and self.close is not None and self.opening:
+            recorded = (self.opening["mono_ns"] if "begins_ns" in self.opening else 0, self.close_entry["mono_ns"])
+        for stream in self.streams.values():
+            stream.finish(recorded, lines_begin)
+        if self.slew:
+            self.report("clock-slewed", "a rate beyond 200 ppm")
+        self.clocks.finish()
+        if self.tokens == 0:
+            self.report("no-token", "there is no token")
+        elif self.no_trust:
+            self.report("no-trusted-authority", "no root was given")
+        for size, file in self.untrusted:
+            self.report("second-token-untrusted" if size in self.valid_checkpoints else "token-untrusted", file)
+        if self.whole_case and self.tokens and self.close is not None and self.largest_checkpoint <= self.close and not self.missed_after_close:
+            self.report("end-not-stamped", f"close in line {self.close}")
+        for gen, middle, half in self.first_comparisons.values():
+            if self.opening and abs(gen - first_zero_ns(self.opening) - middle) - half > WALL_CLOCK:
+                self.report("clock-differs", "by more than a minute")
+
+    def check_files(self, rekeyed=lambda file: False):
+        inodes = set()
+        for expected, stream, index in self.checked:
+            name = expected["file"]
+            path = self.folder.path / name
+            if not path.exists() and not path.is_symlink():
+                if stream is None or not stream.is_erased(index):
+                    self.report("file-missing", name)
+                continue
+            if path.is_symlink() or not path.is_file():
+                self.report("file-not-regular", name)
+                continue
+            self._check_file(path, name, expected, rekeyed(name), inodes, stream)
+
+    def _check_file(self, path, name, expected, is_rekeyed, inodes, stream):
+        status = path.stat()
+        size, before = status.st_size, b""
+        skip = 0
+        if is_rekeyed:
+            before = (path.parent / (path.name + ".header")).read_bytes()
+            skip = header_length(path)
+            if skip is None or not is_header(before):
+                self.report("file-hash-differs", name)
+                return
+            size += len(before) - skip
+        if size != expected["bytes"]:
+            self.report("file-size-differs", name)
+            return
+        if status.st_size > LARGEST_SEALED:
+            self.report("file-too-large", name)
+            return
+        if status.st_nlink > 1:
+            if (status.st_dev, status.st_ino) in inodes:
+                self.report("file-not-regular", name)
+                return
+            inodes.add((status.st_dev, status.st_ino))
+        found_cut_off = stream is not None and not expected["complete"] and "time_base" not in expected
+        if not found_cut_off and has_hole(path, status):
+            self.report("file-has-hole", name)
+            return
+        if before:
+            data = path.read_bytes()
+            digest = hashlib.sha256(before + data[skip:]).hexdigest()
+        else:
+            digest = sha256_of(path)
+        if digest != expected["sha256"]:
+            self.report("file-hash-differs", name)
+        elif is_rekeyed:
+            self.report("rekeyed-not-opened", name)
+
+    def check_device_file(self):
+        if not self.opening:
+            return
+        path = self.folder.path / "device.pub"
+        if path.is_symlink() or path.exists() and not path.is_file():
+            self.report("file-not-regular", "device.pub")
+        elif not path.exists() or path.read_bytes() != (self.opening["device"] + "\n").encode():
+            self.report("device-file-differs", "device.pub")
+
+    def judge_authority(self, file):
+        """Of a file below authorities/."""
+        if file.kind != "regular" or file.size > LARGEST_CERTIFICATES:
+            return "unnamed"
+        found = re.fullmatch(r"authorities/([a-z0-9][a-z0-9-]{0,31})\.pem(\.part)?", file.path)
+        if not found:
+            return "unnamed"
+        if found[2]:
+            return "part"
+        certificates = is_certificates((self.folder.path / file.path).read_bytes())
+        if found[1] not in self.authorities:
+            if not certificates:
+                return "unnamed"
+            self.report("authority-not-named", file.path)
+        elif not certificates:
+            self.report("authority-file-malformed", file.path)
+        return "named"
+
+    def is_folder(self, path):
+        return path in ("checkpoints", "tokens", "segments", "authorities") or path.removeprefix("segments/") in self.streams
+
+
+def header_length(path):
+    """Bytes of an age header: up to the end of the line that begins with `--- `."""
+    data = path.read_bytes()[:65536]
+    found = re.match(rb"age-encryption\.org/v1\n(?:[^\n]*\n)*?--- [A-Za-z0-9+/]{43}\n", data)
+    return found.end() if found else None
+
+
+def is_header(data):
+    return len(data) <= 65536 and bool(re.fullmatch(rb"age-encryption\.org/v1\n(?:[^\n]*\n)*?--- [A-Za-z0-9+/]{43}\n", data))
+
+
+def has_hole(path, status):
+    """512 bytes or more for which the file system says that nothing is stored."""
+    with open(path, "rb") as file:
+        try:
+            hole = os.lseek(file.fileno(), 0, os.SEEK_HOLE)
+        except OSError:
+            return False
+        return status.st_size - hole >= 512
+
+
+@functools.lru_cache(maxsize=None)
+def is_certificates(data):
+    """Whether a text is PEM blocks of certificates and revocation lists that `openssl` reads, and nothing else."""
+    blocks = re.findall(rb"-----BEGIN (CERTIFICATE|X509 CRL)-----\n((?:[^\n]+\n)*?)-----END (?:CERTIFICATE|X509 CRL)-----\n", data)
+    if not blocks or b"".join(b"-----BEGIN %b-----\n%b-----END %b-----\n" % (kind, body, kind) for kind, body in blocks) != data:
+        return False
+    for kind, body in blocks:
+        try:
+            der = base64.b64decode(body.replace(b"\n", b""), validate=True)
+        except binascii.Error:
+            return False
+        program = "x509" if kind == b"CERTIFICATE" else "crl"
+        if subprocess.run(["openssl", program, "-inform", "DER", "-noout"], input=der, capture_output=True).returncode != 0:
+            return False
+    return True
+
+
+class AgainstLog:
+    """A case beside what the appliance log says of it."""
+
+    def __init__(self, log, entries, report):
+        self.log, self.entries, self.report = log, entries, report
+        self.case = log.cases.get(entries.opening["case"]) if log and entries.opening else None
+        self.known = self.case if self.case and self.case.opened is not None else None
+        if log and entries.opening:
+            stated = entries.opening["appliance_log"]
+            if log.root_at(stated["size"]) != stated["root"]:
+                report("log-head-differs", f"at {stated['size']} entries")
+
+    def knows_beyond(self, size):
+        return bool(self.known and any(root.size > size for root in self.known.roots))
+
+    def _add(self, code, root_entry, speaks, text):
+        """What an entry of the log contradicts that nobody signed in time: it may accuse no case that speaks for itself."""
+        if root_entry in self.log.doubted and speaks:
+            self.report("log-entry-doubted", f"{code}: {text}")
+        else:
+            self.report(code, text)
+
+    def settle(self, first_line, ledger, covered, whole):
+        if not self.log or not self.entries.opening:
+            return
+        if self.known is None:
+            beginning = whole and len(ledger) == 1 and covered == 0
+            self.report("log-case-not-entered" if beginning else "log-case-unknown", self.entries.opening["case"])
+            return
+        if hashlib.sha256(first_line).hexdigest() != self.known.opening_line:
+            self._add("log-opening-differs", self.known.opened, covered >= 1, "open")
+        said = set()
+        for root in self.known.roots:
+            doubted = root.entry in self.log.doubted
+            if ledger.first < root.size <= len(ledger) and doubted not in said and ledger.root(root.size).hex() != root.root:
+                said.add(doubted)
+                self._add("log-checkpoint-differs", root.entry, covered >= root.size, f"at {root.size} entries")
+        if whole:
+            self._end(len(ledger), covered)
+
+    def _end(self, entries, covered):
+        close = self.entries.close
+        its_end = close is not None and covered > close
+        roots = sorted(self.known.roots, key=lambda r: r.size)
+        signed = [r for r in roots if r.entry not in self.log.doubted]
+        most = signed[-1] if signed and signed[-1].size > entries else roots[-1] if roots else None
+        if most and most.size > entries:
+            self._add("log-knows-more", most.entry, its_end, f"{most.size} entries")
+            return
+        if not self.known.closed and close is not None:
+            self.report("log-case-open", self.entries.opening["case"])
+        if self.known.closed:
+            last = [sha for number, sha in sorted(self.entries.token_hashes.items()) if number < self.known.closed.size]
+            if (last[-1] if last else None) != self.known.final_token:
+                self._add("log-end-differs", self.known.closed.entry, covered >= self.known.closed.size, "final token")
+
+
+def verify_case(path, trust):
+    path = pathlib.Path(path)
+    if (path / "excerpt.json").exists() and not (path / "ledger.jsonl").exists():
+        return verify_excerpt(path, trust)
+    folder = Folder(path, trust)
+    data = folder.read("ledger.jsonl")
+    if data is None:
+        return Judgement(folder.findings)
+    newest = max(folder.note_sizes, default=0)
+    ledger = Ledger(data, "case-ledger", 4, folder.report, 0, newest)
+    entries = Entries(folder, True)
+    log = LogRead(trust.log, trust) if trust.log else None
+    if log:
+        folder.findings += log.folder.findings
+    for number, entry in enumerate(ledger.entries):
+        entries.take(number, entry)
+        size = number + 1
+        entries.mono_at[size] = entries.last_mono
+        if size in folder.note_sizes:
+            folder.judge_note(size, ledger.root(size), entries.device, entries.origin if entries.device else None, size <= ledger.known)
+    if not ledger.readable:
+        return Judgement(folder.findings)
+    for size in folder.note_sizes:
+        if size > len(ledger):
+            folder.judge_note(size, None, entries.device, entries.origin if entries.device else None)
+    comparison = AgainstLog(log, entries, folder.report)
+    _judge_end(folder, ledger, entries, comparison, newest)
+    entries.finish()
+    if ledger.lines:
+        comparison.settle(ledger.lines[0], ledger, folder.covered, True)
+    entries.check_files()
+    folder.judge_names(lambda file: _judge_name(folder, entries, file))
+    for file in folder.listing:
+        stream = entries.streams.get(file.path.split("/")[1]) if file.path.startswith("segments/") and file.path.count("/") == 2 else None
+        index = stream.index_of(file.path.removesuffix(".part")) if stream else None
+        if file.kind == "regular" and index is not None and file.path in entries.named and stream.is_erased(index):
+            folder.report("erased-file-present", file.path)
+    if entries.opening:
+        if path.resolve().name != entries.opening["case"]:
+            folder.report("folder-name-differs", path.name)
+        _judge_carrying_on(folder, path.resolve(), entries)
+    entries.check_device_file()
+    origins = [entries.origin] if entries.device and entries.opening else []
+    folder.judge_outside(outside_notes(trust, False) if trust.log else trust.against, origins, ledger, True)
+    return Judgement(folder.findings)
+
+
+def _judge_end(folder, ledger, entries, comparison, newest):
+    count, close, covered = len(ledger), entries.close, folder.covered
+    if ledger.torn:
+        damaged = newest > count or (close is not None and ledger.torn.too_long)
+        folder.report("ledger-end-damaged" if damaged else "ledger-torn", f"line {count}")
+    if count == 0:
+        folder.report("open-missing", "no whole line")
+    if close is None:
+        folder.report("not-closed", "there is no close")
+    elif covered <= close:
+        folder.report("close-not-covered", f"line {close}")
+    elif covered < count:
+        known = comparison.knows_beyond(covered)
+        if not known and entries.only(covered, count, ()):
+            folder.report("token-not-covered", f"from line {covered}")
+        elif not known and entries.only(covered, count, entries.aftermath):
+            folder.report("end-not-covered", f"from line {covered}")
+        else:
+            folder.report("ledger-not-covered", f"from line {covered}")
+
+
+def _judge_name(folder, entries, file):
+    path = file.path
+    if path in ("ledger.jsonl", "device.pub") or path in entries.named or (file.kind != "folder" and size_of_note(path)):
+        return "named"
+    if file.kind == "folder":
+        return "named" if entries.is_folder(path) else "unnamed"
+    if path.startswith("authorities/"):
+        return entries.judge_authority(file)
+    part, whole = path.endswith(".part"), path.removesuffix(".part")
+    stream = entries.streams.get(path.split("/")[1]) if path.startswith("segments/") and path.count("/") == 2 else None
+    index = stream.index_of(whole) if stream else None
+    if entries.close is None and index is not None and not part and _follows(folder, stream, index):
+        return "segment"
+    if stream and index is not None and index >= (stream.next_index or 0) and stream.gaps and max(g[1] for g in stream.gaps) >= (stream.end or 0):
+        return "part" if part else "segment"
+    token = token_of_path(whole)
+    if entries.close is None or entries.recovered:
+        if part and file.kind == "regular" and (size_of_note(whole) or token or index is not None):
+            return "part"
+        if token and not part:
+            return "token"
+    if entries.close is None:
+        return "unnamed"
+    if part:
+        return "part" if token or size_of_note(whole) else "unnamed"
+    if token and file.kind == "regular":
+        try:
+            read = stamp.parse((folder.path / path).read_bytes())
+            data = (folder.path / f"checkpoints/{token[0]:08d}.note").read_bytes()
+            return "token" if read.imprint == hashlib.sha256(data).digest() else "unnamed"
+        except (stamp.Malformed, ValueError, IndexError, KeyError, OSError):
+            return "unnamed"
+    return "unnamed"
+
+
+def _follows(folder, stream, index):
+    """Whether a finished segment follows the stream's last entered one without a hole."""
+    regular = {f.path for f in folder.listing if f.kind == "regular"}
+    first = stream.next_index or 0
+    return index >= first and all(any(stream.path(i, e) in regular for e in stream.extensions) for i in range(first, index))
+
+
+def _judge_carrying_on(folder, path, entries):
+    opening = entries.opening
+    events = next((s for s in opening["streams"] if s["name"] == "events" and s["kind"] == "events"), None)
+    carried = CARRIES_ON.fullmatch(events["source"]) if events else None
+    later = ANNOUNCES.fullmatch(entries.close_entry["reason"]) if entries.close_entry else None
+
+    def other(case):
+        """Lines and entries of the case that lies beside this one."""
+        try:
+            lines = (path.parent / case / "ledger.jsonl").read_bytes().split(b"\n")[:-1]
+        except OSError:
+            return None
+        found = []
+        for line in lines:
+            try:
+                found.append(strict_json.parse(line))
+            except strict_json.Malformed:
+                found.append(None)
+        return lines, found
+
+    def says(holds):
+        folder.report("carrying-on-holds" if holds else "carrying-on-broken", "the case beside it")
+
+    def root_of(lines, size):
+        return merkle.root([merkle.leaf(line) for line in lines[:size]]).hex() if len(lines) >= size else None
+
+    def begins(found, case):
+        return bool(found and found[0] and found[0].get("type") == "open" and found[0]["case"] == case and found[0]["device"] == opening["device"])
+
+    if carried:
+        case, size, root = carried[1], int(carried[2]), carried[3]
+        beside = other(case)
+        if beside is None:
+            folder.report("carried-on-not-here", case)
+        else:
+            lines, found = beside
+            closes = [e for e in found[:size] if e and e.get("type") == "close"]
+            announced = ANNOUNCES.fullmatch(closes[-1]["reason"]) if closes else None
+            says(root_of(lines, size) == root and announced is not None and announced[1] == opening["case"] and begins(found, case))
+    if later:
+        beside = other(later[1])
+        if beside is None:
+            folder.report("carried-on-not-here", later[1])
+        else:
+            lines, found = beside
+            source = next((s["source"] for s in found[0]["streams"] if s["name"] == "events"), "") if begins(found, later[1]) else ""
+            named = CARRIES_ON.fullmatch(source)
+            own = (path / "ledger.jsonl").read_bytes().split(b"\n")[:-1]
+            says(named is not None and named[1] == opening["case"] and root_of(own, int(named[2])) == named[3])
+
+
+class PartOfLedger(Ledger):
+    """Lines of an excerpt, with the subtrees over what lies before them."""
+
+    def __init__(self, data, report, first, left):
+        super().__init__(data, "case-ledger", 4, report, first, 1 << 62)
+        sizes = [1 << bit for bit in range(first.bit_length() - 1, -1, -1) if first >> bit & 1]
+        self.left = [bytes.fromhex(h) for h in left] if len(left) == len(sizes) else None
+
+    def root(self, size):
+        if self.left is None or size <= self.first:
+            return None
+        if size not in self._roots:
+            self._roots[size] = merkle.root_behind(self.left, self.first, self.leaves[:size - self.first])
+        return self._roots[size]
+
+
+def verify_excerpt(path, trust):
+    folder = Folder(path, trust)
+    text = (path / "excerpt.json").read_bytes()
+    try:
+        if len(text) > 4194304 or not text.endswith(b"\n"):
+            raise strict_json.Malformed("too long, or without a line feed at its end")
+        document = strict_json.parse(text[:-1])
+        schema.check(document, schema.load("excerpt"))
+        if document["to_ns"] <= document["from_ns"] or document["size"] <= document["first_entry"]:
+            raise strict_json.Malformed("a range is empty")
+    except (strict_json.Malformed, schema.Unfit) as e:
+        return Judgement([("excerpt-malformed", str(e))], True)
+    first, size, begin, end = document["first_entry"], document["size"], document["from_ns"], document["to_ns"]
+    report, selected, present = folder.report, set(), {f.path for f in folder.listing}
+
+    def wanted(segment):
+        meets = segment["start_ns"] < end and begin < max(segment["end_ns"], segment["start_ns"] + 1)
+        if segment["stream"] in document["streams"] and meets:
+            selected.add(segment["file"])
+            return True
+        return False
+
+    entries = Entries(folder, False, wanted)
+    opening, part = folder.read("ledger-open.jsonl"), folder.read("ledger-part.jsonl")
+    lines = None
+    if opening is not None and part is not None:
+        lines = _walk_excerpt(folder, entries, document, opening, part, trust)
+        if lines is not None:
+            _judge_reach(folder, entries, document, selected, lines)
+    origins = [entries.origin] if entries.device and entries.opening else []
+    folder.judge_outside(outside_notes(trust, False) if trust.log else trust.against, origins, lines, False)
+    entries.check_files(lambda file: file + ".header" in present)
+
+    def judge(file):
+        if file.path in ("excerpt.json", "ledger-open.jsonl", "ledger-part.jsonl", "device.pub"):
+            return "named"
+        if file.path == "subject.json.age":
+            return "unnamed"
+        segment = file.path.startswith("segments/")
+        if (file.path in entries.named and not segment) or file.path in selected or (file.kind != "folder" and size_of_note(file.path)):
+            return "named"
+        if file.path.endswith(".header"):
+            its = file.path.removesuffix(".header")
+            return "named" if its in selected and its in present else "unnamed"
+        if file.path.startswith("authorities/"):
+            return entries.judge_authority(file)
+        return "named" if file.kind == "folder" and entries.is_folder(file.path) else "unnamed"
+
+    folder.judge_names(judge)
+    entries.check_device_file()
+    return Judgement(folder.findings, True)
+
+
+def _walk_excerpt(folder, entries, document, opening, part, trust):
+    report, first, size = folder.report, document["first_entry"], document["size"]
+    open_lines = opening.split(b"\n")
+    if len(open_lines) < 2:
+        report("excerpt-malformed", "ledger-open.jsonl holds no whole line")
+        return None
+    if len(open_lines) != 2 or open_lines[1]:
+        report("excerpt-malformed", "ledger-open.jsonl holds more than one line")
+    open_line = open_lines[0]
+    signed_root = None
+    if size in folder.note_sizes:
+        try:
+            signed_root = note.parse_checkpoint(folder.read(f"checkpoints/{size:08d}.note", LARGEST_NOTE) or b"").root
+        except note.Malformed:
+            pass
+    if first > 0:
+        entries.take(0, Ledger(open_line + b"\n", "case-ledger", 4, report, 0, 1 << 62).entries[0])
+        if signed_root and merkle.root_by_inclusion(merkle.leaf(open_line), 0, size, [bytes.fromhex(h) for h in document["open_proof"]]) != signed_root:
+            report("excerpt-proof-invalid", "open")
+    lines = PartOfLedger(part, report, first, document["left"])
+    if first > 0:
+        proofs = {}
+        for each in document["earlier"]:
+            proofs.setdefault(each["size"], [bytes.fromhex(h) for h in each["proof"]])
+        for earlier in [s for s in folder.note_sizes if s <= first]:
+            before = len(folder.findings)
+            root = _root_stated(folder, earlier)
+            folder.judge_note(earlier, root, entries.device, entries.origin if entries.device else None)
+            if len(folder.findings) == before or folder.findings[-1][0] in ("checkpoint-cosigned", "checkpoint-of-other-origin"):
+                if not (earlier in proofs and signed_root and root and merkle.consistent(earlier, root, size, signed_root, proofs[earlier])):
+                    report("excerpt-proof-invalid", f"checkpoint {earlier}")
+    lines_begin, log, comparison = None, None, None
+    for number, entry in enumerate(lines.entries, first):
+        if number == 0 and lines.lines[0] != open_line:
+            report("excerpt-malformed", "ledger-open.jsonl is not the first line")
+        entries.take(number, entry)
+        if lines_begin is None:
+            lines_begin = entries.last_mono
+            if trust.log and entries.opening:
+                log = LogRead(trust.log, trust)
+                folder.findings += log.folder.findings
+            comparison = AgainstLog(log, entries, report)
+        entries.mono_at[number + 1] = entries.last_mono
+        if number + 1 in folder.note_sizes:
+            folder.judge_note(number + 1, lines.root(number + 1) or b"", entries.device, entries.origin if entries.device else None)
+    if lines.torn:
+        report("excerpt-malformed", "the last line is not whole")
+    if len(lines) != size:
+        report("excerpt-malformed", "the lines do not end where excerpt.json says")
+    if size not in folder.note_sizes:
+        report("checkpoint-missing", "nothing covers the lines")
+    if signed_root and lines.left is not None and len(lines) == size and lines.root(size) != signed_root:
+        report("excerpt-proof-invalid", "the root of the lines")
+    for beyond in [s for s in folder.note_sizes if s > len(lines)]:
+        folder.judge_note(beyond, None, entries.device, entries.origin if entries.device else None)
+    entries.finish(lines_begin if first > 1 else None)
+    if comparison:
+        comparison.settle(open_line, lines, folder.covered, False)
+    lines.begin_ns = lines_begin or 0
+    return lines
+
+
+def _root_stated(folder, size):
+    try:
+        return note.parse_checkpoint((folder.path / f"checkpoints/{size:08d}.note").read_bytes()).root
+    except (note.Malformed, OSError):
+        return b""
+
+
+def _judge_reach(folder, entries, document, selected, lines):
+    report, begin, end = folder.report, document["from_ns"], document["to_ns"]
+    last = max([entries.last_mono] + [s.end for s in entries.streams.values() if s.end is not None])
+    if entries.opening and (begin < entries.opening.get("begins_ns", 0) or begin >= last):
+        report("excerpt-outside-case", f"from {begin} ns")
+
+    def erased(file):
+        stream = entries.streams.get(file.split("/")[1])
+        index = stream.index_of(file.removesuffix(".part")) if stream else None
+        return index is not None and stream.is_erased(index)
+
+    if all(erased(file) for file in selected):
+        report("excerpt-empty", "no segment")
+    totals = entries.close_entry["totals"] if entries.close_entry else {}
+    for name in document["streams"]:
+        if name not in entries.streams:
+            report("excerpt-malformed", f"{name} is no stream of the case")
+        elif not entries.streams[name].shows_all_of(begin, end, lines.first <= 1, lines.begin_ns, entries.close is not None, totals.get(name, {}).get("segments")):
+            report("excerpt-range-short", name)
+    if entries.opening and document["case"] != entries.opening["case"]:
+        report("excerpt-malformed", "it names another case")
+    if entries.tokens and entries.largest_checkpoint <= (entries.last_checked or 0):
+        report("excerpt-no-later-token", f"line {entries.last_checked}")

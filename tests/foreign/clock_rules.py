@@ -1,0 +1,191 @@
+"""Whether the authorities' clocks and the case clock agree (docs/reference/format.md, "Clocks" and "Checkpoints and tokens")."""
+import bisect
+import dataclasses
+
+from stamp import nanoseconds
+
+SECOND = 1_000_000_000
+SLACK = 2 * SECOND
+DRIFT = 2000                     # one part in so many: 0.05 %
+SLEW_PPB, FASTEST_PPB = 200_000, 100_500_000
+
+
+@dataclasses.dataclass
+class Timed:
+    """A token in the ledger, with when it was made by the case clock."""
+    entry: int
+    checkpoint: int
+    gen_ns: int
+    accuracy_ns: int
+    latest_extra_ns: int          # what gen_ns may lack where whole seconds and no accuracy are stated
+    root: str                     # of whose authority, "" where no path was found
+    authority: str
+    outside: bool
+    ordered: bool
+    written_ns: int
+    earliest_ns: int | None
+    latest_ns: int
+    over_end: bool
+    stands: bool                  # over the end, and nobody says when by the case clock
+    recoveries: int
+
+    @property
+    def earliest(self):
+        return self.gen_ns - self.accuracy_ns
+
+    @property
+    def latest(self):
+        return self.gen_ns + (self.accuracy_ns or self.latest_extra_ns)
+
+
+class Slews:
+    """By how much stated slews may have moved the case clock up to a moment, either way."""
+
+    def __init__(self):
+        self.stretches, self.stated = [[0, 0, 0]], 0     # from, moved before, rate
+
+    def add(self, rate_ppb, mono_ns):
+        rate = min(abs(rate_ppb), FASTEST_PPB)
+        slew = rate if rate > SLEW_PPB else 0
+        self.stretches[-1][2] = max(self.stated, slew)
+        begins = slew > 0 and self.stated == 0
+        self.stated = slew
+        self._begin(mono_ns, FASTEST_PPB if begins else slew)
+
+    def cut_off(self, mono_ns):
+        self.stated = 0
+        self._begin(mono_ns, 0)
+
+    def _begin(self, from_ns, rate):
+        later = max(self.stretches[-1][0], from_ns)
+        self.stretches.append([later, self.until(later), rate])
+
+    def until(self, mono_ns):
+        moment = max(mono_ns, 0)
+        begins, moved, rate = self.stretches[bisect.bisect_right([s[0] for s in self.stretches], moment) - 1]
+        return moved + (moment - begins) * rate // 10**9
+
+
+class ClockRules:
+    def __init__(self, report):
+        self.report, self.tokens, self.slews, self.steps, self.recoveries = report, [], Slews(), [], 0
+        self.seen = []
+
+    def take_rate(self, rate_ppb, mono_ns):
+        self.slews.add(rate_ppb, mono_ns)
+        self.seen.append(mono_ns)
+
+    def take_step(self, step_ns, mono_ns):
+        self.steps.append((mono_ns, step_ns))
+
+    def take_recovered(self):
+        self.recoveries += 1
+        if self.seen:
+            self.slews.cut_off(max(self.seen))
+
+    def take(self, token):
+        self.tokens.append(token)
+        self.seen.append(token.written_ns)
+
+    def _compare(self, before, now):
+        """By how much the authority's time between two tokens differs beyond what is tolerated: (excess, late, is it ahead)."""
+        longest, shortest = now.latest_ns - before.earliest_ns, now.earliest_ns - before.latest_ns
+        elapsed = now.gen_ns - before.gen_ns
+        slewed = self.slews.until(now.latest_ns) - self.slews.until(before.earliest_ns)
+        tolerance = SLACK + before.accuracy_ns + now.accuracy_ns + longest // DRIFT + slewed
+        too_slow, too_fast = shortest - tolerance - elapsed, elapsed - longest - tolerance
+        return max(too_slow, 0 if now.stands else too_fast), (too_fast if now.stands else 0), elapsed > longest
+
+    def finish(self):
+        """Says what the clocks contradict; gives back the roots of authorities whose clock was set."""
+        paces, agreeing, contradictions, disagreements, late, end_compared, order = {}, {}, [], [], None, False, {}
+        recoveries = 0
+        for now in self.tokens:
+            if now.recoveries != recoveries:
+                recoveries, paces = now.recoveries, {}
+            found = None
+            if now.earliest_ns is not None:
+                pace = paces.setdefault(now.root or now.authority, [])
+                found = next((b for b in pace if self._compare(b, now)[0] > 0), None)
+                if now.stands and now.outside and pace:
+                    by = self._compare(pace[-1], now)[1]
+                    late = by if late is None else min(late, by)
+                end_compared = end_compared or (now.outside and now.over_end and not now.stands)
+                if not now.stands:
+                    goes_on = bool(pace) and found is None
+                    if not goes_on:
+                        pace.clear()
+                    pace.append(now)
+                    if now.outside:
+                        spans = agreeing.setdefault(now.root, [])
+                        if goes_on:
+                            spans[-1][1] = now.written_ns
+                        else:
+                            spans.append([now.written_ns, now.written_ns])
+                if found is not None:
+                    excess, _, ahead = self._compare(found, now)
+                    one = (now.root, found.written_ns, now.written_ns, ahead, excess)
+                    (contradictions if now.outside else disagreements).append(one)
+            if now.outside:
+                before = [t for t in order.get(now.root, []) if t.entry < now.checkpoint]
+                slack = 0 if now.ordered else SLACK
+                if found is None and before and max(t.earliest for t in before) - now.latest > slack:
+                    self.report("token-order", f"entry {now.entry}")
+                order.setdefault(now.root, []).append(now)
+        were_set = self._contradictions(contradictions, agreeing)
+        for _, begin, end, _, excess in disagreements:
+            if excess > self._stepped(begin, end):
+                self.report("clock-disagreement", f"{begin} to {end} ns")
+        if self.seen and self.slews.until(max(self.seen)) - self.slews.until(self.seen[0]) >= SECOND:
+            self.report("clock-slews-allowed-for", "1 s or more")
+        if late is not None and late > 0 and not end_compared:
+            self.report("end-stamped-late", f"by {late} ns")
+        return were_set
+
+    def _stepped(self, begin, end):
+        return sum(abs(step) for mono, step in self.steps if begin - SLACK <= mono <= end + SLACK)
+
+    def _contradictions(self, contradictions, agreeing):
+        were_set = set()
+        for one in contradictions:
+            root, begin, end, ahead, excess = one
+            shared = any(o[0] != root and o[3] == ahead and o[1] < end and begin < o[2] for o in contradictions)
+            confirmed = any(r != root and any(s[0] <= begin and end <= s[1] for s in spans) for r, spans in agreeing.items())
+            if shared:
+                self.report("authority-clock-differs" if excess <= self._stepped(begin, end) else "clock-contradicted", f"{begin} to {end} ns")
+            elif confirmed:
+                self.report("authority-clock-set", f"{begin} to {end} ns")
+                were_set.add(root)
+            else:
+                self.report("authority-clock-differs", f"{begin} to {end} ns")
+        if all(one[0] in were_set for one in contradictions):
+            self._compare_authorities(were_set)
+        return were_set
+
+    def _compare_authorities(self, left_out):
+        order, pace, recoveries = [], [], 0
+        for now in self.tokens:
+            if not now.outside or now.checkpoint == 0 or now.root in left_out:
+                continue
+            covered = [t for t in order if t.entry < now.checkpoint]
+            before = max(covered, key=lambda t: t.earliest) if covered else None
+            breach = before is not None and before.root != now.root and before.earliest - now.latest > SLACK
+            if breach:
+                self.report("authorities-disagree", f"entry {now.entry}")
+            order.append(now)
+            if now.earliest_ns is None:
+                continue
+            if now.recoveries != recoveries:
+                recoveries, pace = now.recoveries, []
+            found = next((b for b in pace if self._compare(b, now)[0] > 0), None)
+            if found is not None and found.root != now.root and not breach:
+                self.report("authorities-disagree", f"entry {now.entry}")
+            if not now.stands:
+                if found is not None:
+                    pace = []
+                pace.append(now)
+
+
+def first_zero_ns(opening):
+    """UTC at which the case clock was zero."""
+    return nanoseconds(opening["utc"]) - opening["mono_ns"]

@@ -1,0 +1,333 @@
+#!/usr/bin/env python3
+"""Cases go both ways between the programs and the writer and verifier of this folder; forged ones are judged alike.
+
+Usage: exchange_test.py PROGRAMS [unittest's arguments]
+  PROGRAMS   the folder of kiroku, kirokud and kiroku-verify
+"""
+import concurrent.futures
+import csv
+import dataclasses
+import json
+import os
+import pathlib
+import random
+import re
+import select
+import shutil
+import signal
+import socket
+import subprocess
+import sys
+import tempfile
+import time
+import unittest
+
+import age
+import case_verifier
+import case_writer as w
+import forgeries
+import log_verifier
+import note
+import schema
+import stamp
+import strict_json
+import verifier
+from case_writer import MS, SECOND
+
+HERE = pathlib.Path(__file__).resolve().parent
+PROGRAMS = None
+NOBODY = 65534
+LONGEST_WAIT_S = 60   # it only ends a test that fails
+
+
+def codes_of(report):
+    return {finding["code"] for finding in report["findings"]}
+
+
+class Exchange(unittest.TestCase):
+    @classmethod
+    def setUpClass(cls):
+        cls.scratch = pathlib.Path(tempfile.mkdtemp())
+        cls.scratch.chmod(0o755)
+        cls.addClassCleanup(shutil.rmtree, cls.scratch, True)
+        # Certificates begin now, and tokens are made for moments after that.
+        cls.world = forgeries.World(note.Signer("or3", bytes(range(32))), note.Signer("witness", bytes([3] * 32)), stamp.Authority(cls.scratch / "outside", "outside"),
+                                    stamp.Authority(cls.scratch / "second", "second"), stamp.Authority(cls.scratch / "own", "own"), age.Identity(bytes([1] * 32)),
+                                    (int(time.time()) + 3600) * SECOND)
+
+    def ask(self, program, *arguments, user=None, home="none"):
+        return subprocess.run([PROGRAMS / program, *map(str, arguments)], capture_output=True, text=True, user=user, timeout=LONGEST_WAIT_S,
+                              env={**os.environ, "KIROKU_HOME": str(self.scratch / home)})
+
+    def given_as_options(self, given, folder):
+        """What both verifiers understand."""
+        options = []
+        for option, texts in (("--device", given.devices), ("--trust", given.roots), ("--own-authority", given.own)):
+            for i, text in enumerate(texts):
+                path = folder / f"given{option}{i}"
+                path.write_text(f"{text}\n" if option == "--device" else text)
+                options += [option, path]
+        options += ["--log", given.log] if given.log else []
+        for path in given.against:
+            options += ["--against", path]
+        return options + (["--as-log"] if given.as_log else [])
+
+    def of_ours(self, given, folder):
+        options = self.given_as_options(given, folder)
+        program = ["kiroku-verify"]
+        if given.identity:
+            (folder / "identity.txt").write_text(given.identity + "\n")
+            program, options = ["kiroku", "verify"], options + ["--identity", folder / "identity.txt"]
+        user = NOBODY if given.unprivileged and os.geteuid() == 0 else None
+        done = self.ask(*program, "--json", "--threads", "1", *options, given.path, user=user)
+        self.assertIn(done.returncode, (0, 1, 3, 4), done.stderr)
+        report = json.loads(done.stdout)
+        return report["verdict"], codes_of(report)
+
+    def of_the_other(self, given, folder):
+        if given.unprivileged:
+            done = subprocess.run([sys.executable, "-B", HERE / "verify.py", *map(str, self.given_as_options(given, folder)), given.path], capture_output=True, text=True,
+                                  check=True, user=NOBODY if os.geteuid() == 0 else None)
+            answer = json.loads(done.stdout)
+            return answer["verdict"], set(answer["codes"])
+        trust = verifier.Trust(tuple(given.devices), "".join(given.roots), "".join(given.own), given.log, tuple(given.against))
+        judgement = (log_verifier.verify_log if given.as_log else case_verifier.verify_case)(given.path, trust)
+        return judgement.verdict, judgement.codes
+
+    def forge(self, name, make):
+        folder = self.scratch / "forged" / name
+        folder.mkdir(parents=True)
+        given = make(dataclasses.replace(self.world, folder=folder))
+        answers = self.of_ours(given, folder), None if given.identity else self.of_the_other(given, folder)
+        shutil.rmtree(folder)
+        return answers
+
+    def test_every_finding_is_reached_and_both_verifiers_agree(self):
+        keyed = set(re.findall(r"^\| `([a-z-]+)` \|", (HERE / "README.md").read_text("utf-8"), re.M))
+        reached, judged = set(), set()
+        with concurrent.futures.ThreadPoolExecutor(2) as pool:
+            made = [(name, codes, pool.submit(self.forge, name, make)) for name, codes, make in forgeries.ALL]
+            for name, codes, future in made:
+                ours, other = future.result()
+                with self.subTest(name):
+                    self.assertLessEqual(set(codes), ours[1])
+                    if other is not None:
+                        self.assertEqual(other, ours)
+                        judged |= other[1]
+                    if not codes:
+                        self.assertIn(ours[0], ("intact", "intact-excerpt"))
+                reached |= ours[1]
+        self.assertEqual(reached, set(verifier.severities()))
+        self.assertEqual(reached - judged, keyed, "README.md lists the codes that only our program judges")
+        print(f"{len(made)} folders reach all {len(reached)} codes; both verifiers agree on each of the {len(judged)} that need no key", file=sys.stderr)
+
+    def test_our_program_reads_the_other_writers_case(self):
+        folder = self.scratch / "written"
+        folder.mkdir()
+        case, lines = self.case_of_lines()
+        written = case.write(folder)
+        given = self.world.given(written.folder)
+        self.assertEqual(self.of_the_other(given, folder), ("intact", set()))
+        self.assertEqual(self.of_ours(given, folder), ("intact", set()))
+        (folder / "identity.txt").write_text(f"{self.world.reader}\n")
+        options = self.given_as_options(given, folder)
+        report = json.loads(self.ask("kiroku", "verify", "--json", "-i", folder / "identity.txt", *options, written.folder).stdout)
+        self.assertEqual((report["verdict"], report["findings"], report["time"]), ("intact", [], "external"))
+        self.assertEqual((report["contents"]["opened"], report["contents"]["decoded"]), (3, 3))
+
+        def export(stream, name):
+            done = self.ask("kiroku", "export", written.folder, "-i", folder / "identity.txt", "--stream", stream, "-o", folder / name)
+            self.assertEqual(done.returncode, 0, done.stderr)
+            return (folder / name).read_text("utf-8")
+
+        self.assertEqual(export("vitals", "vitals.jsonl"), "".join(lines["vitals"]))
+        self.assertEqual(export("pointing", "pointing.jsonl"), "".join(lines["pointing"]))
+        table = list(csv.DictReader(export("vitals", "vitals.csv").splitlines()))
+        self.assertIn("97.5", str(table))
+        for line in lines["vitals"]:
+            schema.check(strict_json.parse(line.rstrip("\n").encode(), fractions=True), schema.load("vital-lines"))
+
+        # age's own program reads what was sealed here.
+        if shutil.which("age"):
+            sealed = written.folder / "segments/vitals/00000000.jsonl.age"
+            done = subprocess.run(["age", "-d", "-i", folder / "identity.txt", sealed], capture_output=True, check=True)
+            self.assertEqual(done.stdout.decode(), "".join(lines["vitals"]))
+
+    def test_the_worked_example_is_a_case(self):
+        maker = HERE.parents[1] / "docs/reference/make_example.py"
+        subprocess.run([maker, "--check"], check=True)
+        made = subprocess.run([maker, "--write", self.scratch / "example"], check=True, capture_output=True, text=True)
+        path = pathlib.Path(made.stdout.strip())
+        given = self.world.given(path, devices=[note.parse_key((path / "device.pub").read_text().strip())])
+        self.assertEqual(self.of_ours(given, self.scratch / "example"), ("unproven", {"no-token"}))
+        self.assertEqual(self.of_the_other(given, self.scratch / "example"), ("unproven", {"no-token"}))
+
+    def case_of_lines(self):
+        """A case of a second and a half: lines of every kind, their keys in any order, with blanks; tokens asked of `openssl ts` now."""
+        world, shuffled = self.world, random.Random(5)
+        to = [world.reader.recipient]
+        utc_ns = time.time_ns() // 1000 * 1000
+        case_id = stamp.text_of(utc_ns)[:19].replace("-", "").replace(":", "") + "Z-0f0e1611"
+        case = w.Case(case_id, world.device, utc_ns, [w.stream(name, kind, "application/jsonl", to) for name, kind in (("vitals", "vitals"), ("events", "events"), ("pointing", "events"))])
+
+        def line(**members):
+            pairs = list(members.items())
+            shuffled.shuffle(pairs)
+            return re.sub(r"^{", "{ ", json.dumps(dict(pairs), separators=(" , ", " : "))) + "\n"
+
+        utc = stamp.text_of(utc_ns)
+        vitals = [line(time_ns=0, code="MDC_PULS_OXIM_SAT_O2", mdc=150456, value=97.5, unit="%", source="a", quality="good"),
+                  line(time_ns=1, code="KIROKU_X", value=None, unit="", source="", quality="missing", device_time=utc),
+                  line(time_ns=2, code="MDC_ECG_ELEC_POTL", rate_hz=500, values=[0.5, None, -2e-3], unit="mV", source="a", quality="questionable"),
+                  line(time_ns=3, kind="text", code="MDC_MODE", text="Alert", source="a"),
+                  line(time_ns=4, kind="alarm", code="MDC_EVT_HI", text="high", about="MDC_PULS_RATE", phase="start", state="active", priority="PH", source="a"),
+                  line(time_ns=5, kind="message", answer="AA", text="MSH|\r", source="a"), line(time_ns=6, kind="message", answer="", base64="/w==", source="a"),
+                  line(time_ns=7, kind="device-clock", zero=utc, spread_ns=-3, messages=2, source="a"),
+                  line(time_ns=8, kind="notice", notice="segment-unknown", text="ZZZ", source="a")]
+        event, commitment = w.event_line(bytes([7] * 32), {"text": "clip placed", "kind": "mark", "utc": utc, "time_ns": 9})
+        pointing = [line(time_ns=10, by="Dr. Sato", role="guest", stream="vitals", x=0.25, y=1, picture_ns=3)]
+        case.add("clock", MS, synchronised=True, offset_ns=0, error_ns=1000, step_ns=0)
+        case.checkpoint()
+        case.token(world.outside, 500 * MS)
+        case.add("mark", 600 * MS, commitment=commitment)
+        for stream, text, count in (("vitals", "".join(vitals), len(vitals)), ("events", event.decode(), 1), ("pointing", pointing[0], 1)):
+            case.segment(stream, 0, 0, 1400 * MS, age.seal(text.encode(), [world.reader.public]), count, mono_ns=1450 * MS)
+        case.close(1500 * MS)
+        case.checkpoint()
+        case.token(world.outside, 1600 * MS)
+        case.checkpoint()
+        return case, {"vitals": vitals, "events": [event.decode()], "pointing": pointing}
+
+    def test_the_other_verifier_reads_our_case(self):
+        self.assertEqual(self.ask("kiroku", "init", "--demo", home="home").returncode, 0)
+        home = self.scratch / "home"
+        with socket.socket() as probe:
+            probe.bind(("127.0.0.1", 0))
+            port = probe.getsockname()[1]
+        config = home / "kiroku.toml"
+        config.write_text(config.read_text() + f"""
+[[room]]
+name = "or-1"
+[[room.stream]]
+name = "endoscope"
+source = "synthetic:endoscope?size=64x48&rate=10"
+[[room.stream]]
+name = "vitals"
+kind = "vitals"
+source = "mllp://127.0.0.1:{port}"
+[daemon]
+socket = "{self.scratch}/s"
+""")
+        (self.scratch / "subject.json").write_text('{"patient":{"id":"7"},"procedure":{"description":"cholecystectomy"},"staff":[]}')
+        with subprocess.Popen([PROGRAMS / "kirokud"], stderr=subprocess.STDOUT, stdout=subprocess.PIPE, env={**os.environ, "KIROKU_HOME": str(home)}) as daemon:
+            try:
+                self.await_text(daemon, b"recording for 1 room")
+                case = json.loads(self.ask("kiroku", "case", "start", "--subject", self.scratch / "subject.json", "--json", home="home").stdout)["case"]
+                self.deliver(port)
+                self.assertEqual(self.ask("kiroku", "case", "mark", "clip placed", home="home").returncode, 0)
+                changed = self.ask("kiroku", "case", "profile", "lossless", "--camera", "endoscope", "--why", "resection begins", home="home")
+                self.assertEqual(changed.returncode, 0, changed.stderr)
+                self.await_entry(home / "archive" / case / "ledger.jsonl", lambda entry: entry.get("profile") == "lossless")
+                self.assertEqual(self.ask("kiroku", "case", "stop", home="home").returncode, 0)
+            finally:
+                daemon.send_signal(signal.SIGTERM)
+                daemon.stdout.read()
+        self.assertEqual(daemon.returncode, 0)
+        archive, folder = home / "archive", self.scratch / "judged"
+        folder.mkdir()
+        given = forgeries.Given(archive / case, [note.parse_key((home / "device.pub").read_text().strip())], [], [(home / "own-authority.pem").read_text()], archive / "log")
+        self.assertEqual(self.of_ours(given, folder), ("intact", set()))
+        self.assertEqual(self.of_the_other(given, folder), ("intact", set()))
+        log = dataclasses.replace(given, path=archive / "log", log=None, as_log=True)
+        self.assertEqual(self.of_the_other(log, folder), self.of_ours(log, folder))
+        changed = shutil.copytree(archive / case, self.scratch / "changed" / case)
+        with open(min((changed / "segments/endoscope").iterdir()), "r+b") as film:
+            film.seek(300)
+            film.write(b"x")
+        changed = dataclasses.replace(given, path=changed)
+        self.assertEqual(self.of_the_other(changed, folder), self.of_ours(changed, folder))
+        self.assertEqual(self.of_the_other(changed, folder), ("tampered", {"file-hash-differs"}))
+
+        done = self.ask("kiroku", "excerpt", case, "--from", "0", "--to", "1", "--stream", "endoscope", "-o", self.scratch / "excerpt", home="home")
+        self.assertEqual(done.returncode, 0, done.stderr)
+        excerpt = dataclasses.replace(given, path=self.scratch / "excerpt")
+        self.assertEqual(self.of_the_other(excerpt, folder), self.of_ours(excerpt, folder))
+        self.assertEqual(self.of_the_other(excerpt, folder)[0], "intact-excerpt")
+        self.check_schemas(archive, case)
+
+    def check_schemas(self, archive, case):
+        """All that the programs wrote is of the schemas, and every kind of line that they should have written is there."""
+        seen = set()
+
+        def fits(line, name, **options):
+            value = strict_json.parse(line, **options)
+            schema.check(value, schema.load(name))
+            seen.add(f"{name}:{value.get('type', value.get('kind', ''))}")
+            return value
+
+        for line in (archive / case / "ledger.jsonl").read_bytes().splitlines():
+            fits(line, "case-ledger")
+        for line in (archive / "log/ledger.jsonl").read_bytes().splitlines():
+            fits(line, "appliance-log", levels=1)
+        fits((self.scratch / "excerpt/excerpt.json").read_bytes().rstrip(b"\n"), "excerpt")
+        identity = self.identity_of(self.scratch / "home/identity.txt")
+        for path in sorted((archive / case / "segments").glob("*/*.jsonl.age")):
+            for line in age.unseal(path.read_bytes(), identity).splitlines():
+                if path.parent.name == "vitals":
+                    fits(line, "vital-lines", fractions=True)
+                else:
+                    fits(fits(line, "event-lines")["event"].encode(), "events")
+        fits(age.unseal((archive / case / "subject.json.age").read_bytes(), identity), "subject")
+        for kind in ("open", "clock", "segment", "token", "mark", "close"):
+            self.assertIn(f"case-ledger:{kind}", seen)
+        for kind in ("boot", "case-opened", "case-closed", "shutdown"):
+            self.assertIn(f"appliance-log:{kind}", seen)
+        for kind in ("", "text", "alarm", "message", "device-clock", "notice"):
+            self.assertIn(f"vital-lines:{kind}", seen)
+        self.assertLessEqual({"events:mark", "events:profile", "subject:", "excerpt:"}, seen)
+
+    @staticmethod
+    def identity_of(path):
+        text = re.search(r"AGE-SECRET-KEY-1([A-Z0-9]+)", path.read_text())[1].lower()
+        bits = 0
+        for character in text[:-6]:
+            bits = bits << 5 | "qpzry9x8gf2tvdw0s3jn54khce6mua7l".index(character)
+        return age.Identity((bits >> 5 * len(text[:-6]) - 256).to_bytes(32, "big"))
+
+    def await_text(self, process, wanted):
+        seen, until = b"", time.monotonic() + LONGEST_WAIT_S
+        while wanted not in seen:
+            self.assertTrue(select.select([process.stdout], [], [], until - time.monotonic())[0], seen.decode(errors="replace"))
+            more = os.read(process.stdout.fileno(), 65536)
+            self.assertTrue(more, seen.decode(errors="replace"))
+            seen += more
+
+    def await_entry(self, ledger, holds):
+        """Until the ledger has such a line; the recorder is asked for its state in between, which takes it a moment."""
+        until = time.monotonic() + LONGEST_WAIT_S
+        while not any(holds(json.loads(line)) for line in ledger.read_bytes().splitlines(True) if line.endswith(b"\n")):
+            self.assertLess(time.monotonic(), until)
+            self.ask("kiroku", "status", "--json", home="home")
+
+    def deliver(self, port):
+        """Messages of a monitor over MLLP, each acknowledged."""
+        oxygen = "OBX|1|NM|150456^MDC_PULS_OXIM_SAT_O2^MDC|1.3.1.150456|97.5|262688^MDC_DIM_PERCENT^MDC\r"
+        messages = ["MSH|^~\\&|MON||||20260101120000+0000||ORU^R01|1|P|2.6\r" + oxygen + "OBX|2|ST|2267^COMEN_ACVPU^99COMEN||Alert\rZZZ|1\r",
+                    "MSH|^~\\&|MON||||20260101120001+0000||ORU^R40|2|P|2.6\rOBX|1|CWE|196616^MDC_EVT_ALARM^MDC|1.1.0.0.1|196670^MDC_EVT_HI^MDC\r",
+                    "MSH|^~\\&|MON||||20260101120002+0000||ORU^R01|3|P|2.6||||||8859/1\rNTE|1||M\xfcller\r" + oxygen]
+        with socket.create_connection(("127.0.0.1", port), timeout=LONGEST_WAIT_S) as monitor:
+            for message in messages:
+                monitor.sendall(b"\x0b" + message.encode("latin-1") + b"\x1c\r")
+                answer = b""
+                while not answer.endswith(b"\x1c\r"):
+                    more = monitor.recv(4096)
+                    self.assertTrue(more, answer)
+                    answer += more
+                self.assertIn(b"MSA|AA", answer)
+
+
+if __name__ == "__main__":
+    if len(sys.argv) < 2:
+        sys.exit(__doc__)
+    PROGRAMS = pathlib.Path(sys.argv.pop(1)).resolve()
+    unittest.main()

@@ -1,0 +1,1486 @@
+"""Folders that reach every finding code, made by the writer: sound ones with one thing wrong, signed by whoever would sign it.
+
+Each function has the codes that it is for in its decorator. It gets a World, in which it may write below `folder`, and
+gives back what a verifier is to be given.
+"""
+import dataclasses
+import hashlib
+import json
+import os
+import pathlib
+
+import age
+import case_writer as w
+import note
+import stamp
+from case_writer import MS, SECOND, Checkpoint, Entry, Token
+
+ALL = []
+
+
+@dataclasses.dataclass
+class Given:
+    """A folder, and what a verifier is given beside it."""
+    path: pathlib.Path
+    devices: list
+    roots: list                  # texts of PEM certificates of outside authorities
+    own: list = dataclasses.field(default_factory=list)
+    log: pathlib.Path | None = None
+    against: list = dataclasses.field(default_factory=list)
+    as_log: bool = False
+    identity: str | None = None  # then our program alone judges
+    unprivileged: bool = False   # judged by a user who may not read all
+
+
+def reaches(*codes):
+    def mark(function):
+        ALL.append((function.__name__, codes, function))
+        return function
+    return mark
+
+
+@dataclasses.dataclass
+class World:
+    """Keys and authorities that all forgeries share, and the folder of one."""
+    device: note.Signer
+    stranger: note.Signer
+    outside: stamp.Authority
+    second: stamp.Authority
+    own: stamp.Authority
+    reader: age.Identity
+    utc_ns: int
+    folder: pathlib.Path = None
+    sealed: dict = dataclasses.field(default_factory=dict)
+
+    def seal(self, name, plain):
+        """A small age file; the same for the same name."""
+        if name not in self.sealed:
+            self.sealed[name] = age.seal(plain, [self.reader.public])
+        return self.sealed[name]
+
+    @property
+    def case_id(self):
+        return stamp.text_of(self.utc_ns)[:19].replace("-", "").replace(":", "") + "Z-3f9c21ab"
+
+    def given(self, path, **more):
+        return Given(**{"path": pathlib.Path(path), "devices": [self.device.key], "roots": [self.outside.root], **more})
+
+    def streams(self, **timing):
+        to = [self.reader.recipient]
+        return [w.stream("endoscope", "video", "video/mp2t", to, source="/dev/video0", timing=timing.get("endoscope", "arrival")),
+                w.stream("vitals", "vitals", "application/jsonl", to, source="synthetic:patient"),
+                w.stream("events", "events", "application/jsonl", to, source=timing.get("events", "operator"), purpose="marks")]
+
+    def begin(self, log_state=None, case_id=None, utc_ns=None, stamped=True, streams=None):
+        case = w.Case(case_id or self.case_id, self.device, utc_ns or self.utc_ns, streams or self.streams(), *([log_state] if log_state else []))
+        case.add("clock", MS, synchronised=True, offset_ns=-1200, error_ns=250_000, step_ns=0)
+        case.checkpoint()
+        if stamped:
+            case.token(self.outside, 100 * MS, gen_ns=90 * MS)
+        return case
+
+    def record(self, case, first, end, only=("endoscope", "vitals")):
+        """Segments of 5 s, numbers [first, end)."""
+        for i in range(first, end):
+            for name, count in (("endoscope", 125), ("vitals", 5)):
+                if name in only:
+                    case.segment(name, i, 5 * i * SECOND, 5 * (i + 1) * SECOND, self.seal(f"{name} {i}", f"{name} {i}\n".encode()), count)
+
+    def end(self, case, at, authority=None, **token):
+        case.close(at)
+        case.checkpoint()
+        case.token(authority or self.outside, at + 150 * MS, **{"gen_ns": at + 140 * MS, **token})
+        case.checkpoint()
+        return case
+
+    def sound(self, **begin):
+        """20 s of a film and a monitor, a mark, four checkpoints, three tokens."""
+        case = self.begin(**begin)
+        self.record(case, 0, 2)
+        case.checkpoint()
+        case.token(self.outside, 10_100 * MS, gen_ns=10_090 * MS)
+        line, commitment = w.event_line(bytes(range(32)), {"time_ns": 11 * SECOND, "utc": stamp.text_of(self.utc_ns + 11 * SECOND), "kind": "mark", "text": "clip placed"})
+        case.add("mark", 11 * SECOND, commitment=commitment)
+        self.record(case, 2, 4)
+        case.segment("events", 0, 10 * SECOND, 12 * SECOND, self.seal("events", line), 1, mono_ns=20_030 * MS)
+        return self.end(case, 20_040 * MS)
+
+    def write(self, case, **more):
+        return self.given(case.write(self.folder).folder, **more)
+
+
+@reaches()
+def sound(world):
+    return world.write(world.sound())
+
+
+# The ledger's lines
+
+
+@reaches("entry-malformed")
+def unknown_key(world):
+    case = world.sound()
+    case.find("mark").fields["more"] = 1
+    return world.write(case)
+
+
+@reaches("entry-malformed")
+def fraction(world):
+    case = world.sound()
+    case.find("mark").raw = b'{"type":"mark","seq":9,"utc":"2026-08-05T09:15:02.000000Z","mono_ns":1.0,"commitment":"' + b"0" * 64 + b'"}'
+    return world.write(case)
+
+
+@reaches()
+def other_order_of_keys_and_blanks(world):
+    case = world.sound()
+    mark = case.find("mark")
+    number = sum(isinstance(s, (Entry, Token)) for s in case.steps[:case.steps.index(mark)])
+    mark.raw = json.dumps({"commitment": mark.fields["commitment"], "mono_ns": mark.mono_ns, "utc": stamp.text_of(world.utc_ns + mark.mono_ns), "seq": number, "type": "mark"},
+                          indent=3).replace("\n", " ").encode()
+    return world.write(case)
+
+
+@reaches("entry-too-long")
+def long_line(world):
+    case = world.sound()
+    case.find("mark").raw = b'{"type":"mark"' + b" " * (1 << 20) + b"}"
+    return world.write(case)
+
+
+@reaches("ledger-unreadable", "more-findings")
+def lines_that_are_none(world):
+    case = world.sound()
+    at = case.steps.index(case.find("mark"))
+    case.steps[at:at] = [Entry("mark", 11 * SECOND, {}, raw=b"x") for _ in range(10_001)]
+    case.steps = [s for s in case.steps if not isinstance(s, (Checkpoint, Token))]
+    return world.write(case)
+
+
+@reaches("entry-out-of-sequence")
+def two_of_one_number(world):
+    case = world.sound()
+    case.find("mark").seq = 3
+    return world.write(case)
+
+
+@reaches("entry-after-close")
+def gap_after_close(world):
+    case = world.sound()
+    case.steps.insert(-1, Entry("gap", 20_300 * MS, {"stream": "vitals", "start_ns": 0, "end_ns": 1, "cause": "paused"}))
+    return world.write(case)
+
+
+def cut_off(world):
+    """A recording that a power cut ended after 10 s, found again at 15 s."""
+    case = world.begin()
+    world.record(case, 0, 2)
+    case.checkpoint()
+    case.token(world.outside, 10_100 * MS, gen_ns=10_090 * MS)
+    case.add("recovered", 15 * SECOND, boot_id="6a2c1d0e-0000-4000-8000-000000000002", after="power-loss", truncated="")
+    return case
+
+
+def recovered_end(world, case, begin=10 * SECOND):
+    for name in ("endoscope", "vitals"):
+        case.add("gap", 15 * SECOND, stream=name, start_ns=begin, end_ns=15 * SECOND, cause="interrupted")
+    case.close(15_100 * MS, "recovered")
+    case.checkpoint()
+    case.token(world.outside, 15_200 * MS, gen_ns=15_190 * MS)
+    case.checkpoint()
+    return case
+
+
+@reaches("entry-after-recovered")
+def clock_after_recovered(world):
+    case = cut_off(world)
+    case.add("clock", 15 * SECOND, synchronised=True, offset_ns=0, error_ns=0, step_ns=0)
+    return world.write(recovered_end(world, case))
+
+
+@reaches("erased-before-close")
+def early_erasure(world):
+    case = world.sound()
+    case.steps.insert(case.steps.index(case.find("mark")), Entry("erased", 11 * SECOND, {"stream": "vitals", "first_index": 0, "last_index": 0, "policy": "none"}))
+    return world.write(case)
+
+
+@reaches("open-missing")
+def no_open(world):
+    case = world.sound()
+    del case.steps[0]
+    return world.write(case)
+
+
+@reaches("open-repeated")
+def two_opens(world):
+    case = world.sound()
+    first = case.steps[0]
+    case.steps.insert(case.steps.index(case.find("mark")), Entry("open", 11 * SECOND, first.fields))
+    return world.write(case)
+
+
+@reaches("device-invalid")
+def no_device(world):
+    case = world.sound()
+    case.steps[0].fields["device"] = "or3"
+    case.files["device.pub"] = b"or3\n"
+    return world.write(case)
+
+
+@reaches("clock-went-back")
+def back_in_time(world):
+    case = world.sound()
+    mark = case.find("mark")
+    mark.utc_ns, mark.mono_ns = world.utc_ns + 11 * SECOND, 5 * SECOND
+    return world.write(case)
+
+
+@reaches("ledger-changed")
+def changed_line(world):
+    written = world.sound().write(world.folder)
+    path = written.folder / "ledger.jsonl"
+    path.write_bytes(path.read_bytes().replace(b'"dropped":0', b'"dropped":1', 1))
+    return world.given(written.folder)
+
+
+@reaches("ledger-cut")
+def removed_end(world):
+    written = world.sound().write(world.folder)
+    (written.folder / "ledger.jsonl").write_bytes(b"".join(line + b"\n" for line in written.lines[:-3]))
+    return world.given(written.folder)
+
+
+@reaches("ledger-not-covered")
+def unsigned_end(world):
+    case = world.sound()
+    case.steps[-1] = Entry("mark", 20_300 * MS, {"commitment": "0" * 64})
+    return world.write(case)
+
+
+@reaches("ledger-end-damaged")
+def no_line_feed(world):
+    written = world.sound().write(world.folder)
+    path = written.folder / "ledger.jsonl"
+    path.write_bytes(path.read_bytes()[:-1])
+    return world.given(written.folder)
+
+
+@reaches("ledger-torn", "not-closed")
+def torn_line(world):
+    case = world.begin()
+    world.record(case, 0, 2)
+    case.add("mark", 11 * SECOND, commitment="0" * 64).cut = 20
+    return world.write(case)
+
+
+@reaches("ledger-torn")
+def never_flushed(world):
+    case = world.begin()
+    world.record(case, 0, 2)
+    case.add("mark", 11 * SECOND, commitment="0" * 64).raw = bytes(80)
+    return world.write(case)
+
+
+@reaches("close-not-covered")
+def unsigned_close(world):
+    case = world.sound()
+    case.steps = case.steps[:-3]
+    return world.write(case)
+
+
+@reaches("token-not-covered")
+def unsigned_token(world):
+    case = world.sound()
+    del case.steps[-1]
+    return world.write(case)
+
+
+@reaches("end-not-covered")
+def unsigned_missed_token(world):
+    case = world.sound()
+    case.steps[-1] = Entry("token-missed", 20_300 * MS, {"checkpoint": 3, "authority": "second", "cause": "it did not answer"})
+    return world.write(case)
+
+
+@reaches("recovered", "segment-incomplete", "segment-uncounted", "gap")
+def power_cut(world):
+    case = cut_off(world)
+    entry = case.segment("endoscope", 2, 10 * SECOND, 12 * SECOND, world.seal("endoscope 2", b"endoscope 2\n"), 0, mono_ns=15 * SECOND, complete=False)
+    for key in ("first_pts", "time_base", "frames", "dropped"):
+        del entry.fields[key]
+    case.add("gap", 15 * SECOND, stream="endoscope", start_ns=12 * SECOND, end_ns=15 * SECOND, cause="interrupted")
+    case.add("gap", 15 * SECOND, stream="vitals", start_ns=10 * SECOND, end_ns=15 * SECOND, cause="interrupted")
+    case.close(15_100 * MS, "recovered")
+    case.checkpoint()
+    case.token(world.outside, 15_200 * MS, gen_ns=15_190 * MS)
+    case.checkpoint()
+    return world.write(case)
+
+
+@reaches("clock-stepped")
+def stepped(world):
+    case = world.sound()
+    case.find("clock").fields["step_ns"] = -20 * MS
+    return world.write(case)
+
+
+@reaches("clock-slewed")
+def slewed(world):
+    case = world.sound()
+    case.find("clock").fields["rate_ppb"] = 300_000
+    case.steps.insert(case.steps.index(case.find("mark")), Entry("clock", 11 * SECOND, {"synchronised": True, "offset_ns": 0, "error_ns": 0, "step_ns": 0, "rate_ppb": 0}))
+    return world.write(case)
+
+
+@reaches("clock-slews-allowed-for", "clock-slewed")
+def fast_slew(world):
+    case = world.sound()
+    case.find("clock").fields["rate_ppb"] = 400_000_000
+    return world.write(case)
+
+
+@reaches("clock-not-synchronised")
+def not_synchronised(world):
+    case = world.sound()
+    case.find("clock").fields["synchronised"] = False
+    return world.write(case)
+
+
+@reaches("clock-differs")
+def wall_clock_wrong(world):
+    case = world.sound()
+    for token in case.of(Token):
+        token.gen_ns += 120 * SECOND
+    return world.write(case)
+
+
+@reaches("utc-went-back")
+def utc_back(world):
+    case = world.sound()
+    case.find("mark").utc_ns = world.utc_ns
+    return world.write(case)
+
+
+@reaches("folder-name-differs")
+def renamed_folder(world):
+    return world.given(world.sound().write(world.folder, "evidence").folder)
+
+
+# Checkpoints
+
+
+@reaches("checkpoint-malformed")
+def note_of_nonsense(world):
+    case = world.sound()
+    case.of(Checkpoint)[1].change = lambda data: b"nonsense\n"
+    return world.write(case)
+
+
+@reaches("checkpoint-unknown-key")
+def note_of_a_stranger(world):
+    case = world.sound()
+    case.of(Checkpoint)[1].signer = world.stranger
+    return world.write(case)
+
+
+@reaches("checkpoint-unknown-key")
+def note_in_the_devices_name(world):
+    case = world.sound()
+    case.of(Checkpoint)[1].signer = note.Signer(world.device.name, world.stranger.seed)
+    return world.write(case)
+
+
+@reaches("checkpoint-signature-invalid")
+def note_with_another_signature(world):
+    case = world.sound()
+    other = world.device.checkpoint("kiroku/or3/other", 3, bytes(32)).split(b"\n\n")[1]
+    case.of(Checkpoint)[1].change = lambda data: data.split(b"\n\n")[0] + b"\n\n" + other
+    return world.write(case)
+
+
+@reaches("checkpoint-of-other-origin")
+def note_of_another_case(world):
+    case = world.sound()
+    case.of(Checkpoint)[1].origin = "kiroku/or3/20200101T000000Z-00000000"
+    return world.write(case)
+
+
+@reaches("checkpoint-size-differs")
+def note_of_another_size(world):
+    case = world.sound()
+    case.steps.insert(case.steps.index(case.find("mark")), Checkpoint(name_size=11))
+    return world.write(case)
+
+
+@reaches("checkpoint-missing")
+def note_removed(world):
+    case = world.sound()
+    case.of(Checkpoint)[1].kept = False
+    return world.write(case)
+
+
+@reaches("checkpoint-cosigned")
+def note_with_a_witness(world):
+    case = world.sound()
+    witness = world.stranger
+    case.of(Checkpoint)[1].change = lambda data: data + witness.line(data.split(b"\n\n")[0] + b"\n")
+    return world.write(case)
+
+
+@reaches("device-not-trusted")
+def other_device(world):
+    return world.write(world.sound(), devices=[world.stranger.key])
+
+
+@reaches("no-trusted-device")
+def no_device_given(world):
+    return world.write(world.sound(), devices=[])
+
+
+@reaches("device-file-differs")
+def device_file_of_a_stranger(world):
+    case = world.sound()
+    case.files["device.pub"] = f"{world.stranger.key}\n".encode()
+    return world.write(case)
+
+
+# Tokens
+
+
+@reaches("token-name-differs")
+def token_of_another_name(world):
+    case = world.sound()
+    case.of(Token)[1].fields = {"file": "tokens/00000001.outside.tsr"}
+    return world.write(case)
+
+
+@reaches("token-covers-later")
+def token_over_the_future(world):
+    case = world.sound()
+    case.of(Token)[1].fields = {"checkpoint": 99, "file": "tokens/00000099.outside.tsr"}
+    return world.write(case)
+
+
+@reaches("token-repeated")
+def token_twice(world):
+    case = world.sound()
+    first = case.of(Token)[0]
+    case.steps.insert(case.steps.index(first) + 1, dataclasses.replace(first))
+    return world.write(case)
+
+
+@reaches("token-imprint-differs")
+def token_over_something_else(world):
+    case = world.sound()
+    case.of(Token)[1].response = world.outside.at(b"something else", world.utc_ns + 10_090 * MS, 7)
+    return world.write(case)
+
+
+@reaches("token-refused")
+def token_with_a_changed_signature(world):
+    case = world.sound()
+    case.of(Token)[1].change = lambda data: data[:-1] + bytes([data[-1] ^ 1])
+    return world.write(case)
+
+
+@reaches("token-refused")
+def token_before_its_certificate(world):
+    case = world.sound()
+    case.of(Token)[1].gen_ns = -365 * 24 * 3600 * SECOND
+    return world.write(case)
+
+
+@reaches("token-refused")
+def token_of_no_form(world):
+    case = world.sound()
+    case.of(Token)[1].response = b"\x30\x03\x02\x01\x00"
+    return world.write(case)
+
+
+@reaches("token-entry-differs")
+def another_serial(world):
+    case = world.sound()
+    case.of(Token)[1].fields = {"serial": "ff"}
+    return world.write(case)
+
+
+@reaches("token-exchange-impossible")
+def answered_before_it_was_signed(world):
+    case = world.sound()
+    case.of(Token)[1].fields = {"asked_ns": 1, "answered_ns": 10_095 * MS}
+    return world.write(case)
+
+
+@reaches("token-order")
+def ordered_backwards(world):
+    case = world.begin(stamped=False)
+    case.token(world.outside, 100 * MS, gen_ns=95_200_000, accuracy_s=0, ordering=True)
+    world.record(case, 0, 2)
+    case.checkpoint()
+    case.steps.insert(case.steps.index(case.find("segment")), Checkpoint())
+    case.steps.insert(case.steps.index(case.find("segment")), Token(world.outside, 150 * MS, gen_ns=85_200_000, accuracy_s=0, ordering=True))
+    return world.write(world.end(case, 10_040 * MS))
+
+
+@reaches("authorities-disagree")
+def two_clocks(world):
+    case = world.sound()
+    at = case.steps.index(case.find("mark"))
+    case.steps[at:at] = [Checkpoint(), Token(world.second, 10_400 * MS, gen_ns=2 * SECOND)]
+    return world.write(case, roots=[world.outside.root, world.second.root])
+
+
+def both_authorities(world, outside_ns, second_ns, **clock):
+    """Tokens of two authorities at the beginning and the end, the later ones shifted."""
+    case = world.begin(stamped=False)
+    case.token(world.second, 50 * MS, gen_ns=40 * MS)
+    case.token(world.outside, 100 * MS, gen_ns=90 * MS)
+    world.record(case, 0, 4)
+    case.close(20_040 * MS)
+    case.checkpoint()
+    case.token(world.outside, 20_200 * MS, gen_ns=20_190 * MS + outside_ns)
+    case.token(world.second, 20_300 * MS, gen_ns=20_290 * MS + second_ns)
+    case.checkpoint()
+    return world.write(case, roots=[world.outside.root, world.second.root])
+
+
+@reaches("clock-contradicted")
+def case_clock_made_up(world):
+    return both_authorities(world, 60 * SECOND, 60 * SECOND)
+
+
+@reaches("authority-clock-set")
+def one_clock_set(world):
+    return both_authorities(world, 60 * SECOND, 0)
+
+
+@reaches("authority-clock-differs")
+def one_clock_alone(world):
+    case = world.sound()
+    case.of(Token)[2].gen_ns += 60 * SECOND
+    return world.write(case)
+
+
+@reaches("clock-disagreement")
+def own_clock_set(world):
+    case = world.sound()
+    for token in case.of(Token):
+        token.authority = world.own
+    case.of(Token)[2].gen_ns += 60 * SECOND
+    return world.write(case, roots=[], own=[world.own.root])
+
+
+@reaches("end-stamped-late")
+def end_stamped_later(world):
+    case = world.sound()
+    last = case.of(Token)[2]
+    last.asked, last.gen_ns, last.mono_ns = False, 3600 * SECOND, 20_040 * MS
+    return world.write(case)
+
+
+@reaches("token-untrusted")
+def unknown_authority(world):
+    return world.write(world.sound(), roots=[world.second.root])
+
+
+@reaches("no-trusted-authority")
+def no_root_given(world):
+    return world.write(world.sound(), roots=[])
+
+
+@reaches("no-token")
+def no_token(world):
+    case = world.sound()
+    case.steps = [s for s in case.steps if not isinstance(s, Token)]
+    return world.write(case)
+
+
+@reaches("end-not-stamped")
+def end_without_a_token(world):
+    case = world.sound()
+    case.steps = [s for s in case.steps if s is not case.of(Token)[2]]
+    return world.write(case)
+
+
+@reaches("token-missed")
+def missed(world):
+    case = world.sound()
+    case.steps.insert(case.steps.index(case.find("mark")), Entry("token-missed", 10_500 * MS, {"checkpoint": 7, "authority": "outside", "cause": "HTTP 503"}))
+    return world.write(case)
+
+
+@reaches("second-token-untrusted")
+def a_second_authority(world):
+    case = world.sound()
+    case.steps.insert(case.steps.index(case.find("mark")), Token(world.second, 10_300 * MS, gen_ns=10_290 * MS))
+    return world.write(case)
+
+
+@reaches()
+def self_issued(world):
+    case = world.sound()
+    for token in case.of(Token):
+        token.authority = world.own
+    return world.write(case, roots=[], own=[world.own.root])
+
+
+# Streams
+
+
+@reaches("stream-unknown")
+def gap_of_no_stream(world):
+    case = world.sound()
+    case.steps.insert(case.steps.index(case.find("mark")), Entry("gap", 10_500 * MS, {"stream": "ghost", "start_ns": 0, "end_ns": 1, "cause": "paused"}))
+    return world.write(case)
+
+
+@reaches("segment-name-differs")
+def segment_of_another_name(world):
+    case = world.sound()
+    entry = case.find("segment", 2)
+    data = case.files.pop(entry.fields["file"])
+    entry.fields["file"] = "segments/endoscope/film.ts.age"
+    case.files[entry.fields["file"]] = data
+    return world.write(case)
+
+
+@reaches("segment-name-differs")
+def profile_of_another_container(world):
+    case = world.sound()
+    case.find("segment", 2).fields["profile"] = "lossless"
+    return world.write(case)
+
+
+@reaches()
+def profile_changed(world):
+    case = world.sound()
+    entry = case.find("segment", 2)
+    data = case.files.pop(entry.fields["file"])
+    entry.fields |= {"profile": "lossless", **case.file("segments/endoscope/00000001.mkv.age", data)}
+    return world.write(case)
+
+
+@reaches("segment-out-of-order")
+def index_left_out(world):
+    case = world.sound()
+    entry = case.find("segment", 6)
+    data = case.files.pop(entry.fields["file"])
+    entry.fields |= {"index": 9, **case.file("segments/endoscope/00000009.ts.age", data)}
+    return world.write(case)
+
+
+@reaches("segment-overlap")
+def overlap(world):
+    case = world.sound()
+    case.find("segment", 2).fields["start_ns"] = 4 * SECOND
+    return world.write(case)
+
+
+@reaches()
+def seams_of_a_millisecond(world):
+    case = world.sound()
+    case.find("segment", 2).fields["start_ns"] += MS
+    case.find("segment", 3).fields["start_ns"] -= MS
+    return world.write(case)
+
+
+@reaches("segment-hole")
+def hole(world):
+    case = world.sound()
+    case.find("segment", 2).fields["start_ns"] += MS + 1
+    return world.write(case)
+
+
+@reaches("stream-empty")
+def nothing_of_a_stream(world):
+    case = world.begin()
+    world.record(case, 0, 4, ("endoscope",))
+    return world.write(world.end(case, 20_040 * MS))
+
+
+@reaches("stream-begins-late")
+def late_beginning(world):
+    case = world.begin()
+    world.record(case, 0, 4, ("endoscope",))
+    for i in range(3):
+        case.segment("vitals", i, 5 * (i + 1) * SECOND, 5 * (i + 2) * SECOND, world.seal(f"vitals {i}", f"vitals {i}\n".encode()), 5, mono_ns=20_021 * MS)
+    return world.write(world.end(case, 20_040 * MS))
+
+
+@reaches("stream-ends-early")
+def early_end(world):
+    case = world.begin()
+    world.record(case, 0, 1)
+    world.record(case, 1, 4, ("endoscope",))
+    return world.write(world.end(case, 20_040 * MS))
+
+
+@reaches("segment-in-future")
+def segment_of_the_future(world):
+    case = world.sound()
+    case.find("segment", 2).mono_ns = case.find("segment", 3).mono_ns = 5_020 * MS
+    return world.write(case)
+
+
+@reaches("segment-too-long")
+def long_segment(world):
+    case = world.begin()
+    case.segment("endoscope", 0, 0, 12 * SECOND, world.seal("endoscope 0", b"endoscope 0\n"), 300)
+    case.segment("vitals", 0, 0, 12 * SECOND, world.seal("vitals 0", b"vitals 0\n"), 12)
+    return world.write(world.end(case, 12_040 * MS))
+
+
+@reaches("segment-cut-unexplained")
+def cut_and_nothing_happened(world):
+    case = world.begin()
+    case.segment("endoscope", 0, 0, 5 * SECOND, world.seal("endoscope 0", b"endoscope 0\n"), 125, complete=False)
+    world.record(case, 0, 1, ("vitals",))
+    world.record(case, 1, 4)
+    return world.write(world.end(case, 20_040 * MS))
+
+
+@reaches("segment-uncounted-unexplained")
+def uncounted(world):
+    case = world.sound()
+    for key in ("first_pts", "time_base", "frames", "dropped"):
+        del case.find("segment", 2).fields[key]
+    case.refresh_totals()
+    return world.write(case)
+
+
+@reaches("totals-differ")
+def other_totals(world):
+    case = world.sound()
+    case.find("close").fields["totals"]["vitals"]["frames"] += 1
+    return world.write(case)
+
+
+@reaches("totals-differ", "stream-unknown")
+def totals_of_other_streams(world):
+    case = world.sound()
+    totals = case.find("close").fields["totals"]
+    totals["ghost"] = totals.pop("vitals")
+    return world.write(case)
+
+
+@reaches("sound-gap")
+def no_sound(world):
+    case = world.sound()
+    case.steps.insert(case.steps.index(case.find("mark")), Entry("gap", 10_500 * MS, {"stream": "endoscope", "start_ns": 0, "end_ns": SECOND, "cause": "signal-lost", "of": "sound"}))
+    return world.write(case)
+
+
+@reaches("segment-hole", "sound-gap")
+def sound_excuses_no_hole(world):
+    case = world.sound()
+    case.find("segment", 2).fields["start_ns"] += SECOND
+    case.steps.insert(case.steps.index(case.find("mark")), Entry("gap", 10_500 * MS, {"stream": "endoscope", "start_ns": 5 * SECOND, "end_ns": 6 * SECOND, "cause": "signal-lost", "of": "sound"}))
+    return world.write(case)
+
+
+@reaches("gap", "segment-incomplete")
+def disk_full(world):
+    case = world.begin()
+    world.record(case, 0, 2, ("vitals",))
+    case.segment("endoscope", 0, 0, 5 * SECOND, world.seal("endoscope 0", b"endoscope 0\n"), 125, mono_ns=10_021 * MS, complete=False)
+    case.add("gap", 10_022 * MS, stream="endoscope", start_ns=5 * SECOND, end_ns=10 * SECOND, cause="disk-full")
+    world.record(case, 2, 4)
+    for entry, index in ((case.find("segment", 3), 1), (case.find("segment", 5), 2)):
+        entry.fields |= {"index": index, **case.file(f"segments/endoscope/{index:08d}.ts.age", case.files.pop(entry.fields["file"]))}
+    return world.write(world.end(case, 20_040 * MS))
+
+
+def erased(world, removed=True):
+    case = world.sound()
+    case.add("erased", 20_300 * MS, stream="vitals", first_index=0, last_index=1, policy="vitals after 30 days")
+    case.checkpoint()
+    if removed:
+        for i in (0, 1):
+            case.files[f"segments/vitals/{i:08d}.jsonl.age"] = None
+    return case
+
+
+@reaches("segments-erased")
+def retention(world):
+    return world.write(erased(world))
+
+
+@reaches("segments-erased", "erased-file-present")
+def retention_cut_off(world):
+    return world.write(erased(world, False))
+
+
+@reaches("end-not-covered")
+def unsigned_erasure(world):
+    case = erased(world, False)
+    del case.steps[-1]
+    return world.write(case)
+
+
+@reaches("frames-dropped")
+def dropped(world):
+    case = world.sound()
+    case.find("segment", 2).fields["dropped"] = 3
+    case.refresh_totals()
+    return world.write(case)
+
+
+@reaches("segments-sparse")
+def few_frames(world):
+    case = world.sound()
+    case.find("segment", 2).fields["frames"] = 20
+    case.refresh_totals()
+    return world.write(case)
+
+
+@reaches("segments-sparse")
+def monitor_said_nothing(world):
+    case = world.sound()
+    for i in (1, 3, 5, 7):
+        case.find("segment", i).fields["samples"] = 0
+    case.refresh_totals()
+    return world.write(case)
+
+
+@reaches("monitor-silent")
+def silent_monitor(world):
+    case = world.begin()
+    world.record(case, 0, 14)
+    for i in range(1, 14):
+        case.find("segment", 2 * i + 1).fields["samples"] = 0
+    return world.write(world.end(case, 70_040 * MS))
+
+
+@reaches("stream-shorter")
+def short_file(world):
+    case = world.begin(streams=world.streams(endoscope="source"))
+    world.record(case, 0, 1)
+    world.record(case, 1, 4, ("vitals",))
+    return world.write(world.end(case, 20_040 * MS))
+
+
+@reaches("segment-undecryptable")
+def sealed_nonsense(world):
+    case = world.sound()
+    entry = case.find("segment", 2)
+    entry.fields |= case.file(entry.fields["file"], b"age-encryption.org/v1\nnonsense" * 20)
+    case.refresh_totals()
+    return world.write(case, identity=str(world.reader))
+
+
+@reaches("segment-not-for-recipient")
+def sealed_for_somebody_else(world):
+    case = world.sound()
+    entry = case.find("segment", 3)
+    entry.fields |= case.file(entry.fields["file"], age.seal(b"{}\n", [age.Identity(bytes([9] * 32)).public]))
+    case.refresh_totals()
+    return world.write(case, identity=str(world.reader))
+
+
+@reaches("segment-not-decrypted")
+def another_reader(world):
+    return world.write(world.sound(), identity=str(age.Identity(bytes([9] * 32))))
+
+
+@reaches("segment-undecodable")
+def lines_that_are_no_vital_signs(world):
+    return world.write(world.sound(), identity=str(world.reader))
+
+
+@reaches("segment-part-lost")
+def part_not_flushed(world):
+    case = cut_off(world)
+    entry = case.segment("vitals", 2, 10 * SECOND, 12 * SECOND, world.seal("vitals 2", b"vitals 2\n")[:-20] + bytes(20), 0, mono_ns=15 * SECOND, complete=False)
+    for key in ("first_pts", "time_base", "samples", "dropped"):
+        del entry.fields[key]
+    case.add("gap", 15 * SECOND, stream="endoscope", start_ns=10 * SECOND, end_ns=15 * SECOND, cause="interrupted")
+    case.add("gap", 15 * SECOND, stream="vitals", start_ns=12 * SECOND, end_ns=15 * SECOND, cause="interrupted")
+    case.close(15_100 * MS, "recovered")
+    case.checkpoint()
+    case.token(world.outside, 15_200 * MS, gen_ns=15_190 * MS)
+    case.checkpoint()
+    return world.write(case, identity=str(world.reader))
+
+
+# Files
+
+
+@reaches("file-missing")
+def segment_removed(world):
+    case = world.sound()
+    case.files["segments/endoscope/00000001.ts.age"] = None
+    return world.write(case)
+
+
+@reaches("file-size-differs")
+def segment_longer(world):
+    case = world.sound()
+    case.files["segments/endoscope/00000001.ts.age"] += b"x"
+    return world.write(case)
+
+
+@reaches("file-too-large")
+def giant(world):
+    case = world.sound()
+    entry = case.find("segment", 2)
+    entry.fields["bytes"] = (1 << 30) + 1
+    case.refresh_totals()
+    written = case.write(world.folder)
+    os.truncate(written.folder / entry.fields["file"], (1 << 30) + 1)
+    return world.given(written.folder)
+
+
+@reaches("file-has-hole")
+def hole_in_a_file(world):
+    case = world.sound()
+    entry = case.find("segment", 2)
+    entry.fields |= {"bytes": 1 << 20, "sha256": hashlib.sha256(bytes(1 << 20)).hexdigest()}
+    case.refresh_totals()
+    written = case.write(world.folder)
+    path = written.folder / entry.fields["file"]
+    path.write_bytes(b"")
+    os.truncate(path, 1 << 20)
+    return world.given(written.folder)
+
+
+@reaches("file-hash-differs")
+def bit_flipped(world):
+    case = world.sound()
+    data = bytearray(case.files["segments/endoscope/00000001.ts.age"])
+    data[-1] ^= 1
+    case.files["segments/endoscope/00000001.ts.age"] = bytes(data)
+    return world.write(case)
+
+
+@reaches("file-hash-differs")
+def token_replaced(world):
+    case = world.sound()
+    case.of(Token)[1].fields = {"sha256": "0" * 64}
+    return world.write(case)
+
+
+@reaches("file-unnamed")
+def smuggled(world):
+    case = world.sound()
+    case.files["readme.txt"] = b"hello\n"
+    case.files["segments/other/00000000.ts.age"] = b"hello\n"
+    return world.write(case)
+
+
+@reaches("file-not-regular")
+def linked(world):
+    written = world.sound().write(world.folder)
+    path = written.folder / "segments/endoscope/00000001.ts.age"
+    path.rename(world.folder / "elsewhere")
+    path.symlink_to(world.folder / "elsewhere")
+    return world.given(written.folder)
+
+
+@reaches("file-not-regular")
+def one_file_of_two_names(world):
+    case = world.sound()
+    data = case.files["segments/endoscope/00000001.ts.age"]
+    entry = case.find("segment", 4)
+    entry.fields |= case.file(entry.fields["file"], data)
+    case.refresh_totals()
+    written = case.write(world.folder)
+    (written.folder / entry.fields["file"]).unlink()
+    os.link(written.folder / "segments/endoscope/00000001.ts.age", written.folder / entry.fields["file"])
+    return world.given(written.folder)
+
+
+@reaches("name-clash", "file-unnamed")
+def names_that_differ_in_case(world):
+    case = world.sound()
+    case.files["Device.pub"] = b"x"
+    return world.write(case)
+
+
+@reaches("file-unreadable")
+def unreadable(world):
+    written = world.sound().write(world.folder)
+    (written.folder / "segments/endoscope/00000001.ts.age").chmod(0)
+    return world.given(written.folder, unprivileged=True)
+
+
+@reaches("authority-file-malformed")
+def authority_of_nonsense(world):
+    case = world.sound()
+    case.files["authorities/outside.pem"] = b"nonsense\n"
+    return world.write(case)
+
+
+@reaches("authority-not-named")
+def unknown_authority_file(world):
+    case = world.sound()
+    case.files["authorities/second.pem"] = world.second.chain.encode()
+    return world.write(case)
+
+
+@reaches("part-file", "segment-not-entered", "token-not-entered", "not-closed")
+def being_recorded(world):
+    case = world.begin()
+    world.record(case, 0, 2)
+    case.checkpoint()
+    case.token(world.outside, 10_100 * MS, gen_ns=10_090 * MS, entered=False)
+    case.files["segments/endoscope/00000002.ts.age"] = b"x"
+    case.files["segments/endoscope/00000003.ts.age"] = b"x"
+    case.files["segments/endoscope/00000004.ts.age.part"] = b"x"
+    case.files["segments/vitals/00000002.jsonl.age.part"] = b"x"
+    return world.write(case)
+
+
+@reaches("segment-not-entered", "gap")
+def flush_failed(world):
+    case = world.begin()
+    world.record(case, 0, 4, ("vitals",))
+    world.record(case, 0, 3, ("endoscope",))
+    for i in range(3):
+        case.find("segment", 4 + i).mono_ns = 20_021 * MS
+    case.add("gap", 20_030 * MS, stream="endoscope", start_ns=15 * SECOND, end_ns=20 * SECOND, cause="disk-full")
+    case.files["segments/endoscope/00000003.ts.age"] = b"x"
+    return world.write(world.end(case, 20_040 * MS))
+
+
+@reaches("token-not-entered")
+def token_came_later(world):
+    case = world.sound()
+    case.token(world.second, 20_040 * MS, gen_ns=3600 * SECOND, entered=False)
+    return world.write(case)
+
+
+# The appliance log
+
+
+def with_log(world, change=lambda log, written: None, case=None, head=None, **more):
+    """An archive: the log, and a case that it knows. `change` may alter the log's steps before it is written."""
+    log = w.Log(world.device, world.utc_ns - 60 * SECOND)
+    log.checkpoint()
+    empty = log.write(world.folder / "before", "log")
+    made = case or world.sound(log_state=head or (1, empty.root().hex()))
+    written = made.write(world.folder)
+    final = json.loads([line for line in written.lines if b'"token"' in line][-1]) if any(b'"type":"token"' in line for line in written.lines) else None
+    log.signed("case-opened", 60 * SECOND, case=made.id, sha256=hashlib.sha256(written.lines[0]).hexdigest())
+    log.signed("case-checkpoint", 61 * SECOND, case=made.id, size=3, root=written.root(3).hex())
+    log.signed("case-closed", 81 * SECOND, case=made.id, size=len(written.lines), root=written.root().hex(), **({"final_token": final["sha256"]} if final else {}))
+    change(log, written)
+    log.write(world.folder, "log")
+    return world.given(written.folder, log=world.folder / "log", **more)
+
+
+def the_log(world, change=lambda log, written: None, **more):
+    """The log of such an archive, to be judged itself."""
+    given = with_log(world, change, **more)
+    return dataclasses.replace(given, path=given.log, log=None, as_log=True)
+
+
+@reaches()
+def known_to_the_log(world):
+    return with_log(world)
+
+
+@reaches()
+def log_with_its_cases(world):
+    return the_log(world)
+
+
+@reaches("log-case-unknown")
+def unknown_to_the_log(world):
+    def change(log, written):
+        del log.steps[2:]
+    return with_log(world, change)
+
+
+@reaches("log-case-not-entered", "not-closed")
+def being_begun(world):
+    case = world.begin(stamped=False)
+    del case.steps[1:]
+    log = w.Log(world.device, world.utc_ns - 60 * SECOND)
+    log.checkpoint()
+    case.steps[0].fields["appliance_log"] = {"size": 1, "root": log.write(world.folder, "log").root().hex()}
+    return world.given(case.write(world.folder).folder, log=world.folder / "log")
+
+
+@reaches("log-opening-differs")
+def another_opening(world):
+    def change(log, written):
+        log.find("case-opened").fields["sha256"] = "0" * 64
+    return with_log(world, change)
+
+
+@reaches("log-checkpoint-differs")
+def another_root(world):
+    def change(log, written):
+        log.find("case-checkpoint").fields["root"] = "0" * 64
+    return with_log(world, change)
+
+
+@reaches("log-knows-more")
+def log_knows_more(world):
+    def change(log, written):
+        log.find("case-closed").fields["size"] += 2
+    return with_log(world, change)
+
+
+@reaches("log-end-differs")
+def another_final_token(world):
+    def change(log, written):
+        log.find("case-closed").fields["final_token"] = "0" * 64
+    return with_log(world, change)
+
+
+@reaches("log-entry-doubted")
+def unsigned_accusation(world):
+    def change(log, written):
+        entry = log.find("case-checkpoint")
+        entry.fields["root"] = "0" * 64
+        del log.steps[log.steps.index(entry) + 1]
+    return with_log(world, change)
+
+
+@reaches("log-head-differs")
+def opened_over_another_log(world):
+    return with_log(world, head=(1, "0" * 64))
+
+
+@reaches("case-missing")
+def case_removed(world):
+    given = the_log(world)
+    (world.folder / world.case_id).rename(world.folder / "20200101T000000Z-00000000")
+    return given
+
+
+@reaches("log-entry-doubted")
+def unsigned_case(world):
+    def change(log, written):
+        log.steps += [Entry("case-opened", 90 * SECOND, {"case": "20200101T000000Z-00000000", "sha256": "0" * 64})]
+        log.signed("access", 91 * SECOND, case="*", what="unlocked", who="sato")
+    return the_log(world, change)
+
+
+@reaches()
+def case_erased(world):
+    def change(log, written):
+        log.signed("erased", 90 * SECOND, case=written.case.id, policy="after ten years")
+    given = the_log(world, change)
+    (world.folder / world.case_id).rename(world.folder / "20200101T000000Z-00000000")
+    return given
+
+
+@reaches("cases-not-looked-for")
+def log_alone(world):
+    given = the_log(world)
+    (world.folder / "log").rename(world.folder / "kept")
+    return dataclasses.replace(given, path=world.folder / "kept")
+
+
+@reaches("log-signed-late")
+def log_signed_later(world):
+    def change(log, written):
+        for i in range(3):
+            log.add("access", (90 + i) * SECOND, case="*", what="unlocked", who="sato")
+        log.signed("access", 95 * SECOND, case="*", what="unlocked", who="sato")
+    return the_log(world, change)
+
+
+@reaches("log-tail-unsigned")
+def log_unsigned(world):
+    def change(log, written):
+        for i in range(2):
+            log.add("access", (90 + i) * SECOND, case="*", what="unlocked", who="sato")
+    return the_log(world, change)
+
+
+@reaches("log-tail-not-covered")
+def log_end_unsigned(world):
+    def change(log, written):
+        log.add("access", 90 * SECOND, case="*", what="unlocked", who="sato")
+    return the_log(world, change)
+
+
+@reaches("log-case-open")
+def log_without_an_end(world):
+    def change(log, written):
+        del log.steps[-2:]
+    return with_log(world, change)
+
+
+@reaches("log-case-open")
+def log_of_an_open_case(world):
+    def change(log, written):
+        del log.steps[-2:]
+    return the_log(world, change)
+
+
+@reaches("entry-malformed")
+def log_line_of_nonsense(world):
+    def change(log, written):
+        log.find("case-checkpoint").raw = b'{"type":"nonsense"}'
+    return the_log(world, change)
+
+
+@reaches("clock-went-back", "entry-out-of-sequence")
+def log_back_in_time(world):
+    def change(log, written):
+        entry = log.find("case-closed")
+        entry.mono_ns, entry.seq = 1, 1
+    return the_log(world, change)
+
+
+@reaches("open-missing")
+def log_without_boot(world):
+    def change(log, written):
+        log.steps[0] = Entry("shutdown", 0, {})
+    return the_log(world, change)
+
+
+@reaches("ledger-cut")
+def log_cut(world):
+    given = the_log(world)
+    path = given.path / "ledger.jsonl"
+    path.write_bytes(b"".join(path.read_bytes().splitlines(True)[:-1]))
+    return given
+
+
+# Notes kept outside
+
+
+def kept(world, data, name="kept.note"):
+    path = world.folder / name
+    path.write_bytes(data)
+    return [path]
+
+
+@reaches("outside-note-holds")
+def note_that_fits(world):
+    written = world.sound().write(world.folder)
+    return world.given(written.folder, against=kept(world, written.notes[max(written.notes)]))
+
+
+@reaches("outside-note-rolled-back")
+def note_of_more(world):
+    case = world.sound()
+    written = case.write(world.folder / "before")
+    newest = written.notes[max(written.notes)]
+    case.steps = case.steps[:-2]
+    return world.given(case.write(world.folder).folder, against=kept(world, newest))
+
+
+@reaches("outside-note-forked")
+def note_of_another_history(world):
+    case = world.sound()
+    written = case.write(world.folder / "before")
+    case.find("mark").fields["commitment"] = "0" * 64
+    return world.given(case.write(world.folder).folder, against=kept(world, written.notes[max(written.notes)]))
+
+
+@reaches("outside-notes-contradict", "outside-note-forked", "outside-note-holds")
+def two_histories(world):
+    case = world.sound()
+    written = case.write(world.folder / "before")
+    case.find("mark").fields["commitment"] = "0" * 64
+    again = case.write(world.folder)
+    size = max(written.notes)
+    return world.given(again.folder, against=kept(world, written.notes[size]) + kept(world, again.notes[size], "other.note"))
+
+
+@reaches("outside-note-invalid")
+def note_of_no_form(world):
+    return world.given(world.sound().write(world.folder).folder, against=kept(world, b"nonsense\n"))
+
+
+@reaches("outside-note-invalid")
+def note_of_no_signature(world):
+    written = world.sound().write(world.folder)
+    notes = [written.notes[s] for s in sorted(written.notes)]
+    return world.given(written.folder, against=kept(world, notes[0].split(b"\n\n")[0] + b"\n\n" + notes[1].split(b"\n\n")[1]))
+
+
+@reaches("outside-note-untrusted")
+def note_of_an_unknown_device(world):
+    written = world.sound().write(world.folder)
+    return world.given(written.folder, against=kept(world, world.stranger.checkpoint(written.case.origin, 3, written.root(3))))
+
+
+@reaches("outside-note-of-other-origin")
+def note_of_some_other_case(world):
+    written = world.sound().write(world.folder)
+    return world.given(written.folder, against=kept(world, world.device.checkpoint("kiroku/or3/20200101T000000Z-00000000", 3, written.root(3))))
+
+
+@reaches("outside-note-rolled-back")
+def log_rolled_back(world):
+    given = the_log(world)
+    newest = max((given.path / "checkpoints").iterdir())
+    data = newest.read_bytes()
+    newest.unlink()
+    path = given.path / "ledger.jsonl"
+    path.write_bytes(b"".join(path.read_bytes().splitlines(True)[:-1]))
+    return dataclasses.replace(given, against=kept(world, data))
+
+
+# Two cases of one operation
+
+
+def operation(world, root=None, announced=True, later_only=False):
+    """A case that a crash ended, and the one that carries it on."""
+    later_id = stamp.text_of(world.utc_ns + 60 * SECOND)[:19].replace("-", "").replace(":", "") + "Z-0badcafe"
+    case = cut_off(world)
+    for name in ("endoscope", "vitals"):
+        case.add("gap", 15 * SECOND, stream=name, start_ns=10 * SECOND, end_ns=15 * SECOND, cause="interrupted")
+    case.close(15_100 * MS, f"recovered; to be carried on as case {later_id}" if announced else "recovered")
+    case.checkpoint()
+    case.token(world.outside, 15_200 * MS, gen_ns=15_190 * MS)
+    case.checkpoint()
+    earlier = case.write(world.folder / ("elsewhere" if later_only else "."))
+    size = 1 + next(i for i, line in enumerate(earlier.lines) if b'"type":"close"' in line)
+    source = f"operator; carries on case {case.id}, {size} entries, root {root or earlier.root(size).hex()}"
+    later = world.begin(case_id=later_id, utc_ns=world.utc_ns + 60 * SECOND, streams=world.streams(events=source))
+    world.record(later, 0, 2)
+    written = world.end(later, 10_040 * MS).write(world.folder)
+    return earlier, written
+
+
+@reaches("carrying-on-holds")
+def carried_on(world):
+    return world.given(operation(world)[1].folder)
+
+
+@reaches("carrying-on-holds")
+def carries_on(world):
+    return world.given(operation(world)[0].folder)
+
+
+@reaches("carrying-on-broken")
+def carried_on_from_others(world):
+    return world.given(operation(world, root="0" * 64)[1].folder)
+
+
+@reaches("carrying-on-broken")
+def not_announced(world):
+    return world.given(operation(world, announced=False)[1].folder)
+
+
+@reaches("carried-on-not-here")
+def carried_on_alone(world):
+    return world.given(operation(world, later_only=True)[1].folder)
+
+
+# Excerpts
+
+
+def excerpt(world, from_ns=6 * SECOND, to_ns=9 * SECOND, streams=("endoscope",), first=None, size=None, change=None, **more):
+    """Of the second segments of a sound case, with the lines from the first token to the second."""
+    written = world.sound().write(world.folder / "whole")
+    tokens = [i for i, line in enumerate(written.lines) if b'"type":"token"' in line]
+    first = tokens[0] if first is None else first
+    size = len(written.lines) if size is None else size
+    folder = w.write_excerpt(written, world.folder / "excerpt", from_ns, to_ns, list(streams), first, size, change=change)
+    return world.given(folder, **more)
+
+
+@reaches()
+def sound_excerpt(world):
+    return excerpt(world)
+
+
+@reaches()
+def excerpt_from_the_middle(world):
+    return excerpt(world, 11 * SECOND, 14 * SECOND, first=7)
+
+
+@reaches("excerpt-malformed")
+def excerpt_of_nonsense(world):
+    def change(document, files):
+        document["more"] = 1
+    return excerpt(world, change=change)
+
+
+@reaches("excerpt-malformed")
+def excerpt_of_a_stream_that_is_none(world):
+    def change(document, files):
+        document["streams"].append("ghost")
+    return excerpt(world, change=change)
+
+
+@reaches("excerpt-malformed")
+def excerpt_of_another_case(world):
+    def change(document, files):
+        document["case"] = "20200101T000000Z-00000000"
+    return excerpt(world, change=change)
+
+
+@reaches("excerpt-empty")
+def excerpt_of_nothing(world):
+    return excerpt(world, streams=("events",), from_ns=SECOND, to_ns=2 * SECOND)
+
+
+@reaches("excerpt-outside-case")
+def excerpt_of_later(world):
+    return excerpt(world, from_ns=3600 * SECOND, to_ns=3601 * SECOND)
+
+
+@reaches("excerpt-proof-invalid")
+def excerpt_with_a_wrong_proof(world):
+    def change(document, files):
+        document["open_proof"][0] = "0" * 64
+    return excerpt(world, change=change)
+
+
+@reaches("excerpt-proof-invalid")
+def excerpt_with_another_left(world):
+    def change(document, files):
+        document["left"][0] = "0" * 64
+    return excerpt(world, change=change)
+
+
+@reaches("excerpt-proof-invalid")
+def excerpt_without_its_earlier_proof(world):
+    def change(document, files):
+        document["earlier"] = []
+    return excerpt(world, change=change)
+
+
+@reaches("excerpt-range-short", "excerpt-no-later-token")
+def excerpt_of_too_few_lines(world):
+    return excerpt(world, from_ns=6 * SECOND, to_ns=12 * SECOND, size=7)
+
+
+@reaches("rekeyed-not-opened")
+def rekeyed(world, key_differs=False, identity=None):
+    reader = age.Identity(bytes([5] * 32))
+
+    def change(document, files):
+        name = "segments/endoscope/00000001.ts.age"
+        sealed = files[name]
+        end = sealed.index(b"\n", sealed.index(b"\n---") + 1) + 1
+        files[name + ".header"] = sealed[:end]
+        files[name] = age.header(bytes(16), [reader.public], [bytes([7] * 32)]) + sealed[end:]
+    return excerpt(world, change=change, identity=identity)
+
+
+@reaches("rekeyed-key-differs")
+def rekeyed_to_another_film(world):
+    return rekeyed(world, identity=str(age.Identity(bytes([5] * 32))))
+
+
+@reaches("outside-note-unchecked")
+def excerpt_against_a_later_note(world):
+    written = world.sound().write(world.folder / "again")
+    return excerpt(world, size=7, from_ns=SECOND, to_ns=2 * SECOND, first=1, against=kept(world, written.notes[max(written.notes)]))
+
+
+@reaches("file-missing")
+def excerpt_without_its_segment(world):
+    def change(document, files):
+        del files["segments/endoscope/00000001.ts.age"]
+    return excerpt(world, change=change)
+
+
+@reaches("file-unnamed")
+def excerpt_with_too_much(world):
+    def change(document, files):
+        files["segments/endoscope/00000003.ts.age"] = b"x"
+        files["subject.json.age"] = b"x"
+    return excerpt(world, change=change)

@@ -1,0 +1,171 @@
+"""Judges an appliance log, alone or as what a case is compared with, by docs/reference/format.md, "The appliance log"."""
+import dataclasses
+import hashlib
+import pathlib
+import re
+
+import note
+from verifier import Folder, Judgement, Ledger, outside_notes, size_of_note
+
+FOLLOWED_BY_NONE = ("boot", "config-changed")  # entries that no checkpoint need follow at once
+MOST_WITHOUT_THEIR_OWN = 3
+
+
+@dataclasses.dataclass
+class KnownRoot:
+    size: int
+    root: str
+    entry: int
+
+
+@dataclasses.dataclass
+class KnownCase:
+    opened: int | None = None
+    opening_line: str = ""
+    roots: list = dataclasses.field(default_factory=list)
+    closed: KnownRoot | None = None
+    final_token: str | None = None
+    erased: bool = False
+    vouched: bool = False
+
+
+class LogRead:
+    """What the log says; findings are in `folder`. `alone`: it is judged itself, so all notes kept outside are about it."""
+
+    def __init__(self, path, trust, alone=False):
+        self.path, self.folder, self.cases, self.doubted = pathlib.Path(path), Folder(path, trust), {}, set()
+        folder, report = self.folder, self.folder.report
+        data = folder.read("ledger.jsonl") or b""
+        self.ledger = Ledger(data, "appliance-log", 1, report)
+        device, origin, origins, mono, since_note, to_be_followed = None, None, [], 0, 0, []
+        notes = trust.against if alone else outside_notes(trust, True)
+        outside = _held(notes, trust)
+        for number, entry in enumerate(self.ledger.entries):
+            told, erased, closed = None, None, None
+            if entry is not None:
+                kind = entry["type"]
+                if entry["seq"] != number:
+                    report("entry-out-of-sequence", f"line {number} of the log")
+                if number == 0 and kind != "boot":
+                    report("open-missing", "the log does not begin with boot")
+                if kind != "boot" and entry["mono_ns"] < mono:
+                    report("clock-went-back", f"line {number} of the log")
+                mono = entry["mono_ns"]
+                if kind not in FOLLOWED_BY_NONE:
+                    since_note += kind != "recovered"
+                    to_be_followed.append(number)
+                if kind in ("boot", "device-key-changed") and (device is None or str(device) != entry["device"]):
+                    try:
+                        device = note.parse_key(entry["device"])
+                        origin = f"kiroku/{device.name}/log"
+                        origins.append(origin)
+                        folder.judge_device(device)
+                    except note.Malformed as e:
+                        report("device-invalid", str(e))
+                told, erased, closed = self._take(number, entry, kind)
+            size = number + 1
+            if size in folder.note_sizes:
+                folder.judge_note(size, self.ledger.root(size), device, origin, size <= self.ledger.known)
+                if folder.covered == size:
+                    if since_note > MOST_WITHOUT_THEIR_OWN:
+                        report("log-signed-late", f"line {number}")
+                    since_note = 0
+            own = folder.covered == size or any(c.size == size and c.root == self.ledger.root(size) and c.origin == origin for c in outside)
+            if erased and own:
+                erased.erased = True
+            if told:
+                if closed and (own or not told.closed):
+                    told.closed, told.final_token = closed, entry.get("final_token")
+                told.vouched = told.vouched or own
+                if not own:
+                    self.doubted.add(number)
+        for size in folder.note_sizes:
+            if size > len(self.ledger):
+                folder.judge_note(size, None, device, origin)
+        if self.ledger.torn:
+            report("log-tail-not-covered", "the last line is not whole")
+        if self.ledger.readable:
+            self._judge_tail(to_be_followed)
+            folder.judge_names(_judge_name)
+        folder.judge_outside(notes, origins, self.ledger, self.ledger.readable)
+        self.device = device
+
+    def _take(self, number, entry, kind):
+        """The case that the entry tells of, one that it erases as a whole, its end."""
+        if kind == "case-opened":
+            case = self.cases.setdefault(entry["case"], KnownCase())
+            if case.opened is None:
+                case.opened, case.opening_line = number, entry["sha256"]
+            return case, None, None
+        if kind in ("case-checkpoint", "case-closed"):
+            case = self.cases.setdefault(entry["case"], KnownCase())
+            root = KnownRoot(entry["size"], entry["root"], number)
+            case.roots.append(root)
+            return case, None, root if kind == "case-closed" else None
+        if kind == "erased" and "stream" not in entry:
+            return None, self.cases.setdefault(entry["case"], KnownCase()), None
+        return None, None, None
+
+    def _judge_tail(self, to_be_followed):
+        covered = self.folder.covered
+        if covered == len(self.ledger):
+            return
+        two = len(to_be_followed) >= 2 and to_be_followed[-2] >= covered
+        nothing = covered == 0 and to_be_followed
+        self.folder.report("log-tail-unsigned" if nothing or two else "log-tail-not-covered", f"from line {covered}")
+
+    def root_at(self, size):
+        return self.ledger.root(size).hex() if size <= len(self.ledger) else None
+
+
+def _held(notes, trust):
+    """Checkpoints kept outside that a trusted device signed."""
+    kept = []
+    for path in notes:
+        try:
+            checkpoint = note.parse_checkpoint(path.read_bytes())
+        except note.Malformed:
+            continue
+        signatures = [(key, s[2]) for key in trust.devices for s in checkpoint.signatures if s[:2] == (key.name, key.id)]
+        if any(note.holds(key.public, checkpoint.text, signature) for key, signature in signatures):
+            kept.append(checkpoint)
+    return kept
+
+
+def _judge_name(file):
+    if (file.path == "checkpoints" and file.kind == "folder") or file.path == "ledger.jsonl" or (file.kind != "folder" and size_of_note(file.path)):
+        return "named"
+    return "part" if file.kind == "regular" and file.path.endswith(".part") and size_of_note(file.path.removesuffix(".part")) else "unnamed"
+
+
+def verify_log(path, trust):
+    log = LogRead(path, trust, alone=True)
+    if log.ledger.readable:
+        _look_for_cases(log, pathlib.Path(path).resolve())
+    return Judgement(log.folder.findings)
+
+
+def _look_for_cases(log, path):
+    report, archive = log.folder.report, path.parent
+    is_case = re.compile("[0-9]{8}T[0-9]{6}Z-[0-9a-f]{8}")
+    search = path.name == "log" and any(is_case.fullmatch(p.name) or p.name == ".reserve" for p in archive.iterdir())
+    unknown = False
+    for name, case in log.cases.items():
+        if case.opened is None:
+            continue
+        if not search and not case.erased:
+            unknown = True
+        if search and not case.erased and not _holds(archive / name, case.opening_line):
+            report("case-missing" if case.vouched else "log-entry-doubted", name)
+        elif not case.closed and not case.erased:
+            report("log-case-open", name)
+    if unknown:
+        report("cases-not-looked-for", "no case lies beside the log")
+
+
+def _holds(folder, opening_line):
+    try:
+        lines = (folder / "ledger.jsonl").read_bytes().split(b"\n")
+    except OSError:
+        return False
+    return len(lines) > 1 and hashlib.sha256(lines[0]).hexdigest() == opening_line

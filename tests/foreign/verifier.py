@@ -1,0 +1,319 @@
+"""What judging a case, an excerpt and an appliance log have in common, by docs/reference/format.md."""
+import collections
+import dataclasses
+import functools
+import hashlib
+import os
+import pathlib
+import re
+import stat
+
+import merkle
+import note
+import schema
+import strict_json
+
+PAGE = schema.FOLDER.parent / "format.md"
+SECOND = 1_000_000_000
+LARGEST_LINE, LARGEST_NOTE, LARGEST_CERTIFICATES = 1 << 20, 1 << 17, 1 << 18
+MOST_MALFORMED, MOST_OF_ONE_CODE, DEEPEST_FOLDER = 10_000, 1_000, 3
+RANK = ("note", "gap", "unproven", "incomplete", "tampered")
+
+
+@functools.lru_cache(maxsize=None)
+def severities():
+    """Every code with its severity, as the page lists them."""
+    return dict(re.findall(r"^\| `([a-z-]+)` \| (tampered|incomplete|unproven|gap|note) \|", PAGE.read_text("utf-8"), re.M))
+
+
+@functools.lru_cache(maxsize=None)
+def _schema(name):
+    return schema.load(name)
+
+
+@dataclasses.dataclass
+class Judgement:
+    """What was found: each finding is a code and a sentence."""
+    findings: list
+    excerpt: bool = False
+
+    @property
+    def codes(self):
+        counts = collections.Counter(code for code, _ in self.findings)
+        return set(counts) | ({"more-findings"} if max(counts.values(), default=0) > MOST_OF_ONE_CODE else set())
+
+    @property
+    def verdict(self):
+        gravest = RANK[max((RANK.index(severities()[code]) for code in self.codes), default=0)]
+        if gravest in ("gap", "note"):
+            return "intact-excerpt" if self.excerpt else {"note": "intact", "gap": "intact-with-gaps"}[gravest]
+        return gravest
+
+
+@dataclasses.dataclass
+class Trust:
+    """What a verifier is given: device keys, texts of PEM certificates, the log's folder, notes kept outside."""
+    devices: tuple = ()
+    roots: str = ""
+    own_roots: str = ""
+    log: pathlib.Path | None = None
+    against: tuple = ()
+
+
+class Torn:
+    """How a ledger ends that does not end with a whole line."""
+
+    def __init__(self, length, too_long):
+        self.length, self.too_long = length, too_long
+
+
+class Ledger:
+    """Lines of a ledger or of the log, their entries (None where a line is none) and the tree over them."""
+
+    def __init__(self, data, schema_name, levels, report, first=0, newest_note=0):
+        self.first, self.lines, self.entries, self.readable = first, [], [], True
+        *lines, torn = data.split(b"\n")
+        self.torn = Torn(len(torn), len(torn) > LARGEST_LINE) if torn else None
+        malformed, closed = 0, False
+        for number, line in enumerate(lines, first):
+            too_long = len(line) > LARGEST_LINE
+            # Blocks that were never flushed read as zeros: the ledger ends before such a line, unless a checkpoint covers it.
+            if schema_name == "case-ledger" and b"\0" in line and newest_note <= number and not (closed and too_long):
+                self.torn = Torn(len(line), too_long)
+                break
+            entry = None
+            try:
+                if too_long:
+                    raise schema.Unfit("longer than 1 MiB")
+                entry = strict_json.parse(line, levels)
+                schema.check(entry, _schema(schema_name))
+                _check_between_keys(entry)
+            except (strict_json.Malformed, schema.Unfit) as e:
+                report("entry-too-long" if too_long else "entry-malformed", f"line {number}: {e}")
+                entry = None
+                malformed += 1
+            self.lines.append(line)
+            self.entries.append(entry)
+            closed = closed or entry is not None and entry["type"] == "close"
+            if malformed > MOST_MALFORMED:
+                report("ledger-unreadable", f"more than {MOST_MALFORMED} lines are no entries")
+                self.readable = False
+                break
+        self.leaves = [merkle.leaf(line) for line in self.lines]
+        # A line that is too long is not read to its end, so nothing is known of the tree from it on.
+        self.known = next((i for i, line in enumerate(self.lines, first) if len(line) > LARGEST_LINE), 1 << 62)
+        self._roots = {}
+
+    def __len__(self):
+        return self.first + len(self.lines)
+
+    def root(self, size):
+        """The root over the first `size` lines, of a ledger whose beginning is here."""
+        if size not in self._roots:
+            self._roots[size] = merkle.root(self.leaves[:size])
+        return self._roots[size]
+
+
+def _check_between_keys(entry):
+    """Rules of an entry that a schema cannot state."""
+    def must(holds, why):
+        if not holds:
+            raise schema.Unfit(why)
+
+    kind = entry["type"]
+    if kind in ("segment", "gap"):
+        must(entry["end_ns"] >= entry["start_ns"], "end_ns is before start_ns")
+    elif kind == "token" and "asked_ns" in entry:
+        must(entry["answered_ns"] >= entry["asked_ns"], "answered_ns is before asked_ns")
+    elif kind == "erased" and "first_index" in entry:
+        must(entry["last_index"] >= entry["first_index"], "last_index is before first_index")
+    elif kind == "open":
+        names = [stream["name"] for stream in entry["streams"]]
+        must(len(set(names)) == len(names), "a stream stands twice")
+        must(entry.get("begins_ns", 0) <= entry["mono_ns"], "begins_ns is after open itself")
+
+
+@dataclasses.dataclass(frozen=True)
+class Listed:
+    path: str
+    kind: str   # regular, folder, link, special
+    size: int
+
+
+def list_folder(folder, prefix="", depth=0):
+    found = []
+    for name in sorted(os.listdir(folder)):
+        status = os.lstat(folder / name)
+        kind = ("regular" if stat.S_ISREG(status.st_mode) else "folder" if stat.S_ISDIR(status.st_mode)
+                else "link" if stat.S_ISLNK(status.st_mode) else "special")
+        found.append(Listed(prefix + name, kind, status.st_size))
+        if kind == "folder" and depth < DEEPEST_FOLDER:
+            found += list_folder(folder / name, f"{prefix}{name}/", depth + 1)
+    return found
+
+
+def number_of(text):
+    """Of a file's name: eight digits, or more without leading zeros."""
+    return int(text) if re.fullmatch(r"[0-9]{8}|[1-9][0-9]{8,}", text) else None
+
+
+def size_of_note(path):
+    found = re.fullmatch(r"checkpoints/([0-9]+)\.note", path)
+    return number_of(found[1]) if found and number_of(found[1]) else None
+
+
+def token_of_path(path):
+    """Size and authority of tokens/00000042.swiss.tsr."""
+    found = re.fullmatch(r"tokens/([0-9]+)\.([a-z0-9][a-z0-9-]{0,31})\.tsr", path)
+    return (number_of(found[1]), found[2]) if found and number_of(found[1]) is not None else None
+
+
+class Folder:
+    """A folder to judge, what was found of it so far, and its checkpoints."""
+
+    def __init__(self, path, trust):
+        self.path, self.trust, self.findings = pathlib.Path(path), trust, []
+        self.listing = list_folder(self.path)
+        self.note_sizes = sorted(size for size in (size_of_note(f.path) for f in self.listing if f.kind != "folder") if size)
+        self.covered = 0        # lines that a checkpoint covers which holds
+        self.changed = False
+        self.notes = {}         # size: bytes
+
+    def report(self, code, text):
+        if code not in severities():
+            raise KeyError(f"the page has no code {code}")
+        self.findings.append((code, text))
+
+    def read(self, name, most=None):
+        """The bytes of a regular file; None, and a finding, where there is none."""
+        path = self.path / name
+        try:
+            for parent in list(path.relative_to(self.path).parents)[:-1]:
+                if stat.S_ISLNK(os.lstat(self.path / parent).st_mode):
+                    self.report("file-not-regular", name)
+                    return None
+            status = os.lstat(path)
+        except (FileNotFoundError, NotADirectoryError):
+            self.report("file-missing", name)
+            return None
+        if not stat.S_ISREG(status.st_mode):
+            self.report("file-not-regular", name)
+            return None
+        if most is not None and status.st_size > most:
+            return b""
+        try:
+            return path.read_bytes()
+        except OSError as e:
+            self.report("file-unreadable", f"{name}: {e}")
+            return None
+
+    def judge_device(self, device):
+        if not self.trust.devices:
+            self.report("no-trusted-device", "no key was given")
+        elif device not in self.trust.devices:
+            self.report("device-not-trusted", str(device))
+
+    def judge_note(self, size, root, device, origin, is_known=True):
+        """A checkpoint against the root of the lines (None: there are too few), where that is known. True where it covers them."""
+        name = f"checkpoints/{size:08d}.note"
+        data = self.read(name, LARGEST_NOTE)
+        if data is None:
+            return False
+        self.notes[size] = data
+        try:
+            checkpoint = note.parse_checkpoint(data)
+        except note.Malformed as e:
+            self.report("checkpoint-malformed", f"{name}: {e}")
+            return False
+        if device is not None:
+            ours = [s for s in checkpoint.signatures if s[0] == device.name]
+            if not any(key == device.id for _, key, _ in ours) or len(ours) > 1:
+                self.report("checkpoint-unknown-key", name)
+                return False
+            if not note.holds(device.public, checkpoint.text, ours[0][2]):
+                self.report("checkpoint-signature-invalid", name)
+                return False
+            if len(ours) < len(checkpoint.signatures):
+                self.report("checkpoint-cosigned", name)
+        if checkpoint.size != size:
+            self.report("checkpoint-size-differs", name)
+            return False
+        if not is_known:
+            return False
+        foreign = device is not None and checkpoint.origin != origin
+        if foreign:
+            self.report("checkpoint-of-other-origin", name)
+        if root is None:
+            if not foreign:
+                self.report("ledger-cut", name)
+            return False
+        if root != checkpoint.root:
+            if not self.changed:
+                self.report("ledger-changed", name)
+            self.changed = True
+            return False
+        if not foreign:
+            self.covered = size
+        return not foreign
+
+    def judge_names(self, judge):
+        """`judge` says of a file: named, part, token, segment or unnamed."""
+        seen = {}
+        for file in self.listing:
+            if seen.setdefault(file.path.lower(), file.path) != file.path:
+                self.report("name-clash", file.path)
+            answer = judge(file)
+            if answer == "named":
+                continue
+            if file.kind in ("link", "special"):
+                self.report("file-not-regular", file.path)
+                continue
+            self.report({"part": "part-file", "token": "token-not-entered", "segment": "segment-not-entered", "unnamed": "file-unnamed"}[answer], file.path)
+
+    def judge_outside(self, notes, origins, ledger, whole):
+        """Notes kept outside. `ledger` is None where there is none; `whole`: it is here to its end."""
+        seen = []
+        for path in notes:
+            name = path.name
+            try:
+                checkpoint = note.parse_checkpoint(path.read_bytes())
+            except note.Malformed as e:
+                self.report("outside-note-invalid", f"{name}: {e}")
+                continue
+            keys = [k for k in self.trust.devices if re.fullmatch(rf"kiroku/{re.escape(k.name)}/(log|[0-9]{{8}}T[0-9]{{6}}Z-[0-9a-f]{{8}})", checkpoint.origin)]
+            signed = [(k, s) for k in keys for s in checkpoint.signatures if s[:2] == (k.name, k.id)]
+            if not signed:
+                self.report("outside-note-untrusted", name)
+                continue
+            if not all(note.holds(k.public, checkpoint.text, s[2]) for k, s in signed):
+                self.report("outside-note-invalid", name)
+                continue
+            seen.append((name, checkpoint))
+        for i, (name, one) in enumerate(seen):
+            if any((o.origin, o.size) == (one.origin, one.size) and o.root != one.root for _, o in seen[:i]):
+                self.report("outside-notes-contradict", name)
+        for name, checkpoint in seen:
+            known = ledger is not None and (ledger.first == 0 or ledger.first < checkpoint.size) and checkpoint.size <= min(len(ledger), ledger.known)
+            if not origins:
+                self.report("outside-note-unchecked", name)
+            elif checkpoint.origin not in origins:
+                self.report("outside-note-of-other-origin", name)
+            elif known:
+                self.report("outside-note-holds" if ledger.root(checkpoint.size) == checkpoint.root else "outside-note-forked", name)
+            else:
+                self.report("outside-note-rolled-back" if whole and checkpoint.size > len(ledger) else "outside-note-unchecked", name)
+
+
+def outside_notes(trust, of_logs):
+    """The notes given that speak of logs, or the others."""
+    def speaks_of_log(path):
+        try:
+            return note.parse_checkpoint(path.read_bytes()).origin.endswith("/log")
+        except note.Malformed:
+            return False
+    return [path for path in trust.against if speaks_of_log(path) == of_logs]
+
+
+def sha256_of(path):
+    with open(path, "rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
