@@ -126,81 +126,72 @@ std::string write(const VitalNotice& notice) {
   return std::move(writer).finish();
 }
 
-/// Reads `,"key":"text"`.
-bool read_text(LineCursor& cursor, std::string_view key, std::string& into) {
-  return cursor.expect(",\"" + std::string(key) + "\":") && cursor.text(into);
+template <typename Line>
+void read_time_and_code(LineFields& fields, Line& line) {
+  if (fields.has("device_time")) {
+    fields.utc("device_time", line.device_time.emplace());
+  }
+  if (fields.text("code", line.code) && line.code.empty()) {
+    fields.refuse("code", "is empty");
+  }
+  if (fields.has("mdc") && fields.number("mdc", line.mdc) && line.mdc == 0) {
+    fields.refuse("mdc", "is 0, which stands for unknown and is left out");
+  }
+}
+
+void read(LineFields& fields, VitalText& text) {
+  read_time_and_code(fields, text);
+  fields.text("text", text.text);
+}
+
+void read(LineFields& fields, DeviceAlarm& alarm) {
+  read_time_and_code(fields, alarm);
+  fields.text("text", alarm.text);
+  fields.text("about", alarm.about);
+  fields.text("phase", alarm.phase);
+  fields.text("state", alarm.state);
+  fields.text("priority", alarm.priority);
+}
+
+void read(LineFields& fields, DeviceMessage& message) {
+  fields.text("answer", message.answer);
+  if (!fields.has("base64")) {
+    fields.text("text", message.bytes);
+    return;
+  }
+  std::string encoded;
+  if (fields.text("base64", encoded)) {
+    if (const auto bytes = crypto::from_base64(encoded, kPadding)) {
+      message.bytes = std::string(text_of(*bytes));
+    } else {
+      fields.refuse("base64", "is not well formed");
+    }
+  }
+}
+
+void read(LineFields& fields, DeviceClock& clock) {
+  fields.utc("zero", clock.zero);
+  fields.number("spread_ns", clock.spread_ns);
+  fields.number("messages", clock.messages);
+}
+
+void read(LineFields& fields, VitalNotice& notice) {
+  fields.text("notice", notice.notice);
+  fields.text("text", notice.text);
 }
 
 template <typename Line>
-bool read_time_and_code(LineCursor& cursor, Line& line) {
-  if (cursor.skip(",\"device_time\":") && !cursor.utc(line.device_time.emplace(), "device_time")) {
-    return false;
-  }
-  if (!read_text(cursor, "code", line.code)) {
-    return false;
-  }
-  return !cursor.skip(",\"mdc\":") || cursor.number(line.mdc);
-}
-
-bool read(LineCursor& cursor, VitalText& text) {
-  return read_time_and_code(cursor, text) && read_text(cursor, "text", text.text) &&
-         read_text(cursor, "source", text.source);
-}
-
-bool read(LineCursor& cursor, DeviceAlarm& alarm) {
-  return read_time_and_code(cursor, alarm) && read_text(cursor, "text", alarm.text) &&
-         read_text(cursor, "about", alarm.about) && read_text(cursor, "phase", alarm.phase) &&
-         read_text(cursor, "state", alarm.state) && read_text(cursor, "priority", alarm.priority) &&
-         read_text(cursor, "source", alarm.source);
-}
-
-bool read(LineCursor& cursor, DeviceMessage& message) {
-  if (!read_text(cursor, "answer", message.answer)) {
-    return false;
-  }
-  if (cursor.skip(",\"base64\":")) {
-    std::string encoded;
-    if (!cursor.text(encoded)) {
-      return false;
-    }
-    const auto bytes = crypto::from_base64(encoded, kPadding);
-    if (!bytes) {
-      return cursor.fail("base64 is not well formed");
-    }
-    message.bytes = std::string(text_of(*bytes));
-  } else if (!read_text(cursor, "text", message.bytes)) {
-    return false;
-  }
-  return read_text(cursor, "source", message.source);
-}
-
-bool read(LineCursor& cursor, DeviceClock& clock) {
-  return cursor.expect(",\"zero\":") && cursor.utc(clock.zero, "zero") && cursor.expect(",\"spread_ns\":") &&
-         cursor.number(clock.spread_ns) && cursor.expect(",\"messages\":") && cursor.number(clock.messages) &&
-         read_text(cursor, "source", clock.source);
-}
-
-bool read(LineCursor& cursor, VitalNotice& notice) {
-  return read_text(cursor, "notice", notice.notice) && read_text(cursor, "text", notice.text) &&
-         read_text(cursor, "source", notice.source);
-}
-
-template <typename Line>
-VitalLineParse read_as(LineCursor& cursor, std::int64_t time_ns, std::string_view text) {
+VitalLineParse read_as(LineFields& fields) {
   Line line;
-  line.time_ns = time_ns;
-  if (!read(cursor, line) || !cursor.end_of_object()) {
-    return {std::nullopt, cursor.problem()};
+  if (fields.number("time_ns", line.time_ns) && (line.time_ns < 0 || line.time_ns >= kTimeLimitNs)) {
+    fields.refuse("time_ns", "is not from 0 to 2^53 - 1");
   }
-  // Whatever has a second form is refused, so that a line says one thing in one way.
-  try {
-    if (write(line) == text) {
-      return {VitalLine(std::move(line)), ""};
-    }
-  } catch (const Error& error) {
-    return {std::nullopt, error.what()};
+  read(fields, line);
+  fields.text("source", line.source);
+  if (!fields.no_more()) {
+    return {std::nullopt, fields.problem()};
   }
-  return {std::nullopt, "the line is not in the form in which it would have been written"};
+  return {VitalLine(std::move(line)), ""};
 }
 
 }  // namespace
@@ -225,30 +216,29 @@ VitalLineParse parse_vital_line_of_any_kind(std::string_view text) {
   if (text.size() > kMaximumVitalLineBytes) {
     return {std::nullopt, "the line is longer than 1 MiB"};
   }
-  LineCursor cursor(text);
-  std::int64_t time_ns = 0;
-  std::string kind;
-  if (!cursor.skip("{\"time_ns\":") || !cursor.number(time_ns) || !cursor.skip(",\"kind\":")) {
-    VitalParse parse = parse_vital_line(text);
+  LineFields fields(text);
+  if (!fields.has("kind")) {
+    VitalParse parse = read_vital_sample(fields);
     return {std::move(parse.sample), std::move(parse.problem)};
   }
-  if (!cursor.text(kind)) {
-    return {std::nullopt, cursor.problem()};
+  std::string kind;
+  if (!fields.text("kind", kind)) {
+    return {std::nullopt, fields.problem()};
   }
   if (kind == "text") {
-    return read_as<VitalText>(cursor, time_ns, text);
+    return read_as<VitalText>(fields);
   }
   if (kind == "alarm") {
-    return read_as<DeviceAlarm>(cursor, time_ns, text);
+    return read_as<DeviceAlarm>(fields);
   }
   if (kind == "message") {
-    return read_as<DeviceMessage>(cursor, time_ns, text);
+    return read_as<DeviceMessage>(fields);
   }
   if (kind == "device-clock") {
-    return read_as<DeviceClock>(cursor, time_ns, text);
+    return read_as<DeviceClock>(fields);
   }
   if (kind == "notice") {
-    return read_as<VitalNotice>(cursor, time_ns, text);
+    return read_as<VitalNotice>(fields);
   }
   return {std::nullopt, "the kind '" + kind + "' is none of text, alarm, message, device-clock, notice"};
 }

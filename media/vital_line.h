@@ -1,6 +1,6 @@
-// Everything a line of a vitals segment can say. A line without "kind" is a sample (vital_sample.h); the
-// others carry "kind" as their second key, and, like samples, have exactly one form. Values; functions are
-// pure and thread-safe.
+// Everything a line of a vitals segment can say. A line without "kind" is a sample (vital_sample.h). The
+// others have a "kind". Like samples, they are written in one form and read in every form of JSON. Values;
+// functions are pure and thread-safe.
 //
 //   {"time_ns":1,"kind":"text","device_time":T,"code":C,"mdc":N,"text":"Alert","source":S}
 //       a quantity whose value is words; device_time and mdc only if known

@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <limits>
 #include <utility>
 
 #include "base/error.h"
@@ -20,71 +19,6 @@ constexpr std::array<std::pair<VitalQuality, std::string_view>, 4> kQualities{
      {VitalQuality::kQuestionable, "questionable"},
      {VitalQuality::kInvalid, "invalid"},
      {VitalQuality::kMissing, "missing"}}};
-
-bool read_values(LineCursor& cursor, std::vector<double>& values) {
-  if (!cursor.expect("[")) {
-    return false;
-  }
-  do {
-    if (cursor.skip("null")) {
-      values.push_back(std::numeric_limits<double>::quiet_NaN());
-    } else if (!cursor.number(values.emplace_back())) {
-      return false;
-    } else if (!std::isfinite(values.back())) {
-      return cursor.fail("a value is not finite");
-    }
-  } while (cursor.skip(","));
-  return cursor.expect("]");
-}
-
-bool read_device_time(LineCursor& cursor, VitalSample& sample) {
-  return cursor.utc(sample.device_time.emplace(), "device_time");
-}
-
-bool read_value(LineCursor& cursor, VitalSample& sample) {
-  if (cursor.skip("\"value\":")) {
-    return cursor.skip("null") || cursor.number(sample.value.emplace());
-  }
-  if (!cursor.expect("\"rate_hz\":") || !cursor.number(sample.rate_hz)) {
-    return false;
-  }
-  if (!(sample.rate_hz > 0)) {
-    return cursor.fail("rate_hz is not a positive number");
-  }
-  return cursor.expect(",\"values\":") && read_values(cursor, sample.values);
-}
-
-bool read_sample(LineCursor& cursor, VitalSample& sample) {
-  if (!cursor.expect("{\"time_ns\":") || !cursor.number(sample.time_ns) || !cursor.expect(",")) {
-    return false;
-  }
-  if (cursor.skip("\"device_time\":") && !(read_device_time(cursor, sample) && cursor.expect(","))) {
-    return false;
-  }
-  if (!cursor.expect("\"code\":") || !cursor.text(sample.code) || !cursor.expect(",")) {
-    return false;
-  }
-  if (cursor.skip("\"mdc\":")) {
-    if (!cursor.number(sample.mdc) || !cursor.expect(",")) {
-      return false;
-    }
-    if (sample.mdc == 0) {
-      return cursor.fail("mdc is 0, which stands for unknown and is left out");
-    }
-  }
-  std::string quality;
-  if (!read_value(cursor, sample) || !cursor.expect(",\"unit\":") || !cursor.text(sample.unit) ||
-      !cursor.expect(",\"source\":") || !cursor.text(sample.source) || !cursor.expect(",\"quality\":") ||
-      !cursor.text(quality)) {
-    return false;
-  }
-  const auto known = parse_quality(quality);
-  if (!known) {
-    return cursor.fail("quality is none of good, questionable, invalid, missing");
-  }
-  sample.quality = *known;
-  return cursor.end_of_object();
-}
 
 }  // namespace
 
@@ -201,10 +135,40 @@ VitalParse parse_vital_line(std::string_view line) {
   if (line.size() > kMaximumVitalLineBytes) {
     return {std::nullopt, "the line is longer than 1 MiB"};
   }
-  LineCursor cursor(line);
+  LineFields fields(line);
+  return read_vital_sample(fields);
+}
+
+VitalParse read_vital_sample(LineFields& fields) {
   VitalSample sample;
-  if (!read_sample(cursor, sample)) {
-    return {std::nullopt, cursor.problem()};
+  std::string quality;
+  fields.number("time_ns", sample.time_ns);
+  if (fields.has("device_time")) {
+    fields.utc("device_time", sample.device_time.emplace());
+  }
+  fields.text("code", sample.code);
+  if (fields.has("mdc") && fields.number("mdc", sample.mdc) && sample.mdc == 0) {
+    fields.refuse("mdc", "is 0, which stands for unknown and is left out");
+  }
+  if (fields.has("rate_hz") || fields.has("values")) {
+    if (fields.number("rate_hz", sample.rate_hz) && !(sample.rate_hz > 0)) {
+      fields.refuse("rate_hz", "is not a positive number");
+    }
+    fields.numbers("values", sample.values);
+  } else {
+    fields.number_or_null("value", sample.value);
+  }
+  fields.text("unit", sample.unit);
+  fields.text("source", sample.source);
+  if (fields.text("quality", quality)) {
+    if (const auto known = parse_quality(quality)) {
+      sample.quality = *known;
+    } else {
+      fields.refuse("quality", "is none of good, questionable, invalid, missing");
+    }
+  }
+  if (!fields.no_more()) {
+    return {std::nullopt, fields.problem()};
   }
   if (std::string problem = problem_of(sample); !problem.empty()) {
     return {std::nullopt, std::move(problem)};

@@ -1,27 +1,16 @@
 // One vital sign as it is recorded, and its line in a vitals segment; the other lines such a segment may hold
 // are in vital_line.h. Values; functions are pure and thread-safe.
 //
-// A vitals segment is JSON Lines: one object a line, UTF-8, LF after every line, no blanks outside strings.
-// Keys in this order, none repeated, none else:
+// A vitals segment is JSON Lines: one object a line, UTF-8, LF after every line. The keys of a sample stand
+// in docs/reference/format-streams.md, "Samples". A reader takes them in any order, with any blanks, and
+// numbers and texts in any form of JSON; a key that is unknown or stands twice is refused. A writer writes
 //
 //   {"time_ns":1500000000,"code":"MDC_PULS_OXIM_SAT_O2","mdc":150456,"value":97.5,"unit":"%",
 //    "source":"synthetic:patient","quality":"good"}
 //
-//   time_ns      case clock at arrival, whole nanoseconds since `open`, 0 … 2^53 - 1
-//   device_time  (only if the device told) the device's own time, RFC 3339 UTC with microseconds
-//   code         IEEE 11073-10101 reference identifier; own codes begin with KIROKU_
-//   mdc          (only if known) its numeric code, partition * 65536 + term, 1 … 2^32 - 1
-//   value        a number, or null where the device reported that it has none (quality "missing")
-//   rate_hz, values   instead of `value`, for a waveform: see VitalSample; null among the values where the
-//   device
-//                    reported that it had none
-//   unit         UCUM (case sensitive), "1" for a pure number, "" if not stated
-//   source       which device or file said so, "" if there is but one
-//   quality      "good", "questionable", "invalid", "missing"
-//
-// Numbers are the shortest decimal that reads back to the same double (std::to_chars); they are always
-// finite. Text is escaped only where it must be: \", \\ and \u00xx for control characters. So a sample has
-// exactly one line, and a line that to_json_line would not have written is refused.
+// always in this order and without blanks: numbers as the shortest decimal that reads back to the same double
+// (std::to_chars), text escaped only where it must be: \", \\ and \u00xx for control characters. Numbers are
+// always finite.
 #pragma once
 
 #include <cstdint>
@@ -75,6 +64,10 @@ struct VitalParse {
   std::string problem;
 };
 VitalParse parse_vital_line(std::string_view line);
+
+class LineFields;
+/// Likewise, of a line whose members were read already.
+VitalParse read_vital_sample(LineFields& fields);
 
 /// Case-clock time of value `index` of a waveform.
 std::int64_t waveform_time_ns(const VitalSample& waveform, std::size_t index);

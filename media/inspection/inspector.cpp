@@ -46,6 +46,11 @@ std::uint64_t count_frames_boxed(BoxPool& boxes, const archive::StreamInfo& stre
   return frames->get<std::uint64_t>();
 }
 
+bool is_object(std::string_view line) {
+  const std::size_t first = line.find_first_not_of(" \t\r");
+  return first != std::string_view::npos && line[first] == '{' && nlohmann::json::accept(line);
+}
+
 std::uint64_t count_lines(const archive::StreamInfo& stream, const archive::SegmentEntry& entry,
                           const SealedSegment& segment) {
   std::uint64_t lines = 0;
@@ -57,7 +62,7 @@ std::uint64_t count_lines(const archive::StreamInfo& stream, const archive::Segm
                     if (!parse.line) {
                       throw MediaError(where + " is no vital sign: " + parse.problem);
                     }
-                  } else if (!line.starts_with('{') || !nlohmann::json::accept(line)) {
+                  } else if (!is_object(line)) {
                     throw MediaError(where + " is no JSON object");
                   }
                   ++lines;

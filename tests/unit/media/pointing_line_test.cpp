@@ -27,6 +27,13 @@ TEST(PointingLine, IsReadAsItWasWritten) {
   EXPECT_EQ(line->at.picture_ns, 9);
 }
 
+TEST(PointingLine, IsReadWhateverTheOrderOfItsKeysAndTheBlanksBetween) {
+  const auto line = parse_pointing_line(
+      R"( { "y" : 0.75, "picture_ns":9 ,"x":2.5e-1,"stream":"room",	"role":"surgeon", "by":"anna", "time_ns":5 } )");
+  ASSERT_TRUE(line);
+  EXPECT_EQ(pointing_line(*line), pointing_line({5, {"anna", "surgeon", "room", 0.25, 0.75, 9}}));
+}
+
 TEST(PointingLine, IsNothingElse) {
   for (const char* text :
        {"", "{}", "[1]", R"({"time_ns":1,"by":"a","role":"b","stream":"c","x":0.5})",

@@ -1,11 +1,13 @@
 #include "media/vital_sample.h"
 
+#include <algorithm>
 #include <bit>
 #include <cmath>
 #include <limits>
 #include <random>
 
 #include <gtest/gtest.h>
+#include <nlohmann/json.hpp>
 
 #include "base/error.h"
 #include "media/vital_codes.h"
@@ -122,7 +124,7 @@ TEST(VitalSample, ReadsBackWhateverItWrites) {
   }
 }
 
-TEST(VitalSample, RefusesEveryCutLineAndEveryLineWithAByteChangedToAnotherForm) {
+TEST(VitalSample, RefusesEveryCutLineAndTakesAChangedByteOnlyForWhatItSays) {
   const std::string line(kSaturationLine);
   for (std::size_t length = 0; length < line.size(); ++length) {
     EXPECT_FALSE(parse_vital_line(line.substr(0, length)).sample) << length;
@@ -132,40 +134,90 @@ TEST(VitalSample, RefusesEveryCutLineAndEveryLineWithAByteChangedToAnotherForm) 
       std::string changed = line;
       changed[i] = static_cast<char>(byte);
       const VitalParse parse = parse_vital_line(changed);
-      // What is accepted is one line for one sample: there is no second way to write it.
-      if (parse.sample) {
-        EXPECT_EQ(to_json_line(*parse.sample), changed);
-      } else {
+      if (!parse.sample) {
         EXPECT_NE(parse.problem, "");
+        continue;
       }
+      // Another reader of JSON sees the same in it as in the one line that would have been written.
+      const nlohmann::json seen = nlohmann::json::parse(changed, nullptr, false);
+      EXPECT_EQ(seen, nlohmann::json::parse(to_json_line(*parse.sample))) << changed;
     }
   }
 }
 
+TEST(VitalSample, IsReadWhateverTheOrderOfItsKeysAndTheBlanksBetween) {
+  VitalSample sample = saturation();
+  sample.device_time = parse_utc("2026-08-05T09:15:02.5Z");
+  VitalSample wave = sample;
+  wave.value.reset();
+  wave.rate_hz = 2;
+  wave.values = {1, -0.5, 1e-7};
+  std::mt19937_64 random(7);
+  for (const VitalSample& each : {sample, wave}) {
+    const auto written = nlohmann::ordered_json::parse(to_json_line(each));
+    std::vector<std::pair<std::string, nlohmann::ordered_json>> members;
+    for (const auto& [key, value] : written.items()) members.emplace_back(key, value);
+    for (int round = 0; round < 50; ++round) {
+      std::shuffle(members.begin(), members.end(), random);
+      nlohmann::ordered_json other = nlohmann::ordered_json::object();
+      for (const auto& [key, value] : members) other[key] = value;
+      std::string line = other.dump(2, '\t');
+      std::ranges::replace(line, '\n', ' ');
+      const VitalParse parse = parse_vital_line(line);
+      ASSERT_TRUE(parse.sample) << parse.problem << " in " << line;
+      EXPECT_EQ(*parse.sample, each) << line;
+    }
+  }
+}
+
+TEST(VitalSample, IsReadInEveryFormThatNumbersAndTextsHaveInJson) {
+  const VitalParse parse = parse_vital_line(
+      R"({"quality":"g\u006fod","code":"A\/\"\\\b\f\n\r\t\u00e4\ud83d\ude00","unit":"","source":"","value":-1.50E+2,"time_ns":7})");
+  ASSERT_TRUE(parse.sample) << parse.problem;
+  EXPECT_EQ(parse.sample->value, -150);
+  EXPECT_EQ(parse.sample->time_ns, 7);
+  EXPECT_EQ(parse.sample->code, "A/\"\\\b\f\n\r\tä😀");
+}
+
 TEST(VitalSample, SaysWhatIsWrongAndWhere) {
   const auto problem = [](std::string_view line) { return parse_vital_line(line).problem; };
-  EXPECT_EQ(problem(""), "expected {\"time_ns\": at column 1");
-  EXPECT_EQ(problem(R"({"time_ns":1.5,)"), "expected , at column 13");
-  EXPECT_EQ(problem(R"({"time_ns":01,)"), "a number is not in its shortest form at column 12");
-  EXPECT_EQ(
-      problem(R"({"time_ns":9007199254740992,"code":"A","value":1,"unit":"","source":"","quality":"good"})"),
-      "time_ns is not from 0 to 2^53 - 1");
-  EXPECT_EQ(problem(R"({"time_ns":1,"code":"A","value":nan,"unit":"","source":"","quality":"good"})"),
-            "the value is not finite");
-  EXPECT_EQ(problem(R"({"time_ns":1,"code":"A","value":1.0,"unit":"","source":"","quality":"good"})"),
-            "a number is not in its shortest form at column 33");
-  EXPECT_EQ(problem(R"({"time_ns":1,"code":"A","value":1,"unit":"","source":"","quality":"fine"})"),
-            "quality is none of good, questionable, invalid, missing at column 73");
-  EXPECT_EQ(problem(R"({"time_ns":1,"code":"A","value":null,"unit":"","source":"","quality":"good"})"),
+  const auto with = [&](std::string_view members) {
+    return problem(R"({"unit":"","source":"","quality":"good",)" + std::string(members) + "}");
+  };
+  EXPECT_EQ(problem(""), "expected { at column 1");
+  EXPECT_EQ(problem("[1]"), "expected { at column 1");
+  EXPECT_EQ(problem(R"({"time_ns" 1})"), "expected : at column 12");
+  EXPECT_EQ(problem(R"({"time_ns":})"), "expected a value at column 12");
+  EXPECT_EQ(problem(R"({"time_ns":1;)"), "expected , or } at column 14");
+  EXPECT_EQ(problem(R"({"time_ns":1,"time_ns":2})"), "a key stands twice at column 14");
+  EXPECT_EQ(problem(R"({"time_ns":1,})"), "expected a key at column 14");
+  EXPECT_EQ(problem(R"({"time_ns":"1"})"), "time_ns is no number at column 12");
+  EXPECT_EQ(problem(R"({"time_ns":1.5})"), "time_ns is no whole number at column 12");
+  EXPECT_EQ(problem(R"({"time_ns":01})"), "time_ns is no number at column 12");
+  EXPECT_EQ(problem(R"({"time_ns":99999999999999999999})"), "time_ns is beyond what it may be at column 12");
+  EXPECT_EQ(with(R"("time_ns":9007199254740992,"code":"A","value":1)"), "time_ns is not from 0 to 2^53 - 1");
+  EXPECT_EQ(with(R"("time_ns":1,"code":"A","value":nan)"), "value is no number at column 72");
+  EXPECT_EQ(with(R"("time_ns":1,"code":"A","value":1e999)"), "value is beyond what it may be at column 72");
+  EXPECT_EQ(with(R"("time_ns":1,"code":"A","value":null)"),
             "a value must be null if, and only if, its quality is missing");
-  EXPECT_EQ(
-      problem(R"({"time_ns":1,"code":"A","rate_hz":1,"values":[],"unit":"","source":"","quality":"good"})"),
-      "expected a number at column 47");
-  EXPECT_EQ(problem(R"({"time_ns":1,"code":"A\u0041","value":1,"unit":"","source":"","quality":"good"})"),
-            "a character is escaped that need not be at column 23");
-  EXPECT_EQ(problem("{\"time_ns\":1,\"code\":\"A\xC0\x80\""), "a text is not UTF-8 at column 25");
-  EXPECT_EQ(problem(std::string(kSaturationLine) + " "), "there is more after the object at column 136");
+  EXPECT_EQ(with(R"("time_ns":1,"code":"A","rate_hz":1,"values":[])"), "values is no number at column 86");
+  EXPECT_EQ(with(R"("time_ns":1,"code":"A","rate_hz":1)"), "values is missing at column 76");
+  EXPECT_EQ(with(R"("time_ns":1,"code":"A","value":1,"rate_hz":1,"values":[1])"),
+            "a key is none of those that such a line has at column 64");
+  EXPECT_EQ(with(R"("time_ns":1,"code":"A","value":1,"more":[1])"),
+            "a key is none of those that such a line has at column 74");
+  EXPECT_EQ(with(R"("time_ns":1,"code":"A","value":1,"mdc":0)"),
+            "mdc is 0, which stands for unknown and is left out at column 80");
+  EXPECT_EQ(with(R"("time_ns":1,"code":"A\x41","value":1)"), "an escape is none of JSON at column 62");
+  EXPECT_EQ(with(R"("time_ns":1,"code":"A\ud83d","value":1)"), "an escape is none of JSON at column 62");
+  EXPECT_EQ(with("\"time_ns\":1,\"code\":\"A\xC0\x80\",\"value\":1"), "a text is not UTF-8 at column 61");
+  EXPECT_EQ(problem(R"({"time_ns":1,"code":"A","value":1,"unit":"","source":"","quality":"fine"})"),
+            "quality is none of good, questionable, invalid, missing at column 67");
+  EXPECT_EQ(problem(std::string(kSaturationLine) + " x"), "there is more after the object at column 137");
   EXPECT_EQ(problem(std::string(kMaximumVitalLineBytes + 1, '[')), "the line is longer than 1 MiB");
+  std::string many = "{";
+  for (int i = 0; i < 17; ++i) many += "\"key" + std::to_string(i) + "\":1,";
+  EXPECT_EQ(problem(many), "there are more keys than any line has at column 152");
 }
 
 TEST(VitalSample, WillNotWriteWhatItCouldNotRead) {

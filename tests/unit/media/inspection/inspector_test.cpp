@@ -96,9 +96,8 @@ TEST_F(InspectorTest, ReadsEveryVitalSign) {
   EXPECT_EQ(inspect(vitals("", 0))[0], "");
   EXPECT_EQ(inspect(vitals(line, 2))[0],
             "segments/vitals/00000000.jsonl.age holds 1 samples, the ledger states 2");
-  EXPECT_EQ(
-      inspect(vitals(line + "x\n", 2))[0],
-      "line 2 of segments/vitals/00000000.jsonl.age is no vital sign: expected {\"time_ns\": at column 1");
+  EXPECT_EQ(inspect(vitals(line + "x\n", 2))[0],
+            "line 2 of segments/vitals/00000000.jsonl.age is no vital sign: expected { at column 1");
   EXPECT_EQ(inspect(vitals(line + "{", 1))[0],
             "line 2 of segments/vitals/00000000.jsonl.age has no line end");
 }
@@ -108,6 +107,7 @@ TEST_F(InspectorTest, ReadsEventsAsJsonObjects) {
     return RecordedStream{"events", "events", "application/jsonl", {to_bytes(lines)}, {count}};
   };
   EXPECT_EQ(inspect(events("{\"kind\":\"mark\"}\n{}\n", 2))[0], "");
+  EXPECT_EQ(inspect(events(" { \"kind\" : \"mark\" }\t\n", 1))[0], "");
   EXPECT_EQ(inspect(events("{}\n", 2))[0],
             "segments/events/00000000.jsonl.age holds 1 lines, the ledger states 2");
   for (const std::string line : {"[]", "1", "", "{\"a\":}", "{} {}"}) {
