@@ -437,7 +437,10 @@ class Entries:
             if path.is_symlink() or not path.is_file():
                 self.report("file-not-regular", name)
                 continue
-            self._check_file(path, name, expected, rekeyed(name), inodes, stream)
+            try:
+                self._check_file(path, name, expected, rekeyed(name), inodes, stream)
+            except OSError as e:
+                self.report("file-unreadable", f"{name}: {e}")
 
     def _check_file(self, path, name, expected, is_rekeyed, inodes, stream):
         status = path.stat()

@@ -115,6 +115,7 @@ class Signer:
         done = subprocess.run(["openssl", "pkey", "-inform", "DER", "-pubout", "-outform", "DER"], input=_PRIVATE + self.seed, capture_output=True, check=True)
         return Key(self.name, done.stdout[-32:])
 
+    @functools.lru_cache(maxsize=None)  # Ed25519 signs a text in one way
     def sign(self, text):
         with tempfile.TemporaryDirectory() as folder:
             for name, data in (("key", _PRIVATE + self.seed), ("text", text)):

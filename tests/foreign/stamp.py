@@ -1,4 +1,5 @@
 """RFC 3161 time stamps: their fields are read from DER here, `openssl` judges signatures and certificates and plays the authority."""
+import calendar
 import dataclasses
 import datetime
 import functools
@@ -66,13 +67,24 @@ def _oid(data):
     return ".".join(map(str, [first, numbers[0] - 40 * first, *numbers[1:]]))
 
 
-def nanoseconds(moment):
-    """Since 1970, of `2026-08-05T09:15:02.000000Z`."""
-    found = re.fullmatch(r"(\d{4}-\d\d-\d\dT\d\d:\d\d:\d\d)\.(\d{6})Z", moment)
+def _numbers(moment):
+    found = re.fullmatch(r"(\d{4})-(\d\d)-(\d\d)T(\d\d):(\d\d):(\d\d)\.(\d{6})Z", moment)
     if not found:
         raise ValueError(f"{moment!r} is no time")
-    whole = datetime.datetime.fromisoformat(found[1] + "+00:00")
-    return int(whole.timestamp()) * _NANO + int(found[2]) * 1000
+    return [int(number) for number in found.groups()]
+
+
+def is_day(moment):
+    """Whether there is the day of `2026-08-05T09:15:02.000000Z`."""
+    year, month, day = _numbers(moment)[:3]
+    return 1 <= day <= (calendar.mdays[month] + (month == 2 and calendar.isleap(year)))
+
+
+def nanoseconds(moment):
+    """Since 1970, of `2026-08-05T09:15:02.000000Z`; also of year 0, which Python's own times do not have."""
+    year, month, day, hours, minutes, seconds, micros = _numbers(moment)
+    days = datetime.date(year + 400, month, day).toordinal() - datetime.date(2370, 1, 1).toordinal()  # a cycle of 400 years later
+    return ((days * 24 + hours) * 60 + minutes) * 60 * _NANO + seconds * _NANO + micros * 1000
 
 
 def text_of(nanos):
@@ -248,6 +260,7 @@ ess_cert_id_alg = sha256
             self._run("ts", "-reply", "-config", self.path("authority.cnf"), "-queryfile", self.path("query.tsq"), "-out", self.path("reply.tsr"))
             return (self.folder / "reply.tsr").read_bytes()
 
+    @functools.lru_cache(maxsize=None)
     def at(self, data, gen_ns, serial, accuracy_s=1, ordering=False):
         """A response of this authority as if its clock had shown `gen_ns`: TSTInfo is made here, `openssl cms` signs it."""
         moment = datetime.datetime.fromtimestamp(gen_ns // _NANO, datetime.timezone.utc).strftime("%Y%m%d%H%M%S")

@@ -11,6 +11,7 @@ import stat
 import merkle
 import note
 import schema
+import stamp
 import strict_json
 
 PAGE = schema.FOLDER.parent / "format.md"
@@ -85,12 +86,9 @@ class Ledger:
             try:
                 if too_long:
                     raise schema.Unfit("longer than 1 MiB")
-                entry = strict_json.parse(line, levels)
-                schema.check(entry, _schema(schema_name))
-                _check_between_keys(entry)
+                entry = parse_entry(line, schema_name, levels)
             except (strict_json.Malformed, schema.Unfit) as e:
                 report("entry-too-long" if too_long else "entry-malformed", f"line {number}: {e}")
-                entry = None
                 malformed += 1
             self.lines.append(line)
             self.entries.append(entry)
@@ -114,12 +112,22 @@ class Ledger:
         return self._roots[size]
 
 
+def parse_entry(line, schema_name, levels):
+    """The entry in a line; raises Malformed or Unfit where it is none."""
+    entry = strict_json.parse(line, levels)
+    schema.check(entry, _schema(schema_name))
+    _check_between_keys(entry)
+    return entry
+
+
 def _check_between_keys(entry):
     """Rules of an entry that a schema cannot state."""
     def must(holds, why):
         if not holds:
             raise schema.Unfit(why)
 
+    for key in ("utc", "gen_time"):
+        must(key not in entry or stamp.is_day(entry[key]), f"{key} is of no day")
     kind = entry["type"]
     if kind in ("segment", "gap"):
         must(entry["end_ns"] >= entry["start_ns"], "end_ns is before start_ns")
