@@ -159,13 +159,14 @@ void LogWalk::judge_told(std::uint64_t number, bool has_its_own) {
 
 void LogWalk::judge_tail() {
   const std::uint64_t covered = checkpoints_.covered();
-  if (covered == tree_.size()) {
+  const bool is_empty = tree_.size() == 0;  // as whoever takes all of it away leaves it
+  if (covered == tree_.size() && !is_empty) {
     return;
   }
   // A log is signed entry by entry, but for starts of the machine and changes of its configuration: one may
   // be without its checkpoint, where the machine stopped in between or is at it now.
   const bool two_unsigned = to_be_followed_.size() == 2 && to_be_followed_.front() >= covered;
-  const bool nothing_signed = covered == 0 && !to_be_followed_.empty();
+  const bool nothing_signed = covered == 0 && (is_empty || !to_be_followed_.empty());
   if (nothing_signed || two_unsigned) {
     findings_->add("log-tail-unsigned", in_ledger(covered),
                    "no checkpoint covers the log from " + at_entry(covered) +
@@ -260,7 +261,7 @@ void LogWalk::take(const LedgerLine& line, std::uint64_t number) {
 }
 
 void LogWalk::set_device(const std::string& device, std::uint64_t number) {
-  if (device == contents_.device) {
+  if (std::exchange(names_device_, true) && device == contents_.device) {
     return;
   }
   contents_.device = device;

@@ -98,6 +98,7 @@ class LogWalk {
   CheckpointRules checkpoints_;
   crypto::MerkleFrontier tree_;
   LogContents contents_;
+  bool names_device_ = false;  // an entry did, be it by a text that is none
   std::int64_t last_mono_ns_ = 0;
   std::deque<crypto::Checkpoint> recent_;      // of the newest sizes that no listed note has; without origin
   std::deque<std::uint64_t> to_be_followed_;   // the last two entries that a checkpoint follows at once

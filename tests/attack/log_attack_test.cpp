@@ -315,6 +315,30 @@ TEST(AttackOnTheLog, ANoteOfTheLogIsComparedWithTheLogBesideACase) {
   EXPECT_THAT(summary(report), ::testing::HasSubstr("outside-note-rolled-back log/ledger.jsonl"));
 }
 
+// Whoever holds no key of a device names none.
+TEST(AttackOnTheLog, ALogThatNamesNoDeviceIsTamperedWhoeverSignedIt) {
+  const AttackedCase victim;
+  std::vector<std::string> lines = log_lines(victim.log());
+  const std::string named = "\"device\":\"" + SoundCases::get().archive.device().to_string() + "\"";
+  const std::size_t at = lines.front().find(named);
+  ASSERT_NE(at, std::string::npos);
+  lines.front().replace(at, named.size(), "\"device\":\"\"");
+  set_log(victim.log(), lines);
+  const archive::VerificationReport report =
+      archive::verify_log(victim.log(), SoundCases::get().archive.options());
+  EXPECT_EQ(report.verdict, Verdict::kTampered) << details(report);
+  EXPECT_THAT(summary(report), ::testing::HasSubstr("device-invalid ledger.jsonl 0"));
+}
+
+TEST(AttackOnTheLog, ALogThatWasEmptiedIsNotIntact) {
+  const AttackedCase victim;
+  fs::remove_all(victim.log() / "checkpoints");
+  write_file(victim.log() / kLedger, "");
+  const archive::VerificationReport report =
+      archive::verify_log(victim.log(), SoundCases::get().archive.options());
+  EXPECT_EQ(summary(report), "unproven\nlog-tail-unsigned ledger.jsonl 0") << details(report);
+}
+
 TEST(AttackByAForgedDevice, ACaseWithGenuineTokensIsUnprovenAndUnknownToTheLog) {
   SampleArchive& sound = SoundCases::get().archive;
   SampleArchive forger;

@@ -1192,6 +1192,15 @@ def log_unsigned(world):
     return the_log(world, change)
 
 
+@reaches("log-tail-unsigned")
+def log_emptied(world):
+    given = the_log(world)
+    (given.path / "ledger.jsonl").write_bytes(b"")
+    for path in (given.path / "checkpoints").iterdir():
+        path.unlink()
+    return given
+
+
 @reaches("log-tail-not-covered")
 def log_end_unsigned(world):
     def change(log, written):
@@ -1232,6 +1241,15 @@ def log_back_in_time(world):
 def log_without_boot(world):
     def change(log, written):
         log.steps[0] = Entry("shutdown", 0, {})
+    return the_log(world, change)
+
+
+@reaches("device-invalid")
+def log_of_no_device(world):
+    def change(log, written):
+        log.steps[0].fields["device"] = ""
+        for checkpoint in log.of(Checkpoint):
+            checkpoint.signer = world.stranger
     return the_log(world, change)
 
 

@@ -107,11 +107,11 @@ class LogRead:
         return None, None, None
 
     def _judge_tail(self, to_be_followed):
-        covered = self.folder.covered
-        if covered == len(self.ledger):
+        covered, is_empty = self.folder.covered, len(self.ledger) == 0
+        if covered == len(self.ledger) and not is_empty:
             return
         two = len(to_be_followed) >= 2 and to_be_followed[-2] >= covered
-        nothing = covered == 0 and to_be_followed
+        nothing = covered == 0 and (is_empty or to_be_followed)
         self.folder.report("log-tail-unsigned" if nothing or two else "log-tail-not-covered", f"from line {covered}")
 
     def root_at(self, size):
