@@ -1,5 +1,6 @@
-// What freezes a plan before the operation: a list of its files with their hashes (docs/reference/format.md,
-// "Sealed plans"), whose own hash stands in the appliance log and, if one was recorded by it, in a case.
+// What freezes a plan before the operation: a list of its files with their hashes
+// (docs/reference/format-plans.md, "Sealed plans"), whose own hash stands in the appliance log and, if one
+// was recorded by it, in a case.
 #pragma once
 
 #include <cstdint>

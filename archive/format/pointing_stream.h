@@ -1,6 +1,6 @@
 // The stream of a case in which it stands where people pointed on its live pictures
-// (docs/reference/format.md, "Pointing"). Its kind is that of events, but no mark of the ledger commits to
-// its lines.
+// (docs/reference/format-streams.md, "Pointing"). Its kind is that of events, but no mark of the ledger
+// commits to its lines.
 #pragma once
 
 #include <string_view>

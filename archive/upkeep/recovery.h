@@ -1,4 +1,4 @@
-// Bringing cases to their end whose recorder died: power cut, crash, kill (docs/reference/format.md,
+// Bringing cases to their end whose recorder died: power cut, crash, kill (docs/reference/format-recovery.md,
 // "Recovery"). It uses the writer that recording uses, so what it leaves is what recording leaves. Everything
 // it does may be cut off as well: the next start takes it up from what is there. Finished, entered segments
 // are not read again, so ten hours take seconds. Functions; one thread at a time.

@@ -1,5 +1,5 @@
-// Erasing the segments of one stream of a closed case (docs/reference/format.md, "Retention"): their bytes
-// go, their hashes and the proof of everything else stay. Functions; one thread at a time.
+// Erasing the segments of one stream of a closed case (docs/reference/format-recovery.md, "Retention"): their
+// bytes go, their hashes and the proof of everything else stay. Functions; one thread at a time.
 #pragma once
 
 #include <cstdint>

@@ -1,7 +1,7 @@
 // One operation in two cases: the recorder died, and after its recovery a new case carries the first one on
-// (docs/reference/format.md, "A case that carries another on"). Both statements are texts of format 1, so
-// that a verifier that does not know them judges both cases as it always did. Pure functions, thread-safe,
-// but for check_carrying_on().
+// (docs/reference/format-recovery.md, "A case that carries another on"). Both statements are texts of format
+// 1, so that a verifier that does not know them judges both cases as it always did. Pure functions,
+// thread-safe, but for check_carrying_on().
 #pragma once
 
 #include <cstdint>

@@ -51,7 +51,7 @@ struct ProcedureData {
 /// What `data` leaves empty, as `more` has it, which must be of the same patient.
 void complete(ProcedureData& data, const ProcedureData& more);
 
-/// The subject file's text (docs/reference/format.md): one JSON object, what is empty left out.
+/// The subject file's text (docs/reference/format-streams.md): one JSON object, what is empty left out.
 Bytes subject_json(const ProcedureData& data);
 
 /// Adds those of `more` that are not the same patient's same procedure as one that is there already.

@@ -32,8 +32,8 @@ struct ProfileChoice {
 bool has_word(std::string_view text, std::string_view word);
 
 /// The first rule of which a code is the procedure's code, or a word stands in its description. `subject` is
-/// a subject's JSON (docs/reference/format.md, "The subject file"): "procedure" is a text, or an object with
-/// "description" and "code". Nothing where no rule matches, or nothing is said of a procedure.
+/// a subject's JSON (docs/reference/format-streams.md, "The subject file"): "procedure" is a text, or an
+/// object with "description" and "code". Nothing where no rule matches, or nothing is said of a procedure.
 std::optional<ProfileChoice> choose_profile(const std::vector<ProfileRule>& rules, const Bytes& subject);
 
 }  // namespace kiroku::recorder

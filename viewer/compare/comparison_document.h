@@ -1,5 +1,5 @@
-// A comparison as a document that can be sealed (docs/reference/format.md, "Comparisons"): JSON, and the same
-// for people as one HTML file. Pure functions, thread-safe.
+// A comparison as a document that can be sealed (docs/reference/format-plans.md, "Comparisons"): JSON, and
+// the same for people as one HTML file. Pure functions, thread-safe.
 #pragma once
 
 #include <string>

@@ -1,6 +1,7 @@
 // Comparisons that are kept for the viewer, beside the archive and apart from the case:
 //
-//   FOLDER/<case>/<name>.comparison.json.age         the document (docs/reference/format.md, "Comparisons")
+//   FOLDER/<case>/<name>.comparison.json.age         the document (docs/reference/format-plans.md,
+//   "Comparisons")
 //                 <name>.replay.mp4.age              the plan as a film, where its CT was at hand
 //                 <name>.radiographs.mp4.age       the plan's radiographs, where the case has fluoroscopy
 //                 <name>.comparison.<authority>.tsr  tokens of the document

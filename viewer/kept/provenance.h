@@ -1,4 +1,4 @@
-// What a comparison stands on and who made it, as its document states it (docs/reference/format.md,
+// What a comparison stands on and who made it, as its document states it (docs/reference/format-plans.md,
 // "Comparisons"). Apart from what compares, so that reading needs neither simulation nor OpenCV. Pure
 // functions, thread-safe.
 #pragma once

@@ -10,9 +10,10 @@
 
 namespace kiroku::playback {
 
-/// Calls `visit` with each event (docs/reference/format.md, "The events stream"), a JSON object, in the order
-/// of the stream. An event that no `mark` entry of the ledger commits to is left out. Opens nothing where the
-/// ledger has no such entry. Throws kiroku::Error as media::SealedSegment::open, and whatever `visit` throws.
+/// Calls `visit` with each event (docs/reference/format-streams.md, "The events stream"), a JSON object, in
+/// the order of the stream. An event that no `mark` entry of the ledger commits to is left out. Opens nothing
+/// where the ledger has no such entry. Throws kiroku::Error as media::SealedSegment::open, and whatever
+/// `visit` throws.
 void for_each_event(const CaseMedia& media, const std::function<void(const nlohmann::json& event)>& visit);
 
 }  // namespace kiroku::playback

@@ -1,5 +1,5 @@
-// What a case is about: patient, procedure and staff, which are sealed (docs/reference/format.md, "The
-// subject file"). Functions; thread-safe.
+// What a case is about: patient, procedure and staff, which are sealed (docs/reference/format-streams.md,
+// "The subject file"). Functions; thread-safe.
 #pragma once
 
 #include <cstdint>

@@ -32,7 +32,7 @@ export interface TypedSubject {
   surgeon: string;
 }
 
-/** As the subject file has it (docs/reference/format.md); undefined where nothing was typed. */
+/** As the subject file has it (docs/reference/format-streams.md); undefined where nothing was typed. */
 export function saidByTyping(typed: TypedSubject): SaidOfCase['subject'] {
   const kept = (fields: Record<string, string>) => {
     const entries = Object.entries(fields)
