@@ -509,7 +509,8 @@ struct Room::State {
       options.cancelled = &cancelled;
       options.subject = subject_of(asked);
       options.profile_decisions = decisions_for(asked, options.subject);
-      for (const ProfileDecision& decision : options.profile_decisions) apply_decision(decision, options.video);
+      for (const ProfileDecision& decision : options.profile_decisions)
+        apply_decision(decision, options.video);
       options.plan = asked.sealed_plan;
       options.identity = asked.identity;
       note_beginning(asked);

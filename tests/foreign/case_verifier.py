@@ -41,6 +41,8 @@ class Stream:
         self.silence = None
         self.longest_silence = 0
         self.entered = set()
+        self.of_pictures = self.info["media"] != "application/jsonl"     # by what its files hold: a name is the writer's
+        self.of_marks = self.info["kind"] == "events" and not self.of_pictures
 
     @property
     def extensions(self):
@@ -105,12 +107,11 @@ class Stream:
         return True
 
     def _fill(self, segment, frames, counted, duration):
-        kind = self.info["kind"]
-        if kind == "video" and segment["complete"] and counted and duration > 0:
+        if self.of_pictures and segment["complete"] and counted and duration > 0:
             self.fillings.append((frames + segment["dropped"], duration))
-        if kind == "video" and self.info["timing"] == "arrival" and counted and duration > LONGEST_SEGMENT:
+        if not self.of_marks and self.info["timing"] == "arrival" and counted and duration > LONGEST_SEGMENT:
             self.report("segment-too-long", segment["file"])
-        if kind == "vitals":
+        if not self.of_pictures and not self.of_marks:
             if frames > 0 or not counted:
                 self.silence = None
             else:
@@ -148,7 +149,7 @@ class Stream:
         return (begin, end) if end - begin > SEAM else None
 
     def finish(self, recorded, lines_begin):
-        if recorded and not (self.info["kind"] == "events" and self.info["media"] == "application/jsonl"):
+        if recorded and not self.of_marks:
             self._check_ends(*recorded)
         self._check_fillings()
         for begin, end in self.holes:
@@ -177,8 +178,8 @@ class Stream:
             self.report("stream-ends-early", name)
 
     def _check_fillings(self):
-        kind, name = self.info["kind"], self.info["name"]
-        counted = self.segments > 0 if kind == "vitals" else kind == "video" and bool(self.fillings)
+        name = self.info["name"]
+        counted = bool(self.fillings) if self.of_pictures else not self.of_marks and self.segments > 0
         if counted and self.frames == 0:
             self.report("segments-sparse", name)
             return
@@ -188,6 +189,10 @@ class Stream:
             rates = sorted(frames * SECOND / duration for frames, duration in self.fillings)
             usual = max(rates[len(rates) // 2], 1.0)
             if any(usual * duration / SECOND - frames > usual and frames * SECOND / duration <= 0.75 * usual for frames, duration in self.fillings):
+                self.report("segments-sparse", name)
+                return
+            frames, seconds = self.frames + self.dropped, sum(duration for _, duration in self.fillings) / SECOND
+            if frames < 0.75 * seconds and seconds - frames > 1:
                 self.report("segments-sparse", name)
 
     def shows_all_of(self, begin, end, from_open, lines_begin, closed, total):
@@ -208,7 +213,7 @@ class Entries:
         self.recovered = self.unsynchronised = self.slew = False
         self.last_mono, self.last_utc, self.step_stated = 0, None, False
         self.mono_at, self.entered_tokens, self.tokens, self.aftermath = {}, set(), 0, set()
-        self.untrusted, self.valid_checkpoints, self.no_trust = [], set(), False
+        self.untrusted, self.valid_checkpoints, self.outside, self.no_trust = [], set(), [], False
         self.largest_checkpoint, self.missed_after_close, self.restating, self.token_hashes = 0, False, set(), {}
         self.clocks, self.first_comparisons = ClockRules(self.report), {}
         self.last_checked = None
@@ -306,6 +311,7 @@ class Entries:
         if self.close is not None:
             return
         self.close, self.close_entry = number, entry
+        self.clocks.closed_ns = entry["mono_ns"]
         for name, stream in self.streams.items():
             stream.interrupt()
             if self.whole_case and entry["totals"].get(name) != stream.totals():
@@ -361,9 +367,12 @@ class Entries:
         self.clocks.take(timed)
         if valid:
             self.valid_checkpoints.add(size)
-            if exchange and not self.recovered and kind == "outside" and authority not in self.first_comparisons:
-                half = (entry["answered_ns"] - entry["asked_ns"] + 1) // 2 + entry["accuracy_ns"] + (SECOND if whole else 0)
-                self.first_comparisons[authority] = (gen, (entry["asked_ns"] + entry["answered_ns"]) // 2, half)
+            if kind == "outside" and size > 0:
+                self.outside.append((size, root))
+            if timed.earliest_ns is not None and not timed.stands and not self.recovered and kind == "outside" and authority not in self.first_comparisons:
+                round_trip = timed.latest_ns - timed.earliest_ns
+                half = (round_trip + 1) // 2 + entry["accuracy_ns"] + (SECOND if whole else 0)
+                self.first_comparisons[authority] = (gen, timed.earliest_ns + round_trip // 2, half)
 
     def _judge_token(self, number, entry):
         response = self.folder.read(entry["file"], LARGEST_TOKEN)
@@ -412,7 +421,7 @@ class Entries:
             stream.finish(recorded, lines_begin)
         if self.slew:
             self.report("clock-slewed", "a rate beyond 200 ppm")
-        self.clocks.finish()
+        were_set = self.clocks.finish()
         if self.tokens == 0:
             self.report("no-token", "there is no token")
         elif self.no_trust:
@@ -424,6 +433,9 @@ class Entries:
         for gen, middle, half in self.first_comparisons.values():
             if self.opening and abs(gen - first_zero_ns(self.opening) - middle) - half > WALL_CLOCK:
                 self.report("clock-differs", "by more than a minute")
+        outside = [size for size, root in self.outside if root not in were_set]
+        if self.whole_case and self.close is not None and outside and min(outside) > self.close:
+            self.report("stamped-after-close", f"close in line {self.close}")
 
     def check_files(self, rekeyed=lambda file: False):
         inodes = set()

@@ -69,7 +69,7 @@ class Slews:
 class ClockRules:
     def __init__(self, report):
         self.report, self.tokens, self.slews, self.steps, self.recoveries = report, [], Slews(), [], 0
-        self.seen = []
+        self.seen, self.closed_ns = [], None
 
     def take_rate(self, rate_ppb, mono_ns):
         self.slews.add(rate_ppb, mono_ns)
@@ -88,17 +88,17 @@ class ClockRules:
         self.seen.append(token.written_ns)
 
     def _compare(self, before, now):
-        """By how much the authority's time between two tokens differs beyond what is tolerated: (excess, late, is it ahead)."""
+        """By how much the authority's time between two tokens differs beyond what is tolerated: (excess, too fast, is it ahead)."""
         longest, shortest = now.latest_ns - before.earliest_ns, now.earliest_ns - before.latest_ns
         elapsed = now.gen_ns - before.gen_ns
         slewed = self.slews.until(now.latest_ns) - self.slews.until(before.earliest_ns)
         tolerance = SLACK + before.accuracy_ns + now.accuracy_ns + longest // DRIFT + slewed
         too_slow, too_fast = shortest - tolerance - elapsed, elapsed - longest - tolerance
-        return max(too_slow, 0 if now.stands else too_fast), (too_fast if now.stands else 0), elapsed > longest
+        return max(too_slow, 0 if now.stands else too_fast), too_fast, elapsed > longest
 
     def finish(self):
         """Says what the clocks contradict; gives back the roots of authorities whose clock was set."""
-        paces, agreeing, contradictions, disagreements, late, end_compared, order = {}, {}, [], [], None, False, {}
+        paces, agreeing, contradictions, disagreements, order = {}, {}, [], [], {}
         recoveries = 0
         for now in self.tokens:
             if now.recoveries != recoveries:
@@ -107,10 +107,6 @@ class ClockRules:
             if now.earliest_ns is not None:
                 pace = paces.setdefault(now.root or now.authority, [])
                 found = next((b for b in pace if self._compare(b, now)[0] > 0), None)
-                if now.stands and now.outside and pace:
-                    by = self._compare(pace[-1], now)[1]
-                    late = by if late is None else min(late, by)
-                end_compared = end_compared or (now.outside and now.over_end and not now.stands)
                 if not now.stands:
                     goes_on = bool(pace) and found is None
                     if not goes_on:
@@ -138,9 +134,25 @@ class ClockRules:
                 self.report("clock-disagreement", f"{begin} to {end} ns")
         if self.seen and self.slews.until(max(self.seen)) - self.slews.until(self.seen[0]) >= SECOND:
             self.report("clock-slews-allowed-for", "1 s or more")
-        if late is not None and late > 0 and not end_compared:
-            self.report("end-stamped-late", f"by {late} ns")
+        self._late_end(were_set)
         return were_set
+
+    def _late_end(self, left_out):
+        """The first token over the end, as if it had been made at close: the rest of what the ledger states of it is the device key's word."""
+        pace, recoveries, late = [], 0, None
+        for now in self.tokens:
+            if self.closed_ns is None or not now.outside or now.checkpoint == 0 or now.earliest_ns is None or now.root in left_out:
+                continue
+            if now.recoveries != recoveries:
+                recoveries, pace = now.recoveries, []
+            if not now.over_end:
+                pace.append(now)
+            elif pace:
+                at_close = dataclasses.replace(now, earliest_ns=self.closed_ns, latest_ns=self.closed_ns)
+                by = max(self._compare(before, at_close)[1] for before in pace)
+                late = by if late is None else min(late, by)
+        if late is not None and late > 0:
+            self.report("end-stamped-late", f"by {late} ns")
 
     def _stepped(self, begin, end):
         return sum(abs(step) for mono, step in self.steps if begin - SLACK <= mono <= end + SLACK)

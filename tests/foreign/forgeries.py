@@ -579,6 +579,22 @@ def end_stamped_later(world):
     return world.write(case)
 
 
+@reaches("stamped-after-close")
+def stamped_after_the_end_alone(world):
+    case = world.sound()
+    for token in case.of(Token)[:2]:
+        case.steps.remove(token)
+    return world.write(case)
+
+
+@reaches("end-stamped-late")
+def end_stamped_later_and_asked_for_later(world):
+    case = world.sound()
+    last = case.of(Token)[2]
+    last.gen_ns = last.mono_ns = 3600 * SECOND
+    return world.write(case)
+
+
 @reaches("token-untrusted")
 def unknown_authority(world):
     return world.write(world.sound(), roots=[world.second.root])
@@ -731,6 +747,14 @@ def long_segment(world):
     return world.write(world.end(case, 12_040 * MS))
 
 
+@reaches("segment-too-long")
+def long_segment_of_a_monitor(world):
+    case = world.begin()
+    world.record(case, 0, 4, ("endoscope",))
+    case.segment("vitals", 0, 0, 20 * SECOND, world.seal("vitals 0", b"vitals 0\n"), 20)
+    return world.write(world.end(case, 20_040 * MS))
+
+
 @reaches("segment-cut-unexplained")
 def cut_and_nothing_happened(world):
     case = world.begin()
@@ -839,6 +863,15 @@ def monitor_said_nothing(world):
     case = world.sound()
     for i in (1, 3, 5, 7):
         case.find("segment", i).fields["samples"] = 0
+    case.refresh_totals()
+    return world.write(case)
+
+
+@reaches("segments-sparse")
+def less_than_a_frame_a_second(world):
+    case = world.sound()
+    for i in (0, 2, 4, 6):
+        case.find("segment", i).fields["frames"] = 2
     case.refresh_totals()
     return world.write(case)
 
