@@ -15,6 +15,7 @@
 #include "archive/upkeep/retention.h"
 #include "tests/fault/fault_step.h"
 #include "tests/support/case_kit.h"
+#include "tests/support/empty_log.h"
 #include "tests/support/fault_file_system.h"
 #include "tests/support/sample_case.h"
 
@@ -94,7 +95,12 @@ std::vector<std::string> broken(const SampleArchive& archive) {
   for (const fs::path& folder : cases_in(archive)) {
     judge(verify_case(folder, options), "the case");
   }
-  judge(verify_log(archive.log_folder(), options), "the log");
+  const VerificationReport log = verify_log(archive.log_folder(), options);
+  if (!test::is_empty_log(archive.log_folder())) {
+    judge(log, "the log");
+  } else if (log.verdict != Verdict::kUnproven) {
+    problems.push_back("a log without an entry is " + std::string(verdict_name(log.verdict)));
+  }
   return problems;
 }
 

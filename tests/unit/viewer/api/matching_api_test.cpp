@@ -65,6 +65,7 @@ class MatchingApiTest : public testing::Test {
       std::ofstream(program) << "#!/bin/sh\n" << script << "\n";
       fs::permissions(program, fs::perms::owner_all);
     }
+    fs::create_directories(folder_ / "home");
     context_.emplace(ViewerHome{.archive = folder_ / "archive",
                                 .catalogue_file = folder_ / "catalogue.sqlite",
                                 .log_folder = folder_ / "log",
