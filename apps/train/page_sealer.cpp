@@ -16,7 +16,6 @@
 #include "apps/train/attempt_seal.h"
 #include "archive/verify/verifier.h"
 #include "base/error.h"
-#include "viewer/http/disk_room.h"
 #include "viewer/http/own_folder.h"
 #include "viewer/report/case_facts.h"
 #include "viewer/report/pdf_writer.h"
@@ -30,9 +29,6 @@ namespace fs = std::filesystem;
 /// JPEG pictures one after the other, as libavformat reads them: 25 a second.
 constexpr const char* kPictures = "film.mjpeg";
 constexpr double kPicturesPerSecond = 25;
-/// Of a minute's pictures.
-constexpr std::uint64_t kMostOfAttempt = std::uint64_t{1} << 30;
-constexpr const char* kAdvice = "have cases or attempts removed, or train without sealing";
 
 class KeptFiles : public viewer::AttemptFiles {
  public:
@@ -112,7 +108,6 @@ class PageSealer : public viewer::AttemptSealer {
   explicit PageSealer(const Home& home) : home_(home), own_(home.folder() / "training-files") {}
 
   std::unique_ptr<viewer::AttemptFiles> keep(std::int64_t attempt) override {
-    viewer::require_disk_room(own_.path(), kMostOfAttempt, kAdvice);
     return std::make_unique<KeptFiles>(own_.path() / std::to_string(attempt));
   }
 
@@ -122,7 +117,6 @@ class PageSealer : public viewer::AttemptSealer {
                              const std::function<void(const std::string& case_id)>& begun) override {
     const std::unique_lock one(sealing_, std::try_to_lock);
     if (!one) throw Error("another attempt is being sealed: try again in a moment");
-    viewer::require_disk_room(home_.archive(), kMostOfAttempt, kAdvice);
     auto& kept = dynamic_cast<KeptFiles&>(files);
     kept.finish(motion, facts.dump(2) + "\n");
     std::string case_id = earlier;

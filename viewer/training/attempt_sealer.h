@@ -31,8 +31,7 @@ struct SealedAttempt {
 class AttemptSealer {
  public:
   virtual ~AttemptSealer() = default;
-  /// Files for an attempt that begins, whose number is no other's. kiroku::Error; Refusal 507 where the disk
-  /// has no room beside what a recorder may need, also of seal().
+  /// Files for an attempt that begins, whose number is no other's. kiroku::Error.
   virtual std::unique_ptr<AttemptFiles> keep(std::int64_t attempt) = 0;
   /// Records what was kept into a new case with `facts` in its sealed subject, and verifies it; the files lie
   /// beside the home's cases from then on. `begun` hears of the new case before anything is recorded into it,

@@ -76,7 +76,6 @@ void AttemptSocket::begin(const BeginMessage& message) {
     const double practice_s = room_.options().practice_s;
     if (const std::string why = trainer::not_allowed(progress, message.test, practice_s); !why.empty())
       throw Refusal(409, trainee.name + " " + why);
-    room_.require_pace(trainee.name);
     if (!message.test && practice_s > 0) practice_left_s = practice_s - progress.practised_s;
     record.trainee = trainee.name;
     record.group = trainee.group;

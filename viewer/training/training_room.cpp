@@ -65,15 +65,6 @@ std::unique_ptr<TrainingRoom::Place> TrainingRoom::enter(const std::string& trai
   return std::make_unique<Place>(*this, trainee);
 }
 
-void TrainingRoom::require_pace(const std::string& trainee) {
-  const auto wait = begun_.take(trainee, options_.clock->now());
-  if (wait.count() == 0) return;
-  throw Refusal(
-      429,
-      trainee + " has begun too many attempts lately: try again in " + std::to_string(wait.count()) + " s",
-      wait);
-}
-
 void TrainingRoom::keep_sealable(const std::string& trainee, Sealable sealable) {
   const std::lock_guard guard(sealable_mutex_);
   sealable_[trainee] = std::move(sealable);

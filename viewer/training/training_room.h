@@ -15,7 +15,6 @@
 #include "trainer/hand/hand_motion.h"
 #include "trainer/results/training_database.h"
 #include "viewer/http/request.h"
-#include "viewer/people/deed_pace.h"
 #include "viewer/training/attempt_sealer.h"
 
 namespace kiroku::viewer {
@@ -35,7 +34,6 @@ struct TrainingOptions {
   std::set<std::string> doubted;
   /// Makes cases of attempts; null: none are made.
   std::shared_ptr<AttemptSealer> sealer;
-  const Clock* clock = &Clock::system();  // by which attempts follow each other
   /// Hears in one sentence of what failed inside; called from several threads.
   std::function<void(const std::string& sentence)> tell;
 };
@@ -101,9 +99,6 @@ class TrainingRoom {
 
   /// Refusal 409 where the trainee trains already, 503 where all places are taken.
   std::unique_ptr<Place> enter(const std::string& trainee);
-  /// An attempt of the trainee begins, which stays among the results. Refusal 429 where too many began
-  /// lately.
-  void require_pace(const std::string& trainee);
 
  private:
   struct Made {
@@ -123,8 +118,6 @@ class TrainingRoom {
   std::map<std::string, Made> made_;  // "a" and "b"
   std::mutex places_mutex_;
   std::set<std::string> training_;
-  /// Each is read whenever progress is looked at.
-  DeedPace begun_{{.at_once = 30, .each = std::chrono::seconds(5)}};
   std::mutex sealable_mutex_;
   std::map<std::string, Sealable> sealable_;  // by trainee
   std::set<std::int64_t> sealing_;            // attempts whose case is being made
