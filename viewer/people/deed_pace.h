@@ -1,5 +1,5 @@
 // How fast one person's deeds may follow each other where each leaves something for good: an entry of the
-// appliance log, which is signed and flushed, or a row among results. Thread-safe. Kept in memory alone.
+// appliance log, which is signed and flushed. Thread-safe. Kept in memory alone.
 #pragma once
 
 #include <chrono>
