@@ -524,10 +524,6 @@ LedgerWriter::Ended Session::State::finish_lanes() {
   return ended;
 }
 
-std::string second_name(const std::string& stream, Profile profile) {
-  return stream + "-" + std::string(profile_name(profile));
-}
-
 StreamRequest second_of(const StreamRequest& first, Profile profile) {
   StreamRequest second{second_name(first.name, profile),
                        "",

@@ -56,8 +56,6 @@ struct StreamRequest {
   std::string second_of = {};
 };
 
-/// The name of the stream that archives the pictures of `stream` a second time: "endoscope-lossless".
-std::string second_name(const std::string& stream, Profile profile);
 /// What archives the pictures of `first` a second time, for the same recipients; it stands behind `first`.
 StreamRequest second_of(const StreamRequest& first, Profile profile);
 

@@ -36,7 +36,7 @@ inline void add_plan_group(Command& program) { add_plan_command(program); }
 struct Commands {
   static consteval auto list() {
     using enum AnsweredBy;
-    return std::to_array<StatedCommand>({{"init", kFull, add_init_command},
+    return std::to_array<StatedCommand>({{"init", kSmall, add_init_command},
                                          {"record", kFull, add_record_command},
                                          {"case", kSmall, add_case_command},
                                          {"status", kSmall, add_status_command},
@@ -47,7 +47,7 @@ struct Commands {
                                          {"verify", kFull, add_verify_command},
                                          {"report", kFull, add_report_command},
                                          {"export", kFull, add_export_command},
-                                         {"excerpt", kFull, add_excerpt_command},
+                                         {"excerpt", kSmall, add_excerpt_command},
                                          {"erase", kFull, add_erase_command},
                                          {"seal", kSmall, add_seal_command},
                                          {"unseal", kSmall, add_unseal_command},
@@ -56,7 +56,7 @@ struct Commands {
                                          {"tsa", kFull, add_tsa_command},
                                          {"log", kSmall, add_log_command},
                                          {"view", kFull, add_view_command},
-                                         {"user", kFull, add_user_command},
+                                         {"user", kSmall, add_user_command},
                                          {"sim", kSim, add_sim_group},
                                          {"plan", kSim, add_plan_group},
                                          {"compare", kFull, add_compare_command},

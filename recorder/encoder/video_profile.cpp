@@ -21,4 +21,8 @@ std::optional<Profile> parse_profile(std::string_view name) {
   return {};
 }
 
+std::string second_name(const std::string& stream, Profile profile) {
+  return stream + "-" + std::string(profile_name(profile));
+}
+
 }  // namespace kiroku::recorder

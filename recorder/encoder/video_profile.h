@@ -3,6 +3,7 @@
 
 #include <cstdint>
 #include <optional>
+#include <string>
 #include <string_view>
 
 namespace kiroku::recorder {
@@ -12,6 +13,8 @@ namespace kiroku::recorder {
 enum class Profile { kMpeg2, kUncompressed, kLossless };
 std::string_view profile_name(Profile profile);  // "mpeg2", "uncompressed", "lossless"
 std::optional<Profile> parse_profile(std::string_view name);
+/// The name of the stream that archives the pictures of `stream` a second time: "endoscope-lossless".
+std::string second_name(const std::string& stream, Profile profile);
 
 struct VideoProfile {
   Profile profile = Profile::kMpeg2;
