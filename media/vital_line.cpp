@@ -12,7 +12,6 @@
 namespace kiroku::media {
 namespace {
 
-constexpr std::int64_t kTimeLimitNs = std::int64_t{1} << 53U;
 constexpr auto kPadding = crypto::Base64Padding::kPadded;
 
 /// Writes an object whose first two keys are time_ns and kind.

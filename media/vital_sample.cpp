@@ -12,8 +12,6 @@
 namespace kiroku::media {
 namespace {
 
-constexpr std::int64_t kTimeLimitNs = std::int64_t{1} << 53U;
-
 constexpr std::array<std::pair<VitalQuality, std::string_view>, 4> kQualities{
     {{VitalQuality::kGood, "good"},
      {VitalQuality::kQuestionable, "questionable"},

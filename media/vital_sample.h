@@ -26,6 +26,8 @@ namespace kiroku::media {
 /// Bounds what a reader must hold to bring waveforms into the order of time.
 inline constexpr std::int64_t kLongestWaveformNs = 60'000'000'000;
 inline constexpr std::size_t kMaximumVitalLineBytes = 1U << 20;
+/// Times of the case clock are below it: every reader of JSON takes such numbers exactly.
+inline constexpr std::int64_t kTimeLimitNs = std::int64_t{1} << 53U;
 
 enum class VitalQuality { kGood, kQuestionable, kInvalid, kMissing };
 std::string_view quality_name(VitalQuality quality);

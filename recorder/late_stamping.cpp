@@ -9,15 +9,12 @@
 #include "archive/format/case_layout.h"
 #include "archive/verify/found_files.h"
 #include "base/error.h"
+#include "recorder/clock/whole_seconds.h"
 
 namespace kiroku::recorder {
 namespace {
 
 namespace fs = std::filesystem;
-
-std::string in_seconds(std::chrono::nanoseconds time) {
-  return std::to_string(std::chrono::ceil<std::chrono::seconds>(time).count()) + " s";
-}
 
 }  // namespace
 
@@ -87,7 +84,7 @@ std::string LateStamping::pause_of(AuthorityContact& contact, Patience patience)
   const Clock::Time now = context_.clock->now();
   if (allowed <= now) return {};
   const std::string error = contact.status().last_error;
-  return contact.name() + " is left alone for another " + in_seconds(allowed - now) +
+  return contact.name() + " is left alone for another " + whole_seconds(allowed - now) +
          (error.empty() ? "" : ": " + error);
 }
 

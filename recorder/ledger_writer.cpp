@@ -1,5 +1,6 @@
 #include "recorder/ledger_writer.h"
 
+#include "recorder/clock/whole_seconds.h"
 #include "recorder/segmenter.h"
 
 namespace kiroku::recorder {
@@ -9,10 +10,6 @@ namespace {
 constexpr std::chrono::milliseconds kPatience{200};
 
 /// "37 s", rounded up.
-std::string in_seconds(std::chrono::nanoseconds time) {
-  return std::to_string(std::chrono::ceil<std::chrono::seconds>(time).count()) + " s";
-}
-
 }  // namespace
 
 LedgerWriter::LedgerWriter(FactQueue& facts, const CaseClock& clock, ProblemLog& problems, PreRoll* pre_roll,
@@ -112,7 +109,7 @@ void LedgerWriter::write(const AuthorityAnswer& answer) {
     ++missed_;
     writer().append(
         {archive::TokenMissedEntry{answer.checkpoint.size, answer.authority,
-                                   answer.cause + "; left alone for " + in_seconds(answer.pause)}},
+                                   answer.cause + "; left alone for " + whole_seconds(answer.pause)}},
         clock_.moment());
     return;
   }
@@ -143,7 +140,7 @@ void LedgerWriter::tell(const AuthorityAnswer& answer) {
   if (failing.empty() && !moved) return;
   std::string sentence = answer.authority + " gives time-stamps";
   if (!failing.empty()) {
-    sentence += " again after " + in_seconds(std::chrono::nanoseconds(clock_.now_ns() - failing.mapped()));
+    sentence += " again after " + whole_seconds(std::chrono::nanoseconds(clock_.now_ns() - failing.mapped()));
   }
   if (!answer.path.empty()) sentence += ", " + answer.path;
   problems_.report(sentence);

@@ -14,7 +14,7 @@
 namespace kiroku::viewer {
 namespace {
 
-constexpr std::chrono::seconds kSweepEvery{5};
+constexpr std::chrono::seconds kSessionSweepEvery{5};
 
 /// Ends sessions soon after they expire, so that their keys leave memory though nobody asks again, and those
 /// of users whom 'kiroku user' removed or changed.
@@ -36,7 +36,7 @@ class Sweeper {
  private:
   void run(ViewerContext& context) {
     std::unique_lock lock(mutex_);
-    while (!clock_.wait_for(wake_, lock, kSweepEvery, [this] { return stop_; })) {
+    while (!clock_.wait_for(wake_, lock, kSessionSweepEvery, [this] { return stop_; })) {
       try {
         sweep(context);
       } catch (const Error& error) {

@@ -14,6 +14,7 @@ extern "C" {
 
 #include "base/error.h"
 #include "base/printable.h"
+#include "media/borrowed_source.h"
 #include "media/segment_input.h"
 
 namespace kiroku::media {
@@ -196,19 +197,6 @@ class Pieces {
   Bytes times_;
 };
 
-/// One segment that somebody else has.
-class Borrowed : public crypto::ByteSource {
- public:
-  explicit Borrowed(const crypto::ByteSource& of) : of_(of) {}
-  [[nodiscard]] std::uint64_t size() const override { return of_.size(); }
-  std::size_t read_at(std::uint64_t offset, std::span<std::byte> into) const override {
-    return of_.read_at(offset, into);
-  }
-
- private:
-  const crypto::ByteSource& of_;
-};
-
 /// A disk or a machine so slow that a MiB takes a second, and ten minutes more.
 std::chrono::seconds longest_job(std::uint64_t bytes) {
   return std::chrono::minutes(10) + std::chrono::seconds(bytes >> 20);
@@ -258,7 +246,7 @@ std::optional<Ticks> first_stamp_in_box(const crypto::ByteSource& segment, const
                                         const std::string& name) {
   BoxedJobs box(kSilence, kRole);
   const json answer = box.ask(kFirstStampJob, {{"media", media}, {"name", name}},
-                              [&](std::uint64_t) { return std::make_unique<Borrowed>(segment); }, name,
+                              [&](std::uint64_t) { return std::make_unique<BorrowedSource>(segment); }, name,
                               nullptr, {.whole = longest_job(0)});
   if (!answer.contains("stamp")) return std::nullopt;
   try {

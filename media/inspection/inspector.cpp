@@ -5,6 +5,7 @@
 #include "archive/format/segment_media.h"
 #include "base/error.h"
 #include "crypto/hashed_source.h"
+#include "media/borrowed_source.h"
 #include "media/box/boxed_jobs.h"
 #include "media/picture_decoder.h"
 #include "media/plaintext_lines.h"
@@ -15,19 +16,6 @@
 namespace kiroku::media {
 namespace {
 
-/// Somebody else's plaintext.
-class Borrowed : public crypto::ByteSource {
- public:
-  explicit Borrowed(const crypto::ByteSource& source) : source_(source) {}
-  [[nodiscard]] std::uint64_t size() const override { return source_.size(); }
-  std::size_t read_at(std::uint64_t offset, std::span<std::byte> into) const override {
-    return source_.read_at(offset, into);
-  }
-
- private:
-  const crypto::ByteSource& source_;
-};
-
 /// Of one segment. The box takes ten minutes of a processor at most.
 constexpr std::chrono::hours kLongestCounting{1};
 
@@ -36,8 +24,9 @@ std::uint64_t count_frames_boxed(BoxPool& boxes, const archive::StreamInfo& stre
   const nlohmann::json asked{
       {"media", media_of(stream, entry)}, {"name", entry.file.file}, {"complete", entry.complete}};
   const nlohmann::json counted = boxes.with([&](BoxedJobs& box) {
-    return box.ask(kCountFrames, asked, [&](std::uint64_t) { return std::make_unique<Borrowed>(segment); },
-                   entry.file.file, nullptr, {.whole = kLongestCounting});
+    return box.ask(kCountFrames, asked,
+                   [&](std::uint64_t) { return std::make_unique<BorrowedSource>(segment); }, entry.file.file,
+                   nullptr, {.whole = kLongestCounting});
   });
   const auto frames = counted.find("frames");
   if (frames == counted.end() || !frames->is_number_unsigned())

@@ -11,7 +11,7 @@
 namespace kiroku::sim {
 namespace {
 
-constexpr std::uint32_t kNone = std::numeric_limits<std::uint32_t>::max();
+constexpr std::uint32_t kNoPlace = std::numeric_limits<std::uint32_t>::max();
 /// Along a direction in which a node moves under a force by less than this part of what it does in all three
 /// together, it is held.
 constexpr double kHeld = 1e-9;
@@ -39,7 +39,7 @@ ContactSolver::ContactSolver(std::shared_ptr<const ContactNeighbourhood> neighbo
       options_(options),
       poses_(tools_.size()),
       rotations_(tools_.size(), Eigen::Matrix3d::Identity()),
-      touch_at_(tools_.size() * neighbourhood_->nodes.size(), kNone),
+      touch_at_(tools_.size() * neighbourhood_->nodes.size(), kNoPlace),
       bound_(neighbourhood_->nodes.size()),
       touching_(neighbourhood_->nodes.size()),
       tree_(neighbourhood_->nodes.size()),
@@ -112,7 +112,7 @@ void ContactSolver::take_touches(const ContactSolver& previous, std::span<const 
     touch.point = static_cast<std::uint32_t>(found - nodes.begin());
     touches_.push_back(touch);
   }
-  std::ranges::fill(touch_at_, kNone);
+  std::ranges::fill(touch_at_, kNoPlace);
   keep(true);
 }
 
@@ -189,7 +189,7 @@ const ContactResult& ContactSolver::step(std::span<const Pose> poses) {
     find_balance();
   } catch (...) {
     touches_ = before_;
-    std::ranges::fill(touch_at_, kNone);
+    std::ranges::fill(touch_at_, kNoPlace);
     keep(true);
     go_to(poses_before_);
     move();
@@ -236,9 +236,9 @@ bool ContactSolver::add_touching(double depth_m) {
       const SurfaceDistance found = distance(tool, point);
       if (found.distance_m >= 0) return;
       const std::uint32_t touch = touch_at(tool, point);
-      if (touch != kNone && touches_[touch].blocked) return;
+      if (touch != kNoPlace && touches_[touch].blocked) return;
       deepest_m_ = std::max(deepest_m_, -found.distance_m);
-      if (touch != kNone || found.distance_m >= -depth_m) return;
+      if (touch != kNoPlace || found.distance_m >= -depth_m) return;
       touch_at(tool, point) = static_cast<std::uint32_t>(touches_.size());
       Touch& added = touches_.emplace_back();
       added.point = point;
@@ -303,7 +303,7 @@ void ContactSolver::solve_rows() {
     const Row& column = rows_[b];
     const auto of_column = neighbourhood_->compliance.middleCols<3>(3 * Eigen::Index{column.point});
     const auto at_b = static_cast<Eigen::Index>(b);
-    std::uint32_t point = kNone;
+    std::uint32_t point = kNoPlace;
     Vector3 moves_m;  // the point, under 1 N of this row
     for (std::size_t a = b; a < rows_.size(); ++a) {
       const Row& row = rows_[a];
@@ -449,7 +449,7 @@ bool ContactSolver::settled() {
 void ContactSolver::keep(bool all) {
   std::ranges::fill(bound_, 0);
   std::ranges::fill(touching_, 0);
-  for (const Touch& touch : touches_) touch_at(touch.tool, touch.point) = kNone;
+  for (const Touch& touch : touches_) touch_at(touch.tool, touch.point) = kNoPlace;
   if (!all) std::erase_if(touches_, [](const Touch& touch) { return !touch.pressing; });
   for (std::uint32_t i = 0; i < touches_.size(); ++i) {
     touch_at(touches_[i].tool, touches_[i].point) = i;

@@ -5,12 +5,12 @@
 
 #include "base/error.h"
 #include "base/number_text.h"
+#include "sim/mesh/length_unit.h"
 #include "sim/volume/dicom_file.h"
 
 namespace kiroku::sim {
 namespace {
 
-constexpr double kMmPerM = 1000;
 /// A machine states the angles of table and collimator with some noise.
 constexpr double kTurnedDeg = 0.1;
 

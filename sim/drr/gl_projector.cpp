@@ -7,6 +7,7 @@
 #include <Eigen/LU>
 
 #include "base/error.h"
+#include "sim/mesh/length_unit.h"
 #include "sim/mesh/mesh_topology.h"
 #include "sim/render/gl_objects.h"
 #include "sim/render/proxy_geometry.h"
@@ -14,7 +15,6 @@
 namespace kiroku::sim {
 namespace {
 
-constexpr double kMillimetresPerMetre = 1000;
 
 // All lengths in mm. The view's axes are those of the detector: a pixel at (s, t), each from -1 to 1, looks
 // along (s, t, -1), whose length in the patient `metric` gives; -z is the depth.
@@ -144,7 +144,7 @@ void GlProjector::Drawing::upload(const Volume& volume, const Attenuation& atten
   }
   std::vector<float> per_mm(volume.hu.size());
   std::ranges::transform(volume.hu, per_mm.begin(), [&](float hu) {
-    return static_cast<float>(attenuation.per_m(double{hu}) / kMillimetresPerMetre);
+    return static_cast<float>(attenuation.per_m(double{hu}) / kMmPerM);
   });
   const auto side = [&](std::size_t axis) { return static_cast<GLsizei>(size[axis]); };
   gl_.TextureStorage3D(volume_.name(), 1, GL_R32F, side(0), side(1), side(2));
@@ -177,7 +177,7 @@ ProjectionImage GlProjector::Drawing::draw(const Frame& frame, int columns, int 
   set("metric_t", single(frame.along_t));
   set("metric_middle", single(frame.middle));
   gl_.ProgramUniform1f(program_.name(), gl_.GetUniformLocation(program_.name(), "spacing"),
-                       static_cast<float>(spacing_m * kMillimetresPerMetre));
+                       static_cast<float>(spacing_m * kMmPerM));
   gl_.BindVertexArray(vertex_array_.name());
   gl_.BindFramebuffer(GL_FRAMEBUFFER, target.name());
   gl_.Viewport(0, 0, columns, rows);
@@ -261,7 +261,7 @@ ProjectionImage GlProjector::inside(const ProjectionGeometry& geometry,
   for (std::size_t node = 0; node < moved.size(); ++node) {
     moved[node] += displacement_m[node];
     if (!moved[node].allFinite()) throw Error("displacements that are no numbers cannot be projected");
-    view_mm[node] = kMillimetresPerMetre * (to_view * (moved[node] - geometry.source_m()));
+    view_mm[node] = kMmPerM * (to_view * (moved[node] - geometry.source_m()));
     frame.positions.push_back(single(view_mm[node], 1));
     if (!used[node]) continue;
     frame.nearest_mm = std::min(frame.nearest_mm, -view_mm[node].z());

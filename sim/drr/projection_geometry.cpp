@@ -10,13 +10,13 @@
 
 #include "base/error.h"
 #include "base/number_text.h"
+#include "sim/mesh/length_unit.h"
 #include "sim/model/body_model.h"
 #include "sim/model/json_field.h"
 
 namespace kiroku::sim {
 namespace {
 
-constexpr double kMmPerM = 1000;
 /// Beyond the largest room, and below any machine.
 constexpr double kMostM = 100;
 

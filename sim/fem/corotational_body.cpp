@@ -13,7 +13,7 @@ namespace {
 
 constexpr double kLargestResidual = 1e-9;  // of the largest force at a node
 /// Of the force that a strain of 1 makes: what rounding leaves of a body that is only turned.
-constexpr double kRounding = 1e-13;
+constexpr double kStrainRounding = 1e-13;
 constexpr int kMostIterations = 50;
 constexpr double kSmallestStep = 1.0 / 256;  // of the load
 constexpr int kMostHalvings = 33;            // of Newton's step
@@ -151,7 +151,7 @@ CorotationalBody::CorotationalBody(TetMesh mesh, const Materials& materials, Con
   for (std::size_t t = 0; t < linear_.mesh().tetrahedra.size(); ++t) {
     const LinearElement& element = elements_.emplace_back(element_of(linear_.mesh(), t));
     rounding_n_ =
-        std::max(rounding_n_, kRounding * linear_.material_of(t).young_modulus_pa * element.volume_m3 *
+        std::max(rounding_n_, kStrainRounding * linear_.material_of(t).young_modulus_pa * element.volume_m3 *
                                   element.gradients.rowwise().norm().maxCoeff());
   }
 }

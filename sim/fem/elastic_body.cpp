@@ -14,7 +14,7 @@
 namespace kiroku::sim {
 namespace {
 
-constexpr double kLargestResidual = 1e-9;
+constexpr double kLargestElasticResidual = 1e-9;
 
 Eigen::Matrix<double, 4, 3> displacements_of(const Tetrahedron& corners,
                                              const Eigen::VectorXd& displacement_m) {
@@ -169,7 +169,7 @@ StaticSolution ElasticBody::solve(const Eigen::VectorXd& given_n, const Eigen::V
   if (!solution.displacement_m.allFinite() || !solution.reaction_force_n.allFinite()) {
     throw Error("the solution is not finite: a force, a displacement or a modulus is out of all proportion");
   }
-  if (!(largest_residual_n <= kLargestResidual * largest_n)) {
+  if (!(largest_residual_n <= kLargestElasticResidual * largest_n)) {
     throw Error("the equations are too badly conditioned to be solved (they are met to " +
                 number_text(largest_residual_n / largest_n, 2) +
                 " only): moduli differ too much, or a Poisson's ratio is too near 0.5");

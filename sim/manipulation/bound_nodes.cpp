@@ -6,26 +6,21 @@
 #include <utility>
 
 #include "base/error.h"
+#include "sim/mesh/degrees_of_freedom.h"
 
 namespace kiroku::sim {
-namespace {
-
-Eigen::Index at(std::size_t node) { return static_cast<Eigen::Index>(3 * node); }
-
-}  // namespace
-
 BoundNodes::BoundNodes(const ContactBody& body) : body_(&body), bound_(body.body().mesh().nodes.size()) {
   const TetMesh& mesh = body.body().mesh();
   if (body.body().constraints().turned())
     throw Error("a body whose nodes have axes of their own cannot be grasped: prescribe along x, y and z");
   const Compliance& compliance = body.compliance();
-  unheld_m_ = Eigen::VectorXd::Zero(at(compliance.rows()));
+  unheld_m_ = Eigen::VectorXd::Zero(first_row(compliance.rows()));
   if (compliance.complete()) {
     body.displacement_m({}, unheld_m_);
   } else {
     for (const std::uint32_t node : body.surface()) {
-      unheld_m_.segment<3>(at(compliance.row_of(node))) =
-          body.rest_m().segment<3>(at(node)) - mesh.nodes[node];
+      unheld_m_.segment<3>(first_row(compliance.row_of(node))) =
+          body.rest_m().segment<3>(first_row(node)) - mesh.nodes[node];
     }
   }
   grasped_m_ = unheld_m_;
@@ -52,7 +47,7 @@ void BoundNodes::release(std::uint32_t tool) {
   const auto begin = nodes_.begin() + static_cast<std::ptrdiff_t>(first);
   nodes_.erase(begin, begin + static_cast<std::ptrdiff_t>(count));
   held_.erase(released);
-  while (!free_.empty() && free_.back() >= at(first)) free_.pop_back();
+  while (!free_.empty() && free_.back() >= first_row(first)) free_.pop_back();
   compliance_.truncate(static_cast<Eigen::Index>(free_.size()));
   append_rows(first);
   prepare();
@@ -74,8 +69,8 @@ void BoundNodes::append_rows(std::size_t first) {
   for (std::size_t i = first; i < nodes_.size(); ++i) {
     bound_[nodes_[i].node] = 1;
     for (Eigen::Index component = 0; component < 3; ++component) {
-      const auto number = static_cast<std::size_t>(at(nodes_[i].node) + component);
-      if (!body_->body().constraints().prescribed(number)) free_.push_back(at(i) + component);
+      const auto number = static_cast<std::size_t>(first_row(nodes_[i].node) + component);
+      if (!body_->body().constraints().prescribed(number)) free_.push_back(first_row(i) + component);
     }
   }
   Eigen::MatrixXd last_rows(static_cast<Eigen::Index>(free_.size() - before),
@@ -85,7 +80,7 @@ void BoundNodes::append_rows(std::size_t first) {
     const auto all_rows = nodes_[static_cast<std::size_t>(of_column / 3)].columns().col(of_column % 3);
     for (Eigen::Index row = 0; row < last_rows.rows(); ++row) {
       const Eigen::Index of_row = free_[before + static_cast<std::size_t>(row)];
-      last_rows(row, column) = all_rows[at(nodes_[static_cast<std::size_t>(of_row / 3)].row) + of_row % 3];
+      last_rows(row, column) = all_rows[first_row(nodes_[static_cast<std::size_t>(of_row / 3)].row) + of_row % 3];
     }
   }
   if (!compliance_.append(last_rows)) {
@@ -103,20 +98,20 @@ Eigen::MatrixXd BoundNodes::holding_n(const Eigen::MatrixXd& displacement_m) con
 
 void BoundNodes::add_displacements(const Eigen::MatrixXd& force_n, Eigen::MatrixXd& displacement_m) const {
   for (std::size_t i = 0; i < nodes_.size(); ++i) {
-    displacement_m.noalias() += nodes_[i].columns().lazyProduct(force_n.middleRows<3>(at(i)));
+    displacement_m.noalias() += nodes_[i].columns().lazyProduct(force_n.middleRows<3>(first_row(i)));
   }
 }
 
 /// What a motion of each tool does, when it has been told what is bound.
 void BoundNodes::prepare() {
   pressed_.clear();
-  const Eigen::Index bound = at(nodes_.size());
+  const Eigen::Index bound = first_row(nodes_.size());
   Eigen::MatrixXd pulled_m(bound, 1);
   for (const Held& held : held_) {
     for (std::size_t i = 0; i < held.hold.nodes.size(); ++i) {
       const std::size_t node = held.first + i;
-      pulled_m.middleRows<3>(at(node)) =
-          held.hold.displacements_m[i] - unheld_m_.segment<3>(at(nodes_[node].row));
+      pulled_m.middleRows<3>(first_row(node)) =
+          held.hold.displacements_m[i] - unheld_m_.segment<3>(first_row(nodes_[node].row));
     }
   }
   const Eigen::MatrixXd grasped_n = holding_n(pulled_m);
@@ -130,7 +125,7 @@ void BoundNodes::prepare() {
     for (std::size_t i = 0; i < held.hold.nodes.size(); ++i) {
       const Vector3 from_tool_m = body_->body().mesh().nodes[held.hold.nodes[i]] +
                                   held.hold.displacements_m[i] - held.hold.pose.position_m;
-      auto of_node = moved_m.middleRows<3>(at(held.first + i));
+      auto of_node = moved_m.middleRows<3>(first_row(held.first + i));
       for (Eigen::Index j = 0; j < 3; ++j)
         of_node.middleCols<3>(3 * j).diagonal().setConstant(from_tool_m[j]);
       of_node.rightCols<3>().setIdentity();
@@ -156,10 +151,10 @@ void BoundNodes::displacement_m(std::span<const OptionalPose> poses, Eigen::Vect
 }
 
 Eigen::MatrixXd BoundNodes::pushed_m(std::uint32_t node) const {
-  const Eigen::Index row = at(body_->compliance().row_of(node));
-  Eigen::MatrixXd pushed_m(at(nodes_.size()), 3);
+  const Eigen::Index row = first_row(body_->compliance().row_of(node));
+  Eigen::MatrixXd pushed_m(first_row(nodes_.size()), 3);
   for (std::size_t i = 0; i < nodes_.size(); ++i)
-    pushed_m.middleRows<3>(at(i)) = nodes_[i].columns().middleRows<3>(row).transpose();
+    pushed_m.middleRows<3>(first_row(i)) = nodes_[i].columns().middleRows<3>(row).transpose();
   return pushed_m;
 }
 
@@ -171,14 +166,14 @@ void BoundNodes::learn_columns(std::span<const Contact> contacts) {
   std::ranges::copy_if(now, std::back_inserter(nodes), [&](auto node) { return !pressed_.contains(node); });
   if (nodes.empty()) return;
   // All together, so that what is known of the bound nodes is read once.
-  Eigen::MatrixXd pushed(at(nodes_.size()), at(nodes.size())), columns(unheld_m_.size(), at(nodes.size()));
+  Eigen::MatrixXd pushed(first_row(nodes_.size()), first_row(nodes.size())), columns(unheld_m_.size(), first_row(nodes.size()));
   for (std::size_t i = 0; i < nodes.size(); ++i) {
     const auto group = body_->compliance().group_of(nodes[i]);
-    columns.middleCols<3>(at(i)) = group->columns.middleCols<3>(Compliance::first_column(*group, nodes[i]));
-    pushed.middleCols<3>(at(i)) = -pushed_m(nodes[i]);
+    columns.middleCols<3>(first_row(i)) = group->columns.middleCols<3>(Compliance::first_column(*group, nodes[i]));
+    pushed.middleCols<3>(first_row(i)) = -pushed_m(nodes[i]);
   }
   add_displacements(holding_n(pushed), columns);
-  for (std::size_t i = 0; i < nodes.size(); ++i) pressed_[nodes[i]] = columns.middleCols<3>(at(i));
+  for (std::size_t i = 0; i < nodes.size(); ++i) pressed_[nodes[i]] = columns.middleCols<3>(first_row(i));
 }
 
 void BoundNodes::add_contacts(std::span<const Contact> contacts, Eigen::VectorXd& displacement_m) {
@@ -198,7 +193,7 @@ std::vector<BoundNode> BoundNodes::forces(std::span<const OptionalPose> poses,
   }
   std::vector<BoundNode> all;
   for (std::size_t i = 0; i < nodes_.size(); ++i)
-    all.push_back({nodes_[i].node, nodes_[i].tool, force_n.segment<3>(at(i))});
+    all.push_back({nodes_[i].node, nodes_[i].tool, force_n.segment<3>(first_row(i))});
   std::ranges::sort(all, {}, [](const BoundNode& bound) { return std::pair(bound.tool, bound.node); });
   return all;
 }
@@ -212,8 +207,8 @@ std::shared_ptr<ContactNeighbourhood> BoundNodes::neighbourhood(std::span<const 
     const Node& node = nodes_[static_cast<std::size_t>(free_[row] / 3)];
     const auto column = node.columns().col(free_[row] % 3);
     for (std::size_t point = 0; point < held->nodes.size(); ++point) {
-      across.block<1, 3>(static_cast<Eigen::Index>(row), at(point)) =
-          column.segment<3>(at(body_->compliance().row_of(held->nodes[point]))).transpose();
+      across.block<1, 3>(static_cast<Eigen::Index>(row), first_row(point)) =
+          column.segment<3>(first_row(body_->compliance().row_of(held->nodes[point]))).transpose();
     }
   }
   across = compliance_.solve_lower(std::move(across));

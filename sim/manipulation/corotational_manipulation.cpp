@@ -7,20 +7,19 @@
 #include "base/error.h"
 #include "base/number_text.h"
 #include "sim/contact/near_tools.h"
+#include "sim/mesh/degrees_of_freedom.h"
 
 namespace kiroku::sim {
 namespace {
 
 constexpr std::uint32_t kNobody = 0xFFFFFFFF;
 /// How far around tools that press nodes are taken together, in lengths of the body.
-constexpr double kMargin = 0.02;
-constexpr int kMostIterations = 50;
+constexpr double kCorotationalMargin = 0.02;
+constexpr int kMostNewtonSteps = 50;
 constexpr double kSmallestPart = 1.0 / 256;  // of a step's motion
-constexpr int kMostHalvings = 33;            // of Newton's step
-constexpr double kArmijo = 1e-4;
-constexpr double kRounding = 1e-14;  // of where a held node is to be, in lengths of the body
-
-Eigen::Index at(std::size_t node) { return static_cast<Eigen::Index>(3 * node); }
+constexpr int kMostStepHalvings = 33;        // of Newton's step
+constexpr double kSufficientDecrease = 1e-4;
+constexpr double kHoldRounding = 1e-14;  // of where a held node is to be, in lengths of the body
 
 /// Zero where nothing is free.
 Eigen::VectorXd where_free(Eigen::VectorXd vector, const std::vector<bool>& free) {
@@ -51,7 +50,7 @@ CorotationalManipulation::CorotationalManipulation(const CorotationalBody& body,
       surface_(body.linear()),
       holder_of_(body.linear().mesh().nodes.size(), kNobody) {
   check_tools(tools_);
-  if (load_n_.size() != at(holder_of_.size())) {
+  if (load_n_.size() != first_row(holder_of_.size())) {
     throw UsageError("the load has " + std::to_string(load_n_.size()) + " components, the body " +
                      std::to_string(3 * holder_of_.size()));
   }
@@ -65,13 +64,13 @@ CorotationalManipulation::CorotationalManipulation(const CorotationalBody& body,
 
 Vector3 CorotationalManipulation::position_m(std::uint32_t node,
                                              const Eigen::VectorXd& displacement_m) const {
-  return body_.linear().mesh().nodes[node] + displacement_m.segment<3>(at(node));
+  return body_.linear().mesh().nodes[node] + displacement_m.segment<3>(first_row(node));
 }
 
 Eigen::VectorXd CorotationalManipulation::surface_m(const Eigen::VectorXd& displacement_m) const {
-  Eigen::VectorXd positions_m(at(surface_.nodes.size()));
+  Eigen::VectorXd positions_m(first_row(surface_.nodes.size()));
   for (std::size_t place = 0; place < surface_.nodes.size(); ++place)
-    positions_m.segment<3>(at(place)) = position_m(surface_.nodes[place], displacement_m);
+    positions_m.segment<3>(first_row(place)) = position_m(surface_.nodes[place], displacement_m);
   return positions_m;
 }
 
@@ -146,11 +145,11 @@ std::vector<bool> CorotationalManipulation::free_now() const {
 Eigen::VectorXd CorotationalManipulation::fading_n(std::span<const OptionalPose> poses) const {
   Eigen::VectorXd force_n = Eigen::VectorXd::Zero(load_n_.size());
   for (const BoundNode& bound : result_.bound) {
-    if (holder_of_[bound.node] == kNobody) force_n.segment<3>(at(bound.node)) += bound.force_n;
+    if (holder_of_[bound.node] == kNobody) force_n.segment<3>(first_row(bound.node)) += bound.force_n;
   }
   for (const Contact& contact : result_.contacts) {
     if (!poses[contact.tool] && holder_of_[contact.node] == kNobody)
-      force_n.segment<3>(at(contact.node)) += contact.force_n;
+      force_n.segment<3>(first_row(contact.node)) += contact.force_n;
   }
   return force_n;
 }
@@ -163,7 +162,7 @@ Eigen::VectorXd CorotationalManipulation::pulled_m(const State& from,
     for (std::size_t i = 0; i < hold.nodes.size(); ++i) {
       const std::uint32_t node = hold.nodes[i];
       const Vector3 to_m = poses[hold.tool]->from_tool(hold.pose.to_tool(hold.positions_m[i]));
-      pulled_m.segment<3>(at(node)) = to_m - position_m(node, from.displacement_m);
+      pulled_m.segment<3>(first_row(node)) = to_m - position_m(node, from.displacement_m);
     }
   }
   // Components that are fixed stay so.
@@ -202,21 +201,21 @@ std::shared_ptr<ContactNeighbourhood> CorotationalManipulation::neighbourhood(
     const Eigen::VectorXd& rest_m) const {
   auto made = std::make_shared<ContactNeighbourhood>();
   made->size_m = surface_.size_m;
-  made->rest_m.resize(at(places.size()));
-  made->compliance.resize(at(places.size()), at(places.size()));
+  made->rest_m.resize(first_row(places.size()));
+  made->compliance.resize(first_row(places.size()), first_row(places.size()));
   for (std::size_t i = 0; i < places.size(); ++i) {
     made->nodes.push_back(surface_.nodes[places[i]]);
     made->area_m2.push_back(surface_.area_m2[places[i]]);
     made->free.push_back(surface_.free[places[i]]);
-    made->rest_m.segment<3>(at(i)) = rest_m.segment<3>(at(places[i]));
+    made->rest_m.segment<3>(first_row(i)) = rest_m.segment<3>(first_row(places[i]));
   }
   for (std::size_t j = 0; j < places.size(); ++j) {
     // Only what is below the diagonal is taken, and mirrored, so that the matrix is symmetric to the bit.
     for (std::size_t i = j; i < places.size(); ++i) {
-      Eigen::Matrix3d block = columns.block<3, 3>(at(made->nodes[i]), at(j));
+      Eigen::Matrix3d block = columns.block<3, 3>(first_row(made->nodes[i]), first_row(j));
       if (i == j) block = (block + block.transpose().eval()) / 2;
-      made->compliance.block<3, 3>(at(i), at(j)) = block;
-      made->compliance.block<3, 3>(at(j), at(i)) = block.transpose();
+      made->compliance.block<3, 3>(first_row(i), first_row(j)) = block;
+      made->compliance.block<3, 3>(first_row(j), first_row(i)) = block.transpose();
     }
   }
   return made;
@@ -240,7 +239,7 @@ void CorotationalManipulation::press(const Tangent& tangent, const Solids& solid
     tree.refit(positions_m);
     return mark_near(tree, positions_m, solids.shapes, solids.poses, margin_m, near);
   };
-  mark(surface_m(state.displacement_m), kMargin * surface_.size_m);
+  mark(surface_m(state.displacement_m), kCorotationalMargin * surface_.size_m);
   if (state.solver) {
     for (const Contact& contact : state.solver->result().contacts) near[surface_.place_of[contact.node]] = 1;
   }
@@ -251,9 +250,9 @@ void CorotationalManipulation::press(const Tangent& tangent, const Solids& solid
     for (std::uint32_t place = 0; place < near.size(); ++place) {
       if (near[place] != 0 && holder_of_[surface_.nodes[place]] == kNobody) places.push_back(place);
     }
-    Eigen::MatrixXd columns = Eigen::MatrixXd::Zero(load_n_.size(), at(places.size()));
+    Eigen::MatrixXd columns = Eigen::MatrixXd::Zero(load_n_.size(), first_row(places.size()));
     for (std::size_t i = 0; i < places.size(); ++i)
-      columns.block<3, 3>(at(surface_.nodes[places[i]]), at(i)).setIdentity();
+      columns.block<3, 3>(first_row(surface_.nodes[places[i]]), first_row(i)).setIdentity();
     if (!places.empty()) tangent.factor.solve_columns(columns);
     auto solver =
         std::make_shared<ContactSolver>(neighbourhood(places, columns, rest_m), solids.shapes, options_);
@@ -269,13 +268,13 @@ void CorotationalManipulation::press(const Tangent& tangent, const Solids& solid
     const Eigen::VectorXd positions_m = surface_m(state.displacement_m + pressed_m);
     if (!mark(positions_m, -options_.tolerance * surface_.size_m)) {
       for (const Contact& contact : found.contacts)
-        state.contact_n.segment<3>(at(contact.node)) += contact.force_n;
+        state.contact_n.segment<3>(first_row(contact.node)) += contact.force_n;
       state.pressing = solids.tools;
       step_m = std::move(pressed_m);
       return;
     }
     // Tissue was pushed into a tool outside of what was looked at.
-    mark(positions_m, kMargin * surface_.size_m);
+    mark(positions_m, kCorotationalMargin * surface_.size_m);
     for (std::uint32_t tool = 0; tool < before.size(); ++tool) before[tool] = tool;
   }
 }
@@ -294,14 +293,14 @@ bool CorotationalManipulation::converge(std::span<const OptionalPose> poses, con
   Eigen::VectorXd unbalanced_n = left_n(state, largest_n);
   // Contacts and places belong together: at first where nothing has moved, later after a whole step.
   bool whole =
-      same_poses(poses, state.poses) && largest(moved_m) <= kRounding * surface_.size_m &&
+      same_poses(poses, state.poses) && largest(moved_m) <= kHoldRounding * surface_.size_m &&
       std::ranges::none_of(result_.contacts,
                            [this](const Contact& contact) { return holder_of_[contact.node] != kNobody; }) &&
       // Solids passed through what was held: they may be inside of what is no more.
       std::ranges::none_of(result_.bound,
                            [this](const BoundNode& bound) { return holder_of_[bound.node] == kNobody; });
   state.poses.assign(poses.begin(), poses.end());
-  for (int i = 0; i < kMostIterations && unbalanced_n.allFinite(); ++i) {
+  for (int i = 0; i < kMostNewtonSteps && unbalanced_n.allFinite(); ++i) {
     if (whole && largest(unbalanced_n) <= body_.tolerance_n(largest_n))
       return !body_.any_inverted(state.displacement_m);
     const auto there = tangent(state.displacement_m, free, Curvature::kExact);
@@ -325,16 +324,16 @@ bool CorotationalManipulation::converge(std::span<const OptionalPose> poses, con
     const double energy_j = body_.energy_j(from_m) - force_n.dot(from_m);
     double part = 1;
     int halved = 0;
-    for (; halved < kMostHalvings; ++halved, part /= 2) {
+    for (; halved < kMostStepHalvings; ++halved, part /= 2) {
       state.displacement_m = from_m + part * step_m;
       unbalanced_n = left_n(state, largest_n);
       if (unbalanced_n.norm() <= before_n / 2) break;
       if (body_.energy_j(state.displacement_m) - force_n.dot(state.displacement_m) <=
-          energy_j - kArmijo * part * slope_j) {
+          energy_j - kSufficientDecrease * part * slope_j) {
         break;
       }
     }
-    if (halved == kMostHalvings) return false;
+    if (halved == kMostStepHalvings) return false;
     whole = halved == 0;
   }
   return false;
@@ -389,7 +388,7 @@ ManipulationResult CorotationalManipulation::report(const State& state) const {
       where_free(body_.inner_force_n(state.displacement_m) - load_n_, body_.linear().free());
   for (std::uint32_t node = 0; node < holder_of_.size(); ++node) {
     if (holder_of_[node] == kNobody) continue;
-    result.bound.push_back({node, holder_of_[node], held_n.segment<3>(at(node))});
+    result.bound.push_back({node, holder_of_[node], held_n.segment<3>(first_row(node))});
     const BoundNode& held = result.bound.back();
     ToolForce& tool = result.tools[held.tool];
     const Vector3 from_tool_m = position_m(node, state.displacement_m) - state.poses[held.tool]->position_m;
@@ -406,7 +405,7 @@ ManipulationResult CorotationalManipulation::report(const State& state) const {
 
 Eigen::VectorXd CorotationalManipulation::tool_force_n() const {
   Eigen::VectorXd force_n = state_.contact_n;
-  for (const BoundNode& held : result_.bound) force_n.segment<3>(at(held.node)) += held.force_n;
+  for (const BoundNode& held : result_.bound) force_n.segment<3>(first_row(held.node)) += held.force_n;
   return force_n;
 }
 

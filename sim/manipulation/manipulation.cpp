@@ -6,15 +6,14 @@
 
 #include "base/error.h"
 #include "sim/contact/near_tools.h"
+#include "sim/mesh/degrees_of_freedom.h"
 
 namespace kiroku::sim {
 namespace {
 
 /// How far around tools that press nodes are taken together, in lengths of the body, so that it is seldom
 /// asked anew for their compliance.
-constexpr double kMargin = 0.02;
-
-Eigen::Index at(std::size_t node) { return static_cast<Eigen::Index>(3 * node); }
+constexpr double kElasticMargin = 0.02;
 
 }  // namespace
 
@@ -26,7 +25,7 @@ Manipulation::Manipulation(const ContactBody& body, std::vector<Tool> tools, con
       bound_(body),
       poses_(tools_.size()),
       near_(body.surface().size()),
-      surface_m_(at(body.surface().size())),
+      surface_m_(first_row(body.surface().size())),
       tree_(body.surface().size()) {
   check_tools(tools_);
   const ContactSolver refuses_options_without_sense(body_.neighbourhood({}), {}, options_);
@@ -46,7 +45,7 @@ Manipulation::Manipulation(const ContactBody& body, const Manipulation& previous
   std::vector<std::uint8_t> bindable(nodes);
   for (const std::uint32_t node : body_.surface()) {
     bindable[node] = 1;
-    pressed_.displacement_m.segment<3>(row_of(node)) = displacement_m.segment<3>(at(node));
+    pressed_.displacement_m.segment<3>(row_of(node)) = displacement_m.segment<3>(first_row(node));
   }
   for (const BoundNodes::Hold& hold : previous.bound_.holds()) {
     BoundNodes::Hold kept{hold.tool, hold.pose, {}, {}};
@@ -80,7 +79,7 @@ Manipulation::Manipulation(const Manipulation& other)
       surface_m_(other.surface_m_),
       tree_(other.tree_) {}
 
-Eigen::Index Manipulation::row_of(std::uint32_t node) const { return at(body_.compliance().row_of(node)); }
+Eigen::Index Manipulation::row_of(std::uint32_t node) const { return first_row(body_.compliance().row_of(node)); }
 
 Vector3 Manipulation::position_m(std::uint32_t node, const Eigen::VectorXd& displacement_m) const {
   return body_.body().mesh().nodes[node] + displacement_m.segment<3>(row_of(node));
@@ -121,7 +120,7 @@ void Manipulation::refuse_grasp(const Tool& tool, const Pose& pose) const {
   }
   for (std::uint32_t node = 0; node < body_.body().mesh().nodes.size(); ++node) {
     if (body_.body().free_components(node) == 0)
-      candidates.push_back({node, body_.rest_m().segment<3>(at(node)), kFixed});
+      candidates.push_back({node, body_.rest_m().segment<3>(first_row(node)), kFixed});
   }
   throw Error(grasp_refusal(tool, pose, candidates));
 }
@@ -159,7 +158,7 @@ const ManipulationResult& Manipulation::step(std::span<const OptionalPose> poses
 void Manipulation::look_at_surface(const Eigen::VectorXd& displacement_m) {
   const std::vector<std::uint32_t>& surface = body_.surface();
   for (std::size_t place = 0; place < surface.size(); ++place)
-    surface_m_.segment<3>(at(place)) = position_m(surface[place], displacement_m);
+    surface_m_.segment<3>(first_row(place)) = position_m(surface[place], displacement_m);
   tree_.refit(surface_m_);
 }
 
@@ -205,12 +204,12 @@ Manipulation::Pressed Manipulation::press(std::span<const OptionalPose> poses, E
   forget();
   if (!anew) {
     for (const std::uint32_t node : last->neighbourhood().nodes) near_[body_.place_of(node)] = 1;
-    anew = mark(kMargin * size_m_);
+    anew = mark(kElasticMargin * size_m_);
   }
   if (anew) {
     // What was left behind is forgotten; what presses stays.
     forget();
-    mark(kMargin * size_m_);
+    mark(kElasticMargin * size_m_);
     for (const Contact& contact : result_.contacts) near_[body_.place_of(contact.node)] = 1;
   }
   while (true) {
@@ -222,9 +221,9 @@ Manipulation::Pressed Manipulation::press(std::span<const OptionalPose> poses, E
       solver = std::make_unique<ContactSolver>(*last);
     }
     const std::vector<std::uint32_t>& nodes = solver->neighbourhood().nodes;
-    Eigen::VectorXd rest_m(at(nodes.size()));
+    Eigen::VectorXd rest_m(first_row(nodes.size()));
     for (std::size_t point = 0; point < nodes.size(); ++point)
-      rest_m.segment<3>(at(point)) = position_m(nodes[point], untouched_m);
+      rest_m.segment<3>(first_row(point)) = position_m(nodes[point], untouched_m);
     solver->rest_at(std::move(rest_m));
     solver->step(there);
     next.displacement_m = untouched_m;
@@ -233,7 +232,7 @@ Manipulation::Pressed Manipulation::press(std::span<const OptionalPose> poses, E
     look_at_surface(next.displacement_m);
     if (!mark(-options_.tolerance * size_m_)) return next;
     // Tissue was pushed into a tool outside the neighbourhood, which only grows from here.
-    mark(kMargin * size_m_);
+    mark(kElasticMargin * size_m_);
     anew = true;
     last = next.solver.get();
     for (std::uint32_t tool = 0; tool < before.size(); ++tool) before[tool] = tool;
@@ -286,9 +285,9 @@ Eigen::VectorXd Manipulation::displacement_m() const {
 }
 
 Eigen::VectorXd Manipulation::tool_force_n() const {
-  Eigen::VectorXd force_n = Eigen::VectorXd::Zero(at(body_.body().mesh().nodes.size()));
-  for (const BoundNode& held : result_.bound) force_n.segment<3>(at(held.node)) += held.force_n;
-  for (const Contact& contact : result_.contacts) force_n.segment<3>(at(contact.node)) += contact.force_n;
+  Eigen::VectorXd force_n = Eigen::VectorXd::Zero(first_row(body_.body().mesh().nodes.size()));
+  for (const BoundNode& held : result_.bound) force_n.segment<3>(first_row(held.node)) += held.force_n;
+  for (const Contact& contact : result_.contacts) force_n.segment<3>(first_row(contact.node)) += contact.force_n;
   return force_n;
 }
 

@@ -3,9 +3,11 @@
 
 namespace kiroku::sim {
 
+inline constexpr double kMmPerM = 1000;
+
 enum class LengthUnit { kMetre, kMillimetre };
 
 /// Dividing by it is exact where multiplying by 0.001 is not.
-constexpr double units_per_metre(LengthUnit unit) { return unit == LengthUnit::kMetre ? 1.0 : 1000.0; }
+constexpr double units_per_metre(LengthUnit unit) { return unit == LengthUnit::kMetre ? 1.0 : kMmPerM; }
 
 }  // namespace kiroku::sim

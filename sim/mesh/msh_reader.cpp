@@ -14,7 +14,7 @@ struct ElementKind {
   std::size_t nodes;
 };
 
-constexpr std::int64_t kTetrahedronType = 4;
+constexpr std::int64_t kGmshTetrahedron = 4;
 
 /// By Gmsh's element type, from 1.
 constexpr std::array<ElementKind, 19> kElementKinds{{
@@ -160,7 +160,7 @@ class MshReader {
 
   void read_element(std::int64_t type, const ElementKind& kind, std::size_t width, std::int64_t physical,
                     std::int64_t elementary) {
-    if (type != kTetrahedronType) {
+    if (type != kGmshTetrahedron) {
       for (std::size_t i = 0; i < kind.nodes; ++i) cursor_.integer(width, "a node of an element");
       builder_.drop(kind.name);
       return;

@@ -11,7 +11,7 @@
 namespace kiroku::sim {
 namespace {
 
-constexpr std::int64_t kTetrahedronType = 10;
+constexpr std::int64_t kVtkTetrahedron = 10;
 
 /// Plural names by VTK's cell type.
 std::string kind_name(std::int64_t type) {
@@ -309,7 +309,7 @@ class VtkReader {
     for (std::size_t cell = 0; cell < cells; ++cell) {
       const auto begin = static_cast<std::size_t>(offsets_[cell]);
       const std::size_t points = static_cast<std::size_t>(offsets_[cell + 1]) - begin;
-      if (types_[cell] != kTetrahedronType) {
+      if (types_[cell] != kVtkTetrahedron) {
         builder_.drop(kind_name(types_[cell]));
         continue;
       }

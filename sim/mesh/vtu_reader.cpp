@@ -12,7 +12,7 @@
 namespace kiroku::sim {
 namespace {
 
-constexpr double kTetrahedronType = 10;
+constexpr double kVtuTetrahedron = 10;
 /// What nodes of the same mesh may differ by, of its longest side: files are written with rounded numbers.
 constexpr double kSamePlace = 1e-5;
 
@@ -130,7 +130,7 @@ class VtuReader {
     }
     if (cells_ == 0) fail(parent, "it has no tetrahedra");
     for (std::size_t cell = 0; cell < cells_; ++cell) {
-      if (types[cell] != kTetrahedronType || offsets[cell] != 4 * static_cast<double>(cell + 1) ||
+      if (types[cell] != kVtuTetrahedron || offsets[cell] != 4 * static_cast<double>(cell + 1) ||
           connectivity.size() < 4 * (cell + 1)) {
         fail(parent, "cell " + std::to_string(cell) + " is no 4-node tetrahedron");
       }

@@ -97,8 +97,8 @@ void solve_cut(const StaticModel& model, StaticResult& result) {
 }  // namespace
 
 StaticModel read_static_model(const std::filesystem::path& file) {
-  const nlohmann::json json = JsonField::parse(read_document(file), file.string());
-  const JsonField document(json, file.string());
+  const nlohmann::json whole = JsonField::parse(read_document(file), file.string());
+  const JsonField document(whole, file.string());
   document.expect_object(
       {"mesh", "length_unit", "materials", "fixed", "forces", "gravity_m_s2", "corotational", "cuts"});
   BodyReader body(document, file.parent_path());

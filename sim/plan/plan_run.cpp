@@ -7,12 +7,12 @@
 #include "base/error.h"
 #include "base/number_text.h"
 #include "sim/cutting/rest_mapping.h"
+#include "sim/mesh/length_unit.h"
 
 namespace kiroku::sim {
 namespace {
 
 constexpr double kNever = std::numeric_limits<double>::infinity();
-constexpr double kMillimetresPerMetre = 1000;
 /// Of a time step: what is left by rounding when times are added up.
 constexpr double kSameMoment = 1e-9;
 
@@ -150,7 +150,7 @@ void PlanRun::finish_step() {
       frame_.poses[motion.tool].reset();
     } else if (touches(tool.kind) && figures.most_nodes[motion.tool] == 0) {
       throw Error("'" + tool.tool.name + "' never touches the tissue: the nearest it comes is " +
-                  number_text(nearest_m_[motion.tool] * kMillimetresPerMetre, 3) + " mm");
+                  number_text(nearest_m_[motion.tool] * kMmPerM, 3) + " mm");
     }
   }
   step_begins_s_ += step.duration_s;
@@ -221,7 +221,7 @@ void PlanRun::record() {
   figures.deepest_penetration_m = std::max(figures.deepest_penetration_m, result.deepest_penetration_m);
   if (!result.converged && !std::exchange(unbalanced_told_, true)) {
     figures.remarks.push_back("at " + number_text(frame_.time_s, 4) + " s pressed nodes are up to " +
-                              number_text(result.largest_gap_m * kMillimetresPerMetre, 2) +
+                              number_text(result.largest_gap_m * kMmPerM, 2) +
                               " mm off their tool: take a smaller time step");
   }
 }

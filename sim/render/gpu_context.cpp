@@ -13,10 +13,10 @@
 namespace kiroku::sim {
 namespace {
 
-constexpr const char* kLibrary = "libEGL.so.1";
+constexpr const char* kEglLibrary = "libEGL.so.1";
 
 struct Egl {
-  DynamicLibrary library{kLibrary};
+  DynamicLibrary library{kEglLibrary};
   PFNEGLGETPROCADDRESSPROC address = library.function<PFNEGLGETPROCADDRESSPROC>("eglGetProcAddress");
   PFNEGLQUERYDEVICESEXTPROC query_devices = find<PFNEGLQUERYDEVICESEXTPROC>("eglQueryDevicesEXT");
   PFNEGLQUERYDEVICESTRINGEXTPROC device_string =
@@ -94,7 +94,7 @@ class GpuContext : public GlContext {
     context_ = egl_.create_context(display_, config, EGL_NO_CONTEXT, attributes.data());
     if (context_ == EGL_NO_CONTEXT) fail("it gives no OpenGL 4.5 context");
     make_current();
-    load([this](const char* name) { return reinterpret_cast<void*>(egl_.address(name)); }, kLibrary);
+    load([this](const char* name) { return reinterpret_cast<void*>(egl_.address(name)); }, kEglLibrary);
   }
 
   void close() noexcept {

@@ -7,12 +7,12 @@
 
 #include "base/error.h"
 #include "base/number_text.h"
+#include "sim/mesh/length_unit.h"
 #include "sim/render/transfer_function.h"
 
 namespace kiroku::sim {
 namespace {
 
-constexpr double kMillimetresPerMetre = 1000;
 constexpr double kHuRange = kGreatestHu - kLeastHu;
 // Voxels that are kept around what is asked for: linear interpolation and differences reach one beyond.
 constexpr std::ptrdiff_t kMargin = 3;
@@ -27,9 +27,9 @@ struct Crop {
 
 std::string text_of(const Extent& extent) {
   const auto text = [](const Vector3& v) {
-    return "(" + number_text(v.x() * kMillimetresPerMetre, 4) + ", " +
-           number_text(v.y() * kMillimetresPerMetre, 4) + ", " +
-           number_text(v.z() * kMillimetresPerMetre, 4) + ")";
+    return "(" + number_text(v.x() * kMmPerM, 4) + ", " +
+           number_text(v.y() * kMmPerM, 4) + ", " +
+           number_text(v.z() * kMmPerM, 4) + ")";
   };
   return text(extent.least) + " to " + text(extent.greatest) + " mm";
 }
@@ -132,7 +132,7 @@ void write_texels(ShadedVolume& shaded, const Grid& grid, const Index& size, con
                   const std::vector<float>& smooth) {
   const std::array<std::size_t, 3> strides{1, size[0], size[0] * size[1]};
   constexpr double kGradientScale = 32767 / kGreatestGradientHuPerMm;
-  const Vector3 spacing_mm = grid.spacing_m * kMillimetresPerMetre;
+  const Vector3 spacing_mm = grid.spacing_m * kMmPerM;
   std::size_t voxel = 0;
   for (std::size_t k = 0; k < size[2]; ++k) {
     for (std::size_t j = 0; j < size[1]; ++j) {

@@ -12,10 +12,10 @@
 namespace kiroku::sim {
 namespace {
 
-constexpr const char* kLibrary = "libOSMesa.so.8";
+constexpr const char* kOsMesaLibrary = "libOSMesa.so.8";
 
 struct OsMesa {
-  DynamicLibrary library{kLibrary};
+  DynamicLibrary library{kOsMesaLibrary};
   decltype(&OSMesaCreateContextAttribs) create =
       library.function<decltype(&OSMesaCreateContextAttribs)>("OSMesaCreateContextAttribs");
   decltype(&OSMesaDestroyContext) destroy =
@@ -33,7 +33,7 @@ class SoftwareContext : public GlContext {
  public:
   SoftwareContext() {
     if (!mesa_.is_whole()) {
-      throw Error(std::string("pictures need ") + kLibrary +
+      throw Error(std::string("pictures need ") + kOsMesaLibrary +
                   ", which is not here: install Debian's libosmesa6, or use a graphics processor");
     }
     const std::array<int, 11> attributes{OSMESA_FORMAT,
@@ -48,11 +48,11 @@ class SoftwareContext : public GlContext {
                                          0};
     context_ = mesa_.create(attributes.data(), nullptr);
     if (context_ == nullptr) {
-      throw Error(std::string(kLibrary) + " gives no OpenGL 4.5 context: install Debian's libosmesa6");
+      throw Error(std::string(kOsMesaLibrary) + " gives no OpenGL 4.5 context: install Debian's libosmesa6");
     }
     try {
       make_current();
-      load([this](const char* name) { return reinterpret_cast<void*>(mesa_.address(name)); }, kLibrary);
+      load([this](const char* name) { return reinterpret_cast<void*>(mesa_.address(name)); }, kOsMesaLibrary);
     } catch (...) {
       leave();
       mesa_.destroy(context_);
@@ -71,7 +71,7 @@ class SoftwareContext : public GlContext {
  private:
   void bind() override {
     if (mesa_.make_current(context_, screen_.data(), GL_UNSIGNED_BYTE, kSide, kSide) == 0)
-      throw Error(std::string(kLibrary) + " cannot use its own context: install Debian's libosmesa6 anew");
+      throw Error(std::string(kOsMesaLibrary) + " cannot use its own context: install Debian's libosmesa6 anew");
   }
   void release() noexcept override { mesa_.make_current(nullptr, nullptr, GL_UNSIGNED_BYTE, 0, 0); }
 

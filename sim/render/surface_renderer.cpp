@@ -5,17 +5,16 @@
 #include <limits>
 
 #include "base/error.h"
+#include "sim/mesh/length_unit.h"
 #include "sim/mesh/mesh_topology.h"
 #include "sim/render/gl_objects.h"
+#include "sim/render/gl_vector.h"
 #include "sim/render/shaders.h"
 
 namespace kiroku::sim {
 namespace {
 
-constexpr double kMillimetresPerMetre = 1000;
 constexpr int kLargestSide = 8192;
-
-using Float4 = std::array<float, 4>;
 
 /// As the shaders know it: positions and normals along the view's axes, mm.
 struct Vertex {
@@ -23,11 +22,6 @@ struct Vertex {
   Float4 normal;    // and 1 for a ghost
   Float4 colour;
 };
-
-Float4 single(const Vector3& v, double fourth) {
-  return {static_cast<float>(v.x()), static_cast<float>(v.y()), static_cast<float>(v.z()),
-          static_cast<float>(fourth)};
-}
 
 Float4 share_of(const Rgb& colour) { return single(Vector3(colour[0], colour[1], colour[2]) / 255, 1); }
 
@@ -83,7 +77,7 @@ void SurfaceRenderer::Drawing::add_body(std::span<const double> displacement_m, 
   for (std::size_t node = 0; node < rest_m_.size(); ++node) {
     Vector3 at_m = rest_m_[node];
     if (!displacement_m.empty()) at_m += Eigen::Map<const Vector3>(displacement_m.data() + 3 * node);
-    view_mm_[node] = kMillimetresPerMetre * scene.camera.view_m(at_m);
+    view_mm_[node] = kMmPerM * scene.camera.view_m(at_m);
   }
   normals_.assign(rest_m_.size(), Vector3::Zero());
   for (const auto& [a, b, c] : faces_) {
@@ -103,7 +97,7 @@ void SurfaceRenderer::Drawing::add_body(std::span<const double> displacement_m, 
 void SurfaceRenderer::Drawing::add_solids(const SurfaceScene& scene) {
   for (const MarkedSolid& marked : scene.solids) {
     for (const SolidVertex& vertex : triangles_of(marked.solid)) {
-      vertices_.push_back({single(kMillimetresPerMetre * scene.camera.view_m(vertex.position_m), marked.mark),
+      vertices_.push_back({single(kMmPerM * scene.camera.view_m(vertex.position_m), marked.mark),
                            single(scene.camera.to_view * vertex.normal, marked.ghost ? 1 : 0),
                            share_of(marked.solid.colour)});
     }
@@ -143,7 +137,7 @@ void SurfaceRenderer::Drawing::set_uniforms(const SurfaceScene& scene) {
   const double least_mm = scene.camera.parallel ? nearest_mm - 1 : 1;
   nearest_mm = std::max(nearest_mm - 1, least_mm);
   farthest_mm = std::max(farthest_mm, nearest_mm) + 1;
-  const double scale = scene.camera.parallel ? kMillimetresPerMetre : 1;
+  const double scale = scene.camera.parallel ? kMmPerM : 1;
   const auto set4 = [&](const char* name, const Float4& value) {
     gl_.ProgramUniform4f(program_.name(), gl_.GetUniformLocation(program_.name(), name), value[0], value[1],
                          value[2], value[3]);

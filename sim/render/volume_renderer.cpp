@@ -7,8 +7,10 @@
 
 #include "base/error.h"
 #include "base/number_text.h"
+#include "sim/mesh/length_unit.h"
 #include "sim/render/colour_map.h"
 #include "sim/render/gl_objects.h"
+#include "sim/render/gl_vector.h"
 #include "sim/render/proxy_geometry.h"
 #include "sim/render/shaders.h"
 #include "sim/render/vertex_rotations.h"
@@ -16,16 +18,9 @@
 namespace kiroku::sim {
 namespace {
 
-constexpr double kMillimetresPerMetre = 1000;
-constexpr int kLargestSide = 8192;
+constexpr int kLargestPictureSide = 8192;
 constexpr float kFar = 1e30F;
 
-using Float4 = std::array<float, 4>;
-
-Float4 single(const Vector3& v, double fourth = 0) {
-  return {static_cast<float>(v.x()), static_cast<float>(v.y()), static_cast<float>(v.z()),
-          static_cast<float>(fourth)};
-}
 Float4 share_of(const Rgb& colour, double fourth) {
   return single(Vector3(colour[0], colour[1], colour[2]) / 255, fourth);
 }
@@ -65,7 +60,7 @@ void VolumeRenderer::Mesh::place(std::span<const double> displacement_m, const C
   positions4.resize(nodes);
   rotations4.resize(nodes);
   for (std::size_t node = 0; node < nodes; ++node) {
-    view_mm[node] = kMillimetresPerMetre * camera.view_m(positions_m[node]);
+    view_mm[node] = kMmPerM * camera.view_m(positions_m[node]);
     positions4[node] = single(view_mm[node], 1);
     const Eigen::Quaterniond q = to_view * turned[node];
     rotations4[node] = single(q.vec(), q.w());
@@ -85,7 +80,7 @@ std::pair<Eigen::Vector2i, Eigen::Vector2i> VolumeRenderer::Mesh::covered(const 
   const Eigen::Vector2d size(scene.width, scene.height);
   Eigen::Vector2d least = size, greatest = Eigen::Vector2d::Zero();
   const Camera& camera = scene.camera;
-  const double scale = camera.parallel ? kMillimetresPerMetre : 1;
+  const double scale = camera.parallel ? kMmPerM : 1;
   for (const EntryFace& face : topology.surface) {
     for (const std::uint32_t node : face.nodes) {
       const Vector3& at = view_mm[node];
@@ -281,7 +276,7 @@ void VolumeRenderer::Drawing::set(const GlHandle& program, const char* name, int
 
 void VolumeRenderer::Drawing::set_camera(const GlHandle& program, const Scene& scene) {
   const Camera& camera = scene.camera;
-  const double scale = camera.parallel ? kMillimetresPerMetre : 1;
+  const double scale = camera.parallel ? kMmPerM : 1;
   set(program, "view",
       single(Vector3(camera.half_extent.x(), camera.half_extent.y(), camera.centre.x()) * scale,
              camera.centre.y() * scale));
@@ -296,7 +291,7 @@ void VolumeRenderer::Drawing::draw_solids(const Scene& scene) {
   std::vector<Vertex> vertices;
   for (const Solid& solid : scene.solids) {
     for (const SolidVertex& vertex : triangles_of(solid)) {
-      const Vector3 position_mm = kMillimetresPerMetre * scene.camera.view_m(vertex.position_m);
+      const Vector3 position_mm = kMmPerM * scene.camera.view_m(vertex.position_m);
       vertices.push_back(
           {single(position_mm, 1), single(scene.camera.to_view * vertex.normal), share_of(solid.colour, 1)});
       nearest_mm_ = std::min(nearest_mm_, -position_mm.z());
@@ -374,7 +369,7 @@ void VolumeRenderer::Drawing::cast(const Mesh& mesh, const Scene& scene, int lay
   set(program, "picture",
       {static_cast<float>(scene.width), static_cast<float>(scene.height), 1 / static_cast<float>(scene.width),
        1 / static_cast<float>(scene.height)});
-  set(program, "spacing", spacing_m * kMillimetresPerMetre);
+  set(program, "spacing", spacing_m * kMmPerM);
   set(program, "lighting",
       single(Vector3(transfer_.ambient, transfer_.diffuse, transfer_.specular), transfer_.shininess));
   const auto [flat, steep] = transfer_.edge_hu_per_mm;
@@ -511,7 +506,8 @@ void VolumeRenderer::set_mesh(const TetMesh& rest) {
 
 Picture VolumeRenderer::render(std::span<const double> displacement_m, const Scene& scene) {
   if (!mesh_) throw UsageError("nothing can be drawn before there is a mesh");
-  if (scene.width < 1 || scene.height < 1 || scene.width > kLargestSide || scene.height > kLargestSide) {
+  if (scene.width < 1 || scene.height < 1 || scene.width > kLargestPictureSide ||
+      scene.height > kLargestPictureSide) {
     throw UsageError("a picture of " + std::to_string(scene.width) + "x" + std::to_string(scene.height) +
                      " pixels cannot be drawn: sides must be from 1 to 8192");
   }

@@ -4,10 +4,10 @@
 
 #include <Eigen/Geometry>
 
+#include "sim/mesh/degrees_of_freedom.h"
+
 namespace kiroku::sim {
 namespace {
-
-Eigen::Index at(std::size_t node) { return static_cast<Eigen::Index>(3 * node); }
 
 /// Its third column is the direction.
 Eigen::Matrix3d axes_along(const Vector3& direction) {
@@ -47,10 +47,10 @@ BreathingBody::BreathingBody(TetMesh mesh, const Materials& materials, const Bou
 
 Eigen::VectorXd BreathingBody::response(BoundaryGroup group, const std::optional<Vector3>& direction) const {
   // Nodes of the moved groups have the mesh's axes.
-  Eigen::VectorXd moved = Eigen::VectorXd::Zero(at(groups_.size()));
+  Eigen::VectorXd moved = Eigen::VectorXd::Zero(first_row(groups_.size()));
   for (std::size_t node = 0; node < groups_.size(); ++node) {
     if (groups_[node] != group) continue;
-    moved.segment<3>(at(node)) =
+    moved.segment<3>(first_row(node)) =
         direction ? *direction : surface_.normals[static_cast<std::size_t>(surface_.row_of[node])];
   }
   return body_->solve(Eigen::VectorXd::Zero(moved.size()), moved).displacement_m;

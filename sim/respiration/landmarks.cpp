@@ -6,6 +6,7 @@
 #include <optional>
 
 #include "base/error.h"
+#include "sim/mesh/length_unit.h"
 #include "sim/model/body_model.h"
 #include "sim/respiration/number_table.h"
 
@@ -26,7 +27,6 @@ std::vector<std::string_view> words_of(std::string_view line) {
 }  // namespace
 
 std::vector<Vector3> parse_landmarks_m(std::string_view text, const std::string& name) {
-  constexpr double kMillimetresPerMetre = 1000;
   std::vector<Vector3> points;
   std::optional<std::size_t> told;
   bool elastix = false;
@@ -58,7 +58,7 @@ std::vector<Vector3> parse_landmarks_m(std::string_view text, const std::string&
     for (std::size_t axis = 0; axis < 3; ++axis) {
       const auto value = number_of(words[axis]);
       if (!value) fail("'" + std::string(words[axis]) + "' is no number");
-      point[static_cast<Eigen::Index>(axis)] = value.value_or(0) / kMillimetresPerMetre;
+      point[static_cast<Eigen::Index>(axis)] = value.value_or(0) / kMmPerM;
     }
     points.push_back(point);
   }

@@ -7,12 +7,11 @@
 
 #include "base/error.h"
 #include "base/number_text.h"
+#include "sim/mesh/degrees_of_freedom.h"
 #include "sim/respiration/sliding_boundary.h"
 
 namespace kiroku::sim {
 namespace {
-
-Eigen::Index at(std::size_t node) { return static_cast<Eigen::Index>(3 * node); }
 
 Eigen::Matrix3d cross_matrix(const Vector3& v) {
   Eigen::Matrix3d matrix;
@@ -28,7 +27,7 @@ struct MovedVolume {
 MovedVolume volume_of(const TetMesh& mesh, const Eigen::VectorXd& displacement_m) {
   TetMesh moved = mesh;
   for (std::size_t node = 0; node < moved.nodes.size(); ++node)
-    moved.nodes[node] += displacement_m.segment<3>(at(node));
+    moved.nodes[node] += displacement_m.segment<3>(first_row(node));
   MovedVolume sum;
   for (std::size_t t = 0; t < moved.tetrahedra.size(); ++t) {
     const double volume_m3 = signed_volume_m3(moved, t);
@@ -50,7 +49,7 @@ class SurfaceFit {
   [[nodiscard]] Vector3 place(const Eigen::Isometry3d& placement, const Eigen::VectorXd& displacement_m,
                               std::size_t row) const {
     const std::uint32_t node = surface_.nodes[row];
-    return placement * (mesh_.nodes[node] + displacement_m.segment<3>(at(node)));
+    return placement * (mesh_.nodes[node] + displacement_m.segment<3>(first_row(node)));
   }
 
   [[nodiscard]] std::vector<double> distances(const Eigen::Isometry3d& placement,
@@ -74,7 +73,7 @@ class SurfaceFit {
     for (int step = 0; step < kMostSteps && damping < kMostDamping; ++step) {
       Eigen::MatrixXd normal = Eigen::MatrixXd::Zero(unknowns, unknowns);
       Eigen::VectorXd right = Eigen::VectorXd::Zero(unknowns);
-      const Eigen::VectorXd displacement_m = sum_of(responses, factors, at(mesh_.nodes.size()));
+      const Eigen::VectorXd displacement_m = sum_of(responses, factors, first_row(mesh_.nodes.size()));
       Eigen::VectorXd row_of(unknowns);
       for (std::size_t row = 0; row < surface_.nodes.size(); ++row) {
         if (!counts[row]) continue;
@@ -84,7 +83,7 @@ class SurfaceFit {
         row_of.segment<3>(3) = cross_matrix(placed_m - placement * centre_m_) * distance.gradient;
         for (std::size_t i = 0; i < responses.size(); ++i) {
           row_of[static_cast<Eigen::Index>(6 + i)] =
-              distance.gradient.dot(placement.linear() * responses[i].segment<3>(at(surface_.nodes[row])));
+              distance.gradient.dot(placement.linear() * responses[i].segment<3>(first_row(surface_.nodes[row])));
         }
         const double weight =
             surface_.areas_m2[row] * std::min(1.0, robust_m / std::max(std::abs(distance.distance_m), 1e-12));
@@ -136,7 +135,7 @@ class SurfaceFit {
   [[nodiscard]] double cost_of(const std::vector<bool>& counts, const std::vector<Eigen::VectorXd>& responses,
                                double robust_m, const Eigen::Isometry3d& placement,
                                const Eigen::VectorXd& factors) const {
-    const Eigen::VectorXd displacement_m = sum_of(responses, factors, at(mesh_.nodes.size()));
+    const Eigen::VectorXd displacement_m = sum_of(responses, factors, first_row(mesh_.nodes.size()));
     double cost = 0;
     for (std::size_t row = 0; row < surface_.nodes.size(); ++row) {
       if (!counts[row]) continue;
@@ -207,7 +206,7 @@ ShapeFitResult fit_shape(const BreathingModel& model, const LabelMap& second, co
   const auto tell = [&](const std::string& what) {
     if (step) step(what);
   };
-  const Eigen::VectorXd still_m = Eigen::VectorXd::Zero(at(model.mesh.nodes.size()));
+  const Eigen::VectorXd still_m = Eigen::VectorXd::Zero(first_row(model.mesh.nodes.size()));
   ShapeFitResult result;
   result.motion = model.motion;
   result.first_volume_m3 = volume_of(model.mesh, still_m).volume_m3;

@@ -11,6 +11,7 @@
 
 #include "base/error.h"
 #include "sim/fem/elimination_order.h"
+#include "sim/mesh/degrees_of_freedom.h"
 
 namespace kiroku::sim {
 namespace {
@@ -19,13 +20,11 @@ constexpr double kSameWayCosine = 0.3;  // of two normals, for surfaces that may
 constexpr double kRobustM = 0.004;      // beyond it, distances count as absolute values
 constexpr double kReachM = 0.015;       // a point without a face within it has no partner
 
-Eigen::Index at(std::size_t node) { return static_cast<Eigen::Index>(3 * node); }
-
 std::vector<Vector3> placed(const TetMesh& mesh, const Eigen::Isometry3d& placement,
                             const Eigen::VectorXd& displacement_m) {
   std::vector<Vector3> places = mesh.nodes;
   for (std::size_t node = 0; node < places.size(); ++node)
-    places[node] = placement * (places[node] + displacement_m.segment<3>(at(node)));
+    places[node] = placement * (places[node] + displacement_m.segment<3>(first_row(node)));
   return places;
 }
 
@@ -136,7 +135,7 @@ class EvenlyStretched {
     }
     for (std::size_t t = 0; t < mesh.tetrahedra.size(); ++t) {
       for (const std::uint32_t node : mesh.tetrahedra[t])
-        std::fill_n(free_.begin() + static_cast<std::ptrdiff_t>(at(node)), 3, true);
+        std::fill_n(free_.begin() + static_cast<std::ptrdiff_t>(first_row(node)), 3, true);
       const double element_m3 = signed_volume_m3(mesh, t);
       volume_m3 += element_m3;
       moduli += element_m3 * materials_.at(mesh.regions[t]).young_modulus_pa;
@@ -148,11 +147,11 @@ class EvenlyStretched {
 
   [[nodiscard]] Eigen::VectorXd solve(const std::vector<Spring>& springs) const {
     std::vector<std::vector<const Spring*>> of_tetrahedron(mesh_.tetrahedra.size());
-    Eigen::VectorXd pull_n = Eigen::VectorXd::Zero(at(mesh_.nodes.size()));
+    Eigen::VectorXd pull_n = Eigen::VectorXd::Zero(first_row(mesh_.nodes.size()));
     for (const Spring& spring : springs) {
       of_tetrahedron[spring.tetrahedron].push_back(&spring);
       for (std::size_t i = 0; i < 3; ++i) {
-        pull_n.segment<3>(at(spring.nodes[i])) +=
+        pull_n.segment<3>(first_row(spring.nodes[i])) +=
             spring.stiffness_n_m * spring.wanted_m * spring.weights[i] * spring.direction;
       }
     }
@@ -203,12 +202,12 @@ class EvenlyStretched {
     constexpr std::array<std::array<Eigen::Index, 2>, 6> kAxes{
         {{0, 0}, {1, 1}, {2, 2}, {0, 1}, {1, 2}, {2, 0}}};
     Eigen::Matrix<double, Eigen::Dynamic, 6> stretches;
-    stretches.setZero(at(mesh_.nodes.size()), 6);
+    stretches.setZero(first_row(mesh_.nodes.size()), 6);
     for (std::size_t node = 0; node < mesh_.nodes.size(); ++node) {
       for (std::size_t i = 0; i < 6; ++i) {
         const auto [to, along] = kAxes[i];
-        stretches(at(node) + to, static_cast<Eigen::Index>(i)) += mesh_.nodes[node][along];
-        if (to != along) stretches(at(node) + along, static_cast<Eigen::Index>(i)) += mesh_.nodes[node][to];
+        stretches(first_row(node) + to, static_cast<Eigen::Index>(i)) += mesh_.nodes[node][along];
+        if (to != along) stretches(first_row(node) + along, static_cast<Eigen::Index>(i)) += mesh_.nodes[node][to];
       }
     }
     const StiffnessMatrix loose(mesh_, [this](std::size_t t) { return element_matrix(t); });
@@ -265,7 +264,7 @@ std::vector<Spring> springs_at(const TetMesh& mesh, const LungSurface& surface, 
                        {node, node, node},
                        {1, 0, 0},
                        direction,
-                       direction.dot(displacement_m.segment<3>(at(node))) - found.distance_m,
+                       direction.dot(displacement_m.segment<3>(first_row(node))) - found.distance_m,
                        stiffness_n_m3 * surface.areas_m2[row] * robust(found.distance_m)});
   }
   const PlacedSurface lung(surface, places);
@@ -283,7 +282,7 @@ std::vector<Spring> springs_at(const TetMesh& mesh, const LungSurface& surface, 
     for (std::size_t corner = 0; corner < 3; ++corner) {
       spring.nodes[corner] = surface.nodes[surface.faces[partner->face][corner]];
       spring.wanted_m +=
-          spring.weights[corner] * spring.direction.dot(displacement_m.segment<3>(at(spring.nodes[corner])));
+          spring.weights[corner] * spring.direction.dot(displacement_m.segment<3>(first_row(spring.nodes[corner])));
     }
     springs.push_back(spring);
   }

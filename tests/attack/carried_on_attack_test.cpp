@@ -8,6 +8,7 @@
 #include "crypto/encoding.h"
 #include "crypto/merkle_tree.h"
 #include "tests/attack/attack_table.h"
+#include "tests/support/nanoseconds.h"
 
 namespace kiroku::test {
 namespace {
@@ -19,7 +20,6 @@ using archive::VerificationReport;
 using ::testing::HasSubstr;
 using ::testing::Not;
 
-constexpr std::int64_t kSecond = 1'000'000'000;
 
 /// The earlier case as a later one names it.
 CarriedOn named(const fs::path& folder) {

@@ -9,6 +9,7 @@
 #include "archive/reading/excerpt.h"
 #include "crypto/merkle_tree.h"
 #include "tests/attack/attack_table.h"
+#include "tests/support/nanoseconds.h"
 
 namespace kiroku::test {
 namespace {
@@ -18,7 +19,6 @@ using archive::ExcerptDocument;
 using archive::Verdict;
 using ::testing::HasSubstr;
 
-constexpr std::int64_t kSecond = 1'000'000'000;
 constexpr const char* kDocument = "excerpt.json";
 
 std::string streams_json(const std::vector<std::string>& streams) {

@@ -9,6 +9,7 @@
 
 #include "archive/format/case_layout.h"
 #include "tests/attack/attacked_case.h"
+#include "tests/support/nanoseconds.h"
 #include "tests/support/report_text.h"
 #include "tests/support/sample_case.h"
 
@@ -16,7 +17,6 @@ namespace kiroku::test {
 namespace {
 
 namespace fs = std::filesystem;
-constexpr std::int64_t kSecond = 1'000'000'000;
 
 /// Lets a recorder go on once, before the ledger is opened to be walked.
 class WhileTheLedgerIsOpened : public archive::FileReading {

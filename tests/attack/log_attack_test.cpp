@@ -14,12 +14,12 @@ namespace fs = std::filesystem;
 using archive::CaseEntry;
 using archive::Verdict;
 
-constexpr const char* kLedger = "ledger.jsonl";
+constexpr const char* kLedgerName = "ledger.jsonl";
 constexpr const char* kLog = "log/ledger.jsonl";
 
 std::vector<std::string> log_lines(const fs::path& log) {
   std::vector<std::string> lines;
-  std::istringstream text(read_file(log / kLedger));
+  std::istringstream text(read_file(log / kLedgerName));
   for (std::string line; std::getline(text, line);) {
     lines.push_back(line);
   }
@@ -36,7 +36,7 @@ void set_log(const fs::path& log, const std::vector<std::string>& lines) {
     tree.append(crypto::merkle_leaf_hash(bytes_of(line)));
     roots.push_back(tree.root());
   }
-  write_file(log / kLedger, text);
+  write_file(log / kLedgerName, text);
   std::vector<fs::path> notes;
   for (const auto& each : fs::directory_iterator(log / "checkpoints")) {
     notes.push_back(each.path());
@@ -115,7 +115,7 @@ INSTANTIATE_TEST_SUITE_P(
             {},
             Verdict::kTampered,
             true},
-        Attack{"EndCutBehindAClaimedPowerCut", [](AttackedCase& c) { c.cut(7); }, "log-knows-more", kLedger,
+        Attack{"EndCutBehindAClaimedPowerCut", [](AttackedCase& c) { c.cut(7); }, "log-knows-more", kLedgerName,
                7, Verdict::kTampered, true},
         Attack{"TwoCasesOfOneIdentifier",
                [](AttackedCase& c) {
@@ -133,7 +133,7 @@ INSTANTIATE_TEST_SUITE_P(
                "log-opening-differs", kLog, 1, Verdict::kTampered, true},
         Attack{
             "LogTruncated",
-            [](AttackedCase& c) { fs::resize_file(c.log() / kLedger, fs::file_size(c.log() / kLedger) / 2); },
+            [](AttackedCase& c) { fs::resize_file(c.log() / kLedgerName, fs::file_size(c.log() / kLedgerName) / 2); },
             "ledger-cut",
             "log/checkpoints/00000010.note",
             {},
@@ -160,9 +160,9 @@ INSTANTIATE_TEST_SUITE_P(
                "log-checkpoint-differs", kLog, 3, Verdict::kTampered, true},
         Attack{"LogLineEditedWithoutTheKey",
                [](AttackedCase& c) {
-                 std::string text = read_file(c.log() / kLedger);
+                 std::string text = read_file(c.log() / kLedgerName);
                  text.replace(text.find("case-closed"), 11, "case-opened");
-                 write_file(c.log() / kLedger, text);
+                 write_file(c.log() / kLedgerName, text);
                },
                "entry-malformed",
                kLog,
@@ -333,7 +333,7 @@ TEST(AttackOnTheLog, ALogThatNamesNoDeviceIsTamperedWhoeverSignedIt) {
 TEST(AttackOnTheLog, ALogThatWasEmptiedIsNotIntact) {
   const AttackedCase victim;
   fs::remove_all(victim.log() / "checkpoints");
-  write_file(victim.log() / kLedger, "");
+  write_file(victim.log() / kLedgerName, "");
   const archive::VerificationReport report =
       archive::verify_log(victim.log(), SoundCases::get().archive.options());
   EXPECT_EQ(summary(report), "unproven\nlog-tail-unsigned ledger.jsonl 0") << details(report);
@@ -370,12 +370,12 @@ TEST(AttackOnTheArchive, ACaseAndItsLogEntriesTakenAwayAreToldByTheNextCase) {
   std::vector<std::string> lines = log_lines(victim.log());
   std::erase_if(lines,
                 [&](const std::string& line) { return line.find(first.filename()) != std::string::npos; });
-  write_file(victim.log() / kLedger, "");
+  write_file(victim.log() / kLedgerName, "");
   std::string text;
   for (const std::string& line : lines) {
     text += line + "\n";
   }
-  write_file(victim.log() / kLedger, text);
+  write_file(victim.log() / kLedgerName, text);
   archive::VerifyOptions options = archive.options();
   options.log = victim.log();
   const archive::VerificationReport report = archive::verify_case(victim.folder(), options);

@@ -7,7 +7,7 @@ namespace kiroku::test {
 namespace {
 
 constexpr const char* kStamped = "checkpoints/00000010.note";
-constexpr const char* kLast = "checkpoints/00000011.note";
+constexpr const char* kLastNote = "checkpoints/00000011.note";
 
 /// The signature line that `key` makes over a note's text in the name of `name`.
 std::string line_over(const std::string& note, const std::string& name, const crypto::SigningKey& key) {
@@ -21,24 +21,24 @@ class SignatureLines : public ::testing::Test {
     write_file(victim_ / file, read_file(victim_ / file) + lines);
   }
   std::string line(const std::string& name, const crypto::SigningKey& key) {
-    return line_over(read_file(victim_ / kLast), name, key);
+    return line_over(read_file(victim_ / kLastNote), name, key);
   }
   AttackedCase victim_;
   crypto::SigningKey other_ = crypto::SigningKey::generate();
 };
 
 TEST_F(SignatureLines, OfAnotherKeyOnTheLastNoteAreToldWithTheirNames) {
-  append(kLast, line("witness.example", other_));
+  append(kLastNote, line("witness.example", other_));
   const archive::VerificationReport report = victim_.verify();
-  ASSERT_EQ(summary(report), std::string("intact\ncheckpoint-cosigned ") + kLast + " -");
+  ASSERT_EQ(summary(report), std::string("intact\ncheckpoint-cosigned ") + kLastNote + " -");
   EXPECT_THAT(report.findings[0].text, ::testing::HasSubstr("witness.example"));
 }
 
 TEST_F(SignatureLines, OfAKeyThatDoesNotEvenSignTheTextAreTold) {
   std::string forged = line("witness.example", other_);
   forged[forged.size() - 5] = forged[forged.size() - 5] == 'A' ? 'B' : 'A';
-  append(kLast, forged);
-  EXPECT_EQ(summary(victim_.verify()), std::string("intact\ncheckpoint-cosigned ") + kLast + " -");
+  append(kLastNote, forged);
+  EXPECT_EQ(summary(victim_.verify()), std::string("intact\ncheckpoint-cosigned ") + kLastNote + " -");
 }
 
 TEST_F(SignatureLines, ManyAndLongNamesAreToldInOneSentence) {
@@ -46,46 +46,46 @@ TEST_F(SignatureLines, ManyAndLongNamesAreToldInOneSentence) {
   for (int i = 0; i < 50; ++i) {
     lines += line("w" + std::to_string(i), other_);
   }
-  append(kLast, lines);
+  append(kLastNote, lines);
   const archive::VerificationReport report = victim_.verify();
-  ASSERT_EQ(summary(report), std::string("intact\ncheckpoint-cosigned ") + kLast + " -");
+  ASSERT_EQ(summary(report), std::string("intact\ncheckpoint-cosigned ") + kLastNote + " -");
   EXPECT_THAT(report.findings[0].text, ::testing::HasSubstr("51 keys"));
   EXPECT_LT(report.findings[0].text.size(), 1'000U);
 }
 
 TEST_F(SignatureLines, InTheDevicesNameByAnotherKeyAreTampering) {
-  append(kLast, line(SampleArchive::kDeviceName, other_));
+  append(kLastNote, line(SampleArchive::kDeviceName, other_));
   EXPECT_THAT(summary(victim_.verify()), ::testing::StartsWith(std::string("tampered\n")));
   EXPECT_THAT(summary(victim_.verify()),
-              ::testing::HasSubstr(std::string("checkpoint-signature-invalid ") + kLast + " -"));
+              ::testing::HasSubstr(std::string("checkpoint-signature-invalid ") + kLastNote + " -"));
 }
 
 TEST_F(SignatureLines, OfTheDeviceOnceMoreThatDoNotVerifyAreMalformed) {
   std::string forged = line(SampleArchive::kDeviceName, SoundCases::get().archive.key());
   const std::size_t at = forged.size() - 20;
   forged[at] = forged[at] == 'A' ? 'B' : 'A';
-  append(kLast, forged);
+  append(kLastNote, forged);
   EXPECT_THAT(summary(victim_.verify()),
-              ::testing::HasSubstr(std::string("checkpoint-malformed ") + kLast + " -"));
+              ::testing::HasSubstr(std::string("checkpoint-malformed ") + kLastNote + " -"));
 }
 
 TEST_F(SignatureLines, RepeatedAreMalformed) {
   const std::string witness = line("witness.example", other_);
-  append(kLast, witness + witness);
+  append(kLastNote, witness + witness);
   EXPECT_THAT(summary(victim_.verify()),
-              ::testing::HasSubstr(std::string("checkpoint-malformed ") + kLast + " -"));
+              ::testing::HasSubstr(std::string("checkpoint-malformed ") + kLastNote + " -"));
 }
 
 TEST_F(SignatureLines, OfTheDeviceItselfRepeatedAreMalformed) {
-  append(kLast, line(SampleArchive::kDeviceName, SoundCases::get().archive.key()));
+  append(kLastNote, line(SampleArchive::kDeviceName, SoundCases::get().archive.key()));
   EXPECT_THAT(summary(victim_.verify()),
-              ::testing::HasSubstr(std::string("checkpoint-malformed ") + kLast + " -"));
+              ::testing::HasSubstr(std::string("checkpoint-malformed ") + kLastNote + " -"));
 }
 
 TEST_F(SignatureLines, ThatAreNoneAreMalformed) {
-  append(kLast, "a film, for instance\n");
+  append(kLastNote, "a film, for instance\n");
   EXPECT_THAT(summary(victim_.verify()),
-              ::testing::HasSubstr(std::string("checkpoint-malformed ") + kLast + " -"));
+              ::testing::HasSubstr(std::string("checkpoint-malformed ") + kLastNote + " -"));
 }
 
 TEST_F(SignatureLines, OnAStampedNoteAreToldByItsToken) {

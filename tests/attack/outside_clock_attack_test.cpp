@@ -11,6 +11,7 @@
 #include <gtest/gtest.h>
 
 #include "tests/attack/attacked_case.h"
+#include "tests/support/nanoseconds.h"
 #include "tests/support/report_text.h"
 #include "tests/support/token_maker.h"
 
@@ -18,7 +19,6 @@ namespace kiroku::test {
 namespace {
 
 using namespace std::chrono_literals;
-constexpr std::int64_t kSecond = 1'000'000'000;
 
 /// A case of a minute that two outside authorities stamp at both ends.
 class OutsideClocks : public ::testing::Test {

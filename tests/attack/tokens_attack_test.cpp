@@ -9,7 +9,7 @@ namespace fs = std::filesystem;
 using archive::CaseEntry;
 using archive::Verdict;
 
-constexpr const char* kLedger = "ledger.jsonl";
+constexpr const char* kLedgerFile = "ledger.jsonl";
 constexpr const char* kToken1 = "tokens/00000001.embedded.tsr";
 constexpr const char* kToken6 = "tokens/00000006.embedded.tsr";
 
@@ -101,13 +101,13 @@ INSTANTIATE_TEST_SUITE_P(
                [](AttackedCase& c) {
                  c.edit(10, [](CaseEntry& e) { token(e).gen_time -= std::chrono::milliseconds(1); });
                },
-               "token-entry-differs", kLedger, 10},
+               "token-entry-differs", kLedgerFile, 10},
         Attack{"AccuracyEdited",
                [](AttackedCase& c) { c.edit(10, [](CaseEntry& e) { token(e).accuracy_ns += 1; }); },
-               "token-entry-differs", kLedger, 10},
+               "token-entry-differs", kLedgerFile, 10},
         Attack{"SerialEdited",
                [](AttackedCase& c) { c.edit(10, [](CaseEntry& e) { token(e).serial += "0"; }); },
-               "token-entry-differs", kLedger, 10},
+               "token-entry-differs", kLedgerFile, 10},
         Attack{"TokenOfAnotherAuthority",
                [](AttackedCase& c) {
                  exchange_token(c, 6, kToken6, foreign_token(c));
@@ -156,7 +156,7 @@ INSTANTIATE_TEST_SUITE_P(
                  c.write_note(10, c.origin(), 10, c.root(10), SoundCases::get().archive.key(),
                               SampleArchive::kDeviceName);
                },
-               "end-not-stamped", kLedger, 9, Verdict::kUnproven}),
+               "end-not-stamped", kLedgerFile, 9, Verdict::kUnproven}),
     name_of);
 
 /// A case whose authority's clock is wrong by `wrong` from the second token on.

@@ -17,6 +17,7 @@
 #include "tests/support/case_kit.h"
 #include "tests/support/empty_log.h"
 #include "tests/support/fault_file_system.h"
+#include "tests/support/nanoseconds.h"
 #include "tests/support/sample_case.h"
 
 namespace kiroku::archive {
@@ -27,7 +28,6 @@ using test::FaultFileSystem;
 using test::SampleArchive;
 using test::SampleCase;
 
-constexpr std::int64_t kSecond = 1'000'000'000;
 
 std::string text_in(const fs::path& file) {
   std::ifstream input(file, std::ios::binary);

@@ -29,7 +29,7 @@ using archive::ApplianceLog;
 using test::FaultFileSystem;
 using test::RecorderBench;
 
-constexpr std::size_t kUsualStep = 9;
+constexpr std::size_t kUsualResumptionStep = 9;
 constexpr const char* kRoom = "or-1";
 
 class ResumptionFault : public testing::Test {
@@ -173,7 +173,7 @@ class ResumptionFault : public testing::Test {
     const std::size_t calls = this->calls();
     ASSERT_GT(calls, 40U);
     std::size_t points = 0;
-    for (std::size_t at = 0; at <= calls && !HasFailure(); at += test::fault_step(kUsualStep), ++points) {
+    for (std::size_t at = 0; at <= calls && !HasFailure(); at += test::fault_step(kUsualResumptionStep), ++points) {
       SCOPED_TRACE("call " + std::to_string(at) + " of " + std::to_string(calls));
       restore();
       start_and_die(at, power);

@@ -6,6 +6,7 @@
 
 #include "archive/format/case_layout.h"
 #include "crypto/encoding.h"
+#include "tests/support/nanoseconds.h"
 #include "tests/support/token_maker.h"
 
 namespace kiroku::test {
@@ -15,7 +16,6 @@ using archive::Span;
 
 namespace {
 
-constexpr std::int64_t kSecond = 1'000'000'000;
 constexpr std::size_t kLongText = archive::kMaximumLineBytes - 1'000;
 constexpr std::uint64_t kSharedFileBytes = 64U << 20U;
 

@@ -7,6 +7,7 @@
 #include <utility>
 
 #include "crypto/encoding.h"
+#include "tests/support/nanoseconds.h"
 #include "timestamp/request.h"
 #include "timestamp/token.h"
 
@@ -17,7 +18,6 @@ using archive::Span;
 
 namespace {
 
-constexpr std::int64_t kSecond = 1'000'000'000;
 constexpr std::int64_t kRoundTrip = 100'000'000;
 
 /// Noise from a fixed seed.

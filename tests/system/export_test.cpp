@@ -4,6 +4,7 @@
 
 #include "media/vital_sample.h"
 #include "tests/support/media_maker.h"
+#include "tests/support/nanoseconds.h"
 #include "tests/support/recorded_case.h"
 #include "tests/system/program_test.h"
 
@@ -12,7 +13,6 @@ namespace {
 
 using testing::HasSubstr;
 
-constexpr std::int64_t kSecond = 1'000'000'000;
 constexpr double kFrame = 0.04;
 
 /// An endoscope from the start, a room camera from 3 s on with gaps of a second, and a heart rate at 5 s.

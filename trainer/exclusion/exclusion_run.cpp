@@ -15,7 +15,7 @@ namespace {
 
 using sim::Vector3;
 
-constexpr std::uint8_t kLineMark = 1, kFingerMark = 2, kGhostMark = 3;
+constexpr std::uint8_t kContactLineMark = 1, kFingerMark = 2, kGhostMark = 3;
 constexpr sim::Rgb kFingerColour{236, 205, 182}, kGhostColour{120, 170, 255};
 
 void check(const ExclusionOptions& options) {
@@ -44,7 +44,7 @@ sim::SurfaceScene ExclusionRunner::scene_of(const HandForces::State& hand, doubl
     for (const double pa : sim::at_nodes(body_.object().mesh, von_mises_pa))
       scene.node_colours.push_back(sim::viridis(pa / body_.task().damage_pa));
   }
-  scene.solids.push_back({line_of(body_.task()), kLineMark, false});
+  scene.solids.push_back({line_of(body_.task()), kContactLineMark, false});
   for (std::size_t i = 0; hand.any && i < hand.poses.size(); ++i)
     scene.solids.push_back(
         {{sim::Sphere{kFingertipMetres}, hand.poses[i], kFingerColour}, kFingerMark, false});

@@ -9,16 +9,16 @@
 namespace kiroku::trainer {
 namespace {
 
-constexpr std::array<const char*, 4> kEndings{"done", "time-over", "given-up", "broken-off"};
+constexpr std::array<const char*, 4> kEndingNames{"done", "time-over", "given-up", "broken-off"};
 
 }  // namespace
 
-std::string name_of(Ending ending) { return kEndings.at(static_cast<std::size_t>(ending)); }
+std::string name_of(Ending ending) { return kEndingNames.at(static_cast<std::size_t>(ending)); }
 
 Ending ending_named(const std::string& name) {
-  const auto* const found = std::ranges::find(kEndings, name);
-  if (found == kEndings.end()) throw UsageError("'" + name + "' is no way in which an attempt ends");
-  return static_cast<Ending>(found - kEndings.begin());
+  const auto* const found = std::ranges::find(kEndingNames, name);
+  if (found == kEndingNames.end()) throw UsageError("'" + name + "' is no way in which an attempt ends");
+  return static_cast<Ending>(found - kEndingNames.begin());
 }
 
 void ExclusionJudge::see(const ExclusionMoment& moment) {

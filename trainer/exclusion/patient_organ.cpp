@@ -17,7 +17,7 @@ namespace {
 using sim::JsonField;
 using sim::Vector3;
 
-constexpr sim::Rgb kTissue{168, 84, 72};
+constexpr sim::Rgb kOrganColour{168, 84, 72};
 constexpr double kHapticRateHz = 1000;
 
 std::string name_in(const JsonField& document, const std::filesystem::path& file) {
@@ -78,7 +78,7 @@ PatientOrgan read_patient_organ(const std::filesystem::path& file,
   document.expect_object({"name", "mesh", "volume", "length_unit", "materials", "fixed", "exclusion"});
   PatientOrgan organ;
   organ.object.name = name_in(document, file);
-  organ.object.tissue = kTissue;
+  organ.object.tissue = kOrganColour;
   sim::BodyReader reader(document, file.parent_path(), sim::recipe_mesh_maker(step));
   sim::BodyModel body = reader.take();
   if (body.mesh.nodes.size() < kLeastObjectNodes || body.mesh.nodes.size() > kMostObjectNodes) {

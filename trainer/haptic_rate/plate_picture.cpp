@@ -8,7 +8,7 @@ namespace {
 
 using sim::Vector3;
 
-constexpr sim::Rgb kTissue{214, 178, 160}, kFinger{235, 205, 180};
+constexpr sim::Rgb kTissueColour{214, 178, 160}, kFinger{235, 205, 180};
 
 }  // namespace
 
@@ -29,7 +29,7 @@ std::vector<sim::Rgb> colours_of_touch(const Plate& plate, std::span<const sim::
     const double share = std::clamp(2 * (1 - nearest_m / kReachMetres), 0.0, 1.0);
     sim::Rgb& colour = colours.emplace_back();
     for (std::size_t c = 0; c < 3; ++c)
-      colour[c] = static_cast<std::uint8_t>(std::lround(share * touched[c] + (1 - share) * kTissue[c]));
+      colour[c] = static_cast<std::uint8_t>(std::lround(share * touched[c] + (1 - share) * kTissueColour[c]));
   }
   return colours;
 }

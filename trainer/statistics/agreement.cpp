@@ -11,7 +11,7 @@
 namespace kiroku::trainer {
 namespace {
 
-constexpr double kTail = (1 - kConfidence) / 2;
+constexpr double kAgreementTail = (1 - kConfidence) / 2;
 /// Sums of shares are as exact as this.
 constexpr double kRounding = 1e-12;
 
@@ -124,7 +124,7 @@ Agreement cohens_kappa(std::span<const std::pair<int, int>> answers, int points,
   kappa.standard_error = std::sqrt(variance);
   const boost::math::normal_distribution<double> normal;
   kappa.interval = around(
-      kappa.value, boost::math::quantile(boost::math::complement(normal, kTail)) * kappa.standard_error);
+      kappa.value, boost::math::quantile(boost::math::complement(normal, kAgreementTail)) * kappa.standard_error);
   found.kappa = kappa;
   return found;
 }
@@ -199,7 +199,7 @@ Agreement fleiss_kappa(std::span<const std::vector<int>> answers, int points, Ag
   kappa.standard_error = std::sqrt(squares / (things * (things - 1)));
   const boost::math::students_t_distribution<double> student(things - 1);
   kappa.interval = around(
-      kappa.value, boost::math::quantile(boost::math::complement(student, kTail)) * kappa.standard_error);
+      kappa.value, boost::math::quantile(boost::math::complement(student, kAgreementTail)) * kappa.standard_error);
   found.kappa = kappa;
   return found;
 }

@@ -15,7 +15,7 @@ using nlohmann::ordered_json;
 constexpr std::size_t kLongestName = 64;
 constexpr std::int64_t kMostMinutes = 12 * 60;
 
-ordered_json or_null(const std::string& text) {
+ordered_json text_or_null(const std::string& text) {
   return text.empty() ? ordered_json(nullptr) : ordered_json(text);
 }
 
@@ -33,8 +33,8 @@ ordered_json invitation_json(const Invitation& invitation) {
                    {"left_s", has_ended ? 0 : std::max<std::int64_t>(0, left.count())},
                    {"state", invitation_state_name(view.state)},
                    {"end", nullptr},
-                   {"case", or_null(view.case_id)},
-                   {"address", or_null(view.address)},
+                   {"case", text_or_null(view.case_id)},
+                   {"address", text_or_null(view.address)},
                    {"watches", view.is_present && !has_ended}};
   if (view.end) out["end"] = invitation_end_name(*view.end);
   return out;

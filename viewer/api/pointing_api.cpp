@@ -15,8 +15,8 @@ namespace {
 using nlohmann::json;
 using nlohmann::ordered_json;
 
-constexpr std::size_t kLongestMessage = 512;
-constexpr double kLatestNs = 9007199254740992;  // the format's integers
+constexpr std::size_t kLongestPointMessage = 512;
+constexpr double kLatestPointNs = 9007199254740992;  // the format's integers
 
 double part_of(const json& message, const char* key) {
   const auto found = message.find(key);
@@ -31,7 +31,7 @@ double part_of(const json& message, const char* key) {
 
 std::int64_t case_time_of(const json& number) {
   // As a floating-point number first: what no 64 bits hold must not wrap around.
-  if (!number.is_number_integer() || std::abs(number.get<double>()) > kLatestNs) {
+  if (!number.is_number_integer() || std::abs(number.get<double>()) > kLatestPointNs) {
     throw Refusal(400, "'picture_ns' is no time of a case");
   }
   return number.get<std::int64_t>();
@@ -117,7 +117,7 @@ void add_pointing_routes(Router& router, ViewerContext& context) {
   route.method = "GET";
   route.pattern = "api/live/{room:name}";
   route.right = Right::kWatchRoom;
-  route.body_limit = kLongestMessage;
+  route.body_limit = kLongestPointMessage;
   route.socket = [&context, company, rates](const Request& request, std::shared_ptr<SocketOutput> output) {
     return std::make_unique<CompanySocket>(context, *company, *rates, request, std::move(output));
   };

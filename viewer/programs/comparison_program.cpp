@@ -11,7 +11,7 @@
 namespace kiroku::viewer {
 namespace {
 
-using Clock = std::chrono::steady_clock;
+using SteadyClock = std::chrono::steady_clock;
 
 constexpr int kIdentitySocket = 3;
 constexpr std::size_t kMostOutput = 4U << 20;
@@ -23,10 +23,10 @@ void listen_until_end(const ChildProgram& child, int out, int err, std::chrono::
   constexpr int kPatienceMs = 200;
   constexpr auto kGrace = std::chrono::seconds(5), kLastWords = std::chrono::seconds(1);
   std::array<pollfd, 2> ends{{{out, POLLIN, 0}, {err, POLLIN, 0}}};
-  const Clock::time_point begin = Clock::now();
-  std::optional<Clock::time_point> asked_to_end, ended;
+  const SteadyClock::time_point begin = SteadyClock::now();
+  std::optional<SteadyClock::time_point> asked_to_end, ended;
   while (ends[0].fd >= 0 || ends[1].fd >= 0) {
-    const Clock::time_point now = Clock::now();
+    const SteadyClock::time_point now = SteadyClock::now();
     if (!asked_to_end && (stop || now - begin > limit)) {
       end.overdue = !stop;
       asked_to_end = now;

@@ -70,7 +70,7 @@ const char* class_of(Tone tone) {
   return "";
 }
 
-std::string with_symbol(Tone tone, const std::string& words) {
+std::string marked_up(Tone tone, const std::string& words) {
   const std::string symbol(symbol_of(tone));
   return symbol.empty() ? escaped(words)
                         : "<span aria-hidden=\"true\">" + symbol + "</span> " + escaped(words);
@@ -115,7 +115,7 @@ struct Html {
     return element("p", paragraph.style == ParagraphStyle::kSmall ? "small" : "", escaped(paragraph.text));
   }
   std::string operator()(const Statement& statement) const {
-    std::string inside = element("p", "word", with_symbol(statement.tone, statement.word)) +
+    std::string inside = element("p", "word", marked_up(statement.tone, statement.word)) +
                          element("p", "", escaped(statement.sentence));
     std::string remarks;
     for (const std::string& remark : statement.remarks) remarks += element("li", "", escaped(remark));
@@ -134,7 +134,7 @@ struct Html {
       std::string row;
       for (std::size_t i = 0; i < cells.size(); ++i) {
         const Cell& cell = cells[i];
-        std::string inside = with_symbol(cell.tone, cell.text);
+        std::string inside = marked_up(cell.tone, cell.text);
         if (cell.face == Face::kMono) inside = element("code", "", inside);
         std::string classes = right(table.columns[i]);
         if (cell.tone != Tone::kPlain)
@@ -153,7 +153,7 @@ struct Html {
     for (const Chain::Link& link : chain.links) {
       std::string inside =
           element("div", std::string("link ") + class_of(link.title.tone),
-                  element("b", "", escaped(link.title.text)) + with_symbol(link.title.tone, link.answer)) +
+                  element("b", "", escaped(link.title.text)) + marked_up(link.title.tone, link.answer)) +
           element("span", "", escaped(link.text));
       if (!link.bond.empty()) inside += element("span", "bond", "↓ " + escaped(link.bond));
       links += element("li", "", inside);

@@ -27,7 +27,7 @@ constexpr std::chrono::seconds kSessionCheck{2};
 /// For one message to be taken: a live picture of many seconds.
 constexpr std::chrono::seconds kLongestWrite{30};
 /// Between the end of a session and that of its connection, where the browser takes nothing.
-constexpr std::chrono::seconds kFarewell{2};
+constexpr std::chrono::seconds kCloseTime{2};
 /// A browser is asked for a sign of life after half of it.
 constexpr std::chrono::seconds kLongestSilence{30};
 constexpr std::chrono::seconds kHandshakeLimit{10};
@@ -242,7 +242,7 @@ class Connection {
       end_write();
     }
     if (farewell_ && !over_) {
-      limit_write(kFarewell);
+      limit_write(kCloseTime);
       co_await socket_.async_close(*farewell_, asio::redirect_error(asio::use_awaitable, failed));
       end_write();
     }

@@ -17,7 +17,7 @@ namespace {
 
 using nlohmann::ordered_json;
 
-constexpr std::size_t kLargestFile = 64U << 20;
+constexpr std::size_t kLargestAnswers = 64U << 20;
 
 std::string line_of(const Answer& answer, std::uint64_t number, const crypto::Sha256Digest& previous) {
   const ordered_json json{{"line", number},
@@ -69,7 +69,7 @@ AnswersOnDisk read_answers(const std::filesystem::path& folder, const StudyOnDis
   if (!std::filesystem::exists(file)) return found;
   std::ifstream input(file, std::ios::binary);
   std::ostringstream all;
-  if (std::filesystem::file_size(file) > kLargestFile)
+  if (std::filesystem::file_size(file) > kLargestAnswers)
     throw UsageError(file.string() + " is too large for one reader's answers");
   if (std::filesystem::file_size(file) > 0) all << input.rdbuf();
   if (!input) throw IoError("read", file, EIO);

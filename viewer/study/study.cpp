@@ -17,7 +17,7 @@ namespace {
 
 using nlohmann::ordered_json;
 
-constexpr const char* kFormat = "kiroku-study-1";
+constexpr const char* kStudyFormat = "kiroku-study-1";
 constexpr const char* kKeyFormat = "kiroku-study-key-1";
 constexpr std::size_t kLongestQuestion = 300, kLargestFile = 16U << 20;
 
@@ -134,7 +134,7 @@ std::string trimmed(std::string_view text) {
 }  // namespace
 
 std::string study_text(const Study& study) {
-  ordered_json json{{"format", kFormat},
+  ordered_json json{{"format", kStudyFormat},
                     {"study", study.id},
                     {"title", study.title},
                     {"made_utc", format_utc(study.made)},
@@ -157,7 +157,7 @@ std::string study_text(const Study& study) {
 }
 
 Study parse_study(std::string_view text, const std::string& name_for_errors) {
-  return document(text, kFormat, name_for_errors, "study", study_of);
+  return document(text, kStudyFormat, name_for_errors, "study", study_of);
 }
 
 StudyOnDisk read_study(const std::filesystem::path& folder) {

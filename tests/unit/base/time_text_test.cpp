@@ -1,11 +1,11 @@
 #include "base/time_text.h"
+#include "tests/support/nanoseconds.h"
 
 #include <gtest/gtest.h>
 
 namespace kiroku {
 namespace {
 
-constexpr std::int64_t kSecond = 1'000'000'000;
 
 TEST(TimeText, ReadsEveryFormThatPeopleWrite) {
   const std::pair<const char*, std::int64_t> kExamples[] = {

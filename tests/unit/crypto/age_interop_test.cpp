@@ -12,7 +12,7 @@
 namespace kiroku::crypto {
 namespace {
 
-constexpr std::size_t kSizes[] = {0, 1, 65535, 65536, 65537, 1 << 20};
+constexpr std::size_t kInteropSizes[] = {0, 1, 65535, 65536, 65537, 1 << 20};
 
 bool have(const std::string& program) {
   return std::system(("command -v " + program + " >/dev/null").c_str()) == 0;
@@ -49,7 +49,7 @@ class AgeInterop : public testing::Test {
 TEST_F(AgeInterop, AgeOpensOurs) {
   const auto first = parse_recipient(keygen("first"));
   const auto second = parse_recipient(keygen("second"));
-  for (const std::size_t size : kSizes) {
+  for (const std::size_t size : kInteropSizes) {
     const Bytes plaintext = test::patterned_bytes(size);
     for (const auto& recipients : {AgeRecipients{first}, AgeRecipients{second, first}}) {
       write("sealed.age", seal_bytes(plaintext, recipients));
@@ -62,7 +62,7 @@ TEST_F(AgeInterop, AgeOpensOurs) {
 TEST_F(AgeInterop, WeOpenAges) {
   const std::string first = keygen("first");
   const std::string second = keygen("second");
-  for (const std::size_t size : kSizes) {
+  for (const std::size_t size : kInteropSizes) {
     const Bytes plaintext = test::patterned_bytes(size);
     write("plain", plaintext);
     for (const std::string& recipients : {"-r " + first, "-r " + second + " -r " + first}) {

@@ -14,7 +14,7 @@
 namespace kiroku::crypto {
 namespace {
 
-constexpr std::size_t kVectors = 96;
+constexpr std::size_t kAgeVectors = 96;
 
 struct AgeVector {
   std::string name;
@@ -148,7 +148,7 @@ bool begins_with(ByteView whole, ByteView front) {
 TEST(AgeVectors, StreamsOpenAndFailAsPublished) {
   KIROKU_NEEDS_VECTORS();
   const auto vectors = all_vectors();
-  EXPECT_EQ(vectors.size(), kVectors);
+  EXPECT_EQ(vectors.size(), kAgeVectors);
   std::size_t armored = 0;
   for (const auto& vector : vectors) {
     SCOPED_TRACE(vector.name);

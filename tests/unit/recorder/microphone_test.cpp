@@ -19,6 +19,7 @@ extern "C" {
 #include "recorder/source/sound_source.h"
 #include "tests/support/decoded_sound.h"
 #include "tests/support/moved_clock.h"
+#include "tests/support/nanoseconds.h"
 #include "tests/support/recording.h"
 #include "tests/support/sound_card.h"
 #include "tests/support/temporary_folder.h"
@@ -34,9 +35,7 @@ using testing::ElementsAre;
 using testing::HasSubstr;
 using testing::IsEmpty;
 
-constexpr int kRate = 48'000;
-constexpr std::int64_t kSecond = 1'000'000'000;
-constexpr std::int64_t kMillisecond = 1'000'000;
+constexpr int kMicrophoneRate = 48'000;
 
 SourceAddress address(const std::string& text) { return parse_source_address(text, Presence::kNotLookedAt); }
 
@@ -105,7 +104,7 @@ class MovedCard : public AlsaTest {
     time.move(std::chrono::nanoseconds(time_ns));
     settle();
   }
-  void pass_in_steps(std::int64_t time_ns, std::int64_t step_ns = 200 * kMillisecond) {
+  void pass_in_steps(std::int64_t time_ns, std::int64_t step_ns = 200 * kMs) {
     for (; time_ns > 0 && !ended; time_ns -= step_ns) pass(step_ns);
   }
   /// Until the reader waits for what comes, or has ended.
@@ -150,7 +149,7 @@ TEST_P(WrongCard, SaysWhenSamplesWereTakenOverTenHours) {
   double worst_ns = 0;
   std::int64_t samples = 0;
   while (passed_ns < 10 * 3'600 * kSecond) {
-    pass(250 * kMillisecond);
+    pass(250 * kMs);
     ASSERT_NO_THROW(rethrow());
     for (const Piece& piece : taken()) {
       ASSERT_EQ(piece.first, samples);
@@ -171,7 +170,7 @@ TEST_F(MovedCard, GivesEachSampleOnceAndInOrder) {
   EXPECT_EQ(direct->input(), "48000 Hz, 1 channel");
   EXPECT_TRUE(direct->is_live());
   ASSERT_TRUE(direct->sound_format());
-  EXPECT_EQ(direct->sound_format()->sample_rate, kRate);
+  EXPECT_EQ(direct->sound_format()->sample_rate, kMicrophoneRate);
   std::vector<std::int16_t> samples;
   std::thread thread([&] {
     while (const auto piece = direct->read()) {
@@ -179,18 +178,18 @@ TEST_F(MovedCard, GivesEachSampleOnceAndInOrder) {
       ASSERT_EQ(piece->frame->format, AV_SAMPLE_FMT_S16);
       const auto* const values = reinterpret_cast<const std::int16_t*>(piece->frame->data[0]);
       samples.insert(samples.end(), values, values + piece->frame->nb_samples);
-      if (samples.size() >= kRate) direct->interrupt();
+      if (samples.size() >= kMicrophoneRate) direct->interrupt();
     }
   });
   for (int i = 1; i <= 10; ++i) {
     time.await_waiting(1);
-    card().taken = std::int64_t{i} * kRate / 10;
+    card().taken = std::int64_t{i} * kMicrophoneRate / 10;
     time.move(100ms);
   }
   thread.join();
-  ASSERT_GE(samples.size(), std::size_t{kRate});
+  ASSERT_GE(samples.size(), std::size_t{kMicrophoneRate});
   for (std::size_t i = 0; i < samples.size(); ++i)
-    ASSERT_EQ(samples[i], test::card_sample(static_cast<std::int64_t>(i), kRate)) << i;
+    ASSERT_EQ(samples[i], test::card_sample(static_cast<std::int64_t>(i), kMicrophoneRate)) << i;
 }
 
 TEST_F(MovedCard, GivesTheRateAndChannelsThatAreAskedFor) {
@@ -216,7 +215,7 @@ TEST_F(MovedCard, IsGoneWhenItIsUnplugged) {
   open();
   pass_in_steps(kSecond);
   card().fault = CardFault::kUnplugged;
-  pass(200 * kMillisecond);
+  pass(200 * kMs);
   EXPECT_TRUE(ended);
   try {
     rethrow();
@@ -414,8 +413,8 @@ TEST_F(SessionWithMicrophoneRealTime, SoundStandsWhereItWasHeardBesideThePicture
       EXPECT_THAT(of_pictures, IsEmpty());
       EXPECT_EQ(recorded.all<archive::OpenEntry>().at(0).streams.at(0).source,
                 "synthetic:pattern?size=64x48&rate=20; sound from alsa:card");
-      const test::DecodedSound sound = test::decode_sound(recorded.joined("room"), kRate / 500);
-      EXPECT_EQ(sound.rate, kRate);
+      const test::DecodedSound sound = test::decode_sound(recorded.joined("room"), kMicrophoneRate / 500);
+      EXPECT_EQ(sound.rate, kMicrophoneRate);
       EXPECT_EQ(sound.channels, 1);
       const auto beeps = test::beeps_of(sound);
       // A busy machine may not read in time: then the sound that is missing is stated.
@@ -433,8 +432,8 @@ TEST_F(SessionWithMicrophoneRealTime, SoundStandsWhereItWasHeardBesideThePicture
                                         Clock::system().now().time_since_epoch().count();
       const double plugged_ns = static_cast<double>(card().plugged_ns + utc_ahead_ns - zero_utc_ns);
       for (const std::int64_t beep : beeps) {
-        if (beep - sound.start < kRate / 10) continue;  // it may have begun before the sound
-        const double stated_s = static_cast<double>(beep) / kRate - film_ahead_s;
+        if (beep - sound.start < kMicrophoneRate / 10) continue;  // it may have begun before the sound
+        const double stated_s = static_cast<double>(beep) / kMicrophoneRate - film_ahead_s;
         const double of_card = (stated_s - plugged_ns / 1e9) * (1 + ppm / 1e6);
         EXPECT_NEAR(of_card, std::round(of_card), 0.02) << ppm << " ppm, " << stated_s << " s";
       }

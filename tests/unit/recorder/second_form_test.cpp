@@ -24,7 +24,7 @@ using testing::IsEmpty;
 using testing::SizeIs;
 
 constexpr const char* kFirst = "endoscope";
-constexpr const char* kSecond = "endoscope-lossless";
+constexpr const char* kSecondForm = "endoscope-lossless";
 
 /// A stream of that source as MPEG-2, and its pictures without loss.
 std::vector<StreamRequest> both_forms(const RecorderBench& bench, const std::string& source) {
@@ -64,13 +64,13 @@ TEST(SecondForm, HoldsThePicturesAndTimesThatAStreamOfItsOwnWould) {
   const RecordedCase lossless = bench.record(options);
 
   EXPECT_THAT(both.broken_rules(), IsEmpty());
-  ASSERT_THAT(pictures(both, kSecond), SizeIs(40));
-  EXPECT_EQ(pictures(both, kSecond), pictures(lossless, kFirst));
+  ASSERT_THAT(pictures(both, kSecondForm), SizeIs(40));
+  EXPECT_EQ(pictures(both, kSecondForm), pictures(lossless, kFirst));
   EXPECT_THAT(pictures(both, kFirst), SizeIs(40));
-  EXPECT_EQ(spans(both, kFirst), spans(both, kSecond));
+  EXPECT_EQ(spans(both, kFirst), spans(both, kSecondForm));
   const auto streams = both.all<archive::OpenEntry>().at(0).streams;
   EXPECT_EQ(streams.at(0).profile, "mpeg2");
-  EXPECT_EQ(streams.at(1).name, kSecond);
+  EXPECT_EQ(streams.at(1).name, kSecondForm);
   EXPECT_EQ(streams.at(1).profile, "lossless");
   EXPECT_EQ(streams.at(1).timing, streams.at(0).timing);
   EXPECT_EQ(streams.at(1).recipients, streams.at(0).recipients);
@@ -105,11 +105,11 @@ TEST(SecondForm, OfASourceThatGoesAndComesHasTheSameGap) {
   camera.join();
   const RecordedCase recorded = bench.read(result.folder);
   EXPECT_THAT(recorded.broken_rules(), IsEmpty());
-  for (const char* stream : {kFirst, kSecond}) {
+  for (const char* stream : {kFirst, kSecondForm}) {
     ASSERT_THAT(recorded.gaps(stream), SizeIs(1)) << stream;
     EXPECT_EQ(recorded.gaps(stream)[0].cause, archive::GapCause::kSignalLost);
   }
-  const archive::Span first = recorded.gaps(kFirst)[0].span, second = recorded.gaps(kSecond)[0].span;
+  const archive::Span first = recorded.gaps(kFirst)[0].span, second = recorded.gaps(kSecondForm)[0].span;
   EXPECT_EQ(std::pair(first.start_ns, first.end_ns), std::pair(second.start_ns, second.end_ns));
 }
 
@@ -137,7 +137,7 @@ TEST(SecondForm, StaysAsItIsUnlessAChangeNamesIt) {
   apply_decision({{}, Profile::kUncompressed, "rule", ""}, requests);
   EXPECT_EQ(requests[0].video.profile, Profile::kUncompressed);
   EXPECT_EQ(requests[1].video.profile, Profile::kLossless);
-  apply_decision({{kSecond}, Profile::kMpeg2, "rule", ""}, requests);
+  apply_decision({{kSecondForm}, Profile::kMpeg2, "rule", ""}, requests);
   EXPECT_EQ(requests[1].video.profile, Profile::kMpeg2);
 }
 

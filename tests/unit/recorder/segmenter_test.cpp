@@ -1,5 +1,6 @@
 // The rules by which a stream is cut and its gaps are stated, on plain times.
 #include "recorder/segmenter.h"
+#include "tests/support/nanoseconds.h"
 
 #include <gtest/gtest.h>
 
@@ -9,7 +10,6 @@ namespace {
 using namespace std::chrono_literals;
 using archive::GapCause;
 
-constexpr std::int64_t kSecond = 1'000'000'000;
 constexpr std::int64_t kInterval = kSecond / 25;
 
 class SegmenterTest : public testing::Test {

@@ -16,6 +16,7 @@
 #include "tests/support/fault_file_system.h"
 #include "tests/support/film_with_sound.h"
 #include "tests/support/media_maker.h"
+#include "tests/support/nanoseconds.h"
 #include "tests/support/pipe_camera.h"
 #include "tests/support/recording.h"
 #include "tests/support/shared_data.h"
@@ -35,7 +36,6 @@ using testing::IsEmpty;
 using testing::SizeIs;
 using testing::StartsWith;
 
-constexpr std::int64_t kSecond = 1'000'000'000;
 
 struct Sums {
   std::uint64_t frames = 0, dropped = 0;

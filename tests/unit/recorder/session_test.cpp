@@ -13,6 +13,7 @@
 #include "base/error.h"
 #include "crypto/encoding.h"
 #include "tests/support/decoded_video.h"
+#include "tests/support/nanoseconds.h"
 #include "tests/support/recording.h"
 #include "tests/support/switched_authority.h"
 
@@ -30,7 +31,6 @@ using testing::IsEmpty;
 using testing::Not;
 using testing::SizeIs;
 
-constexpr std::int64_t kSecond = 1'000'000'000;
 
 std::uint64_t frames(const std::vector<archive::SegmentEntry>& segments) {
   std::uint64_t sum = 0;

@@ -1,4 +1,5 @@
 #include "recorder/encoder/sound_encoder.h"
+#include "tests/support/nanoseconds.h"
 
 #include <cmath>
 
@@ -16,7 +17,6 @@ extern "C" {
 namespace kiroku::recorder {
 namespace {
 
-constexpr std::int64_t kSecond = 1'000'000'000;
 
 media::Frame silence(int rate, int channels, AVSampleFormat format, int samples) {
   media::Frame frame = media::make_frame();

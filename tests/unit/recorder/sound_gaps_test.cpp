@@ -1,5 +1,6 @@
 // What is stated of missing sound, on plain times.
 #include "recorder/sound_gaps.h"
+#include "tests/support/nanoseconds.h"
 
 #include <vector>
 
@@ -10,7 +11,6 @@ namespace {
 
 using archive::GapCause;
 
-constexpr std::int64_t kSecond = 1'000'000'000;
 constexpr std::int64_t kPiece = kSecond / 50;
 
 /// Sound from `from_ns` on until `to_ns`, without a hole.

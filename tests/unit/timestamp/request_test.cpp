@@ -13,12 +13,12 @@ using crypto::HashAlgorithm;
 using test::read_whole;
 using test::shared_data;
 
-Bytes hex(std::string_view text) { return *crypto::from_hex(text); }
+Bytes bytes_of_hex(std::string_view text) { return *crypto::from_hex(text); }
 
 Request simple_request() {
   Request request;
   request.imprint = Bytes(32, std::byte{0xaa});
-  request.nonce = hex("80000000000000ff");
+  request.nonce = bytes_of_hex("80000000000000ff");
   return request;
 }
 
@@ -71,7 +71,7 @@ TEST(Request, IsRefusedWithTheFailureThatFits) {
   const auto failure_of = [](std::string text, std::string_view from, std::string_view to) {
     const std::size_t at = text.find(from);
     EXPECT_NE(at, std::string::npos);
-    return parse_request(hex(text.replace(at, from.size(), to))).failure;
+    return parse_request(bytes_of_hex(text.replace(at, from.size(), to))).failure;
   };
   EXPECT_EQ(failure_of(good, "3044020101", "3044020102"), RequestFailure::kBadRequest);
   // SHA-224 of 32 bytes; an unknown hash function
@@ -82,8 +82,8 @@ TEST(Request, IsRefusedWithTheFailureThatFits) {
   // An extension 1.2.3 [0] { { oid, octets } }
   EXPECT_EQ(failure_of("3051" + good.substr(4) + "a00b3009" + "06022a03" + "0403020100", "a00b", "a00b"),
             RequestFailure::kUnacceptedExtension);
-  EXPECT_EQ(parse_request(hex(good + "00")).failure, RequestFailure::kBadDataFormat);
-  EXPECT_EQ(parse_request(hex(good.substr(0, good.size() - 2))).failure, RequestFailure::kBadDataFormat);
+  EXPECT_EQ(parse_request(bytes_of_hex(good + "00")).failure, RequestFailure::kBadDataFormat);
+  EXPECT_EQ(parse_request(bytes_of_hex(good.substr(0, good.size() - 2))).failure, RequestFailure::kBadDataFormat);
   EXPECT_EQ(parse_request({}).failure, RequestFailure::kBadDataFormat);
   EXPECT_EQ(parse_request(bytes_of("<html>")).failure, RequestFailure::kBadDataFormat);
 }
@@ -94,7 +94,7 @@ TEST(Request, OfForeignClientsIsRead) {
       parse_request(read_whole(shared_data("timestamp/rfc3161-client/test_tsa/other_request.der")));
   ASSERT_TRUE(parsed.request) << parsed.explanation;
   EXPECT_EQ(parsed.request->algorithm, HashAlgorithm::kSha512);
-  EXPECT_EQ(parsed.request->nonce, hex("b17470d29bfe1226"));
+  EXPECT_EQ(parsed.request->nonce, bytes_of_hex("b17470d29bfe1226"));
   EXPECT_TRUE(parsed.request->want_certificates);
   EXPECT_FALSE(parsed.request->policy);
 }

@@ -8,7 +8,7 @@
 namespace kiroku::timestamp {
 namespace {
 
-Bytes hex(std::string_view text) { return *crypto::from_hex(text); }
+Bytes from_hex_text(std::string_view text) { return *crypto::from_hex(text); }
 
 class Token : public ::testing::Test {
  protected:
@@ -34,7 +34,7 @@ TEST_F(Token, SaysWhatWasStampedWhenAndUnderWhichPolicy) {
   EXPECT_EQ(format_utc(info->gen_time), "2026-08-05T09:15:02.250000Z");
   EXPECT_EQ(info->accuracy_ns, 0);
   EXPECT_FALSE(info->ordering);
-  EXPECT_EQ(info->nonce, hex("80"));
+  EXPECT_EQ(info->nonce, from_hex_text("80"));
 }
 
 TEST_F(Token, IsSplitFromItsResponseUnchanged) {
@@ -51,7 +51,7 @@ TEST_F(Token, IsSplitFromItsResponseUnchanged) {
 
 TEST(Response, SaysWhyTheAuthorityRejected) {
   std::string why;
-  const auto response = parse_response(hex("301a3018020102300f0c0d6e6f2c207468616e6b20796f7503020780"), why);
+  const auto response = parse_response(from_hex_text("301a3018020102300f0c0d6e6f2c207468616e6b20796f7503020780"), why);
   ASSERT_TRUE(response) << why;
   EXPECT_EQ(response->status, 2);
   EXPECT_EQ(response->status_text, std::vector<std::string>{"no, thank you"});
@@ -62,7 +62,7 @@ TEST(Response, SaysWhyTheAuthorityRejected) {
 TEST(Response, ShowsNoControlCharactersOfForeignText) {
   std::string why;
   // ESC [ 2 J, U+202E, an overlong slash, é
-  const auto response = parse_response(hex("3014301202010230"
+  const auto response = parse_response(from_hex_text("3014301202010230"
                                            "0d0c0b1b5b324ae280aec0afc3a9"),
                                        why);
   ASSERT_TRUE(response) << why;
@@ -71,9 +71,9 @@ TEST(Response, ShowsNoControlCharactersOfForeignText) {
 
 TEST(Response, IsRefusedWhereItContradictsItself) {
   std::string why;
-  EXPECT_FALSE(parse_response(hex("30053003020100"), why));
+  EXPECT_FALSE(parse_response(from_hex_text("30053003020100"), why));
   EXPECT_EQ(why, "the response says granted, but holds no token");
-  EXPECT_FALSE(parse_response(hex("300730030201023000"), why));
+  EXPECT_FALSE(parse_response(from_hex_text("300730030201023000"), why));
   EXPECT_EQ(why, "the response says rejected, but holds a token");
 }
 
@@ -84,7 +84,7 @@ TEST(Response, IsToldFromAWebPage) {
 }
 
 TEST(Response, IsRefusedWhenEmptyCutOrFollowedByMore) {
-  const Bytes whole = hex("301a3018020102300f0c0d6e6f2c207468616e6b20796f7503020780");
+  const Bytes whole = from_hex_text("301a3018020102300f0c0d6e6f2c207468616e6b20796f7503020780");
   std::string why;
   for (std::size_t size = 0; size < whole.size(); ++size) {
     EXPECT_FALSE(parse_response(ByteView(whole).first(size), why)) << size;
@@ -101,7 +101,7 @@ TEST(Response, IsRefusedWithAStatusThatIsNone) {
        {"3005300302 01ff", "30063004020200ff", "30043002 0200", "3003 3001 02", "30023000"}) {
     std::string compact(text);
     std::erase(compact, ' ');
-    EXPECT_FALSE(parse_response(hex(compact), why)) << text;
+    EXPECT_FALSE(parse_response(from_hex_text(compact), why)) << text;
   }
 }
 

@@ -9,12 +9,12 @@
 #include "archive/format/case_layout.h"
 #include "archive/verify/verifier.h"
 #include "base/error.h"
+#include "tests/support/nanoseconds.h"
 #include "tests/support/sample_case.h"
 
 namespace kiroku::archive {
 namespace {
 
-constexpr std::int64_t kSecond = 1'000'000'000;
 
 class CaseReading : public ::testing::Test {
  protected:

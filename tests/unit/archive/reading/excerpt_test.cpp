@@ -15,6 +15,7 @@
 #include "archive/verify/verifier.h"
 #include "crypto/age_file.h"
 #include "tests/support/forger.h"
+#include "tests/support/nanoseconds.h"
 #include "tests/support/observed_file_system.h"
 #include "tests/support/report_text.h"
 #include "tests/support/sample_case.h"
@@ -26,7 +27,6 @@ namespace fs = std::filesystem;
 using test::details;
 using test::summary;
 
-constexpr std::int64_t kSecond = 1'000'000'000;
 
 std::string read(const fs::path& file) {
   std::ostringstream text;

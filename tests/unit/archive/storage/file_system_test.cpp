@@ -19,7 +19,7 @@ using test::FaultFileSystem;
 using test::TemporaryFolder;
 using testing::ElementsAre;
 
-std::string contents(const fs::path& file) {
+std::string text_in(const fs::path& file) {
   std::ifstream input(file, std::ios::binary);
   return {std::istreambuf_iterator<char>(input), {}};
 }
@@ -28,7 +28,7 @@ TEST(FileSystem, WritesAppendAndReopeningGoesOnAtTheEnd) {
   const TemporaryFolder folder;
   real_file_system().create(folder / "a")->write(bytes_of("one"));
   real_file_system().append_to(folder / "a")->write(bytes_of("two"));
-  EXPECT_EQ(contents(folder / "a"), "onetwo");
+  EXPECT_EQ(text_in(folder / "a"), "onetwo");
 }
 
 TEST(FileSystem, RefusesToMakeAFileThatIsThere) {
@@ -57,7 +57,7 @@ TEST(FileSystem, ReserveKeepsTheSizeAndTakesBlocks) {
   file->reserve(1 << 20);
   EXPECT_EQ(fs::file_size(folder / "a"), 3U);
   file->write(bytes_of("def"));
-  EXPECT_EQ(contents(folder / "a"), "abcdef");
+  EXPECT_EQ(text_in(folder / "a"), "abcdef");
 }
 
 TEST(FileSystem, TruncateGoesOnAtTheNewEnd) {
@@ -66,7 +66,7 @@ TEST(FileSystem, TruncateGoesOnAtTheNewEnd) {
   file->write(bytes_of("abcdef"));
   file->truncate(2);
   file->write(bytes_of("X"));
-  EXPECT_EQ(contents(folder / "a"), "abX");
+  EXPECT_EQ(text_in(folder / "a"), "abX");
 }
 
 TEST(FileSystem, ASecondOpeningDoesNotGetTheLock) {
@@ -101,14 +101,14 @@ TEST(WriteDurably, MakesTheCallsOfADurableWriteInOrder) {
   files.write_durably(folder / "note", bytes_of("text\n"));
   EXPECT_THAT(files.calls(), ElementsAre("create note.part", "write note.part 5", "sync_all note.part",
                                          "rename note.part note", "sync_folder ."));
-  EXPECT_EQ(contents(folder / "note"), "text\n");
+  EXPECT_EQ(text_in(folder / "note"), "text\n");
 }
 
 TEST(WriteDurably, ReplacesAPartThatACrashLeft) {
   const TemporaryFolder folder;
   std::ofstream(folder / "note.part") << "half";
   real_file_system().write_durably(folder / "note", bytes_of("text\n"));
-  EXPECT_EQ(contents(folder / "note"), "text\n");
+  EXPECT_EQ(text_in(folder / "note"), "text\n");
   EXPECT_FALSE(fs::exists(folder / "note.part"));
 }
 
@@ -143,7 +143,7 @@ TEST(WriteDurably, IsWhollyThereOrNotAtAllWhereverItIsKilled) {
       }
       EXPECT_EQ(fs::exists(folder / "note"), !power && at == 4) << at;
       if (fs::exists(folder / "note")) {
-        EXPECT_EQ(contents(folder / "note"), "text\n");
+        EXPECT_EQ(text_in(folder / "note"), "text\n");
       }
     }
   }

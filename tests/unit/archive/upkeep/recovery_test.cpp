@@ -13,6 +13,7 @@
 #include "archive/writing/appliance_log.h"
 #include "tests/support/case_kit.h"
 #include "tests/support/fault_file_system.h"
+#include "tests/support/nanoseconds.h"
 #include "tests/support/sample_case.h"
 
 namespace kiroku::archive {
@@ -30,7 +31,6 @@ using testing::HasSubstr;
 using testing::IsEmpty;
 using testing::Not;
 
-constexpr std::int64_t kSecond = 1'000'000'000;
 const char* const kBoot = "00000000-0000-4000-8000-000000000000";
 
 /// An archive whose recorder died, and the start after it.

@@ -6,6 +6,7 @@
 #include <gtest/gtest.h>
 
 #include "archive/format/case_layout.h"
+#include "tests/support/nanoseconds.h"
 
 namespace kiroku::archive {
 namespace {
@@ -15,7 +16,6 @@ using testing::ElementsAre;
 using testing::HasSubstr;
 using testing::IsEmpty;
 
-constexpr std::int64_t kSecond = 1'000'000'000;
 constexpr std::int64_t kChronyPpb = 83'333'000;
 
 class CaseClock : public testing::Test {

@@ -6,7 +6,7 @@
 namespace kiroku::archive {
 namespace {
 
-constexpr const char* kCase = "20260805T091502Z-3f9c21ab";
+constexpr const char* kLoggedCase = "20260805T091502Z-3f9c21ab";
 
 crypto::Sha256Digest digest(std::uint8_t fill) {
   crypto::Sha256Digest value;
@@ -14,9 +14,9 @@ crypto::Sha256Digest digest(std::uint8_t fill) {
   return value;
 }
 
-std::optional<OpenEntry> opening() {
+std::optional<OpenEntry> case_opening() {
   OpenEntry open;
-  open.case_id = kCase;
+  open.case_id = kLoggedCase;
   return open;
 }
 
@@ -24,8 +24,8 @@ std::optional<OpenEntry> opening() {
 LogContents log_of(std::vector<KnownRoot> roots) {
   LogContents log;
   log.root_at_head = crypto::Sha256Digest{};
-  log.cases[kCase].opened = 1;
-  log.cases[kCase].roots = std::move(roots);
+  log.cases[kLoggedCase].opened = 1;
+  log.cases[kLoggedCase].roots = std::move(roots);
   return log;
 }
 
@@ -33,7 +33,7 @@ TEST(LogComparison, AsksForTheSizesThatTheLogStatesInWhateverOrder) {
   const LogContents log =
       log_of({{9, digest(9), 3}, {2, digest(2), 4}, {5, digest(5), 5}, {2, digest(7), 6}});
   FindingList findings;
-  LogComparison comparison(&log, opening(), findings);
+  LogComparison comparison(&log, case_opening(), findings);
   std::vector<std::uint64_t> asked;
   for (std::uint64_t size = 0; size < 12; ++size) {
     if (comparison.asks_for(size)) {
@@ -65,7 +65,7 @@ TEST(LogComparison, AnswersForAMillionLinesAgainstAMillionRoots) {
   }
   const LogContents log = log_of(std::move(roots));
   FindingList findings;
-  LogComparison comparison(&log, opening(), findings);
+  LogComparison comparison(&log, case_opening(), findings);
   std::uint64_t asked = 0;
   for (std::uint64_t size = 1; size <= 2 * kRoots; ++size) {
     if (comparison.asks_for(size)) {

@@ -1,12 +1,11 @@
 #include "archive/verify/stated_slews.h"
+#include "tests/support/nanoseconds.h"
 
 #include <gtest/gtest.h>
 
 namespace kiroku::archive {
 namespace {
 
-constexpr std::int64_t kMs = 1'000'000;
-constexpr std::int64_t kSecond = 1'000 * kMs;
 constexpr std::int64_t kPpm = 1'000;
 
 TEST(StatedSlews, NothingStatedMovesNothing) {

@@ -6,11 +6,11 @@
 #include <gtest/gtest.h>
 
 #include "archive/format/case_layout.h"
+#include "tests/support/nanoseconds.h"
 
 namespace kiroku::archive {
 namespace {
 
-constexpr std::int64_t kMs = 1'000'000;
 
 StreamInfo room() { return {"room", "video", "video/mp2t", "x", "mpeg2", "", {}, "arrival", "ts"}; }
 StreamInfo monitor() {
@@ -196,7 +196,6 @@ TEST(StreamRules, KeepsNoLongTextOfWhatIsErasedOrCutOff) {
   }
 }
 
-constexpr std::int64_t kSecond = 1'000 * kMs;
 
 /// What is found, as codes, of a case of a minute of which one stream has this recorded, in segments of 10 s,
 /// and these gaps.

@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include "tests/support/forger.h"
+#include "tests/support/nanoseconds.h"
 #include "tests/support/report_text.h"
 #include "tests/support/sample_case.h"
 
@@ -28,7 +29,6 @@ TEST(Verifier, FindsTheUntouchedCaseIntact) {
 }
 
 constexpr std::int64_t kMillisecond = 1'000'000;
-constexpr std::int64_t kSecond = 1'000 * kMillisecond;
 using Exchange = TokenEntry::Exchange;
 
 /// Checkpoint and token, with the exchange in the entry: 20 ms to the authority and 20 ms back.

@@ -23,8 +23,8 @@ using test::TemporaryFolder;
 using testing::ElementsAre;
 using testing::HasSubstr;
 
-constexpr const char* kCase = "20260805T091502Z-3f9c21ab";
-crypto::Sha256Digest some_digest() { return crypto::sha256(bytes_of("abc")); }
+constexpr const char* kApplianceCase = "20260805T091502Z-3f9c21ab";
+crypto::Sha256Digest digest_of_abc() { return crypto::sha256(bytes_of("abc")); }
 
 class ApplianceLogTest : public testing::Test {
  protected:
@@ -62,7 +62,7 @@ class ApplianceLogTest : public testing::Test {
 };
 
 TEST_F(ApplianceLogTest, BeginsWithTheBoot) {
-  open()->access(kCase, "export endoscope", "Dr. Sato");
+  open()->access(kApplianceCase, "export endoscope", "Dr. Sato");
   EXPECT_THAT(types(), ElementsAre("boot", "access"));
   const auto boot = parse_log_entry(read_log(folder_ / "log")[0].json);
   EXPECT_EQ(std::get<BootEntry>(boot.entry->body).device,
@@ -83,15 +83,15 @@ TEST_F(ApplianceLogTest, StatesOneBootOnce) {
 TEST_F(ApplianceLogTest, CarriesWhatItIsTold) {
   const auto log = open();
   log->boot("b1");
-  log->config_changed(some_digest());
+  log->config_changed(digest_of_abc());
   log->device_key_changed();
-  log->plan_sealed(some_digest());
-  log->case_opened(kCase, some_digest());
-  log->case_checkpoint(kCase, 5, some_digest());
-  log->case_closed(kCase, 9, some_digest(), some_digest());
-  log->replicated(kCase, "s3://bucket");
-  log->erased(kCase, std::nullopt, "10 years");
-  log->access(kCase, "what", "who");
+  log->plan_sealed(digest_of_abc());
+  log->case_opened(kApplianceCase, digest_of_abc());
+  log->case_checkpoint(kApplianceCase, 5, digest_of_abc());
+  log->case_closed(kApplianceCase, 9, digest_of_abc(), digest_of_abc());
+  log->replicated(kApplianceCase, "s3://bucket");
+  log->erased(kApplianceCase, std::nullopt, "10 years");
+  log->access(kApplianceCase, "what", "who");
   log->shutdown();
   EXPECT_THAT(types(),
               ElementsAre("boot", "config-changed", "device-key-changed", "plan-sealed", "case-opened",
@@ -111,7 +111,7 @@ TEST_F(ApplianceLogTest, CarriesWhatItIsTold) {
 TEST_F(ApplianceLogTest, SignsACheckpointAfterEachEntryThatMatters) {
   const auto log = open();
   log->boot("b1");
-  log->case_closed(kCase, 9, some_digest(), {});
+  log->case_closed(kApplianceCase, 9, digest_of_abc(), {});
   log->shutdown();
   EXPECT_EQ(note(1), std::nullopt) << "the next one covers the boot";
   EXPECT_EQ(note(2), (crypto::Checkpoint{"kiroku/theatre-1/log", 2, root_of_first(2)}));
@@ -120,7 +120,7 @@ TEST_F(ApplianceLogTest, SignsACheckpointAfterEachEntryThatMatters) {
 
 TEST_F(ApplianceLogTest, ChecksTheCaseIdentifier) {
   const auto log = open();
-  EXPECT_THROW(log->case_opened("../../etc", some_digest()), UsageError);
+  EXPECT_THROW(log->case_opened("../../etc", digest_of_abc()), UsageError);
   EXPECT_EQ(log->size(), 0U);
 }
 
@@ -129,9 +129,9 @@ TEST_F(ApplianceLogTest, TwoProcessesAddToOneLog) {
   const auto exporting = ApplianceLog::open(real_file_system(), folder_ / "log", key_, "theatre-1");
   recording->boot("b1");
   exporting->boot("b1");
-  recording->case_opened(kCase, some_digest());
-  exporting->access(kCase, "export", "somebody");
-  recording->case_checkpoint(kCase, 5, some_digest());
+  recording->case_opened(kApplianceCase, digest_of_abc());
+  exporting->access(kApplianceCase, "export", "somebody");
+  recording->case_checkpoint(kApplianceCase, 5, digest_of_abc());
   EXPECT_THAT(types(), ElementsAre("boot", "case-opened", "access", "case-checkpoint"));
   EXPECT_EQ(exporting->head().size, 4U);
   EXPECT_EQ(exporting->root(), recording->root());
@@ -144,7 +144,7 @@ TEST_F(ApplianceLogTest, ThreadsAndOpeningsAtOnceLoseNoEntry) {
   const auto second = open(real_file_system());
   const auto add = [&](ApplianceLog& log) {
     for (int i = 0; i < kEach; ++i) {
-      log.access(kCase, "what", "who");
+      log.access(kApplianceCase, "what", "who");
     }
   };
   std::thread a([&] { add(*first); });
@@ -185,32 +185,32 @@ TEST_F(ApplianceLogTest, RefusesEverythingAfterAFailedFlush) {
 
 TEST_F(ApplianceLogTest, ALineWhoseCheckpointFindsNoRoomIsTakenBack) {
   const auto log = open();
-  log->case_opened(kCase, some_digest());
+  log->case_opened(kApplianceCase, digest_of_abc());
   const auto second = open();
   const ApplianceLog::Head before = log->head();
   files_.fail("create log/checkpoints", ENOSPC);
   for (int tries = 0; tries < 5; ++tries) {
-    EXPECT_THROW(log->case_closed(kCase, 9, some_digest(), {}), IoError);
+    EXPECT_THROW(log->case_closed(kApplianceCase, 9, digest_of_abc(), {}), IoError);
   }
   EXPECT_EQ(log->head().root, before.root);
   EXPECT_EQ(second->head().root, before.root);
-  EXPECT_EQ(log->case_state(kCase), ApplianceLog::CaseState::kOpened);
+  EXPECT_EQ(log->case_state(kApplianceCase), ApplianceLog::CaseState::kOpened);
   EXPECT_FALSE(fs::exists(folder_ / "log" / note_path(3)));
   files_.heal();
-  log->case_closed(kCase, 9, some_digest(), {});
+  log->case_closed(kApplianceCase, 9, digest_of_abc(), {});
   second->shutdown();
   EXPECT_THAT(types(), ElementsAre("boot", "case-opened", "case-closed", "shutdown"));
   EXPECT_EQ(note(4)->root, root_of_first(4));
 }
 
 TEST_F(ApplianceLogTest, TheLineOfAWriterThatDiedBeforeItsCheckpointIsTakenBackAndStated) {
-  open()->case_opened(kCase, some_digest());
+  open()->case_opened(kApplianceCase, digest_of_abc());
   const auto living = open();
   const ApplianceLog::Head before = living->head();
   files_.kill_at(6);  // behind the line, in the checkpoint
   std::size_t lines = read_log(folder_ / "log").size();
   try {
-    open()->access(kCase, "export", "Dr. Sato");
+    open()->access(kApplianceCase, "export", "Dr. Sato");
     FAIL() << "not killed";
   } catch (const test::Killed&) {
   }
@@ -220,7 +220,7 @@ TEST_F(ApplianceLogTest, TheLineOfAWriterThatDiedBeforeItsCheckpointIsTakenBackA
   // A case that is opened now states this head: what is not signed is not in it.
   EXPECT_EQ(living->head().root, before.root);
   EXPECT_EQ(read_log(folder_ / "log").size(), lines);
-  living->access(kCase, "export", "Dr. Mori");
+  living->access(kApplianceCase, "export", "Dr. Mori");
   const std::vector<LogLine> all = read_log(folder_ / "log");
   ASSERT_EQ(all.size(), lines + 2);
   EXPECT_EQ(std::get<LogRecoveredEntry>(parse_log_entry(all[lines].json).entry->body).truncated, bytes);
@@ -229,7 +229,7 @@ TEST_F(ApplianceLogTest, TheLineOfAWriterThatDiedBeforeItsCheckpointIsTakenBackA
 
 TEST_F(ApplianceLogTest, WhatTheDeviceStandsOnIsNotTakenBack) {
   const auto log = open();
-  log->case_opened(kCase, some_digest());
+  log->case_opened(kApplianceCase, digest_of_abc());
   fs::remove(folder_ / "log" / note_path(2));
   open()->shutdown();
   log->shutdown();
@@ -250,7 +250,7 @@ TEST_F(ApplianceLogTest, ReadingNamesTheLineThatIsDamaged) {
 
 // Whoever can write to the disk can add a line, and say in it that it is the first.
 TEST_F(ApplianceLogTest, ALineThatSomebodyAddedIsCountedAndNotSigned) {
-  open()->plan_sealed(some_digest());
+  open()->plan_sealed(digest_of_abc());
   std::ofstream(folder_ / "log" / "ledger.jsonl", std::ios::app)
       << to_line(
              LogEntry{0, {parse_utc("2026-08-05T07:00:00Z").value(), 1}, PlanSealedEntry{crypto::sha256({})}})
@@ -283,8 +283,8 @@ TEST_F(ApplianceLogTest, WhereverItIsKilledNoNoteCoversWhatIsNotThere) {
       try {
         const auto log = ApplianceLog::open(files, folder / "log", key_, "theatre-1");
         log->boot("b1");
-        log->case_opened(kCase, some_digest());
-        log->case_closed(kCase, 9, some_digest(), {});
+        log->case_opened(kApplianceCase, digest_of_abc());
+        log->case_closed(kApplianceCase, 9, digest_of_abc(), {});
         whole = true;
       } catch (const test::Killed&) {
       }

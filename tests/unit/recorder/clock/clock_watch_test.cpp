@@ -1,4 +1,5 @@
 #include "recorder/clock/clock_watch.h"
+#include "tests/support/nanoseconds.h"
 
 #include <cmath>
 
@@ -8,9 +9,7 @@
 namespace kiroku::recorder {
 namespace {
 
-constexpr std::int64_t kMillisecond = 1'000'000;
-constexpr std::int64_t kSecond = 1'000 * kMillisecond;
-constexpr std::int64_t kTick = 200 * kMillisecond;
+constexpr std::int64_t kTick = 200 * kMs;
 
 /// A machine whose crystal, corrections and wall clock the test decides.
 class ClockWatchTest : public testing::Test {
@@ -66,7 +65,7 @@ TEST_F(ClockWatchTest, StatesTheRateEachMinute) {
 }
 
 TEST_F(ClockWatchTest, SeesAStepOfTheWallClockAtTheNextLookBothWays) {
-  for (const std::int64_t step_ns : {3'600 * kSecond, -3'600 * kSecond, 11 * kMillisecond, -kSecond}) {
+  for (const std::int64_t step_ns : {3'600 * kSecond, -3'600 * kSecond, 11 * kMs, -kSecond}) {
     run(3 * kSecond);
     wall_minus_case_ns_ += step_ns;
     const auto entry = run(kSecond);
@@ -80,13 +79,13 @@ TEST_F(ClockWatchTest, SeesAStepOfTheWallClockAtTheNextLookBothWays) {
 
 TEST_F(ClockWatchTest, StatesSmallStepsOnceTogetherTheyAreLarge) {
   for (int i = 0; i < 2; ++i) {
-    wall_minus_case_ns_ += 4 * kMillisecond;
+    wall_minus_case_ns_ += 4 * kMs;
     EXPECT_FALSE(run(kSecond)) << i;
   }
-  wall_minus_case_ns_ += 4 * kMillisecond;
+  wall_minus_case_ns_ += 4 * kMs;
   const auto entry = run(kSecond);
   ASSERT_TRUE(entry);
-  EXPECT_EQ(entry->step_ns, 12 * kMillisecond);
+  EXPECT_EQ(entry->step_ns, 12 * kMs);
 }
 
 TEST_F(ClockWatchTest, SeesASlewWithinASecondAndItsEnd) {
@@ -192,13 +191,13 @@ TEST_F(ClockWatchTest, TakesNoCrystalForASlew) {
 TEST_F(ClockWatchTest, TakesNoInterruptedReadingForAStepOrSlew) {
   run(2 * kSecond);
   // The thread was put aside for 5 ms in the middle of each attempt to read.
-  uncertainty_ns_ = 5 * kMillisecond;
-  wall_minus_case_ns_ += 4 * kMillisecond;
-  raw_ns_ += 4 * kMillisecond;
+  uncertainty_ns_ = 5 * kMs;
+  wall_minus_case_ns_ += 4 * kMs;
+  raw_ns_ += 4 * kMs;
   EXPECT_FALSE(run(kTick));
   uncertainty_ns_ = 300;
-  wall_minus_case_ns_ -= 4 * kMillisecond;
-  raw_ns_ -= 4 * kMillisecond;
+  wall_minus_case_ns_ -= 4 * kMs;
+  raw_ns_ -= 4 * kMs;
   EXPECT_FALSE(run(5 * kSecond));
 }
 
@@ -208,7 +207,7 @@ TEST(ReadClocks, ReadsThisMachinesClocksAsOneInstant) {
   const ClockReading second = read_clocks(clock);
   EXPECT_GE(second.case_ns, first.case_ns);
   EXPECT_GE(second.raw_ns, first.raw_ns);
-  EXPECT_LT(first.uncertainty_ns, 10 * kMillisecond);
+  EXPECT_LT(first.uncertainty_ns, 10 * kMs);
   const std::int64_t now_ns =
       std::chrono::duration_cast<std::chrono::nanoseconds>(utc_now().time_since_epoch()).count();
   EXPECT_LT(std::abs(now_ns - second.wall_ns), kSecond);

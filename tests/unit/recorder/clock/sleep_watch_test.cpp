@@ -3,13 +3,13 @@
 #include <gtest/gtest.h>
 
 #include "tests/support/moved_clock.h"
+#include "tests/support/nanoseconds.h"
 
 namespace kiroku::recorder {
 namespace {
 
 using namespace std::chrono_literals;
 
-constexpr std::int64_t kSecond = 1'000'000'000;
 constexpr std::int64_t kFrame = kSecond / 25;
 
 class SleepWatchTest : public testing::Test {

@@ -29,7 +29,7 @@ std::string message(int id, const std::string& value = "97") {
          "|P|2.6\rOBX|1|NM|1^MDC_X^MDC|1|" + value + "\r";
 }
 
-/// A source read by a thread of its own, as a lane reads it.
+/// A source read by a thread lines_of its own, as a lane reads it.
 class Running {
  public:
   explicit Running(const std::string& options = "", const std::string& scheme = "mllp")
@@ -73,7 +73,7 @@ class Running {
 };
 
 template <typename Line>
-std::vector<Line> of(const std::vector<VitalLine>& lines) {
+std::vector<Line> lines_of(const std::vector<VitalLine>& lines) {
   std::vector<Line> found;
   for (const VitalLine& line : lines) {
     if (const auto* const one = std::get_if<Line>(&line)) {
@@ -101,10 +101,10 @@ TEST(MllpSource, RecordsAndAcknowledges) {
   client.send_message("MSH|^~\\&|MON||||20260101||ADT^A01|2|P|2.6\r");
   EXPECT_EQ(acknowledged(client), "AR 2");
   const auto lines = running.finish();
-  const auto samples = of<VitalSample>(lines);
+  const auto samples = lines_of<VitalSample>(lines);
   ASSERT_THAT(samples, SizeIs(1));
   EXPECT_EQ(samples[0].source, "MON@127.0.0.1");
-  EXPECT_THAT(of<media::DeviceMessage>(lines), SizeIs(2));
+  EXPECT_THAT(lines_of<media::DeviceMessage>(lines), SizeIs(2));
 }
 
 TEST(MllpSource, TakesMessagesByteByByteAndManyAtOnce) {
@@ -123,7 +123,7 @@ TEST(MllpSource, TakesMessagesByteByByteAndManyAtOnce) {
     ASSERT_EQ(acknowledged(fast), "AA " + std::to_string(i));
   }
   EXPECT_EQ(acknowledged(slow), "AA 1");
-  EXPECT_THAT(of<VitalSample>(running.finish()), SizeIs(501));
+  EXPECT_THAT(lines_of<VitalSample>(running.finish()), SizeIs(501));
 }
 
 TEST(MllpSource, RecordsWhatItAcknowledgedThoughTheEndIsAskedFor) {
@@ -147,7 +147,7 @@ TEST(MllpSource, RecordsWhatItAcknowledgedThoughTheEndIsAskedFor) {
       }
     }
     stopper.join();
-    EXPECT_GE(of<VitalSample>(running.finish()).size(), answered.load());
+    EXPECT_GE(lines_of<VitalSample>(running.finish()).size(), answered.load());
   }
 }
 
@@ -160,7 +160,7 @@ TEST(MllpSource, DropsARepeatedMessageButAcknowledgesIt) {
   MllpClient again("127.0.0.1", running.port());  // as after a lost acknowledgement
   again.send_message(message(1));
   EXPECT_EQ(acknowledged(again), "AA 1");
-  EXPECT_THAT(of<VitalSample>(running.finish()), SizeIs(1));
+  EXPECT_THAT(lines_of<VitalSample>(running.finish()), SizeIs(1));
 }
 
 TEST(MllpSource, SaysWhatBecameOfBrokenConnections) {
@@ -177,16 +177,16 @@ TEST(MllpSource, SaysWhatBecameOfBrokenConnections) {
   large.send("\x0B" + std::string((512U << 10) + 1, 'x') + "\x1C\r" + mllp_frame(message(4)));
   EXPECT_EQ(acknowledged(large), "AA 4");
   MllpClient third("127.0.0.1", running.port());
-  EXPECT_FALSE(noisy.receive(std::chrono::seconds(5)));  // the idlest of two
+  EXPECT_FALSE(noisy.receive(std::chrono::seconds(5)));  // the idlest lines_of two
   EXPECT_FALSE(large.receive(std::chrono::seconds(5)));  // silent for a second
   std::string said;
-  for (const media::VitalNotice& notice : of<media::VitalNotice>(running.finish())) {
+  for (const media::VitalNotice& notice : lines_of<media::VitalNotice>(running.finish())) {
     said += notice.notice + ": " + notice.text + " " + notice.source + "\n";
   }
   EXPECT_THAT(said,
               HasSubstr("connection-ended: the connection was closed: it ended within a message that began "
                         "with 'MSH|^~\\&|CUT' @127.0.0.1"));
-  EXPECT_THAT(said, HasSubstr("bytes-outside-frame: bytes outside of a message were passed over: '?noise'"));
+  EXPECT_THAT(said, HasSubstr("bytes-outside-frame: bytes outside lines_of a message were passed over: '?noise'"));
   EXPECT_THAT(said, HasSubstr("message-cut"));
   EXPECT_THAT(said, HasSubstr("message-too-long: a message longer than 512 KiB, which began with 'xxx"));
   EXPECT_THAT(said,
@@ -194,10 +194,10 @@ TEST(MllpSource, SaysWhatBecameOfBrokenConnections) {
   EXPECT_THAT(said, HasSubstr("was silent for long"));
 }
 
-/// The notices of a name: sentence and source, a line each.
+/// The notices lines_of a name: sentence and source, a line each.
 std::string notices(const std::vector<VitalLine>& lines, const std::string& name) {
   std::string found;
-  for (const media::VitalNotice& notice : of<media::VitalNotice>(lines)) {
+  for (const media::VitalNotice& notice : lines_of<media::VitalNotice>(lines)) {
     if (notice.notice == name) found += notice.text + " " + notice.source + "\n";
   }
   return found;
@@ -216,7 +216,7 @@ TEST(MllpSource, StoresNothingOfAnAddressThatMayNotSend) {
   }
   EXPECT_EQ(running.refused(), 5U);
   const auto lines = running.finish();
-  EXPECT_EQ(of<VitalSample>(lines).size(), 2U);
+  EXPECT_EQ(lines_of<VitalSample>(lines).size(), 2U);
   EXPECT_EQ(notices(lines, "connection-refused"),
             "a connection was refused: this address may not send here @127.0.7.1\n"
             "a connection was refused: this address may not send here (2 times so far) @127.0.7.1\n"
@@ -242,12 +242,12 @@ TEST(MllpSource, StoresNothingOfASenderThatMayNotSend) {
   EXPECT_EQ(acknowledged(client), "AR 5");
   EXPECT_EQ(running.refused(), 3U);
   const auto lines = running.finish();
-  const auto samples = of<VitalSample>(lines);
+  const auto samples = lines_of<VitalSample>(lines);
   ASSERT_THAT(samples, SizeIs(2));
   EXPECT_EQ(samples[0].source, "MON^00A0/OR1@127.0.0.1");
-  EXPECT_THAT(of<media::DeviceMessage>(lines), SizeIs(2));
+  EXPECT_THAT(lines_of<media::DeviceMessage>(lines), SizeIs(2));
   EXPECT_THAT(notices(lines, "sender-refused"),
-              HasSubstr("this sender's messages (MSH-3, MSH-4) are not taken here; 1 of it refused so far "
+              HasSubstr("this sender's messages (MSH-3, MSH-4) are not taken here; 1 lines_of it refused so far "
                         "STRANGER/OR1@127.0.0.1\n"));
 }
 
@@ -268,8 +268,8 @@ TEST(MllpSource, IsNotShutToAMonitorByConnectionsThatSayNothing) {
   EXPECT_EQ(acknowledged(monitor), "AA 3") << "what delivers keeps its connection";
   EXPECT_FALSE(idle.front()->receive(std::chrono::seconds(5)));
   const auto lines = running.finish();
-  EXPECT_EQ(of<VitalSample>(lines).size(), 3U);
-  EXPECT_LE(of<media::VitalNotice>(lines).size(), 60U * 3) << "nobody fills the record with their visits";
+  EXPECT_EQ(lines_of<VitalSample>(lines).size(), 3U);
+  EXPECT_LE(lines_of<media::VitalNotice>(lines).size(), 60U * 3) << "nobody fills the record with their visits";
 }
 
 TEST(MllpSource, OneAddressTakesFromItsOwnConnectionsAlone) {
@@ -304,7 +304,7 @@ TEST(MllpSource, AsksForACertificateOfItsAuthorityWhereOneIsNamed) {
   EXPECT_EQ(sends(another.issue("stranger")), "nothing");
   EXPECT_EQ(sends(authority.issue("monitor")), "AA 1");
   EXPECT_EQ(running.refused(), 2U);
-  EXPECT_EQ(of<VitalSample>(running.finish()).size(), 1U);
+  EXPECT_EQ(lines_of<VitalSample>(running.finish()).size(), 1U);
 }
 
 TEST(MllpSource, ListensToTheNetworkOnlyWhereItIsSaidWhoMaySend) {
@@ -381,12 +381,12 @@ TEST(Hl7File, GivesItsMessagesByTheirOwnTime) {
   while (auto line = source->next()) {
     lines.push_back(*line);
   }
-  const auto samples = of<VitalSample>(lines);
+  const auto samples = lines_of<VitalSample>(lines);
   ASSERT_THAT(samples, SizeIs(3));
   EXPECT_EQ(samples[0].time_ns, 0);
   EXPECT_EQ(samples[1].time_ns, 2'500'000'000);
   EXPECT_EQ(samples[2].time_ns, 2'500'000'000);
-  EXPECT_EQ(of<media::DeviceMessage>(lines).size(), 4U);
+  EXPECT_EQ(lines_of<media::DeviceMessage>(lines).size(), 4U);
   std::ofstream(path, std::ios::binary) << "no message";
   EXPECT_THROW(open_vital_source(parse_source_address(path.string()), clock), Error);
   std::ofstream(path, std::ios::binary) << "";

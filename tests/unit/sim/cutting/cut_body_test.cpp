@@ -7,6 +7,7 @@
 
 #include "base/error.h"
 #include "sim/fem/elimination_order.h"
+#include "sim/mesh/degrees_of_freedom.h"
 #include "sim/mesh/mesh_reader.h"
 #include "tests/support/organ_mesh.h"
 #include "tests/support/shared_data.h"
@@ -20,8 +21,6 @@ using testing::MatchesRegex;
 
 const Materials kTissue{{0, {5e3, 0.45, 1060}}};
 
-Eigen::Index at(std::size_t node) { return static_cast<Eigen::Index>(3 * node); }
-
 /// Held where x is least.
 Constraints held_at_left(const TetMesh& mesh, double share) {
   const Extent extent = extent_of(mesh);
@@ -34,7 +33,7 @@ Constraints held_at_left(const TetMesh& mesh, double share) {
 }
 
 Eigen::VectorXd random_forces(std::size_t nodes, std::mt19937& random) {
-  Eigen::VectorXd force_n(at(nodes));
+  Eigen::VectorXd force_n(first_row(nodes));
   for (double& component : force_n) component = 1e-3 * (test::uniform(random) - 0.5);
   return force_n;
 }
@@ -116,8 +115,8 @@ class CutBlock : public testing::Test {
     for (std::size_t node = 0; node < mesh_.nodes.size(); ++node) {
       const Vector3& here = mesh_.nodes[node];
       if (here.z() == 0) constraints_.prescribe(node, Vector3::Zero(), "test");
-      if (here.z() == 0.05 && here.x() == 0) force_n_[at(node)] = -0.02;
-      if (here.z() == 0.05 && here.x() == 0.1) force_n_[at(node)] = 0.02;
+      if (here.z() == 0.05 && here.x() == 0) force_n_[first_row(node)] = -0.02;
+      if (here.z() == 0.05 && here.x() == 0.1) force_n_[first_row(node)] = 0.02;
     }
   }
   /// Down the middle from one side to the other, to 3 cm below the top.
@@ -135,7 +134,7 @@ class CutBlock : public testing::Test {
     for (std::size_t node = 0; node < body.shape().mesh().nodes.size(); ++node) {
       const Vector3& here = body.shape().mesh().nodes[node];
       if (here.z() < 0.05 - 1e-9 || std::abs(here.y() - 0.05) > 0.007) continue;
-      const double x = here.x() - 0.052, moved_m = here.x() + displacement_m[at(node)];
+      const double x = here.x() - 0.052, moved_m = here.x() + displacement_m[first_row(node)];
       if (x <= 0 && x > left) {
         left = x;
         left_m = moved_m;
@@ -150,7 +149,7 @@ class CutBlock : public testing::Test {
 
   TetMesh mesh_ = test::tet_grid({16, 16, 8}, {0.1, 0.1, 0.05});
   Constraints constraints_{mesh_.nodes.size()};
-  Eigen::VectorXd force_n_ = Eigen::VectorXd::Zero(at(mesh_.nodes.size()));
+  Eigen::VectorXd force_n_ = Eigen::VectorXd::Zero(first_row(mesh_.nodes.size()));
 };
 
 TEST_F(CutBlock, OpensWhenPulledAndAnUncutOneDoesNot) {

@@ -12,22 +12,22 @@
 namespace kiroku::sim {
 namespace {
 
-const Vector3 kMiddle = Vector3::Constant(0.032);
-constexpr double kRadius = 0.024;
+const Vector3 kMiddleOfBall = Vector3::Constant(0.032);
+constexpr double kRadiusOfBall = 0.024;
 
 /// Tissue with something different on each side of it; air at the border.
 Volume ct() {
   return test::volume_of({64, 64, 64}, 1e-3, Vector3::Zero(), [](const Vector3& at) {
-    const Vector3 from = (at - kMiddle) / kRadius;
+    const Vector3 from = (at - kMiddleOfBall) / kRadiusOfBall;
     const double tissue = 40 + 200 * std::sin(6 * from.x()) * std::cos(5 * from.y() + 1) + 300 * from.z();
     return from.norm() < 1.1 ? tissue : -1000;
   });
 }
-TetMesh ball() { return test::ball_mesh({6, 6, 6}, kMiddle, Vector3::Constant(kRadius)); }
+TetMesh projected_ball() { return test::ball_mesh({6, 6, 6}, kMiddleOfBall, Vector3::Constant(kRadiusOfBall)); }
 
 ProjectionGeometry view(double gantry_deg) {
   GantrySetup setup;
-  setup.isocenter_m = kMiddle;
+  setup.isocenter_m = kMiddleOfBall;
   setup.gantry_deg = gantry_deg;
   setup.pixels = {96, 80};
   setup.size_m = {0.096, 0.080};
@@ -37,9 +37,9 @@ ProjectionGeometry view(double gantry_deg) {
 std::vector<Vector3> displacement(const TetMesh& mesh, bool bent) {
   std::vector<Vector3> all;
   for (const Vector3& node : mesh.nodes) {
-    const Vector3 from = (node - kMiddle) / kRadius;
+    const Vector3 from = (node - kMiddleOfBall) / kRadiusOfBall;
     const Vector3 by(0.15 * from.z() * from.z(), -0.1 * from.x(), 0.2 * from.y());
-    all.push_back(bent ? Vector3(kRadius * by) : Vector3::Zero());
+    all.push_back(bent ? Vector3(kRadiusOfBall * by) : Vector3::Zero());
   }
   return all;
 }
@@ -76,11 +76,11 @@ TEST(GlProjector, AgreesWithTheProjectorOnTheProcessor) {
   const Volume volume = ct();
   const Attenuation attenuation(60);
   const CtProjector plain(volume, attenuation);
-  const MeshProjector processor(plain, ball());
-  GlProjector projector(volume, attenuation, ball(), GpuUse::kOff);
+  const MeshProjector processor(plain, projected_ball());
+  GlProjector projector(volume, attenuation, projected_ball(), GpuUse::kOff);
   for (const double gantry_deg : {0.0, 90.0, 215.0}) {
     for (const bool bent : {false, true}) {
-      const std::vector<Vector3> moved = displacement(ball(), bent);
+      const std::vector<Vector3> moved = displacement(projected_ball(), bent);
       for (const DensityRule rule : {DensityRule::kKeepDensity, DensityRule::kKeepMass}) {
         SCOPED_TRACE(gantry_deg);
         expect_alike(projector.inside(view(gantry_deg), moved, rule),
@@ -108,20 +108,20 @@ TEST(GlProjector, AgreesWithAPlainRayIntegralWhereNothingIsDeformed) {
 }
 
 TEST(GlProjector, GivesTheSameBitsTwice) {
-  GlProjector one(ct(), Attenuation(60), ball(), GpuUse::kOff),
-      other(ct(), Attenuation(60), ball(), GpuUse::kOff);
-  const std::vector<Vector3> moved = displacement(ball(), true);
+  GlProjector one(ct(), Attenuation(60), projected_ball(), GpuUse::kOff),
+      other(ct(), Attenuation(60), projected_ball(), GpuUse::kOff);
+  const std::vector<Vector3> moved = displacement(projected_ball(), true);
   EXPECT_EQ(one.inside(view(10), moved).values, other.inside(view(10), moved).values);
 }
 
 TEST(GlProjector, SeesThroughATetrahedronTurnedInsideOutOrFlat) {
   const Volume volume = ct();
-  GlProjector projector(volume, Attenuation(60), ball(), GpuUse::kOff);
-  const TetMesh mesh = ball();
+  GlProjector projector(volume, Attenuation(60), projected_ball(), GpuUse::kOff);
+  const TetMesh mesh = projected_ball();
   std::vector<Vector3> mirrored, flat;
   for (const Vector3& node : mesh.nodes) {
-    mirrored.emplace_back(0, 0, 2 * (kMiddle.z() - node.z()));
-    flat.emplace_back(0, 0, kMiddle.z() - node.z());
+    mirrored.emplace_back(0, 0, 2 * (kMiddleOfBall.z() - node.z()));
+    flat.emplace_back(0, 0, kMiddleOfBall.z() - node.z());
   }
   const ProjectionImage image = projector.inside(view(0), mirrored);
   EXPECT_NEAR(sum(image) / sum(projector.inside(view(0), displacement(mesh, false))), 1, 5e-3);
@@ -129,9 +129,9 @@ TEST(GlProjector, SeesThroughATetrahedronTurnedInsideOutOrFlat) {
 }
 
 TEST(GlProjector, RefusesWhatCannotBeProjected) {
-  GlProjector projector(ct(), Attenuation(60), ball(), GpuUse::kOff);
+  GlProjector projector(ct(), Attenuation(60), projected_ball(), GpuUse::kOff);
   EXPECT_THROW(projector.inside(view(0), std::vector<Vector3>(3)), Error);
-  std::vector<Vector3> moved = displacement(ball(), false);
+  std::vector<Vector3> moved = displacement(projected_ball(), false);
   moved[5].x() = std::nan("");
   EXPECT_THROW(projector.inside(view(0), moved), Error);
   for (Vector3& by : moved) by = {0, -1, 0};

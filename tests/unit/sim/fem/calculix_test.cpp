@@ -1,5 +1,6 @@
 // Node by node against CalculiX (ccx), with the same nodes, tetrahedra and loads. Skipped where ccx or the
 // mesh is absent.
+#include "sim/mesh/degrees_of_freedom.h"
 #include "tests/support/calculix.h"
 
 #include <cmath>
@@ -15,8 +16,6 @@ namespace kiroku::sim {
 namespace {
 
 constexpr double kAgreement = 1e-5;  // of the largest value; ccx prints seven digits
-
-Eigen::Index at(std::size_t node) { return static_cast<Eigen::Index>(3 * node); }
 
 using Case = test::CalculixCase;
 
@@ -35,7 +34,7 @@ Case case_of(TetMesh mesh) {
   }
   made.materials = {{1, {3e3, 0.45, 1050}}, {2, {1e4, 0.3, 1000}}};
   made.constraints = Constraints(made.mesh.nodes.size());
-  made.force_n = Eigen::VectorXd::Zero(at(made.mesh.nodes.size()));
+  made.force_n = Eigen::VectorXd::Zero(first_row(made.mesh.nodes.size()));
   const std::vector<bool> used = nodes_in_use(made.mesh);
   bool moved = false;
   for (std::size_t node = 0; node < made.mesh.nodes.size(); ++node) {
@@ -43,7 +42,7 @@ Case case_of(TetMesh mesh) {
     const double along = (made.mesh.nodes[node][axis] - extent.least[axis]) / size_m[axis];
     if (along <= 0.1) made.constraints.prescribe(node, Vector3::Zero(), "test");
     if (along < 0.9) continue;
-    made.force_n.segment<3>(at(node)) = Vector3(1e-3, -2e-3, 5e-4);
+    made.force_n.segment<3>(first_row(node)) = Vector3(1e-3, -2e-3, 5e-4);
     if (!moved) made.constraints.prescribe(node, 1, 0.01 * size_m[axis], "test");
     moved = true;
   }
@@ -64,8 +63,8 @@ void expect_agreement(TetMesh mesh, testing::Test& test) {
 
   double largest_m = 0, difference_m = 0, largest_pa = 0, difference_pa = 0;
   for (std::size_t node = 0; node < input.mesh.nodes.size(); ++node) {
-    const Vector3 ours_m = displacement_m.segment<3>(at(node)),
-                  theirs_m = theirs.displacement_m.segment<3>(at(node));
+    const Vector3 ours_m = displacement_m.segment<3>(first_row(node)),
+                  theirs_m = theirs.displacement_m.segment<3>(first_row(node));
     largest_m = std::max(largest_m, theirs_m.norm());
     difference_m = std::max(difference_m, (ours_m - theirs_m).norm());
   }

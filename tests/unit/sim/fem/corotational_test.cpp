@@ -9,6 +9,7 @@
 
 #include "base/error.h"
 #include "sim/fem/corotational_body.h"
+#include "sim/mesh/degrees_of_freedom.h"
 #include "tests/support/tet_grid.h"
 
 namespace kiroku::sim {
@@ -16,8 +17,6 @@ namespace {
 
 using test::tet_grid;
 using testing::HasSubstr;
-
-Eigen::Index at(std::size_t node) { return static_cast<Eigen::Index>(3 * node); }
 
 void record(const char* what, double value) {
   char text[32];
@@ -28,7 +27,7 @@ void record(const char* what, double value) {
 double volume_m3(const TetMesh& mesh, const Eigen::VectorXd& displacement_m) {
   TetMesh moved = mesh;
   for (std::size_t node = 0; node < mesh.nodes.size(); ++node)
-    moved.nodes[node] += displacement_m.segment<3>(at(node));
+    moved.nodes[node] += displacement_m.segment<3>(first_row(node));
   double sum = 0;
   for (std::size_t t = 0; t < moved.tetrahedra.size(); ++t) sum += signed_volume_m3(moved, t);
   return sum;
@@ -140,7 +139,7 @@ TEST(CorotationalBody, FollowsLargeRotationsWithoutStressAndKeepsItsVolume) {
     for (const std::size_t node : {0U, 3U, 15U, 48U})
       constraints.prescribe(node, turn * mesh.nodes[node] - mesh.nodes[node], "test");
     const CorotationalBody body(mesh, {{0, kSoft}}, constraints);
-    const CorotationalBody::Solution solution = body.solve(Eigen::VectorXd::Zero(at(mesh.nodes.size())));
+    const CorotationalBody::Solution solution = body.solve(Eigen::VectorXd::Zero(first_row(mesh.nodes.size())));
     for (const SymmetricTensor& stress : body.stress_pa(solution.displacement_m))
       largest_pa = std::max(largest_pa, stress.norm());
     largest_change = std::max(largest_change, std::abs(volume_m3(mesh, solution.displacement_m) /
@@ -166,13 +165,13 @@ struct Beam {
     }
   }
   [[nodiscard]] Eigen::VectorXd force_n(double total_n) const {
-    Eigen::VectorXd force_n = Eigen::VectorXd::Zero(at(mesh.nodes.size()));
-    for (const std::size_t node : end) force_n[at(node) + 2] = -total_n / static_cast<double>(end.size());
+    Eigen::VectorXd force_n = Eigen::VectorXd::Zero(first_row(mesh.nodes.size()));
+    for (const std::size_t node : end) force_n[first_row(node) + 2] = -total_n / static_cast<double>(end.size());
     return force_n;
   }
   [[nodiscard]] Vector3 mean_at_end(const Eigen::VectorXd& displacement_m) const {
     Vector3 sum = Vector3::Zero();
-    for (const std::size_t node : end) sum += displacement_m.segment<3>(at(node));
+    for (const std::size_t node : end) sum += displacement_m.segment<3>(first_row(node));
     return sum / static_cast<double>(end.size());
   }
 };
@@ -242,7 +241,7 @@ TEST(CorotationalBody, RefusesWhatCrushesIt) {
   }
   const CorotationalBody body(mesh, {{0, {1e4, 0.3}}}, constraints);
   try {
-    (void)body.solve(Eigen::VectorXd::Zero(at(mesh.nodes.size())));
+    (void)body.solve(Eigen::VectorXd::Zero(first_row(mesh.nodes.size())));
     FAIL() << "found an equilibrium";
   } catch (const Error& error) {
     EXPECT_THAT(error.what(), HasSubstr("no equilibrium is found beyond"));

@@ -8,6 +8,7 @@
 #include <gtest/gtest.h>
 
 #include "base/error.h"
+#include "sim/mesh/degrees_of_freedom.h"
 #include "tests/support/tet_grid.h"
 
 namespace kiroku::sim {
@@ -15,15 +16,13 @@ namespace {
 
 using testing::HasSubstr;
 
-Eigen::Index at(std::size_t node) { return static_cast<Eigen::Index>(3 * node); }
-
-void record(const char* what, double value) {
+void record_corotational(const char* what, double value) {
   char text[32];
   std::snprintf(text, sizeof text, "%.2g", value);
   testing::Test::RecordProperty(what, text);
 }
 
-const Materials kTissue{{0, {5e3, 0.45}}};
+const Materials kSoftTissue{{0, {5e3, 0.45}}};
 const Vector3 kWeight{0, 0, -0.05};  // almost afloat, so that it sinks by 2 mm and not by 40
 
 /// 80 x 20 x 20 mm, held at x = 0, hanging by its weight.
@@ -38,7 +37,7 @@ Constraints held(const TetMesh& mesh) {
 
 double volume_m3(TetMesh mesh, const Eigen::VectorXd& displacement_m) {
   for (std::size_t node = 0; node < mesh.nodes.size(); ++node)
-    mesh.nodes[node] += displacement_m.segment<3>(at(node));
+    mesh.nodes[node] += displacement_m.segment<3>(first_row(node));
   double sum = 0;
   for (std::size_t t = 0; t < mesh.tetrahedra.size(); ++t) sum += signed_volume_m3(mesh, t);
   return sum;
@@ -56,7 +55,7 @@ Pose turned(double part, double degrees) {
 class CorotationalManipulationTest : public testing::Test {
  protected:
   TetMesh mesh_ = beam();
-  CorotationalBody body_{mesh_, kTissue, held(mesh_)};
+  CorotationalBody body_{mesh_, kSoftTissue, held(mesh_)};
   Eigen::VectorXd weight_n_ = body_.linear().weight_n(kWeight);
   std::vector<Tool> tools_{forceps("forceps", {0.001, 0.02, 0.02}), finger("thumb", 0.008),
                            finger("index", 0.008, true), flat_retractor("plate", {0.02, 0.02, 0.002})};
@@ -82,32 +81,32 @@ TEST_F(CorotationalManipulationTest, AGraspThatTurnsIsTheDirectSolutionAndKeepsT
   // The same as one body with these nodes prescribed, which gets there on another way.
   Constraints prescribed = held(mesh_);
   for (const BoundNode& bound : hand.result().bound) {
-    prescribed.prescribe(bound.node, hand.displacement_m().segment<3>(at(bound.node)), "test");
-    const Vector3 from_m = mesh_.nodes[bound.node] + before_m.segment<3>(at(bound.node));
+    prescribed.prescribe(bound.node, hand.displacement_m().segment<3>(first_row(bound.node)), "test");
+    const Vector3 from_m = mesh_.nodes[bound.node] + before_m.segment<3>(first_row(bound.node));
     EXPECT_LT((end.from_tool(at_m.to_tool(from_m)) - mesh_.nodes[bound.node] -
-               hand.displacement_m().segment<3>(at(bound.node)))
+               hand.displacement_m().segment<3>(first_row(bound.node)))
                   .norm(),
               1e-15);
   }
-  const CorotationalBody direct(mesh_, kTissue, prescribed);
+  const CorotationalBody direct(mesh_, kSoftTissue, prescribed);
   const CorotationalBody::Solution solved = direct.solve(weight_n_);
   const double displacement =
       (hand.displacement_m() - solved.displacement_m).norm() / solved.displacement_m.norm();
-  record("displacement", displacement);
+  record_corotational("displacement", displacement);
   EXPECT_LT(displacement, 1e-8);
   Vector3 reaction_n = Vector3::Zero();
   for (const BoundNode& bound : hand.result().bound)
-    reaction_n += solved.reaction_force_n.segment<3>(at(bound.node));
+    reaction_n += solved.reaction_force_n.segment<3>(first_row(bound.node));
   const double force = (hand.result().tools[kForceps].force_n + reaction_n).norm() / reaction_n.norm();
-  record("force", force);
+  record_corotational("force", force);
   EXPECT_LT(force, 1e-8);
   // Linear elements do not know that they turn.
   const double rest_m3 = volume_m3(mesh_, Eigen::VectorXd::Zero(weight_n_.size()));
   const double swelling = volume_m3(mesh_, hand.displacement_m()) / rest_m3 - 1;
-  const ElasticBody linear(mesh_, kTissue, prescribed);
+  const ElasticBody linear(mesh_, kSoftTissue, prescribed);
   const double linear_swelling = volume_m3(mesh_, linear.solve(weight_n_).displacement_m) / rest_m3 - 1;
-  record("swelling", swelling);
-  record("linear_swelling", linear_swelling);
+  record_corotational("swelling", swelling);
+  record_corotational("linear_swelling", linear_swelling);
   EXPECT_LT(std::abs(swelling), 0.02);
   EXPECT_GT(std::abs(linear_swelling), 0.2);
 
@@ -138,7 +137,7 @@ TEST_F(CorotationalManipulationTest, PressedAndTurnedItIsInEquilibriumAndOutside
     most_stuck = std::max<std::size_t>(most_stuck, result.tools[kIndex].nodes);
     for (const Contact& contact : result.contacts) EXPECT_GT(contact.force_n.dot(contact.normal), 0);
     for (const std::uint32_t node : hand.surface().nodes) {
-      const Vector3 place_m = mesh_.nodes[node] + hand.displacement_m().segment<3>(at(node));
+      const Vector3 place_m = mesh_.nodes[node] + hand.displacement_m().segment<3>(first_row(node));
       const bool bound = std::ranges::count(result.bound, node, &BoundNode::node) > 0;
       for (const std::size_t tool : {kThumb, kIndex, kPlate}) {
         if (bound) continue;
@@ -158,7 +157,7 @@ TEST_F(CorotationalManipulationTest, PressedAndTurnedItIsInEquilibriumAndOutside
     if (!body_.linear().free()[static_cast<std::size_t>(i)]) left_n[i] = 0;
   }
   const double unbalanced = left_n.cwiseAbs().maxCoeff() / load_n.cwiseAbs().maxCoeff();
-  record("unbalanced", unbalanced);
+  record_corotational("unbalanced", unbalanced);
   EXPECT_LT(unbalanced, 1e-8);
   Vector3 sum_n = Vector3::Zero();
   for (const ToolForce& tool : result.tools) sum_n += tool.force_n;
@@ -223,7 +222,7 @@ TEST_F(CorotationalManipulationTest, AFingerInWhatWasHeldPushesItOutOnceItIsRele
   hand.step(poses);
   EXPECT_GT(hand.result().tools[kThumb].nodes, 0U);
   for (const std::uint32_t node : hand.surface().nodes) {
-    const Vector3 place_m = mesh_.nodes[node] + hand.displacement_m().segment<3>(at(node));
+    const Vector3 place_m = mesh_.nodes[node] + hand.displacement_m().segment<3>(first_row(node));
     EXPECT_GT(distance_to(tools_[kThumb].shape, thumb.to_tool(place_m)).distance_m, -1e-6 * 0.08);
   }
 }

@@ -9,6 +9,7 @@
 #include <gtest/gtest.h>
 
 #include "base/error.h"
+#include "sim/mesh/degrees_of_freedom.h"
 #include "tests/support/tet_cylinder.h"
 #include "tests/support/tet_grid.h"
 
@@ -20,9 +21,7 @@ using testing::HasSubstr;
 
 constexpr double kRadius_m = 0.03, kLength_m = 0.1;
 
-Eigen::Index at(std::size_t node) { return static_cast<Eigen::Index>(3 * node); }
-
-void record(const char* what, double figure) {
+void record_elastic(const char* what, double figure) {
   char text[32];
   std::snprintf(text, sizeof text, "%.1e", figure);
   testing::Test::RecordProperty(what, text);
@@ -76,7 +75,7 @@ class Prescribed {
   void carry(const std::vector<std::uint32_t>& nodes, const Eigen::VectorXd& displacement_m, const Pose& from,
              const Pose& to) {
     for (const std::uint32_t node : nodes) {
-      const Vector3 grasped_m = mesh_.nodes[node] + displacement_m.segment<3>(at(node));
+      const Vector3 grasped_m = mesh_.nodes[node] + displacement_m.segment<3>(first_row(node));
       const Vector3 moved_m = to.from_tool(from.to_tool(grasped_m)) - mesh_.nodes[node];
       for (std::size_t component = 0; component < 3; ++component) {
         if (!constraints_.prescribed(3 * node + component))
@@ -110,14 +109,14 @@ void expect_as(const StaticSolution& expected, const Manipulation& manipulation,
   EXPECT_LE(of_displacement, bound);
   double error_n = 0, largest_n = 0;
   for (const BoundNode& held : manipulation.result().bound) {
-    const Vector3 reaction_n = expected.reaction_force_n.segment<3>(at(held.node));
+    const Vector3 reaction_n = expected.reaction_force_n.segment<3>(first_row(held.node));
     error_n = std::max(error_n, (held.force_n - reaction_n).norm());
     largest_n = std::max(largest_n, reaction_n.norm());
   }
   EXPECT_LE(error_n, bound * largest_n);
   if (name == nullptr) return;
-  record((std::string(name) + "_displacement").c_str(), of_displacement);
-  record((std::string(name) + "_force").c_str(), error_n / largest_n);
+  record_elastic((std::string(name) + "_displacement").c_str(), of_displacement);
+  record_elastic((std::string(name) + "_force").c_str(), error_n / largest_n);
 }
 
 /// The forces of tools are the reactions of what they hold, and their torques, and with what is fixed and the
@@ -132,10 +131,10 @@ void expect_balance(const Organ& organ, const Manipulation& manipulation,
   Vector3 sum_n = Vector3::Zero(), sum_nm = Vector3::Zero();
   for (std::size_t node = 0; node < organ.mesh.nodes.size(); ++node) {
     const Vector3 fixed_n =
-        solution.reaction_force_n.segment<3>(at(node)) + organ.weight_n.segment<3>(at(node));
+        solution.reaction_force_n.segment<3>(first_row(node)) + organ.weight_n.segment<3>(first_row(node));
     sum_n += fixed_n;
     // Linear elasticity balances moments about where nodes were.
-    sum_nm += organ.mesh.nodes[node].cross(Vector3(fixed_n + tools_n.segment<3>(at(node))));
+    sum_nm += organ.mesh.nodes[node].cross(Vector3(fixed_n + tools_n.segment<3>(first_row(node))));
   }
   Vector3 felt_n = Vector3::Zero(), moved_nm = Vector3::Zero(), felt_nm = Vector3::Zero();
   for (std::size_t tool = 0; tool < poses.size(); ++tool) {
@@ -144,8 +143,8 @@ void expect_balance(const Organ& organ, const Manipulation& manipulation,
     if (poses[tool]) felt_nm += feels.torque_nm + poses[tool]->position_m.cross(feels.force_n);
   }
   for (std::size_t node = 0; node < organ.mesh.nodes.size(); ++node) {
-    const Vector3 now_m = organ.mesh.nodes[node] + displacement_m.segment<3>(at(node));
-    moved_nm += now_m.cross(Vector3(tools_n.segment<3>(at(node))));
+    const Vector3 now_m = organ.mesh.nodes[node] + displacement_m.segment<3>(first_row(node));
+    moved_nm += now_m.cross(Vector3(tools_n.segment<3>(first_row(node))));
   }
   EXPECT_LE((sum_n - felt_n).norm(), 1e-9 * scale_n);
   EXPECT_LE(sum_nm.norm(), 1e-9 * scale_n * kLength_m);
@@ -248,7 +247,7 @@ TEST(Manipulation, NodesThatAreHeldInADirectionFollowInTheOthers) {
   manipulation.step(std::vector<OptionalPose>{to});
   Prescribed prescribed(mesh, constraints);
   prescribed.carry(nodes_of(manipulation.result(), 0), at_grasp_m, from, to);
-  const StaticSolution expected = prescribed.body().solve(Eigen::VectorXd::Zero(at(mesh.nodes.size())));
+  const StaticSolution expected = prescribed.body().solve(Eigen::VectorXd::Zero(first_row(mesh.nodes.size())));
   EXPECT_LE(largest(manipulation.displacement_m() - expected.displacement_m),
             1e-9 * largest(expected.displacement_m));
   double largest_n = 0;
@@ -260,7 +259,7 @@ TEST(Manipulation, NodesThatAreHeldInADirectionFollowInTheOthers) {
       const auto i = static_cast<Eigen::Index>(component);
       // What is prescribed is held by what prescribes it, the rest by the tool.
       const bool of_wall = constraints.prescribed(3 * held.node + component);
-      const double expected_n = of_wall ? 0 : expected.reaction_force_n[at(held.node) + i];
+      const double expected_n = of_wall ? 0 : expected.reaction_force_n[first_row(held.node) + i];
       EXPECT_NEAR(held.force_n[i], expected_n, 1e-9 * largest_n);
       slid += of_wall ? 1 : 0;
     }
@@ -286,7 +285,7 @@ TEST(Manipulation, AGraspMovesNothing) {
   manipulation.step(poses);
   const Eigen::VectorXd after_m = manipulation.displacement_m();
   EXPECT_LE(largest(after_m - before_m), 1e-9 * largest(before_m));
-  record("jump", largest(after_m - before_m) / largest(before_m));
+  record_elastic("jump", largest(after_m - before_m) / largest(before_m));
   const ManipulationResult& after = manipulation.result();
   EXPECT_LT(after.contacts.size(), before.contacts.size());
   EXPECT_LE((after.wrist_force_n - before.wrist_force_n).norm(), 1e-9 * before.wrist_force_n.norm());
@@ -326,7 +325,7 @@ TEST(Manipulation, ContactsWhileHeldAreThoseOfABodyWithItsNodesPrescribed) {
   contact.displacement_m(expected.contacts, expected_m);
   const double error_m = largest(expected_m - manipulation.displacement_m());
   EXPECT_LE(error_m, 1e-6 * kLength_m);
-  record("displacement_of_size", error_m / kLength_m);
+  record_elastic("displacement_of_size", error_m / kLength_m);
   for (std::size_t tool = 0; tool < 3; ++tool) {
     const ToolForce& found = result.tools[tool + 2];
     EXPECT_LE((found.force_n - expected.tools[tool].force_n).norm(),
@@ -501,7 +500,7 @@ TEST(Manipulation, ColumnsOnDemandGiveTheSame) {
     EXPECT_LE(error, 1e-9 * scale) << i;
     if (scale > 0) worst = std::max(worst, error / scale);
   }
-  record("error", worst);
+  record_elastic("error", worst);
 }
 
 TEST(Manipulation, GoesOnWithABodyThatWasCut) {
@@ -568,7 +567,7 @@ TEST(Manipulation, ErrorsSayWhatToDo) {
               AllOf(HasSubstr("forceps already holds"), HasSubstr("release it")));
   manipulation.step(std::vector<OptionalPose>{at_place(kRadius_m, 0, 0.09), std::nullopt, std::nullopt});
   const std::uint32_t taken = manipulation.result().bound.front().node;
-  const Vector3 taken_m = organ.contact.rest_m().segment<3>(at(taken));
+  const Vector3 taken_m = organ.contact.rest_m().segment<3>(first_row(taken));
   EXPECT_THAT(message_of([&] { manipulation.grasp(1, at_place(taken_m.x(), taken_m.y(), taken_m.z())); }),
               HasSubstr("held by other tools"));
   EXPECT_THAT(message_of([&] { manipulation.step(none); }),

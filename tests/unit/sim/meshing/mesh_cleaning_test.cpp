@@ -12,7 +12,7 @@ namespace {
 
 using test::tet_grid;
 
-std::vector<std::string> faults(const TetMesh& mesh) {
+std::vector<std::string> faults_left(const TetMesh& mesh) {
   std::vector<std::string> texts;
   for (const MeshFinding& finding : check_mesh(mesh)) texts.push_back(finding.text);
   return texts;
@@ -65,7 +65,7 @@ TEST(MeshCleaning, KeepsTheLargestPiecesAndCountsTheOthers) {
   EXPECT_EQ(cleaned.island_tetrahedra, 12U);
   EXPECT_NEAR(volume_m3(mesh), 8, 1e-12);
   EXPECT_EQ(mesh.nodes.size(), 27U);
-  EXPECT_THAT(faults(mesh), testing::IsEmpty());
+  EXPECT_THAT(faults_left(mesh), testing::IsEmpty());
   EXPECT_EQ(clean(two, 2).islands, 1U);
   EXPECT_NEAR(volume_m3(two), 9, 1e-12);
   EXPECT_EQ(two.nodes[0], Vector3::Zero());  // of the equal ones the first
@@ -75,10 +75,10 @@ TEST(MeshCleaning, TakesPartsThatTouchInANodeOrAnEdgeForPieces) {
   const TetMesh large = tet_grid({2, 2, 2}, {2, 2, 2}), small = tet_grid({1, 1, 1}, {1, 1, 1});
   for (const Vector3& offset : {Vector3(2, 2, 2), Vector3(2, 2, 0)}) {
     TetMesh mesh = joined(large, small, offset);
-    ASSERT_FALSE(faults(mesh).empty());
+    ASSERT_FALSE(faults_left(mesh).empty());
     EXPECT_EQ(clean(mesh, 1).islands, 1U);
     EXPECT_NEAR(volume_m3(mesh), 8, 1e-12);
-    EXPECT_THAT(faults(mesh), testing::IsEmpty());
+    EXPECT_THAT(faults_left(mesh), testing::IsEmpty());
   }
 }
 
@@ -95,7 +95,7 @@ TEST(MeshCleaning, SplitsANodeWhereThePieceTouchesItself) {
   TetMesh mesh =
       cubes({{0, 0, 0}, {-1, 0, 0}, {-1, 0, 1}, {-1, 0, 2}, {-1, 1, 2}, {0, 1, 2}, {1, 1, 2}, {1, 1, 1}});
   ASSERT_EQ(face_connected_parts(mesh, faces_of(mesh)).count, 1U);
-  ASSERT_EQ(faults(mesh).size(), 1U);
+  ASSERT_EQ(faults_left(mesh).size(), 1U);
   const std::size_t nodes = mesh.nodes.size();
   const double before = volume_m3(mesh);
   const Cleaned cleaned = clean(mesh, 1);
@@ -103,18 +103,18 @@ TEST(MeshCleaning, SplitsANodeWhereThePieceTouchesItself) {
   EXPECT_EQ(cleaned.hinge_tetrahedra, 0U);
   EXPECT_EQ(mesh.nodes.size(), nodes + 1);
   EXPECT_NEAR(volume_m3(mesh), before, 1e-12);
-  EXPECT_THAT(faults(mesh), testing::IsEmpty());
+  EXPECT_THAT(faults_left(mesh), testing::IsEmpty());
 }
 
 TEST(MeshCleaning, RemovesTheSmallerSideOfAnEdge) {
   // The first and the last cube touch in an edge, and hang together by those above them.
   TetMesh mesh = cubes({{0, 0, 0}, {0, 0, 1}, {1, 0, 1}, {1, 1, 1}, {1, 1, 0}});
   ASSERT_EQ(face_connected_parts(mesh, faces_of(mesh)).count, 1U);
-  ASSERT_EQ(faults(mesh).at(0).substr(0, 47), "1 edge of the surface has more than two faces: ");
+  ASSERT_EQ(faults_left(mesh).at(0).substr(0, 47), "1 edge of the surface has more than two faces: ");
   const Cleaned cleaned = clean(mesh, 1);
   EXPECT_GT(cleaned.hinge_tetrahedra, 0U);
   EXPECT_GT(volume_m3(mesh), 3.5);
-  EXPECT_THAT(faults(mesh), testing::IsEmpty());
+  EXPECT_THAT(faults_left(mesh), testing::IsEmpty());
 }
 
 }  // namespace

@@ -36,7 +36,7 @@ const Vector3 kMiddleM(0.1, -0.2, 0.3);
 int sphere(const Vector3& at_mm) { return at_mm.norm() < 30 ? 3 : 0; }
 double sphere_m3(double radius_m) { return 4 * std::numbers::pi / 3 * radius_m * radius_m * radius_m; }
 
-std::vector<std::string> faults(const TetMesh& mesh) {
+std::vector<std::string> faults_of_organ(const TetMesh& mesh) {
   std::vector<std::string> texts;
   for (const MeshFinding& finding : check_mesh(mesh)) texts.push_back(finding.text);
   return texts;
@@ -45,7 +45,7 @@ std::vector<std::string> faults(const TetMesh& mesh) {
 void expect_sound(const OrganMesh& result, std::size_t wanted) {
   EXPECT_NEAR(double(result.mesh.nodes.size()), double(wanted), kNodeTolerance * double(wanted));
   EXPECT_GE(result.quality.least_dihedral_deg, kLeastDihedralDeg);
-  EXPECT_THAT(faults(result.mesh), IsEmpty());
+  EXPECT_THAT(faults_of_organ(result.mesh), IsEmpty());
 }
 
 TEST(OrganMesher, MeshesASphere) {

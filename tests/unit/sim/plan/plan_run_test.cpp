@@ -56,7 +56,7 @@ class PlanRunTest : public testing::Test {
   test::TemporaryFolder folder_;
 };
 
-constexpr std::size_t kForceps = 0, kIndex = 1, kKnife = 2, kThumb = 3;  // tools go by name
+constexpr std::size_t kForcepsTool = 0, kIndexTool = 1, kKnifeTool = 2, kThumbTool = 3;  // tools go by name
 
 TEST_F(PlanRunTest, GraspsRetractsAndReleases) {
   const Plan plan = plan_of(R"([
@@ -72,14 +72,14 @@ TEST_F(PlanRunTest, GraspsRetractsAndReleases) {
     if (times.size() == 6) {  // the end of the retraction
       EXPECT_LT((frame.displacement_m.segment<3>(end) - Vector3(0.002, 0, 0.003)).norm(), 1e-12);
       // The tissue pulls the forceps back.
-      EXPECT_LT(frame.tools[kForceps].force_n.x(), -1e-3);
-      EXPECT_LT(frame.tools[kForceps].force_n.z(), -1e-3);
-      EXPECT_EQ(frame.tools[kForceps].nodes, 25U);
+      EXPECT_LT(frame.tools[kForcepsTool].force_n.x(), -1e-3);
+      EXPECT_LT(frame.tools[kForcepsTool].force_n.z(), -1e-3);
+      EXPECT_EQ(frame.tools[kForcepsTool].nodes, 25U);
     }
   }
   EXPECT_THAT(times, testing::ElementsAre(0, 0, 0.25, 0.5, 0.75, 1, 1.25, 1.5, 1.5));
   EXPECT_LT(run.frame().displacement_m.norm(), 1e-12);
-  EXPECT_FALSE(run.frame().poses[kForceps].has_value());
+  EXPECT_FALSE(run.frame().poses[kForcepsTool].has_value());
   ASSERT_THAT(run.figures(), SizeIs(4));
   EXPECT_EQ(run.figures()[1].frames, 4U);
   EXPECT_EQ(run.figures()[2].begins_s, 1);
@@ -94,9 +94,9 @@ TEST_F(PlanRunTest, PressesWithTwoFingersAtOnce) {
   while (run.next()) {
   }
   const PlanFrame& frame = run.frame();
-  EXPECT_GT(frame.tools[kThumb].force_n.z(), 0.01);
-  EXPECT_LT(frame.tools[kIndex].force_n.z(), -0.01);
-  EXPECT_GT(frame.tools[kThumb].nodes, 0U);
+  EXPECT_GT(frame.tools[kThumbTool].force_n.z(), 0.01);
+  EXPECT_LT(frame.tools[kIndexTool].force_n.z(), -0.01);
+  EXPECT_GT(frame.tools[kThumbTool].nodes, 0U);
   EXPECT_THAT(run.figures().back().remarks, IsEmpty());
 }
 
@@ -112,7 +112,7 @@ TEST_F(PlanRunTest, CutsAndTheCutOpensWhenPulled) {
   PlanRun run(plan);
   double before_n = 0;
   while (run.next()) {
-    if (run.frame().step == 1) before_n = run.frame().tools[kForceps].force_n.norm();
+    if (run.frame().step == 1) before_n = run.frame().tools[kForcepsTool].force_n.norm();
   }
   const StepFigures& figures = run.figures().back();
   EXPECT_GT(figures.tetrahedra_removed, 10U);
@@ -120,8 +120,8 @@ TEST_F(PlanRunTest, CutsAndTheCutOpensWhenPulled) {
   EXPECT_EQ(run.mesh().nodes.size(), plan.body.mesh.nodes.size());
   EXPECT_EQ(run.mesh().tetrahedra.size(), plan.body.mesh.tetrahedra.size() - figures.tetrahedra_removed);
   // Half of what held the end is cut through.
-  EXPECT_LT(run.frame().tools[kForceps].force_n.norm(), 0.75 * before_n);
-  EXPECT_EQ(run.frame().tools[kForceps].nodes, 25U);
+  EXPECT_LT(run.frame().tools[kForcepsTool].force_n.norm(), 0.75 * before_n);
+  EXPECT_EQ(run.frame().tools[kForcepsTool].nodes, 25U);
   // The tops of both faces of the cut, apart.
   double left = 0, right = 1;
   for (std::size_t node = 0; node < run.mesh().nodes.size(); ++node) {
@@ -153,7 +153,7 @@ constexpr const char* kTurningSteps = R"([
     {"do": "press", "tool": "thumb", "path": [{"at_s": 0, "position": [10, 10, 28]}, {"at_s": 1, "position": [10, 10, 19]}]},
     {"do": "hold", "duration_s": 0.5}, {"do": "release", "tool": "forceps"}, {"do": "release", "tool": "thumb"}])";
 
-double volume_m3(TetMesh mesh, const Eigen::VectorXd& displacement_m) {
+double moved_volume_m3(TetMesh mesh, const Eigen::VectorXd& displacement_m) {
   for (std::size_t node = 0; node < mesh.nodes.size(); ++node)
     mesh.nodes[node] += displacement_m.segment<3>(static_cast<Eigen::Index>(3 * node));
   double sum = 0;
@@ -169,8 +169,8 @@ TEST_F(PlanRunTest, ACorotationalOrganKeepsItsVolume) {
     while (run.next()) {
       if (run.frame().step > 1) break;
       largest_change =
-          std::max(largest_change, std::abs(volume_m3(run.mesh(), run.frame().displacement_m) /
-                                                volume_m3(run.mesh(), 0 * run.frame().displacement_m) -
+          std::max(largest_change, std::abs(moved_volume_m3(run.mesh(), run.frame().displacement_m) /
+                                                moved_volume_m3(run.mesh(), 0 * run.frame().displacement_m) -
                                             1));
     }
     if (!corotational) {
@@ -180,7 +180,7 @@ TEST_F(PlanRunTest, ACorotationalOrganKeepsItsVolume) {
     EXPECT_LT(largest_change, 0.05);
     while (run.next()) {
       if (run.frame().step != 3) continue;
-      EXPECT_GT(run.frame().tools[kThumb].nodes, 0U);
+      EXPECT_GT(run.frame().tools[kThumbTool].nodes, 0U);
     }
     EXPECT_LT(run.frame().displacement_m.norm(), 1e-8);  // all let go
     EXPECT_THAT(run.figures(), SizeIs(6));
@@ -195,7 +195,7 @@ TEST_F(PlanRunTest, ACorotationalOrganIsRestoredToTheBit) {
   while (run.next()) {
     ASSERT_TRUE(kept.next());
     EXPECT_EQ(kept.frame().displacement_m, run.frame().displacement_m);
-    EXPECT_EQ(kept.frame().tools[kForceps].force_n, run.frame().tools[kForceps].force_n);
+    EXPECT_EQ(kept.frame().tools[kForcepsTool].force_n, run.frame().tools[kForcepsTool].force_n);
   }
 }
 
@@ -250,8 +250,8 @@ TEST_F(PlanRunTest, IsKeptForGoingBackAndForth) {
   EXPECT_LT(frames.all().back().mesh->tetrahedra.size(), frames.all()[0].mesh->tetrahedra.size());
   // Before and after a step that takes no time are moments of their own.
   EXPECT_EQ(frames.at(1, 1).frame.step, 1U);
-  EXPECT_TRUE(frames.at(1, 1).frame.poses[kForceps].has_value());
-  EXPECT_FALSE(frames.at(2, 1).frame.poses[kForceps].has_value());
+  EXPECT_TRUE(frames.at(1, 1).frame.poses[kForcepsTool].has_value());
+  EXPECT_FALSE(frames.at(2, 1).frame.poses[kForcepsTool].has_value());
   EXPECT_EQ(frames.at(1, 0.6).frame.time_s, 0.5);
   EXPECT_EQ(frames.at(0, 0).frame.step, 0U);
   EXPECT_EQ(&frames.at(3, 99), &frames.all().back());

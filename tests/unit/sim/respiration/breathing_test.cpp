@@ -1,4 +1,5 @@
 // What moves the lung, by the formula of the source.
+#include "sim/mesh/degrees_of_freedom.h"
 #include "sim/respiration/breathing.h"
 
 #include <numbers>
@@ -13,8 +14,6 @@ namespace kiroku::sim {
 namespace {
 
 using testing::HasSubstr;
-
-Eigen::Index at(std::size_t node) { return static_cast<Eigen::Index>(3 * node); }
 
 class BreathingLung : public testing::Test {
  protected:
@@ -36,7 +35,7 @@ TEST_F(BreathingLung, MovesEachGroupAsTheFormulaSays) {
       return std::sin(2 * std::numbers::pi / 3.6 * (time_s + phase_s));
     };
     for (std::size_t node = 0; node < groups_.size(); ++node) {
-      const Vector3 moved_m = displacement_m.segment<3>(at(node));
+      const Vector3 moved_m = displacement_m.segment<3>(first_row(node));
       if (groups_[node] == BoundaryGroup::kRibCage) {
         const Vector3& normal = lung.surface().normals[static_cast<std::size_t>(lung.surface().row_of[node])];
         EXPECT_LT((moved_m - 0.004 * sine(0.1) * normal).norm(), 1e-15);
@@ -56,7 +55,7 @@ TEST_F(BreathingLung, TheBackSlidesInItsDirectionOnly) {
   double farthest = 0;
   for (std::size_t node = 0; node < groups_.size(); ++node) {
     if (groups_[node] != BoundaryGroup::kBack) continue;
-    const Vector3 vector = moved.segment<3>(at(node));
+    const Vector3 vector = moved.segment<3>(first_row(node));
     EXPECT_LT((vector - slide * slide.dot(vector)).norm(), 1e-12);
     farthest = std::max(farthest, vector.norm());
   }
@@ -88,7 +87,7 @@ TEST_F(BreathingLung, OneFactorAndResponsesAreWhatASolveOfEachMomentGives) {
   }
   const ElasticBody solved(mesh_, materials_, constraints);
   const Eigen::VectorXd expected_m =
-      solved.solve(Eigen::VectorXd::Zero(at(mesh_.nodes.size()))).displacement_m;
+      solved.solve(Eigen::VectorXd::Zero(first_row(mesh_.nodes.size()))).displacement_m;
   EXPECT_LT((cycle.displacement_m(kTimeS) - expected_m).cwiseAbs().maxCoeff(),
             1e-9 * expected_m.cwiseAbs().maxCoeff());
 }

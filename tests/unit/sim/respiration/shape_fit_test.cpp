@@ -139,7 +139,7 @@ TEST(ShapeFit, GivesTheSameBitsTwice) {
             fit_shape(model, truth.mask, {}).steps[2].displacement_m);
 }
 
-std::string refusal(const std::function<void()>& what) {
+std::string refusal_of_fit(const std::function<void()>& what) {
   try {
     what();
   } catch (const Error& error) {
@@ -152,10 +152,10 @@ TEST(ShapeFit, AnotherOrganIsRefused) {
   const BreathingModel model = test::box_lung_model();
   LabelMap mask = moved_lung(model, 0, 0).mask;
   mask.grid.spacing_m *= 0.1;
-  EXPECT_THAT(refusal([&] { static_cast<void>(fit_shape(model, mask, {})); }),
+  EXPECT_THAT(refusal_of_fit([&] { static_cast<void>(fit_shape(model, mask, {})); }),
               HasSubstr("not the same lung"));
   std::ranges::fill(mask.labels, std::uint16_t{0});
-  EXPECT_THAT(refusal([&] { static_cast<void>(fit_shape(model, mask, {})); }),
+  EXPECT_THAT(refusal_of_fit([&] { static_cast<void>(fit_shape(model, mask, {})); }),
               HasSubstr("not the same lung"));
 }
 
@@ -170,7 +170,7 @@ TEST(Landmarks, ListsAndElastixFilesAreRead) {
 
 TEST(Landmarks, WhatIsWrongIsToldByItsLine) {
   const auto parse = [](const std::string& text) {
-    return refusal([&] { static_cast<void>(parse_landmarks_m(text, "a.txt")); });
+    return refusal_of_fit([&] { static_cast<void>(parse_landmarks_m(text, "a.txt")); });
   };
   EXPECT_THAT(parse("1 2 3\n4 5\n"),
               HasSubstr("cannot use a.txt, line 2: it has 2 words where x y z are expected"));
@@ -189,9 +189,9 @@ TEST(Landmarks, EachMustHaveItsPartner) {
   };
   const auto fixed = write("fixed.txt", "1 2 3\n4 5 6\n"), moving = write("moving.txt", "1 2 3\n"),
              none = write("none.txt", "");
-  EXPECT_THAT(refusal([&] { static_cast<void>(read_landmark_pairs(fixed, moving)); }),
+  EXPECT_THAT(refusal_of_fit([&] { static_cast<void>(read_landmark_pairs(fixed, moving)); }),
               HasSubstr("fixed.txt has 2 landmarks and"));
-  EXPECT_THAT(refusal([&] { static_cast<void>(read_landmark_pairs(none, none)); }),
+  EXPECT_THAT(refusal_of_fit([&] { static_cast<void>(read_landmark_pairs(none, none)); }),
               HasSubstr("hold no landmark"));
 }
 

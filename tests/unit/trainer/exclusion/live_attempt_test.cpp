@@ -10,7 +10,7 @@
 namespace kiroku::trainer {
 namespace {
 
-std::shared_ptr<const ExclusionBody> body() {
+std::shared_ptr<const ExclusionBody> shared_body() {
   static const std::shared_ptr<const ExclusionBody> kBody = [] {
     OrganObject object = make_object(ObjectKind::kLiver, 900);
     ExclusionTask task = exclusion_task(ObjectKind::kLiver);
@@ -70,7 +70,7 @@ class Told {
 
 TEST(LiveAttempt, IsDoneByPointersAndTellsHowLongInputTook) {
   Told told;
-  LiveAttempt attempt(body, options(), 3, told.listener());
+  LiveAttempt attempt(shared_body, options(), 3, told.listener());
   ASSERT_TRUE(told.wait([&] { return told.pictures > 0; }));
   std::uint64_t number = 0;
   const auto is_over = [&] { return told.over.has_value(); };
@@ -93,7 +93,7 @@ TEST(LiveAttempt, IsDoneByPointersAndTellsHowLongInputTook) {
 
 TEST(LiveAttempt, ThatIsGivenUpIsNotDone) {
   Told told;
-  LiveAttempt attempt(body, options(), 2, told.listener());
+  LiveAttempt attempt(shared_body, options(), 2, told.listener());
   ASSERT_TRUE(told.wait([&] { return told.pictures > 1; }));
   attempt.give_up();
   ASSERT_TRUE(told.wait([&] { return told.over.has_value(); }));
@@ -105,7 +105,7 @@ TEST(LiveAttempt, WhoseTimeIsOverSaysSo) {
   Told told;
   ExclusionOptions brief = options();
   brief.most_s = 0.3;
-  const LiveAttempt attempt(body, brief, 2, told.listener());
+  const LiveAttempt attempt(shared_body, brief, 2, told.listener());
   ASSERT_TRUE(told.wait([&] { return told.over.has_value(); }));
   EXPECT_EQ(told.over->ending, Ending::kTimeOver);
 }
@@ -113,7 +113,7 @@ TEST(LiveAttempt, WhoseTimeIsOverSaysSo) {
 TEST(LiveAttempt, ThatIsLeftIsBrokenOff) {
   Told told;
   {
-    const LiveAttempt attempt(body, options(), 2, told.listener());
+    const LiveAttempt attempt(shared_body, options(), 2, told.listener());
     ASSERT_TRUE(told.wait([&] { return told.pictures > 0; }));
   }
   ASSERT_TRUE(told.over);
@@ -127,12 +127,12 @@ TEST(LiveAttempt, TellsWhyItCouldNotBegin) {
   ASSERT_TRUE(told.wait([&] { return !told.failed.empty(); }));
   EXPECT_EQ(told.failed, "no such organ");
   EXPECT_FALSE(told.over);
-  EXPECT_THROW(LiveAttempt(body, options(), 0, told.listener()), UsageError);
+  EXPECT_THROW(LiveAttempt(shared_body, options(), 0, told.listener()), UsageError);
 }
 
 TEST(LiveAttempt, RefusesInputThatIsNone) {
   Told told;
-  LiveAttempt attempt(body, options(), 2, told.listener());
+  LiveAttempt attempt(shared_body, options(), 2, told.listener());
   ASSERT_TRUE(told.wait([&] { return told.pictures > 0; }));
   EXPECT_THROW(attempt.point({1, {{4, 0.5, 0.5, 0}}}), UsageError);
   EXPECT_NO_THROW(attempt.point({1, {{2, 0.5, 0.5, 0}}}));

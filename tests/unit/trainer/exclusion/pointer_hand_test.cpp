@@ -17,7 +17,7 @@ using testing::HasSubstr;
 
 constexpr double kPeriod = 1e-3;
 
-const ExclusionBody& body_of(std::size_t vertices) {
+const ExclusionBody& kept_body(std::size_t vertices) {
   const auto make = [](std::size_t count) {
     OrganObject object = make_object(ObjectKind::kLiver, count);
     const ExclusionTask task = exclusion_task(ObjectKind::kLiver);
@@ -27,7 +27,7 @@ const ExclusionBody& body_of(std::size_t vertices) {
   return vertices == 900 ? kCoarse : kFine;
 }
 
-sim::Camera camera() { return camera_of(body_of(900).task(), 640, 480); }
+sim::Camera camera() { return camera_of(kept_body(900).task(), 640, 480); }
 
 /// Where a place is in the picture.
 Eigen::Vector2d in_picture(const Vector3& place_m) {
@@ -50,7 +50,7 @@ std::vector<sim::Pose> later(PointerHand& hand, double seconds) {
 
 double nearest_node_m(const Vector3& place_m) {
   double nearest = std::numeric_limits<double>::infinity();
-  for (const Vector3& node : body_of(900).object().mesh.nodes)
+  for (const Vector3& node : kept_body(900).object().mesh.nodes)
     nearest = std::min(nearest, (node - place_m).norm());
   return nearest;
 }
@@ -65,7 +65,7 @@ std::string refusal(const std::function<void()>& action) {
 }
 
 TEST(PointerHand, AFingertipTouchesTheOrganWhereItsPointerComesDown) {
-  PointerHand hand(body_of(900), camera(), 1, kPeriod);
+  PointerHand hand(kept_body(900), camera(), 1, kPeriod);
   // In the middle of the organ's upper side.
   const Eigen::Vector2d at = in_picture({0.02, 0.01, half_thickness_m(ObjectKind::kLiver)});
   hand.point({1, {{1, at.x(), at.y(), 0}}});
@@ -82,7 +82,7 @@ TEST(PointerHand, AFingertipTouchesTheOrganWhereItsPointerComesDown) {
 }
 
 TEST(PointerHand, AFingertipGoesBelowTheBorderAndKeepsItsDepthWhileDragged) {
-  PointerHand hand(body_of(900), camera(), 3, kPeriod);
+  PointerHand hand(kept_body(900), camera(), 3, kPeriod);
   const Eigen::Vector2d below = in_picture({0, -0.046, -0.027});
   hand.point({1, {{0, below.x(), below.y(), 0}}});
   const std::vector<sim::Pose> poses = later(hand, 2);
@@ -99,7 +99,7 @@ TEST(PointerHand, AFingertipGoesBelowTheBorderAndKeepsItsDepthWhileDragged) {
 }
 
 TEST(PointerHand, FingersThatNothingMovesTouchNothingAndComeBackTowardsTheEye) {
-  PointerHand hand(body_of(900), camera(), 5, kPeriod);
+  PointerHand hand(kept_body(900), camera(), 5, kPeriod);
   for (const sim::Pose& pose : later(hand, 0.1)) EXPECT_GT(nearest_node_m(pose.position_m), 0.03);
   const Eigen::Vector2d below = in_picture({0, -0.046, -0.027});
   hand.point({1, {{2, below.x(), below.y(), 0}, {4, below.x() + 0.1, below.y(), 0}}});
@@ -113,7 +113,7 @@ TEST(PointerHand, FingersThatNothingMovesTouchNothingAndComeBackTowardsTheEye) {
 }
 
 TEST(PointerHand, MovesAsAHandDoesWhateverPointersDo) {
-  PointerHand hand(body_of(900), camera(), 5, kPeriod);
+  PointerHand hand(kept_body(900), camera(), 5, kPeriod);
   std::mt19937 random(7);
   std::uniform_real_distribution<double> anywhere(-0.5, 1.5), push(-0.08, 0.08);
   std::vector<sim::Pose> before = later(hand, kPeriod);
@@ -137,7 +137,7 @@ TEST(PointerHand, MovesAsAHandDoesWhateverPointersDo) {
 }
 
 TEST(PointerHand, RefusesInWordsWhatNoHandDoesAndGoesOn) {
-  PointerHand hand(body_of(900), camera(), 2, kPeriod);
+  PointerHand hand(kept_body(900), camera(), 2, kPeriod);
   hand.point({5, {}});
   const auto refused = [&](std::uint64_t number, std::vector<Pointer> pointers) {
     return refusal([&] { hand.point({number, std::move(pointers)}); });
@@ -151,11 +151,11 @@ TEST(PointerHand, RefusesInWordsWhatNoHandDoesAndGoesOn) {
   EXPECT_THAT(refused(6, {{1, std::numeric_limits<double>::quiet_NaN(), 0.5, 0}}), HasSubstr("far outside"));
   EXPECT_THAT(refused(6, {{1, 0.5, 0.5, std::numeric_limits<double>::infinity()}}), HasSubstr("8 cm"));
   EXPECT_NO_THROW(hand.point({6, {{1, 0.5, 0.5, 0}}}));
-  EXPECT_THROW(PointerHand(body_of(900), camera(), 6, kPeriod), UsageError);
+  EXPECT_THROW(PointerHand(kept_body(900), camera(), 6, kPeriod), UsageError);
 }
 
 TEST(PointerHand, KnowsWhichInputWasFeltWhen) {
-  PointerHand hand(body_of(900), camera(), 1, kPeriod);
+  PointerHand hand(kept_body(900), camera(), 1, kPeriod);
   later(hand, 0.01);
   EXPECT_EQ(hand.felt_by(PointerHand::Clock::now()), 0U);
   const auto before = PointerHand::Clock::now();
@@ -177,7 +177,7 @@ void draw_upwards(PointerHand& hand, double time_s, std::size_t finger, double b
 
 TEST(PointerHand, OnePointerLiftsTheBorderWithThreeFingersOrOne) {
   for (const std::size_t fingers : {3U, 1U}) {
-    const ExclusionBody& body = body_of(fingers == 1 ? 2000 : 900);
+    const ExclusionBody& body = kept_body(fingers == 1 ? 2000 : 900);
     ExclusionOptions options;
     options.picture_rate_hz = 20;
     options.width = 320;

@@ -18,7 +18,7 @@ using sim::PluginDevice;
 using sim::Vector3;
 using testing::HasSubstr;
 
-constexpr double kPeriod = 1e-3;
+constexpr double kPluginPeriod = 1e-3;
 
 std::filesystem::path plugin(const std::string& name) {
   return std::filesystem::path(test::built_file("lifting_finger")).replace_filename(name + ".so");
@@ -65,7 +65,7 @@ class FailingPlugin : public testing::TestWithParam<const char*> {};
 TEST_P(FailingPlugin, LeavesNoForceOnAFinger) {
   PluginDevice device(2, plugin("faulty_plugin"), GetParam());
   const SafetyLimits limits;
-  SafeDevice safe(device, kPeriod, limits);
+  SafeDevice safe(device, kPluginPeriod, limits);
   std::vector<sim::Pose> poses(2);
   std::vector<Vector3> before_n = safe.given_n();
   double largest_n = 0;
@@ -78,7 +78,7 @@ TEST_P(FailingPlugin, LeavesNoForceOnAFinger) {
     safe.write(std::vector<Vector3>(2, came ? Vector3(0, 0, 50) : Vector3::Zero()));
     for (std::size_t tool = 0; tool < 2; ++tool) {
       EXPECT_LE((safe.given_n()[tool] - before_n[tool]).norm(),
-                limits.most_slope_n_s * kPeriod * (1 + 1e-12));
+                limits.most_slope_n_s * kPluginPeriod * (1 + 1e-12));
       EXPECT_LE(safe.given_n()[tool].norm(), limits.most_force_n * (1 + 1e-12));
       largest_n = std::max(largest_n, safe.given_n()[tool].norm());
     }

@@ -5,6 +5,7 @@
 #include <nlohmann/json.hpp>
 
 #include "base/error.h"
+#include "tests/support/nanoseconds.h"
 #include "tests/support/recorded_case.h"
 #include "tests/support/temporary_folder.h"
 
@@ -14,23 +15,21 @@ namespace {
 using testing::HasSubstr;
 using testing::Not;
 
-constexpr std::int64_t kSecondNs = 1'000'000'000;
-
 /// Two steps, of which the second was done first; names that would be markup.
 Comparison sample() {
   Comparison comparison;
   comparison.steps = {{"<script>alert(1)</script>", 0, 2}, {"Clip & cut", 2, 1}, {"Close", 3, 1}};
-  const std::vector<Mark> marks{{2 * kSecondNs, "clip & cut"},
-                                {4 * kSecondNs, "done"},
-                                {5 * kSecondNs, "step 1: <b>now</b>"},
-                                {9 * kSecondNs, "step 1"}};
-  comparison.matching = match_by_marks(comparison.steps, marks, 10 * kSecondNs);
+  const std::vector<Mark> marks{{2 * kSecond, "clip & cut"},
+                                {4 * kSecond, "done"},
+                                {5 * kSecond, "step 1: <b>now</b>"},
+                                {9 * kSecond, "step 1"}};
+  comparison.matching = match_by_marks(comparison.steps, marks, 10 * kSecond);
   comparison.map.emplace(comparison.steps, comparison.matching);
   comparison.stream = "endoscope";
-  comparison.recording_end_ns = 10 * kSecondNs;
+  comparison.recording_end_ns = 10 * kSecond;
   VitalSeries systolic{"arterial pressure, systolic", "mm[Hg]", {}};
   for (int second = 0; second < 10; ++second)
-    systolic.numbers.push_back({second * kSecondNs, second < 3 ? 120.0 : 85.0});
+    systolic.numbers.push_back({second * kSecond, second < 3 ? 120.0 : 85.0});
   comparison.record.vitals[{"MDC_PRESS_BLD_ART_ABP_SYS", ""}] = systolic;
   comparison.figures = figures_of(comparison.steps, comparison.matching, comparison.record);
   return comparison;
@@ -56,7 +55,7 @@ TEST(ComparisonDocument, SaysWhatWasFoundAndIsReadBack) {
   EXPECT_EQ(document["in_planned_order"], false);
   EXPECT_EQ(document["steps"][0]["done"]["order"], 2);
   EXPECT_EQ(document["steps"][0]["done"]["end_from"], "recording-end");
-  EXPECT_EQ(document["steps"][0]["done"]["pause_before_ns"], kSecondNs);
+  EXPECT_EQ(document["steps"][0]["done"]["pause_before_ns"], kSecond);
   EXPECT_EQ(document["steps"][1]["done"]["end_from"], "mark");
   EXPECT_EQ(document["steps"][1]["pressure_events"][0]["text"], "systolic pressure 85.0 mmHg, below 90");
   EXPECT_EQ(document["steps"][2]["done"], nullptr);

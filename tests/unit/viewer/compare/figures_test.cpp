@@ -1,6 +1,7 @@
 #include "viewer/compare/figures.h"
 
 #include "media/vital_line.h"
+#include "tests/support/nanoseconds.h"
 #include "tests/support/recorded_case.h"
 #include "tests/support/temporary_folder.h"
 
@@ -9,28 +10,27 @@ namespace {
 
 using testing::ElementsAre;
 
-constexpr std::int64_t kSecondNs = 1'000'000'000;
 constexpr const char* kSystolic = "MDC_PRESS_BLD_ART_ABP_SYS";
 
-const std::vector<PlannedStep> kSteps{{"a", 0, 2}, {"b", 2, 1}, {"c", 3, 4}};
+const std::vector<PlannedStep> kStepsOfFigures{{"a", 0, 2}, {"b", 2, 1}, {"c", 3, 4}};
 
 StepMatching two_steps() {
   StepMatch second, first;
   second.step = 1;
-  second.span = {100 * kSecondNs, 110 * kSecondNs};
-  second.pauses = {{102 * kSecondNs, 105 * kSecondNs}};
+  second.span = {100 * kSecond, 110 * kSecond};
+  second.pauses = {{102 * kSecond, 105 * kSecond}};
   second.end_from = KnownFrom::kHand;
   first.step = 0;
-  first.span = {130 * kSecondNs, 160 * kSecondNs};
+  first.span = {130 * kSecond, 160 * kSecond};
   first.end_from = KnownFrom::kHand;
-  return match_by_hand(kSteps, {first, second}, 200 * kSecondNs);
+  return match_by_hand(kStepsOfFigures, {first, second}, 200 * kSecond);
 }
 
 /// A value a second from 0 to 200 s.
 template <typename Value>
 VitalSeries series(const Value& value) {
   VitalSeries made{"systolic", "mm[Hg]", {}};
-  for (int second = 0; second < 200; ++second) made.numbers.push_back({second * kSecondNs, value(second)});
+  for (int second = 0; second < 200; ++second) made.numbers.push_back({second * kSecond, value(second)});
   return made;
 }
 
@@ -39,13 +39,13 @@ TEST(Figures, StateOrderPausesAndTheChangeOfVitalSigns) {
   record.vitals[{kSystolic, ""}] = series([](int second) {
     return second < 100 ? 120.0 : second < 110 ? 100 : 130;
   });
-  const std::vector<StepFigures> figures = figures_of(kSteps, two_steps(), record);
+  const std::vector<StepFigures> figures = figures_of(kStepsOfFigures, two_steps(), record);
   ASSERT_EQ(figures.size(), 3U);
   EXPECT_EQ(figures[0].done_as, 1U);
-  EXPECT_EQ(figures[0].pause_before_ns, 20 * kSecondNs);
+  EXPECT_EQ(figures[0].pause_before_ns, 20 * kSecond);
   EXPECT_EQ(figures[1].done_as, 0U);
   EXPECT_FALSE(figures[1].pause_before_ns.has_value());
-  EXPECT_EQ(figures[1].pauses_within_ns, 3 * kSecondNs);
+  EXPECT_EQ(figures[1].pauses_within_ns, 3 * kSecond);
   EXPECT_FALSE(figures[2].done_as.has_value());
   EXPECT_TRUE(figures[2].vitals.empty());
   ASSERT_EQ(figures[1].vitals.size(), 1U);
@@ -60,8 +60,8 @@ TEST(Figures, ApauseIsNotKnownWhereNobodySaidWhenTheStepBeforeEnded) {
   a.span = {10, 9};
   b.step = 1;
   b.span = {50, 60};
-  const StepMatching matching = match_by_hand(kSteps, {a, b}, 100);
-  EXPECT_FALSE(figures_of(kSteps, matching, {})[1].pause_before_ns.has_value());
+  const StepMatching matching = match_by_hand(kStepsOfFigures, {a, b}, 100);
+  EXPECT_FALSE(figures_of(kStepsOfFigures, matching, {})[1].pause_before_ns.has_value());
 }
 
 TEST(Figures, TellPressuresThatPassTheirLimitsAndAlarms) {
@@ -73,19 +73,19 @@ TEST(Figures, TellPressuresThatPassTheirLimitsAndAlarms) {
       series([](int second) { return second < 30 ? 9.0 : 8; });
   record.vitals[{"MDC_PRESS_BLD_ART_ABP_MEAN", ""}].unit = "kPa";
   record.vitals[{"MDC_PRESS_BLD_ART_PULM_MEAN", ""}] = series([](int) { return 12.0; });
-  record.alarms = {{15 * kSecondNs, kSystolic, "ABP high", "PM"},
-                   {16 * kSecondNs, "MDC_ECG_HEART_RATE", "HR", ""}};
-  const auto events = pressure_events(record, 0, 200 * kSecondNs);
+  record.alarms = {{15 * kSecond, kSystolic, "ABP high", "PM"},
+                   {16 * kSecond, "MDC_ECG_HEART_RATE", "HR", ""}};
+  const auto events = pressure_events(record, 0, 200 * kSecond);
   std::vector<std::string> texts;
   for (const PressureEvent& event : events)
-    texts.push_back(std::to_string(event.time_ns / kSecondNs) + " " + event.text);
+    texts.push_back(std::to_string(event.time_ns / kSecond) + " " + event.text);
   EXPECT_THAT(texts, ElementsAre("0 systolic pressure 80.0 mmHg, below 90", "15 ABP high",
                                  "20 systolic pressure 88.0 mmHg, below 90",
                                  "25 systolic pressure 161.0 mmHg, above 160",
                                  "30 mean pressure 60.0 mmHg, below 65"));
   EXPECT_TRUE(events[1].is_alarm);
   // What had passed before is no event of the time that follows.
-  EXPECT_TRUE(pressure_events(record, 26 * kSecondNs, 30 * kSecondNs).empty());
+  EXPECT_TRUE(pressure_events(record, 26 * kSecond, 30 * kSecond).empty());
 }
 
 TEST(CaseRecord, IsWhatTheCaseHoldsOfMarksNumbersAndAlarms) {

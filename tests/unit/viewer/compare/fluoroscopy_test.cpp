@@ -14,6 +14,7 @@
 #include "media/film_writer.h"
 #include "sim/mesh/mesh_writer.h"
 #include "tests/support/ball_mesh.h"
+#include "tests/support/nanoseconds.h"
 #include "tests/support/recorded_case.h"
 #include "tests/support/temporary_folder.h"
 #include "tests/support/tet_grid.h"
@@ -27,7 +28,6 @@ using testing::HasSubstr;
 using testing::ThrowsMessage;
 
 constexpr int kSide = 160, kRate = 10;
-constexpr std::int64_t kSecondNs = 1'000'000'000;
 
 class FluoroscopyOfAPlan : public testing::Test {
  protected:
@@ -73,12 +73,12 @@ class FluoroscopyOfAPlan : public testing::Test {
     frames_.emplace(*plan_);
     radiographs_.emplace(*plan_, ct);
     comparison_.stream = "fluoroscopy";
-    comparison_.recording_end_ns = kSecondNs;
+    comparison_.recording_end_ns = kSecond;
     comparison_.steps = planned_steps(*plan_);
     StepMatch whole;
-    whole.span = {0, kSecondNs};
+    whole.span = {0, kSecond};
     whole.start_from = whole.end_from = KnownFrom::kHand;
-    comparison_.matching = match_by_hand(comparison_.steps, {whole}, kSecondNs);
+    comparison_.matching = match_by_hand(comparison_.steps, {whole}, kSecond);
     comparison_.map.emplace(comparison_.steps, comparison_.matching);
   }
 
@@ -107,14 +107,14 @@ class FluoroscopyOfAPlan : public testing::Test {
 
   [[nodiscard]] Fluoroscopy compared(const archive::CaseReader& recording, bool align) {
     return compare_fluoroscopy(recording, reader_.identities, *comparison_.map, *frames_, *radiographs_,
-                               {"fluoroscopy", geometry_, sim::Polarity::kBoneBlack, kSecondNs / 2, align});
+                               {"fluoroscopy", geometry_, sim::Polarity::kBoneBlack, kSecond / 2, align});
   }
 
   /// Mean difference of red and blue: nothing where both radiographs agree.
   [[nodiscard]] double colour_of_difference(const archive::CaseReader& recording, const Fluoroscopy& found) {
     PairedRadiographs paired(recording, reader_.identities, comparison_, found, *frames_, *radiographs_,
-                             RadiographForm::kDifference, 0.5, 0, kSecondNs);
-    const sim::Picture picture = paired.at(kSecondNs / 2);
+                             RadiographForm::kDifference, 0.5, 0, kSecond);
+    const sim::Picture picture = paired.at(kSecond / 2);
     const int top = (picture.height - kSide) / 3;  // a line of text above, two below
     double sum = 0;
     for (int y = top; y < top + kSide; ++y) {
@@ -139,7 +139,7 @@ TEST_F(FluoroscopyOfAPlan, FindsWhereThePatientLay) {
   const Fluoroscopy as_given = compared(recording, false), found = compared(recording, true);
   EXPECT_FALSE(as_given.alignment.has_value());
   ASSERT_TRUE(found.alignment);
-  EXPECT_EQ(found.at_ns, kSecondNs / 2);
+  EXPECT_EQ(found.at_ns, kSecond / 2);
   EXPECT_NEAR(found.plan_s, 0.5, 1e-9);
   EXPECT_NEAR(found.similarity, found.alignment->similarity_before, 1e-6);
   EXPECT_LT(found.similarity, 0.8);
@@ -175,9 +175,9 @@ TEST_F(FluoroscopyOfAPlan, FollowsThePlanAsTissueIsPressed) {
                                    {RadiographForm::kCheckerboard, kSide},
                                    {RadiographForm::kContour, kSide}}) {
     PairedRadiographs paired(recording, reader_.identities, comparison_, found, *frames_, *radiographs_, form,
-                             0.5, 0, kSecondNs);
+                             0.5, 0, kSecond);
     EXPECT_EQ(paired.width(), wide);
-    EXPECT_EQ(paired.at(kSecondNs / 2).width, wide);
+    EXPECT_EQ(paired.at(kSecond / 2).width, wide);
   }
 }
 
@@ -191,8 +191,7 @@ TEST_F(FluoroscopyOfAPlan, SaysWhatCannotBeCompared) {
   };
   EXPECT_THAT(with(geometry_.binned(2), 0),
               ThrowsMessage<UsageError>(HasSubstr("have 160 x 160 pixels, the geometry 80 x 80")));
-  EXPECT_THAT(with(geometry_, 9 * kSecondNs),
-              ThrowsMessage<UsageError>(HasSubstr("no picture at that time")));
+  EXPECT_THAT(with(geometry_, 9 * kSecond), ThrowsMessage<UsageError>(HasSubstr("no picture at that time")));
   EXPECT_EQ(fluoroscopy_of(recording, {}), "fluoroscopy") << "by its purpose";
   EXPECT_THAT([&] { (void)fluoroscopy_of(recording, "none"); }, testing::Throws<UsageError>());
 }

@@ -11,6 +11,7 @@
 #include "sim/mesh/mesh_writer.h"
 #include "sim/render/plan_pictures.h"
 #include "tests/support/ball_mesh.h"
+#include "tests/support/nanoseconds.h"
 #include "tests/support/recorded_case.h"
 #include "tests/support/temporary_folder.h"
 #include "tests/support/tet_grid.h"
@@ -20,8 +21,7 @@
 namespace kiroku::compare {
 namespace {
 
-constexpr int kWidth = 320, kHeight = 240, kRate = 25;
-constexpr std::int64_t kSecondNs = 1'000'000'000;
+constexpr int kTruthWidth = 320, kTruthHeight = 240, kTruthRate = 25;
 
 /// Steps of the plan: one finger presses (2 s), nothing moves (1 s), another finger glides (2 s). Done: the
 /// glide first and twice as slow, 1.2 s of pause, the press, interrupted in its middle for 0.8 s, the hold
@@ -66,7 +66,7 @@ class KnownTruth : public testing::Test {
         });
     volume_ = std::make_shared<const sim::ShadedVolume>(
         sim::shade(ct, {sim::Vector3::Constant(-0.005), sim::Vector3(0.085, 0.029, 0.065)}));
-    camera_ = sim::camera_looking_at({{0.04, 0.012, 0.03}, 0.05}, {20, 15}, kWidth, kHeight);
+    camera_ = sim::camera_looking_at({{0.04, 0.012, 0.03}, 0.05}, {20, 15}, kTruthWidth, kTruthHeight);
     plan_ = plan_with(0);
     frames_.emplace(*plan_);
   }
@@ -107,25 +107,25 @@ class KnownTruth : public testing::Test {
                                const std::vector<Mark>& marks) {
     sim::Scene scene;
     scene.camera = camera_;
-    scene.width = kWidth;
-    scene.height = kHeight;
+    scene.width = kTruthWidth;
+    scene.height = kTruthHeight;
     sim::PlanPictures pictures(plan, volume_, sim::find_transfer_function("liver"), sim::GpuUse::kOff, scene);
     test::RecordedStream film{"endoscope", "video", "video/x-matroska", {}, {}};
     const sim::PlanFrames::Kept* shown = nullptr;
     sim::Picture picture;
     for (int second = 0; second < int(kRecordedS); ++second) {
-      media::FilmWriter writer(folder_ / "second.mkv", {kWidth, kHeight, 3, kRate, 1}, true);
-      for (int i = 0; i < kRate; ++i) {
-        const PlanMoment moment = truth_at(second + double(i) / kRate);
+      media::FilmWriter writer(folder_ / "second.mkv", {kTruthWidth, kTruthHeight, 3, kTruthRate, 1}, true);
+      for (int i = 0; i < kTruthRate; ++i) {
+        const PlanMoment moment = truth_at(second + double(i) / kTruthRate);
         const sim::PlanFrames::Kept& kept = frames.at(moment.step, moment.plan_s);
         if (&kept != shown) picture = pictures.picture(kept.frame, *kept.mesh);
         shown = &kept;
-        writer.add({kWidth, kHeight, 3, picture.rgb});
+        writer.add({kTruthWidth, kTruthHeight, 3, picture.rgb});
       }
       writer.finish();
       std::ifstream in(folder_ / "second.mkv", std::ios::binary);
       film.segments.push_back(to_bytes(std::string{std::istreambuf_iterator<char>(in), {}}));
-      film.units.push_back(kRate);
+      film.units.push_back(kTruthRate);
     }
     std::string lines;
     for (const Mark& mark : marks) {
@@ -160,11 +160,11 @@ class KnownTruth : public testing::Test {
     std::mt19937 random(7);
     const auto click = [&](const sim::Vector3& at) {
       const double x = double(random()) / 4294967296.0 - 0.5, y = double(random()) / 4294967296.0 - 0.5;
-      return Eigen::Vector2d(*pixel_of(camera_, at, kWidth, kHeight) + Eigen::Vector2d(x, y));
+      return Eigen::Vector2d(*pixel_of(camera_, at, kTruthWidth, kTruthHeight) + Eigen::Vector2d(x, y));
     };
     ByHand said;
     said.registration.emplace();
-    said.registration->time_ns = kSecondNs / 5;
+    said.registration->time_ns = kSecond / 5;
     const double half = camera_.half_extent.minCoeff();
     said.registration->field_deg = 2 * std::atan(half) * 180 / 3.14159265358979323846;
     for (const sim::Vector3& at :
@@ -174,7 +174,8 @@ class KnownTruth : public testing::Test {
       said.registration->points.push_back({at, click(at)});
     for (const double at_s : {0.6, 1.1, 1.6, 2.1, 2.6, 3.1, 3.6, 4.1, 4.56}) {
       const auto tip = tool_at(recorded, 1, truth_at(at_s));
-      said.tools[1].push_back({std::llround(at_s * 1e9), *pixel_of(camera_, *tip, kWidth, kHeight)});
+      said.tools[1].push_back(
+          {std::llround(at_s * 1e9), *pixel_of(camera_, *tip, kTruthWidth, kTruthHeight)});
     }
     return said;
   }
@@ -235,10 +236,10 @@ TEST_F(KnownTruth, HowFarAToolWentAsideIsFoundWithinAPixel) {
   const Comparison found = compare(recording, reader_.identities, "endoscope", *plan_, by_hand(recorded),
                                    [&]() -> const sim::PlanFrames& { return *frames_; });
   Distance truth;
-  for (double at_s = kDone[0].start_s; at_s < kDone[0].end_s; at_s += 1.0 / kRate) {
+  for (double at_s = kDone[0].start_s; at_s < kDone[0].end_s; at_s += 1.0 / kTruthRate) {
     const PlanMoment moment = truth_at(at_s);
-    const auto done = pixel_of(camera_, *tool_at(recorded, 1, moment), kWidth, kHeight);
-    const auto planned = pixel_of(camera_, *tool_at(*frames_, 1, moment), kWidth, kHeight);
+    const auto done = pixel_of(camera_, *tool_at(recorded, 1, moment), kTruthWidth, kTruthHeight);
+    const auto planned = pixel_of(camera_, *tool_at(*frames_, 1, moment), kTruthWidth, kTruthHeight);
     truth.add((*done - *planned).norm());
   }
   ASSERT_EQ(found.tools.size(), 1U);
@@ -251,28 +252,28 @@ TEST_F(KnownTruth, BothPicturesOfAMomentAreTheSame) {
   const auto recording = archive::CaseReader::open(record(*plan_, *frames_, marks([] { return 0.0; })));
   const Comparison found = compare(recording, reader_.identities, "endoscope", *plan_, {}, {});
   const PictureSize size = picture_size(recording, reader_.identities, "endoscope", 0, 640);
-  EXPECT_EQ(size.width, kWidth);
-  EXPECT_EQ(size.height, kHeight);
+  EXPECT_EQ(size.width, kTruthWidth);
+  EXPECT_EQ(size.height, kTruthHeight);
   sim::Scene scene;
   scene.camera = camera_;
-  scene.width = kWidth;
-  scene.height = kHeight;
+  scene.width = kTruthWidth;
+  scene.height = kTruthHeight;
   sim::PlanPictures plan(*plan_, volume_, sim::find_transfer_function("liver"), sim::GpuUse::kOff, scene);
   CompositionForm form;
-  form.width = kWidth;
-  form.height = kHeight;
-  PairedPictures paired(recording, reader_.identities, found, *frames_, plan, form, 0, 10 * kSecondNs);
-  ASSERT_EQ(paired.width(), 2 * kWidth + 8);
+  form.width = kTruthWidth;
+  form.height = kTruthHeight;
+  PairedPictures paired(recording, reader_.identities, found, *frames_, plan, form, 0, 10 * kSecond);
+  ASSERT_EQ(paired.width(), 2 * kTruthWidth + 8);
   // In the middle of each of the plan's time steps, so that rounding decides nothing.
   for (const double at_s : {0.3, 1.02, 3.1, 5.0, 6.5, 7.2, 8.3, 8.8, 9.9}) {
     const sim::Picture both = paired.at(std::llround(at_s * 1e9));
-    const int top = (paired.height() - kHeight) / 3;
+    const int top = (paired.height() - kTruthHeight) / 3;
     double sum = 0;
-    for (int y = 0; y < kHeight; ++y) {
-      for (int x = 0; x < kWidth; ++x)
-        sum += std::abs(int(both.pixel(x, top + y)[0]) - int(both.pixel(kWidth + 8 + x, top + y)[0]));
+    for (int y = 0; y < kTruthHeight; ++y) {
+      for (int x = 0; x < kTruthWidth; ++x)
+        sum += std::abs(int(both.pixel(x, top + y)[0]) - int(both.pixel(kTruthWidth + 8 + x, top + y)[0]));
     }
-    EXPECT_LT(sum / (kWidth * kHeight), 0.5) << at_s;
+    EXPECT_LT(sum / (kTruthWidth * kTruthHeight), 0.5) << at_s;
   }
   EXPECT_EQ(paired.caption_at(std::llround(5.0e9)).step, "pause");
   EXPECT_EQ(paired.caption_at(std::llround(6.5e9)).step, "step 1 of 3: press first");

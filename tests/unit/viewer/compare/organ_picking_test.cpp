@@ -23,7 +23,7 @@ using nlohmann::json;
 using sim::Vector3;
 using testing::HasSubstr;
 
-constexpr int kWidth = 320, kHeight = 240;
+constexpr int kPickingWidth = 320, kPickingHeight = 240;
 
 /// A cube of 10 mm; its second step lifts the top by up to 2 mm.
 class OrganPickingTest : public testing::Test {
@@ -41,12 +41,12 @@ class OrganPickingTest : public testing::Test {
   }
   static PickingView view(std::size_t step, double plan_s, double azimuth_deg = 30,
                           double elevation_deg = 20) {
-    return {step, plan_s, azimuth_deg, elevation_deg, 1.2, 0.05, -0.02, kWidth, kHeight};
+    return {step, plan_s, azimuth_deg, elevation_deg, 1.2, 0.05, -0.02, kPickingWidth, kPickingHeight};
   }
   /// As a part of the picture.
   [[nodiscard]] Eigen::Vector2d seen(const PickingView& from, const Vector3& point_m) const {
-    const Eigen::Vector2d pixel = *pixel_of(picking_->camera(from), point_m, kWidth, kHeight);
-    return {(pixel.x() + 0.5) / kWidth, (pixel.y() + 0.5) / kHeight};
+    const Eigen::Vector2d pixel = *pixel_of(picking_->camera(from), point_m, kPickingWidth, kPickingHeight);
+    return {(pixel.x() + 0.5) / kPickingWidth, (pixel.y() + 0.5) / kPickingHeight};
   }
   json answer(const json& question) { return json::parse(answer_picking(*picking_, question.dump())); }
   static json asked(const PickingView& from) {
@@ -116,7 +116,8 @@ TEST_F(OrganPickingTest, ShowsTheOrganWhereItIsPicked) {
   // Tissue is in the picture where there is an organ, and none where there is not.
   const sim::Picture picture = picking_->picture(from);
   const auto light = [&](const Eigen::Vector2d& at) {
-    const auto rgb = picture.pixel(static_cast<int>(at.x() * kWidth), static_cast<int>(at.y() * kHeight));
+    const auto rgb =
+        picture.pixel(static_cast<int>(at.x() * kPickingWidth), static_cast<int>(at.y() * kPickingHeight));
     return int(rgb[0]) + int(rgb[1]) + int(rgb[2]);
   };
   EXPECT_GT(light(seen(from, {5e-3, 0, 5e-3})), light({0.01, 0.01}) + 60);
@@ -136,11 +137,11 @@ TEST_F(OrganPickingTest, SaysHowWellPointsRegisterACamera) {
                                    return one;
                                  }()}});
     ASSERT_FALSE(picked["organ"].is_null()) << mm.transpose();
-    points.push_back(
-        {{"organ", picked["organ"]}, {"pixel", {at.x() * kWidth - 0.5, at.y() * kHeight - 0.5}}});
+    points.push_back({{"organ", picked["organ"]},
+                      {"pixel", {at.x() * kPickingWidth - 0.5, at.y() * kPickingHeight - 0.5}}});
   }
   const auto judged = [&](const json& some, const json& field) {
-    json said{{"width", kWidth}, {"height", kHeight}, {"points", some}};
+    json said{{"width", kPickingWidth}, {"height", kPickingHeight}, {"points", some}};
     if (!field.is_null()) said["field_deg"] = field;
     return answer({{"registration", said}});
   };

@@ -1,3 +1,4 @@
+#include "tests/support/nanoseconds.h"
 #include "viewer/kept/log_of_case.h"
 
 #include <gmock/gmock.h>
@@ -11,7 +12,6 @@ using namespace std::chrono_literals;
 using testing::HasSubstr;
 using Answer = Check::Answer;
 
-constexpr std::int64_t kSecond = 1'000'000'000;
 
 /// A log of four entries under which a case was opened, ten seconds after its room began to record ahead.
 class SealedBefore : public testing::Test {

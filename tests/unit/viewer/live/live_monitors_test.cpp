@@ -1,3 +1,4 @@
+#include "tests/support/nanoseconds.h"
 #include "viewer/live/live_monitors.h"
 
 #include <gmock/gmock.h>
@@ -10,7 +11,6 @@ using testing::ElementsAre;
 using testing::IsEmpty;
 using testing::SizeIs;
 
-constexpr std::int64_t kSecond = 1'000'000'000;
 
 class LiveMonitorsTest : public testing::Test {
  protected:

@@ -1,3 +1,4 @@
+#include "tests/support/nanoseconds.h"
 #include "viewer/playback/case_vitals.h"
 
 #include <fstream>
@@ -26,7 +27,6 @@ using testing::Not;
 using testing::SizeIs;
 
 constexpr int kPatienceMs = 20'000;
-constexpr std::int64_t kSecond = 1'000'000'000;
 
 class CaseVitalsTest : public testing::Test {
  protected:

@@ -28,7 +28,7 @@ using testing::SizeIs;
 
 constexpr int kRate = 48'000;
 /// How far libavformat's muxer sets time stamps of MPEG-TS behind the packets'.
-constexpr std::int64_t kTransportDelay = kRate / 2;
+constexpr std::int64_t kTransportDelaySamples = kRate / 2;
 
 class ViewingSoundTest : public testing::Test {
  protected:
@@ -123,7 +123,7 @@ TEST_F(ViewingSoundTest, OfLayer2IsWhatADecoderOfTheWholeMakesOfIt) {
   EXPECT_THAT(sound.breaks, IsEmpty());
   double largest = 0;
   for (std::int64_t at = 1'152; at < 9 * kRate - 5'000; ++at) {
-    largest = std::max(largest, std::abs(sound.at(at) - archived.at(at + kTransportDelay)));
+    largest = std::max(largest, std::abs(sound.at(at) - archived.at(at + kTransportDelaySamples)));
   }
   EXPECT_LT(largest, 0.51 / 32'768) << "more than rounding to 16 bit";
 }

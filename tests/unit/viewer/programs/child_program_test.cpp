@@ -86,14 +86,14 @@ TEST_F(AProgram, IsStopped) {
 }
 
 /// Where the handler of this test writes.
-int heard = -1;
+int pipe_of_handler = -1;
 
 TEST_F(AProgram, NeverRunsAHandlerOfTheServer) {
   const DescriptorPair pipe = make_pipe();
-  heard = pipe.theirs.number();
+  pipe_of_handler = pipe.theirs.number();
   struct sigaction action {
   }, before{};
-  action.sa_handler = [](int) { static_cast<void>(!::write(heard, "x", 1)); };
+  action.sa_handler = [](int) { static_cast<void>(!::write(pipe_of_handler, "x", 1)); };
   ::sigaction(SIGTERM, &action, &before);
   // Asked to end at once: it has not become another program yet.
   for (int i = 0; i < 20; ++i) {
