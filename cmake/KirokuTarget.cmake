@@ -36,6 +36,13 @@ function(kiroku_configure target)
   if(KIROKU_FUZZ)
     target_compile_options(${target} PRIVATE -fsanitize=fuzzer-no-link)
   endif()
+  # Eight files are one to the compiler, which reads their headers once. Names in unnamed namespaces must therefore differ within a target.
+  if(KIROKU_UNITY)
+    set_target_properties(${target} PROPERTIES UNITY_BUILD ON UNITY_BUILD_BATCH_SIZE 8)
+    if(CMAKE_CXX_COMPILER_ID STREQUAL "GNU")
+      target_compile_options(${target} PRIVATE -Wno-subobject-linkage)  # it takes every included file for a header
+    endif()
+  endif()
 endfunction()
 
 # kiroku_library(NAME SOURCES... ) with the house's options.
