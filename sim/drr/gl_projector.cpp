@@ -15,7 +15,6 @@
 namespace kiroku::sim {
 namespace {
 
-
 // All lengths in mm. The view's axes are those of the detector: a pixel at (s, t), each from -1 to 1, looks
 // along (s, t, -1), whose length in the patient `metric` gives; -z is the depth.
 constexpr const char* kVertex = R"GLSL(#version 450 core

@@ -80,7 +80,8 @@ void BoundNodes::append_rows(std::size_t first) {
     const auto all_rows = nodes_[static_cast<std::size_t>(of_column / 3)].columns().col(of_column % 3);
     for (Eigen::Index row = 0; row < last_rows.rows(); ++row) {
       const Eigen::Index of_row = free_[before + static_cast<std::size_t>(row)];
-      last_rows(row, column) = all_rows[first_row(nodes_[static_cast<std::size_t>(of_row / 3)].row) + of_row % 3];
+      last_rows(row, column) =
+          all_rows[first_row(nodes_[static_cast<std::size_t>(of_row / 3)].row) + of_row % 3];
     }
   }
   if (!compliance_.append(last_rows)) {
@@ -166,10 +167,12 @@ void BoundNodes::learn_columns(std::span<const Contact> contacts) {
   std::ranges::copy_if(now, std::back_inserter(nodes), [&](auto node) { return !pressed_.contains(node); });
   if (nodes.empty()) return;
   // All together, so that what is known of the bound nodes is read once.
-  Eigen::MatrixXd pushed(first_row(nodes_.size()), first_row(nodes.size())), columns(unheld_m_.size(), first_row(nodes.size()));
+  Eigen::MatrixXd pushed(first_row(nodes_.size()), first_row(nodes.size())),
+      columns(unheld_m_.size(), first_row(nodes.size()));
   for (std::size_t i = 0; i < nodes.size(); ++i) {
     const auto group = body_->compliance().group_of(nodes[i]);
-    columns.middleCols<3>(first_row(i)) = group->columns.middleCols<3>(Compliance::first_column(*group, nodes[i]));
+    columns.middleCols<3>(first_row(i)) =
+        group->columns.middleCols<3>(Compliance::first_column(*group, nodes[i]));
     pushed.middleCols<3>(first_row(i)) = -pushed_m(nodes[i]);
   }
   add_displacements(holding_n(pushed), columns);

@@ -79,7 +79,9 @@ Manipulation::Manipulation(const Manipulation& other)
       surface_m_(other.surface_m_),
       tree_(other.tree_) {}
 
-Eigen::Index Manipulation::row_of(std::uint32_t node) const { return first_row(body_.compliance().row_of(node)); }
+Eigen::Index Manipulation::row_of(std::uint32_t node) const {
+  return first_row(body_.compliance().row_of(node));
+}
 
 Vector3 Manipulation::position_m(std::uint32_t node, const Eigen::VectorXd& displacement_m) const {
   return body_.body().mesh().nodes[node] + displacement_m.segment<3>(row_of(node));
@@ -287,7 +289,8 @@ Eigen::VectorXd Manipulation::displacement_m() const {
 Eigen::VectorXd Manipulation::tool_force_n() const {
   Eigen::VectorXd force_n = Eigen::VectorXd::Zero(first_row(body_.body().mesh().nodes.size()));
   for (const BoundNode& held : result_.bound) force_n.segment<3>(first_row(held.node)) += held.force_n;
-  for (const Contact& contact : result_.contacts) force_n.segment<3>(first_row(contact.node)) += contact.force_n;
+  for (const Contact& contact : result_.contacts)
+    force_n.segment<3>(first_row(contact.node)) += contact.force_n;
   return force_n;
 }
 

@@ -1,8 +1,9 @@
 // Where a node's three coordinates stand in a vector of 3|V| numbers.
 #pragma once
 
-#include <Eigen/Core>
 #include <cstddef>
+
+#include <Eigen/Core>
 
 namespace kiroku::sim {
 

@@ -27,8 +27,7 @@ struct Crop {
 
 std::string text_of(const Extent& extent) {
   const auto text = [](const Vector3& v) {
-    return "(" + number_text(v.x() * kMmPerM, 4) + ", " +
-           number_text(v.y() * kMmPerM, 4) + ", " +
+    return "(" + number_text(v.x() * kMmPerM, 4) + ", " + number_text(v.y() * kMmPerM, 4) + ", " +
            number_text(v.z() * kMmPerM, 4) + ")";
   };
   return text(extent.least) + " to " + text(extent.greatest) + " mm";

@@ -71,7 +71,8 @@ class SoftwareContext : public GlContext {
  private:
   void bind() override {
     if (mesa_.make_current(context_, screen_.data(), GL_UNSIGNED_BYTE, kSide, kSide) == 0)
-      throw Error(std::string(kOsMesaLibrary) + " cannot use its own context: install Debian's libosmesa6 anew");
+      throw Error(std::string(kOsMesaLibrary) +
+                  " cannot use its own context: install Debian's libosmesa6 anew");
   }
   void release() noexcept override { mesa_.make_current(nullptr, nullptr, GL_UNSIGNED_BYTE, 0, 0); }
 

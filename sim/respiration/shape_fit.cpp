@@ -82,8 +82,8 @@ class SurfaceFit {
         row_of.head<3>() = distance.gradient;
         row_of.segment<3>(3) = cross_matrix(placed_m - placement * centre_m_) * distance.gradient;
         for (std::size_t i = 0; i < responses.size(); ++i) {
-          row_of[static_cast<Eigen::Index>(6 + i)] =
-              distance.gradient.dot(placement.linear() * responses[i].segment<3>(first_row(surface_.nodes[row])));
+          row_of[static_cast<Eigen::Index>(6 + i)] = distance.gradient.dot(
+              placement.linear() * responses[i].segment<3>(first_row(surface_.nodes[row])));
         }
         const double weight =
             surface_.areas_m2[row] * std::min(1.0, robust_m / std::max(std::abs(distance.distance_m), 1e-12));

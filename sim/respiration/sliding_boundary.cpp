@@ -207,7 +207,8 @@ class EvenlyStretched {
       for (std::size_t i = 0; i < 6; ++i) {
         const auto [to, along] = kAxes[i];
         stretches(first_row(node) + to, static_cast<Eigen::Index>(i)) += mesh_.nodes[node][along];
-        if (to != along) stretches(first_row(node) + along, static_cast<Eigen::Index>(i)) += mesh_.nodes[node][to];
+        if (to != along)
+          stretches(first_row(node) + along, static_cast<Eigen::Index>(i)) += mesh_.nodes[node][to];
       }
     }
     const StiffnessMatrix loose(mesh_, [this](std::size_t t) { return element_matrix(t); });
@@ -281,8 +282,8 @@ std::vector<Spring> springs_at(const TetMesh& mesh, const LungSurface& surface, 
                   stiffness_n_m3 * each_m2 * robust(partner->along_m)};
     for (std::size_t corner = 0; corner < 3; ++corner) {
       spring.nodes[corner] = surface.nodes[surface.faces[partner->face][corner]];
-      spring.wanted_m +=
-          spring.weights[corner] * spring.direction.dot(displacement_m.segment<3>(first_row(spring.nodes[corner])));
+      spring.wanted_m += spring.weights[corner] *
+                         spring.direction.dot(displacement_m.segment<3>(first_row(spring.nodes[corner])));
     }
     springs.push_back(spring);
   }

@@ -20,7 +20,6 @@ using archive::VerificationReport;
 using ::testing::HasSubstr;
 using ::testing::Not;
 
-
 /// The earlier case as a later one names it.
 CarriedOn named(const fs::path& folder) {
   CarriedOn earlier{folder.filename().string(), archive::newest_note(folder), {}};

@@ -115,8 +115,8 @@ INSTANTIATE_TEST_SUITE_P(
             {},
             Verdict::kTampered,
             true},
-        Attack{"EndCutBehindAClaimedPowerCut", [](AttackedCase& c) { c.cut(7); }, "log-knows-more", kLedgerName,
-               7, Verdict::kTampered, true},
+        Attack{"EndCutBehindAClaimedPowerCut", [](AttackedCase& c) { c.cut(7); }, "log-knows-more",
+               kLedgerName, 7, Verdict::kTampered, true},
         Attack{"TwoCasesOfOneIdentifier",
                [](AttackedCase& c) {
                  const fs::path other = SoundCases::get().second;
@@ -131,14 +131,15 @@ INSTANTIATE_TEST_SUITE_P(
                  forge_all(c);
                },
                "log-opening-differs", kLog, 1, Verdict::kTampered, true},
-        Attack{
-            "LogTruncated",
-            [](AttackedCase& c) { fs::resize_file(c.log() / kLedgerName, fs::file_size(c.log() / kLedgerName) / 2); },
-            "ledger-cut",
-            "log/checkpoints/00000010.note",
-            {},
-            Verdict::kTampered,
-            true},
+        Attack{"LogTruncated",
+               [](AttackedCase& c) {
+                 fs::resize_file(c.log() / kLedgerName, fs::file_size(c.log() / kLedgerName) / 2);
+               },
+               "ledger-cut",
+               "log/checkpoints/00000010.note",
+               {},
+               Verdict::kTampered,
+               true},
         Attack{"LogCutConsistently",
                [](AttackedCase& c) {
                  std::vector<std::string> lines = log_lines(c.log());

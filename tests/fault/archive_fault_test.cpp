@@ -28,7 +28,6 @@ using test::FaultFileSystem;
 using test::SampleArchive;
 using test::SampleCase;
 
-
 std::string text_in(const fs::path& file) {
   std::ifstream input(file, std::ios::binary);
   std::ostringstream text;

@@ -173,7 +173,8 @@ class ResumptionFault : public testing::Test {
     const std::size_t calls = this->calls();
     ASSERT_GT(calls, 40U);
     std::size_t points = 0;
-    for (std::size_t at = 0; at <= calls && !HasFailure(); at += test::fault_step(kUsualResumptionStep), ++points) {
+    for (std::size_t at = 0; at <= calls && !HasFailure();
+         at += test::fault_step(kUsualResumptionStep), ++points) {
       SCOPED_TRACE("call " + std::to_string(at) + " of " + std::to_string(calls));
       restore();
       start_and_die(at, power);

@@ -12,9 +12,9 @@ namespace {
 
 using sim::Vector3;
 
-constexpr double kSideMetres = 0.2, kThicknessMetres = 0.015, kFixedShareOfPlate = 0.075;
+constexpr double kSideMetres = 0.2, kThicknessMetres = 0.015, kFixedShare = 0.075;
 constexpr std::array<std::uint32_t, 3> kCells{20, 20, 2};
-constexpr sim::Material kPlateTissue{0.2e6, 0.4, 1000};
+constexpr sim::Material kTissue{0.2e6, 0.4, 1000};
 constexpr double kFingerRadiusMetres = 0.008;
 /// Where the fingertips of a right hand lie, thumb, index, middle, ring and little finger: above nodes, which
 /// are 1 cm apart, as contact is at nodes.
@@ -48,12 +48,12 @@ Plate::Plate() {
   sim::TetMesh mesh = sim::tet_grid(kCells, {kSideMetres, kSideMetres, kThicknessMetres});
   for (Vector3& node : mesh.nodes) node -= Vector3(kSideMetres / 2, kSideMetres / 2, kThicknessMetres);
   sim::Constraints constraints(mesh.nodes.size());
-  const double free_m = (0.5 - kFixedShareOfPlate) * kSideMetres;
+  const double free_m = (0.5 - kFixedShare) * kSideMetres;
   for (std::size_t node = 0; node < mesh.nodes.size(); ++node) {
     if (std::abs(mesh.nodes[node].x()) > free_m)
       constraints.prescribe(node, Vector3::Zero(), "the plate's ends");
   }
-  body_ = std::make_unique<sim::ElasticBody>(std::move(mesh), sim::Materials{{0, kPlateTissue}},
+  body_ = std::make_unique<sim::ElasticBody>(std::move(mesh), sim::Materials{{0, kTissue}},
                                              std::move(constraints));
   contact_ = std::make_unique<sim::ContactBody>(*body_);
 }

@@ -11,7 +11,8 @@ namespace {
 
 using sim::Vector3;
 
-constexpr double kHalfLengthMetres = 0.1, kHalfWidthMetres = 0.06, kFixedShare = 0.075, kVoxelMetres = 0.002;
+constexpr double kHalfLengthMetres = 0.1, kHalfWidthMetres = 0.06, kFixedShareOfOrgan = 0.075,
+                 kVoxelMetres = 0.002;
 constexpr double kLiverHalfThicknessMetres = 0.015, kLungHalfThicknessMetres = 0.022;
 constexpr sim::Rgb kLiverColour{150, 62, 52}, kLungColour{214, 150, 148};
 constexpr double kGrooveMetres = 0.033, kGrooveDepthMetres = 0.008, kGrooveWidthMetres = 0.006;
@@ -97,7 +98,7 @@ OrganObject make_object(ObjectKind kind, std::size_t vertices,
     object.materials = {{1, {0.1e6, 0.4, 1000}}, {2, {1e6, 0.4, 1000}}, {3, {1e6, 0.4, 1000}}};
   }
   object.constraints = sim::Constraints(object.mesh.nodes.size());
-  const double free_m = kHalfLengthMetres * (1 - 2 * kFixedShare);
+  const double free_m = kHalfLengthMetres * (1 - 2 * kFixedShareOfOrgan);
   for (std::size_t node = 0; node < object.mesh.nodes.size(); ++node) {
     if (std::abs(object.mesh.nodes[node].x()) >= free_m)
       object.constraints.prescribe(node, Vector3::Zero(), "the object's ends");

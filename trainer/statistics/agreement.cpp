@@ -123,8 +123,9 @@ Agreement cohens_kappa(std::span<const std::pair<int, int>> answers, int points,
   kappa.value = (po - pe) / (1 - pe);
   kappa.standard_error = std::sqrt(variance);
   const boost::math::normal_distribution<double> normal;
-  kappa.interval = around(
-      kappa.value, boost::math::quantile(boost::math::complement(normal, kAgreementTail)) * kappa.standard_error);
+  kappa.interval =
+      around(kappa.value,
+             boost::math::quantile(boost::math::complement(normal, kAgreementTail)) * kappa.standard_error);
   found.kappa = kappa;
   return found;
 }
@@ -198,8 +199,9 @@ Agreement fleiss_kappa(std::span<const std::vector<int>> answers, int points, Ag
   }
   kappa.standard_error = std::sqrt(squares / (things * (things - 1)));
   const boost::math::students_t_distribution<double> student(things - 1);
-  kappa.interval = around(
-      kappa.value, boost::math::quantile(boost::math::complement(student, kAgreementTail)) * kappa.standard_error);
+  kappa.interval =
+      around(kappa.value,
+             boost::math::quantile(boost::math::complement(student, kAgreementTail)) * kappa.standard_error);
   found.kappa = kappa;
   return found;
 }

@@ -1,11 +1,11 @@
 #include "base/time_text.h"
-#include "tests/support/nanoseconds.h"
 
 #include <gtest/gtest.h>
 
+#include "tests/support/nanoseconds.h"
+
 namespace kiroku {
 namespace {
-
 
 TEST(TimeText, ReadsEveryFormThatPeopleWrite) {
   const std::pair<const char*, std::int64_t> kExamples[] = {

@@ -1,4 +1,5 @@
 #include "recorder/frame_queue.h"
+
 #include "tests/support/nanoseconds.h"
 
 extern "C" {
@@ -109,7 +110,6 @@ TEST(FrameQueue, TakesFewPiecesOfSoundHoweverSmallTheyAre) {
   }
   EXPECT_EQ(taken, 8);
 }
-
 
 struct Told {
   std::uint64_t taken = 0, dropped = 0, gaps = 0;

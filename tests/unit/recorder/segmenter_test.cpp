@@ -1,8 +1,9 @@
 // The rules by which a stream is cut and its gaps are stated, on plain times.
 #include "recorder/segmenter.h"
-#include "tests/support/nanoseconds.h"
 
 #include <gtest/gtest.h>
+
+#include "tests/support/nanoseconds.h"
 
 namespace kiroku::recorder {
 namespace {

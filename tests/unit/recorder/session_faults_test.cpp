@@ -36,7 +36,6 @@ using testing::IsEmpty;
 using testing::SizeIs;
 using testing::StartsWith;
 
-
 struct Sums {
   std::uint64_t frames = 0, dropped = 0;
 };

@@ -31,7 +31,6 @@ using testing::IsEmpty;
 using testing::Not;
 using testing::SizeIs;
 
-
 std::uint64_t frames(const std::vector<archive::SegmentEntry>& segments) {
   std::uint64_t sum = 0;
   for (const auto& segment : segments) sum += segment.frames;

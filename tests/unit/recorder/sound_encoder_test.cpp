@@ -1,7 +1,8 @@
 #include "recorder/encoder/sound_encoder.h"
-#include "tests/support/nanoseconds.h"
 
 #include <cmath>
+
+#include "tests/support/nanoseconds.h"
 
 extern "C" {
 #include <libavcodec/avcodec.h>
@@ -16,7 +17,6 @@ extern "C" {
 
 namespace kiroku::recorder {
 namespace {
-
 
 media::Frame silence(int rate, int channels, AVSampleFormat format, int samples) {
   media::Frame frame = media::make_frame();

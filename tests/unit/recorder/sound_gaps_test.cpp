@@ -1,10 +1,11 @@
 // What is stated of missing sound, on plain times.
 #include "recorder/sound_gaps.h"
-#include "tests/support/nanoseconds.h"
 
 #include <vector>
 
 #include <gtest/gtest.h>
+
+#include "tests/support/nanoseconds.h"
 
 namespace kiroku::recorder {
 namespace {

@@ -83,7 +83,8 @@ TEST(Request, IsRefusedWithTheFailureThatFits) {
   EXPECT_EQ(failure_of("3051" + good.substr(4) + "a00b3009" + "06022a03" + "0403020100", "a00b", "a00b"),
             RequestFailure::kUnacceptedExtension);
   EXPECT_EQ(parse_request(bytes_of_hex(good + "00")).failure, RequestFailure::kBadDataFormat);
-  EXPECT_EQ(parse_request(bytes_of_hex(good.substr(0, good.size() - 2))).failure, RequestFailure::kBadDataFormat);
+  EXPECT_EQ(parse_request(bytes_of_hex(good.substr(0, good.size() - 2))).failure,
+            RequestFailure::kBadDataFormat);
   EXPECT_EQ(parse_request({}).failure, RequestFailure::kBadDataFormat);
   EXPECT_EQ(parse_request(bytes_of("<html>")).failure, RequestFailure::kBadDataFormat);
 }

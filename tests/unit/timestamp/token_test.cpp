@@ -51,7 +51,8 @@ TEST_F(Token, IsSplitFromItsResponseUnchanged) {
 
 TEST(Response, SaysWhyTheAuthorityRejected) {
   std::string why;
-  const auto response = parse_response(from_hex_text("301a3018020102300f0c0d6e6f2c207468616e6b20796f7503020780"), why);
+  const auto response =
+      parse_response(from_hex_text("301a3018020102300f0c0d6e6f2c207468616e6b20796f7503020780"), why);
   ASSERT_TRUE(response) << why;
   EXPECT_EQ(response->status, 2);
   EXPECT_EQ(response->status_text, std::vector<std::string>{"no, thank you"});
@@ -63,7 +64,7 @@ TEST(Response, ShowsNoControlCharactersOfForeignText) {
   std::string why;
   // ESC [ 2 J, U+202E, an overlong slash, é
   const auto response = parse_response(from_hex_text("3014301202010230"
-                                           "0d0c0b1b5b324ae280aec0afc3a9"),
+                                                     "0d0c0b1b5b324ae280aec0afc3a9"),
                                        why);
   ASSERT_TRUE(response) << why;
   EXPECT_EQ(response->status_text, std::vector<std::string>{"\\u{001B}[2J\\u{202E}\\x{C0}\\x{AF}\xc3\xa9"});

@@ -15,7 +15,6 @@
 namespace kiroku::archive {
 namespace {
 
-
 class CaseReading : public ::testing::Test {
  protected:
   test::SampleArchive archive_;

@@ -27,7 +27,6 @@ namespace fs = std::filesystem;
 using test::details;
 using test::summary;
 
-
 std::string read(const fs::path& file) {
   std::ostringstream text;
   text << std::ifstream(file, std::ios::binary).rdbuf();

@@ -33,8 +33,10 @@ TEST(CarriedOn, AnyOtherTextSaysNothing) {
   for (const std::string& source :
        {std::string("operator"), std::string(), whole + "0", whole.substr(0, whole.size() - 1),
         std::string("operator; carries on case ../x, 412 entries, root ") + std::string(64, '0'),
-        "operator; carries on case " + std::string(kCarriedOnCase) + ", 0 entries, root " + std::string(64, '0'),
-        "operator; carries on case " + std::string(kCarriedOnCase) + ", -1 entries, root " + std::string(64, '0')}) {
+        "operator; carries on case " + std::string(kCarriedOnCase) + ", 0 entries, root " +
+            std::string(64, '0'),
+        "operator; carries on case " + std::string(kCarriedOnCase) + ", -1 entries, root " +
+            std::string(64, '0')}) {
     EXPECT_FALSE(carried_on_by(open_with(source))) << source;
   }
   for (const char* reason : {"", "recovered", "operator", "recovered; to be carried on as case ../x"}) {

@@ -1,7 +1,8 @@
 #include "archive/verify/stated_slews.h"
-#include "tests/support/nanoseconds.h"
 
 #include <gtest/gtest.h>
+
+#include "tests/support/nanoseconds.h"
 
 namespace kiroku::archive {
 namespace {

@@ -11,7 +11,6 @@
 namespace kiroku::archive {
 namespace {
 
-
 StreamInfo room() { return {"room", "video", "video/mp2t", "x", "mpeg2", "", {}, "arrival", "ts"}; }
 StreamInfo monitor() {
   return {"room", "vitals", std::string(kLinesMedia), "x", "jsonl", "", {}, "arrival", "jsonl"};
@@ -195,7 +194,6 @@ TEST(StreamRules, KeepsNoLongTextOfWhatIsErasedOrCutOff) {
     EXPECT_LE(each.file.size() + each.text.size(), 2'000U);
   }
 }
-
 
 /// What is found, as codes, of a case of a minute of which one stream has this recorded, in segments of 10 s,
 /// and these gaps.

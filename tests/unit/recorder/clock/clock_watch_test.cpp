@@ -1,10 +1,11 @@
 #include "recorder/clock/clock_watch.h"
-#include "tests/support/nanoseconds.h"
 
 #include <cmath>
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+
+#include "tests/support/nanoseconds.h"
 
 namespace kiroku::recorder {
 namespace {

@@ -1,10 +1,11 @@
 #include "recorder/clock/sound_clock.h"
-#include "tests/support/nanoseconds.h"
 
 #include <cmath>
 #include <random>
 
 #include <gtest/gtest.h>
+
+#include "tests/support/nanoseconds.h"
 
 namespace kiroku::recorder {
 namespace {

@@ -186,7 +186,8 @@ TEST(MllpSource, SaysWhatBecameOfBrokenConnections) {
   EXPECT_THAT(said,
               HasSubstr("connection-ended: the connection was closed: it ended within a message that began "
                         "with 'MSH|^~\\&|CUT' @127.0.0.1"));
-  EXPECT_THAT(said, HasSubstr("bytes-outside-frame: bytes outside lines_of a message were passed over: '?noise'"));
+  EXPECT_THAT(said,
+              HasSubstr("bytes-outside-frame: bytes outside lines_of a message were passed over: '?noise'"));
   EXPECT_THAT(said, HasSubstr("message-cut"));
   EXPECT_THAT(said, HasSubstr("message-too-long: a message longer than 512 KiB, which began with 'xxx"));
   EXPECT_THAT(said,
@@ -246,9 +247,10 @@ TEST(MllpSource, StoresNothingOfASenderThatMayNotSend) {
   ASSERT_THAT(samples, SizeIs(2));
   EXPECT_EQ(samples[0].source, "MON^00A0/OR1@127.0.0.1");
   EXPECT_THAT(lines_of<media::DeviceMessage>(lines), SizeIs(2));
-  EXPECT_THAT(notices(lines, "sender-refused"),
-              HasSubstr("this sender's messages (MSH-3, MSH-4) are not taken here; 1 lines_of it refused so far "
-                        "STRANGER/OR1@127.0.0.1\n"));
+  EXPECT_THAT(
+      notices(lines, "sender-refused"),
+      HasSubstr("this sender's messages (MSH-3, MSH-4) are not taken here; 1 lines_of it refused so far "
+                "STRANGER/OR1@127.0.0.1\n"));
 }
 
 TEST(MllpSource, IsNotShutToAMonitorByConnectionsThatSayNothing) {
@@ -269,7 +271,8 @@ TEST(MllpSource, IsNotShutToAMonitorByConnectionsThatSayNothing) {
   EXPECT_FALSE(idle.front()->receive(std::chrono::seconds(5)));
   const auto lines = running.finish();
   EXPECT_EQ(lines_of<VitalSample>(lines).size(), 3U);
-  EXPECT_LE(lines_of<media::VitalNotice>(lines).size(), 60U * 3) << "nobody fills the record with their visits";
+  EXPECT_LE(lines_of<media::VitalNotice>(lines).size(), 60U * 3)
+      << "nobody fills the record with their visits";
 }
 
 TEST(MllpSource, OneAddressTakesFromItsOwnConnectionsAlone) {

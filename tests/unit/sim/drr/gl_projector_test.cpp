@@ -23,7 +23,9 @@ Volume ct() {
     return from.norm() < 1.1 ? tissue : -1000;
   });
 }
-TetMesh projected_ball() { return test::ball_mesh({6, 6, 6}, kMiddleOfBall, Vector3::Constant(kRadiusOfBall)); }
+TetMesh projected_ball() {
+  return test::ball_mesh({6, 6, 6}, kMiddleOfBall, Vector3::Constant(kRadiusOfBall));
+}
 
 ProjectionGeometry view(double gantry_deg) {
   GantrySetup setup;

@@ -1,6 +1,5 @@
 // Node by node against CalculiX (ccx), with the same nodes, tetrahedra and loads. Skipped where ccx or the
 // mesh is absent.
-#include "sim/mesh/degrees_of_freedom.h"
 #include "tests/support/calculix.h"
 
 #include <cmath>
@@ -8,6 +7,7 @@
 #include <gtest/gtest.h>
 
 #include "sim/fem/elastic_body.h"
+#include "sim/mesh/degrees_of_freedom.h"
 #include "sim/mesh/mesh_reader.h"
 #include "tests/support/shared_data.h"
 #include "tests/support/tet_grid.h"

@@ -139,7 +139,8 @@ TEST(CorotationalBody, FollowsLargeRotationsWithoutStressAndKeepsItsVolume) {
     for (const std::size_t node : {0U, 3U, 15U, 48U})
       constraints.prescribe(node, turn * mesh.nodes[node] - mesh.nodes[node], "test");
     const CorotationalBody body(mesh, {{0, kSoft}}, constraints);
-    const CorotationalBody::Solution solution = body.solve(Eigen::VectorXd::Zero(first_row(mesh.nodes.size())));
+    const CorotationalBody::Solution solution =
+        body.solve(Eigen::VectorXd::Zero(first_row(mesh.nodes.size())));
     for (const SymmetricTensor& stress : body.stress_pa(solution.displacement_m))
       largest_pa = std::max(largest_pa, stress.norm());
     largest_change = std::max(largest_change, std::abs(volume_m3(mesh, solution.displacement_m) /
@@ -166,7 +167,8 @@ struct Beam {
   }
   [[nodiscard]] Eigen::VectorXd force_n(double total_n) const {
     Eigen::VectorXd force_n = Eigen::VectorXd::Zero(first_row(mesh.nodes.size()));
-    for (const std::size_t node : end) force_n[first_row(node) + 2] = -total_n / static_cast<double>(end.size());
+    for (const std::size_t node : end)
+      force_n[first_row(node) + 2] = -total_n / static_cast<double>(end.size());
     return force_n;
   }
   [[nodiscard]] Vector3 mean_at_end(const Eigen::VectorXd& displacement_m) const {

@@ -109,7 +109,8 @@ TEST(Sliding, OtherDisplacementsOfTheSameComponentsNeedNoOtherFactor) {
   const Eigen::VectorXd pushed_m = body.solve(Eigen::VectorXd::Zero(force_n.size())).displacement_m;
   const Eigen::VectorXd pulled_m = body.solve(force_n, none_m).displacement_m;
   const Eigen::VectorXd both_m = body.solve(force_n, 2 * constraints.displacement_m()).displacement_m;
-  EXPECT_LT((2 * pushed_m + pulled_m - both_m).cwiseAbs().maxCoeff(), kRoundOff * both_m.cwiseAbs().maxCoeff());
+  EXPECT_LT((2 * pushed_m + pulled_m - both_m).cwiseAbs().maxCoeff(),
+            kRoundOff * both_m.cwiseAbs().maxCoeff());
 }
 
 TEST(Sliding, ComplianceIsThatOfUnitForcesAndSymmetric) {
@@ -125,10 +126,10 @@ TEST(Sliding, ComplianceIsThatOfUnitForcesAndSymmetric) {
       const Eigen::VectorXd column = columns.col(first_row(i) + component);
       EXPECT_LT((body.solve(force_n, still_m).displacement_m - column).norm(), kRoundOff * column.norm());
       for (std::size_t j = 0; j < nodes.size(); ++j) {
-        EXPECT_LT(
-            (columns.block<3, 3>(first_row(nodes[j]), first_row(i)).transpose() - columns.block<3, 3>(first_row(nodes[i]), first_row(j)))
-                .norm(),
-            kRoundOff * columns.norm());
+        EXPECT_LT((columns.block<3, 3>(first_row(nodes[j]), first_row(i)).transpose() -
+                   columns.block<3, 3>(first_row(nodes[i]), first_row(j)))
+                      .norm(),
+                  kRoundOff * columns.norm());
       }
     }
   }
@@ -182,8 +183,9 @@ TEST(Sliding, RefusesAxesThatAreNone) {
 
 TEST(Sliding, LargeRotationsRefuseAxesOfTheirOwn) {
   const TetMesh straight = turned_grid(Eigen::Matrix3d::Identity());
-  EXPECT_THROW(CorotationalBody(straight, kSlidingTissue, sliding(straight, Eigen::Matrix3d::Identity(), true)),
-               Error);
+  EXPECT_THROW(
+      CorotationalBody(straight, kSlidingTissue, sliding(straight, Eigen::Matrix3d::Identity(), true)),
+      Error);
 }
 
 }  // namespace

@@ -247,7 +247,8 @@ TEST(Manipulation, NodesThatAreHeldInADirectionFollowInTheOthers) {
   manipulation.step(std::vector<OptionalPose>{to});
   Prescribed prescribed(mesh, constraints);
   prescribed.carry(nodes_of(manipulation.result(), 0), at_grasp_m, from, to);
-  const StaticSolution expected = prescribed.body().solve(Eigen::VectorXd::Zero(first_row(mesh.nodes.size())));
+  const StaticSolution expected =
+      prescribed.body().solve(Eigen::VectorXd::Zero(first_row(mesh.nodes.size())));
   EXPECT_LE(largest(manipulation.displacement_m() - expected.displacement_m),
             1e-9 * largest(expected.displacement_m));
   double largest_n = 0;

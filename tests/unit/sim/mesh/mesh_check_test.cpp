@@ -44,7 +44,8 @@ TEST(MeshCheck, NamesInvertedAndFlatTetrahedra) {
   std::swap(mesh.tetrahedra[5][0], mesh.tetrahedra[5][1]);
   std::swap(mesh.tetrahedra[17][2], mesh.tetrahedra[17][1]);
   EXPECT_THAT(sentences_of_faults(mesh), ElementsAre("2 tetrahedra are inverted: 5, 17"));
-  EXPECT_THAT(sentences_of_faults(corner_mesh({{1, 1, 1e-9}}, {{0, 2, 1, 4}})), ElementsAre("1 tetrahedron is flat: 1"));
+  EXPECT_THAT(sentences_of_faults(corner_mesh({{1, 1, 1e-9}}, {{0, 2, 1, 4}})),
+              ElementsAre("1 tetrahedron is flat: 1"));
   EXPECT_THAT(sentences_of_faults(corner_mesh({}, {{0, 1, 1, 3}}))[0], "1 tetrahedron is flat: 1");
 }
 

@@ -1,5 +1,4 @@
 // What moves the lung, by the formula of the source.
-#include "sim/mesh/degrees_of_freedom.h"
 #include "sim/respiration/breathing.h"
 
 #include <numbers>
@@ -8,6 +7,7 @@
 #include <gtest/gtest.h>
 
 #include "base/error.h"
+#include "sim/mesh/degrees_of_freedom.h"
 #include "tests/unit/sim/respiration/box_lung.h"
 
 namespace kiroku::sim {

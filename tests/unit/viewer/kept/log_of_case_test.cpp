@@ -1,9 +1,9 @@
-#include "tests/support/nanoseconds.h"
 #include "viewer/kept/log_of_case.h"
 
 #include <gmock/gmock.h>
 
 #include "base/bytes.h"
+#include "tests/support/nanoseconds.h"
 
 namespace kiroku::compare {
 namespace {
@@ -11,7 +11,6 @@ namespace {
 using namespace std::chrono_literals;
 using testing::HasSubstr;
 using Answer = Check::Answer;
-
 
 /// A log of four entries under which a case was opened, ten seconds after its room began to record ahead.
 class SealedBefore : public testing::Test {

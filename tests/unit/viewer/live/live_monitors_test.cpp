@@ -1,8 +1,9 @@
-#include "tests/support/nanoseconds.h"
 #include "viewer/live/live_monitors.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+
+#include "tests/support/nanoseconds.h"
 
 namespace kiroku::live {
 namespace {
@@ -10,7 +11,6 @@ namespace {
 using testing::ElementsAre;
 using testing::IsEmpty;
 using testing::SizeIs;
-
 
 class LiveMonitorsTest : public testing::Test {
  protected:

@@ -1,4 +1,3 @@
-#include "tests/support/nanoseconds.h"
 #include "viewer/playback/case_vitals.h"
 
 #include <fstream>
@@ -9,6 +8,7 @@
 #include "base/error.h"
 #include "media/vital_codes.h"
 #include "tests/support/decoded_video.h"
+#include "tests/support/nanoseconds.h"
 #include "tests/support/recorded_case.h"
 #include "tests/support/recording.h"
 #include "tests/support/temporary_folder.h"
