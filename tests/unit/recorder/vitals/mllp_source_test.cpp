@@ -29,7 +29,7 @@ std::string message(int id, const std::string& value = "97") {
          "|P|2.6\rOBX|1|NM|1^MDC_X^MDC|1|" + value + "\r";
 }
 
-/// A source read by a thread lines_of its own, as a lane reads it.
+/// A source read by a thread of its own, as a lane reads it.
 class Running {
  public:
   explicit Running(const std::string& options = "", const std::string& scheme = "mllp")
@@ -177,7 +177,7 @@ TEST(MllpSource, SaysWhatBecameOfBrokenConnections) {
   large.send("\x0B" + std::string((512U << 10) + 1, 'x') + "\x1C\r" + mllp_frame(message(4)));
   EXPECT_EQ(acknowledged(large), "AA 4");
   MllpClient third("127.0.0.1", running.port());
-  EXPECT_FALSE(noisy.receive(std::chrono::seconds(5)));  // the idlest lines_of two
+  EXPECT_FALSE(noisy.receive(std::chrono::seconds(5)));  // the idlest of two
   EXPECT_FALSE(large.receive(std::chrono::seconds(5)));  // silent for a second
   std::string said;
   for (const media::VitalNotice& notice : lines_of<media::VitalNotice>(running.finish())) {
@@ -186,8 +186,7 @@ TEST(MllpSource, SaysWhatBecameOfBrokenConnections) {
   EXPECT_THAT(said,
               HasSubstr("connection-ended: the connection was closed: it ended within a message that began "
                         "with 'MSH|^~\\&|CUT' @127.0.0.1"));
-  EXPECT_THAT(said,
-              HasSubstr("bytes-outside-frame: bytes outside lines_of a message were passed over: '?noise'"));
+  EXPECT_THAT(said, HasSubstr("bytes-outside-frame: bytes outside of a message were passed over: '?noise'"));
   EXPECT_THAT(said, HasSubstr("message-cut"));
   EXPECT_THAT(said, HasSubstr("message-too-long: a message longer than 512 KiB, which began with 'xxx"));
   EXPECT_THAT(said,
@@ -195,7 +194,7 @@ TEST(MllpSource, SaysWhatBecameOfBrokenConnections) {
   EXPECT_THAT(said, HasSubstr("was silent for long"));
 }
 
-/// The notices lines_of a name: sentence and source, a line each.
+/// The notices of a name: sentence and source, a line each.
 std::string notices(const std::vector<VitalLine>& lines, const std::string& name) {
   std::string found;
   for (const media::VitalNotice& notice : lines_of<media::VitalNotice>(lines)) {
@@ -247,10 +246,9 @@ TEST(MllpSource, StoresNothingOfASenderThatMayNotSend) {
   ASSERT_THAT(samples, SizeIs(2));
   EXPECT_EQ(samples[0].source, "MON^00A0/OR1@127.0.0.1");
   EXPECT_THAT(lines_of<media::DeviceMessage>(lines), SizeIs(2));
-  EXPECT_THAT(
-      notices(lines, "sender-refused"),
-      HasSubstr("this sender's messages (MSH-3, MSH-4) are not taken here; 1 lines_of it refused so far "
-                "STRANGER/OR1@127.0.0.1\n"));
+  EXPECT_THAT(notices(lines, "sender-refused"),
+              HasSubstr("this sender's messages (MSH-3, MSH-4) are not taken here; 1 of it refused so far "
+                        "STRANGER/OR1@127.0.0.1\n"));
 }
 
 TEST(MllpSource, IsNotShutToAMonitorByConnectionsThatSayNothing) {
