@@ -93,6 +93,27 @@ constexpr const char* kConditions = R"(
   ALTER TABLE attempts ADD COLUMN tetrahedra INTEGER;
 )";
 
+/// Since version 6: which fingers, as Fingers::text() writes them, where there was their number. A session
+/// may have several conditions of one finger, so that they are its key.
+constexpr const char* kNamedFingers = R"(
+  ALTER TABLE rate_trials ADD COLUMN which TEXT NOT NULL DEFAULT '';  -- "2", "index+middle"
+  UPDATE rate_trials SET which = fingers;
+  ALTER TABLE rate_trials DROP COLUMN fingers;
+  CREATE TABLE named_rate_thresholds (
+    session    INTEGER NOT NULL REFERENCES rate_sessions (id),
+    number     INTEGER NOT NULL,      -- from 1, in the order in which they were asked
+    which      TEXT NOT NULL,
+    hz         REAL NOT NULL,
+    low_hz     REAL NOT NULL,         -- 95 % interval
+    high_hz    REAL NOT NULL,
+    own_hz     REAL,                  -- the method's own estimate
+    PRIMARY KEY (session, which)
+  ) STRICT;
+  INSERT INTO named_rate_thresholds SELECT session, fingers, fingers, hz, low_hz, high_hz, own_hz FROM rate_thresholds;
+  DROP TABLE rate_thresholds;
+  ALTER TABLE named_rate_thresholds RENAME TO rate_thresholds;
+)";
+
 }  // namespace
 
 struct TrainingDatabase::State {
@@ -135,7 +156,7 @@ TrainingDatabase::TrainingDatabase(const fs::path& file) : state_(std::make_uniq
       state_->whole([&] {
         if (state_->number("SELECT count(*) FROM sqlite_schema") > 0) return;  // another was quicker
         state_->execute(std::string(kSchema) + kAttempts + kEndings + kAccounts + kConditions +
-                        "PRAGMA application_id = " + std::to_string(kApplication) +
+                        kNamedFingers + "PRAGMA application_id = " + std::to_string(kApplication) +
                         "; PRAGMA user_version = " + std::to_string(kVersion));
       });
     }
@@ -151,7 +172,7 @@ TrainingDatabase::TrainingDatabase(const fs::path& file) : state_(std::make_uniq
         const std::int64_t found = state_->number("PRAGMA user_version");
         if (found == kVersion) return;  // another was quicker
         state_->execute(std::string(found < 2 ? kAttempts : "") + (found < 3 ? kEndings : "") +
-                        (found < 4 ? kAccounts : "") + kConditions +
+                        (found < 4 ? kAccounts : "") + (found < 5 ? kConditions : "") + kNamedFingers +
                         "PRAGMA user_version = " + std::to_string(kVersion));
       });
     }
@@ -224,18 +245,25 @@ std::int64_t TrainingDatabase::add_rate_session(const Trainee& subject, const Ra
     id = sqlite3_last_insert_rowid(state_->database.get());
     std::int64_t number = 0;
     for (const RateTrial& trial : session.trials) {
-      state_->statement("INSERT INTO rate_trials VALUES (?, ?, ?, ?, ?)")
+      state_
+          ->statement(
+              "INSERT INTO rate_trials (session, number, which, rate_hz, vibrating) VALUES (?, ?, ?, ?, ?)")
           .bind(id)
           .bind(++number)
-          .bind(static_cast<std::int64_t>(trial.fingers))
+          .bind(trial.fingers.text())
           .bind_real(trial.rate_hz)
           .bind(std::int64_t{trial.vibrating ? 1 : 0})
           .step();
     }
+    number = 0;
     for (const RateThreshold& threshold : session.thresholds) {
-      SqliteStatement row = state_->statement("INSERT INTO rate_thresholds VALUES (?, ?, ?, ?, ?, ?)");
+      SqliteStatement row = state_->statement(
+          "INSERT INTO rate_thresholds (session, number, which, hz, low_hz, high_hz, own_hz) VALUES (?, ?, "
+          "?, ?, "
+          "?, ?, ?)");
       row.bind(id)
-          .bind(static_cast<std::int64_t>(threshold.fingers))
+          .bind(++number)
+          .bind(threshold.fingers.text())
           .bind_real(threshold.estimate.hz)
           .bind_real(threshold.estimate.interval_hz.low)
           .bind_real(threshold.estimate.interval_hz.high);
@@ -264,18 +292,16 @@ std::vector<RateSession> TrainingDatabase::rate_sessions() const {
     session.method = method_kind(rows.text(3));
     session.series = rate_series(rows.text(4));
     SqliteStatement trials = state_->statement(
-        "SELECT fingers, rate_hz, vibrating FROM rate_trials WHERE session = ? ORDER BY number");
+        "SELECT which, rate_hz, vibrating FROM rate_trials WHERE session = ? ORDER BY number");
     trials.bind(rows.integer(0));
     while (trials.step())
-      session.trials.push_back(
-          {static_cast<std::size_t>(trials.integer(0)), trials.real(1), trials.integer(2) != 0});
+      session.trials.push_back({Fingers::of(trials.text(0)), trials.real(1), trials.integer(2) != 0});
     SqliteStatement thresholds = state_->statement(
-        "SELECT fingers, hz, low_hz, high_hz, own_hz FROM rate_thresholds WHERE session = ? ORDER BY "
-        "fingers");
+        "SELECT which, hz, low_hz, high_hz, own_hz FROM rate_thresholds WHERE session = ? ORDER BY number");
     thresholds.bind(rows.integer(0));
     while (thresholds.step()) {
       session.thresholds.push_back(
-          {static_cast<std::size_t>(thresholds.integer(0)),
+          {Fingers::of(thresholds.text(0)),
            {thresholds.real(1), {thresholds.real(2), thresholds.real(3)}},
            thresholds.is_null(4) ? std::nullopt : std::optional(thresholds.real(4))});
     }
