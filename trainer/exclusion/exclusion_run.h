@@ -31,6 +31,7 @@ struct ExclusionView {
   std::chrono::steady_clock::time_point looked_at;  // forces given before it are in the picture
   double visible_share = 0, held_s = 0;
   double largest_von_mises_pa = 0, damaged_m3 = 0;
+  double high_von_mises_pa = 0;  // what all tissue but kHighStressShare stays below
   double danger = 0, tone_hz = 0;
   HandForces::State hand;
   ExclusionScore score;  // so far

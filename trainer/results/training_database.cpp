@@ -114,6 +114,9 @@ constexpr const char* kNamedFingers = R"(
   ALTER TABLE named_rate_thresholds RENAME TO rate_thresholds;
 )";
 
+/// Since version 7: the stress that all tissue but a share stays below; of older attempts nobody measured it.
+constexpr const char* kHighStress = "ALTER TABLE attempts ADD COLUMN high_von_mises_pa REAL;";
+
 }  // namespace
 
 struct TrainingDatabase::State {
@@ -156,8 +159,8 @@ TrainingDatabase::TrainingDatabase(const fs::path& file) : state_(std::make_uniq
       state_->whole([&] {
         if (state_->number("SELECT count(*) FROM sqlite_schema") > 0) return;  // another was quicker
         state_->execute(std::string(kSchema) + kAttempts + kEndings + kAccounts + kConditions +
-                        kNamedFingers + "PRAGMA application_id = " + std::to_string(kApplication) +
-                        "; PRAGMA user_version = " + std::to_string(kVersion));
+                        kNamedFingers + kHighStress + "PRAGMA application_id = " +
+                        std::to_string(kApplication) + "; PRAGMA user_version = " + std::to_string(kVersion));
       });
     }
     if (state_->number("PRAGMA application_id") != kApplication)
@@ -172,7 +175,8 @@ TrainingDatabase::TrainingDatabase(const fs::path& file) : state_(std::make_uniq
         const std::int64_t found = state_->number("PRAGMA user_version");
         if (found == kVersion) return;  // another was quicker
         state_->execute(std::string(found < 2 ? kAttempts : "") + (found < 3 ? kEndings : "") +
-                        (found < 4 ? kAccounts : "") + (found < 5 ? kConditions : "") + kNamedFingers +
+                        (found < 4 ? kAccounts : "") + (found < 5 ? kConditions : "") +
+                        (found < 6 ? kNamedFingers : "") + kHighStress +
                         "PRAGMA user_version = " + std::to_string(kVersion));
       });
     }
@@ -315,11 +319,11 @@ namespace {
 /// In the order that bind_score() gives them.
 constexpr const char* kScoreColumns =
     "ending, done, time_s, largest_von_mises_pa, damaged_m3, path_m, peak_force_n, peak_wrist_n, "
-    "best_visible_share";
-constexpr const char* kScoreValues = "?, ?, ?, ?, ?, ?, ?, ?, ?";
+    "best_visible_share, high_von_mises_pa";
+constexpr const char* kScoreValues = "?, ?, ?, ?, ?, ?, ?, ?, ?, ?";
 
 SqliteStatement& bind_score(SqliteStatement& row, Ending ending, const ExclusionScore& score) {
-  return row.bind(name_of(ending))
+  row.bind(name_of(ending))
       .bind(std::int64_t{score.done ? 1 : 0})
       .bind_real(score.time_s)
       .bind_real(score.largest_von_mises_pa)
@@ -328,6 +332,8 @@ SqliteStatement& bind_score(SqliteStatement& row, Ending ending, const Exclusion
       .bind_real(score.peak_force_n)
       .bind_real(score.peak_wrist_n)
       .bind_real(score.best_visible_share);
+  if (score.high_von_mises_pa) return row.bind_real(*score.high_von_mises_pa);
+  return row.bind(std::optional<std::int64_t>());
 }
 
 constexpr const char* kConditionColumns = "friction, damage_pa, vertices, tetrahedra";
@@ -393,7 +399,8 @@ std::vector<ExclusionRecord> TrainingDatabase::attempts() const {
   SqliteStatement rows = state_->statement(
       "SELECT name, study_group, simulated, session, test, stress_shown, object, fingers, done, time_s, "
       "largest_von_mises_pa, damaged_m3, path_m, peak_force_n, peak_wrist_n, best_visible_share, ending, "
-      "attempts.id, sealed_case, friction, damage_pa, vertices, tetrahedra FROM attempts JOIN trainees ON "
+      "attempts.id, sealed_case, friction, damage_pa, vertices, tetrahedra, high_von_mises_pa FROM attempts "
+      "JOIN trainees ON "
       "trainee = trainees.id ORDER BY attempts.id");
   while (rows.step()) {
     ExclusionRecord record;
@@ -405,8 +412,10 @@ std::vector<ExclusionRecord> TrainingDatabase::attempts() const {
     record.stress_shown = rows.integer(5) != 0;
     record.object = rows.text(6);
     record.fingers = static_cast<std::size_t>(rows.integer(7));
-    record.score = {rows.integer(8) != 0, rows.real(9),  rows.real(10), rows.real(11),
-                    rows.real(12),        rows.real(13), rows.real(14), rows.real(15)};
+    record.score = {
+        rows.integer(8) != 0, rows.real(9),  rows.real(10),
+        rows.real(11),        rows.real(12), rows.real(13),
+        rows.real(14),        rows.real(15), rows.is_null(23) ? std::nullopt : std::optional(rows.real(23))};
     record.ending = ending_named(rows.text(16));
     record.number = rows.integer(17);
     record.sealed_case = rows.text(18);

@@ -77,7 +77,7 @@ TEST(TrainingDatabase, KeepsAttempts) {
   record.test = true;
   record.object = "b";
   record.fingers = 5;
-  record.score = {true, 3.5, 4.5e4, 1e-6, 0.25, 6.5, 12.5, 0.95};
+  record.score = {true, 3.5, 4.5e4, 1e-6, 0.25, 6.5, 12.5, 0.95, 2.5e4};
   record.conditions = AttemptConditions{0.3, 8e4, 2012, 7654};
   TrainingDatabase database(folder / "results.sqlite");
   database.add_attempt(database.add_trainee("Aoki", "first", false), record, UtcTime{});
@@ -94,6 +94,7 @@ TEST(TrainingDatabase, KeepsAttempts) {
   EXPECT_EQ(found[0].score.time_s, 3.5);
   EXPECT_EQ(found[0].score.damaged_m3, 1e-6);
   EXPECT_EQ(found[0].score.best_visible_share, 0.95);
+  EXPECT_EQ(found[0].score.high_von_mises_pa, 2.5e4);
   EXPECT_EQ(found[0].conditions, record.conditions);
 }
 
@@ -111,7 +112,7 @@ TEST(TrainingDatabase, ABegunAttemptIsBrokenOffUntilItsEndIsKept) {
     // The program ends here for the first.
   }
   TrainingDatabase database(folder / "results.sqlite");
-  database.end_attempt(ended, Ending::kDone, {true, 3.5, 4.5e4, 1e-6, 0.25, 6.5, 12.5, 0.95});
+  database.end_attempt(ended, Ending::kDone, {true, 3.5, 4.5e4, 1e-6, 0.25, 6.5, 12.5, 0.95, std::nullopt});
   const std::vector<ExclusionRecord> found = database.attempts();
   ASSERT_EQ(found.size(), 2U);
   EXPECT_EQ(found[0].ending, Ending::kBrokenOff);
@@ -120,6 +121,7 @@ TEST(TrainingDatabase, ABegunAttemptIsBrokenOffUntilItsEndIsKept) {
   EXPECT_TRUE(found[1].score.done);
   EXPECT_EQ(found[1].score.time_s, 3.5);
   EXPECT_EQ(found[1].score.peak_wrist_n, 12.5);
+  EXPECT_FALSE(found[1].score.high_von_mises_pa);
   EXPECT_EQ(found[1].sealed_case, "");
   EXPECT_FALSE(found[1].conditions);
   database.keep_conditions(found[1].number, {0.5, 1e5, 2000, 7000});
@@ -146,7 +148,9 @@ constexpr const char* kNoSeries =
     "DROP TABLE rate_thresholds; ALTER TABLE numbered RENAME TO rate_thresholds; ";
 constexpr const char* kNoConditions =
     "ALTER TABLE attempts DROP COLUMN friction; ALTER TABLE attempts DROP COLUMN damage_pa; "
-    "ALTER TABLE attempts DROP COLUMN vertices; ALTER TABLE attempts DROP COLUMN tetrahedra; ";
+    "ALTER TABLE attempts DROP COLUMN vertices; ALTER TABLE attempts DROP COLUMN tetrahedra; "
+    // And what version 7 brought.
+    "ALTER TABLE attempts DROP COLUMN high_von_mises_pa; ";
 
 void execute(const std::filesystem::path& file, const std::string& sql) { execute(file, sql.c_str()); }
 
@@ -245,7 +249,7 @@ TEST(TrainingDatabase, RefusesANameThatExistsAndNamesThatAreNone) {
 TEST(TrainingDatabase, RefusesWhatItDoesNotKnow) {
   const test::TemporaryFolder folder;
   { TrainingDatabase made(folder / "newer.sqlite"); }
-  execute(folder / "newer.sqlite", "PRAGMA user_version = 7");
+  execute(folder / "newer.sqlite", "PRAGMA user_version = 8");
   EXPECT_THAT(refusal([&] { TrainingDatabase opened(folder / "newer.sqlite"); }), HasSubstr("newer version"));
   execute(folder / "other.sqlite", "CREATE TABLE cases (name TEXT)");
   EXPECT_THAT(refusal([&] { TrainingDatabase opened(folder / "other.sqlite"); }),
