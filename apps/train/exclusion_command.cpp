@@ -200,8 +200,8 @@ int run(const Request& request) {
       trainer::MotionPlayer player(*played, period_s);
       outcome = runner.run_in_own_time(player, observer);
     } else {
-      simulated =
-          std::make_unique<trainer::SimulatedTrainee>(body, fingers, trainer::TraineeSkill{}, period_s, seed);
+      simulated = std::make_unique<trainer::SimulatedTrainee>(body, trainer::unpractised_plan(fingers, seed),
+                                                              period_s);
       outcome = runner.run_in_own_time(*simulated, observer);
     }
   }

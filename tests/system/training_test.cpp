@@ -268,17 +268,21 @@ TEST_F(Exclusion, AttemptsOfATraineeBecomeAReport) {
 
 TEST_F(Exclusion, TheStudyRunsFromSessionsToATest) {
   const nlohmann::json found =
-      kiroku_json({"train", "study", "-o", path("study"), "--trainees", "3", "--sessions", "2", "--json"});
+      kiroku_json({"train", "study", "-o", path("study"), "--object", "a", "--shown", "3", "--hidden", "3",
+                   "--sessions", "2", "--practice", "8", "--json"});
   EXPECT_EQ(found["simulated"], true);
-  EXPECT_EQ(found["attempts"], 24);
+  EXPECT_EQ(found["trainees"], 6);
+  EXPECT_GE(found["attempts"], 24);
+  EXPECT_EQ(found["days"].size(), 4U);  // two groups, two days
+  EXPECT_THAT(read_text(folder() / "study/object-a.svg"), HasSubstr("<svg"));
   EXPECT_TRUE(found["comparisons"][0].contains("p"));
   EXPECT_THAT(read_text(folder() / "study/attempts.csv"),
               HasSubstr("\"simulated, stress shown, 1\",stress shown,yes"));
   const nlohmann::json again = kiroku_json(
       {"train", "results", "--database", path("study/results.sqlite"), "-o", path("results"), "--json"});
   EXPECT_EQ(again["comparisons"], found["comparisons"]);
-  const ProcessResult small =
-      kiroku({"train", "study", "-o", path("small"), "--trainees", "1", "--sessions", "1"});
+  const ProcessResult small = kiroku({"train", "study", "-o", path("small"), "--object", "a", "--shown", "1",
+                                      "--hidden", "1", "--sessions", "1", "--practice", "8"});
   EXPECT_THAT(small.out, HasSubstr("no p-value: a test needs at least 3 results in each group"));
 }
 

@@ -81,9 +81,11 @@ bool ExclusionRunner::look(HandForces& forces, ExclusionJudge& judge, double tim
   view.tone_hz = danger_tone_hz(view.danger);
   view.held_s = judge.held_s();
   view.score = judge.score();
-  const sim::Picture picture =
-      renderer_.render(displacement, scene_of(view.hand, time_s, von_mises_pa_)).picture;
-  view.picture = &picture;
+  sim::Picture picture;
+  if (options_.draws) {
+    picture = renderer_.render(displacement, scene_of(view.hand, time_s, von_mises_pa_)).picture;
+    view.picture = &picture;
+  }
   view.displacement_m = displacement;
   view.looked_at = looked_at;
   return observer(view) && !judge.over() && !given_up;
