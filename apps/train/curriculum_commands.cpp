@@ -9,6 +9,7 @@
 
 #include "apps/common/json_output.h"
 #include "apps/common/progress.h"
+#include "apps/common/time_option.h"
 #include "apps/sim/number_option.h"
 #include "apps/train/output_folder.h"
 #include "apps/train/train_command.h"
@@ -31,7 +32,8 @@ struct TraineeRequest {
 };
 
 struct StudyRequest {
-  std::string output, trainees = "6", sessions = "5", fingers = "3", vertices = "900", seed = "1";
+  std::string output, shown = "7", hidden = "6", sessions = "5", practice = "180", fingers = "3",
+                      vertices = "900", seed = "1";
   std::optional<std::string> object;
   bool force = false, json = false;
 };
@@ -129,29 +131,60 @@ void refuse_results_of_people(const std::filesystem::path& file) {
   }
 }
 
+/// The largest stress of the tests by day and group: what Figures 9 and 10 of the exclusion study show.
+Json days_of(const std::vector<trainer::ExclusionRecord>& records, const std::string& object) {
+  Json days = Json::array();
+  for (const trainer::LearningCurve& curve :
+       trainer::learning_curves(records, object, trainer::Measure::kStress)) {
+    for (const trainer::CurvePoint& point : curve.points) {
+      Json one{{"object", object},
+               {"group", curve.group},
+               {"day", point.session},
+               {"trainees", point.summary.count},
+               {"mean_kpa", point.summary.mean}};
+      if (point.summary.of_mean)
+        one["mean_95_kpa"] = {point.summary.of_mean->low, point.summary.of_mean->high};
+      days.push_back(std::move(one));
+    }
+  }
+  return days;
+}
+
+std::string plot_name(const std::string& object) { return "object-" + object + ".svg"; }
+
 int run_study(const StudyRequest& request) {
   trainer::SimulatedStudy study;
-  study.trainees_a_group = parse_count(request.trainees, "--trainees", 1, 100);
+  study.shown = parse_count(request.shown, "--shown", 1, 100);
+  study.hidden = parse_count(request.hidden, "--hidden", 1, 100);
   study.sessions = static_cast<int>(parse_count(request.sessions, "--sessions", 1, 50));
+  study.practice_s = parse_seconds(request.practice, "--practice", 1, 3600);
   study.fingers = parse_count(request.fingers, "--fingers", 1, trainer::kMostExclusionFingers);
   study.seed = static_cast<std::uint32_t>(parse_count(request.seed, "--seed", 0, 4'000'000'000));
-  const trainer::ObjectKind kind = trainer::object_kind(request.object.value_or("a"));
   const std::size_t vertices =
       parse_count(request.vertices, "--vertices", trainer::kLeastObjectNodes, trainer::kMostObjectNodes);
+  std::vector<std::string> objects{"a", "b"};
+  if (request.object && *request.object != "both") objects = {*request.object};
   std::vector<std::string> files = kReportFiles;
   files.emplace_back("results.sqlite");
+  for (const std::string& object : objects) files.push_back(plot_name(object));
   const OutputFolder folder(request.output, files, request.force);
   refuse_results_of_people(folder.path("results.sqlite"));
   Progress progress("training simulated trainees");
-  trainer::OrganObject object = trainer::make_object(kind, vertices);
-  const trainer::ExclusionTask task = trainer::exclusion_task(kind);
-  const trainer::ExclusionBody body(std::move(object), task);
-  // Both groups, practice and test.
-  const std::uint64_t all = 4 * study.trainees_a_group * static_cast<std::uint64_t>(study.sessions);
+  // By the tests: how many attempts practice takes is not known before.
+  const std::uint64_t all =
+      objects.size() * (study.shown + study.hidden) * static_cast<std::uint64_t>(study.sessions);
   std::uint64_t done = 0;
   const UtcTime began = utc_now();
-  const std::vector<trainer::ExclusionRecord> records = trainer::run_simulated_study(
-      body, study, [&](const trainer::ExclusionRecord&) { progress.update(++done, all); });
+  std::vector<trainer::ExclusionRecord> records;
+  for (const std::string& object : objects) {
+    const trainer::ObjectKind kind = trainer::object_kind(object);
+    const trainer::ExclusionBody body(trainer::make_object(kind, vertices), trainer::exclusion_task(kind));
+    for (trainer::ExclusionRecord& record :
+         trainer::run_simulated_study(body, study, [&](const trainer::ExclusionRecord& made) {
+           if (made.test) progress.update(++done, all);
+         }))
+      records.push_back(std::move(record));
+  }
   progress.clear();
   std::filesystem::remove(folder.path("results.sqlite"));  // of an earlier run, with --force
   trainer::TrainingDatabase database(folder.path("results.sqlite"));
@@ -164,17 +197,30 @@ int run_study(const StudyRequest& request) {
   // What is reported is what was kept.
   const std::vector<trainer::ExclusionRecord> kept = database.attempts();
   write_report(folder, kept);
+  Json days = Json::array();
+  for (const std::string& object : objects) {
+    folder.write(plot_name(object),
+                 trainer::plot_file(trainer::plot_of_study(kept, object, trainer::Measure::kStress),
+                                    trainer::PlotForm::kSvg));
+    for (Json& one : days_of(kept, object)) days.push_back(std::move(one));
+  }
   const Json comparisons = comparisons_json(kept);
   if (request.json) {
     print_json({{"folder", request.output},
                 {"simulated", true},
                 {"trainees", trainees.size()},
                 {"attempts", kept.size()},
+                {"days", days},
                 {"comparisons", comparisons}});
     return kDone;
   }
   std::cout << printable(request.output) << ": " << kept.size() << " attempts of " << trainees.size()
             << " simulated trainees; they say nothing about people\n";
+  for (const Json& one : days) {
+    std::cout << "  object " << one["object"].get<std::string>() << ", " << one["group"].get<std::string>()
+              << ", day " << one["day"] << ": largest stress "
+              << number_text(one["mean_kpa"].get<double>(), 3) << " kPa\n";
+  }
   print_comparisons(comparisons);
   return kDone;
 }
@@ -246,21 +292,28 @@ void add_train_curriculum_commands(Command& train) {
         train.add_command("study", "the study with simulated trainees: proves that its pipeline runs");
     const auto request = std::make_shared<StudyRequest>();
     command.required_option("-o,--output", "DIR", request->output, "where to");
-    command.choice("--object", {"a", "b"}, request->object, "like a liver, or like a lung", "a");
-    command.option("--trainees", "N", request->trainees, "in each of the two groups");
-    command.option("--sessions", "N", request->sessions, "each of practice and a test");
+    command.choice("--object", {"a", "b", "both"}, request->object,
+                   "like a liver, like a lung, or one after the other", "both");
+    command.option("--shown", "N", request->shown, "trainees who see stress in practice");
+    command.option("--hidden", "N", request->hidden, "trainees who do not");
+    command.option("--sessions", "N", request->sessions, "days, each of practice and a test");
+    command.option("--practice", "T", request->practice, duration_help("of practice on a day and an object"));
     command.option("--fingers", "N", request->fingers, "1 to 5");
     command.option("--vertices", "N", request->vertices, "of the object's mesh");
     command.option("--seed", "N", request->seed, "of all chance in it");
     command.flag("-f,--force", request->force, "replaces what an earlier run left in DIR");
     command.flag("--json", request->json, "prints one JSON object instead");
     command.explain(
-        "One group sees stress in practice, the other does not; tests are without. Trainees are controllers "
-        "that know "
-        "what a trainee is shown, and their skill grows by a rule that was put in. So the outcome is put in "
-        "too: it "
-        "says nothing about people, and every record and page names it as simulated.");
-    command.example("kiroku train study -o study", "twelve simulated trainees, five sessions");
+        "One group sees stress in practice, the other does not; tests are without. Trainees vary what they "
+        "do as hands "
+        "vary, and aim at what turned out better by what they were shown: the largest stress, or the largest "
+        "force "
+        "that they felt. No rate of learning is put in; how hands vary is. Models of trainees say nothing "
+        "about "
+        "people, and every record and page names them as simulated. Writes object-a.svg and object-b.svg "
+        "too: the "
+        "largest stress of the tests by day, as the exclusion study's Figures 9 and 10.");
+    command.example("kiroku train study -o study", "thirteen simulated trainees, five days, both objects");
     command.on_run([request] { return run_study(*request); });
   }
 }

@@ -200,8 +200,8 @@ int run(const Request& request) {
       trainer::MotionPlayer player(*played, period_s);
       outcome = runner.run_in_own_time(player, observer);
     } else {
-      simulated =
-          std::make_unique<trainer::SimulatedTrainee>(body, fingers, trainer::TraineeSkill{}, period_s, seed);
+      simulated = std::make_unique<trainer::SimulatedTrainee>(body, trainer::unpractised_plan(fingers, seed),
+                                                              period_s);
       outcome = runner.run_in_own_time(*simulated, observer);
     }
   }
@@ -265,11 +265,13 @@ int run(const Request& request) {
   }
   const trainer::ExclusionScore& score = outcome.score;
   std::cout << printable(request.output) << ": " << in_words(score) << "\n  largest von Mises stress  "
-            << number_text(score.largest_von_mises_pa / 1e3, 4) << " kPa; "
-            << number_text(1e6 * score.damaged_m3, 3) << " ml above " << number_text(damage_pa / 1e3, 4)
-            << " kPa\n  path of all fingers       " << number_text(100 * score.path_m, 3)
-            << " cm\n  largest force             " << number_text(score.peak_force_n, 3) << " N of a finger, "
-            << number_text(score.peak_wrist_n, 3) << " N of all\n";
+            << number_text(score.largest_von_mises_pa / 1e3, 4) << " kPa; 99 % of the tissue stays below "
+            << number_text(score.high_von_mises_pa.value_or(0) / 1e3, 4)
+            << " kPa\n  tissue above the limit    " << number_text(1e6 * score.damaged_m3, 3) << " ml above "
+            << number_text(damage_pa / 1e3, 4) << " kPa\n  path of all fingers       "
+            << number_text(100 * score.path_m, 3) << " cm\n  largest force             "
+            << number_text(score.peak_force_n, 3) << " N of a finger, " << number_text(score.peak_wrist_n, 3)
+            << " N of all\n";
   if (request.hand == "simulated") std::cout << "  a simulated trainee: no person did this\n";
   if (outcome.faults.unsound + outcome.faults.jumps > 0) {
     std::cout << "  the device failed: " << outcome.faults.unsound << " poses that are none, "

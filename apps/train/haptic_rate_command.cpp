@@ -15,6 +15,7 @@
 #include "media/png.h"
 #include "trainer/haptic_rate/experiment.h"
 #include "trainer/haptic_rate/plate_picture.h"
+#include "trainer/haptic_rate/sensing_subject.h"
 #include "trainer/report/csv_field.h"
 #include "trainer/report/plot.h"
 #include "trainer/results/training_database.h"
@@ -26,47 +27,99 @@ using Json = nlohmann::ordered_json;
 
 struct Request {
   std::string output;
-  std::string fingers = "1,2,3,4,5", trials = "60", thresholds = "23.3,8.8,3.0,1.3,1.2", spread = "0.08",
-              lapses = "0.02", between = "0.05", seed = "1", simulated = "10";
-  std::optional<std::string> method, series, hand, subject, database;
+  std::string trials = "60", spread = "0.08", lapses = "0.02", between = "0.05", seed = "1", simulated = "10",
+              masking = "0";
+  std::optional<std::string> fingers, thresholds, method, series, hand, subject, database, subjects, manner,
+      device;
   bool force = false, json = false;
 };
+
+/// The pieces of a list with commas.
+std::vector<std::string> pieces_of(const std::string& text) {
+  std::vector<std::string> pieces;
+  for (std::size_t at = 0; at <= text.size();) {
+    const std::size_t end = std::min(text.find(',', at), text.size());
+    pieces.push_back(text.substr(at, end - at));
+    at = end + 1;
+  }
+  return pieces;
+}
 
 std::vector<double> numbers_of(const std::string& text, const std::string& what, double least,
                                double greatest) {
   std::vector<double> numbers;
-  for (std::size_t at = 0; at <= text.size();) {
-    const std::size_t end = std::min(text.find(',', at), text.size());
-    numbers.push_back(parse_number(text.substr(at, end - at), what, least, greatest));
-    at = end + 1;
-  }
+  for (const std::string& piece : pieces_of(text))
+    numbers.push_back(parse_number(piece, what, least, greatest));
   return numbers;
 }
 
 struct Outcome {
   std::vector<trainer::RateSession> sessions;
-  /// Of simulated subjects, as the thresholds of their sessions.
+  /// Of simulated subjects to whom thresholds were given, as the thresholds of their sessions.
   std::vector<std::vector<double>> true_hz;
+  std::string note;  // what the data are, for tables and plots
 };
 
 trainer::RateProtocol protocol_of(const Request& request) {
   trainer::RateProtocol protocol;
+  protocol.series = trainer::rate_series(request.series.value_or("haptic-rate"));
   protocol.fingers.clear();
-  for (const double fingers : numbers_of(request.fingers, "--fingers", 1, trainer::kMostFingers)) {
-    if (fingers != std::floor(fingers)) throw UsageError("--fingers counts whole fingers");
-    protocol.fingers.push_back(static_cast<std::size_t>(fingers));
+  if (request.fingers) {
+    for (const std::string& piece : pieces_of(*request.fingers)) {
+      try {
+        protocol.fingers.push_back(trainer::Fingers::of(piece));
+      } catch (const UsageError& error) {
+        throw UsageError(std::string("--fingers: ") + error.what());
+      }
+    }
+  } else {
+    for (const trainer::PublishedThreshold& one : trainer::published_thresholds(protocol.series))
+      protocol.fingers.push_back(one.fingers);
   }
   protocol.trials = parse_count(request.trials, "--trials", 1, 1000);
   protocol.method = trainer::method_kind(request.method.value_or("bayesian"));
-  protocol.series = trainer::rate_series(request.series.value_or("haptic-rate"));
   return protocol;
+}
+
+trainer::PublishedThreshold published_condition(trainer::RateSeries series, const trainer::Fingers& fingers) {
+  for (const trainer::PublishedThreshold& one : trainer::published_thresholds(series)) {
+    if (one.fingers == fingers) return one;
+  }
+  throw UsageError("the " + trainer::name_of(series) + " study has no table of thresholds with " +
+                   fingers.in_words() + ": leave --fingers out for what it has");
+}
+
+/// Of scaled subjects: what --thresholds says for each condition, or what the study published.
+std::vector<trainer::ConditionMean> means_of(const Request& request, const trainer::RateProtocol& protocol) {
+  std::vector<trainer::ConditionMean> means;
+  if (request.thresholds) {
+    const std::vector<double> hz = numbers_of(*request.thresholds, "--thresholds", 0.7, 90);
+    if (hz.size() != protocol.fingers.size()) {
+      throw UsageError("--thresholds has " + std::to_string(hz.size()) + " numbers, and --fingers " +
+                       std::to_string(protocol.fingers.size()) + " conditions: give a threshold for each");
+    }
+    for (std::size_t i = 0; i < hz.size(); ++i) means.push_back({protocol.fingers[i], hz[i]});
+    return means;
+  }
+  for (const trainer::Fingers& fingers : protocol.fingers) {
+    const std::optional<double> hz = trainer::published_threshold_hz(protocol.series, fingers);
+    if (!hz) {
+      throw UsageError("no threshold with " + fingers.in_words() +
+                       " was published: give --thresholds, one for each "
+                       "of --fingers");
+    }
+    means.push_back({fingers, *hz});
+  }
+  return means;
 }
 
 /// Who answers, as the options say it; whatever is wrong with them is told before anything is made.
 struct Subjects {
-  std::optional<UdpAddress> device;  // of a person; else:
-  std::vector<std::vector<trainer::PsychometricFunction>> simulated;
+  std::optional<UdpAddress> device;  // of a person; else one of these:
+  std::vector<trainer::SubjectFunctions> simulated;
+  std::vector<trainer::SensingModel> sensing;
   std::uint32_t seed = 0;
+  std::string note;
 };
 
 Subjects subjects_of(const Request& request, const trainer::RateProtocol& protocol) {
@@ -80,26 +133,51 @@ Subjects subjects_of(const Request& request, const trainer::RateProtocol& protoc
     if (!request.subject) throw UsageError("--subject is missing: whose answers are they?");
     return subjects;
   }
-  const std::vector<double> means_hz = numbers_of(request.thresholds, "--thresholds", 0.7, 90);
-  for (const std::size_t fingers : protocol.fingers) {
-    if (fingers > means_hz.size()) {
-      throw UsageError("--thresholds has " + std::to_string(means_hz.size()) +
-                       " numbers, and --fingers asks for " + std::to_string(fingers) +
-                       " fingers: give a threshold for each from one finger on");
-    }
-  }
+  const std::string kind = request.subjects.value_or("scaled");
+  if (kind != "scaled" && request.thresholds)
+    throw UsageError("--thresholds is for '--subjects scaled', whose means it gives");
+  if (kind != "sensing" && (request.manner || request.device || request.masking != "0"))
+    throw UsageError("--manner, --device-bandwidth and --masking are for '--subjects sensing'");
+  const std::size_t count = parse_count(request.simulated, "--simulated", 1, 1000);
+  const double between = parse_number(request.between, "--between-subjects", 0, 0.5),
+               spread = parse_number(request.spread, "--spread", 0.01, 0.5),
+               lapses = parse_number(request.lapses, "--lapses", 0, 0.5);
   subjects.seed = static_cast<std::uint32_t>(parse_count(request.seed, "--seed", 0, 4'000'000'000));
-  subjects.simulated =
-      trainer::simulated_group(means_hz, parse_count(request.simulated, "--simulated", 1, 1000),
-                               parse_number(request.between, "--between-subjects", 0, 0.5),
-                               parse_number(request.spread, "--spread", 0.01, 0.5),
-                               parse_number(request.lapses, "--lapses", 0, 0.5), subjects.seed);
+  if (kind == "sensing") {
+    trainer::SensingModel model;
+    model.manner = trainer::manner_of(request.manner.value_or("press"));
+    if (request.device) model.device_hz = parse_number(*request.device, "--device-bandwidth", 1, 1e5);
+    model.masking_db = parse_number(request.masking, "--masking", 0, 60);
+    // What a step moves the skin by goes as the time between steps: a factor of the rate is one of the
+    // amplitude.
+    constexpr double kDecibels = 20;
+    model.spread_db = kDecibels * spread;
+    model.lapse_rate = lapses;
+    subjects.sensing = trainer::sensing_group(model, count, kDecibels * between, subjects.seed);
+    subjects.note = "their thresholds follow from force steps by a published curve of what fingertips feel";
+    return subjects;
+  }
+  if (kind == "drawn") {
+    std::vector<trainer::PublishedThreshold> conditions;
+    for (const trainer::Fingers& fingers : protocol.fingers)
+      conditions.push_back(published_condition(protocol.series, fingers));
+    subjects.simulated = trainer::drawn_group(conditions, count, spread, lapses, subjects.seed);
+    subjects.note =
+        "drawn from populations with the published means and standard deviations: this proves the estimator, "
+        "and "
+        "nothing about people";
+    return subjects;
+  }
+  const std::vector<trainer::ConditionMean> means = means_of(request, protocol);
+  subjects.simulated = trainer::scaled_group(means, count, between, spread, lapses, subjects.seed);
+  subjects.note = "the subjects' means were put in: this proves the estimator, and nothing about people";
   return subjects;
 }
 
 Outcome ask(const Request& request, const Subjects& subjects, const trainer::Plate& plate,
             const trainer::RateProtocol& protocol) {
   Outcome outcome;
+  outcome.note = subjects.note;
   if (subjects.device) {
     PersonAtDevice person(plate, *subjects.device);
     outcome.sessions.push_back(trainer::run_rate_session(person, protocol));
@@ -107,18 +185,25 @@ Outcome ask(const Request& request, const Subjects& subjects, const trainer::Pla
     return outcome;
   }
   Progress progress("asking simulated subjects");
-  const std::uint64_t all = subjects.simulated.size() * protocol.fingers.size() * protocol.trials;
+  const std::size_t count = std::max(subjects.simulated.size(), subjects.sensing.size());
+  const std::uint64_t all = count * protocol.fingers.size() * protocol.trials;
   std::uint64_t done = 0;
-  for (std::size_t i = 0; i < subjects.simulated.size(); ++i) {
-    trainer::SimulatedSubject subject(plate, subjects.simulated[i],
-                                      subjects.seed + static_cast<std::uint32_t>(i) + 1);
+  for (std::size_t i = 0; i < count; ++i) {
+    const std::uint32_t seed = subjects.seed + static_cast<std::uint32_t>(i) + 1;
+    std::unique_ptr<trainer::RateSubject> subject;
+    if (subjects.sensing.empty()) {
+      subject = std::make_unique<trainer::SimulatedSubject>(plate, subjects.simulated[i], seed);
+    } else {
+      subject = std::make_unique<trainer::SensingSubject>(plate, subjects.sensing[i], seed);
+    }
     outcome.sessions.push_back(trainer::run_rate_session(
-        subject, protocol, [&](const trainer::RateTrial&) { progress.update(++done, all); }));
+        *subject, protocol, [&](const trainer::RateTrial&) { progress.update(++done, all); }));
     outcome.sessions.back().subject = "simulated " + std::to_string(i + 1);
     outcome.sessions.back().simulated = true;
+    if (!subjects.sensing.empty()) continue;
     std::vector<double>& true_hz = outcome.true_hz.emplace_back();
-    for (const std::size_t fingers : protocol.fingers)
-      true_hz.push_back(subjects.simulated[i][fingers - 1].threshold_hz);
+    for (const trainer::Fingers& fingers : protocol.fingers)
+      true_hz.push_back(subjects.simulated[i].at(fingers).threshold_hz);
   }
   return outcome;
 }
@@ -131,7 +216,7 @@ std::string trials_csv(const Outcome& outcome) {
     std::size_t number = 0;
     for (const trainer::RateTrial& trial : session.trials) {
       csv += trainer::csv_field(session.subject) + (session.simulated ? ",yes," : ",no,") +
-             std::to_string(trial.fingers) + "," + std::to_string(++number) + "," + exact(trial.rate_hz) +
+             trial.fingers.text() + "," + std::to_string(++number) + "," + exact(trial.rate_hz) +
              (trial.vibrating ? ",vibrating\n" : ",continuous\n");
     }
   }
@@ -145,7 +230,7 @@ std::string thresholds_csv(const Outcome& outcome) {
     for (std::size_t i = 0; i < session.thresholds.size(); ++i) {
       const trainer::RateThreshold& threshold = session.thresholds[i];
       csv += trainer::csv_field(session.subject) + (session.simulated ? ",yes," : ",no,") +
-             std::to_string(threshold.fingers) + "," + exact(threshold.estimate.hz) + "," +
+             threshold.fingers.text() + "," + exact(threshold.estimate.hz) + "," +
              exact(threshold.estimate.interval_hz.low) + "," + exact(threshold.estimate.interval_hz.high) +
              "," + (threshold.own_hz ? exact(*threshold.own_hz) : "") + "," +
              (outcome.true_hz.empty() ? "" : exact(outcome.true_hz[s][i])) + "\n";
@@ -157,7 +242,7 @@ std::string thresholds_csv(const Outcome& outcome) {
 std::string comparison_csv(const trainer::RateComparison& comparison) {
   std::string csv = "fingers,and_fingers,ratio,t,degrees_of_freedom,p,p_holm,hedges_g,no_test_because\n";
   for (const trainer::RatePair& pair : comparison.pairs) {
-    csv += std::to_string(pair.first) + "," + std::to_string(pair.second) + "," + exact(pair.ratio) + ",";
+    csv += pair.first.text() + "," + pair.second.text() + "," + exact(pair.ratio) + ",";
     if (pair.of_log10.test) {
       const trainer::TestResult& test = *pair.of_log10.test;
       csv += exact(test.t) + "," + exact(test.degrees_of_freedom) + "," + exact(test.p) + "," +
@@ -169,33 +254,50 @@ std::string comparison_csv(const trainer::RateComparison& comparison) {
   return csv;
 }
 
+/// Where a condition stands in a plot: numbers of fingers at their number, named ones in their order.
+double place_of(const trainer::RateComparison& comparison, std::size_t i) {
+  const bool any_named = std::ranges::any_of(
+      comparison.groups, [](const trainer::RateGroup& group) { return group.fingers.named(); });
+  return static_cast<double>(any_named ? i + 1 : comparison.groups[i].fingers.count());
+}
+
+/// "1 index, 2 middle" where numbers alone do not say it.
+std::string x_label_of(const trainer::RateComparison& comparison) {
+  std::string label;
+  for (std::size_t i = 0; i < comparison.groups.size(); ++i) {
+    if (!comparison.groups[i].fingers.named()) continue;
+    label += (label.empty() ? "" : ", ") + std::to_string(i + 1) + " " + comparison.groups[i].fingers.text();
+  }
+  return label.empty() ? "fingers" : label;
+}
+
 trainer::Plot plot_of(const Outcome& outcome, const trainer::RateComparison& comparison) {
   trainer::PlotSeries found{outcome.sessions.size() > 1 ? "geometric mean, 95 %" : "95 %", {}, {}, {}, true};
   const trainer::RateSeries series = outcome.sessions.front().series;
   trainer::PlotSeries paper{"the " + trainer::name_of(series) + " study", {}, {}, {}, false};
   for (std::size_t i = 0; i < comparison.groups.size(); ++i) {
     const trainer::RateGroup& group = comparison.groups[i];
-    found.x.push_back(static_cast<double>(group.fingers));
+    found.x.push_back(place_of(comparison, i));
     found.y.push_back(group.geometric_hz.mean);
     trainer::Interval interval = outcome.sessions.front().thresholds[i].estimate.interval_hz;
     if (group.geometric_hz.of_mean) interval = *group.geometric_hz.of_mean;
     interval.low = std::max(interval.low, 0.1);  // the axis is logarithmic
     found.intervals.push_back(interval);
     if (const auto published_hz = trainer::published_threshold_hz(series, group.fingers)) {
-      paper.x.push_back(static_cast<double>(group.fingers));
+      paper.x.push_back(place_of(comparison, i));
       paper.y.push_back(*published_hz);
     }
   }
   const std::string subjects = std::to_string(outcome.sessions.size());
   return {"Rate below which forces are felt to vibrate",
-          "fingers",
+          x_label_of(comparison),
           "Hz",
           paper.x.empty() ? std::vector{found} : std::vector{found, paper},
           true,
           true,
-          outcome.true_hz.empty()
-              ? "answers of a person"
-              : "simulated subjects: " + subjects + ", no person was asked; their means were put in"};
+          outcome.sessions.front().simulated
+              ? "simulated subjects: " + subjects + ", no person was asked; " + outcome.note
+              : "answers of a person"};
 }
 
 struct Recovery {
@@ -247,6 +349,11 @@ void require_subject(const Request& request, const std::string& database_file) {
   database.add_trainee(*request.subject, "", false);
 }
 
+/// A number, or names.
+Json fingers_json(const trainer::Fingers& fingers) {
+  return fingers.named() ? Json(fingers.text()) : Json(fingers.count());
+}
+
 Json interval_json(const trainer::Interval& interval) { return {interval.low, interval.high}; }
 
 void print(const Request& request, const Outcome& outcome, const trainer::RateComparison& comparison) {
@@ -254,18 +361,23 @@ void print(const Request& request, const Outcome& outcome, const trainer::RateCo
   if (request.json) {
     Json groups = Json::array(), pairs = Json::array();
     for (const trainer::RateGroup& group : comparison.groups) {
-      Json one{{"fingers", group.fingers},
+      Json one{{"fingers", fingers_json(group.fingers)},
                {"mean_hz", group.hz.mean},
+               {"sd_hz", group.hz.standard_deviation},
                {"geometric_mean_hz", group.geometric_hz.mean}};
       if (const auto published_hz =
               trainer::published_threshold_hz(outcome.sessions.front().series, group.fingers))
         one["paper_hz"] = *published_hz;
+      for (const trainer::PublishedThreshold& published :
+           trainer::published_thresholds(outcome.sessions.front().series)) {
+        if (published.fingers == group.fingers && published.sd_hz) one["paper_sd_hz"] = *published.sd_hz;
+      }
       if (group.geometric_hz.of_mean)
         one["geometric_mean_95_hz"] = interval_json(*group.geometric_hz.of_mean);
       groups.push_back(one);
     }
     for (const trainer::RatePair& pair : comparison.pairs) {
-      Json one{{"fingers", {pair.first, pair.second}}, {"ratio", pair.ratio}};
+      Json one{{"fingers", {fingers_json(pair.first), fingers_json(pair.second)}}, {"ratio", pair.ratio}};
       if (pair.of_log10.test) {
         one["t"] = pair.of_log10.test->t;
         one["p"] = pair.of_log10.test->p;
@@ -276,12 +388,24 @@ void print(const Request& request, const Outcome& outcome, const trainer::RateCo
       pairs.push_back(one);
     }
     Json object{{"folder", request.output},
-                {"simulated", !outcome.true_hz.empty()},
+                {"simulated", outcome.sessions.front().simulated},
                 {"subjects", outcome.sessions.size()},
                 {"method", trainer::name_of(outcome.sessions.front().method)},
                 {"series", trainer::name_of(outcome.sessions.front().series)},
                 {"thresholds", groups},
                 {"pairs", pairs}};
+    if (!outcome.note.empty()) object["note"] = outcome.note;
+    if (const auto found = trainer::compare_single_and_several(outcome.sessions)) {
+      Json& one = object["single_and_several"];
+      one["ratio"] = std::pow(10, found->difference);
+      if (found->test) {
+        one["t"] = found->test->t;
+        one["p"] = found->test->p;
+        one["hedges_g"] = found->test->hedges_g;
+      } else {
+        one["no_test_because"] = found->why_no_test;
+      }
+    }
     if (!outcome.true_hz.empty()) {
       object["recovered"] = {{"thresholds", recovery.thresholds},
                              {"within_10_percent", recovery.within},
@@ -291,22 +415,23 @@ void print(const Request& request, const Outcome& outcome, const trainer::RateCo
     return;
   }
   std::cout << printable(request.output) << ": " << outcome.sessions.size()
-            << (outcome.true_hz.empty() ? " subject" : " simulated subjects, no person") << ", method "
-            << trainer::name_of(outcome.sessions.front().method) << ", series "
+            << (outcome.sessions.front().simulated ? " simulated subjects, no person" : " subject")
+            << ", method " << trainer::name_of(outcome.sessions.front().method) << ", series "
             << trainer::name_of(outcome.sessions.front().series)
-            << "\n  fingers  threshold: mean, geometric mean (95 %)   the study's\n";
+            << "\n  fingers  threshold: mean, geometric mean (95 %)   the study's mean\n";
   for (std::size_t i = 0; i < comparison.groups.size(); ++i) {
     const trainer::RateGroup& group = comparison.groups[i];
     const trainer::Interval interval =
         group.geometric_hz.of_mean.value_or(outcome.sessions.front().thresholds[i].estimate.interval_hz);
     const auto published_hz = trainer::published_threshold_hz(outcome.sessions.front().series, group.fingers);
-    std::cout << "  " << group.fingers << "        " << number_text(group.hz.mean, 3) << " Hz, geometric "
-              << number_text(group.geometric_hz.mean, 3) << " Hz (" << number_text(interval.low, 3) << " to "
-              << number_text(interval.high, 3) << ")   "
+    std::cout << "  " << group.fingers.text() << "        " << number_text(group.hz.mean, 3) << " Hz";
+    if (group.hz.count > 1) std::cout << " (SD " << number_text(group.hz.standard_deviation, 3) << ")";
+    std::cout << ", geometric " << number_text(group.geometric_hz.mean, 3) << " Hz ("
+              << number_text(interval.low, 3) << " to " << number_text(interval.high, 3) << ")   "
               << (published_hz ? number_text(*published_hz, 3) + " Hz" : "none") << "\n";
   }
   for (const trainer::RatePair& pair : comparison.pairs) {
-    std::cout << "  " << pair.first << " and " << pair.second << " fingers: ratio "
+    std::cout << "  " << pair.first.text() << " and " << pair.second.text() << " fingers: ratio "
               << number_text(pair.ratio, 3);
     if (pair.of_log10.test) {
       std::cout << ", p " << number_text(pair.of_log10.test->p, 2) << ", " << number_text(*pair.adjusted_p, 2)
@@ -315,13 +440,16 @@ void print(const Request& request, const Outcome& outcome, const trainer::RateCo
       std::cout << "; no p-value: " << pair.of_log10.why_no_test << "\n";
     }
   }
-  if (!outcome.true_hz.empty()) {
-    std::cout
-        << "  " << recovery.within << " of " << recovery.thresholds
-        << " thresholds found within 10 %, the worst is off by " << number_text(100 * recovery.largest, 3)
-        << " %\n  the subjects' means were put in (--thresholds): this proves the estimator, and nothing "
-           "about people\n";
+  if (const auto found = trainer::compare_single_and_several(outcome.sessions); found && found->test) {
+    std::cout << "  one finger and several: ratio " << number_text(std::pow(10, found->difference), 3)
+              << ", p " << number_text(found->test->p, 2) << " (Welch)\n";
   }
+  if (!outcome.true_hz.empty()) {
+    std::cout << "  " << recovery.within << " of " << recovery.thresholds
+              << " thresholds found within 10 %, the worst is off by "
+              << number_text(100 * recovery.largest, 3) << " %\n";
+  }
+  if (!outcome.note.empty()) std::cout << "  " << outcome.note << "\n";
 }
 
 int run(const Request& request) {
@@ -362,16 +490,31 @@ void add_train_haptic_rate_command(Command& train) {
       "a person at a device, udp:PORT or udp:ADDRESS:PORT, who answers on the terminal; else simulated "
       "subjects");
   command.option("--subject", "NAME", request->subject, "who the person is");
-  command.option("--fingers", "N,N,...", request->fingers, "with so many fingers, one after the other");
+  command.option("--fingers", "F,F,...", request->fingers,
+                 "which fingers, one condition after the other: a number, or names joined by +: 2, little, "
+                 "index+middle",
+                 "those of the series' study");
   command.choice("--method", {"search", "staircase", "bayesian"}, request->method, "which rate is given next",
                  "bayesian");
   command.choice("--series", {"haptic-rate", "exclusion"}, request->series,
                  "whose series of rates: the haptic-rate study's or the exclusion trainer's", "haptic-rate");
-  command.option("--trials", "N", request->trials, "answers for each number of fingers");
+  command.option("--trials", "N", request->trials, "answers for each condition");
   command.option("--simulated", "N", request->simulated, "simulated subjects");
+  command.choice(
+      "--subjects", {"scaled", "drawn", "sensing"}, request->subjects,
+      "what they are: scaled to the study's means, drawn from its means and spreads, or sensing: their "
+      "thresholds follow from force steps",
+      "scaled");
   command.option("--thresholds", "HZ,HZ,...", request->thresholds,
-                 "their mean thresholds with one finger, two fingers, ...");
-  command.option("--between-subjects", "LOG10", request->between, "how their thresholds differ");
+                 "mean thresholds of scaled ones, one for each condition", "the study's");
+  command.choice("--manner", {"press", "stroke"}, request->manner, "how sensing ones touch the plate",
+                 "press");
+  command.option("--device-bandwidth", "HZ", request->device, "of a device that smooths their forces",
+                 "none is smoothed");
+  command.option("--masking", "DB", request->masking,
+                 "by which a finger raises its neighbour's threshold, of sensing ones");
+  command.option("--between-subjects", "LOG10", request->between,
+                 "how thresholds of scaled and sensing ones differ");
   command.option("--spread", "LOG10", request->spread, "of the answers of one subject around the threshold");
   command.option("--lapses", "SHARE", request->lapses, "of answers that are guessed");
   command.option("--seed", "N", request->seed, "of all chance in it");
@@ -391,6 +534,10 @@ void add_train_haptic_rate_command(Command& train) {
       "touch.png: the plate under five fingers, blue near 0.5 N, red near 1 N.");
   command.example("kiroku train haptic-rate -o rates",
                   "ten simulated subjects with the haptic-rate study's thresholds");
+  command.example("kiroku train haptic-rate --series exclusion --subjects drawn --simulated 6 -o table-1",
+                  "six with the means and spreads of the exclusion study's named fingers and pairs");
+  command.example("kiroku train haptic-rate --subjects sensing --device-bandwidth 20 -o sensing",
+                  "ten whose thresholds follow from force steps");
   command.example("kiroku train haptic-rate --hand udp:7001 --subject Aoki -o aoki",
                   "a person at a device that sends to port 7001");
   command.on_run([request] { return run(*request); });

@@ -33,16 +33,16 @@ bool answered_yes() {
 PersonAtDevice::PersonAtDevice(const trainer::Plate& plate, UdpAddress address)
     : plate_(plate), address_(std::move(address)) {}
 
-bool PersonAtDevice::feels_vibration(std::size_t fingers, double rate_hz) {
-  sim::UdpDevice device(fingers, address_.address, address_.port);
+bool PersonAtDevice::feels_vibration(const trainer::Fingers& fingers, double rate_hz) {
+  sim::UdpDevice device(fingers.count(), address_.address, address_.port);
   trainer::SafeDevice safe(device, 1 / kRateHz);
   // However this ends, no force stays on a finger.
   const trainer::AtRest at_rest(safe);
-  sim::HapticContact contact(plate_.contact(), trainer::Plate::fingers(fingers));
+  sim::HapticContact contact(plate_.contact(), trainer::Plate::fingers(fingers.count()));
   trainer::HeldForces held(contact, rate_hz);
   sim::ForceLoopOptions options;
   options.rate_hz = kRateHz;
-  std::cerr << "Press with " << fingers << (fingers == 1 ? " finger" : " fingers")
+  std::cerr << "Press with " << (fingers.named() ? "the " : "") << fingers.in_words()
             << " between 0.5 and 1 N ... " << std::flush;
   {
     sim::ForceLoop loop(safe, held, options);

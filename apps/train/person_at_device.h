@@ -14,7 +14,7 @@ class PersonAtDevice : public trainer::RateSubject {
  public:
   PersonAtDevice(const trainer::Plate& plate, UdpAddress address);
   /// kiroku::Error where no pose comes within 30 seconds, kiroku::UsageError where the terminal is closed.
-  bool feels_vibration(std::size_t fingers, double rate_hz) override;
+  bool feels_vibration(const trainer::Fingers& fingers, double rate_hz) override;
 
  private:
   const trainer::Plate& plate_;

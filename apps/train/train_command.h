@@ -9,6 +9,8 @@ void add_train_command(Command& program);
 
 /// Parts of it.
 void add_train_haptic_rate_command(Command& train);
+/// What a sense of touch lets expect, and how many people a study takes.
+void add_train_threshold_commands(Command& train);
 void add_train_budget_command(Command& train);
 void add_train_exclusion_command(Command& train);
 void add_train_serve_command(Command& train);

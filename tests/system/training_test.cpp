@@ -38,12 +38,46 @@ TEST_F(Training, TheHapticRateExperimentGivesThresholdsAndKeepsThem) {
 TEST_F(Training, TheExclusionTrainersSeriesStandsBesideItsOwnThresholds) {
   const nlohmann::json found =
       kiroku_json({"train", "haptic-rate", "-o", path("rates"), "--series", "exclusion", "--fingers", "1,3",
-                   "--simulated", "1", "--trials", "5", "--json"});
+                   "--thresholds", "15.8,3", "--simulated", "1", "--trials", "5", "--json"});
   EXPECT_EQ(found["series"], "exclusion");
   EXPECT_EQ(found["thresholds"][0]["paper_hz"], 15.8);
   EXPECT_FALSE(found["thresholds"][1].contains("paper_hz"));
   EXPECT_THAT(read_text(folder() / "rates/thresholds.svg"), HasSubstr("</svg>"));
   EXPECT_REFUSED(kiroku({"train", "haptic-rate", "-o", path("other"), "--series", "papers"}), "--series");
+}
+
+TEST_F(Training, NamedFingersAreDrawnFromTable1AndSensingOnesFollowFromForces) {
+  const nlohmann::json drawn =
+      kiroku_json({"train", "haptic-rate", "-o", path("drawn"), "--series", "exclusion", "--subjects",
+                   "drawn", "--simulated", "6", "--trials", "20", "--json"});
+  ASSERT_EQ(drawn["thresholds"].size(), 6U);
+  EXPECT_EQ(drawn["thresholds"][4]["fingers"], "index+middle");
+  EXPECT_EQ(drawn["thresholds"][0]["paper_sd_hz"], 35.0);
+  EXPECT_GT(drawn["thresholds"][0]["sd_hz"].get<double>(), 0);
+  EXPECT_EQ(drawn["pairs"].size(), 15U);
+  EXPECT_TRUE(drawn["single_and_several"].contains("p"));
+  EXPECT_THAT(drawn["note"].get<std::string>(), HasSubstr("proves the estimator"));
+  EXPECT_THAT(read_text(folder() / "drawn/thresholds.csv"), HasSubstr("simulated 6,yes,middle+third,"));
+  const nlohmann::json sensing = kiroku_json({"train", "haptic-rate", "-o", path("sensing"), "--subjects",
+                                              "sensing", "--device-bandwidth", "10", "--simulated", "1",
+                                              "--fingers", "1", "--trials", "20", "--json"});
+  EXPECT_FALSE(sensing.contains("recovered"));
+  EXPECT_THAT(sensing["note"].get<std::string>(), HasSubstr("follow from force steps"));
+}
+
+TEST_F(Training, WhatTouchLetsExpectAndWhatItTakesToFindIsTold) {
+  const nlohmann::json predicted = kiroku_json({"train", "predict", "--series", "exclusion", "--json"});
+  ASSERT_EQ(predicted["predictions"].size(), 12U);  // six conditions, pressed and stroked
+  const nlohmann::json& first = predicted["predictions"][0];
+  EXPECT_EQ(first["fingers"], "index");
+  EXPECT_EQ(first["predicted"], "above 100 Hz");
+  EXPECT_GT(first["beside_first_hz"][0].get<double>(), 19);
+  const nlohmann::json power = kiroku_json({"train", "power", "--json"});
+  EXPECT_EQ(power["conditions"].size(), 6U);
+  EXPECT_EQ(power["pairs"].size(), 15U);
+  EXPECT_GT(power["values_each_for_published_p"].get<int>(), 6);
+  EXPECT_REFUSED(kiroku({"train", "power", "--power", "2"}), "--power");
+  EXPECT_REFUSED(kiroku({"train", "predict", "--masking", "-1"}), "--masking");
 }
 
 TEST_F(Training, OneSubjectGetsASentenceInsteadOfAPValue) {
@@ -61,9 +95,15 @@ TEST_F(Training, RefusesInOneSentence) {
   };
   EXPECT_REFUSED(rates({"--fingers", "0"}), "--fingers");
   EXPECT_REFUSED(rates({"--fingers", "1,6"}), "--fingers");
-  EXPECT_REFUSED(rates({"--fingers", "1.5"}), "whole fingers");
+  EXPECT_REFUSED(rates({"--fingers", "1.5"}), "names no fingers");
+  EXPECT_REFUSED(rates({"--fingers", "1,ring"}), "--fingers");
+  EXPECT_REFUSED(rates({"--fingers", "index"}), "--thresholds");
+  EXPECT_REFUSED(rates({"--subjects", "drawn"}), "no spread");
+  EXPECT_REFUSED(rates({"--subjects", "drawn", "--fingers", "index"}), "leave --fingers out");
+  EXPECT_REFUSED(rates({"--masking", "6"}), "--subjects sensing");
+  EXPECT_REFUSED(rates({"--subjects", "sensing", "--thresholds", "9"}), "--subjects scaled");
   EXPECT_REFUSED(rates({"--method", "guess"}), "--method");
-  EXPECT_REFUSED(rates({"--thresholds", "20", "--fingers", "2"}), "--thresholds has 1");
+  EXPECT_REFUSED(rates({"--thresholds", "20", "--fingers", "1,2"}), "--thresholds has 1");
   EXPECT_REFUSED(rates({"--hand", "usb:1"}), "udp:PORT");
   EXPECT_REFUSED(rates({"--hand", "udp:0", "--subject", "Aoki"}), "--hand udp:0");
   EXPECT_REFUSED(rates({"--hand", "udp:7001"}), "--subject");
@@ -228,17 +268,21 @@ TEST_F(Exclusion, AttemptsOfATraineeBecomeAReport) {
 
 TEST_F(Exclusion, TheStudyRunsFromSessionsToATest) {
   const nlohmann::json found =
-      kiroku_json({"train", "study", "-o", path("study"), "--trainees", "3", "--sessions", "2", "--json"});
+      kiroku_json({"train", "study", "-o", path("study"), "--object", "a", "--shown", "3", "--hidden", "3",
+                   "--sessions", "2", "--practice", "8", "--json"});
   EXPECT_EQ(found["simulated"], true);
-  EXPECT_EQ(found["attempts"], 24);
+  EXPECT_EQ(found["trainees"], 6);
+  EXPECT_GE(found["attempts"], 24);
+  EXPECT_EQ(found["days"].size(), 4U);  // two groups, two days
+  EXPECT_THAT(read_text(folder() / "study/object-a.svg"), HasSubstr("<svg"));
   EXPECT_TRUE(found["comparisons"][0].contains("p"));
   EXPECT_THAT(read_text(folder() / "study/attempts.csv"),
               HasSubstr("\"simulated, stress shown, 1\",stress shown,yes"));
   const nlohmann::json again = kiroku_json(
       {"train", "results", "--database", path("study/results.sqlite"), "-o", path("results"), "--json"});
   EXPECT_EQ(again["comparisons"], found["comparisons"]);
-  const ProcessResult small =
-      kiroku({"train", "study", "-o", path("small"), "--trainees", "1", "--sessions", "1"});
+  const ProcessResult small = kiroku({"train", "study", "-o", path("small"), "--object", "a", "--shown", "1",
+                                      "--hidden", "1", "--sessions", "1", "--practice", "8"});
   EXPECT_THAT(small.out, HasSubstr("no p-value: a test needs at least 3 results in each group"));
 }
 

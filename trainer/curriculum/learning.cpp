@@ -28,9 +28,10 @@ using Tests = std::map<Cohort, std::map<int, std::vector<double>>>;
 Tests tests_of(const std::vector<ExclusionRecord>& records, const std::string& object, Measure measure) {
   std::map<Cohort, std::map<int, std::map<std::string, std::vector<double>>>> by_trainee;
   for (const ExclusionRecord& record : records) {
-    if (record.test && is_result(record.ending) && record.object == object)
+    const std::optional<double> value = value_of(measure, record.score);
+    if (record.test && is_result(record.ending) && record.object == object && value)
       by_trainee[{record.group, record.fingers, record.conditions}][record.session][record.trainee].push_back(
-          value_of(measure, record.score));
+          *value);
   }
   Tests tests;
   for (const auto& [cohort, sessions] : by_trainee) {
@@ -138,15 +139,22 @@ std::vector<ExclusionRecord> comparable_records(const std::vector<ExclusionRecor
 
 std::string label_of(Measure measure) {
   constexpr std::array<const char*, kMeasures.size()> kLabels{
-      "largest von Mises stress, kPa", "time, s", "path of the fingers, cm", "largest force of a finger, N",
+      "largest von Mises stress, kPa",
+      "stress that 99 % of the tissue stays below, kPa",
+      "time, s",
+      "path of the fingers, cm",
+      "largest force of a finger, N",
       "tissue above the damage limit, ml"};
   return kLabels[static_cast<std::size_t>(measure)];
 }
 
-double value_of(Measure measure, const ExclusionScore& score) {
+std::optional<double> value_of(Measure measure, const ExclusionScore& score) {
   switch (measure) {
     case Measure::kStress:
       return score.largest_von_mises_pa / 1e3;
+    case Measure::kHighStress:
+      if (!score.high_von_mises_pa) return std::nullopt;
+      return *score.high_von_mises_pa / 1e3;
     case Measure::kTime:
       return score.time_s;
     case Measure::kPath:
@@ -244,7 +252,7 @@ std::string attempts_csv(const std::vector<ExclusionRecord>& records) {
       "pa,"
       "damaged_ml,"
       "path_m,peak_force_n,peak_wrist_force_n,best_visible_share,friction,damage_limit_pa,vertices,"
-      "tetrahedra\n";
+      "tetrahedra,high_von_mises_pa\n";
   for (const ExclusionRecord& record : records) {
     const ExclusionScore& score = record.score;
     csv += csv_field(record.trainee) + "," + csv_field(record.group) + (record.simulated ? ",yes," : ",no,") +
@@ -255,7 +263,8 @@ std::string attempts_csv(const std::vector<ExclusionRecord>& records) {
          {score.time_s, score.largest_von_mises_pa, 1e6 * score.damaged_m3, score.path_m, score.peak_force_n,
           score.peak_wrist_n, score.best_visible_share})
       csv += "," + exact_text(number);
-    csv += conditions_csv(record.conditions) + "\n";
+    csv += conditions_csv(record.conditions) + "," +
+           (score.high_von_mises_pa ? exact_text(*score.high_von_mises_pa) : "") + "\n";
   }
   return csv;
 }

@@ -62,12 +62,13 @@ TraineeProgress progress_of(const std::vector<ExclusionRecord>& records, const s
                             const std::string& object);
 
 /// What is looked at of a score.
-enum class Measure { kStress, kTime, kPath, kForce, kDamage };
-inline constexpr std::array<Measure, 5> kMeasures{Measure::kStress, Measure::kTime, Measure::kPath,
-                                                  Measure::kForce, Measure::kDamage};
+enum class Measure { kStress, kHighStress, kTime, kPath, kForce, kDamage };
+inline constexpr std::array<Measure, 6> kMeasures{Measure::kStress, Measure::kHighStress, Measure::kTime,
+                                                  Measure::kPath,   Measure::kForce,      Measure::kDamage};
 /// With its unit: "largest von Mises stress, kPa".
 std::string label_of(Measure measure);
-double value_of(Measure measure, const ExclusionScore& score);
+/// Absent where it was not measured.
+std::optional<double> value_of(Measure measure, const ExclusionScore& score);
 
 struct CurvePoint {
   int session = 1;

@@ -9,6 +9,7 @@
 #include "sim/haptics/rate_scheduler.h"
 #include "sim/render/colour_map.h"
 #include "sim/render/volume_renderer.h"
+#include "trainer/exclusion/stress_score.h"
 
 namespace kiroku::trainer {
 namespace {
@@ -63,23 +64,28 @@ bool ExclusionRunner::look(HandForces& forces, ExclusionJudge& judge, double tim
                                              static_cast<std::size_t>(displacement_m.size()));
   ExclusionView view;
   view.time_s = time_s;
+  const std::vector<sim::SymmetricTensor> stress_pa = body_.body().stress_pa(displacement_m);
+  view.high_von_mises_pa =
+      stress_of_share_pa(body_.object().mesh, body_.volumes_m3(), body_.body().at_nodes(stress_pa));
   for (std::size_t t = 0; t < von_mises_pa_.size(); ++t) {
-    von_mises_pa_[t] = sim::von_mises(body_.body().stress_pa(displacement_m, t));
+    von_mises_pa_[t] = sim::von_mises(stress_pa[t]);
     view.largest_von_mises_pa = std::max(view.largest_von_mises_pa, von_mises_pa_[t]);
     if (von_mises_pa_[t] > body_.task().damage_pa) view.damaged_m3 += body_.volumes_m3()[t];
   }
   view.visible_share = meter_.visible_share(displacement);
   view.hand = forces.state();
-  judge.see({time_s, view.visible_share, view.largest_von_mises_pa, view.damaged_m3});
+  judge.see({time_s, view.visible_share, view.largest_von_mises_pa, view.damaged_m3, view.high_von_mises_pa});
   const bool given_up = options_.most_s > 0 && time_s >= options_.most_s;
   if (!observer) return !judge.over() && !given_up;
   view.danger = danger(view.largest_von_mises_pa, body_.task().damage_pa);
   view.tone_hz = danger_tone_hz(view.danger);
   view.held_s = judge.held_s();
   view.score = judge.score();
-  const sim::Picture picture =
-      renderer_.render(displacement, scene_of(view.hand, time_s, von_mises_pa_)).picture;
-  view.picture = &picture;
+  sim::Picture picture;
+  if (options_.draws) {
+    picture = renderer_.render(displacement, scene_of(view.hand, time_s, von_mises_pa_)).picture;
+    view.picture = &picture;
+  }
   view.displacement_m = displacement;
   view.looked_at = looked_at;
   return observer(view) && !judge.over() && !given_up;

@@ -19,6 +19,7 @@ struct ExclusionOptions {
   double force_rate_hz = 1000, picture_rate_hz = 20;
   int width = 640, height = 480;
   SafetyLimits limits;
+  bool draws = true;  // pictures for who watches; what can be seen of the line is measured without, too
   std::optional<HandMotion> ghost;  // an expert's hand, shown where it was at the same time of its attempt
   double most_s = 0;                // ends the attempt before the task does; 0: not
 };
@@ -26,11 +27,12 @@ struct ExclusionOptions {
 /// What a trainee is shown and may know.
 struct ExclusionView {
   double time_s = 0;
-  const sim::Picture* picture = nullptr;
+  const sim::Picture* picture = nullptr;            // none where nothing is drawn
   std::span<const double> displacement_m;           // (3 |V|), valid during the call, as the picture is
   std::chrono::steady_clock::time_point looked_at;  // forces given before it are in the picture
   double visible_share = 0, held_s = 0;
   double largest_von_mises_pa = 0, damaged_m3 = 0;
+  double high_von_mises_pa = 0;  // what all tissue but kHighStressShare stays below
   double danger = 0, tone_hz = 0;
   HandForces::State hand;
   ExclusionScore score;  // so far

@@ -27,6 +27,7 @@ void ExclusionJudge::see(const ExclusionMoment& moment) {
   score_.best_visible_share = std::max(score_.best_visible_share, moment.visible_share);
   score_.largest_von_mises_pa = std::max(score_.largest_von_mises_pa, moment.largest_von_mises_pa);
   score_.damaged_m3 = std::max(score_.damaged_m3, moment.damaged_m3);
+  score_.high_von_mises_pa = std::max(score_.high_von_mises_pa.value_or(0), moment.high_von_mises_pa);
   if (moment.visible_share < task_.visible_share) {
     seen_ = false;
     held_s_ = 0;

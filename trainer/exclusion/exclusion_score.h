@@ -1,6 +1,7 @@
 // How well an organ was pushed aside. Not thread-safe.
 #pragma once
 
+#include <optional>
 #include <string>
 
 #include "trainer/exclusion/exclusion_body.h"
@@ -8,14 +9,17 @@
 namespace kiroku::trainer {
 
 struct ExclusionScore {
-  bool done = false;  // seen for as long as was asked
-  double time_s = 0;  // until then, or until it was given up
-  double largest_von_mises_pa = 0;
-  double damaged_m3 = 0;    // tissue that was above the damage limit at a time, the most
-  double path_m = 0;        // of all fingers together
-  double peak_force_n = 0;  // of a finger
-  double peak_wrist_n = 0;  // of all together
+  bool done = false;                // seen for as long as was asked
+  double time_s = 0;                // until then, or until it was given up
+  double largest_von_mises_pa = 0;  // of an element: grows with the fineness of the mesh
+  double damaged_m3 = 0;            // tissue that was above the damage limit at a time, the most
+  double path_m = 0;                // of all fingers together
+  double peak_force_n = 0;          // of a finger
+  double peak_wrist_n = 0;          // of all together
   double best_visible_share = 0;
+  /// What all tissue but kHighStressShare stayed below, smoothed, the most (stress_score.h). Absent of
+  /// attempts that were kept before there was this measure.
+  std::optional<double> high_von_mises_pa;
 };
 
 /// How an attempt ended.
@@ -37,6 +41,7 @@ struct ExclusionMoment {
   double visible_share = 0;
   double largest_von_mises_pa = 0;
   double damaged_m3 = 0;
+  double high_von_mises_pa = 0;
 };
 
 /// Follows a task to its end.

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <utility>
 
 #include <boost/math/distributions/normal.hpp>
 
@@ -28,9 +29,19 @@ constexpr std::array<std::array<double, 2>, 8> kPlacesMetres{
 
 }  // namespace
 
-SimulatedTrainee::SimulatedTrainee(const ExclusionBody& body, std::size_t fingers, const TraineeSkill& skill,
-                                   double period_s, std::uint32_t seed)
-    : skill_(skill),
+LiftPlan unpractised_plan(std::size_t fingers, std::uint32_t seed) {
+  (void)side_by_side_m(fingers);  // refuses what no hand has
+  LiftPlan plan;
+  std::mt19937 random(seed);
+  for (std::size_t i = 0; i < fingers; ++i) {
+    const double within = std::clamp(uniform(random), 0.02, 0.98);
+    plan.offset_m.push_back(kUnevenMetres * boost::math::quantile(boost::math::normal(), within));
+  }
+  return plan;
+}
+
+SimulatedTrainee::SimulatedTrainee(const ExclusionBody& body, LiftPlan plan, double period_s)
+    : plan_(std::move(plan)),
       period_s_(period_s),
       needed_share_(body.task().visible_share),
       damage_pa_(body.task().damage_pa),
@@ -38,15 +49,11 @@ SimulatedTrainee::SimulatedTrainee(const ExclusionBody& body, std::size_t finger
       aside_(body.task().aside),
       away_(lifts_.cross(aside_)),
       begins_m_(body.task().under_border_m - kBeginBelowMetres * lifts_),
-      side_by_side_m_(side_by_side_m(fingers)),
-      felt_n_(fingers, sim::Vector3::Zero()),
-      goal_m_(kBeginBelowMetres + kMostLiftMetres) {
-  std::mt19937 random(seed);
-  for (std::size_t i = 0; i < fingers; ++i) {
-    const double within = std::clamp(uniform(random), 0.02, 0.98);
-    offset_m_.push_back(skill.unevenness_m * boost::math::quantile(boost::math::normal(), within));
-  }
-}
+      side_by_side_m_(side_by_side_m(plan_.offset_m.size())),
+      felt_n_(plan_.offset_m.size(), sim::Vector3::Zero()),
+      at_m_(plan_.place_m),
+      goes_to_m_(at_m_),
+      goal_m_(kBeginBelowMetres + kMostLiftMetres) {}
 
 bool SimulatedTrainee::read(std::span<sim::Pose> poses) {
   // Uneven from the first touch on, not before.
@@ -54,7 +61,7 @@ bool SimulatedTrainee::read(std::span<sim::Pose> poses) {
   for (std::size_t i = 0; i < poses.size(); ++i) {
     poses[i] = {};
     poses[i].position_m = begins_m_ + (at_m_.x() + side_by_side_m_[i]) * aside_ + at_m_.y() * away_ +
-                          (lifted_m_ + share * offset_m_[i]) * lifts_;
+                          (lifted_m_ + share * plan_.offset_m[i]) * lifts_;
   }
   return true;
 }
@@ -64,7 +71,7 @@ void SimulatedTrainee::write(std::span<const sim::Vector3> forces_n) {
   const double free_m = kFreeSpeedMetres * period_s_;
   switch (doing_) {
     case Doing::kLifts:
-      if (lifted_m_ < goal_m_) lifted_m_ = std::min(goal_m_, lifted_m_ + skill_.speed_m_s * period_s_);
+      if (lifted_m_ < goal_m_) lifted_m_ = std::min(goal_m_, lifted_m_ + plan_.speed_m_s * period_s_);
       break;
     case Doing::kComesBack:
       // It may be below where it began, having gone under what was in its way.
@@ -88,7 +95,7 @@ void SimulatedTrainee::see(const ExclusionView& view, bool shown_stress) {
   if (doing_ != Doing::kLifts) return;
   if (!sees_line_ && view.visible_share >= needed_share_) {
     sees_line_ = true;
-    goal_m_ = lifted_m_ + skill_.beyond_m;
+    goal_m_ = lifted_m_ + plan_.beyond_m;
   }
   best_here_ = std::max(best_here_, view.visible_share);
   if (shown_stress && view.largest_von_mises_pa >= 0.4 * damage_pa_) even_out();
@@ -127,16 +134,8 @@ void SimulatedTrainee::even_out() {
   const auto least =
       static_cast<std::size_t>(std::ranges::min_element(felt_n_, {}, pressed) - felt_n_.begin());
   constexpr double kStepMetres = 2e-4;
-  offset_m_[hardest] -= kStepMetres;
-  offset_m_[least] += kStepMetres;
-}
-
-TraineeSkill SimulatedTrainee::learnt(bool shown_stress) const {
-  TraineeSkill after = skill_;
-  after.unevenness_m *= shown_stress ? 0.65 : 0.95;
-  after.beyond_m *= shown_stress ? 0.7 : 0.9;
-  after.speed_m_s = std::min(after.speed_m_s * 1.12, 0.012);
-  return after;
+  plan_.offset_m[hardest] -= kStepMetres;
+  plan_.offset_m[least] += kStepMetres;
 }
 
 }  // namespace kiroku::trainer

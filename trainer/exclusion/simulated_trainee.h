@@ -8,13 +8,19 @@
 
 namespace kiroku::trainer {
 
-/// What changes with practice. The model: fingers that lift unevenly press one place hard. Who sees stress
-/// evens them out as it happens and remembers it; who does not learns by the way alone.
-struct TraineeSkill {
-  double unevenness_m = 0.004;  // how far fingers are apart when they lift, the standard deviation
+/// How a hand lifts.
+struct LiftPlan {
+  /// Where, from where the rule puts a hand: along the border, and further in.
+  Eigen::Vector2d place_m = Eigen::Vector2d::Zero();
+  std::vector<double> offset_m;  // how much higher each finger is than the hand; as many as fingers
+  double beyond_m = 0.004;       // how much further than needed
   double speed_m_s = 0.006;
-  double beyond_m = 0.004;  // how much further than needed the organ is lifted
 };
+
+/// How unevenly somebody lifts who has not practised: the standard deviation of the fingers' heights.
+inline constexpr double kUnevenMetres = 0.004;
+/// Of so many fingers (1 to 5), uneven by chance. The same seed gives the same.
+LiftPlan unpractised_plan(std::size_t fingers, std::uint32_t seed);
 
 /// A controller that knows what a trainee is shown: how much of the line it sees, the forces of its fingers,
 /// and the stress where it is shown; nothing else. It lifts where the rule puts its hand. Where the line does
@@ -23,18 +29,15 @@ struct TraineeSkill {
 /// time is its steps. Not thread-safe.
 class SimulatedTrainee : public sim::HapticDevice {
  public:
-  /// Fingers below the object's border, to lift it. kiroku::UsageError for other than 1 to 5.
-  SimulatedTrainee(const ExclusionBody& body, std::size_t fingers, const TraineeSkill& skill, double period_s,
-                   std::uint32_t seed);
+  /// Fingers below the object's border, to lift it as planned. kiroku::UsageError for other than 1 to 5.
+  SimulatedTrainee(const ExclusionBody& body, LiftPlan plan, double period_s);
 
-  [[nodiscard]] std::size_t tools() const override { return offset_m_.size(); }
+  [[nodiscard]] std::size_t tools() const override { return plan_.offset_m.size(); }
   bool read(std::span<sim::Pose> poses) override;
   void write(std::span<const sim::Vector3> forces_n) override;
   /// To be called with each picture: an observer. `shown_stress` as the picture shows it.
   void see(const ExclusionView& view, bool shown_stress);
 
-  /// The skill after the attempt: what `shown_stress` changed.
-  [[nodiscard]] TraineeSkill learnt(bool shown_stress) const;
   /// How many places it has begun to lift at, from 1 on.
   [[nodiscard]] int places_tried() const { return tried_; }
 
@@ -46,15 +49,14 @@ class SimulatedTrainee : public sim::HapticDevice {
   void go_on_elsewhere();
   void even_out();
 
-  TraineeSkill skill_;
+  LiftPlan plan_;
   double period_s_, needed_share_, damage_pa_;
   sim::Vector3 lifts_, aside_, away_;
   sim::Vector3 begins_m_;  // the middle of the hand
   std::span<const double> side_by_side_m_;
-  std::vector<double> offset_m_;  // of each finger's height
   std::vector<sim::Vector3> felt_n_;
   Doing doing_ = Doing::kLifts;
-  Place at_m_ = Place::Zero(), goes_to_m_ = Place::Zero();
+  Place at_m_, goes_to_m_;
   std::size_t next_place_ = 0;
   int tried_ = 1;
   double lifted_m_ = 0, goal_m_;

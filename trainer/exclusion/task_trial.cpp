@@ -44,7 +44,7 @@ std::string doubt_about(const ExclusionBody& body, std::span<const std::size_t> 
   double best = 0;
   for (const std::size_t count : fingers) {
     ExclusionRunner runner(body, options);
-    SimulatedTrainee trainee(body, count, {}, 1 / options.force_rate_hz, kSeed);
+    SimulatedTrainee trainee(body, unpractised_plan(count, kSeed), 1 / options.force_rate_hz);
     ExclusionJudge judge(task);
     (void)runner.run_in_own_time(trainee, [&](const ExclusionView& view) {
       trainee.see(view, false);

@@ -1,14 +1,10 @@
 #include "trainer/haptic_rate/experiment.h"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <set>
 
-#include <boost/math/distributions/normal.hpp>
-
 #include "base/error.h"
-#include "sim/haptics/haptic_rate.h"
 #include "trainer/psychophysics/rate_series.h"
 #include "trainer/psychophysics/threshold_posterior.h"
 
@@ -17,17 +13,13 @@ namespace kiroku::trainer {
 RateSession run_rate_session(RateSubject& subject, const RateProtocol& protocol,
                              const std::function<void(const RateTrial&)>& asked) {
   if (protocol.fingers.empty() || protocol.trials == 0)
-    throw UsageError("an experiment needs at least one number of fingers and one trial");
+    throw UsageError("an experiment needs fingers that press and at least one trial");
   if (std::set(protocol.fingers.begin(), protocol.fingers.end()).size() != protocol.fingers.size())
-    throw UsageError("a number of fingers is named twice");
-  for (const std::size_t fingers : protocol.fingers) {
-    if (fingers < 1 || fingers > kMostFingers)
-      throw UsageError("a hand has 1 to 5 fingers, not " + std::to_string(fingers));
-  }
+    throw UsageError("the same fingers are named twice");
   RateSession session;
   session.method = protocol.method;
   session.series = protocol.series;
-  for (const std::size_t fingers : protocol.fingers) {
+  for (const Fingers& fingers : protocol.fingers) {
     const std::unique_ptr<ThresholdMethod> method = make_method(protocol.method, protocol.series);
     ThresholdPosterior posterior(protocol.series);
     for (std::size_t trial = 0; trial < protocol.trials; ++trial) {
@@ -51,7 +43,7 @@ RateComparison compare_fingers(std::span<const RateSession> sessions) {
   std::vector<std::vector<double>> hz(like.size()), log_hz(like.size());
   for (const RateSession& session : sessions) {
     if (!std::ranges::equal(session.thresholds, like, {}, &RateThreshold::fingers, &RateThreshold::fingers))
-      throw UsageError("only sessions with the same numbers of fingers in the same order can be compared");
+      throw UsageError("only sessions with the same fingers in the same order can be compared");
     for (std::size_t i = 0; i < like.size(); ++i) {
       hz[i].push_back(session.thresholds[i].estimate.hz);
       log_hz[i].push_back(std::log10(hz[i].back()));
@@ -74,30 +66,53 @@ RateComparison compare_fingers(std::span<const RateSession> sessions) {
   return found;
 }
 
-std::optional<double> published_threshold_hz(RateSeries series, std::size_t fingers) {
-  if (fingers < 1 || fingers > kMostFingers) return std::nullopt;
-  if (series == RateSeries::kHapticRate) return sim::haptic_rate_hz(fingers);
-  constexpr std::array<double, 2> kExclusionHz{15.8, 4.2};
-  if (fingers > kExclusionHz.size()) return std::nullopt;
-  return kExclusionHz[fingers - 1];
+std::optional<Comparison> compare_single_and_several(std::span<const RateSession> sessions) {
+  std::vector<double> single, several;
+  for (const RateSession& session : sessions) {
+    for (const RateThreshold& threshold : session.thresholds)
+      (threshold.fingers.count() == 1 ? single : several).push_back(std::log10(threshold.estimate.hz));
+  }
+  if (single.empty() || several.empty()) return std::nullopt;
+  return compare_groups(single, several);
 }
 
-std::vector<std::vector<PsychometricFunction>> simulated_group(std::span<const double> means_hz,
-                                                               std::size_t subjects,
-                                                               double spread_of_subjects, double spread,
-                                                               double lapse_rate, std::uint32_t seed) {
+std::vector<SubjectFunctions> scaled_group(std::span<const ConditionMean> means, std::size_t subjects,
+                                           double spread_of_subjects, double spread, double lapse_rate,
+                                           std::uint32_t seed) {
   std::mt19937 random(seed);
-  std::vector<std::vector<PsychometricFunction>> group(subjects);
-  for (const double mean_hz : means_hz) {
+  std::vector<SubjectFunctions> group(subjects);
+  for (const ConditionMean& mean : means) {
     std::vector<double> factors(subjects);
     double sum = 0;
     for (double& factor : factors) {
-      const double within = std::clamp(uniform(random), 1e-9, 1 - 1e-9);
-      factor = std::pow(10, spread_of_subjects * boost::math::quantile(boost::math::normal(), within));
+      factor = std::pow(10, spread_of_subjects * standard_normal(random));
       sum += factor;
     }
-    for (std::size_t i = 0; i < subjects; ++i)
-      group[i].push_back({mean_hz * factors[i] * static_cast<double>(subjects) / sum, spread, lapse_rate});
+    for (std::size_t i = 0; i < subjects; ++i) {
+      group[i][mean.fingers] = {mean.hz * factors[i] * static_cast<double>(subjects) / sum, spread,
+                                lapse_rate};
+    }
+  }
+  return group;
+}
+
+std::vector<SubjectFunctions> drawn_group(std::span<const PublishedThreshold> conditions,
+                                          std::size_t subjects, double spread, double lapse_rate,
+                                          std::uint32_t seed) {
+  std::mt19937 random(seed);
+  std::vector<SubjectFunctions> group(subjects);
+  for (const PublishedThreshold& condition : conditions) {
+    if (!condition.sd_hz) {
+      throw UsageError("no spread of thresholds with " + condition.fingers.in_words() +
+                       " was published: take the exclusion study's named fingers");
+    }
+    const LogNormal population = log_normal(condition.mean_hz, *condition.sd_hz);
+    for (SubjectFunctions& subject : group) {
+      double hz = 0;
+      while (hz < kLeastThresholdHz || hz > kMostThresholdHz)
+        hz = std::exp(population.location + population.spread * standard_normal(random));
+      subject[condition.fingers] = {hz, spread, lapse_rate};
+    }
   }
   return group;
 }

@@ -20,12 +20,22 @@ constexpr double kFingerRadiusMetres = 0.008;
 /// are 1 cm apart, as contact is at nodes.
 constexpr std::array<std::array<double, 2>, kMostFingers> kPlaces{
     {{-0.04, -0.03}, {-0.03, 0.03}, {0, 0.04}, {0.03, 0.03}, {0.06, 0.01}}};
-/// One finger alone is the index finger, in the middle of the plate.
-constexpr std::array<double, 2> kOnePlace{0, 0};
 
-void check_count(std::size_t count) {
-  if (count < 1 || count > kMostFingers)
-    throw UsageError("a hand has 1 to 5 fingers, not " + std::to_string(count));
+/// Above nodes, each. A number of fingers keeps its places; the hand of named ones and of one alone is moved
+/// so that they lie around the plate's middle.
+std::vector<Vector3> places_of(const Fingers& fingers) {
+  constexpr double kNodesMetres = 0.01;
+  std::vector<Vector3> places;
+  Vector3 middle = Vector3::Zero();
+  for (const Finger finger : fingers.which()) {
+    const auto& place = kPlaces.at(static_cast<std::size_t>(finger));
+    places.emplace_back(place[0], place[1], kFingerRadiusMetres);
+    middle += Vector3(place[0], place[1], 0) / static_cast<double>(fingers.count());
+  }
+  if (!fingers.named() && fingers.count() > 1) return places;
+  const Vector3 whole = (middle / kNodesMetres).array().round() * kNodesMetres;
+  for (Vector3& place : places) place -= whole;
+  return places;
 }
 
 /// Nodes of the surface that fingers at these places may come to touch.
@@ -58,21 +68,18 @@ Plate::Plate() {
   contact_ = std::make_unique<sim::ContactBody>(*body_);
 }
 
-std::vector<sim::ContactTool> Plate::fingers(std::size_t count) {
-  check_count(count);
+std::vector<sim::ContactTool> Plate::fingers(std::size_t count, bool stick) {
+  (void)Fingers(count);
   std::vector<sim::ContactTool> tools;
   for (std::size_t i = 0; i < count; ++i)
-    tools.push_back({"finger " + std::to_string(i + 1), sim::Sphere{kFingerRadiusMetres}, false});
+    tools.push_back({"finger " + std::to_string(i + 1), sim::Sphere{kFingerRadiusMetres}, stick});
   return tools;
 }
 
-std::vector<sim::Pose> Plate::pressing(std::size_t count, double force_n) const {
-  check_count(count);
+std::vector<sim::Pose> Plate::pressing(const Fingers& fingers, double force_n) const {
+  const std::size_t count = fingers.count();
   std::vector<sim::Pose> poses(count);
-  for (std::size_t i = 0; i < count; ++i) {
-    const auto& place = count == 1 ? kOnePlace : kPlaces[i];
-    poses[i].position_m = {place[0], place[1], kFingerRadiusMetres};
-  }
+  for (std::size_t i = 0; const Vector3& place : places_of(fingers)) poses[i++].position_m = place;
   if (force_n <= 0) return poses;
   PlateForces contact(*this, poses);
   std::vector<Vector3> forces_n(count);
@@ -90,7 +97,7 @@ std::vector<sim::Pose> Plate::pressing(std::size_t count, double force_n) const 
     }
     if (worst_n <= kAgreement * force_n) return poses;
   }
-  throw Error("no places were found at which " + std::to_string(count) + " fingers press the plate with " +
+  throw Error("no places were found at which " + fingers.in_words() + " press the plate with " +
               std::to_string(force_n) + " N each; presses of 0.5 to 1 N are meant");
 }
 
@@ -100,9 +107,9 @@ sim::Rgb colour_of_press(double force_n) {
   return {part(share), 0, part(1 - share)};
 }
 
-PlateForces::PlateForces(const Plate& plate, std::span<const sim::Pose> poses)
+PlateForces::PlateForces(const Plate& plate, std::span<const sim::Pose> poses, bool stick)
     : solver_(plate.contact().neighbourhood(places_near(plate.contact(), poses)),
-              Plate::fingers(poses.size()), {1e-6, 20}) {}
+              Plate::fingers(poses.size(), stick), {1e-6, 20}) {}
 
 void PlateForces::forces(std::span<const sim::Pose> poses, double /*period_s*/, std::span<Vector3> forces_n) {
   const sim::ContactResult& result = solver_.step(poses);

@@ -8,10 +8,10 @@
 #include "sim/haptics/haptic_contact.h"
 #include "sim/haptics/simulated_hand.h"
 #include "sim/render/picture.h"
+#include "trainer/haptic_rate/fingers.h"
 
 namespace kiroku::trainer {
 
-inline constexpr std::size_t kMostFingers = 5;
 /// What a finger is to press with.
 inline constexpr double kLeastPressN = 0.5, kMostPressN = 1.0;
 
@@ -32,9 +32,10 @@ class Plate {
   [[nodiscard]] const sim::ContactBody& contact() const { return *contact_; }
 
   /// So many fingertips, 1 to kMostFingers; kiroku::UsageError for others.
-  [[nodiscard]] static std::vector<sim::ContactTool> fingers(std::size_t count);
+  [[nodiscard]] static std::vector<sim::ContactTool> fingers(std::size_t count, bool stick = false);
   /// Where these fingertips are when each presses with that force, N, into the plate; 0: touching just so.
-  [[nodiscard]] std::vector<sim::Pose> pressing(std::size_t count, double force_n) const;
+  /// One finger lies in the plate's middle, named ones beside each other as they do on a hand above it.
+  [[nodiscard]] std::vector<sim::Pose> pressing(const Fingers& fingers, double force_n) const;
 
  private:
   std::unique_ptr<sim::ElasticBody> body_;
@@ -48,8 +49,8 @@ sim::Rgb colour_of_press(double force_n);
 /// the fingers known from the first step on. For one thread.
 class PlateForces : public sim::ForceSource {
  public:
-  /// `plate` must outlive it; fingers as at `poses`.
-  PlateForces(const Plate& plate, std::span<const sim::Pose> poses);
+  /// `plate` must outlive it; fingers as at `poses`, which glide on it, or stick to it where they touch.
+  PlateForces(const Plate& plate, std::span<const sim::Pose> poses, bool stick = false);
   void forces(std::span<const sim::Pose> poses, double period_s, std::span<sim::Vector3> forces_n) override;
   [[nodiscard]] const sim::ContactResult& result() const { return solver_.result(); }
 

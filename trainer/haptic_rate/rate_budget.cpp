@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "base/error.h"
+#include "trainer/haptic_rate/published_thresholds.h"
 
 namespace kiroku::trainer {
 
@@ -17,6 +18,13 @@ double paper_force_ms(std::size_t fingers) {
   if (fingers < 1 || fingers > kMostFingers)
     throw UsageError("the paper measured 1 to 5 fingers, not " + std::to_string(fingers));
   return kMilliseconds[fingers - 1];
+}
+
+double exclusion_required_hz(std::size_t fingers) {
+  constexpr std::size_t kMeasured = 2;
+  const std::size_t measured = std::min(Fingers(fingers).count(), kMeasured);
+  return *published_threshold_hz(RateSeries::kExclusion, measured) /
+         std::pow(3.0, static_cast<double>(fingers - measured));
 }
 
 RateBudget measure_budget(const Plate& plate, sim::SurfaceRenderer& renderer, std::size_t fingers,

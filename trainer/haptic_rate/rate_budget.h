@@ -23,6 +23,11 @@ struct RateBudget {
 /// Multi-finger Haptic Interaction": reaction forces on a cylinder of 820 vertices, on two Xeons of 2.6 GHz.
 double paper_force_ms(std::size_t fingers);  // kiroku::UsageError for other than 1 to 5
 
+/// The rate that the same study takes for required (its Figure 5): its means for one and two fingers
+/// (section 6.1), a third for each further finger, as it assumes there. kiroku::UsageError for other than 1
+/// to 5.
+double exclusion_required_hz(std::size_t fingers);
+
 /// Presses the plate with so many fingers for `time`: first forces alone, then as RateScheduler shares one
 /// thread. Pictures of 640 x 480 by `renderer`, of the plate's mesh. Real time is what is measured.
 RateBudget measure_budget(const Plate& plate, sim::SurfaceRenderer& renderer, std::size_t fingers,

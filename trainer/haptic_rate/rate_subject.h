@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <map>
 #include <random>
 
 #include "trainer/haptic_rate/plate.h"
@@ -13,8 +14,8 @@ namespace kiroku::trainer {
 class RateSubject {
  public:
   virtual ~RateSubject() = default;
-  /// Presses the plate with so many fingers while forces are renewed at that rate. Does it vibrate?
-  virtual bool feels_vibration(std::size_t fingers, double rate_hz) = 0;
+  /// Presses the plate with these fingers while forces are renewed at that rate. Does it vibrate?
+  virtual bool feels_vibration(const Fingers& fingers, double rate_hz) = 0;
 };
 
 /// What hands felt while a finger was pressed up and down between kLeastPressN and kMostPressN.
@@ -26,24 +27,29 @@ struct FeltForces {
 /// A simulated hand presses the plate in steps of the force loop (2 kHz, so that every rate of the series is
 /// a whole number of steps), its forces renewed at `rate_hz` (HeldForces). Four renewals at least, and two
 /// seconds. Time is the hand's own: nothing waits. The same call gives the same numbers.
-FeltForces press_plate(const Plate& plate, std::size_t fingers, double rate_hz);
+FeltForces press_plate(const Plate& plate, const Fingers& fingers, double rate_hz);
 
-/// Answers by a psychometric function of the rate it felt. The same seed gives the same answers.
+using SubjectFunctions = std::map<Fingers, PsychometricFunction>;
+
+/// Answers by a psychometric function of the rate it felt. The same seed gives the same answers. Its
+/// threshold was put in: what comes out of it proves the estimator, and nothing about people.
 class SimulatedSubject : public RateSubject {
  public:
-  /// One function for each number of fingers, from one; the plate must outlive it. kiroku::UsageError for
-  /// functions without sense.
-  SimulatedSubject(const Plate& plate, std::vector<PsychometricFunction> functions, std::uint32_t seed);
-  /// kiroku::UsageError for more fingers than there are functions.
-  bool feels_vibration(std::size_t fingers, double rate_hz) override;
+  /// A function for each condition; the plate must outlive it. kiroku::UsageError for functions without
+  /// sense.
+  SimulatedSubject(const Plate& plate, SubjectFunctions functions, std::uint32_t seed);
+  /// kiroku::UsageError for fingers without a function.
+  bool feels_vibration(const Fingers& fingers, double rate_hz) override;
 
  private:
   const Plate& plate_;
-  std::vector<PsychometricFunction> functions_;
+  SubjectFunctions functions_;
   std::mt19937 random_;
 };
 
 /// 0 to 1 without 1, the same on every machine.
 double uniform(std::mt19937& random);
+/// Of mean 0 and standard deviation 1, within six of them.
+double standard_normal(std::mt19937& random);
 
 }  // namespace kiroku::trainer

@@ -10,7 +10,7 @@ namespace kiroku::trainer {
 namespace {
 
 constexpr std::size_t kThresholds = 241;
-constexpr double kLeastLog = -0.4, kGreatestLog = 2.2;  // 0.4 to 160 Hz
+constexpr double kLeastLog = -0.4, kGreatestLog = 2.2;  // kLeastThresholdHz, kMostThresholdHz, nearly
 constexpr std::array<double, 6> kSpreads{0.03, 0.05, 0.08, 0.12, 0.18, 0.27};
 constexpr std::array<double, 4> kLapses{0, 0.02, 0.05, 0.1};
 constexpr std::size_t kShapes = kSpreads.size() * kLapses.size();

@@ -15,6 +15,9 @@
 
 namespace kiroku::trainer {
 
+/// Between which thresholds are looked for.
+inline constexpr double kLeastThresholdHz = 0.4, kMostThresholdHz = 160;
+
 /// Not thread-safe. Before any answer, all thresholds from 0.4 to 160 Hz are equally likely by their
 /// logarithm, spreads from 0.03 to 0.27 of it and lapse rates up to 0.1 likewise.
 class ThresholdPosterior {

@@ -93,6 +93,30 @@ constexpr const char* kConditions = R"(
   ALTER TABLE attempts ADD COLUMN tetrahedra INTEGER;
 )";
 
+/// Since version 6: which fingers, as Fingers::text() writes them, where there was their number. A session
+/// may have several conditions of one finger, so that they are its key.
+constexpr const char* kNamedFingers = R"(
+  ALTER TABLE rate_trials ADD COLUMN which TEXT NOT NULL DEFAULT '';  -- "2", "index+middle"
+  UPDATE rate_trials SET which = fingers;
+  ALTER TABLE rate_trials DROP COLUMN fingers;
+  CREATE TABLE named_rate_thresholds (
+    session    INTEGER NOT NULL REFERENCES rate_sessions (id),
+    number     INTEGER NOT NULL,      -- from 1, in the order in which they were asked
+    which      TEXT NOT NULL,
+    hz         REAL NOT NULL,
+    low_hz     REAL NOT NULL,         -- 95 % interval
+    high_hz    REAL NOT NULL,
+    own_hz     REAL,                  -- the method's own estimate
+    PRIMARY KEY (session, which)
+  ) STRICT;
+  INSERT INTO named_rate_thresholds SELECT session, fingers, fingers, hz, low_hz, high_hz, own_hz FROM rate_thresholds;
+  DROP TABLE rate_thresholds;
+  ALTER TABLE named_rate_thresholds RENAME TO rate_thresholds;
+)";
+
+/// Since version 7: the stress that all tissue but a share stays below; of older attempts nobody measured it.
+constexpr const char* kHighStress = "ALTER TABLE attempts ADD COLUMN high_von_mises_pa REAL;";
+
 }  // namespace
 
 struct TrainingDatabase::State {
@@ -135,8 +159,8 @@ TrainingDatabase::TrainingDatabase(const fs::path& file) : state_(std::make_uniq
       state_->whole([&] {
         if (state_->number("SELECT count(*) FROM sqlite_schema") > 0) return;  // another was quicker
         state_->execute(std::string(kSchema) + kAttempts + kEndings + kAccounts + kConditions +
-                        "PRAGMA application_id = " + std::to_string(kApplication) +
-                        "; PRAGMA user_version = " + std::to_string(kVersion));
+                        kNamedFingers + kHighStress + "PRAGMA application_id = " +
+                        std::to_string(kApplication) + "; PRAGMA user_version = " + std::to_string(kVersion));
       });
     }
     if (state_->number("PRAGMA application_id") != kApplication)
@@ -151,7 +175,8 @@ TrainingDatabase::TrainingDatabase(const fs::path& file) : state_(std::make_uniq
         const std::int64_t found = state_->number("PRAGMA user_version");
         if (found == kVersion) return;  // another was quicker
         state_->execute(std::string(found < 2 ? kAttempts : "") + (found < 3 ? kEndings : "") +
-                        (found < 4 ? kAccounts : "") + kConditions +
+                        (found < 4 ? kAccounts : "") + (found < 5 ? kConditions : "") +
+                        (found < 6 ? kNamedFingers : "") + kHighStress +
                         "PRAGMA user_version = " + std::to_string(kVersion));
       });
     }
@@ -224,18 +249,25 @@ std::int64_t TrainingDatabase::add_rate_session(const Trainee& subject, const Ra
     id = sqlite3_last_insert_rowid(state_->database.get());
     std::int64_t number = 0;
     for (const RateTrial& trial : session.trials) {
-      state_->statement("INSERT INTO rate_trials VALUES (?, ?, ?, ?, ?)")
+      state_
+          ->statement(
+              "INSERT INTO rate_trials (session, number, which, rate_hz, vibrating) VALUES (?, ?, ?, ?, ?)")
           .bind(id)
           .bind(++number)
-          .bind(static_cast<std::int64_t>(trial.fingers))
+          .bind(trial.fingers.text())
           .bind_real(trial.rate_hz)
           .bind(std::int64_t{trial.vibrating ? 1 : 0})
           .step();
     }
+    number = 0;
     for (const RateThreshold& threshold : session.thresholds) {
-      SqliteStatement row = state_->statement("INSERT INTO rate_thresholds VALUES (?, ?, ?, ?, ?, ?)");
+      SqliteStatement row = state_->statement(
+          "INSERT INTO rate_thresholds (session, number, which, hz, low_hz, high_hz, own_hz) VALUES (?, ?, "
+          "?, ?, "
+          "?, ?, ?)");
       row.bind(id)
-          .bind(static_cast<std::int64_t>(threshold.fingers))
+          .bind(++number)
+          .bind(threshold.fingers.text())
           .bind_real(threshold.estimate.hz)
           .bind_real(threshold.estimate.interval_hz.low)
           .bind_real(threshold.estimate.interval_hz.high);
@@ -264,18 +296,16 @@ std::vector<RateSession> TrainingDatabase::rate_sessions() const {
     session.method = method_kind(rows.text(3));
     session.series = rate_series(rows.text(4));
     SqliteStatement trials = state_->statement(
-        "SELECT fingers, rate_hz, vibrating FROM rate_trials WHERE session = ? ORDER BY number");
+        "SELECT which, rate_hz, vibrating FROM rate_trials WHERE session = ? ORDER BY number");
     trials.bind(rows.integer(0));
     while (trials.step())
-      session.trials.push_back(
-          {static_cast<std::size_t>(trials.integer(0)), trials.real(1), trials.integer(2) != 0});
+      session.trials.push_back({Fingers::of(trials.text(0)), trials.real(1), trials.integer(2) != 0});
     SqliteStatement thresholds = state_->statement(
-        "SELECT fingers, hz, low_hz, high_hz, own_hz FROM rate_thresholds WHERE session = ? ORDER BY "
-        "fingers");
+        "SELECT which, hz, low_hz, high_hz, own_hz FROM rate_thresholds WHERE session = ? ORDER BY number");
     thresholds.bind(rows.integer(0));
     while (thresholds.step()) {
       session.thresholds.push_back(
-          {static_cast<std::size_t>(thresholds.integer(0)),
+          {Fingers::of(thresholds.text(0)),
            {thresholds.real(1), {thresholds.real(2), thresholds.real(3)}},
            thresholds.is_null(4) ? std::nullopt : std::optional(thresholds.real(4))});
     }
@@ -289,11 +319,11 @@ namespace {
 /// In the order that bind_score() gives them.
 constexpr const char* kScoreColumns =
     "ending, done, time_s, largest_von_mises_pa, damaged_m3, path_m, peak_force_n, peak_wrist_n, "
-    "best_visible_share";
-constexpr const char* kScoreValues = "?, ?, ?, ?, ?, ?, ?, ?, ?";
+    "best_visible_share, high_von_mises_pa";
+constexpr const char* kScoreValues = "?, ?, ?, ?, ?, ?, ?, ?, ?, ?";
 
 SqliteStatement& bind_score(SqliteStatement& row, Ending ending, const ExclusionScore& score) {
-  return row.bind(name_of(ending))
+  row.bind(name_of(ending))
       .bind(std::int64_t{score.done ? 1 : 0})
       .bind_real(score.time_s)
       .bind_real(score.largest_von_mises_pa)
@@ -302,6 +332,8 @@ SqliteStatement& bind_score(SqliteStatement& row, Ending ending, const Exclusion
       .bind_real(score.peak_force_n)
       .bind_real(score.peak_wrist_n)
       .bind_real(score.best_visible_share);
+  if (score.high_von_mises_pa) return row.bind_real(*score.high_von_mises_pa);
+  return row.bind(std::optional<std::int64_t>());
 }
 
 constexpr const char* kConditionColumns = "friction, damage_pa, vertices, tetrahedra";
@@ -367,7 +399,8 @@ std::vector<ExclusionRecord> TrainingDatabase::attempts() const {
   SqliteStatement rows = state_->statement(
       "SELECT name, study_group, simulated, session, test, stress_shown, object, fingers, done, time_s, "
       "largest_von_mises_pa, damaged_m3, path_m, peak_force_n, peak_wrist_n, best_visible_share, ending, "
-      "attempts.id, sealed_case, friction, damage_pa, vertices, tetrahedra FROM attempts JOIN trainees ON "
+      "attempts.id, sealed_case, friction, damage_pa, vertices, tetrahedra, high_von_mises_pa FROM attempts "
+      "JOIN trainees ON "
       "trainee = trainees.id ORDER BY attempts.id");
   while (rows.step()) {
     ExclusionRecord record;
@@ -379,8 +412,10 @@ std::vector<ExclusionRecord> TrainingDatabase::attempts() const {
     record.stress_shown = rows.integer(5) != 0;
     record.object = rows.text(6);
     record.fingers = static_cast<std::size_t>(rows.integer(7));
-    record.score = {rows.integer(8) != 0, rows.real(9),  rows.real(10), rows.real(11),
-                    rows.real(12),        rows.real(13), rows.real(14), rows.real(15)};
+    record.score = {
+        rows.integer(8) != 0, rows.real(9),  rows.real(10),
+        rows.real(11),        rows.real(12), rows.real(13),
+        rows.real(14),        rows.real(15), rows.is_null(23) ? std::nullopt : std::optional(rows.real(23))};
     record.ending = ending_named(rows.text(16));
     record.number = rows.integer(17);
     record.sealed_case = rows.text(18);

@@ -130,7 +130,10 @@ Comparison compare_pairs(std::span<const double> first, std::span<const double> 
 }
 
 Comparison compare_groups(std::span<const double> first, std::span<const double> second) {
-  const SampleSummary a = summary_of(first), b = summary_of(second);
+  return compare_summaries(summary_of(first), summary_of(second));
+}
+
+Comparison compare_summaries(const SampleSummary& a, const SampleSummary& b) {
   Comparison found;
   found.difference = a.mean - b.mean;
   if (std::min(a.count, b.count) < kLeastForTest) {

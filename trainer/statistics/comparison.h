@@ -62,6 +62,10 @@ Comparison compare_pairs(std::span<const double> first, std::span<const double> 
 /// kiroku::UsageError as summary_of().
 Comparison compare_groups(std::span<const double> first, std::span<const double> second);
 
+/// The same of what a paper tells of two groups: counts, means and standard deviations (`of_mean` is not
+/// read).
+Comparison compare_summaries(const SampleSummary& first, const SampleSummary& second);
+
 /// p-values of a family of tests, so that the chance to call any difference real that is none stays what one
 /// test's is (Holm, 1979); in the order given.
 std::vector<double> holm_adjusted(std::span<const double> p);

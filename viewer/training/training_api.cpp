@@ -19,8 +19,8 @@ using trainer::ExclusionRecord;
 using trainer::Trainee;
 using trainer::TrainingDatabase;
 
-constexpr std::array<const char*, trainer::kMeasures.size()> kMeasureNames{"stress", "time", "path", "force",
-                                                                           "damage"};
+constexpr std::array<const char*, trainer::kMeasures.size()> kMeasureNames{"stress", "high-stress", "time",
+                                                                           "path",   "force",       "damage"};
 
 ordered_json trainee_json(const Trainee& trainee, const std::vector<ExclusionRecord>& records,
                           const TrainingRoom& room) {

@@ -254,11 +254,11 @@ TEST(ExclusionRun, ADeviceThatFailsEndsForcesNotTheProgram) {
   EXPECT_GT(outcome.faults.unsound, 400U);
 }
 
-TEST(SimulatedTrainee, FinishesWithOneToFiveFingersAndStressHelpsIt) {
+TEST(SimulatedTrainee, FinishesWithOneToFiveFingers) {
   for (std::size_t fingers = 1; fingers <= 5; ++fingers) {
     const ExclusionBody& object = fingers == 1 ? fine_body() : body();
     ExclusionRunner runner(object, quick());
-    SimulatedTrainee trainee(object, fingers, {}, 2e-3, 3);
+    SimulatedTrainee trainee(object, unpractised_plan(fingers, 3), 2e-3);
     const ExclusionOutcome outcome = runner.run_in_own_time(trainee, [&](const ExclusionView& view) {
       trainee.see(view, false);
       return true;
@@ -266,12 +266,10 @@ TEST(SimulatedTrainee, FinishesWithOneToFiveFingersAndStressHelpsIt) {
     EXPECT_TRUE(outcome.score.done) << fingers;
     EXPECT_EQ(outcome.faults.jumps, 0U);
   }
-  SimulatedTrainee trainee(body(), 3, {}, 2e-3, 1);
-  EXPECT_LT(trainee.learnt(true).unevenness_m, trainee.learnt(false).unevenness_m);
 }
 
 TEST(SimulatedTrainee, GoesOnElsewhereFromBelowWithoutAJump) {
-  SimulatedTrainee trainee(body(), 1, {}, 2e-3, 1);
+  SimulatedTrainee trainee(body(), unpractised_plan(1, 1), 2e-3);
   std::vector<sim::Pose> before(1), poses(1);
   trainee.read(before);
   double longest_m = 0;

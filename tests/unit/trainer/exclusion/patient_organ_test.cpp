@@ -78,7 +78,7 @@ TEST_F(PatientOrganTest, OfACtIsPushedAsideByASimulatedTrainee) {
   PatientOrgan organ = read_patient_organ(document(R"(, "exclusion": {"damage_pa": 8000})"));
   EXPECT_EQ(organ.task.damage_pa, 8000);
   const ExclusionBody body(std::move(organ.object), organ.task);
-  SimulatedTrainee trainee(body, 3, {}, 1 / kForceRateHz, 1);
+  SimulatedTrainee trainee(body, unpractised_plan(3, 1), 1 / kForceRateHz);
   const ExclusionOutcome outcome = tried(body, trainee);
   EXPECT_TRUE(outcome.score.done) << outcome.score.best_visible_share;
   EXPECT_GT(outcome.score.peak_force_n, 0.05);
@@ -109,7 +109,7 @@ TEST_F(PatientOrganTest, TooStiffForASimulatedTraineeIsTriedElsewhereAndGivenUp)
   PatientOrgan organ = read_patient_organ(document(""));
   for (auto& [region, material] : organ.object.materials) material.young_modulus_pa = 1e9;
   const ExclusionBody body(std::move(organ.object), organ.task);
-  SimulatedTrainee trainee(body, 3, {}, 1 / kForceRateHz, 1);
+  SimulatedTrainee trainee(body, unpractised_plan(3, 1), 1 / kForceRateHz);
   const ExclusionOutcome outcome = tried(body, trainee, 20);
   EXPECT_FALSE(outcome.score.done);
   EXPECT_GT(trainee.places_tried(), 2);

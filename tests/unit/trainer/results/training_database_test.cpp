@@ -38,7 +38,8 @@ TEST(TrainingDatabase, KeepsTraineesAndSessions) {
                             MethodKind::kStaircase,
                             RateSeries::kHapticRate,
                             {{1, 23.7, true}, {1, 30.5, false}, {2, 8.5, true}},
-                            {{1, {25.1, {20, 31}}, 24.5}, {2, {8.8, {7, 10}}, std::nullopt}}};
+                            {{Fingers::of("middle"), {25.1, {20, 31}}, 24.5},
+                             {Fingers::of("index"), {8.8, {7, 10}}, std::nullopt}}};
   {
     TrainingDatabase database(folder / "results.sqlite");
     const Trainee aoki = database.add_trainee("Aoki", "first", true);
@@ -60,6 +61,10 @@ TEST(TrainingDatabase, KeepsTraineesAndSessions) {
   EXPECT_EQ(found[0].trials[1].rate_hz, 30.5);
   EXPECT_FALSE(found[0].trials[1].vibrating);
   ASSERT_EQ(found[0].thresholds.size(), 2U);
+  EXPECT_EQ(found[0].trials[2].fingers, Fingers(2));
+  // In the order in which they were asked, each by its name.
+  EXPECT_EQ(found[0].thresholds[0].fingers.text(), "middle");
+  EXPECT_EQ(found[0].thresholds[1].fingers.text(), "index");
   EXPECT_EQ(found[0].thresholds[0].own_hz, 24.5);
   EXPECT_FALSE(found[0].thresholds[1].own_hz);
   EXPECT_EQ(found[0].thresholds[1].estimate.interval_hz.high, 10);
@@ -72,7 +77,7 @@ TEST(TrainingDatabase, KeepsAttempts) {
   record.test = true;
   record.object = "b";
   record.fingers = 5;
-  record.score = {true, 3.5, 4.5e4, 1e-6, 0.25, 6.5, 12.5, 0.95};
+  record.score = {true, 3.5, 4.5e4, 1e-6, 0.25, 6.5, 12.5, 0.95, 2.5e4};
   record.conditions = AttemptConditions{0.3, 8e4, 2012, 7654};
   TrainingDatabase database(folder / "results.sqlite");
   database.add_attempt(database.add_trainee("Aoki", "first", false), record, UtcTime{});
@@ -89,6 +94,7 @@ TEST(TrainingDatabase, KeepsAttempts) {
   EXPECT_EQ(found[0].score.time_s, 3.5);
   EXPECT_EQ(found[0].score.damaged_m3, 1e-6);
   EXPECT_EQ(found[0].score.best_visible_share, 0.95);
+  EXPECT_EQ(found[0].score.high_von_mises_pa, 2.5e4);
   EXPECT_EQ(found[0].conditions, record.conditions);
 }
 
@@ -106,7 +112,7 @@ TEST(TrainingDatabase, ABegunAttemptIsBrokenOffUntilItsEndIsKept) {
     // The program ends here for the first.
   }
   TrainingDatabase database(folder / "results.sqlite");
-  database.end_attempt(ended, Ending::kDone, {true, 3.5, 4.5e4, 1e-6, 0.25, 6.5, 12.5, 0.95});
+  database.end_attempt(ended, Ending::kDone, {true, 3.5, 4.5e4, 1e-6, 0.25, 6.5, 12.5, 0.95, std::nullopt});
   const std::vector<ExclusionRecord> found = database.attempts();
   ASSERT_EQ(found.size(), 2U);
   EXPECT_EQ(found[0].ending, Ending::kBrokenOff);
@@ -115,6 +121,7 @@ TEST(TrainingDatabase, ABegunAttemptIsBrokenOffUntilItsEndIsKept) {
   EXPECT_TRUE(found[1].score.done);
   EXPECT_EQ(found[1].score.time_s, 3.5);
   EXPECT_EQ(found[1].score.peak_wrist_n, 12.5);
+  EXPECT_FALSE(found[1].score.high_von_mises_pa);
   EXPECT_EQ(found[1].sealed_case, "");
   EXPECT_FALSE(found[1].conditions);
   database.keep_conditions(found[1].number, {0.5, 1e5, 2000, 7000});
@@ -128,10 +135,22 @@ TEST(TrainingDatabase, ABegunAttemptIsBrokenOffUntilItsEndIsKept) {
 }
 
 /// What version 5 brought, taken away from the rate sessions; and from the attempts.
-constexpr const char* kNoSeries = "ALTER TABLE rate_sessions DROP COLUMN series; ";
+constexpr const char* kNoSeries =
+    "ALTER TABLE rate_sessions DROP COLUMN series; "
+    // And what version 6 brought.
+    "ALTER TABLE rate_trials ADD COLUMN fingers INTEGER NOT NULL DEFAULT 1; "
+    "UPDATE rate_trials SET fingers = CAST(which AS INTEGER); ALTER TABLE rate_trials DROP COLUMN which; "
+    "CREATE TABLE numbered (session INTEGER NOT NULL, fingers INTEGER NOT NULL, hz REAL NOT NULL, low_hz "
+    "REAL NOT "
+    "NULL, high_hz REAL NOT NULL, own_hz REAL, PRIMARY KEY (session, fingers)) STRICT; "
+    "INSERT INTO numbered SELECT session, CAST(which AS INTEGER), hz, low_hz, high_hz, own_hz FROM "
+    "rate_thresholds; "
+    "DROP TABLE rate_thresholds; ALTER TABLE numbered RENAME TO rate_thresholds; ";
 constexpr const char* kNoConditions =
     "ALTER TABLE attempts DROP COLUMN friction; ALTER TABLE attempts DROP COLUMN damage_pa; "
-    "ALTER TABLE attempts DROP COLUMN vertices; ALTER TABLE attempts DROP COLUMN tetrahedra; ";
+    "ALTER TABLE attempts DROP COLUMN vertices; ALTER TABLE attempts DROP COLUMN tetrahedra; "
+    // And what version 7 brought.
+    "ALTER TABLE attempts DROP COLUMN high_von_mises_pa; ";
 
 void execute(const std::filesystem::path& file, const std::string& sql) { execute(file, sql.c_str()); }
 
@@ -182,7 +201,8 @@ TEST(TrainingDatabase, OfAnOlderOneTheConditionsAreUnknownAndTheRatesWereTheExcl
     record.conditions = AttemptConditions{0.3, 8e4, 2012, 7654};
     made.add_attempt(aoki, record, UtcTime{});
     RateSession session;
-    session.trials = {{1, 23.7, true}};
+    session.trials = {{1, 23.7, true}, {3, 2.7, true}};
+    session.thresholds = {{1, {25.1, {20, 31}}, 24.5}, {3, {3.8, {3, 5}}, std::nullopt}};
     made.add_rate_session(aoki, session, UtcTime{});
   }
   execute(file, std::string(kNoSeries) + kNoConditions + "PRAGMA user_version = 4");
@@ -194,6 +214,10 @@ TEST(TrainingDatabase, OfAnOlderOneTheConditionsAreUnknownAndTheRatesWereTheExcl
     ASSERT_EQ(opened.rate_sessions().size(), 1U);
     EXPECT_EQ(opened.rate_sessions()[0].series, RateSeries::kExclusion);
     EXPECT_EQ(opened.rate_sessions()[0].trials[0].rate_hz, 23.7);
+    EXPECT_EQ(opened.rate_sessions()[0].trials[1].fingers, Fingers(3));
+    ASSERT_EQ(opened.rate_sessions()[0].thresholds.size(), 2U);
+    EXPECT_EQ(opened.rate_sessions()[0].thresholds[1].fingers, Fingers(3));
+    EXPECT_EQ(opened.rate_sessions()[0].thresholds[1].estimate.hz, 3.8);
   }
 }
 
@@ -225,7 +249,7 @@ TEST(TrainingDatabase, RefusesANameThatExistsAndNamesThatAreNone) {
 TEST(TrainingDatabase, RefusesWhatItDoesNotKnow) {
   const test::TemporaryFolder folder;
   { TrainingDatabase made(folder / "newer.sqlite"); }
-  execute(folder / "newer.sqlite", "PRAGMA user_version = 6");
+  execute(folder / "newer.sqlite", "PRAGMA user_version = 8");
   EXPECT_THAT(refusal([&] { TrainingDatabase opened(folder / "newer.sqlite"); }), HasSubstr("newer version"));
   execute(folder / "other.sqlite", "CREATE TABLE cases (name TEXT)");
   EXPECT_THAT(refusal([&] { TrainingDatabase opened(folder / "other.sqlite"); }),

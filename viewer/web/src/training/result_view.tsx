@@ -18,10 +18,13 @@ import {
   training as api,
 } from '@/training/training_api';
 
-export function valueOf(measure: Measure, score: Score): number {
+/** null where it was not measured. */
+export function valueOf(measure: Measure, score: Score): number | null {
   switch (measure) {
     case 'stress':
       return score.largest_von_mises_pa / 1000;
+    case 'high-stress':
+      return score.high_von_mises_pa === null ? null : score.high_von_mises_pa / 1000;
     case 'time':
       return score.time_s;
     case 'path':
@@ -33,7 +36,7 @@ export function valueOf(measure: Measure, score: Score): number {
   }
 }
 
-const short = (value: number) => (value >= 100 ? value.toFixed(0) : value >= 10 ? value.toFixed(1) : value.toFixed(2));
+const short = (value: number | null) => (value === null ? '–' : value >= 100 ? value.toFixed(0) : value >= 10 ? value.toFixed(1) : value.toFixed(2));
 
 interface Point {
   x: number;
@@ -42,6 +45,9 @@ interface Point {
   high?: number;
   hollow?: boolean;
 }
+/** None where it was not measured. */
+const pointsOf = (x: number, y: number | null, hollow: boolean): Point[] => (y === null ? [] : [{ x, y, hollow }]);
+
 interface Series {
   name: string;
   points: Point[];
@@ -125,7 +131,7 @@ function Curves({ results, measure, fingers }: { results: Results; measure: Meas
   const own = results.attempts.filter((one) => isResult(one) && one.fingers === fingers);
   const all = results.curves.find((one) => one.measure === measure);
   const curve = all && { own: all.own.filter((one) => one.fingers === fingers), groups: all.groups.filter((one) => one.fingers === fingers) };
-  const attempts: Series[] = [{ name, style: 0, points: own.map((one, i) => ({ x: i + 1, y: valueOf(measure, one.score), hollow: !one.test })) }];
+  const attempts: Series[] = [{ name, style: 0, points: own.flatMap((one, i) => pointsOf(i + 1, valueOf(measure, one.score), !one.test)) }];
   const tests: Series[] =
     curve && curve.own.length > 0
       ? [

@@ -5,8 +5,8 @@ import { splitPicture } from '@/media/picture_message';
 /** 'a', 'b', or what a patient's organ is called. */
 export type ObjectName = string;
 export type Ending = 'done' | 'time-over' | 'given-up' | 'broken-off';
-export type Measure = 'stress' | 'time' | 'path' | 'force' | 'damage';
-export const kMeasures: readonly Measure[] = ['stress', 'time', 'path', 'force', 'damage'];
+export type Measure = 'stress' | 'high-stress' | 'time' | 'path' | 'force' | 'damage';
+export const kMeasures: readonly Measure[] = ['stress', 'high-stress', 'time', 'path', 'force', 'damage'];
 
 export interface Trainee {
   name: string;
@@ -35,6 +35,8 @@ export interface Score {
   done: boolean;
   time_s: number;
   largest_von_mises_pa: number;
+  /** null: of an attempt from before there was this measure. */
+  high_von_mises_pa: number | null;
   damaged_ml: number;
   path_m: number;
   peak_force_n: number;
