@@ -118,6 +118,7 @@ struct SignatureUse {
   std::string key;   // "rsa", "dsa", "ecdsa", "ed25519", "ed448"; OpenSSL's name of any other
   int bits = 0;      // of the modulus or the curve
   std::string hash;  // "sha256", as crypto::hash_name() says it; empty where the key's algorithm has its own
+  friend bool operator==(const SignatureUse&, const SignatureUse&) = default;
 };
 
 struct TokenJudgement {
