@@ -36,7 +36,7 @@ void read_through(const ReadableFile& file, const Take& take) {
   file.require_read_to_end(read);
 }
 
-const FileReference* file_of(const CaseEntryBody& body, FileReference& made) {
+const FileReference* file_named_by(const CaseEntryBody& body, FileReference& made) {
   if (const auto* open = std::get_if<OpenEntry>(&body)) return open->subject ? &*open->subject : nullptr;
   if (const auto* segment = std::get_if<SegmentEntry>(&body)) return &segment->file;
   if (const auto* token = std::get_if<TokenEntry>(&body)) {
@@ -67,7 +67,7 @@ CaseData read_case_data(const CaseFolder& folder) {
       data.case_id = open->case_id;
     }
     FileReference made;
-    const FileReference* file = parse.entry ? file_of(parse.entry->body, made) : nullptr;
+    const FileReference* file = parse.entry ? file_named_by(parse.entry->body, made) : nullptr;
     if (file != nullptr && there.contains(file->file)) data.files.push_back({file->file, lines, *file});
     if (parse.entry && std::holds_alternative<CloseEntry>(parse.entry->body)) data.close = lines;
     ++lines;
