@@ -14,7 +14,10 @@ namespace {
 
 constexpr std::array kHashes{std::pair(NID_sha256, crypto::HashAlgorithm::kSha256),
                              std::pair(NID_sha384, crypto::HashAlgorithm::kSha384),
-                             std::pair(NID_sha512, crypto::HashAlgorithm::kSha512)};
+                             std::pair(NID_sha512, crypto::HashAlgorithm::kSha512),
+                             std::pair(NID_sha3_256, crypto::HashAlgorithm::kSha3_256),
+                             std::pair(NID_sha3_384, crypto::HashAlgorithm::kSha3_384),
+                             std::pair(NID_sha3_512, crypto::HashAlgorithm::kSha3_512)};
 
 std::string object_text(const ASN1_OBJECT* object, bool numbers_only) {
   std::array<char, 256> text{};
@@ -62,12 +65,20 @@ std::optional<crypto::HashAlgorithm> hash_algorithm_of(const X509_ALGOR* identif
 
 const EVP_MD* message_digest_of(crypto::HashAlgorithm algorithm) {
   switch (algorithm) {
+    case crypto::HashAlgorithm::kSha224:
+      return EVP_sha224();
     case crypto::HashAlgorithm::kSha256:
       return EVP_sha256();
     case crypto::HashAlgorithm::kSha384:
       return EVP_sha384();
     case crypto::HashAlgorithm::kSha512:
       return EVP_sha512();
+    case crypto::HashAlgorithm::kSha3_256:
+      return EVP_sha3_256();
+    case crypto::HashAlgorithm::kSha3_384:
+      return EVP_sha3_384();
+    case crypto::HashAlgorithm::kSha3_512:
+      return EVP_sha3_512();
   }
   return nullptr;
 }

@@ -256,6 +256,9 @@ Bytes Authority::State::grant(ByteView query, UtcTime time) {
       TS_RESP_CTX_add_md(context.get(), EVP_sha256()) == 1 &&
       TS_RESP_CTX_add_md(context.get(), EVP_sha384()) == 1 &&
       TS_RESP_CTX_add_md(context.get(), EVP_sha512()) == 1 &&
+      TS_RESP_CTX_add_md(context.get(), EVP_sha3_256()) == 1 &&
+      TS_RESP_CTX_add_md(context.get(), EVP_sha3_384()) == 1 &&
+      TS_RESP_CTX_add_md(context.get(), EVP_sha3_512()) == 1 &&
       TS_RESP_CTX_set_accuracy(context.get(), kAccuracySeconds, 0, 0) == 1 &&
       TS_RESP_CTX_set_clock_precision_digits(context.get(), TS_MAX_CLOCK_PRECISION_DIGITS) == 1;
   if (!ready) throw Error("the authority cannot prepare a token: " + crypto::last_openssl_error());

@@ -94,7 +94,8 @@ RequestParse parse_request(ByteView der) {
     const ASN1_OBJECT* object = nullptr;
     X509_ALGOR_get0(&object, nullptr, nullptr, identifier);
     return failed(RequestFailure::kBadAlgorithm, "the query's hash algorithm " + name_of(object) +
-                                                     " is not stamped here: use SHA-256, SHA-384 or SHA-512");
+                                                     " is not stamped here: use SHA-2 or SHA-3 of at "
+                                                     "least 256 bits");
   }
   out.algorithm = *algorithm;
   out.imprint = to_bytes(view_of(TS_MSG_IMPRINT_get_msg(imprint)));

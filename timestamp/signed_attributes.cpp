@@ -15,7 +15,8 @@ int identifying_hash(ByteView algorithm_identifier) {
   if (!algorithm) return NID_undef;
   const ASN1_OBJECT* object = nullptr;
   X509_ALGOR_get0(&object, nullptr, nullptr, algorithm.get());
-  constexpr std::array kAccepted{NID_sha1, NID_sha224, NID_sha256, NID_sha384, NID_sha512};
+  constexpr std::array kAccepted{NID_sha1,   NID_sha224,   NID_sha256,   NID_sha384,
+                                 NID_sha512, NID_sha3_256, NID_sha3_384, NID_sha3_512};
   const int hash = OBJ_obj2nid(object);
   return std::find(kAccepted.begin(), kAccepted.end(), hash) == kAccepted.end() ? NID_undef : hash;
 }

@@ -9,6 +9,7 @@
 #include "timestamp/authority.h"
 #include "timestamp/certificate_path.h"
 #include "timestamp/own_authority.h"
+#include "timestamp/signature_use.h"
 #include "timestamp/signed_attributes.h"
 #include "timestamp/token_parts.h"
 #include "timestamp/trust_store_state.h"
@@ -151,6 +152,7 @@ class Judge {
   SignedAttributes attributes_;
   OwnedCertificates enclosed_;  // the token's own certificates
   X509* signer_ = nullptr;      // one of enclosed_ or trust_
+  std::optional<crypto::HashAlgorithm> signature_hash_;
   TokenJudgement out_;
 };
 
@@ -206,8 +208,9 @@ std::optional<Refusal> Judge::read(ByteView response_or_token) {
 std::optional<Refusal> Judge::check_expectation() const {
   const TokenInfo& info = *out_.info;
   if (!info.algorithm) {
-    return Refusal{TokenCode::kWeakAlgorithm, "the token's imprint is a " + info.algorithm_name +
-                                                  " hash, and only SHA-256, SHA-384 and SHA-512 count here"};
+    return Refusal{TokenCode::kWeakAlgorithm,
+                   "the token's imprint is a " + info.algorithm_name +
+                       " hash, and only SHA-2 and SHA-3 of at least 256 bits count here"};
   }
   if (expectation_.algorithm && *expectation_.algorithm != *info.algorithm) {
     return Refusal{TokenCode::kImprintDiffers,
@@ -280,9 +283,11 @@ std::optional<Refusal> Judge::check_signature() {
   if (!algorithm) {
     const ASN1_OBJECT* object = nullptr;
     X509_ALGOR_get0(&object, nullptr, nullptr, digest_identifier);
-    return Refusal{TokenCode::kWeakAlgorithm, "the token is signed over a " + name_of(object) +
-                                                  " hash, and only SHA-256, SHA-384 and SHA-512 count here"};
+    return Refusal{TokenCode::kWeakAlgorithm,
+                   "the token is signed over a " + name_of(object) +
+                       " hash, and only SHA-2 and SHA-3 of at least 256 bits count here"};
   }
+  signature_hash_ = algorithm;
   // A signature algorithm that names a hash of its own must name the same one.
   const ASN1_OBJECT* signature_object = nullptr;
   X509_ALGOR_get0(&signature_object, nullptr, nullptr, signature_identifier);
@@ -343,6 +348,8 @@ std::optional<Refusal> Judge::check_path() {
         });
   out_.authority = own ? TimeAuthority::kOwn : TimeAuthority::kOutside;
   out_.root_subject = subject_of(path.certificates.back().get());
+  out_.signatures = signatures_on(*signature_hash_, path.certificates);
+  out_.valid_until = end_of(path.certificates);
   for (const auto& certificate : path.certificates) {
     out_.chain.push_back(encode_with<i2d_X509>(certificate.get()));
   }

@@ -9,11 +9,11 @@
 //     attached, in DER, version 1, without critical extensions; one SignerInfo; the versions that RFC 5652
 //     assigns; content-type, message-digest and ESSCertID or ESSCertIDv2 (or both) as signed attributes, each
 //     once;
-//  2. SHA-256, SHA-384 or SHA-512 as imprint; imprint, nonce and policy as expected;
+//  2. SHA-2 or SHA-3 of at least 256 bits as imprint; imprint, nonce and policy as expected;
 //  3. the signer: the certificate whose hash the ESSCertIDs give, among those in the token and those given;
 //  it must
 //     also be the one that the SignerInfo names. Where it stands in the token means nothing;
-//  4. its signature, over SHA-256, SHA-384 or SHA-512;
+//  4. its signature, over one of the same hashes;
 //  5. its extended key usage, critical and timeStamping alone; its validity at genTime;
 //  6. a path to a trusted certificate, wholly valid at genTime, of at least 112 bits of security. Whether
 //  anything
@@ -113,13 +113,23 @@ std::string_view code_name(TokenCode code);
 enum class TokenVerdict { kValid, kRefused, kCouldNotCheck };
 TokenVerdict verdict_of(TokenCode code);
 
+/// One signature on which a valid token rests: its own, or that on a certificate of its path.
+struct SignatureUse {
+  std::string key;   // "rsa", "dsa", "ecdsa", "ed25519", "ed448"; OpenSSL's name of any other
+  int bits = 0;      // of the modulus or the curve
+  std::string hash;  // "sha256", as crypto::hash_name() says it; empty where the key's algorithm has its own
+  friend bool operator==(const SignatureUse&, const SignatureUse&) = default;
+};
+
 struct TokenJudgement {
   TokenCode code = TokenCode::kNotAToken;
-  std::string explanation;        // one sentence
-  std::optional<TokenInfo> info;  // whenever the TSTInfo could be read, also when refused
-  std::string signer_subject;     // RFC 2253 text of the signer found by ESSCertID; empty if none
-  std::string root_subject;       // of the trusted root, when valid
-  std::vector<Bytes> chain;       // DER, signer first, trusted certificate last, when valid
+  std::string explanation;               // one sentence
+  std::optional<TokenInfo> info;         // whenever the TSTInfo could be read, also when refused
+  std::string signer_subject;            // RFC 2253 text of the signer found by ESSCertID; empty if none
+  std::string root_subject;              // of the trusted root, when valid
+  std::vector<Bytes> chain;              // DER, signer first, trusted certificate last, when valid
+  std::vector<SignatureUse> signatures;  // the token's own first, then along the chain, when valid
+  std::optional<UtcTime> valid_until;    // when the first certificate of the chain ends, when valid
   TimeAuthority authority = TimeAuthority::kOwn;  // says something when valid
 };
 

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 
+#include "apps/common/file.h"
 #include "apps/common/progress.h"
 #include "apps/common/terminal.h"
 #include "apps/verify/outside_note.h"
@@ -39,6 +40,10 @@ void add_judging_options(Command& command, JudgingRequest& request, const Verify
   command.option("--against", "NOTE", request.against,
                  "checkpoint kept outside, or a copy of the folder from before: tells what was cut off or "
                  "rewritten since");
+  command.option("--evidence", "FILE", request.evidence, "evidence record that must hold for the case",
+                 "evidence/<case>.ers beside it, if it is there");
+  command.option("--policy", "FILE", request.policy, "TOML file that says until when algorithms count",
+                 "no algorithm ends");
   command.option(
       "-i,--identity", "FILE", request.identities,
       extras.inspect ? "also decrypts every segment and decodes it" : "also decrypts every segment");
@@ -55,6 +60,10 @@ Judge::Judge(const JudgingRequest& request, const VerifyExtras& extras) : reques
     }
   }
   for (const std::string& note : request.against) against_.push_back(load_outside_note(note));
+  if (request.policy) {
+    const Bytes text = read_small_file(*request.policy, "the policy of algorithms");
+    policy_ = evidence::Policy::parse(text_of(text), *request.policy);
+  }
   threads_ = parse_threads(request.threads);
 }
 
@@ -78,6 +87,8 @@ Judged Judge::judge(const std::filesystem::path& folder) const {
   options.log = judged.log =
       request_.log ? std::optional<std::filesystem::path>(*request_.log) : defaults.log;
   options.against = against_;
+  if (request_.evidence) options.evidence = *request_.evidence;
+  if (policy_) options.policy = &*policy_;
   if (!identities_.empty()) {
     options.identities = &identities_;
     options.inspect = extras_.inspect;

@@ -14,7 +14,7 @@ namespace kiroku::apps {
 /// What a person gave; the rest is VerifyExtras::defaults.
 struct JudgingRequest {
   std::vector<std::string> devices, trust, own_authority, untrusted, identities, against;
-  std::optional<std::string> log, threads;
+  std::optional<std::string> log, threads, evidence, policy;
   bool as_log = false;  // the folder is an appliance log
 };
 /// `request` must live until the program has run.
@@ -43,6 +43,7 @@ class Judge {
   std::vector<crypto::VerifierKey> devices_;
   crypto::AgeIdentities identities_;
   std::vector<archive::OutsideNote> against_;
+  std::optional<evidence::Policy> policy_;
   unsigned threads_ = 0;
 };
 

@@ -161,6 +161,20 @@ std::string contents_words(const archive::OpenedContents& contents) {
          " decrypted, " + std::to_string(contents.decoded) + " of them decoded to the frames stated";
 }
 
+/// What the evidence record proves: "proved since 2026 by a chain of three time-stamps".
+std::string evidence_words(const archive::EvidenceReport& evidence) {
+  if (!evidence.holds)
+    return "the record " + evidence.file + " proves nothing of this case: " + evidence.refusal;
+  std::string text = "proved since " + format_utc_for_people(*evidence.since) + " by ";
+  text += evidence.time_stamps == 1
+              ? "one time-stamp"
+              : "a chain of " + std::to_string(evidence.time_stamps) + " time-stamps, the newest of " +
+                    format_utc_for_people(*evidence.newest);
+  if (!evidence.outside) text += " (self-issued)";
+  if (evidence.ends) text += "; to be renewed before " + format_utc_for_people(*evidence.ends);
+  return text;
+}
+
 /// "00:10:02.500" from the case's beginning.
 std::string case_time(std::int64_t ns, const archive::ExcerptReport& excerpt) {
   const std::int64_t ms = (ns - excerpt.begins_ns) / 1'000'000;
@@ -271,6 +285,7 @@ std::string report_text(const VerificationReport& report, const std::string& cas
                              count(report.files, "file", "files") + " (" + format_bytes(report.bytes) +
                              "), " + count(report.checkpoints, "checkpoint", "checkpoints") + ", " +
                              count(report.tokens, "time-stamp", "time-stamps"));
+  if (report.evidence) out += line("evidence", evidence_words(*report.evidence));
   if (!log.empty()) out += line("log", log);
   if (report.contents) out += line("contents", contents_words(*report.contents));
   if (report.excerpt) {

@@ -279,6 +279,23 @@ inline constexpr auto kFindingCodes = std::to_array<FindingCode>({
     {"rekeyed-not-opened", Severity::kUnproven,
      "a segment was re-keyed, and only a recipient's identity can prove that it still opens to the same "
      "film"},
+    // -- evidence records
+    {"evidence-holds", Severity::kNote,
+     "the case's evidence record holds: since when, and by how many time-stamps"},
+    {"evidence-refused", Severity::kNote,
+     "an evidence record lies beside the case and proves nothing of it: it is another's, was cut, renewed "
+     "too late, or "
+     "is no record"},
+    {"evidence-not-checked", Severity::kNote,
+     "an evidence record lies beside the case and could not be judged: a trusted root is missing, it lapsed, "
+     "or "
+     "something could not be read"},
+    {"evidence-asked-for", Severity::kUnproven,
+     "the evidence record that was given does not hold for this case"},
+    {"algorithm-ended", Severity::kUnproven,
+     "by the policy given, an algorithm on which the case rests counts no more, and no evidence record of "
+     "outside "
+     "authorities holds that began before"},
     // -- of the list itself
     {"more-findings", Severity::kNote,
      "so many findings, of one code or of all together, that the rest is only counted"},

@@ -105,6 +105,19 @@ struct OpenedContents {
   std::uint64_t decoded = 0;
 };
 
+/// What an evidence record (RFC 4998) proves of the case.
+struct EvidenceReport {
+  std::string file;  // its name
+  bool holds = false;
+  bool outside = false;                  // all of its time-stamps are by outside authorities
+  std::optional<UtcTime> since, newest;  // of its first and its newest time-stamp
+  std::optional<UtcTime> ends;           // when it must have been renewed; nothing where no end is known
+  std::uint64_t time_stamps = 0;
+  std::vector<std::string> hashes;       // of its chains
+  std::uint64_t entries = 0, files = 0;  // that it covers
+  std::string refusal;                   // why it does not hold
+};
+
 struct VerificationReport {
   Verdict verdict = Verdict::kTampered;
   std::string case_id;
@@ -116,6 +129,7 @@ struct VerificationReport {
   std::vector<StreamReport> streams;                 // of an excerpt: of the selected streams, what it holds
   std::optional<ExcerptReport> excerpt;              // of an excerpt whose excerpt.json could be read
   std::optional<OpenedContents> contents;            // nothing where no identity was given
+  std::optional<EvidenceReport> evidence;            // nothing where there is no record
   std::vector<Bracket> brackets;
   std::vector<AuthorityClock> clocks;          // one an authority, in the order of their first tokens
   std::vector<StampingAuthority> authorities;  // in the order of their first tokens

@@ -85,6 +85,20 @@ ordered_json authority_json(const StampingAuthority& authority) {
           {"names", authority.names}};
 }
 
+ordered_json evidence_json(const EvidenceReport& evidence) {
+  return {{"file", evidence.file},
+          {"holds", evidence.holds},
+          {"time", time_proof_name(evidence.outside ? TimeProof::kExternal : TimeProof::kSelfIssued)},
+          {"since", or_null(evidence.since)},
+          {"newest", or_null(evidence.newest)},
+          {"ends", or_null(evidence.ends)},
+          {"time_stamps", evidence.time_stamps},
+          {"hashes", evidence.hashes},
+          {"entries", evidence.entries},
+          {"files", evidence.files},
+          {"refusal", or_null(evidence.refusal)}};
+}
+
 ordered_json finding_json(const Finding& finding) {
   return {{"code", finding.code},
           {"severity", severity_name(finding.severity)},
@@ -127,6 +141,7 @@ ordered_json report_json(const VerificationReport& report) {
                       {"tokens", report.tokens}};
   out["excerpt"] = report.excerpt ? excerpt_json(*report.excerpt) : ordered_json(nullptr);
   out["contents"] = report.contents ? contents_json(*report.contents) : ordered_json(nullptr);
+  out["evidence"] = report.evidence ? evidence_json(*report.evidence) : ordered_json(nullptr);
   out["streams"] = ordered_json::array();
   for (const auto& stream : report.streams) out["streams"].push_back(stream_json(stream));
   out["brackets"] = ordered_json::array();

@@ -164,6 +164,9 @@ TokenRules::Judged TokenRules::judge(const TokenEntry& token, std::uint64_t entr
     case timestamp::TokenVerdict::kValid:
       break;
   }
+  for (const timestamp::SignatureUse& use : judgement.signatures) {
+    if (std::ranges::find(signatures_, use) == signatures_.end()) signatures_.push_back(use);
+  }
   const crypto::Sha256Digest root = crypto::sha256(judgement.chain.back());
   return {true,
           judgement.authority == timestamp::TimeAuthority::kOutside,

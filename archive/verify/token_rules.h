@@ -60,6 +60,8 @@ class TokenRules {
   [[nodiscard]] const std::map<std::string, ClockComparison>& first_outside() const { return first_outside_; }
   /// After finish(): the earliest token of an outside authority, where all of them are over close.
   [[nodiscard]] std::optional<StampedToken> first_after_close() const;
+  /// On which signatures the valid tokens rest, each kind once.
+  [[nodiscard]] const std::vector<timestamp::SignatureUse>& signatures() const { return signatures_; }
   /// Hashes of the entered token files, in order.
   [[nodiscard]] const std::map<std::uint64_t, crypto::Sha256Digest>& hashes() const { return hashes_; }
   /// Largest tree size that an entered token is over; 0 if there is none.
@@ -103,6 +105,7 @@ class TokenRules {
   std::set<std::uint64_t> valid_checkpoints_;
   std::set<std::uint64_t> restating_;  // entries behind close
   std::map<std::uint64_t, crypto::Sha256Digest> hashes_;
+  std::vector<timestamp::SignatureUse> signatures_;
   std::vector<AuthorityClock> clocks_;
   std::map<std::pair<std::string, bool>, std::size_t> clock_of_;  // place in clocks_ by authority, `outside`
   std::map<std::string, ClockComparison> first_outside_;          // by authority

@@ -11,6 +11,7 @@
 #include "archive/format/line_reader.h"
 #include "archive/verify/authority_files.h"
 #include "archive/verify/carried_on.h"
+#include "archive/verify/case_evidence.h"
 #include "archive/verify/case_rules.h"
 #include "archive/verify/checkpoint_rules.h"
 #include "archive/verify/excerpt_verifier.h"
@@ -324,6 +325,10 @@ class CaseVerification {
     report.contents = files_.contents();
     report.brackets = rules_.tokens().brackets(0, tree_.size());
     report.clocks = rules_.tokens().clocks();
+    if (findings_.worst() != Severity::kTampered) {
+      report.evidence =
+          check_case_evidence(folder_, report.case_id, options_, rules_.tokens().signatures(), findings_);
+    }
     report.verdict = verdict_of(findings_.worst());
     report.findings = findings_.take();
     return report;

@@ -13,6 +13,7 @@
 #include "crypto/age_recipient.h"
 #include "crypto/byte_source.h"
 #include "crypto/signed_note.h"
+#include "evidence/policy.h"
 #include "timestamp/token_verifier.h"
 
 namespace kiroku::archive {
@@ -33,6 +34,11 @@ struct VerifyOptions {
   const timestamp::TrustStore* trust = nullptr;
   std::optional<std::filesystem::path> log;  // appliance log folder
   std::vector<OutsideNote> against;          // of what is verified: notes of the case, or of the log
+  /// The case's evidence record, which then must hold; nothing: it is looked for beside the case's folder.
+  std::optional<std::filesystem::path> evidence;
+  /// Until when algorithms count; null: none ends.
+  const evidence::Policy* policy = nullptr;
+  std::optional<UtcTime> now;  // nothing: this machine's clock
   const crypto::AgeIdentities* identities = nullptr;
   SegmentInspector inspect;
   unsigned threads = 0;  // 0: one a core

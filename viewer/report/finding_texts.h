@@ -222,6 +222,17 @@ inline constexpr auto kFindingTexts = std::to_array<FindingText>({
     {"rekeyed-key-differs", Check::kContents, "区間の新しいヘッダーの鍵が、元の鍵と異なる。"},
     {"rekeyed-not-opened", Check::kContents,
      "鍵を付け替えた区間がある。同じ映像が開けることは、受取人の鍵でのみ証明できる。"},
+    {"evidence-holds", Check::kTime, "証拠記録が成り立つ。いつから、何個のタイムスタンプによるかを示す。"},
+    {"evidence-refused", Check::kTime,
+     "並んで置かれた証拠記録は、この症例について何も証明しない。別の症例のもの、欠けたもの、更新が遅れたもの"
+     "、または"
+     "記録でないもの。"},
+    {"evidence-not-checked", Check::kTime,
+     "並んで置かれた証拠記録を判定できなかった。信頼する根がない、期限が切れた、または読めない。"},
+    {"evidence-asked-for", Check::kTime, "与えられた証拠記録は、この症例について成り立たない。"},
+    {"algorithm-ended", Check::kTime,
+     "与えられた方針では、症例が拠るアルゴリズムがもう有効でない。それより前に始まり、外部の機関による証拠記"
+     "録がない。"},
     {"more-findings", Check::kLedger, "同じ種類の所見が多いため、残りは数だけを示す。"},
 });
 

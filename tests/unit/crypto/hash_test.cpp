@@ -28,6 +28,36 @@ TEST(Hash, GivesThePublishedSha384AndSha512Digests) {
   EXPECT_EQ(digest(HashAlgorithm::kSha256, bytes_of("abc")), to_bytes(sha256(bytes_of("abc"))));
 }
 
+// FIPS 202; the values are those of NIST's examples.
+TEST(Hash, GivesThePublishedSha3Digests) {
+  EXPECT_EQ(to_hex(digest(HashAlgorithm::kSha3_256, bytes_of("abc"))),
+            "3a985da74fe225b2045c172d6bd390bd855f086e3e9d525b46bfe24511431532");
+  EXPECT_EQ(
+      to_hex(digest(HashAlgorithm::kSha3_384, bytes_of("abc"))),
+      "ec01498288516fc926459f58e2c6ad8df9b473cb0fc08c2596da7cf0e49be4b298d88cea927ac7f539f1edf228376d25");
+  EXPECT_EQ(to_hex(digest(HashAlgorithm::kSha3_512, bytes_of("abc"))),
+            "b751850b1a57168a5693cd924b6b096e08f621827444f70d884f5d0240d2712e"
+            "10e116e9192af3c91a7ec57647e3934057340b4cf408d5a56592f8274eec53f0");
+}
+
+TEST(Hash, EachNameNamesItsAlgorithm) {
+  for (const HashAlgorithm algorithm : kHashAlgorithms) {
+    EXPECT_EQ(hash_named(hash_name(algorithm)), algorithm);
+    EXPECT_EQ(digest(algorithm, {}).size(), hash_size(algorithm));
+  }
+  for (const char* other : {"sha224", "md5", "SHA256", ""}) EXPECT_FALSE(hash_named(other)) << other;
+}
+
+TEST(Hash, OfAStreamIsThatOfTheWholeAndGoesOn) {
+  for (const HashAlgorithm algorithm : kHashAlgorithms) {
+    Hasher hasher(algorithm);
+    hasher.update(bytes_of("ab"));
+    EXPECT_EQ(hasher.so_far(), digest(algorithm, bytes_of("ab")));
+    hasher.update(bytes_of("c"));
+    EXPECT_EQ(hasher.so_far(), digest(algorithm, bytes_of("abc")));
+  }
+}
+
 TEST(Hash, AMillionLettersInUnevenPiecesGiveThePublishedDigest) {
   const std::string letters(1'000'000, 'a');
   std::string_view rest = letters;

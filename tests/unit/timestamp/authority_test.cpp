@@ -50,8 +50,7 @@ class AuthorityTest : public ::testing::Test {
 
 TEST_F(AuthorityTest, StampsWhatTheVerifierAccepts) {
   authority_.set_clock([] { return *parse_utc("2027-03-04T05:06:07.080910Z"); });
-  for (const auto algorithm :
-       {crypto::HashAlgorithm::kSha256, crypto::HashAlgorithm::kSha384, crypto::HashAlgorithm::kSha512}) {
+  for (const auto algorithm : crypto::kHashAlgorithms) {
     const Request request = make_request(algorithm, crypto::digest(algorithm, bytes_of("hello")));
     Expectation expectation;
     expectation.data = to_bytes("hello");
@@ -65,6 +64,16 @@ TEST_F(AuthorityTest, StampsWhatTheVerifierAccepts) {
     EXPECT_FALSE(judgement.info->ordering);
     EXPECT_EQ(judgement.signer_subject, "CN=Kiroku embedded time-stamping authority,O=Test hospital");
     EXPECT_EQ(judgement.root_subject, "CN=Kiroku embedded time-stamping CA,O=Test hospital");
+    // What a policy of algorithms asks: on what the token rests, and until when.
+    ASSERT_EQ(judgement.signatures.size(), 2U);
+    for (const SignatureUse& use : judgement.signatures) {
+      EXPECT_EQ(use.key + " " + std::to_string(use.bits) + " " + use.hash, "ecdsa 256 sha256");
+    }
+    ASSERT_TRUE(judgement.valid_until);
+    const auto years =
+        std::chrono::floor<std::chrono::days>(*judgement.valid_until - utc_now()).count() / 365;
+    EXPECT_GE(years, 9);  // the signer's certificate ends first, after ten years
+    EXPECT_LE(years, 10);
   }
 }
 

@@ -1,0 +1,243 @@
+#include "archive/verify/case_evidence.h"
+
+#include <algorithm>
+#include <set>
+
+#include "archive/format/case_layout.h"
+#include "base/error.h"
+
+namespace kiroku::archive {
+
+namespace {
+
+using crypto::HashAlgorithm;
+using evidence::Standing;
+
+std::optional<HashAlgorithm> hash_of_chain(const evidence::ArchiveTimeStampChain& chain) {
+  const auto& named = chain.front().digest_algorithm;
+  if (named) return named->algorithm;
+  std::string ignored;
+  const auto info = timestamp::parse_token_info(chain.front().token, ignored);
+  return info ? info->algorithm : std::nullopt;
+}
+
+/// The sizes of the ledger's beginnings that stand in the first list of a chain.
+std::vector<std::uint64_t> find_covered_lines(const CaseFolder& folder, const CaseData& data,
+                                              const evidence::EvidenceRecord& record) {
+  std::set<std::uint64_t> covered;
+  Bytes before;
+  for (const evidence::ArchiveTimeStampChain& chain : record.chains) {
+    const auto algorithm = hash_of_chain(chain);
+    if (algorithm && !chain.front().reduced_tree.empty()) {
+      const evidence::HashList& list = chain.front().reduced_tree.front();
+      const std::set<Bytes> held(list.begin(), list.end());
+      const Bytes over_chains =
+          before.empty() ? Bytes{} : crypto::digest(*algorithm, evidence::sequence_of_chains(before));
+      for (auto& [size, hash] : hash_ledger_at(folder, data.note_sizes, *algorithm)) {
+        Bytes value = hash;
+        if (!before.empty()) {
+          append(value, over_chains);
+          value = crypto::digest(*algorithm, value);
+        }
+        if (held.contains(value)) covered.insert(size);
+      }
+    }
+    append(before, evidence::encode_chain(chain));
+  }
+  return {covered.begin(), covered.end()};
+}
+
+evidence::DataObject object_of_file(const CaseFolder& folder, const NamedFile& named) {
+  return {named.file, [&folder, &named](HashAlgorithm algorithm) -> std::optional<Bytes> {
+            if (algorithm == HashAlgorithm::kSha256 && named.stated) {
+              return to_bytes(ByteView(named.stated->sha256));
+            }
+            return hash_named_file(folder, named, algorithm);
+          }};
+}
+
+/// Why a record that holds for what it covers does not cover enough of the case; empty where it does.
+std::string shortfall(const CaseEvidence& out, const CaseData& data, std::size_t line_objects) {
+  if (out.lines == 0) return "its first time-stamp does not cover the ledger of this case";
+  if (data.close && out.lines <= *data.close) {
+    return "it covers the first " + std::to_string(out.lines) +
+           " entries, and the case was closed in entry " + std::to_string(*data.close);
+  }
+  for (std::size_t i = 0; i < out.covered_files.size(); ++i) {
+    const bool of_the_beginning = out.covered_files[i].entry < out.lines;
+    if (of_the_beginning && out.judgement.covered_from[line_objects + i] != 0U) {
+      return "its first time-stamp covers the ledger and not " + out.covered_files[i].file +
+             ", which the ledger names";
+    }
+  }
+  return {};
+}
+
+}  // namespace
+
+std::optional<Bytes> read_evidence_file(const FileReading& files, const std::filesystem::path& file) {
+  if (!files.exists(file)) return {};
+  const ReadableFile opened = files.open_to_read(file);
+  if (opened.size() > evidence::kMaximumRecordBytes) {
+    throw Error(file.string() + " is no evidence record: it has more than 32 MiB");
+  }
+  Bytes bytes(static_cast<std::size_t>(opened.size()));
+  opened.read_wholly_at(0, bytes);
+  return bytes;
+}
+
+CaseEvidence judge_case_evidence(const CaseFolder& folder, const CaseData& data,
+                                 const evidence::EvidenceRecord& record,
+                                 const evidence::JudgingRules& rules) {
+  CaseEvidence out;
+  out.covered_lines = find_covered_lines(folder, data, record);
+  if (out.covered_lines.empty()) {
+    out.judgement = evidence::judge_record(record, {}, rules);
+    out.refusal = "it does not cover the ledger of this case: it is another's, or was made of other lines";
+    return out;
+  }
+  std::ranges::copy_if(data.files, std::back_inserter(out.covered_files),
+                       [&](const NamedFile& file) { return file.entry < out.covered_lines.back(); });
+  std::vector<evidence::DataObject> objects;
+  for (const std::uint64_t size : out.covered_lines) {
+    objects.push_back({words_of_lines(size), [&folder, size](HashAlgorithm algorithm) {
+                         return std::optional(hash_ledger_at(folder, {size}, algorithm).at(size));
+                       }});
+  }
+  for (const NamedFile& file : out.covered_files) objects.push_back(object_of_file(folder, file));
+  evidence::JudgingRules joining = rules;
+  joining.objects_may_join = true;
+  out.judgement = evidence::judge_record(record, objects, joining);
+  const Standing standing = out.judgement.standing();
+  if (standing != Standing::kHolds) {
+    const auto worst = std::ranges::find(out.judgement.problems, standing, &evidence::Problem::standing);
+    out.refusal = worst->text;
+    out.could_not_check = standing == Standing::kCouldNotCheck;
+  } else {
+    for (std::size_t i = 0; i < out.covered_lines.size(); ++i) {
+      if (out.judgement.covered_from[i] == 0U) out.lines = out.covered_lines[i];
+    }
+    out.refusal = shortfall(out, data, out.covered_lines.size());
+  }
+  return out;
+}
+
+namespace {
+
+/// What a case rests on by itself, and when the first of it ended by the policy; nothing while all counts.
+std::optional<std::pair<std::string, UtcTime>> what_ended(
+    const evidence::Policy& policy, const std::vector<timestamp::SignatureUse>& signatures, UtcTime now) {
+  std::optional<std::pair<std::string, UtcTime>> first;
+  const auto judge = [&](const std::string& words, const evidence::Term& term) {
+    if (term.holds_at(now)) return;
+    const UtcTime end = term.listed && term.end ? *term.end : UtcTime();
+    if (!first || end < first->second) first = {words, end};
+  };
+  judge("sha256", policy.hash("sha256"));
+  judge("ed25519", policy.signature({"ed25519", 0, {}}));
+  for (const timestamp::SignatureUse& use : signatures) judge(evidence::words_of(use), policy.signature(use));
+  return first;
+}
+
+EvidenceReport report_of(const CaseEvidence& judged, const evidence::EvidenceRecord& record,
+                         const std::string& file) {
+  EvidenceReport report;
+  report.file = file;
+  report.holds = judged.refusal.empty();
+  report.outside = judged.judgement.outside();
+  report.since = judged.judgement.since();
+  report.newest = judged.judgement.newest();
+  if (judged.judgement.end) report.ends = judged.judgement.end->time;
+  report.time_stamps = judged.judgement.time_stamps.size();
+  for (const evidence::ArchiveTimeStampChain& chain : record.chains) {
+    const auto algorithm = hash_of_chain(chain);
+    report.hashes.emplace_back(algorithm ? crypto::hash_name(*algorithm) : "unknown");
+  }
+  report.entries = judged.lines;
+  report.files = static_cast<std::uint64_t>(std::ranges::count_if(
+      judged.covered_files, [&](const NamedFile& named) { return named.entry < judged.lines; }));
+  return report;
+}
+
+}  // namespace
+
+std::optional<EvidenceReport> check_case_evidence(const CaseFolder& folder, const std::string& case_id,
+                                                  const VerifyOptions& options,
+                                                  const std::vector<timestamp::SignatureUse>& signatures,
+                                                  FindingList& findings) {
+  static const evidence::Policy kNoPolicy = evidence::Policy::without_ends();
+  const evidence::Policy& policy = options.policy != nullptr ? *options.policy : kNoPolicy;
+  const UtcTime now = options.now.value_or(utc_now());
+  const std::filesystem::path file =
+      options.evidence ? *options.evidence : evidence_file(folder.path(), case_id);
+  const std::string name = file.filename().string();
+  std::optional<EvidenceReport> report;
+  std::string refusal;
+  bool could_not_check = false;
+  try {
+    const FileReading& files = options.files != nullptr ? *options.files : real_reading();
+    if (const std::optional<Bytes> bytes = read_evidence_file(files, file)) {
+      report = EvidenceReport{};
+      report->file = name;
+      const evidence::RecordParse parse = evidence::parse_record(*bytes);
+      if (!parse.record) {
+        refusal = parse.explanation;
+      } else {
+        const evidence::JudgingRules rules{.trust = options.trust, .policy = &policy, .now = now};
+        const CaseEvidence judged = judge_case_evidence(folder, read_case_data(folder), *parse.record, rules);
+        report = report_of(judged, *parse.record, name);
+        refusal = judged.refusal;
+        could_not_check = judged.could_not_check;
+      }
+    } else if (options.evidence) {
+      throw UsageError("there is no evidence record at " + file.string());
+    }
+  } catch (const UsageError&) {
+    throw;
+  } catch (const Error& error) {
+    refusal = error.what();
+    could_not_check = true;
+    if (!report) report = EvidenceReport{};
+    report->file = name;
+  }
+  if (report && !refusal.empty()) report->refusal = refusal;
+
+  const bool holds = report && refusal.empty();
+  if (holds) {
+    findings.add(
+        "evidence-holds", {name},
+        "the evidence record " + name + " proves the first " + std::to_string(report->entries) +
+            " entries and " + std::to_string(report->files) + " files since " + format_utc(*report->since) +
+            " by a chain of " + std::to_string(report->time_stamps) +
+            (report->time_stamps == 1 ? " time-stamp"
+                                      : " time-stamps, the newest of " + format_utc(*report->newest)) +
+            (report->outside ? ""
+                             : "; the recorder's own authority is among them, so these times are "
+                               "self-issued"));
+  } else if (report) {
+    const std::string text = "the evidence record " + name + " proves nothing of this case: " + refusal;
+    if (could_not_check) {
+      findings.add("evidence-not-checked", {name}, text);
+    } else {
+      findings.add("evidence-refused", {name}, text);
+    }
+    if (options.evidence) {
+      findings.add("evidence-asked-for", {name},
+                   "the evidence record that was given does not hold for this case");
+    }
+  }
+  if (const auto ended = what_ended(policy, signatures, now)) {
+    const bool renewed = holds && report->outside && *report->since < ended->second;
+    if (!renewed) {
+      findings.add(
+          "algorithm-ended", {},
+          ended->first + ", on which this case rests, " +
+              (ended->second == UtcTime() ? "is not listed by the policy '"
+                                          : "ended at " + format_utc(ended->second) + " by the policy '") +
+              policy.name() + "', and no evidence record of outside authorities holds that began before");
+    }
+  }
+  return report;
+}
+
+}  // namespace kiroku::archive

@@ -1,0 +1,44 @@
+// A case's evidence record against the case (docs/reference/format-evidence.md). Functions; thread-safe.
+#pragma once
+
+#include <filesystem>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "archive/verify/case_data.h"
+#include "archive/verify/finding_list.h"
+#include "archive/verify/report.h"
+#include "archive/verify/verify_options.h"
+#include "evidence/record_verifier.h"
+
+namespace kiroku::archive {
+
+/// The record's bytes; nothing where nothing lies there. Throws kiroku::Error for what is no regular file, is
+/// larger than a record may be, or cannot be read.
+std::optional<Bytes> read_evidence_file(const FileReading& files, const std::filesystem::path& file);
+
+/// What a record covers of a case, and what it proves.
+struct CaseEvidence {
+  evidence::RecordJudgement judgement;
+  /// Sizes of those beginnings of the ledger that any of its chains covers, rising.
+  std::vector<std::uint64_t> covered_lines;
+  std::vector<NamedFile> covered_files;  // those named by the last of these lines
+  std::uint64_t lines = 0;               // that its first chain covers: these it proves from the beginning
+  std::string refusal;                   // why it does not hold for this case; empty: it does
+  bool could_not_check = false;          // it was not refused: something is missing to tell
+};
+/// The data is read under each hash of the record but SHA-256, for which what the ledger states counts:
+/// whoever asks has compared the files with that, or does. Throws kiroku::Error where data cannot be read or
+/// has changed.
+CaseEvidence judge_case_evidence(const CaseFolder& folder, const CaseData& data,
+                                 const evidence::EvidenceRecord& record, const evidence::JudgingRules& rules);
+
+/// Judges the record of a case that was verified and not found tampered with; adds what it finds.
+/// `signatures`: those on which the case's valid tokens rest. Nothing where there is no record.
+std::optional<EvidenceReport> check_case_evidence(const CaseFolder& folder, const std::string& case_id,
+                                                  const VerifyOptions& options,
+                                                  const std::vector<timestamp::SignatureUse>& signatures,
+                                                  FindingList& findings);
+
+}  // namespace kiroku::archive

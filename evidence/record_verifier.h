@@ -1,0 +1,100 @@
+// What an evidence record proves (RFC 4998 sections 4.3 and 5.3): that data existed at the time of its first
+// time-stamp, by a chain of time-stamps each of which was renewed while it still counted. Nothing throws for
+// what a record says. Thread-safe: everything given is only read.
+//
+// What is demanded, of each time-stamp in turn:
+//  1. its token is one that timestamp/token_verifier.h finds valid under the trusted roots, over the root of
+//  its
+//     reduced hash tree, hashed with the chain's own algorithm;
+//  2. the first list of its tree holds the data (the first of the record), the token before it (a time-stamp
+//     renewal), or the data together with all chains before (a hash-tree renewal: the hash of the data's hash
+//     followed by that of the chains);
+//  3. its time is not before that of the one before it;
+//  4. when the next one came, or now for the newest: its certificates had not ended, and its algorithms still
+//     counted by the policy. The chain's hash algorithm must have counted when the next chain began.
+// Without a reduced tree a time-stamp covers one object alone.
+#pragma once
+
+#include <cstddef>
+#include <functional>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "evidence/policy.h"
+#include "evidence/record.h"
+#include "timestamp/token_verifier.h"
+
+namespace kiroku::evidence {
+
+/// Something that a record is to prove.
+struct DataObject {
+  std::string name;
+  /// Its hash; nothing where it cannot be had under this algorithm.
+  std::function<std::optional<Bytes>(crypto::HashAlgorithm)> digest;
+};
+
+enum class Standing {
+  kHolds,
+  kCouldNotCheck,  // no trusted root, or data that could not be read
+  kRefused,        // the answer is no
+};
+
+/// Each code is stable and listed in docs/reference/format-evidence.md.
+struct Problem {
+  std::string code;
+  Standing standing = Standing::kRefused;
+  std::string place;  // in the record: "archiveTimeStampSequence[1][0]"
+  std::string text;   // one sentence
+};
+
+enum class StampKind { kFirst, kTimeStampRenewal, kHashTreeRenewal };
+
+/// One archive time-stamp.
+struct TimeStampJudgement {
+  std::size_t chain = 0, index = 0;
+  StampKind kind = StampKind::kFirst;
+  std::string algorithm;             // of its chain
+  bool imprint_fits = false;         // its token is over the root of its tree
+  bool covers_previous = false;      // of a time-stamp renewal: the first list holds the token before it
+  std::vector<std::size_t> objects;  // of those given, in its first list; of the first one of a chain
+  std::size_t other_values = 0;      // in that list: values of nothing that was given
+  timestamp::TokenJudgement token;   // under the trusted roots
+};
+
+struct RecordJudgement {
+  std::vector<TimeStampJudgement> time_stamps;  // in the record's order
+  std::vector<Problem> problems;
+  /// Of each object: the first chain that covers it.
+  std::vector<std::optional<std::size_t>> covered_from;
+
+  /// The worst of the problems.
+  [[nodiscard]] Standing standing() const;
+  /// Of the first and the newest time-stamp; nothing where its token could not be read.
+  [[nodiscard]] std::optional<UtcTime> since() const;
+  [[nodiscard]] std::optional<UtcTime> newest() const;
+  /// Whether every time-stamp is an outside authority's. Otherwise the times are what the recorder says.
+  [[nodiscard]] bool outside() const;
+  /// When the newest time-stamp stops counting, and why, by the certificates and the policy; nothing where no
+  /// end is known.
+  struct End {
+    UtcTime time;
+    std::string of;  // "a certificate of …", "sha256"
+  };
+  std::optional<End> end;
+  /// When the hash of the newest chain stops counting by the policy; then only a hash-tree renewal helps.
+  std::optional<UtcTime> data_hash_end;
+};
+
+struct JudgingRules {
+  const timestamp::TrustStore* trust = nullptr;  // null: nobody is trusted
+  const Policy* policy = nullptr;                // null: Policy::without_ends()
+  UtcTime now;
+  /// Objects that came after the record began may be covered from a later chain on.
+  bool objects_may_join = false;
+};
+
+RecordJudgement judge_record(const EvidenceRecord& record, const std::vector<DataObject>& objects,
+                             const JudgingRules& rules);
+
+}  // namespace kiroku::evidence

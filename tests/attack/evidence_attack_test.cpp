@@ -1,0 +1,170 @@
+// Attacks on a case's evidence record. It lies beside the case, so anybody may remove, swap or change it:
+// that never makes a verdict better, and a record that proves nothing of the case is told.
+#include <algorithm>
+
+#include "archive/format/case_layout.h"
+#include "archive/upkeep/evidence_renewal.h"
+#include "archive/verify/case_evidence.h"
+#include "base/error.h"
+#include "tests/attack/attack_table.h"
+#include "tests/support/evidence_kit.h"
+
+namespace kiroku::test {
+namespace {
+
+namespace fs = std::filesystem;
+using archive::Verdict;
+using archive::VerificationReport;
+
+class EvidenceAttack : public ::testing::Test {
+ protected:
+  EvidenceAttack() {
+    trust_.add_own_authority(bytes_of(archive_.authority().root_pem()), "own");
+    trust_.add_trusted(bytes_of(outside_.root_pem()), "outside");
+    renew("2027-01-01");
+    renew("2033-10-01");
+  }
+  void renew(const std::string& today) const {
+    archive::renew_evidence(archive::real_file_system(), {first_, second_},
+                            {.trust = &trust_, .now = day(today), .stamp = outside_.at(today)});
+  }
+  [[nodiscard]] fs::path record(const fs::path& folder) const {
+    return archive::evidence_file(folder, folder.filename().string());
+  }
+  /// A policy by which the device's signatures count no more.
+  static const evidence::Policy& ended() {
+    static const evidence::Policy policy = evidence::Policy::parse(
+        "[[algorithm]]\nname=\"sha256\"\n[[algorithm]]\nname=\"ecdsa\"\n[[algorithm]]\nname=\"ed25519\"\n"
+        "until=2029-12-31\n",
+        "policy.toml");
+    return policy;
+  }
+  [[nodiscard]] VerificationReport verify(const evidence::Policy* policy = nullptr,
+                                          const std::optional<fs::path>& given = std::nullopt) const {
+    archive::VerifyOptions options = archive_.options();
+    options.trust = &trust_;
+    options.now = day("2035-01-01");
+    options.policy = policy;
+    options.evidence = given;
+    return archive::verify_case(first_, options);
+  }
+  static bool has(const VerificationReport& report, const std::string& code) {
+    return std::ranges::find(report.findings, code, &archive::Finding::code) != report.findings.end();
+  }
+  /// The record is `bytes` now: it is told, and is worth no more than no record.
+  void expect_worthless(const std::string& bytes, const std::string& what) {
+    write_file(record(first_), bytes);
+    EXPECT_EQ(verify().verdict, Verdict::kIntact) << what;
+    EXPECT_TRUE(has(verify(), "evidence-refused") || has(verify(), "evidence-not-checked")) << what;
+    EXPECT_FALSE(has(verify(), "evidence-holds")) << what;
+    EXPECT_EQ(verify(&ended()).verdict, Verdict::kUnproven) << what;
+    EXPECT_EQ(verify(nullptr, record(first_)).verdict, Verdict::kUnproven) << what;
+    EXPECT_TRUE(has(verify(nullptr, record(first_)), "evidence-asked-for")) << what;
+  }
+
+  SampleArchive archive_;
+  fs::path first_ = SampleCase::write(archive_);
+  fs::path second_ = SampleCase::write(archive_);
+  PlayedAuthority outside_{"Outside", "2026-01-01", "2034-01-01"};
+  timestamp::TrustStore trust_;
+};
+
+TEST_F(EvidenceAttack, TheSoundRecordHolds) {
+  // Its authority ends in 2034, and nothing renewed it since: in 2035 it has lapsed.
+  EXPECT_TRUE(has(verify(), "evidence-not-checked"));
+  PlayedAuthority later("Later", "2030-01-01", "2050-01-01");
+  trust_.add_trusted(bytes_of(later.root_pem()), "later");
+  archive::renew_evidence(archive::real_file_system(), {first_, second_},
+                          {.trust = &trust_, .now = day("2033-12-01"), .stamp = later.at("2033-12-01")});
+  EXPECT_TRUE(has(verify(), "evidence-holds"));
+  EXPECT_EQ(verify().verdict, Verdict::kIntact);
+  EXPECT_EQ(verify(&ended()).verdict, Verdict::kIntact);
+  EXPECT_EQ(verify(nullptr, record(first_)).verdict, Verdict::kIntact);
+
+  // -- removed
+  const std::string sound = read_file(record(first_));
+  fs::remove(record(first_));
+  EXPECT_EQ(verify().verdict, Verdict::kIntact);
+  EXPECT_EQ(verify(&ended()).verdict, Verdict::kUnproven);
+  EXPECT_THROW(verify(nullptr, record(first_)), UsageError);
+
+  // -- swapped, cut, changed
+  expect_worthless(read_file(record(second_)), "another case's");
+  expect_worthless("", "empty");
+  expect_worthless("<EvidenceRecord/>", "something else");
+  expect_worthless(sound.substr(0, sound.size() / 2), "cut off");
+  const evidence::EvidenceRecord record = *evidence::parse_record(bytes_of(sound)).record;
+  const auto text = [](const evidence::EvidenceRecord& changed) {
+    return std::string(text_of(evidence::encode_record(changed)));
+  };
+  evidence::EvidenceRecord changed = record;
+  changed.chains[0].erase(changed.chains[0].begin() + 1);
+  expect_worthless(text(changed), "a link cut out");
+  changed = record;
+  std::swap(changed.chains[0][1], changed.chains[0][2]);
+  expect_worthless(text(changed), "links in another order");
+  changed = record;
+  changed.chains[0][0].reduced_tree[0].pop_back();
+  expect_worthless(text(changed), "a value less");
+  changed = record;
+  changed.chains[0].pop_back();
+  expect_worthless(text(changed), "the newest link gone, and what is left has lapsed");
+
+  // Bytes that somebody flips anywhere.
+  for (std::size_t at = 0; at < sound.size(); at += 97) {
+    std::string flipped = sound;
+    flipped[at] = static_cast<char>(flipped[at] ^ 0x04);
+    write_file(archive::evidence_file(first_, first_.filename().string()), flipped);
+    const VerificationReport report = verify(&ended());
+    // Of a token's certificates some bits count for nothing; all else does.
+    if (report.verdict == Verdict::kIntact) {
+      EXPECT_TRUE(has(report, "evidence-holds")) << at;
+    }
+  }
+}
+
+// Whoever makes a record of a part of the case gets no answer about the whole.
+TEST_F(EvidenceAttack, ARecordOfAPartIsNoRecordOfTheCase) {
+  using crypto::HashAlgorithm;
+  PlayedAuthority later("Later", "2026-01-01", "2050-01-01");
+  trust_.add_trusted(bytes_of(later.root_pem()), "later");
+  const archive::CaseFolder folder = archive::CaseFolder::open(first_);
+  const archive::CaseData data = archive::read_case_data(folder);
+  const auto record_over = [&](std::uint64_t lines, const std::string& left_out) {
+    evidence::HashList group{archive::hash_ledger_at(folder, {lines}, HashAlgorithm::kSha256).at(lines)};
+    for (const archive::NamedFile& named : data.files) {
+      if (named.entry >= lines || named.file == left_out) continue;
+      group.push_back(archive::hash_named_file(folder, named, HashAlgorithm::kSha256));
+    }
+    return std::string(text_of(evidence::encode_record(
+        evidence::begin_records(HashAlgorithm::kSha256, {group}, later.at("2027-01-01"))[0])));
+  };
+  expect_worthless(record_over(data.note_sizes.front(), ""), "the beginning alone");
+  expect_worthless(record_over(data.note_sizes.back(), "segments/endoscope/00000001.ts.age"),
+                   "a segment less");
+  expect_worthless(record_over(data.note_sizes.back(), archive::note_path(data.note_sizes.front())),
+                   "a note less");
+  write_file(record(first_), record_over(data.note_sizes.back(), ""));
+  EXPECT_EQ(verify(&ended()).verdict, Verdict::kIntact);
+
+  // Time by the recorder's own authority does not stand for what ended.
+  timestamp::TrustStore own;
+  own.add_own_authority(bytes_of(archive_.authority().root_pem()), "own");
+  own.add_own_authority(bytes_of(later.root_pem()), "later");
+  std::swap(trust_, own);
+  EXPECT_TRUE(has(verify(&ended()), "evidence-holds"));
+  EXPECT_EQ(verify(&ended()).verdict, Verdict::kUnproven);
+}
+
+// A record beside a case that somebody changed does not make up for that.
+TEST_F(EvidenceAttack, ARecordDoesNotHideThatACaseWasTamperedWith) {
+  const fs::path segment = first_ / "segments/endoscope/00000000.ts.age";
+  std::string bytes = read_file(segment);
+  bytes.back() = static_cast<char>(bytes.back() ^ 1);
+  write_file(segment, bytes);
+  EXPECT_EQ(verify().verdict, Verdict::kTampered);
+  EXPECT_FALSE(verify().evidence);
+}
+
+}  // namespace
+}  // namespace kiroku::test
