@@ -57,8 +57,8 @@ Document make_receipt(const ReportInput& input) {
   add(Paragraph{words("receipt.check.scan")});
   add(Listing{{"zbarimg --quiet --raw -Sbinary RECEIPT.png | cmp - " + note.file}});
   add(Paragraph{words("receipt.check.verify")});
-  add(Listing{{"kiroku verify " + document.identifier + " --device '" +
-               plain_text(input.verification.device) + "'"}});
+  add(Listing{
+      {"kiroku verify " + document.identifier + " --device " + shell_word(input.verification.device)}});
   add(Paragraph{words("receipt.keep"), ParagraphStyle::kSmall});
   return document;
 }

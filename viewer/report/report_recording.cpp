@@ -140,6 +140,8 @@ void ReportMaker::add_streams() {
   small(words("stream.lead"));
   if (found_.excerpt) small(words("stream.lead.excerpt"));
   add(Picture{time_figure(found_, in_.facts, in_.language, kTextWidth), words("figure.time")});
+  if (found_.streams.size() > kMostStreamsDrawn)
+    small(words("figure.further", {std::to_string(found_.streams.size() - kMostStreamsDrawn)}));
 }
 
 std::string ReportMaker::cause_words(archive::GapCause cause) const {
