@@ -18,9 +18,9 @@ std::string_view symbol_of(Tone tone) {
   return "";
 }
 
-std::string plain_text(std::string_view text) {
-  if (text.size() <= kMostBytesOfText) return printable(text);
-  std::size_t end = kMostBytesOfText;
+std::string plain_text(std::string_view text, std::size_t most) {
+  if (text.size() <= most) return printable(text);
+  std::size_t end = most;
   while (end > 0 && (static_cast<unsigned char>(text[end]) & 0xC0U) == 0x80U)
     --end;  // not within a character
   return printable(text.substr(0, end)) + "…";

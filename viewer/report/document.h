@@ -100,9 +100,12 @@ struct Document {
 /// report takes, nor push the answers off the first page.
 constexpr std::size_t kMostBytesOfText = 1'024;
 
-/// The text as printable() writes it (base/printable.h), cut off with "…" behind kMostBytesOfText. For what
-/// comes from a case, which somebody may have prepared.
-std::string plain_text(std::string_view text);
+/// Of a name that stands within a sentence.
+constexpr std::size_t kMostBytesOfName = 100;
+
+/// The text as printable() writes it (base/printable.h), cut off with "…" behind `most` bytes. For what comes
+/// from a case, which somebody may have prepared.
+std::string plain_text(std::string_view text, std::size_t most = kMostBytesOfText);
 
 /// The text as one word of a shell, whoever chose it: in single quotes. Cut off like plain_text().
 std::string shell_word(std::string_view text);

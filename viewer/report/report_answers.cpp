@@ -59,13 +59,20 @@ std::string ReportMaker::explanation(const CheckAnswer& answered) const {
     ++all;
     if (gravest == nullptr || finding.severity > gravest->severity) gravest = &finding;
   }
+  if (gravest == nullptr && answered.check == Check::kFiles && !in_.facts.excerpt)
+    return words("check.files.unasked");
   if (gravest == nullptr) {
     return answered.check == Check::kTime && found_.excerpt.has_value() == in_.facts.excerpt
                ? words("time.none")
                : words("check.excerpt.unread");
   }
-  return words("check.see-findings",
-               {meaning_of(in_.language, gravest->code), count(all, "one.finding", "many.finding")});
+  return words("check.see-findings", {meaning_of(in_.language, gravest->code),
+                                      words(only_counted() ? TextKey("check.at-least") : TextKey("check.all"),
+                                            {count(all, "one.finding", "many.finding")})});
+}
+
+bool ReportMaker::only_counted() const {
+  return std::ranges::find(found_.findings, "more-findings", &Finding::code) != found_.findings.end();
 }
 
 std::string ReportMaker::not_asked(Check check) const {

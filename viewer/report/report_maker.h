@@ -44,6 +44,8 @@ class ReportMaker {
 
   [[nodiscard]] std::string explanation(const CheckAnswer& answered) const;
 
+  /// Whether there are more findings than are kept, of which the rest is only counted.
+  [[nodiscard]] bool only_counted() const;
   [[nodiscard]] std::string not_asked(Check check) const;
 
   [[nodiscard]] std::string yes_to(const CheckAnswer& answered) const;

@@ -123,6 +123,15 @@ inline constexpr auto kTexts = std::to_array<Text>({
     {"check.files.yes",
      "{0} ({1}): every hash is the one that the ledger states, and no other file is there.",
      "{0}（{1}）：ハッシュ値はすべて台帳の記載と一致し、余分なファイルはありません。"},
+    {"check.files.unasked",
+     "Every file that could be looked for is there. But entries cannot be read, or name files that they may "
+     "not: "
+     "what they list was not looked for. The findings say which.",
+     "探すことのできたファイルはすべてあります。ただし、読み取れない項目または名称の誤った項目があり、それら"
+     "が記すもの"
+     "は確認していません（所見を参照）。"},
+    {"check.at-least", "at least {0}", "少なくとも {0}"},
+    {"check.all", "{0}", "{0}"},
     {"check.files.excerpt", "Is every file of the excerpt there, and exactly as it was when it was listed?",
      "抜粋のすべてのファイルが存在し、一覧に記載されたときのままか"},
     {"check.files.excerpt.yes",

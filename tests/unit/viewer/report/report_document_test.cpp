@@ -192,7 +192,8 @@ TEST_F(ReportDocument, LongTextsOfACaseAreCutOff) {
   const Document document = make_report(in);
   const std::string text = test::text_of(document);
   EXPECT_LT(text.size(), 60'000U);
-  EXPECT_THAT(text, HasSubstr("x…+07d449ab+AQOhB7/zzhC+HXDdGOdLwJln5NYwm6UNXx3chmQSVTG4\n"));
+  EXPECT_THAT(text, HasSubstr(std::string(kMostBytesOfName, 'x') +
+                              "…+07d449ab+AQOhB7/zzhC+HXDdGOdLwJln5NYwm6UNXx3chmQSVTG4\n"));
   EXPECT_THAT(text, HasSubstr("authority-6, …"));
   EXPECT_FALSE(write_pdf(document).empty());
   // Not within a character, and what misleads is told as such.
@@ -200,6 +201,29 @@ TEST_F(ReportDocument, LongTextsOfACaseAreCutOff) {
             std::string(kMostBytesOfText - 1, 'x') + "…");
   EXPECT_EQ(plain_text("\u202E" + std::string(kMostBytesOfText - 3, 'x')),
             "\\u{202E}" + std::string(kMostBytesOfText - 3, 'x'));
+}
+
+TEST_F(ReportDocument, SaysYesToNoFileThatWasNotLookedFor) {
+  const std::string asked = "Is every file there, and exactly as it was when it was listed? | ";
+  for (const char* code :
+       {"entry-malformed", "entry-too-long", "ledger-unreadable", "stream-unknown", "segment-name-differs",
+        "token-name-differs", "token-repeated", "token-covers-later"}) {
+    ReportInput in = input();
+    in.verification.findings.push_back({code, archive::Severity::kTampered, {}, 3, {}, "it is wrong"});
+    EXPECT_THAT(
+        test::text_of(make_report(in)),
+        HasSubstr(asked + "! Could not be checked | Every file that could be looked for is there. But"))
+        << code;
+  }
+}
+
+TEST_F(ReportDocument, CountsNoFindingsThatItDoesNotHave) {
+  ReportInput in = input();
+  in.verification.findings.push_back({"gap", archive::Severity::kGap, {}, 3, {}, "it is silent"});
+  EXPECT_THAT(test::text_of(make_report(in)), HasSubstr("(1 finding, see Findings.)"));
+  in.verification.findings.push_back(
+      {"more-findings", archive::Severity::kNote, {}, {}, {}, "59000 more of gap"});
+  EXPECT_THAT(test::text_of(make_report(in)), HasSubstr("(at least 1 finding, see Findings.)"));
 }
 
 // A figure that is higher than a page is cut off at its foot.
@@ -444,6 +468,17 @@ TEST_F(ReportDocument, ReceiptHoldsTheLastCheckpointInItsCode) {
     EXPECT_EQ(crypto::Checkpoint::parse(note.text)->root, asked.facts.root);
     EXPECT_EQ(crypto::Checkpoint::parse(note.text)->size, asked.facts.entries);
   }
+}
+
+TEST_F(ReportDocument, ReceiptOfACaseWithoutOutsideTimeSaysSo) {
+  ReportInput in = input();
+  ASSERT_EQ(in.verification.time, archive::TimeProof::kSelfIssued);
+  EXPECT_THAT(test::text_of(make_receipt(in)), HasSubstr("no clock outside stands behind them"));
+  in.verification.time = archive::TimeProof::kExternalInPart;
+  in.verification.outside_entries = 3;
+  EXPECT_THAT(test::text_of(make_receipt(in)), HasSubstr("as far as entry 2 of its ledger"));
+  in.verification.time = archive::TimeProof::kExternal;
+  EXPECT_THAT(test::text_of(make_receipt(in)), Not(HasSubstr("\n- ")));
 }
 
 TEST_F(ReportDocument, ReceiptOfATamperedCaseSaysSoOnOnePage) {
