@@ -66,6 +66,10 @@ export const kServerSentences: readonly SentencePair[] = [
     '記録のための容量を残すと、ディスクに空きがありません。不要なものの削除を管理者に依頼してください',
   ],
   [
+    'the disk of {folder} could not be asked how much room it has ({why}), so nothing is written: see to the disk and its mount',
+    'ディスク {folder} の空き容量を確認できないため（{why}）、何も書き込みません。ディスクとそのマウントを確かめてください',
+  ],
+  [
     'more was done than the appliance log takes of one person at a time: try again in {seconds} s',
     '短い時間に操作が多すぎます。{seconds} 秒後に再試行してください',
   ],
@@ -169,6 +173,10 @@ export const kServerSentences: readonly SentencePair[] = [
   ["{name} trains as '{trainee}' already", '{name} はすでに「{trainee}」として訓練しています'],
   ['there is no trainee of that name whose results you may see', '結果を見られるその名前の訓練者はいません'],
   ['{name} is training already', '{name} はすでに訓練中です'],
+  [
+    'many attempts were begun one after the other, and each is kept: try again in {seconds} s',
+    '続けて多くの試行が始められました（すべて記録されます）。{seconds} 秒後に再試行してください',
+  ],
   ['all places for training are taken: try again when an attempt has ended', '訓練の空きがありません。どれかの試行が終わってから再試行してください'],
   ['this server makes no cases of attempts: start it with --seal', 'このサーバは試行を症例にしません。--seal を付けて起動してください'],
   ['sealing makes a case, which surgeons and administrators may: ask one of them', '封印すると症例になります。外科医か管理者に依頼してください'],
