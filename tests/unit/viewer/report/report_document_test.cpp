@@ -452,6 +452,12 @@ TEST_F(ReportDocument, AsHtmlNeedsNothingElseAndEscapesWhatItShows) {
   EXPECT_THAT(page, HasSubstr("<html lang=\"en\">"));
 }
 
+TEST_F(ReportDocument, AsHtmlGivesEachColumnItsShareSoThatNoAnswerIsBroken) {
+  EXPECT_THAT(write_html(make_report(input())),
+              HasSubstr("<table><colgroup><col style=\"width:35%\"><col style=\"width:20%\"><col "
+                        "style=\"width:45%\"></colgroup><tbody>"));
+}
+
 TEST_F(ReportDocument, ReceiptHoldsTheLastCheckpointInItsCode) {
   if (!has_tools()) GTEST_SKIP() << "poppler-utils or zbar-tools is not installed";
   for (const Language language : {Language::kEnglish, Language::kJapanese}) {
