@@ -14,6 +14,7 @@ namespace {
 
 // Times of frames and of entries are read one after the other.
 constexpr std::int64_t kFutureToleranceNs = 2'000'000'000;
+constexpr std::int64_t kPreRollToleranceNs = 2'000'000'000;
 
 template <typename... Functions>
 struct Overloaded : Functions... {
@@ -292,6 +293,27 @@ void CaseRules::take_close(const CloseEntry& close, const CaseEntry& entry, std:
   }
 }
 
+// A recorder puts the beginning where its oldest segment begins. People read from it for how long something
+// was recorded before anybody decided.
+void CaseRules::judge_pre_roll() {
+  std::optional<std::int64_t> oldest_ns;
+  for (const auto& [name, its] : streams_) {
+    if (const auto first_ns = its.first_ns(); first_ns && (!oldest_ns || *first_ns < *oldest_ns)) {
+      oldest_ns = first_ns;
+    }
+  }
+  if (!oldest_ns || *oldest_ns - opening_->begins_ns <= kPreRollToleranceNs) {
+    return;
+  }
+  constexpr std::int64_t kNsPerSecond = 1'000'000'000;
+  findings_->add("stream-begins-late", in_ledger(0),
+                 "open says that the case begins " +
+                     std::to_string((opened_ns_ - opening_->begins_ns) / kNsPerSecond) +
+                     " s before it was opened, but nothing is there of the first " +
+                     std::to_string((*oldest_ns - opening_->begins_ns) / kNsPerSecond) +
+                     " s of that, and no gap says why");
+}
+
 // Both clocks are the machine's, and a slew moves both alike. People read how long a case lasted from its two
 // times by the recorder's clock.
 void CaseRules::judge_end(UtcTime closed, std::int64_t mono_ns, std::uint64_t number) {
@@ -341,6 +363,9 @@ void CaseRules::finish(std::optional<std::int64_t> lines_begin_ns) {
                                            : std::nullopt;
   for (auto& [name, its] : streams_) {
     its.finish(recorded, lines_begin_ns);
+  }
+  if (recorded && pre_rolled) {
+    judge_pre_roll();
   }
   report_slew();
   tokens_.finish(scope_.whole_case);

@@ -80,6 +80,8 @@ class CaseRules {
  private:
   [[nodiscard]] std::string signed_late_text(std::uint64_t recovered) const;
   void judge_wall_clock();
+  /// Where the case is stated to begin before `open` against what is there.
+  void judge_pre_roll();
   /// The UTC of `close` against that of `open` and the case clock.
   void judge_end(UtcTime closed, std::int64_t mono_ns, std::uint64_t number);
   void count_broken_line(std::uint64_t number);

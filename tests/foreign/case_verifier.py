@@ -425,6 +425,10 @@ class Entries:
             recorded = (self.opening["mono_ns"] if "begins_ns" in self.opening else 0, self.close_entry["mono_ns"])
         for stream in self.streams.values():
             stream.finish(recorded, lines_begin)
+        if recorded and "begins_ns" in self.opening:
+            firsts = [at for s in self.streams.values() if not s.of_marks for at in [s.begin] * bool(s.segments) + [gap[0] for gap in s.gaps]]
+            if firsts and min(firsts) - self.opening["begins_ns"] > LATE_BEGIN:
+                self.report("stream-begins-late", "the case")
         if self.slew:
             self.report("clock-slewed", "a rate beyond 200 ppm")
         were_set = self.clocks.finish()

@@ -362,6 +362,22 @@ def utc_back(world):
     return world.write(case)
 
 
+@reaches("stream-begins-late")
+def said_to_be_recorded_ahead(world):
+    case, later = world.sound(), 3600 * SECOND
+    case.utc_ns -= later
+    for step in case.steps:
+        if isinstance(step, (Entry, Token)):
+            step.mono_ns += later
+        if isinstance(step, Token):
+            step.gen_ns += later
+        if isinstance(step, Entry) and step.type == "segment":
+            step.fields["start_ns"] += later
+            step.fields["end_ns"] += later
+    case.steps[0].fields["begins_ns"] = 1
+    return world.write(case)
+
+
 @reaches("close-utc-differs")
 def ended_a_year_later(world):
     case = world.sound()
