@@ -217,19 +217,5 @@ TEST_F(TrainingAttack, NobodyTrainsOrIsAddedInAnothersName) {
   EXPECT_EQ(routes->ask("GET", "training").status, 401);
 }
 
-// Each stays among the results, all of which are read for each look at somebody's progress.
-TEST_F(TrainingAttack, AttemptsAreNotBegunAndBrokenOffWithoutEnd) {
-  std::size_t begun = 0;
-  std::string said;
-  while (begun < 200 && (said = begin("Aoki")).empty()) ++begun;
-  EXPECT_EQ(begun, 60U);
-  EXPECT_THAT(said, HasSubstr("many attempts were begun one after the other"));
-  EXPECT_EQ(
-      room->with_results([](const trainer::TrainingDatabase& results) { return results.attempts().size(); }),
-      60U);
-  routes->sign_in("ben", Role::kOperator);
-  EXPECT_EQ(begin("Baba"), "") << "another's pace is their own";
-}
-
 }  // namespace
 }  // namespace kiroku::viewer

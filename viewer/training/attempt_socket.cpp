@@ -62,7 +62,6 @@ void AttemptSocket::begin(const BeginMessage& message) {
   room_.with_results([&](const trainer::TrainingDatabase& results) {
     static_cast<void>(require_may_train(results, message.trainee));
   });
-  room_.require_pace(user_);
   place_ = room_.enter(message.trainee);
   trainer::ExclusionRecord record;
   record.test = message.test;

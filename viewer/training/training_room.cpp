@@ -56,16 +56,6 @@ std::shared_ptr<const trainer::ExclusionBody> TrainingRoom::body(const std::stri
   return made.body;
 }
 
-void TrainingRoom::require_pace(const TrainingUser& user) {
-  const std::chrono::seconds wait = begun_.take(person_of(user.name), Clock::system().now());
-  if (wait > std::chrono::seconds(0)) {
-    throw Refusal(429,
-                  "many attempts were begun one after the other, and each is kept: try again in " +
-                      std::to_string(wait.count()) + " s",
-                  wait);
-  }
-}
-
 std::unique_ptr<TrainingRoom::Place> TrainingRoom::enter(const std::string& trainee) {
   const std::lock_guard guard(places_mutex_);
   if (training_.contains(trainee)) throw Refusal(409, trainee + " is training already");

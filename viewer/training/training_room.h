@@ -15,7 +15,6 @@
 #include "trainer/hand/hand_motion.h"
 #include "trainer/results/training_database.h"
 #include "viewer/http/request.h"
-#include "viewer/people/deed_pace.h"
 #include "viewer/training/attempt_sealer.h"
 
 namespace kiroku::viewer {
@@ -98,10 +97,6 @@ class TrainingRoom {
   /// The certificate of an attempt that was sealed. Refusal 404 where it was not, 403 where the user may not.
   Bytes certificate(const TrainingUser& user, std::int64_t attempt, report::Language language);
 
-  /// Before an attempt begins, which stays among the results however it ends: who breaks them off again and
-  /// again is refused with 429.
-  void require_pace(const TrainingUser& user);
-
   /// Refusal 409 where the trainee trains already, 503 where all places are taken.
   std::unique_ptr<Place> enter(const std::string& trainee);
 
@@ -124,9 +119,8 @@ class TrainingRoom {
   std::mutex places_mutex_;
   std::set<std::string> training_;
   std::mutex sealable_mutex_;
-  std::map<std::string, Sealable> sealable_;                           // by trainee
-  std::set<std::int64_t> sealing_;                                     // attempts whose case is being made
-  DeedPace begun_{{.at_once = 60, .each = std::chrono::seconds(30)}};  // attempts, by user
+  std::map<std::string, Sealable> sealable_;  // by trainee
+  std::set<std::int64_t> sealing_;            // attempts whose case is being made
 };
 
 }  // namespace kiroku::viewer

@@ -173,10 +173,6 @@ export const kServerSentences: readonly SentencePair[] = [
   ["{name} trains as '{trainee}' already", '{name} はすでに「{trainee}」として訓練しています'],
   ['there is no trainee of that name whose results you may see', '結果を見られるその名前の訓練者はいません'],
   ['{name} is training already', '{name} はすでに訓練中です'],
-  [
-    'many attempts were begun one after the other, and each is kept: try again in {seconds} s',
-    '続けて多くの試行が始められました（すべて記録されます）。{seconds} 秒後に再試行してください',
-  ],
   ['all places for training are taken: try again when an attempt has ended', '訓練の空きがありません。どれかの試行が終わってから再試行してください'],
   ['this server makes no cases of attempts: start it with --seal', 'このサーバは試行を症例にしません。--seal を付けて起動してください'],
   ['sealing makes a case, which surgeons and administrators may: ask one of them', '封印すると症例になります。外科医か管理者に依頼してください'],
