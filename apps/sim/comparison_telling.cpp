@@ -109,6 +109,7 @@ int tell_comparison(const ComparisonRequest& request, const compare::Comparison&
       if (each.gen_time)
         std::cout << "  time  " << format_utc(*each.gen_time) << " by " << each.authority << "\n";
     }
+    std::cout << "  The recording was not verified: kiroku verify tells whether it is whole\n";
     if (keeping != nullptr) {
       std::cout << "  next  kiroku view shows it in the case"
                 << (pictures == 0 ? ", without the plan's film: the plan names no CT (--volume)" : "")

@@ -149,8 +149,10 @@ std::int64_t CaseReader::parse_time(const std::string& text, const std::string& 
     throw UsageError(what + " is '" + text + "', which is no time: write " + std::string(kTimeForms) +
                      " from the start of the case, or UTC such as " + format_utc(opened_at_.utc));
   }
-  const auto since_open = std::chrono::duration_cast<std::chrono::nanoseconds>(*utc - opened_at_.utc).count();
-  const std::int64_t time = opened_at_.mono_ns + since_open;
+  // A time of another century is as good as one of 146 years away: nanoseconds count no further.
+  constexpr std::int64_t kFarthestUs = (std::int64_t{1} << 62) / 1'000;
+  const std::int64_t since_open_us = std::clamp((*utc - opened_at_.utc).count(), -kFarthestUs, kFarthestUs);
+  const std::int64_t time = opened_at_.mono_ns + since_open_us * 1'000;
   if (time < opening_.begins_ns) {
     throw UsageError(what + " is " + text + ", before the case begins; it was opened at " +
                      format_utc(opened_at_.utc));

@@ -14,6 +14,7 @@ namespace {
 
 // Times of frames and of entries are read one after the other.
 constexpr std::int64_t kFutureToleranceNs = 2'000'000'000;
+constexpr std::int64_t kPreRollToleranceNs = 2'000'000'000;
 
 template <typename... Functions>
 struct Overloaded : Functions... {
@@ -247,6 +248,7 @@ void CaseRules::take_clock(const ClockEntry& clock, std::int64_t mono_ns, std::u
   }
   if (clock.step_ns != 0) {
     clock_step_stated_ = true;
+    stepped_ns_ += static_cast<double>(clock.step_ns);
     tokens_.take_step(clock.step_ns, mono_ns);
     findings_->add("clock-stepped", in_ledger(number),
                    "the machine's wall clock was set by " + std::to_string(clock.step_ns) + " ns");
@@ -279,6 +281,7 @@ void CaseRules::take_close(const CloseEntry& close, const CaseEntry& entry, std:
   close_totals_ = close.totals;
   closed_ = entry.at.utc;
   closed_ns_ = entry.at.mono_ns;
+  judge_end(entry.at.utc, entry.at.mono_ns, number);
   tokens_.take_close(number, entry.at.mono_ns);
   for (auto& [name, its] : streams_) {
     its.take_interruption();
@@ -288,6 +291,47 @@ void CaseRules::take_close(const CloseEntry& close, const CaseEntry& entry, std:
   for (const auto& [name, total] : close.totals) {
     stream(name, number);
   }
+}
+
+// A recorder puts the beginning where its oldest segment begins. People read from it for how long something
+// was recorded before anybody decided.
+void CaseRules::judge_pre_roll() {
+  std::optional<std::int64_t> oldest_ns;
+  for (const auto& [name, its] : streams_) {
+    if (const auto first_ns = its.first_ns(); first_ns && (!oldest_ns || *first_ns < *oldest_ns)) {
+      oldest_ns = first_ns;
+    }
+  }
+  if (!oldest_ns || *oldest_ns - opening_->begins_ns <= kPreRollToleranceNs) {
+    return;
+  }
+  constexpr std::int64_t kNsPerSecond = 1'000'000'000;
+  findings_->add("stream-begins-late", in_ledger(0),
+                 "open says that the case begins " +
+                     std::to_string((opened_ns_ - opening_->begins_ns) / kNsPerSecond) +
+                     " s before it was opened, but nothing is there of the first " +
+                     std::to_string((*oldest_ns - opening_->begins_ns) / kNsPerSecond) +
+                     " s of that, and no gap says why");
+}
+
+// Both clocks are the machine's, and a slew moves both alike. People read how long a case lasted from its two
+// times by the recorder's clock.
+void CaseRules::judge_end(UtcTime closed, std::int64_t mono_ns, std::uint64_t number) {
+  if (!opened_ || recovered_ || !scope_.whole_case) {
+    return;
+  }
+  const auto elapsed_us = static_cast<double>((closed - *opened_).count());
+  const double apart_us =
+      elapsed_us - (static_cast<double>(mono_ns - opened_ns_) + stepped_ns_) / static_cast<double>(kNsPerUs);
+  if (std::abs(apart_us) <= static_cast<double>(kWallClockDiffersUs)) {
+    return;
+  }
+  findings_->add(
+      "close-utc-differs", in_ledger(number),
+      "by the machine's UTC the case ended " +
+          std::to_string(std::llround(std::abs(apart_us) / static_cast<double>(kUsPerSecond))) + " s " +
+          (apart_us > 0 ? "later" : "earlier") +
+          " than by the case clock, and no clock entry says why: its length is that of the case clock");
 }
 
 StreamRules* CaseRules::stream(const std::string& name, std::uint64_t number) {
@@ -319,6 +363,9 @@ void CaseRules::finish(std::optional<std::int64_t> lines_begin_ns) {
                                            : std::nullopt;
   for (auto& [name, its] : streams_) {
     its.finish(recorded, lines_begin_ns);
+  }
+  if (recorded && pre_rolled) {
+    judge_pre_roll();
   }
   report_slew();
   tokens_.finish(scope_.whole_case);
@@ -440,6 +487,7 @@ void CaseRules::describe(VerificationReport& report) const {
   report.outside_tokens = tokens_.outside_count();
   report.own_tokens = tokens_.own_count();
   report.authorities = tokens_.authorities();
+  report.proving_tokens = tokens_.proving();
 }
 
 }  // namespace kiroku::archive

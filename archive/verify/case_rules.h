@@ -80,6 +80,10 @@ class CaseRules {
  private:
   [[nodiscard]] std::string signed_late_text(std::uint64_t recovered) const;
   void judge_wall_clock();
+  /// Where the case is stated to begin before `open` against what is there.
+  void judge_pre_roll();
+  /// The UTC of `close` against that of `open` and the case clock.
+  void judge_end(UtcTime closed, std::int64_t mono_ns, std::uint64_t number);
   void count_broken_line(std::uint64_t number);
   void check_common(const CaseEntry& entry, std::uint64_t number, const LedgerLine& line);
   void take_open(const OpenEntry& open, const CaseEntry& entry, std::uint64_t number);
@@ -114,6 +118,7 @@ class CaseRules {
   std::uint64_t broken_lines_ = 0;
   bool recovered_ = false;
   bool clock_step_stated_ = false;
+  double stepped_ns_ = 0;  // the wall clock, by all that clock entries state
   struct Slew {
     std::uint64_t entry = 0;    // the first that states it
     std::int64_t rate_ppb = 0;  // the largest that was stated

@@ -72,6 +72,10 @@ inline constexpr auto kFindingCodes = std::to_array<FindingCode>({
      "more than a minute"},
     {"utc-went-back", Severity::kNote,
      "the machine's UTC is earlier than in the entry before, and no clock entry says why"},
+    {"close-utc-differs", Severity::kNote,
+     "the UTC of close is more than a minute away from where that of open, the case clock and the stated "
+     "steps "
+     "of the wall clock lead: how long the case lasted says the case clock, not these two times"},
     {"folder-name-differs", Severity::kNote, "the folder is not called by its case identifier"},
     // -- checkpoints
     {"checkpoint-malformed", Severity::kTampered, "a note is no signed checkpoint"},

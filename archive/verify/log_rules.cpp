@@ -167,7 +167,12 @@ void LogWalk::judge_tail() {
   // be without its checkpoint, where the machine stopped in between or is at it now.
   const bool two_unsigned = to_be_followed_.size() == 2 && to_be_followed_.front() >= covered;
   const bool nothing_signed = covered == 0 && (is_empty || !to_be_followed_.empty());
-  if (nothing_signed || two_unsigned) {
+  if (is_empty && covered == 0) {
+    findings_->add(
+        "log-tail-unsigned", in_ledger(0),
+        "the log holds no whole entry, though it begins with one and nobody takes any away: what it "
+        "said of cases is lost");
+  } else if (nothing_signed || two_unsigned) {
     findings_->add("log-tail-unsigned", in_ledger(covered),
                    "no checkpoint covers the log from " + at_entry(covered) +
                        " on, where one was to follow each entry: nobody signed what stands there");

@@ -73,6 +73,12 @@ struct StampingAuthority {
   std::vector<std::string> names;  // in the ledger, in the order of their first tokens
 };
 
+/// A token that holds under a trusted root and proves time, by the entry that names it.
+struct ProvingToken {
+  std::uint64_t entry = 0;
+  bool outside = false;
+};
+
 /// One stream of the case that an excerpt is of: how much of it lies in the excerpt's folder with the right
 /// hash, and how much the case has.
 struct ExcerptStream {
@@ -133,7 +139,9 @@ struct VerificationReport {
   std::vector<Bracket> brackets;
   std::vector<AuthorityClock> clocks;          // one an authority, in the order of their first tokens
   std::vector<StampingAuthority> authorities;  // in the order of their first tokens
-  std::vector<Finding> findings;               // ordered by entry, then file
+  std::vector<ProvingToken>
+      proving_tokens;             // in the ledger's order; `outside_tokens` and `own_tokens` of them
+  std::vector<Finding> findings;  // ordered by entry, then file
   /// Root (RFC 6962) over the lines that were judged, of which there are `entries`; of an excerpt its opening
   /// line comes before them. Nothing where none could be read. Who shows lines beside the verdict compares
   /// it.

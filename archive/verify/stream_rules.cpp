@@ -191,6 +191,14 @@ void StreamRules::check_totals(const StreamTotal* stated, std::uint64_t entry) {
   }
 }
 
+std::optional<std::int64_t> StreamRules::first_ns() const {
+  if (of_marks_ || (report_.segments == 0 && !all_gaps_)) {
+    return {};
+  }
+  const std::int64_t gap_ns = all_gaps_ ? all_gaps_->start_ns : INT64_MAX;
+  return report_.segments == 0 ? gap_ns : std::min(gap_ns, report_.span.start_ns);
+}
+
 void StreamRules::join_gaps() {
   std::sort(gaps_.begin(), gaps_.end(), [](const Span& a, const Span& b) { return a.start_ns < b.start_ns; });
   std::vector<Span> joined;

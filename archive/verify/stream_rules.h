@@ -57,6 +57,9 @@ class StreamRules {
 
   [[nodiscard]] const std::shared_ptr<const StreamInfo>& info() const { return info_; }
   [[nodiscard]] const StreamReport& report() const { return report_; }
+  /// Where its first segment, or a gap before it, begins; nothing of a stream of marks, and where there is
+  /// neither.
+  [[nodiscard]] std::optional<std::int64_t> first_ns() const;
   [[nodiscard]] bool erased(std::uint64_t index) const;
   /// The file of an erased segment is not there.
   void count_erased() { ++report_.erased_segments; }

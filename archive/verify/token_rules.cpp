@@ -287,6 +287,17 @@ std::vector<StampingAuthority> TokenRules::authorities() const {
   return all;
 }
 
+std::vector<ProvingToken> TokenRules::proving() const {
+  std::vector<ProvingToken> all;
+  auto outside = outside_.begin();  // both in the ledger's order
+  for (const StampedToken& token : valid_) {
+    const bool is_outside = outside != outside_.end() && outside->entry == token.entry;
+    all.push_back({token.entry, is_outside});
+    outside += is_outside ? 1 : 0;
+  }
+  return all;
+}
+
 std::optional<StampedToken> TokenRules::first_after_close() const {
   const bool all_after = close_ && std::ranges::all_of(outside_, [&](const StampedToken& token) {
                            return token.checkpoint > *close_;

@@ -51,6 +51,7 @@ class TokenRules {
   /// Valid ones under trusted roots: of outside authorities, and of the recorder's own.
   [[nodiscard]] std::uint64_t outside_count() const { return outside_.size(); }
   [[nodiscard]] std::uint64_t own_count() const { return valid_.size() - outside_.size(); }
+  [[nodiscard]] std::vector<ProvingToken> proving() const;
   [[nodiscard]] std::vector<Bracket> brackets(std::uint64_t first, std::uint64_t entries) const;
   [[nodiscard]] const std::vector<AuthorityClock>& clocks() const { return clocks_; }
   /// After finish(): of the tokens that prove time.

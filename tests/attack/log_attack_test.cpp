@@ -338,6 +338,8 @@ TEST(AttackOnTheLog, ALogThatWasEmptiedIsNotIntact) {
   const archive::VerificationReport report =
       archive::verify_log(victim.log(), SoundCases::get().archive.options());
   EXPECT_EQ(summary(report), "unproven\nlog-tail-unsigned ledger.jsonl 0") << details(report);
+  ASSERT_FALSE(report.findings.empty());
+  EXPECT_THAT(report.findings.front().text, ::testing::HasSubstr("the log holds no whole entry"));
 }
 
 TEST(AttackByAForgedDevice, ACaseWithGenuineTokensIsUnprovenAndUnknownToTheLog) {

@@ -209,6 +209,7 @@ class Entries:
     def __init__(self, folder, whole_case, wanted=lambda segment: True):
         self.folder, self.whole_case, self.wanted, self.report = folder, whole_case, wanted, folder.report
         self.opening = self.device = self.close = self.close_entry = None
+        self.stepped_ns = 0
         self.streams, self.named, self.authorities, self.checked = {}, set(), set(), []
         self.recovered = self.unsynchronised = self.slew = False
         self.last_mono, self.last_utc, self.step_stated = 0, None, False
@@ -290,6 +291,7 @@ class Entries:
             self.slew = self.slew or abs(entry["rate_ppb"]) > 200_000
         if entry["step_ns"] != 0:
             self.step_stated = True
+            self.stepped_ns += entry["step_ns"]
             self.clocks.take_step(entry["step_ns"], entry["mono_ns"])
             self.report("clock-stepped", f"line {number}")
         if not entry["synchronised"] and not self.unsynchronised:
@@ -311,6 +313,10 @@ class Entries:
         if self.close is not None:
             return
         self.close, self.close_entry = number, entry
+        if self.opening and self.whole_case and not self.recovered:
+            elapsed_ns = stamp.nanoseconds(entry["utc"]) - stamp.nanoseconds(self.opening["utc"])
+            if abs(elapsed_ns - (entry["mono_ns"] - self.opening["mono_ns"]) - self.stepped_ns) > 60_000_000_000:
+                self.report("close-utc-differs", f"line {number}")
         self.clocks.closed_ns = entry["mono_ns"]
         for name, stream in self.streams.items():
             stream.interrupt()
@@ -419,6 +425,10 @@ class Entries:
             recorded = (self.opening["mono_ns"] if "begins_ns" in self.opening else 0, self.close_entry["mono_ns"])
         for stream in self.streams.values():
             stream.finish(recorded, lines_begin)
+        if recorded and "begins_ns" in self.opening:
+            firsts = [at for s in self.streams.values() if not s.of_marks for at in [s.begin] * bool(s.segments) + [gap[0] for gap in s.gaps]]
+            if firsts and min(firsts) - self.opening["begins_ns"] > LATE_BEGIN:
+                self.report("stream-begins-late", "the case")
         if self.slew:
             self.report("clock-slewed", "a rate beyond 200 ppm")
         were_set = self.clocks.finish()

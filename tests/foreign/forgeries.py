@@ -362,6 +362,43 @@ def utc_back(world):
     return world.write(case)
 
 
+@reaches("stream-begins-late")
+def said_to_be_recorded_ahead(world):
+    case, later = world.sound(), 3600 * SECOND
+    case.utc_ns -= later
+    for step in case.steps:
+        if isinstance(step, (Entry, Token)):
+            step.mono_ns += later
+        if isinstance(step, Token):
+            step.gen_ns += later
+        if isinstance(step, Entry) and step.type == "segment":
+            step.fields["start_ns"] += later
+            step.fields["end_ns"] += later
+    case.steps[0].fields["begins_ns"] = 1
+    return world.write(case)
+
+
+@reaches("close-utc-differs")
+def ended_a_year_later(world):
+    case = world.sound()
+    year_ns, at = 365 * 86_400 * SECOND, case.steps.index(case.find("close"))
+    for step in case.steps[at:]:
+        if isinstance(step, (Entry, Token)):
+            step.utc_ns = world.utc_ns + year_ns + step.mono_ns
+    return world.write(case)
+
+
+@reaches("clock-stepped")
+def ended_a_year_later_behind_a_stated_step(world):
+    case = world.sound()
+    year_ns, at = 365 * 86_400 * SECOND, case.steps.index(case.find("close"))
+    case.steps.insert(at, Entry("clock", case.steps[at].mono_ns, {"synchronised": True, "offset_ns": 0, "error_ns": 0, "step_ns": year_ns // 8}))
+    for step in case.steps[at:]:
+        if isinstance(step, (Entry, Token)):
+            step.utc_ns = world.utc_ns + year_ns // 8 + step.mono_ns
+    return world.write(case)
+
+
 @reaches("folder-name-differs")
 def renamed_folder(world):
     return world.given(world.sound().write(world.folder, "evidence").folder)

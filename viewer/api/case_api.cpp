@@ -187,6 +187,7 @@ Response describe_case(const archive::CaseReader& recording) {
   return Response::json(
       {{"id", opening.case_id},
        {"opened", format_utc(recording.opened_at().utc)},
+       {"opened_ns", recording.opened_at().mono_ns},  // what was recorded ahead lies before
        {"state", recording.closing() ? "closed" : "open"},
        {"duration_ns", recording.duration_ns()},
        {"begins_ns", opening.begins_ns},

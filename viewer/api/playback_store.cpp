@@ -2,12 +2,12 @@
 
 #include <algorithm>
 #include <iterator>
+#include <map>
 #include <utility>
 
 namespace kiroku::viewer {
 namespace {
 
-constexpr std::size_t kMostWatched = 12;
 constexpr std::chrono::seconds kSweepEvery{1};
 constexpr std::chrono::seconds kOpenCaseStays{15};
 
@@ -61,10 +61,20 @@ PlaybackStore::Playback PlaybackStore::open(const std::shared_ptr<Session>& sess
       const auto at = each++;
       if (at->folder == folder && at->session.lock() == session) gone.splice(gone.end(), watched_, at);
     }
-    watched_.push_front({session, identities, folder, playback, clock_.now()});
-    if (watched_.size() > kMostWatched) gone.splice(gone.end(), watched_, std::prev(watched_.end()));
+    watched_.push_front({session, session->person(), identities, folder, playback, clock_.now()});
+    if (watched_.size() > kMostOpen) gone.splice(gone.end(), watched_, next_to_go());
     return playback;
   });
+}
+
+// Whoever opened many cases gives up one of theirs: nobody pushes another's out by opening more.
+std::list<PlaybackStore::Watched>::iterator PlaybackStore::next_to_go() {
+  std::map<std::string, std::size_t> open_of;
+  std::size_t most = 0;
+  for (const Watched& each : watched_) most = std::max(most, ++open_of[each.person]);
+  auto last = std::prev(watched_.end());
+  while (open_of[last->person] < most) --last;
+  return last;
 }
 
 void PlaybackStore::sweep() {

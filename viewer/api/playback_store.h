@@ -8,6 +8,7 @@
 #include <list>
 #include <memory>
 #include <mutex>
+#include <string>
 #include <thread>
 
 #include "viewer/people/session.h"
@@ -22,6 +23,9 @@ namespace kiroku::viewer {
 class PlaybackStore {
  public:
   using Playback = std::shared_ptr<playback::CasePlayback>;
+
+  /// Of all people together. Whoever has the most open gives up the one that was used longest ago.
+  static constexpr std::size_t kMostOpen = 12;
 
   /// Viewing copies go to `folder`. Throws kiroku::IoError if it cannot be used.
   PlaybackStore(const std::filesystem::path& folder, std::uint64_t most_bytes,
@@ -38,6 +42,7 @@ class PlaybackStore {
  private:
   struct Watched {
     std::weak_ptr<Session> session;
+    std::string person;
     std::weak_ptr<const crypto::AgeIdentities> identities;
     std::filesystem::path folder;
     Playback playback;
@@ -47,6 +52,8 @@ class PlaybackStore {
   /// What is there already; null if nothing is.
   Playback find(const std::shared_ptr<Session>& session, const Session::Identities& identities,
                 const std::filesystem::path& folder);
+  /// Whose place the next one takes; there are some.
+  std::list<Watched>::iterator next_to_go();
   void sweep();
   void run();
 

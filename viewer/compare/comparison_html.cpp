@@ -100,6 +100,10 @@ class Page {
 
   void summary() {
     const StepMatching& matching = comparison_.matching;
+    // First: a page of figures and pictures is believed.
+    add("<p><b>The recording was not verified for this comparison.</b> Whether it is whole, and which device "
+        "signed it, tells <code>kiroku verify " +
+        escaped(made_.case_state.case_id) + "</code>.</p>\n");
     add("<p>" + std::to_string(matching.matches.size()) + " of " + std::to_string(comparison_.steps.size()) +
         " planned steps were found in the recording, " +
         (matching.in_planned_order() ? "in the planned order" : "<b>in another order than planned</b>") +
@@ -327,11 +331,8 @@ class Page {
                                               : "<b>was recorded by another plan</b>"});
     for (const NamedFile& file : made_.plan_files)
       row({escaped(file.role), escaped(file.name) + " " + hash(file.sha256)});
-    add("</table>\n<p class=\"faint\">Whether the case is whole tells <code>kiroku verify</code>; whether "
-        "this "
-        "comparison still fits case and plan, <code>kiroku compare --verify</code> of the document beside "
-        "this "
-        "page.</p>\n");
+    add("</table>\n<p class=\"faint\">Whether this comparison still fits case and plan tells <code>kiroku "
+        "compare --verify</code> of the document beside this page.</p>\n");
   }
 
   const Comparison& comparison_;

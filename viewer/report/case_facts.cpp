@@ -46,10 +46,8 @@ struct Taking {
     facts->segment_bytes += segment.file.bytes;
     facts->last_ns = std::max(facts->last_ns, segment.span.end_ns);
   }
-  void operator()(const archive::GapEntry& gap) const {
-    facts->gaps.push_back(gap);
-    facts->last_ns = std::max(facts->last_ns, gap.span.end_ns);
-  }
+  // A gap says what is not there: it makes no case longer.
+  void operator()(const archive::GapEntry& gap) const { facts->gaps.push_back(gap); }
   void operator()(const archive::TokenEntry& token) const { facts->tokens.push_back({entry, token}); }
   void operator()(const archive::TokenMissedEntry& /*missed*/) const { ++facts->missed_tokens; }
   void operator()(const archive::MarkEntry& /*mark*/) const { ++facts->marks; }

@@ -46,7 +46,8 @@ struct CaseFacts {
   std::vector<archive::GapEntry> gaps;
   std::vector<StatedToken> tokens;
   std::uint64_t missed_tokens = 0, marks = 0, segments = 0, segment_bytes = 0;
-  std::int64_t last_ns = 0;  // latest time of the case clock that an entry states
+  // latest time of the case clock at which an entry was written or a segment ends
+  std::int64_t last_ns = 0;
   /// When each entry was written, by its number; of entries that read as one.
   std::map<std::uint64_t, archive::Moment> written;
 };

@@ -1,6 +1,7 @@
 #include "viewer/report/checks.h"
 
 #include <algorithm>
+#include <array>
 
 #include "archive/verify/finding_codes.h"
 #include "viewer/report/finding_texts.h"
@@ -33,6 +34,11 @@ Answer answer_of(Severity worst) {
   return Answer::kNo;
 }
 
+/// Of which files were not looked for, since the entries that list them cannot be read or may not name them.
+constexpr auto kLeavesFilesUnasked = std::to_array<std::string_view>(
+    {"entry-malformed", "entry-too-long", "ledger-unreadable", "stream-unknown", "segment-name-differs",
+     "token-name-differs", "token-repeated", "token-covers-later"});
+
 /// That no finding speaks against the contents says nothing of what nobody opened.
 Answer contents_answer(const std::optional<archive::OpenedContents>& contents) {
   if (!contents || contents->opened == 0) return Answer::kNotAsked;
@@ -47,6 +53,8 @@ Answer without_findings(Check check, const archive::VerificationReport& verifica
            verification.findings.end();
   };
   switch (check) {
+    case Check::kFiles:
+      return std::ranges::any_of(kLeavesFilesUnasked, found) ? Answer::kUnknown : Answer::kYes;
     case Check::kLog:
       if (given.log.empty()) return Answer::kNotAsked;
       return found("log-case-open") ? Answer::kInPart : Answer::kYes;

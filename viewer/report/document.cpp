@@ -18,6 +18,18 @@ std::string_view symbol_of(Tone tone) {
   return "";
 }
 
-std::string plain_text(std::string_view text) { return printable(text); }
+std::string plain_text(std::string_view text, std::size_t most) {
+  if (text.size() <= most) return printable(text);
+  std::size_t end = most;
+  while (end > 0 && (static_cast<unsigned char>(text[end]) & 0xC0U) == 0x80U)
+    --end;  // not within a character
+  return printable(text.substr(0, end)) + "…";
+}
+
+std::string shell_word(std::string_view text) {
+  std::string word("'");
+  for (const char each : plain_text(text)) word += each == '\'' ? std::string("'\\''") : std::string(1, each);
+  return word + "'";
+}
 
 }  // namespace kiroku::report

@@ -2,6 +2,7 @@
 // as HTML (html_writer.h). Plain values; texts are UTF-8 without control characters (plain_text()).
 #pragma once
 
+#include <cstddef>
 #include <string>
 #include <string_view>
 #include <variant>
@@ -95,9 +96,18 @@ struct Document {
   std::vector<Block> blocks;
 };
 
-/// The text in valid UTF-8: ill-formed bytes, control characters and those that change the direction of
-/// writing become U+FFFD, line feed and tab a space. For what comes from a case, which somebody may have
-/// prepared.
-std::string plain_text(std::string_view text);
+/// Of a text from a case no more bytes than these are set: whoever made the case must not decide how long its
+/// report takes, nor push the answers off the first page.
+constexpr std::size_t kMostBytesOfText = 1'024;
+
+/// Of a name that stands within a sentence.
+constexpr std::size_t kMostBytesOfName = 100;
+
+/// The text as printable() writes it (base/printable.h), cut off with "…" behind `most` bytes. For what comes
+/// from a case, which somebody may have prepared.
+std::string plain_text(std::string_view text, std::size_t most = kMostBytesOfText);
+
+/// The text as one word of a shell, whoever chose it: in single quotes. Cut off like plain_text().
+std::string shell_word(std::string_view text);
 
 }  // namespace kiroku::report

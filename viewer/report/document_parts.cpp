@@ -31,29 +31,6 @@ std::string verdict_sentence(Language language, Verdict verdict) {
   return say(language, "verdict.tampered.sentence");
 }
 
-std::string time_sentence(const ReportInput& input) {
-  if (input.verification.time == TimeProof::kNone) return say(input.language, "time.none");
-  if (input.verification.time == TimeProof::kSelfIssued) return say(input.language, "time.self-issued");
-  if (input.verification.time == TimeProof::kExternalInPart) {
-    return say(input.language, "time.external-in-part",
-               {std::to_string(input.verification.outside_entries - 1)});
-  }
-  std::optional<UtcTime> earliest, latest;
-  for (const archive::Bracket& bracket : input.verification.brackets) {
-    if (bracket.not_before)
-      earliest = earliest ? std::min(*earliest, *bracket.not_before) : bracket.not_before;
-    if (bracket.not_after) latest = latest ? std::max(*latest, *bracket.not_after) : bracket.not_after;
-  }
-  const bool only_afterwards = std::ranges::any_of(
-      input.verification.findings,
-      [](const archive::Finding& finding) { return finding.code == "stamped-after-close"; });
-  if (earliest && latest && !only_afterwards) {
-    return say(input.language, "time.external", {utc_time(*earliest), utc_time(*latest)});
-  }
-  return latest ? say(input.language, "time.external-until", {utc_time(*latest)})
-                : say(input.language, "time.none");
-}
-
 /// What decided the verdict, in words, each code once.
 std::vector<std::string> gravest_meanings(const ReportInput& input) {
   Severity worst = Severity::kNote;
@@ -102,6 +79,29 @@ Tone tone_of(Verdict verdict) {
       break;
   }
   return Tone::kBad;
+}
+
+std::string time_sentence(const ReportInput& input) {
+  if (input.verification.time == TimeProof::kNone) return say(input.language, "time.none");
+  if (input.verification.time == TimeProof::kSelfIssued) return say(input.language, "time.self-issued");
+  if (input.verification.time == TimeProof::kExternalInPart) {
+    return say(input.language, "time.external-in-part",
+               {std::to_string(input.verification.outside_entries - 1)});
+  }
+  std::optional<UtcTime> earliest, latest;
+  for (const archive::Bracket& bracket : input.verification.brackets) {
+    if (bracket.not_before)
+      earliest = earliest ? std::min(*earliest, *bracket.not_before) : bracket.not_before;
+    if (bracket.not_after) latest = latest ? std::max(*latest, *bracket.not_after) : bracket.not_after;
+  }
+  const bool only_afterwards = std::ranges::any_of(
+      input.verification.findings,
+      [](const archive::Finding& finding) { return finding.code == "stamped-after-close"; });
+  if (earliest && latest && !only_afterwards) {
+    return say(input.language, "time.external", {utc_time(*earliest), utc_time(*latest)});
+  }
+  return latest ? say(input.language, "time.external-until", {utc_time(*latest)})
+                : say(input.language, "time.none");
 }
 
 Statement verdict_statement(const ReportInput& input) {

@@ -14,6 +14,8 @@ inline constexpr double kTextWidth = 487;
 std::string verdict_words(Language language, archive::Verdict verdict);
 Tone tone_of(archive::Verdict verdict);
 /// Verdict, what it means, and what is to be known with it.
+/// Whose clock says when it was, in a sentence.
+std::string time_sentence(const ReportInput& input);
 Statement verdict_statement(const ReportInput& input);
 /// The document's frame: languages, titles, metadata, no blocks.
 Document empty_document(const ReportInput& input, std::string title);

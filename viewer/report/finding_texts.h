@@ -58,6 +58,9 @@ inline constexpr auto kFindingTexts = std::to_array<FindingText>({
      "記録装置の時計が、外部の認証局の時計と 1 "
      "分を超えて異なる。装置の時計による時刻はその分だけ誤っている。"},
     {"utc-went-back", Check::kTime, "装置の UTC が前の項目より早く、その理由を示す時計項目がない。"},
+    {"close-utc-differs", Check::kTime,
+     "終了項目の UTC が、開始項目の UTC・症例時計・記載された時刻合わせから導かれる時刻と 1 "
+     "分を超えて異なる。症例の長さを示すのは症例時計であり、この二つの時刻ではない。"},
     {"folder-name-differs", Check::kFiles, "フォルダー名が症例番号と異なる。"},
     {"checkpoint-malformed", Check::kLedger,
      "チェックポイントの文書が署名付きチェックポイントの形式でない。"},

@@ -1,6 +1,7 @@
 #include "viewer/report/html_writer.h"
 
 #include <array>
+#include <cmath>
 #include <cstdio>
 
 namespace kiroku::report {
@@ -21,7 +22,7 @@ header { border-bottom: 2px solid var(--ink); padding-bottom: .6rem; margin-bott
 .good { color: var(--good); } .caution { color: var(--caution); } .bad { color: var(--bad); }
 table { border-collapse: collapse; width: 100%; font-size: .92rem; } th, td { text-align: left; vertical-align: top;
   padding: .3rem .5rem; border-bottom: 1px solid var(--rule); overflow-wrap: anywhere; white-space: pre-line; }
-th[scope=row] { width: 24%; } thead th { color: var(--soft); border-bottom: 2px solid var(--rule); } .right { text-align: right; }
+thead th { color: var(--soft); border-bottom: 2px solid var(--rule); } .right { text-align: right; }
 code, pre { font-family: "DejaVu Sans Mono", ui-monospace, monospace; font-size: .85em; overflow-wrap: anywhere; }
 pre { background: var(--shade); padding: .6rem .8rem; white-space: pre-wrap; margin: .4rem 0 .9rem; }
 ol.chain { list-style: none; padding: 0; } ol.chain > li { display: grid; grid-template-columns: 16rem 1fr; gap: 0 1rem; align-items: center; }
@@ -123,9 +124,13 @@ struct Html {
     return element("div", std::string("statement ") + class_of(statement.tone), inside);
   }
   std::string operator()(const Table& table) const {
-    std::string head;
+    std::string head, columns;
     bool has_head = false;
+    double shares = 0;
+    for (const Column& column : table.columns) shares += column.share;
     for (const Column& column : table.columns) {
+      // Else a browser breaks the words of a short answer to make room for a long explanation.
+      columns += "<col style=\"width:" + std::to_string(std::lround(100 * column.share / shares)) + "%\">";
       has_head = has_head || !column.title.empty();
       head += element("th scope=\"col\"", right(column), escaped(column.title));
     }
@@ -145,8 +150,9 @@ struct Html {
       }
       body += element("tr", "", row) + "\n";
     }
-    return "<table>" + (has_head ? element("thead", "", element("tr", "", head)) : "") +
-           element("tbody", "", body) + "</table>";
+    return "<table>" + element("colgroup", "", columns) +
+           (has_head ? element("thead", "", element("tr", "", head)) : "") + element("tbody", "", body) +
+           "</table>";
   }
   std::string operator()(const Chain& chain) const {
     std::string links;

@@ -11,7 +11,7 @@
 namespace kiroku::report {
 
 Document make_receipt(const ReportInput& input) {
-  constexpr double kCodeSide = 160;
+  constexpr double kCodeSide = 145;
   const CaseFacts& facts = input.facts;
   if (facts.excerpt) {
     throw UsageError(
@@ -32,7 +32,11 @@ Document make_receipt(const ReportInput& input) {
   // One page: what else is to be known stands in the report.
   Statement statement = verdict_statement(input);
   statement.remarks.clear();
-  if (statement.tone != Tone::kGood) statement.remarks.push_back(words("receipt.not-intact"));
+  if (statement.tone != Tone::kGood) {
+    statement.remarks.push_back(words("receipt.not-intact"));
+  } else if (input.verification.time != archive::TimeProof::kExternal) {
+    statement.remarks.push_back(time_sentence(input));  // a verdict alone would say that its times hold
+  }
   add(std::move(statement));
   add(Paragraph{words("receipt.lead")});
 
@@ -57,8 +61,8 @@ Document make_receipt(const ReportInput& input) {
   add(Paragraph{words("receipt.check.scan")});
   add(Listing{{"zbarimg --quiet --raw -Sbinary RECEIPT.png | cmp - " + note.file}});
   add(Paragraph{words("receipt.check.verify")});
-  add(Listing{{"kiroku verify " + document.identifier + " --device '" +
-               plain_text(input.verification.device) + "'"}});
+  add(Listing{
+      {"kiroku verify " + document.identifier + " --device " + shell_word(input.verification.device)}});
   add(Paragraph{words("receipt.keep"), ParagraphStyle::kSmall});
   return document;
 }

@@ -59,13 +59,20 @@ std::string ReportMaker::explanation(const CheckAnswer& answered) const {
     ++all;
     if (gravest == nullptr || finding.severity > gravest->severity) gravest = &finding;
   }
+  if (gravest == nullptr && answered.check == Check::kFiles && !in_.facts.excerpt)
+    return words("check.files.unasked");
   if (gravest == nullptr) {
     return answered.check == Check::kTime && found_.excerpt.has_value() == in_.facts.excerpt
                ? words("time.none")
                : words("check.excerpt.unread");
   }
-  return words("check.see-findings",
-               {meaning_of(in_.language, gravest->code), count(all, "one.finding", "many.finding")});
+  return words("check.see-findings", {meaning_of(in_.language, gravest->code),
+                                      words(only_counted() ? TextKey("check.at-least") : TextKey("check.all"),
+                                            {count(all, "one.finding", "many.finding")})});
+}
+
+bool ReportMaker::only_counted() const {
+  return std::ranges::find(found_.findings, "more-findings", &Finding::code) != found_.findings.end();
 }
 
 std::string ReportMaker::not_asked(Check check) const {
@@ -194,19 +201,17 @@ void ReportMaker::add_chain() {
                         count(facts.last_checkpoint->size, "one.log-entry", "many.log-entry")})
                : words("chain.checkpoints.none"),
            words("chain.checkpoints.bond")));
+  constexpr std::size_t kMostAuthorities = 8;
   std::set<std::string> authorities;
   std::string names;
   for (const StatedToken& token : facts.tokens) {
-    if (authorities.insert(token.token.authority).second)
-      names += (names.empty() ? "" : ", ") + token.token.authority;
+    if (!authorities.insert(token.token.authority).second) continue;
+    if (authorities.size() <= kMostAuthorities)
+      names += (names.empty() ? "" : ", ") + plain_text(token.token.authority);
   }
+  if (authorities.size() > kMostAuthorities) names += ", …";
   chain.links.push_back(
-      link("chain.tokens", answer(Check::kTime),
-           facts.tokens.empty()
-               ? words("chain.tokens.none")
-               : words("chain.tokens.text", {tokens(), utc_time(facts.tokens.front().token.gen_time),
-                                             utc_time(facts.tokens.back().token.gen_time)}),
-           words("chain.tokens.bond")));
+      link("chain.tokens", answer(Check::kTime), tokens_words(), words("chain.tokens.bond")));
   chain.links.push_back(link(
       "chain.authorities", answer(Check::kTime),
       !found_.authorities.empty() ? words("chain.authorities.judged", {authority_words()})

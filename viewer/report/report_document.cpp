@@ -35,7 +35,7 @@ const CheckAnswer& ReportMaker::answer(Check check) const {
 }
 
 std::string ReportMaker::device_name() const {
-  return plain_text(std::string_view(found_.device).substr(0, found_.device.find('+')));
+  return plain_text(std::string_view(found_.device).substr(0, found_.device.find('+')), kMostBytesOfName);
 }
 
 Document make_report(const ReportInput& input) { return ReportMaker(input).make(); }

@@ -2,6 +2,7 @@
 #include <algorithm>
 #include <functional>
 
+#include "base/printable.h"
 #include "viewer/report/report_maker.h"
 
 namespace kiroku::report {
@@ -30,7 +31,7 @@ std::string ReportMaker::meaning_and_text(const Finding& finding) const {
   const std::string english = meaning_of(Language::kEnglish, finding.code);
   const bool same =
       english.size() == finding.text.size() + 1 && english.substr(1).starts_with(finding.text.substr(1));
-  return same ? meaning : meaning + "\n" + plain_text(finding.text);
+  return same ? meaning : meaning + "\n" + printable(finding.text);  // its length has a limit
 }
 
 void ReportMaker::add_findings() {

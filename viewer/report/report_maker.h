@@ -36,7 +36,6 @@ class ReportMaker {
   [[nodiscard]] std::string count(std::uint64_t number, TextKey one, TextKey many) const;
   [[nodiscard]] const CheckAnswer& answer(Check check) const;
   [[nodiscard]] std::string entries() const { return count(found_.entries, "one.entry", "many.entry"); }
-  [[nodiscard]] std::string tokens() const { return count(found_.tokens, "one.token", "many.token"); }
   [[nodiscard]] std::string device_name() const;
 
   void add_answers();
@@ -45,6 +44,8 @@ class ReportMaker {
 
   [[nodiscard]] std::string explanation(const CheckAnswer& answered) const;
 
+  /// Whether there are more findings than are kept, of which the rest is only counted.
+  [[nodiscard]] bool only_counted() const;
   [[nodiscard]] std::string not_asked(Check check) const;
 
   [[nodiscard]] std::string yes_to(const CheckAnswer& answered) const;
@@ -95,6 +96,12 @@ class ReportMaker {
 
   void add_time();
 
+  /// Whether a token holds and proves time; nothing: no.
+  [[nodiscard]] const archive::ProvingToken* proving(std::uint64_t entry) const;
+  /// Those that the proof of time rests on: outside authorities' where there are any, else the recorder's
+  /// own.
+  [[nodiscard]] std::vector<const StatedToken*> relied_on() const;
+  [[nodiscard]] std::string tokens_words() const;
   void add_tokens();
 
   void add_clocks();
@@ -104,9 +111,6 @@ class ReportMaker {
   void add_hashes();
 
   void add_repeating();
-
-  /// The note that a token is over: "tokens/00000042.swiss.tsr" is over "checkpoints/00000042.note".
-  static std::string note_of(const std::string& token_file);
 
   void add_about();
 

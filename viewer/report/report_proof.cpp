@@ -1,4 +1,5 @@
 // Keys and hashes, how to check again, and what words mean.
+#include "archive/format/case_layout.h"
 #include "crypto/encoding.h"
 #include "viewer/report/report_maker.h"
 
@@ -9,10 +10,11 @@ void ReportMaker::add_device() {
   Table table = facts_table();
   add_fact(table, words("device.name"), device_name().empty() ? words("case.unknown") : device_name());
   if (!found_.device.empty()) {
-    const std::string key = plain_text(found_.device);
-    const std::size_t id = key.find('+');
-    add_fact(table, words("device.key"), key, Face::kMono);
-    if (id != std::string::npos) add_fact(table, words("device.id"), key.substr(id + 1, 8), Face::kMono);
+    // A name has no "+"; of the rest nothing may be cut off.
+    const std::size_t id = std::min(found_.device.find('+'), found_.device.size());
+    add_fact(table, words("device.key"), device_name() + plain_text(found_.device.substr(id)), Face::kMono);
+    if (id < found_.device.size())
+      add_fact(table, words("device.id"), plain_text(found_.device.substr(id + 1, 8)), Face::kMono);
   }
   add_fact(table, words("device.trusted"), device_trust_words(in_));
   add(std::move(table));
@@ -70,18 +72,16 @@ void ReportMaker::add_repeating() {
   add(Listing{
       {R"sh(jq -r '(.subject // .) | select(.file) | "\(.sha256)  \(.file)"' ledger.jsonl | sha256sum -c --quiet)sh"}});
   if (!facts.tokens.empty()) {
-    const archive::TokenEntry& last = facts.tokens.back().token;
+    // By what the format calls the files: an entry may name any text, which a shell would obey.
+    const std::vector<const StatedToken*> relied = relied_on();
+    const archive::TokenEntry& last = (relied.empty() ? &facts.tokens.back() : relied.back())->token;
     paragraph(words("repeat.token"));
-    add(Listing{{"openssl ts -verify -data " + note_of(last.file) + " -in " + plain_text(last.file) + " \\",
+    add(Listing{{"openssl ts -verify -data " + archive::note_path(last.checkpoint) + " -in " +
+                     archive::token_path(last.checkpoint, last.authority) + " \\",
                  "  -CAfile ROOTS.pem -untrusted authorities/" + last.authority + ".pem"}});
   }
   paragraph(words("repeat.all"));
   add(verify);
-}
-
-std::string ReportMaker::note_of(const std::string& token_file) {
-  const std::size_t begin = token_file.rfind('/') + 1;
-  return plain_text("checkpoints/" + token_file.substr(begin, token_file.find('.', begin) - begin) + ".note");
 }
 
 void ReportMaker::add_about() {

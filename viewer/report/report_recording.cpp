@@ -111,14 +111,14 @@ void ReportMaker::add_streams() {
   heading("heading.streams");
   if (found_.streams.empty()) return paragraph(words("case.unknown"));
   constexpr auto kRight = Alignment::kRight;
-  Table table{{{words("stream.name"), 1.5},
-               {words("stream.kind"), 1.4},
-               {words("stream.from"), 1.55, kRight},
-               {words("stream.to"), 1.55, kRight},
+  Table table{{{words("stream.name"), 1.75},
+               {words("stream.kind"), 1},
+               {words("stream.from"), 1.65, kRight},
+               {words("stream.to"), 1.65, kRight},
                {words("stream.segments"), 1.35, kRight},
                {words("stream.frames"), 1.1, kRight},
                {words("stream.dropped"), 1.25, kRight},
-               {words("stream.gaps"), 1.4, kRight},
+               {words("stream.gaps"), 1.65, kRight},
                {words("stream.size"), 1.2, kRight}},
               {}};
   for (const archive::StreamReport& stream : found_.streams) {
@@ -140,6 +140,8 @@ void ReportMaker::add_streams() {
   small(words("stream.lead"));
   if (found_.excerpt) small(words("stream.lead.excerpt"));
   add(Picture{time_figure(found_, in_.facts, in_.language, kTextWidth), words("figure.time")});
+  if (found_.streams.size() > kMostStreamsDrawn)
+    small(words("figure.further", {std::to_string(found_.streams.size() - kMostStreamsDrawn)}));
 }
 
 std::string ReportMaker::cause_words(archive::GapCause cause) const {

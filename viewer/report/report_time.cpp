@@ -1,4 +1,6 @@
 // Between which times entries were written, by which tokens, and how the clocks ran.
+#include <algorithm>
+
 #include "crypto/encoding.h"
 #include "viewer/report/report_maker.h"
 
@@ -56,6 +58,35 @@ void ReportMaker::add_time() {
   add_clocks();
 }
 
+const archive::ProvingToken* ReportMaker::proving(std::uint64_t entry) const {
+  const auto& all = found_.proving_tokens;
+  const auto its = std::ranges::lower_bound(all, entry, {}, &archive::ProvingToken::entry);
+  return its != all.end() && its->entry == entry ? &*its : nullptr;
+}
+
+std::vector<const StatedToken*> ReportMaker::relied_on() const {
+  std::vector<const StatedToken*> outside, own;
+  for (const StatedToken& token : in_.facts.tokens) {
+    if (const auto* const proof = proving(token.entry)) (proof->outside ? outside : own).push_back(&token);
+  }
+  return outside.empty() ? own : outside;
+}
+
+// What a token states counts only where the token holds: anybody can make one of any time.
+std::string ReportMaker::tokens_words() const {
+  const auto stated = in_.facts.tokens.size();
+  if (stated == 0) return words("chain.tokens.none");
+  const std::vector<const StatedToken*> relied = relied_on();
+  if (relied.empty()) return words("chain.tokens.unproven", {count(stated, "one.token", "many.token")});
+  const auto [first, last] =
+      std::ranges::minmax(relied, {}, [](const StatedToken* token) { return token->token.gen_time; });
+  std::string out =
+      words("chain.tokens.text", {count(relied.size(), "one.token", "many.token"),
+                                  utc_time(first->token.gen_time), utc_time(last->token.gen_time)});
+  if (stated > relied.size()) out += words("chain.tokens.others", {std::to_string(stated - relied.size())});
+  return out;
+}
+
 void ReportMaker::add_tokens() {
   heading("heading.tokens", 2);
   const auto& stated = in_.facts.tokens;
@@ -64,16 +95,22 @@ void ReportMaker::add_tokens() {
   } else {
     add_long_table(
         {{{words("token.authority"), 1.1},
-          {words("token.time"), 3},
-          {words("token.covers"), 1.1},
-          {words("token.hash"), 3.3}},
+          {words("token.time"), 2.4},
+          {words("token.covers"), 1},
+          {words("token.holds"), 1.5},
+          {words("token.hash"), 2.9}},
          {}},
         stated.size(),
         [&](std::size_t i) {
           const archive::TokenEntry& token = stated[i].token;
+          const auto* const proof = proving(stated[i].entry);
           return std::vector<Cell>{{token.authority},
                                    {utc_time(token.gen_time, true)},
                                    {"0–" + std::to_string(token.checkpoint == 0 ? 0 : token.checkpoint - 1)},
+                                   {words(proof == nullptr ? TextKey("token.holds.no")
+                                          : proof->outside ? TextKey("token.holds.outside")
+                                                           : TextKey("token.holds.own")),
+                                    proof == nullptr ? Tone::kCaution : Tone::kPlain},
                                    {crypto::to_hex(token.sha256), Tone::kPlain, Face::kMono}};
         },
         "token.further");

@@ -2,6 +2,12 @@
 
 #include <algorithm>
 #include <array>
+#include <cmath>
+#include <map>
+#include <optional>
+#include <set>
+#include <string>
+#include <vector>
 
 #include "viewer/report/document.h"
 #include "viewer/report/figures_in_words.h"
@@ -26,21 +32,33 @@ class TimeFigure {
     figure_.width = width;
   }
 
-  void add_stream(const archive::StreamReport& stream, const std::vector<archive::GapEntry>& gaps) {
+  /// `gaps` by their beginnings. Those that could not be told apart are drawn as one, so that a ledger of
+  /// gaps makes no endless drawing.
+  void add_stream(const archive::StreamReport& stream, const std::vector<archive::Span>& gaps) {
     label(stream.info.name);
     if (stream.span.end_ns > stream.span.start_ns) bar(stream.span);
-    for (const archive::GapEntry& gap : gaps) {
-      if (gap.stream == stream.info.name && !gap.of_sound) cross(gap.span);
+    std::optional<archive::Span> drawn;
+    for (const archive::Span& gap : gaps) {
+      if (drawn && x_of(gap.start_ns) < std::max(x_of(drawn->end_ns), x_of(drawn->start_ns) + kLeastGap)) {
+        drawn->end_ns = std::max(drawn->end_ns, gap.end_ns);
+        continue;
+      }
+      if (drawn) cross(*drawn);
+      drawn = gap;
     }
+    if (drawn) cross(*drawn);
     y_ += kRow;
   }
 
   void add_tokens(const std::string& name, const std::vector<StatedToken>& tokens) {
     label(name);
+    constexpr double kWidth = 0.8;
+    std::set<long> drawn;  // by place, as wide as a line
     for (const StatedToken& token : tokens) {
       if (!token.token.exchange) continue;
       const double x = x_of(token.token.exchange->answered_ns);
-      figure_.shapes.emplace_back(Stroke{x, y_, x, y_ + kBar, Ink::kBlue, 0.8});
+      if (!drawn.insert(std::lround(x / kWidth)).second) continue;
+      figure_.shapes.emplace_back(Stroke{x, y_, x, y_ + kBar, Ink::kBlue, kWidth});
     }
     y_ += kRow;
   }
@@ -109,7 +127,15 @@ Figure time_figure(const archive::VerificationReport& verification, const CaseFa
     }
   }
   TimeFigure figure(begin, end, width);
-  for (const auto& stream : verification.streams) figure.add_stream(stream, facts.gaps);
+  std::map<std::string, std::vector<archive::Span>> gaps;
+  for (const archive::GapEntry& gap : facts.gaps) {
+    if (!gap.of_sound) gaps[gap.stream].push_back(gap.span);
+  }
+  for (auto& [stream, its] : gaps) std::ranges::sort(its, {}, &archive::Span::start_ns);
+  std::size_t rows = 0;
+  for (const auto& stream : verification.streams) {
+    if (rows++ < kMostStreamsDrawn) figure.add_stream(stream, gaps[stream.info.name]);
+  }
   figure.add_tokens(say(language, "figure.tokens"), facts.tokens);
   return figure.finish(say(language, "figure.time"));
 }

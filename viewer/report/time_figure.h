@@ -2,6 +2,8 @@
 // thread-safe.
 #pragma once
 
+#include <cstddef>
+
 #include "archive/verify/report.h"
 #include "viewer/report/case_facts.h"
 #include "viewer/report/figure.h"
@@ -9,7 +11,11 @@
 
 namespace kiroku::report {
 
-/// `width` in points. Gaps are drawn as crossed boxes at least as wide as can be seen.
+/// So many streams stand on a page beside their caption: more than a room has. A ledger may name 256.
+inline constexpr std::size_t kMostStreamsDrawn = 32;
+
+/// `width` in points. Of the first kMostStreamsDrawn streams. Gaps are drawn as crossed boxes at least as
+/// wide as can be seen.
 Figure time_figure(const archive::VerificationReport& verification, const CaseFacts& facts, Language language,
                    double width);
 

@@ -95,6 +95,10 @@ TEST_F(CaseReading, TellsWhatIsWrongWithAStretch) {
   EXPECT_EQ(refusal({}, "6.1"), "--to (6.1) is beyond the end of the case, which is 00:00:06 long");
   EXPECT_EQ(refusal({}, "0"),
             "nothing lies between --from (the start) and --to (0), which are the same moment");
+  EXPECT_EQ(refusal("2400-01-01T00:00:00Z", {}),
+            "--from (2400-01-01T00:00:00Z) is beyond the end of the case, which is 00:00:06 long");
+  EXPECT_THAT(refusal({}, "9999-12-31T23:59:59Z"), ::testing::HasSubstr("is beyond the end of the case"));
+  EXPECT_THAT(refusal("0001-01-01T00:00:00Z", {}), ::testing::HasSubstr("before the case begins"));
   const Span whole = reader.parse_stretch({}, {});
   EXPECT_EQ(whole.start_ns, 0);
   EXPECT_EQ(whole.end_ns, INT64_MAX);

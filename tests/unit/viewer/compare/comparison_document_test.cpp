@@ -99,6 +99,15 @@ TEST(ComparisonDocument, IsAPageInWhichNoNameIsMarkup) {
   EXPECT_THAT(page, HasSubstr("default-src 'none'"));
 }
 
+// Of a forged recording a page of figures and pictures can be made as well.
+TEST(ComparisonDocument, ItsPageSaysFirstThatTheRecordingWasNotVerified) {
+  const std::string page = comparison_html(sample(), {}, provenance(), {});
+  const std::size_t said = page.find("The recording was not verified for this comparison.");
+  ASSERT_NE(said, std::string::npos);
+  EXPECT_LT(said, page.find("planned steps were found"));
+  EXPECT_THAT(page, HasSubstr("<code>kiroku verify 20260805T091502Z-3f9c21ab</code>"));
+}
+
 TEST(ComparisonDocument, KnowsACaseByTheFirstEntriesOfItsLedger) {
   const test::TemporaryFolder folder;
   const test::Reader reader = test::make_reader();

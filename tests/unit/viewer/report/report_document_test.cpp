@@ -10,8 +10,10 @@
 #include "tests/support/process.h"
 #include "tests/support/sample_case.h"
 #include "tests/unit/viewer/report/document_text.h"
+#include "viewer/report/document_parts.h"
 #include "viewer/report/html_writer.h"
 #include "viewer/report/pdf_writer.h"
+#include "viewer/report/time_figure.h"
 
 namespace kiroku::report {
 namespace {
@@ -112,6 +114,137 @@ TEST_F(ReportDocument, CountsOnlyTheTimeStampsThatHold) {
   in.verification.outside_tokens = 2;
   EXPECT_THAT(test::text_of(make_report(in)),
               HasSubstr("2 time stamps by authorities under trusted roots hold."));
+}
+
+// Whoever holds the device's key can enter a token of an authority of their own, of any time, beside a true
+// one.
+TEST_F(ReportDocument, TellsNoTimeOfATokenThatDoesNotHold) {
+  ReportInput in = input();
+  ASSERT_EQ(in.verification.proving_tokens.size(), in.facts.tokens.size());
+  StatedToken forged = in.facts.tokens.front();
+  forged.entry += 1'000;
+  forged.token.authority = "stranger";
+  forged.token.gen_time = *parse_utc("2019-11-26T11:39:51Z");
+  in.facts.tokens.push_back(forged);
+  std::string text = test::text_of(make_report(in));
+  const std::string chain =
+      text.substr(text.find("[Time stamps"), text.find("[Authorities") - text.find("[Time stamps"));
+  EXPECT_THAT(chain, HasSubstr("3 time stamps (RFC 3161) that hold, the earliest of "));
+  EXPECT_THAT(chain, HasSubstr("Of 1 more the times prove nothing here"));
+  EXPECT_THAT(chain, Not(HasSubstr("2019")));
+  EXPECT_THAT(text, HasSubstr("stranger | 2019-11-26 11:39:51.000000 UTC | "));
+  EXPECT_THAT(text, HasSubstr(" | ! no | "));
+  EXPECT_THAT(text, HasSubstr(" | order alone: the recorder's own | "));
+
+  // An outside authority's tokens are what the proof of time rests on, and not the recorder's own beside
+  // them.
+  in.verification.proving_tokens[1].outside = true;
+  text = test::text_of(make_report(in));
+  EXPECT_THAT(text, HasSubstr("1 time stamp (RFC 3161) that hold"));
+  EXPECT_THAT(text, HasSubstr("Of 3 more the times prove nothing here"));
+
+  in.verification.proving_tokens.clear();
+  EXPECT_THAT(test::text_of(make_report(in)),
+              HasSubstr("4 time stamps (RFC 3161), of which none holds under the roots that were given."));
+}
+
+// An expert types what stands under "Repeating this check".
+TEST_F(ReportDocument, ItsCommandsAreNotThoseOfWhoeverMadeTheCase) {
+  ReportInput in = input();
+  in.facts.tokens.back().token.file = "tokens/1.x.tsr; touch OWNED #";
+  const std::string report = test::text_of(make_report(in));
+  const std::string commands = report.substr(report.find("openssl ts -verify"));
+  EXPECT_THAT(commands, Not(HasSubstr("OWNED")));
+  EXPECT_THAT(commands, HasSubstr(" -in tokens/"));
+
+  in.verification.device = "or3';touch${IFS}OWNED;'+07d449ab+AQOhB7";
+  const std::string receipt = test::text_of(make_receipt(in));
+  write("command",
+        to_bytes("kiroku() { printf '%s' \"$4\"; }\n" + receipt.substr(receipt.find("kiroku verify "))));
+  EXPECT_EQ(tool({"sh", "-c", "head -n 2 command > two; sh two"}), in.verification.device);
+  EXPECT_FALSE(fs::exists(temporary_ / "OWNED"));
+}
+
+TEST_F(ReportDocument, AGapMakesNoCaseLonger) {
+  archive_.clear();
+  test::SampleCase sample(archive_);
+  sample.record();
+  sample.writer().append(
+      {archive::GapEntry{"endoscope", {6'000'000'000, 36'000'000'000'000}, archive::GapCause::kPaused}},
+      archive_.now());
+  sample.close();
+  folder_ = sample.folder();
+  EXPECT_THAT(report(archive_.options()), HasSubstr("Length | 0:00:07\n"));
+}
+
+// Setting one text of 1 MiB took minutes, and pushed the answers off the first page.
+TEST_F(ReportDocument, LongTextsOfACaseAreCutOff) {
+  const std::string longest(1U << 20U, 'x');
+  ReportInput in = input();
+  in.facts.close_reason = "error: " + longest;
+  in.verification.device = longest + "+07d449ab+AQOhB7/zzhC+HXDdGOdLwJln5NYwm6UNXx3chmQSVTG4";
+  for (int i = 0; i < 1'000; ++i) {
+    in.facts.tokens.push_back(in.facts.tokens.back());
+    in.facts.tokens.back().entry += 1'000;
+    in.facts.tokens.back().token.authority = "authority-" + std::to_string(i);
+  }
+  in.verification.authorities.clear();  // nobody vouches for any of them
+  const Document document = make_report(in);
+  const std::string text = test::text_of(document);
+  EXPECT_LT(text.size(), 60'000U);
+  EXPECT_THAT(text, HasSubstr(std::string(kMostBytesOfName, 'x') +
+                              "…+07d449ab+AQOhB7/zzhC+HXDdGOdLwJln5NYwm6UNXx3chmQSVTG4\n"));
+  EXPECT_THAT(text, HasSubstr("authority-6, …"));
+  EXPECT_FALSE(write_pdf(document).empty());
+  // Not within a character, and what misleads is told as such.
+  EXPECT_EQ(plain_text(std::string(kMostBytesOfText - 1, 'x') + "手術"),
+            std::string(kMostBytesOfText - 1, 'x') + "…");
+  EXPECT_EQ(plain_text("\u202E" + std::string(kMostBytesOfText - 3, 'x')),
+            "\\u{202E}" + std::string(kMostBytesOfText - 3, 'x'));
+}
+
+TEST_F(ReportDocument, SaysYesToNoFileThatWasNotLookedFor) {
+  const std::string asked = "Is every file there, and exactly as it was when it was listed? | ";
+  for (const char* code :
+       {"entry-malformed", "entry-too-long", "ledger-unreadable", "stream-unknown", "segment-name-differs",
+        "token-name-differs", "token-repeated", "token-covers-later"}) {
+    ReportInput in = input();
+    in.verification.findings.push_back({code, archive::Severity::kTampered, {}, 3, {}, "it is wrong"});
+    EXPECT_THAT(
+        test::text_of(make_report(in)),
+        HasSubstr(asked + "! Could not be checked | Every file that could be looked for is there. But"))
+        << code;
+  }
+}
+
+TEST_F(ReportDocument, CountsNoFindingsThatItDoesNotHave) {
+  ReportInput in = input();
+  in.verification.findings.push_back({"gap", archive::Severity::kGap, {}, 3, {}, "it is silent"});
+  EXPECT_THAT(test::text_of(make_report(in)), HasSubstr("(1 finding, see Findings.)"));
+  in.verification.findings.push_back(
+      {"more-findings", archive::Severity::kNote, {}, {}, {}, "59000 more of gap"});
+  EXPECT_THAT(test::text_of(make_report(in)), HasSubstr("(at least 1 finding, see Findings.)"));
+}
+
+// A figure that is higher than a page is cut off at its foot.
+TEST_F(ReportDocument, ItsFigureStaysOnThePageAndHasFewLines) {
+  ReportInput in = input();
+  const archive::StreamReport one = in.verification.streams.front();
+  while (in.verification.streams.size() < 256) {
+    in.verification.streams.push_back(one);
+    in.verification.streams.back().info.name = "s" + std::to_string(in.verification.streams.size());
+  }
+  for (std::int64_t i = 0; i < 100'000; ++i) {
+    in.facts.gaps.push_back({"endoscope", {i * 10'000, i * 10'000 + 1}, archive::GapCause::kOverload});
+    in.facts.tokens.push_back(in.facts.tokens.back());
+    in.facts.tokens.back().token.exchange = {i * 10'000, i * 10'000};
+  }
+  const Figure figure = time_figure(in.verification, in.facts, Language::kEnglish, kTextWidth);
+  EXPECT_LT(figure.height, 650);
+  EXPECT_LT(figure.shapes.size(), 5'000U);
+  const std::string text = test::text_of(make_report(in));
+  EXPECT_THAT(text, HasSubstr("224 further streams are not drawn"));
+  EXPECT_THAT(text, HasSubstr("s256 | video"));
 }
 
 TEST_F(ReportDocument, OfATamperedCaseNamesPlaceAndMeaning) {
@@ -319,6 +452,12 @@ TEST_F(ReportDocument, AsHtmlNeedsNothingElseAndEscapesWhatItShows) {
   EXPECT_THAT(page, HasSubstr("<html lang=\"en\">"));
 }
 
+TEST_F(ReportDocument, AsHtmlGivesEachColumnItsShareSoThatNoAnswerIsBroken) {
+  EXPECT_THAT(write_html(make_report(input())),
+              HasSubstr("<table><colgroup><col style=\"width:35%\"><col style=\"width:20%\"><col "
+                        "style=\"width:45%\"></colgroup><tbody>"));
+}
+
 TEST_F(ReportDocument, ReceiptHoldsTheLastCheckpointInItsCode) {
   if (!has_tools()) GTEST_SKIP() << "poppler-utils or zbar-tools is not installed";
   for (const Language language : {Language::kEnglish, Language::kJapanese}) {
@@ -335,6 +474,17 @@ TEST_F(ReportDocument, ReceiptHoldsTheLastCheckpointInItsCode) {
     EXPECT_EQ(crypto::Checkpoint::parse(note.text)->root, asked.facts.root);
     EXPECT_EQ(crypto::Checkpoint::parse(note.text)->size, asked.facts.entries);
   }
+}
+
+TEST_F(ReportDocument, ReceiptOfACaseWithoutOutsideTimeSaysSo) {
+  ReportInput in = input();
+  ASSERT_EQ(in.verification.time, archive::TimeProof::kSelfIssued);
+  EXPECT_THAT(test::text_of(make_receipt(in)), HasSubstr("no clock outside stands behind them"));
+  in.verification.time = archive::TimeProof::kExternalInPart;
+  in.verification.outside_entries = 3;
+  EXPECT_THAT(test::text_of(make_receipt(in)), HasSubstr("as far as entry 2 of its ledger"));
+  in.verification.time = archive::TimeProof::kExternal;
+  EXPECT_THAT(test::text_of(make_receipt(in)), Not(HasSubstr("\n- ")));
 }
 
 TEST_F(ReportDocument, ReceiptOfATamperedCaseSaysSoOnOnePage) {

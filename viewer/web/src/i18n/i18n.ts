@@ -37,7 +37,15 @@ export function word(group: string, name: string): string {
   return texts[`${group}.${name}`] ?? name;
 }
 
-/** "2026-11-22 08:39:35" in this machine's zone. */
+const locale = () => (language.value === 'ja' ? 'ja-JP' : 'en-GB');
+
+/**
+ * "22 Nov 2026, 08:39:35 CET": in this machine's zone, and which that is. Reports have UTC, and when clocks go back an
+ * hour has the same times as the one before.
+ */
 export function formatMoment(utc: string): string {
-  return new Intl.DateTimeFormat(language.value === 'ja' ? 'ja-JP' : 'en-GB', { dateStyle: 'medium', timeStyle: 'medium' }).format(new Date(utc));
+  return new Intl.DateTimeFormat(locale(), { dateStyle: 'medium', timeStyle: 'long' }).format(new Date(utc));
 }
+
+/** "08:39:35 CET". */
+export const formatTimeOfDay = (moment: Date): string => new Intl.DateTimeFormat(locale(), { timeStyle: 'long' }).format(moment);

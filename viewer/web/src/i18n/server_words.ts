@@ -66,6 +66,10 @@ export const kServerSentences: readonly SentencePair[] = [
     '記録のための容量を残すと、ディスクに空きがありません。不要なものの削除を管理者に依頼してください',
   ],
   [
+    'the disk of {folder} could not be asked how much room it has ({why}), so nothing is written: see to the disk and its mount',
+    'ディスク {folder} の空き容量を確認できないため（{why}）、何も書き込みません。ディスクとそのマウントを確かめてください',
+  ],
+  [
     'more was done than the appliance log takes of one person at a time: try again in {seconds} s',
     '短い時間に操作が多すぎます。{seconds} 秒後に再試行してください',
   ],

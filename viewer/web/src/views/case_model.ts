@@ -63,4 +63,4 @@ export interface Moment {
 }
 
 /** The machine's wall clock at `time_ns`, by the case's opening. */
-export const wallClock = (info: CaseInfo, time_ns: number): Date => new Date(Date.parse(info.opened) + (time_ns - info.begins_ns) / 1e6);
+export const wallClock = (info: CaseInfo, time_ns: number): Date => new Date(Date.parse(info.opened) + (time_ns - info.opened_ns) / 1e6);

@@ -1,7 +1,7 @@
 // Play, step, jump, speed; the time of the case clock and of the wall.
 import { formatTime, parseTime } from '@/base/time';
 import { kSpeeds } from '@/clock/sync';
-import { language, t } from '@/i18n/i18n';
+import { formatTimeOfDay, t } from '@/i18n/i18n';
 import type { Playback } from '@/media/playback';
 import { Dialog } from '@/shell/dialog';
 import { Icon, type IconName } from '@/shell/icon';
@@ -16,7 +16,7 @@ function Clock({ model, playback, onGoTo }: { model: CaseModel; playback: Playba
     <button type="button" class="clock" title={t('transport.goTo')} onClick={onGoTo}>
       <span class="clock-now mono">{formatTime(at_ns - model.whole.start_ns, 3)}</span>
       <span class="clock-of muted mono">
-        / {formatTime(model.whole.end_ns - model.whole.start_ns)} · {wall.toLocaleTimeString(language.value === 'ja' ? 'ja-JP' : 'en-GB')}
+        / {formatTime(model.whole.end_ns - model.whole.start_ns)} · {formatTimeOfDay(wall)}
       </span>
       <span class="only-heard">{t('transport.goTo')}</span>
     </button>
