@@ -15,14 +15,15 @@ using test::hash_of;
 using test::PlayedAuthority;
 using timestamp::der_value;
 
-constexpr auto kHash = HashAlgorithm::kSha256;
+constexpr auto kHashOfRecord = HashAlgorithm::kSha256;
 
 class EvidenceRecordTest : public ::testing::Test {
  protected:
   EvidenceRecordTest() {
-    std::vector<EvidenceRecord> records =
-        begin_records(kHash, {{hash_of(kHash, "a"), hash_of(kHash, "b")}, {hash_of(kHash, "c")}},
-                      authority_.at("2026-02-01"));
+    std::vector<EvidenceRecord> records = begin_records(
+        kHashOfRecord,
+        {{hash_of(kHashOfRecord, "a"), hash_of(kHashOfRecord, "b")}, {hash_of(kHashOfRecord, "c")}},
+        authority_.at("2026-02-01"));
     records = renew_time_stamps(std::move(records), authority_.at("2027-02-01"));
     records =
         renew_hash_trees(std::move(records), HashAlgorithm::kSha3_512,
