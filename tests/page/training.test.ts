@@ -188,11 +188,12 @@ story('A new trainee', (step) => {
         await page.mouse.move(to.x, to.y);
       },
       async () => {
+        // First: looking for barriers may take as long as the line must stay in sight.
+        latency = (await page.locator('.attempt-latency').textContent()) ?? '';
         // Viridis at rest, the ghost's blue.
         expect(await pixelsLike(page, 68, 1, 84)).toBeGreaterThan(5000);
         expect(await pixelsLike(page, 120, 170, 255)).toBeGreaterThan(50);
         expect(await seriousBarriers(page)).toEqual([]);
-        latency = (await page.locator('.attempt-latency').textContent()) ?? '';
         await keepPicture(page, 'training-attempt');
       },
     );
