@@ -13,7 +13,7 @@ namespace {
 
 using sim::Vector3;
 
-constexpr double kPeriodSeconds = 1e-3;
+constexpr double kPeriodOfTest = 1e-3;
 
 /// A device as a test drives it, that keeps what it was given.
 class ScriptedDevice : public sim::HapticDevice {
@@ -40,7 +40,7 @@ class ScriptedDevice : public sim::HapticDevice {
 
 struct Setting {
   ScriptedDevice inner;
-  SafeDevice safe{inner, kPeriodSeconds};
+  SafeDevice safe{inner, kPeriodOfTest};
   std::vector<sim::Pose> poses = std::vector<sim::Pose>(2);
   bool step(const Vector3& force_n) {
     const bool read = safe.read(poses);
