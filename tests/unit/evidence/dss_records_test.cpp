@@ -31,6 +31,8 @@ struct Expected {
   std::size_t found;              // values of the first list that are of the data
   std::size_t orphans;            // values that are not
   const char* tokens;
+
+  friend void PrintTo(const Expected& expected, std::ostream* out) { *out << expected.name; }
 };
 
 const std::vector<Expected>& expectations() {
