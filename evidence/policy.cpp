@@ -20,6 +20,34 @@ constexpr std::int64_t kMostKeyBits = 65536;
 
 bool is_key(std::string_view name) { return std::ranges::find(kKeys, name) != kKeys.end(); }
 
+/// toml++ 3.3 assumes of some files what is not so (found by fuzzing): that a key follows a table's bracket,
+/// and of characters beyond ASCII where they may stand. No policy needs either.
+void refuse_what_toml_assumes(std::string_view text, const std::string& file) {
+  constexpr std::string_view kBlanks = " \t";
+  constexpr std::string_view kBegins =
+      "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789_-\"\x27]";
+  std::size_t number = 1;
+  for (std::size_t begin = 0; begin < text.size(); ++number) {
+    const std::size_t end = std::min(text.find_first_of("\n\r", begin), text.size());
+    std::string_view line = text.substr(begin, end - begin);
+    begin = end + 1;
+    for (const char c : line) {
+      if ((c < 0x20 && c != '\t') || c == 0x7F) {
+        throw UsageError(file + ":" + std::to_string(number) +
+                         ": holds a character that is not ASCII, or controls; write it as \\uXXXX");
+      }
+    }
+    line.remove_prefix(std::min(line.find_first_not_of(kBlanks), line.size()));
+    if (!line.starts_with('[')) continue;
+    line.remove_prefix(line.starts_with("[[") ? 2 : 1);
+    line.remove_prefix(std::min(line.find_first_not_of(kBlanks), line.size()));
+    if (line.empty() || kBegins.find(line.front()) == std::string_view::npos) {
+      throw UsageError(file + ":" + std::to_string(number) +
+                       ": no name stands behind the bracket that begins the line");
+    }
+  }
+}
+
 /// Where a policy file says something, for its refusals.
 struct PolicyPlace {
   const std::string& file;
@@ -86,6 +114,7 @@ Policy Policy::parse(std::string_view text, const std::string& name_for_errors) 
   if (text.size() > kMaximumPolicyBytes) {
     throw UsageError(name_for_errors + " is no policy of algorithms: it has more than 1 MiB");
   }
+  refuse_what_toml_assumes(text, name_for_errors);
   toml::table root;
   try {
     root = toml::parse(text);

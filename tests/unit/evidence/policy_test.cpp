@@ -86,6 +86,13 @@ TEST(EvidencePolicy, WithoutOneNothingEnds) {
 
 TEST(EvidencePolicy, RefusesWhatIsNoPolicyByItsPlace) {
   EXPECT_TRUE(refusal_of("x = ").starts_with("policy.toml:1:5: is not TOML: "));
+  // What toml++ would not survive.
+  EXPECT_EQ(refusal_of("name = \"a\"\n [[ @lgorithm]]\n"),
+            "policy.toml:2: no name stands behind the bracket that begins the line");
+  EXPECT_EQ(refusal_of("name = \"a\"\n["),
+            "policy.toml:2: no name stands behind the bracket that begins the line");
+  EXPECT_EQ(refusal_of("\xD0\x9An"),
+            "policy.toml:1: holds a character that is not ASCII, or controls; write it as \\uXXXX");
   EXPECT_EQ(refusal_of("until = 3\n"),
             "policy.toml:1:1: unknown key 'until'; known are name, publisher, issued, renew_before_days, "
             "new_hash, algorithm");
