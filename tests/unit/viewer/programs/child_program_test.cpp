@@ -64,7 +64,8 @@ TEST_F(AProgram, ThatTakesTooLongIsEnded) {
 }
 
 TEST_F(AProgram, IsEndedByForceWhereItDoesNotListenAndItsOwnChildrenAreNotWaitedFor) {
-  // Whoever is asked before the shell has set its trap ends at once; on a busy machine that takes more than a moment.
+  // Whoever is asked before the shell has set its trap ends at once; on a busy machine that takes more than a
+  // moment.
   const ComparisonProgramEnd end = run("trap '' TERM; sleep 100 & while :; do wait; done", 5s);
   EXPECT_TRUE(end.overdue);
   EXPECT_EQ(end.status, -1);
