@@ -30,6 +30,7 @@ const report = (findings: Finding[], more: Partial<VerificationReport> = {}): Ve
   tokens: 2,
   excerpt: null,
   contents: null,
+  evidence: null,
   streams: [],
   brackets: [],
   authorities: [],
@@ -80,7 +81,10 @@ describe('The chain of proof', () => {
     // What is left to the ledger is about its lines, the appliance log, excerpts, a case that carries on another, and the list itself.
     expect(
       ofLedger.filter(
-        (code) => !/^(entry|open|close-utc|ledger|log|excerpt|case|device-invalid|clock|utc|not-closed|recovered|carrying-on|carried-on|folder|more)/.test(code),
+        (code) =>
+          !/^(entry|open|close-utc|ledger|log|excerpt|case|device-invalid|clock|utc|not-closed|recovered|carrying-on|carried-on|folder|more)/.test(
+            code,
+          ),
       ),
     ).toEqual([]);
   });
