@@ -82,9 +82,7 @@ describe('The chain of proof', () => {
     expect(
       ofLedger.filter(
         (code) =>
-          !/^(entry|open|close-utc|ledger|log|excerpt|case|device-invalid|clock|utc|not-closed|recovered|carrying-on|carried-on|folder|more)/.test(
-            code,
-          ),
+          !/^(entry|open|close-utc|ledger|log|excerpt|case|device-invalid|clock|utc|not-closed|recovered|carrying-on|carried-on|folder|more)/.test(code),
       ),
     ).toEqual([]);
   });
