@@ -34,7 +34,8 @@ void refuse_what_toml_assumes(std::string_view text, const std::string& file) {
     for (const char c : line) {
       if ((c < 0x20 && c != '\t') || c == 0x7F) {
         throw UsageError(file + ":" + std::to_string(number) +
-                         ": holds a character that is not ASCII, or controls; write it as \\uXXXX");
+                         ": holds a control character, or one that is not ASCII; write it as \\u and four "
+                         "hexadecimal digits");
       }
     }
     line.remove_prefix(std::min(line.find_first_not_of(kBlanks), line.size()));

@@ -1,6 +1,7 @@
 #include "archive/verify/case_evidence.h"
 
 #include <algorithm>
+#include <map>
 #include <set>
 
 #include "archive/format/case_layout.h"
@@ -21,8 +22,33 @@ std::optional<HashAlgorithm> hash_of_chain(const evidence::ArchiveTimeStampChain
   return info ? info->algorithm : std::nullopt;
 }
 
+/// Reads ledger and files once under each hash, however many chains a record has and however many beginnings
+/// of the ledger it names: whoever made it chose both.
+class RememberedHashes {
+ public:
+  RememberedHashes(const CaseFolder& folder, const CaseData& data) : folder_(folder), data_(data) {}
+
+  /// By the sizes of the ledger's beginnings that notes cover.
+  const std::map<std::uint64_t, Bytes>& of_ledger(HashAlgorithm algorithm) {
+    const auto [place, added] = ledger_.try_emplace(algorithm);
+    if (added) place->second = hash_ledger_at(folder_, data_.note_sizes, algorithm);
+    return place->second;
+  }
+  const Bytes& of_file(const NamedFile& named, HashAlgorithm algorithm) {
+    const auto [place, added] = files_.try_emplace({named.file, algorithm});
+    if (added) place->second = hash_named_file(folder_, named, algorithm);
+    return place->second;
+  }
+
+ private:
+  const CaseFolder& folder_;
+  const CaseData& data_;
+  std::map<HashAlgorithm, std::map<std::uint64_t, Bytes>> ledger_;
+  std::map<std::pair<std::string, HashAlgorithm>, Bytes> files_;
+};
+
 /// The sizes of the ledger's beginnings that stand in the first list of a chain.
-std::vector<std::uint64_t> find_covered_lines(const CaseFolder& folder, const CaseData& data,
+std::vector<std::uint64_t> find_covered_lines(RememberedHashes& hashes,
                                               const evidence::EvidenceRecord& record) {
   std::set<std::uint64_t> covered;
   Bytes before;
@@ -33,7 +59,7 @@ std::vector<std::uint64_t> find_covered_lines(const CaseFolder& folder, const Ca
       const std::set<Bytes> held(list.begin(), list.end());
       const Bytes over_chains =
           before.empty() ? Bytes{} : crypto::digest(*algorithm, evidence::sequence_of_chains(before));
-      for (auto& [size, hash] : hash_ledger_at(folder, data.note_sizes, *algorithm)) {
+      for (const auto& [size, hash] : hashes.of_ledger(*algorithm)) {
         Bytes value = hash;
         if (!before.empty()) {
           append(value, over_chains);
@@ -47,12 +73,12 @@ std::vector<std::uint64_t> find_covered_lines(const CaseFolder& folder, const Ca
   return {covered.begin(), covered.end()};
 }
 
-evidence::DataObject object_of_file(const CaseFolder& folder, const NamedFile& named) {
-  return {named.file, [&folder, &named](HashAlgorithm algorithm) -> std::optional<Bytes> {
+evidence::DataObject object_of_file(RememberedHashes& hashes, const NamedFile& named) {
+  return {named.file, [&hashes, &named](HashAlgorithm algorithm) -> std::optional<Bytes> {
             if (algorithm == HashAlgorithm::kSha256 && named.stated) {
               return to_bytes(ByteView(named.stated->sha256));
             }
-            return hash_named_file(folder, named, algorithm);
+            return hashes.of_file(named, algorithm);
           }};
 }
 
@@ -90,7 +116,8 @@ CaseEvidence judge_case_evidence(const CaseFolder& folder, const CaseData& data,
                                  const evidence::EvidenceRecord& record,
                                  const evidence::JudgingRules& rules) {
   CaseEvidence out;
-  out.covered_lines = find_covered_lines(folder, data, record);
+  RememberedHashes hashes(folder, data);
+  out.covered_lines = find_covered_lines(hashes, record);
   if (out.covered_lines.empty()) {
     out.judgement = evidence::judge_record(record, {}, rules);
     out.refusal = "it does not cover the ledger of this case: it is another's, or was made of other lines";
@@ -100,11 +127,11 @@ CaseEvidence judge_case_evidence(const CaseFolder& folder, const CaseData& data,
                        [&](const NamedFile& file) { return file.entry < out.covered_lines.back(); });
   std::vector<evidence::DataObject> objects;
   for (const std::uint64_t size : out.covered_lines) {
-    objects.push_back({words_of_lines(size), [&folder, size](HashAlgorithm algorithm) {
-                         return std::optional(hash_ledger_at(folder, {size}, algorithm).at(size));
+    objects.push_back({words_of_lines(size), [&hashes, size](HashAlgorithm algorithm) {
+                         return std::optional(hashes.of_ledger(algorithm).at(size));
                        }});
   }
-  for (const NamedFile& file : out.covered_files) objects.push_back(object_of_file(folder, file));
+  for (const NamedFile& file : out.covered_files) objects.push_back(object_of_file(hashes, file));
   evidence::JudgingRules joining = rules;
   joining.objects_may_join = true;
   out.judgement = evidence::judge_record(record, objects, joining);

@@ -1,6 +1,7 @@
 // Attacks on a case's evidence record. It lies beside the case, so anybody may remove, swap or change it:
 // that never makes a verdict better, and a record that proves nothing of the case is told.
 #include <algorithm>
+#include <map>
 
 #include "archive/format/case_layout.h"
 #include "archive/upkeep/evidence_renewal.h"
@@ -154,6 +155,43 @@ TEST_F(EvidenceAttack, ARecordOfAPartIsNoRecordOfTheCase) {
   std::swap(trust_, own);
   EXPECT_TRUE(has(verify(&ended()), "evidence-holds"));
   EXPECT_EQ(verify(&ended()).verdict, Verdict::kUnproven);
+}
+
+/// Counts how often each file is opened.
+class CountedReading : public archive::FileReading {
+ public:
+  int open_at(int folder, const std::string& name, int flags, const fs::path& path) const override {
+    ++opened[name];
+    return FileReading::open_at(folder, name, flags, path);
+  }
+  mutable std::map<std::string, int> opened;
+};
+
+// Whoever makes a record chooses how many chains it has, and how much of the ledger it names: neither makes
+// the case be read more than once under a hash.
+TEST_F(EvidenceAttack, ManyChainsAndManyBeginningsReadTheCaseOnce) {
+  const auto opened_by = [&](std::size_t chains) {
+    const CountedReading counted;
+    const archive::CaseFolder folder = archive::CaseFolder::open(first_, counted);
+    const archive::CaseData data = archive::read_case_data(folder);
+    evidence::HashList group;
+    for (const auto& [size, hash] :
+         archive::hash_ledger_at(folder, data.note_sizes, crypto::HashAlgorithm::kSha512))
+      group.push_back(hash);
+    EXPECT_GT(group.size(), 2U);
+    evidence::EvidenceRecord record =
+        evidence::begin_records(crypto::HashAlgorithm::kSha512, {group}, outside_.at("2027-01-01"))[0];
+    record.chains.resize(chains, record.chains.front());
+    counted.opened.clear();
+    const archive::CaseEvidence judged =
+        archive::judge_case_evidence(folder, data, record, {.trust = &trust_, .now = day("2028-01-01")});
+    EXPECT_EQ(judged.covered_lines.size(), data.note_sizes.size());
+    EXPECT_FALSE(judged.refusal.empty());
+    return counted.opened;
+  };
+  const std::map<std::string, int> once = opened_by(1);
+  EXPECT_EQ(once.at("ledger.jsonl"), 1);
+  for (const auto& [name, times] : once) EXPECT_EQ(times, opened_by(20)[name]) << name;
 }
 
 // A record beside a case that somebody changed does not make up for that.

@@ -92,7 +92,8 @@ TEST(EvidencePolicy, RefusesWhatIsNoPolicyByItsPlace) {
   EXPECT_EQ(refusal_of("name = \"a\"\n["),
             "policy.toml:2: no name stands behind the bracket that begins the line");
   EXPECT_EQ(refusal_of("\xD0\x9An"),
-            "policy.toml:1: holds a character that is not ASCII, or controls; write it as \\uXXXX");
+            "policy.toml:1: holds a control character, or one that is not ASCII; write it as \\u and four "
+            "hexadecimal digits");
   EXPECT_EQ(refusal_of("until = 3\n"),
             "policy.toml:1:1: unknown key 'until'; known are name, publisher, issued, renew_before_days, "
             "new_hash, algorithm");
