@@ -87,24 +87,24 @@ Plot plot_of(const std::vector<LearningCurve>& curves, Measure measure, const st
   Plot plot{label_of(measure), "session", label_of(measure), {}, false, true, note};
   const bool differ = conditions_differ(curves);
   for (const LearningCurve& curve : curves) {
-    PlotSeries series{group_name(curve.group) + ", " + fingers_text(curve.fingers) +
-                          (differ ? ", " + text_of(curve.conditions) : ""),
-                      {},
-                      {},
-                      {},
-                      true};
-    for (const CurvePoint& point : curve.points) {
-      series.x.push_back(point.session);
-      series.y.push_back(point.summary.mean);
-      series.intervals.push_back(
-          point.summary.of_mean.value_or(Interval{point.summary.mean, point.summary.mean}));
-    }
-    plot.series.push_back(std::move(series));
+    plot.series.push_back(series_of(curve, group_name(curve.group) + ", " + fingers_text(curve.fingers) +
+                                               (differ ? ", " + text_of(curve.conditions) : "")));
   }
   return plot;
 }
 
 }  // namespace
+
+PlotSeries series_of(const LearningCurve& curve, const std::string& name) {
+  PlotSeries series{name, {}, {}, {}, true};
+  for (const CurvePoint& point : curve.points) {
+    series.x.push_back(point.session);
+    series.y.push_back(point.summary.mean);
+    series.intervals.push_back(
+        point.summary.of_mean.value_or(Interval{point.summary.mean, point.summary.mean}));
+  }
+  return series;
+}
 
 AttemptConditions conditions_of(const ExclusionBody& body) {
   const sim::TetMesh& mesh = body.body().mesh();

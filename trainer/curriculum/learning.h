@@ -80,6 +80,9 @@ struct LearningCurve {
   std::vector<CurvePoint> points;  // by session
   std::optional<AttemptConditions> conditions;
 };
+/// Its means by session, with the 95 % of each, or the mean alone where there is one trainee.
+PlotSeries series_of(const LearningCurve& curve, const std::string& name);
+
 /// Of tests alone that are results; by group, fingers and conditions. `object` "a" or "b".
 std::vector<LearningCurve> learning_curves(const std::vector<ExclusionRecord>& records,
                                            const std::string& object, Measure measure);

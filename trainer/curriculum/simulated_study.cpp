@@ -96,14 +96,7 @@ Plot plot_of_study(const std::vector<ExclusionRecord>& records, const std::strin
       true,
       "simulated trainees: says nothing about people; tests without stress shown; bars: 95 % of the mean"};
   for (const LearningCurve& curve : learning_curves(records, object, measure)) {
-    PlotSeries series{curve.group, {}, {}, {}, true};
-    for (const CurvePoint& point : curve.points) {
-      series.x.push_back(point.session);
-      series.y.push_back(point.summary.mean);
-      series.intervals.push_back(
-          point.summary.of_mean.value_or(Interval{point.summary.mean, point.summary.mean}));
-    }
-    plot.series.push_back(std::move(series));
+    plot.series.push_back(series_of(curve, curve.group));
   }
   return plot;
 }
