@@ -1,0 +1,133 @@
+#include "apps/kirokud/servers.h"
+
+#include <algorithm>
+#include <future>
+#include <sys/resource.h>
+#include <thread>
+#include <unistd.h>
+
+#include <nlohmann/json.hpp>
+#include <spdlog/spdlog.h>
+
+#include "apps/common/file.h"
+#include "apps/kiroku/viewer_setup.h"
+#include "base/descriptor_limit.h"
+#include "base/error.h"
+#include "base/printable.h"
+
+namespace kiroku::apps {
+namespace {
+
+constexpr int kNiceOfOthers = 10;  // nice(2); on Linux each thread has its own
+
+/// What `make` makes; its threads inherit the priority of the one that makes it. Whoever watches or asks by a
+/// network, recording goes first.
+template <typename Make>
+auto behind_the_recording(const Make& make) {
+  return std::async(std::launch::async,
+                    [&make] {
+                      (void)::setpriority(PRIO_PROCESS, static_cast<id_t>(::gettid()), kNiceOfOthers);
+                      return make();
+                    })
+      .get();
+}
+
+/// A connection to planning or training takes two descriptors.
+viewer::WebServerLimits limits_of_viewer() {
+  viewer::WebServerLimits limits;
+  constexpr std::uint64_t kFewest = 32;
+  const std::uint64_t part = std::max(kFewest, count_descriptors().may / 4);
+  limits.connections = std::min<std::size_t>(limits.connections, part);
+  limits.connections_of_address = std::min<std::size_t>(limits.connections_of_address, part / 2);
+  return limits;
+}
+
+std::unique_ptr<viewer::Viewer> open_viewer(const Home& home, const Configuration& configuration,
+                                            const ViewerConfiguration& asked, const WritableHome& shared,
+                                            LookingOn& looking_on, recorder::Daemon& daemon) {
+  std::optional<std::string> certificate, key;
+  if (!asked.certificate.empty()) {
+    certificate = (home.folder() / asked.certificate).string();
+    key = (home.folder() / asked.key).string();
+  }
+  viewer::ServerCertificate own = viewer_certificate(home, asked.listen, certificate, key);
+  viewer::ViewerOptions options{
+      .home = viewer_home(home, configuration, shared.key, shared.trust, shared_identities({}, home)),
+      .web = {.listen = asked.listen,
+              .certificate_pem = std::move(own.certificate_pem),
+              .key_pem = std::move(own.key_pem),
+              .limits = limits_of_viewer()},
+      .sessions = {},
+      .page = find_page(),
+      .tell = [](const std::string& sentence) { spdlog::warn("viewer: {}", printable(sentence)); }};
+  options.home.live = live::live_pictures(looking_on.channels);
+  options.home.vitals = [&looking_on](const std::string& room, std::int64_t after_ns) {
+    return looking_on.monitors.now(room, after_ns);
+  };
+  options.home.rooms = {
+      .running_case = [&daemon](const std::string& room) { return daemon.running_case(room); },
+      .now_ns = [&daemon](const std::string& room) { return daemon.now_ns(room); },
+      .point = [&daemon](const std::string& room,
+                         media::PointedAt at) { return daemon.point(room, std::move(at)); }};
+  auto server =
+      behind_the_recording([&options] { return std::make_unique<viewer::Viewer>(std::move(options)); });
+  spdlog::info("the viewer is at {}", server->url());
+  return server;
+}
+
+}  // namespace
+
+std::unique_ptr<recorder::HttpServer> serve_http(const Home& home, const Configuration& configuration,
+                                                 recorder::Daemon& daemon) {
+  if (configuration.daemon.listen_address.empty()) return {};
+  recorder::HttpServerOptions options;
+  options.address = configuration.daemon.listen_address;
+  options.port = configuration.daemon.listen_port;
+  if (!configuration.daemon.hook_token_file.empty()) {
+    const std::filesystem::path file = home.folder() / configuration.daemon.hook_token_file;
+    const Bytes token = read_small_file(file, "the hook's token");
+    if (is_open_to_others(file)) {
+      spdlog::warn("the hook's token can be read by others than its owner: chmod 600 {}, and take another",
+                   printable(file.string()));
+    }
+    options.token = std::string(text_of(token));
+    options.token.erase(options.token.find_last_not_of(" \r\n") + 1);
+    if (options.token.size() < 16) throw UsageError("the hook's token must have at least 16 characters");
+  }
+  options.tell = [](const std::string& sentence) { spdlog::warn("{}", printable(sentence)); };
+  options.metrics = [&daemon] { return daemon.metrics(); };
+  options.hook = [&daemon](const std::string& room, const std::string& action, const std::string& body) {
+    return daemon.hook(room, action, body);
+  };
+  return behind_the_recording(
+      [&options] { return std::make_unique<recorder::HttpServer>(std::move(options)); });
+}
+
+std::unique_ptr<viewer::Viewer> serve_viewer(const Home& home, const Configuration& configuration,
+                                             const ViewerConfiguration& asked, const WritableHome& shared,
+                                             LookingOn& looking_on, recorder::Daemon& daemon) {
+  if (asked.listen.empty()) return {};
+  try {
+    return open_viewer(home, configuration, asked, shared, looking_on, daemon);
+  } catch (const std::exception& error) {
+    spdlog::error("recording goes on without the viewer: {}", printable(error.what()));
+    return {};
+  }
+}
+
+bool ends_in_time(std::unique_ptr<viewer::Viewer> viewer) {
+  std::promise<void> ended;
+  std::future<void> end = ended.get_future();
+  std::thread ending([viewer = std::move(viewer), ended = std::move(ended)]() mutable {
+    viewer.reset();
+    ended.set_value();
+  });
+  if (end.wait_for(kLongestEndOfViewer) == std::future_status::ready) {
+    ending.join();
+    return true;
+  }
+  ending.detach();
+  return false;
+}
+
+}  // namespace kiroku::apps

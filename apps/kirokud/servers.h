@@ -1,0 +1,34 @@
+// The hook and the viewer that kirokud serves beside recording, which goes first.
+#pragma once
+
+#include <chrono>
+#include <memory>
+
+#include "apps/configuration/configuration.h"
+#include "apps/configuration/viewer_configuration.h"
+#include "apps/kirokud/room_setup.h"
+#include "recorder/daemon/daemon.h"
+#include "recorder/daemon/http_server.h"
+#include "viewer/viewer.h"
+
+namespace kiroku::apps {
+
+/// How long the viewer's requests may take to their end once kirokud ends.
+inline constexpr std::chrono::seconds kLongestEndOfViewer{20};
+
+/// Metrics and the hook; null where no address is configured. Throws kiroku::UsageError for a token that
+/// cannot be used.
+std::unique_ptr<recorder::HttpServer> serve_http(const Home& home, const Configuration& configuration,
+                                                 recorder::Daemon& daemon);
+
+/// The viewer with live pictures; null where none is configured or it cannot be served: that ends no
+/// recorder.
+std::unique_ptr<viewer::Viewer> serve_viewer(const Home& home, const Configuration& configuration,
+                                             const ViewerConfiguration& asked, const WritableHome& shared,
+                                             LookingOn& looking_on, recorder::Daemon& daemon);
+
+/// False, with all of it left behind, where a request does not come to its end: the process must end without
+/// destroying what it may still use.
+bool ends_in_time(std::unique_ptr<viewer::Viewer> viewer);
+
+}  // namespace kiroku::apps
