@@ -18,7 +18,7 @@ namespace websocket = beast::websocket;
 struct SocketClient::State {
   asio::io_context io;
   asio::ssl::context tls{asio::ssl::context::tls_client};
-  websocket::stream<beast::ssl_stream<beast::tcp_stream>> socket{io, tls};
+  websocket::stream<beast::ssl_stream<beast::tcp_stream>, false> socket{io, tls};
 };
 
 SocketClient::SocketClient(std::uint16_t port, const std::string& target, const std::string& cookie,

@@ -276,7 +276,7 @@ class Connection {
   const Dispatcher& dispatcher_;
   const Dispatcher::Admission& admission_;
   asio::thread_pool& workers_;
-  websocket::stream<Stream&> socket_;
+  websocket::stream<Stream&, false> socket_;  // nothing is compressed: half of Beast need not be compiled
   std::shared_ptr<asio::steady_timer> wake_;
   asio::steady_timer listener_end_;
   std::shared_ptr<asio::steady_timer> write_limit_;

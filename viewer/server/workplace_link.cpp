@@ -29,6 +29,7 @@ namespace websocket = beast::websocket;
 using asio::local::stream_protocol;
 using boost::system::error_code;
 using Stream = beast::basic_stream<stream_protocol>;
+using Socket = websocket::stream<Stream, false>;  // nothing is compressed
 
 constexpr std::chrono::seconds kToShakeHands{10};
 constexpr std::chrono::milliseconds kLook{100};
@@ -112,7 +113,7 @@ class Relay : public std::enable_shared_from_this<Relay> {
     std::string error;
   };
   static asio::awaitable<Opening> open(std::shared_ptr<Relay> self, http::fields fields, std::string target) {
-    websocket::stream<Stream>& socket = self->socket_;
+    Socket& socket = self->socket_;
     beast::get_lowest_layer(socket).expires_never();
     // Its pings keep the connection alive; here only the beginning is limited.
     socket.set_option(websocket::stream_base::timeout{kToShakeHands, websocket::stream_base::none(), false});
@@ -135,7 +136,7 @@ class Relay : public std::enable_shared_from_this<Relay> {
   }
 
   static asio::awaitable<void> listen(std::shared_ptr<Relay> self) {
-    websocket::stream<Stream>& socket = self->socket_;
+    Socket& socket = self->socket_;
     for (;;) {
       beast::flat_buffer buffer;
       error_code failed;
@@ -238,7 +239,7 @@ class Relay : public std::enable_shared_from_this<Relay> {
     co_await wake->async_wait(asio::redirect_error(asio::use_awaitable, ignored));
   }
 
-  websocket::stream<Stream> socket_;
+  Socket socket_;
   const std::shared_ptr<SocketOutput> output_;
   const WorkplaceLink::Limits limits_;
   asio::steady_timer wake_;                 // of talk()
