@@ -49,7 +49,8 @@ fs::path beside(const std::string& name) {
 int main(int argc, char** argv) {
   using namespace kiroku::apps;
   kiroku::harden_process();
-  if (argc > 1 && answers(kCommandPlaces, argv[1], AnsweredBy::kSmall)) {
+  if (argc > 1 &&
+      (answers(kCommandPlaces, argv[1], AnsweredBy::kSmall) || argv[1] == std::string_view("--version"))) {
     Program program("kiroku", "records operations, sealed and time-stamped, and proves it", "");
     constexpr auto kHere = [](const StatedCommand& one) { return one.by == AnsweredBy::kSmall; };
     add_commands<Commands, kHere>(program.root());
