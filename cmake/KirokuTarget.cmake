@@ -91,27 +91,38 @@ function(kiroku_test_in_shards label program count)
   endforeach()
 endfunction()
 
-# kiroku_test(NAME LABEL label SOURCES... LIBRARIES... [TIMEOUT seconds] [OPTIMISED]): a GoogleTest program whose cases are found by CTest. Labels:
+# kiroku_use_support(TARGET NAMES...): links parts of tests/support.
+function(kiroku_use_support target)
+  foreach(name ${ARGN})
+    target_link_libraries(${target} PRIVATE kiroku_support_${name})
+  endforeach()
+endfunction()
+
+# kiroku_test(NAME LABEL label SOURCES... [SUPPORT names...] LIBRARIES... [TIMEOUT seconds] [OPTIMISED]): a GoogleTest program whose cases are found by
+# CTest. SUPPORT names parts of tests/support. Labels:
 # - unit: also run under the address sanitizer; unit-threads: under the thread sanitizer, too;
-# - heavy, heavy-threads: the same, but only in the nightly run, as they stand on the simulation;
+# - threads: under the thread sanitizer, and in the nightly run under the address sanitizer;
+# - heavy, heavy-threads: as unit and unit-threads, but under sanitizers in the nightly run alone, as they stand on simulation or codecs;
 # - attack, system;
 # - optimised: not run under sanitizers, as what stands on codecs, OpenCV, Cairo or Beast has not been tried there.
 # What is tested is optimised as its preset says; the tests' own code only where it computes much itself (OPTIMISED): it compiles in half of the time without.
 function(kiroku_test target)
-  cmake_parse_arguments(ARG "OPTIMISED" "LABEL;TIMEOUT" "SOURCES;LIBRARIES" ${ARGN})
+  cmake_parse_arguments(ARG "OPTIMISED" "LABEL;TIMEOUT" "SOURCES;SUPPORT;LIBRARIES" ${ARGN})
   add_executable(${target} ${ARG_SOURCES})
   kiroku_configure(${target})
+  kiroku_use_support(${target} ${ARG_SUPPORT})
   target_link_libraries(${target} PRIVATE ${ARG_LIBRARIES} kiroku_build_paths GTest::gmock GTest::gtest_main)
   # Who opens sources or shows cases starts the decoder in its box.
   if(ARG_LIBRARIES MATCHES "kiroku_(media|recorder|procedure|daemon|playback|viewer|compare|live|commands)")
     add_dependencies(${target} kiroku-decoder)
   endif()
-  if(NOT ARG_OPTIMISED)
-    target_compile_options(${target} PRIVATE -O0)
-  endif()
   # Half of the time a test's compilation takes goes into these headers.
-  target_precompile_headers(${target} PRIVATE <gmock/gmock.h> <gtest/gtest.h> <algorithm> <chrono> <filesystem> <fstream> <functional> <map>
-                                              <optional> <string> <thread> <vector>)
+  if(ARG_OPTIMISED)
+    target_precompile_headers(${target} REUSE_FROM kiroku_test_headers_optimised)
+  else()
+    target_compile_options(${target} PRIVATE -O0)
+    target_precompile_headers(${target} REUSE_FROM kiroku_test_headers_plain)
+  endif()
   if(CMAKE_CXX_COMPILER_ID STREQUAL "GNU")
     kiroku_use_precompiled(${target})
   endif()

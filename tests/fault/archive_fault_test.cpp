@@ -211,7 +211,7 @@ TEST(RecoveryFault, AtEveryCallOfRecoveryIsRecoveredFrom) {
   SampleArchive archive;
   const std::size_t calls = calls_of_the_story(archive);
   std::size_t points = 0;
-  constexpr std::size_t kUsualStep = 37;  // of the story's calls
+  constexpr std::size_t kUsualStep = 79;  // of the story's calls
   constexpr std::size_t kFirst = 30;      // before it there is no case
   for (std::size_t died_at = kFirst; died_at < calls; died_at += test::fault_step(kUsualStep)) {
     for (const bool power : {false, true}) {
@@ -343,7 +343,7 @@ TEST(RecoveryFault, AtEveryReadOfRecoveryNothingIsLostOrMisjudged) {
     recover(real_file_system(), archive);
     const std::vector<std::string> wanted = substance_of(archive);
     for (const FaultFileSystem::ReadFault fault : kReadFaults) {
-      constexpr std::size_t kUsualStep = 5;  // of recovery's reads
+      constexpr std::size_t kUsualStep = 11;  // of recovery's reads
       for (std::size_t at = 0;; at += test::fault_step(kUsualStep)) {
         die();
         FaultFileSystem files(archive.folder());
@@ -397,7 +397,7 @@ TEST(RetentionFault, AtEveryReadOfErasingNothingElseIsLostOrMisjudged) {
   };
   std::size_t points = 0, told = 0;
   for (const FaultFileSystem::ReadFault fault : kReadFaults) {
-    constexpr std::size_t kUsualStep = 3;  // of its reads
+    constexpr std::size_t kUsualStep = 7;  // of its reads
     for (std::size_t at = 0;; at += test::fault_step(kUsualStep)) {
       archive.clear();
       const fs::path folder = SampleCase::write(archive);

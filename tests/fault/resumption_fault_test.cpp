@@ -29,7 +29,7 @@ using archive::ApplianceLog;
 using test::FaultFileSystem;
 using test::RecorderBench;
 
-constexpr std::size_t kUsualResumptionStep = 9;
+constexpr std::size_t kUsualResumptionStep = 19;
 constexpr const char* kRoom = "or-1";
 
 class ResumptionFault : public testing::Test {

@@ -29,7 +29,7 @@ using archive::ApplianceLog;
 using test::FaultFileSystem;
 using test::RecorderBench;
 
-constexpr std::size_t kUsualStep = 11;
+constexpr std::size_t kUsualStep = 23;
 
 class SessionFault : public testing::Test {
  protected:

@@ -19,7 +19,7 @@ steps=(
   "alone      tests/nightly/preset.sh debug -L unit"
   "scripts    tests/system/stock_tools_test.sh build/release/apps/kiroku . --every-profile"
   "verifier   tests/nightly/preset.sh verify"
-  "asan       tests/nightly/preset.sh asan address_sanitizer_nightly -L unit|heavy|attack"
+  "asan       tests/nightly/preset.sh asan address_sanitizer_nightly -L unit|threads|heavy|attack"
   "tsan       tests/nightly/preset.sh tsan thread_sanitizer_nightly -L threads"
   "fuzz       tests/fuzz/run.sh 600"
   "calls      tests/fault/system_calls.sh"

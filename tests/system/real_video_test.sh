@@ -17,7 +17,7 @@ frames() { ffmpeg -v error -nostdin -i "$1" -map 0:v -fps_mode passthrough -f fr
 "$kiroku" init --demo >/dev/null
 for profile in lossless uncompressed mpeg2; do
   case=$("$kiroku" record --endoscope "$videos/rvimlab_endo.mp4?speed=max" --room "$videos/intel_one_by_one_person.mp4?speed=max" --vitals 'synthetic:patient?speed=max' \
-    --profile "$profile" --duration 00:00:08 --json | jq -r .case)
+    --profile "$profile" --duration 00:00:05 --json | jq -r .case)
   "$kiroku" verify "$case" --identity "$KIROKU_HOME/identity.txt" >"$scratch/report" || fail "$profile: $(cat "$scratch/report")"
   extension=mkv
   [[ $profile != mpeg2 ]] || extension=ts

@@ -3,14 +3,17 @@
 
 #include <chrono>
 #include <csignal>
+#include <filesystem>
 #include <map>
 #include <optional>
 #include <sstream>
 #include <string>
+#include <unistd.h>
 #include <vector>
 
 #include <gtest/gtest.h>
 
+#include "tests/support/build_paths.h"
 #include "tests/support/https_client.h"
 #include "tests/system/program_test.h"
 
@@ -22,12 +25,27 @@ inline constexpr const char* kPassword = "correct horse battery";
 /// A home with a user of each role, and `kiroku view` before it.
 class ServedHome : public ProgramTest {
  protected:
+  /// The passwords are hashed once for all tests of a build, which takes two seconds of a processor: the
+  /// users' database is kept beside the tests and made anew where a program is younger.
   void add_users() {
+    namespace fs = std::filesystem;
+    const fs::path kept = binary_folder() / "tests/system/users-of-each-role.sqlite";
+    const fs::path users = home() / "users.sqlite";
+    std::error_code absent;
+    const auto made = fs::last_write_time(kept, absent);
+    if (!absent && made > fs::last_write_time(built_file("kiroku"))) {
+      fs::copy_file(kept, users);
+      return;
+    }
     for (const std::string& role : kRoles) {
       Process::Options adding = options({"user", "add", "a-" + role, "--role", role});
       adding.environment["KIROKU_PASSPHRASE"] = kPassword;
       ASSERT_EQ(run_process(adding).status, 0);
     }
+    // Of this process alone until it is whole: other tests run at the same time.
+    const fs::path copy = kept.string() + "." + std::to_string(::getpid());
+    fs::copy_file(users, copy);
+    fs::rename(copy, kept);
   }
   void TearDown() override {
     if (!server_) return;
