@@ -77,7 +77,8 @@ bool ReportMaker::only_counted() const {
 
 std::string ReportMaker::not_asked(Check check) const {
   if (check == Check::kLog) return words("check.log.not-asked");
-  if (check == Check::kEnd) return words("check.end.excerpt");
+  if (check == Check::kEnd)
+    return words(in_.facts.closed_at ? TextKey("check.end.excerpt.closed") : TextKey("check.end.excerpt"));
   return in_.given.identities.empty() ? words("check.contents.not-asked")
                                       : words("check.contents.none-opened");
 }

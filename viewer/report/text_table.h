@@ -174,6 +174,10 @@ inline constexpr auto kTexts = std::to_array<Text>({
      "症例は閉じられ、署名付きチェックポイントで覆われています。"},
     {"check.end.excerpt", "This is an excerpt: the end of the case is not part of it.",
      "抜粋のため、症例の終わりは含まれていません。"},
+    {"check.end.excerpt.closed",
+     "This is an excerpt. Its lines show that the case was closed; whether all before that was recorded is "
+     "not told by it.",
+     "抜粋です。症例が終了したことは項目が示しますが、それまでがすべて記録されたかは分かりません。"},
     {"check.device", "Was it made by a device that whoever ordered this check trusts?",
      "検査依頼者が信頼する装置で作られたか"},
     {"check.device.yes", "The key of {0} is among the trusted keys that were given.",

@@ -290,6 +290,48 @@ TEST_F(ReportDocument, OfAnExcerptSaysWhatPartItIsAndNothingOfTheRest) {
   EXPECT_THAT(text, Not(HasSubstr("Patient data")));
 }
 
+// A time stamp at the edge of the figure would be one of a time at which there was none.
+TEST_F(ReportDocument, TheFigureOfAnExcerptHasTheTimesOfTheCaseAndNothingFromOutsideOfIt) {
+  archive::make_excerpt(folder_, second_segment(), temporary_ / "excerpt");
+  folder_ = temporary_ / "excerpt";
+  ReportInput in = input();
+  constexpr std::int64_t kNs = 1'000'000'000;
+  in.facts.gaps = {{"endoscope", {0, kNs}, archive::GapCause::kSignalLost},
+                   {"endoscope", {5 * kNs, 6 * kNs}, archive::GapCause::kSignalLost}};
+  ASSERT_FALSE(in.facts.tokens.empty());
+  in.facts.tokens.resize(1, in.facts.tokens.front());
+  in.facts.tokens.front().token.exchange = {kNs / 10, kNs / 10};
+  const auto told = [&] {
+    std::pair<std::vector<std::string>, std::size_t> words_and_lines{};
+    for (const auto& shape : time_figure(in.verification, in.facts, Language::kEnglish, kTextWidth).shapes) {
+      if (const auto* words = std::get_if<Lettering>(&shape)) words_and_lines.first.push_back(words->text);
+      if (std::holds_alternative<Stroke>(shape)) ++words_and_lines.second;
+    }
+    return words_and_lines;
+  };
+  const auto [words, lines] = told();
+  EXPECT_THAT(words, testing::ElementsAre("endoscope", testing::_, "0:00:02", "0:00:03", "0:00:04"));
+  EXPECT_EQ(lines, 4U) << "the axis and its ticks";
+  in.facts.tokens.front().token.exchange = {3 * kNs, 3 * kNs};
+  in.facts.gaps.push_back({"endoscope", {2 * kNs, 3 * kNs}, archive::GapCause::kSignalLost});
+  EXPECT_EQ(told().second, 4U + 1U + 6U) << "what is of its time";
+}
+
+TEST_F(ReportDocument, OfAnExcerptThatReachesTheEndDoesNotSayThatTheEndIsNotPartOfIt) {
+  archive::ExcerptOptions options = second_segment();
+  archive::make_excerpt(folder_, options, temporary_ / "excerpt");
+  options.to_ns = 60'000'000'000;
+  archive::make_excerpt(folder_, options, temporary_ / "to-the-end");
+  folder_ = temporary_ / "excerpt";
+  const std::string closed = "Its lines show that the case was closed";
+  const std::string early = report(archive_.options());
+  folder_ = temporary_ / "to-the-end";
+  const std::string late = report(archive_.options());
+  EXPECT_THAT(late, HasSubstr(closed));
+  EXPECT_THAT(late, Not(HasSubstr("the end of the case is not part of it")));
+  EXPECT_NE(early.find(closed) == std::string::npos, early.find("Ended by") != std::string::npos);
+}
+
 TEST_F(ReportDocument, OfAnExcerptOfNothingSaysYesToNothingThatWasNotLookedAt) {
   archive::make_excerpt(folder_, second_segment(), temporary_ / "excerpt");
   folder_ = temporary_ / "excerpt";
@@ -440,6 +482,26 @@ TEST_F(ReportDocument, AsPdfHasPagesThatCanBeSearched) {
   EXPECT_THAT(info, HasSubstr("A4"));
   EXPECT_THAT(info, HasSubstr("Author:          Dr. Sato"));
   EXPECT_THAT(info, HasSubstr("Creator:         kiroku 0.1.0"));
+}
+
+// The first part of an excerpt's report is longer than a page by a line or two.
+TEST_F(ReportDocument, AsPdfLeavesNoPageToALineThatRanOver) {
+  if (!has_tools()) GTEST_SKIP() << "poppler-utils or zbar-tools is not installed";
+  Document document = make_report(input());
+  const auto second_page = [&](std::size_t more) {
+    Document longer = document;
+    const auto at = std::ranges::find_if(
+        longer.blocks, [](const Block& block) { return std::holds_alternative<PageBreak>(block); });
+    longer.blocks.insert(at, more, Paragraph{"One line more."});
+    write("report.pdf", write_pdf(longer));
+    return tool({"pdftotext", "-f", "2", "-l", "2", "-layout", "report.pdf", "-"});
+  };
+  std::size_t more = 0;
+  while (more < 60 && second_page(more).find("One line more.") == std::string::npos) ++more;
+  const std::string text = second_page(more);
+  EXPECT_THAT(text, HasSubstr("One line more."));
+  EXPECT_THAT(text, HasSubstr("How the proof holds together"));
+  EXPECT_THAT(second_page(more + 20), Not(HasSubstr("How the proof holds together")));
 }
 
 TEST_F(ReportDocument, AsHtmlNeedsNothingElseAndEscapesWhatItShows) {
