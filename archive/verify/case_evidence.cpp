@@ -6,6 +6,7 @@
 
 #include "archive/format/case_layout.h"
 #include "base/error.h"
+#include "evidence/hash_tree.h"
 
 namespace kiroku::archive {
 
@@ -56,7 +57,7 @@ std::vector<std::uint64_t> find_covered_lines(RememberedHashes& hashes,
     const auto algorithm = hash_of_chain(chain);
     if (algorithm && !chain.front().reduced_tree.empty()) {
       const evidence::HashList& list = chain.front().reduced_tree.front();
-      const std::set<Bytes> held(list.begin(), list.end());
+      const evidence::HeldValues held(list);
       const Bytes over_chains =
           before.empty() ? Bytes{} : crypto::digest(*algorithm, evidence::sequence_of_chains(before));
       for (const auto& [size, hash] : hashes.of_ledger(*algorithm)) {
