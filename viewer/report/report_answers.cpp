@@ -55,7 +55,8 @@ std::string ReportMaker::explanation(const CheckAnswer& answered) const {
   const Finding* gravest = nullptr;
   std::size_t all = 0;
   for (const Finding& finding : found_.findings) {
-    if (check_of(finding.code) != answered.check) continue;
+    const bool ended = answered.answer == Answer::kUnknown && finding.code == kAlgorithmEnded;
+    if (check_of(finding.code) != answered.check && !ended) continue;
     ++all;
     if (gravest == nullptr || finding.severity > gravest->severity) gravest = &finding;
   }

@@ -499,6 +499,8 @@ inline constexpr auto kTexts = std::to_array<Text>({
     {"given.roots", "trusted time-stamping roots: {0}", "信頼する時刻認証ルート：{0}"},
     {"given.own-roots", "roots of the recorder's own authority: {0}", "装置内蔵の時刻認証局のルート：{0}"},
     {"given.log", "appliance log: {0}", "装置ログ：{0}"},
+    {"given.evidence", "evidence record that had to hold: {0}", "成り立つべき証拠記録：{0}"},
+    {"given.policy", "until when algorithms count: {0}", "アルゴリズムの有効期限：{0}"},
     {"given.identity", "a key to open the recording: {0}", "記録を開く鍵：{0}"},
     {"about.lead",
      "This report describes what a program found in the case folder on the date above. The evidence is the "

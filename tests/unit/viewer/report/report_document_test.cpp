@@ -247,6 +247,31 @@ TEST_F(ReportDocument, ItsFigureStaysOnThePageAndHasFewLines) {
   EXPECT_THAT(text, HasSubstr("s256 | video"));
 }
 
+// Whoever can sign in the device's name, or find another text with the same hash, can make all of it anew.
+TEST_F(ReportDocument, SaysYesToNothingThatRestsOnAnAlgorithmThatEnded) {
+  const evidence::Policy ended = evidence::Policy::parse(
+      "[[algorithm]]\nname=\"sha256\"\n[[algorithm]]\nname=\"ecdsa\"\n[[algorithm]]\nname=\"rsa\"\n"
+      "[[algorithm]]\nname=\"ed25519\"\nuntil=2029-12-31\n",
+      "policy.toml");
+  archive::VerifyOptions options = archive_.options();
+  options.policy = &ended;
+  options.now = *parse_utc("2029-01-01T00:00:00Z");
+  EXPECT_THAT(report(options), HasSubstr("signed by the device it names? | ✓ Yes"));
+  options.now = *parse_utc("2046-01-01T00:00:00Z");
+  ReportInput in = input(options);
+  in.given.policy.push_back({"policy.toml", crypto::sha256({})});
+  in.given.evidence.push_back({"case.ers", crypto::sha256({})});
+  const std::string text = test::text_of(make_report(in));
+  EXPECT_THAT(text, HasSubstr("COULD NOT BE PROVED"));
+  EXPECT_THAT(text, Not(HasSubstr("| ✓ Yes")));
+  EXPECT_THAT(text, Not(HasSubstr(": ✓ Yes]")));
+  EXPECT_THAT(text, HasSubstr("By the policy given, an algorithm on which the case rests counts no more"));
+  // Whoever repeats the check without them is told otherwise.
+  EXPECT_THAT(text, HasSubstr(".pem --evidence RECORD.ers --policy POLICY.toml"));
+  EXPECT_THAT(text, HasSubstr("until when algorithms count: policy.toml (SHA-256 "));
+  EXPECT_THAT(text, HasSubstr("evidence record that had to hold: case.ers (SHA-256 "));
+}
+
 TEST_F(ReportDocument, OfATamperedCaseNamesPlaceAndMeaning) {
   change_byte("segments/endoscope/00000001.ts.age", 500);
   const std::string text = report(archive_.options());
