@@ -25,6 +25,17 @@ Bytes root_of(crypto::HashAlgorithm algorithm, const std::vector<HashList>& redu
   return node;
 }
 
+HeldValues::HeldValues(const HashList& list) {
+  sorted_.reserve(list.size());
+  for (const Bytes& value : list) sorted_.push_back(text_of(value));
+  std::ranges::sort(sorted_);
+  sorted_.erase(std::unique(sorted_.begin(), sorted_.end()), sorted_.end());
+}
+
+bool HeldValues::contains(ByteView value) const {
+  return std::ranges::binary_search(sorted_, text_of(value));
+}
+
 HashTree::HashTree(crypto::HashAlgorithm algorithm, std::vector<HashList> groups)
     : groups_(std::move(groups)) {
   if (groups_.empty() || std::ranges::any_of(groups_, &HashList::empty)) {

@@ -12,6 +12,7 @@
 #pragma once
 
 #include <cstddef>
+#include <string_view>
 #include <vector>
 
 #include "evidence/record.h"
@@ -23,6 +24,19 @@ Bytes node_over(crypto::HashAlgorithm algorithm, HashList values);
 /// Where a reduced tree leads: the node over its first list, added to the second one, and so on. At least one
 /// list, none empty.
 Bytes root_of(crypto::HashAlgorithm algorithm, const std::vector<HashList>& reduced_tree);
+
+/// Which values a list has, in memory of 16 bytes each: whoever makes a record chooses how many. The list
+/// must outlive it. Immutable; thread-safe.
+class HeldValues {
+ public:
+  explicit HeldValues(const HashList& list);
+  [[nodiscard]] bool contains(ByteView value) const;
+  /// Different ones.
+  [[nodiscard]] std::size_t size() const { return sorted_.size(); }
+
+ private:
+  std::vector<std::string_view> sorted_;
+};
 
 /// A binary tree over groups. Equal values of one group count once, and so do groups with one node.
 class HashTree {

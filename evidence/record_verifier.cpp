@@ -161,7 +161,7 @@ std::vector<std::optional<Bytes>> RecordJudge::values_of_objects(std::size_t cha
 void RecordJudge::match_objects(TimeStampJudgement& judged, const HashList& list,
                                 const std::vector<std::optional<Bytes>>& values) {
   constexpr std::size_t kMostNamed = 3;
-  const std::set<Bytes> held(list.begin(), list.end());
+  const HeldValues held(list);
   std::set<Bytes> known;
   std::size_t missing = 0;
   std::string names;

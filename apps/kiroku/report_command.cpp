@@ -13,6 +13,7 @@
 #include "apps/kiroku/output_file.h"
 #include "apps/kiroku/verify_extras.h"
 #include "apps/verify/judging.h"
+#include "archive/verify/case_evidence.h"
 #include "base/error.h"
 #include "viewer/report/html_writer.h"
 #include "viewer/report/pdf_writer.h"
@@ -62,6 +63,14 @@ report::Given given_of(const Judged& judged, const JudgingRequest& request) {
   };
   list_roots(judged.roots, given.roots);
   list_roots(judged.own_roots, given.own_roots);
+  if (request.evidence) {
+    const fs::path file = *request.evidence;
+    const std::optional<Bytes> record = archive::read_evidence_file(archive::real_reading(), file);
+    given.evidence.push_back({file.filename().string(), crypto::sha256(record.value_or(Bytes{}))});
+  }
+  if (request.policy)
+    given.policy.push_back({fs::path(*request.policy).filename().string(),
+                            crypto::sha256(read_small_file(*request.policy, "the policy of algorithms"))});
   if (judged.log) given.log.push_back({judged.log->string(), {}});
   for (const std::string& file : request.identities)
     given.identities.push_back({fs::path(file).filename().string(), {}});

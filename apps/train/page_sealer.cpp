@@ -16,6 +16,7 @@
 #include "apps/train/attempt_seal.h"
 #include "archive/verify/verifier.h"
 #include "base/error.h"
+#include "viewer/http/disk_room.h"
 #include "viewer/http/own_folder.h"
 #include "viewer/report/case_facts.h"
 #include "viewer/report/pdf_writer.h"
@@ -105,9 +106,11 @@ class KeptFiles : public viewer::AttemptFiles {
 
 class PageSealer : public viewer::AttemptSealer {
  public:
-  explicit PageSealer(const Home& home) : home_(home), own_(home.folder() / "training-files") {}
+  PageSealer(const Home& home, std::uint64_t left)
+      : home_(home), own_(home.folder() / "training-files"), left_(left) {}
 
   std::unique_ptr<viewer::AttemptFiles> keep(std::int64_t attempt) override {
+    viewer::require_disk_room(home_.folder(), 0, "free some, then begin again", left_);
     return std::make_unique<KeptFiles>(own_.path() / std::to_string(attempt));
   }
 
@@ -121,6 +124,8 @@ class PageSealer : public viewer::AttemptSealer {
     kept.finish(motion, facts.dump(2) + "\n");
     std::string case_id = earlier;
     if (earlier.empty() || !holds_whole_attempt(home_.archive() / earlier)) {
+      viewer::require_disk_room(home_.archive(), bytes_in(kept.folder()), "free some, then seal it again",
+                                left_);
       nlohmann::ordered_json told = facts;
       if (!earlier.empty()) told["instead_of"] = earlier;
       case_id = seal_attempt(home_, kept.folder(), kPictures, told, summary, begun).filename().string();
@@ -155,15 +160,25 @@ class PageSealer : public viewer::AttemptSealer {
     return archive::verify_case(home_.archive() / case_id, options);
   }
 
+  /// The case takes about as much as what it is made of.
+  static std::uint64_t bytes_in(const fs::path& folder) {
+    std::uint64_t bytes = 0;
+    for (const fs::directory_entry& entry : fs::directory_iterator(folder)) {
+      if (entry.is_regular_file()) bytes += entry.file_size();
+    }
+    return bytes;
+  }
+
   const Home& home_;
   viewer::OwnFolder own_;
+  const std::uint64_t left_;
   std::mutex sealing_;
 };
 
 }  // namespace
 
-std::shared_ptr<viewer::AttemptSealer> make_page_sealer(const Home& home) {
-  return std::make_shared<PageSealer>(home);
+std::shared_ptr<viewer::AttemptSealer> make_page_sealer(const Home& home, std::uint64_t left) {
+  return std::make_shared<PageSealer>(home, left);
 }
 
 }  // namespace kiroku::apps

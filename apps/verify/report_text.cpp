@@ -161,16 +161,19 @@ std::string contents_words(const archive::OpenedContents& contents) {
          " decrypted, " + std::to_string(contents.decoded) + " of them decoded to the frames stated";
 }
 
-/// What the evidence record proves: "proved since 2026 by a chain of three time-stamps".
-std::string evidence_words(const archive::EvidenceReport& evidence) {
+/// What the evidence record proves: "all 42 entries and 17 files proved since 2026 by one time-stamp".
+std::string evidence_words(const archive::EvidenceReport& evidence, std::uint64_t entries) {
   if (!evidence.holds)
     return "the record " + evidence.file + " proves nothing of this case: " + evidence.refusal;
-  std::string text = "proved since " + format_utc_for_people(*evidence.since) + " by ";
+  const bool all = evidence.entries >= entries;
+  std::string text = (all ? "all " : "the first " + std::to_string(evidence.entries) + " of ") +
+                     count(entries, "entry", "entries") + " and " + count(evidence.files, "file", "files") +
+                     " proved since " + format_utc_for_people(*evidence.since) + " by ";
   text += evidence.time_stamps == 1
               ? "one time-stamp"
               : "a chain of " + std::to_string(evidence.time_stamps) + " time-stamps, the newest of " +
                     format_utc_for_people(*evidence.newest);
-  if (!evidence.outside) text += " (self-issued)";
+  if (!evidence.outside) text += ", self-issued: nobody but the recorder says so";
   if (evidence.ends) text += "; to be renewed before " + format_utc_for_people(*evidence.ends);
   return text;
 }
@@ -285,7 +288,7 @@ std::string report_text(const VerificationReport& report, const std::string& cas
                              count(report.files, "file", "files") + " (" + format_bytes(report.bytes) +
                              "), " + count(report.checkpoints, "checkpoint", "checkpoints") + ", " +
                              count(report.tokens, "time-stamp", "time-stamps"));
-  if (report.evidence) out += line("evidence", evidence_words(*report.evidence));
+  if (report.evidence) out += line("evidence", evidence_words(*report.evidence, report.entries));
   if (!log.empty()) out += line("log", log);
   if (report.contents) out += line("contents", contents_words(*report.contents));
   if (report.excerpt) {

@@ -8,6 +8,7 @@
 #include "archive/format/line_reader.h"
 #include "archive/verify/checkpoint_rules.h"
 #include "base/error.h"
+#include "crypto/merkle_tree.h"
 
 namespace kiroku::archive {
 
@@ -58,8 +59,9 @@ CaseData read_case_data(const CaseFolder& folder) {
   const ReadableFile ledger = open_named(folder, std::string(kLedgerFile));
   LineReader reader(ledger);
   LedgerLine line;
-  std::uint64_t lines = 0;
+  crypto::MerkleFrontier tree;
   while (reader.next(line) && !line.torn) {
+    const std::uint64_t lines = tree.size();
     const EntryParse parse = line.too_long ? EntryParse{} : parse_case_entry(line.text);
     if (lines == 0) {
       const auto* open = parse.entry ? std::get_if<OpenEntry>(&parse.entry->body) : nullptr;
@@ -70,13 +72,15 @@ CaseData read_case_data(const CaseFolder& folder) {
     const FileReference* file = parse.entry ? file_named_by(parse.entry->body, made) : nullptr;
     if (file != nullptr && there.contains(file->file)) data.files.push_back({file->file, lines, *file});
     if (parse.entry && std::holds_alternative<CloseEntry>(parse.entry->body)) data.close = lines;
-    ++lines;
+    tree.append(crypto::merkle_leaf_hash(bytes_of(line.text)));
   }
-  if (lines == 0) {
+  data.lines = tree.size();
+  data.root = tree.root();
+  if (data.lines == 0) {
     throw Error((folder.path() / kLedgerFile).string() + " does not begin with the opening of a case");
   }
   for (const std::uint64_t size : note_sizes(listing)) {
-    if (size == 0 || size > lines) continue;
+    if (size == 0 || size > data.lines) continue;
     data.note_sizes.push_back(size);
     data.files.push_back({note_path(size), size - 1, std::nullopt});
   }

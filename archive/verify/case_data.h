@@ -25,6 +25,8 @@ struct NamedFile {
 
 struct CaseData {
   std::string case_id;
+  std::uint64_t lines = 0;                // of the ledger, whole ones
+  crypto::Sha256Digest root{};            // RFC 6962, over these lines
   std::optional<std::uint64_t> close;     // the entry
   std::vector<std::uint64_t> note_sizes;  // of the notes that are there, rising; none beyond the ledger
   std::vector<NamedFile> files;           // that are there, in the order of their entries

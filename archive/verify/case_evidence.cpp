@@ -6,6 +6,7 @@
 
 #include "archive/format/case_layout.h"
 #include "base/error.h"
+#include "evidence/hash_tree.h"
 
 namespace kiroku::archive {
 
@@ -56,7 +57,7 @@ std::vector<std::uint64_t> find_covered_lines(RememberedHashes& hashes,
     const auto algorithm = hash_of_chain(chain);
     if (algorithm && !chain.front().reduced_tree.empty()) {
       const evidence::HashList& list = chain.front().reduced_tree.front();
-      const std::set<Bytes> held(list.begin(), list.end());
+      const evidence::HeldValues held(list);
       const Bytes over_chains =
           before.empty() ? Bytes{} : crypto::digest(*algorithm, evidence::sequence_of_chains(before));
       for (const auto& [size, hash] : hashes.of_ledger(*algorithm)) {
@@ -99,7 +100,22 @@ std::string shortfall(const CaseEvidence& out, const CaseData& data, std::size_t
   return {};
 }
 
+/// When a chain of the record begins; it counts, so each of them has a token.
+UtcTime beginning_of(const evidence::RecordJudgement& judgement, std::size_t chain) {
+  return std::ranges::find(judgement.time_stamps, chain, &evidence::TimeStampJudgement::chain)
+      ->token.info->gen_time;
+}
+
 }  // namespace
+
+std::uint64_t CaseEvidence::lines_covered_before(UtcTime end) const {
+  std::uint64_t lines_before = 0;
+  for (std::size_t i = 0; refusal.empty() && i < covered_lines.size(); ++i) {
+    const std::optional<std::size_t>& chain = judgement.covered_from[i];
+    if (chain && beginning_of(judgement, *chain) < end) lines_before = covered_lines[i];
+  }
+  return lines_before;
+}
 
 std::optional<Bytes> read_evidence_file(const FileReading& files, const std::filesystem::path& file) {
   if (!files.exists(file)) return {};
@@ -166,15 +182,36 @@ std::optional<std::pair<std::string, UtcTime>> what_ended(
   return first;
 }
 
+/// Why the record's times cannot be those of this case: it covers tokens that state later ones. Empty where
+/// they can. The recorder's own authority is no measure of an outside one: its clock may be ahead.
+std::string contradiction(const CaseEvidence& judged, const VerifiedCase& verified) {
+  constexpr std::chrono::minutes kClocksDiffer{5};
+  if (!judged.refusal.empty()) return {};
+  const auto authority = judged.judgement.time_stamps.front().token.authority;
+  const bool by_outside = authority == timestamp::TimeAuthority::kOutside;
+  const UtcTime since = *judged.judgement.since();
+  for (const StampedToken& token : by_outside ? verified.outside : verified.tokens) {
+    if (token.entry < judged.lines && since + kClocksDiffer < token.earliest()) {
+      return "its first time-stamp is of " + format_utc(since) + ", and it covers the token of entry " +
+             std::to_string(token.entry) + ", which is of " + format_utc(token.gen_time) +
+             ": one of the two authorities states a wrong time";
+    }
+  }
+  return {};
+}
+
+/// Times of a record that does not hold are not told: whoever made it chose them.
 EvidenceReport report_of(const CaseEvidence& judged, const evidence::EvidenceRecord& record,
                          const std::string& file) {
   EvidenceReport report;
   report.file = file;
   report.holds = judged.refusal.empty();
-  report.outside = judged.judgement.outside();
-  report.since = judged.judgement.since();
-  report.newest = judged.judgement.newest();
-  if (judged.judgement.end) report.ends = judged.judgement.end->time;
+  if (report.holds) {
+    report.outside = judged.judgement.outside();
+    report.since = judged.judgement.since();
+    report.newest = judged.judgement.newest();
+    if (judged.judgement.end) report.ends = judged.judgement.end->time;
+  }
   report.time_stamps = judged.judgement.time_stamps.size();
   for (const evidence::ArchiveTimeStampChain& chain : record.chains) {
     const auto algorithm = hash_of_chain(chain);
@@ -186,85 +223,122 @@ EvidenceReport report_of(const CaseEvidence& judged, const evidence::EvidenceRec
   return report;
 }
 
-}  // namespace
-
-std::optional<EvidenceReport> check_case_evidence(const CaseFolder& folder, const std::string& case_id,
-                                                  const VerifyOptions& options,
-                                                  const std::vector<timestamp::SignatureUse>& signatures,
-                                                  FindingList& findings) {
+const evidence::Policy& policy_of(const VerifyOptions& options) {
   static const evidence::Policy kNoPolicy = evidence::Policy::without_ends();
-  const evidence::Policy& policy = options.policy != nullptr ? *options.policy : kNoPolicy;
-  const UtcTime now = options.now.value_or(utc_now());
+  return options.policy != nullptr ? *options.policy : kNoPolicy;
+}
+
+using Ending = std::pair<std::string, UtcTime>;
+void report_ended(const Ending& ended, const evidence::Policy& policy, const std::string& of_what,
+                  const std::string& why_it_matters, FindingList& findings) {
+  findings.add("algorithm-ended", {},
+               ended.first + ", on which " + of_what + ", " +
+                   (ended.second == UtcTime() ? "is not listed by the policy '"
+                                              : "ended at " + format_utc(ended.second) + " by the policy '") +
+                   policy.name() + "', and " + why_it_matters);
+}
+
+/// The record that lies beside the case, judged; nothing where there is none.
+std::optional<EvidenceReport> judge_record_beside(const CaseFolder& folder, const VerifiedCase& verified,
+                                                  const VerifyOptions& options, UtcTime now,
+                                                  CaseEvidence& judged) {
   const std::filesystem::path file =
-      options.evidence ? *options.evidence : evidence_file(folder.path(), case_id);
-  const std::string name = file.filename().string();
-  std::optional<EvidenceReport> report;
-  std::string refusal;
-  bool could_not_check = false;
+      options.evidence ? *options.evidence : evidence_file(folder.path(), verified.case_id);
+  EvidenceReport report;
+  report.file = file.filename().string();
   try {
     const FileReading& files = options.files != nullptr ? *options.files : real_reading();
-    if (const std::optional<Bytes> bytes = read_evidence_file(files, file)) {
-      report = EvidenceReport{};
-      report->file = name;
-      const evidence::RecordParse parse = evidence::parse_record(*bytes);
-      if (!parse.record) {
-        refusal = parse.explanation;
-      } else {
-        const evidence::JudgingRules rules{.trust = options.trust, .policy = &policy, .now = now};
-        const CaseEvidence judged = judge_case_evidence(folder, read_case_data(folder), *parse.record, rules);
-        report = report_of(judged, *parse.record, name);
-        refusal = judged.refusal;
-        could_not_check = judged.could_not_check;
+    const std::optional<Bytes> bytes = read_evidence_file(files, file);
+    if (!bytes && options.evidence) throw UsageError("there is no evidence record at " + file.string());
+    if (!bytes) return {};
+    const evidence::RecordParse parse = evidence::parse_record(*bytes);
+    if (!parse.record) {
+      judged.refusal = parse.explanation;
+    } else {
+      const CaseData data = read_case_data(folder);
+      if (data.lines != verified.entries || data.root != verified.root) {
+        throw Error("the ledger changed while the case was verified: verify it again");
       }
-    } else if (options.evidence) {
-      throw UsageError("there is no evidence record at " + file.string());
+      const evidence::Policy& policy = policy_of(options);
+      judged = judge_case_evidence(folder, data, *parse.record,
+                                   {.trust = options.trust, .policy = &policy, .now = now});
+      if (judged.refusal.empty()) judged.refusal = contradiction(judged, verified);
+      report = report_of(judged, *parse.record, report.file);
     }
   } catch (const UsageError&) {
     throw;
   } catch (const Error& error) {
-    refusal = error.what();
-    could_not_check = true;
-    if (!report) report = EvidenceReport{};
-    report->file = name;
+    judged.refusal = error.what();
+    judged.could_not_check = true;
   }
-  if (report && !refusal.empty()) report->refusal = refusal;
+  report.refusal = judged.refusal;
+  return report;
+}
 
-  const bool holds = report && refusal.empty();
+void report_holding(const EvidenceReport& report, std::uint64_t entries, FindingList& findings) {
+  findings.add("evidence-holds", {report.file},
+               "the evidence record " + report.file + " proves " +
+                   (report.entries < entries ? "the first " + std::to_string(report.entries) + " of " +
+                                                   std::to_string(entries) + " entries"
+                                             : "all " + std::to_string(entries) + " entries") +
+                   " and " + std::to_string(report.files) + " files since " + format_utc(*report.since) +
+                   " by a chain of " + std::to_string(report.time_stamps) +
+                   (report.time_stamps == 1 ? " time-stamp"
+                                            : " time-stamps, the newest of " + format_utc(*report.newest)) +
+                   (report.outside ? ""
+                                   : "; the recorder's own authority is among them, so these times are "
+                                     "self-issued"));
+}
+
+}  // namespace
+
+std::optional<EvidenceReport> check_case_evidence(const CaseFolder& folder, const VerifiedCase& verified,
+                                                  const VerifyOptions& options, FindingList& findings) {
+  const UtcTime now = options.now.value_or(utc_now());
+  CaseEvidence judged;
+  const std::optional<EvidenceReport> report = judge_record_beside(folder, verified, options, now, judged);
+  const bool holds = report && report->holds;
   if (holds) {
-    findings.add(
-        "evidence-holds", {name},
-        "the evidence record " + name + " proves the first " + std::to_string(report->entries) +
-            " entries and " + std::to_string(report->files) + " files since " + format_utc(*report->since) +
-            " by a chain of " + std::to_string(report->time_stamps) +
-            (report->time_stamps == 1 ? " time-stamp"
-                                      : " time-stamps, the newest of " + format_utc(*report->newest)) +
-            (report->outside ? ""
-                             : "; the recorder's own authority is among them, so these times are "
-                               "self-issued"));
+    report_holding(*report, verified.entries, findings);
   } else if (report) {
-    const std::string text = "the evidence record " + name + " proves nothing of this case: " + refusal;
-    if (could_not_check) {
-      findings.add("evidence-not-checked", {name}, text);
+    const std::string text =
+        "the evidence record " + report->file + " proves nothing of this case: " + report->refusal;
+    if (judged.could_not_check) {
+      findings.add("evidence-not-checked", {report->file}, text);
     } else {
-      findings.add("evidence-refused", {name}, text);
+      findings.add("evidence-refused", {report->file}, text);
     }
     if (options.evidence) {
-      findings.add("evidence-asked-for", {name},
+      findings.add("evidence-asked-for", {report->file},
                    "the evidence record that was given does not hold for this case");
     }
   }
-  if (const auto ended = what_ended(policy, signatures, now)) {
-    const bool renewed = holds && report->outside && *report->since < ended->second;
-    if (!renewed) {
-      findings.add(
-          "algorithm-ended", {},
-          ended->first + ", on which this case rests, " +
-              (ended->second == UtcTime() ? "is not listed by the policy '"
-                                          : "ended at " + format_utc(ended->second) + " by the policy '") +
-              policy.name() + "', and no evidence record of outside authorities holds that began before");
+  const evidence::Policy& policy = policy_of(options);
+  if (const auto ended = what_ended(policy, verified.signatures, now)) {
+    const std::uint64_t kept = holds && report->outside ? judged.lines_covered_before(ended->second) : 0;
+    if (kept == 0) {
+      report_ended(*ended, policy, "this case rests",
+                   "no evidence record of outside authorities holds that began before", findings);
+    } else if (kept < verified.entries) {
+      report_ended(*ended, policy, "its entries from " + std::to_string(kept) + " on rest",
+                   "the evidence record covers none of them before: they can have been made since", findings);
     }
   }
   return report;
+}
+
+void check_without_evidence(const std::string& what, const VerifyOptions& options,
+                            const std::vector<timestamp::SignatureUse>& signatures, FindingList& findings) {
+  if (options.evidence) {
+    findings.add(
+        "evidence-asked-for", {options.evidence->filename().string()},
+        "the evidence record that was given was not judged: it is one of a whole case, and this is " + what);
+  }
+  const evidence::Policy& policy = policy_of(options);
+  if (const auto ended = what_ended(policy, signatures, options.now.value_or(utc_now()))) {
+    report_ended(*ended, policy, what + " rests",
+                 "no evidence record covers " + what + ": verify the whole case with its record", findings);
+  }
 }
 
 }  // namespace kiroku::archive

@@ -6,6 +6,7 @@
 #include <string>
 #include <vector>
 
+#include "archive/verify/brackets.h"
 #include "archive/verify/case_data.h"
 #include "archive/verify/finding_list.h"
 #include "archive/verify/report.h"
@@ -25,8 +26,10 @@ struct CaseEvidence {
   std::vector<std::uint64_t> covered_lines;
   std::vector<NamedFile> covered_files;  // those named by the last of these lines
   std::uint64_t lines = 0;               // that its first chain covers: these it proves from the beginning
-  std::string refusal;                   // why it does not hold for this case; empty: it does
-  bool could_not_check = false;          // it was not refused: something is missing to tell
+  /// Of the ledger's first lines, those that were covered by a time-stamp before `end`.
+  [[nodiscard]] std::uint64_t lines_covered_before(UtcTime end) const;
+  std::string refusal;           // why it does not hold for this case; empty: it does
+  bool could_not_check = false;  // it was not refused: something is missing to tell
 };
 /// The data is read under each hash of the record but SHA-256, for which what the ledger states counts:
 /// whoever asks has compared the files with that, or does. Throws kiroku::Error where data cannot be read or
@@ -34,11 +37,22 @@ struct CaseEvidence {
 CaseEvidence judge_case_evidence(const CaseFolder& folder, const CaseData& data,
                                  const evidence::EvidenceRecord& record, const evidence::JudgingRules& rules);
 
-/// Judges the record of a case that was verified and not found tampered with; adds what it finds.
-/// `signatures`: those on which the case's valid tokens rest. Nothing where there is no record.
-std::optional<EvidenceReport> check_case_evidence(const CaseFolder& folder, const std::string& case_id,
-                                                  const VerifyOptions& options,
-                                                  const std::vector<timestamp::SignatureUse>& signatures,
-                                                  FindingList& findings);
+/// A case as it was verified, as far as its record is judged by it.
+struct VerifiedCase {
+  std::string case_id;
+  std::uint64_t entries = 0;
+  crypto::Sha256Digest root{};                      // RFC 6962, over their lines
+  std::vector<timestamp::SignatureUse> signatures;  // on which its valid tokens rest
+  std::vector<StampedToken> tokens, outside;  // its valid ones, and those of outside authorities among them
+};
+/// Judges the record of a case that was verified and not found tampered with; adds what it finds. Nothing
+/// where there is no record.
+std::optional<EvidenceReport> check_case_evidence(const CaseFolder& folder, const VerifiedCase& verified,
+                                                  const VerifyOptions& options, FindingList& findings);
+
+/// Of what has no evidence record, an excerpt or a log: adds what the policy says of it, and that a record
+/// that was given was not judged. `what`: "an excerpt".
+void check_without_evidence(const std::string& what, const VerifyOptions& options,
+                            const std::vector<timestamp::SignatureUse>& signatures, FindingList& findings);
 
 }  // namespace kiroku::archive

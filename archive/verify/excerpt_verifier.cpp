@@ -11,6 +11,7 @@
 #include "archive/format/case_layout.h"
 #include "archive/format/excerpt_document.h"
 #include "archive/verify/authority_files.h"
+#include "archive/verify/case_evidence.h"
 #include "archive/verify/case_rules.h"
 #include "archive/verify/folder_names.h"
 #include "archive/verify/log_rules.h"
@@ -344,6 +345,7 @@ class ExcerptVerification {
     report.contents = files_.contents();
     report.brackets = rules_.tokens().brackets(document_.first_entry,
                                                document_.first_entry + std::max<std::uint64_t>(1, lines_));
+    check_without_evidence("an excerpt", options_, rules_.tokens().signatures(), findings_);
     report.verdict = verdict_of_excerpt(findings_.worst());
     report.findings = findings_.take();
     return report;

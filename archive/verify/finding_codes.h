@@ -152,6 +152,8 @@ inline constexpr auto kFindingCodes = std::to_array<FindingCode>({
     {"stream-ends-early", Severity::kUnproven,
      "a stream that is recorded as it comes holds nothing for more than 10 s before close, and no gap says "
      "why"},
+    {"gap-beyond-end", Severity::kUnproven,
+     "a gap is stated to end more than 2 s after both close and the last segment of its stream"},
     {"segment-in-future", Severity::kUnproven,
      "a counted segment of a stream that is recorded as it comes ends more than 2 s after its entry was "
      "written"},

@@ -88,7 +88,9 @@ ordered_json authority_json(const StampingAuthority& authority) {
 ordered_json evidence_json(const EvidenceReport& evidence) {
   return {{"file", evidence.file},
           {"holds", evidence.holds},
-          {"time", time_proof_name(evidence.outside ? TimeProof::kExternal : TimeProof::kSelfIssued)},
+          {"time", evidence.holds ? ordered_json(time_proof_name(evidence.outside ? TimeProof::kExternal
+                                                                                  : TimeProof::kSelfIssued))
+                                  : ordered_json(nullptr)},
           {"since", or_null(evidence.since)},
           {"newest", or_null(evidence.newest)},
           {"ends", or_null(evidence.ends)},

@@ -133,6 +133,7 @@ void StreamRules::check_seam(const SegmentEntry& segment, std::uint64_t entry) {
 }
 
 void StreamRules::take(const GapEntry& gap, std::uint64_t entry) {
+  if (!latest_gap_ || gap.span.end_ns > latest_gap_->end_ns) latest_gap_ = {gap.span.end_ns, entry};
   if (gap.of_sound) {
     // It excuses no hole between segments, and no segment that was cut off.
     findings_->add("sound-gap", {std::string(kLedgerFile), entry},
@@ -354,10 +355,21 @@ void StreamRules::check_length(const Span& recorded) {
   }
 }
 
+// Whoever adds the gaps up reads from them how much of the operation is missing.
+void StreamRules::check_gaps_end(const Span& recorded) {
+  const std::int64_t end_ns = std::max(recorded.end_ns, end_ns_.value_or(recorded.end_ns));
+  if (!latest_gap_ || latest_gap_->end_ns - end_ns <= kGapBeyondEndToleranceNs) return;
+  findings_->add("gap-beyond-end", {std::string(kLedgerFile), latest_gap_->entry},
+                 "a gap of " + report_.info.name + " is stated to last until " +
+                     in_seconds(latest_gap_->end_ns) + " s, and the case was closed at " +
+                     in_seconds(recorded.end_ns) + " s: the length of its gaps is no time of the operation");
+}
+
 void StreamRules::finish(std::optional<Span> recorded, std::optional<std::int64_t> lines_begin_ns) {
   join_gaps();
   if (recorded) {
     check_ends(*recorded);
+    check_gaps_end(*recorded);
   }
   check_fillings();
   for (const Hole& hole : holes_) {

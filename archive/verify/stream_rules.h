@@ -6,6 +6,7 @@
 //   entries of the stream (before or after it in the ledger) must cover the time between; it never begins
 //   earlier.
 // - A stream that is recorded as it comes has something, or a gap, from the case's beginning to its end.
+// - No gap ends later than both the case and the stream's last segment: that time has not come.
 // - A segment without counts is one that recovery found: a `recovered` stands before it.
 // - An incomplete segment is explained by `recovered`, `close` or a `gap` of its stream between the segments
 //   around it; one that recovery found, by that.
@@ -29,6 +30,7 @@ inline constexpr std::int64_t kSeamToleranceNs = 1'000'000;
 /// A recorder states as a gap what lacks for more than 1 s at a case's beginning, and at the moment at which
 /// it stops; then it has the rest of its pictures and its last files to write before `close`.
 inline constexpr std::int64_t kLateBeginToleranceNs = 2'000'000'000;
+inline constexpr std::int64_t kGapBeyondEndToleranceNs = 2'000'000'000;
 inline constexpr std::int64_t kEarlyEndToleranceNs = 10'000'000'000;
 /// Format 1 has segments of 10 s at most, whatever is in them; the last frame is shown until the next one.
 inline constexpr std::int64_t kLongestCountedSegmentNs = 11'000'000'000;
@@ -103,6 +105,7 @@ class StreamRules {
   /// Demands a gap where a stream has nothing at the case's beginning or end.
   void check_ends(const Span& recorded);
   void check_length(const Span& recorded);
+  void check_gaps_end(const Span& recorded);
   void check_fillings();
   void check_seam(const SegmentEntry& segment, std::uint64_t entry);
   /// Of a segment's file of this stream; nothing for any other path.
@@ -123,6 +126,11 @@ class StreamRules {
   std::optional<std::int64_t> end_ns_;
   std::vector<Span> gaps_;
   std::optional<Span> all_gaps_;  // from the earliest start to the latest end
+  struct StatedGap {
+    std::int64_t end_ns = 0;
+    std::uint64_t entry = 0;
+  };
+  std::optional<StatedGap> latest_gap_;  // of pictures or of sound
   std::vector<Hole> holes_;
   std::vector<Filling> fillings_;
   std::optional<Span> silence_, longest_silence_;  // of samples: segments in a row without one

@@ -52,6 +52,8 @@ class TokenRules {
   [[nodiscard]] std::uint64_t outside_count() const { return outside_.size(); }
   [[nodiscard]] std::uint64_t own_count() const { return valid_.size() - outside_.size(); }
   [[nodiscard]] std::vector<ProvingToken> proving() const;
+  [[nodiscard]] const std::vector<StampedToken>& valid() const { return valid_; }
+  [[nodiscard]] const std::vector<StampedToken>& outside() const { return outside_; }
   [[nodiscard]] std::vector<Bracket> brackets(std::uint64_t first, std::uint64_t entries) const;
   [[nodiscard]] const std::vector<AuthorityClock>& clocks() const { return clocks_; }
   /// After finish(): of the tokens that prove time.

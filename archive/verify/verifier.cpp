@@ -326,8 +326,11 @@ class CaseVerification {
     report.brackets = rules_.tokens().brackets(0, tree_.size());
     report.clocks = rules_.tokens().clocks();
     if (findings_.worst() != Severity::kTampered) {
-      report.evidence =
-          check_case_evidence(folder_, report.case_id, options_, rules_.tokens().signatures(), findings_);
+      const TokenRules& tokens = rules_.tokens();
+      report.evidence = check_case_evidence(
+          folder_,
+          {report.case_id, tree_.size(), tree_.root(), tokens.signatures(), tokens.valid(), tokens.outside()},
+          options_, findings_);
     }
     report.verdict = verdict_of(findings_.worst());
     report.findings = findings_.take();
@@ -502,6 +505,7 @@ VerificationReport verify_log(const std::filesystem::path& folder, const VerifyO
     if (!log.gave_up) {
       look_for_cases(log, folder, findings);
     }
+    check_without_evidence("an appliance log", options, {}, findings);
     report.device = log.device;
     report.entries = log.entries;
     report.checkpoints = log.checkpoints;

@@ -71,7 +71,21 @@ struct Shared {
   Tally strangers{};                       // complaints of peers who delivered nothing, by name and address
   Tally senders{kMostTallied, kToldEach};  // and of all others
   std::atomic<std::uint64_t> refused = 0;
+  AttemptGuard handshakes{options.handshakes};
+  std::set<std::string> monitors{};  // addresses that delivered a message, the first ones
   std::set<std::shared_ptr<Connection>> connections{};
+
+  [[nodiscard]] bool must_wait(const std::string& holder) const {
+    return !monitors.contains(holder) &&
+           handshakes.wait(holder, AttemptGuard::Clock::now()) > std::chrono::seconds(0);
+  }
+  void note_end(const std::string& holder, bool delivered) {
+    if (!delivered) handshakes.failed(holder, AttemptGuard::Clock::now());
+  }
+  void note_message(const std::string& holder) {
+    handshakes.succeeded(holder);
+    if (monitors.size() < kMostTallied) monitors.insert(holder);
+  }
 
   void complain_of_stranger(const std::string& name, const std::string& text, const std::string& peer) {
     complain(strangers, 1, name, text, peer);
@@ -128,6 +142,7 @@ class StreamConnection : public Connection, public std::enable_shared_from_this<
     limit_.cancel();
     again_.cancel();
     socket_of(stream_).close(ignored);
+    if (std::is_same_v<Stream, TlsStream> && place_) shared_.note_end(address_holder(peer_), delivered_);
     place_.reset();
     shared_.connections.erase(this->shared_from_this());
   }
@@ -201,6 +216,7 @@ class StreamConnection : public Connection, public std::enable_shared_from_this<
     try {
       answer = shared_.taker(offered_, peer_);
       if (answer) {
+        if (!delivered_) shared_.note_message(address_holder(peer_));
         delivered_ = true;
         if (place_) place_->note(ConnectionPlaces::Standing::kSpoken);
       }
@@ -360,6 +376,15 @@ struct MllpServer::State {
       ++shared.refused;
       shared.complain_of_stranger("connection-refused",
                                   "a connection was refused: this address may not send here", peer);
+      return;
+    }
+    if (tls && shared.must_wait(address_holder(peer))) {
+      ++shared.refused;
+      shared.complain_of_stranger(
+          "connection-refused",
+          "a connection was refused: too many TLS connections of this address brought "
+          "no message, so it has to wait",
+          peer);
       return;
     }
     socket.set_option(tcp::no_delay(true), ignored);

@@ -11,6 +11,7 @@
 #include <string_view>
 #include <vector>
 
+#include "base/attempt_guard.h"
 #include "base/network_address.h"
 
 namespace kiroku::recorder {
@@ -33,6 +34,12 @@ class MllpServer {
     std::chrono::seconds idle_limit = std::chrono::hours(1);
     std::chrono::seconds stall_limit = std::chrono::minutes(1);
     std::chrono::seconds handshake_limit{10};  // of TLS
+    /// Over TLS, of an address that delivered no message yet: connections that bring none count as failures.
+    /// Who has to wait is closed before the handshake.
+    AttemptLimits handshakes{.free_failures = 16,
+                             .first_wait = std::chrono::seconds(2),
+                             .longest_wait = std::chrono::seconds(30),
+                             .memory = std::chrono::minutes(10)};
     /// PEM files; TLS (1.2 at least) if there is a certificate. With `clients` only who has a certificate
     /// issued by one of those is let in.
     std::string certificate, key, clients;
@@ -58,7 +65,8 @@ class MllpServer {
   [[nodiscard]] std::uint16_t port() const;
   /// Why options cannot be served because nothing says who may connect; "" where something does.
   [[nodiscard]] static std::string trust_problem(const Options& options);
-  /// Connections that were refused: from addresses that may not connect, or without a certificate.
+  /// Connections that were refused: from addresses that may not connect or have to wait, or without a
+  /// certificate.
   [[nodiscard]] std::uint64_t refused() const;
   /// Begins to serve; once.
   void start();

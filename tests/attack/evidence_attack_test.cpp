@@ -1,14 +1,20 @@
 // Attacks on a case's evidence record. It lies beside the case, so anybody may remove, swap or change it:
 // that never makes a verdict better, and a record that proves nothing of the case is told.
 #include <algorithm>
+#include <fcntl.h>
 #include <map>
 
+#include <gmock/gmock.h>
+
 #include "archive/format/case_layout.h"
+#include "archive/reading/excerpt.h"
 #include "archive/upkeep/evidence_renewal.h"
 #include "archive/verify/case_evidence.h"
 #include "base/error.h"
 #include "tests/attack/attack_table.h"
+#include "tests/attack/attacked_case.h"
 #include "tests/support/evidence_kit.h"
+#include "tests/support/report_text.h"
 
 namespace kiroku::test {
 namespace {
@@ -58,6 +64,7 @@ class EvidenceAttack : public ::testing::Test {
     EXPECT_EQ(verify().verdict, Verdict::kIntact) << what;
     EXPECT_TRUE(has(verify(), "evidence-refused") || has(verify(), "evidence-not-checked")) << what;
     EXPECT_FALSE(has(verify(), "evidence-holds")) << what;
+    EXPECT_FALSE(verify().evidence->since) << "whoever made it chose its times";
     EXPECT_EQ(verify(&ended()).verdict, Verdict::kUnproven) << what;
     EXPECT_EQ(verify(nullptr, record(first_)).verdict, Verdict::kUnproven) << what;
     EXPECT_TRUE(has(verify(nullptr, record(first_)), "evidence-asked-for")) << what;
@@ -155,6 +162,170 @@ TEST_F(EvidenceAttack, ARecordOfAPartIsNoRecordOfTheCase) {
   std::swap(trust_, own);
   EXPECT_TRUE(has(verify(&ended()), "evidence-holds"));
   EXPECT_EQ(verify(&ended()).verdict, Verdict::kUnproven);
+}
+
+// In 2030 the device's signatures count no more, so whoever wants may sign in the device's name. What stands
+// behind the record's lines is no older than they say.
+TEST_F(EvidenceAttack, WhatIsAddedBehindTheRecordsLinesRestsOnWhatEnded) {
+  AttackedCase attacked(first_);
+  fs::create_directory(attacked.outside("evidence"));
+  fs::copy_file(record(first_), record(attacked.folder()));
+  attacked.append(archive::ErasedEntry{"endoscope", 0, 0, "thirty days"});
+  const std::size_t size = attacked.lines().size();
+  attacked.write_note(size, attacked.origin(), size, attacked.root(size), archive_.key(),
+                      SampleArchive::kDeviceName);
+  fs::remove(attacked / "segments/endoscope/00000000.ts.age");
+  archive::VerifyOptions options;
+  options.devices = {archive_.device()};
+  options.trust = &trust_;
+  options.now = day("2033-11-01");
+  const VerificationReport without = archive::verify_case(attacked.folder(), options);
+  EXPECT_EQ(without.verdict, Verdict::kIntactWithGaps);
+  ASSERT_TRUE(has(without, "evidence-holds"));
+  EXPECT_EQ(without.evidence->entries, size - 1);
+  EXPECT_THAT(details(without), testing::HasSubstr("the first " + std::to_string(size - 1) + " of " +
+                                                   std::to_string(size) + " entries"));
+  options.policy = &ended();
+  const VerificationReport report = archive::verify_case(attacked.folder(), options);
+  EXPECT_EQ(report.verdict, Verdict::kUnproven);
+  EXPECT_TRUE(has(report, "evidence-holds"));
+  EXPECT_THAT(details(report),
+              testing::HasSubstr("on which its entries from " + std::to_string(size - 1) + " on rest"));
+
+  // A later chain that takes the erasure in makes up for it if it began in time, and not if it came later.
+  const auto covered_at = [&](const std::string& today) {
+    const archive::CaseFolder folder = archive::CaseFolder::open(attacked.folder());
+    const archive::CaseData data = archive::read_case_data(folder);
+    evidence::HashList group;
+    for (const auto& [lines, hash] :
+         archive::hash_ledger_at(folder, {size - 1, size}, crypto::HashAlgorithm::kSha256))
+      group.push_back(hash);
+    for (const archive::NamedFile& named : data.files)
+      group.push_back(archive::hash_named_file(folder, named, crypto::HashAlgorithm::kSha256));
+    evidence::EvidenceRecord beginning = *evidence::parse_record(bytes_of(read_file(record(first_)))).record;
+    beginning.chains.front().resize(1);
+    write_file(record(attacked.folder()),
+               std::string(text_of(evidence::encode_record(evidence::renew_hash_trees(
+                   {beginning}, crypto::HashAlgorithm::kSha256, {group}, outside_.at(today))[0]))));
+    return archive::verify_case(attacked.folder(), options);
+  };
+  EXPECT_EQ(covered_at("2029-06-01").verdict, Verdict::kIntactWithGaps);
+  EXPECT_EQ(covered_at("2030-01-01").verdict, Verdict::kUnproven);
+}
+
+// An authority that states a time before that of the tokens which the record covers has a wrong clock, or is
+// the recorder's own.
+TEST_F(EvidenceAttack, ARecordIsNotOlderThanTheTokensThatItCovers) {
+  PlayedAuthority back_dated("Back-dated", "2020-01-01", "2050-01-01");
+  const TestAuthority of_case = make_test_authority();
+  archive_.authority_answer = [&](const std::string& note, UtcTime time) {
+    const crypto::Sha256Digest imprint = crypto::sha256(bytes_of(note));
+    TokenRecipe recipe;
+    recipe.imprint = to_bytes(ByteView(imprint));
+    recipe.gen_time = format_utc_compact(time).erase(8, 1);  // without the T
+    recipe.signer = &of_case.signer;
+    recipe.enclosed = {of_case.signer.certificate.get(), of_case.ca.certificate.get()};
+    return make_response(make_token(recipe));
+  };
+  const fs::path stamped = SampleCase::write(archive_);
+  const auto judged = [&](bool case_outside, bool record_outside, const std::string& today) {
+    timestamp::TrustStore trust;
+    const auto add = [&](const std::string& pem, bool outside, const char* name) {
+      if (outside) {
+        trust.add_trusted(bytes_of(pem), name);
+      } else {
+        trust.add_own_authority(bytes_of(pem), name);
+      }
+    };
+    add(of_case.root_pem(), case_outside, "of the case");
+    add(back_dated.root_pem(), record_outside, "of the record");
+    fs::remove(record(stamped));
+    archive::renew_evidence(archive::real_file_system(), {stamped},
+                            {.trust = &trust, .now = day("2035-01-01"), .stamp = back_dated.at(today)});
+    archive::VerifyOptions options = archive_.options();
+    options.trust = &trust;
+    options.now = day("2035-01-01");
+    return archive::verify_case(stamped, options);
+  };
+  for (const bool record_outside : {true, false}) {
+    const VerificationReport report = judged(true, record_outside, "2021-01-01");
+    EXPECT_EQ(report.verdict, Verdict::kIntact) << details(report);
+    ASSERT_TRUE(has(report, "evidence-refused")) << details(report);
+    EXPECT_THAT(details(report), testing::HasSubstr("one of the two authorities states a wrong time"));
+    EXPECT_FALSE(report.evidence->since) << "a time that nothing proves is told nowhere";
+    EXPECT_TRUE(has(judged(true, record_outside, "2027-01-01"), "evidence-holds"));
+  }
+  EXPECT_TRUE(has(judged(false, false, "2021-01-01"), "evidence-refused"));
+  EXPECT_TRUE(has(judged(false, true, "2021-01-01"), "evidence-holds"))
+      << "the recorder's clock may be ahead";
+}
+
+// What has no record of its own is not proved by anything once its algorithms have ended.
+TEST_F(EvidenceAttack, AnExcerptAndALogThatRestOnWhatEndedAreUnproven) {
+  const fs::path excerpt = first_.parent_path().parent_path() / "excerpt";
+  archive::ExcerptOptions part;
+  part.from_ns = 0;
+  part.to_ns = 3'000'000'000;
+  part.streams = {"endoscope"};
+  archive::make_excerpt(first_, part, excerpt);
+  archive::VerifyOptions options = archive_.options();
+  options.trust = &trust_;
+  options.now = day("2028-01-01");
+  options.policy = &ended();
+  const fs::path log = *options.log;
+  const auto verdicts = [&] {
+    return std::vector<Verdict>{archive::verify_case(excerpt, options).verdict,
+                                archive::verify_log(log, options).verdict};
+  };
+  EXPECT_THAT(verdicts(), testing::ElementsAre(Verdict::kIntactExcerpt, Verdict::kIntact));
+  options.now = day("2031-01-01");
+  EXPECT_THAT(verdicts(), testing::Each(Verdict::kUnproven));
+  EXPECT_TRUE(has(archive::verify_case(excerpt, options), "algorithm-ended"));
+
+  // A record that was given and that nothing looked at is told.
+  options.now = day("2028-01-01");
+  options.evidence = record(first_);
+  EXPECT_THAT(verdicts(), testing::Each(Verdict::kUnproven));
+  EXPECT_TRUE(has(archive::verify_log(log, options), "evidence-asked-for"));
+}
+
+/// Shows another ledger when the case has been verified.
+class SwappedLedger : public archive::FileReading {
+ public:
+  explicit SwappedLedger(fs::path instead) : instead_(std::move(instead)) {}
+  int open_at(int folder, const std::string& name, int flags, const fs::path& path) const override {
+    if (name != "ledger.jsonl" || opened_++ < kOpenedToVerify)
+      return FileReading::open_at(folder, name, flags, path);
+    return FileReading::open_at(AT_FDCWD, instead_.native(), flags, instead_);
+  }
+
+ private:
+  static constexpr int kOpenedToVerify = 2;
+  fs::path instead_;
+  mutable int opened_ = 0;
+};
+
+// Whoever serves the files shows verification one ledger, and the record the one that it covers.
+TEST_F(EvidenceAttack, ARecordIsOfTheLedgerThatWasVerified) {
+  AttackedCase attacked(first_);
+  const fs::path genuine = attacked.outside("genuine");
+  fs::copy_file(attacked / "ledger.jsonl", genuine);
+  fs::create_directory(attacked.outside("evidence"));
+  fs::copy_file(record(first_), record(attacked.folder()));
+  attacked.append(archive::ErasedEntry{"endoscope", 0, 0, "thirty days"});
+  const std::size_t size = attacked.lines().size();
+  attacked.write_note(size, attacked.origin(), size, attacked.root(size), archive_.key(),
+                      SampleArchive::kDeviceName);
+  const SwappedLedger swapped(genuine);
+  archive::VerifyOptions options;
+  options.devices = {archive_.device()};
+  options.trust = &trust_;
+  options.now = day("2033-11-01");
+  options.files = &swapped;
+  const VerificationReport report = archive::verify_case(attacked.folder(), options);
+  EXPECT_FALSE(has(report, "evidence-holds"));
+  EXPECT_TRUE(has(report, "evidence-not-checked"));
+  EXPECT_THAT(details(report), testing::HasSubstr("the ledger changed while the case was verified"));
 }
 
 /// Counts how often each file is opened.

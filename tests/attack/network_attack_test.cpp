@@ -331,6 +331,52 @@ TEST(MonitorAttack, AMonitorThatAsksToResumeItsSessionIsServed) {
   server.stop();
 }
 
+// Each handshake costs a signature, on the thread that takes the monitors' messages.
+TEST(MonitorAttack, TlsConnectionsThatBringNoMessageAreSlowedDown) {
+  const test::TemporaryFolder folder;
+  const test::ClientAuthority authority(folder.path(), "monitors");
+  MllpServer::Options options;
+  options.address = "127.0.0.1";
+  options.port = 0;
+  options.allow_anybody = true;
+  options.certificate = options.key = authority.issue("recorder");
+  options.handshakes.free_failures = 4;
+  options.handshakes.first_wait = options.handshakes.longest_wait = 1h;
+  MllpServer server(
+      options, [](std::string_view, const std::string&) { return std::optional<std::string>("ACK"); },
+      [](const std::string&, const std::string&, const std::string&) {});
+  server.start();
+  namespace asio = boost::asio;
+  asio::io_context io;
+  asio::ssl::context tls(asio::ssl::context::tls_client);
+  /// Whether it came through the handshake, and if it brings a message, whether that was answered.
+  const auto connect = [&](const char* from, bool brings_message) {
+    asio::ssl::stream<asio::ip::tcp::socket> stream(io, tls);
+    asio::ip::tcp::socket& socket = stream.next_layer();
+    boost::system::error_code failed;
+    socket.open(asio::ip::tcp::v4());
+    socket.bind({asio::ip::make_address(from), 0});
+    socket.connect({asio::ip::make_address("127.0.0.1"), server.port()});
+    stream.handshake(asio::ssl::stream_base::client, failed);
+    if (failed || !brings_message) return !failed;
+    asio::write(stream, asio::buffer(mllp_frame("MSH|")), failed);
+    std::array<char, 16> answer{};
+    return stream.read_some(asio::buffer(answer), failed) > 0;
+  };
+  ASSERT_TRUE(connect("127.0.0.3", true));
+  int served = 0;
+  for (int i = 0; i < 100; ++i) served += connect("127.0.0.2", false) ? 1 : 0;
+  // A connection counts when its end has reached the server, which the next ones need not wait for.
+  EXPECT_LT(served, 60);
+  EXPECT_GT(server.refused(), 0U);
+  EXPECT_FALSE(connect("127.0.0.2", true));
+  // A monitor of another address is served, and one that delivered waits for nothing.
+  EXPECT_TRUE(connect("127.0.0.4", true));
+  for (int i = 0; i < 20; ++i) EXPECT_TRUE(connect("127.0.0.3", false));
+  EXPECT_TRUE(connect("127.0.0.3", true));
+  server.stop();
+}
+
 TEST(MonitorAttack, ATableHoldsNoFormula) {
   std::string table;
   media::VitalsTable writer([&](ByteView bytes) { table += text_of(bytes); }, 0);

@@ -18,7 +18,7 @@ from log_verifier import LogRead
 from stamp import nanoseconds
 from verifier import (LARGEST_CERTIFICATES, LARGEST_NOTE, Folder, Judgement, Ledger, number_of, outside_notes, sha256_of, size_of_note, token_of_path)
 
-SEAM, LATE_BEGIN, EARLY_END, FUTURE = 1_000_000, 2 * SECOND, 10 * SECOND, 2 * SECOND
+SEAM, LATE_BEGIN, EARLY_END, FUTURE, GAP_BEYOND_END = 1_000_000, 2 * SECOND, 10 * SECOND, 2 * SECOND, 2 * SECOND
 LONGEST_SEGMENT, LONGEST_SILENCE, WALL_CLOCK = 11 * SECOND, 60 * SECOND, 60 * SECOND
 LARGEST_SEALED, LARGEST_TOKEN = 1 << 30, 1 << 20
 EXTENSIONS = {"video/mp2t": "ts", "video/x-matroska": "mkv", "application/jsonl": "jsonl"}
@@ -39,7 +39,7 @@ class Stream:
         self.segments = self.frames = self.dropped = self.bytes = 0
         self.holes, self.gaps, self.fillings, self.erased = [], [], [], []
         self.silence = None
-        self.longest_silence = 0
+        self.longest_silence = self.latest_gap = 0
         self.entered = set()
         self.of_pictures = self.info["media"] != "application/jsonl"     # by what its files hold: a name is the writer's
         self.of_marks = self.info["kind"] == "events" and not self.of_pictures
@@ -119,6 +119,7 @@ class Stream:
                 self.longest_silence = max(self.longest_silence, segment["end_ns"] - self.silence)
 
     def take_gap(self, gap):
+        self.latest_gap = max(self.latest_gap, gap["end_ns"])
         if gap.get("of") == "sound":
             self.report("sound-gap", gap["stream"])
             return
@@ -151,6 +152,8 @@ class Stream:
     def finish(self, recorded, lines_begin):
         if recorded and not self.of_marks:
             self._check_ends(*recorded)
+        if recorded and self.latest_gap - max(recorded[1], self.end or 0) > GAP_BEYOND_END:
+            self.report("gap-beyond-end", self.info["name"])
         self._check_fillings()
         for begin, end in self.holes:
             left = self.uncovered(begin, end)

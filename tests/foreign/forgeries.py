@@ -769,6 +769,14 @@ def early_end(world):
     return world.write(world.end(case, 20_040 * MS))
 
 
+@reaches("gap-beyond-end")
+def gap_beyond_the_end(world):
+    case = world.sound()
+    at = case.steps.index(case.find("close"))
+    case.steps.insert(at, Entry("gap", case.steps[at].mono_ns, {"stream": "vitals", "start_ns": 20 * SECOND, "end_ns": 36_000 * SECOND, "cause": "signal-lost"}))
+    return world.write(case)
+
+
 @reaches("segment-in-future")
 def segment_of_the_future(world):
     case = world.sound()

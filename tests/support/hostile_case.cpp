@@ -5,7 +5,9 @@
 #include <utility>
 
 #include "archive/format/case_layout.h"
+#include "archive/verify/case_data.h"
 #include "crypto/encoding.h"
+#include "evidence/record.h"
 #include "tests/support/nanoseconds.h"
 #include "tests/support/token_maker.h"
 
@@ -378,6 +380,46 @@ void excerpt_of_list(const fs::path& parent, const std::string& key, std::string
   std::ofstream(file) << text << '\n';
 }
 
+/// A record beside the case that covers the ledger's first lines and is not made by anybody: `chains` chains,
+/// each with a list of so many values.
+void write_record(const HostileCase& of, std::uint64_t lines, std::size_t chains, std::size_t values) {
+  using crypto::HashAlgorithm;
+  const archive::CaseFolder folder = archive::CaseFolder::open(of.folder());
+  evidence::HashList list{archive::hash_ledger_at(folder, {lines}, HashAlgorithm::kSha256).at(lines)};
+  for (std::size_t i = 0; i < values; ++i) {
+    list.push_back(crypto::digest(HashAlgorithm::kSha256, bytes_of(std::to_string(i))));
+  }
+  evidence::ArchiveTimeStamp time_stamp;
+  time_stamp.digest_algorithm = evidence::named_hash(HashAlgorithm::kSha256);
+  time_stamp.reduced_tree = {list};
+  time_stamp.token = {std::byte{0x30}, std::byte{0x02}, std::byte{0x05}, std::byte{0x00}};
+  evidence::EvidenceRecord record;
+  record.digest_algorithms = {evidence::named_hash(HashAlgorithm::kSha256)};
+  record.chains.assign(chains, {time_stamp});
+  const fs::path file = archive::evidence_file(of.folder(), HostileCase::kCaseId);
+  fs::create_directory(file.parent_path());
+  std::ofstream(file, std::ios::binary) << text_of(evidence::encode_record(record));
+}
+
+void record_of_values(const fs::path& parent, std::uint64_t bytes, std::size_t chains) {
+  constexpr std::size_t kBytesOfValue = 34;
+  HostileCase of(parent, 1);
+  of.add(archive::MarkEntry{});
+  of.finish();
+  const std::uint64_t most = std::min<std::uint64_t>(bytes, evidence::kMaximumRecordBytes * 9 / 10);
+  write_record(of, of.size(), chains, static_cast<std::size_t>(most) / kBytesOfValue / chains);
+}
+
+/// Each of its chains is asked for each file.
+void record_beside_many_files(const fs::path& parent, std::uint64_t bytes) {
+  HostileCase of(parent, 1);
+  while (of.bytes() < bytes) {
+    of.add(of.next_segment(true));
+  }
+  of.finish();
+  write_record(of, of.size(), evidence::kMostChains, 1);
+}
+
 void log_of_cases(const fs::path& parent, std::uint64_t bytes) {
   HostileLog log(parent);
   for (std::uint64_t i = 0; log.bytes() < bytes; ++i) {
@@ -451,6 +493,12 @@ std::vector<HostileForm> all_forms() {
     write_case(parent, bytes, kMostStreams, "x", files_that_nothing_names);
   });
   add("many files and folders", many_folders);
+  add("record of many values",
+      [](const fs::path& parent, std::uint64_t bytes) { record_of_values(parent, bytes, 1); });
+  add("record of many chains", [](const fs::path& parent, std::uint64_t bytes) {
+    record_of_values(parent, bytes, evidence::kMostChains);
+  });
+  add("record of many chains beside many files", record_beside_many_files);
   add("excerpt: note a line", [](const fs::path& parent, std::uint64_t bytes) {
     write_excerpt(
         parent, [](HostileCase& of) { of.add(archive::MarkEntry{}); },

@@ -165,6 +165,9 @@ for profile in mpeg2 lossless; do
     sign "$fresh"' | .[0].streams[].timing = "source" | .[-1].mono_ns += 12e9' && of_kiroku 0
     expect 0 '^remark: endoscope, which was read from .* of a case from 0 to 17' verify.sh "$copy"
     expect 0 '^INTACT: ' verify.sh "$copy"
+    # A gap of ten hours in a case of a few seconds.
+    sign "$fresh"' | .[-1] as $close | .[:-1] + [{type: "gap", stream: "room", start_ns: $close.mono_ns, end_ns: 36e12, cause: "signal-lost"} + ($close | {utc, mono_ns}), $close]' && of_kiroku 3
+    expect 2 '^COULD NOT CHECK: .*a gap of room is stated until 36000 s' verify.sh "$copy"
     # Nothing was recorded in the hour of which the opening says that it was recorded ahead.
     sign "$fresh"' | .[].mono_ns += 36e11 | (.[] | select(.start_ns)) |= (.start_ns += 36e11 | .end_ns += 36e11) | .[0].begins_ns = 1' && of_kiroku 3
     expect 2 '^COULD NOT CHECK: .*nothing is there before' verify.sh "$copy"

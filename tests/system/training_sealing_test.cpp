@@ -23,11 +23,11 @@ namespace fs = std::filesystem;
 class TrainingSealing : public ProgramTest {
  protected:
   /// A room whose results lie beside the home, and a trainee.
-  void open(const fs::path& home_folder) {
+  void open(const fs::path& home_folder, std::uint64_t left = viewer::kLeftToRecorder) {
     home_.emplace(home_folder);
     viewer::TrainingOptions options;
     options.database = folder() / "training.sqlite";
-    options.sealer = apps::make_page_sealer(*home_);
+    options.sealer = apps::make_page_sealer(*home_, left);
     room_.emplace(std::move(options));
     room_->with_results([](trainer::TrainingDatabase& results) {
       results.add_trainee("Aoki", trainer::kStressShown, false);
@@ -190,7 +190,7 @@ TEST_F(TrainingSealing, AFullDiskMakesNoCaseAndTheAttemptIsSealedOnceThereIsRoom
   make_demo_home();
   const fs::path on_disk = disk.path() / "home";
   fs::copy(home(), on_disk, fs::copy_options::recursive);
-  open(on_disk);
+  open(on_disk, 0);  // what a recorder may need is the next test's
   const std::int64_t number = attempt();
   constexpr std::size_t kRoom = std::size_t{300} << 10U;
   std::ofstream(disk.path() / "reserve") << std::string(kRoom, 'x');
@@ -205,6 +205,25 @@ TEST_F(TrainingSealing, AFullDiskMakesNoCaseAndTheAttemptIsSealedOnceThereIsRoom
   EXPECT_EQ(case_of(number), sealed.case_id);
   EXPECT_EQ(cases(), std::vector{sealed.case_id});
   EXPECT_THAT(refusal(number), HasSubstr("already"));
+}
+
+// Cases of attempts lie on the recorder's disk.
+TEST_F(TrainingSealing, AttemptsLeaveARecorderItsRoom) {
+  const SmallDisk disk(24U << 20U);
+  if (!disk.mounted()) GTEST_SKIP() << "no file system can be mounted here";
+  make_demo_home();
+  const fs::path on_disk = disk.path() / "home";
+  fs::copy(home(), on_disk, fs::copy_options::recursive);
+  const auto free_on_disk = [&] { return fs::space(disk.path()).available; };
+  open(on_disk, free_on_disk() - (4U << 20U));
+  const std::int64_t number = attempt();
+  std::ofstream(disk.path() / "filler") << std::string(4U << 20U, 'x');
+  EXPECT_THAT(refusal(number), HasSubstr("the disk has no room"));
+  EXPECT_TRUE(cases().empty());
+  EXPECT_THROW((void)room_->options().sealer->keep(number + 1), viewer::Refusal);
+  fs::remove(disk.path() / "filler");
+  open(on_disk);
+  EXPECT_THROW((void)room_->options().sealer->keep(number + 1), viewer::Refusal) << "a recorder needs more";
 }
 
 TEST_F(TrainingSealing, ACertificateIsWrittenInTheLanguageThatIsAskedFor) {

@@ -64,8 +64,9 @@ Caption caption_at(const Comparison& comparison, std::int64_t case_ns) {
   constexpr std::int64_t kHundredthNs = 10'000'000;
   Caption caption;
   caption.plan = plan_time(moment);
-  caption.recording = "Recording  " + archive::case_time_text(case_ns / kHundredthNs * kHundredthNs,
-                                                              comparison.case_begins_ns);
+  caption.recording =
+      "Recording, not verified  " +
+      archive::case_time_text(case_ns / kHundredthNs * kHundredthNs, comparison.case_begins_ns);
   if (case_ns < pieces.front().knots.front().case_ns) {
     caption.step = "before the first step";
   } else if (case_ns >= pieces.back().knots.back().case_ns) {

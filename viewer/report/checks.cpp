@@ -88,6 +88,16 @@ void withhold(std::vector<CheckAnswer>& answers, bool read) {
   }
 }
 
+/// Who can find another text with the same hash, or sign in the device's name, can write all of it anew.
+void withhold_what_ended(std::vector<CheckAnswer>& answers) {
+  for (CheckAnswer& each : answers) {
+    const bool rests_on_files = each.check != Check::kTime && each.check != Check::kContents;
+    const bool positive =
+        each.answer == Answer::kYes || each.answer == Answer::kWithGaps || each.answer == Answer::kInPart;
+    if (rests_on_files && positive) each.answer = Answer::kUnknown;
+  }
+}
+
 }  // namespace
 
 Tone tone_of(Answer answer) {
@@ -149,6 +159,9 @@ std::vector<CheckAnswer> answer_checks(const archive::VerificationReport& verifi
     answers.push_back({check, kept ? quiet : answer_of(worst), notes});
   }
   if (excerpt) withhold(answers, verification.excerpt.has_value());
+  if (std::ranges::find(verification.findings, kAlgorithmEnded, &archive::Finding::code) !=
+      verification.findings.end())
+    withhold_what_ended(answers);
   return answers;
 }
 

@@ -25,6 +25,9 @@ enum class Answer { kYes, kWithGaps, kInPart, kInsideOnly, kUnknown, kUnfinished
 Tone tone_of(Answer answer);
 std::string answer_words(Language language, Answer answer);
 
+/// The finding that takes every other answer along.
+inline constexpr std::string_view kAlgorithmEnded = "algorithm-ended";
+
 /// What the person who ordered the verification gave it.
 struct GivenFile {
   std::string name;
@@ -32,7 +35,8 @@ struct GivenFile {
 };
 struct Given {
   std::vector<GivenFile> devices, roots, log, identities;
-  std::vector<GivenFile> own_roots;  // of the recorder's own authority
+  std::vector<GivenFile> own_roots;         // of the recorder's own authority
+  std::vector<GivenFile> evidence, policy;  // one at most: the record that had to hold, the algorithms' ends
 };
 
 /// How the question stands. `notes` counts the findings of it that change nothing.

@@ -132,6 +132,8 @@ inline constexpr auto kFindingTexts = std::to_array<FindingText>({
      "到着時に記録される系統が、症例の開始から 2 秒を超えて何も含まず、欠落の記載もない。"},
     {"stream-ends-early", Check::kStreams,
      "到着時に記録される系統が、症例の終了前の 10 秒を超えて何も含まず、欠落の記載もない。"},
+    {"gap-beyond-end", Check::kStreams,
+     "欠落が、症例の終了と系統の最後の区間のいずれよりも 2 秒を超えて後に終わると記載されている。"},
     {"segment-in-future", Check::kStreams,
      "到着時に記録される系統の区間が、その項目が書かれた時より 2 秒を超えて後に終わる。"},
     {"segment-too-long", Check::kStreams,

@@ -99,6 +99,8 @@ class Layout {
 
  private:
   using Text = std::shared_ptr<const SetText>;
+  /// What runs over onto a page as its first lines alone has no page for itself.
+  static constexpr double kRest = 120;
 
   [[nodiscard]] Text set(const std::string& text, const TextStyle& style, double width) const {
     return std::make_shared<SetText>(type_.set(text, style, width));
@@ -369,7 +371,8 @@ class Layout {
   }
 
   void lay(const PageBreak& /*page_break*/, bool /*keep_whole*/) {
-    if (y_ > kTop) break_page();
+    const bool is_rest = pages_.size() > 1 && y_ < kTop + kRest;
+    if (y_ > kTop && !is_rest) break_page();
   }
 
   const Document& document_;

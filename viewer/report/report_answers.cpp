@@ -55,7 +55,8 @@ std::string ReportMaker::explanation(const CheckAnswer& answered) const {
   const Finding* gravest = nullptr;
   std::size_t all = 0;
   for (const Finding& finding : found_.findings) {
-    if (check_of(finding.code) != answered.check) continue;
+    const bool ended = answered.answer == Answer::kUnknown && finding.code == kAlgorithmEnded;
+    if (check_of(finding.code) != answered.check && !ended) continue;
     ++all;
     if (gravest == nullptr || finding.severity > gravest->severity) gravest = &finding;
   }
@@ -77,7 +78,8 @@ bool ReportMaker::only_counted() const {
 
 std::string ReportMaker::not_asked(Check check) const {
   if (check == Check::kLog) return words("check.log.not-asked");
-  if (check == Check::kEnd) return words("check.end.excerpt");
+  if (check == Check::kEnd)
+    return words(in_.facts.closed_at ? TextKey("check.end.excerpt.closed") : TextKey("check.end.excerpt"));
   return in_.given.identities.empty() ? words("check.contents.not-asked")
                                       : words("check.contents.none-opened");
 }

@@ -59,7 +59,9 @@ void ReportMaker::add_repeating() {
   const std::string name = document_.identifier.empty() ? "CASE" : document_.identifier;
   const Listing verify{{"kiroku verify " + (facts.excerpt ? "EXCERPT" : name) + " --device DEVICE.pub " +
                         (found_.time == archive::TimeProof::kSelfIssued ? "--own-authority OWN-AUTHORITY.pem"
-                                                                        : "--trust ROOTS.pem")}};
+                                                                        : "--trust ROOTS.pem") +
+                        (in_.given.evidence.empty() ? "" : " --evidence RECORD.ers") +
+                        (in_.given.policy.empty() ? "" : " --policy POLICY.toml")}};
   if (facts.excerpt) {
     paragraph(words("repeat.excerpt"));
     return add(verify);
@@ -110,6 +112,8 @@ std::string ReportMaker::given_words() const {
   list("given.roots", in_.given.roots);
   list("given.own-roots", in_.given.own_roots);
   list("given.log", in_.given.log);
+  list("given.evidence", in_.given.evidence);
+  list("given.policy", in_.given.policy);
   list("given.identity", in_.given.identities);
   return out.empty() ? words("about.given.nothing") : out;
 }

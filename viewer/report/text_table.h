@@ -174,6 +174,10 @@ inline constexpr auto kTexts = std::to_array<Text>({
      "症例は閉じられ、署名付きチェックポイントで覆われています。"},
     {"check.end.excerpt", "This is an excerpt: the end of the case is not part of it.",
      "抜粋のため、症例の終わりは含まれていません。"},
+    {"check.end.excerpt.closed",
+     "This is an excerpt. Its lines show that the case was closed; whether all before that was recorded is "
+     "not told by it.",
+     "抜粋です。症例が終了したことは項目が示しますが、それまでがすべて記録されたかは分かりません。"},
     {"check.device", "Was it made by a device that whoever ordered this check trusts?",
      "検査依頼者が信頼する装置で作られたか"},
     {"check.device.yes", "The key of {0} is among the trusted keys that were given.",
@@ -495,6 +499,8 @@ inline constexpr auto kTexts = std::to_array<Text>({
     {"given.roots", "trusted time-stamping roots: {0}", "信頼する時刻認証ルート：{0}"},
     {"given.own-roots", "roots of the recorder's own authority: {0}", "装置内蔵の時刻認証局のルート：{0}"},
     {"given.log", "appliance log: {0}", "装置ログ：{0}"},
+    {"given.evidence", "evidence record that had to hold: {0}", "成り立つべき証拠記録：{0}"},
+    {"given.policy", "until when algorithms count: {0}", "アルゴリズムの有効期限：{0}"},
     {"given.identity", "a key to open the recording: {0}", "記録を開く鍵：{0}"},
     {"about.lead",
      "This report describes what a program found in the case folder on the date above. The evidence is the "

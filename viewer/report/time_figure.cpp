@@ -27,8 +27,10 @@ constexpr std::int64_t kSecond = 1'000'000'000;
 
 class TimeFigure {
  public:
-  TimeFigure(std::int64_t begin_ns, std::int64_t end_ns, double width)
-      : begin_(begin_ns), end_(std::max(end_ns, begin_ns + 1)) {
+  /// `zero_ns`: where the case begins, from which its times are told. Of an excerpt what lies outside of
+  /// [begin_ns, end_ns] is not drawn: at an edge it would be told of a time that is not its own.
+  TimeFigure(std::int64_t zero_ns, std::int64_t begin_ns, std::int64_t end_ns, bool is_part, double width)
+      : zero_(zero_ns), begin_(begin_ns), end_(std::max(end_ns, begin_ns + 1)), is_part_(is_part) {
     figure_.width = width;
   }
 
@@ -39,6 +41,7 @@ class TimeFigure {
     if (stream.span.end_ns > stream.span.start_ns) bar(stream.span);
     std::optional<archive::Span> drawn;
     for (const archive::Span& gap : gaps) {
+      if (is_part_ && !archive::meets(gap, begin_, end_)) continue;
       if (drawn && x_of(gap.start_ns) < std::max(x_of(drawn->end_ns), x_of(drawn->start_ns) + kLeastGap)) {
         drawn->end_ns = std::max(drawn->end_ns, gap.end_ns);
         continue;
@@ -56,7 +59,9 @@ class TimeFigure {
     std::set<long> drawn;  // by place, as wide as a line
     for (const StatedToken& token : tokens) {
       if (!token.token.exchange) continue;
-      const double x = x_of(token.token.exchange->answered_ns);
+      const std::int64_t at = token.token.exchange->answered_ns;
+      if (is_part_ && (at < begin_ || at > end_)) continue;
+      const double x = x_of(at);
       if (!drawn.insert(std::lround(x / kWidth)).second) continue;
       figure_.shapes.emplace_back(Stroke{x, y_, x, y_ + kBar, Ink::kBlue, kWidth});
     }
@@ -70,8 +75,10 @@ class TimeFigure {
     const auto* step =
         std::ranges::find_if(kSteps, [&](std::int64_t each) { return seconds / each < kMostTicks; });
     const std::int64_t every = (step == kSteps.end() ? kSteps.back() : *step) * kSecond;
-    for (std::int64_t at = 0; begin_ + at <= end_; at += every) {
-      const double x = x_of(begin_ + at);
+    const std::int64_t before_first = (begin_ - zero_) % every;  // an excerpt begins anywhere
+    for (std::int64_t at = begin_ - zero_ + (before_first == 0 ? 0 : every - before_first);
+         zero_ + at <= end_; at += every) {
+      const double x = x_of(zero_ + at);
       figure_.shapes.emplace_back(Stroke{x, axis, x, axis + 3, Ink::kGrey, 0.5});
       const auto anchor = x > figure_.width - 20 ? Lettering::Anchor::kEnd : Lettering::Anchor::kMiddle;
       figure_.shapes.emplace_back(Lettering{x, axis + 11, case_time(at, false), kSmall, anchor});
@@ -106,7 +113,8 @@ class TimeFigure {
     }
   }
 
-  std::int64_t begin_, end_;
+  std::int64_t zero_, begin_, end_;
+  bool is_part_;
   double y_ = 2;
   Figure figure_;
 };
@@ -115,7 +123,8 @@ class TimeFigure {
 
 Figure time_figure(const archive::VerificationReport& verification, const CaseFacts& facts, Language language,
                    double width) {
-  std::int64_t begin = facts.opening ? facts.opening->begins_ns : 0;
+  const std::int64_t zero = facts.opening ? facts.opening->begins_ns : 0;
+  std::int64_t begin = zero;
   std::int64_t end = facts.last_ns;
   if (verification.excerpt) {
     begin = verification.excerpt->from_ns;
@@ -126,7 +135,7 @@ Figure time_figure(const archive::VerificationReport& verification, const CaseFa
       end = std::max(end, stream.span.end_ns);
     }
   }
-  TimeFigure figure(begin, end, width);
+  TimeFigure figure(zero, begin, end, verification.excerpt.has_value(), width);
   std::map<std::string, std::vector<archive::Span>> gaps;
   for (const archive::GapEntry& gap : facts.gaps) {
     if (!gap.of_sound) gaps[gap.stream].push_back(gap.span);

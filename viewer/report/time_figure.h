@@ -14,8 +14,8 @@ namespace kiroku::report {
 /// So many streams stand on a page beside their caption: more than a room has. A ledger may name 256.
 inline constexpr std::size_t kMostStreamsDrawn = 32;
 
-/// `width` in points. Of the first kMostStreamsDrawn streams. Gaps are drawn as crossed boxes at least as
-/// wide as can be seen.
+/// On the case's clock, from its beginning; of an excerpt its time alone. `width` in points. Of the first
+/// kMostStreamsDrawn streams. Gaps are drawn as crossed boxes at least as wide as can be seen.
 Figure time_figure(const archive::VerificationReport& verification, const CaseFacts& facts, Language language,
                    double width);
 

@@ -90,5 +90,14 @@ TEST(HashTree, RefusesNothingAtAll) {
   EXPECT_THROW(HashTree(kHash, {{hash_of(kHash, "a")}, {}}), UsageError);
 }
 
+TEST(HeldValuesTest, KnowsTheValuesOfAListAndHowManyDiffer) {
+  const HashList list{to_bytes("b"), to_bytes("a"), to_bytes("b"), to_bytes("\xFF"), to_bytes("ab")};
+  const HeldValues held(list);
+  EXPECT_EQ(held.size(), 4U);
+  for (const Bytes& value : list) EXPECT_TRUE(held.contains(value));
+  for (const char* other : {"c", "", "aa", "a\xFF"}) EXPECT_FALSE(held.contains(to_bytes(other))) << other;
+  EXPECT_FALSE(HeldValues({}).contains(to_bytes("a")));
+}
+
 }  // namespace
 }  // namespace kiroku::evidence

@@ -241,6 +241,31 @@ TEST(StreamRules, DemandsAGapWhereACameraHasNothingAtTheBeginningOrTheEnd) {
   EXPECT_THAT(codes_of(room(), {{1 * kSecond, 55 * kSecond}}, {}), IsEmpty());
 }
 
+TEST(StreamRules, TellsOfAGapThatLastsBeyondTheCasesEnd) {
+  using testing::ElementsAre;
+  using testing::IsEmpty;
+  const std::vector<Span> recorded{{0, 55 * kSecond}};
+  EXPECT_THAT(codes_of(room(), recorded, {{55 * kSecond, 36'000 * kSecond}}), ElementsAre("gap-beyond-end"));
+  EXPECT_THAT(codes_of(room(), recorded, {{55 * kSecond, 62 * kSecond}}), IsEmpty()) << "as clocks differ";
+  EXPECT_THAT(codes_of(room(), recorded, {{55 * kSecond, 63 * kSecond}}), ElementsAre("gap-beyond-end"));
+
+  // A film that is read faster than time passes has pictures, and holes, beyond the case's end.
+  StreamInfo film = room();
+  film.timing = "source";
+  EXPECT_THAT(codes_of(film, {{0, 80 * kSecond}}, {{70 * kSecond, 80 * kSecond}}), IsEmpty());
+  EXPECT_THAT(codes_of(film, {{0, 80 * kSecond}}, {{80 * kSecond, 90 * kSecond}}),
+              ElementsAre("gap-beyond-end"));
+
+  // Of sound alike.
+  FindingList findings;
+  StreamRules rules(room(), true, findings);
+  rules.take(GapEntry{"room", {0, 36'000 * kSecond}, GapCause::kSignalLost, true}, 7);
+  rules.finish(Span{0, 60 * kSecond});
+  const std::vector<Finding> found = findings.take();
+  EXPECT_TRUE(std::ranges::any_of(
+      found, [](const Finding& each) { return each.code == "gap-beyond-end" && each.entry == 7U; }));
+}
+
 TEST(StreamRules, DemandsNothingOfMarksAndOfAFileOnlyThatItHasSomething) {
   StreamInfo marks = room();
   marks.kind = "events";

@@ -62,6 +62,7 @@ TEST(ComparisonDocument, SaysWhatWasFoundAndIsReadBack) {
   EXPECT_EQ(document["repeated_marks"][0]["text"], "step 1");
   EXPECT_EQ(document["time_map"]["pieces"][0]["knots"][1], nlohmann::json::parse("[3, 4000000000]"));
   EXPECT_EQ(document["registration"], nullptr);
+  EXPECT_EQ(document["case"]["verified"], false);
   EXPECT_EQ(text, comparison_json(sample(), {}, provenance()));
 
   const Provenance back = read_provenance(text, "out.json");

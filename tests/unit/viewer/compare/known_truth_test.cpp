@@ -276,6 +276,7 @@ TEST_F(KnownTruth, BothPicturesOfAMomentAreTheSame) {
     EXPECT_LT(sum / (kTruthWidth * kTruthHeight), 0.5) << at_s;
   }
   EXPECT_EQ(paired.caption_at(std::llround(5.0e9)).step, "pause");
+  EXPECT_THAT(paired.caption_at(std::llround(5.0e9)).recording, testing::HasSubstr("not verified"));
   EXPECT_EQ(paired.caption_at(std::llround(6.5e9)).step, "step 1 of 3: press first");
 }
 

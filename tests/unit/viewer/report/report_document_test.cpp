@@ -247,6 +247,31 @@ TEST_F(ReportDocument, ItsFigureStaysOnThePageAndHasFewLines) {
   EXPECT_THAT(text, HasSubstr("s256 | video"));
 }
 
+// Whoever can sign in the device's name, or find another text with the same hash, can make all of it anew.
+TEST_F(ReportDocument, SaysYesToNothingThatRestsOnAnAlgorithmThatEnded) {
+  const evidence::Policy ended = evidence::Policy::parse(
+      "[[algorithm]]\nname=\"sha256\"\n[[algorithm]]\nname=\"ecdsa\"\n[[algorithm]]\nname=\"rsa\"\n"
+      "[[algorithm]]\nname=\"ed25519\"\nuntil=2029-12-31\n",
+      "policy.toml");
+  archive::VerifyOptions options = archive_.options();
+  options.policy = &ended;
+  options.now = *parse_utc("2029-01-01T00:00:00Z");
+  EXPECT_THAT(report(options), HasSubstr("signed by the device it names? | ✓ Yes"));
+  options.now = *parse_utc("2046-01-01T00:00:00Z");
+  ReportInput in = input(options);
+  in.given.policy.push_back({"policy.toml", crypto::sha256({})});
+  in.given.evidence.push_back({"case.ers", crypto::sha256({})});
+  const std::string text = test::text_of(make_report(in));
+  EXPECT_THAT(text, HasSubstr("COULD NOT BE PROVED"));
+  EXPECT_THAT(text, Not(HasSubstr("| ✓ Yes")));
+  EXPECT_THAT(text, Not(HasSubstr(": ✓ Yes]")));
+  EXPECT_THAT(text, HasSubstr("By the policy given, an algorithm on which the case rests counts no more"));
+  // Whoever repeats the check without them is told otherwise.
+  EXPECT_THAT(text, HasSubstr(".pem --evidence RECORD.ers --policy POLICY.toml"));
+  EXPECT_THAT(text, HasSubstr("until when algorithms count: policy.toml (SHA-256 "));
+  EXPECT_THAT(text, HasSubstr("evidence record that had to hold: case.ers (SHA-256 "));
+}
+
 TEST_F(ReportDocument, OfATamperedCaseNamesPlaceAndMeaning) {
   change_byte("segments/endoscope/00000001.ts.age", 500);
   const std::string text = report(archive_.options());
@@ -288,6 +313,48 @@ TEST_F(ReportDocument, OfAnExcerptSaysWhatPartItIsAndNothingOfTheRest) {
   EXPECT_THAT(text, Not(HasSubstr("from beginning to end")));
   EXPECT_THAT(text, Not(HasSubstr("vitals | vital signs")));
   EXPECT_THAT(text, Not(HasSubstr("Patient data")));
+}
+
+// A time stamp at the edge of the figure would be one of a time at which there was none.
+TEST_F(ReportDocument, TheFigureOfAnExcerptHasTheTimesOfTheCaseAndNothingFromOutsideOfIt) {
+  archive::make_excerpt(folder_, second_segment(), temporary_ / "excerpt");
+  folder_ = temporary_ / "excerpt";
+  ReportInput in = input();
+  constexpr std::int64_t kNs = 1'000'000'000;
+  in.facts.gaps = {{"endoscope", {0, kNs}, archive::GapCause::kSignalLost},
+                   {"endoscope", {5 * kNs, 6 * kNs}, archive::GapCause::kSignalLost}};
+  ASSERT_FALSE(in.facts.tokens.empty());
+  in.facts.tokens.resize(1, in.facts.tokens.front());
+  in.facts.tokens.front().token.exchange = {kNs / 10, kNs / 10};
+  const auto told = [&] {
+    std::pair<std::vector<std::string>, std::size_t> words_and_lines{};
+    for (const auto& shape : time_figure(in.verification, in.facts, Language::kEnglish, kTextWidth).shapes) {
+      if (const auto* words = std::get_if<Lettering>(&shape)) words_and_lines.first.push_back(words->text);
+      if (std::holds_alternative<Stroke>(shape)) ++words_and_lines.second;
+    }
+    return words_and_lines;
+  };
+  const auto [words, lines] = told();
+  EXPECT_THAT(words, testing::ElementsAre("endoscope", testing::_, "0:00:02", "0:00:03", "0:00:04"));
+  EXPECT_EQ(lines, 4U) << "the axis and its ticks";
+  in.facts.tokens.front().token.exchange = {3 * kNs, 3 * kNs};
+  in.facts.gaps.push_back({"endoscope", {2 * kNs, 3 * kNs}, archive::GapCause::kSignalLost});
+  EXPECT_EQ(told().second, 4U + 1U + 6U) << "what is of its time";
+}
+
+TEST_F(ReportDocument, OfAnExcerptThatReachesTheEndDoesNotSayThatTheEndIsNotPartOfIt) {
+  archive::ExcerptOptions options = second_segment();
+  archive::make_excerpt(folder_, options, temporary_ / "excerpt");
+  options.to_ns = 60'000'000'000;
+  archive::make_excerpt(folder_, options, temporary_ / "to-the-end");
+  folder_ = temporary_ / "excerpt";
+  const std::string closed = "Its lines show that the case was closed";
+  const std::string early = report(archive_.options());
+  folder_ = temporary_ / "to-the-end";
+  const std::string late = report(archive_.options());
+  EXPECT_THAT(late, HasSubstr(closed));
+  EXPECT_THAT(late, Not(HasSubstr("the end of the case is not part of it")));
+  EXPECT_NE(early.find(closed) == std::string::npos, early.find("Ended by") != std::string::npos);
 }
 
 TEST_F(ReportDocument, OfAnExcerptOfNothingSaysYesToNothingThatWasNotLookedAt) {
@@ -440,6 +507,26 @@ TEST_F(ReportDocument, AsPdfHasPagesThatCanBeSearched) {
   EXPECT_THAT(info, HasSubstr("A4"));
   EXPECT_THAT(info, HasSubstr("Author:          Dr. Sato"));
   EXPECT_THAT(info, HasSubstr("Creator:         kiroku 0.1.0"));
+}
+
+// The first part of an excerpt's report is longer than a page by a line or two.
+TEST_F(ReportDocument, AsPdfLeavesNoPageToALineThatRanOver) {
+  if (!has_tools()) GTEST_SKIP() << "poppler-utils or zbar-tools is not installed";
+  Document document = make_report(input());
+  const auto second_page = [&](std::size_t more) {
+    Document longer = document;
+    const auto at = std::ranges::find_if(
+        longer.blocks, [](const Block& block) { return std::holds_alternative<PageBreak>(block); });
+    longer.blocks.insert(at, more, Paragraph{"One line more."});
+    write("report.pdf", write_pdf(longer));
+    return tool({"pdftotext", "-f", "2", "-l", "2", "-layout", "report.pdf", "-"});
+  };
+  std::size_t more = 0;
+  while (more < 60 && second_page(more).find("One line more.") == std::string::npos) ++more;
+  const std::string text = second_page(more);
+  EXPECT_THAT(text, HasSubstr("One line more."));
+  EXPECT_THAT(text, HasSubstr("How the proof holds together"));
+  EXPECT_THAT(second_page(more + 20), Not(HasSubstr("How the proof holds together")));
 }
 
 TEST_F(ReportDocument, AsHtmlNeedsNothingElseAndEscapesWhatItShows) {
