@@ -162,10 +162,16 @@ std::string contents_words(const archive::OpenedContents& contents) {
 }
 
 /// What the evidence record proves: "proved since 2026 by a chain of three time-stamps".
-std::string evidence_words(const archive::EvidenceReport& evidence) {
-  if (!evidence.holds)
-    return "the record " + evidence.file + " proves nothing of this case: " + evidence.refusal;
-  std::string text = "proved since " + format_utc_for_people(*evidence.since) + " by ";
+std::string evidence_words(const archive::EvidenceReport& evidence, bool excerpt) {
+  if (evidence.could_not_check) {
+    return "whether the record " + evidence.file + " holds could not be checked: " + evidence.refusal;
+  }
+  if (!evidence.holds) {
+    return "the record " + evidence.file + " proves nothing of this " + (excerpt ? "excerpt: " : "case: ") +
+           evidence.refusal;
+  }
+  std::string text = (excerpt ? "checkpoint and files proved since " : "proved since ") +
+                     format_utc_for_people(*evidence.since) + " by ";
   text += evidence.time_stamps == 1
               ? "one time-stamp"
               : "a chain of " + std::to_string(evidence.time_stamps) + " time-stamps, the newest of " +
@@ -285,7 +291,7 @@ std::string report_text(const VerificationReport& report, const std::string& cas
                              count(report.files, "file", "files") + " (" + format_bytes(report.bytes) +
                              "), " + count(report.checkpoints, "checkpoint", "checkpoints") + ", " +
                              count(report.tokens, "time-stamp", "time-stamps"));
-  if (report.evidence) out += line("evidence", evidence_words(*report.evidence));
+  if (report.evidence) out += line("evidence", evidence_words(*report.evidence, report.excerpt.has_value()));
   if (!log.empty()) out += line("log", log);
   if (report.contents) out += line("contents", contents_words(*report.contents));
   if (report.excerpt) {

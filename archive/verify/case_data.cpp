@@ -46,7 +46,22 @@ const FileReference* file_named_by(const CaseEntryBody& body, FileReference& mad
   return nullptr;
 }
 
+[[noreturn]] void refuse_ledger(const CaseFolder& folder) {
+  throw Error((folder.path() / kLedgerFile).string() + " does not begin with the opening of a case");
+}
+
 }  // namespace
+
+std::string read_case_id(const CaseFolder& folder) {
+  const ReadableFile ledger = open_named(folder, std::string(kLedgerFile));
+  LineReader reader(ledger);
+  LedgerLine line;
+  if (!reader.next(line) || line.torn || line.too_long) refuse_ledger(folder);
+  const EntryParse parse = parse_case_entry(line.text);
+  const auto* open = parse.entry ? std::get_if<OpenEntry>(&parse.entry->body) : nullptr;
+  if (open == nullptr) refuse_ledger(folder);
+  return open->case_id;
+}
 
 CaseData read_case_data(const CaseFolder& folder) {
   CaseData data;
@@ -72,9 +87,7 @@ CaseData read_case_data(const CaseFolder& folder) {
     if (parse.entry && std::holds_alternative<CloseEntry>(parse.entry->body)) data.close = lines;
     ++lines;
   }
-  if (lines == 0) {
-    throw Error((folder.path() / kLedgerFile).string() + " does not begin with the opening of a case");
-  }
+  if (lines == 0) refuse_ledger(folder);
   for (const std::uint64_t size : note_sizes(listing)) {
     if (size == 0 || size > lines) continue;
     data.note_sizes.push_back(size);
@@ -130,7 +143,7 @@ std::string words_of_lines(std::uint64_t size) {
 std::filesystem::path evidence_file(const std::filesystem::path& case_folder, const std::string& case_id) {
   const std::filesystem::path normal = std::filesystem::absolute(case_folder).lexically_normal();
   const std::filesystem::path folder = normal.has_filename() ? normal : normal.parent_path();
-  return folder.parent_path() / "evidence" / (case_id + ".ers");
+  return folder.parent_path() / kEvidenceFolder / (case_id + ".ers");
 }
 
 }  // namespace kiroku::archive

@@ -1,6 +1,7 @@
 #include "archive/verify/case_evidence.h"
 
 #include <algorithm>
+#include <functional>
 #include <map>
 #include <set>
 
@@ -13,14 +14,6 @@ namespace {
 
 using crypto::HashAlgorithm;
 using evidence::Standing;
-
-std::optional<HashAlgorithm> hash_of_chain(const evidence::ArchiveTimeStampChain& chain) {
-  const auto& named = chain.front().digest_algorithm;
-  if (named) return named->algorithm;
-  std::string ignored;
-  const auto info = timestamp::parse_token_info(chain.front().token, ignored);
-  return info ? info->algorithm : std::nullopt;
-}
 
 /// Reads ledger and files once under each hash, however many chains a record has and however many beginnings
 /// of the ledger it names: whoever made it chose both.
@@ -53,7 +46,7 @@ std::vector<std::uint64_t> find_covered_lines(RememberedHashes& hashes,
   std::set<std::uint64_t> covered;
   Bytes before;
   for (const evidence::ArchiveTimeStampChain& chain : record.chains) {
-    const auto algorithm = hash_of_chain(chain);
+    const auto algorithm = evidence::hash_of_chain(chain);
     if (algorithm && !chain.front().reduced_tree.empty()) {
       const evidence::HashList& list = chain.front().reduced_tree.front();
       const std::set<Bytes> held(list.begin(), list.end());
@@ -176,8 +169,15 @@ EvidenceReport report_of(const CaseEvidence& judged, const evidence::EvidenceRec
   report.newest = judged.judgement.newest();
   if (judged.judgement.end) report.ends = judged.judgement.end->time;
   report.time_stamps = judged.judgement.time_stamps.size();
+  for (const evidence::TimeStampJudgement& each : judged.judgement.time_stamps) {
+    const bool valid = each.token.code == timestamp::TokenCode::kValid;
+    report.links.push_back({each.token.info ? std::optional(each.token.info->gen_time) : std::nullopt,
+                            valid ? each.token.root_subject : std::string(),
+                            valid && each.token.authority == timestamp::TimeAuthority::kOutside,
+                            each.algorithm, each.kind != evidence::StampKind::kTimeStampRenewal});
+  }
   for (const evidence::ArchiveTimeStampChain& chain : record.chains) {
-    const auto algorithm = hash_of_chain(chain);
+    const auto algorithm = evidence::hash_of_chain(chain);
     report.hashes.emplace_back(algorithm ? crypto::hash_name(*algorithm) : "unknown");
   }
   report.entries = judged.lines;
@@ -186,18 +186,30 @@ EvidenceReport report_of(const CaseEvidence& judged, const evidence::EvidenceRec
   return report;
 }
 
-}  // namespace
+/// Judges a record that could be read against the folder.
+using JudgeFolder =
+    std::function<CaseEvidence(const evidence::EvidenceRecord&, const evidence::JudgingRules&)>;
 
-std::optional<EvidenceReport> check_case_evidence(const CaseFolder& folder, const std::string& case_id,
-                                                  const VerifyOptions& options,
-                                                  const std::vector<timestamp::SignatureUse>& signatures,
-                                                  FindingList& findings) {
+std::string words_of_holding(const EvidenceReport& report, const std::string& name, bool excerpt) {
+  return "the evidence record " + name + " proves " + (excerpt ? "the checkpoint over " : "the first ") +
+         std::to_string(report.entries) + " entries and " + std::to_string(report.files) +
+         (excerpt ? " files of this excerpt since " : " files since ") + format_utc(*report.since) +
+         " by a chain of " + std::to_string(report.time_stamps) +
+         (report.time_stamps == 1 ? " time-stamp"
+                                  : " time-stamps, the newest of " + format_utc(*report.newest)) +
+         (report.outside ? ""
+                         : "; the recorder's own authority is among them, so these times are self-issued");
+}
+
+std::optional<EvidenceReport> check_evidence(const std::filesystem::path& file,
+                                             const JudgeFolder& judge_folder, const VerifyOptions& options,
+                                             const std::vector<timestamp::SignatureUse>& signatures,
+                                             bool excerpt, FindingList& findings) {
   static const evidence::Policy kNoPolicy = evidence::Policy::without_ends();
   const evidence::Policy& policy = options.policy != nullptr ? *options.policy : kNoPolicy;
   const UtcTime now = options.now.value_or(utc_now());
-  const std::filesystem::path file =
-      options.evidence ? *options.evidence : evidence_file(folder.path(), case_id);
   const std::string name = file.filename().string();
+  const std::string of_this = excerpt ? " of this excerpt: " : " of this case: ";
   std::optional<EvidenceReport> report;
   std::string refusal;
   bool could_not_check = false;
@@ -210,8 +222,8 @@ std::optional<EvidenceReport> check_case_evidence(const CaseFolder& folder, cons
       if (!parse.record) {
         refusal = parse.explanation;
       } else {
-        const evidence::JudgingRules rules{.trust = options.trust, .policy = &policy, .now = now};
-        const CaseEvidence judged = judge_case_evidence(folder, read_case_data(folder), *parse.record, rules);
+        const CaseEvidence judged =
+            judge_folder(*parse.record, {.trust = options.trust, .policy = &policy, .now = now});
         report = report_of(judged, *parse.record, name);
         refusal = judged.refusal;
         could_not_check = judged.could_not_check;
@@ -227,44 +239,111 @@ std::optional<EvidenceReport> check_case_evidence(const CaseFolder& folder, cons
     if (!report) report = EvidenceReport{};
     report->file = name;
   }
-  if (report && !refusal.empty()) report->refusal = refusal;
+  if (report && !refusal.empty()) {
+    report->holds = false;
+    report->refusal = refusal;
+    report->could_not_check = could_not_check;
+  }
 
   const bool holds = report && refusal.empty();
   if (holds) {
-    findings.add(
-        "evidence-holds", {name},
-        "the evidence record " + name + " proves the first " + std::to_string(report->entries) +
-            " entries and " + std::to_string(report->files) + " files since " + format_utc(*report->since) +
-            " by a chain of " + std::to_string(report->time_stamps) +
-            (report->time_stamps == 1 ? " time-stamp"
-                                      : " time-stamps, the newest of " + format_utc(*report->newest)) +
-            (report->outside ? ""
-                             : "; the recorder's own authority is among them, so these times are "
-                               "self-issued"));
+    findings.add("evidence-holds", {name}, words_of_holding(*report, name, excerpt));
   } else if (report) {
-    const std::string text = "the evidence record " + name + " proves nothing of this case: " + refusal;
     if (could_not_check) {
-      findings.add("evidence-not-checked", {name}, text);
+      findings.add("evidence-not-checked", {name},
+                   "whether the evidence record " + name + " holds could not be checked: " + refusal);
     } else {
-      findings.add("evidence-refused", {name}, text);
+      findings.add("evidence-refused", {name},
+                   "the evidence record " + name + " proves nothing" + of_this + refusal);
     }
     if (options.evidence) {
       findings.add("evidence-asked-for", {name},
-                   "the evidence record that was given does not hold for this case");
+                   could_not_check ? "whether the evidence record that was given holds could not be checked"
+                                   : "the evidence record that was given does not hold for this case");
     }
   }
   if (const auto ended = what_ended(policy, signatures, now)) {
-    const bool renewed = holds && report->outside && *report->since < ended->second;
+    // Between its lines and its checkpoint an excerpt has SHA-256 alone, whatever covers the checkpoint.
+    const bool by_sha256 = excerpt && !policy.hash("sha256").holds_at(now);
+    const bool renewed = holds && report->outside && *report->since < ended->second && !by_sha256;
     if (!renewed) {
       findings.add(
           "algorithm-ended", {},
-          ended->first + ", on which this case rests, " +
+          ended->first + ", on which this " + (excerpt ? "excerpt" : "case") + " rests, " +
               (ended->second == UtcTime() ? "is not listed by the policy '"
                                           : "ended at " + format_utc(ended->second) + " by the policy '") +
-              policy.name() + "', and no evidence record of outside authorities holds that began before");
+              policy.name() +
+              (holds && by_sha256
+                   ? "', and an excerpt ties its lines to its checkpoint by sha256 alone: verify the whole "
+                     "case"
+                   : "', and no evidence record of outside authorities holds that began before"));
     }
   }
   return report;
+}
+
+}  // namespace
+
+std::optional<EvidenceReport> check_case_evidence(const CaseFolder& folder, const std::string& case_id,
+                                                  const VerifyOptions& options,
+                                                  const std::vector<timestamp::SignatureUse>& signatures,
+                                                  FindingList& findings) {
+  const auto judge = [&](const evidence::EvidenceRecord& record, const evidence::JudgingRules& rules) {
+    return judge_case_evidence(folder, read_case_data(folder), record, rules);
+  };
+  return check_evidence(options.evidence ? *options.evidence : evidence_file(folder.path(), case_id), judge,
+                        options, signatures, false, findings);
+}
+
+CaseEvidence judge_excerpt_evidence(const CaseFolder& folder, const ExcerptData& data,
+                                    const evidence::EvidenceRecord& record,
+                                    const evidence::JudgingRules& rules) {
+  CaseEvidence out;
+  const std::string note = note_path(data.size);
+  const CaseData none;
+  RememberedHashes hashes(folder, none);
+  std::vector<evidence::DataObject> objects;
+  for (const NamedFile& file : data.files) objects.push_back(object_of_file(hashes, file));
+  const auto rests_on = std::ranges::find(data.files, note, &NamedFile::file);
+  evidence::JudgingRules joining = rules;
+  joining.objects_may_join = true;
+  out.judgement = evidence::judge_record(record, objects, joining);
+  const auto covered_from = [&](const NamedFile& file) {
+    return out.judgement.covered_from[static_cast<std::size_t>(&file - data.files.data())];
+  };
+  if (rests_on == data.files.end() || covered_from(*rests_on) != 0U) {
+    out.refusal =
+        "its first time-stamp does not cover " + note +
+        ", on which this excerpt rests: it is another case's, or began before these entries, and an "
+        "excerpt does not show which; verify the whole case";
+    out.could_not_check = true;
+    return out;
+  }
+  if (const Standing standing = out.judgement.standing(); standing != Standing::kHolds) {
+    out.refusal = std::ranges::find(out.judgement.problems, standing, &evidence::Problem::standing)->text;
+    out.could_not_check = standing == Standing::kCouldNotCheck;
+    return out;
+  }
+  for (const NamedFile& file : data.files) {
+    if (covered_from(file) == 0U) continue;
+    out.refusal =
+        "its first time-stamp covers " + note + " and not " + file.file + ", which lies in the excerpt";
+    return out;
+  }
+  out.lines = data.size;
+  out.covered_files = data.files;
+  return out;
+}
+
+std::optional<EvidenceReport> check_excerpt_evidence(const CaseFolder& folder, const std::string& case_id,
+                                                     const ExcerptData& data, const VerifyOptions& options,
+                                                     const std::vector<timestamp::SignatureUse>& signatures,
+                                                     FindingList& findings) {
+  const auto judge = [&](const evidence::EvidenceRecord& record, const evidence::JudgingRules& rules) {
+    return judge_excerpt_evidence(folder, data, record, rules);
+  };
+  return check_evidence(options.evidence ? *options.evidence : evidence_file(folder.path(), case_id), judge,
+                        options, signatures, true, findings);
 }
 
 }  // namespace kiroku::archive
