@@ -63,6 +63,13 @@ report::Given given_of(const Judged& judged, const JudgingRequest& request) {
   list_roots(judged.roots, given.roots);
   list_roots(judged.own_roots, given.own_roots);
   if (judged.log) given.log.push_back({judged.log->string(), {}});
+  if (request.policy) {
+    given.policy.push_back({fs::path(*request.policy).filename().string(),
+                            crypto::sha256(read_small_file(*request.policy, "the policy of algorithms"))});
+  }
+  if (request.evidence) {
+    given.evidence.push_back({fs::path(*request.evidence).filename().string(), {}});
+  }
   for (const std::string& file : request.identities)
     given.identities.push_back({fs::path(file).filename().string(), {}});
   return given;

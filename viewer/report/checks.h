@@ -32,7 +32,8 @@ struct GivenFile {
 };
 struct Given {
   std::vector<GivenFile> devices, roots, log, identities;
-  std::vector<GivenFile> own_roots;  // of the recorder's own authority
+  std::vector<GivenFile> own_roots;         // of the recorder's own authority
+  std::vector<GivenFile> policy, evidence;  // an evidence record that was named
 };
 
 /// How the question stands. `notes` counts the findings of it that change nothing.

@@ -110,6 +110,8 @@ std::string ReportMaker::given_words() const {
   list("given.roots", in_.given.roots);
   list("given.own-roots", in_.given.own_roots);
   list("given.log", in_.given.log);
+  list("given.policy", in_.given.policy);
+  list("given.evidence", in_.given.evidence);
   list("given.identity", in_.given.identities);
   return out.empty() ? words("about.given.nothing") : out;
 }
