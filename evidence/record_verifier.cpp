@@ -327,4 +327,12 @@ RecordJudgement judge_record(const EvidenceRecord& record, const std::vector<Dat
   return RecordJudge(record, objects, rules).judge();
 }
 
+std::optional<crypto::HashAlgorithm> hash_of_chain(const ArchiveTimeStampChain& chain) {
+  const ArchiveTimeStamp& first = chain.front();
+  if (first.digest_algorithm) return first.digest_algorithm->algorithm;
+  std::string ignored;
+  const auto info = timestamp::parse_token_info(first.token, ignored);
+  return info ? info->algorithm : std::nullopt;
+}
+
 }  // namespace kiroku::evidence

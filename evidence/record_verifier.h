@@ -97,4 +97,8 @@ struct JudgingRules {
 RecordJudgement judge_record(const EvidenceRecord& record, const std::vector<DataObject>& objects,
                              const JudgingRules& rules);
 
+/// What a chain hashes with: as its first time-stamp says, else that one's token. Nothing where that is no
+/// hash that counts here.
+std::optional<crypto::HashAlgorithm> hash_of_chain(const ArchiveTimeStampChain& chain);
+
 }  // namespace kiroku::evidence

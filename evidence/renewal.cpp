@@ -18,48 +18,54 @@ ArchiveTimeStamp made_time_stamp(crypto::HashAlgorithm algorithm, std::vector<Ha
 }
 
 crypto::HashAlgorithm algorithm_of(const ArchiveTimeStampChain& chain) {
-  std::string ignored;
-  const ArchiveTimeStamp& first = chain.front();
-  if (first.digest_algorithm) {
-    if (first.digest_algorithm->algorithm) return *first.digest_algorithm->algorithm;
-  } else if (const auto info = timestamp::parse_token_info(first.token, ignored); info && info->algorithm) {
-    return *info->algorithm;
-  }
+  if (const auto algorithm = hash_of_chain(chain)) return *algorithm;
   throw UsageError("an evidence record whose hash algorithm is not known here cannot be renewed");
 }
 
 }  // namespace
 
-std::vector<EvidenceRecord> begin_records(crypto::HashAlgorithm algorithm,
-                                          const std::vector<HashList>& groups, const Stamp& stamp) {
-  const HashTree tree(algorithm, groups);
+std::vector<ArchiveTimeStamp> stamp_groups(crypto::HashAlgorithm algorithm, std::vector<HashList> groups,
+                                           const Stamp& stamp) {
+  const std::size_t count = groups.size();
+  const HashTree tree(algorithm, std::move(groups));
   const Bytes token = stamp(algorithm, tree.root());
+  std::vector<ArchiveTimeStamp> made;
+  made.reserve(count);
+  for (std::size_t i = 0; i < count; ++i) made.push_back(made_time_stamp(algorithm, tree.reduced(i), token));
+  return made;
+}
+
+std::vector<EvidenceRecord> begin_records(crypto::HashAlgorithm algorithm, std::vector<HashList> groups,
+                                          const Stamp& stamp) {
   std::vector<EvidenceRecord> records;
   records.reserve(groups.size());
-  for (std::size_t i = 0; i < groups.size(); ++i) {
+  for (ArchiveTimeStamp& first : stamp_groups(algorithm, std::move(groups), stamp)) {
     EvidenceRecord record;
     record.digest_algorithms.push_back(named_hash(algorithm));
-    record.chains.push_back({made_time_stamp(algorithm, tree.reduced(i), token)});
+    record.chains.push_back({std::move(first)});
     records.push_back(std::move(record));
   }
   return records;
 }
 
+NewestTimeStamp newest_of(const EvidenceRecord& record) {
+  const crypto::HashAlgorithm algorithm = algorithm_of(record.chains.back());
+  return {algorithm, crypto::digest(algorithm, record.chains.back().back().token)};
+}
+
 std::vector<EvidenceRecord> renew_time_stamps(std::vector<EvidenceRecord> records, const Stamp& stamp) {
-  std::map<crypto::HashAlgorithm, std::vector<std::size_t>> by_algorithm;
+  std::map<crypto::HashAlgorithm, std::pair<std::vector<std::size_t>, std::vector<HashList>>> by_algorithm;
   for (std::size_t i = 0; i < records.size(); ++i) {
-    by_algorithm[algorithm_of(records[i].chains.back())].push_back(i);
+    NewestTimeStamp newest = newest_of(records[i]);
+    auto& [members, groups] = by_algorithm[newest.algorithm];
+    members.push_back(i);
+    groups.push_back({std::move(newest.hash)});
   }
-  for (const auto& [algorithm, members] : by_algorithm) {
-    std::vector<HashList> groups;
-    groups.reserve(members.size());
-    for (const std::size_t i : members) {
-      groups.push_back({crypto::digest(algorithm, records[i].chains.back().back().token)});
-    }
-    const HashTree tree(algorithm, std::move(groups));
-    const Bytes token = stamp(algorithm, tree.root());
+  for (auto& [algorithm, of_one_hash] : by_algorithm) {
+    auto& [members, groups] = of_one_hash;
+    std::vector<ArchiveTimeStamp> made = stamp_groups(algorithm, std::move(groups), stamp);
     for (std::size_t k = 0; k < members.size(); ++k) {
-      records[members[k]].chains.back().push_back(made_time_stamp(algorithm, tree.reduced(k), token));
+      records[members[k]].chains.back().push_back(std::move(made[k]));
     }
   }
   return records;
@@ -86,15 +92,14 @@ std::vector<EvidenceRecord> renew_hash_trees(std::vector<EvidenceRecord> records
     }
     over_chains.push_back(std::move(values));
   }
-  const HashTree tree(algorithm, std::move(over_chains));
-  const Bytes token = stamp(algorithm, tree.root());
+  std::vector<ArchiveTimeStamp> made = stamp_groups(algorithm, std::move(over_chains), stamp);
   for (std::size_t i = 0; i < records.size(); ++i) {
     const std::string name(crypto::hash_name(algorithm));
     if (std::ranges::find(records[i].digest_algorithms, name, &NamedHash::name) ==
         records[i].digest_algorithms.end()) {
       records[i].digest_algorithms.push_back(named_hash(algorithm));
     }
-    records[i].chains.push_back({made_time_stamp(algorithm, tree.reduced(i), token)});
+    records[i].chains.push_back({std::move(made[i])});
   }
   return records;
 }

@@ -14,10 +14,24 @@ namespace kiroku::evidence {
 /// then no record was changed.
 using Stamp = std::function<Bytes(crypto::HashAlgorithm algorithm, ByteView imprint)>;
 
+/// Time-stamps of one token over these groups of hash values: one for each, in their order, with its own
+/// path. Throws kiroku::UsageError for no group, or an empty one.
+std::vector<ArchiveTimeStamp> stamp_groups(crypto::HashAlgorithm algorithm, std::vector<HashList> groups,
+                                           const Stamp& stamp);
+
 /// A record for each group of hash values of data objects, in their order. One token. Throws
 /// kiroku::UsageError for no group, or an empty one.
-std::vector<EvidenceRecord> begin_records(crypto::HashAlgorithm algorithm,
-                                          const std::vector<HashList>& groups, const Stamp& stamp);
+std::vector<EvidenceRecord> begin_records(crypto::HashAlgorithm algorithm, std::vector<HashList> groups,
+                                          const Stamp& stamp);
+
+/// What a time-stamp renewal covers: the hash of the newest token, under the hash of its chain.
+struct NewestTimeStamp {
+  crypto::HashAlgorithm algorithm = crypto::HashAlgorithm::kSha256;
+  Bytes hash;
+  friend bool operator==(const NewestTimeStamp&, const NewestTimeStamp&) = default;
+};
+/// Throws kiroku::UsageError for a chain whose hash is not known here.
+NewestTimeStamp newest_of(const EvidenceRecord& record);
 
 /// Time-stamp renewal: a new time-stamp in the last chain of each, over the one before it. One token for all
 /// whose chains have one hash algorithm.

@@ -3,21 +3,16 @@
 #include <algorithm>
 #include <utility>
 
-#include "timestamp/request.h"
-
 namespace kiroku::recorder {
 namespace {
 
 using std::chrono::nanoseconds;
 
 AuthorityAnswer exchange(const NamedAuthority& authority, const timestamp::TrustStore& trust,
-                         const Clock& clock, archive::StoredCheckpoint checkpoint,
-                         std::optional<nanoseconds>& leave_alone_for) {
+                         const Clock& clock, const timestamp::Request& request,
+                         archive::StoredCheckpoint checkpoint, std::optional<nanoseconds>& leave_alone_for) {
   AuthorityAnswer answer;
   answer.authority = authority.name;
-  const timestamp::Request request =
-      timestamp::make_request(crypto::HashAlgorithm::kSha256,
-                              crypto::digest(crypto::HashAlgorithm::kSha256, bytes_of(checkpoint.note)));
   answer.checkpoint = std::move(checkpoint);
   answer.asked = answer.answered = clock.since_boot();
   try {
@@ -69,6 +64,18 @@ AuthorityContact::AuthorityContact(NamedAuthority authority, const timestamp::Tr
       back_off_(authority_.pauses, std::random_device{}()) {}
 
 AuthorityAnswer AuthorityContact::ask(archive::StoredCheckpoint checkpoint) {
+  const timestamp::Request request =
+      timestamp::make_request(crypto::HashAlgorithm::kSha256,
+                              crypto::digest(crypto::HashAlgorithm::kSha256, bytes_of(checkpoint.note)));
+  return ask(request, std::move(checkpoint));
+}
+
+AuthorityAnswer AuthorityContact::ask_over(crypto::HashAlgorithm algorithm, ByteView imprint) {
+  return ask(timestamp::make_request(algorithm, imprint), {});
+}
+
+AuthorityAnswer AuthorityContact::ask(const timestamp::Request& request,
+                                      archive::StoredCheckpoint checkpoint) {
   {
     const std::lock_guard guard(mutex_);
     back_off_.asked(clock_.now());
@@ -76,7 +83,7 @@ AuthorityAnswer AuthorityContact::ask(archive::StoredCheckpoint checkpoint) {
   }
   static const timestamp::TrustStore kNothing;
   std::optional<nanoseconds> leave_alone_for;
-  AuthorityAnswer answer = exchange(authority_, trust_ == nullptr ? kNothing : *trust_, clock_,
+  AuthorityAnswer answer = exchange(authority_, trust_ == nullptr ? kNothing : *trust_, clock_, request,
                                     std::move(checkpoint), leave_alone_for);
   const std::lock_guard guard(mutex_);
   if (answer.valid()) {

@@ -13,6 +13,7 @@
 #include "recorder/back_off.h"
 #include "recorder/stamping_queue.h"
 #include "timestamp/client.h"
+#include "timestamp/request.h"
 #include "timestamp/token_verifier.h"
 
 namespace kiroku::recorder {
@@ -62,12 +63,15 @@ class AuthorityContact {
   [[nodiscard]] const std::string& name() const { return authority_.name; }
   /// Asks now, whatever limit() and next() say. Used by one thread at a time.
   AuthorityAnswer ask(archive::StoredCheckpoint checkpoint);
+  /// The same over a hash that is no checkpoint's: the answer's is empty.
+  AuthorityAnswer ask_over(crypto::HashAlgorithm algorithm, ByteView imprint);
   /// As BackOff says, and what other processes learnt meanwhile. Thread-safe.
   [[nodiscard]] Time limit();
   [[nodiscard]] Time next();
   [[nodiscard]] AuthorityStatus status() const;
 
  private:
+  AuthorityAnswer ask(const timestamp::Request& request, archive::StoredCheckpoint checkpoint);
   /// Takes over what another process, or an earlier run of the program, has written.
   void catch_up_locked();
   void remember_locked();

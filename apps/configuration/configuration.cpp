@@ -136,6 +136,15 @@ void read_recipients(const toml::table& table, const std::string& file, Configur
   }
 }
 
+void read_evidence(const toml::table& table, const std::string& file, Configuration& into) {
+  TableReader reader(table, "[evidence]", file);
+  reader.text("policy", [&](const std::string& text) {
+    if (text.empty()) throw UsageError("'policy' is empty: name a file, or leave the key out");
+    into.evidence.policy = text;
+  });
+  reader.refuse_unknown_keys();
+}
+
 void read_authorities(const toml::node& node, const TableReader& top, const std::string& file,
                       Configuration& into) {
   const toml::array* entries = node.as_array();
@@ -191,6 +200,7 @@ Configuration parse_configuration(std::string_view text, const std::string& name
   };
   section("recording", read_recording);
   section("recipients", read_recipients);
+  section("evidence", read_evidence);
   if (const toml::node* node = top.find("authority"))
     read_authorities(*node, top, name_for_errors, configuration);
   read_daemon(top, configuration);

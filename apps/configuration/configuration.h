@@ -24,6 +24,11 @@ struct AuthorityConfiguration {
   [[nodiscard]] bool is_embedded() const { return url == "embedded"; }
 };
 
+/// [evidence].
+struct EvidenceConfiguration {
+  std::string policy;  // a TOML file, relative to the home; empty: no algorithm ends
+};
+
 struct Configuration {
   std::string profile = "mpeg2";
   std::int64_t bit_rate = 4'000'000;
@@ -41,6 +46,7 @@ struct Configuration {
   DaemonConfiguration daemon;
   StorageConfiguration storage;
   RetentionConfiguration retention;
+  EvidenceConfiguration evidence;
 };
 
 /// Throws kiroku::UsageError "<name_for_errors>:<line>:<column>: …" for what is no TOML, an unknown key, a

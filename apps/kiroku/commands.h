@@ -18,6 +18,7 @@ void add_report_command(Command& program);
 void add_export_command(Command& program);
 void add_excerpt_command(Command& program);
 void add_erase_command(Command& program);
+void add_renew_command(Command& program);
 void add_seal_command(Command& program);
 void add_unseal_command(Command& program);
 void add_stamp_command(Command& program);

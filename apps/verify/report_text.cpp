@@ -162,13 +162,20 @@ std::string contents_words(const archive::OpenedContents& contents) {
 }
 
 /// What the evidence record proves: "all 42 entries and 17 files proved since 2026 by one time-stamp".
-std::string evidence_words(const archive::EvidenceReport& evidence, std::uint64_t entries) {
-  if (!evidence.holds)
-    return "the record " + evidence.file + " proves nothing of this case: " + evidence.refusal;
+std::string evidence_words(const archive::EvidenceReport& evidence, std::uint64_t entries, bool excerpt) {
+  if (evidence.could_not_check) {
+    return "whether the record " + evidence.file + " holds could not be checked: " + evidence.refusal;
+  }
+  if (!evidence.holds) {
+    return "the record " + evidence.file + " proves nothing of this " + (excerpt ? "excerpt: " : "case: ") +
+           evidence.refusal;
+  }
   const bool all = evidence.entries >= entries;
-  std::string text = (all ? "all " : "the first " + std::to_string(evidence.entries) + " of ") +
-                     count(entries, "entry", "entries") + " and " + count(evidence.files, "file", "files") +
-                     " proved since " + format_utc_for_people(*evidence.since) + " by ";
+  std::string text = excerpt ? std::string("checkpoint")
+                             : (all ? "all " : "the first " + std::to_string(evidence.entries) + " of ") +
+                                   count(entries, "entry", "entries");
+  text += " and " + count(evidence.files, "file", "files") + " proved since " +
+          format_utc_for_people(*evidence.since) + " by ";
   text += evidence.time_stamps == 1
               ? "one time-stamp"
               : "a chain of " + std::to_string(evidence.time_stamps) + " time-stamps, the newest of " +
@@ -288,7 +295,8 @@ std::string report_text(const VerificationReport& report, const std::string& cas
                              count(report.files, "file", "files") + " (" + format_bytes(report.bytes) +
                              "), " + count(report.checkpoints, "checkpoint", "checkpoints") + ", " +
                              count(report.tokens, "time-stamp", "time-stamps"));
-  if (report.evidence) out += line("evidence", evidence_words(*report.evidence, report.entries));
+  if (report.evidence)
+    out += line("evidence", evidence_words(*report.evidence, report.entries, report.excerpt.has_value()));
   if (!log.empty()) out += line("log", log);
   if (report.contents) out += line("contents", contents_words(*report.contents));
   if (report.excerpt) {

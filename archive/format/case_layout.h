@@ -27,6 +27,8 @@ inline constexpr std::string_view kSegmentsFolder = "segments";
 inline constexpr std::string_view kAuthoritiesFolder = "authorities";
 inline constexpr std::string_view kSubjectFile = "subject.json.age";
 inline constexpr std::string_view kDeviceFile = "device.pub";
+/// Evidence records, in the archive beside the cases: evidence/<case>.ers.
+inline constexpr std::string_view kEvidenceFolder = "evidence";
 /// What a file is called until it is wholly there.
 inline constexpr std::string_view kPartSuffix = ".part";
 

@@ -1,7 +1,10 @@
 #include "archive/upkeep/evidence_renewal.h"
 
 #include <algorithm>
+#include <cerrno>
+#include <map>
 
+#include "archive/format/case_layout.h"
 #include "archive/verify/case_evidence.h"
 #include "archive/verify/verifier.h"
 #include "base/error.h"
@@ -14,13 +17,36 @@ namespace fs = std::filesystem;
 using evidence::EvidenceRecord;
 using What = EvidenceRenewal::What;
 
+/// A case that is not at its end.
+class StillOpen : public Error {
+ public:
+  using Error::Error;
+};
+/// Something that comes by itself, or by another authority.
+class Waits : public Error {
+ public:
+  using Error::Error;
+};
+class Unread : public Error {
+ public:
+  Unread(const std::string& sentence, std::vector<std::string> of_files)
+      : Error(sentence), files(std::move(of_files)) {}
+  std::vector<std::string> files;
+};
+
 /// One case and what is to be done for it.
 struct EvidenceWork {
-  fs::path folder, file;
-  std::size_t answer = 0;   // its place among the results
-  EvidenceRecord record;    // of a renewal
-  evidence::HashList data;  // of a beginning and a hash-tree renewal
+  fs::path file;
+  std::size_t answer = 0;            // its place among the results
+  EvidenceRecord record;             // of a hash-tree renewal
+  evidence::NewestTimeStamp newest;  // of a time-stamp renewal, which reads the record again
+  evidence::HashList data;           // of a beginning and a hash-tree renewal
+  bool outside = false;              // the record that is renewed rests on outside authorities alone
+  std::optional<UtcTime> end;        // of the same
 };
+
+/// About what a value takes in memory.
+constexpr std::size_t kBytesOfValue = 72;
 
 class EvidenceRenewer {
  public:
@@ -29,121 +55,299 @@ class EvidenceRenewer {
 
   std::vector<EvidenceRenewal> run(const std::vector<fs::path>& cases) {
     for (const fs::path& folder : cases) {
-      results_.push_back({folder.filename().string(), What::kRefused, {}});
-      try {
-        look_at(folder);
-      } catch (const Error& error) {
-        results_.back().what = What::kRefused;
-        results_.back().text = error.what();
-      }
+      results_.push_back({folder.filename().string(), What::kRefused, {}, {}, {}});
+      guard(results_.back(), [&] { look_at(folder); });
+      if (held_ >= options_.most_bytes) stamp_data();
     }
     if (options_.dry_run) return std::move(results_);
-    // Every token is there before a record is written.
-    std::vector<std::pair<const EvidenceWork*, EvidenceRecord>> made;
-    const auto take = [&](const std::vector<EvidenceWork>& work, std::vector<EvidenceRecord> records) {
-      for (std::size_t i = 0; i < work.size(); ++i) made.emplace_back(&work[i], std::move(records[i]));
-    };
-    if (!begun_.empty()) {
-      take(begun_, evidence::begin_records(options_.policy.new_hash(), groups_of(begun_), options_.stamp));
-    }
-    if (!stamped_.empty()) take(stamped_, evidence::renew_time_stamps(records_of(stamped_), options_.stamp));
-    if (!hashed_.empty()) {
-      take(hashed_, evidence::renew_hash_trees(records_of(hashed_), options_.policy.new_hash(),
-                                               groups_of(hashed_), options_.stamp));
-    }
-    for (const auto& [work, record] : made) write(*work, record);
+    stamp_data();
+    stamp_newest();
     return std::move(results_);
   }
 
  private:
-  static std::vector<evidence::HashList> groups_of(const std::vector<EvidenceWork>& work) {
-    std::vector<evidence::HashList> groups;
-    for (const EvidenceWork& each : work) groups.push_back(each.data);
-    return groups;
+  template <typename Work>
+  static void guard(EvidenceRenewal& result, const Work& work) {
+    const auto tell = [&](What what, const Error& error) {
+      result.what = what;
+      result.text = error.what();
+      result.before.reset();
+    };
+    try {
+      work();
+    } catch (const StillOpen& error) {
+      tell(What::kStillOpen, error);
+    } catch (const Waits& error) {
+      const std::string due = result.text;
+      tell(What::kWaits, error);
+      result.text = due + "; " + error.what();
+    } catch (const Unread& error) {
+      tell(What::kRefused, error);
+      result.unread = error.files;
+    } catch (const Error& error) {
+      tell(What::kRefused, error);
+    }
   }
-  static std::vector<EvidenceRecord> records_of(const std::vector<EvidenceWork>& work) {
-    std::vector<EvidenceRecord> records;
-    for (const EvidenceWork& each : work) records.push_back(each.record);
-    return records;
+
+  [[nodiscard]] evidence::JudgingRules rules() const {
+    return {.trust = options_.trust, .policy = &options_.policy, .now = options_.now()};
   }
 
   void look_at(const fs::path& folder) {
     const CaseFolder opened = CaseFolder::open(folder, files_);
-    const CaseData data = read_case_data(opened);
     EvidenceRenewal& result = results_.back();
-    result.case_id = data.case_id;
-    EvidenceWork work{folder, evidence_file(folder, data.case_id), results_.size() - 1, {}, {}};
+    result.case_id = read_case_id(opened);
+    EvidenceWork work;
+    work.file = evidence_file(folder, result.case_id);
+    work.answer = results_.size() - 1;
     const std::optional<Bytes> bytes = read_evidence_file(files_, work.file);
-    if (!bytes) {
-      require_sound(folder);
-      work.data = hash_data(opened, data, {}, options_.policy.new_hash());
-      result = {data.case_id, What::kBegun, "it had no record"};
-      begun_.push_back(std::move(work));
-      return;
-    }
+    if (!bytes) return begin(opened, std::move(work));
     evidence::RecordParse parse = evidence::parse_record(*bytes);
     if (!parse.record) throw Error(work.file.string() + " is no evidence record: " + parse.explanation);
-    const CaseEvidence judged =
-        judge_case_evidence(opened, data, *parse.record,
-                            {.trust = options_.trust, .policy = &options_.policy, .now = options_.now});
-    if (!judged.refusal.empty()) throw Error(work.file.string() + " does not hold: " + judged.refusal);
-    const evidence::Due due = evidence::what_is_due(judged.judgement, options_.policy, options_.now);
-    work.record = std::move(*parse.record);
-    switch (due.what) {
-      case evidence::Due::What::kNothing:
-        result = {data.case_id, What::kNothingDue,
-                  due.before ? "to be renewed before " + format_utc(*due.before) : "no end is known"};
-        break;
-      case evidence::Due::What::kTimeStampRenewal:
-        result = {data.case_id, What::kTimeStampRenewed, due.reason};
-        stamped_.push_back(std::move(work));
-        break;
-      case evidence::Due::What::kHashTreeRenewal:
-        if (!options_.policy.hash(crypto::hash_name(options_.policy.new_hash())).holds_at(options_.now)) {
-          throw Error("the policy's new hash, " + std::string(crypto::hash_name(options_.policy.new_hash())) +
-                      ", does not count any more: name another one");
-        }
-        require_sound(folder);
-        work.data = hash_data(opened, data, judged.covered_lines, options_.policy.new_hash());
-        result = {data.case_id, What::kHashTreeRenewed, due.reason};
-        hashed_.push_back(std::move(work));
-        break;
-      case evidence::Due::What::kTooLate:
-        throw Error(work.file.string() + " came too late to be renewed: " + due.reason);
+    const evidence::RecordJudgement alone = evidence::judge_record(*parse.record, {}, rules());
+    if (!alone.problems.empty()) refuse_record(work.file, alone.problems.front().text);
+    work.outside = alone.outside();
+    const evidence::Due due = evidence::what_is_due(alone, options_.policy, options_.now());
+    result.before = work.end = due.before;
+    result.text = due.reason;
+    if (due.what == evidence::Due::What::kNothing) {
+      require_note(opened, *parse.record, work.file);
+      result.what = What::kNothingDue;
+      result.text = due.before ? "to be renewed before " + format_utc(*due.before) : "no end is known";
+    } else if (due.what == evidence::Due::What::kTimeStampRenewal) {
+      result.what = What::kTimeStampRenewed;
+      CaseData data = read_case_data(opened);
+      std::erase_if(data.files, [](const NamedFile& named) { return named.stated.has_value(); });
+      judge(opened, data, *parse.record, work.file);
+      work.newest = evidence::newest_of(*parse.record);
+      stamped_.push_back(std::move(work));
+    } else if (due.what == evidence::Due::What::kHashTreeRenewal) {
+      result.what = What::kHashTreeRenewed;
+      hash_anew(opened, std::move(*parse.record), alone, std::move(work));
+      held_ += 2 * bytes->size();
+    } else {
+      refuse_record(work.file, due.reason);
+    }
+  }
+
+  void begin(const CaseFolder& folder, EvidenceWork work) {
+    EvidenceRenewal& result = results_.back();
+    const CaseData data = read_case_data(folder);
+    if (!data.close) throw StillOpen("it is being recorded, or was not closed");
+    require_new_hash({});
+    result.what = What::kBegun;
+    result.text = "it had no record";
+    if (options_.dry_run) return;
+    require_sound(folder);
+    work.data = hash_data(folder, data, {});
+    held_ += work.data.size() * kBytesOfValue;
+    begun_.push_back(std::move(work));
+  }
+
+  void hash_anew(const CaseFolder& folder, EvidenceRecord record, const evidence::RecordJudgement& alone,
+                 EvidenceWork work) {
+    require_new_hash(alone.data_hash_end);
+    if (options_.dry_run) return;
+    const CaseData data = read_case_data(folder);
+    require_sound(folder);
+    const CaseEvidence judged = judge(folder, data, record, work.file);
+    work.data = hash_data(folder, data, judged.covered_lines);
+    work.record = std::move(record);
+    held_ += work.data.size() * kBytesOfValue;
+    hashed_.push_back(std::move(work));
+  }
+
+  [[noreturn]] static void refuse_record(const fs::path& file, const std::string& why) {
+    throw Error(file.string() + " does not hold: " + why +
+                "; find out what became of it, and move it away to have a new one begun");
+  }
+  CaseEvidence judge(const CaseFolder& folder, const CaseData& data, const EvidenceRecord& record,
+                     const fs::path& file) const {
+    CaseEvidence judged = judge_case_evidence(folder, data, record, rules());
+    if (!judged.refusal.empty()) refuse_record(file, judged.refusal);
+    return judged;
+  }
+
+  /// Throws where the policy's new hash does not count now, or no longer than the one that it replaces.
+  void require_new_hash(const std::optional<UtcTime>& old_end) const {
+    const std::string name(crypto::hash_name(options_.policy.new_hash()));
+    const evidence::Term term = options_.policy.hash(name);
+    if (!term.holds_at(options_.now())) {
+      throw Error("the policy's new hash, " + name + ", does not count any more: name another one");
+    }
+    if (old_end && term.end && *term.end <= *old_end) {
+      throw Error("the policy's new hash, " + name + ", ends at " + format_utc(*term.end) +
+                  ", no later than the one that it would replace: name another one");
     }
   }
 
   /// Throws where the case is not closed, not as its ledger states, or cannot be read.
-  void require_sound(const fs::path& folder) const {
+  void require_sound(const CaseFolder& folder) const {
     VerifyOptions options;
     options.trust = options_.trust;
     options.files = &files_;
-    options.now = options_.now;
-    const VerificationReport report = verify_case(folder, options);
-    const auto refuse = [&](const Finding& finding) {
-      throw Error(folder.string() + " is " + std::string(verdict_name(report.verdict)) + ": " + finding.text);
-    };
+    options.now = options_.now();
+    const VerificationReport report = verify_case(folder.path(), options);
+    const Finding* first = nullptr;
+    const Finding* open = nullptr;
+    std::vector<std::string> unread;
     for (const Finding& finding : report.findings) {
-      if (finding.severity >= Severity::kIncomplete || finding.code == "file-unreadable") refuse(finding);
+      if (finding.severity == Severity::kIncomplete && open == nullptr) open = &finding;
+      if (finding.severity != Severity::kTampered && finding.code != "file-unreadable") continue;
+      if (first == nullptr) first = &finding;
+      if (!finding.file.empty() && std::ranges::find(unread, finding.file) == unread.end()) {
+        unread.push_back(finding.file);
+      }
+    }
+    if (first != nullptr) {
+      throw Unread(
+          folder.path().string() + " is " + std::string(verdict_name(report.verdict)) + ": " + first->text,
+          std::move(unread));
+    }
+    if (open != nullptr) throw StillOpen(open->text);
+  }
+
+  /// Throws where the record does not hold a note of its case: then it is another's.
+  void require_note(const CaseFolder& folder, const EvidenceRecord& record, const fs::path& file) const {
+    std::optional<std::uint64_t> smallest;
+    for (const std::string& name : files_.names_in(folder.path() / kCheckpointsFolder)) {
+      const auto size = size_of_note_name(name);
+      if (size && *size > 0 && (!smallest || *size < *smallest)) smallest = size;
+    }
+    const evidence::ArchiveTimeStamp& first = record.chains.front().front();
+    const auto algorithm = evidence::hash_of_chain(record.chains.front());
+    if (!smallest || !algorithm || first.reduced_tree.empty()) {
+      refuse_record(file, "whether it is of this case cannot be told");
+    }
+    const Bytes hash = hash_named_file(folder, {note_path(*smallest), *smallest - 1, {}}, *algorithm);
+    if (std::ranges::find(first.reduced_tree.front(), hash) == first.reduced_tree.front().end()) {
+      refuse_record(file, "it does not cover " + note_path(*smallest) + " of this case: it is another's");
     }
   }
 
-  /// Of all data of the case as it is now, with the beginnings of its ledger that older chains cover.
-  static evidence::HashList hash_data(const CaseFolder& folder, const CaseData& data,
-                                      std::vector<std::uint64_t> beginnings,
-                                      crypto::HashAlgorithm algorithm) {
+  /// Of all data of the case as it is now, with the beginnings of its ledger that older chains cover. The
+  /// case was verified, so what its ledger states of files is their SHA-256.
+  [[nodiscard]] evidence::HashList hash_data(const CaseFolder& folder, const CaseData& data,
+                                             std::vector<std::uint64_t> beginnings) const {
+    const crypto::HashAlgorithm algorithm = options_.policy.new_hash();
     if (data.note_sizes.empty()) throw Error(folder.path().string() + " has no checkpoint");
     const std::uint64_t newest = data.note_sizes.back();
     if (beginnings.empty() || beginnings.back() < newest) beginnings.push_back(newest);
     evidence::HashList values;
     for (auto& [size, hash] : hash_ledger_at(folder, beginnings, algorithm)) values.push_back(hash);
+    std::string why;
+    std::vector<std::string> unread;
     for (const NamedFile& named : data.files) {
-      if (named.entry < newest) values.push_back(hash_named_file(folder, named, algorithm));
+      if (named.entry >= newest) continue;
+      if (algorithm == crypto::HashAlgorithm::kSha256 && named.stated) {
+        values.push_back(to_bytes(ByteView(named.stated->sha256)));
+        continue;
+      }
+      try {
+        values.push_back(hash_named_file(folder, named, algorithm));
+      } catch (const Error& error) {
+        if (unread.empty()) why = error.what();
+        unread.push_back(named.file);
+      }
+    }
+    if (!unread.empty()) {
+      throw Unread(why + (unread.size() > 1 ? " (" + std::to_string(unread.size()) + " files in all)" : ""),
+                   std::move(unread));
     }
     return values;
   }
 
+  /// Beginnings and hash-tree renewals: one token for each of the two.
+  void stamp_data() {
+    const auto take_groups = [](std::vector<EvidenceWork>& works) {
+      std::vector<evidence::HashList> groups;
+      for (EvidenceWork& work : works) groups.push_back(std::move(work.data));
+      return groups;
+    };
+    const crypto::HashAlgorithm algorithm = options_.policy.new_hash();
+    finish(begun_, [&] { return evidence::begin_records(algorithm, take_groups(begun_), options_.stamp); });
+    finish(hashed_, [&] {
+      std::vector<EvidenceRecord> records;
+      for (EvidenceWork& work : hashed_) records.push_back(std::move(work.record));
+      return evidence::renew_hash_trees(std::move(records), algorithm, take_groups(hashed_), options_.stamp);
+    });
+    held_ = 0;
+  }
+
+  /// Time-stamp renewals: one token for all of one hash.
+  void stamp_newest() {
+    std::map<crypto::HashAlgorithm, std::vector<EvidenceWork>> by_algorithm;
+    for (EvidenceWork& work : stamped_) by_algorithm[work.newest.algorithm].push_back(std::move(work));
+    stamped_.clear();
+    for (auto& [algorithm, works] : by_algorithm) {
+      std::vector<evidence::HashList> groups;
+      for (const EvidenceWork& work : works) groups.push_back({work.newest.hash});
+      std::vector<evidence::ArchiveTimeStamp> made;
+      if (!stamped(works, [&, algorithm = algorithm] {
+            made = evidence::stamp_groups(algorithm, std::move(groups), options_.stamp);
+          })) {
+        continue;
+      }
+      for (std::size_t i = 0; i < works.size(); ++i) {
+        guard(results_[works[i].answer], [&] { append_to_record(works[i], std::move(made[i])); });
+      }
+    }
+  }
+
+  void append_to_record(const EvidenceWork& work, evidence::ArchiveTimeStamp made) {
+    const std::optional<Bytes> bytes = read_evidence_file(files_, work.file);
+    evidence::RecordParse parse = bytes ? evidence::parse_record(*bytes) : evidence::RecordParse{};
+    if (!parse.record || evidence::newest_of(*parse.record) != work.newest) {
+      throw Error(work.file.string() + " was changed while its renewal was asked for: find out by what");
+    }
+    parse.record->chains.back().push_back(std::move(made));
+    write(work, *parse.record);
+  }
+
+  template <typename Make>
+  void finish(std::vector<EvidenceWork>& works, const Make& make) {
+    if (works.empty()) return;
+    std::vector<EvidenceRecord> records;
+    if (stamped(works, [&] { records = make(); })) {
+      for (std::size_t i = 0; i < works.size(); ++i) {
+        guard(results_[works[i].answer], [&] { write(works[i], records[i]); });
+      }
+    }
+    works.clear();
+  }
+
+  /// Whether a token came; else each of these cases waits.
+  template <typename Make>
+  bool stamped(const std::vector<EvidenceWork>& works, const Make& make) {
+    try {
+      make();
+      return true;
+    } catch (const Error& error) {
+      const std::string why = error.what();
+      for (const EvidenceWork& work : works) {
+        guard(results_[work.answer], [&] { throw Waits("no time-stamp came: " + why); });
+      }
+      return false;
+    }
+  }
+
   void write(const EvidenceWork& work, const EvidenceRecord& record) {
+    const evidence::RecordJudgement judged = evidence::judge_record(record, {}, rules());
+    if (!judged.problems.empty()) {
+      throw Waits("the time-stamp that came would not hold: " + judged.problems.front().text);
+    }
+    EvidenceRenewal& result = results_[work.answer];
+    if (work.outside && !judged.outside()) {
+      throw Waits(
+          "the recorder's own authority alone answered, and its time-stamp would make the record "
+          "self-issued: "
+          "add an outside [[authority]] to kiroku.toml");
+    }
+    if (result.what == What::kTimeStampRenewed && work.end && judged.end && judged.end->time <= *work.end) {
+      throw Waits("the time-stamp that came lasts no longer than the record, because " + judged.end->of +
+                  " ends at " + format_utc(judged.end->time) + ": add another [[authority]] to kiroku.toml");
+    }
+    result.before = judged.end ? std::optional(judged.end->time) : std::nullopt;
     const fs::path folder = work.file.parent_path();
     if (!files_.is_folder(folder)) {
       files_.make_folder(folder);
@@ -156,9 +360,51 @@ class EvidenceRenewer {
   const EvidenceRenewalOptions& options_;
   std::vector<EvidenceRenewal> results_;
   std::vector<EvidenceWork> begun_, stamped_, hashed_;
+  std::size_t held_ = 0;
 };
 
 }  // namespace
+
+std::string_view name_of(EvidenceRenewal::What what) {
+  switch (what) {
+    case What::kBegun:
+      return "begun";
+    case What::kTimeStampRenewed:
+      return "time-stamp-renewed";
+    case What::kHashTreeRenewed:
+      return "hash-tree-renewed";
+    case What::kNothingDue:
+      return "nothing-due";
+    case What::kStillOpen:
+      return "still-open";
+    case What::kWaits:
+      return "waits";
+    case What::kRefused:
+      break;
+  }
+  return "refused";
+}
+
+EvidenceLock EvidenceLock::take(FileSystem& files, const fs::path& archive) {
+  const fs::path folder = archive / kEvidenceFolder;
+  if (!files.is_folder(folder)) {
+    files.make_folder(folder);
+    files.sync_folder(archive);
+  }
+  const fs::path file = folder / ".renewal";
+  std::unique_ptr<WritableFile> opened;
+  try {
+    opened = files.exists(file) ? files.append_to(file) : files.create(file);
+  } catch (const IoError& error) {
+    if (error.error_number() != EEXIST) throw;
+    opened = files.append_to(file);  // another process made it at this moment
+  }
+  if (!opened->try_lock()) {
+    throw UsageError("another process renews evidence records in " + folder.string() +
+                     ": wait until it has ended");
+  }
+  return EvidenceLock(std::move(opened));
+}
 
 std::vector<EvidenceRenewal> renew_evidence(FileSystem& files, const std::vector<fs::path>& cases,
                                             const EvidenceRenewalOptions& options) {

@@ -47,7 +47,22 @@ const FileReference* file_named_by(const CaseEntryBody& body, FileReference& mad
   return nullptr;
 }
 
+[[noreturn]] void refuse_ledger(const CaseFolder& folder) {
+  throw Error((folder.path() / kLedgerFile).string() + " does not begin with the opening of a case");
+}
+
 }  // namespace
+
+std::string read_case_id(const CaseFolder& folder) {
+  const ReadableFile ledger = open_named(folder, std::string(kLedgerFile));
+  LineReader reader(ledger);
+  LedgerLine line;
+  if (!reader.next(line) || line.torn || line.too_long) refuse_ledger(folder);
+  const EntryParse parse = parse_case_entry(line.text);
+  const auto* open = parse.entry ? std::get_if<OpenEntry>(&parse.entry->body) : nullptr;
+  if (open == nullptr) refuse_ledger(folder);
+  return open->case_id;
+}
 
 CaseData read_case_data(const CaseFolder& folder) {
   CaseData data;
@@ -76,9 +91,7 @@ CaseData read_case_data(const CaseFolder& folder) {
   }
   data.lines = tree.size();
   data.root = tree.root();
-  if (data.lines == 0) {
-    throw Error((folder.path() / kLedgerFile).string() + " does not begin with the opening of a case");
-  }
+  if (data.lines == 0) refuse_ledger(folder);
   for (const std::uint64_t size : note_sizes(listing)) {
     if (size == 0 || size > data.lines) continue;
     data.note_sizes.push_back(size);
@@ -134,7 +147,7 @@ std::string words_of_lines(std::uint64_t size) {
 std::filesystem::path evidence_file(const std::filesystem::path& case_folder, const std::string& case_id) {
   const std::filesystem::path normal = std::filesystem::absolute(case_folder).lexically_normal();
   const std::filesystem::path folder = normal.has_filename() ? normal : normal.parent_path();
-  return folder.parent_path() / "evidence" / (case_id + ".ers");
+  return folder.parent_path() / kEvidenceFolder / (case_id + ".ers");
 }
 
 }  // namespace kiroku::archive

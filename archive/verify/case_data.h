@@ -31,6 +31,8 @@ struct CaseData {
   std::vector<std::uint64_t> note_sizes;  // of the notes that are there, rising; none beyond the ledger
   std::vector<NamedFile> files;           // that are there, in the order of their entries
 };
+/// What the ledger's first line says. Throws kiroku::Error where it cannot be read, or is no whole `open`.
+std::string read_case_id(const CaseFolder& folder);
 /// Throws kiroku::Error where the ledger cannot be read, or has no whole `open`.
 CaseData read_case_data(const CaseFolder& folder);
 

@@ -1,6 +1,7 @@
 #include "archive/verify/case_evidence.h"
 
 #include <algorithm>
+#include <functional>
 #include <map>
 #include <set>
 
@@ -14,14 +15,6 @@ namespace {
 
 using crypto::HashAlgorithm;
 using evidence::Standing;
-
-std::optional<HashAlgorithm> hash_of_chain(const evidence::ArchiveTimeStampChain& chain) {
-  const auto& named = chain.front().digest_algorithm;
-  if (named) return named->algorithm;
-  std::string ignored;
-  const auto info = timestamp::parse_token_info(chain.front().token, ignored);
-  return info ? info->algorithm : std::nullopt;
-}
 
 /// Reads ledger and files once under each hash, however many chains a record has and however many beginnings
 /// of the ledger it names: whoever made it chose both.
@@ -54,7 +47,7 @@ std::vector<std::uint64_t> find_covered_lines(RememberedHashes& hashes,
   std::set<std::uint64_t> covered;
   Bytes before;
   for (const evidence::ArchiveTimeStampChain& chain : record.chains) {
-    const auto algorithm = hash_of_chain(chain);
+    const auto algorithm = evidence::hash_of_chain(chain);
     if (algorithm && !chain.front().reduced_tree.empty()) {
       const evidence::HashList& list = chain.front().reduced_tree.front();
       const evidence::HeldValues held(list);
@@ -213,8 +206,15 @@ EvidenceReport report_of(const CaseEvidence& judged, const evidence::EvidenceRec
     if (judged.judgement.end) report.ends = judged.judgement.end->time;
   }
   report.time_stamps = judged.judgement.time_stamps.size();
+  for (const evidence::TimeStampJudgement& each : judged.judgement.time_stamps) {
+    const bool valid = each.token.code == timestamp::TokenCode::kValid;
+    report.links.push_back({each.token.info ? std::optional(each.token.info->gen_time) : std::nullopt,
+                            valid ? each.token.root_subject : std::string(),
+                            valid && each.token.authority == timestamp::TimeAuthority::kOutside,
+                            each.algorithm, each.kind != evidence::StampKind::kTimeStampRenewal});
+  }
   for (const evidence::ArchiveTimeStampChain& chain : record.chains) {
-    const auto algorithm = hash_of_chain(chain);
+    const auto algorithm = evidence::hash_of_chain(chain);
     report.hashes.emplace_back(algorithm ? crypto::hash_name(*algorithm) : "unknown");
   }
   report.entries = judged.lines;
@@ -272,7 +272,17 @@ std::optional<EvidenceReport> judge_record_beside(const CaseFolder& folder, cons
     judged.could_not_check = true;
   }
   report.refusal = judged.refusal;
+  report.could_not_check = judged.could_not_check;
   return report;
+}
+
+/// Of a record that holds: " since … by a chain of three time-stamps, the newest of …".
+std::string since_words(const EvidenceReport& report) {
+  return " since " + format_utc(*report.since) + " by a chain of " + std::to_string(report.time_stamps) +
+         (report.time_stamps == 1 ? " time-stamp"
+                                  : " time-stamps, the newest of " + format_utc(*report.newest)) +
+         (report.outside ? ""
+                         : "; the recorder's own authority is among them, so these times are self-issued");
 }
 
 void report_holding(const EvidenceReport& report, std::uint64_t entries, FindingList& findings) {
@@ -281,13 +291,62 @@ void report_holding(const EvidenceReport& report, std::uint64_t entries, Finding
                    (report.entries < entries ? "the first " + std::to_string(report.entries) + " of " +
                                                    std::to_string(entries) + " entries"
                                              : "all " + std::to_string(entries) + " entries") +
-                   " and " + std::to_string(report.files) + " files since " + format_utc(*report.since) +
-                   " by a chain of " + std::to_string(report.time_stamps) +
-                   (report.time_stamps == 1 ? " time-stamp"
-                                            : " time-stamps, the newest of " + format_utc(*report.newest)) +
-                   (report.outside ? ""
-                                   : "; the recorder's own authority is among them, so these times are "
-                                     "self-issued"));
+                   " and " + std::to_string(report.files) + " files" + since_words(report));
+}
+
+/// `of_what`: "case" or "excerpt".
+void report_not_holding(const EvidenceReport& report, const std::string& of_what,
+                        const VerifyOptions& options, FindingList& findings) {
+  if (report.could_not_check) {
+    findings.add(
+        "evidence-not-checked", {report.file},
+        "whether the evidence record " + report.file + " holds could not be checked: " + report.refusal);
+  } else {
+    findings.add(
+        "evidence-refused", {report.file},
+        "the evidence record " + report.file + " proves nothing of this " + of_what + ": " + report.refusal);
+  }
+  if (options.evidence) {
+    findings.add("evidence-asked-for", {report.file},
+                 report.could_not_check
+                     ? "whether the evidence record that was given holds could not be checked"
+                     : "the evidence record that was given does not hold for this " + of_what);
+  }
+}
+
+/// The record that lies beside the whole case, judged against an excerpt; nothing where there is none.
+std::optional<EvidenceReport> judge_record_beside_excerpt(const CaseFolder& folder,
+                                                          const VerifiedCase& verified,
+                                                          const ExcerptData& data,
+                                                          const VerifyOptions& options, UtcTime now) {
+  const std::filesystem::path file =
+      options.evidence ? *options.evidence : evidence_file(folder.path(), verified.case_id);
+  EvidenceReport report;
+  report.file = file.filename().string();
+  try {
+    const FileReading& files = options.files != nullptr ? *options.files : real_reading();
+    const std::optional<Bytes> bytes = read_evidence_file(files, file);
+    if (!bytes && options.evidence) throw UsageError("there is no evidence record at " + file.string());
+    if (!bytes) return {};
+    const evidence::RecordParse parse = evidence::parse_record(*bytes);
+    if (!parse.record) {
+      report.refusal = parse.explanation;
+    } else {
+      const evidence::Policy& policy = policy_of(options);
+      CaseEvidence judged = judge_excerpt_evidence(folder, data, *parse.record,
+                                                   {.trust = options.trust, .policy = &policy, .now = now});
+      if (judged.refusal.empty()) judged.refusal = contradiction(judged, verified);
+      report = report_of(judged, *parse.record, report.file);
+      report.refusal = judged.refusal;
+      report.could_not_check = judged.could_not_check;
+    }
+  } catch (const UsageError&) {
+    throw;
+  } catch (const Error& error) {
+    report.refusal = error.what();
+    report.could_not_check = true;
+  }
+  return report;
 }
 
 }  // namespace
@@ -301,17 +360,7 @@ std::optional<EvidenceReport> check_case_evidence(const CaseFolder& folder, cons
   if (holds) {
     report_holding(*report, verified.entries, findings);
   } else if (report) {
-    const std::string text =
-        "the evidence record " + report->file + " proves nothing of this case: " + report->refusal;
-    if (judged.could_not_check) {
-      findings.add("evidence-not-checked", {report->file}, text);
-    } else {
-      findings.add("evidence-refused", {report->file}, text);
-    }
-    if (options.evidence) {
-      findings.add("evidence-asked-for", {report->file},
-                   "the evidence record that was given does not hold for this case");
-    }
+    report_not_holding(*report, "case", options, findings);
   }
   const evidence::Policy& policy = policy_of(options);
   if (const auto ended = what_ended(policy, verified.signatures, now)) {
@@ -322,6 +371,79 @@ std::optional<EvidenceReport> check_case_evidence(const CaseFolder& folder, cons
     } else if (kept < verified.entries) {
       report_ended(*ended, policy, "its entries from " + std::to_string(kept) + " on rest",
                    "the evidence record covers none of them before: they can have been made since", findings);
+    }
+  }
+  return report;
+}
+
+CaseEvidence judge_excerpt_evidence(const CaseFolder& folder, const ExcerptData& data,
+                                    const evidence::EvidenceRecord& record,
+                                    const evidence::JudgingRules& rules) {
+  CaseEvidence out;
+  const std::string note = note_path(data.size);
+  const CaseData none;
+  RememberedHashes hashes(folder, none);
+  std::vector<evidence::DataObject> objects;
+  for (const NamedFile& file : data.files) objects.push_back(object_of_file(hashes, file));
+  const auto rests_on = std::ranges::find(data.files, note, &NamedFile::file);
+  evidence::JudgingRules joining = rules;
+  joining.objects_may_join = true;
+  out.judgement = evidence::judge_record(record, objects, joining);
+  const auto covered_from = [&](const NamedFile& file) {
+    return out.judgement.covered_from[static_cast<std::size_t>(&file - data.files.data())];
+  };
+  if (rests_on == data.files.end() || covered_from(*rests_on) != 0U) {
+    out.refusal =
+        "its first time-stamp does not cover " + note +
+        ", on which this excerpt rests: it is another case's, or began before these entries, and an "
+        "excerpt does not show which; verify the whole case";
+    out.could_not_check = true;
+    return out;
+  }
+  if (const Standing standing = out.judgement.standing(); standing != Standing::kHolds) {
+    out.refusal = std::ranges::find(out.judgement.problems, standing, &evidence::Problem::standing)->text;
+    out.could_not_check = standing == Standing::kCouldNotCheck;
+    return out;
+  }
+  for (const NamedFile& file : data.files) {
+    if (covered_from(file) == 0U) continue;
+    out.refusal =
+        "its first time-stamp covers " + note + " and not " + file.file + ", which lies in the excerpt";
+    return out;
+  }
+  out.lines = data.size;
+  out.covered_files = data.files;
+  return out;
+}
+
+std::optional<EvidenceReport> check_excerpt_evidence(const CaseFolder& folder, const VerifiedCase& verified,
+                                                     const ExcerptData& data, const VerifyOptions& options,
+                                                     FindingList& findings) {
+  const UtcTime now = options.now.value_or(utc_now());
+  const std::optional<EvidenceReport> report =
+      judge_record_beside_excerpt(folder, verified, data, options, now);
+  const bool holds = report && report->holds;
+  if (holds) {
+    findings.add("evidence-holds", {report->file},
+                 "the evidence record " + report->file + " proves the checkpoint over " +
+                     std::to_string(report->entries) + " entries and " + std::to_string(report->files) +
+                     " files of this excerpt" + since_words(*report));
+  } else if (report) {
+    report_not_holding(*report, "excerpt", options, findings);
+  }
+  const evidence::Policy& policy = policy_of(options);
+  if (const auto ended = what_ended(policy, verified.signatures, now)) {
+    // Between its lines and its checkpoint an excerpt has SHA-256 alone, whatever covers the checkpoint.
+    const bool by_sha256 = !policy.hash("sha256").holds_at(now);
+    const bool renewed = holds && report->outside && *report->since < ended->second && !by_sha256;
+    if (!renewed) {
+      report_ended(
+          *ended, policy, "this excerpt rests",
+          holds && by_sha256
+              ? "an excerpt ties its lines to its checkpoint by sha256 alone: verify the whole case"
+              : "no evidence record of outside authorities holds that began before: verify the whole "
+                "case with its record",
+          findings);
     }
   }
   return report;

@@ -50,9 +50,24 @@ struct VerifiedCase {
 std::optional<EvidenceReport> check_case_evidence(const CaseFolder& folder, const VerifiedCase& verified,
                                                   const VerifyOptions& options, FindingList& findings);
 
-/// Of what has no evidence record, an excerpt or a log: adds what the policy says of it, and that a record
-/// that was given was not judged. `what`: "an excerpt".
+/// Of what has no evidence record, as a log: adds what the policy says of it, and that a record that was
+/// given was not judged. `what`: "an appliance log".
 void check_without_evidence(const std::string& what, const VerifyOptions& options,
                             const std::vector<timestamp::SignatureUse>& signatures, FindingList& findings);
+
+/// What an excerpt shows of what a record covers.
+struct ExcerptData {
+  std::uint64_t size = 0;        // its lines lead to the note of this size
+  std::vector<NamedFile> files;  // notes, tokens and segments that lie in it as they lie in the case
+};
+/// Of an excerpt the record proves the checkpoint to which the lines lead, and the files. Whether it covers
+/// the ledger's lines as such an excerpt does not show. Errors as above.
+CaseEvidence judge_excerpt_evidence(const CaseFolder& folder, const ExcerptData& data,
+                                    const evidence::EvidenceRecord& record,
+                                    const evidence::JudgingRules& rules);
+/// As check_case_evidence(), of an excerpt.
+std::optional<EvidenceReport> check_excerpt_evidence(const CaseFolder& folder, const VerifiedCase& verified,
+                                                     const ExcerptData& data, const VerifyOptions& options,
+                                                     FindingList& findings);
 
 }  // namespace kiroku::archive

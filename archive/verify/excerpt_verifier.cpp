@@ -92,6 +92,7 @@ class ExcerptVerification {
     }
     if (segment.file.file.size() <= kMaximumPathBytes) {
       selected_files_.insert(segment.file.file);
+      selected_segments_.push_back({segment.file.file, 0, segment.file});
     }
     return true;
   }
@@ -345,10 +346,33 @@ class ExcerptVerification {
     report.contents = files_.contents();
     report.brackets = rules_.tokens().brackets(document_.first_entry,
                                                document_.first_entry + std::max<std::uint64_t>(1, lines_));
-    check_without_evidence("an excerpt", options_, rules_.tokens().signatures(), findings_);
+    if (findings_.worst() != Severity::kTampered) {
+      const TokenRules& tokens = rules_.tokens();
+      report.evidence = check_excerpt_evidence(
+          folder_, {report.case_id, lines_, {}, tokens.signatures(), tokens.valid(), tokens.outside()},
+          shown_data(), options_, findings_);
+    }
     report.verdict = verdict_of_excerpt(findings_.worst());
     report.findings = findings_.take();
     return report;
+  }
+
+  /// What lies here as it lies in the case: a re-keyed segment does not.
+  [[nodiscard]] ExcerptData shown_data() const {
+    ExcerptData data{document_.size, {}};
+    for (const std::uint64_t size : note_sizes(listing_)) {
+      if (size > 0 && size <= document_.size) data.files.push_back({note_path(size), size - 1, {}});
+    }
+    for (const ListedFile& file : listing_) {
+      if (token_of_path(file.path)) data.files.push_back({file.path, document_.size - 1, {}});
+    }
+    for (const NamedFile& segment : selected_segments_) {
+      if (present_.contains(segment.file) &&
+          !present_.contains(segment.file + std::string(kOriginalHeaderSuffix))) {
+        data.files.push_back(segment);
+      }
+    }
+    return data;
   }
 
   /// Puts what the folder holds in place of what the ledger names: the excerpt's lines tell of more.
@@ -388,6 +412,7 @@ class ExcerptVerification {
   std::vector<ListedFile> listing_;
   std::set<std::string> present_;
   std::set<std::string> selected_files_;
+  std::vector<NamedFile> selected_segments_;  // the same, with what their entries state
   std::int64_t lines_begin_ns_ = 0;
   CheckpointRules checkpoints_;
   FileChecker files_;

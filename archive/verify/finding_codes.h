@@ -297,7 +297,7 @@ inline constexpr auto kFindingCodes = std::to_array<FindingCode>({
      "or "
      "something could not be read"},
     {"evidence-asked-for", Severity::kUnproven,
-     "the evidence record that was given does not hold for this case"},
+     "the evidence record that was given does not hold for this case, or that could not be checked"},
     {"algorithm-ended", Severity::kUnproven,
      "by the policy given, an algorithm on which the case rests counts no more, and no evidence record of "
      "outside "

@@ -111,6 +111,14 @@ struct OpenedContents {
   std::uint64_t decoded = 0;
 };
 
+/// One time-stamp of an evidence record.
+struct EvidenceLink {
+  std::optional<UtcTime> time;  // nothing where its token could not be read
+  std::string authority;  // subject of the trusted root at which its token's path ends; empty: it does not
+  bool outside = false;   // that is an outside authority's
+  std::string hash;
+  bool covers_data = false;  // the first one, and each hash-tree renewal; else the one before it alone
+};
 /// What an evidence record (RFC 4998) proves of the case.
 struct EvidenceReport {
   std::string file;  // its name
@@ -119,9 +127,11 @@ struct EvidenceReport {
   std::optional<UtcTime> since, newest;  // of its first and its newest time-stamp
   std::optional<UtcTime> ends;           // when it must have been renewed; nothing where no end is known
   std::uint64_t time_stamps = 0;
+  std::vector<EvidenceLink> links;       // the time-stamps, in their order
   std::vector<std::string> hashes;       // of its chains
   std::uint64_t entries = 0, files = 0;  // that it covers
   std::string refusal;                   // why it does not hold
+  bool could_not_check = false;          // it was not refused: something is missing to tell
 };
 
 struct VerificationReport {

@@ -86,6 +86,14 @@ ordered_json authority_json(const StampingAuthority& authority) {
 }
 
 ordered_json evidence_json(const EvidenceReport& evidence) {
+  ordered_json links = ordered_json::array();
+  for (const EvidenceLink& link : evidence.links) {
+    links.push_back({{"time", or_null(link.time)},
+                     {"authority", or_null(link.authority)},
+                     {"outside", link.outside},
+                     {"hash", link.hash},
+                     {"covers_data", link.covers_data}});
+  }
   return {{"file", evidence.file},
           {"holds", evidence.holds},
           {"time", evidence.holds ? ordered_json(time_proof_name(evidence.outside ? TimeProof::kExternal
@@ -95,10 +103,12 @@ ordered_json evidence_json(const EvidenceReport& evidence) {
           {"newest", or_null(evidence.newest)},
           {"ends", or_null(evidence.ends)},
           {"time_stamps", evidence.time_stamps},
+          {"links", std::move(links)},
           {"hashes", evidence.hashes},
           {"entries", evidence.entries},
           {"files", evidence.files},
-          {"refusal", or_null(evidence.refusal)}};
+          {"refusal", or_null(evidence.refusal)},
+          {"could_not_check", evidence.could_not_check}};
 }
 
 ordered_json finding_json(const Finding& finding) {

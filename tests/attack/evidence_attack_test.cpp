@@ -28,12 +28,16 @@ class EvidenceAttack : public ::testing::Test {
   EvidenceAttack() {
     trust_.add_own_authority(bytes_of(archive_.authority().root_pem()), "own");
     trust_.add_trusted(bytes_of(outside_.root_pem()), "outside");
-    renew("2027-01-01");
-    renew("2033-10-01");
+    trust_.add_trusted(bytes_of(middle_.root_pem()), "middle");
+    renew("2027-01-01", outside_);
+    renew("2033-10-01", middle_);
   }
-  void renew(const std::string& today) const {
-    archive::renew_evidence(archive::real_file_system(), {first_, second_},
-                            {.trust = &trust_, .now = day(today), .stamp = outside_.at(today)});
+  void renew(const std::string& today, const PlayedAuthority& authority) const {
+    archive::EvidenceRenewalOptions options;
+    options.trust = &trust_;
+    options.now = [today] { return day(today); };
+    options.stamp = authority.at(today);
+    archive::renew_evidence(archive::real_file_system(), {first_, second_}, options);
   }
   [[nodiscard]] fs::path record(const fs::path& folder) const {
     return archive::evidence_file(folder, folder.filename().string());
@@ -74,6 +78,7 @@ class EvidenceAttack : public ::testing::Test {
   fs::path first_ = SampleCase::write(archive_);
   fs::path second_ = SampleCase::write(archive_);
   PlayedAuthority outside_{"Outside", "2026-01-01", "2034-01-01"};
+  PlayedAuthority middle_{"Middle", "2026-01-01", "2034-03-01"};
   timestamp::TrustStore trust_;
 };
 
@@ -82,8 +87,7 @@ TEST_F(EvidenceAttack, TheSoundRecordHolds) {
   EXPECT_TRUE(has(verify(), "evidence-not-checked"));
   PlayedAuthority later("Later", "2030-01-01", "2050-01-01");
   trust_.add_trusted(bytes_of(later.root_pem()), "later");
-  archive::renew_evidence(archive::real_file_system(), {first_, second_},
-                          {.trust = &trust_, .now = day("2033-12-01"), .stamp = later.at("2033-12-01")});
+  renew("2033-12-01", later);
   EXPECT_TRUE(has(verify(), "evidence-holds"));
   EXPECT_EQ(verify().verdict, Verdict::kIntact);
   EXPECT_EQ(verify(&ended()).verdict, Verdict::kIntact);
@@ -373,6 +377,115 @@ TEST_F(EvidenceAttack, ARecordDoesNotHideThatACaseWasTamperedWith) {
   write_file(segment, bytes);
   EXPECT_EQ(verify().verdict, Verdict::kTampered);
   EXPECT_FALSE(verify().evidence);
+}
+
+/// An excerpt beside the case, whose record lies where it is looked for.
+class ExcerptEvidence : public EvidenceAttack {
+ protected:
+  ExcerptEvidence() {
+    trust_.add_trusted(bytes_of(later_.root_pem()), "later");
+    renew("2033-12-01", later_);
+    make({});
+  }
+  void make(archive::ExcerptOptions options) const {
+    options.from_ns = 2'000'000'001;
+    options.to_ns = 4'000'000'000;
+    options.streams = {"endoscope"};
+    fs::remove_all(excerpt());
+    archive::make_excerpt(first_, options, excerpt());
+  }
+  [[nodiscard]] fs::path excerpt() const { return archive_.folder() / "excerpt"; }
+  [[nodiscard]] VerificationReport judged(const evidence::Policy* policy = nullptr,
+                                          const std::optional<fs::path>& given = std::nullopt) const {
+    archive::VerifyOptions options = archive_.options();
+    options.trust = &trust_;
+    options.now = day("2035-01-01");
+    options.policy = policy;
+    options.evidence = given;
+    return archive::verify_case(excerpt(), options);
+  }
+  static std::string text_of_finding(const VerificationReport& report, const std::string& code) {
+    const auto found = std::ranges::find(report.findings, code, &archive::Finding::code);
+    return found == report.findings.end() ? "" : found->text;
+  }
+  PlayedAuthority later_{"Later", "2030-01-01", "2050-01-01"};
+};
+
+TEST_F(ExcerptEvidence, OfItTheRecordProvesTheCheckpointAndTheFiles) {
+  const VerificationReport report = judged();
+  EXPECT_EQ(report.verdict, Verdict::kIntactExcerpt);
+  ASSERT_TRUE(report.evidence);
+  EXPECT_TRUE(report.evidence->holds) << report.evidence->refusal;
+  EXPECT_EQ(report.evidence->since, day("2027-01-01"));
+  EXPECT_EQ(report.evidence->time_stamps, 3U);
+  EXPECT_NE(text_of_finding(report, "evidence-holds").find("proves the checkpoint over"), std::string::npos);
+  EXPECT_EQ(judged(nullptr, record(first_)).verdict, Verdict::kIntactExcerpt);
+  // What the record proves stands for a signature that ended; without it the excerpt proves nothing any more.
+  EXPECT_EQ(judged(&ended()).verdict, Verdict::kIntactExcerpt);
+  fs::remove(record(first_));
+  EXPECT_EQ(judged(&ended()).verdict, Verdict::kUnproven);
+  EXPECT_TRUE(has(judged(&ended()), "algorithm-ended"));
+  EXPECT_EQ(judged().verdict, Verdict::kIntactExcerpt);
+  EXPECT_THROW(judged(nullptr, record(first_)), UsageError);
+}
+
+// Between an excerpt's lines and its checkpoint stands SHA-256 alone, whatever the record hashes with.
+TEST_F(ExcerptEvidence, WithoutSha256ItsLinesAreNotProved) {
+  const evidence::Policy policy = evidence::Policy::parse(
+      "new_hash=\"sha512\"\n[[algorithm]]\nname=\"sha256\"\nuntil=2034-12-01\n"
+      "[[algorithm]]\nname=\"sha512\"\n[[algorithm]]\nname=\"ecdsa\"\n[[algorithm]]\nname=\"ed25519\"\n",
+      "policy.toml");
+  const VerificationReport report = judged(&policy);
+  EXPECT_EQ(report.verdict, Verdict::kUnproven);
+  EXPECT_TRUE(has(report, "algorithm-ended"));
+}
+
+TEST_F(ExcerptEvidence, ARecordThatCannotBeShownFromItIsNotJudged) {
+  write_file(record(first_), read_file(record(second_)));
+  const VerificationReport report = judged();
+  EXPECT_EQ(report.verdict, Verdict::kIntactExcerpt);
+  EXPECT_NE(text_of_finding(report, "evidence-not-checked").find("verify the whole case"), std::string::npos);
+  EXPECT_EQ(judged(&ended()).verdict, Verdict::kUnproven);
+  EXPECT_EQ(judged(nullptr, record(second_)).verdict, Verdict::kUnproven);
+  write_file(record(first_), "<EvidenceRecord/>");
+  EXPECT_TRUE(has(judged(), "evidence-refused"));
+}
+
+TEST_F(ExcerptEvidence, ARecordThatLacksASegmentOfItIsRefused) {
+  using crypto::HashAlgorithm;
+  const archive::CaseFolder folder = archive::CaseFolder::open(first_);
+  const archive::CaseData data = archive::read_case_data(folder);
+  const auto write_record = [&](const std::string& left_out) {
+    const std::uint64_t lines = data.note_sizes.back();
+    evidence::HashList group{archive::hash_ledger_at(folder, {lines}, HashAlgorithm::kSha256).at(lines)};
+    for (const archive::NamedFile& named : data.files) {
+      if (named.file != left_out)
+        group.push_back(archive::hash_named_file(folder, named, HashAlgorithm::kSha256));
+    }
+    write_file(record(first_), std::string(text_of(evidence::encode_record(evidence::begin_records(
+                                   HashAlgorithm::kSha256, {group}, later_.at("2031-01-01"))[0]))));
+  };
+  write_record("");
+  EXPECT_TRUE(has(judged(), "evidence-holds"));
+  write_record("segments/endoscope/00000001.ts.age");
+  EXPECT_TRUE(has(judged(), "evidence-refused"));
+  EXPECT_EQ(judged(nullptr, record(first_)).verdict, Verdict::kUnproven);
+  // What the excerpt does not hold it does not show.
+  write_record("segments/endoscope/00000000.ts.age");
+  EXPECT_TRUE(has(judged(), "evidence-holds"));
+  EXPECT_TRUE(has(verify(), "evidence-refused"));
+}
+
+TEST_F(ExcerptEvidence, OfAReKeyedOneTheRecordProvesTheCheckpoint) {
+  const std::uint64_t with_segment = judged().evidence->files;
+  archive::ExcerptOptions options;
+  options.identities = &archive_.identities();
+  options.recipients = archive_.recipients();
+  make(options);
+  const VerificationReport report = judged();
+  ASSERT_TRUE(report.evidence);
+  EXPECT_TRUE(report.evidence->holds) << report.evidence->refusal;
+  EXPECT_EQ(report.evidence->files + 1, with_segment);
 }
 
 }  // namespace

@@ -104,12 +104,33 @@ std::string time_sentence(const ReportInput& input) {
                 : say(input.language, "time.none");
 }
 
+std::string evidence_sentence(const ReportInput& input) {
+  if (!input.verification.evidence) return {};
+  const archive::EvidenceReport& evidence = *input.verification.evidence;
+  const auto words = [&](TextKey key, std::initializer_list<std::string> values) {
+    return say(input.language, key, values);
+  };
+  if (evidence.could_not_check) return words("evidence.unknown", {plain_text(evidence.refusal)});
+  if (!evidence.holds) return words("evidence.refused", {plain_text(evidence.refusal)});
+  const std::string since = utc_time(*evidence.since);
+  const std::string chain =
+      evidence.time_stamps == 1
+          ? words("evidence.one", {})
+          : words("evidence.chain", {std::to_string(evidence.time_stamps), utc_time(*evidence.newest)});
+  const std::string proved = input.verification.excerpt ? words("evidence.holds.excerpt", {since, chain})
+                                                        : words("evidence.holds", {since, chain});
+  return evidence.outside ? proved : words("evidence.self-issued", {proved});
+}
+
 Statement verdict_statement(const ReportInput& input) {
   const Verdict verdict = input.verification.verdict;
   Statement statement{tone_of(verdict), verdict_words(input.language, verdict),
                       verdict_sentence(input.language, verdict), gravest_meanings(input)};
   if (verdict == Verdict::kTampered) return statement;
   statement.remarks.push_back(time_sentence(input));
+  if (std::string evidence = evidence_sentence(input); !evidence.empty()) {
+    statement.remarks.push_back(std::move(evidence));
+  }
   if (!input.verification.contents || input.verification.contents->opened == 0)
     statement.remarks.push_back(say(input.language, "scope.remark-unopened"));
   return statement;

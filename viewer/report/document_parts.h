@@ -16,6 +16,8 @@ Tone tone_of(archive::Verdict verdict);
 /// Verdict, what it means, and what is to be known with it.
 /// Whose clock says when it was, in a sentence.
 std::string time_sentence(const ReportInput& input);
+/// What the case's evidence record proves, or why nothing; "" where there is none.
+std::string evidence_sentence(const ReportInput& input);
 Statement verdict_statement(const ReportInput& input);
 /// The document's frame: languages, titles, metadata, no blocks.
 Document empty_document(const ReportInput& input, std::string title);

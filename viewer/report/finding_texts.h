@@ -234,7 +234,8 @@ inline constexpr auto kFindingTexts = std::to_array<FindingText>({
      "記録でないもの。"},
     {"evidence-not-checked", Check::kTime,
      "並んで置かれた証拠記録を判定できなかった。信頼する根がない、期限が切れた、または読めない。"},
-    {"evidence-asked-for", Check::kTime, "与えられた証拠記録は、この症例について成り立たない。"},
+    {"evidence-asked-for", Check::kTime,
+     "与えられた証拠記録は、この症例について成り立たないか、検査できなかった。"},
     {"algorithm-ended", Check::kTime,
      "与えられた方針では、症例が拠るアルゴリズムがもう有効でない。それより前に始まり、外部の機関による証拠記"
      "録がない。"},

@@ -51,6 +51,9 @@ Document make_receipt(const ReportInput& input) {
            Face::kMono);
   add_fact(table, words("receipt.root-hex"), crypto::to_hex(note.root), Face::kMono);
   add_fact(table, words("receipt.size"), grouped(note.size));
+  if (std::string evidence = evidence_sentence(input); !evidence.empty()) {
+    add_fact(table, words("receipt.evidence"), std::move(evidence));
+  }
   add_fact(table, words("device.key"), plain_text(input.verification.device), Face::kMono);
   add_fact(table, words("device.trusted"), device_trust_words(input));
   add(std::move(table));

@@ -14,6 +14,7 @@ Document ReportMaker::make() {
   add_gaps();
   add_findings();
   add_time();
+  add_evidence();
   add_device();
   add_hashes();
   add_repeating();

@@ -106,6 +106,9 @@ class ReportMaker {
 
   void add_clocks();
 
+  /// What an evidence record proves, by which chain, and what it does not prove. Nothing without a record.
+  void add_evidence();
+
   void add_device();
 
   void add_hashes();

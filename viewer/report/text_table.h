@@ -96,6 +96,7 @@ inline constexpr auto kTexts = std::to_array<Text>({
     {"heading.brackets", "Brackets", "時刻の範囲"},
     {"heading.tokens", "Time stamps", "タイムスタンプ"},
     {"heading.clocks", "Clocks", "時計"},
+    {"heading.evidence", "Evidence record", "証拠記録"},
     {"heading.findings", "Findings", "所見"},
     {"heading.device", "Device key", "装置の鍵"},
     {"heading.hashes", "Hashes", "ハッシュ値"},
@@ -321,6 +322,63 @@ inline constexpr auto kTexts = std::to_array<Text>({
     {"chain.authorities.unjudged", "{0}. No trusted root was given, so none could be judged.",
      "{0}。信頼するルートが与えられていないため判定できません。"},
     {"chain.authorities.none", "None took part.", "関与した認証局はありません。"},
+    // -- the evidence record
+    {"evidence.lead",
+     "A time stamp proves something only as long as its certificate and its algorithms count. An evidence "
+     "record "
+     "(RFC 4998) carries the proof on: each further time stamp was made while the one before it still "
+     "counted.",
+     "タイムスタンプは、証明書と暗号方式が有効な間だけ証明力を持ちます。証拠記録（RFC "
+     "4998）は、前のタイムスタンプが有効なうちに次のタイムスタンプを重ねることで、証明を引き継ぎます。"},
+    {"evidence.holds", "Proved since {0} by {1}.", "{0} から存在したことが、{1}により証明されています。"},
+    {"evidence.holds.excerpt", "The checkpoint of this excerpt and its files are proved since {0} by {1}.",
+     "この抜粋のチェックポイントとファイルが {0} から存在したことが、{1}により証明されています。"},
+    {"evidence.one", "one time stamp", "1個のタイムスタンプ"},
+    {"evidence.chain", "a chain of {0} time stamps, the newest of {1}",
+     "{0}個のタイムスタンプの連鎖（最新は {1}）"},
+    {"evidence.self-issued",
+     "{0} The recorder's own authority is among those that stamped: no outside clock stands behind these "
+     "times.",
+     "{0}ただし、記録装置自身の認証局のタイムスタンプを含むため、これらの時刻に外部の時計の裏付けはありません"
+     "。"},
+    {"evidence.refused", "The evidence record proves nothing here. The verifier says: {0}",
+     "証拠記録はここでは何も証明しません。検証プログラムの説明：{0}"},
+    {"evidence.unknown", "Whether the evidence record holds could not be checked. The verifier says: {0}",
+     "証拠記録が成り立つかどうかは検査できませんでした。検証プログラムの説明：{0}"},
+    {"evidence.time", "Time", "時刻"},
+    {"evidence.authority", "Authority", "時刻認証局"},
+    {"evidence.authority.own", "{0} (the recorder's own)", "{0}（記録装置自身）"},
+    {"evidence.authority.unknown", "not known: no trusted root", "不明（信頼するルートなし）"},
+    {"evidence.hash", "Hash", "ハッシュ方式"},
+    {"evidence.covers", "Covers", "対象"},
+    {"evidence.covers.data", "all data that is listed below, and every time stamp before",
+     "下記の全データと、それ以前のすべてのタイムスタンプ"},
+    {"evidence.covers.link", "the time stamp before", "直前のタイムスタンプ"},
+    {"evidence.covered", "It covers {0} ledger entries, from the first on, and {1} files that they name.",
+     "対象は、台帳の最初から {0} 件の項目と、それらが名指す {1} 個のファイルです。"},
+    {"evidence.later", "{0} entries came later. The record says nothing of them.",
+     "その後に加わった {0} 件の項目は、証拠記録の対象ではありません。"},
+    {"evidence.excerpt",
+     "The lines of this excerpt lead to that checkpoint by SHA-256. The record covers the whole case; "
+     "whether it "
+     "covers the other lines and files as the case has them, an excerpt does not show.",
+     "この抜粋の行は SHA-256 によりそのチェックポイントに結び付きます。証拠記録は症例全体を対象とします。"
+     "抜粋以外の行とファイルについては、抜粋からは確かめられません。"},
+    {"evidence.not-proved",
+     "It proves that this data existed then and has not changed since. It does not prove when before that it "
+     "was "
+     "recorded, whom the pictures show, or that everything was recorded. Nobody signs that a newer time "
+     "stamp "
+     "was not taken away.",
+     "証明されるのは、これらのデータがその時点で存在し、その後変わっていないことです。それ以前のいつ記録され"
+     "たか"
+     "、誰の映像であるか、すべてが記録されたかは証明しません。より新しいタイムスタンプが取り除かれていないこ"
+     "とも"
+     "証明されません。"},
+    {"evidence.ends", "It must be renewed before {0}. After that it proves nothing by itself.",
+     "{0} までに更新が必要です。それ以降は、それだけでは何も証明しません。"},
+    {"evidence.endless", "No end of its newest time stamp is known.",
+     "最新のタイムスタンプの期限は知られていません。"},
     // -- streams
     {"stream.name", "Stream", "系統"},
     {"stream.kind", "Kind", "種類"},
@@ -547,6 +605,7 @@ inline constexpr auto kTexts = std::to_array<Text>({
     {"receipt.root", "Final ledger root", "台帳の最終の根"},
     {"receipt.root-hex", "The same in hexadecimal", "同（16進表記）"},
     {"receipt.size", "Ledger entries covered", "対象の台帳項目数"},
+    {"receipt.evidence", "Evidence record", "証拠記録"},
     {"receipt.qr.caption",
      "The QR code holds the last checkpoint of the case as it lies in the folder ({0}): case, size and root, "
      "signed by "

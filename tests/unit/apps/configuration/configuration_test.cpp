@@ -248,6 +248,15 @@ TEST(Configuration, RefusesIncompleteAndDoubledAuthorities) {
   EXPECT_EQ(refusal(one + one), "k.toml:4:1: there are two authorities named 'a'");
 }
 
+TEST(Configuration, RefusesEvidenceThatNamesNoPolicy) {
+  EXPECT_EQ(refusal("[evidence]\npolicy = \"\"\n"),
+            "k.toml:2:10: 'policy' is empty: name a file, or leave the key out");
+  EXPECT_EQ(refusal("[evidence]\npolicies = \"a\"\n"),
+            "k.toml:2:1: unknown key 'policies' in [evidence]; known are policy");
+  EXPECT_EQ(parse_configuration("", "k.toml").evidence.policy, "");
+  EXPECT_EQ(parse_configuration("[evidence]\npolicy = \"a.toml\"\n", "k.toml").evidence.policy, "a.toml");
+}
+
 TEST(Configuration, TheExampleOfARoomIsGood) {
   const std::string example = uncommented_example();
   const Configuration read = parse_configuration(example, "k.toml");

@@ -8,7 +8,9 @@
 #include "archive/verify/case_evidence.h"
 #include "archive/verify/verifier.h"
 #include "base/error.h"
+#include "tests/support/case_kit.h"
 #include "tests/support/evidence_kit.h"
+#include "tests/support/fault_file_system.h"
 #include "tests/support/sample_case.h"
 
 namespace kiroku::archive {
@@ -30,7 +32,10 @@ class EvidenceRenewalTest : public ::testing::Test {
   }
   [[nodiscard]] EvidenceRenewalOptions at(const std::string& today, const PlayedAuthority& authority,
                                           const std::string& policy = "") const {
-    EvidenceRenewalOptions options{.trust = &trust_, .now = day(today), .stamp = authority.at(today)};
+    EvidenceRenewalOptions options;
+    options.trust = &trust_;
+    options.now = [today] { return day(today); };
+    options.stamp = authority.at(today);
     if (!policy.empty()) options.policy = evidence::Policy::parse(policy, "policy.toml");
     return options;
   }
@@ -157,16 +162,39 @@ TEST_F(EvidenceRenewalTest, WhatCannotBeReadIsNamedAndNothingIsDoneForThatCase) 
 TEST_F(EvidenceRenewalTest, WithoutAnAuthorityNoRecordIsWritten) {
   EvidenceRenewalOptions options = at("2027-01-01", first_);
   options.stamp = [](crypto::HashAlgorithm, ByteView) -> Bytes { throw Error("nobody answers"); };
-  EXPECT_THROW(renew(options), Error);
+  for (const EvidenceRenewal& result : renew(options)) {
+    EXPECT_EQ(result.what, What::kWaits);
+    EXPECT_EQ(result.text, "it had no record; no time-stamp came: nobody answers");
+  }
   EXPECT_FALSE(fs::exists(record_of(cases_[0])));
+  EXPECT_FALSE(fs::exists(record_of(cases_[1])));
+}
+
+TEST_F(EvidenceRenewalTest, ADryRunSaysWhatIsDueAndAsksNobody) {
+  EvidenceRenewalOptions options = at("2027-01-01", first_);
+  options.stamp = [](crypto::HashAlgorithm, ByteView) -> Bytes { throw Error("asked"); };
   options.dry_run = true;
   EXPECT_EQ(renew(options)[0].what, What::kBegun);
-  EXPECT_FALSE(fs::exists(record_of(cases_[0])));
+  EXPECT_FALSE(fs::exists(record_of(cases_[0]).parent_path()));
+  renew(at("2027-01-01", first_));
+  const std::string begun = test::contents(record_of(cases_[0]));
+  options.now = [] { return day("2033-10-01"); };
+  const auto due = renew(options);
+  EXPECT_EQ(due[0].what, What::kTimeStampRenewed);
+  EXPECT_THAT(due[0].text, HasSubstr("a certificate of CN=First"));
+  EXPECT_EQ(due[0].before, day("2034-01-01"));
+  options.now = [] { return day("2039-10-01"); };
+  EXPECT_EQ(renew(options)[0].what, What::kRefused);
+  EXPECT_EQ(test::contents(record_of(cases_[0])), begun);
 }
 
 TEST_F(EvidenceRenewalTest, ARecordThatDoesNotHoldIsLeftAsItIs) {
   renew(at("2027-01-01", first_));
   fs::copy_file(record_of(cases_[1]), record_of(cases_[0]), fs::copy_options::overwrite_existing);
+  const auto early = renew(at("2028-01-01", second_));
+  EXPECT_EQ(early[0].what, What::kRefused) << "also where nothing is due";
+  EXPECT_THAT(early[0].text, HasSubstr("of this case: it is another's"));
+  EXPECT_EQ(early[1].what, What::kNothingDue) << early[1].text;
   const auto results = renew(at("2033-10-01", second_));
   EXPECT_EQ(results[0].what, What::kRefused);
   EXPECT_THAT(results[0].text, HasSubstr("it does not cover the ledger of this case"));
@@ -179,6 +207,180 @@ TEST_F(EvidenceRenewalTest, ARecordThatLapsedIsNotRenewed) {
   const auto results = renew(at("2034-06-01", second_));
   EXPECT_EQ(results[0].what, What::kRefused);
   EXPECT_THAT(results[0].text, HasSubstr("nothing renewed it before"));
+}
+
+TEST_F(EvidenceRenewalTest, ACaseThatIsNotAtItsEndIsLeftAlone) {
+  test::SampleCase open(archive_);
+  open.record();
+  cases_ = {open.folder(), cases_[0]};
+  auto results = renew(at("2027-01-01", first_));
+  EXPECT_EQ(results[0].what, What::kStillOpen);
+  EXPECT_FALSE(fs::exists(record_of(cases_[0])));
+  EXPECT_EQ(results[1].what, What::kBegun) << results[1].text;
+  // Closed, and nobody signed that yet.
+  open.writer().close("operator", archive_.now());
+  results = renew(at("2027-01-01", first_));
+  EXPECT_EQ(results[0].what, What::kStillOpen) << results[0].text;
+  EXPECT_FALSE(fs::exists(record_of(cases_[0])));
+}
+
+TEST_F(EvidenceRenewalTest, OneTokenServesAllCasesAndWhatIsHeldIsBounded) {
+  int asked = 0;
+  const auto counted = [&](EvidenceRenewalOptions options) {
+    options.stamp = [&asked, inner = options.stamp](crypto::HashAlgorithm algorithm, ByteView imprint) {
+      ++asked;
+      return inner(algorithm, imprint);
+    };
+    return options;
+  };
+  EvidenceRenewalOptions bounded = counted(at("2027-01-01", first_));
+  bounded.most_bytes = 1;
+  renew(bounded);
+  EXPECT_EQ(asked, 2) << "each case that is held fills the bound";
+  EXPECT_EQ(renew(counted(at("2033-10-01", second_)))[1].what, What::kTimeStampRenewed);
+  EXPECT_EQ(asked, 3) << "one for both";
+  for (const fs::path& folder : cases_) EXPECT_TRUE(verify(folder, "2035-01-01").evidence->holds);
+}
+
+TEST_F(EvidenceRenewalTest, ATimeStampRenewalReadsNoRecordingAndAHashTreeRenewalReadsAll) {
+  const std::string policy = kPolicy;
+  renew(at("2027-01-01", first_));
+  for (const int index : {0, 1}) {
+    const fs::path segment = cases_[0] / ("segments/endoscope/0000000" + std::to_string(index) + ".ts.age");
+    fs::resize_file(segment, fs::file_size(segment) - 1);
+  }
+  EXPECT_EQ(renew(at("2033-10-01", second_, policy))[0].what, What::kTimeStampRenewed);
+  const std::string before = test::contents(record_of(cases_[0]));
+  const auto hashed = renew(at("2039-10-01", second_, policy));
+  EXPECT_EQ(hashed[0].what, What::kRefused);
+  EXPECT_EQ(hashed[0].unread, (std::vector<std::string>{"segments/endoscope/00000000.ts.age",
+                                                        "segments/endoscope/00000001.ts.age"}));
+  EXPECT_EQ(test::contents(record_of(cases_[0])), before);
+  EXPECT_EQ(hashed[1].what, What::kHashTreeRenewed) << hashed[1].text;
+}
+
+TEST_F(EvidenceRenewalTest, ATimeStampThatLastsNoLongerIsNotTaken) {
+  renew(at("2027-01-01", first_));
+  const std::string before = test::contents(record_of(cases_[0]));
+  const auto results = renew(at("2033-10-01", first_));
+  EXPECT_EQ(results[0].what, What::kWaits);
+  EXPECT_THAT(results[0].text, HasSubstr("lasts no longer than the record"));
+  EXPECT_EQ(test::contents(record_of(cases_[0])), before);
+}
+
+TEST_F(EvidenceRenewalTest, TheRecordersOwnAuthorityRenewsNoRecordOfOutsideOnes) {
+  const PlayedAuthority own("Own", "2026-01-01", "2060-01-01");
+  trust_.add_own_authority(bytes_of(own.root_pem()), "own");
+  renew(at("2027-01-01", first_));
+  const std::string before = test::contents(record_of(cases_[0]));
+  const auto results = renew(at("2033-10-01", own));
+  EXPECT_EQ(results[0].what, What::kWaits);
+  EXPECT_THAT(results[0].text, HasSubstr("would make the record self-issued"));
+  EXPECT_EQ(test::contents(record_of(cases_[0])), before);
+  // A record that is self-issued already goes on so.
+  fs::remove(record_of(cases_[0]));
+  EXPECT_EQ(renew(at("2033-10-01", own))[0].what, What::kBegun);
+  EXPECT_FALSE(verify(cases_[0], "2035-01-01").evidence->outside);
+}
+
+TEST_F(EvidenceRenewalTest, ATokenThatWouldNotHoldIsNotTaken) {
+  renew(at("2027-01-01", first_));
+  const std::string before = test::contents(record_of(cases_[0]));
+  EvidenceRenewalOptions options = at("2033-10-01", second_);
+  const auto refusal = [&](const evidence::Stamp& stamp) {
+    options.stamp = stamp;
+    const EvidenceRenewal result = renew(options)[0];
+    EXPECT_EQ(result.what, What::kWaits);
+    EXPECT_EQ(test::contents(record_of(cases_[0])), before);
+    return result.text;
+  };
+  EXPECT_THAT(refusal(first_.at("2026-10-01")), HasSubstr("before the one that it renews"));
+  EXPECT_THAT(refusal(second_.at("2034-10-01")), HasSubstr("set the clock"));
+  const PlayedAuthority stranger("Stranger", "2026-01-01", "2060-01-01");
+  EXPECT_THAT(refusal(stranger.at("2033-10-01")), HasSubstr("does not count"));
+  EXPECT_THAT(refusal([&](crypto::HashAlgorithm algorithm, ByteView) {
+                return second_.at("2033-10-01")(algorithm, Bytes(32));
+              }),
+              HasSubstr("over another root"));
+}
+
+TEST_F(EvidenceRenewalTest, ANewHashThatEndedIsRefused) {
+  const std::string weak =
+      "[[algorithm]]\nname=\"sha256\"\nuntil=2026-12-31\n[[algorithm]]\nname=\"ecdsa\"\n";
+  EXPECT_THAT(renew(at("2027-06-01", first_, weak))[0].text, HasSubstr("does not count any more"));
+  EXPECT_FALSE(fs::exists(record_of(cases_[0])));
+  const std::string ends =
+      "[[algorithm]]\nname=\"sha256\"\nuntil=2027-12-31\n[[algorithm]]\nname=\"ecdsa\"\n";
+  renew(at("2027-01-01", first_, ends));
+  const auto results = renew(at("2027-10-01", first_, ends));
+  EXPECT_EQ(results[0].what, What::kRefused);
+  EXPECT_THAT(results[0].text, HasSubstr("no later than the one that it would replace"));
+}
+
+TEST_F(EvidenceRenewalTest, ARecordThatIsChangedMeanwhileIsNotWrittenOver) {
+  renew(at("2027-01-01", first_));
+  EvidenceRenewalOptions options = at("2033-10-01", second_);
+  options.stamp = [&, inner = options.stamp](crypto::HashAlgorithm algorithm, ByteView imprint) {
+    fs::remove(record_of(cases_[0]));
+    return inner(algorithm, imprint);
+  };
+  const auto results = renew(options);
+  EXPECT_EQ(results[0].what, What::kRefused);
+  EXPECT_THAT(results[0].text, HasSubstr("was changed while its renewal was asked for"));
+  EXPECT_FALSE(fs::exists(record_of(cases_[0])));
+  EXPECT_EQ(results[1].what, What::kTimeStampRenewed) << results[1].text;
+}
+
+// Killed at each call that writes: the old record is there, or the new one, and either holds.
+TEST_F(EvidenceRenewalTest, AKillAtAnyCallTearsNothing) {
+  const auto renew_killed = [&](const EvidenceRenewalOptions& options, std::size_t at) {
+    test::FaultFileSystem files(archive_.folder());
+    files.kill_at(at);
+    try {
+      renew_evidence(files, cases_, options);
+      files.lose_power();
+      return false;
+    } catch (const test::Killed&) {
+      files.lose_power();
+      return true;
+    }
+  };
+  std::size_t kills = 0;
+  for (; renew_killed(at("2027-01-01", first_), kills); ++kills) {
+    for (const fs::path& folder : cases_) {
+      const VerificationReport report = verify(folder, "2028-01-01");
+      EXPECT_EQ(report.evidence.has_value(), fs::exists(record_of(folder)));
+      EXPECT_TRUE(!report.evidence || report.evidence->holds) << kills;
+    }
+    fs::remove_all(archive_.folder() / "evidence");
+  }
+  EXPECT_GE(kills, 10U);
+  const std::string begun = test::contents(record_of(cases_[0]));
+  for (kills = 0; renew_killed(at("2033-10-01", second_), kills); ++kills) {
+    for (const fs::path& folder : cases_) {
+      EXPECT_TRUE(verify(folder, "2033-11-01").evidence->holds) << kills;
+    }
+  }
+  EXPECT_GE(kills, 5U);
+  EXPECT_NE(test::contents(record_of(cases_[0])), begun);
+}
+
+TEST_F(EvidenceRenewalTest, ADiskThatCannotBeWrittenLeavesTheRecordAsItWas) {
+  renew(at("2027-01-01", first_));
+  const std::string before = test::contents(record_of(cases_[0]));
+  test::FaultFileSystem files(archive_.folder());
+  files.fail("write evidence", ENOSPC, 0, 1);
+  const auto results = renew_evidence(files, cases_, at("2033-10-01", second_));
+  EXPECT_EQ(results[0].what, What::kRefused);
+  EXPECT_THAT(results[0].text, HasSubstr("No space left"));
+  EXPECT_EQ(test::contents(record_of(cases_[0])), before);
+  EXPECT_EQ(results[1].what, What::kTimeStampRenewed) << results[1].text;
+}
+
+TEST_F(EvidenceRenewalTest, OneProcessAtATimeRenews) {
+  const auto first =
+      std::make_unique<EvidenceLock>(EvidenceLock::take(real_file_system(), archive_.folder()));
+  EXPECT_THROW(EvidenceLock::take(real_file_system(), archive_.folder()), UsageError);
 }
 
 }  // namespace

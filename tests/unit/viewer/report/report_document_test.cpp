@@ -103,6 +103,56 @@ TEST_F(ReportDocument, SaysHowFarOutsideAuthoritiesProveTheTime) {
   EXPECT_THAT(test::text_of(make_report(in)), HasSubstr("台帳の項目 2 まで"));
 }
 
+TEST_F(ReportDocument, SaysSinceWhenAnEvidenceRecordProvesTheCaseAndWhatItDoesNot) {
+  ReportInput in = input();
+  EXPECT_THAT(test::text_of(make_report(in)), Not(HasSubstr("Evidence record")));
+  archive::EvidenceReport evidence;
+  evidence.file = "case.ers";
+  evidence.holds = evidence.outside = true;
+  evidence.since = *parse_utc("2026-11-01T00:00:00Z");
+  evidence.newest = *parse_utc("2044-03-01T00:00:00Z");
+  evidence.ends = *parse_utc("2051-01-01T00:00:00Z");
+  evidence.time_stamps = 3;
+  evidence.links = {{evidence.since, "CN=First root", true, "sha256", true},
+                    {*parse_utc("2033-10-01T00:00:00Z"), "CN=Second root", true, "sha256", false},
+                    {evidence.newest, "CN=Third root", true, "sha512", true}};
+  evidence.entries = in.verification.entries - 2;
+  evidence.files = 12;
+  in.verification.evidence = evidence;
+  const std::string text = test::text_of(make_report(in));
+  const std::string proved =
+      "Proved since 2026-11-01 00:00:00 UTC by a chain of 3 time stamps, the newest of 2044-03-01 00:00:00 "
+      "UTC.";
+  EXPECT_THAT(text, HasSubstr("- " + proved + "\n")) << "on the first page";
+  EXPECT_THAT(text, HasSubstr("# Evidence record\n"));
+  EXPECT_THAT(text, HasSubstr("2033-10-01 00:00:00 UTC | CN=Second root | sha256 | the time stamp before\n"));
+  EXPECT_THAT(text, HasSubstr("12 files that they name"));
+  EXPECT_THAT(text, HasSubstr("2 entries came later. The record says nothing of them."));
+  EXPECT_THAT(text, HasSubstr("It does not prove when before that it was recorded"));
+  EXPECT_THAT(text, HasSubstr("It must be renewed before 2051-01-01 00:00:00 UTC."));
+  EXPECT_THAT(test::text_of(make_receipt(in)), HasSubstr("Evidence record | " + proved));
+  in.language = Language::kJapanese;
+  const std::string japanese = test::text_of(make_report(in));
+  EXPECT_THAT(japanese,
+              HasSubstr("- 2026-11-01 00:00:00 UTC から存在したことが、3個のタイムスタンプの連鎖（最新は "
+                        "2044-03-01 00:00:00 UTC）により証明されています。\n"));
+  EXPECT_THAT(japanese, HasSubstr("2 件の項目は、証拠記録の対象ではありません"));
+  EXPECT_THAT(test::text_of(make_receipt(in)), HasSubstr("証拠記録 | 2026-11-01"));
+
+  in.language = Language::kEnglish;
+  in.verification.evidence->outside = false;
+  EXPECT_THAT(test::text_of(make_report(in)), HasSubstr("no outside clock stands behind these times"));
+  in.verification.evidence->holds = false;
+  in.verification.evidence->refusal = "it is another's";
+  const std::string refused = test::text_of(make_report(in));
+  EXPECT_THAT(refused,
+              HasSubstr("The evidence record proves nothing here. The verifier says: it is another's"));
+  EXPECT_THAT(refused, Not(HasSubstr("Proved since")));
+  in.verification.evidence->could_not_check = true;
+  EXPECT_THAT(test::text_of(make_receipt(in)),
+              HasSubstr("could not be checked. The verifier says: it is another's"));
+}
+
 TEST_F(ReportDocument, CountsOnlyTheTimeStampsThatHold) {
   ReportInput in = input();
   EXPECT_EQ(in.verification.own_tokens, 3U);

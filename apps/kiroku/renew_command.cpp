@@ -1,0 +1,220 @@
+#include <algorithm>
+#include <iostream>
+#include <memory>
+
+#include <nlohmann/json.hpp>
+
+#include "apps/common/file.h"
+#include "apps/common/format.h"
+#include "apps/common/json_output.h"
+#include "apps/kiroku/authorities.h"
+#include "apps/kiroku/commands.h"
+#include "apps/kiroku/home.h"
+#include "archive/format/case_layout.h"
+#include "archive/upkeep/evidence_renewal.h"
+#include "archive/verify/excerpt_verifier.h"
+#include "base/error.h"
+#include "base/json_or_null.h"
+#include "recorder/record_stamper.h"
+
+namespace kiroku::apps {
+namespace {
+
+namespace fs = std::filesystem;
+using archive::EvidenceRenewal;
+using nlohmann::ordered_json;
+using What = EvidenceRenewal::What;
+
+struct Request {
+  std::vector<std::string> cases;
+  std::optional<std::string> policy, home;
+  bool dry_run = false, json = false;
+};
+
+std::vector<fs::path> all_cases(const Home& home) {
+  std::vector<fs::path> folders;
+  for (const fs::directory_entry& entry : fs::directory_iterator(home.archive())) {
+    if (archive::is_case_id(entry.path().filename().string()) && entry.is_directory() &&
+        !archive::is_excerpt(entry.path())) {
+      folders.push_back(entry.path());
+    }
+  }
+  std::sort(folders.begin(), folders.end());
+  return folders;
+}
+
+std::vector<fs::path> named_cases(const Home& home, const std::vector<std::string>& named) {
+  std::vector<fs::path> folders;
+  for (const std::string& name : named) {
+    const fs::path folder = find_case(home, name);
+    if (!home.holds(folder) || archive::is_excerpt(folder)) {
+      throw UsageError("'" + name + "' is no case of " + home.archive().string() +
+                       ": evidence records are kept where their cases are");
+    }
+    // Through the home, so that records lie where its archive keeps them.
+    fs::path in_archive = home.archive() / fs::canonical(folder).filename();
+    if (std::find(folders.begin(), folders.end(), in_archive) == folders.end()) {
+      folders.push_back(std::move(in_archive));
+    }
+  }
+  return folders;
+}
+
+/// --policy, else that of kiroku.toml.
+evidence::Policy policy_of(const Home& home, const Configuration& configuration, const Request& request) {
+  fs::path file;
+  if (request.policy) {
+    file = *request.policy;
+  } else if (!configuration.evidence.policy.empty()) {
+    file = home.folder() / configuration.evidence.policy;
+  } else {
+    return evidence::Policy::without_ends();
+  }
+  const Bytes text = read_small_file(file, "the policy of algorithms");
+  return evidence::Policy::parse(text_of(text), file.string());
+}
+
+bool is_renewed(What what) {
+  return what == What::kBegun || what == What::kTimeStampRenewed || what == What::kHashTreeRenewed;
+}
+
+std::string words_of(What what, bool dry_run) {
+  switch (what) {
+    case What::kBegun:
+      return dry_run ? "a record would be begun" : "a record was begun";
+    case What::kTimeStampRenewed:
+      return dry_run ? "its newest time-stamp would be renewed" : "its newest time-stamp was renewed";
+    case What::kHashTreeRenewed:
+      return dry_run ? "all its data would be read again under a new hash"
+                     : "all its data was read again under a new hash";
+    case What::kNothingDue:
+      return "nothing is due";
+    case What::kStillOpen:
+      return "left alone";
+    case What::kWaits:
+      return "waits";
+    case What::kRefused:
+      break;
+  }
+  return "nothing was renewed";
+}
+
+void print_text(const std::vector<EvidenceRenewal>& results, bool dry_run) {
+  std::size_t nothing_due = 0;
+  std::optional<UtcTime> next;
+  for (const EvidenceRenewal& each : results) {
+    if (each.before && (is_renewed(each.what) || each.what == What::kNothingDue)) {
+      next = next ? std::min(*next, *each.before) : each.before;
+    }
+    if (each.what == What::kNothingDue) {
+      ++nothing_due;
+      continue;
+    }
+    const std::string line = each.case_id + ": " + words_of(each.what, dry_run) + ": " + each.text;
+    if (each.what == What::kRefused) {
+      print_error("kiroku", line);
+    } else {
+      std::cout << printable(line) << "\n";
+    }
+    for (const std::string& file : each.unread) std::cout << "  not as recorded: " << printable(file) << "\n";
+  }
+  if (results.empty()) {
+    std::cout << "There is no case.\n";
+  } else if (nothing_due > 0) {
+    std::cout << nothing_due << (nothing_due == 1 ? " record needs" : " records need") << " nothing.\n";
+  }
+  if (next) std::cout << "The next end is at " << format_utc_for_people(*next) << ".\n";
+}
+
+ordered_json result_json(const std::vector<EvidenceRenewal>& results, bool dry_run) {
+  ordered_json cases = ordered_json::array();
+  for (const EvidenceRenewal& each : results) {
+    cases.push_back({{"case", each.case_id},
+                     {"what", archive::name_of(each.what)},
+                     {"reason", each.text},
+                     {"renew_before", or_null(each.before)},
+                     {"unread", each.unread}});
+  }
+  return {{"dry_run", dry_run}, {"cases", std::move(cases)}};
+}
+
+int status_of(const std::vector<EvidenceRenewal>& results, bool dry_run) {
+  const auto any = [&](const auto& is) {
+    return std::any_of(results.begin(), results.end(),
+                       [&](const EvidenceRenewal& each) { return is(each.what); });
+  };
+  if (any([](What what) { return what == What::kRefused; })) return kAnswerIsNo;
+  const bool waits = any([&](What what) { return what == What::kWaits || (dry_run && is_renewed(what)); });
+  return waits ? kNoAnswer : kDone;
+}
+
+int run(const Request& request) {
+  const Home home = Home::open(request.home);
+  const Configuration configuration = home.configuration();
+  const timestamp::TrustStore trust = home.trust();
+  archive::EvidenceRenewalOptions options;
+  options.trust = &trust;
+  options.policy = policy_of(home, configuration, request);
+  options.dry_run = request.dry_run;
+  const std::vector<fs::path> cases =
+      request.cases.empty() ? all_cases(home) : named_cases(home, request.cases);
+
+  std::optional<archive::EvidenceLock> lock;
+  std::optional<Authorities> authorities;
+  std::unique_ptr<recorder::StampingQueue> queue;
+  if (!request.dry_run) {
+    lock = archive::EvidenceLock::take(archive::real_file_system(), home.archive());
+    authorities.emplace(home, configuration, std::vector<std::string>{});
+    queue = open_stamping_queue(home);
+    options.stamp = recorder::record_stamper(authorities->named(), &trust, queue.get());
+  }
+  const std::vector<EvidenceRenewal> results =
+      archive::renew_evidence(archive::real_file_system(), cases, options);
+  if (request.json) {
+    print_json(result_json(results, request.dry_run));
+  } else {
+    print_text(results, request.dry_run);
+  }
+  return status_of(results, request.dry_run);
+}
+
+}  // namespace
+
+void add_renew_command(Command& program) {
+  Command& command = program.add_command(
+      "renew", "begins and renews the evidence records that prove closed cases for decades");
+  const auto request = std::make_shared<Request>();
+  command.option("--case", "CASE", request->cases, "this case of the home alone");
+  command.option("--policy", "FILE", request->policy,
+                 "TOML file that says until when algorithms count; instead of [evidence] of kiroku.toml");
+  command.flag("--dry-run", request->dry_run,
+               "says what would be done and why; asks no authority, writes nothing, reads no recording");
+  add_home_option(command, request->home);
+  command.flag("--json", request->json, "prints one JSON object instead");
+  command.explain(
+      "A case without a record gets its first one. A record gets a new time-stamp before a certificate or an "
+      "algorithm of its newest one ends. Before its hash ends, all data of the case is read again under the "
+      "policy's new hash. One time-stamp serves all cases that need the same. It is asked of the authorities "
+      "of "
+      "kiroku.toml, an outside one first. Records lie beside the cases, as archive/evidence/CASE.ers; "
+      "'kiroku "
+      "verify' judges them.");
+  command.explain(
+      "A case that is still being recorded is left alone. One that is tampered with, or whose data cannot "
+      "all be "
+      "read, is named with these files, and nothing is renewed for it. A record that does not hold stays as "
+      "it "
+      "is. The others are renewed all the same.");
+  command.explain(
+      "Exit status: 0 nothing is due any more, 1 a case or its record must be looked at, 2 wrong usage or "
+      "unusable files, 3 something still waits for an authority. With --dry-run 3 also says that something "
+      "is "
+      "due.");
+  command.example("kiroku renew --dry-run", "says what is due");
+  command.example("kiroku renew", "does it, as the weekly timer does");
+  command.example("kiroku renew --policy algorithms.toml --case 20260805T091502Z-3f9c21ab",
+                  "renews one record by another policy");
+  command.on_run([request] { return run(*request); });
+}
+
+}  // namespace kiroku::apps
