@@ -28,7 +28,7 @@ namespace fs = std::filesystem;
 struct FitRequest {
   std::string model, output;
   std::optional<std::string> positions, shape, displacement, errors, poisson_ratio;
-  std::vector<std::string> geometries, landmarks;
+  std::vector<std::string> geometries, landmarks, correspondences;
   bool directions = false, cross_validate = false, json = false;
 };
 
@@ -124,9 +124,10 @@ int fit_to_radiographs(const FitRequest& request, const sim::BreathingModel& mod
 
 void print_shape(const FitRequest& request, const sim::ShapeFitResult& found,
                  const std::optional<sim::LandmarkErrors>& errors) {
-  std::cout << printable(request.output) << ": fitted on the surface in " << printable(*request.shape) << " ("
-            << number_text(1e6 * found.second_volume_m3, 4) << " ml; the lung at rest has "
-            << number_text(1e6 * found.first_volume_m3, 4) << " ml)\n"
+  std::cout << (found.refusal.empty() ? printable(request.output) + ": fitted on the surface in "
+                                      : "nothing written: tried on the surface in ")
+            << printable(*request.shape) << " (" << number_text(1e6 * found.second_volume_m3, 4)
+            << " ml; the lung at rest has " << number_text(1e6 * found.first_volume_m3, 4) << " ml)\n"
             << "  rib cage   " << motion_text(found.motion.rib_cage, 0, 0, false) << "\n  diaphragm  "
             << motion_text(found.motion.diaphragm, 0, 0, false) << "\n";
   std::vector<std::vector<std::string>> rows{{"", "to the surface, mm", "95 %", "volume, ml", "inside out"}};
@@ -152,6 +153,16 @@ void print_shape(const FitRequest& request, const sim::ShapeFitResult& found,
               << mean_text(*found.left_out_m) << " mm from the lung (median "
               << number_text(kMillimetres * found.left_out_m->median, 3) << ", 95 % below "
               << number_text(kMillimetres * found.left_out_m->percentile_95, 3) << ")\n";
+  }
+  if (found.correspondences) {
+    const sim::CorrespondenceUse& use = *found.correspondences;
+    std::cout << "  " << use.given << " correspondences: " << use.left_m.count << " agree, to "
+              << mean_text(use.left_m) << " mm; " << use.refused << " do not and hardly count";
+    if (use.outside > 0) {
+      std::cout << "; " << use.outside << " lie more than "
+                << number_text(kMillimetres * sim::kCorrespondenceReachM) << " mm outside the lung";
+    }
+    std::cout << "\n";
   }
   if (!errors) return;
   std::cout << "  " << errors->before_m.size() << " landmarks, on which nothing was fitted; "
@@ -210,52 +221,9 @@ nlohmann::ordered_json decomposition_json(const sim::LandmarkErrors& errors) {
   return object;
 }
 
-int fit_to_shape(const FitRequest& request, const sim::BreathingModel& model) {
-  std::optional<sim::LandmarkPairs> landmarks;
-  if (!request.landmarks.empty())
-    landmarks = sim::read_landmark_pairs(request.landmarks[0], request.landmarks[1]);
-  const sim::LabelMap second = sim::read_label_map(*request.shape);
-  const sim::ShapeFitResult found = [&] {
-    StepLine line;
-    sim::ShapeFitOptions options;
-    options.directions = request.directions;
-    if (request.poisson_ratio)
-      options.poisson_ratio = parse_number(*request.poisson_ratio, "--poisson-ratio");
-    options.cross_validate = request.cross_validate;
-    return sim::fit_shape(model, second, options, [&](const std::string& step) { line.show(step); });
-  }();
-  std::optional<sim::LandmarkErrors> errors;
-  if (landmarks) {
-    errors = sim::errors_at(*landmarks, model.mesh, found.steps);
-    if (errors->before_m.empty())
-      throw Error("no landmark of " + request.landmarks[0] +
-                  " is in the lung: are they in its patient coordinates, mm?");
-  }
-  write_model(request, found.motion);
-  if (request.errors) {
-    write_text_file(*request.errors, sim::landmark_csv(*errors, found.steps));
-    write_text_file(fs::path(*request.errors).replace_extension(".svg"),
-                    sim::landmark_plot(*errors, found.steps));
-  }
-  if (request.displacement) {
-    // Where the sliding boundary takes each node, in the second CT.
-    const sim::ShapeFitStep& last = found.steps.back();
-    std::vector<double> moved;
-    for (std::size_t node = 0; node < model.mesh.nodes.size(); ++node) {
-      const sim::Vector3 place_m =
-          model.mesh.nodes[node] + last.displacement_m.segment<3>(static_cast<Eigen::Index>(3 * node));
-      const sim::Vector3 by =
-          (last.placement * place_m - model.mesh.nodes[node]) * sim::units_per_metre(model.unit);
-      moved.insert(moved.end(), by.begin(), by.end());
-    }
-    write_text_file(*request.displacement,
-                    sim::vtu_text(model.mesh, model.unit, {{"displacement", {"X", "Y", "Z"}, moved}}, {}));
-  }
-  if (!request.json) {
-    print_shape(request, found, errors);
-    if (request.errors) print_decomposition(*errors, found.steps.back().name);
-    return kDone;
-  }
+nlohmann::ordered_json shape_json(const FitRequest& request, const sim::BreathingModel& model,
+                                  const sim::ShapeFitResult& found,
+                                  const std::optional<sim::LandmarkErrors>& errors) {
   nlohmann::ordered_json steps = nlohmann::ordered_json::array();
   for (std::size_t i = 0; i < found.steps.size(); ++i) {
     const sim::ShapeFitStep& step = found.steps[i];
@@ -265,13 +233,26 @@ int fit_to_shape(const FitRequest& request, const sim::BreathingModel& model) {
                      {"inside_out", step.inverted}});
     if (errors) steps.back()["landmarks"] = spread_json(sim::spread_of(errors->of_step_m[i]));
   }
-  nlohmann::ordered_json object{{"file", request.output},
-                                {"fitted_on", *request.shape},
-                                {"rib_cage", motion_json(found.motion.rib_cage)},
-                                {"diaphragm", motion_json(found.motion.diaphragm)},
-                                {"first_volume_ml", 1e6 * found.first_volume_m3},
-                                {"second_volume_ml", 1e6 * found.second_volume_m3},
-                                {"steps", steps}};
+  nlohmann::ordered_json object;
+  if (found.refusal.empty()) {
+    object["file"] = request.output;
+  } else {
+    object["refused"] = found.refusal;
+  }
+  object["fitted_on"] = *request.shape;
+  object["rib_cage"] = motion_json(found.motion.rib_cage);
+  object["diaphragm"] = motion_json(found.motion.diaphragm);
+  object["first_volume_ml"] = 1e6 * found.first_volume_m3;
+  object["second_volume_ml"] = 1e6 * found.second_volume_m3;
+  object["steps"] = steps;
+  object["second_surface"] = spread_json(found.second_surface_m);
+  if (found.correspondences) {
+    const sim::CorrespondenceUse& use = *found.correspondences;
+    object["correspondences"] = {{"given", use.given},
+                                 {"outside", use.outside},
+                                 {"disagree", use.refused},
+                                 {"left", spread_json(use.left_m)}};
+  }
   if (found.left_out_m) object["surface_left_out"] = spread_json(*found.left_out_m);
   if (errors) {
     object["landmarks_before"] = spread_json(sim::spread_of(errors->before_m));
@@ -279,18 +260,83 @@ int fit_to_shape(const FitRequest& request, const sim::BreathingModel& model) {
     if (request.errors) object["decomposition"] = decomposition_json(*errors);
   }
   object["observer_mm"] = {sim::kObserverMm, sim::kObserverSpreadMm};
-  object["warnings"] = model.warnings;
-  print_json(object);
-  return kDone;
+  std::vector<std::string> warnings = model.warnings;
+  warnings.insert(warnings.end(), found.warnings.begin(), found.warnings.end());
+  object["warnings"] = warnings;
+  return object;
+}
+
+/// Where the last step takes each node, in the second CT.
+void write_displacement(const fs::path& file, const sim::BreathingModel& model,
+                        const sim::ShapeFitStep& last) {
+  std::vector<double> moved;
+  for (std::size_t node = 0; node < model.mesh.nodes.size(); ++node) {
+    const sim::Vector3 place_m =
+        model.mesh.nodes[node] + last.displacement_m.segment<3>(static_cast<Eigen::Index>(3 * node));
+    const sim::Vector3 by =
+        (last.placement * place_m - model.mesh.nodes[node]) * sim::units_per_metre(model.unit);
+    moved.insert(moved.end(), by.begin(), by.end());
+  }
+  write_text_file(file,
+                  sim::vtu_text(model.mesh, model.unit, {{"displacement", {"X", "Y", "Z"}, moved}}, {}));
+}
+
+int fit_to_shape(const FitRequest& request, const sim::BreathingModel& model) {
+  std::optional<sim::LandmarkPairs> landmarks;
+  if (!request.landmarks.empty())
+    landmarks = sim::read_landmark_pairs(request.landmarks[0], request.landmarks[1]);
+  sim::ShapeFitOptions options;
+  options.directions = request.directions;
+  if (request.poisson_ratio) options.poisson_ratio = parse_number(*request.poisson_ratio, "--poisson-ratio");
+  options.cross_validate = request.cross_validate;
+  if (!request.correspondences.empty())
+    options.correspondences =
+        sim::read_correspondences({request.correspondences.begin(), request.correspondences.end()});
+  const sim::LabelMap second = sim::read_label_map(*request.shape);
+  const sim::ShapeFitResult found = [&] {
+    StepLine line;
+    return sim::fit_shape(model, second, options, [&](const std::string& step) { line.show(step); });
+  }();
+  std::optional<sim::LandmarkErrors> errors;
+  if (landmarks) {
+    errors = sim::errors_at(*landmarks, model.mesh, found.steps);
+    if (errors->before_m.empty())
+      throw Error("no landmark of " + request.landmarks[0] +
+                  " is in the lung: are they in its patient coordinates, mm?");
+  }
+  if (!request.json) {
+    for (const std::string& warning : found.warnings) print_error("kiroku", "warning: " + warning);
+  }
+  if (found.refusal.empty()) {
+    write_model(request, found.motion);
+    if (request.errors) {
+      write_text_file(*request.errors, sim::landmark_csv(*errors, found.steps));
+      write_text_file(fs::path(*request.errors).replace_extension(".svg"),
+                      sim::landmark_plot(*errors, found.steps));
+    }
+    if (request.displacement) write_displacement(*request.displacement, model, found.steps.back());
+  }
+  if (request.json) {
+    print_json(shape_json(request, model, found, errors));
+  } else {
+    print_shape(request, found, errors);
+    if (request.errors) print_decomposition(*errors, found.steps.back().name);
+  }
+  if (found.refusal.empty()) return kDone;
+  print_error("kiroku", found.refusal);
+  return kAnswerIsNo;
 }
 
 int run(const FitRequest& request) {
   if (request.positions.has_value() == request.shape.has_value())
     throw UsageError(
         "say what to fit to: --positions (radiographs) or --shape (a second CT's mask), one of them");
-  if (request.positions &&
-      (!request.landmarks.empty() || request.displacement || request.poisson_ratio || request.cross_validate))
-    throw UsageError("--landmarks, --displacement, --poisson-ratio and --cross-validate belong to --shape");
+  if (request.positions && (!request.landmarks.empty() || !request.correspondences.empty() ||
+                            request.displacement || request.poisson_ratio || request.cross_validate)) {
+    throw UsageError(
+        "--landmarks, --correspondences, --displacement, --poisson-ratio and --cross-validate belong to "
+        "--shape");
+  }
   if (request.errors && request.landmarks.empty())
     throw UsageError("--errors needs --landmarks: points to tell the error at");
   if (request.errors && fs::path(*request.errors).extension() == ".svg")
@@ -315,6 +361,9 @@ void add_sim_fit_command(Command& sim) {
   command.option("--geometry", "FILE", request->geometries,
                  "of each view, in the order they are counted in from 1");
   command.option("--shape", "MASK", request->shape, "a second shape of the same lung (.mha, .nii.gz, ...)");
+  command.option(
+      "--correspondences", "CSV", request->correspondences,
+      "with --shape: places that a program found in both CTs, six columns, x, y, z and x, y, z in mm");
   command.pair_option("--landmarks", "FIXED MOVING", request->landmarks,
                       "with --shape: points of both CTs, mm, to tell the error at");
   command.option("--displacement", "FILE", request->displacement,
@@ -338,10 +387,13 @@ void add_sim_fit_command(Command& sim) {
       "From radiographs: amplitude and phase of rib cage and diaphragm, by least squares on the detectors. "
       "What the "
       "positions do not determine is refused. From a second shape: the rigid motion between the two CTs, "
-      "then the "
-      "amplitudes, then a boundary that is brought to the second surface and slides along it, by elastic "
-      "energy and distances both ways; each step's distance to the surface, and with landmarks its error "
-      "there, is told beside what people themselves reach. Nothing is ever fitted on landmarks.");
+      "then the amplitudes, then an even stretch of each lung, then a boundary that is brought to the second "
+      "surface and slides along it, by elastic energy and distances both ways; each step's distance to the "
+      "surface, and with landmarks its error there, is told beside what people themselves reach. Nothing is "
+      "ever fitted on landmarks. With --correspondences the inside follows places that were found in both "
+      "CTs; wrong ones among them lose their say. Where the last step does not meet the second shape (volume "
+      "within 2 %, surface within 2 mm in the mean, no element inside out), the fit is refused with its "
+      "numbers, nothing is written, and the exit status is 1.");
   command.example(
       "kiroku sim fit lung.json --positions seen.csv --geometry front.json --geometry side.json -o "
       "fitted.json",
@@ -349,6 +401,11 @@ void add_sim_fit_command(Command& sim) {
   command.example(
       "kiroku sim fit lung.json --shape inhale.mha --landmarks exhale.txt inhale.txt -o fitted.json",
       "from a second CT's mask, with the error at landmarks");
+  command.example(
+      "kiroku sim fit lung.json --shape inhale.mha --correspondences vessels.csv -o fitted.json "
+      "--displacement "
+      "moved.vtu",
+      "also by places of the inside");
   command.example(
       "kiroku sim fit lung.json --shape inhale.mha --landmarks exhale.txt inhale.txt --errors errors.csv "
       "--cross-validate -o fitted.json",

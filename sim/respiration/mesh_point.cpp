@@ -21,26 +21,70 @@ Vector3 MeshPoint::mean(const Eigen::VectorXd& of_nodes) const {
   return sum;
 }
 
-LocatedPoint locate(const TetMesh& mesh, const Vector3& place_m) {
-  LocatedPoint best{{}, std::numeric_limits<double>::infinity()};
+MeshLocator::MeshLocator(const TetMesh& mesh) : mesh_(mesh) {
+  double sides_m = 0;
   for (const Tetrahedron& corners : mesh.tetrahedra) {
     const Vector3& origin = mesh.nodes[corners[0]];
     Eigen::Matrix3d edges;
     for (std::size_t i = 0; i < 3; ++i)
       edges.col(static_cast<Eigen::Index>(i)) = mesh.nodes[corners[i + 1]] - origin;
-    const Vector3 part = edges.inverse() * (place_m - origin);
-    const Eigen::Vector4d weights(1 - part.sum(), part.x(), part.y(), part.z());
+    to_weights_.emplace_back(edges.inverse());
+    sides_m += edges.col(0).norm();
+  }
+  if (!mesh.tetrahedra.empty()) cell_m_ = sides_m / static_cast<double>(mesh.tetrahedra.size());
+  for (std::uint32_t t = 0; t < mesh.tetrahedra.size(); ++t) {
+    Vector3 least = mesh.nodes[mesh.tetrahedra[t][0]], greatest = least;
+    for (const std::uint32_t node : mesh.tetrahedra[t]) {
+      least = least.cwiseMin(mesh.nodes[node]);
+      greatest = greatest.cwiseMax(mesh.nodes[node]);
+    }
+    const Cell from = cell_of(least), to = cell_of(greatest);
+    for (long k = from[2]; k <= to[2]; ++k) {
+      for (long j = from[1]; j <= to[1]; ++j) {
+        for (long i = from[0]; i <= to[0]; ++i) elements_in_[{i, j, k}].push_back(t);
+      }
+    }
+  }
+}
+
+MeshLocator::Cell MeshLocator::cell_of(const Vector3& place_m) const {
+  const Vector3 cell = (place_m / cell_m_).array().floor();
+  return {std::lround(cell.x()), std::lround(cell.y()), std::lround(cell.z())};
+}
+
+Eigen::Vector4d MeshLocator::weights_at(std::uint32_t tetrahedron, const Vector3& place_m) const {
+  const Vector3 part = to_weights_[tetrahedron] * (place_m - mesh_.nodes[mesh_.tetrahedra[tetrahedron][0]]);
+  return {1 - part.sum(), part.x(), part.y(), part.z()};
+}
+
+LocatedPoint MeshLocator::located(std::uint32_t tetrahedron, const Eigen::Vector4d& weights,
+                                  double outside_m) const {
+  const Tetrahedron& corners = mesh_.tetrahedra[tetrahedron];
+  return {{{corners.begin(), corners.end()}, {weights.begin(), weights.end()}}, tetrahedron, outside_m};
+}
+
+LocatedPoint MeshLocator::locate(const Vector3& place_m) const {
+  if (const auto cell = elements_in_.find(cell_of(place_m)); cell != elements_in_.end()) {
+    for (const std::uint32_t t : cell->second) {
+      if (const Eigen::Vector4d weights = weights_at(t, place_m); weights.minCoeff() >= 0)
+        return located(t, weights, 0);
+    }
+  }
+  double least_m = std::numeric_limits<double>::infinity();
+  std::uint32_t nearest = 0;
+  for (std::uint32_t t = 0; t < mesh_.tetrahedra.size(); ++t) {
+    const Eigen::Vector4d weights = weights_at(t, place_m);
     // The nearest place of the element, but for rounding its corners off.
     const Eigen::Vector4d clipped = weights.cwiseMax(0.0) / weights.cwiseMax(0.0).sum();
-    const double outside_m =
-        weights.minCoeff() >= 0 ? 0 : (origin + edges * clipped.tail<3>() - place_m).norm();
-    if (!(outside_m < best.outside_m)) continue;
-    best.outside_m = outside_m;
-    best.point.nodes.assign(corners.begin(), corners.end());
-    best.point.weights.assign(weights.begin(), weights.end());
-    if (outside_m == 0) break;
+    Vector3 there_m = Vector3::Zero();
+    for (std::size_t i = 0; i < 4; ++i)
+      there_m += clipped[static_cast<Eigen::Index>(i)] * mesh_.nodes[mesh_.tetrahedra[t][i]];
+    const double outside_m = weights.minCoeff() >= 0 ? 0 : (there_m - place_m).norm();
+    if (!(outside_m < least_m)) continue;
+    least_m = outside_m;
+    nearest = t;
   }
-  return best;
+  return located(nearest, weights_at(nearest, place_m), least_m);
 }
 
 void mark_voxels(const std::vector<Vector3>& positions_m, const std::vector<Tetrahedron>& tetrahedra,

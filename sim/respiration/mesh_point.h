@@ -1,6 +1,8 @@
 // Places in a mesh that go with it. Pure functions, thread-safe.
 #pragma once
 
+#include <array>
+#include <map>
 #include <vector>
 
 #include <Eigen/Core>
@@ -23,9 +25,30 @@ struct MeshPoint {
 /// least is negative, and the element's motion is carried on).
 struct LocatedPoint {
   MeshPoint point;
+  std::uint32_t tetrahedron = 0;
   double outside_m = 0;  // about how far from that element; 0 inside
 };
-LocatedPoint locate(const TetMesh& mesh, const Vector3& place_m);
+
+/// Finds points in a mesh, fast where there are many. Immutable, thread-safe; the mesh must outlive it.
+class MeshLocator {
+ public:
+  /// Of a mesh whose elements have a volume.
+  explicit MeshLocator(const TetMesh& mesh);
+  /// Of elements that share the point, the first.
+  [[nodiscard]] LocatedPoint locate(const Vector3& place_m) const;
+
+ private:
+  using Cell = std::array<long, 3>;
+  [[nodiscard]] Cell cell_of(const Vector3& place_m) const;
+  [[nodiscard]] Eigen::Vector4d weights_at(std::uint32_t tetrahedron, const Vector3& place_m) const;
+  [[nodiscard]] LocatedPoint located(std::uint32_t tetrahedron, const Eigen::Vector4d& weights,
+                                     double outside_m) const;
+
+  const TetMesh& mesh_;
+  std::vector<Eigen::Matrix3d> to_weights_;  // (|T|)
+  double cell_m_ = 1;
+  std::map<Cell, std::vector<std::uint32_t>> elements_in_;  // whose boxes reach into it, ascending
+};
 
 /// Marks voxels whose centre is in one of these tetrahedra, with nodes at `positions_m` (|V|); `marked`
 /// (grid.voxels()). What lies beside the grid is left out.

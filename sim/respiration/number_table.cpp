@@ -68,6 +68,10 @@ NumberTable NumberTable::parse(std::string_view text, const std::string& name) {
   return table;
 }
 
+bool NumberTable::nameless() const {
+  return std::ranges::all_of(columns_, [](const std::string& name) { return number_of(name).has_value(); });
+}
+
 std::optional<std::size_t> NumberTable::column(std::string_view name) const {
   const auto found = std::ranges::find(columns_, name);
   if (found == columns_.end()) return std::nullopt;

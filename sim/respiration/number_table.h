@@ -17,6 +17,9 @@ class NumberTable {
   static NumberTable parse(std::string_view text, const std::string& name);
 
   [[nodiscard]] std::size_t rows() const { return rows_.size(); }
+  [[nodiscard]] std::size_t columns() const { return columns_.size(); }
+  /// The names are all numbers: the line of names is missing.
+  [[nodiscard]] bool nameless() const;
   [[nodiscard]] std::optional<std::size_t> column(std::string_view name) const;
   /// kiroku::Error with the names that are there.
   [[nodiscard]] std::size_t needed_column(std::string_view name) const;

@@ -4,11 +4,14 @@
 #include <cmath>
 
 #include <Eigen/Cholesky>
+#include <Eigen/SVD>
 
 #include "base/error.h"
 #include "base/number_text.h"
 #include "sim/mesh/degrees_of_freedom.h"
+#include "sim/respiration/mesh_point.h"
 #include "sim/respiration/sliding_boundary.h"
+#include "sim/respiration/stretch_fit.h"
 
 namespace kiroku::sim {
 namespace {
@@ -62,9 +65,9 @@ class SurfaceFit {
   }
 
   /// Least squares of the distances of nodes that count, weighted by area and, beyond `robust_m`, as absolute
-  /// values (Huber). Unknowns are the rigid motion and the factors of the responses.
-  void minimise(const std::vector<bool>& counts, const std::vector<Eigen::VectorXd>& responses,
-                double robust_m, Eigen::Isometry3d& placement, Eigen::VectorXd& factors) const {
+  /// values (Huber). Unknowns are the rigid motion and the factors of the responses. The cost that is left.
+  double minimise(const std::vector<bool>& counts, const std::vector<Eigen::VectorXd>& responses,
+                  double robust_m, Eigen::Isometry3d& placement, Eigen::VectorXd& factors) const {
     constexpr int kMostSteps = 100;
     constexpr double kSmallestGain = 1e-9, kMostDamping = 1e12;
     const auto unknowns = static_cast<Eigen::Index>(6 + responses.size());
@@ -104,13 +107,14 @@ class SurfaceFit {
           factors = next_factors;
           cost = next_cost;
           damping = std::max(damping / 10, 1e-9);
-          if (done) return;
+          if (done) return cost;
           break;
         }
         damping *= 10;
-        if (damping >= kMostDamping) return;
+        if (damping >= kMostDamping) return cost;
       }
     }
+    return cost;
   }
 
   [[nodiscard]] static Eigen::VectorXd sum_of(const std::vector<Eigen::VectorXd>& responses,
@@ -199,6 +203,39 @@ int surface_part(const Vector3& place_m) {
   return (sum % kSurfaceParts + kSurfaceParts) % kSurfaceParts;
 }
 
+/// The rigid motion in a motion: its rotation, and the same way of this place.
+Eigen::Isometry3d rigid_part(const Eigen::Affine3d& motion, const Vector3& place_m) {
+  const Eigen::JacobiSVD<Eigen::Matrix3d> parts(motion.linear(), Eigen::ComputeFullU | Eigen::ComputeFullV);
+  Eigen::Isometry3d rigid = Eigen::Isometry3d::Identity();
+  rigid.linear() = parts.matrixU() * parts.matrixV().transpose();
+  rigid.translation() = motion * place_m - rigid.linear() * place_m;
+  return rigid;
+}
+
+std::string refusal_of(const ShapeFitResult& result, std::size_t elements) {
+  const ShapeFitStep& last = result.steps.back();
+  std::vector<std::string> wrong;
+  if (!(std::abs(last.volume_m3 / result.second_volume_m3 - 1) <= kMostVolumeError)) {
+    wrong.push_back("its volume is " + number_text(1e6 * last.volume_m3, 4) + " ml and the mask's " +
+                    number_text(1e6 * result.second_volume_m3, 4) + " ml (at most " +
+                    number_text(100 * kMostVolumeError) + " % apart are taken)");
+  }
+  if (last.inverted > 0) {
+    wrong.push_back(std::to_string(last.inverted) + " of its " + std::to_string(elements) +
+                    " elements are inside out");
+  }
+  const double apart_m = last.surface_m.mean;
+  if (!(apart_m <= kMostSurfaceM)) {
+    wrong.push_back("its surface is " + number_text(1000 * apart_m, 3) +
+                    " mm from the mask's in the mean (at most " + number_text(1000 * kMostSurfaceM) +
+                    " mm are taken)");
+  }
+  if (wrong.empty()) return "";
+  std::string text = "the lung could not be brought to the second shape: ";
+  for (std::size_t i = 0; i < wrong.size(); ++i) text += (i > 0 ? ", " : "") + wrong[i];
+  return text + "; look whether both are the same lungs of the same patient, whole, with the right spacing";
+}
+
 }  // namespace
 
 ShapeFitResult fit_shape(const BreathingModel& model, const LabelMap& second, const ShapeFitOptions& options,
@@ -247,10 +284,13 @@ ShapeFitResult fit_shape(const BreathingModel& model, const LabelMap& second, co
   }
   for (std::size_t row = 0; row < outline.size(); ++row)
     outline[row] = model.groups[surface.nodes[row]] != BoundaryGroup::kDiaphragm;
-  Eigen::Isometry3d placement = Eigen::Isometry3d::Identity();
-  placement.translation() = centre_of(second) - first_centre;
+  // A small lung finds many places in a large one: from where both lie, and from centres that meet.
+  Eigen::Isometry3d placement = Eigen::Isometry3d::Identity(), centred = Eigen::Isometry3d::Identity();
+  centred.translation() = centre_of(second) - first_centre;
   Eigen::VectorXd none(0);
-  fit.minimise(outline, {}, kRobustM, placement, none);
+  if (fit.minimise(outline, {}, kRobustM, centred, none) <
+      fit.minimise(outline, {}, kRobustM, placement, none))
+    placement = centred;
   record("rigid", placement, still_m);
 
   tell("amplitudes");
@@ -280,23 +320,85 @@ ShapeFitResult fit_shape(const BreathingModel& model, const LabelMap& second, co
   }
   const Eigen::VectorXd modelled_m = SurfaceFit::sum_of(responses, factors, still_m.size());
   record("model", placement, modelled_m);
+  if (const std::size_t inverted = result.steps.back().inverted; inverted > 0) {
+    result.warnings.push_back(
+        "the model's amplitudes turn " + std::to_string(inverted) + " of " +
+        std::to_string(model.mesh.tetrahedra.size()) +
+        " elements inside out: this breath is too deep for its small displacements; take "
+        "--displacement, not the amplitudes");
+  }
 
-  tell("sliding boundary");
+  tell("even stretch");
+  const SurfacePoints points = points_on(field);
+  const StretchFit stretch = fit_stretch(model.mesh, surface, field, points);
+  const auto back_from = [&](const Eigen::Isometry3d& there, const std::vector<Vector3>& places_m) {
+    const Eigen::Isometry3d back = there.inverse();
+    Eigen::VectorXd displacement_m(still_m.size());
+    for (std::size_t node = 0; node < places_m.size(); ++node)
+      displacement_m.segment<3>(first_row(node)) = back * places_m[node] - model.mesh.nodes[node];
+    return displacement_m;
+  };
+  const Eigen::Isometry3d turned = rigid_part(stretch.whole, first_centre);
+  record("even stretch", turned, back_from(turned, stretch.places_m));
+
+  // What slides is the lung at rest, from the model or the stretch; with correspondences the lung as they
+  // take it, in the second CT, so that its energy judges only what they leave.
   SlidingOptions sliding;
   sliding.poisson_ratio = options.poisson_ratio;
-  const SurfacePoints points = points_on(field);
+  TetMesh body_then = model.mesh;
+  Eigen::Isometry3d sliding_placement = turned;
+  Eigen::VectorXd start_m = result.steps.back().displacement_m;
+  if (options.correspondences) {
+    tell("correspondences");
+    CorrespondenceFit followed =
+        follow_correspondences(model.mesh, *options.correspondences, stretch.places_m);
+    body_then.nodes = std::move(followed.places_m);
+    sliding_placement = Eigen::Isometry3d::Identity();
+    start_m = still_m;
+    record("correspondences", turned, back_from(turned, body_then.nodes));
+    if (const std::size_t inverted = result.steps.back().inverted; inverted > 0) {
+      throw Error("the correspondences turn " + std::to_string(inverted) + " of " +
+                  std::to_string(model.mesh.tetrahedra.size()) +
+                  " elements inside out: they contradict each other, or the mesh is too fine for them");
+    }
+    result.correspondences = followed.use;
+    sliding.held = std::move(followed.agreed);
+  } else {
+    std::vector<Vector3> modelled_places_m;
+    for (std::size_t node = 0; node < model.mesh.nodes.size(); ++node)
+      modelled_places_m.emplace_back(placement *
+                                     (model.mesh.nodes[node] + modelled_m.segment<3>(first_row(node))));
+    constexpr double kClearly = 0.8;
+    if (kClearly * both_ways_m(surface, field, points, modelled_places_m) <
+        both_ways_m(surface, field, points, stretch.places_m)) {
+      sliding_placement = placement;
+      start_m = modelled_m;
+    }
+  }
+
+  tell("sliding boundary");
+  const LungSurface surface_then = surface_of(body_then);
   const auto slide = [&] {
-    return slide_to(model.mesh, model.materials, surface, field, points, placement, modelled_m, sliding);
+    return slide_to(body_then, model.materials, surface_then, field, points, sliding_placement, start_m,
+                    sliding);
   };
-  record("sliding boundary", placement, slide());
-  if (!options.cross_validate) return result;
+  const Eigen::VectorXd slid_m = slide();
+  std::vector<Vector3> slid_places_m;
+  for (std::size_t node = 0; node < body_then.nodes.size(); ++node)
+    slid_places_m.emplace_back(sliding_placement *
+                               (body_then.nodes[node] + slid_m.segment<3>(first_row(node))));
+  record("sliding boundary", turned, back_from(turned, slid_places_m));
+  result.second_surface_m = spread_of(distances_to_lung_m(body_then, surface_then, points, sliding_placement,
+                                                          slid_m, [](const Vector3&) { return true; }));
+  result.refusal = refusal_of(result, model.mesh.tetrahedra.size());
+  if (!options.cross_validate || !result.refusal.empty()) return result;
 
   std::vector<double> left_out_m;
   for (int part = 0; part < kSurfaceParts; ++part) {
     tell("sliding boundary without part " + std::to_string(part + 1) + " of the second surface");
     sliding.leave_out = [part](const Vector3& place_m) { return surface_part(place_m) == part; };
     const std::vector<double> there_m =
-        distances_to_lung_m(model.mesh, surface, points, placement, slide(), sliding.leave_out);
+        distances_to_lung_m(body_then, surface_then, points, sliding_placement, slide(), sliding.leave_out);
     left_out_m.insert(left_out_m.end(), there_m.begin(), there_m.end());
   }
   result.left_out_m = spread_of(left_out_m);
@@ -309,9 +411,10 @@ LandmarkErrors errors_at(const LandmarkPairs& landmarks, const TetMesh& mesh,
   errors.of_step_m.resize(steps.size());
   errors.vectors_of_step_m.resize(steps.size());
   const LungSurface surface = surface_of(mesh);
+  const MeshLocator locator(mesh);
   for (std::size_t i = 0; i < landmarks.fixed_m.size(); ++i) {
     const Vector3& fixed_m = landmarks.fixed_m[i];
-    const LocatedPoint located = locate(mesh, fixed_m);
+    const LocatedPoint located = locator.locate(fixed_m);
     if (located.outside_m > kLandmarkReachM) {
       ++errors.outside;
       continue;

@@ -110,11 +110,10 @@ class PlacedSurface {
   std::vector<std::vector<std::uint32_t>> faces_of_;
 };
 
-/// A spring along one direction at up to three nodes: stiffness/2 (direction . sum w_i u_i - wanted)^2.
+/// A spring along one direction at a place of an element: stiffness/2 (direction . sum w_i u_i - wanted)^2.
 struct Spring {
-  std::uint32_t tetrahedron = 0;  // that has all of its nodes
-  std::array<std::uint32_t, 3> nodes{};
-  std::array<double, 3> weights{};
+  std::uint32_t tetrahedron = 0;
+  Eigen::Vector4d weights = Eigen::Vector4d::Zero();  // of its corners
   Vector3 direction = Vector3::Zero();
   double wanted_m = 0, stiffness_n_m = 0;
 };
@@ -128,7 +127,8 @@ class EvenlyStretched {
       : mesh_(mesh),
         materials_(materials),
         order_(elimination_order(mesh)),
-        free_(3 * mesh.nodes.size(), false) {
+        free_(3 * mesh.nodes.size(), false),
+        stiffening_(mesh.tetrahedra.size(), 1) {
     double moduli = 0, volume_m3 = 0;
     if (poisson_ratio) {
       for (auto& [region, material] : materials_) material.poisson_ratio = *poisson_ratio;
@@ -145,24 +145,10 @@ class EvenlyStretched {
   }
   [[nodiscard]] double young_modulus_pa() const { return young_modulus_pa_; }
 
+  /// With the even stretch that leaves least energy.
   [[nodiscard]] Eigen::VectorXd solve(const std::vector<Spring>& springs) const {
-    std::vector<std::vector<const Spring*>> of_tetrahedron(mesh_.tetrahedra.size());
-    Eigen::VectorXd pull_n = Eigen::VectorXd::Zero(first_row(mesh_.nodes.size()));
-    for (const Spring& spring : springs) {
-      of_tetrahedron[spring.tetrahedron].push_back(&spring);
-      for (std::size_t i = 0; i < 3; ++i) {
-        pull_n.segment<3>(first_row(spring.nodes[i])) +=
-            spring.stiffness_n_m * spring.wanted_m * spring.weights[i] * spring.direction;
-      }
-    }
-    const StiffnessMatrix held(mesh_, [&](std::size_t t) {
-      Eigen::Matrix<double, 12, 12> matrix = element_matrix(t);
-      for (const Spring* spring : of_tetrahedron[t]) {
-        const Eigen::Matrix<double, 12, 1> row = row_of(*spring, t);
-        matrix += spring->stiffness_n_m * row * row.transpose();
-      }
-      return matrix;
-    });
+    Eigen::VectorXd pull_n;
+    const StiffnessMatrix held = matrix_of(springs, pull_n);
     const Factorisation factor(held, free_, order_);
     // Without the stretches' own energy: the factor's solution, corrected in six directions (Woodbury).
     Eigen::MatrixXd columns(pull_n.size(), 7);
@@ -175,6 +161,46 @@ class EvenlyStretched {
            columns.leftCols<6>() * left.ldlt().solve(stretch_forces_n_.transpose() * columns.col(6));
   }
 
+  /// With the energy of what goes beyond `rest_m`.
+  [[nodiscard]] Eigen::VectorXd solve_from(const Eigen::VectorXd& rest_m,
+                                           const std::vector<Spring>& springs) const {
+    Eigen::VectorXd pull_n;
+    const StiffnessMatrix held = matrix_of(springs, pull_n);
+    const Factorisation factor(held, free_, order_);
+    // In u - rest: what each spring still wants there.
+    for (const Spring& spring : springs) {
+      double there_m = 0;
+      for (std::size_t i = 0; i < 4; ++i) {
+        there_m +=
+            spring.weights[static_cast<Eigen::Index>(i)] *
+            spring.direction.dot(rest_m.segment<3>(first_row(mesh_.tetrahedra[spring.tetrahedron][i])));
+      }
+      add_pull(spring, -there_m, pull_n);
+    }
+    return rest_m + factor.solve(pull_n);
+  }
+
+  /// The even stretch that is nearest in energy, but for a rigid motion.
+  [[nodiscard]] Eigen::VectorXd even_part(const Eigen::VectorXd& displacement_m) const {
+    return stretches_ * stretch_energies_.ldlt().solve(stretch_forces_n_.transpose() * displacement_m);
+  }
+
+  /// Stiffens the elements that are flat or inside out when the body is displaced so; whether there are any.
+  bool stiffen_flat_ones(const Eigen::VectorXd& displacement_m) {
+    constexpr double kFlat = 0.05;  // of the volume at first
+    constexpr double kStiffer = 4;
+    TetMesh moved = mesh_;
+    for (std::size_t node = 0; node < moved.nodes.size(); ++node)
+      moved.nodes[node] += displacement_m.segment<3>(first_row(node));
+    bool any = false;
+    for (std::size_t t = 0; t < mesh_.tetrahedra.size(); ++t) {
+      if (signed_volume_m3(moved, t) > kFlat * signed_volume_m3(mesh_, t)) continue;
+      stiffening_[t] *= kStiffer;
+      any = true;
+    }
+    return any;
+  }
+
  private:
   [[nodiscard]] Eigen::Matrix<double, 12, 12> element_matrix(std::size_t t) const {
     const LinearElement element = element_of(mesh_, t);
@@ -182,18 +208,39 @@ class EvenlyStretched {
     Eigen::Matrix<double, 12, 12> matrix;
     for (Eigen::Index a = 0; a < 4; ++a) {
       for (Eigen::Index b = 0; b < 4; ++b)
-        matrix.block<3, 3>(3 * a, 3 * b) = stiffness_block(element, material, a, b);
+        matrix.block<3, 3>(3 * a, 3 * b) = stiffening_[t] * stiffness_block(element, material, a, b);
     }
     return matrix;
   }
 
-  [[nodiscard]] Eigen::Matrix<double, 12, 1> row_of(const Spring& spring, std::size_t t) const {
-    Eigen::Matrix<double, 12, 1> row = Eigen::Matrix<double, 12, 1>::Zero();
-    for (std::size_t i = 0; i < 3; ++i) {
-      const auto& corners = mesh_.tetrahedra[t];
-      const auto corner = std::ranges::find(corners, spring.nodes[i]) - corners.begin();
-      row.segment<3>(3 * corner) += spring.weights[i] * spring.direction;
+  void add_pull(const Spring& spring, double wanted_m, Eigen::VectorXd& pull_n) const {
+    for (std::size_t i = 0; i < 4; ++i) {
+      pull_n.segment<3>(first_row(mesh_.tetrahedra[spring.tetrahedron][i])) +=
+          spring.stiffness_n_m * wanted_m * spring.weights[static_cast<Eigen::Index>(i)] * spring.direction;
     }
+  }
+
+  /// Of the elements with the springs; and the springs' pulls.
+  [[nodiscard]] StiffnessMatrix matrix_of(const std::vector<Spring>& springs, Eigen::VectorXd& pull_n) const {
+    std::vector<std::vector<const Spring*>> of_tetrahedron(mesh_.tetrahedra.size());
+    pull_n = Eigen::VectorXd::Zero(first_row(mesh_.nodes.size()));
+    for (const Spring& spring : springs) {
+      of_tetrahedron[spring.tetrahedron].push_back(&spring);
+      add_pull(spring, spring.wanted_m, pull_n);
+    }
+    return StiffnessMatrix(mesh_, [&](std::size_t t) {
+      Eigen::Matrix<double, 12, 12> matrix = element_matrix(t);
+      for (const Spring* spring : of_tetrahedron[t]) {
+        const Eigen::Matrix<double, 12, 1> row = row_of(*spring);
+        matrix += spring->stiffness_n_m * row * row.transpose();
+      }
+      return matrix;
+    });
+  }
+
+  static Eigen::Matrix<double, 12, 1> row_of(const Spring& spring) {
+    Eigen::Matrix<double, 12, 1> row;
+    for (Eigen::Index i = 0; i < 4; ++i) row.segment<3>(3 * i) = spring.weights[i] * spring.direction;
     return row;
   }
 
@@ -201,28 +248,29 @@ class EvenlyStretched {
   void find_stretches() {
     constexpr std::array<std::array<Eigen::Index, 2>, 6> kAxes{
         {{0, 0}, {1, 1}, {2, 2}, {0, 1}, {1, 2}, {2, 0}}};
-    Eigen::Matrix<double, Eigen::Dynamic, 6> stretches;
-    stretches.setZero(first_row(mesh_.nodes.size()), 6);
+    stretches_.setZero(first_row(mesh_.nodes.size()), 6);
     for (std::size_t node = 0; node < mesh_.nodes.size(); ++node) {
       for (std::size_t i = 0; i < 6; ++i) {
         const auto [to, along] = kAxes[i];
-        stretches(first_row(node) + to, static_cast<Eigen::Index>(i)) += mesh_.nodes[node][along];
+        stretches_(first_row(node) + to, static_cast<Eigen::Index>(i)) += mesh_.nodes[node][along];
         if (to != along)
-          stretches(first_row(node) + along, static_cast<Eigen::Index>(i)) += mesh_.nodes[node][to];
+          stretches_(first_row(node) + along, static_cast<Eigen::Index>(i)) += mesh_.nodes[node][to];
       }
     }
     const StiffnessMatrix loose(mesh_, [this](std::size_t t) { return element_matrix(t); });
-    stretch_forces_n_.resize(stretches.rows(), 6);
-    for (Eigen::Index i = 0; i < 6; ++i) stretch_forces_n_.col(i) = loose * Eigen::VectorXd(stretches.col(i));
-    stretch_energies_ = stretches.transpose() * stretch_forces_n_;
+    stretch_forces_n_.resize(stretches_.rows(), 6);
+    for (Eigen::Index i = 0; i < 6; ++i)
+      stretch_forces_n_.col(i) = loose * Eigen::VectorXd(stretches_.col(i));
+    stretch_energies_ = stretches_.transpose() * stretch_forces_n_;
   }
 
   const TetMesh& mesh_;
   Materials materials_;
   std::vector<std::uint32_t> order_;
   std::vector<bool> free_;
+  std::vector<double> stiffening_;  // (|T|), factors
   double young_modulus_pa_ = 0;
-  Eigen::Matrix<double, Eigen::Dynamic, 6> stretch_forces_n_;  // (3 |V| x 6), N
+  Eigen::Matrix<double, Eigen::Dynamic, 6> stretches_, stretch_forces_n_;  // (3 |V| x 6), m and N
   Eigen::Matrix<double, 6, 6> stretch_energies_;
 };
 
@@ -240,6 +288,19 @@ Anchors anchors_of(const TetMesh& mesh, const LungSurface& surface) {
       anchors.of_row[static_cast<std::size_t>(surface.row_of[node])] = face.tetrahedron;
   }
   return anchors;
+}
+
+/// Weights of some of an element's corners, by its corners.
+template <std::size_t count>
+Eigen::Vector4d corner_weights(const TetMesh& mesh, std::uint32_t tetrahedron,
+                               const std::array<std::uint32_t, count>& nodes,
+                               const std::array<double, count>& weights) {
+  Eigen::Vector4d all = Eigen::Vector4d::Zero();
+  for (std::size_t i = 0; i < count; ++i) {
+    const auto& corners = mesh.tetrahedra[tetrahedron];
+    all[std::ranges::find(corners, nodes[i]) - corners.begin()] += weights[i];
+  }
+  return all;
 }
 
 /// What the second surface asks of a lung that lies at `displacement_m`.
@@ -261,9 +322,7 @@ std::vector<Spring> springs_at(const TetMesh& mesh, const LungSurface& surface, 
     if (found.gradient.norm() < kLeastSlope) continue;
     if (options.leave_out && options.leave_out(places[node] - found.distance_m * normal)) continue;
     const Vector3 direction = back * normal;
-    springs.push_back({anchors.of_row[row],
-                       {node, node, node},
-                       {1, 0, 0},
+    springs.push_back({anchors.of_row[row], corner_weights<1>(mesh, anchors.of_row[row], {node}, {1}),
                        direction,
                        direction.dot(displacement_m.segment<3>(first_row(node))) - found.distance_m,
                        stiffness_n_m3 * surface.areas_m2[row] * robust(found.distance_m)});
@@ -274,20 +333,32 @@ std::vector<Spring> springs_at(const TetMesh& mesh, const LungSurface& surface, 
     if (options.leave_out && options.leave_out(points.places_m[i])) continue;
     const auto partner = lung.partner(points.places_m[i], points.normals[i]);
     if (!partner) continue;
+    std::array<std::uint32_t, 3> nodes{};
+    for (std::size_t corner = 0; corner < 3; ++corner)
+      nodes[corner] = surface.nodes[surface.faces[partner->face][corner]];
     Spring spring{anchors.of_face[partner->face],
-                  {},
-                  partner->weights,
-                  back * points.normals[i],
-                  -partner->along_m,
+                  corner_weights(mesh, anchors.of_face[partner->face], nodes, partner->weights),
+                  back * points.normals[i], -partner->along_m,
                   stiffness_n_m3 * each_m2 * robust(partner->along_m)};
     for (std::size_t corner = 0; corner < 3; ++corner) {
-      spring.nodes[corner] = surface.nodes[surface.faces[partner->face][corner]];
-      spring.wanted_m += spring.weights[corner] *
-                         spring.direction.dot(displacement_m.segment<3>(first_row(spring.nodes[corner])));
+      spring.wanted_m += partner->weights[corner] *
+                         spring.direction.dot(displacement_m.segment<3>(first_row(nodes[corner])));
     }
     springs.push_back(spring);
   }
   return springs;
+}
+
+/// What keeps points of the inside where `start_m` takes them.
+void hold_points(const std::vector<LocatedPoint>& held, const Eigen::VectorXd& start_m, double stiffness_n_m,
+                 std::vector<Spring>& springs) {
+  for (const LocatedPoint& point : held) {
+    const Vector3 there_m = point.point.mean(start_m);
+    for (Eigen::Index axis = 0; axis < 3; ++axis) {
+      springs.push_back({point.tetrahedron, Eigen::Vector4d(point.point.weights.data()), Vector3::Unit(axis),
+                         there_m[axis], stiffness_n_m});
+    }
+  }
 }
 
 }  // namespace
@@ -332,17 +403,27 @@ Eigen::VectorXd slide_to(const TetMesh& mesh, const Materials& materials, const 
   if (points.places_m.empty()) throw Error("the second shape has no surface to slide along");
   // From so soft that the lung is all but stretched and turned as a whole.
   constexpr std::array<double, 4> kYields{500, 50, 5, 1};
-  constexpr int kStepsEach = 3;
-  const EvenlyStretched body(mesh, materials, options.poisson_ratio);
+  constexpr int kStepsEach = 3, kMostStiffenings = 12;
+  // A point holds as much as a ball of tissue of this size around it does.
+  constexpr double kHeldM = 0.03;
+  EvenlyStretched body(mesh, materials, options.poisson_ratio);
   const Anchors anchors = anchors_of(mesh, surface);
   Eigen::VectorXd displacement_m = start_m;
+  const auto springs = [&](double yield) {
+    std::vector<Spring> all = springs_at(mesh, surface, anchors, second, points, placement, displacement_m,
+                                         body.young_modulus_pa() / (yield * options.yield_m), options);
+    hold_points(options.held, start_m, body.young_modulus_pa() * kHeldM, all);
+    return all;
+  };
   for (const double yield : kYields) {
-    const double stiffness_n_m3 = body.young_modulus_pa() / (yield * options.yield_m);
     for (int step = 0; step < kStepsEach; ++step) {
-      displacement_m = body.solve(springs_at(mesh, surface, anchors, second, points, placement,
-                                             displacement_m, stiffness_n_m3, options));
+      displacement_m =
+          options.held.empty() ? body.solve(springs(yield)) : body.solve_from(start_m, springs(yield));
     }
   }
+  const Eigen::VectorXd rest_m = options.held.empty() ? body.even_part(displacement_m) : start_m;
+  for (int round = 0; round < kMostStiffenings && body.stiffen_flat_ones(displacement_m); ++round)
+    displacement_m = body.solve_from(rest_m, springs(kYields.back()));
   return displacement_m;
 }
 

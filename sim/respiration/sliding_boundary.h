@@ -11,6 +11,8 @@
 //    Medicine and Biology 56, 2011). Distances beyond a few millimetres count as absolute values (Huber).
 //  - k, the stiffness of that coupling, is annealed: soft at first, when little is known of what lies where,
 //    stiff at the end.
+// Springs may draw an element through itself. Such elements are then stiffened, again and again, until none
+// is left: an element that is stiff enough follows the even stretch, which turns nothing inside out.
 #pragma once
 
 #include <functional>
@@ -21,6 +23,7 @@
 
 #include "sim/fem/elastic_body.h"
 #include "sim/respiration/lung_surface.h"
+#include "sim/respiration/mesh_point.h"
 #include "sim/volume/distance_field.h"
 
 namespace kiroku::sim {
@@ -34,6 +37,9 @@ struct SlidingOptions {
   double yield_m = 0.0015;
   /// Places of the second CT whose surface does not count.
   std::function<bool(const Vector3&)> leave_out;
+  /// Where these are, `start_m` has the inside right: the energy counts from there instead of from an even
+  /// stretch, and each of these points is held where `start_m` takes it.
+  std::vector<LocatedPoint> held;
 };
 
 /// Points on the second surface, about 4 mm from each other; patient coordinates of the second CT.
@@ -43,8 +49,8 @@ struct SurfacePoints {
 SurfacePoints points_on(const DistanceField& field);
 
 /// (3 |V|), m, from `start_m`, in the first CT's axes: a node at x goes to placement (x + displacement).
-/// kiroku::Error where the second surface has no points, and what Factorisation throws. Same input, same
-/// bits.
+/// kiroku::Error where the second surface has no points, and what Factorisation throws. Elements that could
+/// not be kept from turning inside out are left so: count them. Same input, same bits.
 Eigen::VectorXd slide_to(const TetMesh& mesh, const Materials& materials, const LungSurface& surface,
                          const DistanceField& second, const SurfacePoints& points,
                          const Eigen::Isometry3d& placement, const Eigen::VectorXd& start_m,

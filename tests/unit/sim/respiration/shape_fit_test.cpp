@@ -10,6 +10,7 @@
 #include "sim/respiration/sliding_boundary.h"
 #include "tests/support/temporary_folder.h"
 #include "tests/unit/sim/respiration/box_lung.h"
+#include "tests/unit/sim/respiration/two_lungs.h"
 
 namespace kiroku::sim {
 namespace {
@@ -65,14 +66,15 @@ TEST(ShapeFit, FindsTheMotionThatMadeTheSecondShape) {
   const BreathingModel model = test::box_lung_model();
   const Truth truth = moved_lung(model, 0.006, 0.015);
   const ShapeFitResult found = fit_shape(model, truth.mask, {});
-  ASSERT_EQ(found.steps.size(), 3U);
+  ASSERT_EQ(found.steps.size(), 4U);
   EXPECT_NEAR(found.motion.rib_cage.amplitude_m, 0.006, 0.05 * 0.006);
   EXPECT_NEAR(found.motion.diaphragm.amplitude_m, 0.015, 0.05 * 0.015);
   RecordProperty("rib_cage_mm", std::to_string(1000 * found.motion.rib_cage.amplitude_m));
   RecordProperty("diaphragm_mm", std::to_string(1000 * found.motion.diaphragm.amplitude_m));
   const LandmarkErrors errors = errors_at(landmarks(model, truth), model.mesh, found.steps);
   EXPECT_EQ(errors.outside, 0U);
-  const double model_m = spread_of(errors.of_step_m[1]).mean, sliding_m = spread_of(errors.of_step_m[2]).mean;
+  const double model_m = spread_of(errors.of_step_m[1]).mean,
+               sliding_m = spread_of(errors.of_step_m.back()).mean;
   EXPECT_LT(model_m, 0.0005);
   // A box is the worst case: nothing on its faces says how far it has slid along them.
   EXPECT_LT(sliding_m, 0.003);
@@ -114,7 +116,7 @@ TEST(ShapeFit, CrossValidationTellsOfEachPointWhereItWasLeftOut) {
         .mean;
   };
   // Worse than where it was fitted, better than what it began with.
-  EXPECT_GT(found.left_out_m->mean, left_m(found.steps[2]));
+  EXPECT_GT(found.left_out_m->mean, left_m(found.steps.back()));
   EXPECT_LT(found.left_out_m->mean, 0.8 * left_m(found.steps[1]));
   EXPECT_FALSE(fit_shape(model, truth.mask, {}).left_out_m);
 }
@@ -126,17 +128,17 @@ TEST(ShapeFit, TheSlidingBoundaryComesToTheSecondSurface) {
   for (Vector3& node : longer.mesh.nodes) node.z() *= 1.1;
   const Truth truth = moved_lung(longer, 0, 0);
   const ShapeFitResult found = fit_shape(model, truth.mask, {});
-  EXPECT_LT(found.steps[2].surface_m.mean, 0.4 * found.steps[1].surface_m.mean);
-  EXPECT_LT(found.steps[2].surface_m.mean, 0.001);
-  EXPECT_NEAR(found.steps[2].volume_m3 / found.second_volume_m3, 1, 0.03);
-  EXPECT_EQ(found.steps[2].inverted, 0U);
+  EXPECT_LT(found.steps.back().surface_m.mean, 0.4 * found.steps[1].surface_m.mean);
+  EXPECT_LT(found.steps.back().surface_m.mean, 0.001);
+  EXPECT_NEAR(found.steps.back().volume_m3 / found.second_volume_m3, 1, 0.03);
+  EXPECT_EQ(found.steps.back().inverted, 0U);
 }
 
 TEST(ShapeFit, GivesTheSameBitsTwice) {
   const BreathingModel model = test::box_lung_model();
   const Truth truth = moved_lung(model, 0.004, 0.01);
-  EXPECT_EQ(fit_shape(model, truth.mask, {}).steps[2].displacement_m,
-            fit_shape(model, truth.mask, {}).steps[2].displacement_m);
+  EXPECT_EQ(fit_shape(model, truth.mask, {}).steps.back().displacement_m,
+            fit_shape(model, truth.mask, {}).steps.back().displacement_m);
 }
 
 std::string refusal_of_fit(const std::function<void()>& what) {
@@ -157,6 +159,92 @@ TEST(ShapeFit, AnotherOrganIsRefused) {
   std::ranges::fill(mask.labels, std::uint16_t{0});
   EXPECT_THAT(refusal_of_fit([&] { static_cast<void>(fit_shape(model, mask, {})); }),
               HasSubstr("not the same lung"));
+}
+
+TEST(ShapeFit, ABreathThatMoreThanDoublesTheLungsEndsInTheRightPlace) {
+  // From the rigid motion or the model the boundary slides to a wrong place here: half of the volume, 72 mm
+  // off.
+  const auto motion = [](const Vector3& p) {
+    const Vector3 q = test::breathed_in(p);
+    return Vector3(1.07 * q.x(), 1.2 * (q.y() - 0.05) + 0.05, 0.17 + 1.3 * (q.z() - 0.17));
+  };
+  const BreathingModel model = test::two_lungs_model();
+  const ShapeFitResult found = fit_shape(model, test::mask_of_two_lungs(motion), {});
+  EXPECT_EQ(found.refusal, "");
+  const ShapeFitStep& last = found.steps.back();
+  EXPECT_GT(found.second_volume_m3 / found.first_volume_m3, 2.5);
+  EXPECT_EQ(last.inverted, 0U);
+  EXPECT_NEAR(last.volume_m3 / found.second_volume_m3, 1, kMostVolumeError);
+  EXPECT_LT(last.surface_m.mean, 0.001);
+  LandmarkPairs landmarks = test::breath_landmarks();
+  for (std::size_t i = 0; i < landmarks.fixed_m.size(); ++i)
+    landmarks.moving_m[i] = motion(landmarks.fixed_m[i]);
+  const LandmarkErrors errors = errors_at(landmarks, model.mesh, found.steps);
+  const double before_m = spread_of(errors.before_m).mean, after_m = spread_of(errors.of_step_m.back()).mean;
+  RecordProperty("before_mm", std::to_string(1000 * before_m));
+  RecordProperty("after_mm", std::to_string(1000 * after_m));
+  EXPECT_GT(before_m, 0.08);
+  EXPECT_LT(after_m, 0.02);
+  EXPECT_THAT(found.warnings,
+              testing::ElementsAre(HasSubstr("elements inside out: this breath is too deep")));
+}
+
+TEST(ShapeFit, CorrespondencesTellWhereTheInsideOfADeepBreathWent) {
+  const BreathingModel model = test::two_lungs_model();
+  const LabelMap mask = test::mask_of_two_lungs(test::breathed_in);
+  const LandmarkPairs truth = test::breath_landmarks();
+  // A third of them, each seventh of which is wrong; the error is told at the others.
+  ShapeFitOptions options;
+  options.correspondences.emplace();
+  LandmarkPairs judged;
+  std::size_t wrong = 0;
+  for (std::size_t i = 0; i < truth.fixed_m.size(); ++i) {
+    if (i % 3 != 0) {
+      judged.fixed_m.push_back(truth.fixed_m[i]);
+      judged.moving_m.push_back(truth.moving_m[i]);
+      continue;
+    }
+    Vector3 moving_m = truth.moving_m[i];
+    if (i % 21 == 0) {
+      moving_m += Vector3(0.015, -0.01, 0.012);
+      ++wrong;
+    }
+    options.correspondences->first_m.push_back(truth.fixed_m[i]);
+    options.correspondences->second_m.push_back(moving_m);
+  }
+  const ShapeFitResult found = fit_shape(model, mask, options);
+  EXPECT_EQ(found.refusal, "");
+  EXPECT_EQ(found.steps.back().inverted, 0U);
+  const double error_m = spread_of(errors_at(judged, model.mesh, found.steps).of_step_m.back()).mean;
+  RecordProperty("error_mm", std::to_string(1000 * error_m));
+  EXPECT_LT(error_m, 0.0012);
+  ASSERT_TRUE(found.correspondences);
+  EXPECT_NEAR(static_cast<double>(found.correspondences->refused), static_cast<double>(wrong),
+              0.1 * static_cast<double>(wrong));
+}
+
+TEST(ShapeFit, WhatIsNotTheLungIsRefusedWithItsNumbers) {
+  // A block of about the lungs' volume, with a hole through it.
+  LabelMap mask = test::mask_of_two_lungs([](const Vector3& p) { return p; });
+  const Grid& grid = mask.grid;
+  const auto middle = [&](std::size_t index, std::size_t axis) {
+    return std::abs(2 * static_cast<double>(index) - static_cast<double>(grid.size[axis])) <
+           0.3 * static_cast<double>(grid.size[axis]);
+  };
+  const auto edge = [&](std::size_t index, std::size_t axis) {
+    return index < 3 || index + 3 >= grid.size[axis];
+  };
+  for (std::size_t k = 0; k < grid.size[2]; ++k) {
+    for (std::size_t j = 0; j < grid.size[1]; ++j) {
+      for (std::size_t i = 0; i < grid.size[0]; ++i) {
+        const bool lung = !edge(i, 0) && !edge(j, 1) && !edge(k, 2) && !(middle(i, 0) && middle(j, 1));
+        mask.labels[grid.offset(i, j, k)] = lung ? 1 : 0;
+      }
+    }
+  }
+  const ShapeFitResult found = fit_shape(test::two_lungs_model(), mask, {});
+  EXPECT_THAT(found.refusal, testing::AllOf(HasSubstr("the lung could not be brought to the second shape"),
+                                            HasSubstr("ml and the mask's"), HasSubstr("at most 2 %")));
 }
 
 TEST(Landmarks, ListsAndElastixFilesAreRead) {
@@ -208,10 +296,11 @@ TEST(Landmarks, ASpreadIsThatOfItsNumbers) {
 TEST(MeshPoint, APointGoesWithTheElementItIsIn) {
   const TetMesh mesh = test::tet_grid({2, 2, 2}, {0.02, 0.02, 0.02});
   const Vector3 place(0.013, 0.004, 0.009);
-  const LocatedPoint inside = locate(mesh, place);
+  const MeshLocator locator(mesh);
+  const LocatedPoint inside = locator.locate(place);
   EXPECT_EQ(inside.outside_m, 0);
   EXPECT_LT((inside.point.mean(mesh.nodes) - place).norm(), 1e-15);
-  const LocatedPoint outside = locate(mesh, {0.01, 0.01, 0.023});
+  const LocatedPoint outside = locator.locate({0.01, 0.01, 0.023});
   EXPECT_NEAR(outside.outside_m, 0.003, 0.0015);
   EXPECT_LT((outside.point.mean(mesh.nodes) - Vector3(0.01, 0.01, 0.023)).norm(), 1e-15);
 }
