@@ -244,8 +244,9 @@ TEST_F(EvidenceAttack, ARecordIsNotOlderThanTheTokensThatItCovers) {
     add(of_case.root_pem(), case_outside, "of the case");
     add(back_dated.root_pem(), record_outside, "of the record");
     fs::remove(record(stamped));
-    archive::renew_evidence(archive::real_file_system(), {stamped},
-                            {.trust = &trust, .now = day("2035-01-01"), .stamp = back_dated.at(today)});
+    archive::renew_evidence(
+        archive::real_file_system(), {stamped},
+        {.trust = &trust, .now = [] { return day("2035-01-01"); }, .stamp = back_dated.at(today)});
     archive::VerifyOptions options = archive_.options();
     options.trust = &trust;
     options.now = day("2035-01-01");
@@ -286,10 +287,11 @@ TEST_F(EvidenceAttack, AnExcerptAndALogThatRestOnWhatEndedAreUnproven) {
   EXPECT_THAT(verdicts(), testing::Each(Verdict::kUnproven));
   EXPECT_TRUE(has(archive::verify_case(excerpt, options), "algorithm-ended"));
 
-  // A record that was given and that nothing looked at is told.
+  // A record that was given is judged with an excerpt; that nothing looks at it with a log is told.
   options.now = day("2028-01-01");
   options.evidence = record(first_);
-  EXPECT_THAT(verdicts(), testing::Each(Verdict::kUnproven));
+  EXPECT_THAT(verdicts(), testing::ElementsAre(Verdict::kIntactExcerpt, Verdict::kUnproven));
+  EXPECT_TRUE(has(archive::verify_case(excerpt, options), "evidence-holds"));
   EXPECT_TRUE(has(archive::verify_log(log, options), "evidence-asked-for"));
 }
 
