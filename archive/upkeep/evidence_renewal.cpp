@@ -279,7 +279,8 @@ class EvidenceRenewer {
     std::map<crypto::HashAlgorithm, std::vector<EvidenceWork>> by_algorithm;
     for (EvidenceWork& work : stamped_) by_algorithm[work.newest.algorithm].push_back(std::move(work));
     stamped_.clear();
-    for (auto& [algorithm, works] : by_algorithm) {
+    for (auto& [algorithm, group] : by_algorithm) {
+      auto& works = group;  // which lambdas can hold
       std::vector<evidence::HashList> groups;
       for (const EvidenceWork& work : works) groups.push_back({work.newest.hash});
       std::vector<evidence::ArchiveTimeStamp> made;
