@@ -38,6 +38,7 @@ const kByCode: Record<string, LinkName> = {
   'authorities-disagree': 'tokens',
   gap: 'segments',
   'sound-gap': 'segments',
+  'gap-beyond-end': 'segments',
   'monitor-silent': 'segments',
   'frames-dropped': 'segments',
   'part-file': 'segments',
