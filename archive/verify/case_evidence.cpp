@@ -238,10 +238,11 @@ void report_ended(const Ending& ended, const evidence::Policy& policy, const std
                    policy.name() + "', and " + why_it_matters);
 }
 
-/// The record that lies beside the case, judged; nothing where there is none.
+/// The record that lies beside the case, or was given, judged by `judge`; nothing where there is none.
+template <typename Judge>
 std::optional<EvidenceReport> judge_record_beside(const CaseFolder& folder, const VerifiedCase& verified,
-                                                  const VerifyOptions& options, UtcTime now,
-                                                  CaseEvidence& judged) {
+                                                  const VerifyOptions& options, CaseEvidence& judged,
+                                                  const Judge& judge) {
   const std::filesystem::path file =
       options.evidence ? *options.evidence : evidence_file(folder.path(), verified.case_id);
   EvidenceReport report;
@@ -255,13 +256,7 @@ std::optional<EvidenceReport> judge_record_beside(const CaseFolder& folder, cons
     if (!parse.record) {
       judged.refusal = parse.explanation;
     } else {
-      const CaseData data = read_case_data(folder);
-      if (data.lines != verified.entries || data.root != verified.root) {
-        throw Error("the ledger changed while the case was verified: verify it again");
-      }
-      const evidence::Policy& policy = policy_of(options);
-      judged = judge_case_evidence(folder, data, *parse.record,
-                                   {.trust = options.trust, .policy = &policy, .now = now});
+      judged = judge(*parse.record);
       if (judged.refusal.empty()) judged.refusal = contradiction(judged, verified);
       report = report_of(judged, *parse.record, report.file);
     }
@@ -314,48 +309,21 @@ void report_not_holding(const EvidenceReport& report, const std::string& of_what
   }
 }
 
-/// The record that lies beside the whole case, judged against an excerpt; nothing where there is none.
-std::optional<EvidenceReport> judge_record_beside_excerpt(const CaseFolder& folder,
-                                                          const VerifiedCase& verified,
-                                                          const ExcerptData& data,
-                                                          const VerifyOptions& options, UtcTime now) {
-  const std::filesystem::path file =
-      options.evidence ? *options.evidence : evidence_file(folder.path(), verified.case_id);
-  EvidenceReport report;
-  report.file = file.filename().string();
-  try {
-    const FileReading& files = options.files != nullptr ? *options.files : real_reading();
-    const std::optional<Bytes> bytes = read_evidence_file(files, file);
-    if (!bytes && options.evidence) throw UsageError("there is no evidence record at " + file.string());
-    if (!bytes) return {};
-    const evidence::RecordParse parse = evidence::parse_record(*bytes);
-    if (!parse.record) {
-      report.refusal = parse.explanation;
-    } else {
-      const evidence::Policy& policy = policy_of(options);
-      CaseEvidence judged = judge_excerpt_evidence(folder, data, *parse.record,
-                                                   {.trust = options.trust, .policy = &policy, .now = now});
-      if (judged.refusal.empty()) judged.refusal = contradiction(judged, verified);
-      report = report_of(judged, *parse.record, report.file);
-      report.refusal = judged.refusal;
-      report.could_not_check = judged.could_not_check;
-    }
-  } catch (const UsageError&) {
-    throw;
-  } catch (const Error& error) {
-    report.refusal = error.what();
-    report.could_not_check = true;
-  }
-  return report;
-}
-
 }  // namespace
 
 std::optional<EvidenceReport> check_case_evidence(const CaseFolder& folder, const VerifiedCase& verified,
                                                   const VerifyOptions& options, FindingList& findings) {
   const UtcTime now = options.now.value_or(utc_now());
   CaseEvidence judged;
-  const std::optional<EvidenceReport> report = judge_record_beside(folder, verified, options, now, judged);
+  const std::optional<EvidenceReport> report =
+      judge_record_beside(folder, verified, options, judged, [&](const evidence::EvidenceRecord& record) {
+        const CaseData data = read_case_data(folder);
+        if (data.lines != verified.entries || data.root != verified.root) {
+          throw Error("the ledger changed while the case was verified: verify it again");
+        }
+        return judge_case_evidence(folder, data, record,
+                                   {.trust = options.trust, .policy = &policy_of(options), .now = now});
+      });
   const bool holds = report && report->holds;
   if (holds) {
     report_holding(*report, verified.entries, findings);
@@ -420,8 +388,12 @@ std::optional<EvidenceReport> check_excerpt_evidence(const CaseFolder& folder, c
                                                      const ExcerptData& data, const VerifyOptions& options,
                                                      FindingList& findings) {
   const UtcTime now = options.now.value_or(utc_now());
+  CaseEvidence judged;
   const std::optional<EvidenceReport> report =
-      judge_record_beside_excerpt(folder, verified, data, options, now);
+      judge_record_beside(folder, verified, options, judged, [&](const evidence::EvidenceRecord& record) {
+        return judge_excerpt_evidence(folder, data, record,
+                                      {.trust = options.trust, .policy = &policy_of(options), .now = now});
+      });
   const bool holds = report && report->holds;
   if (holds) {
     findings.add("evidence-holds", {report->file},

@@ -232,6 +232,7 @@ TEST_F(EvidenceAttack, ARecordIsNotOlderThanTheTokensThatItCovers) {
     return make_response(make_token(recipe));
   };
   const fs::path stamped = SampleCase::write(archive_);
+  fs::path asked = stamped;
   const auto judged = [&](bool case_outside, bool record_outside, const std::string& today) {
     timestamp::TrustStore trust;
     const auto add = [&](const std::string& pem, bool outside, const char* name) {
@@ -250,7 +251,8 @@ TEST_F(EvidenceAttack, ARecordIsNotOlderThanTheTokensThatItCovers) {
     archive::VerifyOptions options = archive_.options();
     options.trust = &trust;
     options.now = day("2035-01-01");
-    return archive::verify_case(stamped, options);
+    if (asked != stamped) options.evidence = record(stamped);
+    return archive::verify_case(asked, options);
   };
   for (const bool record_outside : {true, false}) {
     const VerificationReport report = judged(true, record_outside, "2021-01-01");
@@ -263,6 +265,18 @@ TEST_F(EvidenceAttack, ARecordIsNotOlderThanTheTokensThatItCovers) {
   EXPECT_TRUE(has(judged(false, false, "2021-01-01"), "evidence-refused"));
   EXPECT_TRUE(has(judged(false, true, "2021-01-01"), "evidence-holds"))
       << "the recorder's clock may be ahead";
+
+  // An excerpt holds the record against the time-stamps that it shows.
+  asked = stamped.parent_path().parent_path() / "excerpt-of-stamped";
+  archive::ExcerptOptions part;
+  part.from_ns = 0;
+  part.to_ns = 3'000'000'000;
+  part.streams = {"endoscope"};
+  archive::make_excerpt(stamped, part, asked);
+  EXPECT_TRUE(has(judged(true, true, "2027-01-01"), "evidence-holds"));
+  const VerificationReport of_excerpt = judged(true, true, "2021-01-01");
+  EXPECT_EQ(of_excerpt.verdict, Verdict::kUnproven) << details(of_excerpt);
+  EXPECT_TRUE(has(of_excerpt, "evidence-refused")) << details(of_excerpt);
 }
 
 // What has no record of its own is not proved by anything once its algorithms have ended.
