@@ -204,15 +204,15 @@ EvidenceReport report_of(const CaseEvidence& judged, const evidence::EvidenceRec
     report.since = judged.judgement.since();
     report.newest = judged.judgement.newest();
     if (judged.judgement.end) report.ends = judged.judgement.end->time;
+    for (const evidence::TimeStampJudgement& each : judged.judgement.time_stamps) {
+      const bool valid = each.token.code == timestamp::TokenCode::kValid;
+      report.links.push_back({each.token.info ? std::optional(each.token.info->gen_time) : std::nullopt,
+                              valid ? each.token.root_subject : std::string(),
+                              valid && each.token.authority == timestamp::TimeAuthority::kOutside,
+                              each.algorithm, each.kind != evidence::StampKind::kTimeStampRenewal});
+    }
   }
   report.time_stamps = judged.judgement.time_stamps.size();
-  for (const evidence::TimeStampJudgement& each : judged.judgement.time_stamps) {
-    const bool valid = each.token.code == timestamp::TokenCode::kValid;
-    report.links.push_back({each.token.info ? std::optional(each.token.info->gen_time) : std::nullopt,
-                            valid ? each.token.root_subject : std::string(),
-                            valid && each.token.authority == timestamp::TimeAuthority::kOutside,
-                            each.algorithm, each.kind != evidence::StampKind::kTimeStampRenewal});
-  }
   for (const evidence::ArchiveTimeStampChain& chain : record.chains) {
     const auto algorithm = evidence::hash_of_chain(chain);
     report.hashes.emplace_back(algorithm ? crypto::hash_name(*algorithm) : "unknown");

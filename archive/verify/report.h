@@ -127,7 +127,7 @@ struct EvidenceReport {
   std::optional<UtcTime> since, newest;  // of its first and its newest time-stamp
   std::optional<UtcTime> ends;           // when it must have been renewed; nothing where no end is known
   std::uint64_t time_stamps = 0;
-  std::vector<EvidenceLink> links;       // the time-stamps, in their order
+  std::vector<EvidenceLink> links;       // the time-stamps, in their order; none where it does not hold
   std::vector<std::string> hashes;       // of its chains
   std::uint64_t entries = 0, files = 0;  // that it covers
   std::string refusal;                   // why it does not hold

@@ -260,6 +260,7 @@ TEST_F(EvidenceAttack, ARecordIsNotOlderThanTheTokensThatItCovers) {
     ASSERT_TRUE(has(report, "evidence-refused")) << details(report);
     EXPECT_THAT(details(report), testing::HasSubstr("one of the two authorities states a wrong time"));
     EXPECT_FALSE(report.evidence->since) << "a time that nothing proves is told nowhere";
+    EXPECT_TRUE(report.evidence->links.empty()) << "nor in the table of time-stamps";
     EXPECT_TRUE(has(judged(true, record_outside, "2027-01-01"), "evidence-holds"));
   }
   EXPECT_TRUE(has(judged(false, false, "2021-01-01"), "evidence-refused"));

@@ -117,8 +117,13 @@ std::string evidence_sentence(const ReportInput& input) {
       evidence.time_stamps == 1
           ? words("evidence.one", {})
           : words("evidence.chain", {std::to_string(evidence.time_stamps), utc_time(*evidence.newest)});
-  const std::string proved = input.verification.excerpt ? words("evidence.holds.excerpt", {since, chain})
-                                                        : words("evidence.holds", {since, chain});
+  const std::uint64_t entries = input.verification.entries;
+  std::string proved = words("evidence.holds", {since, chain, grouped(entries)});
+  if (input.verification.excerpt) {
+    proved = words("evidence.holds.excerpt", {since, chain});
+  } else if (evidence.entries < entries) {
+    proved = words("evidence.holds.part", {since, chain, grouped(evidence.entries), grouped(entries)});
+  }
   return evidence.outside ? proved : words("evidence.self-issued", {proved});
 }
 

@@ -330,7 +330,10 @@ inline constexpr auto kTexts = std::to_array<Text>({
      "counted.",
      "タイムスタンプは、証明書と暗号方式が有効な間だけ証明力を持ちます。証拠記録（RFC "
      "4998）は、前のタイムスタンプが有効なうちに次のタイムスタンプを重ねることで、証明を引き継ぎます。"},
-    {"evidence.holds", "Proved since {0} by {1}.", "{0} から存在したことが、{1}により証明されています。"},
+    {"evidence.holds", "All {2} ledger entries are proved since {0} by {1}.",
+     "台帳の全 {2} 項目が {0} から存在したことが、{1}により証明されています。"},
+    {"evidence.holds.part", "The first {2} of {3} ledger entries are proved since {0} by {1}.",
+     "台帳の全 {3} 項目のうち最初の {2} 項目が {0} から存在したことが、{1}により証明されています。"},
     {"evidence.holds.excerpt", "The checkpoint of this excerpt and its files are proved since {0} by {1}.",
      "この抜粋のチェックポイントとファイルが {0} から存在したことが、{1}により証明されています。"},
     {"evidence.one", "one time stamp", "1個のタイムスタンプ"},

@@ -120,9 +120,11 @@ TEST_F(ReportDocument, SaysSinceWhenAnEvidenceRecordProvesTheCaseAndWhatItDoesNo
   evidence.files = 12;
   in.verification.evidence = evidence;
   const std::string text = test::text_of(make_report(in));
-  const std::string proved =
-      "Proved since 2026-11-01 00:00:00 UTC by a chain of 3 time stamps, the newest of 2044-03-01 00:00:00 "
-      "UTC.";
+  const std::string all = std::to_string(in.verification.entries), part = std::to_string(evidence.entries);
+  const std::string since =
+      " ledger entries are proved since 2026-11-01 00:00:00 UTC by a chain of 3 time stamps, the newest of "
+      "2044-03-01 00:00:00 UTC.";
+  const std::string proved = "The first " + part + " of " + all + since;
   EXPECT_THAT(text, HasSubstr("- " + proved + "\n")) << "on the first page";
   EXPECT_THAT(text, HasSubstr("# Evidence record\n"));
   EXPECT_THAT(text, HasSubstr("2033-10-01 00:00:00 UTC | CN=Second root | sha256 | the time stamp before\n"));
@@ -133,13 +135,20 @@ TEST_F(ReportDocument, SaysSinceWhenAnEvidenceRecordProvesTheCaseAndWhatItDoesNo
   EXPECT_THAT(test::text_of(make_receipt(in)), HasSubstr("Evidence record | " + proved));
   in.language = Language::kJapanese;
   const std::string japanese = test::text_of(make_report(in));
-  EXPECT_THAT(japanese,
-              HasSubstr("- 2026-11-01 00:00:00 UTC から存在したことが、3個のタイムスタンプの連鎖（最新は "
-                        "2044-03-01 00:00:00 UTC）により証明されています。\n"));
+  EXPECT_THAT(
+      japanese,
+      HasSubstr("- 台帳の全 " + all + " 項目のうち最初の " + part +
+                " 項目が 2026-11-01 00:00:00 UTC から存在したことが、3個のタイムスタンプの連鎖（最新は "
+                "2044-03-01 00:00:00 UTC）により証明されています。\n"));
   EXPECT_THAT(japanese, HasSubstr("2 件の項目は、証拠記録の対象ではありません"));
-  EXPECT_THAT(test::text_of(make_receipt(in)), HasSubstr("証拠記録 | 2026-11-01"));
+  EXPECT_THAT(test::text_of(make_receipt(in)), HasSubstr("証拠記録 | 台帳の全"));
+
+  in.verification.evidence->entries = in.verification.entries;
+  EXPECT_THAT(test::text_of(make_receipt(in)),
+              HasSubstr("証拠記録 | 台帳の全 " + all + " 項目が 2026-11-01"));
 
   in.language = Language::kEnglish;
+  EXPECT_THAT(test::text_of(make_receipt(in)), HasSubstr("Evidence record | All " + all + since));
   in.verification.evidence->outside = false;
   EXPECT_THAT(test::text_of(make_report(in)), HasSubstr("no outside clock stands behind these times"));
   in.verification.evidence->holds = false;
@@ -147,7 +156,7 @@ TEST_F(ReportDocument, SaysSinceWhenAnEvidenceRecordProvesTheCaseAndWhatItDoesNo
   const std::string refused = test::text_of(make_report(in));
   EXPECT_THAT(refused,
               HasSubstr("The evidence record proves nothing here. The verifier says: it is another's"));
-  EXPECT_THAT(refused, Not(HasSubstr("Proved since")));
+  EXPECT_THAT(refused, Not(HasSubstr("proved since")));
   in.verification.evidence->could_not_check = true;
   EXPECT_THAT(test::text_of(make_receipt(in)),
               HasSubstr("could not be checked. The verifier says: it is another's"));
