@@ -195,21 +195,16 @@ void add_renew_command(Command& program) {
       "A case without a record gets its first one. A record gets a new time-stamp before a certificate or an "
       "algorithm of its newest one ends. Before its hash ends, all data of the case is read again under the "
       "policy's new hash. One time-stamp serves all cases that need the same. It is asked of the authorities "
-      "of "
-      "kiroku.toml, an outside one first. Records lie beside the cases, as archive/evidence/CASE.ers; "
-      "'kiroku "
-      "verify' judges them.");
+      "of kiroku.toml, an outside one first. Records lie beside the cases, as archive/evidence/CASE.ers; "
+      "'kiroku verify' judges them.");
   command.explain(
       "A case that is still being recorded is left alone. One that is tampered with, or whose data cannot "
-      "all be "
-      "read, is named with these files, and nothing is renewed for it. A record that does not hold stays as "
-      "it "
-      "is. The others are renewed all the same.");
+      "all be read, is named with these files, and nothing is renewed for it. A record that does not hold "
+      "stays as it is. The others are renewed all the same.");
   command.explain(
       "Exit status: 0 nothing is due any more, 1 a case or its record must be looked at, 2 wrong usage or "
       "unusable files, 3 something still waits for an authority. With --dry-run 3 also says that something "
-      "is "
-      "due.");
+      "is due.");
   command.example("kiroku renew --dry-run", "says what is due");
   command.example("kiroku renew", "does it, as the weekly timer does");
   command.example("kiroku renew --policy algorithms.toml --case 20260805T091502Z-3f9c21ab",

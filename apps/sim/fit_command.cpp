@@ -376,24 +376,22 @@ void add_sim_fit_command(Command& sim) {
   command.flag(
       "--cross-validate", request->cross_validate,
       "with --shape: also fits without each quarter of the second surface and tells the distance there");
-  command.flag(
-      "--directions", request->directions,
-      "seeks directions too: of the diaphragm (two views; the rib cage stays as it is), of both groups "
-      "(--shape)");
+  command.flag("--directions", request->directions,
+               "seeks directions too: of the diaphragm (two views; the rib cage stays as it is), of both "
+               "groups (--shape)");
   command.required_option("-o,--output", "FILE", request->output,
                           "the model with the motion that was found (.json)");
   command.flag("--json", request->json, "prints one JSON object instead");
   command.explain(
       "From radiographs: amplitude and phase of rib cage and diaphragm, by least squares on the detectors. "
-      "What the "
-      "positions do not determine is refused. From a second shape: the rigid motion between the two CTs, "
-      "then the amplitudes, then an even stretch of each lung, then a boundary that is brought to the second "
-      "surface and slides along it, by elastic energy and distances both ways; each step's distance to the "
-      "surface, and with landmarks its error there, is told beside what people themselves reach. Nothing is "
-      "ever fitted on landmarks. With --correspondences the inside follows places that were found in both "
-      "CTs; wrong ones among them lose their say. Where the last step does not meet the second shape (volume "
-      "within 2 %, surface within 2 mm in the mean, no element inside out), the fit is refused with its "
-      "numbers, nothing is written, and the exit status is 1.");
+      "What the positions do not determine is refused. From a second shape: the rigid motion between the two "
+      "CTs, then the amplitudes, then an even stretch of each lung, then a boundary that is brought to the "
+      "second surface and slides along it, by elastic energy and distances both ways; each step's distance "
+      "to the surface, and with landmarks its error there, is told beside what people themselves reach. "
+      "Nothing is ever fitted on landmarks. With --correspondences the inside follows places that were found "
+      "in both CTs; wrong ones among them lose their say. Where the last step does not meet the second shape "
+      "(volume within 2 %, surface within 2 mm in the mean, no element inside out), the fit is refused with "
+      "its numbers, nothing is written, and the exit status is 1.");
   command.example(
       "kiroku sim fit lung.json --positions seen.csv --geometry front.json --geometry side.json -o "
       "fitted.json",
@@ -403,8 +401,7 @@ void add_sim_fit_command(Command& sim) {
       "from a second CT's mask, with the error at landmarks");
   command.example(
       "kiroku sim fit lung.json --shape inhale.mha --correspondences vessels.csv -o fitted.json "
-      "--displacement "
-      "moved.vtu",
+      "--displacement moved.vtu",
       "also by places of the inside");
   command.example(
       "kiroku sim fit lung.json --shape inhale.mha --landmarks exhale.txt inhale.txt --errors errors.csv "

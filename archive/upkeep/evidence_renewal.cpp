@@ -341,8 +341,7 @@ class EvidenceRenewer {
     if (work.outside && !judged.outside()) {
       throw Waits(
           "the recorder's own authority alone answered, and its time-stamp would make the record "
-          "self-issued: "
-          "add an outside [[authority]] to kiroku.toml");
+          "self-issued: add an outside [[authority]] to kiroku.toml");
     }
     if (result.what == What::kTimeStampRenewed && work.end && judged.end && judged.end->time <= *work.end) {
       throw Waits("the time-stamp that came lasts no longer than the record, because " + judged.end->of +
