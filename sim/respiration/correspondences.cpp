@@ -12,6 +12,7 @@
 #include "sim/mesh/length_unit.h"
 #include "sim/mesh/mesh_topology.h"
 #include "sim/model/body_model.h"
+#include "sim/respiration/flat_elements.h"
 #include "sim/respiration/number_table.h"
 
 namespace kiroku::sim {
@@ -124,16 +125,7 @@ class SmoothMotion {
 
   /// Binds the elements that are flat or inside out to their neighbours; whether there are any.
   bool stiffen_flat_ones(const std::vector<Vector3>& places_m) {
-    constexpr double kFlat = 0.05, kStiffer = 4;
-    TetMesh moved = mesh_;
-    moved.nodes = places_m;
-    bool any = false;
-    for (std::size_t t = 0; t < mesh_.tetrahedra.size(); ++t) {
-      if (signed_volume_m3(moved, t) > kFlat * signed_volume_m3(mesh_, t)) continue;
-      stiffening_[t] *= kStiffer;
-      any = true;
-    }
-    return any;
+    return stiffen_flat_elements(mesh_, places_m, stiffening_);
   }
 
  private:

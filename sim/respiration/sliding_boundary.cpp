@@ -12,6 +12,7 @@
 #include "base/error.h"
 #include "sim/fem/elimination_order.h"
 #include "sim/mesh/degrees_of_freedom.h"
+#include "sim/respiration/flat_elements.h"
 
 namespace kiroku::sim {
 namespace {
@@ -187,18 +188,10 @@ class EvenlyStretched {
 
   /// Stiffens the elements that are flat or inside out when the body is displaced so; whether there are any.
   bool stiffen_flat_ones(const Eigen::VectorXd& displacement_m) {
-    constexpr double kFlat = 0.05;  // of the volume at first
-    constexpr double kStiffer = 4;
-    TetMesh moved = mesh_;
-    for (std::size_t node = 0; node < moved.nodes.size(); ++node)
-      moved.nodes[node] += displacement_m.segment<3>(first_row(node));
-    bool any = false;
-    for (std::size_t t = 0; t < mesh_.tetrahedra.size(); ++t) {
-      if (signed_volume_m3(moved, t) > kFlat * signed_volume_m3(mesh_, t)) continue;
-      stiffening_[t] *= kStiffer;
-      any = true;
-    }
-    return any;
+    std::vector<Vector3> places_m = mesh_.nodes;
+    for (std::size_t node = 0; node < places_m.size(); ++node)
+      places_m[node] += displacement_m.segment<3>(first_row(node));
+    return stiffen_flat_elements(mesh_, places_m, stiffening_);
   }
 
  private:
