@@ -108,7 +108,8 @@ build() {
 # has the results of the scripts it calls added to its own.
 test_results=${KIROKU_TEST_RESULTS-}
 
-# failures_of REPORT: of a JUnit report each failed test's name and the last 60 lines that it printed.
+# failures_of REPORT: of a JUnit report each failed test's name, the last 60 lines that it printed, and before these up to 20 earlier lines that tell of an
+# error: tests of the page print a long summary after theirs.
 failures_of() {
   awk '
     function text(line) {
@@ -121,7 +122,9 @@ failures_of() {
     inside { kept[lines++] = $0 }
     bad && /<\/testcase>/ {
       print "\n-- " text(name)
-      for (i = lines > 60 ? lines - 60 : 0; i < lines; ++i) print "   " text(kept[i])
+      first = lines > 60 ? lines - 60 : 0
+      for (i = told = 0; i < first && told < 20; ++i) if (kept[i] ~ /FAIL|Error:|Failure/) { print "   " text(kept[i]); ++told }
+      for (i = first; i < lines; ++i) print "   " text(kept[i])
       bad = 0
     }' "$1"
 }
