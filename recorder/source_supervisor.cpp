@@ -105,9 +105,12 @@ void SourceSupervisor::run() {
   }
   const bool comes_back = present && source_->is_live();
   while (present && !stopping_) {
-    bool lost = false, decoder_lost = false;
+    bool lost = false, decoder_lost = false, silent = false;
     try {
       read(*source_);
+    } catch (const SourceSilent& error) {
+      context_.problems.report(error.what());
+      lost = silent = true;
     } catch (const DecoderLost& error) {
       context_.problems.report(error.what());
       lost = decoder_lost = true;
@@ -116,8 +119,11 @@ void SourceSupervisor::run() {
       lost = true;
     }
     live_ = false;
-    if (!lost || stopping_ || !comes_back) break;  // a damaged file does not come back
+    // What a source throws while it is being stopped is no loss, and a damaged file does not come back.
+    const bool ends = stopping_;
+    if (!lost || !comes_back || (ends && !silent)) break;
     lose();
+    if (ends) break;
     // Full teardown, a pause, and a fresh one: stale buffers and half-open connections go with the old
     // object.
     close();

@@ -110,6 +110,13 @@ class DecoderLost : public Error {
   using Error::Error;
 };
 
+/// The source gave no sign of life for so long that the thread that reads it was given up. It is a loss also
+/// where the recording is told to end right after it.
+class SourceSilent : public Error {
+ public:
+  using Error::Error;
+};
+
 class SourceGuard;
 struct BoxHooks;
 

@@ -73,6 +73,11 @@ class SourceGuard::Thread : public std::enable_shared_from_this<Thread> {
     return wait(
         lock, doing, [this] { return !asked_; }, must_end);
   }
+  /// After answered() was false: whether the thread was given up for its silence, before it was told to end.
+  [[nodiscard]] bool fell_silent() {
+    const std::lock_guard guard(mutex_);
+    return fell_silent_;
+  }
   /// After answered(); throws what went wrong.
   Facts facts() {
     const std::lock_guard guard(mutex_);
@@ -133,6 +138,7 @@ class SourceGuard::Thread : public std::enable_shared_from_this<Thread> {
       }
       if (silent < limits.silence && ending < limits.ending) continue;
       given_up_ = ending_ = must_end_ = true;
+      fell_silent_ = ending == nanoseconds(0);
       if (source_) source_->interrupt();
       guard_->give_up(name_of(address_), doing);
       return false;
@@ -206,7 +212,7 @@ class SourceGuard::Thread : public std::enable_shared_from_this<Thread> {
   Facts facts_;
   std::optional<TimedFrame> frame_;
   std::exception_ptr failure_;
-  bool asked_ = false, ending_ = false, ended_ = false, given_up_ = false;
+  bool asked_ = false, ending_ = false, ended_ = false, given_up_ = false, fell_silent_ = false;
 
   std::thread thread_;  // of whoever waits
 };
@@ -245,8 +251,9 @@ class SourceGuard::Guarded : public Source {
     if (interrupted()) return {};
     thread_->ask_to_read(clock_);
     if (thread_->answered("reading", [this] { return interrupted(); })) return thread_->frame();
-    if (interrupted()) return {};
-    throw Error(name_ + " has not answered for " + in_seconds(limits_.silence) + "; it is opened anew");
+    // What was lost before the recording was told to end is lost, though it has been told by now.
+    if (!thread_->fell_silent()) return {};
+    throw SourceSilent(name_ + " has not answered for " + in_seconds(limits_.silence) + ": it is given up");
   }
 
  private:

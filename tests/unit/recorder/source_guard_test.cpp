@@ -1,5 +1,6 @@
 #include "recorder/source/source_guard.h"
 
+#include <functional>
 #include <mutex>
 #include <thread>
 #include <vector>
@@ -40,6 +41,7 @@ class SourceGuardTest : public testing::Test {
     const auto tell = [told = told](const std::string& sentence) {
       const std::lock_guard lock(told->mutex);
       told->sentences.push_back(sentence);
+      if (told->then) told->then();
     };
     const auto made = std::make_shared<SourceGuard>(limits, tell, std::move(make), std::move(look_up), time);
     // Time goes on only while a thread waits in the driver that is not given up: how fast this machine opens
@@ -65,6 +67,7 @@ class SourceGuardTest : public testing::Test {
   struct Told {
     std::mutex mutex;
     std::vector<std::string> sentences;
+    std::function<void()> then;  // called after each
   };
   const std::shared_ptr<Told> told = std::make_shared<Told>();
   const SourceAddress address = parse_source_address(kDevice, Presence::kMayBeAbsent);
@@ -147,6 +150,15 @@ TEST_F(SourceGuardTest, AnInterruptionEndsTheWaitForAStuckThread) {
   });
   EXPECT_FALSE(source->read().has_value());
   operator_thread.join();
+}
+
+TEST_F(SourceGuardTest, AnInterruptionAfterTheThreadIsGivenUpHidesNoLoss) {
+  const auto guarded = guard(stuck_camera(driver, 0));
+  const auto source = guarded->open(address, clock, {});
+  told->then = [&] { source->interrupt(); };
+  EXPECT_THROW(source->read(), SourceSilent);
+  EXPECT_FALSE(source->read().has_value()) << "what was told to end is asked for nothing more";
+  told->then = {};
 }
 
 TEST_F(SourceGuardTest, OpensNoMoreThanSoManyUntilOneComesBack) {

@@ -36,10 +36,11 @@ class BriefCamera : public Source {
     if (decoder_lost) throw DecoderLost("its decoder crashed");
     if (lost_) throw Error("the cable was pulled");
     while (live_ && !interrupted()) std::this_thread::yield();
+    if (silent_at_end) throw SourceSilent("its driver does not answer");
     return {};
   }
 
-  bool decoder_lost = false;
+  bool decoder_lost = false, silent_at_end = false;
 
  private:
   const int pictures_;
@@ -194,6 +195,19 @@ TEST_F(SourceSupervisorTest, AStopEndsAPauseAsItEndsAWaitForPictures) {
   waiting.stop();
   waiting.join();
   EXPECT_TRUE(waiting.ended());
+}
+
+TEST_F(SourceSupervisorTest, ASourceGivenUpJustBeforeTheStopIsLostAllTheSame) {
+  auto silent = std::make_unique<BriefCamera>(1, false, true);
+  silent->silent_at_end = true;
+  SourceSupervisor supervisor(context(), terms(guard({})), std::move(silent), queue);
+  supervisor.start();
+  EXPECT_EQ(next(), 'p');
+  supervisor.stop();
+  EXPECT_EQ(next(), 'l');
+  EXPECT_EQ(next(), '.');
+  EXPECT_EQ(problems.latest(), "its driver does not answer");
+  EXPECT_TRUE(opened_at.empty());
 }
 
 }  // namespace
