@@ -74,13 +74,14 @@ struct SimCommands {
     return std::to_array<StatedCommand>({{"volume", kSim, nullptr},
                                          {"mesh", kSim, nullptr},
                                          {"respire", kSim, nullptr},
+                                         {"beam", kSim, nullptr},
                                          {"drr", kSim, nullptr},
-                                         {"overlay", kSim, nullptr},
                                          {"fit", kSim, nullptr},
                                          {"solve", kSim, nullptr},
                                          {"render", kFull, add_sim_render_command},
                                          {"transfer", kFull, add_sim_transfer_command},
-                                         {"drr-film", kFull, add_sim_drr_film_command}});
+                                         {"drr-film", kFull, add_sim_drr_film_command},
+                                         {"overlay", kFull, add_sim_overlay_command}});
   }
 };
 

@@ -97,9 +97,11 @@ DrrScene::DrrScene(const DrrRequest& request, StepLine& line)
   if (request.mesh) mesh_ = std::make_unique<sim::MeshProjector>(*ct_, std::move(mesh));
 }
 
-void DrrScene::move_to(const std::filesystem::path& vtu) {
-  displacement_m_ = sim::read_displacement(vtu, mesh_->mesh(), unit_);
+std::vector<sim::Vector3> DrrScene::displacement_of(const std::filesystem::path& vtu) const {
+  return sim::read_displacement(vtu, mesh_->mesh(), unit_);
 }
+
+void DrrScene::move_to(const std::filesystem::path& vtu) { move_to(displacement_of(vtu)); }
 
 sim::Vector3 DrrScene::middle_m() const {
   sim::Vector3 middle = sim::Vector3::Zero();

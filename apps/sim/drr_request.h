@@ -5,6 +5,7 @@
 #include <memory>
 #include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "apps/common/command_line.h"
@@ -35,6 +36,10 @@ class DrrScene {
 
   /// Displaces the mesh, which there must be, as a .vtu says. What sim::read_displacement() throws.
   void move_to(const std::filesystem::path& vtu);
+  /// Of each node of that mesh, m.
+  void move_to(std::vector<sim::Vector3> displacement_m) { displacement_m_ = std::move(displacement_m); }
+  /// What the .vtu says of each node of that mesh, m. What sim::read_displacement() throws.
+  [[nodiscard]] std::vector<sim::Vector3> displacement_of(const std::filesystem::path& vtu) const;
 
   [[nodiscard]] const sim::GeometryDocument& machine() const { return machine_; }
   [[nodiscard]] const sim::Attenuation& attenuation() const { return attenuation_; }

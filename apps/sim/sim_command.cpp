@@ -103,8 +103,8 @@ Command& add_sim_command(Command& program) {
   add_sim_volume_command(sim);
   add_sim_mesh_command(sim);
   add_sim_respire_command(sim);
+  add_sim_beam_command(sim);
   add_sim_drr_command(sim);
-  add_sim_overlay_command(sim);
   add_sim_fit_command(sim);
   Command& command = sim.add_command("solve", "one static solve: displacement, reaction force, stress");
   const auto request = std::make_shared<Request>();

@@ -12,13 +12,14 @@ Command& add_sim_command(Command& program);
 void add_sim_volume_command(Command& sim);
 void add_sim_mesh_command(Command& sim);
 void add_sim_respire_command(Command& sim);
+void add_sim_beam_command(Command& sim);
 void add_sim_drr_command(Command& sim);
-void add_sim_overlay_command(Command& sim);
 void add_sim_fit_command(Command& sim);
 
 /// Pictures, which need libraries of codecs.
 void add_sim_render_command(Command& sim);
 void add_sim_transfer_command(Command& sim);
 void add_sim_drr_film_command(Command& sim);
+void add_sim_overlay_command(Command& sim);
 
 }  // namespace kiroku::apps

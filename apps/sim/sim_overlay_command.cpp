@@ -1,5 +1,4 @@
 // 'kiroku sim overlay': a computed radiograph over a real one.
-#include <algorithm>
 #include <filesystem>
 #include <iostream>
 #include <memory>
@@ -11,41 +10,74 @@
 #include "apps/common/json_output.h"
 #include "apps/common/progress.h"
 #include "apps/kiroku/output_file.h"
-#include "apps/sim/drr_request.h"
 #include "apps/sim/frame_series.h"
+#include "apps/sim/overlay_request.h"
+#include "apps/sim/radiograph_series.h"
 #include "apps/sim/sim_command.h"
 #include "base/error.h"
 #include "base/number_text.h"
-#include "sim/drr/dicom_radiograph.h"
 #include "sim/drr/overlay.h"
 #include "sim/drr/registration.h"
 #include "sim/model/body_model.h"
-#include "sim/respiration/landmarks.h"
-#include "sim/respiration/line_plot.h"
-#include "sim/respiration/number_table.h"
 
 namespace kiroku::apps {
+
+sim::OverlayMode mode_of(const OverlayRequest& request) {
+  const std::string name = request.mode.value_or("opacity");
+  if (name == "difference") return sim::OverlayMode::kDifference;
+  if (name == "checkerboard") return sim::OverlayMode::kCheckerboard;
+  if (name == "contour") return sim::OverlayMode::kContour;
+  if (name == "beside") return sim::OverlayMode::kBeside;
+  return sim::OverlayMode::kOpacity;
+}
+
+double opacity_of(const OverlayRequest& request) {
+  constexpr double kUsual = 0.5;
+  const double opacity = request.opacity ? parse_number(*request.opacity, "--opacity") : kUsual;
+  if (!(opacity >= 0 && opacity <= 1))
+    throw UsageError("--opacity is " + *request.opacity + "; it must be from 0 to 1");
+  return opacity;
+}
+
+void draw_on_both(sim::ColourPicture& picture, const std::vector<sim::PixelLine>& lines,
+                  const sim::Colour& colour, std::size_t columns) {
+  sim::draw(picture, lines, colour);
+  if (picture.columns > columns) sim::draw(picture, lines, colour, double(columns));
+}
+
+std::optional<std::int32_t> outlined_region(const OverlayRequest& request, const sim::TetMesh& mesh) {
+  if (!request.outline) return std::nullopt;
+  const double number = parse_number(*request.outline, "--outline");
+  const std::vector<std::int32_t> regions = sim::regions_of(mesh);
+  std::string known;
+  for (const std::int32_t region : regions) {
+    if (double(region) == number) return region;
+    known += (known.empty() ? "" : ", ") + std::to_string(region);
+  }
+  throw UsageError("--outline is '" + *request.outline + "', no region of the mesh; it has " + known);
+}
+
 namespace {
 
 constexpr double kMmPerM = 1000;
-constexpr sim::Colour kOutlineColour{255, 200, 0}, kPathColour{255, 70, 70}, kMeasuredColour{90, 255, 90};
 
-struct Request {
-  DrrRequest drr;
-  std::string radiograph, output;
-  std::optional<std::string> mode, opacity, polarity, outline, path, measured, aligned, plot;
-  bool align = false, force = false;
-};
-
-void check(const Request& request) {
-  if (std::filesystem::path(request.output).extension() != ".png") {
-    throw UsageError("--output is '" + request.output + "': its ending must be .png");
+void check(const OverlayRequest& request) {
+  if (request.radiograph.has_value() == request.series.has_value())
+    throw UsageError(
+        "say what lies below: --radiograph (one picture) or --radiographs (several), one of them");
+  if (request.radiograph) {
+    if (request.frames || request.rate || request.start || request.seen || request.table || request.repeat)
+      throw UsageError("--frames, --rate, --start, --seen, --table and --repeat are of --radiographs");
+    if (std::filesystem::path(request.output).extension() != ".png")
+      throw UsageError("--output is '" + request.output + "': its ending must be .png");
+    refuse_to_replace(request.output, request.force);
   }
   if (request.plot && std::filesystem::path(*request.plot).extension() != ".svg") {
     throw UsageError("--error-plot is '" + *request.plot + "': its ending must be .svg");
   }
-  if (request.plot && (!request.path || !request.measured)) {
-    throw UsageError("--error-plot shows how far --path is from --measured: give both");
+  if (request.plot && !(request.path && (request.measured || request.seen))) {
+    throw UsageError(std::string("--error-plot shows how far --path is from --measured") +
+                     (request.series ? " or --seen" : "") + ": give both");
   }
   if (request.aligned && !request.align)
     throw UsageError("--aligned-geometry is what --align finds: give both");
@@ -54,143 +86,21 @@ void check(const Request& request) {
   if (request.opacity && request.mode.value_or("opacity") != "opacity") {
     throw UsageError("--opacity is of --mode opacity");
   }
-  refuse_to_replace(request.output, request.force);
   if (request.plot) refuse_to_replace(*request.plot, request.force);
   if (request.aligned) refuse_to_replace(*request.aligned, request.force);
 }
 
-/// Light where much attenuates.
-sim::ProjectionImage read_radiograph(const Request& request) {
-  if (sim::is_dicom_file(request.radiograph)) {
-    std::optional<sim::Polarity> stated;
-    if (request.polarity) {
-      stated = *request.polarity == "bone-black" ? sim::Polarity::kBoneBlack : sim::Polarity::kBoneWhite;
-    }
-    return sim::read_dicom_radiograph(request.radiograph, stated);
-  }
-  sim::ProjectionImage image;
-  if (std::filesystem::path(request.radiograph).extension() == ".png") {
-    const sim::GreyPicture picture = sim::read_png(request.radiograph);
-    image = {picture.columns, picture.rows, {}};
-    // As line integrals are, of some units.
-    constexpr float kScale = 5.0F / 65535;
-    for (const std::uint16_t grey : picture.values) image.values.push_back(kScale * static_cast<float>(grey));
-  } else {
-    image = sim::read_mha(request.radiograph);
-  }
-  if (request.polarity == "bone-black") {
-    const float most = *std::ranges::max_element(image.values);
-    for (float& value : image.values) value = most - value;
-  }
-  return image;
-}
-
-sim::OverlayMode mode_of(const std::string& name) {
-  if (name == "difference") return sim::OverlayMode::kDifference;
-  if (name == "checkerboard") return sim::OverlayMode::kCheckerboard;
-  if (name == "contour") return sim::OverlayMode::kContour;
-  if (name == "beside") return sim::OverlayMode::kBeside;
-  return sim::OverlayMode::kOpacity;
-}
-
-struct Path {
-  std::vector<double> times_s;
-  std::vector<sim::Vector3> points_m;
-};
-
-/// The columns time_s, x_mm, y_mm, z_mm (or _m), as 'kiroku sim respire' writes them.
-Path read_path(const std::string& file) {
-  const sim::NumberTable table = sim::NumberTable::parse(sim::read_document(file), file);
-  const bool metres = !table.column("x_mm") && table.column("x_m");
-  const std::string unit = metres ? "_m" : "_mm";
-  const std::size_t time = table.needed_column("time_s"), x = table.needed_column("x" + unit),
-                    y = table.needed_column("y" + unit), z = table.needed_column("z" + unit);
-  Path path;
-  for (std::size_t row = 0; row < table.rows(); ++row) {
-    if (row > 0 && !(table.at(row, time) > path.times_s.back())) {
-      table.fail(row, "is not later than the one before");
-    }
-    path.times_s.push_back(table.at(row, time));
-    path.points_m.push_back(sim::Vector3(table.at(row, x), table.at(row, y), table.at(row, z)) /
-                            (metres ? 1 : kMmPerM));
-  }
-  if (table.rows() < 2) table.fail(0, "begins a path of fewer than two places");
-  return path;
-}
-
-/// Between two of its moments, evenly.
-std::optional<sim::Vector3> place_at(const Path& path, double time_s) {
-  const auto after = std::ranges::lower_bound(path.times_s, time_s);
-  if (after == path.times_s.end()) return std::nullopt;
-  const auto i = static_cast<std::size_t>(after - path.times_s.begin());
-  if (path.times_s[i] == time_s) return path.points_m[i];
-  if (i == 0) return std::nullopt;
-  const double part = (time_s - path.times_s[i - 1]) / (path.times_s[i] - path.times_s[i - 1]);
-  return (1 - part) * path.points_m[i - 1] + part * path.points_m[i];
-}
-
-struct PositionError {
-  std::vector<double> times_s, in_space_mm, across_ray_mm;
-  sim::Spread spread_mm;  // in space
-};
-
-PositionError error_of(const Path& path, const Path& measured, const sim::Vector3& source_m,
-                       const std::string& file) {
-  PositionError error;
-  for (std::size_t i = 0; i < measured.times_s.size(); ++i) {
-    const auto place = place_at(path, measured.times_s[i]);
-    if (!place) continue;
-    const sim::Vector3 offset = *place - measured.points_m[i];
-    const sim::Vector3 ray = (measured.points_m[i] - source_m).normalized();
-    error.times_s.push_back(measured.times_s[i]);
-    error.in_space_mm.push_back(kMmPerM * offset.norm());
-    error.across_ray_mm.push_back(kMmPerM * (offset - offset.dot(ray) * ray).norm());
-  }
-  if (error.times_s.empty()) {
-    throw Error("cannot use " + file + ": none of its moments is among those of --path, " +
-                number_text(path.times_s.front()) + " to " + number_text(path.times_s.back()) + " s");
-  }
-  error.spread_mm = sim::spread_of(error.in_space_mm);
-  return error;
-}
-
-std::string plot_of(const PositionError& error) {
-  sim::LinePlot plot{"Path from the measured places", "time, s", "mm", {}};
-  plot.lines.push_back({"in space", error.times_s, error.in_space_mm});
-  plot.lines.push_back({"as the radiograph shows it", error.times_s, error.across_ray_mm});
-  return sim::plot_svg(plot);
-}
-
-void draw_twice(sim::ColourPicture& picture, const std::vector<sim::PixelLine>& lines,
-                const sim::Colour& colour, std::size_t columns) {
-  sim::draw(picture, lines, colour);
-  if (picture.columns > columns) sim::draw(picture, lines, colour, double(columns));
-}
-
-std::int32_t region_of(const Request& request, const sim::TetMesh& mesh) {
-  const double number = parse_number(*request.outline, "--outline");
-  const std::vector<std::int32_t> regions = sim::regions_of(mesh);
-  for (const std::int32_t region : regions) {
-    if (double(region) == number) return region;
-  }
-  std::string known;
-  for (const std::int32_t region : regions) known += (known.empty() ? "" : ", ") + std::to_string(region);
-  throw UsageError("--outline is '" + *request.outline + "', no region of the mesh; it has " + known);
-}
-
-int run(const Request& request) {
+int run(const OverlayRequest& request) {
   check(request);
-  const double opacity = request.opacity ? parse_number(*request.opacity, "--opacity") : 0.5;
-  if (!(opacity >= 0 && opacity <= 1))
-    throw UsageError("--opacity is " + *request.opacity + "; it must be from 0 to 1");
-  const sim::ProjectionImage radiograph = read_radiograph(request);
-  std::optional<Path> path, measured;
-  if (request.path) path = read_path(*request.path);
-  if (request.measured) measured = read_path(*request.measured);
+  if (request.series) return overlay_series(request);
+  const double opacity = opacity_of(request);
+  const sim::ProjectionImage radiograph = read_radiograph(*request.radiograph, request.polarity);
+  std::optional<sim::TimedPath> path, measured;
+  if (request.path) path = sim::read_timed_path(*request.path);
+  if (request.measured) measured = sim::read_timed_path(*request.measured);
   auto line = std::make_optional<StepLine>();
   const DrrScene scene(request.drr, *line);
-  const std::optional<std::int32_t> region =
-      request.outline ? std::optional(region_of(request, scene.deformed_mesh())) : std::nullopt;
+  const std::optional<std::int32_t> region = outlined_region(request, scene.deformed_mesh());
   line.reset();
   sim::ProjectionGeometry geometry = scene.machine().geometry;
   std::optional<sim::Registration> found;
@@ -204,14 +114,14 @@ int run(const Request& request) {
   }
   const sim::ProjectionImage drr = scene.project(geometry);
   const double similarity = found ? found->similarity_after : sim::gradient_correlation(radiograph, drr);
-  sim::ColourPicture picture =
-      sim::overlay_of(radiograph, drr, mode_of(request.mode.value_or("opacity")), opacity);
+  sim::ColourPicture picture = sim::overlay_of(radiograph, drr, mode_of(request), opacity);
   if (region) {
-    draw_twice(picture, sim::outline_of(scene.deformed_mesh(), *region, geometry), kOutlineColour,
-               drr.columns);
+    draw_on_both(picture, sim::outline_of(scene.deformed_mesh(), *region, geometry), kOutlineColour,
+                 drr.columns);
   }
-  if (path) draw_twice(picture, sim::path_of(path->points_m, geometry), kPathColour, drr.columns);
-  if (measured) draw_twice(picture, sim::path_of(measured->points_m, geometry), kMeasuredColour, drr.columns);
+  if (path) draw_on_both(picture, sim::path_of(path->points_m, geometry), kPathColour, drr.columns);
+  if (measured)
+    draw_on_both(picture, sim::path_of(measured->points_m, geometry), kMeasuredColour, drr.columns);
   std::optional<PositionError> error;
   if (path && measured) error = error_of(*path, *measured, geometry.source_m(), *request.measured);
   OutputFile output(request.output);
@@ -272,10 +182,11 @@ int run(const Request& request) {
 
 void add_sim_overlay_command(Command& sim) {
   Command& command = sim.add_command("overlay", "a computed radiograph over a real one, aligned with it");
-  const auto request = std::make_shared<Request>();
+  const auto request = std::make_shared<OverlayRequest>();
   add_drr_options(command, request->drr);
-  command.required_option("-r,--radiograph", "FILE", request->radiograph,
-                          "the real one: DICOM, .png or .mha");
+  command.option("-r,--radiograph", "FILE", request->radiograph, "the real one: DICOM, .png or .mha");
+  command.option("--radiographs", "PATH", request->series,
+                 "several real ones: a folder of such files, a DICOM file of several pictures, or a film");
   command.choice("--polarity", {"bone-white", "bone-black"}, request->polarity, "of the radiograph",
                  "a DICOM file's own, else bone-white");
   command.flag("--align", request->align, "moves the patient as a rigid body until both are most alike");
@@ -289,7 +200,17 @@ void add_sim_overlay_command(Command& sim) {
   command.option("--measured", "CSV", request->measured, "draws where it was seen (green): the same columns");
   command.option("--error-plot", "SVG", request->plot,
                  "how far the path is from what was measured, over time");
-  command.required_option("-o,--output", "FILE", request->output, "where to (.png)");
+  command.option("--frames", "DIR", request->frames,
+                 "of a series: how the mesh moves, what sim respire wrote");
+  command.flag("--repeat", request->repeat, "of a series: the frames, and --path, are one breath of many");
+  command.option("--rate", "N", request->rate, "of a series: pictures a second", "its own; 10 of a folder");
+  command.option("--start", "S", request->start,
+                 "of a series: the moment of --frames and --path at the first picture", "0");
+  command.option("--seen", "CSV", request->seen,
+                 "of a series: where the tumour is on its pictures: time_s,column,row");
+  command.option("--table", "CSV", request->table, "of a series: likeness and errors of each picture");
+  command.required_option("-o,--output", "FILE", request->output,
+                          "where to: .png; of a series .mp4, .mkv or a folder for PNG files");
   command.flag("--force", request->force, "replaces the files");
   command.explain(
       "The radiograph has as many pixels as the geometry says. A DICOM file says itself what is light; a "
@@ -299,6 +220,13 @@ void add_sim_overlay_command(Command& sim) {
       "--align, which finds some 20 mm and 10 degrees; one view shows least how far away the patient is. In "
       "a "
       "difference orange is where the DRR is lighter, blue where the radiograph is.");
+  command.explain(
+      "A series becomes a film. --align is done on its first picture, and so are the windows of grey. Times "
+      "of "
+      "--measured and --seen are those of the pictures, the first at 0 s; those of --frames and --path may "
+      "begin elsewhere (--start). A cross marks where the tumour is in each picture: red of --path, green of "
+      "--measured and --seen. The table has a line a picture: its time, gradient correlation, the error in "
+      "space and across the ray (--measured), and as it was seen, at the tumour's depth (--seen).");
   command.example("kiroku sim overlay ct/ -g front.json -r xray.png --align --mode contour -o contour.png",
                   "edges of the aligned DRR on the radiograph");
   command.example("kiroku sim overlay ct/ -g portal.dcm -r portal.dcm --align --mode difference -o moved.png",
@@ -312,6 +240,11 @@ void add_sim_overlay_command(Command& sim) {
       "kiroku sim overlay ct/ -g front.json -r xray.png --path breathing/tumour.csv --measured seen.csv "
       "--error-plot error.svg -o path.png",
       "how far the path is from the measured one");
+  command.example(
+      "kiroku sim overlay ct/ -g front.json --radiographs fluoroscopy.dcm --mesh lung.msh --frames breathing "
+      "--repeat "
+      "--path breathing/tumour.csv --seen seen.csv --table error.csv --mode difference -o overlay.mp4",
+      "a breathing lung over a fluoroscopy, with the tumour's error in each picture");
   command.on_run([request] { return run(*request); });
 }
 

@@ -2,6 +2,8 @@
 
 #include <algorithm>
 #include <cmath>
+#include <span>
+#include <utility>
 
 #include "base/error.h"
 #include "base/number_text.h"
@@ -13,6 +15,7 @@ namespace {
 
 /// A machine states the angles of table and collimator with some noise.
 constexpr double kTurnedDeg = 0.1;
+constexpr double kMsPerS = 1000;
 
 void open(DcmFileFormat& dicom, const std::filesystem::path& file) {
   if (!begins_as_dicom(file)) throw Error(no_dicom_file(file));
@@ -35,11 +38,30 @@ void refuse_turned(DicomHeader& header, const DcmTagKey& angle, const std::strin
   }
 }
 
-}  // namespace
+/// When each of several pictures was taken, since the first; empty where the header does not say.
+std::vector<double> times_of(DcmDataset& dataset, DicomHeader& header, std::size_t frames) {
+  std::vector<double> times_s(frames);
+  Float64 step_ms = 0;
+  if (dataset.findAndGetFloat64(DCM_FrameTimeVector, step_ms, frames - 1).good()) {
+    // Each is the time since the picture before; the first is 0.
+    for (std::size_t i = 1; i < frames; ++i) {
+      if (dataset.findAndGetFloat64(DCM_FrameTimeVector, step_ms, i).bad() || !(step_ms > 0)) return {};
+      times_s[i] = times_s[i - 1] + step_ms / kMsPerS;
+    }
+    return times_s;
+  }
+  double interval_s = header.optional_real(DCM_FrameTime).value_or(0) / kMsPerS;
+  for (const DcmTagKey& rate : {DCM_CineRate, DCM_RecommendedDisplayFrameRate}) {
+    Sint32 a_second = 0;
+    const bool stated = dataset.findAndGetSint32(rate, a_second).good() && a_second > 0;
+    if (!(interval_s > 0) && stated) interval_s = 1.0 / double(a_second);
+  }
+  if (!(interval_s > 0) && frames > 1) return {};
+  for (std::size_t i = 0; i < frames; ++i) times_s[i] = double(i) * interval_s;
+  return times_s;
+}
 
-bool is_dicom_file(const std::filesystem::path& file) { return begins_as_dicom(file); }
-
-ProjectionImage read_dicom_radiograph(const std::filesystem::path& file, std::optional<Polarity> stated) {
+DicomRadiographs read(const std::filesystem::path& file, std::optional<Polarity> stated, bool several) {
   DcmFileFormat dicom;
   open(dicom, file);
   DcmDataset& dataset = *dicom.getDataset();
@@ -48,29 +70,58 @@ ProjectionImage read_dicom_radiograph(const std::filesystem::path& file, std::op
   const std::size_t rows = header.count(DCM_Rows), columns = header.count(DCM_Columns);
   const PixelPacking packing = packing_of(header);
   if (!header.lacking().empty()) throw Error(refused + ": it lacks " + header.lacking());
-  if (rows == 0 || columns == 0) throw Error(refused + ": it has no pixels");
-  if (const std::string unread = unread_pixels(dataset, header, packing); !unread.empty()) {
+  const std::int32_t frames = frames_of(dataset);
+  if (rows == 0 || columns == 0 || frames < 1) throw Error(refused + ": it has no pixels");
+  if (const std::string unread = unread_pixels(dataset, header, packing, several); !unread.empty()) {
     throw Error(refused + ": it" + unread);
   }
-  const std::vector<std::int32_t> stored = stored_values(dataset, packing, columns, rows, refused);
+  const auto count = static_cast<std::size_t>(frames);
+  const std::size_t pixels = rows * columns;
+  if (count > kMostRadiographPixels / pixels) {
+    throw Error(refused + ": its " + std::to_string(count) + " pictures have more than " +
+                std::to_string(kMostRadiographPixels) + " pixels; split the file");
+  }
+  const E_TransferSyntax syntax = dataset.getOriginalXfer();
+  if (count > 1 && (syntax == EXS_JPEG2000 || syntax == EXS_JPEG2000LosslessOnly)) {
+    throw Error(
+        refused + ": its " + std::to_string(count) +
+        " pictures are compressed as JPEG 2000, which is read of single pictures only; decompress it");
+  }
+  const std::vector<std::int32_t> stored = stored_values(dataset, packing, columns, rows * count, refused);
   const auto [least, greatest] = std::ranges::minmax(stored);
   const bool grows = grows_with_attenuation(header, stated);
   const bool is_intensity = header.text(DCM_PixelIntensityRelationship) == "LIN";
-  ProjectionImage image{columns, rows, {}};
-  image.values.reserve(stored.size());
   const double full_scale = double((1U << packing.stored) - 1);
   const auto arrived = [&](std::int32_t value) {
     // One step of the detector keeps the logarithm finite where no ray arrived.
     return std::max(1.0, grows ? full_scale - double(value) : double(value));
   };
   const double most_arrived = arrived(grows ? least : greatest);
-  for (const std::int32_t value : stored) {
-    const double attenuation = is_intensity ? -std::log(arrived(value) / most_arrived)
-                               : grows      ? double(value) - double(least)
-                                            : double(greatest) - double(value);
-    image.values.push_back(static_cast<float>(attenuation));
+  DicomRadiographs radiographs{{}, times_of(dataset, header, count)};
+  for (std::size_t at = 0; at < count; ++at) {
+    ProjectionImage image{columns, rows, {}};
+    image.values.reserve(pixels);
+    for (const std::int32_t value : std::span(stored).subspan(at * pixels, pixels)) {
+      const double attenuation = is_intensity ? -std::log(arrived(value) / most_arrived)
+                                 : grows      ? double(value) - double(least)
+                                              : double(greatest) - double(value);
+      image.values.push_back(static_cast<float>(attenuation));
+    }
+    radiographs.images.push_back(std::move(image));
   }
-  return image;
+  return radiographs;
+}
+
+}  // namespace
+
+bool is_dicom_file(const std::filesystem::path& file) { return begins_as_dicom(file); }
+
+ProjectionImage read_dicom_radiograph(const std::filesystem::path& file, std::optional<Polarity> stated) {
+  return std::move(read(file, stated, false).images.front());
+}
+
+DicomRadiographs read_dicom_radiographs(const std::filesystem::path& file, std::optional<Polarity> stated) {
+  return read(file, stated, true);
 }
 
 GeometryDocument read_dicom_geometry(const std::filesystem::path& file) {

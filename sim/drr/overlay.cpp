@@ -14,9 +14,8 @@ constexpr std::size_t kSquare = 32;
 constexpr double kHalfWidth = 0.75;
 constexpr Colour kContourColour{0, 220, 255};
 
-/// From 0 to 1 in its own window.
-std::vector<double> grey_of(const ProjectionImage& image) {
-  const Window window = window_of(image, Response::kFilm);
+/// From 0 to 1 in the window.
+std::vector<double> grey_of(const ProjectionImage& image, const Window& window) {
   std::vector<double> grey;
   grey.reserve(image.values.size());
   for (const float value : image.values) {
@@ -64,14 +63,19 @@ std::vector<double> edges_of(const std::vector<double>& grey, std::size_t column
 
 }  // namespace
 
+OverlayWindows overlay_windows(const ProjectionImage& radiograph, const ProjectionImage& drr) {
+  return {window_of(radiograph, Response::kFilm), window_of(drr, Response::kFilm)};
+}
+
 ColourPicture overlay_of(const ProjectionImage& radiograph, const ProjectionImage& drr, OverlayMode mode,
-                         double opacity) {
+                         double opacity, const std::optional<OverlayWindows>& windows) {
   if (radiograph.columns != drr.columns || radiograph.rows != drr.rows || drr.values.empty()) {
     throw Error("the radiograph has " + std::to_string(radiograph.columns) + " x " +
                 std::to_string(radiograph.rows) + " pixels, the DRR " + std::to_string(drr.columns) + " x " +
                 std::to_string(drr.rows));
   }
-  const std::vector<double> below = grey_of(radiograph), above = grey_of(drr);
+  const OverlayWindows shown = windows ? *windows : overlay_windows(radiograph, drr);
+  const std::vector<double> below = grey_of(radiograph, shown.radiograph), above = grey_of(drr, shown.drr);
   const std::size_t columns = drr.columns, width = mode == OverlayMode::kBeside ? 2 * columns : columns;
   ColourPicture picture{width, drr.rows, std::vector<Colour>(width * drr.rows)};
   const std::vector<double> edges =

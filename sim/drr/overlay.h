@@ -1,6 +1,7 @@
 // A computed radiograph over a real one, with outlines and paths. Pure, thread-safe.
 #pragma once
 
+#include <optional>
 #include <span>
 #include <vector>
 
@@ -18,10 +19,17 @@ enum class OverlayMode {
   kBeside,        // the radiograph, and the DRR to the right of it
 };
 
-/// Both in their own windows, light where much attenuates; `opacity` of the DRR, 0 to 1. kiroku::Error for
-/// pictures of different sizes.
+/// What of each is shown, from black to white.
+struct OverlayWindows {
+  Window radiograph, drr;
+};
+/// Of both by itself (window_of()).
+OverlayWindows overlay_windows(const ProjectionImage& radiograph, const ProjectionImage& drr);
+
+/// Light where much attenuates, in `windows`, without which these are of the pictures themselves: a film
+/// keeps those of its first. `opacity` of the DRR, 0 to 1. kiroku::Error for pictures of different sizes.
 ColourPicture overlay_of(const ProjectionImage& radiograph, const ProjectionImage& drr, OverlayMode mode,
-                         double opacity);
+                         double opacity, const std::optional<OverlayWindows>& windows = {});
 
 struct PixelLine {
   std::array<double, 2> from{}, to{};  // column, row

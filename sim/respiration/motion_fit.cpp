@@ -188,7 +188,7 @@ void normalise(GroupMotion& motion, const Waveform& waveform) {
 }  // namespace
 
 std::vector<RadiographPosition> parse_positions(std::string_view text, const std::string& name,
-                                                std::size_t views) {
+                                                std::size_t views, std::size_t least) {
   const NumberTable table = NumberTable::parse(text, name);
   const std::size_t times = table.needed_column("time_s"), columns = table.needed_column("column"),
                     rows = table.needed_column("row");
@@ -208,9 +208,9 @@ std::vector<RadiographPosition> parse_positions(std::string_view text, const std
     }
     positions.push_back(position);
   }
-  if (positions.size() < kLeastPositions) {
+  if (positions.size() < least) {
     throw Error("cannot use " + name + ": it has " + std::to_string(positions.size()) + " positions; " +
-                std::to_string(kLeastPositions) + " at least are needed to find a motion");
+                std::to_string(least) + " at least are needed");
   }
   return positions;
 }

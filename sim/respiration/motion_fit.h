@@ -24,10 +24,10 @@ struct RadiographPosition {
 };
 /// A line of names, then a line a radiograph: "time_s,view,column,row". `view` counts geometries from 1 and
 /// may be absent where there is one. kiroku::Error with the line for numbers that are none, a view that has
-/// no geometry, and fewer than kLeastPositions lines.
-std::vector<RadiographPosition> parse_positions(std::string_view text, const std::string& name,
-                                                std::size_t views);
+/// no geometry, and fewer than `least` lines.
 inline constexpr std::size_t kLeastPositions = 8;
+std::vector<RadiographPosition> parse_positions(std::string_view text, const std::string& name,
+                                                std::size_t views, std::size_t least = kLeastPositions);
 
 struct MotionFitOptions {
   /// Instead of both groups' amplitudes and phases, the diaphragm's amplitude, phase and direction are

@@ -88,10 +88,15 @@ PixelPacking packing_of(DicomHeader& header) {
   return packing;
 }
 
-std::string unread_pixels(DcmDataset& dataset, DicomHeader& header, const PixelPacking& packing) {
-  if (header.stored(DCM_SamplesPerPixel, false).value_or(1) != 1) return " is a picture in colour";
+std::int32_t frames_of(DcmDataset& dataset) {
   Sint32 frames = 1;
-  if (dataset.findAndGetSint32(DCM_NumberOfFrames, frames).good() && frames != 1) {
+  return dataset.findAndGetSint32(DCM_NumberOfFrames, frames).good() ? frames : 1;
+}
+
+std::string unread_pixels(DcmDataset& dataset, DicomHeader& header, const PixelPacking& packing,
+                          bool several) {
+  if (header.stored(DCM_SamplesPerPixel, false).value_or(1) != 1) return " is a picture in colour";
+  if (const std::int32_t frames = frames_of(dataset); frames != 1 && !several) {
     return " holds " + std::to_string(frames) +
            " pictures in one file (multi-frame), which is not read; save it as one file a slice";
   }

@@ -100,10 +100,15 @@ struct PixelPacking {
 PixelPacking packing_of(DicomHeader& header);
 
 /// Why such pixels cannot be read, to follow the file's name: " is a picture in colour"; empty if they can.
-std::string unread_pixels(DcmDataset& dataset, DicomHeader& header, const PixelPacking& packing);
+/// `several`: it may hold more than one picture.
+std::string unread_pixels(DcmDataset& dataset, DicomHeader& header, const PixelPacking& packing,
+                          bool several = false);
+/// Number of Frames (0028,0008); 1 where it is absent.
+std::int32_t frames_of(DcmDataset& dataset);
 
-/// The one picture's stored numbers, rows from the top, decompressed if need be. kiroku::Error beginning with
-/// `what` for a compression that is not known (named), and for damaged or missing pixels.
+/// The one picture's stored numbers, rows from the top, decompressed if need be; of several pictures below
+/// each other, where `rows` is that of all, which JPEG 2000 has not. kiroku::Error beginning with `what` for
+/// a compression that is not known (named), and for damaged or missing pixels.
 std::vector<std::int32_t> stored_values(DcmDataset& dataset, const PixelPacking& packing, std::size_t columns,
                                         std::size_t rows, const std::string& what);
 

@@ -90,6 +90,23 @@ class SimDrr : public ProgramTest {
         0);
   }
 
+  /// Of hole.msh: at rest, and drawn towards the head.
+  void write_frames() const {
+    for (const int frame : {0, 1}) {
+      write_text(
+          folder() / "model.json",
+          R"({"mesh": "hole.msh", "length_unit": "mm", "materials": [{"region": "all", "young_modulus_pa": 1000, "poisson_ratio": 0.3}],
+                   "fixed": [{"box": [[0, -30, -40], [40, 30, -10]]}],
+                   "forces": [{"box": [[0, -30, 20], [40, 30, 50]], "force_n": [0, 0, )" +
+              std::to_string(frame * 0.2) + "]}]}");
+      std::filesystem::create_directories(folder() / "moves/frames");
+      ASSERT_EQ(
+          kiroku({"sim", "solve", "model.json", "-o", "moves/frames/0000" + std::to_string(frame) + ".vtu"})
+              .status,
+          0);
+    }
+  }
+
   [[nodiscard]] std::vector<float> integrals(const std::string& file) const {
     const std::string bytes = read_text(folder() / file);
     return floats(bytes, data_of_mha(bytes));
@@ -343,19 +360,7 @@ TEST_F(SimDrr, IsTheSameByOpenGl) {
 TEST_F(SimDrr, ShowsWhatMovesAsAFilm) {
   write_ct();
   write_mesh();
-  for (const int frame : {0, 1}) {
-    write_text(
-        folder() / "model.json",
-        R"({"mesh": "hole.msh", "length_unit": "mm", "materials": [{"region": "all", "young_modulus_pa": 1000, "poisson_ratio": 0.3}],
-                   "fixed": [{"box": [[0, -30, -40], [40, 30, -10]]}],
-                   "forces": [{"box": [[0, -30, 20], [40, 30, 50]], "force_n": [0, 0, )" +
-            std::to_string(frame * 0.2) + "]}]}");
-    std::filesystem::create_directories(folder() / "moves/frames");
-    ASSERT_EQ(
-        kiroku({"sim", "solve", "model.json", "-o", "moves/frames/0000" + std::to_string(frame) + ".vtu"})
-            .status,
-        0);
-  }
+  write_frames();
   const auto film = [&](const std::string& output, const Arguments& more = {}) {
     Arguments all{"sim",      "drr-film", "ct.mha", "-g", "front.json", "--mesh",
                   "hole.msh", "--frames", "moves",  "-o", output};
@@ -381,6 +386,75 @@ TEST_F(SimDrr, ShowsWhatMovesAsAFilm) {
   EXPECT_REFUSED(
       kiroku({"sim", "drr-film", "ct.mha", "-g", "front.json", "--frames", "moves", "-o", "x.mp4"}),
       "give --mesh");
+}
+
+TEST_F(SimDrr, OverlaysASeriesOfRadiographs) {
+  write_ct();
+  write_mesh();
+  write_frames();
+  write_text(folder() / "moves/moves.pvd",
+             R"(<VTKFile type="Collection"><Collection><DataSet timestep="0" file="frames/00000.vtu"/>
+                <DataSet timestep="1" file="frames/00001.vtu"/></Collection></VTKFile>)");
+  for (const char* film : {"xray", "xray.mkv"}) {
+    ASSERT_EQ(kiroku({"sim", "drr-film", "ct.mha", "-g", "front.json", "--mesh", "hole.msh", "--frames",
+                      "moves", "--repeat", "2", "--rate", "1", "-o", film})
+                  .status,
+              0);
+  }
+  // The tumour goes up by 10 mm and back; it was seen where it rests, and measured 3 mm to the left of its
+  // path.
+  write_text(folder() / "path.csv", "time_s,x_mm,y_mm,z_mm\n0,0,0,0\n1,0,0,10\n");
+  write_text(folder() / "seen.csv", "time_s,column,row\n0,63.5,47.5\n1,63.5,47.5\n2.5,0,0\n");
+  write_text(folder() / "measured.csv", "time_s,x_mm,y_mm,z_mm\n0,3,0,0\n1,3,0,10\n");
+  const auto series = [&](const std::string& of, const Arguments& more) {
+    Arguments arguments{"sim", "overlay", "ct.mha",   "-g",       "front.json", "--radiographs",
+                        of,    "--mesh",  "hole.msh", "--frames", "moves",      "--json"};
+    arguments.insert(arguments.end(), more.begin(), more.end());
+    return arguments;
+  };
+  const Arguments breath{"--rate", "1", "--repeat"};
+  const auto with = [](Arguments one, const Arguments& more) {
+    one.insert(one.end(), more.begin(), more.end());
+    return one;
+  };
+  const nlohmann::json answer = kiroku_json(
+      series("xray", with(breath, {"--path", "path.csv", "--seen", "seen.csv", "--measured", "measured.csv",
+                                   "--table", "table.csv", "--error-plot", "e.svg", "--outline", "1",
+                                   "--mode", "beside", "-o", "both"})));
+  EXPECT_EQ(answer["pictures"], 4);
+  EXPECT_EQ(answer["duration_s"], 3);
+  const double alike = answer["gradient_correlation"]["least"].get<double>();
+  EXPECT_GT(alike, 0.99);
+  EXPECT_EQ(answer["as_seen_mm"]["pictures"], 2);
+  EXPECT_NEAR(answer["as_seen_mm"]["greatest"].get<double>(), 10, 0.01);
+  EXPECT_NEAR(answer["as_seen_mm"]["mean"].get<double>(), 5, 0.01);
+  EXPECT_EQ(answer["in_space_mm"]["pictures"], 2);
+  EXPECT_NEAR(answer["in_space_mm"]["mean"].get<double>(), 3, 1e-9);
+  EXPECT_THAT(answer["findings"].dump(), HasSubstr("1 positions of seen.csv count for nothing"));
+  const std::string table = read_text(folder() / "table.csv");
+  EXPECT_THAT(table, testing::StartsWith(
+                         "picture,time_s,gradient_correlation,in_space_mm,across_ray_mm,as_seen_mm\n1,0,"));
+  EXPECT_THAT(table, HasSubstr("\n4,3,"));
+  EXPECT_THAT(read_text(folder() / "e.svg"), HasSubstr("<svg"));
+  EXPECT_EQ(files_below(folder() / "both").size(), 4U);
+
+  // Half a breath late, the pictures are less alike: the other way round would be a film that is not looked
+  // at.
+  const nlohmann::json late = kiroku_json(series("xray", with(breath, {"--start", "1", "-o", "late.mkv"})));
+  EXPECT_LT(late["gradient_correlation"]["least"].get<double>(), alike - 0.01);
+  // A film has times of its own.
+  const nlohmann::json film =
+      kiroku_json(series("xray.mkv", {"--repeat", "--mode", "difference", "-o", "film.mp4"}));
+  EXPECT_EQ(film["duration_s"], 3);
+  EXPECT_GT(film["gradient_correlation"]["least"].get<double>(), 0.98);
+
+  EXPECT_REFUSED(kiroku(series("xray", {"--rate", "1", "-o", "x.mkv"})), "no frame is known for 2 s");
+  EXPECT_REFUSED(kiroku(series("xray", {"-r", "xray/000001.png", "-o", "x.mkv"})), "one of them");
+  EXPECT_REFUSED(kiroku(series("moves", {"-o", "x.mkv"})), "where there is no .png, .mha or DICOM file");
+  EXPECT_REFUSED(kiroku(series("xray", {"--rate", "0", "-o", "x.mkv"})), "--rate is 0");
+  EXPECT_REFUSED(kiroku({"sim", "overlay", "ct.mha", "-g", "front.json", "-r", "xray/000001.png", "--rate",
+                         "1", "-o", "x.png"}),
+                 "are of --radiographs");
 }
 
 }  // namespace

@@ -167,5 +167,40 @@ TEST_F(Respire, WhatIsMissingIsSaidInASentence) {
   EXPECT_FALSE(std::filesystem::exists(folder() / "out"));
 }
 
+TEST_F(Respire, TellsWhatABeamThatFollowsNeeds) {
+  ASSERT_EQ(kiroku({"sim", "respire", "lung.json", "-o", "out"}).status, 0);
+  const nlohmann::json answer =
+      kiroku_json({"sim", "beam", "out/tumour.csv", "--repeat-for", "60s", "--excursion", "5,20", "--margin",
+                   "2,8", "--volume", "1,30", "-o", "beam", "--json"});
+  EXPECT_EQ(answer["places"], 1501);
+  ASSERT_EQ(answer["latencies"].size(), 5U);
+  for (const nlohmann::json& latency : answer["latencies"])
+    EXPECT_LT(latency["predicted_mm"]["mean"].get<double>(), latency["delayed_mm"]["mean"].get<double>());
+  ASSERT_EQ(answer["fields"].size(), 8U);
+  // What a beam that follows spares grows with the motion, and shrinks with margin and tumour.
+  const auto part = [&](std::size_t at) {
+    return answer["fields"][at]["following_of_covering"].get<double>();
+  };
+  EXPECT_LT(part(4), part(0));
+  EXPECT_LT(part(4), part(5));
+  EXPECT_LT(part(4), part(6));
+  EXPECT_THAT(read_text(folder() / "beam/angles.csv"),
+              testing::StartsWith("time_s,x_mm,y_mm,z_mm,pan_deg,tilt_deg\n0,"));
+  EXPECT_THAT(read_text(folder() / "beam/latency.svg"), HasSubstr("<svg"));
+  EXPECT_THAT(answer["findings"].dump(), testing::Not(HasSubstr("gimbals")));
+
+  const ProcessResult told = kiroku({"sim", "beam", "out/tumour.csv", "--repeat-for", "60s", "-o", "beam",
+                                     "--force", "--isocenter", "0,0,500"});
+  EXPECT_EQ(told.status, 0);
+  EXPECT_THAT(told.err, HasSubstr("the gimbals would have to turn by"));
+  EXPECT_THAT(told.out, HasSubstr("  300 ms"));
+  EXPECT_REFUSED(kiroku({"sim", "beam", "out/tumour.csv", "-o", "beam"}), "is there already");
+  EXPECT_REFUSED(kiroku({"sim", "beam", "out/tumour.csv", "-o", "new"}), "too short to learn from");
+  EXPECT_REFUSED(kiroku({"sim", "beam", "out/tumour.csv", "-o", "new", "--margin", "2,x"}),
+                 "--margin is '2,x'");
+  EXPECT_REFUSED(kiroku({"sim", "beam", "out/tumour.csv", "-o", "new", "--latency", "0"}),
+                 "--latency holds 0");
+}
+
 }  // namespace
 }  // namespace kiroku::test

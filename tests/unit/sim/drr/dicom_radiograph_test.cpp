@@ -101,6 +101,40 @@ TEST_F(DicomRadiograph, IntensitiesBecomeLineIntegrals) {
               ElementsAre(near(0.001), near(1), near(0.1), near(0.001), near(0.5), near(0.01)));
 }
 
+TEST_F(DicomRadiograph, SeveralPicturesSayWhenTheyWereTaken) {
+  test::DicomSlice slice = picture();
+  slice.stored.insert(slice.stored.end(), {100, 101, 102, 103, 104, 105});
+  slice.stored.insert(slice.stored.end(), {106, 107, 108, 109, 110, 90});
+  slice.elements["(0028,0008)"] = "3";
+  const auto times = [&] { return read_dicom_radiographs(written(slice)).times_s; };
+  EXPECT_TRUE(times().empty());
+  slice.elements["(0018,0040)"] = "10";  // cine rate
+  EXPECT_THAT(times(), ElementsAre(0, 0.1, 0.2));
+  slice.elements["(0018,1063)"] = "250";  // frame time
+  EXPECT_THAT(times(), ElementsAre(0, 0.25, 0.5));
+  slice.elements["(0018,1065)"] = "0\\125\\500";  // frame time vector
+  EXPECT_THAT(times(), ElementsAre(0, 0.125, 0.625));
+  const DicomRadiographs read = read_dicom_radiographs(written(slice));
+  ASSERT_EQ(read.images.size(), 3U);
+  // From the least of all on.
+  EXPECT_THAT(read.images[0].values, ElementsAre(10, 110, 210, 310, 410, 4005));
+  EXPECT_THAT(read.images[2].values, ElementsAre(16, 17, 18, 19, 20, 0));
+  EXPECT_THAT(refusal([&] { read_dicom_radiograph(written(slice)); }),
+              HasSubstr("holds 3 pictures in one file"));
+  slice.compression = test::DicomCompression::kRunLength;
+  slice.elements["(0028,0008)"] = "90000000";
+  EXPECT_THAT(refusal([&] { read_dicom_radiographs(written(slice)); }), HasSubstr("split the file"));
+  slice.compression = test::DicomCompression::kNone;
+  slice.elements["(0028,0008)"] = "4";
+  EXPECT_THAT(refusal([&] { read_dicom_radiographs(written(slice)); }), HasSubstr("its pixels are cut off"));
+}
+
+TEST_F(DicomRadiograph, OnePictureIsASeriesOfOne) {
+  const DicomRadiographs read = read_dicom_radiographs(written(picture()));
+  EXPECT_EQ(read.images.size(), 1U);
+  EXPECT_THAT(read.times_s, ElementsAre(0));
+}
+
 TEST_F(DicomRadiograph, APortalImageSaysWhereSourceAndDetectorStood) {
   const GeometryDocument machine = read_dicom_geometry(written(portal()));
   ASSERT_TRUE(machine.gantry);
