@@ -100,9 +100,10 @@ endfunction()
 
 # kiroku_test(NAME LABEL label SOURCES... [SUPPORT names...] LIBRARIES... [TIMEOUT seconds] [OPTIMISED]): a GoogleTest program whose cases are found by
 # CTest. SUPPORT names parts of tests/support. Labels:
-# - unit: also run under the address sanitizer; unit-threads: under the thread sanitizer, too;
-# - threads: under the thread sanitizer, and in the nightly run under the address sanitizer;
-# - heavy, heavy-threads: as unit and unit-threads, but under sanitizers in the nightly run alone, as they stand on simulation or codecs;
+# - hostile: continuous integration runs it under the address sanitizer, too: it parses what strangers send;
+# - threads: continuous integration runs it under the thread sanitizer, too: it records or serves;
+# - unit, heavy: under the address sanitizer in the nightly run; unit-threads, heavy-threads: under the thread sanitizer there, too; heavy stands on
+#   simulation or codecs, which take long under both;
 # - attack, system;
 # - optimised: not run under sanitizers, as what stands on codecs, OpenCV, Cairo or Beast has not been tried there.
 # What is tested is optimised as its preset says; the tests' own code only where it computes much itself (OPTIMISED): it compiles in half of the time without.

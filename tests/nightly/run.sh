@@ -16,10 +16,10 @@ source deploy/lib.sh
 steps=(
   "tests      deploy/test"
   "tidy       tests/lint/run.sh --tidy"
-  "alone      tests/nightly/preset.sh debug -L unit"
+  "alone      tests/nightly/preset.sh debug -L hostile|unit"
   "scripts    tests/system/stock_tools_test.sh build/release/apps/kiroku . --every-profile"
   "verifier   tests/nightly/preset.sh verify"
-  "asan       tests/nightly/preset.sh asan address_sanitizer_nightly -L unit|threads|heavy|attack"
+  "asan       tests/nightly/preset.sh asan address_sanitizer_nightly -L hostile|unit|threads|heavy|attack"
   "tsan       tests/nightly/preset.sh tsan thread_sanitizer_nightly -L threads"
   "fuzz       tests/fuzz/run.sh 600"
   "calls      tests/fault/system_calls.sh"
