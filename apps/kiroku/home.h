@@ -9,6 +9,7 @@
 //   catalogue.sqlite                           users.sqlite, viewer.pem, viewer.key of the viewer
 //   stamping.sqlite  time-stamps still wanted  identity.txt only with --demo
 //   comparisons/<case>/  plans beside recordings (viewer/kept/kept_comparison.h)
+//   witnessed/log.note  the appliance log's newest checkpoint that witnesses cosigned
 //   plans/           sealed plans, a folder each, for comparisons that are made on the viewer's page
 //
 // Immutable; thread-safe.
@@ -51,6 +52,8 @@ class Home {
   [[nodiscard]] std::filesystem::path identity_file() const { return folder_ / "identity.txt"; }
   [[nodiscard]] std::filesystem::path archive() const { return folder_ / "archive"; }
   [[nodiscard]] std::filesystem::path log_folder() const { return archive() / "log"; }
+  /// The newest checkpoint of the log that witnesses cosigned.
+  [[nodiscard]] std::filesystem::path newest_witnessed_note() const { return folder_ / "witnessed" / "log.note"; }
   [[nodiscard]] std::filesystem::path comparisons_folder() const { return folder_ / "comparisons"; }
   [[nodiscard]] std::filesystem::path plans_folder() const { return folder_ / "plans"; }
   [[nodiscard]] std::filesystem::path catalogue_file() const { return folder_ / "catalogue.sqlite"; }

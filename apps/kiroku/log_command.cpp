@@ -3,11 +3,13 @@
 
 #include <nlohmann/json.hpp>
 
+#include "apps/common/file.h"
 #include "apps/common/format.h"
 #include "apps/common/json_output.h"
 #include "apps/common/progress.h"
 #include "apps/kiroku/commands.h"
 #include "apps/kiroku/home.h"
+#include "apps/kiroku/witness_judgement.h"
 #include "apps/verify/outside_note.h"
 #include "apps/verify/report_text.h"
 #include "archive/verify/report_json.h"
@@ -23,6 +25,7 @@ using nlohmann::ordered_json;
 struct Request {
   std::optional<std::string> home;
   std::vector<std::string> against;
+  std::optional<std::string> witnesses;
   bool verify = false, json = false;
 };
 
@@ -56,22 +59,48 @@ int list(const Home& home, bool json) {
   return kDone;
 }
 
-int verify(const Home& home, const std::vector<std::string>& against, bool json) {
+/// Notes that may hold cosignatures: those that were given, and the home's own.
+std::vector<archive::OutsideNote> notes_for_witnesses(const Home& home,
+                                                      const archive::VerifyOptions& options) {
+  std::vector<archive::OutsideNote> notes = options.against;
+  std::error_code ignored;
+  if (std::filesystem::exists(home.newest_witnessed_note(), ignored))
+    notes.push_back(load_outside_note(home.newest_witnessed_note()));
+  return notes;
+}
+
+int verify(const Home& home, const Request& request) {
+  std::optional<crypto::WitnessPolicy> policy;
+  if (request.witnesses) {
+    policy = crypto::WitnessPolicy::parse(
+        text_of(read_small_file(*request.witnesses, "the policy of witnesses")), *request.witnesses);
+  }
   const timestamp::TrustStore trust = home.trust();
   archive::VerifyOptions options;
   options.devices = {home.device()};
   options.trust = &trust;
-  for (const std::string& note : against) options.against.push_back(load_outside_note(note));
+  for (const std::string& note : request.against) options.against.push_back(load_outside_note(note));
   Progress progress("verifying");
   options.progress = [&progress](std::uint64_t done, std::uint64_t total) { progress.update(done, total); };
   const archive::VerificationReport report = archive::verify_log(home.log_folder(), options);
-  if (json) {
-    print_json(archive::report_json(report));
+  std::optional<WitnessJudgement> witnesses;
+  if (policy)
+    witnesses =
+        judge_log_witnesses(home.log_folder(), home.device(), *policy, notes_for_witnesses(home, options));
+  progress.clear();
+  if (request.json) {
+    ordered_json object = archive::report_json(report);
+    if (witnesses) object["witnesses"] = witnesses->json();
+    print_json(object);
   } else {
     std::cout << report_text(report, home.log_folder().string(),
                              report.device == options.devices[0].to_string());
+    if (witnesses) std::cout << witnesses->text();
   }
-  return archive::exit_status(report.verdict);
+  const int status = archive::exit_status(report.verdict);
+  const bool is_witnessed =
+      !witnesses || policy->asks_for_none() || (!witnesses->note.empty() && witnesses->witnessed.quorum);
+  return status == kDone && !is_witnessed ? kNoAnswer : status;
 }
 
 }  // namespace
@@ -84,6 +113,10 @@ void add_log_command(Command& program) {
       "--against", "NOTE", request->against,
       "with --verify: checkpoint of the log kept outside, or a copy of its folder from before: tells "
       "what was cut off or rewritten since");
+  command.option(
+      "--witnesses", "FILE", request->witnesses,
+      "with --verify: a policy of witnesses; says who cosigned the log, as 'kiroku witness ask' left it "
+      "or in notes of --against");
   add_home_option(command, request->home);
   command.flag("--json", request->json, "prints one JSON object instead");
   command.explain(
@@ -106,11 +139,17 @@ void add_log_command(Command& program) {
   command.example("kiroku log --verify", "tells whether the log is whole");
   command.example("kiroku log --verify --against kept.note",
                   "tells also whether it goes on from a note that was kept elsewhere");
+  command.explain(
+      "With --witnesses, exit status 3 where the log is whole and the policy's quorum of witnesses has not "
+      "cosigned "
+      "it. Only cosignatures over entries that are here count.");
   command.on_run([request] {
     const Home home = Home::open(request->home);
     if (!request->verify && !request->against.empty())
       throw UsageError("--against compares the log with a note: give --verify, too");
-    return request->verify ? verify(home, request->against, request->json) : list(home, request->json);
+    if (!request->verify && request->witnesses)
+      throw UsageError("--witnesses judges who cosigned the log: give --verify, too");
+    return request->verify ? verify(home, *request) : list(home, request->json);
   });
 }
 

@@ -56,6 +56,7 @@ struct Commands {
                                          {"token", kSmall, add_token_command},
                                          {"tsa", kFull, add_tsa_command},
                                          {"log", kSmall, add_log_command},
+                                         {"witness", kFull, add_witness_command},
                                          {"view", kFull, add_view_command},
                                          {"user", kSmall, add_user_command},
                                          {"sim", kSim, add_sim_group},

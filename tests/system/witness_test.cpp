@@ -1,0 +1,153 @@
+// Witnesses of an appliance log, by the programs that people run.
+#include <filesystem>
+#include <memory>
+
+#include "tests/system/program_test.h"
+
+namespace kiroku::test {
+namespace {
+
+namespace fs = std::filesystem;
+using testing::HasSubstr;
+
+class Witnesses : public ProgramTest {
+ protected:
+  void SetUp() override {
+    make_demo_home();
+    record();
+    std::string policy = "# two of three\n";
+    for (const std::string name : {"a", "b", "c"}) {
+      const std::string folder = path("witness-" + name);
+      const nlohmann::json made =
+          kiroku_json({"witness", "init", folder, "--name", name + ".example/w", "--json"});
+      EXPECT_EQ(kiroku({"witness", "trust", folder, (home() / "device.pub").string()}).status, 0);
+      policy += "witness " + name + " " + made["key"].get<std::string>();
+      // c is away.
+      policy += " " + (name == "c" ? "http://127.0.0.1:1/" : serve(name)) + "\n";
+    }
+    write_text(folder() / "witnesses.txt", policy + "group two 2 a b c\nquorum two\n");
+  }
+  /// Its address.
+  std::string serve(const std::string& name) {
+    served_.push_back(std::make_unique<Process>(
+        options({"witness", "serve", path("witness-" + name), "--listen", "127.0.0.1:0", "--json"})));
+    EXPECT_TRUE(served_.back()->wait_for("}\n"));
+    return nlohmann::json::parse(served_.back()->out())["url"];
+  }
+  [[nodiscard]] Arguments ask(const Arguments& more = {}) const {
+    Arguments all{"witness", "ask", "--witnesses", "witnesses.txt"};
+    all.insert(all.end(), more.begin(), more.end());
+    return all;
+  }
+  static inline const Arguments kVerify{"log", "--verify", "--witnesses", "witnesses.txt"};
+
+  std::vector<std::unique_ptr<Process>> served_;
+};
+
+TEST_F(Witnesses, CosignTheLogAndTheVerifierSaysWho) {
+  const ProcessResult before = kiroku(kVerify);
+  EXPECT_EQ(before.status, 3) << before.out;
+  EXPECT_THAT(before.out, HasSubstr("Witnesses: nothing shows that anybody cosigned this log."));
+
+  const ProcessResult asked = kiroku(ask());
+  EXPECT_EQ(asked.status, 0) << asked.out << asked.err;
+  EXPECT_THAT(asked.out, HasSubstr("a.example/w: cosigned\n"));
+  EXPECT_THAT(asked.out, HasSubstr("c.example/w: did not answer"));
+  EXPECT_THAT(asked.out, HasSubstr("are witnessed as the policy asks"));
+
+  const ProcessResult told = kiroku(kVerify);
+  EXPECT_EQ(told.status, 0) << told.out;
+  EXPECT_THAT(told.out, HasSubstr("witnessed as the policy asks"));
+  EXPECT_THAT(told.out, HasSubstr("  b.example/w cosigned, at "));
+  EXPECT_THAT(told.out, HasSubstr("  c.example/w did not cosign\n"));
+  // The log grows, and is witnessed again.
+  record();
+  const nlohmann::json again = kiroku_json(ask({"--json"}));
+  EXPECT_TRUE(again["quorum"]);
+  Arguments json = kVerify;
+  json.emplace_back("--json");
+  const nlohmann::json judged = kiroku_json(json)["witnesses"];
+  EXPECT_TRUE(judged["quorum"]);
+  EXPECT_EQ(judged["entries"], again["entries"]);
+  EXPECT_EQ(judged["witnesses"].size(), 3U);
+
+  const nlohmann::json known = kiroku_json({"witness", "logs", path("witness-a"), "--json"});
+  EXPECT_EQ(known["logs"][0]["size"], again["entries"]);
+}
+
+TEST_F(Witnesses, ACopyFromBeforeIsToldAndASecondHistoryIsNotCosigned) {
+  // Whoever holds the device's key keeps a copy of the home, lets the log be witnessed, and goes on from the
+  // copy.
+  fs::copy(home(), folder() / "copy", fs::copy_options::recursive);
+  record();
+  ASSERT_EQ(kiroku(ask()).status, 0);
+  const auto in_copy = [&](Arguments arguments) {
+    arguments.insert(arguments.end(), {"--home", path("copy")});
+    return kiroku(arguments);
+  };
+  const ProcessResult older = in_copy(ask());
+  EXPECT_EQ(older.status, 3);
+  EXPECT_THAT(older.out, HasSubstr("this is a copy from before, or entries were taken away"));
+  EXPECT_FALSE(fs::exists(folder() / "copy/witnessed/log.note"));
+  // Grown beyond what was witnessed, it is another history.
+  for (int i = 0; i < 3; ++i) {
+    ASSERT_EQ(in_copy({"record", "--json", "--duration", "00:00:01", "--endoscope",
+                       "synthetic:endoscope?size=64x48&rate=10&speed=max"})
+                  .status,
+              0);
+  }
+  const ProcessResult forked = in_copy(ask());
+  EXPECT_EQ(forked.status, 3) << forked.out;
+  EXPECT_THAT(forked.out, HasSubstr("answered 422"));
+  EXPECT_THAT(forked.out, HasSubstr("NOT witnessed as the policy asks"));
+  // The cosigned note of the true log does not vouch for the other one.
+  Arguments borrowed = kVerify;
+  borrowed.insert(borrowed.end(), {"--against", (home() / "witnessed/log.note").string()});
+  const ProcessResult judged = in_copy(borrowed);
+  EXPECT_EQ(judged.status, 1) << judged.out;
+  EXPECT_THAT(judged.out, HasSubstr("outside-note-forked"));
+  EXPECT_THAT(judged.out, HasSubstr("was not signed of the entries that this log begins with"));
+}
+
+TEST_F(Witnesses, ANoteWithItsQuorumStaysWhereANewerOneLacksIt) {
+  ASSERT_EQ(kiroku(ask()).status, 0);
+  const std::string kept = read_text(home() / "witnessed/log.note");
+  served_.pop_back();
+  record();
+  const ProcessResult asked = kiroku(ask());
+  EXPECT_EQ(asked.status, 3);
+  EXPECT_THAT(asked.out, HasSubstr("the note that was kept before stays"));
+  EXPECT_EQ(read_text(home() / "witnessed/log.note"), kept);
+  EXPECT_EQ(kiroku(kVerify).status, 0) << "its entries are witnessed, if not the newest ones";
+}
+
+TEST_F(Witnesses, OneOfThreeIsNotEnough) {
+  served_.pop_back();
+  const ProcessResult asked = kiroku(ask());
+  EXPECT_EQ(asked.status, 3);
+  EXPECT_THAT(asked.out, HasSubstr("NOT witnessed as the policy asks"));
+  const ProcessResult told = kiroku(kVerify);
+  EXPECT_EQ(told.status, 3);
+  EXPECT_THAT(told.out, HasSubstr("NOT witnessed as the policy asks"));
+  EXPECT_THAT(told.out, HasSubstr("a.example/w cosigned"));
+  // Without a policy the log is as whole as it was.
+  EXPECT_EQ(kiroku({"log", "--verify"}).status, 0);
+}
+
+TEST_F(Witnesses, RefuseInASentence) {
+  EXPECT_REFUSED(kiroku({"witness", "init", path("witness-a"), "--name", "x"}), "there is a witness in");
+  EXPECT_REFUSED(kiroku({"witness", "init", path("new"), "--name", "two words"}), "cannot name a key");
+  EXPECT_FALSE(fs::exists(folder() / "new"));
+  EXPECT_REFUSED(kiroku({"witness", "serve", path("nothing")}), "'kiroku witness init' makes one");
+  EXPECT_REFUSED(kiroku({"witness", "trust", path("witness-a"), "nonsense"}), "is no verifier key");
+  EXPECT_REFUSED(kiroku({"log", "--witnesses", "witnesses.txt"}), "give --verify, too");
+  write_text(folder() / "none.txt", "quorum none\n");
+  EXPECT_REFUSED(kiroku({"witness", "ask", "--witnesses", "none.txt"}),
+                 "no witness of none.txt has an address");
+  EXPECT_REFUSED(kiroku({"witness", "ask", "--witnesses", "absent.txt"}), "absent.txt");
+  fs::permissions(folder() / "witness-a/witness.key", fs::perms::owner_all | fs::perms::group_read);
+  EXPECT_REFUSED(kiroku({"witness", "serve", path("witness-a")}), "others than its owner");
+}
+
+}  // namespace
+}  // namespace kiroku::test

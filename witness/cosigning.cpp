@@ -1,0 +1,205 @@
+#include "witness/cosigning.h"
+
+#include <algorithm>
+#include <array>
+#include <charconv>
+#include <memory>
+#include <optional>
+
+#include <curl/curl.h>
+
+#include "archive/format/case_folder.h"
+#include "archive/format/case_layout.h"
+#include "archive/verify/checkpoint_rules.h"
+#include "archive/writing/appliance_log.h"
+#include "base/error.h"
+#include "base/printable.h"
+#include "crypto/note_format.h"
+
+namespace kiroku::witness {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr std::size_t kLargestAnswer = 64U << 10;
+constexpr long kOk = 200, kConflict = 409;
+
+struct EasyDeleter {
+  void operator()(CURL* handle) const { curl_easy_cleanup(handle); }
+};
+
+struct Received {
+  std::string body;
+  bool too_large = false;
+};
+
+std::size_t receive(char* data, std::size_t size, std::size_t count, void* user) {
+  auto& received = *static_cast<Received*>(user);
+  if (received.body.size() + size * count > kLargestAnswer) {
+    received.too_large = true;
+    return 0;
+  }
+  received.body.append(data, size * count);
+  return size * count;
+}
+
+WitnessReply post(const std::string& url, const std::string& body, std::chrono::milliseconds time_limit) {
+  static const CURLcode initialised = curl_global_init(CURL_GLOBAL_DEFAULT);
+  const std::unique_ptr<CURL, EasyDeleter> handle(initialised == CURLE_OK ? curl_easy_init() : nullptr);
+  if (!handle) throw Error("cannot start libcurl");
+  Received received;
+  std::array<char, CURL_ERROR_SIZE> reason{};
+  const auto set = [&](CURLoption option, auto value) {
+    if (const CURLcode result = curl_easy_setopt(handle.get(), option, value); result != CURLE_OK)
+      throw Error(std::string("cannot be asked: ") + curl_easy_strerror(result));
+  };
+  set(CURLOPT_URL, url.c_str());
+  set(CURLOPT_PROTOCOLS_STR, "http,https");
+  set(CURLOPT_NOSIGNAL, 1L);
+  set(CURLOPT_PROXY, "");
+  set(CURLOPT_NOPROXY, "");
+  set(CURLOPT_USERAGENT, "kiroku");
+  set(CURLOPT_POSTFIELDSIZE_LARGE, static_cast<curl_off_t>(body.size()));
+  set(CURLOPT_POSTFIELDS, body.c_str());
+  set(CURLOPT_TIMEOUT_MS, static_cast<long>(time_limit.count()));
+  set(CURLOPT_WRITEFUNCTION, receive);
+  set(CURLOPT_WRITEDATA, &received);
+  set(CURLOPT_ERRORBUFFER, reason.data());
+  const CURLcode result = curl_easy_perform(handle.get());
+  if (received.too_large) throw Error("answered with more than 64 KiB, which no witness does");
+  if (result != CURLE_OK)
+    throw Error(std::string("did not answer: ") +
+                (reason[0] != '\0' ? reason.data() : curl_easy_strerror(result)));
+  long status = 0;
+  curl_easy_getinfo(handle.get(), CURLINFO_RESPONSE_CODE, &status);
+  return {status, std::move(received.body)};
+}
+
+/// The newest note of a log.
+std::string newest_note(const fs::path& folder) {
+  const archive::CaseFolder log = archive::CaseFolder::open(folder);
+  const std::vector<std::uint64_t> sizes = archive::note_sizes(log.list());
+  if (sizes.empty())
+    throw Error("the log in " + folder.string() + " has no checkpoint that could be cosigned");
+  const std::string name = archive::note_path(sizes.back());
+  const archive::FileOpening opening = log.open_file(name);
+  std::optional<std::string> text =
+      opening.file ? archive::read_small(*opening.file, archive::kMaximumNoteBytes) : std::nullopt;
+  if (!text) {
+    throw Error("cannot read " + (folder / name).string() + ": it " +
+                (opening.file ? "is far too long" : opening.explanation));
+  }
+  return *text;
+}
+
+/// The size that a witness says it knows.
+std::optional<std::uint64_t> size_of(const std::string& body) {
+  std::uint64_t size = 0;
+  const auto [end, failure] = std::from_chars(body.data(), body.data() + body.size(), size);
+  if (failure != std::errc() || end == body.data() || std::string_view(end) != "\n") return std::nullopt;
+  return size;
+}
+
+std::string first_line(const std::string& body) {
+  constexpr std::size_t kMost = 200;
+  return printable(body.substr(0, std::min(body.find('\n'), kMost)));
+}
+
+Submission submission_from(const LogToShow& log, std::uint64_t old_size) {
+  Submission submission;
+  submission.old_size = old_size;
+  submission.note = log.note;
+  if (old_size > 0) submission.proof = log.tree.consistency_proof(old_size, log.checkpoint.size);
+  return submission;
+}
+
+std::string url_of(const crypto::WitnessPolicy::Witness& witness) {
+  return witness.url + (witness.url.ends_with('/') ? "" : "/") + "add-checkpoint";
+}
+
+/// Of one witness, which knows the log up to `known`.
+CosigningOutcome outcome_of(const LogToShow& log, const crypto::WitnessPolicy::Witness& witness,
+                            const AskWitness& ask) {
+  CosigningOutcome outcome{witness.key.name(), {}, {}};
+  std::uint64_t known = 0;
+  // Asked with 0 first, it says what it knows; once more where somebody else asked in between.
+  for (int tries = 0; tries < 3; ++tries) {
+    const WitnessReply reply = ask(url_of(witness), submission_from(log, known).to_text());
+    if (reply.status == kConflict) {
+      const auto size = size_of(reply.body);
+      if (!size) {
+        outcome.why = "answered 409 without a size";
+        return outcome;
+      }
+      if (*size > log.checkpoint.size) {
+        outcome.why = "knows this log with " + std::to_string(*size) + " entries, and here are " +
+                      std::to_string(log.checkpoint.size) +
+                      ": this is a copy from before, or entries were taken away";
+        return outcome;
+      }
+      known = *size;
+      continue;
+    }
+    if (reply.status != kOk) {
+      outcome.why = "answered " + std::to_string(reply.status) + ": " + first_line(reply.body);
+      return outcome;
+    }
+    if (crypto::check_cosignature(log.note + reply.body, witness.key).state !=
+        crypto::CosignatureCheck::State::kValid) {
+      outcome.why = "answered with something that is not its cosignature";
+      return outcome;
+    }
+    for (const crypto::SignatureLine& line : crypto::parse_note(log.note + reply.body).lines) {
+      if (line.name == witness.key.name() && line.key_id == witness.key.key_id())
+        outcome.line = crypto::signature_line(line.name, line.key_id, line.signature);
+    }
+    return outcome;
+  }
+  outcome.why = "names another size each time it is asked";
+  return outcome;
+}
+
+}  // namespace
+
+LogToShow read_log_to_show(const fs::path& folder) {
+  LogToShow log;
+  log.note = newest_note(folder);
+  const auto checkpoint = crypto::Checkpoint::parse(crypto::parse_note(log.note).text);
+  if (!checkpoint) throw Error("the newest note of the log in " + folder.string() + " is no checkpoint");
+  log.checkpoint = *checkpoint;
+  archive::for_each_log_line(folder, [&](const archive::LogLine& line) {
+    if (log.tree.size() < log.checkpoint.size) log.tree.append(crypto::merkle_leaf_hash(bytes_of(line.json)));
+  });
+  if (log.tree.size() != log.checkpoint.size || log.tree.root(log.checkpoint.size) != log.checkpoint.root) {
+    throw Error("the log in " + folder.string() +
+                " is not the one that its newest checkpoint was signed of; 'kiroku log --verify' says more");
+  }
+  return log;
+}
+
+AskWitness ask_over_http(std::chrono::milliseconds time_limit) {
+  return
+      [time_limit](const std::string& url, const std::string& body) { return post(url, body, time_limit); };
+}
+
+std::vector<CosigningOutcome> cosign_log(const LogToShow& log, const crypto::WitnessPolicy& policy,
+                                         const AskWitness& ask) {
+  std::vector<CosigningOutcome> outcomes;
+  for (const crypto::WitnessPolicy::Witness& witness : policy.witnesses()) {
+    if (witness.url.empty()) continue;
+    try {
+      outcomes.push_back(outcome_of(log, witness, ask));
+    } catch (const Error& error) {
+      outcomes.push_back({witness.key.name(), {}, error.what()});
+    }
+  }
+  return outcomes;
+}
+
+std::string cosigned_note(const LogToShow& log, const std::vector<CosigningOutcome>& outcomes) {
+  std::string note = log.note;
+  for (const CosigningOutcome& outcome : outcomes) note += outcome.line;
+  return note;
+}
+
+}  // namespace kiroku::witness
