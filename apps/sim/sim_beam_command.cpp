@@ -203,7 +203,7 @@ void print_fields(const std::vector<FieldRow>& rows, const std::vector<double>& 
 
 int run(const Request& request) {
   constexpr double kMostRate = 1000, kMostRepeatS = 3600;
-  const double rate = number_of(request.rate, 25, "--rate", 1, kMostRate);
+  const double rate = number_of(request.rate, 50, "--rate", 1, kMostRate);
   std::optional<double> repeat_s;
   if (request.repeat_for) repeat_s = parse_seconds(*request.repeat_for, "--repeat-for", 1, kMostRepeatS);
   const std::vector<double> latencies_ms =
@@ -312,7 +312,7 @@ void add_sim_beam_command(Command& sim) {
   command.required_option("-o,--output", "DIR", request->output, "where the tables go");
   command.option("--repeat-for", "TIME", request->repeat_for,
                  "the path is one breath, which follows itself for so long", "the path as it is");
-  command.option("--rate", "HZ", request->rate, "how often the tumour is seen", "25");
+  command.option("--rate", "HZ", request->rate, "how often the tumour is seen", "50");
   command.option("--latency", "MS,MS,...", request->latencies, "between seeing and moving",
                  "100,200,300,400,500");
   command.option("--margin", "MM,MM,...", request->margins, "of the fields, around the tumour", "2,4,6,8");

@@ -172,7 +172,7 @@ TEST_F(Respire, TellsWhatABeamThatFollowsNeeds) {
   const nlohmann::json answer =
       kiroku_json({"sim", "beam", "out/tumour.csv", "--repeat-for", "60s", "--excursion", "5,20", "--margin",
                    "2,8", "--volume", "1,30", "-o", "beam", "--json"});
-  EXPECT_EQ(answer["places"], 1501);
+  EXPECT_EQ(answer["places"], 3001);
   ASSERT_EQ(answer["latencies"].size(), 5U);
   for (const nlohmann::json& latency : answer["latencies"])
     EXPECT_LT(latency["predicted_mm"]["mean"].get<double>(), latency["delayed_mm"]["mean"].get<double>());

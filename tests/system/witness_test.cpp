@@ -14,7 +14,7 @@ class Witnesses : public ProgramTest {
  protected:
   void SetUp() override {
     make_demo_home();
-    record();
+    EXPECT_FALSE(record().empty());
     std::string policy = "# two of three\n";
     for (const std::string name : {"a", "b", "c"}) {
       const std::string folder = path("witness-" + name);
@@ -61,7 +61,7 @@ TEST_F(Witnesses, CosignTheLogAndTheVerifierSaysWho) {
   EXPECT_THAT(told.out, HasSubstr("  b.example/w cosigned, at "));
   EXPECT_THAT(told.out, HasSubstr("  c.example/w did not cosign\n"));
   // The log grows, and is witnessed again.
-  record();
+  EXPECT_FALSE(record().empty());
   const nlohmann::json again = kiroku_json(ask({"--json"}));
   EXPECT_TRUE(again["quorum"]);
   Arguments json = kVerify;
@@ -79,7 +79,7 @@ TEST_F(Witnesses, ACopyFromBeforeIsToldAndASecondHistoryIsNotCosigned) {
   // Whoever holds the device's key keeps a copy of the home, lets the log be witnessed, and goes on from the
   // copy.
   fs::copy(home(), folder() / "copy", fs::copy_options::recursive);
-  record();
+  EXPECT_FALSE(record().empty());
   ASSERT_EQ(kiroku(ask()).status, 0);
   const auto in_copy = [&](Arguments arguments) {
     arguments.insert(arguments.end(), {"--home", path("copy")});
@@ -113,7 +113,7 @@ TEST_F(Witnesses, ANoteWithItsQuorumStaysWhereANewerOneLacksIt) {
   ASSERT_EQ(kiroku(ask()).status, 0);
   const std::string kept = read_text(home() / "witnessed/log.note");
   served_.pop_back();
-  record();
+  EXPECT_FALSE(record().empty());
   const ProcessResult asked = kiroku(ask());
   EXPECT_EQ(asked.status, 3);
   EXPECT_THAT(asked.out, HasSubstr("the note that was kept before stays"));
