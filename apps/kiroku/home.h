@@ -53,7 +53,9 @@ class Home {
   [[nodiscard]] std::filesystem::path archive() const { return folder_ / "archive"; }
   [[nodiscard]] std::filesystem::path log_folder() const { return archive() / "log"; }
   /// The newest checkpoint of the log that witnesses cosigned.
-  [[nodiscard]] std::filesystem::path newest_witnessed_note() const { return folder_ / "witnessed" / "log.note"; }
+  [[nodiscard]] std::filesystem::path newest_witnessed_note() const {
+    return folder_ / "witnessed" / "log.note";
+  }
   [[nodiscard]] std::filesystem::path comparisons_folder() const { return folder_ / "comparisons"; }
   [[nodiscard]] std::filesystem::path plans_folder() const { return folder_ / "plans"; }
   [[nodiscard]] std::filesystem::path catalogue_file() const { return folder_ / "catalogue.sqlite"; }

@@ -43,7 +43,8 @@ class Folder : public RadiographSeries {
         files_.push_back(entry.path());
     }
     if (files_.empty())
-      throw UsageError("--radiographs is '" + folder.string() + "', where there is no .png, .mha or DICOM file");
+      throw UsageError("--radiographs is '" + folder.string() +
+                       "', where there is no .png, .mha or DICOM file");
     std::ranges::sort(files_);
   }
   std::optional<TimedRadiograph> next() override {
