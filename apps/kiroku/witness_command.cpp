@@ -54,8 +54,7 @@ struct WitnessFolder {
 
 struct Request {
   std::string folder, name, log_key, listen = "127.0.0.1:3171";
-  std::optional<std::string> origin, home, output;
-  std::string policy;
+  std::optional<std::string> origin, home, output, policy;
   bool json = false;
 };
 
@@ -168,12 +167,13 @@ int serve(const Request& request) {
 
 int ask(const Request& request) {
   const Home home = Home::open(request.home);
+  const std::string policy_file = request.policy.value_or((home.folder() / "witnesses.txt").string());
   const auto policy = crypto::WitnessPolicy::parse(
-      text_of(read_small_file(request.policy, "the policy of witnesses")), request.policy);
+      text_of(read_small_file(policy_file, "the policy of witnesses")), policy_file);
   const bool anybody = std::any_of(policy.witnesses().begin(), policy.witnesses().end(),
                                    [](const auto& witness) { return !witness.url.empty(); });
   if (!anybody) {
-    throw UsageError("no witness of " + request.policy +
+    throw UsageError("no witness of " + policy_file +
                      " has an address: write it behind its key, 'witness NAME KEY http://ADDRESS/'");
   }
   const witness::LogToShow log = witness::read_log_to_show(home.log_folder());
@@ -272,8 +272,9 @@ void add_witness_command(Command& program) {
 
   Command& asking = group.add_command("ask", "has the appliance log's newest checkpoint cosigned");
   const auto asked = std::make_shared<Request>();
-  asking.required_option("--witnesses", "FILE", asked->policy,
-                         "which witnesses, where they are, how many must have cosigned (C2SP tlog-policy)");
+  asking.option("--witnesses", "FILE", asked->policy,
+                "which witnesses, where they are, how many must have cosigned (C2SP tlog-policy)",
+                "witnesses.txt of the home");
   asking.option("-o,--output", "NOTE", asked->output, "where the cosigned checkpoint goes",
                 "witnessed/ of the home");
   add_home_option(asking, asked->home);
@@ -284,7 +285,7 @@ void add_witness_command(Command& program) {
       "both 2 A B', 'quorum both'. A witness that is away costs its line and nothing else. Exit status 0 "
       "where the "
       "quorum is met, 3 where it is not.");
-  asking.example("kiroku witness ask --witnesses witnesses.txt", "once an hour, by a timer");
+  asking.example("kiroku witness ask", "once an hour, by a timer");
   asking.example("kiroku log --verify --witnesses witnesses.txt", "who cosigned the log, and how far");
   asking.on_run([asked] { return ask(*asked); });
 }

@@ -25,6 +25,7 @@ class Witnesses : public ProgramTest {
       // c is away.
       policy += " " + (name == "c" ? "http://127.0.0.1:1/" : serve(name)) + "\n";
     }
+    write_text(home() / "witnesses.txt", policy + "group two 2 a b c\nquorum two\n");
     write_text(folder() / "witnesses.txt", policy + "group two 2 a b c\nquorum two\n");
   }
   /// Its address.
@@ -35,7 +36,7 @@ class Witnesses : public ProgramTest {
     return nlohmann::json::parse(served_.back()->out())["url"];
   }
   [[nodiscard]] Arguments ask(const Arguments& more = {}) const {
-    Arguments all{"witness", "ask", "--witnesses", "witnesses.txt"};
+    Arguments all{"witness", "ask"};
     all.insert(all.end(), more.begin(), more.end());
     return all;
   }
