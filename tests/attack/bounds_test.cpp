@@ -221,5 +221,21 @@ TEST(Bounds, WhatIsOnlyCountedDecides) {
   EXPECT_TRUE(tells(report, "more-findings"));
 }
 
+// A stranger's key may be as slow as they like. So of their tokens some are judged wholly, and of the others
+// it is told that their signature was not looked at.
+TEST(StrangersTokens, AreJudgedWhollyUpToANumber) {
+  const TemporaryFolder folder(quick_parent());
+  form("tokens of a stranger").write(folder.path(), 2 * kMegabyte / 10);
+  const VerificationReport report = verify_hostile(folder.path());
+  std::uint64_t all = 0, not_looked_at = 0;
+  for (const archive::Finding& each : report.findings) {
+    all += each.code == "token-untrusted" ? 1U : 0U;
+    not_looked_at += each.text.ends_with("whether its signature holds was not looked at") ? 1U : 0U;
+  }
+  EXPECT_GT(all, archive::kMostJudgedStrangers + 10);
+  EXPECT_EQ(all - not_looked_at, archive::kMostJudgedStrangers);
+  EXPECT_FALSE(tells(report, "token-refused"));
+}
+
 }  // namespace
 }  // namespace kiroku::test
