@@ -8,6 +8,7 @@
 #include "apps/common/progress.h"
 #include "apps/kiroku/commands.h"
 #include "apps/kiroku/home.h"
+#include "apps/verify/judging.h"
 #include "apps/verify/outside_note.h"
 #include "apps/verify/report_text.h"
 #include "archive/verify/report_json.h"
@@ -23,6 +24,7 @@ using nlohmann::ordered_json;
 struct Request {
   std::optional<std::string> home;
   std::vector<std::string> against;
+  std::optional<std::string> policy;
   bool verify = false, json = false;
 };
 
@@ -56,16 +58,21 @@ int list(const Home& home, bool json) {
   return kDone;
 }
 
-int verify(const Home& home, const std::vector<std::string>& against, bool json) {
+int verify(const Home& home, const Request& request) {
   const timestamp::TrustStore trust = home.trust();
   archive::VerifyOptions options;
   options.devices = {home.device()};
   options.trust = &trust;
-  for (const std::string& note : against) options.against.push_back(load_outside_note(note));
+  for (const std::string& note : request.against) options.against.push_back(load_outside_note(note));
+  std::optional<evidence::Policy> policy;
+  if (request.policy) {
+    policy = read_policy(*request.policy);
+    options.policy = &*policy;
+  }
   Progress progress("verifying");
   options.progress = [&progress](std::uint64_t done, std::uint64_t total) { progress.update(done, total); };
   const archive::VerificationReport report = archive::verify_log(home.log_folder(), options);
-  if (json) {
+  if (request.json) {
     print_json(archive::report_json(report));
   } else {
     std::cout << report_text(report, home.log_folder().string(),
@@ -84,6 +91,8 @@ void add_log_command(Command& program) {
       "--against", "NOTE", request->against,
       "with --verify: checkpoint of the log kept outside, or a copy of its folder from before: tells "
       "what was cut off or rewritten since");
+  command.option("--policy", "FILE", request->policy,
+                 "with --verify: TOML file that says until when algorithms count", "no algorithm ends");
   add_home_option(command, request->home);
   command.flag("--json", request->json, "prints one JSON object instead");
   command.explain(
@@ -106,11 +115,16 @@ void add_log_command(Command& program) {
   command.example("kiroku log --verify", "tells whether the log is whole");
   command.example("kiroku log --verify --against kept.note",
                   "tells also whether it goes on from a note that was kept elsewhere");
+  command.explain(
+      "With --policy, a log whose signatures or hash ended is unproven: no evidence record covers a log, so "
+      "anybody can have written it since.");
   command.on_run([request] {
     const Home home = Home::open(request->home);
     if (!request->verify && !request->against.empty())
       throw UsageError("--against compares the log with a note: give --verify, too");
-    return request->verify ? verify(home, request->against, request->json) : list(home, request->json);
+    if (!request->verify && request->policy)
+      throw UsageError("--policy says by what the log is judged: give --verify, too");
+    return request->verify ? verify(home, *request) : list(home, request->json);
   });
 }
 
